@@ -127,7 +127,7 @@ def main():
         run(worker, "run", "spec.json", "--output", ".")
         with numpy.load("points.npz") as arrays:
             known = {"at": arrays["position"].astype("f4"), "normal": arrays["normal"].astype("f4"),
-                     "color": numpy.round(arrays["color"] * 255)}
+                     "color": numpy.round(arrays["rgb"] * 255)}
         failed = 0
         for name, needs, check in CHECKS:
             if not shutil.which(needs) and not os.path.isdir(needs):

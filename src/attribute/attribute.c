@@ -22,7 +22,7 @@ enum { GRIDS, VOLUMES, PAIRS, MESHES, READERS };
 static const reader readers[READERS] = {
     [GRIDS] = {" BDV\0\0\0\0", 8, "", grid_find, grid_read},
     [VOLUMES] = {"NRRD", 4, "", dense_find, dense_read},
-    [PAIRS] = {"", 0, " .nii .nii.gz .hdr ", dense_find, dense_read},
+    [PAIRS] = {"", 0, " .nii .nii.gz .hdr .mha .mhd ", dense_find, dense_read},
     [MESHES] = {"", 0, NULL, corners_find, corners_read}, /* whose reader knows the formats */
 };
 

@@ -14,6 +14,7 @@
 #include <teem/nrrd.h>
 
 #include "base/reader.h"
+#include "dense/meta_image.h"
 
 /* Headers are a page of text; more than this is none. */
 #define HEAD_MAX (1u << 20)
@@ -396,6 +397,17 @@ static bool read_nifti(answer *a, const char *head, size_t length, const char *n
     return describe_nifti(a, n, name, packed);
 }
 
+/* ---- MetaImage */
+
+static bool read_meta_image(answer *a, const char *head)
+{
+    char name[META_IMAGE_NAME_SIZE];
+    error_code code;
+    const char *fault = meta_image_parse(head, &a->head, name, &code);
+    if (fault) return refuse(a, code, "%s", fault);
+    return !*name || add_name(a, name, strlen(name));
+}
+
 /* ---- the program */
 
 static size_t read_head(char *to, size_t size)
@@ -416,8 +428,6 @@ static const char *guess(const char *head)
 {
     if (strncmp(head, "# vtk DataFile", 14) == 0) return "a VTK file (3D Slicer saves it as NRRD)";
     if (strstr(head, "<VTKFile")) return "a VTK XML file (3D Slicer saves it as NRRD)";
-    if (strstr(head, "NDims") || strstr(head, "ObjectType"))
-        return "a MetaImage header (3D Slicer saves it as NRRD)";
     if (memcmp(head, "v/1\001", 4) == 0) return "an EXR image (use surface.exr)";
     if (strncmp(head, "11111\n", 6) == 0)
         return "an SLC volume of VolVis (ParaView saves it as VTK, and 3D Slicer that as NRRD)";
@@ -431,6 +441,7 @@ static bool read_header(answer *a, char *head, size_t length, const char *name)
 {
     char front[sizeof(nifti_2_header)] = {0};
     if (strncmp(head, "NRRD000", 7) == 0) return read_nrrd(a, head, length);
+    if (meta_image_is(head)) return read_meta_image(a, head);
     bool packed = (unsigned char)head[0] == 0x1f && (unsigned char)head[1] == 0x8b;
     if (packed) {
         gzFile stream = gzdopen(STDIN_FILENO, "rb");
@@ -445,7 +456,7 @@ static bool read_header(answer *a, char *head, size_t length, const char *name)
         if (version == 1 || (version == 2 && length >= sizeof(nifti_2_header)))
             return read_nifti(a, front, length, name, packed);
     }
-    return refuse(a, ERROR_INPUT_UNSUPPORTED, "the file is %s: NRRD and NIfTI files are read",
+    return refuse(a, ERROR_INPUT_UNSUPPORTED, "the file is %s: NRRD, NIfTI and MetaImage files are read",
                   packed ? "packed by gzip, but holds no NIfTI file" : guess(head));
 }
 

@@ -199,6 +199,7 @@ static const struct application *find_application(const char *name)
 
 bool columns_choose(const points *set, const char *const *names, size_t name_count, columns *out, error *e)
 {
+    static const char *const next_frame[] = {"nx", "ny", "nz", "id"};
     column made;
     out->count = 0;
     for (int k = 0; k < AXES; k++)
@@ -210,6 +211,8 @@ bool columns_choose(const points *set, const char *const *names, size_t name_cou
         if (found == 0) return missing(set, names[k], e);
         if (found < 0) return false;
     }
+    for (size_t k = 0; set->id && k < sizeof next_frame / sizeof *next_frame; k++)
+        if (add_named(set, next_frame[k], out, e) < 0) return false;
     return true;
 }
 

@@ -33,7 +33,8 @@ typedef struct columns {
     column list[COLUMNS_MAX];
 } columns;
 
-/* The columns with these names, in their order; `names` NULL: all that the points have of their own, color and texture
+/* The columns with these names, in their order, and for a set with ids those from which the next frame of a sequence
+ * begins; `names` NULL: all that the points have of their own, color and texture
  * coordinates if attributes give them, and all attributes. x, y and z come first, whether they are named or not. Errors:
  * attribute_missing for a name that the set does not have. */
 bool columns_choose(const points *set, const char *const *names, size_t name_count, columns *out, error *e);

@@ -1,5 +1,7 @@
 #include "formats/property.h"
 
+#include <string.h>
+
 /* One of the set's own, if it has it. */
 static void add(property *list, size_t *count, const char *name, property_role role, int components,
                 const void *values, double scale)
@@ -12,7 +14,7 @@ size_t property_list(const points *s, property *list)
     size_t n = 0;
     add(list, &n, "position", PROPERTY_POSITION, 3, s->position, 1);
     add(list, &n, "normal", PROPERTY_NORMAL, 3, s->normal, 1);
-    add(list, &n, "color", PROPERTY_COLOR, 3, s->color, 1);
+    add(list, &n, "rgb", PROPERTY_COLOR, 3, s->color, 1);
     add(list, &n, "texture", PROPERTY_UV, 2, s->uv, 1);
     add(list, &n, "radius", PROPERTY_RADIUS, 1, s->spacing_local, 0.5);
     add(list, &n, "kappa", PROPERTY_OTHER, 1, s->kappa, 1);
@@ -37,4 +39,13 @@ double property_value(const property *p, size_t point, int component)
 {
     if (!p->values) return p->ids ? (double)p->ids[point] : (double)point;
     return p->scale * p->values[(size_t)p->components * point + (size_t)component];
+}
+
+bool property_is_own(const char *name)
+{
+    /* and what grids of points call them */
+    static const char *const own[] = {"position", "normal", "rgb", "texture", "P", "N"};
+    for (size_t k = 0; k < sizeof own / sizeof *own; k++)
+        if (strcmp(name, own[k]) == 0) return true;
+    return false;
 }

@@ -36,6 +36,9 @@ enum { PROPERTIES_OWN = 16 };
 /* Fills in what the set has, in a fixed order; `list` has room for PROPERTIES_OWN and the attributes. Returns how many. */
 size_t property_list(const points *set, property *list);
 
+/* Whether an attribute may not be called so; see columns_is_own, too. */
+bool property_is_own(const char *name);
+
 double property_value(const property *p, size_t point, int component);
 
 #endif

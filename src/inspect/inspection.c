@@ -24,7 +24,8 @@ static const kind kinds[] = {
     {"NRRD", "NRRD", 4, " .nrrd .nhdr ", contents_read_dense},
     {"NIfTI", "", 0, " .nii .nii.gz .hdr .img .img.gz ", contents_read_dense},
     /* of these the reader says what they are */
-    {"volume", "", 0, " .mhd .mha .vti .vtk .slc .vol .mgz .mgh .raw .dcm ", contents_read_dense},
+    {"MetaImage", "", 0, " .mha .mhd ", contents_read_dense},
+    {"volume", "", 0, " .vti .vtk .slc .vol .mgz .mgh .raw .dcm ", contents_read_dense},
     {"mesh", "", 0, NULL, contents_read_mesh},
 };
 

@@ -3,10 +3,12 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <unistd.h>
 
 #include "base/memory.h"
 #include "formats/column.h"
+#include "formats/property.h"
 #include "geometry/affine.h"
 
 struct attributes_entry {
@@ -107,17 +109,19 @@ static char *name_of(const spec_attribute *a)
     return name;
 }
 
-static bool check_name(const attributes *a, size_t index, error *e)
+static bool check_name(const spec *s, const attributes *a, size_t index, error *e)
 {
     const char *name = a->entries[index].name;
-    if (columns_is_own(name) || strlen(name) > 63 || (*name >= '0' && *name <= '9'))
+    bool moves = s->coherent && strcmp(name, "velocity") == 0; /* the points have one of their own */
+    if (columns_is_own(name) || property_is_own(name) || moves || strlen(name) > 63 ||
+        (*name >= '0' && *name <= '9'))
         return error_set(
             e, ERROR_SPEC_INVALID,
             "the attribute cannot be called \"%.80s\", which is a name of the points' own or none: "
             "give another as",
             name);
     for (size_t k = 0; k < index; k++)
-        if (strcmp(a->entries[k].name, name) == 0)
+        if (strcasecmp(a->entries[k].name, name) == 0) /* glTF has capitals */
             return error_set(e, ERROR_SPEC_INVALID, "two attributes are called \"%s\": give another as",
                              name);
     return true;
@@ -200,7 +204,8 @@ bool attributes_find(const spec *s, source *from, size_t memory_limit, attribute
         out->entries[k].name = name_of(&s->attributes[k]);
     }
     for (size_t k = 0; k < out->count; k++)
-        if (!check_name(out, k, e) || !find_one(s, from, memory_limit, &out->entries[k], &out->values[k], e))
+        if (!check_name(s, out, k, e) ||
+            !find_one(s, from, memory_limit, &out->entries[k], &out->values[k], e))
             return error_prefix(e, "/attributes/%zu", k);
     return check_columns(s, out, e);
 }

@@ -111,8 +111,8 @@ static bool write_ply(const char *directory, const char *name, const spec *s, co
     return ok;
 }
 
-static bool write_format(const char *directory, const point_format *f, const points *set, bool y_up, json *outputs,
-                         error *e)
+static bool write_format(const char *directory, const point_format *f, const points *set, bool y_up,
+                         json *outputs, error *e)
 {
     char *path = mem_printf("%s/%s", directory, f->file);
     store_file file = {0};
@@ -145,25 +145,32 @@ static bool write_mesh(const char *directory, const results_input *in, bool as_f
     return ok;
 }
 
+static bool has_attribute(const points *set, const char *name)
+{
+    bool found = false;
+    for (size_t k = 0; k < set->attribute_count; k++) found |= strcmp(set->attributes[k].name, name) == 0;
+    return found;
+}
+
 /* As the readers of points grids call the attributes: v is a velocity, which a file's own is before that of the points
  * from frame to frame, and Cd the color. */
 static vdb_point_values *name_values(const points *set, bool *has_velocity)
 {
     vdb_point_values *values = mem_alloc((set->attribute_count + 1) * sizeof *values);
-    bool has_color = false;
-    *has_velocity = false;
+    bool has_color = has_attribute(set, "Cd");
+    *has_velocity = has_attribute(set, "v");
     for (size_t k = 0; k < set->attribute_count; k++) {
         const point_attribute *a = &set->attributes[k];
-        bool velocity =
-            !*has_velocity && a->kind == POINT_ATTRIBUTE_VECTOR &&
-            (strcmp(a->name, "v") == 0 || strcmp(a->name, "vel") == 0 || strcmp(a->name, "velocity") == 0);
-        bool color = !has_color && a->kind == POINT_ATTRIBUTE_COLOR;
-        values[k] = (vdb_point_values){velocity ? "v"
-                                       : color  ? "Cd"
-                                                : a->name,
-                                       a->components, a->kind == POINT_ATTRIBUTE_INT, a->values};
-        *has_velocity |= velocity;
-        has_color |= color;
+        const char *name = a->name;
+        if (!*has_velocity && a->kind == POINT_ATTRIBUTE_VECTOR &&
+            (strcmp(name, "vel") == 0 || strcmp(name, "velocity") == 0)) {
+            name = "v";
+            *has_velocity = true;
+        } else if (!has_color && a->kind == POINT_ATTRIBUTE_COLOR) {
+            name = "Cd";
+            has_color = true;
+        }
+        values[k] = (vdb_point_values){name, a->components, a->kind == POINT_ATTRIBUTE_INT, a->values};
     }
     return values;
 }

@@ -78,8 +78,8 @@ bool sequence_begin(sequence *s, int frame, const sequence_files *files, error *
         return error_set(e, ERROR_INPUT_DAMAGED, "the frame before: it is frame %d, the one to be run",
                          frame);
     if (!ply_read(files->points, &s->before, e)) return error_prefix(e, "the frame before");
-    if (s->before.points.id && s->before.points.count > 0) return true;
-    return error_set(e, ERROR_INPUT_DAMAGED, "the frame before: its points.ply has no ids");
+    if (s->before.points.id && s->before.points.normal && s->before.points.count > 0) return true;
+    return error_set(e, ERROR_INPUT_DAMAGED, "the frame before: its points.ply has no ids, or no normals");
 }
 
 /* Takes over what the points were and where they went. */

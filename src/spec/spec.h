@@ -214,7 +214,8 @@ typedef struct spec {
     spec_up preview_up;
     spec_compression preview_compression; /* of preview.exr */
     int turntable;                        /* frames; 0: none */
-    bool has_convergence, has_points_vdb, has_points_npz, has_points_glb, has_points_usda, has_mesh, has_mesh_usda;
+    bool has_convergence, has_points_vdb, has_points_npz, has_points_glb, has_points_usda, has_mesh,
+        has_mesh_usda;
 
     char *directory; /* NULL: no copy */
 

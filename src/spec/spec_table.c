@@ -326,8 +326,9 @@ const spec_row spec_rows[] = {
      .low = 1,
      .high = 4096,
      AT(surface.volume.path),
-     .prose = "The file: NRRD (raw, gzip or ascii data, attached or in separate files), NIfTI-1 or "
-              "NIfTI-2. It and the files that it names must lie below one of the service's input roots."},
+     .prose =
+         "The file: NRRD (raw, gzip or ascii data, attached or in separate files), NIfTI-1, "
+         "NIfTI-2 or MetaImage (not packed). It and the files that it names must lie below one of the service's input roots."},
     {.pointer = "/surface/volume/index",
      .type = SPEC_TYPE_LARGE,
      .low = 0,

@@ -266,6 +266,35 @@ def test_arrays_of_nrrd_and_nifti(carry, tmp_path, space):
     assert all(a["outside"] == 0 for a in report["attributes"])
 
 
+def test_meta_images(carry, tmp_path):
+    """A surface and an attribute of .mha and .mhd files, with vectors and a turned space."""
+    made = fields(numpy.random.default_rng(37))
+    turn = rotation(0.4)
+    matrix = turn @ numpy.diag([0.1, 0.12, 0.1, 1.0])
+    matrix[:3, 3] = 1, 2, 3
+
+    def head(values, channels, file):
+        return "\n".join(["ObjectType = Image", "NDims = 3", "BinaryData = True", f"BinaryDataByteOrderMSB = {file != 'LOCAL'}",
+                          "CompressedData = False", "TransformMatrix = " + " ".join(repr(float(v)) for v in turn[:3, :3].T.flat),
+                          "Offset = 1 2 3", "ElementSpacing = 0.1 0.12 0.1", f"DimSize = {SIZE} {SIZE} {SIZE}",
+                          f"ElementNumberOfChannels = {channels}", "ElementType = MET_FLOAT", f"ElementDataFile = {file}"]) + "\n"
+    (tmp_path / "ball.mha").write_bytes(head(ball(), 1, "LOCAL").encode() + ball().astype("<f4").tobytes(order="F"))
+    (tmp_path / "wind.mhd").write_text(head(made["velocity"], 3, "wind.raw"))
+    (tmp_path / "wind.raw").write_bytes(numpy.moveaxis(made["velocity"], 3, 0).astype(">f4").tobytes(order="F"))
+    columns, report = carry({"volume": {"path": str(tmp_path / "ball.mha"), "isovalue": 0}},
+                            [{"from": str(tmp_path / "wind.mhd"), "as": "wind"}])
+    assert report, columns
+    index = apply(numpy.linalg.inv(matrix), places(columns))
+    assert numpy.abs(numpy.linalg.norm(index - (SIZE - 1) / 2, axis=1) - 6).max() < 0.05
+    close(vectors(columns, "wind"), numpy.stack([linear(made["velocity"][..., k], index) for k in range(3)], -1), 1)
+    assert {i["path"] for i in report["inputs"]} == {str(tmp_path / n) for n in ("ball.mha", "wind.mhd", "wind.raw")}
+    (tmp_path / "packed.mha").write_bytes((tmp_path / "ball.mha").read_bytes().replace(b"CompressedData = False", b"CompressedData = True"))
+    (tmp_path / "cut.mha").write_bytes((tmp_path / "ball.mha").read_bytes()[:-1])
+    for name, code, words in (("packed", "input_unsupported", "without compression"), ("cut", "input_damaged", "bytes where")):
+        error, none = carry({"volume": {"path": str(tmp_path / f"{name}.mha"), "isovalue": 0}}, [])
+        assert none is None and error["code"] == code and words in error["message"], error
+
+
 def test_a_second_channel_of_a_stack_of_images(carry, tmp_path):
     made = fields(numpy.random.default_rng(19))["temperature"]
     for k in range(SIZE):
@@ -461,6 +490,7 @@ def test_what_is_missing_is_named_with_what_there_is(carry, write_vdb):
             (fog, {"name": "heat"}, "attribute_missing", ["/attributes/0", path, '"heat"', '"density" (float)', '"velocity" (vec3s)']),
             (fog, {"name": "density", "type": "uv"}, "input_unsupported", ["1 component", "two"]),
             (fog, {"name": "density", "as": "kappa"}, "spec_invalid", ['"kappa"', "give another as"]),
+            (fog, {"name": "density", "as": "P"}, "spec_invalid", ['"P"', "give another as"]),
             (fog, {"from": "geometry", "name": "part"}, "attribute_missing", ["no combination"]),
             ({"analytic": {"shape": "sphere", "radius": 1}}, {"name": "heat"}, "attribute_missing", ["no file", '"heat"']),
             (fog, {"from": "/nowhere.vdb", "name": "heat"}, "input_missing", ["/attributes/0", "/nowhere.vdb"])):
@@ -469,6 +499,30 @@ def test_what_is_missing_is_named_with_what_there_is(carry, write_vdb):
         assert all(word in error["message"] for word in words), error["message"]
     error, none = carry(fog, [{"name": "velocity"}, {"name": "density", "as": "velocity"}])
     assert none is None and error["code"] == "spec_invalid" and 'two attributes are called "velocity"' in error["message"]
+
+
+# ---- frames
+
+def test_frames_of_a_sequence_carry_those_of_their_own_file(worker, write_vdb, tmp_path):
+    """With few properties asked for, a frame still has what the next one begins with."""
+    made = [fields(numpy.random.default_rng(41 + k)) for k in range(2)]
+    for k in range(2):
+        write_vdb(f"fog.{k + 1:04d}.vdb", SPACES["plain"], {"density": ball() + numpy.float32(0.1 * k), **made[k]})
+    spec = {"version": 1, "surface": {"vdb": {"path": str(tmp_path / "fog.####.vdb"), "grid": "density", "isovalue": 0}},
+            "sampling": {"count": 500}, "attributes": [{"name": "temperature"}], "queue": {"frames": "1-2", "coherent": True},
+            "solver": {"threads": 1}, "output": {"preview": False, "ply": {"precision": "double", "properties": ["temperature"]},
+                                                 "points_npz": True}}
+    assert worker(spec, "--frame", 1, output="1").returncode in (0, 10, 11)
+    done = worker(spec, "--frame", 2, "--previous", "1", output="2")
+    assert done.returncode in (0, 10, 11), done.stderr
+    assert json.loads((tmp_path / "2" / "report.json").read_text())["sequence"]["carried"] > 450
+    for k in range(2):
+        columns = read_columns((tmp_path / str(k + 1) / "points.ply").read_bytes())
+        assert list(columns) == ["x", "y", "z", "temperature", "nx", "ny", "nz", "id"]
+        index = apply(numpy.linalg.inv(SPACES["plain"]), places(columns)) - CORNER
+        close(columns["temperature"], linear(made[k]["temperature"], index), 300)
+        with numpy.load(tmp_path / str(k + 1) / "points.npz") as arrays:
+            assert (arrays["id"] == columns["id"]).all() and arrays["velocity"].shape == (500, 3)
 
 
 # ---- which properties, and in which order

@@ -61,11 +61,11 @@ def linear_light(srgb):
 def test_arrays_of_numpy(run, carried):
     where, columns, report = run(carried)
     with numpy.load(where / "points.npz") as arrays:
-        assert set(arrays) == {"position", "normal", "color", "radius", "kappa", "kappa1", "kappa2", "alpha", "energy", "spacing",
+        assert set(arrays) == {"position", "normal", "rgb", "radius", "kappa", "kappa1", "kappa2", "alpha", "energy", "spacing",
                                "spacing_local", "id", "heat", "wind", "Cd", "label"}
         assert (arrays["position"] == stack(columns, *"xyz")).all() and arrays["position"].shape == (500, 3)
         assert (arrays["wind"] == stack(columns, "wind_x", "wind_y", "wind_z")).all()
-        assert (arrays["color"] == stack(columns, "Cd_r", "Cd_g", "Cd_b")).all()
+        assert (arrays["rgb"] == stack(columns, "Cd_r", "Cd_g", "Cd_b")).all()
         assert (arrays["radius"] == columns["spacing_local"] / 2).all() and arrays["radius"].shape == (500,)
         assert (arrays["id"] == numpy.arange(500)).all() and arrays["label"].dtype == numpy.int64
         assert (arrays["heat"] == columns["heat"]).all() and (arrays["label"] == columns["label"]).all()

@@ -265,8 +265,9 @@ class SurfaceVolume(_SurfaceVolumeNeeded, _SurfaceVolumeRest):
     is that of the file: for NRRD the space that the header names (left-posterior-superior is not converted),
     for NIfTI right-anterior-superior.
 
-    path: The file: NRRD (raw, gzip or ascii data, attached or in separate files), NIfTI-1 or NIfTI-2. It and
-        the files that it names must lie below one of the service's input roots.
+    path: The file: NRRD (raw, gzip or ascii data, attached or in separate files), NIfTI-1, NIfTI-2 or
+        MetaImage (not packed). It and the files that it names must lie below one of the service's input
+        roots.
     index: Which volume of a NIfTI file with more than three axes, counted from 0. Required if there are
         several.
     isovalue: The value on the surface. The surface is open where it meets the end of the data. (the volume's)
@@ -780,7 +781,11 @@ class _OutputRest(TypedDict, total=False):
     preview: Union[bool, OutputPreview]
     convergence: bool
     points_vdb: bool
+    points_npz: bool
+    points_glb: bool
+    points_usda: bool
     mesh: bool
+    mesh_usda: bool
     directory: str
 
 
@@ -794,8 +799,16 @@ class Output(_OutputRest):
         Default: False.
     points_vdb: Whether to write points.vdb: an OpenVDB points grid with N, pscale (half the achieved spacing)
         and id (the index of the point in points.ply, from 0). Default: False.
+    points_npz: Whether to write points.npz: an array of NumPy for each property and attribute, in double
+        precision. Default: False.
+    points_glb: Whether to write points.glb: the points as glTF, with normals, colours and all attributes.
+        Default: False.
+    points_usda: Whether to write points.usda: UsdGeomPoints as text, with widths, normals, colours and all
+        attributes. Default: False.
     mesh: Whether to write mesh.ply: triangles whose vertices are the points, with the order and properties of
         points.ply. The member mesh of the report states whether the triangles close the surface. Default:
+        False.
+    mesh_usda: Whether to write the mesh as mesh.usda, too: a UsdGeomMesh as text. Requires mesh. Default:
         False.
     directory: The service copies the results into this directory: an absolute path below one of its output
         roots. It is created if missing. Files of the same name are replaced. In a sequence, #### or %04d

@@ -1,0 +1,20 @@
+/* meta_image: the header of a MetaImage file (.mha, or .mhd beside its data), as its fields. Runs in the process that reads
+ * headers. Source: the documentation of MetaIO. */
+#ifndef HEXAD_DENSE_META_IMAGE_H
+#define HEXAD_DENSE_META_IMAGE_H
+
+#include <stdbool.h>
+
+#include "dense/header.h"
+
+enum { META_IMAGE_NAME_SIZE = 512 };
+
+/* Whether the bytes, which end with a zero, begin as such a header does. */
+bool meta_image_is(const char *text);
+
+/* Fills in what *out has of a volume. `name`: of the file that holds the data, "" where they follow the header. Returns
+ * NULL, or why the file is not read, and then *code says whether it is damaged or not supported. */
+const char *meta_image_parse(const char *text, header *out, char name[META_IMAGE_NAME_SIZE],
+                             error_code *code);
+
+#endif
