@@ -194,7 +194,7 @@ function Attempts({job, frame, lines}) {
     ${waited && html`<th scope="col" class="number">Waited</th>`}<th scope="col" class="number">Ran</th><th scope="col">End</th>
     ${farm && html`<th scope="col">Host</th>`}<th scope="col" class="number">Memory</th><th scope="col"><span class="hidden">Log</span></th></tr></thead><tbody>
     ${attempts.map(attempt => html`<tr>${job.array && html`<td class="number">${attempt.frame}</td>`}<td class="number">${attempt.number}</td>
-      <td>${timeOf(attempt.started)}</td>${waited && html`<td class="number">${durationOf(attempt.waited_ms / 1000)}</td>`}
+      <td class="when">${timeOf(attempt.started)}</td>${waited && html`<td class="number">${durationOf(attempt.waited_ms / 1000)}</td>`}
       <td class="number">${spentOf(attempt)}</td><td>${endOf(attempt)}</td>${farm && html`<td>${attempt.host}</td>`}
       <td class="number">${bytesOf(attempt.peak_memory_bytes)}</td>
       <td><button aria-expanded=${open === keyOf(attempt)} onClick=${() => setOpen(open === keyOf(attempt) ? null : keyOf(attempt))}>Log</button></td></tr>
