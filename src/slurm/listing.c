@@ -57,9 +57,8 @@ static bool has_name(const attempt_files_names *n, const char *name)
 
 typedef struct listing {
     slurm_batch *last; /* of the row before: arrays come in a piece */
-    attempt_files_names
-        strays; /* "NAME NUMBER" or "NAME NUMBER_TASK": to be cancelled if the next listing says so again */
-    attempt_files_names doomed; /* to be cancelled now */
+    /* "NAME NUMBER" or "NAME NUMBER_TASK": to be cancelled if the next listing says so again, and now */
+    attempt_files_names strays, doomed;
 } listing;
 
 /* What to cancel because nobody wants what the task runs or may run: the task or all of its array; NULL: nothing. A task

@@ -31,9 +31,8 @@ typedef struct slurm_batch {
     char *name;
     size_t task_count;
     slurm_task *tasks;
-    bool shared; /* any task may run any attempt, also of other such batches of equal needs */
-    char *
-        list; /* of these attempts (slurm/attempt_files); NULL: of none, or an earlier daemon has submitted it */
+    bool shared;   /* any task may run any attempt, also of other such batches of equal needs */
+    char *list;    /* of these attempts (slurm/attempt_files); NULL: none, or of an earlier daemon */
     size_t open;   /* shared: attempts that somebody wants, and that no task is known to have taken */
     size_t wanted; /* these, and those of all tasks */
     size_t users;  /* attempts, and a submission under way */

@@ -427,10 +427,8 @@ def test_the_clock_of_a_node_is_off_by_a_minute(slurm, new_farm, build, tmp_path
 def test_a_node_that_cannot_write_fails_its_attempts_only(new_cluster, new_farm):
     slurm, farm = new_cluster(nodes=1), new_farm("--max_attempts", "2")
     hidden = farm.base / "work/farm"
-    farm.post("/v1/admin/hold")
-    job = farm.submit(sphere())
     slurm.call("scontrol", "update", "partition=farm", "state=DOWN")
-    farm.post("/v1/admin/release")
+    job = farm.submit(sphere())
     wait_until(lambda: "PENDING" in slurm.jobs("%T"), "a job that waits in Slurm")
     hidden.rename(farm.base / "work/away")
     slurm.call("scontrol", "update", "partition=farm", "state=UP")

@@ -153,11 +153,14 @@ def test_a_slurm_job_goes_on_with_small_attempts_that_others_have_not_begun(slur
 
 
 @pytest.mark.plain
-def test_a_job_that_slurm_refuses_says_why_and_is_not_tried_again(slurm, new_farm):
-    farm = new_farm("--slurm_options", "--partition=nowhere")
-    farm.post("/v1/admin/hold")
+def test_a_job_that_slurm_refuses_says_why_and_is_not_tried_again(slurm, new_farm, front):
+    """One alone; those that come meanwhile together, and then one by one."""
+    where = front("sbatch", 'while ! [ -e "$where/back" ]; do sleep 0.02; done; exec "$real" "$@"')
+    farm = new_farm("--slurm_options", "--partition=nowhere", "--slurm_command_s", "300")
     ids = [farm.submit(sphere(200 + i)) for i in range(3)]
-    farm.post("/v1/admin/release")
+    for job in ids:
+        farm.wait_state(job, "running")
+    (where / "back").touch()
     for job in ids:
         error = farm.wait_state(job, "failed")["error"]
         assert error["code"] == "not_supported" and "invalid partition" in error["message"].lower()
