@@ -4,6 +4,7 @@
 
 #include <exception>
 #include <ios>
+#include <iostream>
 #include <new>
 #include <stdexcept>
 #include <string>
@@ -20,6 +21,14 @@ struct fault : std::runtime_error {
     error_code code;
 };
 
+/* The library logs to std::cout, which is the program's answer: meanwhile it is closed. A level of logging cannot be set
+ * without log4cplus. */
+struct quiet {
+    quiet() : before(std::cout.rdbuf(nullptr)) {}
+    ~quiet() { std::cout.rdbuf(before); }
+    std::streambuf *before;
+};
+
 /* Runs `body` and turns whatever it throws into *e. `what` names the object that is read or written.
  * The library's own message is kept. */
 template <typename Body> bool guard(error *e, error_code otherwise, const char *what, Body body)
@@ -28,6 +37,7 @@ template <typename Body> bool guard(error *e, error_code otherwise, const char *
         /* The library frees trees in parallel. Reading gains nothing from that, and a worker whose
          * address space is limited has no room for the stacks and heaps of a thread per core. */
         tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
+        quiet meanwhile;
         body();
         return true;
     } catch (const fault &f) {

@@ -236,6 +236,7 @@ public:
         }
     }
 
+    bool is_newer() const { return fileVersion() > vdb::OPENVDB_FILE_VERSION; }
     bool has_offsets() const { return inputHasGridOffsets(); }
     std::istream &stream() { return in_; }
 
@@ -694,6 +695,7 @@ extern "C" vdb_grid *vdb_load_grid(int fd, size_t index, size_t memory_limit, er
         vdb::initialize();
         out = array<vdb_grid>(1);
         reader file(fd);
+        out->from_newer = file.is_newer();
         descriptor d;
         vdb::GridBase::Ptr grid = find(file, index, nullptr, &d);
         if (!is_scalar(d.type))

@@ -100,6 +100,8 @@ static bool load_grid(const volume_request *r, loading *l, volume *v, error *e)
              v->info.grid);
     l->grid = vdb_load_grid(r->fd, index, r->memory_limit, e);
     if (!l->grid) return error_prefix(e, "%s", l->name);
+    if (l->grid->from_newer)
+        warn(&v->info, "the file is of a newer OpenVDB than the one here: what both have in common is read");
     v->info.active_voxels = l->grid->active_voxels;
     if (v->info.active_voxels == 0)
         return error_set(e, ERROR_NO_SURFACE, "grid \"%s\" is empty: it has no active voxel", v->info.grid);

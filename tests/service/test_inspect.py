@@ -54,6 +54,19 @@ def test_a_level_set(inspect, example, worker, tmp_path):
     assert report["surface"]["area"] == suggestion["area"] and report["advice"] == []
 
 
+def test_a_file_of_a_newer_library(inspect, example, tmp_path, worker):
+    """What the library has to say of it does not stand in the answer."""
+    bytes_of_it = bytearray(example.read_bytes())
+    bytes_of_it[8] += 1  # the version, behind the magic number
+    (tmp_path / "newer.vdb").write_bytes(bytes_of_it)
+    found = inspect("newer.vdb")
+    assert found["suggestions"][0]["measured"]
+    done = worker(found["suggestions"][0]["spec"])
+    assert done.returncode == 0 and "\x1b" not in done.stdout + done.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert any("newer" in text for text in report["surface"]["warnings"])
+
+
 def test_a_mesh_and_one_that_is_open(inspect, tmp_path, worker):
     (tmp_path / "cube.obj").write_text(CUBE + "f 4 1 5 8\n")
     found = inspect("cube.obj")
