@@ -23,6 +23,7 @@ typedef struct solution {
     double *spacing_local;
     double *degree; /* NULL: no picture shows it */
     quality quality;
+    double coverage; /* of the result: see surface/coverage.h */
 } solution;
 
 typedef struct job {

@@ -23,6 +23,7 @@ typedef struct report_facts {
     const scaled_curvature *curvature; /* of sampling.alpha, or NULL */
     const sampler *sampler;
     const quality *quality;
+    double coverage;            /* the farthest place of the surface from the points, in spacings */
     const clearance *clearance; /* where many points are unresolved, else NULL */
     int64_t peak_memory;        /* bytes */
     double memory_limit;        /* bytes that the job may take */

@@ -5,6 +5,7 @@
 #include "run/report.h"
 #include "run/time_target.h"
 #include "store/file.h"
+#include "surface/coverage.h"
 
 static bool start(job *j, error *e)
 {
@@ -23,8 +24,10 @@ static bool relax(job *j, error *e)
 static bool measure_result(job *j, error *e)
 {
     progress_enter(&j->progress, PROGRESS_MEASURE);
-    return j->spec->time_s > 0 ||
-           job_measure(j, &j->solution, e); /* runs in time have measured what they cost */
+    if (!(j->spec->time_s > 0) && !job_measure(j, &j->solution, e))
+        return false; /* runs in time have measured what they cost */
+    const sampler_points *p = sampler_result_points(j->solution.sampler);
+    return coverage_measure(j->scan, p->position, p->spacing, p->count, j->pool, &j->solution.coverage, e);
 }
 
 static bool write_results(job *j, error *e)
@@ -53,7 +56,8 @@ static bool write_report(job *j, verdict_outcome *outcome, error *e)
                                   j->spec->has_control ? 0 : j->count,
                                   j->spec->step_tolerance,
                                   j->spec->energy_tolerance,
-                                  source_missing_share(&j->source)};
+                                  source_missing_share(&j->source),
+                                  s->coverage};
     const verdict v = verdict_judge(&judged);
     const report_facts facts = {
         .spec = j->spec,
@@ -64,6 +68,7 @@ static bool write_report(job *j, verdict_outcome *outcome, error *e)
         .curvature = s->curvature,
         .sampler = s->sampler,
         .quality = &s->quality,
+        .coverage = s->coverage,
         .clearance = told,
         .peak_memory = job_peak_memory(j),
         .memory_limit = (double)j->memory,

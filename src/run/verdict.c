@@ -13,6 +13,8 @@ static const double DISORDERED_EDGES = 0.1;
 /* Defects leave distances down to 0.8 of the spacing, creases down to 0.6. Closer points have merged or face each other
  * through a thin part. */
 static const double CLOSEST_POINTS = 0.5;
+/* An ideal packing leaves places .58 of the spacing from the nearest point, a vacancy 1. */
+static const double FARTHEST_PLACE = 1.2;
 
 /* One criterion. `fails` also returns the number that was compared, and its bound. */
 typedef struct criterion {
@@ -116,6 +118,13 @@ static bool min_spacing_ratio(const verdict_input *in, double *value, double *bo
     return *value < *bound;
 }
 
+static bool coverage(const verdict_input *in, double *value, double *bound)
+{
+    *value = in->coverage;
+    *bound = FARTHEST_PLACE;
+    return *value > *bound;
+}
+
 static const criterion criteria[] = {
     {"rms_step", VERDICT_NOT_CONVERGED, rms_step,
      "the solve ended while the points still moved: raise solver.max_sweeps or sampling.time_s"},
@@ -147,6 +156,9 @@ static const criterion criteria[] = {
     {"min_spacing_ratio", VERDICT_UNRESOLVED, min_spacing_ratio,
      "two points are this close, in spacings: ask for more points where the surface has small features, and use the "
      "cotangent energy"},
+    {"coverage", VERDICT_UNRESOLVED, coverage,
+     "a place of the surface is this far, in spacings, from all points: a part is too small for a point of its own, or a "
+     "spot is bare: ask for more points"},
 };
 
 _Static_assert(sizeof criteria / sizeof *criteria <= VERDICT_MOST_REASONS, "each criterion can be a reason");

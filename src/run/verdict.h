@@ -29,10 +29,11 @@ typedef struct verdict_input {
     const quality *quality; /* of its points */
     size_t count;           /* requested; 0: the count is not a target */
     double step_tolerance, energy_tolerance;
-    double missing; /* share of a mesh's area that is not sampled */
+    double missing;  /* share of a mesh's area that is not sampled */
+    double coverage; /* the farthest place of the surface from the points, in spacings */
 } verdict_input;
 
-enum { VERDICT_MOST_REASONS = 13 };
+enum { VERDICT_MOST_REASONS = 14 };
 
 /* A criterion that failed. Texts are constants. */
 typedef struct verdict_reason {

@@ -1,0 +1,128 @@
+#include "packing/nearest.h"
+
+#include <assert.h>
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "geometry/bbox.h"
+
+/* So many points are not divided: to look at all of them takes no longer. */
+enum { LEAF = 8 };
+
+struct nearest {
+    const vec3 *points;
+    size_t count;
+    uint32_t *
+        order; /* of a range the points below the middle one's place along its axis, that one, and those above */
+    uint8_t *axis; /* of the middle of each range */
+};
+
+static double place(const nearest *n, size_t k, int axis)
+{
+    return vec3_get(n->points[n->order[k]], axis);
+}
+
+static void swap(uint32_t *a, uint32_t *b)
+{
+    uint32_t held = *a;
+    *a = *b;
+    *b = held;
+}
+
+/* Puts the point of rank `middle` of low .. high - 1 in its place, smaller ones before it (Hoare 1961). */
+static void divide(nearest *n, size_t low, size_t high, size_t middle, int axis)
+{
+    while (high - low > 1) {
+        double pivot = place(n, low + (high - low) / 2, axis);
+        size_t i = low, j = high - 1;
+        for (;; i++, j--) {
+            while (place(n, i, axis) < pivot) i++;
+            while (place(n, j, axis) > pivot) j--;
+            if (i >= j) break;
+            swap(&n->order[i], &n->order[j]);
+        }
+        if (middle < i)
+            high = i;
+        else if (i > low)
+            low = i;
+        else
+            low++; /* the least of all stands first */
+    }
+}
+
+static void build(nearest *n, size_t low, size_t high)
+{
+    while (high - low > LEAF) {
+        bbox box = bbox_empty();
+        for (size_t k = low; k < high; k++) box = bbox_include(box, n->points[n->order[k]]);
+        vec3 side = vec3_sub(box.max, box.min);
+        int axis = side.x >= side.y && side.x >= side.z ? 0 : side.y >= side.z ? 1 : 2;
+        size_t middle = low + (high - low) / 2;
+        divide(n, low, high, middle, axis);
+        n->axis[middle] = (uint8_t)axis;
+        build(n, low, middle);
+        low = middle + 1;
+    }
+}
+
+nearest *nearest_new(const vec3 *points, size_t count, error *e)
+{
+    assert(count > 0 && count < UINT32_MAX);
+    nearest *n = mem_alloc(sizeof *n);
+    n->points = points;
+    n->count = count;
+    n->order = mem_array(count, sizeof *n->order, "the search for near points", e);
+    n->axis = mem_array(count, sizeof *n->axis, "the search for near points", e);
+    if (!n->order || !n->axis) {
+        nearest_free(n);
+        return NULL;
+    }
+    for (size_t k = 0; k < count; k++) n->order[k] = (uint32_t)k;
+    build(n, 0, count);
+    return n;
+}
+
+void nearest_free(nearest *n)
+{
+    if (!n) return;
+    free(n->order);
+    free(n->axis);
+    free(n);
+}
+
+typedef struct search {
+    vec3 x;
+    double enough2, best2;
+    uint32_t best;
+} search;
+
+static void consider(const nearest *n, size_t k, search *s)
+{
+    double d2 = vec3_norm2(vec3_sub(n->points[n->order[k]], s->x));
+    if (d2 >= s->best2) return;
+    s->best2 = d2;
+    s->best = n->order[k];
+}
+
+static void look(const nearest *n, size_t low, size_t high, search *s)
+{
+    if (high - low <= LEAF) {
+        for (size_t k = low; k < high; k++) consider(n, k, s);
+        return;
+    }
+    size_t middle = low + (high - low) / 2;
+    double beyond = vec3_get(s->x, n->axis[middle]) - place(n, middle, n->axis[middle]);
+    look(n, beyond < 0 ? low : middle + 1, beyond < 0 ? middle : high, s);
+    if (s->best2 <= s->enough2 || beyond * beyond >= s->best2) return;
+    consider(n, middle, s);
+    look(n, beyond < 0 ? middle + 1 : low, beyond < 0 ? high : middle, s);
+}
+
+uint32_t nearest_find(const nearest *n, vec3 x, double enough, double *distance)
+{
+    search s = {x, enough * fabs(enough), INFINITY, 0};
+    look(n, 0, n->count, &s);
+    *distance = sqrt(s.best2);
+    return s.best;
+}

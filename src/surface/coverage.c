@@ -1,0 +1,80 @@
+#include "surface/coverage.h"
+
+#include <math.h>
+
+#include "packing/nearest.h"
+
+/* Cells are looked at in so many parts at most, each of which has a largest distance of its own. */
+enum { PARTS = 256 };
+
+typedef struct coverage_job {
+    const surface *scan;
+    const nearest *points;
+    const double *spacing;
+    double least; /* of all spacings */
+    size_t grain;
+    double farthest[PARTS];
+} coverage_job;
+
+/* The middle of a cell, and how far its corners are from it. */
+static vec3 middle_of(const field_cell *cell, double *radius)
+{
+    vec3 sum = {0, 0, 0};
+    for (int k = 0; k < 8; k++) sum = vec3_add(sum, cell->corner[k]);
+    vec3 middle = vec3_scale(sum, 0.125);
+    *radius = 0;
+    for (int k = 0; k < 8; k++) *radius = fmax(*radius, vec3_norm(vec3_sub(cell->corner[k], middle)));
+    return middle;
+}
+
+/* The farthest place of a cell, if that is beyond `farthest`. */
+static double look_at_places(const coverage_job *job, size_t k, double farthest)
+{
+    const field *f = job->scan->field;
+    vec3 triangle[SURFACE_CELL_TRIANGLES][3];
+    int count = surface_cell_triangles(job->scan, k, triangle);
+    for (int i = 0; i < count; i++) {
+        vec3 *corner = triangle[i];
+        vec3 x = vec3_scale(vec3_add(corner[0], vec3_add(corner[1], corner[2])), 1.0 / 3);
+        if (f->open && !bbox_contains(f->domain, x)) continue;
+        double distance;
+        uint32_t point = nearest_find(job->points, x, farthest * job->least, &distance);
+        farthest = fmax(farthest, distance / job->spacing[point]);
+    }
+    return farthest;
+}
+
+static void cells_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    coverage_job *job = context;
+    double farthest = 0;
+    (void)worker;
+    for (size_t k = begin; k < end; k++) {
+        field_cell cell;
+        double radius, distance;
+        if (!(surface_cell_area(job->scan, k) > 0)) continue;
+        surface_cell(job->scan, k, &cell);
+        vec3 middle = middle_of(&cell, &radius);
+        /* with a point that near its middle no place of the cell is farther than the farthest */
+        double enough = farthest * job->least - radius;
+        nearest_find(job->points, middle, enough, &distance);
+        if (distance > enough) farthest = look_at_places(job, k, farthest);
+    }
+    job->farthest[begin / job->grain] = farthest;
+}
+
+bool coverage_measure(const surface *scan, const vec3 *position, const double *spacing, size_t count,
+                      threads *pool, double *farthest, error *e)
+{
+    nearest *points = nearest_new(position, count, e);
+    if (!points) return false;
+    coverage_job job = {scan, points, spacing, INFINITY, scan->cells / PARTS + 1, {0}};
+    for (size_t i = 0; i < count; i++) job.least = fmin(job.least, spacing[i]);
+    threads_run(pool, scan->cells, job.grain, cells_chunk, &job);
+    bool ok = !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+    double most = 0;
+    for (int k = 0; k < PARTS; k++) most = fmax(most, job.farthest[k]);
+    if (ok) *farthest = most;
+    nearest_free(points);
+    return ok;
+}

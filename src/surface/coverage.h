@@ -1,0 +1,19 @@
+/* coverage: whether every place of a surface has a point near it.
+ *
+ * The places are the middles of the triangles in which the surface passes its cells. In an ideal packing the farthest is
+ * .58 spacings from the nearest point, beside a vacancy 1. Distances are taken in space: where sheets are closer than
+ * the spacing a place may be near a point of the other sheet.
+ */
+#ifndef HEXAD_SURFACE_COVERAGE_H
+#define HEXAD_SURFACE_COVERAGE_H
+
+#include "base/error.h"
+#include "base/threads.h"
+#include "surface/surface.h"
+
+/* The largest distance of a place from the nearest of `count` > 0 points, over the spacing requested there, > 0.
+ * Errors: limit_memory, cancelled. Deterministic for any number of threads. */
+bool coverage_measure(const surface *scan, const vec3 *position, const double *spacing, size_t count,
+                      threads *pool, double *farthest, error *e);
+
+#endif

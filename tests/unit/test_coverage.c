@@ -1,0 +1,126 @@
+/* How far places are from points: bald spots of known size, and the nearest of random points against looking at all. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <cmocka.h>
+
+#include "base/rng.h"
+#include "close.h"
+#include "packing/nearest.h"
+#include "packing/packing.h"
+#include "shapes.h"
+#include "surface/coverage.h"
+
+/* Points on a sphere in a spiral whose turns are one spacing apart, but for those within `bald` of the pole. */
+static size_t spiral(size_t count, double bald, vec3 *out)
+{
+    size_t kept = 0;
+    for (size_t k = 0; k < count; k++) {
+        double z = 1 - (2 * (double)k + 1) / (double)count, across = sqrt(1 - z * z),
+               turn = M_PI * (3 - sqrt(5)) * (double)k;
+        if (acos(z) > bald) out[kept++] = (vec3){across * cos(turn), across * sin(turn), z};
+    }
+    return kept;
+}
+
+static double farthest(const analytic_params *shape, const vec3 *position, size_t count, double h,
+                       int workers)
+{
+    error e = {0};
+    double *spacing = malloc(count * sizeof *spacing), found = 0;
+    threads *pool = threads_new(workers, NULL, &e);
+    analytic *a = analytic_new(shape, pool, &e);
+    surface *scan = surface_scan(&a->base, pool, &e);
+    for (size_t k = 0; k < count; k++) spacing[k] = h;
+    assert_true(coverage_measure(scan, position, spacing, count, pool, &found, &e));
+    surface_free(scan);
+    analytic_free(a);
+    threads_free(pool);
+    free(spacing);
+    return found;
+}
+
+/* The pole is the place that is farthest from a ring of points around it. */
+static void a_bald_spot_has_its_radius(void **state)
+{
+    (void)state;
+    enum { COUNT = 2000 };
+    const analytic_params ball = {.shape = ANALYTIC_SPHERE, .radius = 1};
+    vec3 *x = malloc(COUNT * sizeof *x);
+    double h = packing_spacing(4 * M_PI, COUNT), whole = farthest(&ball, x, spiral(COUNT, 0, x), h, 1);
+    assert_true(whole > 0.57 && whole < 0.9);
+    for (int k = 2; k <= 20; k *= 2) {
+        double bald = k * h;
+        size_t count = spiral(COUNT, bald, x);
+        double found = farthest(&ball, x, count, h, 1);
+        assert_true(found > 2 * sin(bald / 2) / h - 0.2 && found < 2 * sin(bald / 2) / h + 0.9);
+        assert_true(found == farthest(&ball, x, count, h, 3));
+    }
+    free(x);
+}
+
+/* Distances count in the spacing that is requested where the nearest point is. */
+static void distances_are_in_spacings(void **state)
+{
+    (void)state;
+    const analytic_params ball = {.shape = ANALYTIC_SPHERE, .radius = 1};
+    const vec3 poles[2] = {{0, 0, 1}, {0, 0, -1}};
+    error e = {0};
+    threads *pool = threads_new(1, NULL, &e);
+    analytic *a = analytic_new(&ball, pool, &e);
+    surface *scan = surface_scan(&a->base, pool, &e);
+    const double even[2] = {1, 1}, uneven[2] = {1, 0.5};
+    double found;
+    assert_true(coverage_measure(scan, poles, even, 2, pool, &found, &e));
+    assert_close(found, sqrt(2), 0.01);
+    assert_true(coverage_measure(scan, poles, uneven, 2, pool, &found, &e));
+    assert_close(found, 2 * sqrt(2), 0.02);
+    surface_free(scan);
+    analytic_free(a);
+    threads_free(pool);
+}
+
+static void the_nearest_is_found(void **state)
+{
+    (void)state;
+    enum { MOST = 3000, PLACES = 300 };
+    rng r = rng_seed(test_seed(), 0);
+    static const size_t counts[] = {1, 2, 8, 9, 17, 100, MOST};
+    vec3 *x = malloc(MOST * sizeof *x);
+    for (size_t c = 0; c < 3 * sizeof counts / sizeof counts[0]; c++) {
+        size_t count = counts[c / 3];
+        for (size_t k = 0; k < count; k++) {
+            x[k] = random_between(&r, (vec3){-1, -1, -1}, (vec3){1, 1, 1});
+            if (c % 3 == 1) x[k] = (vec3){floor(3 * x[k].x), floor(3 * x[k].y), 0}; /* many are equal */
+            if (c % 3 == 2) x[k] = (vec3){(double)k, 0, 0};                         /* sorted */
+        }
+        error e = {0};
+        nearest *n = nearest_new(x, count, &e);
+        for (int p = 0; p < PLACES; p++) {
+            vec3 place = vec3_scale(random_between(&r, (vec3){-1, -1, -1}, (vec3){1, 1, 1}), 4);
+            double least = INFINITY, found, enough = 3 * rng_uniform(&r);
+            for (size_t k = 0; k < count; k++) least = fmin(least, vec3_norm(vec3_sub(x[k], place)));
+            uint32_t point = nearest_find(n, place, 0, &found);
+            assert_true(found == least && vec3_norm(vec3_sub(x[point], place)) == found);
+            point = nearest_find(n, place, enough, &found);
+            assert_true(found == least || found <= enough);
+            assert_true(vec3_norm(vec3_sub(x[point], place)) == found);
+        }
+        nearest_free(n);
+    }
+    free(x);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_bald_spot_has_its_radius),
+        cmocka_unit_test(distances_are_in_spacings),
+        cmocka_unit_test(the_nearest_is_found),
+    };
+    return cmocka_run_group_tests_name("coverage", tests, NULL, NULL);
+}
