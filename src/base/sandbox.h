@@ -19,6 +19,9 @@
 #include "base/error.h"
 #include "base/words.h"
 
+/* What the kernel tells of the process itself, its memory among it: readable in the sandbox too. */
+#define SANDBOX_OWN_STATUS "/proc/self/status"
+
 /* available: as much as the kernel supports; required: an error if it lacks Landlock or filters */
 #define SANDBOX_LIST(ENTRY, prefix)       \
     ENTRY(prefix, OFF, "off")             \

@@ -1,11 +1,13 @@
 #include "run/job.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <sys/resource.h>
 
 #include "base/clock.h"
 #include "base/memory.h"
+#include "base/sandbox.h"
 #include "run/plan.h"
 #include "run/watchdog.h"
 #include "spec/spec_table.h"
@@ -68,6 +70,17 @@ static int64_t peak_of(int who)
     return (int64_t)usage.ru_maxrss * 1024;
 }
 
+/* Of this process alone: what rusage says is at least what the process that started it held. */
+static int64_t own_peak(void)
+{
+    char line[128];
+    long long kilobytes = 0;
+    FILE *file = fopen(SANDBOX_OWN_STATUS, "r");
+    while (file && kilobytes == 0 && fgets(line, sizeof line, file)) sscanf(line, "VmHWM: %lld", &kilobytes);
+    if (file) fclose(file);
+    return kilobytes > 0 ? kilobytes * 1024 : peak_of(RUSAGE_SELF);
+}
+
 bool job_load(job *j, error *e)
 {
     const spec *s = j->spec;
@@ -83,13 +96,13 @@ bool job_load(job *j, error *e)
               (!s->coherent || sequence_begin(&j->sequence, j->options->frame, j->options->previous, e)) &&
               source_open(s, j->options->roots, j->memory, j->isa, j->pool, &j->source, e) &&
               attributes_find(s, &j->source, j->memory, &j->attributes, e);
-    j->load_peak = peak_of(RUSAGE_SELF) + peak_of(RUSAGE_CHILDREN); /* readers run one after the other */
+    j->load_peak = own_peak() + peak_of(RUSAGE_CHILDREN); /* readers run one after the other */
     return ok;
 }
 
 int64_t job_peak_memory(const job *j)
 {
-    int64_t own = peak_of(RUSAGE_SELF);
+    int64_t own = own_peak();
     return own > j->load_peak ? own : j->load_peak;
 }
 

@@ -179,7 +179,13 @@ bool sampler_control(sampler *s, error *e)
 {
     double energy = relax_mean_energy(s->scratch.relax, s->state.p, s->state.sigma);
     note_round(s, energy);
-    bool last_stage = s->state.stage == SCHEDULE_STAGES - 1, bounded = s->setup.params.max_sigma > 0;
+    bool last_stage = s->state.stage == SCHEDULE_STAGES - 1;
+    if (last_stage &&
+        s->state.coarse) { /* the ideal is that of one sheet: its support is for the report alone */
+        if (!find_support(s, e)) return false;
+        energy = relax_mean_energy(s->scratch.relax, s->state.p, s->state.sigma);
+    }
+    bool bounded = s->setup.params.max_sigma > 0;
     bool changed = false, again = false;
     if (s->state.level == 0 && s->state.plan.count > 1 && !sampler_replan(s, &again, e)) return false;
     if (again) return true;
@@ -194,6 +200,9 @@ bool sampler_control(sampler *s, error *e)
             good && s->state.gain <= s->setup.schedule->coarsest_gain ? SAMPLER_CONVERGED : SAMPLER_STALLED;
         return true;
     }
+    /* a coarsest level that is the last one: particles are near their rest now, and most sweeps are to come */
+    if (s->state.plan.count == 1 && s->state.stage == SCHEDULE_STAGES - 2 && !sampler_judge_coarse(s, e))
+        return false;
     if (!find_support(s, e) || (bounded && !adapt_count(s, &changed, e))) return false;
     if (changed)
         enter_stage(s, 0);

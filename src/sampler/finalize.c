@@ -33,7 +33,7 @@ static void requested_spacing(sampler *s, double *spacing)
 
 /* To rounding: a Newton step from 1e-7 h leaves less than doubles resolve. A relaxed particle is within 0.01
  * h of the surface; one that would have to go much farther sits where Newton's method goes astray. */
-static bool settle_on_surface(const sampler *s, double h, double farthest, vec3 *x, vec3 *normal)
+bool sampler_land(const sampler *s, double h, double farthest, vec3 *x, vec3 *normal)
 {
     const projection_limits limits = {SETTLE_STEPS, 1e-9 * h, 1e-7 * h, WORST_RESIDUAL * h};
     vec3 q = *x, n = *normal;
@@ -52,7 +52,7 @@ static void finalize_particle(sampler *s, size_t i)
     field_sample sample;
     s->scratch.lost[i] = true;
     double h = s->state.spacing * s->state.p->size[i];
-    if (!settle_on_surface(s, h, SETTLE_FARTHEST * h, &x, &normal) ||
+    if (!sampler_land(s, h, SETTLE_FARTHEST * h, &x, &normal) ||
         !field_sample_at(s->setup.field, x, FIELD_GRADIENT, &sample))
         return;
     double length = vec3_norm(sample.gradient), residual = fabs(sample.value) / length / h;
@@ -82,7 +82,7 @@ static void replace_lost(sampler *s)
         for (int draw = 0; draw < REPLACEMENT_DRAWS; draw++) {
             vec3 q = sizing_field_draw(s->setup.params.sizing, s->setup.scan, rng_uniform(&r), &r),
                  n = {0, 0, 1};
-            if (!settle_on_surface(s, s->state.spacing, s->setup.field->cell_size, &q, &n)) continue;
+            if (!sampler_land(s, s->state.spacing, s->setup.field->cell_size, &q, &n)) continue;
             double nearest2 = INFINITY;
             for (size_t j = 0; j < s->state.p->count; j++)
                 if (j != i) nearest2 = fmin(nearest2, vec3_norm2(vec3_sub(q, s->state.p->position[j])));
@@ -145,7 +145,7 @@ static bool describe_energies(sampler *s, error *e)
         return false;
     s->record.out.mean_energy = relax_mean_energy(s->scratch.relax, s->state.p, s->state.sigma);
     s->record.out.mean_neighbours = relax_mean_neighbours(s->scratch.relax, s->state.p, s->state.sigma);
-    s->record.out.step_left = sampler_step_left(s);
+    s->record.out.step_left = s->state.coarse ? NAN : sampler_step_left(s);
     relax_free(s->scratch.relax);
     s->scratch.relax = NULL;
     return true;

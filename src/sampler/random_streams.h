@@ -13,6 +13,7 @@ enum random_stream {
     RANDOM_STREAM_FRAME_TRANSFER = 5, /* places where points may be born */
     RANDOM_STREAM_SWARM_LIFE = 5,     /* fission and death of Witkin and Heckbert */
     RANDOM_STREAM_SWARM_SCALE = 6,    /* where curvature is looked at for their radii */
+    RANDOM_STREAM_RELOCATION = 7,     /* places for particles that crowd */
     RANDOM_STREAM_ROUND = 256         /* insertion and deletion: plus the number of the round, from 1 */
 };
 

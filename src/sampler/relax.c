@@ -30,10 +30,8 @@ static const double TURNING_NEAREST = 0.05;
 static const double TRIAL_REJECT = 0.01;
 /* A Newton step from this fraction of h leaves an error of about its square times kappa h. */
 static const double TRIAL_SHORTCUT = 0.02;
-static const double TRIAL_ACCEPT = 1e-4;
-static const double TRIAL_CELLS = 5;
+static const double TRIAL_ACCEPT = 1e-4, STRAIGHT_ACCEPT = 1e-7, TRIAL_CELLS = 5;
 static const int TRIAL_STEPS = 3;
-static const double STRAIGHT_ACCEPT = 1e-7;
 /* A particle whose lists allow less than this fraction of h waits for new ones. */
 static const double STEP_FLOOR = 1e-3;
 /* A step that used this share of what the lists allow leaves too little for the next. */
@@ -70,6 +68,7 @@ struct relax {
     block_sums *parts; /* of the sweep */
     size_t part_capacity;
     double sigma, skin; /* of the lists */
+    bool through;       /* pairs count whatever their normals */
     gather *scratch;    /* one per worker */
     size_t scratch_entries;
 };
@@ -172,6 +171,11 @@ bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
     return true;
 }
 
+void relax_look_through(relax *r)
+{
+    r->through = true;
+}
+
 typedef struct refresh_job {
     relax *r;
     const particles *p;
@@ -209,7 +213,7 @@ typedef struct attempt {
     const relax_params *params;
     const energy_function *potential;
     pair_list *near;
-    bool flat;
+    bool flat; /* all weights are 1 */
     vec3 x, axis1, axis2;
     double sigma, spacing; /* times the particle's size */
     double bound;          /* longest step in the tangent plane */
@@ -271,7 +275,7 @@ static pair_list *gather_list(const relax *r, const particles *p, int worker, si
     vec3 away = p->position[i];
     away.x += r->sigma * p->size[i];
     for (size_t k = count; k < g->blocks * PAIR_LANES; k++) gather_place(g, k, away, p->normal[i], 0, 1);
-    if (!r->flat[i]) pair_weigh(g, p->normal[i]);
+    if (!r->flat[i] && !r->through) pair_weigh(g, p->normal[i]);
     return g;
 }
 
@@ -474,7 +478,7 @@ static void update_particle(const sweep_job *job, int worker, size_t i, block_su
     attempt a = {.params = params,
                  .potential = job->r->energy,
                  .near = gather_list(job->r, p, worker, i),
-                 .flat = job->r->flat[i],
+                 .flat = job->r->flat[i] || job->r->through,
                  .x = p->position[i],
                  .sigma = params->sigma * p->size[i],
                  .spacing = params->spacing * p->size[i],

@@ -61,6 +61,9 @@ void relax_free(relax *r);
  * its size, with the pair weights of the present normals, alphas and sizes. Error: limit_memory. */
 bool relax_build(relax *r, particles *p, double sigma, double skin, error *e);
 
+/* From now on pairs count in full whatever their normals: sheets push each other through space. */
+void relax_look_through(relax *r);
+
 /* Takes note of where particles have been put since the build, and of their sizes; they are as many. False
  * where the lists do not cover a support of `sigma` there, or were never built: they are to be built anew. Once after a
  * build, and no sweeps after it: energies are all that the lists serve for then. */

@@ -107,17 +107,21 @@ static bool sizes_are_settled(sampler *s)
  * gradient minimiser is at rest when its steps are small, whatever Newton's would be. */
 static bool points_rest(const sampler *s, const schedule_position *at)
 {
-    if (!schedule_is_last_level(at) || !schedule_is_last_stage(at) || s->setup.params.gradient) return true;
+    if (!schedule_is_last_level(at) || !schedule_is_last_stage(at) || s->setup.params.gradient ||
+        s->state.coarse)
+        return true;
     return !(sampler_step_left(s) > s->setup.params.step_tolerance);
 }
 
 /* The solve has ended at rest. Particles that are not on the surface get new places; they have to find theirs among the
- * others, so that the last round goes on. */
+ * others, so that the last round goes on. In a coarse answer no descent brings those that crowd to where places are bare; in a
+ * sequence they stay with their own. */
 static bool deliver(sampler *s, error *e)
 {
     size_t before = s->record.removed;
     if (!sampler_settle(s, e)) return false;
-    if (s->record.removed == before || s->state.recalls == RECALLS_MOST) return true;
+    if (s->record.removed == before || s->state.recalls == RECALLS_MOST)
+        return !s->state.coarse || sampler_is_given(s) || sampler_relocate(s, e);
     s->state.recalls++;
     s->state.outcome = SAMPLER_RUNNING;
     s->state.sweeps_in_round = s->record.round[--s->record.round_count].sweeps;
@@ -142,6 +146,7 @@ static void note_sweep(sampler *s, const relax_sums *sums)
 static bool relax_step(sampler *s, error *e)
 {
     if (s->state.lists_stale && !sampler_build_lists(s, e)) return false;
+    if (sampler_is_given(s) && s->record.sweep_count == 0 && !sampler_judge_coarse(s, e)) return false;
     schedule_position at = position(s);
     const relax_params params = {.field = s->setup.field,
                                  .minimiser =

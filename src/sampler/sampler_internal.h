@@ -52,6 +52,7 @@ typedef struct sampler_state {
     int resizes;  /* in the round: rests that new sizes ended */
     int recalls;  /* ends that particles on new places ended */
     bool settled; /* no particle has moved since sampler_settle */
+    bool coarse;  /* the spacing resolves nothing of the surface: pairs count whatever their normals */
     double fraction;
     sampler_outcome outcome;
     struct swarm *swarm; /* of sampler_witkin_heckbert */
@@ -123,6 +124,17 @@ bool sampler_reserve(sampler *s, size_t capacity, error *e);
 
 /* Of the particles where they are, see sampler_points. */
 double sampler_step_left(const sampler *s);
+
+/* *x near the surface onto it to rounding, no farther than `farthest`; `h` is the scale of what is meant by rounding. False,
+ * outputs untouched, when it has no way there. */
+bool sampler_land(const sampler *s, double h, double farthest, vec3 *x, vec3 *normal);
+
+/* Whether particles that are nearly at rest, with lists of about where they are, will be a coarse answer: state.coarse. From
+ * then on pairs count whatever their normals. Error: limit_memory. */
+bool sampler_judge_coarse(sampler *s, error *e);
+
+/* Particles that crowd go to bare places (relocation.h), and all are settled again. Error: limit_memory. */
+bool sampler_relocate(sampler *s, error *e);
 
 /* Every particle onto the surface to rounding, or onto a new place there, which adds to record.removed. Error:
  * limit_memory. */

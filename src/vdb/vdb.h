@@ -59,7 +59,8 @@ typedef struct vdb_tile {
  * 8 y + z of word x. A voxel in no leaf and no tile has the background value and is inactive. */
 typedef struct vdb_grid {
     vdb_class grid_class;
-    bool from_newer; /* the file has a later format version than the library, and is read as far as they are alike */
+    bool
+        from_newer; /* the file has a later format version than the library, and is read as far as they are alike */
     float background;
     double index_to_world[16]; /* row-major, column vectors: world = M (i, j, k, 1); invertible */
     uint64_t active_voxels;

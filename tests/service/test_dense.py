@@ -7,6 +7,7 @@ import re
 import numpy
 import pytest
 from scipy import ndimage
+from scipy.spatial import cKDTree
 
 from readers import Points
 from volumes import (Part, nrrd_data, nrrd_header, read_nifti, read_nrrd, write_exr, write_nifti, write_nrrd)
@@ -559,3 +560,25 @@ def test_a_speck_without_a_point_is_told(worker, tmp_path):
         report = json.loads((tmp_path / "out" / "report.json").read_text())
         assert (report["quality"]["coverage"] > 1.2) == bool(speck)
         assert ("coverage" in [r["criterion"] for r in report["outcome_reasons"]]) == bool(speck)
+
+
+def test_a_coarse_answer_is_even_in_space(worker, tmp_path):
+    """A count that resolves nothing of what looks like smoke: no clumps, no bare place, the same for any number of threads."""
+    noise = numpy.random.default_rng(1).normal(size=(40, 40, 40))
+    values = ndimage.gaussian_filter(noise, 1.3)
+    values[[0, 1, -2, -1]] = values[:, [0, 1, -2, -1]] = values[:, :, [0, 1, -2, -1]] = -1
+    write_nrrd(tmp_path / "smoke.nrrd", (values / values.std()).astype(numpy.float32))
+    spec = {"version": 1, "surface": {"volume": {"path": "smoke.nrrd", "isovalue": 0.5}}, "sampling": {"count": 1200}}
+    files = []
+    for threads in (1, 3):
+        done = worker({**spec, "solver": {"threads": threads}})
+        assert done.returncode == 11, done.stderr
+        files.append((tmp_path / "out" / "points.ply").read_bytes())
+    assert files[0] == files[1]
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    points = Points(files[0])
+    nearest = cKDTree(points.position).query(points.position, 2)[0][:, 1] / report["spacing"]
+    assert report["count"] == len(points.position) == 1200 and report["quality"]["lost"] == 0
+    assert report["quality"]["resolved_share"] < 0.5 and report["quality"]["coverage"] < 1.2
+    assert nearest.min() > 0.6 and report["quality"]["max_residual"] < 1e-4
+    assert report["step_left"] is None and "step_left" not in [r["criterion"] for r in report["outcome_reasons"]]

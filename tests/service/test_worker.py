@@ -623,6 +623,13 @@ def test_the_peak_of_memory_counts_the_reader(worker, tmp_path):
     assert report["peak_memory_bytes"] > 20 * vertices_and_faces
 
 
+def test_the_peak_of_memory_is_not_that_of_who_started_the_worker(worker, tmp_path):
+    """The kernel hands the peak of a process on to the program that it becomes."""
+    held = numpy.ones(2 ** 26)  # 512 MiB
+    assert worker(sphere(100)).returncode == 0 and held[-1] == 1
+    assert json.loads((tmp_path / "out" / "report.json").read_text())["peak_memory_bytes"] < 2 ** 28
+
+
 def test_the_normalised_spec_gives_the_same_points(ball, worker, tmp_path):
     where, report, _ = ball
     assert worker(report["spec"]).returncode == 0

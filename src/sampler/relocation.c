@@ -1,0 +1,129 @@
+#include "sampler/relocation.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "packing/nearest.h"
+#include "packing/neighbours.h"
+
+/* A point and how near its nearest is, or a place and how near its nearest point: over the spacing. */
+typedef struct ranked {
+    double distance, size;
+    vec3 at;
+    uint32_t index;
+} ranked;
+
+static int nearest_first(const void *a, const void *b)
+{
+    const ranked *x = a, *y = b;
+    if (x->distance != y->distance) return x->distance < y->distance ? -1 : 1;
+    return (x->index > y->index) - (x->index < y->index);
+}
+
+static int farthest_first(const void *a, const void *b)
+{
+    return nearest_first(b, a);
+}
+
+/* Lists of who is within `reach`, times the mean of the sizes. */
+static neighbours *lists_of(const vec3 *x, const double *size, size_t count, double reach, threads *pool,
+                            error *e)
+{
+    neighbours *n = neighbours_new(count, SIZE_MAX, e);
+    if (n && neighbours_build(n, count, x, size, reach, pool, e)) return n;
+    neighbours_free(n);
+    return NULL;
+}
+
+/* Leaves those of ranked entries that have no earlier one within `reach`. */
+static bool thin_out(ranked *r, double reach, threads *pool, size_t *count, error *e)
+{
+    vec3 *x = mem_array(*count, sizeof *x, "the places of points", e);
+    double *size = mem_array(*count, sizeof *size, "the places of points", e);
+    bool *gone = mem_array(*count, sizeof *gone, "the places of points", e);
+    bool ok = x && size && gone;
+    for (size_t k = 0; ok && k < *count; k++) {
+        x[k] = r[k].at;
+        size[k] = r[k].size;
+    }
+    neighbours *near = ok ? lists_of(x, size, *count, reach, pool, e) : NULL;
+    size_t kept = 0;
+    for (size_t k = 0; near && k < *count; k++) {
+        for (uint32_t m = 0; m < near->list_count[k]; m++) {
+            uint32_t j = neighbours_list(near, k)[m];
+            gone[k] |= j < k && !gone[j];
+        }
+        if (!gone[k]) r[kept++] = r[k];
+    }
+    ok = near != NULL;
+    if (ok) *count = kept;
+    neighbours_free(near);
+    free(x);
+    free(size);
+    free(gone);
+    return ok;
+}
+
+/* The points that crowd, the most crowded first; of two that are near each other one. */
+static bool find_crowded(const relocation_input *in, threads *pool, ranked **out, size_t *found, error *e)
+{
+    neighbours *near = lists_of(in->point, in->size, in->count, RELOCATION_CROWDED * in->h, pool, e);
+    ranked *r = near ? mem_array(in->count, sizeof *r, "the places of points", e) : NULL;
+    *out = r;
+    *found = 0;
+    for (size_t i = 0; r && i < in->count; i++) {
+        double least = INFINITY;
+        for (uint32_t k = 0; k < near->list_count[i]; k++) {
+            uint32_t j = neighbours_list(near, i)[k];
+            double between = 0.5 * in->h * (in->size[i] + in->size[j]);
+            least = fmin(least, vec3_norm(vec3_sub(in->point[i], in->point[j])) / between);
+        }
+        if (least < RELOCATION_CROWDED)
+            r[(*found)++] = (ranked){least, in->size[i], in->point[i], (uint32_t)i};
+    }
+    neighbours_free(near);
+    if (!r || *found == 0) return r != NULL;
+    qsort(r, *found, sizeof *r, nearest_first);
+    return thin_out(r, RELOCATION_CROWDED * in->h, pool, found, e);
+}
+
+/* The places that are bare, the barest first; of two that are near each other one. */
+static bool find_bare(const relocation_input *in, threads *pool, ranked **out, size_t *found, error *e)
+{
+    nearest *tree = nearest_new(in->point, in->count, e);
+    ranked *r = tree ? mem_array(in->places, sizeof *r, "the bare places", e) : NULL;
+    *out = r;
+    *found = 0;
+    for (size_t k = 0; r && k < in->places; k++) {
+        double distance;
+        uint32_t i = nearest_find(tree, in->place[k], 0, &distance);
+        distance /= in->h * in->size[i];
+        if (distance > RELOCATION_BARE)
+            r[(*found)++] = (ranked){distance, in->size[i], in->place[k], (uint32_t)k};
+    }
+    nearest_free(tree);
+    if (!r || *found == 0) return r != NULL;
+    qsort(r, *found, sizeof *r, farthest_first);
+    return thin_out(r, RELOCATION_CROWDED * in->h, pool, found, e);
+}
+
+bool relocation_choose(const relocation_input *in, threads *pool, relocation **out, size_t *moves, error *e)
+{
+    ranked *crowded = NULL, *bare = NULL;
+    relocation *chosen = NULL;
+    size_t points = 0, places = 0, count = 0;
+    bool ok = find_crowded(in, pool, &crowded, &points, e) && find_bare(in, pool, &bare, &places, e) &&
+              (chosen = mem_array(points + 1, sizeof *chosen, "the places of points", e));
+    while (ok && count < points && count < places && bare[count].distance > crowded[count].distance) {
+        chosen[count] = (relocation){crowded[count].index, bare[count].index};
+        count++;
+    }
+    free(crowded);
+    free(bare);
+    if (ok) {
+        *out = chosen;
+        *moves = count;
+    }
+    return ok;
+}

@@ -1,0 +1,105 @@
+/* Points in a plane that crowd and places that are bare: what must not change, and who goes where. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <cmocka.h>
+
+#include "shapes.h"
+#include "sampler/relocation.h"
+
+enum { SIDE = 30, COUNT = SIDE * SIDE, PLACES = 5 * COUNT };
+
+static double least_distance(const vec3 *x)
+{
+    double least = INFINITY;
+    for (size_t i = 0; i < COUNT; i++)
+        for (size_t j = 0; j < i; j++) least = fmin(least, vec3_norm(vec3_sub(x[i], x[j])));
+    return least;
+}
+
+/* The largest distance of a place from its nearest point. */
+static double farthest(const vec3 *x, const vec3 *place)
+{
+    double most = 0;
+    for (size_t k = 0; k < PLACES; k++) {
+        double nearest = INFINITY;
+        for (size_t i = 0; i < COUNT; i++) nearest = fmin(nearest, vec3_norm(vec3_sub(x[i], place[k])));
+        most = fmax(most, nearest);
+    }
+    return most;
+}
+
+static void move(vec3 *x, const double *size, const vec3 *place, size_t *moves)
+{
+    error e = {0};
+    relocation *chosen;
+    const relocation_input in = {x, size, COUNT, 1, place, PLACES};
+    assert_true(relocation_choose(&in, NULL, &chosen, moves, &e));
+    for (size_t k = 0; k < *moves; k++) x[chosen[k].point] = place[chosen[k].place];
+    free(chosen);
+}
+
+/* Each of some points of a square lattice goes to beside its neighbour and leaves a hole. */
+static void who_was_taken_away_comes_back(void **state)
+{
+    (void)state;
+    rng r = rng_seed(test_seed(), 0);
+    vec3 *x = malloc(COUNT * sizeof *x), *place = malloc(PLACES * sizeof *place);
+    double *size = malloc(COUNT * sizeof *size);
+    size_t moves, again;
+    for (size_t i = 0; i < COUNT; i++) {
+        x[i] = (vec3){(double)(i % SIDE), (double)(i / SIDE), 0};
+        size[i] = 1;
+    }
+    for (size_t i = 3 * SIDE + 3; i < COUNT - 3 * SIDE; i += 97)
+        x[i] = vec3_add(x[i + 1], (vec3){0.1, 0.1, 0});
+    for (size_t k = 0; k < PLACES; k++)
+        place[k] = random_between(&r, (vec3){0, 0, 0}, (vec3){SIDE - 1, SIDE - 1, 0});
+    assert_true(least_distance(x) < 0.15 && farthest(x, place) > 0.85);
+    move(x, size, place, &moves);
+    assert_int_equal(moves, (COUNT - 6 * SIDE - 3 + 96) / 97);
+    assert_true(least_distance(x) > RELOCATION_BARE);
+    move(x, size, place, &again); /* all is well now: a square's middle is .71 from its corners */
+    assert_int_equal(again, 0);
+    free(x);
+    free(size);
+    free(place);
+}
+
+/* Of any points: nobody ends nearer to others than somebody was, and passes end. */
+static void random_points_come_apart(void **state)
+{
+    (void)state;
+    rng r = rng_seed(test_seed(), 1);
+    vec3 *x = malloc(COUNT * sizeof *x), *place = malloc(PLACES * sizeof *place);
+    double *size = malloc(COUNT * sizeof *size);
+    size_t moves = 1;
+    int passes = 0;
+    for (size_t i = 0; i < COUNT; i++) {
+        x[i] = random_between(&r, (vec3){0, 0, 0}, (vec3){SIDE, SIDE, 0});
+        size[i] = 1;
+    }
+    for (size_t k = 0; k < PLACES; k++) place[k] = random_between(&r, (vec3){0, 0, 0}, (vec3){SIDE, SIDE, 0});
+    double before = farthest(x, place);
+    for (; moves > 0 && passes < 50; passes++) {
+        double least = least_distance(x);
+        move(x, size, place, &moves);
+        assert_true(least_distance(x) >= fmin(least, RELOCATION_BARE));
+    }
+    assert_true(passes < 50 && least_distance(x) > 0.5 && farthest(x, place) < 0.6 * before);
+    free(x);
+    free(size);
+    free(place);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(who_was_taken_away_comes_back),
+        cmocka_unit_test(random_points_come_apart),
+    };
+    return cmocka_run_group_tests_name("relocation", tests, NULL, NULL);
+}
