@@ -48,8 +48,9 @@ void legend_draw(unsigned char *rgb, int width, int height, const colormap_scale
         for (int k = 0; k < 3; k++) color[k] = (unsigned char)lround(255 * srgb[k]);
         canvas_fill(&c, left + i, bar, 1, BAR * s, color);
     }
+    int end = left + canvas_text_width(&c, title), begin = left + bar_width - canvas_text_width(&c, note);
     canvas_text(&c, left, titles, title);
-    canvas_text(&c, left + bar_width - canvas_text_width(&c, note), titles, note);
+    canvas_text(&c, begin > end + GAP * s ? begin : end + GAP * s, titles, note);
     for (int k = 0; k < 3; k++) {
         char number[32];
         int x = left + k * (bar_width - s) / 2;

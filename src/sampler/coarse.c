@@ -44,7 +44,8 @@ bool sampler_judge_coarse(sampler *s, error *e)
 static bool relocate(sampler *s, const vec3 *place, size_t places, size_t *moves, error *e)
 {
     particles *p = s->state.p;
-    const relocation_input in = {p->position, p->size, p->count, s->state.spacing, place, places};
+    const relocation_input in = {
+        p->position, p->size, p->count, s->state.spacing, place, places, s->setup.params.list_limit};
     relocation *chosen = NULL;
     size_t count = 0;
     bool ok = relocation_choose(&in, s->setup.pool, &chosen, &count, e);
@@ -66,7 +67,7 @@ static size_t draw_places(const sampler *s, vec3 *out)
 {
     size_t wanted = PLACES * s->state.p->count, found = 0;
     rng r = rng_seed(s->setup.params.seed, RANDOM_STREAM_RELOCATION);
-    for (size_t k = 0; k < wanted; k++) {
+    for (size_t k = 0; k < wanted && !threads_stopped(s->setup.pool); k++) {
         double where = ((double)k + rng_uniform(&r)) / (double)wanted;
         vec3 x = sizing_field_draw(s->setup.params.sizing, s->setup.scan, where, &r), normal = {0, 0, 1};
         if (sampler_land(s, s->state.spacing, s->setup.field->cell_size, &x, &normal)) out[found++] = x;

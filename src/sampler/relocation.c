@@ -26,18 +26,18 @@ static int farthest_first(const void *a, const void *b)
     return nearest_first(b, a);
 }
 
-/* Lists of who is within `reach`, times the mean of the sizes. */
-static neighbours *lists_of(const vec3 *x, const double *size, size_t count, double reach, threads *pool,
-                            error *e)
+/* Lists of who is within RELOCATION_CROWDED spacings, times the mean of the sizes. */
+static neighbours *lists_of(const relocation_input *in, const vec3 *x, const double *size, size_t count,
+                            threads *pool, error *e)
 {
-    neighbours *n = neighbours_new(count, SIZE_MAX, e);
-    if (n && neighbours_build(n, count, x, size, reach, pool, e)) return n;
+    neighbours *n = neighbours_new(count, in->list_limit, e);
+    if (n && neighbours_build(n, count, x, size, RELOCATION_CROWDED * in->h, pool, e)) return n;
     neighbours_free(n);
     return NULL;
 }
 
-/* Leaves those of ranked entries that have no earlier one within `reach`. */
-static bool thin_out(ranked *r, double reach, threads *pool, size_t *count, error *e)
+/* Leaves those of ranked entries that have no earlier one as near as points that crowd. */
+static bool thin_out(const relocation_input *in, ranked *r, threads *pool, size_t *count, error *e)
 {
     vec3 *x = mem_array(*count, sizeof *x, "the places of points", e);
     double *size = mem_array(*count, sizeof *size, "the places of points", e);
@@ -47,7 +47,7 @@ static bool thin_out(ranked *r, double reach, threads *pool, size_t *count, erro
         x[k] = r[k].at;
         size[k] = r[k].size;
     }
-    neighbours *near = ok ? lists_of(x, size, *count, reach, pool, e) : NULL;
+    neighbours *near = ok ? lists_of(in, x, size, *count, pool, e) : NULL;
     size_t kept = 0;
     for (size_t k = 0; near && k < *count; k++) {
         for (uint32_t m = 0; m < near->list_count[k]; m++) {
@@ -68,7 +68,7 @@ static bool thin_out(ranked *r, double reach, threads *pool, size_t *count, erro
 /* The points that crowd, the most crowded first; of two that are near each other one. */
 static bool find_crowded(const relocation_input *in, threads *pool, ranked **out, size_t *found, error *e)
 {
-    neighbours *near = lists_of(in->point, in->size, in->count, RELOCATION_CROWDED * in->h, pool, e);
+    neighbours *near = lists_of(in, in->point, in->size, in->count, pool, e);
     ranked *r = near ? mem_array(in->count, sizeof *r, "the places of points", e) : NULL;
     *out = r;
     *found = 0;
@@ -85,7 +85,7 @@ static bool find_crowded(const relocation_input *in, threads *pool, ranked **out
     neighbours_free(near);
     if (!r || *found == 0) return r != NULL;
     qsort(r, *found, sizeof *r, nearest_first);
-    return thin_out(r, RELOCATION_CROWDED * in->h, pool, found, e);
+    return thin_out(in, r, pool, found, e);
 }
 
 /* The places that are bare, the barest first; of two that are near each other one. */
@@ -105,7 +105,7 @@ static bool find_bare(const relocation_input *in, threads *pool, ranked **out, s
     nearest_free(tree);
     if (!r || *found == 0) return r != NULL;
     qsort(r, *found, sizeof *r, farthest_first);
-    return thin_out(r, RELOCATION_CROWDED * in->h, pool, found, e);
+    return thin_out(in, r, pool, found, e);
 }
 
 bool relocation_choose(const relocation_input *in, threads *pool, relocation **out, size_t *moves, error *e)

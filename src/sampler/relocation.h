@@ -31,6 +31,7 @@ typedef struct relocation_input {
     double h;
     const vec3 *place; /* on the surface, or near it */
     size_t places;     /* > 0 */
+    size_t list_limit; /* bytes that lists of who is near may take */
 } relocation_input;
 
 /* *out, to be freed, receives *moves of them, no point and no place twice. Error: limit_memory. */

@@ -580,6 +580,30 @@ static void test_legend(void **state)
     point_set_free(&s);
 }
 
+/* Bytes of a legend's picture that are not black. */
+static size_t ink(int side, const char *title, const char *note)
+{
+    unsigned char *rgb = calloc(3 * (size_t)side, (size_t)side);
+    const colormap_scale scale = {.low = 0, .high = 1};
+    size_t count = 0;
+    legend_draw(rgb, side, side, &scale, title, note);
+    for (size_t k = 0; k < 3 * (size_t)side * (size_t)side; k++) count += rgb[k] != 0;
+    free(rgb);
+    return count;
+}
+
+static void test_texts_of_a_legend_stand_side_by_side(void **state)
+{
+    (void)state;
+    static const char title[] = "curvature", note[] = "1000000, not resolved";
+    for (int side = 320; side <= 1024; side += 64) {
+        size_t none = ink(side, "", "");
+        assert_int_equal(ink(side, title, note) - none,
+                         ink(side, title, "") - none + ink(side, "", note) - none);
+        assert_true(ink(side, "", note) > none);
+    }
+}
+
 static void test_halves(void **state)
 {
     (void)state;
@@ -679,6 +703,7 @@ int main(void)
         cmocka_unit_test(test_viridis),
         cmocka_unit_test(test_scale),
         cmocka_unit_test(test_legend),
+        cmocka_unit_test(test_texts_of_a_legend_stand_side_by_side),
         cmocka_unit_test(test_halves),
         cmocka_unit_test(test_refused_sets),
         cmocka_unit_test(test_degenerate_sets),

@@ -36,7 +36,7 @@ static void move(vec3 *x, const double *size, const vec3 *place, size_t *moves)
 {
     error e = {0};
     relocation *chosen;
-    const relocation_input in = {x, size, COUNT, 1, place, PLACES};
+    const relocation_input in = {x, size, COUNT, 1, place, PLACES, SIZE_MAX};
     assert_true(relocation_choose(&in, NULL, &chosen, moves, &e));
     for (size_t k = 0; k < *moves; k++) x[chosen[k].point] = place[chosen[k].place];
     free(chosen);
