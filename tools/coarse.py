@@ -1,0 +1,119 @@
+#!/usr/bin/env python3
+"""Holds answers that resolve nothing of a surface against sample elimination on the same surface (doc/measured/coarse.md).
+
+    tools/coarse.py --worker build/hexad-worker --output doc/measured/coarse.md [--data DIRECTORY] [--only WORD ...]
+
+DIRECTORY, or HEXAD_SHARED, has the folder vdb. Sample elimination is Yuksel's (2015), weighted, with the paper's constants, in
+space: it takes FACTOR times the points, spread at random over the surface. These are of a job with DENSE points, of which each
+has about the same share of the area. Both answers are measured from the points alone. Ends with 1 when this sampler's least
+distance, spread of edges, or farthest place is more than a tenth worse.
+"""
+import heapq
+import os
+import pathlib
+import sys
+import tempfile
+
+import numpy
+from scipy.spatial import cKDTree
+
+import inputs
+import measure
+
+# file and isovalue
+CASES = (("wdas_cloud_sixteenth.vdb", 0.3232), ("smoke1_half.vdb", 2.85742), ("blender_smoke_000002.vdb", 0.436),
+         ("blender_smoke_000003.vdb", 0.5), ("nebula_5grids.vdb", 0.5), ("monkey_mantaflow.vdb", 0.5))
+COUNT, FACTOR, DENSE = 5000, 5, 100000
+# Of weighted elimination: the exponent of distances, and how small ones are bounded (sections 3 and 4 of the paper).
+ALPHA, BETA, GAMMA = 8, 0.65, 1.5
+SLACK = 1.1
+
+
+def run(worker, surface, count, where):
+    """Points, report and processor seconds of a job."""
+    case = inputs.Case(pathlib.Path(surface["path"]), "vdb", pathlib.Path(where), worker)
+    chosen = {k: v for k, v in surface.items() if k != "path"}
+    error, report = case.run(chosen, count)
+    if error:
+        sys.exit(f"{surface['path']}: {error['message']}")
+    return measure.read_ply(pathlib.Path(where) / "out" / "points.ply"), report, case.processor_s
+
+
+def eliminate(position, count, h):
+    """Which of the points stay."""
+    many, least = len(position), h * (1 - (count / len(position)) ** GAMMA) * BETA
+    i, j = cKDTree(position).query_pairs(h, output_type="ndarray").T
+    weight = (1 - numpy.maximum(numpy.linalg.norm(position[i] - position[j], axis=1), least) / h) ** ALPHA
+    order = numpy.argsort(numpy.concatenate([i, j]), kind="stable")
+    near, weight = numpy.concatenate([j, i])[order], numpy.tile(weight, 2)[order]
+    start = numpy.concatenate([[0], numpy.cumsum(numpy.bincount(numpy.concatenate([i, j]), minlength=many))])
+    total = numpy.array([weight[a:b].sum() for a, b in zip(start, start[1:])])
+    stays, heap = numpy.ones(many, bool), [(-w, k) for k, w in enumerate(total)]
+    heapq.heapify(heap)
+    while many > count:
+        negative, k = heapq.heappop(heap)
+        if not stays[k] or -negative != total[k]:
+            continue
+        stays[k], many, own = False, many - 1, slice(start[k], start[k + 1])
+        total[near[own]] -= weight[own]
+        for m in near[own][stays[near[own]]]:
+            heapq.heappush(heap, (-total[m], m))
+    return stays
+
+
+def figures(position, normal, area, places):
+    """Least distance, spread of distances to the nearest, edge_cv, area_cv, farthest place: lengths in spacings."""
+    count, tree = len(position), cKDTree(position)
+    h = measure.ideal_spacing(area, count)
+    nearest = tree.query(position, 2)[0][:, 1] / h
+    points = measure.PointSet(position, normal, numpy.full(count, h), numpy.ones(count), {})
+    cells = measure.measure(points, area)["all"]
+    away = tree.query(places)[0] / h
+    return [nearest.min(), nearest.std() / nearest.mean(), cells["edge_cv"], cells["area_cv"],
+            numpy.quantile(away, 0.999), away.max()]
+
+
+def rows(worker, data, name, isovalue):
+    """Lines of the table, and whether the bounds are kept."""
+    surface = {"path": str(data / "vdb" / name), "isovalue": isovalue}
+    if name.startswith(("nebula", "monkey")):
+        surface["grid"] = "density"
+    with tempfile.TemporaryDirectory() as where:
+        ours, report, spent = run(worker, surface, COUNT, where)
+        dense, _, _ = run(worker, surface, DENSE, where)
+    area = report["surface"]["area"]
+    drawn = numpy.random.default_rng(1).permutation(len(dense.position))[:FACTOR * COUNT]
+    kept = drawn[eliminate(dense.position[drawn], COUNT, measure.ideal_spacing(area, COUNT))]
+    lines, both = [], []
+    for which, position, normal in (("hexad", ours.position, ours.normal),
+                                    ("elimination", dense.position[kept], dense.normal[kept])):
+        both.append(figures(position, normal, area, dense.position))
+        told = f"{report['quality']['resolved_share']:.0%} | {spent:.1f}" if which == "hexad" else " | "
+        lines.append(f"| {name} | {which} | " + " | ".join(f"{f:.3f}" for f in both[-1]) + f" | {told} |")
+    mine, theirs = both
+    good = mine[0] * SLACK >= theirs[0] and mine[2] <= theirs[2] * SLACK and mine[4] <= theirs[4] * SLACK
+    return lines, good
+
+
+def main():
+    options = inputs.arguments(inputs.parser_of(__doc__.splitlines()[0]))
+    lines, bad = [], 0
+    for name, isovalue in CASES:
+        if options.only and not any(word in name for word in options.only):
+            continue
+        found, good = rows(os.path.abspath(options.worker), pathlib.Path(options.data), name, isovalue)
+        lines += found
+        bad += not good
+        print("\n".join(found), file=sys.stderr)
+    head = ["# Counts that resolve nothing", "",
+            f"Made by `tools/coarse.py`: {COUNT} points on clouds and smoke, beside Yuksel's sample elimination (2015) from {FACTOR} times "
+            f"as many random ones. Lengths are in spacings of the ideal packing. Specks that are too small for a point of their own are the "
+            f"farthest places. {bad} surfaces miss a bound.", "",
+            "| file | points of | least distance | CV of nearest | edge CV | area CV | farthest place but .1 % | farthest place | resolved | CPU s |",
+            "|---|---|---|---|---|---|---|---|---|---|"]
+    pathlib.Path(options.output).write_text("\n".join(head + lines) + "\n")
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
