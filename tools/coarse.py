@@ -6,7 +6,7 @@
 DIRECTORY, or HEXAD_SHARED, has the folder vdb. Sample elimination is Yuksel's (2015), weighted, with the paper's constants, in
 space: it takes FACTOR times the points, spread at random over the surface. These are of a job with DENSE points, of which each
 has about the same share of the area. Both answers are measured from the points alone. Ends with 1 when this sampler's least
-distance, spread of edges, or farthest place is more than a tenth worse.
+distance, spread of edges, or farthest place but for a thousandth of them is more than a tenth worse.
 """
 import heapq
 import os
