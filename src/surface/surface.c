@@ -1,6 +1,9 @@
 #include "surface/surface.h"
 
+#include <stddef.h>
+#include <stdint.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
 #include "surface/projection.h"
@@ -56,12 +59,21 @@ typedef struct triangulation {
     double area[SURFACE_CELL_TRIANGLES]; /* of what lies in the domain; points are drawn by it */
 } triangulation;
 
+/* Where the surface cuts an edge that cells of a chunk share, by the edge's ends and F there: the inside first. */
+enum { SHARED_EDGES = 512 }; /* cells that follow each other have about as many */
+typedef struct shared_edge {
+    vec3 inside, outside;
+    double value[2];
+    corner at;
+} shared_edge;
+
 /* How the roots on a cell's edges are found. */
 typedef struct cut {
     const field *field;   /* of F itself; NULL: of a cubic by what is known at the corners */
     const vec3 *gradient; /* of F at the corners; needed without a field */
     const field_cell *cell;
-    double tolerance; /* of a root's distance from the surface */
+    double tolerance;    /* of a root's distance from the surface */
+    shared_edge *shared; /* SHARED_EDGES of them, zeroed before the first cell; may be NULL */
 } cut;
 
 /* A point near the surface, onto it, if that is within `reach`. */
@@ -124,16 +136,35 @@ static void find_root(const cut *way, int a, int b, corner *c)
     }
 }
 
+/* The root that a cell before has found, if it did. */
+static void find_shared_root(const cut *way, int inside, int outside, corner *c)
+{
+    const field_cell *cell = way->cell;
+    shared_edge wanted = {cell->corner[inside],
+                          cell->corner[outside],
+                          {cell->value[inside], cell->value[outside]},
+                          {.smooth = false}};
+    uint64_t bits[6], hash = 0;
+    memcpy(bits, &wanted, sizeof bits);
+    for (int k = 0; k < 6; k++) hash = (hash ^ bits[k]) * 0x9E3779B97F4A7C15u;
+    shared_edge *e = &way->shared[hash >> 55];
+    if (memcmp(e, &wanted, offsetof(shared_edge, at)) != 0) {
+        find_root(way, inside, outside, &wanted.at);
+        *e = wanted;
+    }
+    *c = e->at;
+}
+
 /* A cell's edges that are cut already, by bits. */
 typedef struct edges {
     uint64_t known;
     corner at[EDGES];
 } edges;
 
-static const corner *cut_edge(const cut *way, edges *e, int a, int b)
+static const corner *cut_edge(const cut *way, edges *e, int inside, int outside)
 {
-    const int k = a < b ? 8 * a + b : 8 * b + a;
-    if (!(e->known >> k & 1)) find_root(way, a, b, &e->at[k]);
+    const int k = inside < outside ? 8 * inside + outside : 8 * outside + inside;
+    if (!(e->known >> k & 1)) (way->shared ? find_shared_root : find_root)(way, inside, outside, &e->at[k]);
     e->known |= (uint64_t)1 << k;
     return &e->at[k];
 }
@@ -414,12 +445,12 @@ static double measure_parts(const field *f, const field_cell *cell, triangulatio
 }
 
 /* The area of what lies in the domain, and its box. */
-static double measure_cell(const surface *s, size_t index, bbox *box)
+static double measure_cell(const surface *s, size_t index, shared_edge *shared, bbox *box)
 {
     const field *f = s->field;
     field_cell cell;
     triangulation t;
-    const cut way = {.field = f, .cell = &cell, .tolerance = ROOT_TOLERANCE * f->cell_size};
+    const cut way = {.field = f, .cell = &cell, .tolerance = ROOT_TOLERANCE * f->cell_size, .shared = shared};
     double area = 0;
     surface_cell(s, index, &cell);
     cut_cell(&way, &t);
@@ -465,10 +496,11 @@ static void scan_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     for (size_t chunk = begin; chunk < end; chunk++) {
         size_t last = (chunk + 1) * GRAIN < job->s->cells ? (chunk + 1) * GRAIN : job->s->cells;
+        shared_edge shared[SHARED_EDGES] = {0};
         job->box[chunk] = bbox_empty();
         for (size_t k = chunk * GRAIN; k < last; k++) {
             bbox box;
-            job->s->area_before[k + 1] = measure_cell(job->s, k, &box);
+            job->s->area_before[k + 1] = measure_cell(job->s, k, shared, &box);
             job->box[chunk] = bbox_unite(job->box[chunk], box);
         }
     }

@@ -8,7 +8,7 @@
 #include "volume/brick.h"
 #include "volume/grid_view.h"
 
-enum { FACES = 6, LATTICE = 8 };
+enum { FACES = 6, LATTICE = 8, BLOCKS = 16 /* in a chunk of work */ };
 /* Of a face's largest coefficient: what passes by less is rounding, or too little of the surface to count. */
 static const double LEAST_DEPTH = 1e-3;
 static const int step_along[3] = {BRICK_SLAB, BRICK_SIDE, 1};
@@ -18,6 +18,8 @@ typedef struct search {
     const float *bricks;
     const int64_t *size;
     uint8_t *crossed;
+    uint8_t
+        *leaky; /* likewise: cells to look at in turn, which have a face that is passed or were found late */
     grazed *out;
 } search;
 
@@ -83,11 +85,13 @@ static bool face_is_passed(const float *first, int face)
     int axis = face >> 1, across = step_along[axis];
     const int along[2] = {step_along[(axis + 1) % 3], step_along[(axis + 2) % 3]};
     double c[16], largest = 0;
-    int inside = 0;
+    int below = 0, inside = 0;
     for (int k = 0; k < 16; k++) {
         const float *p = first + (face & 1) * across + k / 4 * along[0] + k % 4 * along[1];
         c[k] = ((double)p[0] + 4 * (double)p[across] + (double)p[2 * across]) / 6;
+        below += c[k] < 0;
     }
+    if (below == 0 || below == 16) return false; /* and so have the Bezier coefficients one sign */
     for (int k = 0; k < 4; k++) to_bezier(c + 4 * k, 1);
     for (int k = 0; k < 4; k++) to_bezier(c + k, 4);
     for (int k = 0; k < 16; k++) {
@@ -97,15 +101,23 @@ static bool face_is_passed(const float *first, int face)
     return inside > 0 && inside < 16 && dips(c, LEAST_DEPTH * largest);
 }
 
-/* F at the node whose coefficients around it begin with p. */
-static double node_value(const float *p)
+/* F at the corners of the cell whose coefficients begin with `first`, by one axis after the other. */
+static void corner_values(const float *first, double out[8])
 {
-    static const double weight[3] = {1.0 / 6, 4.0 / 6, 1.0 / 6};
-    double sum = 0;
-    for (int k = 0; k < 27; k++)
-        sum += weight[k / 9] * weight[k / 3 % 3] * weight[k % 3] *
-               (double)p[k / 9 * BRICK_SLAB + k / 3 % 3 * BRICK_SIDE + k % 3];
-    return sum;
+    double z[4][4][2], y[4][2][2];
+    for (int i = 0; i < 4; i++)
+        for (int j = 0; j < 4; j++)
+            for (int k = 0; k < 2; k++) {
+                const float *p = first + i * BRICK_SLAB + j * BRICK_SIDE + k;
+                z[i][j][k] = ((double)p[0] + 4 * (double)p[1] + (double)p[2]) / 6;
+            }
+    for (int i = 0; i < 4; i++)
+        for (int j = 0; j < 2; j++)
+            for (int k = 0; k < 2; k++) y[i][j][k] = (z[i][j][k] + 4 * z[i][j + 1][k] + z[i][j + 2][k]) / 6;
+    for (int c = 0; c < 8; c++) {
+        const int i = c & 1, j = c >> 1 & 1, k = c >> 2;
+        out[c] = (y[i][j][k] + 4 * y[i + 1][j][k] + y[i + 2][j][k]) / 6;
+    }
 }
 
 static bool append(grazed *g, const int32_t at[3], const float *first, error *e)
@@ -114,10 +126,11 @@ static bool append(grazed *g, const int32_t at[3], const float *first, error *e)
         mem_grow(g->cell, g->count, &g->room, 256, sizeof *cells, "the cells that the surface grazes", e);
     if (!cells) return false;
     g->cell = cells;
+    double value[8];
     crossed_cell *c = &g->cell[g->count++];
     memcpy(c->at, at, sizeof c->at);
-    for (int k = 0; k < 8; k++)
-        c->value[k] = (float)node_value(first + (k & 1) * BRICK_SLAB + (k >> 1 & 1) * BRICK_SIDE + (k >> 2));
+    corner_values(first, value);
+    for (int k = 0; k < 8; k++) c->value[k] = (float)value[k];
     return true;
 }
 
@@ -144,30 +157,80 @@ static bool leave(search *s, uint32_t n, const int32_t at[3], error *e)
         unsigned bit = 1u << (to[2] & 7);
         if (*row & bit) continue;
         *row = (uint8_t)(*row | bit);
+        *row_of(s->leaky, there, to) |= (uint8_t)bit;
         if (!append(s->out, to, brick_cell(s->bricks, there, to[0] & 7, to[1] & 7, to[2] & 7), e))
             return false;
     }
     return true;
 }
 
-bool grazed_find(const block_map *map, const float *bricks, const int64_t size[3], uint8_t *crossed,
-                 grazed *out, error *e)
+/* Whether one of the cell's faces is passed. Most have corners on both sides, farther from the surface than any depth that
+ * is asked for: `bound` is not below their coefficients. */
+static bool leaks(const float *first, double bound)
 {
-    search s = {map, bricks, size, crossed, out};
-    if (!(out->passed = mem_array((size_t)map->count * 64, 1, "the cells that the surface grazes", e)))
-        return false;
-    for (uint32_t n = 0; n < map->count; n++)
+    const double depth = LEAST_DEPTH * bound;
+    double value[8];
+    corner_values(first, value);
+    for (int face = 0; face < FACES; face++) {
+        range corners = {INFINITY, -INFINITY};
+        for (int k = 0; k < 8; k++)
+            if ((k >> (face >> 1) & 1) == (face & 1)) widen(&corners, value[k]);
+        if (corners.low < -depth && corners.high > depth) continue;
+        if (face_is_passed(first, face)) return true;
+    }
+    return false;
+}
+
+static void leak_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const search *s = context;
+    (void)worker;
+    for (size_t n = begin; n < end; n++) {
+        float bound = 0;
+        uint64_t any[8];
+        memcpy(any, s->crossed + 64 * n, sizeof any);
+        if (!(any[0] | any[1] | any[2] | any[3] | any[4] | any[5] | any[6] | any[7])) continue;
+        for (size_t k = 0; k < BRICK_SIZE; k++) {
+            float size = fabsf(s->bricks[n * BRICK_SIZE + k]);
+            bound = size > bound ? size : bound;
+        }
+        for (int k = 0; k < GRID_VIEW_VOXELS; k++)
+            if (s->crossed[64 * n + (size_t)(k >> 3)] >> (k & 7) & 1 &&
+                leaks(brick_cell(s->bricks, n, k >> 6, k >> 3 & 7, k & 7), (double)bound))
+                s->leaky[64 * n + (size_t)(k >> 3)] |= (uint8_t)(1u << (k & 7));
+    }
+}
+
+/* In the order of blocks and cells, so that what is found comes in an order of its own. */
+static bool follow(search *s, error *e)
+{
+    for (uint32_t n = 0; n < s->map->count; n++)
         for (int k = 0; k < GRID_VIEW_VOXELS; k++) {
             const int in_block[3] = {k >> 6, k >> 3 & 7, k & 7};
             int32_t at[3];
-            if (!(crossed[64 * (size_t)n + (size_t)(k >> 3)] >> (k & 7) & 1)) continue;
+            if (!(s->leaky[64 * (size_t)n + (size_t)(k >> 3)] >> (k & 7) & 1)) continue;
             for (int axis = 0; axis < 3; axis++)
-                at[axis] = map->blocks[n][axis] * GRID_VIEW_SIDE + in_block[axis];
-            if (!leave(&s, n, at, e)) return false;
+                at[axis] = s->map->blocks[n][axis] * GRID_VIEW_SIDE + in_block[axis];
+            if (!leave(s, n, at, e)) return false;
         }
-    for (size_t k = 0; k < out->count; k++) {
-        const crossed_cell c = out->cell[k]; /* the list may move */
-        if (!leave(&s, block_map_find(map, c.at[0] >> 3, c.at[1] >> 3, c.at[2] >> 3), c.at, e)) return false;
+    for (size_t k = 0; k < s->out->count; k++) {
+        const crossed_cell c = s->out->cell[k]; /* the list may move */
+        if (!leave(s, block_map_find(s->map, c.at[0] >> 3, c.at[1] >> 3, c.at[2] >> 3), c.at, e))
+            return false;
     }
     return true;
+}
+
+bool grazed_find(const block_map *map, const float *bricks, const int64_t size[3], threads *pool,
+                 uint8_t *crossed, grazed *out, error *e)
+{
+    const char *what = "the cells that the surface grazes";
+    const size_t bytes = (size_t)map->count * 64;
+    search s = {map, bricks, size, crossed, mem_array(bytes, 1, what, e), out};
+    out->passed = mem_array(bytes, 1, what, e);
+    bool ok = s.leaky && out->passed;
+    if (ok) threads_run(pool, map->count, BLOCKS, leak_chunk, &s);
+    ok = ok && follow(&s, e);
+    free(s.leaky);
+    return ok;
 }

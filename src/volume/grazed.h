@@ -2,7 +2,8 @@
  *
  * A spline may cross an edge twice, or bulge through a face. Beginning with the cells that have corners on both sides, the
  * surface is followed through faces. A face is known not to be passed when its Bezier coefficients have one sign
- * (convex hull); else its sign is looked at in a lattice. Units: index space. Threads: none.
+ * (convex hull); else its sign is looked at in a lattice. Units: index space. Threads: those of a pool,
+ * whose number does not show; incomplete where it was told to stop.
  */
 #ifndef HEXAD_VOLUME_GRAZED_H
 #define HEXAD_VOLUME_GRAZED_H
@@ -12,6 +13,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/threads.h"
 #include "geometry/block_map.h"
 
 typedef struct crossed_cell {
@@ -28,8 +30,8 @@ typedef struct grazed {
 /* `bricks` (brick.h) of the map's blocks. `size`: of the data where cells end with it, 0 along an axis where they do not.
  * `crossed`: 64 bytes a block, as rows of a crossing_block; receives the cells that are found. Error: limit_memory. Free
  * *out after failure, too. */
-bool grazed_find(const block_map *map, const float *bricks, const int64_t size[3], uint8_t *crossed,
-                 grazed *out, error *e);
+bool grazed_find(const block_map *map, const float *bricks, const int64_t size[3], threads *pool,
+                 uint8_t *crossed, grazed *out, error *e);
 void grazed_free(grazed *g);
 
 #endif

@@ -279,10 +279,10 @@ static bool make_bricks(loading *l, volume *v, error *e)
     return true;
 }
 
-static bool add_grazed_cells(volume *v, error *e)
+static bool add_grazed_cells(const loading *l, volume *v, error *e)
 {
     grazed found = {0};
-    bool ok = grazed_find(&v->map, v->coefficients, v->info.size, v->crossed, &found, e);
+    bool ok = grazed_find(&v->map, v->coefficients, v->info.size, l->pool, v->crossed, &found, e);
     if (ok && found.count > 0) {
         const size_t count = v->cell_count + found.count;
         crossed_cell *all = mem_array(count, sizeof *all, "the cells that the surface crosses", e);
@@ -327,7 +327,7 @@ static bool build(loading *l, volume *v, error *e)
 {
     set_transform(v, l->grid->index_to_world);
     if (!find_crossings(l, v, e) || !plan(l, v, e) || !read_samples(l, v, e) || !make_cells(l, v, e) ||
-        !note_sides(l, v, e) || !make_bricks(l, v, e) || !add_grazed_cells(v, e))
+        !note_sides(l, v, e) || !make_bricks(l, v, e) || !add_grazed_cells(l, v, e))
         return false;
     measure(v);
     return true;
