@@ -7,7 +7,7 @@
 #include "attribute/lattice.h"
 #include "geometry/affine.h"
 #include "mesh/mesh_file.h"
-#include "mesh/nearest.h"
+#include "mesh/nearest_triangle.h"
 
 static const point_attribute_kind kinds[MESH_VALUES_KINDS] = {
     [MESH_VALUES_NUMBER] = POINT_ATTRIBUTE_FLOAT,  [MESH_VALUES_WHOLE] = POINT_ATTRIBUTE_INT,
@@ -73,12 +73,12 @@ bool corners_read(const attribute_request *request, size_t count, const vec3 *po
     if (!read_mesh(request, &m, &of_file, &which, e)) return false;
     const mesh_reader_values *head = &of_file.head[which];
     const int components = (int)head->components;
-    nearest *tree = nearest_new(&m, e);
+    nearest_triangle *tree = nearest_triangle_new(&m, e);
     affine_invert(request->from_file, to_file);
     for (size_t i = 0; tree && i < count; i++) {
         double weight[3], *out = values + (size_t)components * i;
         vec3 x = affine_apply((const double(*)[4])to_file, position[i].x, position[i].y, position[i].z);
-        const uint32_t *corner = m.triangle[nearest_find(tree, x, weight)];
+        const uint32_t *corner = m.triangle[nearest_triangle_find(tree, x, weight)];
         bool finite = true;
         mix(of_file.value[which], components, corner, weight, head->kind == MESH_VALUES_WHOLE, out);
         for (int c = 0; c < components; c++) finite &= isfinite(out[c]);
@@ -87,7 +87,7 @@ bool corners_read(const attribute_request *request, size_t count, const vec3 *po
         counts->not_finite += !finite;
     }
     bool ok = tree != NULL;
-    nearest_free(tree);
+    nearest_triangle_free(tree);
     mesh_values_free(&of_file);
     mesh_free(&m);
     return ok;

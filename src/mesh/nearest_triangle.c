@@ -1,4 +1,4 @@
-#include "mesh/nearest.h"
+#include "mesh/nearest_triangle.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -10,7 +10,7 @@
 /* Triangles in a leaf; a box costs about as much as one. */
 enum { LEAF = 4, DEEPEST = 64 };
 
-struct nearest {
+struct nearest_triangle {
     const mesh *mesh;
     uint32_t *order; /* triangles along Morton's curve */
     bbox *box;       /* of node k, whose halves are 2 k + 1 and 2 k + 2 */
@@ -24,14 +24,14 @@ static size_t places_for(size_t count)
     return nodes;
 }
 
-static triangle triangle_at(const nearest *n, size_t k)
+static triangle triangle_at(const nearest_triangle *n, size_t k)
 {
     const uint32_t *corner = n->mesh->triangle[n->order[k]];
     const vec3 *v = n->mesh->vertex;
     return (triangle){v[corner[0]], v[corner[1]], v[corner[2]]};
 }
 
-static bbox build(nearest *n, size_t node, size_t first, size_t count)
+static bbox build(nearest_triangle *n, size_t node, size_t first, size_t count)
 {
     bbox box = bbox_empty();
     if (count <= LEAF) {
@@ -47,9 +47,9 @@ static bbox build(nearest *n, size_t node, size_t first, size_t count)
     return n->box[node] = box;
 }
 
-nearest *nearest_new(const mesh *m, error *e)
+nearest_triangle *nearest_triangle_new(const mesh *m, error *e)
 {
-    nearest *n = mem_alloc(sizeof *n);
+    nearest_triangle *n = mem_alloc(sizeof *n);
     vec3 *middle = mem_array(m->triangle_count, sizeof *middle, "the tree of a mesh", e);
     n->mesh = m;
     n->order = mem_array(m->triangle_count, sizeof *n->order, "the tree of a mesh", e);
@@ -65,11 +65,11 @@ nearest *nearest_new(const mesh *m, error *e)
         build(n, 0, 0, m->triangle_count);
         return n;
     }
-    nearest_free(n);
+    nearest_triangle_free(n);
     return NULL;
 }
 
-void nearest_free(nearest *n)
+void nearest_triangle_free(nearest_triangle *n)
 {
     if (!n) return;
     free(n->order);
@@ -93,7 +93,7 @@ typedef struct visit {
     double distance2;
 } visit;
 
-size_t nearest_find(const nearest *n, vec3 p, double weight[3])
+size_t nearest_triangle_find(const nearest_triangle *n, vec3 p, double weight[3])
 {
     visit stack[DEEPEST] = {{0, 0, n->mesh->triangle_count, 0}};
     size_t found = 0;
