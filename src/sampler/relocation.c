@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "packing/nearest.h"
+#include "packing/point_tree.h"
 #include "packing/neighbours.h"
 
 /* A point and how near its nearest is, or a place and how near its nearest point: over the spacing. */
@@ -91,18 +91,18 @@ static bool find_crowded(const relocation_input *in, threads *pool, ranked **out
 /* The places that are bare, the barest first; of two that are near each other one. */
 static bool find_bare(const relocation_input *in, threads *pool, ranked **out, size_t *found, error *e)
 {
-    nearest *tree = nearest_new(in->point, in->count, e);
+    point_tree *tree = point_tree_new(in->point, in->count, e);
     ranked *r = tree ? mem_array(in->places, sizeof *r, "the bare places", e) : NULL;
     *out = r;
     *found = 0;
     for (size_t k = 0; r && k < in->places; k++) {
         double distance;
-        uint32_t i = nearest_find(tree, in->place[k], 0, &distance);
+        uint32_t i = point_tree_nearest(tree, in->place[k], 0, &distance);
         distance /= in->h * in->size[i];
         if (distance > RELOCATION_BARE)
             r[(*found)++] = (ranked){distance, in->size[i], in->place[k], (uint32_t)k};
     }
-    nearest_free(tree);
+    point_tree_free(tree);
     if (!r || *found == 0) return r != NULL;
     qsort(r, *found, sizeof *r, farthest_first);
     return thin_out(in, r, pool, found, e);

@@ -2,14 +2,14 @@
 
 #include <math.h>
 
-#include "packing/nearest.h"
+#include "packing/point_tree.h"
 
 /* Cells are looked at in so many parts at most, each of which has a largest distance of its own. */
 enum { PARTS = 256 };
 
 typedef struct coverage_job {
     const surface *scan;
-    const nearest *points;
+    const point_tree *points;
     const double *spacing;
     double least; /* of all spacings */
     size_t grain;
@@ -38,7 +38,7 @@ static double look_at_places(const coverage_job *job, size_t k, double farthest)
         vec3 x = vec3_scale(vec3_add(corner[0], vec3_add(corner[1], corner[2])), 1.0 / 3);
         if (f->open && !bbox_contains(f->domain, x)) continue;
         double distance;
-        uint32_t point = nearest_find(job->points, x, farthest * job->least, &distance);
+        uint32_t point = point_tree_nearest(job->points, x, farthest * job->least, &distance);
         farthest = fmax(farthest, distance / job->spacing[point]);
     }
     return farthest;
@@ -57,7 +57,7 @@ static void cells_chunk(void *context, int worker, size_t begin, size_t end)
         vec3 middle = middle_of(&cell, &radius);
         /* with a point that near its middle no place of the cell is farther than the farthest */
         double enough = farthest * job->least - radius;
-        nearest_find(job->points, middle, enough, &distance);
+        point_tree_nearest(job->points, middle, enough, &distance);
         if (distance > enough) farthest = look_at_places(job, k, farthest);
     }
     job->farthest[begin / job->grain] = farthest;
@@ -66,7 +66,7 @@ static void cells_chunk(void *context, int worker, size_t begin, size_t end)
 bool coverage_measure(const surface *scan, const vec3 *position, const double *spacing, size_t count,
                       threads *pool, double *farthest, error *e)
 {
-    nearest *points = nearest_new(position, count, e);
+    point_tree *points = point_tree_new(position, count, e);
     if (!points) return false;
     coverage_job job = {scan, points, spacing, INFINITY, scan->cells / PARTS + 1, {0}};
     for (size_t i = 0; i < count; i++) job.least = fmin(job.least, spacing[i]);
@@ -75,6 +75,6 @@ bool coverage_measure(const surface *scan, const vec3 *position, const double *s
     double most = 0;
     for (int k = 0; k < PARTS; k++) most = fmax(most, job.farthest[k]);
     if (ok) *farthest = most;
-    nearest_free(points);
+    point_tree_free(points);
     return ok;
 }

@@ -10,7 +10,7 @@
 
 #include "base/rng.h"
 #include "close.h"
-#include "packing/nearest.h"
+#include "packing/point_tree.h"
 #include "packing/packing.h"
 #include "shapes.h"
 #include "surface/coverage.h"
@@ -99,18 +99,18 @@ static void the_nearest_is_found(void **state)
             if (c % 3 == 2) x[k] = (vec3){(double)k, 0, 0};                         /* sorted */
         }
         error e = {0};
-        nearest *n = nearest_new(x, count, &e);
+        point_tree *n = point_tree_new(x, count, &e);
         for (int p = 0; p < PLACES; p++) {
             vec3 place = vec3_scale(random_between(&r, (vec3){-1, -1, -1}, (vec3){1, 1, 1}), 4);
             double least = INFINITY, found, enough = 3 * rng_uniform(&r);
             for (size_t k = 0; k < count; k++) least = fmin(least, vec3_norm(vec3_sub(x[k], place)));
-            uint32_t point = nearest_find(n, place, 0, &found);
+            uint32_t point = point_tree_nearest(n, place, 0, &found);
             assert_true(found == least && vec3_norm(vec3_sub(x[point], place)) == found);
-            point = nearest_find(n, place, enough, &found);
+            point = point_tree_nearest(n, place, enough, &found);
             assert_true(found == least || found <= enough);
             assert_true(vec3_norm(vec3_sub(x[point], place)) == found);
         }
-        nearest_free(n);
+        point_tree_free(n);
     }
     free(x);
 }

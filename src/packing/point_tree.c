@@ -1,4 +1,4 @@
-#include "packing/nearest.h"
+#include "packing/point_tree.h"
 
 #include <assert.h>
 #include <math.h>
@@ -10,7 +10,7 @@
 /* So many points are not divided: to look at all of them takes no longer. */
 enum { LEAF = 8 };
 
-struct nearest {
+struct point_tree {
     const vec3 *points;
     size_t count;
     uint32_t *
@@ -18,7 +18,7 @@ struct nearest {
     uint8_t *axis; /* of the middle of each range */
 };
 
-static double place(const nearest *n, size_t k, int axis)
+static double place(const point_tree *n, size_t k, int axis)
 {
     return vec3_get(n->points[n->order[k]], axis);
 }
@@ -31,7 +31,7 @@ static void swap(uint32_t *a, uint32_t *b)
 }
 
 /* Puts the point of rank `middle` of low .. high - 1 in its place, smaller ones before it (Hoare 1961). */
-static void divide(nearest *n, size_t low, size_t high, size_t middle, int axis)
+static void divide(point_tree *n, size_t low, size_t high, size_t middle, int axis)
 {
     while (high - low > 1) {
         double pivot = place(n, low + (high - low) / 2, axis);
@@ -51,7 +51,7 @@ static void divide(nearest *n, size_t low, size_t high, size_t middle, int axis)
     }
 }
 
-static void build(nearest *n, size_t low, size_t high)
+static void build(point_tree *n, size_t low, size_t high)
 {
     while (high - low > LEAF) {
         bbox box = bbox_empty();
@@ -66,16 +66,16 @@ static void build(nearest *n, size_t low, size_t high)
     }
 }
 
-nearest *nearest_new(const vec3 *points, size_t count, error *e)
+point_tree *point_tree_new(const vec3 *points, size_t count, error *e)
 {
     assert(count > 0 && count < UINT32_MAX);
-    nearest *n = mem_alloc(sizeof *n);
+    point_tree *n = mem_alloc(sizeof *n);
     n->points = points;
     n->count = count;
     n->order = mem_array(count, sizeof *n->order, "the search for near points", e);
     n->axis = mem_array(count, sizeof *n->axis, "the search for near points", e);
     if (!n->order || !n->axis) {
-        nearest_free(n);
+        point_tree_free(n);
         return NULL;
     }
     for (size_t k = 0; k < count; k++) n->order[k] = (uint32_t)k;
@@ -83,7 +83,7 @@ nearest *nearest_new(const vec3 *points, size_t count, error *e)
     return n;
 }
 
-void nearest_free(nearest *n)
+void point_tree_free(point_tree *n)
 {
     if (!n) return;
     free(n->order);
@@ -97,7 +97,7 @@ typedef struct search {
     uint32_t best;
 } search;
 
-static void consider(const nearest *n, size_t k, search *s)
+static void consider(const point_tree *n, size_t k, search *s)
 {
     double d2 = vec3_norm2(vec3_sub(n->points[n->order[k]], s->x));
     if (d2 >= s->best2) return;
@@ -105,7 +105,7 @@ static void consider(const nearest *n, size_t k, search *s)
     s->best = n->order[k];
 }
 
-static void look(const nearest *n, size_t low, size_t high, search *s)
+static void look(const point_tree *n, size_t low, size_t high, search *s)
 {
     if (high - low <= LEAF) {
         for (size_t k = low; k < high; k++) consider(n, k, s);
@@ -119,7 +119,7 @@ static void look(const nearest *n, size_t low, size_t high, search *s)
     look(n, beyond < 0 ? middle + 1 : low, beyond < 0 ? high : middle, s);
 }
 
-uint32_t nearest_find(const nearest *n, vec3 x, double enough, double *distance)
+uint32_t point_tree_nearest(const point_tree *n, vec3 x, double enough, double *distance)
 {
     search s = {x, enough * fabs(enough), INFINITY, 0};
     look(n, 0, n->count, &s);

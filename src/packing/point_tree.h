@@ -1,0 +1,23 @@
+/* point_tree: the nearest of some points to any place, by a tree of halves (Bentley 1975).
+ *
+ * Looking is safe in any number of threads. The points stay the caller's, and where they are.
+ */
+#ifndef HEXAD_PACKING_POINT_TREE_H
+#define HEXAD_PACKING_POINT_TREE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/error.h"
+#include "geometry/vec3.h"
+
+typedef struct point_tree point_tree;
+
+/* Of 1 to 2^32 - 1 points. NULL and limit_memory when memory is out. */
+point_tree *point_tree_new(const vec3 *points, size_t count, error *e);
+void point_tree_free(point_tree *n);
+
+/* The point nearest to x, and how far it is; or any that is no farther than `enough`, which is found sooner. */
+uint32_t point_tree_nearest(const point_tree *n, vec3 x, double enough, double *distance);
+
+#endif
