@@ -720,7 +720,7 @@ static void steps_chunk(void *context, int worker, size_t begin, size_t end)
     uint32_t items[FAST_KERNEL_LANES];
     size_t held = 0, part = begin / job->grain;
     for (size_t i = begin; i < end; i++) {
-        if (job->sweep.r->flat[i] && is_held_at(&job->sweep, i)) items[held++] = (uint32_t)i;
+        if (is_held_at(&job->sweep, i)) items[held++] = (uint32_t)i;
         if (held < FAST_KERNEL_LANES && i + 1 < end) continue;
         job->squares[part] += squared_steps(&job->sweep, worker, items, held);
         job->counts[part] += held;
