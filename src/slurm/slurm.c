@@ -275,8 +275,7 @@ static void sweep(void *place)
     if (!farm) return;
     pthread_mutex_lock(&s->mutex);
     for (const struct dirent *d; (d = readdir(farm));)
-        if ((*d->d_name != '.' && !has_attempt(s, d->d_name)) ||
-            strncmp(d->d_name, ATTEMPT_FILES_LIST, strlen(ATTEMPT_FILES_LIST)) == 0)
+        if (strcmp(d->d_name, ".") != 0 && strcmp(d->d_name, "..") != 0 && !has_attempt(s, d->d_name))
             put_trash(s, mem_printf("%s/%s", s->farm, d->d_name));
     pthread_mutex_unlock(&s->mutex);
     closedir(farm);
@@ -384,6 +383,16 @@ static void *run_commands(void *argument)
     return NULL;
 }
 
+/* Nodes look for attempts by their names: what has lost its claim first would be taken once more. */
+static bool remove_files(const slurm *s, const char *directory, error *e)
+{
+    char *aside = mem_printf("%s/.old-%s", s->farm, strrchr(directory, '/') + 1);
+    bool moved = rename(directory, aside) == 0;
+    bool ok = store_remove(moved ? aside : directory, e);
+    free(aside);
+    return ok;
+}
+
 static void empty_trash(slurm *s)
 {
     pthread_mutex_lock(&s->mutex);
@@ -394,7 +403,7 @@ static void empty_trash(slurm *s)
     pthread_mutex_unlock(&s->mutex);
     for (size_t i = 0; i < count; i++) {
         error e = {0};
-        if (!store_remove(trash[i], &e)) /* an orphan may write there: the next start of hexad sweeps */
+        if (!remove_files(s, trash[i], &e)) /* an orphan may write there: the next start of hexad sweeps */
             log_write(LOG_LEVEL_WARNING, "the files of an attempt could not be removed: %s", e.message);
         free(trash[i]);
     }
