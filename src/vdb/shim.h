@@ -29,14 +29,22 @@ struct quiet {
     std::streambuf *before;
 };
 
+/* The library frees trees in parallel. Reading gains nothing from that, and a worker whose address space is limited has no
+ * room for the stacks and heaps of a thread per core. The limit stays: its end would start threads, which a fork leaves
+ * behind in the middle of something. */
+inline void use_one_thread()
+{
+    static const tbb::global_control *const one =
+        new tbb::global_control(tbb::global_control::max_allowed_parallelism, 1);
+    (void)one;
+}
+
 /* Runs `body` and turns whatever it throws into *e. `what` names the object that is read or written.
  * The library's own message is kept. */
 template <typename Body> bool guard(error *e, error_code otherwise, const char *what, Body body)
 {
     try {
-        /* The library frees trees in parallel. Reading gains nothing from that, and a worker whose
-         * address space is limited has no room for the stacks and heaps of a thread per core. */
-        tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
+        use_one_thread();
         quiet meanwhile;
         body();
         return true;

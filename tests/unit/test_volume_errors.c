@@ -1,4 +1,5 @@
 /* What a volume that cannot be opened says, and that nothing in a file takes more than an error. */
+#include <dirent.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -576,6 +577,33 @@ static int open_elsewhere(const unsigned char *bytes, size_t size)
     return WIFSIGNALED(status) ? -WTERMSIG(status) : WEXITSTATUS(status);
 }
 
+static int threads_of_process(void)
+{
+    int count = 0;
+    DIR *tasks = opendir("/proc/self/task");
+    assert_non_null(tasks);
+    while (readdir(tasks)) count++;
+    closedir(tasks);
+    return count;
+}
+
+/* A thread that a library leaves behind may hold a lock when the process forks. */
+static void reading_and_writing_leave_no_threads(void **state)
+{
+    (void)state;
+    int before = threads_of_process();
+    fixture g = fixture_make(fixture_uniform, 9, ball, 0.3);
+    vdb_draft d = draft_of(&g);
+    int fd = fixture_write(&d, 1, VDB_SEEKABLE, false);
+    error e = {0};
+    volume *v = fixture_open(fd, NULL, NAN, VOLUME_INTERPOLATING, &e);
+    assert_non_null(v);
+    volume_close(v);
+    close(fd);
+    fixture_free(&g);
+    assert_int_equal(threads_of_process(), before);
+}
+
 static void flipped_bits_give_errors_or_volumes(void **state)
 {
     (void)state;
@@ -638,6 +666,7 @@ static void readers_that_are_gone_before_they_are_asked(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(reading_and_writing_leave_no_threads),
         cmocka_unit_test(the_choice_of_the_grid),
         cmocka_unit_test(what_is_not_a_volume),
         cmocka_unit_test(volumes_without_a_surface),
