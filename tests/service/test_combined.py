@@ -134,6 +134,7 @@ def test_solids_that_hide_each_other(sample, dense_ball):
         assert points is None and e["code"] == "no_surface", (nothing, e)
 
 
+@pytest.mark.plain
 def test_kinds_may_be_mixed_and_nested(sample, dense_ball, cube_mesh):
     """A cube from which two balls are taken: every point is on one of the three."""
     corner = (-1, -1, 0.2)
@@ -171,6 +172,7 @@ def test_a_transform_of_a_volume(sample, dense_ball):
     assert report["surface"]["area"] == pytest.approx(16 * numpy.pi, rel=1e-3)
 
 
+@pytest.mark.plain
 def test_open_surfaces(sample):
     """A gyroid's box cuts it: it stays open when it is turned by a quarter, cannot be turned obliquely, is closed by a sphere
     within the box, and cannot end inside of a union."""

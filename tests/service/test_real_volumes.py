@@ -118,6 +118,7 @@ def fog_jobs(data_service, shared_data):
     return {name: data_service.submit(vdb(shared_data / "vdb" / name, FOG[name][2], *FOG[name][:2])) for name in order}
 
 
+@pytest.mark.plain
 @pytest.mark.parametrize("name", FOG)
 def test_fog(data_service, shared_data, fog_jobs, pyopenvdb, diagnose, name):
     grid, isovalue, count = FOG[name]
