@@ -10,6 +10,13 @@
 /* Voxels from a crossed cell within which a volume's spline is asked on which side a point lies. */
 #define NEAR (VOLUME_FIELD_MARGIN - 1)
 
+/* The largest whole number that is not above `at`, which has one. */
+static inline int32_t voxel_of(double at)
+{
+    const int32_t i = (int32_t)at;
+    return i - (at < (double)i);
+}
+
 static bool sample(const field *f, vec3 x, field_order order, field_sample *out)
 {
     const volume *v = (const volume *)f;
@@ -20,8 +27,7 @@ static bool sample(const field *f, vec3 x, field_order order, field_sample *out)
     double t[3];
     for (int axis = 0; axis < 3; axis++) {
         if (!(p[axis] >= v->low[axis] && p[axis] < v->high[axis])) return false; /* NaN as well */
-        int32_t i = (int32_t)p[axis];
-        i -= p[axis] < (double)i;
+        const int32_t i = voxel_of(p[axis]);
         block[axis] = i >> 3;
         cell[axis] = i & 7;
         t[axis] = p[axis] - (double)i;
@@ -113,11 +119,7 @@ static double steps_within_block(vec3 p, const int32_t voxel[3], vec3 step)
 /* The voxel of a place, and the number of its brick. */
 static uint32_t brick_at(const volume *v, vec3 index, int32_t voxel[3])
 {
-    for (int axis = 0; axis < 3; axis++) {
-        const double at = vec3_get(index, axis);
-        voxel[axis] = (int32_t)at;
-        voxel[axis] -= at < (double)voxel[axis];
-    }
+    for (int axis = 0; axis < 3; axis++) voxel[axis] = voxel_of(vec3_get(index, axis));
     return block_map_find(&v->map, voxel[0] >> 3, voxel[1] >> 3, voxel[2] >> 3);
 }
 
@@ -172,8 +174,7 @@ static void find_cells(const volume *v, const vec3_lanes *x, bool *defined, spli
         for (int axis = 0; axis < 3; axis++) {
             const double at = p[axis][l];
             within = within && at >= v->low[axis] && at < v->high[axis]; /* NaN: not */
-            int32_t i = within ? (int32_t)at : 0;
-            i -= within && at < (double)i;
+            const int32_t i = within ? voxel_of(at) : 0;
             block[axis] = i >> 3;
             cell[axis] = i & 7;
             out->t[axis][l] = within ? (float)(at - (double)i) : 0;
