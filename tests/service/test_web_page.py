@@ -10,6 +10,9 @@ from service import gated_worker, long_sphere, sphere, wait_until
 from test_access import closed_service, new_token, with_token  # noqa: F401
 from test_tls import Front, certificate  # noqa: F401
 
+pytestmark = pytest.mark.plain
+
+
 @pytest.fixture(scope="module")
 def chromium(tmp_path_factory):
     if not is_there():
@@ -23,8 +26,6 @@ def chromium(tmp_path_factory):
 def browser(chromium, build):
     if not (build / "page/uplot.js").exists():
         pytest.skip("the page was not built: run npm ci in page, and make")
-    if not (build / "hexad-vdb.so").exists():
-        pytest.skip("with sanitizers the service is tested without a browser: these tests are about the page")
     chromium.faults()
     yield chromium
     faults = chromium.faults()
