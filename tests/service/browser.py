@@ -3,7 +3,7 @@ none."""
 import contextlib
 import shutil
 
-from service import wait_until
+from service import PATIENCE_S, wait_until
 
 try:
     from selenium import webdriver
@@ -35,6 +35,8 @@ class Browser:
         options.accept_insecure_certs = True  # made for a test
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
         self.driver = webdriver.Chrome(service=Driver(shutil.which("chromedriver")), options=options)
+        self.driver.set_script_timeout(PATIENCE_S)  # one picture of many points takes a minute beside other load
+        self.driver.command_executor.set_timeout(2 * PATIENCE_S)
 
     def close(self):
         self.driver.quit()
