@@ -251,8 +251,11 @@ static double analytic_side(const field *f, vec3 x)
     return analytic_sample(f, x, FIELD_GRADIENT, &s) ? 0 : corner_value(f, x);
 }
 
-static const field_ops analytic_ops = {analytic_sample, analytic_cell_count, analytic_cell, analytic_side,
-                                       analytic_sample_lanes};
+static const field_ops analytic_ops = {.sample = analytic_sample,
+                                       .cell_count = analytic_cell_count,
+                                       .cell = analytic_cell,
+                                       .side = analytic_side,
+                                       .sample_lanes = analytic_sample_lanes};
 
 static vec3 half_extent(const analytic_params *p)
 {

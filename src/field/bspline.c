@@ -103,7 +103,8 @@ static double bspline_side(const field *f, vec3 x)
     return bbox_contains(((const bspline *)f)->params.domain, x) ? 0 : 1;
 }
 
-static const field_ops bspline_ops = {bspline_sample, bspline_cell_count, bspline_cell, bspline_side, NULL};
+static const field_ops bspline_ops = {
+    .sample = bspline_sample, .cell_count = bspline_cell_count, .cell = bspline_cell, .side = bspline_side};
 
 /* Cells are whole parts of spans. */
 static void lay_out_grid(bspline *b)

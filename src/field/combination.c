@@ -90,8 +90,10 @@ static void combination_cell(const field *f, size_t k, field_cell *out)
     cell_grid_cell(&((const combination *)f)->grid, f, &oracle, k, out);
 }
 
-static const field_ops combination_ops = {combination_sample, combination_cell_count, combination_cell,
-                                          combination_side, NULL};
+static const field_ops combination_ops = {.sample = combination_sample,
+                                          .cell_count = combination_cell_count,
+                                          .cell = combination_cell,
+                                          .side = combination_side};
 
 /* ---- making one */
 

@@ -14,12 +14,14 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 
 #include "geometry/bbox.h"
 #include "geometry/sym3.h"
 #include "geometry/vec3.h"
 
 typedef struct field field;
+struct field_patches; /* field/patches.h */
 
 /* How much of a sample is wanted. */
 typedef enum field_order { FIELD_GRADIENT = 1, FIELD_HESSIAN = 2 } field_order;
@@ -37,6 +39,8 @@ typedef struct field_cell {
     double value[8]; /* F at the corners */
     bool grazed;     /* the surface is known to pass a face whose corners are on one side */
 } field_cell;
+
+enum { FIELD_CELL_TRIANGLES = 12 }; /* the most in a cell: two in each of six tetrahedra */
 
 typedef struct field_ops {
     /* F and its derivatives at x. False (out untouched) where the field is not defined: outside the
@@ -60,6 +64,14 @@ typedef struct field_ops {
      * entry becomes false. The same to the last bit whatever the other lanes hold. NULL: nothing is faster than `sample`. */
     void (*sample_lanes)(const field *f, const vec3_lanes *x, bool defined[VEC3_LANES],
                          double value[VEC3_LANES], vec3_lanes *gradient);
+
+    /* The triangles of which cell k consists, corners on the surface; returns how many. Triangles of cells that touch meet
+     * in whole sides or do not overlap. Of such a field `cell` gives a box round them; its values say nothing. Needed where
+     * there are patches. NULL: the cell is cut by where F changes sign. */
+    int (*cell_triangles)(const field *f, size_t k, vec3 out[FIELD_CELL_TRIANGLES][3]);
+
+    /* To which patch a place on or near the surface in cell k belongs. Needed where there are patches. */
+    uint32_t (*patch_at)(const field *f, size_t k, vec3 x);
 } field_ops;
 
 struct field {
@@ -72,6 +84,9 @@ struct field {
     double cell_size;  /* longest edge of a cell, world units */
     bool open;         /* the surface is cut by faces of the domain and has boundaries there */
     bool sharp;        /* F is about a distance near the surface, and has kinks where smooth parts meet */
+    /* NULL: the surface is one smooth piece, or taken for one. Else it consists of these, `sample` gives the one nearest to
+     * x, and `open` is false: where the surface ends there are curves. */
+    const struct field_patches *patches;
 };
 
 enum { FIELD_ALL_FACES = 63 };

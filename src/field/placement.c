@@ -44,8 +44,10 @@ static double placement_side(const field *f, vec3 x)
     return p->part->ops->side(p->part, affine_apply(p->to_part, x.x, x.y, x.z));
 }
 
-static const field_ops placement_ops = {placement_sample, placement_cell_count, placement_cell,
-                                        placement_side, NULL};
+static const field_ops placement_ops = {.sample = placement_sample,
+                                        .cell_count = placement_cell_count,
+                                        .cell = placement_cell,
+                                        .side = placement_side};
 
 /* Faces of the domain that cut the surface, after the map; false when it does not map axes to axes. */
 static bool map_boundary_faces(const placement *p, unsigned *faces)

@@ -43,8 +43,11 @@ static void region_sample_lanes(const field *f, const vec3_lanes *x, bool *defin
     field_sample_lanes(((const region *)f)->whole, x, defined, value, gradient);
 }
 
-static const field_ops region_ops = {region_sample, region_cell_count, region_cell, region_side,
-                                     region_sample_lanes};
+static const field_ops region_ops = {.sample = region_sample,
+                                     .cell_count = region_cell_count,
+                                     .cell = region_cell,
+                                     .side = region_side,
+                                     .sample_lanes = region_sample_lanes};
 
 static bbox box_of_cell(const field *f, size_t k)
 {

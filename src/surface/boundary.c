@@ -107,7 +107,7 @@ static bool face_passes(const surface *s, size_t cell, int face)
 
 static bool find_segments(const surface *s, int face, segments *all, error *e)
 {
-    vec3 t[SURFACE_CELL_TRIANGLES][3];
+    vec3 t[FIELD_CELL_TRIANGLES][3];
     for (size_t k = 0; k < s->cells; k++) {
         if (!face_passes(s, k, face)) continue;
         int count = surface_cell_triangles(s, k, t);

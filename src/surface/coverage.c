@@ -31,7 +31,7 @@ static vec3 middle_of(const field_cell *cell, double *radius)
 static double look_at_places(const coverage_job *job, size_t k, double farthest)
 {
     const field *f = job->scan->field;
-    vec3 triangle[SURFACE_CELL_TRIANGLES][3];
+    vec3 triangle[FIELD_CELL_TRIANGLES][3];
     int count = surface_cell_triangles(job->scan, k, triangle);
     for (int i = 0; i < count; i++) {
         vec3 *corner = triangle[i];

@@ -55,8 +55,8 @@ typedef struct corner {
 
 typedef struct triangulation {
     int count;
-    corner at[SURFACE_CELL_TRIANGLES][3];
-    double area[SURFACE_CELL_TRIANGLES]; /* of what lies in the domain; points are drawn by it */
+    corner at[FIELD_CELL_TRIANGLES][3];
+    double area[FIELD_CELL_TRIANGLES]; /* of what lies in the domain; points are drawn by it */
 } triangulation;
 
 /* Where the surface cuts an edge that cells of a chunk share, by the edge's ends and F there: the inside first. */
@@ -424,7 +424,7 @@ static double part_area(const field *f, const part_grid *grid, int part, triangu
     cut_cell(&way, &t);
     for (int i = 0; i < t.count; i++) {
         area += curved_area(f, t.at[i], EXCESS_DEPTH);
-        if (lacking && lacking->count < SURFACE_CELL_TRIANGLES)
+        if (lacking && lacking->count < FIELD_CELL_TRIANGLES)
             add_triangle(lacking, &t.at[i][0], &t.at[i][1], &t.at[i][2]);
     }
     return area;
@@ -583,7 +583,7 @@ vec3 surface_point(const surface *s, const double *before, double where, rng *r)
     return p;
 }
 
-int surface_cell_triangles(const surface *s, size_t cell, vec3 out[SURFACE_CELL_TRIANGLES][3])
+int surface_cell_triangles(const surface *s, size_t cell, vec3 out[FIELD_CELL_TRIANGLES][3])
 {
     field_cell place;
     triangulation t;

@@ -48,7 +48,6 @@ bool surface_slide(const field *f, unsigned fixed, double reach, vec3 *x, vec3 *
 /* The triangles of a cell, corners on the surface to a millionth of it; those of neighbouring cells have the
  * same corners, bit by bit, where they meet. What lies outside of the domain is not cut off. Returns how
  * many. */
-#define SURFACE_CELL_TRIANGLES 12 /* at most two in each of six tetrahedra */
-int surface_cell_triangles(const surface *s, size_t cell, vec3 out[SURFACE_CELL_TRIANGLES][3]);
+int surface_cell_triangles(const surface *s, size_t cell, vec3 out[FIELD_CELL_TRIANGLES][3]);
 
 #endif

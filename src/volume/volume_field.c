@@ -208,4 +208,5 @@ static void sample_lanes(const field *f, const vec3_lanes *x, bool *defined, dou
     }
 }
 
-const field_ops volume_field_ops = {sample, cell_count, cell, side, sample_lanes};
+const field_ops volume_field_ops = {
+    .sample = sample, .cell_count = cell_count, .cell = cell, .side = side, .sample_lanes = sample_lanes};

@@ -69,7 +69,7 @@ static void cell(const field *f, size_t k, field_cell *out)
     fill_cell(b, b->crossing[k], out);
 }
 
-static const field_ops balls_ops = {sample, cell_count, cell, NULL, NULL};
+static const field_ops balls_ops = {.sample = sample, .cell_count = cell_count, .cell = cell};
 
 /* Radii 1 and `small`, in cells of a tenth of the small one. */
 static balls make_balls(double small)
