@@ -18,8 +18,9 @@
 #define SPREAD 16
 /* The wait before Slurm is asked again after it could not be reached. */
 #define AWAY_MS 2000
-/* Attempts are gathered until none has come for a while, and no longer than this: a call costs Slurm more. While more
- * small ones than these wait in Slurm, there is less hurry. */
+/* Attempts are gathered until none has come for a while, and no longer than this: a call costs Slurm more. While none is
+ * in Slurm its nodes have nothing to do, and the first goes after a pause; while more small ones than these wait there,
+ * there is less hurry. */
 #define PAUSE_MS 100
 #define GATHER_MS 2000
 #define GATHER_MORE_MS 10000
@@ -110,7 +111,9 @@ static bool gather(slurm *s, load *l, int64_t *due_ms)
     int64_t now = clock_monotonic_ms();
     engine_attempt *head = NULL;
     size_t waiting = 0;
+    bool idle = true;
     for (engine_attempt *a = s->first; a; a = a->next) {
+        idle &= !a->batch || a->ended;
         if (!a->batch && !a->ended && a->not_before_ms > now && a->not_before_ms < *due_ms)
             *due_ms = a->not_before_ms;
         if (!waits(a, now)) continue;
@@ -118,7 +121,7 @@ static bool gather(slurm *s, load *l, int64_t *due_ms)
         waiting += goes_with(head, a);
     }
     if (!head) return false;
-    int64_t patience_ms = head->small && s->open > waiting ? GATHER_MORE_MS : GATHER_MS;
+    int64_t patience_ms = idle ? PAUSE_MS : head->small && s->open > waiting ? GATHER_MORE_MS : GATHER_MS;
     if (now - s->newest_ms < PAUSE_MS && now - head->since_ms < patience_ms) { /* more are coming */
         if (s->newest_ms + PAUSE_MS < *due_ms) *due_ms = s->newest_ms + PAUSE_MS;
         return false;

@@ -47,7 +47,7 @@ MinJobAge=300
 MaxJobCount={most_jobs}
 MessageTimeout=5
 TCPTimeout=2
-AccountingStorageType=accounting_storage/none
+AccountingStorageType=accounting_storage/{accounting}
 JobCompType=jobcomp/none
 {nodes}
 PreemptType=preempt/partition_prio
@@ -63,6 +63,32 @@ def missing():
     if lacks:
         return f"no {lacks[0]} (slurmctld, slurmd, slurm-client, munge)"
     return None if os.geteuid() == 0 else "node daemons need root"
+
+
+ACCOUNTING = """slurmdbd
+AccountingStorageHost=localhost
+AccountingStoragePort={port}
+AccountingStoragePass={base}/munge/socket
+AccountingStorageEnforce=limits"""
+ACCOUNTS_PROGRAMS = ("slurmdbd", "sacctmgr", "mariadbd", "mariadb-install-db")
+SLURMDBD_CONF = """AuthType=auth/munge
+AuthInfo=socket={base}/munge/socket
+DbdHost=localhost
+DbdPort={port}
+SlurmUser=root
+PidFile={base}/slurmdbd.pid
+StorageType=accounting_storage/mysql
+StorageHost=127.0.0.1
+StoragePort={storage}
+StorageUser=root
+StorageLoc=accounts
+"""
+
+
+def lacks_accounts():
+    """Why there can be no slurmdbd here; None: there can."""
+    lacks = [p for p in ACCOUNTS_PROGRAMS if not shutil.which(p, path=PATH)]
+    return f"no {lacks[0]} (slurmdbd, mariadb-server)" if lacks else None
 
 
 # The kernel keeps the memory limits of jobs. Slurm makes and removes groups of its own.
@@ -86,12 +112,14 @@ def free_port():
 
 
 class Cluster:
-    def __init__(self, nodes=2, cpus=2, memory_mb=4000, node_timeout=300, most_jobs=10000, groups=False):
+    def __init__(self, nodes=2, cpus=2, memory_mb=4000, node_timeout=300, most_jobs=10000, groups=False, accounts=None):
+        """accounts: limits of each account that there is (words of sacctmgr), kept by slurmdbd on a MariaDB; None: no slurmdbd."""
         self.base = pathlib.Path(tempfile.mkdtemp(prefix="slurm."))  # short: sockets are made below it
         self.base.chmod(0o755)
         self.nodes = [f"n{i}" for i in range(nodes)]
         self.environment = {**os.environ, "PATH": PATH, "SLURM_CONF": str(self.base / "slurm.conf")}
         self.running = {}
+        self.accounts_port = free_port()
         self.past = set()  # numbers of jobs that were forgotten
         lines = [f"NodeName={n} NodeHostname={socket.gethostname().split('.')[0]} NodeAddr=127.0.0.1 Port={free_port()}"
                  f" CPUs={cpus} RealMemory={memory_mb} State=UNKNOWN" for n in self.nodes]
@@ -99,7 +127,9 @@ class Cluster:
             host=socket.gethostname().split(".")[0], controller=free_port(), base=self.base,
             node_timeout=node_timeout, most_jobs=most_jobs, nodes="\n".join(lines),
             task_plugin="task/cgroup" if groups else "task/none",
-            over_memory="" if groups else "JobAcctGatherParams=OverMemoryKill"))
+            over_memory="" if groups else "JobAcctGatherParams=OverMemoryKill",
+            accounting="none" if accounts is None else ACCOUNTING.format(base=self.base, port=self.accounts_port)))
+        self.accounts = accounts
         if groups:
             (self.base / "cgroup.conf").write_text(CGROUP_CONF)
 
@@ -119,12 +149,31 @@ class Cluster:
                    f"--pid-file={munge}/pid", f"--log-file={munge}/log", f"--seed-file={munge}/seed")
         wait_until(lambda: (munge / "socket").exists(), "munged")
         (self.base / "state").mkdir()
+        if self.accounts is not None:
+            self.start_accounts()
         self.start_controller()
         for node in self.nodes:
             self.start_node(node)
         wait_until(lambda: set(self.call("sinfo", "-h", "-N", "-t", "idle", "-o", "%N").split()) == set(self.nodes),
                    "idle nodes")
         return self
+
+    def start_accounts(self):
+        data, storage = self.base / "accounts", free_port()
+        subprocess.run(["mariadb-install-db", "--no-defaults", "--user=root", f"--datadir={data}", "--auth-root-authentication-method=normal",
+                        "--skip-test-db"], env=self.environment, check=True, capture_output=True, timeout=PATIENCE_S)
+        self.begin("mariadbd", "mariadbd", "--no-defaults", "--user=root", f"--datadir={data}", "--bind-address=127.0.0.1", f"--port={storage}",
+                   f"--socket={data}/socket", f"--pid-file={data}/pid")
+        wait_until((data / "socket").exists, "MariaDB")
+        conf = self.base / "slurmdbd.conf"
+        conf.write_text(SLURMDBD_CONF.format(base=self.base, port=self.accounts_port, storage=storage))
+        conf.chmod(0o600)
+        self.begin("slurmdbd", "slurmdbd", "-D")
+        wait_until(lambda: "hexad" in self.call("sacctmgr", "-ni", "add", "cluster", "hexad"), "slurmdbd")
+        for name, limits in self.accounts.items():
+            self.call("sacctmgr", "-i", "add", "account", name)
+            self.call("sacctmgr", "-i", "add", "user", "root", f"account={name}")
+            self.call("sacctmgr", "-i", "modify", "account", name, "set", *limits)
 
     def start_controller(self):
         self.begin("slurmctld", "slurmctld", "-D")

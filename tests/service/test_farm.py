@@ -258,6 +258,34 @@ def test_a_held_job_says_so_and_waits(slurm, new_farm):
     assert len(attempts(farm, job)) == 1
 
 
+@pytest.fixture
+def accounts(new_cluster):
+    if cluster.lacks_accounts():
+        pytest.skip(cluster.lacks_accounts())
+    return new_cluster(nodes=1, accounts={"film": ["GrpJobs=1"], "poor": ["MaxSubmitJobs=0"]})
+
+
+def test_limits_of_accounts_are_told(accounts, new_farm, gate):
+    """With slurmdbd: an account that may submit nothing, one that may run one job at a time, and one that is not there."""
+    farm = new_farm("--worker", gate, "--slurm_accounts", "*=film", "--slurm_allow", "--account")
+    for account in ("poor", "strange"):
+        job = farm.submit(sphere(queue={"slurm": [f"--account={account}"]}))
+        error = farm.wait_state(job, "failed")["error"]
+        assert error["code"] == "not_supported" and "account" in error["message"].lower(), error
+        assert len(attempts(farm, job)) == 1
+    first = farm.submit(sphere())
+    wait_running(accounts, farm, first)
+    second = farm.submit(sphere())
+    wait_until(lambda: (farm.job(second)["progress"] or {}).get("reason") == "AssocGrpJobsLimit", "the reason")
+    for job in (first, second):
+        farm.open_gate(job)
+        farm.wait_state(job, "succeeded")
+        assert len(attempts(farm, job)) == 1
+    rows = wait_until(lambda: [row for row in accounts.call("sacct", "-nPX", "-o", "account,state").splitlines() if "COMPLETED" in row],
+                      "the jobs' accounts")
+    assert all(row.startswith("film|") for row in rows)
+
+
 WORDS = [("OUT_OF_MEMORY", "failed", "limit_memory", "out of memory"), ("BOOT_FAIL", "succeeded", None, "(BOOT_FAIL)"),
          ("DEADLINE", "timed_out", "limit_time", "(DEADLINE)")]
 
