@@ -70,6 +70,10 @@ typedef struct field_ops {
      * there are patches. NULL: the cell is cut by where F changes sign. */
     int (*cell_triangles)(const field *f, size_t k, vec3 out[FIELD_CELL_TRIANGLES][3]);
 
+    /* Of the field of a patch that ends in curves: whether the place of its zero set at or next to x lies between the curves,
+     * and not where the patch only goes on beyond them. NULL: it always does. */
+    bool (*within)(const field *f, vec3 x);
+
     /* To which patch a place on or near the surface in cell k belongs. Needed where there are patches. */
     uint32_t (*patch_at)(const field *f, size_t k, vec3 x);
 } field_ops;

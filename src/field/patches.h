@@ -17,7 +17,7 @@
 
 typedef struct field_patch {
     /* Its own F: zero on the patch, defined some spacings around it. Beyond its curves the patch goes on tangentially. No
-     * sheet of another patch is a zero of it. Of the ops only `sample` and `sample_lanes` are asked for. */
+     * sheet of another patch is a zero of it. Of the ops only `sample` and `within` are asked for. */
     const field *field;
     bool two_sided; /* it has no orientation (a Moebius strip): the sign of its normals means nothing */
     double area;    /* > 0 */
@@ -41,6 +41,12 @@ typedef struct field_patches {
     vec3 *vertex;
     uint32_t *curve_patch;
 } field_patches;
+
+/* Whether a place near the zero set of a patch is one of the patch. */
+static inline bool field_is_within(const field *patch, vec3 x)
+{
+    return !patch->ops->within || patch->ops->within(patch, x);
+}
 
 /* The field that holds for particles of a patch: the patch's own, or all of a surface without patches. */
 static inline const field *field_of_patch(const field *f, uint32_t patch)
