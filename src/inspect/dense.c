@@ -51,6 +51,7 @@ bool dense_describe(const contents_input *in, slices *s, const json *shape, cons
                     json *suggestions, error *e)
 {
     double at[VALUES_CANDIDATES];
+    const double voxels = (double)s->size[0] * (double)s->size[1] * (double)s->size[2];
     values v = values_begin();
     describe_slices(s, o);
     bool ok = add_slices(s, (size_t)in->options->memory_mb << 20, &v, e) || error_prefix(e, "%s", in->path);
@@ -60,7 +61,7 @@ bool dense_describe(const contents_input *in, slices *s, const json *shape, cons
     for (size_t k = 0; ok && k < count; k++) {
         json *tried = json_copy(shape);
         json_set(tried, isovalue, json_new_number(at[k]));
-        ok = suggestion_append(suggestions, tried, in->options, e);
+        ok = suggestion_append(suggestions, tried, voxels, in->options, e);
     }
     return ok;
 }

@@ -54,15 +54,17 @@ static json *surface_of(const contents_input *in, const char *name, const double
 static bool suggest(const contents_input *in, const char *name, const vdb_grid *g, values *v,
                     json *suggestions, error *e)
 {
+    const double voxels = (double)g->leaf_count * VDB_LEAF_VOXELS;
     double at[VALUES_CANDIDATES];
     if (g->grid_class == VDB_LEVEL_SET)
-        return suggestion_append(suggestions, surface_of(in, name, NULL), in->options, e);
+        return suggestion_append(suggestions, surface_of(in, name, NULL), voxels, in->options, e);
     /* where voxels end and the background begins there is a surface, too */
     float background = g->background;
     values_add(v, &background, 1);
     size_t count = values_candidates(v, at);
     for (size_t k = 0; k < count; k++)
-        if (!suggestion_append(suggestions, surface_of(in, name, &at[k]), in->options, e)) return false;
+        if (!suggestion_append(suggestions, surface_of(in, name, &at[k]), voxels, in->options, e))
+            return false;
     return true;
 }
 

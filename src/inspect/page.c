@@ -173,7 +173,7 @@ static void print_suggestion(FILE *out, json_at s)
         if (json_type_of(json_member(&s, "area")) == JSON_NUMBER)
             fprintf(out, "area %s%.6g, ", measured ? "" : "about ", number_of(s, "area"));
         if (!measured)
-            fputs("not measured: it takes longer than an inspection may\n", out);
+            fputs("not measured: a scan of its cells takes longer than an inspection may\n", out);
         else if (json_type_of(count) == JSON_NUMBER)
             fprintf(out, "resolved by %.0f points (spacing %.3g)\n", json_number(count, 0),
                     number_of(s, "spacing"));

@@ -2,7 +2,6 @@
 
 #include <math.h>
 
-#include "base/clock.h"
 #include "base/memory.h"
 #include "packing/packing.h"
 #include "run/advice.h"
@@ -13,10 +12,9 @@
 
 /* The fewest points that a suggestion asks for, and the most, which take seconds. */
 static const double FEWEST = 2000, MOST = 100000;
-/* A surface of more cells takes longer to scan than an inspection may. */
-static const size_t SCANNED_CELLS = 300000;
-/* Processor time of the process after which no surface is scanned, and none opened, any more. */
-static const double SCAN_UNTIL_S = 3, OPEN_UNTIL_S = 5;
+/* What an inspection may do, whatever the machine: scan so many cells of all surfaces together, as a cube of 256 voxels
+ * has, and read so many voxels to open them. */
+static const double MOST_CELLS = 4e5, MOST_VOXELS = 3e8;
 /* Cells that a plane passes, for each square of their side: the mean over its directions. */
 static const double CELLS_OF_A_PLANE = 1.5;
 /* Cells at which the gradient is measured. */
@@ -80,12 +78,26 @@ static bool describe(job *j, const json *shape, json *item, error *e)
     return true;
 }
 
-static bool look(job *j, const json *shape, json *item, error *e)
+/* Cells of the surfaces in the list that were scanned. */
+static double cells_scanned(const json *list)
+{
+    double cells = 0;
+    json_at root = json_root(list);
+    for (size_t k = 0; k < json_size(root); k++) {
+        json_at item = json_element(&root, k);
+        if (json_bool(json_member(&item, "measured"), false))
+            cells += json_number(json_member(&item, "cells"), 0);
+    }
+    return cells;
+}
+
+/* `cells`: how many may be scanned. */
+static bool look(job *j, const json *shape, double cells, json *item, error *e)
 {
     static job_phase *const phases[] = {job_load};
     if (!job_run_phases(j, phases, 1, e)) return false;
     const field *f = j->source.field;
-    bool seen = f->ops->cell_count(f) <= SCANNED_CELLS && clock_processor_s() < SCAN_UNTIL_S;
+    bool seen = (double)f->ops->cell_count(f) <= cells;
     if (!seen) describe_unseen(f, shape, item);
     if (seen && !describe(j, shape, item, e)) return false;
     json *unused = json_new_object();
@@ -94,16 +106,16 @@ static bool look(job *j, const json *shape, json *item, error *e)
     return true;
 }
 
-bool suggestion_append(json *list, json *shape, const run_options *options, error *e)
+bool suggestion_append(json *list, json *shape, double voxels, const run_options *options, error *e)
 {
     error fault = {0};
     json *document = spec_of(shape, FEWEST), *item = json_new_object();
     spec *s = spec_parse(document, NULL, &fault);
     job j = {.spec = s, .options = options};
     progress_begin(&j.progress, options->progress_fd, false);
-    bool late = clock_processor_s() >= OPEN_UNTIL_S;
-    if (late) describe_unseen(NULL, shape, item);
-    bool ok = late || (s && look(&j, shape, item, &fault));
+    bool unopened = voxels * (double)(json_size(json_root(list)) + 1) > MOST_VOXELS;
+    if (unopened) describe_unseen(NULL, shape, item);
+    bool ok = unopened || (s && look(&j, shape, MOST_CELLS - cells_scanned(list), item, &fault));
     progress_end(&j.progress);
     job_free(&j);
     spec_free(s);

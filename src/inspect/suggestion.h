@@ -5,9 +5,10 @@
 #include "json/json.h"
 #include "run/run_options.h"
 
-/* Opens and scans the surface, a spec's object `surface`, which is taken over. Appends to `list`
- *     cells                that it passes; null: it was not opened, since time was up
- *     measured             false: there was no time to scan it; then `area` is an estimate or null, and what follows null
+/* Opens and scans the surface, a spec's object `surface`, which is taken over; `voxels` are read for each surface of the
+ * list. How much is done depends on their number and on cells, never on time. Appends to `list`
+ *     cells                that it passes; null: it was not opened, since too many voxels had been read
+ *     measured             false: too many cells for a scan; then `area` is an estimate or null, and what follows null
  *     area, bounding_box   of the surface
  *     count, spacing       that resolve it; the count is null where no number that a job may have does
  *     slope                the mean length of the gradient: 1 where values are distances in world units
@@ -15,6 +16,6 @@
  *     spec                 with that count, or the most that suggestions have
  * or, where the job would fail, `error` {code, message} and the surface. False with an error only when the work must stop
  * (cancelled, limit_time). */
-bool suggestion_append(json *list, json *shape, const run_options *options, error *e);
+bool suggestion_append(json *list, json *shape, double voxels, const run_options *options, error *e);
 
 #endif

@@ -103,5 +103,5 @@ bool contents_read_mesh(const contents_input *in, json *inspection, error *e)
     if (!describe_file(in, json_put_object(inspection, "mesh"), e)) return false;
     json *shape = json_new_object();
     json_put_string(json_put_object(shape, "mesh"), "path", in->path);
-    return suggestion_append(json_find(inspection, "/suggestions"), shape, in->options, e);
+    return suggestion_append(json_find(inspection, "/suggestions"), shape, 0, in->options, e);
 }

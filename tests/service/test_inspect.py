@@ -72,7 +72,9 @@ def test_a_mesh_and_one_that_is_open(inspect, tmp_path, worker):
     found = inspect("cube.obj")
     assert found["mesh"]["closed"] and found["mesh"]["components"] == 1 and found["mesh"]["triangles"] == 12
     assert found["mesh"]["area"] == 24 and found["mesh"]["bounding_box"] == {"min": [-1, -1, -1], "max": [1, 1, 1]}
-    assert run_suggestion(worker, tmp_path, found["suggestions"][0])["outcome"] == "converged"
+    first = found["suggestions"][0]
+    assert first["measured"] and abs(first["area"] / 24 - 1) < 1e-3
+    assert run_suggestion(worker, tmp_path, first)["outcome"] == "converged"
     (tmp_path / "open.obj").write_text(CUBE)
     found = inspect("open.obj")
     assert not found["mesh"]["closed"] and found["mesh"]["open_edges"] == 4
@@ -102,6 +104,15 @@ def test_a_packed_volume_of_nearly_one_value(inspect, tmp_path, worker):
     first = found["suggestions"][0]
     assert first["spec"]["surface"]["volume"]["isovalue"] == 0.5
     assert run_suggestion(worker, tmp_path, first)["count"] == first["count"]
+
+
+def test_what_is_looked_at_is_limited_by_its_size(inspect, tmp_path):
+    """Surfaces of very many cells are not scanned, on however fast a machine."""
+    noise = numpy.random.default_rng(1).random((90, 90, 90), numpy.float32)
+    write_nrrd(tmp_path / "noise.nrrd", noise)
+    found = inspect("noise.nrrd")["suggestions"]
+    assert len(found) > 1 and not any(s["measured"] for s in found) and all("spec" in s for s in found)
+    assert found[0]["cells"] > 400000 and found[0]["area"] > 0
 
 
 def test_images_and_their_stack(inspect, tmp_path, worker):
