@@ -6,7 +6,7 @@
 
 DIRECTORY, or HEXAD_SHARED, has the folders meshes, vdb, volumes, exr and malformed. Nothing is known about the files
 beforehand: the kind of surface follows from the folder and the name's ending; where the worker's error says that there is
-a choice of grids, parts or channels, each grid and the first part and channel are taken; where it says between what values
+a choice of grids, parts, channels or volumes, each grid and the first of the others are taken; where it says between what values
 the volume lies, the middle is the isovalue. An image is made a stack of six copies. Malformed files are given the first count
 alone. Meshes are held against their triangles (tools/covering.py). Ends with 1 when a result is not sound (below), or an
 error is no error of the file's.
@@ -93,8 +93,9 @@ class Case:
         return json.loads(done.stderr.splitlines()[-1]), None
 
     def covered(self):
-        """How the points of the last result cover the mesh; None of other files, and of meshes that are not read here."""
-        if self.kind != "mesh":
+        """How the points of the last result cover the mesh; None of other files, and of malformed ones: who says what is
+        their mesh?"""
+        if self.kind != "mesh" or "malformed" in self.path.parts:
             return None
         points = measure.read_ply(self.work / "out" / "points.ply")
         return covering.measure(meshes.read(self.path), points.position, points.spacing)
@@ -110,6 +111,7 @@ class Case:
         equals = re.search(r'write "([^"]*)\[0\]" to "[^"]*\[(\d+)\]"', said)
         channels = re.search(r"has the channels (.*): give exr.channel", said)
         parts = re.search(r'parts of the file have .*?: "([^"]*)".*: give exr.part', said)
+        several = re.search(r"give volume.index", said)
         values = re.search(r"values range from (\S+) to ([^\s;]+)", said)
         if grids and "grid" not in chosen:
             for name in dict.fromkeys(re.findall(r'"([^"]*)"', grids[1])):
@@ -120,6 +122,8 @@ class Case:
             yield from self.outcomes(count, {**chosen, "channel": channels[1].split(", ")[0]})
         elif parts and "part" not in chosen:
             yield from self.outcomes(count, {**chosen, "part": parts[1]})
+        elif several and "index" not in chosen:
+            yield from self.outcomes(count, {**chosen, "index": 0})
         elif error and error["code"] == "isovalue_required" and "isovalue" not in chosen:
             yield from self.outcomes(count, {**chosen, "isovalue": FAR})
         elif values and chosen.get("isovalue") == FAR and float(values[1]) < float(values[2]):

@@ -86,15 +86,22 @@ static void measure(placement *p)
             fmax(p->base.cell_size, vec3_norm(vec3_sub(cell.corner[1 << axis], cell.corner[0])));
 }
 
-placement *placement_new(const field *part, const double matrix[16], error *e)
+placement *placement_new_view(const field *part, const double matrix[16])
 {
     placement *p = mem_alloc(sizeof *p);
-    unsigned faces = 0;
     p->base.ops = &placement_ops;
     p->part = part;
     for (int k = 0; k < 12; k++) p->to_world[k / 4][k % 4] = matrix[k];
     affine_invert(p->to_world, p->to_part);
     measure(p);
+    field_set_boundary(&p->base, 0);
+    return p;
+}
+
+placement *placement_new(const field *part, const double matrix[16], error *e)
+{
+    placement *p = placement_new_view(part, matrix);
+    unsigned faces = 0;
     if (!part->open || map_boundary_faces(p, &faces)) {
         field_set_boundary(&p->base, faces);
         return p;
@@ -120,4 +127,14 @@ const field *placement_field(const placement *p)
 vec3 placement_to_part(const placement *p, vec3 x)
 {
     return affine_apply(p->to_part, x.x, x.y, x.z);
+}
+
+vec3 placement_to_world(const placement *p, vec3 x)
+{
+    return affine_apply(p->to_world, x.x, x.y, x.z);
+}
+
+vec3 placement_turn_normal(const placement *p, vec3 normal)
+{
+    return vec3_unit(affine_pull_gradient(p->to_part, normal));
 }

@@ -70,7 +70,7 @@ static bool describe(job *j, const json *shape, json *item, error *e)
     json_put_integer(item, "cells", (int64_t)j->scan->cells);
     json_put_bool(item, "measured", true);
     json_put_number(item, "area", area);
-    report_put_box(item, j->scan->box);
+    report_put_box(item, source_box(&j->source, j->scan));
     json_put_number(item, "count", to.count <= PLAN_COUNT_MAX ? to.count : NAN);
     json_put_number(item, "spacing", to.spacing);
     json_put_number(item, "slope", mean_slope(j->scan));

@@ -239,7 +239,7 @@ static void read_geometry(const char *name, const source *from, const points *se
             values[i] = (double)source_part_at(from, set->position[i]);
             continue;
         }
-        if (field_sample_at(from->field, set->position[i], FIELD_HESSIAN, &sample))
+        if (field_sample_at(source_world(from), set->position[i], FIELD_HESSIAN, &sample))
             d = principal_direction(&sample, strcmp(name, "direction1") == 0);
         memcpy(values + 3 * i, &d, 3 * sizeof *values);
     }

@@ -96,7 +96,7 @@ static json *describe_estimate(const job *j, double seconds, const char *missing
     else
         json_put_null(o, "count");
     json_put_number(o, "area", j->scan->area);
-    report_put_box(o, j->scan->box);
+    report_put_box(o, source_box(&j->source, j->scan));
     json_put_integer(o, "memory_bytes", (int64_t)memory_for(j, (double)j->count));
     if (isnan(seconds))
         json_put_null(o, "seconds");

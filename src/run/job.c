@@ -353,6 +353,21 @@ bool job_measure(job *j, solution *s, error *e)
            (!j->spec->has_alpha || measure_order(&in, s->spacing_local, j->pool, &s->quality, e));
 }
 
+/* Places and normals in world space; to be freed. */
+static bool turn_points(const source *from, points *set, vec3 **out, error *e)
+{
+    vec3 *place = mem_array(set->count, 2 * sizeof *place, "the result", e), *normal = place + set->count;
+    if (!place) return false;
+    for (size_t i = 0; i < set->count; i++) {
+        place[i] = placement_to_world(from->turned, set->position[i]);
+        normal[i] = placement_turn_normal(from->turned, set->normal[i]);
+    }
+    set->position = place;
+    set->normal = normal;
+    *out = place;
+    return true;
+}
+
 bool job_write_points(job *j, error *e)
 {
     const solution *s = &j->solution;
@@ -371,17 +386,25 @@ bool job_write_points(job *j, error *e)
                   .degree = s->degree,
                   .id = j->sequence.id,
                   .velocity = j->sequence.velocity};
-    results_input in = {
-        .spec = j->spec, .field = j->source.field, .set = &set, .h = sampler_spacing(s->sampler)};
+    results_input in = {.spec = j->spec,
+                        .field = source_world(&j->source),
+                        .set = &set,
+                        .sampled = j->source.field,
+                        .site = p->position,
+                        .site_normal = p->normal,
+                        .h = sampler_spacing(s->sampler)};
+    vec3 *turned = NULL;
+    if (j->source.turned && !turn_points(&j->source, &set, &turned, e)) return false;
     in.unresolved = 1 - s->quality.resolved_share > UNRESOLVED_PICTURE;
     in.sweeps = sampler_sweeps(s->sampler, &in.sweep_count);
     json_free(j->report);
     j->report = json_new_object();
     double left = job_particle_memory(j) - (double)p->count * job_bytes_per_particle(j);
-    return attributes_read(&j->attributes, &j->source, (size_t)fmax(left, 1), &set, e) &&
-           job_may_go_on(j, e) &&
-           results_write(j->options->output, &in, j->pool, json_put_array(j->report, "outputs"), &j->results,
-                         e);
+    bool ok =
+        attributes_read(&j->attributes, &j->source, (size_t)fmax(left, 1), &set, e) && job_may_go_on(j, e) &&
+        results_write(j->options->output, &in, j->pool, json_put_array(j->report, "outputs"), &j->results, e);
+    free(turned);
+    return ok;
 }
 
 /* The job is still busy; what it holds goes with the process. */

@@ -68,7 +68,7 @@ static void put_surface(json *report, const report_facts *facts)
 {
     json *object = json_put_object(report, "surface");
     json_put_number(object, "area", facts->scan->area);
-    report_put_box(object, facts->scan->box);
+    report_put_box(object, source_box(facts->source, facts->scan));
     json *warnings = json_put_array(object, "warnings");
     source_describe(facts->source, report, object, warnings);
     attributes_describe(facts->attributes, report, warnings);

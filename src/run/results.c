@@ -129,8 +129,8 @@ static bool write_mesh(const char *directory, const results_input *in, bool as_f
                        json *outputs, triangulation_facts *out, error *e)
 {
     const points *set = in->set;
-    const triangulation_input sites = {set->count,   set->position,   set->normal,
-                                       set->spacing, in->field->open, in->field->boundary_box};
+    const triangulation_input sites = {set->count,   in->site,          in->site_normal,
+                                       set->spacing, in->sampled->open, in->sampled->boundary_box};
     triangulation made;
     points vertices = *set;
     bool ok = triangulation_make(&sites, pool, &made, e);

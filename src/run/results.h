@@ -24,8 +24,11 @@ typedef struct results_facts {
 
 typedef struct results_input {
     const spec *spec;
-    const field *field;
+    const field *field; /* in world space, as the points of the set are */
     const points *set;
+    const field
+        *sampled; /* that the points were found on, whose space may be another, and the points in it */
+    const vec3 *site, *site_normal;
     bool unresolved;             /* more of the points than the verdict allows */
     double h;                    /* of the ideal packing */
     const sampler_sweep *sweeps; /* at least one */

@@ -199,7 +199,7 @@ static volume *open_exr(const spec_exr *x, const opening *o, error *e)
     return open_dense(exr_stack_open(&params, e), x->path, x->isovalue, x->reconstruction, o, e);
 }
 
-/* Rims lie on faces of boxes that are aligned with the world's axes; oblique data must not end within `box`.
+/* Rims lie on faces of boxes along the axes of the space that is sampled; oblique data must not end within `box`.
  */
 static bool check_ends(const volume *v, bbox box, const char *path, error *e)
 {
@@ -208,10 +208,21 @@ static bool check_ends(const volume *v, bbox box, const char *path, error *e)
     const bbox clear = volume_clear_box(v);
     return error_set(
         e, ERROR_INPUT_UNSUPPORTED,
-        "%s: its surface meets the end of the data in %zu cells, and the data lie obliquely in world "
-        "space: give a region (a box along the world's axes) that keeps clear of the end of the data, or "
+        "%s: its surface meets the end of the data in %zu cells, and the data lie obliquely in world space, where a "
+        "job with a region, a grid, frames or several surfaces cannot follow that end, nor any where their axes are not "
+        "at right angles: give a region (a box along the world's axes) that keeps clear of the end of the data, or "
         "another isovalue; the largest about their middle that is clear of it: [%.6g, %.6g, %.6g] to [%.6g, %.6g, %.6g]",
         path, loose, clear.min.x, clear.min.y, clear.min.z, clear.max.x, clear.max.y, clear.max.z);
+}
+
+/* Data that end obliquely are sampled along their own axes, unless the job names places in the world's. */
+static void align_ends(const spec *s, source *out)
+{
+    double to_world[16];
+    volume *v = out->whole.volume;
+    if (!v || s->has_region || s->has_grid || s->coherent || volume_loose_ends(v, out->field->domain) == 0)
+        return;
+    if (volume_align(v, to_world)) out->turned = placement_new_view(volume_field(v), to_world);
 }
 
 /* A volume of one file, or of the files of a stack. */
@@ -372,7 +383,26 @@ bool source_open(const spec *s, const store_roots *roots, size_t memory, isa ker
         if (!out->region) return out->input_count ? error_prefix(e, "%s", out->inputs[0].path) : false;
         out->field = region_field(out->region);
     }
+    align_ends(s, out);
     return check_ends(out->whole.volume, out->field->domain, out->input_count ? out->inputs[0].path : "", e);
+}
+
+const field *source_world(const source *s)
+{
+    return s->turned ? placement_field(s->turned) : s->field;
+}
+
+bbox source_box(const source *s, const surface *scan)
+{
+    vec3 t[SURFACE_CELL_TRIANGLES][3];
+    bbox box = bbox_empty();
+    if (!s->turned) return scan->box;
+    for (size_t k = 0; k < scan->cells; k++) {
+        int count = surface_cell_triangles(scan, k, t);
+        for (int i = 0; i < 3 * count; i++)
+            box = bbox_include(box, placement_to_world(s->turned, t[i / 3][i % 3]));
+    }
+    return box;
 }
 
 static void close_part(source_part *p)
@@ -390,6 +420,7 @@ static void close_part(source_part *p)
 void source_close(source *s)
 {
     region_free(s->region);
+    placement_free(s->turned);
     close_part(&s->whole);
     map_close(s->map);
     for (size_t k = 0; k < s->input_count; k++) free(s->inputs[k].path);
@@ -397,21 +428,21 @@ void source_close(source *s)
     *s = (source){0};
 }
 
-static void describe_volume(const volume_info *info, json *surface, json *warnings)
+static void describe_volume(const volume_info *info, json *members, json *warnings)
 {
-    json_put_integer(surface, "voxels", (int64_t)info->active_voxels);
+    json_put_integer(members, "voxels", (int64_t)info->active_voxels);
     if (*info->format) {
-        json *dense = json_put_object(surface, "volume");
+        json *dense = json_put_object(members, "volume");
         json *size = json_put_array(dense, "size");
         json_put_string(dense, "format", info->format);
         for (int k = 0; k < 3; k++) json_append_number(size, (double)info->size[k]);
         if (*info->space) json_put_string(dense, "space", info->space);
-        json_put_number(surface, "isovalue", info->isovalue);
+        json_put_number(members, "isovalue", info->isovalue);
     } else if (info->triangles == 0) {
-        json_put_string(surface, "grid", info->grid);
-        json_put_number(surface, "isovalue", info->isovalue);
+        json_put_string(members, "grid", info->grid);
+        json_put_number(members, "isovalue", info->isovalue);
     } else {
-        json *of_mesh = json_put_object(surface, "mesh");
+        json *of_mesh = json_put_object(members, "mesh");
         json_put_integer(of_mesh, "triangles", (int64_t)info->triangles);
         json_put_number(of_mesh, "area", info->fidelity.area);
         json_put_number(of_mesh, "rms_distance_vox", info->fidelity.rms_vox);
@@ -423,28 +454,28 @@ static void describe_volume(const volume_info *info, json *surface, json *warnin
         json_put_string(of_mesh, "resolution_by", info->resolution.chosen_by);
         json_put_string(of_mesh, "resolution_limited_by", info->resolution.limited_by);
     }
-    json_put_number(surface, "voxel_size", info->voxel_size);
-    json_put_integer(surface, "crossing_cells", (int64_t)info->crossing_cells);
-    json_put_integer(surface, "bricks", (int64_t)info->bricks);
+    json_put_number(members, "voxel_size", info->voxel_size);
+    json_put_integer(members, "crossing_cells", (int64_t)info->crossing_cells);
+    json_put_integer(members, "bricks", (int64_t)info->bricks);
     for (size_t k = 0; k < info->warning_count; k++) json_append_string(warnings, info->warning[k]);
 }
 
 /* The parts' volumes as a list, in the order of the spec. */
-static void describe_parts(const source_part *p, json *surface, json **list, json *warnings)
+static void describe_parts(const source_part *p, json *members, json **list, json *warnings)
 {
     for (size_t k = 0; k < p->part_count; k++) {
         const source_part *part = &p->parts[k];
-        if (part->volume && !*list) *list = json_put_array(surface, "parts");
+        if (part->volume && !*list) *list = json_put_array(members, "parts");
         if (part->volume) describe_volume(volume_describe(part->volume), json_append_object(*list), warnings);
-        describe_parts(part, surface, list, warnings);
+        describe_parts(part, members, list, warnings);
     }
 }
 
-void source_describe(const source *s, json *report, json *surface, json *warnings)
+void source_describe(const source *s, json *report, json *members, json *warnings)
 {
     json *inputs = json_put_array(report, "inputs"), *list = NULL;
-    if (s->whole.volume) describe_volume(volume_describe(s->whole.volume), surface, warnings);
-    describe_parts(&s->whole, surface, &list, warnings);
+    if (s->whole.volume) describe_volume(volume_describe(s->whole.volume), members, warnings);
+    describe_parts(&s->whole, members, &list, warnings);
     for (size_t k = 0; k < s->input_count; k++) {
         json *input = json_append_object(inputs);
         json_put_string(input, "path", s->inputs[k].path);

@@ -15,6 +15,7 @@
 #include "spec/spec.h"
 #include "store/file.h"
 #include "store/root.h"
+#include "surface/surface.h"
 #include "volume/map.h"
 #include "volume/volume.h"
 
@@ -41,10 +42,11 @@ struct source_part {
 };
 
 typedef struct source {
-    const field *field;
+    const field *field; /* in the space that is sampled */
     source_part whole;
-    map *map;                 /* of sampling.grid, or NULL */
-    region *region;           /* of surface.region, or NULL */
+    placement *turned; /* that space in the world, where it is another: data that end obliquely; or NULL */
+    map *map;          /* of sampling.grid, or NULL */
+    region *region;    /* of surface.region, or NULL */
     const store_roots *roots; /* for files, or NULL; used while the source opens */
     source_input *inputs;     /* in the order in which they were first opened */
     size_t input_count;
@@ -63,12 +65,18 @@ int source_open_file(source *s, const char *path, error *e);
 /* A stack of images as it is opened, but for the limit of memory; `files` opens them. */
 exr_stack_params source_stack(const spec_exr *x, const slices_files *files);
 
+/* The surface in world space, for who asks for F: the field itself unless its space is turned. */
+const field *source_world(const source *s);
+
+/* Of a scan of the field: the box around the surface in world space. */
+bbox source_box(const source *s, const surface *scan);
+
 /* Parts of the surface's first combination, 1 if it is none, and which of them a point of the surface lies on. */
 size_t source_part_count(const source *s);
 size_t source_part_at(const source *s, vec3 x);
 
-/* Adds `inputs` to the report, a volume's members to `surface`, and warnings. */
-void source_describe(const source *s, json *report, json *surface, json *warnings);
+/* Adds `inputs` to the report, those of a volume to `members`, and warnings. */
+void source_describe(const source *s, json *report, json *members, json *warnings);
 
 /* Whether random starts are drawn from crossing cells instead of the whole domain. */
 bool source_starts_in_cells(const source *s);

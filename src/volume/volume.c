@@ -565,6 +565,36 @@ size_t volume_loose_ends(const volume *v, bbox box)
     return count;
 }
 
+bool volume_align(volume *v, double to_world[16])
+{
+    vec3 axis[3];
+    double length[3], most = 0;
+    for (int k = 0; k < 3; k++) {
+        axis[k] = (vec3){v->to_world[0][k], v->to_world[1][k], v->to_world[2][k]};
+        length[k] = vec3_norm(axis[k]);
+        axis[k] = vec3_scale(axis[k], 1 / length[k]);
+        most = fmax(most, (double)v->info.size[k]);
+    }
+    for (int k = 0; k < 3; k++)
+        if (fabs(vec3_dot(axis[k], axis[(k + 1) % 3])) * most > stray_limit) return false;
+    if (vec3_dot(vec3_cross(axis[0], axis[1]), axis[2]) < 0) { /* mirrored data stay so */
+        axis[2] = vec3_scale(axis[2], -1);
+        length[2] = -length[2];
+    }
+    for (int i = 0; i < 3; i++) {
+        for (int k = 0; k < 3; k++) to_world[4 * i + k] = vec3_get(axis[k], i);
+        to_world[4 * i + 3] = v->to_world[i][3];
+        to_world[12 + i] = 0;
+    }
+    to_world[15] = 1;
+    memset(v->to_world, 0, sizeof v->to_world);
+    for (int k = 0; k < 3; k++) v->to_world[k][k] = length[k];
+    affine_invert(v->to_world, v->to_index);
+    measure(v);
+    set_ends(v);
+    return true;
+}
+
 /* What an index coordinate changes by within a box along the world's axes with these half sides. */
 static double index_reach(const volume *v, int axis, vec3 half)
 {

@@ -108,6 +108,10 @@ volume *volume_open_dense(const volume_dense_request *request, error *e);
  * world's axes: the sampler cannot follow a boundary there. */
 size_t volume_loose_ends(const volume *v, bbox box);
 
+/* Moves the field of dense data into a space along their own axes, in which their ends are faces of the domain. Lengths and
+ * orientation stay. `to_world` is the way back, as in placement_new. False where the axes are not at right angles. */
+bool volume_align(volume *v, double to_world[16]);
+
 /* A box along the world's axes about the middle of dense data that is clear of the cells at their end, in the
  * proportions of the box around them. Empty where the data are too small for one. */
 bbox volume_clear_box(const volume *v);

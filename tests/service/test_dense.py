@@ -353,10 +353,36 @@ def test_where_the_data_end_the_surface_is_open(sample, tmp_path):
     assert report["quality"]["rim_count"] > 0 and report["quality"]["lost"] == 0
 
 
-def test_oblique_data_must_not_end_within_the_surface(sample, tmp_path):
+def test_oblique_data_end_in_their_own_axes(sample, tmp_path):
+    """The points are those of the same data that lie along the world's axes, turned; and so are mirrored ones."""
+    for mirror in (1, -1):
+        matrix = MATRICES["turned"] @ numpy.diag([1, 1, mirror, 1])
+        lengths = numpy.linalg.norm(matrix[:3, :3], axis=0)
+        turn = matrix[:3, :3] / lengths * [1, 1, mirror]
+        values = ellipsoid(MATRICES["turned"])[:, :, :20]
+        write_nrrd(tmp_path / "turned.nrrd", values, matrix)
+        write_nrrd(tmp_path / "straight.nrrd", values, numpy.diag([*(lengths * [1, 1, mirror]), 1]))
+        output = {"preview": False, "mesh": True, "ply": {"precision": "double"}}
+        straight = sample(tmp_path / "straight.nrrd", output=output)
+        report, points = sample(tmp_path / "turned.nrrd", output=output)
+        assert points is not None and straight[1] is not None, (report, straight[0])
+        expected = straight[1].position @ turn.T + matrix[:3, 3]
+        assert numpy.abs(points.position - expected).max() < 1e-5
+        assert numpy.abs(points.normal - straight[1].normal @ turn.T).max() < 1e-5
+        assert report["quality"]["rim_count"] > 10 and report["quality"]["max_residual"] < 1e-3
+        assert report["mesh"] == straight[0]["mesh"] and not report["mesh"]["closed"]
+        box = report["surface"]["bounding_box"]
+        assert numpy.abs(points.position.min(axis=0) - box["min"]).max() < 1
+        assert numpy.abs(points.position.max(axis=0) - box["max"]).max() < 1
+        if mirror == 1:
+            assert_ellipsoid(points)
+
+
+def test_oblique_data_and_a_region(sample, tmp_path):
+    """A region lies along the world's axes, and must be clear of the data's end then."""
     values = ellipsoid(MATRICES["turned"])[:, :, :20]
     write_nrrd(tmp_path / "v.nrrd", values, MATRICES["turned"])
-    e, _ = sample(tmp_path / "v.nrrd")
+    e, _ = sample(tmp_path / "v.nrrd", region={"min": [-100] * 3, "max": [100] * 3})
     assert e["code"] == "input_unsupported" and "give a region" in e["message"]
     clear = [float(x) for x in re.findall(r"[-+.e0-9]+", e["message"].split("is clear of it:")[1])]
     report, points = sample(tmp_path / "v.nrrd", region={"min": clear[:3], "max": clear[3:]})
