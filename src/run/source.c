@@ -394,7 +394,7 @@ const field *source_world(const source *s)
 
 bbox source_box(const source *s, const surface *scan)
 {
-    vec3 t[SURFACE_CELL_TRIANGLES][3];
+    vec3 t[FIELD_CELL_TRIANGLES][3];
     bbox box = bbox_empty();
     if (!s->turned) return scan->box;
     for (size_t k = 0; k < scan->cells; k++) {
