@@ -8,16 +8,10 @@
 #include "base/memory.h"
 #include "base/sets.h"
 #include "geometry/bbox.h"
-#include "mesh/seams.h"
+#include "mesh/mesh_edges.h"
+#include "mesh/orientation.h"
 
 static const char what[] = "the edges of the mesh";
-
-/* A triangle's way along an edge. */
-typedef struct side {
-    uint32_t other; /* the edge's higher vertex; the lower one tells where the side stands */
-    uint32_t triangle;
-    bool upwards; /* from the lower vertex to the higher one */
-} side;
 
 typedef struct component {
     uint32_t root; /* the triangle that stands for it; once they are sorted, its first one */
@@ -33,182 +27,54 @@ typedef struct judging {
     const winding_point *fixed;
     const mesh_place *place;
     mesh_notes *notes;
-    /* sides by their lower vertex: sides[first[v]] .. sides[first[v + 1]], by the other vertex */
-    side *sides;
-    size_t *first;
-    /* forest of triangles; `turned`: against the parent's orientation */
-    uint32_t *parent;
-    bool *turned, *conflict;
+    mesh_edges edges;
+    orientation turned; /* of triangles that hang together */
     uint32_t *number; /* of a triangle's component */
     component *components;
     size_t component_count;
     size_t boundary_edges, odd_edges, branching_edges, holes;
 } judging;
 
-/* ---- the forest */
-
-static uint32_t find(judging *j, uint32_t n, bool *turned)
-{
-    uint32_t root = n;
-    bool all = false;
-    while (j->parent[root] != root) {
-        all ^= j->turned[root];
-        root = j->parent[root];
-    }
-    *turned = all;
-    while (j->parent[n] != root && n != root) { /* the way is made short */
-        uint32_t next = j->parent[n];
-        bool rest = all ^ j->turned[n];
-        j->parent[n] = root;
-        j->turned[n] = all;
-        all = rest;
-        n = next;
-    }
-    return root;
-}
-
-/* Puts two triangles into one component; `against`: one of them must be turned for both to agree. */
-static void join(judging *j, uint32_t a, uint32_t b, bool against)
-{
-    bool ta, tb;
-    uint32_t ra = find(j, a, &ta), rb = find(j, b, &tb);
-    bool differs = ta ^ tb ^ against;
-    if (ra == rb) {
-        if (differs) j->conflict[ra] = true;
-        return;
-    }
-    uint32_t low = ra < rb ? ra : rb, high = ra < rb ? rb : ra;
-    j->parent[high] = low;
-    j->turned[high] = differs;
-    j->conflict[low] |= j->conflict[high];
-}
-
 /* ---- edges */
-
-static int by_other(const void *left, const void *right)
-{
-    const side *a = left, *b = right;
-    if (a->other != b->other) return a->other < b->other ? -1 : 1;
-    return (a->triangle > b->triangle) - (a->triangle < b->triangle);
-}
-
-static bool list_sides(judging *j, error *e)
-{
-    const mesh *m = j->m;
-    free(j->sides);
-    free(j->first);
-    j->first = NULL;
-    j->sides = mem_array(3 * m->triangle_count, sizeof *j->sides, what, e);
-    j->first = mem_array(m->vertex_count + 2, sizeof *j->first, what, e);
-    if (!j->sides || !j->first) return false;
-    /* counted two ahead; after the sums the starts are one ahead, and filling moves them to their places */
-    for (size_t n = 0; n < m->triangle_count; n++)
-        for (int k = 0; k < 3; k++) {
-            uint32_t a = m->triangle[n][k], b = m->triangle[n][(k + 1) % 3];
-            j->first[(a < b ? a : b) + 2]++;
-        }
-    for (size_t v = 2; v < m->vertex_count + 2; v++) j->first[v] += j->first[v - 1];
-    for (uint32_t n = 0; n < m->triangle_count; n++)
-        for (int k = 0; k < 3; k++) {
-            uint32_t a = m->triangle[n][k], b = m->triangle[n][(k + 1) % 3], low = a < b ? a : b;
-            j->sides[j->first[low + 1]++] = (side){a < b ? b : a, n, a < b};
-        }
-    for (size_t v = 0; v < m->vertex_count; v++)
-        qsort(j->sides + j->first[v], j->first[v + 1] - j->first[v], sizeof *j->sides, by_other);
-    return true;
-}
 
 /* More than two triangles at an edge: which of them are neighbours is not said. Components that have an odd
  * number of them there cannot be closed alone, so these are joined two by two. `odd` is zero for every
  * triangle, before and after. */
-static void join_odd(judging *j, const side *s, size_t count, int32_t *odd)
+static void join_odd(judging *j, const mesh_side *s, size_t count, int32_t *odd)
 {
     bool turned;
     size_t waiting = count;
     for (size_t k = 0; k < count; k++) {
-        uint32_t root = find(j, s[k].triangle, &turned);
+        uint32_t root = orientation_find(&j->turned, s[k].triangle, &turned);
         odd[root] = odd[root] ? 0 : (int32_t)k + 1;
     }
     for (size_t k = 0; k < count; k++) { /* what is odd has its mark at its last triangle */
-        uint32_t root = find(j, s[k].triangle, &turned);
+        uint32_t root = orientation_find(&j->turned, s[k].triangle, &turned);
         if (odd[root] != (int32_t)k + 1) continue;
         odd[root] = 0;
         if (waiting == count) {
             waiting = k;
             continue;
         }
-        join(j, s[waiting].triangle, s[k].triangle, s[waiting].upwards == s[k].upwards);
+        orientation_join(&j->turned, s[waiting].triangle, s[k].triangle, s[waiting].upwards == s[k].upwards);
         waiting = count;
     }
 }
 
 /* A component whose triangles do not come and go alike along an edge has no winding number. `sum` is like
  * `odd`. */
-static void check_balance(judging *j, const side *s, size_t count, int32_t *sum)
+static void check_balance(judging *j, const mesh_side *s, size_t count, int32_t *sum)
 {
     bool turned;
     for (size_t k = 0; k < count; k++) {
-        uint32_t root = find(j, s[k].triangle, &turned);
+        uint32_t root = orientation_find(&j->turned, s[k].triangle, &turned);
         sum[root] += turned == s[k].upwards ? 1 : -1;
     }
     for (size_t k = 0; k < count; k++) {
-        uint32_t root = find(j, s[k].triangle, &turned);
-        if (sum[root] != 0) j->conflict[root] = true;
+        uint32_t root = orientation_find(&j->turned, s[k].triangle, &turned);
+        if (sum[root] != 0) j->turned.conflict[root] = true;
         sum[root] = 0;
     }
-}
-
-static size_t edge_length(const side *s, size_t left)
-{
-    size_t n = 1;
-    while (n < left && s[n].other == s[0].other) n++;
-    return n;
-}
-
-static bool list_boundary(const judging *j, seam_edge **out, size_t *count, error *e)
-{
-    seam_edge *list = NULL;
-    *count = 0;
-    for (int pass = 0; pass < 2; pass++) {
-        if (pass && !(list = mem_array(*count, sizeof *list, what, e))) return false;
-        *count = 0;
-        for (uint32_t v = 0; v < j->m->vertex_count; v++)
-            for (size_t k = j->first[v], n; k < j->first[v + 1]; k += n) {
-                const side *s = j->sides + k;
-                n = edge_length(s, j->first[v + 1] - k);
-                if (n != 1) continue;
-                if (pass)
-                    list[*count] =
-                        (seam_edge){s->upwards ? v : s->other, s->upwards ? s->other : v, s->triangle};
-                ++*count;
-            }
-    }
-    *out = list;
-    return true;
-}
-
-/* First vertices meet vertices; then each round splits one edge of a triangle. */
-static bool close_seams(judging *j, error *e)
-{
-    enum { MOST_ROUNDS = 9 };
-    const double tolerance = j->place->tolerance;
-    size_t joined = 0, split = 0, changed = 1;
-    for (int round = 0; changed && round < MOST_ROUNDS; round++) {
-        const size_t before = split;
-        seam_edge *open;
-        size_t count;
-        if (!list_boundary(j, &open, &count, e)) return false;
-        bool ok = round == 0 ? seams_join(j->m, open, count, tolerance, &joined, e)
-                             : seams_split(j->m, open, count, tolerance, &split, e);
-        free(open);
-        changed = count > 0 && (round == 0 || split > before);
-        if (!ok || (changed && !list_sides(j, e))) return false;
-    }
-    if (joined)
-        mesh_note(j->notes, "%zu vertices of open edges lie as near to others as rounding: joined", joined);
-    if (split)
-        mesh_note(j->notes, "%zu triangles have vertices of others on their open edges: split there", split);
-    return true;
 }
 
 /* A set of boundary edges that hang together by vertices. */
@@ -275,7 +141,7 @@ static bool not_closed(judging *j, error *e)
     seam_edge *open;
     size_t count;
     hole *holes = NULL;
-    if (!list_boundary(j, &open, &count, e)) return false;
+    if (!mesh_edges_open(&j->edges, &open, &count, e)) return false;
     bool ok = find_holes(j, open, count, &holes, e);
     free(open);
     if (!ok) return false;
@@ -309,12 +175,12 @@ static bool join_at_edges(judging *j, error *e)
     if (!mark) return false;
     for (int pass = PAIRS; pass < PASSES; pass++)
         for (size_t v = 0; v < j->m->vertex_count; v++)
-            for (size_t k = j->first[v], n; k < j->first[v + 1]; k += n) {
-                const side *s = j->sides + k;
-                n = edge_length(s, j->first[v + 1] - k);
+            for (size_t k = j->edges.first[v], n; k < j->edges.first[v + 1]; k += n) {
+                const mesh_side *s = j->edges.sides + k;
+                n = mesh_edges_width(&j->edges, v, k);
                 if (pass == PAIRS) count_edge(j, n);
                 if (pass == PAIRS && n == 2)
-                    join(j, s[0].triangle, s[1].triangle, s[0].upwards == s[1].upwards);
+                    orientation_join(&j->turned, s[0].triangle, s[1].triangle, s[0].upwards == s[1].upwards);
                 if (pass == BRANCHES && n > 2) join_odd(j, s, n, mark);
                 if (pass == CHECK && n > 2) check_balance(j, s, n, mark);
             }
@@ -338,7 +204,7 @@ static void orient(judging *j)
     for (uint32_t n = 0; n < j->m->triangle_count; n++) {
         component *c = &j->components[j->number[n]];
         bool turned;
-        find(j, n, &turned);
+        orientation_find(&j->turned, n, &turned);
         if (c->one_sided || turned != (2 * (size_t)c->turned <= c->size)) continue;
         turn_triangle(j->m->triangle[n]);
         total++;
@@ -355,16 +221,16 @@ static bool number_components(judging *j, error *e)
     j->number = mem_array(count, sizeof *j->number, what, e);
     if (!j->number) return false;
     for (uint32_t n = 0; n < count; n++) /* a root is the lowest of its triangles, so it comes first */
-        if (find(j, n, &turned) == n) j->number[n] = (uint32_t)j->component_count++;
+        if (orientation_find(&j->turned, n, &turned) == n) j->number[n] = (uint32_t)j->component_count++;
     j->components = mem_array(j->component_count, sizeof *j->components, what, e);
     if (!j->components) return false;
     for (uint32_t n = 0; n < count; n++) {
-        uint32_t root = find(j, n, &turned);
+        uint32_t root = orientation_find(&j->turned, n, &turned);
         component *c = &j->components[j->number[n] = j->number[root]];
         c->root = root;
         c->size++;
         c->turned += turned;
-        c->one_sided = j->conflict[root];
+        c->one_sided = j->turned.conflict[root];
     }
     return true;
 }
@@ -538,13 +404,10 @@ static bool gather_solids(judging *j, uint32_t solids, mesh_solids *out, error *
 static bool settle(judging *j, mesh_solids *out, error *e)
 {
     uint32_t solids = 0;
-    if (!list_sides(j, e) || !close_seams(j, e)) return false;
-    const size_t count = j->m->triangle_count;
-    j->parent = mem_array(count, sizeof *j->parent, what, e);
-    j->turned = mem_array(count, sizeof *j->turned, what, e);
-    j->conflict = mem_array(count, sizeof *j->conflict, what, e);
-    if (!j->parent || !j->turned || !j->conflict) return false;
-    for (uint32_t n = 0; n < count; n++) j->parent[n] = n;
+    if (!mesh_edges_list(j->m, &j->edges, e) ||
+        !mesh_edges_close_seams(j->m, j->place->tolerance, &j->edges, j->notes, e) ||
+        !orientation_init(&j->turned, j->m->triangle_count, e))
+        return false;
     if (!join_at_edges(j, e) || !number_components(j, e)) return false;
     if (j->branching_edges)
         mesh_note(j->notes,
@@ -567,11 +430,8 @@ bool mesh_repair_solids(mesh *m, const winding_point *fixed, const mesh_place *p
     judging j = {.m = m, .fixed = fixed, .place = place, .notes = notes};
     mesh_solids t = {0};
     bool ok = settle(&j, &t, e);
-    free(j.sides);
-    free(j.first);
-    free(j.parent);
-    free(j.turned);
-    free(j.conflict);
+    mesh_edges_free(&j.edges);
+    orientation_free(&j.turned);
     free(j.number);
     free(j.components);
     if (ok)

@@ -1,0 +1,96 @@
+#include "mesh/mesh_edges.h"
+
+#include <stdlib.h>
+
+#include "base/memory.h"
+
+static const char what[] = "the edges of the mesh";
+
+void mesh_edges_free(mesh_edges *edges)
+{
+    free(edges->sides);
+    free(edges->first);
+    *edges = (mesh_edges){0};
+}
+
+static int by_other(const void *left, const void *right)
+{
+    const mesh_side *a = left, *b = right;
+    if (a->other != b->other) return a->other < b->other ? -1 : 1;
+    return (a->triangle > b->triangle) - (a->triangle < b->triangle);
+}
+
+bool mesh_edges_list(const mesh *m, mesh_edges *out, error *e)
+{
+    mesh_edges_free(out);
+    out->vertex_count = m->vertex_count;
+    out->sides = mem_array(3 * m->triangle_count, sizeof *out->sides, what, e);
+    out->first = mem_array(m->vertex_count + 2, sizeof *out->first, what, e);
+    if (!out->sides || !out->first) return false;
+    /* counted two ahead; after the sums the starts are one ahead, and filling moves them to their places */
+    for (size_t n = 0; n < m->triangle_count; n++)
+        for (int k = 0; k < 3; k++) {
+            uint32_t a = m->triangle[n][k], b = m->triangle[n][(k + 1) % 3];
+            out->first[(a < b ? a : b) + 2]++;
+        }
+    for (size_t v = 2; v < m->vertex_count + 2; v++) out->first[v] += out->first[v - 1];
+    for (uint32_t n = 0; n < m->triangle_count; n++)
+        for (int k = 0; k < 3; k++) {
+            uint32_t a = m->triangle[n][k], b = m->triangle[n][(k + 1) % 3], low = a < b ? a : b;
+            out->sides[out->first[low + 1]++] = (mesh_side){a < b ? b : a, n, a < b};
+        }
+    for (size_t v = 0; v < m->vertex_count; v++)
+        qsort(out->sides + out->first[v], out->first[v + 1] - out->first[v], sizeof *out->sides, by_other);
+    return true;
+}
+
+size_t mesh_edges_width(const mesh_edges *edges, size_t v, size_t k)
+{
+    size_t n = 1;
+    while (k + n < edges->first[v + 1] && edges->sides[k + n].other == edges->sides[k].other) n++;
+    return n;
+}
+
+bool mesh_edges_open(const mesh_edges *edges, seam_edge **out, size_t *count, error *e)
+{
+    seam_edge *list = NULL;
+    *count = 0;
+    for (int pass = 0; pass < 2; pass++) {
+        if (pass && !(list = mem_array(*count, sizeof *list, what, e))) return false;
+        *count = 0;
+        for (uint32_t v = 0; v < edges->vertex_count; v++)
+            for (size_t k = edges->first[v], n; k < edges->first[v + 1]; k += n) {
+                const mesh_side *s = edges->sides + k;
+                n = mesh_edges_width(edges, v, k);
+                if (n != 1) continue;
+                if (pass)
+                    list[*count] =
+                        (seam_edge){s->upwards ? v : s->other, s->upwards ? s->other : v, s->triangle};
+                ++*count;
+            }
+    }
+    *out = list;
+    return true;
+}
+
+/* First vertices meet vertices; then each round splits one edge of a triangle. */
+bool mesh_edges_close_seams(mesh *m, double tolerance, mesh_edges *edges, mesh_notes *notes, error *e)
+{
+    enum { MOST_ROUNDS = 9 };
+    size_t joined = 0, split = 0, changed = 1;
+    for (int round = 0; changed && round < MOST_ROUNDS; round++) {
+        const size_t before = split;
+        seam_edge *open;
+        size_t count;
+        if (!mesh_edges_open(edges, &open, &count, e)) return false;
+        bool ok = round == 0 ? seams_join(m, open, count, tolerance, &joined, e)
+                             : seams_split(m, open, count, tolerance, &split, e);
+        free(open);
+        changed = count > 0 && (round == 0 || split > before);
+        if (!ok || (changed && !mesh_edges_list(m, edges, e))) return false;
+    }
+    if (joined) mesh_note(notes, "%zu vertices of open edges lie as near to others as rounding: joined", joined);
+    if (split)
+        mesh_note(notes, "%zu triangles have vertices of others on their open edges: split there", split);
+    return true;
+}
