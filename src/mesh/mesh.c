@@ -174,7 +174,7 @@ static size_t keep_distinct(mesh *m, const uint32_t *first, const int32_t *balan
     return kept;
 }
 
-static bool drop_repeated(mesh *m, size_t *dropped, error *e)
+static bool drop_repeated(mesh *m, mesh_cancelled cancelled, size_t *dropped, error *e)
 {
     size_t all = m->triangle_count, distinct = 0;
     uint32_t(*sorted)[3] = mem_array(all, sizeof *sorted, what, e),
@@ -192,7 +192,8 @@ static bool drop_repeated(mesh *m, size_t *dropped, error *e)
             balance[first[n]] += sign == sign_of_first ? 1 : -1;
         }
         for (uint32_t n = 0; n < all; n++) distinct += first[n] == n && balance[n] != 0;
-        m->triangle_count = keep_distinct(m, first, balance, distinct == 0);
+        m->triangle_count =
+            keep_distinct(m, first, balance, distinct == 0 || cancelled == MESH_KEEP_CANCELLED);
         *dropped = all - m->triangle_count;
     }
     free(sorted);
@@ -202,14 +203,14 @@ static bool drop_repeated(mesh *m, size_t *dropped, error *e)
     return ok;
 }
 
-bool mesh_weld(mesh *m, mesh_notes *notes, error *e)
+bool mesh_weld(mesh *m, mesh_cancelled cancelled, mesh_notes *notes, error *e)
 {
     size_t all = m->triangle_count, repeated = 0;
     uint32_t *place = mem_array(m->vertex_count, sizeof *place, what, e);
     bool ok = place && join_vertices(m, e);
     if (ok) {
         size_t degenerate = mesh_drop_degenerate(m);
-        ok = drop_repeated(m, &repeated, e);
+        ok = drop_repeated(m, cancelled, &repeated, e);
         if (ok) drop_unused(m, place);
         if (degenerate)
             mesh_note(notes, "%zu of %zu triangles have two equal corners: left out", degenerate, all);

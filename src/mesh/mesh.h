@@ -41,10 +41,15 @@ size_t mesh_bytes(size_t vertices, size_t triangles);
 /* Of the vertices of its triangles; those of none do not count. */
 bbox mesh_box(const mesh *m);
 
+/* What becomes of a triangle that stands as often one way round as the other. */
+typedef enum mesh_cancelled {
+    MESH_DROP_CANCELLED, /* it bounds nothing; but where all do (a mesh with every face twice) one of each stays */
+    MESH_KEEP_CANCELLED /* one of them stays */
+} mesh_cancelled;
+
 /* Joins vertices of equal coordinates, drops vertices of no triangle, triangles with two equal corners, and
- * triangles that stand more than once: of those that differ in orientation as many as cancel go, but where
- * that leaves nothing at all (a mesh with every face twice) one of each stays. Order is kept. */
-bool mesh_weld(mesh *m, mesh_notes *notes, error *e);
+ * triangles that stand more than once. Order is kept. */
+bool mesh_weld(mesh *m, mesh_cancelled cancelled, mesh_notes *notes, error *e);
 
 /* Drops triangles with two equal corners, and returns how many there were. */
 size_t mesh_drop_degenerate(mesh *m);

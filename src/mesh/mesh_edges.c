@@ -89,7 +89,8 @@ bool mesh_edges_close_seams(mesh *m, double tolerance, mesh_edges *edges, mesh_n
         changed = count > 0 && (round == 0 || split > before);
         if (!ok || (changed && !mesh_edges_list(m, edges, e))) return false;
     }
-    if (joined) mesh_note(notes, "%zu vertices of open edges lie as near to others as rounding: joined", joined);
+    if (joined)
+        mesh_note(notes, "%zu vertices of open edges lie as near to others as rounding: joined", joined);
     if (split)
         mesh_note(notes, "%zu triangles have vertices of others on their open edges: split there", split);
     return true;

@@ -29,7 +29,7 @@ typedef struct judging {
     mesh_notes *notes;
     mesh_edges edges;
     orientation turned; /* of triangles that hang together */
-    uint32_t *number; /* of a triangle's component */
+    uint32_t *number;   /* of a triangle's component */
     component *components;
     size_t component_count;
     size_t boundary_edges, odd_edges, branching_edges, holes;

@@ -1,0 +1,432 @@
+#include "mesh/mesh_patches.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/sets.h"
+#include "mesh/mesh_edges.h"
+#include "mesh/orientation.h"
+
+static const char what[] = "the patches of the mesh";
+
+/* A triangle whose height is less than this share of its longest side has no normal of its own. */
+static const double least_height = 1e-4;
+/* Such triangles may lie side by side: so often a normal is passed on. */
+enum { MOST_PASSES = 4 };
+
+/* An edge at which patches end. */
+typedef struct cut {
+    uint32_t from, to;               /* vertices */
+    size_t patch_first, patch_count; /* in `patches`, ascending */
+} cut;
+
+typedef struct making {
+    mesh *m;
+    mesh_edges edges;
+    vec3 *normal; /* of each triangle, unit; zero: it has none */
+    bool *is_cut; /* of each edge, at its first side */
+    orientation turned;
+    uint32_t *patch; /* of each triangle */
+    cut *cuts;
+    size_t cut_count;
+    uint32_t *patches; /* of the cuts */
+    size_t *at;        /* cuts of vertex v: around[at[v]] .. around[at[v + 1]] */
+    uint32_t *around;
+    bool *corner; /* of each vertex */
+    double bend;  /* radians: a curve that bends by more has a corner; 0: none has */
+    mesh_patches *out;
+} making;
+
+/* ---- which edges are features */
+
+/* The normal of a triangle, and its longest side. A needle has none. */
+static vec3 triangle_normal(const mesh *m, size_t n, int *longest)
+{
+    const uint32_t *t = m->triangle[n];
+    const vec3 ab = vec3_sub(m->vertex[t[1]], m->vertex[t[0]]),
+               ac = vec3_sub(m->vertex[t[2]], m->vertex[t[0]]), across = vec3_cross(ab, ac);
+    double most = 0;
+    for (int k = 0; k < 3; k++) {
+        double length2 = vec3_norm2(vec3_sub(m->vertex[t[(k + 1) % 3]], m->vertex[t[k]]));
+        if (length2 > most) *longest = k;
+        most = fmax(most, length2);
+    }
+    return vec3_norm(across) > least_height * most ? vec3_unit(across) : (vec3){0, 0, 0};
+}
+
+static bool has_normal(vec3 n)
+{
+    return vec3_norm2(n) > 0;
+}
+
+/* The side of a pair that is the other triangle's. */
+static const mesh_side *other_side(const mesh_edges *edges, uint32_t a, uint32_t b, uint32_t triangle,
+                                   bool *against)
+{
+    const uint32_t low = a < b ? a : b, high = a < b ? b : a;
+    for (size_t k = edges->first[low]; k < edges->first[low + 1]; k++) {
+        const mesh_side *s = edges->sides + k;
+        if (s->other != high) continue;
+        if (mesh_edges_width(edges, low, k) != 2) return NULL;
+        *against = s[0].upwards == s[1].upwards;
+        return s[0].triangle == triangle ? s + 1 : s;
+    }
+    return NULL;
+}
+
+/* A needle lies in the plane of the triangle beyond its longest side. */
+static bool find_normals(making *k, error *e)
+{
+    const mesh *m = k->m;
+    k->normal = mem_array(m->triangle_count, sizeof *k->normal, what, e);
+    if (!k->normal) return false;
+    size_t without = 0;
+    int longest = 0;
+    for (size_t n = 0; n < m->triangle_count; n++) {
+        k->normal[n] = triangle_normal(m, n, &longest);
+        without += !has_normal(k->normal[n]);
+    }
+    for (int pass = 0; without > 0 && pass < MOST_PASSES; pass++)
+        for (uint32_t n = 0; n < m->triangle_count; n++) {
+            if (has_normal(k->normal[n])) continue;
+            triangle_normal(m, n, &longest);
+            bool against;
+            const uint32_t *t = m->triangle[n];
+            const mesh_side *s = other_side(&k->edges, t[longest], t[(longest + 1) % 3], n, &against);
+            if (!s || !has_normal(k->normal[s->triangle])) continue;
+            k->normal[n] = vec3_scale(k->normal[s->triangle], against ? -1 : 1);
+            without--;
+        }
+    return true;
+}
+
+/* Of an edge of two triangles: 0 where they lie in one plane. */
+static double angle_at(const making *k, const mesh_side *s)
+{
+    const vec3 a = k->normal[s[0].triangle], b = k->normal[s[1].triangle];
+    if (!has_normal(a) || !has_normal(b)) return 0;
+    const vec3 turned = vec3_scale(b, s[0].upwards == s[1].upwards ? -1 : 1);
+    return atan2(vec3_norm(vec3_cross(a, turned)), vec3_dot(a, turned));
+}
+
+/* Lengths by how much they are bent. A mesh with sharp edges is flat or sharp nearly everywhere; of a scan, or of a few
+ * large triangles for a smooth shape, there are the fewer the sharper. */
+typedef struct bends {
+    double all, slight, between, sharp; /* slight: more than flat; between: that which is nearly sharp, too */
+} bends;
+
+static const double flat_below = 0.2, most_slight = 0.3; /* radians; share of all */
+
+static void bends_add(bends *b, double angle, double length)
+{
+    b->all += length;
+    if (angle > MESH_PATCHES_ANGLE)
+        b->sharp += length;
+    else if (angle > flat_below)
+        b->slight += length;
+    if (angle > MESH_PATCHES_ANGLE / 2 && angle <= MESH_PATCHES_ANGLE) b->between += length;
+}
+
+/* The angle from which on what is bent is a feature. */
+static double feature_angle(const bends *b, double asked)
+{
+    if (asked != MESH_PATCHES_FOUND) return asked;
+    return b->between <= b->sharp && b->slight <= most_slight * b->all ? MESH_PATCHES_ANGLE : 0;
+}
+
+static double length_of(const mesh *m, uint32_t a, uint32_t b)
+{
+    return vec3_norm(vec3_sub(m->vertex[b], m->vertex[a]));
+}
+
+static double find_angle(const making *k, double asked)
+{
+    bends all = {0};
+    for (uint32_t v = 0; v < k->m->vertex_count; v++)
+        for (size_t i = k->edges.first[v], n; i < k->edges.first[v + 1]; i += n) {
+            n = mesh_edges_width(&k->edges, v, i);
+            const mesh_side *s = k->edges.sides + i;
+            if (n == 2) bends_add(&all, angle_at(k, s), length_of(k->m, v, s->other));
+        }
+    return feature_angle(&all, asked);
+}
+
+/* Marks the edges at which patches end, and joins triangles at the others. */
+static bool cut_edges(making *k, double asked, error *e)
+{
+    k->is_cut = mem_array(3 * k->m->triangle_count, sizeof *k->is_cut, what, e);
+    if (!k->is_cut || !find_normals(k, e) || !orientation_init(&k->turned, k->m->triangle_count, e))
+        return false;
+    const double angle = k->out->feature_angle = find_angle(k, asked);
+    for (uint32_t v = 0; v < k->m->vertex_count; v++)
+        for (size_t i = k->edges.first[v], n; i < k->edges.first[v + 1]; i += n) {
+            const mesh_side *s = k->edges.sides + i;
+            n = mesh_edges_width(&k->edges, v, i);
+            const bool feature = n == 2 && angle > 0 && angle_at(k, s) > angle;
+            k->is_cut[i] = n != 2 || feature;
+            k->cut_count += k->is_cut[i];
+            k->out->open_edges += n == 1;
+            k->out->feature_edges += feature;
+            k->out->branching_edges += n > 2;
+            if (!k->is_cut[i])
+                orientation_join(&k->turned, s[0].triangle, s[1].triangle, s[0].upwards == s[1].upwards);
+        }
+    return true;
+}
+
+/* ---- patches */
+
+static bool number_patches(making *k, error *e)
+{
+    mesh_patches *out = k->out;
+    const size_t triangles = k->m->triangle_count;
+    bool turned;
+    k->patch = mem_array(triangles, sizeof *k->patch, what, e);
+    if (!k->patch) return false;
+    for (uint32_t n = 0; n < triangles; n++) /* a root is the least of its triangles, so it comes first */
+        k->patch[n] = orientation_find(&k->turned, n, &turned) == n ? (uint32_t)out->count++ : UINT32_MAX;
+    for (uint32_t n = 0; n < triangles; n++)
+        if (k->patch[n] == UINT32_MAX) k->patch[n] = k->patch[orientation_find(&k->turned, n, &turned)];
+    out->first = mem_array(out->count + 1, sizeof *out->first, what, e);
+    out->two_sided = mem_array(out->count, sizeof *out->two_sided, what, e);
+    size_t *minority = mem_array(out->count, sizeof *minority, what, e);
+    bool ok = out->first && out->two_sided && minority;
+    for (uint32_t n = 0; ok && n < triangles; n++) {
+        uint32_t root = orientation_find(&k->turned, n, &turned), p = k->patch[n];
+        out->first[p + 1]++;
+        minority[p] += turned;
+        out->two_sided[p] = k->turned.conflict[root];
+    }
+    for (uint32_t n = 0; ok && n < triangles; n++) { /* most triangles of a patch stay as they are */
+        uint32_t p = k->patch[n];
+        orientation_find(&k->turned, n, &turned);
+        if (out->two_sided[p] || turned != (2 * minority[p] <= out->first[p + 1])) continue;
+        uint32_t *t = k->m->triangle[n], swap = t[1];
+        t[1] = t[2];
+        t[2] = swap;
+    }
+    free(minority);
+    for (size_t p = 0; ok && p < out->count; p++) out->first[p + 1] += out->first[p];
+    return ok;
+}
+
+/* ---- curves */
+
+static int by_number(const void *left, const void *right)
+{
+    const uint32_t a = *(const uint32_t *)left, b = *(const uint32_t *)right;
+    return (a > b) - (a < b);
+}
+
+static bool list_cuts(making *k, error *e)
+{
+    k->cuts = mem_array(k->cut_count, sizeof *k->cuts, what, e);
+    k->patches = mem_array(3 * k->m->triangle_count, sizeof *k->patches, what, e);
+    k->at = mem_array(k->m->vertex_count + 2, sizeof *k->at, what, e);
+    k->around = mem_array(2 * k->cut_count, sizeof *k->around, what, e);
+    k->corner = mem_array(k->m->vertex_count, sizeof *k->corner, what, e);
+    if (!k->cuts || !k->patches || !k->at || !k->around || !k->corner) return false;
+    size_t count = 0, used = 0;
+    for (uint32_t v = 0; v < k->m->vertex_count; v++)
+        for (size_t i = k->edges.first[v], n; i < k->edges.first[v + 1]; i += n) {
+            n = mesh_edges_width(&k->edges, v, i);
+            if (!k->is_cut[i]) continue;
+            const mesh_side *s = k->edges.sides + i;
+            for (size_t side = 0; side < n; side++) k->patches[used + side] = k->patch[s[side].triangle];
+            qsort(k->patches + used, n, sizeof *k->patches, by_number);
+            k->cuts[count++] = (cut){v, s->other, used, n};
+            used += n;
+            k->at[v + 2]++;
+            k->at[s->other + 2]++;
+        }
+    for (size_t v = 2; v < k->m->vertex_count + 2; v++) k->at[v] += k->at[v - 1];
+    for (uint32_t c = 0; c < count; c++) {
+        k->around[k->at[k->cuts[c].from + 1]++] = c;
+        k->around[k->at[k->cuts[c].to + 1]++] = c;
+    }
+    return true;
+}
+
+static size_t cuts_at(const making *k, uint32_t v)
+{
+    return k->at[v + 1] - k->at[v];
+}
+
+static uint32_t far_end(const cut *c, uint32_t v)
+{
+    return c->from == v ? c->to : c->from;
+}
+
+/* By how much the chain of two cuts bends at v. */
+static double bend_at(const making *k, uint32_t v)
+{
+    const vec3 *x = k->m->vertex;
+    const vec3 in = vec3_sub(x[v], x[far_end(&k->cuts[k->around[k->at[v]]], v)]),
+               out = vec3_sub(x[far_end(&k->cuts[k->around[k->at[v] + 1]], v)], x[v]);
+    return atan2(vec3_norm(vec3_cross(in, out)), vec3_dot(in, out));
+}
+
+static void find_corners(making *k, double asked)
+{
+    bends all = {0};
+    for (uint32_t v = 0; v < k->m->vertex_count; v++) {
+        if (cuts_at(k, v) != 2) continue;
+        const cut *a = &k->cuts[k->around[k->at[v]]], *b = &k->cuts[k->around[k->at[v] + 1]];
+        bends_add(&all, bend_at(k, v),
+                  0.5 * (length_of(k->m, a->from, a->to) + length_of(k->m, b->from, b->to)));
+    }
+    k->bend = feature_angle(&all, asked);
+    for (uint32_t v = 0; v < k->m->vertex_count; v++) {
+        const size_t n = cuts_at(k, v);
+        if (n == 0) continue;
+        const cut *a = &k->cuts[k->around[k->at[v]]];
+        k->corner[v] = n != 2;
+        if (n != 2) continue;
+        const cut *b = &k->cuts[k->around[k->at[v] + 1]];
+        k->corner[v] = a->patch_count != b->patch_count ||
+                       memcmp(k->patches + a->patch_first, k->patches + b->patch_first,
+                              a->patch_count * sizeof *k->patches) != 0 ||
+                       (k->bend > 0 && bend_at(k, v) > k->bend);
+    }
+}
+
+/* Goes along a chain from `start`, by the cut `c`, to the next corner, or round to the start. */
+static void follow(making *k, uint32_t start, uint32_t c, bool *done)
+{
+    mesh_patches *out = k->out;
+    field_curve *curve = &out->curve[out->curve_count];
+    const cut *begin = &k->cuts[c];
+    size_t last = out->curve_count ? curve[-1].first + curve[-1].count : 0;
+    *curve = (field_curve){.first = last, .patch_count = begin->patch_count};
+    curve->patch_first = out->curve_count ? curve[-1].patch_first + curve[-1].patch_count : 0;
+    memcpy(out->curve_patch + curve->patch_first, k->patches + begin->patch_first,
+           begin->patch_count * sizeof *k->patches);
+    uint32_t v = start;
+    out->vertex[last + curve->count++] = k->m->vertex[v];
+    for (;;) {
+        done[c] = true;
+        v = far_end(&k->cuts[c], v);
+        curve->closed = v == start && !k->corner[v];
+        if (!curve->closed) out->vertex[last + curve->count++] = k->m->vertex[v];
+        if (k->corner[v] || curve->closed) break;
+        c = k->around[k->at[v] + (k->around[k->at[v]] == c)];
+    }
+    out->curve_count++;
+}
+
+static bool make_curves(making *k, double asked, error *e)
+{
+    mesh_patches *out = k->out;
+    if (!list_cuts(k, e)) return false;
+    find_corners(k, asked);
+    bool *done = mem_array(k->cut_count, sizeof *done, what, e);
+    out->curve = mem_array(k->cut_count, sizeof *out->curve, what, e);
+    out->vertex = mem_array(2 * k->cut_count, sizeof *out->vertex, what, e);
+    out->curve_patch = mem_array(3 * k->m->triangle_count, sizeof *out->curve_patch, what, e);
+    bool ok = done && out->curve && out->vertex && out->curve_patch;
+    for (int loops = 0; ok && loops < 2; loops++) /* first those between corners */
+        for (uint32_t v = 0; v < k->m->vertex_count; v++)
+            for (size_t i = k->at[v]; (loops || k->corner[v]) && i < k->at[v + 1]; i++)
+                if (!done[k->around[i]]) follow(k, v, k->around[i], done);
+    free(done);
+    return ok;
+}
+
+/* ---- the mesh of patches */
+
+/* The corner of a triangle that stands at v, as a number. */
+static uint32_t corner_at(const mesh *m, uint32_t triangle, uint32_t v)
+{
+    const uint32_t *t = m->triangle[triangle];
+    return 3 * triangle + (t[0] == v ? 0 : t[1] == v ? 1 : 2);
+}
+
+/* Corners of triangles are one vertex where their triangles hang together by edges that are not cut. */
+static bool part_vertices(making *k, error *e)
+{
+    const mesh *m = k->m;
+    mesh_patches *out = k->out;
+    size_t *to = mem_array(out->count, sizeof *to, what, e);
+    uint32_t *set = mem_array(3 * m->triangle_count, sizeof *set, what, e);
+    uint32_t *number = mem_array(3 * m->triangle_count, sizeof *number, what, e);
+    out->m.vertex = mem_array(3 * m->triangle_count, sizeof *out->m.vertex, what, e);
+    out->m.triangle = mem_array(m->triangle_count, sizeof *out->m.triangle, what, e);
+    bool ok = to && set && number && out->m.vertex && out->m.triangle;
+    if (ok) sets_reset(set, 3 * m->triangle_count);
+    for (uint32_t v = 0; ok && v < m->vertex_count; v++)
+        for (size_t i = k->edges.first[v]; i < k->edges.first[v + 1];
+             i += mesh_edges_width(&k->edges, v, i)) {
+            const mesh_side *s = k->edges.sides + i;
+            if (k->is_cut[i]) continue;
+            sets_join(set, corner_at(m, s[0].triangle, v), corner_at(m, s[1].triangle, v));
+            sets_join(set, corner_at(m, s[0].triangle, s->other), corner_at(m, s[1].triangle, s->other));
+        }
+    out->m.triangle_count = m->triangle_count;
+    for (size_t p = 0; ok && p < out->count; p++) to[p] = out->first[p];
+    for (uint32_t c = 0; ok && c < 3 * m->triangle_count; c++) {
+        const uint32_t root = sets_root(set, c);
+        if (root == c) {
+            number[c] = (uint32_t)out->m.vertex_count;
+            out->m.vertex[out->m.vertex_count++] = m->vertex[m->triangle[c / 3][c % 3]];
+        }
+        out->m.triangle[to[k->patch[c / 3]]][c % 3] = number[root];
+        if (c % 3 == 2) to[k->patch[c / 3]]++;
+    }
+    free(to);
+    free(set);
+    free(number);
+    return ok;
+}
+
+/* ---- the whole */
+
+static bool make(making *k, const mesh_patches_params *p, mesh_notes *notes, error *e)
+{
+    mesh *m = k->m;
+    if (!mesh_weld(m, MESH_KEEP_CANCELLED, notes, e)) return false;
+    if (m->triangle_count == 0) return error_set(e, ERROR_NO_SURFACE, "no triangle of the mesh has an area");
+    if (!mesh_edges_list(m, &k->edges, e) ||
+        !mesh_edges_close_seams(m, p->weld * bbox_longest(mesh_box(m)), &k->edges, notes, e) ||
+        !mesh_weld(m, MESH_KEEP_CANCELLED, notes, e) /* faces may coincide now */ ||
+        !mesh_edges_list(m, &k->edges, e))
+        return false;
+    return cut_edges(k, p->feature_angle, e) && number_patches(k, e) &&
+           make_curves(k, k->out->feature_angle > 0 ? p->feature_angle : 0, e) && part_vertices(k, e);
+}
+
+bool mesh_patches_make(mesh *m, const mesh_patches_params *params, mesh_notes *notes, mesh_patches *out,
+                       error *e)
+{
+    mesh_patches made = {0};
+    making k = {.m = m, .out = &made};
+    bool ok = make(&k, params, notes, e);
+    mesh_edges_free(&k.edges);
+    orientation_free(&k.turned);
+    free(k.normal);
+    free(k.is_cut);
+    free(k.patch);
+    free(k.cuts);
+    free(k.patches);
+    free(k.at);
+    free(k.around);
+    free(k.corner);
+    mesh_free(m);
+    if (ok)
+        *out = made;
+    else
+        mesh_patches_free(&made);
+    return ok;
+}
+
+void mesh_patches_free(mesh_patches *p)
+{
+    mesh_free(&p->m);
+    free(p->first);
+    free(p->two_sided);
+    free(p->curve);
+    free(p->vertex);
+    free(p->curve_patch);
+    *p = (mesh_patches){0};
+}
