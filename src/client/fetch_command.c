@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/compare.h"
 #include "base/frames.h"
 #include "base/memory.h"
 #include "client/command.h"
@@ -122,15 +123,9 @@ typedef struct fetching {
     json *frames; /* for --json */
 } fetching;
 
-static int compare(const void *a, const void *b)
-{
-    const int *x = a, *y = b;
-    return (*x > *y) - (*x < *y);
-}
-
 static bool is_wanted(const fetching *f, int frame)
 {
-    return !f->wanted || bsearch(&frame, f->wanted, f->wanted_count, sizeof frame, compare);
+    return !f->wanted || bsearch(&frame, f->wanted, f->wanted_count, sizeof frame, compare_ints);
 }
 
 static int fetch_frame(client *c, fetching *f, int frame)
@@ -217,7 +212,7 @@ static int fetch_array(client *c, fetching *f)
         return COMMAND_USAGE;
     }
     if (f->wanted) {
-        qsort(f->wanted, f->wanted_count, sizeof *f->wanted, compare);
+        qsort(f->wanted, f->wanted_count, sizeof *f->wanted, compare_ints);
         f->all = (int)f->wanted_count;
     }
     f->frames = json_new_array();

@@ -5,8 +5,12 @@
 #include "formats/usda.h"
 
 const point_format formats[FORMATS] = {
-    [FORMAT_NPZ] = {"points.npz", false, npz_write, npz_verify},
-    [FORMAT_GLB] = {"points.glb", true, glb_write, glb_verify},
-    [FORMAT_USDA] = {"points.usda", true, usda_write, usda_verify},
-    [FORMAT_MESH_USDA] = {"mesh.usda", true, usda_write, usda_verify},
+    [FORMAT_NPZ] = {"points.npz", false, false, false, npz_write, npz_verify},
+    [FORMAT_GLB] = {"points.glb", true, false, false, glb_write, glb_verify},
+    [FORMAT_USDA] = {"points.usda", true, false, false, usda_write, usda_verify},
+    [FORMAT_USDA_SEQUENCE] = {"points_sequence.usda", true, true, false, usda_write_sequence,
+                              usda_verify_sequence},
+    [FORMAT_MESH_USDA] = {"mesh.usda", true, false, true, usda_write, usda_verify},
+    [FORMAT_MESH_USDA_SEQUENCE] = {"mesh_sequence.usda", true, true, true, usda_write_sequence,
+                                   usda_verify_sequence},
 };

@@ -11,17 +11,28 @@
 
 #include "base/error.h"
 #include "formats/points.h"
+#include "formats/scene.h"
 
 typedef struct point_format {
     const char *file; /* its name in a result */
     bool colored;     /* it has colors even where no attribute gives them */
-    /* Writes at the beginning of an empty file, which is flushed. `y_up`: which axis of the set points up, y or z. */
-    bool (*write)(FILE *file, const points *set, bool y_up, error *e);
+    bool of_sequence; /* it is of all frames, and lies beside the first */
+    bool of_mesh;
+    /* Writes at the beginning of an empty file, which is flushed. */
+    bool (*write)(FILE *file, const points *set, const scene *place, error *e);
     /* Reads the file again and compares it with the set. Error: input_damaged where they differ. */
-    bool (*verify)(FILE *file, const points *set, bool y_up, error *e);
+    bool (*verify)(FILE *file, const points *set, const scene *place, error *e);
 } point_format;
 
-typedef enum format_name { FORMAT_NPZ, FORMAT_GLB, FORMAT_USDA, FORMAT_MESH_USDA, FORMATS } format_name;
+typedef enum format_name {
+    FORMAT_NPZ,
+    FORMAT_GLB,
+    FORMAT_USDA,
+    FORMAT_USDA_SEQUENCE,
+    FORMAT_MESH_USDA,
+    FORMAT_MESH_USDA_SEQUENCE,
+    FORMATS
+} format_name;
 
 extern const point_format formats[FORMATS];
 

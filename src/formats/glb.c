@@ -162,11 +162,11 @@ static bool write_numbers(FILE *file, const arrays *a)
     return good;
 }
 
-bool glb_write(FILE *file, const points *set, bool y_up, error *e)
+bool glb_write(FILE *file, const points *set, const scene *place, error *e)
 {
     arrays a = list_arrays(set);
     size_t bytes;
-    json *root = describe(&a, y_up, &bytes);
+    json *root = describe(&a, place->y_up, &bytes);
     char *text = json_print(root);
     size_t length = strlen(text), padded = (length + 3) & ~(size_t)3;
     size_t whole = 4 * (HEAD_WORDS + 2 * CHUNK_WORDS) + padded + bytes;
@@ -232,10 +232,10 @@ static bool verify_array(FILE *file, const json *root, long data, const arrays *
     return true;
 }
 
-bool glb_verify(FILE *file, const points *set, bool y_up, error *e)
+bool glb_verify(FILE *file, const points *set, const scene *place, error *e)
 {
     uint32_t head[5], chunk[2];
-    (void)y_up;
+    (void)place;
     rewind(file);
     if (!read_words(file, head, 5) || head[0] != MAGIC || head[1] != VERSION_2 || head[4] != CHUNK_JSON)
         return damaged(e, "its header is not one");

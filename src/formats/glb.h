@@ -8,8 +8,9 @@
 
 #include "base/error.h"
 #include "formats/points.h"
+#include "formats/scene.h"
 
-bool glb_write(FILE *file, const points *set, bool y_up, error *e);
-bool glb_verify(FILE *file, const points *set, bool y_up, error *e);
+bool glb_write(FILE *file, const points *set, const scene *place, error *e);
+bool glb_verify(FILE *file, const points *set, const scene *place, error *e);
 
 #endif

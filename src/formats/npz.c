@@ -155,12 +155,12 @@ static bool verify_array(unzFile archive, const property *p, size_t rows, error 
            error_set(e, ERROR_INPUT_DAMAGED, "NPZ file: the array \"%s\" is not what was written", p->name);
 }
 
-bool npz_write(FILE *file, const points *set, bool y_up, error *e)
+bool npz_write(FILE *file, const points *set, const scene *place, error *e)
 {
     zlib_filefunc64_def functions = functions_of(file);
     property *list = mem_alloc((PROPERTIES_OWN + set->attribute_count) * sizeof *list);
     size_t count = property_list(set, list);
-    (void)y_up;
+    (void)place;
     zipFile archive = zipOpen2_64("points.npz", APPEND_STATUS_CREATE, NULL, &functions);
     bool good = archive != NULL;
     for (size_t k = 0; good && k < count; k++) good = write_array(archive, &list[k], set->count);
@@ -170,13 +170,13 @@ bool npz_write(FILE *file, const points *set, bool y_up, error *e)
     return good || error_set(e, error_code_of_errno(errno), "cannot write the NPZ file: %s", strerror(errno));
 }
 
-bool npz_verify(FILE *file, const points *set, bool y_up, error *e)
+bool npz_verify(FILE *file, const points *set, const scene *place, error *e)
 {
     zlib_filefunc64_def functions = functions_of(file);
     property *list = mem_alloc((PROPERTIES_OWN + set->attribute_count) * sizeof *list);
     size_t count = property_list(set, list);
     unz_global_info64 info;
-    (void)y_up;
+    (void)place;
     rewind(file);
     unzFile archive = unzOpen2_64("points.npz", &functions);
     bool good = archive && unzGetGlobalInfo64(archive, &info) == UNZ_OK && info.number_entry == count;

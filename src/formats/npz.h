@@ -8,8 +8,9 @@
 
 #include "base/error.h"
 #include "formats/points.h"
+#include "formats/scene.h"
 
-bool npz_write(FILE *file, const points *set, bool y_up, error *e);
-bool npz_verify(FILE *file, const points *set, bool y_up, error *e);
+bool npz_write(FILE *file, const points *set, const scene *place, error *e);
+bool npz_verify(FILE *file, const points *set, const scene *place, error *e);
 
 #endif

@@ -9,9 +9,18 @@ static void add(property *list, size_t *count, const char *name, property_role r
     if (values) list[(*count)++] = (property){name, role, false, components, values, scale, NULL};
 }
 
+bool property_is_velocity(const point_attribute *a)
+{
+    return a->kind == POINT_ATTRIBUTE_VECTOR &&
+           (strcmp(a->name, "v") == 0 || strcmp(a->name, "vel") == 0 || strcmp(a->name, "velocity") == 0);
+}
+
 size_t property_list(const points *s, property *list)
 {
     size_t n = 0;
+    const point_attribute *velocity = NULL;
+    for (size_t k = s->attribute_count; k-- > 0;)
+        if (property_is_velocity(&s->attributes[k])) velocity = &s->attributes[k];
     add(list, &n, "position", PROPERTY_POSITION, 3, s->position, 1);
     add(list, &n, "normal", PROPERTY_NORMAL, 3, s->normal, 1);
     add(list, &n, "rgb", PROPERTY_COLOR, 3, s->color, 1);
@@ -26,11 +35,16 @@ size_t property_list(const points *s, property *list)
     add(list, &n, "spacing_local", PROPERTY_OTHER, 1, s->spacing_local, 1);
     add(list, &n, "kappa_scale", PROPERTY_OTHER, 1, s->kappa_scale, 1);
     list[n++] = (property){"id", PROPERTY_ID, true, 1, NULL, 1, s->id};
-    add(list, &n, "velocity", PROPERTY_VELOCITY, 3, s->velocity, 1);
+    add(list, &n, "velocity", velocity ? PROPERTY_OTHER : PROPERTY_MOTION, 3, s->velocity, 1);
     for (size_t k = 0; k < s->attribute_count; k++) {
         const point_attribute *a = &s->attributes[k];
-        list[n++] = (property){
-            a->name, PROPERTY_OTHER, a->kind == POINT_ATTRIBUTE_INT, a->components, a->values, 1, NULL};
+        list[n++] = (property){a->name,
+                               a == velocity ? PROPERTY_VELOCITY : PROPERTY_OTHER,
+                               a->kind == POINT_ATTRIBUTE_INT,
+                               a->components,
+                               a->values,
+                               1,
+                               NULL};
     }
     return n;
 }

@@ -17,7 +17,8 @@ typedef enum property_role {
     PROPERTY_UV,
     PROPERTY_RADIUS,
     PROPERTY_ID,
-    PROPERTY_VELOCITY
+    PROPERTY_MOTION,  /* of the points from frame to frame, world units a frame */
+    PROPERTY_VELOCITY /* of a file, which is before the motion */
 } property_role;
 
 typedef struct property {
@@ -35,6 +36,9 @@ enum { PROPERTIES_OWN = 16 };
 
 /* Fills in what the set has, in a fixed order; `list` has room for PROPERTIES_OWN and the attributes. Returns how many. */
 size_t property_list(const points *set, property *list);
+
+/* Whether an attribute is a velocity: a vector called v, vel or velocity. */
+bool property_is_velocity(const point_attribute *a);
 
 /* Whether an attribute may not be called so; see columns_is_own, too. */
 bool property_is_own(const char *name);

@@ -11,6 +11,18 @@
 
 /* Digits after which a float reads back as the same, and a whole number of 32 bits is whole. */
 enum { FLOAT_DIGITS = 9, WHOLE_DIGITS = 10 };
+/* Time codes are frames; velocities are told for a second. The rate is USD's default. */
+enum { FRAMES_PER_SECOND = 24 };
+enum { VALUES_WORDS = 480 };
+#define EXTENT "float3[] extent"
+#define FACE_COUNTS "int[] faceVertexCounts"
+#define FACE_CORNERS "int[] faceVertexIndices"
+#define SUBDIVISION "    uniform token subdivisionScheme = \"none\"\n"
+
+static bool damaged(error *e, const char *what)
+{
+    return error_set(e, ERROR_INPUT_DAMAGED, "USD file: %s", what);
+}
 
 /* Widths and ids are of points only. */
 static bool is_primvar(const property *p, bool of_mesh)
@@ -28,7 +40,8 @@ static void declare(const property *p, bool of_mesh, char out[160])
                                         [PROPERTY_UV] = "texCoord2f[] primvars:st",
                                         [PROPERTY_RADIUS] = "float[] widths",
                                         [PROPERTY_ID] = "int64[] ids",
-                                        [PROPERTY_VELOCITY] = "vector3f[] velocities"};
+                                        [PROPERTY_VELOCITY] = "vector3f[] velocities",
+                                        [PROPERTY_MOTION] = "vector3f[] velocities"};
     static const char *const types[] = {"float", "float2", "float3", "float4"};
     if (!is_primvar(p, of_mesh) || p->role == PROPERTY_COLOR || p->role == PROPERTY_UV)
         strcpy(out, fixed[p->role]);
@@ -36,20 +49,38 @@ static void declare(const property *p, bool of_mesh, char out[160])
         snprintf(out, 160, "%s[] primvars:%s", p->whole ? "int" : types[p->components - 1], p->name);
 }
 
-/* As the file has it: widths are diameters, and colors in linear light. */
+/* As the file has it: widths are diameters, velocities are of a second, and colors in linear light. */
 static double number(const property *p, bool of_mesh, size_t point, int c)
 {
     double value = property_value(p, point, c);
     if (p->role == PROPERTY_RADIUS && !of_mesh) value *= 2;
+    if (p->role == PROPERTY_MOTION) value *= FRAMES_PER_SECOND;
     if (p->role == PROPERTY_COLOR) value = colormap_linear(fmin(fmax(value, 0), 1));
     return value;
 }
 
-static bool write_property(FILE *file, const property *p, bool of_mesh, size_t rows)
+/* What stands before the values of a property, and behind them: those of a frame are a sample at its time. */
+static void enclose(const char *words, bool primvar, const scene *place, char before[VALUES_WORDS],
+                    const char **behind)
 {
-    char words[160];
+    static const char vertex[] = " (\n        interpolation = \"vertex\"\n    )\n";
+    if (place->frame_count > 0) {
+        snprintf(before, VALUES_WORDS, "%s%s%s    %s.timeSamples = {\n        %d: [", primvar ? "    " : "",
+                 primvar ? words : "", primvar ? vertex : "", words, place->frame);
+        *behind = "]\n    }\n";
+    } else {
+        snprintf(before, VALUES_WORDS, "    %s = [", words);
+        *behind = primvar ? "] (\n        interpolation = \"vertex\"\n    )\n" : "]\n";
+    }
+}
+
+static bool write_property(FILE *file, const property *p, bool of_mesh, const scene *place, size_t rows)
+{
+    char words[160], before[VALUES_WORDS];
+    const char *behind;
     declare(p, of_mesh, words);
-    bool good = fprintf(file, "    %s = [", words) > 0;
+    enclose(words, is_primvar(p, of_mesh), place, before, &behind);
+    bool good = fputs(before, file) >= 0;
     for (size_t i = 0; good && i < rows; i++) {
         good = fputs(i ? ", " : "", file) >= 0 && (p->components == 1 || fputc('(', file) != EOF);
         for (int c = 0; good && c < p->components; c++) {
@@ -60,34 +91,40 @@ static bool write_property(FILE *file, const property *p, bool of_mesh, size_t r
         }
         if (p->components > 1) good = good && fputc(')', file) != EOF;
     }
-    return good && fputs(is_primvar(p, of_mesh) ? "] (\n        interpolation = \"vertex\"\n    )\n" : "]\n",
-                         file) >= 0;
+    return good && fputs(behind, file) >= 0;
 }
 
-static bool write_extent(FILE *file, const points *set)
+static bool write_extent(FILE *file, const points *set, const scene *place)
 {
     vec3 low = {INFINITY, INFINITY, INFINITY}, high = {-INFINITY, -INFINITY, -INFINITY};
+    char before[VALUES_WORDS];
+    const char *behind;
     for (size_t i = 0; i < set->count; i++)
         for (int a = 0; a < 3; a++) {
             double x = vec3_get(set->position[i], a), r = 0.5 * set->spacing_local[i];
             vec3_set(&low, a, fmin(vec3_get(low, a), x - r));
             vec3_set(&high, a, fmax(vec3_get(high, a), x + r));
         }
-    return fprintf(file, "    float3[] extent = [(%.9g, %.9g, %.9g), (%.9g, %.9g, %.9g)]\n", low.x, low.y,
-                   low.z, high.x, high.y, high.z) > 0;
+    enclose(EXTENT, false, place, before, &behind);
+    return fprintf(file, "%s(%.9g, %.9g, %.9g), (%.9g, %.9g, %.9g)%s", before, low.x, low.y, low.z, high.x,
+                   high.y, high.z, behind) > 0;
 }
 
-static bool write_triangles(FILE *file, const points *set)
+static bool write_triangles(FILE *file, const points *set, const scene *place)
 {
-    bool good =
-        fputs("    uniform token subdivisionScheme = \"none\"\n    int[] faceVertexCounts = [", file) >= 0;
+    char before[VALUES_WORDS];
+    const char *behind;
+    enclose(FACE_COUNTS, false, place, before, &behind);
+    bool good = fprintf(file, "%s%s", SUBDIVISION, before) > 0;
     for (size_t k = 0; good && k < set->triangle_count; k++) good = fputs(k ? ", 3" : "3", file) >= 0;
-    good = good && fputs("]\n    int[] faceVertexIndices = [", file) >= 0;
+    good = good && fputs(behind, file) >= 0;
+    enclose(FACE_CORNERS, false, place, before, &behind);
+    good = good && fputs(before, file) >= 0;
     for (size_t k = 0; good && k < set->triangle_count; k++) {
         const uint32_t *c = set->triangle[k];
         good = fprintf(file, "%s%u, %u, %u", k ? ", " : "", c[0], c[1], c[2]) > 0;
     }
-    return good && fputs("]\n", file) >= 0;
+    return good && fputs(behind, file) >= 0;
 }
 
 static size_t list_properties(const points *set, property **list)
@@ -96,30 +133,103 @@ static size_t list_properties(const points *set, property **list)
     return property_list(set, *list);
 }
 
-bool usda_write(FILE *file, const points *set, bool y_up, error *e)
+/* The stage, and the head of its prim without what follows its name. */
+static bool write_head(FILE *file, const char *name, const char *schema, const scene *place, int first,
+                       int last)
+{
+    bool good = fprintf(file, "#usda 1.0\n(\n    defaultPrim = \"%s\"\n", name) > 0;
+    if (place->frame_count > 0)
+        good = good && fprintf(file,
+                               "    endTimeCode = %d\n    framesPerSecond = %d\n    startTimeCode = %d\n"
+                               "    timeCodesPerSecond = %d\n",
+                               last, FRAMES_PER_SECOND, first, FRAMES_PER_SECOND) > 0;
+    return good && fprintf(file, "    metersPerUnit = 1\n    upAxis = \"%s\"\n)\n\ndef %s \"%s\"",
+                           place->y_up ? "Y" : "Z", schema, name) > 0;
+}
+
+static bool end_writing(FILE *file, bool good, error *e)
+{
+    return (good && fflush(file) == 0) ||
+           error_set(e, error_code_of_errno(errno), "cannot write the USD file: %s", strerror(errno));
+}
+
+bool usda_write(FILE *file, const points *set, const scene *place, error *e)
+{
+    property *list;
+    const bool of_mesh = set->triangle_count > 0;
+    size_t count = list_properties(set, &list);
+    bool good = write_head(file, of_mesh ? "mesh" : "points", of_mesh ? "Mesh" : "Points", place,
+                           place->frame, place->frame) &&
+                fputs("\n{\n", file) >= 0 && write_extent(file, set, place) &&
+                (!of_mesh || write_triangles(file, set, place));
+    for (size_t k = 0; good && k < count; k++)
+        good = write_property(file, &list[k], of_mesh, place, set->count);
+    good = good && fputs("}\n", file) >= 0;
+    free(list);
+    return end_writing(file, good, e);
+}
+
+/* ---- the stage of a sequence ---- */
+
+/* Which file has the values of which time. The stage is its own manifest: it says what properties the files have. */
+static bool write_clips(FILE *file, const char *name, const scene *place)
+{
+    const size_t n = place->frame_count;
+    bool good = fputs(" (\n    clips = {\n        dictionary default = {\n            double2[] active = [",
+                      file) >= 0;
+    for (size_t k = 0; good && k < n; k++)
+        good = fprintf(file, "%s(%d, %zu)", k ? ", " : "", place->frames[k], k) > 0;
+    good = good && fputs("]\n            asset[] assetPaths = [", file) >= 0;
+    for (size_t k = 0; good && k < n; k++) {
+        const char *quote = strchr(place->folders[k], '@') ? "@@@" : "@";
+        good = fprintf(file, "%s%s%s/%s.usda%s", k ? ", " : "", quote, place->folders[k], name, quote) > 0;
+    }
+    good = good && fprintf(file,
+                           "]\n            asset manifestAssetPath = @./%s_sequence.usda@\n"
+                           "            string primPath = \"/%s\"\n            double2[] times = [",
+                           name, name) > 0;
+    for (size_t k = 0; good && k < n; k++)
+        good = fprintf(file, "%s(%d, %d)", k ? ", " : "", place->frames[k], place->frames[k]) > 0;
+    return good && fputs("]\n        }\n    }\n)\n{\n", file) >= 0;
+}
+
+bool usda_write_sequence(FILE *file, const points *set, const scene *place, error *e)
 {
     property *list;
     const bool of_mesh = set->triangle_count > 0;
     size_t count = list_properties(set, &list);
     const char *name = of_mesh ? "mesh" : "points";
-    bool good =
-        fprintf(file,
-                "#usda 1.0\n(\n    defaultPrim = \"%s\"\n    metersPerUnit = 1\n    upAxis = \"%s\"\n)\n\n",
-                name, y_up ? "Y" : "Z") > 0;
-    good = good && fprintf(file, "def %s \"%s\"\n{\n", of_mesh ? "Mesh" : "Points", name) > 0;
-    good = good && write_extent(file, set) && (!of_mesh || write_triangles(file, set));
-    for (size_t k = 0; good && k < count; k++) good = write_property(file, &list[k], of_mesh, set->count);
-    good = good && fputs("}\n", file) >= 0 && fflush(file) == 0;
+    bool good = write_head(file, name, of_mesh ? "Mesh" : "Points", place, place->frames[0],
+                           place->frames[place->frame_count - 1]) &&
+                write_clips(file, name, place) && fputs("    " EXTENT "\n", file) >= 0;
+    if (of_mesh) good = good && fputs(SUBDIVISION "    " FACE_COUNTS "\n    " FACE_CORNERS "\n", file) >= 0;
+    for (size_t k = 0; good && k < count; k++) {
+        char words[160];
+        declare(&list[k], of_mesh, words);
+        good =
+            fprintf(file, "    %s%s\n", words,
+                    is_primvar(&list[k], of_mesh) ? " (\n        interpolation = \"vertex\"\n    )" : "") > 0;
+    }
+    good = good && fputs("}\n", file) >= 0;
     free(list);
-    return good || error_set(e, error_code_of_errno(errno), "cannot write the USD file: %s", strerror(errno));
+    return end_writing(file, good, e);
+}
+
+bool usda_verify_sequence(FILE *file, const points *set, const scene *place, error *e)
+{
+    char *meant = NULL;
+    size_t length = 0, k = 0;
+    FILE *memory = open_memstream(&meant, &length);
+    bool good = memory && usda_write_sequence(memory, set, place, e);
+    if (memory) fclose(memory);
+    rewind(file);
+    while (good && k < length && fgetc(file) == (unsigned char)meant[k]) k++;
+    good = good && k == length && fgetc(file) == EOF;
+    free(meant);
+    return good || damaged(e, "the stage of the sequence is not what was written");
 }
 
 /* ---- reading ---- */
-
-static bool damaged(error *e, const char *what)
-{
-    return error_set(e, ERROR_INPUT_DAMAGED, "USD file: %s", what);
-}
 
 /* To behind the next text of this kind; false at the end of the file. */
 static bool find_text(FILE *file, const char *text)
@@ -139,49 +249,51 @@ static bool read_number(FILE *file, double *out)
     return fscanf(file, "%lf", out) == 1;
 }
 
-static bool verify_property(FILE *file, const property *p, bool of_mesh, size_t rows, error *e)
+static bool verify_property(FILE *file, const property *p, bool of_mesh, const scene *place, size_t rows,
+                            error *e)
 {
-    char words[160], start[180];
+    char words[160], before[VALUES_WORDS];
+    const char *behind;
     declare(p, of_mesh, words);
-    snprintf(start, sizeof start, "    %s = [", words);
-    if (!find_text(file, start)) return damaged(e, "a property is not there");
+    enclose(words, is_primvar(p, of_mesh), place, before, &behind);
+    if (!find_text(file, before)) return damaged(e, "a property is not there");
     for (size_t i = 0; i < rows; i++)
         for (int c = 0; c < p->components; c++) {
             double read;
-            int skipped = fgetc(file);
-            while (skipped == ',' || skipped == ' ' || skipped == '(' || skipped == ')')
-                skipped = fgetc(file);
-            ungetc(skipped, file);
-            if (fscanf(file, "%lf", &read) != 1) return damaged(e, "it ends too early");
+            if (!read_number(file, &read)) return damaged(e, "it ends too early");
             double meant = number(p, of_mesh, i, c);
             volatile float single = (float)meant, single_read = (float)read;
             if (p->whole ? read != meant : single_read != single)
                 return error_set(e, ERROR_INPUT_DAMAGED,
                                  "USD file: the %s of point %zu is not what was written", p->name, i);
         }
-    return find_text(file, "]") || damaged(e, "it ends too early");
+    return find_text(file, behind) || damaged(e, "it ends too early");
 }
 
-static bool verify_triangles(FILE *file, const points *set, error *e)
+static bool verify_triangles(FILE *file, const points *set, const scene *place, error *e)
 {
     double read;
-    if (!find_text(file, "faceVertexIndices = [")) return damaged(e, "it has no faces");
+    char before[VALUES_WORDS];
+    const char *behind;
+    enclose(FACE_CORNERS, false, place, before, &behind);
+    if (!find_text(file, before)) return damaged(e, "it has no faces");
     for (size_t k = 0; k < 3 * set->triangle_count; k++)
         if (!read_number(file, &read) || read != set->triangle[k / 3][k % 3])
             return error_set(e, ERROR_INPUT_DAMAGED, "USD file: face %zu is not what was written", k / 3);
     return true;
 }
 
-bool usda_verify(FILE *file, const points *set, bool y_up, error *e)
+bool usda_verify(FILE *file, const points *set, const scene *place, error *e)
 {
     property *list;
     const bool of_mesh = set->triangle_count > 0;
     size_t count = list_properties(set, &list);
     rewind(file);
     bool good =
-        find_text(file, y_up ? "upAxis = \"Y\"" : "upAxis = \"Z\"") || damaged(e, "it has no up axis");
-    if (good && of_mesh) good = verify_triangles(file, set, e);
-    for (size_t k = 0; good && k < count; k++) good = verify_property(file, &list[k], of_mesh, set->count, e);
+        find_text(file, place->y_up ? "upAxis = \"Y\"" : "upAxis = \"Z\"") || damaged(e, "it has no up axis");
+    if (good && of_mesh) good = verify_triangles(file, set, place, e);
+    for (size_t k = 0; good && k < count; k++)
+        good = verify_property(file, &list[k], of_mesh, place, set->count, e);
     free(list);
     return good && (find_text(file, "}\n") || damaged(e, "it ends too early"));
 }

@@ -158,10 +158,11 @@ static bool parse_number(const char *option, const char *text, long low, long *o
     return true;
 }
 
-/* Of a sequence one frame is run, and of any other spec none. With values by frame *s becomes the spec of that frame. */
+/* Of a sequence one frame is run, and of any other spec none. With values by frame *s becomes the spec of that frame, which
+ * still knows the numbers of all. */
 static bool choose_frame(spec **s, long frame, bool previous, spec_faults *faults, error *e)
 {
-    const spec *whole = *s;
+    spec *whole = *s;
     size_t i = 0;
     if (previous && !whole->coherent)
         return error_set(e, ERROR_SPEC_INVALID, "--previous belongs to a spec with queue.coherent");
@@ -177,7 +178,11 @@ static bool choose_frame(spec **s, long frame, bool previous, spec_faults *fault
     if (whole->has_frame_values) {
         spec *one = spec_of_frame(whole, i, faults, e);
         if (!one) return false;
-        spec_free(*s);
+        free(one->frame);
+        one->frame = whole->frame;
+        one->frame_count = whole->frame_count;
+        whole->frame = NULL;
+        spec_free(whole);
         *s = one;
     }
     spec_set_frame(*s, (int)frame);

@@ -392,7 +392,8 @@ bool job_write_points(job *j, error *e)
                         .sampled = j->source.field,
                         .site = p->position,
                         .site_normal = p->normal,
-                        .h = sampler_spacing(s->sampler)};
+                        .h = sampler_spacing(s->sampler),
+                        .frame = j->options->frame};
     vec3 *turned = NULL;
     if (j->source.turned && !turn_points(&j->source, &set, &turned, e)) return false;
     in.unresolved = 1 - s->quality.resolved_share > UNRESOLVED_PICTURE;

@@ -15,15 +15,17 @@
 #include "formats/picture_png.h"
 #include "formats/ply.h"
 #include "formats/preview_exr.h"
+#include "formats/property.h"
+#include "run/layout.h"
 #include "store/file.h"
 #include "vdb/vdb.h"
 
 /* The frames of a turntable are numbered from 1. */
 #define FRAME_NAME "preview.%04d.png"
 
-static const char *const names[] = {"report.json", "points.ply",     "points.vdb", "points.npz",
-                                    "points.glb",  "points.usda",    "mesh.ply",   "preview.png",
-                                    "preview.exr", "convergence.png"};
+/* Beside those of the formats' table and of turntables. */
+static const char *const names[] = {"report.json", "points.ply",  "points.vdb",     "mesh.ply",
+                                    "preview.png", "preview.exr", "convergence.png"};
 enum { NAMES = sizeof names / sizeof names[0] };
 
 /* Voxels of points.vdb, in spacings. */
@@ -111,17 +113,46 @@ static bool write_ply(const char *directory, const char *name, const spec *s, co
     return ok;
 }
 
-static bool write_format(const char *directory, const point_format *f, const points *set, bool y_up,
+static bool write_format(const char *directory, const point_format *f, const points *set, const scene *place,
                          json *outputs, error *e)
 {
     char *path = mem_printf("%s/%s", directory, f->file);
     store_file file = {0};
-    bool ok = store_file_begin(path, &file, e) && f->write(file.stream, set, y_up, e);
-    if (ok && !f->verify(file.stream, set, y_up, e))
+    bool ok = store_file_begin(path, &file, e) && f->write(file.stream, set, place, e);
+    if (ok && !f->verify(file.stream, set, place, e))
         ok = error_prefix(e, "%s does not read back as it was written", f->file);
     ok = ok && commit_output(&file, f->file, outputs, e);
     store_file_abort(&file);
     free(path);
+    return ok;
+}
+
+/* The rows of the table that the spec asks for. */
+static bool has_format(const spec *s, format_name which)
+{
+    const bool asked[FORMATS] = {
+        [FORMAT_NPZ] = s->has_points_npz,      [FORMAT_GLB] = s->has_points_glb,
+        [FORMAT_USDA] = s->has_points_usda,    [FORMAT_USDA_SEQUENCE] = s->has_points_usda,
+        [FORMAT_MESH_USDA] = s->has_mesh_usda, [FORMAT_MESH_USDA_SEQUENCE] = s->has_mesh_usda};
+    return asked[which];
+}
+
+/* Those of points, or those of their mesh. A file of the whole sequence is written by the frame that is named first. */
+static bool write_formats(const char *directory, const results_input *in, const points *set, bool of_mesh,
+                          json *outputs, error *e)
+{
+    const spec *s = in->spec;
+    layout frames = {0};
+    bool ok =
+        s->frame_count == 0 || layout_make(s->directory, s->frame, s->frame_count, in->frame, &frames, e);
+    const scene place = {results_y_up(s), frames.count, in->frame, frames.frames, frames.folders};
+    for (int k = 0; ok && k < FORMATS; k++) {
+        const point_format *f = &formats[k];
+        if (f->of_mesh != of_mesh || !has_format(s, (format_name)k)) continue;
+        if (f->of_sequence && (s->frame_count == 0 || s->frame[0] != in->frame)) continue;
+        ok = write_format(directory, f, set, &place, outputs, e);
+    }
+    layout_free(&frames);
     return ok;
 }
 
@@ -137,9 +168,7 @@ static bool write_mesh(const char *directory, const results_input *in, bool as_f
     vertices.triangle_count = made.facts.triangles;
     vertices.triangle = (const uint32_t(*)[3])made.corner;
     ok = ok && write_ply(directory, "mesh.ply", in->spec, &vertices, as_float, pool, outputs, e);
-    if (in->spec->has_mesh_usda)
-        ok = ok && write_format(directory, &formats[FORMAT_MESH_USDA], &vertices, results_y_up(in->spec),
-                                outputs, e);
+    ok = ok && write_formats(directory, in, &vertices, true, outputs, e);
     if (ok) *out = made.facts;
     triangulation_free(&made);
     return ok;
@@ -162,8 +191,7 @@ static vdb_point_values *name_values(const points *set, bool *has_velocity)
     for (size_t k = 0; k < set->attribute_count; k++) {
         const point_attribute *a = &set->attributes[k];
         const char *name = a->name;
-        if (!*has_velocity && a->kind == POINT_ATTRIBUTE_VECTOR &&
-            (strcmp(name, "vel") == 0 || strcmp(name, "velocity") == 0)) {
+        if (!*has_velocity && property_is_velocity(a)) {
             name = "v";
             *has_velocity = true;
         } else if (!has_color && a->kind == POINT_ATTRIBUTE_COLOR) {
@@ -316,16 +344,6 @@ static bool write_convergence(const char *directory, const results_input *in, js
     return ok;
 }
 
-/* The rows of the table that the spec asks for. */
-static bool has_format(const spec *s, format_name which)
-{
-    const bool asked[FORMATS] = {[FORMAT_NPZ] = s->has_points_npz,
-                                 [FORMAT_GLB] = s->has_points_glb,
-                                 [FORMAT_USDA] = s->has_points_usda,
-                                 [FORMAT_MESH_USDA] = s->has_mesh_usda};
-    return asked[which];
-}
-
 /* Whether a file has colors even where no attribute gives them: those of the preview then. */
 static bool needs_color(const spec *s)
 {
@@ -356,10 +374,7 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     }
     if (!write_ply(directory, "points.ply", s, &colored, as_float, pool, outputs, e)) goto failed;
     if (s->has_points_vdb && !write_points_vdb(directory, &with_color, outputs, e)) goto failed;
-    for (int k = 0; k < FORMAT_MESH_USDA; k++)
-        if (has_format(s, (format_name)k) &&
-            !write_format(directory, &formats[k], &colored, results_y_up(s), outputs, e))
-            goto failed;
+    if (!write_formats(directory, &with_color, &colored, false, outputs, e)) goto failed;
     if (s->has_mesh && !write_mesh(directory, &with_color, as_float, pool, outputs, &facts.mesh, e))
         goto failed;
     if (s->has_preview && !write_preview(directory, &with_color, pool, outputs, e)) goto failed;
@@ -405,8 +420,8 @@ static int frame_name_length(const char *name)
 static bool for_each_result(const char *directory, bool (*act)(const char *path, error *e), error *e)
 {
     bool ok = true;
-    for (size_t k = 0; ok && k < NAMES; k++) {
-        char *path = mem_printf("%s/%s", directory, names[k]);
+    for (size_t k = 0; ok && k < NAMES + FORMATS; k++) {
+        char *path = mem_printf("%s/%s", directory, k < NAMES ? names[k] : formats[k - NAMES].file);
         ok = act(path, e);
         free(path);
     }

@@ -29,6 +29,7 @@ typedef struct results_input {
     const field
         *sampled; /* that the points were found on, whose space may be another, and the points in it */
     const vec3 *site, *site_normal;
+    int frame;                   /* of a sequence */
     bool unresolved;             /* more of the points than the verdict allows */
     double h;                    /* of the ideal packing */
     const sampler_sweep *sweeps; /* at least one */

@@ -112,14 +112,23 @@ def test_points_of_gltf(run, carried):
     assert (y, z) == (0, 0) and abs(x + 0.5 ** 0.5) < 1e-9 and abs(w - 0.5 ** 0.5) < 1e-9
 
 
-def test_khronos_finds_no_fault(run, carried, source):
-    validator = source / "tests/formats/validate.js"
+@pytest.fixture
+def by_node(source):
+    """Runs a script of tests/formats; what it prints."""
     if not shutil.which("node") or not (source / "tests/formats/node_modules").is_dir():
-        pytest.skip("no validator: run npm ci in tests/formats")
+        pytest.skip("no readers: run npm ci in tests/formats")
+
+    def call(script, *paths):
+        done = subprocess.run(["node", source / "tests/formats" / script, *paths], capture_output=True, text=True, timeout=60)
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+    return call
+
+
+def test_khronos_finds_no_fault(run, carried, by_node):
     for spec in (carried, sphere(300, output={"preview": False, "points_glb": True})):
         where, _, _ = run(spec)
-        done = subprocess.run(["node", validator, where / "points.glb"], capture_output=True, text=True, timeout=60)
-        report = json.loads(done.stdout)
+        report = by_node("validate.js", where / "points.glb")
         assert (report["issues"]["numErrors"], report["issues"]["numWarnings"]) == (0, 0), report["issues"]
         assert report["info"]["totalVertexCount"] == (500 if spec is carried else 300)
 
@@ -130,7 +139,7 @@ def read_usda(text):
     """{declaration: array} of one prim, and the stage's metadata."""
     assert text.startswith("#usda 1.0\n")
     found = {}
-    for name, values in re.findall(r"^    (\w+\[\] [\w:]+) = \[(.*)\]", text, re.M):
+    for name, values in re.findall(r"^    (\w+\[\] [\w:]+)(?:.timeSamples = \{\n +\d+:| =) \[(.*)\]", text, re.M):
         rows = re.findall(r"\(([^)]*)\)", values)
         found[name] = numpy.array([[float(v) for v in row.split(",")] for row in rows] if rows else
                                   [float(v) for v in values.split(",")])
@@ -165,3 +174,90 @@ def test_the_mesh_of_usd(run):
     assert (arrays["int[] faceVertexCounts"] == 3).all() and len(arrays["int[] faceVertexCounts"]) == len(faces)
     assert (arrays["point3f[] points"].astype("f4") == vertices[:, :3].astype("f4")).all()
     assert "float[] widths" not in arrays and len(arrays["float[] primvars:radius"]) == 300
+
+
+def test_other_readers_of_usd_find_the_same(run, carried, by_node):
+    """three.js' parser the numbers, and tinyusdz the stage, which it does not take with a word among the numbers."""
+    carried["output"].update({"mesh": True, "mesh_usda": True})
+    where, columns, _ = run(carried)
+    names = ("points.usda", "mesh.usda")
+    found = by_node("read_usd.mjs", *(where / name for name in names))
+    for name, one in zip(names, found):
+        prim = "/" + name[:-5]
+        assert one["stage"] and not one["complaint"] and one["specs"]["/"]["fields"]["upAxis"] == "Z"
+        assert one["specs"][prim]["fields"]["typeName"] == ("Mesh" if prim == "/mesh" else "Points")
+        arrays, _ = read_usda((where / name).read_text())
+        values = {path: spec["fields"] for path, spec in one["specs"].items() if "." in path}
+        assert len(arrays) > 15
+        for declared, array in arrays.items():
+            kind, attribute = declared.split()
+            assert values[f"{prim}.{attribute}"]["typeName"] == kind
+            assert (numpy.array(values[f"{prim}.{attribute}"]["default"]).reshape(array.shape) == array).all()
+        printed, _ = read_usda(one["printed"])
+        assert set(printed) == set(arrays) and len(printed["point3f[] points"]) == 500
+        assert numpy.allclose(printed["point3f[] points"], stack(columns, *"xyz"), rtol=1e-6, atol=0)
+    assert [one["meshes"] for one in found] == [0, 1]
+    for name in names:
+        (where / ("wrong_" + name)).write_text((where / name).read_text().replace("points = [(", "points = [(x", 1))
+    for one in by_node("read_usd.mjs", *(where / ("wrong_" + name) for name in names)):
+        assert not one["stage"] and one["complaint"] and one["printed"] is None
+
+
+@pytest.fixture
+def growing(worker, tmp_path):
+    """A sphere that grows from frame 7 to 9, one frame after the other; their directories."""
+    def call(**output):
+        spec = sphere(200, output={"preview": False, "ply": {"precision": "double"}, "points_usda": True, **output})
+        spec["queue"] = {"frames": "9,7-8", "by_frame": {"/surface/analytic/radius": [1.2, 1.0, 1.1]}, "coherent": True}
+        previous = ()
+        for frame in (9, 7, 8):
+            done = worker(spec, "--frame", frame, *previous, output=str(frame))
+            assert done.returncode in (0, 10, 11), done.stderr
+            previous = ("--previous", str(frame))
+        return [tmp_path / str(frame) for frame in (9, 7, 8)]
+    return call
+
+
+def test_a_sequence_is_one_stage_of_usd(growing, by_node):
+    """Its clips are the frames' files, which have their values at the time of their number; read by tinyusdz."""
+    first, *others = growing(mesh=True, mesh_usda=True)
+    assert not any((other / f"{name}_sequence.usda").exists() for other in others for name in ("points", "mesh"))
+    names = ("points", "mesh")
+    read = iter(by_node("read_usd.mjs", *(path for name in names for path in (
+        first / f"{name}_sequence.usda", *(where / f"{name}.usda" for where in (first, *others))))))
+    for name in names:
+        text = next(read)["printed"]
+        assert re.findall("(start|end)TimeCode = (\\d)", text) == [("start", "7"), ("end", "9")]
+        assert "framesPerSecond = 24" in text and "timeCodesPerSecond = 24" in text
+        assert f"asset[] assetPaths = [@../7/{name}.usda@, @../8/{name}.usda@, @./{name}.usda@]" in text
+        assert f"asset manifestAssetPath = @./{name}_sequence.usda@" in text and f'primPath = "/{name}"' in text
+        assert "double2[] active = [(7.0, 0.0), (8.0, 1.0), (9.0, 2.0)]" in text
+        assert "double2[] times = [(7.0, 7.0), (8.0, 8.0), (9.0, 9.0)]" in text
+        declared = re.findall(r"^    (\w+\[\] [\w:]+)(?: \(|$)", (first / f"{name}_sequence.usda").read_text(), re.M)
+        for frame, where in zip((9, 7, 8), (first, *others)):
+            one = next(read)
+            assert one["stage"] and f"        {frame}: [" in one["printed"], one["complaint"]
+            arrays, stage = read_usda(one["printed"])
+            assert set(declared) == set(arrays) and stage["startTimeCode"] == stage["endTimeCode"] == str(frame)
+            columns = read_columns((where / "points.ply").read_bytes())
+            assert numpy.allclose(arrays["point3f[] points"], stack(columns, *"xyz"), rtol=1e-6, atol=1e-9)
+            velocity = stack(columns, "velocity_x", "velocity_y", "velocity_z")
+            assert numpy.allclose(arrays["vector3f[] velocities"], 24 * velocity, rtol=1e-6, atol=1e-9)
+            assert "interpolation" in one["printed"].split("primvars:kappa ")[1][:30]
+    assert numpy.abs(velocity).max() > 0.05
+
+
+def test_the_stage_follows_the_output_directory(growing, tmp_path):
+    for directory, paths in (("/shots/a/####", ["../0007", "../0008", "."]), ("/shots/%d/b", ["../../7/b", "../../8/b", "."]),
+                             ("/shots/a@1/f_####.usd", ["../f_0007.usd", "../f_0008.usd", "."]), ("/shots/#@/x", ["../../7@/x", "../../8@/x", "."])):
+        first, *_ = growing(directory=directory)
+        listed = re.search(r"assetPaths = \[(.*)\]", (first / "points_sequence.usda").read_text())[1]
+        assert [p.strip("@").removesuffix("/points.usda") for p in listed.split(", ")] == paths
+
+
+def test_velocities_of_a_file_are_those_of_usd(run, carried, by_node):
+    """A file tells them for a second, as USD wants them."""
+    carried["attributes"][1]["as"] = "v"
+    where, columns, _ = run(carried)
+    arrays, _ = read_usda((where / "points.usda").read_text())
+    assert (arrays["vector3f[] velocities"].astype("f4") == stack(columns, "v_x", "v_y", "v_z").astype("f4")).all()

@@ -1,6 +1,7 @@
 """hexadctl and arrays, files and many jobs at once."""
 import hashlib
 import json
+import re
 import shutil
 import subprocess
 
@@ -36,7 +37,7 @@ def run(service, build, tmp_path):
 
 def sequence(footage, frames, **queue):
     return {"version": 1, "surface": {"vdb": {"path": str(footage / "a.####.vdb")}}, "sampling": {"count": 100},
-            "output": {"preview": False}, "queue": {"frames": frames, **queue}}
+            "output": {"preview": False, "points_usda": True}, "queue": {"frames": frames, **queue}}
 
 
 def check_frame(service, job, frame, directory):
@@ -55,6 +56,11 @@ def test_all_frames_are_fetched(run, service, footage, tmp_path):
     for frame in FRAMES:
         check_frame(service, job, frame, tmp_path / "out" / str(frame))
         assert f"out/{frame}/report.json" in done.stdout
+    # the stage of the sequence finds the frames' files where they are now
+    stage = (tmp_path / "out/8/points_sequence.usda").read_text()
+    clips = re.findall("@([^@]*)@", re.search(r"assetPaths = \[(.*)\]", stage)[1])
+    assert [(tmp_path / "out/8" / clip).resolve().parent.name for clip in clips] == ["8", "9", "11"]
+    assert all((tmp_path / "out/8" / clip).is_file() for clip in clips)
 
 
 def test_a_fetch_goes_on_where_it_stopped(run, service, footage, tmp_path):

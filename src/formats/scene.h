@@ -1,0 +1,16 @@
+/* scene: how a point set stands, and of which sequence it is a frame. */
+#ifndef HEXAD_FORMATS_SCENE_H
+#define HEXAD_FORMATS_SCENE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+typedef struct scene {
+    bool y_up;          /* which axis of the set points up, y or z */
+    size_t frame_count; /* of the sequence; 0: the set is a frame of none, and the rest is unused */
+    int frame;
+    const int *frames;    /* ascending */
+    char *const *folders; /* where each frame's files are, relative to those of this one: "." or "../7" */
+} scene;
+
+#endif
