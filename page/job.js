@@ -168,13 +168,17 @@ function Log({job, attempt, lines}) {
   const [error, setError] = useState(null);
   const place = useRef(null);
   const readSoon = useMemo(() => throttled(() => send("GET", `v1/jobs/${job.id}/log${query({frame: attempt.frame, attempt: attempt.number})}`)
-    .then(response => response.text()).then(found => setText(found.slice(-LOG_MOST)), setError), SLOW_MS), [job.id, attempt.number, attempt.frame]);
+    .then(response => response.text()).then(found => {
+      setText(found.slice(-LOG_MOST));
+      setError(null);
+    }, setError), SLOW_MS), [job.id, attempt.number, attempt.frame]);
   useEffect(readSoon, [readSoon, job.revision, attempt.finished || lines]);
   useEffect(() => readSoon.cancel, [readSoon]);
   useEffect(() => {
     if (place.current) place.current.scrollTop = place.current.scrollHeight;
   }, [text]);
-  return html`<${Trouble} error=${error} /><pre class="log" ref=${place} tabindex="0" aria-label="Log">${text === null ? "…" : text || "The log is empty."}</pre>`;
+  const early = !attempt.finished && error && error.status === 404; // it has said nothing yet
+  return html`<${Trouble} error=${early ? null : error} /><pre class="log" ref=${place} tabindex="0" aria-label="Log">${text === null ? "…" : text || "The log is empty."}</pre>`;
 }
 
 /** How a worker ended, by its exit status. */

@@ -37,6 +37,8 @@ struct engine_attempt {
     control_group *group; /* NULL: none */
     char *log;            /* 2 * LOCAL_LOG_BYTES; the last half is kept */
     size_t log_used;
+    bool log_fresh;              /* it has more than its file shows */
+    int64_t log_shown_ms;        /* monotonic */
     char line[LOCAL_LINE_BYTES]; /* an unfinished progress line */
     size_t line_used;
     bool line_skipped; /* the line was too long: skip to its end */
@@ -284,6 +286,8 @@ static engine_attempt *start(void *place, const engine_request *request, error *
     a->pidfd = a->log_fd = a->progress_fd = -1;
     a->directory = mem_strdup(request->directory);
     a->log = mem_alloc(2 * LOCAL_LOG_BYTES);
+    a->log_fresh = true;
+    a->log_shown_ms = clock_monotonic_ms(); /* who ends soon needs no other file than the last one */
     a->trace = request->trace ? mem_printf(TRACE_VARIABLE "%s", request->trace) : NULL;
     if (request->groups && !(a->group = control_group_new(request->groups, request->memory_mb << 20, e))) {
         attempt_free(a);
@@ -358,6 +362,7 @@ static void keep_log(engine_attempt *a, const char *text, size_t length)
     }
     memcpy(a->log + a->log_used, text, length);
     a->log_used += length;
+    a->log_fresh = true;
 }
 
 /* True when a complete line has come. The newest is in a->newest. */
@@ -383,6 +388,48 @@ static bool keep_lines(engine_attempt *a, const char *text, size_t length)
     return whole;
 }
 
+/* What the file of the log holds, to be freed. */
+static char *log_text(const engine_attempt *a, size_t *length)
+{
+    size_t kept = a->log_used < LOCAL_LOG_BYTES ? a->log_used : LOCAL_LOG_BYTES;
+    size_t head = a->trace ? strlen(a->trace) + 1 : 0;
+    char *text = mem_alloc(head + kept + 1);
+    if (head) sprintf(text, "%s\n", a->trace);
+    memcpy(text + head, a->log + a->log_used - kept, kept);
+    *length = head + kept;
+    return text;
+}
+
+/* The file of a log is renewed no more often. */
+#define SHOW_LOG_MS 500
+
+/* For those who read the log while the worker runs. The end stores it for good, and says so where that fails. */
+static void show_log(engine_attempt *a)
+{
+    int64_t now = clock_monotonic_ms();
+    if (!a->log_fresh || now - a->log_shown_ms < SHOW_LOG_MS) return;
+    size_t length;
+    char *text = log_text(a, &length), *path = mem_printf("%s/" RESULT_LOG_NAME, a->directory);
+    int fd = open(path, O_WRONLY | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0644);
+    if (fd >= 0 && write(fd, text, length) == (ssize_t)length && ftruncate(fd, (off_t)length) == 0)
+        a->log_fresh = false;
+    a->log_shown_ms = now;
+    close_fd(&fd);
+    free(text);
+    free(path);
+}
+
+static void write_log(const engine_attempt *a)
+{
+    error e = {0};
+    size_t length;
+    char *text = log_text(a, &length), *path = mem_printf("%s/" RESULT_LOG_NAME, a->directory);
+    if (!store_file_write(path, text, length, &e))
+        log_write(LOG_LEVEL_WARNING, "the worker's log could not be stored: %s", e.message);
+    free(text);
+    free(path);
+}
+
 /* Reads per turn. A worker that writes without end must not block the supervisor. */
 #define READS_A_TURN 16
 
@@ -404,6 +451,7 @@ static bool poll_attempt(engine_attempt *a, const char **progress)
     struct pollfd end = {.fd = a->pidfd, .events = POLLIN};
     bool ended = poll(&end, 1, 0) > 0;
     *progress = take_in(a, READS_A_TURN) ? a->newest : NULL;
+    if (!ended) show_log(a);
     return ended;
 }
 
@@ -420,21 +468,6 @@ static char *find_last_words(const engine_attempt *a)
     size_t first = last;
     while (first > 0 && a->log[first - 1] != '\n' && a->log[first - 1]) first--;
     return mem_strndup(a->log + first, last - first);
-}
-
-static void write_log(const engine_attempt *a)
-{
-    size_t kept = a->log_used < LOCAL_LOG_BYTES ? a->log_used : LOCAL_LOG_BYTES;
-    char *path = mem_printf("%s/" RESULT_LOG_NAME, a->directory);
-    error e = {0};
-    size_t length = a->trace ? strlen(a->trace) + 1 : 0;
-    char *text = mem_alloc(length + kept + 1);
-    if (length) sprintf(text, "%s\n", a->trace);
-    memcpy(text + length, a->log + a->log_used - kept, kept);
-    if (!store_file_write(path, text, length + kept, &e))
-        log_write(LOG_LEVEL_WARNING, "the worker's log could not be stored: %s", e.message);
-    free(text);
-    free(path);
 }
 
 static int64_t milliseconds(struct timeval t)

@@ -339,6 +339,34 @@ def test_logs_and_messages_from_strangers_are_text(service, browser):
     assert not browser.all("main img:not(.preview), main script, main b") and browser.driver.title != "owned"
 
 
+TALKING_WORKER = """#!/bin/sh
+cat >/dev/null
+n=0
+while :; do
+  n=$((n + 1))
+  echo "line $n of the log" >&2
+  echo '{"phase":"relax","fraction":0.5}' >&3
+  sleep 0.05
+done
+"""
+
+
+def test_a_log_follows_its_attempt(new_service, tmp_path, browser):
+    worker = tmp_path / "talking-worker"
+    worker.write_text(TALKING_WORKER)
+    worker.chmod(0o700)
+    service = new_service("--worker", worker).start()
+    job = service.submit(sphere())
+    browser.open(service, f"#/jobs/{job}")
+    browser.press("Log", "main")
+    browser.wait_text("line 1 of the log", "pre.log")
+    seen = browser.text("pre.log").count("line")
+    browser.wait_text(f"line {seen + 10} of the log", "pre.log")
+    assert browser.run("const log = document.querySelector('pre.log'); return log.scrollTop + log.clientHeight + 40 >= log.scrollHeight")
+    service.post(f"/v1/jobs/{job}/cancel")
+    service.wait_state(job, "cancelled")
+
+
 def test_a_job_is_watched_until_it_has_converged(service, browser):
     """The plots move while it runs; afterwards they have all sweeps, and the report is there."""
     job = service.submit(long_sphere(name="long"))
