@@ -7,6 +7,15 @@ const YAW = 0.6, PITCH = 0.45;
 const square = x => x * x;
 const norm = ([x, y, z]) => Math.hypot(x, y, z);
 
+/** A shape about the z axis, turned onto another axis. */
+function turned(axis = [0, 0, 1], half, value) {
+  const w = axis.map(x => x / norm(axis)), far = norm(half);
+  return [[far, far, far], p => {
+    const z = p[0] * w[0] + p[1] * w[1] + p[2] * w[2];
+    return value([Math.sqrt(Math.max(0, square(norm(p)) - z * z)), 0, z]);
+  }];
+}
+
 /** Of each shape: how far it reaches along x, y and z, and a function that is negative inside; both around its centre. */
 const SHAPES = {
   sphere: ({radius}) => [[radius, radius, radius], p => norm(p) - radius],
@@ -17,6 +26,19 @@ const SHAPES = {
       return Math.hypot(Math.sqrt(Math.max(0, square(norm(p)) - z * z)) - major, z) - minor;
     }];
   },
+  cylinder({radius, height, rounding = 0, axis}) {
+    return turned(axis, [radius, radius, height / 2], ([x, y, z]) => {
+      const u = Math.hypot(x, y) - radius + rounding, v = Math.abs(z) - height / 2 + rounding;
+      return Math.hypot(Math.max(u, 0), Math.max(v, 0)) + Math.min(0, Math.max(u, v)) - rounding;
+    });
+  },
+  cone({radius, height, top_radius: top = 0, axis}) {
+    const far = Math.max(radius, top);
+    return turned(axis, [far, far, height / 2], ([x, y, z]) =>
+      Math.max(Math.abs(z) - height / 2, Math.hypot(x, y) - radius - (top - radius) * (z / height + 0.5)));
+  },
+  capsule: ({radius, height, axis}) => turned(axis, [radius, radius, height / 2 + radius], ([x, y, z]) =>
+    norm([x, y, Math.max(0, Math.abs(z) - height / 2)]) - radius),
   box({half_size: half, rounding = 0}) {
     return [half, p => {
       const q = p.map((x, k) => Math.abs(x) - half[k] + rounding);

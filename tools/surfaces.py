@@ -99,6 +99,50 @@ class Box(Surface):
         return outside + numpy.minimum(q.max(axis=1), 0) - self.rounding
 
 
+class Frustum(Surface):
+    """A cone that is cut off, a cylinder or a segment, about an axis, grown by `rounding`: the distance to its outline in
+    the half-plane through the axis."""
+    euler = 2
+
+    def __init__(self, half, bottom_radius, top_radius, rounding, center, axis):
+        self.outline = numpy.array([(0, -half), (bottom_radius, -half), (top_radius, half), (0, half)])
+        self.rounding, self.center = rounding, numpy.array(center)
+        self.axis = numpy.array(axis) / numpy.linalg.norm(axis)
+        self.length = max(bottom_radius, top_radius, rounding)
+        side = numpy.hypot(2 * half, bottom_radius - top_radius)
+        # Steiner's formula: area, mean curvature over it, and the sphere that the corners make up
+        area = numpy.pi * (bottom_radius ** 2 + top_radius ** 2 + side * (bottom_radius + top_radius))
+        turn = numpy.arctan2(2 * half, top_radius - bottom_radius)
+        mean = numpy.pi * (2 * half + bottom_radius * (numpy.pi - turn) + top_radius * turn)
+        self.area = float(area + 2 * mean * rounding + 4 * numpy.pi * rounding ** 2)
+
+    def value(self, x):
+        d = x - self.center
+        z = d @ self.axis
+        p = numpy.stack([numpy.linalg.norm(d - z[:, None] * self.axis, axis=1), z], axis=1)
+        nearest, inside = numpy.full(len(x), numpy.inf), numpy.ones(len(x), bool)
+        for a, b in zip(self.outline[:-1], self.outline[1:]):
+            along = b - a
+            if not along.any():
+                continue
+            t = numpy.clip((p - a) @ along / (along @ along), 0, 1)
+            nearest = numpy.minimum(nearest, numpy.linalg.norm(p - a - t[:, None] * along, axis=1))
+            inside &= (p - a) @ [along[1], -along[0]] < 0
+        return numpy.where(inside, -nearest, nearest) - self.rounding
+
+
+def cylinder(radius, height, rounding=0.0, center=(0.5, 0.5, 0.5), axis=(0, 0, 1)):
+    return Frustum(height / 2 - rounding, radius - rounding, radius - rounding, rounding, center, axis)
+
+
+def cone(radius, height, top_radius=0.0, center=(0.5, 0.5, 0.5), axis=(0, 0, 1)):
+    return Frustum(height / 2, radius, top_radius, 0.0, center, axis)
+
+
+def capsule(radius, height, center=(0.5, 0.5, 0.5), axis=(0, 0, 1)):
+    return Frustum(height / 2, 0.0, 0.0, radius, center, axis)
+
+
 def _directions(n):
     """Unit vectors and weights that add up to 4 n over the sphere: by Gauss in the height and equal steps
     around."""
@@ -293,7 +337,8 @@ def area_by_rays(surface, origin, cell, count, cells=None):
     return float(area[~bent[which]].sum() + again.sum())
 
 
-SHAPES = {"sphere": Sphere, "torus": Torus, "box": Box, "ellipsoid": Ellipsoid, "quartic": Quartic, "gyroid": Gyroid}
+SHAPES = {"sphere": Sphere, "torus": Torus, "box": Box, "ellipsoid": Ellipsoid, "quartic": Quartic, "gyroid": Gyroid,
+          "cylinder": cylinder, "cone": cone, "capsule": capsule}
 
 
 def surface_of(spec_surface):

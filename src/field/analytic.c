@@ -124,6 +124,61 @@ ISA_INLINE bool sample_gyroid(const analytic_params *p, vec3 d, field_order orde
     return true;
 }
 
+/* In the half-plane through the axis a frustum is a convex polygon: the distance to it, and its gradient there. */
+typedef struct section {
+    double value, along_radius, along_axis, bend; /* bend: curvature in the half-plane */
+} section;
+
+ISA_INLINE section sample_section(const analytic_frustum *f, double rho, double z)
+{
+    double rise = f->top - f->bottom, widening = f->top_radius - f->bottom_radius;
+    double length = sqrt(rise * rise + widening * widening);
+    double nr = length > 0 ? rise / length : 1, nz = length > 0 ? -widening / length : 0; /* of the side */
+    double below = f->bottom - z, above = z - f->top, u = rho - f->bottom_radius;
+    double beside = u * nr - below * nz, along = -u * nz - below * nr;
+    bool inside = fmax(beside, fmax(below, above)) <= 0;
+    if (inside ? beside >= below && beside >= above : beside > 0 && along >= 0 && along <= length)
+        return (section){beside, nr, nz, 0};
+    if (inside ? below >= above : below > 0 && rho <= f->bottom_radius) return (section){below, 0, -1, 0};
+    if (inside || (above > 0 && rho <= f->top_radius)) return (section){above, 0, 1, 0};
+    bool low = along < 0.5 * length; /* the rim that is nearest */
+    double r = rho - (low ? f->bottom_radius : f->top_radius), s = z - (low ? f->bottom : f->top);
+    double far = sqrt(r * r + s * s);
+    return far > 0 ? (section){far, r / far, s / far, 1 / far} : (section){0, nr, nz, 0};
+}
+
+ISA_INLINE bool sample_frustum(const analytic_params *p, vec3 d, field_order order, field_sample *out)
+{
+    vec3 a = p->axis, e, unused;
+    double z = vec3_dot(d, a);
+    vec3 q = vec3_axpy(-z, a, d);
+    double rho = vec3_norm(q);
+    if (rho > 0)
+        e = vec3_scale(q, 1 / rho);
+    else
+        vec3_frame(a, &e, &unused);
+    section s = sample_section(&p->core, rho, z);
+    out->value = s.value - p->rounding;
+    out->gradient = vec3_add(vec3_scale(e, s.along_radius), vec3_scale(a, s.along_axis));
+    if (order == FIELD_HESSIAN) {
+        /* along t in the half-plane, and around the axis along w */
+        vec3 w = vec3_cross(a, e), t = vec3_cross(out->gradient, w);
+        double kt = s.bend, kw = rho > 0 ? s.along_radius / rho : s.bend;
+        out->hessian = (sym3){kt * t.x * t.x + kw * w.x * w.x, kt * t.y * t.y + kw * w.y * w.y,
+                              kt * t.z * t.z + kw * w.z * w.z, kt * t.x * t.y + kw * w.x * w.y,
+                              kt * t.x * t.z + kw * w.x * w.z, kt * t.y * t.z + kw * w.y * w.z};
+    }
+    return true;
+}
+
+ISA_INLINE bool sample_halfspace(const analytic_params *p, vec3 d, field_order order, field_sample *out)
+{
+    out->value = vec3_dot(d, p->axis);
+    out->gradient = p->axis;
+    if (order == FIELD_HESSIAN) out->hessian = (sym3){0};
+    return true;
+}
+
 static bool analytic_sample(const field *f, vec3 x, field_order order, field_sample *out)
 {
     const analytic_params *p = &((const analytic *)f)->params;
@@ -148,6 +203,12 @@ static bool analytic_sample(const field *f, vec3 x, field_order order, field_sam
         break;
     case ANALYTIC_GYROID:
         defined = sample_gyroid(p, d, order, &s);
+        break;
+    case ANALYTIC_FRUSTUM:
+        defined = sample_frustum(p, d, order, &s);
+        break;
+    case ANALYTIC_HALFSPACE:
+        defined = sample_halfspace(p, d, order, &s);
         break;
     }
     if (!defined) return false;
@@ -178,6 +239,8 @@ LANES(box)
 LANES(ellipsoid)
 LANES(quartic)
 LANES(gyroid)
+LANES(frustum)
+LANES(halfspace)
 
 /* In double precision, like one after the other. */
 static void analytic_sample_lanes(const field *f, const vec3_lanes *x, bool *defined, double *value,
@@ -187,7 +250,8 @@ static void analytic_sample_lanes(const field *f, const vec3_lanes *x, bool *def
                                     vec3_lanes *) = {
         [ANALYTIC_SPHERE] = sphere_lanes,   [ANALYTIC_TORUS] = torus_lanes,
         [ANALYTIC_BOX] = box_lanes,         [ANALYTIC_ELLIPSOID] = ellipsoid_lanes,
-        [ANALYTIC_QUARTIC] = quartic_lanes, [ANALYTIC_GYROID] = gyroid_lanes};
+        [ANALYTIC_QUARTIC] = quartic_lanes, [ANALYTIC_GYROID] = gyroid_lanes,
+        [ANALYTIC_FRUSTUM] = frustum_lanes, [ANALYTIC_HALFSPACE] = halfspace_lanes};
     const analytic_params *p = &((const analytic *)f)->params;
     lanes_of[p->shape](p, x, defined, value, gradient);
 }
@@ -275,6 +339,14 @@ static vec3 half_extent(const analytic_params *p)
         return vec3_make(quartic, quartic, quartic);
     case ANALYTIC_GYROID:
         return vec3_scale(p->size, 0.5);
+    case ANALYTIC_FRUSTUM:
+        R = fmax(p->core.bottom_radius, p->core.top_radius) + p->rounding;
+        m = fmax(-p->core.bottom, p->core.top) + p->rounding;
+        return vec3_make(R * sqrt(fmax(0, 1 - n.x * n.x)) + m * fabs(n.x),
+                         R * sqrt(fmax(0, 1 - n.y * n.y)) + m * fabs(n.y),
+                         R * sqrt(fmax(0, 1 - n.z * n.z)) + m * fabs(n.z));
+    case ANALYTIC_HALFSPACE:
+        break;
     }
     return (vec3){0, 0, 0};
 }
@@ -295,6 +367,11 @@ static double cell_bound(const analytic_params *p)
         return fmin(round / CELLS_FEATURE, fmax(tip / CELLS_FEATURE, 2 * longest / CELLS_SHARP));
     case ANALYTIC_GYROID:
         return p->period / (4 * CELLS_FEATURE);
+    case ANALYTIC_FRUSTUM: /* as a box */
+        round = fmax(p->core.bottom_radius, p->core.top_radius) + p->rounding;
+        box = 0.5 * (p->core.top - p->core.bottom) + p->rounding;
+        return fmin(fmin(round, box) / CELLS_FEATURE,
+                    fmax(p->rounding / CELLS_FEATURE * 2, 2 * fmax(round, box) / CELLS_SHARP));
     default:
         return INFINITY;
     }
@@ -309,11 +386,13 @@ static void lay_out_grid(analytic *a)
      * their zeros exactly on corners */
     double margin = open || p->shape == ANALYTIC_QUARTIC ? 1 : 1.0317;
     half = vec3_scale(half, margin);
-    a->base.domain = (bbox){vec3_sub(p->center, half), vec3_add(p->center, half)};
+    a->base.domain = p->shape == ANALYTIC_HALFSPACE
+                         ? p->bounds
+                         : (bbox){vec3_sub(p->center, half), vec3_add(p->center, half)};
     field_set_boundary(&a->base, open ? FIELD_ALL_FACES : 0);
     a->base.extent = bbox_longest(a->base.domain);
     a->base.cell_size = fmin(a->base.extent / CELLS_COARSE, cell_bound(p));
-    a->base.sharp = p->shape == ANALYTIC_BOX && p->rounding == 0;
+    a->base.sharp = (p->shape == ANALYTIC_BOX || p->shape == ANALYTIC_FRUSTUM) && p->rounding == 0;
     a->grid.box = a->base.domain;
     vec3 size = bbox_size(a->base.domain);
     for (int axis = 0; axis < 3; axis++)
@@ -329,6 +408,10 @@ analytic *analytic_new(const analytic_params *params, threads *pool, error *e)
     lay_out_grid(a);
     assert(a->grid.cells[0] > 0 && a->grid.cells[1] > 0 && a->grid.cells[2] > 0);
     if (!cell_grid_search(&a->grid, &a->base, &oracle, pool, e)) goto fail;
+    if (a->grid.count == 0 && params->shape == ANALYTIC_HALFSPACE) {
+        a->grid.crossing = mem_alloc(sizeof *a->grid.crossing);
+        a->grid.count = 1;
+    }
     if (a->grid.count == 0) {
         error_set(e, ERROR_NO_SURFACE, "the formula has no zero inside its domain");
         goto fail;
@@ -344,4 +427,18 @@ void analytic_free(analytic *a)
     if (!a) return;
     cell_grid_free(&a->grid);
     free(a);
+}
+
+bool analytic_shrink(analytic_frustum *f, double by)
+{
+    double rise = f->top - f->bottom, widening = f->top_radius - f->bottom_radius;
+    double slope = rise > 0 ? widening / rise : 0, inwards = by * sqrt(1 + slope * slope);
+    double bottom = f->bottom + by, top = f->top - by;
+    double bottom_radius = f->bottom_radius + slope * by - inwards;
+    double top_radius = f->top_radius - slope * by - inwards;
+    if (!(bottom < top) || !(fmax(bottom_radius, top_radius) > 0)) return false;
+    if (bottom_radius < 0) bottom -= bottom_radius / slope; /* to where the sides meet */
+    if (top_radius < 0) top -= top_radius / slope;
+    *f = (analytic_frustum){bottom, top, fmax(bottom_radius, 0), fmax(top_radius, 0)};
+    return true;
 }

@@ -9,11 +9,16 @@
 #include "dense/coefficients.h"
 #include "dense/exr_stack.h"
 #include "dense/raw_volume.h"
+#include "geometry/affine.h"
 #include "run/plan.h"
 
 /* Of the square of a scale: how far numbers written in decimal let a rotation's columns be from orthonormal.
  */
 static const double ANGLE_ROUNDING = 1e-6;
+
+/* Of its longest side: how far beyond a region a surface without an end is looked for, so that the region cuts it. More at one
+ * end, lest planes through a region's middle lie on corners of cells: areas beside edges in them are 3e-3 too small. */
+static const double BEYOND_LOW = 0.0317, BEYOND_HIGH = 0.0456;
 
 /* Opens an input; the first time it is hashed and noted. Returns a descriptor, or -1. */
 static int open_input(void *context, const char *path, error *e)
@@ -42,10 +47,29 @@ int source_open_file(source *s, const char *path, error *e)
 
 static analytic_shape shape_of(spec_shape shape)
 {
-#define SHAPE(prefix, name, word) [SPEC_SHAPE_##name] = prefix##_##name,
-    static const analytic_shape shapes[] = {SPEC_SHAPE_LIST(SHAPE, ANALYTIC)};
-#undef SHAPE
+    static const analytic_shape shapes[SPEC_SHAPE_COUNT] = {
+        [SPEC_SHAPE_SPHERE] = ANALYTIC_SPHERE,    [SPEC_SHAPE_TORUS] = ANALYTIC_TORUS,
+        [SPEC_SHAPE_BOX] = ANALYTIC_BOX,          [SPEC_SHAPE_ELLIPSOID] = ANALYTIC_ELLIPSOID,
+        [SPEC_SHAPE_QUARTIC] = ANALYTIC_QUARTIC,  [SPEC_SHAPE_GYROID] = ANALYTIC_GYROID,
+        [SPEC_SHAPE_CYLINDER] = ANALYTIC_FRUSTUM, [SPEC_SHAPE_CONE] = ANALYTIC_FRUSTUM,
+        [SPEC_SHAPE_CAPSULE] = ANALYTIC_FRUSTUM,  [SPEC_SHAPE_HALFSPACE] = ANALYTIC_HALFSPACE};
     return shapes[shape];
+}
+
+/* What is grown by the rounding; nothing for other shapes. */
+static analytic_frustum core_of(const spec_analytic *a)
+{
+    double r = a->rounding, half = 0.5 * a->height;
+    switch (a->shape) {
+    case SPEC_SHAPE_CYLINDER:
+        return (analytic_frustum){r - half, half - r, a->radius - r, a->radius - r};
+    case SPEC_SHAPE_CONE:
+        return (analytic_frustum){-half, half, a->radius, a->top_radius};
+    case SPEC_SHAPE_CAPSULE:
+        return (analytic_frustum){-half, half, 0, 0};
+    default:
+        return (analytic_frustum){0, 0, 0, 0};
+    }
 }
 
 /* What opening a surface needs beside its spec. */
@@ -56,6 +80,8 @@ typedef struct opening {
     source *source; /* for its inputs, and what it holds already */
     const spec *spec;
     size_t leaves; /* formulas, volumes and meshes among which the points are shared */
+    bbox
+        bounds; /* where a half-space is asked for, in the space of the part at hand; infinite where nothing bounds it */
 } opening;
 
 static size_t memory_left(const opening *o)
@@ -81,11 +107,19 @@ static bool offset_shape(analytic_params *p, double by, error *e)
         p->half_size = vec3_add(p->half_size, vec3_make(by, by, by));
         p->rounding = fmax(p->rounding + by, 0);
         break;
+    case ANALYTIC_FRUSTUM: /* inwards the rounding goes first, then the core */
+        p->rounding += by;
+        size = p->rounding >= 0 || analytic_shrink(&p->core, -p->rounding);
+        p->rounding = fmax(p->rounding, 0);
+        break;
+    case ANALYTIC_HALFSPACE:
+        p->center = vec3_axpy(by, vec3_unit(p->axis), p->center);
+        return true;
     default:
-        return error_set(e, ERROR_NOT_SUPPORTED,
-                         "an offset needs distances, and the formula of this shape gives none: use a sphere, "
-                         "torus or box, or "
-                         "a level set of it");
+        return error_set(
+            e, ERROR_NOT_SUPPORTED,
+            "an offset needs distances, and the formula of this shape gives none: use another shape than "
+            "ellipsoid, quartic and gyroid, or a level set of it");
     }
     return size > 0 || error_set(e, ERROR_NO_SURFACE, "at an offset of %g nothing is left of the shape", by);
 }
@@ -100,7 +134,9 @@ static bool open_analytic(const spec_analytic *a, double offset, const opening *
         .major_radius = a->major_radius,
         .minor_radius = a->minor_radius,
         .half_size = a->half_size,
-        .rounding = a->rounding,
+        .rounding = a->shape == SPEC_SHAPE_CAPSULE ? a->radius : a->rounding,
+        .core = core_of(a),
+        .bounds = o->bounds,
         .radii = a->radii,
         .r = a->r,
         .size = a->size,
@@ -287,9 +323,15 @@ static bool open_combination(const spec_surface *s, double offset, const opening
     const combination_kind kind = s->kind == SPEC_SURFACE_UNION          ? COMBINATION_UNION
                                   : s->kind == SPEC_SURFACE_INTERSECTION ? COMBINATION_INTERSECTION
                                                                          : COMBINATION_DIFFERENCE;
-    for (size_t k = 0; k < s->part_count; k++) {
+    opening inner = *o;
+    for (size_t n = 0; n < 2 * s->part_count; n++) { /* those without an end last: others bound them */
+        size_t k = n % s->part_count;
+        if (spec_surface_is_bounded(s->parts[k]) != (n < s->part_count)) continue;
         double by = kind == COMBINATION_DIFFERENCE && k > 0 ? -offset : offset;
-        if (!open_part(s->parts[k], by, o, &out->parts[k], e)) return false;
+        if (!open_part(s->parts[k], by, &inner, &out->parts[k], e)) return false;
+        if (n < s->part_count &&
+            (kind == COMBINATION_INTERSECTION || (kind == COMBINATION_DIFFERENCE && k == 0)))
+            inner.bounds = out->parts[k].field->domain;
     }
     const field **fields = mem_alloc(s->part_count * sizeof(const field *));
     for (size_t k = 0; k < s->part_count; k++) fields[k] = out->parts[k].field;
@@ -313,6 +355,20 @@ static double scale_of(const double m[16])
     return most <= ANGLE_ROUNDING * scale2 ? sqrt(scale2) : 0;
 }
 
+/* The box around a box of the world, in the space of a part that `matrix` places there. */
+static bbox bounds_within(bbox bounds, const double matrix[16])
+{
+    double to_world[3][4], to_part[3][4];
+    bbox box = bbox_empty();
+    for (int k = 0; k < 12; k++) to_world[k / 4][k % 4] = matrix[k];
+    affine_invert(to_world, to_part);
+    for (int c = 0; c < 8; c++)
+        box = bbox_include(box, affine_apply(to_part, c & 1 ? bounds.max.x : bounds.min.x,
+                                             c & 2 ? bounds.max.y : bounds.min.y,
+                                             c & 4 ? bounds.max.z : bounds.min.z));
+    return box;
+}
+
 static bool open_placement(const spec_surface *s, double offset, const opening *o, source_part *out, error *e)
 {
     double scale = scale_of(s->matrix);
@@ -320,7 +376,9 @@ static bool open_placement(const spec_surface *s, double offset, const opening *
         return error_set(e, ERROR_NOT_SUPPORTED,
                          "an offset needs distances, and the transform within it does not preserve them: "
                          "its matrix must be a rotation or mirror, times a number");
-    if (!open_part(s->parts[0], offset != 0 ? offset / scale : 0, o, &out->parts[0], e)) return false;
+    opening inner = *o;
+    inner.bounds = bounds_within(o->bounds, s->matrix);
+    if (!open_part(s->parts[0], offset != 0 ? offset / scale : 0, &inner, &out->parts[0], e)) return false;
     out->placement = placement_new(out->parts[0].field, s->matrix, e);
     if (!out->placement) return false;
     out->field = placement_field(out->placement);
@@ -355,6 +413,15 @@ static bool open_part(const spec_surface *s, double offset, const opening *o, so
     return false;
 }
 
+static bbox bounds_of_region(const spec_box *box)
+{
+    vec3 size = vec3_sub(box->max, box->min);
+    double longest = fmax(size.x, fmax(size.y, size.z)), low = BEYOND_LOW * longest,
+           high = BEYOND_HIGH * longest;
+    return (bbox){vec3_sub(box->min, vec3_make(low, low, low)),
+                  vec3_add(box->max, vec3_make(high, high, high))};
+}
+
 static size_t count_leaves(const spec_surface *s)
 {
     size_t count = s->part_count == 0;
@@ -375,7 +442,8 @@ bool source_open(const spec *s, const store_roots *roots, size_t memory, isa ker
                  source *out, error *e)
 {
     *out = (source){.roots = roots};
-    const opening o = {memory, kernels, pool, out, s, count_leaves(&s->surface)};
+    const opening o = {
+        memory, kernels, pool, out, s, count_leaves(&s->surface), bounds_of_region(&s->region)};
     if (!open_part(&s->surface, 0, &o, &out->whole, e) || (s->has_grid && !open_map(s, &o, e))) return false;
     out->field = out->whole.field;
     if (s->has_region) {

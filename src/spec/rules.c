@@ -112,13 +112,14 @@ static void check_analytic(reading *r, const json_at *at)
     const spec_analytic *a = &r->surface->analytic;
     json_at minor = json_member(at, "minor_radius"), axis = json_member(at, "axis"),
             rounding = json_member(at, "rounding");
-    double smallest = fmin(a->half_size.x, fmin(a->half_size.y, a->half_size.z));
+    double smallest = a->shape == SPEC_SHAPE_CYLINDER
+                          ? fmin(a->radius, 0.5 * a->height)
+                          : fmin(a->half_size.x, fmin(a->half_size.y, a->half_size.z));
     if (a->shape == SPEC_SHAPE_TORUS && a->minor_radius >= a->major_radius)
         reading_add_fault(r, &minor, "must be less than major_radius, %.16g (given %.16g)", a->major_radius,
                           a->minor_radius);
-    if (a->shape == SPEC_SHAPE_TORUS && !(vec3_norm2(a->axis) > 0))
-        reading_add_fault(r, &axis, "must not be the zero vector");
-    if (a->shape == SPEC_SHAPE_BOX && a->rounding > smallest)
+    if (axis.node && !(vec3_norm2(a->axis) > 0)) reading_add_fault(r, &axis, "must not be the zero vector");
+    if (rounding.node && a->rounding > smallest)
         reading_add_fault(r, &rounding, "must be at most the smallest half size, %.16g (given %.16g)",
                           smallest, a->rounding);
 }
@@ -194,6 +195,16 @@ static void check_domain(reading *r, const json_at *at)
 static void check_region(reading *r, const json_at *at)
 {
     check_box(r, at, &r->s->region);
+}
+
+static void check_whole(reading *r, const json_at *at)
+{
+    json_at surface = json_member(at, "surface");
+    if (!r->s->has_region && !spec_surface_is_bounded(&r->s->surface))
+        reading_add_fault(
+            r, &surface,
+            "has no end, because a halfspace has none: give a region, or intersect it with a shape that "
+            "has an end");
 }
 
 static void check_bspline(reading *r, const json_at *at)
@@ -351,7 +362,8 @@ void rules_check_values(reading *r, const json_at *at, const char *group)
     static const struct {
         const char *group;
         void (*check)(reading *, const json_at *);
-    } rules[] = {{"/surface/analytic", check_analytic},
+    } rules[] = {{"", check_whole},
+                 {"/surface/analytic", check_analytic},
                  {"/surface/bspline", check_bspline},
                  {"/surface/bspline/domain", check_domain},
                  {"/surface/exr", check_exr},

@@ -348,6 +348,19 @@ void spec_free(spec *s)
     free(s);
 }
 
+bool spec_surface_is_bounded(const spec_surface *s)
+{
+    if (s->part_count == 0)
+        return s->kind != SPEC_SURFACE_ANALYTIC || s->analytic.shape != SPEC_SHAPE_HALFSPACE;
+    bool any = false, all = true, first = spec_surface_is_bounded(s->parts[0]);
+    for (size_t k = 0; k < s->part_count; k++) {
+        bool bounded = spec_surface_is_bounded(s->parts[k]);
+        any |= bounded;
+        all &= bounded;
+    }
+    return s->kind == SPEC_SURFACE_INTERSECTION ? any : s->kind == SPEC_SURFACE_DIFFERENCE ? first : all;
+}
+
 const char *spec_energy_name(spec_energy energy)
 {
     static const char *const names[] = {SPEC_ENERGY_LIST(WORDS_TEXT, )};

@@ -56,19 +56,22 @@ typedef struct spec_mesh {
 } spec_mesh;
 
 /* Members that a shape does not have are zero. Defaults: centre (0.5, 0.5, 0.5); a torus' axis
- * (0, 0, 1); a box' rounding 0; the quartic's r 0.13; the gyroid's size (1, 1, 1). */
+ * (0, 0, 1), as that of others; rounding 0; a cone's top radius 0; the quartic's r 0.13; the gyroid's size (1, 1, 1). */
 typedef struct spec_analytic {
     spec_shape shape;
     vec3 center;
-    double radius;                     /* sphere, > 0 */
-    vec3 axis;                         /* torus, not zero; need not be a unit vector */
+    double radius; /* sphere, cylinder, cone (of its base), capsule, > 0 */
+    vec3 axis; /* torus, cylinder, cone, capsule; halfspace: out of it; not zero; need not be a unit vector */
     double major_radius, minor_radius; /* torus, 0 < minor < major */
     vec3 half_size;                    /* box, > 0 */
-    double rounding;                   /* box, 0 <= rounding <= smallest half size */
-    vec3 radii;                        /* ellipsoid, > 0 */
-    double r;                          /* quartic of (15), > 0 */
-    vec3 size;                         /* gyroid: lengths of its box, > 0 */
-    double period;                     /* gyroid: length of one period, > 0 */
+    double
+        height; /* cylinder, cone: along the axis, about the centre; capsule: between the centres of its ends; > 0 */
+    double top_radius; /* cone, >= 0 */
+    double rounding;   /* box, 0 <= rounding <= smallest half size; cylinder, likewise */
+    vec3 radii;        /* ellipsoid, > 0 */
+    double r;          /* quartic of (15), > 0 */
+    vec3 size;         /* gyroid: lengths of its box, > 0 */
+    double period;     /* gyroid: length of one period, > 0 */
 } spec_analytic;
 
 /* A box, min < max in every axis. */
@@ -288,6 +291,9 @@ bool spec_input_at(const spec *s, size_t index, spec_input *out);
 /* Inserts the frame number into the paths of the input files. The normalised document does not change. Call it before
  * another thread reads the spec. */
 void spec_set_frame(spec *s, int frame);
+
+/* Whether the surface has an end, as far as its parts tell: a halfspace has none, nor a union with one. */
+bool spec_surface_is_bounded(const spec_surface *s);
 
 /* The word of an energy, as energy_find takes it. */
 const char *spec_energy_name(spec_energy energy);

@@ -165,28 +165,52 @@ const spec_row spec_rows[] = {
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
      .otherwise = "[0.5,0.5,0.5]",
-     .shapes = SHAPE(SPHERE) | SHAPE(TORUS) | SHAPE(BOX) | SHAPE(ELLIPSOID) | SHAPE(QUARTIC) | SHAPE(GYROID),
+     .shapes = SHAPE(SPHERE) | SHAPE(TORUS) | SHAPE(BOX) | SHAPE(ELLIPSOID) | SHAPE(QUARTIC) | SHAPE(GYROID) |
+               SHAPE(CYLINDER) | SHAPE(CONE) | SHAPE(CAPSULE) | SHAPE(HALFSPACE),
      AT(surface.analytic.center),
      .unit = "world",
-     .prose = "Every shape: the centre."},
+     .prose =
+         "Every shape: the centre. cylinder, cone, capsule: the middle of the axis. halfspace: a point of its plane."},
     {.pointer = "/surface/analytic/radius",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
      .low = 0,
      .high = WORLD_MAX,
-     .shapes = SHAPE(SPHERE),
+     .shapes = SHAPE(SPHERE) | SHAPE(CYLINDER) | SHAPE(CONE) | SHAPE(CAPSULE),
      AT(surface.analytic.radius),
      .unit = "world",
-     .prose = "sphere: the radius."},
+     .prose = "sphere, cylinder, capsule: the radius. cone: the radius of the base."},
     {.pointer = "/surface/analytic/axis",
      .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
      .otherwise = "[0,0,1]",
-     .shapes = SHAPE(TORUS),
+     .shapes = SHAPE(TORUS) | SHAPE(CYLINDER) | SHAPE(CONE) | SHAPE(CAPSULE) | SHAPE(HALFSPACE),
      AT(surface.analytic.axis),
-     .prose = "torus: the direction of the axis of rotation. It must not be zero; its length does not "
-              "matter."},
+     .prose =
+         "torus, cylinder, cone, capsule: the direction of the axis of rotation, of a cone from its base to its "
+         "top. halfspace: the direction out of the solid, normal to its plane. It must not be zero; its length "
+         "does not matter."},
+    {.pointer = "/surface/analytic/height",
+     .type = SPEC_TYPE_NUMBER,
+     .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
+     .low = 0,
+     .high = WORLD_MAX,
+     .shapes = SHAPE(CYLINDER) | SHAPE(CONE) | SHAPE(CAPSULE),
+     AT(surface.analytic.height),
+     .unit = "world",
+     .prose =
+         "cylinder, cone: the length along the axis. capsule: the distance between the centres of its two half "
+         "spheres."},
+    {.pointer = "/surface/analytic/top_radius",
+     .type = SPEC_TYPE_NUMBER,
+     .low = 0,
+     .high = WORLD_MAX,
+     .otherwise = "0",
+     .shapes = SHAPE(CONE),
+     AT(surface.analytic.top_radius),
+     .unit = "world",
+     .prose = "cone: the radius of the other end; above 0 its tip is cut off."},
     {.pointer = "/surface/analytic/major_radius",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
@@ -219,10 +243,12 @@ const spec_row spec_rows[] = {
      .low = 0,
      .high = WORLD_MAX,
      .otherwise = "0",
-     .shapes = SHAPE(BOX),
+     .shapes = SHAPE(BOX) | SHAPE(CYLINDER),
      AT(surface.analytic.rounding),
      .unit = "world",
-     .prose = "box: the radius of edges and corners. It must not exceed the smallest half size."},
+     .prose =
+         "box, cylinder: the radius of edges and corners. It must not exceed the smallest half size, of a cylinder "
+         "its radius and half of its height."},
     {.pointer = "/surface/analytic/radii",
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
@@ -448,10 +474,12 @@ const spec_row spec_rows[] = {
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
      UNSTORED,
-     .prose = "A surface at a constant distance from another one. The other surface must have distances: "
-              "spheres, tori, boxes, level sets and meshes have them, and so have their combinations and "
-              "their transforms that keep angles. Other surfaces, such as fog volumes, are refused. Edges "
-              "of a combination stay sharp. The band of a level set must be wide enough for the offset."},
+     .prose =
+         "A surface at a constant distance from another one. The other surface must have distances: "
+         "formulas have them but for ellipsoid, quartic and gyroid, level sets and meshes have them, and so "
+         "have their combinations and "
+         "their transforms that keep angles. Other surfaces, such as fog volumes, are refused. Edges "
+         "of a combination stay sharp. The band of a level set must be wide enough for the offset."},
     {.pointer = "/surface/offset/surface",
      .type = SPEC_TYPE_SURFACE,
      .flags = SPEC_REQUIRED,

@@ -37,7 +37,11 @@ typedef enum spec_reconstruction {
     ENTRY(prefix, BOX, "box")             \
     ENTRY(prefix, ELLIPSOID, "ellipsoid") \
     ENTRY(prefix, QUARTIC, "quartic")     \
-    ENTRY(prefix, GYROID, "gyroid")
+    ENTRY(prefix, GYROID, "gyroid")       \
+    ENTRY(prefix, CYLINDER, "cylinder")   \
+    ENTRY(prefix, CONE, "cone")           \
+    ENTRY(prefix, CAPSULE, "capsule")     \
+    ENTRY(prefix, HALFSPACE, "halfspace")
 
 typedef enum spec_shape { SPEC_SHAPE_LIST(WORDS_ENUMERATOR, SPEC_SHAPE) SPEC_SHAPE_COUNT } spec_shape;
 

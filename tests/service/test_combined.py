@@ -92,6 +92,44 @@ def test_two_spheres(sample, diagnose, kind):
     assert q["lost"] == 0 and q["max_residual"] < 1e-3 and q["rim_count"] == 0
 
 
+def solid(shape, **members):
+    return {"analytic": {"shape": shape, "center": [0, 0, 0], **members}}
+
+
+ROOT5, PI = 5 ** 0.5, numpy.pi
+CYLINDER = solid("cylinder", radius=1, height=2, axis=[1, 1, 0.5])
+
+
+@pytest.mark.parametrize("surface, area", [
+    (CYLINDER, 6 * PI),
+    (solid("cylinder", radius=1, height=2, rounding=0.25), 2 * PI * 0.75**2 + 3 * PI + 0.375 * PI**2 + 4 * PI * 0.25**2),
+    (solid("cone", radius=1, height=2), PI * (1 + ROOT5)),
+    (solid("cone", radius=1, top_radius=0.5, height=2, axis=[0, 1, 1]), PI * (1.25 + 1.5 * numpy.hypot(2, 0.5))),
+    (solid("capsule", radius=0.5, height=2, axis=[1, 2, 3]), 3 * PI),
+    ({"offset": {"surface": CYLINDER, "distance": -0.25}}, 2 * PI * 0.75**2 + 2 * PI * 0.75 * 1.5),
+    ({"intersection": [sphere(1), solid("halfspace")]}, 3 * PI),
+    ({"intersection": [solid("halfspace", center=[0, 0, 5]), sphere(1)]}, 4 * PI),
+    ({"difference": [sphere(1), transform(solid("halfspace"), [[0, 0, 1, 0.5], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])]},
+     PI + PI * 0.75)],
+    ids=["cylinder", "rounded", "cone", "cut cone", "capsule", "shrunk", "half", "whole", "cap"])
+def test_areas_of_formulas(sample, surface, area):
+    report, points = sample(surface)
+    assert report["surface"]["area"] == pytest.approx(area, rel=1e-3)
+    assert report["quality"]["lost"] == 0
+
+
+def test_a_half_space_in_a_region(sample):
+    # the plane y + 2 z = 0 in a cube of side 2
+    cube = {"min": [-1, -1, -1], "max": [1, 1, 1]}
+    report, points = sample(solid("halfspace", axis=[0, 1, 2]), region=cube)
+    assert report["surface"]["area"] == pytest.approx(2 * ROOT5, rel=1e-9)
+    assert numpy.abs(points.position @ [0, 1, 2]).max() < 1e-8 and report["quality"]["rim_count"] > 0
+    e, _ = sample(solid("halfspace", center=[0, 0, 9]), region=cube)
+    assert e["code"] == "no_surface" and "move or widen the region" in e["message"]
+    report, _ = sample({"union": [solid("halfspace"), sphere(0.5)]}, region=cube)
+    assert report["surface"]["area"] == pytest.approx(4 + PI * 0.25, rel=5e-4)
+
+
 @pytest.mark.plain
 def test_areas_at_sharp_edges(sample, diagnose):
     """What of a surface lies between an edge and the cells that it passes is not lost: a knife's edge of 29 degrees, edges

@@ -9,11 +9,35 @@
 #include "close.h"
 #include "shapes.h"
 
+/* Beside those that other tests try. */
+enum { CUT_CONE = SHAPE_COUNT, CAPSULE, HALFSPACE, FORMULAS };
+static const analytic_params more[FORMULAS - SHAPE_COUNT] = {
+    {.shape = ANALYTIC_FRUSTUM,
+     .center = {0.3, 0.2, 0.1},
+     .axis = {1, 2, 2},
+     .core = {-0.4, 0.6, 0.5, 0.2},
+     .rounding = 0.1},
+    {.shape = ANALYTIC_FRUSTUM,
+     .center = {0, 0, 0},
+     .axis = {0, 1, -1},
+     .core = {-0.5, 0.5, 0, 0},
+     .rounding = 0.3},
+    {.shape = ANALYTIC_HALFSPACE,
+     .center = {0.1, 0.1, 0.1},
+     .axis = {1, 2, 3},
+     .bounds = {{-1, -1, -1}, {1.1, 1.2, 1.3}}},
+};
+
+static const analytic_params *formula(int k)
+{
+    return k < SHAPE_COUNT ? &shapes[k] : &more[k - SHAPE_COUNT];
+}
+
 static analytic *make(int k)
 {
     error e = {0};
-    analytic *a = analytic_new(&shapes[k], NULL, &e);
-    if (!a) fail_msg("%s: %s", shape_names[k], e.message);
+    analytic *a = analytic_new(formula(k), NULL, &e);
+    if (!a) fail_msg("formula %d: %s", k, e.message);
     return a;
 }
 
@@ -33,7 +57,7 @@ static void gradient_matches_differences(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 0);
-    for (int k = 0; k < SHAPE_COUNT; k++) {
+    for (int k = 0; k < FORMULAS; k++) {
         analytic *a = make(k);
         double step = 1e-6 * a->base.extent;
         for (int tries = 0, done = 0; done < 200 && tries < 100000; tries++) {
@@ -57,7 +81,7 @@ static void hessian_matches_differences(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 1);
-    for (int k = 0; k < SHAPE_COUNT; k++) {
+    for (int k = 0; k < FORMULAS; k++) {
         analytic *a = make(k);
         double step = 1e-6 * a->base.extent;
         int outliers = 0, done = 0;
@@ -77,8 +101,8 @@ static void hessian_matches_differences(void **state)
             double scale = vec3_norm(s.gradient) / a->base.extent + vec3_norm(s.gradient) * 10;
             if (vec3_norm(worst) > 1e-4 * scale) outliers++;
         }
-        /* the box' parts meet in planes that a difference may straddle */
-        assert_true(outliers <= (shapes[k].shape == ANALYTIC_BOX ? 2 : 0));
+        /* the parts of a box and of a cone meet in planes that a difference may straddle */
+        assert_true(outliers <= (formula(k)->shape == ANALYTIC_BOX || k == CUT_CONE ? 2 : 0));
         assert_int_equal(done, 200);
         analytic_free(a);
     }
@@ -87,17 +111,18 @@ static void hessian_matches_differences(void **state)
 static void inside_is_negative(void **state)
 {
     (void)state;
-    const vec3 inside[SHAPE_COUNT] = {{1, 2, 5},   {0, 0, 0},       {0.1, 0.2, 0.45},
-                                      {0.9, 0, 0}, {0.6, 0.5, 0.5}, {0.5, 0.5, 0.5}};
-    for (int k = 0; k < SHAPE_COUNT; k++) {
+    const vec3 inside[FORMULAS] = {{1, 2, 5},       {0, 0, 0},       {0.1, 0.2, 0.45},
+                                   {0.9, 0, 0},     {0.6, 0.5, 0.5}, {0.5, 0.5, 0.5},
+                                   {0.3, 0.2, 0.1}, {0, 0, 0},       {0, 0, 0}};
+    for (int k = 0; k < FORMULAS; k++) {
         analytic *a = make(k);
         vec3 x = inside[k];
-        if (shapes[k].shape == ANALYTIC_TORUS) {
+        if (formula(k)->shape == ANALYTIC_TORUS) {
             vec3 u, v;
-            vec3_frame(vec3_unit(shapes[k].axis), &u, &v);
-            x = vec3_axpy(1.1, u, shapes[k].center);
+            vec3_frame(vec3_unit(formula(k)->axis), &u, &v);
+            x = vec3_axpy(1.1, u, formula(k)->center);
         }
-        if (shapes[k].shape == ANALYTIC_GYROID) x = (vec3){0.5, 0.5, 0.25}; /* sin Z = -1 */
+        if (formula(k)->shape == ANALYTIC_GYROID) x = (vec3){0.5, 0.5, 0.25}; /* sin Z = -1 */
         field_sample s;
         sample(a, x, &s);
         assert_true(s.value < 0);
@@ -108,7 +133,7 @@ static void inside_is_negative(void **state)
 static void cells_have_corners_of_both_signs(void **state)
 {
     (void)state;
-    for (int k = 0; k < SHAPE_COUNT; k++) {
+    for (int k = 0; k < FORMULAS; k++) {
         analytic *a = make(k);
         size_t count = a->base.ops->cell_count(&a->base);
         assert_true(count > 1000);
@@ -128,13 +153,13 @@ static void lanes_are_samples(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 2);
-    for (int k = 0; k < SHAPE_COUNT; k++) {
+    for (int k = 0; k < FORMULAS; k++) {
         analytic *a = make(k);
         vec3_lanes x, gradient;
         bool defined[VEC3_LANES];
         double value[VEC3_LANES];
         for (int l = 0; l < VEC3_LANES; l++) {
-            vec3 p = l ? random_between(&r, a->base.domain.min, a->base.domain.max) : shapes[k].center;
+            vec3 p = l ? random_between(&r, a->base.domain.min, a->base.domain.max) : formula(k)->center;
             x.x[l] = p.x;
             x.y[l] = p.y;
             x.z[l] = p.z;
@@ -154,12 +179,78 @@ static void lanes_are_samples(void **state)
     }
 }
 
+/* Grown cones against their outlines, point by point. */
+static void frustums_are_distances(void **state)
+{
+    (void)state;
+    enum { STEPS = 4000 };
+    rng r = rng_seed(test_seed(), 3);
+    for (int k = CUT_CONE; k <= CAPSULE; k++) {
+        analytic *a = make(k);
+        const analytic_params *p = formula(k);
+        const analytic_frustum c = p->core;
+        const double corner[4][2] = {
+            {0, c.bottom}, {c.bottom_radius, c.bottom}, {c.top_radius, c.top}, {0, c.top}};
+        for (int tries = 0; tries < 200; tries++) {
+            vec3 x = random_between(&r, a->base.domain.min, a->base.domain.max);
+            vec3 d = vec3_sub(x, p->center), axis = vec3_unit(p->axis);
+            double z = vec3_dot(d, axis), rho = vec3_norm(vec3_axpy(-z, axis, d)), nearest = INFINITY;
+            for (int side = 0; side < 3; side++)
+                for (int n = 0; n <= STEPS; n++) {
+                    double t = (double)n / STEPS;
+                    nearest = fmin(nearest, hypot(rho - (1 - t) * corner[side][0] - t * corner[side + 1][0],
+                                                  z - (1 - t) * corner[side][1] - t * corner[side + 1][1]));
+                }
+            double share = (z - c.bottom) / (c.top - c.bottom);
+            bool inside =
+                share > 0 && share < 1 && rho < c.bottom_radius + share * (c.top_radius - c.bottom_radius);
+            field_sample s;
+            sample(a, x, &s);
+            assert_close(s.value, (inside ? -nearest : nearest) - p->rounding, 1e-3);
+        }
+        analytic_free(a);
+    }
+}
+
+/* Faces move along their normals; a tip goes down, and nothing is left beyond the radius of the ball within. */
+static void frustums_shrink(void **state)
+{
+    (void)state;
+    const double inner = 2 / (1 + sqrt(5)); /* of the triangle of height 2 over a base of half width 1 */
+    analytic_frustum cone = {-1, 1, 1, 0}, left = cone;
+    assert_true(analytic_shrink(&left, 0.5 * inner));
+    assert_close(left.bottom, -1 + 0.5 * inner, 1e-15);
+    assert_close(left.bottom_radius, 0.5, 1e-15);
+    assert_close(left.top, 1 - 0.5 * inner * sqrt(5), 1e-15);
+    assert_true(left.top_radius == 0);
+    left = cone;
+    assert_false(analytic_shrink(&left, 1.01 * inner));
+    assert_true(left.bottom == -1 && left.top_radius == 0);
+}
+
+/* A plane that misses its bounds: there is one cell, and the sides are told everywhere. */
+static void a_half_space_may_miss_its_bounds(void **state)
+{
+    (void)state;
+    analytic_params p = *formula(HALFSPACE);
+    p.center = (vec3){5, 5, 5};
+    analytic *a = analytic_new(&p, NULL, NULL);
+    field_sample s;
+    assert_int_equal(a->base.ops->cell_count(&a->base), 1);
+    sample(a, (vec3){0, 0, 0}, &s);
+    assert_close(s.value, -30 / sqrt(14), 1e-14);
+    analytic_free(a);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(gradient_matches_differences),
         cmocka_unit_test(hessian_matches_differences),
         cmocka_unit_test(inside_is_negative),
+        cmocka_unit_test(frustums_are_distances),
+        cmocka_unit_test(frustums_shrink),
+        cmocka_unit_test(a_half_space_may_miss_its_bounds),
         cmocka_unit_test(lanes_are_samples),
         cmocka_unit_test(cells_have_corners_of_both_signs),
     };

@@ -98,6 +98,9 @@ static json *document_for(const spec_row *row)
         "\"ellipsoid\",\"radii\":[0.3,0.3,0.3]",
         "\"quartic\"",
         "\"gyroid\",\"period\":0.5",
+        "\"cylinder\",\"radius\":1,\"height\":2",
+        "\"cone\",\"radius\":1,\"height\":2",
+        "\"capsule\",\"radius\":1,\"height\":2",
     };
     static const struct {
         const char *begins, *text;
@@ -794,6 +797,15 @@ static void test_faults(void **state)
     expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"torus\",\"major_radius\":2,\"minor_radius\":1,"
                  "\"axis\":[0,0,0]}}}",
                  invalid, "/surface/analytic/axis", "zero vector");
+    expect_fault(
+        "{\"surface\":{\"analytic\":{\"shape\":\"cylinder\",\"radius\":1,\"height\":1,\"rounding\":0.6}}}",
+        invalid, "/surface/analytic/rounding", "at most the smallest half size, 0.5 (given 0.6)");
+    expect_fault(
+        "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"halfspace\"}},\"sampling\":{\"count\":9}}",
+        invalid, "/surface", "a halfspace has none");
+    expect_fault("{\"version\":1,\"surface\":{\"union\":[{\"analytic\":{\"shape\":\"quartic\"}},"
+                 "{\"analytic\":{\"shape\":\"halfspace\"}}]},\"sampling\":{\"count\":9}}",
+                 invalid, "/surface", "give a region");
     expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"box\",\"half_size\":[1,2,3],\"rounding\":1.5}}}",
                  invalid, "/surface/analytic/rounding", "at most the smallest half size, 1 (given 1.5)");
     expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"box\",\"half_size\":[1,-2,3]}}}", invalid,

@@ -8,8 +8,12 @@ from typing import Any, Literal, Mapping, Sequence, TypedDict, Union
 __all__ = [
     "AttributesItem",
     "Box",
+    "Capsule",
+    "Cone",
+    "Cylinder",
     "Ellipsoid",
     "Gyroid",
+    "Halfspace",
     "Limits",
     "Output",
     "OutputPly",
@@ -113,8 +117,9 @@ class _SphereRest(TypedDict, total=False):
 class Sphere(_SphereNeeded, _SphereRest):
     """The shape 'sphere'.
 
-    center: Every shape: the centre. (world) Default: [0.5, 0.5, 0.5].
-    radius: sphere: the radius. (world)
+    center: Every shape: the centre. cylinder, cone, capsule: the middle of the axis. halfspace: a point of
+        its plane. (world) Default: [0.5, 0.5, 0.5].
+    radius: sphere, cylinder, capsule: the radius. cone: the radius of the base. (world)
     """
 
 
@@ -132,9 +137,11 @@ class _TorusRest(TypedDict, total=False):
 class Torus(_TorusNeeded, _TorusRest):
     """The shape 'torus'.
 
-    center: Every shape: the centre. (world) Default: [0.5, 0.5, 0.5].
-    axis: torus: the direction of the axis of rotation. It must not be zero; its length does not matter.
-        Default: [0, 0, 1].
+    center: Every shape: the centre. cylinder, cone, capsule: the middle of the axis. halfspace: a point of
+        its plane. (world) Default: [0.5, 0.5, 0.5].
+    axis: torus, cylinder, cone, capsule: the direction of the axis of rotation, of a cone from its base to
+        its top. halfspace: the direction out of the solid, normal to its plane. It must not be zero; its
+        length does not matter. Default: [0, 0, 1].
     major_radius: torus: the distance from the centre to the middle of the tube. (world)
     minor_radius: torus: the radius of the tube. It must be less than major_radius. (world)
     """
@@ -153,10 +160,11 @@ class _BoxRest(TypedDict, total=False):
 class Box(_BoxNeeded, _BoxRest):
     """The shape 'box'.
 
-    center: Every shape: the centre. (world) Default: [0.5, 0.5, 0.5].
+    center: Every shape: the centre. cylinder, cone, capsule: the middle of the axis. halfspace: a point of
+        its plane. (world) Default: [0.5, 0.5, 0.5].
     half_size: box: half of each side, including the rounding. (world)
-    rounding: box: the radius of edges and corners. It must not exceed the smallest half size. (world)
-        Default: 0.
+    rounding: box, cylinder: the radius of edges and corners. It must not exceed the smallest half size, of a
+        cylinder its radius and half of its height. (world) Default: 0.
     """
 
 
@@ -172,7 +180,8 @@ class _EllipsoidRest(TypedDict, total=False):
 class Ellipsoid(_EllipsoidNeeded, _EllipsoidRest):
     """The shape 'ellipsoid'.
 
-    center: Every shape: the centre. (world) Default: [0.5, 0.5, 0.5].
+    center: Every shape: the centre. cylinder, cone, capsule: the middle of the axis. halfspace: a point of
+        its plane. (world) Default: [0.5, 0.5, 0.5].
     radii: ellipsoid: half of each axis. (world)
     """
 
@@ -189,7 +198,8 @@ class _QuarticRest(TypedDict, total=False):
 class Quartic(_QuarticNeeded, _QuarticRest):
     """The shape 'quartic'.
 
-    center: Every shape: the centre. (world) Default: [0.5, 0.5, 0.5].
+    center: Every shape: the centre. cylinder, cone, capsule: the middle of the axis. halfspace: a point of
+        its plane. (world) Default: [0.5, 0.5, 0.5].
     r: quartic: r in equation (15). (world) Default: 0.13.
     """
 
@@ -207,9 +217,110 @@ class _GyroidRest(TypedDict, total=False):
 class Gyroid(_GyroidNeeded, _GyroidRest):
     """The shape 'gyroid'.
 
-    center: Every shape: the centre. (world) Default: [0.5, 0.5, 0.5].
+    center: Every shape: the centre. cylinder, cone, capsule: the middle of the axis. halfspace: a point of
+        its plane. (world) Default: [0.5, 0.5, 0.5].
     size: gyroid: the sides of the box that cuts it. (world) Default: [1, 1, 1].
     period: gyroid: the length of one period. (world)
+    """
+
+
+class _CylinderNeeded(TypedDict):
+    shape: Literal["cylinder"]
+    radius: float
+    height: float
+
+
+class _CylinderRest(TypedDict, total=False):
+    center: Sequence[float]
+    axis: Sequence[float]
+    rounding: float
+
+
+class Cylinder(_CylinderNeeded, _CylinderRest):
+    """The shape 'cylinder'.
+
+    center: Every shape: the centre. cylinder, cone, capsule: the middle of the axis. halfspace: a point of
+        its plane. (world) Default: [0.5, 0.5, 0.5].
+    radius: sphere, cylinder, capsule: the radius. cone: the radius of the base. (world)
+    axis: torus, cylinder, cone, capsule: the direction of the axis of rotation, of a cone from its base to
+        its top. halfspace: the direction out of the solid, normal to its plane. It must not be zero; its
+        length does not matter. Default: [0, 0, 1].
+    height: cylinder, cone: the length along the axis. capsule: the distance between the centres of its two
+        half spheres. (world)
+    rounding: box, cylinder: the radius of edges and corners. It must not exceed the smallest half size, of a
+        cylinder its radius and half of its height. (world) Default: 0.
+    """
+
+
+class _ConeNeeded(TypedDict):
+    shape: Literal["cone"]
+    radius: float
+    height: float
+
+
+class _ConeRest(TypedDict, total=False):
+    center: Sequence[float]
+    axis: Sequence[float]
+    top_radius: float
+
+
+class Cone(_ConeNeeded, _ConeRest):
+    """The shape 'cone'.
+
+    center: Every shape: the centre. cylinder, cone, capsule: the middle of the axis. halfspace: a point of
+        its plane. (world) Default: [0.5, 0.5, 0.5].
+    radius: sphere, cylinder, capsule: the radius. cone: the radius of the base. (world)
+    axis: torus, cylinder, cone, capsule: the direction of the axis of rotation, of a cone from its base to
+        its top. halfspace: the direction out of the solid, normal to its plane. It must not be zero; its
+        length does not matter. Default: [0, 0, 1].
+    height: cylinder, cone: the length along the axis. capsule: the distance between the centres of its two
+        half spheres. (world)
+    top_radius: cone: the radius of the other end; above 0 its tip is cut off. (world) Default: 0.
+    """
+
+
+class _CapsuleNeeded(TypedDict):
+    shape: Literal["capsule"]
+    radius: float
+    height: float
+
+
+class _CapsuleRest(TypedDict, total=False):
+    center: Sequence[float]
+    axis: Sequence[float]
+
+
+class Capsule(_CapsuleNeeded, _CapsuleRest):
+    """The shape 'capsule'.
+
+    center: Every shape: the centre. cylinder, cone, capsule: the middle of the axis. halfspace: a point of
+        its plane. (world) Default: [0.5, 0.5, 0.5].
+    radius: sphere, cylinder, capsule: the radius. cone: the radius of the base. (world)
+    axis: torus, cylinder, cone, capsule: the direction of the axis of rotation, of a cone from its base to
+        its top. halfspace: the direction out of the solid, normal to its plane. It must not be zero; its
+        length does not matter. Default: [0, 0, 1].
+    height: cylinder, cone: the length along the axis. capsule: the distance between the centres of its two
+        half spheres. (world)
+    """
+
+
+class _HalfspaceNeeded(TypedDict):
+    shape: Literal["halfspace"]
+
+
+class _HalfspaceRest(TypedDict, total=False):
+    center: Sequence[float]
+    axis: Sequence[float]
+
+
+class Halfspace(_HalfspaceNeeded, _HalfspaceRest):
+    """The shape 'halfspace'.
+
+    center: Every shape: the centre. cylinder, cone, capsule: the middle of the axis. halfspace: a point of
+        its plane. (world) Default: [0.5, 0.5, 0.5].
+    axis: torus, cylinder, cone, capsule: the direction of the axis of rotation, of a cone from its base to
+        its top. halfspace: the direction out of the solid, normal to its plane. It must not be zero; its
+        length does not matter. Default: [0, 0, 1].
     """
 
 
@@ -316,10 +427,10 @@ class _SurfaceOffsetNeeded(TypedDict):
 
 
 class SurfaceOffset(_SurfaceOffsetNeeded):
-    """A surface at a constant distance from another one. The other surface must have distances: spheres,
-    tori, boxes, level sets and meshes have them, and so have their combinations and their transforms that
-    keep angles. Other surfaces, such as fog volumes, are refused. Edges of a combination stay sharp. The band
-    of a level set must be wide enough for the offset.
+    """A surface at a constant distance from another one. The other surface must have distances: formulas have
+    them but for ellipsoid, quartic and gyroid, level sets and meshes have them, and so have their
+    combinations and their transforms that keep angles. Other surfaces, such as fog volumes, are refused.
+    Edges of a combination stay sharp. The band of a level set must be wide enough for the offset.
 
     surface: The surface to offset.
     distance: The distance. Positive is outwards, negative is inwards. (world)
@@ -343,7 +454,7 @@ class SurfaceTransform(_SurfaceTransformNeeded):
 class _SurfaceRest(TypedDict, total=False):
     vdb: SurfaceVdb
     mesh: SurfaceMesh
-    analytic: Union[Sphere, Torus, Box, Ellipsoid, Quartic, Gyroid]
+    analytic: Union[Sphere, Torus, Box, Ellipsoid, Quartic, Gyroid, Cylinder, Cone, Capsule, Halfspace]
     bspline: SurfaceBspline
     volume: SurfaceVolume
     exr: SurfaceExr
@@ -376,10 +487,10 @@ class Surface(_SurfaceRest):
         sharp edge where two surfaces meet.
     intersection: The intersection of the solids.
     difference: The first solid without the others.
-    offset: A surface at a constant distance from another one. The other surface must have distances: spheres,
-        tori, boxes, level sets and meshes have them, and so have their combinations and their transforms that
-        keep angles. Other surfaces, such as fog volumes, are refused. Edges of a combination stay sharp. The
-        band of a level set must be wide enough for the offset.
+    offset: A surface at a constant distance from another one. The other surface must have distances: formulas
+        have them but for ellipsoid, quartic and gyroid, level sets and meshes have them, and so have their
+        combinations and their transforms that keep angles. Other surfaces, such as fog volumes, are refused.
+        Edges of a combination stay sharp. The band of a level set must be wide enough for the offset.
     transform: A surface transformed by a matrix: moved, rotated, mirrored, scaled or sheared. Boundaries lie
         along the world's axes, so the matrix of an open surface may only exchange, flip and scale axes, and
         translate.
