@@ -80,8 +80,7 @@ typedef struct opening {
     source *source; /* for its inputs, and what it holds already */
     const spec *spec;
     size_t leaves; /* formulas, volumes and meshes among which the points are shared */
-    bbox
-        bounds; /* where a half-space is asked for, in the space of the part at hand; infinite where nothing bounds it */
+    bbox bounds;   /* where a half-space is asked for, in the space of the part at hand */
 } opening;
 
 static size_t memory_left(const opening *o)
@@ -431,9 +430,10 @@ static size_t count_leaves(const spec_surface *s)
 
 static bool open_map(const spec *s, const opening *o, error *e)
 {
-    int fd = open_input(o->source, s->surface.vdb.path, e);
+    const char *path = s->grid.path ? s->grid.path : s->surface.vdb.path;
+    int fd = open_input(o->source, path, e);
     if (fd < 0) return false;
-    o->source->map = map_open(fd, s->surface.vdb.path, s->grid.name, memory_left(o), e);
+    o->source->map = map_open(fd, path, s->grid.name, memory_left(o), e);
     close(fd);
     return o->source->map != NULL;
 }

@@ -161,9 +161,9 @@ static void check_sampling(reading *r, const json_at *at)
         reading_add_fault(r, &most, "must be at least min_spacing, %.16g (given %.16g)", s->min_spacing,
                           s->max_spacing);
     if (exponent.node && !(s->curvature.ratio > 0)) reading_add_fault(r, &exponent, "belongs to ratio");
-    if (s->has_grid && s->surface.kind != SPEC_SURFACE_VDB)
+    if (s->has_grid && !s->grid.path && s->surface.kind != SPEC_SURFACE_VDB)
         reading_add_fault(r, &grid,
-                          "must be a grid of the surface's VDB file, but this surface has no such file");
+                          "needs a path, because this surface has no VDB file that could have the grid");
 }
 
 static void check_control(reading *r, const json_at *at)

@@ -298,6 +298,10 @@ bool spec_attribute_has_file(const spec_attribute *a)
 bool spec_input_at(const spec *s, size_t index, spec_input *out)
 {
     if (surface_input_at(&s->surface, &index, out)) return true;
+    if (s->grid.path && index-- == 0) {
+        *out = (spec_input){"/sampling/grid/path", s->grid.path};
+        return true;
+    }
     for (size_t k = 0; k < s->attribute_count; k++) {
         const spec_attribute *a = &s->attributes[k];
         if (!spec_attribute_has_file(a) || index-- > 0) continue;
@@ -307,14 +311,18 @@ bool spec_input_at(const spec *s, size_t index, spec_input *out)
     return false;
 }
 
+static void set_frame(char **path, int frame)
+{
+    char *pattern = *path;
+    *path = frames_path(pattern, frame);
+    free(pattern);
+}
+
 void spec_set_frame(spec *s, int frame)
 {
     surface_set_frame(&s->surface, frame);
-    for (size_t k = 0; k < s->attribute_count; k++) {
-        char *pattern = s->attributes[k].from;
-        s->attributes[k].from = frames_path(pattern, frame);
-        free(pattern);
-    }
+    if (s->grid.path) set_frame(&s->grid.path, frame);
+    for (size_t k = 0; k < s->attribute_count; k++) set_frame(&s->attributes[k].from, frame);
 }
 
 void spec_free(spec *s)
@@ -322,6 +330,7 @@ void spec_free(spec *s)
     if (!s) return;
     free(s->name);
     surface_free_parts(&s->surface);
+    free(s->grid.path);
     free(s->grid.name);
     for (size_t i = 0; i < s->attribute_count; i++) {
         free(s->attributes[i].from);

@@ -124,6 +124,7 @@ typedef struct spec_curvature { /* the grading by curvature; one of chord_error 
 } spec_curvature;
 
 typedef struct spec_grid { /* the grading by a map */
+    char *path;            /* NULL: in the surface's VDB file */
     char *name;
     spec_map_kind kind;
 } spec_grid;

@@ -787,8 +787,17 @@ const spec_row spec_rows[] = {
      .choice = SPEC_CHOICE_GRADING,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_grid),
-     .prose = "Spacing from a second scalar grid of the surface's VDB file, such as a painted map. The "
-              "requested spacing is scaled so that it needs as many points as the target."},
+     .prose =
+         "Spacing from a scalar grid of an OpenVDB file, such as a painted map. The requested spacing is "
+         "scaled so that it needs as many points as the target."},
+    {.pointer = "/sampling/grid/path",
+     .type = SPEC_TYPE_STRING,
+     .low = 1,
+     .high = 4096,
+     AT(grid.path),
+     .prose =
+         "The file. Default: that of the surface, which then must be a grid of an OpenVDB file. Any surface may "
+         "have a map in a file of its own, in world space."},
     {.pointer = "/sampling/grid/name",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,

@@ -129,6 +129,42 @@ def write_vdb(tmp_path):
     return write
 
 
+@pytest.mark.plain
+@pytest.mark.parametrize("kind", ["mesh", "formula"])
+def test_a_map_in_a_file_of_its_own(carry, write_vdb, tmp_path, diagnose, kind):
+    """Spacings painted beside a torus, 5:1 along x: those of the points follow, and stand as they were asked for."""
+    matrix = moved(-0.13 * (CORNER + 11.6)) @ numpy.diag([0.13, 0.13, 0.13, 1.0])
+    x = apply(matrix, (lattice() + CORNER).reshape(-1, 3))[:, 0]
+    painted = (3 + numpy.clip(2 * x / 1.4, -2, 2)).astype("f4").reshape((SIZE,) * 3)
+    path = write_vdb("spacing.vdb", matrix, {"paint": painted})
+    surface = {"analytic": {"shape": "torus", "major_radius": 1, "minor_radius": 0.4, "center": [0, 0, 0]}}
+    if kind == "mesh":
+        n = 60
+        u, v = numpy.meshgrid(numpy.arange(n) * 2 * numpy.pi / n, numpy.arange(n) * 2 * numpy.pi / n)
+        wide = 1 + 0.4 * numpy.cos(v)
+        corners = numpy.stack([wide * numpy.cos(u), wide * numpy.sin(u), 0.4 * numpy.sin(v)], axis=-1).reshape(-1, 3)
+        at = numpy.arange(n * n).reshape(n, n)
+        right, up = numpy.roll(at, -1, 1), numpy.roll(at, -1, 0)
+        faces = numpy.stack([at, right, numpy.roll(right, -1, 0), up], axis=-1).reshape(-1, 4)
+        (tmp_path / "torus.off").write_text(f"OFF {n * n} {n * n} 0\n" + "".join("%g %g %g\n" % tuple(p) for p in corners) +
+                                            "".join("4 %d %d %d %d\n" % tuple(f) for f in faces))
+        surface = {"mesh": {"path": str(tmp_path / "torus.off"), "resolution": 100}}
+    grid = {"path": path, "name": "paint"}
+    columns, report = carry(surface, [], sampling={"count": 4000, "grid": grid})
+    asked = numpy.clip(3 + 2 * columns["x"] / 1.4, 1, 5)
+    ratio = columns["spacing"] / asked
+    diagnose(f"asked over painted cv {ratio.std() / ratio.mean():.4f}, {report['quality']['grading']}")
+    assert ratio.std() / ratio.mean() < 0.01 and columns["spacing"].max() > 4.5 * columns["spacing"].min()
+    assert report["quality"]["grading"]["cv"] <= 0.02
+    assert [i["path"].split("/")[-1] for i in report["inputs"]][-1] == "spacing.vdb"
+    for wrong, code, word in (({"name": "paint"}, "spec_invalid", "needs a path"),
+                              ({"path": path, "name": "other"}, "grid_missing", "paint"),
+                              ({"path": path + "x", "name": "paint"}, "input_missing", "spacing.vdbx")):
+        e, _ = carry(surface, [], sampling={"count": 100, "grid": wrong})
+        assert e["code"] == code and word in e["message"], e
+
+
+
 @pytest.mark.parametrize("space", SPACES)
 def test_grids_of_a_fog(carry, write_vdb, space):
     """Temperature and velocity beside the fog that is sampled, in the file of the surface and in another."""

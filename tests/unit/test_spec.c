@@ -379,6 +379,15 @@ static void test_attributes(void **state)
     assert_string_equal(s->ply_properties[0], "blender");
     spec_free(s);
     json_free(root);
+    s = good(
+        "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"quartic\"}},\"sampling\":{\"count\":9,\"grid\":{"
+        "\"path\":\"a.####.vdb\",\"name\":\"b\"}},\"queue\":{\"frames\":\"1-2\"}}");
+    spec_set_frame(s, 2);
+    assert_true(spec_input_at(s, 0, &input)); /* a map is an input, and may differ from frame to frame */
+    assert_string_equal(input.pointer, "/sampling/grid/path");
+    assert_string_equal(input.path, "a.0002.vdb");
+    assert_false(spec_input_at(s, 1, &input));
+    spec_free(s);
     expect_attribute("{}", "/attributes/1/as", "is required where there is no name");
     expect_attribute("{\"as\":\"a b\"}", "/attributes/1/as", "letters, digits and _");
     expect_attribute("{\"from\":\"geometry\",\"name\":\"heat\"}", "/attributes/1/name", "direction1");

@@ -630,13 +630,16 @@ class _SamplingGridNeeded(TypedDict):
 
 
 class _SamplingGridRest(TypedDict, total=False):
+    path: str
     kind: Literal["spacing", "density"]
 
 
 class SamplingGrid(_SamplingGridNeeded, _SamplingGridRest):
-    """Spacing from a second scalar grid of the surface's VDB file, such as a painted map. The requested
-    spacing is scaled so that it needs as many points as the target.
+    """Spacing from a scalar grid of an OpenVDB file, such as a painted map. The requested spacing is scaled
+    so that it needs as many points as the target.
 
+    path: The file. Default: that of the surface, which then must be a grid of an OpenVDB file. Any surface
+        may have a map in a file of its own, in world space.
     name: The name of the grid. If several grids have the same name, write "name[1]" for the second.
     kind: spacing: values are distances between neighbours. density: values are points per unit of area; where
         the density is 0, there are only the points that max_spacing and gradation require. Default:
@@ -685,8 +688,8 @@ class Sampling(_SamplingRest):
         surface of a volume or mesh, of the domain of a formula or B-spline. The report tells it.
     curvature: Spacing by curvature: finer where the surface bends. The requested spacing is scaled so that it
         needs as many points as the target.
-    grid: Spacing from a second scalar grid of the surface's VDB file, such as a painted map. The requested
-        spacing is scaled so that it needs as many points as the target.
+    grid: Spacing from a scalar grid of an OpenVDB file, such as a painted map. The requested spacing is
+        scaled so that it needs as many points as the target.
     min_spacing: The smallest spacing. Belongs to curvature, grid and feature. Features ask for no spacing
         below it, or by default below a quarter of a voxel (of a formula: of a cell). (world)
     max_spacing: The largest spacing. Belongs to curvature, grid and feature. (world)
