@@ -106,6 +106,11 @@ static inline void field_set_boundary(field *f, unsigned faces)
     }
 }
 
+static inline vec3 field_triangle_middle(const vec3 corner[3])
+{
+    return vec3_scale(vec3_add(corner[0], vec3_add(corner[1], corner[2])), 1.0 / 3);
+}
+
 static inline bool field_sample_at(const field *f, vec3 x, field_order order, field_sample *out)
 {
     return f->ops->sample(f, x, order, out);

@@ -472,6 +472,15 @@ static void search_level(list_search *s)
             }
 }
 
+/* Leaves those of i's label; returns how many. */
+static size_t keep_label(const uint32_t *label, uint32_t i, size_t count, uint32_t *found)
+{
+    size_t kept = 0;
+    for (size_t k = 0; k < count; k++)
+        if (label[found[k]] == label[i]) found[kept++] = found[k];
+    return kept;
+}
+
 /* The lists of one bin's points, which begin where they do among those of the block. What there is no room
  * for is counted, not kept. */
 static size_t list_bin(list_search *s, finder find, size_t bin)
@@ -496,6 +505,7 @@ static size_t list_bin(list_search *s, finder find, size_t bin)
             s->entry = mem_resize(s->entry, s->entry_capacity * sizeof *s->entry);
         }
         size_t count = find(s, i, (float)(cutoff * cutoff), s->entry + begin);
+        if (n->label) count = keep_label(n->label, i, count, s->entry + begin);
         n->list_begin[i] = (uint32_t)begin;
         n->list_count[i] = (uint32_t)count;
         s->entries += count;

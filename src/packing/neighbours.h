@@ -68,6 +68,9 @@ typedef struct neighbours {
     int colours;                                   /* in use, 8 a level */
     uint32_t colour_begin[NEIGHBOURS_COLOURS + 1]; /* the colour's blocks */
 
+    const uint32_t
+        *label; /* of each point, the caller's, set before a build: lists hold points of the same label alone.
+                            * NULL: all */
     size_t list_limit;    /* bytes that the lists may take */
     size_t list_capacity; /* entries there is memory for */
     uint32_t *list;       /* those of point i from list_begin[i] on, in no order that means anything */

@@ -5,6 +5,7 @@
 
 #include <math.h>
 #include <stdbool.h>
+#include <stdint.h>
 
 #include "geometry/bbox.h"
 
@@ -39,6 +40,12 @@ static inline double packing_count_of_support(double area, double support)
 {
     return 6 * area / (sqrt(3) * support * support);
 }
+
+/* What is known of a point beside its place. */
+enum {
+    PACKING_FIXED = 1,    /* it is held on a curve, where its part of the surface ends */
+    PACKING_TWO_SIDED = 2 /* the sign of its normal means nothing */
+};
 
 /* Whether x lies within two spacings of a face of the box that cuts the surface: a point there lacks neighbours,
  * or has them elsewhere than in the interior. */

@@ -60,6 +60,8 @@ static size_t gather_points(const partitions_input *in, double halo, const parti
             s->normal[found] = in->normal[i];
             s->spacing[found] = in->spacing[i];
             s->index[found] = (uint32_t)i;
+            if (s->label) s->label[found] = in->label[i];
+            if (s->flags) s->flags[found] = in->flags[i];
         }
         found++;
     }
@@ -77,12 +79,17 @@ bool partition_fill(const partitions_input *in, const partitions *all, size_t k,
     s.normal = mem_array(s.count, sizeof *s.normal, what, e);
     s.spacing = mem_array(s.count, sizeof *s.spacing, what, e);
     s.index = mem_array(s.count, sizeof *s.index, what, e);
+    if (in->label) s.label = mem_array(s.count, sizeof *s.label, what, e);
+    if (in->flags) s.flags = mem_array(s.count, sizeof *s.flags, what, e);
     s.near = neighbours_new(s.count, SIZE_MAX, e);
     s.position = mem_array(s.count, sizeof *s.position, what, e);
     *out = s;
-    if (!s.position || !s.normal || !s.spacing || !s.index || !s.near) return false;
+    if (!s.position || !s.normal || !s.spacing || !s.index || !s.near || (in->label && !s.label) ||
+        (in->flags && !s.flags))
+        return false;
     if (s.count == 0) return true;
     gather_points(in, all->halo, &s);
+    s.near->label = s.label;
     return neighbours_build(s.near, s.count, s.position, s.spacing, in->cutoff, pool, e);
 }
 
@@ -92,6 +99,8 @@ void partition_free(partition *s)
     free(s->normal);
     free(s->spacing);
     free(s->index);
+    free(s->label);
+    free(s->flags);
     neighbours_free(s->near);
     *s = (partition){0};
 }

@@ -18,6 +18,8 @@ typedef struct partitions_input {
     size_t count;
     const vec3 *position, *normal;
     const double *spacing; /* of each, > 0 */
+    const uint32_t *label; /* of each; lists hold points of one label; NULL: all */
+    const uint8_t *flags;  /* of packing.h, of each; NULL: none */
     double cutoff;         /* lists hold who is within this times the mean of two spacings */
 } partitions_input;
 
@@ -41,6 +43,8 @@ typedef struct partition {
     vec3 *position, *normal;
     double *spacing;
     uint32_t *index; /* of each, among all */
+    uint32_t *label; /* as in the input; NULL likewise */
+    uint8_t *flags;
     neighbours *near;
 } partition;
 

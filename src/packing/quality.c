@@ -15,6 +15,9 @@ static const double LEAST_MEASURED = 20;
 /* Two points never come closer than this fraction of the support as far as the energy is concerned. */
 static const double CLOSEST = 1e-6;
 
+/* Who is within two spacings of a row is no farther than this from one of it. */
+static const double ROW_REACH = 2.07;
+
 /* Points in a chunk of work, and in a partial sum. */
 #define CHUNK 256
 
@@ -44,6 +47,7 @@ typedef struct quality_part {
     partition partition;
     quality_input in; /* of the partition's points, in their order */
     bool *unresolved;
+    bool *rim;    /* who is near a boundary */
     tally *tally; /* per chunk */
     bool graded;  /* spacings differ enough for a slope */
 } quality_part;
@@ -55,9 +59,11 @@ typedef struct measure_job {
     double *local, *degree; /* of all points; either may be NULL */
 } measure_job;
 
-static bool is_near_boundary(const quality_input *in, size_t i)
+/* The cosine between two normals, as far as their sides mean something. */
+static double facing(const quality_input *in, uint32_t i, uint32_t j)
 {
-    return in->open && packing_is_near_boundary(in->domain, in->position[i], in->spacing[i]);
+    double cosine = vec3_dot(in->normal[i], in->normal[j]);
+    return in->flags && in->flags[i] & PACKING_TWO_SIDED ? fabs(cosine) : cosine;
 }
 
 static void count_value(moments *m, double value)
@@ -97,7 +103,7 @@ static double energy_of(const measure_job *job, uint32_t i, double *nearest2)
     double support = packing_support(in->sized ? in->spacing[i] : in->h), over2 = 1 / (support * support);
     for (uint32_t k = 0; k < job->sites.near->list_count[i]; k++) {
         uint32_t j = list[k];
-        if (vec3_dot(in->normal[i], in->normal[j]) <= VORONOI_OTHER_SIDE) continue;
+        if (facing(in, i, j) <= VORONOI_OTHER_SIDE) continue;
         double square = vec3_norm2(vec3_sub(in->position[i], in->position[j]));
         double size = 0.5 * (1 + in->spacing[j] * over), size2 = size * size;
         double relative2 = square * over * over / size2;
@@ -127,7 +133,7 @@ static bool is_unresolved(const measure_job *job, uint32_t i)
     const uint32_t *list = neighbours_list(job->sites.near, i);
     for (uint32_t k = 0; k < job->sites.near->list_count[i]; k++) {
         uint32_t j = list[k];
-        if (vec3_dot(in->normal[i], in->normal[j]) >= QUALITY_SHEET_FACING) continue;
+        if (facing(in, i, j) >= QUALITY_SHEET_FACING) continue;
         vec3 r = vec3_sub(in->position[j], in->position[i]);
         double mean = 0.5 * (in->spacing[i] + in->spacing[j]), reach = QUALITY_SHEET_REACH * mean;
         double gap = fmin(fabs(vec3_dot(in->normal[i], r)), fabs(vec3_dot(in->normal[j], r)));
@@ -136,11 +142,31 @@ static bool is_unresolved(const measure_job *job, uint32_t i)
     return false;
 }
 
+/* Within two spacings of a face, or of a curve: those of a row there are no farther apart than a spacing, or little more. */
+static bool is_near_boundary(const measure_job *job, uint32_t i)
+{
+    const quality_input *in = job->in;
+    if (in->open && packing_is_near_boundary(in->domain, in->position[i], in->spacing[i])) return true;
+    if (!in->flags) return false;
+    if (in->flags[i] & PACKING_FIXED) return true;
+    const uint32_t *list = neighbours_list(job->sites.near, i);
+    for (uint32_t k = 0; k < job->sites.near->list_count[i]; k++) {
+        double reach = ROW_REACH * 0.5 * (in->spacing[i] + in->spacing[list[k]]);
+        if (in->flags[list[k]] & PACKING_FIXED &&
+            vec3_norm2(vec3_sub(in->position[list[k]], in->position[i])) < reach * reach)
+            return true;
+    }
+    return false;
+}
+
 static void mark_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const measure_job *job = context;
     (void)worker;
-    for (size_t i = begin; i < end; i++) job->part->unresolved[i] = is_unresolved(job, (uint32_t)i);
+    for (size_t i = begin; i < end; i++) {
+        job->part->unresolved[i] = is_unresolved(job, (uint32_t)i);
+        job->part->rim[i] = is_near_boundary(job, (uint32_t)i);
+    }
 }
 
 static bool has_cell(const measure_job *job, uint32_t i, const voronoi_star *star)
@@ -151,13 +177,14 @@ static bool has_cell(const measure_job *job, uint32_t i, const voronoi_star *sta
 }
 
 /* An edge counts from either end. */
-static void sum_cell(const quality_input *in, uint32_t i, const voronoi_star *star, double area, cell_sums *c)
+static void sum_cell(const measure_job *job, uint32_t i, const voronoi_star *star, double area, cell_sums *c)
 {
+    const quality_input *in = job->in;
     c->hex += star->count == 6;
     count_value(&c->area, area / (in->spacing[i] * in->spacing[i]));
     for (uint32_t k = 0; k < star->count; k++) {
         uint32_t j = star->point[k];
-        if (!is_near_boundary(in, j))
+        if (!job->part->rim[j])
             count_value(&c->edge, star->distance[k] / (0.5 * (in->spacing[i] + in->spacing[j])));
     }
 }
@@ -178,10 +205,11 @@ static void tally_point(const measure_job *job, uint32_t i, tally *t)
     voronoi_star star;
     voronoi_star_at(&job->sites, i, &star);
     double spacing = in->spacing[i], area = area_of(&star), local = packing_spacing(fmax(area, 0), 1);
-    if (job->local) job->local[job->part->partition.index[i]] = area > 0 && !star.pinched ? local : spacing;
+    bool whole = area > 0 && !star.pinched && !(in->flags && in->flags[i] & PACKING_FIXED);
+    if (job->local) job->local[job->part->partition.index[i]] = whole ? local : spacing;
     if (job->degree) job->degree[job->part->partition.index[i]] = star.count;
     t->degrees += 6.0 - star.count;
-    if (is_near_boundary(in, i)) {
+    if (job->part->rim[i]) {
         t->boundary++;
         return;
     }
@@ -191,9 +219,9 @@ static void tally_point(const measure_job *job, uint32_t i, tally *t)
     t->inner++;
     t->finest = fmin(t->finest, spacing);
     t->coarsest = fmax(t->coarsest, spacing);
-    sum_cell(in, i, &star, area, &t->all);
+    sum_cell(job, i, &star, area, &t->all);
     if (!has_cell(job, i, &star)) return;
-    sum_cell(in, i, &star, area, &t->resolved);
+    sum_cell(job, i, &star, area, &t->resolved);
     count_value(&t->ratio, local / spacing);
     if (job->part->graded && local > 0) tally_logarithms(spacing, local, t);
 }
@@ -305,6 +333,7 @@ static void free_part(quality_part *p)
 {
     partition_free(&p->partition);
     free(p->unresolved);
+    free(p->rim);
     free(p->tally);
 }
 
@@ -316,12 +345,15 @@ static bool fill_part(const quality_input *in, const partitions_input *cut, cons
     if (!partition_fill(cut, all, k, pool, &out->partition, e)) return false;
     out->unresolved = mem_array(s->count, sizeof *out->unresolved, what, e);
     out->tally = mem_array(s->count / CHUNK + 1, sizeof *out->tally, what, e);
-    if (!out->unresolved || !out->tally) return false;
+    out->rim = mem_array(s->count, sizeof *out->rim, what, e);
+    if (!out->unresolved || !out->rim || !out->tally) return false;
     out->in = *in;
     out->in.count = s->count;
     out->in.position = s->position;
     out->in.normal = s->normal;
     out->in.spacing = s->spacing;
+    out->in.label = s->label;
+    out->in.flags = s->flags;
     return true;
 }
 
@@ -329,7 +361,8 @@ bool quality_measure(const quality_input *in, threads *pool, double *spacing_loc
                      quality *out, error *e)
 {
     const extent x = extent_of(in);
-    const partitions_input cut = {in->count, in->position, in->normal, in->spacing, x.reach};
+    const partitions_input cut = {in->count, in->position, in->normal, in->spacing,
+                                  in->label, in->flags,    x.reach};
     partitions all;
     bool ok = partitions_cut(&cut, &all, e);
     tally whole = tally_empty();
@@ -337,8 +370,11 @@ bool quality_measure(const quality_input *in, threads *pool, double *spacing_loc
         quality_part p = {.graded = x.coarsest > EVEN_REQUEST * x.finest};
         ok = fill_part(in, &cut, &all, k, pool, &p, e);
         const partition *s = &p.partition;
-        measure_job job = {
-            &p, &p.in, {s->position, s->normal, s->spacing, s->near, s->index}, spacing_local, degree};
+        measure_job job = {&p,
+                           &p.in,
+                           {s->position, s->normal, s->spacing, s->near, s->flags, s->index},
+                           spacing_local,
+                           degree};
         if (ok) threads_run(pool, s->count, CHUNK, mark_chunk, &job);
         if (ok) threads_run(pool, s->count, CHUNK, tally_chunk, &job);
         for (size_t c = 0; ok && c < (s->count + CHUNK - 1) / CHUNK; c++) add_tally(&whole, &p.tally[c]);

@@ -36,6 +36,10 @@ typedef struct quality_input {
     bool sized;            /* the energies' support is that of each pair's spacing, not that of h */
     bool open;             /* boundaries at the faces of `domain` */
     bbox domain;
+    /* of a surface with patches, else NULL: points of one label are neighbours, and flags of packing.h: boundaries are where
+     * points are fixed, too */
+    const uint32_t *label;
+    const uint8_t *flags;
 } quality_input;
 
 /* How regular the cells of some points are. NAN where too few are measured to say. */
@@ -61,7 +65,7 @@ typedef struct quality {
 } quality;
 
 /* `spacing_local` (count values, or NULL) receives sqrt(2 a / sqrt 3), and where the triangles around a point bound no
- * cell, the requested spacing; `degree` (or NULL) the number of
+ * cell, or the point is fixed, the requested spacing; `degree` (or NULL) the number of
  * Voronoi neighbours. Error: limit_memory. Deterministic for any number of threads. */
 bool quality_measure(const quality_input *in, threads *pool, double *spacing_local, double *degree,
                      quality *out, error *e);

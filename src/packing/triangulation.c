@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "packing/packing.h"
 #include "packing/partitions.h"
 #include "packing/voronoi.h"
 
@@ -82,7 +83,7 @@ static bool search_partition(const partitions_input *cut, const partitions *all,
     bool ok = partition_fill(cut, all, k, pool, &s, e);
     size_t chunks = (s.count + CHUNK - 1) / CHUNK;
     if (ok) {
-        job.sites = (voronoi_sites){s.position, s.normal, s.spacing, s.near, s.index};
+        job.sites = (voronoi_sites){s.position, s.normal, s.spacing, s.near, s.flags, s.index};
         job.found = mem_array(chunks, sizeof *job.found, "the mesh", e);
         ok = job.found != NULL;
     }
@@ -158,7 +159,8 @@ static void count_sides(const wedge *w, size_t count, uint32_t other, size_t *fi
 
 static bool is_at_boundary(const triangulation_input *in, uint32_t i)
 {
-    return in->open && !bbox_contains(bbox_grow(in->domain, -in->spacing[i]), in->position[i]);
+    return (in->flags && in->flags[i] & PACKING_FIXED) ||
+           (in->open && !bbox_contains(bbox_grow(in->domain, -in->spacing[i]), in->position[i]));
 }
 
 /* False when the edge is in too many triangles. Edges count at their lower end. */
@@ -274,6 +276,14 @@ static bool survey_made(const triangulation_input *in, threads *pool, triangulat
     return ok;
 }
 
+/* The corner of the least index comes first. */
+static void turn_to_least(uint32_t corner[3])
+{
+    const uint32_t c[3] = {corner[0], corner[1], corner[2]};
+    int least = c[0] < c[1] ? (c[0] < c[2] ? 0 : 2) : c[1] < c[2] ? 1 : 2;
+    for (int k = 0; k < 3; k++) corner[k] = c[(least + k) % 3];
+}
+
 /* ---- holes ---- */
 
 /* Loops of more edges are left open: they are where sheets are not told apart. */
@@ -369,9 +379,8 @@ static size_t close_hole(const survey *job, hole h, uint32_t out[HOLE_MOST - 2][
         uint32_t ear[3];
         size_t k = choose_ear(job, &h, ear);
         if (k == h.count) return 0;
-        int least = ear[0] < ear[1] ? (ear[0] < ear[2] ? 0 : 2) : ear[1] < ear[2] ? 1 : 2;
-        for (int c = 0; c < 3; c++) out[made][c] = ear[(least + c) % 3];
-        made++;
+        turn_to_least(ear);
+        memcpy(out[made++], ear, sizeof ear);
         memmove(h.point + k, h.point + k + 1, (h.count - k - 1) * sizeof *h.point);
     }
     return made;
@@ -399,17 +408,54 @@ static bool close_holes(const triangulation_input *in, triangulation *made, erro
     return ok;
 }
 
+/* ---- labels ---- */
+
+/* Leaves out the triangles between points on curves that lie beyond these. */
+static void drop_outside(const triangulation_input *in, triangulation *t)
+{
+    size_t kept = 0;
+    for (size_t k = 0; k < t->facts.triangles; k++) {
+        const uint32_t *corner = t->corner[k];
+        vec3 sum = {0, 0, 0};
+        bool fixed = true;
+        for (int c = 0; c < 3; c++) {
+            sum = vec3_add(sum, in->position[corner[c]]);
+            fixed &= (in->flags[corner[c]] & PACKING_FIXED) != 0;
+        }
+        if (fixed && !in->is_within(in->context, in->label[corner[0]], vec3_scale(sum, 1.0 / 3))) continue;
+        memmove(t->corner[kept++], corner, sizeof t->corner[0]);
+    }
+    t->facts.triangles = kept;
+}
+
+/* Corners become vertices. */
+static void join_labels(const triangulation_input *in, triangulation *t)
+{
+    for (size_t k = 0; k < t->facts.triangles; k++) {
+        for (int c = 0; c < 3; c++) t->corner[k][c] = in->point[t->corner[k][c]];
+        turn_to_least(t->corner[k]);
+    }
+}
+
 /* ---- the whole ---- */
 
 bool triangulation_make(const triangulation_input *in, threads *pool, triangulation *out, error *e)
 {
-    const partitions_input cut = {in->count, in->position, in->normal, in->spacing, VORONOI_REACH};
+    const partitions_input cut = {in->count, in->position, in->normal,   in->spacing,
+                                  in->label, in->flags,    VORONOI_REACH};
     partitions all;
     *out = (triangulation){0};
     bool ok = partitions_cut(&cut, &all, e);
     for (size_t k = 0; ok && k < all.count; k++) ok = search_partition(&cut, &all, k, pool, out, e);
     partitions_free(&all);
-    return ok && close_holes(in, out, e) && survey_made(in, pool, out, e);
+    triangulation_input vertices = *in;
+    if (ok && in->flags) drop_outside(in, out);
+    ok = ok && close_holes(in, out, e);
+    if (ok && in->point) {
+        join_labels(in, out);
+        vertices.count = in->points;
+    }
+    return ok && survey_made(&vertices, pool, out, e);
 }
 
 void triangulation_free(triangulation *t)

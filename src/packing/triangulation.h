@@ -24,6 +24,16 @@ typedef struct triangulation_input {
     const double *spacing; /* requested, of each */
     bool open;             /* boundaries at the faces of `domain` */
     bbox domain;
+    /* Of a surface with patches, else NULL. Triangles are between points of one label; flags are those of packing.h, and
+     * there are boundaries between points that are fixed. Points of several labels may be one vertex. */
+    const uint32_t *label;
+    const uint8_t *flags;
+    const uint32_t
+        *point; /* of each its vertex, which is a point of the same place: one of the first `points` */
+    size_t points;
+    bool (*is_within)(const void *context, uint32_t label,
+                      vec3 x); /* whether its part of the surface has a place there */
+    const void *context;
 } triangulation_input;
 
 typedef struct triangulation_facts {

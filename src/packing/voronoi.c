@@ -2,6 +2,8 @@
 
 #include <assert.h>
 
+#include "packing/packing.h"
+
 /* Points are moved by this much at most, in spacings, along their normals: those that lie on a plane or a
  * sphere have no unique triangulation, and so they have. */
 static const double JITTER = 1e-5;
@@ -41,12 +43,20 @@ typedef struct triangle {
     bool wide; /* the list of one corner may lack what cuts it */
 } triangle;
 
-static site site_at(const voronoi_sites *in, uint32_t i, uint32_t place)
+/* A normal that may as well point the other way, on the side of `facing`. */
+static vec3 normal_towards(const voronoi_sites *in, uint32_t i, vec3 facing)
+{
+    bool turn = in->flags && in->flags[i] & PACKING_TWO_SIDED && vec3_dot(in->normal[i], facing) < 0;
+    return turn ? vec3_scale(in->normal[i], -1) : in->normal[i];
+}
+
+/* As one sees it who looks from where the normal is `facing`. */
+static site site_at(const voronoi_sites *in, uint32_t i, uint32_t place, vec3 facing)
 {
     uint32_t name = in->index ? in->index[i] : i;
     double unit = (double)(name * 2654435761u) / 4294967296.0 - 0.5; /* Knuth's multiplicative hash */
     vec3 at = vec3_axpy(2 * JITTER * unit * in->spacing[i], in->normal[i], in->position[i]);
-    return (site){i, place, at, in->normal[i], in->spacing[i]};
+    return (site){i, place, at, normal_towards(in, i, facing), in->spacing[i]};
 }
 
 /* False when they are too many. */
@@ -66,9 +76,9 @@ static bool gather_sites(const voronoi_sites *in, uint32_t a, surroundings *out)
         square[to] = next;
         order[to] = k;
     }
-    out->own = site_at(in, a, 0);
+    out->own = site_at(in, a, 0, in->normal[a]);
     out->count = listed;
-    for (uint32_t k = 0; k < listed; k++) out->near[k] = site_at(in, list[order[k]], order[k]);
+    for (uint32_t k = 0; k < listed; k++) out->near[k] = site_at(in, list[order[k]], order[k], in->normal[a]);
     return true;
 }
 
@@ -143,7 +153,7 @@ static bool cut_by_list(const voronoi_sites *in, uint32_t of, triangle *t)
 {
     const uint32_t *list = neighbours_list(in->near, of);
     for (uint32_t k = 0; k < in->near->list_count[of]; k++) {
-        site d = site_at(in, list[k], k);
+        site d = site_at(in, list[k], k, t->facing);
         if (!cut_by(&d, t)) return false;
     }
     return true;
@@ -245,7 +255,7 @@ static bool gather_ring(const voronoi_sites *in, uint32_t a, double reach2, ring
     vec3_frame(n, &u, &v);
     for (uint32_t k = 0; k < listed; k++) {
         uint32_t c = list[k];
-        double facing = vec3_dot(n, in->normal[c]);
+        double facing = vec3_dot(n, normal_towards(in, c, n));
         if (facing <= FLAT_OTHER_SIDE) continue;
         vec3 r = vec3_sub(in->position[c], x);
         double square = vec3_norm2(r), height = vec3_dot(n, r), spacing = in->spacing[c];

@@ -19,6 +19,7 @@ typedef struct voronoi_sites {
     const vec3 *position, *normal;
     const double *spacing;  /* of an ideal packing at each point */
     const neighbours *near; /* lists within VORONOI_REACH times the mean spacing of a pair, or more */
+    const uint8_t *flags;   /* of packing.h, of each; NULL: none */
     const uint32_t *index;  /* of each among all, ascending, where these are a part; NULL: they are all */
 } voronoi_sites;
 

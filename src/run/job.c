@@ -219,8 +219,11 @@ static sampler *start_solve(const job *j, sampler_params params, error *e)
         packed = pack_by_levels(j, &params, e);
         if (!packed) return NULL;
         params.start = SAMPLER_START_GIVEN;
-        params.given = sampler_result_points(packed)->position;
-        params.given_normal = sampler_result_points(packed)->normal;
+        const sampler_stands *stands = &sampler_result_points(packed)->stands;
+        params.given = stands->position;
+        params.given_normal = stands->normal;
+        params.given_patch = stands->patch;
+        params.given_place = stands->place;
     }
     sampler *s = sampler_new(j->source.field, j->scan, &params, j->pool, e);
     sampler_free(packed);
@@ -247,6 +250,12 @@ bool job_place(job *j, solution *out, error *e)
         .seed = s->seed,
     };
     frame_transfer brought = {0};
+    if (s->coherent && j->source.field->patches) {
+        error_set(
+            e, ERROR_NOT_SUPPORTED,
+            "/queue/coherent: points are not carried over a surface of patches that meet in curves: leave it out");
+        goto done;
+    }
     if (j->options->previous &&
         !sequence_transfer(&j->sequence, j->source.field, j->scan, carry, j->pool, &brought, e))
         goto done;
@@ -335,20 +344,22 @@ static bool measure_order(const quality_input *in, const double *achieved, threa
 bool job_measure(job *j, solution *s, error *e)
 {
     const sampler_points *p = sampler_result_points(s->sampler);
-    s->spacing_local = mem_array(p->count, sizeof *s->spacing_local, "the result", e);
+    s->spacing_local = mem_array(p->stands.count, sizeof *s->spacing_local, "the result", e);
     if (!s->spacing_local) return false;
     if (j->spec->has_preview && j->spec->preview_color == SPEC_COLOR_DEGREE) {
-        s->degree = mem_array(p->count, sizeof *s->degree, "the result", e);
+        s->degree = mem_array(p->stands.count, sizeof *s->degree, "the result", e);
         if (!s->degree) return false;
     }
-    const quality_input in = {.count = p->count,
-                              .position = p->position,
-                              .normal = p->normal,
-                              .spacing = p->spacing,
+    const quality_input in = {.count = p->stands.count,
+                              .position = p->stands.position,
+                              .normal = p->stands.normal,
+                              .spacing = p->stands.spacing,
                               .h = sampler_spacing(s->sampler),
                               .sized = s->sizing != NULL,
                               .open = j->source.field->open,
-                              .domain = j->source.field->boundary_box};
+                              .domain = j->source.field->boundary_box,
+                              .label = p->stands.patch,
+                              .flags = p->stands.flags};
     return quality_measure(&in, j->pool, s->spacing_local, s->degree, &s->quality, e) &&
            (!j->spec->has_alpha || measure_order(&in, s->spacing_local, j->pool, &s->quality, e));
 }
@@ -390,8 +401,7 @@ bool job_write_points(job *j, error *e)
                         .field = source_world(&j->source),
                         .set = &set,
                         .sampled = j->source.field,
-                        .site = p->position,
-                        .site_normal = p->normal,
+                        .stands = &p->stands,
                         .h = sampler_spacing(s->sampler),
                         .frame = j->options->frame};
     vec3 *turned = NULL;

@@ -9,6 +9,7 @@
 #include <strings.h>
 
 #include "base/memory.h"
+#include "field/patches.h"
 #include "formats/chart.h"
 #include "formats/column.h"
 #include "formats/format.h"
@@ -156,12 +157,28 @@ static bool write_formats(const char *directory, const results_input *in, const 
     return ok;
 }
 
+static bool is_within_patch(const void *context, uint32_t label, vec3 x)
+{
+    return field_is_within(field_of_patch(context, label), x);
+}
+
 static bool write_mesh(const char *directory, const results_input *in, bool as_float, threads *pool,
                        json *outputs, triangulation_facts *out, error *e)
 {
     const points *set = in->set;
-    const triangulation_input sites = {set->count,   in->site,          in->site_normal,
-                                       set->spacing, in->sampled->open, in->sampled->boundary_box};
+    const sampler_stands *stands = in->stands;
+    const triangulation_input sites = {.count = stands->count,
+                                       .position = stands->position,
+                                       .normal = stands->normal,
+                                       .spacing = stands->spacing,
+                                       .open = in->sampled->open,
+                                       .domain = in->sampled->boundary_box,
+                                       .label = stands->patch,
+                                       .flags = stands->flags,
+                                       .point = stands->point,
+                                       .points = set->count,
+                                       .is_within = is_within_patch,
+                                       .context = in->sampled};
     triangulation made;
     points vertices = *set;
     bool ok = triangulation_make(&sites, pool, &made, e);

@@ -26,13 +26,12 @@ typedef struct results_input {
     const spec *spec;
     const field *field; /* in world space, as the points of the set are */
     const points *set;
-    const field
-        *sampled; /* that the points were found on, whose space may be another, and the points in it */
-    const vec3 *site, *site_normal;
-    int frame;                   /* of a sequence */
-    bool unresolved;             /* more of the points than the verdict allows */
-    double h;                    /* of the ideal packing */
-    const sampler_sweep *sweeps; /* at least one */
+    const field *sampled;         /* that the points were found on, whose space may be another */
+    const sampler_stands *stands; /* the points in that space, as the mesh is made of them */
+    int frame;                    /* of a sequence */
+    bool unresolved;              /* more of the points than the verdict allows */
+    double h;                     /* of the ideal packing */
+    const sampler_sweep *sweeps;  /* at least one */
     size_t sweep_count;
 } results_input;
 

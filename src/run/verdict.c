@@ -84,7 +84,7 @@ static bool unresolved_share(const verdict_input *in, double *value, double *bou
 
 static bool boundary_share(const verdict_input *in, double *value, double *bound)
 {
-    *value = (double)in->quality->rim_count / (double)sampler_result_points(in->sampler)->count;
+    *value = (double)in->quality->rim_count / (double)sampler_result_points(in->sampler)->stands.count;
     *bound = BOUNDARY_SHARE;
     return *value > *bound;
 }

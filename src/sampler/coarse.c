@@ -19,7 +19,7 @@ enum { PLACES = 5, PASSES = 6 };
 bool sampler_judge_coarse(sampler *s, error *e)
 {
     const particles *p = s->state.p;
-    if (!s->setup.fast || relax_creased_share(s->scratch.relax, p) < CREASED_SHARE) return true;
+    if (!s->setup.fast || p->patch || relax_creased_share(s->scratch.relax, p) < CREASED_SHARE) return true;
     double *spacing = mem_array(p->count, sizeof *spacing, "the result", e);
     if (!spacing) return false;
     for (size_t i = 0; i < p->count; i++) spacing[i] = p->size[i] * s->state.spacing;
@@ -52,7 +52,7 @@ static bool relocate(sampler *s, const vec3 *place, size_t places, size_t *moves
     *moves = 0;
     for (size_t k = 0; ok && k < count; k++) {
         vec3 x = place[chosen[k].place], normal = {0, 0, 1};
-        if (!sampler_land(s, s->state.spacing, s->setup.field->cell_size, &x, &normal)) continue;
+        if (!sampler_land(s->setup.field, s->state.spacing, s->setup.field->cell_size, &x, &normal)) continue;
         p->position[chosen[k].point] = x;
         p->normal[chosen[k].point] = normal;
         s->record.replaced[chosen[k].point] = true;
@@ -70,7 +70,8 @@ static size_t draw_places(const sampler *s, vec3 *out)
     for (size_t k = 0; k < wanted && !threads_stopped(s->setup.pool); k++) {
         double where = ((double)k + rng_uniform(&r)) / (double)wanted;
         vec3 x = sizing_field_draw(s->setup.params.sizing, s->setup.scan, where, &r), normal = {0, 0, 1};
-        if (sampler_land(s, s->state.spacing, s->setup.field->cell_size, &x, &normal)) out[found++] = x;
+        if (sampler_land(s->setup.field, s->state.spacing, s->setup.field->cell_size, &x, &normal))
+            out[found++] = x;
     }
     return found;
 }

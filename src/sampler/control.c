@@ -75,7 +75,7 @@ static void note_round(sampler *s, double energy)
 {
     assert(s->record.round_count < SAMPLER_MAX_ROUNDS);
     s->record.round[s->record.round_count++] = (sampler_round){
-        s->state.sweeps_in_round, 0, 0, s->state.sigma, s->state.p->count, energy, s->state.gain};
+        s->state.sweeps_in_round, 0, 0, s->state.sigma, sampler_point_count(s), energy, s->state.gain};
     s->state.sweeps_in_round = 0;
     s->state.resizes = 0;
 }
@@ -137,33 +137,62 @@ static bool delete_particles(sampler *s, size_t k, rng *r, error *e)
  * is the system's energy, N (E_ideal / E)^(2 / slope); far from it that power law would overshoot. */
 static size_t bounded_count(const sampler *s)
 {
-    double ratio = s->state.sigma / s->setup.params.max_sigma,
-           needed = (double)s->state.p->count * ratio * ratio;
+    double ratio = s->state.sigma / s->setup.params.max_sigma, count = (double)sampler_point_count(s),
+           needed = count * ratio * ratio;
     double short_of =
         fmin(COUNT_SLACK, s->setup.params.energy_tolerance / s->setup.params.energy->ideal_slope);
-    double count = (double)s->state.p->count;
     if (count >= ceil(needed * (1 - short_of)) &&
         count <= fmax(ceil(needed * (1 + COUNT_SLACK)), (double)s->setup.params.min_count))
-        return s->state.p->count;
+        return sampler_point_count(s);
     return (size_t)fmin(fmax(ceil(needed), (double)s->setup.params.min_count), GROWTH * count);
+}
+
+/* Inserts or deletes so many. */
+static bool change_count(sampler *s, size_t before, size_t after, rng *r, sampler_round *round, error *e)
+{
+    if (after > before && !insert_particles(s, after - before, r, &round->inserted, e)) return false;
+    round->deleted = after < before ? before - after : 0;
+    return after >= before || delete_particles(s, before - after, r, e);
+}
+
+/* The same of a surface with patches, whose rows along curves become others: in all there are to be `wanted` points. */
+static bool change_rows(sampler *s, size_t wanted, rng *r, sampler_round *round, error *e)
+{
+    const allotment_input in = {s->setup.field, s->setup.scan, s->setup.params.sizing,
+                                packing_spacing(s->setup.scan->area, (double)s->setup.params.count)};
+    allotment next, *held = &s->state.plan.allotments[s->state.level];
+    size_t before = particles_free_count(s->state.p);
+    bool ok =
+        allotment_for_count(&in, wanted, &next, e) &&
+        change_count(s, before, next.free_count < 2 * before ? next.free_count : 2 * before, r, round, e) &&
+        sampler_reserve(s, s->state.p->count + next.rows.stands, e) &&
+        allotment_replace_rows(&next, s->state.p, e);
+    if (!ok) {
+        allotment_free(&next);
+        return false;
+    }
+    allotment_free(held);
+    *held = next;
+    s->state.spacing = next.spacing;
+    return true;
 }
 
 /* Inserts or deletes particles until sigma, which is the ideal one of those at hand, is within its bound. */
 static bool adapt_count(sampler *s, bool *changed, error *e)
 {
-    size_t before = s->state.p->count, wanted = bounded_count(s), inserted = 0;
+    size_t before = sampler_point_count(s), wanted = bounded_count(s);
     *changed = wanted != before;
     if (!*changed) return true;
     free(s->record.replaced); /* particles are others from here on */
     s->record.replaced = NULL;
     sampler_round *round = &s->record.round[s->record.round_count - 1];
     rng r = rng_seed(s->setup.params.seed, RANDOM_STREAM_ROUND + s->record.round_count);
-    if (wanted > before && !insert_particles(s, wanted - before, &r, &inserted, e)) return false;
-    if (wanted < before && !delete_particles(s, before - wanted, &r, e)) return false;
-    round->inserted = inserted;
-    round->deleted = wanted < before ? before - wanted : 0;
-    s->state.spacing = packing_spacing(s->setup.scan->area, (double)s->state.p->count);
-    s->state.sigma *= sqrt((double)before / (double)s->state.p->count);
+    if (s->state.p->patch ? !change_rows(s, wanted, &r, round, e)
+                          : !change_count(s, before, wanted, &r, round, e))
+        return false;
+    if (!s->state.p->patch)
+        s->state.spacing = packing_spacing(s->setup.scan->area, (double)s->state.p->count);
+    s->state.sigma *= sqrt((double)before / (double)sampler_point_count(s));
     return true;
 }
 

@@ -20,7 +20,7 @@ static double amplitude(const sampler *s, double kappa)
     return s->setup.params.gamma + 1 / (pow(k, s->setup.params.d) + s->setup.params.nu);
 }
 
-bool sampler_amplitude_at(const sampler *s, vec3 x, vec3 normal, double *alpha)
+bool sampler_amplitude_at(const sampler *s, const field *f, vec3 x, vec3 normal, double *alpha)
 {
     double kappa1, kappa2;
     field_sample sample;
@@ -28,7 +28,7 @@ bool sampler_amplitude_at(const sampler *s, vec3 x, vec3 normal, double *alpha)
         *alpha = amplitude(s, scaled_curvature_at(s->setup.params.curvature, x, normal, &kappa1, &kappa2));
         return true;
     }
-    if (!field_sample_at(s->setup.field, x, FIELD_HESSIAN, &sample)) return false;
+    if (!field_sample_at(f, x, FIELD_HESSIAN, &sample)) return false;
     *alpha = amplitude(s, field_curvature(&sample, &kappa1, &kappa2));
     return true;
 }
@@ -64,7 +64,8 @@ static void amplitude_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         double before = p->alpha[i];
-        if (!sampler_amplitude_at(job->s, p->position[i], p->normal[i], &p->alpha[i])) continue;
+        const field *f = particles_field(p, job->s->setup.field, i);
+        if (!sampler_amplitude_at(job->s, f, p->position[i], p->normal[i], &p->alpha[i])) continue;
         double change = p->alpha[i] / before - 1;
         squares += change * change;
     }
@@ -124,8 +125,10 @@ bool sampler_build_lists(sampler *s, error *e)
 /* The scales of the level at hand. */
 static void enter_level(sampler *s, size_t count, double support)
 {
+    const allotment *allotments = s->state.plan.allotments;
     double share = levels_share(&s->state.plan, s->state.level);
-    s->state.spacing = packing_spacing(s->setup.scan->area, (double)count / share);
+    s->state.spacing = allotments ? allotments[s->state.level].spacing
+                                  : packing_spacing(s->setup.scan->area, (double)count / share);
     s->state.sigma = support * s->state.spacing;
     s->state.skin = s->setup.schedule->skin_wide * s->state.spacing;
     s->state.gain = s->setup.schedule->gain[s->state.stage];
@@ -155,6 +158,10 @@ static bool place(sampler *s, error *e)
         memcpy(s->state.p->position, s->setup.params.given, s->state.p->count * sizeof *s->state.p->position);
         memcpy(s->state.p->normal, s->setup.params.given_normal,
                s->state.p->count * sizeof *s->state.p->normal);
+        if (!s->state.p->patch) return true;
+        assert(s->setup.params.given_patch && s->setup.params.given_place);
+        memcpy(s->state.p->patch, s->setup.params.given_patch, s->state.p->count * sizeof *s->state.p->patch);
+        memcpy(s->state.p->place, s->setup.params.given_place, s->state.p->count * sizeof *s->state.p->place);
         return true;
     }
     if (!start_place(s->setup.field, s->setup.scan, &s->setup.params, &s->state.plan, s->state.level,
@@ -167,7 +174,7 @@ static bool place(sampler *s, error *e)
 /* Particles on the coarsest level, where they start. */
 bool sampler_begin(sampler *s, double support, error *e)
 {
-    s->state.p->count = s->state.plan.particles[0];
+    s->state.p->count = levels_particles(&s->state.plan, 0);
     enter_level(s, s->state.p->count, support);
     if (s->setup.params.max_sigma > 0) s->state.sigma = fmin(s->state.sigma, s->setup.params.max_sigma);
     if (!place(s, e)) return false;
@@ -198,6 +205,7 @@ bool sampler_replan(sampler *s, bool *again, error *e)
 {
     size_t count = s->state.p->count, edges;
     if (s->state.stage == 0) return drop_coarsest(s, again, e);
+    if (s->state.plan.allotments) return true; /* which know their counts */
     if (!refine_count_edges(s->state.p, s->state.spacing, s->setup.pool, &edges, e)) return false;
     levels_correct(&s->state.plan, edges, count_on_boundary(s));
     *again = !s->state.planned && s->state.plan.particles[0] != count;
@@ -265,7 +273,10 @@ bool sampler_refine(sampler *s, error *e)
     assert(s->state.level + 1 < plan->count);
     double support = s->state.sigma / s->state.spacing;
     size_t count = plan->particles[++s->state.level];
-    if (!refine_particles(s->setup.field, s->setup.scan, s->setup.params.sizing, s->state.p,
+    const refine_patches patches = {plan->allotments ? &plan->allotments[s->state.level] : NULL,
+                                    plan->curves};
+    if (!refine_particles(s->setup.field, s->setup.scan, s->setup.params.sizing,
+                          plan->allotments ? &patches : NULL, s->state.p,
                           count - plan->newcomers[s->state.level], s->state.spacing, s->setup.params.seed,
                           s->setup.pool, e))
         return false;

@@ -1,7 +1,10 @@
 /* finalize: the end of a sampler's run, see sampler_finalize. */
+#include <assert.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
+#include "packing/packing.h"
 #include "sampler/random_streams.h"
 #include "sampler/sampler_internal.h"
 #include "surface/projection.h"
@@ -33,27 +36,30 @@ static void requested_spacing(sampler *s, double *spacing)
 
 /* To rounding: a Newton step from 1e-7 h leaves less than doubles resolve. A relaxed particle is within 0.01
  * h of the surface; one that would have to go much farther sits where Newton's method goes astray. */
-bool sampler_land(const sampler *s, double h, double farthest, vec3 *x, vec3 *normal)
+bool sampler_land(const field *f, double h, double farthest, vec3 *x, vec3 *normal)
 {
     const projection_limits limits = {SETTLE_STEPS, 1e-9 * h, 1e-7 * h, WORST_RESIDUAL * h};
     vec3 q = *x, n = *normal;
-    if (projection_find(s->setup.field, &limits, &q, &n) && vec3_norm(vec3_sub(q, *x)) <= farthest) {
+    if (projection_find(f, &limits, &q, &n) && vec3_norm(vec3_sub(q, *x)) <= farthest) {
         *x = q;
         *normal = n;
         return true;
     }
-    return projection_bisect(s->setup.field, *normal, farthest, x, normal);
+    return projection_bisect(f, *normal, farthest, x, normal);
 }
 
 /* Puts particle i on the surface to rounding, and notes its residual, or that it is lost. */
 static void finalize_particle(sampler *s, size_t i)
 {
     vec3 x = s->state.p->position[i], normal = s->state.p->normal[i];
+    const field *f = particles_field(s->state.p, s->setup.field, i);
     field_sample sample;
-    s->scratch.lost[i] = true;
+    s->scratch.lost[i] = !particles_is_fixed(s->state.p, i);
+    s->scratch.residual[i] = 0;
+    if (!s->scratch.lost[i]) return;
     double h = s->state.spacing * s->state.p->size[i];
-    if (!sampler_land(s, h, SETTLE_FARTHEST * h, &x, &normal) ||
-        !field_sample_at(s->setup.field, x, FIELD_GRADIENT, &sample))
+    if (!sampler_land(f, h, SETTLE_FARTHEST * h, &x, &normal) ||
+        (s->state.p->patch && !field_is_within(f, x)) || !field_sample_at(f, x, FIELD_GRADIENT, &sample))
         return;
     double length = vec3_norm(sample.gradient), residual = fabs(sample.value) / length / h;
     if (!(residual < WORST_RESIDUAL)) return;
@@ -61,7 +67,7 @@ static void finalize_particle(sampler *s, size_t i)
     s->scratch.residual[i] = residual;
     s->state.p->position[i] = x;
     s->state.p->normal[i] = vec3_scale(sample.gradient, 1 / length);
-    if (s->setup.params.graded) sampler_amplitude_at(s, x, s->state.p->normal[i], &s->state.p->alpha[i]);
+    if (s->setup.params.graded) sampler_amplitude_at(s, f, x, s->state.p->normal[i], &s->state.p->alpha[i]);
 }
 
 static void finalize_chunk(void *context, int worker, size_t begin, size_t end)
@@ -75,14 +81,18 @@ static void finalize_chunk(void *context, int worker, size_t begin, size_t end)
 static void replace_lost(sampler *s)
 {
     rng r = rng_seed(s->setup.params.seed, RANDOM_STREAM_REPLACEMENT);
+    const double *weight = sizing_field_weight(s->setup.params.sizing, s->setup.scan);
     for (size_t i = 0; i < s->state.p->count && !threads_stopped(s->setup.pool); i++) {
         if (!s->scratch.lost[i]) continue;
         double best = -1;
         vec3 x = s->state.p->position[i], normal = s->state.p->normal[i];
         for (int draw = 0; draw < REPLACEMENT_DRAWS; draw++) {
-            vec3 q = sizing_field_draw(s->setup.params.sizing, s->setup.scan, rng_uniform(&r), &r),
-                 n = {0, 0, 1};
-            if (!sampler_land(s, s->state.spacing, s->setup.field->cell_size, &q, &n)) continue;
+            const field *f = particles_field(s->state.p, s->setup.field, i);
+            uint32_t patch = s->state.p->patch ? s->state.p->patch[i] : 0;
+            vec3 q, n = {0, 0, 1};
+            if (!surface_patch_point(s->setup.scan, weight, patch, rng_uniform(&r), &r, &q) ||
+                !sampler_land(f, s->state.spacing, s->setup.field->cell_size, &q, &n))
+                continue;
             double nearest2 = INFINITY;
             for (size_t j = 0; j < s->state.p->count; j++)
                 if (j != i) nearest2 = fmin(nearest2, vec3_norm2(vec3_sub(q, s->state.p->position[j])));
@@ -123,7 +133,8 @@ static void curvature_chunk(void *context, int worker, size_t begin, size_t end)
         if (s->setup.params.curvature)
             s->record.column[4 * n + i] = scaled_curvature_at(
                 s->setup.params.curvature, s->state.p->position[i], s->state.p->normal[i], &kappa1, &kappa2);
-        if (!field_sample_at(s->setup.field, s->state.p->position[i], FIELD_HESSIAN, &sample)) continue;
+        const field *f = particles_field(s->state.p, s->setup.field, i);
+        if (!field_sample_at(f, s->state.p->position[i], FIELD_HESSIAN, &sample)) continue;
         s->record.column[i] =
             field_curvature(&sample, &s->record.column[n + i], &s->record.column[2 * n + i]);
     }
@@ -151,6 +162,90 @@ static bool describe_energies(sampler *s, error *e)
     return true;
 }
 
+size_t sampler_point_count(const sampler *s)
+{
+    const allotment *a = s->state.plan.allotments;
+    if (!a) return s->state.p->count;
+    const curve_rows *rows = &a[s->state.level].rows;
+    return s->state.p->count - rows->stands + rows->count;
+}
+
+/* The first particle of each point before the others. */
+static bool arrange_stands(sampler *s, uint32_t *order, uint32_t *first, error *e)
+{
+    const particles *p = s->state.p;
+    size_t next = 0, copies = sampler_point_count(s);
+    for (uint32_t i = 0; i < p->count; i++) {
+        bool copy = particles_is_fixed(p, i) && first[p->place[i]] > 0;
+        if (particles_is_fixed(p, i) && !copy) first[p->place[i]] = (uint32_t)next + 1;
+        s->record.point[copy ? copies : next] = copy ? first[p->place[i]] - 1 : (uint32_t)next;
+        order[copy ? copies++ : next++] = i;
+    }
+    assert(next == sampler_point_count(s) && copies == p->count);
+    for (size_t k = 0; k < next; k++) {
+        s->scratch.lost[k] = s->record.replaced[order[k]];
+        const curve_rows *rows = &s->state.plan.allotments[s->state.level].rows;
+        uint32_t place = p->place[order[k]];
+        s->record.feature[k] = place == PARTICLES_FREE ? SAMPLER_ON_PATCH
+                               : place < rows->corners ? SAMPLER_ON_CORNER
+                                                       : SAMPLER_ON_CURVE;
+    }
+    for (size_t k = 0; k < next; k++) s->record.replaced[k] = s->scratch.lost[k];
+    if (!particles_arrange(s->state.p, order, e)) return false;
+    particles_flags(p, s->record.flags);
+    return true;
+}
+
+/* Where normals of patches agree to 60 degrees a point has their mean, else that of the first. */
+static const double AGREEING = 0.5;
+
+static void merge_normals(sampler *s)
+{
+    const particles *p = s->state.p;
+    size_t points = sampler_point_count(s);
+    memcpy(s->record.normal, p->normal, points * sizeof *p->normal);
+    for (size_t k = points; k < p->count; k++) {
+        uint32_t point = s->record.point[k];
+        if (vec3_dot(p->normal[k], p->normal[point]) >= AGREEING)
+            s->record.normal[point] = vec3_add(s->record.normal[point], p->normal[k]);
+    }
+    for (size_t k = 0; k < points; k++)
+        if (s->record.flags[k] & PACKING_FIXED) s->record.normal[k] = vec3_unit(s->record.normal[k]);
+}
+
+/* What a point on curves is told from its particles, see sampler_stands. */
+static bool merge_stands(sampler *s, error *e)
+{
+    const char *what = "the result";
+    size_t n = s->state.p->count, points = sampler_point_count(s);
+    if (!s->state.p->patch) return true;
+    uint32_t *order = mem_array(n, sizeof *order, what, e), *first = mem_array(n, sizeof *first, what, e);
+    s->record.point = mem_array(n, sizeof *s->record.point, what, e);
+    s->record.flags = mem_array(n, sizeof *s->record.flags, what, e);
+    s->record.normal = mem_array(points, sizeof *s->record.normal, what, e);
+    s->record.feature = mem_array(points, sizeof *s->record.feature, what, e);
+    s->scratch.lost = mem_array(points, sizeof *s->scratch.lost, what, e);
+    bool ok = order && first && s->record.point && s->record.flags && s->record.normal && s->record.feature &&
+              s->scratch.lost && arrange_stands(s, order, first, e);
+    if (ok) merge_normals(s);
+    free(order);
+    free(first);
+    free(s->scratch.lost);
+    s->scratch.lost = NULL;
+    return ok;
+}
+
+static void describe_stands(sampler *s, const double *spacing)
+{
+    const particles *p = s->state.p;
+    sampler_points *out = &s->record.out;
+    out->stands = (sampler_stands){p->count, p->position,     p->normal, spacing,
+                                   p->patch, s->record.point, p->place,  s->record.flags};
+    out->feature = s->record.feature;
+    out->patch = p->patch;
+    if (p->patch) out->curve = s->state.plan.allotments[s->state.level].rows.curve;
+}
+
 static bool describe_points(sampler *s, error *e)
 {
     size_t n = s->state.p->count;
@@ -159,9 +254,10 @@ static bool describe_points(sampler *s, error *e)
     if (!s->record.column) return false;
     threads_run(s->setup.pool, n, 256, curvature_chunk, s);
     requested_spacing(s, s->record.column + 3 * n);
-    s->record.out.count = n;
+    s->record.out.count = sampler_point_count(s);
+    describe_stands(s, s->record.column + 3 * n);
     s->record.out.position = s->state.p->position;
-    s->record.out.normal = s->state.p->normal;
+    s->record.out.normal = s->state.p->patch ? s->record.normal : s->state.p->normal;
     s->record.out.replaced = s->record.replaced;
     s->record.out.kappa = s->record.column;
     s->record.out.kappa1 = s->record.column + n;
@@ -200,7 +296,8 @@ bool sampler_finalize(sampler *s, error *e)
         if (!sampler_refine(s, e)) return false;
     if (!s->state.settled && !sampler_settle(s, e)) return false;
     sampler_resize(s);
-    return describe_energies(s, e) && describe_points(s, e) && s->setup.method->describe(s, e);
+    return describe_energies(s, e) && merge_stands(s, e) && describe_points(s, e) &&
+           s->setup.method->describe(s, e);
 }
 
 const sampler_points *sampler_result_points(const sampler *s)

@@ -21,6 +21,8 @@ static const double COARSEST_BEND = 0.6;
  * a statue at 50 000 points hex_fraction is 0.90 with it and 0.87 without. */
 static const double ONLY_COARSER = 2;
 enum { FEWEST_PARTICLES = 100, BEND_SAMPLES = 400 };
+/* Curves are looked at in steps of this share of the finest spacing. */
+static const double CURVE_STEP = 0.25;
 /* Of a connected part on the first level that it has particles on: refining keeps the parts' shares as they are there,
  * where they are off by half a particle. */
 static const double FEWEST_IN_PART = 30;
@@ -117,11 +119,49 @@ static bool share_out(levels *l, const surface *scan, const double *weight, erro
     return ok;
 }
 
+/* Of a surface with patches each coarser level has twice the spacing, so that its rows have half as many places. Levels that are
+ * mostly rows say nothing. */
+static bool plan_patches(const field *f, const surface *scan, const sampler_params *params, levels *l,
+                         error *e)
+{
+    double even = packing_spacing(scan->area, (double)params->count), least = 1;
+    const allotment_input in = {f, scan, params->sizing, even};
+    allotment found[LEVELS_MAX] = {{0}}; /* finest first */
+    if (params->sizing) least = sizing_field_describe(params->sizing).least / even;
+    l->allotments = mem_array(LEVELS_MAX, sizeof *l->allotments, "the levels", e);
+    if (!l->allotments || !allotment_for_count(&in, params->count, &l->allotments[0], e)) return false;
+    found[0] = l->allotments[0];
+    l->curves = curve_distance_new(f->patches, CURVE_STEP * least * found[0].spacing, e);
+    if (!l->curves) return false;
+    double limit = COARSEST_BEND / typical_bend(f, scan, params->sizing, even, params->seed);
+    bool coarser = params->coarse_to_fine && params->start != SAMPLER_START_GIVEN;
+    while (coarser && l->count < LEVELS_MAX) {
+        allotment *next = &found[l->count];
+        double spacing = 2 * found[l->count - 1].spacing;
+        if (spacing > (l->count == 1 ? ONLY_COARSER : 1) * limit) break;
+        if (!allotment_for_spacing(&in, spacing, params->count, next, e)) {
+            allotment_free(next);
+            return false;
+        }
+        if (allotment_points(next) < FEWEST_PARTICLES || next->free_count < next->rows.count) {
+            allotment_free(next);
+            break;
+        }
+        l->allotments[l->count++] = *next; /* so that levels_free finds it */
+    }
+    for (int k = 0; k < l->count; k++) {
+        l->allotments[k] = found[l->count - 1 - k];
+        l->particles[k] = allotment_points(&l->allotments[k]);
+    }
+    return true;
+}
+
 bool levels_plan(const field *f, const surface *scan, const sampler_params *params, levels *out, error *e)
 {
     const double *weight = sizing_field_weight(params->sizing, scan);
     bool together = params->start != SAMPLER_START_SURFACE || f->open;
     *out = (levels){.count = 1, .particles = {params->count}};
+    if (f->patches) return plan_patches(f, scan, params, out, e);
     if (!params->coarse_to_fine || params->start == SAMPLER_START_GIVEN) return true;
     double even = packing_spacing(scan->area, (double)params->count);
     double coarsest = COARSEST_BEND / typical_bend(f, scan, params->sizing, even, params->seed);
@@ -142,6 +182,21 @@ void levels_free(levels *l)
     free(l->part);
     free(l->before);
     free(l->place);
+    for (int k = 0; l->allotments && k < LEVELS_MAX; k++) allotment_free(&l->allotments[k]);
+    free(l->allotments);
+    curve_distance_free(l->curves);
+}
+
+size_t levels_capacity(const levels *l)
+{
+    size_t most = levels_particles(l, 0);
+    for (int k = 1; k < l->count; k++) { /* before it has its own rows, a level still has the coarser ones */
+        size_t count = levels_particles(l, k),
+               before = l->allotments ? l->allotments[k].free_count + l->allotments[k - 1].rows.stands : 0;
+        most = count > most ? count : most;
+        most = before > most ? before : most;
+    }
+    return most;
 }
 
 void levels_correct(levels *l, size_t edges, size_t on_boundary)
@@ -166,6 +221,10 @@ void levels_drop_coarsest(levels *l)
     memmove(l->newcomers, l->newcomers + 1, (size_t)l->count * sizeof *l->newcomers);
     memmove(l->first + 1, l->first + 2, (size_t)l->count * sizeof *l->first);
     l->newcomers[0] = 0;
+    if (!l->allotments) return;
+    allotment_free(&l->allotments[0]);
+    memmove(l->allotments, l->allotments + 1, (size_t)l->count * sizeof *l->allotments);
+    l->allotments[l->count] = (allotment){0};
 }
 
 double levels_share(const levels *l, int level)

@@ -7,7 +7,9 @@
 #include <stdint.h>
 
 #include "field/field.h"
+#include "sampler/allotment.h"
 #include "sampler/sampler_params.h"
+#include "surface/curve_distance.h"
 #include "surface/surface.h"
 
 #define LEVELS_MAX 12
@@ -23,6 +25,9 @@ typedef struct levels {
     double *
         before; /* share in all points of the parts before each in this order; one more than there are parts */
     double *place; /* share of the parts before each in the order of the surface */
+    /* of a surface with patches, else NULL: of each level, and how far places are from their patch's curves */
+    allotment *allotments;
+    curve_distance *curves;
 } levels;
 
 /* Plans the solve of params->count particles on the scanned surface. The coarsest level is still fine enough for the
@@ -31,6 +36,15 @@ typedef struct levels {
  * Deterministic in the seed. */
 bool levels_plan(const field *f, const surface *scan, const sampler_params *params, levels *out, error *e);
 void levels_free(levels *l);
+
+/* Room that the particles need on the way to the finest level. */
+size_t levels_capacity(const levels *l);
+
+/* How many particles a level has, copies on curves included. */
+static inline size_t levels_particles(const levels *l, int level)
+{
+    return l->allotments ? allotment_particles(&l->allotments[level]) : l->particles[level];
+}
 
 /* Corrects the plan by the edges that the coarsest packing turned out to have, `on_boundary` of whose particles lie on
  * a boundary. A closed surface of Euler characteristic x has 3 (n - x) edges for n particles, an open one fewer by

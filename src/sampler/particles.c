@@ -26,6 +26,16 @@ particles *particles_new(size_t count, error *e)
     return p;
 }
 
+bool particles_label(particles *p, const field_patches *patches, size_t capacity, error *e)
+{
+    if (!patches) return true;
+    p->patches = patches;
+    p->patch = mem_array(capacity, sizeof *p->patch, "particles", e);
+    p->place = mem_array(capacity, sizeof *p->place, "particles", e);
+    for (size_t i = 0; p->place && i < capacity; i++) p->place[i] = PARTICLES_FREE;
+    return p->patch && p->place;
+}
+
 void particles_free(particles *p)
 {
     if (!p) return;
@@ -36,13 +46,32 @@ void particles_free(particles *p)
     free(p->lambda);
     free(p->energy);
     free(p->near_boundary);
+    free(p->patch);
+    free(p->place);
     free(p);
+}
+
+void particles_flags(const particles *p, uint8_t *out)
+{
+    for (size_t i = 0; i < p->count; i++)
+        out[i] = (uint8_t)((particles_is_fixed(p, i) ? PACKING_FIXED : 0) |
+                           (particles_is_two_sided(p, i) ? PACKING_TWO_SIDED : 0));
+}
+
+size_t particles_free_count(const particles *p)
+{
+    size_t count = p->count;
+    for (size_t i = 0; p->place && i < p->count; i++) count -= particles_is_fixed(p, i);
+    return count;
 }
 
 bool particles_grow(particles *p, size_t capacity, error *e)
 {
     particles *q = particles_new(capacity, e);
-    if (!q) return false;
+    if (!q || !particles_label(q, p->patches, capacity, e)) {
+        particles_free(q);
+        return false;
+    }
     for (size_t i = 0; i < p->count; i++) {
         q->position[i] = p->position[i];
         q->normal[i] = p->normal[i];
@@ -50,6 +79,9 @@ bool particles_grow(particles *p, size_t capacity, error *e)
         q->size[i] = p->size[i];
         q->lambda[i] = p->lambda[i];
         q->energy[i] = p->energy[i];
+        if (!p->patch) continue;
+        q->patch[i] = p->patch[i];
+        q->place[i] = p->place[i];
     }
     q->count = p->count;
     particles old = *p;
@@ -67,6 +99,9 @@ void particles_copy(particles *p, size_t to, size_t from)
     p->size[to] = p->size[from];
     p->lambda[to] = p->lambda[from];
     p->energy[to] = p->energy[from];
+    if (!p->patch) return;
+    p->patch[to] = p->patch[from];
+    p->place[to] = p->place[from];
 }
 
 static bool arrange(void *array, size_t size, const uint32_t *order, size_t count, error *e)
@@ -88,7 +123,10 @@ bool particles_arrange(particles *p, const uint32_t *order, error *e)
            arrange(p->normal, sizeof *p->normal, order, p->count, e) &&
            arrange(p->alpha, sizeof *p->alpha, order, p->count, e) &&
            arrange(p->size, sizeof *p->size, order, p->count, e) &&
-           arrange(p->lambda, sizeof *p->lambda, order, p->count, e);
+           arrange(p->lambda, sizeof *p->lambda, order, p->count, e) &&
+           (!p->patch || (arrange(p->energy, sizeof *p->energy, order, p->count, e) &&
+                          arrange(p->patch, sizeof *p->patch, order, p->count, e) &&
+                          arrange(p->place, sizeof *p->place, order, p->count, e)));
 }
 
 void particles_mark_boundary(particles *p, const field *f, double h)

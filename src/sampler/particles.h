@@ -7,7 +7,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
-#include "field/field.h"
+#include "field/patches.h"
 
 typedef struct particles {
     size_t count;
@@ -17,12 +17,54 @@ typedef struct particles {
     double *size;   /* requested spacing over h, lagged to the last build; 1 when even */
     float *lambda;  /* log10 of the damping of (11) */
     double *energy; /* E_i over size^2, full sum, when it was last looked at: comparable with the ideal */
-    bool *near_boundary; /* within 2 h of a boundary of an open surface, at the last build of lists */
+    bool *
+        near_boundary; /* within 2 h of a boundary of an open surface, at the last build of lists; or held on a curve, or a
+                          * neighbour of one who is */
+    /* Of a surface with patches, else NULL. A point on a curve is a particle for each patch there. */
+    const field_patches *patches;
+    uint32_t *patch; /* which it belongs to, for good */
+    uint32_t *
+        place; /* number of the point on a curve that holds it (curve_rows); PARTICLES_FREE of one that moves */
 } particles;
+
+#define PARTICLES_FREE UINT32_MAX
+
+static inline bool particles_is_fixed(const particles *p, size_t i)
+{
+    return p->place && p->place[i] != PARTICLES_FREE;
+}
+
+/* The field that particle i is on, of the field of all. */
+static inline const field *particles_field(const particles *p, const field *f, size_t i)
+{
+    return p->patch ? field_of_patch(f, p->patch[i]) : f;
+}
+
+static inline bool particles_is_two_sided(const particles *p, size_t i)
+{
+    return p->patch && p->patches->patch[p->patch[i]].two_sided;
+}
+
+/* The cosine between the normals of two particles of one patch, as far as their sides mean something. */
+static inline double particles_facing(const particles *p, size_t i, size_t j)
+{
+    double cosine = vec3_dot(p->normal[i], p->normal[j]);
+    return particles_is_two_sided(p, i) ? fabs(cosine) : cosine;
+}
 
 /* Error: limit_memory. */
 particles *particles_new(size_t count, error *e);
+
+/* Of a surface with patches: every particle is a free one of the first patch from now on. NULL: of one without. `capacity`
+ * as that of particles_new. Error: limit_memory. */
+bool particles_label(particles *p, const field_patches *patches, size_t capacity, error *e);
 void particles_free(particles *p);
+
+/* What packing.h calls flags, of each; for a surface with patches. */
+void particles_flags(const particles *p, uint8_t *out);
+
+/* How many are not held on curves. */
+size_t particles_free_count(const particles *p);
 
 /* Makes room for `capacity` particles, at least as many as there are; those there stay. Error:
  * limit_memory. */

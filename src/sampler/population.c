@@ -55,6 +55,10 @@ bool population_choose(const particles *p, size_t k, population_bias bias, rng *
     double deviation = sqrt(squares), sign = bias == POPULATION_LOW_ENERGY ? -1 : 1;
     for (size_t i = 0; i < n; i++) {
         double z = 0;
+        if (particles_is_fixed(p, i)) { /* who is held on a curve is not chosen */
+            lots[i] = (lot){INFINITY, (uint32_t)i};
+            continue;
+        }
         if (bias != POPULATION_RANDOM && deviation > 0)
             z = fmin(fmax(sign * (crowding(p, i) - mean) / deviation, -BIAS_DEVIATIONS), BIAS_DEVIATIONS);
         lots[i] = (lot){-log1p(-rng_uniform(r)) * exp(-BIAS * z), (uint32_t)i};
@@ -66,8 +70,9 @@ bool population_choose(const particles *p, size_t k, population_bias bias, rng *
     return true;
 }
 
-bool population_split(const field *f, particles *p, size_t i, double offset, rng *r)
+bool population_split(const field *all, particles *p, size_t i, double offset, rng *r)
 {
+    const field *f = particles_field(p, all, i);
     const projection_limits limits = {SPLIT_STEPS, SPLIT_ACCEPT * offset, SPLIT_ACCEPT * offset,
                                       SPLIT_ACCEPT * offset};
     vec3 axis1, axis2, x = p->position[i];
@@ -78,7 +83,8 @@ bool population_split(const field *f, particles *p, size_t i, double offset, rng
         vec3 a = vec3_add(x, step), b = vec3_sub(x, step), normal_a, normal_b;
         if (!projection_find(f, &limits, &a, &normal_a) || !projection_find(f, &limits, &b, &normal_b) ||
             vec3_norm(vec3_sub(a, x)) > SPLIT_FARTHEST * offset ||
-            vec3_norm(vec3_sub(b, x)) > SPLIT_FARTHEST * offset)
+            vec3_norm(vec3_sub(b, x)) > SPLIT_FARTHEST * offset ||
+            (p->patch && (!field_is_within(f, a) || !field_is_within(f, b))))
             continue;
         particles_copy(p, p->count, i);
         p->position[i] = a;

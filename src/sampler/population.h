@@ -16,7 +16,7 @@ typedef enum population_bias {
     POPULATION_LOW_ENERGY
 } population_bias;
 
-/* Chooses `k` different particles, k <= p->count, by energy over amplitude or at random: `chosen` receives their indices,
+/* Chooses `k` different particles, no more than there are free ones, by energy over amplitude or at random: `chosen` receives their indices,
  * ascending. Error: limit_memory. */
 bool population_choose(const particles *p, size_t k, population_bias bias, rng *r, uint32_t *chosen,
                        error *e);
@@ -24,7 +24,7 @@ bool population_choose(const particles *p, size_t k, population_bias bias, rng *
 /* Splits particle i in its tangent plane: it and its twin, which becomes the last particle, end about
  * `offset` from where it was, on either side of it and on the surface. `p` has room for one more. False,
  * nothing changed: no place was found. */
-bool population_split(const field *f, particles *p, size_t i, double offset, rng *r);
+bool population_split(const field *all, particles *p, size_t i, double offset, rng *r);
 
 /* Takes the marked particles away; the others keep their order. Returns how many went. */
 size_t population_remove(particles *p, const bool *marked);

@@ -8,6 +8,7 @@
 #include "base/rng.h"
 #include "base/sets.h"
 #include "packing/voronoi.h"
+#include "sampler/population.h"
 #include "sampler/random_streams.h"
 #include "surface/projection.h"
 
@@ -19,6 +20,10 @@ static const double MIDDLE_ACCEPT = 1e-3;
 static const double MIDDLE_SHORTCUT = 0.02;
 /* Draws per particle that the edges did not give. */
 static const int MAX_DRAWS = 1000;
+/* Particles keep this far from their patch's curves, in the finer spacing, which is half of the one at hand: half of what a row
+ * and the next have between them. A draw does not insist after so many tries. */
+static const double CURVE_CLEAR = 0.5 * 0.45;
+enum { CURVE_DRAWS = 20 };
 
 size_t refine_coarser(size_t count)
 {
@@ -38,6 +43,7 @@ typedef struct edge {
 typedef struct mesh {
     size_t points;
     double *spacing;
+    uint8_t *flags; /* NULL: no patches */
     neighbours *near;
     voronoi_sites sites;
     uint32_t *places; /* of each point's edges, as bits for the places in its list */
@@ -100,6 +106,7 @@ static void mesh_free(mesh *m)
 {
     neighbours_free(m->near);
     free(m->spacing);
+    free(m->flags);
     free(m->places);
     free(m->first);
     free(m->edges);
@@ -117,9 +124,12 @@ static bool mesh_particles(const particles *p, double spacing, threads *pool, me
                   .first = mem_array(chunks + 1, sizeof *out->first, what, e)};
     if (!out->spacing || !out->near || !out->places || !out->first) return false;
     for (size_t i = 0; i < p->count; i++) out->spacing[i] = spacing * p->size[i];
+    out->near->label = p->patch;
+    if (p->patch && !(out->flags = mem_array(p->count, sizeof *out->flags, what, e))) return false;
+    if (p->patch) particles_flags(p, out->flags);
     if (!neighbours_build(out->near, p->count, p->position, out->spacing, VORONOI_REACH, pool, e))
         return false;
-    out->sites = (voronoi_sites){p->position, p->normal, out->spacing, out->near, NULL};
+    out->sites = (voronoi_sites){p->position, p->normal, out->spacing, out->near, out->flags, NULL};
     threads_run(pool, p->count, CHUNK, count_chunk, out);
     if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
     for (size_t k = 0; k < chunks; k++) out->first[k + 1] += out->first[k];
@@ -213,27 +223,75 @@ static size_t share_out(mesh_part *parts, size_t count, double share)
     return sum;
 }
 
-/* Sets how many particles each edge is to have, for `count` of them in all. */
-static bool choose_edges(mesh *m, size_t count, error *e)
+static uint32_t *count_free(const particles *p, error *e)
+{
+    uint32_t *count = mem_array(p->patches->count, sizeof *count, "refinement", e);
+    for (size_t i = 0; count && i < p->count; i++) count[p->patch[i]] += !particles_is_fixed(p, i);
+    return count;
+}
+
+/* The same of the parts that are patches. */
+static bool share_out_patches(mesh_part *parts, const particles *p, const allotment *next, size_t *picks,
+                              error *e)
+{
+    uint32_t *count = count_free(p, e);
+    *picks = 0;
+    for (size_t k = 0; count && k < p->patches->count; k++) {
+        double missing = fmax((double)next->free[k] - count[k], 0) - (double)parts[k].edges;
+        parts[k].longest = missing > 0;
+        parts[k].picks = (size_t)fmin(fabs(missing), (double)parts[k].edges);
+        *picks += parts[k].picks;
+    }
+    free(count);
+    return count != NULL;
+}
+
+/* Whether a place of a patch is as near to its curves as no particle is to be put. */
+static bool crowds_curve(const refine_patches *patches, uint32_t patch, vec3 x, double spacing)
+{
+    return curve_distance_at(patches->curves, patch, x) < CURVE_CLEAR * spacing;
+}
+
+/* Leaves out the edges along rows. */
+static void drop_row_edges(mesh *m, const particles *p, const refine_patches *patches)
+{
+    size_t kept = 0;
+    for (size_t k = 0; k < m->count; k++) {
+        const edge *e = &m->edges[k];
+        double spacing = fmin(m->spacing[e->a], m->spacing[e->b]);
+        vec3 middle = vec3_scale(vec3_add(p->position[e->a], p->position[e->b]), 0.5);
+        if (!particles_is_fixed(p, e->a) || !particles_is_fixed(p, e->b) ||
+            !crowds_curve(patches, p->patch[e->a], middle, spacing))
+            m->edges[kept++] = *e;
+    }
+    m->count = kept;
+}
+
+/* Sets how many particles each edge is to have, for `count` of them in all, or as many as patches are to have. */
+static bool choose_edges(mesh *m, size_t count, const particles *p, const refine_patches *patches, error *e)
 {
     const char *what = "refinement";
     bool ok = false;
     mesh_part *parts = NULL;
     uint32_t *picks = NULL, *part_of = mem_array(m->points, sizeof *part_of, what, e);
     if (!part_of) return false;
-    size_t number = number_parts(m, part_of);
+    size_t number = patches ? p->patches->count : number_parts(m, part_of), sum;
+    if (patches) memcpy(part_of, p->patch, m->points * sizeof *part_of);
     parts = mem_array(number, sizeof *parts, what, e);
     if (!parts) goto done;
     for (size_t k = 0; k < m->points; k++) parts[part_of[k]].members++;
     for (size_t k = 0; k < m->count; k++) parts[part_of[m->edges[k].a]].edges++;
-    size_t sum = share_out(parts, number, (double)count / (double)m->points);
+    if (!patches)
+        sum = share_out(parts, number, (double)count / (double)m->points);
+    else if (!share_out_patches(parts, p, patches->next, &sum, e))
+        goto done;
     picks = mem_array(sum, sizeof *picks, what, e);
     if (!picks) goto done;
     uint32_t *next = picks;
     for (size_t k = 0; k < number; next += parts[k++].picks) parts[k].pick = next;
     for (size_t k = 0; k < m->count; k++) offer_edge(&parts[part_of[m->edges[k].a]], m->edges, (uint32_t)k);
-    for (mesh_part *p = parts; p < parts + number; p++)
-        for (size_t k = 0; k < p->picked; k++) m->edges[p->pick[k]].copies = p->longest ? 2 : 0;
+    for (mesh_part *part = parts; part < parts + number; part++)
+        for (size_t k = 0; k < part->picked; k++) m->edges[part->pick[k]].copies = part->longest ? 2 : 0;
     ok = true;
 done:
     free(part_of);
@@ -245,6 +303,7 @@ done:
 /* New particles chunk by chunk of edges, each at a place of its own. */
 typedef struct middles {
     const field *f;
+    const refine_patches *patches;
     const mesh *m;
     particles *p;
     size_t *first; /* place for each chunk's particles, and the end */
@@ -259,12 +318,17 @@ static bool put_between(const middles *job, const edge *e, double share, size_t 
     const projection_limits limits = {5, accept, MIDDLE_SHORTCUT * spacing, accept};
     vec3 m = vec3_axpy(share, vec3_sub(sites->position[e->b], sites->position[e->a]), sites->position[e->a]);
     vec3 x = m, n;
-    if (!projection_find(job->f, &limits, &x, &n) ||
+    const field *f = particles_field(job->p, job->f, e->a);
+    if (!projection_find(f, &limits, &x, &n) ||
         vec3_norm2(vec3_sub(x, m)) >= MIDDLE_FARTHEST * MIDDLE_FARTHEST * spacing * spacing)
         return false;
     job->p->position[place] = x;
     job->p->normal[place] = n;
-    return true;
+    if (!job->patches) return true;
+    uint32_t patch = job->p->patch[e->a];
+    job->p->patch[place] = patch;
+    job->p->place[place] = PARTICLES_FREE;
+    return field_is_within(f, x) && !crowds_curve(job->patches, patch, x, spacing);
 }
 
 static void put_chunk(void *context, int worker, size_t begin, size_t end)
@@ -278,11 +342,12 @@ static void put_chunk(void *context, int worker, size_t begin, size_t end)
 }
 
 /* Adds the particles that the edges are to have, in their order, less those that failed. */
-static bool add_middles(const field *f, const mesh *m, threads *pool, particles *p, error *e)
+static bool add_middles(const field *f, const refine_patches *patches, const mesh *m, threads *pool,
+                        particles *p, error *e)
 {
     size_t chunks = chunks_of(m->count), *first = mem_array(2 * chunks + 1, sizeof *first, "refinement", e);
     if (!first) return false;
-    middles job = {f, m, p, first, first + chunks + 1};
+    middles job = {f, patches, m, p, first, first + chunks + 1};
     first[0] = p->count;
     for (size_t k = 0; k < m->count; k++) first[k / CHUNK + 1] += m->edges[k].copies;
     for (size_t k = 0; k < chunks; k++) first[k + 1] += first[k];
@@ -291,6 +356,7 @@ static bool add_middles(const field *f, const mesh *m, threads *pool, particles 
         if (p->count != first[k]) {
             memmove(p->position + p->count, p->position + first[k], job.kept[k] * sizeof *p->position);
             memmove(p->normal + p->count, p->normal + first[k], job.kept[k] * sizeof *p->normal);
+            if (patches) memmove(p->patch + p->count, p->patch + first[k], job.kept[k] * sizeof *p->patch);
         }
         p->count += job.kept[k];
     }
@@ -319,6 +385,58 @@ static bool draw_rest(const field *f, const surface *scan, const sizing_field *s
     return true;
 }
 
+/* Draws a place of a patch, on it, and clear of its curves unless that is too much to ask. */
+static bool draw_on_patch(const field *f, const surface *scan, const sizing_field *sizing,
+                          const refine_patches *patches, uint32_t patch, double spacing, rng *r, vec3 *x,
+                          vec3 *normal)
+{
+    const double *weight = sizing_field_weight(sizing, scan);
+    const projection_limits limits = {20, MIDDLE_ACCEPT * spacing, MIDDLE_ACCEPT * spacing,
+                                      MIDDLE_ACCEPT * spacing};
+    for (int draw = 0; draw < MAX_DRAWS; draw++)
+        if (surface_patch_point(scan, weight, patch, rng_uniform(r), r, x) &&
+            projection_find(field_of_patch(f, patch), &limits, x, normal) &&
+            field_is_within(field_of_patch(f, patch), *x) &&
+            (draw >= CURVE_DRAWS || !crowds_curve(patches, patch, *x, spacing)))
+            return true;
+    return false;
+}
+
+/* Takes away of each patch what is beyond its share. */
+static bool trim(particles *p, const allotment *next, error *e)
+{
+    bool *gone = mem_array(p->count, sizeof *gone, "refinement", e);
+    uint32_t *count = mem_array(p->patches->count, sizeof *count, "refinement", e);
+    for (size_t i = 0; gone && count && i < p->count; i++)
+        gone[i] = !particles_is_fixed(p, i) && count[p->patch[i]]++ >= next->free[p->patch[i]];
+    bool ok = gone && count;
+    if (ok) population_remove(p, gone);
+    free(gone);
+    free(count);
+    return ok;
+}
+
+/* Each patch its share, and the finer rows. */
+static bool fill_patches(const field *f, const surface *scan, const sizing_field *sizing,
+                         const refine_patches *patches, particles *p, double spacing, uint64_t seed, error *e)
+{
+    rng r = rng_seed(seed, RANDOM_STREAM_REFINEMENT);
+    if (!trim(p, patches->next, e)) return false;
+    uint32_t *count = count_free(p, e);
+    bool ok = count != NULL;
+    for (uint32_t k = 0; ok && k < p->patches->count; k++)
+        for (; ok && count[k] < patches->next->free[k]; count[k]++) {
+            size_t i = p->count;
+            ok = draw_on_patch(f, scan, sizing, patches, k, spacing, &r, &p->position[i], &p->normal[i]) ||
+                 error_set(e, ERROR_NO_SURFACE, "a particle does not reach its patch in %d draws", MAX_DRAWS);
+            p->patch[i] = k;
+            p->place[i] = PARTICLES_FREE;
+            p->count += ok;
+        }
+    free(count);
+    return ok && allotment_replace_rows(patches->next, p, e);
+}
+
 bool refine_count_edges(const particles *p, double spacing, threads *pool, size_t *edges, error *e)
 {
     mesh m;
@@ -328,14 +446,17 @@ bool refine_count_edges(const particles *p, double spacing, threads *pool, size_
     return ok;
 }
 
-bool refine_particles(const field *f, const surface *scan, const sizing_field *sizing, particles *p,
-                      size_t count, double spacing, uint64_t seed, threads *pool, error *e)
+bool refine_particles(const field *f, const surface *scan, const sizing_field *sizing,
+                      const refine_patches *patches, particles *p, size_t count, double spacing,
+                      uint64_t seed, threads *pool, error *e)
 {
     mesh m;
-    assert(count >= p->count);
-    bool ok = mesh_particles(p, spacing, pool, &m, e);
-    ok = ok && mesh_edges(&m, pool, e) && choose_edges(&m, count, e) && add_middles(f, &m, pool, p, e) &&
-         draw_rest(f, scan, sizing, p, count, spacing, seed, e);
+    assert(count >= p->count || patches);
+    bool ok = mesh_particles(p, spacing, pool, &m, e) && mesh_edges(&m, pool, e);
+    if (ok && patches) drop_row_edges(&m, p, patches);
+    ok = ok && choose_edges(&m, count, p, patches, e) && add_middles(f, patches, &m, pool, p, e) &&
+         (patches ? fill_patches(f, scan, sizing, patches, p, spacing, seed, e)
+                  : draw_rest(f, scan, sizing, p, count, spacing, seed, e));
     mesh_free(&m);
     return ok;
 }

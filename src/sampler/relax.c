@@ -1,4 +1,4 @@
-#include "sampler/relax.h"
+#include "sampler/relax_internal.h"
 
 #include <assert.h>
 #include <stdatomic.h>
@@ -6,11 +6,7 @@
 
 #include "base/isa.h"
 #include "base/memory.h"
-#include "packing/energy.h"
-#include "packing/fast_kernel.h"
 #include "packing/independent_sets.h"
-#include "packing/neighbours.h"
-#include "packing/pair.h"
 #include "surface/projection.h"
 
 static const double LAMBDA_FLOOR = -3; /* log10; below it the damping is nothing */
@@ -20,10 +16,6 @@ static const double MISLED_LAMBDA = 2;
 /* Where all normals agree to within 60 degrees the weights are 1, and are taken to stay so while the lists
  * are valid; it would take a turn of 30 degrees within skin / 2 to make that untrue. */
 static const double FLAT_COSINE = 0.5;
-/* Where normals within the support agree to 37 degrees there is no edge: across one they part by 45 at least. */
-static const double SMOOTH_COSINE = 0.8;
-/* With fewer neighbours a particle is free to move along some direction, and the Hessian is all but singular. */
-enum { HELD_BY = 3 };
 /* The potential's value is bounded at this fraction of sigma where it only scales a turning. */
 static const double TURNING_NEAREST = 0.05;
 /* A trial ends on the surface to within this fraction of h, or is refused. */
@@ -36,42 +28,12 @@ static const int TRIAL_STEPS = 3;
 static const double STEP_FLOOR = 1e-3;
 /* A step that used this share of what the lists allow leaves too little for the next. */
 static const double CRAMPED_STEP = 0.8;
-/* In the middle between a packing's first and second shell of neighbours, over its spacing. */
-static const double BETWEEN_SHELLS = 1.366;
 /* So many points before its turn a particle's data are asked for: all of it fits into a core's nearest
  * cache. */
 static const uint32_t NEAR_AHEAD = 24, FAR_AHEAD = 88;
 /* A fast step ends with one Newton step. From this fraction of h it leaves an error of about its square times
  * kappa h. */
 static const double FAST_STEP_FARTHEST = 0.05;
-
-/* One particle's neighbours, gathered. */
-typedef struct gather {
-    double *memory;
-    pair_list list;
-} gather;
-
-/* Sums over the particles of a few blocks, stored at the first of them; the entries of the others are 0. They are
- * added up in the order of the blocks, so that the number of threads does not show. */
-typedef struct block_sums {
-    double energy, lambda, squares, max_step;
-    size_t rejected, cramped;
-} block_sums;
-
-struct relax {
-    threads *pool;
-    const energy_function *energy;
-    const fast_kernel *fast; /* NULL: every particle goes the general way */
-    neighbours *near;
-    uint8_t *flat; /* 1: all of a particle's neighbours face its way, clearly; 2: and no sharp edge is near */
-    float *moved;  /* length of a particle's way since the lists were built */
-    block_sums *parts; /* of the sweep */
-    size_t part_capacity;
-    double sigma, skin; /* of the lists */
-    bool through;       /* pairs count whatever their normals */
-    gather *scratch;    /* one per worker */
-    size_t scratch_entries;
-};
 
 relax *relax_new(size_t capacity, const energy_function *energy, const fast_kernel *fast, size_t list_limit,
                  threads *pool, error *e)
@@ -132,13 +94,12 @@ static bool grow(relax *r, error *e)
     return true;
 }
 
-typedef struct sweep_job {
-    relax *r;
-    particles *p;
-    const relax_params *params;
-    size_t first_block; /* of the colour */
-    double sigma;
-} sweep_job;
+static bool is_near_curve(const particles *p, size_t i, const uint32_t *list, uint32_t count)
+{
+    bool near = particles_is_fixed(p, i);
+    for (uint32_t k = 0; k < count && !near; k++) near = particles_is_fixed(p, list[k]);
+    return near;
+}
 
 /* Notes who has neighbours that face another way; nobody has moved. */
 static void look_chunk(void *context, int worker, size_t begin, size_t end)
@@ -151,16 +112,18 @@ static void look_chunk(void *context, int worker, size_t begin, size_t end)
         const uint32_t *list = neighbours_list(near, i);
         double least = 1;
         for (uint32_t k = 0; k < near->list_count[i]; k++) {
-            double cosine = vec3_dot(p->normal[i], p->normal[list[k]]);
+            double cosine = particles_facing(p, i, list[k]);
             least = cosine < least ? cosine : least;
         }
-        job->r->flat[i] = (uint8_t)((least > FLAT_COSINE) + (least > SMOOTH_COSINE));
+        if (p->place) p->near_boundary[i] = is_near_curve(p, i, list, near->list_count[i]);
+        job->r->flat[i] = (uint8_t)((least > FLAT_COSINE) + (least > RELAX_SMOOTH_COSINE));
         job->r->moved[i] = 0;
     }
 }
 
 bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
 {
+    r->near->label = p->patch;
     if (!neighbours_build(r->near, p->count, p->position, p->size, sigma + skin, r->pool, e) || !grow(r, e))
         return false;
     r->sigma = sigma;
@@ -211,6 +174,8 @@ bool relax_refresh(relax *r, const particles *p, double sigma)
 
 typedef struct attempt {
     const relax_params *params;
+    const field *field; /* of the particle */
+    bool bounded;       /* the patch may end nearby */
     const energy_function *potential;
     pair_list *near;
     bool flat; /* all weights are 1 */
@@ -227,7 +192,7 @@ typedef struct attempt {
 static void add_turning(const attempt *a, pair_forces *f)
 {
     field_sample s;
-    if (!field_sample_at(a->params->field, a->x, FIELD_HESSIAN, &s)) return;
+    if (!field_sample_at(a->field, a->x, FIELD_HESSIAN, &s)) return;
     double length = vec3_norm(s.gradient);
     vec3 n = vec3_scale(s.gradient, 1 / length);
     vec3 turn1 = vec3_scale(sym3_apply(s.hessian, a->axis1), 1 / length);
@@ -260,16 +225,19 @@ static void gather_place(pair_list *g, size_t k, vec3 x, vec3 n, double amplitud
     g->size2[k] = size * size;
 }
 
-static pair_list *gather_list(const relax *r, const particles *p, int worker, size_t i)
+pair_list *relax_gather_list(const relax *r, const particles *p, int worker, size_t i)
 {
     pair_list *g = &r->scratch[worker].list;
     const uint32_t *list = neighbours_list(r->near, i);
     size_t count = r->near->list_count[i];
+    bool two_sided = particles_is_two_sided(p, i);
     g->blocks = (count + PAIR_LANES - 1) / PAIR_LANES;
     assert(g->blocks * PAIR_LANES <= r->scratch_entries);
     for (size_t k = 0; k < count; k++) {
         uint32_t j = list[k];
-        gather_place(g, k, p->position[j], p->normal[j], 0.5 * (p->alpha[i] + p->alpha[j]),
+        vec3 normal = p->normal[j];
+        if (two_sided && vec3_dot(normal, p->normal[i]) < 0) normal = vec3_scale(normal, -1);
+        gather_place(g, k, p->position[j], normal, 0.5 * (p->alpha[i] + p->alpha[j]),
                      0.5 * (1 + p->size[j] / p->size[i]));
     }
     vec3 away = p->position[i];
@@ -279,9 +247,7 @@ static pair_list *gather_list(const relax *r, const particles *p, int worker, si
     return g;
 }
 
-/* (11)(12) in the tangent frame: the step along the two axes, and the decrease of energy that the
- * quadratic model expects of it. */
-static double damped_step(const pair_forces *f, double lambda, double *s1, double *s2)
+double relax_damped_step(const pair_forces *f, double lambda, double *s1, double *s2)
 {
     double floor = FAST_KERNEL_HESSIAN_FLOOR * (f->h11 + f->h22);
     double a = f->h11 * (1 + lambda) + floor, c = f->h22 * (1 + lambda) + floor, b = f->h12;
@@ -299,7 +265,7 @@ static double damped_step(const pair_forces *f, double lambda, double *s1, doubl
  * which a field comes near zero without a surface. */
 static double tolerance_scale(const attempt *a)
 {
-    return fmin(a->spacing, TRIAL_CELLS * a->params->field->cell_size);
+    return fmin(a->spacing, TRIAL_CELLS * a->field->cell_size);
 }
 
 /* Moves along the tangent plane (8) and back onto the surface (9). */
@@ -311,7 +277,8 @@ static bool move(const attempt *a, double s1, double s2, vec3 *x, vec3 *normal)
     vec3 q = vec3_axpy(scale * s1, a->axis1, vec3_axpy(scale * s2, a->axis2, a->x)), n;
     for (int axis = 0; axis < 3; axis++)
         if (a->boundary_axes >> axis & 1) vec3_set(&q, axis, vec3_get(a->x, axis));
-    if (!projection_find(a->params->field, &limits, &q, &n)) return false;
+    if (!projection_find(a->field, &limits, &q, &n)) return false;
+    if (a->bounded && !field_is_within(a->field, q)) return false;
     /* what the projection adds must not carry it past its neighbour, nor past what the lists cover */
     if (vec3_norm(vec3_sub(q, a->x)) > a->limit) return false;
     *x = q;
@@ -338,7 +305,7 @@ static void straighten(const attempt *a, vec3 *x, vec3 *normal)
 {
     double h = tolerance_scale(a);
     const projection_limits limits = {TRIAL_STEPS, STRAIGHT_ACCEPT * h, 0, TRIAL_REJECT * h};
-    projection_find(a->params->field, &limits, x, normal);
+    projection_find(a->field, &limits, x, normal);
 }
 
 /* A particle that goes to x, `length` away, which is no farther than it is allowed. */
@@ -364,7 +331,7 @@ static void descend_damped(const sweep_job *job, const attempt *a, const pair_fo
     particles *p = job->p;
     double lambda = p->lambda[i] >= (float)RELAX_LAMBDA_CAP ? 0 : (double)p->lambda[i];
     for (bool first = true;; first = false) {
-        double s1, s2, expected = damped_step(f, pow(10, lambda), &s1, &s2);
+        double s1, s2, expected = relax_damped_step(f, pow(10, lambda), &s1, &s2);
         if (!(expected > params->gain * f->energy) || lambda > RELAX_LAMBDA_CAP) {
             p->lambda[i] = (float)RELAX_LAMBDA_CAP;
             if (!first) straighten(a, &p->position[i], &p->normal[i]);
@@ -405,9 +372,8 @@ static double allowed_step_of(const relax *r, const particles *p, size_t i)
     return allowed_step > 0 ? allowed_step : 0;
 }
 
-/* Particles side by side for the kernel. What is left over of the lanes repeats the first. */
-static void line_up(const relax *r, const particles *p, const uint32_t *items, size_t count,
-                    fast_kernel_particles *out)
+void relax_line_up(const relax *r, const particles *p, const uint32_t *items, size_t count,
+                   fast_kernel_particles *out)
 {
     const neighbours *near = r->near;
     assert(count > 0 && count <= FAST_KERNEL_LANES);
@@ -441,6 +407,26 @@ static fast_kernel_params fast_step_params(const relax *r, const relax_params *p
                                 .farthest = FAST_STEP_FARTHEST * params->spacing};
 }
 
+/* The field where the particles would go: each on its own patch, where there are patches. */
+static void sample_lanes(const sweep_job *job, const uint32_t *items, size_t count, fast_kernel_way *way)
+{
+    if (!job->p->patch) {
+        field_sample_lanes(job->params->field, &way->to, way->ends_well, way->value, &way->gradient);
+        return;
+    }
+    for (size_t l = 0; l < count; l++) {
+        field_sample s = {0};
+        vec3 x = {way->to.x[l], way->to.y[l], way->to.z[l]};
+        way->ends_well[l] =
+            way->ends_well[l] &&
+            field_sample_at(particles_field(job->p, job->params->field, items[l]), x, FIELD_GRADIENT, &s);
+        way->value[l] = s.value;
+        way->gradient.x[l] = s.gradient.x;
+        way->gradient.y[l] = s.gradient.y;
+        way->gradient.z[l] = s.gradient.z;
+    }
+}
+
 /* Moves a set of independent particles whose neighbours all face their way, by the fast kernel. Particles whose step
  * does not end well stay where they are: `items` receives them. Returns how many. */
 static size_t fast_step(const sweep_job *job, uint32_t *items, size_t count, block_sums *sums)
@@ -450,11 +436,11 @@ static size_t fast_step(const sweep_job *job, uint32_t *items, size_t count, blo
     fast_kernel_particles own;
     fast_kernel_forces forces;
     fast_kernel_way way;
-    line_up(job->r, job->p, items, count, &own);
+    relax_line_up(job->r, job->p, items, count, &own);
     k->forces(job->r->near->place, &own, &params, &forces);
     k->step(&own, &forces, &params, &way);
     for (size_t l = count; l < FAST_KERNEL_LANES; l++) way.ends_well[l] = false;
-    field_sample_lanes(job->params->field, &way.to, way.ends_well, way.value, &way.gradient);
+    sample_lanes(job, items, count, &way);
     k->land(&own, &params, &way);
     size_t left = 0;
     for (size_t l = 0; l < count; l++) {
@@ -476,8 +462,10 @@ static void update_particle(const sweep_job *job, int worker, size_t i, block_su
     particles *p = job->p;
     const relax_params *params = job->params;
     attempt a = {.params = params,
+                 .field = particles_field(p, params->field, i),
+                 .bounded = p->place && p->near_boundary[i],
                  .potential = job->r->energy,
-                 .near = gather_list(job->r, p, worker, i),
+                 .near = relax_gather_list(job->r, p, worker, i),
                  .flat = job->r->flat[i] || job->r->through,
                  .x = p->position[i],
                  .sigma = params->sigma * p->size[i],
@@ -505,7 +493,9 @@ static void sweep_set(const sweep_job *job, int worker, const uint32_t *items, s
     uint32_t creased[INDEPENDENT_SET_MOST], smooth[INDEPENDENT_SET_MOST];
     size_t creased_count = 0, smooth_count = 0;
     for (size_t k = 0; k < count; k++)
-        if (job->r->flat[items[k]] && !job->p->near_boundary[items[k]])
+        if (particles_is_fixed(job->p, items[k]))
+            continue;
+        else if (job->r->flat[items[k]] && !job->p->near_boundary[items[k]])
             smooth[smooth_count++] = items[k];
         else
             creased[creased_count++] = items[k];
@@ -566,7 +556,9 @@ static void sweep_chunk(void *context, int worker, size_t begin, size_t end)
     if (job->r->fast)
         sweep_sets(job, worker, at, to, &sums);
     else
-        for (; at < to; at++) update_particle(job, worker, near->bin_item[at], &sums);
+        for (; at < to; at++)
+            if (!particles_is_fixed(job->p, near->bin_item[at]))
+                update_particle(job, worker, near->bin_item[at], &sums);
     for (size_t k = begin; k < end; k++)
         job->r->parts[job->first_block + k] = k == begin ? sums : (block_sums){0};
 }
@@ -593,204 +585,11 @@ void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums 
         squares += block->squares;
         sums.max_step = fmax(sums.max_step, block->max_step);
     }
-    double count = (double)p->count;
+    double count = fmax((double)particles_free_count(p), 1);
     sums.energy /= count;
+    if (particles_free_count(p) == 0) sums.mean_log10_lambda = RELAX_LAMBDA_CAP; /* all are held */
     sums.mean_log10_lambda /= count;
     sums.rms_step = sqrt(squares / count) / params->spacing;
     sums.max_step /= params->spacing;
     *out = sums;
-}
-
-/* The energies of particles where all neighbours face their way. */
-static void sum_energies(const sweep_job *job, const uint32_t *items, size_t count)
-{
-    const fast_kernel_params params = {.unit = job->r->near->unit, .support = job->sigma};
-    fast_kernel_particles own;
-    fast_kernel_forces forces;
-    line_up(job->r, job->p, items, count, &own);
-    job->r->fast->forces(job->r->near->place, &own, &params, &forces);
-    for (size_t l = 0; l < count; l++) job->p->energy[items[l]] = (double)forces.energy[l];
-}
-
-static void energy_chunk(void *context, int worker, size_t begin, size_t end)
-{
-    const sweep_job *job = context;
-    particles *p = job->p;
-    uint32_t smooth[FAST_KERNEL_LANES];
-    size_t count = 0;
-    for (size_t i = begin; i < end; i++) {
-        if (!job->r->fast || !job->r->flat[i]) {
-            p->energy[i] = pair_energy_at(gather_list(job->r, p, worker, i), job->r->energy, p->position[i],
-                                          job->sigma * p->size[i]);
-            continue;
-        }
-        smooth[count++] = (uint32_t)i;
-        if (count < FAST_KERNEL_LANES) continue;
-        sum_energies(job, smooth, count);
-        count = 0;
-    }
-    if (count > 0) sum_energies(job, smooth, count);
-}
-
-double relax_mean_energy(relax *r, particles *p, double sigma)
-{
-    assert(p->count == r->near->count);
-    sweep_job job = {.r = r, .p = p, .sigma = sigma};
-    threads_run(r->pool, p->count, 512, energy_chunk, &job);
-    double sum = 0, alpha = 0, all = 0, all_alpha = 0;
-    for (size_t i = 0; i < p->count; i++) {
-        all += p->energy[i];
-        all_alpha += p->alpha[i];
-        if (p->near_boundary[i]) continue;
-        sum += p->energy[i];
-        alpha += p->alpha[i];
-    }
-    return alpha > 0 ? sum / alpha : all / all_alpha;
-}
-
-/* Sums are made of so many parts, by the count alone. */
-enum { PARTS = 256 };
-
-typedef struct steps_job {
-    sweep_job sweep;
-    size_t grain;
-    double squares[PARTS];
-    size_t counts[PARTS];
-} steps_job;
-
-/* The sum of the squared Newton steps of particles whose neighbours all face their way, each over its size. None is longer
- * than the way to the nearest neighbour, as in a sweep: where the Hessian is all but singular a step says nothing. */
-static double squared_steps(const sweep_job *job, int worker, const uint32_t *items, size_t count)
-{
-    const relax *r = job->r;
-    const particles *p = job->p;
-    pair_forces f[FAST_KERNEL_LANES];
-    double unit = 1, squares = 0;
-    if (r->fast && count > 0) {
-        const fast_kernel_params params = {.unit = r->near->unit, .support = job->sigma};
-        fast_kernel_particles own;
-        fast_kernel_forces forces;
-        line_up(r, p, items, count, &own);
-        r->fast->forces(r->near->place, &own, &params, &forces);
-        for (size_t l = 0; l < count; l++)
-            f[l] = (pair_forces){.d1 = (double)forces.d1[l],
-                                 .d2 = (double)forces.d2[l],
-                                 .h11 = (double)forces.h11[l],
-                                 .h12 = (double)forces.h12[l],
-                                 .h22 = (double)forces.h22[l],
-                                 .nearest2 = (double)forces.nearest2[l]};
-        unit = r->near->unit;
-    } else {
-        for (size_t l = 0; l < count; l++) {
-            uint32_t i = items[l];
-            vec3 axis1, axis2;
-            vec3_frame(p->normal[i], &axis1, &axis2);
-            pair_forces_at(gather_list(r, p, worker, i), r->energy, p->position[i], axis1, axis2,
-                           job->sigma * p->size[i], &f[l]);
-        }
-    }
-    for (size_t l = 0; l < count; l++) {
-        double s1, s2, over = unit / p->size[items[l]];
-        damped_step(&f[l], 0, &s1, &s2);
-        squares += fmin(s1 * s1 + s2 * s2, f[l].nearest2) * over * over;
-    }
-    return squares;
-}
-
-/* Whether Newton's step tells where particle i would go: not where a sharp edge runs through its support, and the tangent
- * plane does not say where a step would end, nor where fewer than three neighbours leave it free to drift. */
-static bool is_held_at(const sweep_job *job, size_t i)
-{
-    const particles *p = job->p;
-    const uint32_t *list = neighbours_list(job->r->near, i);
-    const uint32_t count = job->r->flat[i] > 1 ? 0 : job->r->near->list_count[i];
-    for (uint32_t k = 0; k < count; k++) {
-        uint32_t j = list[k];
-        double support = 0.5 * job->sigma * (p->size[i] + p->size[j]);
-        if (vec3_norm2(vec3_sub(p->position[i], p->position[j])) < support * support &&
-            vec3_dot(p->normal[i], p->normal[j]) < SMOOTH_COSINE)
-            return false;
-    }
-    return !p->near_boundary[i] && job->r->near->list_count[i] >= HELD_BY;
-}
-
-static void steps_chunk(void *context, int worker, size_t begin, size_t end)
-{
-    steps_job *job = context;
-    uint32_t items[FAST_KERNEL_LANES];
-    size_t held = 0, part = begin / job->grain;
-    for (size_t i = begin; i < end; i++) {
-        if (is_held_at(&job->sweep, i)) items[held++] = (uint32_t)i;
-        if (held < FAST_KERNEL_LANES && i + 1 < end) continue;
-        job->squares[part] += squared_steps(&job->sweep, worker, items, held);
-        job->counts[part] += held;
-        held = 0;
-    }
-}
-
-double relax_rms_step_left(relax *r, particles *p, double sigma, double spacing)
-{
-    steps_job job = {.sweep = {.r = r, .p = p, .sigma = sigma}, .grain = p->count / PARTS + 1};
-    threads_run(r->pool, p->count, job.grain, steps_chunk, &job);
-    double squares = 0;
-    size_t count = 0;
-    for (int k = 0; k < PARTS; k++) {
-        squares += job.squares[k];
-        count += job.counts[k];
-    }
-    return count > 0 ? sqrt(squares / (double)count) / spacing : NAN;
-}
-
-double relax_max_support(const relax *r)
-{
-    return r->sigma + r->skin;
-}
-
-double relax_creased_share(const relax *r, const particles *p)
-{
-    size_t creased = 0;
-    for (size_t i = 0; i < p->count; i++) creased += !r->flat[i];
-    return (double)creased / (double)p->count;
-}
-
-/* Counts pairs within `reach` times the sizes, and particles that have not six of them. */
-typedef struct pairs_job {
-    const relax *r;
-    const particles *p;
-    double reach;
-    atomic_size_t pairs, disordered;
-} pairs_job;
-
-static void pairs_chunk(void *context, int worker, size_t begin, size_t end)
-{
-    pairs_job *job = context;
-    const particles *p = job->p;
-    size_t pairs = 0, disordered = 0;
-    (void)worker;
-    for (size_t i = begin; i < end; i++) {
-        size_t own = 0;
-        for (uint32_t k = 0; k < job->r->near->list_count[i]; k++) {
-            uint32_t j = neighbours_list(job->r->near, i)[k];
-            double reach = 0.5 * job->reach * (p->size[i] + p->size[j]);
-            own += vec3_norm2(vec3_sub(p->position[i], p->position[j])) < reach * reach;
-        }
-        pairs += own;
-        disordered += own != 6 && !p->near_boundary[i];
-    }
-    atomic_fetch_add(&job->pairs, pairs);
-    atomic_fetch_add(&job->disordered, disordered);
-}
-
-double relax_mean_neighbours(const relax *r, const particles *p, double sigma)
-{
-    pairs_job job = {.r = r, .p = p, .reach = sigma};
-    threads_run(r->pool, p->count, 4096, pairs_chunk, &job);
-    return (double)atomic_load(&job.pairs) / (double)p->count;
-}
-
-double relax_disordered_share(const relax *r, const particles *p, double spacing)
-{
-    pairs_job job = {.r = r, .p = p, .reach = BETWEEN_SHELLS * spacing};
-    threads_run(r->pool, p->count, 4096, pairs_chunk, &job);
-    return (double)atomic_load(&job.disordered) / (double)p->count;
 }

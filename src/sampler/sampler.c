@@ -25,10 +25,16 @@ sampler *sampler_new(const field *f, const surface *scan, const sampler_params *
                      error *e)
 {
     sampler *s = mem_alloc(sizeof *s);
+    s->setup.method = params->witkin_heckbert ? &sampler_witkin_heckbert : &sampler_meyer;
+    if (params->witkin_heckbert && f->patches) {
+        error_set(
+            e, ERROR_NOT_SUPPORTED,
+            "method witkin-heckbert takes no surface of patches that meet in curves: use another method");
+        goto fail;
+    }
     s->setup.field = f;
     s->setup.scan = scan;
     s->setup.params = *params;
-    s->setup.method = params->witkin_heckbert ? &sampler_witkin_heckbert : &sampler_meyer;
     if (!params->energy) s->setup.params.energy = &energy_cotangent;
     bool plain = params->coarse_to_fine && s->setup.params.energy == &energy_cotangent && !params->graded &&
                  !params->gradient;
@@ -40,13 +46,12 @@ sampler *sampler_new(const field *f, const surface *scan, const sampler_params *
     s->setup.pool = pool;
     s->record.sweep =
         mem_array((size_t)params->max_sweeps, sizeof *s->record.sweep, "the record of sweeps", e);
-    s->state.p = particles_new(params->count, e);
+    if (!s->record.sweep || !levels_plan(f, scan, params, &s->state.plan, e)) goto fail;
+    size_t capacity = s->scratch.capacity = levels_capacity(&s->state.plan);
+    s->state.p = particles_new(capacity, e);
     s->scratch.relax =
-        relax_new(params->count, s->setup.params.energy, s->setup.fast, params->list_limit, pool, e);
-    if (!s->record.sweep || !s->state.p || !s->scratch.relax ||
-        !levels_plan(f, scan, params, &s->state.plan, e))
-        goto fail;
-    s->scratch.capacity = params->count;
+        relax_new(capacity, s->setup.params.energy, s->setup.fast, params->list_limit, pool, e);
+    if (!s->state.p || !particles_label(s->state.p, f->patches, capacity, e) || !s->scratch.relax) goto fail;
     s->state.stage = sampler_is_given(s) ? SCHEDULE_STAGES - 1 : 0;
     /* a support that is given is meant for the whole count */
     double even = packing_spacing(scan->area, (double)params->count);
@@ -66,6 +71,10 @@ void sampler_free(sampler *s)
     relax_free(s->scratch.relax);
     free(s->record.sweep);
     free(s->record.replaced);
+    free(s->record.point);
+    free(s->record.flags);
+    free(s->record.normal);
+    free(s->record.feature);
     free(s->record.column);
     free(s);
 }
@@ -138,7 +147,7 @@ static void note_sweep(sampler *s, const relax_sums *sums)
     s->record.sweep[s->record.sweep_count++] = (sampler_sweep){.energy = sums->energy / alpha,
                                                                .mean_log10_lambda = sums->mean_log10_lambda,
                                                                .rms_step = sums->rms_step,
-                                                               .count = s->state.p->count,
+                                                               .count = sampler_point_count(s),
                                                                .sigma = s->state.sigma,
                                                                .rejected = sums->rejected};
 }

@@ -79,8 +79,27 @@ size_t sampler_removed_offsurface(const sampler *s);
  * cannot be put there counts as lost. Errors: limit_memory. */
 bool sampler_finalize(sampler *s, error *e);
 
+/* Points as measures see them. Of a surface with patches a point on a curve stands once for each patch there, with that
+ * patch's normal; the first `sampler_points.count` are the points, in their order, and then come the others that stand for
+ * some. Without patches they are the points, and what is NULL says nothing. */
+typedef struct sampler_stands {
+    size_t count;
+    const vec3 *position, *normal;
+    const double *spacing; /* requested */
+    const uint32_t *patch; /* NULL: no patches, nor in the next */
+    const uint32_t *point; /* of each, its point */
+    const uint32_t *place; /* to be given again, see sampler_params */
+    const uint8_t *flags;  /* of packing/packing.h */
+} sampler_stands;
+
+typedef enum sampler_feature { SAMPLER_ON_PATCH, SAMPLER_ON_CURVE, SAMPLER_ON_CORNER } sampler_feature;
+
 typedef struct sampler_points {
     size_t count;
+    sampler_stands stands;
+    const uint8_t *feature; /* sampler_feature of each; NULL: no patches */
+    const uint32_t *patch;  /* of each; on a curve one of those there; likewise */
+    const uint32_t *curve;  /* of each place (stands.place) the curve; likewise */
     const vec3 *position, *normal;
     const double *kappa, *kappa1, *kappa2, *alpha;
     const double

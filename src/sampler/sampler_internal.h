@@ -74,8 +74,12 @@ typedef struct sampler_record {
     size_t round_count;
     size_t removed; /* particles put on a new place */
     sampler_points out;
-    bool *replaced; /* of each particle, from sampler_settle on */
-    double *column; /* kappa, kappa1, kappa2, spacing, kappa_scale: one after the other */
+    bool *replaced;   /* of each particle, from sampler_settle on */
+    uint32_t *point;  /* of each particle of a surface with patches, which point it is; see sampler_stands */
+    uint8_t *flags;   /* likewise */
+    vec3 *normal;     /* of each point */
+    uint8_t *feature; /* likewise */
+    double *column;   /* kappa, kappa1, kappa2, spacing, kappa_scale: one after the other */
 } sampler_record;
 
 struct sampler {
@@ -85,8 +89,8 @@ struct sampler {
     sampler_record record;
 };
 
-/* (14) at a place of the surface, with its normal. False, *alpha untouched, where the field has no curvature. */
-bool sampler_amplitude_at(const sampler *s, vec3 x, vec3 normal, double *alpha);
+/* (14) at a place of the surface, or of the patch whose field is f, with its normal. False, *alpha untouched, where the field has no curvature. */
+bool sampler_amplitude_at(const sampler *s, const field *f, vec3 x, vec3 normal, double *alpha);
 
 /* Amplitudes of the particles where they are; returns the rms of their relative change. */
 double sampler_renew_amplitudes(sampler *s);
@@ -125,9 +129,12 @@ bool sampler_reserve(sampler *s, size_t capacity, error *e);
 /* Of the particles where they are, see sampler_points. */
 double sampler_step_left(const sampler *s);
 
-/* *x near the surface onto it to rounding, no farther than `farthest`; `h` is the scale of what is meant by rounding. False,
+/* How many points the particles are: those on a curve count once for all patches there. */
+size_t sampler_point_count(const sampler *s);
+
+/* *x near the zero set of f onto it to rounding, no farther than `farthest`; `h` is the scale of what is meant by rounding. False,
  * outputs untouched, when it has no way there. */
-bool sampler_land(const sampler *s, double h, double farthest, vec3 *x, vec3 *normal);
+bool sampler_land(const field *f, double h, double farthest, vec3 *x, vec3 *normal);
 
 /* Whether particles that are nearly at rest, with lists of about where they are, will be a coarse answer: state.coarse. From
  * then on pairs count whatever their normals. Error: limit_memory. */

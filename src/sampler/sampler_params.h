@@ -26,6 +26,8 @@ typedef struct sampler_params {
      * fills space (geometry/morton), as the particles keep this order. They are near their rest, and are
      * brought there without haste: no coarse levels, no long steps. Only looked at by sampler_new. */
     const vec3 *given, *given_normal;
+    /* of a surface with patches: sampler_stands of a solve of the same count and spacing, all of them */
+    const uint32_t *given_patch, *given_place;
     uint64_t seed;
     bool graded; /* (13)(14) */
     double d, gamma, nu, kappa_max;

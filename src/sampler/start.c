@@ -1,7 +1,9 @@
 #include "sampler/start.h"
 
 #include <stdatomic.h>
+#include <stdlib.h>
 
+#include "base/memory.h"
 #include "base/rng.h"
 #include "packing/packing.h"
 #include "sampler/random_streams.h"
@@ -65,11 +67,52 @@ typedef struct draw_job {
     bbox near; /* a point that ends outside ran off */
     const boundary_request *boundary;
     particles *p;
-    size_t first; /* the number of those on boundaries, which come before */
+    size_t first;        /* the number of those on boundaries, which come before */
+    size_t *patch_first; /* of a surface with patches the first free particle of each */
     uint64_t seed;
     threads *pool;
     atomic_size_t drawn_again, lost; /* the first particle that never reached the surface, or the count */
 } draw_job;
+
+/* A draw for particle i, which is the k-th of the `count` free ones of its patch. */
+static bool draw_on_patch(const draw_job *job, size_t i, size_t k, size_t count, size_t draw, rng *r, vec3 *x)
+{
+    bool stratum = draw == 0 && job->params->start == SAMPLER_START_SURFACE;
+    double where = rng_uniform(r);
+    if (stratum) where = ((double)k + where) / (double)count;
+    const double *weight = sizing_field_weight(job->params->sizing, job->scan);
+    return surface_patch_point(job->scan, weight, job->p->patch[i], where, r, x);
+}
+
+/* Whether a place is so near to a curve of its patch that it would push its way into the row there. */
+static bool crowds_curve(const draw_job *job, uint32_t patch, vec3 x)
+{
+    const boundary_request *request = job->boundary;
+    return curve_distance_at(job->plan->curves, patch, x) < BOUNDARY_CLEAR * boundary_spacing(request, x);
+}
+
+/* Draws particle i, of a surface with patches, until it is on its patch; likewise. */
+static bool draw_patch_particle(draw_job *job, size_t i, rng *r)
+{
+    particles *p = job->p;
+    const uint32_t patch = p->patch[i];
+    const field *f = particles_field(p, job->field, i);
+    const projection_limits limits = {WALK_STEPS, START_ACCEPT * job->spacing, START_ACCEPT * job->spacing,
+                                      START_ACCEPT * job->spacing};
+    for (size_t draw = 0; draw <= MAX_DRAWS && !threads_stopped(job->pool); draw++) {
+        vec3 x;
+        size_t count = job->plan->allotments[job->level].free[patch];
+        if (!draw_on_patch(job, i, i - job->patch_first[patch], count, draw, r, &x)) continue;
+        bool settled = projection_find(f, &limits, &x, &p->normal[i]) && bbox_contains(job->near, x) &&
+                       field_is_within(f, x);
+        if (settled && !(draw < BOUNDARY_DRAWS && crowds_curve(job, patch, x))) {
+            p->position[i] = x;
+            return true;
+        }
+        atomic_fetch_add(&job->drawn_again, !settled);
+    }
+    return false;
+}
 
 /* Draw number `draw` of particle i of `count`. The surface start takes its k-th stratum of area. */
 static vec3 draw_point(const draw_job *job, size_t i, size_t count, size_t draw, rng *r)
@@ -137,6 +180,7 @@ static bool draw_particle(draw_job *job, size_t i)
 {
     particles *p = job->p;
     rng r = rng_seed(job->seed, i); /* of its own: who draws more changes nothing for the others */
+    if (p->patch) return draw_patch_particle(job, i, &r);
     for (size_t draw = 0; draw <= MAX_DRAWS && !threads_stopped(job->pool); draw++) {
         vec3 x = draw_point(job, i - job->first, p->count - job->first, draw, &r);
         bool settled = settle(job->field, job->params, job->spacing, job->near, &x, &p->normal[i]);
@@ -162,15 +206,40 @@ static void draw_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
+/* Rows along curves, and labels for the free particles of each patch, which come patch after patch. */
+static bool place_rows(const allotment *a, particles *p, size_t *first, size_t **patch_first, error *e)
+{
+    size_t patches = p->patches->count;
+    *patch_first = mem_array(patches, sizeof **patch_first, "the start", e);
+    if (!*patch_first) return false;
+    p->count = 0;
+    allotment_add_rows(a, p);
+    *first = p->count;
+    for (uint32_t k = 0; k < patches; k++) {
+        (*patch_first)[k] = p->count;
+        for (uint32_t n = 0; n < a->free[k]; n++, p->count++) {
+            p->patch[p->count] = k;
+            p->place[p->count] = PARTICLES_FREE;
+        }
+    }
+    return true;
+}
+
+/* The particles on boundaries, before all others: also before random draws, of which many end on the boundaries, run into them
+ * from outside, and stay. */
+static bool place_first(draw_job *job, error *e)
+{
+    if (job->p->patch)
+        return place_rows(&job->plan->allotments[job->level], job->p, &job->first, &job->patch_first, e);
+    return place_boundary(job->scan, job->boundary, job->p, &job->first, e);
+}
+
 bool start_place(const field *f, const surface *scan, const sampler_params *params, const levels *plan,
                  int level, double spacing, threads *pool, particles *p, size_t *removed, error *e)
 {
     rng r = rng_seed(params->seed, RANDOM_STREAM_START);
-    size_t first = 0;
     const boundary_request request = {spacing, params->sizing,
                                       packing_spacing(scan->area, (double)params->count), p->count};
-    /* also before random draws, of which many end on the boundaries, run into them from outside, and stay */
-    if (!place_boundary(scan, &request, p, &first, e)) return false;
     draw_job job = {.field = f,
                     .scan = scan,
                     .params = params,
@@ -180,11 +249,12 @@ bool start_place(const field *f, const surface *scan, const sampler_params *para
                     .near = bbox_grow(scan->box, FARTHEST * fmax(spacing, f->cell_size)),
                     .boundary = &request,
                     .p = p,
-                    .first = first,
                     .seed = rng_next(&r),
-                    .pool = pool,
-                    .lost = p->count};
-    threads_run(pool, p->count - first, 256, draw_chunk, &job);
+                    .pool = pool};
+    if (!place_first(&job, e)) return false;
+    atomic_store(&job.lost, p->count);
+    threads_run(pool, p->count - job.first, 256, draw_chunk, &job);
+    free(job.patch_first);
     size_t lost = atomic_load(&job.lost);
     if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
     if (lost < p->count)

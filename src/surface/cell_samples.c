@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "field/patches.h"
 #include "surface/projection.h"
 
 /* A cell's middle goes to the surface within so many steps, to this fraction of the cell. */
@@ -15,10 +16,27 @@ typedef struct sample_job {
     cell_samples *out;
 } sample_job;
 
+/* Of a cell of triangles the middle of the first, which is on the surface. */
+static void sample_triangle(const surface *scan, size_t k, cell_samples *out)
+{
+    vec3 t[FIELD_CELL_TRIANGLES][3];
+    field_sample s;
+    out->found[k] = surface_cell_triangles(scan, k, t) > 0;
+    if (!out->found[k]) return;
+    vec3 x = out->position[k] = field_triangle_middle(t[0]);
+    const field *f = field_of_patch(scan->field, surface_cell_patch(scan, k, x));
+    out->found[k] = field_sample_at(f, x, FIELD_GRADIENT, &s) && vec3_norm2(s.gradient) > 0;
+    if (out->found[k]) out->normal[k] = vec3_unit(s.gradient);
+}
+
 static void sample_cell(const surface *scan, size_t k, cell_samples *out)
 {
     const field *f = scan->field;
     field_cell cell;
+    if (f->ops->cell_triangles) {
+        sample_triangle(scan, k, out);
+        return;
+    }
     surface_cell(scan, k, &cell);
     const projection_limits limits = {STEPS, ACCEPT * f->cell_size, ACCEPT * f->cell_size,
                                       REJECT * f->cell_size};

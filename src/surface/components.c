@@ -4,6 +4,7 @@
 
 #include "base/memory.h"
 #include "base/sets.h"
+#include "field/patches.h"
 #include "packing/neighbours.h"
 
 /* Cells that share a face have their middles this far apart, in cells; a little for rounding. */
@@ -36,24 +37,46 @@ static size_t join(const neighbours *near, uint32_t *parent)
     return parts;
 }
 
-/* Sorts the cells by part, the parts by their first cells. */
-static bool sort_cells(uint32_t *parent, size_t cells, components *out, error *e)
+/* Sorts the cells by part: `part` of each, of out->count parts. */
+static bool sort_cells(const uint32_t *part, size_t cells, components *out, error *e)
 {
-    uint32_t *part = mem_array(cells, sizeof *part, "the surface's parts", e);
     out->order = mem_array(cells, sizeof *out->order, "the surface's parts", e);
     out->begin = mem_array(out->count + 1, sizeof *out->begin, "the surface's parts", e);
-    bool ok = part && out->order && out->begin;
-    uint32_t parts = 0;
-    for (uint32_t k = 0; ok && k < cells; k++) {
+    if (!out->order || !out->begin) return false;
+    for (uint32_t k = 0; k < cells; k++) out->begin[part[k] + 1]++;
+    for (size_t c = 0; c < out->count; c++) out->begin[c + 1] += out->begin[c];
+    for (uint32_t k = 0; k < cells; k++) out->order[out->begin[part[k]]++] = k;
+    for (size_t c = out->count; c > 0; c--) out->begin[c] = out->begin[c - 1]; /* each had moved to its end */
+    out->begin[0] = 0;
+    return true;
+}
+
+/* Numbers the parts by their first cells. */
+static bool number_cells(uint32_t *parent, size_t cells, components *out, error *e)
+{
+    uint32_t *part = mem_array(cells, sizeof *part, "the surface's parts", e), parts = 0;
+    if (!part) return false;
+    for (uint32_t k = 0; k < cells; k++) {
         uint32_t root = sets_root(parent, k);
         part[k] = root == k ? parts++ : part[root];
-        out->begin[part[k] + 1]++;
     }
-    for (size_t c = 0; ok && c < parts; c++) out->begin[c + 1] += out->begin[c];
-    for (uint32_t k = 0; ok && k < cells; k++) out->order[out->begin[part[k]]++] = k;
-    for (size_t c = parts; ok && c > 0; c--)
-        out->begin[c] = out->begin[c - 1]; /* each had moved to its end */
-    if (ok) out->begin[0] = 0;
+    bool ok = sort_cells(part, cells, out, e);
+    free(part);
+    return ok;
+}
+
+static bool find_patches(const field *f, components *out, error *e)
+{
+    size_t cells = f->ops->cell_count(f);
+    uint32_t *part = mem_array(cells, sizeof *part, "the surface's parts", e);
+    bool ok = part != NULL;
+    *out = (components){.count = f->patches->count};
+    for (size_t k = 0; ok && k < cells; k++) {
+        vec3 t[FIELD_CELL_TRIANGLES][3];
+        if (f->ops->cell_triangles(f, k, t) > 0)
+            part[k] = f->ops->patch_at(f, k, field_triangle_middle(t[0]));
+    }
+    ok = ok && sort_cells(part, cells, out, e);
     free(part);
     return ok;
 }
@@ -61,6 +84,7 @@ static bool sort_cells(uint32_t *parent, size_t cells, components *out, error *e
 bool components_find(const field *f, threads *pool, components *out, error *e)
 {
     const char *what = "the surface's parts";
+    if (f->patches) return find_patches(f, out, e);
     size_t n = f->ops->cell_count(f);
     middle_job job = {f, mem_array(n, sizeof *job.middle, what, e)};
     uint32_t *parent = mem_array(n, sizeof *parent, what, e);
@@ -73,7 +97,7 @@ bool components_find(const field *f, threads *pool, components *out, error *e)
     }
     if (ok) out->count = n > 0 ? join(near, parent) : 1;
     neighbours_free(near);
-    if (ok && out->count > 1) ok = sort_cells(parent, n, out, e);
+    if (ok && out->count > 1) ok = number_cells(parent, n, out, e);
     free(parent);
     free(job.middle);
     return ok;

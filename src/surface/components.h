@@ -1,5 +1,6 @@
 /* components: the connected parts of a surface, by its cells: parts are told apart where no two of their
- * cells share a face. */
+ * cells share a face. Of a surface with patches each patch is a part, whether it touches others or not; a cell of several
+ * goes to one of them. */
 #ifndef HEXAD_SURFACE_COMPONENTS_H
 #define HEXAD_SURFACE_COMPONENTS_H
 
@@ -11,7 +12,8 @@
 
 typedef struct components {
     size_t count;    /* of the parts */
-    uint32_t *order; /* the cells, part after part, ascending within each; NULL: one part, as they are */
+    uint32_t *order; /* the cells, part after part, ascending within each; NULL: one part, as they are,
+                      * and no patches */
     size_t *begin;   /* count + 1: where each part begins in the order */
 } components;
 

@@ -34,8 +34,7 @@ static double look_at_places(const coverage_job *job, size_t k, double farthest)
     vec3 triangle[FIELD_CELL_TRIANGLES][3];
     int count = surface_cell_triangles(job->scan, k, triangle);
     for (int i = 0; i < count; i++) {
-        vec3 *corner = triangle[i];
-        vec3 x = vec3_scale(vec3_add(corner[0], vec3_add(corner[1], corner[2])), 1.0 / 3);
+        vec3 x = field_triangle_middle(triangle[i]);
         if (f->open && !bbox_contains(f->domain, x)) continue;
         double distance;
         uint32_t point = point_tree_nearest(job->points, x, farthest * job->least, &distance);

@@ -362,9 +362,45 @@ static void cut_cell(const cut *way, triangulation *out)
     }
 }
 
+/* The field's number of a cell. */
+static size_t number_of(const surface *s, size_t k)
+{
+    return s->parts.order ? s->parts.order[k] : k;
+}
+
 void surface_cell(const surface *s, size_t k, field_cell *out)
 {
-    s->field->ops->cell(s->field, s->parts.order ? s->parts.order[k] : k, out);
+    s->field->ops->cell(s->field, number_of(s, k), out);
+}
+
+uint32_t surface_cell_patch(const surface *s, size_t k, vec3 x)
+{
+    return s->field->patches ? s->field->ops->patch_at(s->field, number_of(s, k), x) : 0;
+}
+
+/* The triangles of a cell that consists of such, as they are; false where it does not. */
+static bool take_triangles(const surface *s, size_t k, triangulation *out)
+{
+    vec3 t[FIELD_CELL_TRIANGLES][3];
+    if (!s->field->ops->cell_triangles) return false;
+    out->count = s->field->ops->cell_triangles(s->field, number_of(s, k), t);
+    for (int i = 0; i < out->count; i++) {
+        for (int c = 0; c < 3; c++) out->at[i][c] = (corner){.position = t[i][c]};
+        out->area[i] = 0.5 * vec3_norm(vec3_cross(vec3_sub(t[i][1], t[i][0]), vec3_sub(t[i][2], t[i][0])));
+    }
+    return true;
+}
+
+/* Their area, and the box. */
+static double sum_triangles(const triangulation *t, bbox *box)
+{
+    double area = 0;
+    *box = bbox_empty();
+    for (int i = 0; i < t->count; i++) {
+        area += t->area[i];
+        for (int k = 0; k < 3; k++) *box = bbox_include(*box, t->at[i][k].position);
+    }
+    return area;
 }
 
 static bool is_bent(const triangulation *t)
@@ -452,6 +488,7 @@ static double measure_cell(const surface *s, size_t index, shared_edge *shared, 
     triangulation t;
     const cut way = {.field = f, .cell = &cell, .tolerance = ROOT_TOLERANCE * f->cell_size, .shared = shared};
     double area = 0;
+    if (take_triangles(s, index, &t)) return sum_triangles(&t, box);
     surface_cell(s, index, &cell);
     cut_cell(&way, &t);
     *box = bbox_empty();
@@ -474,6 +511,7 @@ static void draw_triangles(const surface *s, size_t index, triangulation *out)
     const field *f = s->field;
     field_cell cell;
     const cut way = {.field = f, .cell = &cell, .tolerance = ROOT_TOLERANCE * f->cell_size};
+    if (take_triangles(s, index, out)) return;
     surface_cell(s, index, &cell);
     cut_cell(&way, out);
     const bool whole = is_whole(f, &cell), rough = whole && !f->sharp && (cell.grazed || is_bent(out));
@@ -561,9 +599,10 @@ static vec3 point_of_triangle(const corner *c, rng *r)
                     vec3_add(vec3_scale(c[1].position, u * (1 - v)), vec3_scale(c[2].position, u * v)));
 }
 
-vec3 surface_point(const surface *s, const double *before, double where, rng *r)
+/* The last cell that begins at or before `where`. */
+static size_t find_cell(const surface *s, const double *before, double where)
 {
-    size_t low = 0, high = s->cells - 1; /* the last cell that begins at or before `where` */
+    size_t low = 0, high = s->cells - 1;
     while (low < high) {
         size_t middle = low + (high - low + 1) / 2;
         if (before[middle] <= where)
@@ -571,16 +610,44 @@ vec3 surface_point(const surface *s, const double *before, double where, rng *r)
         else
             high = middle - 1;
     }
+    return low;
+}
+
+static vec3 point_of_cell(const surface *s, size_t k, double share, rng *r)
+{
     triangulation t;
-    draw_triangles(s, low, &t);
-    double share = (where - before[low]) / (before[low + 1] - before[low]), rest = 0;
+    draw_triangles(s, k, &t);
+    double rest = 0;
     for (int i = 0; i < t.count; i++) rest += share * t.area[i];
-    int k = 0;
-    while (k < t.count - 1 && rest >= t.area[k]) rest -= t.area[k++];
-    vec3 p = point_of_triangle(t.at[k], r);
+    int which = 0;
+    while (which < t.count - 1 && rest >= t.area[which]) rest -= t.area[which++];
+    vec3 p = point_of_triangle(t.at[which], r);
     for (int draw = 0; s->field->open && draw < INSIDE_DRAWS && !bbox_contains(s->field->domain, p); draw++)
-        p = point_of_triangle(t.at[k], r);
+        p = point_of_triangle(t.at[which], r);
     return p;
+}
+
+vec3 surface_point(const surface *s, const double *before, double where, rng *r)
+{
+    size_t k = find_cell(s, before, where);
+    return point_of_cell(s, k, (where - before[k]) / (before[k + 1] - before[k]), r);
+}
+
+bool surface_patch_point(const surface *s, const double *before, uint32_t patch, double where, rng *r,
+                         vec3 *out)
+{
+    if (!s->field->patches) {
+        *out = surface_point(s, before, where * before[s->cells], r);
+        return true;
+    }
+    double low = before[s->parts.begin[patch]], high = before[s->parts.begin[patch + 1]];
+    if (!(high > low)) return false;
+    double at = low + where * (high - low);
+    size_t k = find_cell(s, before, at);
+    vec3 x = point_of_cell(s, k, (at - before[k]) / (before[k + 1] - before[k]), r);
+    if (surface_cell_patch(s, k, x) != patch) return false;
+    *out = x;
+    return true;
 }
 
 int surface_cell_triangles(const surface *s, size_t cell, vec3 out[FIELD_CELL_TRIANGLES][3])
@@ -588,8 +655,10 @@ int surface_cell_triangles(const surface *s, size_t cell, vec3 out[FIELD_CELL_TR
     field_cell place;
     triangulation t;
     const cut way = {.field = s->field, .cell = &place, .tolerance = ROOT_TOLERANCE * s->field->cell_size};
-    surface_cell(s, cell, &place);
-    cut_cell(&way, &t);
+    if (!take_triangles(s, cell, &t)) {
+        surface_cell(s, cell, &place);
+        cut_cell(&way, &t);
+    }
     for (int i = 0; i < t.count; i++)
         for (int k = 0; k < 3; k++) out[i][k] = t.at[i][k].position;
     return t.count;

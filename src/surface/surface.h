@@ -26,6 +26,9 @@ typedef struct surface {
 /* The k-th of the surface's cells. */
 void surface_cell(const surface *s, size_t k, field_cell *out);
 
+/* The patch of a place of the k-th cell; 0 without patches. */
+uint32_t surface_cell_patch(const surface *s, size_t k, vec3 x);
+
 static inline double surface_cell_area(const surface *s, size_t k)
 {
     return s->area_before[k + 1] - s->area_before[k];
@@ -40,6 +43,11 @@ void surface_free(surface *s);
  * area within it. With area_before equal lengths of `where` give equal areas. The point lies near the
  * surface, within the cell; project it. */
 vec3 surface_point(const surface *s, const double *before, double where, rng *r);
+
+/* The same of the patch alone, `where` in [0, 1); without patches, of the surface. False, nothing drawn but `r` moved on, where
+ * the patch has no share or the point fell on another patch of its cell. */
+bool surface_patch_point(const surface *s, const double *before, uint32_t patch, double where, rng *r,
+                         vec3 *out);
 
 /* Onto the surface by Newton's method along the axes that are not fixed (bit k), without regard to the
  * domain. False, outputs untouched, when that does not end within `reach`. */

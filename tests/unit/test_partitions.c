@@ -35,7 +35,11 @@ static int set_up(void **state)
         f->spacing[i] = SPACING * (1 + f->position[i].y);
     }
     f->pool = threads_new(2, NULL, &e);
-    f->in = (partitions_input){COUNT, f->position, f->normal, f->spacing, CUTOFF};
+    f->in = (partitions_input){.count = COUNT,
+                               .position = f->position,
+                               .normal = f->normal,
+                               .spacing = f->spacing,
+                               .cutoff = CUTOFF};
     *state = f;
     return 0;
 }

@@ -60,7 +60,7 @@ static void free_ball(ball *b)
 static void refine_ball(ball *b, size_t count)
 {
     error e = {0};
-    if (!refine_particles(&b->field->base, NULL, NULL, b->p, count, b->spacing, 1, b->pool, &e))
+    if (!refine_particles(&b->field->base, NULL, NULL, NULL, b->p, count, b->spacing, 1, b->pool, &e))
         fail_msg("%s", e.message);
     assert_int_equal(b->p->count, count);
 }
@@ -86,7 +86,7 @@ static size_t find_spans(const ball *b, span *out)
     neighbours *near = neighbours_new(POINTS, SIZE_MAX, &e);
     if (!near || !neighbours_build(near, b->p->count, b->p->position, spacing, VORONOI_REACH, b->pool, &e))
         fail_msg("%s", e.message);
-    const voronoi_sites sites = {b->p->position, b->p->normal, spacing, near, NULL};
+    const voronoi_sites sites = {b->p->position, b->p->normal, spacing, near, NULL, NULL};
     for (uint32_t i = 0; i < b->p->count; i++) {
         voronoi_star star;
         voronoi_star_triangles(&sites, i, &star);
@@ -199,7 +199,7 @@ static void a_stop_ends_it(void **state)
     size_t edges = 17;
     make_ball(&b, 0, 2, &stop);
     stop = 1;
-    assert_false(refine_particles(&b.field->base, NULL, NULL, b.p, MOST, b.spacing, 1, b.pool, &e));
+    assert_false(refine_particles(&b.field->base, NULL, NULL, NULL, b.p, MOST, b.spacing, 1, b.pool, &e));
     assert_int_equal(e.code, ERROR_CANCELLED);
     assert_false(refine_count_edges(b.p, b.spacing, b.pool, &edges, &e));
     assert_int_equal(edges, 17);

@@ -16,8 +16,12 @@ static triangulation triangulate(const point_set *s, const bbox *domain, int wor
 {
     error e = {0};
     threads *pool = threads_new(workers, NULL, &e);
-    const triangulation_input in = {s->points.count,   s->position,    s->normal,
-                                    s->points.spacing, domain != NULL, domain ? *domain : bbox_empty()};
+    const triangulation_input in = {.count = s->points.count,
+                                    .position = s->position,
+                                    .normal = s->normal,
+                                    .spacing = s->points.spacing,
+                                    .open = domain != NULL,
+                                    .domain = domain ? *domain : bbox_empty()};
     triangulation made;
     if (!pool || !triangulation_make(&in, pool, &made, &e)) fail_msg("%s", e.message);
     threads_free(pool);

@@ -99,7 +99,7 @@ static void compare_ends(const voronoi_sites *sites, uint32_t a, const voronoi_s
 static size_t compare_stars(const set *s)
 {
     neighbours *near = list_neighbours(s);
-    const voronoi_sites sites = {s->position, s->normal, s->spacing, near, NULL};
+    const voronoi_sites sites = {s->position, s->normal, s->spacing, near, NULL, NULL};
     size_t clear = 0;
     voronoi_star *stars = calloc(s->count, sizeof *stars), polygon;
     for (uint32_t a = 0; a < s->count; a++) voronoi_star_triangles(&sites, a, &stars[a]);
@@ -267,7 +267,7 @@ static void holes_are_seen_across(void **state)
         s->spacing[k] = 1;
     }
     neighbours *near = list_neighbours(s);
-    const voronoi_sites sites = {s->position, s->normal, s->spacing, near, NULL};
+    const voronoi_sites sites = {s->position, s->normal, s->spacing, near, NULL, NULL};
     size_t across = 0;
     for (uint32_t a = 0; a < CORNERS; a++) {
         voronoi_star star;
@@ -337,7 +337,7 @@ static void corners_are_closed(void **state)
         size_t odd = 0;
         cover_cube(s, half, &r);
         neighbours *near = list_neighbours(s);
-        const voronoi_sites sites = {s->position, s->normal, s->spacing, near, NULL};
+        const voronoi_sites sites = {s->position, s->normal, s->spacing, near, NULL, NULL};
         for (uint32_t a = 0; a < s->count; a++) {
             voronoi_star star;
             voronoi_star_at(&sites, a, &star);

@@ -1,0 +1,113 @@
+#include "sampler/allotment.h"
+
+#include <assert.h>
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "packing/packing.h"
+#include "sampler/population.h"
+
+/* Rows take room from the packing, which makes the spacing wider and the rows shorter: so often this is gone through. */
+enum { PASSES = 4 };
+/* Rows take no more than this share of the points. */
+static const double ROWS_MOST = 0.9;
+
+static const char *const WHAT = "the particles of each patch";
+
+/* The share of a patch in all points. */
+static double share_of(const allotment_input *in, size_t patch)
+{
+    const double *weight = sizing_field_weight(in->sizing, in->scan);
+    const components *parts = &in->scan->parts;
+    return (weight[parts->begin[patch + 1]] - weight[parts->begin[patch]]) / weight[in->scan->cells];
+}
+
+static bool make_rows(const allotment_input *in, double spacing, size_t most, curve_rows *out, error *e)
+{
+    const boundary_request request = {spacing, in->sizing, in->even, most};
+    curve_rows_free(out);
+    return curve_rows_make(in->field, &request, out, e);
+}
+
+static double sum_of_borders(const allotment_input *in, const curve_rows *rows)
+{
+    double sum = 0;
+    for (size_t k = 0; k < in->field->patches->count; k++) sum += rows->border[k];
+    return sum;
+}
+
+/* Shares out `count` particles, each patch to within one of its part of what the cells behind the rows leave. */
+static bool share_out(const allotment_input *in, double cells, size_t count, allotment *out, error *e)
+{
+    size_t patches = in->field->patches->count;
+    out->free = mem_array(patches, sizeof *out->free, WHAT, e);
+    double *wanted = mem_array(patches, sizeof *wanted, WHAT, e), sum = 0, seen = 0;
+    bool ok = out->free && wanted;
+    for (size_t k = 0; ok && k < patches; k++) {
+        wanted[k] = fmax(share_of(in, k) * cells - out->rows.border[k], 0);
+        sum += wanted[k];
+    }
+    for (size_t k = 0; ok && !(sum > 0) && k < patches; k++) wanted[k] = share_of(in, k);
+    if (!(sum > 0)) sum = 1;
+    for (size_t k = 0; ok && k < patches; k++) { /* what rounding takes from one goes to the next */
+        double before = round(seen);
+        seen = k + 1 < patches ? seen + wanted[k] * ((double)count / sum) : (double)count;
+        out->free[k] = (uint32_t)fmax(round(seen) - before, 0);
+        out->free_count += out->free[k];
+    }
+    free(wanted);
+    return ok;
+}
+
+bool allotment_for_count(const allotment_input *in, size_t count, allotment *out, error *e)
+{
+    double cells = (double)count;
+    size_t most = (size_t)(ROWS_MOST * (double)count);
+    *out = (allotment){0};
+    for (int pass = 0; pass < PASSES; pass++) {
+        out->spacing = packing_spacing(in->scan->area, cells);
+        if (!make_rows(in, out->spacing, most, &out->rows, e)) return false;
+        cells = (double)(count - out->rows.count) + fmax(sum_of_borders(in, &out->rows), 0);
+    }
+    return share_out(in, cells, count - out->rows.count, out, e);
+}
+
+bool allotment_for_spacing(const allotment_input *in, double spacing, size_t most, allotment *out, error *e)
+{
+    double cells = packing_count(in->scan->area, spacing);
+    *out = (allotment){.spacing = spacing};
+    if (!make_rows(in, spacing, most, &out->rows, e)) return false;
+    return share_out(in, cells, (size_t)round(fmax(cells - sum_of_borders(in, &out->rows), 0)), out, e);
+}
+
+void allotment_free(allotment *a)
+{
+    curve_rows_free(&a->rows);
+    free(a->free);
+    *a = (allotment){0};
+}
+
+void allotment_add_rows(const allotment *a, particles *p)
+{
+    const curve_rows *r = &a->rows;
+    for (size_t k = 0; k < r->stands; k++) {
+        size_t i = p->count++;
+        p->position[i] = r->position[r->place[k]];
+        p->normal[i] = r->normal[k];
+        p->patch[i] = r->patch[k];
+        p->place[i] = r->place[k];
+        p->lambda[i] = 0;
+    }
+}
+
+bool allotment_replace_rows(const allotment *a, particles *p, error *e)
+{
+    bool *gone = mem_array(p->count, sizeof *gone, WHAT, e);
+    if (!gone) return false;
+    for (size_t i = 0; i < p->count; i++) gone[i] = particles_is_fixed(p, i);
+    population_remove(p, gone);
+    free(gone);
+    allotment_add_rows(a, p);
+    return true;
+}

@@ -1,0 +1,60 @@
+/* relax_internal: what a relaxation is made of. Private to relax.c, which moves particles, and relax_measures.c, which looks at
+ * them. */
+#ifndef HEXAD_SAMPLER_RELAX_INTERNAL_H
+#define HEXAD_SAMPLER_RELAX_INTERNAL_H
+
+#include "packing/neighbours.h"
+#include "packing/pair.h"
+#include "sampler/relax.h"
+
+/* Where normals within the support agree to 37 degrees there is no edge: across one they part by 45 at least. */
+#define RELAX_SMOOTH_COSINE 0.8
+
+/* One particle's neighbours, gathered. */
+typedef struct gather {
+    double *memory;
+    pair_list list;
+} gather;
+
+/* Sums over the particles of a few blocks, stored at the first of them; the entries of the others are 0. They are
+ * added up in the order of the blocks, so that the number of threads does not show. */
+typedef struct block_sums {
+    double energy, lambda, squares, max_step;
+    size_t rejected, cramped;
+} block_sums;
+
+struct relax {
+    threads *pool;
+    const energy_function *energy;
+    const fast_kernel *fast; /* NULL: every particle goes the general way */
+    neighbours *near;
+    uint8_t *flat; /* 1: all of a particle's neighbours face its way, clearly; 2: and no sharp edge is near */
+    float *moved;  /* length of a particle's way since the lists were built */
+    block_sums *parts; /* of the sweep */
+    size_t part_capacity;
+    double sigma, skin; /* of the lists */
+    bool through;       /* pairs count whatever their normals */
+    gather *scratch;    /* one per worker */
+    size_t scratch_entries;
+};
+
+typedef struct sweep_job {
+    relax *r;
+    particles *p;
+    const relax_params *params;
+    size_t first_block; /* of the colour */
+    double sigma;
+} sweep_job;
+
+/* The neighbours of particle i, with the weights that they have for it. */
+pair_list *relax_gather_list(const relax *r, const particles *p, int worker, size_t i);
+
+/* (11)(12) in the tangent frame: the step along the two axes, and the decrease of energy that the quadratic model expects of
+ * it. */
+double relax_damped_step(const pair_forces *f, double lambda, double *s1, double *s2);
+
+/* Particles side by side for the kernel. What is left over of the lanes repeats the first. */
+void relax_line_up(const relax *r, const particles *p, const uint32_t *items, size_t count,
+                   fast_kernel_particles *out);
+
+#endif

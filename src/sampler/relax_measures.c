@@ -1,0 +1,205 @@
+/* relax_measures: what is known of particles where they are; nobody moves. See relax.h. */
+#include <assert.h>
+#include <math.h>
+#include <stdatomic.h>
+
+#include "sampler/relax_internal.h"
+
+/* With fewer neighbours a particle is free to move along some direction, and the Hessian is all but singular. */
+enum { HELD_BY = 3 };
+/* In the middle between a packing's first and second shell of neighbours, over its spacing. */
+static const double BETWEEN_SHELLS = 1.366;
+
+/* The energies of particles where all neighbours face their way. */
+static void sum_energies(const sweep_job *job, const uint32_t *items, size_t count)
+{
+    const fast_kernel_params params = {.unit = job->r->near->unit, .support = job->sigma};
+    fast_kernel_particles own;
+    fast_kernel_forces forces;
+    relax_line_up(job->r, job->p, items, count, &own);
+    job->r->fast->forces(job->r->near->place, &own, &params, &forces);
+    for (size_t l = 0; l < count; l++) job->p->energy[items[l]] = (double)forces.energy[l];
+}
+
+static void energy_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const sweep_job *job = context;
+    particles *p = job->p;
+    uint32_t smooth[FAST_KERNEL_LANES];
+    size_t count = 0;
+    for (size_t i = begin; i < end; i++) {
+        if (!job->r->fast || !job->r->flat[i]) {
+            p->energy[i] = pair_energy_at(relax_gather_list(job->r, p, worker, i), job->r->energy,
+                                          p->position[i], job->sigma * p->size[i]);
+            continue;
+        }
+        smooth[count++] = (uint32_t)i;
+        if (count < FAST_KERNEL_LANES) continue;
+        sum_energies(job, smooth, count);
+        count = 0;
+    }
+    if (count > 0) sum_energies(job, smooth, count);
+}
+
+double relax_mean_energy(relax *r, particles *p, double sigma)
+{
+    assert(p->count == r->near->count);
+    sweep_job job = {.r = r, .p = p, .sigma = sigma};
+    threads_run(r->pool, p->count, 512, energy_chunk, &job);
+    double sum = 0, alpha = 0, all = 0, all_alpha = 0;
+    for (size_t i = 0; i < p->count; i++) {
+        all += p->energy[i];
+        all_alpha += p->alpha[i];
+        if (p->near_boundary[i]) continue;
+        sum += p->energy[i];
+        alpha += p->alpha[i];
+    }
+    return alpha > 0 ? sum / alpha : all / all_alpha;
+}
+
+/* Sums are made of so many parts, by the count alone. */
+enum { PARTS = 256 };
+
+typedef struct steps_job {
+    sweep_job sweep;
+    size_t grain;
+    double squares[PARTS];
+    size_t counts[PARTS];
+} steps_job;
+
+/* The sum of the squared Newton steps of particles whose neighbours all face their way, each over its size. None is longer
+ * than the way to the nearest neighbour, as in a sweep: where the Hessian is all but singular a step says nothing. */
+static double squared_steps(const sweep_job *job, int worker, const uint32_t *items, size_t count)
+{
+    const relax *r = job->r;
+    const particles *p = job->p;
+    pair_forces f[FAST_KERNEL_LANES];
+    double unit = 1, squares = 0;
+    if (r->fast && count > 0) {
+        const fast_kernel_params params = {.unit = r->near->unit, .support = job->sigma};
+        fast_kernel_particles own;
+        fast_kernel_forces forces;
+        relax_line_up(r, p, items, count, &own);
+        r->fast->forces(r->near->place, &own, &params, &forces);
+        for (size_t l = 0; l < count; l++)
+            f[l] = (pair_forces){.d1 = (double)forces.d1[l],
+                                 .d2 = (double)forces.d2[l],
+                                 .h11 = (double)forces.h11[l],
+                                 .h12 = (double)forces.h12[l],
+                                 .h22 = (double)forces.h22[l],
+                                 .nearest2 = (double)forces.nearest2[l]};
+        unit = r->near->unit;
+    } else {
+        for (size_t l = 0; l < count; l++) {
+            uint32_t i = items[l];
+            vec3 axis1, axis2;
+            vec3_frame(p->normal[i], &axis1, &axis2);
+            pair_forces_at(relax_gather_list(r, p, worker, i), r->energy, p->position[i], axis1, axis2,
+                           job->sigma * p->size[i], &f[l]);
+        }
+    }
+    for (size_t l = 0; l < count; l++) {
+        double s1, s2, over = unit / p->size[items[l]];
+        relax_damped_step(&f[l], 0, &s1, &s2);
+        squares += fmin(s1 * s1 + s2 * s2, f[l].nearest2) * over * over;
+    }
+    return squares;
+}
+
+/* Whether Newton's step tells where particle i would go: not where a sharp edge runs through its support, and the tangent
+ * plane does not say where a step would end, nor where fewer than three neighbours leave it free to drift. */
+static bool is_held_at(const sweep_job *job, size_t i)
+{
+    const particles *p = job->p;
+    const uint32_t *list = neighbours_list(job->r->near, i);
+    const uint32_t count = job->r->flat[i] > 1 ? 0 : job->r->near->list_count[i];
+    for (uint32_t k = 0; k < count; k++) {
+        uint32_t j = list[k];
+        double support = 0.5 * job->sigma * (p->size[i] + p->size[j]);
+        if (vec3_norm2(vec3_sub(p->position[i], p->position[j])) < support * support &&
+            particles_facing(p, i, j) < RELAX_SMOOTH_COSINE)
+            return false;
+    }
+    return !p->near_boundary[i] && job->r->near->list_count[i] >= HELD_BY;
+}
+
+static void steps_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    steps_job *job = context;
+    uint32_t items[FAST_KERNEL_LANES];
+    size_t held = 0, part = begin / job->grain;
+    for (size_t i = begin; i < end; i++) {
+        if (is_held_at(&job->sweep, i)) items[held++] = (uint32_t)i;
+        if (held < FAST_KERNEL_LANES && i + 1 < end) continue;
+        job->squares[part] += squared_steps(&job->sweep, worker, items, held);
+        job->counts[part] += held;
+        held = 0;
+    }
+}
+
+double relax_rms_step_left(relax *r, particles *p, double sigma, double spacing)
+{
+    steps_job job = {.sweep = {.r = r, .p = p, .sigma = sigma}, .grain = p->count / PARTS + 1};
+    threads_run(r->pool, p->count, job.grain, steps_chunk, &job);
+    double squares = 0;
+    size_t count = 0;
+    for (int k = 0; k < PARTS; k++) {
+        squares += job.squares[k];
+        count += job.counts[k];
+    }
+    return count > 0 ? sqrt(squares / (double)count) / spacing : NAN;
+}
+
+double relax_max_support(const relax *r)
+{
+    return r->sigma + r->skin;
+}
+
+double relax_creased_share(const relax *r, const particles *p)
+{
+    size_t creased = 0;
+    for (size_t i = 0; i < p->count; i++) creased += !r->flat[i];
+    return (double)creased / (double)p->count;
+}
+
+/* Counts pairs within `reach` times the sizes, and particles that have not six of them. */
+typedef struct pairs_job {
+    const relax *r;
+    const particles *p;
+    double reach;
+    atomic_size_t pairs, disordered;
+} pairs_job;
+
+static void pairs_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    pairs_job *job = context;
+    const particles *p = job->p;
+    size_t pairs = 0, disordered = 0;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        size_t own = 0;
+        for (uint32_t k = 0; k < job->r->near->list_count[i]; k++) {
+            uint32_t j = neighbours_list(job->r->near, i)[k];
+            double reach = 0.5 * job->reach * (p->size[i] + p->size[j]);
+            own += vec3_norm2(vec3_sub(p->position[i], p->position[j])) < reach * reach;
+        }
+        pairs += own;
+        disordered += own != 6 && !p->near_boundary[i];
+    }
+    atomic_fetch_add(&job->pairs, pairs);
+    atomic_fetch_add(&job->disordered, disordered);
+}
+
+double relax_mean_neighbours(const relax *r, const particles *p, double sigma)
+{
+    pairs_job job = {.r = r, .p = p, .reach = sigma};
+    threads_run(r->pool, p->count, 4096, pairs_chunk, &job);
+    return (double)atomic_load(&job.pairs) / (double)p->count;
+}
+
+double relax_disordered_share(const relax *r, const particles *p, double spacing)
+{
+    pairs_job job = {.r = r, .p = p, .reach = BETWEEN_SHELLS * spacing};
+    threads_run(r->pool, p->count, 4096, pairs_chunk, &job);
+    return (double)atomic_load(&job.disordered) / (double)p->count;
+}

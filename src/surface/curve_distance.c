@@ -1,0 +1,84 @@
+#include "surface/curve_distance.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "packing/point_tree.h"
+
+/* A side that is longer than so many steps is looked at in so many places. */
+static const double PARTS_MOST = 1e4;
+
+struct curve_distance {
+    size_t count; /* of patches */
+    size_t *begin;
+    vec3 *place;       /* of patch p: from begin[p] to begin[p + 1] */
+    point_tree **tree; /* NULL: no curves */
+};
+
+static size_t parts_of(const field_patches *p, const field_curve *c, size_t side, double step)
+{
+    vec3 from = p->vertex[c->first + side], to = p->vertex[c->first + (side + 1) % c->count];
+    return (size_t)fmin(1 + vec3_norm(vec3_sub(to, from)) / step, PARTS_MOST);
+}
+
+/* Counts the places of each patch in begin[p + 1], or, once there is room for them, puts them from begin[p] on and moves that. */
+static void look_along(const field_patches *p, double step, curve_distance *d)
+{
+    for (const field_curve *c = p->curve; c < p->curve + p->curve_count; c++)
+        for (size_t k = 0; k < c->count - !c->closed; k++) {
+            vec3 from = p->vertex[c->first + k];
+            vec3 side = vec3_sub(p->vertex[c->first + (k + 1) % c->count], from);
+            size_t parts = parts_of(p, c, k, step);
+            for (size_t m = 0; m <= parts; m++)
+                for (size_t n = 0; n < c->patch_count; n++) {
+                    uint32_t patch = p->curve_patch[c->patch_first + n];
+                    if (d->place)
+                        d->place[d->begin[patch]++] = vec3_axpy((double)m / (double)parts, side, from);
+                    else
+                        d->begin[patch + 1]++;
+                }
+        }
+}
+
+curve_distance *curve_distance_new(const field_patches *patches, double step, error *e)
+{
+    const char *what = "the curves of a surface";
+    curve_distance *d = mem_alloc(sizeof *d);
+    d->count = patches->count;
+    d->begin = mem_array(d->count + 1, sizeof *d->begin, what, e);
+    d->tree = mem_array(d->count, sizeof *d->tree, what, e);
+    if (!d->begin || !d->tree) goto fail;
+    look_along(patches, step, d);
+    for (size_t k = 0; k < d->count; k++) d->begin[k + 1] += d->begin[k];
+    d->place = mem_array(d->begin[d->count], sizeof *d->place, what, e);
+    if (!d->place) goto fail;
+    look_along(patches, step, d);
+    for (size_t k = d->count; k > 0; k--) d->begin[k] = d->begin[k - 1]; /* each had moved to its end */
+    d->begin[0] = 0;
+    for (size_t k = 0; k < d->count; k++) {
+        size_t places = d->begin[k + 1] - d->begin[k];
+        if (places > 0 && !(d->tree[k] = point_tree_new(d->place + d->begin[k], places, e))) goto fail;
+    }
+    return d;
+fail:
+    curve_distance_free(d);
+    return NULL;
+}
+
+void curve_distance_free(curve_distance *d)
+{
+    if (!d) return;
+    for (size_t k = 0; d->tree && k < d->count; k++) point_tree_free(d->tree[k]);
+    free(d->tree);
+    free(d->begin);
+    free(d->place);
+    free(d);
+}
+
+double curve_distance_at(const curve_distance *d, uint32_t patch, vec3 x)
+{
+    double distance = INFINITY;
+    if (d->tree[patch]) point_tree_nearest(d->tree[patch], x, 0, &distance);
+    return distance;
+}

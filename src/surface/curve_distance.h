@@ -1,0 +1,17 @@
+/* curve_distance: how far a place is from the nearest curve of a patch. Immutable once made, safe in any thread. */
+#ifndef HEXAD_SURFACE_CURVE_DISTANCE_H
+#define HEXAD_SURFACE_CURVE_DISTANCE_H
+
+#include "base/error.h"
+#include "field/patches.h"
+
+typedef struct curve_distance curve_distance;
+
+/* Of curves that are looked at every `step` > 0. Error: limit_memory. */
+curve_distance *curve_distance_new(const field_patches *patches, double step, error *e);
+void curve_distance_free(curve_distance *d);
+
+/* INFINITY for a patch without curves. Too large by (step / 2)^2 over twice the distance at most. */
+double curve_distance_at(const curve_distance *d, uint32_t patch, vec3 x);
+
+#endif

@@ -1,0 +1,310 @@
+#include "surface/curve_rows.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/sets.h"
+
+/* Of a spacing: with a grading sides are looked at in parts of this length. */
+static const double PART = 0.25;
+/* In spacings: a shorter curve has no places of its own, and one corner. */
+static const double SHORTEST = 0.5;
+/* When there are too many places all go farther apart, a little more than in proportion, so often at most. */
+static const double WIDENING = 1.02;
+enum { WIDENINGS = 12 };
+/* Newton steps that bring a place onto both surfaces of a curve, which the polyline follows closely. */
+enum { ON_STEPS = 6 };
+
+static const char *const WHAT = "the rows along curves";
+
+/* An end of a curve that is not closed. */
+typedef struct end {
+    vec3 at;
+    uint32_t curve, corner;
+} end;
+
+typedef struct layout {
+    const field_patches *patches;
+    boundary_request request;
+    double *length; /* of each curve, in spacings */
+    end *ends;      /* by corner */
+    size_t end_count;
+    size_t corner_count;
+    bool *left_out;      /* of each corner */
+    uint32_t *corner[2]; /* of each curve's ends */
+    vec3 *point;         /* of the curve at hand, its parts */
+    double *at;          /* of each, the length up to there */
+    size_t point_capacity, at_capacity, point_count;
+    size_t capacity[6]; /* of the arrays of the result */
+} layout;
+
+static int compare_ends(const void *a, const void *b)
+{
+    const end *x = a, *y = b;
+    int order = memcmp(&x->at, &y->at, sizeof x->at);
+    return order ? order : (x->curve > y->curve) - (x->curve < y->curve);
+}
+
+/* Numbers the corners: ends with the same doubles are one. */
+static bool find_corners(layout *l, error *e)
+{
+    const field_patches *p = l->patches;
+    l->ends = mem_array(2 * p->curve_count, sizeof *l->ends, WHAT, e);
+    for (int k = 0; k < 2; k++) l->corner[k] = mem_array(p->curve_count, sizeof *l->corner[k], WHAT, e);
+    if (!l->ends || !l->corner[0] || !l->corner[1]) return false;
+    for (uint32_t c = 0; c < p->curve_count; c++) {
+        const field_curve *curve = &p->curve[c];
+        if (curve->closed) continue;
+        l->ends[l->end_count++] = (end){.at = p->vertex[curve->first], .curve = 2 * c};
+        l->ends[l->end_count++] = (end){.at = p->vertex[curve->first + curve->count - 1], .curve = 2 * c + 1};
+    }
+    if (l->end_count > 0) qsort(l->ends, l->end_count, sizeof *l->ends, compare_ends);
+    for (size_t k = 0; k < l->end_count; k++) {
+        if (k == 0 || memcmp(&l->ends[k].at, &l->ends[k - 1].at, sizeof(vec3)) != 0) l->corner_count++;
+        l->ends[k].corner = (uint32_t)(l->corner_count - 1);
+        l->corner[l->ends[k].curve % 2][l->ends[k].curve / 2] = l->ends[k].corner;
+        l->ends[k].curve /= 2;
+    }
+    l->left_out = mem_array(l->corner_count, sizeof *l->left_out, WHAT, e);
+    return l->left_out != NULL;
+}
+
+static bool add_point(layout *l, vec3 x, double at, error *e)
+{
+    vec3 *point = mem_grow(l->point, l->point_count, &l->point_capacity, 64, sizeof *point, WHAT, e);
+    if (!point) return false;
+    l->point = point;
+    double *length = mem_grow(l->at, l->point_count, &l->at_capacity, 64, sizeof *length, WHAT, e);
+    if (!length) return false;
+    l->at = length;
+    l->point[l->point_count] = x;
+    l->at[l->point_count++] = at;
+    return true;
+}
+
+/* The points of a curve and the length up to each, in spacings. */
+static bool follow(layout *l, const field_curve *c, error *e)
+{
+    const vec3 *vertex = l->patches->vertex + c->first;
+    double at = 0;
+    l->point_count = 0;
+    if (!add_point(l, vertex[0], 0, e)) return false;
+    for (size_t k = 1; k < c->count + c->closed; k++) {
+        vec3 from = vertex[k - 1], side = vec3_sub(vertex[k % c->count], from);
+        double length = vec3_norm(side), spacing = boundary_spacing(&l->request, from);
+        size_t parts = l->request.sizing ? (size_t)fmin(1 + length / (PART * spacing), 1e6) : 1;
+        for (size_t m = 1; m <= parts; m++) {
+            vec3 middle = vec3_axpy(((double)m - 0.5) / (double)parts, side, from);
+            at += length / (double)parts / boundary_spacing(&l->request, middle);
+            if (!add_point(l, vec3_axpy((double)m / (double)parts, side, from), at, e)) return false;
+        }
+    }
+    return true;
+}
+
+/* Steps that a curve takes. */
+static double steps_of(const layout *l, size_t c)
+{
+    double steps = round(l->length[c]);
+    return l->patches->curve[c].closed || l->length[c] < SHORTEST ? steps : fmax(steps, 1);
+}
+
+static double places_of(const layout *l, size_t c)
+{
+    return l->patches->curve[c].closed ? steps_of(l, c) : fmax(steps_of(l, c) - 1, 0);
+}
+
+/* Lengths, and who is left out of two corners that are too near. Returns how many places there will be. */
+static bool measure(layout *l, double *places, error *e)
+{
+    const field_patches *p = l->patches;
+    *places = 0;
+    memset(l->left_out, 0, l->corner_count * sizeof *l->left_out);
+    for (size_t c = 0; c < p->curve_count; c++) {
+        if (!follow(l, &p->curve[c], e)) return false;
+        l->length[c] = l->at[l->point_count - 1];
+        *places += places_of(l, c);
+        uint32_t a = l->corner[0][c], b = l->corner[1][c];
+        if (p->curve[c].closed || l->length[c] >= SHORTEST || a == b) continue;
+        if (!l->left_out[a] && !l->left_out[b]) l->left_out[a > b ? a : b] = true;
+    }
+    for (size_t k = 0; k < l->corner_count; k++) *places += !l->left_out[k];
+    return true;
+}
+
+/* Onto both zero sets, by the shortest step to where both would be linear. */
+static vec3 settle(const field_curve *c, vec3 x)
+{
+    if (!c->on[0] || !c->on[1]) return x;
+    for (int k = 0; k < ON_STEPS; k++) {
+        field_sample f, g;
+        if (!field_sample_at(c->on[0], x, FIELD_GRADIENT, &f) ||
+            !field_sample_at(c->on[1], x, FIELD_GRADIENT, &g))
+            return x;
+        double ff = vec3_norm2(f.gradient), gg = vec3_norm2(g.gradient),
+               fg = vec3_dot(f.gradient, g.gradient);
+        double determinant = ff * gg - fg * fg;
+        if (!(determinant > 0)) return x;
+        double a = (f.value * gg - g.value * fg) / determinant,
+               b = (g.value * ff - f.value * fg) / determinant;
+        x = vec3_axpy(-a, f.gradient, vec3_axpy(-b, g.gradient, x));
+    }
+    return x;
+}
+
+/* A stand of the last place for a patch, unless it has one. */
+static bool add_stand(layout *l, const field *f, uint32_t patch, curve_rows *out, error *e)
+{
+    uint32_t place = (uint32_t)(out->count - 1);
+    for (size_t k = out->stands; k > 0 && out->place[k - 1] == place; k--)
+        if (out->patch[k - 1] == patch) return true;
+    uint32_t *places = mem_grow(out->place, out->stands, &l->capacity[2], 256, sizeof *places, WHAT, e);
+    if (!places) return false;
+    out->place = places;
+    uint32_t *patches = mem_grow(out->patch, out->stands, &l->capacity[3], 256, sizeof *patches, WHAT, e);
+    if (!patches) return false;
+    out->patch = patches;
+    vec3 *normal = mem_grow(out->normal, out->stands, &l->capacity[4], 256, sizeof *normal, WHAT, e);
+    if (!normal) return false;
+    out->normal = normal;
+    field_sample s;
+    vec3 n = {0, 0, 1};
+    if (field_sample_at(field_of_patch(f, patch), out->position[place], FIELD_GRADIENT, &s) &&
+        vec3_norm2(s.gradient) > 0)
+        n = vec3_unit(s.gradient);
+    out->place[out->stands] = place;
+    out->patch[out->stands] = patch;
+    out->normal[out->stands++] = n;
+    return true;
+}
+
+static bool add_place(layout *l, vec3 x, uint32_t curve, curve_rows *out, error *e)
+{
+    vec3 *position = mem_grow(out->position, out->count, &l->capacity[0], 256, sizeof *position, WHAT, e);
+    if (!position) return false;
+    out->position = position;
+    uint32_t *curves = mem_grow(out->curve, out->count, &l->capacity[1], 256, sizeof *curves, WHAT, e);
+    if (!curves) return false;
+    out->curve = curves;
+    out->position[out->count] = x;
+    out->curve[out->count++] = curve;
+    return true;
+}
+
+/* The last place stands for the patches of a curve; `share` of a cell's half behind it is that of each. */
+static bool add_stands(layout *l, const field *f, const field_curve *c, double share, curve_rows *out,
+                       error *e)
+{
+    for (size_t k = 0; k < c->patch_count; k++) {
+        uint32_t patch = l->patches->curve_patch[c->patch_first + k];
+        out->border[patch] += 0.5 * share;
+        if (!add_stand(l, f, patch, out, e)) return false;
+    }
+    return true;
+}
+
+static bool place_corners(layout *l, const field *f, curve_rows *out, error *e)
+{
+    for (size_t k = 0; k < l->end_count && out->count < l->request.most;) {
+        uint32_t corner = l->ends[k].corner;
+        bool left_out = l->left_out[corner];
+        if (!left_out && !add_place(l, l->ends[k].at, l->ends[k].curve, out, e)) return false;
+        for (; k < l->end_count && l->ends[k].corner == corner; k++) /* two ends a patch */
+            if (!left_out && !add_stands(l, f, &l->patches->curve[l->ends[k].curve], 0.5, out, e))
+                return false;
+    }
+    out->corners = out->count;
+    return true;
+}
+
+static bool place_row(layout *l, const field *f, uint32_t curve, curve_rows *out, error *e)
+{
+    const field_curve *c = &l->patches->curve[curve];
+    double steps = steps_of(l, curve), step = l->length[curve] / steps;
+    size_t side = 0;
+    if (!(places_of(l, curve) > 0)) return true;
+    if (!follow(l, c, e)) return false;
+    for (double k = c->closed ? 0 : 1; k < steps && out->count < l->request.most; k++) {
+        while (side + 2 < l->point_count && l->at[side + 1] < k * step) side++;
+        double length = l->at[side + 1] - l->at[side],
+               share = length > 0 ? (k * step - l->at[side]) / length : 0;
+        vec3 x = vec3_axpy(share, vec3_sub(l->point[side + 1], l->point[side]), l->point[side]);
+        if (!add_place(l, settle(c, x), curve, out, e) || !add_stands(l, f, c, 1, out, e)) return false;
+    }
+    return true;
+}
+
+/* Joins the sides of two curves, or of one, that are of one patch. */
+static void join_shared(const field_patches *p, const field_curve *a, const field_curve *b, uint32_t *parent)
+{
+    for (size_t m = a->patch_first; m < a->patch_first + a->patch_count; m++)
+        for (size_t n = b->patch_first; n < b->patch_first + b->patch_count; n++)
+            if (p->curve_patch[m] == p->curve_patch[n]) sets_join(parent, (uint32_t)m, (uint32_t)n);
+}
+
+/* Takes the Euler characteristic of each patch off its border: 2 less the number of its loops, handles left out. */
+static bool count_loops(const layout *l, curve_rows *out, error *e)
+{
+    const field_patches *p = l->patches;
+    size_t ends = 0;
+    for (size_t c = 0; c < p->curve_count; c++) ends += p->curve[c].patch_count;
+    uint32_t *parent = mem_array(ends, sizeof *parent, WHAT, e);
+    uint32_t *loops = mem_array(p->count, sizeof *loops, WHAT, e);
+    bool ok = parent && loops;
+    if (ok) {
+        sets_reset(parent, ends);
+        /* curves that share a corner and a patch are of one loop */
+        for (size_t k = 0; k < l->end_count; k++)
+            for (size_t other = k + 1; other > 0 && l->ends[other - 1].corner == l->ends[k].corner; other--)
+                join_shared(p, &p->curve[l->ends[k].curve], &p->curve[l->ends[other - 1].curve], parent);
+        for (uint32_t k = 0; k < ends; k++) loops[p->curve_patch[k]] += sets_root(parent, k) == k;
+        for (size_t k = 0; k < p->count; k++)
+            if (loops[k] > 0) out->border[k] -= 2 - (double)loops[k];
+    }
+    free(parent);
+    free(loops);
+    return ok;
+}
+
+static bool lay_out(layout *l, const field *f, curve_rows *out, error *e)
+{
+    double places, most = (double)l->request.most;
+    l->length = mem_array(l->patches->curve_count, sizeof *l->length, WHAT, e);
+    out->border = mem_array(l->patches->count, sizeof *out->border, WHAT, e);
+    if (!l->length || !out->border || !find_corners(l, e) || !measure(l, &places, e)) return false;
+    for (int k = 0; k < WIDENINGS && places > most; k++) {
+        l->request.spacing *= WIDENING * places / most;
+        if (!measure(l, &places, e)) return false;
+    }
+    bool ok = place_corners(l, f, out, e);
+    for (uint32_t c = 0; ok && c < l->patches->curve_count; c++) ok = place_row(l, f, c, out, e);
+    return ok && count_loops(l, out, e);
+}
+
+bool curve_rows_make(const field *f, const boundary_request *request, curve_rows *out, error *e)
+{
+    layout l = {.patches = f->patches, .request = *request};
+    *out = (curve_rows){0};
+    bool ok = lay_out(&l, f, out, e);
+    free(l.length);
+    free(l.ends);
+    free(l.left_out);
+    free(l.corner[0]);
+    free(l.corner[1]);
+    free(l.point);
+    free(l.at);
+    return ok;
+}
+
+void curve_rows_free(curve_rows *r)
+{
+    free(r->position);
+    free(r->curve);
+    free(r->place);
+    free(r->patch);
+    free(r->normal);
+    free(r->border);
+    *r = (curve_rows){0};
+}

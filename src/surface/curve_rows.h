@@ -1,0 +1,36 @@
+/* curve_rows: places for particles along the curves of a surface with patches, and at its corners.
+ *
+ * A curve between corners takes as many equal steps as fit best, each of about the requested spacing; a curve shorter than half
+ * of that takes none, and of its two corners one. A place counts once for the surface and stands once for each patch that
+ * ends there, with that patch's normal. World space.
+ */
+#ifndef HEXAD_SURFACE_CURVE_ROWS_H
+#define HEXAD_SURFACE_CURVE_ROWS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/error.h"
+#include "field/patches.h"
+#include "surface/boundary.h"
+
+typedef struct curve_rows {
+    size_t count;    /* of places: corners first */
+    vec3 *position;  /* of each, on the curve */
+    uint32_t *curve; /* of each; of a corner one of those that end there */
+    size_t corners;  /* how many places are corners */
+    size_t stands;
+    uint32_t *place, *patch; /* of each stand, ascending by place */
+    vec3 *normal;            /* of each stand: unit, of the patch there */
+    /* Of each patch how many cells of its packing the halves behind its rows make up: a patch that takes n cells of the
+     * spacing holds n less this many other particles (a polygon's angles sum up so, or Gauss and Bonnet). */
+    double *border;
+} curve_rows;
+
+/* Along the curves of `f`, which has patches. At most request->most places: where there would be more, they are farther apart.
+ * Deterministic. Release also after failure. Error: limit_memory. */
+bool curve_rows_make(const field *f, const boundary_request *request, curve_rows *out, error *e);
+void curve_rows_free(curve_rows *r);
+
+#endif
