@@ -193,9 +193,13 @@ static void solve(const analytic_params *shape, const sampler_params *params, in
     if (!sampler_finalize(x->s, &e)) fail_msg("%s", e.message);
     x->points = sampler_result_points(x->s);
     x->sweep = sampler_sweeps(x->s, &x->sweeps);
-    quality_input in = {x->points->count,   x->points->position,   x->points->normal,
-                        x->points->spacing, sampler_spacing(x->s), false,
-                        x->a->base.open,    x->a->base.domain};
+    quality_input in = {.count = x->points->count,
+                        .position = x->points->position,
+                        .normal = x->points->normal,
+                        .spacing = x->points->spacing,
+                        .h = sampler_spacing(x->s),
+                        .open = x->a->base.open,
+                        .domain = x->a->base.domain};
     assert_true(quality_measure(&in, x->pool, NULL, NULL, &x->q, &e));
     assert_int_equal(x->points->lost, 0);
     assert_true(x->points->max_residual < 1e-6);
