@@ -5,7 +5,7 @@
 #include "base/memory.h"
 #include "packing/quality.h"
 #include "sampler/random_streams.h"
-#include "sampler/relocation.h"
+#include "packing/relocation.h"
 #include "sampler/sampler_internal.h"
 
 /* Unless so many see others turned from them it is not asked, which takes time, whether a surface is resolved. */

@@ -8,7 +8,7 @@
 #include <cmocka.h>
 
 #include "shapes.h"
-#include "sampler/relocation.h"
+#include "packing/relocation.h"
 
 enum { SIDE = 30, COUNT = SIDE * SIDE, PLACES = 5 * COUNT };
 

@@ -1,4 +1,4 @@
-#include "sampler/relocation.h"
+#include "packing/relocation.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -6,8 +6,8 @@
  * point there. Of two that are near each other one goes; two places that are near each other do not both get a point.
  * Deterministic, one thread.
  */
-#ifndef HEXAD_SAMPLER_RELOCATION_H
-#define HEXAD_SAMPLER_RELOCATION_H
+#ifndef HEXAD_PACKING_RELOCATION_H
+#define HEXAD_PACKING_RELOCATION_H
 
 #include <stddef.h>
 #include <stdint.h>
