@@ -16,6 +16,7 @@
 
 #include "base/error.h"
 #include "base/reader.h"
+#include "dense/dwa_image.h"
 
 /* Standard descriptors, a slice's, and one more for what the libraries open for a moment. */
 enum { DESCRIPTORS = 5 };
@@ -26,6 +27,7 @@ typedef struct image {
     const char *channel, *part; /* NULL: the only one */
     exr_context_t file;
     int part_index;
+    const char *found; /* the channel's name, of the file */
     exr_storage_t storage;
     exr_attr_box2i_t window;
     float *values; /* of the data window */
@@ -137,6 +139,7 @@ static bool choose(image *m)
         append(with, sizeof with, quoted);
         if (found++ > 0) continue;
         m->part_index = part;
+        m->found = channel->name.str;
         if (channel->x_sampling != 1 || channel->y_sampling != 1)
             return error_set(
                 &m->fault, ERROR_INPUT_UNSUPPORTED,
@@ -284,12 +287,7 @@ static bool decode(image *m, const exr_chunk_info_t *chunk, int64_t x, int64_t y
         d.unpack_and_convert_fn = take_channel;
         /* what did not become smaller is stored as it is, which the library does not know of B44 */
         if (chunk->packed_size == chunk->unpacked_size) d.decompress_fn = NULL;
-        exr_result_t result = exr_decoding_run(m->file, m->part_index, &d);
-        ok = result == EXR_ERR_SUCCESS;
-        if (result == EXR_ERR_FEATURE_NOT_IMPLEMENTED)
-            error_set(&m->fault, ERROR_INPUT_UNSUPPORTED,
-                      "OpenEXR's C core cannot decode its compression (%s): save it with ZIP or PIZ",
-                      complaint);
+        ok = exr_decoding_run(m->file, m->part_index, &d) == EXR_ERR_SUCCESS;
     }
     exr_decoding_destroy(m->file, &d);
     return ok;
@@ -344,6 +342,13 @@ static bool read_pixels(image *m)
     }
     m->values = calloc((size_t)count, sizeof(float));
     if (!m->values) return damaged(m, "the file does not fit into memory");
+    exr_compression_t packed = EXR_COMPRESSION_NONE;
+    exr_get_compression(m->file, m->part_index, &packed);
+    if (packed == EXR_COMPRESSION_DWAA || packed == EXR_COMPRESSION_DWAB) {
+        const int32_t low[2] = {m->window.min.x, m->window.min.y},
+                      high[2] = {m->window.max.x, m->window.max.y};
+        return dwa_image_read(m->fd, m->part_index, m->found, low, high, m->values, &m->fault);
+    }
     return m->storage == EXR_STORAGE_TILED ? decode_tiles(m) : decode_rows(m);
 }
 

@@ -231,6 +231,24 @@ def test_stacks_of_every_kind_give_the_same_bytes(sample, tmp_path):
     assert len(set(digests.values())) == 1, digests
 
 
+@pytest.mark.parametrize("name", ["dwaa-rings", "dwab-tiles"])
+def test_the_compression_of_dreamworks(sample, source, tmp_path, name):
+    """Images whose values fall from their middle: six of them are a tube with a radius of 12. Y lost bits, Z did not."""
+    image = source / "fuzz" / "corpus" / "exr" / f"{name}.exr"
+    for k in range(6):
+        (tmp_path / f"{name}.{k}.exr").symlink_to(image)
+    for channel, near in (("Y", 0.1), ("Z", 1e-3)):
+        surface = {"path": str(tmp_path / f"{name}.#.exr"), "slices": "0-5", "channel": channel}
+        report, points = sample(surface, kind="exr")
+        assert points is not None, report
+        radius = numpy.linalg.norm(points.position[:, :2] - [3 + 19.5, -2 + 19.5], axis=1)
+        assert numpy.abs(radius - 12).max() < near
+    (tmp_path / "cut.0.exr").write_bytes(image.read_bytes()[:-400])
+    (tmp_path / "cut.1.exr").symlink_to(image)
+    e, _ = sample({**surface, "path": str(tmp_path / "cut.#.exr"), "slices": "0-1"}, kind="exr")
+    assert e["code"] == "input_damaged" and "cut.0.exr: its pixels are missing or damaged" in e["message"]
+
+
 def test_numbers_without_a_sign(sample, tmp_path):
     values = numpy.round(1e6 * (1 + ellipsoid(MATRICES["plain"], kind="f8"))).clip(0).astype("u4")
     _, points = sample(stack(tmp_path, values), kind="exr", isovalue=1e6)
