@@ -3,9 +3,13 @@
 #include <math.h>
 
 #include "packing/point_tree.h"
+#include "surface/projection.h"
 
 /* Cells are looked at in so many parts at most, each of which has a largest distance of its own. */
 enum { PARTS = 256 };
+/* Newton's steps onto the surface, and how near, of a cell, is on it. */
+enum { PROJECTION_STEPS = 8 };
+static const double ACCURACY = 1e-3;
 
 typedef struct coverage_job {
     const surface *scan;
@@ -27,6 +31,19 @@ static vec3 middle_of(const field_cell *cell, double *radius)
     return middle;
 }
 
+/* Triangles of cells larger than the spacing lie off the surface by more than that. A place from which no step leads to it
+ * stays where it is, unless that is nowhere. */
+static bool onto_surface(const field *f, vec3 *x)
+{
+    const projection_limits limits = {PROJECTION_STEPS, ACCURACY * f->cell_size, ACCURACY * f->cell_size,
+                                      ACCURACY * f->cell_size};
+    vec3 p = *x, normal;
+    if (!projection_find(f, &limits, &p, &normal)) return true;
+    if (f->open && !bbox_contains(f->domain, p)) return false;
+    if (vec3_norm(vec3_sub(p, *x)) < f->cell_size) *x = p;
+    return true;
+}
+
 /* The farthest place of a cell, if that is beyond `farthest`. */
 static double look_at_places(const coverage_job *job, size_t k, double farthest)
 {
@@ -37,6 +54,8 @@ static double look_at_places(const coverage_job *job, size_t k, double farthest)
         vec3 x = field_triangle_middle(triangle[i]);
         if (f->open && !bbox_contains(f->domain, x)) continue;
         double distance;
+        point_tree_nearest(job->points, x, farthest * job->least, &distance);
+        if (distance <= farthest * job->least || !onto_surface(f, &x)) continue;
         uint32_t point = point_tree_nearest(job->points, x, farthest * job->least, &distance);
         farthest = fmax(farthest, distance / job->spacing[point]);
     }

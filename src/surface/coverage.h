@@ -1,6 +1,6 @@
 /* coverage: whether every place of a surface has a point near it.
  *
- * The places are the middles of the triangles in which the surface passes its cells. In an ideal packing the farthest is
+ * The places are above the middles of the triangles in which the surface passes its cells. In an ideal packing the farthest is
  * .58 spacings from the nearest point, beside a vacancy 1. Distances are taken in space: where sheets are closer than
  * the spacing a place may be near a point of the other sheet.
  */

@@ -9,7 +9,7 @@ import pytest
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from readers import Points
+from readers import Points, read_mesh
 from volumes import (Part, nrrd_data, nrrd_header, read_nifti, read_nrrd, write_exr, write_nifti, write_nrrd)
 
 COUNT = 600
@@ -369,6 +369,21 @@ def test_where_the_data_end_the_surface_is_open(sample, tmp_path):
     assert points.position[:, 2].max() <= end + 1e-6
     assert (points.position[:, 2] > end - 1e-6).sum() > 10, "no row of points along the rim"
     assert report["quality"]["rim_count"] > 0 and report["quality"]["lost"] == 0
+
+
+def test_a_ball_of_a_few_voxels(worker, tmp_path):
+    """Its area is that of the triangles between its points, and it is covered however many these are."""
+    x = numpy.arange(9) - 4
+    radius = numpy.sqrt(sum(g * g for g in numpy.meshgrid(x, x, x)))
+    write_nrrd(tmp_path / "ball.nrrd", numpy.exp(-(radius / 3) ** 4).astype("f4"))
+    done = worker({"version": 1, "surface": {"volume": {"path": str(tmp_path / "ball.nrrd"), "isovalue": 0.5}},
+                   "sampling": {"count": 20000}, "output": {"preview": False, "mesh": True}})
+    assert done.returncode == 0, done.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    _, vertices, triangles = read_mesh((tmp_path / "out" / "mesh.ply").read_bytes())
+    corner = vertices[:, :3][triangles]
+    area = 0.5 * numpy.linalg.norm(numpy.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1).sum()
+    assert report["surface"]["area"] == pytest.approx(area, rel=1e-3) and report["mesh"]["closed"]
 
 
 def test_oblique_data_end_in_their_own_axes(sample, tmp_path):
