@@ -1,5 +1,6 @@
 #include "formats/canvas.h"
 
+#include <ctype.h>
 #include <stddef.h>
 #include <string.h>
 
@@ -35,6 +36,7 @@ static const glyph font[] = {
     {'.', {0x00, 0x60, 0x60, 0x00, 0x00}}, {',', {0x00, 0x50, 0x30, 0x00, 0x00}},
     {'/', {0x20, 0x10, 0x08, 0x04, 0x02}}, {'(', {0x00, 0x1C, 0x22, 0x41, 0x00}},
     {')', {0x00, 0x41, 0x22, 0x1C, 0x00}}, {'=', {0x14, 0x14, 0x14, 0x14, 0x14}},
+    {'_', {0x40, 0x40, 0x40, 0x40, 0x40}},
 };
 
 void canvas_fill(const canvas *c, int x, int y, int w, int h, const unsigned char color[3])
@@ -53,7 +55,7 @@ void canvas_text(const canvas *c, int x, int y, const char *text)
 {
     for (; *text; text++, x += ADVANCE * c->scale)
         for (size_t g = 0; g < sizeof font / sizeof *font; g++) {
-            if (font[g].letter != *text) continue;
+            if (font[g].letter != tolower((unsigned char)*text)) continue;
             for (int i = 0; i < GLYPH_W; i++)
                 for (int j = 0; j < GLYPH_H; j++)
                     if (font[g].column[i] >> j & 1)

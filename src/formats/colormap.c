@@ -33,10 +33,18 @@ void colormap_viridis(double t, double srgb[3])
     }
 }
 
-void colormap_color(double t, double srgb[3])
+void colormap_color(colormap_map map, double t, double srgb[3])
 {
-    static const double start = 0.08; /* the shaded side of the first colour can still be told from black */
-    colormap_viridis(start + (1 - start) * fmin(fmax(t, 0), 1), srgb);
+    static const double start = 0.08, gray_start = 0.2; /* their shaded side can still be told from black */
+    static const double ends[2][3] = {{0.13, 0.40, 0.67}, {0.70, 0.09, 0.17}}, middle = 0.95;
+    t = fmin(fmax(t, 0), 1);
+    if (map == COLORMAP_VIRIDIS) {
+        colormap_viridis(start + (1 - start) * t, srgb);
+        return;
+    }
+    for (int k = 0; k < 3; k++)
+        srgb[k] = map == COLORMAP_GRAY ? gray_start + (1 - gray_start) * t
+                                       : middle + fabs(2 * t - 1) * (ends[t > 0.5][k] - middle);
 }
 
 double colormap_linear(double srgb)
@@ -73,7 +81,7 @@ bool colormap_scale_of(const double *values, size_t count, bool root, double lea
         high -= low;
         low = 0;
     }
-    *out = (colormap_scale){low, high, root};
+    *out = (colormap_scale){low, high, root, COLORMAP_VIRIDIS};
     return true;
 }
 

@@ -12,9 +12,15 @@
  * published under CC0. */
 void colormap_viridis(double t, double srgb[3]);
 
-/* The colour of t in pictures and legends: viridis without its darkest part, which shading would
+typedef enum colormap_map {
+    COLORMAP_VIRIDIS,
+    COLORMAP_GRAY,
+    COLORMAP_DIVERGING /* blue, nearly white in the middle, red */
+} colormap_map;
+
+/* The colour of t in [0, 1] (clamped) in pictures and legends: the map without its darkest part, which shading would
  * turn black. */
-void colormap_color(double t, double srgb[3]);
+void colormap_color(colormap_map map, double t, double srgb[3]);
 
 /* One channel from sRGB to light, both in [0, 1]. */
 double colormap_linear(double srgb);
@@ -24,6 +30,7 @@ double colormap_linear(double srgb);
 typedef struct colormap_scale {
     double low, high; /* the values of t = 0 and 1; low < high */
     bool root;        /* values are not negative */
+    colormap_map map;
 } colormap_scale;
 
 /* The scale of values that are finite (and not negative with `root`): from their 2nd to their 98th

@@ -41,17 +41,17 @@ void legend_draw(unsigned char *rgb, int width, int height, const colormap_scale
     int s = c.scale, bar_width = (int)(0.4 * width), left = (width - bar_width) / 2;
     int numbers = height - (MARGIN + CANVAS_TEXT_HEIGHT) * s, bar = numbers - (TICK + BAR) * s,
         titles = bar - (GAP + CANVAS_TEXT_HEIGHT) * s;
-    for (int i = 0; i < bar_width; i++) {
+    for (int i = 0; scale && i < bar_width; i++) {
         double srgb[3];
         unsigned char color[3];
-        colormap_color((double)i / (bar_width - 1), srgb);
+        colormap_color(scale->map, (double)i / (bar_width - 1), srgb);
         for (int k = 0; k < 3; k++) color[k] = (unsigned char)lround(255 * srgb[k]);
         canvas_fill(&c, left + i, bar, 1, BAR * s, color);
     }
     int end = left + canvas_text_width(&c, title), begin = left + bar_width - canvas_text_width(&c, note);
     canvas_text(&c, left, titles, title);
     canvas_text(&c, begin > end + GAP * s ? begin : end + GAP * s, titles, note);
-    for (int k = 0; k < 3; k++) {
+    for (int k = 0; scale && k < 3; k++) {
         char number[32];
         int x = left + k * (bar_width - s) / 2;
         legend_number(colormap_scale_value(scale, 0.5 * k), number, sizeof number);

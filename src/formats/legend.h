@@ -10,8 +10,8 @@ enum { LEGEND_MIN_SIDE = 200 };
 /* Height in pixels that the legend takes at the bottom of a picture; 0 where it gets none. */
 int legend_height(int width, int height);
 
-/* Draws the bar, `title` at its left and `note` at its right end above it (beyond it where both are long), and the values at its
- * ends and middle below it. Letters a to z, digits and "+-.,/()=" are drawn, others left blank.
+/* Draws the bar (none without a scale, nor its values), `title` at its left and `note` at its right end above it (beyond it where both are long), and the values at its
+ * ends and middle below it. Letters (as small ones), digits and "+-.,/()=_" are drawn, others left blank.
  * `rgb` has 3 bytes a pixel, sRGB. */
 void legend_draw(unsigned char *rgb, int width, int height, const colormap_scale *scale, const char *title,
                  const char *note);

@@ -450,31 +450,30 @@ static double shade(vec3 n, vec3 up)
 /* Places of the colour scale, in linear light: more than a byte can tell apart. */
 enum { SCALE_COLORS = 4096 };
 
-static void fill_scale(color *scale)
+static color light_of(const double *srgb)
 {
-    for (int k = 0; k < SCALE_COLORS; k++) {
-        double srgb[3];
-        colormap_color((k + 0.5) / SCALE_COLORS, srgb);
-        scale[k] = (color){(float)colormap_linear(srgb[0]), (float)colormap_linear(srgb[1]),
-                           (float)colormap_linear(srgb[2])};
-    }
+    return (color){(float)colormap_linear(srgb[0]), (float)colormap_linear(srgb[1]),
+                   (float)colormap_linear(srgb[2])};
 }
 
 /* The colour of every point's disc, in linear light. */
-static color *shade_points(const image *m, quantity which, error *e)
+static color *shade_points(const image *m, const quantity_look *look, error *e)
 {
-    color *colors = mem_array(m->points.count, sizeof *colors, "the preview's colours", e);
-    if (!colors) return NULL;
-    color *scale = mem_alloc(SCALE_COLORS * sizeof *scale);
-    fill_scale(scale);
-    const double *values = quantity_values(&m->points, which);
-    for (size_t i = 0; i < m->points.count; i++) {
+    color *colors = mem_array(m->points.count, sizeof *colors, "the preview's colours", e),
+          scale[SCALE_COLORS];
+    const double *values = quantity_values(&m->points, look);
+    double srgb[3];
+    for (int k = 0; k < SCALE_COLORS; k++) {
+        colormap_color(look->map, (k + 0.5) / SCALE_COLORS, srgb);
+        scale[k] = light_of(srgb);
+    }
+    for (size_t i = 0; colors && i < m->points.count; i++) {
         float light = (float)shade(camera_direction(&m->camera, m->points.normal[i]), m->up);
-        int place = (int)(colormap_scale_place(&m->scale, values[i]) * SCALE_COLORS);
-        color c = scale[place < SCALE_COLORS ? place : SCALE_COLORS - 1];
+        bool own = look->which == QUANTITY_COLOR; /* of no scale */
+        int place = own ? 0 : (int)(colormap_scale_place(&m->scale, values[i]) * SCALE_COLORS);
+        color c = own ? light_of(values + 3 * i) : scale[place < SCALE_COLORS ? place : SCALE_COLORS - 1];
         colors[i] = (color){light * c.r, light * c.g, light * c.b};
     }
-    free(scale);
     return colors;
 }
 
@@ -616,10 +615,10 @@ static bool make_bands(drawing *job, error *e)
     return true;
 }
 
-static bool draw(image *m, quantity which, threads *pool, error *e)
+static bool draw(image *m, const quantity_look *look, threads *pool, error *e)
 {
     unsigned char *table = mem_alloc(TABLE_SIZE);
-    color *colors = shade_points(m, which, e);
+    color *colors = shade_points(m, look, e);
     drawing job = {.image = m, .pool = pool, .colors = colors, .table = table};
     bool ok = colors && make_bands(&job, e) && sort_into_bands(&job, e);
     if (ok) {
@@ -722,6 +721,7 @@ bool preview_render_from(const points *set, const preview_options *options, cons
     image *m = new_image(set, options, e);
     if (!m) return false;
     const bounds b = bound_set(set);
+    const quantity_look *look = &options->color;
     char note[48];
     m->camera = *from;
     m->up = camera_direction(from, options->y_up ? vec3_make(0, 1, 0) : vec3_make(0, 0, 1));
@@ -729,12 +729,13 @@ bool preview_render_from(const points *set, const preview_options *options, cons
     m->radius_max = b.radius_max;
     m->extent = b.extent;
     m->far = from->parallel ? depth_beyond(set, from, b.radius_max) : 0;
-    if (!quantity_scale(set, options->color, m->extent, &m->scale, e) || !draw(m, options->color, pool, e)) {
+    if (!quantity_scale(set, look, m->extent, &m->scale, e) || !draw(m, look, pool, e)) {
         preview_free(m);
         return false;
     }
     snprintf(note, sizeof note, "%zu%s", set->count, options->unresolved ? ", not resolved" : " points");
-    legend_draw(m->rgb, m->width, m->height, &m->scale, quantity_title(options->color), note);
+    legend_draw(m->rgb, m->width, m->height, look->which == QUANTITY_COLOR ? NULL : &m->scale,
+                quantity_title(look), note);
     *out = m;
     return true;
 }

@@ -30,7 +30,7 @@ enum { PREVIEW_SIZE_MIN = 64, PREVIEW_SIZE_MAX = 8192 };
 
 typedef struct preview_options {
     int width, height; /* pixels, PREVIEW_SIZE_MIN .. PREVIEW_SIZE_MAX */
-    quantity color;
+    quantity_look color;
     const camera_place *camera; /* NULL: one that sees all of the set */
     bool y_up;                  /* y is up, not z */
     bool unresolved; /* discs would cover each other: they are drawn smaller, and the legend says why */

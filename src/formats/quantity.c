@@ -16,14 +16,16 @@ static const shown shown_of[] = {
     [QUANTITY_ENERGY] = {"energy", false, 0.001, PLAIN},
     [QUANTITY_SPACING] = {"spacing", false, 1e-6, LENGTH},
     [QUANTITY_DEGREE] = {"degree", false, 0, PLAIN},
+    [QUANTITY_VALUES] = {"attribute", false, 1e-30, PLAIN}, /* whatever it is in */
+    [QUANTITY_COLOR] = {"color", false, 1, PLAIN},
 };
 
 /* Six in the middle, and the defects that there are in any packing to either side. */
-static const colormap_scale degree_scale = {4, 8, false};
+static const colormap_scale degree_scale = {4, 8, false, COLORMAP_VIRIDIS};
 
-const double *quantity_values(const points *set, quantity which)
+const double *quantity_values(const points *set, const quantity_look *look)
 {
-    switch (which) {
+    switch (look->which) {
     case QUANTITY_ALPHA:
         return set->alpha;
     case QUANTITY_ENERGY:
@@ -32,38 +34,46 @@ const double *quantity_values(const points *set, quantity which)
         return set->spacing_local;
     case QUANTITY_DEGREE:
         return set->degree;
+    case QUANTITY_VALUES:
+    case QUANTITY_COLOR:
+        return look->values;
     default:
         return set->kappa;
     }
 }
 
-const char *quantity_title(quantity which)
+const char *quantity_title(const quantity_look *look)
 {
-    return shown_of[which].title;
+    return look->title ? look->title : shown_of[look->which].title;
 }
 
-bool quantity_scale(const points *set, quantity which, double extent, colormap_scale *out, error *e)
+bool quantity_scale(const points *set, const quantity_look *look, double extent, colormap_scale *out,
+                    error *e)
 {
-    const shown *s = &shown_of[which];
+    const shown *s = &shown_of[look->which];
     double unit = s->unit == LENGTH ? extent : s->unit == PER_LENGTH ? 1 / extent : 1;
-    if (which == QUANTITY_DEGREE) {
-        *out = degree_scale;
-        return true;
-    }
-    return colormap_scale_of(quantity_values(set, which), set->count, s->root, s->least * unit, out, e);
+    colormap_scale scale = degree_scale;
+    if (look->low < look->high)
+        scale = (colormap_scale){look->low, look->high, s->root && look->low >= 0, look->map};
+    else if (look->which != QUANTITY_DEGREE && look->which != QUANTITY_COLOR &&
+             !colormap_scale_of(quantity_values(set, look), set->count, s->root, s->least * unit, &scale, e))
+        return false;
+    scale.map = look->map;
+    *out = scale;
+    return true;
 }
 
-bool quantity_colors(const points *set, quantity which, vec3 *out, error *e)
+bool quantity_colors(const points *set, const quantity_look *look, vec3 *out, error *e)
 {
-    const double *values = quantity_values(set, which);
+    const double *values = quantity_values(set, look);
     bbox box = bbox_empty();
     colormap_scale scale;
     for (size_t i = 0; i < set->count; i++) box = bbox_include(box, set->position[i]);
     double extent = 0.5 * vec3_norm(vec3_sub(box.max, box.min)); /* as pictures take it */
-    if (!quantity_scale(set, which, extent, &scale, e)) return false;
+    if (!quantity_scale(set, look, extent, &scale, e)) return false;
     for (size_t i = 0; i < set->count; i++) {
         double srgb[3];
-        colormap_color(colormap_scale_place(&scale, values[i]), srgb);
+        colormap_color(scale.map, colormap_scale_place(&scale, values[i]), srgb);
         out[i] = vec3_make(srgb[0], srgb[1], srgb[2]);
     }
     return true;

@@ -162,9 +162,23 @@ static bool find_one(const spec *s, source *from, size_t memory_limit, attribute
     return true;
 }
 
-/* Whether the points will have the columns that are asked for: of a set of no points, which has each array that the
- * job's will have. */
-static bool check_columns(const spec *s, const attributes *a, error *e)
+static bool check_preview(const spec *s, const attributes *a, error *e)
+{
+    char list[400] = "";
+    if (!s->has_preview || !s->preview_attribute) return true;
+    for (size_t k = 0; k < a->count; k++) {
+        size_t used = strlen(list);
+        if (strcmp(a->values[k].name, s->preview_attribute) == 0) return true;
+        snprintf(list + used, sizeof list - used, "%s\"%s\"", k ? ", " : "", a->values[k].name);
+    }
+    return error_set(e, ERROR_ATTRIBUTE_MISSING,
+                     "/output/preview/attribute: the points carry no \"%s\"; they carry %s",
+                     s->preview_attribute, *list ? list : "no attributes");
+}
+
+/* Whether the points will have what the outputs ask for: of a set of no points, which has each array that the job's will
+ * have. */
+static bool check_outputs(const spec *s, const attributes *a, error *e)
 {
     static const vec3 vector;
     static const double number;
@@ -190,6 +204,7 @@ static bool check_columns(const spec *s, const attributes *a, error *e)
     set.attributes = a->values;
     for (size_t k = 0; k < a->count; k++)
         if (a->values[k].kind == POINT_ATTRIBUTE_UV) set.uv = &number;
+    if (!check_preview(s, a, e)) return false;
     return columns_choose(&set, (const char *const *)s->ply_properties, s->ply_property_count, &unused, e) ||
            error_prefix(e, "/output/ply/properties");
 }
@@ -207,7 +222,7 @@ bool attributes_find(const spec *s, source *from, size_t memory_limit, attribute
         if (!check_name(s, out, k, e) ||
             !find_one(s, from, memory_limit, &out->entries[k], &out->values[k], e))
             return error_prefix(e, "/attributes/%zu", k);
-    return check_columns(s, out, e);
+    return check_outputs(s, out, e);
 }
 
 /* ---- values ---- */

@@ -6,7 +6,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 
 #include "base/memory.h"
 #include "field/patches.h"
@@ -146,7 +145,7 @@ static bool write_formats(const char *directory, const results_input *in, const 
     layout frames = {0};
     bool ok =
         s->frame_count == 0 || layout_make(s->directory, s->frame, s->frame_count, in->frame, &frames, e);
-    const scene place = {results_y_up(s), frames.count, in->frame, frames.frames, frames.folders};
+    const scene place = {spec_y_up(s), frames.count, in->frame, frames.frames, frames.folders};
     for (int k = 0; ok && k < FORMATS; k++) {
         const point_format *f = &formats[k];
         if (f->of_mesh != of_mesh || !has_format(s, (format_name)k)) continue;
@@ -293,26 +292,47 @@ static bool write_turntable(const char *directory, int frames, const points *set
     return ok;
 }
 
-/* Assets of films and games stand along y, models of CAD and medical volumes along z. Of a combination the first part
- * tells. */
-bool results_y_up(const spec *s)
-{
-    const spec_surface *first = &s->surface;
-    if (s->preview_up != SPEC_UP_AUTO) return s->preview_up == SPEC_UP_Y;
-    while (first->part_count > 0) first = first->parts[0];
-    const char *ending = first->kind == SPEC_SURFACE_MESH ? strrchr(first->mesh.path, '.') : NULL;
-    return first->kind == SPEC_SURFACE_VDB ||
-           (first->kind == SPEC_SURFACE_MESH && !(ending && strcasecmp(ending, ".stl") == 0));
-}
-
-/* What pictures show. */
-static quantity quantity_of(const spec *s)
+/* What pictures show; of an attribute its values come later. */
+static quantity_look look_of(const spec *s)
 {
 #define SHOWN(prefix, name, word) [SPEC_COLOR_##name] = prefix##_##name,
     static const quantity shown[] = {SPEC_COLOR_LIST(SHOWN, QUANTITY)};
 #undef SHOWN
-    if (!s->has_preview) return s->has_alpha ? QUANTITY_ALPHA : QUANTITY_CURVATURE;
-    return shown[s->preview_color];
+#define MAP(prefix, name, word) [SPEC_MAP_COLORS_##name] = prefix##_##name,
+    static const colormap_map maps[] = {SPEC_MAP_COLORS_LIST(MAP, COLORMAP)};
+#undef MAP
+    quantity_look look = {.which = s->has_alpha ? QUANTITY_ALPHA : QUANTITY_CURVATURE};
+    if (!s->has_preview) return look;
+    look.which = shown[s->preview_color];
+    look.map = maps[s->preview_map];
+    if (s->preview_range_count > 0) {
+        look.low = s->preview_range[0];
+        look.high = s->preview_range[1];
+    }
+    return look;
+}
+
+/* Puts the values of an attribute into the look, to be freed: of a color all three of each point, else one. */
+static bool show_attribute(const points *set, const char *name, quantity_look *look, double **values,
+                           error *e)
+{
+    const point_attribute *a = set->attributes;
+    while (strcmp(a->name, name) != 0) a++; /* the spec was held against the names */
+    const bool color = a->kind == POINT_ATTRIBUTE_COLOR && a->components >= 3;
+    const size_t n = (size_t)a->components;
+    if (!(*values = mem_array(set->count, (color ? 3 : 1) * sizeof **values, "the preview's colours", e)))
+        return false;
+    for (size_t i = 0; i < set->count; i++) {
+        const double *v = a->values + n * i;
+        double squares = 0;
+        for (size_t c = 0; c < n; c++) squares += v[c] * v[c];
+        for (size_t c = 0; color && c < 3; c++) (*values)[3 * i + c] = fmin(fmax(v[c], 0), 1);
+        if (!color) (*values)[i] = n == 1 ? v[0] : sqrt(squares);
+    }
+    look->which = color ? QUANTITY_COLOR : QUANTITY_VALUES;
+    look->title = name;
+    look->values = *values;
+    return true;
 }
 
 static bool write_preview(const char *directory, const results_input *in, threads *pool, json *outputs,
@@ -322,16 +342,22 @@ static bool write_preview(const char *directory, const results_input *in, thread
     const points *set = in->set;
     const spec_camera *c = &s->camera;
     const camera_place place = {c->position, c->target, c->up, c->fov, c->orthographic};
-    const preview_options options = {s->preview_width, s->preview_height,
-                                     quantity_of(s),   s->has_camera ? &place : NULL,
-                                     results_y_up(s),  in->unresolved};
+    preview_options options = {s->preview_width, s->preview_height, look_of(s), s->has_camera ? &place : NULL,
+                               spec_y_up(s),     in->unresolved};
     image *picture;
-    if (!preview_render(set, &options, pool, &picture, e)) return false;
+    double *values = NULL;
+    if ((s->preview_attribute && !show_attribute(set, s->preview_attribute, &options.color, &values, e)) ||
+        !preview_render(set, &options, pool, &picture, e)) {
+        free(values);
+        return false;
+    }
     const canvas visible = {picture->rgb, picture->width, picture->height, 1};
     bool ok = write_png(directory, "preview.png", &visible, outputs, e) &&
               write_exr(directory, s, picture, outputs, e);
     preview_free(picture);
-    return ok && write_turntable(directory, s->turntable, set, &options, pool, outputs, e);
+    ok = ok && write_turntable(directory, s->turntable, set, &options, pool, outputs, e);
+    free(values);
+    return ok;
 }
 
 /* The sweeps, curve after curve. */
@@ -387,7 +413,8 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     with_color.set = &colored;
     if (!colored.color && needs_color(s)) {
         colored.color = color = mem_array(colored.count, sizeof *color, "colors", e);
-        if (!color || !quantity_colors(&colored, quantity_of(s), color, e)) goto failed;
+        const quantity_look look = look_of(s);
+        if (!color || !quantity_colors(&colored, &look, color, e)) goto failed;
     }
     if (!write_ply(directory, "points.ply", s, &colored, as_float, pool, outputs, e)) goto failed;
     if (s->has_points_vdb && !write_points_vdb(directory, &with_color, outputs, e)) goto failed;

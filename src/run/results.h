@@ -35,9 +35,6 @@ typedef struct results_input {
     size_t sweep_count;
 } results_input;
 
-/* Which axis of the job's points is up, y or z: as output.preview.up says, else as files of its kind have it. */
-bool results_y_up(const spec *s);
-
 /* Writes what spec->output asks for into `directory` and appends {name, bytes, sha256} of each file to
  * `outputs`. Errors: internal (the disk, or a file that does not read back as written), limit_memory,
  * cancelled. */

@@ -249,6 +249,15 @@ static void check_camera(reading *r, const json_at *at)
                           "up must not be zero, nor point along the line from position to target");
 }
 
+static void check_preview(reading *r, const json_at *at)
+{
+    const spec *s = r->s;
+    json_at range = json_member(at, "range");
+    if (s->preview_range_count == 0 && !range.node) return;
+    if (s->preview_range_count != 2 || !(s->preview_range[0] < s->preview_range[1]))
+        reading_add_fault(r, &range, "must be two numbers, the lower one first");
+}
+
 static void check_output(reading *r, const json_at *at)
 {
     json_at usda = json_member(at, "mesh_usda");
@@ -374,6 +383,7 @@ void rules_check_values(reading *r, const json_at *at, const char *group)
                  {"/sampling/control", check_control},
                  {"/solver", check_solver},
                  {"/output", check_output},
+                 {"/output/preview", check_preview},
                  {"/output/preview/camera", check_camera},
                  {"/queue", check_queue}};
     for (size_t k = 0; k < sizeof rules / sizeof rules[0]; k++)

@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #include "base/frames.h"
 #include "base/memory.h"
@@ -120,6 +121,7 @@ static const char *default_of(const reading *r, const spec_row *row)
     if (row->offset == offsetof(spec, surface.mesh.max_resolution) &&
         (r->surface->mesh.voxel_size > 0 || r->surface->mesh.resolution > 0))
         return NULL;
+    if (row->offset == offsetof(spec, camera.up)) return spec_y_up(r->s) ? "[0,1,0]" : "[0,0,1]";
     if (row->offset == offsetof(spec, preview_color)) return r->s->has_alpha ? "\"alpha\"" : "\"curvature\"";
     return row->otherwise;
 }
@@ -290,6 +292,21 @@ bool spec_check_frames(const spec *s, spec_faults *faults, error *e)
     return ok;
 }
 
+/* Assets of films and games stand along y, models of CAD and printing and medical volumes along z. Of a combination the
+ * first part tells. */
+bool spec_y_up(const spec *s)
+{
+    static const char *const z_up[] = {".stl", ".3mf", ".amf"};
+    const spec_surface *first = &s->surface;
+    if (s->preview_up != SPEC_UP_AUTO) return s->preview_up == SPEC_UP_Y;
+    while (first->part_count > 0) first = first->parts[0];
+    if (first->kind != SPEC_SURFACE_MESH) return first->kind == SPEC_SURFACE_VDB;
+    const char *ending = strrchr(first->mesh.path, '.');
+    for (size_t k = 0; ending && k < sizeof z_up / sizeof *z_up; k++)
+        if (strcasecmp(ending, z_up[k]) == 0) return false;
+    return true;
+}
+
 bool spec_attribute_has_file(const spec_attribute *a)
 {
     return strcmp(a->from, SPEC_FROM_SURFACE) != 0 && strcmp(a->from, SPEC_FROM_GEOMETRY) != 0;
@@ -341,6 +358,8 @@ void spec_free(spec *s)
     free(s->attributes);
     for (size_t i = 0; i < s->ply_property_count; i++) free(s->ply_properties[i]);
     free(s->ply_properties);
+    free(s->preview_attribute);
+    free(s->preview_range);
     for (size_t i = 0; i < s->label_count; i++) free(s->labels[i]);
     free(s->labels);
     for (size_t i = 0; i < s->depends_on_count; i++) free(s->depends_on[i]);

@@ -213,7 +213,11 @@ typedef struct spec {
     bool has_preview;                  /* true by default */
     int preview_width, preview_height; /* pixels */
     spec_color preview_color;          /* default: alpha with alpha, else curvature */
-    bool has_camera;                   /* otherwise the camera sees the whole surface */
+    char *preview_attribute;           /* instead of it; NULL: none */
+    double *preview_range;             /* two, ascending */
+    size_t preview_range_count;        /* 0: by the values */
+    spec_map_colors preview_map;
+    bool has_camera; /* otherwise the camera sees the whole surface */
     spec_camera camera;
     spec_up preview_up;
     spec_compression preview_compression; /* of preview.exr */
@@ -276,6 +280,9 @@ spec *spec_of_frame(const spec *s, size_t index, spec_faults *faults, error *e);
 
 /* Checks the specs of all frames, if they differ by queue.by_frame; fails at the first frame that is not valid. */
 bool spec_check_frames(const spec *s, spec_faults *faults, error *e);
+
+/* Which axis of the surface is up, y or z: as output.preview.up says, else as files of its kind have it. */
+bool spec_y_up(const spec *s);
 
 /* A file that the spec names. */
 typedef struct spec_input {

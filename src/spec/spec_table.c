@@ -1151,6 +1151,27 @@ const spec_row spec_rows[] = {
      .prose = "The quantity that the colours show: the amplitude alpha, the curvature kappa, the energy of "
               "a particle, the achieved spacing, or the number of neighbours. Default: alpha if "
               "sampling.alpha is given, otherwise curvature."},
+    {.pointer = "/output/preview/attribute",
+     .type = SPEC_TYPE_STRING,
+     .low = 1,
+     .high = 63,
+     AT(preview_attribute),
+     .prose =
+         "The colours show this attribute of the points, by its name in the outputs, instead of color: of a "
+         "vector its length. An attribute of the type color is shown as it is."},
+    {.pointer = "/output/preview/range",
+     .type = SPEC_TYPE_NUMBERS,
+     .low = -1e300,
+     .high = 1e300,
+     AT_HAS(preview_range, preview_range_count),
+     .prose =
+         "The values at both ends of the colours, the lower one first. Default: the 2nd and the 98th percentile."},
+    {.pointer = "/output/preview/map",
+     .type = SPEC_TYPE_WORD,
+     WORDS(SPEC_MAP_COLORS),
+     .otherwise = "\"viridis\"",
+     AT(preview_map),
+     .prose = "The colours. diverging: from blue through nearly white, the middle of the range, to red."},
     {.pointer = "/output/preview/compression",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_COMPRESSION),
@@ -1164,8 +1185,8 @@ const spec_row spec_rows[] = {
      .otherwise = "\"auto\"",
      AT(preview_up),
      .prose =
-         "The axis that points up where there is no camera. auto: y of OpenVDB files and of meshes but STL files, z "
-         "of all others."},
+         "The axis that points up unless a camera says so. auto: y of OpenVDB files and of meshes but STL, 3MF and "
+         "AMF files, z of all others."},
     {.pointer = "/output/preview/camera",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
@@ -1193,10 +1214,10 @@ const spec_row spec_rows[] = {
      .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
-     .otherwise = "[0,0,1]",
      AT(camera.up),
-     .prose = "The direction that points up in the image. It must not be parallel to the line of sight. A "
-              "turntable rotates about it."},
+     .prose =
+         "The direction that points up in the image; default: that of the axis that up says. It must not be "
+         "parallel to the line of sight. A turntable rotates about it."},
     {.pointer = "/output/preview/camera/fov",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,

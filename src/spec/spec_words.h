@@ -127,6 +127,16 @@ typedef enum spec_color { SPEC_COLOR_LIST(WORDS_ENUMERATOR, SPEC_COLOR) SPEC_COL
     ENTRY(prefix, Z, "z")
 typedef enum spec_up { SPEC_UP_LIST(WORDS_ENUMERATOR, SPEC_UP) SPEC_UP_COUNT } spec_up;
 
+/* /output/preview/map */
+#define SPEC_MAP_COLORS_LIST(ENTRY, prefix) \
+    ENTRY(prefix, VIRIDIS, "viridis")       \
+    ENTRY(prefix, GRAY, "gray")             \
+    ENTRY(prefix, DIVERGING, "diverging")
+
+typedef enum spec_map_colors {
+    SPEC_MAP_COLORS_LIST(WORDS_ENUMERATOR, SPEC_MAP_COLORS) SPEC_MAP_COLORS_COUNT
+} spec_map_colors;
+
 /* /output/preview/compression */
 #define SPEC_COMPRESSION_LIST(ENTRY, prefix) \
     ENTRY(prefix, NONE, "none")              \

@@ -7,7 +7,7 @@ import numpy
 import pytest
 from scipy import ndimage
 
-from readers import read_columns
+from readers import read_columns, read_exr
 from volumes import Part, write_exr, write_nifti, write_nrrd
 
 # Of the range of the values.
@@ -559,6 +559,51 @@ def test_frames_of_a_sequence_carry_those_of_their_own_file(worker, write_vdb, t
         close(columns["temperature"], linear(made[k]["temperature"], index), 300)
         with numpy.load(tmp_path / str(k + 1) / "points.npz") as arrays:
             assert (arrays["id"] == columns["id"]).all() and arrays["velocity"].shape == (500, 3)
+
+
+# ---- pictures
+
+def test_previews_show_an_attribute(carry, tmp_path):
+    """Light of every hue that the disc of a point has is that of its attribute; read from the EXR, whose pixels say whose they are."""
+    rng = numpy.random.default_rng(3)
+    write_nrrd(tmp_path / "ball.nrrd", ball(), SPACES["plain"])
+    slope = lattice()[..., 0].astype("f4") - (SIZE - 1) / 2
+    write_nrrd(tmp_path / "slope.nrrd", slope, SPACES["plain"])
+    colors = (0.1 + 0.8 * rng.random((SIZE, SIZE, SIZE, 3))).astype("f4")
+    write_vectors(tmp_path / "colors.nrrd", colors, SPACES["plain"])
+    surface = {"volume": {"path": str(tmp_path / "ball.nrrd"), "isovalue": 0}}
+    attributes = [{"from": str(tmp_path / "slope.nrrd"), "as": "slope"},
+                  {"from": str(tmp_path / "colors.nrrd"), "as": "Cd", "type": "color"},
+                  {"from": str(tmp_path / "colors.nrrd"), "as": "arrow", "type": "vector"}]
+
+    def picture(**preview):
+        columns, report = carry(surface, attributes, output={"preview": preview, "ply": {"precision": "double"}})
+        assert report, columns
+        _, _, image = read_exr((tmp_path / "out/preview.exr").read_bytes())
+        shown = (image["id"] > 0) & (image["A"] == 1)
+        assert shown.sum() > 20_000
+        return columns, numpy.stack([image[c][shown] for c in "RGB"], -1).astype(float), image["id"][shown] - 1
+
+    columns, light, whose = picture(attribute="Cd")
+    meant = numpy.stack([columns[f"Cd_{c}"] for c in "rgb"], -1)[whose]
+    meant = numpy.where(meant <= 0.04045, meant / 12.92, ((meant + 0.055) / 1.055) ** 2.4)
+    cosine = (light * meant).sum(1) / numpy.linalg.norm(light, axis=1) / numpy.linalg.norm(meant, axis=1)
+    assert numpy.median(cosine) > 0.9999 and numpy.quantile(cosine, 0.1) > 0.99  # edges of discs are of two points
+    columns, light, whose = picture(attribute="slope", map="diverging", range=[-3, 3])
+    slopes = columns["slope"][whose]
+    redder = light[:, 0] > light[:, 2]
+    clear = numpy.abs(slopes) > 1
+    assert clear.sum() > 10_000 and (redder[clear] == (slopes[clear] > 0)).mean() > 0.999
+    columns, light, whose = picture(attribute="arrow", map="gray")
+    assert numpy.abs(light - light.mean(1, keepdims=True)).max() < 2e-3
+    length = numpy.linalg.norm(vectors(columns, "arrow"), axis=1)[whose]
+    assert numpy.corrcoef(length, light[:, 0])[0, 1] > 0.3
+    error, none = carry(surface, attributes, output={"preview": {"attribute": "heat"}})
+    assert none is None and error["code"] == "attribute_missing"
+    assert '"heat"; they carry "slope", "Cd", "arrow"' in error["message"]
+    for wrong in ([1], [2, 1], [1, 1], [0, 1, 2]):
+        error, none = carry(surface, [], output={"preview": {"range": wrong}})
+        assert none is None and error["errors"][0]["pointer"] == "/output/preview/range"
 
 
 # ---- which properties, and in which order

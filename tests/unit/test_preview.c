@@ -30,7 +30,7 @@ static image *render_options(const points *set, const preview_options *options, 
 
 static image *render_with(const points *set, int width, int height, quantity which, int workers)
 {
-    const preview_options options = {.width = width, .height = height, .color = which};
+    const preview_options options = {.width = width, .height = height, .color = {.which = which}};
     return render_options(set, &options, workers);
 }
 
@@ -43,7 +43,7 @@ static void refuse(const points *set, int width, int height, const char *words)
 {
     error e = {0};
     image *m = NULL;
-    preview_options options = {.width = width, .height = height, .color = QUANTITY_CURVATURE};
+    preview_options options = {.width = width, .height = height, .color = {.which = QUANTITY_CURVATURE}};
     threads *pool = threads_new(1, NULL, &e);
     assert_false(preview_render(set, &options, pool, &m, &e));
     threads_free(pool);
@@ -105,8 +105,10 @@ static void test_pixels_are_the_discs(void **state)
     for (int k = -1; k < 4; k++) {
         if (k == 2) /* the inside of the sphere is its outside */
             for (size_t i = 0; i < s.points.count; i++) s.normal[i] = vec3_scale(s.normal[i], -1);
-        const preview_options options = {
-            .width = 640, .height = 480, .color = QUANTITY_CURVATURE, .camera = k < 0 ? NULL : &places[k]};
+        const preview_options options = {.width = 640,
+                                         .height = 480,
+                                         .color = {.which = QUANTITY_CURVATURE},
+                                         .camera = k < 0 ? NULL : &places[k]};
         image *m = render_options(&s.points, &options, 1);
         int checked = check_discs(&s, m);
         if (checked < (k < 2 ? 100 : 4)) fail_msg("camera %d sees %d discs", k, checked);
@@ -129,7 +131,7 @@ static void test_what_is_behind_is_not_seen(void **state)
     for (int k = 0; k < 2; k++) {
         const camera_place away = {{0, -3, 0}, {0, -4, 0}, {0, 0, 1}, 0, k};
         const preview_options options = {
-            .width = 100, .height = 100, .color = QUANTITY_ENERGY, .camera = &away};
+            .width = 100, .height = 100, .color = {.which = QUANTITY_ENERGY}, .camera = &away};
         image *m = render_options(&s.points, &options, 1);
         assert_int_equal(count_covered(m), 0);
         preview_free(m);
@@ -150,7 +152,7 @@ static void test_what_stands_along_y(void **state)
         lies.position[i] = vec3_make(x.x, x.z, -x.y);
         lies.normal[i] = vec3_make(n.x, n.z, -n.y);
     }
-    preview_options options = {.width = 200, .height = 200, .color = QUANTITY_CURVATURE};
+    preview_options options = {.width = 200, .height = 200, .color = {.which = QUANTITY_CURVATURE}};
     image *one = render_options(&stands.points, &options, 1);
     options.y_up = true;
     image *other = render_options(&lies.points, &options, 1);
@@ -168,7 +170,7 @@ static void test_unresolved_discs_are_smaller(void **state)
 {
     (void)state;
     point_set s = point_set_sphere(400, vec3_make(0, 0, 0), 1);
-    preview_options options = {.width = 300, .height = 300, .color = QUANTITY_CURVATURE};
+    preview_options options = {.width = 300, .height = 300, .color = {.which = QUANTITY_CURVATURE}};
     image *whole = render_options(&s.points, &options, 1);
     options.unresolved = true;
     image *loose = render_options(&s.points, &options, 1);
@@ -188,7 +190,7 @@ static void test_turntables(void **state)
     static const camera_place place = {{5, 1, 2}, {1, 1, 1}, {0, 1, 0}, 0.8, 0};
     point_set s = point_set_sphere(500, vec3_make(100, 5, -7), 1);
     for (size_t i = 0; i < s.points.count; i++) s.position[i].x = 100 + 4 * (s.position[i].x - 100);
-    preview_options options = {.width = 300, .height = 200, .color = QUANTITY_SPACING};
+    preview_options options = {.width = 300, .height = 200, .color = {.which = QUANTITY_SPACING}};
     camera still = camera_fit(s.position, s.points.count, 0.1, (camera_frame){0, 0, 300, 200, false}),
            from[FRAMES];
     preview_orbit(&s.points, &options, FRAMES, from);
@@ -225,7 +227,8 @@ static void test_every_quantity_is_shown(void **state)
     s.points.degree = degree;
     for (quantity which = QUANTITY_ALPHA; which <= QUANTITY_DEGREE; which++) {
         for (size_t i = 0; i < 300; i++) degree[i] = 6;
-        double *values = (double *)quantity_values(&s.points, which), even = values[0];
+        double *values = (double *)quantity_values(&s.points, &(quantity_look){.which = which}),
+               even = values[0];
         for (size_t i = 0; i < 300; i++) values[i] = s.position[i].x > 0 ? 7 : 5;
         for (size_t i = 0; which == QUANTITY_SPACING && i < 300; i++)
             values[i] = s.position[i].x > 0 ? 0.15 : 0.12;
@@ -514,7 +517,7 @@ static void test_viridis(void **state)
     double previous = -1; /* brighter all the way */
     for (int i = 0; i <= 100; i++) {
         double c[3];
-        colormap_color(i / 100.0, c);
+        colormap_color(COLORMAP_VIRIDIS, i / 100.0, c);
         double light =
             0.2126 * colormap_linear(c[0]) + 0.7152 * colormap_linear(c[1]) + 0.0722 * colormap_linear(c[2]);
         assert_true(light > previous);
@@ -563,8 +566,8 @@ static void test_legend(void **state)
     point_set s = point_set_sphere(50, vec3_make(0, 0, 0), 1);
     image *m = render(&s.points, 512, 512, QUANTITY_CURVATURE);
     double first[3], last[3];
-    colormap_color(0, first);
-    colormap_color(1, last);
+    colormap_color(COLORMAP_VIRIDIS, 0, first);
+    colormap_color(COLORMAP_VIRIDIS, 1, last);
     int width = (int)(0.4 * 512), left = (512 - width) / 2, rows = 0;
     for (int y = 512 - legend_height(512, 512); y < 512; y++) {
         const unsigned char *a = m->rgb + 3 * (y * 512 + left),

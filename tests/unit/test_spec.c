@@ -231,7 +231,7 @@ static bool is_bound_by_another(const spec_row *row)
     const char *key = spec_row_key(row);
     return strcmp(key, "minor_radius") == 0 || strcmp(key, "major_radius") == 0 ||
            strcmp(key, "rounding") == 0 || strcmp(key, "min") == 0 || strcmp(key, "max") == 0 ||
-           strcmp(key, "start_count") == 0 || strcmp(key, "matrix") == 0;
+           strcmp(key, "start_count") == 0 || strcmp(key, "matrix") == 0 || strcmp(key, "range") == 0;
 }
 
 /* Members of the objects of a list, which have a test of their own. */
@@ -632,7 +632,7 @@ static void test_normalised_is_idempotent(void **state)
         "\"auto\",\"max_sweeps\":5000,"
         "\"step_tolerance\":0.003,\"energy_tolerance\":0.05},\"output\":{\"ply\":{\"format\":"
         "\"binary_little_endian\",\"precision\":\"float\"},\"preview\":{\"size\":[512,512],"
-        "\"color\":\"curvature\",\"compression\":\"none\",\"up\":\"auto\",\"turntable\":0},\"convergence\":false,"
+        "\"color\":\"curvature\",\"map\":\"viridis\",\"compression\":\"none\",\"up\":\"auto\",\"turntable\":0},\"convergence\":false,"
         "\"points_vdb\":false,\"points_npz\":false,\"points_glb\":false,\"points_usda\":false,"
         "\"mesh\":false,\"mesh_usda\":false},"
         "\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_attempts\":0},"

@@ -854,8 +854,8 @@ class OutputPreviewCamera(_OutputPreviewCameraNeeded, _OutputPreviewCameraRest):
 
     position: The position of the eye. Points behind it are not visible, also in orthographic images. (world)
     target: The point in the middle of the image. (world)
-    up: The direction that points up in the image. It must not be parallel to the line of sight. A turntable
-        rotates about it. Default: [0, 0, 1].
+    up: The direction that points up in the image; default: that of the axis that up says. It must not be
+        parallel to the line of sight. A turntable rotates about it.
     fov: The angle of view along the longer side of the image. 0.452 if neither fov nor orthographic is given.
         (radians)
     orthographic: Selects parallel projection: the length that the longer side of the image shows. (world)
@@ -865,6 +865,9 @@ class OutputPreviewCamera(_OutputPreviewCameraNeeded, _OutputPreviewCameraRest):
 class _OutputPreviewRest(TypedDict, total=False):
     size: Union[int, Sequence[int]]
     color: Literal["alpha", "curvature", "energy", "spacing", "degree"]
+    attribute: str
+    range: Sequence[float]
+    map: Literal["viridis", "gray", "diverging"]
     compression: Literal["none", "rle", "zips"]
     up: Literal["auto", "y", "z"]
     camera: OutputPreviewCamera
@@ -878,10 +881,16 @@ class OutputPreview(_OutputPreviewRest):
     color: The quantity that the colours show: the amplitude alpha, the curvature kappa, the energy of a
         particle, the achieved spacing, or the number of neighbours. Default: alpha if sampling.alpha is
         given, otherwise curvature.
+    attribute: The colours show this attribute of the points, by its name in the outputs, instead of color: of
+        a vector its length. An attribute of the type color is shown as it is.
+    range: The values at both ends of the colours, the lower one first. Default: the 2nd and the 98th
+        percentile.
+    map: The colours. diverging: from blue through nearly white, the middle of the range, to red. Default:
+        'viridis'.
     compression: The compression of preview.exr. At 512 x 512 pixels, none gives 12.6 MB; rle about 6 MB for
         20 ms of processor time, zips about 3 MB for 130 ms. Default: 'none'.
-    up: The axis that points up where there is no camera. auto: y of OpenVDB files and of meshes but STL
-        files, z of all others. Default: 'auto'.
+    up: The axis that points up unless a camera says so. auto: y of OpenVDB files and of meshes but STL, 3MF
+        and AMF files, z of all others. Default: 'auto'.
     camera: The camera. Without it, the surface is seen from the right, the front and above, and fills the
         image.
     turntable: The number of images of one full rotation around the surface: preview.0001.png and so on; 0:

@@ -1,0 +1,179 @@
+"""Meshes in formats that few files of the collection have: the same box with sides of 1, 2 and 3, beside OBJ. Each stands where its
+file says, and pictures have the axis up that files of its kind have."""
+import base64
+import json
+import struct
+import zipfile
+
+import numpy
+import pytest
+
+CORNERS = numpy.array([(x, y, z) for z in (0, 3) for y in (0, 2) for x in (0, 1)], "f4")
+FACES = numpy.array([(0, 2, 3), (0, 3, 1), (4, 5, 7), (4, 7, 6), (0, 1, 5), (0, 5, 4),
+                     (2, 6, 7), (2, 7, 3), (0, 4, 6), (0, 6, 2), (1, 3, 7), (1, 7, 5)])
+
+
+def write_obj(path):
+    path.write_text("".join("v %g %g %g\n" % tuple(v) for v in CORNERS) + "".join("f %d %d %d\n" % tuple(f + 1) for f in FACES))
+
+
+def write_off(path):
+    path.write_text(f"OFF\n{len(CORNERS)} {len(FACES)} 0\n" + "".join("%g %g %g\n" % tuple(v) for v in CORNERS) +
+                    "".join("3 %d %d %d\n" % tuple(f) for f in FACES))
+
+
+def write_stl(path):
+    rows = b"".join(struct.pack("<12fH", 0, 0, 0, *CORNERS[f].ravel(), 0) for f in FACES)
+    path.write_bytes(bytes(80) + struct.pack("<I", len(FACES)) + rows)
+
+
+def gltf(uri=None):
+    """The document, and its binary part."""
+    data = CORNERS.tobytes() + FACES.astype("<u2").tobytes()
+    buffer = {"byteLength": len(data), **({"uri": uri(data)} if uri else {})}
+    return {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "buffers": [buffer],
+            "nodes": [{"mesh": 0}], "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+            "bufferViews": [{"buffer": 0, "byteOffset": 0, "byteLength": 96}, {"buffer": 0, "byteOffset": 96, "byteLength": 72}],
+            "accessors": [{"bufferView": 0, "componentType": 5126, "count": 8, "type": "VEC3", "min": [0, 0, 0], "max": [1, 2, 3]},
+                          {"bufferView": 1, "componentType": 5123, "count": 36, "type": "SCALAR"}]}, data
+
+
+def write_gltf(path):
+    document, _ = gltf(lambda data: "data:application/octet-stream;base64," + base64.b64encode(data).decode())
+    path.write_text(json.dumps(document))
+
+
+def write_glb(path):
+    document, data = gltf()
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(data)) + struct.pack("<I4s", len(text), b"JSON") + text +
+                     struct.pack("<I4s", len(data), b"BIN\0") + data)
+
+
+def write_fbx(path):
+    numbers = ",".join(f"{v:g}" for v in CORNERS.ravel())
+    corners = ",".join(f"{a},{b},{-c - 1}" for a, b, c in FACES)
+    path.write_text(f"""; FBX 7.3.0 project file
+FBXHeaderExtension:  {{
+    FBXHeaderVersion: 1003
+    FBXVersion: 7300
+}}
+GlobalSettings:  {{
+    Version: 1000
+    Properties70:  {{
+        P: "UpAxis", "int", "Integer", "",1
+        P: "UnitScaleFactor", "double", "Number", "",1
+    }}
+}}
+Objects:  {{
+    Geometry: 1001, "Geometry::box", "Mesh" {{
+        Vertices: *24 {{
+            a: {numbers}
+        }}
+        PolygonVertexIndex: *36 {{
+            a: {corners}
+        }}
+        GeometryVersion: 124
+    }}
+    Model: 2001, "Model::box", "Mesh" {{
+        Version: 232
+    }}
+}}
+Connections:  {{
+    C: "OO",2001,0
+    C: "OO",1001,2001
+}}
+""")
+
+
+def write_dae(path, up="Y_UP"):
+    numbers = " ".join(f"{v:g}" for v in CORNERS.ravel())
+    path.write_text(f"""<?xml version="1.0" encoding="utf-8"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><created>2020-01-01T00:00:00</created><modified>2020-01-01T00:00:00</modified><up_axis>{up}</up_axis></asset>
+<library_geometries><geometry id="box"><mesh>
+<source id="p"><float_array id="pa" count="24">{numbers}</float_array>
+<technique_common><accessor source="#pa" count="8" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
+<param name="Z" type="float"/></accessor></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<triangles count="12"><input semantic="VERTEX" source="#v" offset="0"/><p>{" ".join(map(str, FACES.ravel()))}</p></triangles>
+</mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s"><node id="n"><instance_geometry url="#box"/></node></visual_scene></library_visual_scenes>
+<scene><instance_visual_scene url="#s"/></scene>
+</COLLADA>
+""")
+
+
+def write_3mf(path):
+    vertices = "".join('<vertex x="%g" y="%g" z="%g"/>' % tuple(v) for v in CORNERS)
+    triangles = "".join('<triangle v1="%d" v2="%d" v3="%d"/>' % tuple(f) for f in FACES)
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("[Content_Types].xml", """<?xml version="1.0" encoding="UTF-8"?>
+<Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">
+<Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>
+<Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/></Types>""")
+        archive.writestr("_rels/.rels", """<?xml version="1.0" encoding="UTF-8"?>
+<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships"><Relationship Target="/3D/3dmodel.model" Id="rel0"
+Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relationships>""")
+        archive.writestr("3D/3dmodel.model", f"""<?xml version="1.0" encoding="UTF-8"?>
+<model unit="millimeter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><resources>
+<object id="1" type="model"><mesh><vertices>{vertices}</vertices><triangles>{triangles}</triangles></mesh></object>
+</resources><build><item objectid="1"/></build></model>""")
+
+
+def write_amf(path):
+    vertices = "".join("<vertex><coordinates><x>%g</x><y>%g</y><z>%g</z></coordinates></vertex>" % tuple(v) for v in CORNERS)
+    triangles = "".join("<triangle><v1>%d</v1><v2>%d</v2><v3>%d</v3></triangle>" % tuple(f) for f in FACES)
+    path.write_text(f"""<?xml version="1.0" encoding="UTF-8"?>
+<amf unit="millimeter"><object id="0"><mesh><vertices>{vertices}</vertices><volume>{triangles}</volume></mesh></object></amf>
+""")
+
+
+def write_x3d(path):
+    path.write_text(f"""<?xml version="1.0" encoding="UTF-8"?>
+<X3D version="3.0" profile="Interchange"><Scene><Shape><IndexedFaceSet solid="true"
+coordIndex="{" ".join("%d %d %d -1" % tuple(f) for f in FACES)}"><Coordinate point="{" ".join("%g %g %g" % tuple(v) for v in CORNERS)}"/>
+</IndexedFaceSet></Shape></Scene></X3D>
+""")
+
+
+@pytest.mark.parametrize("name, up", [("obj", "y"), ("off", "y"), ("stl", "z"), ("gltf", "y"), ("glb", "y"), ("fbx", "y"), ("dae", "y"),
+                                      ("3mf", "z"), ("amf", "z"), ("x3d", "y")])
+def test_a_box(worker, tmp_path, name, up):
+    path = tmp_path / f"box.{name}"
+    globals()[f"write_{name}"](path)
+    done = worker({"version": 1, "surface": {"mesh": {"path": str(path), "resolution": 60}}, "sampling": {"count": 300},
+                   "output": {"preview": False}})
+    assert done.returncode in (0, 10, 11), done.stderr
+    report = json.loads((tmp_path / "out/report.json").read_text())
+    box = report["surface"]["bounding_box"]
+    assert numpy.allclose(box["min"], 0, atol=0.05) and numpy.allclose(box["max"], (1, 2, 3), atol=0.05), box
+    assert report["surface"]["area"] == pytest.approx(22, rel=0.02) and report["up"] == up
+
+
+def test_usd_is_not_read(worker, tmp_path):
+    (tmp_path / "box.usda").write_text('#usda 1.0\ndef Mesh "box" {\n}\n')
+    done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "box.usda")}}, "sampling": {"count": 300}})
+    assert done.returncode == 3 and json.loads(done.stderr.splitlines()[-1])["code"] == "input_unsupported", done.stderr
+
+
+def test_what_is_up_in_pictures(worker, tmp_path):
+    """Of a camera without an up it is the axis of the file's kind, unless the spec says one; a file of COLLADA that stands along z is
+    turned, and stands along y."""
+    def run(path, **preview):
+        camera = {"position": [9, 8, 7], "target": [0.5, 1, 1.5]}
+        done = worker({"version": 1, "surface": {"mesh": {"path": str(path), "resolution": 40}}, "sampling": {"count": 300},
+                       "output": {"preview": {"size": 96, "camera": {**camera, **preview.pop("camera", {})}, **preview}}})
+        assert done.returncode in (0, 10, 11), done.stderr
+        report = json.loads((tmp_path / "out/report.json").read_text())
+        return report["up"], report["spec"]["output"]["preview"]["camera"]["up"], report["surface"]["bounding_box"]["max"]
+    write_glb(tmp_path / "box.glb")
+    write_stl(tmp_path / "box.STL")
+    write_dae(tmp_path / "box.dae", "Z_UP")
+    assert run(tmp_path / "box.glb")[:2] == ("y", [0, 1, 0])
+    assert run(tmp_path / "box.STL")[:2] == ("z", [0, 0, 1])
+    assert run(tmp_path / "box.STL", up="y")[:2] == ("y", [0, 1, 0])
+    assert run(tmp_path / "box.glb", camera={"up": [0, 0, 1]})[:2] == ("y", [0, 0, 1])
+    up, _, highest = run(tmp_path / "box.dae")
+    assert up == "y" and numpy.allclose(highest, (1, 3, 0), atol=0.05)
