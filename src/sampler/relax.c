@@ -3,6 +3,7 @@
 #include <assert.h>
 #include <stdatomic.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/isa.h"
 #include "base/memory.h"
@@ -64,6 +65,7 @@ void relax_free(relax *r)
     free_scratch(r);
     free(r->scratch);
     free(r->flat);
+    free(r->watched);
     free(r->moved);
     free(r->parts);
     neighbours_free(r->near);
@@ -124,6 +126,14 @@ static void look_chunk(void *context, int worker, size_t begin, size_t end)
 bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
 {
     r->near->label = p->patch;
+    if (p->patch && !r->watched) {
+        r->watched = mem_array(r->near->capacity, sizeof *r->watched, "neighbour lists", e);
+        if (!r->watched) return false;
+    }
+    if (p->patch && r->watched_count != p->count) {
+        memset(r->watched, 0, p->count * sizeof *r->watched);
+        r->watched_count = p->count;
+    }
     if (!neighbours_build(r->near, p->count, p->position, p->size, sigma + skin, r->pool, e) || !grow(r, e))
         return false;
     r->sigma = sigma;
@@ -495,7 +505,8 @@ static void sweep_set(const sweep_job *job, int worker, const uint32_t *items, s
     for (size_t k = 0; k < count; k++)
         if (particles_is_fixed(job->p, items[k]))
             continue;
-        else if (job->r->flat[items[k]] && !job->p->near_boundary[items[k]])
+        else if (job->r->flat[items[k]] && !job->p->near_boundary[items[k]] &&
+                 !(job->r->watched && job->r->watched[items[k]]))
             smooth[smooth_count++] = items[k];
         else
             creased[creased_count++] = items[k];

@@ -57,19 +57,35 @@ double relax_mean_energy(relax *r, particles *p, double sigma)
     return alpha > 0 ? sum / alpha : all / all_alpha;
 }
 
+/* Of the spacing: a longer step that is left to a particle makes it watched. Rest asks for a root mean square of a few
+ * thousandths. */
+static const double WATCHED_STEP = 3e-3;
+
 /* Sums are made of so many parts, by the count alone. */
 enum { PARTS = 256 };
 
 typedef struct steps_job {
     sweep_job sweep;
+    double spacing;
     size_t grain;
     double squares[PARTS];
     size_t counts[PARTS];
 } steps_job;
 
+/* Of a surface with patches: whether a particle has looked for a better place in vain, as it is watched. If its step is long it is
+ * from now on. */
+static bool rests_on_kink(const relax *r, const particles *p, uint32_t i, bool is_long)
+{
+    if (!r->watched) return false;
+    bool rests = r->watched[i] && p->lambda[i] >= (float)RELAX_LAMBDA_CAP;
+    r->watched[i] |= is_long;
+    return rests;
+}
+
 /* The sum of the squared Newton steps of particles whose neighbours all face their way, each over its size. None is longer
  * than the way to the nearest neighbour, as in a sweep: where the Hessian is all but singular a step says nothing. */
-static double squared_steps(const sweep_job *job, int worker, const uint32_t *items, size_t count)
+static double squared_steps(const sweep_job *job, int worker, const uint32_t *items, size_t count,
+                            double spacing)
 {
     const relax *r = job->r;
     const particles *p = job->p;
@@ -101,7 +117,9 @@ static double squared_steps(const sweep_job *job, int worker, const uint32_t *it
     for (size_t l = 0; l < count; l++) {
         double s1, s2, over = unit / p->size[items[l]];
         relax_damped_step(&f[l], 0, &s1, &s2);
-        squares += fmin(s1 * s1 + s2 * s2, f[l].nearest2) * over * over;
+        double square = fmin(s1 * s1 + s2 * s2, f[l].nearest2) * over * over;
+        if (!rests_on_kink(r, p, items[l], square > WATCHED_STEP * WATCHED_STEP * spacing * spacing))
+            squares += square;
     }
     return squares;
 }
@@ -131,7 +149,7 @@ static void steps_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t i = begin; i < end; i++) {
         if (is_held_at(&job->sweep, i)) items[held++] = (uint32_t)i;
         if (held < FAST_KERNEL_LANES && i + 1 < end) continue;
-        job->squares[part] += squared_steps(&job->sweep, worker, items, held);
+        job->squares[part] += squared_steps(&job->sweep, worker, items, held, job->spacing);
         job->counts[part] += held;
         held = 0;
     }
@@ -139,7 +157,8 @@ static void steps_chunk(void *context, int worker, size_t begin, size_t end)
 
 double relax_rms_step_left(relax *r, particles *p, double sigma, double spacing)
 {
-    steps_job job = {.sweep = {.r = r, .p = p, .sigma = sigma}, .grain = p->count / PARTS + 1};
+    steps_job job = {
+        .sweep = {.r = r, .p = p, .sigma = sigma}, .spacing = spacing, .grain = p->count / PARTS + 1};
     threads_run(r->pool, p->count, job.grain, steps_chunk, &job);
     double squares = 0;
     size_t count = 0;

@@ -14,6 +14,8 @@ static const double SHORTEST = 0.5;
 /* When there are too many places all go farther apart, a little more than in proportion, so often at most. */
 static const double WIDENING = 1.02;
 enum { WIDENINGS = 12 };
+/* Of a spacing: where a patch meets itself its normals on either side of a curve are looked at this far from it. */
+static const double BESIDE = 0.05;
 /* Newton steps that bring a place onto both surfaces of a curve, which the polyline follows closely. */
 enum { ON_STEPS = 6 };
 
@@ -154,8 +156,26 @@ static vec3 settle(const field_curve *c, vec3 x)
     return x;
 }
 
+static vec3 normal_at(const field *patch, vec3 x)
+{
+    field_sample s;
+    if (!field_sample_at(patch, x, FIELD_GRADIENT, &s) || !(vec3_norm2(s.gradient) > 0))
+        return (vec3){0, 0, 1};
+    return vec3_unit(s.gradient);
+}
+
+/* The mean of a patch's normals on either side of a curve along which it meets itself. */
+static vec3 mean_normal(const field *patch, vec3 x, vec3 along, double beside)
+{
+    vec3 n = normal_at(patch, x), across = vec3_cross(along, n);
+    if (!(vec3_norm2(across) > 0)) return n;
+    across = vec3_scale(vec3_unit(across), beside);
+    vec3 sum = vec3_add(normal_at(patch, vec3_add(x, across)), normal_at(patch, vec3_sub(x, across)));
+    return vec3_norm2(sum) > 0 ? vec3_unit(sum) : n;
+}
+
 /* A stand of the last place for a patch, unless it has one. */
-static bool add_stand(layout *l, const field *f, uint32_t patch, curve_rows *out, error *e)
+static bool add_stand(layout *l, uint32_t patch, vec3 n, curve_rows *out, error *e)
 {
     uint32_t place = (uint32_t)(out->count - 1);
     for (size_t k = out->stands; k > 0 && out->place[k - 1] == place; k--)
@@ -169,11 +189,6 @@ static bool add_stand(layout *l, const field *f, uint32_t patch, curve_rows *out
     vec3 *normal = mem_grow(out->normal, out->stands, &l->capacity[4], 256, sizeof *normal, WHAT, e);
     if (!normal) return false;
     out->normal = normal;
-    field_sample s;
-    vec3 n = {0, 0, 1};
-    if (field_sample_at(field_of_patch(f, patch), out->position[place], FIELD_GRADIENT, &s) &&
-        vec3_norm2(s.gradient) > 0)
-        n = vec3_unit(s.gradient);
     out->place[out->stands] = place;
     out->patch[out->stands] = patch;
     out->normal[out->stands++] = n;
@@ -193,16 +208,31 @@ static bool add_place(layout *l, vec3 x, uint32_t curve, curve_rows *out, error 
     return true;
 }
 
-/* The last place stands for the patches of a curve; `share` of a cell's half behind it is that of each. */
-static bool add_stands(layout *l, const field *f, const field_curve *c, double share, curve_rows *out,
-                       error *e)
+/* The last place stands for the patches of a curve, which goes `along` there; `share` of a cell's half behind it is that of
+ * each. */
+static bool add_stands(layout *l, const field *f, const field_curve *c, vec3 along, double share,
+                       curve_rows *out, error *e)
 {
+    const uint32_t *patches = l->patches->curve_patch + c->patch_first;
+    vec3 x = out->position[out->count - 1];
     for (size_t k = 0; k < c->patch_count; k++) {
-        uint32_t patch = l->patches->curve_patch[c->patch_first + k];
-        out->border[patch] += 0.5 * share;
-        if (!add_stand(l, f, patch, out, e)) return false;
+        const field *patch = field_of_patch(f, patches[k]);
+        bool twice = false;
+        for (size_t m = 0; m < c->patch_count; m++) twice |= m != k && patches[m] == patches[k];
+        vec3 n = twice ? mean_normal(patch, x, along, BESIDE * boundary_spacing(&l->request, x))
+                       : normal_at(patch, x);
+        out->border[patches[k]] += 0.5 * share;
+        if (!add_stand(l, patches[k], n, out, e)) return false;
     }
     return true;
+}
+
+/* The direction of a curve at an end of it, whichever way. */
+static vec3 direction_at_end(const field_patches *p, const field_curve *c, vec3 corner)
+{
+    const vec3 *vertex = p->vertex + c->first;
+    bool first = memcmp(&vertex[0], &corner, sizeof corner) == 0;
+    return first ? vec3_sub(vertex[1], vertex[0]) : vec3_sub(vertex[c->count - 1], vertex[c->count - 2]);
 }
 
 static bool place_corners(layout *l, const field *f, curve_rows *out, error *e)
@@ -211,9 +241,11 @@ static bool place_corners(layout *l, const field *f, curve_rows *out, error *e)
         uint32_t corner = l->ends[k].corner;
         bool left_out = l->left_out[corner];
         if (!left_out && !add_place(l, l->ends[k].at, l->ends[k].curve, out, e)) return false;
-        for (; k < l->end_count && l->ends[k].corner == corner; k++) /* two ends a patch */
-            if (!left_out && !add_stands(l, f, &l->patches->curve[l->ends[k].curve], 0.5, out, e))
-                return false;
+        for (; k < l->end_count && l->ends[k].corner == corner; k++) { /* two ends a patch */
+            const field_curve *c = &l->patches->curve[l->ends[k].curve];
+            vec3 along = direction_at_end(l->patches, c, l->ends[k].at);
+            if (!left_out && !add_stands(l, f, c, along, 0.5, out, e)) return false;
+        }
     }
     out->corners = out->count;
     return true;
@@ -230,8 +262,10 @@ static bool place_row(layout *l, const field *f, uint32_t curve, curve_rows *out
         while (side + 2 < l->point_count && l->at[side + 1] < k * step) side++;
         double length = l->at[side + 1] - l->at[side],
                share = length > 0 ? (k * step - l->at[side]) / length : 0;
-        vec3 x = vec3_axpy(share, vec3_sub(l->point[side + 1], l->point[side]), l->point[side]);
-        if (!add_place(l, settle(c, x), curve, out, e) || !add_stands(l, f, c, 1, out, e)) return false;
+        vec3 along = vec3_sub(l->point[side + 1], l->point[side]);
+        vec3 x = vec3_axpy(share, along, l->point[side]);
+        if (!add_place(l, settle(c, x), curve, out, e) || !add_stands(l, f, c, along, 1, out, e))
+            return false;
     }
     return true;
 }
