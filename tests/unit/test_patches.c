@@ -15,8 +15,6 @@
 #include "sampler/sampler.h"
 #include "shapes.h"
 #include "surface/coverage.h"
-#include "surface/curve_distance.h"
-#include "surface/curve_rows.h"
 
 static const sampler_params even = {.count = 2000,
                                     .seed = 1,
@@ -85,7 +83,32 @@ static void release(solved *x)
     threads_free(x->pool);
 }
 
-/* Every point is on a face, those on curves and corners exactly, and they are equally far from each other. */
+/* How far along a curve a point is, which is straight; NAN when it is not on the curve. */
+static double place_along(const solved *x, size_t curve, size_t i)
+{
+    vec3 from = x->faces->vertex[2 * curve], side = vec3_sub(x->faces->vertex[2 * curve + 1], from);
+    vec3 r = vec3_sub(x->points->position[i], from);
+    double length = vec3_norm(side), along = vec3_dot(r, side) / length;
+    bool on = vec3_norm2(r) - along * along < 1e-20 && along > -1e-9 && along < length + 1e-9;
+    return on && x->points->feature[i] != SAMPLER_ON_PATCH ? along : NAN;
+}
+
+/* A curve has as many equal steps as fit best. */
+static void check_row(const solved *x, size_t curve)
+{
+    const vec3 *end = x->faces->vertex + 2 * curve;
+    double length = vec3_norm(vec3_sub(end[1], end[0])), steps = round(length / sampler_spacing(x->s)),
+           seen = 0;
+    for (size_t i = 0; i < x->points->count; i++) {
+        double along = place_along(x, curve, i) * steps / length;
+        if (isnan(along)) continue;
+        assert_close(along, round(along), 1e-9);
+        seen++;
+    }
+    assert_close(seen, steps + 1, 0);
+}
+
+/* Every point is on its face, and rows are where they are to be. */
 static void check_places(const solved *x)
 {
     const faces *f = x->faces;
@@ -97,24 +120,7 @@ static void check_places(const solved *x)
         assert_true(field_sample_at(patch, x->points->position[i], FIELD_GRADIENT, &s));
         assert_true(fabs(s.value) < 1e-9 && field_is_within(patch, x->points->position[i]));
     }
-    for (size_t c = 0; c < f->patches.curve_count; c++) {
-        vec3 from = f->vertex[2 * c], side = vec3_sub(f->vertex[2 * c + 1], from);
-        double length = vec3_norm(side), steps = 0, off = 0;
-        for (size_t i = 0; i < x->points->count; i++) {
-            vec3 r = vec3_sub(x->points->position[i], from);
-            double along = vec3_dot(r, side) / length, height2 = vec3_norm2(r) - along * along;
-            if (x->points->feature[i] != SAMPLER_ON_PATCH && height2 < 1e-20 && along < length - 1e-9)
-                steps++;
-        }
-        assert_close(steps, round(length / sampler_spacing(x->s)), 0.5);
-        for (size_t i = 0; i < x->points->count; i++) {
-            vec3 r = vec3_sub(x->points->position[i], from);
-            double along = vec3_dot(r, side) / length, height2 = vec3_norm2(r) - along * along;
-            if (x->points->feature[i] == SAMPLER_ON_PATCH || height2 >= 1e-20) continue;
-            off = fmax(off, fabs(along * steps / length - round(along * steps / length)));
-        }
-        assert_true(off < 1e-9);
-    }
+    for (size_t c = 0; c < f->patches.curve_count; c++) check_row(x, c);
     assert_true(on[SAMPLER_ON_PATCH] + on[SAMPLER_ON_CURVE] + on[SAMPLER_ON_CORNER] == x->points->count);
 }
 
@@ -130,12 +136,6 @@ static void a_cube_has_rows_along_its_edges(void **state)
         params.count = counts[k];
         params.seed = test_seed() + k;
         solve(&cube, &params, 2, &x);
-        print_message(
-            "count %zu: hex %.4f edge_cv %.4f excess %.4f farthest %.3f rim %zu closing %zu nonmanifold "
-            "%zu %zu boundary %zu\n",
-            counts[k], x.q.resolved.hex_fraction, x.q.resolved.edge_cv, x.q.energy_excess, x.farthest,
-            x.q.rim_count, x.mesh.facts.closing, x.mesh.facts.nonmanifold_edges,
-            x.mesh.facts.nonmanifold_vertices, x.mesh.facts.boundary_edges);
         assert_int_equal(x.points->count, counts[k]);
         assert_int_equal(sampler_result(x.s), SAMPLER_CONVERGED);
         check_places(&x);
@@ -147,10 +147,147 @@ static void a_cube_has_rows_along_its_edges(void **state)
     }
 }
 
+/* The same bytes for any number of threads. */
+static void threads_do_not_show(void **state)
+{
+    (void)state;
+    static faces cube;
+    sampler_params params = even;
+    solved one, more;
+    make_cube(&cube);
+    params.seed = test_seed();
+    solve(&cube, &params, 1, &one);
+    for (int workers = 2; workers <= 3; workers++) {
+        solve(&cube, &params, workers, &more);
+        assert_int_equal(more.points->stands.count, one.points->stands.count);
+        assert_memory_equal(more.points->stands.position, one.points->stands.position,
+                            one.points->stands.count * sizeof(vec3));
+        release(&more);
+    }
+    release(&one);
+}
+
+static size_t count_on_patch(const solved *x, uint32_t patch)
+{
+    size_t count = 0;
+    for (size_t i = 0; i < x->points->stands.count; i++) count += x->points->stands.patch[i] == patch;
+    return count;
+}
+
+/* Two squares so near to each other that their points would not be told apart, had they no labels. */
+static void two_sheets_do_not_see_each_other(void **state)
+{
+    (void)state;
+    static faces two;
+    sampler_params params = even;
+    solved x;
+    two = (faces){0};
+    params.seed = test_seed();
+    add_face(&two, (vec3){0, 0, 0}, (vec3){0.5, 0, 0}, (vec3){0, 0.5, 0});
+    add_face(&two, (vec3){0, 0, 0.01}, (vec3){0.5, 0, 0}, (vec3){0, 0.5, 0});
+    faces_join(&two);
+    solve(&two, &params, 2, &x);
+    assert_true(0.01 < 0.3 * sampler_spacing(x.s));
+    assert_int_equal(sampler_result(x.s), SAMPLER_CONVERGED);
+    assert_int_equal(x.q.unresolved_count, 0);
+    assert_int_equal(count_on_patch(&x, 0), count_on_patch(&x, 1));
+    assert_int_equal(x.mesh.facts.euler, 2);
+    assert_true(triangulation_is_whole(&x.mesh.facts) && x.mesh.facts.boundary_edges > 0);
+    check_places(&x);
+    release(&x);
+}
+
+/* Three sheets that meet in one edge, which is in three triangles everywhere. */
+static void three_sheets_share_a_row(void **state)
+{
+    (void)state;
+    static faces three;
+    sampler_params params = even;
+    solved x;
+    three = (faces){0};
+    params.seed = test_seed();
+    add_face(&three, (vec3){0.5, 0, 0}, (vec3){0.5, 0, 0}, (vec3){0, 0.5, 0});
+    add_face(&three, (vec3){-0.5, 0, 0}, (vec3){0.5, 0, 0}, (vec3){0, 0.5, 0});
+    add_face(&three, (vec3){0, 0, 0.5}, (vec3){0, 0, 0.5}, (vec3){0, 0.5, 0});
+    faces_join(&three);
+    solve(&three, &params, 2, &x);
+    assert_int_equal(sampler_result(x.s), SAMPLER_CONVERGED);
+    check_places(&x);
+    size_t steps = (size_t)round(1 / sampler_spacing(x.s));
+    assert_int_equal(x.points->stands.count - x.points->count, 2 * (steps + 1));
+    assert_int_equal(x.mesh.facts.nonmanifold_edges, steps);
+    assert_true(x.mesh.facts.boundary_edges == x.mesh.facts.rim_edges && x.farthest < 1);
+    release(&x);
+}
+
+/* The method of the paper, from random places and with insertion: rows become denser as the count rises. */
+static void rows_follow_the_count(void **state)
+{
+    (void)state;
+    static faces cube;
+    sampler_params params = even;
+    solved x;
+    make_cube(&cube);
+    params.coarse_to_fine = false;
+    params.start = SAMPLER_START_RANDOM;
+    params.count = params.min_count = 200;
+    params.max_sigma = 0.15;
+    params.seed = test_seed();
+    solve(&cube, &params, 2, &x);
+    assert_true(x.points->count > 600 && x.points->sigma <= 0.15 * (1 + 1e-9));
+    check_places(&x);
+    release(&x);
+}
+
+static double finer_to_one_side(const void *context, vec3 x)
+{
+    (void)context;
+    return 1 + 0.8 * x.x;
+}
+
+/* With a grading the steps of rows follow the spacing, as the packing does. */
+static void rows_are_graded(void **state)
+{
+    (void)state;
+    static faces sheet;
+    error e = {0};
+    sheet = (faces){0};
+    add_face(&sheet, (vec3){0, 0, 0}, (vec3){1, 0, 0}, (vec3){0, 1, 0});
+    faces_join(&sheet);
+    threads *pool = threads_new(2, NULL, &e);
+    surface *scan = surface_scan(&sheet.base, pool, &e);
+    const sizing_field_params asked = {
+        .kind = SIZING_FIELD_SPACING, .map = finer_to_one_side, .gradation = INFINITY};
+    sampler_params params = even;
+    solved x;
+    params.seed = test_seed();
+    sizing_field *sizing = sizing_field_new(&sheet.base, scan, &asked, params.count, pool, &e);
+    assert_non_null(sizing);
+    params.sizing = sizing;
+    solve(&sheet, &params, 2, &x);
+    assert_int_equal(sampler_result(x.s), SAMPLER_CONVERGED);
+    double low = 0, high = 0;
+    for (size_t i = 0; i < x.points->count; i++) {
+        if (x.points->feature[i] == SAMPLER_ON_PATCH || x.points->position[i].y != 1) continue;
+        low += x.points->position[i].x < 0;
+        high += x.points->position[i].x > 0;
+    }
+    assert_close(low / high, log(1 / 0.2) / log(1.8), 0.25); /* integrals of 1 / spacing */
+    release(&x);
+    sizing_field_free(sizing);
+    surface_free(scan);
+    threads_free(pool);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_cube_has_rows_along_its_edges),
+        cmocka_unit_test(threads_do_not_show),
+        cmocka_unit_test(two_sheets_do_not_see_each_other),
+        cmocka_unit_test(three_sheets_share_a_row),
+        cmocka_unit_test(rows_follow_the_count),
+        cmocka_unit_test(rows_are_graded),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
