@@ -3,7 +3,7 @@
  * Each patch is a field of its own. A curve is where patches end: a boundary where one does, a seam where two meet, an edge
  * that is no manifold where more do. A corner is a vertex at which curves end; curves that end at one corner have the same
  * doubles there. Curves are held fixed while patches are sampled: corners first, then curves, then patches (Meyer,
- * Whitaker, Kirby, Ledergerber and Hansen 2008, "Particle-based sampling and meshing of surfaces in multimaterial
+ * Whitaker, Kirby, Ledergerber and Pfister 2008, "Particle-based sampling and meshing of surfaces in multimaterial
  * volumes"; Bronson, Levine and Whitaker 2012, "Particle systems for adaptive, isotropic meshing of CAD models").
  *
  * World space. Immutable once built; whoever makes a field with patches owns these too.
