@@ -17,9 +17,9 @@ typedef struct particles {
     double *size;   /* requested spacing over h, lagged to the last build; 1 when even */
     float *lambda;  /* log10 of the damping of (11) */
     double *energy; /* E_i over size^2, full sum, when it was last looked at: comparable with the ideal */
-    bool *
-        near_boundary; /* within 2 h of a boundary of an open surface, at the last build of lists; or held on a curve, or a
-                          * neighbour of one who is */
+    /* within 2 h of a boundary of an open surface, at the last build of lists; or held on a curve, or one who is lies within its
+     * support */
+    bool *near_boundary;
     /* Of a surface with patches, else NULL. A point on a curve is a particle for each patch there. */
     const field_patches *patches;
     uint32_t *patch; /* which it belongs to, for good */
@@ -76,8 +76,8 @@ void particles_copy(particles *p, size_t to, size_t from);
 /* Particle k becomes what order[k] is, a permutation; likewise. Error: limit_memory, half of it done. */
 bool particles_arrange(particles *p, const uint32_t *order, error *e);
 
-/* Sets p->boundary of every particle: whether it is near the boundary of an open surface (packing_is_near_boundary).
- * The spacing of a particle is `h` times its size. On a closed surface p->boundary stays as it is. */
+/* Sets p->near_boundary of every particle of an open surface (packing_is_near_boundary). The spacing of a particle is `h` times its
+ * size. Of other surfaces it stays as it is. */
 void particles_mark_boundary(particles *p, const field *f, double h);
 
 #endif

@@ -96,10 +96,16 @@ static bool grow(relax *r, error *e)
     return true;
 }
 
-static bool is_near_curve(const particles *p, size_t i, const uint32_t *list, uint32_t count)
+/* Whether a particle is held on a curve, or sees one that is within its support, whatever the lists hold beyond that. */
+static bool is_near_curve(const relax *r, const particles *p, size_t i)
 {
+    const uint32_t *list = neighbours_list(r->near, i);
     bool near = particles_is_fixed(p, i);
-    for (uint32_t k = 0; k < count && !near; k++) near = particles_is_fixed(p, list[k]);
+    for (uint32_t k = 0; k < r->near->list_count[i] && !near; k++) {
+        double reach = 0.5 * r->sigma * (p->size[i] + p->size[list[k]]);
+        near = particles_is_fixed(p, list[k]) &&
+               vec3_norm2(vec3_sub(p->position[i], p->position[list[k]])) < reach * reach;
+    }
     return near;
 }
 
@@ -117,7 +123,7 @@ static void look_chunk(void *context, int worker, size_t begin, size_t end)
             double cosine = particles_facing(p, i, list[k]);
             least = cosine < least ? cosine : least;
         }
-        if (p->place) p->near_boundary[i] = is_near_curve(p, i, list, near->list_count[i]);
+        if (p->place) p->near_boundary[i] = is_near_curve(job->r, p, i);
         job->r->flat[i] = (uint8_t)((least > FLAT_COSINE) + (least > RELAX_SMOOTH_COSINE));
         job->r->moved[i] = 0;
     }

@@ -140,7 +140,7 @@ static void a_cube_has_rows_along_its_edges(void **state)
         assert_int_equal(sampler_result(x.s), SAMPLER_CONVERGED);
         check_places(&x);
         assert_true(x.farthest < 1);
-        assert_true(counts[k] < 5000 || x.q.resolved.hex_fraction >= 0.93);
+        assert_true(counts[k] < 5000 || x.q.resolved.hex_fraction >= 0.945);
         assert_true(triangulation_is_closed(&x.mesh.facts));
         assert_int_equal(x.mesh.facts.euler, 2);
         release(&x);
