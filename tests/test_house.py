@@ -4,6 +4,7 @@ Each check returns a list of faults. It is run on the source tree, where the lis
 with one fault, where the list must name it. tests/layers checks which folder of src may include which.
 """
 import os
+import pathlib
 import re
 import shutil
 import subprocess
@@ -104,6 +105,13 @@ def lost_sources(root):
             + [f"Makefile.am does not name {name}" for name in code_of(root) if name not in listed])
 
 
+def left_out(root):
+    """Pages and Python programs that the tarball would not have: Makefile.am names neither them nor a folder above."""
+    words = set(re.sub(r"^\s*#.*", "", (root / "Makefile.am").read_text(), flags=re.M).split())
+    return [f"Makefile.am does not name {name}" for name in files_of(root, ("doc", *CODE, "tools", "clients"), (".md", ".py"))
+            if not words & {name, *(str(p) for p in pathlib.PurePath(name).parents if "/" in str(p))}]
+
+
 def lost_names(root):
     """Links of pages to files that are nowhere, and modules (`folder/noun` in backticks) that are not in src."""
     faults = []
@@ -120,7 +128,7 @@ def lost_names(root):
     return faults
 
 
-CHECKS = [unformatted, long_pages, long_files, large_folders, lost_sources, lost_names]
+CHECKS = [unformatted, long_pages, long_files, large_folders, lost_sources, left_out, lost_names]
 
 
 @pytest.mark.parametrize("check", CHECKS, ids=lambda c: c.__name__)
@@ -157,6 +165,7 @@ FAULTS = [
     (lost_sources, "Makefile.am", "a_SOURCES = src/base/clock.c src/base/gone.c tests/clock.h\n",
      "Makefile.am names src/base/gone.c"),
     (lost_sources, "src/base/new.c", "int new;\n", "Makefile.am does not name src/base/new.c"),
+    (left_out, "tests/service/test_new.py", "", "Makefile.am does not name tests/service/test_new.py"),
     (lost_names, "doc/guide.md", "[back](gone.md)\n", "doc/guide.md: the link to gone.md"),
     (lost_names, "doc/guide.md", "`base/gone` tells the time\n", "doc/guide.md: there is no src/base/gone"),
 ]
@@ -167,6 +176,7 @@ def test_a_fault_is_found(small, check, name, text, told):
     if check is unformatted and not shutil.which(CLANG_FORMAT):
         pytest.skip(f"{CLANG_FORMAT} is not installed")
     assert not check(small)
+    (small / name).parent.mkdir(exist_ok=True)
     (small / name).write_text(text)
     found = check(small)
     assert len(found) == 1 and found[0].startswith(told), found
