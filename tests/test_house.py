@@ -112,6 +112,14 @@ def left_out(root):
             if not words & {name, *(str(p) for p in pathlib.PurePath(name).parents if "/" in str(p))}]
 
 
+def other_versions(root):
+    """Files that say another version than configure.ac."""
+    version = re.search(r"AC_INIT\(\[hexad\], \[(.*?)\]\)", (root / "configure.ac").read_text())[1]
+    said = {name: re.search(pattern, (root / name).read_text(), re.M)[1] for name, pattern in (
+        ("CITATION.cff", r"^version: (\S+)"), ("clients/python/pyproject.toml", r'^version = "(.*)"'))}
+    return [f"{name} says version {other}, configure.ac {version}" for name, other in said.items() if other != version]
+
+
 def lost_names(root):
     """Links of pages to files that are nowhere, and modules (`folder/noun` in backticks) that are not in src."""
     faults = []
@@ -128,7 +136,7 @@ def lost_names(root):
     return faults
 
 
-CHECKS = [unformatted, long_pages, long_files, large_folders, lost_sources, left_out, lost_names]
+CHECKS = [unformatted, long_pages, long_files, large_folders, lost_sources, left_out, other_versions, lost_names]
 
 
 @pytest.mark.parametrize("check", CHECKS, ids=lambda c: c.__name__)
@@ -149,6 +157,9 @@ def small(source, tmp_path):
         "ARCHITECTURE.md": "See [the guide](doc/guide.md#start) for `base/clock` and `no/such`.\n",
         "doc/guide.md": "[back](../ARCHITECTURE.md)\n",
         "Makefile.am": "a_SOURCES = src/base/clock.c \\\n\ttests/clock.h\nEXTRA_DIST = doc/guide.md\n",
+        "configure.ac": "AC_INIT([hexad], [1.2.3])\n",
+        "CITATION.cff": "cff-version: 1.2.0\nversion: 1.2.3\n",
+        "clients/python/pyproject.toml": '[project]\nversion = "1.2.3"\n',
         ".clang-format": (source / ".clang-format").read_text(),
     }.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -166,6 +177,7 @@ FAULTS = [
      "Makefile.am names src/base/gone.c"),
     (lost_sources, "src/base/new.c", "int new;\n", "Makefile.am does not name src/base/new.c"),
     (left_out, "tests/service/test_new.py", "", "Makefile.am does not name tests/service/test_new.py"),
+    (other_versions, "CITATION.cff", "cff-version: 1.2.3\nversion: 1.2.4\n", "CITATION.cff says version 1.2.4, configure.ac 1.2.3"),
     (lost_names, "doc/guide.md", "[back](gone.md)\n", "doc/guide.md: the link to gone.md"),
     (lost_names, "doc/guide.md", "`base/gone` tells the time\n", "doc/guide.md: there is no src/base/gone"),
 ]

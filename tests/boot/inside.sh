@@ -5,31 +5,7 @@ settings=$1
 examples=$2
 HEXAD_SERVER=unix:/run/hexad/hexad.sock
 export HEXAD_SERVER
-count=0
-
-# check NAME COMMAND...
-check() {
-    name=$1
-    shift
-    count=$((count + 1))
-    echo "# $count: $name" >&2
-    if "$@" >&2; then echo "ok $count - $name"; else echo "not ok $count - $name"; fi
-}
-
-skip() {
-    count=$((count + 1))
-    echo "ok $count - $1 # SKIP $2"
-}
-
-# Until the command holds; half a minute at most.
-until_true() {
-    for _ in $(seq 300); do
-        ! "$@" >/dev/null 2>&1 || return 0
-        sleep 0.1
-    done
-    echo "in vain: $*"
-    return 1
-}
+. /root/tap.sh
 
 main_pid() { systemctl show -P MainPID hexad.service; }
 status_of() { sed -n "s/^$1:[[:space:]]*//p" "/proc/$(main_pid)/status"; }
