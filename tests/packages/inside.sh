@@ -31,7 +31,7 @@ runs_a_job_of_python() {
 import hexad
 job = hexad.Client().submit({"version": 1, "surface": {"analytic": {"shape": "sphere", "radius": 3}}, "sampling": {"count": 500}},
                             wait=True)
-assert job.outcome == "converged" and len(job.points()) == 500'
+assert job.outcome == "converged" and job.points().count == 500'
 }
 
 # As if 0.1.0 had been installed by hand: what it left, and no more.
