@@ -1,4 +1,4 @@
-/* An NRRD or NIfTI file: its header as the process that reads headers does, and its values, slice by slice.
+/* An NRRD, NIfTI or MetaImage file: its header as the process that reads headers does, and its values, slice by slice.
  *
  * That process is one program in one file (header_reader.c), which is run here without a process: reader_start and
  * what belongs to it are in the place of reader.c. What the libraries keep of a file is lost, as there. */
@@ -57,7 +57,7 @@ static int open_again(void *context, const char *path, error *e)
 static void read_slices(slices *s)
 {
     error e = {0};
-    float *values = calloc((size_t)(s->size[0] * s->size[1]), sizeof *values);
+    float *values = calloc((size_t)(s->size[0] * s->size[1] * s->components), sizeof *values);
     expect(values);
     bool ok = s->ops->begin(s, &e);
     for (int64_t k = 0; ok && k < s->size[2] && k < 64; k++) ok = s->ops->next(s, values, &e);
@@ -71,7 +71,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     int fd = memfd_create("dense", MFD_CLOEXEC);
     expect(fd >= 0 && write(fd, data, size) == (ssize_t)size);
     const slices_files files = {open_again, &fd};
-    slices *s = raw_volume_open(fd, "a.nii.gz", NULL, 0, &files, &e);
+    slices *s = raw_vectors_open(fd, "a.nii.gz", NULL, 0, &files, &e);
     expect(s || (e.code != ERROR_NONE && *e.message));
     if (s) {
         for (int k = 0; k < 3; k++) expect(s->size[k] >= 2);

@@ -1,10 +1,12 @@
-/* What the process that reads meshes answers: mesh_file_parse, and the judgement of its triangles on the way to a
- * level set. */
+/* What the process that reads meshes answers: mesh_file_parse, with what vertices have and without, and the judgement of its
+ * triangles on the way to a level set; and the same bytes as a PLY file, whose properties that process looks for. */
 #include <math.h>
+#include <string.h>
 
 #include "fuzz/target.h"
 #include "mesh/levelset.h"
 #include "mesh/mesh_file.h"
+#include "mesh/ply_values.c"
 
 static const size_t memory = (size_t)64 << 20;
 
@@ -32,15 +34,51 @@ static void make_levelset(mesh *m)
     threads_free(alone);
 }
 
+static void read_values(const uint8_t *data, size_t size)
+{
+    error e = {0};
+    mesh m = {0};
+    mesh_values values = {0};
+    mesh_reader_header told = {0};
+    FILE *stream = fmemopen((void *)data, size, "rb");
+    expect(stream);
+    bool ok = mesh_file_parse(stream, memory, &told, &m, &values, &e);
+    expect(ok || *e.message);
+    for (size_t k = 0; ok && k < values.count; k++) {
+        const mesh_reader_values *head = &values.head[k];
+        expect(memchr(head->name, 0, sizeof head->name) && head->components >= 1);
+        float sum = 0; /* each number is there */
+        for (size_t i = 0; i < m.vertex_count * head->components; i++) sum += values.value[k][i];
+        expect(sum == sum || sum != sum);
+    }
+    fclose(stream);
+    mesh_values_free(&values);
+    mesh_free(&m);
+}
+
+static void read_properties(const uint8_t *data, size_t size)
+{
+    ply_values found = {0};
+    char *copy = malloc(size); /* the sanitizers see what is read behind it */
+    expect(copy);
+    memcpy(copy, data, size);
+    expect(ply_values_read(copy, size, &found));
+    expect(found.count <= MESH_VALUES_MOST && (found.count == 0 || found.vertices > 0));
+    for (uint32_t k = 0; k < MESH_VALUES_MOST; k++) free(found.value[k]);
+    free(copy);
+}
+
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     error e = {0};
     mesh m = {0};
-    mesh_reader_header header = {0};
+    mesh_reader_header told = {0};
     if (size == 0) return 0; /* not for fmemopen */
+    read_values(data, size);
+    read_properties(data, size);
     FILE *stream = fmemopen((void *)data, size, "rb");
     expect(stream);
-    if (mesh_file_parse(stream, memory, &header, &m, &e))
+    if (mesh_file_parse(stream, memory, &told, &m, NULL, &e))
         make_levelset(&m);
     else
         expect(*e.message);

@@ -25,6 +25,20 @@ static void check_grid(const vdb_grid *g)
     }
 }
 
+/* What attributes ask of a grid: values at and beside its places, and far from it. */
+static bool look(void *, const vdb_voxels *v, error *)
+{
+    static const int32_t places[][3] = {
+        {0, 0, 0}, {1, 2, 3}, {-1, -1, -1}, {4096, 0, -4096}, {INT32_MAX, INT32_MIN, 7}};
+    expect(v->components == 1 || v->components == 3);
+    for (int k = 0; k < 16; k++) expect(std::isfinite(v->index_to_world[k]));
+    for (const int32_t *at : places) {
+        double value[3];
+        v->read(v, at, value);
+    }
+    return true;
+}
+
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     error e = {};
@@ -38,6 +52,10 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
             expect(g || (e.code != ERROR_INTERNAL && *e.message));
             expect(!g || list.entries[n].scalar);
             vdb_grid_free(g);
+            e.code = ERROR_NONE;
+            bool seen = vdb_visit_grid(fd, n, memory, look, NULL, &e);
+            expect(seen || (e.code != ERROR_INTERNAL && *e.message));
+            expect(!seen || list.entries[n].numeric);
         }
         vdb_listing_free(&list);
     } else {

@@ -79,6 +79,11 @@ bool attribute_find(const attribute_request *request, point_attribute_kind *kind
                      request->path, request->name ? request->name : "", *components, needs[*kind]);
 }
 
+void attribute_forget(attribute_mesh **last)
+{
+    corners_forget(last);
+}
+
 bool attribute_read(const attribute_request *request, size_t count, const vec3 *position, double *values,
                     attribute_counts *counts, error *e)
 {

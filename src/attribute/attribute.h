@@ -12,6 +12,10 @@
 #include "dense/exr_stack.h"
 #include "formats/points.h"
 
+/* The mesh that was read last, which requests after one another share: it takes longer to be read than to be looked up.
+ * Begins empty; attribute_forget empties it. */
+typedef struct attribute_mesh attribute_mesh;
+
 /* What is asked for, of which file. Texts are the caller's. */
 typedef struct attribute_request {
     int fd;           /* open for reading, at any offset; stays the caller's; -1 of a stack */
@@ -24,6 +28,7 @@ typedef struct attribute_request {
     size_t memory_limit;
     const slices_files *files;     /* opens files that a header names */
     const exr_stack_params *stack; /* the images of a stack, whose channel `name` is; or NULL */
+    attribute_mesh **last;
 } attribute_request;
 
 /* Where there is nothing: the background of a grid, the last sample of a dense volume. */
@@ -35,6 +40,8 @@ typedef struct attribute_counts {
 /* What values there are, without reading them. Errors: attribute_missing, which names what the file holds, and
  * those of its reader; each names the file. */
 bool attribute_find(const attribute_request *request, point_attribute_kind *kind, int *components, error *e);
+
+void attribute_forget(attribute_mesh **last);
 
 /* The values at `count` places, `components` each. */
 bool attribute_read(const attribute_request *request, size_t count, const vec3 *position, double *values,

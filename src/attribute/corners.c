@@ -2,9 +2,11 @@
 
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "attribute/lattice.h"
+#include "base/memory.h"
 #include "geometry/affine.h"
 #include "mesh/mesh_file.h"
 #include "mesh/nearest_triangle.h"
@@ -26,29 +28,51 @@ static bool missing(const attribute_request *request, const mesh_values *v, erro
                      request->name ? request->name : "", *list ? list : "nothing but their places");
 }
 
-/* Reads the mesh and which of its arrays is asked for. Free both after success. */
-static bool read_mesh(const attribute_request *request, mesh *m, mesh_values *values, size_t *which, error *e)
+struct attribute_mesh {
+    char *path;
+    mesh m;
+    mesh_values values;
+    nearest_triangle *tree; /* once it is needed */
+};
+
+void corners_forget(attribute_mesh **last)
+{
+    attribute_mesh *kept = *last;
+    *last = NULL;
+    if (!kept) return;
+    nearest_triangle_free(kept->tree);
+    mesh_values_free(&kept->values);
+    mesh_free(&kept->m);
+    free(kept->path);
+    free(kept);
+}
+
+/* The mesh, which is read unless it was the last, and which of its arrays is asked for. */
+static bool find_mesh(const attribute_request *request, attribute_mesh **out, size_t *which, error *e)
 {
     const mesh_file file = {request->fd, request->path, NULL, request->memory_limit};
-    if (!mesh_file_read_values(&file, m, values, e)) return false;
-    for (*which = 0; *which < values->count; ++*which)
-        if (request->name && strcmp(values->head[*which].name, request->name) == 0) return true;
-    missing(request, values, e);
-    mesh_values_free(values);
-    mesh_free(m);
-    return false;
+    attribute_mesh *kept = *request->last;
+    if (!kept || strcmp(kept->path, request->path) != 0) {
+        corners_forget(request->last);
+        attribute_mesh read = {0};
+        if (!mesh_file_read_values(&file, &read.m, &read.values, e)) return false;
+        kept = *request->last = mem_alloc(sizeof *kept);
+        *kept = read;
+        kept->path = mem_strdup(request->path);
+    }
+    *out = kept;
+    for (*which = 0; *which < kept->values.count; ++*which)
+        if (request->name && strcmp(kept->values.head[*which].name, request->name) == 0) return true;
+    return missing(request, &kept->values, e);
 }
 
 bool corners_find(const attribute_request *request, point_attribute_kind *kind, int *components, error *e)
 {
-    mesh m;
-    mesh_values values;
+    attribute_mesh *kept;
     size_t which;
-    if (!read_mesh(request, &m, &values, &which, e)) return false;
-    *kind = kinds[values.head[which].kind];
-    *components = (int)values.head[which].components;
-    mesh_values_free(&values);
-    mesh_free(&m);
+    if (!find_mesh(request, &kept, &which, e)) return false;
+    *kind = kinds[kept->values.head[which].kind];
+    *components = (int)kept->values.head[which].components;
     return true;
 }
 
@@ -66,29 +90,24 @@ static void mix(const float *value, int components, const uint32_t corner[3], co
 bool corners_read(const attribute_request *request, size_t count, const vec3 *position, double *values,
                   attribute_counts *counts, error *e)
 {
-    mesh m;
-    mesh_values of_file;
+    attribute_mesh *kept;
     size_t which;
     double to_file[3][4];
-    if (!read_mesh(request, &m, &of_file, &which, e)) return false;
-    const mesh_reader_values *head = &of_file.head[which];
+    if (!find_mesh(request, &kept, &which, e)) return false;
+    if (!kept->tree && !(kept->tree = nearest_triangle_new(&kept->m, e))) return false;
+    const mesh_reader_values *head = &kept->values.head[which];
     const int components = (int)head->components;
-    nearest_triangle *tree = nearest_triangle_new(&m, e);
     affine_invert(request->from_file, to_file);
-    for (size_t i = 0; tree && i < count; i++) {
+    for (size_t i = 0; i < count; i++) {
         double weight[3], *out = values + (size_t)components * i;
         vec3 x = affine_apply((const double(*)[4])to_file, position[i].x, position[i].y, position[i].z);
-        const uint32_t *corner = m.triangle[nearest_triangle_find(tree, x, weight)];
+        const uint32_t *corner = kept->m.triangle[nearest_triangle_find(kept->tree, x, weight)];
         bool finite = true;
-        mix(of_file.value[which], components, corner, weight, head->kind == MESH_VALUES_WHOLE, out);
+        mix(kept->values.value[which], components, corner, weight, head->kind == MESH_VALUES_WHOLE, out);
         for (int c = 0; c < components; c++) finite &= isfinite(out[c]);
         for (int c = 0; c < components && !finite; c++) out[c] = 0;
         if (finite) lattice_turn(request->kind, request->from_file, out);
         counts->not_finite += !finite;
     }
-    bool ok = tree != NULL;
-    nearest_triangle_free(tree);
-    mesh_values_free(&of_file);
-    mesh_free(&m);
-    return ok;
+    return true;
 }

@@ -5,6 +5,7 @@
 #include "attribute/attribute.h"
 
 bool corners_find(const attribute_request *request, point_attribute_kind *kind, int *components, error *e);
+void corners_forget(attribute_mesh **last);
 bool corners_read(const attribute_request *request, size_t count, const vec3 *position, double *values,
                   attribute_counts *counts, error *e);
 

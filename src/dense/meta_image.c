@@ -71,7 +71,6 @@ static void take(fields *f, const char *key, const char *value)
 static const char *describe(const fields *f, header *out, error_code *code)
 {
     *code = ERROR_INPUT_UNSUPPORTED;
-    if (f->packed) return "the file is a packed MetaImage: save it without compression, or as NRRD";
     if (f->dimensions != 3) return "the file is a MetaImage that is not of three dimensions";
     if (f->type < 0)
         return "the file is a MetaImage of values that are not read: numbers of MET_CHAR to MET_DOUBLE are";
@@ -87,7 +86,7 @@ static const char *describe(const fields *f, header *out, error_code *code)
     out->index_to_world[15] = 1;
     out->components = f->channels;
     out->type = (uint32_t)f->type;
-    out->encoding = HEADER_RAW;
+    out->encoding = f->packed ? HEADER_GZIP : HEADER_RAW;
     out->swapped = f->big_endian != (__BYTE_ORDER == __BIG_ENDIAN);
     out->byte_skip = f->header_size > 0 ? f->header_size : f->header_size == -1 ? -1 : 0;
     strcpy(out->format, "Meta");

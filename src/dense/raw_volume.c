@@ -6,10 +6,10 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
-#include <zlib.h>
 
 #include "base/memory.h"
 #include "dense/header.h"
+#include "dense/inflated.h"
 
 /* zlib packs a byte into 1/1032 of one at best. */
 static const int64_t most_packed = 1032;
@@ -21,14 +21,14 @@ typedef struct raw_volume {
     header head;
     const char *path;
     const slices_files *files;
-    int fd;          /* of the header's file, the caller's */
-    char *text;      /* names of the data files */
-    char **names;    /* each of them */
-    uint32_t at;     /* of the file that is open */
-    int64_t left;    /* values that it still has */
-    int data;        /* its descriptor, or -1 */
-    gzFile unpacked; /* or NULL */
-    int64_t offset;  /* of the next byte that is not unpacked */
+    int fd;             /* of the header's file, the caller's */
+    char *text;         /* names of the data files */
+    char **names;       /* each of them */
+    uint32_t at;        /* of the file that is open */
+    int64_t left;       /* values that it still has */
+    int data;           /* its descriptor, or -1 */
+    inflated *unpacked; /* or NULL */
+    int64_t offset;     /* of the next byte that is not unpacked */
     size_t filled, used;
     char buffer[BUFFER + 16];
 } raw_volume;
@@ -48,10 +48,8 @@ static bool damaged(const raw_volume *s, error *e, const char *what)
 
 static void close_data(raw_volume *s)
 {
-    if (s->unpacked)
-        gzclose(s->unpacked); /* its descriptor as well */
-    else if (s->data >= 0)
-        close(s->data);
+    inflated_free(s->unpacked);
+    if (s->data >= 0) close(s->data);
     s->unpacked = NULL;
     s->data = -1;
     s->filled = s->used = 0;
@@ -66,7 +64,7 @@ static int64_t fill(raw_volume *s, void *to, int64_t count)
     while (done < count) {
         int64_t step = count - done < INT32_MAX / 2 ? count - done : INT32_MAX / 2, got;
         if (s->unpacked)
-            got = gzread(s->unpacked, (char *)to + done, (unsigned)step);
+            got = inflated_read(s->unpacked, (char *)to + done, step);
         else
             got = pread(s->data, (char *)to + done, (size_t)step, (off_t)s->offset);
         if (got < 0 && !s->unpacked && errno == EINTR) continue;
@@ -108,19 +106,11 @@ static bool skip_lines(raw_volume *s, error *e)
     return true;
 }
 
-static bool start_unpacking(raw_volume *s, error *e)
+static void start_unpacking(raw_volume *s)
 {
-    int own = s->head.encoding == HEADER_GZIP ? dup(s->data) : -1;
-    if (s->head.encoding != HEADER_GZIP) return true;
-    if (own < 0 || lseek(own, (off_t)s->offset, SEEK_SET) < 0 || !(s->unpacked = gzdopen(own, "rb"))) {
-        if (own >= 0) close(own);
-        return error_set(e, ERROR_INTERNAL, "%s: cannot be unpacked: %s", name_at(s), strerror(errno));
-    }
-    gzbuffer(s->unpacked, 4 * BUFFER);
-    close(s->data);
-    s->data = -1;
+    if (s->head.encoding != HEADER_GZIP) return;
+    s->unpacked = inflated_new(s->data, s->offset);
     s->offset = 0;
-    return true;
 }
 
 /* Length of what is packed, by unpacking it once; -1: it cannot be. */
@@ -128,7 +118,8 @@ static int64_t unpacked_length(raw_volume *s)
 {
     int64_t length = 0, got;
     while ((got = fill(s, s->buffer, BUFFER)) > 0) length += got;
-    return got < 0 || gzrewind(s->unpacked) != 0 ? -1 : length;
+    inflated_rewind(s->unpacked);
+    return got < 0 ? -1 : length;
 }
 
 /* To the first of `needed` bytes of data, which is told from the end when byte_skip is negative. */
@@ -184,8 +175,9 @@ static bool open_data(raw_volume *s, uint32_t index, error *e)
         return s->head.file_count
                    ? false
                    : error_set(e, ERROR_INTERNAL, "the file cannot be read: %s", strerror(errno));
-    return skip_lines(s, e) && check_length(s, s->left, e) && start_unpacking(s, e) &&
-           skip_bytes(s, s->left * size_of[s->head.type], e);
+    if (!skip_lines(s, e) || !check_length(s, s->left, e)) return false;
+    start_unpacking(s);
+    return skip_bytes(s, s->left * size_of[s->head.type], e);
 }
 
 /* ---- values */

@@ -152,9 +152,8 @@ void mesh_values_free(mesh_values *values)
     *values = (mesh_values){0};
 }
 
-/* `values` may be NULL: none are to come. */
-static bool parse(FILE *stream, size_t memory_limit, mesh_reader_header *header, mesh *out,
-                  mesh_values *values, error *e)
+bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *header, mesh *out,
+                     mesh_values *values, error *e)
 {
     mesh m = {0};
     bool ok = read_header(stream, header, e) && check_counts(header, memory_limit, e);
@@ -175,11 +174,6 @@ static bool parse(FILE *stream, size_t memory_limit, mesh_reader_header *header,
     return ok;
 }
 
-bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *header, mesh *out, error *e)
-{
-    return parse(stream, memory_limit, header, out, NULL, e);
-}
-
 static bool read_file(const mesh_file *file, mesh_reader_header *header, mesh *out, mesh_values *values,
                       error *e)
 {
@@ -188,7 +182,7 @@ static bool read_file(const mesh_file *file, mesh_reader_header *header, mesh *o
     reader r;
     const char *command = values ? MESH_VALUES_COMMAND : MESH_READER_COMMAND;
     if (!reader_check_file(file->fd, "mesh", &size, e) || !start(file, command, size, &r, e)) return false;
-    bool ok = parse(r.stream, file->memory_limit, header, &m, values, e);
+    bool ok = mesh_file_parse(r.stream, file->memory_limit, header, &m, values, e);
     ok = reader_end(&r, header->magic == MESH_READER_MAGIC, ok, e);
     if (ok)
         *out = m;

@@ -62,7 +62,7 @@ static bool read_header(const char *data, size_t size, header *h, ply_values *ou
         is_ply = true;
         if (strcmp(first, "end_header") == 0) {
             h->body = at;
-            return h->vertices > 0;
+            return h->vertices > 0 && h->count > 0;
         }
         if (strcmp(first, "format") == 0)
             h->layout = strcmp(second, "ascii") == 0                  ? TEXT

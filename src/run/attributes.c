@@ -218,11 +218,16 @@ bool attributes_find(const spec *s, source *from, size_t memory_limit, attribute
         out->entries[k] = (attributes_entry){.spec = &s->attributes[k], .fd = -1};
         out->entries[k].name = name_of(&s->attributes[k]);
     }
-    for (size_t k = 0; k < out->count; k++)
-        if (!check_name(s, out, k, e) ||
-            !find_one(s, from, memory_limit, &out->entries[k], &out->values[k], e))
-            return error_prefix(e, "/attributes/%zu", k);
-    return check_outputs(s, out, e);
+    attribute_mesh *last = NULL;
+    bool ok = true;
+    for (size_t k = 0; ok && k < out->count; k++) {
+        out->entries[k].request.last = &last;
+        ok = (check_name(s, out, k, e) &&
+              find_one(s, from, memory_limit, &out->entries[k], &out->values[k], e)) ||
+             error_prefix(e, "/attributes/%zu", k);
+    }
+    attribute_forget(&last);
+    return ok && check_outputs(s, out, e);
 }
 
 /* ---- values ---- */
@@ -324,10 +329,15 @@ static bool derive(attributes *a, points *set, error *e)
 
 bool attributes_read(attributes *a, const source *from, size_t memory_limit, points *set, error *e)
 {
-    for (size_t k = 0; k < a->count; k++)
-        if (!read_one(&a->entries[k], from, memory_limit, set, &a->values[k], e))
-            return error_prefix(e, "attribute \"%s\"", a->entries[k].name);
-    return derive(a, set, e);
+    attribute_mesh *last = NULL;
+    bool ok = true;
+    for (size_t k = 0; ok && k < a->count; k++) {
+        a->entries[k].request.last = &last;
+        ok = read_one(&a->entries[k], from, memory_limit, set, &a->values[k], e) ||
+             error_prefix(e, "attribute \"%s\"", a->entries[k].name);
+    }
+    attribute_forget(&last);
+    return ok && derive(a, set, e);
 }
 
 /* ---- what the report says ---- */

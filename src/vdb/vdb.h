@@ -99,8 +99,9 @@ bool vdb_visit_grid(int fd, size_t index, size_t memory_limit, vdb_visitor *visi
 /* One grid to write. Voxels are given one by one, tiles after them. */
 typedef struct vdb_draft {
     const char *name;
-    const char *type; /* "float", "double", "int32", "bool" or "vec3s" */
-    bool half;        /* store floats as 16 bits */
+    const char *
+        type; /* "float", "double", "int32", "int64", "bool", or "vec3s", "vec3d", "vec3i" of equal components */
+    bool half; /* store floats as 16 bits */
     vdb_class grid_class;
     double background;
     const double *index_to_world; /* as in vdb_grid; NULL: a frustum, which the reader refuses */

@@ -84,6 +84,12 @@ vdb::GridBase::Ptr build_any(const vdb_draft &draft)
         grid = build<vdb::DoubleGrid>(draft);
     else if (type == "int32")
         grid = build<vdb::Int32Grid>(draft);
+    else if (type == "int64")
+        grid = build<vdb::Int64Grid>(draft);
+    else if (type == "vec3d")
+        grid = build<vdb::Vec3DGrid>(draft);
+    else if (type == "vec3i")
+        grid = build<vdb::Vec3IGrid>(draft);
     else if (type == "bool")
         grid = build<vdb::BoolGrid>(draft);
     else if (type == "vec3s")

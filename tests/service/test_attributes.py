@@ -2,6 +2,7 @@
 spaces, vectors, staggered velocities, whole numbers, and what is not there."""
 import json
 import math
+import zlib
 
 import numpy
 import pytest
@@ -324,9 +325,20 @@ def test_meta_images(carry, tmp_path):
     assert numpy.abs(numpy.linalg.norm(index - (SIZE - 1) / 2, axis=1) - 6).max() < 0.05
     close(vectors(columns, "wind"), numpy.stack([linear(made["velocity"][..., k], index) for k in range(3)], -1), 1)
     assert {i["path"] for i in report["inputs"]} == {str(tmp_path / n) for n in ("ball.mha", "wind.mhd", "wind.raw")}
-    (tmp_path / "packed.mha").write_bytes((tmp_path / "ball.mha").read_bytes().replace(b"CompressedData = False", b"CompressedData = True"))
+    # packed by zlib, as ITK does, in one file and beside its header
+    text = head(ball(), 1, "LOCAL").replace("CompressedData = False", "CompressedData = True")
+    packed = zlib.compress(ball().astype("<f4").tobytes(order="F"))
+    (tmp_path / "packed.mha").write_bytes(text.encode() + packed)
+    (tmp_path / "packed.mhd").write_text(text.replace("LOCAL", "packed.zraw"))
+    (tmp_path / "packed.zraw").write_bytes(packed)
+    for name in ("packed.mha", "packed.mhd"):
+        again, _ = carry({"volume": {"path": str(tmp_path / name), "isovalue": 0}}, [])
+        assert (places(again) == places(columns)).all()
+    (tmp_path / "plain.mha").write_bytes(text.encode() + ball().astype("<f4").tobytes(order="F"))
+    (tmp_path / "half.mha").write_bytes(text.encode() + packed[:len(packed) // 2])
     (tmp_path / "cut.mha").write_bytes((tmp_path / "ball.mha").read_bytes()[:-1])
-    for name, code, words in (("packed", "input_unsupported", "without compression"), ("cut", "input_damaged", "bytes where")):
+    for name, code, words in (("plain", "input_damaged", "packed wrongly"), ("half", "input_damaged", "cut off"),
+                              ("cut", "input_damaged", "bytes where")):
         error, none = carry({"volume": {"path": str(tmp_path / f"{name}.mha"), "isovalue": 0}}, [])
         assert none is None and error["code"] == code and words in error["message"], error
 

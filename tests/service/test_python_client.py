@@ -3,6 +3,7 @@ import ast
 import doctest
 import hashlib
 import pathlib
+import shutil
 import signal
 import socket
 import struct
@@ -322,6 +323,32 @@ def test_the_syntax_is_of_python_3_9():
     assert len(python_files()) >= 9
     for path in python_files():
         ast.parse(path.read_text(), feature_version=(3, 9))
+
+
+def test_it_runs_by_python_3_9(client, build, tmp_path):
+    """Where there is one; the syntax and the types are held to that version everywhere."""
+    old = shutil.which("python3.9")
+    if not old or subprocess.run([old, "-c", ""], capture_output=True).returncode:
+        pytest.skip("no python3.9")
+    (tmp_path / "try.py").write_text(f"""
+import hexad, sys
+assert sys.version_info[:2] == (3, 9)
+spec = {{"surface": {{"analytic": {{"shape": "sphere", "radius": 1}}}}, "sampling": {{"count": 60}}, "output": {{"preview": False}}}}
+with hexad.Local({str(build / "hexad-worker")!r}) as local:
+    for where in (hexad.Client({client.service.address!r}), local):
+        job = where.submit(spec, wait=True)
+        assert list(job.events())[-1].is_end and job.points().count == 60 == job.report()["count"]
+        assert len(job.fetch("out." + type(where).__name__)) == 2
+        try:
+            where.submit({{"surface": {{}}}})
+        except hexad.Problem as problem:
+            assert problem.code == "spec_invalid" and problem.errors
+        else:
+            sys.exit("a bad spec was taken")
+""")
+    done = subprocess.run([old, "try.py"], cwd=tmp_path, env={"PYTHONPATH": str(PACKAGE), "PATH": "/usr/bin:/bin"},
+                          capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 0, done.stderr
 
 
 MISTAKES = """

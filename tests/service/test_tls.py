@@ -168,6 +168,26 @@ def test_events_arrive_when_they_happen(both):
     assert next(kind for _, kind, d in told if kind == "ended" and d["job"] == job)
 
 
+def test_the_client_in_python(both, source, certificate, tmp_path, monkeypatch):
+    """Events, waits, results and files through TLS; a certificate that nobody vouches for is refused at once."""
+    monkeypatch.syspath_prepend(str(source / "clients/python"))
+    import hexad
+    service, front = both
+    server = f"https://{front.address}"
+    client = hexad.Client(server, service.token, context=ssl.create_default_context(cafile=str(certificate / "certificate.pem")))
+    job = client.submit(sphere(100))
+    service.open_gate(job.id)
+    assert list(job.events())[-1].is_end and job.wait().state == "succeeded"
+    fetched = job.fetch(tmp_path / "out")
+    assert [p.name for p in fetched] == [r.name for r in job.results()] and fetched[-1].name == "report.json"
+    assert client.upload(b"v 0 0 0\n" * 200_000, ".obj") == client.upload(b"v 0 0 0\n" * 200_000, ".obj")
+    with pytest.raises(hexad.Unreachable, match="certificate"):
+        hexad.Client(server, service.token).job(job.id)
+    with pytest.raises(hexad.Problem) as refused:
+        hexad.Client(server, "wrong", context=client.transport.context).job(job.id)
+    assert refused.value.status == 401
+
+
 def test_an_answer_waits(both):
     service, front = both
     job = front.submit(service.token, sphere())

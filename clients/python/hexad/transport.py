@@ -117,6 +117,8 @@ class Transport:
                 if problem.code not in LATER:
                     raise
                 fault = problem
+            except ssl.SSLCertVerificationError as doubt:  # which a repetition does not mend
+                raise Unreachable(f"{self.server}: {doubt}") from None
             except LOST as lost:
                 fault = Unreachable(f"{self.server}: {what}: {lost or type(lost).__name__}")
             if not repeat or time.monotonic() + pause > end:
