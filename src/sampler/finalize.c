@@ -13,6 +13,8 @@ static const double ALPHA_EXPONENT = 0.18;
 /* A finished particle is on the surface to this fraction of h, or it is replaced. */
 static const double WORST_RESIDUAL = 1e-6;
 static const int REPLACEMENT_DRAWS = 30;
+/* A free particle this near to a curve of its patch, in spacings, is in the row there; it goes where there is so much room. */
+static const double IN_ROW = 0.3, LEAST_ROOM = 0.6;
 static const int SETTLE_STEPS = 20;
 static const double SETTLE_FARTHEST = 0.05;
 
@@ -76,38 +78,57 @@ static void finalize_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t i = begin; i < end; i++) finalize_particle(context, i);
 }
 
-/* Takes away the particles that are not on the surface and puts each on a new place there: of several drawn
- * the one that is farthest from its nearest particle. */
+/* Whether a free particle has come to rest in the row of a curve, between two that are held there: those behind push it out, and
+ * it cannot leave its patch. */
+static bool is_in_row(const sampler *s, size_t i)
+{
+    const particles *p = s->state.p;
+    if (!p->patch || particles_is_fixed(p, i)) return false;
+    double distance = curve_distance_at(s->state.plan.curves, p->patch[i], p->position[i]);
+    return distance < IN_ROW * s->state.spacing * p->size[i];
+}
+
+/* Puts particle i on a new place of the surface, or of its patch: of several drawn the one that is farthest from its nearest
+ * particle, and farther than `least`. */
+static void replace(sampler *s, size_t i, double least, rng *r)
+{
+    const double *weight = sizing_field_weight(s->setup.params.sizing, s->setup.scan);
+    const field *f = particles_field(s->state.p, s->setup.field, i);
+    uint32_t patch = s->state.p->patch ? s->state.p->patch[i] : 0;
+    double best = least < 0 ? -1 : least * least;
+    bool found = false;
+    vec3 x = s->state.p->position[i], normal = s->state.p->normal[i];
+    for (int draw = 0; draw < REPLACEMENT_DRAWS; draw++) {
+        vec3 q, n = {0, 0, 1};
+        if (!surface_patch_point(s->setup.scan, weight, patch, rng_uniform(r), r, &q) ||
+            !sampler_land(f, s->state.spacing, s->setup.field->cell_size, &q, &n))
+            continue;
+        double nearest2 = INFINITY;
+        for (size_t j = 0; j < s->state.p->count; j++)
+            if (j != i) nearest2 = fmin(nearest2, vec3_norm2(vec3_sub(q, s->state.p->position[j])));
+        if (nearest2 <= best) continue;
+        best = nearest2;
+        found = true;
+        x = q;
+        normal = n;
+    }
+    if (!found) return;
+    s->state.p->position[i] = x;
+    s->state.p->normal[i] = normal;
+    s->record.removed++;
+    s->record.replaced[i] = true;
+    finalize_particle(s, i);
+}
+
+/* Takes away the particles that are not on the surface, or in a row, and puts each on a new place. */
 static void replace_lost(sampler *s)
 {
     rng r = rng_seed(s->setup.params.seed, RANDOM_STREAM_REPLACEMENT);
-    const double *weight = sizing_field_weight(s->setup.params.sizing, s->setup.scan);
-    for (size_t i = 0; i < s->state.p->count && !threads_stopped(s->setup.pool); i++) {
-        if (!s->scratch.lost[i]) continue;
-        double best = -1;
-        vec3 x = s->state.p->position[i], normal = s->state.p->normal[i];
-        for (int draw = 0; draw < REPLACEMENT_DRAWS; draw++) {
-            const field *f = particles_field(s->state.p, s->setup.field, i);
-            uint32_t patch = s->state.p->patch ? s->state.p->patch[i] : 0;
-            vec3 q, n = {0, 0, 1};
-            if (!surface_patch_point(s->setup.scan, weight, patch, rng_uniform(&r), &r, &q) ||
-                !sampler_land(f, s->state.spacing, s->setup.field->cell_size, &q, &n))
-                continue;
-            double nearest2 = INFINITY;
-            for (size_t j = 0; j < s->state.p->count; j++)
-                if (j != i) nearest2 = fmin(nearest2, vec3_norm2(vec3_sub(q, s->state.p->position[j])));
-            if (nearest2 <= best) continue;
-            best = nearest2;
-            x = q;
-            normal = n;
-        }
-        if (best < 0) continue;
-        s->state.p->position[i] = x;
-        s->state.p->normal[i] = normal;
-        s->record.removed++;
-        s->record.replaced[i] = true;
-        finalize_particle(s, i);
-    }
+    for (size_t i = 0; i < s->state.p->count && !threads_stopped(s->setup.pool); i++)
+        if (s->scratch.lost[i])
+            replace(s, i, -1, &r);
+        else if (is_in_row(s, i))
+            replace(s, i, LEAST_ROOM * s->state.spacing * s->state.p->size[i], &r);
 }
 
 static void count_lost(sampler *s)
