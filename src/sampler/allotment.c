@@ -1,6 +1,5 @@
 #include "sampler/allotment.h"
 
-#include <assert.h>
 #include <math.h>
 #include <stdlib.h>
 
