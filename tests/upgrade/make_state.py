@@ -95,7 +95,7 @@ def main():
         service.process.wait()
         (output / "jobs.json").write_text(json.dumps([{name: job[name] for name in KEPT} for job in jobs], indent=1, sort_keys=True) + "\n")
         for entry in sorted(service.state.iterdir()):
-            if entry.is_dir():
+            if entry.is_dir() and any(entry.iterdir()):
                 shutil.copytree(entry, output / entry.name)
         with sqlite3.connect(service.state / "queue.db") as database:
             version = database.execute("PRAGMA user_version").fetchone()[0]
