@@ -15,6 +15,8 @@
 #include "sampler/sampler.h"
 #include "shapes.h"
 #include "surface/coverage.h"
+#include "surface/curve_distance.h"
+#include "surface/curve_rows.h"
 
 static const sampler_params even = {.count = 2000,
                                     .seed = 1,
@@ -279,6 +281,49 @@ static void rows_are_graded(void **state)
     threads_free(pool);
 }
 
+/* A face with a round hole in it and a slit that is shorter than half a spacing. */
+static void make_holed_face(faces *s)
+{
+    enum { ROUND = 20 };
+    *s = (faces){0};
+    add_face(s, (vec3){0, 0, 0}, (vec3){0.5, 0, 0}, (vec3){0, 0.5, 0});
+    faces_join(s);
+    field_curve *hole = &s->curve[s->patches.curve_count++], *slit = &s->curve[s->patches.curve_count++];
+    *hole = (field_curve){.first = 8, .count = ROUND, .closed = true, .patch_first = 4, .patch_count = 1};
+    for (int k = 0; k < ROUND; k++)
+        s->vertex[8 + k] = (vec3){0.2 * cos(2 * M_PI * k / ROUND), 0.2 * sin(2 * M_PI * k / ROUND), 0};
+    *slit = (field_curve){.first = 8 + ROUND, .count = 2, .patch_first = 5, .patch_count = 2};
+    s->vertex[8 + ROUND] = (vec3){0.4, 0.4, 0};
+    s->vertex[9 + ROUND] = (vec3){0.44, 0.4, 0};
+    for (int k = 4; k < 7; k++) s->curve_patch[k] = 0;
+}
+
+static void loops_and_short_curves_have_places(void **state)
+{
+    (void)state;
+    static faces s;
+    error e = {0};
+    curve_rows rows;
+    make_holed_face(&s);
+    boundary_request request = {.spacing = 0.1, .even = 0.1, .most = SIZE_MAX};
+    assert_true(curve_rows_make(&s.base, &request, &rows, &e));
+    /* a square of ten steps a side, the hole's length of 1.25, and one end of the slit */
+    assert_int_equal(rows.corners, 4 + 1);
+    assert_int_equal(rows.count, 4 * 10 + 13 + 1);
+    assert_int_equal(rows.stands, rows.count); /* where a patch meets itself it stands once */
+    /* halves of cells behind the rows, those of the slit twice, less an Euler characteristic of 2 - 3 loops */
+    assert_close(rows.border[0], 0.5 * (4 * 10 + 13) + 0.5 - (2 - 3), 1e-9);
+    curve_rows_free(&rows);
+    request.most = 7;
+    assert_true(curve_rows_make(&s.base, &request, &rows, &e));
+    assert_true(rows.count > 4 && rows.count <= 7);
+    curve_rows_free(&rows);
+    curve_distance *d = curve_distance_new(&s.patches, 0.01, &e);
+    assert_close(curve_distance_at(d, 0, (vec3){0.1, 0, 0}), 0.1, 2e-3);
+    assert_close(curve_distance_at(d, 0, (vec3){0, 0.35, 0}), 0.15, 4e-3);
+    curve_distance_free(d);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -288,6 +333,7 @@ int main(void)
         cmocka_unit_test(three_sheets_share_a_row),
         cmocka_unit_test(rows_follow_the_count),
         cmocka_unit_test(rows_are_graded),
+        cmocka_unit_test(loops_and_short_curves_have_places),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
