@@ -107,6 +107,7 @@ typedef struct walk {
     mesh_reader_header header;
     size_t first; /* of the vertices of the mesh at hand */
     bool failed;
+    unsigned group; /* of the node that is visited, among those that have meshes */
 } walk;
 
 static void visit_mesh(walk *w, const struct aiMesh *mesh, const struct aiMatrix4x4 *m)
@@ -151,7 +152,7 @@ static void visit(walk *w, const struct aiNode *node, struct aiMatrix4x4 m, int 
 
 /* An array: what of a mesh it is, and which of several. */
 typedef struct values {
-    enum { OF_COLOR, OF_UV, OF_NORMAL, OF_MATERIAL } what;
+    enum { OF_COLOR, OF_UV, OF_NORMAL, OF_MATERIAL, OF_GROUP } what;
     unsigned slot;
     mesh_reader_values head;
 } values;
@@ -184,7 +185,7 @@ static void value_at(const struct aiMesh *mesh, const struct aiMatrix4x4 *m, con
                  (m->c1 * m->a2 - m->c2 * m->a1) * k.z;
         out[2] = (m->a2 * m->b3 - m->a3 * m->b2) * k.x + (m->a3 * m->b1 - m->a1 * m->b3) * k.y +
                  (m->a1 * m->b2 - m->a2 * m->b1) * k.z;
-    } else {
+    } else if (v->what == OF_MATERIAL) {
         out[0] = (float)mesh->mMaterialIndex;
     }
 }
@@ -210,6 +211,7 @@ static uint32_t list_values(const struct aiScene *scene, values *list)
         add_values(scene, "uv", (values){OF_UV, k, {"", MESH_VALUES_UV, 2}}, list, &count);
     add_values(scene, "normal", (values){OF_NORMAL, 0, {"", MESH_VALUES_NORMAL, 3}}, list, &count);
     add_values(scene, "material", (values){OF_MATERIAL, 0, {"", MESH_VALUES_WHOLE, 1}}, list, &count);
+    add_values(scene, "group", (values){OF_GROUP, 0, {"", MESH_VALUES_WHOLE, 1}}, list, &count);
     return count;
 }
 
@@ -222,9 +224,11 @@ static void visit_values(walk *w, const struct aiNode *node, struct aiMatrix4x4 
         for (unsigned k = 0; !w->failed && k < mesh->mNumVertices; k++) {
             float value[MESH_VALUES_COMPONENTS];
             value_at(mesh, &m, v, k, value);
+            if (v->what == OF_GROUP) value[0] = (float)w->group;
             w->failed = fwrite(value, sizeof *value, v->head.components, stdout) != v->head.components;
         }
     }
+    w->group += node->mNumMeshes > 0; /* the library makes a node of each group or object */
     for (unsigned n = 0; n < node->mNumChildren; n++) visit_values(w, node->mChildren[n], m, v);
 }
 
@@ -241,6 +245,7 @@ static void answer_values(walk *w, const ply_values *own)
     w->failed |= fwrite(&all, sizeof all, 1, stdout) != 1;
     for (uint32_t k = 0; k < count && !w->failed; k++) {
         w->failed = fwrite(&list[k].head, sizeof list[k].head, 1, stdout) != 1;
+        w->group = 0;
         visit_values(w, w->scene->mRootNode, identity, &list[k]);
     }
     for (uint32_t k = 0; k < more && !w->failed; k++) {

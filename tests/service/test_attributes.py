@@ -480,7 +480,7 @@ def test_vertices_of_a_mesh(carry, tmp_path, form):
 
 
 def test_a_mesh_beside_a_volume(carry, tmp_path):
-    """Normals and materials of an OBJ file at the points of a fog."""
+    """Normals, materials and groups of an OBJ file at the points of a fog."""
     matrix = SPACES["plain"]
     write_nrrd(tmp_path / "ball.nrrd", ball(), matrix)
     middle = apply(matrix, numpy.full((1, 3), (SIZE - 1) / 2))[0]
@@ -488,21 +488,24 @@ def test_a_mesh_beside_a_volume(carry, tmp_path):
     sphere = vertices / numpy.linalg.norm(vertices, axis=1)[:, None]
     lines = [f"v {x:.9f} {y:.9f} {z:.9f}" for x, y, z in middle + 0.6 * sphere]
     lines += [f"vn {x:.9f} {y:.9f} {z:.9f}" for x, y, z in sphere]
-    for half, upper in (("low", False), ("high", True)):
-        lines.append(f"usemtl {half}")
-        lines += ["f " + " ".join(f"{v + 1}//{v + 1}" for v in f) for f in faces if (sphere[f, 2].mean() > 0) == upper]
+    for side, right in (("left", False), ("right", True)):
+        for half, upper in (("low", False), ("high", True)):
+            lines += [f"g {side}", f"usemtl {half}"]
+            lines += ["f " + " ".join(f"{v + 1}//{v + 1}" for v in f) for f in faces
+                      if (sphere[f, 2].mean() > 0) == upper and (sphere[f, 0].mean() > 0) == right]
     (tmp_path / "sphere.obj").write_text("\n".join(lines) + "\n")
     columns, report = carry({"volume": {"path": str(tmp_path / "ball.nrrd"), "isovalue": 0}}, [
         {"from": str(tmp_path / "sphere.obj"), "name": "normal", "as": "n"},
-        {"from": str(tmp_path / "sphere.obj"), "name": "material"}])
+        {"from": str(tmp_path / "sphere.obj"), "name": "material"}, {"from": str(tmp_path / "sphere.obj"), "name": "group"}])
     assert report, columns
     outward = places(columns) - middle
     outward /= numpy.linalg.norm(outward, axis=1)[:, None]
     assert (vectors(columns, "n") * outward).sum(1).min() > 0.999
-    clear = numpy.abs(outward[:, 2]) > 0.15
-    high = set(columns["material"][clear & (outward[:, 2] > 0)])
-    low = set(columns["material"][clear & (outward[:, 2] < 0)])
-    assert len(high) == len(low) == 1 and high != low
+    for name, axis in (("material", 2), ("group", 0)):
+        clear = numpy.abs(outward[:, axis]) > 0.15
+        over = set(columns[name][clear & (outward[:, axis] > 0)])
+        under = set(columns[name][clear & (outward[:, axis] < 0)])
+        assert len(over) == len(under) == 1 and over != under, (name, over, under)
 
 
 # ---- the surface's own geometry
