@@ -11,6 +11,8 @@
 static const double CELLS_COARSE = 32, CELLS_FEATURE = 6;
 /* Sharp edges are cut off within a cell: 0.1 % of a cube's area at this many cells along its side. */
 static const double CELLS_SHARP = 160;
+/* In lengths and radii of a frustum: how far its side goes on as a piece. */
+static const double FARTHER = 10;
 
 /* Of each shape F and its gradient, without a branch where it can be, so that several are computed side by side; false where
  * they are not defined. */
@@ -397,6 +399,58 @@ static void lay_out_grid(analytic *a)
     vec3 size = bbox_size(a->base.domain);
     for (int axis = 0; axis < 3; axis++)
         a->grid.cells[axis] = (int64_t)ceil(vec3_get(size, axis) / a->base.cell_size);
+}
+
+static analytic_params plane_of(vec3 at, vec3 out_of)
+{
+    return (analytic_params){.shape = ANALYTIC_HALFSPACE, .center = at, .axis = out_of};
+}
+
+static int box_pieces(const analytic_params *p, analytic_params *out)
+{
+    for (int k = 0; k < 6; k++) {
+        double sign = k & 1 ? 1 : -1;
+        vec3 normal = {0, 0, 0};
+        vec3_set(&normal, k >> 1, sign);
+        out[k] = plane_of(vec3_axpy(vec3_get(p->half_size, k >> 1), normal, p->center), normal);
+    }
+    return 6;
+}
+
+/* The side first; it goes on to its tip, or so far that its ends are nearest nowhere beside it. */
+static int frustum_pieces(const analytic_params *p, analytic_params *out)
+{
+    vec3 axis = vec3_unit(p->axis);
+    const analytic_frustum *c = &p->core;
+    double slope = (c->top_radius - c->bottom_radius) / (c->top - c->bottom);
+    double reach = FARTHER * (c->top - c->bottom + c->bottom_radius + c->top_radius) * (1 + fabs(slope));
+    double down = slope > 0 ? fmin(c->bottom_radius / slope, reach) : reach;
+    double up = slope < 0 ? fmin(-c->top_radius / slope, reach) : reach;
+    int count = 1;
+    out[0] = *p;
+    out[0].core = (analytic_frustum){c->bottom - down, c->top + up, fmax(c->bottom_radius - slope * down, 0),
+                                     fmax(c->top_radius + slope * up, 0)};
+    if (c->bottom_radius > 0)
+        out[count++] = plane_of(vec3_axpy(c->bottom, axis, p->center), vec3_scale(axis, -1));
+    if (c->top_radius > 0) out[count++] = plane_of(vec3_axpy(c->top, axis, p->center), axis);
+    return count;
+}
+
+int analytic_pieces(const analytic_params *shape, analytic_params out[ANALYTIC_PIECES])
+{
+    if (shape->rounding == 0 && shape->shape == ANALYTIC_BOX) return box_pieces(shape, out);
+    if (shape->rounding == 0 && shape->shape == ANALYTIC_FRUSTUM) return frustum_pieces(shape, out);
+    out[0] = *shape;
+    return 1;
+}
+
+analytic *analytic_new_piece(const analytic_params *params)
+{
+    analytic *a = mem_alloc(sizeof *a);
+    a->base.ops = &analytic_ops;
+    a->params = *params;
+    a->params.axis = vec3_unit(params->axis);
+    return a;
 }
 
 analytic *analytic_new(const analytic_params *params, threads *pool, error *e)

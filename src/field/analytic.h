@@ -59,6 +59,14 @@ typedef struct analytic {
 analytic *analytic_new(const analytic_params *params, threads *pool, error *e);
 void analytic_free(analytic *a);
 
+/* The smooth pieces of a shape with sharp edges, which is their intersection: planes, and the side of a frustum that goes on
+ * beyond its ends. The shape itself where it has none. Returns how many. */
+enum { ANALYTIC_PIECES = 6 };
+int analytic_pieces(const analytic_params *shape, analytic_params out[ANALYTIC_PIECES]);
+
+/* For who asks for F only: it has no cells. */
+analytic *analytic_new_piece(const analytic_params *params);
+
 /* Moves the faces of a frustum inwards by `by` >= 0; false, and no change, when nothing is left. */
 bool analytic_shrink(analytic_frustum *f, double by);
 

@@ -10,6 +10,7 @@
 #include "dense/exr_stack.h"
 #include "dense/raw_volume.h"
 #include "geometry/affine.h"
+#include "run/creased_source.h"
 #include "run/plan.h"
 
 /* Of the square of a scale: how far numbers written in decimal let a rotation's columns be from orthonormal.
@@ -255,7 +256,8 @@ static void align_ends(const spec *s, source *out)
 {
     double to_world[16];
     volume *v = out->whole.volume;
-    if (!v || s->has_region || s->has_grid || s->coherent || volume_loose_ends(v, out->field->domain) == 0)
+    if (!v || s->has_region || s->has_grid || s->coherent || s->features ||
+        volume_loose_ends(v, out->field->domain) == 0)
         return;
     if (volume_align(v, to_world)) out->turned = placement_new_view(volume_field(v), to_world);
 }
@@ -378,7 +380,8 @@ static bool open_placement(const spec_surface *s, double offset, const opening *
     opening inner = *o;
     inner.bounds = bounds_within(o->bounds, s->matrix);
     if (!open_part(s->parts[0], offset != 0 ? offset / scale : 0, &inner, &out->parts[0], e)) return false;
-    out->placement = placement_new(out->parts[0].field, s->matrix, e);
+    out->placement = o->spec->features ? placement_new_view(out->parts[0].field, s->matrix)
+                                       : placement_new(out->parts[0].field, s->matrix, e);
     if (!out->placement) return false;
     out->field = placement_field(out->placement);
     return true;
@@ -446,7 +449,10 @@ bool source_open(const spec *s, const store_roots *roots, size_t memory, isa ker
         memory, kernels, pool, out, s, count_leaves(&s->surface), bounds_of_region(&s->region)};
     if (!open_part(&s->surface, 0, &o, &out->whole, e) || (s->has_grid && !open_map(s, &o, e))) return false;
     out->field = out->whole.field;
-    if (s->has_region) {
+    if (s->features) {
+        if (!(out->creased = creased_source_open(s, &out->whole, e))) return false;
+        out->field = creased_field(out->creased);
+    } else if (s->has_region) {
         out->region = region_new(out->field, (bbox){s->region.min, s->region.max}, e);
         if (!out->region) return out->input_count ? error_prefix(e, "%s", out->inputs[0].path) : false;
         out->field = region_field(out->region);
@@ -488,6 +494,7 @@ static void close_part(source_part *p)
 void source_close(source *s)
 {
     region_free(s->region);
+    creased_free(s->creased);
     placement_free(s->turned);
     close_part(&s->whole);
     map_close(s->map);
@@ -582,12 +589,13 @@ double source_missing_share(const source *s)
 
 size_t source_memory(const source *s)
 {
-    return (s->region ? region_bytes(s->region) : 0) + map_memory(s->map) + memory_of_part(&s->whole);
+    return (s->region ? region_bytes(s->region) : 0) + creased_bytes(s->creased) + map_memory(s->map) +
+           memory_of_part(&s->whole);
 }
 
 bool source_starts_in_cells(const source *s)
 {
-    return !s->whole.analytic && !s->whole.bspline;
+    return s->creased || (!s->whole.analytic && !s->whole.bspline);
 }
 
 /* The outermost part of several, or of none; *x goes into its space. */

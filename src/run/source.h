@@ -47,6 +47,7 @@ typedef struct source {
     placement *turned; /* that space in the world, where it is another: data that end obliquely; or NULL */
     map *map;          /* of sampling.grid, or NULL */
     region *region;    /* of surface.region, or NULL */
+    struct creased *creased;  /* the whole as patches, with features; or NULL */
     const store_roots *roots; /* for files, or NULL; used while the source opens */
     source_input *inputs;     /* in the order in which they were first opened */
     size_t input_count;

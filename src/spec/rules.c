@@ -275,6 +275,9 @@ static void check_coherent(reading *r, const json_at *at)
             r, &coherent,
             "requires the method \"sized\", which excludes sampling.alpha: use sampling.curvature "
             "or grid");
+    if (s->features)
+        reading_add_fault(r, &coherent,
+                          "excludes features, because rows along edges are made anew in each frame");
     if (s->time_s > 0)
         reading_add_fault(
             r, &coherent,

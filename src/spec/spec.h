@@ -169,6 +169,7 @@ typedef struct spec {
     spec_surface surface;
     bool has_region; /* only the surface inside of `region` */
     spec_box region;
+    bool features; /* sharp edges of formulas and combinations have rows of points */
 
     spec_attribute attribute; /* the one that is being read */
     spec_attribute *attributes;

@@ -539,6 +539,14 @@ const spec_row spec_rows[] = {
      AT(region.max),
      .unit = "world",
      .prose = "The highest corner. It must be above the lowest corner on every axis."},
+    {.pointer = "/features",
+     .type = SPEC_TYPE_BOOL,
+     .otherwise = "false",
+     AT(features),
+     .prose =
+         "Whether the sharp edges of formulas, where parts of a combination meet, and the ends of a region have rows of "
+         "points of their own, at the spacing asked for and exactly on the edge. The surface is then a set of smooth "
+         "patches, and mesh.ply has edges along theirs. Meshes have a member of that name of their own."},
 
     GROUP(
         "/sampling", SPEC_REQUIRED,

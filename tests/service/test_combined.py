@@ -5,6 +5,7 @@ import json
 import numpy
 import pytest
 
+from meshes import Mesh
 from readers import Points
 from volumes import write_nrrd
 
@@ -128,6 +129,57 @@ def test_a_half_space_in_a_region(sample):
     assert e["code"] == "no_surface" and "move or widen the region" in e["message"]
     report, _ = sample({"union": [solid("halfspace"), sphere(0.5)]}, region=cube)
     assert report["surface"]["area"] == pytest.approx(4 + PI * 0.25, rel=5e-4)
+
+
+def on_curve(points, *distances):
+    """Steps of the row of points that lie on all of these surfaces, along a curve about the z axis."""
+    on = numpy.max([numpy.abs(d) for d in distances], axis=0) < 1e-6
+    row = points.position[on]
+    row = row[numpy.argsort(numpy.arctan2(row[:, 1], row[:, 0]))]
+    return numpy.linalg.norm(numpy.roll(row, -1, axis=0) - row, axis=1)
+
+
+@pytest.mark.plain
+def test_sharp_edges_have_rows_of_points(sample, tmp_path, diagnose):
+    """A cylinder that a plane cuts: a circle and an ellipse; its mesh is closed and cuts no corner."""
+    cut = {"difference": [solid("cylinder", radius=1, height=3), solid("halfspace", center=[0, 0, 0.5], axis=[0, -1, -2])]}
+    report, points = sample(cut, features=True, sampling={"count": 3000}, solver={"threads": 2},
+                            output={"preview": False, "mesh": True, "ply": {"precision": "double"}})
+    area, q = PI * (1 + ROOT5 / 2) + 2 * PI * 2, report["quality"]
+    assert report["outcome"] == "converged" and report["surface"]["area"] == pytest.approx(area, rel=1e-4)
+    h = (2 * area / (3 ** 0.5 * 3000)) ** 0.5
+    x, y, z = points.position.T
+    side, top, bottom = numpy.hypot(x, y) - 1, (y + 2 * z - 1) / ROOT5, z + 1.5
+    for row in (on_curve(points, side, top), on_curve(points, side, bottom)):
+        diagnose(f"{len(row)} points, steps of {row.mean() / h:.3f} spacings, cv {row.std() / row.mean():.1e}")
+        assert 0.9 < row.min() / h and row.max() / h < 1.1 and row.std() / row.mean() < 0.02
+    assert q["hex_fraction"] > 0.93 and q["lost"] == 0
+    mesh = Mesh(tmp_path / "out" / "mesh.ply")
+    edges = numpy.sort(numpy.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]), axis=1)
+    assert (numpy.unique(edges, axis=0, return_counts=True)[1] == 2).all() and len(mesh.faces) == 2 * 3000 - 4
+    x, y, z = ((mesh.a + mesh.b + mesh.c) / 3).T
+    off = numpy.maximum(numpy.hypot(x, y) - 1, numpy.maximum((y + 2 * z - 1) / ROOT5, -z - 1.5))
+    assert numpy.abs(off).max() < 0.15 * h
+
+
+def test_a_region_ends_in_rows(sample):
+    """The upper part of a sphere, and of an open surface that is turned, which only patches can be."""
+    above = {"min": [-2, -2, 0.1], "max": [2, 2, 2]}
+    report, points = sample(sphere(1), features=True, region=above)
+    assert report["surface"]["area"] == pytest.approx(2 * PI * 0.9, rel=1e-3)
+    assert points.position[:, 2].min() > 0.1 - 1e-9
+    row = on_curve(points, points.position[:, 2] - 0.1, numpy.linalg.norm(points.position, axis=1) - 1)
+    assert row.std() / row.mean() < 0.02
+    c, s = numpy.cos(0.5), numpy.sin(0.5)
+    turn = numpy.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    gyroid = {"analytic": {"shape": "gyroid", "period": 1, "center": [0, 0, 0]}}
+    plain, _ = sample(gyroid)
+    report, points = sample(transform(gyroid, turn), features=True)
+    assert report["surface"]["area"] == pytest.approx(plain["surface"]["area"], rel=2e-3)
+    back = numpy.abs(points.position @ turn[:3, :3])
+    assert back.max() < 0.5 + 1e-9 and (back.max(axis=1) > 0.5 - 1e-9).sum() > 50
+    e, _ = sample({"union": [gyroid, sphere(0.2)]}, features=True)
+    assert e["code"] == "not_supported"
 
 
 @pytest.mark.plain

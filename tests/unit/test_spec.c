@@ -626,7 +626,7 @@ static void test_normalised_is_idempotent(void **state)
     assert_string_equal(
         text,
         "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"center\":[0.5,0.5,0.5],"
-        "\"radius\":0.4}},"
+        "\"radius\":0.4}},\"features\":false,"
         "\"sampling\":{\"count\":100},\"solver\":{\"method\":\"sized\",\"energy\":\"cotangent\","
         "\"minimiser\":\"lm\",\"sigma\":0,\"init\":\"surface\",\"seed\":0,\"threads\":0,\"isa\":"
         "\"auto\",\"max_sweeps\":5000,"

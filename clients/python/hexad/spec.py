@@ -1022,6 +1022,7 @@ class _SpecRest(TypedDict, total=False):
     version: int
     name: str
     region: Region
+    features: bool
     solver: Solver
     attributes: Sequence[AttributesItem]
     output: Output
@@ -1038,6 +1039,10 @@ class Spec(_SpecNeeded, _SpecRest):
     region: Only the part of the surface inside this box is sampled. Where the box cuts the surface, the
         surface is open and points lie along the cut. The scale of curvature still comes from the bounding box
         of the whole surface.
+    features: Whether the sharp edges of formulas, where parts of a combination meet, and the ends of a region
+        have rows of points of their own, at the spacing asked for and exactly on the edge. The surface is
+        then a set of smooth patches, and mesh.ply has edges along theirs. Meshes have a member of that name
+        of their own. Default: False.
     sampling: The number of points. Give exactly one target (count, spacing, density, control, time_s or
         resolve) and at most one rule for the spacing (alpha, curvature or grid). Beside curvature or grid, or
         on its own, feature makes thin parts finer.

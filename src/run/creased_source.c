@@ -1,0 +1,91 @@
+#include "run/creased_source.h"
+
+#include <math.h>
+#include <string.h>
+
+static const double HERE[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
+
+typedef struct walk {
+    solid *solid;
+    const field *open; /* a leaf that ends at its domain */
+    double open_to_world[3][4];
+    size_t leaves;
+} walk;
+
+static void place(const double matrix[16], const double to_world[3][4], double out[3][4])
+{
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 4; j++) {
+            out[i][j] = to_world[i][3] * matrix[12 + j];
+            for (int k = 0; k < 3; k++) out[i][j] += to_world[i][k] * matrix[4 * k + j];
+        }
+}
+
+static void push_leaf(walk *w, const source_part *part, const double to_world[3][4], bool inverted)
+{
+    w->leaves++;
+    if (part->field->open) {
+        w->open = part->field;
+        memcpy(w->open_to_world, to_world, sizeof w->open_to_world);
+    }
+    if (part->analytic)
+        solid_push_shape(w->solid, &w->solid->inside, &part->analytic->params, to_world, inverted);
+    else
+        solid_push_field(w->solid, &w->solid->inside, part->field, to_world, inverted);
+}
+
+static void push(walk *w, const spec_surface *s, const source_part *part, const double to_world[3][4],
+                 bool inverted)
+{
+    double placed[3][4];
+    if (s->part_count == 0) {
+        push_leaf(w, part, to_world, inverted);
+        return;
+    }
+    memcpy(placed, to_world, sizeof placed);
+    if (s->kind == SPEC_SURFACE_TRANSFORM) place(s->matrix, to_world, placed);
+    for (size_t k = 0; k < s->part_count; k++) {
+        bool taken = s->kind == SPEC_SURFACE_DIFFERENCE && k > 0;
+        push(w, s->parts[k], &part->parts[k], (const double(*)[4])placed, inverted != taken);
+        if (k > 0) solid_join(w->solid, &w->solid->inside, (s->kind == SPEC_SURFACE_UNION) != inverted);
+    }
+}
+
+static void push_region(solid *s, bbox box, const double to_world[3][4])
+{
+    const analytic_params shape = {.shape = ANALYTIC_BOX,
+                                   .center = vec3_scale(vec3_add(box.min, box.max), 0.5),
+                                   .half_size = vec3_scale(bbox_size(box), 0.5)};
+    bool first = s->region.count == 0;
+    solid_push_shape(s, &s->region, &shape, to_world, false);
+    if (!first) solid_join(s, &s->region, false);
+}
+
+creased *creased_source_open(const spec *s, const source_part *part, error *e)
+{
+    if (part->field->patches) {
+        error_set(e, ERROR_NOT_SUPPORTED,
+                  "this mesh is a set of patches already: leave out features, or give surface.mesh.features");
+        return NULL;
+    }
+    walk w = {.solid = solid_new(bbox_longest(part->field->domain))};
+    bbox box = part->field->domain;
+    push(&w, &s->surface, part, HERE, false);
+    if (w.open) push_region(w.solid, w.open->domain, (const double(*)[4])w.open_to_world);
+    if (s->has_region) {
+        box = (bbox){s->region.min, s->region.max};
+        push_region(w.solid, box, HERE);
+    }
+    if (w.solid->full)
+        error_set(e, ERROR_NOT_SUPPORTED,
+                  "the surface has more than %d smooth pieces (a box has six): leave out features",
+                  SOLID_LEAVES);
+    else if (w.open && w.leaves > 1)
+        error_set(
+            e, ERROR_NOT_SUPPORTED,
+            "one of the surfaces that are combined is open: leave out features, or give it a region instead");
+    else
+        return creased_new(w.solid, part->field, box, e);
+    solid_free(w.solid);
+    return NULL;
+}
