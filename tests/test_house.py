@@ -23,7 +23,7 @@ PAGE_BYTES = {  # at most; the first pattern that matches the whole path counts
     r"CONTRIBUTING\.md": 12_000,
     r"NEWS\.md": 12_000,
     r"bench/README\.md": 8_000,
-    r"doc/measured/inputs\.md": 100_000,  # one row for each file of a collection
+    r"doc/measured/inputs\.md": 150_000,  # one row for each file of a collection and count
     r"doc/measured/.*": 16_000,
     r"doc/.*": 16_000,
 }
