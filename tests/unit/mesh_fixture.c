@@ -112,6 +112,31 @@ mesh mesh_fixture_box(vec3 center, vec3 half, double angle)
     return m;
 }
 
+mesh mesh_fixture_sheet(int nu, int nv, vec3 (*place)(double u, double v))
+{
+    mesh m = with_room((size_t)(nu + 1) * (size_t)(nv + 1), 2 * (size_t)nu * (size_t)nv);
+    for (int j = 0; j <= nv; j++)
+        for (int i = 0; i <= nu; i++) add_vertex(&m, place(i / (double)nu, j / (double)nv));
+    for (int j = 0; j < nv; j++)
+        for (int i = 0; i < nu; i++) {
+            uint32_t a = (uint32_t)(j * (nu + 1) + i), b = a + 1, c = a + (uint32_t)nu + 1, d = c + 1;
+            add_triangle(&m, a, b, d);
+            add_triangle(&m, a, d, c);
+        }
+    return m;
+}
+
+vec3 mesh_fixture_rounded(vec3 p)
+{
+    return vec3_make(round(p.x * 1e9) / 1e9, round(p.y * 1e9) / 1e9, round(p.z * 1e9) / 1e9);
+}
+
+vec3 mesh_fixture_moebius(double u, double v)
+{
+    const double a = 2 * M_PI * u, w = 0.6 * (v - 0.5), r = 1 + w * cos(a / 2);
+    return mesh_fixture_rounded(vec3_make(r * cos(a), r * sin(a), w * sin(a / 2)));
+}
+
 void mesh_fixture_append(mesh *a, mesh b)
 {
     mesh out = with_room(a->vertex_count + b.vertex_count, a->triangle_count + b.triangle_count);

@@ -18,6 +18,12 @@ mesh mesh_fixture_box(vec3 center, vec3 half, double angle);
 /* The same rotation, backwards: a point relative to the centre in the box's own axes. */
 vec3 mesh_fixture_unturn(vec3 p, double angle);
 
+/* A grid of squares, two triangles each, over u and v from 0 to 1, and where it lies. */
+mesh mesh_fixture_sheet(int nu, int nv, vec3 (*place)(double u, double v));
+vec3 mesh_fixture_moebius(double u, double v); /* such a strip, of radius 1 and width .6 */
+/* Coordinates of ends that are to meet are rounded, so that they are equal. */
+vec3 mesh_fixture_rounded(vec3 p);
+
 /* Appends b to a, and frees b. */
 void mesh_fixture_append(mesh *a, mesh b);
 void mesh_fixture_turn(mesh *m, size_t triangle); /* reverses its orientation */

@@ -13,22 +13,6 @@
 #include "mesh/mesh_patches.h"
 #include "mesh_fixture.h"
 
-/* A grid of squares, two triangles each, over u and v from 0 to 1, and where it lies. */
-static mesh sheet(int nu, int nv, vec3 (*place)(double u, double v))
-{
-    mesh m = {0};
-    m.vertex = mem_alloc((size_t)(nu + 1) * (size_t)(nv + 1) * sizeof *m.vertex);
-    for (int j = 0; j <= nv; j++)
-        for (int i = 0; i <= nu; i++) m.vertex[m.vertex_count++] = place(i / (double)nu, j / (double)nv);
-    for (int j = 0; j < nv; j++)
-        for (int i = 0; i < nu; i++) {
-            uint32_t a = (uint32_t)(j * (nu + 1) + i), b = a + 1, c = a + (uint32_t)nu + 1, d = c + 1;
-            mesh_fixture_add(&m, a, b, d);
-            mesh_fixture_add(&m, a, d, c);
-        }
-    return m;
-}
-
 static vec3 flat(double u, double v)
 {
     return vec3_make(u, v, 0);
@@ -39,23 +23,11 @@ static vec3 wall(double u, double v)
     return vec3_make(u, 0.5, v);
 }
 
-/* Coordinates of ends that are to meet are rounded, so that they are equal. */
-static vec3 rounded(vec3 p)
-{
-    return vec3_make(round(p.x * 1e9) / 1e9, round(p.y * 1e9) / 1e9, round(p.z * 1e9) / 1e9);
-}
-
-static vec3 moebius(double u, double v)
-{
-    const double a = 2 * M_PI * u, w = 0.6 * (v - 0.5), r = 1 + w * cos(a / 2);
-    return rounded(vec3_make(r * cos(a), r * sin(a), w * sin(a / 2)));
-}
-
 static vec3 klein(double u, double v)
 {
     const double a = 2 * M_PI * u, b = 2 * M_PI * v, s = sin(b), t = sin(2 * b);
     const double r = 3 + cos(a / 2) * s - sin(a / 2) * t;
-    return rounded(vec3_make(r * cos(a), r * sin(a), sin(a / 2) * s + cos(a / 2) * t));
+    return mesh_fixture_rounded(vec3_make(r * cos(a), r * sin(a), sin(a / 2) * s + cos(a / 2) * t));
 }
 
 static mesh_patches make(mesh m, double angle)
@@ -99,13 +71,13 @@ static void assert_oriented(const mesh_patches *p)
 static void test_square_sheet(void **state)
 {
     (void)state;
-    mesh_patches p = make(sheet(5, 5, flat), MESH_PATCHES_FOUND);
+    mesh_patches p = make(mesh_fixture_sheet(5, 5, flat), MESH_PATCHES_FOUND);
     assert_counts(&p, 1, 4, 1);
     assert_int_equal(p.open_edges, 20);
     for (int k = 0; k < 4; k++) assert_int_equal(p.curve[k].count, 6);
     assert_false(p.two_sided[0] || p.curve[0].closed);
     mesh_patches_free(&p);
-    p = make(sheet(5, 5, flat), 0); /* no features: its rim is one loop */
+    p = make(mesh_fixture_sheet(5, 5, flat), 0); /* no features: its rim is one loop */
     assert_counts(&p, 1, 1, 1);
     assert_true(p.curve[0].closed);
     assert_int_equal(p.curve[0].count, 20);
@@ -152,12 +124,12 @@ static void test_scan_has_no_features(void **state)
 static void test_one_sided(void **state)
 {
     (void)state;
-    mesh_patches p = make(sheet(60, 6, moebius), MESH_PATCHES_FOUND);
+    mesh_patches p = make(mesh_fixture_sheet(60, 6, mesh_fixture_moebius), MESH_PATCHES_FOUND);
     assert_counts(&p, 1, 1, 1);
     assert_true(p.two_sided[0] && p.curve[0].closed);
     assert_int_equal(p.curve[0].count, 120);
     mesh_patches_free(&p);
-    p = make(sheet(90, 61, klein), MESH_PATCHES_FOUND);
+    p = make(mesh_fixture_sheet(90, 61, klein), MESH_PATCHES_FOUND);
     assert_counts(&p, 1, 0, 0);
     assert_true(p.two_sided[0]);
     mesh_patches_free(&p);
@@ -166,8 +138,8 @@ static void test_one_sided(void **state)
 static void test_three_sheets_at_an_edge(void **state)
 {
     (void)state;
-    mesh m = sheet(4, 4, flat);
-    mesh_fixture_append(&m, sheet(4, 4, wall));
+    mesh m = mesh_fixture_sheet(4, 4, flat);
+    mesh_fixture_append(&m, mesh_fixture_sheet(4, 4, wall));
     mesh_patches p = make(m, MESH_PATCHES_FOUND); /* the flat one is two, on either side of the wall */
     size_t three = 0;
     assert_int_equal(p.count, 3);
@@ -180,7 +152,7 @@ static void test_three_sheets_at_an_edge(void **state)
 static void test_orientation_follows_most(void **state)
 {
     (void)state;
-    mesh m = sheet(6, 6, flat);
+    mesh m = mesh_fixture_sheet(6, 6, flat);
     for (size_t n = 0; n < m.triangle_count; n += 2) /* less than half, so that there is a majority */
         if (n > 0) mesh_fixture_turn(&m, n);
     mesh_patches p = make(m, MESH_PATCHES_FOUND);
@@ -196,10 +168,10 @@ static void test_orientation_follows_most(void **state)
 static void test_double_faces_count_once(void **state)
 {
     (void)state;
-    mesh m = sheet(3, 3, flat), back = sheet(3, 3, flat);
+    mesh m = mesh_fixture_sheet(3, 3, flat), back = mesh_fixture_sheet(3, 3, flat);
     for (size_t n = 0; n < 9; n++) mesh_fixture_turn(&back, n);
     mesh_fixture_append(&m, back);
-    mesh_fixture_append(&m, sheet(3, 3, flat));
+    mesh_fixture_append(&m, mesh_fixture_sheet(3, 3, flat));
     mesh_patches p = make(m, MESH_PATCHES_FOUND);
     assert_counts(&p, 1, 4, 1);
     assert_int_equal(p.m.triangle_count, 18);
@@ -215,8 +187,8 @@ static vec3 beside(double u, double v)
 static void test_t_junctions(void **state)
 {
     (void)state;
-    mesh m = sheet(2, 2, flat);
-    mesh_fixture_append(&m, sheet(3, 3, beside));
+    mesh m = mesh_fixture_sheet(2, 2, flat);
+    mesh_fixture_append(&m, mesh_fixture_sheet(3, 3, beside));
     mesh_patches p = make(m, MESH_PATCHES_FOUND);
     assert_counts(&p, 1, 4, 1);
     mesh_patches_free(&p);
@@ -239,7 +211,7 @@ static void test_soup(void **state)
 static void test_nothing_is_left(void **state)
 {
     (void)state;
-    mesh m = sheet(1, 1, flat);
+    mesh m = mesh_fixture_sheet(1, 1, flat);
     for (size_t n = 0; n < m.triangle_count; n++) m.triangle[n][1] = m.triangle[n][0];
     mesh_patches out = {0};
     mesh_notes notes = {0};

@@ -1,0 +1,458 @@
+#include "mesh/mesh_surface.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "mesh/mesh_edges.h"
+#include "mesh/nearest_triangle.h"
+#include "mesh/triangle.h"
+
+static const char what[] = "the surface of the mesh";
+
+/* The normal between the corners is at least this much one with the triangle's own: F grows no steeper. */
+static const double least_facing = 0.25;
+/* Of the extent: a place that is this near to the end of a patch is on it. */
+static const double rounding = 1e-9;
+/* A triangle whose height is less than this share of its longest side says nothing of how normals turn. */
+static const double least_height = 1e-3;
+
+/* A part of a triangle. */
+typedef struct piece {
+    vec3 corner[3];
+    uint32_t triangle;
+} piece;
+
+typedef struct patch_field {
+    field base;
+    const mesh_surface *whole;
+    mesh triangles; /* of the patch: a part of the whole's arrays */
+    size_t first;
+    nearest_triangle *tree;
+} patch_field;
+
+struct mesh_surface {
+    field base;
+    mesh_patches mesh;
+    field_patches patches;
+    patch_field *patch;
+    nearest_triangle *tree; /* of all; that of the patch where there is one only */
+    vec3 *normal;           /* of each vertex, unit */
+    sym3 *shape;            /* how it turns: symmetric, and nothing along the normal */
+    bool *at_end;           /* of each vertex: the patch ends there */
+    unsigned char *ends;    /* of each triangle: bit k, the patch ends at the side that begins at corner k */
+    piece *pieces;
+    size_t piece_count, piece_room;
+};
+
+/* ---- normals and how they turn */
+
+static vec3 across(const mesh_surface *s, size_t n)
+{
+    const uint32_t *t = s->mesh.m.triangle[n];
+    const vec3 *v = s->mesh.m.vertex;
+    return vec3_cross(vec3_sub(v[t[1]], v[t[0]]), vec3_sub(v[t[2]], v[t[0]]));
+}
+
+/* `n`, or its reverse, whichever is on the side of `of`. */
+static vec3 facing(vec3 n, vec3 of)
+{
+    return vec3_dot(n, of) < 0 ? vec3_scale(n, -1) : n;
+}
+
+/* The angle of a triangle at its corner k. */
+static double angle_at(const mesh_surface *s, size_t n, int k)
+{
+    const uint32_t *t = s->mesh.m.triangle[n];
+    const vec3 *v = s->mesh.m.vertex, a = vec3_sub(v[t[(k + 1) % 3]], v[t[k]]),
+               b = vec3_sub(v[t[(k + 2) % 3]], v[t[k]]);
+    return atan2(vec3_norm(vec3_cross(a, b)), vec3_dot(a, b));
+}
+
+/* Sums over the triangles at each vertex, by their angles there. Of a patch without orientation all are turned the way
+ * of the first. */
+static void find_normals(mesh_surface *s)
+{
+    const mesh_patches *m = &s->mesh;
+    for (size_t p = 0; p < m->count; p++)
+        for (size_t n = m->first[p]; n < m->first[p + 1]; n++) {
+            const vec3 unit = vec3_unit(across(s, n));
+            for (int k = 0; k < 3; k++) {
+                vec3 *sum = &s->normal[m->m.triangle[n][k]];
+                *sum = vec3_axpy(angle_at(s, n, k), m->two_sided[p] ? facing(unit, *sum) : unit, *sum);
+            }
+        }
+    for (size_t v = 0; v < m->m.vertex_count; v++) s->normal[v] = vec3_unit(s->normal[v]);
+}
+
+static sym3 sym3_axpy(double a, sym3 m, sym3 to)
+{
+    return (sym3){to.xx + a * m.xx, to.yy + a * m.yy, to.zz + a * m.zz,
+                  to.xy + a * m.xy, to.xz + a * m.xz, to.yz + a * m.yz};
+}
+
+/* P m P, with P = I - n n'. */
+static sym3 in_plane(sym3 m, vec3 n)
+{
+    const vec3 mn = sym3_apply(m, n);
+    const double nmn = vec3_dot(n, mn);
+    return (sym3){
+        m.xx - 2 * n.x * mn.x + nmn * n.x * n.x,          m.yy - 2 * n.y * mn.y + nmn * n.y * n.y,
+        m.zz - 2 * n.z * mn.z + nmn * n.z * n.z,          m.xy - n.x * mn.y - n.y * mn.x + nmn * n.x * n.y,
+        m.xz - n.x * mn.z - n.z * mn.x + nmn * n.x * n.z, m.yz - n.y * mn.z - n.z * mn.y + nmn * n.y * n.z};
+}
+
+/* How the normal turns over a triangle: the symmetric part of its gradient. */
+static sym3 turning(const mesh_surface *s, size_t n, vec3 cross)
+{
+    const uint32_t *t = s->mesh.m.triangle[n];
+    const vec3 *v = s->mesh.m.vertex;
+    sym3 sum = {0};
+    for (int k = 0; k < 3; k++) { /* the weight of corner k grows across the opposite side */
+        const vec3 side = vec3_sub(v[t[(k + 2) % 3]], v[t[(k + 1) % 3]]),
+                   g = vec3_scale(vec3_cross(cross, side), 1 / vec3_norm2(cross)),
+                   a = facing(s->normal[t[k]], cross);
+        sum = sym3_axpy(1,
+                        (sym3){a.x * g.x, a.y * g.y, a.z * g.z, 0.5 * (a.x * g.y + a.y * g.x),
+                               0.5 * (a.x * g.z + a.z * g.x), 0.5 * (a.y * g.z + a.z * g.y)},
+                        sum);
+    }
+    return sum;
+}
+
+/* At each vertex the mean over its triangles, by area. Where a patch has no orientation it is that of the vertex's own
+ * normal. */
+static bool find_shapes(mesh_surface *s, error *e)
+{
+    const mesh *m = &s->mesh.m;
+    double *weight = mem_array(m->vertex_count, sizeof *weight, what, e);
+    if (!weight) return false;
+    for (size_t n = 0; n < m->triangle_count; n++) {
+        const uint32_t *t = m->triangle[n];
+        const vec3 cross = across(s, n);
+        double longest2 = 0, area = vec3_norm(cross);
+        for (int k = 0; k < 3; k++)
+            longest2 = fmax(longest2, vec3_norm2(vec3_sub(m->vertex[t[k]], m->vertex[t[(k + 1) % 3]])));
+        if (!(area > least_height * longest2)) continue;
+        const sym3 turn = turning(s, n, cross);
+        for (int k = 0; k < 3; k++) {
+            double side = vec3_dot(s->normal[t[k]], cross) < 0 ? -area : area;
+            s->shape[t[k]] = sym3_axpy(side, turn, s->shape[t[k]]);
+            weight[t[k]] += area;
+        }
+    }
+    for (size_t v = 0; v < m->vertex_count; v++)
+        if (weight[v] > 0)
+            s->shape[v] = in_plane(sym3_axpy(1 / weight[v], s->shape[v], (sym3){0}), s->normal[v]);
+    free(weight);
+    return true;
+}
+
+/* Where patches end: vertices are shared within a patch alone, so that it is at edges of one triangle. */
+static bool find_ends(mesh_surface *s, error *e)
+{
+    mesh_edges edges = {0};
+    seam_edge *open = NULL;
+    size_t count = 0;
+    bool ok = mesh_edges_list(&s->mesh.m, &edges, e) && mesh_edges_open(&edges, &open, &count, e);
+    for (size_t i = 0; ok && i < count; i++) {
+        const uint32_t *t = s->mesh.m.triangle[open[i].triangle];
+        int k = t[0] == open[i].from ? 0 : t[1] == open[i].from ? 1 : 2;
+        s->ends[open[i].triangle] |= (unsigned char)(1 << k);
+        s->at_end[open[i].from] = s->at_end[open[i].to] = true;
+    }
+    free(open);
+    mesh_edges_free(&edges);
+    return ok;
+}
+
+/* ---- sampling */
+
+/* The place of a triangle that is nearest to x. */
+typedef struct foot {
+    vec3 off;    /* from there to x */
+    vec3 normal; /* there, unit */
+    vec3 own;    /* the triangle's, unit; that one for a triangle without area */
+    bool inside; /* of the triangle, not on a side */
+    bool at_end; /* on a side where the patch ends, or at a corner of one */
+} foot;
+
+static foot foot_on(const mesh_surface *s, size_t n, const double weight[3], vec3 x)
+{
+    const uint32_t *t = s->mesh.m.triangle[n];
+    const vec3 own = vec3_unit(across(s, n));
+    vec3 at = {0, 0, 0}, normal = {0, 0, 0};
+    int zeros = 0;
+    for (int k = 0; k < 3; k++) {
+        at = vec3_axpy(weight[k], s->mesh.m.vertex[t[k]], at);
+        normal = vec3_axpy(weight[k], facing(s->normal[t[k]], own), normal);
+        zeros += weight[k] == 0;
+    }
+    normal = vec3_norm2(normal) > 0 ? vec3_unit(normal) : vec3_norm2(own) > 0 ? own : vec3_make(0, 0, 1);
+    foot out = {vec3_sub(x, at), normal, vec3_norm2(own) > 0 ? own : normal, zeros == 0, false};
+    for (int k = 0; zeros > 0 && k < 3;
+         k++) /* the side opposite of a corner without weight, or the one corner */
+        out.at_end |=
+            zeros == 1 ? weight[k] == 0 && (s->ends[n] >> (k + 1) % 3 & 1) : weight[k] > 0 && s->at_end[t[k]];
+    return out;
+}
+
+/* Along the normal to the triangle; round an edge, between the planes of both triangles. */
+static double distance_along(const foot *f)
+{
+    const double up = vec3_dot(f->off, f->normal), far = vec3_norm(f->off);
+    if (f->inside || f->at_end)
+        return vec3_dot(f->off, f->own) / fmax(vec3_dot(f->normal, f->own), least_facing);
+    const double most = far / least_facing;
+    return up == 0 ? 0 : fmax(fmin(far * far / up, most), -most);
+}
+
+static void sample_triangle(const mesh_surface *s, size_t n, const double weight[3], vec3 x,
+                            field_order order, field_sample *out)
+{
+    const foot f = foot_on(s, n, weight, x);
+    out->value = distance_along(&f);
+    out->gradient = f.normal;
+    if (order != FIELD_HESSIAN) return;
+    sym3 shape = {0};
+    for (int k = 0; k < 3; k++) {
+        const uint32_t v = s->mesh.m.triangle[n][k];
+        shape = sym3_axpy(vec3_dot(s->normal[v], f.own) < 0 ? -weight[k] : weight[k], s->shape[v], shape);
+    }
+    out->hessian = in_plane(shape, f.normal);
+}
+
+static bool sample_patch(const field *f, vec3 x, field_order order, field_sample *out)
+{
+    const patch_field *p = (const patch_field *)f;
+    double weight[3];
+    size_t n = p->first + nearest_triangle_find(p->tree, x, weight);
+    sample_triangle(p->whole, n, weight, x, order, out);
+    return true;
+}
+
+static bool is_within(const field *f, vec3 x)
+{
+    const patch_field *p = (const patch_field *)f;
+    double weight[3];
+    size_t n = p->first + nearest_triangle_find(p->tree, x, weight);
+    const foot at = foot_on(p->whole, n, weight, x);
+    if (!at.at_end) return true;
+    const double up = vec3_dot(at.off, at.normal);
+    return vec3_norm(vec3_axpy(-up, at.normal, at.off)) <= fabs(up) + rounding * f->extent;
+}
+
+static bool sample_all(const field *f, vec3 x, field_order order, field_sample *out)
+{
+    const mesh_surface *s = (const mesh_surface *)f;
+    double weight[3];
+    size_t n = nearest_triangle_find(s->tree, x, weight);
+    sample_triangle(s, n, weight, x, order, out);
+    return true;
+}
+
+/* ---- cells */
+
+static size_t count_cells(const field *f)
+{
+    return ((const mesh_surface *)f)->piece_count;
+}
+
+static void get_cell(const field *f, size_t k, field_cell *out)
+{
+    const piece *p = &((const mesh_surface *)f)->pieces[k];
+    bbox box = bbox_empty();
+    for (int i = 0; i < 3; i++) box = bbox_include(box, p->corner[i]);
+    *out = (field_cell){0};
+    for (int i = 0; i < 8; i++)
+        out->corner[i] = vec3_make(i & 1 ? box.max.x : box.min.x, i & 2 ? box.max.y : box.min.y,
+                                   i & 4 ? box.max.z : box.min.z);
+}
+
+static int cell_triangles(const field *f, size_t k, vec3 out[FIELD_CELL_TRIANGLES][3])
+{
+    const piece *p = &((const mesh_surface *)f)->pieces[k];
+    for (int i = 0; i < 3; i++) out[0][i] = p->corner[i];
+    return 1;
+}
+
+static uint32_t patch_at(const field *f, size_t k, vec3 x)
+{
+    const mesh_surface *s = (const mesh_surface *)f;
+    (void)x;
+    size_t low = 0, high = s->mesh.count - 1,
+           n = s->pieces[k].triangle; /* the last that begins at or before it */
+    while (low < high) {
+        size_t middle = low + (high - low + 1) / 2;
+        if (s->mesh.first[middle] <= n)
+            low = middle;
+        else
+            high = middle - 1;
+    }
+    return (uint32_t)low;
+}
+
+static double no_side(const field *f, vec3 x)
+{
+    (void)f;
+    (void)x;
+    return 0;
+}
+
+static bool add_piece(mesh_surface *s, const vec3 t[3], uint32_t n, error *e)
+{
+    piece *grown = mem_grow(s->pieces, s->piece_count, &s->piece_room, 4096, sizeof *grown, what, e);
+    if (!grown) return false;
+    s->pieces = grown;
+    s->pieces[s->piece_count++] = (piece){{t[0], t[1], t[2]}, n};
+    return true;
+}
+
+/* Sides that are too long are halved: which, their ends alone say, so that pieces on both sides agree. */
+static bool cut_piece(mesh_surface *s, const vec3 t[3], uint32_t n, double longest, error *e)
+{
+    vec3 middle[3]; /* of the side that begins at corner k */
+    int halved = 0, first = 0;
+    for (int k = 0; k < 3; k++) {
+        const vec3 a = t[k], b = t[(k + 1) % 3];
+        middle[k] = vec3_scale(vec3_add(a, b), 0.5);
+        if (!(vec3_norm(vec3_sub(a, b)) > longest)) continue;
+        halved++;
+        first += k;
+    }
+    if (halved == 0) return add_piece(s, t, n, e);
+    if (halved == 3)
+        return cut_piece(s, middle, n, longest, e) &&
+               cut_piece(s, (vec3[]){t[0], middle[0], middle[2]}, n, longest, e) &&
+               cut_piece(s, (vec3[]){t[1], middle[1], middle[0]}, n, longest, e) &&
+               cut_piece(s, (vec3[]){t[2], middle[2], middle[1]}, n, longest, e);
+    if (halved == 1) {
+        const int k = first;
+        return cut_piece(s, (vec3[]){t[k], middle[k], t[(k + 2) % 3]}, n, longest, e) &&
+               cut_piece(s, (vec3[]){middle[k], t[(k + 1) % 3], t[(k + 2) % 3]}, n, longest, e);
+    }
+    const int whole = 3 - first, a = (whole + 1) % 3,
+              b = (whole + 2) % 3; /* the sides at a and b are halved */
+    return cut_piece(s, (vec3[]){middle[a], t[b], middle[b]}, n, longest, e) &&
+           cut_piece(s, (vec3[]){t[whole], t[a], middle[a]}, n, longest, e) &&
+           cut_piece(s, (vec3[]){t[whole], middle[a], middle[b]}, n, longest, e);
+}
+
+static bool cut_pieces(mesh_surface *s, double longest, error *e)
+{
+    const mesh *m = &s->mesh.m;
+    for (uint32_t n = 0; n < m->triangle_count; n++) {
+        const uint32_t *t = m->triangle[n];
+        if (!cut_piece(s, (vec3[]){m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]}, n, longest, e))
+            return false;
+    }
+    return true;
+}
+
+/* ---- the whole */
+
+static const field_ops whole_ops = {.sample = sample_all,
+                                    .cell_count = count_cells,
+                                    .cell = get_cell,
+                                    .side = no_side,
+                                    .cell_triangles = cell_triangles,
+                                    .patch_at = patch_at};
+static const field_ops patch_ops = {.sample = sample_patch, .side = no_side, .within = is_within};
+
+static double area_of(const mesh_surface *s, size_t begin, size_t end)
+{
+    double twice = 0;
+    for (size_t n = begin; n < end; n++) twice += vec3_norm(across(s, n));
+    return twice / 2;
+}
+
+static bool make_patches(mesh_surface *s, error *e)
+{
+    mesh_patches *m = &s->mesh;
+    double all = 0;
+    s->patches = (field_patches){m->count,       mem_array(m->count, sizeof *s->patches.patch, what, e),
+                                 m->curve_count, m->curve,
+                                 m->vertex,      m->curve_patch};
+    s->patch = mem_array(m->count, sizeof *s->patch, what, e);
+    if (!s->patches.patch || !s->patch) return false;
+    for (size_t k = 0; k < m->count; k++) {
+        patch_field *p = &s->patch[k];
+        const size_t first = m->first[k], triangles = m->first[k + 1] - first;
+        *p = (patch_field){.base = s->base, .whole = s, .first = first};
+        p->base.ops = &patch_ops;
+        p->triangles = (mesh){m->m.vertex_count, triangles, m->m.vertex, m->m.triangle + first};
+        if (!(p->tree = nearest_triangle_new(&p->triangles, e))) return false;
+        const double area = area_of(s, first, first + triangles);
+        s->patches.patch[k] = (field_patch){&p->base, m->two_sided[k], fmax(area, DBL_MIN)};
+        all += area;
+    }
+    if (!(all > 0)) return error_set(e, ERROR_NO_SURFACE, "the triangles of the mesh have no area");
+    s->tree = m->count == 1 ? s->patch[0].tree : nearest_triangle_new(&m->m, e);
+    return s->tree != NULL;
+}
+
+static bool make(mesh_surface *s, double longest, error *e)
+{
+    const mesh *m = &s->mesh.m;
+    const bbox box = mesh_box(m);
+    const double extent = bbox_longest(box);
+    /* flat meshes need a box with room, and particles go a little beyond the surface */
+    s->base = (field){.ops = &whole_ops, .domain = bbox_grow(box, 0.05 * extent), .extent = extent};
+    s->base.cell_size = longest;
+    field_set_boundary(&s->base, 0);
+    s->normal = mem_array(m->vertex_count, sizeof *s->normal, what, e);
+    s->shape = mem_array(m->vertex_count, sizeof *s->shape, what, e);
+    s->at_end = mem_array(m->vertex_count, sizeof *s->at_end, what, e);
+    s->ends = mem_array(m->triangle_count, sizeof *s->ends, what, e);
+    if (!s->normal || !s->shape || !s->at_end || !s->ends) return false;
+    find_normals(s);
+    if (!find_shapes(s, e) || !find_ends(s, e) || !cut_pieces(s, longest, e) || !make_patches(s, e))
+        return false;
+    s->base.patches = &s->patches;
+    return true;
+}
+
+mesh_surface *mesh_surface_new(mesh_patches *patches, double longest, error *e)
+{
+    mesh_surface *s = mem_alloc(sizeof *s);
+    s->mesh = *patches;
+    *patches = (mesh_patches){0};
+    if (make(s, longest, e)) return s;
+    mesh_surface_free(s);
+    return NULL;
+}
+
+void mesh_surface_free(mesh_surface *s)
+{
+    if (!s) return;
+    if (s->mesh.count != 1) nearest_triangle_free(s->tree);
+    for (size_t k = 0; s->patch && k < s->mesh.count; k++) nearest_triangle_free(s->patch[k].tree);
+    mesh_patches_free(&s->mesh);
+    free(s->patches.patch);
+    free(s->patch);
+    free(s->normal);
+    free(s->shape);
+    free(s->at_end);
+    free(s->ends);
+    free(s->pieces);
+    free(s);
+}
+
+const field *mesh_surface_field(const mesh_surface *s)
+{
+    return &s->base;
+}
+
+const mesh_patches *mesh_surface_patches(const mesh_surface *s)
+{
+    return &s->mesh;
+}
+
+/* Of the trees: two boxes for each four triangles, or a little more, in each of two. */
+size_t mesh_surface_bytes(const mesh_surface *s)
+{
+    const mesh *m = &s->mesh.m;
+    return m->triangle_count * (sizeof *m->triangle + 2 * (sizeof(bbox) + sizeof(uint32_t))) +
+           m->vertex_count * (2 * sizeof(vec3) + sizeof(sym3)) + s->piece_room * sizeof *s->pieces;
+}

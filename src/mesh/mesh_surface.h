@@ -1,0 +1,27 @@
+/* mesh_surface: a triangle mesh as a field that is made of patches (see field/patches.h), each with a zero set that is its
+ * triangles.
+ *
+ * Of the patch F at x is the distance from the triangle nearest to x along the normal there, which goes over from corner to
+ * corner: a Newton step from beside a triangle ends on it. Beyond the curves a patch goes on in the planes of its last
+ * triangles. Second derivatives are those of the normals, as a shape operator at each vertex. Cells are the triangles, cut
+ * into pieces. World units. Threads: sampling is safe in any number.
+ */
+#ifndef HEXAD_MESH_MESH_SURFACE_H
+#define HEXAD_MESH_MESH_SURFACE_H
+
+#include "base/error.h"
+#include "field/field.h"
+#include "mesh/mesh_patches.h"
+
+typedef struct mesh_surface mesh_surface;
+
+/* No side of a piece is longer than `longest`. Takes over *patches, and zeroes it, also on failure. Errors:
+ * no_surface (no area), limit_memory. */
+mesh_surface *mesh_surface_new(mesh_patches *patches, double longest, error *e);
+void mesh_surface_free(mesh_surface *s); /* NULL will do */
+
+const field *mesh_surface_field(const mesh_surface *s);
+const mesh_patches *mesh_surface_patches(const mesh_surface *s);
+size_t mesh_surface_bytes(const mesh_surface *s);
+
+#endif

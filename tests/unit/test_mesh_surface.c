@@ -1,0 +1,180 @@
+/* Meshes as fields of patches: zero on their triangles, with normals and curvatures of what they stand for. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "mesh/mesh_surface.h"
+#include "mesh/triangle.h"
+#include "mesh_fixture.h"
+#include "volume_fixture.h"
+
+enum { PLACES = 300 };
+
+static mesh_surface *make(mesh m, double angle, double longest)
+{
+    mesh_patches patches = {0};
+    mesh_notes notes = {0};
+    error e = {0};
+    const mesh_patches_params params = {1e-6, angle};
+    assert_true(mesh_patches_make(&m, &params, &notes, &patches, &e));
+    mesh_surface *s = mesh_surface_new(&patches, longest, &e);
+    assert_non_null(s);
+    return s;
+}
+
+static double distance_from(const mesh_surface *s, vec3 x)
+{
+    const mesh *m = &mesh_surface_patches(s)->m;
+    double best = INFINITY;
+    for (size_t n = 0; n < m->triangle_count; n++) {
+        const uint32_t *t = m->triangle[n];
+        const triangle at = {m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]};
+        best = fmin(best, triangle_distance2(&at, x));
+    }
+    return sqrt(best);
+}
+
+/* A place of some cell, moved by up to `off` every way. */
+static vec3 place_near(const field *f, double off, uint64_t *seed, size_t *cell)
+{
+    vec3 t[FIELD_CELL_TRIANGLES][3];
+    *cell = (size_t)(fixture_random(seed) * (double)f->ops->cell_count(f));
+    assert_int_equal(f->ops->cell_triangles(f, *cell, t), 1);
+    double u = fixture_random(seed), v = fixture_random(seed) * (1 - u);
+    vec3 x = vec3_axpy(u, vec3_sub(t[0][1], t[0][0]), vec3_axpy(v, vec3_sub(t[0][2], t[0][0]), t[0][0]));
+    for (int axis = 0; axis < 3; axis++)
+        vec3_set(&x, axis, vec3_get(x, axis) + off * (2 * fixture_random(seed) - 1));
+    return x;
+}
+
+/* Newton's method from beside the mesh ends on it, in few steps. */
+static void assert_newton_ends_on_mesh(mesh_surface *s, double off)
+{
+    const field *f = mesh_surface_field(s);
+    uint64_t seed = 20261121;
+    for (int k = 0; k < PLACES; k++) {
+        size_t cell;
+        vec3 x = place_near(f, off, &seed, &cell);
+        const field *patch = field_of_patch(f, f->ops->patch_at(f, cell, x));
+        field_sample at;
+        for (int step = 0; step < 8; step++) {
+            assert_true(field_sample_at(patch, x, FIELD_GRADIENT, &at));
+            assert_float_equal(vec3_norm(at.gradient), 1, 1e-12);
+            x = vec3_axpy(-at.value, at.gradient, x);
+        }
+        if (field_is_within(patch, x)) assert_true(distance_from(s, x) <= 1e-9 * f->extent);
+    }
+}
+
+static void test_newton_ends_on_mesh(void **state)
+{
+    (void)state;
+    mesh_surface *s = make(mesh_fixture_ball(vec3_make(1, 2, 3), 2, 2), 0, 0.2);
+    assert_newton_ends_on_mesh(s, 0.1);
+    mesh_surface_free(s);
+    s = make(mesh_fixture_box(vec3_make(1, 2, 3), vec3_make(1, 2, 3), 0.3), MESH_PATCHES_FOUND, 0.2);
+    assert_newton_ends_on_mesh(s, 0.1);
+    mesh_surface_free(s);
+    s = make(mesh_fixture_box(vec3_make(1, 2, 3), vec3_make(1, 2, 3), 0.3), 0, 0.2);
+    assert_newton_ends_on_mesh(s, 0.02);
+    mesh_surface_free(s);
+    s = make(mesh_fixture_sheet(60, 6, mesh_fixture_moebius), 0, 0.2);
+    assert_true(mesh_surface_field(s)->patches->patch[0].two_sided);
+    assert_newton_ends_on_mesh(s, 0.05);
+    mesh_surface_free(s);
+}
+
+/* Of a ball of triangles: F the distance from it, and normals and curvatures those of the sphere, but for the
+ * triangles' size. */
+static void test_ball(void **state)
+{
+    (void)state;
+    const vec3 center = {1, 2, 3};
+    mesh_surface *s = make(mesh_fixture_ball(center, 2, 4), 0, 0.2);
+    const field *f = mesh_surface_field(s);
+    uint64_t seed = 5;
+    assert_int_equal(f->patches->curve_count, 0);
+    assert_float_equal(f->patches->patch[0].area, 16 * M_PI, 0.1);
+    for (int k = 0; k < PLACES; k++) {
+        size_t cell;
+        vec3 x = place_near(f, 0.1, &seed, &cell), out = vec3_unit(vec3_sub(x, center));
+        field_sample at;
+        double k1, k2;
+        assert_true(field_sample_at(f, x, FIELD_HESSIAN, &at));
+        assert_float_equal(at.value, vec3_norm(vec3_sub(x, center)) - 2, 5e-3);
+        assert_true(vec3_dot(at.gradient, out) > 0.9999);
+        field_curvature(&at, &k1, &k2);
+        assert_float_equal(k1, 0.5, 0.02);
+        assert_float_equal(k2, 0.5, 0.02);
+        assert_true(field_is_within(f->patches->patch[0].field, x));
+    }
+    mesh_surface_free(s);
+}
+
+static vec3 flat(double u, double v)
+{
+    return vec3_make(u, v, 0);
+}
+
+/* Beyond its rim a sheet goes on, but not within. */
+static void test_beyond_the_rim(void **state)
+{
+    (void)state;
+    mesh_surface *s = make(mesh_fixture_sheet(3, 3, flat), MESH_PATCHES_FOUND, 0.2);
+    const field *patch = mesh_surface_field(s)->patches->patch[0].field;
+    static const vec3 outside[] = {{-0.1, 0.4, 0.05}, {1.2, 0.5, 0}, {-0.1, -0.2, 0.1}, {0.3, 1.0001, 0}};
+    static const vec3 inside[] = {{0, 0.4, 0}, {0.5, 0.5, 0.3}, {1, 1, 0}, {0.2, 1, 0.1}};
+    for (int k = 0; k < 4; k++) {
+        field_sample at;
+        assert_true(field_sample_at(patch, outside[k], FIELD_HESSIAN, &at));
+        assert_float_equal(fabs(at.value), outside[k].z, 1e-12);
+        assert_float_equal(fabs(at.gradient.z), 1, 1e-12);
+        assert_float_equal(at.hessian.xx, 0, 1e-12);
+        assert_true(field_is_within(patch, inside[k]));
+        assert_false(field_is_within(patch, outside[k]));
+    }
+    mesh_surface_free(s);
+}
+
+/* Cells add up to the mesh, keep to their size, and are of the patch of their triangle. */
+static void test_cells(void **state)
+{
+    (void)state;
+    const vec3 half = {1, 2, 3}, center = {4, 5, 6};
+    mesh_surface *s = make(mesh_fixture_box(center, half, 0.4), MESH_PATCHES_FOUND, 0.37);
+    const field *f = mesh_surface_field(s);
+    double area = 0, of_patch[6] = {0};
+    assert_int_equal(f->patches->count, 6);
+    for (size_t k = 0; k < f->ops->cell_count(f); k++) {
+        vec3 t[FIELD_CELL_TRIANGLES][3];
+        field_cell cell;
+        assert_int_equal(f->ops->cell_triangles(f, k, t), 1);
+        f->ops->cell(f, k, &cell);
+        for (int i = 0; i < 3; i++) {
+            assert_true(vec3_norm(vec3_sub(t[0][i], t[0][(i + 1) % 3])) <= f->cell_size);
+            assert_true(bbox_contains((bbox){cell.corner[0], cell.corner[7]}, t[0][i]));
+        }
+        double one = vec3_norm(vec3_cross(vec3_sub(t[0][1], t[0][0]), vec3_sub(t[0][2], t[0][0]))) / 2;
+        of_patch[f->ops->patch_at(f, k, t[0][0])] += one;
+        area += one;
+    }
+    assert_float_equal(area, 8 * (1 * 2 + 2 * 3 + 3 * 1), 1e-9);
+    for (int p = 0; p < 6; p++) assert_float_equal(of_patch[p], f->patches->patch[p].area, 1e-9);
+    mesh_surface_free(s);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_newton_ends_on_mesh),
+        cmocka_unit_test(test_ball),
+        cmocka_unit_test(test_beyond_the_rim),
+        cmocka_unit_test(test_cells),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
