@@ -36,6 +36,16 @@ bbox mesh_box(const mesh *m)
     return box;
 }
 
+double mesh_area(const mesh *m)
+{
+    double twice = 0;
+    for (size_t n = 0; n < m->triangle_count; n++) {
+        const vec3 a = m->vertex[m->triangle[n][0]], ab = vec3_sub(m->vertex[m->triangle[n][1]], a);
+        twice += vec3_norm(vec3_cross(ab, vec3_sub(m->vertex[m->triangle[n][2]], a)));
+    }
+    return twice / 2;
+}
+
 bool mesh_copy(const mesh *m, mesh *out, error *e)
 {
     mesh copy = {m->vertex_count, m->triangle_count, mem_array(m->vertex_count, sizeof *m->vertex, what, e),

@@ -41,6 +41,9 @@ size_t mesh_bytes(size_t vertices, size_t triangles);
 /* Of the vertices of its triangles; those of none do not count. */
 bbox mesh_box(const mesh *m);
 
+/* Of its triangles, each as often as it stands. */
+double mesh_area(const mesh *m);
+
 /* What becomes of a triangle that stands as often one way round as the other. */
 typedef enum mesh_cancelled {
     MESH_DROP_CANCELLED, /* it bounds nothing; but where all do (a mesh with every face twice) one of each stays */

@@ -160,6 +160,7 @@ static bool cut_edges(making *k, double asked, error *e)
     if (!k->is_cut || !find_normals(k, e) || !orientation_init(&k->turned, k->m->triangle_count, e))
         return false;
     const double angle = k->out->feature_angle = find_angle(k, asked);
+    k->out->closed = true;
     for (uint32_t v = 0; v < k->m->vertex_count; v++)
         for (size_t i = k->edges.first[v], n; i < k->edges.first[v + 1]; i += n) {
             const mesh_side *s = k->edges.sides + i;
@@ -170,6 +171,7 @@ static bool cut_edges(making *k, double asked, error *e)
             k->out->open_edges += n == 1;
             k->out->feature_edges += feature;
             k->out->branching_edges += n > 2;
+            k->out->closed &= n % 2 == 0;
             if (!k->is_cut[i])
                 orientation_join(&k->turned, s[0].triangle, s[1].triangle, s[0].upwards == s[1].upwards);
         }
@@ -268,6 +270,17 @@ static double bend_at(const making *k, uint32_t v)
     return atan2(vec3_norm(vec3_cross(in, out)), vec3_dot(in, out));
 }
 
+/* Whether one curve passes v. */
+static bool goes_on(const making *k, uint32_t v)
+{
+    if (cuts_at(k, v) != 2) return false;
+    const cut *a = &k->cuts[k->around[k->at[v]]], *b = &k->cuts[k->around[k->at[v] + 1]];
+    return a->patch_count == b->patch_count &&
+           memcmp(k->patches + a->patch_first, k->patches + b->patch_first,
+                  a->patch_count * sizeof *k->patches) == 0 &&
+           (k->bend == 0 || bend_at(k, v) <= k->bend);
+}
+
 static void find_corners(making *k, double asked)
 {
     bends all = {0};
@@ -279,16 +292,8 @@ static void find_corners(making *k, double asked)
     }
     k->bend = feature_angle(&all, asked);
     for (uint32_t v = 0; v < k->m->vertex_count; v++) {
-        const size_t n = cuts_at(k, v);
-        if (n == 0) continue;
-        const cut *a = &k->cuts[k->around[k->at[v]]];
-        k->corner[v] = n != 2;
-        if (n != 2) continue;
-        const cut *b = &k->cuts[k->around[k->at[v] + 1]];
-        k->corner[v] = a->patch_count != b->patch_count ||
-                       memcmp(k->patches + a->patch_first, k->patches + b->patch_first,
-                              a->patch_count * sizeof *k->patches) != 0 ||
-                       (k->bend > 0 && bend_at(k, v) > k->bend);
+        k->corner[v] = cuts_at(k, v) > 0 && !goes_on(k, v);
+        k->out->corner_count += k->corner[v];
     }
 }
 

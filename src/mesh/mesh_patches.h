@@ -34,6 +34,8 @@ typedef struct mesh_patches {
     uint32_t *curve_patch;
     double feature_angle; /* that was used for edges between triangles; 0: none is a feature */
     size_t open_edges, feature_edges, branching_edges;
+    bool closed; /* an even number of triangles meets at every edge */
+    size_t corner_count;
 } mesh_patches;
 
 /* `m` is taken over, and zeroed, also on failure. Each triangle counts once, whichever way it is turned. Errors:

@@ -360,13 +360,6 @@ static const field_ops whole_ops = {.sample = sample_all,
                                     .patch_at = patch_at};
 static const field_ops patch_ops = {.sample = sample_patch, .side = no_side, .within = is_within};
 
-static double area_of(const mesh_surface *s, size_t begin, size_t end)
-{
-    double twice = 0;
-    for (size_t n = begin; n < end; n++) twice += vec3_norm(across(s, n));
-    return twice / 2;
-}
-
 static bool make_patches(mesh_surface *s, error *e)
 {
     mesh_patches *m = &s->mesh;
@@ -383,7 +376,7 @@ static bool make_patches(mesh_surface *s, error *e)
         p->base.ops = &patch_ops;
         p->triangles = (mesh){m->m.vertex_count, triangles, m->m.vertex, m->m.triangle + first};
         if (!(p->tree = nearest_triangle_new(&p->triangles, e))) return false;
-        const double area = area_of(s, first, first + triangles);
+        const double area = mesh_area(&p->triangles);
         s->patches.patch[k] = (field_patch){&p->base, m->two_sided[k], fmax(area, DBL_MIN)};
         all += area;
     }

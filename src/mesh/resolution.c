@@ -18,16 +18,6 @@ static const double relenting = 1.4;
 /* Gains below this are not worth another try. */
 static const double least_gain = 0.95;
 
-static double mesh_area(const mesh *m)
-{
-    double twice = 0;
-    for (size_t n = 0; n < m->triangle_count; n++) {
-        const vec3 a = m->vertex[m->triangle[n][0]], ab = vec3_sub(m->vertex[m->triangle[n][1]], a);
-        twice += vec3_norm(vec3_cross(ab, vec3_sub(m->vertex[m->triangle[n][2]], a)));
-    }
-    return twice / 2;
-}
-
 /* The smallest voxels within the bounds, and which bound that is. */
 static double finest_voxel(const resolution *r, const resolution_request *q, double bytes, const char **bound)
 {

@@ -11,6 +11,7 @@
 #include "dense/raw_volume.h"
 #include "geometry/affine.h"
 #include "run/creased_source.h"
+#include "run/mesh_source.h"
 #include "run/plan.h"
 
 /* Of the square of a scale: how far numbers written in decimal let a rotation's columns be from orthonormal.
@@ -171,26 +172,28 @@ static volume *open_grid(const spec_vdb *v, double offset, int fd, const opening
     return volume_open(&request, e);
 }
 
-static volume *open_mesh(const spec_mesh *m, double offset, int fd, const opening *o, error *e)
+static bool open_mesh(const spec_mesh *m, double offset, int fd, const opening *o, source_part *out, error *e)
 {
-    const volume_mesh_request request = {
-        .fd = fd,
-        .path = m->path,
-        .resolution = {.voxel_size = m->voxel_size,
-                       .resolution = m->resolution,
-                       .max_resolution = m->max_resolution,
-                       .spacing = plan_spacing(o->spec),
-                       .count = (double)o->spec->count / (double)o->leaves,
-                       .least = volume_mesh_least_voxel(offset, m->band_vox),
-                       .memory_limit = memory_left(o),
-                       .point_bytes = plan_bytes_per_particle(o->spec, false)},
-        .band_vox = m->band_vox,
-        .weld = m->weld,
-        .offset = offset,
-        .pool = o->pool,
-        .isa = o->kernels,
+    const mesh_source_request request = {
+        .spec = m,
+        .alone = out == &o->source->whole && !o->spec->has_region && offset == 0,
+        .as_volume = {.fd = fd,
+                      .path = m->path,
+                      .resolution = {.voxel_size = m->voxel_size,
+                                     .resolution = m->resolution,
+                                     .max_resolution = m->max_resolution,
+                                     .spacing = plan_spacing(o->spec),
+                                     .count = (double)o->spec->count / (double)o->leaves,
+                                     .least = volume_mesh_least_voxel(offset, m->band_vox),
+                                     .memory_limit = memory_left(o),
+                                     .point_bytes = plan_bytes_per_particle(o->spec, false)},
+                      .band_vox = m->band_vox,
+                      .weld = m->weld,
+                      .offset = offset,
+                      .pool = o->pool,
+                      .isa = o->kernels},
     };
-    return volume_open_mesh(&request, e);
+    return mesh_source_open(&request, &out->volume, &out->mesh, &out->notes, e);
 }
 
 /* Takes over the slices, which may be NULL. */
@@ -277,12 +280,15 @@ static bool open_volume(const spec_surface *s, double offset, const opening *o, 
                                                           : s->volume.path;
         int fd = open_input(o->source, path, e);
         if (fd < 0) return false;
-        out->volume = s->kind == SPEC_SURFACE_VDB    ? open_grid(&s->vdb, offset, fd, o, e)
-                      : s->kind == SPEC_SURFACE_MESH ? open_mesh(&s->mesh, offset, fd, o, e)
-                                                     : open_stored(&s->volume, fd, o, e);
+        if (s->kind == SPEC_SURFACE_MESH)
+            open_mesh(&s->mesh, offset, fd, o, out, e);
+        else
+            out->volume = s->kind == SPEC_SURFACE_VDB ? open_grid(&s->vdb, offset, fd, o, e)
+                                                      : open_stored(&s->volume, fd, o, e);
         close(fd);
     }
-    if (!out->volume) return false;
+    if (out->mesh) out->field = mesh_surface_field(out->mesh);
+    if (!out->volume) return out->mesh != NULL;
     out->field = volume_field(out->volume);
     /* a region may yet cut off the ends of what is the whole */
     return out == &o->source->whole ||
@@ -486,6 +492,7 @@ static void close_part(source_part *p)
     analytic_free(p->analytic);
     bspline_free(p->bspline);
     volume_close(p->volume);
+    mesh_surface_free(p->mesh);
     free(p->coefficients);
     for (size_t k = 0; k < p->part_count; k++) close_part(&p->parts[k]);
     free(p->parts);
@@ -550,6 +557,7 @@ void source_describe(const source *s, json *report, json *members, json *warning
 {
     json *inputs = json_put_array(report, "inputs"), *list = NULL;
     if (s->whole.volume) describe_volume(volume_describe(s->whole.volume), members, warnings);
+    if (s->whole.mesh) mesh_source_describe(s->whole.mesh, &s->whole.notes, members, warnings);
     describe_parts(&s->whole, members, &list, warnings);
     for (size_t k = 0; k < s->input_count; k++) {
         json *input = json_append_object(inputs);
@@ -563,6 +571,7 @@ static size_t memory_of_part(const source_part *p)
 {
     size_t bytes = p->combination ? combination_bytes(p->combination) : 0;
     if (p->volume) bytes += volume_describe(p->volume)->memory_bytes;
+    if (p->mesh) bytes += mesh_surface_bytes(p->mesh);
     if (p->analytic) bytes += cell_grid_bytes(&p->analytic->grid);
     if (p->bspline) bytes += bspline_bytes(p->bspline);
     for (size_t k = 0; k < p->part_count; k++) bytes += memory_of_part(&p->parts[k]);

@@ -12,6 +12,7 @@
 #include "field/placement.h"
 #include "field/region.h"
 #include "json/json.h"
+#include "mesh/mesh_surface.h"
 #include "spec/spec.h"
 #include "store/file.h"
 #include "store/root.h"
@@ -31,9 +32,11 @@ typedef struct source_part source_part;
 
 struct source_part {
     const field *field;
-    analytic *analytic; /* one of the five */
+    analytic *analytic; /* one of the six */
     bspline *bspline;
     volume *volume;
+    mesh_surface *mesh; /* that is sampled on its triangles */
+    mesh_notes notes;   /* about it */
     combination *combination;
     placement *placement;
     double *coefficients; /* of a B-spline whose file was read */

@@ -86,7 +86,9 @@ const spec_row spec_rows[] = {
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
      UNSTORED,
-     .prose = "A closed triangle mesh. hexad converts it into a level set with exact distances."},
+     .prose =
+         "A triangle mesh. One that is open or has sharp edges is sampled as it is; another is made a level set "
+         "with exact distances."},
     {.pointer = "/surface/mesh/path",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
@@ -147,6 +149,46 @@ const spec_row spec_rows[] = {
      .prose =
          "Vertices of open edges that are nearer to each other than this share of the longest side of the mesh's box "
          "are one, and one as near to another open edge lies on it. 0: only vertices of equal coordinates are one."},
+    {.pointer = "/surface/mesh/holes",
+     .type = SPEC_TYPE_WORD,
+     WORDS(SPEC_HOLES),
+     .otherwise = "\"keep\"",
+     AT(surface.mesh.holes),
+     .prose =
+         "keep: an open mesh is sampled as it is, with a row of points along its boundaries. fill: it must enclose "
+         "a volume; an open one is refused."},
+    {.pointer = "/surface/mesh/interior",
+     .type = SPEC_TYPE_WORD,
+     WORDS(SPEC_INTERIOR),
+     .otherwise = "\"keep\"",
+     AT(surface.mesh.interior),
+     .prose =
+         "keep: of a mesh that is open or has sharp edges all triangles are sampled, those within its solids, too. "
+         "drop: the union of the solids, which takes a closed mesh; its edges are rounded by a voxel. What has "
+         "neither openings nor sharp edges is always taken as a union."},
+    {.pointer = "/surface/mesh/features",
+     .type = SPEC_TYPE_GROUP,
+     .flags = SPEC_OPTIONAL,
+     .offset = SPEC_NOWHERE,
+     .has = offsetof(spec, surface.mesh.has_features),
+     .prose =
+         "Which edges are sharp: they get a row of points of their own. Without it 0.7 where the edges of the mesh "
+         "are flat or sharp nearly everywhere, and none where they are bent by any angle, as those of scans."},
+    {.pointer = "/surface/mesh/features/angle",
+     .type = SPEC_TYPE_NUMBER,
+     .low = 0,
+     .high = 3.14,
+     .otherwise = "0.7",
+     AT(surface.mesh.feature_angle),
+     .unit = "radians",
+     .prose = "Edges whose triangles' normals differ by more are sharp. 0: none is."},
+    {.pointer = "/surface/mesh/on_mesh",
+     .type = SPEC_TYPE_BOOL,
+     .otherwise = "true",
+     AT(surface.mesh.on_mesh),
+     .prose =
+         "Whether the points lie on the mesh's triangles. false: points of a closed mesh lie on its level set, "
+         "which rounds edges by a voxel, unless features are given."},
 
     {.pointer = "/surface/analytic",
      .type = SPEC_TYPE_GROUP,

@@ -30,6 +30,22 @@ typedef enum spec_reconstruction {
     SPEC_RECONSTRUCTION_LIST(WORDS_ENUMERATOR, SPEC_RECONSTRUCTION) SPEC_RECONSTRUCTION_COUNT
 } spec_reconstruction;
 
+/* /surface/mesh/holes */
+#define SPEC_HOLES_LIST(ENTRY, prefix) \
+    ENTRY(prefix, KEEP, "keep")        \
+    ENTRY(prefix, FILL, "fill")
+
+typedef enum spec_holes { SPEC_HOLES_LIST(WORDS_ENUMERATOR, SPEC_HOLES) SPEC_HOLES_COUNT } spec_holes;
+
+/* /surface/mesh/interior */
+#define SPEC_INTERIOR_LIST(ENTRY, prefix) \
+    ENTRY(prefix, KEEP, "keep")           \
+    ENTRY(prefix, DROP, "drop")
+
+typedef enum spec_interior {
+    SPEC_INTERIOR_LIST(WORDS_ENUMERATOR, SPEC_INTERIOR) SPEC_INTERIOR_COUNT
+} spec_interior;
+
 /* /surface/analytic/shape */
 #define SPEC_SHAPE_LIST(ENTRY, prefix)    \
     ENTRY(prefix, SPHERE, "sphere")       \

@@ -477,17 +477,27 @@ volume *volume_open_mesh(const volume_mesh_request *request, error *e)
     mesh whole = {0};
     mesh_notes notes = {0};
     const mesh_file file = {request->fd, request->path, request->reader, request->resolution.memory_limit};
-    volume *v = NULL;
+    if (!mesh_file_read(&file, &whole, &notes, e)) {
+        error_prefix(e, "%s", request->path);
+        return NULL;
+    }
+    volume *v = volume_of_mesh(request, &whole, &notes, e);
+    mesh_free(&whole);
+    return v;
+}
+
+volume *volume_of_mesh(const volume_mesh_request *request, const mesh *whole, const mesh_notes *notes,
+                       error *e)
+{
     resolution choice = {0};
     fidelity kept = {0};
     error why = {0};
-    if (mesh_file_read(&file, &whole, &notes, &why)) v = open_mesh(request, &whole, &choice, &kept, &why);
-    mesh_free(&whole);
+    volume *v = open_mesh(request, whole, &choice, &kept, &why);
     if (!v) {
         error_set(e, why.code, "%s: %s", request->path, why.message);
         return NULL;
     }
-    for (size_t k = 0; k < notes.count; k++) warn(&v->info, "%s", notes.text[k]);
+    for (size_t k = 0; k < notes->count; k++) warn(&v->info, "%s", notes->text[k]);
     v->info.fidelity = kept;
     v->info.resolution = choice;
     warn_of_mesh(&v->info);

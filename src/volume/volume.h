@@ -19,6 +19,7 @@
 #include "dense/slices.h"
 #include "field/field.h"
 #include "mesh/fidelity.h"
+#include "mesh/mesh.h"
 #include "mesh/resolution.h"
 
 typedef struct volume volume;
@@ -94,6 +95,10 @@ volume *volume_open(const volume_request *request, error *e);
  * become warnings. Errors: input_damaged, input_unsupported (open meshes, formats), spec_invalid (voxels that
  * do not suit its size), no_surface, limit_memory; each names the file and the reason. */
 volume *volume_open_mesh(const volume_mesh_request *request, error *e);
+
+/* The same for a mesh that was read already, with what was noted then; `fd` and `reader` are not used. */
+volume *volume_of_mesh(const volume_mesh_request *request, const mesh *whole, const mesh_notes *notes,
+                       error *e);
 
 /* The smallest voxels with which a band reaches around an offset. */
 double volume_mesh_least_voxel(double offset, int band_vox);

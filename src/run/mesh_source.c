@@ -1,0 +1,88 @@
+#include "run/mesh_source.h"
+
+#include <math.h>
+
+#include "mesh/mesh_file.h"
+#include "packing/packing.h"
+
+/* The longest side of a cell: the spacing, but of few points less, so that normals and sizes are seen. */
+static const double least_cells = 32; /* along the longest side of the mesh */
+
+static double longest_cell(const mesh_source_request *r, const mesh_patches *p)
+{
+    const resolution_request *q = &r->as_volume.resolution;
+    const double area = mesh_area(&p->m), extent = bbox_longest(mesh_box(&p->m));
+    double spacing = q->spacing > 0 ? q->spacing : q->count > 0 ? packing_spacing(area, q->count) : INFINITY;
+    return fmin(spacing, extent / least_cells);
+}
+
+/* Whether the mesh is sampled on its triangles. */
+static bool wants_patches(const spec_mesh *s, const mesh_patches *p)
+{
+    if (s->interior == SPEC_INTERIOR_DROP) return false;
+    if (!p->closed) return s->holes == SPEC_HOLES_KEEP;
+    return p->feature_edges > 0 && (s->on_mesh || s->has_features);
+}
+
+/* *made stays empty where the mesh is to be a level set. */
+static bool make_patches(const mesh_source_request *r, const mesh *whole, mesh_notes *notes,
+                         mesh_patches *made, error *e)
+{
+    const spec_mesh *s = r->spec;
+    const mesh_patches_params params = {s->weld, s->has_features ? s->feature_angle : MESH_PATCHES_FOUND};
+    mesh copy = {0};
+    if (!r->alone) return true;
+    if (!mesh_copy(whole, &copy, e) || !mesh_patches_make(&copy, &params, notes, made, e)) return false;
+    if (!wants_patches(s, made)) mesh_patches_free(made);
+    return true;
+}
+
+static bool open_read(const mesh_source_request *r, const mesh *whole, const mesh_notes *read,
+                      volume **as_volume, mesh_surface **as_patches, mesh_notes *notes, error *e)
+{
+    mesh_patches patches = {0};
+    mesh_notes about = *read;
+    if (!make_patches(r, whole, &about, &patches, e)) return error_prefix(e, "%s", r->as_volume.path);
+    if (patches.count == 0) {
+        volume *opened = volume_of_mesh(&r->as_volume, whole, read, e);
+        if (opened) *as_volume = opened;
+        return opened != NULL;
+    }
+    mesh_surface *surface = mesh_surface_new(&patches, longest_cell(r, &patches), e);
+    if (!surface) return error_prefix(e, "%s", r->as_volume.path);
+    *as_patches = surface;
+    *notes = about;
+    return true;
+}
+
+bool mesh_source_open(const mesh_source_request *request, volume **as_volume, mesh_surface **as_patches,
+                      mesh_notes *notes, error *e)
+{
+    const volume_mesh_request *v = &request->as_volume;
+    const mesh_file file = {v->fd, v->path, v->reader, v->resolution.memory_limit};
+    mesh whole = {0};
+    mesh_notes read = {0};
+    if (!mesh_file_read(&file, &whole, &read, e)) return error_prefix(e, "%s", v->path);
+    bool ok = open_read(request, &whole, &read, as_volume, as_patches, notes, e);
+    mesh_free(&whole);
+    return ok;
+}
+
+void mesh_source_describe(const mesh_surface *s, const mesh_notes *notes, json *members, json *warnings)
+{
+    const mesh_patches *p = mesh_surface_patches(s);
+    json *of_mesh = json_put_object(members, "mesh");
+    size_t two_sided = 0;
+    for (size_t k = 0; k < p->count; k++) two_sided += p->two_sided[k];
+    json_put_integer(of_mesh, "triangles", (int64_t)p->m.triangle_count);
+    json_put_number(of_mesh, "area", mesh_area(&p->m));
+    json_put_integer(of_mesh, "patches", (int64_t)p->count);
+    json_put_integer(of_mesh, "two_sided_patches", (int64_t)two_sided);
+    json_put_integer(of_mesh, "curves", (int64_t)p->curve_count);
+    json_put_integer(of_mesh, "corners", (int64_t)p->corner_count);
+    json_put_integer(of_mesh, "open_edges", (int64_t)p->open_edges);
+    json_put_integer(of_mesh, "sharp_edges", (int64_t)p->feature_edges);
+    json_put_integer(of_mesh, "branching_edges", (int64_t)p->branching_edges);
+    json_put_number(of_mesh, "feature_angle", p->feature_angle);
+    for (size_t k = 0; k < notes->count; k++) json_append_string(warnings, notes->text[k]);
+}

@@ -1,0 +1,27 @@
+/* mesh_source: opens a mesh, as a level set or as patches on its triangles. */
+#ifndef HEXAD_RUN_MESH_SOURCE_H
+#define HEXAD_RUN_MESH_SOURCE_H
+
+#include <stdbool.h>
+
+#include "base/error.h"
+#include "json/json.h"
+#include "mesh/mesh_surface.h"
+#include "spec/spec.h"
+#include "volume/volume.h"
+
+typedef struct mesh_source_request {
+    const spec_mesh *spec;
+    bool alone; /* the mesh is all of the surface: it may be one of patches */
+    volume_mesh_request as_volume;
+} mesh_source_request;
+
+/* One of the two comes out: the patches of a mesh that is open or has sharp edges, else a volume. *notes are about the
+ * patches. Errors: those of volume_open_mesh and mesh_surface_new, prefixed with the path; outputs are untouched then. */
+bool mesh_source_open(const mesh_source_request *request, volume **as_volume, mesh_surface **as_patches,
+                      mesh_notes *notes, error *e);
+
+/* What a report tells of it. */
+void mesh_source_describe(const mesh_surface *s, const mesh_notes *notes, json *surface, json *warnings);
+
+#endif
