@@ -4,7 +4,6 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "geometry/morton.h"
 #include "mesh/triangle.h"
 
 /* Triangles in a leaf; a box costs about as much as one. */
@@ -12,8 +11,9 @@ enum { LEAF = 4, DEEPEST = 64 };
 
 struct nearest_triangle {
     const mesh *mesh;
-    uint32_t *order; /* triangles along Morton's curve */
-    bbox *box;       /* of node k, whose halves are 2 k + 1 and 2 k + 2 */
+    uint32_t *order;  /* triangles, those of each node together */
+    triangle *corner; /* of these, in their order */
+    bbox *box;        /* of node k, whose halves are 2 k + 1 and 2 k + 2 */
 };
 
 /* Places for the nodes of a tree over `count` triangles, which are halved until they are a leaf. */
@@ -24,67 +24,107 @@ static size_t places_for(size_t count)
     return nodes;
 }
 
-static triangle triangle_at(const nearest_triangle *n, size_t k)
+static triangle triangle_of(const mesh *m, size_t k)
 {
-    const uint32_t *corner = n->mesh->triangle[n->order[k]];
-    const vec3 *v = n->mesh->vertex;
-    return (triangle){v[corner[0]], v[corner[1]], v[corner[2]]};
+    const uint32_t *corner = m->triangle[k];
+    return (triangle){m->vertex[corner[0]], m->vertex[corner[1]], m->vertex[corner[2]]};
 }
 
-static bbox build(nearest_triangle *n, size_t node, size_t first, size_t count)
+/* A triangle on its way to its place in the order. */
+typedef struct placed {
+    vec3 middle;
+    uint32_t triangle;
+} placed;
+
+/* Those with the lesser middles along the axis first, up to the half (Hoare 1961). */
+static void divide(placed *list, size_t count, size_t half, int axis)
+{
+    size_t low = 0, high = count;
+    while (high - low > 1) {
+        const double pivot = vec3_get(list[low + (high - low) / 2].middle, axis);
+        size_t i = low, j = high - 1;
+        for (;; i++, j--) {
+            while (vec3_get(list[i].middle, axis) < pivot) i++;
+            while (vec3_get(list[j].middle, axis) > pivot) j--;
+            if (i >= j) break;
+            const placed swap = list[i];
+            list[i] = list[j];
+            list[j] = swap;
+        }
+        if (half < i)
+            high = i;
+        else if (i > low)
+            low = i;
+        else
+            low++; /* the least of all stands first */
+    }
+}
+
+/* Halves across the longest side of the middles' box: boxes overlap little. */
+static bbox build(nearest_triangle *n, size_t node, placed *list, size_t first, size_t count)
 {
     bbox box = bbox_empty();
     if (count <= LEAF) {
         for (size_t k = first; k < first + count; k++) {
-            const triangle t = triangle_at(n, k);
-            box = bbox_unite(box, triangle_box(&t));
+            n->order[k] = list[k].triangle;
+            n->corner[k] = triangle_of(n->mesh, n->order[k]);
+            box = bbox_unite(box, triangle_box(&n->corner[k]));
         }
     } else {
-        size_t half = count / 2;
-        box = bbox_unite(build(n, 2 * node + 1, first, half),
-                         build(n, 2 * node + 2, first + half, count - half));
+        const size_t half = count / 2;
+        for (size_t k = first; k < first + count; k++) box = bbox_include(box, list[k].middle);
+        const vec3 d = vec3_sub(box.max, box.min);
+        divide(list + first, count, half, d.x >= d.y && d.x >= d.z ? 0 : d.y >= d.z ? 1 : 2);
+        box = bbox_unite(build(n, 2 * node + 1, list, first, half),
+                         build(n, 2 * node + 2, list, first + half, count - half));
     }
     return n->box[node] = box;
 }
 
 nearest_triangle *nearest_triangle_new(const mesh *m, error *e)
 {
+    const char *what = "the tree of a mesh";
     nearest_triangle *n = mem_alloc(sizeof *n);
-    vec3 *middle = mem_array(m->triangle_count, sizeof *middle, "the tree of a mesh", e);
+    placed *list = mem_array(m->triangle_count, sizeof *list, what, e);
     n->mesh = m;
-    n->order = mem_array(m->triangle_count, sizeof *n->order, "the tree of a mesh", e);
-    n->box = mem_array(places_for(m->triangle_count), sizeof *n->box, "the tree of a mesh", e);
-    for (size_t k = 0; middle && k < m->triangle_count; k++) {
-        const uint32_t *corner = m->triangle[k];
-        vec3 sum = vec3_add(m->vertex[corner[0]], vec3_add(m->vertex[corner[1]], m->vertex[corner[2]]));
-        middle[k] = vec3_scale(sum, 1.0 / 3);
+    n->order = mem_array(m->triangle_count, sizeof *n->order, what, e);
+    n->corner = mem_array(m->triangle_count, sizeof *n->corner, what, e);
+    n->box = mem_array(places_for(m->triangle_count), sizeof *n->box, what, e);
+    if (!list || !n->order || !n->corner || !n->box) {
+        free(list);
+        nearest_triangle_free(n);
+        return NULL;
     }
-    bool ok = middle && n->order && n->box && morton_order(middle, m->triangle_count, n->order, e);
-    free(middle);
-    if (ok) {
-        build(n, 0, 0, m->triangle_count);
-        return n;
+    for (uint32_t k = 0; k < m->triangle_count; k++) {
+        const triangle t = triangle_of(m, k);
+        list[k] = (placed){vec3_scale(vec3_add(t.a, vec3_add(t.b, t.c)), 1.0 / 3), k};
     }
-    nearest_triangle_free(n);
-    return NULL;
+    build(n, 0, list, 0, m->triangle_count);
+    free(list);
+    return n;
 }
 
 void nearest_triangle_free(nearest_triangle *n)
 {
     if (!n) return;
     free(n->order);
+    free(n->corner);
     free(n->box);
     free(n);
 }
 
-static double box_distance2(const bbox *b, vec3 p)
+/* How far x lies outside of the interval; fmax is a call. */
+static inline double outside(double low, double high, double x)
 {
-    double sum = 0;
-    for (int a = 0; a < 3; a++) {
-        double x = vec3_get(p, a), d = fmax(0, fmax(vec3_get(b->min, a) - x, x - vec3_get(b->max, a)));
-        sum += d * d;
-    }
-    return sum;
+    const double below = low - x, above = x - high, most = below > above ? below : above;
+    return most > 0 ? most : 0;
+}
+
+static inline double box_distance2(const bbox *b, vec3 p)
+{
+    const vec3 d = {outside(b->min.x, b->max.x, p.x), outside(b->min.y, b->max.y, p.y),
+                    outside(b->min.z, b->max.z, p.z)};
+    return vec3_norm2(d);
 }
 
 /* A part of the tree that is yet to be looked at. */
@@ -103,8 +143,7 @@ size_t nearest_triangle_find(const nearest_triangle *n, vec3 p, double weight[3]
         if (!(v.distance2 < best)) continue;
         if (v.count <= LEAF) {
             for (size_t k = v.first; k < v.first + v.count; k++) {
-                const triangle t = triangle_at(n, k);
-                double distance2 = triangle_distance2(&t, p);
+                double distance2 = triangle_distance2(&n->corner[k], p);
                 if (!(distance2 < best)) continue;
                 best = distance2;
                 found = k;
@@ -118,7 +157,6 @@ size_t nearest_triangle_find(const nearest_triangle *n, vec3 p, double weight[3]
         stack[depth++] = swap ? b : a;
         stack[depth++] = swap ? a : b;
     }
-    const triangle t = triangle_at(n, found);
-    triangle_weights(&t, p, weight);
+    triangle_weights(&n->corner[found], p, weight);
     return n->order[found];
 }

@@ -1,5 +1,5 @@
-/* nearest_triangle: which triangle of a mesh is nearest to a place. A tree of boxes over the triangles in Morton's order. Immutable
- * once made, safe in any thread. */
+/* nearest_triangle: which triangle of a mesh is nearest to a place. A tree of boxes over the triangles. Immutable once made, safe in
+ * any thread. */
 #ifndef HEXAD_MESH_NEAREST_TRIANGLE_H
 #define HEXAD_MESH_NEAREST_TRIANGLE_H
 

@@ -114,6 +114,8 @@ static json *document_for(const spec_row *row)
         {"/surface/bspline", "{\"version\":1,\"surface\":{\"bspline\":{\"dims\":[4,4,4],\"path\":\"a.raw\"}},"
                              "\"sampling\":{\"count\":100}}"},
         {"/region", SPHERE ",\"region\":{\"min\":[-1e12,-1e12,-1e12],\"max\":[1e12,1e12,1e12]}}"},
+        {"/surface/mesh/features",
+         "{\"version\":1,\"surface\":{\"mesh\":{\"path\":\"a.ply\",\"features\":{}}},\"sampling\":{\"count\":100}}"},
         {"/surface/mesh",
          "{\"version\":1,\"surface\":{\"mesh\":{\"path\":\"a.ply\"}},\"sampling\":{\"count\":100}}"},
         {"/surface/volume", "{\"version\":1,\"surface\":{\"volume\":{\"path\":\"a.nrrd\",\"isovalue\":1}},"
