@@ -1,8 +1,10 @@
 #include "mesh/mesh_edges.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
+#include "base/sets.h"
 
 static const char what[] = "the edges of the mesh";
 
@@ -94,4 +96,61 @@ bool mesh_edges_close_seams(mesh *m, double tolerance, mesh_edges *edges, mesh_n
     if (split)
         mesh_note(notes, "%zu triangles have vertices of others on their open edges: split there", split);
     return true;
+}
+
+/* A set of open edges that hang together by vertices. */
+typedef struct hole {
+    vec3 sum; /* of the ends of its edges */
+    size_t ends;
+    uint32_t middle; /* the vertex to come */
+} hole;
+
+static size_t gather_holes(const mesh *m, const seam_edge *open, size_t count, uint32_t *set, hole *of_root)
+{
+    size_t holes = 0;
+    sets_reset(set, m->vertex_count);
+    for (size_t k = 0; k < count; k++) sets_join(set, open[k].from, open[k].to);
+    for (size_t k = 0; k < count; k++) {
+        hole *h = &of_root[sets_root(set, open[k].from)];
+        if (h->ends == 0) h->middle = (uint32_t)(m->vertex_count + holes++);
+        h->sum = vec3_add(h->sum, vec3_add(m->vertex[open[k].from], m->vertex[open[k].to]));
+        h->ends += 2;
+    }
+    return holes;
+}
+
+bool mesh_edges_fill_holes(mesh *m, const mesh_edges *edges, size_t *holes, error *e)
+{
+    seam_edge *open = NULL;
+    size_t count = 0;
+    if (!mesh_edges_open(edges, &open, &count, e)) return false;
+    uint32_t *set = mem_array(m->vertex_count, sizeof *set, what, e);
+    hole *of_root = mem_array(m->vertex_count, sizeof *of_root, what, e);
+    bool ok = set && of_root;
+    size_t found = ok ? gather_holes(m, open, count, set, of_root) : 0;
+    vec3 *vertex = ok ? mem_array(m->vertex_count + found, sizeof *vertex, what, e) : NULL;
+    uint32_t(*triangle)[3] = vertex ? mem_array(m->triangle_count + count, sizeof *triangle, what, e) : NULL;
+    ok = triangle != NULL;
+    if (ok) {
+        memcpy(vertex, m->vertex, m->vertex_count * sizeof *vertex);
+        memcpy(triangle, m->triangle, m->triangle_count * sizeof *triangle);
+        for (size_t k = 0; k < count; k++) {
+            const hole *h = &of_root[sets_root(set, open[k].from)];
+            vertex[h->middle] = vec3_scale(h->sum, 1 / (double)h->ends);
+            uint32_t *t = triangle[m->triangle_count + k];
+            t[0] = open[k].to;
+            t[1] = open[k].from;
+            t[2] = h->middle;
+        }
+        free(m->vertex);
+        free(m->triangle);
+        *m = (mesh){m->vertex_count + found, m->triangle_count + count, vertex, triangle};
+        *holes = found;
+    } else {
+        free(vertex);
+    }
+    free(open);
+    free(set);
+    free(of_root);
+    return ok;
 }

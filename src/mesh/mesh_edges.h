@@ -41,4 +41,9 @@ bool mesh_edges_open(const mesh_edges *edges, seam_edge **out, size_t *count, er
  * edges are listed anew where that changed the mesh. Adds notes. Errors: limit_memory. */
 bool mesh_edges_close_seams(mesh *m, double tolerance, mesh_edges *edges, mesh_notes *notes, error *e);
 
+/* Closes what is open: the open edges that hang together get a vertex in their middle, and each a triangle to it, so that
+ * an even number of triangles meets at every new edge. *holes: how many there were. Errors: limit_memory; the mesh is
+ * untouched then. */
+bool mesh_edges_fill_holes(mesh *m, const mesh_edges *edges, size_t *holes, error *e);
+
 #endif

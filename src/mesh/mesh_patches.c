@@ -24,6 +24,7 @@ typedef struct cut {
 
 typedef struct making {
     mesh *m;
+    const mesh_patches_params *params;
     mesh_edges edges;
     vec3 *normal; /* of each triangle, unit; zero: it has none */
     bool *is_cut; /* of each edge, at its first side */
@@ -111,16 +112,20 @@ static double angle_at(const making *k, const mesh_side *s)
     return atan2(vec3_norm(vec3_cross(a, turned)), vec3_dot(a, turned));
 }
 
-/* Lengths by how much they are bent. A mesh with sharp edges is flat or sharp nearly everywhere; of a scan, or of a few
- * large triangles for a smooth shape, there are the fewer the sharper. */
+/* Lengths by how much they are bent. A mesh with sharp edges is flat or sharp nearly everywhere; of a scan there are the
+ * fewer the sharper. A few large triangles for a smooth shape are taken for it, unless points lie so close that they show
+ * the triangles. */
 typedef struct bends {
+    size_t count;
     double all, slight, between, sharp; /* slight: more than flat; between: that which is nearly sharp, too */
 } bends;
 
 static const double flat_below = 0.2, most_slight = 0.3; /* radians; share of all */
+static const double shown_from = 3;                      /* spacings that sides of triangles are long */
 
 static void bends_add(bends *b, double angle, double length)
 {
+    b->count++;
     b->all += length;
     if (angle > MESH_PATCHES_ANGLE)
         b->sharp += length;
@@ -130,10 +135,12 @@ static void bends_add(bends *b, double angle, double length)
 }
 
 /* The angle from which on what is bent is a feature. */
-static double feature_angle(const bends *b, double asked)
+static double feature_angle(const making *k, const bends *b)
 {
-    if (asked != MESH_PATCHES_FOUND) return asked;
-    return b->between <= b->sharp && b->slight <= most_slight * b->all ? MESH_PATCHES_ANGLE : 0;
+    const mesh_patches_params *p = k->params;
+    if (p->feature_angle != MESH_PATCHES_FOUND) return p->feature_angle;
+    const bool shown = p->spacing > 0 && b->all > shown_from * p->spacing * (double)b->count;
+    return b->between <= b->sharp && (shown || b->slight <= most_slight * b->all) ? MESH_PATCHES_ANGLE : 0;
 }
 
 static double length_of(const mesh *m, uint32_t a, uint32_t b)
@@ -141,7 +148,7 @@ static double length_of(const mesh *m, uint32_t a, uint32_t b)
     return vec3_norm(vec3_sub(m->vertex[b], m->vertex[a]));
 }
 
-static double find_angle(const making *k, double asked)
+static double find_angle(const making *k)
 {
     bends all = {0};
     for (uint32_t v = 0; v < k->m->vertex_count; v++)
@@ -150,16 +157,16 @@ static double find_angle(const making *k, double asked)
             const mesh_side *s = k->edges.sides + i;
             if (n == 2) bends_add(&all, angle_at(k, s), length_of(k->m, v, s->other));
         }
-    return feature_angle(&all, asked);
+    return feature_angle(k, &all);
 }
 
 /* Marks the edges at which patches end, and joins triangles at the others. */
-static bool cut_edges(making *k, double asked, error *e)
+static bool cut_edges(making *k, error *e)
 {
     k->is_cut = mem_array(3 * k->m->triangle_count, sizeof *k->is_cut, what, e);
     if (!k->is_cut || !find_normals(k, e) || !orientation_init(&k->turned, k->m->triangle_count, e))
         return false;
-    const double angle = k->out->feature_angle = find_angle(k, asked);
+    const double angle = k->out->feature_angle = find_angle(k);
     k->out->closed = true;
     for (uint32_t v = 0; v < k->m->vertex_count; v++)
         for (size_t i = k->edges.first[v], n; i < k->edges.first[v + 1]; i += n) {
@@ -281,7 +288,7 @@ static bool goes_on(const making *k, uint32_t v)
            (k->bend == 0 || bend_at(k, v) <= k->bend);
 }
 
-static void find_corners(making *k, double asked)
+static void find_corners(making *k)
 {
     bends all = {0};
     for (uint32_t v = 0; v < k->m->vertex_count; v++) {
@@ -290,7 +297,7 @@ static void find_corners(making *k, double asked)
         bends_add(&all, bend_at(k, v),
                   0.5 * (length_of(k->m, a->from, a->to) + length_of(k->m, b->from, b->to)));
     }
-    k->bend = feature_angle(&all, asked);
+    k->bend = k->out->feature_angle > 0 ? feature_angle(k, &all) : 0;
     for (uint32_t v = 0; v < k->m->vertex_count; v++) {
         k->corner[v] = cuts_at(k, v) > 0 && !goes_on(k, v);
         k->out->corner_count += k->corner[v];
@@ -321,11 +328,11 @@ static void follow(making *k, uint32_t start, uint32_t c, bool *done)
     out->curve_count++;
 }
 
-static bool make_curves(making *k, double asked, error *e)
+static bool make_curves(making *k, error *e)
 {
     mesh_patches *out = k->out;
     if (!list_cuts(k, e)) return false;
-    find_corners(k, asked);
+    find_corners(k);
     bool *done = mem_array(k->cut_count, sizeof *done, what, e);
     out->curve = mem_array(k->cut_count, sizeof *out->curve, what, e);
     out->vertex = mem_array(2 * k->cut_count, sizeof *out->vertex, what, e);
@@ -387,26 +394,25 @@ static bool part_vertices(making *k, error *e)
 
 /* ---- the whole */
 
-static bool make(making *k, const mesh_patches_params *p, mesh_notes *notes, error *e)
+static bool make(making *k, mesh_notes *notes, error *e)
 {
     mesh *m = k->m;
     if (!mesh_weld(m, MESH_KEEP_CANCELLED, notes, e)) return false;
     if (m->triangle_count == 0) return error_set(e, ERROR_NO_SURFACE, "no triangle of the mesh has an area");
     if (!mesh_edges_list(m, &k->edges, e) ||
-        !mesh_edges_close_seams(m, p->weld * bbox_longest(mesh_box(m)), &k->edges, notes, e) ||
+        !mesh_edges_close_seams(m, k->params->weld * bbox_longest(mesh_box(m)), &k->edges, notes, e) ||
         !mesh_weld(m, MESH_KEEP_CANCELLED, notes, e) /* faces may coincide now */ ||
         !mesh_edges_list(m, &k->edges, e))
         return false;
-    return cut_edges(k, p->feature_angle, e) && number_patches(k, e) &&
-           make_curves(k, k->out->feature_angle > 0 ? p->feature_angle : 0, e) && part_vertices(k, e);
+    return cut_edges(k, e) && number_patches(k, e) && make_curves(k, e) && part_vertices(k, e);
 }
 
 bool mesh_patches_make(mesh *m, const mesh_patches_params *params, mesh_notes *notes, mesh_patches *out,
                        error *e)
 {
     mesh_patches made = {0};
-    making k = {.m = m, .out = &made};
-    bool ok = make(&k, params, notes, e);
+    making k = {.m = m, .params = params, .out = &made};
+    bool ok = make(&k, notes, e);
     mesh_edges_free(&k.edges);
     orientation_free(&k.turned);
     free(k.normal);

@@ -20,6 +20,7 @@ typedef struct mesh_patches_params {
     double
         weld; /* what lies nearer to an open edge is on it: a share of the longest side of the mesh's box */
     double feature_angle; /* radians; 0: no edge of two triangles is a feature; or MESH_PATCHES_FOUND */
+    double spacing;       /* of the points that the mesh is to have; 0: not known */
 } mesh_patches_params;
 
 typedef struct mesh_patches {

@@ -14,7 +14,7 @@ static const char what[] = "the surface of the mesh";
 /* The normal between the corners is at least this much one with the triangle's own: F grows no steeper. */
 static const double least_facing = 0.25;
 /* Of the extent: a place that is this near to the end of a patch is on it. */
-static const double rounding = 1e-9;
+static const double rounding = 1e-7;
 /* A triangle whose height is less than this share of its longest side says nothing of how normals turn. */
 static const double least_height = 1e-3;
 
@@ -239,8 +239,8 @@ static bool is_within(const field *f, vec3 x)
     size_t n = p->first + nearest_triangle_find(p->tree, x, weight);
     const foot at = foot_on(p->whole, n, weight, x);
     if (!at.at_end) return true;
-    const double up = vec3_dot(at.off, at.normal);
-    return vec3_norm(vec3_axpy(-up, at.normal, at.off)) <= fabs(up) + rounding * f->extent;
+    const double up = vec3_dot(at.off, at.own);
+    return vec3_norm(vec3_axpy(-up, at.own, at.off)) <= fabs(up) + rounding * f->extent;
 }
 
 static bool sample_all(const field *f, vec3 x, field_order order, field_sample *out)

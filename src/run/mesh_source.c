@@ -2,18 +2,25 @@
 
 #include <math.h>
 
+#include "mesh/mesh_edges.h"
 #include "mesh/mesh_file.h"
 #include "packing/packing.h"
 
 /* The longest side of a cell: the spacing, but of few points less, so that normals and sizes are seen. */
 static const double least_cells = 32; /* along the longest side of the mesh */
 
-static double longest_cell(const mesh_source_request *r, const mesh_patches *p)
+/* Of the points that are asked for; 0: not known before there are features. */
+static double spacing_of(const mesh_source_request *r, double area)
 {
     const resolution_request *q = &r->as_volume.resolution;
-    const double area = mesh_area(&p->m), extent = bbox_longest(mesh_box(&p->m));
-    double spacing = q->spacing > 0 ? q->spacing : q->count > 0 ? packing_spacing(area, q->count) : INFINITY;
-    return fmin(spacing, extent / least_cells);
+    return q->spacing > 0 ? q->spacing : q->count > 0 ? packing_spacing(area, q->count) : 0;
+}
+
+static double longest_cell(const mesh_source_request *r, const mesh_patches *p)
+{
+    const double spacing = spacing_of(r, mesh_area(&p->m)),
+                 most = bbox_longest(mesh_box(&p->m)) / least_cells;
+    return spacing > 0 ? fmin(spacing, most) : most;
 }
 
 /* Whether the mesh is sampled on its triangles. */
@@ -21,7 +28,7 @@ static bool wants_patches(const spec_mesh *s, const mesh_patches *p)
 {
     if (s->interior == SPEC_INTERIOR_DROP) return false;
     if (!p->closed) return s->holes == SPEC_HOLES_KEEP;
-    return p->feature_edges > 0 && (s->on_mesh || s->has_features);
+    return s->has_features && p->feature_edges > 0;
 }
 
 /* *made stays empty where the mesh is to be a level set. */
@@ -29,12 +36,44 @@ static bool make_patches(const mesh_source_request *r, const mesh *whole, mesh_n
                          mesh_patches *made, error *e)
 {
     const spec_mesh *s = r->spec;
-    const mesh_patches_params params = {s->weld, s->has_features ? s->feature_angle : MESH_PATCHES_FOUND};
+    const mesh_patches_params params = {s->weld, s->has_features ? s->feature_angle : MESH_PATCHES_FOUND,
+                                        spacing_of(r, mesh_area(whole))};
     mesh copy = {0};
     if (!r->alone) return true;
     if (!mesh_copy(whole, &copy, e) || !mesh_patches_make(&copy, &params, notes, made, e)) return false;
     if (!wants_patches(s, made)) mesh_patches_free(made);
     return true;
+}
+
+/* Makes a copy of a mesh that encloses a volume, as far as that takes no more than filling its holes. */
+static bool fill_holes(const mesh_source_request *r, const mesh *whole, mesh *out, mesh_notes *notes,
+                       error *e)
+{
+    mesh_edges edges = {0};
+    mesh_notes unused = {0}; /* the level set tells the same */
+    size_t holes = 0;
+    bool ok = mesh_copy(whole, out, e) && mesh_weld(out, MESH_DROP_CANCELLED, &unused, e) &&
+              mesh_edges_list(out, &edges, e) &&
+              mesh_edges_close_seams(out, r->spec->weld * bbox_longest(mesh_box(out)), &edges, &unused, e) &&
+              mesh_edges_fill_holes(out, &edges, &holes, e);
+    mesh_edges_free(&edges);
+    if (ok && holes) mesh_note(notes, "holes of the mesh that are filled: %zu", holes);
+    return ok;
+}
+
+static volume *open_level_set(const mesh_source_request *r, const mesh *whole, const mesh_notes *read,
+                              error *e)
+{
+    if (r->spec->holes == SPEC_HOLES_KEEP) return volume_of_mesh(&r->as_volume, whole, read, e);
+    mesh filled = {0};
+    mesh_notes notes = *read;
+    volume *v = NULL;
+    if (fill_holes(r, whole, &filled, &notes, e))
+        v = volume_of_mesh(&r->as_volume, &filled, &notes, e);
+    else
+        error_prefix(e, "%s", r->as_volume.path);
+    mesh_free(&filled);
+    return v;
 }
 
 static bool open_read(const mesh_source_request *r, const mesh *whole, const mesh_notes *read,
@@ -44,7 +83,7 @@ static bool open_read(const mesh_source_request *r, const mesh *whole, const mes
     mesh_notes about = *read;
     if (!make_patches(r, whole, &about, &patches, e)) return error_prefix(e, "%s", r->as_volume.path);
     if (patches.count == 0) {
-        volume *opened = volume_of_mesh(&r->as_volume, whole, read, e);
+        volume *opened = open_level_set(r, whole, read, e);
         if (opened) *as_volume = opened;
         return opened != NULL;
     }

@@ -16,7 +16,7 @@ typedef struct mesh_source_request {
     volume_mesh_request as_volume;
 } mesh_source_request;
 
-/* One of the two comes out: the patches of a mesh that is open or has sharp edges, else a volume. *notes are about the
+/* One of the two comes out: the patches of a mesh that is open, or whose sharp edges are asked for, else a volume. *notes are about the
  * patches. Errors: those of volume_open_mesh and mesh_surface_new, prefixed with the path; outputs are untouched then. */
 bool mesh_source_open(const mesh_source_request *request, volume **as_volume, mesh_surface **as_patches,
                       mesh_notes *notes, error *e);

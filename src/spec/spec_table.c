@@ -87,8 +87,8 @@ const spec_row spec_rows[] = {
      .choice = SPEC_CHOICE_SURFACE,
      UNSTORED,
      .prose =
-         "A triangle mesh. One that is open or has sharp edges is sampled as it is; another is made a level set "
-         "with exact distances."},
+         "A triangle mesh. One that is open is sampled on its triangles; a closed one is made a level set with "
+         "exact distances, unless features are given."},
     {.pointer = "/surface/mesh/path",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
@@ -163,17 +163,17 @@ const spec_row spec_rows[] = {
      .otherwise = "\"keep\"",
      AT(surface.mesh.interior),
      .prose =
-         "keep: of a mesh that is open or has sharp edges all triangles are sampled, those within its solids, too. "
-         "drop: the union of the solids, which takes a closed mesh; its edges are rounded by a voxel. What has "
-         "neither openings nor sharp edges is always taken as a union."},
+         "keep: where the mesh is sampled on its triangles all of them are, those within its solids, too. drop: the "
+         "outside of its solids, by a level set, which takes a closed mesh."},
     {.pointer = "/surface/mesh/features",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, surface.mesh.has_features),
      .prose =
-         "Which edges are sharp: they get a row of points of their own. Without it 0.7 where the edges of the mesh "
-         "are flat or sharp nearly everywhere, and none where they are bent by any angle, as those of scans."},
+         "Sharp edges get a row of points, and a closed mesh that has them is sampled on its triangles, too. Without "
+         "it an open mesh has those beyond 0.7 where its edges are flat or sharp nearly everywhere, and none where "
+         "they are bent by any angle, as those of scans."},
     {.pointer = "/surface/mesh/features/angle",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
@@ -182,14 +182,6 @@ const spec_row spec_rows[] = {
      AT(surface.mesh.feature_angle),
      .unit = "radians",
      .prose = "Edges whose triangles' normals differ by more are sharp. 0: none is."},
-    {.pointer = "/surface/mesh/on_mesh",
-     .type = SPEC_TYPE_BOOL,
-     .otherwise = "true",
-     AT(surface.mesh.on_mesh),
-     .prose =
-         "Whether the points lie on the mesh's triangles. false: points of a closed mesh lie on its level set, "
-         "which rounds edges by a voxel, unless features are given."},
-
     {.pointer = "/surface/analytic",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,

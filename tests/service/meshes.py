@@ -111,6 +111,13 @@ class Mesh:
             best[closer], which[closer] = d[closer], t[closer]
         return best, which
 
+    def distance(self, points):
+        """Exact distance of each point from the mesh: those that seem off it are held against all triangles."""
+        far, _ = self.nearest(points)
+        for k in numpy.flatnonzero(far > 1e-7 * self.longest):
+            far[k] = _distances(numpy.broadcast_to(points[k], self.a.shape), self.a, self.b, self.c).min()
+        return far
+
 
 def _distances(p, a, b, c):
     """Exact distances from triangles: the foot in the plane where it is within, else the nearest edge."""

@@ -79,7 +79,9 @@ def test_a_mesh_and_one_that_is_open(inspect, tmp_path, worker):
     found = inspect("open.obj")
     assert not found["mesh"]["closed"] and found["mesh"]["open_edges"] == 4
     assert found["mesh"]["open_at"]["bounding_box"] == {"min": [-1, -1, -1], "max": [-1, 1, 1]}
-    assert found["suggestions"][0]["error"]["code"] == "input_unsupported" and "spec" not in found["suggestions"][0]
+    first = found["suggestions"][0]
+    assert first["measured"] and abs(first["area"] / 20 - 1) < 1e-6
+    assert run_suggestion(worker, tmp_path, first)["surface"]["mesh"]["patches"] == 5
 
 
 def test_a_dense_volume_of_whole_numbers(inspect, tmp_path, worker):

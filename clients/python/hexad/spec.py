@@ -40,6 +40,7 @@ __all__ = [
     "SurfaceBsplineDomain",
     "SurfaceExr",
     "SurfaceMesh",
+    "SurfaceMeshFeatures",
     "SurfaceOffset",
     "SurfaceTransform",
     "SurfaceVdb",
@@ -70,6 +71,19 @@ class SurfaceVdb(_SurfaceVdbNeeded, _SurfaceVdbRest):
     """
 
 
+class _SurfaceMeshFeaturesRest(TypedDict, total=False):
+    angle: float
+
+
+class SurfaceMeshFeatures(_SurfaceMeshFeaturesRest):
+    """Sharp edges get a row of points, and a closed mesh that has them is sampled on its triangles, too.
+    Without it an open mesh has those beyond 0.7 where its edges are flat or sharp nearly everywhere, and none
+    where they are bent by any angle, as those of scans.
+
+    angle: Edges whose triangles' normals differ by more are sharp. 0: none is. (radians) Default: 0.7.
+    """
+
+
 class _SurfaceMeshNeeded(TypedDict):
     path: str
 
@@ -80,10 +94,14 @@ class _SurfaceMeshRest(TypedDict, total=False):
     max_resolution: int
     band_vox: int
     weld: float
+    holes: Literal["keep", "fill"]
+    interior: Literal["keep", "drop"]
+    features: SurfaceMeshFeatures
 
 
 class SurfaceMesh(_SurfaceMeshNeeded, _SurfaceMeshRest):
-    """A closed triangle mesh. hexad converts it into a level set with exact distances.
+    """A triangle mesh. One that is open is sampled on its triangles; a closed one is made a level set with
+    exact distances, unless features are given.
 
     path: The file, in PLY, OBJ, STL, OFF or another format that assimp reads. It must lie below one of the
         service's input roots. Other files that it names are not read.
@@ -102,6 +120,13 @@ class SurfaceMesh(_SurfaceMeshNeeded, _SurfaceMeshRest):
     weld: Vertices of open edges that are nearer to each other than this share of the longest side of the
         mesh's box are one, and one as near to another open edge lies on it. 0: only vertices of equal
         coordinates are one. (longest sides) Default: 1e-06.
+    holes: keep: an open mesh is sampled as it is, with a row of points along its boundaries. fill: it must
+        enclose a volume; an open one is refused. Default: 'keep'.
+    interior: keep: where the mesh is sampled on its triangles all of them are, those within its solids, too.
+        drop: the outside of its solids, by a level set, which takes a closed mesh. Default: 'keep'.
+    features: Sharp edges get a row of points, and a closed mesh that has them is sampled on its triangles,
+        too. Without it an open mesh has those beyond 0.7 where its edges are flat or sharp nearly everywhere,
+        and none where they are bent by any angle, as those of scans.
     """
 
 
@@ -469,7 +494,8 @@ class Surface(_SurfaceRest):
     """The surface to sample. Give exactly one of its members.
 
     vdb: A scalar grid of an OpenVDB file. The surface is where the grid has the isovalue.
-    mesh: A closed triangle mesh. hexad converts it into a level set with exact distances.
+    mesh: A triangle mesh. One that is open is sampled on its triangles; a closed one is made a level set with
+        exact distances, unless features are given.
     analytic: A surface given by a formula.
     bspline: The zero set of a uniform cubic B-spline, given by its coefficients. Negative values are inside.
         Along an axis with n coefficients the domain has n - 3 knot intervals of equal length w. Coefficient
