@@ -345,10 +345,14 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
     size_t memory = reader_limit(argc, argv, STDERR_FILENO + 1);
     if (!memory) return 2;
     snprintf(b.name, sizeof b.name, "mesh%s%.20s", *argv[1] ? "." : "", argv[1]);
+    ply_strips strips = PLY_STRIPS_READ;
     if (!read_bytes(&b) || (strcasecmp(argv[1], "obj") == 0 && !add_zeros(&b)) ||
-        (strcasecmp(argv[1], "ply") == 0 && !ply_strips_expand(&b.data, &b.size)))
+        (strcasecmp(argv[1], "ply") == 0 &&
+         (strips = ply_strips_expand(&b.data, &b.size)) == PLY_STRIPS_NO_MEMORY))
         return answer_fault(ERROR_LIMIT_MEMORY,
                             "the file is larger than the memory limit: raise limits.memory_mb");
+    if (strips == PLY_STRIPS_DAMAGED)
+        return answer_fault(ERROR_INPUT_DAMAGED, "the file's triangle strips end early, or are no numbers");
     ply_values own = {0};
     bool wants_values = strcmp(argv[0], MESH_VALUES_COMMAND) == 0;
     if (wants_values && strcasecmp(argv[1], "ply") == 0 && !ply_values_read(b.data, b.size, &own))

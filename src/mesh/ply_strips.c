@@ -1,5 +1,6 @@
 #include "mesh/ply_strips.h"
 
+#include <stdbool.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -158,18 +159,19 @@ static const char *find_strips(const header *h, const char *data, size_t size)
     return at;
 }
 
-bool ply_strips_expand(char **data, size_t *size)
+ply_strips ply_strips_expand(char **data, size_t *size)
 {
     header h;
-    const char *strips;
     if (*size < 4 || memcmp(*data, "ply", 3) != 0 || !read_header(*data, *size, &h) || !h.strips_line ||
-        !h.is_last || !h.known || h.lists != 1 || !(strips = find_strips(&h, *data, *size)))
-        return true;
+        !h.is_last || !h.known || h.lists != 1)
+        return PLY_STRIPS_READ;
+    const char *strips = find_strips(&h, *data, *size);
+    if (!strips) return PLY_STRIPS_DAMAGED;
     const cursor c = {strips, *data + *size, h.layout};
     size_t count = expand(&h, c, NULL), before = (size_t)(strips - *data) - h.body;
-    if (count == SIZE_MAX) return true;
+    if (count == SIZE_MAX) return PLY_STRIPS_DAMAGED;
     char *out = malloc(h.strips_line + LINE_MOST + before + count * TEXT_TRIANGLE + 1), *to = out;
-    if (!out) return false;
+    if (!out) return PLY_STRIPS_NO_MEMORY;
     memcpy(to, *data, h.strips_line);
     to += h.strips_line;
     to += sprintf(to, "element face %zu\nproperty list uchar int vertex_indices\nend_header\n", count);
@@ -180,5 +182,5 @@ bool ply_strips_expand(char **data, size_t *size)
     *size = (size_t)(to - out) + (h.layout == TEXT ? strlen(to) : count * BINARY_TRIANGLE);
     free(*data);
     *data = out;
-    return true;
+    return PLY_STRIPS_READ;
 }

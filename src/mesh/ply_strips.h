@@ -3,11 +3,12 @@
 #ifndef HEXAD_MESH_PLY_STRIPS_H
 #define HEXAD_MESH_PLY_STRIPS_H
 
-#include <stdbool.h>
 #include <stddef.h>
 
+typedef enum ply_strips { PLY_STRIPS_READ, PLY_STRIPS_NO_MEMORY, PLY_STRIPS_DAMAGED } ply_strips;
+
 /* *data is malloc's, and is exchanged where the last element of the file is one of strips: a list of 32-bit indices, -1
- * beginning a new strip. Whatever else the file is, it stays as it is. False: no memory. */
-bool ply_strips_expand(char **data, size_t *size);
+ * beginning a new strip. Whatever else the file is, it stays as it is. PLY_STRIPS_DAMAGED: the strips end early, or are no numbers. */
+ply_strips ply_strips_expand(char **data, size_t *size);
 
 #endif

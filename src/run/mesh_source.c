@@ -87,6 +87,11 @@ static bool open_read(const mesh_source_request *r, const mesh *whole, const mes
         if (opened) *as_volume = opened;
         return opened != NULL;
     }
+    if (patches.open_edges)
+        mesh_note(&about,
+                  "the mesh is open, %zu of its edges have one triangle: it is sampled as it stands; holes "
+                  "\"fill\" closes it",
+                  patches.open_edges);
     mesh_surface *surface = mesh_surface_new(&patches, longest_cell(r, &patches), e);
     if (!surface) return error_prefix(e, "%s", r->as_volume.path);
     *as_patches = surface;
