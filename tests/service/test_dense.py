@@ -607,14 +607,14 @@ def test_volumes_through_rest(new_service, tmp_path):
 
 
 def test_a_speck_without_a_point_is_told(worker, tmp_path):
-    """A part whose share of the count is a seventh of a point: what has its points is in order, and yet a place is bare."""
+    """A part whose share of the count is a fifth of a point: what has its points is in order, and yet a place is bare."""
     x = numpy.arange(24) - 11.5
     values = numpy.clip(8.5 - numpy.sqrt(sum(g * g for g in numpy.meshgrid(x, x, x))), 0, 1).astype(numpy.float32)
     volume = {"path": "speck.nrrd", "isovalue": 0.5}
     for speck, code in ((0, 0), (1, 11)):
         values[2, 2, 2] = speck
         write_nrrd(tmp_path / "speck.nrrd", values)
-        done = worker({"version": 1, "surface": {"volume": volume}, "sampling": {"count": 40}})
+        done = worker({"version": 1, "surface": {"volume": volume}, "sampling": {"count": 60}})
         assert done.returncode == code, done.stderr
         report = json.loads((tmp_path / "out" / "report.json").read_text())
         assert (report["quality"]["coverage"] > 1.2) == bool(speck)

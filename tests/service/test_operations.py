@@ -218,6 +218,12 @@ class Story:
         self.host.run("export STATE_DIRECTORY=/var/lib/hexad\nhexad --backup /var/backups/hexad/queue.db\n",
                       'cp -au "$STATE_DIRECTORY"/results /var/backups/hexad/\n')
 
+    def after_in_a_container(self, shown):
+        assert not shown  # `make containercheck` runs it
+
+    def after_remove(self, shown):
+        assert not shown  # `make packagecheck` does
+
     def after_the_old_host_is_gone(self, shown):
         self.expect_kept()
 
