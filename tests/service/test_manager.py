@@ -1,5 +1,6 @@
 """The daemon under a service manager, which these tests play: readiness, status, signs of life that end when the
 supervisor is stuck, a socket handed over, settings read again. A real systemd is tests/boot."""
+import contextlib
 import ctypes
 import os
 import pathlib
@@ -63,25 +64,35 @@ PTRACE_SEIZE, PTRACE_INTERRUPT, PTRACE_DETACH = 0x4206, 0x4207, 17
 
 
 def supervisor_of(service):
+    """Its directory in /proc."""
     for task in pathlib.Path(f"/proc/{service.process.pid}/task").iterdir():
         if (task / "comm").read_text().strip() == "supervisor":
-            return int(task.name)
+            return task
     raise AssertionError("no thread is called supervisor")
+
+
+@contextlib.contextmanager
+def stopped(task):
+    """A thread that waits is stopped: one that works might hold what the others wait for."""
+    libc, thread = ctypes.CDLL(None, use_errno=True), int(task.name)
+    wait_until(lambda: (task / "stat").read_text().rpartition(")")[2].split()[0] == "S", "a thread that waits")
+    for request in (PTRACE_SEIZE, PTRACE_INTERRUPT):
+        if libc.ptrace(request, thread, None, None) != 0:
+            pytest.skip(f"threads cannot be stopped here: {os.strerror(ctypes.get_errno())}")
+    os.waitpid(thread, 0x40000000)  # __WALL
+    try:
+        yield
+    finally:
+        assert libc.ptrace(PTRACE_DETACH, thread, None, None) == 0
 
 
 def test_a_stuck_supervisor_gives_no_sign(new_service, manager):
     service = new_service().start()
     manager.hear("WATCHDOG=1")
-    thread = supervisor_of(service)
-    libc = ctypes.CDLL(None, use_errno=True)
-    for request in (PTRACE_SEIZE, PTRACE_INTERRUPT):
-        if libc.ptrace(request, thread, None, None) != 0:
-            pytest.skip(f"threads cannot be stopped here: {os.strerror(ctypes.get_errno())}")
-    os.waitpid(thread, 0x40000000)  # __WALL
-    manager.hear("STATUS=stuck")
-    assert manager.hear("STATUS=stuck") == ["STATUS=stuck"]  # and nothing in between
-    assert "the supervisor is stuck" in service.log.read_text()
-    assert libc.ptrace(PTRACE_DETACH, thread, None, None) == 0
+    with stopped(supervisor_of(service)):
+        manager.hear("STATUS=stuck")
+        assert manager.hear("STATUS=stuck") == ["STATUS=stuck"]  # and nothing in between
+        assert "the supervisor is stuck" in service.log.read_text()
     manager.hear("WATCHDOG=1")
     assert service.end() == 0
 
