@@ -162,7 +162,7 @@ def main():
 PAGE = """# The farm
 
 `python3 bench/farm.py BUILD doc/measured/farm.md --small {small} --large {large} --queued {queued}`: a Slurm of four nodes and the daemon on one
-machine of {cores} cores, which others used, too (load average {load:.1f}). The figures say what the engine costs, not how a cluster
+machine of {cores} cores (load average at the end: {load:.1f}). The figures say what the engine costs, not how a cluster
 scales.
 
 ## Jobs: {small} of 1000 points, {large} of a million
@@ -172,7 +172,7 @@ scales.
 {rows}
 
 The daemon's time is its own, without the commands that it calls and without workers. The workers' share is their processor
-time (`processor_ms` of the attempts) by wall time and cores. All others are daemons, Slurm, and who else used the machine.
+time (`processor_ms` of the attempts) by wall time and cores. All others are daemons, Slurm, and whatever else ran on the machine.
 
 ## What users wait for
 
