@@ -5,6 +5,7 @@
 
 #include "base/memory.h"
 #include "mesh/triangle.h"
+#include "packing/point_tree.h"
 
 /* Triangles in a leaf; a box costs about as much as one. */
 enum { LEAF = 4, DEEPEST = 64 };
@@ -30,53 +31,20 @@ static triangle triangle_of(const mesh *m, size_t k)
     return (triangle){m->vertex[corner[0]], m->vertex[corner[1]], m->vertex[corner[2]]};
 }
 
-/* A triangle on its way to its place in the order. */
-typedef struct placed {
-    vec3 middle;
-    uint32_t triangle;
-} placed;
-
-/* Those with the lesser middles along the axis first, up to the half (Hoare 1961). */
-static void divide(placed *list, size_t count, size_t half, int axis)
-{
-    size_t low = 0, high = count;
-    while (high - low > 1) {
-        const double pivot = vec3_get(list[low + (high - low) / 2].middle, axis);
-        size_t i = low, j = high - 1;
-        for (;; i++, j--) {
-            while (vec3_get(list[i].middle, axis) < pivot) i++;
-            while (vec3_get(list[j].middle, axis) > pivot) j--;
-            if (i >= j) break;
-            const placed swap = list[i];
-            list[i] = list[j];
-            list[j] = swap;
-        }
-        if (half < i)
-            high = i;
-        else if (i > low)
-            low = i;
-        else
-            low++; /* the least of all stands first */
-    }
-}
-
 /* Halves across the longest side of the middles' box: boxes overlap little. */
-static bbox build(nearest_triangle *n, size_t node, placed *list, size_t first, size_t count)
+static bbox build(nearest_triangle *n, size_t node, const vec3 *middle, size_t first, size_t count)
 {
     bbox box = bbox_empty();
     if (count <= LEAF) {
         for (size_t k = first; k < first + count; k++) {
-            n->order[k] = list[k].triangle;
             n->corner[k] = triangle_of(n->mesh, n->order[k]);
             box = bbox_unite(box, triangle_box(&n->corner[k]));
         }
     } else {
         const size_t half = count / 2;
-        for (size_t k = first; k < first + count; k++) box = bbox_include(box, list[k].middle);
-        const vec3 d = vec3_sub(box.max, box.min);
-        divide(list + first, count, half, d.x >= d.y && d.x >= d.z ? 0 : d.y >= d.z ? 1 : 2);
-        box = bbox_unite(build(n, 2 * node + 1, list, first, half),
-                         build(n, 2 * node + 2, list, first + half, count - half));
+        point_tree_halve(middle, n->order + first, count);
+        box = bbox_unite(build(n, 2 * node + 1, middle, first, half),
+                         build(n, 2 * node + 2, middle, first + half, count - half));
     }
     return n->box[node] = box;
 }
@@ -85,22 +53,23 @@ nearest_triangle *nearest_triangle_new(const mesh *m, error *e)
 {
     const char *what = "the tree of a mesh";
     nearest_triangle *n = mem_alloc(sizeof *n);
-    placed *list = mem_array(m->triangle_count, sizeof *list, what, e);
+    vec3 *middle = mem_array(m->triangle_count, sizeof *middle, what, e);
     n->mesh = m;
     n->order = mem_array(m->triangle_count, sizeof *n->order, what, e);
     n->corner = mem_array(m->triangle_count, sizeof *n->corner, what, e);
     n->box = mem_array(places_for(m->triangle_count), sizeof *n->box, what, e);
-    if (!list || !n->order || !n->corner || !n->box) {
-        free(list);
+    if (!middle || !n->order || !n->corner || !n->box) {
+        free(middle);
         nearest_triangle_free(n);
         return NULL;
     }
     for (uint32_t k = 0; k < m->triangle_count; k++) {
         const triangle t = triangle_of(m, k);
-        list[k] = (placed){vec3_scale(vec3_add(t.a, vec3_add(t.b, t.c)), 1.0 / 3), k};
+        middle[k] = vec3_scale(vec3_add(t.a, vec3_add(t.b, t.c)), 1.0 / 3);
+        n->order[k] = k;
     }
-    build(n, 0, list, 0, m->triangle_count);
-    free(list);
+    build(n, 0, middle, 0, m->triangle_count);
+    free(middle);
     return n;
 }
 

@@ -18,11 +18,6 @@ struct point_tree {
     uint8_t *axis; /* of the middle of each range */
 };
 
-static double place(const point_tree *n, size_t k, int axis)
-{
-    return vec3_get(n->points[n->order[k]], axis);
-}
-
 static void swap(uint32_t *a, uint32_t *b)
 {
     uint32_t held = *a;
@@ -30,17 +25,18 @@ static void swap(uint32_t *a, uint32_t *b)
     *b = held;
 }
 
-/* Puts the point of rank `middle` of low .. high - 1 in its place, smaller ones before it (Hoare 1961). */
-static void divide(point_tree *n, size_t low, size_t high, size_t middle, int axis)
+/* Puts the point of rank `middle` in its place, smaller ones before it (Hoare 1961). */
+static void divide(const vec3 *points, uint32_t *order, size_t count, size_t middle, int axis)
 {
+    size_t low = 0, high = count;
     while (high - low > 1) {
-        double pivot = place(n, low + (high - low) / 2, axis);
+        double pivot = vec3_get(points[order[low + (high - low) / 2]], axis);
         size_t i = low, j = high - 1;
         for (;; i++, j--) {
-            while (place(n, i, axis) < pivot) i++;
-            while (place(n, j, axis) > pivot) j--;
+            while (vec3_get(points[order[i]], axis) < pivot) i++;
+            while (vec3_get(points[order[j]], axis) > pivot) j--;
             if (i >= j) break;
-            swap(&n->order[i], &n->order[j]);
+            swap(&order[i], &order[j]);
         }
         if (middle < i)
             high = i;
@@ -51,16 +47,21 @@ static void divide(point_tree *n, size_t low, size_t high, size_t middle, int ax
     }
 }
 
+int point_tree_halve(const vec3 *points, uint32_t *order, size_t count)
+{
+    bbox box = bbox_empty();
+    for (size_t k = 0; k < count; k++) box = bbox_include(box, points[order[k]]);
+    vec3 side = vec3_sub(box.max, box.min);
+    int axis = side.x >= side.y && side.x >= side.z ? 0 : side.y >= side.z ? 1 : 2;
+    divide(points, order, count, count / 2, axis);
+    return axis;
+}
+
 static void build(point_tree *n, size_t low, size_t high)
 {
     while (high - low > LEAF) {
-        bbox box = bbox_empty();
-        for (size_t k = low; k < high; k++) box = bbox_include(box, n->points[n->order[k]]);
-        vec3 side = vec3_sub(box.max, box.min);
-        int axis = side.x >= side.y && side.x >= side.z ? 0 : side.y >= side.z ? 1 : 2;
         size_t middle = low + (high - low) / 2;
-        divide(n, low, high, middle, axis);
-        n->axis[middle] = (uint8_t)axis;
+        n->axis[middle] = (uint8_t)point_tree_halve(n->points, n->order + low, high - low);
         build(n, low, middle);
         low = middle + 1;
     }
@@ -112,7 +113,7 @@ static void look(const point_tree *n, size_t low, size_t high, search *s)
         return;
     }
     size_t middle = low + (high - low) / 2;
-    double beyond = vec3_get(s->x, n->axis[middle]) - place(n, middle, n->axis[middle]);
+    double beyond = vec3_get(s->x, n->axis[middle]) - vec3_get(n->points[n->order[middle]], n->axis[middle]);
     look(n, beyond < 0 ? low : middle + 1, beyond < 0 ? middle : high, s);
     if (s->best2 <= s->enough2 || beyond * beyond >= s->best2) return;
     consider(n, middle, s);
