@@ -17,7 +17,7 @@
 #include "base/memory.h"
 #include "field/analytic.h"
 #include "sampler/levels.h"
-#include "sampler/relax.h"
+#include "particles/relax.h"
 #include "sampler/sampler.h"
 #include "volume/example.h"
 #include "volume/volume.h"

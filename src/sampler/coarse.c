@@ -4,7 +4,7 @@
 
 #include "base/memory.h"
 #include "packing/quality.h"
-#include "sampler/random_streams.h"
+#include "particles/random_streams.h"
 #include "packing/relocation.h"
 #include "sampler/sampler_internal.h"
 

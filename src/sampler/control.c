@@ -8,8 +8,8 @@
 
 #include "base/memory.h"
 #include "packing/packing.h"
-#include "sampler/population.h"
-#include "sampler/random_streams.h"
+#include "particles/population.h"
+#include "particles/random_streams.h"
 #include "sampler/sampler_internal.h"
 
 /* The search for the ideal support: within one set of lists it may shrink to this fraction and grow by the

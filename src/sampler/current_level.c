@@ -8,7 +8,7 @@
 #include "geometry/morton.h"
 #include "packing/energy.h"
 #include "packing/packing.h"
-#include "sampler/refine.h"
+#include "particles/refine.h"
 #include "sampler/sampler_internal.h"
 #include "sampler/start.h"
 #include "surface/projection.h"

@@ -5,7 +5,7 @@
 
 #include "base/memory.h"
 #include "packing/packing.h"
-#include "sampler/random_streams.h"
+#include "particles/random_streams.h"
 #include "sampler/sampler_internal.h"
 #include "surface/projection.h"
 

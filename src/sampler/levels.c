@@ -9,8 +9,8 @@
 #include "base/memory.h"
 #include "base/rng.h"
 #include "packing/packing.h"
-#include "sampler/random_streams.h"
-#include "sampler/refine.h"
+#include "particles/random_streams.h"
+#include "particles/refine.h"
 
 /* The coarsest packing sets the order of the finest, at a cost that does not show, unless its spacing is
  * coarser than this fraction of the radius of curvature, where strain is locked in. Measured at 10 000

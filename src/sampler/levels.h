@@ -7,7 +7,7 @@
 #include <stdint.h>
 
 #include "field/field.h"
-#include "sampler/allotment.h"
+#include "particles/allotment.h"
 #include "sampler/sampler_params.h"
 #include "surface/curve_distance.h"
 #include "surface/surface.h"

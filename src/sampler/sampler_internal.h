@@ -4,8 +4,8 @@
 #define HEXAD_SAMPLER_SAMPLER_INTERNAL_H
 
 #include "sampler/levels.h"
-#include "sampler/particles.h"
-#include "sampler/relax.h"
+#include "particles/particles.h"
+#include "particles/relax.h"
 #include "sampler/sampler.h"
 #include "sampler/schedule.h"
 

@@ -6,7 +6,7 @@
 #include "base/memory.h"
 #include "base/rng.h"
 #include "packing/packing.h"
-#include "sampler/random_streams.h"
+#include "particles/random_streams.h"
 #include "surface/boundary.h"
 #include "surface/projection.h"
 

@@ -3,7 +3,7 @@
 #define HEXAD_SAMPLER_START_H
 
 #include "sampler/levels.h"
-#include "sampler/particles.h"
+#include "particles/particles.h"
 #include "sampler/sampler_params.h"
 
 /* Places p->count particles on the parts of the surface that get their first ones on a level, with normals; the first of them in rows along the boundaries of an open

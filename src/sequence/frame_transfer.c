@@ -9,9 +9,9 @@
 #include "geometry/morton.h"
 #include "packing/neighbours.h"
 #include "packing/packing.h"
-#include "sampler/particles.h"
-#include "sampler/random_streams.h"
-#include "sampler/relax.h"
+#include "particles/particles.h"
+#include "particles/random_streams.h"
+#include "particles/relax.h"
 #include "sampler/schedule.h"
 #include "surface/projection.h"
 

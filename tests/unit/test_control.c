@@ -10,7 +10,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "sampler/population.h"
+#include "particles/population.h"
 #include "sampler/sampler.h"
 #include "shapes.h"
 

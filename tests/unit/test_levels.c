@@ -7,7 +7,7 @@
 #include <cmocka.h>
 
 #include "sampler/levels.h"
-#include "sampler/refine.h"
+#include "particles/refine.h"
 
 /* Triangulations by Euler's formula: n particles, b of them on a rim, have 3 (n - x) - b edges; a rim of b particles
  * has b edges, so refining doubles it. */

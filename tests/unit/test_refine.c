@@ -10,7 +10,7 @@
 
 #include "close.h"
 #include "packing/voronoi.h"
-#include "sampler/refine.h"
+#include "particles/refine.h"
 #include "shapes.h"
 
 enum { POINTS = 600, EDGES = 3 * POINTS - 6, MOST = 4 * EDGES };

@@ -8,7 +8,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "sampler/relax.h"
+#include "particles/relax.h"
 #include "shapes.h"
 #include "surface/projection.h"
 #include "surface/surface.h"

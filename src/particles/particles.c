@@ -1,4 +1,4 @@
-#include "sampler/particles.h"
+#include "particles/particles.h"
 
 #include <assert.h>
 #include <stdlib.h>

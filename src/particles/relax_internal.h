@@ -1,11 +1,11 @@
 /* relax_internal: what a relaxation is made of. Private to relax.c, which moves particles, and relax_measures.c, which looks at
  * them. */
-#ifndef HEXAD_SAMPLER_RELAX_INTERNAL_H
-#define HEXAD_SAMPLER_RELAX_INTERNAL_H
+#ifndef HEXAD_PARTICLES_RELAX_INTERNAL_H
+#define HEXAD_PARTICLES_RELAX_INTERNAL_H
 
 #include "packing/neighbours.h"
 #include "packing/pair.h"
-#include "sampler/relax.h"
+#include "particles/relax.h"
 
 /* Where normals within the support agree to 37 degrees there is no edge: across one they part by 45 at least. */
 #define RELAX_SMOOTH_COSINE 0.8

@@ -1,13 +1,13 @@
 /* allotment: who gets how many of the particles on one level of a surface with patches: rows along the curves, which are held
  * fixed, and the other particles of each patch, none of which can go to another. World space. */
-#ifndef HEXAD_SAMPLER_ALLOTMENT_H
-#define HEXAD_SAMPLER_ALLOTMENT_H
+#ifndef HEXAD_PARTICLES_ALLOTMENT_H
+#define HEXAD_PARTICLES_ALLOTMENT_H
 
 #include <stddef.h>
 #include <stdint.h>
 
 #include "base/error.h"
-#include "sampler/particles.h"
+#include "particles/particles.h"
 #include "surface/curve_rows.h"
 #include "surface/sizing_field.h"
 #include "surface/surface.h"

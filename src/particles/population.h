@@ -2,13 +2,13 @@
  * fission and death of Witkin and Heckbert. Deterministic: everything follows from the particles and the
  * generator that the caller hands in. One thread.
  */
-#ifndef HEXAD_SAMPLER_POPULATION_H
-#define HEXAD_SAMPLER_POPULATION_H
+#ifndef HEXAD_PARTICLES_POPULATION_H
+#define HEXAD_PARTICLES_POPULATION_H
 
 #include "base/error.h"
 #include "base/rng.h"
 #include "field/field.h"
-#include "sampler/particles.h"
+#include "particles/particles.h"
 
 typedef enum population_bias {
     POPULATION_RANDOM,

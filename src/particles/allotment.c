@@ -1,11 +1,11 @@
-#include "sampler/allotment.h"
+#include "particles/allotment.h"
 
 #include <math.h>
 #include <stdlib.h>
 
 #include "base/memory.h"
 #include "packing/packing.h"
-#include "sampler/population.h"
+#include "particles/population.h"
 
 /* Rows take room from the packing, which makes the spacing wider and the rows shorter: so often this is gone through. */
 enum { PASSES = 4 };

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <stdatomic.h>
 
-#include "sampler/relax_internal.h"
+#include "particles/relax_internal.h"
 
 /* With fewer neighbours a particle is free to move along some direction, and the Hessian is all but singular. */
 enum { HELD_BY = 3 };

@@ -1,4 +1,4 @@
-#include "sampler/population.h"
+#include "particles/population.h"
 
 #include <assert.h>
 #include <math.h>

@@ -1,13 +1,13 @@
 /* refine: from a coarse packing to one of about four times as many particles, on the middles of the Delaunay
  * edges, which keeps the packing's order. */
-#ifndef HEXAD_SAMPLER_REFINE_H
-#define HEXAD_SAMPLER_REFINE_H
+#ifndef HEXAD_PARTICLES_REFINE_H
+#define HEXAD_PARTICLES_REFINE_H
 
 #include "base/error.h"
 #include "base/threads.h"
 #include "field/field.h"
-#include "sampler/allotment.h"
-#include "sampler/particles.h"
+#include "particles/allotment.h"
+#include "particles/particles.h"
 #include "surface/curve_distance.h"
 #include "surface/sizing_field.h"
 #include "surface/surface.h"

@@ -1,8 +1,8 @@
 /* random_streams: who draws random numbers. Each user has a stream of its own below the job's seed (rng_seed), so that
  * one that draws more or less changes nothing for the others. A number here is part of the results: another number
  * gives other bytes. */
-#ifndef HEXAD_SAMPLER_RANDOM_STREAMS_H
-#define HEXAD_SAMPLER_RANDOM_STREAMS_H
+#ifndef HEXAD_PARTICLES_RANDOM_STREAMS_H
+#define HEXAD_PARTICLES_RANDOM_STREAMS_H
 
 enum random_stream {
     RANDOM_STREAM_START = 1,       /* first places of particles */

@@ -1,4 +1,4 @@
-#include "sampler/refine.h"
+#include "particles/refine.h"
 
 #include <assert.h>
 #include <stdlib.h>
@@ -8,8 +8,8 @@
 #include "base/rng.h"
 #include "base/sets.h"
 #include "packing/voronoi.h"
-#include "sampler/population.h"
-#include "sampler/random_streams.h"
+#include "particles/population.h"
+#include "particles/random_streams.h"
 #include "surface/projection.h"
 
 /* A middle lies within a few hundredths of h of the surface; one that is farther joins two sheets. */

@@ -1,6 +1,6 @@
 /* particles: the state of the system, as arrays. World space. Index i is one particle throughout. */
-#ifndef HEXAD_SAMPLER_PARTICLES_H
-#define HEXAD_SAMPLER_PARTICLES_H
+#ifndef HEXAD_PARTICLES_PARTICLES_H
+#define HEXAD_PARTICLES_PARTICLES_H
 
 #include <stdbool.h>
 #include <stddef.h>

@@ -7,8 +7,8 @@
  * system is at rest; the step is over-relaxed; repulsion amplitudes and normals are lagged, and pairs
  * on opposite sides of a thin sheet do not push each other.
  */
-#ifndef HEXAD_SAMPLER_RELAX_H
-#define HEXAD_SAMPLER_RELAX_H
+#ifndef HEXAD_PARTICLES_RELAX_H
+#define HEXAD_PARTICLES_RELAX_H
 
 #include <stddef.h>
 #include <stdint.h>
@@ -18,7 +18,7 @@
 #include "field/field.h"
 #include "packing/energy.h"
 #include "packing/fast_kernel.h"
-#include "sampler/particles.h"
+#include "particles/particles.h"
 
 typedef struct relax relax;
 

@@ -1,4 +1,4 @@
-#include "sampler/relax_internal.h"
+#include "particles/relax_internal.h"
 
 #include <assert.h>
 #include <stdatomic.h>
