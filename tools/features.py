@@ -47,7 +47,7 @@ def read_result(path):
     """mesh.ply of the worker: vertices in the order of points.ply, triangles of them."""
     head, _, body = path.read_bytes().partition(b"end_header\n")
     words = [line.split() for line in head.decode("ascii").splitlines()]
-    kinds = {"float": "<f4", "double": "<f8"}
+    kinds = {"float": "<f4", "double": "<f8", "int": "<i4"}
     vertex = [(w[2], kinds[w[1]]) for w in words if w[0] == "property" and w[1] in kinds]
     count = {w[1]: int(w[2]) for w in words if w[0] == "element"}
     at = numpy.dtype(vertex).itemsize * count["vertex"]

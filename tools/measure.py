@@ -58,7 +58,7 @@ def read_ply(path):
         raise ValueError(f"{path} is not a PLY file")
     count = next(int(w[2]) for w in words if w[:2] == ["element", "vertex"])
     names = [w[2] for w in words if w[0] == "property"]
-    kinds = [{"float": "<f4", "double": "<f8", "uint": "<u4"}[w[1]] for w in words if w[0] == "property"]
+    kinds = [{"float": "<f4", "double": "<f8", "uint": "<u4", "int": "<i4"}[w[1]] for w in words if w[0] == "property"]
     if ["format", "ascii", "1.0"] in words:
         table = numpy.array(body.split(), float).reshape(count, len(names))
     else:

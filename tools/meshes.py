@@ -213,7 +213,7 @@ def _read_ply(data):
 
 def _read_binary_ply(words, count, body):
     assert ["format", "binary_little_endian", "1.0"] in words, "of binary PLY only little-endian is read here"
-    kinds = {"float": "<f4", "float32": "<f4", "double": "<f8", "uchar": "u1", "uint8": "u1"}
+    kinds = {"float": "<f4", "float32": "<f4", "double": "<f8", "uchar": "u1", "uint8": "u1", "int": "<i4"}
     members = {"vertex": [], "face": []}
     for w in words:
         element = w[1] if w[0] == "element" else element if w[0] == "property" else ""

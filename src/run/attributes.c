@@ -12,7 +12,7 @@
 #include "geometry/affine.h"
 
 struct attributes_entry {
-    const spec_attribute *spec;
+    const spec_attribute *spec; /* NULL: one that the points of patches have */
     char *name;
     int fd; /* of its file, or -1 */
     attribute_request request;
@@ -107,6 +107,15 @@ static char *name_of(const spec_attribute *a)
     for (char *c = name; *c; c++)
         if (!((*c >= 'a' && *c <= 'z') || (*c >= 'A' && *c <= 'Z') || (*c >= '0' && *c <= '9'))) *c = '_';
     return name;
+}
+
+/* What points of patches carry: sampler_feature, and the index of the patch. */
+static const char *const place_names[] = {"feature", "patch"};
+enum { PLACES = sizeof place_names / sizeof *place_names };
+
+static size_t place_count(const source *from)
+{
+    return from->field->patches ? PLACES : 0;
 }
 
 static bool check_name(const spec *s, const attributes *a, size_t index, error *e)
@@ -211,26 +220,39 @@ static bool check_outputs(const spec *s, const attributes *a, error *e)
 
 bool attributes_find(const spec *s, source *from, size_t memory_limit, attributes *out, error *e)
 {
-    out->count = s->attribute_count;
+    size_t places = place_count(from);
+    out->count = places + s->attribute_count;
     out->entries = mem_alloc(out->count * sizeof *out->entries);
     out->values = mem_alloc(out->count * sizeof *out->values);
-    for (size_t k = 0; k < out->count; k++) {
-        out->entries[k] = (attributes_entry){.spec = &s->attributes[k], .fd = -1};
-        out->entries[k].name = name_of(&s->attributes[k]);
+    for (size_t k = 0; k < places; k++) {
+        out->entries[k] = (attributes_entry){.name = mem_strdup(place_names[k]), .fd = -1};
+        out->values[k] = (point_attribute){out->entries[k].name, POINT_ATTRIBUTE_INT, 1, NULL};
+    }
+    for (size_t k = places; k < out->count; k++) {
+        const spec_attribute *a = &s->attributes[k - places];
+        out->entries[k] = (attributes_entry){.spec = a, .name = name_of(a), .fd = -1};
     }
     attribute_mesh *last = NULL;
     bool ok = true;
-    for (size_t k = 0; ok && k < out->count; k++) {
+    for (size_t k = places; ok && k < out->count; k++) {
         out->entries[k].request.last = &last;
         ok = (check_name(s, out, k, e) &&
               find_one(s, from, memory_limit, &out->entries[k], &out->values[k], e)) ||
-             error_prefix(e, "/attributes/%zu", k);
+             error_prefix(e, "/attributes/%zu", k - places);
     }
     attribute_forget(&last);
     return ok && check_outputs(s, out, e);
 }
 
 /* ---- values ---- */
+
+/* Where points of patches lie. */
+static void read_place(const char *name, const sampler_points *solved, double *values)
+{
+    bool feature = strcmp(name, place_names[0]) == 0;
+    for (size_t i = 0; i < solved->count; i++)
+        values[i] = feature ? (double)solved->feature[i] : (double)solved->patch[i];
+}
 
 /* Unit vectors along the principal directions, of the larger curvature and of the smaller. They have no sense: of two
  * opposite ones that with a positive first component that is not nearly zero. */
@@ -275,8 +297,8 @@ static void note_range(attributes_entry *entry, const double *values, size_t cou
     }
 }
 
-static bool read_one(attributes_entry *entry, const source *from, size_t memory_limit, const points *set,
-                     point_attribute *out, error *e)
+static bool read_one(attributes_entry *entry, const source *from, const sampler_points *solved,
+                     size_t memory_limit, const points *set, point_attribute *out, error *e)
 {
     size_t numbers = set->count * (size_t)out->components;
     double *values = mem_array(set->count, (size_t)out->components * sizeof *values, "an attribute", e);
@@ -286,7 +308,9 @@ static bool read_one(attributes_entry *entry, const source *from, size_t memory_
     entry->request.memory_limit = memory_limit;
     entry->stack.memory_limit = memory_limit;
     if (!values) return false;
-    if (!entry->request.path)
+    if (!entry->spec)
+        read_place(entry->name, solved, values);
+    else if (!entry->request.path)
         read_geometry(entry->spec->name, from, set, values);
     else if (!attribute_read(&entry->request, set->count, set->position, values, &entry->counts, e))
         return false;
@@ -327,13 +351,14 @@ static bool derive(attributes *a, points *set, error *e)
     return true;
 }
 
-bool attributes_read(attributes *a, const source *from, size_t memory_limit, points *set, error *e)
+bool attributes_read(attributes *a, const source *from, const sampler_points *solved, size_t memory_limit,
+                     points *set, error *e)
 {
     attribute_mesh *last = NULL;
     bool ok = true;
     for (size_t k = 0; ok && k < a->count; k++) {
         a->entries[k].request.last = &last;
-        ok = read_one(&a->entries[k], from, memory_limit, set, &a->values[k], e) ||
+        ok = read_one(&a->entries[k], from, solved, memory_limit, set, &a->values[k], e) ||
              error_prefix(e, "attribute \"%s\"", a->entries[k].name);
     }
     attribute_forget(&last);

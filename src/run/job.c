@@ -412,7 +412,8 @@ bool job_write_points(job *j, error *e)
     j->report = json_new_object();
     double left = job_particle_memory(j) - (double)p->count * job_bytes_per_particle(j);
     bool ok =
-        attributes_read(&j->attributes, &j->source, (size_t)fmax(left, 1), &set, e) && job_may_go_on(j, e) &&
+        attributes_read(&j->attributes, &j->source, p, (size_t)fmax(left, 1), &set, e) &&
+        job_may_go_on(j, e) &&
         results_write(j->options->output, &in, j->pool, json_put_array(j->report, "outputs"), &j->results, e);
     free(turned);
     return ok;

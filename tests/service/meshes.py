@@ -52,7 +52,7 @@ def _read_ply(data):
         rows = [[float(x) for x in row.split()] for row in body.decode().splitlines()]
         faces = rows[size["vertex"]:size["vertex"] + size["face"]]
         return [row[:3] for row in rows[:size["vertex"]]], [f for row in faces for f in _fan([int(x) for x in row[1:]])]
-    kinds = {"float": "f4", "float32": "f4", "double": "f8", "uchar": "u1", "uint8": "u1"}
+    kinds = {"float": "f4", "float32": "f4", "double": "f8", "uchar": "u1", "uint8": "u1", "int": "i4"}
     properties = {}
     for words in lines:
         if words[0] == "element":

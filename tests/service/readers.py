@@ -5,6 +5,7 @@ import zlib
 import numpy
 
 PLY_PROPERTIES = ("x y z nx ny nz kappa kappa1 kappa2 alpha energy spacing spacing_local").split()
+PLY_OF_PATCHES = ["feature", "patch"]
 
 
 class Points:
@@ -21,20 +22,18 @@ class Points:
         words = [w for w in words if w[0] != "comment"]
         assert words[0][:2] == ["element", "vertex"] and all(w[0] == "property" for w in words[1:])
         names = [w[2] for w in words[1:]]
-        assert names in (PLY_PROPERTIES, [*PLY_PROPERTIES, "kappa_scale"])
-        (self.type,) = {w[1] for w in words[1:]}
+        self.of_patches = names[-2:] == PLY_OF_PATCHES
+        own = names[:-2] if self.of_patches else names
+        assert own in (PLY_PROPERTIES, [*PLY_PROPERTIES, "kappa_scale"])
+        (self.type,) = {w[1] for w in words[1:][:len(own)]}
+        assert {w[1] for w in words[1:][len(own):]} <= {"int"} and self.format in ("ascii", "binary_little_endian")
         self.count = int(words[0][2])
-        if self.format == "ascii":
-            table = numpy.array([[float(v) for v in line.split()] for line in body.decode("ascii").splitlines()])
-        else:
-            assert self.format == "binary_little_endian"
-            table = numpy.frombuffer(body, {"float": "<f4", "double": "<f8"}[self.type])
-            table = table.reshape(-1, len(names)).astype(float)
-        assert table.shape == (self.count, len(names))
-        assert numpy.isfinite(table).all()
-        self.position, self.normal = table[:, 0:3], table[:, 3:6]
-        for k, name in enumerate(names[6:], 6):
-            setattr(self, name, table[:, k])
+        table = read_columns(data)
+        assert all(len(column) == self.count and numpy.isfinite(column).all() for column in table.values())
+        self.position = numpy.stack([table[a] for a in "xyz"], axis=1)
+        self.normal = numpy.stack([table["n" + a] for a in "xyz"], axis=1)
+        for name in names[6:]:
+            setattr(self, name, table[name])
 
 
 def read_columns(data):
@@ -69,9 +68,10 @@ def read_mesh(data):
         vertices = numpy.array([[float(v) for v in line.split()] for line in lines[:count]])
         corners = numpy.array([[int(v) for v in line.split()] for line in lines[count:]])
     else:
-        kind = {"float": "<f4", "double": "<f8"}[words[3][1]]
-        vertices = numpy.frombuffer(body, kind, count * len(names)).reshape(count, len(names)).astype(float)
-        packed = numpy.frombuffer(body, [("n", "u1"), ("corner", "<i4", 3)], offset=count * len(names) * int(kind[2]))
+        kinds = {"float": "<f4", "double": "<f8", "int": "<i4"}
+        rows = numpy.frombuffer(body, [(w[2], kinds[w[1]]) for w in words[3:-2]], count)
+        vertices = numpy.stack([rows[name].astype(float) for name in names], axis=1)
+        packed = numpy.frombuffer(body, [("n", "u1"), ("corner", "<i4", 3)], offset=rows.nbytes)
         assert len(packed) == faces
         corners = numpy.c_[packed["n"], packed["corner"]]
     assert (corners[:, 0] == 3).all()

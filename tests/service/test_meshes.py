@@ -7,7 +7,7 @@ import numpy
 import pytest
 
 from meshes import Mesh
-from readers import Points
+from readers import Points, read_columns, read_mesh
 from service import sphere
 
 JOB_PATIENCE_S = 900
@@ -107,6 +107,32 @@ def test_a_closed_mesh_with_features(data_service, folder):
     of_mesh = report["surface"]["mesh"]
     assert of_mesh["patches"] == 12 and of_mesh["sharp_edges"] == 710 and of_mesh["open_edges"] == 0
     assert Mesh(path).distance(points.position).max() <= 1e-6
+    feature, patch = (getattr(points, name).astype(int) for name in ("feature", "patch"))
+    assert set(feature) == {0, 1, 2} and set(patch) == set(range(12))
+    assert (feature == 2).sum() == of_mesh["corners"]
+    told = {a["name"]: a for a in report["attributes"]}
+    assert told["patch"]["type"] == "int" and (told["patch"]["minimum"], told["patch"]["maximum"]) == (0, 11)
+    assert told["feature"]["maximum"] == 2
+
+
+def test_patches_in_every_format(worker, tmp_path):
+    """Whole numbers in all of them; the mesh has them at its vertices; a file's own values may not be called so."""
+    sheet = "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 0 1 0\nf 1 2 3 4\n"
+    (tmp_path / "sheet.obj").write_text(sheet)
+    job = mesh(tmp_path / "sheet.obj", 200)
+    job["output"] |= {name: True for name in ("points_npz", "points_vdb", "points_glb", "points_usda", "mesh")}
+    done = worker(job)
+    assert done.returncode == 0, done.stderr
+    out = tmp_path / "out"
+    table = read_columns((out / "points.ply").read_bytes())
+    assert (table["feature"] == 2).sum() == 4 and (table["feature"] == 1).sum() > 20 and (table["patch"] == 0).all()
+    archive = numpy.load(out / "points.npz")
+    assert archive["feature"].dtype == numpy.int64 and (archive["feature"] == table["feature"]).all()
+    names, vertices, _ = read_mesh((out / "mesh.ply").read_bytes())
+    assert names[-2:] == ["feature", "patch"] and (vertices[:, -2] == table["feature"]).all()
+    assert b"primvars:feature" in (out / "points.usda").read_bytes() and b"_FEATURE" in (out / "points.glb").read_bytes()
+    taken = worker(job | {"attributes": [{"from": "geometry", "name": "direction1", "as": "patch"}]})
+    assert taken.returncode == 2 and json.loads(taken.stderr)["message"].startswith("/attributes/0: two attributes are called")
 
 
 def test_holes_that_are_filled(data_service, folder):
