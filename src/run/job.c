@@ -21,6 +21,7 @@ void job_free_solution(solution *s)
     scaled_curvature_free(s->curvature);
     free(s->spacing_local);
     free(s->degree);
+    free(s->farthest);
     *s = (solution){0};
 }
 

@@ -23,7 +23,8 @@ typedef struct solution {
     double *spacing_local;
     double *degree; /* NULL: no picture shows it */
     quality quality;
-    double coverage; /* of the result: see surface/coverage.h */
+    double *farthest; /* of the result: see surface/coverage.h */
+    double coverage;  /* the largest of these */
 } solution;
 
 typedef struct job {

@@ -5,6 +5,7 @@
 #include "base/clock.h"
 #include "base/memory.h"
 #include "run/advice.h"
+#include "run/patch_report.h"
 
 /* A ratio of spacings that is this much of the one asked for is not worth a word. */
 static const double RATIO_REACHED = 0.8;
@@ -246,6 +247,9 @@ void report_fill(json *report, const report_facts *facts)
     put_surface(report, facts);
     put_grading(report, facts);
     put_alpha(report, facts);
+    if (facts->source->field->patches)
+        patch_report_put(facts->source->field->patches, solved, facts->farthest,
+                         sampler_spacing(facts->sampler), report);
     json_put_number(report, "sigma", solved->sigma);
     json_put_number(report, "spacing", sampler_spacing(facts->sampler));
     json_put_number(report, "mean_neighbours", solved->mean_neighbours);

@@ -24,6 +24,7 @@ typedef struct report_facts {
     const sampler *sampler;
     const quality *quality;
     double coverage;            /* the farthest place of the surface from the points, in spacings */
+    const double *farthest;     /* that of each patch, where there are such */
     const clearance *clearance; /* where many points are unresolved, else NULL */
     int64_t peak_memory;        /* bytes */
     double memory_limit;        /* bytes that the job may take */

@@ -1,6 +1,9 @@
 #include "run/run.h"
 
+#include <math.h>
+
 #include "base/clock.h"
+#include "base/memory.h"
 #include "run/job.h"
 #include "run/report.h"
 #include "run/time_target.h"
@@ -27,7 +30,15 @@ static bool measure_result(job *j, error *e)
     if (!(j->spec->time_s > 0) && !job_measure(j, &j->solution, e))
         return false; /* runs in time have measured what they cost */
     const sampler_points *p = sampler_result_points(j->solution.sampler);
-    return coverage_measure(j->scan, p->position, p->spacing, p->count, j->pool, &j->solution.coverage, e);
+    solution *s = &j->solution;
+    const size_t parts = coverage_parts(j->scan);
+    s->farthest = mem_array(parts, sizeof *s->farthest, "the result", e);
+    if (!s->farthest ||
+        !coverage_measure(j->scan, p->position, p->spacing, p->count, j->pool, s->farthest, e))
+        return false;
+    s->coverage = 0;
+    for (size_t k = 0; k < parts; k++) s->coverage = fmax(s->coverage, s->farthest[k]);
+    return true;
 }
 
 static bool write_results(job *j, error *e)
@@ -69,6 +80,7 @@ static bool write_report(job *j, verdict_outcome *outcome, error *e)
         .sampler = s->sampler,
         .quality = &s->quality,
         .coverage = s->coverage,
+        .farthest = s->farthest,
         .clearance = told,
         .peak_memory = job_peak_memory(j),
         .memory_limit = (double)j->memory,

@@ -1,7 +1,9 @@
 #include "surface/coverage.h"
 
 #include <math.h>
+#include <string.h>
 
+#include "field/patches.h"
 #include "packing/point_tree.h"
 #include "surface/projection.h"
 
@@ -16,6 +18,7 @@ typedef struct coverage_job {
     const point_tree *points;
     const double *spacing;
     double least; /* of all spacings */
+    size_t first; /* of the cells that are looked at */
     size_t grain;
     double farthest[PARTS];
 } coverage_job;
@@ -67,7 +70,7 @@ static void cells_chunk(void *context, int worker, size_t begin, size_t end)
     coverage_job *job = context;
     double farthest = 0;
     (void)worker;
-    for (size_t k = begin; k < end; k++) {
+    for (size_t k = job->first + begin; k < job->first + end; k++) {
         field_cell cell;
         double radius, distance;
         if (!(surface_cell_area(job->scan, k) > 0)) continue;
@@ -81,18 +84,33 @@ static void cells_chunk(void *context, int worker, size_t begin, size_t end)
     job->farthest[begin / job->grain] = farthest;
 }
 
+size_t coverage_parts(const surface *scan)
+{
+    return scan->field->patches ? scan->field->patches->count : 1;
+}
+
+static double measure_cells(coverage_job *job, size_t begin, size_t end, threads *pool)
+{
+    double most = 0;
+    job->first = begin;
+    job->grain = (end - begin) / PARTS + 1;
+    memset(job->farthest, 0, sizeof job->farthest);
+    threads_run(pool, end - begin, job->grain, cells_chunk, job);
+    for (int k = 0; k < PARTS; k++) most = fmax(most, job->farthest[k]);
+    return most;
+}
+
 bool coverage_measure(const surface *scan, const vec3 *position, const double *spacing, size_t count,
                       threads *pool, double *farthest, error *e)
 {
     point_tree *points = point_tree_new(position, count, e);
     if (!points) return false;
-    coverage_job job = {scan, points, spacing, INFINITY, scan->cells / PARTS + 1, {0}};
+    coverage_job job = {.scan = scan, .points = points, .spacing = spacing, .least = INFINITY};
+    const size_t parts = coverage_parts(scan), *begin = scan->parts.begin;
     for (size_t i = 0; i < count; i++) job.least = fmin(job.least, spacing[i]);
-    threads_run(pool, scan->cells, job.grain, cells_chunk, &job);
-    bool ok = !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
-    double most = 0;
-    for (int k = 0; k < PARTS; k++) most = fmax(most, job.farthest[k]);
-    if (ok) *farthest = most;
+    for (size_t k = 0; k < parts; k++)
+        farthest[k] = measure_cells(&job, scan->field->patches ? begin[k] : 0,
+                                    scan->field->patches ? begin[k + 1] : scan->cells, pool);
     point_tree_free(points);
-    return ok;
+    return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }

@@ -154,6 +154,11 @@ def test_sharp_edges_have_rows_of_points(sample, tmp_path, diagnose):
         diagnose(f"{len(row)} points, steps of {row.mean() / h:.3f} spacings, cv {row.std() / row.mean():.1e}")
         assert 0.9 < row.min() / h and row.max() / h < 1.1 and row.std() / row.mean() < 0.02
     assert q["hex_fraction"] > 0.93 and q["lost"] == 0
+    loops = report["curves"]["list"]
+    assert len(loops) == 2 and all(c["closed"] and c["edge_cv"] < 0.02 and 0.9 < c["gap"] < 1.1 for c in loops)
+    assert min(c["length"] for c in loops) == pytest.approx(2 * PI, rel=2e-3)
+    assert sorted(c["points"] for c in loops) == sorted(len(row) for row in
+                                                        (on_curve(points, side, top), on_curve(points, side, bottom)))
     mesh = Mesh(tmp_path / "out" / "mesh.ply")
     edges = numpy.sort(numpy.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]), axis=1)
     assert (numpy.unique(edges, axis=0, return_counts=True)[1] == 2).all() and len(mesh.faces) == 2 * 3000 - 4

@@ -113,6 +113,14 @@ def test_a_closed_mesh_with_features(data_service, folder):
     told = {a["name"]: a for a in report["attributes"]}
     assert told["patch"]["type"] == "int" and (told["patch"]["minimum"], told["patch"]["maximum"]) == (0, 11)
     assert told["feature"]["maximum"] == 2
+    patches, curves = report["patches"], report["curves"]
+    assert patches["count"] == 12 and sum(p["area"] for p in patches["list"]) == pytest.approx(of_mesh["area"], rel=1e-6)
+    assert patches["gap"] == max(p["gap"] for p in patches["list"]) == report["quality"]["coverage"] < 0.9
+    inside = numpy.bincount(patch[feature == 0])
+    assert all(p["points"] > inside[k] for k, p in enumerate(patches["list"]))
+    assert curves["count"] == of_mesh["curves"] == len(curves["list"]) and curves["corners"] == (feature == 2).sum()
+    assert curves["points"] == (feature == 1).sum() and curves["edge_cv"] < 0.02
+    assert all(set(c["patches"]) <= set(range(12)) and len(c["patches"]) == 2 for c in curves["list"])
 
 
 def test_patches_in_every_format(worker, tmp_path):
@@ -126,6 +134,13 @@ def test_patches_in_every_format(worker, tmp_path):
     out = tmp_path / "out"
     table = read_columns((out / "points.ply").read_bytes())
     assert (table["feature"] == 2).sum() == 4 and (table["feature"] == 1).sum() > 20 and (table["patch"] == 0).all()
+    report = json.loads((out / "report.json").read_text())
+    assert report["patches"]["list"] == [{"area": pytest.approx(2, rel=1e-6), "points": 200, "gap": report["quality"]["coverage"]}]
+    assert sorted(c["length"] for c in report["curves"]["list"]) == [1, 1, 2, 2] and report["curves"]["length"] == 6
+    for curve in report["curves"]["list"]:  # even steps of about the spacing, with both corners
+        step = curve["length"] / (curve["points"] - 1) / report["spacing"]
+        assert curve["gap"] == pytest.approx(step, rel=1e-5) and 0.9 < step < 1.15 and curve["edge_cv"] < 1e-4
+        assert curve["patches"] == [0] and not curve["closed"]
     archive = numpy.load(out / "points.npz")
     assert archive["feature"].dtype == numpy.int64 and (archive["feature"] == table["feature"]).all()
     names, vertices, _ = read_mesh((out / "mesh.ply").read_bytes())

@@ -73,8 +73,12 @@ static void solve(const faces *f, const sampler_params *params, int workers, sol
                                        .is_within = is_within,
                                        .context = &f->base};
     assert_true(triangulation_make(&sites, out->pool, &out->mesh, &e));
+    double *farthest = calloc(coverage_parts(out->scan), sizeof *farthest);
     assert_true(coverage_measure(out->scan, out->points->position, out->points->spacing, out->points->count,
-                                 out->pool, &out->farthest, &e));
+                                 out->pool, farthest, &e));
+    out->farthest = 0;
+    for (size_t k = 0; k < coverage_parts(out->scan); k++) out->farthest = fmax(out->farthest, farthest[k]);
+    free(farthest);
 }
 
 static void release(solved *x)

@@ -1,0 +1,183 @@
+#include "run/patch_report.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+
+/* A point on a corner. */
+typedef struct corner {
+    vec3 at;
+    uint32_t point;
+} corner;
+
+/* The points on curves, by place: those on corners come first, then curve after curve, each from its start to its end. */
+typedef struct rows {
+    const field_patches *patches;
+    const sampler_points *solved;
+    size_t count;
+    uint32_t *point;
+    size_t *first;   /* of each curve its first place that is no corner, and `count` */
+    corner *corners; /* ascending as bytes */
+    size_t corner_count;
+} rows;
+
+/* What is measured along a curve. Steps are distances of points from those before, over the requested spacing. */
+typedef struct row {
+    size_t points, steps;
+    double sum, square, gap;
+    uint32_t last; /* of the points so far, if there are any */
+} row;
+
+static int compare_corners(const void *a, const void *b)
+{
+    return memcmp(&((const corner *)a)->at, &((const corner *)b)->at, sizeof(vec3));
+}
+
+static void find_places(rows *r)
+{
+    const sampler_points *solved = r->solved;
+    const sampler_stands *stands = &solved->stands;
+    for (size_t k = 0; k < solved->count; k++) r->count += solved->feature[k] != SAMPLER_ON_PATCH;
+    r->point = mem_alloc(r->count * sizeof *r->point);
+    r->corners = mem_alloc(r->count * sizeof *r->corners);
+    r->first = mem_alloc((r->patches->curve_count + 1) * sizeof *r->first);
+    for (size_t k = 0; k < stands->count; k++)
+        if (solved->feature[stands->point[k]] != SAMPLER_ON_PATCH)
+            r->point[stands->place[k]] = stands->point[k];
+    for (; r->corner_count < r->count; r->corner_count++) {
+        uint32_t point = r->point[r->corner_count];
+        if (solved->feature[point] != SAMPLER_ON_CORNER) break;
+        r->corners[r->corner_count] = (corner){solved->position[point], point};
+    }
+    qsort(r->corners, r->corner_count, sizeof *r->corners, compare_corners);
+    for (size_t c = 0, k = r->corner_count; c <= r->patches->curve_count; c++) {
+        while (k < r->count && solved->curve[k] < c) k++;
+        r->first[c] = k;
+    }
+}
+
+static void visit(const sampler_points *solved, uint32_t point, row *out)
+{
+    if (out->points++ > 0) {
+        double step = vec3_norm(vec3_sub(solved->position[point], solved->position[out->last])) /
+                      (0.5 * (solved->spacing[point] + solved->spacing[out->last]));
+        out->steps++;
+        out->sum += step;
+        out->square += step * step;
+        out->gap = fmax(out->gap, step);
+    }
+    out->last = point;
+}
+
+/* Nothing where the corner has no point. */
+static void visit_corner(const rows *r, vec3 at, row *out)
+{
+    const corner key = {.at = at}, *found = r->corner_count == 0 ? NULL
+                                                                 : bsearch(&key, r->corners, r->corner_count,
+                                                                           sizeof key, compare_corners);
+    if (found) visit(r->solved, found->point, out);
+}
+
+static double length_of(const field_patches *p, const field_curve *c)
+{
+    double length = 0;
+    for (size_t k = 1; k < c->count + c->closed; k++)
+        length += vec3_norm(vec3_sub(p->vertex[c->first + k % c->count], p->vertex[c->first + k - 1]));
+    return length;
+}
+
+static row measure_curve(const rows *r, size_t c, double length, double h)
+{
+    const field_curve *curve = &r->patches->curve[c];
+    const vec3 *vertex = r->patches->vertex + curve->first;
+    row out = {0};
+    if (!curve->closed) visit_corner(r, vertex[0], &out);
+    for (size_t k = r->first[c]; k < r->first[c + 1]; k++) visit(r->solved, r->point[k], &out);
+    if (!curve->closed)
+        visit_corner(r, vertex[curve->count - 1], &out);
+    else if (out.points > 1) {
+        visit(r->solved, r->point[r->first[c]], &out);
+        out.points--; /* that one was there */
+    }
+    if (out.steps == 0) out.gap = length / (out.points > 0 ? r->solved->spacing[out.last] : h);
+    return out;
+}
+
+/* Of the steps; not known of fewer than two. */
+static double variation(const row *r)
+{
+    double mean = r->sum / (double)r->steps;
+    return r->steps < 2 ? NAN : sqrt(fmax(r->square / (double)r->steps - mean * mean, 0)) / mean;
+}
+
+static void put_curve(json *list, const field_patches *p, const field_curve *c, const row *r, double length)
+{
+    json *object = json_append_object(list);
+    json_put_number(object, "length", length);
+    json_put_bool(object, "closed", c->closed);
+    json_put_integer(object, "points", (int64_t)r->points);
+    json_put_number(object, "edge_cv", variation(r));
+    json_put_number(object, "gap", r->gap);
+    json *patches = json_put_array(object, "patches");
+    for (size_t k = 0; k < c->patch_count; k++)
+        json_append_number(patches, p->curve_patch[c->patch_first + k]);
+}
+
+static void put_curves(const rows *r, double h, json *report)
+{
+    const field_patches *p = r->patches;
+    json *object = json_put_object(report, "curves"), *list = NULL;
+    double total = 0, worst = NAN, gap = 0;
+    size_t points = r->count - r->corner_count;
+    json_put_integer(object, "count", (int64_t)p->curve_count);
+    list = json_put_array(object, "list");
+    for (size_t c = 0; c < p->curve_count; c++) {
+        double length = length_of(p, &p->curve[c]);
+        const row found = measure_curve(r, c, length, h);
+        total += length;
+        worst = fmax(worst, variation(&found)); /* of NaN and a number the number */
+        gap = fmax(gap, found.gap);
+        if (c < PATCH_REPORT_LISTED) put_curve(list, p, &p->curve[c], &found, length);
+    }
+    json_put_number(object, "length", total);
+    json_put_integer(object, "points", (int64_t)points);
+    json_put_integer(object, "corners", (int64_t)r->corner_count);
+    json_put_number(object, "edge_cv", worst);
+    json_put_number(object, "gap", gap);
+}
+
+static void put_patches(const rows *r, const double *farthest, json *report)
+{
+    const field_patches *p = r->patches;
+    const sampler_stands *stands = &r->solved->stands;
+    json *object = json_put_object(report, "patches");
+    size_t *points = mem_alloc(p->count * sizeof *points);
+    double gap = 0;
+    for (size_t k = 0; k < stands->count; k++) points[stands->patch[k]]++;
+    json_put_integer(object, "count", (int64_t)p->count);
+    json *list = json_put_array(object, "list");
+    for (size_t k = 0; k < p->count; k++) {
+        gap = fmax(gap, farthest[k]);
+        if (k >= PATCH_REPORT_LISTED) continue;
+        json *told = json_append_object(list);
+        json_put_number(told, "area", p->patch[k].area);
+        json_put_integer(told, "points", (int64_t)points[k]);
+        json_put_number(told, "gap", farthest[k]);
+    }
+    json_put_number(object, "gap", gap);
+    free(points);
+}
+
+void patch_report_put(const field_patches *patches, const sampler_points *solved, const double *farthest,
+                      double h, json *report)
+{
+    rows r = {.patches = patches, .solved = solved};
+    find_places(&r);
+    put_patches(&r, farthest, report);
+    put_curves(&r, h, report);
+    free(r.point);
+    free(r.corners);
+    free(r.first);
+}

@@ -1,0 +1,16 @@
+/* patch_report: what the report tells of the patches and curves of a surface. Pure function. */
+#ifndef HEXAD_RUN_PATCH_REPORT_H
+#define HEXAD_RUN_PATCH_REPORT_H
+
+#include "field/patches.h"
+#include "json/json.h"
+#include "sampler/sampler.h"
+
+/* Most that are told one by one, of patches and of curves; the others count in the totals. */
+enum { PATCH_REPORT_LISTED = 1000 };
+
+/* Adds the members `patches` and `curves`. `farthest`: of each patch, see coverage_measure; `h`: the spacing of the packing. */
+void patch_report_put(const field_patches *patches, const sampler_points *solved, const double *farthest,
+                      double h, json *report);
+
+#endif
