@@ -26,7 +26,7 @@ static void make_levelset(mesh *m)
     expect(alone);
     levelset_params params = {
         .resolution = 16, .band_vox = 3, .weld = 1e-4, .memory_limit = memory, .pool = alone};
-    vdb_grid *g = levelset_make(m, &params, &notes, &e);
+    vdb_grid *g = levelset_make(m, &params, &notes, NULL, &e);
     expect(g || (e.code != ERROR_INTERNAL && *e.message));
     expect(notes.count <= MESH_MAX_NOTES);
     if (g) check_grid(g);

@@ -24,10 +24,10 @@ typedef struct levelset_params {
     threads *pool;       /* works on the distances, and may be told to stop */
 } levelset_params;
 
-/* The grid has distances in world units, negative inside, and its leaves wherever the band is; what is
+/* *solids, which may be NULL, is how many there are. The grid has distances in world units, negative inside, and its leaves wherever the band is; what is
  * inside beyond it has tiles. The mesh is left welded, turned, and in index space. Errors: those of
  * mesh_repair_solids; no_surface for a mesh without extent, or of which welding leaves nothing; spec_invalid for voxels too large or too small for
  * it; limit_memory; cancelled. The same for any number of threads. */
-vdb_grid *levelset_make(mesh *m, const levelset_params *params, mesh_notes *notes, error *e);
+vdb_grid *levelset_make(mesh *m, const levelset_params *params, mesh_notes *notes, size_t *solids, error *e);
 
 #endif

@@ -107,6 +107,11 @@ void line_tree_free(line_tree *t)
     free(t);
 }
 
+size_t line_tree_bytes(const line_tree *t)
+{
+    return t ? t->m->triangle_count * (sizeof *t->list + sizeof *t->nodes) : 0;
+}
+
 static bool meets(const bbox *b, vec3 p, vec3 d)
 {
     double low = -INFINITY, high = INFINITY;

@@ -102,11 +102,13 @@ typedef struct visit {
     double distance2;
 } visit;
 
-size_t nearest_triangle_find(const nearest_triangle *n, vec3 p, double weight[3])
+/* The place in `order` of the nearest triangle; that of none when all are farther than `within` or not accepted. */
+static inline size_t search(const nearest_triangle *n, vec3 p, double within, nearest_triangle_accept *accept,
+                            const void *context)
 {
     visit stack[DEEPEST] = {{0, 0, n->mesh->triangle_count, 0}};
-    size_t found = 0;
-    double best = INFINITY;
+    size_t found = n->mesh->triangle_count;
+    double best = within * within;
     for (int depth = 1; depth > 0;) {
         const visit v = stack[--depth];
         if (!(v.distance2 < best)) continue;
@@ -114,6 +116,7 @@ size_t nearest_triangle_find(const nearest_triangle *n, vec3 p, double weight[3]
             for (size_t k = v.first; k < v.first + v.count; k++) {
                 double distance2 = triangle_distance2(&n->corner[k], p);
                 if (!(distance2 < best)) continue;
+                if (accept && !accept(context, n->order[k], &n->corner[k])) continue;
                 best = distance2;
                 found = k;
             }
@@ -126,6 +129,27 @@ size_t nearest_triangle_find(const nearest_triangle *n, vec3 p, double weight[3]
         stack[depth++] = swap ? b : a;
         stack[depth++] = swap ? a : b;
     }
+    return found;
+}
+
+size_t nearest_triangle_find(const nearest_triangle *n, vec3 p, double weight[3])
+{
+    const size_t found = search(n, p, INFINITY, NULL, NULL);
     triangle_weights(&n->corner[found], p, weight);
     return n->order[found];
+}
+
+bool nearest_triangle_find_among(const nearest_triangle *n, vec3 p, double within,
+                                 nearest_triangle_accept *accept, const void *context, vec3 *place)
+{
+    const size_t found = search(n, p, within, accept, context);
+    if (found == n->mesh->triangle_count) return false;
+    *place = triangle_nearest(&n->corner[found], p);
+    return true;
+}
+
+size_t nearest_triangle_bytes(const nearest_triangle *n)
+{
+    const size_t count = n->mesh->triangle_count;
+    return count * (sizeof *n->order + sizeof *n->corner) + places_for(count) * sizeof *n->box;
 }

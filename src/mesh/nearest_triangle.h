@@ -5,6 +5,7 @@
 
 #include "base/error.h"
 #include "mesh/mesh.h"
+#include "mesh/triangle.h"
 
 typedef struct nearest_triangle nearest_triangle;
 
@@ -14,5 +15,14 @@ void nearest_triangle_free(nearest_triangle *n); /* NULL will do */
 
 /* The triangle, and the weights of its corners at the place on it that is nearest to p. */
 size_t nearest_triangle_find(const nearest_triangle *n, vec3 p, double weight[3]);
+
+/* Whether a triangle counts. */
+typedef bool nearest_triangle_accept(const void *context, size_t n, const triangle *t);
+
+/* The place that is nearest to p of the triangles that count, nearer than `within`; false where there is none. */
+bool nearest_triangle_find_among(const nearest_triangle *n, vec3 p, double within,
+                                 nearest_triangle_accept *accept, const void *context, vec3 *place);
+
+size_t nearest_triangle_bytes(const nearest_triangle *n);
 
 #endif

@@ -70,3 +70,10 @@ void triangle_weights(const triangle *t, vec3 p, double weight[3])
     }
     for (int edge = 0; edge < 3; edge++) try_edge(corner, edge, p, &best, weight);
 }
+
+vec3 triangle_nearest(const triangle *t, vec3 p)
+{
+    double weight[3];
+    triangle_weights(t, p, weight);
+    return vec3_axpy(weight[1], vec3_sub(t->b, t->a), vec3_axpy(weight[2], vec3_sub(t->c, t->a), t->a));
+}

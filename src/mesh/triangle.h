@@ -21,4 +21,7 @@ double triangle_distance2(const triangle *t, vec3 p);
 /* The weights of the corners, which add up to 1, at the place of the triangle that is nearest to p. */
 void triangle_weights(const triangle *t, vec3 p, double weight[3]);
 
+/* That place. */
+vec3 triangle_nearest(const triangle *t, vec3 p);
+
 #endif

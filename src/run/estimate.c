@@ -28,7 +28,7 @@ static bool rehearse_once(job *j, double end_s, cost_model *p)
     bool ok = job_place(j, &s, NULL);
     while (ok && !sampler_ended(s.sampler))
         ok = job_may_go_on(j, NULL) && clock_processor_s() < end_s && sampler_step(s.sampler, NULL);
-    ok = ok && sampler_finalize(s.sampler, NULL) && job_measure(j, &s, NULL);
+    ok = ok && job_finalize(j, &s, NULL) && job_measure(j, &s, NULL);
     if (ok) cost_model_note(p, j->count, clock_processor_s() - begin_s, 0);
     job_free_solution(&s);
     return ok;

@@ -8,6 +8,7 @@
 #include "base/clock.h"
 #include "base/memory.h"
 #include "base/sandbox.h"
+#include "run/landing.h"
 #include "run/plan.h"
 #include "run/watchdog.h"
 #include "spec/spec_table.h"
@@ -342,6 +343,15 @@ static bool measure_order(const quality_input *in, const double *achieved, threa
     return true;
 }
 
+bool job_finalize(job *j, solution *s, error *e)
+{
+    landing l;
+    if (!sampler_finalize(s->sampler, e)) return false;
+    return !landing_find(&j->source, &l) ||
+           landing_move(&l, sampler_result_positions(s->sampler),
+                        sampler_result_points(s->sampler)->stands.count, j->pool, &s->landed, e);
+}
+
 bool job_measure(job *j, solution *s, error *e)
 {
     const sampler_points *p = sampler_result_points(s->sampler);
@@ -405,7 +415,9 @@ bool job_write_points(job *j, error *e)
                         .stands = &p->stands,
                         .h = sampler_spacing(s->sampler),
                         .frame = j->options->frame};
+    landing l;
     vec3 *turned = NULL;
+    if (landing_find(&j->source, &l)) in.field = &l.base;
     if (j->source.turned && !turn_points(&j->source, &set, &turned, e)) return false;
     in.unresolved = 1 - s->quality.resolved_share > UNRESOLVED_PICTURE;
     in.sweeps = sampler_sweeps(s->sampler, &in.sweep_count);

@@ -25,6 +25,7 @@ typedef struct solution {
     quality quality;
     double *farthest; /* of the result: see surface/coverage.h */
     double coverage;  /* the largest of these */
+    double landed;    /* the largest distance by which points were moved onto a mesh; 0 without one */
 } solution;
 
 typedef struct job {
@@ -67,6 +68,9 @@ bool job_place(job *j, solution *out, error *e);
 
 /* Sweeps until the system is at rest. With a time as target, ends also when only `reserve_s` of it are left. */
 bool job_relax(job *j, sampler *s, double reserve_s, error *e);
+
+/* Makes the points final: on the surface to rounding, or on the triangles of its mesh. */
+bool job_finalize(job *j, solution *s, error *e);
 
 /* Measures the quality of a solution whose points are final. */
 bool job_measure(job *j, solution *s, error *e);

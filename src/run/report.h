@@ -23,6 +23,7 @@ typedef struct report_facts {
     const scaled_curvature *curvature; /* of sampling.alpha, or NULL */
     const sampler *sampler;
     const quality *quality;
+    double landed;              /* the largest distance by which points were moved onto a mesh */
     double coverage;            /* the farthest place of the surface from the points, in spacings */
     const double *farthest;     /* that of each patch, where there are such */
     const clearance *clearance; /* where many points are unresolved, else NULL */

@@ -24,7 +24,7 @@ typedef struct results_facts {
 
 typedef struct results_input {
     const spec *spec;
-    const field *field; /* in world space, as the points of the set are */
+    const field *field; /* in world space, as the points of the set are: where they should be it is 0 */
     const points *set;
     const field *sampled;         /* that the points were found on, whose space may be another */
     const sampler_stands *stands; /* the points in that space, as the mesh is made of them */

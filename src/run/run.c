@@ -20,7 +20,7 @@ static bool relax(job *j, error *e)
     progress_enter(&j->progress, PROGRESS_RELAX);
     if (j->spec->time_s > 0) return time_target_fill(j, e);
     const sampler *s = j->solution.sampler;
-    return job_relax(j, j->solution.sampler, 0, e) && sampler_finalize(j->solution.sampler, e) &&
+    return job_relax(j, j->solution.sampler, 0, e) && job_finalize(j, &j->solution, e) &&
            (!j->spec->coherent || sequence_end(&j->sequence, sampler_result_points(s), e));
 }
 
@@ -81,6 +81,7 @@ static bool write_report(job *j, verdict_outcome *outcome, error *e)
         .quality = &s->quality,
         .coverage = s->coverage,
         .farthest = s->farthest,
+        .landed = s->landed,
         .clearance = told,
         .peak_memory = job_peak_memory(j),
         .memory_limit = (double)j->memory,

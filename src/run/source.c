@@ -190,6 +190,7 @@ static bool open_mesh(const spec_mesh *m, double offset, int fd, const opening *
                       .band_vox = m->band_vox,
                       .weld = m->weld,
                       .offset = offset,
+                      .keep_faces = m->on_mesh,
                       .pool = o->pool,
                       .isa = o->kernels},
     };
@@ -626,9 +627,14 @@ size_t source_part_count(const source *s)
 size_t source_part_at(const source *s, vec3 x)
 {
     const source_part *whole = find_combination(s, &x);
+    return source_nearest_part(whole, x);
+}
+
+size_t source_nearest_part(const source_part *whole, vec3 x)
+{
     double nearest = INFINITY;
     size_t found = 0;
-    for (size_t k = 0; k < whole->part_count; k++) {
+    for (size_t k = 0; whole->part_count > 1 && k < whole->part_count; k++) {
         field_sample sample;
         if (!field_sample_at(whole->parts[k].field, x, FIELD_GRADIENT, &sample)) continue;
         double distance = fabs(sample.value) / vec3_norm(sample.gradient);

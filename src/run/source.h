@@ -79,6 +79,9 @@ bbox source_box(const source *s, const surface *scan);
 size_t source_part_count(const source *s);
 size_t source_part_at(const source *s, vec3 x);
 
+/* The same of the parts of a part, 0 where it has one or none; x is in its space. */
+size_t source_nearest_part(const source_part *whole, vec3 x);
+
 /* Adds `inputs` to the report, those of a volume to `members`, and warnings. */
 void source_describe(const source *s, json *report, json *members, json *warnings);
 

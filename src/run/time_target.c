@@ -31,7 +31,7 @@ static bool run_in_time(job *j, cost_model *p, double reserve_s, solution *out, 
         return true;
     }
     int64_t relaxed = clock_monotonic_ms();
-    if (!sampler_finalize(out->sampler, e) || !job_measure(j, out, e)) return false;
+    if (!job_finalize(j, out, e) || !job_measure(j, out, e)) return false;
     int64_t end = clock_monotonic_ms();
     cost_model_note(p, j->count, clock_seconds(end - begin), clock_seconds(end - relaxed));
     return true;

@@ -325,3 +325,8 @@ const sampler_points *sampler_result_points(const sampler *s)
 {
     return &s->record.out;
 }
+
+vec3 *sampler_result_positions(sampler *s)
+{
+    return s->state.p->position;
+}

@@ -118,4 +118,7 @@ typedef struct sampler_points {
 /* After sampler_finalize; the arrays belong to the sampler. */
 const sampler_points *sampler_result_points(const sampler *s);
 
+/* Positions of the result's stands, for who delivers the points elsewhere than on the zero set. */
+vec3 *sampler_result_positions(sampler *s);
+
 #endif

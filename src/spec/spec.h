@@ -57,6 +57,7 @@ typedef struct spec_mesh {
     spec_interior interior;
     bool has_features;    /* the angle is given */
     double feature_angle; /* radians; 0: no edge is a feature */
+    bool on_mesh;         /* points are put on the triangles at last */
 } spec_mesh;
 
 /* Members that a shape does not have are zero. Defaults: centre (0.5, 0.5, 0.5); a torus' axis

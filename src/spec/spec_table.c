@@ -182,6 +182,14 @@ const spec_row spec_rows[] = {
      AT(surface.mesh.feature_angle),
      .unit = "radians",
      .prose = "Edges whose triangles' normals differ by more are sharp. 0: none is."},
+    {.pointer = "/surface/mesh/on_mesh",
+     .type = SPEC_TYPE_BOOL,
+     .otherwise = "true",
+     AT(surface.mesh.on_mesh),
+     .prose =
+         "Whether the points of a closed mesh go from the sampled surface onto the triangles at last, each to the nearest "
+         "that looks its way and is not inside of others. Normals and curvatures stay those of the sampled surface. It "
+         "changes nothing at an offset, with /features, and where the mesh is sampled on its triangles anyway."},
     {.pointer = "/surface/analytic",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,

@@ -34,6 +34,7 @@ typedef struct loading {
     vdb_grid *grid;
     grid_view_kind kind;
     dense_grid_facts facts; /* of a dense volume */
+    size_t solids;          /* of a mesh */
     grid_view grid_view;
     crossings crossings;
     block_map reach;
@@ -383,7 +384,7 @@ static bool load_mesh(const volume_mesh_request *r, const resolution *choice, lo
     v->info.level_set = true;
     l->kind = GRID_VIEW_LEVEL_SET;
     l->pool = r->pool;
-    if (!(l->grid = levelset_make(m, &params, notes, e))) return false;
+    if (!(l->grid = levelset_make(m, &params, notes, &l->solids, e))) return false;
     double band = (double)l->grid->background, voxel = band / r->band_vox;
     if (fabs(r->offset) > band - MESH_BAND_LEAST * voxel)
         return error_set(e, ERROR_SPEC_INVALID,
@@ -396,6 +397,13 @@ static bool load_mesh(const volume_mesh_request *r, const resolution *choice, lo
     v->info.active_voxels = l->grid->active_voxels;
     v->info.triangles = m->triangle_count;
     return true;
+}
+
+static bool keep_faces(volume *v, mesh *m, bool hides, error *e)
+{
+    v->faces = mesh_faces_new(m, v->info.index_to_world, hides, e);
+    if (v->faces) v->info.memory_bytes += mesh_faces_bytes(v->faces);
+    return v->faces != NULL;
 }
 
 /* One level set of the mesh, which stays as it is. *measured also where there is no surface, all being too thin. */
@@ -419,6 +427,7 @@ static volume *try_mesh(const volume_mesh_request *r, const resolution *choice, 
             ok = false;
             *e = told;
         }
+        ok = ok && (!r->keep_faces || keep_faces(v, &m, l.solids > 1 || measured->hidden > 0, e));
     }
     mesh_free(&m);
     if (ok) return v;
@@ -684,6 +693,7 @@ volume *volume_open_dense(const volume_dense_request *request, error *e)
 void volume_close(volume *v)
 {
     if (!v) return;
+    mesh_faces_free(v->faces);
     block_map_free(&v->map);
     free(v->coefficients);
     free(v->inside);
@@ -693,10 +703,16 @@ void volume_close(volume *v)
     free(v);
 }
 
+const mesh_faces *volume_faces(const volume *v)
+{
+    return v->faces;
+}
+
 const field *volume_field(const volume *v)
 {
     return &v->base;
 }
+
 const volume_info *volume_describe(const volume *v)
 {
     return &v->info;

@@ -20,6 +20,7 @@
 #include "field/field.h"
 #include "mesh/fidelity.h"
 #include "mesh/mesh.h"
+#include "mesh/mesh_faces.h"
 #include "mesh/resolution.h"
 
 typedef struct volume volume;
@@ -50,6 +51,7 @@ typedef struct volume_mesh_request {
     int band_vox;                  /* half-width of the band of distances */
     double weld;                   /* as in levelset_params */
     double offset;                 /* of the surface from the mesh, outwards */
+    bool keep_faces;               /* the triangles stay, see volume_faces */
     threads *pool;                 /* as in levelset_params */
     isa isa;                       /* as above */
 } volume_mesh_request;
@@ -99,6 +101,9 @@ volume *volume_open_mesh(const volume_mesh_request *request, error *e);
 /* The same for a mesh that was read already, with what was noted then; `fd` and `reader` are not used. */
 volume *volume_of_mesh(const volume_mesh_request *request, const mesh *whole, const mesh_notes *notes,
                        error *e);
+
+/* The triangles of a mesh that keeps them, or NULL: at an offset there are none. */
+const mesh_faces *volume_faces(const volume *v);
 
 /* The smallest voxels with which a band reaches around an offset. */
 double volume_mesh_least_voxel(double offset, int band_vox);

@@ -24,7 +24,8 @@ struct volume {
     const spline *spline;
     crossed_cell *cells;
     size_t cell_count;
-    bool loose; /* dense data whose faces are not aligned with the world's axes */
+    mesh_faces *faces; /* of a mesh that keeps them, or NULL */
+    bool loose;        /* dense data whose faces are not aligned with the world's axes */
     volume_info info;
 };
 

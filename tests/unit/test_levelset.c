@@ -362,7 +362,7 @@ static vdb_grid *make(mesh *m, int voxels, mesh_notes *notes)
 {
     const levelset_params params = {0, voxels, 4, 1e-6, (size_t)1 << 30, mesh_fixture_pool()};
     error e = {0};
-    vdb_grid *g = levelset_make(m, &params, notes, &e);
+    vdb_grid *g = levelset_make(m, &params, notes, NULL, &e);
     if (!g) fail_msg("%s", e.message);
     return g;
 }
@@ -675,7 +675,7 @@ static void sizes_and_limits(void **state)
         error e = {0};
         mesh_notes notes = {0};
         mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 1, 2);
-        vdb_grid *g = levelset_make(&m, &params, &notes, &e);
+        vdb_grid *g = levelset_make(&m, &params, &notes, NULL, &e);
         if (e.code != cases[k].code) fail_msg("case %zu: %s", k, e.message);
         assert_true((g != NULL) == (e.code == ERROR_NONE));
         if (g && cases[k].voxel_size > 0) assert_true(g->index_to_world[0] == cases[k].voxel_size);
@@ -686,7 +686,7 @@ static void sizes_and_limits(void **state)
     mesh_notes notes = {0};
     const levelset_params params = {0, 100, 4, 1e-6, 1 << 30, mesh_fixture_pool()};
     mesh point = mesh_fixture_ball((vec3){1, 1, 1}, 0, 0);
-    assert_null(levelset_make(&point, &params, &notes, &e));
+    assert_null(levelset_make(&point, &params, &notes, NULL, &e));
     assert_int_equal(e.code, ERROR_NO_SURFACE);
     mesh_free(&point);
 }

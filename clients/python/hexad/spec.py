@@ -97,6 +97,7 @@ class _SurfaceMeshRest(TypedDict, total=False):
     holes: Literal["keep", "fill"]
     interior: Literal["keep", "drop"]
     features: SurfaceMeshFeatures
+    on_mesh: bool
 
 
 class SurfaceMesh(_SurfaceMeshNeeded, _SurfaceMeshRest):
@@ -127,6 +128,10 @@ class SurfaceMesh(_SurfaceMeshNeeded, _SurfaceMeshRest):
     features: Sharp edges get a row of points, and a closed mesh that has them is sampled on its triangles,
         too. Without it an open mesh has those beyond 0.7 where its edges are flat or sharp nearly everywhere,
         and none where they are bent by any angle, as those of scans.
+    on_mesh: Whether the points of a closed mesh go from the sampled surface onto the triangles at last, each
+        to the nearest that looks its way and is not inside of others. Normals and curvatures stay those of
+        the sampled surface. It changes nothing at an offset, with /features, and where the mesh is sampled on
+        its triangles anyway. Default: True.
     """
 
 

@@ -1,0 +1,118 @@
+#include "run/landing.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "mesh/mesh_faces.h"
+
+/* Of the extent: what is as near to a face of the region is on it. */
+static const double ON_FACE = 1e-9;
+/* On a face a place goes to and fro between that and the triangles, which it meets at any angle. */
+static const int MOST_STEPS = 100;
+/* Points in a chunk of work. */
+enum { GRAIN = 1024 };
+
+static bool has_faces(const source_part *p)
+{
+    bool found = p->volume && volume_faces(p->volume);
+    for (size_t k = 0; !found && k < p->part_count; k++) found = has_faces(&p->parts[k]);
+    return found;
+}
+
+/* The place for x of the part's surface: on the triangles that look its way, or on any. False where it has none. */
+static bool find_place(const source_part *p, vec3 x, bool any, vec3 *out)
+{
+    if (p->part_count > 0) {
+        const source_part *part = &p->parts[source_nearest_part(p, x)];
+        if (!find_place(part, p->placement ? placement_to_part(p->placement, x) : x, any, out)) return false;
+        if (p->placement) *out = placement_to_world(p->placement, *out);
+        return true;
+    }
+    const mesh_faces *faces = p->volume ? volume_faces(p->volume) : NULL;
+    field_sample s;
+    if (!faces) return false;
+    if (any)
+        *out = mesh_faces_nearest(faces, x);
+    else if (field_sample_at(p->field, x, FIELD_GRADIENT, &s))
+        *out = mesh_faces_land(faces, x, s.gradient);
+    else
+        return false;
+    return true;
+}
+
+static bool sample_distance(const field *f, vec3 x, field_order order, field_sample *out)
+{
+    const source *s = ((const landing *)f)->source;
+    vec3 place;
+    if (!find_place(&s->whole, x, true, &place)) return field_sample_at(s->field, x, order, out);
+    const vec3 off = vec3_sub(x, place);
+    const double distance = vec3_norm(off);
+    out->value = distance;
+    out->gradient = distance > 0 ? vec3_scale(off, 1 / distance) : vec3_make(0, 0, 1);
+    return true;
+}
+
+bool landing_find(const source *s, landing *out)
+{
+    static const field_ops ops = {.sample = sample_distance};
+    if (s->creased || s->turned || !has_faces(&s->whole)) return false;
+    *out = (landing){{.ops = &ops}, s};
+    return true;
+}
+
+/* A place within the region, and on those of its faces that x is on. */
+static vec3 hold(const field *f, vec3 x, vec3 place)
+{
+    for (int axis = 0; f->open && axis < 3; axis++) {
+        const double low = vec3_get(f->boundary_box.min, axis), high = vec3_get(f->boundary_box.max, axis),
+                     at = vec3_get(x, axis), reach = ON_FACE * f->extent;
+        vec3_set(&place, axis,
+                 at < low + reach    ? low
+                 : at > high - reach ? high
+                                     : fmax(low, fmin(vec3_get(place, axis), high)));
+    }
+    return place;
+}
+
+static vec3 land(const landing *l, vec3 x)
+{
+    const field *f = l->source->field;
+    vec3 from = x, place;
+    for (int step = 0; step < MOST_STEPS; step++) {
+        if (!find_place(&l->source->whole, from, false, &place)) return from;
+        from = hold(f, x, place);
+        if (vec3_norm(vec3_sub(from, place)) <= ON_FACE * f->extent) return from;
+    }
+    return place;
+}
+
+typedef struct moving {
+    const landing *l;
+    vec3 *place;
+    double *largest; /* of each chunk */
+} moving;
+
+static void move_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const moving *m = context;
+    double largest = 0;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        const vec3 from = m->place[i];
+        m->place[i] = land(m->l, from);
+        largest = fmax(largest, vec3_norm(vec3_sub(m->place[i], from)));
+    }
+    m->largest[begin / GRAIN] = largest;
+}
+
+bool landing_move(const landing *l, vec3 *place, size_t count, threads *pool, double *largest, error *e)
+{
+    const size_t chunks = count / GRAIN + 1;
+    const moving m = {l, place, mem_alloc(chunks * sizeof *m.largest)};
+    threads_run(pool, count, GRAIN, move_chunk, (void *)&m);
+    *largest = 0;
+    for (size_t k = 0; k < chunks; k++) *largest = fmax(*largest, m.largest[k]);
+    free(m.largest);
+    return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+}

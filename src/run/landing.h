@@ -1,0 +1,22 @@
+/* landing: points that were found on the level sets of meshes, put on the triangles. */
+#ifndef HEXAD_RUN_LANDING_H
+#define HEXAD_RUN_LANDING_H
+
+#include "base/error.h"
+#include "base/threads.h"
+#include "field/field.h"
+#include "run/source.h"
+
+typedef struct landing {
+    field base; /* its F at a place is the distance from where points there are delivered */
+    const source *source;
+} landing;
+
+/* False, with *out untouched, where there is nothing to land on: no mesh, or none that asks for it. */
+bool landing_find(const source *s, landing *out);
+
+/* Moves places of the sampled surface onto the triangles that they are nearest to; those on a face of a region stay on it.
+ * *largest: of the moves. Errors: cancelled. */
+bool landing_move(const landing *l, vec3 *place, size_t count, threads *pool, double *largest, error *e);
+
+#endif
