@@ -170,6 +170,18 @@ def _fans(polygons):
     return [(p[0], p[k], p[k + 1]) for p in polygons for k in range(1, len(p) - 1)]
 
 
+def _from_hollow(vertices, polygon):
+    """A quad with a hollow corner begins at that corner: cut from there it does not fold over itself."""
+    if len(polygon) != 4:
+        return polygon
+    at = numpy.array([vertices[k] for k in polygon])
+    before, across, after = ((way := numpy.roll(at, -k, axis=0) - at) / numpy.maximum(numpy.linalg.norm(way, axis=1), 1e-300)[:, None]
+                             for k in (3, 2, 1))
+    angles = [numpy.arccos(numpy.clip((side * across).sum(axis=1), -1, 1)) for side in (before, after)]
+    hollow = numpy.flatnonzero(angles[0] + angles[1] > numpy.pi)
+    return polygon[hollow[0]:] + polygon[:hollow[0]] if len(hollow) else polygon
+
+
 def _read_obj(data):
     vertices, polygons = [], []
     for line in data.decode("latin-1").splitlines():
@@ -179,7 +191,7 @@ def _read_obj(data):
         elif words[:1] == ["f"]:
             at = [int(w.split("/")[0]) for w in words[1:]]
             polygons.append([k - 1 if k > 0 else len(vertices) + k for k in at])
-    return Mesh(vertices, _fans(polygons))
+    return Mesh(vertices, _fans([_from_hollow(vertices, p) for p in polygons]))
 
 
 def _read_off(data):

@@ -1,0 +1,47 @@
+"""tools/patches.py: its measures on shapes whose edges are known, and a row of the table from the worker."""
+import pathlib
+import subprocess
+import sys
+
+import numpy
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent.parent / "tools"))
+import meshes  # noqa: E402
+import patches  # noqa: E402
+
+SQUARE = numpy.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+
+
+def test_edges_are_told_apart():
+    cube = patches.prism(SQUARE, lambda x, y: -1, lambda x, y: 1)
+    for mesh in (cube, patches.flipped(cube)):
+        assert [len(e) for e in patches.edges_of(mesh)] == [0, 0, 12]
+    fan = patches.joined(*(patches.sheet([0, 0, 0], [0, 0, 1], [numpy.cos(a), numpy.sin(a), 0]) for a in (0, 2, 4)))
+    opened, crowded, sharp = patches.edges_of(fan)
+    assert (len(opened), len(crowded), len(sharp)) == (3 * 24, 8, 0)
+    crossed = patches.prism(patches.star(), lambda x, y: -1, lambda x, y: 1)
+    assert len(patches.edges_of(crossed)[2]) == 3 * 16
+
+
+def test_distances_are_of_the_nearest_triangle():
+    """Of needles the places that are tried say little."""
+    needles = patches.prism(patches.circle(720), lambda x, y: -1.5, lambda x, y: 0.5 - y / 2)
+    place = meshes.places(needles, 500)[0]
+    assert patches.largest(needles, place) < 1e-12
+    assert abs(patches.largest(needles, place + [0, 0, 1e-3]) - 1e-3) < 1e-6
+    edge = patches.edges_of(needles)[2]
+    lines = patches.Lines(needles, edge, 0.01)
+    assert lines.distance(lines.place).max() < 1e-12 and abs(lines.distance(numpy.array([[0, 0, -1.5]]))[0] - 1) < 1e-4
+
+
+def test_a_row_of_the_table(source, build, tmp_path):
+    done = subprocess.run([sys.executable, "-B", source / "tools" / "patches.py", "--worker", build / "hexad-worker", "--data", tmp_path,
+                           "--output", tmp_path / "page.md", "--seeds", "1", "--count", "2000", "--only", "cube, mesh"],
+                          capture_output=True, text=True)
+    assert done.returncode in (0, 1) and (tmp_path / "page.md").exists(), done.stderr
+    (row,) = [line for line in (tmp_path / "page.md").read_text().splitlines() if line.startswith("| cube")]
+    cells = [c.strip(" *") for c in row.strip("|").split("|")]
+    named = dict(zip(("outcome", *(name for name, _, _ in patches.COLUMNS)), cells[1:]))
+    assert named["outcome"] == "1 converged" and float(named["off"]) < 1e-9 and named["wrong"] == "0"
+    assert 0.5 < float(named["place"]) < 1 and float(named["row"]) < 0.8 and float(named["hausdorff"]) < 0.01
+    assert named["open"] == named["graded"] == ""
