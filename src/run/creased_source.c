@@ -7,9 +7,11 @@ static const double HERE[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
 
 typedef struct walk {
     solid *solid;
+    solid_rule *rule;
     const field *open; /* a leaf that ends at its domain */
     double open_to_world[3][4];
     size_t leaves;
+    bool ends_within; /* the region is of several surfaces, of which one is open */
 } walk;
 
 static void place(const double matrix[16], const double to_world[3][4], double out[3][4])
@@ -29,9 +31,9 @@ static void push_leaf(walk *w, const source_part *part, const double to_world[3]
         memcpy(w->open_to_world, to_world, sizeof w->open_to_world);
     }
     if (part->analytic)
-        solid_push_shape(w->solid, &w->solid->inside, &part->analytic->params, to_world, inverted);
+        solid_push_shape(w->solid, w->rule, &part->analytic->params, to_world, inverted);
     else
-        solid_push_field(w->solid, &w->solid->inside, part->field, to_world, inverted);
+        solid_push_field(w->solid, w->rule, part->field, to_world, inverted);
 }
 
 static void push(walk *w, const spec_surface *s, const source_part *part, const double to_world[3][4],
@@ -47,7 +49,7 @@ static void push(walk *w, const spec_surface *s, const source_part *part, const 
     for (size_t k = 0; k < s->part_count; k++) {
         bool taken = s->kind == SPEC_SURFACE_DIFFERENCE && k > 0;
         push(w, s->parts[k], &part->parts[k], (const double(*)[4])placed, inverted != taken);
-        if (k > 0) solid_join(w->solid, &w->solid->inside, (s->kind == SPEC_SURFACE_UNION) != inverted);
+        if (k > 0) solid_join(w->solid, w->rule, (s->kind == SPEC_SURFACE_UNION) != inverted);
     }
 }
 
@@ -61,7 +63,7 @@ static void push_region(solid *s, bbox box, const double to_world[3][4])
     if (!first) solid_join(s, &s->region, false);
 }
 
-creased *creased_source_open(const spec *s, const source_part *part, error *e)
+creased *creased_source_open(const spec *s, const source_part *part, const source_part *inside, error *e)
 {
     if (part->field->patches) {
         error_set(e, ERROR_NOT_SUPPORTED,
@@ -69,10 +71,20 @@ creased *creased_source_open(const spec *s, const source_part *part, error *e)
         return NULL;
     }
     walk w = {.solid = solid_new(bbox_longest(part->field->domain))};
+    w.rule = &w.solid->inside;
     bbox box = part->field->domain;
     push(&w, &s->surface, part, HERE, false);
     if (w.open) push_region(w.solid, w.open->domain, (const double(*)[4])w.open_to_world);
-    if (s->has_region) {
+    if (s->region_inside) {
+        walk of_region = {.solid = w.solid, .rule = &w.solid->region};
+        bool first = w.solid->region.count == 0;
+        box = inside->field->domain;
+        push(&of_region, s->region_inside, inside, HERE, false);
+        if (!first) solid_join(w.solid, &w.solid->region, false);
+        if (of_region.open)
+            push_region(w.solid, of_region.open->domain, (const double(*)[4])of_region.open_to_world);
+        w.ends_within |= of_region.open && of_region.leaves > 1;
+    } else if (s->has_region) {
         box = (bbox){s->region.min, s->region.max};
         push_region(w.solid, box, HERE);
     }
@@ -80,7 +92,7 @@ creased *creased_source_open(const spec *s, const source_part *part, error *e)
         error_set(e, ERROR_NOT_SUPPORTED,
                   "the surface has more than %d smooth pieces (a box has six): leave out features",
                   SOLID_LEAVES);
-    else if (w.open && w.leaves > 1)
+    else if (w.ends_within || (w.open && w.leaves > 1))
         error_set(
             e, ERROR_NOT_SUPPORTED,
             "one of the surfaces that are combined is open: leave out features, or give it a region instead");

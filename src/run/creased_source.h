@@ -5,8 +5,9 @@
 #include "field/creased.h"
 #include "run/source.h"
 
-/* `part` is that of the whole surface, opened; it outlives what is made, and so does the spec. Errors: those of creased_new,
- * not_supported for too many smooth pieces, and for an open surface among others. */
-creased *creased_source_open(const spec *s, const source_part *part, error *e);
+/* `part` is that of the whole surface, opened, `inside` that of its region, where that is one of a surface; they outlive what is
+ * made, and so does the spec. Errors: those of creased_new, not_supported for too many smooth pieces, and for an open surface among
+ * others. */
+creased *creased_source_open(const spec *s, const source_part *part, const source_part *inside, error *e);
 
 #endif

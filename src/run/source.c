@@ -350,6 +350,12 @@ static bool open_combination(const spec_surface *s, double offset, const opening
     return true;
 }
 
+/* Whether creases and the ends of a region become curves between patches. */
+static bool makes_patches(const spec *s)
+{
+    return s->features || s->region_inside;
+}
+
 /* By how much a matrix scales all lengths; 0 when it does not keep angles. */
 static double scale_of(const double m[16])
 {
@@ -387,8 +393,8 @@ static bool open_placement(const spec_surface *s, double offset, const opening *
     opening inner = *o;
     inner.bounds = bounds_within(o->bounds, s->matrix);
     if (!open_part(s->parts[0], offset != 0 ? offset / scale : 0, &inner, &out->parts[0], e)) return false;
-    out->placement = o->spec->features ? placement_new_view(out->parts[0].field, s->matrix)
-                                       : placement_new(out->parts[0].field, s->matrix, e);
+    out->placement = makes_patches(o->spec) ? placement_new_view(out->parts[0].field, s->matrix)
+                                            : placement_new(out->parts[0].field, s->matrix, e);
     if (!out->placement) return false;
     out->field = placement_field(out->placement);
     return true;
@@ -422,13 +428,13 @@ static bool open_part(const spec_surface *s, double offset, const opening *o, so
     return false;
 }
 
-static bbox bounds_of_region(const spec_box *box)
+static bbox beyond(bbox box)
 {
-    vec3 size = vec3_sub(box->max, box->min);
+    vec3 size = vec3_sub(box.max, box.min);
     double longest = fmax(size.x, fmax(size.y, size.z)), low = BEYOND_LOW * longest,
            high = BEYOND_HIGH * longest;
-    return (bbox){vec3_sub(box->min, vec3_make(low, low, low)),
-                  vec3_add(box->max, vec3_make(high, high, high))};
+    return (bbox){vec3_sub(box.min, vec3_make(low, low, low)),
+                  vec3_add(box.max, vec3_make(high, high, high))};
 }
 
 static size_t count_leaves(const spec_surface *s)
@@ -448,16 +454,37 @@ static bool open_map(const spec *s, const opening *o, error *e)
     return o->source->map != NULL;
 }
 
+/* The surface, and that of the region; what has no end last, for the other bounds it. */
+static bool open_all(const spec *s, const opening *o, error *e)
+{
+    source *out = o->source;
+    opening of_surface = *o, of_region = *o;
+    if (!s->region_inside) return open_part(&s->surface, 0, o, &out->whole, e);
+    const bool bounded = spec_surface_is_bounded(&s->surface);
+    if (bounded && !open_part(&s->surface, 0, o, &out->whole, e)) return false;
+    if (bounded) of_region.bounds = beyond(out->whole.field->domain);
+    if (!open_part(s->region_inside, 0, &of_region, &out->inside, e))
+        return error_prefix(e, "/region/inside");
+    if (bounded) return true;
+    of_surface.bounds = beyond(out->inside.field->domain);
+    return open_part(&s->surface, 0, &of_surface, &out->whole, e);
+}
+
 bool source_open(const spec *s, const store_roots *roots, size_t memory, isa kernels, threads *pool,
                  source *out, error *e)
 {
     *out = (source){.roots = roots};
-    const opening o = {
-        memory, kernels, pool, out, s, count_leaves(&s->surface), bounds_of_region(&s->region)};
-    if (!open_part(&s->surface, 0, &o, &out->whole, e) || (s->has_grid && !open_map(s, &o, e))) return false;
+    const opening o = {memory,
+                       kernels,
+                       pool,
+                       out,
+                       s,
+                       count_leaves(&s->surface),
+                       beyond((bbox){s->region.min, s->region.max})};
+    if (!open_all(s, &o, e) || (s->has_grid && !open_map(s, &o, e))) return false;
     out->field = out->whole.field;
-    if (s->features) {
-        if (!(out->creased = creased_source_open(s, &out->whole, e))) return false;
+    if (makes_patches(s)) {
+        if (!(out->creased = creased_source_open(s, &out->whole, &out->inside, e))) return false;
         out->field = creased_field(out->creased);
     } else if (s->has_region) {
         out->region = region_new(out->field, (bbox){s->region.min, s->region.max}, e);
@@ -505,6 +532,7 @@ void source_close(source *s)
     creased_free(s->creased);
     placement_free(s->turned);
     close_part(&s->whole);
+    close_part(&s->inside);
     map_close(s->map);
     for (size_t k = 0; k < s->input_count; k++) free(s->inputs[k].path);
     free(s->inputs);
@@ -600,7 +628,7 @@ double source_missing_share(const source *s)
 size_t source_memory(const source *s)
 {
     return (s->region ? region_bytes(s->region) : 0) + creased_bytes(s->creased) + map_memory(s->map) +
-           memory_of_part(&s->whole);
+           memory_of_part(&s->whole) + memory_of_part(&s->inside);
 }
 
 bool source_starts_in_cells(const source *s)

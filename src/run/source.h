@@ -47,9 +47,10 @@ struct source_part {
 typedef struct source {
     const field *field; /* in the space that is sampled */
     source_part whole;
-    placement *turned; /* that space in the world, where it is another: data that end obliquely; or NULL */
-    map *map;          /* of sampling.grid, or NULL */
-    region *region;    /* of surface.region, or NULL */
+    source_part inside; /* the region, where it is one of a surface; else empty */
+    placement *turned;  /* that space in the world, where it is another: data that end obliquely; or NULL */
+    map *map;           /* of sampling.grid, or NULL */
+    region *region;     /* of surface.region, or NULL */
     struct creased *creased;  /* the whole as patches, with features; or NULL */
     const store_roots *roots; /* for files, or NULL; used while the source opens */
     source_input *inputs;     /* in the order in which they were first opened */

@@ -194,13 +194,19 @@ static void check_domain(reading *r, const json_at *at)
 
 static void check_region(reading *r, const json_at *at)
 {
-    check_box(r, at, &r->s->region);
+    json_at min = json_member(at, "min"), max = json_member(at, "max");
+    if ((min.node == NULL) != (max.node == NULL))
+        reading_add_fault(r, &max, max.node ? "belongs to min" : "is required with min");
+    else if (min.node)
+        check_box(r, at, &r->s->region);
 }
 
 static void check_whole(reading *r, const json_at *at)
 {
     json_at surface = json_member(at, "surface");
-    if (!r->s->has_region && !spec_surface_is_bounded(&r->s->surface))
+    const spec *s = r->s;
+    bool cut = s->region_inside ? spec_surface_is_bounded(s->region_inside) : s->has_region;
+    if (!cut && !spec_surface_is_bounded(&s->surface))
         reading_add_fault(
             r, &surface,
             "has no end, because a halfspace has none: give a region, or intersect it with a shape that "

@@ -29,19 +29,24 @@ static bool set_surface_kind(reading *r, const char *key)
     return false;
 }
 
-/* One more part of the surface at hand. */
-static void read_part(reading *r, const json_at *at, json *normal)
+/* One more part of the surface at hand; or one that is none and goes to *stored. */
+static void read_part(reading *r, const json_at *at, spec_surface **stored, json *normal)
 {
     enum { DEEPEST = 16, MOST_SURFACES = 256 };
-    spec_surface *whole = r->surface, *part;
+    spec_surface *whole = r->surface;
+    spec_surface *part;
     if (r->depth == DEEPEST || r->surfaces == MOST_SURFACES) {
         reading_add_fault(r, at, "more than %d surfaces, or more than %d levels of nested surfaces",
                           MOST_SURFACES, DEEPEST);
         return;
     }
     part = mem_alloc(sizeof *part);
-    whole->parts = mem_resize(whole->parts, (whole->part_count + 1) * sizeof *whole->parts);
-    whole->parts[whole->part_count++] = part;
+    if (stored) {
+        *stored = part;
+    } else {
+        whole->parts = mem_resize(whole->parts, (whole->part_count + 1) * sizeof *whole->parts);
+        whole->parts[whole->part_count++] = part;
+    }
     r->surface = part;
     r->shape_known = false;
     r->depth++;
@@ -65,7 +70,7 @@ static void read_parts(reading *r, const json_at *at, const spec_row *row, json 
     json *list = json_put_array(normal, spec_row_key(row));
     for (size_t k = 0; k < count; k++) {
         json_at element = json_element(at, k);
-        read_part(r, &element, json_append_object(list));
+        read_part(r, &element, NULL, json_append_object(list));
     }
 }
 
@@ -101,7 +106,8 @@ static void read_attributes(reading *r, const json_at *at, const spec_row *row, 
 static void read_member(reading *r, const json_at *at, const spec_row *row, json *normal)
 {
     if (row->type == SPEC_TYPE_SURFACE)
-        read_part(r, at, json_put_object(normal, spec_row_key(row)));
+        read_part(r, at, row->offset == SPEC_NOWHERE ? NULL : reading_target(r, row->offset),
+                  json_put_object(normal, spec_row_key(row)));
     else if (row->type == SPEC_TYPE_SURFACES)
         read_parts(r, at, row, normal);
     else if (row->type == SPEC_TYPE_GROUPS)
@@ -315,6 +321,7 @@ bool spec_attribute_has_file(const spec_attribute *a)
 bool spec_input_at(const spec *s, size_t index, spec_input *out)
 {
     if (surface_input_at(&s->surface, &index, out)) return true;
+    if (s->region_inside && surface_input_at(s->region_inside, &index, out)) return true;
     if (s->grid.path && index-- == 0) {
         *out = (spec_input){"/sampling/grid/path", s->grid.path};
         return true;
@@ -338,6 +345,7 @@ static void set_frame(char **path, int frame)
 void spec_set_frame(spec *s, int frame)
 {
     surface_set_frame(&s->surface, frame);
+    if (s->region_inside) surface_set_frame(s->region_inside, frame);
     if (s->grid.path) set_frame(&s->grid.path, frame);
     for (size_t k = 0; k < s->attribute_count; k++) set_frame(&s->attributes[k].from, frame);
 }
@@ -347,6 +355,8 @@ void spec_free(spec *s)
     if (!s) return;
     free(s->name);
     surface_free_parts(&s->surface);
+    if (s->region_inside) surface_free_parts(s->region_inside);
+    free(s->region_inside);
     free(s->grid.path);
     free(s->grid.name);
     for (size_t i = 0; i < s->attribute_count; i++) {

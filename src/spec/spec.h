@@ -172,9 +172,10 @@ typedef struct spec {
     char *name; /* NULL: none */
 
     spec_surface surface;
-    bool has_region; /* only the surface inside of `region` */
+    bool has_region; /* only the surface inside of `region`, or of `region_inside` */
     spec_box region;
-    bool features; /* sharp edges of formulas and combinations have rows of points */
+    spec_surface *region_inside; /* NULL: the box */
+    bool features;               /* sharp edges of formulas and combinations have rows of points */
 
     spec_attribute attribute; /* the one that is being read */
     spec_attribute *attributes;

@@ -562,12 +562,21 @@ const spec_row spec_rows[] = {
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_region),
-     .prose = "Only the part of the surface inside this box is sampled. Where the box cuts the surface, "
-              "the surface is open and points lie along the cut. The scale of curvature still comes from "
-              "the bounding box of the whole surface."},
+     .prose =
+         "Only the part of the surface inside this box, or inside another surface, is sampled. Where the box cuts the "
+         "surface, the surface is open and points lie along the cut. The scale of curvature still comes from "
+         "the bounding box of the whole surface."},
+    {.pointer = "/region/inside",
+     .type = SPEC_TYPE_SURFACE,
+     .choice = SPEC_CHOICE_REGION,
+     .offset = offsetof(spec, region_inside),
+     .has = SPEC_NOWHERE,
+     .prose =
+         "The surface whose inside is the region. Rows of points lie on the cut exactly, and as with features on the "
+         "sharp edges of what is sampled."},
     {.pointer = "/region/min",
      .type = SPEC_TYPE_VECTOR,
-     .flags = SPEC_REQUIRED,
+     .choice = SPEC_CHOICE_REGION,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
      AT(region.min),
@@ -575,7 +584,6 @@ const spec_row spec_rows[] = {
      .prose = "The lowest corner."},
     {.pointer = "/region/max",
      .type = SPEC_TYPE_VECTOR,
-     .flags = SPEC_REQUIRED,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
      AT(region.max),

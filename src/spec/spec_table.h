@@ -13,20 +13,20 @@
 #include "spec/spec.h"
 
 typedef enum spec_type {
-    SPEC_TYPE_GROUP,    /* an object with members of its own */
-    SPEC_TYPE_NUMBER,   /* double */
-    SPEC_TYPE_INTEGER,  /* int */
-    SPEC_TYPE_LARGE,    /* integer to 2^53: int64_t or uint64_t */
-    SPEC_TYPE_BOOL,     /* bool */
-    SPEC_TYPE_WORD,     /* one of `words`; an enum, in the order of the words */
-    SPEC_TYPE_STRING,   /* char *; low and high bound its length in characters */
-    SPEC_TYPE_VECTOR,   /* three numbers: vec3; the bounds hold for each */
-    SPEC_TYPE_TRIPLE,   /* three integers: int[3]; the bounds hold for each */
-    SPEC_TYPE_NUMBERS,  /* array of numbers: double * and, at `has`, their number; the bounds hold for each */
-    SPEC_TYPE_SIZE,     /* pixels: one integer or [width, height]; two ints */
-    SPEC_TYPE_SURFACE,  /* an object with the members of /surface, one more part of the surface */
-    SPEC_TYPE_SURFACES, /* an array of such, from low to high of them */
-    SPEC_TYPE_GROUPS,   /* an array of objects with members of their own, from low to high of them */
+    SPEC_TYPE_GROUP,   /* an object with members of its own */
+    SPEC_TYPE_NUMBER,  /* double */
+    SPEC_TYPE_INTEGER, /* int */
+    SPEC_TYPE_LARGE,   /* integer to 2^53: int64_t or uint64_t */
+    SPEC_TYPE_BOOL,    /* bool */
+    SPEC_TYPE_WORD,    /* one of `words`; an enum, in the order of the words */
+    SPEC_TYPE_STRING,  /* char *; low and high bound its length in characters */
+    SPEC_TYPE_VECTOR,  /* three numbers: vec3; the bounds hold for each */
+    SPEC_TYPE_TRIPLE,  /* three integers: int[3]; the bounds hold for each */
+    SPEC_TYPE_NUMBERS, /* array of numbers: double * and, at `has`, their number; the bounds hold for each */
+    SPEC_TYPE_SIZE,    /* pixels: one integer or [width, height]; two ints */
+    SPEC_TYPE_SURFACE, /* an object with the members of /surface, one more part of the surface; or stored, a spec_surface * */
+    SPEC_TYPE_SURFACES,     /* an array of such, from low to high of them */
+    SPEC_TYPE_GROUPS,       /* an array of objects with members of their own, from low to high of them */
     SPEC_TYPE_FRAME_VALUES, /* members by frame, see spec/frame_values.h; a bool, whether it was given */
     SPEC_TYPE_LABELS        /* array of strings: char ** and, at `has`, their number */
 } spec_type;
@@ -39,6 +39,7 @@ typedef enum spec_choice {
     SPEC_CHOICE_TARGET,
     SPEC_CHOICE_CURVATURE,
     SPEC_CHOICE_SCALE,
+    SPEC_CHOICE_REGION,
     SPEC_CHOICE_GRADING, /* from here on: at most one; before: exactly one */
     SPEC_CHOICE_VOXELS,
     SPEC_CHOICE_LENS,

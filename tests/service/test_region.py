@@ -82,6 +82,52 @@ def test_an_empty_region_is_no_surface(worker, tmp_path, surfaces):
             assert ("example.vdb" in said["message"]) == (kind == "level set")
 
 
+def ball(radius, center=(0, 0, 0)):
+    return {"analytic": {"shape": "sphere", "radius": radius, "center": list(center)}}
+
+
+def below(z):
+    return {"analytic": {"shape": "halfspace", "center": [0, 0, z], "axis": [0, 0, 1]}}
+
+
+CUBE = "OFF\n8 6 0\n" + "".join("%d %d %d\n" % (x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)) + (
+    "4 0 1 3 2\n4 4 6 7 5\n4 0 4 5 1\n4 2 3 7 6\n4 0 2 6 4\n4 1 5 7 3\n")
+INSIDE = {  # surface, region, area, and where the cut is: the distance from it
+    "a cap": (ball(1), below(-0.3), 2 * math.pi * 0.7, lambda p: p[:, 2] + 0.3),
+    "a disc": (below(0.3), ball(1), math.pi * (1 - 0.3**2), lambda p: numpy.linalg.norm(p, axis=1) - 1),
+    "two balls": (ball(1), {"union": [ball(0.5, (1, 0, 0)), ball(0.5, (-1, 0, 0))]}, math.pi / 2,
+                  lambda p: numpy.linalg.norm(numpy.abs(p) - [1, 0, 0], axis=1) - 0.5),
+    "in a mesh": (ball(0.5, (1, 0, 0)), {"mesh": {"path": "cube.off", "resolution": 100}}, math.pi / 2, lambda p: p[:, 0] - 1),
+}
+
+
+@pytest.mark.parametrize("what", INSIDE)
+def test_the_inside_of_a_surface_is_a_region(worker, tmp_path, what):
+    """Points lie on the cut exactly, in rows, and none outside; the area is that of closed forms."""
+    surface, region, area, from_cut = INSIDE[what]
+    (tmp_path / "cube.off").write_text(CUBE)
+    report, ply = run(worker, tmp_path, surface, 1000, region={"inside": region})
+    far = from_cut(Points(ply).position)
+    assert report["count"] == 1000 and report["quality"]["lost"] == 0 and report["quality"]["coverage"] < 1
+    assert report["surface"]["area"] == pytest.approx(area, rel=5e-3)
+    fuzz = 1e-9 if "mesh" not in what else 2e-3  # of a level set
+    assert far.max() <= fuzz and (numpy.abs(far) <= fuzz).sum() >= 40
+    assert report["spec"]["region"]["inside"].keys() == region.keys()
+
+
+def test_regions_that_are_none(worker, tmp_path):
+    (tmp_path / "open.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
+    for surface, region, words in (
+            (ball(1), {}, "exactly one of inside, min"),
+            (ball(1), {"inside": ball(1), "min": [0, 0, 0]}, "exactly one of inside, min"),
+            (below(0), {"inside": below(1)}, "has no end"),
+            (ball(1), {"inside": ball(0.5)}, "nothing of the surface is left"),
+            (ball(1), {"inside": {"mesh": {"path": "open.off"}}}, "/region/inside: open.off"),
+            (ball(1), {"inside": {"mesh": {"path": "missing.off"}}}, "missing.off")):
+        done = worker(sphere(100, surface=surface, region=region))
+        assert done.returncode in (2, 3, 4) and words in done.stderr, done.stderr
+
+
 def test_a_region_through_the_daemon(service):
     job = service.submit(sphere(200, region={"min": [-2, -2, 0], "max": [2, 2, 2]}))
     service.wait_state(job, "succeeded")

@@ -113,6 +113,7 @@ static json *document_for(const spec_row *row)
          "{\"version\":1,\"surface\":{\"bspline\":{\"dims\":[4,4,4]}},\"sampling\":{\"count\":100}}"},
         {"/surface/bspline", "{\"version\":1,\"surface\":{\"bspline\":{\"dims\":[4,4,4],\"path\":\"a.raw\"}},"
                              "\"sampling\":{\"count\":100}}"},
+        {"/region/inside", SPHERE ",\"region\":{\"inside\":{\"analytic\":{\"shape\":\"quartic\"}}}}"},
         {"/region", SPHERE ",\"region\":{\"min\":[-1e12,-1e12,-1e12],\"max\":[1e12,1e12,1e12]}}"},
         {"/surface/mesh/features",
          "{\"version\":1,\"surface\":{\"mesh\":{\"path\":\"a.ply\",\"features\":{}}},\"sampling\":{\"count\":100}}"},
@@ -489,6 +490,16 @@ static void test_region(void **state)
                  "begins at 0 and ends at 0");
     expect_fault(SPHERE ",\"region\":{\"min\":[0,0,0],\"max\":[1,-1,\"x\"]}}", ERROR_SPEC_INVALID,
                  "/region/max/2", "must be a number");
+    expect_fault(
+        SPHERE
+        ",\"region\":{\"inside\":{\"analytic\":{\"shape\":\"quartic\"}},\"min\":[0,0,0],\"max\":[1,1,1]}}",
+        ERROR_SPEC_INVALID, "/region", "exactly one of inside, min");
+    s = good(SPHERE ",\"region\":{\"inside\":{\"mesh\":{\"path\":\"a.stl\"}}}}");
+    spec_input input;
+    assert_true(s->has_region && s->region_inside->kind == SPEC_SURFACE_MESH && spec_input_at(s, 0, &input));
+    assert_string_equal(input.pointer, "/region/inside/mesh/path");
+    assert_false(spec_input_at(s, 1, &input));
+    spec_free(s);
     expect_fault(SPHERE ",\"region\":[0,1]}", ERROR_SPEC_INVALID, "/region", "must be an object");
 }
 

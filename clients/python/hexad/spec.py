@@ -528,16 +528,19 @@ class Surface(_SurfaceRest):
     """
 
 
-class _RegionNeeded(TypedDict):
+class _RegionRest(TypedDict, total=False):
+    inside: "Surface"
     min: Sequence[float]
     max: Sequence[float]
 
 
-class Region(_RegionNeeded):
-    """Only the part of the surface inside this box is sampled. Where the box cuts the surface, the surface is
-    open and points lie along the cut. The scale of curvature still comes from the bounding box of the whole
-    surface.
+class Region(_RegionRest):
+    """Only the part of the surface inside this box, or inside another surface, is sampled. Where the box cuts
+    the surface, the surface is open and points lie along the cut. The scale of curvature still comes from the
+    bounding box of the whole surface.
 
+    inside: The surface whose inside is the region. Rows of points lie on the cut exactly, and as with
+        features on the sharp edges of what is sampled.
     min: The lowest corner. (world)
     max: The highest corner. It must be above the lowest corner on every axis. (world)
     """
@@ -1067,9 +1070,9 @@ class Spec(_SpecNeeded, _SpecRest):
     version: The version of the spec's format.
     name: A name for people. hexad does not interpret it.
     surface: The surface to sample. Give exactly one of its members.
-    region: Only the part of the surface inside this box is sampled. Where the box cuts the surface, the
-        surface is open and points lie along the cut. The scale of curvature still comes from the bounding box
-        of the whole surface.
+    region: Only the part of the surface inside this box, or inside another surface, is sampled. Where the box
+        cuts the surface, the surface is open and points lie along the cut. The scale of curvature still comes
+        from the bounding box of the whole surface.
     features: Whether the sharp edges of formulas, where parts of a combination meet, and the ends of a region
         have rows of points of their own, at the spacing asked for and exactly on the edge. The surface is
         then a set of smooth patches, and mesh.ply has edges along theirs. Meshes have a member of that name
