@@ -6,7 +6,7 @@
 #include "packing/packing.h"
 #include "run/advice.h"
 #include "run/job.h"
-#include "run/plan.h"
+#include "source/plan.h"
 #include "run/report.h"
 #include "surface/clearance.h"
 

@@ -5,7 +5,7 @@
 
 #include "base/memory.h"
 #include "packing/packing.h"
-#include "run/plan.h"
+#include "source/plan.h"
 
 /* Where points are unresolved and the rays of the clearance see no reason, this spacing is tried next. */
 static const double BLIND_FACTOR = 0.5;

@@ -7,7 +7,7 @@
 #include "attribute/attribute.h"
 #include "formats/points.h"
 #include "json/json.h"
-#include "run/source.h"
+#include "source/source.h"
 #include "sampler/sampler.h"
 #include "spec/spec.h"
 

@@ -9,7 +9,7 @@
 #include "run/results.h"
 #include "run/run_options.h"
 #include "run/sequence.h"
-#include "run/source.h"
+#include "source/source.h"
 #include "sampler/sampler.h"
 
 /* Below this many points a second thread costs more than it brings. */

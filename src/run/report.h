@@ -7,7 +7,7 @@
 #include "run/progress.h"
 #include "run/results.h"
 #include "run/attributes.h"
-#include "run/source.h"
+#include "source/source.h"
 #include "run/verdict.h"
 #include "sampler/sampler.h"
 #include "spec/spec.h"

@@ -4,7 +4,7 @@
 
 #include "base/clock.h"
 #include "run/cost_model.h"
-#include "run/plan.h"
+#include "source/plan.h"
 
 /* With a time for a target what comes after a relaxation may take this many times what is expected. */
 static const double TAIL_SLACK = 1.3;

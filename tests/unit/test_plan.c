@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "packing/packing.h"
-#include "run/plan.h"
+#include "source/plan.h"
 
 static const double AREA = 12.5;
 

@@ -1,4 +1,4 @@
-#include "run/plan.h"
+#include "source/plan.h"
 
 #include <math.h>
 #include <string.h>

@@ -1,6 +1,6 @@
 /* source: opens the surface that a spec names: a formula, a B-spline, a volume, a mesh, or a combination of these. */
-#ifndef HEXAD_RUN_SOURCE_H
-#define HEXAD_RUN_SOURCE_H
+#ifndef HEXAD_SOURCE_SOURCE_H
+#define HEXAD_SOURCE_SOURCE_H
 
 #include "base/error.h"
 #include "base/threads.h"

@@ -1,4 +1,4 @@
-#include "run/creased_source.h"
+#include "source/creased_source.h"
 
 #include <math.h>
 #include <string.h>

@@ -1,6 +1,6 @@
 /* mesh_source: opens a mesh, as a level set or as patches on its triangles. */
-#ifndef HEXAD_RUN_MESH_SOURCE_H
-#define HEXAD_RUN_MESH_SOURCE_H
+#ifndef HEXAD_SOURCE_MESH_SOURCE_H
+#define HEXAD_SOURCE_MESH_SOURCE_H
 
 #include <stdbool.h>
 

@@ -1,4 +1,4 @@
-#include "run/mesh_source.h"
+#include "source/mesh_source.h"
 
 #include <math.h>
 

@@ -1,6 +1,6 @@
 /* plan: the count that a job asks for, and whether it fits into the job's memory. Pure functions, any thread. */
-#ifndef HEXAD_RUN_PLAN_H
-#define HEXAD_RUN_PLAN_H
+#ifndef HEXAD_SOURCE_PLAN_H
+#define HEXAD_SOURCE_PLAN_H
 
 #include <stdbool.h>
 #include <stddef.h>

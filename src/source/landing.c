@@ -1,4 +1,4 @@
-#include "run/landing.h"
+#include "source/landing.h"
 
 #include <math.h>
 #include <stdlib.h>

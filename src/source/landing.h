@@ -1,11 +1,11 @@
 /* landing: points that were found on the level sets of meshes, put on the triangles. */
-#ifndef HEXAD_RUN_LANDING_H
-#define HEXAD_RUN_LANDING_H
+#ifndef HEXAD_SOURCE_LANDING_H
+#define HEXAD_SOURCE_LANDING_H
 
 #include "base/error.h"
 #include "base/threads.h"
 #include "field/field.h"
-#include "run/source.h"
+#include "source/source.h"
 
 typedef struct landing {
     field base; /* its F at a place is the distance from where points there are delivered */

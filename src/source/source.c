@@ -1,4 +1,4 @@
-#include "run/source.h"
+#include "source/source.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -10,9 +10,9 @@
 #include "dense/exr_stack.h"
 #include "dense/raw_volume.h"
 #include "geometry/affine.h"
-#include "run/creased_source.h"
-#include "run/mesh_source.h"
-#include "run/plan.h"
+#include "source/creased_source.h"
+#include "source/mesh_source.h"
+#include "source/plan.h"
 
 /* Of the square of a scale: how far numbers written in decimal let a rotation's columns be from orthonormal.
  */
