@@ -8,6 +8,7 @@
 #include "run/advice.h"
 #include "run/cost_model.h"
 #include "run/job.h"
+#include "run/plan.h"
 #include "run/report.h"
 #include "run/run.h"
 #include "run/verdict.h"
@@ -19,6 +20,8 @@
 static const double REHEARSAL_S = 1;
 /* Each has so many times the points of the one before it, as levels have: so their coarsest is that of the job. */
 static const size_t REHEARSAL_STRIDE = 4;
+/* What a worker holds at least once it has used OpenVDB: the library. */
+static const double BYTES_WITH_OPENVDB = 33 << 20;
 
 /* One run of j->count points, noted unless the time is up before its end; whether it was noted. */
 static bool rehearse_once(job *j, double end_s, cost_model *p)
@@ -61,14 +64,17 @@ static double rehearse(job *j)
                       : NAN;
 }
 
-/* What so many points and the surface take. */
-static double memory_for(const job *j, double count)
+/* At the peak of a job of so many points, which is that of loading or that of sampling; `held`: the surface, before there
+ * were points. */
+static double memory_for(const job *j, int64_t held, double count)
 {
-    return (double)j->memory - job_particle_memory(j) + count * job_bytes_per_particle(j);
+    double begin = fmax((double)held, j->spec->has_points_vdb ? BYTES_WITH_OPENVDB : 0);
+    return fmax((double)job_peak_memory(j),
+                begin + count * job_bytes_per_particle(j) + plan_picture_memory(j->spec));
 }
 
 /* What the surface's sheets ask of the count. A spacing that varies is not known before the job has begun. */
-static void describe_resolution(const job *j, json *warnings, json *advice)
+static void describe_resolution(const job *j, int64_t held, json *warnings, json *advice)
 {
     clearance c;
     bool even = !j->spec->has_curvature && !j->spec->has_grid && !j->spec->has_feature;
@@ -83,12 +89,12 @@ static void describe_resolution(const job *j, json *warnings, json *advice)
                    100 * c.unresolved_share);
     json_append_string(warnings, warning);
     free(warning);
-    advice_append_resolution(advice, j->spec, j->scan->area, to, memory_for(j, to.count) / (1 << 20),
+    advice_append_resolution(advice, j->spec, j->scan->area, to, memory_for(j, held, to.count) / (1 << 20),
                              (double)j->memory / (1 << 20));
 }
 
 /* `missing`: why there are no seconds, NULL when there are. */
-static json *describe_estimate(const job *j, double seconds, const char *missing)
+static json *describe_estimate(const job *j, int64_t held, double seconds, const char *missing)
 {
     json *o = json_new_object();
     if (j->count > 0)
@@ -97,7 +103,7 @@ static json *describe_estimate(const job *j, double seconds, const char *missing
         json_put_null(o, "count");
     json_put_number(o, "area", j->scan->area);
     report_put_box(o, source_box(&j->source, j->scan));
-    json_put_integer(o, "memory_bytes", (int64_t)memory_for(j, (double)j->count));
+    json_put_integer(o, "memory_bytes", (int64_t)memory_for(j, held, (double)j->count));
     if (isnan(seconds))
         json_put_null(o, "seconds");
     else
@@ -107,7 +113,7 @@ static json *describe_estimate(const job *j, double seconds, const char *missing
     json *warnings = json_put_array(o, "warnings"), *unused = json_new_object();
     source_describe(&j->source, unused, unused, warnings);
     json_free(unused);
-    describe_resolution(j, warnings, json_put_array(o, "advice"));
+    describe_resolution(j, held, warnings, json_put_array(o, "advice"));
     return o;
 }
 
@@ -120,6 +126,7 @@ json *run_estimate(const spec *s, const run_options *options, error *e)
     if (job_run_phases(&j, phases, sizeof phases / sizeof *phases, e)) {
         /* parts of it are done by all threads and parts by one: it took no longer than the clock says, which
          * others stretch, nor than all of its threads together */
+        int64_t held = job_held_memory();
         double passed_s = clock_seconds(clock_monotonic_ms() - j.progress.start_ms);
         double opened_s = fmin(clock_processor_s(), passed_s);
         const char *missing = NULL;
@@ -130,7 +137,7 @@ json *run_estimate(const spec *s, const run_options *options, error *e)
             if (isnan(seconds) && !missing)
                 missing = "a run of few points did not end in the time that it was given";
         }
-        if (job_may_go_on(&j, e)) estimate = describe_estimate(&j, seconds, missing);
+        if (job_may_go_on(&j, e)) estimate = describe_estimate(&j, held, seconds, missing);
     }
     progress_end(&j.progress);
     job_free(&j);

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sys/resource.h>
 
 #include "base/clock.h"
@@ -72,15 +73,23 @@ static int64_t peak_of(int who)
     return (int64_t)usage.ru_maxrss * 1024;
 }
 
-/* Of this process alone: what rusage says is at least what the process that started it held. */
-static int64_t own_peak(void)
+/* Of this process alone, a row of what the kernel tells of it: what rusage says is at least what the process that started
+ * it held. */
+static int64_t own_memory(const char *row)
 {
     char line[128];
+    size_t length = strlen(row);
     long long kilobytes = 0;
     FILE *file = fopen(SANDBOX_OWN_STATUS, "r");
-    while (file && kilobytes == 0 && fgets(line, sizeof line, file)) sscanf(line, "VmHWM: %lld", &kilobytes);
+    while (file && kilobytes == 0 && fgets(line, sizeof line, file))
+        if (strncmp(line, row, length) == 0) kilobytes = strtoll(line + length, NULL, 10);
     if (file) fclose(file);
     return kilobytes > 0 ? kilobytes * 1024 : peak_of(RUSAGE_SELF);
+}
+
+static int64_t own_peak(void)
+{
+    return own_memory("VmHWM:");
 }
 
 bool job_load(job *j, error *e)
@@ -106,6 +115,11 @@ int64_t job_peak_memory(const job *j)
 {
     int64_t own = own_peak();
     return own > j->load_peak ? own : j->load_peak;
+}
+
+int64_t job_held_memory(void)
+{
+    return own_memory("VmRSS:");
 }
 
 static sizing_field_kind sizing_field_kind_of(const spec *s)

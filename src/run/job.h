@@ -90,6 +90,9 @@ double job_bytes_per_particle(const job *j);
 /* Bytes of memory at the peak: the worker's, or while it loaded the worker's and its reader's together, if that is more. */
 int64_t job_peak_memory(const job *j);
 
+/* Bytes of memory that the worker holds now. */
+int64_t job_held_memory(void);
+
 void job_free_solution(solution *s);
 void job_free(job *j);
 

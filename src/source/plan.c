@@ -18,13 +18,17 @@ static const double BYTES_PER_VERTEX = 120;
 static const double BYTES_PER_GRID_POINT = 200;
 /* Of a frame that is carried over: places for births and their lists, beside the points before. */
 static const double BYTES_PER_CARRIED = 800;
-/* Likewise of the preview's pixels. */
-static const double BYTES_PER_PIXEL = 20;
+/* Of the preview's pixels: two pictures, and what each shows. */
+static const double BYTES_PER_PIXEL = 15;
+
+double plan_picture_memory(const spec *s)
+{
+    return s->has_preview ? (double)s->preview_width * s->preview_height * BYTES_PER_PIXEL : 0;
+}
 
 double plan_particle_memory(const spec *s, size_t limit, size_t source_bytes)
 {
-    double pixels = s->has_preview ? (double)s->preview_width * s->preview_height * BYTES_PER_PIXEL : 0;
-    return (double)limit - (double)source_bytes - pixels;
+    return (double)limit - (double)source_bytes - plan_picture_memory(s);
 }
 
 double plan_bytes_per_particle(const spec *s, bool is_continued)

@@ -15,6 +15,9 @@
 /* Bytes that particles may take: the job's `limit` minus the bytes of the source and of pictures. May be negative. */
 double plan_particle_memory(const spec *s, size_t limit, size_t source_bytes);
 
+/* Bytes of the pictures while they are drawn. */
+double plan_picture_memory(const spec *s);
+
 /* Bytes that one particle takes at the peak. `is_continued`: the points of the previous frame are carried over. */
 double plan_bytes_per_particle(const spec *s, bool is_continued);
 
