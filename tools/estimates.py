@@ -17,7 +17,7 @@ import tempfile
 
 # Of all surfaces, and of one of each kind besides.
 COUNTS, LARGE = (1000, 30000), 1000000
-OF_LARGE = {"torus", "vdb/ls_sphere_half.vdb", "meshes/spot.obj", "volumes/HeadMRVolume.mhd"}
+OF_LARGE = {"torus", "vdb/ls_sphere_half.vdb", "meshes/spot.obj"}
 LEAST, MOST = 0.9, 1.5
 # The worker's exit codes of results.
 RESULTS = (0, 10, 11)

@@ -8,7 +8,7 @@
 #include "run/advice.h"
 #include "run/cost_model.h"
 #include "run/job.h"
-#include "run/plan.h"
+#include "source/plan.h"
 #include "run/report.h"
 #include "run/run.h"
 #include "run/verdict.h"

@@ -41,10 +41,11 @@ typedef struct sampler_state {
     double skin;
     levels plan;
     int level;
-    bool rough;   /* the level, see schedule_is_rough */
-    bool planned; /* its counts were corrected by what the coarsest packing showed */
-    int stage;    /* of the schedule */
-    double gain;  /* in force: that of the stage, or more when it does not come to rest */
+    int rough;               /* how often the level was found to be, see schedule_is_rough */
+    double disordered_share; /* when that was asked the last time */
+    bool planned;            /* its counts were corrected by what the coarsest packing showed */
+    int stage;               /* of the schedule */
+    double gain;             /* in force: that of the stage, or more when it does not come to rest */
     bool lists_stale;
     int list_age;           /* sweeps since they were built */
     size_t next_amplitudes; /* the sweep before which they are renewed */

@@ -40,8 +40,10 @@ typedef struct schedule {
     double sweeps, sweeps_count, sweeps_count_between[2], sweeps_share_between, sweeps_fall, sweeps_least,
         sweeps_most;
     /* A level of so many particles that ends these with a share out of order between the two bounds is rough, and takes so
-     * many times the sweeps. What is out of order beyond the upper bound is not resolved, and more sweeps do not help. */
-    double rough_share[2], rough_count, rough_sweeps;
+     * many times the sweeps; and on the last level so many times those, if that share is above rough_again and has fallen by
+     * such a factor. What is out of order beyond the upper bound is not resolved, and more sweeps do not help. */
+    double rough_share[2], rough_count, rough_sweeps, rough_again, rough_fall;
+    int rough_most;
 
     /* At rest. `rest_lambda` > 0: the paper's criterion for the coarsest level, that the mean log10 lambda is above it;
      * 0: rms steps alone count. A level that is refined again is left as soon as its rms step (over h) is below
@@ -81,7 +83,7 @@ typedef struct schedule_position {
     int sweeps;    /* in this round */
     size_t count;  /* particles of the level */
     bool is_sized; /* there is a sizing field */
-    bool is_rough; /* the level is, see rough_share */
+    int rough;     /* how often the level was found so, see rough_share */
 } schedule_position;
 
 static inline bool schedule_is_last_stage(const schedule_position *at)
@@ -100,8 +102,9 @@ int schedule_level_sweeps(const schedule *s, const schedule_position *at);
 /* Whether the level has just ended its sweeps, and would take more if it were rough. */
 bool schedule_may_be_rough(const schedule *s, const schedule_position *at);
 
-/* Whether a level with this share of particles out of order is rough. */
-bool schedule_is_rough(const schedule *s, double disordered_share);
+/* Whether a level with this share of particles out of order is rough; `before`: the share when that was asked the last time. */
+bool schedule_is_rough(const schedule *s, const schedule_position *at, double disordered_share,
+                       double before);
 
 double schedule_omega(const schedule *s, const schedule_position *at);
 

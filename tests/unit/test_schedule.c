@@ -57,6 +57,31 @@ static void over_relaxation_follows_the_sweeps(void **state)
     }
 }
 
+static void rough_levels_take_more_sweeps(void **state)
+{
+    (void)state;
+    const schedule *s = &schedule_multilevel;
+    schedule_position at = finest(0, 50000);
+    const int sweeps = schedule_level_sweeps(s, &at);
+    at.sweeps = sweeps;
+    assert_true(schedule_may_be_rough(s, &at));
+    assert_true(schedule_is_rough(s, &at, 0.2, 0));
+    assert_false(schedule_is_rough(s, &at, 0.02, 0) || schedule_is_rough(s, &at, 0.4, 0));
+    at.rough = 1;
+    assert_false(schedule_may_be_rough(s, &at));
+    at.sweeps = schedule_level_sweeps(s, &at);
+    assert_true(at.sweeps >= (int)s->rough_sweeps * sweeps);
+    assert_true(schedule_may_be_rough(s, &at));
+    assert_true(schedule_is_rough(s, &at, 0.15, 0.2));  /* much is left, and less than there was */
+    assert_false(schedule_is_rough(s, &at, 0.19, 0.2)); /* more sweeps would not help */
+    assert_false(schedule_is_rough(s, &at, 0.08, 0.2));
+    at.level = 0; /* a coarser one */
+    at.levels = 2;
+    assert_false(schedule_is_rough(s, &at, 0.15, 0.2));
+    at.rough = 2;
+    assert_false(schedule_may_be_rough(s, &at));
+}
+
 static void steps_are_free_until_a_level_is_shaken(void **state)
 {
     (void)state;
@@ -182,6 +207,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(levels_have_sweeps_by_their_count),
         cmocka_unit_test(over_relaxation_follows_the_sweeps),
+        cmocka_unit_test(rough_levels_take_more_sweeps),
         cmocka_unit_test(steps_are_free_until_a_level_is_shaken),
         cmocka_unit_test(a_paced_level_has_its_sweeps_before_it_rests),
         cmocka_unit_test(the_paper_goes_by_lambda),
