@@ -172,8 +172,9 @@ static bool cut_edges(making *k, error *e)
         for (size_t i = k->edges.first[v], n; i < k->edges.first[v + 1]; i += n) {
             const mesh_side *s = k->edges.sides + i;
             n = mesh_edges_width(&k->edges, v, i);
+            const uint32_t *kind = k->params->kind;
             const bool feature = n == 2 && angle > 0 && angle_at(k, s) > angle;
-            k->is_cut[i] = n != 2 || feature;
+            k->is_cut[i] = n != 2 || feature || (kind && kind[s[0].triangle] != kind[s[1].triangle]);
             k->cut_count += k->is_cut[i];
             k->out->open_edges += n == 1;
             k->out->feature_edges += feature;
@@ -200,12 +201,14 @@ static bool number_patches(making *k, error *e)
         if (k->patch[n] == UINT32_MAX) k->patch[n] = k->patch[orientation_find(&k->turned, n, &turned)];
     out->first = mem_array(out->count + 1, sizeof *out->first, what, e);
     out->two_sided = mem_array(out->count, sizeof *out->two_sided, what, e);
+    if (k->params->kind) out->kind = mem_array(out->count, sizeof *out->kind, what, e);
     size_t *minority = mem_array(out->count, sizeof *minority, what, e);
-    bool ok = out->first && out->two_sided && minority;
+    bool ok = out->first && out->two_sided && minority && (out->kind || !k->params->kind);
     for (uint32_t n = 0; ok && n < triangles; n++) {
         uint32_t root = orientation_find(&k->turned, n, &turned), p = k->patch[n];
         out->first[p + 1]++;
         minority[p] += turned;
+        if (out->kind) out->kind[p] = k->params->kind[n];
         out->two_sided[p] = k->turned.conflict[root];
     }
     for (uint32_t n = 0; ok && n < triangles; n++) { /* most triangles of a patch stay as they are */
@@ -394,17 +397,20 @@ static bool part_vertices(making *k, error *e)
 
 /* ---- the whole */
 
-static bool make(making *k, mesh_notes *notes, error *e)
+static bool weld(making *k, mesh_notes *notes, error *e)
 {
     mesh *m = k->m;
     if (!mesh_weld(m, MESH_KEEP_CANCELLED, notes, e)) return false;
     if (m->triangle_count == 0) return error_set(e, ERROR_NO_SURFACE, "no triangle of the mesh has an area");
-    if (!mesh_edges_list(m, &k->edges, e) ||
-        !mesh_edges_close_seams(m, k->params->weld * bbox_longest(mesh_box(m)), &k->edges, notes, e) ||
-        !mesh_weld(m, MESH_KEEP_CANCELLED, notes, e) /* faces may coincide now */ ||
-        !mesh_edges_list(m, &k->edges, e))
-        return false;
-    return cut_edges(k, e) && number_patches(k, e) && make_curves(k, e) && part_vertices(k, e);
+    return mesh_edges_list(m, &k->edges, e) &&
+           mesh_edges_close_seams(m, k->params->weld * bbox_longest(mesh_box(m)), &k->edges, notes, e) &&
+           mesh_weld(m, MESH_KEEP_CANCELLED, notes, e) /* faces may coincide now */;
+}
+
+static bool make(making *k, mesh_notes *notes, error *e)
+{
+    return (k->params->kind || weld(k, notes, e)) && mesh_edges_list(k->m, &k->edges, e) && cut_edges(k, e) &&
+           number_patches(k, e) && make_curves(k, e) && part_vertices(k, e);
 }
 
 bool mesh_patches_make(mesh *m, const mesh_patches_params *params, mesh_notes *notes, mesh_patches *out,
@@ -436,6 +442,7 @@ void mesh_patches_free(mesh_patches *p)
     mesh_free(&p->m);
     free(p->first);
     free(p->two_sided);
+    free(p->kind);
     free(p->curve);
     free(p->vertex);
     free(p->curve_patch);

@@ -21,6 +21,9 @@ typedef struct mesh_patches_params {
         weld; /* what lies nearer to an open edge is on it: a share of the longest side of the mesh's box */
     double feature_angle; /* radians; 0: no edge of two triangles is a feature; or MESH_PATCHES_FOUND */
     double spacing;       /* of the points that the mesh is to have; 0: not known */
+    const uint32_t *
+        kind; /* of each triangle, or NULL: patches end between triangles that differ in it. Such a mesh is whole:
+                           * nothing is welded, and its triangles keep their order within a patch */
 } mesh_patches_params;
 
 typedef struct mesh_patches {
@@ -29,6 +32,7 @@ typedef struct mesh_patches {
     size_t count;
     size_t *first;   /* triangles of patch p: first[p] .. first[p + 1] */
     bool *two_sided; /* no way of turning makes its triangles agree */
+    uint32_t *kind;  /* of patch p, where triangles have one; else NULL */
     size_t curve_count;
     field_curve *curve; /* `on` is NULL: the polyline is the curve */
     vec3 *vertex;       /* of the curves */

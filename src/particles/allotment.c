@@ -12,6 +12,9 @@ enum { PASSES = 4 };
 /* Rows take no more than this share of the points. */
 static const double ROWS_MOST = 0.9;
 
+/* A patch of fewer cells gets no more than these, whatever its curves leave. */
+static const double LEAST_CELLS = 0.5;
+
 static const char *const WHAT = "the particles of each patch";
 
 /* The share of a patch in all points. */
@@ -44,7 +47,8 @@ static bool share_out(const allotment_input *in, double cells, size_t count, all
     double *wanted = mem_array(patches, sizeof *wanted, WHAT, e), sum = 0, seen = 0;
     bool ok = out->free && wanted;
     for (size_t k = 0; ok && k < patches; k++) {
-        wanted[k] = fmax(share_of(in, k) * cells - out->rows.border[k], 0);
+        const double all = share_of(in, k) * cells;
+        wanted[k] = fmax(all - (all < LEAST_CELLS ? fmax(out->rows.border[k], 0) : out->rows.border[k]), 0);
         sum += wanted[k];
     }
     for (size_t k = 0; ok && !(sum > 0) && k < patches; k++) wanted[k] = share_of(in, k);

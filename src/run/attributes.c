@@ -109,13 +109,13 @@ static char *name_of(const spec_attribute *a)
     return name;
 }
 
-/* What points of patches carry: sampler_feature, and the index of the patch. */
-static const char *const place_names[] = {"feature", "patch"};
-enum { PLACES = sizeof place_names / sizeof *place_names };
+/* What points of patches carry: sampler_feature, and the index of the patch; of interfaces the two labels, too. */
+static const char *const place_names[] = {"feature", "patch", "label_a", "label_b"};
+enum { PLACES = 2, PLACES_OF_LABELS = sizeof place_names / sizeof *place_names };
 
 static size_t place_count(const source *from)
 {
-    return from->field->patches ? PLACES : 0;
+    return from->whole.labels ? PLACES_OF_LABELS : from->field->patches ? PLACES : 0;
 }
 
 static bool check_name(const spec *s, const attributes *a, size_t index, error *e)
@@ -247,11 +247,17 @@ bool attributes_find(const spec *s, source *from, size_t memory_limit, attribute
 /* ---- values ---- */
 
 /* Where points of patches lie. */
-static void read_place(const char *name, const sampler_points *solved, double *values)
+static void read_place(const char *name, const source *from, const sampler_points *solved, double *values)
 {
-    bool feature = strcmp(name, place_names[0]) == 0;
-    for (size_t i = 0; i < solved->count; i++)
-        values[i] = feature ? (double)solved->feature[i] : (double)solved->patch[i];
+    size_t which = 0;
+    while (strcmp(name, place_names[which]) != 0) which++;
+    for (size_t i = 0; i < solved->count; i++) {
+        int64_t sides[2] = {0, 0};
+        if (which >= PLACES) label_surface_sides(from->whole.labels, solved->patch[i], sides);
+        values[i] = which == 0       ? (double)solved->feature[i]
+                    : which < PLACES ? (double)solved->patch[i]
+                                     : (double)sides[which - PLACES];
+    }
 }
 
 /* Unit vectors along the principal directions, of the larger curvature and of the smaller. They have no sense: of two
@@ -309,7 +315,7 @@ static bool read_one(attributes_entry *entry, const source *from, const sampler_
     entry->stack.memory_limit = memory_limit;
     if (!values) return false;
     if (!entry->spec)
-        read_place(entry->name, solved, values);
+        read_place(entry->name, from, solved, values);
     else if (!entry->request.path)
         read_geometry(entry->spec->name, from, set, values);
     else if (!attribute_read(&entry->request, set->count, set->position, values, &entry->counts, e))

@@ -6,6 +6,9 @@
 
 #include "base/memory.h"
 
+/* Patches at a curve whose labels are told. */
+enum { MOST_AROUND = 8 };
+
 /* A point on a corner. */
 typedef struct corner {
     vec3 at;
@@ -16,6 +19,7 @@ typedef struct corner {
 typedef struct rows {
     const field_patches *patches;
     const sampler_points *solved;
+    const label_surface *labels; /* or NULL */
     size_t count;
     uint32_t *point;
     size_t *first;   /* of each curve its first place that is no corner, and `count` */
@@ -112,8 +116,26 @@ static double variation(const row *r)
     return r->steps < 2 ? NAN : sqrt(fmax(r->square / (double)r->steps - mean * mean, 0)) / mean;
 }
 
-static void put_curve(json *list, const field_patches *p, const field_curve *c, const row *r, double length)
+/* The labels that meet at a curve, each once. */
+static void put_labels(const label_surface *labels, const field_patches *p, const field_curve *c, json *told)
 {
+    int64_t known[2 * MOST_AROUND];
+    size_t count = 0;
+    json *list = json_put_array(told, "labels");
+    for (size_t k = 0; k < 2 * c->patch_count && count < 2 * MOST_AROUND; k++) {
+        int64_t sides[2];
+        bool new = true;
+        label_surface_sides(labels, p->curve_patch[c->patch_first + k / 2], sides);
+        for (size_t i = 0; i < count; i++) new &= known[i] != sides[k % 2];
+        if (!new) continue;
+        known[count++] = sides[k % 2];
+        json_append_number(list, (double)sides[k % 2]);
+    }
+}
+
+static void put_curve(json *list, const rows *all, const field_curve *c, const row *r, double length)
+{
+    const field_patches *p = all->patches;
     json *object = json_append_object(list);
     json_put_number(object, "length", length);
     json_put_bool(object, "closed", c->closed);
@@ -123,6 +145,7 @@ static void put_curve(json *list, const field_patches *p, const field_curve *c, 
     json *patches = json_put_array(object, "patches");
     for (size_t k = 0; k < c->patch_count; k++)
         json_append_number(patches, p->curve_patch[c->patch_first + k]);
+    if (all->labels) put_labels(all->labels, p, c, object);
 }
 
 static void put_curves(const rows *r, double h, json *report)
@@ -139,7 +162,7 @@ static void put_curves(const rows *r, double h, json *report)
         total += length;
         worst = fmax(worst, variation(&found)); /* of NaN and a number the number */
         gap = fmax(gap, found.gap);
-        if (c < PATCH_REPORT_LISTED) put_curve(list, p, &p->curve[c], &found, length);
+        if (c < PATCH_REPORT_LISTED) put_curve(list, r, &p->curve[c], &found, length);
     }
     json_put_number(object, "length", total);
     json_put_integer(object, "points", (int64_t)points);
@@ -165,15 +188,21 @@ static void put_patches(const rows *r, const double *farthest, json *report)
         json_put_number(told, "area", p->patch[k].area);
         json_put_integer(told, "points", (int64_t)points[k]);
         json_put_number(told, "gap", farthest[k]);
+        if (r->labels) {
+            int64_t sides[2];
+            label_surface_sides(r->labels, (uint32_t)k, sides);
+            json *labels = json_put_array(told, "labels");
+            for (int i = 0; i < 2; i++) json_append_number(labels, (double)sides[i]);
+        }
     }
     json_put_number(object, "gap", gap);
     free(points);
 }
 
 void patch_report_put(const field_patches *patches, const sampler_points *solved, const double *farthest,
-                      double h, json *report)
+                      double h, const label_surface *labels, json *report)
 {
-    rows r = {.patches = patches, .solved = solved};
+    rows r = {.patches = patches, .solved = solved, .labels = labels};
     find_places(&r);
     put_patches(&r, farthest, report);
     put_curves(&r, h, report);

@@ -250,7 +250,7 @@ void report_fill(json *report, const report_facts *facts)
     put_alpha(report, facts);
     if (facts->source->field->patches)
         patch_report_put(facts->source->field->patches, solved, facts->farthest,
-                         sampler_spacing(facts->sampler), report);
+                         sampler_spacing(facts->sampler), facts->source->whole.labels, report);
     json_put_number(report, "sigma", solved->sigma);
     json_put_number(report, "spacing", sampler_spacing(facts->sampler));
     json_put_number(report, "mean_neighbours", solved->mean_neighbours);

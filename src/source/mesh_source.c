@@ -36,8 +36,10 @@ static bool make_patches(const mesh_source_request *r, const mesh *whole, mesh_n
                          mesh_patches *made, error *e)
 {
     const spec_mesh *s = r->spec;
-    const mesh_patches_params params = {s->weld, s->has_features ? s->feature_angle : MESH_PATCHES_FOUND,
-                                        spacing_of(r, mesh_area(whole))};
+    const mesh_patches_params params = {.weld = s->weld,
+                                        .feature_angle =
+                                            s->has_features ? s->feature_angle : MESH_PATCHES_FOUND,
+                                        .spacing = spacing_of(r, mesh_area(whole))};
     mesh copy = {0};
     if (!r->alone) return true;
     if (!mesh_copy(whole, &copy, e) || !mesh_patches_make(&copy, &params, notes, made, e)) return false;

@@ -266,6 +266,31 @@ static void align_ends(const spec *s, source *out)
     if (volume_align(v, to_world)) out->turned = placement_new_view(volume_field(v), to_world);
 }
 
+/* The interfaces of a segmentation, all of the surface. */
+static bool open_labels(const spec_surface *s, const opening *o, source_part *out, error *e)
+{
+    const spec_labels *l = &s->labels;
+    if (out != &o->source->whole || o->spec->has_region)
+        return error_set(
+            e, ERROR_NOT_SUPPORTED,
+            "the interfaces of labels are no boundary of one solid: they have no part in a combination, "
+            "offset, transform or region");
+    int fd = open_input(o->source, l->path, e);
+    if (fd < 0) return false;
+    const slices_files files = {open_input, o->source};
+    slices *from = raw_volume_open(fd, l->path, NULL, -1, &files, e);
+    if (from) {
+        const label_surface_request request = {
+            from, l, plan_spacing(o->spec), (double)o->spec->count, memory_left(o), o->pool};
+        out->labels = label_surface_open(&request, e);
+        from->ops->close(from);
+    }
+    close(fd);
+    if (!out->labels) return error_prefix(e, "%s", l->path);
+    out->field = label_surface_field(out->labels);
+    return true;
+}
+
 /* A volume of one file, or of the files of a stack. */
 static bool open_volume(const spec_surface *s, double offset, const opening *o, source_part *out, error *e)
 {
@@ -414,6 +439,8 @@ static bool open_part(const spec_surface *s, double offset, const opening *o, so
     case SPEC_SURFACE_VOLUME:
     case SPEC_SURFACE_EXR:
         return open_volume(s, offset, o, out, e);
+    case SPEC_SURFACE_LABELS:
+        return open_labels(s, o, out, e);
     case SPEC_SURFACE_UNION:
     case SPEC_SURFACE_INTERSECTION:
     case SPEC_SURFACE_DIFFERENCE:
@@ -521,6 +548,7 @@ static void close_part(source_part *p)
     bspline_free(p->bspline);
     volume_close(p->volume);
     mesh_surface_free(p->mesh);
+    label_surface_close(p->labels);
     free(p->coefficients);
     for (size_t k = 0; k < p->part_count; k++) close_part(&p->parts[k]);
     free(p->parts);
@@ -586,6 +614,7 @@ void source_describe(const source *s, json *report, json *members, json *warning
 {
     json *inputs = json_put_array(report, "inputs"), *list = NULL;
     if (s->whole.volume) describe_volume(volume_describe(s->whole.volume), members, warnings);
+    if (s->whole.labels) label_surface_describe(s->whole.labels, members);
     if (s->whole.mesh) mesh_source_describe(s->whole.mesh, &s->whole.notes, members, warnings);
     describe_parts(&s->whole, members, &list, warnings);
     for (size_t k = 0; k < s->input_count; k++) {
@@ -601,6 +630,7 @@ static size_t memory_of_part(const source_part *p)
     size_t bytes = p->combination ? combination_bytes(p->combination) : 0;
     if (p->volume) bytes += volume_describe(p->volume)->memory_bytes;
     if (p->mesh) bytes += mesh_surface_bytes(p->mesh);
+    bytes += label_surface_bytes(p->labels);
     if (p->analytic) bytes += cell_grid_bytes(&p->analytic->grid);
     if (p->bspline) bytes += bspline_bytes(p->bspline);
     for (size_t k = 0; k < p->part_count; k++) bytes += memory_of_part(&p->parts[k]);

@@ -12,6 +12,7 @@
 #include "field/placement.h"
 #include "field/region.h"
 #include "json/json.h"
+#include "labels/label_surface.h"
 #include "mesh/mesh_surface.h"
 #include "spec/spec.h"
 #include "store/file.h"
@@ -37,6 +38,7 @@ struct source_part {
     volume *volume;
     mesh_surface *mesh; /* that is sampled on its triangles */
     mesh_notes notes;   /* about it */
+    label_surface *labels;
     combination *combination;
     placement *placement;
     double *coefficients; /* of a B-spline whose file was read */

@@ -166,6 +166,34 @@ static void check_sampling(reading *r, const json_at *at)
                           "needs a path, because this surface has no VDB file that could have the grid");
 }
 
+/* Lists of at least so many, and not more; which hold no label twice. */
+static void check_lists(reading *r, const json_at *at, size_t low, size_t high, const char *must)
+{
+    for (size_t k = 0; k < json_size(*at); k++) {
+        const json_at list = json_element(at, k);
+        const size_t count = json_size(list);
+        bool good = count >= low && count <= high;
+        for (size_t i = 0; good && i < count; i++)
+            for (size_t j = 0; good && j < i; j++)
+                good = json_number(json_element(&list, i), 0) != json_number(json_element(&list, j), 0);
+        if (!good) reading_add_fault(r, &list, "%s", must);
+    }
+}
+
+static void check_labels(reading *r, const json_at *at)
+{
+    const spec_labels *l = &r->surface->labels;
+    const json_at only = json_member(at, "labels"), groups = json_member(at, "groups"),
+                  interfaces = json_member(at, "interfaces");
+    for (size_t k = 0; k < l->only.count; k++)
+        if (l->only.number[k] != floor(l->only.number[k])) {
+            const json_at element = json_element(&only, k);
+            reading_add_fault(r, &element, "must be a whole number (given %.16g)", l->only.number[k]);
+        }
+    check_lists(r, &groups, 2, SIZE_MAX, "must be two or more labels, none of them twice");
+    check_lists(r, &interfaces, 2, 2, "must be two different labels");
+}
+
 static void check_control(reading *r, const json_at *at)
 {
     const spec_control *c = &r->s->control;
@@ -385,6 +413,7 @@ void rules_check_values(reading *r, const json_at *at, const char *group)
                  {"/surface/bspline", check_bspline},
                  {"/surface/bspline/domain", check_domain},
                  {"/surface/exr", check_exr},
+                 {"/surface/labels", check_labels},
                  {"/surface/transform", check_transform},
                  {"/region", check_region},
                  {"/attributes", check_attribute},

@@ -46,6 +46,25 @@ typedef struct spec_exr {
     spec_reconstruction reconstruction;
 } spec_exr;
 
+typedef struct spec_list {
+    size_t count;
+    double *number;
+} spec_list;
+
+typedef struct spec_labels {
+    char *path;
+    char *grid;     /* NULL: the only one of integers in a VDB file */
+    spec_list only; /* empty: all labels */
+    double smooth;  /* voxels */
+    bool has_background;
+    int64_t background;
+    bool closed;
+    spec_list *groups; /* each counts as one label, its first */
+    size_t group_count;
+    spec_list *interfaces; /* pairs; none: all */
+    size_t interface_count;
+} spec_labels;
+
 typedef struct spec_mesh {
     char *path;
     double voxel_size; /* world units; 0: by the resolution */
@@ -104,6 +123,7 @@ struct spec_surface {
     spec_mesh mesh;
     spec_volume volume;
     spec_exr exr;
+    spec_labels labels;
     spec_surface **parts; /* two or more of a combination, one of an offset or transform */
     size_t part_count;
     double distance; /* of an offset, outwards */

@@ -27,6 +27,8 @@
     }
 #define SHAPE(s) (1u << SPEC_SHAPE_##s)
 #define METHOD(m) (1u << SPEC_METHOD_##m)
+/* Floats tell whole numbers apart up to here. */
+#define LABEL_MAX 16777215
 /* The methods of the paper, of 2005. */
 #define MEYER (METHOD(SIZED) | METHOD(PAPER))
 
@@ -418,6 +420,73 @@ const spec_row spec_rows[] = {
      .otherwise = "\"interpolating\"",
      AT(surface.volume.reconstruction),
      .prose = "See /surface/vdb/reconstruction."},
+
+    {.pointer = "/surface/labels",
+     .type = SPEC_TYPE_GROUP,
+     .flags = SPEC_OPTIONAL,
+     .choice = SPEC_CHOICE_SURFACE,
+     UNSTORED,
+     .prose =
+         "A segmentation: a volume of whole numbers, its labels. The surface is all interfaces between two of them, each "
+         "once. Points along the lines where three meet, and along the end of the data, come first. Points have the "
+         "properties label_a and label_b; normals point from the former, the lower one, to the latter."},
+    {.pointer = "/surface/labels/path",
+     .type = SPEC_TYPE_STRING,
+     .flags = SPEC_REQUIRED,
+     .low = 1,
+     .high = 4096,
+     AT(surface.labels.path),
+     .prose =
+         "The file: NRRD, NIfTI, MetaImage, or OpenVDB. It and the files that it names must lie below one of the "
+         "service's input roots."},
+    {.pointer = "/surface/labels/grid",
+     .type = SPEC_TYPE_STRING,
+     .low = 0,
+     .high = 1000,
+     AT(surface.labels.grid),
+     .prose = "The name of the grid in an OpenVDB file. Optional if there is only one of whole numbers."},
+    {.pointer = "/surface/labels/labels",
+     .type = SPEC_TYPE_NUMBERS,
+     .low = -LABEL_MAX,
+     .high = LABEL_MAX,
+     AT_HAS(surface.labels.only.number, surface.labels.only.count),
+     .prose = "The labels that count; the others belong to the background. Default: all."},
+    {.pointer = "/surface/labels/smooth",
+     .type = SPEC_TYPE_NUMBER,
+     .low = 0,
+     .high = 24,
+     .otherwise = "8",
+     AT(surface.labels.smooth),
+     .unit = "voxels",
+     .prose =
+         "Stairs shorter than this are smoothed; nothing moves by more than half a voxel along an axis. 0: not at all."},
+    {.pointer = "/surface/labels/background",
+     .type = SPEC_TYPE_LARGE,
+     .low = -LABEL_MAX,
+     .high = LABEL_MAX,
+     AT_HAS(surface.labels.background, surface.labels.has_background),
+     .prose =
+         "The label of what is no material: it stands second, so that normals point into it. Default: none; "
+         "where one is needed 0 unless that is one of `labels`, else the number below the least label."},
+    {.pointer = "/surface/labels/closed",
+     .type = SPEC_TYPE_BOOL,
+     .otherwise = "false",
+     AT(surface.labels.closed),
+     .prose =
+         "true: beyond the end of the data is background, and the end an interface with it. false: the interfaces "
+         "end there."},
+    {.pointer = "/surface/labels/groups",
+     .type = SPEC_TYPE_LISTS,
+     .low = -LABEL_MAX,
+     .high = LABEL_MAX,
+     AT_HAS(surface.labels.groups, surface.labels.group_count),
+     .prose = "Labels that count as one, the first of their list: [[3, 4], [7, 8, 9]]."},
+    {.pointer = "/surface/labels/interfaces",
+     .type = SPEC_TYPE_LISTS,
+     .low = -LABEL_MAX,
+     .high = LABEL_MAX,
+     AT_HAS(surface.labels.interfaces, surface.labels.interface_count),
+     .prose = "The pairs of labels whose interfaces are sampled: [[1, 2], [2, 3]]. Default: all."},
 
     {.pointer = "/surface/exr",
      .type = SPEC_TYPE_GROUP,
@@ -1513,6 +1582,7 @@ static void print_values(FILE *file, const spec_row *row)
         [SPEC_TYPE_VECTOR] = "[number x 3]",
         [SPEC_TYPE_TRIPLE] = "[integer x 3]",
         [SPEC_TYPE_NUMBERS] = "[number, ...]",
+        [SPEC_TYPE_LISTS] = "[[integer, ...], ...]",
         [SPEC_TYPE_SIZE] = "integer or [integer, integer]",
         [SPEC_TYPE_SURFACE] = "object, as /surface",
         [SPEC_TYPE_SURFACES] = "[object, as /surface, ...]",

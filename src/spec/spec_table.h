@@ -23,7 +23,8 @@ typedef enum spec_type {
     SPEC_TYPE_VECTOR,  /* three numbers: vec3; the bounds hold for each */
     SPEC_TYPE_TRIPLE,  /* three integers: int[3]; the bounds hold for each */
     SPEC_TYPE_NUMBERS, /* array of numbers: double * and, at `has`, their number; the bounds hold for each */
-    SPEC_TYPE_SIZE,    /* pixels: one integer or [width, height]; two ints */
+    SPEC_TYPE_LISTS, /* array of arrays of integers: spec_list * and, at `has`, their number; the bounds hold for each integer */
+    SPEC_TYPE_SIZE, /* pixels: one integer or [width, height]; two ints */
     SPEC_TYPE_SURFACE, /* an object with the members of /surface, one more part of the surface; or stored, a spec_surface * */
     SPEC_TYPE_SURFACES,     /* an array of such, from low to high of them */
     SPEC_TYPE_GROUPS,       /* an array of objects with members of their own, from low to high of them */

@@ -13,6 +13,7 @@
     ENTRY(prefix, MESH, "mesh")                 \
     ENTRY(prefix, VOLUME, "volume")             \
     ENTRY(prefix, EXR, "exr")                   \
+    ENTRY(prefix, LABELS, "labels")             \
     ENTRY(prefix, UNION, "union")               \
     ENTRY(prefix, INTERSECTION, "intersection") \
     ENTRY(prefix, DIFFERENCE, "difference")     \

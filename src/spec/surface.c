@@ -31,7 +31,7 @@ bool surface_name_slices(spec_exr *x)
 /* Of a stack the number in the path is that of the slice. */
 void surface_set_frame(spec_surface *s, int frame)
 {
-    char **const single[] = {&s->vdb.path, &s->mesh.path, &s->volume.path, &s->bspline.path};
+    char **const single[] = {&s->vdb.path, &s->mesh.path, &s->volume.path, &s->bspline.path, &s->labels.path};
     for (size_t k = 0; k < sizeof single / sizeof single[0]; k++) {
         char *pattern = *single[k];
         if (!pattern) continue;
@@ -43,7 +43,7 @@ void surface_set_frame(spec_surface *s, int frame)
 
 bool surface_input_at(const spec_surface *s, size_t *index, spec_input *out)
 {
-    const char *const single[] = {s->vdb.path, s->mesh.path, s->volume.path, s->bspline.path};
+    const char *const single[] = {s->vdb.path, s->mesh.path, s->volume.path, s->bspline.path, s->labels.path};
     for (size_t k = 0; k < sizeof single / sizeof single[0]; k++) {
         if (!single[k] || (*index)-- > 0) continue;
         *out = (spec_input){s->input_pointer, single[k]};
@@ -59,6 +59,12 @@ bool surface_input_at(const spec_surface *s, size_t *index, spec_input *out)
     return false;
 }
 
+static void free_lists(spec_list *list, size_t count)
+{
+    for (size_t k = 0; k < count; k++) free(list[k].number);
+    free(list);
+}
+
 void surface_free_parts(spec_surface *s)
 {
     free(s->input_pointer);
@@ -68,6 +74,11 @@ void surface_free_parts(spec_surface *s)
     free(s->bspline.path);
     free(s->mesh.path);
     free(s->volume.path);
+    free(s->labels.path);
+    free(s->labels.grid);
+    free(s->labels.only.number);
+    free_lists(s->labels.groups, s->labels.group_count);
+    free_lists(s->labels.interfaces, s->labels.interface_count);
     free(s->exr.path);
     free(s->exr.slices);
     free(s->exr.part);

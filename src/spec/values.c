@@ -102,6 +102,48 @@ static void read_numbers(reading *r, const json_at *at, const spec_row *row, jso
     for (size_t i = 0; i < count; i++) json_append_number(list, numbers[i] == 0 ? 0 : numbers[i]);
 }
 
+/* Of the bad integers of a list the first is named. */
+static void read_list(reading *r, const json_at *at, const spec_row *row, spec_list *out, json *normal)
+{
+    if (json_type_of(*at) != JSON_ARRAY) {
+        reading_add_wrong_value(r, at, row, "an array of integers");
+        return;
+    }
+    const size_t count = json_size(*at);
+    out->number = mem_alloc((count + 1) * sizeof *out->number);
+    for (; out->count < count; out->count++) {
+        json_at element = json_element(at, out->count);
+        if (!is_number(element, row, true)) {
+            reading_add_wrong_value(r, &element, row, "an integer");
+            return;
+        }
+        out->number[out->count] = json_number(element, 0);
+        json_append_number(normal, out->number[out->count] == 0 ? 0 : out->number[out->count]);
+    }
+}
+
+static void read_lists(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    if (json_type_of(*at) != JSON_ARRAY) {
+        char given[READING_SHOWN_MAX + 8];
+        reading_describe(*at, given);
+        reading_add_fault(r, at, "must be an array of arrays of integers (given %s)", given);
+        return;
+    }
+    const size_t count = json_size(*at);
+    spec_list *lists = mem_alloc((count + 1) * sizeof *lists);
+    memcpy(reading_target(r, row->offset), &lists,
+           sizeof lists); /* given to the spec at once, which frees them */
+    memcpy(reading_target(r, row->has), &count, sizeof count);
+    json *all = json_put_array(normal, spec_row_key(row));
+    for (size_t k = 0; k < count; k++) {
+        json_at element = json_element(at, k);
+        json *list = json_new_array();
+        json_append(all, list);
+        read_list(r, &element, row, &lists[k], list);
+    }
+}
+
 static void read_size(reading *r, const json_at *at, const spec_row *row, json *normal)
 {
     int size[2];
@@ -233,6 +275,9 @@ void values_read(reading *r, const json_at *at, const spec_row *row, json *norma
         break;
     case SPEC_TYPE_NUMBERS:
         read_numbers(r, at, row, normal);
+        break;
+    case SPEC_TYPE_LISTS:
+        read_lists(r, at, row, normal);
         break;
     case SPEC_TYPE_SIZE:
         read_size(r, at, row, normal);

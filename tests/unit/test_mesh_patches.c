@@ -35,7 +35,7 @@ static mesh_patches make(mesh m, double angle)
     mesh_patches out = {0};
     mesh_notes notes = {0};
     error e = {0};
-    const mesh_patches_params params = {1e-6, angle, 0};
+    const mesh_patches_params params = {.weld = 1e-6, .feature_angle = angle};
     assert_true(mesh_patches_make(&m, &params, &notes, &out, &e));
     assert_null(m.vertex);
     for (size_t k = 0; k < out.curve_count; k++) { /* none is empty, and ends of others are ends */
@@ -216,7 +216,7 @@ static void test_nothing_is_left(void **state)
     mesh_patches out = {0};
     mesh_notes notes = {0};
     error e = {0};
-    const mesh_patches_params params = {1e-6, 0, 0};
+    const mesh_patches_params params = {.weld = 1e-6};
     assert_false(mesh_patches_make(&m, &params, &notes, &out, &e));
     assert_int_equal(e.code, ERROR_NO_SURFACE);
 }

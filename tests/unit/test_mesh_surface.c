@@ -20,7 +20,7 @@ static mesh_surface *make(mesh m, double angle, double longest)
     mesh_patches patches = {0};
     mesh_notes notes = {0};
     error e = {0};
-    const mesh_patches_params params = {1e-6, angle, 0};
+    const mesh_patches_params params = {.weld = 1e-6, .feature_angle = angle};
     assert_true(mesh_patches_make(&m, &params, &notes, &patches, &e));
     mesh_surface *s = mesh_surface_new(&patches, longest, &e);
     assert_non_null(s);

@@ -121,6 +121,8 @@ static json *document_for(const spec_row *row)
          "{\"version\":1,\"surface\":{\"mesh\":{\"path\":\"a.ply\"}},\"sampling\":{\"count\":100}}"},
         {"/surface/volume", "{\"version\":1,\"surface\":{\"volume\":{\"path\":\"a.nrrd\",\"isovalue\":1}},"
                             "\"sampling\":{\"count\":100}}"},
+        {"/surface/labels",
+         "{\"version\":1,\"surface\":{\"labels\":{\"path\":\"a.nrrd\"}},\"sampling\":{\"count\":100}}"},
         {"/surface/union", COMBINED("union")},
         {"/surface/intersection", COMBINED("intersection")},
         {"/surface/difference", COMBINED("difference")},

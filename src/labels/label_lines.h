@@ -1,0 +1,25 @@
+/* label_lines: brings the lines at which interfaces meet or end to where these interfaces lead.
+ *
+ * Voxels tell less of a line than of the interfaces that meet there: where a material ends in a wedge, the last voxel with
+ * its centre inside lies the farther from the edge the narrower the wedge. To each interface that a vertex of a line
+ * belongs to a quadric is fitted, by least squares, through the middles between voxels that it parts nearby; the vertex goes
+ * to the place that is nearest to all of them.
+ */
+#ifndef HEXAD_LABELS_LABEL_LINES_H
+#define HEXAD_LABELS_LABEL_LINES_H
+
+#include "base/error.h"
+#include "base/threads.h"
+#include "labels/label_graph.h"
+
+typedef struct label_lines {
+    const mesh *m;            /* smoothed: tells normals */
+    const label_graph *graph; /* of its vertices */
+    const vec3 *middle;       /* of each vertex: before smoothing */
+    double radius;            /* of what is near, in the same units */
+} label_lines;
+
+/* Where the vertices of lines go, into their places of `out`; others are untouched. Errors: limit_memory. */
+bool label_lines_fit(const label_lines *l, threads *pool, vec3 *out, error *e);
+
+#endif

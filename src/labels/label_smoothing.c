@@ -1,0 +1,138 @@
+#include "labels/label_smoothing.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "labels/label_graph.h"
+#include "labels/label_lines.h"
+
+static const char what[] = "the smoothing of the labels";
+
+/* How often the filter is applied and vertices are brought back into their boxes: the second time takes out the kinks that
+ * the first left there. */
+enum { ROUNDS = 2, MOST_TERMS = 128, NODES = 512, GRAIN = 4096 };
+
+/* Of the eigenvalue of a wave, times its length squared: (2 pi)^2 / 8, for neighbours at the distance that they have in
+ * tetrahedra of voxels, the square root of one half. */
+static const double per_length2 = 4.93;
+static const double least_term = 1e-4;
+/* How far around a line interfaces tell where it is, in the length of smoothing. */
+static const double near_lines = 0.75;
+
+typedef struct work {
+    const label_smoothing *s;
+    const vec3 *from; /* before */
+    label_graph graph;
+    vec3 *old, *now, *next, *sum; /* two terms and the next; what they add up to */
+    double factor;                /* of the next */
+    bool begins;                  /* the next is the first mean */
+} work;
+
+/* ---- the filter */
+
+/* The coefficients of exp(-(k / c)^2) in Chebyshev's polynomials of 1 - k; returns how many matter. They add up to 1. */
+static int make_terms(double length, double term[MOST_TERMS])
+{
+    const double c = per_length2 / (length * length);
+    double sum = 0;
+    int count = 0;
+    for (int n = 0; n < MOST_TERMS; n++) {
+        term[n] = 0;
+        for (int j = 0; j < NODES; j++) {
+            const double angle = M_PI * (j + 0.5) / NODES, k = (1 - cos(angle)) / c;
+            term[n] += (n == 0 ? 1.0 : 2.0) / NODES * exp(-k * k) * cos(n * angle);
+        }
+        if (fabs(term[n]) > least_term) count = n + 1;
+    }
+    for (int n = 0; n < count; n++) sum += term[n];
+    for (int n = 0; n < count; n++) term[n] /= sum;
+    return count;
+}
+
+static void next_term(void *context, int worker, size_t begin, size_t end)
+{
+    const work *w = context;
+    (void)worker;
+    for (size_t v = begin; v < end; v++) {
+        vec3 mean = {0, 0, 0};
+        const label_graph *g = &w->graph;
+        const size_t first = g->first[v], count = g->along[v] > 0 ? g->along[v] : g->first[v + 1] - first;
+        for (size_t i = first; i < first + count; i++) mean = vec3_add(mean, w->now[g->neighbour[i]]);
+        mean = count > 0 ? vec3_scale(mean, 1.0 / (double)count) : w->now[v];
+        w->next[v] = w->begins ? mean : vec3_axpy(-1, w->old[v], vec3_scale(mean, 2));
+        w->sum[v] = vec3_axpy(w->factor, w->next[v], w->sum[v]);
+    }
+}
+
+static double clamped(double x, double from, double limit, int64_t size)
+{
+    if (from == 0 || from == (double)(size - 1)) return from;
+    return fmin(fmax(x, from - limit), from + limit);
+}
+
+/* Into their boxes. */
+static void bring_back(const work *w, mesh *m)
+{
+    for (size_t v = 0; v < m->vertex_count; v++) {
+        const double limit = (double)w->s->limit[v];
+        m->vertex[v] = (vec3){clamped(w->sum[v].x, w->from[v].x, limit, w->s->size[0]),
+                              clamped(w->sum[v].y, w->from[v].y, limit, w->s->size[1]),
+                              clamped(w->sum[v].z, w->from[v].z, limit, w->s->size[2])};
+    }
+}
+
+/* One round: the filter, of mesh to mesh, and back into the boxes. */
+static void apply_terms(work *w, mesh *m, const double *term, int count, threads *pool)
+{
+    const size_t vertices = m->vertex_count;
+    memcpy(w->now, m->vertex, vertices * sizeof *w->now);
+    for (size_t v = 0; v < vertices; v++) w->sum[v] = vec3_scale(m->vertex[v], term[0]);
+    for (int n = 1; n < count; n++) {
+        w->factor = term[n];
+        w->begins = n == 1;
+        threads_run(pool, vertices, GRAIN, next_term, w);
+        vec3 *free_one = w->old;
+        w->old = w->now;
+        w->now = w->next;
+        w->next = free_one;
+    }
+    bring_back(w, m);
+}
+
+/* Where lines lie only the interfaces tell, once they are smooth; these are then smoothed anew between their lines. */
+static bool fit_lines(work *w, mesh *m, threads *pool, error *e)
+{
+    const label_lines lines = {m, &w->graph, w->from, near_lines * w->s->length};
+    memcpy(w->sum, w->from, m->vertex_count * sizeof *w->sum);
+    if (!label_lines_fit(&lines, pool, w->sum, e)) return false;
+    bring_back(w, m);
+    return true;
+}
+
+bool label_smoothing_apply(const label_smoothing *s, mesh *m, const uint32_t *kind, threads *pool, error *e)
+{
+    work w = {.s = s};
+    vec3 *room[5] = {NULL};
+    double term[MOST_TERMS];
+    if (!(s->length > 0)) return true;
+    bool ok = label_graph_make(m, kind, &w.graph, e);
+    for (int k = 0; ok && k < 5; k++)
+        ok = (room[k] = mem_array(m->vertex_count, sizeof(vec3), what, e)) != NULL;
+    if (ok) {
+        const int count = make_terms(s->length, term);
+        memcpy(room[0], m->vertex, m->vertex_count * sizeof(vec3));
+        w.from = room[0];
+        w.old = room[1];
+        w.now = room[2];
+        w.next = room[3];
+        w.sum = room[4];
+        apply_terms(&w, m, term, count, pool);
+        ok = fit_lines(&w, m, pool, e);
+        for (int round = 0; ok && round < ROUNDS; round++) apply_terms(&w, m, term, count, pool);
+    }
+    for (int k = 0; k < 5; k++) free(room[k]);
+    label_graph_free(&w.graph);
+    return ok;
+}

@@ -1,0 +1,133 @@
+#include "labels/label_surface.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "packing/packing.h"
+
+struct label_surface {
+    label_volume labels; /* its voxels are gone once there are triangles */
+    mesh_surface *surface;
+};
+
+typedef struct wanted_pairs {
+    const spec_labels *spec;
+    const label_volume *labels;
+} wanted_pairs;
+
+static bool is_wanted(const void *context, uint16_t first, uint16_t second)
+{
+    const wanted_pairs *w = context;
+    const double a = (double)w->labels->material[first].value, b = (double)w->labels->material[second].value;
+    for (size_t k = 0; k < w->spec->interface_count; k++) {
+        const double *pair = w->spec->interfaces[k].number;
+        if ((pair[0] == a && pair[1] == b) || (pair[0] == b && pair[1] == a)) return true;
+    }
+    return false;
+}
+
+static bool make_surface(const label_surface_request *r, label_surface *s, error *e)
+{
+    const wanted_pairs wanted = {r->spec, &s->labels};
+    mesh_notes unused = {0};
+    label_mesh made = {0};
+    mesh_patches patches = {0};
+    if (!label_mesh_make(&s->labels, r->spec->smooth, r->spec->interface_count ? is_wanted : NULL, &wanted,
+                         r->pool, &made, e))
+        return false;
+    free(s->labels.at);
+    s->labels.at = NULL;
+    const double spacing = r->spacing > 0 ? r->spacing
+                           : r->count > 0 ? packing_spacing(mesh_area(&made.m), r->count)
+                                          : INFINITY;
+    const mesh_patches_params params = {.spacing = spacing, .kind = made.kind};
+    bool ok = mesh_patches_make(&made.m, &params, &unused, &patches, e) &&
+              (s->surface = mesh_surface_new(&patches, spacing, e)) != NULL;
+    label_mesh_free(&made);
+    return ok;
+}
+
+label_surface *label_surface_open(const label_surface_request *request, error *e)
+{
+    label_surface *s = mem_alloc(sizeof *s);
+    if (label_volume_read(request->from, request->spec, request->memory_limit, &s->labels, e) &&
+        make_surface(request, s, e))
+        return s;
+    label_surface_close(s);
+    return NULL;
+}
+
+void label_surface_close(label_surface *s)
+{
+    if (!s) return;
+    mesh_surface_free(s->surface);
+    label_volume_free(&s->labels);
+    free(s);
+}
+
+const field *label_surface_field(const label_surface *s)
+{
+    return mesh_surface_field(s->surface);
+}
+
+size_t label_surface_bytes(const label_surface *s)
+{
+    return s ? mesh_surface_bytes(s->surface) : 0;
+}
+
+void label_surface_sides(const label_surface *s, uint32_t patch, int64_t out[2])
+{
+    const uint32_t kind = mesh_surface_patches(s->surface)->kind[patch];
+    out[0] = s->labels.material[kind >> 16].value;
+    out[1] = s->labels.material[kind & 0xffff].value;
+}
+
+/* The patches between two labels. */
+typedef struct interface {
+    uint32_t kind;
+    size_t components;
+    double area;
+} interface;
+
+static int by_kind(const void *left, const void *right)
+{
+    const interface *a = left, *b = right;
+    return (a->kind > b->kind) - (a->kind < b->kind);
+}
+
+static void put_interfaces(const label_surface *s, json *members)
+{
+    const field_patches *p = mesh_surface_field(s->surface)->patches;
+    const uint32_t *kind = mesh_surface_patches(s->surface)->kind;
+    json *list = json_put_array(members, "interfaces");
+    interface *all = mem_alloc(p->count * sizeof *all);
+    for (size_t k = 0; k < p->count; k++) all[k] = (interface){kind[k], 1, p->patch[k].area};
+    qsort(all, p->count, sizeof *all, by_kind);
+    for (size_t k = 0, n; k < p->count; k = n) {
+        for (n = k + 1; n < p->count && all[n].kind == all[k].kind; n++) {
+            all[k].area += all[n].area;
+            all[k].components++;
+        }
+        json *told = json_append_object(list), *labels = json_put_array(told, "labels");
+        json_append_number(labels, (double)s->labels.material[all[k].kind >> 16].value);
+        json_append_number(labels, (double)s->labels.material[all[k].kind & 0xffff].value);
+        json_put_number(told, "area", all[k].area);
+        json_put_integer(told, "components", (int64_t)all[k].components);
+    }
+    free(all);
+}
+
+void label_surface_describe(const label_surface *s, json *surface)
+{
+    json *members = json_put_object(surface, "labels"), *list = json_put_array(members, "materials");
+    json_put_integer(members, "triangles", (int64_t)mesh_surface_patches(s->surface)->m.triangle_count);
+    for (size_t k = 0; k < s->labels.count; k++) {
+        const label_material *m = &s->labels.material[k];
+        json *material = json_append_object(list);
+        json_put_integer(material, "label", m->value);
+        json_put_integer(material, "voxels", (int64_t)m->voxels);
+        json_put_bool(material, "background", m->background);
+    }
+    put_interfaces(s, members);
+}

@@ -1,0 +1,34 @@
+/* label_surface: the interfaces of a segmentation as patches on the triangles between its labels. */
+#ifndef HEXAD_LABELS_LABEL_SURFACE_H
+#define HEXAD_LABELS_LABEL_SURFACE_H
+
+#include "base/threads.h"
+#include "field/field.h"
+#include "json/json.h"
+#include "labels/label_volume.h"
+
+typedef struct label_surface_request {
+    slices *from; /* the volume; no longer needed once it is open */
+    const spec_labels *spec;
+    double spacing; /* of the points; 0: by their count */
+    double count;
+    size_t memory_limit;
+    threads *pool;
+} label_surface_request;
+
+typedef struct label_surface label_surface;
+
+/* Errors: those of label_volume_read, label_mesh_make and mesh_surface_new; without the path. */
+label_surface *label_surface_open(const label_surface_request *request, error *e);
+void label_surface_close(label_surface *s); /* NULL will do */
+
+const field *label_surface_field(const label_surface *s);
+size_t label_surface_bytes(const label_surface *s); /* 0 for NULL */
+
+/* The labels on both sides of a patch; the normal points from the first to the second. */
+void label_surface_sides(const label_surface *s, uint32_t patch, int64_t out[2]);
+
+/* What a report tells of it: the member `labels`. */
+void label_surface_describe(const label_surface *s, json *surface);
+
+#endif

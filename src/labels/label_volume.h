@@ -1,0 +1,47 @@
+/* label_volume: a segmentation: each voxel has one of some labels. Those that a job tells apart are its materials.
+ *
+ * Ownership: label_volume_free. Threads: none of its own; reading is safe in any number.
+ */
+#ifndef HEXAD_LABELS_LABEL_VOLUME_H
+#define HEXAD_LABELS_LABEL_VOLUME_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/error.h"
+#include "dense/slices.h"
+#include "spec/spec.h"
+
+enum { LABEL_VOLUME_MOST = 65535 }; /* labels */
+/* Values are read as floats, which tell whole numbers apart up to here. */
+#define LABEL_VOLUME_LARGEST 16777216
+
+typedef struct label_material {
+    int64_t value;
+    bool background;
+    uint64_t voxels;         /* in the file */
+    int64_t low[3], high[3]; /* the box of these, in the file's voxels; low > high: there are none */
+} label_material;
+
+typedef struct label_volume {
+    int64_t size[3];             /* with a layer around it where it is closed */
+    double index_to_world[3][4]; /* of voxel (0, 0, 0) of these */
+    uint16_t *at;                /* the material of each voxel, x fastest */
+    size_t count;
+    label_material *material; /* ascending values, the background last: normals point to the later one */
+} label_volume;
+
+/* `memory_limit` bounds what it holds. Errors: input_unsupported (values that are no whole numbers, or too many),
+ * spec_invalid (a label that is chosen and not there), limit_memory, those of the slices; without the path. */
+bool label_volume_read(slices *from, const spec_labels *choice, size_t memory_limit, label_volume *out,
+                       error *e);
+void label_volume_free(label_volume *v); /* a zeroed one will do */
+size_t label_volume_bytes(const label_volume *v);
+
+static inline uint16_t label_volume_at(const label_volume *v, int64_t x, int64_t y, int64_t z)
+{
+    return v->at[(z * v->size[1] + y) * v->size[0] + x];
+}
+
+#endif

@@ -1,0 +1,175 @@
+"""The interfaces of a segmentation, as a user hands it to the worker: each once, with its labels, where the shapes truly
+are; or an error that says what is wrong."""
+import json
+
+import numpy
+import pytest
+from scipy.spatial import cKDTree
+
+from label_shapes import PLAIN, TURNED, Balls, Sectors
+from readers import read_columns
+from volumes import write_nrrd
+
+SIZE, COUNT = 40, 1500
+ON_LINE = 1
+
+
+class Points:
+    def __init__(self, data):
+        table = read_columns(data)
+        self.position, self.normal = (numpy.stack([table[p + a] for a in "xyz"], axis=1) for p in ("", "n"))
+        self.feature, self.label_a, self.label_b = (table[n].astype(int) for n in ("feature", "label_a", "label_b"))
+
+
+@pytest.fixture
+def sample(worker, tmp_path):
+    """Runs a segmentation; the report and the points, or the error and None."""
+    def run(values, count=COUNT, solver=(), **members):
+        write_nrrd(tmp_path / "v.nrrd", values)
+        spec = {"version": 1, "surface": {"labels": {"path": "v.nrrd", **members}}, "sampling": {"count": count},
+                "solver": {"threads": 1, **dict(solver)}, "output": {"preview": False, "mesh": True}}
+        done = worker(spec)
+        if done.returncode not in (0, 10, 11):
+            return json.loads(done.stderr.splitlines()[-1]), None
+        return (json.loads((tmp_path / "out" / "report.json").read_text()),
+                Points((tmp_path / "out" / "points.ply").read_bytes()))
+    return run
+
+
+def interfaces(report):
+    return {tuple(i["labels"]): i for i in report["surface"]["labels"]["interfaces"]}
+
+
+@pytest.mark.parametrize("turn", [PLAIN, TURNED], ids=["plain", "turned"])
+@pytest.mark.parametrize("kind", [Sectors, Balls])
+def test_interfaces_and_lines_lie_where_the_shapes_meet(sample, kind, turn):
+    shape = kind(SIZE, turn)
+    report, points = sample(shape.labels)
+    assert report["outcome"] == "converged"
+    assert report["quality"]["coverage"] < 1 and report["quality"]["hex_fraction"] > 0.9
+    pairs = numpy.stack([points.label_a, points.label_b], axis=1)
+    for pair in interfaces(report):
+        of = (points.feature == 0) & (pairs == pair).all(axis=1)
+        off = shape.off_interface(points.position[of], pair)
+        assert abs(off.mean()) < 0.1 and numpy.sqrt((off ** 2).mean()) < 0.15, pair
+        ahead = shape.off_interface(points.position[of] + points.normal[of], pair)
+        assert (ahead - off).mean() > 0.97, f"normals of {pair} do not point from the first to the second"
+    lines = points.position[points.feature >= ON_LINE]
+    inner = (abs(lines - (SIZE - 1) / 2) < SIZE / 2 - 1).all(axis=1)  # the ends of the data are lines, too
+    assert inner.sum() > 10
+    assert numpy.sqrt((shape.off_lines(lines[inner]) ** 2).mean()) < 0.2
+
+
+def test_areas_are_those_of_the_shapes(sample):
+    shape = Balls(96, TURNED)
+    report, _ = sample(shape.labels, count=300)
+    found = interfaces(report)
+    for pair, area in shape.areas().items():
+        assert found[pair]["area"] == pytest.approx(area, rel=0.005 if pair[0] == 0 else 0.02), pair
+        assert found[pair]["components"] == 1
+
+
+def test_seams_close_and_points_keep_their_distance(sample):
+    report, points = sample(Balls(SIZE).labels, count=3000)
+    edges = report["mesh"]
+    assert edges["boundary_edges"] <= 4 and edges["nonmanifold_edges"] > 0  # a hole of one triangle or two may be left
+    inside = points.feature == 0
+    pairs = points.label_a[inside] * 1000 + points.label_b[inside]
+    trees = {p: cKDTree(points.position[inside][pairs == p]) for p in set(pairs)}
+    for a in trees:
+        for b in trees:
+            if a < b:
+                assert trees[a].query(trees[b].data)[0].min() > 0.6 * report["spacing"]
+    assert len(report["curves"]["list"]) == 4 and report["curves"]["corners"] == 2
+    assert sorted(map(sorted, (c["labels"] for c in report["curves"]["list"]))) == [
+        [0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]
+
+
+def test_a_ball_of_two_labels_is_the_ball(sample):
+    x = numpy.stack(numpy.meshgrid(*3 * [numpy.arange(32.0)], indexing="ij"), -1) - 15.6
+    report, points = sample((numpy.linalg.norm(x, axis=-1) < 10).astype("i4") * -7)
+    off = numpy.linalg.norm(points.position - 15.6, axis=1) - 10
+    assert abs(off.mean()) < 0.05 and numpy.sqrt((off ** 2).mean()) < 0.1
+    assert report["surface"]["area"] == pytest.approx(400 * numpy.pi, rel=0.01)
+    assert set(points.label_a) == {-7} and set(points.label_b) == {0}
+    assert report["quality"]["euler"] == pytest.approx(2) and report["mesh"]["closed"]
+
+
+# ---- which labels
+
+def blocks():
+    """Along x the labels 1, 2, 3, 4, each six voxels wide."""
+    labels = numpy.zeros((24, 12, 12), "u2")
+    for k in range(4):
+        labels[6 * k:6 * k + 6] = k + 1
+    return labels
+
+
+@pytest.mark.parametrize("members, pairs", [
+    ({}, {(1, 2), (2, 3), (3, 4)}),
+    ({"labels": [2]}, {(2, 0)}),
+    ({"labels": [2, 3], "background": 9}, {(2, 3), (2, 9), (3, 9)}),
+    ({"background": 1}, {(2, 1), (2, 3), (3, 4)}),
+    ({"groups": [[2, 3]]}, {(1, 2), (2, 4)}),
+    ({"interfaces": [[3, 2], [3, 4]]}, {(2, 3), (3, 4)}),
+    ({"closed": True}, {(1, 2), (2, 3), (3, 4), (1, -1), (2, -1), (3, -1), (4, -1)}),
+    ({"closed": True, "background": 4}, {(1, 2), (2, 3), (3, 4), (1, 4), (2, 4)}),
+])
+def test_labels_are_chosen_merged_and_closed(sample, members, pairs):
+    report, points = sample(blocks(), count=500, **members)
+    if members == {"closed": True, "background": 4}:
+        pairs = pairs | {(3, 4)}
+    assert set(interfaces(report)) == pairs
+    assert set(zip(points.label_a, points.label_b)) == pairs
+    closed = "closed" in members
+    assert (report["mesh"]["boundary_edges"] == 0) == closed
+
+
+def thin():
+    """A sheet and a thread of one voxel, and one voxel alone."""
+    labels = numpy.zeros((28, 28, 28), "u1")
+    labels[6, 4:24, 4:24], labels[14, 14, 4:24], labels[21, 21, 14] = 1, 2, 3
+    return labels
+
+
+def test_what_is_one_voxel_thin_stays(sample):
+    report, points = sample(thin(), count=2500)
+    found = interfaces(report)
+    assert set(found) == {(0, 1), (0, 2), (0, 3)}
+    sheet = points.position[points.label_b == 1]
+    middle = (abs(sheet[:, 1:] - 13.5) < 7).all(axis=1)
+    assert abs(abs(sheet[middle, 0] - 6) - 0.5).max() < 0.15, "a flat sheet keeps its thickness"
+    thread = points.position[points.label_b == 2]
+    middle = abs(thread[:, 2] - 13.5) < 7
+    assert numpy.linalg.norm(thread[middle, :2] - 14, axis=1).min() > 0.25
+    assert (points.label_b == 3).sum() > 0
+
+
+def test_two_hundred_labels(sample):
+    """Most interfaces are smaller than the spacing: the points are those of lines."""
+    seeds = numpy.random.default_rng(5).uniform(0, 40, (200, 3))
+    x = numpy.stack(numpy.meshgrid(*3 * [numpy.arange(40)], indexing="ij"), -1)
+    report, points = sample(cKDTree(seeds).query(x.reshape(-1, 3))[1].reshape(x.shape[:3]).astype("u2"), count=3000,
+                            solver={"max_sweeps": 60})
+    assert len(report["surface"]["labels"]["materials"]) == 200
+    assert set(zip(points.label_a, points.label_b)) <= set(interfaces(report))
+    assert len(report["patches"]["list"]) == min(1000, report["patches"]["count"])
+
+
+# ---- what cannot be
+
+@pytest.mark.parametrize("values, members, code, words", [
+    (numpy.full((8, 8, 8), 5, "u1"), {}, "no_surface", "all voxels have the label 5"),
+    (numpy.full((8, 8, 8), 0.5, "f4"), {}, "input_unsupported", "0.5 is no label"),
+    (numpy.full((8, 8, 8), 1 << 24, "i4"), {}, "input_unsupported", "is no label"),
+    (blocks(), {"labels": [7]}, "spec_invalid", "names 7"),
+    (blocks(), {"interfaces": [[1, 4]]}, "no_surface", "interfaces names touch"),
+])
+def test_what_has_no_interfaces_is_said(sample, values, members, code, words):
+    error, _ = sample(values, **members)
+    assert error["code"] == code and words in error["message"], error
+
+
+def test_what_fills_all_is_sampled_when_closed(sample):
+    report, points = sample(numpy.full((12, 12, 12), 5, "u1"), count=500, closed=True)
+    assert set(interfaces(report)) == {(5, -1)} and report["mesh"]["boundary_edges"] == 0
