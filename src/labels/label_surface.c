@@ -4,6 +4,8 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "labels/label_mesh.h"
+#include "mesh/mesh_surface.h"
 #include "packing/packing.h"
 
 struct label_surface {

@@ -39,6 +39,7 @@ __all__ = [
     "SurfaceBspline",
     "SurfaceBsplineDomain",
     "SurfaceExr",
+    "SurfaceLabels",
     "SurfaceMesh",
     "SurfaceMeshFeatures",
     "SurfaceOffset",
@@ -416,6 +417,41 @@ class SurfaceVolume(_SurfaceVolumeNeeded, _SurfaceVolumeRest):
     """
 
 
+class _SurfaceLabelsNeeded(TypedDict):
+    path: str
+
+
+class _SurfaceLabelsRest(TypedDict, total=False):
+    grid: str
+    labels: Sequence[float]
+    smooth: float
+    background: int
+    closed: bool
+    groups: Sequence[Sequence[int]]
+    interfaces: Sequence[Sequence[int]]
+
+
+class SurfaceLabels(_SurfaceLabelsNeeded, _SurfaceLabelsRest):
+    """A segmentation: a volume of whole numbers, its labels. The surface is all interfaces between two of
+    them, each once. Points along the lines where three meet, and along the end of the data, come first.
+    Points have the properties label_a and label_b; normals point from the former, the lower one, to the
+    latter.
+
+    path: The file: NRRD, NIfTI, MetaImage, or OpenVDB. It and the files that it names must lie below one of
+        the service's input roots.
+    grid: The name of the grid in an OpenVDB file. Optional if there is only one of whole numbers.
+    labels: The labels that count; the others belong to the background. Default: all.
+    smooth: Stairs shorter than this are smoothed; nothing moves by more than half a voxel along an axis. 0:
+        not at all. (voxels) Default: 8.
+    background: The label of what is no material: it stands second, so that normals point into it. Default:
+        none; where one is needed 0 unless that is one of `labels`, else the number below the least label.
+    closed: true: beyond the end of the data is background, and the end an interface with it. false: the
+        interfaces end there. Default: False.
+    groups: Labels that count as one, the first of their list: [[3, 4], [7, 8, 9]].
+    interfaces: The pairs of labels whose interfaces are sampled: [[1, 2], [2, 3]]. Default: all.
+    """
+
+
 class _SurfaceExrNeeded(TypedDict):
     path: str
     slices: str
@@ -487,6 +523,7 @@ class _SurfaceRest(TypedDict, total=False):
     analytic: Union[Sphere, Torus, Box, Ellipsoid, Quartic, Gyroid, Cylinder, Cone, Capsule, Halfspace]
     bspline: SurfaceBspline
     volume: SurfaceVolume
+    labels: SurfaceLabels
     exr: SurfaceExr
     union: Sequence["Surface"]
     intersection: Sequence["Surface"]
@@ -509,6 +546,10 @@ class Surface(_SurfaceRest):
     volume: A dense volume. The surface is where the volume has the isovalue; larger values are inside. World
         space is that of the file: for NRRD the space that the header names (left-posterior-superior is not
         converted), for NIfTI right-anterior-superior.
+    labels: A segmentation: a volume of whole numbers, its labels. The surface is all interfaces between two
+        of them, each once. Points along the lines where three meet, and along the end of the data, come
+        first. Points have the properties label_a and label_b; normals point from the former, the lower one,
+        to the latter.
     exr: A stack of OpenEXR images as a dense volume. The surface is where the volume has the isovalue; larger
         values are inside. Pixel (x, y) of slice k, counted from 0, lies at origin + voxel_size (x, y, k).
         Rows count downwards in the image. Pixels are numbered by the data window, not by the display window.
