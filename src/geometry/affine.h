@@ -13,6 +13,16 @@ static inline vec3 affine_apply(const double m[3][4], double x, double y, double
                   m[2][0] * x + m[2][1] * y + m[2][2] * z + m[2][3]};
 }
 
+/* The map that applies `inner`, 16 numbers row by row whose last row is 0 0 0 1, and then `outer`. */
+static inline void affine_compose(const double outer[3][4], const double inner[16], double out[3][4])
+{
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 4; j++) {
+            out[i][j] = outer[i][3] * inner[12 + j];
+            for (int k = 0; k < 3; k++) out[i][j] += outer[i][k] * inner[4 * k + j];
+        }
+}
+
 /* The inverse of an invertible map; returns the determinant. */
 static inline double affine_invert(const double m[3][4], double out[3][4])
 {

@@ -13,6 +13,8 @@ static const char what[] = "the patches of the mesh";
 
 /* A triangle whose height is less than this share of its longest side has no normal of its own. */
 static const double least_height = 1e-4;
+/* But it has one where it is as high as this share of the whole mesh, as the sides of a blade: floats tell its plane to 0.01. */
+static const double seen_height = 1e-5;
 /* Such triangles may lie side by side: so often a normal is passed on. */
 enum { MOST_PASSES = 4 };
 
@@ -25,6 +27,7 @@ typedef struct cut {
 typedef struct making {
     mesh *m;
     const mesh_patches_params *params;
+    double extent; /* longest side of the mesh's box */
     mesh_edges edges;
     vec3 *normal; /* of each triangle, unit; zero: it has none */
     bool *is_cut; /* of each edge, at its first side */
@@ -43,18 +46,21 @@ typedef struct making {
 /* ---- which edges are features */
 
 /* The normal of a triangle, and its longest side. A needle has none. */
-static vec3 triangle_normal(const mesh *m, size_t n, int *longest)
+static vec3 triangle_normal(const making *k, size_t n, int *longest)
 {
+    const mesh *m = k->m;
     const uint32_t *t = m->triangle[n];
     const vec3 ab = vec3_sub(m->vertex[t[1]], m->vertex[t[0]]),
                ac = vec3_sub(m->vertex[t[2]], m->vertex[t[0]]), across = vec3_cross(ab, ac);
     double most = 0;
-    for (int k = 0; k < 3; k++) {
-        double length2 = vec3_norm2(vec3_sub(m->vertex[t[(k + 1) % 3]], m->vertex[t[k]]));
-        if (length2 > most) *longest = k;
+    for (int side = 0; side < 3; side++) {
+        double length2 = vec3_norm2(vec3_sub(m->vertex[t[(side + 1) % 3]], m->vertex[t[side]]));
+        if (length2 > most) *longest = side;
         most = fmax(most, length2);
     }
-    return vec3_norm(across) > least_height * most ? vec3_unit(across) : (vec3){0, 0, 0};
+    const double twice = vec3_norm(across);
+    const bool has = twice > least_height * most || twice > seen_height * k->extent * sqrt(most);
+    return has ? vec3_unit(across) : (vec3){0, 0, 0};
 }
 
 static bool has_normal(vec3 n)
@@ -83,16 +89,17 @@ static bool find_normals(making *k, error *e)
     const mesh *m = k->m;
     k->normal = mem_array(m->triangle_count, sizeof *k->normal, what, e);
     if (!k->normal) return false;
+    k->extent = m->triangle_count ? bbox_longest(mesh_box(m)) : 0;
     size_t without = 0;
     int longest = 0;
     for (size_t n = 0; n < m->triangle_count; n++) {
-        k->normal[n] = triangle_normal(m, n, &longest);
+        k->normal[n] = triangle_normal(k, n, &longest);
         without += !has_normal(k->normal[n]);
     }
     for (int pass = 0; without > 0 && pass < MOST_PASSES; pass++)
         for (uint32_t n = 0; n < m->triangle_count; n++) {
             if (has_normal(k->normal[n])) continue;
-            triangle_normal(m, n, &longest);
+            triangle_normal(k, n, &longest);
             bool against;
             const uint32_t *t = m->triangle[n];
             const mesh_side *s = other_side(&k->edges, t[longest], t[(longest + 1) % 3], n, &against);

@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "geometry/affine.h"
+
 static const double HERE[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
 
 typedef struct walk {
@@ -13,15 +15,6 @@ typedef struct walk {
     size_t leaves;
     bool ends_within; /* the region is of several surfaces, of which one is open */
 } walk;
-
-static void place(const double matrix[16], const double to_world[3][4], double out[3][4])
-{
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 4; j++) {
-            out[i][j] = to_world[i][3] * matrix[12 + j];
-            for (int k = 0; k < 3; k++) out[i][j] += to_world[i][k] * matrix[4 * k + j];
-        }
-}
 
 static void push_leaf(walk *w, const source_part *part, const double to_world[3][4], bool inverted)
 {
@@ -45,7 +38,7 @@ static void push(walk *w, const spec_surface *s, const source_part *part, const 
         return;
     }
     memcpy(placed, to_world, sizeof placed);
-    if (s->kind == SPEC_SURFACE_TRANSFORM) place(s->matrix, to_world, placed);
+    if (s->kind == SPEC_SURFACE_TRANSFORM) affine_compose(to_world, s->matrix, placed);
     for (size_t k = 0; k < s->part_count; k++) {
         bool taken = s->kind == SPEC_SURFACE_DIFFERENCE && k > 0;
         push(w, s->parts[k], &part->parts[k], (const double(*)[4])placed, inverted != taken);

@@ -2,12 +2,15 @@
 
 #include <math.h>
 
+#include "source/mesh_clip.h"
 #include "mesh/mesh_edges.h"
 #include "mesh/mesh_file.h"
 #include "packing/packing.h"
 
 /* The longest side of a cell: the spacing, but of few points less, so that normals and sizes are seen. */
 static const double least_cells = 32; /* along the longest side of the mesh */
+/* Of the area: with more the outcome would be unresolved. */
+static const double most_missing = 0.01;
 
 /* Of the points that are asked for; 0: not known before there are features. */
 static double spacing_of(const mesh_source_request *r, double area)
@@ -28,23 +31,49 @@ static bool wants_patches(const spec_mesh *s, const mesh_patches *p)
 {
     if (s->interior == SPEC_INTERIOR_DROP) return false;
     if (!p->closed) return s->holes == SPEC_HOLES_KEEP;
+    for (size_t k = 0; k < p->count; k++)
+        if (p->two_sided[k]) return true; /* a Klein bottle has no inside */
     return s->has_features && p->feature_edges > 0;
 }
 
-/* *made stays empty where the mesh is to be a level set. */
-static bool make_patches(const mesh_source_request *r, const mesh *whole, mesh_notes *notes,
-                         mesh_patches *made, error *e)
+/* Of the mesh as it is, or as it is placed and cut. */
+static bool make_patches(const mesh_source_request *r, const mesh *whole, double feature_angle, bool placed,
+                         mesh_notes *notes, mesh_patches *made, error *e)
+{
+    mesh copy = {0};
+    if (!mesh_copy(whole, &copy, e)) return false;
+    if (placed && r->to_world) mesh_move(&copy, r->to_world);
+    if (placed && r->region && !mesh_clip(&copy, *r->region, e)) {
+        mesh_free(&copy);
+        return false;
+    }
+    const mesh_patches_params params = {
+        .weld = r->spec->weld, .feature_angle = feature_angle, .spacing = spacing_of(r, mesh_area(&copy))};
+    return mesh_patches_make(&copy, &params, notes, made, e);
+}
+
+/* *made stays empty where the mesh is to be a level set. `thin`: it was tried, and shows too little. */
+static bool choose_patches(const mesh_source_request *r, const mesh *whole, bool thin, mesh_notes *notes,
+                           mesh_patches *made, error *e)
 {
     const spec_mesh *s = r->spec;
-    const mesh_patches_params params = {.weld = s->weld,
-                                        .feature_angle =
-                                            s->has_features ? s->feature_angle : MESH_PATCHES_FOUND,
-                                        .spacing = spacing_of(r, mesh_area(whole))};
-    mesh copy = {0};
+    const double angle = s->has_features ? s->feature_angle : MESH_PATCHES_FOUND;
+    mesh_notes as_given = *notes;
+    mesh_patches given = {0};
     if (!r->alone) return true;
-    if (!mesh_copy(whole, &copy, e) || !mesh_patches_make(&copy, &params, notes, made, e)) return false;
-    if (!wants_patches(s, made)) mesh_patches_free(made);
-    return true;
+    if (!make_patches(r, whole, angle, false, &as_given, &given, e)) return false;
+    if (!thin && !wants_patches(s, &given)) {
+        mesh_patches_free(&given);
+        return true;
+    }
+    if (!r->to_world && !r->region) {
+        *made = given;
+        *notes = as_given;
+        return true;
+    }
+    const double found = given.feature_angle;
+    mesh_patches_free(&given);
+    return make_patches(r, whole, found, true, notes, made, e);
 }
 
 /* Makes a copy of a mesh that encloses a volume, as far as that takes no more than filling its holes. */
@@ -78,16 +107,35 @@ static volume *open_level_set(const mesh_source_request *r, const mesh *whole, c
     return v;
 }
 
+/* Whether a level set with voxels of our choice, or the lack of one, leaves out more than may be missing of a surface. */
+static bool is_too_thin(const mesh_source_request *r, const volume *v, const error *e)
+{
+    const spec_mesh *s = r->spec;
+    if (!r->alone || s->interior == SPEC_INTERIOR_DROP || s->voxel_size > 0 || s->resolution > 0)
+        return false;
+    return v ? volume_describe(v)->fidelity.thin > most_missing : e->code == ERROR_NO_SURFACE;
+}
+
 static bool open_read(const mesh_source_request *r, const mesh *whole, const mesh_notes *read,
                       volume **as_volume, mesh_surface **as_patches, mesh_notes *notes, error *e)
 {
     mesh_patches patches = {0};
     mesh_notes about = *read;
-    if (!make_patches(r, whole, &about, &patches, e)) return error_prefix(e, "%s", r->as_volume.path);
+    if (!choose_patches(r, whole, false, &about, &patches, e))
+        return error_prefix(e, "%s", r->as_volume.path);
     if (patches.count == 0) {
         volume *opened = open_level_set(r, whole, read, e);
-        if (opened) *as_volume = opened;
-        return opened != NULL;
+        const bool thin = is_too_thin(r, opened, e);
+        if (!thin && opened) *as_volume = opened;
+        if (!thin && !opened && !r->alone && e->code == ERROR_INPUT_UNSUPPORTED)
+            error_prefix(
+                e,
+                "a mesh that is combined, moved by an offset or cut by a surface must be closed; an open one may be placed, or cut by a box");
+        if (!thin) return opened != NULL;
+        volume_close(opened);
+        if (!choose_patches(r, whole, true, &about, &patches, e))
+            return error_prefix(e, "%s", r->as_volume.path);
+        mesh_note(&about, "the mesh is thinner than voxels can be: it is sampled on its triangles");
     }
     if (patches.open_edges)
         mesh_note(&about,

@@ -12,12 +12,15 @@
 
 typedef struct mesh_source_request {
     const spec_mesh *spec;
-    bool alone; /* the mesh is all of the surface: it may be one of patches */
+    bool
+        alone; /* the mesh is all of the surface, or of what is placed or cut by a box: it may be one of patches */
+    const double (*to_world)[4]; /* places it, where it is one of patches; or NULL */
+    const bbox *region;          /* cuts it, likewise */
     volume_mesh_request as_volume;
 } mesh_source_request;
 
-/* One of the two comes out: the patches of a mesh that is open, or whose sharp edges are asked for, else a volume. *notes are about the
- * patches. Errors: those of volume_open_mesh and mesh_surface_new, prefixed with the path; outputs are untouched then. */
+/* One of the two comes out: the patches of a mesh that is open, or has no inside, or whose sharp edges are asked for, or that is too
+ * thin for a level set; else a volume. Patches are placed and cut, a volume is not. *notes are about the patches. Errors: those of volume_open_mesh and mesh_surface_new, prefixed with the path; outputs are untouched then. */
 bool mesh_source_open(const mesh_source_request *request, volume **as_volume, mesh_surface **as_patches,
                       mesh_notes *notes, error *e);
 

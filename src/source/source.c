@@ -83,6 +83,9 @@ typedef struct opening {
     const spec *spec;
     size_t leaves; /* formulas, volumes and meshes among which the points are shared */
     bbox bounds;   /* where a half-space is asked for, in the space of the part at hand */
+    bool direct;   /* the part at hand is all of the surface, or all of what is placed */
+    bool placed;   /* by this, in the world; of direct parts alone */
+    double to_world[3][4];
 } opening;
 
 static size_t memory_left(const opening *o)
@@ -174,9 +177,12 @@ static volume *open_grid(const spec_vdb *v, double offset, int fd, const opening
 
 static bool open_mesh(const spec_mesh *m, double offset, int fd, const opening *o, source_part *out, error *e)
 {
+    const bbox cut = {o->spec->region.min, o->spec->region.max};
     const mesh_source_request request = {
         .spec = m,
-        .alone = out == &o->source->whole && !o->spec->has_region && offset == 0,
+        .alone = o->direct && !o->spec->region_inside && offset == 0,
+        .to_world = o->placed ? (const double(*)[4])o->to_world : NULL,
+        .region = o->spec->has_region ? &cut : NULL,
         .as_volume = {.fd = fd,
                       .path = m->path,
                       .resolution = {.voxel_size = m->voxel_size,
@@ -357,6 +363,7 @@ static bool open_combination(const spec_surface *s, double offset, const opening
                                   : s->kind == SPEC_SURFACE_INTERSECTION ? COMBINATION_INTERSECTION
                                                                          : COMBINATION_DIFFERENCE;
     opening inner = *o;
+    inner.direct = false;
     for (size_t n = 0; n < 2 * s->part_count; n++) { /* those without an end last: others bound them */
         size_t k = n % s->part_count;
         if (spec_surface_is_bounded(s->parts[k]) != (n < s->part_count)) continue;
@@ -408,6 +415,15 @@ static bbox bounds_within(bbox bounds, const double matrix[16])
     return box;
 }
 
+/* What a matrix adds to those around it. */
+static void place_within(opening *o, const double matrix[16])
+{
+    double placed[3][4];
+    affine_compose((const double(*)[4])o->to_world, matrix, placed);
+    memcpy(o->to_world, placed, sizeof placed);
+    o->placed = true;
+}
+
 static bool open_placement(const spec_surface *s, double offset, const opening *o, source_part *out, error *e)
 {
     double scale = scale_of(s->matrix);
@@ -417,11 +433,14 @@ static bool open_placement(const spec_surface *s, double offset, const opening *
                          "its matrix must be a rotation or mirror, times a number");
     opening inner = *o;
     inner.bounds = bounds_within(o->bounds, s->matrix);
+    place_within(&inner, s->matrix);
     if (!open_part(s->parts[0], offset != 0 ? offset / scale : 0, &inner, &out->parts[0], e)) return false;
-    out->placement = makes_patches(o->spec) ? placement_new_view(out->parts[0].field, s->matrix)
-                                            : placement_new(out->parts[0].field, s->matrix, e);
+    const bool any = makes_patches(o->spec) || out->parts[0].field->patches;
+    out->placement = any ? placement_new_view(out->parts[0].field, s->matrix)
+                         : placement_new(out->parts[0].field, s->matrix, e);
     if (!out->placement) return false;
-    out->field = placement_field(out->placement);
+    /* a mesh of patches is placed already */
+    out->field = out->parts[0].field->patches ? out->parts[0].field : placement_field(out->placement);
     return true;
 }
 
@@ -487,6 +506,7 @@ static bool open_all(const spec *s, const opening *o, error *e)
     source *out = o->source;
     opening of_surface = *o, of_region = *o;
     if (!s->region_inside) return open_part(&s->surface, 0, o, &out->whole, e);
+    of_region.direct = false;
     const bool bounded = spec_surface_is_bounded(&s->surface);
     if (bounded && !open_part(&s->surface, 0, o, &out->whole, e)) return false;
     if (bounded) of_region.bounds = beyond(out->whole.field->domain);
@@ -501,19 +521,21 @@ bool source_open(const spec *s, const store_roots *roots, size_t memory, isa ker
                  source *out, error *e)
 {
     *out = (source){.roots = roots};
-    const opening o = {memory,
-                       kernels,
-                       pool,
-                       out,
-                       s,
-                       count_leaves(&s->surface),
-                       beyond((bbox){s->region.min, s->region.max})};
+    const opening o = {.memory = memory,
+                       .kernels = kernels,
+                       .pool = pool,
+                       .source = out,
+                       .spec = s,
+                       .leaves = count_leaves(&s->surface),
+                       .bounds = beyond((bbox){s->region.min, s->region.max}),
+                       .direct = true,
+                       .to_world = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
     if (!open_all(s, &o, e) || (s->has_grid && !open_map(s, &o, e))) return false;
     out->field = out->whole.field;
     if (makes_patches(s)) {
         if (!(out->creased = creased_source_open(s, &out->whole, &out->inside, e))) return false;
         out->field = creased_field(out->creased);
-    } else if (s->has_region) {
+    } else if (s->has_region && !out->field->patches) {
         out->region = region_new(out->field, (bbox){s->region.min, s->region.max}, e);
         if (!out->region) return out->input_count ? error_prefix(e, "%s", out->inputs[0].path) : false;
         out->field = region_field(out->region);
@@ -604,8 +626,9 @@ static void describe_parts(const source_part *p, json *members, json **list, jso
 {
     for (size_t k = 0; k < p->part_count; k++) {
         const source_part *part = &p->parts[k];
-        if (part->volume && !*list) *list = json_put_array(members, "parts");
+        if ((part->volume || part->mesh) && !*list) *list = json_put_array(members, "parts");
         if (part->volume) describe_volume(volume_describe(part->volume), json_append_object(*list), warnings);
+        if (part->mesh) mesh_source_describe(part->mesh, &part->notes, json_append_object(*list), warnings);
         describe_parts(part, members, list, warnings);
     }
 }

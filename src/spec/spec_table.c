@@ -611,7 +611,7 @@ const spec_row spec_rows[] = {
      UNSTORED,
      .prose = "A surface transformed by a matrix: moved, rotated, mirrored, scaled or sheared. Boundaries "
               "lie along the world's axes, so the matrix of an open surface may only exchange, flip and "
-              "scale axes, and translate."},
+              "scale axes, and translate; with features, and of an open mesh, it may be any."},
     {.pointer = "/surface/transform/surface",
      .type = SPEC_TYPE_SURFACE,
      .flags = SPEC_REQUIRED,

@@ -231,6 +231,38 @@ def test_a_blade_is_whole(worker, tmp_path, diagnose):
     assert numpy.abs(at[:, 2] / BLADE[2] - 0.5).max() <= 0.501 and strips.min() >= 80 and strips.max() <= 120
 
 
+def test_a_blade_thinner_than_voxels(worker, tmp_path):
+    """On its triangles, whose narrow ones have a normal still: six faces, twelve edges, and nothing in between."""
+    sides = (1, 0.05, 0.9e-4)
+    turn = blade(tmp_path / "blade.obj", sides)
+    assert worker(mesh("blade.obj", 2000)).returncode == 0
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    points = Points((tmp_path / "out" / "points.ply").read_bytes())
+    at = points.position @ turn / sides
+    assert report["surface"]["mesh"]["patches"] == 6 and report["surface"]["mesh"]["curves"] == 12
+    assert report["count"] == 2000 and report["quality"]["lost"] == 0 and report["quality"]["coverage"] < 0.8
+    assert numpy.abs(numpy.abs(at[:, 2] - 0.5) - 0.5).max() < 0.01 and 900 < (at[:, 2] > 0.5).sum() < 1100
+
+
+def test_a_klein_bottle(worker, tmp_path):
+    """It has no inside: all of it is sampled, on its triangles."""
+    u, v = (2 * numpy.pi * numpy.arange(n) / n for n in (96, 48))
+    a, b = numpy.meshgrid(u, v, indexing="ij")
+    out = 2 + numpy.cos(a / 2) * numpy.sin(b) - numpy.sin(a / 2) * numpy.sin(2 * b)
+    place = numpy.stack([out * numpy.cos(a), out * numpy.sin(a), numpy.sin(a / 2) * numpy.sin(b) + numpy.cos(a / 2) * numpy.sin(2 * b)])
+    index = numpy.arange(96 * 48).reshape(96, 48)
+    beyond = numpy.concatenate([index[1:], index[:1, -numpy.arange(48) % 48]])  # upside down, from the last column to the first
+    quads = numpy.stack([index, beyond, numpy.roll(beyond, -1, 1), numpy.roll(index, -1, 1)], 2).reshape(-1, 4) + 1
+    (tmp_path / "klein.obj").write_text("\n".join(["v %.9g %.9g %.9g" % tuple(p) for p in place.reshape(3, -1).T] +
+                                                  ["f %d %d %d\nf %d %d %d" % (*q[:3], q[0], *q[2:]) for q in quads]))
+    assert worker(mesh("klein.obj", 3000)).returncode in (0, 11)
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    truth = Mesh(tmp_path / "klein.obj")
+    assert report["surface"]["mesh"]["two_sided_patches"] == 1 and report["surface"]["mesh"]["curves"] == 0
+    assert report["count"] == 3000 and report["quality"]["lost"] == 0 and report["quality"]["coverage"] < 0.8
+    assert report["surface"]["area"] == pytest.approx(truth.areas.sum(), rel=1e-6)
+
+
 def boxes(path, *spans):
     """Boxes along the axes, each from low to high."""
     corners = [[[low, high][x], [low, high][y], [low, high][z]] for low, high in spans
@@ -238,6 +270,42 @@ def boxes(path, *spans):
     quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     path.write_text("\n".join(["v %r %r %r" % tuple(v) for v in corners]
                               + ["f " + " ".join(str(8 * n + k + 1) for k in q) for n in range(len(spans)) for q in quads]))
+
+
+FLAT = [("v", x / 8, y / 8, 0) for x in range(9) for y in range(9)]
+
+
+def sheet(path):
+    """The unit square at z = 0, facing up."""
+    faces = [(9 * x + y + 1, 9 * x + y + 10, 9 * x + y + 11, 9 * x + y + 2) for x in range(8) for y in range(8)]
+    path.write_text("\n".join("v %r %r %r" % v[1:] for v in FLAT) + "\n" + "\n".join("f %d %d %d %d" % f for f in faces))
+
+
+def test_an_open_mesh_is_placed_and_cut(worker, tmp_path):
+    """By any matrix, mirrors too, which leave up what was up; and by the faces of a box, on which there are rows."""
+    sheet(tmp_path / "sheet.obj")
+    turn, _ = numpy.linalg.qr(numpy.random.default_rng(3).normal(size=(3, 3)))
+    turn *= -numpy.sign(numpy.linalg.det(turn))
+    matrix = [float(x) for row in numpy.c_[2 * turn, [1, 2, 3]] for x in row] + [0, 0, 0, 1]
+    spec = mesh("sheet.obj", 500)
+    spec["surface"] = {"transform": {"surface": spec["surface"], "matrix": matrix}}
+    assert worker(spec).returncode == 0
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    points = Points((tmp_path / "out" / "points.ply").read_bytes())
+    at, up = (points.position - [1, 2, 3]) @ turn / 2, points.normal @ turn
+    assert report["surface"]["area"] == pytest.approx(4) and numpy.abs(at[:, 2]).max() < 1e-6 and up[:, 2].min() > 0.999
+    assert at[:, :2].min() > -1e-6 and at[:, :2].max() < 1 + 1e-6
+    spec = mesh("sheet.obj", 500)
+    spec["region"] = {"min": [0.3, -1, -1], "max": [2, 0.45, 1]}
+    assert worker(spec).returncode == 0
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    at = Points((tmp_path / "out" / "points.ply").read_bytes()).position
+    assert report["surface"]["area"] == pytest.approx(0.7 * 0.45) and report["count"] == 500
+    assert (numpy.abs(at[:, 0] - 0.3) < 1e-6).sum() > 10 and (numpy.abs(at[:, 1] - 0.45) < 1e-6).sum() > 15
+    assert at[:, 0].min() > 0.3 - 1e-6 and at[:, 1].max() < 0.45 + 1e-6
+    spec["region"]["min"][2] = 0.5
+    done = worker(spec)
+    assert done.returncode == 4 and "inside of the region" in done.stderr
 
 
 def test_points_do_not_land_on_what_is_hidden(worker, tmp_path):

@@ -510,7 +510,8 @@ class _SurfaceTransformNeeded(TypedDict):
 
 class SurfaceTransform(_SurfaceTransformNeeded):
     """A surface transformed by a matrix: moved, rotated, mirrored, scaled or sheared. Boundaries lie along
-    the world's axes, so the matrix of an open surface may only exchange, flip and scale axes, and translate.
+    the world's axes, so the matrix of an open surface may only exchange, flip and scale axes, and translate;
+    with features, and of an open mesh, it may be any.
 
     surface: The surface to transform.
     matrix: An invertible matrix as 16 numbers, row by row, for column vectors. The last row is 0, 0, 0, 1.
@@ -565,7 +566,7 @@ class Surface(_SurfaceRest):
         Edges of a combination stay sharp. The band of a level set must be wide enough for the offset.
     transform: A surface transformed by a matrix: moved, rotated, mirrored, scaled or sheared. Boundaries lie
         along the world's axes, so the matrix of an open surface may only exchange, flip and scale axes, and
-        translate.
+        translate; with features, and of an open mesh, it may be any.
     """
 
 
