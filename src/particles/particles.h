@@ -40,6 +40,12 @@ static inline const field *particles_field(const particles *p, const field *f, s
     return p->patch ? field_of_patch(f, p->patch[i]) : f;
 }
 
+/* Its patch; 0 where there are none. */
+static inline uint32_t particles_patch(const particles *p, size_t i)
+{
+    return p->patch ? p->patch[i] : 0;
+}
+
 static inline bool particles_is_two_sided(const particles *p, size_t i)
 {
     return p->patch && p->patches->patch[p->patch[i]].two_sided;

@@ -20,12 +20,14 @@ static double amplitude(const sampler *s, double kappa)
     return s->setup.params.gamma + 1 / (pow(k, s->setup.params.d) + s->setup.params.nu);
 }
 
-bool sampler_amplitude_at(const sampler *s, const field *f, vec3 x, vec3 normal, double *alpha)
+bool sampler_amplitude_at(const sampler *s, const field *f, uint32_t patch, vec3 x, vec3 normal,
+                          double *alpha)
 {
     double kappa1, kappa2;
     field_sample sample;
     if (s->setup.params.curvature) {
-        *alpha = amplitude(s, scaled_curvature_at(s->setup.params.curvature, x, normal, &kappa1, &kappa2));
+        *alpha =
+            amplitude(s, scaled_curvature_at(s->setup.params.curvature, x, normal, patch, &kappa1, &kappa2));
         return true;
     }
     if (!field_sample_at(f, x, FIELD_HESSIAN, &sample)) return false;
@@ -65,7 +67,9 @@ static void amplitude_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t i = begin; i < end; i++) {
         double before = p->alpha[i];
         const field *f = particles_field(p, job->s->setup.field, i);
-        if (!sampler_amplitude_at(job->s, f, p->position[i], p->normal[i], &p->alpha[i])) continue;
+        if (!sampler_amplitude_at(job->s, f, particles_patch(p, i), p->position[i], p->normal[i],
+                                  &p->alpha[i]))
+            continue;
         double change = p->alpha[i] / before - 1;
         squares += change * change;
     }

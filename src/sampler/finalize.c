@@ -69,7 +69,9 @@ static void finalize_particle(sampler *s, size_t i)
     s->scratch.residual[i] = residual;
     s->state.p->position[i] = x;
     s->state.p->normal[i] = vec3_scale(sample.gradient, 1 / length);
-    if (s->setup.params.graded) sampler_amplitude_at(s, f, x, s->state.p->normal[i], &s->state.p->alpha[i]);
+    if (s->setup.params.graded)
+        sampler_amplitude_at(s, f, particles_patch(s->state.p, i), x, s->state.p->normal[i],
+                             &s->state.p->alpha[i]);
 }
 
 static void finalize_chunk(void *context, int worker, size_t begin, size_t end)
@@ -152,8 +154,9 @@ static void curvature_chunk(void *context, int worker, size_t begin, size_t end)
         field_sample sample;
         double kappa1, kappa2;
         if (s->setup.params.curvature)
-            s->record.column[4 * n + i] = scaled_curvature_at(
-                s->setup.params.curvature, s->state.p->position[i], s->state.p->normal[i], &kappa1, &kappa2);
+            s->record.column[4 * n + i] =
+                scaled_curvature_at(s->setup.params.curvature, s->state.p->position[i], s->state.p->normal[i],
+                                    particles_patch(s->state.p, i), &kappa1, &kappa2);
         const field *f = particles_field(s->state.p, s->setup.field, i);
         if (!field_sample_at(f, s->state.p->position[i], FIELD_HESSIAN, &sample)) continue;
         s->record.column[i] =

@@ -90,8 +90,9 @@ struct sampler {
     sampler_record record;
 };
 
-/* (14) at a place of the surface, or of the patch whose field is f, with its normal. False, *alpha untouched, where the field has no curvature. */
-bool sampler_amplitude_at(const sampler *s, const field *f, vec3 x, vec3 normal, double *alpha);
+/* (14) at a place of the surface, or of a patch whose field is f, with its normal. False, *alpha untouched, where the field has no curvature. */
+bool sampler_amplitude_at(const sampler *s, const field *f, uint32_t patch, vec3 x, vec3 normal,
+                          double *alpha);
 
 /* Amplitudes of the particles where they are; returns the rms of their relative change. */
 double sampler_renew_amplitudes(sampler *s);

@@ -127,7 +127,8 @@ static double amplitude_scale(const sampler *s)
         vec3 x = surface_point(s->setup.scan, s->setup.scan->area_before,
                                (k + 0.5) / SCALE_SAMPLES * s->setup.scan->area, &r);
         if (!field_sample_at(s->setup.field, x, FIELD_GRADIENT, &sample) ||
-            !sampler_amplitude_at(s, s->setup.field, x, vec3_unit(sample.gradient), &alpha))
+            !sampler_amplitude_at(s, s->setup.field, SCALED_CURVATURE_ALL, x, vec3_unit(sample.gradient),
+                                  &alpha))
             continue;
         sum += 1 / (alpha * alpha);
         found++;
@@ -206,8 +207,8 @@ static void velocity_chunk(void *context, int worker, size_t begin, size_t end)
         double g2 = vec3_norm2(sample.gradient);
         if (!(g2 > 0)) continue;
         if (s->setup.params.graded)
-            sampler_amplitude_at(s, s->setup.field, x, vec3_scale(sample.gradient, 1 / sqrt(g2)),
-                                 &s->state.p->alpha[i]);
+            sampler_amplitude_at(s, s->setup.field, SCALED_CURVATURE_ALL, x,
+                                 vec3_scale(sample.gradient, 1 / sqrt(g2)), &s->state.p->alpha[i]);
         double along = (vec3_dot(sample.gradient, t->push) + w->params.phi * sample.value) / g2;
         w->velocity[i] = vec3_axpy(-along, sample.gradient, t->push);
     }

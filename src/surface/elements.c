@@ -18,16 +18,17 @@ elements_cube elements_cube_of(const elements *s, vec3 x)
     return (elements_cube){{(int32_t)floor(u.x), (int32_t)floor(u.y), (int32_t)floor(u.z)}};
 }
 
-uint32_t elements_find(const elements *s, vec3 x, vec3 normal)
+uint32_t elements_find(const elements *s, vec3 x, vec3 normal, uint32_t patch)
 {
     int direction = direction_of(normal);
     uint32_t k = elements_first(s, elements_cube_of(s, x), 0, 0, 0);
-    while (k != BLOCK_MAP_NONE && s->element[k].direction != direction) k = s->element[k].next;
+    while (k != BLOCK_MAP_NONE && (s->element[k].direction != direction || s->element[k].patch != patch))
+        k = s->element[k].next;
     return k;
 }
 
-/* The element of a cube and a direction, new if there is none. */
-static element *element_of(elements *s, vec3 position, vec3 normal, error *e)
+/* The element of a cube, a direction and a patch, new if there is none. */
+static element *element_of(elements *s, vec3 position, vec3 normal, uint32_t patch, error *e)
 {
     elements_cube at = elements_cube_of(s, position);
     uint32_t before = s->map.count, number;
@@ -35,9 +36,10 @@ static element *element_of(elements *s, vec3 position, vec3 normal, error *e)
     if (!block_map_find_or_add(&s->map, at.at[0], at.at[1], at.at[2], &number, e)) return NULL;
     if (number == before) s->first[number] = BLOCK_MAP_NONE;
     for (uint32_t k = s->first[number]; k != BLOCK_MAP_NONE; k = s->element[k].next)
-        if (s->element[k].direction == direction) return &s->element[k];
+        if (s->element[k].direction == direction && s->element[k].patch == patch) return &s->element[k];
     element *n = &s->element[s->count];
     n->direction = direction;
+    n->patch = patch;
     n->next = s->first[number];
     s->first[number] = s->count++;
     return n;
@@ -56,7 +58,8 @@ bool elements_make(const surface *scan, const cell_samples *sample, double edge,
     for (size_t k = 0; k < scan->cells; k++) {
         double area = surface_cell_area(scan, k);
         if (!sample->found[k] || !(area > 0)) continue;
-        element *n = element_of(s, sample->position[k], sample->normal[k], e);
+        element *n = element_of(s, sample->position[k], sample->normal[k],
+                                surface_cell_patch(scan, k, sample->position[k]), e);
         if (!n) return false;
         n->area += area;
         n->position = vec3_axpy(area, sample->position[k], n->position);

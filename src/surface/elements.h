@@ -1,5 +1,5 @@
 /* elements: the surface in coarse pieces: the mean place, normal and area of what of it lies in a cube, one piece for each
- * of six directions of the normal, so that sheets that face each other are told apart. World units. Immutable once made,
+ * of six directions of the normal, so that sheets that face each other are told apart, and for each patch. World units. Immutable once made,
  * safe in any thread. */
 #ifndef HEXAD_SURFACE_ELEMENTS_H
 #define HEXAD_SURFACE_ELEMENTS_H
@@ -16,7 +16,8 @@ typedef struct element {
     double area;
     vec3 position, normal; /* means over the area; the normal is a unit vector */
     int direction;
-    uint32_t next; /* of the same cube, or BLOCK_MAP_NONE */
+    uint32_t patch; /* 0 where there are none */
+    uint32_t next;  /* of the same cube, or BLOCK_MAP_NONE */
 } element;
 
 typedef struct elements {
@@ -45,7 +46,7 @@ static inline uint32_t elements_first(const elements *s, elements_cube from, int
     return number == BLOCK_MAP_NONE ? BLOCK_MAP_NONE : s->first[number];
 }
 
-/* The element that a sample at x with this normal went into, or BLOCK_MAP_NONE. */
-uint32_t elements_find(const elements *s, vec3 x, vec3 normal);
+/* The element that a sample at x with this normal, of this patch, went into, or BLOCK_MAP_NONE. */
+uint32_t elements_find(const elements *s, vec3 x, vec3 normal, uint32_t patch);
 
 #endif

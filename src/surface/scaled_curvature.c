@@ -63,6 +63,7 @@ static void add_to_fit(void *context, uint32_t number, double squared)
 {
     fit *f = context;
     const element *m = f->middle, *other = &f->c->elements.element[number];
+    if (other->patch != m->patch) return;
     double w =
         other->area * facing_weight(m->normal, other->normal) * exp(-squared / (f->c->scale * f->c->scale));
     vec3 x = vec3_sub(other->position, m->position), n = vec3_sub(other->normal, m->normal);
@@ -147,6 +148,7 @@ double scaled_curvature_scale(const scaled_curvature *c)
 typedef struct blend {
     const scaled_curvature *c;
     vec3 normal;
+    uint32_t patch;
     double over; /* 1 / width^2 of the weights */
     double weight, kappa1, kappa2;
 } blend;
@@ -155,16 +157,18 @@ static void add_to_blend(void *context, uint32_t number, double squared)
 {
     blend *b = context;
     const element *other = &b->c->elements.element[number];
+    if (b->patch != SCALED_CURVATURE_ALL && other->patch != b->patch) return;
     double w = other->area * facing_weight(b->normal, other->normal) * exp(-squared * b->over);
     b->weight += w;
     b->kappa1 += w * b->c->kappa1[number];
     b->kappa2 += w * b->c->kappa2[number];
 }
 
-double scaled_curvature_at(const scaled_curvature *c, vec3 x, vec3 normal, double *kappa1, double *kappa2)
+double scaled_curvature_at(const scaled_curvature *c, vec3 x, vec3 normal, uint32_t patch, double *kappa1,
+                           double *kappa2)
 {
     double edge = c->elements.edge;
-    blend b = {.c = c, .normal = normal, .over = 4 / (edge * edge)};
+    blend b = {.c = c, .normal = normal, .patch = patch, .over = 4 / (edge * edge)};
     visit_around(c, x, 1, 2 * edge, add_to_blend, &b);
     *kappa1 = b.weight > 0 ? b.kappa1 / b.weight : 0;
     *kappa2 = b.weight > 0 ? b.kappa2 / b.weight : 0;

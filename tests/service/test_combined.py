@@ -167,6 +167,14 @@ def test_sharp_edges_have_rows_of_points(sample, tmp_path, diagnose):
     assert numpy.abs(off).max() < 0.15 * h
 
 
+def test_curvature_does_not_look_across_an_edge(sample):
+    """The faces of a cube are flat up to its edges, at any scale."""
+    report, points = sample({"analytic": {"shape": "box", "center": [0, 0, 0], "half_size": [1, 1, 1]}}, features=True,
+                            sampling={"count": 1500, "alpha": {"d": 1}})
+    assert report["alpha"]["scale"] > report["spacing"]
+    assert numpy.abs(points.kappa_scale).max() < 1e-9 and numpy.ptp(points.alpha) < 1e-9
+
+
 def test_a_region_ends_in_rows(sample):
     """The upper part of a sphere, and of an open surface that is turned, which only patches can be."""
     above = {"min": [-2, -2, 0.1], "max": [2, 2, 2]}

@@ -45,7 +45,7 @@ static double look(const probe *p, vec3 x, double *kappa1, double *kappa2)
     vec3 normal = {0, 0, 1};
     const projection_limits limits = {20, 1e-9, 1e-9, 1e-6};
     assert_true(projection_find(p->f, &limits, &x, &normal));
-    return scaled_curvature_at(p->c, x, normal, kappa1, kappa2);
+    return scaled_curvature_at(p->c, x, normal, SCALED_CURVATURE_ALL, kappa1, kappa2);
 }
 
 static void sphere_has_one_over_r_at_any_scale(void **state)
