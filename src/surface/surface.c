@@ -49,6 +49,8 @@ static const double CLIP_BULGE = 0.1;
 static const int SLIDE_STEPS = 4;
 /* A triangle and six planes. */
 #define CLIP_CORNERS 9
+/* Triangles with less than this of the area that a cell's parts have are not drawn from. */
+static const double LITTLE = 0.1;
 /* Draws for a point of a triangle that lies in the domain, before any point of it does. */
 static const int INSIDE_DRAWS = 200;
 
@@ -512,6 +514,17 @@ static double measure_cell(const surface *s, size_t index, shared_edge *shared, 
     return area;
 }
 
+/* Whether a cell's triangles hold little of its area: where a corner is all but on the surface they may be as good as one
+ * point, and all that is drawn from them lies there. */
+static bool are_specks(const triangulation *t, double area)
+{
+    double flat = 0;
+    for (int i = 0; i < t->count; i++)
+        flat += 0.5 * vec3_norm(vec3_cross(vec3_sub(t->at[i][1].position, t->at[i][0].position),
+                                           vec3_sub(t->at[i][2].position, t->at[i][0].position)));
+    return flat < LITTLE * area;
+}
+
 /* The triangles to draw points from. How the area of a bent cell is shared out among them matters little: what is
  * there is no larger than the cell. */
 static void draw_triangles(const surface *s, size_t index, triangulation *out)
@@ -524,6 +537,7 @@ static void draw_triangles(const surface *s, size_t index, triangulation *out)
     cut_cell(&way, out);
     const bool whole = is_whole(f, &cell),
                rough = whole && !f->sharp && (cell.grazed || is_bent(out, f->cell_size));
+    if (whole && are_specks(out, s->area_before[index + 1] - s->area_before[index])) out->count = 0;
     if (whole && out->count == 0) measure_parts(f, &cell, out);
     for (int i = 0; i < out->count; i++) {
         bbox box = bbox_empty();

@@ -371,6 +371,19 @@ def test_where_the_data_end_the_surface_is_open(sample, tmp_path):
     assert report["quality"]["rim_count"] > 0 and report["quality"]["lost"] == 0
 
 
+@pytest.mark.parametrize("period, isovalue", [(37, 3), (61, 5)])
+def test_samples_that_are_the_isovalue(worker, tmp_path, period, isovalue):
+    """A cell whose corner they are may have all its triangles there: it had all its points there, too."""
+    i, j, k = numpy.meshgrid(*[numpy.arange(14)] * 3, indexing="ij")
+    a, b, c = (5, 11, 23) if period == 37 else (3, 10, 19)
+    write_nrrd(tmp_path / "rough.nrrd", ((a * i * i + b * j * j + c * k * k + 5 * i * j + 3 * j * k) % period).astype("u1"))
+    done = worker({"version": 1, "surface": {"volume": {"path": str(tmp_path / "rough.nrrd"), "isovalue": isovalue}},
+                   "sampling": {"count": 2000}, "output": {"preview": False}})
+    assert done.returncode in (0, 10, 11), done.stderr
+    points = Points((tmp_path / "out" / "points.ply").read_bytes())
+    assert cKDTree(points.position).query(points.position, k=2)[0][:, 1].min() > 0.3 * points.spacing.max()
+
+
 def test_a_ball_of_a_few_voxels(worker, tmp_path):
     """Its area is that of the triangles between its points, and it is covered however many these are."""
     x = numpy.arange(9) - 4
