@@ -27,21 +27,34 @@ static int floor_div8(int v)
     return v >= 0 ? v / SIDE : -((SIDE - 1 - v) / SIDE);
 }
 
-bool samples_plan(const crossings *c, int reach, block_map *map, error *e)
+/* How far a block lies from a range of its axis' corners. */
+static int gap(int block, int low, int high)
 {
+    const int first = block * SIDE, last = first + SIDE - 1;
+    return first > high ? first - high : last < low ? low - last : 0;
+}
+
+bool samples_plan(const crossings *c, int reach, int path, block_map *map, error *e)
+{
+    const int far = reach > path ? reach : path;
     for (size_t i = 0; i < c->count; i++) {
         const crossing_block *b = &c->blocks[i];
         int first[3], last[3];
         for (int axis = 0; axis < 3; axis++) {
-            first[axis] = floor_div8(b->low[axis] - reach);
-            last[axis] = floor_div8(b->high[axis] + 1 + reach);
+            first[axis] = floor_div8(b->low[axis] - far);
+            last[axis] = floor_div8(b->high[axis] + 1 + far);
         }
         for (int x = first[0]; x <= last[0]; x++)
             for (int y = first[1]; y <= last[1]; y++)
-                for (int z = first[2]; z <= last[2]; z++)
+                for (int z = first[2]; z <= last[2]; z++) {
+                    const int away[3] = {gap(x, b->low[0], b->high[0] + 1), gap(y, b->low[1], b->high[1] + 1),
+                                         gap(z, b->low[2], b->high[2] + 1)};
+                    const bool near = away[0] <= reach && away[1] <= reach && away[2] <= reach;
+                    if (!near && away[0] + away[1] + away[2] > path) continue;
                     if (!block_map_find_or_add(map, b->block[0] + x, b->block[1] + y, b->block[2] + z, NULL,
                                                e))
                         return false;
+                }
     }
     return true;
 }
@@ -169,54 +182,98 @@ static uint64_t frontier(const samples *s, uint32_t block, int x, uint64_t known
     return any;
 }
 
-/* The value `step` voxels from a voxel along an axis, |step| <= 8; its block must be there. */
-ISA_INLINE double value_beside(const samples *s, uint32_t block, int offset, int axis, int step)
-{
-    const int to = (offset >> (6 - 3 * axis) & (SIDE - 1)) + step;
-    offset += step * (64 >> 3 * axis);
-    if (to < 0 || to >= SIDE) {
-        block = s->near[6 * (size_t)block + (size_t)(2 * axis + (to >= SIDE))];
-        offset += (to < 0 ? SIDE : -SIDE) * (64 >> 3 * axis);
-    }
-    return (double)s->f[(size_t)block * VOXELS + (size_t)offset];
-}
-
-/* What the line through voxels at distances 1, 2 (values a, b) and, if known, 3 (c) says of the voxel
+/* What the line through voxels at distances 1, 2 (values a, b) and 3 (c, where `bent`) says of the voxel
  * at 0. The parabola of a curved surface is followed where it is gentle: a bend of more than
  * `bend_limit` of the slope is an edge or noise, which a parabola would throw far off. */
-static double along_line(double a, double b, const double *c)
+ISA_INLINE double along_line(double a, double b, double c, bool bent)
 {
-    double bend = c ? a - 2 * b + *c : 0, most = bend_limit * fabs(a - b);
-    return 2 * a - b + (bend > most ? most : bend < -most ? -most : bend);
+    const double most = bend_limit * fabs(a - b);
+    double bend = bent ? a - 2 * b + c : 0;
+    bend = bend > most ? most : bend;
+    bend = bend < -most ? -most : bend;
+    return 2 * a - b + bend;
 }
 
-/* The clamped value that a voxel still has gives the side, and the least distance. The bounds hold off what
- * meeting fronts could build up; they are loose, so that the continuation has no edge at the clamp. */
-static float continued(const samples *s, uint32_t block, int offset, const uint64_t known[18], int layer)
+/* Where the lines along one direction lead: its side (0: below) of an axis, and the voxels of the block and of the one
+ * beyond, or of this one again where there is none. */
+typedef struct direction {
+    int axis, side;
+    const float *here, *beyond;
+} direction;
+
+/* The value `step` voxels from a voxel of the layer x. */
+ISA_INLINE double value_along(const direction *d, int x, int bit, int step)
 {
-    const int bit = offset & 63;
-    const double raw = (double)s->f[(size_t)block * VOXELS + (size_t)offset];
-    double lines = 0, flats = 0;
-    int line_count = 0, flat_count = 0;
-#pragma GCC unroll 6
-    for (int k = 0; k < 6; k++) {
-        const int axis = k / 2, step = k % 2 ? 1 : -1;
-        if (!(known[3 * k] >> bit & 1)) continue;
-        const double a = value_beside(s, block, offset, axis, step);
-        flats += a;
-        flat_count++;
-        if (!(known[3 * k + 1] >> bit & 1)) continue;
-        const double b = value_beside(s, block, offset, axis, 2 * step);
-        const bool third = known[3 * k + 2] >> bit & 1;
-        const double c = third ? value_beside(s, block, offset, axis, 3 * step) : 0;
-        lines += along_line(a, b, third ? &c : NULL);
-        line_count++;
+    const int by = d->side ? step : -step, place = d->axis == 0 ? x : d->axis == 1 ? bit >> 3 : bit & 7;
+    const int offset = 64 * x + bit + by * (64 >> 3 * d->axis), wrapped = (place + by) & ~(SIDE - 1);
+    const float *from = wrapped ? d->beyond : d->here;
+    return (double)from[offset - wrapped * (64 >> 3 * d->axis)];
+}
+
+/* Of a layer's frontier what the lines from all directions say, summed: of lines of two voxels and more, and, where there
+ * are none, of single ones. */
+typedef struct gathered {
+    double lines[64], flats[64];
+    uint8_t line_count[64], flat_count[64];
+} gathered;
+
+ISA_INLINE void gather_lines(const direction *d, int x, uint64_t bits, bool bent, gathered *g)
+{
+    for (; bits; bits &= bits - 1) {
+        const int bit = __builtin_ctzll(bits);
+        const double a = value_along(d, x, bit, 1), b = value_along(d, x, bit, 2);
+        g->lines[bit] += along_line(a, b, bent ? value_along(d, x, bit, 3) : 0, bent);
+        g->line_count[bit]++;
     }
-    double value = line_count ? lines / line_count : flat_count ? flats / flat_count : raw;
-    double size = fabs(raw), side = raw < 0 ? -1 : 1, reach = side * value;
+}
+
+/* `known`: of the direction's three steps. One direction after the other, so that a processor can foretell the branches. */
+ISA_INLINE void gather(const direction *d, int x, uint64_t bits, const uint64_t known[3], gathered *g)
+{
+    bits &= known[0];
+    gather_lines(d, x, bits & known[1] & known[2], true, g);
+    gather_lines(d, x, bits & known[1] & ~known[2], false, g);
+    for (bits &= ~known[1]; bits; bits &= bits - 1) {
+        const int bit = __builtin_ctzll(bits);
+        g->flats[bit] += value_along(d, x, bit, 1);
+        g->flat_count[bit]++;
+    }
+}
+
+/* The clamped value `raw` that a voxel still has gives the side, and the least distance. The bounds hold off what
+ * meeting fronts could build up; they are loose, so that the continuation has no edge at the clamp. */
+static float continued(double raw, const gathered *g, int bit, int layer)
+{
+    const double value =
+        g->line_count[bit] ? g->lines[bit] / g->line_count[bit] : g->flats[bit] / g->flat_count[bit];
+    const double size = fabs(raw), side = raw < 0 ? -1 : 1;
+    double reach = side * value;
     if (reach < 0.5 * size) reach = 0.5 * size;
     if (reach > size * (1 + layer)) reach = size * (1 + layer);
     return (float)(side * reach);
+}
+
+/* Continues the frontier `bits` of the layer x of a block. */
+static void extend_row(samples *s, uint32_t block, int x, uint64_t bits, const uint64_t known[18], int layer)
+{
+    float *here = s->f + (size_t)block * VOXELS;
+    gathered g;
+    for (uint64_t b = bits; b; b &= b - 1) {
+        const int bit = __builtin_ctzll(b);
+        g.lines[bit] = g.flats[bit] = 0;
+        g.line_count[bit] = g.flat_count[bit] = 0;
+    }
+#pragma GCC unroll 6
+    for (int k = 0; k < 6; k++) {
+        const uint32_t beyond = s->near[6 * (size_t)block + (size_t)k];
+        const direction d = {k / 2, k % 2, here,
+                             beyond == BLOCK_MAP_NONE ? here : s->f + (size_t)beyond * VOXELS};
+        gather(&d, x, bits, known + 3 * k, &g);
+    }
+    for (; bits; bits &= bits - 1) {
+        const int bit = __builtin_ctzll(bits);
+        here[64 * x + bit] = continued((double)here[64 * x + bit], &g, bit, layer);
+    }
 }
 
 /* One layer. */
@@ -241,10 +298,7 @@ static void extend_chunk(void *context, int worker, size_t begin, size_t end)
             uint64_t known[18], bits = frontier(s, n, x, known);
             job->fresh[(size_t)n * SIDE + (size_t)x] = bits;
             changed |= bits;
-            for (; bits; bits &= bits - 1) {
-                const int offset = 64 * x + __builtin_ctzll(bits);
-                s->f[(size_t)n * VOXELS + (size_t)offset] = continued(s, n, offset, known, job->layer);
-            }
+            if (bits) extend_row(s, n, x, bits, known, job->layer);
         }
     if (changed) atomic_store(&job->changed, true);
 }
@@ -372,6 +426,16 @@ bool samples_prefilter(samples *s, threads *pool, error *e)
 
 /* ---- taking cubes out */
 
+/* What lies in a block that is missing: the nearest voxel of the block f. Its side of the surface is what counts there. */
+static float nearest(const float *f, int x, int y, int z)
+{
+    const int at[3] = {x, y, z};
+    int offset = 0;
+    for (int axis = 0; axis < 3; axis++)
+        offset += stride_of[axis] * (at[axis] < 0 ? 0 : at[axis] < SIDE ? at[axis] : SIDE - 1);
+    return f[offset];
+}
+
 void samples_window(const samples *s, const int32_t block[3], int low, int side, float *out)
 {
     const int from = floor_div8(low), to = floor_div8(low + side - 1);
@@ -381,6 +445,7 @@ void samples_window(const samples *s, const int32_t block[3], int low, int side,
             for (int z = from; z <= to; z++)
                 around[x + 1][y + 1][z + 1] =
                     block_map_find(&s->map, block[0] + x, block[1] + y, block[2] + z);
+    const float *own = s->f + (size_t)around[1][1][1] * VOXELS;
     for (int x = low; x < low + side; x++)
         for (int y = low; y < low + side; y++) {
             const uint32_t *column = around[floor_div8(x) + 1][floor_div8(y) + 1];
@@ -389,7 +454,7 @@ void samples_window(const samples *s, const int32_t block[3], int low, int side,
                 const bool there = column[b + 1] != BLOCK_MAP_NONE;
                 const float *f =
                     s->f + (there ? (size_t)column[b + 1] * VOXELS : 0) + 64 * (x & 7) + 8 * (y & 7);
-                for (; z < last; z++) *out++ = there ? f[z & 7] : 0;
+                for (; z < last; z++) *out++ = there ? f[z & 7] : nearest(own, x, y, z);
             }
         }
 }

@@ -25,8 +25,9 @@ typedef struct samples {
     uint32_t *near;  /* 6 numbers a block: below and above along x, y, z */
 } samples;
 
-/* Adds to `map` every block with a voxel up to `reach` voxels from a corner of a crossed cell. */
-bool samples_plan(const crossings *c, int reach, block_map *map, error *e);
+/* Adds to `map` every block with a voxel up to `reach` voxels from a corner of a crossed cell along each axis, or up to
+ * `path` voxels from one along the axes together. */
+bool samples_plan(const crossings *c, int reach, int path, block_map *map, error *e);
 
 /* Bytes that samples of `count` blocks take. */
 size_t samples_bytes(size_t count);
@@ -44,8 +45,8 @@ bool samples_fill_unknown(samples *s, threads *pool, error *e);
  * directly instead of by the recursion with pole sqrt(3) - 2, which is the same but for the ends. */
 bool samples_prefilter(samples *s, threads *pool, error *e);
 
-/* The cube of side^3 voxels from `low` on, relative to the block's lowest voxel; it must lie within
- * the block and its neighbours. Voxels of missing blocks are 0. */
+/* The cube of side^3 voxels from `low` on, relative to the block's lowest voxel; the block must be there, and the cube
+ * within it and its neighbours. Voxels of missing neighbours are as the block's nearest. */
 void samples_window(const samples *s, const int32_t block[3], int low, int side, float *out);
 
 /* F at the corners of the block's cells, 9^3: the samples, or with `smooth` the values of the spline

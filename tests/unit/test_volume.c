@@ -225,6 +225,42 @@ static void a_clamped_band_does_not_ring(void **state)
     fixture_free(&wide);
 }
 
+static double large_ball(vec3 p)
+{
+    return vec3_norm(p) - 2.0;
+}
+
+/* A particle that steps off the surface must find back. */
+static void beyond_the_band_the_field_goes_on(void **state)
+{
+    (void)state;
+    const double voxel = 0.1, margin = 4 * voxel;
+    fixture g = fixture_make(fixture_uniform, 25, large_ball, 3 * voxel);
+    volume *v = fixture_volume(&g, NAN, VOLUME_INTERPOLATING);
+    const field *f = volume_field(v);
+    double near = 0, far = 0, turned = 1;
+    uint64_t r = SEED;
+    for (int seen = 0; seen < 50000;) {
+        const vec3 x = {6 * fixture_random(&r) - 3, 6 * fixture_random(&r) - 3, 6 * fixture_random(&r) - 3};
+        field_sample s;
+        const double d = large_ball(x), away = fabs(d);
+        if (away > 2 * margin || !field_sample_at(f, x, FIELD_GRADIENT, &s)) continue;
+        const double miss = fabs(s.value - d);
+        seen++;
+        if (away < margin)
+            near = fmax(near, miss / voxel);
+        else
+            far = fmax(far, miss / away);
+        turned = fmin(turned, vec3_dot(vec3_unit(s.gradient), vec3_unit(x)));
+    }
+    print_message(
+        "# beyond the band: off by %.4f voxel within the margin, %.3f of the distance twice as far, cosine %.3f\n",
+        near, far, turned);
+    assert_true(near < 0.03 && far < 0.2 && turned > 0.4);
+    volume_close(v);
+    fixture_free(&g);
+}
+
 static void a_filled_inside_leaves_the_outside_clamped(void **state)
 {
     (void)state;
@@ -556,6 +592,7 @@ int main(void)
         cmocka_unit_test(derivatives_are_those_of_the_values),
         cmocka_unit_test(a_ball_comes_out_round),
         cmocka_unit_test(a_clamped_band_does_not_ring),
+        cmocka_unit_test(beyond_the_band_the_field_goes_on),
         cmocka_unit_test(a_filled_inside_leaves_the_outside_clamped),
         cmocka_unit_test(edges_and_thin_walls_stay_tame),
         cmocka_unit_test(smoothing_blurs_by_what_theory_says),
