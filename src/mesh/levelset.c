@@ -1,9 +1,11 @@
 #include "mesh/levelset.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/isa.h"
 #include "base/memory.h"
 #include "geometry/bbox.h"
 #include "geometry/block_map.h"
@@ -14,6 +16,11 @@
 #define SIDE VDB_LEAF_SIDE
 #define VOXELS VDB_LEAF_VOXELS
 #define TILE_BLOCKS 16 /* along a side of the larger of the two kinds of tiles that are used */
+
+/* So many triangles, in a box of so many voxels, are held against the voxels together. More of them spare more rows, and
+ * a larger ball spares fewer voxels. */
+enum { TOGETHER = 4 };
+static const double together_vox = 2;
 
 /* Fewer voxels along the longest side show nothing of a shape. */
 static const double fewest_voxels = 8;
@@ -157,29 +164,68 @@ static int32_t clip(double v)
     return v < 0 ? 0 : v > SIDE ? SIDE : (int32_t)v;
 }
 
-/* Lowers `nearest`, distances of the block's voxels from what was seen so far. Most of the work is spared
- * by a ball around the triangle: a voxel is not nearer to the one than to the other. */
-static void approach(const triangle *t, const int32_t origin[3], double band, double nearest[VOXELS])
+/* Triangles that lie close together, in coordinates of a block, in a box and in a ball. */
+typedef struct cluster {
+    triangle at[TOGETHER];
+    vec3 middle[TOGETHER];
+    double radius[TOGETHER]; /* of a ball around the triangle */
+    int count;
+    bbox box;
+} cluster;
+
+/* Whether the triangle found room: not beside another that is far from it. */
+static bool cluster_add(cluster *c, const triangle *t, const int32_t origin[3])
 {
     const vec3 base = {origin[0], origin[1], origin[2]};
     const triangle at = {vec3_sub(t->a, base), vec3_sub(t->b, base), vec3_sub(t->c, base)};
-    const bbox box = bbox_grow(triangle_box(&at), band);
+    const bbox own = triangle_box(&at);
+    bbox box = c->count ? bbox_include(bbox_include(c->box, own.min), own.max) : own;
+    if (c->count == TOGETHER || (c->count > 0 && bbox_longest(box) > together_vox)) return false;
     const vec3 middle = vec3_scale(vec3_add(at.a, vec3_add(at.b, at.c)), 1.0 / 3);
-    const double radius =
+    c->box = box;
+    c->at[c->count] = at;
+    c->middle[c->count] = middle;
+    c->radius[c->count++] =
         sqrt(fmax(vec3_norm2(vec3_sub(at.a, middle)),
                   fmax(vec3_norm2(vec3_sub(at.b, middle)), vec3_norm2(vec3_sub(at.c, middle)))));
+    return true;
+}
+
+/* Lowers a voxel's distance from what was seen so far. Most of the work is spared by balls: a voxel is not nearer to the
+ * triangle than to its ball. */
+static void approach_voxel(const cluster *c, vec3 p, double *nearest)
+{
+    for (int k = 0; k < c->count; k++) {
+        const double ball = *nearest + c->radius[k];
+        if (vec3_norm2(vec3_sub(p, c->middle[k])) >= ball * ball) continue;
+        const double d2 = triangle_distance2(&c->at[k], p);
+        if (d2 < *nearest * *nearest) *nearest = sqrt(d2);
+    }
+}
+
+/* The same of all voxels of the block, a row of them at a time being held against the ball around the box. */
+ISA_CLONES static void approach(const cluster *c, double band, double nearest[VOXELS])
+{
+    const bbox box = bbox_grow(c->box, band);
+    const vec3 middle = vec3_scale(vec3_add(c->box.min, c->box.max), 0.5);
+    const double radius = 0.5 * vec3_norm(bbox_size(c->box)) * (1 + DBL_EPSILON);
     const int32_t x1 = clip(floor(box.max.x) + 1), y1 = clip(floor(box.max.y) + 1),
-                  z1 = clip(floor(box.max.z) + 1);
+                  z0 = clip(ceil(box.min.z)), z1 = clip(floor(box.max.z) + 1);
+    double along2[SIDE];
+    for (int z = 0; z < SIDE; z++) along2[z] = (z - middle.z) * (z - middle.z);
     for (int32_t x = clip(ceil(box.min.x)); x < x1; x++)
-        for (int32_t y = clip(ceil(box.min.y)); y < y1; y++)
-            for (int32_t z = clip(ceil(box.min.z)); z < z1; z++) {
-                double *to = &nearest[64 * x + 8 * y + z];
-                const vec3 p = {x, y, z};
-                double ball = *to + radius;
-                if (vec3_norm2(vec3_sub(p, middle)) >= ball * ball) continue;
-                double d2 = triangle_distance2(&at, p);
-                if (d2 < *to * *to) *to = sqrt(d2);
+        for (int32_t y = clip(ceil(box.min.y)); y < y1; y++) {
+            double *row = &nearest[64 * x + 8 * y];
+            const double across2 = (x - middle.x) * (x - middle.x) + (y - middle.y) * (y - middle.y);
+            int64_t may[SIDE], any = 0;
+            for (int z = 0; z < SIDE; z++) {
+                const double ball = row[z] + radius;
+                may[z] = across2 + along2[z] < ball * ball;
+                any |= may[z];
             }
+            for (int32_t z = z0; any && z < z1; z++)
+                if (may[z]) approach_voxel(c, (vec3){x, y, z}, &row[z]);
+        }
 }
 
 /* One solid's signed distance into `f`, the least of those of all solids. */
@@ -206,10 +252,15 @@ static void fill_block(const making *k, uint32_t block, uint32_t *stamp, double 
     for (size_t n = k->first[block]; n < k->first[block + 1];) {
         while (k->near[n] >= k->solids.first[solid + 1]) solid++;
         for (int v = 0; v < VOXELS; v++) nearest[v] = k->band;
+        cluster close = {.count = 0};
         for (; n < k->first[block + 1] && k->near[n] < k->solids.first[solid + 1]; n++) {
             triangle t = corners_of(k, k->near[n]);
-            approach(&t, origin, k->band, nearest);
+            if (cluster_add(&close, &t, origin)) continue;
+            approach(&close, k->band, nearest);
+            close.count = 0;
+            cluster_add(&close, &t, origin);
         }
+        approach(&close, k->band, nearest);
         stamp[solid] = block + 1;
         unite(k, solid, origin, nearest, f);
     }

@@ -108,8 +108,8 @@ static uint32_t table_first(table *t, uint32_t n)
     return t->slots[k];
 }
 
-/* Every corner to the first vertex of its coordinates. */
-static bool join_vertices(mesh *m, error *e)
+/* Every corner to the first vertex of its coordinates. `place`, of each vertex, is left with that. */
+static bool join_vertices(mesh *m, uint32_t *place, error *e)
 {
     table t;
     for (size_t n = 0; n < m->vertex_count; n++) { /* -0 and 0 are equal but have different bytes */
@@ -118,8 +118,13 @@ static bool join_vertices(mesh *m, error *e)
         m->vertex[n].z += 0.0;
     }
     if (!table_init(&t, m->vertex, sizeof(vec3), m->vertex_count, e)) return false;
+    memset(place, 0xFF, m->vertex_count * sizeof *place);
     for (size_t n = 0; n < m->triangle_count; n++)
-        for (int k = 0; k < 3; k++) m->triangle[n][k] = table_first(&t, m->triangle[n][k]);
+        for (int k = 0; k < 3; k++) {
+            uint32_t *corner = &m->triangle[n][k], *first = &place[*corner];
+            if (*first == FREE) *first = table_first(&t, *corner);
+            *corner = *first;
+        }
     free(t.slots);
     return true;
 }
@@ -217,7 +222,7 @@ bool mesh_weld(mesh *m, mesh_cancelled cancelled, mesh_notes *notes, error *e)
 {
     size_t all = m->triangle_count, repeated = 0;
     uint32_t *place = mem_array(m->vertex_count, sizeof *place, what, e);
-    bool ok = place && join_vertices(m, e);
+    bool ok = place && join_vertices(m, place, e);
     if (ok) {
         size_t degenerate = mesh_drop_degenerate(m);
         ok = drop_repeated(m, cancelled, &repeated, e);
