@@ -11,6 +11,8 @@
 /* Points per triangle: one for so many square voxels, and not more than so many. */
 static const double area_per_point = 4;
 static const int most_points = 256;
+/* Of a mesh of few triangles, where it may be hidden. */
+static const double places_looked_at = 4096;
 /* How far from the mesh its two sides are looked at, in voxels. */
 static const double side_gap = 0.75;
 static const double close_vox = 0.05;
@@ -76,6 +78,13 @@ static bool look_into(measuring *w, uint32_t n, vec3 p, vec3 normal, double part
     return note_gap(w, (gap){width, part}, e);
 }
 
+/* The k-th place of a triangle: the additive sequence of the plastic number, folded into it; the first is its middle. */
+static vec3 place_of(vec3 a, vec3 ab, vec3 ac, int k)
+{
+    double u = fmod(1.0 / 3 + k * 0.7548776662466927, 1), v = fmod(1.0 / 3 + k * 0.5698402909980532, 1);
+    return u + v > 1 ? vec3_axpy(1 - u, ab, vec3_axpy(1 - v, ac, a)) : vec3_axpy(u, ab, vec3_axpy(v, ac, a));
+}
+
 static bool measure_triangle(measuring *w, uint32_t n, error *e)
 {
     const mesh *m = w->m;
@@ -86,13 +95,7 @@ static bool measure_triangle(measuring *w, uint32_t n, error *e)
     const vec3 unit = vec3_scale(normal, 0.5 / whole), step = vec3_scale(unit, side_gap);
     const int points = (int)fmin(1 + whole / area_per_point, most_points);
     for (int k = 0; k < points; k++) {
-        /* the additive sequence of the plastic number, folded into the triangle; the first is its middle */
-        double u = fmod(1.0 / 3 + k * 0.7548776662466927, 1), v = fmod(1.0 / 3 + k * 0.5698402909980532, 1);
-        if (u + v > 1) {
-            u = 1 - u;
-            v = 1 - v;
-        }
-        const vec3 p = vec3_axpy(u, ab, vec3_axpy(v, ac, a));
+        const vec3 p = place_of(a, ab, ac, k);
         const double part = whole / points, d = distance_at(w, p);
         w->area += part;
         if (!(distance_at(w, vec3_add(p, step)) > 0 && distance_at(w, vec3_sub(p, step)) < 0)) {
@@ -150,4 +153,34 @@ bool fidelity_measure(const mesh *m, const double index_to_world[16], const fiel
     line_tree_free(w.tree);
     free(w.gaps);
     return ok;
+}
+
+/* Whether there is something on both sides of a place of triangle n: whichever way round it is, it bounds no union. */
+static bool is_hidden(const line_tree *tree, uint32_t n, vec3 p, vec3 normal)
+{
+    const vec3 d = vec3_unit(vec3_add(normal, tilt));
+    return line_tree_cross(tree, p, d, n).winding != 0 &&
+           line_tree_cross(tree, p, vec3_scale(d, -1), n).winding != 0;
+}
+
+bool fidelity_hidden(const mesh *m, double *share, error *e)
+{
+    line_tree *tree = line_tree_new(m, e);
+    const double all = mesh_area(m);
+    double hidden = 0;
+    if (!tree) return false;
+    for (uint32_t n = 0; n < m->triangle_count; n++) {
+        const vec3 a = m->vertex[m->triangle[n][0]], ab = vec3_sub(m->vertex[m->triangle[n][1]], a);
+        const vec3 ac = vec3_sub(m->vertex[m->triangle[n][2]], a), normal = vec3_cross(ab, ac);
+        const double whole = 0.5 * vec3_norm(normal);
+        if (!(whole > 0)) continue;
+        const int points = (int)fmin(1 + places_looked_at * whole / all, most_points);
+        for (int k = 0; k < points; k++)
+            hidden += is_hidden(tree, n, place_of(a, ab, ac, k), vec3_scale(normal, 0.5 / whole))
+                          ? whole / points
+                          : 0;
+    }
+    line_tree_free(tree);
+    *share = hidden / all;
+    return true;
 }

@@ -31,4 +31,7 @@ typedef struct fidelity {
 bool fidelity_measure(const mesh *m, const double index_to_world[16], const field *f, double finest,
                       fidelity *out, error *e);
 
+/* The share of a closed mesh that lies inside of its solids, whichever way round its shells are. Errors: limit_memory. */
+bool fidelity_hidden(const mesh *m, double *share, error *e);
+
 #endif

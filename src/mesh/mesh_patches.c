@@ -121,9 +121,10 @@ static double angle_at(const making *k, const mesh_side *s)
 
 /* Lengths by how much they are bent. A mesh with sharp edges is flat or sharp nearly everywhere; of a scan there are the
  * fewer the sharper. A few large triangles for a smooth shape are taken for it, unless points lie so close that they show
- * the triangles. */
+ * the triangles, of an open mesh: of a closed one there is a smooth level set. */
 typedef struct bends {
     size_t count;
+    bool closed;
     double all, slight, between, sharp; /* slight: more than flat; between: that which is nearly sharp, too */
 } bends;
 
@@ -146,7 +147,7 @@ static double feature_angle(const making *k, const bends *b)
 {
     const mesh_patches_params *p = k->params;
     if (p->feature_angle != MESH_PATCHES_FOUND) return p->feature_angle;
-    const bool shown = p->spacing > 0 && b->all > shown_from * p->spacing * (double)b->count;
+    const bool shown = !b->closed && p->spacing > 0 && b->all > shown_from * p->spacing * (double)b->count;
     return b->between <= b->sharp && (shown || b->slight <= most_slight * b->all) ? MESH_PATCHES_ANGLE : 0;
 }
 
@@ -157,11 +158,12 @@ static double length_of(const mesh *m, uint32_t a, uint32_t b)
 
 static double find_angle(const making *k)
 {
-    bends all = {0};
+    bends all = {.closed = true};
     for (uint32_t v = 0; v < k->m->vertex_count; v++)
         for (size_t i = k->edges.first[v], n; i < k->edges.first[v + 1]; i += n) {
             n = mesh_edges_width(&k->edges, v, i);
             const mesh_side *s = k->edges.sides + i;
+            all.closed &= n % 2 == 0;
             if (n == 2) bends_add(&all, angle_at(k, s), length_of(k->m, v, s->other));
         }
     return feature_angle(k, &all);
@@ -307,7 +309,8 @@ static void find_corners(making *k)
         bends_add(&all, bend_at(k, v),
                   0.5 * (length_of(k->m, a->from, a->to) + length_of(k->m, b->from, b->to)));
     }
-    k->bend = k->out->feature_angle > 0 ? feature_angle(k, &all) : 0;
+    const double angle = k->out->feature_angle;
+    k->bend = angle > 0 && !k->out->closed ? feature_angle(k, &all) : angle;
     for (uint32_t v = 0; v < k->m->vertex_count; v++) {
         k->corner[v] = cuts_at(k, v) > 0 && !goes_on(k, v);
         k->out->corner_count += k->corner[v];
@@ -404,6 +407,13 @@ static bool part_vertices(making *k, error *e)
 
 /* ---- the whole */
 
+static bool is_skipped(const making *k)
+{
+    bool skipped = k->params->skip_smooth && k->out->closed && k->out->feature_edges == 0;
+    for (size_t n = 0; skipped && n < k->m->triangle_count; n++) skipped = !k->turned.conflict[n];
+    return skipped;
+}
+
 static bool weld(making *k, mesh_notes *notes, error *e)
 {
     mesh *m = k->m;
@@ -416,8 +426,9 @@ static bool weld(making *k, mesh_notes *notes, error *e)
 
 static bool make(making *k, mesh_notes *notes, error *e)
 {
-    return (k->params->kind || weld(k, notes, e)) && mesh_edges_list(k->m, &k->edges, e) && cut_edges(k, e) &&
-           number_patches(k, e) && make_curves(k, e) && part_vertices(k, e);
+    if (!(k->params->kind || weld(k, notes, e)) || !mesh_edges_list(k->m, &k->edges, e) || !cut_edges(k, e))
+        return false;
+    return is_skipped(k) || (number_patches(k, e) && make_curves(k, e) && part_vertices(k, e));
 }
 
 bool mesh_patches_make(mesh *m, const mesh_patches_params *params, mesh_notes *notes, mesh_patches *out,

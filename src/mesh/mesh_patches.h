@@ -24,6 +24,8 @@ typedef struct mesh_patches_params {
     const uint32_t *
         kind; /* of each triangle, or NULL: patches end between triangles that differ in it. Such a mesh is whole:
                            * nothing is welded, and its triangles keep their order within a patch */
+    bool
+        skip_smooth; /* of a closed mesh with an inside and no feature nothing is made: the result has no patches */
 } mesh_patches_params;
 
 typedef struct mesh_patches {

@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "source/mesh_clip.h"
+#include "mesh/fidelity.h"
 #include "mesh/mesh_edges.h"
 #include "mesh/mesh_file.h"
 #include "packing/packing.h"
@@ -11,6 +12,8 @@
 static const double least_cells = 32; /* along the longest side of the mesh */
 /* Of the area: with more the outcome would be unresolved. */
 static const double most_missing = 0.01;
+/* Of the area of a closed mesh whose sharp edges are not asked for: with more inside of its solids it is a level set. */
+static const double most_hidden = 0.001;
 
 /* Of the points that are asked for; 0: not known before there are features. */
 static double spacing_of(const mesh_source_request *r, double area)
@@ -26,19 +29,32 @@ static double longest_cell(const mesh_source_request *r, const mesh_patches *p)
     return spacing > 0 ? fmin(spacing, most) : most;
 }
 
-/* Whether the mesh is sampled on its triangles. */
-static bool wants_patches(const spec_mesh *s, const mesh_patches *p)
+/* Whether nothing speaks against the triangles of a closed mesh with sharp edges that are not asked for. */
+static bool suits_sharp(const mesh_source_request *r, const mesh_patches *p, bool *out, error *e)
 {
-    if (s->interior == SPEC_INTERIOR_DROP) return false;
-    if (!p->closed) return s->holes == SPEC_HOLES_KEEP;
-    for (size_t k = 0; k < p->count; k++)
-        if (p->two_sided[k]) return true; /* a Klein bottle has no inside */
-    return s->has_features && p->feature_edges > 0;
+    const spec_mesh *s = r->spec;
+    double hidden = 0;
+    *out = r->sharp && s->on_mesh && !(s->voxel_size > 0) && s->resolution == 0;
+    if (!*out) return true;
+    if (!fidelity_hidden(&p->m, &hidden, e)) return false;
+    *out = hidden <= most_hidden;
+    return true;
+}
+
+/* Whether the mesh is sampled on its triangles. */
+static bool wants_patches(const mesh_source_request *r, const mesh_patches *p, bool *out, error *e)
+{
+    *out = !p->closed && r->spec->holes == SPEC_HOLES_KEEP;
+    for (size_t k = 0; p->closed && k < p->count; k++)
+        *out |= p->two_sided[k]; /* a Klein bottle has no inside */
+    if (!p->closed || *out || p->feature_edges == 0) return true;
+    *out = r->spec->has_features;
+    return *out || suits_sharp(r, p, out, e);
 }
 
 /* Of the mesh as it is, or as it is placed and cut. */
 static bool make_patches(const mesh_source_request *r, const mesh *whole, double feature_angle, bool placed,
-                         mesh_notes *notes, mesh_patches *made, error *e)
+                         bool skip_smooth, mesh_notes *notes, mesh_patches *made, error *e)
 {
     mesh copy = {0};
     if (!mesh_copy(whole, &copy, e)) return false;
@@ -47,8 +63,10 @@ static bool make_patches(const mesh_source_request *r, const mesh *whole, double
         mesh_free(&copy);
         return false;
     }
-    const mesh_patches_params params = {
-        .weld = r->spec->weld, .feature_angle = feature_angle, .spacing = spacing_of(r, mesh_area(&copy))};
+    const mesh_patches_params params = {.weld = r->spec->weld,
+                                        .feature_angle = feature_angle,
+                                        .spacing = spacing_of(r, mesh_area(&copy)),
+                                        .skip_smooth = skip_smooth};
     return mesh_patches_make(&copy, &params, notes, made, e);
 }
 
@@ -60,11 +78,13 @@ static bool choose_patches(const mesh_source_request *r, const mesh *whole, bool
     const double angle = s->has_features ? s->feature_angle : MESH_PATCHES_FOUND;
     mesh_notes as_given = *notes;
     mesh_patches given = {0};
-    if (!r->alone) return true;
-    if (!make_patches(r, whole, angle, false, &as_given, &given, e)) return false;
-    if (!thin && !wants_patches(s, &given)) {
+    bool wanted = thin;
+    if (!r->alone || s->interior == SPEC_INTERIOR_DROP) return true;
+    bool ok = make_patches(r, whole, angle, false, !thin, &as_given, &given, e) &&
+              (thin || wants_patches(r, &given, &wanted, e));
+    if (!ok || !wanted) {
         mesh_patches_free(&given);
-        return true;
+        return ok;
     }
     if (!r->to_world && !r->region) {
         *made = given;
@@ -73,7 +93,7 @@ static bool choose_patches(const mesh_source_request *r, const mesh *whole, bool
     }
     const double found = given.feature_angle;
     mesh_patches_free(&given);
-    return make_patches(r, whole, found, true, notes, made, e);
+    return make_patches(r, whole, found, true, false, notes, made, e);
 }
 
 /* Makes a copy of a mesh that encloses a volume, as far as that takes no more than filling its holes. */

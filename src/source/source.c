@@ -181,6 +181,8 @@ static bool open_mesh(const spec_mesh *m, double offset, int fd, const opening *
     const mesh_source_request request = {
         .spec = m,
         .alone = o->direct && !o->spec->region_inside && offset == 0,
+        .sharp = !o->placed && !o->spec->has_region && !o->spec->coherent && !o->spec->has_alpha &&
+                 o->spec->method != SPEC_METHOD_WITKIN_HECKBERT,
         .to_world = o->placed ? (const double(*)[4])o->to_world : NULL,
         .region = o->spec->has_region ? &cut : NULL,
         .as_volume = {.fd = fd,

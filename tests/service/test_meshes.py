@@ -135,6 +135,30 @@ def test_a_closed_mesh_with_features(data_service, folder):
     assert all(set(c["patches"]) <= set(range(12)) and len(c["patches"]) == 2 for c in curves["list"])
 
 
+def box(low, high):
+    """Lines of an OBJ file, vertices counted from the end."""
+    corners = [[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]
+    quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    return (["v %g %g %g" % tuple(low + (high - low) * c for c in corner) for corner in corners]
+            + ["f " + " ".join(str(k - 8) for k in q) for q in quads])
+
+
+@pytest.mark.parametrize("parts, members, patches", [
+    ([(0, 1)], {}, 6), ([(0, 1)], {"on_mesh": False}, None), ([(0, 1)], {"resolution": 48}, None),
+    ([(0, 1)], {"features": {"angle": 0}}, None), ([(0, 1)], {"interior": "drop"}, None), ([(0, 1)], {"holes": "fill"}, 6),
+    ([(0, 1), (0.5, 1.5)], {}, None), ([(0, 1), (0.5, 1.5)], {"features": {}}, 12), ([(0, 1), (2, 3)], {}, 12)])
+def test_closed_meshes_with_sharp_edges(worker, tmp_path, parts, members, patches):
+    """On their triangles by default, unless something speaks against it: boxes that run into each other are a union."""
+    (tmp_path / "boxes.obj").write_text("\n".join(line for part in parts for line in box(*part)) + "\n")
+    done = worker(mesh(tmp_path / "boxes.obj", 400, **members))
+    assert done.returncode in (0, 10, 11), done.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    of_mesh = report["surface"]["mesh"]
+    assert of_mesh.get("patches") == patches and ("patches" in report) == (patches is not None)
+    if patches and "features" not in members:
+        assert report["surface"]["area"] == pytest.approx(6 * len(parts), rel=1e-6) and report["outcome"] == "converged"
+
+
 def test_patches_in_every_format(worker, tmp_path):
     """Whole numbers in all of them; the mesh has them at its vertices; a file's own values may not be called so."""
     sheet = "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 0 1 0\nf 1 2 3 4\n"
@@ -214,7 +238,8 @@ def blade(path, sides=BLADE):
 def test_a_blade_is_whole(worker, tmp_path, diagnose):
     """A two-thousandth of its length thick: voxels follow the thickness, and nothing of it is missing."""
     turn = blade(tmp_path / "blade.obj")
-    done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "blade.obj")}}, "sampling": {"count": 2000},
+    surface = {"mesh": {"path": str(tmp_path / "blade.obj"), "features": {"angle": 0}}}
+    done = worker({"version": 1, "surface": surface, "sampling": {"count": 2000},
                    "output": {"preview": False}})
     assert done.returncode in (0, 11), done.stderr
     report = json.loads((tmp_path / "out" / "report.json").read_text())
@@ -333,7 +358,7 @@ def test_voxels_follow_the_features_that_are_to_be_resolved(worker, tmp_path):
     blade(tmp_path / "rod.obj", (1, 0.04, 0.04))
     reports = []
     for most in (4096, 300):
-        done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "rod.obj"), "max_resolution": most}},
+        done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "rod.obj"), "max_resolution": most, "features": {"angle": 0}}},
                        "sampling": {"resolve": True, "feature": {"ratio": 1.5}, "min_spacing": 0.003},
                        "output": {"preview": False}})
         assert done.returncode in (0, 11), done.stderr
