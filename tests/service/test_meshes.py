@@ -246,6 +246,7 @@ def test_a_blade_is_whole(worker, tmp_path, diagnose):
     of_mesh = report["surface"]["mesh"]
     assert of_mesh["resolution_by"] == "thickness" and of_mesh["thin_fraction"] <= 0.01
     assert abs(report["surface"]["area"] / of_mesh["area"] - 1) <= 0.01
+    assert report["quality"]["min_spacing_ratio"] > 0.5 and report["quality"]["coverage"] <= 1.2
     points = Points((tmp_path / "out" / "points.ply").read_bytes())
     at = points.position @ turn
     strips = numpy.histogram(at[:, 0], 20, (0, 1))[0]
@@ -264,6 +265,7 @@ def test_a_blade_thinner_than_voxels(worker, tmp_path):
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     points = Points((tmp_path / "out" / "points.ply").read_bytes())
     at = points.position @ turn / sides
+    assert report["quality"]["min_spacing_ratio"] > 0.5
     assert report["surface"]["mesh"]["patches"] == 6 and report["surface"]["mesh"]["curves"] == 12
     assert report["count"] == 2000 and report["quality"]["lost"] == 0 and report["quality"]["coverage"] < 0.8
     assert numpy.abs(numpy.abs(at[:, 2] - 0.5) - 0.5).max() < 0.01 and 900 < (at[:, 2] > 0.5).sum() < 1100
