@@ -61,8 +61,7 @@ static void join_odd(judging *j, const mesh_side *s, size_t count, int32_t *odd)
     }
 }
 
-/* A component whose triangles do not come and go alike along an edge has no winding number. `sum` is like
- * `odd`. */
+/* A component whose triangles do not come and go alike along an edge has no winding number. `sum` is like `odd`. */
 static void check_balance(judging *j, const mesh_side *s, size_t count, int32_t *sum)
 {
     bool turned;

@@ -17,8 +17,7 @@ static int64_t turn(const winding_point *a, const winding_point *b, int64_t x, i
     return ((int64_t)b->x - a->x) * (y - a->y) - ((int64_t)b->y - a->y) * (x - a->x);
 }
 
-/* Whether (x + eps, y + eps^2) lies to the left of the way from a to b; of an edge that is a point nobody
- * asks. */
+/* Whether (x + eps, y + eps^2) lies to the left of the way from a to b; of an edge that is a point nobody asks. */
 static bool is_left(const winding_point *a, const winding_point *b, int64_t turned)
 {
     if (turned != 0) return turned > 0;

@@ -42,13 +42,11 @@ typedef struct winding_columns {
 /* A vertex in voxels to fixed point; coordinates from 0 to WINDING_MOST_VOXELS. */
 winding_point winding_fix(vec3 v);
 
-/* Whether the line through (x, y), in fixed point, crosses the triangle: 0, or +1 or -1 as in crossing,
- * with *z. */
+/* Whether the line through (x, y), in fixed point, crosses the triangle: 0, or +1 or -1 as in crossing, with *z. */
 int winding_cross(const winding_point *a, const winding_point *b, const winding_point *c, int32_t x,
                   int32_t y, double *z);
 
-/* `first_of_solid` has solid_count + 1 members. Errors: limit_memory when more than `memory_limit` is
- * needed. */
+/* `first_of_solid` has solid_count + 1 members. Errors: limit_memory when more than `memory_limit` is needed. */
 bool winding_make(const mesh *m, const winding_point *fixed, const uint32_t *first_of_solid,
                   size_t solid_count, size_t memory_limit, winding_columns *out, error *e);
 void winding_free(winding_columns *c);
@@ -58,8 +56,7 @@ void winding_free(winding_columns *c);
 unsigned winding_inside(const winding_columns *c, uint32_t solid, bool by_parity, int32_t x, int32_t y,
                         int32_t z0);
 
-/* Whether the voxel is inside any solid, leaving out those with stamp[solid] == stamped; `stamp` may be
- * NULL. */
+/* Whether the voxel is inside any solid, leaving out those with stamp[solid] == stamped; `stamp` may be NULL. */
 bool winding_covers(const winding_columns *c, const bool *by_parity, const uint32_t *stamp, uint32_t stamped,
                     const int32_t at[3]);
 
