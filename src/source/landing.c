@@ -20,24 +20,40 @@ static bool has_faces(const source_part *p)
     return found;
 }
 
-/* The place for x of the part's surface: on the triangles that look its way, or on any. False where it has none. */
+static bool find_place(const source_part *p, vec3 x, bool any, vec3 *out);
+
+static bool find_in_part(const source_part *p, size_t k, vec3 x, bool any, vec3 *out)
+{
+    const source_part *part = &p->parts[k];
+    if (!find_place(part, p->placement ? placement_to_part(p->placement, x) : x, any, out)) return false;
+    if (p->placement) *out = placement_to_world(p->placement, *out);
+    return true;
+}
+
+/* The place for x of the part's surface: on the triangles that look its way; or the nearest of all its surfaces. False where it
+ * has none. */
 static bool find_place(const source_part *p, vec3 x, bool any, vec3 *out)
 {
+    if (p->part_count > 0 && !any) return find_in_part(p, source_nearest_part(p, x), x, any, out);
     if (p->part_count > 0) {
-        const source_part *part = &p->parts[source_nearest_part(p, x)];
-        if (!find_place(part, p->placement ? placement_to_part(p->placement, x) : x, any, out)) return false;
-        if (p->placement) *out = placement_to_world(p->placement, *out);
-        return true;
+        double nearest2 = INFINITY;
+        vec3 place;
+        for (size_t k = 0; k < p->part_count; k++) {
+            if (!find_in_part(p, k, x, any, &place) || !(vec3_norm2(vec3_sub(place, x)) < nearest2)) continue;
+            nearest2 = vec3_norm2(vec3_sub(place, x));
+            *out = place;
+        }
+        return nearest2 < INFINITY;
     }
     const mesh_faces *faces = p->volume ? volume_faces(p->volume) : NULL;
     field_sample s;
-    if (!faces) return false;
-    if (any)
+    if (faces && any) {
         *out = mesh_faces_nearest(faces, x);
-    else if (field_sample_at(p->field, x, FIELD_GRADIENT, &s))
-        *out = mesh_faces_land(faces, x, s.gradient);
-    else
-        return false;
+        return true;
+    }
+    if (!(faces || any) || !field_sample_at(p->field, x, FIELD_GRADIENT, &s)) return false;
+    *out = faces ? mesh_faces_land(faces, x, s.gradient)
+                 : vec3_axpy(-s.value / vec3_norm2(s.gradient), s.gradient, x);
     return true;
 }
 

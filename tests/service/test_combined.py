@@ -167,6 +167,13 @@ def test_sharp_edges_have_rows_of_points(sample, tmp_path, diagnose):
     assert numpy.abs(off).max() < 0.15 * h
 
 
+def test_points_of_combined_meshes_lie_on_them(sample, cube_mesh):
+    """Beside an edge in which two meet, too: a point may be nearer to the level set of the one that it is not on."""
+    moved = {"transform": {"surface": cube_mesh, "matrix": [1, 0, 0, 0.71, 0, 1, 0, 0.33, 0, 0, 1, 0.52, 0, 0, 0, 1]}}
+    report, _ = sample({"difference": [cube_mesh, moved]}, sampling={"count": 1000})
+    assert report["quality"]["largest_move"] > 0 and report["quality"]["max_residual"] < 1e-5
+
+
 def test_curvature_does_not_look_across_an_edge(sample):
     """The faces of a cube are flat up to its edges, at any scale."""
     report, points = sample({"analytic": {"shape": "box", "center": [0, 0, 0], "half_size": [1, 1, 1]}}, features=True,
