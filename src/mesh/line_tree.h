@@ -26,7 +26,6 @@ typedef struct line_crossings {
 } line_crossings;
 
 #define LINE_TREE_NO_TRIANGLE UINT32_MAX
-
 /* The line through p along the unit vector d; the triangle `skip` does not count. */
 line_crossings line_tree_cross(const line_tree *t, vec3 p, vec3 d, uint32_t skip);
 

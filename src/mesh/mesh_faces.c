@@ -13,7 +13,7 @@ static const double farthest = 2;
 static const double landed = 1e-3;
 /* Voxels: what hides a place is looked for from so far in front of it, past the triangles that meet there. */
 static const double in_front = 1e-3;
-/* The lines are tilted by this against the normals, so that they do not run along faces of right angles. */
+/* Lines are tilted by this against normals, lest they run along faces of right angles. */
 static const vec3 tilt = {0.00917, 0.00631, 0.00487};
 
 struct mesh_faces {
@@ -69,9 +69,9 @@ static bool looks_out(const void *context, size_t n, const triangle *t)
 {
     const landing *l = context;
     if (!looks_its_way(context, n, t)) return false;
-    const vec3 from = vec3_axpy(in_front, l->normal, triangle_nearest(t, l->x));
-    return line_tree_cross(l->f->lines, from, vec3_unit(vec3_add(l->normal, tilt)), LINE_TREE_NO_TRIANGLE)
-               .winding == 0;
+    const vec3 from = vec3_axpy(in_front, l->normal, triangle_nearest(t, l->x)),
+               way = vec3_unit(vec3_add(l->normal, tilt));
+    return line_tree_cross(l->f->lines, from, way, LINE_TREE_NO_TRIANGLE).winding == 0;
 }
 
 static vec3 to_voxels(const mesh_faces *f, vec3 x)

@@ -11,8 +11,7 @@
 
 typedef struct mesh_faces mesh_faces;
 
-/* Takes over *m, as levelset_make left it, and zeroes it, also on failure. `hides`: a part of it lies inside of solids. Errors:
- * limit_memory. */
+/* Takes over *m, as levelset_make left it, and zeroes it. `hides`: a part of it lies in solids. Error: limit_memory. */
 mesh_faces *mesh_faces_new(mesh *m, const double index_to_world[16], bool hides, error *e);
 void mesh_faces_free(mesh_faces *f); /* NULL will do */
 size_t mesh_faces_bytes(const mesh_faces *f);
