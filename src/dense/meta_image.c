@@ -15,6 +15,7 @@ typedef struct fields {
     bool big_endian, packed;
     double size[3], spacing[3], origin[3], turn[9];
     long header_size;
+    long long packed_bytes; /* 0: not said */
 } fields;
 
 static const struct {
@@ -60,6 +61,7 @@ static void take(fields *f, const char *key, const char *value)
     if (strcmp(key, "ElementSpacing") == 0) read_numbers(value, f->spacing, 3);
     if (strcmp(key, "ElementNumberOfChannels") == 0) f->channels = atoi(value);
     if (strcmp(key, "HeaderSize") == 0) f->header_size = strtol(value, NULL, 10);
+    if (strcmp(key, "CompressedDataSize") == 0) f->packed_bytes = strtoll(value, NULL, 10);
     if (strcmp(key, "CompressedData") == 0) f->packed = strncasecmp(value, "true", 4) == 0;
     if (strcmp(key, "ElementByteOrderMSB") == 0 || strcmp(key, "BinaryDataByteOrderMSB") == 0)
         f->big_endian = strncasecmp(value, "true", 4) == 0;
@@ -86,6 +88,7 @@ static const char *describe(const fields *f, header *out, error_code *code)
     out->index_to_world[15] = 1;
     out->components = f->channels;
     out->type = (uint32_t)f->type;
+    out->packed_bytes = f->packed && f->packed_bytes > 0 ? f->packed_bytes : 0;
     out->encoding = f->packed ? HEADER_GZIP : HEADER_RAW;
     out->swapped = f->big_endian != (__BYTE_ORDER == __BIG_ENDIAN);
     out->byte_skip = f->header_size > 0 ? f->header_size : f->header_size == -1 ? -1 : 0;

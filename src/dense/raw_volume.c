@@ -346,6 +346,18 @@ static bool choose_volume(header *h, int64_t index, error *e)
     return true;
 }
 
+/* Whether as many values are there as should only reading tells. */
+static void note_length(raw_volume *s)
+{
+    struct stat st;
+    const int64_t begin = s->head.file_count ? 0 : s->head.offset, said = s->head.packed_bytes;
+    if (said == 0 || fstat(s->data, &st) != 0 || st.st_size - begin == said) return;
+    snprintf(
+        s->base.warning, sizeof s->base.warning,
+        "its header says that the packed data have %lld bytes, and they have %lld; all values that it promises are there",
+        (long long)said, (long long)(st.st_size - begin));
+}
+
 slices *raw_vectors_open(int fd, const char *path, const char *program, int64_t index,
                          const slices_files *files, error *e)
 {
@@ -362,6 +374,7 @@ slices *raw_vectors_open(int fd, const char *path, const char *program, int64_t 
     memcpy(s->base.index_to_world, s->head.index_to_world, sizeof s->base.index_to_world);
     strcpy(s->base.format, s->head.format);
     strcpy(s->base.space, s->head.space);
+    note_length(s);
     return &s->base;
 }
 

@@ -9,6 +9,7 @@
 #include "inspect/frame.h"
 #include "inspect/suggestion.h"
 #include "inspect/values.h"
+#include "labels/label_listing.h"
 #include "store/root.h"
 
 static const char *const type_names[HEADER_TYPE_COUNT] = {"int8",   "uint8", "int16",  "uint16", "int32",
@@ -66,6 +67,26 @@ bool dense_describe(const contents_input *in, slices *s, const json *shape, cons
     return ok;
 }
 
+/* Labels are told, and their interfaces suggested; values that no label can have, or that do not fit into memory, are
+ * none. */
+static bool list_labels(const contents_input *in, slices *s, json *o, json *suggestions, error *e)
+{
+    const spec_labels all = {0};
+    const double voxels = (double)s->size[0] * (double)s->size[1] * (double)s->size[2];
+    label_volume v = {0};
+    error unused = {0};
+    bool ok = true;
+    if (label_volume_read(s, &all, (size_t)in->options->memory_mb << 20, &v, &unused) &&
+        label_listing_suits(&v)) {
+        json *shape = json_new_object();
+        json_put_string(json_put_object(shape, "labels"), "path", in->path);
+        ok = label_listing_describe(&v, json_put_array(o, "labels"), e) || error_prefix(e, "%s", in->path);
+        ok = ok ? suggestion_append(suggestions, shape, voxels, in->options, e) : (json_free(shape), false);
+    }
+    label_volume_free(&v);
+    return ok;
+}
+
 bool contents_read_dense(const contents_input *in, json *inspection, error *e)
 {
     header head;
@@ -84,7 +105,9 @@ bool contents_read_dense(const contents_input *in, json *inspection, error *e)
     json *volume = json_put_object(shape, "volume");
     json_put_string(volume, "path", in->path);
     if (head.volumes > 1) json_put_integer(volume, "index", 0);
-    bool ok = dense_describe(in, s, shape, "/volume/isovalue", o, json_find(inspection, "/suggestions"), e);
+    json *suggestions = json_find(inspection, "/suggestions");
+    bool ok = dense_describe(in, s, shape, "/volume/isovalue", o, suggestions, e) &&
+              (head.volumes > 1 || list_labels(in, s, o, suggestions, e));
     json_free(shape);
     s->ops->close(s);
     return ok;

@@ -126,6 +126,20 @@ static void print_images(FILE *out, json_at root)
     }
 }
 
+static void print_labels(FILE *out, json_at labels)
+{
+    for (size_t k = 0; k < json_size(labels); k++) {
+        json_at l = json_element(&labels, k);
+        fprintf(out, "label %.0f: %.0f voxels, ", number_of(l, "label"), number_of(l, "voxels"));
+        print_numbers(out, json_member(&l, "low"), " ");
+        fputs(" to ", out);
+        print_numbers(out, json_member(&l, "high"), " ");
+        fputs(", touches ", out);
+        print_numbers(out, json_member(&l, "neighbours"), " ");
+        putc('\n', out);
+    }
+}
+
 static void print_volume(FILE *out, json_at volume)
 {
     if (!volume.node) return;
@@ -135,6 +149,7 @@ static void print_volume(FILE *out, json_at volume)
         fprintf(out, ", %s", text_of(volume, "space"));
     putc('\n', out);
     print_values(out, volume);
+    print_labels(out, json_member(&volume, "labels"));
 }
 
 static void print_mesh(FILE *out, json_at mesh)

@@ -2,6 +2,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
 #include "labels/label_mesh.h"
@@ -11,6 +12,7 @@
 struct label_surface {
     label_volume labels; /* its voxels are gone once there are triangles */
     mesh_surface *surface;
+    char warning[256]; /* of the reader */
 };
 
 typedef struct wanted_pairs {
@@ -53,6 +55,7 @@ static bool make_surface(const label_surface_request *r, label_surface *s, error
 label_surface *label_surface_open(const label_surface_request *request, error *e)
 {
     label_surface *s = mem_alloc(sizeof *s);
+    memcpy(s->warning, request->from->warning, sizeof s->warning);
     if (label_volume_read(request->from, request->spec, request->memory_limit, &s->labels, e) &&
         make_surface(request, s, e))
         return s;
@@ -120,8 +123,9 @@ static void put_interfaces(const label_surface *s, json *members)
     free(all);
 }
 
-void label_surface_describe(const label_surface *s, json *surface)
+void label_surface_describe(const label_surface *s, json *surface, json *warnings)
 {
+    if (*s->warning) json_append_string(warnings, s->warning);
     json *members = json_put_object(surface, "labels"), *list = json_put_array(members, "materials");
     json_put_integer(members, "triangles", (int64_t)mesh_surface_patches(s->surface)->m.triangle_count);
     for (size_t k = 0; k < s->labels.count; k++) {

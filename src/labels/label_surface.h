@@ -28,7 +28,7 @@ size_t label_surface_bytes(const label_surface *s); /* 0 for NULL */
 /* The labels on both sides of a patch; the normal points from the first to the second. */
 void label_surface_sides(const label_surface *s, uint32_t patch, int64_t out[2]);
 
-/* What a report tells of it: the member `labels`. */
-void label_surface_describe(const label_surface *s, json *surface);
+/* What a report tells of it: the member `labels`, and warnings of the reader. */
+void label_surface_describe(const label_surface *s, json *surface, json *warnings);
 
 #endif

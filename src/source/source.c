@@ -11,6 +11,7 @@
 #include "dense/raw_volume.h"
 #include "geometry/affine.h"
 #include "source/creased_source.h"
+#include "source/label_source.h"
 #include "source/mesh_source.h"
 #include "source/plan.h"
 
@@ -286,13 +287,9 @@ static bool open_labels(const spec_surface *s, const opening *o, source_part *ou
     int fd = open_input(o->source, l->path, e);
     if (fd < 0) return false;
     const slices_files files = {open_input, o->source};
-    slices *from = raw_volume_open(fd, l->path, NULL, -1, &files, e);
-    if (from) {
-        const label_surface_request request = {
-            from, l, plan_spacing(o->spec), (double)o->spec->count, memory_left(o), o->pool};
-        out->labels = label_surface_open(&request, e);
-        from->ops->close(from);
-    }
+    const label_source_request request = {
+        fd, {NULL, l, plan_spacing(o->spec), (double)o->spec->count, memory_left(o), o->pool}, &files};
+    out->labels = label_source_open(&request, e);
     close(fd);
     if (!out->labels) return error_prefix(e, "%s", l->path);
     out->field = label_surface_field(out->labels);
@@ -639,7 +636,7 @@ void source_describe(const source *s, json *report, json *members, json *warning
 {
     json *inputs = json_put_array(report, "inputs"), *list = NULL;
     if (s->whole.volume) describe_volume(volume_describe(s->whole.volume), members, warnings);
-    if (s->whole.labels) label_surface_describe(s->whole.labels, members);
+    if (s->whole.labels) label_surface_describe(s->whole.labels, members, warnings);
     if (s->whole.mesh) mesh_source_describe(s->whole.mesh, &s->whole.notes, members, warnings);
     describe_parts(&s->whole, members, &list, warnings);
     for (size_t k = 0; k < s->input_count; k++) {

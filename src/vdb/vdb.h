@@ -84,6 +84,7 @@ struct vdb_voxels {
     int components; /* 1, or 3 of a vector */
     bool whole;     /* integers or truth values */
     vdb_class grid_class;
+    int32_t low[3], high[3];   /* where `whole`: the box of the active voxels; low > high: there are none */
     double index_to_world[16]; /* as in vdb_grid */
     void *tree;                /* private */
     /* The value of a voxel, the background's where there is none; whether it is active. */

@@ -1,6 +1,7 @@
 """The interfaces of a segmentation, as a user hands it to the worker: each once, with its labels, where the shapes truly
 are; or an error that says what is wrong."""
 import json
+import zlib
 
 import numpy
 import pytest
@@ -173,3 +174,40 @@ def test_what_has_no_interfaces_is_said(sample, values, members, code, words):
 def test_what_fills_all_is_sampled_when_closed(sample):
     report, points = sample(numpy.full((12, 12, 12), 5, "u1"), count=500, closed=True)
     assert set(interfaces(report)) == {(5, -1)} and report["mesh"]["boundary_edges"] == 0
+
+
+# ---- ways of storing labels
+
+def meta_image(labels, said=None):
+    """A packed .mha that says so many bytes."""
+    packed = zlib.compress(labels.tobytes(order="F"))
+    return ("ObjectType = Image\nNDims = 3\nBinaryData = True\nCompressedData = True\n"
+            f"CompressedDataSize = {len(packed) if said is None else said}\nElementSpacing = 1 1 1\n"
+            f"DimSize = {' '.join(map(str, labels.shape))}\nElementType = MET_UCHAR\n"
+            "ElementDataFile = LOCAL\n").encode() + packed
+
+
+@pytest.mark.parametrize("said, cut, warned", [(None, 0, False), (20, 0, True), (9999, 0, True), (20, 30, None)])
+def test_a_header_that_disagrees_is_a_warning_where_data_are_whole(worker, tmp_path, said, cut, warned):
+    image = meta_image(blocks().astype("u1"), said)
+    (tmp_path / "v.mha").write_bytes(image[:len(image) - cut])
+    done = worker({"version": 1, "surface": {"labels": {"path": "v.mha"}}, "sampling": {"count": 300},
+                   "output": {"preview": False}})
+    if warned is None:
+        assert json.loads(done.stderr.splitlines()[-1])["code"] == "input_damaged"
+        return
+    warnings = json.loads((tmp_path / "out" / "report.json").read_text())["surface"]["warnings"]
+    assert any("packed data" in w for w in warnings) == warned, warnings
+
+
+def test_an_inspection_lists_labels(worker, tmp_path):
+    write_nrrd(tmp_path / "v.nrrd", blocks())
+    done = worker("v.nrrd", "--json", command="inspect", output=None)
+    told = json.loads(done.stdout)
+    labels = told["volume"]["labels"]
+    assert [(k["label"], k["voxels"], k["neighbours"]) for k in labels] == [
+        (1, 864, [2]), (2, 864, [1, 3]), (3, 864, [2, 4]), (4, 864, [3])]
+    assert labels[1]["low"] == [6, 0, 0] and labels[1]["high"] == [11, 11, 11]
+    assert any("labels" in s.get("spec", {}).get("surface", {}) for s in told["suggestions"])
+    write_nrrd(tmp_path / "w.nrrd", numpy.random.default_rng(1).integers(0, 200, (16, 16, 16)).astype("u1"))
+    assert "labels" not in json.loads(worker("w.nrrd", "--json", command="inspect", output=None).stdout)["volume"]

@@ -1,0 +1,58 @@
+#include "labels/label_listing.h"
+
+#include <stdlib.h>
+
+#include "base/memory.h"
+
+/* Of all pairs of voxels along x, those that are alike: of labels .9 and more, of measurements with noise .1. */
+static const double alike_least = 0.8;
+
+bool label_listing_suits(const label_volume *v)
+{
+    size_t alike = 0, pairs = 0;
+    for (int64_t z = 0; z < v->size[2]; z++)
+        for (int64_t y = 0; y < v->size[1]; y++)
+            for (int64_t x = 1; x < v->size[0]; x++, pairs++)
+                alike += label_volume_at(v, x, y, z) == label_volume_at(v, x - 1, y, z);
+    return v->count > 1 && v->count <= LABEL_LISTING_MOST && (double)alike >= alike_least * (double)pairs;
+}
+
+/* touching[a count + b]: a voxel of a shares a side with one of b. */
+static void find_neighbours(const label_volume *v, bool *touching)
+{
+    const int64_t step[3] = {1, v->size[0], v->size[0] * v->size[1]};
+    for (int64_t z = 0; z < v->size[2]; z++)
+        for (int64_t y = 0; y < v->size[1]; y++)
+            for (int64_t x = 0; x < v->size[0]; x++) {
+                const int64_t at[3] = {x, y, z};
+                const uint16_t *own = v->at + z * step[2] + y * step[1] + x;
+                for (int k = 0; k < 3; k++) {
+                    if (at[k] + 1 == v->size[k] || own[step[k]] == *own) continue;
+                    touching[*own * v->count + own[step[k]]] = true;
+                    touching[own[step[k]] * v->count + *own] = true;
+                }
+            }
+}
+
+bool label_listing_describe(const label_volume *v, json *list, error *e)
+{
+    bool *touching = mem_array(v->count * v->count, sizeof *touching, "the neighbours of labels", e);
+    if (!touching) return false;
+    find_neighbours(v, touching);
+    for (size_t a = 0; a < v->count; a++) {
+        const label_material *m = &v->material[a];
+        json *told = json_append_object(list);
+        json_put_integer(told, "label", m->value);
+        json_put_integer(told, "voxels", (int64_t)m->voxels);
+        json *low = json_put_array(told, "low"), *high = json_put_array(told, "high"),
+             *neighbours = json_put_array(told, "neighbours");
+        for (int k = 0; k < 3; k++) {
+            json_append_number(low, (double)m->low[k]);
+            json_append_number(high, (double)m->high[k]);
+        }
+        for (size_t b = 0; b < v->count; b++)
+            if (touching[a * v->count + b]) json_append_number(neighbours, (double)v->material[b].value);
+    }
+    free(touching);
+    return true;
+}

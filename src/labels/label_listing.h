@@ -1,0 +1,16 @@
+/* label_listing: tells the labels of a segmentation: how many voxels each has, in which box, and which labels they touch. */
+#ifndef HEXAD_LABELS_LABEL_LISTING_H
+#define HEXAD_LABELS_LABEL_LISTING_H
+
+#include "json/json.h"
+#include "labels/label_volume.h"
+
+enum { LABEL_LISTING_MOST = 1000 }; /* labels that are told */
+
+/* Whether whole numbers are labels rather than measurements: most voxels are like the next one, and they are not many. */
+bool label_listing_suits(const label_volume *v);
+
+/* Appends {label, voxels, low, high, neighbours} of each; voxels touch where they share a side. Errors: limit_memory. */
+bool label_listing_describe(const label_volume *v, json *list, error *e);
+
+#endif

@@ -1,0 +1,17 @@
+/* label_source: opens a segmentation: a dense volume, or a grid of whole numbers in an OpenVDB file, which goes on with its
+ * background beyond its active voxels. */
+#ifndef HEXAD_SOURCE_LABEL_SOURCE_H
+#define HEXAD_SOURCE_LABEL_SOURCE_H
+
+#include "labels/label_surface.h"
+
+typedef struct label_source_request {
+    int fd;                    /* the file, the caller's */
+    label_surface_request how; /* its `from` is found here */
+    const slices_files *files; /* that a header names */
+} label_source_request;
+
+/* Errors: those of label_surface_open, of the readers, and not_supported; without the path. */
+label_surface *label_source_open(const label_source_request *request, error *e);
+
+#endif

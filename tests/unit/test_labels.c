@@ -1,0 +1,118 @@
+/* Segmentations in OpenVDB files, which pyopenvdb of Debian cannot write: which grid, its place in the world, and that it goes
+ * on with its background. What becomes of labels is tested in tests/service/test_labels.py. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdlib.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "field/patches.h"
+#include "source/label_source.h"
+#include "vdb/vdb.h"
+
+enum { SIDE = 8, VOXELS = SIDE * SIDE * SIDE };
+
+static const double to_world[16] = {0.5, 0, 0, 1, 0, 0.25, 0, 2, 0, 0, 2, 3, 0, 0, 0, 1};
+
+/* A cube of which one half has the label 3 and the other -7. */
+static int write_grids(const char *const *types, size_t count)
+{
+    static int32_t voxel[VOXELS][3];
+    static float value[VOXELS];
+    vdb_draft draft[2];
+    error e = {0};
+    for (int k = 0; k < VOXELS; k++) {
+        const int at[3] = {k % SIDE, k / SIDE % SIDE, k / SIDE / SIDE};
+        for (int a = 0; a < 3; a++) voxel[k][a] = at[a] - 3;
+        value[k] = at[0] < SIDE / 2 ? 3 : -7;
+    }
+    for (size_t k = 0; k < count; k++)
+        draft[k] = (vdb_draft){.name = k == 0 ? "parts" : "others",
+                               .type = types[k],
+                               .index_to_world = to_world,
+                               .voxel_count = VOXELS,
+                               .voxels = (const int32_t(*)[3])voxel,
+                               .values = value};
+    int fd = memfd_create("grids", MFD_CLOEXEC);
+    assert_true(fd >= 0);
+    if (!vdb_write_grids(fd, draft, count, VDB_SEEKABLE, true, &e)) fail_msg("%s", e.message);
+    return fd;
+}
+
+static label_surface *open_grids(int fd, char *grid, error *e)
+{
+    char path[] = "labels.vdb";
+    const spec_labels spec = {.path = path, .grid = grid};
+    const label_source_request request = {fd, {.spec = &spec, .memory_limit = 64 << 20}, NULL};
+    label_surface *s = label_source_open(&request, e);
+    close(fd);
+    return s;
+}
+
+static void assert_two_halves(const label_surface *s)
+{
+    const double sides[3][2] = {{-7, 0}, {-7, 3}, {0, 3}};
+    const field *f = label_surface_field(s);
+    bool seen[3] = {false};
+    assert_int_equal(f->patches->count, 3);
+    for (uint32_t p = 0; p < 3; p++) {
+        int64_t found[2];
+        label_surface_sides(s, p, found);
+        for (int k = 0; k < 3; k++)
+            if ((double)found[0] == sides[k][0] && (double)found[1] == sides[k][1]) {
+                assert_false(seen[k]);
+                seen[k] = true;
+                /* between the halves: sides of 8 voxels of 0.25 and 2, ends halfway to the background */
+                if (k == 1) assert_true(fabs(f->patches->patch[p].area - 32) < 1);
+            }
+    }
+    assert_true(seen[0] && seen[1] && seen[2]);
+    for (size_t c = 0; c < f->patches->curve_count; c++)
+        assert_int_equal(f->patches->curve[c].patch_count, 3); /* no interface ends at the active voxels' end */
+    const bbox box = f->domain;
+    assert_true(box.min.x < 1 - 1.5 && box.max.x > 1 + 2 && box.min.z < 3 - 6 && box.max.z > 3 + 8);
+}
+
+static void test_grids_of_whole_numbers(void **state)
+{
+    (void)state;
+    const char *const types[] = {"int32", "int64"};
+    for (size_t k = 0; k < 2; k++) {
+        error e = {0};
+        label_surface *s = open_grids(write_grids(&types[k], 1), NULL, &e);
+        if (!s) fail_msg("%s: %s", types[k], e.message);
+        assert_two_halves(s);
+        label_surface_close(s);
+    }
+}
+
+static void test_which_grid(void **state)
+{
+    (void)state;
+    const char *const both[] = {"int32", "int64"}, *const one[] = {"float", "int32"}, *const none[] = {"float"};
+    char others[] = "others", parts[] = "parts";
+    error e = {0};
+    assert_null(open_grids(write_grids(both, 2), NULL, &e));
+    assert_int_equal(e.code, ERROR_GRID_AMBIGUOUS);
+    assert_null(open_grids(write_grids(none, 1), NULL, &e));
+    assert_int_equal(e.code, ERROR_GRID_MISSING);
+    assert_null(open_grids(write_grids(one, 2), parts, &e));
+    assert_int_equal(e.code, ERROR_INPUT_UNSUPPORTED);
+    for (int named = 0; named < 2; named++) {
+        label_surface *s = open_grids(write_grids(one, 2), named ? others : NULL, &e);
+        assert_non_null(s);
+        assert_two_halves(s);
+        label_surface_close(s);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_grids_of_whole_numbers),
+                                       cmocka_unit_test(test_which_grid)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
