@@ -177,7 +177,8 @@ def main():
         times = [float(numpy.median([r[2] for r in runs])) for runs in pair]
     lines = ["# The interfaces of labels", "",
              f"Printed by `tools/labels.py --seeds {options.seeds} --count {options.count} --size {options.size}`; `make labels` "
-             f"makes the page anew. Cubes of {options.size} voxels. Distances are in voxels, but `between interfaces` (the least",
+             f"makes the page anew, of five seeds. Cubes of {options.size} voxels.",
+             "Distances are in voxels, but `between interfaces` (the least",
              "distance of points on two of them) and `farthest place` in spacings; areas are the largest error of a share.", "",
              *table(rows), "",
              f"Other ways, of width {WIDTH}, at the crossings between voxels; of hexad the points. Near: within {NEAR} voxels of a line.",

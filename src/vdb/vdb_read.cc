@@ -593,7 +593,8 @@ struct visit {
         if (done || d.type != Grid::gridType()) return;
         typename Grid::Ptr grid = read_tree<Grid>(file, index, d, base, fd, limit);
         typename Grid::ConstAccessor access = grid->getConstAccessor();
-        vdb_voxels v = {components, whole, class_of(*grid), {1, 1, 1}, {0, 0, 0}, {0}, &access, read_voxel<Grid>};
+        vdb_voxels v = {components, whole, class_of(*grid), {1, 1, 1},
+                        {0, 0, 0},  {0},   &access,         read_voxel<Grid>};
         if (whole) {
             const vdb::CoordBBox box = grid->evalActiveVoxelBoundingBox();
             for (int k = 0; k < 3; k++) {
