@@ -6,6 +6,8 @@
 #include <immintrin.h>
 #endif
 
+#include "packing/pair.h"
+
 enum { LANES = FAST_KERNEL_LANES };
 
 /* w cot w for q = w^2, w in [0, pi/2]: least squares on Chebyshev nodes, within 5e-8; with rounding 2e-7. In
@@ -19,42 +21,69 @@ ISA_INLINE float wcotw(float q)
 
 /* Of the support: nearer ones are taken to be as near. */
 static const float CLOSEST = 1e-4f;
+/* The potential of a neighbour at a twentieth of the support, and no more, scales what the turning of normals adds. */
+static const float TURNING_MOST = 11.24f;
 
-/* The places of one neighbour of each particle. */
+/* The places of one neighbour of each particle; or its normal, in the first three as floats. */
 typedef struct row {
-    _Alignas(64) int32_t x[LANES];
-    int32_t y[LANES], z[LANES];
+    union {
+        _Alignas(64) int32_t x[LANES];
+        float nx[LANES];
+    };
+    union {
+        int32_t y[LANES];
+        float ny[LANES];
+    };
+    union {
+        int32_t z[LANES];
+        float nz[LANES];
+    };
     float size[LANES];
 } row;
 
-ISA_INLINE void load_portable(const neighbours_place *place, const uint32_t *const list[], size_t k, row *out)
+/* What a row is loaded from: the one that is not NULL. A constant where the functions below are expanded. */
+typedef struct source {
+    const neighbours_place *place;
+    const vec3 *normal;
+} source;
+
+ISA_INLINE void load_portable(source from, const uint32_t *const list[], size_t k, row *out)
 {
-    for (size_t l = 0; l < LANES; l++) {
-        const neighbours_place *p = &place[list[l][k]];
+    for (size_t l = 0; from.place && l < LANES; l++) {
+        const neighbours_place *p = &from.place[list[l][k]];
         out->x[l] = p->x;
         out->y[l] = p->y;
         out->z[l] = p->z;
         out->size[l] = p->size;
     }
+    for (size_t l = 0; from.normal && l < LANES; l++) {
+        const vec3 *n = &from.normal[list[l][k]];
+        out->nx[l] = (float)n->x;
+        out->ny[l] = (float)n->y;
+        out->nz[l] = (float)n->z;
+    }
 }
 
 #ifdef __x86_64__
-ISA_INLINE __m128i place_at(const neighbours_place *place, const uint32_t *list, size_t k)
+ISA_INLINE __m128i four_at(source from, const uint32_t *list, size_t k)
 {
-    return _mm_loadu_si128((const __m128i *)&place[list[k]]);
+    if (from.place) return _mm_loadu_si128((const __m128i *)&from.place[list[k]]);
+    const vec3 *n = &from.normal[list[k]];
+    return _mm_castps_si128(
+        _mm_movelh_ps(_mm_cvtpd_ps(_mm_loadu_pd(&n->x)), _mm_cvtpd_ps(_mm_load_sd(&n->z))));
 }
 
 /* Place by place, and turned in registers: a vector that is read where numbers were written one by one waits
  * until all of them are in the cache. */
 ISA_TARGET_AVX512 static inline __attribute__((always_inline)) void
-load_avx512(const neighbours_place *place, const uint32_t *const list[], size_t k, row *out)
+load_avx512(source from, const uint32_t *const list[], size_t k, row *out)
 {
     __m512i p[4];
     for (size_t q = 0; q < 4; q++) { /* lanes q, 4 + q, 8 + q, 12 + q */
-        p[q] = _mm512_castsi128_si512(place_at(place, list[q], k));
-        p[q] = _mm512_inserti32x4(p[q], place_at(place, list[4 + q], k), 1);
-        p[q] = _mm512_inserti32x4(p[q], place_at(place, list[8 + q], k), 2);
-        p[q] = _mm512_inserti32x4(p[q], place_at(place, list[12 + q], k), 3);
+        p[q] = _mm512_castsi128_si512(four_at(from, list[q], k));
+        p[q] = _mm512_inserti32x4(p[q], four_at(from, list[4 + q], k), 1);
+        p[q] = _mm512_inserti32x4(p[q], four_at(from, list[8 + q], k), 2);
+        p[q] = _mm512_inserti32x4(p[q], four_at(from, list[12 + q], k), 3);
     }
     __m512i xy01 = _mm512_unpacklo_epi32(p[0], p[1]), xy23 = _mm512_unpacklo_epi32(p[2], p[3]),
             zs01 = _mm512_unpackhi_epi32(p[0], p[1]), zs23 = _mm512_unpackhi_epi32(p[2], p[3]);
@@ -65,13 +94,13 @@ load_avx512(const neighbours_place *place, const uint32_t *const list[], size_t 
 }
 
 ISA_TARGET_AVX2 static inline __attribute__((always_inline)) void
-load_avx2(const neighbours_place *place, const uint32_t *const list[], size_t k, row *out)
+load_avx2(source from, const uint32_t *const list[], size_t k, row *out)
 {
     for (size_t half = 0; half < LANES; half += 8) {
         __m256i p[4];
         for (size_t q = 0; q < 4; q++) { /* lanes q and 4 + q */
-            p[q] = _mm256_castsi128_si256(place_at(place, list[half + q], k));
-            p[q] = _mm256_inserti128_si256(p[q], place_at(place, list[half + 4 + q], k), 1);
+            p[q] = _mm256_castsi128_si256(four_at(from, list[half + q], k));
+            p[q] = _mm256_inserti128_si256(p[q], four_at(from, list[half + 4 + q], k), 1);
         }
         __m256i xy01 = _mm256_unpacklo_epi32(p[0], p[1]), xy23 = _mm256_unpacklo_epi32(p[2], p[3]),
                 zs01 = _mm256_unpackhi_epi32(p[0], p[1]), zs23 = _mm256_unpackhi_epi32(p[2], p[3]);
@@ -89,6 +118,7 @@ load_avx2(const neighbours_place *place, const uint32_t *const list[], size_t k,
 /* What follows from each particle's size. */
 typedef struct scales {
     float half_own[LANES], stiffness[LANES];
+    float nx[LANES], ny[LANES], nz[LANES]; /* the normals */
 } scales;
 
 /* The frames of vec3_frame, in single precision; no forces yet. */
@@ -103,16 +133,38 @@ ISA_INLINE void set_up(const fast_kernel_particles *own, float reach, scales *s,
         out->axis2[0][l] = b;
         out->axis2[1][l] = sign + y * y * a;
         out->axis2[2][l] = -y;
+        s->nx[l] = x;
+        s->ny[l] = y;
+        s->nz[l] = z;
         s->half_own[l] = 0.5f / own->size[l];
         s->stiffness[l] = (reach * s->half_own[l]) * (reach * s->half_own[l]);
         out->energy[l] = out->d1[l] = out->d2[l] = out->h11[l] = out->h12[l] = out->h22[l] = 0;
+        out->turning[0][l] = out->turning[1][l] = out->turning[2][l] = 0;
         out->nearest2[l] = INFINITY;
     }
 }
 
-/* Adds neighbour k of each particle that has as many. */
-ISA_INLINE void add_row(const row *b, uint32_t k, const fast_kernel_particles *own, const scales *s,
-                        float reach, fast_kernel_forces *out)
+/* As in pair_weigh: t, the weight as a function of it, and what the weight grows by with the cosine. */
+ISA_INLINE float facing_share(float cosine)
+{
+    float t = (cosine - (float)PAIR_FACING_NONE) * (float)(1 / PAIR_FACING_RANGE);
+    t = t < 0 ? 0 : t;
+    return t > 1 ? 1 : t;
+}
+
+ISA_INLINE float facing_weight(float t)
+{
+    return t * t * (3 - 2 * t);
+}
+
+ISA_INLINE float facing_slope(float t)
+{
+    return 6 * t * (1 - t) * (float)(1 / PAIR_FACING_RANGE);
+}
+
+/* Adds neighbour k of each particle that has as many; `n` has the neighbours' normals, or is NULL where all count in full. */
+ISA_INLINE void add_row(const row *b, const row *n, uint32_t k, const fast_kernel_particles *own,
+                        const scales *s, float reach, fast_kernel_forces *out)
 {
     const float farthest = (float)(M_PI_2 * M_PI_2), nearest = farthest * CLOSEST * CLOSEST;
     for (int l = 0; l < LANES; l++) {
@@ -120,16 +172,30 @@ ISA_INLINE void add_row(const row *b, uint32_t k, const fast_kernel_particles *o
               dz = (float)(own->z[l] - b->z[l]);
         float sizes = own->size[l] + b->size[l], scale = reach / sizes; /* distance to w = u pi / 2 */
         float r2 = dx * dx + dy * dy + dz * dz, q = r2 * (scale * scale);
-        float inside = (q < farthest) & (k < own->count[l]) ? 1.0f : 0.0f, far2 = inside > 0 ? r2 : INFINITY;
+        float counts = (q < farthest) & (k < own->count[l]) ? 1.0f : 0.0f, bend_facing = 0;
+        if (n) {
+            float t = facing_share(s->nx[l] * n->nx[l] + s->ny[l] * n->ny[l] + s->nz[l] * n->nz[l]);
+            bend_facing = counts * facing_slope(t);
+            counts *= facing_weight(t);
+        }
+        float far2 = counts > 0 ? r2 : INFINITY;
         q = q < farthest ? q : farthest;
         q = q > nearest ? q : nearest;
         float w = sqrtf(q), over = 1 / w, cot = wcotw(q) * over;
-        float cot2 = cot * cot, weight = inside * s->stiffness[l], share = sizes * s->half_own[l];
+        float cot2 = cot * cot, weight = counts * s->stiffness[l], share = sizes * s->half_own[l];
         float slope = -cot2 * over * weight;                                          /* phi' / r */
         float bend = 2 * cot * (1 + cot2) * (over * over) * (scale * scale) * weight; /* phi'' / r^2 */
         float a1 = dx * out->axis1[0][l] + dy * out->axis1[1][l] + dz * out->axis1[2][l];
         float a2 = dx * out->axis2[0][l] + dy * out->axis2[1][l] + dz * out->axis2[2][l];
-        out->energy[l] += inside * (share * share) * (cot + w - (float)M_PI_2);
+        float potential = cot + w - (float)M_PI_2;
+        out->energy[l] += counts * (share * share) * potential;
+        if (n) {
+            float pull =
+                bend_facing * (share * share) * (potential < TURNING_MOST ? potential : TURNING_MOST);
+            out->turning[0][l] += pull * n->nx[l];
+            out->turning[1][l] += pull * n->ny[l];
+            out->turning[2][l] += pull * n->nz[l];
+        }
         out->d1[l] += slope * a1;
         out->d2[l] += slope * a2;
         out->h11[l] += bend * a1 * a1;
@@ -139,18 +205,42 @@ ISA_INLINE void add_row(const row *b, uint32_t k, const fast_kernel_particles *o
     }
 }
 
-/* (11)(12) in the tangent frame, without damping. */
+/* The energies alone. */
+ISA_INLINE void add_energy(const row *b, const row *n, uint32_t k, const fast_kernel_particles *own,
+                           const scales *s, float reach, float *out)
+{
+    const float farthest = (float)(M_PI_2 * M_PI_2), nearest = farthest * CLOSEST * CLOSEST;
+    for (int l = 0; l < LANES; l++) {
+        float dx = (float)(own->x[l] - b->x[l]), dy = (float)(own->y[l] - b->y[l]),
+              dz = (float)(own->z[l] - b->z[l]);
+        float sizes = own->size[l] + b->size[l], scale = reach / sizes, share = sizes * s->half_own[l];
+        float q = (dx * dx + dy * dy + dz * dz) * (scale * scale);
+        float counts = (q < farthest) & (k < own->count[l]) ? 1.0f : 0.0f;
+        if (n)
+            counts *=
+                facing_weight(facing_share(s->nx[l] * n->nx[l] + s->ny[l] * n->ny[l] + s->nz[l] * n->nz[l]));
+        q = q < farthest ? q : farthest;
+        q = q > nearest ? q : nearest;
+        float w = sqrtf(q), cot = wcotw(q) * (1 / w);
+        out[l] += counts * (share * share) * (cot + w - (float)M_PI_2);
+    }
+}
+
+/* (11)(12) in the tangent frame. */
 ISA_INLINE void step(const fast_kernel_particles *own, const fast_kernel_forces *f,
                      const fast_kernel_params *params, fast_kernel_way *out)
 {
     const double unit2 = params->unit * params->unit, scale0 = params->omega * params->unit;
+    double well[LANES];
     for (int l = 0; l < LANES; l++) {
         double h11 = (double)f->h11[l], h12 = (double)f->h12[l], h22 = (double)f->h22[l];
         double d1 = (double)f->d1[l], d2 = (double)f->d2[l], size = (double)own->size[l];
-        double floor = FAST_KERNEL_HESSIAN_FLOOR * (h11 + h22), a = h11 + floor, c = h22 + floor;
+        double floor = FAST_KERNEL_HESSIAN_FLOOR * (h11 + h22), stiffer = 1 + (double)own->damping[l];
+        double a = h11 * stiffer + floor, c = h22 * stiffer + floor;
         double determinant = a * c - h12 * h12;
         double over = determinant > 0 ? 1 / determinant : 0;
         double s1 = (h12 * d2 - c * d1) * over, s2 = (h12 * d1 - a * d2) * over;
+        out->gain[l] = -0.5 * (s1 * d1 + s2 * d2);
         double allowed_step = (double)own->allowed_step[l], limit2 = (double)f->nearest2[l] * unit2;
         limit2 = limit2 < allowed_step * allowed_step ? limit2 : allowed_step * allowed_step;
         double bound2 = FAST_KERNEL_BOUND_SHARE * FAST_KERNEL_BOUND_SHARE * limit2;
@@ -164,12 +254,15 @@ ISA_INLINE void step(const fast_kernel_particles *own, const fast_kernel_forces 
         out->to.y[l] = own->position.y[l] + (s1 * (double)f->axis1[1][l] + s2 * (double)f->axis2[1][l]);
         out->to.z[l] = own->position.z[l] + (s1 * (double)f->axis1[2][l] + s2 * (double)f->axis2[2][l]);
         out->limit2[l] = limit2;
-        out->ends_well[l] = length2 <= longest * longest;
+        well[l] = length2 <= longest * longest ? 1.0 : 0.0;
     }
+    for (int l = 0; l < LANES; l++) out->ends_well[l] = well[l] > 0;
 }
 
+/* Loops of one kind of number each: the compiler makes vectors of those. */
 ISA_INLINE void land(const fast_kernel_particles *own, const fast_kernel_params *params, fast_kernel_way *way)
 {
+    double well[LANES];
     for (int l = 0; l < LANES; l++) {
         double gx = way->gradient.x[l], gy = way->gradient.y[l], gz = way->gradient.z[l];
         double value = way->value[l], g2 = gx * gx + gy * gy + gz * gz;
@@ -178,7 +271,8 @@ ISA_INLINE void land(const fast_kernel_particles *own, const fast_kernel_params 
         double x = way->to.x[l] - back * gx, y = way->to.y[l] - back * gy, z = way->to.z[l] - back * gz;
         double dx = x - own->position.x[l], dy = y - own->position.y[l], dz = z - own->position.z[l];
         double length2 = dx * dx + dy * dy + dz * dz;
-        way->ends_well[l] &= (value * value < farthest * farthest * g2) & (length2 <= way->limit2[l]);
+        double near = value * value < farthest * farthest * g2 ? 1.0 : 0.0;
+        well[l] = length2 <= way->limit2[l] ? near : 0.0;
         way->length[l] = sqrt(length2);
         way->to.x[l] = x;
         way->to.y[l] = y;
@@ -187,25 +281,59 @@ ISA_INLINE void land(const fast_kernel_particles *own, const fast_kernel_params 
         way->gradient.y[l] = gy * over;
         way->gradient.z[l] = gz * over;
     }
+    for (int l = 0; l < LANES; l++) way->ends_well[l] &= well[l] > 0;
+}
+
+/* How many neighbours the particle with the most of them has. */
+ISA_INLINE uint32_t most_neighbours(const fast_kernel_particles *own)
+{
+    uint32_t most = 0;
+    for (int l = 0; l < LANES; l++) most = own->count[l] > most ? own->count[l] : most;
+    return most;
+}
+
+ISA_INLINE float reach_of(const fast_kernel_params *params)
+{
+    return (float)(M_PI * params->unit / params->support);
 }
 
 #define VERSION(isa, target)                                                                                \
     target static void forces_##isa(const neighbours_place *place, const fast_kernel_particles *particles,  \
                                     const fast_kernel_params *params, fast_kernel_forces *out)              \
     {                                                                                                       \
-        const float reach = (float)(M_PI * params->unit / params->support);                                 \
+        const float reach = reach_of(params);                                                               \
+        const uint32_t most = most_neighbours(particles);                                                   \
         scales s;                                                                                           \
         fast_kernel_forces sums;                                                                            \
-        uint32_t longest = 0;                                                                               \
+        row b, n;                                                                                           \
         set_up(particles, reach, &s, &sums);                                                                \
-        for (int l = 0; l < LANES; l++)                                                                     \
-            longest = particles->count[l] > longest ? particles->count[l] : longest;                        \
-        for (uint32_t k = 0; k < longest; k++) {                                                            \
-            row b;                                                                                          \
-            load_##isa(place, particles->list, k, &b);                                                      \
-            add_row(&b, k, particles, &s, reach, &sums);                                                    \
+        for (uint32_t k = 0; !params->normal && k < most; k++) {                                            \
+            load_##isa((source){.place = place}, particles->list, k, &b);                                   \
+            add_row(&b, NULL, k, particles, &s, reach, &sums);                                              \
+        }                                                                                                   \
+        for (uint32_t k = 0; params->normal && k < most; k++) {                                             \
+            load_##isa((source){.place = place}, particles->list, k, &b);                                   \
+            load_##isa((source){.normal = params->normal}, particles->list, k, &n);                         \
+            add_row(&b, &n, k, particles, &s, reach, &sums);                                                \
         }                                                                                                   \
         *out = sums;                                                                                        \
+    }                                                                                                       \
+    target static void energy_##isa(const neighbours_place *place, const fast_kernel_particles *particles,  \
+                                    const fast_kernel_params *params, float out[LANES])                     \
+    {                                                                                                       \
+        const float reach = reach_of(params);                                                               \
+        const uint32_t most = most_neighbours(particles);                                                   \
+        scales s;                                                                                           \
+        fast_kernel_forces unused;                                                                          \
+        float sums[LANES] = {0};                                                                            \
+        row b, n;                                                                                           \
+        set_up(particles, reach, &s, &unused);                                                              \
+        for (uint32_t k = 0; k < most; k++) {                                                               \
+            load_##isa((source){.place = place}, particles->list, k, &b);                                   \
+            if (params->normal) load_##isa((source){.normal = params->normal}, particles->list, k, &n);     \
+            add_energy(&b, params->normal ? &n : NULL, k, particles, &s, reach, sums);                      \
+        }                                                                                                   \
+        for (int l = 0; l < LANES; l++) out[l] = sums[l];                                                   \
     }                                                                                                       \
     target static void step_##isa(const fast_kernel_particles *particles, const fast_kernel_forces *forces, \
                                   const fast_kernel_params *params, fast_kernel_way *out)                   \
@@ -217,7 +345,7 @@ ISA_INLINE void land(const fast_kernel_particles *own, const fast_kernel_params 
     {                                                                                                       \
         land(particles, params, way);                                                                       \
     }                                                                                                       \
-    static const fast_kernel version_##isa = {forces_##isa, step_##isa, land_##isa};
+    static const fast_kernel version_##isa = {forces_##isa, step_##isa, land_##isa, energy_##isa};
 VERSION(portable, )
 VERSION(avx2, ISA_TARGET_AVX2)
 VERSION(avx512, ISA_TARGET_AVX512)

@@ -108,12 +108,18 @@ static inline void neighbours_block_points(const neighbours *n, size_t from, siz
     *end = first < after ? n->bin_end[n->block_bin[after - 1]] : 0;
 }
 
+/* The place of a point of the given size at x. */
+static inline neighbours_place neighbours_place_of(const neighbours *n, vec3 x, float size)
+{
+    vec3 d = vec3_scale(vec3_sub(x, n->origin), n->per_unit);
+    return (neighbours_place){(int32_t)d.x, (int32_t)d.y, (int32_t)d.z, size};
+}
+
 /* Notes where point i has moved to, for those who look at places; bins and lists stay. */
 static inline void neighbours_move(neighbours *n, size_t i, vec3 x)
 {
     NEIGHBOURS_CHECK(i < n->count);
-    vec3 d = vec3_scale(vec3_sub(x, n->origin), n->per_unit);
-    n->place[i] = (neighbours_place){(int32_t)d.x, (int32_t)d.y, (int32_t)d.z, n->place[i].size};
+    n->place[i] = neighbours_place_of(n, x, n->place[i].size);
 }
 
 #endif

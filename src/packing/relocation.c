@@ -88,6 +88,25 @@ static bool find_crowded(const relocation_input *in, threads *pool, ranked **out
     return thin_out(in, r, pool, found, e);
 }
 
+typedef struct rank_job {
+    const relocation_input *in;
+    const point_tree *tree;
+    double enough; /* whoever has a point so near is not bare, whatever the point's size */
+    ranked *out;
+} rank_job;
+
+static void rank_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const rank_job *job = context;
+    const relocation_input *in = job->in;
+    (void)worker;
+    for (size_t k = begin; k < end; k++) {
+        double distance;
+        uint32_t i = point_tree_nearest(job->tree, in->place[k], job->enough, &distance);
+        job->out[k] = (ranked){distance / (in->h * in->size[i]), in->size[i], in->place[k], (uint32_t)k};
+    }
+}
+
 /* The places that are bare, the barest first; of two that are near each other one. */
 static bool find_bare(const relocation_input *in, threads *pool, ranked **out, size_t *found, error *e)
 {
@@ -95,13 +114,12 @@ static bool find_bare(const relocation_input *in, threads *pool, ranked **out, s
     ranked *r = tree ? mem_array(in->places, sizeof *r, "the bare places", e) : NULL;
     *out = r;
     *found = 0;
-    for (size_t k = 0; r && k < in->places; k++) {
-        double distance;
-        uint32_t i = point_tree_nearest(tree, in->place[k], 0, &distance);
-        distance /= in->h * in->size[i];
-        if (distance > RELOCATION_BARE)
-            r[(*found)++] = (ranked){distance, in->size[i], in->place[k], (uint32_t)k};
-    }
+    double least = INFINITY;
+    for (size_t i = 0; i < in->count; i++) least = fmin(least, in->size[i]);
+    rank_job job = {in, tree, RELOCATION_BARE * in->h * least, r};
+    if (r) threads_run(pool, in->places, 256, rank_chunk, &job);
+    for (size_t k = 0; r && k < in->places; k++)
+        if (r[k].distance > RELOCATION_BARE) r[(*found)++] = r[k];
     point_tree_free(tree);
     if (!r || *found == 0) return r != NULL;
     qsort(r, *found, sizeof *r, farthest_first);

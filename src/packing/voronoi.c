@@ -1,6 +1,7 @@
 #include "packing/voronoi.h"
 
 #include <assert.h>
+#include <string.h>
 
 #include "packing/packing.h"
 
@@ -28,6 +29,8 @@ typedef struct site {
 typedef struct surroundings {
     uint32_t count;
     site own, near[VORONOI_STAR_MAX];
+    const site *last
+        [2]; /* who left nothing of the triangle before, on either side; or NULL. Mostly they do so again */
 } surroundings;
 
 /* Three points, and of the line of places that are as far from each, counted along `across` from their
@@ -38,9 +41,9 @@ typedef struct triangle {
     double radius2;
     double hidden; /* points whose normals' product with `facing` is no more than this are on another sheet */
     double low, high;
-    site low_by, high_by; /* of them `at` and `normal`, where `ended` */
-    bool low_ended, high_ended;
-    bool wide; /* the list of one corner may lack what cuts it */
+    const site *low_by, *high_by; /* NULL: nobody */
+    site kept[2];                 /* what they point at, where that is in nobody's surroundings */
+    bool wide;                    /* the list of one corner may lack what cuts it */
 } triangle;
 
 /* A normal that may as well point the other way, on the side of `facing`. */
@@ -78,6 +81,7 @@ static bool gather_sites(const voronoi_sites *in, uint32_t a, surroundings *out)
     }
     out->own = site_at(in, a, 0, in->normal[a]);
     out->count = listed;
+    out->last[0] = out->last[1] = NULL;
     for (uint32_t k = 0; k < listed; k++) out->near[k] = site_at(in, list[order[k]], order[k], in->normal[a]);
     return true;
 }
@@ -123,7 +127,7 @@ static bool span_triangle(const site *a, const site *b, const site *c, triangle 
     out->wide = deep2 < DEEP * DEEP * least * least;
     out->high = out->wide ? INFINITY : sqrt(deep2);
     out->low = -out->high;
-    out->low_ended = out->high_ended = false;
+    out->low_by = out->high_by = NULL;
     return true;
 }
 
@@ -138,12 +142,10 @@ static inline bool cut_by(const site *d, triangle *t)
     /* places at t across the circumcentre are nearer to d where t along > rest */
     if (along > 0 && rest < along * t->high) {
         t->high = rest / along;
-        t->high_by = *d;
-        t->high_ended = true;
+        t->high_by = d;
     } else if (along < 0 && rest < along * t->low) {
         t->low = rest / along;
-        t->low_by = *d;
-        t->low_ended = true;
+        t->low_by = d;
     } else if (along == 0 && rest < 0)
         return false; /* d lies within */
     return t->low < t->high;
@@ -155,6 +157,8 @@ static bool cut_by_list(const voronoi_sites *in, uint32_t of, triangle *t)
     for (uint32_t k = 0; k < in->near->list_count[of]; k++) {
         site d = site_at(in, list[k], k, t->facing);
         if (!cut_by(&d, t)) return false;
+        if (t->low_by == &d) t->low_by = memcpy(&t->kept[0], &d, sizeof d);
+        if (t->high_by == &d) t->high_by = memcpy(&t->kept[1], &d, sizeof d);
     }
     return true;
 }
@@ -174,8 +178,8 @@ static bool is_end_inside(const triangle *t, double end, const site *by)
 
 static bool is_across_surface(const triangle *t)
 {
-    bool low_inside = !t->low_ended || is_end_inside(t, t->low, &t->low_by);
-    bool high_inside = t->high_ended && is_end_inside(t, t->high, &t->high_by);
+    bool low_inside = !t->low_by || is_end_inside(t, t->low, t->low_by);
+    bool high_inside = t->high_by && is_end_inside(t, t->high, t->high_by);
     return low_inside != high_inside;
 }
 
@@ -197,12 +201,18 @@ static bool is_across_surface_wide(const voronoi_sites *in, triangle *t)
 
 /* Whether the point at hand and two of those around are a triangle of the surface: of the Delaunay
  * triangulation in space, between a tetrahedron whose circumcentre is inside and one whose is not. */
-static bool is_on_surface(const voronoi_sites *in, const surroundings *s, const site *b, const site *c)
+static bool is_on_surface(const voronoi_sites *in, surroundings *s, const site *b, const site *c)
 {
     triangle t;
     if (!span_triangle(&s->own, b, c, &t)) return false;
-    for (uint32_t k = 0; k < s->count; k++)
-        if (!cut_by(&s->near[k], &t)) return false;
+    for (int side = 0; side < 2; side++)
+        if (s->last[side] && !cut_by(s->last[side], &t)) return false;
+    for (uint32_t k = 0; k < s->count; k++) {
+        if (cut_by(&s->near[k], &t)) continue;
+        s->last[0] = t.low_by;
+        s->last[1] = t.high_by;
+        return false;
+    }
     return t.wide ? is_across_surface_wide(in, &t) : is_across_surface(&t);
 }
 
@@ -429,8 +439,7 @@ typedef struct tour {
     bool done[VORONOI_STAR_MAX]; /* all triangles with it are in the star */
 } tour;
 
-static void join_triangles(const voronoi_sites *in, const surroundings *s, uint32_t at, tour *t,
-                           voronoi_star *out)
+static void join_triangles(const voronoi_sites *in, surroundings *s, uint32_t at, tour *t, voronoi_star *out)
 {
     const site *a = &s->own, *b = &s->near[at];
     t->done[at] = true;

@@ -372,7 +372,7 @@ static bool draw_rest(const field *f, const surface *scan, const sizing_field *s
     const projection_limits limits = {20, MIDDLE_ACCEPT * spacing, MIDDLE_ACCEPT * spacing,
                                       MIDDLE_ACCEPT * spacing};
     for (int draws = 0; p->count < count; draws++) {
-        vec3 x = sizing_field_draw(sizing, scan, rng_uniform(&r), &r), n;
+        vec3 x = sizing_field_draw(sizing, scan, rng_uniform(&r), &r, NULL), n;
         if (draws == MAX_DRAWS)
             return error_set(e, ERROR_NO_SURFACE,
                              "particle %zu of %zu does not reach the surface in %d draws", p->count + 1,

@@ -10,7 +10,6 @@
 #include "packing/independent_sets.h"
 #include "surface/projection.h"
 
-static const double LAMBDA_FLOOR = -3; /* log10; below it the damping is nothing */
 /* Where the energy is smooth a particle that moves only under such damping (log10) is misled by its place: good steps need
  * less. At creases and boundaries they need it, and there a place that is corrected would be left again, for ever. */
 static const double MISLED_LAMBDA = 2;
@@ -21,17 +20,18 @@ static const double FLAT_COSINE = 0.5;
 static const double TURNING_NEAREST = 0.05;
 /* A trial ends on the surface to within this fraction of h, or is refused. */
 static const double TRIAL_REJECT = 0.01;
-/* A Newton step from this fraction of h leaves an error of about its square times kappa h. */
-static const double TRIAL_SHORTCUT = 0.02;
 static const double TRIAL_ACCEPT = 1e-4, STRAIGHT_ACCEPT = 1e-7, TRIAL_CELLS = 5;
 static const int TRIAL_STEPS = 3;
-/* A particle whose lists allow less than this fraction of h waits for new ones. */
-static const double STEP_FLOOR = 1e-3;
 /* A step that used this share of what the lists allow leaves too little for the next. */
 static const double CRAMPED_STEP = 0.8;
 /* So many points before its turn a particle's data are asked for: all of it fits into a core's nearest
  * cache. */
 static const uint32_t NEAR_AHEAD = 24, FAR_AHEAD = 88;
+/* Guarded steps are taken side by side where so many particles, and this share of them, see others turned from them: as of smoke.
+ * Elsewhere they cost little, and single precision would show: at the edges of a cube with 100 000 points hex_fraction is .988
+ * in double and .985 in single. */
+static const size_t ROUGH_COUNT = 20000;
+static const double ROUGH_SHARE = 0.25;
 /* A fast step ends with one Newton step. From this fraction of h it leaves an error of about its square times
  * kappa h. */
 static const double FAST_STEP_FARTHEST = 0.05;
@@ -147,6 +147,7 @@ bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
     if (r->fast) independent_sets_form(r->near, r->pool);
     sweep_job job = {.r = r, .p = p};
     threads_run(r->pool, p->count, 512, look_chunk, &job);
+    r->rough = r->fast && !p->patch && p->count >= ROUGH_COUNT && relax_creased_share(r, p) > ROUGH_SHARE;
     return true;
 }
 
@@ -277,18 +278,17 @@ double relax_damped_step(const pair_forces *f, double lambda, double *s1, double
     return -0.5 * (*s1 * f->d1 + *s2 * f->d2);
 }
 
-/* What tolerances are fractions of: the spacing; or cells, of which a coarse spacing has many, and within
- * which a field comes near zero without a surface. */
-static double tolerance_scale(const attempt *a)
+double relax_tolerance_scale(const field *f, double spacing)
 {
-    return fmin(a->spacing, TRIAL_CELLS * a->field->cell_size);
+    return fmin(spacing, TRIAL_CELLS * f->cell_size);
 }
 
 /* Moves along the tangent plane (8) and back onto the surface (9). */
 static bool move(const attempt *a, double s1, double s2, vec3 *x, vec3 *normal)
 {
-    double h = tolerance_scale(a);
-    const projection_limits limits = {TRIAL_STEPS, TRIAL_ACCEPT * h, TRIAL_SHORTCUT * h, TRIAL_REJECT * h};
+    double h = relax_tolerance_scale(a->field, a->spacing);
+    const projection_limits limits = {TRIAL_STEPS, TRIAL_ACCEPT * h, RELAX_TRIAL_SHORTCUT * h,
+                                      TRIAL_REJECT * h};
     double length = sqrt(s1 * s1 + s2 * s2), scale = length > a->bound ? a->bound / length : 1;
     vec3 q = vec3_axpy(scale * s1, a->axis1, vec3_axpy(scale * s2, a->axis2, a->x)), n;
     for (int axis = 0; axis < 3; axis++)
@@ -319,14 +319,13 @@ static bool try_step(const attempt *a, double s1, double s2, vec3 *x, vec3 *norm
  * would creep by damped steps for ever: put it on the surface to well below what `gain` can see. */
 static void straighten(const attempt *a, vec3 *x, vec3 *normal)
 {
-    double h = tolerance_scale(a);
+    double h = relax_tolerance_scale(a->field, a->spacing);
     const projection_limits limits = {TRIAL_STEPS, STRAIGHT_ACCEPT * h, 0, TRIAL_REJECT * h};
     projection_find(a->field, &limits, x, normal);
 }
 
-/* A particle that goes to x, `length` away, which is no farther than it is allowed. */
-static void take_step(const sweep_job *job, size_t i, vec3 x, vec3 normal, double length, double allowed_step,
-                      block_sums *sums)
+void relax_take_step(const sweep_job *job, size_t i, vec3 x, vec3 normal, double length, double allowed_step,
+                     block_sums *sums)
 {
     particles *p = job->p;
     double step = length / p->size[i];
@@ -353,15 +352,16 @@ static void descend_damped(const sweep_job *job, const attempt *a, const pair_fo
             if (!first) straighten(a, &p->position[i], &p->normal[i]);
             return;
         }
-        if (a->bound < STEP_FLOOR * a->spacing && allowed_step < sqrt(f->nearest2)) { /* wait for new lists */
+        if (a->bound < RELAX_STEP_FLOOR * a->spacing &&
+            allowed_step < sqrt(f->nearest2)) { /* wait for new lists */
             sums->cramped++;
             return;
         }
         vec3 x, normal;
         if (try_step(a, s1, s2, &x, &normal)) {
             if (lambda >= MISLED_LAMBDA && a->flat && !p->near_boundary[i]) straighten(a, &x, &normal);
-            take_step(job, i, x, normal, vec3_norm(vec3_sub(x, a->x)), allowed_step, sums);
-            p->lambda[i] = (float)(first ? fmax(lambda - 1, LAMBDA_FLOOR) : lambda);
+            relax_take_step(job, i, x, normal, vec3_norm(vec3_sub(x, a->x)), allowed_step, sums);
+            p->lambda[i] = (float)(first ? fmax(lambda - 1, RELAX_LAMBDA_FLOOR) : lambda);
             return;
         }
         sums->rejected++;
@@ -376,13 +376,12 @@ static void descend_gradient(const sweep_job *job, const attempt *a, const pair_
     double scale = -a->params->step * a->sigma * a->sigma;
     vec3 x, normal;
     if (move(a, scale * f->d1, scale * f->d2, &x, &normal))
-        take_step(job, i, x, normal, vec3_norm(vec3_sub(x, a->x)), allowed_step, sums);
+        relax_take_step(job, i, x, normal, vec3_norm(vec3_sub(x, a->x)), allowed_step, sums);
     else
         sums->rejected++;
 }
 
-/* How far the particle may still go while the lists stay valid. */
-static double allowed_step_of(const relax *r, const particles *p, size_t i)
+double relax_allowed_step(const relax *r, const particles *p, size_t i)
 {
     double allowed_step = 0.5 * r->skin * p->size[i] - (double)r->moved[i];
     return allowed_step > 0 ? allowed_step : 0;
@@ -403,7 +402,8 @@ void relax_line_up(const relax *r, const particles *p, const uint32_t *items, si
         out->y[l] = own.y;
         out->z[l] = own.z;
         out->size[l] = own.size;
-        out->allowed_step[l] = (float)allowed_step_of(r, p, i);
+        out->allowed_step[l] = (float)relax_allowed_step(r, p, i);
+        out->damping[l] = 0;
         out->position.x[l] = x->x;
         out->position.y[l] = x->y;
         out->position.z[l] = x->z;
@@ -465,10 +465,10 @@ static size_t fast_step(const sweep_job *job, uint32_t *items, size_t count, blo
             continue;
         }
         sums->energy += (double)forces.energy[l];
-        sums->lambda += LAMBDA_FLOOR;
-        take_step(job, items[l], (vec3){way.to.x[l], way.to.y[l], way.to.z[l]},
-                  (vec3){way.gradient.x[l], way.gradient.y[l], way.gradient.z[l]}, way.length[l],
-                  (double)own.allowed_step[l], sums);
+        sums->lambda += RELAX_LAMBDA_FLOOR;
+        relax_take_step(job, items[l], (vec3){way.to.x[l], way.to.y[l], way.to.z[l]},
+                        (vec3){way.gradient.x[l], way.gradient.y[l], way.gradient.z[l]}, way.length[l],
+                        (double)own.allowed_step[l], sums);
     }
     return left;
 }
@@ -493,7 +493,7 @@ static void update_particle(const sweep_job *job, int worker, size_t i, block_su
     if (!a.flat) add_turning(&a, &f);
     sums->energy += a.energy = f.energy;
     /* the neighbour penalty of section 5, as a bound; and the lists' validity */
-    double allowed_step = allowed_step_of(job->r, p, i);
+    double allowed_step = relax_allowed_step(job->r, p, i);
     a.limit = fmin(sqrt(f.nearest2), allowed_step);
     a.bound = FAST_KERNEL_BOUND_SHARE * a.limit;
     if (params->minimiser == RELAX_GRADIENT)
@@ -506,19 +506,25 @@ static void update_particle(const sweep_job *job, int worker, size_t i, block_su
 /* Updates an independent set: fast steps first, then the particles that need the general way. */
 static void sweep_set(const sweep_job *job, int worker, const uint32_t *items, size_t count, block_sums *sums)
 {
-    uint32_t creased[INDEPENDENT_SET_MOST], smooth[INDEPENDENT_SET_MOST];
-    size_t creased_count = 0, smooth_count = 0;
+    uint32_t creased[INDEPENDENT_SET_MOST], smooth[INDEPENDENT_SET_MOST], general[INDEPENDENT_SET_MOST];
+    size_t creased_count = 0, smooth_count = 0, general_count = 0;
     for (size_t k = 0; k < count; k++)
         if (particles_is_fixed(job->p, items[k]))
             continue;
-        else if (job->r->flat[items[k]] && !job->p->near_boundary[items[k]] &&
-                 !(job->r->watched && job->r->watched[items[k]]))
+        else if (job->p->near_boundary[items[k]] || (job->r->watched && job->r->watched[items[k]]))
+            general[general_count++] = items[k];
+        else if (job->r->flat[items[k]])
             smooth[smooth_count++] = items[k];
         else
             creased[creased_count++] = items[k];
     if (smooth_count > 0) smooth_count = fast_step(job, smooth, smooth_count, sums);
-    for (size_t k = 0; k < smooth_count; k++) update_particle(job, worker, smooth[k], sums);
+    for (size_t k = 0; k < smooth_count; k++) creased[creased_count++] = smooth[k];
+    if (creased_count > 0 && job->r->rough) {
+        relax_guarded_steps(job, creased, creased_count, sums);
+        creased_count = 0;
+    }
     for (size_t k = 0; k < creased_count; k++) update_particle(job, worker, creased[k], sums);
+    for (size_t k = 0; k < general_count; k++) update_particle(job, worker, general[k], sums);
 }
 
 /* Asks for what a particle will need, which is found by way of what prefetch_far has asked for. (Inlined: the

@@ -38,6 +38,7 @@ struct relax {
     size_t part_capacity;
     double sigma, skin; /* of the lists */
     bool through;       /* pairs count whatever their normals */
+    bool rough;         /* guarded steps are taken side by side */
     gather *scratch;    /* one per worker */
     size_t scratch_entries;
 };
@@ -60,5 +61,26 @@ double relax_damped_step(const pair_forces *f, double lambda, double *s1, double
 /* Particles side by side for the kernel. What is left over of the lanes repeats the first. */
 void relax_line_up(const relax *r, const particles *p, const uint32_t *items, size_t count,
                    fast_kernel_particles *out);
+
+/* How far particle i may still go while the lists stay valid. */
+double relax_allowed_step(const relax *r, const particles *p, size_t i);
+
+/* A particle that goes to x, `length` away, which is no farther than it is allowed. */
+void relax_take_step(const sweep_job *job, size_t i, vec3 x, vec3 normal, double length, double allowed_step,
+                     block_sums *sums);
+
+/* Of h: a Newton step from there is the last of a trial's. A particle whose lists allow less than the second waits for new
+ * ones. */
+#define RELAX_TRIAL_SHORTCUT 0.02
+#define RELAX_STEP_FLOOR 1e-3
+#define RELAX_LAMBDA_FLOOR (-3.0) /* log10; below it the damping is nothing */
+
+/* What a trial's tolerances are fractions of: the spacing; or cells, of which a coarse spacing has many, and within which a
+ * field comes near zero without a surface. */
+double relax_tolerance_scale(const field *f, double spacing);
+
+/* Guarded steps (section 5) of a set of independent particles that are away from boundaries, of a surface without patches, side by
+ * side, in single precision. */
+void relax_guarded_steps(const sweep_job *job, const uint32_t *items, size_t count, block_sums *sums);
 
 #endif

@@ -10,35 +10,43 @@ enum { HELD_BY = 3 };
 /* In the middle between a packing's first and second shell of neighbours, over its spacing. */
 static const double BETWEEN_SHELLS = 1.366;
 
-/* The energies of particles where all neighbours face their way. */
-static void sum_energies(const sweep_job *job, const uint32_t *items, size_t count)
+/* The energies of particles where all neighbours face their way; with `normal`, of any. */
+static void sum_energies(const sweep_job *job, const vec3 *normal, const uint32_t *items, size_t count)
 {
-    const fast_kernel_params params = {.unit = job->r->near->unit, .support = job->sigma};
+    const fast_kernel_params params = {.unit = job->r->near->unit, .support = job->sigma, .normal = normal};
     fast_kernel_particles own;
-    fast_kernel_forces forces;
+    float energy[FAST_KERNEL_LANES];
+    if (count == 0) return;
     relax_line_up(job->r, job->p, items, count, &own);
-    job->r->fast->forces(job->r->near->place, &own, &params, &forces);
-    for (size_t l = 0; l < count; l++) job->p->energy[items[l]] = (double)forces.energy[l];
+    job->r->fast->energy(job->r->near->place, &own, &params, energy);
+    for (size_t l = 0; l < count; l++) job->p->energy[items[l]] = (double)energy[l];
 }
 
 static void energy_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const sweep_job *job = context;
     particles *p = job->p;
-    uint32_t smooth[FAST_KERNEL_LANES];
-    size_t count = 0;
+    uint32_t smooth[FAST_KERNEL_LANES], creased[FAST_KERNEL_LANES];
+    size_t smooth_count = 0, creased_count = 0;
     for (size_t i = begin; i < end; i++) {
-        if (!job->r->fast || !job->r->flat[i]) {
+        if (!job->r->fast || (!job->r->flat[i] && !job->r->rough))
             p->energy[i] = pair_energy_at(relax_gather_list(job->r, p, worker, i), job->r->energy,
                                           p->position[i], job->sigma * p->size[i]);
-            continue;
+        else if (job->r->flat[i] || job->r->through)
+            smooth[smooth_count++] = (uint32_t)i;
+        else
+            creased[creased_count++] = (uint32_t)i;
+        if (smooth_count == FAST_KERNEL_LANES) {
+            sum_energies(job, NULL, smooth, smooth_count);
+            smooth_count = 0;
         }
-        smooth[count++] = (uint32_t)i;
-        if (count < FAST_KERNEL_LANES) continue;
-        sum_energies(job, smooth, count);
-        count = 0;
+        if (creased_count == FAST_KERNEL_LANES) {
+            sum_energies(job, p->normal, creased, creased_count);
+            creased_count = 0;
+        }
     }
-    if (count > 0) sum_energies(job, smooth, count);
+    sum_energies(job, NULL, smooth, smooth_count);
+    sum_energies(job, p->normal, creased, creased_count);
 }
 
 double relax_mean_energy(relax *r, particles *p, double sigma)

@@ -15,6 +15,8 @@ static const double CREASED_SHARE = 0.5;
 static const double RESOLVED_SHARE = 0.5, ORDERED_SHARE = 0.5;
 /* Places that are drawn for each particle, and how often some of the particles go to such. */
 enum { PLACES = 5, PASSES = 6 };
+/* Of so many points some are measured: a share is wanted to a few hundredths. */
+enum { JUDGED = 16384 };
 
 bool sampler_judge_coarse(sampler *s, error *e)
 {
@@ -30,7 +32,8 @@ bool sampler_judge_coarse(sampler *s, error *e)
                               .h = s->state.spacing,
                               .sized = s->setup.params.sizing != NULL,
                               .open = s->setup.field->open,
-                              .domain = s->setup.field->boundary_box};
+                              .domain = s->setup.field->boundary_box,
+                              .every = 1 + p->count / JUDGED};
     quality q;
     bool ok = quality_measure(&in, s->setup.pool, NULL, NULL, &q, e);
     free(spacing);
@@ -62,26 +65,53 @@ static bool relocate(sampler *s, const vec3 *place, size_t places, size_t *moves
     return ok;
 }
 
-/* Places all over the surface, in proportion to what the spacing asks for; returns how many. */
-static size_t draw_places(const sampler *s, vec3 *out)
+typedef struct places_job {
+    const sampler *s;
+    size_t wanted;
+    uint64_t seed;
+    vec3 *place;
+    bool *landed;
+} places_job;
+
+static void draw_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    size_t wanted = PLACES * s->state.p->count, found = 0;
-    rng r = rng_seed(s->setup.params.seed, RANDOM_STREAM_RELOCATION);
-    for (size_t k = 0; k < wanted && !threads_stopped(s->setup.pool); k++) {
-        double where = ((double)k + rng_uniform(&r)) / (double)wanted;
-        vec3 x = sizing_field_draw(s->setup.params.sizing, s->setup.scan, where, &r), normal = {0, 0, 1};
-        if (sampler_land(s->setup.field, s->state.spacing, s->setup.field->cell_size, &x, &normal))
-            out[found++] = x;
+    const places_job *job = context;
+    const sampler *s = job->s;
+    surface_last_cell last;
+    (void)worker;
+    last.known = false;
+    for (size_t k = begin; k < end; k++) {
+        rng r = rng_seed(job->seed, k); /* of its own, so that threads do not show */
+        double where = ((double)k + rng_uniform(&r)) / (double)job->wanted;
+        vec3 normal = {0, 0, 1};
+        job->place[k] = sizing_field_draw(s->setup.params.sizing, s->setup.scan, where, &r, &last);
+        job->landed[k] = sampler_land(s->setup.field, s->state.spacing, s->setup.field->cell_size,
+                                      &job->place[k], &normal);
     }
+}
+
+/* Places all over the surface, in proportion to what the spacing asks for: PLACES for each particle, of which `landed` says
+ * whether they are on it. Returns how many are, which come first. */
+static size_t draw_places(const sampler *s, vec3 *out, bool *landed)
+{
+    rng r = rng_seed(s->setup.params.seed, RANDOM_STREAM_RELOCATION);
+    places_job job = {s, PLACES * s->state.p->count, rng_next(&r), out, landed};
+    size_t found = 0;
+    threads_run(s->setup.pool, job.wanted, 256, draw_chunk, &job);
+    for (size_t k = 0; k < job.wanted && !threads_stopped(s->setup.pool); k++)
+        if (landed[k]) out[found++] = out[k];
     return found;
 }
 
 bool sampler_relocate(sampler *s, error *e)
 {
-    vec3 *place = mem_array(PLACES * s->state.p->count, sizeof *place, "the bare places", e);
-    size_t places = place ? draw_places(s, place) : 0, moves = places;
-    bool ok = place != NULL;
+    const char *what = "the bare places";
+    vec3 *place = mem_array(PLACES * s->state.p->count, sizeof *place, what, e);
+    bool *landed = mem_array(PLACES * s->state.p->count, sizeof *landed, what, e);
+    bool ok = place && landed;
+    size_t places = ok ? draw_places(s, place, landed) : 0, moves = places;
     for (int pass = 0; ok && moves > 0 && pass < PASSES; pass++) ok = relocate(s, place, places, &moves, e);
     free(place);
+    free(landed);
     return ok && sampler_settle(s, e);
 }

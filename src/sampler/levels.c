@@ -43,7 +43,7 @@ static double typical_bend(const field *f, const surface *scan, const sizing_fie
     for (int k = 0; k < BEND_SAMPLES; k++) {
         field_sample sample;
         double kappa1, kappa2;
-        vec3 x = sizing_field_draw(sizing, scan, (k + 0.5) / BEND_SAMPLES, &r), growth = {0, 0, 0};
+        vec3 x = sizing_field_draw(sizing, scan, (k + 0.5) / BEND_SAMPLES, &r, NULL), growth = {0, 0, 0};
         double size = sizing ? sizing_field_spacing(sizing, x, &growth) / h : 1;
         if (!field_sample_at(f, x, FIELD_HESSIAN, &sample)) continue;
         field_curvature(&sample, &kappa1, &kappa2);

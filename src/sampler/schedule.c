@@ -120,8 +120,8 @@ static bool steps_are_at_rest(const schedule *s, const schedule_position *at, co
 {
     bool last_stage = schedule_is_last_stage(at);
     if (s->is_paced && last_stage && at->sweeps < schedule_level_sweeps(s, at)) return false;
-    double rest = (at->level > 0 ? s->finest_rest : 1) * seen->step_tolerance;
-    if (schedule_is_last_level(at) && last_stage) return seen->rms_step < rest;
+    if (schedule_is_last_level(at) && last_stage)
+        return seen->rms_step < s->finest_rest * seen->step_tolerance;
     return at->level > 0 || seen->rms_step < s->stage_step[at->stage] || at->sweeps >= s->stage_sweeps_most;
 }
 

@@ -48,7 +48,7 @@ typedef struct schedule {
     /* At rest. `rest_lambda` > 0: the paper's criterion for the coarsest level, that the mean log10 lambda is above it;
      * 0: rms steps alone count. A level that is refined again is left as soon as its rms step (over h) is below
      * level_step or after level_sweeps. stage_step and stage_sweeps_most do the same for the stages of a coarsest level
-     * that is judged by steps. On the last of several levels finest_rest times the tolerance is a step short enough to look what is left:
+     * that is judged by steps. On the last level finest_rest times the tolerance is a step short enough to look what is left:
      * over-relaxed sweeps step farther than particles are from their rest. */
     double finest_rest, rest_lambda, level_step, stage_step[SCHEDULE_STAGES];
     int level_sweeps, stage_sweeps_most;

@@ -114,14 +114,17 @@ static bool draw_patch_particle(draw_job *job, size_t i, rng *r)
     return false;
 }
 
-/* Draw number `draw` of particle i of `count`. The surface start takes its k-th stratum of area. */
-static vec3 draw_point(const draw_job *job, size_t i, size_t count, size_t draw, rng *r)
+/* Draw number `draw` of particle i of `count`. The surface start takes its k-th stratum of area; strata follow each other
+ * through the cells. */
+static vec3 draw_point(const draw_job *job, size_t i, size_t count, size_t draw, rng *r,
+                       surface_last_cell *last)
 {
     const sampler_params *params = job->params;
     if (params->start == SAMPLER_START_SURFACE) {
         double where = ((double)i + rng_uniform(r)) / (double)count;
         if (draw > 0) where = rng_uniform(r);
-        return sizing_field_draw(params->sizing, job->scan, levels_place(job->plan, job->level, where), r);
+        return sizing_field_draw(params->sizing, job->scan, levels_place(job->plan, job->level, where), r,
+                                 draw > 0 ? NULL : last);
     }
     return params->random_in_cells ? random_in_cells(job->field, job->scan->cells, r)
                                    : random_in_domain(job->field, r);
@@ -176,13 +179,13 @@ static bool crowds_boundary(const field *f, const boundary_request *request, vec
 }
 
 /* Draws particle i until it is on the surface; false when it never is, or the pool was told to stop. */
-static bool draw_particle(draw_job *job, size_t i)
+static bool draw_particle(draw_job *job, size_t i, surface_last_cell *last)
 {
     particles *p = job->p;
     rng r = rng_seed(job->seed, i); /* of its own: who draws more changes nothing for the others */
     if (p->patch) return draw_patch_particle(job, i, &r);
     for (size_t draw = 0; draw <= MAX_DRAWS && !threads_stopped(job->pool); draw++) {
-        vec3 x = draw_point(job, i - job->first, p->count - job->first, draw, &r);
+        vec3 x = draw_point(job, i - job->first, p->count - job->first, draw, &r, last);
         bool settled = settle(job->field, job->params, job->spacing, job->near, &x, &p->normal[i]);
         if (settled && !(job->first > 0 && draw < BOUNDARY_DRAWS &&
                          crowds_boundary(job->field, job->boundary, x, p->normal[i]))) {
@@ -197,10 +200,12 @@ static bool draw_particle(draw_job *job, size_t i)
 static void draw_chunk(void *context, int worker, size_t begin, size_t end)
 {
     draw_job *job = context;
+    surface_last_cell last;
     (void)worker;
+    last.known = false;
     for (size_t k = begin; k < end; k++) {
         size_t i = job->first + k, lost = atomic_load(&job->lost);
-        if (draw_particle(job, i)) continue;
+        if (draw_particle(job, i, &last)) continue;
         while (i < lost && !atomic_compare_exchange_weak(&job->lost, &lost, i)) continue;
         return;
     }

@@ -125,7 +125,7 @@ static double amplitude_scale(const sampler *s)
         field_sample sample;
         double alpha;
         vec3 x = surface_point(s->setup.scan, s->setup.scan->area_before,
-                               (k + 0.5) / SCALE_SAMPLES * s->setup.scan->area, &r);
+                               (k + 0.5) / SCALE_SAMPLES * s->setup.scan->area, &r, NULL);
         if (!field_sample_at(s->setup.field, x, FIELD_GRADIENT, &sample) ||
             !sampler_amplitude_at(s, s->setup.field, SCALED_CURVATURE_ALL, x, vec3_unit(sample.gradient),
                                   &alpha))

@@ -307,11 +307,12 @@ static bool draw_places(candidates *c, error *e)
 {
     rng r = rng_seed(c->params->seed, RANDOM_STREAM_FRAME_TRANSFER);
     size_t places = PLACES * c->params->count;
+    surface_last_cell last = {.known = false};
     for (size_t k = 0; k < places; k++) {
         if (threads_stopped(c->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
         for (int draw = 0; draw < DRAWS; draw++) {
             double where = ((double)k + rng_uniform(&r)) / (double)places;
-            vec3 x = sizing_field_draw(c->params->sizing, c->scan, where, &r), n;
+            vec3 x = sizing_field_draw(c->params->sizing, c->scan, where, &r, &last), n;
             if (!land(c, &x, &n)) continue;
             assert(c->count < c->near->capacity);
             c->position[c->count] = c->landed[c->count] = x;

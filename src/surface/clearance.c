@@ -90,7 +90,7 @@ static void measure_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t k = begin; k < end; k++) {
         rng r = rng_seed(SEED, k);
         vec3 normal, x = surface_point(job->scan, job->scan->area_before,
-                                       ((double)k + rng_uniform(&r)) / SAMPLES * job->scan->area, &r);
+                                       ((double)k + rng_uniform(&r)) / SAMPLES * job->scan->area, &r, NULL);
         job->ratio[k] = INFINITY;
         if (!projection_find(f, &limits, &x, &normal)) continue;
         double spacing = job->sizing ? sizing_field_spacing(job->sizing, x, NULL) : job->h;

@@ -719,8 +719,9 @@ const double *sizing_field_weight(const sizing_field *g, const surface *scan)
     return g ? g->points_before : scan->area_before;
 }
 
-vec3 sizing_field_draw(const sizing_field *g, const surface *scan, double where, rng *r)
+vec3 sizing_field_draw(const sizing_field *g, const surface *scan, double where, rng *r,
+                       surface_last_cell *last)
 {
     const double *before = sizing_field_weight(g, scan);
-    return surface_point(scan, before, where * before[scan->cells], r);
+    return surface_point(scan, before, where * before[scan->cells], r, last);
 }

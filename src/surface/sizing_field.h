@@ -58,6 +58,7 @@ const double *sizing_field_weight(const sizing_field *g, const surface *scan);
 
 /* A point near the surface, drawn by the density of points, `where` in [0, 1) in the order of the cells;
  * NULL: by area. See surface_point. */
-vec3 sizing_field_draw(const sizing_field *g, const surface *scan, double where, rng *r);
+vec3 sizing_field_draw(const sizing_field *g, const surface *scan, double where, rng *r,
+                       surface_last_cell *last);
 
 #endif

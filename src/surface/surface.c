@@ -615,11 +615,11 @@ void surface_free(surface *s)
     free(s);
 }
 
-static vec3 point_of_triangle(const corner *c, rng *r)
+static vec3 point_of_triangle(const vec3 c[3], rng *r)
 {
     double u = sqrt(rng_uniform(r)), v = rng_uniform(r);
-    return vec3_add(vec3_scale(c[0].position, 1 - u),
-                    vec3_add(vec3_scale(c[1].position, u * (1 - v)), vec3_scale(c[2].position, u * v)));
+    return vec3_add(vec3_scale(c[0], 1 - u),
+                    vec3_add(vec3_scale(c[1], u * (1 - v)), vec3_scale(c[2], u * v)));
 }
 
 /* The last cell that begins at or before `where`. */
@@ -636,38 +636,54 @@ static size_t find_cell(const surface *s, const double *before, double where)
     return low;
 }
 
-static vec3 point_of_cell(const surface *s, size_t k, double share, rng *r)
+static void draw_from_cell(const surface *s, size_t k, surface_last_cell *out)
 {
     triangulation t;
     draw_triangles(s, k, &t);
+    out->known = true;
+    out->cell = k;
+    out->count = t.count;
+    for (int i = 0; i < t.count; i++) {
+        for (int c = 0; c < 3; c++) out->at[i][c] = t.at[i][c].position;
+        out->area[i] = t.area[i];
+    }
+}
+
+static vec3 point_of_cell(const surface *s, size_t k, double share, rng *r, surface_last_cell *t)
+{
+    if (!t->known || t->cell != k) draw_from_cell(s, k, t);
     double rest = 0;
-    for (int i = 0; i < t.count; i++) rest += share * t.area[i];
+    for (int i = 0; i < t->count; i++) rest += share * t->area[i];
     int which = 0;
-    while (which < t.count - 1 && rest >= t.area[which]) rest -= t.area[which++];
-    vec3 p = point_of_triangle(t.at[which], r);
+    while (which < t->count - 1 && rest >= t->area[which]) rest -= t->area[which++];
+    vec3 p = point_of_triangle(t->at[which], r);
     for (int draw = 0; s->field->open && draw < INSIDE_DRAWS && !bbox_contains(s->field->domain, p); draw++)
-        p = point_of_triangle(t.at[which], r);
+        p = point_of_triangle(t->at[which], r);
     return p;
 }
 
-vec3 surface_point(const surface *s, const double *before, double where, rng *r)
+vec3 surface_point(const surface *s, const double *before, double where, rng *r, surface_last_cell *last)
 {
+    surface_last_cell own;
+    own.known = false;
     size_t k = find_cell(s, before, where);
-    return point_of_cell(s, k, (where - before[k]) / (before[k + 1] - before[k]), r);
+    return point_of_cell(s, k, (where - before[k]) / (before[k + 1] - before[k]), r, last ? last : &own);
 }
 
 bool surface_patch_point(const surface *s, const double *before, uint32_t patch, double where, rng *r,
                          vec3 *out)
 {
     if (!s->field->patches) {
-        *out = surface_point(s, before, where * before[s->cells], r);
+        *out = surface_point(s, before, where * before[s->cells], r, NULL);
         return true;
     }
     double low = before[s->parts.begin[patch]], high = before[s->parts.begin[patch + 1]];
     if (!(high > low)) return false;
     double at = low + where * (high - low);
     size_t k = find_cell(s, before, at);
-    vec3 x = point_of_cell(s, k, (at - before[k]) / (before[k + 1] - before[k]), r);
+    surface_last_cell own;
+    own.known = false;
+    vec3 x = point_of_cell(s, k, (at - before[k]) / (before[k + 1] - before[k]), r, &own);
     if (surface_cell_patch(s, k, x) != patch) return false;
     *out = x;
     return true;

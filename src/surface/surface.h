@@ -39,10 +39,20 @@ static inline double surface_cell_area(const surface *s, size_t k)
 surface *surface_scan(const field *f, threads *pool, error *e);
 void surface_free(surface *s);
 
+/* The triangles of the cell that was drawn from last: draws in the order of cells cut each once. Zeroed before the first;
+ * for draws from one surface. */
+typedef struct surface_last_cell {
+    bool known;
+    size_t cell;
+    int count;
+    vec3 at[FIELD_CELL_TRIANGLES][3];
+    double area[FIELD_CELL_TRIANGLES]; /* of what lies in the domain */
+} surface_last_cell;
+
 /* A point of the surface's triangles: of the cell k with before[k] <= where < before[k + 1], in proportion to
  * area within it. With area_before equal lengths of `where` give equal areas. The point lies near the
- * surface, within the cell; project it. */
-vec3 surface_point(const surface *s, const double *before, double where, rng *r);
+ * surface, within the cell; project it. The same point with `last` and without it, NULL. */
+vec3 surface_point(const surface *s, const double *before, double where, rng *r, surface_last_cell *last);
 
 /* The same of the patch alone, `where` in [0, 1); without patches, of the surface. False, nothing drawn but `r` moved on, where
  * the patch has no share or the point fell on another patch of its cell. */

@@ -19,6 +19,7 @@ static const double sigma = 0.9, unit = 0x1p-24;
 /* Particles near the origin, each with neighbours of its own, as both kernels want them. */
 typedef struct fixture {
     neighbours_place place[LANES * MOST];
+    vec3 normal[LANES * MOST]; /* of the neighbours, any; for tests that have pairs weighed by them */
     uint32_t list[LANES][MOST];
     fast_kernel_particles particles;
     fast_kernel_params params;
@@ -45,6 +46,7 @@ static void random_fixture(fixture *f, rng *r)
         for (uint32_t k = 0; k < MOST; k++) {
             f->list[l][k] = l * MOST + k * 7 % MOST; /* any order */
             f->place[l * MOST + k] = random_place(r, (vec3){1, 1, 0.1});
+            f->normal[l * MOST + k] = vec3_unit(random_between(r, (vec3){-1, -1, -1}, (vec3){1, 1, 1}));
         }
         p->list[l] = f->list[l];
         p->count[l] = (uint32_t)(rng_uniform(r) * (MOST + 1));
@@ -70,19 +72,26 @@ static vec3 lane_of(const vec3_lanes *v, size_t lane)
 static void sum_wide(const fixture *f, const fast_kernel_forces *frames, size_t l, pair_forces *out)
 {
     const fast_kernel_particles *p = &f->particles;
-    double column[5][MOST];
+    double column[9][MOST];
     for (size_t k = 0; k < MOST; k++) {
         const neighbours_place *q = &f->place[f->list[l][k]];
-        double size = 0.5 * (1 + (double)q->size / (double)p->size[l]);
-        double entry[5] = {q->x * unit, q->y * unit, q->z * unit, k < p->count[l], size * size};
-        for (int c = 0; c < 5; c++) column[c][k] = entry[c];
+        const vec3 *n = &f->normal[f->list[l][k]];
+        double size = 0.5 * (1 + (double)q->size / (double)p->size[l]), counts = k < p->count[l];
+        double entry[9] = {q->x * unit, q->y * unit, q->z * unit, counts, size * size,
+                           n->x,        n->y,        n->z,        counts};
+        for (int c = 0; c < 9; c++) column[c][k] = entry[c];
     }
-    const pair_list pairs = {.blocks = MOST / PAIR_LANES,
-                             .x = column[0],
-                             .y = column[1],
-                             .z = column[2],
-                             .weight = column[3],
-                             .size2 = column[4]};
+    pair_list pairs = {.blocks = MOST / PAIR_LANES,
+                       .x = column[0],
+                       .y = column[1],
+                       .z = column[2],
+                       .weight = column[3],
+                       .size2 = column[4],
+                       .nx = column[5],
+                       .ny = column[6],
+                       .nz = column[7],
+                       .amplitude = column[8]};
+    if (f->params.normal) pair_weigh(&pairs, lane_of(&p->normal, l));
     vec3 axis1 = {frames->axis1[0][l], frames->axis1[1][l], frames->axis1[2][l]};
     vec3 axis2 = {frames->axis2[0][l], frames->axis2[1][l], frames->axis2[2][l]};
     pair_forces_at(&pairs, &energy_cotangent, lane_of(&p->position, l), axis1, axis2,
@@ -99,6 +108,7 @@ static void sums_are_those_in_double(void **state)
         fixture f;
         fast_kernel_forces single;
         random_fixture(&f, &r);
+        if (round % 2 == 1) f.params.normal = f.normal;
         fast_kernel_for(isa_best())->forces(f.place, &f.particles, &f.params, &single);
         for (size_t l = 0; l < LANES; l++) {
             pair_forces wide;
@@ -118,6 +128,37 @@ static void sums_are_those_in_double(void **state)
                              1e-5 * wide.nearest2 / unit / unit);
         }
     }
+}
+
+/* What the energy grows by when a particle's own normal turns, against differences. */
+static void turning_is_the_slope_of_the_energy(void **state)
+{
+    (void)state;
+    rng r = rng_seed(test_seed(), 4);
+    const double step = 1e-3;
+    double greatest = 0;
+    for (int round = 0; round < 10; round++) {
+        fixture f;
+        fast_kernel_forces forces;
+        float energy[2][LANES];
+        random_fixture(&f, &r);
+        f.params.normal = f.normal;
+        fast_kernel_for(isa_best())->forces(f.place, &f.particles, &f.params, &forces);
+        const fast_kernel_particles own = f.particles;
+        for (int side = 0; side < 2; side++) {
+            for (size_t l = 0; l < LANES; l++)
+                f.particles.normal.x[l] = own.normal.x[l] + (side - 0.5) * step;
+            fast_kernel_for(isa_best())->energy(f.place, &f.particles, &f.params, energy[side]);
+        }
+        for (size_t l = 0; l < LANES; l++) {
+            double slope = ((double)energy[1][l] - (double)energy[0][l]) / step;
+            if (sqrt((double)forces.nearest2[l]) * unit < 0.1 * sigma)
+                continue; /* the potential is bounded there */
+            assert_close((double)forces.turning[0][l], slope, 0.1 + 0.02 * fabs(slope));
+            greatest = fmax(greatest, fabs(slope));
+        }
+    }
+    assert_true(greatest > 1);
 }
 
 static void frames_are_tangent(void **state)
@@ -191,13 +232,17 @@ static void a_particle_always_gets_the_same_bits(void **state)
         fixture f;
         fast_kernel_forces portable, other;
         fast_kernel_way way, other_way;
+        float energy[LANES];
         random_fixture(&f, &r);
+        if (round % 2 == 1) f.params.normal = f.normal;
         go(&f, fast_kernel_for(ISA_PORTABLE), &portable, &way);
         for (isa which = ISA_PORTABLE + 1; which < ISA_COUNT; which++) {
             if (!isa_available(which)) continue;
             go(&f, fast_kernel_for(which), &other, &other_way);
             assert_memory_equal(&portable, &other, sizeof other);
             assert_memory_equal(&way, &other_way, sizeof way);
+            fast_kernel_for(which)->energy(f.place, &f.particles, &f.params, energy);
+            assert_memory_equal(energy, portable.energy, sizeof energy);
             compared++;
         }
         fast_kernel_particles *p = &f.particles;
@@ -224,6 +269,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(sums_are_those_in_double),
+        cmocka_unit_test(turning_is_the_slope_of_the_energy),
         cmocka_unit_test(frames_are_tangent),
         cmocka_unit_test(a_fast_step_ends_on_the_surface_and_within_what_is_allowed),
         cmocka_unit_test(a_particle_always_gets_the_same_bits),

@@ -155,7 +155,7 @@ static void points_lie_in_the_region_and_follow_area(void **state)
     double sagitta =
         3 * p.field->cell_size * p.field->cell_size / 8; /* of a chord as long as a cell is wide */
     for (int k = 0; k < POINTS; k++) {
-        vec3 x = surface_point(p.scan, p.scan->area_before, rng_uniform(&r) * p.scan->area, &r);
+        vec3 x = surface_point(p.scan, p.scan->area_before, rng_uniform(&r) * p.scan->area, &r, NULL);
         assert_close(vec3_norm(x), 1, sagitta);
         int z = (int)floor(SLABS * (x.z - 0.3) / 0.17);
         assert_in_range(z, 0, SLABS - 1);

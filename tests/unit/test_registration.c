@@ -31,7 +31,7 @@ static void scatter(const analytic_params *shape, vec3 out[POINTS])
     const projection_limits limits = {20, 1e-9, 1e-9, 1e-9};
     for (int k = 0; k < POINTS; k++) {
         vec3 normal;
-        out[k] = surface_point(scan, scan->area_before, (k + 0.5) / POINTS * scan->area, &r);
+        out[k] = surface_point(scan, scan->area_before, (k + 0.5) / POINTS * scan->area, &r, NULL);
         assert_true(projection_find(&a->base, &limits, &out[k], &normal));
     }
     surface_free(scan);

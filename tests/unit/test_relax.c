@@ -36,7 +36,7 @@ static void set_up(bench *b, int shape, const fast_kernel *forces, uint64_t stre
     b->r = relax_new(COUNT, &energy_cotangent, forces, SIZE_MAX, b->pool, &e);
     assert_non_null(b->r);
     for (size_t i = 0; i < COUNT;) {
-        vec3 x = surface_point(b->scan, b->scan->area_before, rng_uniform(&r) * b->scan->area, &r);
+        vec3 x = surface_point(b->scan, b->scan->area_before, rng_uniform(&r) * b->scan->area, &r, NULL);
         if (!projection_find(&b->a->base, &limits, &x, &b->p->normal[i])) continue;
         b->p->alpha[i] = forces ? 1 : 0.5 + rng_uniform(&r);
         b->p->position[i++] = x;

@@ -116,7 +116,8 @@ static void a_paced_level_has_its_sweeps_before_it_rests(void **state)
     at.levels = 1; /* one that is the coarsest as well */
     at.level = 0;
     at.sweeps = sweeps;
-    assert_false(rests(&schedule_multilevel, at, 0.004, 16));
+    assert_true(rests(&schedule_multilevel, at, 0.01, 0));
+    assert_false(rests(&schedule_multilevel, at, 0.011, 16));
     at.levels = 3;
     at.level = 1; /* that is refined again needs no small steps */
     at.sweeps = sweeps;

@@ -83,8 +83,13 @@ static void points_follow_area(void **state)
     threads *pool = threads_new(1, NULL, &e);
     surface *s = surface_scan(&a->base, pool, &e);
     int slab[SLABS] = {0};
+    surface_last_cell last = {.known = false};
     for (int k = 0; k < POINTS; k++) {
-        vec3 p = vec3_sub(surface_point(s, s->area_before, rng_uniform(&r) * s->area, &r), shapes[0].center);
+        double where = (k + rng_uniform(&r)) / POINTS * s->area;
+        rng again = r;
+        vec3 x = surface_point(s, s->area_before, where, &r, NULL), p = vec3_sub(x, shapes[0].center);
+        vec3 y = surface_point(s, s->area_before, where, &again, &last);
+        assert_memory_equal(&x, &y, sizeof x);
         assert_close(vec3_norm(p), 3, 0.01);
         int z = (int)(SLABS * (p.z + 3) / 6);
         slab[z < 0 ? 0 : z >= SLABS ? SLABS - 1 : z]++;

@@ -1,0 +1,172 @@
+/* relax_guarded: guarded steps sixteen at a time, in single precision. See relax.h, and fast_kernel.h for the parts. */
+#include <math.h>
+
+#include "particles/relax_internal.h"
+
+/* Trials in a sweep: a particle that has found no better place by then begins with more damping in the next. */
+enum { TRIALS = 2 };
+/* Newton steps that bring a trial onto the surface. */
+enum { LANDINGS = 3 };
+/* Single precision does not tell less of an energy apart. Then the step that is left is some 3e-4 of the spacing. */
+static const double LEAST_GAIN = 1e-6;
+
+/* Particles on their way. */
+typedef struct trial {
+    fast_kernel_particles own;
+    fast_kernel_forces forces;
+    fast_kernel_params params;
+    fast_kernel_way way;
+    bool open[FAST_KERNEL_LANES]; /* who has not found a place yet */
+    double lambda[FAST_KERNEL_LANES];
+} trial;
+
+static bool any_open(const trial *t)
+{
+    bool any = false;
+    for (size_t l = 0; l < FAST_KERNEL_LANES; l++) any |= t->open[l];
+    return any;
+}
+
+static fast_kernel_params params_of(const sweep_job *job)
+{
+    const relax_params *p = job->params;
+    return (fast_kernel_params){.unit = job->r->near->unit,
+                                .support = p->sigma,
+                                .omega = p->omega,
+                                .longest = INFINITY,
+                                .farthest =
+                                    RELAX_TRIAL_SHORTCUT * relax_tolerance_scale(p->field, p->spacing),
+                                .normal = job->r->through ? NULL : job->p->normal};
+}
+
+/* Brings the open lanes onto the surface. Who is not there in the end does not end well. */
+static void land(const sweep_job *job, trial *t)
+{
+    bool landed[FAST_KERNEL_LANES] = {false};
+    for (int k = 0; k < LANDINGS; k++) {
+        fast_kernel_way next = t->way;
+        bool again = false;
+        for (size_t l = 0; l < FAST_KERNEL_LANES; l++) next.ends_well[l] = t->open[l] && !landed[l];
+        field_sample_lanes(job->params->field, &next.to, next.ends_well, next.value, &next.gradient);
+        bool defined[FAST_KERNEL_LANES];
+        for (size_t l = 0; l < FAST_KERNEL_LANES; l++) defined[l] = next.ends_well[l];
+        job->r->fast->land(&t->own, &t->params, &next);
+        for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {
+            if (!defined[l]) continue;
+            t->way.to.x[l] = next.to.x[l];
+            t->way.to.y[l] = next.to.y[l];
+            t->way.to.z[l] = next.to.z[l];
+            t->way.gradient.x[l] = next.gradient.x[l];
+            t->way.gradient.y[l] = next.gradient.y[l];
+            t->way.gradient.z[l] = next.gradient.z[l];
+            t->way.length[l] = next.length[l];
+            landed[l] = next.ends_well[l];
+            again |= !landed[l];
+        }
+        if (!again) break;
+    }
+    for (size_t l = 0; l < FAST_KERNEL_LANES; l++) t->way.ends_well[l] = landed[l];
+}
+
+/* The energies where the open lanes have landed. */
+static void look(const sweep_job *job, const trial *t, float energy[FAST_KERNEL_LANES])
+{
+    fast_kernel_particles there = t->own;
+    for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {
+        if (!t->open[l] || !t->way.ends_well[l]) continue;
+        const vec3 x = {t->way.to.x[l], t->way.to.y[l], t->way.to.z[l]};
+        const neighbours_place place = neighbours_place_of(job->r->near, x, t->own.size[l]);
+        there.x[l] = place.x;
+        there.y[l] = place.y;
+        there.z[l] = place.z;
+        there.normal.x[l] = t->way.gradient.x[l];
+        there.normal.y[l] = t->way.gradient.y[l];
+        there.normal.z[l] = t->way.gradient.z[l];
+    }
+    job->r->fast->energy(job->r->near->place, &there, &t->params, energy);
+}
+
+/* The lanes that have something to gain and may move; the others are done with. */
+static void begin_trial(const sweep_job *job, const uint32_t *items, double gain, trial *t, block_sums *sums)
+{
+    for (size_t l = 0; l < FAST_KERNEL_LANES; l++)
+        t->own.damping[l] = t->open[l] ? (float)pow(10, t->lambda[l]) : 0;
+    job->r->fast->step(&t->own, &t->forces, &t->params, &t->way);
+    for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {
+        if (!t->open[l]) continue;
+        const double allowed = (double)t->own.allowed_step[l], size = (double)t->own.size[l];
+        const double nearest = sqrt((double)t->forces.nearest2[l]) * t->params.unit;
+        if (!(t->way.gain[l] > gain * (double)t->forces.energy[l]) || t->lambda[l] > RELAX_LAMBDA_CAP) {
+            job->p->lambda[items[l]] = (float)RELAX_LAMBDA_CAP;
+            t->open[l] = false;
+        } else if (allowed < nearest &&
+                   FAST_KERNEL_BOUND_SHARE * allowed < RELAX_STEP_FLOOR * job->params->spacing * size) {
+            sums->cramped++; /* waits for new lists */
+            t->open[l] = false;
+        }
+    }
+}
+
+static void end_trial(const sweep_job *job, const uint32_t *items, double gain, bool first, trial *t,
+                      block_sums *sums)
+{
+    float energy[FAST_KERNEL_LANES];
+    land(job, t);
+    look(job, t, energy);
+    for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {
+        if (!t->open[l]) continue;
+        if (!t->way.ends_well[l] || !((double)energy[l] < (double)t->forces.energy[l] * (1 - gain))) {
+            sums->rejected++;
+            t->lambda[l] += 1;
+            continue;
+        }
+        t->open[l] = false;
+        if (first) t->lambda[l] = fmax(t->lambda[l] - 1, RELAX_LAMBDA_FLOOR);
+        job->p->lambda[items[l]] = (float)t->lambda[l];
+        relax_take_step(job, items[l], (vec3){t->way.to.x[l], t->way.to.y[l], t->way.to.z[l]},
+                        (vec3){t->way.gradient.x[l], t->way.gradient.y[l], t->way.gradient.z[l]},
+                        t->way.length[l], (double)t->own.allowed_step[l], sums);
+    }
+}
+
+/* What the turning of the particles' own normals adds to their forces, through the weights: along an axis of the frame the
+ * normal turns by the shape operator times it. */
+static void add_turning(const sweep_job *job, size_t count, trial *t)
+{
+    fast_kernel_forces *f = &t->forces;
+    for (size_t l = 0; l < count; l++) {
+        const vec3 pull = {(double)f->turning[0][l], (double)f->turning[1][l], (double)f->turning[2][l]};
+        const vec3 x = {t->own.position.x[l], t->own.position.y[l], t->own.position.z[l]};
+        const vec3 axis1 = {(double)f->axis1[0][l], (double)f->axis1[1][l], (double)f->axis1[2][l]};
+        const vec3 axis2 = {(double)f->axis2[0][l], (double)f->axis2[1][l], (double)f->axis2[2][l]};
+        field_sample s;
+        if (vec3_norm2(pull) == 0 || !field_sample_at(job->params->field, x, FIELD_HESSIAN, &s)) continue;
+        const double length = vec3_norm(s.gradient), scale = t->params.unit / length;
+        const vec3 n = vec3_scale(s.gradient, 1 / length), along = vec3_axpy(-vec3_dot(pull, n), n, pull);
+        f->d1[l] += (float)(scale * vec3_dot(sym3_apply(s.hessian, axis1), along));
+        f->d2[l] += (float)(scale * vec3_dot(sym3_apply(s.hessian, axis2), along));
+    }
+}
+
+void relax_guarded_steps(const sweep_job *job, const uint32_t *items, size_t count, block_sums *sums)
+{
+    const double gain = fmax(job->params->gain, LEAST_GAIN);
+    trial t = {.params = params_of(job)};
+    relax_line_up(job->r, job->p, items, count, &t.own);
+    job->r->fast->forces(job->r->near->place, &t.own, &t.params, &t.forces);
+    if (t.params.normal) add_turning(job, count, &t);
+    for (size_t l = 0; l < count; l++) {
+        const double lambda = (double)job->p->lambda[items[l]];
+        t.open[l] = true;
+        t.lambda[l] = lambda >= RELAX_LAMBDA_CAP ? 0 : lambda;
+    }
+    for (int k = 0; k < TRIALS && any_open(&t); k++) {
+        begin_trial(job, items, gain, &t, sums);
+        if (any_open(&t)) end_trial(job, items, gain, k == 0, &t, sums);
+    }
+    for (size_t l = 0; l < count; l++) {
+        if (t.open[l]) job->p->lambda[items[l]] = (float)t.lambda[l];
+        sums->energy += (double)t.forces.energy[l];
+        sums->lambda += (double)job->p->lambda[items[l]];
+    }
+}
