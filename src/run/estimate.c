@@ -84,7 +84,7 @@ static void describe_resolution(const job *j, int64_t held, json *warnings, json
         return;
     const advice_resolution to = advice_resolve(j->scan->area, j->count, &c);
     char *warning =
-        mem_printf("about %.2g %% of the surface would be unresolved: other sheets are nearer than 1.2 "
+        mem_printf("about %.3g %% of the surface would be unresolved: other sheets are nearer than 1.2 "
                    "spacings there",
                    100 * c.unresolved_share);
     json_append_string(warnings, warning);

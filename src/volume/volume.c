@@ -154,7 +154,7 @@ static bool check_plateau(const loading *l, const volume *v, error *e)
     if ((double)flat < plateau_from * (double)cells) return true;
     return error_set(
         e, ERROR_NO_SURFACE,
-        "%s has no surface at isovalue %g: in %.2g %% of the cells there its values come to that and do "
+        "%s has no surface at isovalue %g: in %.3g %% of the cells there its values come to that and do "
         "not pass it, as at a background of that value; they range from %g to %g: give an isovalue between",
         l->name, v->info.isovalue, 100 * (double)flat / (double)cells, (double)a->lowest, (double)a->highest);
 }
@@ -471,14 +471,14 @@ static void warn_of_mesh(volume_info *info)
     if (f->thin >= unresolved_from)
         warn(
             info,
-            "%.2g %% of the mesh's area is thinner than a voxel and is not sampled: voxel_size <= %.3g shows all but "
+            "%.3g %% of the mesh's area is thinner than a voxel and is not sampled: voxel_size <= %.3g shows all but "
             "%g %%%s%s",
             100 * f->thin, f->thin_voxel, 100 * FIDELITY_MOST_THIN, r->limited_by ? "; bounded by " : "",
             r->limited_by ? r->limited_by : "");
     if (f->hidden >= unresolved_from)
         warn(
             info,
-            "%.2g %% of the mesh's area is hidden inside the union: where shells overlap, touch or cross themselves, "
+            "%.3g %% of the mesh's area is hidden inside the union: where shells overlap, touch or cross themselves, "
             "the outside of all is sampled",
             100 * f->hidden);
     if (r->spacing > 0 && r->spacing < spacing_below * r->voxel_size)

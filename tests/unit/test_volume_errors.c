@@ -164,7 +164,7 @@ static void plateaus_are_no_surface(void **state)
         vdb_draft d = draft_of(&fog);
         int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
         expect(fd, NULL, k == 1 ? 0.1 : 0, ERROR_NO_SURFACE,
-               WORDS("do not pass it", k == 0   ? "from 0 to 1"
+               WORDS("do not pass it", k == 0   ? "in 100 %"
                                        : k == 1 ? "from 0.1 to 1.1"
                                                 : "from -1 to 1"));
         close(fd);
