@@ -236,9 +236,7 @@ static void tally_chunk(void *context, int worker, size_t begin, size_t end)
     const measure_job *job = context;
     (void)worker;
     tally t = tally_empty();
-    const size_t every = job->in->every;
-    const bool measured = every <= 1 || begin / CHUNK % every == 0;
-    for (size_t i = begin; measured && i < end; i++)
+    for (size_t i = begin; i < end; i++)
         if (partition_owns(&job->part->partition, i)) tally_point(job, (uint32_t)i, &t);
     job->part->tally[begin / CHUNK] = t;
 }

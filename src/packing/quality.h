@@ -40,7 +40,6 @@ typedef struct quality_input {
      * points are fixed, too */
     const uint32_t *label;
     const uint8_t *flags;
-    size_t every; /* of the chunks of points one in so many is measured, for shares and means; 0 as 1: all */
 } quality_input;
 
 /* How regular the cells of some points are. NAN where too few are measured to say. */

@@ -15,8 +15,6 @@ static const double CREASED_SHARE = 0.5;
 static const double RESOLVED_SHARE = 0.5, ORDERED_SHARE = 0.5;
 /* Places that are drawn for each particle, and how often some of the particles go to such. */
 enum { PLACES = 5, PASSES = 6 };
-/* Of so many points some are measured: a share is wanted to a few hundredths. */
-enum { JUDGED = 16384 };
 
 bool sampler_judge_coarse(sampler *s, error *e)
 {
@@ -32,8 +30,7 @@ bool sampler_judge_coarse(sampler *s, error *e)
                               .h = s->state.spacing,
                               .sized = s->setup.params.sizing != NULL,
                               .open = s->setup.field->open,
-                              .domain = s->setup.field->boundary_box,
-                              .every = 1 + p->count / JUDGED};
+                              .domain = s->setup.field->boundary_box};
     quality q;
     bool ok = quality_measure(&in, s->setup.pool, NULL, NULL, &q, e);
     free(spacing);
