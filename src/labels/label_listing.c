@@ -4,17 +4,37 @@
 
 #include "base/memory.h"
 
-/* Of all pairs of voxels along x, those that are alike: of labels .9 and more, of measurements with noise .1. */
+/* Of labels at least this share of the voxels is like one of the three next ones; of measurements with noise few are. */
 static const double alike_least = 0.8;
+/* Of a label that hangs together at least this share of its voxels is so. The values at a mask's soft edge do not. */
+static const double hangs_from = 0.5;
+
+/* Whether the next voxel along an axis has the same label. */
+static bool next_is_alike(const label_volume *v, int64_t x, int64_t y, int64_t z)
+{
+    const uint16_t *own = v->at + (z * v->size[1] + y) * v->size[0] + x;
+    return (x + 1 < v->size[0] && own[1] == *own) || (y + 1 < v->size[1] && own[v->size[0]] == *own) ||
+           (z + 1 < v->size[2] && own[v->size[0] * v->size[1]] == *own);
+}
 
 bool label_listing_suits(const label_volume *v)
 {
-    size_t alike = 0, pairs = 0;
+    if (v->count < 2 || v->count > LABEL_LISTING_MOST) return false;
+    size_t voxels[LABEL_LISTING_MOST] = {0}, alike[LABEL_LISTING_MOST] = {0}, all = 0, all_alike = 0,
+           hanging = 0;
     for (int64_t z = 0; z < v->size[2]; z++)
         for (int64_t y = 0; y < v->size[1]; y++)
-            for (int64_t x = 1; x < v->size[0]; x++, pairs++)
-                alike += label_volume_at(v, x, y, z) == label_volume_at(v, x - 1, y, z);
-    return v->count > 1 && v->count <= LABEL_LISTING_MOST && (double)alike >= alike_least * (double)pairs;
+            for (int64_t x = 0; x < v->size[0]; x++) {
+                const uint16_t own = v->at[(z * v->size[1] + y) * v->size[0] + x];
+                voxels[own]++;
+                alike[own] += next_is_alike(v, x, y, z);
+            }
+    for (size_t k = 0; k < v->count; k++) {
+        all += voxels[k];
+        all_alike += alike[k];
+        hanging += (double)alike[k] >= hangs_from * (double)voxels[k];
+    }
+    return (double)all_alike >= alike_least * (double)all && 2 * hanging > v->count;
 }
 
 /* touching[a count + b]: a voxel of a shares a side with one of b. */

@@ -7,7 +7,8 @@
 
 enum { LABEL_LISTING_MOST = 1000 }; /* labels that are told */
 
-/* Whether whole numbers are labels rather than measurements: most voxels are like the next one, and they are not many. */
+/* Whether whole numbers are labels rather than measurements: they are not many, most voxels are like one beside them, and so
+ * are those of most labels. */
 bool label_listing_suits(const label_volume *v);
 
 /* Appends {label, voxels, low, high, neighbours} of each; voxels touch where they share a side. Errors: limit_memory. */
