@@ -346,6 +346,7 @@ def page(options, say):
             case = make()
             results = [run(case, os.path.abspath(options.worker), options.count, seed, work) for seed in range(1, options.seeds + 1)]
             if options.pictures and results[-1][1]:
+                pathlib.Path(options.pictures).mkdir(parents=True, exist_ok=True)
                 shutil.copy(work / "out" / "preview.png", pathlib.Path(options.pictures) / f"{case.name}.png")
             cells, bad = row(case, results)
             missed += bad
