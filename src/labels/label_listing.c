@@ -20,21 +20,17 @@ static bool next_is_alike(const label_volume *v, int64_t x, int64_t y, int64_t z
 bool label_listing_suits(const label_volume *v)
 {
     if (v->count < 2 || v->count > LABEL_LISTING_MOST) return false;
-    size_t voxels[LABEL_LISTING_MOST] = {0}, alike[LABEL_LISTING_MOST] = {0}, all = 0, all_alike = 0,
-           hanging = 0;
+    size_t alike[LABEL_LISTING_MOST] = {0}, voxels = 0, all_alike = 0, hanging = 0;
     for (int64_t z = 0; z < v->size[2]; z++)
         for (int64_t y = 0; y < v->size[1]; y++)
-            for (int64_t x = 0; x < v->size[0]; x++) {
-                const uint16_t own = v->at[(z * v->size[1] + y) * v->size[0] + x];
-                voxels[own]++;
-                alike[own] += next_is_alike(v, x, y, z);
-            }
+            for (int64_t x = 0; x < v->size[0]; x++)
+                alike[label_volume_at(v, x, y, z)] += next_is_alike(v, x, y, z);
     for (size_t k = 0; k < v->count; k++) {
-        all += voxels[k];
+        voxels += v->material[k].voxels;
         all_alike += alike[k];
-        hanging += (double)alike[k] >= hangs_from * (double)voxels[k];
+        hanging += (double)alike[k] >= hangs_from * (double)v->material[k].voxels;
     }
-    return (double)all_alike >= alike_least * (double)all && 2 * hanging > v->count;
+    return (double)all_alike >= alike_least * (double)voxels && 2 * hanging > v->count;
 }
 
 /* touching[a count + b]: a voxel of a shares a side with one of b. */

@@ -65,6 +65,19 @@ size_t particles_free_count(const particles *p)
     return count;
 }
 
+static void copy_between(particles *to, size_t i, const particles *from, size_t k)
+{
+    to->position[i] = from->position[k];
+    to->normal[i] = from->normal[k];
+    to->alpha[i] = from->alpha[k];
+    to->size[i] = from->size[k];
+    to->lambda[i] = from->lambda[k];
+    to->energy[i] = from->energy[k];
+    if (!from->patch) return;
+    to->patch[i] = from->patch[k];
+    to->place[i] = from->place[k];
+}
+
 bool particles_grow(particles *p, size_t capacity, error *e)
 {
     particles *q = particles_new(capacity, e);
@@ -72,17 +85,7 @@ bool particles_grow(particles *p, size_t capacity, error *e)
         particles_free(q);
         return false;
     }
-    for (size_t i = 0; i < p->count; i++) {
-        q->position[i] = p->position[i];
-        q->normal[i] = p->normal[i];
-        q->alpha[i] = p->alpha[i];
-        q->size[i] = p->size[i];
-        q->lambda[i] = p->lambda[i];
-        q->energy[i] = p->energy[i];
-        if (!p->patch) continue;
-        q->patch[i] = p->patch[i];
-        q->place[i] = p->place[i];
-    }
+    for (size_t i = 0; i < p->count; i++) copy_between(q, i, p, i);
     q->count = p->count;
     particles old = *p;
     *p = *q;
@@ -93,15 +96,7 @@ bool particles_grow(particles *p, size_t capacity, error *e)
 
 void particles_copy(particles *p, size_t to, size_t from)
 {
-    p->position[to] = p->position[from];
-    p->normal[to] = p->normal[from];
-    p->alpha[to] = p->alpha[from];
-    p->size[to] = p->size[from];
-    p->lambda[to] = p->lambda[from];
-    p->energy[to] = p->energy[from];
-    if (!p->patch) return;
-    p->patch[to] = p->patch[from];
-    p->place[to] = p->place[from];
+    copy_between(p, to, p, from);
 }
 
 static bool arrange(void *array, size_t size, const uint32_t *order, size_t count, error *e)

@@ -54,3 +54,14 @@ def worker(build, tmp_path):
         return subprocess.run([build / "hexad-worker", command, spec, *to, *map(str, words)], cwd=tmp_path, text=True,
                               capture_output=True, timeout=PATIENCE_S, **more)
     return call
+
+
+@pytest.fixture
+def solve(worker, tmp_path):
+    """Runs a spec; the report and the bytes of points.ply, or the error and None."""
+    def call(spec):
+        done = worker(spec)
+        if done.returncode not in (0, 10, 11):
+            return json.loads(done.stderr.splitlines()[-1]), None
+        return json.loads((tmp_path / "out" / "report.json").read_text()), (tmp_path / "out" / "points.ply").read_bytes()
+    return call

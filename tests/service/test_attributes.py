@@ -79,16 +79,13 @@ def fields(rng):
 
 
 @pytest.fixture
-def carry(worker, tmp_path):
+def carry(solve):
     """Runs a surface with attributes; the columns and the report, or the error and None."""
     def run(surface, attributes, **parts):
         spec = {"version": 1, "surface": surface, "sampling": {"count": 600}, "attributes": attributes,
                 "solver": {"threads": 1}, "output": {"preview": False, "ply": {"precision": "double"}}, **parts}
-        done = worker(spec)
-        if done.returncode not in (0, 10, 11):
-            return json.loads(done.stderr.splitlines()[-1]), None
-        return (read_columns((tmp_path / "out" / "points.ply").read_bytes()),
-                json.loads((tmp_path / "out" / "report.json").read_text()))
+        told, data = solve(spec)
+        return (read_columns(data), told) if data else (told, None)
     return run
 
 

@@ -50,17 +50,14 @@ def ellipsoid(matrix, size=SIZE, kind="f4"):
 
 
 @pytest.fixture
-def sample(worker, tmp_path):
+def sample(solve):
     """Runs a surface; the report and the points, or the error and None."""
     def run(surface, isovalue=0.0, kind="volume", **parts):
         member = {"isovalue": isovalue, **(surface if isinstance(surface, dict) else {"path": str(surface)})}
         spec = {"version": 1, "surface": {kind: member}, "sampling": {"count": COUNT}, "solver": {"threads": 1},
                 "output": {"preview": False, "ply": {"precision": "double"}}, **parts}
-        done = worker(spec)
-        if done.returncode not in (0, 10, 11):
-            return json.loads(done.stderr.splitlines()[-1]), None
-        return (json.loads((tmp_path / "out" / "report.json").read_text()),
-                Points((tmp_path / "out" / "points.ply").read_bytes()))
+        told, data = solve(spec)
+        return told, data and Points(data)
     return run
 
 
