@@ -132,7 +132,7 @@ def test_many_jobs_on_a_small_disk(new_disk, new_service):  # noqa: F811
     """Their results together are larger than the disk; each is fetched, and none is lost."""
     disk = new_disk(DISK_MIB)
     service = service_on(disk, new_service, "--results_mb", DISK_MIB // 2, "--free_space_mb", DISK_MIB // 8,
-                         "--reserve_mb", 1, "--cache", 0).start()
+                         "--reserve_mb", 1, "--cache", 0)
     spec = sphere(1500, output={"preview": False, "ply": {"format": "ascii", "precision": "double"}})
     waiting, fetched, sent, least = collections.deque(), 0, 0, disk.free()
     while fetched < JOBS:

@@ -64,8 +64,11 @@ def small(seed, **parts):
 
 
 def service_on(disk, new_service, *options):
+    """A service that has checked its database. The check takes room on the disk for a while, for a copy."""
     service = new_service("--retry_s", 0.05, "--retry_most_s", 0.2, *options)
     service.state = disk.path / "state"
+    service.start()
+    wait_until(lambda: figure(service, "hexad_database_last_check_timestamp_seconds"), "the quick check")
     return service
 
 
@@ -91,7 +94,7 @@ def is_full(service):
 
 def test_a_full_disk_holds_jobs_and_loses_none(new_disk, new_service):
     disk = new_disk(64)
-    service = service_on(disk, new_service, "--free_space_mb", 8, "--reserve_mb", 4).start()
+    service = service_on(disk, new_service, "--free_space_mb", 8, "--reserve_mb", 4)
     done = [service.submit(small(seed)) for seed in range(3)]
     for job in done:
         service.wait_state(job, "succeeded")
@@ -144,7 +147,7 @@ def test_a_full_disk_holds_jobs_and_loses_none(new_disk, new_service):
 def test_a_disk_that_fills_during_an_attempt(new_disk, new_service):
     """The attempt does not count, and the job waits for room."""
     disk = new_disk(32)
-    service = service_on(disk, new_service, "--free_space_mb", 0, "--reserve_mb", 1).start()
+    service = service_on(disk, new_service, "--free_space_mb", 0, "--reserve_mb", 1)
     disk.fill(ROOM)
     job = service.submit(LARGE)
     first = wait_until(lambda: [a for a in service.get(f"/v1/jobs/{job}/attempts").json["attempts"] if a["finished"]],
@@ -158,7 +161,7 @@ def test_a_disk_that_fills_during_an_attempt(new_disk, new_service):
 
 def test_a_disk_that_stays_full_ends_a_job_at_last(new_disk, new_service):
     disk = new_disk(32)
-    service = service_on(disk, new_service, "--free_space_mb", 0, "--reserve_mb", 1, "--storage_retries", 2).start()
+    service = service_on(disk, new_service, "--free_space_mb", 0, "--reserve_mb", 1, "--storage_retries", 2)
     disk.fill(ROOM)
     job = service.submit(LARGE)
     ended = service.wait_state(job, "failed")
@@ -225,7 +228,7 @@ def test_every_output_says_that_the_disk_is_full(new_disk, worker):
 def test_what_is_set_aside_is_there_again_after_a_stop(new_disk, new_service):
     """And is never read as the log of another database."""
     disk = new_disk(32)
-    service = service_on(disk, new_service, "--free_space_mb", 0, "--reserve_mb", 4).start()
+    service = service_on(disk, new_service, "--free_space_mb", 0, "--reserve_mb", 4)
     jobs = [service.submit(small(seed)) for seed in range(3)]
     for job in jobs:
         service.wait_state(job, "succeeded")
