@@ -155,8 +155,8 @@ static bool not_closed(judging *j, error *e)
                          odd);
     return error_set(
         e, ERROR_INPUT_UNSUPPORTED,
-        "the mesh is open, so it encloses no volume: it has %zu boundary edges around %zu hole%s%s: close "
-        "the holes (most mesh editors fill them) and submit it again; %s",
+        "the mesh is open, so it encloses no volume: it has %zu boundary edges around %zu hole%s%s: "
+        "\"holes\": \"fill\" closes them; %s",
         j->boundary_edges, j->holes, j->holes == 1 ? "" : "s", odd, where);
 }
 

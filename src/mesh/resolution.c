@@ -41,7 +41,7 @@ resolution resolution_begin(const mesh *m, const resolution_request *q)
     r.spacing = q->spacing > 0 ? q->spacing : q->count > 0 ? packing_spacing(r.area, q->count) : 0;
     r.voxel_size = q->voxel_size > 0 ? q->voxel_size : r.longest / q->resolution;
     if (q->voxel_size > 0 || q->resolution > 0) return r;
-    const double usual = r.longest / usual_resolution, limit = (double)q->memory_limit;
+    const double usual = fmax(r.longest / usual_resolution, q->least), limit = (double)q->memory_limit;
     const char *bound;
     r.finest = finest_voxel(&r, q, share_for_thickness * limit, &bound);
     r.voxel_size = usual;

@@ -193,7 +193,7 @@ static bool open_mesh(const spec_mesh *m, double offset, int fd, const opening *
                                      .max_resolution = m->max_resolution,
                                      .spacing = plan_spacing(o->spec),
                                      .count = (double)o->spec->count / (double)o->leaves,
-                                     .least = volume_mesh_least_voxel(offset, m->band_vox),
+                                     .least = volume_mesh_least_voxel(offset),
                                      .memory_limit = memory_left(o),
                                      .point_bytes = plan_bytes_per_particle(o->spec, false)},
                       .band_vox = m->band_vox,

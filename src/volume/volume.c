@@ -371,19 +371,24 @@ static const double unresolved_from = 0.001;
 /* Spacings smaller than this, in voxels, are warned of: creases are rounded over a voxel. */
 static const double spacing_below = 0.8;
 
-/* Voxels of the band that must be left on either side of a surface at an offset. */
-#define MESH_BAND_LEAST 3
+/* Half-widths of bands, in voxels: what is left on either side of a surface at an offset, and the widest. */
+enum { BAND_BESIDE = 3, BAND_WIDEST = 32 };
 
-double volume_mesh_least_voxel(double offset, int band_vox)
+double volume_mesh_least_voxel(double offset)
 {
-    return offset == 0 ? 0 : fabs(offset) / fmax(band_vox - MESH_BAND_LEAST, 1);
+    return fabs(offset) / (BAND_WIDEST - BAND_BESIDE);
 }
 
 static bool load_mesh(const volume_mesh_request *r, const resolution *choice, loading *l, volume *v, mesh *m,
                       mesh_notes *notes, error *e)
 {
+    const double away = fabs(r->offset) / choice->voxel_size, band = ceil(away - 1e-9) + BAND_BESIDE;
+    if (band > BAND_WIDEST)
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "an offset of %g is %.3g voxels, and at most %d are possible: voxel_size >= %.3g",
+                         r->offset, away, BAND_WIDEST - BAND_BESIDE, volume_mesh_least_voxel(r->offset));
     const levelset_params params = {.voxel_size = choice->voxel_size,
-                                    .band_vox = r->band_vox,
+                                    .band_vox = (int)fmax(band, r->band_vox),
                                     .weld = r->weld,
                                     .memory_limit = r->resolution.memory_limit,
                                     .pool = r->pool};
@@ -392,12 +397,6 @@ static bool load_mesh(const volume_mesh_request *r, const resolution *choice, lo
     l->kind = GRID_VIEW_LEVEL_SET;
     l->pool = r->pool;
     if (!(l->grid = levelset_make(m, &params, notes, &l->solids, e))) return false;
-    double band = (double)l->grid->background, voxel = band / r->band_vox;
-    if (fabs(r->offset) > band - MESH_BAND_LEAST * voxel)
-        return error_set(e, ERROR_SPEC_INVALID,
-                         "an offset of %g is %.3g voxels and needs a band of %.0f: give band_vox (at most "
-                         "32), or larger voxels",
-                         r->offset, fabs(r->offset) / voxel, ceil(fabs(r->offset) / voxel) + MESH_BAND_LEAST);
     v->info.isovalue = r->offset;
     size_t held = mesh_bytes(m->vertex_count, m->triangle_count), limit = r->resolution.memory_limit;
     l->memory_limit = limit > held ? limit - held : 0;

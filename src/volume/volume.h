@@ -106,7 +106,7 @@ volume *volume_of_mesh(const volume_mesh_request *request, const mesh *whole, co
 const mesh_faces *volume_faces(const volume *v);
 
 /* The smallest voxels with which a band reaches around an offset. */
-double volume_mesh_least_voxel(double offset, int band_vox);
+double volume_mesh_least_voxel(double offset);
 
 /* The same for a dense volume. Where the surface meets the end of the data it is open, with a boundary on that
  * face of the data's box (see volume_loose_ends for boxes that are not aligned with the world's axes).
