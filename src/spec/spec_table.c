@@ -139,9 +139,10 @@ const spec_row spec_rows[] = {
      .otherwise = "4",
      AT(surface.mesh.band_vox),
      .unit = "voxels",
-     .prose = "The half-width of the band of distances around the mesh. Particles use four voxels on "
-              "either side of the surface. Three give the same surface; more than four only cost time. An offset "
-              "of the mesh makes the band as wide as it needs, up to 32."},
+     .prose =
+         "The half-width of the band of distances around the mesh. Particles use four voxels on "
+         "either side of the surface. Three give the same surface; more than four only cost time. An offset "
+         "of the mesh makes the band as wide as it needs, up to 32."},
     {.pointer = "/surface/mesh/weld",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
