@@ -77,7 +77,7 @@ static double memory_for(const job *j, int64_t held, double count)
 static void describe_resolution(const job *j, int64_t held, json *warnings, json *advice)
 {
     clearance c;
-    bool even = !j->spec->has_curvature && !j->spec->has_grid && !j->spec->has_feature;
+    bool even = !spec_is_graded(j->spec);
     double h = packing_spacing(j->scan->area, (double)j->count);
     if (j->count == 0 || !even || !clearance_measure(j->scan, NULL, h, j->pool, &c, NULL) ||
         c.unresolved_share <= VERDICT_UNRESOLVED_SHARE)

@@ -40,6 +40,7 @@ typedef struct job {
     int64_t
         load_peak; /* bytes of memory while inputs were loaded: of this process and of the largest of its readers */
     surface *scan;
+    curve_distance *curves;    /* where they are finer than the rest; else NULL */
     sizing_field *by_features; /* with sampling.feature, of the whole count */
     size_t count; /* points that the target asks for; with a time as target: points of the next run */
     solution solution;

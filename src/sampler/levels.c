@@ -131,7 +131,7 @@ static bool plan_patches(const field *f, const surface *scan, const sampler_para
     l->allotments = mem_array(LEVELS_MAX, sizeof *l->allotments, "the levels", e);
     if (!l->allotments || !allotment_for_count(&in, params->count, &l->allotments[0], e)) return false;
     found[0] = l->allotments[0];
-    l->curves = curve_distance_new(f->patches, CURVE_STEP * least * found[0].spacing, e);
+    l->curves = curve_distance_new(f->patches, false, CURVE_STEP * least * found[0].spacing, e);
     if (!l->curves) return false;
     double limit = COARSEST_BEND / typical_bend(f, scan, params->sizing, even, params->seed);
     bool coarser = params->coarse_to_fine && params->start != SAMPLER_START_GIVEN;

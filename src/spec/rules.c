@@ -135,28 +135,30 @@ static void check_feature(reading *r, const json_at *at)
         reading_add_fault(r, &resolve, "requires feature: give \"feature\": {}");
     if (s->resolve && curvature.node)
         reading_add_fault(r, &curvature, "excludes resolve: give a count or another target");
-    if (s->has_feature && alpha.node)
-        reading_add_fault(r, &alpha, "excludes feature: use curvature instead, or leave out feature");
+    if ((s->has_feature || s->curve_spacing > 0) && alpha.node)
+        reading_add_fault(r, &alpha, "excludes %s: use curvature instead, or leave it out",
+                          s->has_feature ? "feature" : "curve_spacing");
 }
 
 static void check_sampling(reading *r, const json_at *at)
 {
     static const char *const limits[] = {"min_spacing", "max_spacing", "gradation"};
     const spec *s = r->s;
-    bool varies = s->has_curvature || s->has_grid || s->has_feature;
-    for (size_t k = 0; k < sizeof limits / sizeof limits[0] && !varies; k++) {
+    for (size_t k = 0; k < sizeof limits / sizeof limits[0] && !spec_is_graded(s); k++) {
         json_at limit = json_member(at, limits[k]);
         if (limit.node)
             reading_add_fault(
-                r, &limit, "requires curvature, grid or feature: give one of them, or leave this member out");
+                r, &limit,
+                "requires curvature, grid, feature or curve_spacing: give one of them, or leave this member out");
     }
     check_feature(r, at);
     json_at most = json_member(at, "max_spacing"), curvature = json_member(at, "curvature"),
             exponent = json_member(&curvature, "exponent"), grid = json_member(at, "grid");
     json_at time = json_member(at, "time_s");
-    if (time.node && (s->min_spacing > 0 || s->max_spacing > 0 || s->has_feature))
-        reading_add_fault(r, &time,
-                          "chooses the count itself: leave out min_spacing, max_spacing and feature");
+    if (time.node && (s->min_spacing > 0 || s->max_spacing > 0 || s->has_feature || s->curve_spacing > 0))
+        reading_add_fault(
+            r, &time,
+            "chooses the count itself: leave out min_spacing, max_spacing, feature and curve_spacing");
     if (s->max_spacing > 0 && s->max_spacing < s->min_spacing)
         reading_add_fault(r, &most, "must be at least min_spacing, %.16g (given %.16g)", s->min_spacing,
                           s->max_spacing);
@@ -260,11 +262,12 @@ static void check_solver(reading *r, const json_at *at)
         reading_add_fault(
             r, &method,
             "sampling.alpha belongs to the methods \"paper\" and \"witkin-heckbert\" (given \"sized\")");
-    if ((r->s->has_curvature || r->s->has_grid || r->s->has_feature) && r->s->method != SPEC_METHOD_SIZED)
+    if (spec_is_graded(r->s) && r->s->method != SPEC_METHOD_SIZED)
         reading_add_fault(r, &method, "sampling.%s belongs to the method \"sized\"",
-                          r->s->has_feature ? "feature"
-                          : r->s->has_grid  ? "grid"
-                                            : "curvature");
+                          r->s->has_feature     ? "feature"
+                          : r->s->has_grid      ? "grid"
+                          : r->s->has_curvature ? "curvature"
+                                                : "curve_spacing");
     if (r->s->has_control && r->s->method == SPEC_METHOD_WITKIN_HECKBERT)
         reading_add_fault(
             r, &method,

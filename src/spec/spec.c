@@ -121,9 +121,7 @@ static const char *default_of(const reading *r, const spec_row *row)
     if (row->offset == offsetof(spec, method) && r->s->has_alpha) return "\"paper\"";
     if (row->offset == offsetof(spec, step) && r->s->minimiser != SPEC_MINIMISER_GRADIENT) return NULL;
     if (row->offset == offsetof(spec, curvature.exponent) && !(r->s->curvature.ratio > 0)) return NULL;
-    if (row->offset == offsetof(spec, gradation) && !r->s->has_curvature && !r->s->has_grid &&
-        !r->s->has_feature)
-        return NULL;
+    if (row->offset == offsetof(spec, gradation) && !spec_is_graded(r->s)) return NULL;
     if (row->offset == offsetof(spec, surface.mesh.max_resolution) &&
         (r->surface->mesh.voxel_size > 0 || r->surface->mesh.resolution > 0))
         return NULL;

@@ -217,8 +217,9 @@ typedef struct spec {
     spec_curvature curvature;
     bool has_grid;
     spec_grid grid;
+    double curve_spacing; /* of points on curves, over that around; 0: the same */
     double min_spacing, max_spacing,
-        gradation; /* of curvature, grid and feature; 0: none, gradation: given or its default */
+        gradation; /* of a spacing that varies; 0: none, gradation: given or its default */
 
     spec_method method; /* default: paper with alpha, else sized */
     spec_energy energy;
@@ -307,6 +308,12 @@ spec *spec_of_frame(const spec *s, size_t index, spec_faults *faults, error *e);
 
 /* Checks the specs of all frames, if they differ by queue.by_frame; fails at the first frame that is not valid. */
 bool spec_check_frames(const spec *s, spec_faults *faults, error *e);
+
+/* Whether the spacing that is asked for varies by place. */
+static inline bool spec_is_graded(const spec *s)
+{
+    return s->has_curvature || s->has_grid || s->has_feature || s->curve_spacing > 0;
+}
 
 /* Which axis of the surface is up, y or z: as output.preview.up says, else as files of its kind have it. */
 bool spec_y_up(const spec *s);

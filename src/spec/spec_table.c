@@ -674,8 +674,8 @@ const spec_row spec_rows[] = {
     GROUP(
         "/sampling", SPEC_REQUIRED,
         "The number of points. Give exactly one target (count, spacing, density, control, time_s or resolve) "
-        "and at most one rule for the spacing (alpha, curvature or grid). Beside curvature or grid, or on its own, "
-        "feature makes thin parts finer."),
+        "and at most one rule for the spacing (alpha, curvature or grid). Beside curvature or grid, or on their own, "
+        "feature makes thin parts finer, and curve_spacing what is near curves."),
     {.pointer = "/sampling/count",
      .type = SPEC_TYPE_LARGE,
      .choice = SPEC_CHOICE_TARGET,
@@ -944,6 +944,16 @@ const spec_row spec_rows[] = {
      .prose = "spacing: values are distances between neighbours. density: values are points per unit of "
               "area; where the density is 0, there are only the points that max_spacing and gradation "
               "require."},
+    {.pointer = "/sampling/curve_spacing",
+     .type = SPEC_TYPE_NUMBER,
+     .flags = SPEC_LOW_OPEN,
+     .low = 0,
+     .high = 1,
+     AT(curve_spacing),
+     .prose =
+         "The spacing of points on curves (sharp edges, boundaries of meshes, what features adds), as a share of the "
+         "spacing around. It grows from there by gradation; the count stays what it is. Beside curvature, grid or "
+         "feature, or on its own; a surface without curves stays as it is."},
     {.pointer = "/sampling/min_spacing",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -952,7 +962,7 @@ const spec_row spec_rows[] = {
      AT(min_spacing),
      .unit = "world",
      .prose =
-         "The smallest spacing. Belongs to curvature, grid and feature. Features ask for no spacing below it, or "
+         "The smallest spacing. Belongs to curvature, grid, feature and curve_spacing. Features ask for no spacing below it, or "
          "by default below a quarter of a voxel (of a formula: of a cell)."},
     {.pointer = "/sampling/max_spacing",
      .type = SPEC_TYPE_NUMBER,
@@ -961,7 +971,7 @@ const spec_row spec_rows[] = {
      .high = WORLD_MAX,
      AT(max_spacing),
      .unit = "world",
-     .prose = "The largest spacing. Belongs to curvature, grid and feature."},
+     .prose = "The largest spacing. Belongs to curvature, grid, feature and curve_spacing."},
     {.pointer = "/sampling/gradation",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -970,7 +980,7 @@ const spec_row spec_rows[] = {
      .otherwise = "0.2",
      AT(gradation),
      .prose = "The largest increase of the spacing per unit of distance along the surface. Belongs to "
-              "curvature, grid and feature."},
+              "curvature, grid, feature and curve_spacing."},
 
     GROUP("/solver", 0, "How the points are computed."),
     {.pointer = "/solver/method",

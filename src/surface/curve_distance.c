@@ -11,6 +11,7 @@ static const double PARTS_MOST = 1e4;
 
 struct curve_distance {
     size_t count; /* of patches */
+    bool joined;  /* all of these are one */
     size_t *begin;
     vec3 *place;       /* of patch p: from begin[p] to begin[p + 1] */
     point_tree **tree; /* NULL: no curves */
@@ -31,8 +32,8 @@ static void look_along(const field_patches *p, double step, curve_distance *d)
             vec3 side = vec3_sub(p->vertex[c->first + (k + 1) % c->count], from);
             size_t parts = parts_of(p, c, k, step);
             for (size_t m = 0; m <= parts; m++)
-                for (size_t n = 0; n < c->patch_count; n++) {
-                    uint32_t patch = p->curve_patch[c->patch_first + n];
+                for (size_t n = 0; n < (d->joined ? 1 : c->patch_count); n++) {
+                    uint32_t patch = d->joined ? 0 : p->curve_patch[c->patch_first + n];
                     if (d->place)
                         d->place[d->begin[patch]++] = vec3_axpy((double)m / (double)parts, side, from);
                     else
@@ -41,11 +42,12 @@ static void look_along(const field_patches *p, double step, curve_distance *d)
         }
 }
 
-curve_distance *curve_distance_new(const field_patches *patches, double step, error *e)
+curve_distance *curve_distance_new(const field_patches *patches, bool joined, double step, error *e)
 {
     const char *what = "the curves of a surface";
     curve_distance *d = mem_alloc(sizeof *d);
-    d->count = patches->count;
+    d->joined = joined;
+    d->count = joined ? 1 : patches->count;
     d->begin = mem_array(d->count + 1, sizeof *d->begin, what, e);
     d->tree = mem_array(d->count, sizeof *d->tree, what, e);
     if (!d->begin || !d->tree) goto fail;
@@ -76,9 +78,16 @@ void curve_distance_free(curve_distance *d)
     free(d);
 }
 
-double curve_distance_at(const curve_distance *d, uint32_t patch, vec3 x)
+double curve_distance_nearest(const curve_distance *d, uint32_t patch, vec3 x, vec3 *nearest)
 {
     double distance = INFINITY;
-    if (d->tree[patch]) point_tree_nearest(d->tree[patch], x, 0, &distance);
+    if (!d->tree[patch]) return INFINITY;
+    *nearest = d->place[d->begin[patch] + point_tree_nearest(d->tree[patch], x, 0, &distance)];
     return distance;
+}
+
+double curve_distance_at(const curve_distance *d, uint32_t patch, vec3 x)
+{
+    vec3 nearest;
+    return curve_distance_nearest(d, patch, x, &nearest);
 }

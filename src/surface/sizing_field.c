@@ -47,7 +47,8 @@ typedef struct node {
     double
         request; /* the spacing before the scale: the logarithms' mean, which belongs to the mean position */
     double cap;  /* the most that features allow anywhere in the cube, or INFINITY */
-    double spacing; /* after scale, bounds and growth */
+    double away; /* distance of `position` from the nearest curve */
+    double spacing; /* after scale, bounds and growth; curves that are finer aside */
     vec3 gradient;  /* of it */
 } node;
 
@@ -71,6 +72,13 @@ struct sizing_field {
     double *points_before; /* cells + 1, as area_before */
     sizing_field_facts facts;
 };
+
+/* The spacing at a place that is so far from the nearest curve, where without that it is `spacing`. */
+static double spacing_beside(const sizing_field_params *p, double away, double spacing)
+{
+    if (!p->curves) return spacing;
+    return fmin(fmax(p->curve_share * spacing + p->gradation * away, p->min_spacing), spacing);
+}
 
 /* --- nodes --- */
 
@@ -132,6 +140,7 @@ static bool make_nodes(sizing_field *g, const spacing_request *r, const double *
         node *n = &g->node[k];
         n->position = vec3_scale(n->position, 1 / n->area);
         n->request = exp(n->request / n->area);
+        if (g->params.curves) n->away = curve_distance_at(g->params.curves, 0, n->position);
     }
     return g->count > 0 || error_set(e, ERROR_NO_SURFACE, "the grading finds no place on the surface");
 }
@@ -252,7 +261,8 @@ static double points_under(making *m, double scale, double widest)
         g->node[k].spacing = fmin(fmin(fmax(scale * g->node[k].request, low), high), g->node[k].cap);
     limit_growth(m);
     double points = 0;
-    for (size_t k = 0; k < g->count; k++) points += g->node[k].area / packing_cell_area(g->node[k].spacing);
+    for (const node *n = g->node; n < g->node + g->count; n++)
+        points += n->area / packing_cell_area(spacing_beside(&g->params, n->away, n->spacing));
     return points;
 }
 
@@ -455,6 +465,20 @@ ISA_INLINE void add_model(const node *n, double weight, vec3 x, bool steep, blen
     b->weights += weight;
 }
 
+/* The spacing at x, where curves are finer; `gradient` (or NULL) is that of `spacing` before. */
+static double refine_beside(const sizing_field *g, vec3 x, double spacing, vec3 *gradient)
+{
+    const sizing_field_params *p = &g->params;
+    vec3 nearest = x;
+    double away = curve_distance_nearest(p->curves, 0, x, &nearest);
+    double found = spacing_beside(p, away, spacing);
+    if (gradient && found < spacing) {
+        *gradient = vec3_scale(*gradient, p->curve_share);
+        if (away > 0) *gradient = vec3_axpy(p->gradation / away, vec3_sub(x, nearest), *gradient);
+    }
+    return found;
+}
+
 /* The models of the eight cubes. Any node stands in for one that is not there, with no weight: on a surface
  * half of them are missing, and a branch would guess wrongly as often as not. */
 ISA_INLINE double blend_models(const sizing_field *g, vec3 x, const spot *s, vec3 *gradient)
@@ -470,7 +494,8 @@ ISA_INLINE double blend_models(const sizing_field *g, vec3 x, const spot *s, vec
     if (gradient) *gradient = vec3_scale(b.gradient, 1 / b.weights);
     double least = g->params.min_spacing, most = g->params.max_spacing, spacing = b.spacing / b.weights;
     spacing = spacing < least ? least : spacing;
-    return most > 0 && spacing > most ? most : spacing;
+    spacing = most > 0 && spacing > most ? most : spacing;
+    return g->params.curves ? refine_beside(g, x, spacing, gradient) : spacing;
 }
 
 /* Each step waits for memory: those of several places wait together. */
@@ -634,7 +659,8 @@ static void describe(sizing_field *g, size_t cells)
 {
     g->facts.least = INFINITY;
     for (size_t k = 0; k < g->count; k++) {
-        g->facts.least = fmin(g->facts.least, g->node[k].spacing);
+        double away = fmax(g->node[k].away - g->edge, 0); /* a curve may pass beside the node's middle */
+        g->facts.least = fmin(g->facts.least, spacing_beside(&g->params, away, g->node[k].spacing));
         g->facts.largest = fmax(g->facts.largest, g->node[k].spacing);
     }
     g->facts.points = g->points_before[cells];
@@ -695,6 +721,7 @@ sizing_field *sizing_field_rescale(const sizing_field *g, size_t cells, size_t c
     for (size_t k = 0; k <= cells; k++) copy->points_before[k] /= factor * factor;
     copy->params.min_spacing *= factor;
     copy->params.max_spacing *= factor;
+    copy->params.gradation *= factor;
     copy->facts.scale *= factor;
     copy->facts.points = copy->points_before[cells];
     copy->facts.least *= factor;

@@ -9,7 +9,7 @@
  * fill the surface with exactly the count.
  *
  * Thin parts and narrow gaps bound the spacing from above (feature_size): by the ratio of their size, whatever the
- * scale.
+ * scale. Curves may have a share of what their surroundings have; the spacing grows from there with the distance.
  *
  * The field is stored as nodes, one for each cube of space that the surface passes, with the spacing there and its
  * gradient. It is blended between nodes, so that differences within a cell of the surface are averaged. World space

@@ -4,7 +4,7 @@
 
 #include <stddef.h>
 
-#include "geometry/vec3.h"
+#include "surface/curve_distance.h"
 
 typedef enum sizing_field_kind {
     SIZING_FIELD_CHORD,   /* sqrt(8 chord_error / max(|kappa1|, |kappa2|)) */
@@ -26,6 +26,10 @@ typedef struct sizing_field_params {
     const void *map_context;
     double feature_ratio; /* the spacing is at most this times the feature size (feature_size); 0: no bound */
     double feature_floor; /* but features never ask for less than this, > 0 */
+    /* On curves the spacing is this share of that around, 0 < x <= 1, and grows from there by `gradation`, which is no
+     * INFINITY then. NULL: curves are like the rest. Joined, not owned, and needed as long as the sizing field. */
+    const curve_distance *curves;
+    double curve_share;
     double min_spacing, max_spacing; /* 0: no bound */
     double gradation;                /* > 0; INFINITY: no bound */
     size_t memory_limit;             /* bytes that making it may take; 0: no bound */

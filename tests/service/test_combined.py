@@ -179,6 +179,21 @@ def test_curvature_does_not_look_across_an_edge(sample):
     assert numpy.abs(points.kappa_scale).max() < 1e-9 and numpy.ptp(points.alpha) < 1e-9
 
 
+def test_points_on_curves_may_be_denser(sample):
+    """Those on a cube's edges have half the spacing of those amid its faces; the count is exact, and the others follow."""
+    cube = {"surface": {"analytic": {"shape": "box", "center": [0, 0, 0], "half_size": [1, 1, 1]}}, "features": True}
+    report, points = sample(**cube, sampling={"count": 3000, "curve_spacing": 0.5}, solver={"threads": 1})
+    assert report["outcome"] == "converged" and report["count"] == len(points.position) == 3000
+    on = points.feature == 1
+    assert points.spacing[on].max() == pytest.approx(0.5 * points.spacing.max(), rel=0.02)
+    assert report["curves"]["points"] == on.sum() > 12 * 2 / (0.55 * points.spacing.max())
+    assert report["curves"]["edge_cv"] < 0.02 and report["quality"]["grading"]["cv"] < 0.03
+    amid = numpy.sort(1 - numpy.abs(points.position), axis=1)[:, 1]  # how far from the nearest edge
+    assert points.spacing == pytest.approx(numpy.minimum(points.spacing[on].min() + 0.2 * amid, points.spacing.max()), rel=0.02)
+    e, _ = sample(**cube, sampling={"count": 3000, "curve_spacing": 0.5, "alpha": {"d": 1}})
+    assert e["code"] == "spec_invalid" and "curve_spacing" in e["message"]
+
+
 def test_a_region_ends_in_rows(sample):
     """The upper part of a sphere, and of an open surface that is turned, which only patches can be."""
     above = {"min": [-2, -2, 0.1], "max": [2, 2, 2]}

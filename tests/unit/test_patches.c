@@ -322,7 +322,7 @@ static void loops_and_short_curves_have_places(void **state)
     assert_true(curve_rows_make(&s.base, &request, &rows, &e));
     assert_true(rows.count > 4 && rows.count <= 7);
     curve_rows_free(&rows);
-    curve_distance *d = curve_distance_new(&s.patches, 0.01, &e);
+    curve_distance *d = curve_distance_new(&s.patches, false, 0.01, &e);
     assert_close(curve_distance_at(d, 0, (vec3){0.1, 0, 0}), 0.1, 2e-3);
     assert_close(curve_distance_at(d, 0, (vec3){0, 0.35, 0}), 0.15, 4e-3);
     curve_distance_free(d);

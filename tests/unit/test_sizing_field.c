@@ -9,6 +9,7 @@
 #include <cmocka.h>
 
 #include "close.h"
+#include "field/patches.h"
 #include "shapes.h"
 #include "surface/sizing_field.h"
 
@@ -286,6 +287,53 @@ static void features_bound_the_spacing(void **state)
     release(&s);
 }
 
+/* Of a curve around the tube's outside and one across it: the share there, growth from there with the distance, and the count. */
+static void curves_are_finer_than_the_rest(void **state)
+{
+    (void)state;
+    enum { SIDES = 256 };
+    static vec3 vertex[2 * SIDES];
+    uint32_t ends[2] = {0, 0};
+    field_curve curve[2];
+    for (int c = 0; c < 2; c++) {
+        for (int k = 0; k < SIDES; k++)
+            vertex[c * SIDES + k] =
+                torus_point(c == 0 ? 2 * M_PI * k / SIDES : 0, c == 1 ? 2 * M_PI * k / SIDES : 0);
+        curve[c] = (field_curve){
+            .first = (size_t)c * SIDES, .count = SIDES, .closed = true, .patch_first = c, .patch_count = 1};
+    }
+    const field_patches patches = {
+        .count = 1, .curve_count = 2, .curve = curve, .vertex = vertex, .curve_patch = ends};
+    error e = {0};
+    const double even = 0.0966; /* of 2 500 points */
+    curve_distance *curves = curve_distance_new(&patches, true, 0.05 * even, &e);
+    scanned s = scan_shape(&torus, 2);
+    sizing_field_params params = {
+        .kind = SIZING_FIELD_EVEN, .curves = curves, .curve_share = 0.5, .gradation = 0.2};
+    sizing_field *g = grade(&s, params, 2500);
+    const double far = sizing_field_describe(g).largest;
+    assert_close(torus_points(g) / 2500, 1, 0.01);
+    assert_close(sizing_field_describe(g).least, 0.5 * far, 1e-6);
+    assert_close(sizing_field_spacing(g, torus_point(M_PI, M_PI), NULL), far, 1e-6);
+    for (int k = 0; k < 64; k++) { /* across the outer curve, far from the other */
+        double v = 0.8 * k / 64, away = 2 * torus.minor_radius * sin(v / 2);
+        vec3 slope;
+        double h = sizing_field_spacing(g, torus_point(M_PI, v), &slope);
+        assert_close(h, fmin(0.5 * far + 0.2 * away, far), 0.01 * far);
+        assert_true(vec3_norm(slope) <= 0.2 * (1 + 1e-9));
+    }
+    sizing_field *half = sizing_field_rescale(g, s.scan->cells, 1250, &e);
+    assert_close(torus_points(half) / 1250, 1, 0.01);
+    sizing_field_free(half);
+    sizing_field_free(g);
+    params.min_spacing = 0.8 * far; /* which the curves do not go below */
+    g = grade(&s, params, 2500);
+    assert_close(sizing_field_describe(g).least, 0.8 * far, 1e-6);
+    sizing_field_free(g);
+    release(&s);
+    curve_distance_free(curves);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -296,6 +344,7 @@ int main(void)
         cmocka_unit_test(maps_with_holes),
         cmocka_unit_test(stops_when_told),
         cmocka_unit_test(features_bound_the_spacing),
+        cmocka_unit_test(curves_are_finer_than_the_rest),
         cmocka_unit_test(threads_do_not_show),
     };
     return cmocka_run_group_tests_name("grading", tests, NULL, NULL);

@@ -120,7 +120,8 @@ class SurfaceMesh(_SurfaceMeshNeeded, _SurfaceMeshRest):
     max_resolution: The most voxels along the longest side that hexad chooses by itself. limits.memory_mb
         bounds them, too: thin parts may take an eighth of it. (voxels) Default: 4096.
     band_vox: The half-width of the band of distances around the mesh. Particles use four voxels on either
-        side of the surface. Three give the same surface; more than four only cost time. (voxels) Default: 4.
+        side of the surface. Three give the same surface; more than four only cost time. An offset of the mesh
+        makes the band as wide as it needs, up to 32. (voxels) Default: 4.
     weld: Vertices of open edges that are nearer to each other than this share of the longest side of the
         mesh's box are one, and one as near to another open edge lies on it. 0: only vertices of equal
         coordinates are one. (longest sides) Default: 1e-06.
@@ -738,6 +739,7 @@ class _SamplingRest(TypedDict, total=False):
     alpha: SamplingAlpha
     curvature: SamplingCurvature
     grid: SamplingGrid
+    curve_spacing: float
     min_spacing: float
     max_spacing: float
     gradation: float
@@ -745,8 +747,8 @@ class _SamplingRest(TypedDict, total=False):
 
 class Sampling(_SamplingRest):
     """The number of points. Give exactly one target (count, spacing, density, control, time_s or resolve) and
-    at most one rule for the spacing (alpha, curvature or grid). Beside curvature or grid, or on its own,
-    feature makes thin parts finer.
+    at most one rule for the spacing (alpha, curvature or grid). Beside curvature or grid, or on their own,
+    feature makes thin parts finer, and curve_spacing what is near curves.
 
     count: The exact number of points. (points)
     spacing: The mean distance between neighbours. The count is 2 A / (sqrt(3) spacing^2), where A is the
@@ -770,11 +772,14 @@ class Sampling(_SamplingRest):
         needs as many points as the target.
     grid: Spacing from a scalar grid of an OpenVDB file, such as a painted map. The requested spacing is
         scaled so that it needs as many points as the target.
-    min_spacing: The smallest spacing. Belongs to curvature, grid and feature. Features ask for no spacing
-        below it, or by default below a quarter of a voxel (of a formula: of a cell). (world)
-    max_spacing: The largest spacing. Belongs to curvature, grid and feature. (world)
+    curve_spacing: The spacing of points on curves (sharp edges, boundaries of meshes, what features adds), as
+        a share of the spacing around. It grows from there by gradation; the count stays what it is. Beside
+        curvature, grid or feature, or on its own; a surface without curves stays as it is.
+    min_spacing: The smallest spacing. Belongs to curvature, grid, feature and curve_spacing. Features ask for
+        no spacing below it, or by default below a quarter of a voxel (of a formula: of a cell). (world)
+    max_spacing: The largest spacing. Belongs to curvature, grid, feature and curve_spacing. (world)
     gradation: The largest increase of the spacing per unit of distance along the surface. Belongs to
-        curvature, grid and feature. Default: 0.2.
+        curvature, grid, feature and curve_spacing. Default: 0.2.
     """
 
 
@@ -1125,7 +1130,7 @@ class Spec(_SpecNeeded, _SpecRest):
         of their own. Default: False.
     sampling: The number of points. Give exactly one target (count, spacing, density, control, time_s or
         resolve) and at most one rule for the spacing (alpha, curvature or grid). Beside curvature or grid, or
-        on its own, feature makes thin parts finer.
+        on their own, feature makes thin parts finer, and curve_spacing what is near curves.
     solver: How the points are computed.
     attributes: What the points carry beside their own properties, in every output: temperature, velocity,
         colours. doc/formats.md says under which names each format has them.
