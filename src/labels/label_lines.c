@@ -143,12 +143,7 @@ bool label_lines_fit(const label_lines *l, threads *pool, vec3 *out, error *e)
     const mesh *m = l->m;
     vec3 *normal = mem_array(m->vertex_count, sizeof *normal, what, e);
     if (!normal) return false;
-    for (size_t n = 0; n < m->triangle_count; n++) {
-        const uint32_t *t = m->triangle[n];
-        const vec3 across = vec3_cross(vec3_sub(m->vertex[t[1]], m->vertex[t[0]]),
-                                       vec3_sub(m->vertex[t[2]], m->vertex[t[0]]));
-        for (int k = 0; k < 3; k++) normal[t[k]] = vec3_add(normal[t[k]], across);
-    }
+    label_graph_normals(m, normal);
     work w = {l, normal, out};
     threads_run(pool, m->vertex_count, GRAIN, move_lines, &w);
     free(normal);

@@ -27,6 +27,8 @@ typedef struct work {
     label_graph graph;
     vec3 *old, *now, *next, *sum; /* two terms and the next; what they add up to */
     double factor;                /* of the next */
+    const vec3 *normal;           /* of each vertex */
+    const unsigned char *rings;   /* from each vertex to a line; more than RINGS: RINGS + 1 */
     bool begins;                  /* the next is the first mean */
 } work;
 
@@ -111,6 +113,55 @@ static bool fit_lines(work *w, mesh *m, threads *pool, error *e)
     return true;
 }
 
+/* ---- beside lines */
+
+/* Lines may be moved past the vertices beside them: these are spread in the plane of the surface, over so many rings. */
+enum { RINGS = 3, SPREADS = 10 };
+
+static void count_rings(const label_graph *g, size_t vertices, unsigned char *rings)
+{
+    for (size_t v = 0; v < vertices; v++) rings[v] = g->along[v] > 0 ? 0 : RINGS + 1;
+    for (unsigned char ring = 0; ring < RINGS; ring++)
+        for (size_t v = 0; v < vertices; v++)
+            for (size_t i = g->first[v]; rings[v] == ring && i < g->first[v + 1]; i++)
+                if (rings[g->neighbour[i]] > ring + 1) rings[g->neighbour[i]] = (unsigned char)(ring + 1);
+}
+
+/* To the mean of its neighbours, but not along the normal. */
+static void spread_some(void *context, int worker, size_t begin, size_t end)
+{
+    const work *w = context;
+    (void)worker;
+    for (size_t v = begin; v < end; v++) {
+        const label_graph *g = &w->graph;
+        const size_t count = g->first[v + 1] - g->first[v];
+        vec3 sum = {0, 0, 0};
+        w->next[v] = w->now[v];
+        if (w->rings[v] == 0 || w->rings[v] > RINGS || count == 0 || !(vec3_norm2(w->normal[v]) > 0))
+            continue;
+        for (size_t i = g->first[v]; i < g->first[v + 1]; i++) sum = vec3_add(sum, w->now[g->neighbour[i]]);
+        const vec3 n = vec3_unit(w->normal[v]), off = vec3_axpy(-(double)count, w->now[v], sum);
+        w->next[v] = vec3_axpy(1.0 / (double)count, vec3_axpy(-vec3_dot(off, n), n, off), w->now[v]);
+    }
+}
+
+static bool spread(work *w, mesh *m, threads *pool, error *e)
+{
+    unsigned char *rings = mem_array(m->vertex_count, 1, what, e);
+    if (!rings) return false;
+    count_rings(&w->graph, m->vertex_count, rings);
+    w->rings = rings;
+    w->normal = w->sum;
+    for (int k = 0; k < SPREADS; k++) {
+        label_graph_normals(m, w->sum);
+        memcpy(w->now, m->vertex, m->vertex_count * sizeof *w->now);
+        threads_run(pool, m->vertex_count, GRAIN, spread_some, w);
+        memcpy(m->vertex, w->next, m->vertex_count * sizeof *w->next);
+    }
+    free(rings);
+    return true;
+}
+
 bool label_smoothing_apply(const label_smoothing *s, mesh *m, const uint32_t *kind, threads *pool, error *e)
 {
     work w = {.s = s};
@@ -131,6 +182,7 @@ bool label_smoothing_apply(const label_smoothing *s, mesh *m, const uint32_t *ki
         apply_terms(&w, m, term, count, pool);
         ok = fit_lines(&w, m, pool, e);
         for (int round = 0; ok && round < ROUNDS; round++) apply_terms(&w, m, term, count, pool);
+        ok = ok && spread(&w, m, pool, e);
     }
     for (int k = 0; k < 5; k++) free(room[k]);
     label_graph_free(&w.graph);

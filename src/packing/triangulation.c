@@ -107,15 +107,18 @@ typedef struct wedge {
 
 /* What a chunk adds to the facts. */
 typedef struct tally {
-    size_t edges, boundary, rim, bad_edges, bad_vertices;
+    size_t edges, boundary, rim, bad_edges, seams, bad_vertices;
     double ratio;
 } tally;
 
 typedef struct survey {
     const triangulation_input *in;
     const triangulation *made;
-    size_t *begin; /* count + 1: of each point's wedges in `wedge` */
+    const uint32_t *as; /* what the sides' points are called here; NULL: as they are */
+    size_t *begin;      /* count + 1: of each point's wedges in `wedge` */
     wedge *wedge;
+    size_t *side_begin; /* likewise: the points to which sides lead, in `side`; NULL: there are none */
+    uint32_t *side;
     tally *tally; /* per chunk */
 } survey;
 
@@ -123,7 +126,37 @@ static void free_survey(survey *job)
 {
     free(job->begin);
     free(job->wedge);
+    free(job->side_begin);
+    free(job->side);
     free(job->tally);
+}
+
+static bool list_sides(survey *job, error *e)
+{
+    const triangulation_input *in = job->in;
+    if (!in->side) return true;
+    job->side_begin = mem_array(in->count + 2, sizeof *job->side_begin, "the mesh", e);
+    job->side = mem_array(2 * in->side_count, sizeof *job->side, "the mesh", e);
+    if (!job->side_begin || !job->side) return false;
+    for (size_t k = 0; k < 2 * in->side_count; k++) {
+        uint32_t i = in->side[k / 2][k % 2];
+        job->side_begin[(job->as ? job->as[i] : i) + 2]++;
+    }
+    for (size_t i = 2; i < in->count + 2; i++) job->side_begin[i] += job->side_begin[i - 1];
+    for (size_t k = 0; k < 2 * in->side_count; k++) {
+        uint32_t i = in->side[k / 2][k % 2], other = in->side[k / 2][1 - k % 2];
+        job->side[job->side_begin[(job->as ? job->as[i] : i) + 1]++] = job->as ? job->as[other] : other;
+    }
+    return true;
+}
+
+/* How many sides go between two points. */
+static size_t count_between(const survey *job, uint32_t i, uint32_t other)
+{
+    size_t count = 0;
+    for (size_t k = job->side ? job->side_begin[i] : 0; job->side && k < job->side_begin[i + 1]; k++)
+        count += job->side[k] == other;
+    return count;
 }
 
 static bool list_wedges(survey *job, error *e)
@@ -144,7 +177,7 @@ static bool list_wedges(survey *job, error *e)
             const uint32_t *corner = t->corner[k];
             job->wedge[job->begin[corner[c] + 1]++] = (wedge){corner[(c + 1) % 3], corner[(c + 2) % 3]};
         }
-    return true;
+    return list_sides(job, e);
 }
 
 /* How many triangles at the point have the edge to `other` as their first, and how many as their second. */
@@ -159,7 +192,7 @@ static void count_sides(const wedge *w, size_t count, uint32_t other, size_t *fi
 
 static bool is_at_boundary(const triangulation_input *in, uint32_t i)
 {
-    return (in->flags && in->flags[i] & PACKING_FIXED) ||
+    return (!in->side && in->flags && in->flags[i] & PACKING_FIXED) ||
            (in->open && !bbox_contains(bbox_grow(in->domain, -in->spacing[i]), in->position[i]));
 }
 
@@ -170,11 +203,13 @@ static bool tally_edge(const survey *job, uint32_t i, uint32_t other, tally *t)
     count_sides(job->wedge + job->begin[i], job->begin[i + 1] - job->begin[i], other, &first, &second);
     bool good = first <= 1 && second <= 1;
     if (i > other) return good;
+    const size_t sides = count_between(job, i, other);
     t->edges++;
     t->bad_edges += !good;
+    t->seams += !good && first + second == sides;
     if (first + second == 1) {
         t->boundary++;
-        t->rim += is_at_boundary(job->in, i) && is_at_boundary(job->in, other);
+        t->rim += sides == 1 || (is_at_boundary(job->in, i) && is_at_boundary(job->in, other));
     }
     return good;
 }
@@ -252,6 +287,7 @@ static void conclude(const tally *all, size_t chunks, size_t points, triangulati
         out->boundary_edges += all[k].boundary;
         out->rim_edges += all[k].rim;
         out->nonmanifold_edges += all[k].bad_edges;
+        out->seam_edges += all[k].seams;
         out->nonmanifold_vertices += all[k].bad_vertices;
         out->radius_ratio += all[k].ratio;
     }
@@ -261,7 +297,7 @@ static void conclude(const tally *all, size_t chunks, size_t points, triangulati
 
 static bool survey_made(const triangulation_input *in, threads *pool, triangulation *made, error *e)
 {
-    survey job = {.in = in, .made = made};
+    survey job = {.in = in, .made = made, .as = in->point};
     size_t most = made->facts.triangles > in->count ? made->facts.triangles : in->count,
            chunks = most / CHUNK + 1;
     job.tally = mem_array(chunks, sizeof *job.tally, "the mesh", e);
@@ -302,43 +338,63 @@ static size_t wedges_at(const survey *job, uint32_t i, const wedge **out)
     return job->begin[i + 1] - job->begin[i];
 }
 
-/* The point that a hole's edge leads to from i; false when none or several holes are there, or a boundary. */
-static bool next_around(const survey *job, uint32_t i, uint32_t *out)
+/* What leads on around holes at a point: edges that end there and are in one triangle, where no curve goes. */
+static size_t open_edges(const survey *job, uint32_t i, uint32_t *out)
 {
     const wedge *w;
     size_t count = wedges_at(job, i, &w), open = 0;
-    for (size_t k = 0; k < count; k++) { /* an edge that ends at i, in one triangle */
+    for (size_t k = 0; k < count; k++) {
         size_t first, second;
         count_sides(w, count, w[k].to, &first, &second);
-        if (first > 0 || second != 1) continue;
+        if (first > 0 || second != 1 || count_between(job, i, w[k].to) > 0) continue;
         *out = w[k].to;
         open++;
     }
-    return open == 1 && !is_at_boundary(job->in, i);
+    return open;
 }
 
-/* The hole that is at i, if i is its least point. */
+/* And sides along which no triangle lies, but back to where one came from. */
+static size_t bare_sides(const survey *job, uint32_t i, uint32_t from, uint32_t *out)
+{
+    const wedge *w;
+    size_t count = wedges_at(job, i, &w), bare = 0;
+    for (size_t k = job->side ? job->side_begin[i] : 0; job->side && k < job->side_begin[i + 1]; k++) {
+        size_t first, second;
+        count_sides(w, count, job->side[k], &first, &second);
+        if (first + second > 0 || job->side[k] == from || count_between(job, i, job->side[k]) != 1) continue;
+        *out = job->side[k];
+        bare++;
+    }
+    return bare;
+}
+
+/* The hole that is at i, if i is the least of its points at which an edge leads on. */
 static bool find_hole(const survey *job, uint32_t i, hole *out)
 {
-    uint32_t at = i;
+    uint32_t at = i, from = i;
     out->count = 0;
     do {
-        if (out->count == HOLE_MOST || at < i) return false;
+        uint32_t next;
+        const size_t open = open_edges(job, at, &next);
+        if (out->count == HOLE_MOST || is_at_boundary(job->in, at) || open > 1 || (open == 1 && at < i) ||
+            (open == 0 && (at == i || bare_sides(job, at, from, &next) != 1)))
+            return false;
         out->point[out->count++] = at;
-        if (!next_around(job, at, &at)) return false;
+        from = at;
+        at = next;
     } while (at != i);
     return out->count >= 3;
 }
 
-/* Whether it faces as its corners do: a bridge between two sheets does not. */
-static bool faces_right(const triangulation_input *in, const uint32_t corner[3])
+/* Whether it faces as its corners do: a bridge between two sheets does not. `loosely`: as most of them do. */
+static bool faces_right(const triangulation_input *in, const uint32_t corner[3], bool loosely)
 {
     const vec3 *x = in->position, *n = in->normal;
     vec3 across = vec3_cross(vec3_sub(x[corner[1]], x[corner[0]]), vec3_sub(x[corner[2]], x[corner[0]]));
     double least = VORONOI_OTHER_SIDE * vec3_norm(across), sum = 0;
     for (int c = 0; c < 3; c++) {
         double facing = vec3_dot(across, n[corner[c]]);
-        if (!(facing > least)) return false;
+        if (!(facing > least || loosely)) return false;
         sum += facing;
     }
     return sum > 0;
@@ -354,7 +410,7 @@ static bool are_joined(const survey *job, uint32_t a, uint32_t b)
 
 /* The corner of the hole at which the shortest edge, that is not there yet, cuts off a triangle that faces
  * right; the hole's count if there is none. */
-static size_t choose_ear(const survey *job, const hole *h, uint32_t ear[3])
+static size_t choose_ear(const survey *job, const hole *h, bool loosely, uint32_t ear[3])
 {
     size_t best = h->count;
     double shortest = INFINITY;
@@ -362,7 +418,7 @@ static size_t choose_ear(const survey *job, const hole *h, uint32_t ear[3])
         const uint32_t corner[3] = {h->point[(k + h->count - 1) % h->count], h->point[k],
                                     h->point[(k + 1) % h->count]};
         double square = vec3_norm2(vec3_sub(job->in->position[corner[2]], job->in->position[corner[0]]));
-        if (!(square < shortest) || !faces_right(job->in, corner)) continue;
+        if (!(square < shortest) || !faces_right(job->in, corner, loosely)) continue;
         if (h->count > 3 && are_joined(job, corner[0], corner[2])) continue;
         memcpy(ear, corner, sizeof corner);
         shortest = square;
@@ -372,18 +428,53 @@ static size_t choose_ear(const survey *job, const hole *h, uint32_t ear[3])
 }
 
 /* Triangles that close the hole; 0 where it cannot be closed so. */
-static size_t close_hole(const survey *job, hole h, uint32_t out[HOLE_MOST - 2][3])
+static size_t close_hole(const survey *job, hole h, bool loosely, uint32_t out[HOLE_MOST - 2][3])
 {
     size_t made = 0;
     for (; h.count >= 3; h.count--) {
         uint32_t ear[3];
-        size_t k = choose_ear(job, &h, ear);
+        size_t k = choose_ear(job, &h, loosely, ear);
         if (k == h.count) return 0;
         turn_to_least(ear);
         memcpy(out[made++], ear, sizeof ear);
         memmove(h.point + k, h.point + k + 1, (h.count - k - 1) * sizeof *h.point);
     }
     return made;
+}
+
+/* Whether a triangle lies beyond a curve: an edge is in no other and is no side, and one is a side that has another triangle. */
+static bool is_beyond(const survey *job, const uint32_t corner[3])
+{
+    int open = 0, crossed = 0;
+    for (int c = 0; c < 3; c++) {
+        const uint32_t i = corner[c], other = corner[(c + 1) % 3];
+        const wedge *w;
+        size_t count = wedges_at(job, i, &w), first, second, sides = count_between(job, i, other);
+        count_sides(w, count, other, &first, &second);
+        open += sides == 0 && first + second == 1;
+        crossed += sides == 1 && first + second > 1;
+    }
+    return open > 0 && crossed > 0;
+}
+
+/* Sides are known: leaves out the triangles beyond them, those at the rim first. */
+static bool drop_beyond(const triangulation_input *in, triangulation *t, error *e)
+{
+    for (bool any = true; any;) {
+        survey job = {.in = in, .made = t};
+        bool *beyond = mem_array(t->facts.triangles, sizeof *beyond, "the mesh", e);
+        const bool ok = beyond && list_wedges(&job, e);
+        size_t kept = 0;
+        for (size_t k = 0; ok && k < t->facts.triangles; k++) beyond[k] = is_beyond(&job, t->corner[k]);
+        for (size_t k = 0; ok && k < t->facts.triangles; k++)
+            if (!beyond[k]) memmove(t->corner[kept++], t->corner[k], sizeof t->corner[0]);
+        any = kept < t->facts.triangles;
+        if (ok) t->facts.triangles = kept;
+        free(beyond);
+        free_survey(&job);
+        if (!ok) return false;
+    }
+    return true;
 }
 
 /* Closes what small holes the stars have left, and says how many triangles that took. Few points have any. */
@@ -396,7 +487,8 @@ static bool close_holes(const triangulation_input *in, triangulation *made, erro
         hole h;
         uint32_t corner[HOLE_MOST - 2][3];
         if (!find_hole(&job, i, &h)) continue;
-        size_t more = close_hole(&job, h, corner);
+        size_t more = close_hole(&job, h, false, corner);
+        if (more == 0 && in->side) more = close_hole(&job, h, true, corner); /* one sheet only */
         added.corner = mem_resize(added.corner, (added.count + more + 1) * sizeof *added.corner);
         memcpy(added.corner + added.count, corner, more * sizeof *corner);
         added.count += more;
@@ -450,6 +542,7 @@ bool triangulation_make(const triangulation_input *in, threads *pool, triangulat
     partitions_free(&all);
     triangulation_input vertices = *in;
     if (ok && in->flags) drop_outside(in, out);
+    if (ok && in->side) ok = drop_beyond(in, out, e);
     ok = ok && close_holes(in, out, e);
     if (ok && in->point) {
         join_labels(in, out);
@@ -466,7 +559,7 @@ void triangulation_free(triangulation *t)
 
 bool triangulation_is_whole(const triangulation_facts *f)
 {
-    return f->triangles > 0 && f->nonmanifold_edges == 0 && f->nonmanifold_vertices == 0 &&
+    return f->triangles > 0 && f->nonmanifold_edges == f->seam_edges && f->nonmanifold_vertices == 0 &&
            f->boundary_edges == f->rim_edges;
 }
 

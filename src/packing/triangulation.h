@@ -31,6 +31,10 @@ typedef struct triangulation_input {
     const uint32_t
         *point; /* of each its vertex, which is a point of the same place: one of the first `points` */
     size_t points;
+    /* The steps along curves: between which of `count`, once for each label that ends there; NULL: not known. Holes are
+     * closed up to them. */
+    const uint32_t (*side)[2];
+    size_t side_count;
     bool (*is_within)(const void *context, uint32_t label,
                       vec3 x); /* whether its part of the surface has a place there */
     const void *context;
@@ -38,11 +42,13 @@ typedef struct triangulation_input {
 
 typedef struct triangulation_facts {
     size_t triangles, edges;
-    size_t closing;              /* of the triangles those that close small holes which the stars have left */
-    int64_t euler;               /* points - edges + triangles */
-    size_t boundary_edges;       /* in one triangle */
-    size_t rim_edges;            /* of them those with both ends within a spacing of a boundary */
+    size_t closing;        /* of the triangles those that close small holes which the stars have left */
+    int64_t euler;         /* points - edges + triangles */
+    size_t boundary_edges; /* in one triangle */
+    size_t rim_edges;      /* of them those with both ends within a spacing of a boundary, or along a curve at
+                                  * which one label ends */
     size_t nonmanifold_edges;    /* in more than two triangles, or in two that face opposite ways */
+    size_t seam_edges;           /* of them those along curves, where as many labels end */
     size_t nonmanifold_vertices; /* in no triangle, or where surfaces touch in a point; not at such edges */
     double radius_ratio;         /* mean of 2 r_in / R_circ over the triangles, 1 where all are equilateral */
 } triangulation_facts;
@@ -57,7 +63,8 @@ typedef struct triangulation {
 bool triangulation_make(const triangulation_input *in, threads *pool, triangulation *out, error *e);
 void triangulation_free(triangulation *t);
 
-/* Whether the triangles are a surface that ends nowhere but at boundaries, and whether it ends nowhere. */
+/* Whether the triangles are a surface, or several that meet in seams, that ends nowhere but at boundaries, and whether it
+ * ends nowhere. */
 bool triangulation_is_whole(const triangulation_facts *facts);
 bool triangulation_is_closed(const triangulation_facts *facts);
 

@@ -441,7 +441,7 @@ bool job_write_points(job *j, error *e)
                         .field = source_world(&j->source),
                         .set = &set,
                         .sampled = j->source.field,
-                        .stands = &p->stands,
+                        .solved = p,
                         .h = sampler_spacing(s->sampler),
                         .frame = j->options->frame};
     landing l;

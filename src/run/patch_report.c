@@ -5,26 +5,17 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "run/curve_chains.h"
 
 /* Patches at a curve whose labels are told. */
 enum { MOST_AROUND = 8 };
 
-/* A point on a corner. */
-typedef struct corner {
-    vec3 at;
-    uint32_t point;
-} corner;
-
-/* The points on curves, by place: those on corners come first, then curve after curve, each from its start to its end. */
+/* What is told, and of what. */
 typedef struct rows {
     const field_patches *patches;
     const sampler_points *solved;
     const label_surface *labels; /* or NULL */
-    size_t count;
-    uint32_t *point;
-    size_t *first;   /* of each curve its first place that is no corner, and `count` */
-    corner *corners; /* ascending as bytes */
-    size_t corner_count;
+    curve_chains chains;
 } rows;
 
 /* What is measured along a curve. Steps are distances of points from those before, over the requested spacing. */
@@ -33,34 +24,6 @@ typedef struct row {
     double sum, square, gap;
     uint32_t last; /* of the points so far, if there are any */
 } row;
-
-static int compare_corners(const void *a, const void *b)
-{
-    return memcmp(&((const corner *)a)->at, &((const corner *)b)->at, sizeof(vec3));
-}
-
-static void find_places(rows *r)
-{
-    const sampler_points *solved = r->solved;
-    const sampler_stands *stands = &solved->stands;
-    for (size_t k = 0; k < solved->count; k++) r->count += solved->feature[k] != SAMPLER_ON_PATCH;
-    r->point = mem_alloc(r->count * sizeof *r->point);
-    r->corners = mem_alloc(r->count * sizeof *r->corners);
-    r->first = mem_alloc((r->patches->curve_count + 1) * sizeof *r->first);
-    for (size_t k = 0; k < stands->count; k++)
-        if (solved->feature[stands->point[k]] != SAMPLER_ON_PATCH)
-            r->point[stands->place[k]] = stands->point[k];
-    for (; r->corner_count < r->count; r->corner_count++) {
-        uint32_t point = r->point[r->corner_count];
-        if (solved->feature[point] != SAMPLER_ON_CORNER) break;
-        r->corners[r->corner_count] = (corner){solved->position[point], point};
-    }
-    qsort(r->corners, r->corner_count, sizeof *r->corners, compare_corners);
-    for (size_t c = 0, k = r->corner_count; c <= r->patches->curve_count; c++) {
-        while (k < r->count && solved->curve[k] < c) k++;
-        r->first[c] = k;
-    }
-}
 
 static void visit(const sampler_points *solved, uint32_t point, row *out)
 {
@@ -75,34 +38,13 @@ static void visit(const sampler_points *solved, uint32_t point, row *out)
     out->last = point;
 }
 
-/* Nothing where the corner has no point. */
-static void visit_corner(const rows *r, vec3 at, row *out)
-{
-    const corner key = {.at = at}, *found = r->corner_count == 0 ? NULL
-                                                                 : bsearch(&key, r->corners, r->corner_count,
-                                                                           sizeof key, compare_corners);
-    if (found) visit(r->solved, found->point, out);
-}
-
-static double length_of(const field_patches *p, const field_curve *c)
-{
-    double length = 0;
-    for (size_t k = 1; k < c->count + c->closed; k++)
-        length += vec3_norm(vec3_sub(p->vertex[c->first + k % c->count], p->vertex[c->first + k - 1]));
-    return length;
-}
-
 static row measure_curve(const rows *r, size_t c, double length, double h)
 {
-    const field_curve *curve = &r->patches->curve[c];
-    const vec3 *vertex = r->patches->vertex + curve->first;
+    const size_t begin = r->chains.first[c], end = r->chains.first[c + 1];
     row out = {0};
-    if (!curve->closed) visit_corner(r, vertex[0], &out);
-    for (size_t k = r->first[c]; k < r->first[c + 1]; k++) visit(r->solved, r->point[k], &out);
-    if (!curve->closed)
-        visit_corner(r, vertex[curve->count - 1], &out);
-    else if (out.points > 1) {
-        visit(r->solved, r->point[r->first[c]], &out);
+    for (size_t k = begin; k < end; k++) visit(r->solved, r->chains.point[k], &out);
+    if (r->patches->curve[c].closed && out.points > 1) {
+        visit(r->solved, r->chains.point[begin], &out);
         out.points--; /* that one was there */
     }
     if (out.steps == 0) out.gap = length / (out.points > 0 ? r->solved->spacing[out.last] : h);
@@ -153,11 +95,11 @@ static void put_curves(const rows *r, double h, json *report)
     const field_patches *p = r->patches;
     json *object = json_put_object(report, "curves"), *list = NULL;
     double total = 0, worst = NAN, gap = 0;
-    size_t points = r->count - r->corner_count;
+    size_t points = r->chains.points - r->chains.corners;
     json_put_integer(object, "count", (int64_t)p->curve_count);
     list = json_put_array(object, "list");
     for (size_t c = 0; c < p->curve_count; c++) {
-        double length = length_of(p, &p->curve[c]);
+        double length = curve_chains_length(p, &p->curve[c]);
         const row found = measure_curve(r, c, length, h);
         total += length;
         worst = fmax(worst, variation(&found)); /* of NaN and a number the number */
@@ -166,7 +108,7 @@ static void put_curves(const rows *r, double h, json *report)
     }
     json_put_number(object, "length", total);
     json_put_integer(object, "points", (int64_t)points);
-    json_put_integer(object, "corners", (int64_t)r->corner_count);
+    json_put_integer(object, "corners", (int64_t)r->chains.corners);
     json_put_number(object, "edge_cv", worst);
     json_put_number(object, "gap", gap);
 }
@@ -203,10 +145,8 @@ void patch_report_put(const field_patches *patches, const sampler_points *solved
                       double h, const label_surface *labels, json *report)
 {
     rows r = {.patches = patches, .solved = solved, .labels = labels};
-    find_places(&r);
+    curve_chains_make(patches, solved, &r.chains);
     put_patches(&r, farthest, report);
     put_curves(&r, h, report);
-    free(r.point);
-    free(r.corners);
-    free(r.first);
+    curve_chains_free(&r.chains);
 }

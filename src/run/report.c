@@ -29,6 +29,7 @@ static void put_mesh(json *report, json *warnings, const report_facts *facts)
     json_put_integer(object, "boundary_edges", (int64_t)m->boundary_edges);
     json_put_integer(object, "rim_edges", (int64_t)m->rim_edges);
     json_put_integer(object, "nonmanifold_edges", (int64_t)m->nonmanifold_edges);
+    json_put_integer(object, "seam_edges", (int64_t)m->seam_edges);
     json_put_integer(object, "nonmanifold_vertices", (int64_t)m->nonmanifold_vertices);
     json_put_bool(object, "closed", triangulation_is_closed(m));
     json_put_number(object, "radius_ratio", m->radius_ratio);

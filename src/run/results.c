@@ -16,6 +16,7 @@
 #include "formats/ply.h"
 #include "formats/preview_exr.h"
 #include "formats/property.h"
+#include "run/curve_chains.h"
 #include "run/layout.h"
 #include "store/file.h"
 #include "vdb/vdb.h"
@@ -161,11 +162,23 @@ static bool is_within_patch(const void *context, uint32_t label, vec3 x)
     return field_is_within(field_of_patch(context, label), x);
 }
 
+static uint32_t (*sides_of(const field_patches *patches, const sampler_points *solved, size_t *count))[2]
+{
+    curve_chains chains;
+    curve_chains_make(patches, solved, &chains);
+    uint32_t(*side)[2] = curve_chains_sides(&chains, patches, &solved->stands, count);
+    curve_chains_free(&chains);
+    return side;
+}
+
 static bool write_mesh(const char *directory, const results_input *in, bool as_float, threads *pool,
                        json *outputs, triangulation_facts *out, error *e)
 {
     const points *set = in->set;
-    const sampler_stands *stands = in->stands;
+    const sampler_stands *stands = &in->solved->stands;
+    const field_patches *patches = in->sampled->patches;
+    size_t side_count = 0;
+    uint32_t(*side)[2] = patches ? sides_of(patches, in->solved, &side_count) : NULL;
     const triangulation_input sites = {.count = stands->count,
                                        .position = stands->position,
                                        .normal = stands->normal,
@@ -176,6 +189,8 @@ static bool write_mesh(const char *directory, const results_input *in, bool as_f
                                        .flags = stands->flags,
                                        .point = stands->point,
                                        .points = set->count,
+                                       .side = (const uint32_t(*)[2])side,
+                                       .side_count = side_count,
                                        .is_within = is_within_patch,
                                        .context = in->sampled};
     triangulation made;
@@ -187,6 +202,7 @@ static bool write_mesh(const char *directory, const results_input *in, bool as_f
     ok = ok && write_formats(directory, in, &vertices, true, outputs, e);
     if (ok) *out = made.facts;
     triangulation_free(&made);
+    free(side);
     return ok;
 }
 

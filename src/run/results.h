@@ -27,7 +27,7 @@ typedef struct results_input {
     const field *field; /* in world space, as the points of the set are: where they should be it is 0 */
     const points *set;
     const field *sampled;         /* that the points were found on, whose space may be another */
-    const sampler_stands *stands; /* the points in that space, as the mesh is made of them */
+    const sampler_points *solved; /* the points in that space, as the mesh is made of them */
     int frame;                    /* of a sequence */
     bool unresolved;              /* more of the points than the verdict allows */
     double h;                     /* of the ideal packing */

@@ -24,7 +24,7 @@ static const char *const WHAT = "the rows along curves";
 /* An end of a curve that is not closed. */
 typedef struct end {
     vec3 at;
-    uint32_t curve, corner;
+    uint32_t curve, corner, lender;
 } end;
 
 typedef struct layout {
@@ -34,7 +34,10 @@ typedef struct layout {
     end *ends;      /* by corner */
     size_t end_count;
     size_t corner_count;
-    bool *left_out;      /* of each corner */
+    bool *left_out; /* of each corner */
+    uint32_t *
+        lender; /* of each corner the one whose place stands for it: its own, or where it is left out the one at the
+                          * other end of its shortest curve */
     uint32_t *corner[2]; /* of each curve's ends */
     vec3 *point;         /* of the curve at hand, its parts */
     double *at;          /* of each, the length up to there */
@@ -70,7 +73,8 @@ static bool find_corners(layout *l, error *e)
         l->ends[k].curve /= 2;
     }
     l->left_out = mem_array(l->corner_count, sizeof *l->left_out, WHAT, e);
-    return l->left_out != NULL;
+    l->lender = mem_array(l->corner_count, sizeof *l->lender, WHAT, e);
+    return l->left_out && l->lender;
 }
 
 static bool add_point(layout *l, vec3 x, double at, error *e)
@@ -133,6 +137,37 @@ static bool measure(layout *l, double *places, error *e)
         if (!l->left_out[a] && !l->left_out[b]) l->left_out[a > b ? a : b] = true;
     }
     for (size_t k = 0; k < l->corner_count; k++) *places += !l->left_out[k];
+    return true;
+}
+
+static int compare_lenders(const void *a, const void *b)
+{
+    const end *x = a, *y = b;
+    if (x->lender != y->lender) return x->lender > y->lender ? 1 : -1;
+    if (x->corner != y->corner)
+        return x->corner == x->lender ? -1 : y->corner == y->lender ? 1 : x->corner > y->corner ? 1 : -1;
+    return (x->curve > y->curve) - (x->curve < y->curve);
+}
+
+/* Puts the ends into the order of the places that stand for them. */
+static bool lend_places(layout *l, error *e)
+{
+    double *shortest = mem_array(l->corner_count, sizeof *shortest, WHAT, e);
+    if (!shortest) return false;
+    for (uint32_t k = 0; k < l->corner_count; k++) {
+        l->lender[k] = k;
+        shortest[k] = INFINITY;
+    }
+    for (size_t c = 0; c < l->patches->curve_count; c++)
+        for (int k = 0; k < 2 && !l->patches->curve[c].closed; k++) {
+            const uint32_t own = l->corner[k][c], other = l->corner[1 - k][c];
+            if (!l->left_out[own] || l->left_out[other] || !(l->length[c] < shortest[own])) continue;
+            shortest[own] = l->length[c];
+            l->lender[own] = other;
+        }
+    for (size_t k = 0; k < l->end_count; k++) l->ends[k].lender = l->lender[l->ends[k].corner];
+    if (l->end_count > 0) qsort(l->ends, l->end_count, sizeof *l->ends, compare_lenders);
+    free(shortest);
     return true;
 }
 
@@ -238,13 +273,17 @@ static vec3 direction_at_end(const field_patches *p, const field_curve *c, vec3 
 static bool place_corners(layout *l, const field *f, curve_rows *out, error *e)
 {
     for (size_t k = 0; k < l->end_count && out->count < l->request.most;) {
-        uint32_t corner = l->ends[k].corner;
-        bool left_out = l->left_out[corner];
-        if (!left_out && !add_place(l, l->ends[k].at, l->ends[k].curve, out, e)) return false;
-        for (; k < l->end_count && l->ends[k].corner == corner; k++) { /* two ends a patch */
+        const uint32_t corner = l->ends[k].lender;
+        if (!add_place(l, l->ends[k].at, l->ends[k].curve, out, e)) return false;
+        for (; k < l->end_count && l->ends[k].lender == corner; k++) { /* two ends a patch */
             const field_curve *c = &l->patches->curve[l->ends[k].curve];
+            const uint32_t curve = l->ends[k].curve, other = l->lender[l->corner[0][curve]] == corner
+                                                                 ? l->corner[1][curve]
+                                                                 : l->corner[0][curve];
+            const bool within =
+                l->ends[k].corner != corner && l->lender[other] == corner; /* it starts here, too */
             vec3 along = direction_at_end(l->patches, c, l->ends[k].at);
-            if (!left_out && !add_stands(l, f, c, along, 0.5, out, e)) return false;
+            if (!add_stands(l, f, c, along, within ? 0 : 0.5, out, e)) return false;
         }
     }
     out->corners = out->count;
@@ -312,7 +351,7 @@ static bool lay_out(layout *l, const field *f, curve_rows *out, error *e)
         l->request.spacing *= WIDENING * places / most;
         if (!measure(l, &places, e)) return false;
     }
-    bool ok = place_corners(l, f, out, e);
+    bool ok = lend_places(l, e) && place_corners(l, f, out, e);
     for (uint32_t c = 0; ok && c < l->patches->curve_count; c++) ok = place_row(l, f, c, out, e);
     return ok && count_loops(l, out, e);
 }
@@ -325,6 +364,7 @@ bool curve_rows_make(const field *f, const boundary_request *request, curve_rows
     free(l.length);
     free(l.ends);
     free(l.left_out);
+    free(l.lender);
     free(l.corner[0]);
     free(l.corner[1]);
     free(l.point);

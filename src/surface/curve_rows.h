@@ -1,7 +1,7 @@
 /* curve_rows: places for particles along the curves of a surface with patches, and at its corners.
  *
  * A curve between corners takes as many equal steps as fit best, each of about the requested spacing; a curve shorter than half
- * of that takes none, and of its two corners one. A place counts once for the surface and stands once for each patch that
+ * of that takes none, and of its two corners one, at which the patches of both end. A place counts once for the surface and stands once for each patch that
  * ends there, with that patch's normal. World space.
  */
 #ifndef HEXAD_SURFACE_CURVE_ROWS_H

@@ -70,7 +70,8 @@ def test_areas_are_those_of_the_shapes(sample):
 def test_seams_close_and_points_keep_their_distance(sample):
     report, points = sample(Balls(SIZE).labels, count=3000)
     edges = report["mesh"]
-    assert edges["boundary_edges"] <= 4 and edges["nonmanifold_edges"] > 0  # a hole of one triangle or two may be left
+    assert edges["boundary_edges"] == 0 and edges["nonmanifold_edges"] == edges["seam_edges"] > 0
+    assert not any("whole surface" in w for w in report["surface"]["warnings"])
     inside = points.feature == 0
     pairs = points.label_a[inside] * 1000 + points.label_b[inside]
     trees = {p: cKDTree(points.position[inside][pairs == p]) for p in set(pairs)}
@@ -81,6 +82,21 @@ def test_seams_close_and_points_keep_their_distance(sample):
     assert len(report["curves"]["list"]) == 4 and report["curves"]["corners"] == 2
     assert sorted(map(sorted, (c["labels"] for c in report["curves"]["list"]))) == [
         [0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]
+
+
+def cells(count, size):
+    """A foam of that many labels."""
+    seeds = numpy.random.default_rng(5).uniform(0, size, (count, 3))
+    x = numpy.stack(numpy.meshgrid(*3 * [numpy.arange(size)], indexing="ij"), -1)
+    return cKDTree(seeds).query(x.reshape(-1, 3))[1].reshape(x.shape[:3]).astype("u2")
+
+
+def test_seams_close_where_interfaces_are_small(sample):
+    """Some lines are shorter than the spacing, and corners stand for two."""
+    report, _ = sample(cells(12, 48), count=3000, closed=True)
+    assert min(c["length"] for c in report["curves"]["list"] if not c["closed"]) < 0.5 * report["spacing"]
+    assert report["mesh"]["boundary_edges"] == 0 == report["mesh"]["nonmanifold_vertices"]
+    assert report["mesh"]["nonmanifold_edges"] == report["mesh"]["seam_edges"]
 
 
 def test_a_ball_of_two_labels_is_the_ball(sample):
@@ -145,9 +161,7 @@ def test_what_is_one_voxel_thin_stays(sample):
 
 def test_two_hundred_labels(sample):
     """Most interfaces are smaller than the spacing: the points are those of lines."""
-    seeds = numpy.random.default_rng(5).uniform(0, 40, (200, 3))
-    x = numpy.stack(numpy.meshgrid(*3 * [numpy.arange(40)], indexing="ij"), -1)
-    report, points = sample(cKDTree(seeds).query(x.reshape(-1, 3))[1].reshape(x.shape[:3]).astype("u2"), count=3000,
+    report, points = sample(cells(200, 40), count=3000,
                             solver={"max_sweeps": 60})
     assert len(report["surface"]["labels"]["materials"]) == 200
     assert set(zip(points.label_a, points.label_b)) <= set(interfaces(report))

@@ -51,7 +51,7 @@ def test_the_mesh_of_a_sphere(run, form):
     assert abs((a * numpy.cross(b, c)).sum() / 6 / hull.volume - 1) < 1e-12  # which is outwards
     told = report["mesh"]
     assert told.pop("radius_ratio") > 0.95
-    assert told == {"triangles": len(faces), "closing_triangles": 0, "euler": 2, "boundary_edges": 0, "rim_edges": 0, "nonmanifold_edges": 0,
+    assert told == {"triangles": len(faces), "closing_triangles": 0, "euler": 2, "boundary_edges": 0, "rim_edges": 0, "nonmanifold_edges": 0, "seam_edges": 0,
                     "nonmanifold_vertices": 0, "closed": True}
     assert [o["name"] for o in report["outputs"]] == ["points.ply", "mesh.ply"]
     assert report["surface"]["warnings"] == []

@@ -1,0 +1,25 @@
+/* curve_chains: the points along the curves of a solved surface, in their order. */
+#ifndef HEXAD_RUN_CURVE_CHAINS_H
+#define HEXAD_RUN_CURVE_CHAINS_H
+
+#include "field/patches.h"
+#include "sampler/sampler.h"
+
+/* Of curve c: point[first[c]] .. point[first[c + 1]], from its start to its end, corners with them; of a closed one the first
+ * once. A corner that had no point of its own is the one at the other end of its shortest curve. */
+typedef struct curve_chains {
+    size_t *first;
+    uint32_t *point;
+    size_t points, corners; /* that lie on curves; of them those on corners */
+} curve_chains;
+
+void curve_chains_make(const field_patches *patches, const sampler_points *solved, curve_chains *out);
+void curve_chains_free(curve_chains *c); /* a zeroed one will do */
+
+/* The steps along the chains, once for each patch that ends there, as pairs of the stands of that patch; to be freed. */
+uint32_t (*curve_chains_sides(const curve_chains *c, const field_patches *patches,
+                              const sampler_stands *stands, size_t *count))[2];
+
+double curve_chains_length(const field_patches *patches, const field_curve *curve);
+
+#endif
