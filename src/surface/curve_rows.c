@@ -277,11 +277,9 @@ static bool place_corners(layout *l, const field *f, curve_rows *out, error *e)
         if (!add_place(l, l->ends[k].at, l->ends[k].curve, out, e)) return false;
         for (; k < l->end_count && l->ends[k].lender == corner; k++) { /* two ends a patch */
             const field_curve *c = &l->patches->curve[l->ends[k].curve];
-            const uint32_t curve = l->ends[k].curve, other = l->lender[l->corner[0][curve]] == corner
-                                                                 ? l->corner[1][curve]
-                                                                 : l->corner[0][curve];
-            const bool within =
-                l->ends[k].corner != corner && l->lender[other] == corner; /* it starts here, too */
+            const uint32_t curve = l->ends[k].curve;
+            const bool within = l->ends[k].corner != corner && /* it starts here, too */
+                                l->lender[l->corner[0][curve]] == l->lender[l->corner[1][curve]];
             vec3 along = direction_at_end(l->patches, c, l->ends[k].at);
             if (!add_stands(l, f, c, along, within ? 0 : 0.5, out, e)) return false;
         }
