@@ -28,15 +28,6 @@ static bool append(crossings *c, const crossing_block *b, error *e)
     return true;
 }
 
-static void widen(crossing_block *b, int x, int y, unsigned bits)
-{
-    int at_low[3] = {x, y, __builtin_ctz(bits)}, at_high[3] = {x, y, 31 - __builtin_clz(bits)};
-    for (int axis = 0; axis < 3; axis++) {
-        if (at_low[axis] < b->low[axis]) b->low[axis] = (uint8_t)at_low[axis];
-        if (at_high[axis] > b->high[axis]) b->high[axis] = (uint8_t)at_high[axis];
-    }
-}
-
 /* Of four rows of corners around a row of cells, bit z for cell z. */
 static unsigned some(const uint16_t *rows)
 {
@@ -73,7 +64,7 @@ bool crossings_add(crossings *c, const int32_t block[3], const float corners[729
         inside[row] = (uint16_t)below;
         outside[row] = (uint16_t)above;
     }
-    crossing_block b = {.block = {block[0], block[1], block[2]}, .low = {8, 8, 8}};
+    crossing_block b = {.block = {block[0], block[1], block[2]}};
     uint64_t cells = 0;
     for (int x = 0; x < GRID_VIEW_SIDE; x++)
         for (int y = 0; y < GRID_VIEW_SIDE; y++) {
@@ -91,7 +82,6 @@ bool crossings_add(crossings *c, const int32_t block[3], const float corners[729
             unsigned open = known ? bits & ~all(known + row) : 0;
             if (open) note_open(c, block, x, y, open);
             b.rows[GRID_VIEW_SIDE * x + y] = (uint8_t)bits;
-            widen(&b, x, y, bits);
             b.flat |= (bits & ~some(outside + row)) != 0;
             cells += (unsigned)__builtin_popcount(bits);
         }

@@ -18,9 +18,8 @@
 
 typedef struct crossing_block {
     int32_t block[3];
-    uint8_t low[3], high[3]; /* lowest and highest crossed cell in it, along each axis */
-    uint8_t rows[64];        /* bit z of rows[8 x + y]: cell (x, y, z) is crossed */
-    bool flat;               /* one of them has nothing but zeros outside */
+    uint8_t rows[64]; /* bit z of rows[8 x + y]: cell (x, y, z) is crossed */
+    bool flat;        /* one of them has nothing but zeros outside */
 } crossing_block;
 
 typedef struct crossings {

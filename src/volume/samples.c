@@ -27,38 +27,6 @@ static int floor_div8(int v)
     return v >= 0 ? v / SIDE : -((SIDE - 1 - v) / SIDE);
 }
 
-/* How far a block lies from a range of its axis' corners. */
-static int gap(int block, int low, int high)
-{
-    const int first = block * SIDE, last = first + SIDE - 1;
-    return first > high ? first - high : last < low ? low - last : 0;
-}
-
-bool samples_plan(const crossings *c, int reach, int path, block_map *map, error *e)
-{
-    const int far = reach > path ? reach : path;
-    for (size_t i = 0; i < c->count; i++) {
-        const crossing_block *b = &c->blocks[i];
-        int first[3], last[3];
-        for (int axis = 0; axis < 3; axis++) {
-            first[axis] = floor_div8(b->low[axis] - far);
-            last[axis] = floor_div8(b->high[axis] + 1 + far);
-        }
-        for (int x = first[0]; x <= last[0]; x++)
-            for (int y = first[1]; y <= last[1]; y++)
-                for (int z = first[2]; z <= last[2]; z++) {
-                    const int away[3] = {gap(x, b->low[0], b->high[0] + 1), gap(y, b->low[1], b->high[1] + 1),
-                                         gap(z, b->low[2], b->high[2] + 1)};
-                    const bool near = away[0] <= reach && away[1] <= reach && away[2] <= reach;
-                    if (!near && away[0] + away[1] + away[2] > path) continue;
-                    if (!block_map_find_or_add(map, b->block[0] + x, b->block[1] + y, b->block[2] + z, NULL,
-                                               e))
-                        return false;
-                }
-    }
-    return true;
-}
-
 size_t samples_bytes(size_t count)
 {
     return count * (VOXELS * sizeof(float) + SIDE * sizeof(uint64_t) + 6 * sizeof(uint32_t)) +

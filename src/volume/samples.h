@@ -1,6 +1,6 @@
 /* samples: F at the voxels around the surface, block by block, and its turning into spline coefficients.
  *
- * The steps, each a function of its own: plan (which blocks), read, extend (level sets: continue the
+ * The steps, each a function of its own: read, extend (level sets: continue the
  * band beyond its clamp), prefilter (interpolating splines only). Blocks are those of grid_view.h.
  * Offsets, bits: see there. Threads: those of a pool; what comes out does not depend on
  * their number. Where the pool was told to stop it is not complete.
@@ -15,7 +15,6 @@
 #include "base/error.h"
 #include "base/threads.h"
 #include "geometry/block_map.h"
-#include "volume/crossings.h"
 #include "volume/grid_view.h"
 
 typedef struct samples {
@@ -25,14 +24,10 @@ typedef struct samples {
     uint32_t *near;  /* 6 numbers a block: below and above along x, y, z */
 } samples;
 
-/* Adds to `map` every block with a voxel up to `reach` voxels from a corner of a crossed cell along each axis, or up to
- * `path` voxels from one along the axes together. */
-bool samples_plan(const crossings *c, int reach, int path, block_map *map, error *e);
-
 /* Bytes that samples of `count` blocks take. */
 size_t samples_bytes(size_t count);
 
-/* Takes over the planned map (also when it fails). Values that are not finite are input_damaged. */
+/* Takes over the map of the blocks to read (also when it fails). Values that are not finite are input_damaged. */
 bool samples_read(const grid_view *l, block_map *map, threads *pool, samples *out, error *e);
 void samples_free(samples *s);
 

@@ -17,6 +17,7 @@
 #include "volume/grazed.h"
 #include "volume/grid_selection.h"
 #include "volume/grid_view.h"
+#include "volume/reach.h"
 #include "volume/samples.h"
 #include "volume/slope.h"
 #include "volume/volume_field.h"
@@ -31,6 +32,8 @@
 /* Smoothing asks all bricks where they are crossed, their margin too: a brick reaches up to 7 voxels beyond it, its apron 1
  * more, and the crossing may move by a cell. */
 #define REACH_SMOOTH (VOLUME_FIELD_MARGIN + 9)
+
+static const reach_limits bricks_reach = {.straight = VOLUME_FIELD_MARGIN};
 
 /* What exists only while a volume is opened. */
 typedef struct loading {
@@ -190,12 +193,13 @@ static size_t held_bytes(size_t bricks, size_t cells)
 
 static bool plan(loading *l, volume *v, error *e)
 {
-    const int reach = l->smooth ? REACH_SMOOTH : REACH,
-              path = l->kind == GRID_VIEW_LEVEL_SET ? PATH_LEVEL_SET : PATH;
+    const reach_limits far = {.axis = l->smooth ? REACH_SMOOTH : 0,
+                              .straight = REACH,
+                              .path = l->kind == GRID_VIEW_LEVEL_SET ? PATH_LEVEL_SET : PATH};
     if (!block_map_init(&v->map, 2 * l->crossings.count, e) ||
         !block_map_init(&l->reach, 4 * l->crossings.count, e) ||
-        !samples_plan(&l->crossings, VOLUME_FIELD_MARGIN, 0, &v->map, e) ||
-        !samples_plan(&l->crossings, reach, path, &l->reach, e))
+        !reach_add_blocks(&l->crossings, bricks_reach, &v->map, e) ||
+        !reach_add_blocks(&l->crossings, far, &l->reach, e))
         return error_prefix(e, "%s", l->name);
     size_t grid = l->grid->leaf_count * (VDB_LEAF_VOXELS * sizeof(float) + 128) +
                   l->grid->tile_count * sizeof(vdb_tile);
@@ -225,7 +229,7 @@ static bool find_smooth_crossings(loading *l, volume *v, error *e)
     l->crossings = found;
     block_map_free(&v->map);
     if (!ok || !block_map_init(&v->map, 2 * found.count, e) ||
-        !samples_plan(&found, VOLUME_FIELD_MARGIN, 0, &v->map, e))
+        !reach_add_blocks(&found, bricks_reach, &v->map, e))
         return error_prefix(e, "%s", l->name);
     if (found.cells == 0)
         return error_set(

@@ -1,0 +1,24 @@
+/* reach: the blocks within a distance of the cells that the surface crosses.
+ *
+ * Distances are whole voxels from the corners of a crossed cell: the greatest along an axis, the straight one, or the sum
+ * along the axes. A block is within reach when one of its voxels is, by any of the three; blocks of crossed cells always are.
+ */
+#ifndef HEXAD_VOLUME_REACH_H
+#define HEXAD_VOLUME_REACH_H
+
+#include <stdbool.h>
+
+#include "base/error.h"
+#include "geometry/block_map.h"
+#include "volume/crossings.h"
+
+enum { REACH_MOST = 15 };
+
+typedef struct reach_limits {
+    int axis, straight, path; /* 0 .. REACH_MOST */
+} reach_limits;
+
+/* Adds the blocks to `map`, in the order of the crossed ones. Error: limit_memory. */
+bool reach_add_blocks(const crossings *c, reach_limits limits, block_map *map, error *e);
+
+#endif
