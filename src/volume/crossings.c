@@ -1,11 +1,11 @@
 #include "volume/crossings.h"
 
+#include <endian.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/isa.h"
 #include "base/memory.h"
-
-#define CORNERS 9 /* of the cells of a block, along an axis */
 
 enum { BLOCKS = 256 }; /* in a chunk of work */
 
@@ -28,103 +28,133 @@ static bool append(crossings *c, const crossing_block *b, error *e)
     return true;
 }
 
-/* Of four rows of corners around a row of cells, bit z for cell z. */
-static unsigned some(const uint16_t *rows)
+/* The corners of a layer as the cells (y, z) have them: their own, and those one farther along y, z and both. */
+typedef struct beside {
+    uint64_t own, y, z, yz;
+} beside;
+
+ISA_INLINE beside corners_of(const corner_bits *c, int x)
 {
-    unsigned r = rows[0] | rows[1] | rows[CORNERS] | rows[CORNERS + 1];
-    return (r | r >> 1) & 0xFF;
+    const uint64_t low = 0x0101010101010101u;
+    beside b = {.own = c->at[0][x]};
+    const uint64_t upper = (c->at[2][x] & low) >> 8 | c->at[3][x] << 56; /* z = 8, from y = 1 on */
+    b.y = b.own >> 8 | c->at[1][x] << 56;
+    b.z = (b.own >> 1 & ~(low << 7)) | (c->at[2][x] & low) << 7;
+    b.yz = (b.y >> 1 & ~(low << 7)) | (upper & low) << 7;
+    return b;
 }
 
-static unsigned all(const uint16_t *rows)
+/* Whether some and whether all of a layer's corners of each cell are so. */
+ISA_INLINE uint64_t some(const corner_bits *c, int x)
 {
-    unsigned r = rows[0] & rows[1] & rows[CORNERS] & rows[CORNERS + 1];
-    return r & r >> 1 & 0xFF;
+    const beside b = corners_of(c, x);
+    return b.own | b.y | b.z | b.yz;
 }
 
-static void note_open(crossings *c, const int32_t block[3], int x, int y, unsigned bits)
+ISA_INLINE uint64_t all(const corner_bits *c, int x)
+{
+    const beside b = corners_of(c, x);
+    return b.own & b.y & b.z & b.yz;
+}
+
+static void note_open(crossings *c, const int32_t block[3], int x, uint64_t bits)
 {
     if (c->open_cells == 0) {
+        const int first = __builtin_ctzll(bits);
         c->open_at[0] = block[0] * GRID_VIEW_SIDE + x;
-        c->open_at[1] = block[1] * GRID_VIEW_SIDE + y;
-        c->open_at[2] = block[2] * GRID_VIEW_SIDE + __builtin_ctz(bits);
+        c->open_at[1] = block[1] * GRID_VIEW_SIDE + (first >> 3);
+        c->open_at[2] = block[2] * GRID_VIEW_SIDE + (first & 7);
     }
-    c->open_cells += (unsigned)__builtin_popcount(bits);
+    c->open_cells += (unsigned)__builtin_popcountll(bits);
 }
 
-bool crossings_add(crossings *c, const int32_t block[3], const float corners[729], const uint16_t *known,
-                   error *e)
+static bool too_far(const int32_t block[3], error *e)
 {
-    uint16_t inside[CORNERS * CORNERS], outside[CORNERS * CORNERS];
-    for (int row = 0; row < CORNERS * CORNERS; row++) {
-        unsigned below = 0, above = 0;
-        for (int z = 0; z < CORNERS; z++) {
-            below |= (unsigned)(corners[row * CORNERS + z] < 0) << z;
-            above |= (unsigned)(corners[row * CORNERS + z] > 0) << z;
-        }
-        inside[row] = (uint16_t)below;
-        outside[row] = (uint16_t)above;
-    }
+    int axis = 0;
+    while (block[axis] <= farthest_block && block[axis] >= -farthest_block) axis++;
+    return error_set(e, ERROR_INPUT_UNSUPPORTED,
+                     "the volume has its surface at the limits of 32-bit index coordinates, near voxel "
+                     "%lld along axis %d: move the grid nearer to its origin",
+                     (long long)block[axis] * GRID_VIEW_SIDE, axis);
+}
+
+bool crossings_add(crossings *c, const int32_t block[3], const corner_signs *corners, error *e)
+{
     crossing_block b = {.block = {block[0], block[1], block[2]}};
     uint64_t cells = 0;
-    for (int x = 0; x < GRID_VIEW_SIDE; x++)
-        for (int y = 0; y < GRID_VIEW_SIDE; y++) {
-            const int row = CORNERS * x + y;
-            unsigned bits = some(inside + row) & ~all(inside + row);
-            if (c->known_only) bits &= all(known + row);
-            if (!bits) continue;
-            for (int axis = 0; axis < 3; axis++)
-                if (block[axis] > farthest_block || block[axis] < -farthest_block)
-                    return error_set(
-                        e, ERROR_INPUT_UNSUPPORTED,
-                        "the volume has its surface at the limits of 32-bit index coordinates, near voxel "
-                        "%lld along axis %d: move the grid nearer to its origin",
-                        (long long)block[axis] * GRID_VIEW_SIDE, axis);
-            unsigned open = known ? bits & ~all(known + row) : 0;
-            if (open) note_open(c, block, x, y, open);
-            b.rows[GRID_VIEW_SIDE * x + y] = (uint8_t)bits;
-            b.flat |= (bits & ~some(outside + row)) != 0;
-            cells += (unsigned)__builtin_popcount(bits);
-        }
+    for (int x = 0; x < GRID_VIEW_SIDE; x++) {
+        uint64_t bits = (some(&corners->inside, x) | some(&corners->inside, x + 1)) &
+                        ~(all(&corners->inside, x) & all(&corners->inside, x + 1));
+        if (!bits) continue;
+        const uint64_t known = all(&corners->known, x) & all(&corners->known, x + 1);
+        if (c->known_only) bits &= known;
+        if (bits & ~known) note_open(c, block, x, bits & ~known);
+        b.flat |= (bits & ~(some(&corners->outside, x) | some(&corners->outside, x + 1))) != 0;
+        cells += (unsigned)__builtin_popcountll(bits);
+        bits = htole64(bits);
+        memcpy(b.rows + GRID_VIEW_SIDE * x, &bits, sizeof bits);
+    }
+    if (cells == 0) return true;
+    for (int axis = 0; axis < 3; axis++)
+        if (block[axis] > farthest_block || block[axis] < -farthest_block) return too_far(block, e);
     c->cells += cells;
-    return cells == 0 || append(c, &b, e);
+    return append(c, &b, e);
 }
 
-/* Of a block or a neighbour above it the part that the block's cells touch: one layer where `upper` says so. */
-static void read_part(const grid_view *l, grid_view_block from, const int upper[3], float *corners,
-                      uint16_t *known)
+/* The block and those above it, which its cells touch: bits 0 to 2 of k for x, y, z. */
+static void find_near(const grid_view *l, const int32_t block[3], grid_view_block near[8])
 {
-    const int nx = upper[0] ? 1 : GRID_VIEW_SIDE, ny = upper[1] ? 1 : GRID_VIEW_SIDE,
-              nz = upper[2] ? 1 : GRID_VIEW_SIDE;
-    for (int x = 0; x < nx; x++)
-        for (int y = 0; y < ny; y++) {
-            const int row = CORNERS * (x + GRID_VIEW_SIDE * upper[0]) + y + GRID_VIEW_SIDE * upper[1];
-            unsigned bits =
-                grid_view_read_row(l, from, x, y, nz, corners + CORNERS * row + GRID_VIEW_SIDE * upper[2]);
-            known[row] = (uint16_t)(known[row] | bits << (GRID_VIEW_SIDE * upper[2]));
-        }
+    for (int k = 0; k < 8; k++)
+        near[k] = grid_view_find(l, block[0] + (k & 1), block[1] + (k >> 1 & 1), block[2] + (k >> 2));
 }
 
-static bool look_at(const grid_view *l, const int32_t block[3], crossings *out, error *e)
+static bool look_at(const grid_view *l, const int32_t block[3], const grid_view_block near[8], crossings *out,
+                    error *e)
+{
+    corner_signs corners;
+    for (int k = 0; k < 8; k++) {
+        grid_view_signs constant;
+        const grid_view_signs *s = grid_view_find_signs(l, near[k], &constant);
+        const int part = k >> 1, from = k & 1 ? GRID_VIEW_SIDE : 0;
+        const size_t bytes = k & 1 ? sizeof(uint64_t) : sizeof s->inside;
+        memcpy(corners.inside.at[part] + from, s->inside, bytes);
+        memcpy(corners.outside.at[part] + from, s->outside, bytes);
+        memcpy(corners.known.at[part] + from, s->known, bytes);
+    }
+    return crossings_add(out, block, &corners, e);
+}
+
+/* The blocks with cells that touch the leaf n. Of those that touch several leaves each belongs to the one that comes first
+ * around it. */
+static bool look_around(const grid_view *l, uint32_t n, crossings *out, error *e)
+{
+    for (int k = 0; k < 8; k++) {
+        const int32_t *leaf = l->leaves.blocks[n],
+                      block[3] = {leaf[0] - (k & 1), leaf[1] - (k >> 1 & 1), leaf[2] - (k >> 2)};
+        grid_view_block near[8];
+        bool first = true;
+        for (int j = 0; first && j < k; j++)
+            first = block_map_find(&l->leaves, block[0] + (j & 1), block[1] + (j >> 1 & 1),
+                                   block[2] + (j >> 2)) == BLOCK_MAP_NONE;
+        if (!first) continue;
+        find_near(l, block, near);
+        if (!look_at(l, block, near, out, e)) return false;
+    }
+    return true;
+}
+
+/* A block that may touch a tile's face: without leaves, which look around themselves. */
+static bool look_at_tiles(const grid_view *l, const int32_t block[3], crossings *out, error *e)
 {
     grid_view_block near[8];
-    bool leaf = false, inside = false, outside = false;
+    bool inside = false, outside = false;
+    find_near(l, block, near);
     for (int k = 0; k < 8; k++) {
-        near[k] = grid_view_find(l, block[0] + (k & 1), block[1] + (k >> 1 & 1), block[2] + (k >> 2));
-        if (near[k].leaf != BLOCK_MAP_NONE)
-            leaf = true;
-        else if (near[k].constant < 0)
-            inside = true;
-        else
-            outside = true;
+        if (near[k].leaf != BLOCK_MAP_NONE) return true;
+        inside |= near[k].constant < 0;
+        outside |= !(near[k].constant < 0);
     }
-    if (!leaf && !(inside && outside)) return true;
-    float corners[CORNERS * CORNERS * CORNERS];
-    uint16_t known[CORNERS * CORNERS] = {0};
-    for (int k = 0; k < 8; k++) {
-        const int upper[3] = {k & 1, k >> 1 & 1, k >> 2};
-        read_part(l, near[k], upper, corners, known);
-    }
-    return crossings_add(out, block, corners, known, e);
+    return !(inside && outside) || look_at(l, block, near, out, e);
 }
 
 /* The blocks whose cells touch a face of a tile: in each axis the layer below it and its last one. */
@@ -148,15 +178,8 @@ static bool add_shell(const vdb_tile *t, size_t most, block_map *candidates, err
     return true;
 }
 
-static bool add_candidates(const grid_view *l, size_t memory_limit, block_map *candidates, error *e)
+static bool add_shells(const grid_view *l, size_t memory_limit, block_map *candidates, error *e)
 {
-    for (uint32_t n = 0; n < l->leaves.count; n++) {
-        const int32_t *b = l->leaves.blocks[n];
-        for (int k = 0; k < 8; k++)
-            if (!block_map_find_or_add(candidates, b[0] - (k & 1), b[1] - (k >> 1 & 1), b[2] - (k >> 2), NULL,
-                                       e))
-                return false;
-    }
     /* The table doubles when it grows, and old and new exist side by side then. */
     size_t most = memory_limit / (3 * block_map_bytes(1024) / 1024);
     bool background_inside = l->background < 0;
@@ -181,18 +204,24 @@ static int by_place(const void *a, const void *b)
 
 typedef struct search {
     const grid_view *from;
-    const block_map *candidates;
-    crossings *found; /* of each chunk */
-    error *fault;     /* likewise; of those without one the code is OK */
+    const block_map *shells; /* blocks that touch faces of tiles */
+    crossings *found;        /* of each chunk of leaves and these */
+    error *fault;            /* likewise; of those without one the code is OK */
 } search;
 
 static void search_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const search *job = context;
-    const size_t chunk = begin / BLOCKS;
+    const size_t chunk = begin / BLOCKS, leaves = job->from->leaves.count;
+    crossings *found = &job->found[chunk];
+    error *fault = &job->fault[chunk];
     (void)worker;
-    for (size_t n = begin; n < end; n++)
-        if (!look_at(job->from, job->candidates->blocks[n], &job->found[chunk], &job->fault[chunk])) return;
+    for (size_t n = begin; n < end; n++) {
+        const bool good = n < leaves
+                              ? look_around(job->from, (uint32_t)n, found, fault)
+                              : look_at_tiles(job->from, job->shells->blocks[n - leaves], found, fault);
+        if (!good) return;
+    }
 }
 
 /* What the chunks found, in their order. */
@@ -225,12 +254,11 @@ static bool gather(crossings *parts, const error *fault, size_t count, crossings
 bool crossings_find(const grid_view *l, size_t memory_limit, threads *pool, crossings *out, error *e)
 {
     const char *what = "the blocks that the surface crosses";
-    block_map candidates;
-    search job = {l, &candidates, NULL, NULL};
+    block_map shells;
+    search job = {l, &shells, NULL, NULL};
     crossings found = {.known_only = l->kind == GRID_VIEW_DENSE};
-    bool ok = block_map_init(&candidates, 2 * (size_t)l->leaves.count, e) &&
-              add_candidates(l, memory_limit, &candidates, e);
-    const size_t chunks = (candidates.count + BLOCKS - 1) / BLOCKS;
+    bool ok = block_map_init(&shells, 0, e) && add_shells(l, memory_limit, &shells, e);
+    const size_t count = l->leaves.count + (size_t)shells.count, chunks = (count + BLOCKS - 1) / BLOCKS;
     if (ok) {
         job.found = mem_array(chunks, sizeof *job.found, what, e);
         job.fault = mem_array(chunks, sizeof *job.fault, what, e);
@@ -238,13 +266,13 @@ bool crossings_find(const grid_view *l, size_t memory_limit, threads *pool, cros
     }
     if (ok) {
         for (size_t k = 0; k < chunks; k++) job.found[k].known_only = found.known_only;
-        threads_run(pool, candidates.count, BLOCKS, search_chunk, &job);
+        threads_run(pool, count, BLOCKS, search_chunk, &job);
         ok = gather(job.found, job.fault, chunks, &found, e);
     }
     for (size_t k = 0; job.found && k < chunks; k++) crossings_free(&job.found[k]);
     free(job.found);
     free(job.fault);
-    block_map_free(&candidates);
+    block_map_free(&shells);
     if (ok)
         *out = found;
     else
@@ -260,9 +288,7 @@ static void read_signs(const grid_view *l, const int32_t block[3], int8_t signs[
     for (int n = 0; n < 27; n++) {
         const int step[3] = {n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1};
         float f[GRID_VIEW_VOXELS];
-        uint64_t known[GRID_VIEW_SIDE];
-        grid_view_read(l, grid_view_find(l, block[0] + step[0], block[1] + step[1], block[2] + step[2]), f,
-                       known);
+        grid_view_read(l, grid_view_find(l, block[0] + step[0], block[1] + step[1], block[2] + step[2]), f);
         for (int k = 0; k < GRID_VIEW_VOXELS; k++) {
             const int x = GRID_VIEW_SIDE * step[0] + (k >> 6) + 1,
                       y = GRID_VIEW_SIDE * step[1] + (k >> 3 & 7) + 1,

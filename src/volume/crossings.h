@@ -34,10 +34,19 @@ typedef struct crossings {
 /* Looks at every block where the sign of F may change. `memory_limit` bounds the search's own memory. */
 bool crossings_find(const grid_view *l, size_t memory_limit, threads *pool, crossings *out, error *e);
 
-/* Adds a block whose corners are F at (x, y, z), 0..8 each, offset 81 x + 9 y + z; nothing is added
- * where no cell is crossed. `known`, bit z of known[9 x + y], may be NULL: all of them. */
-bool crossings_add(crossings *c, const int32_t block[3], const float corners[729], const uint16_t *known,
-                   error *e);
+/* Of the corners of a block's cells, which are so. Word x of part 0: the corners (x, y, z) with y, z < 8, bit 8 y + z; of
+ * part 1 those with y = 8 in bits z; of part 2 those with z = 8 in bits 8 y; of part 3 the one with both in bit 0. Other
+ * bits may be anything. */
+typedef struct corner_bits {
+    uint64_t at[4][GRID_VIEW_SIDE + 1];
+} corner_bits;
+
+typedef struct corner_signs {
+    corner_bits inside, outside, known; /* F < 0, F > 0 */
+} corner_signs;
+
+/* Adds a block; nothing is added where no cell is crossed. */
+bool crossings_add(crossings *c, const int32_t block[3], const corner_signs *corners, error *e);
 
 /* How many crossed cells have nothing but zeros outside, and around them nothing but zeros beyond: the samples come to
  * the isovalue there and do not pass it. */

@@ -1,13 +1,19 @@
 #include "volume/grid_view.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/isa.h"
 #include "base/memory.h"
 
 /* Half floats carry 11 bits: a stored clamp may differ from the background by this part of it. */
 static const float half_step = 1.0f / 1024;
+
+static const char leaves[] = "the leaves of the grid";
+
+enum { LEAVES = 256 }; /* in a chunk of work */
 
 static const int tile_shift[GRID_VIEW_TILE_LEVELS] = {0, 4, 9}; /* block coordinates to the tile's */
 
@@ -24,23 +30,86 @@ static int level_of(int32_t side)
     return side == 8 ? 0 : side == 128 ? 1 : 2;
 }
 
-static void scan_range(grid_view *l)
+/* Four voxels: what any machine has at once. */
+enum { FOUR = 4 };
+typedef float row __attribute__((vector_size(16)));
+typedef int32_t choice __attribute__((vector_size(16))); /* -1: yes, 0: no */
+
+ISA_INLINE row row_at(const float *values)
+{
+    row r;
+    memcpy(&r, values, sizeof r);
+    return r;
+}
+
+ISA_INLINE row row_of(float value)
+{
+    return (row){value, value, value, value};
+}
+
+ISA_INLINE row choose(choice which, row yes, row no)
+{
+    return (row)((which & (choice)yes) | (~which & (choice)no));
+}
+
+ISA_INLINE uint64_t bits_of(choice which)
+{
+    const choice bit = which & (choice){1, 2, 4, 8};
+    return (uint64_t)(bit[0] | bit[1] | bit[2] | bit[3]);
+}
+
+typedef struct range {
+    float lowest, highest;
+    uint64_t not_finite;
+} range;
+
+typedef struct scan {
+    grid_view *view;
+    range *of_chunk;
+} scan;
+
+static void range_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const scan *job = context;
+    const float background = job->view->grid->background;
+    row low = row_of(background), high = low;
+    choice finite = {0};
+    (void)worker;
+    for (size_t i = begin * GRID_VIEW_VOXELS; i < end * GRID_VIEW_VOXELS; i += FOUR) {
+        const row v = row_at(job->view->grid->leaf_values + i);
+        const choice usable = (v <= FLT_MAX) & (v >= -FLT_MAX);
+        finite -= usable;
+        low = choose(usable & (v < low), v, low);
+        high = choose(usable & (v > high), v, high);
+    }
+    range r = {background, background, (end - begin) * GRID_VIEW_VOXELS};
+    for (int k = 0; k < FOUR; k++) {
+        r.lowest = fminf(r.lowest, low[k]);
+        r.highest = fmaxf(r.highest, high[k]);
+        r.not_finite -= (uint64_t)finite[k];
+    }
+    job->of_chunk[begin / LEAVES] = r;
+}
+
+static bool scan_range(grid_view *l, threads *pool, error *e)
 {
     const vdb_grid *g = l->grid;
+    const size_t chunks = (g->leaf_count + LEAVES - 1) / LEAVES;
+    scan job = {l, mem_array(chunks, sizeof *job.of_chunk, leaves, e)};
+    if (!job.of_chunk) return false;
     l->lowest = l->highest = g->background;
     for (size_t i = 0; i < g->tile_count; i++) {
         l->lowest = fminf(l->lowest, g->tiles[i].value);
         l->highest = fmaxf(l->highest, g->tiles[i].value);
     }
-    for (size_t i = 0; i < g->leaf_count * GRID_VIEW_VOXELS; i++) {
-        float v = g->leaf_values[i];
-        if (!isfinite(v)) {
-            l->not_finite++;
-            continue;
-        }
-        l->lowest = fminf(l->lowest, v);
-        l->highest = fmaxf(l->highest, v);
+    threads_run(pool, g->leaf_count, LEAVES, range_chunk, &job);
+    for (size_t k = 0; k < chunks; k++) {
+        l->lowest = fminf(l->lowest, job.of_chunk[k].lowest);
+        l->highest = fmaxf(l->highest, job.of_chunk[k].highest);
+        l->not_finite += job.of_chunk[k].not_finite;
     }
+    free(job.of_chunk);
+    return true;
 }
 
 /* Some writers leave clamped voxels active. Where values go beyond the background, the grid is not
@@ -76,38 +145,70 @@ static bool add_tiles(grid_view *l, error *e)
     return true;
 }
 
-bool grid_view_init(grid_view *l, const vdb_grid *grid, grid_view_kind kind, double isovalue, error *e)
+static void sign_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const scan *job = context;
+    const grid_view *l = job->view;
+    const float at = (float)l->isovalue; /* floats lie below, at and above both alike, see to_f */
+    (void)worker;
+    for (size_t n = begin; n < end; n++) {
+        const float *values = l->grid->leaf_values + n * GRID_VIEW_VOXELS;
+        grid_view_signs *s = &l->signs[n];
+        for (int x = 0; x < GRID_VIEW_SIDE; x++) {
+            uint64_t less = 0, more = 0, clamped = 0;
+            for (int yz = 0; yz < 64; yz += FOUR) {
+                const row v = row_at(values + 64 * x + yz);
+                less |= bits_of(v < at) << yz;
+                more |= bits_of(v > at) << yz;
+                clamped |= bits_of((v <= l->clamp_below) | (v >= l->clamp_above)) << yz;
+            }
+            s->inside[x] = l->kind == GRID_VIEW_LEVEL_SET ? less : more;
+            s->outside[x] = l->kind == GRID_VIEW_LEVEL_SET ? more : less;
+            s->known[x] =
+                l->kind == GRID_VIEW_FOG ? ~(uint64_t)0 : l->grid->leaf_active[8 * n + (size_t)x] & ~clamped;
+        }
+    }
+}
+
+static bool add_leaves(grid_view *l, error *e)
+{
+    if (!block_map_init(&l->leaves, l->grid->leaf_count, e)) return false;
+    for (size_t i = 0; i < l->grid->leaf_count; i++) {
+        const int32_t *o = l->grid->leaf_origin[i];
+        uint32_t n;
+        if (!block_map_find_or_add(&l->leaves, o[0] >> 3, o[1] >> 3, o[2] >> 3, &n, e)) return false;
+        if (n != i)
+            return error_set(e, ERROR_INPUT_DAMAGED,
+                             "the volume has two leaves at (%d, %d, %d): it is damaged", o[0], o[1], o[2]);
+    }
+    return true;
+}
+
+bool grid_view_init(grid_view *l, const vdb_grid *grid, grid_view_kind kind, double isovalue, threads *pool,
+                    error *e)
 {
     memset(l, 0, sizeof *l);
     l->grid = grid;
     l->kind = kind;
     l->isovalue = isovalue;
-    scan_range(l);
-    set_clamp(l);
+    bool ok = scan_range(l, pool, e);
     l->background = to_f(l, grid->background);
-    if (!block_map_init(&l->leaves, grid->leaf_count, e) || !add_tiles(l, e)) {
+    l->signs = mem_array(grid->leaf_count, sizeof *l->signs, leaves, e);
+    ok = ok && l->signs && add_tiles(l, e) && add_leaves(l, e);
+    if (ok) {
+        set_clamp(l);
+        scan job = {l, NULL};
+        threads_run(pool, grid->leaf_count, LEAVES, sign_chunk, &job);
+    } else {
         grid_view_free(l);
-        return false;
     }
-    for (size_t i = 0; i < grid->leaf_count; i++) {
-        const int32_t *o = grid->leaf_origin[i];
-        uint32_t n;
-        if (!block_map_find_or_add(&l->leaves, o[0] >> 3, o[1] >> 3, o[2] >> 3, &n, e)) {
-            grid_view_free(l);
-            return false;
-        }
-        if (n != i) {
-            grid_view_free(l);
-            return error_set(e, ERROR_INPUT_DAMAGED,
-                             "the volume has two leaves at (%d, %d, %d): it is damaged", o[0], o[1], o[2]);
-        }
-    }
-    return true;
+    return ok;
 }
 
 void grid_view_free(grid_view *l)
 {
     block_map_free(&l->leaves);
+    free(l->signs);
     for (int level = 0; level < GRID_VIEW_TILE_LEVELS; level++) {
         block_map_free(&l->tiles[level]);
         free(l->tile_values[level]);
@@ -129,29 +230,18 @@ grid_view_block grid_view_find(const grid_view *l, int32_t x, int32_t y, int32_t
     return b;
 }
 
-unsigned grid_view_read_row(const grid_view *l, grid_view_block b, int x, int y, int count, float *f)
+void grid_view_read(const grid_view *l, grid_view_block b, float f[GRID_VIEW_VOXELS])
 {
-    const unsigned all = (1u << count) - 1;
-    if (b.leaf == BLOCK_MAP_NONE) {
-        for (int z = 0; z < count; z++) f[z] = b.constant;
-        return l->kind == GRID_VIEW_FOG ? all : 0;
-    }
-    const float *values = l->grid->leaf_values + (size_t)b.leaf * GRID_VIEW_VOXELS + 64 * x + 8 * y;
-    for (int z = 0; z < count; z++) f[z] = to_f(l, values[z]);
-    if (l->kind == GRID_VIEW_FOG) return all;
-    unsigned known = (unsigned)(l->grid->leaf_active[(size_t)b.leaf * 8 + (size_t)x] >> (8 * y)) & all;
-    for (int z = 0; z < count && l->kind == GRID_VIEW_LEVEL_SET; z++)
-        known &= ~((unsigned)(values[z] <= l->clamp_below || values[z] >= l->clamp_above) << z);
-    return known;
+    const float *values = l->grid->leaf_values + (size_t)b.leaf * GRID_VIEW_VOXELS;
+    const bool is_leaf = b.leaf != BLOCK_MAP_NONE;
+    for (int k = 0; k < GRID_VIEW_VOXELS; k++) f[k] = is_leaf ? to_f(l, values[k]) : b.constant;
 }
 
-void grid_view_read(const grid_view *l, grid_view_block b, float f[GRID_VIEW_VOXELS],
-                    uint64_t known[GRID_VIEW_SIDE])
+const grid_view_signs *grid_view_find_signs(const grid_view *l, grid_view_block b, grid_view_signs *constant)
 {
-    for (int x = 0; x < GRID_VIEW_SIDE; x++) {
-        known[x] = 0;
-        for (int y = 0; y < GRID_VIEW_SIDE; y++)
-            known[x] |= (uint64_t)grid_view_read_row(l, b, x, y, GRID_VIEW_SIDE, f + 64 * x + 8 * y)
-                        << (8 * y);
-    }
+    if (b.leaf != BLOCK_MAP_NONE) return &l->signs[b.leaf];
+    memset(constant->inside, b.constant < 0 ? 0xFF : 0, sizeof constant->inside);
+    memset(constant->outside, b.constant > 0 ? 0xFF : 0, sizeof constant->outside);
+    memset(constant->known, l->kind == GRID_VIEW_FOG ? 0xFF : 0, sizeof constant->known);
+    return constant;
 }

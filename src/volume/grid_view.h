@@ -16,6 +16,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/threads.h"
 #include "geometry/block_map.h"
 #include "vdb/vdb.h"
 
@@ -24,6 +25,11 @@
 #define GRID_VIEW_TILE_LEVELS 3
 
 typedef enum grid_view_kind { GRID_VIEW_LEVEL_SET, GRID_VIEW_FOG, GRID_VIEW_DENSE } grid_view_kind;
+
+/* Of a leaf's voxels, in words as above: those with F < 0, with F > 0, and the known ones. */
+typedef struct grid_view_signs {
+    uint64_t inside[GRID_VIEW_SIDE], outside[GRID_VIEW_SIDE], known[GRID_VIEW_SIDE];
+} grid_view_signs;
 
 typedef struct grid_view {
     const vdb_grid *grid; /* the caller's, must outlive the view */
@@ -36,6 +42,7 @@ typedef struct grid_view {
     float *tile_values[GRID_VIEW_TILE_LEVELS]; /* as F */
     float lowest, highest;                     /* of the grid's own finite values, background included */
     uint64_t not_finite;                       /* voxels in leaves */
+    grid_view_signs *signs;                    /* of each leaf */
 } grid_view;
 
 /* A block that has one value everywhere, or a leaf. */
@@ -44,16 +51,17 @@ typedef struct grid_view_block {
     float constant; /* F */
 } grid_view_block;
 
-bool grid_view_init(grid_view *l, const vdb_grid *grid, grid_view_kind kind, double isovalue, error *e);
+/* The pool, which may be NULL, does not show. */
+bool grid_view_init(grid_view *l, const vdb_grid *grid, grid_view_kind kind, double isovalue, threads *pool,
+                    error *e);
 void grid_view_free(grid_view *l);
 
 grid_view_block grid_view_find(const grid_view *l, int32_t x, int32_t y, int32_t z);
 
-/* F of all 512 voxels and which of them are known. */
-void grid_view_read(const grid_view *l, grid_view_block b, float f[GRID_VIEW_VOXELS],
-                    uint64_t known[GRID_VIEW_SIDE]);
+/* F of all 512 voxels. */
+void grid_view_read(const grid_view *l, grid_view_block b, float f[GRID_VIEW_VOXELS]);
 
-/* The same of the first `count` voxels of one row; returns the bits of those that are known. */
-unsigned grid_view_read_row(const grid_view *l, grid_view_block b, int x, int y, int count, float *f);
+/* The signs of any block. `constant` is filled in and returned where there is no leaf. */
+const grid_view_signs *grid_view_find_signs(const grid_view *l, grid_view_block b, grid_view_signs *constant);
 
 #endif

@@ -76,7 +76,11 @@ static void read_chunk(void *context, int worker, size_t begin, size_t end)
         const int32_t *b = s->map.blocks[n];
         float *f = s->f + n * VOXELS;
         int good = 1;
-        grid_view_read(job->from, grid_view_find(job->from, b[0], b[1], b[2]), f, s->known + n * SIDE);
+        const grid_view_block from = grid_view_find(job->from, b[0], b[1], b[2]);
+        grid_view_signs constant;
+        grid_view_read(job->from, from, f);
+        memcpy(s->known + n * SIDE, grid_view_find_signs(job->from, from, &constant)->known,
+               SIDE * sizeof *s->known);
         for (int i = 0; i < VOXELS; i++) good &= is_usable(f[i]);
         if (!good) atomic_store(&job->unusable, true);
         for (int k = 0; k < 6; k++) {
@@ -454,17 +458,22 @@ void samples_corners(const samples *s, const int32_t block[3], bool smooth, floa
             for (int z = 0; z < 9; z++) *corners++ = c[((x + 1) * 11 + y + 1) * 11 + z + 1];
 }
 
-void samples_known(const samples *s, const int32_t block[3], uint16_t known[81])
+void samples_signs(const samples *s, const int32_t block[3], bool smooth, corner_signs *out)
 {
-    memset(known, 0, 81 * sizeof *known);
+    enum { CORNERS = SIDE + 1 };
+    float f[CORNERS * CORNERS * CORNERS];
+    samples_corners(s, block, smooth, f);
+    memset(out, 0, sizeof *out);
+    for (int k = 0; k < CORNERS * CORNERS * CORNERS; k++) {
+        const int x = k / (CORNERS * CORNERS), y = k / CORNERS % CORNERS, z = k % CORNERS,
+                  part = (y == SIDE) + 2 * (z == SIDE), bit = 8 * (y & 7) + (z & 7);
+        out->inside.at[part][x] |= (uint64_t)(f[k] < 0) << bit;
+        out->outside.at[part][x] |= (uint64_t)(f[k] > 0) << bit;
+    }
     for (int k = 0; k < 8; k++) {
-        const int upper[3] = {k & 1, k >> 1 & 1, k >> 2};
-        uint32_t n = block_map_find(&s->map, block[0] + upper[0], block[1] + upper[1], block[2] + upper[2]);
-        for (int x = upper[0] * SIDE; n != BLOCK_MAP_NONE && x < (upper[0] ? 9 : SIDE); x++)
-            for (int y = upper[1] * SIDE; y < (upper[1] ? 9 : SIDE); y++) {
-                unsigned row =
-                    (unsigned)(s->known[(size_t)n * SIDE + (size_t)(x & 7)] >> (8 * (y & 7))) & 0xFF;
-                known[9 * x + y] = (uint16_t)(known[9 * x + y] | (upper[2] ? (row & 1) << SIDE : row));
-            }
+        const uint32_t n =
+            block_map_find(&s->map, block[0] + (k & 1), block[1] + (k >> 1 & 1), block[2] + (k >> 2));
+        for (int x = 0; x < (k & 1 ? 1 : SIDE); x++)
+            out->known.at[k >> 1][x + (k & 1 ? SIDE : 0)] = known_word(s, n, x);
     }
 }

@@ -15,6 +15,7 @@
 #include "base/error.h"
 #include "base/threads.h"
 #include "geometry/block_map.h"
+#include "volume/crossings.h"
 #include "volume/grid_view.h"
 
 typedef struct samples {
@@ -48,7 +49,7 @@ void samples_window(const samples *s, const int32_t block[3], int low, int side,
  * that has the samples as coefficients. */
 void samples_corners(const samples *s, const int32_t block[3], bool smooth, float corners[729]);
 
-/* Which corners of its cells are known, as crossings_add wants it. */
-void samples_known(const samples *s, const int32_t block[3], uint16_t known[81]);
+/* The signs of these, and which of them are known. */
+void samples_signs(const samples *s, const int32_t block[3], bool smooth, corner_signs *out);
 
 #endif

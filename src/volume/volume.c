@@ -164,7 +164,7 @@ static bool check_plateau(const loading *l, const volume *v, error *e)
 
 static bool find_crossings(loading *l, volume *v, error *e)
 {
-    if (!grid_view_init(&l->grid_view, l->grid, l->kind, v->info.isovalue, e) ||
+    if (!grid_view_init(&l->grid_view, l->grid, l->kind, v->info.isovalue, l->pool, e) ||
         !crossings_find(&l->grid_view, l->memory_limit, l->pool, &l->crossings, e))
         return error_prefix(e, "%s", l->name);
     const crossings *c = &l->crossings;
@@ -201,7 +201,7 @@ static bool plan(loading *l, volume *v, error *e)
         !reach_add_blocks(&l->crossings, bricks_reach, &v->map, e) ||
         !reach_add_blocks(&l->crossings, far, &l->reach, e))
         return error_prefix(e, "%s", l->name);
-    size_t grid = l->grid->leaf_count * (VDB_LEAF_VOXELS * sizeof(float) + 128) +
+    size_t grid = l->grid->leaf_count * (VDB_LEAF_VOXELS * sizeof(float) + sizeof(grid_view_signs) + 128) +
                   l->grid->tile_count * sizeof(vdb_tile);
     size_t work = samples_bytes(l->reach.count), held = held_bytes(v->map.count, l->crossings.cells);
     size_t peak = work + (grid > held ? grid : held), limit = l->memory_limit;
@@ -216,14 +216,12 @@ static bool plan(loading *l, volume *v, error *e)
 /* Smoothing moves the surface: its crossings are those of the spline itself, near the samples' own. */
 static bool find_smooth_crossings(loading *l, volume *v, error *e)
 {
-    float corners[729];
-    uint16_t known[81];
     crossings found = {.known_only = l->kind == GRID_VIEW_DENSE};
     bool ok = true;
     for (uint32_t n = 0; ok && n < v->map.count; n++) {
-        samples_corners(&l->samples, v->map.blocks[n], true, corners);
-        samples_known(&l->samples, v->map.blocks[n], known);
-        ok = crossings_add(&found, v->map.blocks[n], corners, known, e);
+        corner_signs corners;
+        samples_signs(&l->samples, v->map.blocks[n], true, &corners);
+        ok = crossings_add(&found, v->map.blocks[n], &corners, e);
     }
     crossings_free(&l->crossings);
     l->crossings = found;

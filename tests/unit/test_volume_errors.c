@@ -337,7 +337,7 @@ static void the_limit_of_memory(void **state)
     fixture g = fixture_make(fixture_uniform, 11, ball, 0.3);
     vdb_draft d = draft_of(&g);
     int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
-    const size_t limits[] = {1000, 100000, 400000};
+    const size_t limits[] = {1000, 100000, 200000};
     for (size_t i = 0; i < 3; i++) {
         error e = {0};
         volume_request r = {.fd = fd, .path = "test.vdb", .memory_limit = limits[i]};
