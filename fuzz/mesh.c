@@ -1,12 +1,14 @@
 /* What the process that reads meshes answers: mesh_file_parse, with what vertices have and without, and the judgement of its
- * triangles on the way to a level set; and the same bytes as a PLY file, whose properties that process looks for. */
+ * triangles on the way to a level set; and the same bytes as files that this process reads itself. */
 #include <math.h>
 #include <string.h>
 
 #include "fuzz/target.h"
 #include "mesh/levelset.h"
-#include "mesh/mesh_file.h"
-#include "mesh/ply_values.c"
+#include "meshfile/mesh_file.h"
+#include "meshfile/plain_mesh.h"
+#include "meshfile/ply_strips.h"
+#include "meshfile/ply_values.h"
 
 static const size_t memory = (size_t)64 << 20;
 
@@ -56,15 +58,31 @@ static void read_values(const uint8_t *data, size_t size)
     mesh_free(&m);
 }
 
-static void read_properties(const uint8_t *data, size_t size)
+static void read_plain(const char *ending, const char *data, size_t size)
+{
+    plain_mesh m;
+    if (!plain_mesh_read(ending, data, size, &m)) return;
+    expect(m.triangles > 0 && m.vertices > 0);
+    for (size_t n = 0; n < m.triangles; n++)
+        for (int k = 0; k < 3; k++) expect(m.triangle[n][k] < m.vertices);
+    plain_mesh_free(&m);
+}
+
+/* The same bytes as files of each format. */
+static void read_files(const uint8_t *data, size_t size)
 {
     ply_values found = {0};
-    char *copy = malloc(size); /* the sanitizers see what is read behind it */
+    char *copy = malloc(size + 1); /* the sanitizers see what is read behind it */
     expect(copy);
     memcpy(copy, data, size);
+    copy[size] = 0;
+    read_plain("obj", copy, size);
+    read_plain("ply", copy, size);
+    read_plain("stl", copy, size);
     expect(ply_values_read(copy, size, &found));
     expect(found.count <= MESH_VALUES_MOST && (found.count == 0 || found.vertices > 0));
     for (uint32_t k = 0; k < MESH_VALUES_MOST; k++) free(found.value[k]);
+    expect(ply_strips_expand(&copy, &size) != PLY_STRIPS_NO_MEMORY);
     free(copy);
 }
 
@@ -75,7 +93,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     mesh_reader_header told = {0};
     if (size == 0) return 0; /* not for fmemopen */
     read_values(data, size);
-    read_properties(data, size);
+    read_files(data, size);
     FILE *stream = fmemopen((void *)data, size, "rb");
     expect(stream);
     if (mesh_file_parse(stream, memory, &told, &m, NULL, &e))

@@ -8,7 +8,7 @@
 #include "attribute/lattice.h"
 #include "base/memory.h"
 #include "geometry/affine.h"
-#include "mesh/mesh_file.h"
+#include "meshfile/mesh_file.h"
 #include "mesh/nearest_triangle.h"
 
 static const point_attribute_kind kinds[MESH_VALUES_KINDS] = {

@@ -5,7 +5,7 @@
 #include "inspect/contents.h"
 #include "inspect/suggestion.h"
 #include "mesh/mesh.h"
-#include "mesh/mesh_file.h"
+#include "meshfile/mesh_file.h"
 #include "run/report.h"
 
 static int compare_edges(const void *a, const void *b)

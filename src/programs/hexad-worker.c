@@ -20,7 +20,7 @@
 #include "dense/header.h"
 #include "inspect/inspection.h"
 #include "json/json.h"
-#include "mesh/mesh_reader.h"
+#include "meshfile/mesh_reader.h"
 #include "packing/energy.h"
 #include "run/run.h"
 #include "run/summary.h"

@@ -5,7 +5,7 @@
 #include "source/mesh_clip.h"
 #include "mesh/fidelity.h"
 #include "mesh/mesh_edges.h"
-#include "mesh/mesh_file.h"
+#include "meshfile/mesh_file.h"
 #include "packing/packing.h"
 
 /* The longest side of a cell: the spacing, but of few points less, so that normals and sizes are seen. */

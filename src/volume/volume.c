@@ -9,7 +9,7 @@
 #include "base/memory.h"
 #include "geometry/affine.h"
 #include "mesh/levelset.h"
-#include "mesh/mesh_file.h"
+#include "meshfile/mesh_file.h"
 #include "vdb/vdb.h"
 #include "volume/brick.h"
 #include "volume/crossings.h"

@@ -344,7 +344,8 @@ def test_points_do_not_land_on_what_is_hidden(worker, tmp_path):
     assert numpy.abs(numpy.abs(points - 0.5).max(axis=1) - 0.5).max() <= 1e-6
 
 
-MALFORMED_BUT_GOOD = {"box_longline.obj", "box_without_lineending.obj", "cube_binary_header_with_RN_newline.ply", "testmixed.obj",
+MALFORMED_BUT_GOOD = {"box_longline.obj", "box_without_lineending.obj", "cube_binary_header_with_RN_newline.ply",
+                      "cube_binary_starts_with_nl.ply", "testmixed.obj",
                       "comments.off", "nancolor.obj", "negative_indices.obj", "two_objects_mixed_case_names.stl",
                       "wallhole.obj", "whitespace.off",
                       # open, as they stand

@@ -212,7 +212,7 @@ static void print_stl(const mesh *m, FILE *file)
         fprintf(file, "facet normal 0 0 0\nouter loop\n");
         for (int i = 0; i < 3; i++) {
             vec3 p = m->vertex[m->triangle[k][i]];
-            fprintf(file, "vertex %.9g %.9g %.9g\n", p.x, p.y, p.z);
+            fprintf(file, "vertex %.17g %.17g %.17g\n", p.x, p.y, p.z);
         }
         fprintf(file, "endloop\nendfacet\n");
     }
@@ -237,7 +237,7 @@ char *mesh_fixture_print(const mesh *m, const char *format, size_t *bytes)
                     "element face %zu\nproperty list uchar int vertex_indices\nend_header\n",
                     m->vertex_count, m->triangle_count);
         for (size_t k = 0; k < m->vertex_count; k++)
-            fprintf(file, "%s%.9g %.9g %.9g\n", obj ? "v " : "", m->vertex[k].x, m->vertex[k].y,
+            fprintf(file, "%s%.17g %.17g %.17g\n", obj ? "v " : "", m->vertex[k].x, m->vertex[k].y,
                     m->vertex[k].z);
         for (size_t k = 0; k < m->triangle_count; k++)
             fprintf(file, "%s %u %u %u\n", obj ? "f" : "3", m->triangle[k][0] + obj, m->triangle[k][1] + obj,

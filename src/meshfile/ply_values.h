@@ -1,13 +1,13 @@
 /* ply_values: properties of a PLY file's vertices that the library of meshes does not know. Runs in the process that reads.
  */
-#ifndef HEXAD_MESH_PLY_VALUES_H
-#define HEXAD_MESH_PLY_VALUES_H
+#ifndef HEXAD_MESHFILE_PLY_VALUES_H
+#define HEXAD_MESHFILE_PLY_VALUES_H
 
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-#include "mesh/mesh_reader.h"
+#include "meshfile/mesh_reader.h"
 
 typedef struct ply_values {
     uint32_t count;

@@ -1,19 +1,19 @@
-/* mesh_reader: a mesh file as plain arrays, read by assimp; the only user of that library.
+/* mesh_reader: a mesh file as plain arrays, by plain_mesh or else by assimp; the only user of that library.
  *
  * It runs in a process of its own, started by mesh_file: the library can crash on a hostile file and take
  * any amount of memory and time. It is given the bytes of one open file and nothing else: no other file is
  * opened, and after the limits are set no descriptor can be.
  *
- * What it writes is a header, then `text_length` bytes of a message, then vertices (three floats each) and
+ * What it writes is a header, then `text_length` bytes of a message, then vertices (three doubles each) and
  * triangles (three uint32_t each), in the machine's own byte order, as both ends are one machine.
  */
-#ifndef HEXAD_MESH_MESH_READER_H
-#define HEXAD_MESH_MESH_READER_H
+#ifndef HEXAD_MESHFILE_MESH_READER_H
+#define HEXAD_MESHFILE_MESH_READER_H
 
 #include <stdint.h>
 
 #define MESH_READER_COMMAND "read-mesh"
-#define MESH_READER_MAGIC 0x3168736D64786568u /* "hexdmsh1" */
+#define MESH_READER_MAGIC 0x3268736D64786568u /* "hexdmsh2" */
 #define MESH_READER_TEXT_MAX 512
 
 typedef struct mesh_reader_header {

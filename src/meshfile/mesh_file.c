@@ -1,4 +1,4 @@
-#include "mesh/mesh_file.h"
+#include "meshfile/mesh_file.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -7,7 +7,7 @@
 
 #include "base/memory.h"
 #include "base/reader.h"
-#include "mesh/mesh_reader.h"
+#include "meshfile/mesh_reader.h"
 
 /* Processor time of the reading process: measured at 10 MB a second and more for text; a tenth of that is
  * granted. */
@@ -85,16 +85,15 @@ static bool check_counts(const mesh_reader_header *h, size_t limit, error *e)
 
 static bool read_vertices(FILE *stream, mesh *m, error *e)
 {
+    if (!read_all(stream, m->vertex, sizeof m->vertex[0], m->vertex_count, e)) return false;
     for (size_t n = 0; n < m->vertex_count; n++) {
-        float at[3];
-        if (!read_all(stream, at, sizeof at, 1, e)) return false;
-        for (int k = 0; k < 3; k++)
-            if (!(fabs((double)at[k]) <= largest_coordinate))
-                return error_set(
-                    e, ERROR_INPUT_DAMAGED,
-                    "the mesh has a vertex, number %zu, whose coordinates are not finite or beyond %g", n,
-                    largest_coordinate);
-        m->vertex[n] = (vec3){(double)at[0], (double)at[1], (double)at[2]};
+        const vec3 v = m->vertex[n];
+        if (!(fabs(v.x) <= largest_coordinate && fabs(v.y) <= largest_coordinate &&
+              fabs(v.z) <= largest_coordinate))
+            return error_set(
+                e, ERROR_INPUT_DAMAGED,
+                "the mesh has a vertex, number %zu, whose coordinates are not finite or beyond %g", n,
+                largest_coordinate);
     }
     return true;
 }

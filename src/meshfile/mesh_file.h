@@ -1,13 +1,13 @@
 /* mesh_file: a mesh from an open file, read by a process of its own (see mesh_reader). */
-#ifndef HEXAD_MESH_MESH_FILE_H
-#define HEXAD_MESH_MESH_FILE_H
+#ifndef HEXAD_MESHFILE_MESH_FILE_H
+#define HEXAD_MESHFILE_MESH_FILE_H
 
 #include <stddef.h>
 #include <stdio.h>
 
 #include "base/error.h"
 #include "mesh/mesh.h"
-#include "mesh/mesh_reader.h"
+#include "meshfile/mesh_reader.h"
 
 typedef struct mesh_file {
     int fd;              /* open for reading, at any offset; stays the caller's */

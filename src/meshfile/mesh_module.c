@@ -1,5 +1,5 @@
 /* mesh_reader.h for a program that loads the reader only in the process that reads. */
-#include "mesh/mesh_reader.h"
+#include "meshfile/mesh_reader.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -1,7 +1,7 @@
 /* ply_strips: PLY files whose faces are triangle strips, as scanners write them, turned into files of triangles, which the
  * library reads. Runs in the process that reads. */
-#ifndef HEXAD_MESH_PLY_STRIPS_H
-#define HEXAD_MESH_PLY_STRIPS_H
+#ifndef HEXAD_MESHFILE_PLY_STRIPS_H
+#define HEXAD_MESHFILE_PLY_STRIPS_H
 
 #include <stddef.h>
 

@@ -1,4 +1,4 @@
-#include "mesh/mesh_reader.h"
+#include "meshfile/mesh_reader.h"
 
 #include <errno.h>
 #include <stdbool.h>
@@ -16,8 +16,9 @@
 
 #include "base/error.h"
 #include "base/reader.h"
-#include "mesh/ply_strips.h"
-#include "mesh/ply_values.h"
+#include "meshfile/plain_mesh.h"
+#include "meshfile/ply_strips.h"
+#include "meshfile/ply_values.h"
 
 /* What assimp takes for a byte of the file, at most: measured at 30 for binary STL (three vertices of their
  * own for each triangle of 50 bytes, with lists of faces), less for text. More means a size that the file
@@ -115,7 +116,7 @@ static void visit_mesh(walk *w, const struct aiMesh *mesh, const struct aiMatrix
     for (unsigned n = 0; w->pass == VERTICES && !w->failed && n < mesh->mNumVertices; n++) {
         struct aiVector3D v = mesh->mVertices[n];
         aiTransformVecByMatrix4(&v, m);
-        const float at[3] = {(float)v.x, (float)v.y, (float)v.z};
+        const double at[3] = {(double)v.x, (double)v.y, (double)v.z};
         w->failed = fwrite(at, sizeof at, 1, stdout) != 1;
     }
     for (unsigned n = 0; w->pass != VERTICES && !w->failed && n < mesh->mNumFaces; n++) {
@@ -271,6 +272,17 @@ static int answer_scene(const struct aiScene *scene, const ply_values *own)
     return w.failed || fflush(stdout) != 0 ? 1 : 0;
 }
 
+/* The same of a mesh that was read without the library. */
+static int answer_plain(const plain_mesh *m)
+{
+    const mesh_reader_header head = {
+        .magic = MESH_READER_MAGIC, .vertices = m->vertices, .triangles = m->triangles, .others = m->others};
+    return reader_write(&head, sizeof head) && reader_write(m->vertex, m->vertices * sizeof *m->vertex) &&
+                   reader_write(m->triangle, m->triangles * sizeof *m->triangle)
+               ? 0
+               : 1;
+}
+
 /* ---- the program */
 
 static bool read_bytes(bytes *b)
@@ -280,9 +292,11 @@ static bool read_bytes(bytes *b)
     while (b->size < (size_t)st.st_size) {
         ssize_t got = pread(STDIN_FILENO, b->data + b->size, (size_t)st.st_size - b->size, (off_t)b->size);
         if (got < 0 && errno == EINTR) continue;
-        if (got <= 0) return got == 0;
+        if (got < 0) return false;
+        if (got == 0) break;
         b->size += (size_t)got;
     }
+    b->data[b->size] = 0;
     return true;
 }
 
@@ -346,7 +360,11 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
     if (!memory) return 2;
     snprintf(b.name, sizeof b.name, "mesh%s%.20s", *argv[1] ? "." : "", argv[1]);
     ply_strips strips = PLY_STRIPS_READ;
-    if (!read_bytes(&b) || (strcasecmp(argv[1], "obj") == 0 && !add_zeros(&b)) ||
+    plain_mesh plain;
+    const bool wants_values = strcmp(argv[0], MESH_VALUES_COMMAND) == 0, read = read_bytes(&b);
+    if (read && !wants_values && plain_mesh_read(argv[1], b.data, b.size, &plain))
+        _exit(answer_plain(&plain));
+    if (!read || (strcasecmp(argv[1], "obj") == 0 && !add_zeros(&b)) ||
         (strcasecmp(argv[1], "ply") == 0 &&
          (strips = ply_strips_expand(&b.data, &b.size)) == PLY_STRIPS_NO_MEMORY))
         return answer_fault(ERROR_LIMIT_MEMORY,
@@ -354,7 +372,6 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
     if (strips == PLY_STRIPS_DAMAGED)
         return answer_fault(ERROR_INPUT_DAMAGED, "the file's triangle strips end early, or are no numbers");
     ply_values own = {0};
-    bool wants_values = strcmp(argv[0], MESH_VALUES_COMMAND) == 0;
     if (wants_values && strcasecmp(argv[1], "ply") == 0 && !ply_values_read(b.data, b.size, &own))
         return answer_fault(ERROR_LIMIT_MEMORY,
                             "the file is larger than the memory limit: raise limits.memory_mb");

@@ -1,0 +1,173 @@
+#include "meshfile/plain_mesh.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+/* Room for n items, twice as much as before when it grows. */
+static bool make_room(void **items, size_t *room, size_t n, size_t size)
+{
+    if (n <= *room) return true;
+    const size_t wanted = n < 512 ? 1024 : 2 * n;
+    void *grown = realloc(*items, wanted * size);
+    if (!grown) return false;
+    *items = grown;
+    *room = wanted;
+    return true;
+}
+
+bool plain_mesh_add_vertex(plain_mesh *m, const double at[3])
+{
+    if (m->vertices + 1 >= UINT32_MAX ||
+        !make_room((void **)&m->vertex, &m->vertex_room, m->vertices + 1, sizeof *m->vertex))
+        return false;
+    memcpy(m->vertex[m->vertices++], at, sizeof *m->vertex);
+    return true;
+}
+
+static void edge(const plain_mesh *m, uint32_t from, uint32_t to, double out[3])
+{
+    for (int k = 0; k < 3; k++) out[k] = m->vertex[to][k] - m->vertex[from][k];
+}
+
+static double dot(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static void cross(const plain_mesh *m, uint32_t a, uint32_t b, uint32_t c, double out[3])
+{
+    double u[3], v[3];
+    edge(m, a, b, u);
+    edge(m, a, c, v);
+    for (int k = 0; k < 3; k++) out[k] = u[(k + 1) % 3] * v[(k + 2) % 3] - u[(k + 2) % 3] * v[(k + 1) % 3];
+}
+
+/* Where the fan of a quadrilateral begins: at the corner whose angles with the diagonal add up to more than pi, if there is
+ * one. */
+static size_t first_of_four(const plain_mesh *m, const uint32_t *corner)
+{
+    for (size_t k = 0; k < 4; k++) {
+        double left[3], right[3], diagonal[3];
+        edge(m, corner[k], corner[(k + 3) % 4], left);
+        edge(m, corner[k], corner[(k + 1) % 4], right);
+        edge(m, corner[k], corner[(k + 2) % 4], diagonal);
+        if (dot(left, diagonal) / sqrt(dot(left, left)) + dot(right, diagonal) / sqrt(dot(right, right)) < 0)
+            return k;
+    }
+    return 0;
+}
+
+/* Whether all triangles of the fan look to the side to which their sum looks. */
+static bool is_fan(const plain_mesh *m, const uint32_t *corner, size_t corners)
+{
+    double sum[3] = {0, 0, 0}, n[3];
+    for (size_t k = 1; k + 1 < corners; k++) {
+        cross(m, corner[0], corner[k], corner[k + 1], n);
+        for (int c = 0; c < 3; c++) sum[c] += n[c];
+    }
+    for (size_t k = 1; k + 1 < corners; k++) {
+        cross(m, corner[0], corner[k], corner[k + 1], n);
+        if (!(dot(n, sum) > 0)) return false;
+    }
+    return true;
+}
+
+bool plain_mesh_add_polygon(plain_mesh *m, const uint32_t *corner, size_t corners)
+{
+    if (corners < 3) {
+        m->others++;
+        return true;
+    }
+    uint32_t turned[4];
+    const size_t first = corners == 4 ? first_of_four(m, corner) : 0;
+    if (first > 0) {
+        for (size_t k = 0; k < 4; k++) turned[k] = corner[(first + k) % 4];
+        corner = turned;
+    }
+    if ((corners > 3 && !is_fan(m, corner, corners)) ||
+        !make_room((void **)&m->triangle, &m->triangle_room, m->triangles + corners - 2, sizeof *m->triangle))
+        return false;
+    for (size_t k = 1; k + 1 < corners; k++) {
+        const uint32_t triangle[3] = {corner[0], corner[k], corner[k + 1]};
+        memcpy(m->triangle[m->triangles++], triangle, sizeof triangle);
+    }
+    return true;
+}
+
+static bool is_digit(char c)
+{
+    return c >= '0' && c <= '9';
+}
+
+static bool is_behind(char c)
+{
+    return c == ' ' || c == '\t' || c == '\n' || c == '\r' || c == 0;
+}
+
+/* Numbers of at most 15 digits and 22 places, which one multiplication or division rounds correctly (Clinger 1990). */
+static bool short_number(const char **at, double *out)
+{
+    static const double power[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8,  1e9,  1e10, 1e11,
+                                   1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
+    enum { DIGITS_MOST = 15, POWER_MOST = 22 };
+    const char *p = *at;
+    const bool minus = *p == '-';
+    uint64_t value = 0;
+    int digits = 0, places = 0, exponent = 0;
+    p += minus || *p == '+';
+    for (; is_digit(*p) && digits <= DIGITS_MOST; p++, digits++) value = 10 * value + (uint64_t)(*p - '0');
+    if (*p == '.')
+        for (p++; is_digit(*p) && digits <= DIGITS_MOST; p++, digits++, places--)
+            value = 10 * value + (uint64_t)(*p - '0');
+    if (digits == 0 || digits > DIGITS_MOST) return false;
+    if (*p == 'e' || *p == 'E') {
+        const bool down = *++p == '-';
+        p += down || *p == '+';
+        if (!is_digit(*p)) return false;
+        for (; is_digit(*p) && exponent < 1000; p++) exponent = 10 * exponent + (*p - '0');
+        places += down ? -exponent : exponent;
+    }
+    if (places < -POWER_MOST || places > POWER_MOST || !is_behind(*p)) return false;
+    *out = places < 0 ? (double)value / power[-places] : (double)value * power[places];
+    if (minus) *out = -*out;
+    *at = p;
+    return true;
+}
+
+bool plain_mesh_number(const char **at, double *out)
+{
+    while (**at == ' ' || **at == '\t') ++*at;
+    if (short_number(at, out)) return true;
+    const char *digits = *at + (**at == '-' || **at == '+');
+    if (!is_digit(*digits) && *digits != '.') return false; /* no words for numbers */
+    if (digits[0] == '0' && (digits[1] == 'x' || digits[1] == 'X')) return false;
+    char *end;
+    *out = strtod(*at, &end);
+    if (end == *at || !is_behind(*end)) return false;
+    *at = end;
+    return true;
+}
+
+bool plain_mesh_read(const char *ending, const char *data, size_t size, plain_mesh *out)
+{
+    static const struct {
+        const char *ending;
+        bool (*read)(const char *data, size_t size, plain_mesh *out);
+    } formats[] = {{"obj", plain_mesh_read_obj}, {"ply", plain_mesh_read_ply}, {"stl", plain_mesh_read_stl}};
+    *out = (plain_mesh){0};
+    for (size_t k = 0; k < sizeof formats / sizeof *formats; k++)
+        if (strcasecmp(ending, formats[k].ending) == 0 && formats[k].read(data, size, out) &&
+            out->triangles > 0)
+            return true;
+    plain_mesh_free(out);
+    return false;
+}
+
+void plain_mesh_free(plain_mesh *m)
+{
+    free(m->vertex);
+    free(m->triangle);
+    *m = (plain_mesh){0};
+}

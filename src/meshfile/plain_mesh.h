@@ -1,0 +1,42 @@
+/* plain_mesh: OBJ, PLY and STL files read without a library, in the precision that they have.
+ *
+ * A reader takes the whole of a file or leaves all of it: a file that is damaged, or has anything that is not known here, is
+ * left to the library, which has the words for it. Runs in the process that reads. Threads: none.
+ */
+#ifndef HEXAD_MESHFILE_PLAIN_MESH_H
+#define HEXAD_MESHFILE_PLAIN_MESH_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+typedef struct plain_mesh {
+    size_t vertices, triangles, others; /* others: points and lines */
+    double (*vertex)[3];
+    uint32_t (*triangle)[3];
+    size_t vertex_room, triangle_room;
+} plain_mesh;
+
+/* By the ending of the file's name. data[size] is 0. False: the file is left, *out is empty. plain_mesh_free. */
+bool plain_mesh_read(const char *ending, const char *data, size_t size, plain_mesh *out);
+
+void plain_mesh_free(plain_mesh *m);
+
+/* ---- for the readers of the formats: each leaves what it has read in *out when it fails */
+
+bool plain_mesh_read_obj(const char *data, size_t size, plain_mesh *out);
+bool plain_mesh_read_ply(const char *data, size_t size, plain_mesh *out);
+bool plain_mesh_read_stl(const char *data, size_t size, plain_mesh *out);
+
+bool plain_mesh_add_vertex(plain_mesh *m, const double at[3]);
+
+/* Of vertices that are there. A polygon of more than three corners becomes a fan around its first one, one of four
+ * around its reflex one. False: the fan would
+ * turn over, or be flat somewhere; no memory. Of fewer corners: one more of the others. */
+bool plain_mesh_add_polygon(plain_mesh *m, const uint32_t *corner, size_t corners);
+
+/* Reads a decimal number that blanks (spaces and tabs) may precede, and behind which is a blank, an end of a line or the end.
+ * Correctly rounded. False: there is none. */
+bool plain_mesh_number(const char **at, double *out);
+
+#endif

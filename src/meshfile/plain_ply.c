@@ -1,0 +1,133 @@
+/* PLY: text and binary of both orders. Vertices stand before the faces, which are one list of indices each; whatever else an
+ * element has is passed over. Triangle strips are the library's (ply_strips). */
+#include <string.h>
+
+#include "meshfile/plain_mesh.h"
+#include "meshfile/ply_header.h"
+
+/* Of one face; larger ones are the library's. */
+enum { CORNERS_MOST = 64 };
+
+typedef struct cursor {
+    const char *at, *end;
+    ply_layout layout;
+} cursor;
+
+static bool read_number(cursor *c, const ply_type *type, double *out)
+{
+    if (c->layout == PLY_TEXT) return plain_mesh_number(&c->at, out);
+    if (c->end - c->at < type->size) return false;
+    *out = ply_number(c->at, type, c->layout);
+    c->at += type->size;
+    return true;
+}
+
+/* In text a row is a line. */
+static bool end_row(cursor *c)
+{
+    if (c->layout != PLY_TEXT) return true;
+    c->at += strspn(c->at, " \t\r");
+    if (*c->at && *c->at != '\n') return false;
+    c->at += *c->at == '\n';
+    return true;
+}
+
+/* The numbers of a list of which as many as there is room for are kept. */
+static bool read_list(cursor *c, const ply_property *p, double *kept, size_t room, size_t *count)
+{
+    double length, number;
+    if (!read_number(c, p->length, &length) || !(length >= 0 && length <= UINT32_MAX)) return false;
+    *count = (size_t)length;
+    for (size_t k = 0; k < *count; k++) {
+        if (!read_number(c, p->type, &number)) return false;
+        if (k < room) kept[k] = number;
+    }
+    return true;
+}
+
+/* Numbers of the row go to number[slot[k]] when slot[k] >= 0, those of the list `list` to `kept`. */
+static bool read_row(cursor *c, const ply_element *element, const int *slot, double *number,
+                     const ply_property *list, double kept[CORNERS_MOST], size_t *count)
+{
+    for (int k = 0; k < element->properties; k++) {
+        const ply_property *p = &element->property[k];
+        size_t skipped;
+        double value;
+        if (p->length) {
+            if (!read_list(c, p, kept, p == list ? CORNERS_MOST : 0, p == list ? count : &skipped))
+                return false;
+        } else {
+            if (!read_number(c, p->type, &value)) return false;
+            if (slot && slot[k] >= 0) number[slot[k]] = value;
+        }
+    }
+    return end_row(c);
+}
+
+static bool read_vertices(cursor *c, const ply_element *element, plain_mesh *out)
+{
+    int slot[PLY_PROPERTIES_MOST], axes = 0;
+    if (element->has_list) return false;
+    for (int k = 0; k < element->properties; k++) {
+        const char *name = element->property[k].name;
+        slot[k] = name[0] >= 'x' && name[0] <= 'z' && !name[1] ? name[0] - 'x' : -1;
+        if (slot[k] >= 0) axes |= 1 << slot[k];
+    }
+    if (axes != 7) return false;
+    for (uint64_t n = 0; n < element->count; n++) {
+        double at[3];
+        if (!read_row(c, element, slot, at, NULL, NULL, NULL) || !plain_mesh_add_vertex(out, at))
+            return false;
+    }
+    return true;
+}
+
+static bool read_faces(cursor *c, const ply_element *element, plain_mesh *out)
+{
+    const ply_property *list = NULL;
+    for (int k = 0; k < element->properties; k++)
+        if (strcmp(element->property[k].name, "vertex_indices") == 0 ||
+            strcmp(element->property[k].name, "vertex_index") == 0)
+            list = &element->property[k];
+    if (!list || !list->length || list->type->kind == PLY_REAL) return false;
+    for (uint64_t n = 0; n < element->count; n++) {
+        double kept[CORNERS_MOST];
+        uint32_t corner[CORNERS_MOST];
+        size_t count = 0;
+        if (!read_row(c, element, NULL, NULL, list, kept, &count) || count > CORNERS_MOST) return false;
+        for (size_t k = 0; k < count; k++) {
+            if (!(kept[k] >= 0 && kept[k] < (double)out->vertices)) return false;
+            corner[k] = (uint32_t)kept[k];
+        }
+        if (!plain_mesh_add_polygon(out, corner, count)) return false;
+    }
+    return true;
+}
+
+static bool pass_over(cursor *c, const ply_element *element)
+{
+    for (uint64_t n = 0; n < element->count; n++) {
+        size_t count;
+        if (element->properties == 0 || !read_row(c, element, NULL, NULL, NULL, NULL, &count)) return false;
+    }
+    return true;
+}
+
+static bool read_element(cursor *c, const ply_element *element, plain_mesh *out)
+{
+    if (strcmp(element->name, "tristrips") == 0) return false;
+    if (strcmp(element->name, "vertex") == 0) return out->vertices == 0 && read_vertices(c, element, out);
+    if (strcmp(element->name, "face") == 0) return out->triangles == 0 && read_faces(c, element, out);
+    return pass_over(c, element);
+}
+
+bool plain_mesh_read_ply(const char *data, size_t size, plain_mesh *out)
+{
+    ply_header h;
+    if (!ply_header_read(data, size, &h) || (h.layout == PLY_TEXT && memchr(data, 0, size))) return false;
+    cursor c = {data + h.body, data + size, h.layout};
+    for (int k = 0; k < h.elements; k++)
+        if (!read_element(&c, &h.element[k], out)) return false;
+    if (h.layout == PLY_TEXT) c.at += strspn(c.at, " \t\r\n");
+    return c.at == c.end;
+}

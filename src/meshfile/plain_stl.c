@@ -1,0 +1,83 @@
+/* STL: binary of the size that its count of triangles gives, or text of solids, one after the other. */
+#include <string.h>
+#include <strings.h>
+
+#include "meshfile/plain_mesh.h"
+
+enum { HEADER = 84, COUNT_AT = 80, TRIANGLE = 50, CORNERS_AT = 12 };
+
+static uint32_t read_little(const unsigned char *at)
+{
+    return (uint32_t)at[0] | (uint32_t)at[1] << 8 | (uint32_t)at[2] << 16 | (uint32_t)at[3] << 24;
+}
+
+static bool add_triangle(const double at[3][3], plain_mesh *out)
+{
+    const uint32_t first = (uint32_t)out->vertices, corner[3] = {first, first + 1, first + 2};
+    for (int k = 0; k < 3; k++)
+        if (!plain_mesh_add_vertex(out, at[k])) return false;
+    return plain_mesh_add_polygon(out, corner, 3);
+}
+
+static bool read_binary(const unsigned char *data, size_t count, plain_mesh *out)
+{
+    for (size_t n = 0; n < count; n++) {
+        const unsigned char *from = data + HEADER + n * TRIANGLE + CORNERS_AT;
+        double at[3][3];
+        for (int k = 0; k < 9; k++, from += 4) {
+            const uint32_t bits = read_little(from);
+            float value;
+            memcpy(&value, &bits, sizeof value);
+            at[k / 3][k % 3] = (double)value;
+        }
+        if (!add_triangle(at, out)) return false;
+    }
+    return true;
+}
+
+/* Whether the next word is this one; it is skipped then. */
+static bool take(const char **at, const char *word)
+{
+    const size_t length = strlen(word);
+    *at += strspn(*at, " \t\r\n");
+    if (strncasecmp(*at, word, length) != 0 || !strchr(" \t\r\n", (*at)[length])) return false;
+    *at += length;
+    return true;
+}
+
+static bool take_numbers(const char **at, double out[3])
+{
+    return plain_mesh_number(at, &out[0]) && plain_mesh_number(at, &out[1]) && plain_mesh_number(at, &out[2]);
+}
+
+static bool read_facet(const char **at, plain_mesh *out)
+{
+    double normal[3], corner[3][3];
+    if (!take(at, "normal") || !take_numbers(at, normal) || !take(at, "outer") || !take(at, "loop"))
+        return false;
+    for (int k = 0; k < 3; k++)
+        if (!take(at, "vertex") || !take_numbers(at, corner[k])) return false;
+    return take(at, "endloop") && take(at, "endfacet") && add_triangle((const double(*)[3])corner, out);
+}
+
+static bool read_text(const char *at, plain_mesh *out)
+{
+    while (take(&at, "solid")) {
+        at += strcspn(at, "\n"); /* a name */
+        while (take(&at, "facet"))
+            if (!read_facet(&at, out)) return false;
+        if (!take(&at, "endsolid")) return false;
+        at += strcspn(at, "\n");
+    }
+    return at[strspn(at, " \t\r\n")] == 0;
+}
+
+bool plain_mesh_read_stl(const char *data, size_t size, plain_mesh *out)
+{
+    const unsigned char *bytes = (const unsigned char *)data;
+    if (size >= HEADER) {
+        const size_t count = read_little(bytes + COUNT_AT);
+        if (size - HEADER == count * TRIANGLE) return read_binary(bytes, count, out);
+    }
+    return !memchr(data, 0, size) && read_text(data, out);
+}

@@ -1,0 +1,210 @@
+/* OBJ, PLY and STL read without the library: exact numbers, polygons, and what is left to the library. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/rng.h"
+#include "meshfile/plain_mesh.h"
+
+static bool read_text(const char *ending, const char *text, plain_mesh *m)
+{
+    return plain_mesh_read(ending, text, strlen(text), m);
+}
+
+static void assert_triangles(const plain_mesh *m, size_t count, const uint32_t (*triangle)[3])
+{
+    assert_int_equal(m->triangles, count);
+    assert_memory_equal(m->triangle, triangle, count * sizeof *triangle);
+}
+
+/* Every number is the nearest double, as strtod has it. */
+static void numbers_are_exact(void **state)
+{
+    (void)state;
+    const uint64_t seed = 20260101;
+    print_message("# seed %llu\n", (unsigned long long)seed);
+    rng r = rng_seed(seed, 0);
+    for (int n = 0; n < 200000; n++) {
+        char text[64];
+        const double value = ldexp(rng_uniform(&r) - 0.5, (int)(rng_uniform(&r) * 160) - 80);
+        snprintf(text, sizeof text, n % 3 ? "%.*g" : "%.*f", (int)(rng_uniform(&r) * 20), value);
+        const char *at = text;
+        double got;
+        assert_true(plain_mesh_number(&at, &got));
+        const double wanted = strtod(text, NULL);
+        if (memcmp(&got, &wanted, sizeof got) != 0) fail_msg("%s became %.17g", text, got);
+        assert_int_equal(*at, 0);
+    }
+    static const char *const good[] = {".5",    "-.5e2",   "+1.", "1e22", "1E-22", "12345678901234567890",
+                                       "1e400", "4.9e-324"},
+                             *const bad[] = {"",    "-",  ".",  "nan",   "inf", "0x10",
+                                             "1,5", "1e", "e5", "1.2.3", "--1"};
+    for (size_t k = 0; k < sizeof good / sizeof *good; k++) {
+        const char *at = good[k];
+        double got;
+        assert_true(plain_mesh_number(&at, &got));
+        assert_true(got == strtod(good[k], NULL));
+    }
+    for (size_t k = 0; k < sizeof bad / sizeof *bad; k++) {
+        const char *at = bad[k];
+        double got;
+        if (plain_mesh_number(&at, &got)) fail_msg("%s became %g", bad[k], got);
+    }
+}
+
+static void places_keep_their_precision(void **state)
+{
+    (void)state;
+    static const char *const files[][2] = {
+        {"obj", "v 2000000.123456789 -1e6 .25 0.5 0.5 0.5\r\nv 1 0 0\nv 0 1 0\n# end\nf -3/1 2//7 3/1/1\n"},
+        {"OBJ", "mtllib a.mtl\no part\nv 2000000.123456789 -1e6 .25\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1 2 3"},
+        {"stl",
+         " solid a b\nfacet normal 0 0 1\nouter loop\nvertex 2000000.123456789 -1e6 .25\nvertex 1 0 0\n"
+         "vertex 0 1 0\nendloop\nendfacet\nENDSOLID a b\n"},
+        {"ply",
+         "ply\r\nformat ascii 1.0\r\ncomment c\r\nelement vertex 3\r\nproperty double x\r\nproperty uchar red\r\n"
+         "property double y\r\nproperty double z\r\nelement edge 1\r\nproperty int a\r\nelement face 1\r\n"
+         "property list uchar float quality\r\nproperty list uchar int vertex_indices\r\nend_header\r\n"
+         "2000000.123456789 7 -1e6 .25\r\n1 7 0 0\r\n0 7 1 0\r\n9\r\n1 .5 3 0 1 2\r\n"}};
+    static const uint32_t triangle[1][3] = {{0, 1, 2}};
+    for (size_t k = 0; k < sizeof files / sizeof *files; k++) {
+        plain_mesh m;
+        if (!read_text(files[k][0], files[k][1], &m)) fail_msg("left: %s", files[k][1]);
+        assert_triangles(&m, 1, triangle);
+        assert_true(m.vertex[0][0] == 2000000.123456789 && m.vertex[0][1] == -1e6 && m.vertex[0][2] == 0.25);
+        plain_mesh_free(&m);
+    }
+}
+
+/* Squares, one with a reflex corner, one of five corners; a line and a point are counted. */
+static void polygons_become_triangles(void **state)
+{
+    (void)state;
+    static const char text[] =
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.4 0.6 0\nv 2 0.5 0\nf 1 2 3 4\nf 1 5 3 4\nf 1 2 6 3 4\n"
+        "f 1 2\nf 1\n";
+    static const uint32_t wanted[7][3] = {{0, 1, 2}, {0, 2, 3}, {4, 2, 3}, {4, 3, 0},
+                                          {0, 1, 5}, {0, 5, 2}, {0, 2, 3}};
+    plain_mesh m;
+    assert_true(read_text("obj", text, &m));
+    assert_triangles(&m, 7, wanted);
+    assert_int_equal(m.others, 2);
+    plain_mesh_free(&m);
+}
+
+static size_t put(char *to, const void *from, size_t size, bool turned)
+{
+    for (size_t k = 0; k < size; k++) to[k] = ((const char *)from)[turned ? size - 1 - k : k];
+    return size;
+}
+
+/* A binary PLY in this order of bytes, of a machine that is little-endian. */
+static size_t binary_ply(char *to, bool big)
+{
+    static const double vertex[3][3] = {{1e6 + 1.0 / 3, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+    static const uint16_t triangle[3] = {2, 0, 1};
+    size_t at = (size_t)sprintf(
+        to,
+        "ply\nformat binary_%s_endian 1.0\nelement vertex 3\nproperty double x\nproperty double y\n"
+        "property double z\nelement face 1\nproperty list uchar ushort vertex_index\nend_header\n",
+        big ? "big" : "little");
+    for (int k = 0; k < 9; k++) at += put(to + at, &vertex[k / 3][k % 3], sizeof(double), big);
+    to[at++] = 3;
+    for (int k = 0; k < 3; k++) at += put(to + at, &triangle[k], sizeof *triangle, big);
+    to[at] = 0;
+    return at;
+}
+
+static void binary_files(void **state)
+{
+    (void)state;
+    static const uint32_t triangle[1][3] = {{2, 0, 1}}, first[1][3] = {{0, 1, 2}};
+    char data[1024];
+    for (int big = 0; big < 2; big++) {
+        plain_mesh m;
+        const size_t size = binary_ply(data, big);
+        assert_true(plain_mesh_read("ply", data, size, &m));
+        assert_triangles(&m, 1, triangle);
+        assert_true(m.vertex[0][0] == 1e6 + 1.0 / 3);
+        plain_mesh_free(&m);
+        for (size_t cut = 0; cut < size; cut++) {
+            char *part = malloc(cut + 1); /* the sanitizers see what is read behind it */
+            assert_non_null(part);
+            memcpy(part, data, cut);
+            part[cut] = 0;
+            assert_false(plain_mesh_read("ply", part, cut, &m));
+            free(part);
+        }
+    }
+    static const float corner[9] = {0, 0, 0, 0.1f, 0, 0, 0, 1, 0};
+    memset(data, 's', 80);
+    memcpy(data + 80, (const uint32_t[]){1}, 4);
+    memset(data + 84, 0, 50);
+    memcpy(data + 96, corner, sizeof corner);
+    plain_mesh m;
+    assert_true(plain_mesh_read("stl", data, 134, &m));
+    assert_triangles(&m, 1, first);
+    assert_true(m.vertex[1][0] == (double)0.1f);
+    plain_mesh_free(&m);
+    assert_false(plain_mesh_read("stl", data, 133, &m));
+}
+
+/* What is damaged, or not known, is left whole. */
+static void the_rest_is_left(void **state)
+{
+    (void)state;
+#define CORNERS "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+#define PLY_HEAD(kind) \
+    "ply\nformat " kind " 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+#define PLY_FACES "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    static const char *const files[][2] = {
+        {"off", "OFF\n"},
+        {"obj", ""},
+        {"obj", CORNERS},
+        {"obj", CORNERS "f 1 2 4\n"},
+        {"obj", CORNERS "f 1 2 0\n"},
+        {"obj", CORNERS "f 1 2 -4\n"},
+        {"obj", CORNERS "f 1 2 3x\n"},
+        {"obj", CORNERS "f 1 2 \\\n3\n"},
+        {"obj", CORNERS "curv 0 1 1 2\nf 1 2 3\n"},
+        {"obj", "v 0 0 0 1\nv 1 0 0 1\nv 0 1 0 1\nf 1 2 3\n"},
+        {"obj", "v 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"},
+        {"obj", CORNERS "v 0.3 0.3 0\nf 1 2 4 3\nf 2 4 3 1\nv 9 9 9\nv 9 8 9\nv 7 7 9\nf 1 2 5 3 4\n"},
+        {"stl",
+         "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nendloop\nendfacet\nendsolid\n"},
+        {"stl",
+         "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"},
+        {"stl",
+         "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\nx"},
+        {"ply", PLY_HEAD("ascii") PLY_FACES "0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n"},
+        {"ply", PLY_HEAD("ascii") PLY_FACES "0 0 0\n1 0 0\n0 1\n3 0 1 2\n"},
+        {"ply", PLY_HEAD("ascii") PLY_FACES "0 0 0 4\n1 0 0\n0 1 0\n3 0 1 2\n"},
+        {"ply", PLY_HEAD("ascii") PLY_FACES "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\nx"},
+        {"ply", PLY_HEAD("ascii") PLY_FACES "0 0 0\n1 0 0\n0 1 0\n-3 0 1 2\n"},
+        {"ply",
+         PLY_HEAD(
+             "ascii") "element tristrips 1\nproperty list int int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"},
+        {"ply", PLY_HEAD("other") PLY_FACES "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"}};
+    for (size_t k = 0; k < sizeof files / sizeof *files; k++) {
+        plain_mesh m;
+        if (read_text(files[k][0], files[k][1], &m)) fail_msg("taken: %s", files[k][1]);
+        assert_int_equal(m.vertices + m.triangles + m.vertex_room, 0);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(numbers_are_exact),         cmocka_unit_test(places_keep_their_precision),
+        cmocka_unit_test(polygons_become_triangles), cmocka_unit_test(binary_files),
+        cmocka_unit_test(the_rest_is_left),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
