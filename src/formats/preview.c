@@ -5,24 +5,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/isa.h"
 #include "base/memory.h"
+#include "formats/disc.h"
 #include "formats/half.h"
 #include "formats/legend.h"
 #include "geometry/bbox.h"
-
-/* An odd number, so that the middle sample is the pixel's centre. */
-enum { SAMPLES = 3 };
 
 /* Samples of one band of rows: what a worker draws at once, within its cache. */
 enum { BAND_SAMPLES = 1 << 16 };
 /* Points in a chunk of work. */
 enum { POINTS_GRAIN = 4096 };
-
-/* A sample's code: 0 nothing, else index + 1 with these marks. */
-#define CODE_BODY 0x80000000u
-#define CODE_RING 0x40000000u
-#define CODE_INDEX 0x3FFFFFFFu
 
 /* Radii in units of the local spacing. Neighbours in a hexagonal packing touch at 0.5, and
  * 1/sqrt(3) closes the last gap between three: the body is more than that, for packings that are
@@ -34,7 +26,6 @@ static const double unresolved_scale = 0.5;
 /* Radii in pixels between which a disc passes from covering everything to standing alone, and
  * between which its outline appears: smaller ones would only make noise of it. */
 static const double merge_pixels = 1.5, single_pixels = 5, ring_from_pixels = 4;
-static const double ring_share = 0.88; /* of the radius: outline from here */
 
 /* The body lies below its disc by this share of the radius, more where the surface is curved. */
 static const double sink_share = 0.08, sink_max_share = 0.4;
@@ -66,15 +57,6 @@ static const double world_max = 1e-5 * PREVIEW_FAR;
 static const double margin_share = 0.05; /* of the shorter side, free around the set */
 
 /* ---- discs ---- */
-
-/* A disc in camera space. */
-typedef struct disc {
-    vec3 center, normal;
-    double radius;
-    double cone; /* added to the depth test at the rim */
-    uint32_t code;
-    bool ring;
-} disc;
 
 /* The spacing that a point's discs are scaled to: the achieved one, unless that is out of all
  * proportion (the last point of a wisp has a vast cell), and smaller where the surface bends away
@@ -116,7 +98,7 @@ static disc body_of(const image *m, size_t i)
     double sink = fmin(bend + sink_share * d.radius, sink_max_share * d.radius);
     d.center = vec3_axpy(-sink, d.normal, d.center);
     d.cone = cone_share * d.radius;
-    d.code = (uint32_t)(i + 1) | CODE_BODY;
+    d.code = (uint32_t)(i + 1) | DISC_BODY;
     d.ring = false;
     return d;
 }
@@ -159,191 +141,6 @@ static int discs_of(const image *m, size_t i, disc out[2])
     return out[1].radius > out[0].radius ? 2 : 1;
 }
 
-/* ---- visibility ---- */
-
-typedef struct band {
-    int width, top, rows; /* in samples */
-    float *key;           /* inverse depth, with the cone: the greatest wins; 0 where nothing is */
-    uint32_t *code;
-} band;
-
-/* To int, within bounds also where the value is far outside, or none. */
-static int whole(double value, int low, int high)
-{
-    if (!(value > low)) return low;
-    return value < high ? (int)value : high;
-}
-
-/* The samples that a disc's box may cover: its extent along each axis is exact for a disc in space,
- * and a perspective picture of a box lies between the pictures of its corners. */
-static bool sample_range(const camera *c, const disc *d, const band *b, int range[4])
-{
-    vec3 n = d->normal, p = d->center;
-    double rx = d->radius * sqrt(fmax(1 - n.x * n.x, 0)), ry = d->radius * sqrt(fmax(1 - n.y * n.y, 0));
-    double rz = d->radius * sqrt(fmax(1 - n.z * n.z, 0));
-    double near = camera_scale(c, p.z - rz), far = camera_scale(c, p.z + rz);
-    double left = c->center_x + fmin((p.x - rx) * near, (p.x - rx) * far);
-    double right = c->center_x + fmax((p.x + rx) * near, (p.x + rx) * far);
-    double top = c->center_y - fmax((p.y + ry) * near, (p.y + ry) * far);
-    double bottom = c->center_y - fmin((p.y - ry) * near, (p.y - ry) * far);
-    range[0] = whole(ceil(left * SAMPLES - 0.5), 0, b->width);
-    range[1] = whole(floor(right * SAMPLES - 0.5), -1, b->width - 1);
-    range[2] = whole(ceil(top * SAMPLES - 0.5), b->top, b->top + b->rows);
-    range[3] = whole(floor(bottom * SAMPLES - 0.5), b->top - 1, b->top + b->rows - 1);
-    return range[0] <= range[1] && range[2] <= range[3];
-}
-
-static double sample_place(int sample)
-{
-    return (sample + 0.5) / SAMPLES;
-}
-
-/* A disc along one row of samples. A ray (x, y, 1) from the eye meets its plane at 1/z = w / offset with w
- * = ray . normal, at v / w from its centre with v = offset ray - w centre; so v and w are linear in x, and
- * what lies within a distance is an interval between the roots of a quadratic. Abscissae are taken from
- * the centre's, where v is small. A parallel ray meets the plane at v / w with w = normal . forward, and
- * at a depth that is linear. */
-typedef struct section {
-    double square, linear, constant; /* |v|^2 by powers of the abscissa */
-    double slope, level;             /* w likewise */
-} section;
-
-static section section_at_parallel(const disc *d, double ray_y)
-{
-    vec3 n = d->normal, turn = {n.z, 0, -n.x};
-    double y = ray_y - d->center.y;
-    vec3 start = {0, n.z * y, -n.y * y};
-    return (section){vec3_norm2(turn), 2 * vec3_dot(turn, start), vec3_norm2(start), 0, n.z};
-}
-
-static section section_at(const disc *d, double offset, double ray_y)
-{
-    vec3 p = d->center, n = d->normal;
-    section s = {.slope = n.x, .level = n.x * p.x / p.z + ray_y * n.y + n.z};
-    vec3 turn = vec3_axpy(-n.x, p, (vec3){offset, 0, 0});
-    vec3 start = vec3_axpy(-s.level, p, vec3_scale((vec3){p.x / p.z, ray_y, 1}, offset));
-    s.square = vec3_norm2(turn);
-    s.linear = 2 * vec3_dot(turn, start);
-    s.constant = vec3_norm2(start);
-    return s;
-}
-
-/* The abscissae within a distance of the centre, its square given; false if there are none. */
-static bool section_within(const section *s, double limit, double out[2])
-{
-    double a = s->square - limit * s->slope * s->slope, b = s->linear - 2 * limit * s->slope * s->level;
-    double c = s->constant - limit * s->level * s->level, root2 = b * b - 4 * a * c;
-    if (!(a > 0) || !(root2 >= 0)) return false; /* a is not only where the plane passes the eye */
-    double root = sqrt(root2);
-    out[0] = (-b - root) / (2 * a);
-    out[1] = (-b + root) / (2 * a);
-    return true;
-}
-
-/* Inverse depths (parallel: what is left of them to the farthest) as a polynomial of the sample, and what
- * to note where they are the greatest so far. Without a branch, so that samples go through vectors; the
- * sums are the same on every machine, as none is fused. */
-typedef struct run {
-    double square, linear, constant;
-    uint32_t code;
-} run;
-
-ISA_CLONES static void draw_run(const run *r, double first, double step, int count, float *restrict key,
-                                uint32_t *restrict code)
-{
-    double square = r->square, linear = r->linear, constant = r->constant;
-    uint32_t mine = r->code;
-    for (int k = 0; k < count; k++) {
-        double x = first + k * step;
-        float here = (float)((square * x + linear) * x + constant), before = key[k];
-        bool wins = here > before;
-        key[k] = wins ? here : before;
-        code[k] = wins ? mine : code[k];
-    }
-}
-
-/* Samples of a row, as the abscissae of the disc at hand. */
-typedef struct abscissae {
-    double first, step;
-    int width;
-} abscissae;
-
-static void to_samples(const abscissae *a, const double between[2], int out[2])
-{
-    out[0] = whole(ceil((between[0] - a->first) / a->step), 0, a->width);
-    out[1] = whole(floor((between[1] - a->first) / a->step) + 1, out[0], a->width);
-}
-
-/* The interval of the disc, without that inside its outline, which is drawn apart. */
-static void draw_section(const abscissae *a, const section *s, const run *r, double limit, double ring_limit,
-                         float *key, uint32_t *code)
-{
-    double within[2];
-    int all[2], plain[2];
-    if (!section_within(s, limit, within)) return;
-    to_samples(a, within, all);
-    plain[0] = plain[1] = all[1];
-    if (section_within(s, ring_limit, within)) to_samples(a, within, plain);
-    run outline = *r;
-    outline.code |= CODE_RING;
-    const int ends[4] = {all[0], plain[0], plain[1], all[1]};
-    for (int k = 0; k < 3; k++)
-        if (ends[k + 1] > ends[k])
-            draw_run(k == 1 ? r : &outline, a->first + ends[k] * a->step, a->step, ends[k + 1] - ends[k],
-                     key + ends[k], code + ends[k]);
-}
-
-/* Of the row through ray_y. Exact but for the cone, which takes the disc as it would look from afar: it
- * only breaks ties. */
-static run run_along(const camera *c, const disc *d, const section *s, double offset, double ray_y,
-                     double far)
-{
-    double limit = d->radius * d->radius, inverse = 1 / offset, cone = d->cone / limit * inverse * inverse;
-    run r = {-cone * s->square, -cone * s->linear, -cone * s->constant, d->code};
-    if (c->parallel) {
-        r.linear += d->normal.x * inverse;
-        r.constant += far - d->center.z + d->normal.y * (ray_y - d->center.y) * inverse;
-    } else {
-        r.linear += s->slope * inverse;
-        r.constant += s->level * inverse;
-    }
-    return r;
-}
-
-static void draw_disc(const image *m, const disc *d, const band *b)
-{
-    const camera *c = &m->camera;
-    int range[4];
-    double offset = vec3_dot(camera_sight(c, d->center), d->normal), limit = d->radius * d->radius;
-    if (!sample_range(c, d, b, range) || !(fabs(offset) > 0) || !(limit > 0)) return;
-    double ring_limit = d->ring ? limit * ring_share * ring_share : limit;
-    double middle = c->parallel ? d->center.x : d->center.x / d->center.z;
-    const abscissae a = {(sample_place(0) - c->center_x) / c->focal - middle, 1 / (SAMPLES * c->focal),
-                         b->width};
-    for (int y = range[2]; y <= range[3]; y++) {
-        size_t line = (size_t)(y - b->top) * (size_t)b->width;
-        double ray_y = camera_ray(c, 0, sample_place(y)).y;
-        section s = c->parallel ? section_at_parallel(d, ray_y) : section_at(d, offset, ray_y);
-        const run r = run_along(c, d, &s, offset, ray_y, m->far);
-        draw_section(&a, &s, &r, limit, ring_limit, b->key + line, b->code + line);
-    }
-}
-
-/* A disc without a pixel's extent may fall between the samples: a point of at least one sample. */
-static void draw_dot(const image *m, const disc *d, const band *b)
-{
-    double at_x, at_y;
-    camera_project(&m->camera, d->center, &at_x, &at_y);
-    int x = whole(floor(at_x * SAMPLES), -1, b->width),
-        y = whole(floor(at_y * SAMPLES) - b->top, -1, b->rows);
-    if (x < 0 || x >= b->width || y < 0 || y >= b->rows) return;
-    size_t at = (size_t)y * (size_t)b->width + (size_t)x;
-    float here = (float)(m->camera.parallel ? m->far - d->center.z : 1 / d->center.z);
-    if (here <= b->key[at]) return;
-    b->key[at] = here;
-    b->code[at] = d->code;
-}
-
 /* The points that may be seen in each band, in the order of the set. */
 typedef struct bins {
     int rows; /* of samples in a band */
@@ -371,7 +168,7 @@ typedef struct drawing {
     const color *colors;
     const unsigned char *table;
     bins bins;
-    band *band; /* one a worker */
+    disc_band *band; /* one a worker */
 } drawing;
 
 static void reach_chunk(void *context, int worker, size_t begin, size_t end)
@@ -379,19 +176,17 @@ static void reach_chunk(void *context, int worker, size_t begin, size_t end)
     const drawing *job = context;
     const image *m = job->image;
     (void)worker;
-    band all = {.width = m->width * SAMPLES, .rows = m->height * SAMPLES};
+    disc_band all = {.width = m->width * DISC_SAMPLES, .rows = m->height * DISC_SAMPLES};
     for (size_t i = begin; i < end; i++) {
         disc all_of[2];
         int count = discs_of(m, i, all_of);
         job->bins.reach[i][0] = 1;
         job->bins.reach[i][1] = 0;
         if (count == 0) continue;
-        double dot_x, dot_y;
-        camera_project(&m->camera, all_of[0].center, &dot_x, &dot_y);
-        int low = whole(floor(dot_y * SAMPLES), 0, all.rows - 1), high = low;
+        int low = disc_row(&m->camera, &all_of[0], &all), high = low;
         for (int k = 0; k < count; k++) {
             int range[4];
-            if (!sample_range(&m->camera, &all_of[k], &all, range)) continue;
+            if (!disc_range(&m->camera, &all_of[k], &all, range)) continue;
             if (range[2] < low) low = range[2];
             if (range[3] > high) high = range[3];
         }
@@ -422,17 +217,16 @@ static bool sort_into_bands(drawing *job, error *e)
     return true;
 }
 
-static void draw_band(const image *m, const bins *sorted, size_t which, const band *b)
+/* Into a band that is empty. */
+static void draw_band(const image *m, const bins *sorted, size_t which, const disc_band *b)
 {
-    size_t total = (size_t)b->width * (size_t)b->rows;
-    memset(b->key, 0, total * sizeof *b->key);
-    memset(b->code, 0, total * sizeof *b->code);
+    disc_band_begin(b);
     for (size_t k = sorted->begin[which]; k < sorted->begin[which + 1]; k++) {
         disc all[2];
         int count = discs_of(m, sorted->point[k], all);
-        for (int d = 0; d < count; d++) draw_disc(m, &all[d], b);
-        if (!(all[0].code & CODE_BODY) && all[0].radius * camera_scale(&m->camera, all[0].center.z) < 1)
-            draw_dot(m, &all[0], b);
+        for (int d = 0; d < count; d++) disc_draw(&m->camera, m->far, &all[d], b);
+        if (!(all[0].code & DISC_BODY) && all[0].radius * camera_scale(&m->camera, all[0].center.z) < 1)
+            disc_draw_dot(&m->camera, m->far, &all[0], b);
     }
 }
 
@@ -482,9 +276,9 @@ static color *shade_points(const image *m, const quantity_look *look, error *e)
 static color sample_color(const image *m, const color *colors, uint32_t code, vec3 up)
 {
     static const float body_dark = 0.22f, ring_dark = 0.55f, back_dark = 0.30f;
-    size_t i = (code & CODE_INDEX) - 1;
-    float dark = code & CODE_BODY ? body_dark : code & CODE_RING ? ring_dark : 1;
-    if (code & CODE_BODY) {
+    size_t i = (code & DISC_INDEX) - 1;
+    float dark = code & DISC_BODY ? body_dark : code & DISC_RING ? ring_dark : 1;
+    if (code & DISC_BODY) {
         vec3 n = camera_direction(&m->camera, m->points.normal[i]);
         if (vec3_dot(camera_sight(&m->camera, camera_point(&m->camera, m->points.position[i])), n) >= 0)
             dark = back_dark * (float)(shade(vec3_scale(n, -1), up) / shade(n, up));
@@ -521,7 +315,7 @@ static float background(const image *m, int y)
 /* What the samples of a pixel show, and the colour of the last code that was looked up. */
 typedef struct resolver {
     image *image;
-    const band *band;
+    const disc_band *band;
     const color *colors;
     const unsigned char *table;
     vec3 up;
@@ -544,14 +338,15 @@ static void put_pixel(const resolver *r, size_t pixel, color c, float coverage, 
     for (int k = 0; k < 3; k++) r->image->rgb[3 * pixel + (size_t)k] = to_byte(r->table, rgba[k] + behind);
 }
 
-static void mix_pixel(resolver *r, size_t pixel, const uint32_t *const line[SAMPLES], int x, float ground)
+static void mix_pixel(resolver *r, size_t pixel, const uint32_t *const line[DISC_SAMPLES], int x,
+                      float ground)
 {
-    static const float share = 1.0f / (SAMPLES * SAMPLES);
+    static const float share = 1.0f / (DISC_SAMPLES * DISC_SAMPLES);
     color sum = {0, 0, 0};
     int covered = 0;
-    for (int j = 0; j < SAMPLES; j++)
-        for (int i = 0; i < SAMPLES; i++) {
-            uint32_t code = line[j][x * SAMPLES + i];
+    for (int j = 0; j < DISC_SAMPLES; j++)
+        for (int i = 0; i < DISC_SAMPLES; i++) {
+            uint32_t code = line[j][x * DISC_SAMPLES + i];
             if (code == 0) continue;
             color c = color_of(r, code);
             sum = (color){sum.r + c.r, sum.g + c.g, sum.b + c.b};
@@ -560,27 +355,41 @@ static void mix_pixel(resolver *r, size_t pixel, const uint32_t *const line[SAMP
     put_pixel(r, pixel, (color){sum.r * share, sum.g * share, sum.b * share}, (float)covered * share, ground);
 }
 
+/* The pixels of a row that may show something, of three rows of samples: the first, and that beyond the last. */
+static void drawn_pixels(const disc_band *b, int row, int out[2])
+{
+    out[0] = b->width / DISC_SAMPLES;
+    out[1] = 0;
+    for (int j = 0; j < DISC_SAMPLES; j++) {
+        const int *drawn = b->drawn[row + j];
+        if (drawn[0] >= drawn[1]) continue;
+        if (drawn[0] / DISC_SAMPLES < out[0]) out[0] = drawn[0] / DISC_SAMPLES;
+        if ((drawn[1] - 1) / DISC_SAMPLES >= out[1]) out[1] = (drawn[1] - 1) / DISC_SAMPLES + 1;
+    }
+}
+
 /* Most pixels show one thing, or nothing, in all their samples. */
 static void resolve_row(resolver *r, int y)
 {
     image *m = r->image;
-    const uint32_t *line[SAMPLES];
-    for (int j = 0; j < SAMPLES; j++)
-        line[j] = r->band->code + (size_t)(y * SAMPLES + j - r->band->top) * (size_t)r->band->width;
+    const uint32_t *line[DISC_SAMPLES];
+    int row = y * DISC_SAMPLES - r->band->top, shown[2];
+    for (int j = 0; j < DISC_SAMPLES; j++)
+        line[j] = r->band->code + (size_t)(row + j) * (size_t)r->band->width;
     float ground = background(m, y);
-    unsigned char empty = to_byte(r->table, ground);
-    size_t pixel = (size_t)y * (size_t)m->width;
-    for (int x = 0; x < m->width; x++, pixel++) {
-        uint32_t first = line[0][x * SAMPLES], differs = 0;
-        for (int j = 0; j < SAMPLES; j++)
-            for (int i = 0; i < SAMPLES; i++) differs |= line[j][x * SAMPLES + i] ^ first;
+    size_t first_pixel = (size_t)y * (size_t)m->width;
+    memset(m->rgb + 3 * first_pixel, to_byte(r->table, ground), 3 * (size_t)m->width);
+    drawn_pixels(r->band, row, shown);
+    for (int x = shown[0]; x < shown[1]; x++) {
+        size_t pixel = first_pixel + (size_t)x;
+        uint32_t first = line[0][x * DISC_SAMPLES], differs = 0;
+        for (int j = 0; j < DISC_SAMPLES; j++)
+            for (int i = 0; i < DISC_SAMPLES; i++) differs |= line[j][x * DISC_SAMPLES + i] ^ first;
         if (differs)
             mix_pixel(r, pixel, line, x, ground);
         else if (first)
             put_pixel(r, pixel, color_of(r, first), 1, ground);
-        else
-            m->rgb[3 * pixel] = m->rgb[3 * pixel + 1] = m->rgb[3 * pixel + 2] = empty;
-        m->hit[pixel] = line[SAMPLES / 2][x * SAMPLES + SAMPLES / 2];
+        m->hit[pixel] = line[DISC_SAMPLES / 2][x * DISC_SAMPLES + DISC_SAMPLES / 2];
     }
 }
 
@@ -588,29 +397,31 @@ static void band_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const drawing *job = context;
     image *m = job->image;
-    band *b = &job->band[worker];
+    disc_band *b = &job->band[worker];
     for (size_t k = begin; k < end; k++) {
-        int rows = job->bins.rows, all = m->height * SAMPLES;
+        int rows = job->bins.rows, all = m->height * DISC_SAMPLES;
         b->top = (int)k * rows;
         b->rows = all - b->top < rows ? all - b->top : rows;
         draw_band(m, &job->bins, k, b);
         resolver r = {m, b, job->colors, job->table, m->up, 0, {0, 0, 0}};
-        for (int y = b->top / SAMPLES; y < (b->top + b->rows) / SAMPLES; y++) resolve_row(&r, y);
+        for (int y = b->top / DISC_SAMPLES; y < (b->top + b->rows) / DISC_SAMPLES; y++) resolve_row(&r, y);
+        disc_band_empty(b);
     }
 }
 
 static bool make_bands(drawing *job, error *e)
 {
-    int width = job->image->width * SAMPLES, pixels = BAND_SAMPLES / (width * SAMPLES);
-    job->bins.rows = (pixels < 1 ? 1 : pixels) * SAMPLES;
-    job->bins.bands = (size_t)((job->image->height * SAMPLES + job->bins.rows - 1) / job->bins.rows);
+    int width = job->image->width * DISC_SAMPLES, pixels = BAND_SAMPLES / (width * DISC_SAMPLES);
+    job->bins.rows = (pixels < 1 ? 1 : pixels) * DISC_SAMPLES;
+    job->bins.bands = (size_t)((job->image->height * DISC_SAMPLES + job->bins.rows - 1) / job->bins.rows);
     job->band = mem_alloc((size_t)threads_count(job->pool) * sizeof *job->band);
     for (int k = 0; k < threads_count(job->pool); k++) {
-        band *b = &job->band[k];
+        disc_band *b = &job->band[k];
         b->width = width;
         b->key = mem_array((size_t)(width * job->bins.rows), sizeof *b->key, "the preview's depths", e);
         b->code = mem_array((size_t)(width * job->bins.rows), sizeof *b->code, "the preview's samples", e);
-        if (!b->key || !b->code) return false;
+        b->drawn = mem_array((size_t)job->bins.rows, sizeof *b->drawn, "the preview's samples", e);
+        if (!b->key || !b->code || !b->drawn) return false;
     }
     return true;
 }
@@ -629,6 +440,7 @@ static bool draw(image *m, const quantity_look *look, threads *pool, error *e)
     for (int k = 0; job.band && k < threads_count(pool); k++) {
         free(job.band[k].key);
         free(job.band[k].code);
+        free(job.band[k].drawn);
     }
     free(job.band);
     bins_free(&job.bins);
@@ -642,7 +454,7 @@ static bool draw(image *m, const quantity_look *look, threads *pool, error *e)
 static bool check_points(const points *set, error *e)
 {
     if (set->count == 0) return error_set(e, ERROR_INTERNAL, "a preview of no points cannot be drawn");
-    if (set->count >= CODE_INDEX)
+    if (set->count >= DISC_INDEX)
         return error_set(e, ERROR_INTERNAL, "%zu points are too many for a preview", set->count);
     for (size_t i = 0; i < set->count; i++) {
         const vec3 *p = &set->position[i], *n = &set->normal[i];
@@ -764,12 +576,12 @@ void preview_free(image *m)
 preview_span preview_span_at(const image *m, int x, int y)
 {
     const uint32_t *hit = m->hit + (size_t)y * (size_t)m->width;
-    uint32_t code = hit[x] & ~CODE_RING; /* which is only a darker shade */
+    uint32_t code = hit[x] & ~DISC_RING; /* which is only a darker shade */
     preview_span s = {.end = x + 1};
-    while (s.end < m->width && (hit[s.end] & ~CODE_RING) == code) s.end++;
+    while (s.end < m->width && (hit[s.end] & ~DISC_RING) == code) s.end++;
     if (code == 0) return s;
-    size_t i = (code & CODE_INDEX) - 1;
-    disc d = code & CODE_BODY ? body_of(m, i) : face_of(m, i);
+    size_t i = (code & DISC_INDEX) - 1;
+    disc d = code & DISC_BODY ? body_of(m, i) : face_of(m, i);
     s.id = (uint32_t)(i + 1);
     s.normal = m->points.normal[i];
     s.kappa = m->points.kappa[i];

@@ -18,16 +18,17 @@ typedef struct channel {
     const char *name;
     exr_pixel_type_t type;
     int bytes;
+    bool is_extra; /* there only of all channels */
 } channel;
 
 static const channel channels[CHANNELS] = {
-    [A] = {"A", EXR_PIXEL_HALF, 2},          [B] = {"B", EXR_PIXEL_HALF, 2},
-    [G] = {"G", EXR_PIXEL_HALF, 2},          [N_X] = {"N.X", EXR_PIXEL_FLOAT, 4},
-    [N_Y] = {"N.Y", EXR_PIXEL_FLOAT, 4},     [N_Z] = {"N.Z", EXR_PIXEL_FLOAT, 4},
-    [P_X] = {"P.X", EXR_PIXEL_FLOAT, 4},     [P_Y] = {"P.Y", EXR_PIXEL_FLOAT, 4},
-    [P_Z] = {"P.Z", EXR_PIXEL_FLOAT, 4},     [R] = {"R", EXR_PIXEL_HALF, 2},
-    [Z] = {"Z", EXR_PIXEL_FLOAT, 4},         [ID] = {"id", EXR_PIXEL_UINT, 4},
-    [KAPPA] = {"kappa", EXR_PIXEL_FLOAT, 4}, [SPACING] = {"spacing", EXR_PIXEL_FLOAT, 4},
+    [A] = {"A", EXR_PIXEL_HALF, 2, false},         [B] = {"B", EXR_PIXEL_HALF, 2, false},
+    [G] = {"G", EXR_PIXEL_HALF, 2, false},         [N_X] = {"N.X", EXR_PIXEL_FLOAT, 4, true},
+    [N_Y] = {"N.Y", EXR_PIXEL_FLOAT, 4, true},     [N_Z] = {"N.Z", EXR_PIXEL_FLOAT, 4, true},
+    [P_X] = {"P.X", EXR_PIXEL_FLOAT, 4, true},     [P_Y] = {"P.Y", EXR_PIXEL_FLOAT, 4, true},
+    [P_Z] = {"P.Z", EXR_PIXEL_FLOAT, 4, true},     [R] = {"R", EXR_PIXEL_HALF, 2, false},
+    [Z] = {"Z", EXR_PIXEL_FLOAT, 4, false},        [ID] = {"id", EXR_PIXEL_UINT, 4, false},
+    [KAPPA] = {"kappa", EXR_PIXEL_FLOAT, 4, true}, [SPACING] = {"spacing", EXR_PIXEL_FLOAT, 4, true},
 };
 
 static const exr_compression_t compressions[] = {
@@ -41,14 +42,18 @@ static const char library_name[] = "preview.exr";
 
 /* A line of the picture as the file has it: channel after channel, lowest bytes first. */
 typedef struct line {
-    size_t length, offset[CHANNELS]; /* bytes */
+    bool all_channels;
+    int count, channel[CHANNELS];    /* those that the file has */
+    size_t length, offset[CHANNELS]; /* bytes, by channel */
     unsigned char *bytes;
 } line;
 
-static line line_make(int width)
+static line line_make(int width, bool all_channels)
 {
-    line l = {0};
+    line l = {.all_channels = all_channels};
     for (int c = 0; c < CHANNELS; c++) {
+        if (channels[c].is_extra && !all_channels) continue;
+        l.channel[l.count++] = c;
         l.offset[c] = l.length;
         l.length += (size_t)width * (size_t)channels[c].bytes;
     }
@@ -78,13 +83,14 @@ static void put_half(unsigned char *bytes, size_t at, uint16_t value)
 
 static void fill_constants(const line *l, const preview_span *s, int x)
 {
+    for (size_t at = (size_t)x; at < (size_t)s->end; at++) put_whole(l->bytes + l->offset[ID], at, s->id);
+    if (!l->all_channels) return;
     for (size_t at = (size_t)x; at < (size_t)s->end; at++) {
         put_float(l->bytes + l->offset[N_X], at, s->normal.x);
         put_float(l->bytes + l->offset[N_Y], at, s->normal.y);
         put_float(l->bytes + l->offset[N_Z], at, s->normal.z);
         put_float(l->bytes + l->offset[KAPPA], at, s->kappa);
         put_float(l->bytes + l->offset[SPACING], at, s->spacing);
-        put_whole(l->bytes + l->offset[ID], at, s->id);
     }
 }
 
@@ -92,8 +98,10 @@ static void fill_places(const line *l, const image *m, const preview_span *s, in
 {
     for (; x < s->end; x++) {
         size_t at = (size_t)x;
-        vec3 p = preview_place(m, s, x, y), world = camera_to_world(&m->camera, p);
+        vec3 p = preview_place(m, s, x, y);
         put_float(l->bytes + l->offset[Z], at, p.z);
+        if (!l->all_channels) continue;
+        vec3 world = camera_to_world(&m->camera, p);
         put_float(l->bytes + l->offset[P_X], at, world.x);
         put_float(l->bytes + l->offset[P_Y], at, world.y);
         put_float(l->bytes + l->offset[P_Z], at, world.z);
@@ -102,12 +110,14 @@ static void fill_places(const line *l, const image *m, const preview_span *s, in
 
 static void fill_line(const line *l, const image *m, int y)
 {
-    static const int color_channel[4] = {R, G, B, A};
     const uint16_t *rgba = m->rgba + 4 * (size_t)y * (size_t)m->width;
     memset(l->bytes, 0, l->length);
-    for (int k = 0; k < 4; k++)
-        for (size_t x = 0; x < (size_t)m->width; x++)
-            put_half(l->bytes + l->offset[color_channel[k]], x, rgba[4 * x + (size_t)k]);
+    for (size_t x = 0; x < (size_t)m->width; x++) {
+        put_half(l->bytes + l->offset[R], x, rgba[4 * x]);
+        put_half(l->bytes + l->offset[G], x, rgba[4 * x + 1]);
+        put_half(l->bytes + l->offset[B], x, rgba[4 * x + 2]);
+        put_half(l->bytes + l->offset[A], x, rgba[4 * x + 3]);
+    }
     for (int x = 0; x < m->width;) {
         preview_span s = preview_span_at(m, x, y);
         if (s.id > 0) {
@@ -120,10 +130,16 @@ static void fill_line(const line *l, const image *m, int y)
     }
 }
 
+/* Bytes that are written or read at once: the library asks for a line's head, then for the line. */
+enum { BLOCK = 1 << 16 };
+
 /* What the library's callbacks work on. */
 typedef struct stream {
     int fd;
-    error e; /* the first fault: later ones follow from it */
+    uint64_t at; /* the place of the block in the file */
+    size_t used; /* bytes of it that are to be written, or were read */
+    error e;     /* the first fault: later ones follow from it */
+    unsigned char block[BLOCK];
 } stream;
 
 /* Keeps the library from writing to standard error. It may call this with its lock held, so nothing
@@ -135,22 +151,53 @@ static void on_error(exr_const_context_t context, exr_result_t code, const char 
     (void)words;
 }
 
+static bool write_all(stream *s, const unsigned char *bytes, size_t count, uint64_t at)
+{
+    for (size_t done = 0; done < count;) {
+        ssize_t n = pwrite(s->fd, bytes + done, count - done, (off_t)(at + done));
+        if (n < 0 && errno == EINTR) continue;
+        if (n <= 0)
+            return error_set(&s->e, error_code_of_errno(errno), "EXR file: it cannot be written: %s",
+                             strerror(errno));
+        done += (size_t)n;
+    }
+    return true;
+}
+
+static bool flush(stream *s)
+{
+    size_t count = s->used;
+    s->used = 0;
+    return write_all(s, s->block, count, s->at);
+}
+
 static int64_t on_write(exr_const_context_t context, void *place, const void *bytes, uint64_t count,
                         uint64_t offset, exr_stream_error_func_ptr_t report)
 {
     stream *s = place;
     (void)context;
     (void)report; /* see on_error */
-    uint64_t done = 0;
+    if ((offset != s->at + s->used || count > BLOCK - s->used) && !flush(s)) return -1;
+    if (count > BLOCK) return write_all(s, bytes, count, offset) ? (int64_t)count : -1;
+    if (s->used == 0) s->at = offset;
+    memcpy(s->block + s->used, bytes, count);
+    s->used += count;
+    return (int64_t)count;
+}
+
+/* Short at the end of the file; -1 when it fails. */
+static int64_t read_all(stream *s, unsigned char *bytes, size_t count, uint64_t at)
+{
+    size_t done = 0;
     while (done < count) {
-        ssize_t n = pwrite(s->fd, (const char *)bytes + done, count - done, (off_t)(offset + done));
+        ssize_t n = pread(s->fd, bytes + done, count - done, (off_t)(at + done));
         if (n < 0 && errno == EINTR) continue;
-        if (n <= 0) {
-            error_set(&s->e, error_code_of_errno(errno), "EXR file: it cannot be written: %s",
-                      strerror(errno));
+        if (n < 0) {
+            error_set(&s->e, error_code_of_errno(errno), "EXR file: it cannot be read: %s", strerror(errno));
             return -1;
         }
-        done += (uint64_t)n;
+        if (n == 0) break;
+        done += (size_t)n;
     }
     return (int64_t)done;
 }
@@ -162,18 +209,17 @@ static int64_t on_read(exr_const_context_t context, void *place, void *bytes, ui
     stream *s = place;
     (void)context;
     (void)report; /* see on_error */
-    uint64_t done = 0;
-    while (done < count) {
-        ssize_t n = pread(s->fd, (char *)bytes + done, count - done, (off_t)(offset + done));
-        if (n < 0 && errno == EINTR) continue;
-        if (n < 0) {
-            error_set(&s->e, error_code_of_errno(errno), "EXR file: it cannot be read: %s", strerror(errno));
-            return -1;
-        }
-        if (n == 0) break;
-        done += (uint64_t)n;
+    if (count > BLOCK) return read_all(s, bytes, count, offset);
+    if (offset < s->at || offset + count > s->at + s->used) {
+        int64_t got = read_all(s, s->block, BLOCK, offset);
+        if (got < 0) return -1;
+        s->at = offset;
+        s->used = (size_t)got;
     }
-    return (int64_t)done;
+    size_t there = (size_t)(s->at + s->used - offset);
+    if (there > count) there = count;
+    memcpy(bytes, s->block + (offset - s->at), there);
+    return (int64_t)there;
 }
 
 static int64_t on_size(exr_const_context_t context, void *place)
@@ -196,14 +242,21 @@ static exr_context_initializer_t initializer(stream *s)
     return init;
 }
 
-/* Some faults come without a message. */
+static stream *stream_new(FILE *file)
+{
+    stream *s = mem_alloc(sizeof *s);
+    s->fd = fileno(file);
+    return s;
+}
+
+/* Frees the stream. Some faults come without a message. */
 static bool finish(bool good, exr_result_t result, stream *s, error *e)
 {
-    if (good) return true;
-    if (s->e.code == ERROR_NONE)
+    if (!good && s->e.code == ERROR_NONE)
         error_set(&s->e, ERROR_INTERNAL, "EXR file: %s", exr_get_default_error_message(result));
-    if (e) *e = s->e;
-    return false;
+    if (!good && e) *e = s->e;
+    free(s);
+    return good;
 }
 
 /* ---- writing ---- */
@@ -256,14 +309,17 @@ static exr_result_t write_required(exr_context_t file, int part, const image *m,
                                         compressions[packing]);
 }
 
-static exr_result_t write_head(exr_context_t file, const image *m, preview_exr_packing packing)
+static exr_result_t write_head(exr_context_t file, const image *m, const preview_exr_options *options,
+                               const line *l)
 {
     int part = 0;
     exr_attr_m44f_t to_camera = world_to_camera(&m->camera), to_ndc = world_to_ndc(m);
     exr_result_t r = exr_add_part(file, "preview", EXR_STORAGE_SCANLINE, &part);
-    if (!r) r = write_required(file, part, m, packing);
-    for (int k = 0; !r && k < CHANNELS; k++)
-        r = exr_add_channel(file, part, channels[k].name, channels[k].type, EXR_PERCEPTUALLY_LINEAR, 1, 1);
+    if (!r) r = write_required(file, part, m, options->packing);
+    for (int k = 0; !r && k < l->count; k++) {
+        const channel *c = &channels[l->channel[k]];
+        r = exr_add_channel(file, part, c->name, c->type, EXR_PERCEPTUALLY_LINEAR, 1, 1);
+    }
     if (!r) r = exr_attr_set_m44f(file, part, "worldToCamera", &to_camera);
     if (!r) r = exr_attr_set_m44f(file, part, "worldToNDC", &to_ndc);
     return r ? r : exr_write_header(file);
@@ -276,8 +332,9 @@ static exr_result_t write_line(exr_context_t file, int y, const line *l, exr_enc
     exr_result_t r = exr_write_scanline_chunk_info(file, 0, y, &chunk);
     if (!r && first) r = exr_encoding_initialize(file, 0, &chunk, encoder);
     if (!r && !first) r = exr_encoding_update(file, 0, &chunk, encoder);
-    for (int c = 0; !r && c < encoder->channel_count; c++) {
-        exr_coding_channel_info_t *to = &encoder->channels[c];
+    for (int k = 0; !r && k < encoder->channel_count; k++) {
+        exr_coding_channel_info_t *to = &encoder->channels[k];
+        int c = l->channel[k];
         to->encode_from_ptr = l->bytes + l->offset[c];
         to->user_pixel_stride = channels[c].bytes;
         to->user_line_stride = (int32_t)l->length;
@@ -288,33 +345,33 @@ static exr_result_t write_line(exr_context_t file, int y, const line *l, exr_enc
     return r ? r : exr_encoding_run(file, 0, encoder);
 }
 
-static exr_result_t write_lines(exr_context_t file, const image *m)
+static exr_result_t write_lines(exr_context_t file, const image *m, const line *l)
 {
     exr_result_t r = EXR_ERR_SUCCESS;
     exr_encode_pipeline_t encoder = {0};
-    line l = line_make(m->width);
     for (int y = 0; !r && y < m->height; y++) {
-        fill_line(&l, m, y);
-        r = write_line(file, y, &l, &encoder);
+        fill_line(l, m, y);
+        r = write_line(file, y, l, &encoder);
     }
     exr_encoding_destroy(file, &encoder);
-    free(l.bytes);
     return r;
 }
 
-bool preview_exr_write(FILE *file, const image *m, preview_exr_packing packing, error *e)
+bool preview_exr_write(FILE *file, const image *m, const preview_exr_options *options, error *e)
 {
-    stream s = {.fd = fileno(file)};
+    stream *s = stream_new(file);
+    line l = line_make(m->width, options->all_channels);
     exr_context_t context = NULL;
-    exr_context_initializer_t init = initializer(&s);
+    exr_context_initializer_t init = initializer(s);
     exr_result_t r = exr_start_write(&context, library_name, EXR_WRITE_FILE_DIRECTLY, &init);
-    if (!r) r = write_head(context, m, packing);
-    if (!r) r = write_lines(context, m);
+    if (!r) r = write_head(context, m, options, &l);
+    if (!r) r = write_lines(context, m, &l);
     if (context) {
         exr_result_t closed = exr_finish(&context);
         if (!r) r = closed;
     }
-    return finish(r == EXR_ERR_SUCCESS && s.e.code == ERROR_NONE, r, &s, e);
+    free(l.bytes);
+    return finish(r == EXR_ERR_SUCCESS && flush(s) && s->e.code == ERROR_NONE, r, s, e);
 }
 
 /* ---- reading back ---- */
@@ -334,13 +391,13 @@ static bool check_head(exr_context_t file, const image *m, preview_exr_packing p
     return true;
 }
 
-static bool check_channels(exr_context_t file, error *e)
+static bool check_channels(exr_context_t file, const line *l, error *e)
 {
     const exr_attr_chlist_t *list = NULL;
-    bool same = exr_get_channels(file, 0, &list) == EXR_ERR_SUCCESS && list->num_channels == CHANNELS;
-    for (int c = 0; same && c < CHANNELS; c++)
-        same = strcmp(list->entries[c].name.str, channels[c].name) == 0 &&
-               list->entries[c].pixel_type == channels[c].type;
+    bool same = exr_get_channels(file, 0, &list) == EXR_ERR_SUCCESS && list->num_channels == l->count;
+    for (int k = 0; same && k < l->count; k++)
+        same = strcmp(list->entries[k].name.str, channels[l->channel[k]].name) == 0 &&
+               list->entries[k].pixel_type == channels[l->channel[k]].type;
     return same || error_set(e, ERROR_INTERNAL, "EXR file: its channels are not those that were written");
 }
 
@@ -361,31 +418,31 @@ static exr_result_t check_line(exr_context_t file, int y, const line *l, exr_dec
     return r;
 }
 
-static exr_result_t check_lines(exr_context_t file, const image *m, bool *same, error *e)
+static exr_result_t check_lines(exr_context_t file, const image *m, const line *l, bool *same, error *e)
 {
     exr_result_t r = EXR_ERR_SUCCESS;
     exr_decode_pipeline_t decoder = {0};
-    line l = line_make(m->width);
     *same = true;
     for (int y = 0; !r && *same && y < m->height; y++) {
-        fill_line(&l, m, y);
-        r = check_line(file, y, &l, &decoder, same);
+        fill_line(l, m, y);
+        r = check_line(file, y, l, &decoder, same);
         if (!r && !*same) error_set(e, ERROR_INTERNAL, "EXR file: line %d is not what was written", y);
     }
     exr_decoding_destroy(file, &decoder);
-    free(l.bytes);
     return r;
 }
 
-bool preview_exr_verify(FILE *file, const image *m, preview_exr_packing packing, error *e)
+bool preview_exr_verify(FILE *file, const image *m, const preview_exr_options *options, error *e)
 {
-    stream s = {.fd = fileno(file)};
+    stream *s = stream_new(file);
+    line l = line_make(m->width, options->all_channels);
     bool same = false;
     exr_context_t context = NULL;
-    exr_context_initializer_t init = initializer(&s);
+    exr_context_initializer_t init = initializer(s);
     exr_result_t r = exr_start_read(&context, library_name, &init);
-    if (!r && check_head(context, m, packing, &s.e) && check_channels(context, &s.e))
-        r = check_lines(context, m, &same, &s.e);
+    if (!r && check_head(context, m, options->packing, &s->e) && check_channels(context, &l, &s->e))
+        r = check_lines(context, m, &l, &same, &s->e);
     if (context) exr_finish(&context);
-    return finish(!r && same, r, &s, e);
+    free(l.bytes);
+    return finish(!r && same, r, s, e);
 }

@@ -3,11 +3,12 @@
  *
  *     channels            type   what
  *     R G B A             half   linear light (Rec. 709 primaries), multiplied by coverage, no legend
+ *     Z                   float  depth along the camera's axis; PREVIEW_FAR where nothing is
+ *     id                  uint   index of the point in points.ply plus one; 0 where nothing is
+ *  and of all channels
  *     P.X P.Y P.Z         float  the place on the disc, world space
  *     N.X N.Y N.Z         float  its normal, out of the solid
  *     kappa, spacing      float  the point's kappa and achieved spacing
- *     Z                   float  depth along the camera's axis; PREVIEW_FAR where nothing is
- *     id                  uint   index of the point in points.ply plus one; 0 where nothing is
  *
  * All but RGBA are those of the pixel's centre, never averaged, and 0 where nothing is (but Z). Of OpenEXR's
  * standard attributes worldToCamera is the matrix from world to camera space (right, up, forward: left-
@@ -24,12 +25,17 @@
 /* Each line by itself, by OpenEXR's names. */
 typedef enum preview_exr_packing { PREVIEW_EXR_NONE, PREVIEW_EXR_RLE, PREVIEW_EXR_ZIPS } preview_exr_packing;
 
+typedef struct preview_exr_options {
+    preview_exr_packing packing;
+    bool all_channels;
+} preview_exr_options;
+
 /* Writes an empty file that is open for writing, from its start, through its descriptor (the
  * stream's own position is not moved); the caller made the file and syncs and renames it. */
-bool preview_exr_write(FILE *file, const image *picture, preview_exr_packing packing, error *e);
+bool preview_exr_write(FILE *file, const image *picture, const preview_exr_options *options, error *e);
 
 /* Reads the file back through its descriptor and says (internal) when it does not hold exactly the
  * image. */
-bool preview_exr_verify(FILE *file, const image *picture, preview_exr_packing packing, error *e);
+bool preview_exr_verify(FILE *file, const image *picture, const preview_exr_options *options, error *e);
 
 #endif

@@ -278,11 +278,12 @@ static bool write_exr(const char *directory, const spec *s, const image *picture
 #define PACKING(prefix, name, word) [SPEC_COMPRESSION_##name] = prefix##_##name,
     static const preview_exr_packing packings[] = {SPEC_COMPRESSION_LIST(PACKING, PREVIEW_EXR)};
 #undef PACKING
-    preview_exr_packing packing = packings[s->preview_compression];
+    const preview_exr_options options = {packings[s->preview_compression],
+                                         s->preview_channels == SPEC_CHANNELS_ALL};
     char *path = mem_printf("%s/preview.exr", directory);
     store_file file = {0};
-    bool ok = store_file_begin(path, &file, e) && preview_exr_write(file.stream, picture, packing, e) &&
-              preview_exr_verify(file.stream, picture, packing, e) &&
+    bool ok = store_file_begin(path, &file, e) && preview_exr_write(file.stream, picture, &options, e) &&
+              preview_exr_verify(file.stream, picture, &options, e) &&
               commit_output(&file, "preview.exr", outputs, e);
     store_file_abort(&file);
     free(path);

@@ -248,7 +248,8 @@ typedef struct spec {
     bool has_camera; /* otherwise the camera sees the whole surface */
     spec_camera camera;
     spec_up preview_up;
-    spec_compression preview_compression; /* of preview.exr */
+    spec_channels preview_channels;       /* of preview.exr */
+    spec_compression preview_compression; /* of it */
     int turntable;                        /* frames; 0: none */
     bool has_convergence, has_points_vdb, has_points_npz, has_points_glb, has_points_usda, has_mesh,
         has_mesh_usda;

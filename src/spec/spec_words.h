@@ -164,6 +164,15 @@ typedef enum spec_compression {
     SPEC_COMPRESSION_LIST(WORDS_ENUMERATOR, SPEC_COMPRESSION) SPEC_COMPRESSION_COUNT
 } spec_compression;
 
+/* /output/preview/channels */
+#define SPEC_CHANNELS_LIST(ENTRY, prefix) \
+    ENTRY(prefix, BASIC, "basic")         \
+    ENTRY(prefix, ALL, "all")
+
+typedef enum spec_channels {
+    SPEC_CHANNELS_LIST(WORDS_ENUMERATOR, SPEC_CHANNELS) SPEC_CHANNELS_COUNT
+} spec_channels;
+
 /* /attributes/type: what the values are, which says how a transform changes them and how formats call them */
 #define SPEC_ATTRIBUTE_LIST(ENTRY, prefix) \
     ENTRY(prefix, AUTO, "auto")            \

@@ -98,7 +98,7 @@ CAMERAS = [
 @pytest.mark.parametrize("preview", CAMERAS)
 def test_matrices_of_a_picture(run, preview):
     """As OpenEXR's standard attributes are defined."""
-    where, report = run(sphere(300, output={"preview": {"size": [160, 120], **preview}}))
+    where, report = run(sphere(300, output={"preview": {"size": [160, 120], "channels": "all", **preview}}))
     data = (where / "preview.exr").read_bytes()
     width, height, image = read_exr(data)
     attributes = exr_attributes(data)
@@ -123,6 +123,28 @@ def test_matrices_of_a_picture(run, preview):
     if preview:
         eye = projected(numpy.linalg.inv(to_camera), numpy.zeros((1, 3)))[0]
         assert numpy.allclose(eye, preview["camera"]["position"], atol=1e-5)
+
+
+def test_channels_of_a_picture(run):
+    """By default those from which, with the points, the others follow."""
+    pictures = {}
+    for channels in ({}, {"channels": "all"}):
+        where, _ = run(sphere(300, output={"preview": {"size": 96, **channels}}))
+        pictures[len(channels)] = (where / "preview.exr").read_bytes()
+    (_, _, few), (_, _, all_channels) = (read_exr(pictures[k]) for k in (0, 1))
+    assert set(few) == {*"RGBAZ", "id"} and len(all_channels) == 14
+    assert all((few[name] == all_channels[name]).all() for name in few)
+    to_camera, to_ndc = (numpy.array(struct.unpack("<16f", exr_attributes(pictures[0])[name])).reshape(4, 4)
+                         for name in ("worldToCamera", "worldToNDC"))
+    shown = few["id"] > 0
+    places = numpy.stack([all_channels[f"P.{axis}"][shown] for axis in "XYZ"], axis=1)
+    rows, columns = numpy.nonzero(shown)
+    to_clip = numpy.linalg.inv(to_camera) @ to_ndc  # from camera space; the ray through a pixel, as deep as Z says
+    deep = few["Z"][shown]
+    across = numpy.linalg.inv(to_clip[:2, :2].T) @ ((numpy.c_[columns, rows] + 0.5) / 96 * deep[:, None]
+                                                    - deep[:, None] * to_clip[2, :2] - to_clip[3, :2]).T
+    found = projected(numpy.linalg.inv(to_camera), numpy.c_[across.T, deep])
+    assert numpy.quantile(numpy.abs(found - places), 0.99) < 1e-3  # at the silhouette a place is a point's
 
 
 @pytest.mark.parametrize("colour", ["alpha", "curvature", "energy", "spacing", "degree"])

@@ -488,7 +488,7 @@ def test_progress(start_worker):
 def ball(build, tmp_path_factory):
     """Report and points of an even sphere of radius 1, in double."""
     where = tmp_path_factory.mktemp("ball")
-    spec = sphere(2000, output={"ply": {"precision": "double"}, "preview": {"size": [320, 256]}})
+    spec = sphere(2000, output={"ply": {"precision": "double"}, "preview": {"size": [320, 256], "channels": "all"}})
     done = subprocess.run([build / "hexad-worker", "run", "-", "--output", where], input=json.dumps(spec), text=True,
                           timeout=PATIENCE_S, stdout=subprocess.DEVNULL, cwd=where)
     assert done.returncode == 0

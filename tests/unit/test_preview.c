@@ -348,13 +348,13 @@ static bool verify_png(const char *path, const image *m, error *e)
     return good;
 }
 
-static preview_exr_packing packing;
+static preview_exr_options options = {PREVIEW_EXR_NONE, true};
 
 static bool write_exr(const char *path, const image *m, error *e)
 {
     FILE *file = fopen(path, "wb");
     assert_non_null(file);
-    bool good = preview_exr_write(file, m, packing, e);
+    bool good = preview_exr_write(file, m, &options, e);
     fclose(file);
     return good;
 }
@@ -363,7 +363,7 @@ static bool verify_exr(const char *path, const image *m, error *e)
 {
     FILE *file = fopen(path, "rb");
     assert_non_null(file);
-    bool good = preview_exr_verify(file, m, packing, e);
+    bool good = preview_exr_verify(file, m, &options, e);
     fclose(file);
     return good;
 }
@@ -450,19 +450,44 @@ static void test_exr_compressed(void **state)
     image *m = render(&s.points, 129, 67, QUANTITY_ALPHA);
     size_t length[3];
     error e = {0};
-    for (packing = PREVIEW_EXR_NONE; packing <= PREVIEW_EXR_ZIPS; packing++) {
+    for (preview_exr_packing k = PREVIEW_EXR_NONE; k <= PREVIEW_EXR_ZIPS; k++) {
+        options.packing = k;
         if (!write_exr(t.path, m, &e)) fail_msg("%s", e.message);
         if (!verify_exr(t.path, m, &e)) fail_msg("%s", e.message);
-        char *data = slurp(t.path, &length[packing]);
-        spit(t.path, data, length[packing] - 1);
+        char *data = slurp(t.path, &length[k]);
+        spit(t.path, data, length[k] - 1);
         assert_false(verify_exr(t.path, m, NULL));
         free(data);
     }
-    packing = PREVIEW_EXR_NONE;
+    options.packing = PREVIEW_EXR_NONE;
     assert_false(verify_exr(t.path, m, &e));
     assert_non_null(strstr(e.message, "size and compression"));
     assert_true(length[PREVIEW_EXR_RLE] < 0.7 * (double)length[PREVIEW_EXR_NONE]);
     assert_true(length[PREVIEW_EXR_ZIPS] < length[PREVIEW_EXR_RLE]);
+    unlink(t.path);
+    preview_free(m);
+    point_set_free(&s);
+}
+
+/* A file of the picture, depth and id alone is one of its own, and much smaller. */
+static void test_exr_basic(void **state)
+{
+    (void)state;
+    temporary t = temporary_make();
+    point_set s = point_set_sphere(300, vec3_make(5, 6, 7), 1);
+    image *m = render(&s.points, 129, 67, QUANTITY_ALPHA);
+    error e = {0};
+    size_t length[2];
+    for (int k = 0; k < 2; k++) {
+        options.all_channels = k == 0;
+        if (!write_exr(t.path, m, &e)) fail_msg("%s", e.message);
+        if (!verify_exr(t.path, m, &e)) fail_msg("%s", e.message);
+        free(slurp(t.path, &length[k]));
+    }
+    assert_true(length[0] - length[1] > 67 * 129 * 32);
+    options.all_channels = true;
+    assert_false(verify_exr(t.path, m, &e));
+    assert_non_null(strstr(e.message, "channels"));
     unlink(t.path);
     preview_free(m);
     point_set_free(&s);
@@ -698,6 +723,7 @@ int main(void)
         cmocka_unit_test(test_turntables),
         cmocka_unit_test(test_every_quantity_is_shown),
         cmocka_unit_test(test_exr_compressed),
+        cmocka_unit_test(test_exr_basic),
         cmocka_unit_test(test_far_side_does_not_show_through),
         cmocka_unit_test(test_camera_fits_tightly),
         cmocka_unit_test(test_png),

@@ -953,6 +953,7 @@ class _OutputPreviewRest(TypedDict, total=False):
     attribute: str
     range: Sequence[float]
     map: Literal["viridis", "gray", "diverging"]
+    channels: Literal["basic", "all"]
     compression: Literal["none", "rle", "zips"]
     up: Literal["auto", "y", "z"]
     camera: OutputPreviewCamera
@@ -972,8 +973,11 @@ class OutputPreview(_OutputPreviewRest):
         percentile.
     map: The colours. diverging: from blue through nearly white, the middle of the range, to red. Default:
         'viridis'.
-    compression: The compression of preview.exr. At 512 x 512 pixels, none gives 12.6 MB; rle about 6 MB for
-        20 ms of processor time, zips about 3 MB for 130 ms. Default: 'none'.
+    channels: The channels of preview.exr. basic: R, G, B, A, Z and id, by which points.ply has the rest of a
+        point. all: also the place and the normal (P, N), kappa and spacing, in three times as many bytes.
+        Default: 'basic'.
+    compression: The compression of preview.exr. At 512 x 512 pixels, none gives 4.2 MB (12.6 with all
+        channels); rle half of it for 20 ms of processor time, zips a quarter for 70 ms. Default: 'none'.
     up: The axis that points up unless a camera says so. auto: y of OpenVDB files and of meshes but STL, 3MF
         and AMF files, z of all others. Default: 'auto'.
     camera: The camera. Without it, the surface is seen from the right, the front and above, and fills the

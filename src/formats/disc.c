@@ -1,0 +1,220 @@
+#include "formats/disc.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/isa.h"
+
+static const double ring_share = 0.88; /* of the radius: outline from here */
+
+void disc_band_begin(const disc_band *b)
+{
+    for (int row = 0; row < b->rows; row++) {
+        b->drawn[row][0] = b->width;
+        b->drawn[row][1] = 0;
+    }
+}
+
+void disc_band_empty(const disc_band *b)
+{
+    for (int row = 0; row < b->rows; row++) {
+        const int *drawn = b->drawn[row];
+        if (drawn[0] >= drawn[1]) continue;
+        size_t at = (size_t)row * (size_t)b->width + (size_t)drawn[0], count = (size_t)(drawn[1] - drawn[0]);
+        memset(b->key + at, 0, count * sizeof *b->key);
+        memset(b->code + at, 0, count * sizeof *b->code);
+    }
+}
+
+ISA_INLINE void note_drawn(const disc_band *b, int row, int first, int end)
+{
+    int *drawn = b->drawn[row];
+    if (first < drawn[0]) drawn[0] = first;
+    if (end > drawn[1]) drawn[1] = end;
+}
+
+/* To int, within bounds also where the value is far outside, or none. */
+ISA_INLINE int whole(double value, int low, int high)
+{
+    if (!(value > low)) return low;
+    return value < high ? (int)value : high;
+}
+
+/* The samples that a disc's box may cover: its extent along each axis is exact for a disc in space,
+ * and a perspective picture of a box lies between the pictures of its corners. */
+bool disc_range(const camera *c, const disc *d, const disc_band *b, int range[4])
+{
+    vec3 n = d->normal, p = d->center;
+    double rx = d->radius * sqrt(fmax(1 - n.x * n.x, 0)), ry = d->radius * sqrt(fmax(1 - n.y * n.y, 0));
+    double rz = d->radius * sqrt(fmax(1 - n.z * n.z, 0));
+    double near = camera_scale(c, p.z - rz), far = camera_scale(c, p.z + rz);
+    double left = c->center_x + fmin((p.x - rx) * near, (p.x - rx) * far);
+    double right = c->center_x + fmax((p.x + rx) * near, (p.x + rx) * far);
+    double top = c->center_y - fmax((p.y + ry) * near, (p.y + ry) * far);
+    double bottom = c->center_y - fmin((p.y - ry) * near, (p.y - ry) * far);
+    range[0] = whole(ceil(left * DISC_SAMPLES - 0.5), 0, b->width);
+    range[1] = whole(floor(right * DISC_SAMPLES - 0.5), -1, b->width - 1);
+    range[2] = whole(ceil(top * DISC_SAMPLES - 0.5), b->top, b->top + b->rows);
+    range[3] = whole(floor(bottom * DISC_SAMPLES - 0.5), b->top - 1, b->top + b->rows - 1);
+    return range[0] <= range[1] && range[2] <= range[3];
+}
+
+ISA_INLINE double sample_place(int sample)
+{
+    return (sample + 0.5) / DISC_SAMPLES;
+}
+
+/* A disc along one row of samples. A ray (x, y, 1) from the eye meets its plane at 1/z = w / offset with w
+ * = ray . normal, at v / w from its centre with v = offset ray - w centre; so v and w are linear in x, and
+ * what lies within a distance is an interval between the roots of a quadratic. Abscissae are taken from
+ * the centre's, where v is small. A parallel ray meets the plane at v / w with w = normal . forward, and
+ * at a depth that is linear. */
+typedef struct section {
+    double square, linear, constant; /* |v|^2 by powers of the abscissa */
+    double slope, level;             /* w likewise */
+} section;
+
+ISA_INLINE section section_at_parallel(const disc *d, double ray_y)
+{
+    vec3 n = d->normal, turn = {n.z, 0, -n.x};
+    double y = ray_y - d->center.y;
+    vec3 start = {0, n.z * y, -n.y * y};
+    return (section){vec3_norm2(turn), 2 * vec3_dot(turn, start), vec3_norm2(start), 0, n.z};
+}
+
+ISA_INLINE section section_at(const disc *d, double offset, double ray_y)
+{
+    vec3 p = d->center, n = d->normal;
+    section s = {.slope = n.x, .level = n.x * p.x / p.z + ray_y * n.y + n.z};
+    vec3 turn = vec3_axpy(-n.x, p, (vec3){offset, 0, 0});
+    vec3 start = vec3_axpy(-s.level, p, vec3_scale((vec3){p.x / p.z, ray_y, 1}, offset));
+    s.square = vec3_norm2(turn);
+    s.linear = 2 * vec3_dot(turn, start);
+    s.constant = vec3_norm2(start);
+    return s;
+}
+
+/* The abscissae within a distance of the centre, its square given; false if there are none. */
+ISA_INLINE bool section_within(const section *s, double limit, double out[2])
+{
+    double a = s->square - limit * s->slope * s->slope, b = s->linear - 2 * limit * s->slope * s->level;
+    double c = s->constant - limit * s->level * s->level, root2 = b * b - 4 * a * c;
+    if (!(a > 0) || !(root2 >= 0)) return false; /* a is not only where the plane passes the eye */
+    double root = sqrt(root2), half = 0.5 / a;
+    out[0] = (-b - root) * half;
+    out[1] = (-b + root) * half;
+    return true;
+}
+
+/* Inverse depths (parallel: what is left of them to the farthest) as a polynomial of the sample, and what
+ * to note where they are the greatest so far. Without a branch, so that samples go through vectors; the
+ * sums are the same on every machine, as none is fused. */
+typedef struct run {
+    double square, linear, constant;
+    uint32_t code;
+} run;
+
+ISA_INLINE void draw_run(const run *r, double first, double step, int count, float *restrict key,
+                         uint32_t *restrict code)
+{
+    double square = r->square, linear = r->linear, constant = r->constant;
+    uint32_t mine = r->code;
+    for (int k = 0; k < count; k++) {
+        double x = first + k * step;
+        float here = (float)((square * x + linear) * x + constant), before = key[k];
+        bool wins = here > before;
+        key[k] = wins ? here : before;
+        code[k] = wins ? mine : code[k];
+    }
+}
+
+/* Samples of a row, as the abscissae of the disc at hand. */
+typedef struct abscissae {
+    double first, step, per_step;
+    int width;
+} abscissae;
+
+ISA_INLINE void to_samples(const abscissae *a, const double between[2], int out[2])
+{
+    out[0] = whole(ceil((between[0] - a->first) * a->per_step), 0, a->width);
+    out[1] = whole(floor((between[1] - a->first) * a->per_step) + 1, out[0], a->width);
+}
+
+/* The interval of the disc, without that inside its outline, which is drawn apart. */
+ISA_INLINE void draw_section(const abscissae *a, const section *s, const run *r, double limit,
+                             double ring_limit, const disc_band *b, int row)
+{
+    float *key = b->key + (size_t)row * (size_t)b->width;
+    uint32_t *code = b->code + (size_t)row * (size_t)b->width;
+    double within[2];
+    int all[2], plain[2];
+    if (!section_within(s, limit, within)) return;
+    to_samples(a, within, all);
+    if (all[1] <= all[0]) return;
+    note_drawn(b, row, all[0], all[1]);
+    plain[0] = plain[1] = all[1];
+    if (section_within(s, ring_limit, within)) to_samples(a, within, plain);
+    run outline = *r;
+    outline.code |= DISC_RING;
+    const int ends[4] = {all[0], plain[0], plain[1], all[1]};
+    for (int k = 0; k < 3; k++)
+        if (ends[k + 1] > ends[k])
+            draw_run(k == 1 ? r : &outline, a->first + ends[k] * a->step, a->step, ends[k + 1] - ends[k],
+                     key + ends[k], code + ends[k]);
+}
+
+/* Of the row through ray_y. Exact but for the cone, which takes the disc as it would look from afar: it
+ * only breaks ties. */
+ISA_INLINE run run_along(const camera *c, const disc *d, const section *s, double offset, double ray_y,
+                         double far)
+{
+    double limit = d->radius * d->radius, inverse = 1 / offset, cone = d->cone / limit * inverse * inverse;
+    run r = {-cone * s->square, -cone * s->linear, -cone * s->constant, d->code};
+    if (c->parallel) {
+        r.linear += d->normal.x * inverse;
+        r.constant += far - d->center.z + d->normal.y * (ray_y - d->center.y) * inverse;
+    } else {
+        r.linear += s->slope * inverse;
+        r.constant += s->level * inverse;
+    }
+    return r;
+}
+
+ISA_CLONES void disc_draw(const camera *c, double far, const disc *d, const disc_band *b)
+{
+    int range[4];
+    double offset = vec3_dot(camera_sight(c, d->center), d->normal), limit = d->radius * d->radius;
+    if (!disc_range(c, d, b, range) || !(fabs(offset) > 0) || !(limit > 0)) return;
+    double ring_limit = d->ring ? limit * ring_share * ring_share : limit;
+    double middle = c->parallel ? d->center.x : d->center.x / d->center.z;
+    const abscissae a = {(sample_place(0) - c->center_x) / c->focal - middle, 1 / (DISC_SAMPLES * c->focal),
+                         DISC_SAMPLES * c->focal, b->width};
+    for (int y = range[2]; y <= range[3]; y++) {
+        double ray_y = camera_ray(c, 0, sample_place(y)).y;
+        section s = c->parallel ? section_at_parallel(d, ray_y) : section_at(d, offset, ray_y);
+        const run r = run_along(c, d, &s, offset, ray_y, far);
+        draw_section(&a, &s, &r, limit, ring_limit, b, y - b->top);
+    }
+}
+
+int disc_row(const camera *c, const disc *d, const disc_band *b)
+{
+    double x, y;
+    camera_project(c, d->center, &x, &y);
+    return whole(floor(y * DISC_SAMPLES), b->top, b->top + b->rows - 1);
+}
+
+void disc_draw_dot(const camera *c, double far, const disc *d, const disc_band *b)
+{
+    double at_x, at_y;
+    camera_project(c, d->center, &at_x, &at_y);
+    int x = whole(floor(at_x * DISC_SAMPLES), -1, b->width),
+        y = whole(floor(at_y * DISC_SAMPLES) - b->top, -1, b->rows);
+    if (x < 0 || x >= b->width || y < 0 || y >= b->rows) return;
+    size_t at = (size_t)y * (size_t)b->width + (size_t)x;
+    float here = (float)(c->parallel ? far - d->center.z : 1 / d->center.z);
+    if (here <= b->key[at]) return;
+    note_drawn(b, y, x, x + 1);
+    b->key[at] = here;
+    b->code[at] = d->code;
+}
