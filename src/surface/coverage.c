@@ -7,8 +7,9 @@
 #include "packing/point_tree.h"
 #include "surface/projection.h"
 
-/* Cells are looked at in so many parts at most, each of which has a largest distance of its own. */
-enum { PARTS = 256 };
+/* Cells are looked at in so many parts at most, each of which has a largest distance of its own: with fewer cells in a part
+ * most of them are looked at before there is one that spares the look. */
+enum { PARTS = 256, FEWEST_CELLS = 1024 };
 /* Newton's steps onto the surface, and how near, of a cell, is on it. */
 enum { PROJECTION_STEPS = 8 };
 static const double ACCURACY = 1e-3;
@@ -16,6 +17,7 @@ static const double ACCURACY = 1e-3;
 typedef struct coverage_job {
     const surface *scan;
     const point_tree *points;
+    const vec3 *position;
     const double *spacing;
     double least; /* of all spacings */
     size_t first; /* of the cells that are looked at */
@@ -47,18 +49,30 @@ static bool onto_surface(const field *f, vec3 *x)
     return true;
 }
 
+/* Whether there is a point within a distance: near[0] mostly, else near[1], else one that becomes them in turn. Cells
+ * that follow each other are near the same points. */
+static bool has_point(const coverage_job *job, vec3 x, double within, uint32_t near[2])
+{
+    for (int k = 0; k < 2 && within > 0; k++)
+        if (vec3_norm2(vec3_sub(job->position[near[k]], x)) <= within * within) return true;
+    double distance;
+    uint32_t found = point_tree_nearest(job->points, x, within, &distance);
+    near[1] = near[0];
+    near[0] = found;
+    return distance <= within;
+}
+
 /* The farthest place of a cell, if that is beyond `farthest`. */
-static double look_at_places(const coverage_job *job, size_t k, double farthest)
+static double look_at_places(const coverage_job *job, size_t k, double farthest, uint32_t near[2])
 {
     const field *f = job->scan->field;
     vec3 triangle[FIELD_CELL_TRIANGLES][3];
-    int count = surface_cell_triangles(job->scan, k, triangle);
+    int count = surface_cell_rough_triangles(job->scan, k, triangle);
     for (int i = 0; i < count; i++) {
         vec3 x = field_triangle_middle(triangle[i]);
         if (f->open && !bbox_contains(f->domain, x)) continue;
         double distance;
-        point_tree_nearest(job->points, x, farthest * job->least, &distance);
-        if (distance <= farthest * job->least || !onto_surface(f, &x)) continue;
+        if (has_point(job, x, farthest * job->least, near) || !onto_surface(f, &x)) continue;
         uint32_t point = point_tree_nearest(job->points, x, farthest * job->least, &distance);
         farthest = fmax(farthest, distance / job->spacing[point]);
     }
@@ -69,17 +83,17 @@ static void cells_chunk(void *context, int worker, size_t begin, size_t end)
 {
     coverage_job *job = context;
     double farthest = 0;
+    uint32_t near[2] = {0, 0};
     (void)worker;
     for (size_t k = job->first + begin; k < job->first + end; k++) {
         field_cell cell;
-        double radius, distance;
+        double radius;
         if (!(surface_cell_area(job->scan, k) > 0)) continue;
         surface_cell(job->scan, k, &cell);
         vec3 middle = middle_of(&cell, &radius);
         /* with a point that near its middle no place of the cell is farther than the farthest */
-        double enough = farthest * job->least - radius;
-        point_tree_nearest(job->points, middle, enough, &distance);
-        if (distance > enough) farthest = look_at_places(job, k, farthest);
+        if (!has_point(job, middle, farthest * job->least - radius, near))
+            farthest = look_at_places(job, k, farthest, near);
     }
     job->farthest[begin / job->grain] = farthest;
 }
@@ -94,6 +108,7 @@ static double measure_cells(coverage_job *job, size_t begin, size_t end, threads
     double most = 0;
     job->first = begin;
     job->grain = (end - begin) / PARTS + 1;
+    if (job->grain < FEWEST_CELLS) job->grain = FEWEST_CELLS;
     memset(job->farthest, 0, sizeof job->farthest);
     threads_run(pool, end - begin, job->grain, cells_chunk, job);
     for (int k = 0; k < PARTS; k++) most = fmax(most, job->farthest[k]);
@@ -105,7 +120,8 @@ bool coverage_measure(const surface *scan, const vec3 *position, const double *s
 {
     point_tree *points = point_tree_new(position, count, e);
     if (!points) return false;
-    coverage_job job = {.scan = scan, .points = points, .spacing = spacing, .least = INFINITY};
+    coverage_job job = {
+        .scan = scan, .points = points, .position = position, .spacing = spacing, .least = INFINITY};
     const size_t parts = coverage_parts(scan), *begin = scan->parts.begin;
     for (size_t i = 0; i < count; i++) job.least = fmin(job.least, spacing[i]);
     for (size_t k = 0; k < parts; k++)

@@ -25,9 +25,11 @@ static const int EXCESS_DEPTH = 2;
 /* A middle that lies farther off its side than this share of the side belongs to another sheet, or the
  * surface is too rough there: the side stays straight. An arc of a right angle rises by 0.21. */
 static const double RISE_LIMIT = 0.25;
-/* Of the cell: a false position's error is not squared by the step after, as that of Newton's is. */
+/* Of the cell. */
 static const double ROOT_TOLERANCE = 1e-6;
-/* Steps of a false position that halves the value of an end that stays twice (Illinois): a few do. */
+/* Of the cell: what such a step of Newton leaves is half its square over the radius of curvature. */
+static const double LAST_STEP = 1.5e-3;
+/* Steps to a root: a few do. */
 static const int ROOT_STEPS = 24;
 static const double EXCESS_LIMIT = 0.2;
 /* Where the normals in a cell part by a smaller cosine the surface bends within it, and triangles as large
@@ -78,8 +80,9 @@ typedef struct cut {
     const field *field;   /* of F itself; NULL: of a cubic by what is known at the corners */
     const vec3 *gradient; /* of F at the corners; needed without a field */
     const field_cell *cell;
-    double tolerance;    /* of a root's distance from the surface */
+    double last_step;    /* a step of Newton that is no longer ends at the root */
     shared_edge *shared; /* SHARED_EDGES of them, zeroed before the first cell; may be NULL */
+    bool is_straight; /* F is taken for linear between corners: near the surface, and nothing is looked up */
 } cut;
 
 /* A point near the surface, onto it, if that is within `reach`. */
@@ -109,21 +112,26 @@ static bool look_along(const cut *c, int a, int b, double t, field_sample *out)
 }
 
 /* Where the surface cuts an edge: a root between its ends, never elsewhere. Newton's steps would leave the
- * cell where the surface bends within it, and the triangles fold over each other and count twice. */
+ * cell where the surface bends within it, and the triangles fold over each other and count twice: they take turns
+ * with a false position that halves the value of an end that stays twice (Illinois). */
 static void find_root(const cut *way, int a, int b, corner *c)
 {
-    double low = 0, high = 1, at_low = way->cell->value[a], at_high = way->cell->value[b];
+    double low = 0, high = 1, at_low = way->cell->value[a], at_high = way->cell->value[b], newton = -1;
     const vec3 from = way->cell->corner[a], edge = vec3_sub(way->cell->corner[b], from);
+    const double across = vec3_norm(edge);
     bool low_is_inside = at_low < 0;
     int kept = 0; /* which end the last step left alone: -1 low, 1 high */
     c->smooth = false;
     for (int k = 0; k < ROOT_STEPS; k++) {
         field_sample s;
         double t = low + (high - low) * at_low / (at_low - at_high);
+        if (k & 1 && newton > low && newton < high) t = newton;
         c->position = vec3_axpy(t, edge, from);
-        if (!look_along(way, a, b, t, &s)) return;
+        if (way->is_straight || !look_along(way, a, b, t, &s)) return;
         double length = vec3_norm(s.gradient);
-        if (length > 0 && fabs(s.value) <= way->tolerance * length) {
+        newton = s.value == 0 ? t : t - s.value / vec3_dot(s.gradient, edge);
+        if (length > 0 && fabs(newton - t) * across <= way->last_step) {
+            c->position = vec3_axpy(fmin(fmax(newton, low), high), edge, from);
             c->normal = vec3_scale(s.gradient, 1 / length);
             c->smooth = true;
             return;
@@ -456,7 +464,7 @@ static double part_area(const field *f, const part_grid *grid, int part, triangu
     const cut way = {.field = f->sharp ? f : NULL,
                      .gradient = gradient,
                      .cell = &small,
-                     .tolerance = ROOT_TOLERANCE * f->cell_size};
+                     .last_step = LAST_STEP * f->cell_size};
     triangulation t;
     double area = 0;
     for (int k = 0; k < 8; k++) {
@@ -496,7 +504,7 @@ static double measure_cell(const surface *s, size_t index, shared_edge *shared, 
     const field *f = s->field;
     field_cell cell;
     triangulation t;
-    const cut way = {.field = f, .cell = &cell, .tolerance = ROOT_TOLERANCE * f->cell_size, .shared = shared};
+    const cut way = {.field = f, .cell = &cell, .last_step = LAST_STEP * f->cell_size, .shared = shared};
     double area = 0;
     if (take_triangles(s, index, &t)) return sum_triangles(&t, box);
     surface_cell(s, index, &cell);
@@ -525,24 +533,23 @@ static bool are_specks(const triangulation *t, double area)
     return flat < LITTLE * area;
 }
 
-/* The triangles to draw points from. How the area of a bent cell is shared out among them matters little: what is
- * there is no larger than the cell. */
+/* The triangles to draw points from, which are then put onto the surface. How the area of a cell is shared out among them
+ * matters little: what is there is no larger than the cell. */
 static void draw_triangles(const surface *s, size_t index, triangulation *out)
 {
     const field *f = s->field;
     field_cell cell;
-    const cut way = {.field = f, .cell = &cell, .tolerance = ROOT_TOLERANCE * f->cell_size};
+    const cut way = {.field = f, .cell = &cell, .is_straight = true};
     if (take_triangles(s, index, out)) return;
     surface_cell(s, index, &cell);
     cut_cell(&way, out);
-    const bool whole = is_whole(f, &cell),
-               rough = whole && !f->sharp && (cell.grazed || is_bent(out, f->cell_size));
+    const bool whole = is_whole(f, &cell);
     if (whole && are_specks(out, s->area_before[index + 1] - s->area_before[index])) out->count = 0;
     if (whole && out->count == 0) measure_parts(f, &cell, out);
     for (int i = 0; i < out->count; i++) {
         bbox box = bbox_empty();
-        out->area[i] = !whole ? clipped_area(f, out->at[i], 0, &box)
-                              : curved_area(f, out->at[i], rough ? EXCESS_DEPTH : 0);
+        out->area[i] =
+            whole ? curved_area(f, out->at[i], EXCESS_DEPTH) : clipped_area(f, out->at[i], 0, &box);
     }
 }
 
@@ -689,11 +696,14 @@ bool surface_patch_point(const surface *s, const double *before, uint32_t patch,
     return true;
 }
 
-int surface_cell_triangles(const surface *s, size_t cell, vec3 out[FIELD_CELL_TRIANGLES][3])
+static int cell_triangles(const surface *s, size_t cell, bool is_straight, vec3 out[FIELD_CELL_TRIANGLES][3])
 {
     field_cell place;
     triangulation t;
-    const cut way = {.field = s->field, .cell = &place, .tolerance = ROOT_TOLERANCE * s->field->cell_size};
+    const cut way = {.field = s->field,
+                     .cell = &place,
+                     .last_step = LAST_STEP * s->field->cell_size,
+                     .is_straight = is_straight};
     if (!take_triangles(s, cell, &t)) {
         surface_cell(s, cell, &place);
         cut_cell(&way, &t);
@@ -701,4 +711,14 @@ int surface_cell_triangles(const surface *s, size_t cell, vec3 out[FIELD_CELL_TR
     for (int i = 0; i < t.count; i++)
         for (int k = 0; k < 3; k++) out[i][k] = t.at[i][k].position;
     return t.count;
+}
+
+int surface_cell_triangles(const surface *s, size_t cell, vec3 out[FIELD_CELL_TRIANGLES][3])
+{
+    return cell_triangles(s, cell, false, out);
+}
+
+int surface_cell_rough_triangles(const surface *s, size_t cell, vec3 out[FIELD_CELL_TRIANGLES][3])
+{
+    return cell_triangles(s, cell, true, out);
 }

@@ -68,4 +68,7 @@ bool surface_slide(const field *f, unsigned fixed, double reach, vec3 *x, vec3 *
  * many. */
 int surface_cell_triangles(const surface *s, size_t cell, vec3 out[FIELD_CELL_TRIANGLES][3]);
 
+/* The same with F linear between the cell's corners: near the surface, and much sooner. */
+int surface_cell_rough_triangles(const surface *s, size_t cell, vec3 out[FIELD_CELL_TRIANGLES][3]);
+
 #endif
