@@ -39,8 +39,9 @@ typedef struct triangle {
     const site *corner[3]; /* by their indices, so that each of them sees the same to the last bit */
     vec3 centre, across, facing;
     double radius2;
-    double hidden; /* points whose normals' product with `facing` is no more than this are on another sheet */
-    double low, high;
+    double
+        hidden2; /* points whose normals' product with `facing` is negative, and its square this, are on another sheet */
+    double low, high;             /* in lengths of `across` */
     const site *low_by, *high_by; /* NULL: nobody */
     site kept[2];                 /* what they point at, where that is in nobody's surroundings */
     bool wide;                    /* the list of one corner may lack what cuts it */
@@ -106,12 +107,12 @@ static bool span_triangle(const site *a, const site *b, const site *c, triangle 
     swap_if_greater(&a, &b);
     swap_if_greater(&b, &c);
     swap_if_greater(&a, &b);
-    vec3 u = vec3_sub(b->at, a->at), v = vec3_sub(c->at, a->at), w = vec3_cross(u, v);
-    double u2 = vec3_norm2(u), v2 = vec3_norm2(v), w2 = vec3_norm2(w), uv2 = vec3_norm2(vec3_sub(u, v));
-    double widest = 2 * WIDEST * fmax(a->spacing, fmax(b->spacing, c->spacing));
-    if (!are_near(a, b, u2) || !are_near(a, c, v2) || !are_near(b, c, uv2) ||
-        !(w2 > FLATTEST * FLATTEST * u2 * v2) || !(u2 * v2 * uv2 < widest * widest * w2))
-        return false;
+    vec3 u = vec3_sub(b->at, a->at), v = vec3_sub(c->at, a->at);
+    double u2 = vec3_norm2(u), v2 = vec3_norm2(v), uv2 = vec3_norm2(vec3_sub(u, v));
+    if (!are_near(b, c, uv2) || !are_near(a, c, v2) || !are_near(a, b, u2)) return false;
+    vec3 w = vec3_cross(u, v);
+    double w2 = vec3_norm2(w), widest = 2 * WIDEST * fmax(a->spacing, fmax(b->spacing, c->spacing));
+    if (!(w2 > FLATTEST * FLATTEST * u2 * v2) || !(u2 * v2 * uv2 < widest * widest * w2)) return false;
     vec3 to =
         vec3_scale(vec3_add(vec3_scale(vec3_cross(w, u), v2), vec3_scale(vec3_cross(v, w), u2)), 0.5 / w2);
     double least = fmin(a->spacing, fmin(b->spacing, c->spacing)), listed = 0.5 * VORONOI_REACH * least;
@@ -121,11 +122,11 @@ static bool span_triangle(const site *a, const site *b, const site *c, triangle 
     out->corner[2] = c;
     out->facing = vec3_add(a->normal, vec3_add(b->normal, c->normal));
     out->centre = vec3_add(a->at, to);
-    out->across = vec3_scale(w, copysign(1 / sqrt(w2), vec3_dot(w, out->facing)));
+    out->across = vec3_scale(w, copysign(1, vec3_dot(w, out->facing)));
     out->radius2 = vec3_norm2(to);
-    out->hidden = VORONOI_OTHER_SIDE * vec3_norm(out->facing);
+    out->hidden2 = VORONOI_OTHER_SIDE * VORONOI_OTHER_SIDE * vec3_norm2(out->facing);
     out->wide = deep2 < DEEP * DEEP * least * least;
-    out->high = out->wide ? INFINITY : sqrt(deep2);
+    out->high = out->wide ? INFINITY : sqrt(deep2 / w2);
     out->low = -out->high;
     out->low_by = out->high_by = NULL;
     return true;
@@ -134,8 +135,9 @@ static bool span_triangle(const site *a, const site *b, const site *c, triangle 
 /* Takes away what is nearer to d. False when nothing is left. */
 static inline bool cut_by(const site *d, triangle *t)
 {
+    double facing = vec3_dot(d->normal, t->facing);
     if (d->index == t->corner[0]->index || d->index == t->corner[1]->index ||
-        d->index == t->corner[2]->index || vec3_dot(d->normal, t->facing) <= t->hidden)
+        d->index == t->corner[2]->index || (facing <= 0 && facing * facing >= t->hidden2))
         return true;
     vec3 q = vec3_sub(d->at, t->centre);
     double along = 2 * vec3_dot(t->across, q), rest = vec3_norm2(q) - t->radius2;

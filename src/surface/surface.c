@@ -436,20 +436,38 @@ typedef struct part_grid {
     double value[NODES * NODES * NODES];
 } part_grid;
 
-/* False where F is not defined. */
+static vec3 part_node(const field_cell *cell, int n)
+{
+    const int at[3] = {n % NODES, n / NODES % NODES, n / NODES / NODES};
+    vec3 node = cell->corner[0];
+    for (int axis = 0; axis < 3; axis++)
+        node = vec3_axpy(at[axis] / (double)PARTS, vec3_sub(cell->corner[1 << axis], cell->corner[0]), node);
+    return node;
+}
+
+/* False where F is not defined. Single precision is enough for an area. */
 static bool sample_parts(const field *f, const field_cell *cell, part_grid *out)
 {
-    for (int n = 0; n < NODES * NODES * NODES; n++) {
-        const int at[3] = {n % NODES, n / NODES % NODES, n / NODES / NODES};
-        field_sample s;
-        vec3 node = cell->corner[0];
-        for (int axis = 0; axis < 3; axis++)
-            node =
-                vec3_axpy(at[axis] / (double)PARTS, vec3_sub(cell->corner[1 << axis], cell->corner[0]), node);
-        if (!field_sample_at(f, node, FIELD_GRADIENT, &s)) return false;
-        out->node[n] = node;
-        out->gradient[n] = s.gradient;
-        out->value[n] = s.value;
+    enum { ALL = NODES * NODES * NODES };
+    for (int first = 0; first < ALL; first += VEC3_LANES) {
+        vec3_lanes x, gradient;
+        bool defined[VEC3_LANES];
+        double value[VEC3_LANES];
+        for (int l = 0; l < VEC3_LANES; l++) {
+            vec3 node = part_node(cell, first + l < ALL ? first + l : ALL - 1);
+            x.x[l] = node.x;
+            x.y[l] = node.y;
+            x.z[l] = node.z;
+            defined[l] = true;
+        }
+        field_sample_lanes(f, &x, defined, value, &gradient);
+        for (int n = first; n < ALL && n < first + VEC3_LANES; n++) {
+            const int l = n - first;
+            if (!defined[l]) return false;
+            out->node[n] = (vec3){x.x[l], x.y[l], x.z[l]};
+            out->gradient[n] = (vec3){gradient.x[l], gradient.y[l], gradient.z[l]};
+            out->value[n] = value[l];
+        }
     }
     return true;
 }
