@@ -25,9 +25,16 @@ static const size_t type_bytes[COLUMN_TYPES] = {0, 4, 4, 1};
 static const double type_least[COLUMN_TYPES] = {0, 0, INT32_MIN, 0},
                     type_most[COLUMN_TYPES] = {0, UINT32_MAX, INT32_MAX, UINT8_MAX};
 static const char face_property[] = "property list uchar int vertex_indices";
+static const char *const label_properties[2] = {"property int label_a", "property int label_b"};
 
-/* A triangle in binary: how many corners, and each. */
-enum { FACE_BYTES = 1 + 3 * 4, FACE_TEXT_LEAST = 8 };
+/* A triangle in binary: how many corners, and each; and two labels. */
+enum { FACE_BYTES = 1 + 3 * 4, LABEL_BYTES = 2 * 4, FACE_TEXT_LEAST = 8, LABEL_TEXT_LEAST = 4 };
+
+/* A triangle of a file. */
+typedef struct face {
+    uint32_t corner[3];
+    int32_t label[2];
+} face;
 
 static const char *type_name(column_type type, ply_precision precision)
 {
@@ -154,6 +161,8 @@ static bool write_header(FILE *file, const points *set, const columns *what, ply
                                what->list[c].name) > 0;
     if (set->triangle_count > 0)
         good = good && fprintf(file, "element face %zu\n%s\n", set->triangle_count, face_property) > 0;
+    for (int k = 0; k < 2 && set->triangle_count > 0 && set->triangle_labels; k++)
+        good = good && fprintf(file, "%s\n", label_properties[k]) > 0;
     good = good && fputs("end_header\n", file) >= 0;
     return good || write_failed(e);
 }
@@ -212,19 +221,41 @@ static bool write_blocks(FILE *file, const batch *job, size_t count, error *e)
     return true;
 }
 
+static size_t print_face(const face *f, bool has_labels, char out[LINE_MAX_BYTES])
+{
+    int n = sprintf(out, "3 %" PRIu32 " %" PRIu32 " %" PRIu32, f->corner[0], f->corner[1], f->corner[2]);
+    if (has_labels) n += sprintf(out + n, " %" PRId32 " %" PRId32, f->label[0], f->label[1]);
+    out[n++] = '\n';
+    out[n] = '\0';
+    return (size_t)n;
+}
+
+static size_t pack_face(const face *f, bool has_labels, char out[LINE_MAX_BYTES])
+{
+    out[0] = 3;
+    for (int c = 0; c < 3; c++) pack(f->corner[c], COLUMN_UINT, PLY_FLOAT, out + 1 + 4 * c);
+    for (int c = 0; has_labels && c < 2; c++)
+        pack(f->label[c], COLUMN_INT, PLY_FLOAT, out + FACE_BYTES + 4 * c);
+    return has_labels ? FACE_BYTES + LABEL_BYTES : FACE_BYTES;
+}
+
+static face face_of(const points *set, size_t k)
+{
+    face f = {0};
+    memcpy(f.corner, set->triangle[k], sizeof f.corner);
+    if (set->triangle_labels) memcpy(f.label, set->triangle_labels[k], sizeof f.label);
+    return f;
+}
+
 static bool write_triangles(FILE *file, const points *set, ply_format format, error *e)
 {
     bool good = true;
     for (size_t k = 0; good && k < set->triangle_count; k++) {
-        const uint32_t *corner = set->triangle[k];
-        unsigned char packed[FACE_BYTES] = {3};
-        for (int c = 0; c < 3; c++) {
-            uint32_t little = htole32(corner[c]);
-            memcpy(packed + 1 + 4 * c, &little, sizeof little);
-        }
-        good = format == PLY_ASCII ? fprintf(file, "3 %" PRIu32 " %" PRIu32 " %" PRIu32 "\n", corner[0],
-                                             corner[1], corner[2]) > 0
-                                   : fwrite_unlocked(packed, 1, FACE_BYTES, file) == FACE_BYTES;
+        char text[LINE_MAX_BYTES];
+        const face f = face_of(set, k);
+        const size_t bytes = format == PLY_ASCII ? print_face(&f, set->triangle_labels, text)
+                                                 : pack_face(&f, set->triangle_labels, text);
+        good = fwrite_unlocked(text, 1, bytes, file) == bytes;
     }
     return good || write_failed(e);
 }
@@ -355,8 +386,12 @@ static bool read_header(FILE *file, ply_file *f, error *e)
         return false;
     if (!read_properties(file, f, line, e)) return false;
     if (strcmp(line, "end_header") == 0) return true;
-    return parse_count(line, "face", &f->points.triangle_count, e) && expect_line(file, face_property, e) &&
-           expect_line(file, "end_header", e);
+    if (!parse_count(line, "face", &f->points.triangle_count, e) || !expect_line(file, face_property, e) ||
+        !read_line(file, line, e))
+        return false;
+    f->has_labels = strcmp(line, label_properties[0]) == 0;
+    if (f->has_labels) return expect_line(file, label_properties[1], e) && expect_line(file, "end_header", e);
+    return strcmp(line, "end_header") == 0 || damaged(e, "its faces have other properties");
 }
 
 /* The bytes from here to the end must be able to hold the points: a count is never trusted alone.
@@ -372,9 +407,10 @@ static bool check_size(FILE *file, const ply_file *f, error *e)
     size_t left = (size_t)(end - at), vertices = f->points.count, faces = f->points.triangle_count;
     bool text = f->format == PLY_ASCII; /* of a number then a digit and a space at least */
     size_t point = text ? 2 * f->columns.count : row_bytes(&f->columns, f->precision);
-    size_t face = text ? FACE_TEXT_LEAST : FACE_BYTES;
-    if (vertices > left / point || faces > left / face || vertices * point + faces * face > left ||
-        (!text && vertices * point + faces * face != left))
+    size_t each = text ? FACE_TEXT_LEAST : FACE_BYTES;
+    if (f->has_labels) each += text ? LABEL_TEXT_LEAST : LABEL_BYTES;
+    if (vertices > left / point || faces > left / each || vertices * point + faces * each > left ||
+        (!text && vertices * point + faces * each != left))
         return error_set(e, ERROR_INPUT_DAMAGED,
                          "PLY file: %zu bytes of data cannot be the %zu points%s of its header", left,
                          vertices, faces > 0 ? " and faces" : "");
@@ -439,36 +475,40 @@ static bool read_row(FILE *file, const ply_file *f, size_t i, double *row, error
     return true;
 }
 
-static bool unpack_face(FILE *file, uint32_t corner[3], error *e)
+static bool unpack_face(FILE *file, bool has_labels, face *out, error *e)
 {
-    unsigned char packed[FACE_BYTES];
-    if (fread_unlocked(packed, 1, FACE_BYTES, file) != FACE_BYTES) return damaged(e, "it ends too early");
+    char packed[FACE_BYTES + LABEL_BYTES];
+    const size_t bytes = has_labels ? sizeof packed : FACE_BYTES;
+    if (fread_unlocked(packed, 1, bytes, file) != bytes) return damaged(e, "it ends too early");
     if (packed[0] != 3) return damaged(e, "a face is not a triangle");
-    for (int c = 0; c < 3; c++) {
-        memcpy(&corner[c], packed + 1 + 4 * c, sizeof corner[c]);
-        corner[c] = le32toh(corner[c]);
-    }
+    for (int c = 0; c < 3; c++) out->corner[c] = (uint32_t)unpack(packed + 1 + 4 * c, COLUMN_UINT, PLY_FLOAT);
+    for (int c = 0; has_labels && c < 2; c++)
+        out->label[c] = (int32_t)unpack(packed + FACE_BYTES + 4 * c, COLUMN_INT, PLY_FLOAT);
     return true;
 }
 
-static bool parse_face(FILE *file, uint32_t corner[3], error *e)
+static bool parse_face(FILE *file, bool has_labels, face *out, error *e)
 {
     char line[LINE_MAX_BYTES], again[LINE_MAX_BYTES];
     if (!fgets(line, sizeof line, file)) return damaged(e, "it ends too early");
-    int read = sscanf(line, "3 %" SCNu32 " %" SCNu32 " %" SCNu32, &corner[0], &corner[1], &corner[2]);
-    if (read == 3)
-        snprintf(again, sizeof again, "3 %" PRIu32 " %" PRIu32 " %" PRIu32 "\n", corner[0], corner[1],
-                 corner[2]);
-    return (read == 3 && strcmp(line, again) == 0) || damaged(e, "a face is not a triangle");
+    const int read =
+        sscanf(line, "3 %" SCNu32 " %" SCNu32 " %" SCNu32 " %" SCNd32 " %" SCNd32, &out->corner[0],
+               &out->corner[1], &out->corner[2], &out->label[0], &out->label[1]);
+    if (read != (has_labels ? 5 : 3)) return damaged(e, "a face is not a triangle");
+    print_face(out, has_labels, again);
+    return strcmp(line, again) == 0 || damaged(e, "a face is not a triangle");
 }
 
-static bool read_face(FILE *file, const ply_file *f, size_t k, uint32_t corner[3], error *e)
+static bool read_face(FILE *file, const ply_file *f, size_t k, face *out, error *e)
 {
-    if (!(f->format == PLY_ASCII ? parse_face(file, corner, e) : unpack_face(file, corner, e))) return false;
+    *out = (face){0};
+    if (!(f->format == PLY_ASCII ? parse_face(file, f->has_labels, out, e)
+                                 : unpack_face(file, f->has_labels, out, e)))
+        return false;
     for (int c = 0; c < 3; c++)
-        if (corner[c] >= f->points.count)
+        if (out->corner[c] >= f->points.count)
             return error_set(e, ERROR_INPUT_DAMAGED,
-                             "PLY file: face %zu has the corner %" PRIu32 " of %zu points", k, corner[c],
+                             "PLY file: face %zu has the corner %" PRIu32 " of %zu points", k, out->corner[c],
                              f->points.count);
     return true;
 }
@@ -491,13 +531,21 @@ bool ply_read(FILE *file, ply_file *out, error *e)
     double row[COLUMNS_MAX];
     if (!read_start(file, &f, e)) return false;
     f.triangles = mem_array(f.points.triangle_count, sizeof *f.triangles, "the faces of a PLY file", e);
+    f.triangle_labels = mem_array(f.has_labels ? f.points.triangle_count : 0, sizeof *f.triangle_labels,
+                                  "the faces of a PLY file", e);
     f.points.triangle = (const uint32_t(*)[3])f.triangles;
-    bool ok = f.triangles && columns_lay_out(&f.columns, &f.points, &f.storage, e);
+    f.points.triangle_labels = f.has_labels ? (const int32_t(*)[2])f.triangle_labels : NULL;
+    bool ok = f.triangles && f.triangle_labels && columns_lay_out(&f.columns, &f.points, &f.storage, e);
     for (size_t i = 0; ok && i < f.points.count; i++) {
         ok = read_row(file, &f, i, row, e);
         for (size_t c = 0; ok && c < f.columns.count; c++) column_store(&f.columns.list[c], i, row[c]);
     }
-    for (size_t k = 0; ok && k < f.points.triangle_count; k++) ok = read_face(file, &f, k, f.triangles[k], e);
+    for (size_t k = 0; ok && k < f.points.triangle_count; k++) {
+        face read;
+        ok = read_face(file, &f, k, &read, e);
+        if (ok) memcpy(f.triangles[k], read.corner, sizeof read.corner);
+        if (ok && f.has_labels) memcpy(f.triangle_labels[k], read.label, sizeof read.label);
+    }
     if (ok && read_end(file, e)) {
         *out = f;
         return true;
@@ -528,7 +576,8 @@ bool ply_verify(FILE *file, const points *set, const columns *what, ply_format f
     double row[COLUMNS_MAX];
     if (!read_start(file, &f, e)) return false;
     if (f.points.count != set->count || f.points.triangle_count != set->triangle_count ||
-        f.format != format || f.precision != precision || !same_columns(&f.columns, what))
+        f.has_labels != (set->triangle_count > 0 && set->triangle_labels) || f.format != format ||
+        f.precision != precision || !same_columns(&f.columns, what))
         return damaged(e, "it is not of the count and type that were written");
     for (size_t i = 0; i < set->count; i++) {
         if (i % BLOCK_POINTS == 0 && threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
@@ -541,9 +590,10 @@ bool ply_verify(FILE *file, const points *set, const columns *what, ply_format f
         }
     }
     for (size_t k = 0; k < set->triangle_count; k++) {
-        uint32_t corner[3];
-        if (!read_face(file, &f, k, corner, e)) return false;
-        if (memcmp(corner, set->triangle[k], sizeof corner) != 0)
+        const face meant = face_of(set, k);
+        face read;
+        if (!read_face(file, &f, k, &read, e)) return false;
+        if (memcmp(&read, &meant, sizeof read) != 0)
             return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: face %zu is not what was written", k);
     }
     return read_end(file, e);
@@ -554,5 +604,6 @@ void ply_file_free(ply_file *file)
     if (!file) return;
     free(file->storage);
     free(file->triangles);
+    free(file->triangle_labels);
     *file = (ply_file){0};
 }

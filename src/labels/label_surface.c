@@ -88,6 +88,17 @@ void label_surface_sides(const label_surface *s, uint32_t patch, int64_t out[2])
     out[1] = s->labels.material[kind & 0xffff].value;
 }
 
+size_t label_surface_labels(const label_surface *s, size_t most, int64_t *out)
+{
+    size_t count = 0;
+    for (size_t k = 0; k < s->labels.count; k++) {
+        if (s->labels.material[k].background) continue;
+        if (count < most) out[count] = s->labels.material[k].value;
+        count++;
+    }
+    return count;
+}
+
 /* The patches between two labels. */
 typedef struct interface {
     uint32_t kind;

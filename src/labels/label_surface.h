@@ -28,6 +28,9 @@ size_t label_surface_bytes(const label_surface *s); /* 0 for NULL */
 /* The labels on both sides of a patch; the normal points from the first to the second. */
 void label_surface_sides(const label_surface *s, uint32_t patch, int64_t out[2]);
 
+/* The labels but the background, ascending: the first `most` into `out`. Returns how many there are. */
+size_t label_surface_labels(const label_surface *s, size_t most, int64_t *out);
+
 /* What a report tells of it: the member `labels`, and warnings of the reader. */
 void label_surface_describe(const label_surface *s, json *surface, json *warnings);
 

@@ -521,12 +521,16 @@ static void drop_outside(const triangulation_input *in, triangulation *t)
 }
 
 /* Corners become vertices. */
-static void join_labels(const triangulation_input *in, triangulation *t)
+static bool join_labels(const triangulation_input *in, triangulation *t, error *e)
 {
+    t->label = mem_array(t->facts.triangles, sizeof *t->label, "the mesh", e);
+    if (!t->label) return false;
     for (size_t k = 0; k < t->facts.triangles; k++) {
+        t->label[k] = in->label[t->corner[k][0]];
         for (int c = 0; c < 3; c++) t->corner[k][c] = in->point[t->corner[k][c]];
         turn_to_least(t->corner[k]);
     }
+    return true;
 }
 
 /* ---- the whole ---- */
@@ -545,7 +549,7 @@ bool triangulation_make(const triangulation_input *in, threads *pool, triangulat
     if (ok && in->side) ok = drop_beyond(in, out, e);
     ok = ok && close_holes(in, out, e);
     if (ok && in->point) {
-        join_labels(in, out);
+        ok = join_labels(in, out, e);
         vertices.count = in->points;
     }
     return ok && survey_made(&vertices, pool, out, e);
@@ -554,6 +558,7 @@ bool triangulation_make(const triangulation_input *in, threads *pool, triangulat
 void triangulation_free(triangulation *t)
 {
     free(t->corner);
+    free(t->label);
     *t = (triangulation){0};
 }
 

@@ -56,6 +56,7 @@ typedef struct triangulation_facts {
 typedef struct triangulation {
     uint32_t (
         *corner)[3]; /* of each triangle, counterclockwise seen from outside; the first has the least index */
+    uint32_t *label; /* of each; NULL where points have none */
     triangulation_facts facts;
 } triangulation;
 

@@ -11,6 +11,7 @@
 #include "base/sandbox.h"
 #include "source/landing.h"
 #include "source/plan.h"
+#include "run/label_meshes.h"
 #include "run/watchdog.h"
 #include "spec/spec_table.h"
 #include "packing/packing.h"
@@ -92,6 +93,19 @@ static int64_t own_peak(void)
     return own_memory("VmHWM:");
 }
 
+/* A file a label is meant for some labels, and found out before anything is solved. */
+static bool check_label_meshes(const job *j, error *e)
+{
+    const size_t count =
+        j->spec->has_label_meshes ? label_surface_labels(j->source.whole.labels, 0, NULL) : 0;
+    return count <= LABEL_MESHES_MOST ||
+           error_set(
+               e, ERROR_SPEC_INVALID,
+               "output.label_meshes: there are %zu labels, and at most %d have a file of their own: choose "
+               "some with surface.labels.labels, or unite some with groups",
+               count, LABEL_MESHES_MOST);
+}
+
 bool job_load(job *j, error *e)
 {
     const spec *s = j->spec;
@@ -106,7 +120,7 @@ bool job_load(job *j, error *e)
     bool ok = j->pool && choose_isa(s, &j->isa, e) &&
               (!s->coherent || sequence_begin(&j->sequence, j->options->frame, j->options->previous, e)) &&
               source_open(s, j->options->roots, j->memory, j->isa, j->pool, &j->source, e) &&
-              attributes_find(s, &j->source, j->memory, &j->attributes, e);
+              check_label_meshes(j, e) && attributes_find(s, &j->source, j->memory, &j->attributes, e);
     j->load_peak = own_peak() + peak_of(RUSAGE_CHILDREN); /* readers run one after the other */
     return ok;
 }
@@ -442,6 +456,7 @@ bool job_write_points(job *j, error *e)
                         .set = &set,
                         .sampled = j->source.field,
                         .solved = p,
+                        .labels = j->source.whole.labels,
                         .h = sampler_spacing(s->sampler),
                         .frame = j->options->frame};
     landing l;

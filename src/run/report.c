@@ -33,6 +33,7 @@ static void put_mesh(json *report, json *warnings, const report_facts *facts)
     json_put_integer(object, "nonmanifold_vertices", (int64_t)m->nonmanifold_vertices);
     json_put_bool(object, "closed", triangulation_is_closed(m));
     json_put_number(object, "radius_ratio", m->radius_ratio);
+    if (facts->results->label_meshes) json_put(object, "labels", facts->results->label_meshes);
     if (!triangulation_is_whole(m))
         json_append_string(warnings,
                            "mesh.ply is not a whole surface: where the spacing does not resolve it, "

@@ -17,12 +17,14 @@
 #include "formats/preview_exr.h"
 #include "formats/property.h"
 #include "run/curve_chains.h"
+#include "run/label_meshes.h"
 #include "run/layout.h"
 #include "store/file.h"
 #include "vdb/vdb.h"
 
 /* The frames of a turntable are numbered from 1. */
 #define FRAME_NAME "preview.%04d.png"
+#define LABEL_NAME "mesh_label_%d.ply"
 
 /* Beside those of the formats' table and of turntables. */
 static const char *const names[] = {"report.json", "points.ply",  "points.vdb",     "mesh.ply",
@@ -171,8 +173,56 @@ static uint32_t (*sides_of(const field_patches *patches, const sampler_points *s
     return side;
 }
 
+/* Of each triangle the labels on both sides; to be freed. */
+static int32_t (*labels_of(const triangulation *made, const label_surface *labels, error *e))[2]
+{
+    int32_t(*out)[2] = mem_array(made->facts.triangles, sizeof *out, "the labels of triangles", e);
+    for (size_t k = 0; out && k < made->facts.triangles; k++) {
+        int64_t sides[2];
+        label_surface_sides(labels, made->label[k], sides);
+        for (int i = 0; i < 2; i++) out[k][i] = (int32_t)sides[i];
+    }
+    return out;
+}
+
+static void describe_label_mesh(json *list, int32_t label, const char *name, const label_mesh_part *part)
+{
+    json *told = json_append_object(list);
+    json_put_integer(told, "label", label);
+    json_put_string(told, "name", name);
+    json_put_integer(told, "triangles", (int64_t)part->set.triangle_count);
+    json_put_integer(told, "open_edges", (int64_t)part->open_edges);
+    json_put_integer(told, "nonmanifold_edges", (int64_t)part->nonmanifold_edges);
+    json_put_number(told, "volume", part->volume);
+}
+
+/* A label that no triangle bounds has no file. */
+static bool write_label_meshes(const char *directory, const results_input *in, const points *mesh,
+                               bool as_float, threads *pool, json *outputs, json *told, error *e)
+{
+    static const char *const properties[] = {"x", "y", "z", "point"};
+    spec how = *in->spec;
+    int64_t labels[LABEL_MESHES_MOST];
+    const size_t count = label_surface_labels(in->labels, LABEL_MESHES_MOST, labels);
+    bool ok = true;
+    how.ply_properties = (char **)properties;
+    how.ply_property_count = sizeof properties / sizeof *properties;
+    for (size_t k = 0; ok && k < count; k++) {
+        label_mesh_part part;
+        char *name = mem_printf(LABEL_NAME, (int)labels[k]);
+        ok = label_mesh_part_make(mesh, (int32_t)labels[k], &part, e);
+        if (ok && part.set.triangle_count > 0) {
+            ok = write_ply(directory, name, &how, &part.set, as_float, pool, outputs, e);
+            describe_label_mesh(told, (int32_t)labels[k], name, &part);
+        }
+        label_mesh_part_free(&part);
+        free(name);
+    }
+    return ok;
+}
+
 static bool write_mesh(const char *directory, const results_input *in, bool as_float, threads *pool,
-                       json *outputs, triangulation_facts *out, error *e)
+                       json *outputs, results_facts *out, error *e)
 {
     const points *set = in->set;
     const sampler_stands *stands = &in->solved->stands;
@@ -194,13 +244,22 @@ static bool write_mesh(const char *directory, const results_input *in, bool as_f
                                        .is_within = is_within_patch,
                                        .context = in->sampled};
     triangulation made;
+    int32_t(*labels)[2] = NULL;
     points vertices = *set;
     bool ok = triangulation_make(&sites, pool, &made, e);
     vertices.triangle_count = made.facts.triangles;
     vertices.triangle = (const uint32_t(*)[3])made.corner;
+    if (ok && in->labels) {
+        ok = (labels = labels_of(&made, in->labels, e)) != NULL;
+        vertices.triangle_labels = (const int32_t(*)[2])labels;
+    }
     ok = ok && write_ply(directory, "mesh.ply", in->spec, &vertices, as_float, pool, outputs, e);
     ok = ok && write_formats(directory, in, &vertices, true, outputs, e);
-    if (ok) *out = made.facts;
+    if (ok && in->spec->has_label_meshes)
+        ok = write_label_meshes(directory, in, &vertices, as_float, pool, outputs,
+                                out->label_meshes = json_new_array(), e);
+    if (ok) out->mesh = made.facts;
+    free(labels);
     triangulation_free(&made);
     free(side);
     return ok;
@@ -436,14 +495,14 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     if (!write_ply(directory, "points.ply", s, &colored, as_float, pool, outputs, e)) goto failed;
     if (s->has_points_vdb && !write_points_vdb(directory, &with_color, outputs, e)) goto failed;
     if (!write_formats(directory, &with_color, &colored, false, outputs, e)) goto failed;
-    if (s->has_mesh && !write_mesh(directory, &with_color, as_float, pool, outputs, &facts.mesh, e))
-        goto failed;
+    if (s->has_mesh && !write_mesh(directory, &with_color, as_float, pool, outputs, &facts, e)) goto failed;
     if (s->has_preview && !write_preview(directory, &with_color, pool, outputs, e)) goto failed;
     if (s->has_convergence && !write_convergence(directory, in, outputs, e)) goto failed;
     *out = facts;
     free(color);
     return true;
 failed:
+    json_free(facts.label_meshes);
     free(color);
     return false;
 }
@@ -470,11 +529,12 @@ bool results_write_report(const char *directory, const json *report, error *e)
     return ok;
 }
 
-/* How much of a name is that of a turntable's frame, 0: nothing. */
-static int frame_name_length(const char *name)
+/* How much of a name is that of a turntable's frame or of a label's mesh, 0: nothing. */
+static int numbered_name_length(const char *name)
 {
-    int frame = 0, length = 0;
-    return sscanf(name, "preview.%4d.png%n", &frame, &length) == 1 ? length : 0;
+    int number, length = 0;
+    if (sscanf(name, "preview.%4d.png%n", &number, &length) == 1 && length > 0) return length;
+    return sscanf(name, LABEL_NAME "%n", &number, &length) == 1 ? length : 0;
 }
 
 /* Calls for each name that results have, or begin with while they are written, in the directory. */
@@ -488,7 +548,7 @@ static bool for_each_result(const char *directory, bool (*act)(const char *path,
     }
     DIR *listing = opendir(directory);
     for (struct dirent *entry; listing && ok && (entry = readdir(listing));) {
-        int length = frame_name_length(entry->d_name);
+        int length = numbered_name_length(entry->d_name);
         char *path = mem_printf("%s/%.*s", directory, length, entry->d_name);
         if (length > 0) ok = act(path, e);
         free(path);

@@ -8,6 +8,7 @@
 #include "field/field.h"
 #include "formats/points.h"
 #include "json/json.h"
+#include "labels/label_surface.h"
 #include "packing/triangulation.h"
 #include "sampler/sampler.h"
 #include "spec/spec.h"
@@ -20,12 +21,14 @@ typedef struct results_facts {
     bool widened;        /* float was asked for, and double was written */
     bool has_mesh;
     triangulation_facts mesh;
+    json *label_meshes; /* what a report tells of them, to be taken over; or NULL */
 } results_facts;
 
 typedef struct results_input {
     const spec *spec;
     const field *field; /* in world space, as the points of the set are: where they should be it is 0 */
     const points *set;
+    const label_surface *labels;  /* of interfaces; else NULL */
     const field *sampled;         /* that the points were found on, whose space may be another */
     const sampler_points *solved; /* the points in that space, as the mesh is made of them */
     int frame;                    /* of a sequence */

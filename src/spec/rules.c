@@ -297,8 +297,10 @@ static void check_preview(reading *r, const json_at *at)
 
 static void check_output(reading *r, const json_at *at)
 {
-    json_at usda = json_member(at, "mesh_usda");
+    json_at usda = json_member(at, "mesh_usda"), parts = json_member(at, "label_meshes");
     if (r->s->has_mesh_usda && !r->s->has_mesh) reading_add_fault(r, &usda, "requires mesh: true");
+    if (r->s->has_label_meshes && !(r->s->has_mesh && r->s->surface.kind == SPEC_SURFACE_LABELS))
+        reading_add_fault(r, &parts, "requires mesh: true, and surface.labels");
 }
 
 static void check_coherent(reading *r, const json_at *at)

@@ -252,7 +252,7 @@ typedef struct spec {
     spec_compression preview_compression; /* of it */
     int turntable;                        /* frames; 0: none */
     bool has_convergence, has_points_vdb, has_points_npz, has_points_glb, has_points_usda, has_mesh,
-        has_mesh_usda;
+        has_mesh_usda, has_label_meshes;
 
     char *directory; /* NULL: no copy */
 

@@ -1437,6 +1437,14 @@ const spec_row spec_rows[] = {
      .otherwise = "false",
      AT(has_mesh_usda),
      .prose = "Whether to write the mesh as mesh.usda, too: a UsdGeomMesh as text. Requires mesh."},
+    {.pointer = "/output/label_meshes",
+     .type = SPEC_TYPE_BOOL,
+     .otherwise = "false",
+     AT(has_label_meshes),
+     .prose =
+         "Whether to write mesh_label_N.ply for each label N but the background, too: what of the mesh bounds it, facing "
+         "outwards. Such a mesh is closed unless its label reaches the end of the data, which is an interface with "
+         "surface.labels.closed. Requires mesh and surface.labels."},
     {.pointer = "/output/directory",
      .type = SPEC_TYPE_STRING,
      .low = 1,

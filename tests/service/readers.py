@@ -53,29 +53,44 @@ def read_columns(data):
     return {name: table[name].astype(float) for name, _ in types}
 
 
-def read_mesh(data):
-    """(names of the vertices' properties, vertices, triangles) of a mesh.ply."""
+def _read_faces(data):
+    """(names of the vertices' properties, vertices, of each face the count of its corners, these, and its other properties)."""
     head, mark, body = data.partition(b"end_header\n")
     assert mark, "a PLY header without an end"
     words = [line.split() for line in head.decode("ascii").splitlines() if not line.startswith("comment")]
-    assert words[0] == ["ply"] and words[2][:2] == ["element", "vertex"] and words[-2][:2] == ["element", "face"]
-    assert words[-1] == ["property", "list", "uchar", "int", "vertex_indices"]
-    count, faces = int(words[2][2]), int(words[-2][2])
-    names = [w[2] for w in words[3:-2]]
+    at = [w[:2] for w in words].index(["element", "face"])
+    assert words[0] == ["ply"] and words[2][:2] == ["element", "vertex"]
+    assert words[at + 1] == ["property", "list", "uchar", "int", "vertex_indices"]
+    count, faces, more = int(words[2][2]), int(words[at][2]), words[at + 2:]
+    names = [w[2] for w in words[3:at]]
     if words[1][1] == "ascii":
         lines = body.decode("ascii").splitlines()
         assert len(lines) == count + faces
         vertices = numpy.array([[float(v) for v in line.split()] for line in lines[:count]])
-        corners = numpy.array([[int(v) for v in line.split()] for line in lines[count:]])
+        rows = numpy.array([[int(v) for v in line.split()] for line in lines[count:]])
     else:
         kinds = {"float": "<f4", "double": "<f8", "int": "<i4"}
-        rows = numpy.frombuffer(body, [(w[2], kinds[w[1]]) for w in words[3:-2]], count)
-        vertices = numpy.stack([rows[name].astype(float) for name in names], axis=1)
-        packed = numpy.frombuffer(body, [("n", "u1"), ("corner", "<i4", 3)], offset=rows.nbytes)
+        table = numpy.frombuffer(body, [(w[2], kinds[w[1]]) for w in words[3:at]], count)
+        vertices = numpy.stack([table[name].astype(float) for name in names], axis=1)
+        packed = numpy.frombuffer(body, [("n", "u1"), ("corner", "<i4", 3)] + [(w[2], kinds[w[1]]) for w in more],
+                                  offset=table.nbytes)
         assert len(packed) == faces
-        corners = numpy.c_[packed["n"], packed["corner"]]
-    assert (corners[:, 0] == 3).all()
-    return names, vertices, corners[:, 1:]
+        rows = numpy.c_[packed["n"], packed["corner"], *(packed[w[2]] for w in more)]
+    assert (rows[:, 0] == 3).all() and rows.shape[1] == 4 + len(more)
+    return names, vertices, rows, [w[2] for w in more]
+
+
+def read_mesh(data):
+    """(names of the vertices' properties, vertices, triangles) of a mesh.ply."""
+    names, vertices, rows, _ = _read_faces(data)
+    return names, vertices, rows[:, 1:4]
+
+
+def read_face_labels(data):
+    """Of each triangle of a mesh.ply between labels both."""
+    _, _, rows, names = _read_faces(data)
+    assert names == ["label_a", "label_b"]
+    return rows[:, 4:]
 
 
 def read_png(data):

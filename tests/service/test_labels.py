@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from label_shapes import PLAIN, TURNED, Balls, Sectors
-from readers import read_columns
+from readers import read_columns, read_face_labels, read_mesh
 from volumes import write_nrrd
 
 SIZE, COUNT = 40, 1500
@@ -25,10 +25,10 @@ class Points:
 @pytest.fixture
 def sample(solve, tmp_path):
     """Runs a segmentation; the report and the points, or the error and None."""
-    def run(values, count=COUNT, solver=(), **members):
+    def run(values, count=COUNT, solver=(), output=(), **members):
         write_nrrd(tmp_path / "v.nrrd", values)
         spec = {"version": 1, "surface": {"labels": {"path": "v.nrrd", **members}}, "sampling": {"count": count},
-                "solver": {"threads": 1, **dict(solver)}, "output": {"preview": False, "mesh": True}}
+                "solver": {"threads": 1, **dict(solver)}, "output": {"preview": False, "mesh": True, **dict(output)}}
         told, data = solve(spec)
         return told, data and Points(data)
     return run
@@ -97,6 +97,44 @@ def test_seams_close_where_interfaces_are_small(sample):
     assert min(c["length"] for c in report["curves"]["list"] if not c["closed"]) < 0.5 * report["spacing"]
     assert report["mesh"]["boundary_edges"] == 0 == report["mesh"]["nonmanifold_vertices"]
     assert report["mesh"]["nonmanifold_edges"] == report["mesh"]["seam_edges"]
+
+
+@pytest.mark.parametrize("style", ["ascii", "binary_little_endian"])
+def test_each_label_has_a_closed_mesh_whose_faces_its_neighbours_share(sample, tmp_path, style):
+    shape = Balls(64)
+    report, _ = sample(shape.labels, count=4000, output={"label_meshes": True, "ply": {"format": style}})
+    whole = (tmp_path / "out" / "mesh.ply").read_bytes()
+    _, vertices, triangles = read_mesh(whole)
+    labels = read_face_labels(whole)
+    assert {tuple(pair) for pair in labels} == set(interfaces(report))
+    assert {o["name"] for o in report["outputs"]} == {"points.ply", "mesh.ply", *(f"mesh_label_{k}.ply" for k in range(4))}
+    fine = Balls(160)  # the truth, by its voxels
+    for told in report["mesh"]["labels"]:
+        label = told["label"]
+        names, part, faces = read_mesh((tmp_path / "out" / told["name"]).read_bytes())
+        number = part[:, names.index("point")].astype(int)
+        assert numpy.allclose(part[:, :3], vertices[number][:, :3])
+        around = labels == label
+        shared = {(tuple(sorted(t)), side) for t, side in zip(triangles[around.any(axis=1)], around[around.any(axis=1), 0])}
+        assert {tuple(sorted(t)) for t in number[faces]} == {t for t, _ in shared}
+        edges = numpy.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+        assert len(set(map(tuple, edges))) == len(edges) == told["triangles"] * 3, "each edge once each way: manifold"
+        assert set(map(tuple, edges)) == set(map(tuple, edges[:, ::-1])), "closed"
+        assert told["open_edges"] == 0 == told["nonmanifold_edges"]
+        corner = part[faces][:, :, :3]
+        volume = (corner[:, 0] * numpy.cross(corner[:, 1], corner[:, 2])).sum() / 6
+        assert volume == pytest.approx(told["volume"], rel=1e-4)
+        truth = ((fine.labels == label) if label else -(fine.labels > 0).astype(float)).sum() * (64 / 160) ** 3
+        assert volume == pytest.approx(truth, rel=0.015)  # chords have 0.4 % of it
+    sample(shape.labels, count=300)
+    assert not list((tmp_path / "out").glob("mesh_label_*"))
+
+
+def test_too_many_labels_have_no_meshes_of_their_own(sample):
+    told, _ = sample(numpy.arange(1000).reshape(10, 10, 10).astype("u2"), output={"label_meshes": True})
+    assert told["code"] == "spec_invalid" and "1000 labels" in told["message"] and "groups" in told["message"]
+    told, _ = sample(numpy.arange(8).reshape(2, 2, 2).astype("u1"), output={"label_meshes": True, "mesh": False})
+    assert told["code"] == "spec_invalid" and "requires mesh: true" in json.dumps(told)
 
 
 def test_a_ball_of_two_labels_is_the_ball(sample):

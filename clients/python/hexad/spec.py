@@ -998,6 +998,7 @@ class _OutputRest(TypedDict, total=False):
     points_usda: bool
     mesh: bool
     mesh_usda: bool
+    label_meshes: bool
     directory: str
 
 
@@ -1022,6 +1023,9 @@ class Output(_OutputRest):
         False.
     mesh_usda: Whether to write the mesh as mesh.usda, too: a UsdGeomMesh as text. Requires mesh. Default:
         False.
+    label_meshes: Whether to write mesh_label_N.ply for each label N but the background, too: what of the mesh
+        bounds it, facing outwards. Such a mesh is closed unless its label reaches the end of the data, which
+        is an interface with surface.labels.closed. Requires mesh and surface.labels. Default: False.
     directory: The service copies the results into this directory: an absolute path below one of its output
         roots. It is created if missing. Files of the same name are replaced. In a sequence, #### or %04d
         stands for the frame number.
