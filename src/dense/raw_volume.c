@@ -336,7 +336,7 @@ static bool choose_volume(header *h, int64_t index, error *e)
     const int64_t count = h->volumes > 1 ? h->volumes : 1, samples = h->size[0] * h->size[1] * h->size[2];
     if (index < 0 && count > 1)
         return error_set(e, ERROR_GRID_AMBIGUOUS,
-                         "the file has %lld volumes of %lld x %lld x %lld: give volume.index, 0 to %lld",
+                         "the file has %lld volumes of %lld x %lld x %lld: give index, 0 to %lld",
                          (long long)count, (long long)h->size[0], (long long)h->size[1],
                          (long long)h->size[2], (long long)count - 1);
     if (index >= count)

@@ -20,19 +20,61 @@ int dense_open_beside(void *context, const char *path, error *e)
     return store_open_input(((const contents_input *)context)->options->roots, path, e);
 }
 
-static bool add_slices(slices *s, size_t memory_limit, values *v, error *e)
+/* Slices whose values are counted as they pass. */
+typedef struct counted {
+    slices base; /* first: the slices' functions get this pointer */
+    slices *from;
+    values *values;
+    int64_t passed; /* or less than 0: they have not begun */
+    error fault;    /* of reading */
+} counted;
+
+static bool counted_begin(slices *base, error *e)
 {
-    size_t count = (size_t)(s->size[0] * s->size[1]);
+    counted *c = (counted *)base;
+    const bool ok = c->from->ops->begin(c->from, &c->fault);
+    c->passed = 0;
+    if (!ok && e) *e = c->fault;
+    return ok;
+}
+
+static bool counted_next(slices *base, float *number, error *e)
+{
+    counted *c = (counted *)base;
+    const bool ok = c->from->ops->next(c->from, number, &c->fault);
+    c->passed++;
+    if (ok)
+        values_add(c->values, number, (size_t)(base->size[0] * base->size[1]));
+    else if (e)
+        *e = c->fault;
+    return ok;
+}
+
+static const slices_ops counted_ops = {.begin = counted_begin, .next = counted_next};
+
+static counted counted_of(slices *s, values *v)
+{
+    counted c = {.base = *s, .from = s, .values = v, .passed = -1};
+    c.base.ops = &counted_ops;
+    return c;
+}
+
+/* Those that have not passed yet. */
+static bool count_rest(counted *c, size_t memory_limit, error *e)
+{
+    const int64_t *size = c->base.size;
+    const size_t count = (size_t)(size[0] * size[1]);
+    if (c->fault.code) {
+        if (e) *e = c->fault;
+        return false;
+    }
     if (count > memory_limit / sizeof(float))
         return error_set(e, ERROR_LIMIT_MEMORY,
                          "a slice of %lld x %lld samples does not fit into the memory limit",
-                         (long long)s->size[0], (long long)s->size[1]);
+                         (long long)size[0], (long long)size[1]);
     float *slice = mem_array(count, sizeof *slice, "a slice of the volume", e);
-    bool ok = slice && s->ops->begin(s, e);
-    for (int64_t z = 0; ok && z < s->size[2]; z++) {
-        ok = s->ops->next(s, slice, e);
-        if (ok) values_add(v, slice, count);
-    }
+    bool ok = slice && (c->passed >= 0 || counted_begin(&c->base, e));
+    while (ok && c->passed < size[2]) ok = counted_next(&c->base, slice, e);
     free(slice);
     return ok;
 }
@@ -48,42 +90,56 @@ static void describe_slices(const slices *s, json *o)
     frame_describe(s->index_to_world, first, last, o);
 }
 
-bool dense_describe(const contents_input *in, slices *s, const json *shape, const char *isovalue, json *o,
-                    json *suggestions, error *e)
+/* A job's surface of the file. */
+static json *shape_of(const char *kind, const json *file)
+{
+    json *shape = json_new_object();
+    json_put(shape, kind, json_copy(file));
+    return shape;
+}
+
+static bool suggest_isovalues(const contents_input *in, values *v, double voxels, const char *kind,
+                              const json *file, json *suggestions, error *e)
 {
     double at[VALUES_CANDIDATES];
-    const double voxels = (double)s->size[0] * (double)s->size[1] * (double)s->size[2];
-    values v = values_begin();
-    describe_slices(s, o);
-    bool ok = add_slices(s, (size_t)in->options->memory_mb << 20, &v, e) || error_prefix(e, "%s", in->path);
-    if (ok) values_describe(&v, o);
-    size_t count = ok ? values_candidates(&v, at) : 0;
-    values_free(&v);
+    const size_t count = values_candidates(v, at);
+    char *isovalue = mem_printf("/%s/isovalue", kind);
+    bool ok = true;
     for (size_t k = 0; ok && k < count; k++) {
-        json *tried = json_copy(shape);
+        json *tried = shape_of(kind, file);
         json_set(tried, isovalue, json_new_number(at[k]));
         ok = suggestion_append(suggestions, tried, voxels, in->options, e);
     }
+    free(isovalue);
     return ok;
 }
 
-/* Labels are told, and their interfaces suggested; values that no label can have, or that do not fit into memory, are
- * none. */
-static bool list_labels(const contents_input *in, slices *s, json *o, json *suggestions, error *e)
+/* Values that no label can have, or that do not fit into memory, are no labels. */
+bool dense_describe(const contents_input *in, slices *s, const char *kind, const json *file, json *o,
+                    json *suggestions, error *e)
 {
+    enum { FEW = 2 }; /* labels that may as well be a mask, whose isovalue is asked for first */
     const spec_labels all = {0};
+    const size_t memory = (size_t)in->options->memory_mb << 20;
     const double voxels = (double)s->size[0] * (double)s->size[1] * (double)s->size[2];
-    label_volume v = {0};
+    values v = values_begin();
+    label_volume labels = {0};
     error unused = {0};
-    bool ok = true;
-    if (label_volume_read(s, &all, (size_t)in->options->memory_mb << 20, &v, &unused) &&
-        label_listing_suits(&v)) {
-        json *shape = json_new_object();
-        json_put_string(json_put_object(shape, "labels"), "path", in->path);
-        ok = label_listing_describe(&v, json_put_array(o, "labels"), e) || error_prefix(e, "%s", in->path);
-        ok = ok ? suggestion_append(suggestions, shape, voxels, in->options, e) : (json_free(shape), false);
-    }
-    label_volume_free(&v);
+    counted passing = counted_of(s, &v);
+    describe_slices(s, o);
+    const bool are_labels =
+        label_volume_read(&passing.base, &all, memory, &labels, &unused) && label_listing_suits(&labels);
+    bool ok = count_rest(&passing, memory, e);
+    if (ok) values_describe(&v, o);
+    if (ok && are_labels) ok = label_listing_describe(&labels, json_put_array(o, "labels"), e);
+    if (!ok) error_prefix(e, "%s", in->path);
+    const bool first = are_labels && labels.count > FEW;
+    label_volume_free(&labels);
+    if (ok && first) ok = suggestion_append(suggestions, shape_of("labels", file), voxels, in->options, e);
+    ok = ok && suggest_isovalues(in, &v, voxels, kind, file, suggestions, e);
+    if (ok && are_labels && !first)
+        ok = suggestion_append(suggestions, shape_of("labels", file), voxels, in->options, e);
+    values_free(&v);
     return ok;
 }
 
@@ -100,15 +156,11 @@ bool contents_read_dense(const contents_input *in, json *inspection, error *e)
     json_put_string(inspection, "format", head.format);
     json_put_string(o, "type", type_names[head.type]);
     json_put_integer(o, "volumes", head.volumes > 1 ? head.volumes : 1);
-    describe_slices(s, o);
-    json *shape = json_new_object();
-    json *volume = json_put_object(shape, "volume");
-    json_put_string(volume, "path", in->path);
-    if (head.volumes > 1) json_put_integer(volume, "index", 0);
-    json *suggestions = json_find(inspection, "/suggestions");
-    bool ok = dense_describe(in, s, shape, "/volume/isovalue", o, suggestions, e) &&
-              (head.volumes > 1 || list_labels(in, s, o, suggestions, e));
-    json_free(shape);
+    json *file = json_new_object();
+    json_put_string(file, "path", in->path);
+    if (head.volumes > 1) json_put_integer(file, "index", 0);
+    const bool ok = dense_describe(in, s, "volume", file, o, json_find(inspection, "/suggestions"), e);
+    json_free(file);
     s->ops->close(s);
     return ok;
 }

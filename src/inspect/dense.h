@@ -8,8 +8,9 @@
 /* Opens a file beside an input; `context` is its contents_input. */
 int dense_open_beside(void *context, const char *path, error *e);
 
-/* Adds size, space, frame and values of a volume to `o`, and suggestions: `surface` with isovalues at this pointer. */
-bool dense_describe(const contents_input *in, slices *s, const json *surface, const char *isovalue, json *o,
+/* Adds size, space, frame and values of a volume to `o`, and suggestions: the surface `kind` (volume or exr) of the members
+ * `file`, with isovalues, and `labels` of a segmentation, the first where there are more than two. Reads the volume once. */
+bool dense_describe(const contents_input *in, slices *s, const char *kind, const json *file, json *o,
                     json *suggestions, error *e);
 
 #endif

@@ -88,7 +88,7 @@ static bool describe_channel(const contents_input *in, const stack *of, const ch
                                      .files = &files};
     slices *s = exr_stack_open(&params, e);
     if (!s) return false;
-    json *shape = json_new_object(), *exr = json_put_object(shape, "exr");
+    json *exr = json_new_object();
     char *range = mem_printf("%d-%d", of->first, of->last);
     json_put_string(exr, "path", of->pattern);
     json_put_string(exr, "slices", range);
@@ -100,8 +100,8 @@ static bool describe_channel(const contents_input *in, const stack *of, const ch
     json *volume = json_append_object(json_find(inspection, "/stacks"));
     json_put_string(volume, "part", part);
     json_put_string(volume, "channel", channel);
-    bool ok = dense_describe(in, s, shape, "/exr/isovalue", volume, json_find(inspection, "/suggestions"), e);
-    json_free(shape);
+    bool ok = dense_describe(in, s, "exr", exr, volume, json_find(inspection, "/suggestions"), e);
+    json_free(exr);
     s->ops->close(s);
     return ok;
 }

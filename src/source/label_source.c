@@ -104,9 +104,12 @@ static label_surface *open_vdb(const label_source_request *r, error *e)
 label_surface *label_source_open(const label_source_request *request, error *e)
 {
     const spec_labels *l = request->how.spec;
-    const char *ending = strrchr(l->path, '.');
-    if (l->grid || (ending && strcasecmp(ending, ".vdb") == 0)) return open_vdb(request, e);
-    slices *from = raw_volume_open(request->fd, l->path, NULL, -1, request->files, e);
+    const char *ending = l->path ? strrchr(l->path, '.') : NULL;
+    if (!request->stack && (l->grid || (ending && strcasecmp(ending, ".vdb") == 0)))
+        return open_vdb(request, e);
+    slices *from = request->stack ? exr_stack_open(request->stack, e)
+                                  : raw_volume_open(request->fd, l->path, NULL, l->has_index ? l->index : -1,
+                                                    request->files, e);
     if (!from) return NULL;
     label_surface_request how = request->how;
     how.from = from;

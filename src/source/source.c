@@ -284,14 +284,19 @@ static bool open_labels(const spec_surface *s, const opening *o, source_part *ou
             e, ERROR_NOT_SUPPORTED,
             "the interfaces of labels are no boundary of one solid: they have no part in a combination, "
             "offset, transform or region");
-    int fd = open_input(o->source, l->path, e);
-    if (fd < 0) return false;
+    const int fd = l->path ? open_input(o->source, l->path, e) : -1;
+    if (l->path && fd < 0) return false;
     const slices_files files = {open_input, o->source};
+    exr_stack_params stack = source_stack(&s->exr, &files);
+    stack.memory_limit = memory_left(o);
     const label_source_request request = {
-        fd, {NULL, l, plan_spacing(o->spec), (double)o->spec->count, memory_left(o), o->pool}, &files};
+        fd,
+        {NULL, l, plan_spacing(o->spec), (double)o->spec->count, memory_left(o), o->pool},
+        &files,
+        l->path ? NULL : &stack};
     out->labels = label_source_open(&request, e);
-    close(fd);
-    if (!out->labels) return error_prefix(e, "%s", l->path);
+    if (fd >= 0) close(fd);
+    if (!out->labels) return error_prefix(e, "%s", l->path ? l->path : s->exr.path);
     out->field = label_surface_field(out->labels);
     return true;
 }

@@ -182,6 +182,42 @@ static void check_lists(reading *r, const json_at *at, size_t low, size_t high, 
     }
 }
 
+/* A stack of images that a member of the surface describes. */
+static void check_exr(reading *r, const json_at *at)
+{
+    spec_exr *x = &r->surface->exr;
+    json_at slices = json_member(at, "slices"), path = json_member(at, "path");
+    if (!surface_parse_slices(x))
+        reading_add_fault(
+            r, &slices,
+            "must be the first and the last slice, 2 to %d of them, as in \"1-93\" or \"1-93x2\" "
+            "(given \"%s\")",
+            SURFACE_MOST_SLICES, x->slices);
+    else if (!surface_name_slices(x))
+        reading_add_fault(r, &path, "must have one #### or %%04d, the number of the slice");
+}
+
+/* With slices the path names a stack. */
+static void check_label_files(reading *r, const json_at *at)
+{
+    static const char *const of_stacks[] = {"part", "channel", "voxel_size", "origin"};
+    static const char *const of_files[] = {"grid", "index"};
+    spec_surface *s = r->surface;
+    const bool stack = s->exr.slices != NULL;
+    for (size_t k = 0; k < sizeof of_stacks / sizeof *of_stacks; k++) {
+        const json_at member = json_member(at, of_stacks[k]);
+        if (!stack && member.node) reading_add_fault(r, &member, "requires slices");
+    }
+    for (size_t k = 0; k < sizeof of_files / sizeof *of_files; k++) {
+        const json_at member = json_member(at, of_files[k]);
+        if (stack && member.node) reading_add_fault(r, &member, "is of one file, and slices are several");
+    }
+    if (!stack) return;
+    s->exr.path = s->labels.path;
+    s->labels.path = NULL;
+    check_exr(r, at);
+}
+
 static void check_labels(reading *r, const json_at *at)
 {
     const spec_labels *l = &r->surface->labels;
@@ -194,6 +230,7 @@ static void check_labels(reading *r, const json_at *at)
         }
     check_lists(r, &groups, 2, SIZE_MAX, "must be two or more labels, none of them twice");
     check_lists(r, &interfaces, 2, 2, "must be two different labels");
+    check_label_files(r, at);
 }
 
 static void check_control(reading *r, const json_at *at)
@@ -347,20 +384,6 @@ static void check_frames(reading *r, const json_at *at)
             r, &frames,
             "output.directory has no place for the frame's number, so that frames would replace each other:"
             " write #### or %%04d");
-}
-
-static void check_exr(reading *r, const json_at *at)
-{
-    spec_exr *x = &r->surface->exr;
-    json_at slices = json_member(at, "slices"), path = json_member(at, "path");
-    if (!surface_parse_slices(x))
-        reading_add_fault(
-            r, &slices,
-            "must be the first and the last slice, 2 to %d of them, as in \"1-93\" or \"1-93x2\" "
-            "(given \"%s\")",
-            SURFACE_MOST_SLICES, x->slices);
-    else if (!surface_name_slices(x))
-        reading_add_fault(r, &path, "must have one #### or %%04d, the number of the slice");
 }
 
 static void check_transform(reading *r, const json_at *at)

@@ -52,8 +52,10 @@ typedef struct spec_list {
 } spec_list;
 
 typedef struct spec_labels {
-    char *path;
-    char *grid;     /* NULL: the only one of integers in a VDB file */
+    char *path; /* NULL: they are a stack of images, the surface's `exr` */
+    char *grid; /* NULL: the only one of integers in a VDB file */
+    bool has_index;
+    int64_t index;  /* of several volumes in the file */
     spec_list only; /* empty: all labels */
     double smooth;  /* voxels */
     bool has_background;

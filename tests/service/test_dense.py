@@ -504,7 +504,7 @@ def test_of_several_volumes_one_is_chosen(sample, tmp_path):
     other = numpy.full_like(values, values.min()).tobytes(order="F")
     (tmp_path / "four.nii").write_bytes(data[:352] + other + data[352:])
     e, _ = sample(tmp_path / "four.nii")
-    assert e["code"] == "grid_ambiguous" and "give volume.index, 0 to 1" in e["message"]
+    assert e["code"] == "grid_ambiguous" and "give index, 0 to 1" in e["message"]
     e, _ = sample({"path": str(tmp_path / "four.nii"), "index": 2})
     assert e["code"] == "grid_missing" and "no volume 2: it has 2" in e["message"]
     assert sample({"path": str(tmp_path / "four.nii"), "index": 0})[0]["code"] == "no_surface"

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from label_shapes import PLAIN, TURNED, Balls, Sectors
 from readers import read_columns, read_face_labels, read_mesh
-from volumes import write_nrrd
+from volumes import Part, write_exr, write_nifti, write_nrrd
 
 SIZE, COUNT = 40, 1500
 ON_LINE = 1
@@ -197,6 +197,16 @@ def test_what_is_one_voxel_thin_stays(sample):
     assert (points.label_b == 3).sum() > 0
 
 
+def test_small_parts_have_a_point_each(sample):
+    labels = thin()
+    labels[14, 14, 4:24] = 0
+    labels[8::6, 4, 4], labels[4, 8::6, 24] = 3, 3  # eight voxels alone, each far less than a spacing
+    report, _ = sample(labels, count=80)
+    assert report["spacing"] > 3 and len(report["patches"]["list"]) == 10
+    assert min(p["points"] for p in report["patches"]["list"]) >= 1
+    assert report["quality"]["coverage"] < 1
+
+
 def test_two_hundred_labels(sample):
     """Most interfaces are smaller than the spacing: the points are those of lines."""
     report, points = sample(cells(200, 40), count=3000,
@@ -257,6 +267,39 @@ def test_an_inspection_lists_labels(worker, tmp_path):
     assert [(k["label"], k["voxels"], k["neighbours"]) for k in labels] == [
         (1, 864, [2]), (2, 864, [1, 3]), (3, 864, [2, 4]), (4, 864, [3])]
     assert labels[1]["low"] == [6, 0, 0] and labels[1]["high"] == [11, 11, 11]
-    assert any("labels" in s.get("spec", {}).get("surface", {}) for s in told["suggestions"])
+    assert [list(s["spec"]["surface"]) for s in told["suggestions"]][:2] == [["labels"], ["volume"]], "more than two: first"
     write_nrrd(tmp_path / "w.nrrd", numpy.random.default_rng(1).integers(0, 200, (16, 16, 16)).astype("u1"))
     assert "labels" not in json.loads(worker("w.nrrd", "--json", command="inspect", output=None).stdout)["volume"]
+
+
+def test_a_stack_of_images_is_a_segmentation(sample, solve, worker, tmp_path):
+    labels = Balls(SIZE).labels
+    report, points = sample(labels)
+    for k in range(SIZE):
+        write_exr(tmp_path / f"s.{k:03}.exr", Part({"id": labels[:, :, k].astype("u4")}))
+    stack = {"path": "s.###.exr", "slices": f"0-{SIZE - 1}", "voxel_size": [2, 2, 2], "origin": [1, 0, 0]}
+    spec = {"version": 1, "surface": {"labels": stack}, "sampling": {"count": COUNT}, "solver": {"threads": 1},
+            "output": {"preview": False}}
+    told, data = solve(spec)
+    assert told["surface"]["area"] == pytest.approx(4 * report["surface"]["area"], rel=1e-6)
+    assert len(told["inputs"]) == SIZE and set(interfaces(told)) == set(interfaces(report))
+    assert numpy.allclose(Points(data).position, 2 * points.position + [1, 0, 0], atol=0.2)  # as they come to rest
+    spec["surface"]["labels"] = {"path": "v.nrrd", "origin": [1, 0, 0]}
+    assert "requires slices" in json.dumps(solve(spec)[0])
+    seen = json.loads(worker("s.000.exr", "--json", command="inspect", output=None).stdout)
+    assert [k["label"] for k in seen["stacks"][0]["labels"]] == [0, 1, 2, 3]
+    assert seen["suggestions"][0]["spec"]["surface"]["labels"]["slices"] == stack["slices"]
+
+
+def test_one_of_several_volumes_is_the_segmentation(sample, solve, worker, tmp_path):
+    _, points = sample(blocks())
+    write_nifti(tmp_path / "v.nii", blocks(), numpy.eye(4))
+    data = bytearray((tmp_path / "v.nii").read_bytes())
+    data[40:42], data[48:50] = (4).to_bytes(2, "little"), (2).to_bytes(2, "little")
+    (tmp_path / "four.nii").write_bytes(data[:352] + bytes(len(data) - 352) + data[352:])
+    spec = {"version": 1, "surface": {"labels": {"path": "four.nii"}}, "sampling": {"count": COUNT}, "solver": {"threads": 1},
+            "output": {"preview": False}}
+    told, _ = solve(spec)
+    assert told["code"] == "grid_ambiguous" and "give index, 0 to 1" in told["message"]
+    spec["surface"]["labels"]["index"] = 1
+    assert (Points(solve(spec)[1]).position == points.position).all()

@@ -47,7 +47,7 @@ static label_surface *open_grids(int fd, char *grid, error *e)
 {
     char path[] = "labels.vdb";
     const spec_labels labels = {.path = path, .grid = grid};
-    const label_source_request request = {fd, {.spec = &labels, .memory_limit = 64 << 20}, NULL};
+    const label_source_request request = {fd, {.spec = &labels, .memory_limit = 64 << 20}, NULL, NULL};
     label_surface *s = label_source_open(&request, e);
     close(fd);
     return s;

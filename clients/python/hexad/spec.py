@@ -427,6 +427,12 @@ class _SurfaceLabelsNeeded(TypedDict):
 
 
 class _SurfaceLabelsRest(TypedDict, total=False):
+    index: int
+    slices: str
+    part: str
+    channel: str
+    voxel_size: Sequence[float]
+    origin: Sequence[float]
     grid: str
     labels: Sequence[float]
     smooth: float
@@ -442,8 +448,15 @@ class SurfaceLabels(_SurfaceLabelsNeeded, _SurfaceLabelsRest):
     Points have the properties label_a and label_b; normals point from the former, the lower one, to the
     latter.
 
-    path: The file: NRRD, NIfTI, MetaImage, or OpenVDB. It and the files that it names must lie below one of
-        the service's input roots.
+    path: The file: NRRD, NIfTI, MetaImage, or OpenVDB; with slices the images, as in /surface/exr/path. It
+        and the files that it names must lie below one of the service's input roots.
+    index: See /surface/volume/index.
+    slices: The labels are a stack of OpenEXR images, these slices of it: see /surface/exr, as for the next
+        four.
+    part: The name of the part. Requires slices.
+    channel: The name of the channel. Requires slices.
+    voxel_size: The distance between columns, rows and slices. Requires slices. (world) Default: [1, 1, 1].
+    origin: The position of pixel (0, 0) of the first slice. Requires slices. (world) Default: [0, 0, 0].
     grid: The name of the grid in an OpenVDB file. Optional if there is only one of whole numbers.
     labels: The labels that count; the others belong to the background. Default: all.
     smooth: Stairs shorter than this are smoothed; nothing moves by more than half a voxel along an axis. 0:
