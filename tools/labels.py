@@ -3,8 +3,9 @@
 (doc/measured/labels.md).
 
     tools/labels.py --worker build/hexad-worker --output doc/measured/labels.md [--seeds 5] [--count 10000] [--size 96]
+        [--data FOLDER --real 100000]
 
-Each figure is the median over the seeds; the shapes are those of tests/service/label_shapes.py. A second table compares other
+With --data a table of real segmentations, of volumes in this folder, is added. Each figure is the median over the seeds; the shapes are those of tests/service/label_shapes.py. A second table compares other
 ways to take the stairs out of voxels, computed here. Shares no code with the sampler.
 """
 import argparse
@@ -22,7 +23,7 @@ from scipy.spatial import cKDTree
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "tests" / "service"))
 from label_shapes import PLAIN, TURNED, Balls, Sectors, places  # noqa: E402
 from readers import read_columns  # noqa: E402
-from volumes import write_nrrd  # noqa: E402
+from volumes import read_nrrd, write_nrrd  # noqa: E402
 
 # Width of the filters that are compared, and what is near a line, in voxels.
 WIDTH, NEAR = 0.8, 3
@@ -34,9 +35,19 @@ def ball(size):
     return (off < 0).astype("u1"), off.astype("f4")
 
 
+def tooth(values):
+    """A tooth in air: dentine and enamel, by thresholds. Of each only what is five voxels thick counts, lest the soft edge of enamel is
+    a sheet of dentine; the other voxels are of the nearest one that does."""
+    parts = numpy.digitize(ndimage.median_filter(values, 3), [600, 980])
+    cores = [ndimage.binary_opening(parts == k, iterations=2) for k in range(3)]
+    nearest = ndimage.distance_transform_edt(~numpy.any(cores, axis=0), return_distances=False, return_indices=True)
+    return numpy.argmax(cores, axis=0)[tuple(nearest)].astype("u1")
+
+
 def run(worker, folder, surface, count, seed):
     spec = {"version": 1, "surface": surface, "sampling": {"count": count}, "solver": {"seed": seed, "threads": 1},
-            "output": {"preview": False, "mesh": True, "ply": {"precision": "double"}}}
+            "output": {"preview": False, "mesh": True, "ply": {"precision": "double"},
+                       **({"label_meshes": True} if "labels" in surface else {})}}
     (folder / "spec.json").write_text(json.dumps(spec))
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run([worker, "run", folder / "spec.json", "--output", folder / "out", "--input-root", folder],
@@ -68,7 +79,31 @@ def figures(shape, report, points, cpu):
             "interfaces, rms": numpy.sqrt((off ** 2).mean()), "lines, rms": numpy.sqrt((line ** 2).mean()),
             "lines, most": line.max(), "between interfaces": between / report["spacing"],
             "farthest place": report["quality"]["coverage"], "hex": report["quality"]["hex_fraction"],
-            "open edges": report["mesh"]["boundary_edges"] - report["mesh"]["rim_edges"], "CPU s": cpu}
+            "open edges": report["mesh"]["boundary_edges"] - report["mesh"]["rim_edges"],
+            "closed labels": " of ".join(map(str, closed_labels(report))), "CPU s": cpu}
+
+
+def closed_labels(report):
+    """How many labels have a mesh that is closed and manifold, and how many one."""
+    told = report["mesh"]["labels"]
+    return sum(m["open_edges"] == 0 == m["nonmanifold_edges"] for m in told), len(told)
+
+
+def real(worker, folder, data, count):
+    """Rows of segmentations whose truth nobody knows."""
+    write_nrrd(folder / "tooth.nrrd", tooth(read_nrrd(data / "tooth.nhdr")[0]))
+    for name in ("frogtissue.mhd", "frogtissue.zraw"):
+        if not (folder / name).exists():
+            (folder / name).write_bytes((data / name).read_bytes())
+    for name in ("tooth.nrrd", "frogtissue.mhd"):
+        report, _, cpu = run(worker, folder, {"labels": {"path": name, "closed": True}}, count, 0)
+        mesh = report["mesh"]
+        yield {"file": name, "labels": len(report["surface"]["labels"]["materials"]),
+               "interfaces": len(report["surface"]["labels"]["interfaces"]), "outcome": report["outcome"],
+               "farthest place": report["quality"]["coverage"], "hex": report["quality"]["hex_fraction"] or numpy.nan,
+               "resolved": report["quality"]["resolved_share"], "open edges": mesh["boundary_edges"],
+               "closed labels": " of ".join(map(str, closed_labels(report))),
+               "memory, MB": report["peak_memory_bytes"] / 2 ** 20, "CPU s": cpu}
 
 
 def text(value):
@@ -146,8 +181,9 @@ def points_near(shape, points):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    for name, default in (("worker", None), ("output", None), ("seeds", 5), ("count", 10000), ("size", 96)):
-        parser.add_argument("--" + name, default=default, type=type(default) if default else str, required=default is None)
+    for name, default in (("worker", None), ("output", None), ("data", ""), ("seeds", 5), ("count", 10000), ("size", 96),
+                          ("real", 100000)):
+        parser.add_argument("--" + name, default=default, type=str if default is None else type(default), required=default is None)
     options = parser.parse_args()
     rows, other = [], []
     with tempfile.TemporaryDirectory() as place:
@@ -175,12 +211,15 @@ def main():
         two = [cKDTree(runs[0][1]["at"]) for runs in pair]
         radius = [numpy.linalg.norm(t.data - (options.size - 1) / 2, axis=1) for t in two]
         times = [float(numpy.median([r[2] for r in runs])) for runs in pair]
+        others = list(real(options.worker, folder, pathlib.Path(options.data), options.real)) if options.data else []
     lines = ["# The interfaces of labels", "",
              f"Printed by `tools/labels.py --seeds {options.seeds} --count {options.count} --size {options.size}`; `make labels` "
              f"makes the page anew, of five seeds. Cubes of {options.size} voxels.",
              "Distances are in voxels, but `between interfaces` (the least",
              "distance of points on two of them) and `farthest place` in spacings; areas are the largest error of a share.", "",
              *table(rows), "",
+             *([f"Real ones, {options.real} points, one run each, `closed`; `tooth` is made of a volume by thresholds.", "", *table(others),
+                ""] if others else []),
              f"Other ways, of width {WIDTH}, at the crossings between voxels; of hexad the points. Near: within {NEAR} voxels of a line.",
              "", *table(other), "",
              "Voxels of a slanted sheet of one voxel whose own label is not the largest, which are lost: indicators "

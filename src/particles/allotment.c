@@ -14,6 +14,7 @@ static const double ROWS_MOST = 0.9;
 
 /* A patch of fewer cells gets no more than these, whatever its curves leave. */
 static const double LEAST_CELLS = 0.5;
+static const double LONELY_MOST = 0.25;
 
 static const char *const WHAT = "the particles of each patch";
 
@@ -39,6 +40,21 @@ static double sum_of_borders(const allotment_input *in, const curve_rows *rows)
     return sum;
 }
 
+/* A patch without a place on a curve would have no point: it has one, unless these would be more than LONELY_MOST of all. They
+ * take no part in the rest. Returns how many there are. */
+static size_t serve_lonely(const allotment *a, size_t patches, size_t count, double *wanted, uint32_t *served)
+{
+    size_t lonely = 0;
+    for (size_t k = 0; k < a->rows.stands; k++) served[a->rows.patch[k]] = 1;
+    for (size_t k = 0; k < patches; k++) lonely += served[k] = !served[k] && wanted[k] < 1;
+    if ((double)lonely > LONELY_MOST * (double)count) lonely = 0;
+    for (size_t k = 0; k < patches; k++) {
+        if (lonely == 0) served[k] = 0;
+        if (served[k]) wanted[k] = 0;
+    }
+    return lonely;
+}
+
 /* Shares out `count` particles, each patch to within one of its part of what the cells behind the rows leave. */
 static bool share_out(const allotment_input *in, double cells, size_t count, allotment *out, error *e)
 {
@@ -49,14 +65,15 @@ static bool share_out(const allotment_input *in, double cells, size_t count, all
     for (size_t k = 0; ok && k < patches; k++) {
         const double all = share_of(in, k) * cells;
         wanted[k] = fmax(all - (all < LEAST_CELLS ? fmax(out->rows.border[k], 0) : out->rows.border[k]), 0);
-        sum += wanted[k];
     }
+    if (ok) count -= serve_lonely(out, patches, count, wanted, out->free);
+    for (size_t k = 0; ok && k < patches; k++) sum += wanted[k];
     for (size_t k = 0; ok && !(sum > 0) && k < patches; k++) wanted[k] = share_of(in, k);
     if (!(sum > 0)) sum = 1;
     for (size_t k = 0; ok && k < patches; k++) { /* what rounding takes from one goes to the next */
         double before = round(seen);
         seen = k + 1 < patches ? seen + wanted[k] * ((double)count / sum) : (double)count;
-        out->free[k] = (uint32_t)fmax(round(seen) - before, 0);
+        out->free[k] += (uint32_t)fmax(round(seen) - before, 0);
         out->free_count += out->free[k];
     }
     free(wanted);
