@@ -10,7 +10,7 @@
 static const char what[] = "the lines between labels";
 
 /* Coefficients of a quadric over a plane; vertices that are looked at, and interfaces that meet, around one. */
-enum { TERMS = 6, MOST_NEAR = 512, MOST_KINDS = 8, GRAIN = 64 };
+enum { TERMS = 6, MOST_NEAR = 1024, MOST_KINDS = 8, GRAIN = 64 };
 
 /* What holds curvature back where few vertices would tell it, and a vertex where no interface would: in their weights. */
 static const double stiffness = 1e-2, rest = 1e-2;
@@ -74,6 +74,16 @@ static void solve(double a[TERMS][TERMS], double b[TERMS])
     }
 }
 
+/* Voxels beside a line are those of wedges, of which some are missing: they count for less. */
+static const double beside_weight = 0.5;
+
+static bool is_beside_line(const label_graph *g, uint32_t v)
+{
+    for (size_t i = g->first[v]; i < g->first[v + 1]; i++)
+        if (g->along[g->neighbour[i]] > 0) return true;
+    return false;
+}
+
 /* The plane, through a place at *distance along *normal from x, in which the interface `kind` passes by x. */
 static bool fit(const work *w, const near_by *n, uint32_t kind, vec3 x, vec3 *normal, double *distance)
 {
@@ -88,8 +98,9 @@ static bool fit(const work *w, const near_by *n, uint32_t kind, vec3 x, vec3 *no
     for (size_t k = 0; k < n->count; k++) {
         if (l->graph->kind[n->vertex[k]] != kind) continue;
         const vec3 off = vec3_scale(vec3_sub(l->middle[n->vertex[k]], x), 1 / l->radius);
-        const double near = fmax(1 - vec3_norm2(off), 0), weight = near * near, s = vec3_dot(off, u),
-                     t = vec3_dot(off, v), term[TERMS] = {1, s, t, s * s, s * t, t * t};
+        const double near = fmax(1 - vec3_norm2(off), 0),
+                     weight = near * near * (is_beside_line(l->graph, n->vertex[k]) ? beside_weight : 1),
+                     s = vec3_dot(off, u), t = vec3_dot(off, v), term[TERMS] = {1, s, t, s * s, s * t, t * t};
         for (int i = 0; i < TERMS; i++) {
             for (int j = 0; j < TERMS; j++) a[i][j] += weight * term[i] * term[j];
             b[i] += weight * term[i] * vec3_dot(off, up);
