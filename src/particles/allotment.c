@@ -46,7 +46,7 @@ static size_t serve_lonely(const allotment *a, size_t patches, size_t count, dou
 {
     size_t lonely = 0;
     for (size_t k = 0; k < a->rows.stands; k++) served[a->rows.patch[k]] = 1;
-    for (size_t k = 0; k < patches; k++) lonely += served[k] = !served[k] && wanted[k] < 1;
+    for (size_t k = 0; k < patches; k++) lonely += served[k] = !served[k] && wanted[k] > 0 && wanted[k] < 1;
     if ((double)lonely > LONELY_MOST * (double)count) lonely = 0;
     for (size_t k = 0; k < patches; k++) {
         if (lonely == 0) served[k] = 0;
