@@ -3,7 +3,7 @@
 (doc/measured/labels.md).
 
     tools/labels.py --worker build/hexad-worker --output doc/measured/labels.md [--seeds 5] [--count 10000] [--size 96]
-        [--data FOLDER --real 100000]
+        [--data FOLDER --real 100000 --files tooth.nrrd,frogtissue.mhd]
 
 With --data a table of real segmentations, of volumes in this folder, is added. Each figure is the median over the seeds; the shapes are those of tests/service/label_shapes.py. A second table compares other
 ways to take the stairs out of voxels, computed here. Shares no code with the sampler.
@@ -89,13 +89,12 @@ def closed_labels(report):
     return sum(m["open_edges"] == 0 == m["nonmanifold_edges"] for m in told), len(told)
 
 
-def real(worker, folder, data, count):
+def real(worker, folder, data, count, files):
     """Rows of segmentations whose truth nobody knows."""
     write_nrrd(folder / "tooth.nrrd", tooth(read_nrrd(data / "tooth.nhdr")[0]))
     for name in ("frogtissue.mhd", "frogtissue.zraw"):
-        if not (folder / name).exists():
-            (folder / name).write_bytes((data / name).read_bytes())
-    for name in ("tooth.nrrd", "frogtissue.mhd"):
+        (folder / name).write_bytes((data / name).read_bytes())
+    for name in files:
         report, _, cpu = run(worker, folder, {"labels": {"path": name, "closed": True}}, count, 0)
         mesh = report["mesh"]
         yield {"file": name, "labels": len(report["surface"]["labels"]["materials"]),
@@ -182,7 +181,7 @@ def points_near(shape, points):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     for name, default in (("worker", None), ("output", None), ("data", ""), ("seeds", 5), ("count", 10000), ("size", 96),
-                          ("real", 100000)):
+                          ("real", 100000), ("files", "tooth.nrrd,frogtissue.mhd")):
         parser.add_argument("--" + name, default=default, type=str if default is None else type(default), required=default is None)
     options = parser.parse_args()
     rows, other = [], []
@@ -211,7 +210,9 @@ def main():
         two = [cKDTree(runs[0][1]["at"]) for runs in pair]
         radius = [numpy.linalg.norm(t.data - (options.size - 1) / 2, axis=1) for t in two]
         times = [float(numpy.median([r[2] for r in runs])) for runs in pair]
-        others = list(real(options.worker, folder, pathlib.Path(options.data), options.real)) if options.data else []
+        others = []
+        if options.data:
+            others = list(real(options.worker, folder, pathlib.Path(options.data), options.real, options.files.split(",")))
     lines = ["# The interfaces of labels", "",
              f"Printed by `tools/labels.py --seeds {options.seeds} --count {options.count} --size {options.size}`; `make labels` "
              f"makes the page anew, of five seeds. Cubes of {options.size} voxels.",
