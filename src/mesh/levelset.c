@@ -19,7 +19,7 @@
 
 /* So many triangles, in a box of so many voxels, are held against the voxels together. More of them spare more rows, and
  * a larger ball spares fewer voxels. */
-enum { TOGETHER = 4 };
+enum { TOGETHER = 16 };
 static const double together_vox = 2;
 
 /* Fewer voxels along the longest side show nothing of a shape. */
