@@ -132,11 +132,11 @@ static void look_chunk(void *context, int worker, size_t begin, size_t end)
 bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
 {
     r->near->label = p->patch;
-    if (p->patch && !r->watched) {
+    if (!r->watched) {
         r->watched = mem_array(r->near->capacity, sizeof *r->watched, "neighbour lists", e);
         if (!r->watched) return false;
     }
-    if (p->patch && r->watched_count != p->count) {
+    if (r->watched_count != p->count) {
         memset(r->watched, 0, p->count * sizeof *r->watched);
         r->watched_count = p->count;
     }
@@ -511,7 +511,7 @@ static void sweep_set(const sweep_job *job, int worker, const uint32_t *items, s
     for (size_t k = 0; k < count; k++)
         if (particles_is_fixed(job->p, items[k]))
             continue;
-        else if (job->p->near_boundary[items[k]] || (job->r->watched && job->r->watched[items[k]]))
+        else if (job->p->near_boundary[items[k]] || job->r->watched[items[k]])
             general[general_count++] = items[k];
         else if (job->r->flat[items[k]])
             smooth[smooth_count++] = items[k];

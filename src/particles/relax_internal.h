@@ -29,8 +29,8 @@ struct relax {
     const fast_kernel *fast; /* NULL: every particle goes the general way */
     neighbours *near;
     uint8_t *flat; /* 1: all of a particle's neighbours face its way, clearly; 2: and no sharp edge is near */
-    /* Of a surface with patches: who had a long way left, and takes no step without a look at the energy from then on. Facets
-     * have kinks, and a particle that rests on one has its Newton step left for ever. */
+    /* Who had a long way left, and takes no step without a look at the energy from then on. Facets and surfaces below the
+     * spacing have kinks, and a particle that rests on one has its Newton step left for ever. */
     bool *watched;
     size_t watched_count; /* of the particles that this is about */
     float *moved;         /* length of a particle's way since the lists were built */

@@ -75,26 +75,24 @@ enum { PARTS = 256 };
 typedef struct steps_job {
     sweep_job sweep;
     double spacing;
+    bool watch; /* whoever has a long step from now on */
     size_t grain;
     double squares[PARTS];
     size_t counts[PARTS];
 } steps_job;
 
-/* Of a surface with patches: whether a particle has looked for a better place in vain, as it is watched. If its step is long it is
- * from now on. */
-static bool rests_on_kink(const relax *r, const particles *p, uint32_t i, bool is_long)
+/* Whether a particle has looked for a better place in vain, as it is watched. */
+static bool rests_on_kink(const relax *r, const particles *p, uint32_t i)
 {
-    if (!r->watched) return false;
-    bool rests = r->watched[i] && p->lambda[i] >= (float)RELAX_LAMBDA_CAP;
-    r->watched[i] |= is_long;
-    return rests;
+    return r->watched[i] && p->lambda[i] >= (float)RELAX_LAMBDA_CAP;
 }
 
 /* The sum of the squared Newton steps of particles whose neighbours all face their way, each over its size. None is longer
  * than the way to the nearest neighbour, as in a sweep: where the Hessian is all but singular a step says nothing. */
-static double squared_steps(const sweep_job *job, int worker, const uint32_t *items, size_t count,
-                            double spacing)
+static double squared_steps(const steps_job *steps, int worker, const uint32_t *items, size_t count)
 {
+    const sweep_job *job = &steps->sweep;
+    const double spacing = steps->spacing;
     const relax *r = job->r;
     const particles *p = job->p;
     pair_forces f[FAST_KERNEL_LANES];
@@ -126,8 +124,8 @@ static double squared_steps(const sweep_job *job, int worker, const uint32_t *it
         double s1, s2, over = unit / p->size[items[l]];
         relax_damped_step(&f[l], 0, &s1, &s2);
         double square = fmin(s1 * s1 + s2 * s2, f[l].nearest2) * over * over;
-        if (!rests_on_kink(r, p, items[l], square > WATCHED_STEP * WATCHED_STEP * spacing * spacing))
-            squares += square;
+        if (!rests_on_kink(r, p, items[l])) squares += square;
+        if (steps->watch) r->watched[items[l]] |= square > WATCHED_STEP * WATCHED_STEP * spacing * spacing;
     }
     return squares;
 }
@@ -157,24 +155,36 @@ static void steps_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t i = begin; i < end; i++) {
         if (is_held_at(&job->sweep, i)) items[held++] = (uint32_t)i;
         if (held < FAST_KERNEL_LANES && i + 1 < end) continue;
-        job->squares[part] += squared_steps(&job->sweep, worker, items, held, job->spacing);
+        job->squares[part] += squared_steps(job, worker, items, held);
         job->counts[part] += held;
         held = 0;
     }
 }
 
+static double rms_steps(steps_job *job)
+{
+    const size_t n = job->sweep.p->count;
+    double squares = 0;
+    size_t count = 0;
+    job->grain = n / PARTS + 1;
+    threads_run(job->sweep.r->pool, n, job->grain, steps_chunk, job);
+    for (int k = 0; k < PARTS; k++) {
+        squares += job->squares[k];
+        count += job->counts[k];
+    }
+    return count > 0 ? sqrt(squares / (double)count) / job->spacing : NAN;
+}
+
 double relax_rms_step_left(relax *r, particles *p, double sigma, double spacing)
 {
     steps_job job = {
-        .sweep = {.r = r, .p = p, .sigma = sigma}, .spacing = spacing, .grain = p->count / PARTS + 1};
-    threads_run(r->pool, p->count, job.grain, steps_chunk, &job);
-    double squares = 0;
-    size_t count = 0;
-    for (int k = 0; k < PARTS; k++) {
-        squares += job.squares[k];
-        count += job.counts[k];
+        .sweep = {.r = r, .p = p, .sigma = sigma}, .spacing = spacing, .watch = p->patch != NULL};
+    const double rms = rms_steps(&job);
+    if (rms > WATCHED_STEP && !job.watch) {
+        steps_job again = {.sweep = job.sweep, .spacing = spacing, .watch = true};
+        rms_steps(&again);
     }
-    return count > 0 ? sqrt(squares / (double)count) / spacing : NAN;
+    return rms;
 }
 
 double relax_max_support(const relax *r)

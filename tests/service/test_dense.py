@@ -651,3 +651,15 @@ def test_a_coarse_answer_is_even_in_space(worker, tmp_path):
     assert report["quality"]["resolved_share"] < 0.5 and report["quality"]["coverage"] < 1.2
     assert nearest.min() > 0.6 and report["quality"]["max_residual"] < 1e-4
     assert report["step_left"] is None and "step_left" not in [r["criterion"] for r in report["outcome_reasons"]]
+
+
+@pytest.mark.plain
+def test_the_papers_method_comes_to_rest_on_what_it_does_not_resolve(solve, tmp_path):
+    """On a surface that is rough below the spacing particles lie on kinks, where no step makes the energy less."""
+    x = numpy.linspace(-1, 1, 48)
+    rough = ndimage.gaussian_filter(numpy.random.default_rng(3).standard_normal((48, 48, 48)), 1.3)
+    values = 0.6 - numpy.sqrt(sum(g * g for g in numpy.meshgrid(x, x, x))) + 0.25 * rough / rough.std()
+    write_nrrd(tmp_path / "rough.nrrd", numpy.pad(values[1:-1, 1:-1, 1:-1], 1, constant_values=-1).astype(numpy.float32))
+    report, _ = solve({"version": 1, "surface": {"volume": {"path": "rough.nrrd", "isovalue": 0}},
+                       "sampling": {"count": 600, "alpha": {"d": 2}}, "solver": {"method": "paper"}, "output": {"preview": False}})
+    assert report["outcome"] == "unresolved" and len(report["sweeps"]) < 2000
