@@ -200,13 +200,17 @@ static void check_exr(reading *r, const json_at *at)
 /* With slices the path names a stack. */
 static void check_label_files(reading *r, const json_at *at)
 {
-    static const char *const of_stacks[] = {"part", "channel", "voxel_size", "origin"};
+    static const char *const of_stacks[] = {"part", "channel", "voxel_size",
+                                            "origin"}; /* the last two have defaults */
     static const char *const of_files[] = {"grid", "index"};
     spec_surface *s = r->surface;
     const bool stack = s->exr.slices != NULL;
+    const vec3 size = s->exr.voxel_size, origin = s->exr.origin;
+    const bool is_default[] = {false, false, size.x == 1 && size.y == 1 && size.z == 1,
+                               origin.x == 0 && origin.y == 0 && origin.z == 0};
     for (size_t k = 0; k < sizeof of_stacks / sizeof *of_stacks; k++) {
         const json_at member = json_member(at, of_stacks[k]);
-        if (!stack && member.node) reading_add_fault(r, &member, "requires slices");
+        if (!stack && member.node && !is_default[k]) reading_add_fault(r, &member, "requires slices");
     }
     for (size_t k = 0; k < sizeof of_files / sizeof *of_files; k++) {
         const json_at member = json_member(at, of_files[k]);

@@ -292,6 +292,16 @@ def test_a_stack_of_images_is_a_segmentation(sample, solve, worker, tmp_path):
     assert seen["suggestions"][0]["spec"]["surface"]["labels"]["slices"] == stack["slices"]
 
 
+def test_a_spec_that_was_written_anew_means_the_same(solve, tmp_path):
+    """As the daemon hands it on, with all defaults."""
+    write_nrrd(tmp_path / "v.nrrd", blocks())
+    spec = {"version": 1, "surface": {"labels": {"path": "v.nrrd"}}, "sampling": {"count": 300},
+            "output": {"preview": False, "mesh": True, "label_meshes": True}}
+    report, data = solve(spec)
+    again, same = solve(report["spec"])
+    assert same == data and again["outputs"] == report["outputs"]
+
+
 def test_one_of_several_volumes_is_the_segmentation(sample, solve, worker, tmp_path):
     _, points = sample(blocks())
     write_nifti(tmp_path / "v.nii", blocks(), numpy.eye(4))
