@@ -32,28 +32,19 @@ typedef struct graph {
     size_t vertex_count, patch_count;
 } graph;
 
-static int compare_places(const vec3 *a, const vec3 *b)
-{
-    for (int axis = 0; axis < 3; axis++) {
-        double p = vec3_get(*a, axis), q = vec3_get(*b, axis);
-        if (p != q) return p < q ? -1 : 1;
-    }
-    return 0;
-}
-
 static int compare_segments(const void *a, const void *b)
 {
     const crease_segment *p = a, *q = b;
     for (int k = 0; k < 2; k++)
         if (p->leaf[k] != q->leaf[k]) return p->leaf[k] < q->leaf[k] ? -1 : 1;
-    int order = compare_places(&p->end[0], &q->end[0]);
-    return order ? order : compare_places(&p->end[1], &q->end[1]);
+    int order = vec3_compare(p->end[0], q->end[0]);
+    return order ? order : vec3_compare(p->end[1], q->end[1]);
 }
 
 static int compare_joints(const void *a, const void *b)
 {
     const joint *p = a, *q = b;
-    int order = compare_places(&p->at, &q->at);
+    int order = vec3_compare(p->at, q->at);
     if (order) return order;
     return p->segment != q->segment ? (p->segment < q->segment ? -1 : 1) : p->end - q->end;
 }
@@ -94,7 +85,7 @@ static size_t tidy(crease_segment *segment, size_t count)
     size_t kept = 0;
     for (size_t k = 0; k < count; k++) {
         crease_segment s = segment[k];
-        int order = compare_places(&s.end[0], &s.end[1]);
+        int order = vec3_compare(s.end[0], s.end[1]);
         if (order == 0) continue;
         if (order > 0) {
             segment[k].end[0] = s.end[1];
@@ -160,7 +151,7 @@ static bool find_joints(graph *g, error *e)
         g->joint[k] = (joint){g->segment[k / 2].end[k % 2], k / 2, (int)(k % 2)};
     if (g->count > 0) qsort(g->joint, 2 * g->count, sizeof *g->joint, compare_joints);
     for (size_t k = 0, past; k < 2 * g->count; k = past) {
-        for (past = k + 1; past < 2 * g->count && compare_places(&g->joint[k].at, &g->joint[past].at) == 0;)
+        for (past = k + 1; past < 2 * g->count && vec3_compare(g->joint[k].at, g->joint[past].at) == 0;)
             past++;
         for (size_t n = k; n < past; n++) {
             const size_t at = 2 * g->joint[n].segment + (size_t)g->joint[n].end;
@@ -219,7 +210,7 @@ static bool follow(graph *g, const solid *s, const uint32_t *patch_of, size_t se
         }
         if (!add_vertex(g, to, out, e)) return false;
         segment = next;
-        if (next != SIZE_MAX) from = compare_places(&g->segment[next].end[0], &to) != 0;
+        if (next != SIZE_MAX) from = vec3_compare(g->segment[next].end[0], to) != 0;
     }
     c->count = g->vertex_count - c->first;
     return true;

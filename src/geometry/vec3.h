@@ -71,6 +71,16 @@ static inline void vec3_set(vec3 *a, int axis, double v)
     *(axis == 0 ? &a->x : axis == 1 ? &a->y : &a->z) = v;
 }
 
+/* By x, then by y, then by z: below 0, 0 or above, as qsort asks for. 0 and -0 are equal. */
+static inline int vec3_compare(vec3 a, vec3 b)
+{
+    for (int axis = 0; axis < 3; axis++) {
+        double x = vec3_get(a, axis), y = vec3_get(b, axis);
+        if (x != y) return x < y ? -1 : 1;
+    }
+    return 0;
+}
+
 /* Two unit vectors that make a right-handed frame with the unit vector n.
  * Source: Duff et al. 2017, "Building an Orthonormal Basis, Revisited", JCGT 6(1). */
 static inline void vec3_frame(vec3 n, vec3 *u, vec3 *v)

@@ -7,8 +7,9 @@
 #include "packing/packing.h"
 #include "particles/population.h"
 
-/* Rows take room from the packing, which makes the spacing wider and the rows shorter: so often this is gone through. */
-enum { PASSES = 4 };
+/* Rows take room from the packing, which makes the spacing wider and the rows shorter: so often this is gone through. And so
+ * often the patches are looked for that have room besides; each time there are fewer. */
+enum { PASSES = 4, ROOM_PASSES = 20 };
 /* Rows take no more than this share of the points. */
 static const double ROWS_MOST = 0.9;
 
@@ -33,11 +34,38 @@ static bool make_rows(const allotment_input *in, double spacing, size_t most, cu
     return curve_rows_make(in->field, &request, out, e);
 }
 
-static double sum_of_borders(const allotment_input *in, const curve_rows *rows)
+/* What a patch takes besides its rows where all of the surface takes so many cells, or less than 0: its curves leave no room. */
+static double room_of(const allotment_input *in, const curve_rows *rows, size_t patch, double cells)
+{
+    const double all = share_of(in, patch) * cells, border = rows->border[patch];
+    return all - (all < LEAST_CELLS ? fmax(border, 0) : border);
+}
+
+/* What all patches take besides their rows. */
+static double sum_of_rooms(const allotment_input *in, const curve_rows *rows, double cells)
 {
     double sum = 0;
-    for (size_t k = 0; k < in->field->patches->count; k++) sum += rows->border[k];
+    for (size_t k = 0; k < in->field->patches->count; k++) sum += fmax(room_of(in, rows, k, cells), 0);
     return sum;
+}
+
+/* How many cells make room for `count` particles besides the rows. A patch with no room leaves what its rows have too much to no
+ * other. */
+static double cells_for(const allotment_input *in, const curve_rows *rows, double count)
+{
+    double cells = INFINITY, share = 1, border = 0;
+    for (size_t k = 0; k < in->field->patches->count; k++) border += rows->border[k];
+    for (int pass = 0; pass < ROOM_PASSES && share > 0 && count + fmax(border, 0) < cells * share; pass++) {
+        cells = (count + fmax(border, 0)) / share;
+        share = border = 0;
+        for (size_t k = 0; k < in->field->patches->count; k++) {
+            const double room = room_of(in, rows, k, cells), part = share_of(in, k);
+            if (!(room > 0)) continue;
+            share += part;
+            border += part * cells - room;
+        }
+    }
+    return cells;
 }
 
 /* A patch without a place on a curve would have no point: it has one, unless these would be more than LONELY_MOST of all. They
@@ -62,10 +90,7 @@ static bool share_out(const allotment_input *in, double cells, size_t count, all
     out->free = mem_array(patches, sizeof *out->free, WHAT, e);
     double *wanted = mem_array(patches, sizeof *wanted, WHAT, e), sum = 0, seen = 0;
     bool ok = out->free && wanted;
-    for (size_t k = 0; ok && k < patches; k++) {
-        const double all = share_of(in, k) * cells;
-        wanted[k] = fmax(all - (all < LEAST_CELLS ? fmax(out->rows.border[k], 0) : out->rows.border[k]), 0);
-    }
+    for (size_t k = 0; ok && k < patches; k++) wanted[k] = fmax(room_of(in, &out->rows, k, cells), 0);
     if (ok) count -= serve_lonely(out, patches, count, wanted, out->free);
     for (size_t k = 0; ok && k < patches; k++) sum += wanted[k];
     for (size_t k = 0; ok && !(sum > 0) && k < patches; k++) wanted[k] = share_of(in, k);
@@ -88,7 +113,7 @@ bool allotment_for_count(const allotment_input *in, size_t count, allotment *out
     for (int pass = 0; pass < PASSES; pass++) {
         out->spacing = packing_spacing(in->scan->area, cells);
         if (!make_rows(in, out->spacing, most, &out->rows, e)) return false;
-        cells = (double)(count - out->rows.count) + fmax(sum_of_borders(in, &out->rows), 0);
+        cells = cells_for(in, &out->rows, (double)(count - out->rows.count));
     }
     return share_out(in, cells, count - out->rows.count, out, e);
 }
@@ -98,7 +123,7 @@ bool allotment_for_spacing(const allotment_input *in, double spacing, size_t mos
     double cells = packing_count(in->scan->area, spacing);
     *out = (allotment){.spacing = spacing};
     if (!make_rows(in, spacing, most, &out->rows, e)) return false;
-    return share_out(in, cells, (size_t)round(fmax(cells - sum_of_borders(in, &out->rows), 0)), out, e);
+    return share_out(in, cells, (size_t)round(sum_of_rooms(in, &out->rows, cells)), out, e);
 }
 
 void allotment_free(allotment *a)

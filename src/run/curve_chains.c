@@ -2,7 +2,6 @@
 
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "base/memory.h"
 #include "packing/packing.h"
@@ -30,12 +29,12 @@ static const uint32_t NONE = UINT32_MAX;
 static int compare_corners(const void *a, const void *b)
 {
     const corner *x = a, *y = b;
-    int order = memcmp(&x->at, &y->at, sizeof(vec3));
+    int order = vec3_compare(x->at, y->at);
     return order ? order : (x->point > y->point) - (x->point < y->point);
 }
 
 typedef struct corners {
-    corner *list; /* ascending as bytes */
+    corner *list; /* ascending */
     size_t count;
 } corners;
 
@@ -44,7 +43,7 @@ static corner *find_corner(const corners *all, vec3 at)
     size_t low = 0, high = all->count;
     while (low < high) { /* the first that is not before it */
         size_t middle = (low + high) / 2;
-        if (memcmp(&all->list[middle].at, &at, sizeof at) < 0)
+        if (vec3_compare(all->list[middle].at, at) < 0)
             low = middle + 1;
         else
             high = middle;
@@ -84,7 +83,7 @@ static void find_corners(const field_patches *p, const sampler_points *solved, c
     qsort(out->list, out->count, sizeof *out->list, compare_corners);
     size_t kept = 0;
     for (size_t k = 0; k < out->count; k++)
-        if (kept == 0 || memcmp(&out->list[kept - 1].at, &out->list[k].at, sizeof(vec3)) != 0)
+        if (kept == 0 || vec3_compare(out->list[kept - 1].at, out->list[k].at) != 0)
             out->list[kept++] = out->list[k];
     out->count = kept;
     lend_points(p, out);

@@ -15,6 +15,8 @@ static const double WORST_RESIDUAL = 1e-6;
 static const int REPLACEMENT_DRAWS = 30;
 /* A free particle this near to a curve of its patch, in spacings, is in the row there; it goes where there is so much room. */
 static const double IN_ROW = 0.3, LEAST_ROOM = 0.6;
+/* Where there is no such room, it goes off the row, away from it by so much, as the free ones within AROUND_ROW spacings say. */
+static const double AROUND_ROW = 1.5;
 static const int SETTLE_STEPS = 20;
 static const double SETTLE_FARTHEST = 0.05;
 
@@ -91,8 +93,8 @@ static bool is_in_row(const sampler *s, size_t i)
 }
 
 /* Puts particle i on a new place of the surface, or of its patch: of several drawn the one that is farthest from its nearest
- * particle, and farther than `least`. */
-static void replace(sampler *s, size_t i, double least, rng *r)
+ * particle, and farther than `least`. False where there is none. */
+static bool replace(sampler *s, size_t i, double least, rng *r)
 {
     const double *weight = sizing_field_weight(s->setup.params.sizing, s->setup.scan);
     const field *f = particles_field(s->state.p, s->setup.field, i);
@@ -114,11 +116,32 @@ static void replace(sampler *s, size_t i, double least, rng *r)
         x = q;
         normal = n;
     }
-    if (!found) return;
+    if (!found) return false;
     s->state.p->position[i] = x;
     s->state.p->normal[i] = normal;
     s->record.removed++;
     s->record.replaced[i] = true;
+    finalize_particle(s, i);
+    return true;
+}
+
+/* Puts a particle that is in a row, and for which there is no better place, off it, towards the free ones of its patch. */
+static void leave_row(sampler *s, size_t i)
+{
+    const particles *p = s->state.p;
+    const field *f = particles_field(p, s->setup.field, i);
+    const double h = s->state.spacing * p->size[i], around = AROUND_ROW * h;
+    vec3 x = p->position[i], normal = p->normal[i], inwards = {0, 0, 0};
+    for (size_t j = 0; j < p->count; j++) {
+        vec3 side = vec3_sub(p->position[j], x);
+        if (p->patch[j] == p->patch[i] && !particles_is_fixed(p, j) && vec3_norm2(side) < around * around)
+            inwards = vec3_add(inwards, side);
+    }
+    inwards = vec3_axpy(-vec3_dot(inwards, normal), normal, inwards);
+    x = vec3_axpy(IN_ROW * h, vec3_unit(inwards), x);
+    if (!sampler_land(f, s->state.spacing, IN_ROW * h, &x, &normal) || !field_is_within(f, x)) return;
+    s->state.p->position[i] = x;
+    s->state.p->normal[i] = normal;
     finalize_particle(s, i);
 }
 
@@ -129,8 +152,8 @@ static void replace_lost(sampler *s)
     for (size_t i = 0; i < s->state.p->count && !threads_stopped(s->setup.pool); i++)
         if (s->scratch.lost[i])
             replace(s, i, -1, &r);
-        else if (is_in_row(s, i))
-            replace(s, i, LEAST_ROOM * s->state.spacing * s->state.p->size[i], &r);
+        else if (is_in_row(s, i) && !replace(s, i, LEAST_ROOM * s->state.spacing * s->state.p->size[i], &r))
+            leave_row(s, i);
 }
 
 static void count_lost(sampler *s)

@@ -23,15 +23,6 @@ typedef struct segments {
 
 static const size_t NONE = SIZE_MAX;
 
-static int compare_vec3(vec3 a, vec3 b)
-{
-    for (int axis = 0; axis < 3; axis++) {
-        double x = vec3_get(a, axis), y = vec3_get(b, axis);
-        if (x != y) return x < y ? -1 : 1;
-    }
-    return 0;
-}
-
 /* ---- segments of one face */
 
 static double height(const field *f, int face, vec3 x)
@@ -44,7 +35,7 @@ static double height(const field *f, int face, vec3 x)
 /* Where the line through two points crosses a face: the same bits whichever comes first. */
 static vec3 cross_face(const field *f, int face, vec3 p, vec3 q)
 {
-    if (compare_vec3(p, q) > 0) {
+    if (vec3_compare(p, q) > 0) {
         vec3 swap = p;
         p = q;
         q = swap;
@@ -88,7 +79,7 @@ static bool cut_triangle(const field *f, int face, const vec3 t[3], segments *al
         if ((height(f, face, *p) > 0) == (height(f, face, *q) > 0)) continue;
         s.end[ends++] = cross_face(f, face, *p, *q);
     }
-    if (ends < 2 || compare_vec3(s.end[0], s.end[1]) == 0 || !cut_segment(f, face, &s)) return true;
+    if (ends < 2 || vec3_compare(s.end[0], s.end[1]) == 0 || !cut_segment(f, face, &s)) return true;
     return add_segment(all, &s, e);
 }
 
@@ -127,7 +118,7 @@ typedef struct end {
 static int compare_ends(const void *a, const void *b)
 {
     const end *x = a, *y = b;
-    int order = compare_vec3(x->at, y->at);
+    int order = vec3_compare(x->at, y->at);
     return order ? order : (x->number > y->number) - (x->number < y->number);
 }
 
@@ -145,7 +136,7 @@ static bool join_segments(segments *all, error *e)
     }
     qsort(ends, 2 * all->count, sizeof *ends, compare_ends);
     for (size_t k = 0; k + 1 < 2 * all->count; k++) {
-        if (compare_vec3(ends[k].at, ends[k + 1].at) != 0) continue;
+        if (vec3_compare(ends[k].at, ends[k + 1].at) != 0) continue;
         all->partner[ends[k].number] = ends[k + 1].number;
         all->partner[ends[k + 1].number] = ends[k].number;
         k++;

@@ -48,7 +48,7 @@ typedef struct layout {
 static int compare_ends(const void *a, const void *b)
 {
     const end *x = a, *y = b;
-    int order = memcmp(&x->at, &y->at, sizeof x->at);
+    int order = vec3_compare(x->at, y->at);
     return order ? order : (x->curve > y->curve) - (x->curve < y->curve);
 }
 
@@ -67,7 +67,7 @@ static bool find_corners(layout *l, error *e)
     }
     if (l->end_count > 0) qsort(l->ends, l->end_count, sizeof *l->ends, compare_ends);
     for (size_t k = 0; k < l->end_count; k++) {
-        if (k == 0 || memcmp(&l->ends[k].at, &l->ends[k - 1].at, sizeof(vec3)) != 0) l->corner_count++;
+        if (k == 0 || vec3_compare(l->ends[k].at, l->ends[k - 1].at) != 0) l->corner_count++;
         l->ends[k].corner = (uint32_t)(l->corner_count - 1);
         l->corner[l->ends[k].curve % 2][l->ends[k].curve / 2] = l->ends[k].corner;
         l->ends[k].curve /= 2;
@@ -266,7 +266,7 @@ static bool add_stands(layout *l, const field *f, const field_curve *c, vec3 alo
 static vec3 direction_at_end(const field_patches *p, const field_curve *c, vec3 corner)
 {
     const vec3 *vertex = p->vertex + c->first;
-    bool first = memcmp(&vertex[0], &corner, sizeof corner) == 0;
+    bool first = vec3_compare(vertex[0], corner) == 0;
     return first ? vec3_sub(vertex[1], vertex[0]) : vec3_sub(vertex[c->count - 1], vertex[c->count - 2]);
 }
 

@@ -113,9 +113,12 @@ def test_open_meshes_are_sampled_as_they_are(data_service, folder, jobs, name):
 
 
 def test_a_closed_mesh_with_features(data_service, folder):
-    """Points lie on the triangles, and on each sharp edge there is a row."""
+    """Points lie on the triangles, on each sharp edge there is a row, and the mesh between them is closed there, too."""
     path = folder / "fandisk.off"
-    report, points = results(data_service, data_service.submit(mesh(path, 2000, features={})))
+    job = mesh(path, 2000, features={})
+    job["output"]["mesh"] = True
+    report, points = results(data_service, data_service.submit(job))
+    assert report["mesh"]["closed"] and report["mesh"]["euler"] == 2
     of_mesh = report["surface"]["mesh"]
     assert of_mesh["patches"] == 12 and of_mesh["sharp_edges"] == 710 and of_mesh["open_edges"] == 0
     assert Mesh(path).distance(points.position).max() <= 1e-6
@@ -133,6 +136,26 @@ def test_a_closed_mesh_with_features(data_service, folder):
     assert curves["count"] == of_mesh["curves"] == len(curves["list"]) and curves["corners"] == (feature == 2).sum()
     assert curves["points"] == (feature == 1).sum() and curves["edge_cv"] < 0.02
     assert all(set(c["patches"]) <= set(range(12)) and len(c["patches"]) == 2 for c in curves["list"])
+
+
+def test_the_mesh_keeps_to_a_fold(worker, tmp_path):
+    """A sheet with a crease that fades, which is one patch on both sides of it: no triangle closes the fold at its open end, so
+    that all that the mesh leaves open is its rim, each point of which begins one edge."""
+    side = 41
+    x, y = (g.ravel() for g in numpy.meshgrid(numpy.linspace(0, 1, side), numpy.linspace(-0.5, 0.5, side), indexing="ij"))
+    places = numpy.stack([x, y, 2 * numpy.maximum(0, 0.7 - x) * numpy.abs(y)], axis=1)
+    corner = numpy.arange(1, side * side + 1).reshape(side, side)
+    lines = ["v %r %r %r" % tuple(p) for p in places.tolist()]
+    lines += ["f %d %d %d %d" % q for q in zip(*(c.ravel() for c in (corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:])))]
+    (tmp_path / "fold.obj").write_text("\n".join(lines) + "\n")
+    job = mesh("fold.obj", 600, features={})
+    job["output"]["mesh"] = True
+    assert worker(job).returncode == 0
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    at = Points((tmp_path / "out" / "points.ply").read_bytes()).position
+    on_rim = (at[:, 0] < 1e-6) | (at[:, 0] > 1 - 1e-6) | (numpy.abs(at[:, 1]) > 0.5 - 1e-6)
+    assert report["surface"]["mesh"]["patches"] == 1 and report["mesh"]["boundary_edges"] == on_rim.sum()
+    assert report["mesh"]["nonmanifold_edges"] == 0 and report["mesh"]["euler"] == 1
 
 
 def box(low, high):
@@ -258,15 +281,19 @@ def test_a_blade_is_whole(worker, tmp_path, diagnose):
 
 
 def test_a_blade_thinner_than_voxels(worker, tmp_path):
-    """On its triangles, whose narrow ones have a normal still: six faces, twelve edges, and nothing in between."""
+    """On its triangles, whose narrow ones have a normal still: six faces, twelve edges, and nothing in between. Edges shorter
+    than the spacing end in one point, of the faces at both ends, so that the mesh is closed."""
     sides = (1, 0.05, 0.9e-4)
     turn = blade(tmp_path / "blade.obj", sides)
-    assert worker(mesh("blade.obj", 2000)).returncode == 0
+    job = mesh("blade.obj", 2000)
+    job["output"]["mesh"] = True
+    assert worker(job).returncode == 0
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     points = Points((tmp_path / "out" / "points.ply").read_bytes())
     at = points.position @ turn / sides
     assert report["quality"]["min_spacing_ratio"] > 0.5
     assert report["surface"]["mesh"]["patches"] == 6 and report["surface"]["mesh"]["curves"] == 12
+    assert report["mesh"]["closed"]
     assert report["count"] == 2000 and report["quality"]["lost"] == 0 and report["quality"]["coverage"] < 0.8
     assert numpy.abs(numpy.abs(at[:, 2] - 0.5) - 0.5).max() < 0.01 and 900 < (at[:, 2] > 0.5).sum() < 1100
 
