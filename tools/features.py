@@ -7,7 +7,7 @@
 DIRECTORY, or HEXAD_SHARED, has the folder meshes. CASES says how each is resolved. Ends with 1 when a bound is missed:
 no unresolved point; a closed manifold with the genus and the number of parts of the input; the least angle above 25
 degrees in 99.9 % of the triangles; nowhere farther from the input than a third of the local feature size, or of
-a voxel where that is larger, since the level set rounds what is smaller. The local feature size is the distance to the medial axis of the input, by shrinking
+the least spacing where that is larger. The local feature size is the distance to the medial axis of the input, by shrinking
 balls (Ma, Bae and Choi 2012) of which only those count that touch sheets that face each other. Shares no code with the
 sampler.
 """
@@ -25,13 +25,13 @@ from scipy.spatial import cKDTree
 import inputs
 import meshes
 
-# file, voxels along its longest side, ratio, least spacing in voxels
-CASES = (("dragon_100k.obj", 256, 0.75, 0.25),
-         ("scorpion_low.obj", 256, 0.5, 0.1),
-         ("footbones.ply", 256, 0.75, 0.25),
-         ("42400-IDGH.stl", 256, 0.75, 0.25),
-         ("fertility.off", 256, 0.5, 0.25),
-         ("high_genus13k.off", 256, 0.5, 0.25))
+# file, ratio, least spacing in thousandths of the longest side
+CASES = (("dragon_100k.obj", 0.6, 1),
+         ("scorpion_low.obj", 0.5, 2),
+         ("footbones.ply", 0.6, 2),
+         ("42400-IDGH.stl", 0.5, 1),
+         ("fertility.off", 0.5, 1),
+         ("high_genus13k.off", 0.4, 1))
 LEAST_ANGLE, SHARE = 25, 0.999
 FARTHEST = 1 / 3
 # Places on a mesh that distances and feature sizes are measured at.
@@ -129,27 +129,27 @@ def farthest(given, made, floor):
     return worst
 
 
-def resolve(worker, path, resolution, ratio, least, work):
-    """The input, the report, mesh.ply, and the voxel size."""
+def resolve(worker, path, ratio, least, work):
+    """The input, the report, mesh.ply, and the least spacing."""
     given = meshes.read(path)
-    voxel = float(numpy.ptp(given.vertices, axis=0).max()) / resolution
-    spec = {"version": 1, "surface": {"mesh": {"path": str(path), "resolution": resolution}},
-            "sampling": {"resolve": True, "feature": {"ratio": ratio}, "min_spacing": least * voxel},
+    spacing = least / 1000 * float(numpy.ptp(given.vertices, axis=0).max())
+    spec = {"version": 1, "surface": {"mesh": {"path": str(path)}},
+            "sampling": {"resolve": True, "feature": {"ratio": ratio}, "min_spacing": spacing},
             "output": {"mesh": True, "preview": False}}
     (work / "spec.json").write_text(json.dumps(spec))
     done = subprocess.run([worker, "run", work / "spec.json", "--output", work / "out"], text=True, capture_output=True)
     if done.returncode not in (0, 10, 11):
         raise SystemExit(f"{path.name}: {done.stderr[-300:]}")
-    return given, json.loads((work / "out" / "report.json").read_text()), read_result(work / "out" / "mesh.ply"), voxel
+    return given, json.loads((work / "out" / "report.json").read_text()), read_result(work / "out" / "mesh.ply"), spacing
 
 
-def measure(given, report, result, voxel):
+def measure(given, report, result, spacing):
     """What is measured, each with its text and whether it is within its bound."""
     vertices, triangles = result
     before, after = Topology(given.triangles), Topology(triangles)
     angles = least_angles(vertices, triangles)
     share = float((angles > LEAST_ANGLE).mean())
-    distance = farthest(given, meshes.Mesh(vertices, triangles), voxel)
+    distance = farthest(given, meshes.Mesh(vertices, triangles), spacing)
     unresolved = report["quality"]["unresolved_count"]
     whole = after.manifold and after.genus == before.genus and after.parts == before.parts
     shape = f"{after.parts} of genus {after.genus:g}" if after.manifold else "not closed" if not after.closed else "pinched"
@@ -158,20 +158,20 @@ def measure(given, report, result, voxel):
             (f"{angles.min():.1f}", True), (f"{100 * share:.2f} %", share >= SHARE), (f"{distance:.3f}", distance <= FARTHEST))
 
 
-HEAD = ("file", "voxels", "ratio", "least spacing, voxels", "points", "outcome", "unresolved", "parts of the input", "of mesh.ply",
+HEAD = ("file", "ratio", "least spacing, thousandths", "points", "outcome", "unresolved", "parts of the input", "of mesh.ply",
         "least angle", f"above {LEAST_ANGLE} degrees", "distance over feature size", "s")
 
 
 def page(data, worker, only, say):
     rows, bad = ["| " + " | ".join(HEAD) + " |", "|" + "---|" * len(HEAD)], 0
-    for name, resolution, ratio, least in CASES:
+    for name, ratio, least in CASES:
         if only and not any(word in name for word in only):
             continue
         with tempfile.TemporaryDirectory() as where:
-            found = resolve(worker, data / "meshes" / name, resolution, ratio, least, pathlib.Path(where))
+            found = resolve(worker, data / "meshes" / name, ratio, least, pathlib.Path(where))
         cells = measure(*found)
         bad += sum(not good for _, good in cells)
-        row = [name, str(resolution), f"{ratio:g}", f"{least:g}"] + [t if good else f"**{t}**" for t, good in cells]
+        row = [name, f"{ratio:g}", f"{least:g}"] + [t if good else f"**{t}**" for t, good in cells]
         rows.append("| " + " | ".join(row + [f"{found[1]['timing_s']['total']:.0f}"]) + " |")
         say(rows[-1])
     return rows, bad

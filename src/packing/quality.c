@@ -127,6 +127,20 @@ static double area_of(const voronoi_star *star)
     return area;
 }
 
+static bool is_in_reach(const quality_input *in, uint32_t i, uint32_t fixed)
+{
+    const double reach = ROW_REACH * 0.5 * (in->spacing[i] + in->spacing[fixed]);
+    return in->flags[fixed] & PACKING_FIXED &&
+           vec3_norm2(vec3_sub(in->position[fixed], in->position[i])) < reach * reach;
+}
+
+/* Whether the sheets of two points meet in a sharp edge, next to both: its row tells them apart. */
+static bool meet_in_edge(const quality_input *in, uint32_t i, uint32_t j)
+{
+    const uint8_t at = PACKING_FIXED | PACKING_AT_WEDGE;
+    return in->flags && in->flags[i] & at && in->flags[j] & at;
+}
+
 static bool is_unresolved(const measure_job *job, uint32_t i)
 {
     const quality_input *in = job->in;
@@ -137,7 +151,8 @@ static bool is_unresolved(const measure_job *job, uint32_t i)
         vec3 r = vec3_sub(in->position[j], in->position[i]);
         double mean = 0.5 * (in->spacing[i] + in->spacing[j]), reach = QUALITY_SHEET_REACH * mean;
         double gap = fmin(fabs(vec3_dot(in->normal[i], r)), fabs(vec3_dot(in->normal[j], r)));
-        if (gap < QUALITY_SHEET_GAP * mean && vec3_norm2(r) < reach * reach) return true;
+        if (gap < QUALITY_SHEET_GAP * mean && vec3_norm2(r) < reach * reach && !meet_in_edge(in, i, j))
+            return true;
     }
     return false;
 }
@@ -150,12 +165,8 @@ static bool is_near_boundary(const measure_job *job, uint32_t i)
     if (!in->flags) return false;
     if (in->flags[i] & PACKING_FIXED) return true;
     const uint32_t *list = neighbours_list(job->sites.near, i);
-    for (uint32_t k = 0; k < job->sites.near->list_count[i]; k++) {
-        double reach = ROW_REACH * 0.5 * (in->spacing[i] + in->spacing[list[k]]);
-        if (in->flags[list[k]] & PACKING_FIXED &&
-            vec3_norm2(vec3_sub(in->position[list[k]], in->position[i])) < reach * reach)
-            return true;
-    }
+    for (uint32_t k = 0; k < job->sites.near->list_count[i]; k++)
+        if (is_in_reach(in, i, list[k])) return true;
     return false;
 }
 

@@ -14,6 +14,7 @@
 #ifndef HEXAD_PACKING_QUALITY_H
 #define HEXAD_PACKING_QUALITY_H
 
+#include <math.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -27,6 +28,13 @@
 #define QUALITY_SHEET_FACING -0.4
 #define QUALITY_SHEET_REACH 1.7
 #define QUALITY_SHEET_GAP 1.2
+/* Of a sine, squared: sharper edges reach no farther. */
+#define QUALITY_WEDGE_LEAST 0.01
+/* How far from the edge at which two sheets meet they are no farther apart, in spacings; and one more, as rows are at places. */
+static inline double quality_wedge_reach(double cosine)
+{
+    return QUALITY_SHEET_GAP / sqrt(fmax(1 - cosine * cosine, QUALITY_WEDGE_LEAST)) + 1;
+}
 
 typedef struct quality_input {
     size_t count;

@@ -295,23 +295,6 @@ static void conclude(const tally *all, size_t chunks, size_t points, triangulati
     out->euler = (int64_t)points - (int64_t)out->edges + (int64_t)out->triangles;
 }
 
-static bool survey_made(const triangulation_input *in, threads *pool, triangulation *made, error *e)
-{
-    survey job = {.in = in, .made = made, .as = in->point};
-    size_t most = made->facts.triangles > in->count ? made->facts.triangles : in->count,
-           chunks = most / CHUNK + 1;
-    job.tally = mem_array(chunks, sizeof *job.tally, "the mesh", e);
-    bool ok = job.tally && list_wedges(&job, e);
-    if (ok) {
-        threads_run(pool, in->count, CHUNK, survey_points, &job);
-        threads_run(pool, made->facts.triangles, CHUNK, survey_triangles, &job);
-        conclude(job.tally, chunks, in->count, &made->facts);
-        if (threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
-    }
-    free_survey(&job);
-    return ok;
-}
-
 /* The corner of the least index comes first. */
 static void turn_to_least(uint32_t corner[3])
 {
@@ -535,6 +518,25 @@ static bool join_labels(const triangulation_input *in, triangulation *t, error *
 
 /* ---- the whole ---- */
 
+bool triangulation_survey(const triangulation_input *in, threads *pool, triangulation *made, error *e)
+{
+    triangulation_input vertices = *in;
+    if (in->point) vertices.count = in->points;
+    survey job = {.in = &vertices, .made = made, .as = in->point};
+    size_t most = made->facts.triangles > vertices.count ? made->facts.triangles : vertices.count,
+           chunks = most / CHUNK + 1;
+    job.tally = mem_array(chunks, sizeof *job.tally, "the mesh", e);
+    bool ok = job.tally && list_wedges(&job, e);
+    if (ok) {
+        threads_run(pool, vertices.count, CHUNK, survey_points, &job);
+        threads_run(pool, made->facts.triangles, CHUNK, survey_triangles, &job);
+        conclude(job.tally, chunks, vertices.count, &made->facts);
+        if (threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
+    }
+    free_survey(&job);
+    return ok;
+}
+
 bool triangulation_make(const triangulation_input *in, threads *pool, triangulation *out, error *e)
 {
     const partitions_input cut = {in->count, in->position, in->normal,   in->spacing,
@@ -544,15 +546,11 @@ bool triangulation_make(const triangulation_input *in, threads *pool, triangulat
     bool ok = partitions_cut(&cut, &all, e);
     for (size_t k = 0; ok && k < all.count; k++) ok = search_partition(&cut, &all, k, pool, out, e);
     partitions_free(&all);
-    triangulation_input vertices = *in;
     if (ok && in->flags) drop_outside(in, out);
     if (ok && in->side) ok = drop_beyond(in, out, e);
     ok = ok && close_holes(in, out, e);
-    if (ok && in->point) {
-        ok = join_labels(in, out, e);
-        vertices.count = in->points;
-    }
-    return ok && survey_made(&vertices, pool, out, e);
+    if (ok && in->point) ok = join_labels(in, out, e);
+    return ok && triangulation_survey(in, pool, out, e);
 }
 
 void triangulation_free(triangulation *t)

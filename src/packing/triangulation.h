@@ -62,6 +62,8 @@ typedef struct triangulation {
 
 /* Release also after failure. Errors: limit_memory, cancelled. Deterministic for any number of threads. */
 bool triangulation_make(const triangulation_input *in, threads *pool, triangulation *out, error *e);
+/* The facts of triangles that are there already, of the input's vertices: made->corner, facts.triangles of them. */
+bool triangulation_survey(const triangulation_input *in, threads *pool, triangulation *made, error *e);
 void triangulation_free(triangulation *t);
 
 /* Whether the triangles are a surface, or several that meet in seams, that ends nowhere but at boundaries, and whether it

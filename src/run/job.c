@@ -457,6 +457,7 @@ bool job_write_points(job *j, error *e)
                         .sampled = j->source.field,
                         .solved = p,
                         .labels = j->source.whole.labels,
+                        .triangles = j->spec->resolve ? source_closed_mesh(&j->source) : NULL,
                         .h = sampler_spacing(s->sampler),
                         .frame = j->options->frame};
     landing l;

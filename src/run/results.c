@@ -17,6 +17,7 @@
 #include "formats/preview_exr.h"
 #include "formats/property.h"
 #include "run/curve_chains.h"
+#include "remesh/surface_mesh.h"
 #include "run/label_meshes.h"
 #include "run/layout.h"
 #include "store/file.h"
@@ -197,7 +198,7 @@ static void describe_label_mesh(json *list, int32_t label, const char *name, con
 }
 
 /* A label that no triangle bounds has no file. */
-static bool write_label_meshes(const char *directory, const results_input *in, const points *mesh,
+static bool write_label_meshes(const char *directory, const results_input *in, const points *whole,
                                bool as_float, threads *pool, json *outputs, json *told, error *e)
 {
     static const char *const properties[] = {"x", "y", "z", "point"};
@@ -210,7 +211,7 @@ static bool write_label_meshes(const char *directory, const results_input *in, c
     for (size_t k = 0; ok && k < count; k++) {
         label_mesh_part part;
         char *name = mem_printf(LABEL_NAME, (int)labels[k]);
-        ok = label_mesh_part_make(mesh, (int32_t)labels[k], &part, e);
+        ok = label_mesh_part_make(whole, (int32_t)labels[k], &part, e);
         if (ok && part.set.triangle_count > 0) {
             ok = write_ply(directory, name, &how, &part.set, as_float, pool, outputs, e);
             describe_label_mesh(told, (int32_t)labels[k], name, &part);
@@ -219,6 +220,18 @@ static bool write_label_meshes(const char *directory, const results_input *in, c
         free(name);
     }
     return ok;
+}
+
+/* Of points on a closed mesh, by that; else by the points and their normals alone. */
+static bool triangulate(const results_input *in, const triangulation_input *sites, threads *pool,
+                        triangulation *out, error *e)
+{
+    if (!in->triangles) return triangulation_make(sites, pool, out, e);
+    const surface_mesh_input on = {in->triangles,  sites->count, sites->position,
+                                   sites->spacing, sites->point, sites->points};
+    *out = (triangulation){0};
+    return surface_mesh_make(&on, &out->corner, &out->facts.triangles, e) &&
+           triangulation_survey(sites, pool, out, e);
 }
 
 static bool write_mesh(const char *directory, const results_input *in, bool as_float, threads *pool,
@@ -246,7 +259,7 @@ static bool write_mesh(const char *directory, const results_input *in, bool as_f
     triangulation made;
     int32_t(*labels)[2] = NULL;
     points vertices = *set;
-    bool ok = triangulation_make(&sites, pool, &made, e);
+    bool ok = triangulate(in, &sites, pool, &made, e);
     vertices.triangle_count = made.facts.triangles;
     vertices.triangle = (const uint32_t(*)[3])made.corner;
     if (ok && in->labels) {

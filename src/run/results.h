@@ -9,6 +9,7 @@
 #include "formats/points.h"
 #include "json/json.h"
 #include "labels/label_surface.h"
+#include "mesh/mesh.h"
 #include "packing/triangulation.h"
 #include "sampler/sampler.h"
 #include "spec/spec.h"
@@ -31,6 +32,7 @@ typedef struct results_input {
     const label_surface *labels;  /* of interfaces; else NULL */
     const field *sampled;         /* that the points were found on, whose space may be another */
     const sampler_points *solved; /* the points in that space, as the mesh is made of them */
+    const mesh *triangles;        /* closed, that the points lie on; or NULL */
     int frame;                    /* of a sequence */
     bool unresolved;              /* more of the points than the verdict allows */
     double h;                     /* of the ideal packing */

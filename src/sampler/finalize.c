@@ -5,6 +5,8 @@
 
 #include "base/memory.h"
 #include "packing/packing.h"
+#include "packing/point_tree.h"
+#include "packing/quality.h"
 #include "particles/random_streams.h"
 #include "sampler/sampler_internal.h"
 #include "surface/projection.h"
@@ -260,6 +262,37 @@ static void merge_normals(sampler *s)
         if (s->record.flags[k] & PACKING_FIXED) s->record.normal[k] = vec3_unit(s->record.normal[k]);
 }
 
+/* At an edge the cosine of its patches' normals, which are means of what is around, is larger than of its faces. */
+static const double SHARP = 0;
+
+/* Marks the particles near edges at which sheets meet that face each other. */
+static bool mark_wedges(sampler *s, error *e)
+{
+    const particles *p = s->state.p;
+    const size_t points = sampler_point_count(s), copies = p->count - points;
+    vec3 *at = mem_array(copies, sizeof *at, "the result", e);
+    double *reach = mem_array(copies, sizeof *reach, "the result", e);
+    size_t count = 0;
+    bool ok = at && reach;
+    for (size_t k = points; ok && k < p->count; k++) {
+        const double cosine = vec3_dot(p->normal[k], p->normal[s->record.point[k]]);
+        if (cosine >= SHARP) continue;
+        reach[count] = quality_wedge_reach(fmin(cosine, QUALITY_SHEET_FACING));
+        at[count++] = p->position[k];
+    }
+    point_tree *tree = ok && count > 0 ? point_tree_new(at, count, e) : NULL;
+    for (size_t i = 0; tree && i < p->count; i++) {
+        double distance;
+        const uint32_t nearest = point_tree_nearest(tree, p->position[i], 0, &distance);
+        if (distance < reach[nearest] * s->state.spacing * p->size[i]) s->record.flags[i] |= PACKING_AT_WEDGE;
+    }
+    ok = ok && (count == 0 || tree);
+    point_tree_free(tree);
+    free(at);
+    free(reach);
+    return ok;
+}
+
 /* What a point on curves is told from its particles, see sampler_stands. */
 static bool merge_stands(sampler *s, error *e)
 {
@@ -275,6 +308,7 @@ static bool merge_stands(sampler *s, error *e)
     bool ok = order && first && s->record.point && s->record.flags && s->record.normal && s->record.feature &&
               s->scratch.lost && arrange_stands(s, order, first, e);
     if (ok) merge_normals(s);
+    ok = ok && mark_wedges(s, e);
     free(order);
     free(first);
     free(s->scratch.lost);

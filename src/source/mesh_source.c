@@ -7,12 +7,15 @@
 #include "mesh/mesh_edges.h"
 #include "meshfile/mesh_file.h"
 #include "packing/packing.h"
+#include "packing/quality.h"
 
 /* The longest side of a cell: the spacing, but of few points less, so that normals and sizes are seen. */
 static const double least_cells = 32; /* along the longest side of the mesh */
+/* Of a spacing that few places ask for there would be more. */
+static const double most_cells = 1e5;
 /* Of the area: with more the outcome would be unresolved. */
 static const double most_missing = 0.01;
-/* Of the area of a closed mesh whose sharp edges are not asked for: with more inside of its solids it is a level set. */
+/* Of the area of a closed mesh whose triangles are not asked for: with more inside of its solids it is a level set. */
 static const double most_hidden = 0.001;
 
 /* Of the points that are asked for; 0: not known before there are features. */
@@ -26,15 +29,16 @@ static double longest_cell(const mesh_source_request *r, const mesh_patches *p)
 {
     const double spacing = spacing_of(r, mesh_area(&p->m)),
                  most = bbox_longest(mesh_box(&p->m)) / least_cells;
-    return spacing > 0 ? fmin(spacing, most) : most;
+    const double fewest = sqrt(mesh_area(&p->m) / most_cells);
+    return spacing > 0 ? fmax(fmin(spacing, most), fewest) : most;
 }
 
-/* Whether nothing speaks against the triangles of a closed mesh with sharp edges that are not asked for. */
-static bool suits_sharp(const mesh_source_request *r, const mesh_patches *p, bool *out, error *e)
+/* Whether nothing speaks against the triangles of a closed mesh that are not asked for. */
+static bool suits_triangles(const mesh_source_request *r, const mesh_patches *p, bool *out, error *e)
 {
     const spec_mesh *s = r->spec;
     double hidden = 0;
-    *out = r->sharp && s->on_mesh && !(s->voxel_size > 0) && s->resolution == 0;
+    *out = r->plain && s->on_mesh && !(s->voxel_size > 0) && s->resolution == 0;
     if (!*out) return true;
     if (!fidelity_hidden(&p->m, &hidden, e)) return false;
     *out = hidden <= most_hidden;
@@ -47,9 +51,9 @@ static bool wants_patches(const mesh_source_request *r, const mesh_patches *p, b
     *out = !p->closed && r->spec->holes == SPEC_HOLES_KEEP;
     for (size_t k = 0; p->closed && k < p->count; k++)
         *out |= p->two_sided[k]; /* a Klein bottle has no inside */
-    if (!p->closed || *out || p->feature_edges == 0) return true;
+    if (!p->closed || *out || (p->feature_edges == 0 && !r->resolve)) return true;
     *out = r->spec->has_features;
-    return *out || suits_sharp(r, p, out, e);
+    return *out || suits_triangles(r, p, out, e);
 }
 
 /* Of the mesh as it is, or as it is placed and cut. */
@@ -70,6 +74,20 @@ static bool make_patches(const mesh_source_request *r, const mesh *whole, double
     return mesh_patches_make(&copy, &params, notes, made, e);
 }
 
+/* A closed mesh that is to be resolved and has no other sharp edges is cut at those at which sheets face each other. */
+static bool cut_wedges(const mesh_source_request *r, const mesh *whole, const mesh_notes *read,
+                       mesh_patches *given, mesh_notes *notes, error *e)
+{
+    if (!given->closed || given->feature_edges > 0 || r->spec->has_features) return true;
+    mesh_notes again = *read;
+    mesh_patches cut = {0};
+    if (!make_patches(r, whole, acos(QUALITY_SHEET_FACING), false, false, &again, &cut, e)) return false;
+    mesh_patches_free(given);
+    *given = cut;
+    *notes = again;
+    return true;
+}
+
 /* *made stays empty where the mesh is to be a level set. `thin`: it was tried, and shows too little. */
 static bool choose_patches(const mesh_source_request *r, const mesh *whole, bool thin, mesh_notes *notes,
                            mesh_patches *made, error *e)
@@ -80,7 +98,8 @@ static bool choose_patches(const mesh_source_request *r, const mesh *whole, bool
     mesh_patches given = {0};
     bool wanted = thin;
     if (!r->alone || s->interior == SPEC_INTERIOR_DROP) return true;
-    bool ok = make_patches(r, whole, angle, false, !thin, &as_given, &given, e) &&
+    bool ok = make_patches(r, whole, angle, false, !thin && !r->resolve, &as_given, &given, e) &&
+              (!r->resolve || cut_wedges(r, whole, notes, &given, &as_given, e)) &&
               (thin || wants_patches(r, &given, &wanted, e));
     if (!ok || !wanted) {
         mesh_patches_free(&given);

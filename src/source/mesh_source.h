@@ -14,7 +14,9 @@ typedef struct mesh_source_request {
     const spec_mesh *spec;
     bool
         alone; /* the mesh is all of the surface, or of what is placed or cut by a box: it may be one of patches */
-    bool sharp; /* also a closed one whose edges are sharp, though the spec has no features */
+    bool
+        plain; /* also a closed one whose edges are sharp, or that is to be resolved, though the spec has no features */
+    bool resolve;
     const double (*to_world)[4]; /* places it, where it is one of patches; or NULL */
     const bbox *region;          /* cuts it, likewise */
     volume_mesh_request as_volume;

@@ -182,7 +182,8 @@ static bool open_mesh(const spec_mesh *m, double offset, int fd, const opening *
     const mesh_source_request request = {
         .spec = m,
         .alone = o->direct && !o->spec->region_inside && offset == 0,
-        .sharp = !o->placed && !o->spec->has_region && !o->spec->coherent && !o->spec->has_alpha &&
+        .resolve = o->spec->resolve,
+        .plain = !o->placed && !o->spec->has_region && !o->spec->coherent && !o->spec->has_alpha &&
                  o->spec->method != SPEC_METHOD_WITKIN_HECKBERT,
         .to_world = o->placed ? (const double(*)[4])o->to_world : NULL,
         .region = o->spec->has_region ? &cut : NULL,
@@ -680,6 +681,12 @@ double source_missing_share(const source *s)
     double area = 0, missing = 0;
     add_missing(&s->whole, &area, &missing);
     return area > 0 ? missing / area : 0;
+}
+
+const mesh *source_closed_mesh(const source *s)
+{
+    const mesh_patches *p = s->whole.mesh ? mesh_surface_patches(s->whole.mesh) : NULL;
+    return p && p->closed && p->branching_edges == 0 ? &p->m : NULL;
 }
 
 size_t source_memory(const source *s)

@@ -388,7 +388,7 @@ def test_voxels_follow_the_features_that_are_to_be_resolved(worker, tmp_path):
     blade(tmp_path / "rod.obj", (1, 0.04, 0.04))
     reports = []
     for most in (4096, 300):
-        done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "rod.obj"), "max_resolution": most, "features": {"angle": 0}}},
+        done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "rod.obj"), "max_resolution": most, "on_mesh": False}},
                        "sampling": {"resolve": True, "feature": {"ratio": 1.5}, "min_spacing": 0.003},
                        "output": {"preview": False}})
         assert done.returncode in (0, 11), done.stderr

@@ -1,0 +1,25 @@
+/* surface_mesh: the triangles between points on a triangle mesh: the dual of the points' cells along the surface
+ * (geodesic_cells), with edges flipped until the angles opposite to each sum up to at most 180 degrees.
+ *
+ * Where cells are discs that meet as cells of a plane do, the triangles have the topology of the mesh, however near its sheets
+ * are and however sharp its edges. World space. Threads: none.
+ */
+#ifndef HEXAD_REMESH_SURFACE_MESH_H
+#define HEXAD_REMESH_SURFACE_MESH_H
+
+#include "base/error.h"
+#include "mesh/mesh.h"
+
+typedef struct surface_mesh_input {
+    const mesh *m; /* no edge of more than two triangles */
+    size_t count;
+    const vec3 *position; /* on the mesh */
+    const double *spacing;
+    const uint32_t *name; /* the vertex that the point is; several points may be one */
+    size_t names;
+} surface_mesh_input;
+
+/* Triangles counterclockwise as those of the mesh are, to be freed. Error: limit_memory. Deterministic. */
+bool surface_mesh_make(const surface_mesh_input *in, uint32_t (**triangle)[3], size_t *count, error *e);
+
+#endif

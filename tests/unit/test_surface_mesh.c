@@ -1,0 +1,119 @@
+/* Triangles between points on a mesh: of its topology where its sheets are nearer than the points, and where they meet in an
+ * edge that is as sharp as a blade's. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <cmocka.h>
+
+#include "base/rng.h"
+#include "mesh_fixture.h"
+#include "packing/triangulation.h"
+#include "remesh/surface_mesh.h"
+
+enum { MOST = 4000 };
+static const double spacing_wanted = 0.1;
+
+typedef struct scattered {
+    size_t count;
+    vec3 position[MOST], normal[MOST];
+    double spacing[MOST];
+    uint32_t name[MOST];
+} scattered;
+
+/* Points drawn from the mesh by area, none nearer to another on its triangle's side than .7 of the spacing. */
+static scattered *scatter(const mesh *m)
+{
+    scattered *s = calloc(1, sizeof *s);
+    rng r = rng_seed(7, 0);
+    const double area = mesh_area(m);
+    for (int trial = 0; trial < 60000 && s->count < MOST; trial++) {
+        double at = rng_uniform(&r) * area, u = rng_uniform(&r), v = rng_uniform(&r);
+        size_t n = 0;
+        vec3 a, b, c, across;
+        for (;; n++) {
+            a = m->vertex[m->triangle[n][0]];
+            b = vec3_sub(m->vertex[m->triangle[n][1]], a);
+            c = vec3_sub(m->vertex[m->triangle[n][2]], a);
+            across = vec3_cross(b, c);
+            at -= 0.5 * vec3_norm(across);
+            if (at <= 0 || n + 1 == m->triangle_count) break;
+        }
+        if (u + v > 1) {
+            u = 1 - u;
+            v = 1 - v;
+        }
+        const vec3 x = vec3_axpy(u, b, vec3_axpy(v, c, a)), normal = vec3_unit(across);
+        bool free_place = true;
+        for (size_t i = 0; i < s->count; i++)
+            free_place &= vec3_dot(s->normal[i], normal) < 0 ||
+                          vec3_norm(vec3_sub(s->position[i], x)) > 0.7 * spacing_wanted;
+        if (!free_place) continue;
+        s->position[s->count] = x;
+        s->normal[s->count] = normal;
+        s->spacing[s->count] = spacing_wanted;
+        s->name[s->count] = (uint32_t)s->count;
+        s->count++;
+    }
+    return s;
+}
+
+static void assert_closed(mesh m, int64_t euler)
+{
+    scattered *s = scatter(&m);
+    const surface_mesh_input in = {&m, s->count, s->position, s->spacing, s->name, s->count};
+    const triangulation_input points = {
+        .count = s->count, .position = s->position, .normal = s->normal, .spacing = s->spacing};
+    triangulation made = {0};
+    error e = {0};
+    if (!surface_mesh_make(&in, &made.corner, &made.facts.triangles, &e) ||
+        !triangulation_survey(&points, mesh_fixture_pool(), &made, &e))
+        fail_msg("%s", e.message);
+    assert_true(triangulation_is_closed(&made.facts));
+    assert_int_equal(made.facts.euler, euler);
+    triangulation_free(&made);
+    mesh_free(&m);
+    free(s);
+}
+
+static void balls_are_closed(void **state)
+{
+    (void)state;
+    assert_closed(mesh_fixture_ball(vec3_make(0, 0, 0), 0.7, 4), 2);
+}
+
+static void plates_thinner_than_the_spacing_are_closed(void **state)
+{
+    (void)state;
+    assert_closed(mesh_fixture_box(vec3_make(0, 0, 0), vec3_make(1, 1, 0.002), 0.3), 2);
+}
+
+static vec3 blade(double u, double v)
+{
+    const double w = 2 * fmin(v, 1 - v); /* there and back */
+    const double thick = (v < 0.5 ? 1 : -1) * 0.03 * sin(M_PI * u) * w * (1 - w);
+    return mesh_fixture_rounded(vec3_make(2 * u, thick, w));
+}
+
+/* Both its edges are nearly 180 degrees sharp, and its ends come to lines. */
+static void blades_are_closed(void **state)
+{
+    (void)state;
+    mesh m = mesh_fixture_sheet(40, 20, blade);
+    mesh_notes unused = {0};
+    error e = {0};
+    assert_true(mesh_weld(&m, MESH_DROP_CANCELLED, &unused, &e));
+    assert_closed(m, 2);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(balls_are_closed),
+        cmocka_unit_test(plates_thinner_than_the_spacing_are_closed),
+        cmocka_unit_test(blades_are_closed),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
