@@ -2,13 +2,14 @@
 """Gives every file of a collection to the worker, and writes what became of each as a table (doc/measured/inputs.md).
 
     tools/inputs.py --worker build/hexad-worker --output doc/measured/inputs.md [--data DIRECTORY] [--only WORD ...]
-                    [--counts 5000 50000]
+                    [--counts 5000 50000] [--resume] [--seconds N]
 
 DIRECTORY, or HEXAD_SHARED, has the folders meshes, vdb, volumes, exr and malformed. Nothing is known about the files
 beforehand: the kind of surface follows from the folder and the name's ending; where the worker's error says that there is
 a choice of grids, parts, channels or volumes, each grid and the first of the others are taken; where it says between what values
 the volume lies, the middle is the isovalue. An image is made a stack of six copies. Malformed files are given the first count
-alone. Meshes are held against their triangles (tools/covering.py). Ends with 1 when a result is not sound (below), or an
+alone. With --resume rows that the output has of the same worker are kept, and with --seconds no file is begun after that
+long, so that a table can be made in pieces: the exit is 3 until it is whole. Meshes are held against their triangles (tools/covering.py). Ends with 1 when a result is not sound (below), or an
 error is no error of the file's.
 
 Sound is a result without a lost point, with all points on the surface, and whose outcome is true: what is called converged
@@ -16,6 +17,7 @@ has at most 2 % of its points unresolved and an energy at most 5 % above the ide
 within 1.2 spacings, but for 1 % of the area.
 """
 import argparse
+import hashlib
 import json
 import os
 import pathlib
@@ -24,6 +26,7 @@ import resource
 import subprocess
 import sys
 import tempfile
+import time
 
 import covering
 import measure
@@ -195,13 +198,13 @@ HEAD = ("file", "surface", "points", "outcome", "resolved", "hex, all / resolved
 
 
 def row(case, data, name, chosen, count, error, report):
-    """The cells of a result, and whether it is sound."""
+    """The cells of a result."""
     covered = case.covered() if report else None
     wrong = faults(error, report, covered)
     members = " ".join(f"{k} {v:.6g}" if isinstance(v, float) else f'{k} "{v}"' for k, v in chosen.items() if v != FAR)
     words = f"**{', '.join(wrong)}** " if wrong else ""
     return [name, f"{case.kind} {members}".strip(), f"{count}", *figures(case, report, covered),
-            words + told(case, data, error, report)], not wrong
+            words + told(case, data, error, report)]
 
 
 def results(case, counts):
@@ -216,23 +219,52 @@ def results(case, counts):
             yield chosen, count, *case.run(chosen, count)
 
 
-def page(data, worker, counts, only, say):
-    lines, tally, bad = [], {"points": 0, "errors": 0}, 0
-    with tempfile.TemporaryDirectory() as where:
-        for folder in FOLDERS:
-            lines += ["", f"## {folder}", "", "| " + " | ".join(HEAD) + " |", "|---" * len(HEAD) + "|"]
-            for path in files(data, folder):
-                name = str(path.relative_to(data / folder))
-                if only and not any(word in f"{folder}/{name}" for word in only):
-                    continue
-                case = Case(path, kind_of(path, folder), pathlib.Path(where), worker)
-                for chosen, count, error, report in results(case, counts[:1] if folder == "malformed" else counts):
-                    cells, good = row(case, data, name, chosen, count, error, report)
-                    tally["errors" if error else "points"] += 1
-                    bad += not good
-                    lines.append("| " + " | ".join(cell(text) for text in cells) + " |")
-                    say(lines[-1])
-    return lines, tally, bad
+def mark_of(worker):
+    """What tells a worker, with the modules beside it, from others."""
+    whole = hashlib.sha256()
+    for path in [pathlib.Path(worker), *sorted(pathlib.Path(worker).parent.glob("hexad-*.so"))]:
+        whole.update(path.read_bytes())
+    return f"Worker {whole.hexdigest()[:16]}."
+
+
+def rows_of(page, mark):
+    """{(folder, name): lines} of a page that the worker of this mark has made; nothing of others."""
+    found, folder = {}, None
+    text = page.read_text() if page.exists() else ""
+    for line in text.splitlines() if mark in text else []:
+        if line.startswith("## "):
+            folder = line[3:]
+        elif line.startswith("| ") and not line.startswith("| file"):
+            found.setdefault((folder, line[2:line.index(" | ")]), []).append(line)
+    return found
+
+
+def make_rows(case, data, folder, counts, say):
+    lines, name = [], str(case.path.relative_to(data / folder))
+    for chosen, count, error, report in results(case, counts):
+        cells = row(case, data, name, chosen, count, error, report)
+        lines.append("| " + " | ".join(cell(text) for text in cells) + " |")
+        say(lines[-1])
+    return lines
+
+
+def write(output, mark, rows, places):
+    """The page of the rows, in the order of `places`."""
+    lines = [line for place in places for line in rows.get(place, [])]
+    bad = sum("| **" in line for line in lines)
+    errors = sum("| error |" in line for line in lines)
+    text = ["# Every file of the collection", "",
+            "Made by `make inputs`: what the worker makes of each file (`tools/inputs.py` says how a surface is chosen). "
+            f"{len(lines) - errors} results, {errors} errors, {bad} of them not sound. {mark}", "",
+            "Measures are the report's. Distances are in spacings: of the nearest two points (least distance); of the place on "
+            "the mesh that is farthest from all points, of a dense sample of what bounds the union of its solids; of the point "
+            "that is farthest off the mesh. The missing area has no point within "
+            f"{covering.NOT_COVERED} spacings. One thread; processor time is of the worker with its reader."]
+    for folder in FOLDERS:
+        text += ["", f"## {folder}", "", "| " + " | ".join(HEAD) + " |", "|---" * len(HEAD) + "|"]
+        text += [line for place in places if place[0] == folder for line in rows.get(place, [])]
+    output.write_text("\n".join(text) + "\n")
+    return bad
 
 
 def parser_of(description):
@@ -255,17 +287,25 @@ def arguments(parser):
 def main():
     parser = parser_of(__doc__.splitlines()[0])
     parser.add_argument("--counts", nargs="+", type=int, default=COUNTS)
+    parser.add_argument("--resume", action="store_true")
+    parser.add_argument("--seconds", type=float, default=float("inf"))
     options = arguments(parser)
-    lines, tally, bad = page(pathlib.Path(options.data), os.path.abspath(options.worker), options.counts, options.only,
-                             lambda text: print(text, file=sys.stderr))
-    head = ["# Every file of the collection", "",
-            "Made by `make inputs`: what the worker makes of each file (`tools/inputs.py` says how a surface is chosen). "
-            f"{tally['points']} results, {tally['errors']} errors, {bad} of them not sound.", "",
-            "Measures are the report's. Distances are in spacings: of the nearest two points (least distance); of the place on "
-            "the mesh that is farthest from all points, of a dense sample of what bounds the union of its solids; of the point "
-            "that is farthest off the mesh. The missing area has no point within "
-            f"{covering.NOT_COVERED} spacings. One thread; processor time is of the worker with its reader."]
-    pathlib.Path(options.output).write_text("\n".join(head + lines) + "\n")
+    data, worker, output = pathlib.Path(options.data), os.path.abspath(options.worker), pathlib.Path(options.output)
+    mark, end = mark_of(worker), time.monotonic() + options.seconds
+    rows = rows_of(output, mark) if options.resume else {}
+    found = {(folder, cell(str(path.relative_to(data / folder)))): path for folder in FOLDERS for path in files(data, folder)}
+    bad = 0
+    for (folder, name), path in found.items():
+        wanted = not options.only or any(word in f"{folder}/{name}" for word in options.only)
+        if not wanted or (folder, name) in rows:
+            continue
+        if time.monotonic() > end:
+            return 3
+        with tempfile.TemporaryDirectory() as where:
+            case = Case(path, kind_of(path, folder), pathlib.Path(where), worker)
+            counts = options.counts[:1] if folder == "malformed" else options.counts
+            rows[folder, name] = make_rows(case, data, folder, counts, lambda text: print(text, file=sys.stderr))
+        bad = write(output, mark, rows, found)
     return 1 if bad else 0
 
 

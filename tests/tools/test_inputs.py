@@ -56,6 +56,26 @@ def test_every_file_has_its_row(collection, source, build, tmp_path):
     assert rows["cut!off.exr"][0][3].startswith("`input_damaged`") and rows["no.vdb"][0][3].startswith("`input_damaged`")
 
 
+def test_a_table_is_made_in_pieces(collection, source, build, tmp_path):
+    """Rows of the same worker stay, those of another are made again; a piece that has no time ends with 3."""
+    def make(*options):
+        done = subprocess.run([sys.executable, "-B", source / "tools" / "inputs.py", "--worker", worker, "--data", collection,
+                               "--output", page, "--counts", "500", "--only", "malformed", "--resume", *options],
+                              capture_output=True, text=True)
+        return done.returncode, done.stderr.count("| error |")
+    worker, page = tmp_path / "worker", tmp_path / "page.md"
+    worker.write_text(f'#!/bin/sh\nexec "{build}/hexad-worker" "$@"\n')
+    worker.chmod(0o755)
+    assert make("--seconds", "0") == (3, 0) and not page.exists()
+    assert make() == (0, 2)
+    whole = page.read_text()
+    assert make() == (0, 0) and page.read_text() == whole
+    page.write_text(whole.replace("| no.vdb | vdb |", "| no.vdb | kept |"))
+    assert make() == (0, 0) and "| no.vdb | kept |" in page.read_text()
+    worker.write_text(worker.read_text() + "# another\n")
+    assert make() == (0, 2) and "| no.vdb | vdb |" in page.read_text()
+
+
 def test_bare_area_is_found(source, tmp_path):
     """Points on one face of a tetrahedron cover a quarter of it; a shell within another does not count."""
     sys.path.insert(0, str(source / "tools"))
