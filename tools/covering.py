@@ -78,4 +78,4 @@ def measure(mesh, position, spacing):
     away, nearest = cKDTree(position).query(place[inside[0] != inside[1]])
     away = away / spacing[nearest]
     return Covering(float(away.max()), float((away > NOT_COVERED).sum() / len(place)),
-                    float((mesh.nearest(position)[0] / spacing).max()))
+                    mesh.farthest(position, spacing))

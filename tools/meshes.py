@@ -104,6 +104,20 @@ class Mesh:
             best[better], which[better] = d[better], near[better, k]
         return best, which
 
+    def farthest(self, points, scale):
+        """The largest distance of a point from the mesh, over its scale. `nearest` may miss a sliver: the farthest are held
+        against all triangles."""
+        away, most = self.nearest(points)[0] / scale, 0.0
+        corner = self.vertices[self.triangles]
+        low, high = corner.min(axis=1), corner.max(axis=1)
+        for i in numpy.argsort(-away):
+            if away[i] <= most:
+                break
+            beside = numpy.linalg.norm(numpy.maximum(numpy.maximum(low - points[i], points[i] - high), 0), axis=1)
+            near = corner[beside <= away[i] * scale[i]]
+            most = max(most, distance_to_triangles(numpy.repeat(points[i:i + 1], len(near), axis=0), near).min() / scale[i])
+        return float(most)
+
     def _dense(self):
         """Places on the triangles, so many on each that the nearest place is on the nearest triangle's or on
         one beside it."""

@@ -93,6 +93,22 @@ def test_bare_area_is_found(source, tmp_path):
     assert part.gap > 10 and 0.6 < part.missing < 0.75
 
 
+def test_triangles_behind_many_others_are_not_missed(source):
+    """Points on a large triangle, and many small ones beside them whose places are all nearer than its own."""
+    sys.path.insert(0, str(source / "tools"))
+    import meshes
+    random = numpy.random.default_rng(1)
+    large = numpy.array([[0, 0, 0], [1, 0, 0], [0, 1, 0.0]])
+    on = numpy.array([[.3, .4, 0], [.25, .5, 0]])
+    small = numpy.repeat(on, 40, axis=0)[:, None] + [0, 0, .001] + random.normal(size=(80, 3, 3)) * .0002
+    mesh = meshes.Mesh(numpy.concatenate([large, small.reshape(-1, 3)]), numpy.arange(243).reshape(-1, 3))
+    meshes.CANDIDATES, before = 4, meshes.CANDIDATES
+    try:
+        assert mesh.nearest(on)[0].max() > 2e-4 and mesh.farthest(on, numpy.ones(2)) < 1e-9
+    finally:
+        meshes.CANDIDATES = before
+
+
 def test_a_crash_of_the_worker_is_not_sound(collection, source, tmp_path):
     worker = tmp_path / "worker"
     worker.write_text("#!/bin/sh\nkill -SEGV $$\n")
