@@ -1,6 +1,7 @@
 /* cell_grid: a regular grid of cells over a box, and those of them that a surface crosses.
  *
- * For fields whose F can be asked for anywhere in the box at any time: formulas and splines. Crossing cells
+ * For fields whose F can be asked for anywhere in the box at any time: formulas, splines and combinations. Where a search
+ * is told so, cells are divided: those of each level are half as long as those of the level before. Crossing cells
  * are found by descending from large blocks, which a bound on F lets drop, to small ones, which are looked at
  * corner by corner, and between corners where a sharp edge may pass. World units. A grid belongs to one thread
  * until it is searched, to all afterwards.
@@ -19,8 +20,9 @@
 
 typedef struct cell_grid {
     bbox box;
-    int64_t cells[3];  /* along each axis, > 0 */
-    int64_t *crossing; /* linear indices of the crossing cells, by block; zeroed before the search */
+    int64_t cells[3];  /* along each axis, > 0, of level 0; twice as many of each next one */
+    int finest;        /* the last level, < CELL_GRID_LEVELS; 0: all cells are of one size */
+    int64_t *crossing; /* level and linear index of the crossing cells, by block; zeroed before the search */
     size_t count;
 } cell_grid;
 
@@ -35,17 +37,21 @@ typedef struct cell_grid_oracle {
  * CELL_GRID_MOST), cancelled (through the pool, which may be NULL). */
 bool cell_grid_search(cell_grid *g, const field *f, const cell_grid_oracle *oracle, threads *pool, error *e);
 
-/* Cells along each axis of a block; blocks begin at the lowest corner. */
+/* Cells along each axis of a block, of any level; blocks begin at the lowest corner. */
 #define CELL_GRID_BLOCK 8
-static inline int64_t cell_grid_blocks(const cell_grid *g, int axis)
+#define CELL_GRID_LEVELS 16
+static inline int64_t cell_grid_blocks(const cell_grid *g, int level, int axis)
 {
-    return (g->cells[axis] + CELL_GRID_BLOCK - 1) / CELL_GRID_BLOCK;
+    return ((g->cells[axis] << level) + CELL_GRID_BLOCK - 1) / CELL_GRID_BLOCK;
 }
 
-/* As cell_grid_search, but looks only into blocks whose byte in `blocks` is not 0; `blocks` has a byte for each block of
- * the grid, x fastest. */
+/* What is done with a block, bits: its cells are looked at; or, what comes first, its eight parts of the next level. */
+enum { CELL_GRID_SEARCH = 1, CELL_GRID_DIVIDE = 2 };
+
+/* As cell_grid_search, by what `blocks` says of the blocks of each level, x fastest. The field's cell size is that of the
+ * last level. */
 bool cell_grid_search_blocks(cell_grid *g, const field *f, const cell_grid_oracle *oracle,
-                             const uint8_t *blocks, threads *pool, error *e);
+                             const uint8_t *const blocks[CELL_GRID_LEVELS], threads *pool, error *e);
 
 /* Crossing cell number `index`, as field_ops wants it. */
 void cell_grid_cell(const cell_grid *g, const field *f, const cell_grid_oracle *oracle, size_t index,

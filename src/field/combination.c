@@ -14,13 +14,14 @@ static const double CELLS_LONGEST = 192;
 static const double FAR = 2;
 /* Cells of a part whose slopes are averaged. */
 enum { SLOPES = 256 };
-/* Blocks of the grid that are marked one by one, in bytes: 256 MB. */
+/* Blocks of the finest cells that are marked one by one, in bytes: 256 MB. */
 static const double MOST_BLOCKS = 1 << 28;
 
 /* F = sense * min over parts of sign_k F_k / slope_k. */
 typedef struct part {
     const field *field;
     double sign, slope;
+    double edge; /* of its cells: the shortest */
 } part;
 
 struct combination {
@@ -75,7 +76,7 @@ static double corner_value(const field *f, vec3 x)
 {
     field_sample s;
     if (combination_sample(f, x, FIELD_GRADIENT, &s)) return s.value;
-    return copysign(FAR * f->cell_size, combination_side(f, x));
+    return copysign(ldexp(FAR * f->cell_size, ((const combination *)f)->grid.finest), combination_side(f, x));
 }
 
 static const cell_grid_oracle oracle = {corner_value, NULL};
@@ -114,13 +115,23 @@ static double slope_of(const field *f)
     return sum > 0 ? sum / (double)count : 1;
 }
 
+static double shortest_edge(const field *f)
+{
+    field_cell cell;
+    double edge = INFINITY;
+    f->ops->cell(f, 0, &cell);
+    for (int axis = 0; axis < 3; axis++)
+        edge = fmin(edge, vec3_norm(vec3_sub(cell.corner[1 << axis], cell.corner[0])));
+    return f->uneven ? edge * f->cell_size / field_cell_edge(&cell) : edge;
+}
+
 static void set_parts(combination *c, combination_kind kind, const field *const *parts)
 {
     c->sense = kind == COMBINATION_UNION ? 1 : -1;
     c->base.domain = parts[0]->domain;
     for (size_t k = 0; k < c->count; k++) {
         double sign = kind == COMBINATION_INTERSECTION || (kind == COMBINATION_DIFFERENCE && k == 0) ? -1 : 1;
-        c->parts[k] = (part){parts[k], sign, slope_of(parts[k])};
+        c->parts[k] = (part){parts[k], sign, slope_of(parts[k]), shortest_edge(parts[k])};
         if (kind == COMBINATION_UNION) c->base.domain = bbox_unite(c->base.domain, parts[k]->domain);
         if (kind == COMBINATION_INTERSECTION) c->base.domain = bbox_common(c->base.domain, parts[k]->domain);
     }
@@ -134,24 +145,28 @@ static bool no_surface(combination_kind kind, error *e)
     return error_set(e, ERROR_NO_SURFACE, "%s", words[kind]);
 }
 
-/* Cells as wide as the shortest edge among those of the parts, or less. */
+/* Cells of level 0 for the part with the widest, of the last for that with the shortest. The curves in which faces of the
+ * domain cut the surface are put together of sides of cells: where there may be such, all cells are the shortest. */
 static bool lay_out_grid(combination *c, error *e)
 {
-    double edge = bbox_longest(c->base.domain) / CELLS_LONGEST, blocks = 1;
+    const double most = bbox_longest(c->base.domain) / CELLS_LONGEST;
+    double edge = most, widest = 0, blocks = 1;
+    bool open = false;
     for (size_t k = 0; k < c->count; k++) {
-        const field *f = c->parts[k].field;
-        field_cell cell;
-        f->ops->cell(f, 0, &cell);
-        for (int axis = 0; axis < 3; axis++)
-            edge = fmin(edge, vec3_norm(vec3_sub(cell.corner[1 << axis], cell.corner[0])));
+        edge = fmin(edge, c->parts[k].edge);
+        widest = fmax(widest, fmin(c->parts[k].edge, most));
+        open |= c->parts[k].field->open;
     }
+    while (!open && c->grid.finest < CELL_GRID_LEVELS - 1 && ldexp(edge, c->grid.finest + 1) <= widest)
+        c->grid.finest++;
     vec3 size = bbox_size(c->base.domain);
     c->base.cell_size = edge;
+    c->base.uneven = c->grid.finest > 0;
     c->base.extent = bbox_longest(c->base.domain);
     c->grid.box = c->base.domain;
     for (int axis = 0; axis < 3; axis++) {
-        double cells = ceil(vec3_get(size, axis) / edge);
-        blocks *= ceil(cells / CELL_GRID_BLOCK);
+        double cells = ceil(vec3_get(size, axis) / ldexp(edge, c->grid.finest));
+        blocks *= ceil(ldexp(cells, c->grid.finest) / CELL_GRID_BLOCK);
         c->grid.cells[axis] = blocks <= MOST_BLOCKS ? (int64_t)cells : 0;
     }
     if (blocks <= MOST_BLOCKS) return true;
@@ -161,22 +176,22 @@ static bool lay_out_grid(combination *c, error *e)
         bbox_longest(c->base.domain) / edge, edge);
 }
 
-/* Marks the blocks that a part's cells touch, one byte each. */
-static void mark_cells(const combination *c, const field *f, uint8_t *blocks)
+/* Marks the blocks of a level that a part's cells touch. */
+static void mark_cells(const combination *c, const field *f, int level, uint8_t mark, uint8_t *blocks)
 {
     const cell_grid *g = &c->grid;
     int64_t across[3];
     vec3 size = bbox_size(g->box);
-    for (int axis = 0; axis < 3; axis++) across[axis] = cell_grid_blocks(g, axis);
+    for (int axis = 0; axis < 3; axis++) across[axis] = cell_grid_blocks(g, level, axis);
     for (size_t k = 0; k < f->ops->cell_count(f); k++) {
         field_cell cell;
         bbox box = bbox_empty();
         int64_t first[3], last[3];
         f->ops->cell(f, k, &cell);
         for (int corner = 0; corner < 8; corner++) box = bbox_include(box, cell.corner[corner]);
-        box = bbox_grow(box, BULGE * f->cell_size);
+        box = bbox_grow(box, BULGE * field_cell_edge(&cell));
         for (int axis = 0; axis < 3; axis++) {
-            double unit = CELL_GRID_BLOCK * vec3_get(size, axis) / (double)g->cells[axis],
+            double unit = CELL_GRID_BLOCK * vec3_get(size, axis) / (double)(g->cells[axis] << level),
                    low = vec3_get(g->box.min, axis);
             first[axis] =
                 (int64_t)fmin(fmax(floor((vec3_get(box.min, axis) - low) / unit), 0), (double)across[axis]);
@@ -185,19 +200,58 @@ static void mark_cells(const combination *c, const field *f, uint8_t *blocks)
         }
         for (int64_t z = first[2]; z <= last[2]; z++)
             for (int64_t y = first[1]; y <= last[1]; y++)
-                for (int64_t x = first[0]; x <= last[0]; x++) blocks[(z * across[1] + y) * across[0] + x] = 1;
+                for (int64_t x = first[0]; x <= last[0]; x++)
+                    blocks[(z * across[1] + y) * across[0] + x] |= mark;
     }
+}
+
+/* Divides the parents of the blocks round each divided one of `level`, and of itself: what touches then is of this level or
+ * finer, or one coarser. */
+static void divide_around(const cell_grid *g, int level, const uint8_t *blocks, uint8_t *parents)
+{
+    int64_t across[3], above[2];
+    for (int axis = 0; axis < 3; axis++) across[axis] = cell_grid_blocks(g, level, axis);
+    for (int axis = 0; axis < 2; axis++) above[axis] = cell_grid_blocks(g, level - 1, axis);
+    for (int64_t n = 0; n < across[0] * across[1] * across[2]; n++) {
+        if (!(blocks[n] & CELL_GRID_DIVIDE)) continue;
+        const int64_t at[3] = {n % across[0], n / across[0] % across[1], n / across[0] / across[1]};
+        for (int way = 0; way < 27; way++) {
+            const int64_t by[3] = {at[0] + way % 3 - 1, at[1] + way / 3 % 3 - 1, at[2] + way / 9 - 1};
+            if (by[0] < 0 || by[1] < 0 || by[2] < 0 || by[0] >= across[0] || by[1] >= across[1] ||
+                by[2] >= across[2])
+                continue;
+            parents[(by[2] / 2 * above[1] + by[1] / 2) * above[0] + by[0] / 2] |= CELL_GRID_DIVIDE;
+        }
+    }
+}
+
+/* Blocks that a part's cells touch are searched, in cells as small as the part's. */
+static void mark_parts(const combination *c, uint8_t *const blocks[])
+{
+    const int finest = c->grid.finest;
+    for (size_t k = 0; k < c->count; k++) {
+        int own = 0;
+        while (own < finest && ldexp(c->base.cell_size, finest - own) > c->parts[k].edge) own++;
+        for (int level = 0; level <= finest; level++)
+            mark_cells(c, c->parts[k].field, level,
+                       level < own ? CELL_GRID_SEARCH | CELL_GRID_DIVIDE : CELL_GRID_SEARCH, blocks[level]);
+    }
+    for (int level = finest - 1; level > 0; level--)
+        divide_around(&c->grid, level, blocks[level], blocks[level - 1]);
 }
 
 static bool find_cells(combination *c, threads *pool, error *e)
 {
-    size_t count = 1;
-    for (int axis = 0; axis < 3; axis++) count *= (size_t)cell_grid_blocks(&c->grid, axis);
-    uint8_t *blocks = mem_array(count, 1, "the blocks of the combination", e);
-    if (!blocks) return false;
-    for (size_t k = 0; k < c->count; k++) mark_cells(c, c->parts[k].field, blocks);
-    bool ok = cell_grid_search_blocks(&c->grid, &c->base, &oracle, blocks, pool, e);
-    free(blocks);
+    uint8_t *blocks[CELL_GRID_LEVELS] = {NULL};
+    bool ok = true;
+    for (int level = 0; ok && level <= c->grid.finest; level++) {
+        size_t count = 1;
+        for (int axis = 0; axis < 3; axis++) count *= (size_t)cell_grid_blocks(&c->grid, level, axis);
+        ok = (blocks[level] = mem_array(count, 1, "the blocks of the combination", e));
+    }
+    if (ok) mark_parts(c, blocks);
+    ok = ok && cell_grid_search_blocks(&c->grid, &c->base, &oracle, (const uint8_t *const *)blocks, pool, e);
+    for (int level = 0; level <= c->grid.finest; level++) free(blocks[level]);
     return ok;
 }
 

@@ -2,8 +2,8 @@
  *
  * Each part's F is divided by its mean slope on its surface, so that fields of different units may be
  * compared; where two are equal there is a sharp edge. A part that is not defined far from its surface counts
- * by its side there. Cells are those of a grid of its own, at least as fine as the finest part's, looked for
- * wherever a part has cells.
+ * by its side there. Cells are those of a grid of its own, looked for wherever a part has cells and at least as fine as
+ * that part's there.
  */
 #ifndef HEXAD_FIELD_COMBINATION_H
 #define HEXAD_FIELD_COMBINATION_H

@@ -85,9 +85,11 @@ struct field {
                        * domain; infinite on the sides where it does not */
     double extent;     /* L of the curvature scale: longest side of the surface's box (volumes) or of
                        * the domain (formulas) */
-    double cell_size;  /* longest edge of a cell, world units */
-    bool open;         /* the surface is cut by faces of the domain and has boundaries there */
-    bool sharp;        /* F is about a distance near the surface, and has kinks where smooth parts meet */
+    double cell_size;  /* longest edge of a cell, world units; of the smallest cells where they are uneven */
+    bool
+        uneven; /* cells are of several sizes, each twice the one before; those that touch of one or two of them */
+    bool open;  /* the surface is cut by faces of the domain and has boundaries there */
+    bool sharp; /* F is about a distance near the surface, and has kinks where smooth parts meet */
     /* NULL: the surface is one smooth piece, or taken for one. Else it consists of these, `sample` gives the one nearest to
      * x, and `open` is false: where the surface ends there are curves. */
     const struct field_patches *patches;
@@ -104,6 +106,21 @@ static inline void field_set_boundary(field *f, unsigned faces)
         if (faces >> 2 * axis & 1) vec3_set(&f->boundary_box.min, axis, vec3_get(f->domain.min, axis));
         if (faces >> 2 * axis & 2) vec3_set(&f->boundary_box.max, axis, vec3_get(f->domain.max, axis));
     }
+}
+
+/* The longest edge. */
+static inline double field_cell_edge(const field_cell *cell)
+{
+    double longest = 0;
+    for (int axis = 0; axis < 3; axis++)
+        longest = fmax(longest, vec3_norm(vec3_sub(cell->corner[1 << axis], cell->corner[0])));
+    return longest;
+}
+
+/* The field's cell size, at a cell of it. */
+static inline double field_cell_size(const field *f, const field_cell *cell)
+{
+    return f->uneven ? field_cell_edge(cell) : f->cell_size;
 }
 
 static inline vec3 field_triangle_middle(const vec3 corner[3])

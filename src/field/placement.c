@@ -79,11 +79,12 @@ static void measure(placement *p)
     p->base.domain = box;
     p->base.sharp = p->part->sharp;
     p->base.extent = p->part->extent * bbox_longest(box) / bbox_longest(p->part->domain);
-    field_cell cell; /* all of a field's cells have one shape */
-    placement_cell(&p->base, 0, &cell);
-    for (int axis = 0; axis < 3; axis++)
-        p->base.cell_size =
-            fmax(p->base.cell_size, vec3_norm(vec3_sub(cell.corner[1 << axis], cell.corner[0])));
+    p->base.uneven = p->part->uneven;
+    field_cell cell, placed; /* all of a field's cells have one shape */
+    p->part->ops->cell(p->part, 0, &cell);
+    placement_cell(&p->base, 0, &placed);
+    p->base.cell_size = field_cell_edge(&placed);
+    if (p->base.uneven) p->base.cell_size *= p->part->cell_size / field_cell_edge(&cell);
 }
 
 placement *placement_new_view(const field *part, const double matrix[16])

@@ -38,11 +38,11 @@ static void sample_cell(const surface *scan, size_t k, cell_samples *out)
         return;
     }
     surface_cell(scan, k, &cell);
-    const projection_limits limits = {STEPS, ACCEPT * f->cell_size, ACCEPT * f->cell_size,
-                                      REJECT * f->cell_size};
+    const double size = field_cell_size(f, &cell);
+    const projection_limits limits = {STEPS, ACCEPT * size, ACCEPT * size, REJECT * size};
     vec3 middle = vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5), x = middle;
-    out->found[k] = projection_find(f, &limits, &x, &out->normal[k]) &&
-                    vec3_norm(vec3_sub(x, middle)) <= FARTHEST * f->cell_size;
+    out->found[k] =
+        projection_find(f, &limits, &x, &out->normal[k]) && vec3_norm(vec3_sub(x, middle)) <= FARTHEST * size;
     out->position[k] = out->found[k] ? x : middle;
 }
 

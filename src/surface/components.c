@@ -9,10 +9,13 @@
 
 /* Cells that share a face have their middles this far apart, in cells; a little for rounding. */
 static const double TOUCHING = 1.0 + 1e-6;
+/* Cells of two sizes, 1 and 2, are up to sqrt(1.5^2 + 0.5^2 + 0.5^2) apart then, which is this much of the mean. */
+static const double TOUCHING_UNEVEN = 1.106;
 
 typedef struct middle_job {
     const field *field;
     vec3 *middle;
+    double *edge; /* NULL: all cells are of one size */
 } middle_job;
 
 static void middle_chunk(void *context, int worker, size_t begin, size_t end)
@@ -23,6 +26,7 @@ static void middle_chunk(void *context, int worker, size_t begin, size_t end)
         field_cell cell;
         job->field->ops->cell(job->field, k, &cell);
         job->middle[k] = vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5);
+        if (job->edge) job->edge[k] = field_cell_edge(&cell);
     }
 }
 
@@ -86,20 +90,23 @@ bool components_find(const field *f, threads *pool, components *out, error *e)
     const char *what = "the surface's parts";
     if (f->patches) return find_patches(f, out, e);
     size_t n = f->ops->cell_count(f);
-    middle_job job = {f, mem_array(n, sizeof *job.middle, what, e)};
+    middle_job job = {f, mem_array(n, sizeof *job.middle, what, e),
+                      f->uneven ? mem_array(n, sizeof *job.edge, what, e) : NULL};
     uint32_t *parent = mem_array(n, sizeof *parent, what, e);
     neighbours *near = neighbours_new(n, SIZE_MAX, e);
-    bool ok = job.middle && parent && near;
+    bool ok = job.middle && (job.edge || !f->uneven) && parent && near;
     *out = (components){.count = 1};
     if (ok) {
         threads_run(pool, n, 1024, middle_chunk, &job);
-        ok = neighbours_build(near, n, job.middle, NULL, TOUCHING * f->cell_size, pool, e);
+        ok = neighbours_build(near, n, job.middle, job.edge,
+                              f->uneven ? TOUCHING_UNEVEN : TOUCHING * f->cell_size, pool, e);
     }
     if (ok) out->count = n > 0 ? join(near, parent) : 1;
     neighbours_free(near);
     if (ok && out->count > 1) ok = number_cells(parent, n, out, e);
     free(parent);
     free(job.middle);
+    free(job.edge);
     return ok;
 }
 

@@ -38,14 +38,14 @@ static vec3 middle_of(const field_cell *cell, double *radius)
 
 /* Triangles of cells larger than the spacing lie off the surface by more than that. A place from which no step leads to it
  * stays where it is, unless that is nowhere. */
-static bool onto_surface(const field *f, vec3 *x)
+static bool onto_surface(const field *f, double cell_size, vec3 *x)
 {
-    const projection_limits limits = {PROJECTION_STEPS, ACCURACY * f->cell_size, ACCURACY * f->cell_size,
-                                      ACCURACY * f->cell_size};
+    const projection_limits limits = {PROJECTION_STEPS, ACCURACY * cell_size, ACCURACY * cell_size,
+                                      ACCURACY * cell_size};
     vec3 p = *x, normal;
     if (!projection_find(f, &limits, &p, &normal)) return true;
     if (f->open && !bbox_contains(f->domain, p)) return false;
-    if (vec3_norm(vec3_sub(p, *x)) < f->cell_size) *x = p;
+    if (vec3_norm(vec3_sub(p, *x)) < cell_size) *x = p;
     return true;
 }
 
@@ -63,7 +63,8 @@ static bool has_point(const coverage_job *job, vec3 x, double within, uint32_t n
 }
 
 /* The farthest place of a cell, if that is beyond `farthest`. */
-static double look_at_places(const coverage_job *job, size_t k, double farthest, uint32_t near[2])
+static double look_at_places(const coverage_job *job, size_t k, double cell_size, double farthest,
+                             uint32_t near[2])
 {
     const field *f = job->scan->field;
     vec3 triangle[FIELD_CELL_TRIANGLES][3];
@@ -72,7 +73,7 @@ static double look_at_places(const coverage_job *job, size_t k, double farthest,
         vec3 x = field_triangle_middle(triangle[i]);
         if (f->open && !bbox_contains(f->domain, x)) continue;
         double distance;
-        if (has_point(job, x, farthest * job->least, near) || !onto_surface(f, &x)) continue;
+        if (has_point(job, x, farthest * job->least, near) || !onto_surface(f, cell_size, &x)) continue;
         uint32_t point = point_tree_nearest(job->points, x, farthest * job->least, &distance);
         farthest = fmax(farthest, distance / job->spacing[point]);
     }
@@ -93,7 +94,7 @@ static void cells_chunk(void *context, int worker, size_t begin, size_t end)
         vec3 middle = middle_of(&cell, &radius);
         /* with a point that near its middle no place of the cell is farther than the farthest */
         if (!has_point(job, middle, farthest * job->least - radius, near))
-            farthest = look_at_places(job, k, farthest, near);
+            farthest = look_at_places(job, k, field_cell_size(job->scan->field, &cell), farthest, near);
     }
     job->farthest[begin / job->grain] = farthest;
 }

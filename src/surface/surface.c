@@ -532,7 +532,7 @@ static double measure_cell(const surface *s, size_t index, shared_edge *shared, 
         for (int i = 0; i < t.count; i++) area += clipped_area(f, t.at[i], 0, box);
         return area;
     }
-    if (cell.grazed || is_bent(&t, f->cell_size)) area = measure_parts(f, &cell, &t);
+    if (cell.grazed || is_bent(&t, field_cell_size(f, &cell))) area = measure_parts(f, &cell, &t);
     for (int i = 0; i < t.count; i++)
         for (int k = 0; k < 3; k++) *box = bbox_include(*box, t.at[i][k].position);
     if (area > 0) return area;

@@ -11,6 +11,7 @@
 #include "field/analytic.h"
 #include "field/combination.h"
 #include "field/placement.h"
+#include "surface/surface.h"
 
 #define SEED 20261120u
 
@@ -150,6 +151,36 @@ static void nothing_left_is_an_error(void **state)
     analytic_free(inner);
 }
 
+/* A ball of a fiftieth on a large one, and one beside it: cells as large as each part needs, and no part is lost or joined to
+ * another. Cells as small as the smallest everywhere are a hundred times as many. */
+static void cells_are_as_large_as_their_part_needs(void **state)
+{
+    (void)state;
+    const double fine = 0.02, on = 1.002, beside = 1.05;
+    analytic *large = sphere(1, vec3_make(0, 0, 0)), *bump = sphere(fine, vec3_make(0, on, 0)),
+             *ball = sphere(fine, vec3_make(beside, 0, 0));
+    const field *parts[3] = {&large->base, &bump->base, &ball->base};
+    error e = {0};
+    combination *c = combination_new(COMBINATION_UNION, parts, 3, NULL, &e);
+    if (!c) fail_msg("%s", e.message);
+    const field *f = combination_field(c);
+    surface *s = surface_scan(f, NULL, &e);
+    if (!s) fail_msg("%s", e.message);
+    /* of spheres, and of the caps that each cuts off the other */
+    const double along = (on * on + 1 - fine * fine) / (2 * on), within = fine - (on - along);
+    const double area = 4 * M_PI * (1 + 2 * fine * fine) - 2 * M_PI * (1 - along) - 2 * M_PI * fine * within;
+    print_message("# %zu cells, area %.7g of %.7g, %zu parts\n", s->cells, s->area, area, s->parts.count);
+    assert_true(s->cells < 400000);
+    assert_true(fabs(s->area - area) < 2e-5 * area);
+    assert_int_equal(s->parts.count, 2);
+    assert_true(f->uneven);
+    surface_free(s);
+    combination_free(c);
+    analytic_free(large);
+    analytic_free(bump);
+    analytic_free(ball);
+}
+
 int main(void)
 {
     print_message("# seed %u\n", SEED);
@@ -157,6 +188,7 @@ int main(void)
         cmocka_unit_test(derivatives_of_a_placed_field),
         cmocka_unit_test(derivatives_and_sides_of_combinations),
         cmocka_unit_test(nothing_left_is_an_error),
+        cmocka_unit_test(cells_are_as_large_as_their_part_needs),
     };
     return cmocka_run_group_tests_name("combination", tests, NULL, NULL);
 }
