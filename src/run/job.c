@@ -390,9 +390,10 @@ bool job_finalize(job *j, solution *s, error *e)
 {
     landing l;
     if (!sampler_finalize(s->sampler, e)) return false;
-    return !landing_find(&j->source, &l) ||
-           landing_move(&l, sampler_result_positions(s->sampler),
-                        sampler_result_points(s->sampler)->stands.count, j->pool, &s->landed, e);
+    if (!landing_find(&j->source, &l)) return true;
+    const sampler_stands *stands = &sampler_result_points(s->sampler)->stands;
+    return landing_move(&l, sampler_result_positions(s->sampler), stands->spacing, stands->count, j->pool,
+                        &s->landed, e);
 }
 
 bool job_measure(job *j, solution *s, error *e)

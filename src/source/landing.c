@@ -2,14 +2,19 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
 #include "mesh/mesh_faces.h"
+#include "packing/neighbours.h"
 
 /* Of the extent: what is as near to a face of the region is on it. */
 static const double ON_FACE = 1e-9;
 /* On a face a place goes to and fro between that and the triangles, which it meets at any angle. */
 static const int MOST_STEPS = 100;
+/* Of the spacing: places that move so far may come upon others; nearer than NEAR they are moved apart, so many times. */
+static const double FAR_MOVE = 0.1, NEAR = 0.55;
+enum { APART_ROUNDS = 8 };
 /* Points in a chunk of work. */
 enum { GRAIN = 1024 };
 
@@ -106,7 +111,9 @@ static vec3 land(const landing *l, vec3 x)
 typedef struct moving {
     const landing *l;
     vec3 *place;
+    const double *spacing;
     double *largest; /* of each chunk */
+    bool *far;       /* of each chunk: some place moved by more than FAR_MOVE */
 } moving;
 
 static void move_chunk(void *context, int worker, size_t begin, size_t end)
@@ -117,18 +124,63 @@ static void move_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t i = begin; i < end; i++) {
         const vec3 from = m->place[i];
         m->place[i] = land(m->l, from);
-        largest = fmax(largest, vec3_norm(vec3_sub(m->place[i], from)));
+        const double moved = vec3_norm(vec3_sub(m->place[i], from));
+        largest = fmax(largest, moved);
+        m->far[begin / GRAIN] |= moved > FAR_MOVE * m->spacing[i];
     }
     m->largest[begin / GRAIN] = largest;
 }
 
-bool landing_move(const landing *l, vec3 *place, size_t count, threads *pool, double *largest, error *e)
+/* By which place i leaves those that are too near; of two at one place the one of the lower number goes along x. */
+static vec3 way_out(const moving *m, const neighbours *near, size_t i)
+{
+    vec3 way = {0, 0, 0};
+    for (uint32_t k = 0; k < near->list_count[i]; k++) {
+        const uint32_t j = neighbours_list(near, i)[k];
+        const double least = NEAR * 0.5 * (m->spacing[i] + m->spacing[j]);
+        vec3 apart = vec3_sub(m->place[i], m->place[j]);
+        double distance = vec3_norm(apart);
+        if (distance == 0) apart = vec3_make(i < j ? 1 : -1, 0, 0);
+        if (distance < least) way = vec3_axpy(0.5 * (least - distance), vec3_unit(apart), way);
+    }
+    return way;
+}
+
+/* Moves apart what is too near, once; *moved: whether anything was. */
+static bool move_apart(const moving *m, size_t count, threads *pool, bool *moved, error *e)
+{
+    neighbours *near = neighbours_new(count, SIZE_MAX, e);
+    vec3 *to = mem_array(count, sizeof *to, "the points on the triangles", e);
+    bool ok = near && to && neighbours_build(near, count, m->place, m->spacing, NEAR, pool, e);
+    *moved = false;
+    for (size_t i = 0; ok && i < count; i++) {
+        to[i] = m->place[i];
+        const vec3 way = way_out(m, near, i);
+        if (!(vec3_norm2(way) > 0)) continue;
+        to[i] = land(m->l, vec3_add(to[i], way));
+        *moved = true;
+    }
+    if (ok && *moved) memcpy(m->place, to, count * sizeof *to);
+    free(to);
+    neighbours_free(near);
+    return ok;
+}
+
+bool landing_move(const landing *l, vec3 *place, const double *spacing, size_t count, threads *pool,
+                  double *largest, error *e)
 {
     const size_t chunks = count / GRAIN + 1;
-    const moving m = {l, place, mem_alloc(chunks * sizeof *m.largest)};
+    const moving m = {l, place, spacing, mem_alloc(chunks * sizeof *m.largest),
+                      mem_alloc(chunks * sizeof *m.far)};
     threads_run(pool, count, GRAIN, move_chunk, (void *)&m);
+    bool far = false, ok = true;
     *largest = 0;
-    for (size_t k = 0; k < chunks; k++) *largest = fmax(*largest, m.largest[k]);
+    for (size_t k = 0; k < chunks; k++) {
+        *largest = fmax(*largest, m.largest[k]);
+        far |= m.far[k];
+    }
+    for (int round = 0; ok && far && round < APART_ROUNDS; round++) ok = move_apart(&m, count, pool, &far, e);
     free(m.largest);
-    return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+    free(m.far);
+    return ok && (!threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped"));
 }

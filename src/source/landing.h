@@ -16,7 +16,9 @@ typedef struct landing {
 bool landing_find(const source *s, landing *out);
 
 /* Moves places of the sampled surface onto the triangles that they are nearest to; those on a face of a region stay on it.
- * *largest: of the moves. Errors: cancelled. */
-bool landing_move(const landing *l, vec3 *place, size_t count, threads *pool, double *largest, error *e);
+ * Where shells meet places may come upon each other: those nearer than half their `spacing` are moved apart on the triangles.
+ * *largest: of the moves. Errors: cancelled, limit_memory. */
+bool landing_move(const landing *l, vec3 *place, const double *spacing, size_t count, threads *pool,
+                  double *largest, error *e);
 
 #endif
