@@ -5,6 +5,7 @@
 
 #include "fuzz/target.h"
 #include "mesh/levelset.h"
+#include "meshfile/content_end.h"
 #include "meshfile/mesh_file.h"
 #include "meshfile/plain_mesh.h"
 #include "meshfile/ply_strips.h"
@@ -79,6 +80,11 @@ static void read_files(const uint8_t *data, size_t size)
     read_plain("obj", copy, size);
     read_plain("ply", copy, size);
     read_plain("stl", copy, size);
+    for (int k = 0; k < 3; k++) {
+        size_t end = content_end((const char *[]){"stl", "off", "ply"}[k], copy, size);
+        expect(end <= size);
+        content_follows(copy, size, end);
+    }
     expect(ply_values_read(copy, size, &found));
     expect(found.count <= MESH_VALUES_MOST && (found.count == 0 || found.vertices > 0));
     for (uint32_t k = 0; k < MESH_VALUES_MOST; k++) free(found.value[k]);

@@ -197,6 +197,10 @@ bool mesh_file_read(const mesh_file *file, mesh *out, mesh_notes *notes, error *
     if (header.others)
         mesh_note(notes, "the mesh has %llu points or lines beside its triangles: left out",
                   (unsigned long long)header.others);
+    if (header.end)
+        mesh_note(notes,
+                  "other data follow in the file from byte %llu on, behind its mesh: they are not read",
+                  (unsigned long long)header.end);
     return true;
 }
 

@@ -16,6 +16,7 @@
 
 #include "base/error.h"
 #include "base/reader.h"
+#include "meshfile/content_end.h"
 #include "meshfile/plain_mesh.h"
 #include "meshfile/ply_strips.h"
 #include "meshfile/ply_values.h"
@@ -257,10 +258,10 @@ static void answer_values(walk *w, const ply_values *own)
     }
 }
 
-/* `own`: what a PLY file has beside what the library knows; NULL: values are not asked for. */
-static int answer_scene(const struct aiScene *scene, const ply_values *own)
+/* `own`: what a PLY file has beside what the library knows; NULL: values are not asked for. `end`: as in the header. */
+static int answer_scene(const struct aiScene *scene, const ply_values *own, size_t end)
 {
-    walk w = {.scene = scene, .header = {.magic = MESH_READER_MAGIC}};
+    walk w = {.scene = scene, .header = {.magic = MESH_READER_MAGIC, .end = end}};
     struct aiMatrix4x4 identity;
     aiIdentityMatrix4(&identity);
     for (w.pass = COUNT; w.pass <= TRIANGLES && !w.failed; w.pass++) {
@@ -273,10 +274,13 @@ static int answer_scene(const struct aiScene *scene, const ply_values *own)
 }
 
 /* The same of a mesh that was read without the library. */
-static int answer_plain(const plain_mesh *m)
+static int answer_plain(const plain_mesh *m, size_t end)
 {
-    const mesh_reader_header head = {
-        .magic = MESH_READER_MAGIC, .vertices = m->vertices, .triangles = m->triangles, .others = m->others};
+    const mesh_reader_header head = {.magic = MESH_READER_MAGIC,
+                                     .vertices = m->vertices,
+                                     .triangles = m->triangles,
+                                     .others = m->others,
+                                     .end = end};
     return reader_write(&head, sizeof head) && reader_write(m->vertex, m->vertices * sizeof *m->vertex) &&
                    reader_write(m->triangle, m->triangles * sizeof *m->triangle)
                ? 0
@@ -298,6 +302,16 @@ static bool read_bytes(bytes *b)
     }
     b->data[b->size] = 0;
     return true;
+}
+
+/* Leaves what the file declares; where that ends, or 0 where nothing but blanks and zeros follows. */
+static size_t cut_end(const char *ending, bytes *b)
+{
+    const size_t end = content_end(ending, b->data, b->size);
+    const bool follows = content_follows(b->data, b->size, end);
+    b->size = end;
+    b->data[end] = 0;
+    return follows ? end : 0;
 }
 
 /* Whether a number begins with its point at `at`, as in "v .5 -.5 0". */
@@ -362,8 +376,9 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
     ply_strips strips = PLY_STRIPS_READ;
     plain_mesh plain;
     const bool wants_values = strcmp(argv[0], MESH_VALUES_COMMAND) == 0, read = read_bytes(&b);
+    const size_t end = read ? cut_end(argv[1], &b) : 0;
     if (read && !wants_values && plain_mesh_read(argv[1], b.data, b.size, &plain))
-        _exit(answer_plain(&plain));
+        _exit(answer_plain(&plain, end));
     if (!read || (strcasecmp(argv[1], "obj") == 0 && !add_zeros(&b)) ||
         (strcasecmp(argv[1], "ply") == 0 &&
          (strips = ply_strips_expand(&b.data, &b.size)) == PLY_STRIPS_NO_MEMORY))
@@ -377,7 +392,7 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
                             "the file is larger than the memory limit: raise limits.memory_mb");
     struct aiFileIO io = {open_file, close_file, (aiUserData)&b};
     const struct aiScene *scene = aiImportFileEx(b.name, aiProcess_Triangulate, &io);
-    int status = scene && scene->mRootNode ? answer_scene(scene, wants_values ? &own : NULL)
+    int status = scene && scene->mRootNode ? answer_scene(scene, wants_values ? &own : NULL, end)
                                            : answer_refusal(&b, memory, aiGetErrorString());
     _exit(status); /* nothing is left to do but to free what the library built */
 }

@@ -22,6 +22,7 @@ typedef struct mesh_reader_header {
     uint32_t text_length; /* at most MESH_READER_TEXT_MAX */
     uint64_t vertices, triangles;
     uint64_t others; /* points and lines, which were left out */
+    uint64_t end; /* 0; or where in the file what it declares ends and other data begin, which are not read */
 } mesh_reader_header;
 
 /* What each vertex has beside its place. The command below answers as the other and then, of what all vertices have, with a

@@ -12,6 +12,7 @@
 #include "source/landing.h"
 #include "source/plan.h"
 #include "run/label_meshes.h"
+#include "run/upright.h"
 #include "run/watchdog.h"
 #include "spec/spec_table.h"
 #include "packing/packing.h"
@@ -465,6 +466,7 @@ bool job_write_points(job *j, error *e)
     vec3 *turned = NULL;
     if (landing_find(&j->source, &l)) in.field = &l.base;
     if (j->source.turned && !turn_points(&j->source, &set, &turned, e)) return false;
+    in.y_up = upright_y(j->spec, &set);
     in.unresolved = 1 - s->quality.resolved_share > UNRESOLVED_PICTURE;
     in.sweeps = sampler_sweeps(s->sampler, &in.sweep_count);
     json_free(j->report);

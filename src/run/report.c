@@ -245,7 +245,7 @@ void report_fill(json *report, const report_facts *facts)
     json_put_integer(report, "version", 1);
     verdict_describe(facts->verdict, report);
     json_put_integer(report, "count", (int64_t)solved->count);
-    json_put_string(report, "up", spec_y_up(facts->spec) ? "y" : "z");
+    json_put_string(report, "up", facts->results->y_up ? "y" : "z");
     put_target(report, facts);
     put_surface(report, facts);
     put_grading(report, facts);

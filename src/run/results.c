@@ -149,7 +149,7 @@ static bool write_formats(const char *directory, const results_input *in, const 
     layout frames = {0};
     bool ok =
         s->frame_count == 0 || layout_make(s->directory, s->frame, s->frame_count, in->frame, &frames, e);
-    const scene place = {spec_y_up(s), frames.count, in->frame, frames.frames, frames.folders};
+    const scene place = {in->y_up, frames.count, in->frame, frames.frames, frames.folders};
     for (int k = 0; ok && k < FORMATS; k++) {
         const point_format *f = &formats[k];
         if (f->of_mesh != of_mesh || !has_format(s, (format_name)k)) continue;
@@ -432,7 +432,7 @@ static bool write_preview(const char *directory, const results_input *in, thread
     const spec_camera *c = &s->camera;
     const camera_place place = {c->position, c->target, c->up, c->fov, c->orthographic};
     preview_options options = {s->preview_width, s->preview_height, look_of(s), s->has_camera ? &place : NULL,
-                               spec_y_up(s),     in->unresolved};
+                               in->y_up,         in->unresolved};
     image *picture;
     double *values = NULL;
     if ((s->preview_attribute && !show_attribute(set, s->preview_attribute, &options.color, &values, e)) ||
@@ -489,7 +489,7 @@ bool results_write(const char *directory, const results_input *in, threads *pool
 {
     const spec *s = in->spec;
     bool as_float = s->ply_precision == SPEC_PRECISION_FLOAT;
-    results_facts facts = {.has_mesh = s->has_mesh};
+    results_facts facts = {.y_up = in->y_up, .has_mesh = s->has_mesh};
     facts.max_residual = largest_residual(in->field, in->set, as_float, in->h, pool);
     if (as_float && !(facts.max_residual <= RESULTS_RESIDUAL)) {
         as_float = false;

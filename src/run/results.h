@@ -20,6 +20,7 @@
 typedef struct results_facts {
     double max_residual; /* largest |F| / (|grad F| h) of the positions in points.ply */
     bool widened;        /* float was asked for, and double was written */
+    bool y_up;           /* in pictures and scenes; else z is */
     bool has_mesh;
     triangulation_facts mesh;
     json *label_meshes; /* what a report tells of them, to be taken over; or NULL */
@@ -34,6 +35,7 @@ typedef struct results_input {
     const sampler_points *solved; /* the points in that space, as the mesh is made of them */
     const mesh *triangles;        /* closed, that the points lie on; or NULL */
     int frame;                    /* of a sequence */
+    bool y_up;                    /* in pictures and scenes; else z is */
     bool unresolved;              /* more of the points than the verdict allows */
     double h;                     /* of the ideal packing */
     const sampler_sweep *sweeps;  /* at least one */

@@ -311,6 +311,17 @@ bool spec_y_up(const spec *s)
     return true;
 }
 
+bool spec_up_is_told(const spec *s)
+{
+    static const char *const either[] = {".obj", ".off", ".ply", ".stl"};
+    if (s->preview_up != SPEC_UP_AUTO || s->frame_count > 0 || s->surface.kind != SPEC_SURFACE_MESH)
+        return true;
+    const char *ending = strrchr(s->surface.mesh.path, '.');
+    for (size_t k = 0; ending && k < sizeof either / sizeof *either; k++)
+        if (strcasecmp(ending, either[k]) == 0) return false;
+    return true;
+}
+
 bool spec_attribute_has_file(const spec_attribute *a)
 {
     return strcmp(a->from, SPEC_FROM_SURFACE) != 0 && strcmp(a->from, SPEC_FROM_GEOMETRY) != 0;

@@ -321,6 +321,9 @@ static inline bool spec_is_graded(const spec *s)
 /* Which axis of the surface is up, y or z: as output.preview.up says, else as files of its kind have it. */
 bool spec_y_up(const spec *s);
 
+/* Whether that is sure: the spec says it, or all files of the kind are so. Of sequences it is, lest frames differ. */
+bool spec_up_is_told(const spec *s);
+
 /* A file that the spec names. */
 typedef struct spec_input {
     const char *pointer; /* JSON Pointer of the member */

@@ -1379,7 +1379,8 @@ const spec_row spec_rows[] = {
      AT(preview_up),
      .prose =
          "The axis that points up unless a camera says so. auto: y of OpenVDB files and of meshes but STL, 3MF and "
-         "AMF files, z of all others."},
+         "AMF files, z of all others; of an OBJ, OFF, PLY or STL file the other one if the mesh stands on a flat base "
+         "along that alone."},
     {.pointer = "/output/preview/camera",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,

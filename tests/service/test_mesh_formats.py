@@ -152,6 +152,95 @@ def test_a_box(worker, tmp_path, name, up):
     assert report["surface"]["area"] == pytest.approx(22, rel=0.02) and report["up"] == up
 
 
+def write_ply(path, layout="ascii"):
+    head = (f"ply\nformat {layout} 1.0\nelement vertex {len(CORNERS)}\n" + "".join(f"property float {axis}\n" for axis in "xyz") +
+            f"element face {len(FACES)}\nproperty list uchar int vertex_indices\nend_header\n").encode()
+    if layout == "ascii":
+        rows = "".join("%g %g %g\n" % tuple(v) for v in CORNERS) + "".join("3 %d %d %d\n" % tuple(f) for f in FACES)
+        path.write_bytes(head + rows.encode())
+    else:
+        path.write_bytes(head + CORNERS.tobytes() + b"".join(struct.pack("<B3i", 3, *f) for f in FACES))
+
+
+def write_text_stl(path):
+    facets = "".join("facet normal 0 0 0\nouter loop\n" + "".join("vertex %g %g %g\n" % tuple(CORNERS[k]) for k in f) +
+                     "endloop\nendfacet\n" for f in FACES)
+    path.write_text(f"solid box\n{facets}endsolid box\n" + "solid none\nendsolid none\n")
+
+
+@pytest.mark.parametrize("name, write", [("stl", write_stl), ("stl", write_text_stl), ("off", write_off), ("ply", write_ply),
+                                         ("ply", lambda path: write_ply(path, "binary_little_endian"))])
+def test_what_follows_a_mesh_in_its_file_is_told(worker, tmp_path, name, write):
+    """Another mesh behind it is not read, which the report says; blanks and zeros behind it are nothing."""
+    path, other = tmp_path / f"box.{name}", tmp_path / "other.stl"
+    write(path)
+    write_stl(other)
+    one = path.read_bytes()
+    for more in (b"", b"\n\0\0\n", other.read_bytes()[:10] + b"x" + other.read_bytes()):
+        path.write_bytes(one + more)
+        done = worker({"version": 1, "surface": {"mesh": {"path": str(path)}}, "sampling": {"count": 300}, "output": {"preview": False}})
+        assert done.returncode in (0, 10, 11), done.stderr
+        surface = json.loads((tmp_path / "out/report.json").read_text())["surface"]
+        told = [w for w in surface["warnings"] if f"from byte {len(one)} on" in w]
+        assert surface["area"] == pytest.approx(22, rel=0.02) and len(told) == (len(more) > 10), surface
+
+
+def test_a_mesh_stands_on_its_base(worker, tmp_path):
+    """A pyramid stands along the axis of its base, whatever files of its kind mostly do, unless the spec says otherwise."""
+    base = numpy.array([(0, 0, 0), (0, 1, 0), (1, 1, 0), (1, 0, 0), (.5, .5, 2)])
+    faces = numpy.array([(0, 1, 2), (0, 2, 3), (0, 4, 1), (1, 4, 2), (2, 4, 3), (3, 4, 0)])
+
+    def up(name, corners, **preview):
+        path = tmp_path / name
+        if path.suffix == ".obj":
+            path.write_text("".join("v %g %g %g\n" % tuple(v) for v in corners) + "".join("f %d %d %d\n" % tuple(f + 1) for f in faces))
+        else:
+            rows = b"".join(struct.pack("<12fH", 0, 0, 0, *corners[f].astype("f4").ravel(), 0) for f in faces)
+            path.write_bytes(bytes(80) + struct.pack("<I", len(faces)) + rows)
+        done = worker({"version": 1, "surface": {"mesh": {"path": str(path)}}, "sampling": {"count": 400},
+                       "output": {"points_usda": True, "preview": {"size": 96, **preview}}})
+        assert done.returncode in (0, 10, 11), done.stderr
+        axis = json.loads((tmp_path / "out/report.json").read_text())["up"]
+        assert f'upAxis = "{axis.upper()}"' in (tmp_path / "out/points.usda").read_text()
+        return axis
+    lying = base[:, [1, 2, 0]]  # along y
+    assert [up("p.obj", base), up("p.obj", lying), up("p.stl", base), up("p.stl", lying)] == ["z", "y", "z", "y"]
+    assert up("p.obj", base, up="y") == "y"
+
+
+@pytest.mark.parametrize("byte", [b"\n", b"\r"])
+def test_data_of_a_ply_may_begin_as_a_line_ends(worker, tmp_path, byte):
+    """One of 128 binary files begins with such a byte."""
+    write_ply(tmp_path / "box.ply", "binary_little_endian")
+    head, end, data = (tmp_path / "box.ply").read_bytes().partition(b"end_header\n")
+    (tmp_path / "box.ply").write_bytes(head + end + byte + data[1:])  # the first x is all but 0
+    done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "box.ply")}}, "sampling": {"count": 300},
+                   "output": {"preview": False}})
+    assert done.returncode in (0, 10, 11), done.stderr
+    assert json.loads((tmp_path / "out/report.json").read_text())["surface"]["area"] == pytest.approx(22, rel=0.02)
+
+
+def test_words_about_files_are_the_users(worker, tmp_path):
+    """Errors name the file as the user does, say what to do where the library broke off, and tell which memory is meant."""
+    def fails(name, limit=None, **members):
+        done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / name), **members}}, "sampling": {"count": 300},
+                       "output": {"preview": False}, **({"limits": {"memory_mb": limit}} if limit else {})})
+        error = json.loads(done.stderr.splitlines()[-1])
+        assert str(tmp_path / name) in error["message"], error
+        return error["code"], error["message"]
+    (tmp_path / "mine.stl").write_bytes(b"no triangles are in this file" * 9)
+    code, words = fails("mine.stl")
+    assert code == "input_damaged" and "mesh.stl" not in words and "for the file" in words
+    write_ply(tmp_path / "mine.ply", "binary_little_endian")
+    whole = (tmp_path / "mine.ply").read_bytes()
+    (tmp_path / "mine.ply").write_bytes(whole.replace(b"list uchar int vertex_indices", b"list uchar int vertex_places_"))
+    code, words = fails("mine.ply")
+    assert code in ("input_damaged", "no_surface") and "mesh.ply" not in words
+    write_obj(tmp_path / "box.obj")
+    code, words = fails("box.obj", limit=40, voxel_size=0.003)
+    assert code == "limit_memory" and "MB are left of the limit" in words and "raise limits.memory_mb" in words
+
+
 def test_usd_is_not_read(worker, tmp_path):
     (tmp_path / "box.usda").write_text('#usda 1.0\ndef Mesh "box" {\n}\n')
     done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "box.usda")}}, "sampling": {"count": 300}})

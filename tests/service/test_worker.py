@@ -604,6 +604,16 @@ def test_a_ratio_that_is_not_reached_is_told(worker, tmp_path):
     assert f"spacing {reached:.3g}:1" in done.stdout
 
 
+def test_a_ratio_is_not_passed(worker, tmp_path):
+    """Nowhere on a box with round edges, whose curvature is 0 or 20, and however the points come to rest."""
+    box = {"analytic": {"shape": "box", "center": [0, 0, 0], "half_size": [1, 1, 1], "rounding": 0.05}}
+    assert worker(sphere(3000, surface=box, sampling={"count": 3000, "curvature": {"ratio": 10}})).returncode in (0, 10, 11)
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    asked = Points((tmp_path / "out" / "points.ply").read_bytes()).spacing
+    assert 5 < asked.max() / asked.min() <= 10 * (1 + 1e-6)
+    assert report["reached"]["ratio"] == pytest.approx(asked.max() / asked.min(), rel=1e-5)
+
+
 def test_the_peak_of_memory_counts_the_reader(worker, tmp_path):
     """A mesh of many triangles and few voxels: assimp takes most of the memory, in a process of its own."""
     n = 300

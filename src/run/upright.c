@@ -1,0 +1,34 @@
+#include "run/upright.h"
+
+#include <math.h>
+
+#include "geometry/bbox.h"
+
+/* A base lies within this share of the height, and looks down by this cosine. */
+static const double LOW = 0.02, DOWN = 0.9;
+/* It is one from this share of the box's area across the axis on, and so many times that of the other axis: of the collection
+ * the statues and the screwdriver have 0.33 and 0.7, those that stand along the other axis 0.02 at most. */
+static const double BASE = 0.1, CLEARLY = 3;
+
+/* The area of the base over that of the box, `axis` up. Points of open surfaces look either way. */
+static double base_share(const points *set, bbox box, int axis)
+{
+    const vec3 size = bbox_size(box);
+    const double height = vec3_get(size, axis), across = size.x * size.y * size.z / height;
+    double area = 0;
+    for (size_t i = 0; i < set->count; i++)
+        if (vec3_get(set->position[i], axis) <= vec3_get(box.min, axis) + LOW * height &&
+            fabs(vec3_get(set->normal[i], axis)) >= DOWN)
+            area += 0.5 * sqrt(3) * set->spacing_local[i] * set->spacing_local[i];
+    return height > 0 && across > 0 ? area / across : 0;
+}
+
+bool upright_y(const spec *s, const points *set)
+{
+    const bool y = spec_y_up(s);
+    bbox box = bbox_empty();
+    if (spec_up_is_told(s)) return y;
+    for (size_t i = 0; i < set->count; i++) box = bbox_include(box, set->position[i]);
+    const double own = base_share(set, box, y ? 1 : 2), other = base_share(set, box, y ? 2 : 1);
+    return other >= BASE && other >= CLEARLY * own ? !y : y;
+}
