@@ -237,7 +237,7 @@ def test_words_about_files_are_the_users(worker, tmp_path):
     code, words = fails("mine.ply")
     assert code in ("input_damaged", "no_surface") and "mesh.ply" not in words
     write_obj(tmp_path / "box.obj")
-    code, words = fails("box.obj", limit=40, voxel_size=0.003)
+    code, words = fails("box.obj", limit=64, voxel_size=0.003)
     assert code == "limit_memory" and "MB are left of the limit" in words and "raise limits.memory_mb" in words
 
 
