@@ -992,7 +992,8 @@ class OutputPreview(_OutputPreviewRest):
     compression: The compression of preview.exr. At 512 x 512 pixels, none gives 4.2 MB (12.6 with all
         channels); rle half of it for 20 ms of processor time, zips a quarter for 70 ms. Default: 'none'.
     up: The axis that points up unless a camera says so. auto: y of OpenVDB files and of meshes but STL, 3MF
-        and AMF files, z of all others. Default: 'auto'.
+        and AMF files, z of all others; of an OBJ, OFF, PLY or STL file the other one if the mesh stands on a
+        flat base along that alone. Default: 'auto'.
     camera: The camera. Without it, the surface is seen from the right, the front and above, and fills the
         image.
     turntable: The number of images of one full rotation around the surface: preview.0001.png and so on; 0:
