@@ -302,7 +302,7 @@ def test_open_surfaces(sample):
     quarter = numpy.array([[0, -1, 0, 1], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
     plain, _ = sample(gyroid)
     report, points = sample(transform(gyroid, quarter))
-    assert report["surface"]["area"] == pytest.approx(plain["surface"]["area"], rel=1e-6)
+    assert report["surface"]["area"] == pytest.approx(plain["surface"]["area"], rel=1e-5)
     assert numpy.abs(points.position - [1, 0, 0]).max(axis=0) == pytest.approx([1.25, 1, 1.5], abs=1e-9)
     assert report["quality"]["rim_count"] > 0
     c, s = numpy.cos(0.5), numpy.sin(0.5)
@@ -363,7 +363,7 @@ def test_a_region_of_a_combination(sample):
 
 def test_points_on_new_places_find_their_rest(sample):
     """Between two spheres that touch all but for a hair particles leave the surface and are put elsewhere: the others make room."""
-    report, _ = sample({"union": [sphere(0.2, (0.25, 0.5, 0.5)), sphere(0.2, (0.648, 0.5, 0.5))]}, sampling={"count": 300},
+    report, _ = sample({"union": [sphere(0.2, (0.25, 0.5, 0.5)), sphere(0.2, (0.6495, 0.5, 0.5))]}, sampling={"count": 300},
                        solver={"threads": 1, "seed": 2})
     assert report["quality"]["removed_offsurface"] > 0
     assert report["step_left"] <= report["spec"]["solver"]["step_tolerance"]
