@@ -12,7 +12,7 @@
 /* The longest side of a cell: the spacing, but of few points less, so that normals and sizes are seen. */
 static const double least_cells = 32; /* along the longest side of the mesh */
 /* Of a spacing that few places ask for there would be more. */
-static const double most_cells = 1e5;
+static const double most_cells = 4e5;
 /* Of the area: with more the outcome would be unresolved. */
 static const double most_missing = 0.01;
 /* Of the area of a closed mesh whose triangles are not asked for: with more inside of its solids it is a level set. */
