@@ -30,7 +30,7 @@ CASES = (("dragon_100k.obj", 0.6, 1),
          ("scorpion_low.obj", 0.5, 2),
          ("footbones.ply", 0.6, 2),
          ("42400-IDGH.stl", 0.5, 1),
-         ("fertility.off", 0.4, 1),
+         ("fertility.off", 0.3, 1),
          ("high_genus13k.off", 0.4, 1))
 LEAST_ANGLE, SHARE = 25, 0.999
 FARTHEST = 1 / 3

@@ -13,9 +13,10 @@ enum { LINE_MOST = 256, TEXT_TRIANGLE = 40, BINARY_TRIANGLE = 13 };
 /* The strips, when they are the file's last element and what stands before them has a size that is known. */
 static const ply_element *find_strips(const ply_header *h)
 {
+    if (h->elements == 0) return NULL;
     const ply_element *last = &h->element[h->elements - 1];
-    if (h->elements == 0 || strcmp(last->name, "tristrips") != 0 || last->properties != 1 ||
-        !last->has_list || last->property->type->size != 4)
+    if (strcmp(last->name, "tristrips") != 0 || last->properties != 1 || !last->has_list ||
+        last->property->type->size != 4)
         return NULL;
     for (const ply_element *before = h->element; before < last; before++)
         if (before->has_list || strcmp(before->name, "tristrips") == 0) return NULL;

@@ -774,7 +774,8 @@ class Sampling(_SamplingRest):
         it. Trial runs with increasing counts determine the number. The result is not reproducible and is
         never cached. The job fails with limit_time if fewer than 200 points fit. (s)
     resolve: As many points as it takes to resolve the surface: the spacing is what feature and grid ask for,
-        at most max_spacing. Give true. The report and the estimate state the count.
+        at most max_spacing. Give true. The report and the estimate state the count. A closed mesh is sampled
+        on its triangles then, as with sharp edges (/surface/mesh/features), and mesh.ply has their topology.
     feature: Finer spacing where the surface is thin or sheets are close: at most ratio times the feature
         size, which is half the thickness, half the gap, or the radius of a thin tube. Convex edges are not
         thin. The job fails if the count is too small, and names the count that it needs.
