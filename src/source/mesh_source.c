@@ -11,7 +11,7 @@
 
 /* The longest side of a cell: the spacing, but of few points less, so that normals and sizes are seen. */
 static const double least_cells = 32; /* along the longest side of the mesh */
-/* Of a spacing that few places ask for there would be more. */
+/* Of a mesh that is to be resolved: few places ask for the least spacing. */
 static const double most_cells = 4e5;
 /* Of the area: with more the outcome would be unresolved. */
 static const double most_missing = 0.01;
@@ -29,8 +29,8 @@ static double longest_cell(const mesh_source_request *r, const mesh_patches *p)
 {
     const double spacing = spacing_of(r, mesh_area(&p->m)),
                  most = bbox_longest(mesh_box(&p->m)) / least_cells;
-    const double fewest = sqrt(mesh_area(&p->m) / most_cells);
-    return spacing > 0 ? fmax(fmin(spacing, most), fewest) : most;
+    const double shortest = r->resolve ? sqrt(mesh_area(&p->m) / most_cells) : 0;
+    return spacing > 0 ? fmax(fmin(spacing, most), shortest) : most;
 }
 
 /* Whether nothing speaks against the triangles of a closed mesh that are not asked for. */
