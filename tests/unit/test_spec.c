@@ -25,6 +25,10 @@
     "{\"version\":1,\"surface\":{\"exr\":{\"path\":" path ",\"slices\":" slices ",\"isovalue\":1}}," \
     "\"sampling\":{\"count\":100}}"
 
+#define STACKED_LABELS                                                                      \
+    "{\"version\":1,\"surface\":{\"labels\":{\"path\":\"a.####.exr\",\"slices\":\"1-9\"}}," \
+    "\"sampling\":{\"count\":100}}"
+
 #define COMBINED(kind)                                                                  \
     "{\"version\":1,\"surface\":{\"" kind "\":[{\"analytic\":{\"shape\":\"quartic\"}}," \
     "{\"mesh\":{\"path\":\"a.ply\"}}]},\"sampling\":{\"count\":100}}"
@@ -121,6 +125,8 @@ static json *document_for(const spec_row *row)
          "{\"version\":1,\"surface\":{\"mesh\":{\"path\":\"a.ply\"}},\"sampling\":{\"count\":100}}"},
         {"/surface/volume", "{\"version\":1,\"surface\":{\"volume\":{\"path\":\"a.nrrd\",\"isovalue\":1}},"
                             "\"sampling\":{\"count\":100}}"},
+        {"/surface/labels/voxel_size", STACKED_LABELS},
+        {"/surface/labels/origin", STACKED_LABELS},
         {"/surface/labels",
          "{\"version\":1,\"surface\":{\"labels\":{\"path\":\"a.nrrd\"}},\"sampling\":{\"count\":100}}"},
         {"/surface/union", COMBINED("union")},
@@ -647,9 +653,9 @@ static void test_normalised_is_idempotent(void **state)
         "\"auto\",\"max_sweeps\":5000,"
         "\"step_tolerance\":0.003,\"energy_tolerance\":0.05},\"output\":{\"ply\":{\"format\":"
         "\"binary_little_endian\",\"precision\":\"float\"},\"preview\":{\"size\":[512,512],"
-        "\"color\":\"curvature\",\"map\":\"viridis\",\"compression\":\"none\",\"up\":\"auto\",\"turntable\":0},\"convergence\":false,"
+        "\"color\":\"curvature\",\"map\":\"viridis\",\"channels\":\"basic\",\"compression\":\"none\",\"up\":\"auto\",\"turntable\":0},\"convergence\":false,"
         "\"points_vdb\":false,\"points_npz\":false,\"points_glb\":false,\"points_usda\":false,"
-        "\"mesh\":false,\"mesh_usda\":false},"
+        "\"mesh\":false,\"mesh_usda\":false,\"label_meshes\":false},"
         "\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_attempts\":0},"
         "\"queue\":{\"priority\":0,\"labels\":[],\"depends_on\":[],\"after\":[],\"coherent\":false,"
         "\"retention_s\":0,\"slurm\":[]}}");
