@@ -17,6 +17,7 @@ typedef struct label_graph {
 /* `kind` as in label_mesh: edges between triangles that differ in it are lines, too. A zeroed graph after failure.
  * Errors: limit_memory. */
 bool label_graph_make(const mesh *m, const uint32_t *kind, label_graph *out, error *e);
+
 /* Of each vertex twice the sum of its triangles' areas, across them. */
 void label_graph_normals(const mesh *m, vec3 *out);
 

@@ -52,11 +52,12 @@ static const char *end_of_solids(const char *at, const char *end)
 
 static const char *end_of_stl(const char *data, size_t size)
 {
-    const unsigned char *n = (const unsigned char *)data + STL_COUNT_AT;
     uint64_t whole = UINT64_MAX;
-    if (size >= STL_HEAD)
+    if (size >= STL_HEAD) {
+        const unsigned char *n = (const unsigned char *)data + STL_COUNT_AT;
         whole = STL_HEAD +
                 STL_TRIANGLE * (n[0] | (uint64_t)n[1] << 8 | (uint64_t)n[2] << 16 | (uint64_t)n[3] << 24);
+    }
     if (whole == size) return NULL;
     const char *end = data + size, *first = skip_blanks(data, end);
     if (begins_with(first, end, "solid")) return end_of_solids(first, end);
@@ -116,7 +117,8 @@ static const char *end_of_ply(const char *data, size_t size)
     ply_header *h = malloc(sizeof *h);
     const char *end = data + size, *at = h && ply_header_read(data, size, h) ? data + h->body : NULL;
     for (const ply_element *e = at ? h->element : NULL; at && e < h->element + h->elements; e++) {
-        if (h->layout != PLY_TEXT && !e->has_list && e->row > 0 && e->count <= (size_t)(end - at) / e->row) {
+        if (h->layout != PLY_TEXT && !e->has_list &&
+            (e->row == 0 || e->count <= (size_t)(end - at) / e->row)) {
             at += e->count * e->row;
             continue;
         }

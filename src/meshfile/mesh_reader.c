@@ -356,8 +356,9 @@ static int answer_refusal(const bytes *b, size_t memory, const char *why)
                             "the file is no mesh of a known format (PLY, OBJ, STL, OFF and others, told by "
                             "the file's name and first bytes)");
     }
-    snprintf(text, sizeof text, "the file cannot be read as a mesh: %s", *why ? why : "it is damaged");
-    for (char *own; (own = strstr(text, b->name));) { /* nobody else calls it so */
+    const int begin = snprintf(text, sizeof text, "the file cannot be read as a mesh: ");
+    snprintf(text + begin, sizeof text - (size_t)begin, "%s", *why ? why : "it is damaged");
+    for (char *own; (own = strstr(text + begin, b->name));) { /* nobody else calls it so */
         static const char file[] = "the file";
         const size_t length = strlen(b->name), rest = strlen(own + length) + 1;
         if ((size_t)(own - text) + sizeof file - 1 + rest > sizeof text) break;

@@ -1,5 +1,6 @@
 /* PLY: text and binary of both orders. Vertices stand before the faces, which are one list of indices each; whatever else an
  * element has is passed over. Triangle strips are the library's (ply_strips). */
+#include <math.h>
 #include <string.h>
 
 #include "meshfile/plain_mesh.h"
@@ -36,7 +37,9 @@ static bool end_row(cursor *c)
 static bool read_list(cursor *c, const ply_property *p, double *kept, size_t room, size_t *count)
 {
     double length, number;
-    if (!read_number(c, p->length, &length) || !(length >= 0 && length <= UINT32_MAX)) return false;
+    if (!read_number(c, p->length, &length) ||
+        !(length >= 0 && length <= UINT32_MAX && length == floor(length)))
+        return false;
     *count = (size_t)length;
     for (size_t k = 0; k < *count; k++) {
         if (!read_number(c, p->type, &number)) return false;
@@ -96,7 +99,7 @@ static bool read_faces(cursor *c, const ply_element *element, plain_mesh *out)
         size_t count = 0;
         if (!read_row(c, element, NULL, NULL, list, kept, &count) || count > CORNERS_MOST) return false;
         for (size_t k = 0; k < count; k++) {
-            if (!(kept[k] >= 0 && kept[k] < (double)out->vertices)) return false;
+            if (!(kept[k] >= 0 && kept[k] < (double)out->vertices && kept[k] == floor(kept[k]))) return false;
             corner[k] = (uint32_t)kept[k];
         }
         if (!plain_mesh_add_polygon(out, corner, count)) return false;

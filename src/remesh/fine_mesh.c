@@ -13,7 +13,7 @@ enum { MOST_PASSES = 24 };
 
 /* ---- sides and the vertices in their middles ---- */
 
-#define WHOLE UINT32_MAX /* a side that is not halved */
+#define WHOLE UINT32_MAX /* a side that is not halved; and there are fewer vertices and triangles */
 
 typedef struct side {
     uint32_t low, high; /* the same: an empty place of the table */
@@ -40,6 +40,12 @@ static bool needs_halving(const halving *h, vec3 a, vec3 b, vec3 middle)
     return length > h->share * h->spacing[near];
 }
 
+static bool too_many(error *e)
+{
+    return error_set(e, ERROR_LIMIT_MEMORY,
+                     "mesh.ply would need more than %u pieces of the mesh: ask for fewer points", WHOLE);
+}
+
 /* The vertex in the middle of a side, which is made when the side is met first, or WHOLE. */
 static bool halve_side(halving *h, uint32_t a, uint32_t b, uint32_t *out, error *e)
 {
@@ -53,6 +59,7 @@ static bool halve_side(halving *h, uint32_t a, uint32_t b, uint32_t *out, error 
         const vec3 middle = vec3_scale(vec3_add(m->vertex[low], m->vertex[high]), 0.5);
         *s = (side){low, high, WHOLE};
         if (needs_halving(h, m->vertex[low], m->vertex[high], middle)) {
+            if (m->vertex_count >= WHOLE) return too_many(e);
             vec3 *grown = mem_grow(m->vertex, m->vertex_count, &h->vertex_room, 4096, sizeof *grown, what, e);
             if (!grown) return false;
             m->vertex = grown;
@@ -97,6 +104,7 @@ static size_t cut_triangle(const uint32_t t[3], const uint32_t middle[3], uint32
 
 static bool keep_triangle(mesh *m, const uint32_t t[3], size_t *room, error *e)
 {
+    if (m->triangle_count >= WHOLE) return too_many(e);
     uint32_t(*grown)[3] = mem_grow(m->triangle, m->triangle_count, room, 4096, sizeof *grown, what, e);
     if (!grown) return false;
     m->triangle = grown;

@@ -155,7 +155,7 @@ static const double DEFAULT_EVEN_SCALE = 2, DEFAULT_OWN_SCALE = 4;
  * and the spline between voxels says how they part. With one, and a ratio of 1, 13 of fertility's 2 524 points stay unresolved; with a
  * quarter, none of 3 107. */
 static const double DEFAULT_FLOOR = 0.25;
-/* Curves are looked at in steps of this share of a spacing or cell, which puts the spacing on them off by a tenth of that. */
+/* Curves are looked at in steps of this share of the spacing there, which puts that off by a tenth of it. */
 static const double CURVE_STEP = 0.05;
 
 /* The spacing by place that the job asks for, for `count` points or for as many as it takes: 0. */
@@ -191,7 +191,8 @@ static bool find_curves(job *j, error *e)
     const field *f = j->source.field;
     if (!(j->spec->curve_spacing > 0) || !f->patches || f->patches->curve_count == 0) return true;
     double h = j->spec->count > 0 ? packing_spacing(j->scan->area, (double)j->spec->count) : f->cell_size;
-    j->curves = curve_distance_new(f->patches, true, CURVE_STEP * fmin(h, f->cell_size), e);
+    j->curves =
+        curve_distance_new(f->patches, true, CURVE_STEP * j->spec->curve_spacing * fmin(h, f->cell_size), e);
     return j->curves != NULL;
 }
 

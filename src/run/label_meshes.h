@@ -8,7 +8,7 @@
 enum { LABEL_MESHES_MOST = 128 };
 
 /* The vertices that it needs, with places alone and the attribute `point`, their place in the whole; triangles are turned so that
- * normals point out of the label. `storage` is to be freed with label_mesh_part_free. */
+ * normals point out of the label. Not to be copied: `set` points into it. */
 typedef struct label_mesh_part {
     points set;
     point_attribute point;

@@ -17,7 +17,7 @@ bool landing_find(const source *s, landing *out);
 
 /* Moves places of the sampled surface onto the triangles that they are nearest to; those on a face of a region stay on it.
  * Where shells meet places may come upon each other: those nearer than half their `spacing` are moved apart on the triangles.
- * *largest: of the moves. Errors: cancelled, limit_memory. */
+ * *largest: of the moves onto the triangles. Errors: cancelled, limit_memory. */
 bool landing_move(const landing *l, vec3 *place, const double *spacing, size_t count, threads *pool,
                   double *largest, error *e);
 

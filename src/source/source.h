@@ -94,10 +94,10 @@ bool source_starts_in_cells(const source *s);
 /* The share of the area of its meshes that is not sampled, since it is thinner than their voxels. */
 double source_missing_share(const source *s);
 
-/* Bytes that the source holds; 0 for one that is not open. */
 /* The mesh on whose triangles the points lie, if these are closed; else NULL. */
 const mesh *source_closed_mesh(const source *s);
 
+/* Bytes that the source holds; 0 for one that is not open. */
 size_t source_memory(const source *s);
 
 #endif

@@ -35,9 +35,9 @@ typedef struct layout {
     size_t end_count;
     size_t corner_count;
     bool *left_out; /* of each corner */
-    uint32_t *
-        lender; /* of each corner the one whose place stands for it: its own, or where it is left out the one at the
-                          * other end of its shortest curve */
+    /* Of each corner the one whose place stands for it: its own, or where it is left out the one at the other end of its
+     * shortest curve to one that is not. */
+    uint32_t *lender;
     uint32_t *corner[2]; /* of each curve's ends */
     vec3 *point;         /* of the curve at hand, its parts */
     double *at;          /* of each, the length up to there */
@@ -122,20 +122,33 @@ static double places_of(const layout *l, size_t c)
     return l->patches->curve[c].closed ? steps_of(l, c) : fmax(steps_of(l, c) - 1, 0);
 }
 
-/* Lengths, and who is left out of two corners that are too near. Returns how many places there will be. */
+static bool is_short(const layout *l, size_t c)
+{
+    return !l->patches->curve[c].closed && l->length[c] < SHORTEST;
+}
+
+/* Leaves out each corner that a short curve joins to one of a lower number that is not left out. */
+static void leave_out(layout *l)
+{
+    memset(l->left_out, 0, l->corner_count * sizeof *l->left_out);
+    for (size_t k = 0; k < l->end_count; k++) { /* by corner */
+        const uint32_t own = l->ends[k].corner, c = l->ends[k].curve;
+        const uint32_t other = l->corner[l->corner[0][c] == own][c];
+        if (is_short(l, c) && other < own && !l->left_out[other]) l->left_out[own] = true;
+    }
+}
+
+/* Lengths, and which corners are left out. Returns how many places there will be. */
 static bool measure(layout *l, double *places, error *e)
 {
     const field_patches *p = l->patches;
     *places = 0;
-    memset(l->left_out, 0, l->corner_count * sizeof *l->left_out);
     for (size_t c = 0; c < p->curve_count; c++) {
         if (!follow(l, &p->curve[c], e)) return false;
         l->length[c] = l->at[l->point_count - 1];
         *places += places_of(l, c);
-        uint32_t a = l->corner[0][c], b = l->corner[1][c];
-        if (p->curve[c].closed || l->length[c] >= SHORTEST || a == b) continue;
-        if (!l->left_out[a] && !l->left_out[b]) l->left_out[a > b ? a : b] = true;
     }
+    leave_out(l);
     for (size_t k = 0; k < l->corner_count; k++) *places += !l->left_out[k];
     return true;
 }
@@ -159,7 +172,7 @@ static bool lend_places(layout *l, error *e)
         shortest[k] = INFINITY;
     }
     for (size_t c = 0; c < l->patches->curve_count; c++)
-        for (int k = 0; k < 2 && !l->patches->curve[c].closed; k++) {
+        for (int k = 0; k < 2 && is_short(l, c); k++) {
             const uint32_t own = l->corner[k][c], other = l->corner[1 - k][c];
             if (!l->left_out[own] || l->left_out[other] || !(l->length[c] < shortest[own])) continue;
             shortest[own] = l->length[c];

@@ -387,8 +387,9 @@ static bool load_mesh(const volume_mesh_request *r, const resolution *choice, lo
     const double away = fabs(r->offset) / choice->voxel_size, band = ceil(away - 1e-9) + BAND_BESIDE;
     if (band > BAND_WIDEST)
         return error_set(e, ERROR_SPEC_INVALID,
-                         "an offset of %g is %.3g voxels, and at most %d are possible: voxel_size >= %.3g",
-                         r->offset, away, BAND_WIDEST - BAND_BESIDE, volume_mesh_least_voxel(r->offset));
+                         "an offset of %g is %.4g voxels, and at most %d are possible: voxel_size >= %.3g",
+                         r->offset, away, BAND_WIDEST - BAND_BESIDE,
+                         1.005 * volume_mesh_least_voxel(r->offset)); /* three digits may be less */
     const levelset_params params = {.voxel_size = choice->voxel_size,
                                     .band_vox = (int)fmax(band, r->band_vox),
                                     .weld = r->weld,

@@ -158,6 +158,25 @@ def test_the_mesh_keeps_to_a_fold(worker, tmp_path):
     assert report["mesh"]["nonmanifold_edges"] == 0 and report["mesh"]["euler"] == 1
 
 
+def test_stairs_below_the_spacing_leave_no_hole(worker, tmp_path):
+    """Of the corners of a step each that has no point of its own has the place of one that a short edge joins it to."""
+    def step(x, y, u, v):
+        return [(x + 0.05 * (i * u[0] + j * v[0]), y + 0.05 * (i * u[1] + j * v[1])) for i, j in ((0, 0), (0, 1), (1, 1), (1, 2))]
+
+    base = ([(0, 0)] + step(1, 0, (1, 0), (0, 1)) + [(3, 0.1)] + step(3, 1, (0, 1), (-1, 0)) + [(2.9, 3)]
+            + step(2, 3, (-1, 0), (0, -1)) + [(0, 2.9)] + step(0, 2, (0, -1), (1, 0)) + [(0.1, 1), (0, 1)])
+    n = len(base)
+    lines = ["v %r %r %r" % (x, y, z) for z in (0, 3) for x, y in base]
+    lines += ["f " + " ".join(str(k) for k in face) for face in (range(n, 0, -1), range(n + 1, 2 * n + 1))]
+    lines += ["f %d %d %d %d" % (k + 1, (k + 1) % n + 1, n + (k + 1) % n + 1, n + k + 1) for k in range(n)]
+    (tmp_path / "stairs.obj").write_text("\n".join(lines) + "\n")
+    job = mesh("stairs.obj", 400, features={})
+    job["output"]["mesh"] = True
+    assert worker(job).returncode in (0, 11)
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["mesh"]["boundary_edges"] == report["mesh"]["nonmanifold_edges"] == 0 and report["mesh"]["euler"] == 2
+
+
 def box(low, high):
     """Lines of an OBJ file, vertices counted from the end."""
     corners = [[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]

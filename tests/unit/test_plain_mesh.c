@@ -191,6 +191,7 @@ static void the_rest_is_left(void **state)
         {"ply",
          PLY_HEAD(
              "ascii") "element tristrips 1\nproperty list int int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"},
+        {"ply", PLY_HEAD("ascii") PLY_FACES "0 0 0\n1 0 0\n0 1 0\n3 0 1.5 2\n"},
         {"ply", PLY_HEAD("other") PLY_FACES "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"}};
     for (size_t k = 0; k < sizeof files / sizeof *files; k++) {
         plain_mesh m;
