@@ -76,6 +76,7 @@ typedef struct steps_job {
     sweep_job sweep;
     double spacing;
     bool watch; /* whoever has a long step from now on */
+    bool kinks; /* particles that rest on kinks count, too */
     size_t grain;
     double squares[PARTS];
     size_t counts[PARTS];
@@ -124,7 +125,7 @@ static double squared_steps(const steps_job *steps, int worker, const uint32_t *
         double s1, s2, over = unit / p->size[items[l]];
         relax_damped_step(&f[l], 0, &s1, &s2);
         double square = fmin(s1 * s1 + s2 * s2, f[l].nearest2) * over * over;
-        if (!rests_on_kink(r, p, items[l])) squares += square;
+        if (steps->kinks || !rests_on_kink(r, p, items[l])) squares += square;
         if (steps->watch) r->watched[items[l]] |= square > WATCHED_STEP * WATCHED_STEP * spacing * spacing;
     }
     return squares;
@@ -175,12 +176,14 @@ static double rms_steps(steps_job *job)
     return count > 0 ? sqrt(squares / (double)count) / job->spacing : NAN;
 }
 
-double relax_rms_step_left(relax *r, particles *p, double sigma, double spacing)
+double relax_rms_step_left(relax *r, particles *p, double sigma, double spacing, bool kinks)
 {
-    steps_job job = {
-        .sweep = {.r = r, .p = p, .sigma = sigma}, .spacing = spacing, .watch = p->patch != NULL};
+    steps_job job = {.sweep = {.r = r, .p = p, .sigma = sigma},
+                     .spacing = spacing,
+                     .watch = p->patch && !kinks,
+                     .kinks = kinks};
     const double rms = rms_steps(&job);
-    if (rms > WATCHED_STEP && !job.watch) {
+    if (rms > WATCHED_STEP && !job.watch && !kinks) {
         steps_job again = {.sweep = job.sweep, .spacing = spacing, .watch = true};
         rms_steps(&again);
     }

@@ -38,7 +38,7 @@ static bool rms_step(const verdict_input *in, double *value, double *bound)
 /* Of the points as they are delivered, whatever the solve thought of them; NaN fails nothing. */
 static bool step_left(const verdict_input *in, double *value, double *bound)
 {
-    *value = sampler_result_points(in->sampler)->step_left;
+    *value = sampler_result_points(in->sampler)->step_to_rest;
     *bound = in->step_tolerance;
     return *value > *bound;
 }

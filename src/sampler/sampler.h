@@ -113,6 +113,8 @@ typedef struct sampler_points {
     /* rms of the Newton steps that are left to the points, over the requested spacing (relax_rms_step_left); NaN where
      * no such step is known, as of a coarse answer, whose points are put at a distance from each other at last */
     double step_left;
+    double
+        step_to_rest; /* the same without particles that rest on kinks, where no step makes the energy less */
 } sampler_points;
 
 /* After sampler_finalize; the arrays belong to the sampler. */

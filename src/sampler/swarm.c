@@ -379,7 +379,7 @@ static bool describe(sampler *s, error *e)
     if (!update_lists(s, e)) return false;
     threads_run(s->setup.pool, n, 256, velocity_chunk, s);
     s->record.out.mean_energy = 0;
-    s->record.out.step_left = NAN; /* it goes by forces, not by (12) */
+    s->record.out.step_left = s->record.out.step_to_rest = NAN; /* it goes by forces, not by (12) */
     for (size_t i = 0; i < n; i++) {
         s->record.out.mean_energy += w->terms[i].energy / (double)n;
         near += w->terms[i].near;
