@@ -377,8 +377,11 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
     ply_strips strips = PLY_STRIPS_READ;
     plain_mesh plain;
     const bool wants_values = strcmp(argv[0], MESH_VALUES_COMMAND) == 0, read = read_bytes(&b);
-    const size_t end = read ? cut_end(argv[1], &b) : 0;
     if (read && !wants_values && plain_mesh_read(argv[1], b.data, b.size, &plain))
+        _exit(answer_plain(&plain, 0));
+    const size_t whole = b.size,
+                 end = read ? cut_end(argv[1], &b) : 0; /* readers take no file with more in it */
+    if (b.size < whole && !wants_values && plain_mesh_read(argv[1], b.data, b.size, &plain))
         _exit(answer_plain(&plain, end));
     if (!read || (strcasecmp(argv[1], "obj") == 0 && !add_zeros(&b)) ||
         (strcasecmp(argv[1], "ply") == 0 &&

@@ -77,11 +77,17 @@ void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums 
  * p->energy. */
 double relax_mean_energy(relax *r, particles *p, double sigma);
 
+typedef struct relax_steps {
+    double all;
+    double
+        to_rest; /* without particles that have looked for a better place in vain, as on a kink between facets */
+} relax_steps;
+
 /* The rms of the Newton steps (12) that are left to the particles where they are, over `spacing` and the size; nobody
  * moves. Of particles away from boundaries and from edges (within their support no normal is turned by more than 37
- * degrees): there the energy is smooth, and such a step says how far it is to rest. `kinks`: those count, too, that have looked for a
- * better place in vain, as on a kink between facets; without them this asks who is to look from now on. NaN when there are none. */
-double relax_rms_step_left(relax *r, particles *p, double sigma, double spacing, bool kinks);
+ * degrees): there the energy is smooth, and such a step says how far it is to rest. NaN when there are none. `watch`: who has a
+ * long one looks at the energy from now on. */
+relax_steps relax_rms_steps_left(relax *r, particles *p, double sigma, double spacing, bool watch);
 
 /* The largest support that the lists cover, until a particle moves. */
 double relax_max_support(const relax *r);

@@ -76,9 +76,8 @@ typedef struct steps_job {
     sweep_job sweep;
     double spacing;
     bool watch; /* whoever has a long step from now on */
-    bool kinks; /* particles that rest on kinks count, too */
     size_t grain;
-    double squares[PARTS];
+    relax_steps squares[PARTS]; /* their sums */
     size_t counts[PARTS];
 } steps_job;
 
@@ -90,14 +89,15 @@ static bool rests_on_kink(const relax *r, const particles *p, uint32_t i)
 
 /* The sum of the squared Newton steps of particles whose neighbours all face their way, each over its size. None is longer
  * than the way to the nearest neighbour, as in a sweep: where the Hessian is all but singular a step says nothing. */
-static double squared_steps(const steps_job *steps, int worker, const uint32_t *items, size_t count)
+static relax_steps squared_steps(const steps_job *steps, int worker, const uint32_t *items, size_t count)
 {
     const sweep_job *job = &steps->sweep;
     const double spacing = steps->spacing;
     const relax *r = job->r;
     const particles *p = job->p;
     pair_forces f[FAST_KERNEL_LANES];
-    double unit = 1, squares = 0;
+    relax_steps squares = {0, 0};
+    double unit = 1;
     if (r->fast && count > 0) {
         const fast_kernel_params params = {.unit = r->near->unit, .support = job->sigma};
         fast_kernel_particles own;
@@ -125,7 +125,8 @@ static double squared_steps(const steps_job *steps, int worker, const uint32_t *
         double s1, s2, over = unit / p->size[items[l]];
         relax_damped_step(&f[l], 0, &s1, &s2);
         double square = fmin(s1 * s1 + s2 * s2, f[l].nearest2) * over * over;
-        if (steps->kinks || !rests_on_kink(r, p, items[l])) squares += square;
+        squares.all += square;
+        if (!rests_on_kink(r, p, items[l])) squares.to_rest += square;
         if (steps->watch) r->watched[items[l]] |= square > WATCHED_STEP * WATCHED_STEP * spacing * spacing;
     }
     return squares;
@@ -156,34 +157,37 @@ static void steps_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t i = begin; i < end; i++) {
         if (is_held_at(&job->sweep, i)) items[held++] = (uint32_t)i;
         if (held < FAST_KERNEL_LANES && i + 1 < end) continue;
-        job->squares[part] += squared_steps(job, worker, items, held);
+        const relax_steps squares = squared_steps(job, worker, items, held);
+        job->squares[part].all += squares.all;
+        job->squares[part].to_rest += squares.to_rest;
         job->counts[part] += held;
         held = 0;
     }
 }
 
-static double rms_steps(steps_job *job)
+static relax_steps rms_steps(steps_job *job)
 {
     const size_t n = job->sweep.p->count;
-    double squares = 0;
+    relax_steps squares = {0, 0};
     size_t count = 0;
     job->grain = n / PARTS + 1;
     threads_run(job->sweep.r->pool, n, job->grain, steps_chunk, job);
     for (int k = 0; k < PARTS; k++) {
-        squares += job->squares[k];
+        squares.all += job->squares[k].all;
+        squares.to_rest += job->squares[k].to_rest;
         count += job->counts[k];
     }
-    return count > 0 ? sqrt(squares / (double)count) / job->spacing : NAN;
+    if (count == 0) return (relax_steps){NAN, NAN};
+    return (relax_steps){sqrt(squares.all / (double)count) / job->spacing,
+                         sqrt(squares.to_rest / (double)count) / job->spacing};
 }
 
-double relax_rms_step_left(relax *r, particles *p, double sigma, double spacing, bool kinks)
+relax_steps relax_rms_steps_left(relax *r, particles *p, double sigma, double spacing, bool watch)
 {
-    steps_job job = {.sweep = {.r = r, .p = p, .sigma = sigma},
-                     .spacing = spacing,
-                     .watch = p->patch && !kinks,
-                     .kinks = kinks};
-    const double rms = rms_steps(&job);
-    if (rms > WATCHED_STEP && !job.watch && !kinks) {
+    steps_job job = {
+        .sweep = {.r = r, .p = p, .sigma = sigma}, .spacing = spacing, .watch = watch && p->patch};
+    const relax_steps rms = rms_steps(&job);
+    if (rms.to_rest > WATCHED_STEP && watch && !p->patch) {
         steps_job again = {.sweep = job.sweep, .spacing = spacing, .watch = true};
         rms_steps(&again);
     }

@@ -190,10 +190,10 @@ static void curvature_chunk(void *context, int worker, size_t begin, size_t end)
 }
 
 /* Newton's step says nothing of the Gaussian, which bends the wrong way near its centre. */
-double sampler_step_left(const sampler *s, bool kinks)
+relax_steps sampler_steps_left(const sampler *s, bool watch)
 {
-    if (s->setup.params.energy == &energy_gaussian) return NAN;
-    return relax_rms_step_left(s->scratch.relax, s->state.p, s->state.sigma, s->state.spacing, kinks);
+    if (s->setup.params.energy == &energy_gaussian) return (relax_steps){NAN, NAN};
+    return relax_rms_steps_left(s->scratch.relax, s->state.p, s->state.sigma, s->state.spacing, watch);
 }
 
 /* Energies need the lists, which are given up before there is anything else: together they would be the most
@@ -205,8 +205,9 @@ static bool describe_energies(sampler *s, error *e)
         return false;
     s->record.out.mean_energy = relax_mean_energy(s->scratch.relax, s->state.p, s->state.sigma);
     s->record.out.mean_neighbours = relax_mean_neighbours(s->scratch.relax, s->state.p, s->state.sigma);
-    s->record.out.step_left = s->state.coarse ? NAN : sampler_step_left(s, !s->state.p->patch);
-    s->record.out.step_to_rest = s->state.coarse ? NAN : sampler_step_left(s, false);
+    const relax_steps left = s->state.coarse ? (relax_steps){NAN, NAN} : sampler_steps_left(s, false);
+    s->record.out.step_left = s->state.p->patch ? left.to_rest : left.all;
+    s->record.out.step_to_rest = left.to_rest;
     relax_free(s->scratch.relax);
     s->scratch.relax = NULL;
     return true;

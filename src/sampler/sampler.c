@@ -119,7 +119,7 @@ static bool points_rest(const sampler *s, const schedule_position *at)
     if (!schedule_is_last_level(at) || !schedule_is_last_stage(at) || s->setup.params.gradient ||
         s->state.coarse)
         return true;
-    return !(sampler_step_left(s, false) > s->setup.params.step_tolerance);
+    return !(sampler_steps_left(s, true).to_rest > s->setup.params.step_tolerance);
 }
 
 /* The solve has ended at rest. Particles that are not on the surface get new places; they have to find theirs among the

@@ -110,7 +110,7 @@ typedef struct sampler_points {
     size_t lost;           /* not on the surface, and no place found for them */
     double max_residual;   /* max |F| / |grad F|, over h */
     double sigma, mean_energy, ideal_energy, mean_neighbours;
-    /* rms of the Newton steps that are left to the points, over the requested spacing (relax_rms_step_left); NaN where
+    /* rms of the Newton steps that are left to the points, over the requested spacing (relax_rms_steps_left); NaN where
      * no such step is known, as of a coarse answer, whose points are put at a distance from each other at last */
     double step_left;
     double

@@ -129,7 +129,7 @@ bool sampler_replan(sampler *s, bool *again, error *e);
 bool sampler_reserve(sampler *s, size_t capacity, error *e);
 
 /* Of the particles where they are, see sampler_points. */
-double sampler_step_left(const sampler *s, bool kinks);
+relax_steps sampler_steps_left(const sampler *s, bool watch);
 
 /* How many points the particles are: those on a curve count once for all patches there. */
 size_t sampler_point_count(const sampler *s);
