@@ -123,7 +123,7 @@ def main():
     common = ("--memory_mb", "300", "--cache", "0", "--log_level", "info", "--user_running", "0", "--user_queued", "0")
     local = Service(given.build.resolve(), base / "local", "--listen", f"unix:{base}/local.sock", *common)
     farm = Service(given.build.resolve(), base / "farm", "--engine", "slurm", "--work_dir", base / "farm/work",
-                   "--slurm_most_jobs", str(max(given.queued, 2000)), "--listen", f"unix:{base}/farm.sock", *common)
+                   "--slurm_job_limit", str(max(given.queued, 2000)), "--listen", f"unix:{base}/farm.sock", *common)
     clock = base / "clock"
     clock.write_text(CLOCK)
     clock.chmod(0o755)

@@ -1,10 +1,12 @@
-/* A VDB file: the shim's listing, and the loading of every grid. Of what is loaded each promise of vdb.h is held. */
+/* A VDB file: the listing, and the loading of every grid, by the shim and without it. Of what is loaded each promise of
+ * vdb.h is held. */
 #include <cmath>
 
 #include <sys/mman.h>
 #include <unistd.h>
 
 #include "fuzz/target.h"
+#include "vdb/plain_vdb.h"
 #include "vdb/vdb.h"
 
 /* Far below a job's, so that what a file makes up is seen. */
@@ -45,6 +47,14 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     vdb_listing list;
     int fd = memfd_create("vdb", MFD_CLOEXEC);
     expect(fd >= 0 && write(fd, data, size) == (ssize_t)size);
+    if (plain_vdb_list_grids(fd, &list)) {
+        for (size_t n = 0; n < list.count; n++) {
+            vdb_grid *g = plain_vdb_load_grid(fd, n, memory);
+            if (g) check_grid(g);
+            vdb_grid_free(g);
+        }
+        vdb_listing_free(&list);
+    }
     if (vdb_list_grids(fd, &list, &e)) {
         for (size_t n = 0; n < list.count; n++) {
             vdb_grid *g = vdb_load_grid(fd, n, memory, &e);

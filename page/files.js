@@ -7,7 +7,7 @@ import {bytesOf, timeOf} from "./words.js";
 function Listing({path, onOpen, onChoose}) {
   const [page, setPage] = useState(null);
   const [error, setError] = useState(null);
-  const read = after => get(`v1/files${query({path, after_name: after})}`).then(
+  const read = after => get(`v1/files${query({path, cursor: after})}`).then(
     found => setPage(old => ({...found, files: [...(after ? old.files : []), ...found.files]})), setError);
   useEffect(() => {
     setPage(null);

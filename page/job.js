@@ -85,6 +85,7 @@ export function useReport(job, frame) {
 const REMEDIES = {
   limit_memory: "Submit a changed copy with fewer points, or with more memory under limits.",
   limit_time: "Submit a changed copy with fewer points, or with more time under limits.",
+  limit_file: "Submit a changed copy with fewer points or files; file_mb in the settings bounds each file.",
   stalled: "Retry runs it again; its log says where it stood.",
   dependency_failed: "Retry the job that it depends on first.",
   storage_full: "Retry it once the disk has room.",

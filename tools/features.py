@@ -25,13 +25,14 @@ from scipy.spatial import cKDTree
 import inputs
 import meshes
 
-# file, ratio, least spacing in thousandths of the longest side
-CASES = (("dragon_100k.obj", 0.6, 1),
-         ("scorpion_low.obj", 0.5, 2),
-         ("footbones.ply", 0.6, 2),
-         ("42400-IDGH.stl", 0.5, 1),
-         ("fertility.off", 0.3, 1),
-         ("high_genus13k.off", 0.4, 1))
+# file, ratio, least spacing in thousandths of the longest side, members of the surface's mesh. The foot bones lie within each
+# other: only a mesh whose features are asked for is sampled on all of its triangles then.
+CASES = (("dragon_100k.obj", 0.6, 1, {}),
+         ("scorpion_low.obj", 0.5, 2, {}),
+         ("footbones.ply", 0.6, 2, {"features": {"angle": 1.98}}),
+         ("42400-IDGH.stl", 0.5, 1, {}),
+         ("fertility.off", 0.3, 1, {}),
+         ("high_genus13k.off", 0.4, 1, {}))
 LEAST_ANGLE, SHARE = 25, 0.999
 FARTHEST = 1 / 3
 # Places on a mesh that distances and feature sizes are measured at.
@@ -93,7 +94,8 @@ def medial_axis(point, normal):
     """Centres of balls that touch two sheets that face each other, on both sides of the surface."""
     tree, centres = cKDTree(point), []
     widest = float(numpy.ptp(point, axis=0).max())
-    few = point[::max(1, len(point) // FIRST_PLACES)]
+    which = numpy.arange(0, len(point), max(1, len(point) // FIRST_PLACES))
+    few = point[which]
     for side in (-1, 1):
         n = side * normal
         radius, touched = numpy.full(len(point), widest), numpy.zeros(len(point), int)
@@ -102,6 +104,7 @@ def medial_axis(point, normal):
             across = (d * n[some, None]).sum(axis=2)
             size = numpy.where(across > 0, (d * d).sum(axis=2) / (2 * numpy.maximum(across, 1e-300)), widest)
             radius[some] = numpy.minimum(widest, size.min(axis=1) * (1 + 1e-3))
+            touched[some] = which[size.argmin(axis=1)]
         asked = numpy.arange(len(point))
         for _ in range(BALL_STEPS):
             distance, other = tree.query(point[asked] + radius[asked, None] * n[asked])
@@ -129,11 +132,11 @@ def farthest(given, made, floor):
     return worst
 
 
-def resolve(worker, path, ratio, least, work):
+def resolve(worker, path, ratio, least, work, members=None):
     """The input, the report, mesh.ply, and the least spacing."""
     given = meshes.read(path)
     spacing = least / 1000 * float(numpy.ptp(given.vertices, axis=0).max())
-    spec = {"version": 1, "surface": {"mesh": {"path": str(path)}},
+    spec = {"version": 1, "surface": {"mesh": {"path": str(path), **(members or {})}},
             "sampling": {"resolve": True, "feature": {"ratio": ratio}, "min_spacing": spacing},
             "output": {"mesh": True, "preview": False}}
     (work / "spec.json").write_text(json.dumps(spec))
@@ -150,25 +153,26 @@ def measure(given, report, result, spacing):
     angles = least_angles(vertices, triangles)
     share = float((angles > LEAST_ANGLE).mean())
     distance = farthest(given, meshes.Mesh(vertices, triangles), spacing)
-    unresolved = report["quality"]["unresolved_count"]
+    unresolved, ambiguous = report["quality"]["unresolved_count"], report["quality"]["ambiguous_count"]
     whole = after.manifold and after.genus == before.genus and after.parts == before.parts
     shape = f"{after.parts} of genus {after.genus:g}" if after.manifold else "not closed" if not after.closed else "pinched"
     return ((f"{report['count']}", True), (report["outcome"].replace("_", " "), True), (f"{unresolved}", unresolved == 0),
+            (f"{ambiguous}", True),
             (f"{before.parts} of genus {before.genus:g}", True), (shape, whole),
             (f"{angles.min():.1f}", True), (f"{100 * share:.2f} %", share >= SHARE), (f"{distance:.3f}", distance <= FARTHEST))
 
 
-HEAD = ("file", "ratio", "least spacing, thousandths", "points", "outcome", "unresolved", "parts of the input", "of mesh.ply",
+HEAD = ("file", "ratio", "least spacing, thousandths", "points", "outcome", "unresolved", "by the points alone", "parts of the input", "of mesh.ply",
         "least angle", f"above {LEAST_ANGLE} degrees", "distance over feature size", "s")
 
 
 def page(data, worker, only, say):
     rows, bad = ["| " + " | ".join(HEAD) + " |", "|" + "---|" * len(HEAD)], 0
-    for name, ratio, least in CASES:
+    for name, ratio, least, members in CASES:
         if only and not any(word in name for word in only):
             continue
         with tempfile.TemporaryDirectory() as where:
-            found = resolve(worker, data / "meshes" / name, ratio, least, pathlib.Path(where))
+            found = resolve(worker, data / "meshes" / name, ratio, least, pathlib.Path(where), members)
         cells = measure(*found)
         bad += sum(not good for _, good in cells)
         row = [name, f"{ratio:g}", f"{least:g}"] + [t if good else f"**{t}**" for t, good in cells]

@@ -114,7 +114,7 @@ class Case:
         equals = re.search(r'write "([^"]*)\[0\]" to "[^"]*\[(\d+)\]"', said)
         channels = re.search(r"has the channels (.*): give exr.channel", said)
         parts = re.search(r'parts of the file have .*?: "([^"]*)".*: give exr.part', said)
-        several = re.search(r"give volume.index", said)
+        several = re.search(r"has \d+ volumes of .*: give index", said)
         values = re.search(r"values range from (\S+) to ([^\s;]+)", said)
         if grids and "grid" not in chosen:
             for name in dict.fromkeys(re.findall(r'"([^"]*)"', grids[1])):

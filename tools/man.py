@@ -14,7 +14,7 @@ import re
 import subprocess
 import sys
 
-DATE = "2026-11-20"
+DATE = "2026-11-22"
 SETTINGS = "Settings, as options and as keys of the file"
 
 PAGES = {
@@ -27,11 +27,11 @@ PAGES = {
                        ("@localstatedir@/lib/hexad", "queue, attempts and results"),
                        ("@docdir@/examples", "drop-ins for the units: tcp.conf serves a port, webhooks.conf lets the"
                         " service call webhooks, mounts.conf ties it to a mount, memory.conf has the kernel keep memory"
-                        " limits; also alert rules for Prometheus and a dashboard for Grafana")]),
-            ("ENVIRONMENT", [("NOTIFY_SOCKET, WATCHDOG_USEC, LISTEN_FDS, STATE_DIRECTORY, CONFIGURATION_DIRECTORY,"
-                              " JOURNAL_STREAM",
+                        " limits, slurm.conf lets it call Slurm; also alert rules for Prometheus and a dashboard for Grafana")]),
+            ("ENVIRONMENT", [("NOTIFY_SOCKET, WATCHDOG_USEC, LISTEN_FDS, RUNTIME_DIRECTORY, STATE_DIRECTORY,"
+                              " CONFIGURATION_DIRECTORY, JOURNAL_STREAM",
                               "set by systemd: whom to tell that the service is ready and alive, the socket to serve,"
-                              " where to keep the state, where the file tokens is, and whether the log goes to"
+                              " where it is otherwise made, where to keep the state, where the file tokens is, and whether the log goes to"
                               " the journal, with the fields HEXAD_JOB, HEXAD_ATTEMPT and HEXAD_WORKER")]),
         ],
         "see": "hexad.conf(5), hexadctl(1), hexad-worker(1)"},

@@ -113,7 +113,7 @@ void files_list(const http_context *c, const http_request *request, reply *r)
         json_free(document);
         return;
     }
-    names found = {.after = parameter_text(request, "after_name", NULL),
+    names found = {.after = parameter_text(request, "cursor", NULL),
                    .most = (size_t)parameter_integer(request, "limit", 50)};
     found.item = mem_alloc((found.most + 1) * sizeof *found.item);
     for (struct dirent *entry; (entry = readdir(listing));)

@@ -116,11 +116,6 @@ static const parameter parameters[] = {
      .high = 4096,
      .example = "/srv/volumes",
      .prose = "A directory below an input root. Without it, or empty: the roots themselves."},
-    {.name = "after_name",
-     .type = PARAMETER_TEXT,
-     .low = 1,
-     .high = 255,
-     .prose = "`next` of the previous page: the list continues after this name."},
     {.name = "progress",
      .type = PARAMETER_INTEGER,
      .low = 0,
@@ -198,7 +193,7 @@ static const parameter parameters[] = {
      .type = PARAMETER_TEXT,
      .low = 1,
      .high = 300,
-     .prose = "`next` of the previous page, with the same `sort`."},
+     .prose = "`next` of the previous page; of jobs with the same `sort`."},
 };
 
 const parameter_table api_parameters = {parameters, sizeof parameters / sizeof *parameters};

@@ -170,7 +170,7 @@ bool dense_read(const attribute_request *request, size_t count, const vec3 *posi
     double bytes = (double)s->size[0] * (double)s->size[1] * s->components * sizeof(float);
     turn *turns = NULL;
     bool ok = HELD * bytes + (double)count * sizeof *turns <= (double)request->memory_limit ||
-              error_set(e, ERROR_LIMIT_MEMORY, "four of its slices need %.0f MB: raise limits.memory_mb",
+              error_set(e, ERROR_LIMIT_MEMORY, "four of its slices need %.0f MiB: raise limits.memory_mb",
                         HELD * bytes / (1 << 20));
     lattice_place(request, s->index_to_world, &l);
     turn_vectors(s, &l);

@@ -66,6 +66,7 @@ error_code error_code_from_name(const char *name)
 error_code error_code_of_errno(int why)
 {
     if (why == ENOSPC || why == EDQUOT) return ERROR_STORAGE_FULL;
+    if (why == EFBIG) return ERROR_LIMIT_FILE;
     return why == EIO ? ERROR_STORAGE_FAILED : ERROR_INTERNAL;
 }
 

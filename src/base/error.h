@@ -30,6 +30,7 @@
     ENTRY(prefix, NO_SURFACE, "no_surface")                                                             \
     ENTRY(prefix, LIMIT_MEMORY, "limit_memory")                                                         \
     ENTRY(prefix, LIMIT_TIME, "limit_time")                                                             \
+    ENTRY(prefix, LIMIT_FILE, "limit_file") /* a file is longer than allowed: file_mb */                \
     ENTRY(prefix, STALLED, "stalled")                                                                   \
     ENTRY(prefix, CANCELLED, "cancelled")                                                               \
     ENTRY(prefix, DEPENDENCY_FAILED, "dependency_failed")                                               \
@@ -55,7 +56,8 @@ bool error_prefix(error *e, const char *format, ...) __attribute__((format(print
 /* "spec_invalid", ...; "none" for ERROR_NONE. Never NULL. */
 const char *error_code_name(error_code code);
 
-/* What a failed system call on a file says: storage_full (ENOSPC, EDQUOT), storage_failed (EIO), internal. */
+/* What a failed system call on a file says: storage_full (ENOSPC, EDQUOT), storage_failed (EIO),
+ * limit_file (EFBIG), internal. */
 error_code error_code_of_errno(int why);
 
 /* Whether a disk of the host is at fault, so that the same may succeed later. */

@@ -111,11 +111,14 @@ static bool perform(client *c, const char *path, long *status, error *e)
     curl_easy_setopt(c->curl, CURLOPT_URL, url);
     CURLcode code = curl_easy_perform(c->curl);
     free(url);
-    if (code == CURLE_COULDNT_CONNECT)
+    if (code == CURLE_COULDNT_CONNECT) {
+        long number = 0; /* curl's own words name a port even of a Unix socket */
+        curl_easy_getinfo(c->curl, CURLINFO_OS_ERRNO, &number);
         return error_set(
             e, ERROR_INTERNAL,
             "%s: no server answers (%s): start hexad, or name its address with --server or HEXAD_SERVER",
-            c->server, *c->fault ? c->fault : curl_easy_strerror(code));
+            c->server, number ? strerror((int)number) : curl_easy_strerror(code));
+    }
     if (code != CURLE_OK)
         return error_set(e, ERROR_INTERNAL, "%s: %s", c->server,
                          *c->fault ? c->fault : curl_easy_strerror(code));

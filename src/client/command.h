@@ -11,12 +11,12 @@
 
 /* Exit codes of hexadctl. */
 enum {
-    COMMAND_OK = 0,          /* done; after waiting for a job: it succeeded and converged */
-    COMMAND_FAILED = 1,      /* the job failed or timed out; or any other error */
-    COMMAND_USAGE = 2,       /* a bad command line, a token that is missing or unknown, or a refused spec */
-    COMMAND_UNREACHABLE = 3, /* no server answers */
-    COMMAND_MISSING = 4,     /* no such job, or it or a wanted frame of it has no results */
-    COMMAND_CANCELLED = 6,   /* the job was cancelled */
+    COMMAND_OK = 0,             /* done; after waiting for a job: it succeeded and converged */
+    COMMAND_FAILED = 1,         /* the job failed or timed out; or any other error */
+    COMMAND_USAGE = 2,          /* a bad command line, a token that does not do, or a refused request */
+    COMMAND_UNREACHABLE = 3,    /* no server answers */
+    COMMAND_MISSING = 4,        /* no such job, its state does not allow this, or there are no results */
+    COMMAND_CANCELLED = 6,      /* the job was cancelled */
     COMMAND_NOT_CONVERGED = 10, /* the job succeeded but did not converge */
     COMMAND_UNRESOLVED = 11,    /* the job succeeded with the outcome unresolved */
 };

@@ -151,7 +151,7 @@ static int take_pair(void *context, const char *section, const char *key, const 
     if (*section && strcmp(section, "hexad") != 0)
         error_set(s->e, ERROR_SPEC_INVALID, "there is no section [%s]", section);
     else if (!row)
-        error_set(s->e, ERROR_SPEC_INVALID, "there is no setting %s", key);
+        error_set(s->e, ERROR_SPEC_INVALID, "there is no setting %s; see hexad --help", key);
     else
         set_from(s, row, value);
     error_prefix(s->e, "%s:%d", s->path, s->line);
@@ -167,7 +167,7 @@ static bool read_file(config *c, const char *path, error *e)
     if (ferror(s.file)) error_set(&mine, ERROR_SPEC_INVALID, "%s cannot be read: %s", path, strerror(errno));
     fclose(s.file);
     if (line != 0 && !mine.code)
-        error_set(&mine, ERROR_SPEC_INVALID, "%s:%d: neither a setting nor a section", path, line);
+        error_set(&mine, ERROR_SPEC_INVALID, "%s:%d: no setting: write NAME = VALUE", path, line);
     if (mine.code && e) *e = mine;
     return !mine.code;
 }

@@ -30,10 +30,10 @@ typedef struct config {
     char *state_dir; /* never "" after config_parse */
     char *work_dir;  /* "": state_dir */
     char *engine;    /* local or slurm */
-    int64_t slurm_most_jobs, slurm_small, slurm_together;
+    int64_t slurm_job_limit, slurm_batch_points, slurm_batch_attempts;
     config_list slurm_options, slurm_allow, slurm_accounts;
     char *slurm_node; /* "": beside the worker */
-    double slurm_more_s, slurm_interval_s, slurm_command_s, slurm_lost_s;
+    double slurm_batch_s, slurm_interval_s, slurm_timeout_s, slurm_lost_s;
     char *worker; /* "": config_find_worker looks for it */
     config_list unix_users, unix_groups, unix_admins;
     char *token_file; /* "": in the state directory */

@@ -61,7 +61,7 @@ const config_row config_table[] = {
          "What runs the attempts. local: processes of this machine. slurm: jobs of Slurm, by its commands; "
          "needs work_dir. workers is then without effect, and threads and host_memory_mb bound what one "
          "attempt may ask for."},
-    {SETTING(slurm_most_jobs), .type = CONFIG_INTEGER, .default_text = "2000", .low = 1, .high = 100000,
+    {SETTING(slurm_job_limit), .type = CONFIG_INTEGER, .default_text = "2000", .low = 1, .high = 100000,
      .unit = "attempts",
      .help = "How many attempts may be in Slurm's queue at once. Others wait in hexad's."},
     {SETTING(slurm_options), .type = CONFIG_WORDS,
@@ -80,20 +80,20 @@ const config_row config_table[] = {
      .help =
          "The program hexad-node on the nodes. Empty: as on this host, beside hexad or in the bindir of the "
          "build. worker is a path on the nodes, too."},
-    {SETTING(slurm_small), .type = CONFIG_INTEGER, .default_text = "20000", .low = 0, .high = 1 << 30,
+    {SETTING(slurm_batch_points), .type = CONFIG_INTEGER, .default_text = "20000", .low = 0, .high = 1 << 30,
      .unit = "points",
      .help = "Attempts of at most so many points share a Slurm job when many wait. 0: none do."},
-    {SETTING(slurm_together), .type = CONFIG_INTEGER, .default_text = "16", .low = 1, .high = 1000,
+    {SETTING(slurm_batch_attempts), .type = CONFIG_INTEGER, .default_text = "16", .low = 1, .high = 1000,
      .unit = "attempts",
      .help = "How many of these a Slurm job is given at most; it runs them one after the other."},
-    {SETTING(slurm_more_s), .type = CONFIG_REAL, .default_text = "60", .low = 0, .high = 86400, .unit = "s",
+    {SETTING(slurm_batch_s), .type = CONFIG_REAL, .default_text = "60", .low = 0, .high = 86400, .unit = "s",
      .help =
          "For how long after its start such a Slurm job goes on with small attempts of others that have not "
          "begun: Slurm takes a second to start a job, and a node has nothing to do meanwhile."},
     {SETTING(slurm_interval_s), .type = CONFIG_REAL, .default_text = "1", .low = 0.1, .high = 3600,
      .unit = "s",
      .help = "How often squeue is called, for all attempts at once; less often when it takes long."},
-    {SETTING(slurm_command_s), .type = CONFIG_REAL, .default_text = "30", .low = 0.1, .high = 3600,
+    {SETTING(slurm_timeout_s), .type = CONFIG_REAL, .default_text = "30", .low = 0.1, .high = 3600,
      .unit = "s", .help = "The time limit of a command of Slurm."},
     {SETTING(slurm_lost_s), .type = CONFIG_REAL, .default_text = "30", .low = 0, .high = 86400, .unit = "s",
      .help =
@@ -304,7 +304,7 @@ const config_row config_table[] = {
              "refused and none is called."},
     {SETTING(webhook_secret_file), .type = CONFIG_TEXT,
      .help =
-         "The file of the secret that signs webhooks: of mode 0600, with one line, which is whsec_ and the "
+         "The file of the secret that signs webhooks: of mode 0600, or 0640 as token_file, with one line, which is whsec_ and the "
          "base64 text of a key of 24 to 64 random bytes: the form that libraries of standardwebhooks.com "
          "expect. A line without whsec_, of at least 16 characters, is itself the key. webhook_hosts needs "
          "this file. Each call has the headers of Standard Webhooks: webhook-id, one for each end of a job, "

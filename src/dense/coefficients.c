@@ -79,7 +79,7 @@ double *coefficients_read(int fd, const char *path, const int dims[3], size_t me
     if (!find_width(fd, count, dims, &width, e)) goto fail;
     if (count > memory_limit / sizeof *numbers) {
         error_set(e, ERROR_LIMIT_MEMORY,
-                  "the file needs %zu MB and %zu MB are left of the limit: raise limits.memory_mb",
+                  "the file needs %zu MiB and %zu MiB are left of the limit: raise limits.memory_mb",
                   (count * sizeof *numbers >> 20) + 1, memory_limit >> 20);
         goto fail;
     }

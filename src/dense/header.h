@@ -45,14 +45,14 @@ typedef struct header {
     int64_t offset;      /* where they begin in it, before unpacking */
     int64_t
         byte_skip; /* bytes before them after lines and unpacking; -1 - n: they end n bytes before the end */
-    int64_t packed_bytes;      /* that the data are said to have, packed; 0: not said */
-    int64_t size[3];           /* the first axis is the fastest */
-    int64_t components;        /* values at each sample, next to each other; 0 counts as 1 */
-    double vector_to_world[9]; /* what those of a vector are turned by, row by row; all 0: by nothing */
-    int64_t volumes;           /* of that size, one after the other; 0 counts as 1 */
-    double index_to_world[16]; /* row-major, column vectors; index (0, 0, 0) is the first sample's place */
-    double slope, intercept;   /* value = slope * number + intercept */
-    char format[8], space[64]; /* "NRRD" or "NIfTI"; the world's axes by name, or "" */
+    int64_t packed_bytes;       /* that the data are said to have, packed; 0: not said */
+    int64_t size[3];            /* the first axis is the fastest */
+    int64_t components;         /* values at each sample, next to each other; 0 counts as 1 */
+    double vector_to_world[9];  /* what those of a vector are turned by, row by row; all 0: by nothing */
+    int64_t volumes;            /* of that size, one after the other; 0 counts as 1 */
+    double index_to_world[16];  /* row-major, column vectors; index (0, 0, 0) is the first sample's place */
+    double slope, intercept;    /* value = slope * number + intercept */
+    char format[12], space[64]; /* "NRRD", "NIfTI" or "MetaImage"; the world's axes by name, or "" */
 } header;
 
 /* The program `read-header NAME MEMORY CPU_SECONDS`: reads the header of the file on descriptor 0, called

@@ -429,6 +429,7 @@ static const char *guess(const char *head)
     if (strncmp(head, "# vtk DataFile", 14) == 0) return "a VTK file (3D Slicer saves it as NRRD)";
     if (strstr(head, "<VTKFile")) return "a VTK XML file (3D Slicer saves it as NRRD)";
     if (memcmp(head, "v/1\001", 4) == 0) return "an EXR image (use surface.exr)";
+    if (memcmp(head, " BDV", 4) == 0) return "an OpenVDB file (use surface.vdb)";
     if (strncmp(head, "11111\n", 6) == 0)
         return "an SLC volume of VolVis (ParaView saves it as VTK, and 3D Slicer that as NRRD)";
     if (memcmp(head, "VOL\003", 4) == 0)

@@ -92,7 +92,7 @@ static const char *describe(const fields *f, header *out, error_code *code)
     out->encoding = f->packed ? HEADER_GZIP : HEADER_RAW;
     out->swapped = f->big_endian != (__BYTE_ORDER == __BIG_ENDIAN);
     out->byte_skip = f->header_size > 0 ? f->header_size : f->header_size == -1 ? -1 : 0;
-    strcpy(out->format, "Meta");
+    strcpy(out->format, "MetaImage");
     return NULL;
 }
 

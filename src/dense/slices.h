@@ -25,10 +25,10 @@ struct slices {
     const slices_ops *ops;
     int64_t size[3]; /* samples along each axis, at least 2 */
     int components;  /* values at each sample, next to each other: 1, or up to 4 of raw_vectors_open */
-    double vector_to_world[9]; /* those of a vector, row by row */
-    double index_to_world[16]; /* row-major, column vectors */
-    char format[8], space[64]; /* as in header.h */
-    char warning[256];         /* something odd about them, or "" */
+    double vector_to_world[9];  /* those of a vector, row by row */
+    double index_to_world[16];  /* row-major, column vectors */
+    char format[12], space[64]; /* as in header.h */
+    char warning[256];          /* something odd about them, or "" */
 };
 
 /* Opens files that a header names. Returns a descriptor for reading, which the caller closes, or -1 and an error

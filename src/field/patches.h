@@ -19,7 +19,7 @@ typedef struct field_patch {
     /* Its own F: zero on the patch, defined some spacings around it. Beyond its curves the patch goes on tangentially. No
      * sheet of another patch is a zero of it. Of the ops only `sample` and `within` are asked for. */
     const field *field;
-    bool two_sided; /* it has no orientation (a Moebius strip): the sign of its normals means nothing */
+    bool one_sided; /* it has no orientation (a Moebius strip): the sign of its normals means nothing */
     double area;    /* > 0 */
 } field_patch;
 
@@ -29,6 +29,7 @@ typedef struct field_curve {
     size_t patch_first,
         patch_count;    /* in `curve_patch`, >= 1: the patches that end there; one that meets itself there
                          * stands twice */
+    double cosine;      /* the least between the normals of the faces that meet along it; 0: not known */
     const field *on[2]; /* both NULL: the polyline is the curve. Else a place of the polyline is brought onto
                          * both zero sets */
 } field_curve;

@@ -114,6 +114,7 @@ region *region_new(const field *whole, bbox box, error *e)
     }
     r->base = *whole;
     r->base.ops = &region_ops;
+    r->base.joined = false;
     r->base.domain = bbox_common(whole->domain, box);
     field_set_boundary(&r->base, find_boundary_faces(r, box, kept));
     bool all_kept = r->count == whole->ops->cell_count(whole);

@@ -15,6 +15,8 @@ static const char what[] = "the interfaces of the labels";
 static const unsigned char corners_of[6][4] = {{0, 1, 3, 7}, {0, 1, 5, 7}, {0, 2, 3, 7},
                                                {0, 2, 6, 7}, {0, 4, 5, 7}, {0, 4, 6, 7}};
 
+enum { BLOCK = 8 }; /* voxels */
+
 typedef struct making {
     const label_volume *v;
     block_map numbers; /* of vertices, by a voxel and what it is between: see vertex_at */
@@ -259,16 +261,31 @@ static bool is_mixed(const label_volume *v, int64_t x, int64_t y, int64_t z)
            at[slice + row] != own || at[slice + row + 1] != own;
 }
 
+/* Those that begin in a block of voxels. */
+static bool cut_block(making *k, const int64_t low[3], error *e)
+{
+    const int64_t *size = k->v->size;
+    int64_t end[3];
+    for (int axis = 0; axis < 3; axis++)
+        end[axis] = low[axis] + BLOCK < size[axis] - 1 ? low[axis] + BLOCK : size[axis] - 1;
+    for (int64_t z = low[2]; z < end[2]; z++)
+        for (int64_t y = low[1]; y < end[1]; y++)
+            for (int64_t x = low[0]; x < end[0]; x++) {
+                memcpy(k->at, (int64_t[3]){x, y, z}, sizeof k->at);
+                if (is_mixed(k->v, x, y, z) && !cut_cell(k, e)) return false;
+            }
+    return true;
+}
+
+/* Block by block: what is near in space is near in memory. */
 static bool cut_cells(making *k, error *e)
 {
-    const label_volume *v = k->v;
+    const int64_t *size = k->v->size;
     if (!block_map_init(&k->numbers, 4096, e)) return false;
-    for (int64_t z = 0; z + 1 < v->size[2]; z++)
-        for (int64_t y = 0; y + 1 < v->size[1]; y++)
-            for (int64_t x = 0; x + 1 < v->size[0]; x++) {
-                memcpy(k->at, (int64_t[3]){x, y, z}, sizeof k->at);
-                if (is_mixed(v, x, y, z) && !cut_cell(k, e)) return false;
-            }
+    for (int64_t z = 0; z < size[2]; z += BLOCK)
+        for (int64_t y = 0; y < size[1]; y += BLOCK)
+            for (int64_t x = 0; x < size[0]; x += BLOCK)
+                if (!cut_block(k, (int64_t[3]){x, y, z}, e)) return false;
     return true;
 }
 

@@ -136,7 +136,6 @@ static void spread_some(void *context, int worker, size_t begin, size_t end)
         const label_graph *g = &w->graph;
         const size_t count = g->first[v + 1] - g->first[v];
         vec3 sum = {0, 0, 0};
-        w->next[v] = w->now[v];
         if (w->rings[v] == 0 || w->rings[v] > RINGS || count == 0 || !(vec3_norm2(w->normal[v]) > 0))
             continue;
         for (size_t i = g->first[v]; i < g->first[v + 1]; i++) sum = vec3_add(sum, w->now[g->neighbour[i]]);
@@ -145,21 +144,42 @@ static void spread_some(void *context, int worker, size_t begin, size_t end)
     }
 }
 
+/* The triangles at vertices that are spread: these alone need normals. Returns how many. */
+static size_t list_beside_lines(const work *w, const mesh *m, uint32_t (*out)[3])
+{
+    size_t count = 0;
+    for (size_t n = 0; n < m->triangle_count; n++) {
+        bool beside = false;
+        for (int k = 0; k < 3; k++) {
+            const unsigned char rings = w->rings[m->triangle[n][k]];
+            beside |= rings > 0 && rings <= RINGS;
+        }
+        if (beside) memcpy(out[count++], m->triangle[n], sizeof *out);
+    }
+    return count;
+}
+
 static bool spread(work *w, mesh *m, threads *pool, error *e)
 {
     unsigned char *rings = mem_array(m->vertex_count, 1, what, e);
-    if (!rings) return false;
-    count_rings(&w->graph, m->vertex_count, rings);
-    w->rings = rings;
-    w->normal = w->sum;
-    for (int k = 0; k < SPREADS; k++) {
-        label_graph_normals(m, w->sum);
-        memcpy(w->now, m->vertex, m->vertex_count * sizeof *w->now);
-        threads_run(pool, m->vertex_count, GRAIN, spread_some, w);
-        memcpy(m->vertex, w->next, m->vertex_count * sizeof *w->next);
+    uint32_t(*beside)[3] = mem_array(m->triangle_count, sizeof *beside, what, e);
+    const bool ok = rings && beside;
+    if (ok) {
+        count_rings(&w->graph, m->vertex_count, rings);
+        w->rings = rings;
+        w->normal = w->sum;
+        const mesh there = {m->vertex_count, list_beside_lines(w, m, beside), m->vertex, beside};
+        memcpy(w->next, m->vertex, m->vertex_count * sizeof *w->next);
+        for (int k = 0; k < SPREADS && there.triangle_count > 0; k++) {
+            label_graph_normals(&there, w->sum);
+            memcpy(w->now, m->vertex, m->vertex_count * sizeof *w->now);
+            threads_run(pool, m->vertex_count, GRAIN, spread_some, w);
+            memcpy(m->vertex, w->next, m->vertex_count * sizeof *w->next);
+        }
     }
     free(rings);
-    return true;
+    free(beside);
+    return ok;
 }
 
 bool label_smoothing_apply(const label_smoothing *s, mesh *m, const uint32_t *kind, threads *pool, error *e)

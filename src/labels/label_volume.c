@@ -197,7 +197,7 @@ static bool make_room(label_volume *v, const slices *from, int64_t around, size_
     if (needed > (double)memory_limit)
         return error_set(
             e, ERROR_LIMIT_MEMORY,
-            "its %.0f voxels need %.0f MB and %zu MB are left of the limit: raise limits.memory_mb", voxels,
+            "its %.0f voxels need %.0f MiB and %zu MiB are left of the limit: raise limits.memory_mb", voxels,
             ceil(needed / (1 << 20)), memory_limit >> 20);
     v->at = mem_array((size_t)voxels, sizeof *v->at, what, e);
     if (v->at && around)

@@ -54,7 +54,7 @@ static bool over_limit(const making *k, size_t needed, error *e)
 {
     return error_set(
         e, ERROR_LIMIT_MEMORY,
-        "its level set with voxels of %g needs more than %zu MB and %zu MB are left of the limit: "
+        "its level set with voxels of %g needs more than %zu MiB and %zu MiB are left of the limit: "
         "raise limits.memory_mb or use larger voxels",
         k->voxel_size, needed >> 20, k->limit >> 20);
 }

@@ -22,6 +22,7 @@ enum { MOST_PASSES = 4 };
 typedef struct cut {
     uint32_t from, to;               /* vertices */
     size_t patch_first, patch_count; /* in `patches`, ascending */
+    double cosine;                   /* between the normals of two triangles; 0: it has not two */
 } cut;
 
 typedef struct making {
@@ -187,7 +188,7 @@ static bool cut_edges(making *k, error *e)
             k->cut_count += k->is_cut[i];
             k->out->open_edges += n == 1;
             k->out->feature_edges += feature;
-            k->out->branching_edges += n > 2;
+            k->out->nonmanifold_edges += n > 2;
             k->out->closed &= n % 2 == 0;
             if (!k->is_cut[i])
                 orientation_join(&k->turned, s[0].triangle, s[1].triangle, s[0].upwards == s[1].upwards);
@@ -209,21 +210,21 @@ static bool number_patches(making *k, error *e)
     for (uint32_t n = 0; n < triangles; n++)
         if (k->patch[n] == UINT32_MAX) k->patch[n] = k->patch[orientation_find(&k->turned, n, &turned)];
     out->first = mem_array(out->count + 1, sizeof *out->first, what, e);
-    out->two_sided = mem_array(out->count, sizeof *out->two_sided, what, e);
+    out->one_sided = mem_array(out->count, sizeof *out->one_sided, what, e);
     if (k->params->kind) out->kind = mem_array(out->count, sizeof *out->kind, what, e);
     size_t *minority = mem_array(out->count, sizeof *minority, what, e);
-    bool ok = out->first && out->two_sided && minority && (out->kind || !k->params->kind);
+    bool ok = out->first && out->one_sided && minority && (out->kind || !k->params->kind);
     for (uint32_t n = 0; ok && n < triangles; n++) {
         uint32_t root = orientation_find(&k->turned, n, &turned), p = k->patch[n];
         out->first[p + 1]++;
         minority[p] += turned;
         if (out->kind) out->kind[p] = k->params->kind[n];
-        out->two_sided[p] = k->turned.conflict[root];
+        out->one_sided[p] = k->turned.conflict[root];
     }
     for (uint32_t n = 0; ok && n < triangles; n++) { /* most triangles of a patch stay as they are */
         uint32_t p = k->patch[n];
         orientation_find(&k->turned, n, &turned);
-        if (out->two_sided[p] || turned != (2 * minority[p] <= out->first[p + 1])) continue;
+        if (out->one_sided[p] || turned != (2 * minority[p] <= out->first[p + 1])) continue;
         uint32_t *t = k->m->triangle[n], swap = t[1];
         t[1] = t[2];
         t[2] = swap;
@@ -257,7 +258,7 @@ static bool list_cuts(making *k, error *e)
             const mesh_side *s = k->edges.sides + i;
             for (size_t side = 0; side < n; side++) k->patches[used + side] = k->patch[s[side].triangle];
             qsort(k->patches + used, n, sizeof *k->patches, by_number);
-            k->cuts[count++] = (cut){v, s->other, used, n};
+            k->cuts[count++] = (cut){v, s->other, used, n, n == 2 ? cos(angle_at(k, s)) : 0};
             used += n;
             k->at[v + 2]++;
             k->at[s->other + 2]++;
@@ -332,6 +333,7 @@ static void follow(making *k, uint32_t start, uint32_t c, bool *done)
     out->vertex[last + curve->count++] = k->m->vertex[v];
     for (;;) {
         done[c] = true;
+        curve->cosine = fmin(curve->cosine, k->cuts[c].cosine);
         v = far_end(&k->cuts[c], v);
         curve->closed = v == start && !k->corner[v];
         if (!curve->closed) out->vertex[last + curve->count++] = k->m->vertex[v];
@@ -459,7 +461,7 @@ void mesh_patches_free(mesh_patches *p)
 {
     mesh_free(&p->m);
     free(p->first);
-    free(p->two_sided);
+    free(p->one_sided);
     free(p->kind);
     free(p->curve);
     free(p->vertex);

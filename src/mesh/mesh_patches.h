@@ -33,14 +33,14 @@ typedef struct mesh_patches {
         m; /* triangles patch after patch; a vertex belongs to one patch, and to one side of a curve within it */
     size_t count;
     size_t *first;   /* triangles of patch p: first[p] .. first[p + 1] */
-    bool *two_sided; /* no way of turning makes its triangles agree */
+    bool *one_sided; /* no way of turning makes its triangles agree */
     uint32_t *kind;  /* of patch p, where triangles have one; else NULL */
     size_t curve_count;
     field_curve *curve; /* `on` is NULL: the polyline is the curve */
     vec3 *vertex;       /* of the curves */
     uint32_t *curve_patch;
     double feature_angle; /* that was used for edges between triangles; 0: none is a feature */
-    size_t open_edges, feature_edges, branching_edges;
+    size_t open_edges, feature_edges, nonmanifold_edges;
     bool closed; /* an even number of triangles meets at every edge */
     size_t corner_count;
 } mesh_patches;

@@ -32,7 +32,7 @@ typedef struct judging {
     uint32_t *number;   /* of a triangle's component */
     component *components;
     size_t component_count;
-    size_t boundary_edges, odd_edges, branching_edges, holes;
+    size_t boundary_edges, odd_edges, nonmanifold_edges, holes;
 } judging;
 
 /* ---- edges */
@@ -164,7 +164,7 @@ static void count_edge(judging *j, size_t triangles)
 {
     j->boundary_edges += triangles == 1;
     j->odd_edges += triangles % 2 && triangles > 1;
-    j->branching_edges += triangles > 2;
+    j->nonmanifold_edges += triangles > 2;
 }
 
 static bool join_at_edges(judging *j, error *e)
@@ -408,10 +408,10 @@ static bool settle(judging *j, mesh_solids *out, error *e)
         !orientation_init(&j->turned, j->m->triangle_count, e))
         return false;
     if (!join_at_edges(j, e) || !number_components(j, e)) return false;
-    if (j->branching_edges)
+    if (j->nonmanifold_edges)
         mesh_note(j->notes,
                   "%zu edges at which four or more triangles meet: the mesh is closed but not manifold",
-                  j->branching_edges);
+                  j->nonmanifold_edges);
     orient(j);
     uint32_t *rank = mem_array(j->component_count, sizeof *rank, what, e);
     if (!rank) return false;

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/isa.h"
 #include "base/memory.h"
 #include "mesh/mesh_edges.h"
 #include "mesh/nearest_triangle.h"
@@ -17,6 +18,11 @@ static const double least_facing = 0.25;
 static const double rounding = 1e-7;
 /* A triangle whose height is less than this share of its longest side says nothing of how normals turn. */
 static const double least_height = 1e-3;
+/* A place this many times as far within the sides of a triangle as from it is nearest to that one, unless others are folded
+ * over it by more than 150 degrees; and how many triangles a particle may pass in a step before the tree is asked. */
+enum { ROOM = 2, MOST_STEPS = 4 };
+
+#define ENDS UINT32_MAX /* the patch ends at this side */
 
 /* A part of a triangle. */
 typedef struct piece {
@@ -37,11 +43,11 @@ struct mesh_surface {
     mesh_patches mesh;
     field_patches patches;
     patch_field *patch;
-    nearest_triangle *tree; /* of all; that of the patch where there is one only */
-    vec3 *normal;           /* of each vertex, unit */
-    sym3 *shape;            /* how it turns: symmetric, and nothing along the normal */
-    bool *at_end;           /* of each vertex: the patch ends there */
-    unsigned char *ends;    /* of each triangle: bit k, the patch ends at the side that begins at corner k */
+    vec3 *normal; /* of each vertex, unit */
+    sym3 *shape;  /* how it turns: symmetric, and nothing along the normal */
+    bool *at_end; /* of each vertex: the patch ends there */
+    uint32_t (
+        *beside)[3]; /* of each triangle: which one shares the side that begins at corner k; ENDS: none */
     piece *pieces;
     size_t piece_count, piece_room;
 };
@@ -80,7 +86,7 @@ static void find_normals(mesh_surface *s)
             const vec3 unit = vec3_unit(across(s, n));
             for (int k = 0; k < 3; k++) {
                 vec3 *sum = &s->normal[m->m.triangle[n][k]];
-                *sum = vec3_axpy(angle_at(s, n, k), m->two_sided[p] ? facing(unit, *sum) : unit, *sum);
+                *sum = vec3_axpy(angle_at(s, n, k), m->one_sided[p] ? facing(unit, *sum) : unit, *sum);
             }
         }
     for (size_t v = 0; v < m->m.vertex_count; v++) s->normal[v] = vec3_unit(s->normal[v]);
@@ -149,20 +155,24 @@ static bool find_shapes(mesh_surface *s, error *e)
     return true;
 }
 
-/* Where patches end: vertices are shared within a patch alone, so that it is at edges of one triangle. */
-static bool find_ends(mesh_surface *s, error *e)
+/* Which triangles share sides, and where patches end: vertices are shared within a patch alone, so that it is at edges of one
+ * triangle. */
+static bool find_sides(mesh_surface *s, error *e)
 {
     mesh_edges edges = {0};
-    seam_edge *open = NULL;
-    size_t count = 0;
-    bool ok = mesh_edges_list(&s->mesh.m, &edges, e) && mesh_edges_open(&edges, &open, &count, e);
-    for (size_t i = 0; ok && i < count; i++) {
-        const uint32_t *t = s->mesh.m.triangle[open[i].triangle];
-        int k = t[0] == open[i].from ? 0 : t[1] == open[i].from ? 1 : 2;
-        s->ends[open[i].triangle] |= (unsigned char)(1 << k);
-        s->at_end[open[i].from] = s->at_end[open[i].to] = true;
-    }
-    free(open);
+    const bool ok = mesh_edges_list(&s->mesh.m, &edges, e);
+    for (uint32_t v = 0; ok && v < edges.vertex_count; v++)
+        for (size_t i = edges.first[v], n; i < edges.first[v + 1]; i += n) {
+            n = mesh_edges_width(&edges, v, i);
+            const mesh_side *side = edges.sides + i;
+            for (size_t j = 0; j < n; j++) {
+                const uint32_t from = side[j].upwards ? v : side[j].other,
+                               *t = s->mesh.m.triangle[side[j].triangle];
+                const int k = t[0] == from ? 0 : t[1] == from ? 1 : 2;
+                s->beside[side[j].triangle][k] = n == 2 ? side[1 - j].triangle : ENDS;
+            }
+            if (n == 1) s->at_end[v] = s->at_end[side->other] = true;
+        }
     mesh_edges_free(&edges);
     return ok;
 }
@@ -193,8 +203,8 @@ static foot foot_on(const mesh_surface *s, size_t n, const double weight[3], vec
     foot out = {vec3_sub(x, at), normal, vec3_norm2(own) > 0 ? own : normal, zeros == 0, false};
     for (int k = 0; zeros > 0 && k < 3;
          k++) /* the side opposite of a corner without weight, or the one corner */
-        out.at_end |=
-            zeros == 1 ? weight[k] == 0 && (s->ends[n] >> (k + 1) % 3 & 1) : weight[k] > 0 && s->at_end[t[k]];
+        out.at_end |= zeros == 1 ? weight[k] == 0 && s->beside[n][(k + 1) % 3] == ENDS
+                                 : weight[k] > 0 && s->at_end[t[k]];
     return out;
 }
 
@@ -206,6 +216,34 @@ static double distance_along(const foot *f)
         return vec3_dot(f->off, f->own) / fmax(vec3_dot(f->normal, f->own), least_facing);
     const double most = far / least_facing;
     return up == 0 ? 0 : fmax(fmin(far * far / up, most), -most);
+}
+
+/* The triangle that is nearest to x, from one that was to a place nearby, and the weights of its corners: over sides to where
+ * x is above a triangle, and so near to it that nothing beyond its sides can be nearer. False where that does not say it. */
+static bool walk(const mesh_surface *s, uint32_t *n, vec3 x, double weight[3])
+{
+    for (int step = 0; step < MOST_STEPS && *n != ENDS; step++) {
+        const uint32_t *t = s->mesh.m.triangle[*n];
+        const vec3 a = s->mesh.m.vertex[t[0]], b = s->mesh.m.vertex[t[1]], c = s->mesh.m.vertex[t[2]],
+                   off = vec3_sub(x, a), side[3] = {vec3_sub(b, a), vec3_sub(c, b), vec3_sub(a, c)},
+                   cross = vec3_cross(side[0], side[1]);
+        const double cross2 = vec3_norm2(cross), up = vec3_dot(off, cross);
+        weight[1] = vec3_dot(vec3_cross(side[2], off), cross) / cross2;
+        weight[2] = vec3_dot(vec3_cross(side[0], off), cross) / cross2;
+        weight[0] = 1 - weight[1] - weight[2];
+        bool inside = true; /* by so much: the height over side k is cross / side[k] */
+        int least = 0;
+        for (int k = 0; k < 3; k++) {
+            const double within = weight[k] * cross2;
+            inside &=
+                weight[k] > 0 && within * within > ROOM * ROOM * up * up * vec3_norm2(side[(k + 1) % 3]);
+            if (weight[k] < weight[least]) least = k;
+        }
+        if (inside) return true;
+        if (!(weight[least] < 0)) return false;
+        *n = s->beside[*n][(least + 1) % 3];
+    }
+    return false;
 }
 
 static void sample_triangle(const mesh_surface *s, size_t n, const double weight[3], vec3 x,
@@ -232,6 +270,48 @@ static bool sample_patch(const field *f, vec3 x, field_order order, field_sample
     return true;
 }
 
+/* Asks for what the triangles that hints name will need: first these, by way of them their corners. (Inlined: the compiler
+ * leaves out calls of a function that does nothing else.) */
+ISA_INLINE void prefetch(const mesh_surface *s, const uint32_t hint[VEC3_LANES])
+{
+    for (int l = 0; l < VEC3_LANES; l++) {
+        if (hint[l] >= s->mesh.m.triangle_count) continue;
+        __builtin_prefetch(s->mesh.m.triangle[hint[l]]);
+        __builtin_prefetch(s->beside[hint[l]]);
+    }
+    for (int l = 0; l < VEC3_LANES; l++)
+        for (int k = 0; k < 3 && hint[l] < s->mesh.m.triangle_count; k++) {
+            const uint32_t v = s->mesh.m.triangle[hint[l]][k];
+            __builtin_prefetch(&s->mesh.m.vertex[v].x);
+            __builtin_prefetch(&s->mesh.m.vertex[v].z);
+            __builtin_prefetch(&s->normal[v].x);
+            __builtin_prefetch(&s->normal[v].z);
+        }
+}
+
+static void sample_patch_lanes(const field *f, const uint32_t patch[VEC3_LANES], const vec3_lanes *x,
+                               bool defined[VEC3_LANES], uint32_t hint[VEC3_LANES], double value[VEC3_LANES],
+                               vec3_lanes *gradient)
+{
+    const mesh_surface *s = (const mesh_surface *)f;
+    prefetch(s, hint);
+    for (int l = 0; l < VEC3_LANES; l++) {
+        if (!defined[l]) continue;
+        const patch_field *p = &s->patch[patch[l]];
+        const vec3 at = {x->x[l], x->y[l], x->z[l]};
+        double weight[3];
+        field_sample sample;
+        uint32_t n = hint[l] - p->first < p->triangles.triangle_count ? hint[l] : ENDS;
+        if (!walk(s, &n, at, weight)) n = (uint32_t)(p->first + nearest_triangle_find(p->tree, at, weight));
+        sample_triangle(s, n, weight, at, FIELD_GRADIENT, &sample);
+        hint[l] = n;
+        value[l] = sample.value;
+        gradient->x[l] = sample.gradient.x;
+        gradient->y[l] = sample.gradient.y;
+        gradient->z[l] = sample.gradient.z;
+    }
+}
+
 static bool is_within(const field *f, vec3 x)
 {
     const patch_field *p = (const patch_field *)f;
@@ -246,9 +326,14 @@ static bool is_within(const field *f, vec3 x)
 static bool sample_all(const field *f, vec3 x, field_order order, field_sample *out)
 {
     const mesh_surface *s = (const mesh_surface *)f;
-    double weight[3];
-    size_t n = nearest_triangle_find(s->tree, x, weight);
-    sample_triangle(s, n, weight, x, order, out);
+    double weight[3], distance2 = INFINITY;
+    size_t found = 0;
+    for (size_t k = 0, n; k < s->mesh.count; k++)
+        if (nearest_triangle_find_nearer(s->patch[k].tree, x, &distance2, &n)) found = s->patch[k].first + n;
+    const uint32_t *t = s->mesh.m.triangle[found];
+    const vec3 *v = s->mesh.m.vertex;
+    triangle_weights(&(triangle){v[t[0]], v[t[1]], v[t[2]]}, x, weight);
+    sample_triangle(s, found, weight, x, order, out);
     return true;
 }
 
@@ -356,6 +441,7 @@ static const field_ops whole_ops = {.sample = sample_all,
                                     .cell_count = count_cells,
                                     .cell = get_cell,
                                     .side = no_side,
+                                    .sample_patch_lanes = sample_patch_lanes,
                                     .cell_triangles = cell_triangles,
                                     .patch_at = patch_at};
 static const field_ops patch_ops = {.sample = sample_patch, .side = no_side, .within = is_within};
@@ -377,12 +463,11 @@ static bool make_patches(mesh_surface *s, error *e)
         p->triangles = (mesh){m->m.vertex_count, triangles, m->m.vertex, m->m.triangle + first};
         if (!(p->tree = nearest_triangle_new(&p->triangles, e))) return false;
         const double area = mesh_area(&p->triangles);
-        s->patches.patch[k] = (field_patch){&p->base, m->two_sided[k], fmax(area, DBL_MIN)};
+        s->patches.patch[k] = (field_patch){&p->base, m->one_sided[k], fmax(area, DBL_MIN)};
         all += area;
     }
     if (!(all > 0)) return error_set(e, ERROR_NO_SURFACE, "the triangles of the mesh have no area");
-    s->tree = m->count == 1 ? s->patch[0].tree : nearest_triangle_new(&m->m, e);
-    return s->tree != NULL;
+    return true;
 }
 
 static bool make(mesh_surface *s, double longest, error *e)
@@ -397,10 +482,10 @@ static bool make(mesh_surface *s, double longest, error *e)
     s->normal = mem_array(m->vertex_count, sizeof *s->normal, what, e);
     s->shape = mem_array(m->vertex_count, sizeof *s->shape, what, e);
     s->at_end = mem_array(m->vertex_count, sizeof *s->at_end, what, e);
-    s->ends = mem_array(m->triangle_count, sizeof *s->ends, what, e);
-    if (!s->normal || !s->shape || !s->at_end || !s->ends) return false;
+    s->beside = mem_array(m->triangle_count, sizeof *s->beside, what, e);
+    if (!s->normal || !s->shape || !s->at_end || !s->beside) return false;
     find_normals(s);
-    if (!find_shapes(s, e) || !find_ends(s, e) || !cut_pieces(s, longest, e) || !make_patches(s, e))
+    if (!find_shapes(s, e) || !find_sides(s, e) || !cut_pieces(s, longest, e) || !make_patches(s, e))
         return false;
     s->base.patches = &s->patches;
     return true;
@@ -419,7 +504,6 @@ mesh_surface *mesh_surface_new(mesh_patches *patches, double longest, error *e)
 void mesh_surface_free(mesh_surface *s)
 {
     if (!s) return;
-    if (s->mesh.count != 1) nearest_triangle_free(s->tree);
     for (size_t k = 0; s->patch && k < s->mesh.count; k++) nearest_triangle_free(s->patch[k].tree);
     mesh_patches_free(&s->mesh);
     free(s->patches.patch);
@@ -427,7 +511,7 @@ void mesh_surface_free(mesh_surface *s)
     free(s->normal);
     free(s->shape);
     free(s->at_end);
-    free(s->ends);
+    free(s->beside);
     free(s->pieces);
     free(s);
 }
@@ -442,10 +526,11 @@ const mesh_patches *mesh_surface_patches(const mesh_surface *s)
     return &s->mesh;
 }
 
-/* Of the trees: two boxes for each four triangles, or a little more, in each of two. */
 size_t mesh_surface_bytes(const mesh_surface *s)
 {
     const mesh *m = &s->mesh.m;
-    return m->triangle_count * (sizeof *m->triangle + 2 * (sizeof(bbox) + sizeof(uint32_t))) +
+    size_t trees = 0;
+    for (size_t k = 0; k < s->mesh.count; k++) trees += nearest_triangle_bytes(s->patch[k].tree);
+    return trees + m->triangle_count * (sizeof *m->triangle + sizeof *s->beside) +
            m->vertex_count * (2 * sizeof(vec3) + sizeof(sym3)) + s->piece_room * sizeof *s->pieces;
 }

@@ -102,13 +102,14 @@ typedef struct visit {
     double distance2;
 } visit;
 
-/* The place in `order` of the nearest triangle; that of none when all are farther than `within` or not accepted. */
-static inline size_t search(const nearest_triangle *n, vec3 p, double within, nearest_triangle_accept *accept,
-                            const void *context)
+/* The place in `order` of the nearest triangle, whose squared distance goes to *nearest; that of none when all are farther
+ * than that or not accepted. */
+static inline size_t search(const nearest_triangle *n, vec3 p, double *nearest,
+                            nearest_triangle_accept *accept, const void *context)
 {
-    visit stack[DEEPEST] = {{0, 0, n->mesh->triangle_count, 0}};
+    visit stack[DEEPEST] = {{0, 0, n->mesh->triangle_count, box_distance2(&n->box[0], p)}};
     size_t found = n->mesh->triangle_count;
-    double best = within * within;
+    double best = *nearest;
     for (int depth = 1; depth > 0;) {
         const visit v = stack[--depth];
         if (!(v.distance2 < best)) continue;
@@ -129,12 +130,22 @@ static inline size_t search(const nearest_triangle *n, vec3 p, double within, ne
         stack[depth++] = swap ? b : a;
         stack[depth++] = swap ? a : b;
     }
+    *nearest = best;
     return found;
+}
+
+bool nearest_triangle_find_nearer(const nearest_triangle *n, vec3 p, double *distance2, size_t *nearest)
+{
+    const size_t found = search(n, p, distance2, NULL, NULL);
+    if (found == n->mesh->triangle_count) return false;
+    *nearest = n->order[found];
+    return true;
 }
 
 size_t nearest_triangle_find(const nearest_triangle *n, vec3 p, double weight[3])
 {
-    const size_t found = search(n, p, INFINITY, NULL, NULL);
+    double distance2 = INFINITY;
+    const size_t found = search(n, p, &distance2, NULL, NULL);
     triangle_weights(&n->corner[found], p, weight);
     return n->order[found];
 }
@@ -142,7 +153,8 @@ size_t nearest_triangle_find(const nearest_triangle *n, vec3 p, double weight[3]
 bool nearest_triangle_find_among(const nearest_triangle *n, vec3 p, double within,
                                  nearest_triangle_accept *accept, const void *context, vec3 *place)
 {
-    const size_t found = search(n, p, within, accept, context);
+    double distance2 = within * within;
+    const size_t found = search(n, p, &distance2, accept, context);
     if (found == n->mesh->triangle_count) return false;
     *place = triangle_nearest(&n->corner[found], p);
     return true;

@@ -16,6 +16,9 @@ void nearest_triangle_free(nearest_triangle *n); /* NULL will do */
 /* The triangle, and the weights of its corners at the place on it that is nearest to p. */
 size_t nearest_triangle_find(const nearest_triangle *n, vec3 p, double weight[3]);
 
+/* The nearest triangle if the square of its distance is less than *distance2, where that goes then; else false. */
+bool nearest_triangle_find_nearer(const nearest_triangle *n, vec3 p, double *distance2, size_t *nearest);
+
 /* Whether a triangle counts. */
 typedef bool nearest_triangle_accept(const void *context, size_t n, const triangle *t);
 

@@ -120,7 +120,7 @@ bool winding_make(const mesh *m, const winding_point *fixed, const uint32_t *fir
 too_large:
     winding_free(&c);
     return error_set(e, ERROR_LIMIT_MEMORY,
-                     "the %zu lines through its voxels need more than the limit of %zu MB: raise "
+                     "the %zu lines through its voxels need more than the limit of %zu MiB: raise "
                      "limits.memory_mb or use larger voxels",
                      lines, memory_limit >> 20);
 }

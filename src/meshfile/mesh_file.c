@@ -79,7 +79,7 @@ static bool check_counts(const mesh_reader_header *h, size_t limit, error *e)
     if (needed <= limit) return true;
     return error_set(
         e, ERROR_LIMIT_MEMORY,
-        "its %llu triangles need %zu MB and %zu MB are left of the limit: raise limits.memory_mb",
+        "its %llu triangles need %zu MiB and %zu MiB are left of the limit: raise limits.memory_mb",
         (unsigned long long)h->triangles, (needed >> 20) + 1, limit >> 20);
 }
 

@@ -569,7 +569,7 @@ static bool reserve_lists(neighbours *n, size_t entries, error *e)
     if (bytes > (double)n->list_limit || entries > UINT32_MAX)
         return error_set(
             e, ERROR_LIMIT_MEMORY,
-            "within %g of a point there are up to %zu others: lists of that take %.0f MB, %.0f are "
+            "within %g of a point there are up to %zu others: lists of that take %.0f MiB, %.0f are "
             "left: lower solver.sigma, or raise limits.memory_mb",
             n->cutoff, n->longest, bytes / (1 << 20), (double)n->list_limit / (1 << 20));
     uint32_t *list = mem_array(entries, sizeof *list, "neighbour lists", e);

@@ -44,7 +44,7 @@ static inline double packing_count_of_support(double area, double support)
 /* What is known of a point beside its place. */
 enum {
     PACKING_FIXED = 1,     /* it is held on a curve, where its part of the surface ends */
-    PACKING_TWO_SIDED = 2, /* the sign of its normal means nothing */
+    PACKING_ONE_SIDED = 2, /* the sign of its normal means nothing */
     PACKING_AT_WEDGE =
         4 /* it is so near to a row on a sharp edge that the sheets that meet there are within reach of each other */
 };

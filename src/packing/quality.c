@@ -35,7 +35,7 @@ typedef struct cell_sums {
 /* What a chunk of points adds to the measures; all but `degrees` and `boundary` without the points near boundaries. */
 typedef struct tally {
     double degrees; /* sum of 6 - degree */
-    double boundary, inner, energy, nearest;
+    double boundary, inner, ambiguous, energy, nearest;
     cell_sums resolved, all;
     moments ratio;
     double finest, coarsest;
@@ -63,7 +63,7 @@ typedef struct measure_job {
 static double facing(const quality_input *in, uint32_t i, uint32_t j)
 {
     double cosine = vec3_dot(in->normal[i], in->normal[j]);
-    return in->flags && in->flags[i] & PACKING_TWO_SIDED ? fabs(cosine) : cosine;
+    return in->flags && in->flags[i] & PACKING_ONE_SIDED ? fabs(cosine) : cosine;
 }
 
 static void count_value(moments *m, double value)
@@ -120,11 +120,12 @@ static double energy_of(const measure_job *job, uint32_t i, double *nearest2)
     return b.energy;
 }
 
+/* 0 where neighbours lie in one place or on a line with the point, so that it cannot be told. */
 static double area_of(const voronoi_star *star)
 {
     double area = 0;
     for (uint32_t k = 0; k < star->count; k++) area += 0.25 * star->distance[k] * star->edge[k];
-    return area;
+    return isfinite(area) ? area : 0;
 }
 
 static bool is_in_reach(const quality_input *in, uint32_t i, uint32_t fixed)
@@ -231,7 +232,9 @@ static void tally_point(const measure_job *job, uint32_t i, tally *t)
     t->finest = fmin(t->finest, spacing);
     t->coarsest = fmax(t->coarsest, spacing);
     sum_cell(job, i, &star, area, &t->all);
-    if (!has_cell(job, i, &star)) return;
+    const bool clear = has_cell(job, i, &star);
+    t->ambiguous += !clear;
+    if (!(in->has_cell ? in->has_cell[job->part->partition.index[i]] : clear)) return;
     sum_cell(job, i, &star, area, &t->resolved);
     count_value(&t->ratio, local / spacing);
     if (job->part->graded && local > 0) tally_logarithms(spacing, local, t);
@@ -271,6 +274,7 @@ static void add_tally(tally *t, const tally *other)
     t->degrees += other->degrees;
     t->boundary += other->boundary;
     t->inner += other->inner;
+    t->ambiguous += other->ambiguous;
     t->energy += other->energy;
     t->nearest = fmin(t->nearest, other->nearest);
     add_cells(&t->resolved, &other->resolved);
@@ -310,6 +314,7 @@ static quality conclude(const tally *t)
                  .min_spacing_ratio = isfinite(t->nearest) ? sqrt(t->nearest) : NAN,
                  .rim_count = (size_t)t->boundary,
                  .unresolved_count = (size_t)(t->inner - n),
+                 .ambiguous_count = (size_t)t->ambiguous,
                  .euler = t->degrees / 6,
                  .grading_cv = NAN,
                  .grading_exponent = NAN};

@@ -9,7 +9,7 @@
  * (the mean of both; beside a hole of 1.2 in the other sheet), the cosine of whose normals is below -0.4, and
  * either is less than 1.2 spacings off the other's tangent plane. On a crease of right angle the cosine of a
  * spline's normals stays above -0.38. Unresolved points and those joined to them have no cell to be measured,
- * nor have those whose star is pinched. doc/report.md defines each measure.
+ * nor have those whose star is pinched; unless the caller knows the cells otherwise. doc/report.md defines each measure.
  */
 #ifndef HEXAD_PACKING_QUALITY_H
 #define HEXAD_PACKING_QUALITY_H
@@ -48,6 +48,7 @@ typedef struct quality_input {
      * points are fixed, too */
     const uint32_t *label;
     const uint8_t *flags;
+    const bool *has_cell; /* of each, where that is known from more than the points; or NULL */
 } quality_input;
 
 /* How regular the cells of some points are. NAN where too few are measured to say. */
@@ -67,6 +68,7 @@ typedef struct quality {
     double min_spacing_ratio; /* smallest distance of neighbours over the mean of their spacings */
     size_t rim_count;         /* points within two spacings of a boundary, left out of the above */
     size_t unresolved_count;  /* others without a cell */
+    size_t ambiguous_count;   /* others that have none by the points alone */
     double euler;             /* sum of (6 - degree) / 6 over all points */
     double grading_cv;        /* of local over requested spacing */
     double grading_exponent;  /* of local against requested, 1 is ideal; 1 when requested is even */

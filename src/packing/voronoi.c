@@ -50,7 +50,7 @@ typedef struct triangle {
 /* A normal that may as well point the other way, on the side of `facing`. */
 static vec3 normal_towards(const voronoi_sites *in, uint32_t i, vec3 facing)
 {
-    bool turn = in->flags && in->flags[i] & PACKING_TWO_SIDED && vec3_dot(in->normal[i], facing) < 0;
+    bool turn = in->flags && in->flags[i] & PACKING_ONE_SIDED && vec3_dot(in->normal[i], facing) < 0;
     return turn ? vec3_scale(in->normal[i], -1) : in->normal[i];
 }
 

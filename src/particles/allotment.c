@@ -12,6 +12,8 @@
 enum { PASSES = 4, ROOM_PASSES = 20 };
 /* Rows take no more than this share of the points. */
 static const double ROWS_MOST = 0.9;
+/* Patches that are a smaller share of the surface do not set the spacing of all, where no other has room. */
+static const double LEAST_SHARE = 0.01;
 
 /* A patch of fewer cells gets no more than these, whatever its curves leave. */
 static const double LEAST_CELLS = 0.5;
@@ -55,7 +57,8 @@ static double cells_for(const allotment_input *in, const curve_rows *rows, doubl
 {
     double cells = INFINITY, share = 1, border = 0;
     for (size_t k = 0; k < in->field->patches->count; k++) border += rows->border[k];
-    for (int pass = 0; pass < ROOM_PASSES && share > 0 && count + fmax(border, 0) < cells * share; pass++) {
+    for (int pass = 0; pass < ROOM_PASSES && share > LEAST_SHARE && count + fmax(border, 0) < cells * share;
+         pass++) {
         cells = (count + fmax(border, 0)) / share;
         share = border = 0;
         for (size_t k = 0; k < in->field->patches->count; k++) {

@@ -55,7 +55,7 @@ void particles_flags(const particles *p, uint8_t *out)
 {
     for (size_t i = 0; i < p->count; i++)
         out[i] = (uint8_t)((particles_is_fixed(p, i) ? PACKING_FIXED : 0) |
-                           (particles_is_two_sided(p, i) ? PACKING_TWO_SIDED : 0));
+                           (particles_is_one_sided(p, i) ? PACKING_ONE_SIDED : 0));
 }
 
 size_t particles_free_count(const particles *p)

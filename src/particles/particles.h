@@ -46,16 +46,16 @@ static inline uint32_t particles_patch(const particles *p, size_t i)
     return p->patch ? p->patch[i] : 0;
 }
 
-static inline bool particles_is_two_sided(const particles *p, size_t i)
+static inline bool particles_is_one_sided(const particles *p, size_t i)
 {
-    return p->patch && p->patches->patch[p->patch[i]].two_sided;
+    return p->patch && p->patches->patch[p->patch[i]].one_sided;
 }
 
 /* The cosine between the normals of two particles of one patch, as far as their sides mean something. */
 static inline double particles_facing(const particles *p, size_t i, size_t j)
 {
     double cosine = vec3_dot(p->normal[i], p->normal[j]);
-    return particles_is_two_sided(p, i) ? fabs(cosine) : cosine;
+    return particles_is_one_sided(p, i) ? fabs(cosine) : cosine;
 }
 
 /* Error: limit_memory. */

@@ -47,7 +47,8 @@ relax *relax_new(size_t capacity, const energy_function *energy, const fast_kern
     r->near = neighbours_new(capacity, list_limit, e);
     r->flat = mem_array(capacity, sizeof *r->flat, "neighbour lists", e);
     r->moved = mem_array(capacity, sizeof *r->moved, "neighbour lists", e);
-    if (!r->near || !r->flat || !r->moved) {
+    r->hint = mem_array(capacity, sizeof *r->hint, "neighbour lists", e);
+    if (!r->near || !r->flat || !r->moved || !r->hint) {
         relax_free(r);
         return NULL;
     }
@@ -67,6 +68,7 @@ void relax_free(relax *r)
     free(r->flat);
     free(r->watched);
     free(r->moved);
+    free(r->hint);
     free(r->parts);
     neighbours_free(r->near);
     free(r);
@@ -138,6 +140,7 @@ bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
     }
     if (r->watched_count != p->count) {
         memset(r->watched, 0, p->count * sizeof *r->watched);
+        memset(r->hint, 0xff, p->count * sizeof *r->hint); /* FIELD_NO_HINT */
         r->watched_count = p->count;
     }
     if (!neighbours_build(r->near, p->count, p->position, p->size, sigma + skin, r->pool, e) || !grow(r, e))
@@ -247,13 +250,13 @@ pair_list *relax_gather_list(const relax *r, const particles *p, int worker, siz
     pair_list *g = &r->scratch[worker].list;
     const uint32_t *list = neighbours_list(r->near, i);
     size_t count = r->near->list_count[i];
-    bool two_sided = particles_is_two_sided(p, i);
+    bool one_sided = particles_is_one_sided(p, i);
     g->blocks = (count + PAIR_LANES - 1) / PAIR_LANES;
     assert(g->blocks * PAIR_LANES <= r->scratch_entries);
     for (size_t k = 0; k < count; k++) {
         uint32_t j = list[k];
         vec3 normal = p->normal[j];
-        if (two_sided && vec3_dot(normal, p->normal[i]) < 0) normal = vec3_scale(normal, -1);
+        if (one_sided && vec3_dot(normal, p->normal[i]) < 0) normal = vec3_scale(normal, -1);
         gather_place(g, k, p->position[j], normal, 0.5 * (p->alpha[i] + p->alpha[j]),
                      0.5 * (1 + p->size[j] / p->size[i]));
     }
@@ -423,19 +426,46 @@ static fast_kernel_params fast_step_params(const relax *r, const relax_params *p
                                 .farthest = FAST_STEP_FARTHEST * params->spacing};
 }
 
+/* Of particles of patches, by the fastest way that there is. Who would turn over has been told of another sheet, by a hint of
+ * long ago: it asks without one. */
+static void sample_patch_lanes(const sweep_job *job, const uint32_t *items, size_t count,
+                               fast_kernel_way *way)
+{
+    const field *f = job->params->field;
+    uint32_t patch[VEC3_LANES] = {0}, hint[VEC3_LANES] = {0};
+    for (size_t l = 0; l < count; l++) {
+        patch[l] = job->p->patch[items[l]];
+        hint[l] = job->r->hint[items[l]];
+    }
+    f->ops->sample_patch_lanes(f, patch, &way->to, way->ends_well, hint, way->value, &way->gradient);
+    bool again[VEC3_LANES] = {false}, any = false;
+    for (size_t l = 0; l < count; l++) {
+        const vec3 gradient = {way->gradient.x[l], way->gradient.y[l], way->gradient.z[l]};
+        if (!way->ends_well[l] || !(vec3_dot(gradient, job->p->normal[items[l]]) < 0)) continue;
+        hint[l] = FIELD_NO_HINT;
+        again[l] = any = true;
+    }
+    if (any) f->ops->sample_patch_lanes(f, patch, &way->to, again, hint, way->value, &way->gradient);
+    for (size_t l = 0; l < count; l++) job->r->hint[items[l]] = hint[l];
+}
+
 /* The field where the particles would go: each on its own patch, where there are patches. */
 static void sample_lanes(const sweep_job *job, const uint32_t *items, size_t count, fast_kernel_way *way)
 {
+    const field *f = job->params->field;
     if (!job->p->patch) {
-        field_sample_lanes(job->params->field, &way->to, way->ends_well, way->value, &way->gradient);
+        field_sample_lanes(f, &way->to, way->ends_well, way->value, &way->gradient);
+        return;
+    }
+    if (f->ops->sample_patch_lanes) {
+        sample_patch_lanes(job, items, count, way);
         return;
     }
     for (size_t l = 0; l < count; l++) {
         field_sample s = {0};
         vec3 x = {way->to.x[l], way->to.y[l], way->to.z[l]};
         way->ends_well[l] =
-            way->ends_well[l] &&
-            field_sample_at(particles_field(job->p, job->params->field, items[l]), x, FIELD_GRADIENT, &s);
+            way->ends_well[l] && field_sample_at(particles_field(job->p, f, items[l]), x, FIELD_GRADIENT, &s);
         way->value[l] = s.value;
         way->gradient.x[l] = s.gradient.x;
         way->gradient.y[l] = s.gradient.y;
@@ -548,6 +578,7 @@ ISA_INLINE void prefetch_far(const sweep_job *job, uint32_t i)
     __builtin_prefetch(&near->list_begin[i]);
     __builtin_prefetch(&near->list_count[i]);
     __builtin_prefetch(&job->r->moved[i], 1);
+    __builtin_prefetch(&job->r->hint[i], 1);
     __builtin_prefetch(&job->r->flat[i]);
     __builtin_prefetch(&job->p->near_boundary[i]);
     __builtin_prefetch(&job->p->size[i]);

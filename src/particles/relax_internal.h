@@ -34,6 +34,7 @@ struct relax {
     bool *watched;
     size_t watched_count; /* of the particles that this is about */
     float *moved;         /* length of a particle's way since the lists were built */
+    uint32_t *hint;       /* where a particle was on its patch: see sample_patch_lanes of field_ops */
     block_sums *parts;    /* of the sweep */
     size_t part_capacity;
     double sigma, skin; /* of the lists */

@@ -38,11 +38,11 @@ bool farm_open(config *c, const char *work_dir, slurm **farm, error *e)
         .accounts = (const char *const *)c->slurm_accounts.item,
         .account_count = c->slurm_accounts.count,
         .interval_s = c->slurm_interval_s,
-        .command_s = c->slurm_command_s,
+        .command_s = c->slurm_timeout_s,
         .lost_s = c->slurm_lost_s,
-        .small_count = c->slurm_small,
-        .together = (int)c->slurm_together,
-        .more_s = c->slurm_more_s,
+        .small_count = c->slurm_batch_points,
+        .together = (int)c->slurm_batch_attempts,
+        .more_s = c->slurm_batch_s,
     };
     *farm = slurm_open(&settings, e);
     return *farm != NULL;

@@ -98,6 +98,7 @@ static worker_exit exit_code_of(error_code code)
         return WORKER_EXIT_SURFACE;
     case ERROR_LIMIT_MEMORY:
     case ERROR_LIMIT_TIME:
+    case ERROR_LIMIT_FILE:
     case ERROR_STALLED:
         return WORKER_EXIT_LIMIT;
     case ERROR_CANCELLED:
@@ -542,6 +543,11 @@ int main(int argc, char **argv)
         spec_print_help(stdout);
         return 0;
     }
-    fputs(help_text, strcmp(name, "--help") == 0 ? stdout : stderr);
-    return strcmp(name, "--help") == 0 ? 0 : WORKER_EXIT_SPEC;
+    if (strcmp(name, "--help") == 0) return fputs(help_text, stdout) < 0;
+    error e = {0};
+    error_set(&e, ERROR_SPEC_INVALID,
+              strcmp(name, "make-example") == 0 ? "make-example takes one FILE.vdb"
+                                                : "there is no command %s: see hexad-worker --help",
+              name);
+    return fail(&e, NULL);
 }

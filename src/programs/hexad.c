@@ -376,7 +376,7 @@ static executor_settings executor_settings_of(const service *s)
         .inputs = s->inputs,
         .inputs_keep_s = c->inputs_keep_s,
         .outputs = s->outputs,
-        .workers = (int)(s->farm ? c->slurm_most_jobs : c->workers),
+        .workers = (int)(s->farm ? c->slurm_job_limit : c->workers),
         .threads = (int)c->threads,
         .host_memory_mb = c->host_memory_mb,
         .memory_mb = c->memory_mb,

@@ -85,9 +85,11 @@ static const char usage[] =
     "must be signed with one of those in the file $SSL_CERT_FILE, or else with one that the system trusts.\n"
     "\n"
     "Exit status: 0 done (after waiting for a job: it succeeded and converged), 1 the job failed or\n"
-    "timed out, 2 bad usage, a missing or unknown token, or a spec that the server refuses, 3 no server\n"
-    "answers, 4 no such job, or it or a wanted frame has no results, 6 the job was cancelled, 10 the job\n"
-    "succeeded but did not converge, 11 its points do not resolve the surface (outcome unresolved).\n";
+    "timed out, or the server cannot do this now, 2 bad usage, a token that is missing, unknown or not\n"
+    "enough, or another request that the server refuses, as of a bad spec, 3 no server answers, 4 no\n"
+    "such job, its state does not allow this, or it or a wanted frame has no results, 6 the job was\n"
+    "cancelled, 10 the job succeeded but did not converge, 11 its points do not resolve the surface\n"
+    "(outcome unresolved).\n";
 
 typedef enum need { NONE, ONE, MAYBE } need;
 
@@ -270,7 +272,7 @@ static bool is_print_only(int argc, char **argv)
 {
     for (int i = 1; i < argc; i++) {
         if (strcmp(argv[i], "--help") == 0 || strcmp(argv[i], "-h") == 0) return fputs(usage, stdout) >= 0;
-        if (strcmp(argv[i], "--version") == 0) return puts(PACKAGE_STRING) >= 0;
+        if (strcmp(argv[i], "--version") == 0) return printf("hexadctl %s\n", PACKAGE_VERSION) >= 0;
     }
     return false;
 }

@@ -16,9 +16,9 @@ typedef struct reach {
 
 typedef struct growth {
     const fine_mesh *f;
-    double *distance;
-    uint32_t *name;
-    reach *heap; /* the nearest first */
+    double *distance;         /* of each vertex the least that it was offered, INFINITY before */
+    uint32_t *offered, *name; /* by which cell, and whose it is once it has been reached */
+    reach *heap;              /* the nearest first */
     size_t count, room;
 } growth;
 
@@ -74,6 +74,16 @@ static double distance_across(vec3 u, double from_u, vec3 v, double from_v, vec3
     return crossing >= 0 && crossing <= length ? sqrt((wx - x) * (wx - x) + (wy + y) * (wy + y)) : straight;
 }
 
+/* An offer that a vertex had better ones than never comes to the top. */
+static bool offer(growth *g, reach r, error *e)
+{
+    const uint32_t v = r.vertex;
+    if (r.distance > g->distance[v] || (r.distance == g->distance[v] && r.name >= g->offered[v])) return true;
+    g->distance[v] = r.distance;
+    g->offered[v] = r.name;
+    return push(g, r, e);
+}
+
 /* Offers what the cell of v, which has just been reached, sees across its triangles. */
 static bool look_around(growth *g, uint32_t v, error *e)
 {
@@ -88,7 +98,7 @@ static bool look_around(growth *g, uint32_t v, error *e)
                                  ? distance_across(m->vertex[v], g->distance[v], m->vertex[beside],
                                                    g->distance[beside], m->vertex[to])
                                  : g->distance[v] + vec3_norm(vec3_sub(m->vertex[to], m->vertex[v]));
-            if (!push(g, (reach){d, to, g->name[v]}, e)) return false;
+            if (!offer(g, (reach){d, to, g->name[v]}, e)) return false;
         }
     }
     return true;
@@ -104,7 +114,7 @@ static bool begin(growth *g, size_t count, const vec3 *position, const uint32_t 
         double weight[3];
         const uint32_t *t = m->triangle[nearest_triangle_find(tree, position[i], weight)];
         for (int k = 0; ok && k < 3; k++)
-            ok = push(g, (reach){vec3_norm(vec3_sub(m->vertex[t[k]], position[i])), t[k], name[i]}, e);
+            ok = offer(g, (reach){vec3_norm(vec3_sub(m->vertex[t[k]], position[i])), t[k], name[i]}, e);
     }
     nearest_triangle_free(tree);
     return ok;
@@ -115,19 +125,23 @@ bool geodesic_cells_grow(const fine_mesh *f, size_t count, const vec3 *position,
 {
     growth g = {.f = f,
                 .distance = mem_array(f->m.vertex_count, sizeof *g.distance, what, e),
+                .offered = mem_array(f->m.vertex_count, sizeof *g.offered, what, e),
                 .name = mem_array(f->m.vertex_count, sizeof *g.name, what, e)};
-    bool ok = g.distance && g.name;
-    for (size_t v = 0; ok && v < f->m.vertex_count; v++) g.name[v] = GEODESIC_CELLS_NONE;
+    bool ok = g.distance && g.offered && g.name;
+    for (size_t v = 0; ok && v < f->m.vertex_count; v++) {
+        g.distance[v] = INFINITY;
+        g.name[v] = GEODESIC_CELLS_NONE;
+    }
     ok = ok && begin(&g, count, position, name, e);
     while (ok && g.count > 0) {
         const reach r = pop(&g);
         if (g.name[r.vertex] != GEODESIC_CELLS_NONE) continue;
         g.name[r.vertex] = r.name;
-        g.distance[r.vertex] = r.distance;
         ok = look_around(&g, r.vertex, e);
     }
     free(g.heap);
     free(g.distance);
+    free(g.offered);
     if (ok)
         *out = g.name;
     else

@@ -108,9 +108,19 @@ static void join_sides(flipping *f, size_t side, size_t twin)
     if (twin != NONE) f->twin[twin] = side;
 }
 
+/* The triangles on either side of the edges between two points are no twins. */
+static void part_along(flipping *f, const directed *all, uint32_t a, uint32_t b)
+{
+    const directed *end = all + 3 * f->count,
+                   *side[2] = {find_run(all, 3 * f->count, a, b), find_run(all, 3 * f->count, b, a)};
+    for (int way = 0; way < 2; way++)
+        for (size_t k = 0; side[way] && k < run_length(side[way], end); k++)
+            f->twin[side[way][k].side] = NONE;
+}
+
 /* Sides that stand once each way round are twins. Two that stand twice meet in two places, most often round a point that
  * has no other neighbours, whose triangles are no twins then. */
-static bool find_twins(flipping *f, error *e)
+static bool find_twins(const surface_mesh_input *in, flipping *f, error *e)
 {
     const size_t sides = 3 * f->count;
     directed *all = mem_array(sides, sizeof *all, what, e);
@@ -130,6 +140,8 @@ static bool find_twins(flipping *f, error *e)
         for (size_t i = 0; i < n; i++) join_sides(f, one[i].side, other[crossed ? n - 1 - i : i].side);
         for (size_t i = 0; n == 2 && i < n; i++) f->doubled[f->doubled_count++] = one[i].side;
     }
+    for (size_t k = 0; k < in->side_count; k++)
+        part_along(f, all, in->name[in->side[k][0]], in->name[in->side[k][1]]);
     free(all);
     return true;
 }
@@ -160,6 +172,12 @@ static bool are_joined(const flipping *f, uint32_t a, uint32_t b)
     return true;
 }
 
+/* Whether there is room for an edge between c and d, as the triangles around one of them say. */
+static bool may_join(const flipping *f, uint32_t c, uint32_t d)
+{
+    return c != d && (!are_joined(f, c, d) || !are_joined(f, d, c));
+}
+
 /* Whether the edge between a and b, with c and d opposite, is better between c and d. */
 static bool is_better_flipped(const flipping *f, uint32_t a, uint32_t b, uint32_t c, uint32_t d)
 {
@@ -168,7 +186,7 @@ static bool is_better_flipped(const flipping *f, uint32_t a, uint32_t b, uint32_
     const vec3 both = vec3_add(facing_of(x[a], x[b], x[c]), facing_of(x[b], x[a], x[d])),
                one = facing_of(x[c], x[d], x[b]), other = facing_of(x[d], x[c], x[a]);
     const double least = FACING * vec3_norm(both);
-    return vec3_dot(both, one) > least && vec3_dot(both, other) > least && c != d && !are_joined(f, c, d);
+    return vec3_dot(both, one) > least && vec3_dot(both, other) > least && may_join(f, c, d);
 }
 
 static void wait_for(flipping *f, size_t side)
@@ -212,19 +230,19 @@ static void part_doubled(flipping *f)
         const uint32_t c = apex_of(f, s), d = t == NONE ? c : apex_of(f, t);
         const bool is_left = k % 2 == 1 && start_of(f, s) == start_of(f, f->doubled[k - 1]) &&
                              start_of(f, next(s)) == start_of(f, next(f->doubled[k - 1]));
-        if ((k % 2 == 0 || is_left) && c != d && !are_joined(f, c, d)) flip(f, s);
+        if ((k % 2 == 0 || is_left) && may_join(f, c, d)) flip(f, s);
     }
 }
 
-static bool flip_edges(flipping *f, size_t names, error *e)
+static bool flip_edges(const surface_mesh_input *in, flipping *f, error *e)
 {
     const size_t sides = 3 * f->count;
     f->twin = mem_array(sides, sizeof *f->twin, what, e);
-    f->side_of = mem_array(names, sizeof *f->side_of, what, e);
+    f->side_of = mem_array(in->names, sizeof *f->side_of, what, e);
     f->stack = mem_array(sides, sizeof *f->stack, what, e);
     f->waits = mem_array(sides, sizeof *f->waits, what, e);
     f->doubled = mem_array(sides, sizeof *f->doubled, what, e);
-    bool ok = f->twin && f->side_of && f->stack && f->waits && f->doubled && find_twins(f, e);
+    bool ok = f->twin && f->side_of && f->stack && f->waits && f->doubled && find_twins(in, f, e);
     if (ok) part_doubled(f);
     for (size_t s = 0; ok && s < sides; s++) wait_for(f, s);
     for (size_t flips = 0; ok && f->waiting > 0 && flips < MOST_FLIPS * f->count;) {
@@ -263,12 +281,48 @@ bool surface_mesh_make(const surface_mesh_input *in, uint32_t (**triangle)[3], s
     if (ok) list_dual(&fine, name, f.triangle);
     free(name);
     fine_mesh_free(&fine);
-    ok = ok && flip_edges(&f, in->names, e);
+    ok = ok && flip_edges(in, &f, e);
     free(at);
     if (ok) {
         *triangle = f.triangle;
         *count = f.count;
     } else
         free(f.triangle);
+    return ok;
+}
+
+/* The sides opposite of a vertex lead from one to the next: each begins where another ends, and all are passed on the way round. */
+static bool is_closed_fan(const directed *side, size_t count)
+{
+    size_t at = 0, passed = 0;
+    do {
+        size_t k = 0, found = 0;
+        for (size_t other = 0; other < count; other++)
+            if (side[other].from == side[at].to) {
+                k = other;
+                found++;
+            }
+        if (found != 1) return false;
+        at = k;
+        passed++;
+    } while (at != 0 && passed < count);
+    return at == 0 && passed == count;
+}
+
+bool surface_mesh_find_discs(const uint32_t (*triangle)[3], size_t count, size_t names, bool *disc, error *e)
+{
+    size_t *first = mem_array(names + 2, sizeof *first, what, e);
+    directed *side = mem_array(3 * count, sizeof *side, what, e);
+    const bool ok = first && side;
+    for (size_t c = 0; ok && c < 3 * count; c++) first[triangle[c / 3][c % 3] + 2]++;
+    for (size_t v = 2; ok && v < names + 2; v++) first[v] += first[v - 1];
+    for (size_t c = 0; ok && c < 3 * count; c++) {
+        const uint32_t *t = triangle[c / 3];
+        side[first[t[c % 3] + 1]++] = (directed){t[(c + 1) % 3], t[(c + 2) % 3], c};
+    }
+    for (size_t v = 0; ok && v < names; v++)
+        disc[v] = first[v + 1] > first[v] && is_closed_fan(side + first[v], first[v + 1] - first[v]);
+    free(first);
+    free(side);
     return ok;
 }

@@ -2,7 +2,7 @@
  * (geodesic_cells), with edges flipped until the angles opposite to each sum up to at most 180 degrees.
  *
  * Where cells are discs that meet as cells of a plane do, the triangles have the topology of the mesh, however near its sheets
- * are and however sharp its edges. World space. Threads: none.
+ * are and however sharp its edges. Where the mesh ends they do, up to the edges between the points along its boundary. World space. Threads: none.
  */
 #ifndef HEXAD_REMESH_SURFACE_MESH_H
 #define HEXAD_REMESH_SURFACE_MESH_H
@@ -11,15 +11,21 @@
 #include "mesh/mesh.h"
 
 typedef struct surface_mesh_input {
-    const mesh *m; /* no edge of more than two triangles */
+    const mesh *m;
     size_t count;
     const vec3 *position; /* on the mesh */
     const double *spacing;
     const uint32_t *name; /* the vertex that the point is; several points may be one */
     size_t names;
+    /* Steps along curves, each between two of the points: their edges stay. */
+    const uint32_t (*side)[2];
+    size_t side_count;
 } surface_mesh_input;
 
 /* Triangles counterclockwise as those of the mesh are, to be freed. Error: limit_memory. Deterministic. */
 bool surface_mesh_make(const surface_mesh_input *in, uint32_t (**triangle)[3], size_t *count, error *e);
+
+/* Of each vertex, of `names`, whether the triangles around it are a disc: one fan that closes. Error: limit_memory. */
+bool surface_mesh_find_discs(const uint32_t (*triangle)[3], size_t count, size_t names, bool *disc, error *e);
 
 #endif

@@ -191,3 +191,12 @@ uint32_t (*curve_chains_sides(const curve_chains *c, const field_patches *patche
     free(list);
     return side;
 }
+
+uint32_t (*curve_chains_steps(const field_patches *patches, const sampler_points *solved, size_t *count))[2]
+{
+    curve_chains chains;
+    curve_chains_make(patches, solved, &chains);
+    uint32_t(*side)[2] = curve_chains_sides(&chains, patches, &solved->stands, count);
+    curve_chains_free(&chains);
+    return side;
+}

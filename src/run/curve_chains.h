@@ -20,6 +20,9 @@ void curve_chains_free(curve_chains *c); /* a zeroed one will do */
 uint32_t (*curve_chains_sides(const curve_chains *c, const field_patches *patches,
                               const sampler_stands *stands, size_t *count))[2];
 
+/* The same of a solved surface whose chains are not needed otherwise. */
+uint32_t (*curve_chains_steps(const field_patches *patches, const sampler_points *solved, size_t *count))[2];
+
 double curve_chains_length(const field_patches *patches, const field_curve *curve);
 
 #endif

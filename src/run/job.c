@@ -9,8 +9,10 @@
 #include "base/clock.h"
 #include "base/memory.h"
 #include "base/sandbox.h"
+#include "remesh/surface_mesh.h"
 #include "source/landing.h"
 #include "source/plan.h"
+#include "run/curve_chains.h"
 #include "run/label_meshes.h"
 #include "run/upright.h"
 #include "run/watchdog.h"
@@ -25,6 +27,7 @@ void job_free_solution(solution *s)
     scaled_curvature_free(s->curvature);
     free(s->spacing_local);
     free(s->degree);
+    free(s->corner);
     free(s->farthest);
     *s = (solution){0};
 }
@@ -398,15 +401,55 @@ bool job_finalize(job *j, solution *s, error *e)
                         &s->landed, e);
 }
 
+/* Of a closed mesh that is to be resolved: the triangles between the points on it, and of each point whether its own close
+ * around it. *has_cell stays NULL for other surfaces, and where memory does not suffice; else to be freed. */
+static bool find_cells(const job *j, const sampler_points *p, solution *s, bool **has_cell, error *e)
+{
+    const mesh *on = j->spec->resolve ? source_closed_mesh(&j->source) : NULL;
+    if (!on) return true;
+    const sampler_stands *stands = &p->stands;
+    size_t side_count = 0;
+    uint32_t(*side)[2] = curve_chains_steps(j->source.field->patches, p, &side_count);
+    const surface_mesh_input in = {on,
+                                   stands->count,
+                                   stands->position,
+                                   stands->spacing,
+                                   stands->point,
+                                   p->count,
+                                   (const uint32_t(*)[2])side,
+                                   side_count};
+    error why = {0};
+    bool *disc = mem_array(p->count, sizeof *disc, "the result", &why);
+    bool *has = mem_array(stands->count, sizeof *has, "the result", &why);
+    const bool ok =
+        disc && has && surface_mesh_make(&in, &s->corner, &s->triangles, &why) &&
+        surface_mesh_find_discs((const uint32_t(*)[3])s->corner, s->triangles, p->count, disc, &why);
+    for (size_t i = 0; ok && i < stands->count; i++) has[i] = disc[stands->point ? stands->point[i] : i];
+    free(side);
+    free(disc);
+    if (ok) {
+        *has_cell = has;
+        return true;
+    }
+    free(has);
+    free(s->corner);
+    s->corner = NULL;
+    if (why.code == ERROR_LIMIT_MEMORY) return true; /* the points alone tell most */
+    if (e) *e = why;
+    return false;
+}
+
 bool job_measure(job *j, solution *s, error *e)
 {
     const sampler_points *p = sampler_result_points(s->sampler);
+    bool *has_cell = NULL;
     s->spacing_local = mem_array(p->stands.count, sizeof *s->spacing_local, "the result", e);
     if (!s->spacing_local) return false;
     if (j->spec->has_preview && j->spec->preview_color == SPEC_COLOR_DEGREE) {
         s->degree = mem_array(p->stands.count, sizeof *s->degree, "the result", e);
         if (!s->degree) return false;
     }
+    if (!find_cells(j, p, s, &has_cell, e)) return false;
     const quality_input in = {.count = p->stands.count,
                               .position = p->stands.position,
                               .normal = p->stands.normal,
@@ -416,9 +459,12 @@ bool job_measure(job *j, solution *s, error *e)
                               .open = j->source.field->open,
                               .domain = j->source.field->boundary_box,
                               .label = p->stands.patch,
-                              .flags = p->stands.flags};
-    return quality_measure(&in, j->pool, s->spacing_local, s->degree, &s->quality, e) &&
-           (!j->spec->has_alpha || measure_order(&in, s->spacing_local, j->pool, &s->quality, e));
+                              .flags = p->stands.flags,
+                              .has_cell = has_cell};
+    const bool ok = quality_measure(&in, j->pool, s->spacing_local, s->degree, &s->quality, e) &&
+                    (!j->spec->has_alpha || measure_order(&in, s->spacing_local, j->pool, &s->quality, e));
+    free(has_cell);
+    return ok;
 }
 
 /* Places and normals in world space; to be freed. */
@@ -460,7 +506,9 @@ bool job_write_points(job *j, error *e)
                         .sampled = j->source.field,
                         .solved = p,
                         .labels = j->source.whole.labels,
-                        .triangles = j->spec->resolve ? source_closed_mesh(&j->source) : NULL,
+                        .triangles = source_mesh(&j->source),
+                        .corner = (const uint32_t(*)[3])s->corner,
+                        .corners = s->triangles,
                         .h = sampler_spacing(s->sampler),
                         .frame = j->options->frame};
     landing l;

@@ -22,6 +22,9 @@ typedef struct solution {
     sampler *sampler;
     double *spacing_local;
     double *degree; /* NULL: no picture shows it */
+    uint32_t (
+        *corner)[3]; /* the triangles between the points on a closed mesh that is to be resolved; else NULL */
+    size_t triangles;
     quality quality;
     double *farthest; /* of the result: see surface/coverage.h */
     double coverage;  /* the largest of these */

@@ -104,6 +104,7 @@ static void put_quality(json *report, const report_facts *facts)
     json_put_integer(object, "removed_offsurface", (int64_t)sampler_removed_offsurface(facts->sampler));
     json_put_integer(object, "rim_count", (int64_t)q->rim_count);
     json_put_integer(object, "unresolved_count", (int64_t)q->unresolved_count);
+    json_put_integer(object, "ambiguous_count", (int64_t)q->ambiguous_count);
     json_put_integer(object, "resolved_count", (int64_t)q->resolved_count);
     json_put_number(object, "resolved_share", q->resolved_share);
     put_cells(json_put_object(object, "all"), &q->all);

@@ -16,8 +16,8 @@
 #include "formats/ply.h"
 #include "formats/preview_exr.h"
 #include "formats/property.h"
-#include "run/curve_chains.h"
 #include "remesh/surface_mesh.h"
+#include "run/curve_chains.h"
 #include "run/label_meshes.h"
 #include "run/layout.h"
 #include "store/file.h"
@@ -165,15 +165,6 @@ static bool is_within_patch(const void *context, uint32_t label, vec3 x)
     return field_is_within(field_of_patch(context, label), x);
 }
 
-static uint32_t (*sides_of(const field_patches *patches, const sampler_points *solved, size_t *count))[2]
-{
-    curve_chains chains;
-    curve_chains_make(patches, solved, &chains);
-    uint32_t(*side)[2] = curve_chains_sides(&chains, patches, &solved->stands, count);
-    curve_chains_free(&chains);
-    return side;
-}
-
 /* Of each triangle the labels on both sides; to be freed. */
 static int32_t (*labels_of(const triangulation *made, const label_surface *labels, error *e))[2]
 {
@@ -222,16 +213,56 @@ static bool write_label_meshes(const char *directory, const results_input *in, c
     return ok;
 }
 
-/* Of points on a closed mesh, by that; else by the points and their normals alone. */
-static bool triangulate(const results_input *in, const triangulation_input *sites, threads *pool,
-                        triangulation *out, error *e)
+/* With more points the pieces of the mesh would take gigabytes. */
+static const size_t most_on_pieces = 200000;
+
+/* Edges and vertices of a mesh at which it is no surface, or ends where it should not. */
+static size_t faults_of(const triangulation_facts *f)
 {
-    if (!in->triangles) return triangulation_make(sites, pool, out, e);
-    const surface_mesh_input on = {in->triangles,  sites->count, sites->position,
-                                   sites->spacing, sites->point, sites->points};
+    return f->nonmanifold_edges - f->seam_edges + f->nonmanifold_vertices + f->boundary_edges - f->rim_edges;
+}
+
+/* By the triangles that the points lie on. */
+static bool triangulate_on(const results_input *in, const triangulation_input *sites, threads *pool,
+                           triangulation *out, error *e)
+{
+    const surface_mesh_input on = {in->triangles, sites->count,  sites->position, sites->spacing,
+                                   sites->point,  sites->points, sites->side,     sites->side_count};
     *out = (triangulation){0};
     return surface_mesh_make(&on, &out->corner, &out->facts.triangles, e) &&
            triangulation_survey(sites, pool, out, e);
+}
+
+static bool copy_known(const results_input *in, const triangulation_input *sites, threads *pool,
+                       triangulation *out, error *e)
+{
+    *out = (triangulation){.corner = mem_array(in->corners, sizeof *out->corner, "mesh.ply", e),
+                           .facts.triangles = in->corners};
+    if (!out->corner) return false;
+    memcpy(out->corner, in->corner, in->corners * sizeof *out->corner);
+    return triangulation_survey(sites, pool, out, e);
+}
+
+/* Those that are known; else by the points and their normals alone, and where that makes no whole surface, by the triangles
+ * that they lie on, which takes longer. */
+static bool triangulate(const results_input *in, const triangulation_input *sites, threads *pool,
+                        triangulation *out, error *e)
+{
+    if (in->corner) return copy_known(in, sites, pool, out, e);
+    if (!triangulation_make(sites, pool, out, e)) return false;
+    if (!in->triangles || triangulation_is_whole(&out->facts) || sites->count > most_on_pieces) return true;
+    triangulation other;
+    error why = {0};
+    const bool made = triangulate_on(in, sites, pool, &other, &why);
+    if (made && faults_of(&other.facts) < faults_of(&out->facts)) {
+        triangulation_free(out);
+        *out = other;
+        return true;
+    }
+    triangulation_free(&other);
+    if (made || why.code == ERROR_LIMIT_MEMORY) return true; /* what there is will do */
+    if (e) *e = why;
+    return false;
 }
 
 static bool write_mesh(const char *directory, const results_input *in, bool as_float, threads *pool,
@@ -241,7 +272,7 @@ static bool write_mesh(const char *directory, const results_input *in, bool as_f
     const sampler_stands *stands = &in->solved->stands;
     const field_patches *patches = in->sampled->patches;
     size_t side_count = 0;
-    uint32_t(*side)[2] = patches ? sides_of(patches, in->solved, &side_count) : NULL;
+    uint32_t(*side)[2] = patches ? curve_chains_steps(patches, in->solved, &side_count) : NULL;
     const triangulation_input sites = {.count = stands->count,
                                        .position = stands->position,
                                        .normal = stands->normal,

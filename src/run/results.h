@@ -33,12 +33,14 @@ typedef struct results_input {
     const label_surface *labels;  /* of interfaces; else NULL */
     const field *sampled;         /* that the points were found on, whose space may be another */
     const sampler_points *solved; /* the points in that space, as the mesh is made of them */
-    const mesh *triangles;        /* closed, that the points lie on; or NULL */
-    int frame;                    /* of a sequence */
-    bool y_up;                    /* in pictures and scenes; else z is */
-    bool unresolved;              /* more of the points than the verdict allows */
-    double h;                     /* of the ideal packing */
-    const sampler_sweep *sweeps;  /* at least one */
+    const mesh *triangles;        /* that the points lie on; or NULL */
+    const uint32_t (*corner)[3];  /* of the triangles between the points, where these are known; else NULL */
+    size_t corners;
+    int frame;                   /* of a sequence */
+    bool y_up;                   /* in pictures and scenes; else z is */
+    bool unresolved;             /* more of the points than the verdict allows */
+    double h;                    /* of the ideal packing */
+    const sampler_sweep *sweeps; /* at least one */
     size_t sweep_count;
 } results_input;
 

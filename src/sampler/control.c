@@ -17,6 +17,9 @@
 static const double SHRINK_LIMIT = 0.2, SUPPORT_GROWTH = 0.5, SUPPORT_TOLERANCE = 1e-6;
 enum { SUPPORT_STEPS = 6, SUPPORT_BUILDS = 24 };
 
+/* Over the spacing: a smaller support has only pairs that lie all but at one place, whose energy no support lowers. */
+static const double SUPPORT_LEAST = 0.5;
+
 /* Of the count: by how much it may miss that which the bound on sigma asks for. With too few particles the
  * energy falls short under that bound, so that no more may be missing than half of energy_tolerance is worth;
  * with too many sigma is a little below it. */
@@ -47,15 +50,20 @@ static double ideal_support(const sampler *s)
     return sigma;
 }
 
-/* Grows or shrinks sigma to its ideal, with new lists as often as it leaves the old ones' range. */
+/* Grows or shrinks sigma to its ideal, with new lists as often as it leaves the old ones' range; where there is none it stays. */
 static bool find_support(sampler *s, error *e)
 {
+    const double given = s->state.sigma;
     for (int k = 0; k < SUPPORT_BUILDS; k++) {
         double before = s->state.sigma;
         s->state.skin =
             fmax(s->setup.schedule->skin_wide * s->state.spacing, SUPPORT_GROWTH * s->state.sigma);
         if (!sampler_build_lists(s, e)) return false;
         s->state.sigma = fmin(ideal_support(s), bbox_longest(s->setup.scan->box) * 2);
+        if (s->state.sigma < SUPPORT_LEAST * s->state.spacing) {
+            s->state.sigma = given;
+            break;
+        }
         bool at_bound = s->state.sigma >= (1 - SUPPORT_TOLERANCE) * relax_max_support(s->scratch.relax) ||
                         s->state.sigma <= (1 + SUPPORT_TOLERANCE) * SHRINK_LIMIT * before;
         if (!at_bound) break;
@@ -232,12 +240,15 @@ bool sampler_control(sampler *s, error *e)
     /* a coarsest level that is the last one: particles are near their rest now, and most sweeps are to come */
     if (s->state.plan.count == 1 && s->state.stage == SCHEDULE_STAGES - 2 && !sampler_judge_coarse(s, e))
         return false;
+    const double before = s->state.sigma;
     if (!find_support(s, e) || (bounded && !adapt_count(s, &changed, e))) return false;
     if (changed)
         enter_stage(s, 0);
     else if (good)
         s->state.outcome =
             s->state.gain <= s->setup.schedule->coarsest_gain ? SAMPLER_CONVERGED : SAMPLER_STALLED;
+    else if (last_stage && s->state.sigma == before)
+        s->state.outcome = SAMPLER_STALLED;
     else
         enter_stage(s, last_stage ? s->state.stage : s->state.stage + 1);
     return settle_support(s, e);

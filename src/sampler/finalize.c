@@ -267,19 +267,30 @@ static void merge_normals(sampler *s)
 /* At an edge the cosine of its patches' normals, which are means of what is around, is larger than of its faces. */
 static const double SHARP = 0;
 
+/* The cosine of the sheets that meet in the row of particle k: of the faces of its curve, or of its normal and that of the
+ * particle that it is a copy of. Above QUALITY_SHEET_FACING: they do not face each other. */
+static double wedge_at(const sampler *s, size_t k)
+{
+    const particles *p = s->state.p;
+    const curve_rows *rows = &s->state.plan.allotments[s->state.level].rows;
+    const double cosine = vec3_dot(p->normal[k], p->normal[s->record.point[k]]),
+                 of_faces = s->setup.field->patches->curve[rows->curve[p->place[k]]].cosine;
+    return cosine < SHARP ? fmin(fmin(cosine, of_faces), QUALITY_SHEET_FACING) : of_faces;
+}
+
 /* Marks the particles near edges at which sheets meet that face each other. */
 static bool mark_wedges(sampler *s, error *e)
 {
     const particles *p = s->state.p;
-    const size_t points = sampler_point_count(s), copies = p->count - points;
-    vec3 *at = mem_array(copies, sizeof *at, "the result", e);
-    double *reach = mem_array(copies, sizeof *reach, "the result", e);
-    size_t count = 0;
+    size_t fixed = 0, count = 0;
+    for (size_t k = 0; k < p->count; k++) fixed += particles_is_fixed(p, k);
+    vec3 *at = mem_array(fixed, sizeof *at, "the result", e);
+    double *reach = mem_array(fixed, sizeof *reach, "the result", e);
     bool ok = at && reach;
-    for (size_t k = points; ok && k < p->count; k++) {
-        const double cosine = vec3_dot(p->normal[k], p->normal[s->record.point[k]]);
-        if (cosine >= SHARP) continue;
-        reach[count] = quality_wedge_reach(fmin(cosine, QUALITY_SHEET_FACING));
+    for (size_t k = 0; ok && k < p->count; k++) {
+        const double cosine = particles_is_fixed(p, k) ? wedge_at(s, k) : 1;
+        if (cosine > QUALITY_SHEET_FACING) continue;
+        reach[count] = quality_wedge_reach(cosine);
         at[count++] = p->position[k];
     }
     point_tree *tree = ok && count > 0 ? point_tree_new(at, count, e) : NULL;

@@ -9,13 +9,14 @@ static const double stage_share[SCHEDULE_STAGES + 1] = {0, 0.07, 0.35, 1};
 static const double LAMBDA_BEGINS = -3;
 
 /* What all schedules have in common. */
-#define COMMON                                                                                         \
-    .gain = {1e-4, 1e-6, 1e-8}, .patience_more = 50, .patience_last = 500, .coarsest_gain = 1e-5,      \
-    .sweeps = 100, .sweeps_count = 1e4, .sweeps_count_between = {5e3, 2e4}, .sweeps_share_between = 4, \
-    .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120, .rough_share = {0.05, 0.25},            \
-    .rough_sweeps = 3.5, .rough_most = 2, .rough_again = 0.1, .rough_fall = 0.9, .rough_count = 5e3,   \
-    .size_settled = 1e-3, .resizes_most = 10, .cramped_share = 0.01, .cramped_share_coarse = 0.04,     \
-    .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6, .creased_share = 0.7, .newcomer_sweeps = 60
+#define COMMON                                                                                            \
+    .gain = {1e-4, 1e-6, 1e-8}, .patience_more = 50, .patience_last = 500, .coarsest_gain = 1e-5,         \
+    .sweeps = 100, .sweeps_count = 1e4, .sweeps_count_between = {5e3, 2e4}, .sweeps_share_between = 4,    \
+    .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120, .rough_share = {0.05, 0.25},               \
+    .rough_sweeps = {2, 3.5}, .rough_most = 2, .rough_again = 0.1, .rough_fall = 0.9, .rough_count = 5e3, \
+    .rough_sweeps_most = 500, .size_settled = 1e-3, .resizes_most = 10, .cramped_share = 0.01,            \
+    .cramped_share_coarse = 0.04, .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6,                  \
+    .creased_share = 0.7, .newcomer_sweeps = 60
 
 /* Over-relaxation: 1.8 needs three times the sweeps, 3.0 is slower again near rest. */
 #define PAPER                                                                                  \
@@ -81,7 +82,9 @@ int schedule_level_sweeps(const schedule *s, const schedule_position *at)
         double paid = s->sweeps_share_between * pow(4, at->levels - 1 - at->level);
         sweeps = fmax(sweeps, fmin(sweeps_for(s, at, s->sweeps_count_between[1]), paid));
     }
-    return (int)(pow(s->rough_sweeps, at->rough) * fmin(fmax(sweeps, s->sweeps_least), s->sweeps_most));
+    sweeps = fmin(fmax(sweeps, s->sweeps_least), s->sweeps_most);
+    double rough = s->rough_sweeps[schedule_is_last_level(at)];
+    return (int)fmin(pow(rough, at->rough) * sweeps, s->rough_sweeps_most);
 }
 
 bool schedule_may_be_rough(const schedule *s, const schedule_position *at)
@@ -140,7 +143,8 @@ bool schedule_is_at_rest(const schedule *s, const schedule_position *at, const s
 bool schedule_is_impatient(const schedule *s, const schedule_position *at, double gain)
 {
     bool fails = schedule_is_last_stage(at) && 10 * gain > 2 * s->coarsest_gain;
-    int over = at->sweeps - s->patience[at->stage];
+    int owed = s->is_paced && schedule_is_last_stage(at) ? schedule_level_sweeps(s, at) : 0;
+    int over = at->sweeps - (owed > s->patience[at->stage] ? owed : s->patience[at->stage]);
     return over >= 0 && over % (fails ? s->patience_last : s->patience_more) == 0;
 }
 

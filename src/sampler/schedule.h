@@ -18,8 +18,8 @@ typedef struct schedule {
      * the density, so that sigma is adapted before much work is done under a wrong one. */
     double gain[SCHEDULE_STAGES];
     /* On surfaces with features below h some particles creep for ever, each sweep gaining a little more than that. A
-     * round that takes longer than `patience` sweeps asks for ten times the gain, and again after every
-     * `patience_more`. A solve that rests only with a gain above `coarsest_gain` is not converged: for that it has to
+     * round that takes longer than `patience` sweeps, and than those its level has at least, asks for ten times the gain, and
+     * again after every `patience_more`. A solve that rests only with a gain above `coarsest_gain` is not converged: for that it has to
      * take so many as `patience_last` more. */
     int patience[SCHEDULE_STAGES], patience_more, patience_last;
     double coarsest_gain;
@@ -39,10 +39,11 @@ typedef struct schedule {
      * cost no more than sweeps_share_between updates of each particle of the finest. */
     double sweeps, sweeps_count, sweeps_count_between[2], sweeps_share_between, sweeps_fall, sweeps_least,
         sweeps_most;
-    /* A level of so many particles that ends these with a share out of order between the two bounds is rough, and takes so
-     * many times the sweeps; and on the last level so many times those, if that share is above rough_again and has fallen by
-     * such a factor. What is out of order beyond the upper bound is not resolved, and more sweeps do not help. */
-    double rough_share[2], rough_count, rough_sweeps, rough_again, rough_fall;
+    /* A level of so many particles that ends these with a share out of order between the two bounds is rough, and takes more
+     * sweeps: so many times those if it is refined again, and if it is the last. The last takes its factor once more if that
+     * share is above rough_again and has fallen by rough_fall; none takes more than rough_sweeps_most. What is out of order
+     * beyond the upper bound is not resolved, and more sweeps do not help. */
+    double rough_share[2], rough_count, rough_sweeps[2], rough_sweeps_most, rough_again, rough_fall;
     int rough_most;
 
     /* At rest. `rest_lambda` > 0: the paper's criterion for the coarsest level, that the mean log10 lambda is above it;

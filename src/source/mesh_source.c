@@ -50,8 +50,10 @@ static bool wants_patches(const mesh_source_request *r, const mesh_patches *p, b
 {
     *out = !p->closed && r->spec->holes == SPEC_HOLES_KEEP;
     for (size_t k = 0; p->closed && k < p->count; k++)
-        *out |= p->two_sided[k]; /* a Klein bottle has no inside */
-    if (!p->closed || *out || (p->feature_edges == 0 && !r->resolve)) return true;
+        *out |= p->one_sided[k]; /* a Klein bottle has no inside */
+    const bool asked = r->spec->has_features && r->spec->feature_angle > 0;
+    const size_t curves = p->feature_edges + (asked ? p->nonmanifold_edges : 0);
+    if (!p->closed || *out || (curves == 0 && !r->resolve)) return true;
     *out = r->spec->has_features;
     return *out || suits_triangles(r, p, out, e);
 }
@@ -98,7 +100,8 @@ static bool choose_patches(const mesh_source_request *r, const mesh *whole, bool
     mesh_patches given = {0};
     bool wanted = thin;
     if (!r->alone || s->interior == SPEC_INTERIOR_DROP) return true;
-    bool ok = make_patches(r, whole, angle, false, !thin && !r->resolve, &as_given, &given, e) &&
+    const bool skip = !thin && !r->resolve && !s->has_features;
+    bool ok = make_patches(r, whole, angle, false, skip, &as_given, &given, e) &&
               (!r->resolve || cut_wedges(r, whole, notes, &given, &as_given, e)) &&
               (thin || wants_patches(r, &given, &wanted, e));
     if (!ok || !wanted) {
@@ -205,17 +208,17 @@ void mesh_source_describe(const mesh_surface *s, const mesh_notes *notes, json *
 {
     const mesh_patches *p = mesh_surface_patches(s);
     json *of_mesh = json_put_object(members, "mesh");
-    size_t two_sided = 0;
-    for (size_t k = 0; k < p->count; k++) two_sided += p->two_sided[k];
+    size_t one_sided = 0;
+    for (size_t k = 0; k < p->count; k++) one_sided += p->one_sided[k];
     json_put_integer(of_mesh, "triangles", (int64_t)p->m.triangle_count);
     json_put_number(of_mesh, "area", mesh_area(&p->m));
     json_put_integer(of_mesh, "patches", (int64_t)p->count);
-    json_put_integer(of_mesh, "two_sided_patches", (int64_t)two_sided);
+    json_put_integer(of_mesh, "one_sided_patches", (int64_t)one_sided);
     json_put_integer(of_mesh, "curves", (int64_t)p->curve_count);
     json_put_integer(of_mesh, "corners", (int64_t)p->corner_count);
     json_put_integer(of_mesh, "open_edges", (int64_t)p->open_edges);
     json_put_integer(of_mesh, "sharp_edges", (int64_t)p->feature_edges);
-    json_put_integer(of_mesh, "branching_edges", (int64_t)p->branching_edges);
+    json_put_integer(of_mesh, "nonmanifold_edges", (int64_t)p->nonmanifold_edges);
     json_put_number(of_mesh, "feature_angle", p->feature_angle);
     for (size_t k = 0; k < notes->count; k++) json_append_string(warnings, notes->text[k]);
 }

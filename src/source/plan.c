@@ -47,7 +47,7 @@ bool plan_check_memory(const spec *s, bool is_continued, double count, double me
     if (particles <= memory) return true;
     return error_set(
         e, ERROR_LIMIT_MEMORY,
-        "%.0f points need about %.0f MB, the limit leaves %.0f MB beside surface and preview: raise "
+        "%.0f points need about %.0f MiB, the limit leaves %.0f MiB beside surface and preview: raise "
         "limits.memory_mb%s",
         count, particles / (1 << 20), fmax(memory, 0) / (1 << 20),
         s->resolve ? ", /sampling/min_spacing or /sampling/feature/ratio" : "");

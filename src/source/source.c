@@ -683,10 +683,15 @@ double source_missing_share(const source *s)
     return area > 0 ? missing / area : 0;
 }
 
+const mesh *source_mesh(const source *s)
+{
+    return s->whole.mesh ? &mesh_surface_patches(s->whole.mesh)->m : NULL;
+}
+
 const mesh *source_closed_mesh(const source *s)
 {
     const mesh_patches *p = s->whole.mesh ? mesh_surface_patches(s->whole.mesh) : NULL;
-    return p && p->closed && p->branching_edges == 0 ? &p->m : NULL;
+    return p && p->closed && p->nonmanifold_edges == 0 ? &p->m : NULL;
 }
 
 size_t source_memory(const source *s)

@@ -94,7 +94,8 @@ bool source_starts_in_cells(const source *s);
 /* The share of the area of its meshes that is not sampled, since it is thinner than their voxels. */
 double source_missing_share(const source *s);
 
-/* The mesh on whose triangles the points lie, if these are closed; else NULL. */
+/* The mesh on whose triangles the points lie, or NULL; and only if these are closed. */
+const mesh *source_mesh(const source *s);
 const mesh *source_closed_mesh(const source *s);
 
 /* Bytes that the source holds; 0 for one that is not open. */

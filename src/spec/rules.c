@@ -224,14 +224,7 @@ static void check_label_files(reading *r, const json_at *at)
 
 static void check_labels(reading *r, const json_at *at)
 {
-    const spec_labels *l = &r->surface->labels;
-    const json_at only = json_member(at, "labels"), groups = json_member(at, "groups"),
-                  interfaces = json_member(at, "interfaces");
-    for (size_t k = 0; k < l->only.count; k++)
-        if (l->only.number[k] != floor(l->only.number[k])) {
-            const json_at element = json_element(&only, k);
-            reading_add_fault(r, &element, "must be a whole number (given %.16g)", l->only.number[k]);
-        }
+    const json_at groups = json_member(at, "groups"), interfaces = json_member(at, "interfaces");
     check_lists(r, &groups, 2, SIZE_MAX, "must be two or more labels, none of them twice");
     check_lists(r, &interfaces, 2, 2, "must be two different labels");
     check_label_files(r, at);

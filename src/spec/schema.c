@@ -151,6 +151,9 @@ static void put_type(json *schema, const spec_row *row, schema_use use)
     case SPEC_TYPE_NUMBERS:
         put_items(schema, "number", row, 0);
         break;
+    case SPEC_TYPE_INTEGERS:
+        put_items(schema, "integer", row, 0);
+        break;
     case SPEC_TYPE_LISTS:
         json_put_string(schema, "type", "array");
         put_items(json_put_object(schema, "items"), "integer", row, 0);

@@ -402,7 +402,7 @@ const spec_row spec_rows[] = {
      AT(surface.volume.path),
      .prose =
          "The file: NRRD (raw, gzip or ascii data, attached or in separate files), NIfTI-1, "
-         "NIfTI-2 or MetaImage (not packed). It and the files that it names must lie below one of the service's input roots."},
+         "NIfTI-2 or MetaImage. It and the files that it names must lie below one of the service's input roots."},
     {.pointer = "/surface/volume/index",
      .type = SPEC_TYPE_LARGE,
      .low = 0,
@@ -492,10 +492,10 @@ const spec_row spec_rows[] = {
      AT(surface.labels.grid),
      .prose = "The name of the grid in an OpenVDB file. Optional if there is only one of whole numbers."},
     {.pointer = "/surface/labels/labels",
-     .type = SPEC_TYPE_NUMBERS,
+     .type = SPEC_TYPE_INTEGERS,
      .low = -LABEL_MAX,
      .high = LABEL_MAX,
-     AT_HAS(surface.labels.only.number, surface.labels.only.count),
+     AT(surface.labels.only),
      .prose = "The labels that count; the others belong to the background. Default: all."},
     {.pointer = "/surface/labels/smooth",
      .type = SPEC_TYPE_NUMBER,

@@ -13,16 +13,17 @@
 #include "spec/spec.h"
 
 typedef enum spec_type {
-    SPEC_TYPE_GROUP,   /* an object with members of its own */
-    SPEC_TYPE_NUMBER,  /* double */
-    SPEC_TYPE_INTEGER, /* int */
-    SPEC_TYPE_LARGE,   /* integer to 2^53: int64_t or uint64_t */
-    SPEC_TYPE_BOOL,    /* bool */
-    SPEC_TYPE_WORD,    /* one of `words`; an enum, in the order of the words */
-    SPEC_TYPE_STRING,  /* char *; low and high bound its length in characters */
-    SPEC_TYPE_VECTOR,  /* three numbers: vec3; the bounds hold for each */
-    SPEC_TYPE_TRIPLE,  /* three integers: int[3]; the bounds hold for each */
-    SPEC_TYPE_NUMBERS, /* array of numbers: double * and, at `has`, their number; the bounds hold for each */
+    SPEC_TYPE_GROUP,    /* an object with members of its own */
+    SPEC_TYPE_NUMBER,   /* double */
+    SPEC_TYPE_INTEGER,  /* int */
+    SPEC_TYPE_LARGE,    /* integer to 2^53: int64_t or uint64_t */
+    SPEC_TYPE_BOOL,     /* bool */
+    SPEC_TYPE_WORD,     /* one of `words`; an enum, in the order of the words */
+    SPEC_TYPE_STRING,   /* char *; low and high bound its length in characters */
+    SPEC_TYPE_VECTOR,   /* three numbers: vec3; the bounds hold for each */
+    SPEC_TYPE_TRIPLE,   /* three integers: int[3]; the bounds hold for each */
+    SPEC_TYPE_NUMBERS,  /* array of numbers: double * and, at `has`, their number; the bounds hold for each */
+    SPEC_TYPE_INTEGERS, /* array of integers: spec_list; the bounds hold for each */
     SPEC_TYPE_LISTS, /* array of arrays of integers: spec_list * and, at `has`, their number; the bounds hold for each integer */
     SPEC_TYPE_SIZE, /* pixels: one integer or [width, height]; two ints */
     SPEC_TYPE_SURFACE, /* an object with the members of /surface, one more part of the surface; or stored, a spec_surface * */

@@ -122,6 +122,11 @@ static void read_list(reading *r, const json_at *at, const spec_row *row, spec_l
     }
 }
 
+static void read_integers(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    read_list(r, at, row, reading_target(r, row->offset), json_put_array(normal, spec_row_key(row)));
+}
+
 static void read_lists(reading *r, const json_at *at, const spec_row *row, json *normal)
 {
     if (json_type_of(*at) != JSON_ARRAY) {
@@ -275,6 +280,9 @@ void values_read(reading *r, const json_at *at, const spec_row *row, json *norma
         break;
     case SPEC_TYPE_NUMBERS:
         read_numbers(r, at, row, normal);
+        break;
+    case SPEC_TYPE_INTEGERS:
+        read_integers(r, at, row, normal);
         break;
     case SPEC_TYPE_LISTS:
         read_lists(r, at, row, normal);

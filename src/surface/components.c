@@ -90,12 +90,13 @@ bool components_find(const field *f, threads *pool, components *out, error *e)
     const char *what = "the surface's parts";
     if (f->patches) return find_patches(f, out, e);
     size_t n = f->ops->cell_count(f);
+    *out = (components){.count = 1};
+    if (f->joined) return true;
     middle_job job = {f, mem_array(n, sizeof *job.middle, what, e),
                       f->uneven ? mem_array(n, sizeof *job.edge, what, e) : NULL};
     uint32_t *parent = mem_array(n, sizeof *parent, what, e);
     neighbours *near = neighbours_new(n, SIZE_MAX, e);
     bool ok = job.middle && (job.edge || !f->uneven) && parent && near;
-    *out = (components){.count = 1};
     if (ok) {
         threads_run(pool, n, 1024, middle_chunk, &job);
         ok = neighbours_build(near, n, job.middle, job.edge,

@@ -27,6 +27,33 @@ uint32_t elements_find(const elements *s, vec3 x, vec3 normal, uint32_t patch)
     return k;
 }
 
+/* Rounded down, of any sign. */
+static int32_t quarter(int32_t x)
+{
+    return x >= 0 ? x / 4 : -((3 - x) / 4);
+}
+
+static bool note_cube(elements *s, elements_cube at, error *e)
+{
+    int32_t low[3];
+    uint32_t number;
+    for (int a = 0; a < 3; a++) low[a] = quarter(at.at[a]);
+    if (!block_map_find_or_add(&s->group, low[0], low[1], low[2], &number, e)) return false;
+    s->cubes[number] |=
+        (uint64_t)1 << (at.at[0] - 4 * low[0] + 4 * (at.at[1] - 4 * low[1]) + 16 * (at.at[2] - 4 * low[2]));
+    return true;
+}
+
+void elements_look(const elements *s, elements_cube from, elements_around *out)
+{
+    for (int a = 0; a < 3; a++) out->low[a] = quarter(from.at[a] - ELEMENTS_REACH);
+    for (int k = 0; k < 64; k++) {
+        const uint32_t number =
+            block_map_find(&s->group, out->low[0] + k % 4, out->low[1] + k / 4 % 4, out->low[2] + k / 16);
+        out->cubes[k] = number == BLOCK_MAP_NONE ? 0 : s->cubes[number];
+    }
+}
+
 /* The element of a cube, a direction and a patch, new if there is none. */
 static element *element_of(elements *s, vec3 position, vec3 normal, uint32_t patch, error *e)
 {
@@ -34,7 +61,10 @@ static element *element_of(elements *s, vec3 position, vec3 normal, uint32_t pat
     uint32_t before = s->map.count, number;
     int direction = direction_of(normal);
     if (!block_map_find_or_add(&s->map, at.at[0], at.at[1], at.at[2], &number, e)) return NULL;
-    if (number == before) s->first[number] = BLOCK_MAP_NONE;
+    if (number == before) {
+        s->first[number] = BLOCK_MAP_NONE;
+        if (!note_cube(s, at, e)) return NULL;
+    }
     for (uint32_t k = s->first[number]; k != BLOCK_MAP_NONE; k = s->element[k].next)
         if (s->element[k].direction == direction && s->element[k].patch == patch) return &s->element[k];
     element *n = &s->element[s->count];
@@ -51,10 +81,12 @@ bool elements_make(const surface *scan, const cell_samples *sample, double edge,
     const char *what = "the surface's elements";
     elements *s = out;
     *s = (elements){.edge = edge, .origin = scan->box.min};
-    if (!block_map_init(&s->map, scan->cells / 2, e)) return false;
+    if (!block_map_init(&s->map, scan->cells / 2, e) || !block_map_init(&s->group, scan->cells / 8, e))
+        return false;
     s->element = mem_array(scan->cells, sizeof *s->element, what, e);
     s->first = mem_array(scan->cells, sizeof *s->first, what, e);
-    if (!s->element || !s->first) return false;
+    s->cubes = mem_array(scan->cells, sizeof *s->cubes, what, e);
+    if (!s->element || !s->first || !s->cubes) return false;
     for (size_t k = 0; k < scan->cells; k++) {
         double area = surface_cell_area(scan, k);
         if (!sample->found[k] || !(area > 0)) continue;
@@ -76,6 +108,8 @@ bool elements_make(const surface *scan, const cell_samples *sample, double edge,
 void elements_free(elements *s)
 {
     block_map_free(&s->map);
+    block_map_free(&s->group);
+    free(s->cubes);
     free(s->element);
     free(s->first);
     *s = (elements){0};

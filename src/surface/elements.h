@@ -24,6 +24,8 @@ typedef struct elements {
     double edge; /* of a cube */
     vec3 origin;
     block_map map;   /* of the cubes that the surface passes */
+    block_map group; /* of 4^3 cubes, those that hold one of them */
+    uint64_t *cubes; /* of each group a bit for each cube of the surface */
     uint32_t *first; /* the first element of each */
     element *element;
     uint32_t count;
@@ -38,6 +40,21 @@ bool elements_make(const surface *scan, const cell_samples *sample, double edge,
 void elements_free(elements *s);
 
 elements_cube elements_cube_of(const elements *s, vec3 x);
+
+/* Which cubes up to ELEMENTS_REACH away from one the surface passes: to ask here first is cheaper than to look for each. */
+#define ELEMENTS_REACH 5
+typedef struct elements_around {
+    int32_t low[3]; /* the group of least coordinates */
+    uint64_t cubes[64];
+} elements_around;
+void elements_look(const elements *s, elements_cube from, elements_around *out);
+
+static inline bool elements_passes(const elements_around *a, elements_cube from, const int offset[3])
+{
+    const int x = from.at[0] + offset[0] - 4 * a->low[0], y = from.at[1] + offset[1] - 4 * a->low[1],
+              z = from.at[2] + offset[2] - 4 * a->low[2];
+    return a->cubes[x / 4 + 4 * (y / 4) + 16 * (z / 4)] >> (x % 4 + 4 * (y % 4) + 16 * (z % 4)) & 1;
+}
 
 /* The first element of the cube that lies (i, j, k) cubes away; go on with `next`. BLOCK_MAP_NONE: there is none. */
 static inline uint32_t elements_first(const elements *s, elements_cube from, int i, int j, int k)

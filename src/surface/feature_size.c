@@ -13,7 +13,7 @@ static const double PATCH = 0.9;
 static const double HALF_DIAGONAL = 0.8660254037844386;
 /* A ball is looked for within so many cubes, and cubes grow by this factor, so that beyond the smallest ones a ball is at
  * least two cubes wide. */
-enum { REACH = 4, GROWTH = 2 };
+enum { REACH = ELEMENTS_REACH - 1, GROWTH = 2 };
 enum { GRAIN = 256, MOST_OFFSETS = (2 * REACH + 3) * (2 * REACH + 3) * (2 * REACH + 3) };
 
 /* A cube as seen from another one. */
@@ -25,7 +25,8 @@ typedef struct offset {
 typedef struct measuring {
     const surface *scan;
     const cell_samples *sample;
-    offset *offset; /* those within reach, the nearest first */
+    cell_samples on_faces; /* what `sample` is where cells are of triangles; `normal` is its own */
+    offset *offset;        /* those within reach, the nearest first */
     size_t offsets;
     elements elements;
     bool *is_asked, *sees; /* of each element: whether a cell of it has no size yet, whether it has a ball */
@@ -85,12 +86,14 @@ static double find_ball(const measuring *m, vec3 x, vec3 normal)
 {
     const elements *s = &m->elements;
     elements_cube from = elements_cube_of(s, x);
+    elements_around around;
     double best = 0.5 * REACH * s->edge;
     bool found = false;
+    elements_look(s, from, &around);
     for (size_t k = 0; k < m->offsets; k++) {
         const offset *o = &m->offset[k];
         if ((o->distance - 2 * HALF_DIAGONAL - PATCH) * s->edge > 2 * best) break;
-        if (!is_in_cone(o, normal)) continue;
+        if (!elements_passes(&around, from, o->at) || !is_in_cone(o, normal)) continue;
         for (uint32_t n = elements_first(s, from, o->at[0], o->at[1], o->at[2]); n != BLOCK_MAP_NONE;
              n = s->element[n].next) {
             double radius = ball_radius(s, &s->element[n], x, normal);
@@ -156,16 +159,40 @@ static bool measure_level(measuring *m, double edge, threads *pool, bool *open, 
     return ok;
 }
 
+/* Samples with the normals of the triangles themselves: those between their corners turn over a whole triangle, so that sheets
+ * that face each other near an edge of large ones would not. */
+static bool take_faces(measuring *m, const cell_samples *sample, error *e)
+{
+    vec3 t[FIELD_CELL_TRIANGLES][3];
+    m->sample = sample;
+    if (!m->scan->field->ops->cell_triangles) return true;
+    m->on_faces = *sample;
+    m->on_faces.normal = mem_array(m->scan->cells, sizeof *m->on_faces.normal, "the feature size", e);
+    if (!m->on_faces.normal) return false;
+    m->sample = &m->on_faces;
+    for (size_t k = 0; k < m->scan->cells; k++) {
+        if (!sample->found[k]) continue;
+        const vec3 own = sample->normal[k];
+        surface_cell_triangles(m->scan, k, t);
+        const vec3 across = vec3_cross(vec3_sub(t[0][1], t[0][0]), vec3_sub(t[0][2], t[0][0]));
+        m->on_faces.normal[k] = !(vec3_norm2(across) > 0)   ? own
+                                : vec3_dot(across, own) < 0 ? vec3_unit(vec3_scale(across, -1))
+                                                            : vec3_unit(across);
+    }
+    return true;
+}
+
 bool feature_size_measure(const surface *scan, const cell_samples *sample, threads *pool, double *size,
                           error *e)
 {
-    measuring m = {.scan = scan, .sample = sample, .size = size};
+    measuring m = {.scan = scan, .size = size};
     double edge = ELEMENTS_LEAST_EDGE * scan->field->cell_size, widest = bbox_longest(scan->box);
-    bool ok = list_offsets(&m, e), open = true;
+    bool ok = take_faces(&m, sample, e) && list_offsets(&m, e), open = true;
     for (size_t k = 0; k < scan->cells; k++) size[k] = INFINITY;
     for (; ok && open && edge < widest && !threads_stopped(pool); edge *= GROWTH)
         ok = measure_level(&m, edge, pool, &open, e);
     if (ok && threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
     free(m.offset);
+    free(m.on_faces.normal);
     return ok;
 }

@@ -614,7 +614,7 @@ static bool fits_memory(const sizing_field *g, size_t cells, error *e)
     if (g->params.memory_limit == 0 || bytes <= (double)g->params.memory_limit) return true;
     return error_set(
         e, ERROR_LIMIT_MEMORY,
-        "the grading of %zu cells of the surface needs about %.0f MB, the limit leaves %.0f MB: raise "
+        "the grading of %zu cells of the surface needs about %.0f MiB, the limit leaves %.0f MiB: raise "
         "limits.memory_mb",
         cells, bytes / (1 << 20), (double)g->params.memory_limit / (1 << 20));
 }

@@ -45,7 +45,7 @@ static bool begin(work *w, size_t memory_limit, error *e)
     if (needed > (double)memory_limit)
         return error_set(
             e, ERROR_LIMIT_MEMORY,
-            "its %lld x %lld x %lld samples need %.0f MB for one slice and the table of blocks, and %zu MB are left of the limit: "
+            "its %lld x %lld x %lld samples need %.0f MiB for one slice and the table of blocks, and %zu MiB are left of the limit: "
             "raise limits.memory_mb",
             (long long)w->size[0], (long long)w->size[1], (long long)w->size[2], ceil(needed / (1 << 20)),
             memory_limit >> 20);
@@ -153,7 +153,7 @@ static bool make_leaves(work *w, size_t count, size_t memory_limit, error *e)
     if (needed > memory_limit)
         return error_set(
             e, ERROR_LIMIT_MEMORY,
-            "the volume needs %zu MB for the %zu blocks around its surface and %zu MB are left of the limit: "
+            "the volume needs %zu MiB for the %zu blocks around its surface and %zu MiB are left of the limit: "
             "raise limits.memory_mb",
             (needed >> 20) + 1, count, memory_limit >> 20);
     vdb_grid *g = w->grid = mem_alloc(sizeof *g);

@@ -9,7 +9,8 @@
 #include "volume/grid_view.h"
 
 enum { FACES = 6, LATTICE = 8, BLOCKS = 16 /* in a chunk of work */ };
-/* Of a face's largest coefficient: what passes by less is rounding, or too little of the surface to count. */
+/* Of the largest coefficient that a face depends on: what passes by less is rounding, or too little of the surface to
+ * count. A face in a plane of voxels that the surface lies in has nothing but such values itself. */
 static const double LEAST_DEPTH = 1e-3;
 static const int step_along[3] = {BRICK_SLAB, BRICK_SIDE, 1};
 
@@ -79,12 +80,23 @@ static bool dips(const double bezier[16], double depth)
     return is_passed(&corners, &places, depth);
 }
 
+/* What counts of a face with coefficients from `first` on, and in two layers across. */
+static double least_depth(const float *first, int across, const int along[2])
+{
+    float largest = 0;
+    for (int k = 0; k < 48; k++) {
+        const float size = fabsf(first[k / 16 * across + k / 4 % 4 * along[0] + k % 4 * along[1]]);
+        largest = size > largest ? size : largest;
+    }
+    return LEAST_DEPTH * (double)largest;
+}
+
 /* `first`: of the cell's coefficients. */
 static bool face_is_passed(const float *first, int face)
 {
     int axis = face >> 1, across = step_along[axis];
     const int along[2] = {step_along[(axis + 1) % 3], step_along[(axis + 2) % 3]};
-    double c[16], largest = 0;
+    double c[16];
     int below = 0, inside = 0;
     for (int k = 0; k < 16; k++) {
         const float *p = first + (face & 1) * across + k / 4 * along[0] + k % 4 * along[1];
@@ -94,11 +106,8 @@ static bool face_is_passed(const float *first, int face)
     if (below == 0 || below == 16) return false; /* and so have the Bezier coefficients one sign */
     for (int k = 0; k < 4; k++) to_bezier(c + 4 * k, 1);
     for (int k = 0; k < 4; k++) to_bezier(c + k, 4);
-    for (int k = 0; k < 16; k++) {
-        inside += c[k] < 0;
-        largest = fabs(c[k]) > largest ? fabs(c[k]) : largest;
-    }
-    return inside > 0 && inside < 16 && dips(c, LEAST_DEPTH * largest);
+    for (int k = 0; k < 16; k++) inside += c[k] < 0;
+    return inside > 0 && inside < 16 && dips(c, least_depth(first + (face & 1) * across, across, along));
 }
 
 /* F at the corners of the cell whose coefficients begin with `first`, by one axis after the other. */

@@ -3,6 +3,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "vdb/plain_vdb.h"
+
 /* What fits into a message beside the rest of it. */
 #define LIST_SIZE 600
 
@@ -126,7 +128,7 @@ bool grid_selection_find_in_file(int fd, const char *request, size_t *index, vdb
                                  char unique[VDB_NAME_SIZE], error *e)
 {
     vdb_listing listing;
-    if (!vdb_list_grids(fd, &listing, e)) return false;
+    if (!plain_vdb_list_grids(fd, &listing) && !vdb_list_grids(fd, &listing, e)) return false;
     bool ok = grid_selection_find(&listing, request, index, unique, e);
     if (ok) *grid_class = listing.entries[*index].grid_class;
     vdb_listing_free(&listing);

@@ -10,10 +10,12 @@
 #include "geometry/affine.h"
 #include "mesh/levelset.h"
 #include "meshfile/mesh_file.h"
+#include "vdb/plain_vdb.h"
 #include "vdb/vdb.h"
 #include "volume/brick.h"
 #include "volume/crossings.h"
 #include "volume/dense_grid.h"
+#include "volume/flood.h"
 #include "volume/grazed.h"
 #include "volume/grid_selection.h"
 #include "volume/grid_view.h"
@@ -107,7 +109,8 @@ static bool load_grid(const volume_request *r, loading *l, volume *v, error *e)
         warn(&v->info,
              "grid \"%s\" says neither level set nor fog volume: taken as fog, inside above the isovalue",
              v->info.grid);
-    l->grid = vdb_load_grid(r->fd, index, r->memory_limit, e);
+    l->grid = plain_vdb_load_grid(r->fd, index, r->memory_limit);
+    if (!l->grid) l->grid = vdb_load_grid(r->fd, index, r->memory_limit, e);
     if (!l->grid) return error_prefix(e, "%s", l->name);
     if (l->grid->from_newer)
         warn(&v->info, "the file is of a newer OpenVDB than the one here: what both have in common is read");
@@ -208,7 +211,7 @@ static bool plan(loading *l, volume *v, error *e)
     if (peak <= limit) return true;
     return error_set(
         e, ERROR_LIMIT_MEMORY,
-        "%s needs %zu MB for the %u blocks around its surface (%llu cells) and %zu MB are left of the limit: "
+        "%s needs %zu MiB for the %u blocks around its surface (%llu cells) and %zu MiB are left of the limit: "
         "raise limits.memory_mb",
         l->name, (peak >> 20) + 1, v->map.count, (unsigned long long)l->crossings.cells, limit >> 20);
 }
@@ -337,7 +340,8 @@ static bool build(loading *l, volume *v, error *e)
 {
     set_transform(v, l->grid->index_to_world);
     if (!find_crossings(l, v, e) || !plan(l, v, e) || !read_samples(l, v, e) || !make_cells(l, v, e) ||
-        !note_sides(l, v, e) || !make_bricks(l, v, e) || !add_grazed_cells(l, v, e))
+        !note_sides(l, v, e) || !make_bricks(l, v, e) || !add_grazed_cells(l, v, e) ||
+        !flood_reaches_all(&v->map, v->crossed, &v->base.joined, e))
         return false;
     measure(v);
     return true;

@@ -77,13 +77,13 @@ typedef struct volume_info {
     uint64_t active_voxels;
     uint64_t crossing_cells;
     uint64_t bricks;
-    size_t memory_bytes;       /* what the volume holds */
-    bbox surface_box;          /* of the crossing cells */
-    size_t triangles;          /* of a mesh, as far as they count; 0 for a grid */
-    fidelity fidelity;         /* of a mesh, where it is not moved by an offset */
-    resolution resolution;     /* of a mesh: its voxels, and why these */
-    int64_t size[3];           /* samples of a dense volume; 0 for another */
-    char format[8], space[64]; /* of a dense volume, as in slices.h */
+    size_t memory_bytes;        /* what the volume holds */
+    bbox surface_box;           /* of the crossing cells */
+    size_t triangles;           /* of a mesh, as far as they count; 0 for a grid */
+    fidelity fidelity;          /* of a mesh, where it is not moved by an offset */
+    resolution resolution;      /* of a mesh: its voxels, and why these */
+    int64_t size[3];            /* samples of a dense volume; 0 for another */
+    char format[12], space[64]; /* of a dense volume, as in slices.h */
     size_t warning_count;
     char warning[VOLUME_MAX_WARNINGS][256];
 } volume_info;

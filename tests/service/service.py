@@ -180,7 +180,7 @@ class Service:
         if self.address.startswith("unix:"):
             return UnixConnection(self.address.removeprefix("unix:"))
         host, _, port = self.address.rpartition(":")
-        return http.client.HTTPConnection(host, int(port), timeout=PATIENCE_S)
+        return http.client.HTTPConnection(host.strip("[]"), int(port), timeout=PATIENCE_S)
 
     def request(self, method, path, body=None, headers=None):
         connection = self.connection()

@@ -301,7 +301,7 @@ def test_the_files_of_the_input_roots_are_listed(new_service, tmp_path):
     assert service.get(f"/v1/files?path={root}/b").json["parent"] == str(root)
     names, after = [], ""
     while after is not None:
-        page = service.get(f"/v1/files?path={root}&limit=1{after and '&after_name=' + after}").json
+        page = service.get(f"/v1/files?path={root}&limit=1{after and '&cursor=' + after}").json
         names += [f["name"] for f in page["files"]]
         after = page["next"]
     assert names == ["a.vdb", "b", "c.ply", "latest"]

@@ -322,6 +322,7 @@ def test_meta_images(carry, tmp_path):
     assert numpy.abs(numpy.linalg.norm(index - (SIZE - 1) / 2, axis=1) - 6).max() < 0.05
     close(vectors(columns, "wind"), numpy.stack([linear(made["velocity"][..., k], index) for k in range(3)], -1), 1)
     assert {i["path"] for i in report["inputs"]} == {str(tmp_path / n) for n in ("ball.mha", "wind.mhd", "wind.raw")}
+    assert report["surface"]["volume"]["format"] == "MetaImage"
     # packed by zlib, as ITK does, in one file and beside its header
     text = head(ball(), 1, "LOCAL").replace("CompressedData = False", "CompressedData = True")
     packed = zlib.compress(ball().astype("<f4").tobytes(order="F"))

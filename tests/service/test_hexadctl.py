@@ -215,14 +215,15 @@ def test_usage(run):
     assert run("show", "01aaaaaaaaaaaaaaaaaaaaaaaa").returncode == 4
     text = run("--help")
     assert text.returncode == 0 and "Exit status" in text.stdout
-    assert run("--version").stdout.startswith("hexad ")
+    assert run("--version").stdout.startswith("hexadctl ")
 
 
-@pytest.mark.parametrize("server", ["http://127.0.0.1:1", "unix:/nowhere/hexad.sock"])
-def test_no_server(build, server):
+@pytest.mark.parametrize("server, said", [("http://127.0.0.1:1", "Connection refused"),
+                                          ("unix:/nowhere/hexad.sock", "No such file or directory")])
+def test_no_server(build, server, said):
     done = subprocess.run([build / "hexadctl", "--server", server, "list"], capture_output=True, text=True,
                           timeout=PATIENCE_S)
-    assert done.returncode == 3 and f"{server}: no server answers" in done.stderr and "--server" in done.stderr
+    assert done.returncode == 3 and f"{server}: no server answers ({said})" in done.stderr and "--server" in done.stderr
 
 
 def test_a_wait_outlives_a_restart(new_service, build):

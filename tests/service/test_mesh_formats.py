@@ -2,6 +2,7 @@
 file says, and pictures have the axis up that files of its kind have."""
 import base64
 import json
+import re
 import struct
 import zipfile
 
@@ -238,7 +239,20 @@ def test_words_about_files_are_the_users(worker, tmp_path):
     assert code in ("input_damaged", "no_surface") and "mesh.ply" not in words
     write_obj(tmp_path / "box.obj")
     code, words = fails("box.obj", limit=64, voxel_size=0.003)
-    assert code == "limit_memory" and "MB are left of the limit" in words and "raise limits.memory_mb" in words
+    assert code == "limit_memory" and "MiB are left of the limit" in words and "raise limits.memory_mb" in words
+
+
+@pytest.mark.plain  # a sanitizer would report the library's fault by itself
+def test_a_library_that_breaks_off_is_told_in_words(worker, tmp_path):
+    """A property without a name ends the process that reads the file; the user is told of the file, and what to do."""
+    (tmp_path / "mine.ply").write_bytes(b"ply\nformat binary_little_endian 1.0\ncomment made by hand\nelement vertex 8\n"
+                                        b"property float x\nproperty float y\nproperty \0\0\0\t\7\0\0\0\3\0\0\0\3\3\0\0\0\7\0\0\0"
+                                        b"\4\0\0\0\3\3\0\0\0\4\0\0\0\0\0\0\0")
+    done = worker({"version": 1, "surface": {"mesh": {"path": "mine.ply"}}, "sampling": {"count": 300}})
+    error = json.loads(done.stderr.splitlines()[-1])
+    assert done.returncode == 3 and error["code"] == "input_damaged", error
+    assert re.search(r"mine\.ply: the library that reads such files broke off on it \(.+\): the file is damaged, or must be saved again",
+                     error["message"]), error
 
 
 def test_usd_is_not_read(worker, tmp_path):

@@ -317,6 +317,22 @@ def test_a_blade_thinner_than_voxels(worker, tmp_path):
     assert numpy.abs(numpy.abs(at[:, 2] - 0.5) - 0.5).max() < 0.01 and 900 < (at[:, 2] > 0.5).sum() < 1100
 
 
+def test_an_open_sheet_in_folds_narrower_than_the_spacing_has_a_whole_mesh(worker, tmp_path):
+    """What the points cannot tell apart the triangles do that they lie on."""
+    across, along = 64, 20
+    u, v = (g.ravel() for g in numpy.meshgrid(numpy.arange(across + 1) / across, numpy.arange(along + 1) / along, indexing="ij"))
+    index = numpy.arange(len(u)).reshape(across + 1, along + 1) + 1
+    quads = numpy.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], 2).reshape(-1, 4)
+    (tmp_path / "folds.obj").write_text("\n".join(["v %.9g %.9g %.9g" % p for p in zip(u, v, 0.2 * (1 + numpy.cos(8 * numpy.pi * u)))] +
+                                                  ["f %d %d %d\nf %d %d %d" % (*q[:3], q[0], *q[2:]) for q in quads]))
+    job = mesh("folds.obj", 400)
+    job["output"]["mesh"] = True
+    assert worker(job).returncode in (0, 11)
+    made = json.loads((tmp_path / "out" / "report.json").read_text())["mesh"]
+    assert made["euler"] == 1 and made["nonmanifold_edges"] == made["nonmanifold_vertices"] == 0
+    assert 60 < made["boundary_edges"] == made["rim_edges"]
+
+
 def test_a_klein_bottle(worker, tmp_path):
     """It has no inside: all of it is sampled, on its triangles."""
     u, v = (2 * numpy.pi * numpy.arange(n) / n for n in (96, 48))
@@ -331,18 +347,29 @@ def test_a_klein_bottle(worker, tmp_path):
     assert worker(mesh("klein.obj", 3000)).returncode in (0, 11)
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     truth = Mesh(tmp_path / "klein.obj")
-    assert report["surface"]["mesh"]["two_sided_patches"] == 1 and report["surface"]["mesh"]["curves"] == 0
+    assert report["surface"]["mesh"]["one_sided_patches"] == 1 and report["surface"]["mesh"]["curves"] == 0
     assert report["count"] == 3000 and report["quality"]["lost"] == 0 and report["quality"]["coverage"] < 0.8
     assert report["surface"]["area"] == pytest.approx(truth.areas.sum(), rel=1e-6)
 
 
 def boxes(path, *spans):
-    """Boxes along the axes, each from low to high."""
-    corners = [[[low, high][x], [low, high][y], [low, high][z]] for low, high in spans
+    """Boxes along the axes, each from low to high: a number for all axes, or three."""
+    corners = [[ends[x][0], ends[y][1], ends[z][2]] for ends in ([numpy.broadcast_to(end, 3).tolist() for end in span] for span in spans)
                for x in (0, 1) for y in (0, 1) for z in (0, 1)]
     quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     path.write_text("\n".join(["v %r %r %r" % tuple(v) for v in corners]
                               + ["f " + " ".join(str(8 * n + k + 1) for k in q) for n in range(len(spans)) for q in quads]))
+
+
+def test_an_edge_of_four_triangles_is_a_curve_where_features_are_asked_for(worker, tmp_path):
+    """Two boxes that share an edge; no other edge is as sharp as what is asked for."""
+    boxes(tmp_path / "boxes.obj", ((0, 0, 0), (1, 1, 1)), ((1, 1, 0), (2, 2, 1)))
+    assert worker(mesh("boxes.obj", 1000, features={"angle": 3})).returncode in (0, 10, 11)
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    points = Points((tmp_path / "out" / "points.ply").read_bytes())
+    assert report["surface"]["mesh"]["nonmanifold_edges"] == report["surface"]["mesh"]["curves"] == 1
+    on = numpy.abs(points.position[:, :2] - 1).max(axis=1) < 1e-6
+    assert on.sum() > 5 and numpy.diff(numpy.sort(points.position[on, 2])).max() < 1.3 * report["spacing"]
 
 
 FLAT = [("v", x / 8, y / 8, 0) for x in range(9) for y in range(9)]

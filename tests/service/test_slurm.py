@@ -52,7 +52,7 @@ def test_slurm_is_told_what_a_job_needs(slurm, new_farm, front):
 @pytest.mark.plain
 def test_a_submission_that_was_accepted_without_an_answer_is_found_again(slurm, new_farm, front, fault):
     front("sbatch", f'echo x >>"$where/calls"; {fault}')
-    farm = new_farm("--slurm_command_s", "1")
+    farm = new_farm("--slurm_timeout_s", "1")
     job = farm.submit(sphere())
     farm.wait_state(job, "succeeded")
     assert len(attempts(farm, job)) == 1 and len(slurm.jobs()) == 1
@@ -131,7 +131,7 @@ def test_frames_are_one_job_and_a_retry_runs_those_that_failed(slurm, new_farm, 
 def test_a_slurm_job_goes_on_with_small_attempts_that_others_have_not_begun(slurm, new_farm, gate, front):
     """There is one processor for a batch of several Slurm jobs."""
     where = front("sbatch", 'touch "$where/here"; while ! [ -e "$where/back" ]; do sleep 0.02; done; exec "$real" "$@"')
-    farm = new_farm("--worker", gate, "--slurm_more_s", "3600", "--slurm_command_s", "300", "--user_running", "0")
+    farm = new_farm("--worker", gate, "--slurm_batch_s", "3600", "--slurm_timeout_s", "300", "--user_running", "0")
     slurm.submit("--nodelist=n1", "--exclusive", script="exec sleep 1000")
     opener = farm.submit(sphere())
     wait_until((where / "here").exists, "sbatch")
@@ -156,7 +156,7 @@ def test_a_slurm_job_goes_on_with_small_attempts_that_others_have_not_begun(slur
 def test_a_job_that_slurm_refuses_says_why_and_is_not_tried_again(slurm, new_farm, front):
     """One alone; those that come meanwhile together, and then one by one."""
     where = front("sbatch", 'while ! [ -e "$where/back" ]; do sleep 0.02; done; exec "$real" "$@"')
-    farm = new_farm("--slurm_options", "--partition=nowhere", "--slurm_command_s", "300")
+    farm = new_farm("--slurm_options", "--partition=nowhere", "--slurm_timeout_s", "300")
     ids = [farm.submit(sphere(200 + i)) for i in range(3)]
     for job in ids:
         farm.wait_state(job, "running")

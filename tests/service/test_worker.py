@@ -303,6 +303,14 @@ def test_a_grading_is_met_and_told(worker, tmp_path, diagnose):
     assert abs((numpy.sqrt(3) / 2 * points.spacing ** 2).sum() / report["surface"]["area"] - 1) < 0.01
 
 
+@pytest.mark.parametrize("words,said", [(["runn", "spec.json"], "no command runn"), (["make-example"], "takes one FILE.vdb")])
+def test_a_command_that_is_none_ends_as_other_failures(build, words, said):
+    done = subprocess.run([build / "hexad-worker", *words], capture_output=True, text=True)
+    assert done.returncode == 2 and not done.stdout
+    told = json.loads(done.stderr)
+    assert told["code"] == "spec_invalid" and said in told["message"]
+
+
 def test_a_count_that_no_grading_can_meet(worker):
     done = worker(ellipsoid(4000, curvature={"ratio": 5}, min_spacing=0.1))
     words = last_words(done)

@@ -54,6 +54,15 @@ def test_feature_sizes_and_distances():
     assert abs(features.least_angles(right, numpy.array([[0, 1, 2]]))[0] - 36.87) < 0.01
 
 
+def test_few_places_know_what_their_balls_touch():
+    """Two plates: every place of either has its ball between them."""
+    x, y = (g.ravel() for g in numpy.meshgrid(numpy.arange(10.0), numpy.arange(12.0)))
+    up = numpy.tile([0.0, 0, 1], (len(x), 1))
+    point = numpy.concatenate([numpy.stack([x, y, numpy.full(len(x), z)], axis=1) for z in (0.5, -0.5)])
+    axis = features.medial_axis(point, numpy.concatenate([up, -up]))
+    assert (abs(axis[:, 2]) < 0.01).sum() == len(point)
+
+
 def test_a_thin_shell_with_a_handle_is_resolved(build, tmp_path, diagnose, monkeypatch):
     monkeypatch.setattr(features, "PLACES", 20000)
     vertices, triangles = shell(0.3, 0.22)

@@ -134,7 +134,7 @@ static void test_faults_of_the_file_name_the_line(void **state)
     expect_file_fault("log_level = loud\n", ":1: log_level");
     expect_file_fault("workers = 1\nworkers = 2\n", ":2: workers is given twice");
     expect_file_fault("[other]\nworkers = 1\n", "section [other]");
-    expect_file_fault("workers = 1\nwords without sense\n", ":2: neither");
+    expect_file_fault("workers = 1\nwords without sense\n", ":2: no setting");
     char long_line[400];
     memset(long_line, 'x', sizeof long_line);
     memcpy(long_line, "worker = ", 9);

@@ -25,7 +25,7 @@ static void disks_are_told_from_other_faults(void **state)
     assert_int_equal(error_code_of_errno(ENOSPC), ERROR_STORAGE_FULL);
     assert_int_equal(error_code_of_errno(EDQUOT), ERROR_STORAGE_FULL);
     assert_int_equal(error_code_of_errno(EIO), ERROR_STORAGE_FAILED);
-    assert_int_equal(error_code_of_errno(EFBIG), ERROR_INTERNAL); /* the job's own limit */
+    assert_int_equal(error_code_of_errno(EFBIG), ERROR_LIMIT_FILE); /* file_mb */
     assert_true(error_is_of_storage(ERROR_STORAGE_FAILED) && !error_is_of_storage(ERROR_INTERNAL));
 }
 

@@ -20,11 +20,7 @@ static double slope(vec3 x)
 /* The fixture as a map of that name. */
 static map *open_map(const fixture *g, const char *name, double background, error *e)
 {
-    vdb_draft draft = g->draft; /* the fixture was moved since it was made */
-    draft.index_to_world = g->matrix;
-    draft.voxels = (const int32_t(*)[3])g->voxels;
-    draft.values = g->values;
-    draft.active = g->active;
+    vdb_draft draft = fixture_draft(g);
     draft.background = background;
     draft.name = "size";
     int fd = fixture_write(&draft, 1, VDB_SEEKABLE, true);

@@ -75,7 +75,7 @@ static void test_square_sheet(void **state)
     assert_counts(&p, 1, 4, 1);
     assert_int_equal(p.open_edges, 20);
     for (int k = 0; k < 4; k++) assert_int_equal(p.curve[k].count, 6);
-    assert_false(p.two_sided[0] || p.curve[0].closed);
+    assert_false(p.one_sided[0] || p.curve[0].closed);
     mesh_patches_free(&p);
     p = make(mesh_fixture_sheet(5, 5, flat), 0); /* no features: its rim is one loop */
     assert_counts(&p, 1, 1, 1);
@@ -95,6 +95,26 @@ static void test_box(void **state)
     mesh_patches_free(&p);
     p = make(mesh_fixture_box(vec3_make(1, 2, 3), vec3_make(1, 2, 3), 0.3), 0);
     assert_counts(&p, 1, 0, 0);
+    mesh_patches_free(&p);
+}
+
+/* A sheet folded along v = 1/2, its halves a tenth of their length apart at the other end. */
+static vec3 folded(double u, double v)
+{
+    return vec3_make(u, fabs(v - 0.5), 0.1 * (v - 0.5));
+}
+
+static void test_curves_know_how_sharp_they_are(void **state)
+{
+    (void)state;
+    mesh_patches p = make(mesh_fixture_sheet(4, 4, folded), 2);
+    double least = 1;
+    assert_int_equal(p.count, 2);
+    for (size_t k = 0; k < p.curve_count; k++) {
+        if (p.curve[k].patch_count == 1) assert_true(p.curve[k].cosine == 0);
+        least = fmin(least, p.curve[k].cosine);
+    }
+    assert_true(fabs(least + (1 - 0.01) / (1 + 0.01)) < 1e-9);
     mesh_patches_free(&p);
 }
 
@@ -126,12 +146,12 @@ static void test_one_sided(void **state)
     (void)state;
     mesh_patches p = make(mesh_fixture_sheet(60, 6, mesh_fixture_moebius), MESH_PATCHES_FOUND);
     assert_counts(&p, 1, 1, 1);
-    assert_true(p.two_sided[0] && p.curve[0].closed);
+    assert_true(p.one_sided[0] && p.curve[0].closed);
     assert_int_equal(p.curve[0].count, 120);
     mesh_patches_free(&p);
     p = make(mesh_fixture_sheet(90, 61, klein), MESH_PATCHES_FOUND);
     assert_counts(&p, 1, 0, 0);
-    assert_true(p.two_sided[0]);
+    assert_true(p.one_sided[0]);
     mesh_patches_free(&p);
 }
 
@@ -145,7 +165,7 @@ static void test_three_sheets_at_an_edge(void **state)
     assert_int_equal(p.count, 3);
     for (size_t k = 0; k < p.curve_count; k++) three += p.curve[k].patch_count == 3;
     assert_int_equal(three, 1);
-    assert_int_equal(p.branching_edges, 4);
+    assert_int_equal(p.nonmanifold_edges, 4);
     mesh_patches_free(&p);
 }
 
@@ -226,6 +246,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_square_sheet),
         cmocka_unit_test(test_box),
+        cmocka_unit_test(test_curves_know_how_sharp_they_are),
         cmocka_unit_test(test_smooth_ball_has_no_curves),
         cmocka_unit_test(test_scan_has_no_features),
         cmocka_unit_test(test_one_sided),

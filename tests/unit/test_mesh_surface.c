@@ -7,10 +7,12 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "mesh/mesh_surface.h"
 #include "mesh/triangle.h"
 #include "mesh_fixture.h"
+#include "surface/feature_size.h"
 #include "volume_fixture.h"
 
 enum { PLACES = 300 };
@@ -84,8 +86,49 @@ static void test_newton_ends_on_mesh(void **state)
     assert_newton_ends_on_mesh(s, 0.02);
     mesh_surface_free(s);
     s = make(mesh_fixture_sheet(60, 6, mesh_fixture_moebius), 0, 0.2);
-    assert_true(mesh_surface_field(s)->patches->patch[0].two_sided);
+    assert_true(mesh_surface_field(s)->patches->patch[0].one_sided);
     assert_newton_ends_on_mesh(s, 0.05);
+    mesh_surface_free(s);
+}
+
+/* Places in lanes, each by a hint of the one before or by none, are told as one by one. */
+static void test_lanes_of_patches(void **state)
+{
+    (void)state;
+    mesh_surface *s = make(mesh_fixture_ball(vec3_make(1, 2, 3), 2, 4), 0, 0.2);
+    const field *f = mesh_surface_field(s), *patch = f->patches->patch[0].field;
+    uint32_t hint[VEC3_LANES], which[VEC3_LANES] = {0};
+    uint64_t seed = 8;
+    size_t cell;
+    vec3 x[VEC3_LANES];
+    for (int l = 0; l < VEC3_LANES; l++) {
+        hint[l] = l % 3 ? 0 : FIELD_NO_HINT;
+        x[l] = place_near(f, 0.1, &seed, &cell);
+    }
+    for (int k = 0; k < PLACES; k++) {
+        vec3_lanes at, gradient;
+        bool defined[VEC3_LANES];
+        double value[VEC3_LANES];
+        for (int l = 0; l < VEC3_LANES; l++) {
+            for (int axis = 0; axis < 3; axis++)
+                vec3_set(&x[l], axis, vec3_get(x[l], axis) + 0.05 * (2 * fixture_random(&seed) - 1));
+            at.x[l] = x[l].x;
+            at.y[l] = x[l].y;
+            at.z[l] = x[l].z;
+            defined[l] = l > 0;
+        }
+        f->ops->sample_patch_lanes(f, which, &at, defined, hint, value, &gradient);
+        for (int l = 1; l < VEC3_LANES; l++) {
+            field_sample one;
+            assert_true(field_sample_at(patch, x[l], FIELD_GRADIENT, &one));
+            assert_float_equal(value[l], one.value, 1e-9);
+            assert_float_equal(gradient.x[l], one.gradient.x, 1e-9);
+            assert_float_equal(gradient.y[l], one.gradient.y, 1e-9);
+            assert_float_equal(gradient.z[l], one.gradient.z, 1e-9);
+            x[l] = vec3_axpy(-one.value, one.gradient, x[l]);
+        }
+    }
+    assert_int_equal(hint[0], FIELD_NO_HINT); /* of no place */
     mesh_surface_free(s);
 }
 
@@ -168,13 +211,51 @@ static void test_cells(void **state)
     mesh_surface_free(s);
 }
 
+/* Two flat pyramids back to back, of eight triangles: the normals between their corners turn over whole faces, so that near
+ * the edge they face aside. The medial axis is the base between them. */
+static void test_feature_sizes_are_of_the_faces(void **state)
+{
+    (void)state;
+    static const vec3 corner[] = {{1, 0, 0}, {0, 1, 0}, {-1, 0, 0}, {0, -1, 0}, {0, 0, 0.3}, {0, 0, -0.3}};
+    mesh m = {.vertex = malloc(sizeof corner), .vertex_count = 6};
+    memcpy(m.vertex, corner, sizeof corner);
+    for (uint32_t k = 0; k < 4; k++) {
+        mesh_fixture_add(&m, k, (k + 1) % 4, 4);
+        mesh_fixture_add(&m, (k + 1) % 4, k, 5);
+    }
+    mesh_surface *s = make(m, 0, 0.02);
+    error e = {0};
+    threads *pool = mesh_fixture_pool();
+    surface *scan = surface_scan(mesh_surface_field(s), pool, &e);
+    assert_non_null(scan);
+    cell_samples sample;
+    double *size = malloc(scan->cells * sizeof *size);
+    assert_true(cell_samples_take(scan, pool, &sample, &e) &&
+                feature_size_measure(scan, &sample, pool, size, &e));
+    size_t wrong = 0, measured = 0;
+    for (size_t k = 0; k < scan->cells; k++) {
+        const double z = fabs(sample.position[k].z), upright = 1 / sqrt(1 + 2 * 0.09);
+        if (z < 0.03 || z > 0.25) continue;
+        measured++;
+        wrong += !(fabs(size[k] * upright / z - 1) < 0.1);
+    }
+    print_message("# %zu of %zu sizes are wrong\n", wrong, measured);
+    assert_true(measured > 1000 && wrong < measured / 50);
+    free(size);
+    cell_samples_free(&sample);
+    surface_free(scan);
+    mesh_surface_free(s);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_newton_ends_on_mesh),
+        cmocka_unit_test(test_lanes_of_patches),
         cmocka_unit_test(test_ball),
         cmocka_unit_test(test_beyond_the_rim),
         cmocka_unit_test(test_cells),
+        cmocka_unit_test(test_feature_sizes_are_of_the_faces),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -105,6 +105,24 @@ static void a_vacancy_makes_defects(void **state)
 }
 
 /* Points at random on a sphere: any triangulation of it has sum (6 - degree) = 12. */
+/* Points on a coarse grid lie in one place, and on lines: the cells of some have no area that can be told. */
+static void points_in_one_place_say_no_more_than_they_can(void **state)
+{
+    (void)state;
+    sheet *s = make_sheet();
+    rng r = rng_seed(test_seed(), 6);
+    for (size_t i = 0; i < LATTICE; i++) {
+        const vec3 at = random_between(&r, (vec3){0, 0, 0}, (vec3){SIDE, SIDE, 3});
+        s->position[i] = (vec3){floor(at.x), floor(at.y), 0.5 * floor(at.z)};
+    }
+    quality q;
+    measure(s, &q);
+    for (size_t i = 0; i < LATTICE; i++)
+        if (!(isfinite(s->local[i]) && s->local[i] > 0)) fail_msg("%zu: %g", i, s->local[i]);
+    assert_true(isfinite(q.all.area_cv) && isfinite(q.all.edge_cv));
+    free(s);
+}
+
 static void euler_of_a_sphere_is_two(void **state)
 {
     (void)state;
@@ -426,6 +444,8 @@ int main(void)
         cmocka_unit_test(lattice_is_perfect),
         cmocka_unit_test(a_moved_point_shows),
         cmocka_unit_test(a_vacancy_makes_defects),
+        cmocka_unit_test(points_in_one_place_say_no_more_than_they_can),
+        cmocka_unit_test(points_in_one_place_say_no_more_than_they_can),
         cmocka_unit_test(euler_of_a_sphere_is_two),
         cmocka_unit_test(grading_is_told_from_disorder),
         cmocka_unit_test(threads_do_not_matter),

@@ -70,7 +70,7 @@ static void rough_levels_take_more_sweeps(void **state)
     at.rough = 1;
     assert_false(schedule_may_be_rough(s, &at));
     at.sweeps = schedule_level_sweeps(s, &at);
-    assert_true(at.sweeps >= (int)s->rough_sweeps * sweeps);
+    assert_true(at.sweeps >= (int)s->rough_sweeps[1] * sweeps);
     assert_true(schedule_may_be_rough(s, &at));
     assert_true(schedule_is_rough(s, &at, 0.15, 0.2));  /* much is left, and less than there was */
     assert_false(schedule_is_rough(s, &at, 0.19, 0.2)); /* more sweeps would not help */
@@ -80,6 +80,20 @@ static void rough_levels_take_more_sweeps(void **state)
     assert_false(schedule_is_rough(s, &at, 0.15, 0.2));
     at.rough = 2;
     assert_false(schedule_may_be_rough(s, &at));
+}
+
+/* Sweeps that the schedule itself asks for cost no patience. */
+static void rough_levels_are_not_impatient(void **state)
+{
+    (void)state;
+    const schedule *s = &schedule_multilevel;
+    schedule_position at = finest(0, 5000);
+    for (at.rough = 0; at.rough <= s->rough_most; at.rough++) {
+        int sweeps = schedule_level_sweeps(s, &at);
+        assert_true(sweeps <= s->rough_sweeps_most);
+        for (at.sweeps = 1; at.sweeps < sweeps; at.sweeps++)
+            assert_false(schedule_is_impatient(s, &at, s->gain[LAST]));
+    }
 }
 
 static void steps_are_free_until_a_level_is_shaken(void **state)
@@ -209,6 +223,7 @@ int main(void)
         cmocka_unit_test(levels_have_sweeps_by_their_count),
         cmocka_unit_test(over_relaxation_follows_the_sweeps),
         cmocka_unit_test(rough_levels_take_more_sweeps),
+        cmocka_unit_test(rough_levels_are_not_impatient),
         cmocka_unit_test(steps_are_free_until_a_level_is_shaken),
         cmocka_unit_test(a_paced_level_has_its_sweeps_before_it_rests),
         cmocka_unit_test(the_paper_goes_by_lambda),

@@ -233,7 +233,8 @@ static void try_value(const spec_row *row, json *value, bool accepted, double ex
 static json *numeric(const spec_row *row, double value)
 {
     bool three = row->type == SPEC_TYPE_VECTOR || row->type == SPEC_TYPE_TRIPLE;
-    return three ? numbers(value, 3) : row->type == SPEC_TYPE_NUMBERS ? numbers(value, 64) : number_of(value);
+    bool many = row->type == SPEC_TYPE_NUMBERS || row->type == SPEC_TYPE_INTEGERS;
+    return three ? numbers(value, 3) : many ? numbers(value, 64) : number_of(value);
 }
 
 /* Rows whose bounds another member narrows; they have a test of their own. */
@@ -270,7 +271,7 @@ static void test_bounds_of_every_row(void **state)
         bool number = row->type == SPEC_TYPE_NUMBER || row->type == SPEC_TYPE_INTEGER ||
                       row->type == SPEC_TYPE_LARGE || row->type == SPEC_TYPE_VECTOR ||
                       row->type == SPEC_TYPE_TRIPLE || row->type == SPEC_TYPE_NUMBERS ||
-                      row->type == SPEC_TYPE_SIZE;
+                      row->type == SPEC_TYPE_INTEGERS || row->type == SPEC_TYPE_SIZE;
         if (!number) continue;
         bool open = row->flags & SPEC_LOW_OPEN;
         if (!is_bound_by_another(row)) {
@@ -280,7 +281,7 @@ static void test_bounds_of_every_row(void **state)
         }
         try_value(row, numeric(row, open ? row->low : beyond(row, row->low, -1)), false, NAN);
         try_value(row, numeric(row, beyond(row, row->high, 1)), false, NAN);
-        if (!has_fractions(row)) try_value(row, number_of(row->low + 0.25), false, NAN);
+        if (!has_fractions(row)) try_value(row, numeric(row, row->low + 0.25), false, NAN);
         if (row->flags & SPEC_OR_ZERO) try_value(row, numeric(row, 0), true, 0);
     }
 }

@@ -60,10 +60,28 @@ static scattered *scatter(const mesh *m)
     return s;
 }
 
+/* How many of the points are in no closed fan of triangles. */
+static size_t count_no_discs(const triangulation *made, size_t points)
+{
+    bool *disc = calloc(points, sizeof *disc);
+    error e = {0};
+    size_t count = 0;
+    assert_true(
+        surface_mesh_find_discs((const uint32_t(*)[3])made->corner, made->facts.triangles, points, disc, &e));
+    for (size_t i = 0; i < points; i++) count += !disc[i];
+    free(disc);
+    return count;
+}
+
 static void assert_closed(mesh m, int64_t euler)
 {
     scattered *s = scatter(&m);
-    const surface_mesh_input in = {&m, s->count, s->position, s->spacing, s->name, s->count};
+    const surface_mesh_input in = {.m = &m,
+                                   .count = s->count,
+                                   .position = s->position,
+                                   .spacing = s->spacing,
+                                   .name = s->name,
+                                   .names = s->count};
     const triangulation_input points = {
         .count = s->count, .position = s->position, .normal = s->normal, .spacing = s->spacing};
     triangulation made = {0};
@@ -73,6 +91,7 @@ static void assert_closed(mesh m, int64_t euler)
         fail_msg("%s", e.message);
     assert_true(triangulation_is_closed(&made.facts));
     assert_int_equal(made.facts.euler, euler);
+    assert_int_equal(count_no_discs(&made, s->count), 0);
     triangulation_free(&made);
     mesh_free(&m);
     free(s);
@@ -108,12 +127,36 @@ static void blades_are_closed(void **state)
     assert_closed(m, 2);
 }
 
+/* The cells of points farther apart than a bar is round reach around it. */
+static void cells_around_a_bar_are_no_discs(void **state)
+{
+    (void)state;
+    mesh m = mesh_fixture_box(vec3_make(0, 0, 0), vec3_make(1, 0.01, 0.01), 0.3);
+    scattered *s = scatter(&m);
+    assert_true(s->count > 12);
+    s->count = 12;
+    const surface_mesh_input in = {.m = &m,
+                                   .count = s->count,
+                                   .position = s->position,
+                                   .spacing = s->spacing,
+                                   .name = s->name,
+                                   .names = s->count};
+    triangulation made = {0};
+    error e = {0};
+    assert_true(surface_mesh_make(&in, &made.corner, &made.facts.triangles, &e));
+    assert_true(count_no_discs(&made, s->count) > s->count / 2);
+    triangulation_free(&made);
+    mesh_free(&m);
+    free(s);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(balls_are_closed),
         cmocka_unit_test(plates_thinner_than_the_spacing_are_closed),
         cmocka_unit_test(blades_are_closed),
+        cmocka_unit_test(cells_around_a_bar_are_no_discs),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -73,6 +73,62 @@ static void the_spline_goes_through_the_samples(void **state)
     }
 }
 
+/* Distances from a cube whose faces are planes of voxels. */
+static double cube(vec3 p)
+{
+    return 1e-6 * round(1e6 * (fmax(fabs(p.x), fmax(fabs(p.y), fabs(p.z))) - 1));
+}
+
+/* The spline swings about such a face by less than counts: no cell beyond it is the surface's but at the edges. */
+static void a_face_in_a_plane_of_voxels_is_in_one_layer_of_cells(void **state)
+{
+    (void)state;
+    fixture g = fixture_make(fixture_uniform, 16, cube, 0.35);
+    volume *v = fixture_volume(&g, NAN, VOLUME_INTERPOLATING);
+    const field *f = volume_field(v);
+    const size_t cells = f->ops->cell_count(f);
+    size_t beyond = 0;
+    for (size_t k = 0; k < cells; k++) {
+        field_cell cell;
+        bool inside = false;
+        f->ops->cell(f, k, &cell);
+        for (int c = 0; c < 8; c++) inside |= cell.value[c] < 0;
+        const vec3 p = vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5);
+        const double second = fabs(p.x) + fabs(p.y) + fabs(p.z) -
+                              fmax(fabs(p.x), fmax(fabs(p.y), fabs(p.z))) -
+                              fmin(fabs(p.x), fmin(fabs(p.y), fabs(p.z)));
+        if (!inside && second < 0.5) beyond++; /* five voxels from the nearest edge */
+    }
+    print_message("# %zu cells of the cube, %zu beyond its faces\n", cells, beyond);
+    assert_int_equal(beyond, 0);
+    volume_close(v);
+    fixture_free(&g);
+}
+
+static double two_balls(vec3 p)
+{
+    return fmin(vec3_norm(vec3_sub(p, (vec3){0.6, 0, 0})), vec3_norm(vec3_add(p, (vec3){0.7, 0, 0}))) - 0.5;
+}
+
+/* Over the ends of blocks, too. */
+static void one_part_is_told_from_two(void **state)
+{
+    (void)state;
+    const fixture_function shape[] = {ball, two_balls};
+    for (size_t parts = 1; parts <= 2; parts++) {
+        error e = {0};
+        fixture g = fixture_make(fixture_uniform, 16, shape[parts - 1], 0.35);
+        volume *v = fixture_volume(&g, NAN, VOLUME_INTERPOLATING);
+        surface *s = surface_scan(volume_field(v), NULL, &e);
+        assert_non_null(s);
+        assert_int_equal(volume_field(v)->joined, parts == 1);
+        assert_int_equal(s->parts.count, parts);
+        surface_free(s);
+        volume_close(v);
+        fixture_free(&g);
+    }
+}
+
 /* Central differences of step d err by d^2/6 times the third derivative and by rounding/d. */
 static void check_derivatives(const field *f, vec3 x, double *worst_gradient, double *worst_hessian)
 {
@@ -390,13 +446,7 @@ static void files_without_offsets_read_the_same(void **state)
     (void)state;
     fixture g = fixture_make(fixture_rotated, 18, ball, 0.45);
     vdb_draft drafts[3];
-    for (int i = 0; i < 3; i++) {
-        drafts[i] = g.draft;
-        drafts[i].index_to_world = g.matrix;
-        drafts[i].voxels = (const int32_t(*)[3])g.voxels;
-        drafts[i].values = g.values;
-        drafts[i].active = g.active;
-    }
+    for (int i = 0; i < 3; i++) drafts[i] = fixture_draft(&g);
     drafts[0].type = "vec3s";
     drafts[1].type = "int32";
     for (int layout = 0; layout < 2; layout++)
@@ -589,6 +639,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_spline_goes_through_the_samples),
+        cmocka_unit_test(one_part_is_told_from_two),
+        cmocka_unit_test(a_face_in_a_plane_of_voxels_is_in_one_layer_of_cells),
         cmocka_unit_test(derivatives_are_those_of_the_values),
         cmocka_unit_test(a_ball_comes_out_round),
         cmocka_unit_test(a_clamped_band_does_not_ring),

@@ -31,16 +31,6 @@ static double fog_ball(vec3 p)
     return fmin(1, fmax(0, 0.5 - 3 * ball(p)));
 }
 
-static vdb_draft draft_of(const fixture *g)
-{
-    vdb_draft d = g->draft;
-    d.index_to_world = g->matrix;
-    d.voxels = (const int32_t(*)[3])g->voxels;
-    d.values = g->values;
-    d.active = g->active;
-    return d;
-}
-
 /* Opening must fail with the code and name each of the words (NULL ends them). */
 static void expect(int fd, const char *grid, double isovalue, error_code code, const char *const words[])
 {
@@ -62,7 +52,7 @@ static void the_choice_of_the_grid(void **state)
     fixture g = fixture_make(fixture_uniform, 11, ball, 0.3),
             fog = fixture_make(fixture_uniform, 11, fog_ball, 0);
     vdb_draft d[6];
-    for (int i = 0; i < 6; i++) d[i] = draft_of(i < 4 ? &g : &fog);
+    for (int i = 0; i < 6; i++) d[i] = fixture_draft(i < 4 ? &g : &fog);
     d[0].name = "velocity";
     d[0].type = "vec3s";
     d[1].name = "ids";
@@ -144,7 +134,7 @@ static void volumes_without_a_surface(void **state)
     expect(fd, NULL, NAN, ERROR_NO_SURFACE, WORDS("nothing", "no active voxel"));
     close(fd);
     fixture fog = fixture_make(fixture_uniform, 11, fog_ball, 0);
-    vdb_draft d = draft_of(&fog);
+    vdb_draft d = fixture_draft(&fog);
     fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
     expect(fd, NULL, 7.5, ERROR_NO_SURFACE, WORDS("surface", "7.5", "0 to 1"));
     expect(fd, NULL, INFINITY, ERROR_SPEC_INVALID, WORDS("isovalue"));
@@ -161,7 +151,7 @@ static void plateaus_are_no_surface(void **state)
         if (k == 2) fixture_set(&fog, 11, 11, 11, -1, true); /* one voxel below says nothing of the others */
         for (size_t n = 0; k == 1 && n < fog.draft.voxel_count; n++) fog.values[n] += 0.1f;
         if (k == 1) fog.draft.background += 0.1f;
-        vdb_draft d = draft_of(&fog);
+        vdb_draft d = fixture_draft(&fog);
         int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
         expect(fd, NULL, k == 1 ? 0.1 : 0, ERROR_NO_SURFACE,
                WORDS("do not pass it", k == 0   ? "in 100 %"
@@ -193,7 +183,7 @@ static void offsets_are_world_distances(void **state)
         distances[0] = units[k];
         distances[1] = 0.35 * units[k];
         fixture g = fixture_make(fixture_uniform, 14, ball_in_units, 0.5 * units[k]);
-        vdb_draft d = draft_of(&g);
+        vdb_draft d = fixture_draft(&g);
         int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
         volume_request r = {
             .fd = fd, .path = "a.vdb", .offset = 0.1, .memory_limit = FIXTURE_MEMORY, .isa = isa_best()};
@@ -212,7 +202,7 @@ static void offsets_are_world_distances(void **state)
     }
     error e = {0};
     fixture g = fixture_make(fixture_uniform, 14, bent_ball, 0.5);
-    vdb_draft d = draft_of(&g);
+    vdb_draft d = fixture_draft(&g);
     int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
     const volume_request r = {
         .fd = fd, .path = "a.vdb", .offset = 0.1, .memory_limit = FIXTURE_MEMORY, .isa = isa_best()};
@@ -243,12 +233,12 @@ static void bands_that_do_not_hold_the_surface(void **state)
     (void)state;
     fixture thin = fixture_make(fixture_uniform, 11, ball, 0.08),
             cut = fixture_make(fixture_uniform, 11, ball, 0.3);
-    vdb_draft d = draft_of(&thin);
+    vdb_draft d = fixture_draft(&thin);
     int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
     expect(fd, NULL, NAN, ERROR_INPUT_UNSUPPORTED,
            WORDS("narrow band is clamped at 0.08", "0.8 voxels", "half-width"));
     close(fd);
-    d = draft_of(&cut);
+    d = fixture_draft(&cut);
     fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
     expect(fd, NULL, 0.25, ERROR_INPUT_UNSUPPORTED, WORDS("narrow band", "0.25"));
     close(fd);
@@ -270,7 +260,7 @@ static void values_that_are_not_finite(void **state)
     (void)state;
     error e = {0};
     fixture fog = fixture_make(fixture_uniform, 30, fog_ball, 0);
-    vdb_draft d = draft_of(&fog);
+    vdb_draft d = fixture_draft(&fog);
     fixture_set(&fog, -30, -30, -30, NAN, true); /* 40 voxels from the surface: nobody's business */
     int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
     volume *v = fixture_open(fd, NULL, 0.5, VOLUME_INTERPOLATING, &e);
@@ -335,7 +325,7 @@ static void the_limit_of_memory(void **state)
 {
     (void)state;
     fixture g = fixture_make(fixture_uniform, 11, ball, 0.3);
-    vdb_draft d = draft_of(&g);
+    vdb_draft d = fixture_draft(&g);
     int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
     const size_t limits[] = {1000, 100000, 200000};
     for (size_t i = 0; i < 3; i++) {
@@ -381,7 +371,7 @@ static void transforms_that_cannot_be(void **state)
 {
     (void)state;
     fixture g = fixture_make(fixture_rotated, 6, fog_ball, 0);
-    vdb_draft d = draft_of(&g);
+    vdb_draft d = fixture_draft(&g);
     d.index_to_world = NULL;
     int fd = fixture_write(&d, 1, VDB_SEEKABLE, false);
     expect(fd, NULL, 0.5, ERROR_INPUT_UNSUPPORTED, WORDS("surface", "frustum", "affine"));
@@ -431,7 +421,7 @@ static void names_of_transforms(void **state)
     static const char *const kinds[] = {"UniformScaleMap",
                                         "AffineMap"}; /* of the fixture, and within its frustum */
     fixture g = fixture_make(fixture_uniform, 2, fog_ball, 0);
-    vdb_draft d = draft_of(&g);
+    vdb_draft d = fixture_draft(&g);
     for (int inner = 0; inner < 2; inner++) {
         unsigned char *bytes;
         if (inner) d.index_to_world = NULL;
@@ -452,7 +442,7 @@ static void versions_of_the_format(void **state)
 {
     (void)state;
     fixture g = fixture_make(fixture_uniform, 6, fog_ball, 0);
-    vdb_draft d = draft_of(&g);
+    vdb_draft d = fixture_draft(&g);
     for (int k = 0; k < 3; k++) {
         unsigned char *bytes;
         uint32_t version;
@@ -485,7 +475,7 @@ static void lengths_of_metadata(void **state)
     static const size_t head = 57; /* magic, three versions, whether there are offsets, an identifier */
     static const char entry[] = "\1\0\0\0a\4\0\0\0bool\x9\0\0\0\1\xff\xff\xff\x7f\0\0\0";
     fixture g = fixture_make(fixture_uniform, 6, fog_ball, 0);
-    vdb_draft d = draft_of(&g);
+    vdb_draft d = fixture_draft(&g);
     unsigned char *bytes, *longer;
     error e = {0};
     int whole = fixture_write(&d, 1, VDB_STREAM, false);
@@ -533,7 +523,7 @@ static void every_truncation_is_noticed(void **state)
     (void)state;
     /* Dense in the head and at the end, with steps in between, in each layout and compression. */
     fixture g = fixture_make(fixture_uniform, 9, ball, 0.3);
-    vdb_draft d = draft_of(&g);
+    vdb_draft d = fixture_draft(&g);
     for (int variant = 0; variant < 4; variant++) {
         unsigned char *bytes;
         int whole = fixture_write(&d, 1, variant & 1 ? VDB_STREAM : VDB_SEEKABLE, variant & 2);
@@ -593,7 +583,7 @@ static void reading_and_writing_leave_no_threads(void **state)
     (void)state;
     int before = threads_of_process();
     fixture g = fixture_make(fixture_uniform, 9, ball, 0.3);
-    vdb_draft d = draft_of(&g);
+    vdb_draft d = fixture_draft(&g);
     int fd = fixture_write(&d, 1, VDB_SEEKABLE, false);
     error e = {0};
     volume *v = fixture_open(fd, NULL, NAN, VOLUME_INTERPOLATING, &e);
@@ -608,7 +598,7 @@ static void flipped_bits_give_errors_or_volumes(void **state)
 {
     (void)state;
     fixture g = fixture_make(fixture_uniform, 10, ball, 0.3);
-    vdb_draft d = draft_of(&g);
+    vdb_draft d = fixture_draft(&g);
     unsigned char *bytes;
     int whole = fixture_write(&d, 1, VDB_SEEKABLE, false), tally[ERROR_CODE_COUNT] = {0}, died = 0;
     size_t size = slurp(whole, &bytes);

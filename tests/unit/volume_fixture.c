@@ -115,14 +115,20 @@ volume *fixture_open(int fd, const char *grid, double isovalue, volume_reconstru
     return volume_open(&r, e);
 }
 
-volume *fixture_volume(const fixture *g, double isovalue, volume_reconstruction how)
+vdb_draft fixture_draft(const fixture *g)
 {
-    error e = {0};
-    vdb_draft draft = g->draft; /* the fixture may have been moved since it was made */
+    vdb_draft draft = g->draft;
     draft.index_to_world = g->matrix;
     draft.voxels = (const int32_t(*)[3])g->voxels;
     draft.values = g->values;
     draft.active = g->active;
+    return draft;
+}
+
+volume *fixture_volume(const fixture *g, double isovalue, volume_reconstruction how)
+{
+    error e = {0};
+    const vdb_draft draft = fixture_draft(g);
     int fd = fixture_write(&draft, 1, VDB_SEEKABLE, true);
     volume *v = fixture_open(fd, NULL, isovalue, how, &e);
     close(fd);

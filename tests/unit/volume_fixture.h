@@ -35,6 +35,9 @@ void fixture_free(fixture *g);
 /* Sets a voxel of the fixture that exists. */
 void fixture_set(fixture *g, int x, int y, int z, float value, bool active);
 
+/* The draft of a fixture that stays where it is now. */
+vdb_draft fixture_draft(const fixture *g);
+
 /* The drafts as a file in memory, or the bytes as one. */
 int fixture_write(const vdb_draft *drafts, size_t count, vdb_layout layout, bool compressed);
 int fixture_bytes(const void *bytes, size_t count);

@@ -44,10 +44,10 @@ class JobFailed(HexadError):
 
     job: its id
     state: `failed`, `cancelled` or `timed_out`
-    code: of its error, such as `no_surface`; None of a job that was cancelled
+    code: of its error, such as `no_surface`; None of a job that was cancelled before it ran
     """
 
     def __init__(self, job: str, state: str, error: dict[str, Any] | None) -> None:
         self.job, self.state = job, state
         self.code: str | None = error["code"] if error else None
-        super().__init__(f"job {job} is {state}" + (f": {error['code']}: {error['message']}" if error else ""))
+        super().__init__(f"job {job} ended as {state}" + (f": {error['code']}: {error['message']}" if error else ""))

@@ -413,8 +413,7 @@ class SurfaceVolume(_SurfaceVolumeNeeded, _SurfaceVolumeRest):
     for NIfTI right-anterior-superior.
 
     path: The file: NRRD (raw, gzip or ascii data, attached or in separate files), NIfTI-1, NIfTI-2 or
-        MetaImage (not packed). It and the files that it names must lie below one of the service's input
-        roots.
+        MetaImage. It and the files that it names must lie below one of the service's input roots.
     index: Which volume of a NIfTI file with more than three axes, counted from 0. Required if there are
         several.
     isovalue: The value on the surface. The surface is open where it meets the end of the data. (the volume's)
@@ -434,7 +433,7 @@ class _SurfaceLabelsRest(TypedDict, total=False):
     voxel_size: Sequence[float]
     origin: Sequence[float]
     grid: str
-    labels: Sequence[float]
+    labels: Sequence[int]
     smooth: float
     background: int
     closed: bool
