@@ -15,6 +15,8 @@ COUNT, RESOLUTION = 500, 96
 # Distances of the points from the mesh, in voxels, at most: of half, of 95 %, of all. Most of these meshes have triangles
 # smaller than the voxels here, or creases, which no grid can hold.
 HALF_VOX, MOST_VOX, ALL_VOX = 0.1, 0.3, 1.0
+# Blades thinner than these voxels: the level set bridges them, and of 20 000 points the farthest moves by 2.0 voxels.
+BRIDGED = {"cycloidal.ply": 2.5}
 
 # Open meshes; the others have more small parts than COUNT
 # shows, or quads that are no planes.
@@ -82,7 +84,7 @@ def test_points_are_on_the_mesh(data_service, folder, jobs, diagnose, name):
     assert surface["mesh"]["triangles"] == len(truth.faces)
     assert abs(surface["mesh"]["area"] / truth.areas.sum() - 1) < 1e-5
     assert abs(surface["voxel_size"] * RESOLUTION / truth.longest - 1) < 1e-5
-    assert 0 < moved <= ALL_VOX and far.max() <= 1e-6 * truth.longest
+    assert 0 < moved <= BRIDGED.get(name, ALL_VOX) and far.max() <= 1e-6 * truth.longest
     if name not in TANGLED:
         assert (agree > 0).mean() >= 0.99  # outward, but for a crease here and there
     if name in WARNED:
