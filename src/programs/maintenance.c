@@ -138,9 +138,11 @@ typedef struct tally {
 
 static void print_findings(const char *findings, tally *t)
 {
-    for (const char *line = findings; *line; line += strcspn(line, "\n") + 1) {
-        printf("database damaged: %.*s\n", (int)strcspn(line, "\n"), line);
+    for (const char *line = findings; *line;) {
+        size_t length = strcspn(line, "\n");
+        printf("database damaged: %.*s\n", (int)length, line);
         t->findings++;
+        line += length + (line[length] == '\n'); /* the last may end without one */
     }
 }
 
