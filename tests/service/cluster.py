@@ -154,9 +154,14 @@ class Cluster:
         self.start_controller()
         for node in self.nodes:
             self.start_node(node)
-        wait_until(lambda: set(self.call("sinfo", "-h", "-N", "-t", "idle", "-o", "%N").split()) == set(self.nodes),
-                   "idle nodes")
+        wait_until(self.all_are_idle, "idle nodes")
         return self
+
+    def all_are_idle(self):
+        for node in self.nodes:  # without /sys/fs/cgroup, say, there are none
+            words = (self.base / f"{node}.out").read_text()
+            assert self.running[node].poll() is None, f"slurmd ended: {words[-1000:]}"
+        return set(self.call("sinfo", "-h", "-N", "-t", "idle", "-o", "%N").split()) == set(self.nodes)
 
     def start_accounts(self):
         data, storage = self.base / "accounts", free_port()
