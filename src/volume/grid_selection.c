@@ -30,18 +30,22 @@ void grid_selection_name(const vdb_listing *l, size_t index, char out[VDB_NAME_S
         snprintf(out, VDB_NAME_SIZE, "%s", l->entries[index].name);
 }
 
-/* `"density" (float), "vel" (vec3s)`; what does not fit is counted. */
+/* `"density" (float), "vel" (vec3s)`; from the first that does not fit on they are counted. */
 static void describe(const vdb_listing *l, bool scalars_only, char out[LIST_SIZE])
 {
     size_t used = 0, left_out = 0;
     out[0] = '\0';
     for (size_t i = 0; i < l->count; i++) {
         if (scalars_only && !l->entries[i].scalar) continue;
+        if (left_out) {
+            left_out++;
+            continue;
+        }
         char name[VDB_NAME_SIZE], item[VDB_NAME_SIZE + VDB_TYPE_SIZE + 16];
         grid_selection_name(l, i, name);
         int n = snprintf(item, sizeof item, "%s\"%s\" (%s)", used ? ", " : "", name, l->entries[i].type);
         if (used + (size_t)n >= LIST_SIZE - 32) {
-            left_out++;
+            left_out = 1;
             continue;
         }
         memcpy(out + used, item, (size_t)n + 1);
