@@ -297,6 +297,8 @@ ISA_INLINE float reach_of(const fast_kernel_params *params)
     return (float)(M_PI * params->unit / params->support);
 }
 
+/* One loop for each kind of pairs: in a loop that asks which it is the rows just stored are loaded under a mask, which waits for
+ * the stores. */
 #define VERSION(isa, target)                                                                                \
     target static void forces_##isa(const neighbours_place *place, const fast_kernel_particles *particles,  \
                                     const fast_kernel_params *params, fast_kernel_forces *out)              \
@@ -328,10 +330,14 @@ ISA_INLINE float reach_of(const fast_kernel_params *params)
         float sums[LANES] = {0};                                                                            \
         row b, n;                                                                                           \
         set_up(particles, reach, &s, &unused);                                                              \
-        for (uint32_t k = 0; k < most; k++) {                                                               \
+        for (uint32_t k = 0; !params->normal && k < most; k++) {                                            \
             load_##isa((source){.place = place}, particles->list, k, &b);                                   \
-            if (params->normal) load_##isa((source){.normal = params->normal}, particles->list, k, &n);     \
-            add_energy(&b, params->normal ? &n : NULL, k, particles, &s, reach, sums);                      \
+            add_energy(&b, NULL, k, particles, &s, reach, sums);                                            \
+        }                                                                                                   \
+        for (uint32_t k = 0; params->normal && k < most; k++) {                                             \
+            load_##isa((source){.place = place}, particles->list, k, &b);                                   \
+            load_##isa((source){.normal = params->normal}, particles->list, k, &n);                         \
+            add_energy(&b, &n, k, particles, &s, reach, sums);                                              \
         }                                                                                                   \
         for (int l = 0; l < LANES; l++) out[l] = sums[l];                                                   \
     }                                                                                                       \

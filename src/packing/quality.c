@@ -245,13 +245,19 @@ static tally tally_empty(void)
     return (tally){.nearest = INFINITY, .finest = INFINITY};
 }
 
+static bool is_measured(const measure_job *job, size_t i)
+{
+    const partition *s = &job->part->partition;
+    return partition_owns(s, i) && (job->in->every == 0 || s->index[i] % job->in->every == 0);
+}
+
 static void tally_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const measure_job *job = context;
     (void)worker;
     tally t = tally_empty();
     for (size_t i = begin; i < end; i++)
-        if (partition_owns(&job->part->partition, i)) tally_point(job, (uint32_t)i, &t);
+        if (is_measured(job, i)) tally_point(job, (uint32_t)i, &t);
     job->part->tally[begin / CHUNK] = t;
 }
 

@@ -13,6 +13,8 @@ static const double CREASED_SHARE = 0.5;
 /* Fewer than this have a cell, and fewer than this have six neighbours. On a thin plate none has a cell, and yet both its
  * sheets are in order. */
 static const double RESOLVED_SHARE = 0.5, ORDERED_SHARE = 0.5;
+/* Points that are asked: what so many say of the shares is off by a hundredth at most. */
+enum { JUDGES = 8000 };
 /* Places that are drawn for each particle, and how often some of the particles go to such. */
 enum { PLACES = 5, PASSES = 6 };
 
@@ -30,7 +32,8 @@ bool sampler_judge_coarse(sampler *s, error *e)
                               .h = s->state.spacing,
                               .sized = s->setup.params.sizing != NULL,
                               .open = s->setup.field->open,
-                              .domain = s->setup.field->boundary_box};
+                              .domain = s->setup.field->boundary_box,
+                              .every = p->count / JUDGES};
     quality q;
     bool ok = quality_measure(&in, s->setup.pool, NULL, NULL, &q, e);
     free(spacing);

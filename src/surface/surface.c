@@ -40,7 +40,7 @@ static const double BENT_FACING = 0.9;
  * tetrahedra between whose corners no sign changes. Balls of 2.4 voxels are right to 5e-4 then, and 2e-2 too small without.
  * Corners nearer to each other than TOO_NEAR, of a cell, do not tell. */
 static const double BENT_SIZE = 0.3, TOO_NEAR = 0.1;
-enum { PARTS = 4, NODES = PARTS + 1 };
+enum { PARTS = 4, NODES = PARTS + 1, ALL_NODES = NODES * NODES * NODES };
 /* A triangle that a face of the domain may cut is divided until its sides are this fraction of a cell, and of
  * the domain's shortest side, or so often: what lies between a boundary and its chords goes with the square. */
 static const double CLIP_CELL = 1.0 / 8, CLIP_SIDE = 1.0 / 16;
@@ -75,6 +75,12 @@ typedef struct shared_edge {
     corner at;
 } shared_edge;
 
+/* Where the surface cuts the edges of a cell's parts: of each node those that go up from it, by the axes that they go along. */
+typedef struct part_roots {
+    uint8_t known[ALL_NODES]; /* by bits */
+    corner at[ALL_NODES][8];
+} part_roots;
+
 /* How the roots on a cell's edges are found. */
 typedef struct cut {
     const field *field;   /* of F itself; NULL: of a cubic by what is known at the corners */
@@ -82,6 +88,8 @@ typedef struct cut {
     const field_cell *cell;
     double last_step;    /* a step of Newton that is no longer ends at the root */
     shared_edge *shared; /* SHARED_EDGES of them, zeroed before the first cell; may be NULL */
+    part_roots *parts;   /* of a part's neighbours and its own, instead; or NULL */
+    int first;           /* its node */
     bool is_straight; /* F is taken for linear between corners: near the surface, and nothing is looked up */
 } cut;
 
@@ -175,8 +183,25 @@ typedef struct edges {
     corner at[EDGES];
 } edges;
 
+/* The node of a part's corner: bits are axes. */
+static int node_of(int first, int k)
+{
+    return first + (k & 1) + ((k >> 1 & 1) + (k >> 2) * NODES) * NODES;
+}
+
+/* Of an edge's ends one is the other and some axes more. */
+static const corner *cut_part_edge(const cut *way, int inside, int outside)
+{
+    const int node = node_of(way->first, inside & outside), axes = inside ^ outside;
+    corner *at = &way->parts->at[node][axes];
+    if (!(way->parts->known[node] >> axes & 1)) find_root(way, inside, outside, at);
+    way->parts->known[node] |= (uint8_t)(1 << axes);
+    return at;
+}
+
 static const corner *cut_edge(const cut *way, edges *e, int inside, int outside)
 {
+    if (way->parts) return cut_part_edge(way, inside, outside);
     const int k = inside < outside ? 8 * inside + outside : 8 * outside + inside;
     if (!(e->known >> k & 1)) (way->shared ? find_shared_root : find_root)(way, inside, outside, &e->at[k]);
     e->known |= (uint64_t)1 << k;
@@ -432,8 +457,9 @@ static bool is_bent(const triangulation *t, double cell_size)
 
 /* A cell's parts: their corners, and F there. */
 typedef struct part_grid {
-    vec3 node[NODES * NODES * NODES], gradient[NODES * NODES * NODES];
-    double value[NODES * NODES * NODES];
+    vec3 node[ALL_NODES], gradient[ALL_NODES];
+    double value[ALL_NODES];
+    part_roots roots;
 } part_grid;
 
 static vec3 part_node(const field_cell *cell, int n)
@@ -448,20 +474,19 @@ static vec3 part_node(const field_cell *cell, int n)
 /* False where F is not defined. Single precision is enough for an area. */
 static bool sample_parts(const field *f, const field_cell *cell, part_grid *out)
 {
-    enum { ALL = NODES * NODES * NODES };
-    for (int first = 0; first < ALL; first += VEC3_LANES) {
+    for (int first = 0; first < ALL_NODES; first += VEC3_LANES) {
         vec3_lanes x, gradient;
         bool defined[VEC3_LANES];
         double value[VEC3_LANES];
         for (int l = 0; l < VEC3_LANES; l++) {
-            vec3 node = part_node(cell, first + l < ALL ? first + l : ALL - 1);
+            vec3 node = part_node(cell, first + l < ALL_NODES ? first + l : ALL_NODES - 1);
             x.x[l] = node.x;
             x.y[l] = node.y;
             x.z[l] = node.z;
             defined[l] = true;
         }
         field_sample_lanes(f, &x, defined, value, &gradient);
-        for (int n = first; n < ALL && n < first + VEC3_LANES; n++) {
+        for (int n = first; n < ALL_NODES && n < first + VEC3_LANES; n++) {
             const int l = n - first;
             if (!defined[l]) return false;
             out->node[n] = (vec3){x.x[l], x.y[l], x.z[l]};
@@ -474,7 +499,7 @@ static bool sample_parts(const field *f, const field_cell *cell, part_grid *out)
 
 /* The area in a part, by what is known at its corners where the surface has no sharp edges. What `lacking`
  * receives are triangles of it. */
-static double part_area(const field *f, const part_grid *grid, int part, triangulation *lacking)
+static double part_area(const field *f, part_grid *grid, int part, triangulation *lacking)
 {
     int first = part % PARTS + (part / PARTS % PARTS + part / PARTS / PARTS * NODES) * NODES, inside = 0;
     vec3 gradient[8];
@@ -482,11 +507,13 @@ static double part_area(const field *f, const part_grid *grid, int part, triangu
     const cut way = {.field = f->sharp ? f : NULL,
                      .gradient = gradient,
                      .cell = &small,
-                     .last_step = LAST_STEP * f->cell_size};
+                     .last_step = LAST_STEP * f->cell_size,
+                     .parts = &grid->roots,
+                     .first = first};
     triangulation t;
     double area = 0;
     for (int k = 0; k < 8; k++) {
-        int n = first + (k & 1) + ((k >> 1 & 1) + (k >> 2) * NODES) * NODES;
+        const int n = node_of(first, k);
         small.corner[k] = grid->node[n];
         small.value[k] = grid->value[n];
         gradient[k] = grid->gradient[n];
@@ -510,6 +537,7 @@ static double measure_parts(const field *f, const field_cell *cell, triangulatio
     part_grid grid;
     double rough = 0, fine = 0;
     if (!sample_parts(f, cell, &grid)) return 0;
+    memset(grid.roots.known, 0, sizeof grid.roots.known);
     triangulation *lacking = t->count == 0 ? t : NULL;
     for (int i = 0; f->sharp && i < t->count; i++) rough += curved_area(f, t->at[i], 0);
     for (int part = 0; part < PARTS * PARTS * PARTS; part++) fine += part_area(f, &grid, part, lacking);
