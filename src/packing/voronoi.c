@@ -3,6 +3,7 @@
 #include <assert.h>
 #include <string.h>
 
+#include "base/isa.h"
 #include "packing/packing.h"
 
 /* Points are moved by this much at most, in spacings, along their normals: those that lie on a plane or a
@@ -25,10 +26,18 @@ typedef struct site {
     double spacing;
 } site;
 
+/* As many as are looked at side by side. */
+enum { SIDE_BY_SIDE = 8 };
+/* A little more than nothing: distances that are told in two ways differ by less, relatively. */
+static const double HAIR = 1e-9;
+
 /* A point and those of its list, nearest first. */
 typedef struct surroundings {
     uint32_t count;
     site own, near[VORONOI_STAR_MAX];
+    /* their places and normals again; behind the last one it is repeated */
+    double x[VORONOI_STAR_MAX], y[VORONOI_STAR_MAX], z[VORONOI_STAR_MAX];
+    double nx[VORONOI_STAR_MAX], ny[VORONOI_STAR_MAX], nz[VORONOI_STAR_MAX], spacing[VORONOI_STAR_MAX];
     const site *last
         [2]; /* who left nothing of the triangle before, on either side; or NULL. Mostly they do so again */
 } surroundings;
@@ -84,6 +93,16 @@ static bool gather_sites(const voronoi_sites *in, uint32_t a, surroundings *out)
     out->count = listed;
     out->last[0] = out->last[1] = NULL;
     for (uint32_t k = 0; k < listed; k++) out->near[k] = site_at(in, list[order[k]], order[k], in->normal[a]);
+    for (uint32_t k = 0; listed > 0 && k < (listed + SIDE_BY_SIDE - 1) / SIDE_BY_SIDE * SIDE_BY_SIDE; k++) {
+        const site *of = &out->near[k < listed ? k : listed - 1];
+        out->x[k] = of->at.x;
+        out->y[k] = of->at.y;
+        out->z[k] = of->at.z;
+        out->nx[k] = of->normal.x;
+        out->ny[k] = of->normal.y;
+        out->nz[k] = of->normal.z;
+        out->spacing[k] = of->spacing;
+    }
     return true;
 }
 
@@ -153,10 +172,53 @@ static inline bool cut_by(const site *d, triangle *t)
     return t->low < t->high;
 }
 
+/* Which of the sites from `first` on cut_by may find to take something away: others cannot, however many go before. */
+ISA_INLINE bool may_cut(const surroundings *s, uint32_t first, const triangle *t, int64_t may[SIDE_BY_SIDE])
+{
+    int64_t any = 0;
+    for (uint32_t l = 0; l < SIDE_BY_SIDE; l++) {
+        const uint32_t k = first + l;
+        double facing = s->nx[k] * t->facing.x + s->ny[k] * t->facing.y + s->nz[k] * t->facing.z;
+        double x = s->x[k] - t->centre.x, y = s->y[k] - t->centre.y, z = s->z[k] - t->centre.z;
+        double along = 2 * (t->across.x * x + t->across.y * y + t->across.z * z);
+        double rest = x * x + y * y + z * z - t->radius2;
+        double at_low = along * t->low, at_high = along * t->high;
+        int64_t hidden = (facing <= 0) & (facing * facing >= t->hidden2);
+        int64_t beyond = (rest >= at_low) & (rest >= at_high);
+        may[l] = !hidden & !beyond;
+        any |= may[l];
+    }
+    return any != 0;
+}
+
+/* Cuts by all that are near, or until nothing is left: false then. */
+ISA_CLONES static bool cut_by_near(const surroundings *s, triangle *t)
+{
+    int64_t may[SIDE_BY_SIDE];
+    for (uint32_t first = 0; first < s->count; first += SIDE_BY_SIDE) {
+        if (!may_cut(s, first, t, may)) continue;
+        for (uint32_t l = 0; l < SIDE_BY_SIDE && first + l < s->count; l++)
+            if (may[l] && !cut_by(&s->near[first + l], t)) return false;
+    }
+    return true;
+}
+
+/* Whether a point is too far to take anything away, wherever it is moved along its normal. */
+static inline bool is_beyond(const voronoi_sites *in, uint32_t i, const triangle *t, double longest)
+{
+    vec3 q = vec3_sub(in->position[i], t->centre);
+    double along = 2 * vec3_dot(t->across, q), square = vec3_norm2(q), spacing = in->spacing[i];
+    double moved = JITTER * (2 * spacing * longest + 2 * spacing * spacing + square);
+    double rest = square - t->radius2 - moved;
+    return rest >= along * t->low && rest >= along * t->high;
+}
+
 static bool cut_by_list(const voronoi_sites *in, uint32_t of, triangle *t)
 {
     const uint32_t *list = neighbours_list(in->near, of);
+    const double across = vec3_norm(t->across);
     for (uint32_t k = 0; k < in->near->list_count[of]; k++) {
+        if (is_beyond(in, list[k], t, across * fmax(-t->low, t->high))) continue;
         site d = site_at(in, list[k], k, t->facing);
         if (!cut_by(&d, t)) return false;
         if (t->low_by == &d) t->low_by = memcpy(&t->kept[0], &d, sizeof d);
@@ -209,8 +271,7 @@ static bool is_on_surface(const voronoi_sites *in, surroundings *s, const site *
     if (!span_triangle(&s->own, b, c, &t)) return false;
     for (int side = 0; side < 2; side++)
         if (s->last[side] && !cut_by(s->last[side], &t)) return false;
-    for (uint32_t k = 0; k < s->count; k++) {
-        if (cut_by(&s->near[k], &t)) continue;
+    if (!cut_by_near(s, &t)) {
         s->last[0] = t.low_by;
         s->last[1] = t.high_by;
         return false;
@@ -441,14 +502,25 @@ typedef struct tour {
     bool done[VORONOI_STAR_MAX]; /* all triangles with it are in the star */
 } tour;
 
+/* Who is too far from b for a triangle. */
+ISA_CLONES static void mark_far(const surroundings *s, const site *b, bool far[VORONOI_STAR_MAX])
+{
+    for (uint32_t k = 0; k < s->count; k++) {
+        double x = s->x[k] - b->at.x, y = s->y[k] - b->at.y, z = s->z[k] - b->at.z;
+        double reach = VORONOI_REACH * 0.5 * (b->spacing + s->spacing[k]);
+        far[k] = x * x + y * y + z * z > (1 + HAIR) * (reach * reach);
+    }
+}
+
 static void join_triangles(const voronoi_sites *in, surroundings *s, uint32_t at, tour *t, voronoi_star *out)
 {
     const site *a = &s->own, *b = &s->near[at];
+    bool far[VORONOI_STAR_MAX];
     t->done[at] = true;
-    if (is_other_side(a, b)) return;
+    mark_far(s, b, far);
     for (uint32_t k = 0; k < s->count; k++) {
         const site *c = &s->near[k];
-        if (t->done[k] || is_other_side(a, c) || is_other_side(b, c) || !is_on_surface(in, s, b, c)) continue;
+        if (far[k] || t->done[k] || is_other_side(b, c) || !is_on_surface(in, s, b, c)) continue;
         uint32_t at_b = join_edge(in->position, a->index, b, c->index, out), met = out->count;
         uint32_t at_c = join_edge(in->position, a->index, c, b->index, out);
         if (out->count > met) t->met[t->count++] = k;
@@ -468,6 +540,7 @@ void voronoi_star_triangles(const voronoi_sites *in, uint32_t a, voronoi_star *o
     out->count = out->triangle_count = 0;
     out->pinched = !gather_sites(in, a, &s);
     if (out->pinched) return;
+    for (uint32_t k = 0; k < s.count; k++) t.done[k] = is_other_side(&s.own, &s.near[k]); /* in none */
     for (uint32_t first = 0, next = 0; first < s.count && !is_closed_star(out); first++) {
         if (!t.done[first]) join_triangles(in, &s, first, &t, out);
         for (; next < t.count; next++)
