@@ -95,14 +95,29 @@ typedef struct rank_job {
     ranked *out;
 } rank_job;
 
+/* Whether point i, if there is such, is near enough to a place. */
+static bool is_enough(const rank_job *job, size_t place, uint32_t i, double *distance)
+{
+    if (i >= job->in->count) return false;
+    *distance = vec3_norm(vec3_sub(job->in->place[place], job->in->point[i]));
+    return *distance <= job->enough;
+}
+
 static void rank_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const rank_job *job = context;
     const relocation_input *in = job->in;
+    uint32_t before = in->near[begin];
     (void)worker;
     for (size_t k = begin; k < end; k++) {
         double distance;
-        uint32_t i = point_tree_nearest(job->tree, in->place[k], job->enough, &distance);
+        uint32_t i = in->near[k];
+        if (!is_enough(job, k, i, &distance)) {
+            i = before; /* places that follow each other are near each other */
+            if (!is_enough(job, k, i, &distance))
+                i = point_tree_nearest(job->tree, in->place[k], job->enough, &distance);
+        }
+        in->near[k] = before = i;
         job->out[k] = (ranked){distance / (in->h * in->size[i]), in->size[i], in->place[k], (uint32_t)k};
     }
 }

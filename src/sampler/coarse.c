@@ -44,11 +44,11 @@ bool sampler_judge_coarse(sampler *s, error *e)
 }
 
 /* One pass; *moves particles have gone to another place. */
-static bool relocate(sampler *s, const vec3 *place, size_t places, size_t *moves, error *e)
+static bool relocate(sampler *s, const vec3 *place, size_t places, uint32_t *near, size_t *moves, error *e)
 {
     particles *p = s->state.p;
     const relocation_input in = {
-        p->position, p->size, p->count, s->state.spacing, place, places, s->setup.params.list_limit};
+        p->position, p->size, p->count, s->state.spacing, place, places, s->setup.params.list_limit, near};
     relocation *chosen = NULL;
     size_t count = 0;
     bool ok = relocation_choose(&in, s->setup.pool, &chosen, &count, e);
@@ -108,10 +108,13 @@ bool sampler_relocate(sampler *s, error *e)
     const char *what = "the bare places";
     vec3 *place = mem_array(PLACES * s->state.p->count, sizeof *place, what, e);
     bool *landed = mem_array(PLACES * s->state.p->count, sizeof *landed, what, e);
-    bool ok = place && landed;
+    uint32_t *near = mem_array(PLACES * s->state.p->count, sizeof *near, what, e);
+    bool ok = place && landed && near;
     size_t places = ok ? draw_places(s, place, landed) : 0, moves = places;
-    for (int pass = 0; ok && moves > 0 && pass < PASSES; pass++) ok = relocate(s, place, places, &moves, e);
+    for (int pass = 0; ok && moves > 0 && pass < PASSES; pass++)
+        ok = relocate(s, place, places, near, &moves, e);
     free(place);
     free(landed);
+    free(near);
     return ok && sampler_settle(s, e);
 }

@@ -36,8 +36,16 @@ static void move(vec3 *x, const double *size, const vec3 *place, size_t *moves)
 {
     error e = {0};
     relocation *chosen;
-    const relocation_input in = {x, size, COUNT, 1, place, PLACES, SIZE_MAX};
+    static uint32_t near[PLACES]; /* of earlier points, and of none: that does not show */
+    relocation_input in = {x, size, COUNT, 1, place, PLACES, SIZE_MAX, near};
+    relocation *other;
+    size_t others;
     assert_true(relocation_choose(&in, NULL, &chosen, moves, &e));
+    for (size_t k = 0; k < PLACES; k++) near[k] = k % 2 ? near[PLACES - 1 - k] : UINT32_MAX;
+    assert_true(relocation_choose(&in, NULL, &other, &others, &e));
+    assert_int_equal(others, *moves);
+    assert_memory_equal(other, chosen, others * sizeof *other);
+    free(other);
     for (size_t k = 0; k < *moves; k++) x[chosen[k].point] = place[chosen[k].place];
     free(chosen);
 }
