@@ -38,6 +38,7 @@ typedef struct surroundings {
     /* their places and normals again; behind the last one it is repeated */
     double x[VORONOI_STAR_MAX], y[VORONOI_STAR_MAX], z[VORONOI_STAR_MAX];
     double nx[VORONOI_STAR_MAX], ny[VORONOI_STAR_MAX], nz[VORONOI_STAR_MAX], spacing[VORONOI_STAR_MAX];
+    double square[VORONOI_STAR_MAX]; /* how far it and all behind it are at least, squared */
     const site *last
         [2]; /* who left nothing of the triangle before, on either side; or NULL. Mostly they do so again */
 } surroundings;
@@ -102,6 +103,10 @@ static bool gather_sites(const voronoi_sites *in, uint32_t a, surroundings *out)
         out->ny[k] = of->normal.y;
         out->nz[k] = of->normal.z;
         out->spacing[k] = of->spacing;
+    }
+    for (uint32_t k = listed; k-- > 0;) {
+        double own = vec3_norm2(vec3_sub(out->near[k].at, out->own.at));
+        out->square[k] = k + 1 < listed && out->square[k + 1] < own ? out->square[k + 1] : own;
     }
     return true;
 }
@@ -194,8 +199,12 @@ ISA_INLINE bool may_cut(const surroundings *s, uint32_t first, const triangle *t
 /* Cuts by all that are near, or until nothing is left: false then. */
 ISA_CLONES static bool cut_by_near(const surroundings *s, triangle *t)
 {
+    const double across2 = 4 * (1 + HAIR) * vec3_norm2(t->across), least2 = 4 * (1 + HAIR) * t->radius2;
     int64_t may[SIDE_BY_SIDE];
     for (uint32_t first = 0; first < s->count; first += SIDE_BY_SIDE) {
+        /* what takes something away is in a ball about either end, and the point at hand is on both */
+        const double end = -t->low > t->high ? -t->low : t->high;
+        if (s->square[first] > least2 + across2 * end * end) return true;
         if (!may_cut(s, first, t, may)) continue;
         for (uint32_t l = 0; l < SIDE_BY_SIDE && first + l < s->count; l++)
             if (may[l] && !cut_by(&s->near[first + l], t)) return false;
