@@ -49,7 +49,7 @@ typedef struct quality_input {
     const uint32_t *label;
     const uint8_t *flags;
     const bool *has_cell; /* of each, where that is known from more than the points; or NULL */
-    size_t every; /* one point of so many is measured, and counts are of those; 0: all are */
+    size_t every;         /* one point of so many is measured, and counts are of those; 0: all are */
 } quality_input;
 
 /* How regular the cells of some points are. NAN where too few are measured to say. */

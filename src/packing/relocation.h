@@ -32,7 +32,7 @@ typedef struct relocation_input {
     const vec3 *place; /* on the surface, or near it */
     size_t places;     /* > 0 */
     size_t list_limit; /* bytes that lists of who is near may take */
-    uint32_t *near;    /* of each place the point that was found last time, any number at first: who is looked at before others */
+    uint32_t *near;    /* of each place the point found last, any number at first: it is looked at first */
 } relocation_input;
 
 /* *out, to be freed, receives *moves of them, no point and no place twice. Error: limit_memory. */

@@ -75,6 +75,23 @@ static void lattice_is_perfect(void **state)
     free(s);
 }
 
+/* Of all points one in seven is measured: its cell is what it is among all. */
+static void a_part_speaks_for_all(void **state)
+{
+    (void)state;
+    sheet *s = make_sheet();
+    quality all, part;
+    s->position[LATTICE / 2 + SIDE / 2].x += 0.2;
+    measure(s, &all);
+    s->in.every = 7;
+    measure(s, &part);
+    assert_in_range(part.resolved_count, all.resolved_count / 7 - SIDE, all.resolved_count / 7 + SIDE);
+    assert_in_range(part.rim_count, all.rim_count / 7 - SIDE, all.rim_count / 7 + SIDE);
+    assert_close(part.resolved_share, 1, 0);
+    assert_close(part.resolved.hex_fraction, all.resolved.hex_fraction, 0.02);
+    free(s);
+}
+
 /* One point moved by 0.1: its own and its neighbours' edges change, and nothing else. */
 static void a_moved_point_shows(void **state)
 {
@@ -442,6 +459,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(lattice_is_perfect),
+        cmocka_unit_test(a_part_speaks_for_all),
         cmocka_unit_test(a_moved_point_shows),
         cmocka_unit_test(a_vacancy_makes_defects),
         cmocka_unit_test(points_in_one_place_say_no_more_than_they_can),
