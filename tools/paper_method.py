@@ -55,12 +55,17 @@ def share_of(report):
     return report["quality"]["unresolved_count"] / report["count"]
 
 
+def is_resolved(report):
+    """Few points are unresolved, and no place is bare: a slot narrower than the spacing may be without points."""
+    return share_of(report) <= RESOLVED and all(reason["criterion"] != "coverage" for reason in report["outcome_reasons"])
+
+
 def runs_at(worker, surface, count, seeds):
     """Runs of the paper's method; none after one that the count does not resolve, unless it is OTHERWISE."""
     runs = []
     for seed in range(seeds):
         runs.append(run(worker, spec_of(surface, count, seed + 1)))
-        if count in LADDER and runs[-1][0] and share_of(runs[-1][0]) > RESOLVED:
+        if count in LADDER and runs[-1][0] and not is_resolved(runs[-1][0]):
             break
     return runs
 
@@ -70,9 +75,9 @@ def measure(surface, options):
     all seeds, or else at OTHERWISE."""
     for count in (*LADDER, OTHERWISE):
         runs = runs_at(options.worker, surface, count, options.seeds)
-        shares = [share_of(report) for report, _, _ in runs if report]
-        share = max(shares, default=0)
-        if share <= RESOLVED:
+        reports = [report for report, _, _ in runs if report]
+        share = max(map(share_of, reports), default=0)
+        if all(map(is_resolved, reports)):
             break
     there = [run(options.reference, spec_of(surface, count, seed + 1)) for seed in range(options.reference_seeds)] if options.reference else []
     return count, share, runs, there
@@ -93,7 +98,7 @@ def rested(outcome, resolvable):
 
 
 def row_of(case, count, share, here, there):
-    resolvable = share <= RESOLVED
+    resolvable = count != OTHERWISE
     at_rest = sum(rested(outcome, resolvable) for _, _, outcome in here)
     reports = [report for report, _, _ in here if report]
     seconds = statistics.median(s for _, s, _ in here)

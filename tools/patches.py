@@ -162,7 +162,7 @@ def of_shape(name, mesh, work, bounds, **members):
 
 
 def amplitudes(path, count):
-    return Case(f"{path.name}, amplitudes", of_file(path, features={}), meshes.read(path), ("off", "converged"),
+    return Case(f"{path.name}, amplitudes", of_file(path), meshes.read(path), ("off", "converged"),
                 {"sampling": {"count": count, "alpha": {"d": 2}}, "solver": {"method": "paper"}})
 
 

@@ -178,8 +178,7 @@ const spec_row spec_rows[] = {
          "Sharp edges get a row of points, and a closed mesh that has them is sampled on its triangles, too. Without "
          "it a mesh has those beyond 0.7 where its edges are flat or sharp nearly everywhere, and none where they are "
          "bent by any angle, as those of scans; a closed one only where on_mesh holds, no voxels are named, it is "
-         "not placed or cut, hides no part of itself, and neither sampling.alpha, queue.coherent nor method "
-         "witkin-heckbert is given."},
+         "not placed or cut, hides no part of itself, and neither queue.coherent nor method witkin-heckbert is given."},
     {.pointer = "/surface/mesh/features/angle",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,

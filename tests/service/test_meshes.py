@@ -203,6 +203,22 @@ def test_closed_meshes_with_sharp_edges(worker, tmp_path, parts, members, patche
         assert report["surface"]["area"] == pytest.approx(6 * len(parts), rel=1e-6) and report["outcome"] == "converged"
 
 
+def test_amplitudes_need_no_features(worker, tmp_path):
+    """A sharp mesh has its rows by default with every method that can pack against them, amplitudes or none."""
+    (tmp_path / "box.obj").write_text("\n".join(box(0, 1)) + "\n")
+    files = []
+    for members in ({}, {"features": {}}):
+        job = mesh(tmp_path / "box.obj", 600, **members)
+        job["sampling"]["alpha"] = {"d": 2}
+        job["solver"] = {"method": "paper"}
+        done = worker(job)
+        assert done.returncode == 0, done.stderr
+        report = json.loads((tmp_path / "out" / "report.json").read_text())
+        assert report["surface"]["mesh"]["patches"] == 6 and len(report["curves"]["list"]) == 12
+        files.append((tmp_path / "out" / "points.ply").read_bytes().partition(b"end_header")[2])
+    assert files[0] == files[1]
+
+
 def test_patches_in_every_format(worker, tmp_path):
     """Whole numbers in all of them; the mesh has them at its vertices; a file's own values may not be called so."""
     sheet = "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 0 1 0\nf 1 2 3 4\n"

@@ -80,8 +80,8 @@ class SurfaceMeshFeatures(_SurfaceMeshFeaturesRest):
     """Sharp edges get a row of points, and a closed mesh that has them is sampled on its triangles, too.
     Without it a mesh has those beyond 0.7 where its edges are flat or sharp nearly everywhere, and none where
     they are bent by any angle, as those of scans; a closed one only where on_mesh holds, no voxels are named,
-    it is not placed or cut, hides no part of itself, and neither sampling.alpha, queue.coherent nor method
-    witkin-heckbert is given.
+    it is not placed or cut, hides no part of itself, and neither queue.coherent nor method witkin-heckbert is
+    given.
 
     angle: Edges whose triangles' normals differ by more are sharp. 0: none is. (radians) Default: 0.7.
     """
@@ -132,8 +132,8 @@ class SurfaceMesh(_SurfaceMeshNeeded, _SurfaceMeshRest):
     features: Sharp edges get a row of points, and a closed mesh that has them is sampled on its triangles,
         too. Without it a mesh has those beyond 0.7 where its edges are flat or sharp nearly everywhere, and
         none where they are bent by any angle, as those of scans; a closed one only where on_mesh holds, no
-        voxels are named, it is not placed or cut, hides no part of itself, and neither sampling.alpha,
-        queue.coherent nor method witkin-heckbert is given.
+        voxels are named, it is not placed or cut, hides no part of itself, and neither queue.coherent nor
+        method witkin-heckbert is given.
     on_mesh: Whether the points of a closed mesh go from the sampled surface onto the triangles at last, each
         to the nearest that looks its way and is not inside of others. Normals and curvatures stay those of
         the sampled surface. It changes nothing at an offset, with /features, and where the mesh is sampled on
