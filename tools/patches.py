@@ -196,6 +196,8 @@ def cases(data, work, count):
                        ("two sheets .3 spacings apart", joined(*(sheet([0, 0, z], [1, 0, 0], [0, 1, 0])
                                                                  for z in (0, 0.3 * spacing))))):
         yield name, lambda: of_shape(name, mesh, work, ON)
+    bottle = joined(grid(klein, 160, 80))
+    yield "Klein bottle, features", lambda: of_shape("Klein bottle, features", bottle, work, ON, features={})
     yield "blade", lambda: of_shape("blade", blade, work, ON, features={})
     yield "half flipped", lambda: of_shape("half flipped", flipped(meshes.read(folder / "spot.obj")), work, ON)
     for name in ("fandisk.off", "wingnut.obj", "cup.obj"):
