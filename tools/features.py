@@ -126,10 +126,7 @@ def farthest(given, made, floor):
     point, normal = meshes.places(given, PLACES)
     axis = cKDTree(medial_axis(point, normal))
     there = meshes.places(made, PLACES)[0]
-    worst = 0
-    for x, other in ((point, made), (there, given)):
-        worst = max(worst, float((other.nearest(x)[0] / numpy.maximum(axis.query(x)[0], floor)).max()))
-    return worst
+    return max(other.farthest(x, numpy.maximum(axis.query(x)[0], floor)) for x, other in ((point, made), (there, given)))
 
 
 def resolve(worker, path, ratio, least, work, members=None):

@@ -17,6 +17,8 @@ static const double FACING = 0.5;
 static const double SAME_ANGLE = 1e-9;
 /* Flips for each edge, at most: few need any. */
 enum { MOST_FLIPS = 20 };
+/* How often edges that stand twice are looked at: one that is flipped leaves room for another. */
+enum { MOST_PARTINGS = 10 };
 
 #define NONE SIZE_MAX
 
@@ -26,11 +28,14 @@ typedef struct flipping {
     size_t count;
     size_t *
         twin; /* of side 3 n + k, from corner k of triangle n to the next: the same side of its neighbour, or NONE */
-    size_t *side_of; /* of each name a side that begins there */
+    bool *kept; /* sides along curves, which are not flipped */
+    double
+        *off; /* of each side, how far the edge between the cells is from the middle between their points */
+    size_t *side_of; /* of each name a side that begins there, or NONE */
     size_t *stack;
     bool *waits;
     size_t waiting;
-    size_t *doubled; /* sides whose ends are joined by another edge, too */
+    uint32_t (*doubled)[2]; /* points that several edges join */
     size_t doubled_count;
 } flipping;
 
@@ -46,18 +51,67 @@ static uint32_t start_of(const flipping *f, size_t side)
 
 /* ---- the dual ---- */
 
-static size_t list_dual(const fine_mesh *f, const uint32_t *name, uint32_t (*out)[3])
+/* Of each piece that three cells meet in a triangle; *of is its number, or NONE. */
+static size_t list_dual(const fine_mesh *f, const uint32_t *name, uint32_t (*out)[3], size_t *of)
 {
     size_t count = 0;
     for (size_t n = 0; n < f->m.triangle_count; n++) {
         const uint32_t *t = f->m.triangle[n], a = name[t[0]], b = name[t[1]], c = name[t[2]];
+        if (of) of[n] = NONE;
         if (a == b || b == c || c == a || a == GEODESIC_CELLS_NONE || b == GEODESIC_CELLS_NONE ||
             c == GEODESIC_CELLS_NONE)
             continue;
         if (out) memcpy(out[count], (uint32_t[]){a, b, c}, sizeof out[count]);
+        if (of) of[n] = count;
         count++;
     }
     return count;
+}
+
+/* The piece on the other side of the edge from u to v of a piece, and its corner there; NONE where the mesh ends or does not
+ * go on in one piece that faces the same way. */
+static size_t piece_across(const fine_mesh *f, size_t from, uint32_t u, uint32_t v, uint32_t *corner)
+{
+    size_t found = NONE;
+    for (size_t k = f->first[u]; k < f->first[u + 1]; k++) {
+        const size_t n = f->around[k];
+        const uint32_t *t = f->m.triangle[n];
+        const int at = t[0] == u ? 0 : t[1] == u ? 1 : 2;
+        if (n == from || (t[(at + 1) % 3] != v && t[(at + 2) % 3] != v)) continue;
+        if (found != NONE || t[(at + 2) % 3] != v) return NONE;
+        found = n;
+        *corner = t[(at + 1) % 3];
+    }
+    return found;
+}
+
+/* Joins the sides of the triangles: along the edge between two cells, from where a third one meets them to where the next
+ * one does. Cells that meet along several edges are so joined by as many. */
+static void trace_sides(const fine_mesh *fine, const uint32_t *name, const size_t *triangle_of, flipping *f)
+{
+    const vec3 *x = fine->m.vertex;
+    for (size_t s = 0; s < 3 * f->count; s++) f->twin[s] = NONE;
+    for (size_t n = 0; n < fine->m.triangle_count; n++) {
+        if (triangle_of[n] == NONE) continue;
+        for (size_t k = 0; k < 3; k++) {
+            const size_t side = 3 * triangle_of[n] + k;
+            uint32_t u = fine->m.triangle[n][k], v = fine->m.triangle[n][(k + 1) % 3], w = 0;
+            const uint32_t a = name[u], b = name[v];
+            const vec3 middle = vec3_scale(vec3_add(f->at[a], f->at[b]), 0.5);
+            double off = INFINITY;
+            size_t piece = n, steps = 0;
+            do {
+                off = fmin(off, vec3_norm(vec3_sub(vec3_scale(vec3_add(x[u], x[v]), 0.5), middle)));
+                piece = piece_across(fine, piece, u, v, &w);
+                if (piece == NONE || triangle_of[piece] != NONE || (name[w] != a && name[w] != b)) break;
+                *(name[w] == a ? &u : &v) = w;
+            } while (++steps < fine->m.triangle_count);
+            f->off[side] = off;
+            if (piece == NONE || triangle_of[piece] == NONE) continue;
+            const uint32_t *t = fine->m.triangle[piece];
+            f->twin[side] = 3 * triangle_of[piece] + (t[0] == v ? 0 : t[1] == v ? 1 : 2);
+        }
+    }
 }
 
 /* ---- flips ---- */
@@ -108,40 +162,34 @@ static void join_sides(flipping *f, size_t side, size_t twin)
     if (twin != NONE) f->twin[twin] = side;
 }
 
-/* The triangles on either side of the edges between two points are no twins. */
-static void part_along(flipping *f, const directed *all, uint32_t a, uint32_t b)
+/* The edge between two points of a curve stays: of several, that which lies nearest to the curve. */
+static void keep_along(flipping *f, const directed *all, uint32_t a, uint32_t b)
 {
-    const directed *end = all + 3 * f->count,
-                   *side[2] = {find_run(all, 3 * f->count, a, b), find_run(all, 3 * f->count, b, a)};
-    for (int way = 0; way < 2; way++)
-        for (size_t k = 0; side[way] && k < run_length(side[way], end); k++)
-            f->twin[side[way][k].side] = NONE;
+    const directed *first = find_run(all, 3 * f->count, a, b), *best = first;
+    if (!first) first = best = find_run(all, 3 * f->count, b, a);
+    if (!first) return;
+    for (size_t k = 1; k < run_length(first, all + 3 * f->count); k++)
+        if (f->off[first[k].side] < f->off[best->side]) best = &first[k];
+    f->kept[best->side] = true;
+    if (f->twin[best->side] != NONE) f->kept[f->twin[best->side]] = true;
 }
 
-/* Sides that stand once each way round are twins. Two that stand twice meet in two places, most often round a point that
- * has no other neighbours, whose triangles are no twins then. */
-static bool find_twins(const surface_mesh_input *in, flipping *f, error *e)
+/* What is known of sides by their ends: which curves keep, and which ends are joined more than once. */
+static bool list_sides(const surface_mesh_input *in, flipping *f, error *e)
 {
     const size_t sides = 3 * f->count;
     directed *all = mem_array(sides, sizeof *all, what, e);
     if (!all) return false;
-    for (size_t s = 0; s < sides; s++) {
-        all[s] = (directed){start_of(f, s), start_of(f, next(s)), s};
-        f->twin[s] = NONE;
-        f->side_of[all[s].from] = s;
-    }
+    for (size_t s = 0; s < sides; s++) all[s] = (directed){start_of(f, s), start_of(f, next(s)), s};
     qsort(all, sides, sizeof *all, by_ends);
     for (size_t k = 0, n; k < sides; k += n) {
-        const directed *one = &all[k], *other = find_run(all, sides, one->to, one->from);
-        n = run_length(one, all + sides);
-        if (one->from > one->to || !other || n > 2 || run_length(other, all + sides) != n) continue;
-        const bool crossed = n == 2 && (apex_of(f, one[0].side) == apex_of(f, other[0].side) ||
-                                        apex_of(f, one[1].side) == apex_of(f, other[1].side));
-        for (size_t i = 0; i < n; i++) join_sides(f, one[i].side, other[crossed ? n - 1 - i : i].side);
-        for (size_t i = 0; n == 2 && i < n; i++) f->doubled[f->doubled_count++] = one[i].side;
+        n = run_length(&all[k], all + sides);
+        if (n == 1 || all[k].from > all[k].to) continue;
+        f->doubled[f->doubled_count][0] = all[k].from;
+        f->doubled[f->doubled_count++][1] = all[k].to;
     }
     for (size_t k = 0; k < in->side_count; k++)
-        part_along(f, all, in->name[in->side[k][0]], in->name[in->side[k][1]]);
+        keep_along(f, all, in->name[in->side[k][0]], in->name[in->side[k][1]]);
     free(all);
     return true;
 }
@@ -163,6 +211,7 @@ static bool are_joined(const flipping *f, uint32_t a, uint32_t b)
 {
     size_t s = f->side_of[a];
     const size_t begin = s;
+    if (s == NONE) return true;
     for (size_t steps = 0; steps < f->count; steps++) {
         if (start_of(f, next(s)) == b || start_of(f, next(next(s))) == b) return true;
         s = f->twin[next(next(s))];
@@ -191,7 +240,7 @@ static bool is_better_flipped(const flipping *f, uint32_t a, uint32_t b, uint32_
 
 static void wait_for(flipping *f, size_t side)
 {
-    if (f->twin[side] == NONE) return;
+    if (f->twin[side] == NONE || f->kept[side]) return;
     const size_t s = side < f->twin[side] ? side : f->twin[side];
     if (f->waits[s]) return;
     f->waits[s] = true;
@@ -205,6 +254,8 @@ static void flip(flipping *f, size_t s)
                  db = f->twin[next(next(t))];
     const uint32_t a = start_of(f, s), b = start_of(f, t), c = apex_of(f, s), d = apex_of(f, t);
     const size_t one = 3 * (s / 3), other = 3 * (t / 3);
+    const bool keep_bc = f->kept[next(s)], keep_ca = f->kept[next(next(s))], keep_ad = f->kept[next(t)],
+               keep_db = f->kept[next(next(t))];
     memcpy(f->triangle[s / 3], (uint32_t[]){c, d, b}, sizeof f->triangle[0]);
     memcpy(f->triangle[t / 3], (uint32_t[]){d, c, a}, sizeof f->triangle[0]);
     join_sides(f, one, other);
@@ -212,6 +263,11 @@ static void flip(flipping *f, size_t s)
     join_sides(f, one + 2, bc);
     join_sides(f, other + 1, ca);
     join_sides(f, other + 2, ad);
+    f->kept[one] = f->kept[other] = false;
+    f->kept[one + 1] = keep_db;
+    f->kept[one + 2] = keep_bc;
+    f->kept[other + 1] = keep_ca;
+    f->kept[other + 2] = keep_ad;
     f->side_of[a] = other + 2;
     f->side_of[b] = one + 2;
     f->side_of[c] = one;
@@ -222,46 +278,179 @@ static void flip(flipping *f, size_t s)
     }
 }
 
-/* Of two edges between the same points one goes, as far as others leave room for it. */
+/* Of the edges between two points that may be flipped that with the widest angles opposite; *edges counts all. */
+static size_t worst_edge(const flipping *f, uint32_t a, uint32_t b, size_t *edges)
+{
+    const size_t begin = f->side_of[a];
+    size_t worst = NONE;
+    double widest = 0;
+    *edges = 0;
+    for (size_t s = begin, steps = 0; s != NONE && steps < f->count; steps++) {
+        const size_t t = f->twin[s];
+        if (start_of(f, next(s)) == b) {
+            const uint32_t c = apex_of(f, s), d = t == NONE ? c : apex_of(f, t);
+            const double wide =
+                angle_at(f->at[c], f->at[a], f->at[b]) + angle_at(f->at[d], f->at[a], f->at[b]);
+            ++*edges;
+            if (t != NONE && !f->kept[s] && wide > widest && may_join(f, c, d)) {
+                worst = s;
+                widest = wide;
+            }
+        }
+        s = f->twin[next(next(s))];
+        if (s == begin) break;
+    }
+    return worst;
+}
+
+/* Of several edges between the same points one stays, as far as others leave room for that. */
 static void part_doubled(flipping *f)
 {
-    for (size_t k = 0; k < f->doubled_count; k++) {
-        const size_t s = f->doubled[k], t = f->twin[s];
-        const uint32_t c = apex_of(f, s), d = t == NONE ? c : apex_of(f, t);
-        const bool is_left = k % 2 == 1 && start_of(f, s) == start_of(f, f->doubled[k - 1]) &&
-                             start_of(f, next(s)) == start_of(f, next(f->doubled[k - 1]));
-        if ((k % 2 == 0 || is_left) && may_join(f, c, d)) flip(f, s);
+    for (int pass = 0; pass < MOST_PARTINGS; pass++) {
+        size_t flips = 0, edges;
+        for (size_t k = 0; k < f->doubled_count; k++) {
+            const uint32_t *end = f->doubled[k];
+            for (size_t s; (s = worst_edge(f, end[0], end[1], &edges)) != NONE && edges > 1; flips++)
+                flip(f, s);
+        }
+        if (flips == 0) break;
     }
 }
 
-static bool flip_edges(const surface_mesh_input *in, flipping *f, error *e)
+static void flip_edges(flipping *f)
 {
-    const size_t sides = 3 * f->count;
-    f->twin = mem_array(sides, sizeof *f->twin, what, e);
-    f->side_of = mem_array(in->names, sizeof *f->side_of, what, e);
-    f->stack = mem_array(sides, sizeof *f->stack, what, e);
-    f->waits = mem_array(sides, sizeof *f->waits, what, e);
-    f->doubled = mem_array(sides, sizeof *f->doubled, what, e);
-    bool ok = f->twin && f->side_of && f->stack && f->waits && f->doubled && find_twins(in, f, e);
-    if (ok) part_doubled(f);
-    for (size_t s = 0; ok && s < sides; s++) wait_for(f, s);
-    for (size_t flips = 0; ok && f->waiting > 0 && flips < MOST_FLIPS * f->count;) {
+    for (size_t s = 0; s < 3 * f->count; s++) wait_for(f, s);
+    for (size_t flips = 0; f->waiting > 0 && flips < MOST_FLIPS * f->count;) {
         const size_t s = f->stack[--f->waiting], t = f->twin[s];
         f->waits[s] = false;
-        if (t == NONE) continue;
+        if (t == NONE || f->kept[s]) continue;
         if (!is_better_flipped(f, start_of(f, s), start_of(f, t), apex_of(f, s), apex_of(f, t))) continue;
         flip(f, s);
         flips++;
     }
-    free(f->twin);
-    free(f->side_of);
-    free(f->stack);
-    free(f->waits);
-    free(f->doubled);
-    return ok;
+}
+
+/* ---- points whose cell one other surrounds ---- */
+
+/* The triangle at a point whose middle is nearest to x. */
+static size_t nearest_around(const flipping *f, uint32_t a, vec3 x)
+{
+    size_t nearest = NONE;
+    double least = INFINITY;
+    for (size_t s = f->side_of[a], steps = 0; s != NONE && steps < f->count; steps++) {
+        const uint32_t *t = f->triangle[s / 3];
+        const vec3 middle = vec3_scale(vec3_add(f->at[t[0]], vec3_add(f->at[t[1]], f->at[t[2]])), 1.0 / 3);
+        const double away = vec3_norm(vec3_sub(middle, x));
+        if (away < least) {
+            least = away;
+            nearest = s / 3;
+        }
+        s = f->twin[next(next(s))];
+        if (s == f->side_of[a]) break;
+    }
+    return nearest;
+}
+
+/* Cuts a triangle p q r into p q v, q r v and r p v. */
+static void insert_point(flipping *f, size_t n, uint32_t v)
+{
+    const uint32_t p = f->triangle[n][0], q = f->triangle[n][1], r = f->triangle[n][2];
+    const size_t one = 3 * n, two = 3 * f->count, three = two + 3, qr = f->twin[one + 1],
+                 rp = f->twin[one + 2];
+    memcpy(f->triangle[n], (uint32_t[]){p, q, v}, sizeof f->triangle[0]);
+    memcpy(f->triangle[f->count], (uint32_t[]){q, r, v}, sizeof f->triangle[0]);
+    memcpy(f->triangle[f->count + 1], (uint32_t[]){r, p, v}, sizeof f->triangle[0]);
+    f->count += 2;
+    f->off[two] = f->off[one + 1];
+    f->off[three] = f->off[one + 2];
+    f->off[one + 1] = f->off[one + 2] = f->off[two + 1] = f->off[two + 2] = f->off[three + 1] =
+        f->off[three + 2] = INFINITY;
+    join_sides(f, two, qr);
+    join_sides(f, three, rp);
+    join_sides(f, one + 1, two + 2);
+    join_sides(f, two + 1, three + 2);
+    join_sides(f, three + 1, one + 2);
+    f->side_of[v] = one + 2;
+    f->side_of[r] = three;
+}
+
+/* What a point has that is no corner of a triangle: the only one whose cell touches its own, itself where there are several,
+ * NOBODY where it has no cell. Of the others ANYBODY. */
+#define NOBODY GEODESIC_CELLS_NONE
+#define ANYBODY (GEODESIC_CELLS_NONE - 1)
+
+static void list_surrounded(const fine_mesh *fine, const uint32_t *name, const size_t *triangle_of,
+                            size_t names, uint32_t *by)
+{
+    for (size_t v = 0; v < names; v++) by[v] = NOBODY;
+    for (size_t n = 0; n < fine->m.triangle_count; n++)
+        for (int k = 0; triangle_of[n] != NONE && k < 3; k++) by[name[fine->m.triangle[n][k]]] = ANYBODY;
+    for (size_t n = 0; n < fine->m.triangle_count; n++)
+        for (int k = 0; k < 6; k++) {
+            const uint32_t *t = fine->m.triangle[n], a = name[t[k / 2]], b = name[t[(k / 2 + 1 + k % 2) % 3]];
+            if (a == b || a == GEODESIC_CELLS_NONE || b == GEODESIC_CELLS_NONE || by[a] == ANYBODY) continue;
+            by[a] = by[a] == NOBODY || by[a] == b ? b : a;
+        }
+}
+
+static bool is_surrounded(const uint32_t *by, uint32_t v)
+{
+    return by[v] != NOBODY && by[v] != ANYBODY && by[v] != v;
+}
+
+static void insert_surrounded(const uint32_t *by, size_t names, flipping *f)
+{
+    for (uint32_t v = 0; v < names; v++) {
+        const size_t n = is_surrounded(by, v) ? nearest_around(f, by[v], f->at[v]) : NONE;
+        if (n != NONE) insert_point(f, n, v);
+    }
 }
 
 /* ---- the whole ---- */
+
+/* The dual of the cells, each side with its twin. */
+static bool make_dual(const surface_mesh_input *in, const fine_mesh *fine, const uint32_t *name, flipping *f,
+                      error *e)
+{
+    size_t *triangle_of = mem_array(fine->m.triangle_count, sizeof *triangle_of, what, e), lost = 0;
+    uint32_t *by = mem_array(in->names, sizeof *by, what, e);
+    f->side_of = mem_array(in->names, sizeof *f->side_of, what, e);
+    bool ok = triangle_of && by && f->side_of;
+    if (ok) {
+        f->count = list_dual(fine, name, NULL, triangle_of);
+        list_surrounded(fine, name, triangle_of, in->names, by);
+        for (uint32_t v = 0; v < in->names; v++) lost += is_surrounded(by, v);
+        const size_t most = f->count + 2 * lost;
+        f->triangle = mem_array(most, sizeof *f->triangle, what, e);
+        f->twin = mem_array(3 * most, sizeof *f->twin, what, e);
+        f->off = mem_array(3 * most, sizeof *f->off, what, e);
+        ok = f->triangle && f->twin && f->off;
+    }
+    if (ok) {
+        list_dual(fine, name, f->triangle, NULL);
+        for (size_t v = 0; v < in->names; v++) f->side_of[v] = NONE;
+        for (size_t s = 0; s < 3 * f->count; s++) f->side_of[start_of(f, s)] = s;
+        trace_sides(fine, name, triangle_of, f);
+        insert_surrounded(by, in->names, f);
+    }
+    free(triangle_of);
+    free(by);
+    return ok;
+}
+
+static bool improve(const surface_mesh_input *in, flipping *f, error *e)
+{
+    const size_t sides = 3 * f->count;
+    f->kept = mem_array(sides, sizeof *f->kept, what, e);
+    f->stack = mem_array(sides, sizeof *f->stack, what, e);
+    f->waits = mem_array(sides, sizeof *f->waits, what, e);
+    f->doubled = mem_array(sides, sizeof *f->doubled, what, e);
+    if (!f->kept || !f->stack || !f->waits || !f->doubled || !list_sides(in, f, e)) return false;
+    part_doubled(f);
+    flip_edges(f);
+    part_doubled(f);
+    return true;
+}
 
 bool surface_mesh_make(const surface_mesh_input *in, uint32_t (**triangle)[3], size_t *count, error *e)
 {
@@ -272,17 +461,19 @@ bool surface_mesh_make(const surface_mesh_input *in, uint32_t (**triangle)[3], s
     bool ok = at && fine_mesh_make(in->m, in->count, in->position, in->spacing, PIECES, &fine, e) &&
               geodesic_cells_grow(&fine, in->count, in->position, in->name, &name, e);
     for (size_t i = 0; ok && i < in->count; i++) at[in->name[i]] = in->position[i];
-    if (ok) {
-        f.at = at;
-        f.count = list_dual(&fine, name, NULL);
-        f.triangle = mem_array(f.count, sizeof *f.triangle, what, e);
-        ok = f.triangle != NULL;
-    }
-    if (ok) list_dual(&fine, name, f.triangle);
+    f.at = at;
+    ok = ok && make_dual(in, &fine, name, &f, e);
     free(name);
     fine_mesh_free(&fine);
-    ok = ok && flip_edges(in, &f, e);
+    ok = ok && improve(in, &f, e);
     free(at);
+    free(f.twin);
+    free(f.off);
+    free(f.kept);
+    free(f.side_of);
+    free(f.stack);
+    free(f.waits);
+    free(f.doubled);
     if (ok) {
         *triangle = f.triangle;
         *count = f.count;

@@ -156,7 +156,7 @@ static const double DEFAULT_EVEN_SCALE = 2, DEFAULT_OWN_SCALE = 4;
 
 /* Features ask for no spacing below so many voxels: where sheets meet at an acute angle they are less than a voxel apart,
  * and the spline between voxels says how they part. With one, and a ratio of 1, 13 of fertility's 2 524 points stay unresolved; with a
- * quarter, none of 3 107. */
+ * quarter, none of 3 107. Cells of a mesh that is to be resolved are as large as voxels would be, and its triangles are exact. */
 static const double DEFAULT_FLOOR = 0.25;
 /* Curves are looked at in steps of this share of the spacing there, which puts that off by a tenth of it. */
 static const double CURVE_STEP = 0.05;
@@ -165,7 +165,8 @@ static const double CURVE_STEP = 0.05;
 static bool make_sizing(const job *j, size_t count, sizing_field **out, error *e)
 {
     const spec *s = j->spec;
-    double floor = s->min_spacing > 0 ? s->min_spacing : DEFAULT_FLOOR * j->source.field->cell_size;
+    const double share = s->resolve && source_mesh(&j->source) ? 1 : DEFAULT_FLOOR,
+                 floor = s->min_spacing > 0 ? s->min_spacing : share * j->source.field->cell_size;
     const sizing_field_params params = {
         .kind = sizing_field_kind_of(s),
         .chord_error = s->curvature.chord_error,

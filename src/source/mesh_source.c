@@ -11,8 +11,9 @@
 
 /* The longest side of a cell: the spacing, but of few points less, so that normals and sizes are seen. */
 static const double least_cells = 32; /* along the longest side of the mesh */
-/* Of a mesh that is to be resolved: few places ask for the least spacing. */
-static const double most_cells = 4e5;
+/* Of a mesh that is to be resolved: few places ask for the least spacing, which is this share of the longest side unless the
+ * spec says otherwise. */
+static const double most_cells = 4e5, own_floor = 1.0 / 256;
 /* Of the area: with more the outcome would be unresolved. */
 static const double most_missing = 0.01;
 /* Of the area of a closed mesh whose triangles are not asked for: with more inside of its solids it is a level set. */
@@ -27,8 +28,9 @@ static double spacing_of(const mesh_source_request *r, double area)
 
 static double longest_cell(const mesh_source_request *r, const mesh_patches *p)
 {
-    const double spacing = spacing_of(r, mesh_area(&p->m)),
-                 most = bbox_longest(mesh_box(&p->m)) / least_cells;
+    const double longest = bbox_longest(mesh_box(&p->m)), most = longest / least_cells,
+                 asked = spacing_of(r, mesh_area(&p->m)),
+                 spacing = r->resolve && !(asked > 0) ? own_floor * longest : asked;
     const double shortest = r->resolve ? sqrt(mesh_area(&p->m) / most_cells) : 0;
     return spacing > 0 ? fmax(fmin(spacing, most), shortest) : most;
 }
@@ -76,7 +78,8 @@ static bool make_patches(const mesh_source_request *r, const mesh *whole, double
     return mesh_patches_make(&copy, &params, notes, made, e);
 }
 
-/* A closed mesh that is to be resolved and has no other sharp edges is cut at those at which sheets face each other. */
+/* A closed mesh that is to be resolved and has no other sharp edges is cut at those at which sheets face each other: more rows
+ * make more angles small where a scan is rough (dragon: 0.2 % below 25 degrees with rows at 70 degrees, .05 with these). */
 static bool cut_wedges(const mesh_source_request *r, const mesh *whole, const mesh_notes *read,
                        mesh_patches *given, mesh_notes *notes, error *e)
 {

@@ -73,15 +73,17 @@ static size_t count_no_discs(const triangulation *made, size_t points)
     return count;
 }
 
-static void assert_closed(mesh m, int64_t euler)
+/* Of these points, with steps of curves between some. */
+static void assert_whole(mesh m, scattered *s, const uint32_t (*side)[2], size_t side_count, int64_t euler)
 {
-    scattered *s = scatter(&m);
     const surface_mesh_input in = {.m = &m,
                                    .count = s->count,
                                    .position = s->position,
                                    .spacing = s->spacing,
                                    .name = s->name,
-                                   .names = s->count};
+                                   .names = s->count,
+                                   .side = side,
+                                   .side_count = side_count};
     const triangulation_input points = {
         .count = s->count, .position = s->position, .normal = s->normal, .spacing = s->spacing};
     triangulation made = {0};
@@ -95,6 +97,11 @@ static void assert_closed(mesh m, int64_t euler)
     triangulation_free(&made);
     mesh_free(&m);
     free(s);
+}
+
+static void assert_closed(mesh m, int64_t euler)
+{
+    assert_whole(m, scatter(&m), NULL, 0, euler);
 }
 
 static void balls_are_closed(void **state)
@@ -127,6 +134,61 @@ static void blades_are_closed(void **state)
     assert_closed(m, 2);
 }
 
+static void add_point(scattered *s, vec3 x)
+{
+    s->position[s->count] = x;
+    s->normal[s->count] = (vec3){0, 0, 1};
+    s->spacing[s->count] = spacing_wanted;
+    s->name[s->count] = (uint32_t)s->count;
+    s->count++;
+}
+
+/* A fin as wide as the spacing: cells reach around it, so that front and back would have the same edges. Its rails stay. */
+static void fins_are_closed(void **state)
+{
+    (void)state;
+    enum { POINTS = 40 };
+    scattered *s = calloc(1, sizeof *s);
+    uint32_t side[POINTS][2];
+    size_t sides = 0;
+    for (uint32_t k = 0; k < POINTS; k++) {
+        add_point(s, vec3_make(0.025 + 0.05 * k, k % 2 ? 0.08 : 0, 0.001));
+        if (k < 2) continue;
+        side[sides][0] = k - 2;
+        side[sides++][1] = k;
+    }
+    assert_whole(mesh_fixture_box(vec3_make(1, 0.04, 0), vec3_make(1, 0.04, 0.001), 0), s,
+                 (const uint32_t(*)[2])side, sides, 2);
+}
+
+static vec3 thorn(double u, double v)
+{
+    const double r = v < 0.5 ? sin(M_PI * 1.99 * v) : 0.031 * (2 - 2 * v),
+                 z = v < 0.5 ? -cos(M_PI * 1.99 * v) : 0.6 + 0.8 * v;
+    return mesh_fixture_rounded(vec3_make(r * cos(2 * M_PI * u), r * sin(2 * M_PI * u), z));
+}
+
+/* The cell of the point below the tip of a thorn reaches around it. */
+static void tips_are_corners(void **state)
+{
+    (void)state;
+    mesh m = mesh_fixture_sheet(40, 80, thorn);
+    mesh_notes unused = {0};
+    error e = {0};
+    assert_true(mesh_weld(&m, MESH_DROP_CANCELLED, &unused, &e));
+    scattered *s = scatter(&m);
+    for (size_t k = 0; k < s->count;)
+        if (s->position[k].z > 1.02) {
+            s->count--;
+            s->position[k] = s->position[s->count];
+            s->normal[k] = s->normal[s->count];
+        } else
+            k++;
+    add_point(s, vec3_make(0.0155, 0, 1.2));
+    add_point(s, vec3_make(0, 0, 1.4));
+    assert_whole(m, s, NULL, 0, 2);
+}
+
 /* The cells of points farther apart than a bar is round reach around it. */
 static void cells_around_a_bar_are_no_discs(void **state)
 {
@@ -153,10 +215,9 @@ static void cells_around_a_bar_are_no_discs(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(balls_are_closed),
-        cmocka_unit_test(plates_thinner_than_the_spacing_are_closed),
-        cmocka_unit_test(blades_are_closed),
-        cmocka_unit_test(cells_around_a_bar_are_no_discs),
+        cmocka_unit_test(balls_are_closed),  cmocka_unit_test(plates_thinner_than_the_spacing_are_closed),
+        cmocka_unit_test(blades_are_closed), cmocka_unit_test(fins_are_closed),
+        cmocka_unit_test(tips_are_corners),  cmocka_unit_test(cells_around_a_bar_are_no_discs),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
