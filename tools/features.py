@@ -25,14 +25,14 @@ from scipy.spatial import cKDTree
 import inputs
 import meshes
 
-# file, ratio, least spacing in thousandths of the longest side, members of the surface's mesh. The foot bones lie within each
-# other: only a mesh whose features are asked for is sampled on all of its triangles then.
-CASES = (("dragon_100k.obj", 0.6, 1, {}),
-         ("scorpion_low.obj", 0.5, 2, {}),
-         ("footbones.ply", 0.6, 2, {"features": {"angle": 1.98}}),
-         ("42400-IDGH.stl", 0.5, 1, {}),
-         ("fertility.off", 0.3, 1, {}),
-         ("high_genus13k.off", 0.4, 1, {}))
+# file, ratio, least spacing in thousandths of the longest side (4: about a voxel of 256), members of the surface's mesh. The foot
+# bones lie within each other: only a mesh whose features are asked for is sampled on all of its triangles then.
+CASES = (("dragon_100k.obj", 0.5, 2, {}),
+         ("scorpion_low.obj", 0.5, 4, {}),
+         ("footbones.ply", 0.2, 4, {"features": {"angle": 1.0}}),
+         ("42400-IDGH.stl", 0.22, 4, {}),
+         ("fertility.off", 0.4, 4, {}),
+         ("high_genus13k.off", 0.4, 4, {}))
 LEAST_ANGLE, SHARE = 25, 0.999
 FARTHEST = 1 / 3
 # Places on a mesh that distances and feature sizes are measured at.

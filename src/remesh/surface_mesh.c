@@ -406,6 +406,185 @@ static void insert_surrounded(const uint32_t *by, size_t names, flipping *f)
     }
 }
 
+/* ---- points whose cell reaches around a neck ---- */
+
+/* Such a point has a fan of triangles at either end of its cell. One fan and a triangle of the other make way for a band
+ * between the edges that they leave: the neck. */
+enum { MOST_IN_RING = 64 };
+
+typedef struct ring {
+    size_t count;
+    size_t
+        side[MOST_IN_RING]; /* edges from one point to the next, as triangles that are taken away had them */
+    uint32_t point[MOST_IN_RING];
+} ring;
+
+/* The points around another, from a side that begins there; false where they do not close or are too many. */
+static bool walk_fan(const flipping *f, size_t begin, ring *out)
+{
+    out->count = 0;
+    for (size_t s = begin;;) {
+        if (out->count == MOST_IN_RING) return false;
+        out->side[out->count] = next(s);
+        out->point[out->count++] = start_of(f, next(s));
+        s = f->twin[next(next(s))];
+        if (s == NONE) return false;
+        if (s == begin) return true;
+    }
+}
+
+static bool has_triangle(const ring *r, size_t n)
+{
+    for (size_t k = 0; k < r->count; k++)
+        if (r->side[k] / 3 == n) return true;
+    return false;
+}
+
+/* The triangle of the fan that is nearest to the points of the ring, as a ring of its own. */
+static ring nearest_triangle_of(const flipping *f, const ring *fan, const ring *to)
+{
+    size_t nearest = 0;
+    double least = INFINITY;
+    for (size_t k = 0; k < fan->count; k++) {
+        double away = 0;
+        for (size_t i = 0; i < to->count; i++)
+            away += vec3_norm(vec3_sub(f->at[fan->point[k]], f->at[to->point[i]])) +
+                    vec3_norm(vec3_sub(f->at[apex_of(f, next(next(fan->side[k])))], f->at[to->point[i]]));
+        if (away < least) {
+            least = away;
+            nearest = k;
+        }
+    }
+    ring r = {.count = 3};
+    for (size_t k = 0, s = fan->side[nearest]; k < 3; k++, s = next(s)) {
+        r.side[k] = s;
+        r.point[k] = start_of(f, s);
+    }
+    return r;
+}
+
+static double apart(const flipping *f, const ring *a, size_t i, const ring *b, size_t j)
+{
+    return vec3_norm(vec3_sub(f->at[a->point[i % a->count]], f->at[b->point[j % b->count]]));
+}
+
+/* The band between two rings, in the places of what is taken away and two more. One is followed as it runs, the other
+ * backwards. */
+static void make_band(flipping *f, const ring *a, const ring *b)
+{
+    size_t outer[2][MOST_IN_RING], place[MOST_IN_RING + 3], i = 0, j = 0, first = NONE, last = NONE,
+                                                            taken = 0;
+    for (size_t k = 0; k < a->count; k++) {
+        outer[0][k] = f->twin[a->side[k]];
+        place[taken++] = a->side[k] / 3;
+    }
+    for (size_t k = 0; k < 3; k++) outer[1][k] = f->twin[b->side[k]];
+    place[taken++] = b->side[0] / 3;
+    place[taken++] = f->count++;
+    place[taken++] = f->count++;
+    for (size_t n = 0; n < a->count * 3; n++)
+        if (apart(f, a, n / 3, b, n % 3) < apart(f, a, i, b, j)) {
+            i = n / 3;
+            j = n % 3;
+        }
+    const size_t end_i = i + a->count, end_j = j; /* j begins a round higher */
+    j += 3;
+    for (size_t n = 0; n < taken; n++) {
+        const bool along = j == end_j || (i < end_i && apart(f, a, i + 1, b, j) <= apart(f, a, i, b, j - 1));
+        const uint32_t from = a->point[i % a->count], to = a->point[(i + 1) % a->count], x = b->point[j % 3],
+                       before = b->point[(j + 2) % 3];
+        const size_t one = 3 * place[n], back = along ? one + 2 : one + 1, on = along ? one + 1 : one + 2,
+                     beyond = along ? outer[0][i % a->count] : outer[1][(j + 2) % 3];
+        memcpy(f->triangle[place[n]], along ? (uint32_t[]){from, to, x} : (uint32_t[]){before, x, from},
+               sizeof f->triangle[0]);
+        f->off[one] = f->off[beyond];
+        f->off[one + 1] = f->off[one + 2] = INFINITY;
+        join_sides(f, one, beyond);
+        f->side_of[along ? from : before] = one;
+        if (n > 0)
+            join_sides(f, back, last);
+        else
+            first = back;
+        last = on;
+        if (along)
+            i++;
+        else
+            j--;
+    }
+    join_sides(f, first, last);
+}
+
+/* Joins two fans of a point; each begins with a side of its own. */
+static void join_fans(flipping *f, size_t one, size_t other)
+{
+    ring a, fan;
+    if (start_of(f, one) != start_of(f, other) || !walk_fan(f, one, &a) || !walk_fan(f, other, &fan)) return;
+    if (has_triangle(&a, other / 3)) return;
+    const ring b = nearest_triangle_of(f, &fan, &a);
+    for (size_t k = 0; k < a.count; k++) {
+        const size_t beyond = f->twin[a.side[k]];
+        if (beyond == NONE || has_triangle(&a, beyond / 3) || beyond / 3 == b.side[0] / 3) return;
+    }
+    for (size_t k = 0; k < 3; k++)
+        if (f->twin[b.side[k]] == NONE || has_triangle(&a, f->twin[b.side[k]] / 3)) return;
+    make_band(f, &a, &b);
+}
+
+/* Lists a side of each fan but the first of a point. */
+static size_t list_fans(const flipping *f, size_t names, size_t *first, bool *seen, size_t *found)
+{
+    size_t count = 0;
+    for (size_t v = 0; v < names; v++) first[v] = NONE;
+    for (size_t s = 0; s < 3 * f->count; s++) {
+        const uint32_t v = start_of(f, s);
+        if (seen[s]) continue;
+        for (size_t t = s; t != NONE && !seen[t]; t = f->twin[next(next(t))]) seen[t] = true;
+        if (first[v] == NONE)
+            first[v] = s;
+        else
+            found[count++] = s;
+    }
+    return count;
+}
+
+static bool make_room(flipping *f, size_t triangles, error *e)
+{
+    uint32_t(*triangle)[3] = mem_array(triangles, sizeof *triangle, what, e);
+    size_t *twin = mem_array(3 * triangles, sizeof *twin, what, e);
+    double *off = mem_array(3 * triangles, sizeof *off, what, e);
+    const bool ok = triangle && twin && off;
+    if (ok) {
+        memcpy(triangle, f->triangle, f->count * sizeof *triangle);
+        memcpy(twin, f->twin, 3 * f->count * sizeof *twin);
+        memcpy(off, f->off, 3 * f->count * sizeof *off);
+    }
+    free(ok ? (void *)f->triangle : (void *)triangle);
+    free(ok ? f->twin : twin);
+    free(ok ? f->off : off);
+    if (!ok) return false;
+    f->triangle = triangle;
+    f->twin = twin;
+    f->off = off;
+    return true;
+}
+
+static bool join_necks(flipping *f, size_t names, error *e)
+{
+    size_t *first = mem_array(names, sizeof *first, what, e),
+           *found = mem_array(3 * f->count, sizeof *found, what, e);
+    bool *seen = mem_array(3 * f->count, sizeof *seen, what, e);
+    bool ok = first && found && seen;
+    if (ok) {
+        const size_t count = list_fans(f, names, first, seen, found);
+        ok = count == 0 || make_room(f, f->count + 2 * count, e);
+        for (size_t k = 0; ok && k < count; k++) join_fans(f, found[k], first[start_of(f, found[k])]);
+    }
+    free(first);
+    free(found);
+    free(seen);
+    return ok;
+}
+
 /* ---- the whole ---- */
 
 /* The dual of the cells, each side with its twin. */
@@ -432,6 +611,7 @@ static bool make_dual(const surface_mesh_input *in, const fine_mesh *fine, const
         for (size_t s = 0; s < 3 * f->count; s++) f->side_of[start_of(f, s)] = s;
         trace_sides(fine, name, triangle_of, f);
         insert_surrounded(by, in->names, f);
+        ok = join_necks(f, in->names, e);
     }
     free(triangle_of);
     free(by);

@@ -464,6 +464,21 @@ def test_voxels_follow_the_features_that_are_to_be_resolved(worker, tmp_path):
     assert any("voxel_size <= 0.002" in warning for warning in bounded["warnings"])
 
 
+@pytest.mark.plain
+def test_a_mesh_that_is_to_be_resolved_has_a_least_spacing(worker, tmp_path):
+    """On its triangles there are no voxels: it is what a voxel would be, and features are told apart down to it."""
+    turn = blade(tmp_path / "plate.obj", (1, 0.2, 0.02))
+    corners = numpy.array([[x, y, z] for x in (0, 1) for y in (0, 0.2) for z in (0, 0.02)]) @ turn.T
+    done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "plate.obj")}},
+                   "sampling": {"resolve": True, "feature": {}}, "output": {"preview": False}})
+    assert done.returncode in (0, 11), done.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    told = report["grading"]["feature_size"]
+    assert report["surface"]["mesh"]["patches"] == 6 and report["quality"]["unresolved_count"] == 0
+    assert told["floor"] == pytest.approx(numpy.ptp(corners, axis=0).max() / 256, rel=1e-3)
+    assert told["median"] == pytest.approx(0.01, rel=0.1)
+
+
 def test_numbers_may_begin_with_their_point(worker, tmp_path):
     corners = ["v .5 0 0", "v -.5 0 0", "v 0 +.5 0", "v 0 -.5 0", "v .0 .0 .5", "v\t.0\t.0\t-.5"]
     faces = [f"f {x} {y} {z}" if (x == 1) ^ (y == 3) ^ (z == 5) else f"f {y} {x} {z}"

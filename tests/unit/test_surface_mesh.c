@@ -189,6 +189,37 @@ static void tips_are_corners(void **state)
     assert_whole(m, s, NULL, 0, 2);
 }
 
+static vec3 bead(double u, double v)
+{
+    const double r = v < 0.4   ? fmax(sin(M_PI * 2.49 * v), v < 0.2 ? 0 : 0.02)
+                     : v < 0.6 ? 0.02
+                               : fmax(sin(M_PI * 2.49 * (1 - v)), v > 0.8 ? 0 : 0.02),
+                 z = v < 0.4   ? -cos(M_PI * 2.49 * v)
+                     : v < 0.6 ? 1 + (v - 0.4)
+                               : 2.2 + cos(M_PI * 2.49 * (1 - v));
+    return mesh_fixture_rounded(vec3_make(r * cos(2 * M_PI * u), r * sin(2 * M_PI * u), z));
+}
+
+/* Two balls joined by a bar on which one point is: its cell reaches around. */
+static void necks_are_tubes(void **state)
+{
+    (void)state;
+    mesh m = mesh_fixture_sheet(40, 80, bead);
+    mesh_notes unused = {0};
+    error e = {0};
+    assert_true(mesh_weld(&m, MESH_DROP_CANCELLED, &unused, &e));
+    scattered *s = scatter(&m);
+    for (size_t k = 0; k < s->count;)
+        if (fabs(s->position[k].z - 1.1) < 0.12) {
+            s->count--;
+            s->position[k] = s->position[s->count];
+            s->normal[k] = s->normal[s->count];
+        } else
+            k++;
+    add_point(s, vec3_make(0.02, 0, 1.1));
+    assert_whole(m, s, NULL, 0, 2);
+}
+
 /* The cells of points farther apart than a bar is round reach around it. */
 static void cells_around_a_bar_are_no_discs(void **state)
 {
@@ -215,9 +246,13 @@ static void cells_around_a_bar_are_no_discs(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(balls_are_closed),  cmocka_unit_test(plates_thinner_than_the_spacing_are_closed),
-        cmocka_unit_test(blades_are_closed), cmocka_unit_test(fins_are_closed),
-        cmocka_unit_test(tips_are_corners),  cmocka_unit_test(cells_around_a_bar_are_no_discs),
+        cmocka_unit_test(balls_are_closed),
+        cmocka_unit_test(plates_thinner_than_the_spacing_are_closed),
+        cmocka_unit_test(blades_are_closed),
+        cmocka_unit_test(fins_are_closed),
+        cmocka_unit_test(tips_are_corners),
+        cmocka_unit_test(necks_are_tubes),
+        cmocka_unit_test(cells_around_a_bar_are_no_discs),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
