@@ -76,6 +76,11 @@ const field *label_surface_field(const label_surface *s)
     return mesh_surface_field(s->surface);
 }
 
+const mesh_patches *label_surface_patches(const label_surface *s)
+{
+    return mesh_surface_patches(s->surface);
+}
+
 size_t label_surface_bytes(const label_surface *s)
 {
     return s ? mesh_surface_bytes(s->surface) : 0;

@@ -6,6 +6,7 @@
 #include "field/field.h"
 #include "json/json.h"
 #include "labels/label_volume.h"
+#include "mesh/mesh_patches.h"
 
 typedef struct label_surface_request {
     slices *from; /* the volume; no longer needed once it is open */
@@ -23,7 +24,8 @@ label_surface *label_surface_open(const label_surface_request *request, error *e
 void label_surface_close(label_surface *s); /* NULL will do */
 
 const field *label_surface_field(const label_surface *s);
-size_t label_surface_bytes(const label_surface *s); /* 0 for NULL */
+const mesh_patches *label_surface_patches(const label_surface *s); /* the patches of that field */
+size_t label_surface_bytes(const label_surface *s);                /* 0 for NULL */
 
 /* The labels on both sides of a patch; the normal points from the first to the second. */
 void label_surface_sides(const label_surface *s, uint32_t patch, int64_t out[2]);

@@ -2,8 +2,10 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
+#include "geometry/block_map.h"
 #include "packing/packing.h"
 #include "particles/population.h"
 
@@ -12,12 +14,12 @@
 enum { PASSES = 4, ROOM_PASSES = 20 };
 /* Rows take no more than this share of the points. */
 static const double ROWS_MOST = 0.9;
-/* Patches that are a smaller share of the surface do not set the spacing of all, where no other has room. */
-static const double LEAST_SHARE = 0.01;
-
 /* A patch of fewer cells gets no more than these, whatever its curves leave. */
 static const double LEAST_CELLS = 0.5;
+/* Patches of less than a point have no more than this share of the points. */
 static const double LONELY_MOST = 0.25;
+/* In spacings: what is nearer to a place takes no point of its own. */
+static const double NEAR = 0.6;
 
 static const char *const WHAT = "the particles of each patch";
 
@@ -56,9 +58,9 @@ static double sum_of_rooms(const allotment_input *in, const curve_rows *rows, do
 static double cells_for(const allotment_input *in, const curve_rows *rows, double count)
 {
     double cells = INFINITY, share = 1, border = 0;
-    for (size_t k = 0; k < in->field->patches->count; k++) border += rows->border[k];
-    for (int pass = 0; pass < ROOM_PASSES && share > LEAST_SHARE && count + fmax(border, 0) < cells * share;
-         pass++) {
+    for (size_t k = 0; k < in->field->patches->count; k++)
+        border += fmax(rows->border[k], 0); /* no less: cells only fall */
+    for (int pass = 0; pass < ROOM_PASSES && share > 0 && count + fmax(border, 0) < cells * share; pass++) {
         cells = (count + fmax(border, 0)) / share;
         share = border = 0;
         for (size_t k = 0; k < in->field->patches->count; k++) {
@@ -71,31 +73,159 @@ static double cells_for(const allotment_input *in, const curve_rows *rows, doubl
     return cells;
 }
 
-/* A patch without a place on a curve would have no point: it has one, unless these would be more than LONELY_MOST of all. They
- * take no part in the rest. Returns how many there are. */
-static size_t serve_lonely(const allotment *a, size_t patches, size_t count, double *wanted, uint32_t *served)
+/* What becomes of a patch when all is shared out. */
+enum { SHARES, HAS_ONE, HAS_NONE };
+
+/* A patch without a place on a curve, and with room for less than a point. */
+typedef struct lonely {
+    double room;
+    uint32_t patch;
+} lonely;
+
+static int compare_lonely(const void *left, const void *right)
 {
-    size_t lonely = 0;
-    for (size_t k = 0; k < a->rows.stands; k++) served[a->rows.patch[k]] = 1;
-    for (size_t k = 0; k < patches; k++) lonely += served[k] = !served[k] && wanted[k] > 0 && wanted[k] < 1;
-    if ((double)lonely > LONELY_MOST * (double)count) lonely = 0;
-    for (size_t k = 0; k < patches; k++) {
-        if (lonely == 0) served[k] = 0;
-        if (served[k]) wanted[k] = 0;
-    }
-    return lonely;
+    const lonely *a = left, *b = right;
+    if (a->room != b->room) return a->room < b->room ? 1 : -1;
+    return (a->patch > b->patch) - (a->patch < b->patch);
 }
 
-/* Shares out `count` particles, each patch to within one of its part of what the cells behind the rows leave. */
-static bool share_out(const allotment_input *in, double cells, size_t count, allotment *out, error *e)
+static lonely *list_lonely(const allotment_input *in, const curve_rows *rows, double cells, size_t *count,
+                           error *e)
+{
+    const size_t patches = in->field->patches->count;
+    lonely *list = mem_array(patches, sizeof *list, WHAT, e);
+    bool *stands = mem_array(patches, sizeof *stands, WHAT, e);
+    *count = 0;
+    for (size_t k = 0; stands && k < rows->stands; k++) stands[rows->patch[k]] = true;
+    for (uint32_t k = 0; list && stands && k < patches; k++) {
+        const double room = room_of(in, rows, k, cells);
+        if (!stands[k] && room > 0 && room < 1) list[(*count)++] = (lonely){room, k};
+    }
+    if (!stands) {
+        free(list);
+        list = NULL;
+    }
+    free(stands);
+    if (list && *count > 0) qsort(list, *count, sizeof *list, compare_lonely);
+    return list;
+}
+
+/* Places in boxes, none of which is smaller than what is near. */
+typedef struct crowd {
+    block_map boxes;
+    vec3 origin;
+    double side;
+    uint32_t *last,
+        *before; /* of each box its last place, of each place the one before it in its box; or NOWHERE */
+    vec3 *place;
+    uint32_t count;
+} crowd;
+
+static const uint32_t NOWHERE = UINT32_MAX;
+
+static bool crowd_init(crowd *c, const allotment_input *in, double spacing, size_t most, error *e)
+{
+    const double largest = in->sizing ? sizing_field_describe(in->sizing).largest / in->even : 1;
+    *c = (crowd){.origin = in->scan->box.min, .side = NEAR * spacing * largest};
+    c->last = mem_array(most, sizeof *c->last, WHAT, e);
+    c->before = mem_array(most, sizeof *c->before, WHAT, e);
+    c->place = mem_array(most, sizeof *c->place, WHAT, e);
+    return c->last && c->before && c->place && block_map_init(&c->boxes, 1024, e);
+}
+
+static void crowd_free(crowd *c)
+{
+    block_map_free(&c->boxes);
+    free(c->last);
+    free(c->before);
+    free(c->place);
+}
+
+static void box_of(const crowd *c, vec3 x, int32_t out[3])
+{
+    for (int axis = 0; axis < 3; axis++)
+        out[axis] = (int32_t)floor((vec3_get(x, axis) - vec3_get(c->origin, axis)) / c->side);
+}
+
+static bool crowd_add(crowd *c, vec3 x, error *e)
+{
+    const uint32_t boxes = c->boxes.count;
+    int32_t at[3];
+    uint32_t box;
+    box_of(c, x, at);
+    if (!block_map_find_or_add(&c->boxes, at[0], at[1], at[2], &box, e)) return false;
+    c->before[c->count] = box == boxes ? NOWHERE : c->last[box];
+    c->place[c->count] = x;
+    c->last[box] = c->count++;
+    return true;
+}
+
+static bool crowd_has(const crowd *c, vec3 x, double within)
+{
+    int32_t at[3];
+    box_of(c, x, at);
+    for (int n = 0; n < 27; n++) {
+        const uint32_t box =
+            block_map_find(&c->boxes, at[0] + n % 3 - 1, at[1] + n / 3 % 3 - 1, at[2] + n / 9 - 1);
+        for (uint32_t k = box == BLOCK_MAP_NONE ? NOWHERE : c->last[box]; k != NOWHERE; k = c->before[k])
+            if (vec3_norm2(vec3_sub(c->place[k], x)) < within * within) return true;
+    }
+    return false;
+}
+
+static vec3 place_on(const allotment_input *in, uint32_t patch)
+{
+    field_cell cell;
+    vec3 sum = {0, 0, 0};
+    surface_cell(in->scan, in->scan->parts.begin[patch], &cell);
+    for (int k = 0; k < 8; k++) sum = vec3_axpy(0.125, cell.corner[k], sum);
+    return sum;
+}
+
+/* Lonely patches have no part in what is shared out. One has a point of its own, unless a place on a curve or a larger lonely
+ * one is near it; but none has if these were more than LONELY_MOST of all. `fate` of each patch; *served: how many have one. */
+static bool serve_lonely(const allotment_input *in, const curve_rows *rows, double spacing, double cells,
+                         size_t count, unsigned char *fate, size_t *served, error *e)
+{
+    const boundary_request request = {spacing, in->sizing, in->even, 0};
+    size_t found;
+    lonely *list = list_lonely(in, rows, cells, &found, e);
+    crowd points = {0};
+    bool ok = list && crowd_init(&points, in, spacing, rows->count + found, e);
+    *served = 0;
+    memset(fate, SHARES, in->field->patches->count);
+    for (size_t k = 0; ok && k < rows->count; k++) ok = crowd_add(&points, rows->position[k], e);
+    for (size_t k = 0; ok && k < found; k++) {
+        const vec3 x = place_on(in, list[k].patch);
+        const bool near = crowd_has(&points, x, NEAR * boundary_spacing(&request, x));
+        fate[list[k].patch] = near ? HAS_NONE : HAS_ONE;
+        *served += !near;
+        ok = near || crowd_add(&points, x, e);
+    }
+    if ((double)*served > LONELY_MOST * (double)count) {
+        memset(fate, SHARES, in->field->patches->count);
+        *served = 0;
+    }
+    crowd_free(&points);
+    free(list);
+    return ok;
+}
+
+/* Shares out `count` particles: one for each lonely patch that is to have one, and each other patch to within one of its part
+ * of what the cells behind the rows leave. */
+static bool share_out(const allotment_input *in, double cells, const unsigned char *fate, size_t count,
+                      allotment *out, error *e)
 {
     size_t patches = in->field->patches->count;
     out->free = mem_array(patches, sizeof *out->free, WHAT, e);
     double *wanted = mem_array(patches, sizeof *wanted, WHAT, e), sum = 0, seen = 0;
     bool ok = out->free && wanted;
-    for (size_t k = 0; ok && k < patches; k++) wanted[k] = fmax(room_of(in, &out->rows, k, cells), 0);
-    if (ok) count -= serve_lonely(out, patches, count, wanted, out->free);
-    for (size_t k = 0; ok && k < patches; k++) sum += wanted[k];
+    for (size_t k = 0; ok && k < patches; k++) {
+        wanted[k] = fate[k] == SHARES ? fmax(room_of(in, &out->rows, k, cells), 0) : 0;
+        out->free[k] = fate[k] == HAS_ONE;
+        count -= fate[k] == HAS_ONE;
+        sum += wanted[k];
+    }
     for (size_t k = 0; ok && !(sum > 0) && k < patches; k++) wanted[k] = share_of(in, k);
     if (!(sum > 0)) sum = 1;
     for (size_t k = 0; ok && k < patches; k++) { /* what rounding takes from one goes to the next */
@@ -111,22 +241,35 @@ static bool share_out(const allotment_input *in, double cells, size_t count, all
 bool allotment_for_count(const allotment_input *in, size_t count, allotment *out, error *e)
 {
     double cells = (double)count;
-    size_t most = (size_t)(ROWS_MOST * (double)count);
+    size_t most = (size_t)(ROWS_MOST * (double)count), served = 0;
+    unsigned char *fate = mem_array(in->field->patches->count, 1, WHAT, e);
     *out = (allotment){0};
-    for (int pass = 0; pass < PASSES; pass++) {
+    bool ok = fate != NULL;
+    for (int pass = 0; ok && pass < PASSES; pass++) {
         out->spacing = packing_spacing(in->scan->area, cells);
-        if (!make_rows(in, out->spacing, most, &out->rows, e)) return false;
-        cells = cells_for(in, &out->rows, (double)(count - out->rows.count));
+        ok = make_rows(in, out->spacing, most, &out->rows, e) &&
+             serve_lonely(in, &out->rows, out->spacing, cells, count - out->rows.count, fate, &served, e);
+        if (ok) cells = cells_for(in, &out->rows, (double)(count - out->rows.count - served));
     }
-    return share_out(in, cells, count - out->rows.count, out, e);
+    ok = ok && share_out(in, cells, fate, count - out->rows.count, out, e);
+    free(fate);
+    return ok;
 }
 
 bool allotment_for_spacing(const allotment_input *in, double spacing, size_t most, allotment *out, error *e)
 {
     double cells = packing_count(in->scan->area, spacing);
+    size_t served = 0, count;
+    unsigned char *fate = mem_array(in->field->patches->count, 1, WHAT, e);
     *out = (allotment){.spacing = spacing};
-    if (!make_rows(in, spacing, most, &out->rows, e)) return false;
-    return share_out(in, cells, (size_t)round(sum_of_rooms(in, &out->rows, cells)), out, e);
+    bool ok = fate && make_rows(in, spacing, most, &out->rows, e);
+    if (ok) {
+        count = (size_t)round(sum_of_rooms(in, &out->rows, cells));
+        ok = serve_lonely(in, &out->rows, spacing, cells, count, fate, &served, e) &&
+             share_out(in, cells, fate, count + served, out, e);
+    }
+    free(fate);
+    return ok;
 }
 
 void allotment_free(allotment *a)

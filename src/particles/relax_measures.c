@@ -49,8 +49,13 @@ static void energy_chunk(void *context, int worker, size_t begin, size_t end)
     sum_energies(job, p->normal, creased, creased_count);
 }
 
+/* So many times the ideal energy has who lies with another all but in one place: no support makes it less, and it says nothing
+ * of the packing. */
+static const double IN_ONE_PLACE = 1000;
+
 double relax_mean_energy(relax *r, particles *p, double sigma)
 {
+    const double most = IN_ONE_PLACE * r->energy->ideal;
     assert(p->count == r->near->count);
     sweep_job job = {.r = r, .p = p, .sigma = sigma};
     threads_run(r->pool, p->count, 512, energy_chunk, &job);
@@ -58,7 +63,7 @@ double relax_mean_energy(relax *r, particles *p, double sigma)
     for (size_t i = 0; i < p->count; i++) {
         all += p->energy[i];
         all_alpha += p->alpha[i];
-        if (p->near_boundary[i]) continue;
+        if (p->near_boundary[i] || p->energy[i] > most * p->alpha[i]) continue;
         sum += p->energy[i];
         alpha += p->alpha[i];
     }

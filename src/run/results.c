@@ -20,6 +20,7 @@
 #include "run/curve_chains.h"
 #include "run/label_meshes.h"
 #include "run/layout.h"
+#include "run/patch_meshes.h"
 #include "store/file.h"
 #include "vdb/vdb.h"
 
@@ -216,12 +217,6 @@ static bool write_label_meshes(const char *directory, const results_input *in, c
 /* With more points the pieces of the mesh would take gigabytes. */
 static const size_t most_on_pieces = 200000;
 
-/* Edges and vertices of a mesh at which it is no surface, or ends where it should not. */
-static size_t faults_of(const triangulation_facts *f)
-{
-    return f->nonmanifold_edges - f->seam_edges + f->nonmanifold_vertices + f->boundary_edges - f->rim_edges;
-}
-
 /* By the triangles that the points lie on. */
 static bool triangulate_on(const results_input *in, const triangulation_input *sites, threads *pool,
                            triangulation *out, error *e)
@@ -243,24 +238,34 @@ static bool copy_known(const results_input *in, const triangulation_input *sites
     return triangulation_survey(sites, pool, out, e);
 }
 
+/* By the triangles that the points lie on, where that has fewer faults. */
+static bool mend(const results_input *in, const triangulation_input *sites, threads *pool, triangulation *out,
+                 error *e)
+{
+    if (in->labels) return patch_meshes_mend(sites, label_surface_patches(in->labels), pool, out, e);
+    triangulation other;
+    const bool ok = triangulate_on(in, sites, pool, &other, e);
+    if (ok && patch_meshes_faults(&other.facts) < patch_meshes_faults(&out->facts)) {
+        const triangulation worse = *out;
+        *out = other;
+        other = worse;
+    }
+    triangulation_free(&other);
+    return ok;
+}
+
 /* Those that are known; else by the points and their normals alone, and where that makes no whole surface, by the triangles
  * that they lie on, which takes longer. */
 static bool triangulate(const results_input *in, const triangulation_input *sites, threads *pool,
                         triangulation *out, error *e)
 {
+    error why = {0};
     if (in->corner) return copy_known(in, sites, pool, out, e);
     if (!triangulation_make(sites, pool, out, e)) return false;
-    if (!in->triangles || triangulation_is_whole(&out->facts) || sites->count > most_on_pieces) return true;
-    triangulation other;
-    error why = {0};
-    const bool made = triangulate_on(in, sites, pool, &other, &why);
-    if (made && faults_of(&other.facts) < faults_of(&out->facts)) {
-        triangulation_free(out);
-        *out = other;
-        return true;
-    }
-    triangulation_free(&other);
-    if (made || why.code == ERROR_LIMIT_MEMORY) return true; /* what there is will do */
+    const bool on_triangles = in->triangles || (in->labels && in->sampled == label_surface_field(in->labels));
+    if (!on_triangles || triangulation_is_whole(&out->facts) || sites->count > most_on_pieces) return true;
+    if (mend(in, sites, pool, out, &why) || why.code == ERROR_LIMIT_MEMORY)
+        return true; /* what there is will do */
     if (e) *e = why;
     return false;
 }

@@ -328,27 +328,66 @@ static void join_shared(const field_patches *p, const field_curve *a, const fiel
             if (p->curve_patch[m] == p->curve_patch[n]) sets_join(parent, (uint32_t)m, (uint32_t)n);
 }
 
-/* Takes the Euler characteristic of each patch off its border: 2 less the number of its loops, handles left out. */
+/* Joins what shares a corner and a patch into loops. */
+static void join_loops(const layout *l, uint32_t *parent)
+{
+    const field_patches *p = l->patches;
+    for (size_t k = 0; k < l->end_count; k++)
+        for (size_t other = k + 1; other > 0 && l->ends[other - 1].corner == l->ends[k].corner; other--)
+            join_shared(p, &p->curve[l->ends[k].curve], &p->curve[l->ends[other - 1].curve], parent);
+}
+
+/* How many places each loop has, at its root. `last`: one for each, any. */
+static void count_places(const layout *l, uint32_t *parent, uint32_t *last, double *places)
+{
+    const field_patches *p = l->patches;
+    for (size_t c = 0; c < p->curve_count; c++)
+        for (size_t m = 0; m < p->curve[c].patch_count; m++) {
+            const uint32_t side = (uint32_t)(p->curve[c].patch_first + m);
+            places[sets_root(parent, side)] += places_of(l, c);
+            last[side] = UINT32_MAX;
+        }
+    for (size_t k = 0; k < l->end_count; k++) { /* by lender */
+        const field_curve *c = &p->curve[l->ends[k].curve];
+        for (size_t m = 0; m < c->patch_count; m++) {
+            const uint32_t root = sets_root(parent, (uint32_t)(c->patch_first + m));
+            places[root] += last[root] != l->ends[k].lender;
+            last[root] = l->ends[k].lender;
+        }
+    }
+}
+
+/* Takes the Euler characteristic of each patch off its border: 2 less the number of its loops, handles left out. Particles see
+ * no loop that has no place, and half of one that has one; a patch that ends anywhere has one at least. */
 static bool count_loops(const layout *l, curve_rows *out, error *e)
 {
     const field_patches *p = l->patches;
     size_t ends = 0;
     for (size_t c = 0; c < p->curve_count; c++) ends += p->curve[c].patch_count;
-    uint32_t *parent = mem_array(ends, sizeof *parent, WHAT, e);
-    uint32_t *loops = mem_array(p->count, sizeof *loops, WHAT, e);
-    bool ok = parent && loops;
+    uint32_t *parent = mem_array(ends, sizeof *parent, WHAT, e),
+             *last = mem_array(ends, sizeof *last, WHAT, e);
+    double *places = mem_array(ends, sizeof *places, WHAT, e),
+           *loops = mem_array(p->count, sizeof *loops, WHAT, e);
+    bool *ended = mem_array(p->count, sizeof *ended, WHAT, e),
+         ok = parent && last && places && loops && ended;
     if (ok) {
         sets_reset(parent, ends);
-        /* curves that share a corner and a patch are of one loop */
-        for (size_t k = 0; k < l->end_count; k++)
-            for (size_t other = k + 1; other > 0 && l->ends[other - 1].corner == l->ends[k].corner; other--)
-                join_shared(p, &p->curve[l->ends[k].curve], &p->curve[l->ends[other - 1].curve], parent);
-        for (uint32_t k = 0; k < ends; k++) loops[p->curve_patch[k]] += sets_root(parent, k) == k;
+        join_loops(l, parent);
+        count_places(l, parent, last, places);
+        for (uint32_t k = 0; k < ends; k++) {
+            const uint32_t patch = p->curve_patch[k];
+            if (sets_root(parent, k) != k) continue;
+            loops[patch] += 0.5 * fmin(places[k], 2);
+            ended[patch] = true;
+        }
         for (size_t k = 0; k < p->count; k++)
-            if (loops[k] > 0) out->border[k] -= 2 - (double)loops[k];
+            if (ended[k]) out->border[k] -= 2 - fmax(loops[k], 1);
     }
     free(parent);
+    free(last);
+    free(places);
     free(loops);
+    free(ended);
     return ok;
 }
 

@@ -208,6 +208,28 @@ def test_small_parts_have_a_point_each(sample):
     assert report["quality"]["coverage"] < 1
 
 
+def test_small_parts_near_each_other_share_a_point(sample):
+    """Half as many parts as points, none of which is worth one: in each heap of eight one has it."""
+    labels = numpy.zeros((40, 40, 40), "u1")
+    labels[3:12, 4:36, 4:36] = 1
+    for x, y, z in [(36, 4, 4), (36, 4, 33), (36, 33, 4), (36, 33, 33), (24, 18, 18), (36, 18, 18)]:
+        labels[x:x + 3:2, y:y + 3:2, z:z + 3:2] = 2
+    report, points = sample(labels, count=100)
+    assert report["patches"]["count"] == 49 and report["spacing"] > 5
+    assert report["quality"]["coverage"] < 1
+    assert (points.label_b == 1).sum() > 80, "the large part has nearly all"
+
+
+def test_a_mesh_is_whole_where_sheets_are_near_each_other(sample):
+    """A slab of two labels, thinner than the spacing: points tell its sides apart by their normals alone."""
+    labels = numpy.zeros((48, 48, 48), "u1")
+    labels[22:25, 6:42, 6:42], labels[25:28, 6:42, 6:30] = 1, 2
+    labels[10:22, 20:23, 20:28] = 1
+    report, _ = sample(labels, count=420, output={"label_meshes": True})
+    assert report["mesh"]["boundary_edges"] == 0 and report["mesh"]["nonmanifold_edges"] == report["mesh"]["seam_edges"]
+    assert [(m["open_edges"], m["nonmanifold_edges"]) for m in report["mesh"]["labels"]] == 3 * [(0, 0)]
+
+
 def test_two_hundred_labels(sample):
     """Most interfaces are smaller than the spacing: the points are those of lines."""
     report, points = sample(cells(200, 40), count=3000,
