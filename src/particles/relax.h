@@ -77,6 +77,10 @@ void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums 
  * p->energy. */
 double relax_mean_energy(relax *r, particles *p, double sigma);
 
+/* The same without those that lie with another all but in one place: no support makes their energy less, so that they say nothing
+ * of which is right. */
+double relax_packing_energy(relax *r, particles *p, double sigma);
+
 typedef struct relax_steps {
     double all;
     double

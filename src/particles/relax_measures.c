@@ -49,13 +49,12 @@ static void energy_chunk(void *context, int worker, size_t begin, size_t end)
     sum_energies(job, p->normal, creased, creased_count);
 }
 
-/* So many times the ideal energy has who lies with another all but in one place: no support makes it less, and it says nothing
- * of the packing. */
+/* Over the ideal energy of who lies with another all but in one place. */
 static const double IN_ONE_PLACE = 1000;
 
-double relax_mean_energy(relax *r, particles *p, double sigma)
+/* `most`: over alpha; who has more is left out. */
+static double mean_energy(relax *r, particles *p, double sigma, double most)
 {
-    const double most = IN_ONE_PLACE * r->energy->ideal;
     assert(p->count == r->near->count);
     sweep_job job = {.r = r, .p = p, .sigma = sigma};
     threads_run(r->pool, p->count, 512, energy_chunk, &job);
@@ -68,6 +67,16 @@ double relax_mean_energy(relax *r, particles *p, double sigma)
         alpha += p->alpha[i];
     }
     return alpha > 0 ? sum / alpha : all / all_alpha;
+}
+
+double relax_mean_energy(relax *r, particles *p, double sigma)
+{
+    return mean_energy(r, p, sigma, INFINITY);
+}
+
+double relax_packing_energy(relax *r, particles *p, double sigma)
+{
+    return mean_energy(r, p, sigma, IN_ONE_PLACE * r->energy->ideal);
 }
 
 /* Of the spacing: a longer step that is left to a particle makes it watched. Rest asks for a root mean square of a few

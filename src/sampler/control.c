@@ -42,7 +42,7 @@ static double ideal_support(const sampler *s)
     double low = SHRINK_LIMIT * s->state.sigma, high = relax_max_support(s->scratch.relax),
            sigma = s->state.sigma;
     for (int k = 0; k < SUPPORT_STEPS; k++) {
-        double energy = relax_mean_energy(s->scratch.relax, s->state.p, sigma);
+        double energy = relax_packing_energy(s->scratch.relax, s->state.p, sigma);
         if (!(energy > 0)) return high;
         if (fabs(energy / s->setup.params.energy->ideal - 1) < SUPPORT_TOLERANCE) break;
         sigma = fmin(fmax(nearer_support(s, sigma, energy), low), high);
@@ -214,13 +214,13 @@ static void enter_stage(sampler *s, int stage)
 
 bool sampler_control(sampler *s, error *e)
 {
-    double energy = relax_mean_energy(s->scratch.relax, s->state.p, s->state.sigma);
+    double energy = relax_packing_energy(s->scratch.relax, s->state.p, s->state.sigma);
     note_round(s, energy);
     bool last_stage = s->state.stage == SCHEDULE_STAGES - 1;
     if (last_stage &&
         s->state.coarse) { /* the ideal is that of one sheet: its support is for the report alone */
         if (!find_support(s, e)) return false;
-        energy = relax_mean_energy(s->scratch.relax, s->state.p, s->state.sigma);
+        energy = relax_packing_energy(s->scratch.relax, s->state.p, s->state.sigma);
     }
     bool bounded = s->setup.params.max_sigma > 0;
     bool changed = false, again = false;

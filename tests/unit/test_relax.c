@@ -85,6 +85,28 @@ static void energy_never_rises(void **state)
     }
 }
 
+/* Two of the particles in one place have an energy without bound; that of the packing hardly changes. */
+static void points_in_one_place_do_not_set_the_support(void **state)
+{
+    (void)state;
+    error e = {0};
+    bench b;
+    set_up(&b, 4, NULL, 3);
+    relax_sums sums;
+    assert_true(relax_build(b.r, b.p, b.params.sigma, b.params.spacing, &e));
+    for (int sweep = 0; sweep < 20; sweep++) relax_sweep(b.r, b.p, &b.params, &sums);
+    assert_true(relax_build(b.r, b.p, b.params.sigma, 0, &e));
+    const double before = relax_packing_energy(b.r, b.p, b.params.sigma);
+    assert_true(before == relax_mean_energy(b.r, b.p, b.params.sigma));
+    b.p->position[1] = vec3_axpy(1e-7 * b.params.spacing,
+                                 vec3_unit(vec3_cross(b.p->normal[0], (vec3){1, 2, 3})), b.p->position[0]);
+    b.p->normal[1] = b.p->normal[0];
+    assert_true(relax_build(b.r, b.p, b.params.sigma, 0, &e));
+    assert_true(fabs(relax_packing_energy(b.r, b.p, b.params.sigma) / before - 1) < 0.05);
+    assert_true(relax_mean_energy(b.r, b.p, b.params.sigma) > 10 * before);
+    tear_down(&b);
+}
+
 /* No particle moves farther from where the lists were built than they allow, nor off the surface. */
 static void check_lists_stay_valid(const fast_kernel *forces)
 {
@@ -213,6 +235,7 @@ int main(void)
         cmocka_unit_test(refreshed_lists_serve_as_new_ones),
         cmocka_unit_test(lists_that_do_not_cover_are_not_refreshed),
         cmocka_unit_test(energy_never_rises),
+        cmocka_unit_test(points_in_one_place_do_not_set_the_support),
         cmocka_unit_test(lists_stay_valid),
         cmocka_unit_test(unwatched_sweeps_end_as_low),
         cmocka_unit_test(sheets_do_not_push_each_other),
