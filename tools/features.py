@@ -30,7 +30,7 @@ import meshes
 CASES = (("dragon_100k.obj", 0.5, 2, {}),
          ("scorpion_low.obj", 0.5, 4, {}),
          ("footbones.ply", 0.2, 4, {"features": {"angle": 1.0}}),
-         ("42400-IDGH.stl", 0.22, 4, {}),
+         ("42400-IDGH.stl", 0.3, 2.5, {}),
          ("fertility.off", 0.4, 4, {}),
          ("high_genus13k.off", 0.4, 4, {}))
 LEAST_ANGLE, SHARE = 25, 0.999
