@@ -30,6 +30,7 @@ static const vec3 tilt = {0.00917, 0.00631, 0.00487};
 /* A place between two faces that lie close. */
 typedef struct gap {
     double width_vox, area;
+    vec3 place; /* world units */
 } gap;
 
 typedef struct measuring {
@@ -43,14 +44,18 @@ typedef struct measuring {
     double area, followed, near, sum, thin, hidden;
 } measuring;
 
+static vec3 in_world(const measuring *w, vec3 p)
+{
+    const double *m = w->index_to_world;
+    return (vec3){m[0] * p.x + m[3], m[5] * p.y + m[7], m[10] * p.z + m[11]};
+}
+
 /* The field's distance from its zero set, to first order, in voxels; NAN where there is none. */
 static double distance_at(const measuring *w, vec3 p)
 {
-    const double *m = w->index_to_world;
-    const vec3 world = {m[0] * p.x + m[3], m[5] * p.y + m[7], m[10] * p.z + m[11]};
     field_sample s;
-    if (!w->f || !field_sample_at(w->f, world, FIELD_GRADIENT, &s)) return NAN;
-    return s.value / (vec3_norm(s.gradient) * m[0]);
+    if (!w->f || !field_sample_at(w->f, in_world(w, p), FIELD_GRADIENT, &s)) return NAN;
+    return s.value / (vec3_norm(s.gradient) * w->index_to_world[0]);
 }
 
 static bool note_gap(measuring *w, gap g, error *e)
@@ -75,7 +80,7 @@ static bool look_into(measuring *w, uint32_t n, vec3 p, vec3 normal, double part
     }
     if (width > thinnest_vox) return true;
     w->thin += part;
-    return note_gap(w, (gap){width, part}, e);
+    return note_gap(w, (gap){width, part, in_world(w, p)}, e);
 }
 
 /* The k-th place of a triangle: the additive sequence of the plastic number, folded into it; the first is its middle. */
@@ -116,18 +121,26 @@ static int by_width(const void *left, const void *right)
     return (a->area > b->area) - (a->area < b->area);
 }
 
-/* The largest voxels, in those that there are, that leave at most the share that may stay thin, of what voxels of
- * `finest` show. */
-static double voxels_wanted(const measuring *w, double finest)
+/* The largest voxels, in those that there are, that leave at most `most` of the area thin, of what voxels of `finest` show. */
+static double voxels_wanted(const measuring *w, double finest, double most)
 {
     double left = 0;
     for (size_t k = 0; k < w->gap_count; k++) {
         double wanted = w->gaps[k].width_vox / voxels_across;
         if (wanted < finest) continue;
         left += w->gaps[k].area;
-        if (left > FIDELITY_MOST_THIN * w->area) return fmin(wanted, 1);
+        if (left > most) return fmin(wanted, 1);
     }
     return 1;
+}
+
+static bool keep_places(const measuring *w, fidelity *out, error *e)
+{
+    if (!w->gap_count) return true;
+    out->thin_place = mem_array(w->gap_count, sizeof *out->thin_place, "the thin parts of the mesh", e);
+    if (!out->thin_place) return false;
+    for (size_t k = 0; k < w->gap_count; k++) out->thin_place[out->thin_places++] = w->gaps[k].place;
+    return true;
 }
 
 bool fidelity_measure(const mesh *m, const double index_to_world[16], const field *f, double finest,
@@ -140,19 +153,29 @@ bool fidelity_measure(const mesh *m, const double index_to_world[16], const fiel
     for (uint32_t n = 0; ok && n < m->triangle_count; n++) ok = measure_triangle(&w, n, e);
     if (ok) {
         if (w.gap_count) qsort(w.gaps, w.gap_count, sizeof *w.gaps, by_width);
-        const double whole = w.area > 0 ? w.area : 1;
-        *out = (fidelity){w.area * size * size,
-                          w.followed > 0 ? sqrt(w.sum / w.followed) : 0,
-                          w.near / whole,
-                          w.area > 0 ? 1 - w.followed / w.area : 0,
-                          w.thin / whole,
-                          w.hidden / whole,
-                          size * voxels_wanted(&w, 0),
-                          size * voxels_wanted(&w, finest / size)};
+        const double whole = w.area > 0 ? w.area : 1, most = FIDELITY_MOST_THIN * w.area;
+        fidelity_free(out);
+        *out = (fidelity){.area = w.area * size * size,
+                          .rms_vox = w.followed > 0 ? sqrt(w.sum / w.followed) : 0,
+                          .close = w.near / whole,
+                          .unresolved = w.area > 0 ? 1 - w.followed / w.area : 0,
+                          .thin = w.thin / whole,
+                          .hidden = w.hidden / whole,
+                          .thin_voxel = size * voxels_wanted(&w, 0, most),
+                          .worth_voxel = size * voxels_wanted(&w, finest / size, most),
+                          .tenth_voxel = size * voxels_wanted(&w, 0, w.thin / 10)};
+        ok = keep_places(&w, out, e);
     }
     line_tree_free(w.tree);
     free(w.gaps);
     return ok;
+}
+
+void fidelity_free(fidelity *f)
+{
+    free(f->thin_place);
+    f->thin_place = NULL;
+    f->thin_places = 0;
 }
 
 /* Whether there is something on both sides of a place of triangle n: whichever way round it is, it bounds no union. */

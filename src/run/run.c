@@ -38,7 +38,9 @@ static bool measure_result(job *j, error *e)
         return false;
     s->coverage = 0;
     for (size_t k = 0; k < parts; k++) s->coverage = fmax(s->coverage, s->farthest[k]);
-    return true;
+    const vec3 *thin = NULL;
+    const size_t places = source_thin_places(&j->source, &thin);
+    return coverage_of_places(thin, places, p->position, p->spacing, p->count, &s->coverage, e);
 }
 
 static bool write_results(job *j, error *e)

@@ -157,8 +157,8 @@ static const criterion criteria[] = {
      "two points are this close, in spacings: ask for more points where the surface has small features, and use the "
      "cotangent energy"},
     {"coverage", VERDICT_UNRESOLVED, coverage,
-     "a place of the surface is this far, in spacings, from all points: a part is too small for a point of its own, or a "
-     "spot is bare: ask for more points"},
+     "a place of the surface is this far, in spacings, from all points: a part is too small for a point of its own, or, of "
+     "a mesh, thinner than a voxel: ask for more points, or for the voxel_size that a warning names"},
 };
 
 _Static_assert(sizeof criteria / sizeof *criteria <= VERDICT_MOST_REASONS, "each criterion can be a reason");

@@ -116,18 +116,43 @@ static double measure_cells(coverage_job *job, size_t begin, size_t end, threads
     return most;
 }
 
+static double least_of(const double *spacing, size_t count)
+{
+    double least = INFINITY;
+    for (size_t i = 0; i < count; i++) least = fmin(least, spacing[i]);
+    return least;
+}
+
 bool coverage_measure(const surface *scan, const vec3 *position, const double *spacing, size_t count,
                       threads *pool, double *farthest, error *e)
 {
     point_tree *points = point_tree_new(position, count, e);
     if (!points) return false;
-    coverage_job job = {
-        .scan = scan, .points = points, .position = position, .spacing = spacing, .least = INFINITY};
+    coverage_job job = {.scan = scan,
+                        .points = points,
+                        .position = position,
+                        .spacing = spacing,
+                        .least = least_of(spacing, count)};
     const size_t parts = coverage_parts(scan), *begin = scan->parts.begin;
-    for (size_t i = 0; i < count; i++) job.least = fmin(job.least, spacing[i]);
     for (size_t k = 0; k < parts; k++)
         farthest[k] = measure_cells(&job, scan->field->patches ? begin[k] : 0,
                                     scan->field->patches ? begin[k + 1] : scan->cells, pool);
     point_tree_free(points);
     return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+}
+
+bool coverage_of_places(const vec3 *place, size_t places, const vec3 *position, const double *spacing,
+                        size_t count, double *farthest, error *e)
+{
+    if (places == 0) return true;
+    point_tree *points = point_tree_new(position, count, e);
+    if (!points) return false;
+    const double least = least_of(spacing, count);
+    for (size_t k = 0; k < places; k++) {
+        double distance;
+        uint32_t point = point_tree_nearest(points, place[k], *farthest * least, &distance);
+        *farthest = fmax(*farthest, distance / spacing[point]);
+    }
+    point_tree_free(points);
+    return true;
 }

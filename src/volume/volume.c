@@ -474,12 +474,14 @@ static void warn_of_mesh(volume_info *info)
 {
     const fidelity *f = &info->fidelity;
     const resolution *r = &info->resolution;
+    const bool much = f->thin > FIDELITY_MOST_THIN;
     if (f->thin >= unresolved_from)
         warn(
             info,
             "%.3g %% of the mesh's area is thinner than a voxel and is not sampled: voxel_size <= %.3g shows all but "
-            "%g %%%s%s",
-            100 * f->thin, f->thin_voxel, 100 * FIDELITY_MOST_THIN, r->limited_by ? "; bounded by " : "",
+            "%.2g %%%s%s",
+            100 * f->thin, much ? f->thin_voxel : f->tenth_voxel,
+            100 * (much ? FIDELITY_MOST_THIN : f->thin / 10), r->limited_by ? "; bounded by " : "",
             r->limited_by ? r->limited_by : "");
     if (f->hidden >= unresolved_from)
         warn(
@@ -516,11 +518,13 @@ volume *volume_of_mesh(const volume_mesh_request *request, const mesh *whole, co
     error why = {0};
     volume *v = open_mesh(request, whole, &choice, &kept, &why);
     if (!v) {
+        fidelity_free(&kept);
         error_set(e, why.code, "%s: %s", request->path, why.message);
         return NULL;
     }
     for (size_t k = 0; k < notes->count; k++) warn(&v->info, "%s", notes->text[k]);
     v->info.fidelity = kept;
+    v->info.memory_bytes += kept.thin_places * sizeof *kept.thin_place;
     v->info.resolution = choice;
     warn_of_mesh(&v->info);
     return v;
@@ -707,6 +711,7 @@ void volume_close(volume *v)
 {
     if (!v) return;
     mesh_faces_free(v->faces);
+    fidelity_free(&v->info.fidelity);
     block_map_free(&v->map);
     free(v->coefficients);
     free(v->inside);

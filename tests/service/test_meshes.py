@@ -379,6 +379,23 @@ def boxes(path, *spans):
                               + ["f " + " ".join(str(8 * n + k + 1) for k in q) for n in range(len(spans)) for q in quads]))
 
 
+def test_a_part_thinner_than_voxels_that_no_point_is_near_is_told(worker, tmp_path):
+    """A fin of 0.3 % of the area, which the voxels that are asked for do not show: its end is three spacings from all points."""
+    boxes(tmp_path / "fin.obj", (0, 1), ((0.3, 0.45, 0.9), (0.35, 0.452, 1.2)))
+    assert worker(mesh("fin.obj", 3000, resolution=48, on_mesh=False)).returncode == 11
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    points = Points((tmp_path / "out" / "points.ply").read_bytes())
+    reasons = {r["criterion"]: r["value"] for r in report["outcome_reasons"]}
+    assert "missing_share" not in reasons and any("voxel_size <=" in w for w in report["surface"]["warnings"])
+    end = [0.325, 0.451, 1.2]
+    away = numpy.linalg.norm(points.position - end, axis=1).min() / report["spacing"]
+    assert away > 3 and reasons["coverage"] == report["quality"]["coverage"] == pytest.approx(away, rel=0.2)
+    advised, = (float(w.split("voxel_size <= ")[1].split()[0]) for w in report["surface"]["warnings"] if "voxel_size <=" in w)
+    assert worker(mesh("fin.obj", 3000, voxel_size=advised, on_mesh=False)).returncode in (0, 11)
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["quality"]["coverage"] < 1.2
+
+
 def test_an_edge_of_four_triangles_is_a_curve_where_features_are_asked_for(worker, tmp_path):
     """Two boxes that share an edge; no other edge is as sharp as what is asked for."""
     boxes(tmp_path / "boxes.obj", ((0, 0, 0), (1, 1, 1)), ((1, 1, 0), (2, 2, 1)))
