@@ -374,10 +374,15 @@ static void insert_point(flipping *f, size_t n, uint32_t v)
     f->side_of[r] = three;
 }
 
-/* What a point has that is no corner of a triangle: the only one whose cell touches its own, itself where there are several,
- * NOBODY where it has no cell. Of the others ANYBODY. */
+/* What a point has that is no corner of a triangle: the only one whose cell touches its own, itself where there are several or its
+ * cell ends with the mesh, NOBODY where it has no cell. Of the others ANYBODY. */
 #define NOBODY GEODESIC_CELLS_NONE
 #define ANYBODY (GEODESIC_CELLS_NONE - 1)
+
+static bool is_surrounded(const uint32_t *by, uint32_t v)
+{
+    return by[v] != NOBODY && by[v] != ANYBODY && by[v] != v;
+}
 
 static void list_surrounded(const fine_mesh *fine, const uint32_t *name, const size_t *triangle_of,
                             size_t names, uint32_t *by)
@@ -391,11 +396,17 @@ static void list_surrounded(const fine_mesh *fine, const uint32_t *name, const s
             if (a == b || a == GEODESIC_CELLS_NONE || b == GEODESIC_CELLS_NONE || by[a] == ANYBODY) continue;
             by[a] = by[a] == NOBODY || by[a] == b ? b : a;
         }
-}
-
-static bool is_surrounded(const uint32_t *by, uint32_t v)
-{
-    return by[v] != NOBODY && by[v] != ANYBODY && by[v] != v;
+    for (size_t n = 0; n < fine->m.triangle_count; n++)
+        for (int k = 0; k < 3; k++) {
+            const uint32_t *t = fine->m.triangle[n], u = t[k], v = t[(k + 1) % 3];
+            const uint32_t a = name[u], b = name[v];
+            uint32_t beyond;
+            const bool asks_a = a != GEODESIC_CELLS_NONE && is_surrounded(by, a),
+                       asks_b = b != GEODESIC_CELLS_NONE && is_surrounded(by, b);
+            if (!(asks_a || asks_b) || piece_across(fine, n, u, v, &beyond) != NONE) continue;
+            if (asks_a) by[a] = a;
+            if (asks_b) by[b] = b;
+        }
 }
 
 static void insert_surrounded(const uint32_t *by, size_t names, flipping *f)
@@ -440,16 +451,24 @@ static bool has_triangle(const ring *r, size_t n)
     return false;
 }
 
-/* The triangle of the fan that is nearest to the points of the ring, as a ring of its own. */
+static bool has_point(const ring *r, uint32_t v)
+{
+    for (size_t k = 0; k < r->count; k++)
+        if (r->point[k] == v) return true;
+    return false;
+}
+
+/* The triangle of the fan that is nearest to the points of the ring and has none of them, as a ring of its own. */
 static ring nearest_triangle_of(const flipping *f, const ring *fan, const ring *to)
 {
     size_t nearest = 0;
     double least = INFINITY;
     for (size_t k = 0; k < fan->count; k++) {
-        double away = 0;
+        const uint32_t from = fan->point[k], opposite = apex_of(f, next(next(fan->side[k])));
+        double away = has_point(to, from) || has_point(to, opposite) ? INFINITY : 0;
         for (size_t i = 0; i < to->count; i++)
-            away += vec3_norm(vec3_sub(f->at[fan->point[k]], f->at[to->point[i]])) +
-                    vec3_norm(vec3_sub(f->at[apex_of(f, next(next(fan->side[k])))], f->at[to->point[i]]));
+            away += vec3_norm(vec3_sub(f->at[from], f->at[to->point[i]])) +
+                    vec3_norm(vec3_sub(f->at[opposite], f->at[to->point[i]]));
         if (away < least) {
             least = away;
             nearest = k;
@@ -521,6 +540,8 @@ static void join_fans(flipping *f, size_t one, size_t other)
     if (start_of(f, one) != start_of(f, other) || !walk_fan(f, one, &a) || !walk_fan(f, other, &fan)) return;
     if (has_triangle(&a, other / 3)) return;
     const ring b = nearest_triangle_of(f, &fan, &a);
+    for (size_t k = 0; k < b.count; k++) /* at a handle both ends may have a point in common */
+        if (has_point(&a, b.point[k])) return;
     for (size_t k = 0; k < a.count; k++) {
         const size_t beyond = f->twin[a.side[k]];
         if (beyond == NONE || has_triangle(&a, beyond / 3) || beyond / 3 == b.side[0] / 3) return;

@@ -24,12 +24,12 @@ typedef struct scattered {
 } scattered;
 
 /* Points drawn from the mesh by area, none nearer to another on its triangle's side than .7 of the spacing. */
-static scattered *scatter(const mesh *m)
+static scattered *scatter_with(const mesh *m, double spacing, uint64_t seed, int trials)
 {
     scattered *s = calloc(1, sizeof *s);
-    rng r = rng_seed(7, 0);
+    rng r = rng_seed(seed, 0);
     const double area = mesh_area(m);
-    for (int trial = 0; trial < 60000 && s->count < MOST; trial++) {
+    for (int trial = 0; trial < trials && s->count < MOST; trial++) {
         double at = rng_uniform(&r) * area, u = rng_uniform(&r), v = rng_uniform(&r);
         size_t n = 0;
         vec3 a, b, c, across;
@@ -48,16 +48,21 @@ static scattered *scatter(const mesh *m)
         const vec3 x = vec3_axpy(u, b, vec3_axpy(v, c, a)), normal = vec3_unit(across);
         bool free_place = true;
         for (size_t i = 0; i < s->count; i++)
-            free_place &= vec3_dot(s->normal[i], normal) < 0 ||
-                          vec3_norm(vec3_sub(s->position[i], x)) > 0.7 * spacing_wanted;
+            free_place &=
+                vec3_dot(s->normal[i], normal) < 0 || vec3_norm(vec3_sub(s->position[i], x)) > 0.7 * spacing;
         if (!free_place) continue;
         s->position[s->count] = x;
         s->normal[s->count] = normal;
-        s->spacing[s->count] = spacing_wanted;
+        s->spacing[s->count] = spacing;
         s->name[s->count] = (uint32_t)s->count;
         s->count++;
     }
     return s;
+}
+
+static scattered *scatter(const mesh *m)
+{
+    return scatter_with(m, spacing_wanted, 7, 60000);
 }
 
 /* How many of the points are in no closed fan of triangles. */
@@ -220,6 +225,107 @@ static void necks_are_tubes(void **state)
     assert_whole(m, s, NULL, 0, 2);
 }
 
+/* A torus whose tube is a thin bar for a while. */
+static const double bar_turns = 0.03, bar_radius = 0.012;
+
+static vec3 handle(double u, double v)
+{
+    const double r = fabs(v - 0.5) < bar_turns ? bar_radius : 0.4, a = 2 * M_PI * v, b = 2 * M_PI * u;
+    return mesh_fixture_rounded(
+        vec3_make((0.42 + r * cos(b)) * cos(a), (0.42 + r * cos(b)) * sin(a), r * sin(b)));
+}
+
+/* The ends of a cell that reaches around the bar may touch the same cell. */
+static void necks_at_handles_have_no_empty_triangle(void **state)
+{
+    (void)state;
+    mesh m = mesh_fixture_sheet(24, 100, handle);
+    mesh_notes unused = {0};
+    error e = {0};
+    assert_true(mesh_weld(&m, MESH_DROP_CANCELLED, &unused, &e));
+    for (uint64_t seed = 1; seed <= 30; seed++) {
+        scattered *s = scatter_with(&m, 0.3, seed, 3000);
+        for (size_t i = 0; i < s->count;)
+            if (M_PI - fabs(atan2(s->position[i].y, s->position[i].x)) < 2 * M_PI * bar_turns) {
+                s->count--;
+                s->position[i] = s->position[s->count];
+                s->normal[i] = s->normal[s->count];
+            } else
+                i++;
+        add_point(s, vec3_make(-0.42, 0, bar_radius));
+        s->spacing[s->count - 1] = 0.3;
+        const surface_mesh_input in = {.m = &m,
+                                       .count = s->count,
+                                       .position = s->position,
+                                       .spacing = s->spacing,
+                                       .name = s->name,
+                                       .names = s->count};
+        uint32_t(*triangle)[3] = NULL;
+        size_t count = 0;
+        assert_true(surface_mesh_make(&in, &triangle, &count, &e));
+        for (size_t k = 0; k < count; k++) {
+            const uint32_t *t = triangle[k];
+            assert_true(t[0] != t[1] && t[1] != t[2] && t[2] != t[0]);
+        }
+        free(triangle);
+        free(s);
+    }
+    mesh_free(&m);
+}
+
+/* A flat wedge, in whose corner the cell of the point there touches no other but one and the end of the sheet. */
+static vec3 wedge(double u, double v)
+{
+    return mesh_fixture_rounded(vec3_make(u, u * (2 * v - 1) * tan(M_PI / 18), 0));
+}
+
+static void corners_of_open_sheets_do_not_fold(void **state)
+{
+    (void)state;
+    mesh m = mesh_fixture_sheet(40, 20, wedge);
+    mesh_notes unused = {0};
+    error e = {0};
+    assert_true(mesh_weld(&m, MESH_DROP_CANCELLED, &unused, &e));
+    for (int k = 0; k < 5; k++) {
+        scattered *s = calloc(1, sizeof *s);
+        uint32_t side[200][2];
+        size_t sides = 0;
+        add_point(s, vec3_make(0, 0, 0));
+        for (int which = 0; which < 2; which++) {
+            const double step = which ? 0.1 * (1 + 0.1 * k) : 0.1, turn = (which ? 1 : -1) * M_PI / 18;
+            uint32_t last = 0;
+            for (double t = step; t <= 1 / cos(turn) + 1e-9; t += step) {
+                add_point(s, vec3_make(t * cos(turn), t * sin(turn), 0));
+                side[sides][0] = last;
+                side[sides++][1] = last = (uint32_t)s->count - 1;
+            }
+        }
+        for (double x = 0.4; x < 1; x += 0.1) add_point(s, vec3_make(x, 0, 0));
+        for (size_t i = 0; i < s->count; i++) s->spacing[i] = 0.1;
+        const surface_mesh_input in = {.m = &m,
+                                       .count = s->count,
+                                       .position = s->position,
+                                       .spacing = s->spacing,
+                                       .name = s->name,
+                                       .names = s->count,
+                                       .side = (const uint32_t(*)[2])side,
+                                       .side_count = sides};
+        uint32_t(*triangle)[3] = NULL;
+        size_t count = 0;
+        assert_true(surface_mesh_make(&in, &triangle, &count, &e));
+        assert_true(count > 20);
+        for (size_t n = 0; n < count; n++) {
+            const vec3 a = s->position[triangle[n][0]];
+            const vec3 across = vec3_cross(vec3_sub(s->position[triangle[n][1]], a),
+                                           vec3_sub(s->position[triangle[n][2]], a));
+            assert_true(across.z > -1e-12);
+        }
+        free(triangle);
+        free(s);
+    }
+    mesh_free(&m);
+}
+
 /* The cells of points farther apart than a bar is round reach around it. */
 static void cells_around_a_bar_are_no_discs(void **state)
 {
@@ -252,6 +358,8 @@ int main(void)
         cmocka_unit_test(fins_are_closed),
         cmocka_unit_test(tips_are_corners),
         cmocka_unit_test(necks_are_tubes),
+        cmocka_unit_test(necks_at_handles_have_no_empty_triangle),
+        cmocka_unit_test(corners_of_open_sheets_do_not_fold),
         cmocka_unit_test(cells_around_a_bar_are_no_discs),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
