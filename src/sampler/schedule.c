@@ -12,11 +12,10 @@ static const double LAMBDA_BEGINS = -3;
 #define COMMON                                                                                            \
     .gain = {1e-4, 1e-6, 1e-8}, .patience_more = 50, .patience_last = 500, .coarsest_gain = 1e-5,         \
     .sweeps = 100, .sweeps_count = 1e4, .sweeps_count_between = {5e3, 2e4}, .sweeps_share_between = 4,    \
-    .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120, .rough_share = {0.05, 0.25},               \
-    .rough_sweeps = {2, 3.5}, .rough_most = 2, .rough_again = 0.1, .rough_fall = 0.9, .rough_count = 5e3, \
-    .rough_sweeps_most = 500, .size_settled = 1e-3, .resizes_most = 10, .cramped_share = 0.01,            \
-    .cramped_share_coarse = 0.04, .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6,                  \
-    .creased_share = 0.7, .newcomer_sweeps = 60
+    .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120, .rough_sweeps = {2, 3.5}, .rough_most = 2, \
+    .rough_count = 5e3, .roughness = {{{0.05, 0.25}, 0.1, 0.9, 500}, {{0.02, 0.25}, 0.04, 0.99, 900}},    \
+    .size_settled = 1e-3, .resizes_most = 10, .cramped_share = 0.01, .cramped_share_coarse = 0.04,        \
+    .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6, .creased_share = 0.7, .newcomer_sweeps = 60
 
 /* Over-relaxation: 1.8 needs three times the sweeps, 3.0 is slower again near rest. */
 #define PAPER                                                                                  \
@@ -84,7 +83,7 @@ int schedule_level_sweeps(const schedule *s, const schedule_position *at)
     }
     sweeps = fmin(fmax(sweeps, s->sweeps_least), s->sweeps_most);
     double rough = s->rough_sweeps[schedule_is_last_level(at)];
-    return (int)fmin(pow(rough, at->rough) * sweeps, s->rough_sweeps_most);
+    return (int)fmin(pow(rough, at->rough) * sweeps, s->roughness[at->has_curves].most);
 }
 
 bool schedule_may_be_rough(const schedule *s, const schedule_position *at)
@@ -96,9 +95,10 @@ bool schedule_may_be_rough(const schedule *s, const schedule_position *at)
 bool schedule_is_rough(const schedule *s, const schedule_position *at, double disordered_share, double before)
 {
     if (at->rough > 0)
-        return schedule_is_last_level(at) && disordered_share > s->rough_again &&
-               disordered_share < s->rough_fall * before;
-    return disordered_share > s->rough_share[0] && disordered_share < s->rough_share[1];
+        return schedule_is_last_level(at) && disordered_share > s->roughness[at->has_curves].again &&
+               disordered_share < s->roughness[at->has_curves].fall * before;
+    const double *share = s->roughness[at->has_curves].share;
+    return disordered_share > share[0] && disordered_share < share[1];
 }
 
 double schedule_omega(const schedule *s, const schedule_position *at)

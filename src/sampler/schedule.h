@@ -41,9 +41,13 @@ typedef struct schedule {
         sweeps_most;
     /* A level of so many particles that ends these with a share out of order between the two bounds is rough, and takes more
      * sweeps: so many times those if it is refined again, and if it is the last. The last takes its factor once more if that
-     * share is above rough_again and has fallen by rough_fall; none takes more than rough_sweeps_most. What is out of order
-     * beyond the upper bound is not resolved, and more sweeps do not help. */
-    double rough_share[2], rough_count, rough_sweeps[2], rough_sweeps_most, rough_again, rough_fall;
+     * share is above `again` and has fallen by `fall`; none takes more than `most`. What is out of order beyond the upper
+     * bound is not resolved, and more sweeps do not help. roughness[1] is for surfaces with curves: what rows force out of
+     * order finds its way out slowly, and of it there is less. */
+    double rough_count, rough_sweeps[2];
+    struct {
+        double share[2], again, fall, most;
+    } roughness[2];
     int rough_most;
 
     /* At rest. `rest_lambda` > 0: the paper's criterion for the coarsest level, that the mean log10 lambda is above it;
@@ -84,7 +88,8 @@ typedef struct schedule_position {
     int sweeps;    /* in this round */
     size_t count;  /* particles of the level */
     bool is_sized; /* there is a sizing field */
-    int rough;     /* how often the level was found so, see rough_share */
+    int rough;     /* how often the level was found so, see roughness */
+    bool has_curves;
 } schedule_position;
 
 static inline bool schedule_is_last_stage(const schedule_position *at)

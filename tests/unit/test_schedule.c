@@ -82,6 +82,25 @@ static void rough_levels_take_more_sweeps(void **state)
     assert_false(schedule_may_be_rough(s, &at));
 }
 
+/* Rows force little out of order, which finds its way out slowly. */
+static void surfaces_with_curves_are_rough_sooner(void **state)
+{
+    (void)state;
+    const schedule *s = &schedule_multilevel;
+    schedule_position at = finest(0, 10000);
+    assert_false(schedule_is_rough(s, &at, 0.03, 0));
+    at.has_curves = true;
+    assert_true(schedule_is_rough(s, &at, 0.03, 0));
+    assert_false(schedule_is_rough(s, &at, 0.015, 0));
+    at.rough = 1;
+    assert_true(schedule_is_rough(s, &at, 0.06, 0.062));
+    assert_false(schedule_is_rough(s, &at, 0.03, 0.062));
+    at.rough = 2;
+    const int most = schedule_level_sweeps(s, &at);
+    at.has_curves = false;
+    assert_true(most > schedule_level_sweeps(s, &at));
+}
+
 /* Sweeps that the schedule itself asks for cost no patience. */
 static void rough_levels_are_not_impatient(void **state)
 {
@@ -90,7 +109,7 @@ static void rough_levels_are_not_impatient(void **state)
     schedule_position at = finest(0, 5000);
     for (at.rough = 0; at.rough <= s->rough_most; at.rough++) {
         int sweeps = schedule_level_sweeps(s, &at);
-        assert_true(sweeps <= s->rough_sweeps_most);
+        assert_true(sweeps <= s->roughness[0].most);
         for (at.sweeps = 1; at.sweeps < sweeps; at.sweeps++)
             assert_false(schedule_is_impatient(s, &at, s->gain[LAST]));
     }
@@ -223,6 +242,7 @@ int main(void)
         cmocka_unit_test(levels_have_sweeps_by_their_count),
         cmocka_unit_test(over_relaxation_follows_the_sweeps),
         cmocka_unit_test(rough_levels_take_more_sweeps),
+        cmocka_unit_test(surfaces_with_curves_are_rough_sooner),
         cmocka_unit_test(rough_levels_are_not_impatient),
         cmocka_unit_test(steps_are_free_until_a_level_is_shaken),
         cmocka_unit_test(a_paced_level_has_its_sweeps_before_it_rests),
