@@ -53,28 +53,33 @@ static double sum_of_rooms(const allotment_input *in, const curve_rows *rows, do
     return sum;
 }
 
-/* How many cells make room for `count` particles besides the rows. A patch with no room leaves what its rows have too much to no
- * other. */
-static double cells_for(const allotment_input *in, const curve_rows *rows, double count)
+/* What becomes of a patch when all is shared out. */
+enum { SHARES, HAS_ONE, HAS_NONE };
+
+/* How many cells make room for `count` particles besides the rows, on patches that share them. A patch with no room leaves what its
+ * rows have too much to no other. */
+static double cells_for(const allotment_input *in, const curve_rows *rows, const unsigned char *fate,
+                        double count)
 {
-    double cells = INFINITY, share = 1, border = 0;
-    for (size_t k = 0; k < in->field->patches->count; k++)
+    double cells = INFINITY, share = 0, border = 0;
+    for (size_t k = 0; k < in->field->patches->count; k++) {
+        if (fate[k] != SHARES) continue;
+        share += share_of(in, k);
         border += fmax(rows->border[k], 0); /* no less: cells only fall */
+    }
+    if (!(share > 0)) return count;
     for (int pass = 0; pass < ROOM_PASSES && share > 0 && count + fmax(border, 0) < cells * share; pass++) {
         cells = (count + fmax(border, 0)) / share;
         share = border = 0;
         for (size_t k = 0; k < in->field->patches->count; k++) {
             const double room = room_of(in, rows, k, cells), part = share_of(in, k);
-            if (!(room > 0)) continue;
+            if (fate[k] != SHARES || !(room > 0)) continue;
             share += part;
             border += part * cells - room;
         }
     }
     return cells;
 }
-
-/* What becomes of a patch when all is shared out. */
-enum { SHARES, HAS_ONE, HAS_NONE };
 
 /* A patch without a place on a curve, and with room for less than a point. */
 typedef struct lonely {
@@ -249,7 +254,7 @@ bool allotment_for_count(const allotment_input *in, size_t count, allotment *out
         out->spacing = packing_spacing(in->scan->area, cells);
         ok = make_rows(in, out->spacing, most, &out->rows, e) &&
              serve_lonely(in, &out->rows, out->spacing, cells, count - out->rows.count, fate, &served, e);
-        if (ok) cells = cells_for(in, &out->rows, (double)(count - out->rows.count - served));
+        if (ok) cells = cells_for(in, &out->rows, fate, (double)(count - out->rows.count - served));
     }
     ok = ok && share_out(in, cells, fate, count - out->rows.count, out, e);
     free(fate);
