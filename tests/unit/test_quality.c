@@ -463,7 +463,6 @@ int main(void)
         cmocka_unit_test(a_moved_point_shows),
         cmocka_unit_test(a_vacancy_makes_defects),
         cmocka_unit_test(points_in_one_place_say_no_more_than_they_can),
-        cmocka_unit_test(points_in_one_place_say_no_more_than_they_can),
         cmocka_unit_test(euler_of_a_sphere_is_two),
         cmocka_unit_test(grading_is_told_from_disorder),
         cmocka_unit_test(threads_do_not_matter),
