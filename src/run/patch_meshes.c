@@ -290,9 +290,10 @@ bool patch_meshes_mend(const triangulation_input *in, const mesh_patches *on, th
 {
     mending m = {.in = in, .on = on, .made = made, .pool = pool};
     bool ok = mend_all(&m, e);
-    triangulation mended = {.corner = m.corner,
-                            .label = m.label,
-                            .facts = {.triangles = m.count, .closing = made->facts.closing}};
+    triangulation mended = {
+        .corner = m.corner,
+        .label = m.label,
+        .facts = {.triangles = m.count}}; /* which of them closed holes is not known any more */
     ok = ok && (m.mended == 0 || triangulation_survey(in, pool, &mended, e));
     by_patch_free(&m.stands);
     by_patch_free(&m.sides);

@@ -158,7 +158,7 @@ static const criterion criteria[] = {
      "cotangent energy"},
     {"coverage", VERDICT_UNRESOLVED, coverage,
      "a place of the surface is this far, in spacings, from all points: a part is too small for a point of its own, or, of "
-     "a mesh, thinner than a voxel: ask for more points, or for the voxel_size that a warning names"},
+     "a mesh, thinner than a voxel: ask for more points, or for smaller voxels"},
 };
 
 _Static_assert(sizeof criteria / sizeof *criteria <= VERDICT_MOST_REASONS, "each criterion can be a reason");

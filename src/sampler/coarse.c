@@ -13,7 +13,7 @@ static const double CREASED_SHARE = 0.5;
 /* Fewer than this have a cell, and fewer than this have six neighbours. On a thin plate none has a cell, and yet both its
  * sheets are in order. */
 static const double RESOLVED_SHARE = 0.5, ORDERED_SHARE = 0.5;
-/* Points that are asked: what so many say of the shares is off by a hundredth at most. */
+/* Points that are asked: what so many say of the shares is mostly off by less than a hundredth. */
 enum { JUDGES = 8000 };
 /* Places that are drawn for each particle, and how often some of the particles go to such. */
 enum { PLACES = 5, PASSES = 6 };
