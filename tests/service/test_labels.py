@@ -217,7 +217,9 @@ def test_small_parts_near_each_other_share_a_point(sample):
     report, points = sample(labels, count=100)
     assert report["patches"]["count"] == 49 and report["spacing"] > 5
     assert report["quality"]["coverage"] < 1
+    many, = (i["area"] / (points.label_b == 1).sum() for i in report["surface"]["labels"]["interfaces"] if i["labels"] == [0, 1])
     assert (points.label_b == 1).sum() > 80, "the large part has nearly all"
+    assert report["spacing"] == pytest.approx((2 * many / 3 ** 0.5) ** 0.5, rel=0.01), "and is as dense as is told"
 
 
 def test_a_mesh_is_whole_where_sheets_are_near_each_other(sample):
