@@ -249,7 +249,10 @@ bool sampler_control(sampler *s, error *e)
             s->state.gain <= s->setup.schedule->coarsest_gain ? SAMPLER_CONVERGED : SAMPLER_STALLED;
     else if (last_stage && s->state.sigma == before)
         s->state.outcome = SAMPLER_STALLED;
-    else
+    else {
+        s->state.calmed = last_stage && s->state.p->patch;
+        if (s->state.calmed) s->state.rough = 0;
         enter_stage(s, last_stage ? s->state.stage : s->state.stage + 1);
+    }
     return settle_support(s, e);
 }

@@ -137,6 +137,7 @@ static void enter_level(sampler *s, size_t count, double support)
     s->state.skin = s->setup.schedule->skin_wide * s->state.spacing;
     s->state.gain = s->setup.schedule->gain[s->state.stage];
     s->state.rough = 0;
+    s->state.calmed = false;
 }
 
 /* Into an order in which neighbours are near each other in memory too. */

@@ -171,7 +171,7 @@ static bool relax_step(sampler *s, error *e)
     relax_sweep(s->scratch.relax, s->state.p, &params, &sums);
     at.sweeps = ++s->state.sweeps_in_round;
     note_sweep(s, &sums);
-    if (schedule_may_be_rough(s->setup.schedule, &at)) {
+    if (!s->state.calmed && schedule_may_be_rough(s->setup.schedule, &at)) {
         double share = relax_disordered_share(s->scratch.relax, s->state.p, s->state.spacing);
         s->state.rough += schedule_is_rough(s->setup.schedule, &at, share, s->state.disordered_share);
         at.rough = s->state.rough;

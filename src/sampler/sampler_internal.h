@@ -43,6 +43,7 @@ typedef struct sampler_state {
     int level;
     int rough;               /* how often the level was found to be, see schedule_is_rough */
     double disordered_share; /* when that was asked the last time */
+    bool calmed;             /* a round of the level with curves has ended: what is rough had its sweeps */
     bool planned;            /* its counts were corrected by what the coarsest packing showed */
     int stage;               /* of the schedule */
     double gain;             /* in force: that of the stage, or more when it does not come to rest */
