@@ -148,6 +148,24 @@ static void add_point(scattered *s, vec3 x)
     s->count++;
 }
 
+/* The last point takes its place. */
+static void drop_point(scattered *s, size_t k)
+{
+    s->count--;
+    s->position[k] = s->position[s->count];
+    s->normal[k] = s->normal[s->count];
+}
+
+/* A sheet whose coinciding vertices are one. */
+static mesh welded(int across, int along, vec3 (*place)(double u, double v))
+{
+    mesh m = mesh_fixture_sheet(across, along, place);
+    mesh_notes unused = {0};
+    error e = {0};
+    assert_true(mesh_weld(&m, MESH_DROP_CANCELLED, &unused, &e));
+    return m;
+}
+
 /* A fin as wide as the spacing: cells reach around it, so that front and back would have the same edges. Its rails stay. */
 static void fins_are_closed(void **state)
 {
@@ -177,17 +195,12 @@ static vec3 thorn(double u, double v)
 static void tips_are_corners(void **state)
 {
     (void)state;
-    mesh m = mesh_fixture_sheet(40, 80, thorn);
-    mesh_notes unused = {0};
-    error e = {0};
-    assert_true(mesh_weld(&m, MESH_DROP_CANCELLED, &unused, &e));
+    mesh m = welded(40, 80, thorn);
     scattered *s = scatter(&m);
     for (size_t k = 0; k < s->count;)
-        if (s->position[k].z > 1.02) {
-            s->count--;
-            s->position[k] = s->position[s->count];
-            s->normal[k] = s->normal[s->count];
-        } else
+        if (s->position[k].z > 1.02)
+            drop_point(s, k);
+        else
             k++;
     add_point(s, vec3_make(0.0155, 0, 1.2));
     add_point(s, vec3_make(0, 0, 1.4));
@@ -209,17 +222,12 @@ static vec3 bead(double u, double v)
 static void necks_are_tubes(void **state)
 {
     (void)state;
-    mesh m = mesh_fixture_sheet(40, 80, bead);
-    mesh_notes unused = {0};
-    error e = {0};
-    assert_true(mesh_weld(&m, MESH_DROP_CANCELLED, &unused, &e));
+    mesh m = welded(40, 80, bead);
     scattered *s = scatter(&m);
     for (size_t k = 0; k < s->count;)
-        if (fabs(s->position[k].z - 1.1) < 0.12) {
-            s->count--;
-            s->position[k] = s->position[s->count];
-            s->normal[k] = s->normal[s->count];
-        } else
+        if (fabs(s->position[k].z - 1.1) < 0.12)
+            drop_point(s, k);
+        else
             k++;
     add_point(s, vec3_make(0.02, 0, 1.1));
     assert_whole(m, s, NULL, 0, 2);
@@ -239,18 +247,14 @@ static vec3 handle(double u, double v)
 static void necks_at_handles_have_no_empty_triangle(void **state)
 {
     (void)state;
-    mesh m = mesh_fixture_sheet(24, 100, handle);
-    mesh_notes unused = {0};
+    mesh m = welded(24, 100, handle);
     error e = {0};
-    assert_true(mesh_weld(&m, MESH_DROP_CANCELLED, &unused, &e));
     for (uint64_t seed = 1; seed <= 30; seed++) {
         scattered *s = scatter_with(&m, 0.3, seed, 3000);
         for (size_t i = 0; i < s->count;)
-            if (M_PI - fabs(atan2(s->position[i].y, s->position[i].x)) < 2 * M_PI * bar_turns) {
-                s->count--;
-                s->position[i] = s->position[s->count];
-                s->normal[i] = s->normal[s->count];
-            } else
+            if (M_PI - fabs(atan2(s->position[i].y, s->position[i].x)) < 2 * M_PI * bar_turns)
+                drop_point(s, i);
+            else
                 i++;
         add_point(s, vec3_make(-0.42, 0, bar_radius));
         s->spacing[s->count - 1] = 0.3;
@@ -282,10 +286,8 @@ static vec3 wedge(double u, double v)
 static void corners_of_open_sheets_do_not_fold(void **state)
 {
     (void)state;
-    mesh m = mesh_fixture_sheet(40, 20, wedge);
-    mesh_notes unused = {0};
+    mesh m = welded(40, 20, wedge);
     error e = {0};
-    assert_true(mesh_weld(&m, MESH_DROP_CANCELLED, &unused, &e));
     for (int k = 0; k < 5; k++) {
         scattered *s = calloc(1, sizeof *s);
         uint32_t side[200][2];
