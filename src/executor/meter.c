@@ -32,6 +32,6 @@ static meter_outcome find_outcome(queue_state state, queue_outcome outcome)
 
 void meter_note_end(meter *m, queue_state state, queue_outcome outcome, error_code code, int64_t ran_ms)
 {
-    m->attempts[find_outcome(state, outcome)][code]++;
     if (ran_ms > 0) histogram_add(&m->durations, ran_ms);
+    m->attempts[find_outcome(state, outcome)][code]++;
 }

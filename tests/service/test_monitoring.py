@@ -109,6 +109,8 @@ def test_attempts_are_counted_by_outcome_and_code(service):
     empty = sphere(region={"min": [5, 5, 5], "max": [6, 6, 6]})
     failed = service.wait_state(service.submit(empty), "failed")
     assert again["cached_from"] == done["id"] and failed["error"]["code"] == "no_surface"
+    # the daemon counts an attempt once its end is stored, which others may see before
+    wait_until(lambda: ended("failed", "no_surface"), "the failed attempt to be counted")
     assert ended(done["outcome"], "none") == 2 and ended("failed", "no_surface") == 1
     assert figure(service, "hexad_cache_hits_total") == 1 and figure(service, "hexad_cache_misses_total") == 2
     assert figure(service, "hexad_job_wait_seconds_count") == 3
