@@ -1,5 +1,5 @@
 // A job: its state in words, its tasks and attempts, plots while it runs and afterwards, report and results.
-import {html, useEffect, useMemo, useRef, useState} from "./preact.js";
+import {html, useEffect, useLayoutEffect, useMemo, useRef, useState} from "./preact.js";
 import {call, follow, get, query, send, urlOf} from "./api.js";
 import {Charts, rowsOfReport} from "./chart.js";
 import {inOrder, Progress, State, throttled, Trouble, useAction, useClock, useTitle} from "./parts.js";
@@ -11,6 +11,7 @@ const READ_MS = 500; // however fast events come, the job is read no more often;
 const SLOW_MS = 2000;
 const ROWS_MOST = 4000; // of progress; of more, every second one is kept
 const LOG_MOST = 200000; // characters, from the end
+const NEAR_END_PX = 40; // a log that is read to here goes on with its end
 
 /**
  * The job, kept right by its events, with its newest progress; the progress lines of its current attempt, or of that of the
@@ -167,7 +168,7 @@ function Tasks({job, frame, onChoose}) {
 function Log({job, attempt, lines}) {
   const [text, setText] = useState(null);
   const [error, setError] = useState(null);
-  const place = useRef(null);
+  const place = useRef(null), follows = useRef(true); // until the reader scrolls back
   const readSoon = useMemo(() => throttled(() => send("GET", `v1/jobs/${job.id}/log${query({frame: attempt.frame, attempt: attempt.number})}`)
     .then(response => response.text()).then(found => {
       setText(found.slice(-LOG_MOST));
@@ -175,11 +176,14 @@ function Log({job, attempt, lines}) {
     }, setError), SLOW_MS), [job.id, attempt.number, attempt.frame]);
   useEffect(readSoon, [readSoon, job.revision, attempt.finished || lines]);
   useEffect(() => readSoon.cancel, [readSoon]);
-  useEffect(() => {
-    if (place.current) place.current.scrollTop = place.current.scrollHeight;
+  useLayoutEffect(() => {
+    if (follows.current) place.current.scrollTop = place.current.scrollHeight;
   }, [text]);
+  const noteScroll = ({target}) => {
+    follows.current = target.scrollTop + target.clientHeight + NEAR_END_PX >= target.scrollHeight;
+  };
   const early = !attempt.finished && error && error.status === 404; // it has said nothing yet
-  return html`<${Trouble} error=${early ? null : error} /><pre class="log" ref=${place} tabindex="0" aria-label="Log">${text === null ? "…" : text || "The log is empty."}</pre>`;
+  return html`<${Trouble} error=${early ? null : error} /><pre class="log" ref=${place} onScroll=${noteScroll} tabindex="0" aria-label="Log">${text === null ? "…" : text || "The log is empty."}</pre>`;
 }
 
 /** How a worker ended, by its exit status. */

@@ -4,7 +4,7 @@
  * A point is crowded when another is within RELOCATION_CROWDED of the spacing; a place is bare when no point is within
  * RELOCATION_BARE. The most crowded point goes to the barest place, and so on, as long as it is farther from its nearest
  * point there. Of two that are near each other one goes; two places that are near each other do not both get a point.
- * Deterministic, one thread.
+ * Deterministic for any number of threads.
  */
 #ifndef HEXAD_PACKING_RELOCATION_H
 #define HEXAD_PACKING_RELOCATION_H

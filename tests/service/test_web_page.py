@@ -363,6 +363,10 @@ def test_a_log_follows_its_attempt(new_service, tmp_path, browser):
     seen = browser.text("pre.log").count("line")
     browser.wait_text(f"line {seen + 10} of the log", "pre.log")
     assert browser.run("const log = document.querySelector('pre.log'); return log.scrollTop + log.clientHeight + 40 >= log.scrollHeight")
+    browser.run("document.querySelector('pre.log').scrollTop = 0")
+    seen = browser.text("pre.log").count("line")
+    browser.wait_text(f"line {seen + 10} of the log", "pre.log")
+    assert browser.run("return document.querySelector('pre.log').scrollTop") == 0  # who reads is not pulled to the end
     service.post(f"/v1/jobs/{job}/cancel")
     service.wait_state(job, "cancelled")
 
