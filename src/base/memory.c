@@ -55,13 +55,19 @@ static const size_t LARGE = 256 * 1024;
  * them costs more. */
 static const size_t VERY_LARGE = 2 << 20;
 
+/* The whole pages within so many bytes; *head: how many bytes lie before them. */
+static size_t whole_pages(const char *p, size_t bytes, size_t *head)
+{
+    const size_t page = (size_t)sysconf(_SC_PAGESIZE);
+    *head = (page - (uintptr_t)p % page) % page;
+    return bytes < *head ? 0 : (bytes - *head) / page * page;
+}
+
 /* Whole pages are given back to the kernel, which zeroes them when they are first touched: arrays are often
  * larger than what comes to be used of them. */
 static void *zeroed(char *p, size_t bytes)
 {
-    size_t page = (size_t)sysconf(_SC_PAGESIZE);
-    size_t head = (page - (uintptr_t)p % page) % page,
-           pages = bytes < LARGE ? 0 : (bytes - head) / page * page;
+    size_t head = 0, pages = bytes < LARGE ? 0 : whole_pages(p, bytes, &head);
     if (pages == 0 || madvise(p + head, pages, MADV_DONTNEED) != 0) return memset(p, 0, bytes);
     if (bytes >= VERY_LARGE) madvise(p + head, pages, MADV_HUGEPAGE); /* a wish: the kernel may have none */
     memset(p, 0, head);
@@ -94,4 +100,10 @@ void *mem_grow(void *array, size_t count, size_t *room, size_t first, size_t siz
     free(array);
     *room = larger;
     return moved;
+}
+
+void mem_release(void *part, size_t bytes)
+{
+    size_t head, pages = whole_pages(part, bytes, &head);
+    if (pages > 0) madvise((char *)part + head, pages, MADV_DONTNEED); /* a wish as well */
 }

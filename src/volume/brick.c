@@ -5,10 +5,13 @@
 #include "base/memory.h"
 
 enum { BLOCKS = 64 }; /* in a chunk of work */
+/* Bricks after which the memory of samples is looked at: as much as that takes. */
+enum { BATCH = 4096 };
 
 typedef struct brick_job {
     const samples *samples;
     const block_map *map;
+    size_t first; /* of the bricks to fill */
     float *coefficients;
     uint64_t *inside;
     const crossings *crossings;
@@ -21,14 +24,35 @@ static void fill_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const brick_job *job = context;
     (void)worker;
-    for (size_t n = begin; n < end; n++)
+    for (size_t n = job->first + begin; n < job->first + end; n++)
         samples_window(job->samples, job->map->blocks[n], -1, BRICK_SIDE, job->coefficients + n * BRICK_SIZE);
 }
 
-void brick_fill(const samples *s, const block_map *map, threads *pool, float *coefficients)
+/* For each batch of bricks the least first coordinate of those in it and after it. */
+static void find_lowest(const block_map *map, int32_t *lowest)
 {
+    int32_t low = INT32_MAX;
+    for (uint32_t n = map->count; n-- > 0;) {
+        if (map->blocks[n][0] < low) low = map->blocks[n][0];
+        lowest[n / BATCH] = low;
+    }
+}
+
+bool brick_fill(samples *s, const block_map *map, threads *pool, float *coefficients, error *e)
+{
+    const size_t batches = (map->count + BATCH - 1) / BATCH;
+    int32_t *lowest = mem_array(batches, sizeof *lowest, "the spline's bricks", e);
     brick_job job = {.samples = s, .map = map, .coefficients = coefficients};
-    threads_run(pool, map->count, BLOCKS, fill_chunk, &job);
+    if (!lowest) return false;
+    find_lowest(map, lowest);
+    for (size_t k = 0; k < batches; k++) {
+        const size_t left = map->count - k * BATCH;
+        if (k > 0) samples_release_below(s, lowest[k] - 1);
+        job.first = k * BATCH;
+        threads_run(pool, left < BATCH ? left : BATCH, BLOCKS, fill_chunk, &job);
+    }
+    free(lowest);
+    return true;
 }
 
 static void side_chunk(void *context, int worker, size_t begin, size_t end)

@@ -26,8 +26,9 @@ static inline const float *brick_cell(const float *bricks, size_t n, int x, int 
     return bricks + n * BRICK_SIZE + x * BRICK_SLAB + y * BRICK_SIDE + z;
 }
 
-/* The bricks of the map's blocks, of samples that are coefficients. */
-void brick_fill(const samples *s, const block_map *map, threads *pool, float *bricks);
+/* The bricks of the map's blocks, of samples that are coefficients. Blocks come about in the order of their first
+ * coordinates; the samples' memory is given back as it goes, so that they are of no use afterwards. Error: limit_memory. */
+bool brick_fill(samples *s, const block_map *map, threads *pool, float *bricks, error *e);
 
 /* 8 words for each block of the map: voxels that are inside, as in vdb.h's active flags. Words are 0 before. */
 void brick_note_sides(const samples *s, const block_map *map, threads *pool, uint64_t *inside);

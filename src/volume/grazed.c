@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/isa.h"
 #include "base/memory.h"
 #include "volume/brick.h"
 #include "volume/grid_view.h"
@@ -173,15 +174,113 @@ static bool leave(search *s, uint32_t n, const int32_t at[3], error *e)
     return true;
 }
 
-/* Whether one of the cell's faces is passed. Most have corners on both sides, farther from the surface than any depth that
- * is asked for: `bound` is not below their coefficients. */
-static bool leaks(const float *first, double bound)
+/* ---- which faces need no closer look */
+
+/* Four in a row, by the last axis that is left. */
+typedef float row __attribute__((vector_size(16)));
+
+/* What single precision is off by in what follows, of the largest coefficient: far more than it is. */
+static const float ROUGHLY = 1e-5f;
+
+typedef int32_t row_mask __attribute__((vector_size(16)));
+
+ISA_INLINE row row_larger(row a, row b)
+{
+    const row_mask first = a > b;
+    return (row)((first & (row_mask)a) | (~first & (row_mask)b));
+}
+
+ISA_INLINE bool mask_any(row_mask m)
+{
+    uint64_t half[2];
+    memcpy(half, &m, sizeof half);
+    return (half[0] | half[1]) != 0;
+}
+
+ISA_INLINE bool mask_all(row_mask m)
+{
+    return !mask_any(~m);
+}
+
+ISA_INLINE void transpose(row r[4])
+{
+    const row a = __builtin_shufflevector(r[0], r[1], 0, 4, 1, 5),
+              b = __builtin_shufflevector(r[2], r[3], 0, 4, 1, 5),
+              c = __builtin_shufflevector(r[0], r[1], 2, 6, 3, 7),
+              d = __builtin_shufflevector(r[2], r[3], 2, 6, 3, 7);
+    r[0] = __builtin_shufflevector(a, b, 0, 1, 4, 5);
+    r[1] = __builtin_shufflevector(a, b, 2, 3, 6, 7);
+    r[2] = __builtin_shufflevector(c, d, 0, 1, 4, 5);
+    r[3] = __builtin_shufflevector(c, d, 2, 3, 6, 7);
+}
+
+/* As to_bezier, of each lane. */
+ISA_INLINE void rows_to_bezier(row r[4])
+{
+    const row a = r[0], b = r[1], c = r[2], d = r[3];
+    r[0] = (a + 4 * b + c) * (1.0f / 6);
+    r[1] = (2 * b + c) * (1.0f / 3);
+    r[2] = (b + 2 * c) * (1.0f / 3);
+    r[3] = (b + 4 * c + d) * (1.0f / 6);
+}
+
+/* Whether face_is_passed may be true, of a face in four rows of coefficients of its own; `largest`: no coefficient of the
+ * cell is larger. Of a face that is not passed it may say either. */
+ISA_INLINE bool may_be_passed(row face[4], float largest)
+{
+    const float off = ROUGHLY * largest, depth = (float)LEAST_DEPTH * largest + off;
+    rows_to_bezier(face);
+    transpose(face);
+    rows_to_bezier(face);
+    const row corners = __builtin_shufflevector(face[0], face[3], 0, 3, 4, 7);
+    const bool above = mask_any(corners >= depth), below = mask_any(corners <= -depth);
+    const bool inside =
+                   mask_all((face[0] <= -off) & (face[1] <= -off) & (face[2] <= -off) & (face[3] <= -off)),
+               outside = mask_all((face[0] >= off) & (face[1] >= off) & (face[2] >= off) & (face[3] >= off));
+    return !((above || inside) && (below || outside));
+}
+
+/* The faces of a cell that may be passed, by bits. */
+ISA_CLONES static unsigned doubtful_faces(const float *first)
+{
+    row c[4][4], turned[4][4], face[4], size = {0};
+    unsigned faces = 0;
+#pragma GCC unroll 4
+    for (int i = 0; i < 4; i++) {
+#pragma GCC unroll 4
+        for (int j = 0; j < 4; j++) {
+            memcpy(&c[i][j], first + i * BRICK_SLAB + j * BRICK_SIDE, sizeof c[i][j]);
+            turned[i][j] = c[i][j];
+            size = row_larger(size, row_larger(c[i][j], -c[i][j]));
+        }
+        transpose(turned[i]);
+    }
+    float largest = 0;
+    for (int k = 0; k < 4; k++) largest = size[k] > largest ? size[k] : largest;
+#pragma GCC unroll 6
+    for (int k = 0; k < FACES; k++) {
+        const int axis = k >> 1, at = k & 1;
+#pragma GCC unroll 4
+        for (int i = 0; i < 4; i++) {
+            const row *r = axis == 0 ? &c[at][i] : axis == 1 ? &c[i][at] : &turned[i][at];
+            const int step = axis == 0 ? 4 : 1;
+            face[i] = (r[0] + 4 * r[step] + r[2 * step]) * (1.0f / 6);
+        }
+        faces |= (unsigned)may_be_passed(face, largest) << k;
+    }
+    return faces;
+}
+
+/* Whether one of the cell's `faces` is passed. Those with corners on both sides, farther from the surface than any depth that
+ * is asked for, are not: `bound` is not below their coefficients. */
+static bool leaks(const float *first, unsigned faces, double bound)
 {
     const double depth = LEAST_DEPTH * bound;
     double value[8];
     corner_values(first, value);
     for (int face = 0; face < FACES; face++) {
         range corners = {INFINITY, -INFINITY};
+        if (!(faces >> face & 1)) continue;
         for (int k = 0; k < 8; k++)
             if ((k >> (face >> 1) & 1) == (face & 1)) widen(&corners, value[k]);
         if (corners.low < -depth && corners.high > depth) continue;
@@ -190,23 +289,34 @@ static bool leaks(const float *first, double bound)
     return false;
 }
 
+/* Not below any coefficient of a brick. */
+static double brick_bound(const float *brick)
+{
+    float bound = 0;
+    for (size_t k = 0; k < BRICK_SIZE; k++) {
+        const float size = fabsf(brick[k]);
+        bound = size > bound ? size : bound;
+    }
+    return (double)bound;
+}
+
 static void leak_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const search *s = context;
     (void)worker;
     for (size_t n = begin; n < end; n++) {
-        float bound = 0;
+        double bound = -1; /* not known */
         uint64_t any[8];
         memcpy(any, s->crossed + 64 * n, sizeof any);
         if (!(any[0] | any[1] | any[2] | any[3] | any[4] | any[5] | any[6] | any[7])) continue;
-        for (size_t k = 0; k < BRICK_SIZE; k++) {
-            float size = fabsf(s->bricks[n * BRICK_SIZE + k]);
-            bound = size > bound ? size : bound;
+        for (int k = 0; k < GRID_VIEW_VOXELS; k++) {
+            if (!(s->crossed[64 * n + (size_t)(k >> 3)] >> (k & 7) & 1)) continue;
+            const float *first = brick_cell(s->bricks, n, k >> 6, k >> 3 & 7, k & 7);
+            const unsigned faces = doubtful_faces(first);
+            if (faces == 0) continue;
+            if (bound < 0) bound = brick_bound(s->bricks + n * BRICK_SIZE);
+            if (leaks(first, faces, bound)) s->leaky[64 * n + (size_t)(k >> 3)] |= (uint8_t)(1u << (k & 7));
         }
-        for (int k = 0; k < GRID_VIEW_VOXELS; k++)
-            if (s->crossed[64 * n + (size_t)(k >> 3)] >> (k & 7) & 1 &&
-                leaks(brick_cell(s->bricks, n, k >> 6, k >> 3 & 7, k & 7), (double)bound))
-                s->leaky[64 * n + (size_t)(k >> 3)] |= (uint8_t)(1u << (k & 7));
     }
 }
 

@@ -12,6 +12,8 @@
 #define VOXELS GRID_VIEW_VOXELS
 
 enum { BLOCKS = 64, RUNS = 4 }; /* in a chunk of work */
+/* Blocks whose memory is given back at once: two megabytes. */
+enum { RELEASED = 1024 };
 
 /* Beyond this sums of floats overflow; nothing that is meant comes near it. */
 static const float largest_value = 1e30f;
@@ -309,20 +311,28 @@ bool samples_fill_unknown(samples *s, threads *pool, error *e)
 
 /* ---- the interpolating spline's coefficients */
 
-/* A run of blocks along an axis as rows of 64 lines: rows[64 k + line], k along the axis. */
-static void copy_run(samples *s, int axis, uint32_t first, double *rows, bool back)
+/* The voxels of a block as rows of 64 lines, or these back; strides `along` the lines, and of a line's place by 8 and by 1. */
+ISA_INLINE void copy_block(float *f, double *rows, bool back, int along, int a, int b)
 {
-    int along = stride_of[axis], a = stride_of[axis == 0 ? 1 : 0], b = stride_of[axis == 2 ? 1 : 2];
+    for (int k = 0; k < SIDE; k++, rows += 64)
+        for (int i = 0; i < SIDE; i++)
+            for (int j = 0; j < SIDE; j++) {
+                if (back)
+                    f[k * along + i * a + j * b] = (float)rows[8 * i + j];
+                else
+                    rows[8 * i + j] = (double)f[k * along + i * a + j * b];
+            }
+}
+
+/* A run of blocks along an axis as rows of 64 lines: rows[64 k + line], k along the axis. */
+ISA_INLINE void copy_run(samples *s, int axis, uint32_t first, double *rows, bool back)
+{
     for (uint32_t n = first; n != BLOCK_MAP_NONE; n = s->near[6 * (size_t)n + (size_t)(2 * axis + 1)]) {
         float *f = s->f + (size_t)n * VOXELS;
-        for (int k = 0; k < SIDE; k++, rows += 64)
-            for (int i = 0; i < SIDE; i++)
-                for (int j = 0; j < SIDE; j++) {
-                    if (back)
-                        f[k * along + i * a + j * b] = (float)rows[8 * i + j];
-                    else
-                        rows[8 * i + j] = (double)f[k * along + i * a + j * b];
-                }
+        if (axis == 0) copy_block(f, rows, back, 64, 8, 1);
+        if (axis == 1) copy_block(f, rows, back, 8, 64, 1);
+        if (axis == 2) copy_block(f, rows, back, 1, 64, 8);
+        rows += 64 * SIDE;
     }
 }
 
@@ -423,12 +433,30 @@ void samples_window(const samples *s, const int32_t block[3], int low, int side,
             const uint32_t *column = around[floor_div8(x) + 1][floor_div8(y) + 1];
             for (int z = low; z < low + side;) { /* what of the row lies in one block */
                 const int b = floor_div8(z), last = SIDE * (b + 1) < low + side ? SIDE * (b + 1) : low + side;
-                const bool there = column[b + 1] != BLOCK_MAP_NONE;
-                const float *f =
-                    s->f + (there ? (size_t)column[b + 1] * VOXELS : 0) + 64 * (x & 7) + 8 * (y & 7);
-                for (; z < last; z++) *out++ = there ? f[z & 7] : nearest(own, x, y, z);
+                if (column[b + 1] == BLOCK_MAP_NONE) {
+                    for (; z < last; z++) *out++ = nearest(own, x, y, z);
+                    continue;
+                }
+                const float *f = s->f + (size_t)column[b + 1] * VOXELS + 64 * (x & 7) + 8 * (y & 7) + (z & 7);
+                if (last - z == SIDE) { /* of a length that is known */
+                    memcpy(out, f, SIDE * sizeof *f);
+                } else {
+                    for (int k = 0; k < last - z; k++) out[k] = f[k];
+                }
+                out += last - z;
+                z = last;
             }
         }
+}
+
+void samples_release_below(samples *s, int32_t x)
+{
+    while (s->released + RELEASED <= s->map.count) {
+        for (uint32_t n = s->released; n < s->released + RELEASED; n++)
+            if (s->map.blocks[n][0] >= x) return;
+        mem_release(s->f + (size_t)s->released * VOXELS, (size_t)RELEASED * VOXELS * sizeof *s->f);
+        s->released += RELEASED;
+    }
 }
 
 void samples_corners(const samples *s, const int32_t block[3], bool smooth, float corners[729])

@@ -19,10 +19,11 @@
 #include "volume/grid_view.h"
 
 typedef struct samples {
-    block_map map;   /* by number */
-    float *f;        /* 512 a block */
-    uint64_t *known; /* 8 words a block */
-    uint32_t *near;  /* 6 numbers a block: below and above along x, y, z */
+    block_map map;     /* by number */
+    float *f;          /* 512 a block */
+    uint64_t *known;   /* 8 words a block */
+    uint32_t *near;    /* 6 numbers a block: below and above along x, y, z */
+    uint32_t released; /* of the first so many blocks the voxels' memory is given back */
 } samples;
 
 /* Bytes that samples of `count` blocks take. */
@@ -44,6 +45,10 @@ bool samples_prefilter(samples *s, threads *pool, error *e);
 /* The cube of side^3 voxels from `low` on, relative to the block's lowest voxel; the block must be there, and the cube
  * within it and its neighbours. Voxels of missing neighbours are as the block's nearest. */
 void samples_window(const samples *s, const int32_t block[3], int low, int side, float *out);
+
+/* Gives back the memory of voxels in blocks below `x` along the first axis, where it comes before all others that are to
+ * stay. What they held is lost. */
+void samples_release_below(samples *s, int32_t x);
 
 /* F at the corners of the block's cells, 9^3: the samples, or with `smooth` the values of the spline
  * that has the samples as coefficients. */

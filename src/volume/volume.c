@@ -279,7 +279,8 @@ static bool make_bricks(loading *l, volume *v, error *e)
     if (!l->smooth && !samples_prefilter(&l->samples, l->pool, e)) return false;
     v->coefficients = mem_array((size_t)v->map.count * BRICK_SIZE, sizeof(float), "the spline's bricks", e);
     if (!v->coefficients) return false;
-    brick_fill(&l->samples, &v->map, l->pool, v->coefficients);
+    if (!brick_fill(&l->samples, &v->map, l->pool, v->coefficients, e)) return false;
+    samples_free(&l->samples);
     for (int axis = 0; axis < 3; axis++) {
         v->low[axis] = INFINITY;
         v->high[axis] = -INFINITY;

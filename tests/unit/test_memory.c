@@ -37,6 +37,23 @@ static void test_arrays_are_zeroed(void **state)
     check((32 << 20) + 4097); /* in large pages */
 }
 
+static void test_a_part_is_given_back(void **state)
+{
+    (void)state;
+    const size_t size = 8 << 20, from = 1000001, bytes = 3 << 20;
+    unsigned char *p = mem_array(size, 1, "a test", NULL);
+    memset(p, 0xA5, size);
+    mem_release(p + from, bytes);
+    for (size_t i = 0; i < size; i++) {
+        const bool within = i >= from && i < from + bytes;
+        if (p[i] != 0xA5 && !(within && p[i] == 0)) fail_msg("byte %zu is %d", i, p[i]);
+    }
+    assert_int_equal(p[from + bytes / 2], 0);
+    mem_release(p + 1, 100); /* less than a page: nothing */
+    assert_int_equal(p[50], 0xA5);
+    free(p);
+}
+
 static void test_what_cannot_be_had(void **state)
 {
     (void)state;
@@ -70,6 +87,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_arrays_are_zeroed),
+        cmocka_unit_test(test_a_part_is_given_back),
         cmocka_unit_test(test_what_cannot_be_had),
         cmocka_unit_test(test_growing_keeps_what_is_there),
     };
