@@ -43,9 +43,10 @@ struct mesh_surface {
     mesh_patches mesh;
     field_patches patches;
     patch_field *patch;
-    vec3 *normal; /* of each vertex, unit */
-    sym3 *shape;  /* how it turns: symmetric, and nothing along the normal */
-    bool *at_end; /* of each vertex: the patch ends there */
+    nearest_of_several *trees; /* those of the patches */
+    vec3 *normal;              /* of each vertex, unit */
+    sym3 *shape;               /* how it turns: symmetric, and nothing along the normal */
+    bool *at_end;              /* of each vertex: the patch ends there */
     uint32_t (
         *beside)[3]; /* of each triangle: which one shares the side that begins at corner k; ENDS: none */
     piece *pieces;
@@ -326,10 +327,9 @@ static bool is_within(const field *f, vec3 x)
 static bool sample_all(const field *f, vec3 x, field_order order, field_sample *out)
 {
     const mesh_surface *s = (const mesh_surface *)f;
-    double weight[3], distance2 = INFINITY;
-    size_t found = 0;
-    for (size_t k = 0, n; k < s->mesh.count; k++)
-        if (nearest_triangle_find_nearer(s->patch[k].tree, x, &distance2, &n)) found = s->patch[k].first + n;
+    double weight[3];
+    size_t n, found = s->patch[nearest_of_several_find(s->trees, x, &n)].first;
+    found += n;
     const uint32_t *t = s->mesh.m.triangle[found];
     const vec3 *v = s->mesh.m.vertex;
     triangle_weights(&(triangle){v[t[0]], v[t[1]], v[t[2]]}, x, weight);
@@ -446,6 +446,15 @@ static const field_ops whole_ops = {.sample = sample_all,
                                     .patch_at = patch_at};
 static const field_ops patch_ops = {.sample = sample_patch, .side = no_side, .within = is_within};
 
+static bool make_tree_of_trees(mesh_surface *s, error *e)
+{
+    const nearest_triangle **tree = mem_array(s->mesh.count, sizeof *tree, what, e);
+    for (size_t k = 0; tree && k < s->mesh.count; k++) tree[k] = s->patch[k].tree;
+    if (tree) s->trees = nearest_of_several_new(tree, s->mesh.count, e);
+    free(tree);
+    return s->trees != NULL;
+}
+
 static bool make_patches(mesh_surface *s, error *e)
 {
     mesh_patches *m = &s->mesh;
@@ -467,7 +476,7 @@ static bool make_patches(mesh_surface *s, error *e)
         all += area;
     }
     if (!(all > 0)) return error_set(e, ERROR_NO_SURFACE, "the triangles of the mesh have no area");
-    return true;
+    return make_tree_of_trees(s, e);
 }
 
 static bool make(mesh_surface *s, double longest, error *e)
@@ -504,6 +513,7 @@ mesh_surface *mesh_surface_new(mesh_patches *patches, double longest, error *e)
 void mesh_surface_free(mesh_surface *s)
 {
     if (!s) return;
+    nearest_of_several_free(s->trees);
     for (size_t k = 0; s->patch && k < s->mesh.count; k++) nearest_triangle_free(s->patch[k].tree);
     mesh_patches_free(&s->mesh);
     free(s->patches.patch);
@@ -529,7 +539,7 @@ const mesh_patches *mesh_surface_patches(const mesh_surface *s)
 size_t mesh_surface_bytes(const mesh_surface *s)
 {
     const mesh *m = &s->mesh.m;
-    size_t trees = 0;
+    size_t trees = nearest_of_several_bytes(s->trees);
     for (size_t k = 0; k < s->mesh.count; k++) trees += nearest_triangle_bytes(s->patch[k].tree);
     return trees + m->triangle_count * (sizeof *m->triangle + sizeof *s->beside) +
            m->vertex_count * (2 * sizeof(vec3) + sizeof(sym3)) + s->piece_room * sizeof *s->pieces;

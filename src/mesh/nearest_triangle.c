@@ -7,7 +7,7 @@
 #include "mesh/triangle.h"
 #include "packing/point_tree.h"
 
-/* Triangles in a leaf; a box costs about as much as one. */
+/* Triangles in a leaf, or trees; a box costs about as much as one. */
 enum { LEAF = 4, DEEPEST = 64 };
 
 struct nearest_triangle {
@@ -107,9 +107,10 @@ typedef struct visit {
 static inline size_t search(const nearest_triangle *n, vec3 p, double *nearest,
                             nearest_triangle_accept *accept, const void *context)
 {
-    visit stack[DEEPEST] = {{0, 0, n->mesh->triangle_count, box_distance2(&n->box[0], p)}};
+    visit stack[DEEPEST];
     size_t found = n->mesh->triangle_count;
     double best = *nearest;
+    stack[0] = (visit){0, 0, found, box_distance2(&n->box[0], p)};
     for (int depth = 1; depth > 0;) {
         const visit v = stack[--depth];
         if (!(v.distance2 < best)) continue;
@@ -164,4 +165,102 @@ size_t nearest_triangle_bytes(const nearest_triangle *n)
 {
     const size_t count = n->mesh->triangle_count;
     return count * (sizeof *n->order + sizeof *n->corner) + places_for(count) * sizeof *n->box;
+}
+
+/* ---- several */
+
+struct nearest_of_several {
+    const nearest_triangle **tree;
+    size_t count;
+    uint32_t *order; /* trees, those of each node together */
+    bbox *box;       /* of nodes as above */
+};
+
+static bbox build_several(nearest_of_several *n, size_t node, const vec3 *middle, size_t first, size_t count)
+{
+    bbox box = bbox_empty();
+    if (count <= LEAF) {
+        for (size_t k = first; k < first + count; k++) box = bbox_unite(box, n->tree[n->order[k]]->box[0]);
+    } else {
+        const size_t half = count / 2;
+        point_tree_halve(middle, n->order + first, count);
+        box = bbox_unite(build_several(n, 2 * node + 1, middle, first, half),
+                         build_several(n, 2 * node + 2, middle, first + half, count - half));
+    }
+    return n->box[node] = box;
+}
+
+nearest_of_several *nearest_of_several_new(const nearest_triangle *const *tree, size_t count, error *e)
+{
+    const char *what = "the tree of meshes";
+    nearest_of_several *n = mem_alloc(sizeof *n);
+    vec3 *middle = mem_array(count, sizeof *middle, what, e);
+    n->count = count;
+    n->tree = mem_array(count, sizeof *n->tree, what, e);
+    n->order = mem_array(count, sizeof *n->order, what, e);
+    n->box = mem_array(places_for(count), sizeof *n->box, what, e);
+    const bool ok = middle && n->tree && n->order && n->box;
+    for (uint32_t k = 0; ok && k < count; k++) {
+        n->tree[k] = tree[k];
+        n->order[k] = k;
+        middle[k] = vec3_scale(vec3_add(tree[k]->box[0].min, tree[k]->box[0].max), 0.5);
+    }
+    if (ok) build_several(n, 0, middle, 0, count);
+    free(middle);
+    if (ok) return n;
+    nearest_of_several_free(n);
+    return NULL;
+}
+
+void nearest_of_several_free(nearest_of_several *n)
+{
+    if (!n) return;
+    free(n->tree);
+    free(n->order);
+    free(n->box);
+    free(n);
+}
+
+/* The nearest so far. */
+typedef struct nearest_yet {
+    double distance2;
+    size_t tree, triangle;
+} nearest_yet;
+
+/* One tree, of which a triangle that is as near counts if it is an earlier one. */
+static void ask(const nearest_of_several *n, size_t tree, vec3 p, nearest_yet *yet)
+{
+    double distance2 = tree < yet->tree ? nextafter(yet->distance2, INFINITY) : yet->distance2;
+    if (!(box_distance2(&n->tree[tree]->box[0], p) < distance2)) return;
+    if (nearest_triangle_find_nearer(n->tree[tree], p, &distance2, &yet->triangle))
+        *yet = (nearest_yet){distance2, tree, yet->triangle};
+}
+
+size_t nearest_of_several_find(const nearest_of_several *n, vec3 p, size_t *nearest)
+{
+    visit stack[DEEPEST];
+    nearest_yet yet = {INFINITY, 0, 0}; /* what it stays where p is no number */
+    size_t depth = 0;
+    stack[depth++] = (visit){0, 0, n->count, box_distance2(&n->box[0], p)};
+    while (depth > 0) {
+        const visit v = stack[--depth];
+        if (!(v.distance2 <= yet.distance2)) continue;
+        if (v.count <= LEAF) {
+            for (size_t k = v.first; k < v.first + v.count; k++) ask(n, n->order[k], p, &yet);
+            continue;
+        }
+        const size_t half = v.count / 2, left = 2 * v.node + 1, right = left + 1;
+        const visit a = {left, v.first, half, box_distance2(&n->box[left], p)},
+                    b = {right, v.first + half, v.count - half, box_distance2(&n->box[right], p)};
+        const bool swap = a.distance2 < b.distance2; /* the nearer one is looked at first */
+        stack[depth++] = swap ? b : a;
+        stack[depth++] = swap ? a : b;
+    }
+    *nearest = yet.triangle;
+    return yet.tree;
+}
+
+size_t nearest_of_several_bytes(const nearest_of_several *n)
+{
+    return n->count * (sizeof *n->tree + sizeof *n->order) + places_for(n->count) * sizeof *n->box;
 }

@@ -28,4 +28,16 @@ bool nearest_triangle_find_among(const nearest_triangle *n, vec3 p, double withi
 
 size_t nearest_triangle_bytes(const nearest_triangle *n);
 
+/* Several such trees, and a tree of boxes over them: a place asks few of many. */
+typedef struct nearest_of_several nearest_of_several;
+
+/* The trees, `count` > 0, stay the caller's and outlive it. Error: limit_memory. */
+nearest_of_several *nearest_of_several_new(const nearest_triangle *const *tree, size_t count, error *e);
+void nearest_of_several_free(nearest_of_several *n); /* NULL will do */
+
+/* The tree that has the triangle nearest to p, the first of those that are as near, and that triangle. */
+size_t nearest_of_several_find(const nearest_of_several *n, vec3 p, size_t *nearest);
+
+size_t nearest_of_several_bytes(const nearest_of_several *n);
+
 #endif

@@ -29,16 +29,22 @@ static mesh_surface *make(mesh m, double angle, double longest)
     return s;
 }
 
-static double distance_from(const mesh_surface *s, vec3 x)
+/* The square of the distance from some triangles. */
+static double distance2_from(const mesh *m, size_t first, size_t end, vec3 x)
 {
-    const mesh *m = &mesh_surface_patches(s)->m;
     double best = INFINITY;
-    for (size_t n = 0; n < m->triangle_count; n++) {
+    for (size_t n = first; n < end; n++) {
         const uint32_t *t = m->triangle[n];
         const triangle at = {m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]};
         best = fmin(best, triangle_distance2(&at, x));
     }
-    return sqrt(best);
+    return best;
+}
+
+static double distance_from(const mesh_surface *s, vec3 x)
+{
+    const mesh *m = &mesh_surface_patches(s)->m;
+    return sqrt(distance2_from(m, 0, m->triangle_count, x));
 }
 
 /* A place of some cell, moved by up to `off` every way. */
@@ -159,6 +165,50 @@ static void test_ball(void **state)
     mesh_surface_free(s);
 }
 
+/* Blocks that touch, so that many places are as near to two patches: the whole is what the first of the nearest is. */
+static void test_the_whole_is_the_nearest_patch(void **state)
+{
+    (void)state;
+    enum { SIDE = 6, ALL = SIDE * SIDE * SIDE };
+    mesh m = {0};
+    for (int k = 0; k < ALL; k++) {
+        const vec3 at = {k % SIDE, k / SIDE % SIDE, k / SIDE / SIDE};
+        mesh one = mesh_fixture_box(at, vec3_make(0.5, 0.5, 0.5), 1);
+        m.vertex = realloc(m.vertex, (m.vertex_count + one.vertex_count) * sizeof *m.vertex);
+        memcpy(m.vertex + m.vertex_count, one.vertex, one.vertex_count * sizeof *m.vertex);
+        m.vertex_count += one.vertex_count;
+        for (size_t n = 0; n < one.triangle_count; n++) {
+            const uint32_t first = (uint32_t)(m.vertex_count - one.vertex_count), *t = one.triangle[n];
+            mesh_fixture_add(&m, first + t[0], first + t[1], first + t[2]);
+        }
+        mesh_free(&one);
+    }
+    mesh_surface *s = make(m, MESH_PATCHES_FOUND, 0.5);
+    const field *f = mesh_surface_field(s);
+    uint64_t seed = 9;
+    assert_true(f->patches->count > ALL);
+    for (int k = 0; k < PLACES; k++) {
+        vec3 x;
+        for (int axis = 0; axis < 3; axis++) { /* on a lattice of quarters, which many triangles share */
+            const double on = SIDE * fixture_random(&seed) - 0.5;
+            vec3_set(&x, axis, k % 2 ? on : round(4 * on) / 4);
+        }
+        double nearest = INFINITY;
+        field_sample whole, first = {0};
+        for (size_t p = 0; p < f->patches->count; p++) {
+            const mesh_patches *all = mesh_surface_patches(s);
+            const double distance2 = distance2_from(&all->m, all->first[p], all->first[p + 1], x);
+            if (!(distance2 < nearest)) continue;
+            nearest = distance2;
+            assert_true(field_sample_at(f->patches->patch[p].field, x, FIELD_GRADIENT, &first));
+        }
+        assert_true(field_sample_at(f, x, FIELD_GRADIENT, &whole));
+        assert_memory_equal(&whole.value, &first.value, sizeof whole.value);
+        assert_memory_equal(&whole.gradient, &first.gradient, sizeof whole.gradient);
+    }
+    mesh_surface_free(s);
+}
+
 static vec3 flat(double u, double v)
 {
     return vec3_make(u, v, 0);
@@ -254,6 +304,7 @@ int main(void)
         cmocka_unit_test(test_lanes_of_patches),
         cmocka_unit_test(test_ball),
         cmocka_unit_test(test_beyond_the_rim),
+        cmocka_unit_test(test_the_whole_is_the_nearest_patch),
         cmocka_unit_test(test_cells),
         cmocka_unit_test(test_feature_sizes_are_of_the_faces),
     };
