@@ -74,6 +74,7 @@ static bool find_crowded(const relocation_input *in, threads *pool, ranked **out
     *found = 0;
     for (size_t i = 0; r && i < in->count; i++) {
         double least = INFINITY;
+        if (in->held && in->held[i]) continue;
         for (uint32_t k = 0; k < near->list_count[i]; k++) {
             uint32_t j = neighbours_list(near, i)[k];
             double between = 0.5 * in->h * (in->size[i] + in->size[j]);
@@ -122,6 +123,11 @@ static void rank_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
+static double bare_from(const relocation_input *in)
+{
+    return in->bare > 0 ? in->bare : RELOCATION_BARE;
+}
+
 /* The places that are bare, the barest first; of two that are near each other one. */
 static bool find_bare(const relocation_input *in, threads *pool, ranked **out, size_t *found, error *e)
 {
@@ -131,10 +137,10 @@ static bool find_bare(const relocation_input *in, threads *pool, ranked **out, s
     *found = 0;
     double least = INFINITY;
     for (size_t i = 0; i < in->count; i++) least = fmin(least, in->size[i]);
-    rank_job job = {in, tree, RELOCATION_BARE * in->h * least, r};
+    rank_job job = {in, tree, bare_from(in) * in->h * least, r};
     if (r) threads_run(pool, in->places, 256, rank_chunk, &job);
     for (size_t k = 0; r && k < in->places; k++)
-        if (r[k].distance > RELOCATION_BARE) r[(*found)++] = r[k];
+        if (r[k].distance > bare_from(in)) r[(*found)++] = r[k];
     point_tree_free(tree);
     if (!r || *found == 0) return r != NULL;
     qsort(r, *found, sizeof *r, farthest_first);

@@ -9,6 +9,7 @@
 #ifndef HEXAD_PACKING_RELOCATION_H
 #define HEXAD_PACKING_RELOCATION_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -33,6 +34,8 @@ typedef struct relocation_input {
     size_t places;     /* > 0 */
     size_t list_limit; /* bytes that lists of who is near may take */
     uint32_t *near;    /* of each place the point found last, any number at first: it is looked at first */
+    double bare; /* how far from all points a place is that gets one, over the spacing; 0: RELOCATION_BARE */
+    const bool *held; /* of each point whether it stays; NULL: none does */
 } relocation_input;
 
 /* *out, to be freed, receives *moves of them, no point and no place twice. Error: limit_memory. */

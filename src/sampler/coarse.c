@@ -1,5 +1,6 @@
 /* coarse: the answer where a count resolves nothing of a surface, as of smoke with few points: what is spread evenly then is
- * not each sheet but the whole in space. See sampler_internal.h. */
+ * not each sheet but the whole in space; and where it resolves not all patches, of which some have no point. See
+ * sampler_internal.h. */
 #include <stdlib.h>
 
 #include "base/memory.h"
@@ -17,6 +18,9 @@ static const double RESOLVED_SHARE = 0.5, ORDERED_SHARE = 0.5;
 enum { JUDGES = 8000 };
 /* Places that are drawn for each particle, and how often some of the particles go to such. */
 enum { PLACES = 5, PASSES = 6 };
+/* Besides, places that are drawn on each patch; and how far from all points one is that gets a point of another patch. */
+enum { PLACES_OF_PATCH = 4 };
+static const double BARE_PATCH = 1;
 
 bool sampler_judge_coarse(sampler *s, error *e)
 {
@@ -43,22 +47,43 @@ bool sampler_judge_coarse(sampler *s, error *e)
     return true;
 }
 
+/* Places that are drawn, and what is noted of them. */
+typedef struct drawn {
+    vec3 *place;
+    uint32_t *near;  /* see relocation_input */
+    uint32_t *patch; /* NULL: there are none */
+    bool *held;      /* likewise; of each particle */
+    size_t count;
+    double bare;
+} drawn;
+
 /* One pass; *moves particles have gone to another place. */
-static bool relocate(sampler *s, const vec3 *place, size_t places, uint32_t *near, size_t *moves, error *e)
+static bool relocate(sampler *s, const drawn *d, size_t *moves, error *e)
 {
     particles *p = s->state.p;
-    const relocation_input in = {
-        p->position, p->size, p->count, s->state.spacing, place, places, s->setup.params.list_limit, near};
+    const relocation_input in = {.point = p->position,
+                                 .size = p->size,
+                                 .count = p->count,
+                                 .h = s->state.spacing,
+                                 .place = d->place,
+                                 .places = d->count,
+                                 .bare = d->bare,
+                                 .held = d->held,
+                                 .list_limit = s->setup.params.list_limit,
+                                 .near = d->near};
     relocation *chosen = NULL;
     size_t count = 0;
     bool ok = relocation_choose(&in, s->setup.pool, &chosen, &count, e);
     *moves = 0;
     for (size_t k = 0; ok && k < count; k++) {
-        vec3 x = place[chosen[k].place], normal = {0, 0, 1};
-        if (!sampler_land(s->setup.field, s->state.spacing, s->setup.field->cell_size, &x, &normal)) continue;
-        p->position[chosen[k].point] = x;
-        p->normal[chosen[k].point] = normal;
-        s->record.replaced[chosen[k].point] = true;
+        const uint32_t point = chosen[k].point, place = chosen[k].place;
+        const field *f = field_of_patch(s->setup.field, d->patch ? d->patch[place] : 0);
+        vec3 x = d->place[place], normal = {0, 0, 1};
+        if (!sampler_land(f, s->state.spacing, s->setup.field->cell_size, &x, &normal)) continue;
+        p->position[point] = x;
+        p->normal[point] = normal;
+        if (d->patch) p->patch[point] = d->patch[place];
+        s->record.replaced[point] = true;
         ++*moves;
     }
     free(chosen);
@@ -106,15 +131,115 @@ static size_t draw_places(const sampler *s, vec3 *out, bool *landed)
 bool sampler_relocate(sampler *s, error *e)
 {
     const char *what = "the bare places";
-    vec3 *place = mem_array(PLACES * s->state.p->count, sizeof *place, what, e);
-    bool *landed = mem_array(PLACES * s->state.p->count, sizeof *landed, what, e);
-    uint32_t *near = mem_array(PLACES * s->state.p->count, sizeof *near, what, e);
-    bool ok = place && landed && near;
-    size_t places = ok ? draw_places(s, place, landed) : 0, moves = places;
-    for (int pass = 0; ok && moves > 0 && pass < PASSES; pass++)
-        ok = relocate(s, place, places, near, &moves, e);
-    free(place);
+    const size_t most = PLACES * s->state.p->count;
+    bool *landed = mem_array(most, sizeof *landed, what, e);
+    drawn d = {.place = mem_array(most, sizeof *d.place, what, e),
+               .near = mem_array(most, sizeof *d.near, what, e)};
+    bool ok = landed && d.place && d.near;
+    if (ok) d.count = draw_places(s, d.place, landed);
+    size_t moves = d.count;
+    for (int pass = 0; ok && moves > 0 && pass < PASSES; pass++) ok = relocate(s, &d, &moves, e);
     free(landed);
-    free(near);
+    free(d.place);
+    free(d.near);
     return ok && sampler_settle(s, e);
+}
+
+/* ---- patches */
+
+static size_t places_of_patch(const sampler *s, uint32_t patch)
+{
+    const double *weight = sizing_field_weight(s->setup.params.sizing, s->setup.scan);
+    const components *parts = &s->setup.scan->parts;
+    const double share =
+        (weight[parts->begin[patch + 1]] - weight[parts->begin[patch]]) / weight[s->setup.scan->cells];
+    return PLACES_OF_PATCH + (size_t)(PLACES * share * (double)s->state.p->count);
+}
+
+typedef struct patches_job {
+    const sampler *s;
+    const size_t *first; /* of each patch its first place */
+    uint64_t seed;
+    drawn *d;
+    bool *landed;
+} patches_job;
+
+static void draw_patches(void *context, int worker, size_t begin, size_t end)
+{
+    const patches_job *job = context;
+    const sampler *s = job->s;
+    const double *weight = sizing_field_weight(s->setup.params.sizing, s->setup.scan);
+    (void)worker;
+    for (size_t patch = begin; patch < end; patch++) {
+        rng r = rng_seed(job->seed, patch); /* of its own, so that threads do not show */
+        const field *f = field_of_patch(s->setup.field, (uint32_t)patch);
+        const size_t first = job->first[patch], count = job->first[patch + 1] - first;
+        for (size_t k = 0; k < count; k++) {
+            const double where = ((double)k + rng_uniform(&r)) / (double)count;
+            vec3 *x = &job->d->place[first + k], normal = {0, 0, 1};
+            job->d->patch[first + k] = (uint32_t)patch;
+            job->landed[first + k] =
+                surface_patch_point(s->setup.scan, weight, (uint32_t)patch, where, &r, x) &&
+                sampler_land(f, s->state.spacing, s->setup.field->cell_size, x, &normal) &&
+                field_is_within(f, *x);
+        }
+    }
+}
+
+/* Places on all patches; those that are on them come first, and are counted. Room for all is in `d`. */
+static void draw_on_patches(const sampler *s, const size_t *first, drawn *d, bool *landed)
+{
+    const size_t patches = s->setup.field->patches->count;
+    rng r = rng_seed(s->setup.params.seed, RANDOM_STREAM_RELOCATION);
+    patches_job job = {s, first, rng_next(&r), d, landed};
+    threads_run(s->setup.pool, patches, 16, draw_patches, &job);
+    d->count = 0;
+    for (size_t k = 0; k < first[patches] && !threads_stopped(s->setup.pool); k++) {
+        if (!landed[k]) continue;
+        d->patch[d->count] = d->patch[k];
+        d->place[d->count++] = d->place[k];
+    }
+}
+
+/* Who stays: particles on curves, and those that are alone on their patch. */
+static void hold_some(const sampler *s, uint32_t *of_patch, bool *held)
+{
+    const particles *p = s->state.p;
+    for (size_t i = 0; i < p->count; i++) of_patch[p->patch[i]]++;
+    for (size_t i = 0; i < p->count; i++) held[i] = particles_is_fixed(p, i) || of_patch[p->patch[i]] == 1;
+}
+
+bool sampler_cover_patches(sampler *s, bool *changed, error *e)
+{
+    const char *what = "the bare places";
+    const size_t patches = s->setup.field->patches ? s->setup.field->patches->count : 0;
+    if (patches == 0) return true;
+    size_t *first = mem_array(patches + 1, sizeof *first, what, e);
+    for (uint32_t k = 0; first && k < patches; k++) first[k + 1] = first[k] + places_of_patch(s, k);
+    const size_t most = first ? first[patches] : 0;
+    bool *landed = mem_array(most, sizeof *landed, what, e);
+    uint32_t *of_patch = mem_array(patches, sizeof *of_patch, what, e);
+    drawn d = {.place = mem_array(most, sizeof *d.place, what, e),
+               .near = mem_array(most, sizeof *d.near, what, e),
+               .patch = mem_array(most, sizeof *d.patch, what, e),
+               .held = mem_array(s->state.p->count, sizeof *d.held, what, e),
+               .bare = BARE_PATCH};
+    bool ok = first && landed && of_patch && d.place && d.near && d.patch && d.held;
+    if (ok) {
+        draw_on_patches(s, first, &d, landed);
+        hold_some(s, of_patch, d.held);
+    }
+    size_t moves = d.count;
+    for (int pass = 0; ok && moves > 0 && pass < PASSES; pass++) {
+        ok = relocate(s, &d, &moves, e);
+        *changed |= moves > 0;
+    }
+    free(first);
+    free(landed);
+    free(of_patch);
+    free(d.place);
+    free(d.near);
+    free(d.patch);
+    free(d.held);
+    return ok;
 }

@@ -122,15 +122,17 @@ static bool points_rest(const sampler *s, const schedule_position *at)
     return !(sampler_steps_left(s, true).to_rest > s->setup.params.step_tolerance);
 }
 
-/* The solve has ended at rest. Particles that are not on the surface get new places; they have to find theirs among the
- * others, so that the last round goes on. In a coarse answer no descent brings those that crowd to where places are bare; in a
- * sequence they stay with their own. */
+/* The solve has ended at rest. Particles that are not on the surface get new places, and so do some that crowd where a patch is
+ * bare; they have to find theirs among the others, so that the last round goes on. In a coarse answer no descent brings those
+ * that crowd to where places are bare; in a sequence they stay with their own. */
 static bool deliver(sampler *s, error *e)
 {
-    size_t before = s->record.removed;
+    const size_t before = s->record.removed;
+    const bool may_go_on = s->state.recalls < RECALLS_MOST, is_given = sampler_is_given(s);
     if (!sampler_settle(s, e)) return false;
-    if (s->record.removed == before || s->state.recalls == RECALLS_MOST)
-        return !s->state.coarse || sampler_is_given(s) || sampler_relocate(s, e);
+    bool goes_on = s->record.removed != before;
+    if (may_go_on && !goes_on && !is_given && !sampler_cover_patches(s, &goes_on, e)) return false;
+    if (!may_go_on || !goes_on) return !s->state.coarse || is_given || sampler_relocate(s, e);
     s->state.recalls++;
     s->state.outcome = SAMPLER_RUNNING;
     s->state.sweeps_in_round = s->record.round[--s->record.round_count].sweeps;

@@ -146,6 +146,10 @@ bool sampler_judge_coarse(sampler *s, error *e);
 /* Particles that crowd go to bare places (relocation.h), and all are settled again. Error: limit_memory. */
 bool sampler_relocate(sampler *s, error *e);
 
+/* Of a surface with patches: places farther than the spacing from all points get one of those that crowd, of whatever patch,
+ * which becomes one of theirs; *changed is set where there are such, and unchanged else. Error: limit_memory. */
+bool sampler_cover_patches(sampler *s, bool *changed, error *e);
+
 /* Every particle onto the surface to rounding, or onto a new place there, which adds to record.removed. Error:
  * limit_memory. */
 bool sampler_settle(sampler *s, error *e);

@@ -222,6 +222,19 @@ def test_small_parts_near_each_other_share_a_point(sample):
     assert report["spacing"] == pytest.approx((2 * many / 3 ** 0.5) ** 0.5, rel=0.01), "and is as dense as is told"
 
 
+def test_small_parts_that_lead_away_from_all_points_get_one(sample):
+    """Threads that begin near another, whose point is theirs, too, and end farther away than the spacing."""
+    values = numpy.zeros((64, 64, 64), "u1")
+    values[6:58, 6:58, 52] = 1  # its two sides are near each other: points crowd there
+    for x in range(8, 56, 16):
+        for y in range(8, 56, 16):
+            values[x:x + 10, y, 20] = 2
+            values[x, y + 3:y + 12, 20] = 3
+    report, _ = sample(values, count=183)
+    assert report["quality"]["coverage"] < 1.2
+    assert not any("coverage" in reason for reason in report["outcome_reasons"])
+
+
 def test_a_mesh_is_whole_where_sheets_are_near_each_other(sample):
     """A slab of two labels, thinner than the spacing: points tell its sides apart by their normals alone."""
     labels = numpy.zeros((48, 48, 48), "u1")

@@ -32,12 +32,13 @@ static double farthest(const vec3 *x, const vec3 *place)
     return most;
 }
 
-static void move(vec3 *x, const double *size, const vec3 *place, size_t *moves)
+static void move_but(const bool *held, double bare, vec3 *x, const double *size, const vec3 *place,
+                     size_t *moves)
 {
     error e = {0};
     relocation *chosen;
     static uint32_t near[PLACES]; /* of earlier points, and of none: that does not show */
-    relocation_input in = {x, size, COUNT, 1, place, PLACES, SIZE_MAX, near};
+    relocation_input in = {x, size, COUNT, 1, place, PLACES, SIZE_MAX, near, bare, held};
     relocation *other;
     size_t others;
     assert_true(relocation_choose(&in, NULL, &chosen, moves, &e));
@@ -48,6 +49,11 @@ static void move(vec3 *x, const double *size, const vec3 *place, size_t *moves)
     free(other);
     for (size_t k = 0; k < *moves; k++) x[chosen[k].point] = place[chosen[k].place];
     free(chosen);
+}
+
+static void move(vec3 *x, const double *size, const vec3 *place, size_t *moves)
+{
+    move_but(NULL, 0, x, size, place, moves);
 }
 
 /* Each of some points of a square lattice goes to beside its neighbour and leaves a hole. */
@@ -67,6 +73,13 @@ static void who_was_taken_away_comes_back(void **state)
     for (size_t k = 0; k < PLACES; k++)
         place[k] = random_between(&r, (vec3){0, 0, 0}, (vec3){SIDE - 1, SIDE - 1, 0});
     assert_true(least_distance(x) < 0.15 && farthest(x, place) > 0.85);
+    bool *held = malloc(COUNT * sizeof *held);
+    for (size_t i = 0; i < COUNT; i++) held[i] = true;
+    move_but(held, 0, x, size, place, &moves);
+    assert_int_equal(moves, 0); /* all are held */
+    free(held);
+    move_but(NULL, 1.01, x, size, place, &moves);
+    assert_int_equal(moves, 0); /* no place is that bare */
     move(x, size, place, &moves);
     assert_int_equal(moves, (COUNT - 6 * SIDE - 3 + 96) / 97);
     assert_true(least_distance(x) > RELOCATION_BARE);
