@@ -26,6 +26,8 @@ static const size_t POINTS_PER_BIN = 4, POINTS_PER_BLOCK = 128;
 /* Bins are a hair wider than the cutoff of the least size, so that no rounding puts it on level 1. */
 static const double BIN_HAIR = 1e-6;
 enum { LANES = 16 };
+/* A block with the bins next to it: cells along each axis. */
+enum { WIDE_BLOCK = BLOCK_WIDTH + 2, WIDE_CELLS = WIDE_BLOCK * WIDE_BLOCK * WIDE_BLOCK };
 
 /* Bins with points are no more than points; those above them rarely as many again. */
 static bool reserve_bins(neighbours *n, size_t bins, error *e)
@@ -286,25 +288,31 @@ static bool fill_bins(neighbours *n, error *e)
     return true;
 }
 
-typedef struct list_search list_search;
-typedef size_t (*finder)(const list_search *s, uint32_t i, float cutoff2, uint32_t *found);
+/* Points in arrays for the vector unit. */
+typedef struct candidates {
+    size_t count, capacity;
+    int32_t *x, *y, *z;
+    float *size;
+    uint32_t *item;
+} candidates;
+
+typedef size_t (*finder)(const candidates *s, neighbours_place own, uint32_t i, float cutoff2, uint32_t *found);
 
 /* What one worker needs to list the neighbours of a block's points. */
-struct list_search {
+typedef struct list_search {
     neighbours *n;
     const uint32_t *around[27]; /* cells of the blocks around the bin's own, and its own in the middle */
     struct {
         uint64_t key;
         const uint32_t *cells;
     } last[NEIGHBOURS_LEVELS]; /* of other levels, the blocks that were asked for last */
-    place at;                  /* of the bin at hand */
-    size_t count, capacity;    /* points that may be neighbours of its points, and how many fit */
-    int32_t *x, *y, *z;        /* arrays for the vector unit */
-    float *size;
-    uint32_t *item;
+    place at;        /* of the bin at hand */
+    candidates near; /* points that may be neighbours of its points */
+    candidates all;  /* where bins are of one level, the points of the block and of the bins next to it, cell after cell */
+    uint32_t cell_begin[WIDE_CELLS + 1]; /* of these */
     size_t entries, entry_capacity; /* the lists, one after the other */
     uint32_t *entry;
-};
+} list_search;
 
 typedef struct build_job {
     neighbours *n;
@@ -326,6 +334,25 @@ ISA_INLINE size_t pack(const uint32_t hit[LANES], const uint32_t *item, size_t c
 }
 
 #ifdef __x86_64__
+/* The entries of which the bit is set, first. */
+static const int32_t packed[16][4] = {{0, 0, 0, 0}, {0, 0, 0, 0}, {1, 0, 0, 0}, {0, 1, 0, 0}, {2, 0, 0, 0}, {0, 2, 0, 0},
+                                      {1, 2, 0, 0}, {0, 1, 2, 0}, {3, 0, 0, 0}, {0, 3, 0, 0}, {1, 3, 0, 0}, {0, 1, 3, 0},
+                                      {2, 3, 0, 0}, {0, 2, 3, 0}, {1, 2, 3, 0}, {0, 1, 2, 3}};
+
+ISA_TARGET_AVX2 static inline size_t pack_avx2(const uint32_t hit[LANES], const uint32_t *item, size_t count,
+                                               uint32_t *found)
+{
+    for (int l = 0; l < LANES; l += 4) {
+        const __m128i hits = _mm_slli_epi32(_mm_loadu_si128((const __m128i *)(hit + l)), 31);
+        const int mask = _mm_movemask_ps(_mm_castsi128_ps(hits));
+        const __m128 items = _mm_loadu_ps((const float *)(item + l));
+        _mm_storeu_ps((float *)(found + count),
+                      _mm_permutevar_ps(items, _mm_loadu_si128((const __m128i *)packed[mask])));
+        count += (size_t)__builtin_popcount((unsigned)mask);
+    }
+    return count;
+}
+
 /* One instruction, which no compiler makes of the above. */
 ISA_TARGET_AVX512 static inline size_t pack_avx512(const uint32_t hit[LANES], const uint32_t *item,
                                                    size_t count, uint32_t *found)
@@ -336,14 +363,15 @@ ISA_TARGET_AVX512 static inline size_t pack_avx512(const uint32_t hit[LANES], co
     return count + (size_t)__builtin_popcount(mask);
 }
 #else
+#define pack_avx2 pack
 #define pack_avx512 pack
 #endif
 
 /* Which of the candidates are neighbours of point i; returns how many. */
 #define VERSION(name, target, pack)                                                                 \
-    target static size_t name(const list_search *s, uint32_t i, float cutoff2, uint32_t *found)     \
+    target static size_t name(const candidates *s, neighbours_place own, uint32_t i, float cutoff2, \
+                              uint32_t *found)                                                      \
     {                                                                                               \
-        const neighbours_place own = s->n->place[i];                                                \
         size_t count = 0;                                                                           \
         for (size_t b = 0; b < s->count; b += LANES) {                                              \
             uint32_t hit[LANES];                                                                    \
@@ -357,7 +385,7 @@ ISA_TARGET_AVX512 static inline size_t pack_avx512(const uint32_t hit[LANES], co
         return count;                                                                               \
     }
 VERSION(find_portable, , pack)
-VERSION(find_avx2, ISA_TARGET_AVX2, pack)
+VERSION(find_avx2, ISA_TARGET_AVX2, pack_avx2)
 VERSION(find_avx512, ISA_TARGET_AVX512, pack_avx512)
 
 static finder best_finder(void)
@@ -366,26 +394,52 @@ static finder best_finder(void)
     return versions[isa_best()];
 }
 
-static void add_near(list_search *s, uint32_t bin)
+/* Room for more, and for what a vector holds beyond. */
+static void reserve_candidates(candidates *c, size_t more)
 {
-    const neighbours *n = s->n;
-    size_t more = n->bin_end[bin] - n->bin_begin[bin];
-    if (s->count + more + LANES > s->capacity) {
-        s->capacity = 2 * (s->count + more + LANES);
-        s->x = mem_resize(s->x, s->capacity * sizeof *s->x);
-        s->y = mem_resize(s->y, s->capacity * sizeof *s->y);
-        s->z = mem_resize(s->z, s->capacity * sizeof *s->z);
-        s->size = mem_resize(s->size, s->capacity * sizeof *s->size);
-        s->item = mem_resize(s->item, s->capacity * sizeof *s->item);
-    }
+    if (c->count + more + LANES <= c->capacity) return;
+    c->capacity = 2 * (c->count + more + LANES);
+    c->x = mem_resize(c->x, c->capacity * sizeof *c->x);
+    c->y = mem_resize(c->y, c->capacity * sizeof *c->y);
+    c->z = mem_resize(c->z, c->capacity * sizeof *c->z);
+    c->size = mem_resize(c->size, c->capacity * sizeof *c->size);
+    c->item = mem_resize(c->item, c->capacity * sizeof *c->item);
+}
+
+static void free_candidates(candidates *c)
+{
+    free(c->x);
+    free(c->y);
+    free(c->z);
+    free(c->size);
+    free(c->item);
+}
+
+static void add_bin(const neighbours *n, candidates *c, uint32_t bin)
+{
+    reserve_candidates(c, n->bin_end[bin] - n->bin_begin[bin]);
     for (uint32_t b = n->bin_begin[bin]; b < n->bin_end[bin]; b++) {
         const neighbours_place *p = &n->place[n->bin_item[b]];
-        s->x[s->count] = p->x;
-        s->y[s->count] = p->y;
-        s->z[s->count] = p->z;
-        s->size[s->count] = p->size;
-        s->item[s->count++] = n->bin_item[b];
+        c->x[c->count] = p->x;
+        c->y[c->count] = p->y;
+        c->z[c->count] = p->z;
+        c->size[c->count] = p->size;
+        c->item[c->count++] = n->bin_item[b];
     }
+}
+
+/* Adds the points of `from` from `begin` to `end`, vectors at a time. */
+ISA_CLONES static void add_range(const candidates *from, size_t begin, size_t end, candidates *to)
+{
+    for (size_t b = begin; b < end; b += LANES) {
+        const size_t at = to->count + b - begin;
+        memcpy(to->x + at, from->x + b, LANES * sizeof *to->x);
+        memcpy(to->y + at, from->y + b, LANES * sizeof *to->y);
+        memcpy(to->z + at, from->z + b, LANES * sizeof *to->z);
+        memcpy(to->size + at, from->size + b, LANES * sizeof *to->size);
+        memcpy(to->item + at, from->item + b, LANES * sizeof *to->item);
+    }
+    to->count += end - begin;
 }
 
 static void search_finer(list_search *s, uint32_t bin);
@@ -394,7 +448,7 @@ static void search_finer(list_search *s, uint32_t bin);
 static void search_cell(list_search *s, uint32_t cell)
 {
     if (!cell) return;
-    add_near(s, cell - 1);
+    add_bin(s->n, &s->near, cell - 1);
     if (s->n->bin_split[cell - 1]) search_finer(s, cell - 1);
 }
 
@@ -431,7 +485,7 @@ static void search_coarser(list_search *s, int up)
         for (p.at[1] = low[1]; p.at[1] <= high[1]; p.at[1]++)
             for (p.at[0] = low[0]; p.at[0] <= high[0]; p.at[0]++) {
                 uint32_t cell = cells_of(s, &p)[cell_of(&p)];
-                if (cell) add_near(s, cell - 1);
+                if (cell) add_bin(s->n, &s->near, cell - 1);
             }
 }
 
@@ -472,6 +526,40 @@ static void search_level(list_search *s)
             }
 }
 
+/* The points of a block and of the bins next to it, where all bins are of one level: each is looked for once, and those of bins that
+ * follow each other stand together. */
+static void gather_block(list_search *s)
+{
+    uint32_t *begin = s->cell_begin;
+    s->all.count = 0;
+    for (int k = -1; k <= BLOCK_WIDTH; k++)
+        for (int j = -1; j <= BLOCK_WIDTH; j++)
+            for (int i = -1; i <= BLOCK_WIDTH; i++) {
+                const int at[3] = {i + BLOCK_WIDTH, j + BLOCK_WIDTH, k + BLOCK_WIDTH}, mask = BLOCK_WIDTH - 1;
+                const uint32_t *cells = s->around[((at[2] >> BLOCK_SHIFT) * 3 + (at[1] >> BLOCK_SHIFT)) * 3 +
+                                                  (at[0] >> BLOCK_SHIFT)];
+                const uint32_t cell = cells[((at[2] & mask) << BLOCK_SHIFT | (at[1] & mask)) << BLOCK_SHIFT |
+                                            (at[0] & mask)];
+                *begin++ = (uint32_t)s->all.count;
+                if (cell) add_bin(s->n, &s->all, cell - 1);
+            }
+    *begin = (uint32_t)s->all.count;
+    reserve_candidates(&s->all, 0);
+}
+
+/* The points of the bins around the bin at hand, in the order of search_level. */
+static void search_gathered(list_search *s)
+{
+    const int mask = BLOCK_WIDTH - 1;
+    for (int k = 0; k < 3; k++)
+        for (int j = 0; j < 3; j++) {
+            const int z = (int)(s->at.at[2] & mask) + k, y = (int)(s->at.at[1] & mask) + j;
+            const uint32_t *row = s->cell_begin + (z * WIDE_BLOCK + y) * WIDE_BLOCK + (s->at.at[0] & mask);
+            reserve_candidates(&s->near, row[3] - row[0] + LANES);
+            add_range(&s->all, row[0], row[3], &s->near);
+        }
+}
+
 /* Leaves those of i's label; returns how many. */
 static size_t keep_label(const uint32_t *label, uint32_t i, size_t count, uint32_t *found)
 {
@@ -487,24 +575,28 @@ static size_t list_bin(list_search *s, finder find, size_t bin)
 {
     neighbours *n = s->n;
     const double cutoff = n->cutoff / n->unit;
+    candidates *c = &s->near;
     s->at = place_of_bin(n, bin);
-    s->count = 0;
-    search_level(s);
+    c->count = 0;
+    if (n->levels == 1)
+        search_gathered(s);
+    else
+        search_level(s);
     for (int up = 1; s->at.level + up < n->levels; up++) search_coarser(s, up);
-    for (; s->count % LANES; s->count++) { /* nobody's neighbours */
-        s->x[s->count] = s->y[s->count] = s->z[s->count] = 0;
-        s->item[s->count] = NO_BIN;
-        s->size[s->count] = NAN;
+    for (; c->count % LANES; c->count++) { /* nobody's neighbours */
+        c->x[c->count] = c->y[c->count] = c->z[c->count] = 0;
+        c->item[c->count] = NO_BIN;
+        c->size[c->count] = NAN;
     }
     size_t longest = 0;
     for (uint32_t a = n->bin_begin[bin]; a < n->bin_end[bin]; a++) {
         uint32_t i = n->bin_item[a];
         size_t begin = s->entries <= n->list_capacity ? s->entries : 0;
-        if (begin + s->count + LANES > s->entry_capacity) {
-            s->entry_capacity = 2 * (begin + s->count + LANES);
+        if (begin + c->count + LANES > s->entry_capacity) {
+            s->entry_capacity = 2 * (begin + c->count + LANES);
             s->entry = mem_resize(s->entry, s->entry_capacity * sizeof *s->entry);
         }
-        size_t count = find(s, i, (float)(cutoff * cutoff), s->entry + begin);
+        size_t count = find(c, n->place[i], i, (float)(cutoff * cutoff), s->entry + begin);
         if (n->label) count = keep_label(n->label, i, count, s->entry + begin);
         n->list_begin[i] = (uint32_t)begin;
         n->list_count[i] = (uint32_t)count;
@@ -541,6 +633,7 @@ static size_t list_block(build_job *job, list_search *s, size_t rank)
         place p = {own.level, {own.at[0] + k % 3 - 1, own.at[1] + k / 3 % 3 - 1, own.at[2] + k / 9 - 1}};
         s->around[k] = find_cells(n, key_of(&p));
     }
+    if (n->levels == 1) gather_block(s);
     s->entries = 0;
     for (uint32_t k = begin; k < end; k++) {
         size_t l = list_bin(s, job->find, n->block_bin[k]);
@@ -615,11 +708,8 @@ static bool fill_lists(neighbours *n, threads *pool, error *e)
     }
     if (ok && !threads_stopped(pool)) check_lists(n);
     for (list_search *s = job.searches; s < job.searches + workers; s++) {
-        free(s->x);
-        free(s->y);
-        free(s->z);
-        free(s->size);
-        free(s->item);
+        free_candidates(&s->near);
+        free_candidates(&s->all);
         free(s->entry);
     }
     free(job.searches);

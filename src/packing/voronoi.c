@@ -256,18 +256,31 @@ static bool is_across_surface(const triangle *t)
     return low_inside != high_inside;
 }
 
-/* The same when all have their say that are near enough: what is not in the list of one corner is in
- * another's, or in the lists of those listed. */
-static bool is_across_surface_wide(const voronoi_sites *in, triangle *t)
+/* Whether a point is in the list of one of the first corners. */
+static bool is_listed(const voronoi_sites *in, const triangle *t, int corners, uint32_t point)
 {
-    for (int corner = 0; corner < 3; corner++)
-        if (!cut_by_list(in, t->corner[corner]->index, t)) return false;
+    for (int corner = 0; corner < corners; corner++) {
+        const uint32_t i = t->corner[corner]->index, *list = neighbours_list(in->near, i);
+        for (uint32_t k = 0; k < in->near->list_count[i]; k++)
+            if (list[k] == point) return true;
+    }
+    return false;
+}
+
+/* The same when all have their say that are near enough: what is not in the list of one corner is in another's, or in the lists of
+ * those listed. The list of the point at hand has been looked at. */
+static bool is_across_surface_wide(const voronoi_sites *in, uint32_t at_hand, triangle *t)
+{
+    for (int corner = 0; corner < 3; corner++) {
+        const uint32_t i = t->corner[corner]->index;
+        if ((i != at_hand || in->flags) && !cut_by_list(in, i, t)) return false;
+    }
     if (!is_across_surface(t)) return false;
     for (int corner = 0; corner < 3; corner++) {
         uint32_t i = t->corner[corner]->index;
         const uint32_t *list = neighbours_list(in->near, i);
         for (uint32_t k = 0; k < in->near->list_count[i]; k++)
-            if (!cut_by_list(in, list[k], t)) return false;
+            if (!is_listed(in, t, corner, list[k]) && !cut_by_list(in, list[k], t)) return false;
     }
     return is_across_surface(t);
 }
@@ -285,7 +298,7 @@ static bool is_on_surface(const voronoi_sites *in, surroundings *s, const site *
         s->last[1] = t.high_by;
         return false;
     }
-    return t.wide ? is_across_surface_wide(in, &t) : is_across_surface(&t);
+    return t.wide ? is_across_surface_wide(in, s->own.index, &t) : is_across_surface(&t);
 }
 
 /* The cotangent of the angle at p under which a and b are seen. */
