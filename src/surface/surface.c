@@ -6,13 +6,10 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "surface/cell_parts.h"
 #include "surface/projection.h"
 
 #define EDGES 64 /* an edge joins corners a < b: index 8 a + b */
-
-/* Kuhn's decomposition: a tetrahedron for each order of the axes, along a path from corner 0 to 7. */
-static const int tetrahedra[6][4] = {{0, 1, 3, 7}, {0, 1, 5, 7}, {0, 2, 3, 7},
-                                     {0, 2, 6, 7}, {0, 4, 5, 7}, {0, 4, 6, 7}};
 
 static const size_t GRAIN = 256; /* cells in a chunk of work */
 
@@ -27,11 +24,6 @@ static const int EXCESS_DEPTH = 2;
 static const double RISE_LIMIT = 0.25;
 /* Of the cell. */
 static const double ROOT_TOLERANCE = 1e-6;
-/* Of the cell: what such a step of Newton leaves is half its square over the radius of curvature. */
-static const double LAST_STEP = 1.5e-3;
-/* Steps to a root: a few do. */
-static const int ROOT_STEPS = 24;
-static const double EXCESS_LIMIT = 0.2;
 /* Where the normals in a cell part by a smaller cosine the surface bends within it, and triangles as large
  * as the cell cut corners: it is measured by so many parts along each axis. With 0.8 the area of smoke is 3e-3 too
  * small, with 0.9 2e-3, and with every cell in parts the area of fogs is right to 2e-4. */
@@ -40,7 +32,6 @@ static const double BENT_FACING = 0.9;
  * tetrahedra between whose corners no sign changes. Balls of 2.4 voxels are right to 5e-4 then, and 2e-2 too small without.
  * Corners nearer to each other than TOO_NEAR, of a cell, do not tell. */
 static const double BENT_SIZE = 0.3, TOO_NEAR = 0.1;
-enum { PARTS = 4, NODES = PARTS + 1, ALL_NODES = NODES * NODES * NODES };
 /* A triangle that a face of the domain may cut is divided until its sides are this fraction of a cell, and of
  * the domain's shortest side, or so often: what lies between a boundary and its chords goes with the square. */
 static const double CLIP_CELL = 1.0 / 8, CLIP_SIDE = 1.0 / 16;
@@ -56,17 +47,6 @@ static const double LITTLE = 0.1;
 /* Draws for a point of a triangle that lies in the domain, before any point of it does. */
 static const int INSIDE_DRAWS = 200;
 
-typedef struct corner {
-    vec3 position, normal;
-    bool smooth; /* projected, with a normal */
-} corner;
-
-typedef struct triangulation {
-    int count;
-    corner at[FIELD_CELL_TRIANGLES][3];
-    double area[FIELD_CELL_TRIANGLES]; /* of what lies in the domain; points are drawn by it */
-} triangulation;
-
 /* Where the surface cuts an edge that cells of a chunk share, by the edge's ends and F there: the inside first. */
 enum { SHARED_EDGES = 512 }; /* cells that follow each other have about as many */
 typedef struct shared_edge {
@@ -75,22 +55,12 @@ typedef struct shared_edge {
     corner at;
 } shared_edge;
 
-/* Where the surface cuts the edges of a cell's parts: of each node those that go up from it, by the axes that they go along. */
-typedef struct part_roots {
-    uint8_t known[ALL_NODES]; /* by bits */
-    corner at[ALL_NODES][8];
-} part_roots;
-
 /* How the roots on a cell's edges are found. */
 typedef struct cut {
-    const field *field;   /* of F itself; NULL: of a cubic by what is known at the corners */
-    const vec3 *gradient; /* of F at the corners; needed without a field */
+    const field *field;
     const field_cell *cell;
-    double last_step;    /* a step of Newton that is no longer ends at the root */
     shared_edge *shared; /* SHARED_EDGES of them, zeroed before the first cell; may be NULL */
-    part_roots *parts;   /* of a part's neighbours and its own, instead; or NULL */
-    int first;           /* its node */
-    bool is_straight; /* F is taken for linear between corners: near the surface, and nothing is looked up */
+    bool is_straight;    /* F is taken for linear between corners: near the surface, and nothing is looked up */
 } cut;
 
 /* A point near the surface, onto it, if that is within `reach`. */
@@ -106,56 +76,9 @@ static void place_corner(const field *f, vec3 x, double reach, corner *c)
     }
 }
 
-/* F and its gradient at a share of an edge; false where F is not defined. Between known ends a cubic through
- * their values and slopes: along the axes splines are such, and elsewhere its error is of fourth order. */
-static bool look_along(const cut *c, int a, int b, double t, field_sample *out)
+static void find_root(const cut *way, int inside, int outside, corner *c)
 {
-    const vec3 from = c->cell->corner[a], edge = vec3_sub(c->cell->corner[b], from);
-    if (c->field) return field_sample_at(c->field, vec3_axpy(t, edge, from), FIELD_GRADIENT, out);
-    const double f0 = c->cell->value[a], f1 = c->cell->value[b], rise = f1 - f0;
-    const double d0 = vec3_dot(c->gradient[a], edge) - rise, d1 = vec3_dot(c->gradient[b], edge) - rise;
-    out->value = f0 + t * rise + t * (1 - t) * ((1 - t) * d0 - t * d1);
-    out->gradient = vec3_axpy(t, vec3_sub(c->gradient[b], c->gradient[a]), c->gradient[a]);
-    return true;
-}
-
-/* Where the surface cuts an edge: a root between its ends, never elsewhere. Newton's steps would leave the
- * cell where the surface bends within it, and the triangles fold over each other and count twice: they take turns
- * with a false position that halves the value of an end that stays twice (Illinois). */
-static void find_root(const cut *way, int a, int b, corner *c)
-{
-    double low = 0, high = 1, at_low = way->cell->value[a], at_high = way->cell->value[b], newton = -1;
-    const vec3 from = way->cell->corner[a], edge = vec3_sub(way->cell->corner[b], from);
-    const double across = vec3_norm(edge);
-    bool low_is_inside = at_low < 0;
-    int kept = 0; /* which end the last step left alone: -1 low, 1 high */
-    c->smooth = false;
-    for (int k = 0; k < ROOT_STEPS; k++) {
-        field_sample s;
-        double t = low + (high - low) * at_low / (at_low - at_high);
-        if (k & 1 && newton > low && newton < high) t = newton;
-        c->position = vec3_axpy(t, edge, from);
-        if (way->is_straight || !look_along(way, a, b, t, &s)) return;
-        double length = vec3_norm(s.gradient);
-        newton = s.value == 0 ? t : t - s.value / vec3_dot(s.gradient, edge);
-        if (length > 0 && fabs(newton - t) * across <= way->last_step) {
-            c->position = vec3_axpy(fmin(fmax(newton, low), high), edge, from);
-            c->normal = vec3_scale(s.gradient, 1 / length);
-            c->smooth = true;
-            return;
-        }
-        if ((s.value < 0) == low_is_inside) {
-            low = t;
-            at_low = s.value;
-            if (kept == 1) at_high *= 0.5;
-            kept = 1;
-        } else {
-            high = t;
-            at_high = s.value;
-            if (kept == -1) at_low *= 0.5;
-            kept = -1;
-        }
-    }
+    cell_find_root(way->field, way->cell, inside, outside, way->is_straight, c);
 }
 
 /* The root that a cell before has found, if it did. */
@@ -183,25 +106,8 @@ typedef struct edges {
     corner at[EDGES];
 } edges;
 
-/* The node of a part's corner: bits are axes. */
-static int node_of(int first, int k)
-{
-    return first + (k & 1) + ((k >> 1 & 1) + (k >> 2) * NODES) * NODES;
-}
-
-/* Of an edge's ends one is the other and some axes more. */
-static const corner *cut_part_edge(const cut *way, int inside, int outside)
-{
-    const int node = node_of(way->first, inside & outside), axes = inside ^ outside;
-    corner *at = &way->parts->at[node][axes];
-    if (!(way->parts->known[node] >> axes & 1)) find_root(way, inside, outside, at);
-    way->parts->known[node] |= (uint8_t)(1 << axes);
-    return at;
-}
-
 static const corner *cut_edge(const cut *way, edges *e, int inside, int outside)
 {
-    if (way->parts) return cut_part_edge(way, inside, outside);
     const int k = inside < outside ? 8 * inside + outside : 8 * outside + inside;
     if (!(e->known >> k & 1)) (way->shared ? find_shared_root : find_root)(way, inside, outside, &e->at[k]);
     e->known |= (uint64_t)1 << k;
@@ -238,7 +144,7 @@ static double curved_area(const field *f, const corner *t, int depth)
     if (!(area > 0) || !t[0].smooth || !t[1].smooth || !t[2].smooth) return area;
     double excess = curvature_excess(t, twice_area);
     if (fabs(excess) < EXCESS_FINE) return area * (1 + excess);
-    if (depth == EXCESS_DEPTH) return area * (1 + fmin(fmax(excess, -EXCESS_LIMIT), EXCESS_LIMIT));
+    if (depth == EXCESS_DEPTH) return area * (1 + fmin(fmax(excess, -CELL_EXCESS_LIMIT), CELL_EXCESS_LIMIT));
     corner middle[3]; /* opposite of corner k */
     for (int k = 0; k < 3; k++) {
         vec3 p = t[(k + 1) % 3].position, q = t[(k + 2) % 3].position;
@@ -379,25 +285,20 @@ static void cut_cell(const cut *way, triangulation *out)
 {
     const field_cell *cell = way->cell;
     edges e;
+    unsigned inside = 0;
     e.known = 0;
     out->count = 0;
+    for (int k = 0; k < 8; k++) inside |= (unsigned)(cell->value[k] < 0) << k;
     for (int k = 0; k < 6; k++) {
-        int inside[4], outside[4], in = 0, ex = 0;
-        for (int v = 0; v < 4; v++) {
-            int c = tetrahedra[k][v];
-            if (cell->value[c] < 0)
-                inside[in++] = c;
-            else
-                outside[ex++] = c;
-        }
-        if (in == 0 || ex == 0) continue;
+        const uint8_t *passed = cell_rings[cell_inside(inside, k)];
         const corner *ring[4];
-        int n = 0;
-        for (int i = 0; i < in; i++) /* in the order of a ring round the section */
-            for (int j = 0; j < ex; j++)
-                ring[n++] = cut_edge(way, &e, inside[i], outside[in == 2 && i == 1 ? ex - 1 - j : j]);
-        add_triangle(out, ring[0], ring[1], ring[2]);
-        if (n == 4) add_triangle(out, ring[0], ring[2], ring[3]);
+        for (int i = 0; i < passed[0]; i++) {
+            const uint8_t *ends = cell_edges[passed[i + 1]];
+            const int low = cell_tetrahedra[k][ends[0]], high = cell_tetrahedra[k][ends[1]];
+            const bool up = cell->value[low] < 0;
+            ring[i] = cut_edge(way, &e, up ? low : high, up ? high : low);
+        }
+        for (int i = 2; i < passed[0]; i++) add_triangle(out, ring[0], ring[i - 1], ring[i]);
     }
 }
 
@@ -455,93 +356,16 @@ static bool is_bent(const triangulation *t, double cell_size)
     return false;
 }
 
-/* A cell's parts: their corners, and F there. */
-typedef struct part_grid {
-    vec3 node[ALL_NODES], gradient[ALL_NODES];
-    double value[ALL_NODES];
-    part_roots roots;
-} part_grid;
-
-static vec3 part_node(const field_cell *cell, int n)
-{
-    const int at[3] = {n % NODES, n / NODES % NODES, n / NODES / NODES};
-    vec3 node = cell->corner[0];
-    for (int axis = 0; axis < 3; axis++)
-        node = vec3_axpy(at[axis] / (double)PARTS, vec3_sub(cell->corner[1 << axis], cell->corner[0]), node);
-    return node;
-}
-
-/* False where F is not defined. Single precision is enough for an area. */
-static bool sample_parts(const field *f, const field_cell *cell, part_grid *out)
-{
-    for (int first = 0; first < ALL_NODES; first += VEC3_LANES) {
-        vec3_lanes x, gradient;
-        bool defined[VEC3_LANES];
-        double value[VEC3_LANES];
-        for (int l = 0; l < VEC3_LANES; l++) {
-            vec3 node = part_node(cell, first + l < ALL_NODES ? first + l : ALL_NODES - 1);
-            x.x[l] = node.x;
-            x.y[l] = node.y;
-            x.z[l] = node.z;
-            defined[l] = true;
-        }
-        field_sample_lanes(f, &x, defined, value, &gradient);
-        for (int n = first; n < ALL_NODES && n < first + VEC3_LANES; n++) {
-            const int l = n - first;
-            if (!defined[l]) return false;
-            out->node[n] = (vec3){x.x[l], x.y[l], x.z[l]};
-            out->gradient[n] = (vec3){gradient.x[l], gradient.y[l], gradient.z[l]};
-            out->value[n] = value[l];
-        }
-    }
-    return true;
-}
-
-/* The area in a part, by what is known at its corners where the surface has no sharp edges. What `lacking`
- * receives are triangles of it. */
-static double part_area(const field *f, part_grid *grid, int part, triangulation *lacking)
-{
-    int first = part % PARTS + (part / PARTS % PARTS + part / PARTS / PARTS * NODES) * NODES, inside = 0;
-    vec3 gradient[8];
-    field_cell small;
-    const cut way = {.field = f->sharp ? f : NULL,
-                     .gradient = gradient,
-                     .cell = &small,
-                     .last_step = LAST_STEP * f->cell_size,
-                     .parts = &grid->roots,
-                     .first = first};
-    triangulation t;
-    double area = 0;
-    for (int k = 0; k < 8; k++) {
-        const int n = node_of(first, k);
-        small.corner[k] = grid->node[n];
-        small.value[k] = grid->value[n];
-        gradient[k] = grid->gradient[n];
-        inside += small.value[k] < 0;
-    }
-    if (inside == 0 || inside == 8) return 0;
-    cut_cell(&way, &t);
-    for (int i = 0; i < t.count; i++) {
-        area += curved_area(f, t.at[i], EXCESS_DEPTH);
-        if (lacking && lacking->count < FIELD_CELL_TRIANGLES)
-            add_triangle(lacking, &t.at[i][0], &t.at[i][1], &t.at[i][2]);
-    }
-    return area;
-}
-
 /* Measures a cell by its parts; of a cell without triangles `t` takes over some of theirs. What triangles cut
  * off at a sharp edge goes with their size, in the mean of all cells along it: what the parts leave is a third
  * of what they gain. 0 where that comes to nothing. */
 static double measure_parts(const field *f, const field_cell *cell, triangulation *t)
 {
-    part_grid grid;
-    double rough = 0, fine = 0;
-    if (!sample_parts(f, cell, &grid)) return 0;
-    memset(grid.roots.known, 0, sizeof grid.roots.known);
-    triangulation *lacking = t->count == 0 ? t : NULL;
+    double rough = 0;
+    const bool is_lacking = t->count == 0;
     for (int i = 0; f->sharp && i < t->count; i++) rough += curved_area(f, t->at[i], 0);
-    for (int part = 0; part < PARTS * PARTS * PARTS; part++) fine += part_area(f, &grid, part, lacking);
-    return t->count == 0 ? 0 : fmax(f->sharp ? fine + (fine - rough) / (PARTS - 1) : fine, 0);
+    const double fine = cell_parts_area(f, cell, is_lacking ? t : NULL);
+    return t->count == 0 ? 0 : fmax(f->sharp ? fine + (fine - rough) / (CELL_PARTS - 1) : fine, 0);
 }
 
 /* The area of what lies in the domain, and its box. */
@@ -550,7 +374,7 @@ static double measure_cell(const surface *s, size_t index, shared_edge *shared, 
     const field *f = s->field;
     field_cell cell;
     triangulation t;
-    const cut way = {.field = f, .cell = &cell, .last_step = LAST_STEP * f->cell_size, .shared = shared};
+    const cut way = {.field = f, .cell = &cell, .shared = shared};
     double area = 0;
     if (take_triangles(s, index, &t)) return sum_triangles(&t, box);
     surface_cell(s, index, &cell);
@@ -746,10 +570,7 @@ static int cell_triangles(const surface *s, size_t cell, bool is_straight, vec3 
 {
     field_cell place;
     triangulation t;
-    const cut way = {.field = s->field,
-                     .cell = &place,
-                     .last_step = LAST_STEP * s->field->cell_size,
-                     .is_straight = is_straight};
+    const cut way = {.field = s->field, .cell = &place, .is_straight = is_straight};
     if (!take_triangles(s, cell, &t)) {
         surface_cell(s, cell, &place);
         cut_cell(&way, &t);
