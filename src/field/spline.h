@@ -23,7 +23,7 @@ typedef struct spline_jet {
 
 /* Places in cells of their own, and what `gradient_lanes` makes of them. */
 typedef struct spline_lanes {
-    const float *corner[VEC3_LANES];
+    const float *corner[VEC3_LANES]; /* NULL: none, all is 0 there */
     float t[3][VEC3_LANES];
     float f[VEC3_LANES], d[3][VEC3_LANES]; /* as in spline_jet */
 } spline_lanes;

@@ -200,45 +200,72 @@ static inline __attribute__((always_inline)) void VERSION(sum_each)(const narrow
     *out = __builtin_shufflevector(low, high, 0, 2, 4, 6) + __builtin_shufflevector(low, high, 1, 3, 5, 7);
 }
 
-/* F and its derivatives in one lane. */
-static inline __attribute__((always_inline)) void VERSION(lane)(const spline_lanes *in, int l, size_t row,
-                                                                size_t slab, narrow *out)
+/* The sums along the first axis, of the values and of their slopes: of each part of the rows those over the four layers. */
+typedef struct VERSION(sums) {
+    VERSION(rows) value[4 / VERSION_ROWS], along_x[4 / VERSION_ROWS];
+} VERSION(sums);
+
+static inline __attribute__((always_inline)) void
+VERSION(sum_layers)(const float *corner, float t, size_t row, size_t slab, VERSION(sums) * out)
 {
-    enum { PARTS = 4 / VERSION_ROWS };
-    narrow w[3], s[3], sums[4];
-    VERSION(rows) wz, sz, wy[PARTS], sy[PARTS], sum[4][PARTS];
-    for (int axis = 0; axis < 3; axis++) {
-        VERSION(weigh)(&value_cubics, in->t[axis][l], &w[axis]);
-        VERSION(weigh)(&slope_cubics, in->t[axis][l], &s[axis]);
-    }
-    VERSION(spread)(&w[2], &w[1], &wz, wy);
-    VERSION(spread)(&s[2], &s[1], &sz, sy);
+    narrow w, s;
+    VERSION(weigh)(&value_cubics, t, &w);
+    VERSION(weigh)(&slope_cubics, t, &s);
 #pragma GCC unroll 4
-    for (size_t p = 0; p < PARTS; p++) {
+    for (size_t p = 0; p < 4 / VERSION_ROWS; p++) {
         VERSION(rows) value = {0}, along_x = {0};
 #pragma GCC unroll 4
         for (size_t i = 0; i < 4; i++) {
             VERSION(rows) r;
-            VERSION(load_part)(in->corner[l] + i * slab + VERSION_ROWS * p * row, row, &r);
-            value += r * w[0][i];
-            along_x += r * s[0][i];
+            VERSION(load_part)(corner + i * slab + VERSION_ROWS * p * row, row, &r);
+            value += r * w[i];
+            along_x += r * s[i];
         }
+        out->value[p] = value;
+        out->along_x[p] = along_x;
+    }
+}
+
+/* F and its derivatives in one lane. */
+static inline __attribute__((always_inline)) void VERSION(lane)(const VERSION(sums) * along, float t1,
+                                                                float t2, narrow *out)
+{
+    enum { PARTS = 4 / VERSION_ROWS };
+    narrow w[2], s[2], sums[4];
+    VERSION(rows) wz, sz, wy[PARTS], sy[PARTS], sum[4][PARTS];
+    VERSION(weigh)(&value_cubics, t1, &w[0]);
+    VERSION(weigh)(&slope_cubics, t1, &s[0]);
+    VERSION(weigh)(&value_cubics, t2, &w[1]);
+    VERSION(weigh)(&slope_cubics, t2, &s[1]);
+    VERSION(spread)(&w[1], &w[0], &wz, wy);
+    VERSION(spread)(&s[1], &s[0], &sz, sy);
+#pragma GCC unroll 4
+    for (size_t p = 0; p < PARTS; p++) {
         const VERSION(rows) yz = wy[p] * wz;
-        sum[0][p] = value * yz;
-        sum[1][p] = along_x * yz;
-        sum[2][p] = value * (sy[p] * wz);
-        sum[3][p] = value * (wy[p] * sz);
+        sum[0][p] = along->value[p] * yz;
+        sum[1][p] = along->along_x[p] * yz;
+        sum[2][p] = along->value[p] * (sy[p] * wz);
+        sum[3][p] = along->value[p] * (wy[p] * sz);
     }
 #pragma GCC unroll 4
     for (int k = 0; k < 4; k++) VERSION(fold)(sum[k], &sums[k]);
     VERSION(sum_each)(sums, out);
 }
 
+/* Lanes that follow each other with the same cell and first coordinate share the sums along that axis. */
 static void VERSION(gradient_lanes)(spline_lanes *places, size_t row, size_t slab)
 {
+    const float *corner = NULL;
+    float t = 0;
+    VERSION(sums) along = {.value = {{0}}};
     for (int l = 0; l < VEC3_LANES; l++) {
-        narrow jet;
-        VERSION(lane)(places, l, row, slab, &jet);
+        narrow jet = {0};
+        if (places->corner[l] && (places->corner[l] != corner || places->t[0][l] != t)) {
+            corner = places->corner[l];
+            t = places->t[0][l];
+            VERSION(sum_layers)(corner, t, row, slab, &along);
+        }
+        if (places->corner[l]) VERSION(lane)(&along, places->t[1][l], places->t[2][l], &jet);
         places->f[l] = jet[0];
         for (int axis = 0; axis < 3; axis++) places->d[axis][l] = jet[axis + 1];
     }

@@ -47,16 +47,16 @@ typedef struct source {
     const vec3 *normal;
 } source;
 
-ISA_INLINE void load_portable(source from, const uint32_t *const list[], size_t k, row *out)
+ISA_INLINE void load_portable(source from, const uint32_t *const list[], size_t k, size_t lanes, row *out)
 {
-    for (size_t l = 0; from.place && l < LANES; l++) {
+    for (size_t l = 0; from.place && l < lanes; l++) {
         const neighbours_place *p = &from.place[list[l][k]];
         out->x[l] = p->x;
         out->y[l] = p->y;
         out->z[l] = p->z;
         out->size[l] = p->size;
     }
-    for (size_t l = 0; from.normal && l < LANES; l++) {
+    for (size_t l = 0; from.normal && l < lanes; l++) {
         const vec3 *n = &from.normal[list[l][k]];
         out->nx[l] = (float)n->x;
         out->ny[l] = (float)n->y;
@@ -75,9 +75,31 @@ ISA_INLINE __m128i four_at(source from, const uint32_t *list, size_t k)
 
 /* Place by place, and turned in registers: a vector that is read where numbers were written one by one waits
  * until all of them are in the cache. */
-ISA_TARGET_AVX512 static inline __attribute__((always_inline)) void
-load_avx512(source from, const uint32_t *const list[], size_t k, row *out)
+ISA_TARGET_AVX2 static inline __attribute__((always_inline)) void
+load_avx2(source from, const uint32_t *const list[], size_t k, size_t lanes, row *out)
 {
+    for (size_t half = 0; half < lanes; half += 8) {
+        __m256i p[4];
+        for (size_t q = 0; q < 4; q++) { /* lanes q and 4 + q */
+            p[q] = _mm256_castsi128_si256(four_at(from, list[half + q], k));
+            p[q] = _mm256_inserti128_si256(p[q], four_at(from, list[half + 4 + q], k), 1);
+        }
+        __m256i xy01 = _mm256_unpacklo_epi32(p[0], p[1]), xy23 = _mm256_unpacklo_epi32(p[2], p[3]),
+                zs01 = _mm256_unpackhi_epi32(p[0], p[1]), zs23 = _mm256_unpackhi_epi32(p[2], p[3]);
+        _mm256_store_si256((__m256i *)(out->x + half), _mm256_unpacklo_epi64(xy01, xy23));
+        _mm256_store_si256((__m256i *)(out->y + half), _mm256_unpackhi_epi64(xy01, xy23));
+        _mm256_store_si256((__m256i *)(out->z + half), _mm256_unpacklo_epi64(zs01, zs23));
+        _mm256_store_si256((__m256i *)(out->size + half), _mm256_unpackhi_epi64(zs01, zs23));
+    }
+}
+
+ISA_TARGET_AVX512 static inline __attribute__((always_inline)) void
+load_avx512(source from, const uint32_t *const list[], size_t k, size_t lanes, row *out)
+{
+    if (lanes < LANES) {
+        load_avx2(from, list, k, lanes, out);
+        return;
+    }
     __m512i p[4];
     for (size_t q = 0; q < 4; q++) { /* lanes q, 4 + q, 8 + q, 12 + q */
         p[q] = _mm512_castsi128_si512(four_at(from, list[q], k));
@@ -91,24 +113,6 @@ load_avx512(source from, const uint32_t *const list[], size_t k, row *out)
     _mm512_store_si512(out->y, _mm512_unpackhi_epi64(xy01, xy23));
     _mm512_store_si512(out->z, _mm512_unpacklo_epi64(zs01, zs23));
     _mm512_store_si512(out->size, _mm512_unpackhi_epi64(zs01, zs23));
-}
-
-ISA_TARGET_AVX2 static inline __attribute__((always_inline)) void
-load_avx2(source from, const uint32_t *const list[], size_t k, row *out)
-{
-    for (size_t half = 0; half < LANES; half += 8) {
-        __m256i p[4];
-        for (size_t q = 0; q < 4; q++) { /* lanes q and 4 + q */
-            p[q] = _mm256_castsi128_si256(four_at(from, list[half + q], k));
-            p[q] = _mm256_inserti128_si256(p[q], four_at(from, list[half + 4 + q], k), 1);
-        }
-        __m256i xy01 = _mm256_unpacklo_epi32(p[0], p[1]), xy23 = _mm256_unpacklo_epi32(p[2], p[3]),
-                zs01 = _mm256_unpackhi_epi32(p[0], p[1]), zs23 = _mm256_unpackhi_epi32(p[2], p[3]);
-        _mm256_store_si256((__m256i *)(out->x + half), _mm256_unpacklo_epi64(xy01, xy23));
-        _mm256_store_si256((__m256i *)(out->y + half), _mm256_unpackhi_epi64(xy01, xy23));
-        _mm256_store_si256((__m256i *)(out->z + half), _mm256_unpacklo_epi64(zs01, zs23));
-        _mm256_store_si256((__m256i *)(out->size + half), _mm256_unpackhi_epi64(zs01, zs23));
-    }
 }
 #else
 #define load_avx2 load_portable
@@ -207,10 +211,10 @@ ISA_INLINE void add_row(const row *b, const row *n, uint32_t k, const fast_kerne
 
 /* The energies alone. */
 ISA_INLINE void add_energy(const row *b, const row *n, uint32_t k, const fast_kernel_particles *own,
-                           const scales *s, float reach, float *out)
+                           const scales *s, float reach, size_t lanes, float *out)
 {
     const float farthest = (float)(M_PI_2 * M_PI_2), nearest = farthest * CLOSEST * CLOSEST;
-    for (int l = 0; l < LANES; l++) {
+    for (size_t l = 0; l < lanes; l++) {
         float dx = (float)(own->x[l] - b->x[l]), dy = (float)(own->y[l] - b->y[l]),
               dz = (float)(own->z[l] - b->z[l]);
         float sizes = own->size[l] + b->size[l], scale = reach / sizes, share = sizes * s->half_own[l];
@@ -310,18 +314,19 @@ ISA_INLINE float reach_of(const fast_kernel_params *params)
         row b, n;                                                                                           \
         set_up(particles, reach, &s, &sums);                                                                \
         for (uint32_t k = 0; !params->normal && k < most; k++) {                                            \
-            load_##isa((source){.place = place}, particles->list, k, &b);                                   \
+            load_##isa((source){.place = place}, particles->list, k, LANES, &b);                            \
             add_row(&b, NULL, k, particles, &s, reach, &sums);                                              \
         }                                                                                                   \
         for (uint32_t k = 0; params->normal && k < most; k++) {                                             \
-            load_##isa((source){.place = place}, particles->list, k, &b);                                   \
-            load_##isa((source){.normal = params->normal}, particles->list, k, &n);                         \
+            load_##isa((source){.place = place}, particles->list, k, LANES, &b);                            \
+            load_##isa((source){.normal = params->normal}, particles->list, k, LANES, &n);                  \
             add_row(&b, &n, k, particles, &s, reach, &sums);                                                \
         }                                                                                                   \
         *out = sums;                                                                                        \
     }                                                                                                       \
-    target static void energy_##isa(const neighbours_place *place, const fast_kernel_particles *particles,  \
-                                    const fast_kernel_params *params, float out[LANES])                     \
+    target static inline __attribute__((always_inline)) void energies_##isa(                                \
+        const neighbours_place *place, const fast_kernel_particles *particles,                              \
+        const fast_kernel_params *params, size_t lanes, float out[LANES])                                   \
     {                                                                                                       \
         const float reach = reach_of(params);                                                               \
         const uint32_t most = most_neighbours(particles);                                                   \
@@ -331,15 +336,23 @@ ISA_INLINE float reach_of(const fast_kernel_params *params)
         row b, n;                                                                                           \
         set_up(particles, reach, &s, &unused);                                                              \
         for (uint32_t k = 0; !params->normal && k < most; k++) {                                            \
-            load_##isa((source){.place = place}, particles->list, k, &b);                                   \
-            add_energy(&b, NULL, k, particles, &s, reach, sums);                                            \
+            load_##isa((source){.place = place}, particles->list, k, lanes, &b);                            \
+            add_energy(&b, NULL, k, particles, &s, reach, lanes, sums);                                     \
         }                                                                                                   \
         for (uint32_t k = 0; params->normal && k < most; k++) {                                             \
-            load_##isa((source){.place = place}, particles->list, k, &b);                                   \
-            load_##isa((source){.normal = params->normal}, particles->list, k, &n);                         \
-            add_energy(&b, &n, k, particles, &s, reach, sums);                                              \
+            load_##isa((source){.place = place}, particles->list, k, lanes, &b);                            \
+            load_##isa((source){.normal = params->normal}, particles->list, k, lanes, &n);                  \
+            add_energy(&b, &n, k, particles, &s, reach, lanes, sums);                                       \
         }                                                                                                   \
-        for (int l = 0; l < LANES; l++) out[l] = sums[l];                                                   \
+        for (size_t l = 0; l < lanes; l++) out[l] = sums[l];                                                \
+    }                                                                                                       \
+    target static void energy_##isa(const neighbours_place *place, const fast_kernel_particles *particles,  \
+                                    const fast_kernel_params *params, size_t count, float out[LANES])       \
+    {                                                                                                       \
+        if (count > LANES / 2)                                                                              \
+            energies_##isa(place, particles, params, LANES, out);                                           \
+        else                                                                                                \
+            energies_##isa(place, particles, params, LANES / 2, out);                                       \
     }                                                                                                       \
     target static void step_##isa(const fast_kernel_particles *particles, const fast_kernel_forces *forces, \
                                   const fast_kernel_params *params, fast_kernel_way *out)                   \

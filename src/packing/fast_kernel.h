@@ -81,9 +81,10 @@ typedef struct fast_kernel {
     /* The Newton step onto the surface. */
     void (*land)(const fast_kernel_particles *particles, const fast_kernel_params *params,
                  fast_kernel_way *way);
-    /* E_i over size^2 at the places and normals of `particles`, as `forces` has it. */
+    /* E_i over size^2 at the places and normals of the first `count` of `particles`, as `forces` has it; a half of the lanes takes
+     * half of the time. */
     void (*energy)(const neighbours_place *place, const fast_kernel_particles *particles,
-                   const fast_kernel_params *params, float out[FAST_KERNEL_LANES]);
+                   const fast_kernel_params *params, size_t count, float out[FAST_KERNEL_LANES]);
 } fast_kernel;
 
 const fast_kernel *fast_kernel_for(isa which);

@@ -296,7 +296,8 @@ typedef struct candidates {
     uint32_t *item;
 } candidates;
 
-typedef size_t (*finder)(const candidates *s, neighbours_place own, uint32_t i, float cutoff2, uint32_t *found);
+typedef size_t (*finder)(const candidates *s, neighbours_place own, uint32_t i, float cutoff2,
+                         uint32_t *found);
 
 /* What one worker needs to list the neighbours of a block's points. */
 typedef struct list_search {
@@ -306,11 +307,12 @@ typedef struct list_search {
         uint64_t key;
         const uint32_t *cells;
     } last[NEIGHBOURS_LEVELS]; /* of other levels, the blocks that were asked for last */
-    place at;        /* of the bin at hand */
-    candidates near; /* points that may be neighbours of its points */
-    candidates all;  /* where bins are of one level, the points of the block and of the bins next to it, cell after cell */
+    place at;                  /* of the bin at hand */
+    candidates near;           /* points that may be neighbours of its points */
+    candidates
+        all; /* where bins are of one level, the points of the block and of the bins next to it, cell after cell */
     uint32_t cell_begin[WIDE_CELLS + 1]; /* of these */
-    size_t entries, entry_capacity; /* the lists, one after the other */
+    size_t entries, entry_capacity;      /* the lists, one after the other */
     uint32_t *entry;
 } list_search;
 
@@ -335,8 +337,9 @@ ISA_INLINE size_t pack(const uint32_t hit[LANES], const uint32_t *item, size_t c
 
 #ifdef __x86_64__
 /* The entries of which the bit is set, first. */
-static const int32_t packed[16][4] = {{0, 0, 0, 0}, {0, 0, 0, 0}, {1, 0, 0, 0}, {0, 1, 0, 0}, {2, 0, 0, 0}, {0, 2, 0, 0},
-                                      {1, 2, 0, 0}, {0, 1, 2, 0}, {3, 0, 0, 0}, {0, 3, 0, 0}, {1, 3, 0, 0}, {0, 1, 3, 0},
+static const int32_t packed[16][4] = {{0, 0, 0, 0}, {0, 0, 0, 0}, {1, 0, 0, 0}, {0, 1, 0, 0},
+                                      {2, 0, 0, 0}, {0, 2, 0, 0}, {1, 2, 0, 0}, {0, 1, 2, 0},
+                                      {3, 0, 0, 0}, {0, 3, 0, 0}, {1, 3, 0, 0}, {0, 1, 3, 0},
                                       {2, 3, 0, 0}, {0, 2, 3, 0}, {1, 2, 3, 0}, {0, 1, 2, 3}};
 
 ISA_TARGET_AVX2 static inline size_t pack_avx2(const uint32_t hit[LANES], const uint32_t *item, size_t count,
@@ -538,8 +541,8 @@ static void gather_block(list_search *s)
                 const int at[3] = {i + BLOCK_WIDTH, j + BLOCK_WIDTH, k + BLOCK_WIDTH}, mask = BLOCK_WIDTH - 1;
                 const uint32_t *cells = s->around[((at[2] >> BLOCK_SHIFT) * 3 + (at[1] >> BLOCK_SHIFT)) * 3 +
                                                   (at[0] >> BLOCK_SHIFT)];
-                const uint32_t cell = cells[((at[2] & mask) << BLOCK_SHIFT | (at[1] & mask)) << BLOCK_SHIFT |
-                                            (at[0] & mask)];
+                const uint32_t cell =
+                    cells[((at[2] & mask) << BLOCK_SHIFT | (at[1] & mask)) << BLOCK_SHIFT | (at[0] & mask)];
                 *begin++ = (uint32_t)s->all.count;
                 if (cell) add_bin(s->n, &s->all, cell - 1);
             }

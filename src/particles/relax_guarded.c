@@ -68,22 +68,40 @@ static void land(const sweep_job *job, trial *t)
     for (size_t l = 0; l < FAST_KERNEL_LANES; l++) t->way.ends_well[l] = landed[l];
 }
 
-/* The energies where the open lanes have landed. */
+/* Lane l of t, where it has landed, as lane k. */
+static void move_lane(const sweep_job *job, const trial *t, size_t l, size_t k, fast_kernel_particles *out)
+{
+    const vec3 x = {t->way.to.x[l], t->way.to.y[l], t->way.to.z[l]};
+    const neighbours_place place = neighbours_place_of(job->r->near, x, t->own.size[l]);
+    out->list[k] = t->own.list[l];
+    out->count[k] = t->own.count[l];
+    out->x[k] = place.x;
+    out->y[k] = place.y;
+    out->z[k] = place.z;
+    out->size[k] = place.size;
+    out->normal.x[k] = t->way.gradient.x[l];
+    out->normal.y[k] = t->way.gradient.y[l];
+    out->normal.z[k] = t->way.gradient.z[l];
+}
+
+/* The energies where the open lanes have landed, which are few the second time: they move up. */
 static void look(const sweep_job *job, const trial *t, float energy[FAST_KERNEL_LANES])
 {
-    fast_kernel_particles there = t->own;
+    fast_kernel_particles there;
+    size_t lane[FAST_KERNEL_LANES], count = 0;
+    float found[FAST_KERNEL_LANES];
     for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {
         if (!t->open[l] || !t->way.ends_well[l]) continue;
-        const vec3 x = {t->way.to.x[l], t->way.to.y[l], t->way.to.z[l]};
-        const neighbours_place place = neighbours_place_of(job->r->near, x, t->own.size[l]);
-        there.x[l] = place.x;
-        there.y[l] = place.y;
-        there.z[l] = place.z;
-        there.normal.x[l] = t->way.gradient.x[l];
-        there.normal.y[l] = t->way.gradient.y[l];
-        there.normal.z[l] = t->way.gradient.z[l];
+        move_lane(job, t, l, count, &there);
+        lane[count++] = l;
     }
-    job->r->fast->energy(job->r->near->place, &there, &t->params, energy);
+    if (count == 0) return;
+    for (size_t k = count; k < FAST_KERNEL_LANES; k++) {
+        move_lane(job, t, lane[0], k, &there);
+        there.count[k] = 0;
+    }
+    job->r->fast->energy(job->r->near->place, &there, &t->params, count, found);
+    for (size_t k = 0; k < count; k++) energy[lane[k]] = found[k];
 }
 
 /* The lanes that have something to gain and may move; the others are done with. */
@@ -110,7 +128,7 @@ static void begin_trial(const sweep_job *job, const uint32_t *items, double gain
 static void end_trial(const sweep_job *job, const uint32_t *items, double gain, bool first, trial *t,
                       block_sums *sums)
 {
-    float energy[FAST_KERNEL_LANES];
+    float energy[FAST_KERNEL_LANES]; /* of lanes that have landed */
     land(job, t);
     look(job, t, energy);
     for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {

@@ -18,7 +18,7 @@ static void sum_energies(const sweep_job *job, const vec3 *normal, const uint32_
     float energy[FAST_KERNEL_LANES];
     if (count == 0) return;
     relax_line_up(job->r, job->p, items, count, &own);
-    job->r->fast->energy(job->r->near->place, &own, &params, energy);
+    job->r->fast->energy(job->r->near->place, &own, &params, count, energy);
     for (size_t l = 0; l < count; l++) job->p->energy[items[l]] = (double)energy[l];
 }
 

@@ -10,7 +10,8 @@ enum {
     ALL_NODES = NODES * LAYER,
     AXES = 8, /* sets of them, by bits: which way an edge goes */
     /* Of all parts' edges: along one axis, two or three. */
-    EDGES = 3 * CELL_PARTS * NODES * NODES + 3 * CELL_PARTS * CELL_PARTS * NODES + CELL_PARTS * CELL_PARTS * CELL_PARTS,
+    EDGES = 3 * CELL_PARTS * NODES * NODES + 3 * CELL_PARTS * CELL_PARTS * NODES +
+            CELL_PARTS * CELL_PARTS * CELL_PARTS,
     TRIANGLES = CELL_PARTS * CELL_PARTS * CELL_PARTS * FIELD_CELL_TRIANGLES,
     SIDE_BY_SIDE = 8
 };
@@ -23,12 +24,13 @@ typedef struct part_nodes {
 } part_nodes;
 
 /* From a node along some axes, bits: how far that is in a layer, and which nodes of a layer have one there. */
-#define STEP(axes) (((axes) & 1) + ((axes) >> 1 & 1) * NODES)
+#define STEP(axes) (((axes)&1) + ((axes) >> 1 & 1) * NODES)
 static const uint32_t have_step[4] = {0x1ffffff, 0xf7bdef, 0xfffff, 0x7bdef};
 
 /* Edges side by side: from the end inside, where F and its slope are the first, to that outside. */
 typedef struct edge_lanes {
-    double x[SIDE_BY_SIDE], y[SIDE_BY_SIDE], z[SIDE_BY_SIDE], dx[SIDE_BY_SIDE], dy[SIDE_BY_SIDE], dz[SIDE_BY_SIDE];
+    double x[SIDE_BY_SIDE], y[SIDE_BY_SIDE], z[SIDE_BY_SIDE], dx[SIDE_BY_SIDE], dy[SIDE_BY_SIDE],
+        dz[SIDE_BY_SIDE];
     double gx[SIDE_BY_SIDE], gy[SIDE_BY_SIDE], gz[SIDE_BY_SIDE]; /* the gradients at the ends */
     double tx[SIDE_BY_SIDE], ty[SIDE_BY_SIDE], tz[SIDE_BY_SIDE];
     double f0[SIDE_BY_SIDE], f1[SIDE_BY_SIDE];
@@ -40,7 +42,7 @@ typedef struct roots {
     double x[EDGES + SIDE_BY_SIDE], y[EDGES + SIDE_BY_SIDE], z[EDGES + SIDE_BY_SIDE];
     double nx[EDGES + SIDE_BY_SIDE], ny[EDGES + SIDE_BY_SIDE], nz[EDGES + SIDE_BY_SIDE];
     double smooth[EDGES + SIDE_BY_SIDE]; /* 1 or 0 */
-    uint16_t of[ALL_NODES * AXES];       /* of the edges that go up from a node, by the axes that they go along */
+    uint16_t of[ALL_NODES * AXES]; /* of the edges that go up from a node, by the axes that they go along */
 } roots;
 
 /* The triangles of the parts, part after part, by their roots. */
@@ -54,8 +56,15 @@ static vec3 part_node(const field_cell *cell, int n)
     const int at[3] = {n % NODES, n / NODES % NODES, n / NODES / NODES};
     vec3 node = cell->corner[0];
     for (int axis = 0; axis < 3; axis++)
-        node = vec3_axpy(at[axis] / (double)CELL_PARTS, vec3_sub(cell->corner[1 << axis], cell->corner[0]), node);
+        node = vec3_axpy(at[axis] / (double)CELL_PARTS, vec3_sub(cell->corner[1 << axis], cell->corner[0]),
+                         node);
     return node;
+}
+
+/* The n-th node to ask for F, along the last axis first: fields may share what nodes of one place along the first have in common. */
+static int node_in_turn(int n)
+{
+    return n % NODES * LAYER + n / NODES % NODES * NODES + n / LAYER;
 }
 
 /* False where F is not defined. Single precision is enough for an area. */
@@ -67,15 +76,15 @@ static bool sample_parts(const field *f, const field_cell *cell, part_nodes *out
         bool defined[VEC3_LANES];
         double value[VEC3_LANES];
         for (int l = 0; l < VEC3_LANES; l++) {
-            vec3 node = part_node(cell, first + l < ALL_NODES ? first + l : ALL_NODES - 1);
+            vec3 node = part_node(cell, node_in_turn(first + l < ALL_NODES ? first + l : ALL_NODES - 1));
             x.x[l] = node.x;
             x.y[l] = node.y;
             x.z[l] = node.z;
             defined[l] = true;
         }
         field_sample_lanes(f, &x, defined, value, &gradient);
-        for (int n = first; n < ALL_NODES && n < first + VEC3_LANES; n++) {
-            const int l = n - first;
+        for (int l = 0; l < VEC3_LANES && first + l < ALL_NODES; l++) {
+            const int n = node_in_turn(first + l);
             if (!defined[l]) return false;
             out->at[n] = (vec3){x.x[l], x.y[l], x.z[l]};
             out->gradient[n] = (vec3){gradient.x[l], gradient.y[l], gradient.z[l]};
@@ -86,7 +95,8 @@ static bool sample_parts(const field *f, const field_cell *cell, part_nodes *out
     return true;
 }
 
-void cell_find_root(const field *f, const field_cell *cell, int inside, int outside, bool is_straight, corner *out)
+void cell_find_root(const field *f, const field_cell *cell, int inside, int outside, bool is_straight,
+                    corner *out)
 {
     const double last_step = CELL_LAST_STEP * f->cell_size;
     double low = 0, high = 1, at_low = cell->value[inside], at_high = cell->value[outside], newton = -1;
@@ -126,9 +136,10 @@ void cell_find_root(const field *f, const field_cell *cell, int inside, int outs
  * error is of fourth order. The gradient between is taken for linear. */
 ISA_CLONES static void find_roots(const edge_lanes *e, double last_step, int first, roots *out)
 {
-    double low[SIDE_BY_SIDE], high[SIDE_BY_SIDE], at_low[SIDE_BY_SIDE], at_high[SIDE_BY_SIDE], newton[SIDE_BY_SIDE],
-        kept[SIDE_BY_SIDE], done[SIDE_BY_SIDE], end[SIDE_BY_SIDE], rise[SIDE_BY_SIDE], d0[SIDE_BY_SIDE],
-        d1[SIDE_BY_SIDE], across[SIDE_BY_SIDE], nx[SIDE_BY_SIDE], ny[SIDE_BY_SIDE], nz[SIDE_BY_SIDE];
+    double low[SIDE_BY_SIDE], high[SIDE_BY_SIDE], at_low[SIDE_BY_SIDE], at_high[SIDE_BY_SIDE],
+        newton[SIDE_BY_SIDE], kept[SIDE_BY_SIDE], done[SIDE_BY_SIDE], end[SIDE_BY_SIDE], rise[SIDE_BY_SIDE],
+        d0[SIDE_BY_SIDE], d1[SIDE_BY_SIDE], across[SIDE_BY_SIDE], nx[SIDE_BY_SIDE], ny[SIDE_BY_SIDE],
+        nz[SIDE_BY_SIDE];
     for (int l = 0; l < SIDE_BY_SIDE; l++) {
         low[l] = kept[l] = done[l] = end[l] = nx[l] = ny[l] = nz[l] = 0;
         high[l] = 1;
@@ -146,14 +157,16 @@ ISA_CLONES static void find_roots(const edge_lanes *e, double last_step, int fir
         const double odd = k & 1;
         for (int l = 0; l < SIDE_BY_SIDE; l++) {
             const double straight = low[l] + (high[l] - low[l]) * at_low[l] / (at_low[l] - at_high[l]);
-            const double between = newton[l] < high[l] ? odd : 0, t = newton[l] > low[l] && between > 0 ? newton[l] : straight;
-            const double value =
-                e->f0[l] + t * rise[l] + t * (1 - t) * ((1 - t) * d0[l] - t * d1[l]);
+            const double between = newton[l] < high[l] ? odd : 0,
+                         t = newton[l] > low[l] && between > 0 ? newton[l] : straight;
+            const double value = e->f0[l] + t * rise[l] + t * (1 - t) * ((1 - t) * d0[l] - t * d1[l]);
             const double gx = e->gx[l] + t * (e->tx[l] - e->gx[l]), gy = e->gy[l] + t * (e->ty[l] - e->gy[l]),
                          gz = e->gz[l] + t * (e->tz[l] - e->gz[l]);
             const double length = sqrt(gx * gx + gy * gy + gz * gz);
-            const double step = t - value / (gx * e->dx[l] + gy * e->dy[l] + gz * e->dz[l]), next = value == 0 ? t : step;
-            const double is_near = fabs(next - t) * across[l] <= last_step ? 1.0 : 0.0, found = length > 0 ? is_near : 0.0;
+            const double step = t - value / (gx * e->dx[l] + gy * e->dy[l] + gz * e->dz[l]),
+                         next = value == 0 ? t : step;
+            const double is_near = fabs(next - t) * across[l] <= last_step ? 1.0 : 0.0,
+                         found = length > 0 ? is_near : 0.0;
             const double above = next > low[l] ? next : low[l], within = above < high[l] ? above : high[l];
             const double place = found > 0 ? within : t, over = 1 / length;
             end[l] = done[l] > 0 ? end[l] : place;
@@ -244,7 +257,8 @@ static void cut_edges(const field *f, const part_nodes *n, roots *out)
     out->count = 0;
     for (int axes = 1; axes < AXES; axes++)
         for (int layer = 0; layer + (axes >> 2) < NODES; layer++) {
-            uint32_t cut = (n->inside[layer] ^ n->inside[layer + (axes >> 2)] >> STEP(axes)) & have_step[axes & 3];
+            uint32_t cut =
+                (n->inside[layer] ^ n->inside[layer + (axes >> 2)] >> STEP(axes)) & have_step[axes & 3];
             for (; cut; cut &= cut - 1) cut_edge(f, n, layer * LAYER + __builtin_ctz(cut), axes, &lanes, out);
         }
     if (!f->sharp && out->count % SIDE_BY_SIDE > 0) /* and some of those before once more */
@@ -253,9 +267,13 @@ static void cut_edges(const field *f, const part_nodes *n, roots *out)
 
 /* An edge of a part that begins at corner a and ends at b, as `of` of roots counts it from the part's first node. */
 #define EDGE(a, b) ((STEP(a) + ((a) >> 2) * LAYER) * AXES + ((a) ^ (b)))
-#define TETRAHEDRON(a, b, c, d) {EDGE(a, b), EDGE(a, c), EDGE(a, d), EDGE(b, c), EDGE(b, d), EDGE(c, d)}
-static const uint16_t part_edges[6][6] = {TETRAHEDRON(0, 1, 3, 7), TETRAHEDRON(0, 1, 5, 7), TETRAHEDRON(0, 2, 3, 7),
-                                          TETRAHEDRON(0, 2, 6, 7), TETRAHEDRON(0, 4, 5, 7), TETRAHEDRON(0, 4, 6, 7)};
+#define TETRAHEDRON(a, b, c, d)                                                \
+    {                                                                          \
+        EDGE(a, b), EDGE(a, c), EDGE(a, d), EDGE(b, c), EDGE(b, d), EDGE(c, d) \
+    }
+static const uint16_t part_edges[6][6] = {TETRAHEDRON(0, 1, 3, 7), TETRAHEDRON(0, 1, 5, 7),
+                                          TETRAHEDRON(0, 2, 3, 7), TETRAHEDRON(0, 2, 6, 7),
+                                          TETRAHEDRON(0, 4, 5, 7), TETRAHEDRON(0, 4, 6, 7)};
 
 static void cut_part(const part_nodes *n, const roots *r, int layer, int first, part_triangles *out)
 {
@@ -309,19 +327,24 @@ ISA_CLONES static void measure_triangles(const triangle_lanes *t, double out[SID
 #pragma GCC unroll 3
         for (int k = 0; k < 3; k++) {
             const int o = k, p = (k + 1) % 3, q = (k + 2) % 3;
-            const double ex = t->x[q][l] - t->x[p][l], ey = t->y[q][l] - t->y[p][l], ez = t->z[q][l] - t->z[p][l];
+            const double ex = t->x[q][l] - t->x[p][l], ey = t->y[q][l] - t->y[p][l],
+                         ez = t->z[q][l] - t->z[p][l];
             const double l2 = ex * ex + ey * ey + ez * ez;
             const double turn = ex * (t->nx[q][l] - t->nx[p][l]) + ey * (t->ny[q][l] - t->ny[p][l]) +
                                 ez * (t->nz[q][l] - t->nz[p][l]);
-            const double px = t->x[p][l] - t->x[o][l], py = t->y[p][l] - t->y[o][l], pz = t->z[p][l] - t->z[o][l];
-            const double qx = t->x[q][l] - t->x[o][l], qy = t->y[q][l] - t->y[o][l], qz = t->z[q][l] - t->z[o][l];
+            const double px = t->x[p][l] - t->x[o][l], py = t->y[p][l] - t->y[o][l],
+                         pz = t->z[p][l] - t->z[o][l];
+            const double qx = t->x[q][l] - t->x[o][l], qy = t->y[q][l] - t->y[o][l],
+                         qz = t->z[q][l] - t->z[o][l];
             const double cot = (px * qx + py * qy + pz * qz) / (2 * area);
             const double more = cot / 4 * (turn * turn / l2) * l2 / 12;
             squares += l2;
             sum += l2 > 0 ? more : 0.0;
         }
-        const double ax = t->nx[1][l] - t->nx[0][l], ay = t->ny[1][l] - t->ny[0][l], az = t->nz[1][l] - t->nz[0][l];
-        const double bx = t->nx[2][l] - t->nx[0][l], by = t->ny[2][l] - t->ny[0][l], bz = t->nz[2][l] - t->nz[0][l];
+        const double ax = t->nx[1][l] - t->nx[0][l], ay = t->ny[1][l] - t->ny[0][l],
+                     az = t->nz[1][l] - t->nz[0][l];
+        const double bx = t->nx[2][l] - t->nx[0][l], by = t->ny[2][l] - t->ny[0][l],
+                     bz = t->nz[2][l] - t->nz[0][l];
         const double turns = (ay * bz - az * by) * wx + (az * bx - ax * bz) * wy + (ax * by - ay * bx) * wz;
         const double excess = sum / area + turns / twice2 * squares / 24;
         const double above = excess > -CELL_EXCESS_LIMIT ? excess : -CELL_EXCESS_LIMIT;

@@ -35,9 +35,22 @@ static const uint8_t cell_tetrahedra[6][4] = {{0, 1, 3, 7}, {0, 1, 5, 7}, {0, 2,
 /* The edges of a tetrahedron, by their ends' places on the path. */
 static const uint8_t cell_edges[6][2] = {{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}};
 /* How many edges the surface passes and which, in the order of a ring round the section, by which corners are inside (bits). */
-static const uint8_t cell_rings[16][5] = {
-    {0},          {3, 0, 1, 2}, {3, 0, 3, 4}, {4, 1, 2, 4, 3}, {3, 1, 3, 5}, {4, 0, 2, 5, 3}, {4, 0, 4, 5, 1}, {3, 2, 4, 5},
-    {3, 2, 4, 5}, {4, 0, 1, 5, 4}, {4, 0, 3, 5, 2}, {3, 1, 3, 5}, {4, 1, 3, 4, 2}, {3, 0, 3, 4}, {3, 0, 1, 2}, {0}};
+static const uint8_t cell_rings[16][5] = {{0},
+                                          {3, 0, 1, 2},
+                                          {3, 0, 3, 4},
+                                          {4, 1, 2, 4, 3},
+                                          {3, 1, 3, 5},
+                                          {4, 0, 2, 5, 3},
+                                          {4, 0, 4, 5, 1},
+                                          {3, 2, 4, 5},
+                                          {3, 2, 4, 5},
+                                          {4, 0, 1, 5, 4},
+                                          {4, 0, 3, 5, 2},
+                                          {3, 1, 3, 5},
+                                          {4, 1, 3, 4, 2},
+                                          {3, 0, 3, 4},
+                                          {3, 0, 1, 2},
+                                          {0}};
 
 /* Which corners of a tetrahedron are inside, by those of its cell. */
 static inline unsigned cell_inside(unsigned corners, int tetrahedron)
@@ -52,6 +65,7 @@ double cell_parts_area(const field *f, const field_cell *cell, triangulation *la
 
 /* Where the surface cuts an edge by F itself, between ends inside and outside: a root between them, never elsewhere. With
  * `is_straight` F is taken for linear there, and nothing is looked up. */
-void cell_find_root(const field *f, const field_cell *cell, int inside, int outside, bool is_straight, corner *out);
+void cell_find_root(const field *f, const field_cell *cell, int inside, int outside, bool is_straight,
+                    corner *out);
 
 #endif

@@ -60,7 +60,7 @@ typedef struct cut {
     const field *field;
     const field_cell *cell;
     shared_edge *shared; /* SHARED_EDGES of them, zeroed before the first cell; may be NULL */
-    bool is_straight;    /* F is taken for linear between corners: near the surface, and nothing is looked up */
+    bool is_straight; /* F is taken for linear between corners: near the surface, and nothing is looked up */
 } cut;
 
 /* A point near the surface, onto it, if that is within `reach`. */

@@ -156,7 +156,7 @@ static double side(const field *f, vec3 x)
     return 1;
 }
 
-/* The lanes' cells; those that are not defined get some cell. */
+/* The lanes' cells; those that are not defined get none. */
 static void find_cells(const volume *v, const vec3_lanes *x, bool *defined, spline_lanes *out)
 {
     double p[3][VEC3_LANES];
@@ -185,8 +185,7 @@ static void find_cells(const volume *v, const vec3_lanes *x, bool *defined, spli
             memcpy(last, block, sizeof last);
         }
         defined[l] = within && n != BLOCK_MAP_NONE;
-        out->corner[l] =
-            defined[l] ? brick_cell(v->coefficients, n, cell[0], cell[1], cell[2]) : v->coefficients;
+        out->corner[l] = defined[l] ? brick_cell(v->coefficients, n, cell[0], cell[1], cell[2]) : NULL;
     }
 }
 

@@ -148,7 +148,7 @@ static void turning_is_the_slope_of_the_energy(void **state)
         for (int side = 0; side < 2; side++) {
             for (size_t l = 0; l < LANES; l++)
                 f.particles.normal.x[l] = own.normal.x[l] + (side - 0.5) * step;
-            fast_kernel_for(isa_best())->energy(f.place, &f.particles, &f.params, energy[side]);
+            fast_kernel_for(isa_best())->energy(f.place, &f.particles, &f.params, LANES, energy[side]);
         }
         for (size_t l = 0; l < LANES; l++) {
             double slope = ((double)energy[1][l] - (double)energy[0][l]) / step;
@@ -232,7 +232,7 @@ static void a_particle_always_gets_the_same_bits(void **state)
         fixture f;
         fast_kernel_forces portable, other;
         fast_kernel_way way, other_way;
-        float energy[LANES];
+        float energy[LANES], half[LANES];
         random_fixture(&f, &r);
         if (round % 2 == 1) f.params.normal = f.normal;
         go(&f, fast_kernel_for(ISA_PORTABLE), &portable, &way);
@@ -241,8 +241,10 @@ static void a_particle_always_gets_the_same_bits(void **state)
             go(&f, fast_kernel_for(which), &other, &other_way);
             assert_memory_equal(&portable, &other, sizeof other);
             assert_memory_equal(&way, &other_way, sizeof way);
-            fast_kernel_for(which)->energy(f.place, &f.particles, &f.params, energy);
+            fast_kernel_for(which)->energy(f.place, &f.particles, &f.params, LANES, energy);
             assert_memory_equal(energy, portable.energy, sizeof energy);
+            fast_kernel_for(which)->energy(f.place, &f.particles, &f.params, LANES / 2, half);
+            assert_memory_equal(half, portable.energy, sizeof half / 2);
             compared++;
         }
         fast_kernel_particles *p = &f.particles;
