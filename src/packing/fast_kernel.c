@@ -44,7 +44,7 @@ typedef struct row {
 /* What a row is loaded from: the one that is not NULL. A constant where the functions below are expanded. */
 typedef struct source {
     const neighbours_place *place;
-    const vec3 *normal;
+    const fast_kernel_normal *normal;
 } source;
 
 ISA_INLINE void load_portable(source from, const uint32_t *const list[], size_t k, size_t lanes, row *out)
@@ -57,20 +57,18 @@ ISA_INLINE void load_portable(source from, const uint32_t *const list[], size_t 
         out->size[l] = p->size;
     }
     for (size_t l = 0; from.normal && l < lanes; l++) {
-        const vec3 *n = &from.normal[list[l][k]];
-        out->nx[l] = (float)n->x;
-        out->ny[l] = (float)n->y;
-        out->nz[l] = (float)n->z;
+        const fast_kernel_normal *n = &from.normal[list[l][k]];
+        out->nx[l] = n->x;
+        out->ny[l] = n->y;
+        out->nz[l] = n->z;
     }
 }
 
 #ifdef __x86_64__
 ISA_INLINE __m128i four_at(source from, const uint32_t *list, size_t k)
 {
-    if (from.place) return _mm_loadu_si128((const __m128i *)&from.place[list[k]]);
-    const vec3 *n = &from.normal[list[k]];
-    return _mm_castps_si128(
-        _mm_movelh_ps(_mm_cvtpd_ps(_mm_loadu_pd(&n->x)), _mm_cvtpd_ps(_mm_load_sd(&n->z))));
+    const void *at = from.place ? (const void *)&from.place[list[k]] : &from.normal[list[k]];
+    return _mm_loadu_si128(at);
 }
 
 /* Place by place, and turned in registers: a vector that is read where numbers were written one by one waits

@@ -51,13 +51,19 @@ typedef struct fast_kernel_forces {
     float turning[3][FAST_KERNEL_LANES];
 } fast_kernel_forces;
 
+/* A point's normal; as long as a place, for the vector unit. */
+typedef struct fast_kernel_normal {
+    float x, y, z, nothing;
+} fast_kernel_normal;
+
 typedef struct fast_kernel_params {
-    double unit;        /* of places, world */
-    double support;     /* of a pair of particles of size 1, world */
-    double omega;       /* over-relaxation */
-    double longest;     /* longest step, over size; with a longer one a particle does not end well */
-    double farthest;    /* from the surface, over size, whence one Newton step is enough */
-    const vec3 *normal; /* of all points, by which pairs are weighed (pair_weigh); NULL: all count in full */
+    double unit;     /* of places, world */
+    double support;  /* of a pair of particles of size 1, world */
+    double omega;    /* over-relaxation */
+    double longest;  /* longest step, over size; with a longer one a particle does not end well */
+    double farthest; /* from the surface, over size, whence one Newton step is enough */
+    /* of all points, by which pairs are weighed (pair_weigh); NULL: all count in full */
+    const fast_kernel_normal *normal;
 } fast_kernel_params;
 
 /* Where the particles are on their way: after the step in the tangent plane, then on the surface. */

@@ -67,6 +67,7 @@ void relax_free(relax *r)
     free(r->scratch);
     free(r->flat);
     free(r->watched);
+    free(r->normal);
     free(r->moved);
     free(r->hint);
     free(r->parts);
@@ -151,7 +152,22 @@ bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
     sweep_job job = {.r = r, .p = p};
     threads_run(r->pool, p->count, 512, look_chunk, &job);
     r->rough = r->fast && !p->patch && p->count >= ROUGH_COUNT && relax_creased_share(r, p) > ROUGH_SHARE;
-    return true;
+    if (r->rough && !r->normal)
+        r->normal = mem_array(r->near->capacity, sizeof *r->normal, "neighbour lists", e);
+    return !r->rough || r->normal;
+}
+
+static void note_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const sweep_job *job = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) relax_note_normal(job->r, job->p, i);
+}
+
+void relax_note_normals(relax *r, const particles *p)
+{
+    sweep_job job = {.r = r, .p = (particles *)p};
+    if (r->rough && !r->through) threads_run(r->pool, p->count, 4096, note_chunk, &job);
 }
 
 void relax_look_through(relax *r)
@@ -338,6 +354,7 @@ void relax_take_step(const sweep_job *job, size_t i, vec3 x, vec3 normal, double
     job->r->moved[i] += (float)length;
     p->position[i] = x;
     p->normal[i] = normal;
+    relax_note_normal(job->r, p, i);
     neighbours_move(job->r->near, i, x);
 }
 
@@ -530,6 +547,7 @@ static void update_particle(const sweep_job *job, int worker, size_t i, block_su
         descend_gradient(job, &a, &f, i, allowed_step, sums);
     else
         descend_damped(job, &a, &f, i, allowed_step, sums);
+    relax_note_normal(job->r, p, i); /* that may have been put straight */
     sums->lambda += (double)p->lambda[i];
 }
 
@@ -622,6 +640,7 @@ void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums 
     assert(p->count == r->near->count && params->sigma <= relax_max_support(r));
     assert(r->near->blocks <= r->part_capacity);
     sweep_job job = {.r = r, .p = p, .params = params};
+    relax_note_normals(r, p);
     const uint32_t *colour = r->near->colour_begin;
     for (int c = 0; c < r->near->colours; c++) {
         job.first_block = colour[c];

@@ -36,7 +36,7 @@ static fast_kernel_params params_of(const sweep_job *job)
                                 .longest = INFINITY,
                                 .farthest =
                                     RELAX_TRIAL_SHORTCUT * relax_tolerance_scale(p->field, p->spacing),
-                                .normal = job->r->through ? NULL : job->p->normal};
+                                .normal = job->r->through ? NULL : job->r->normal};
 }
 
 /* Brings the open lanes onto the surface. Who is not there in the end does not end well. */

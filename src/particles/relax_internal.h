@@ -40,7 +40,9 @@ struct relax {
     double sigma, skin; /* of the lists */
     bool through;       /* pairs count whatever their normals */
     bool rough;         /* guarded steps are taken side by side */
-    gather *scratch;    /* one per worker */
+    /* Of a rough surface the normals once more, for the kernel; up to date in a sweep, and after relax_note_normals. */
+    fast_kernel_normal *normal;
+    gather *scratch; /* one per worker */
     size_t scratch_entries;
 };
 
@@ -62,6 +64,16 @@ double relax_damped_step(const pair_forces *f, double lambda, double *s1, double
 /* Particles side by side for the kernel. What is left over of the lanes repeats the first. */
 void relax_line_up(const relax *r, const particles *p, const uint32_t *items, size_t count,
                    fast_kernel_particles *out);
+
+/* Notes the normals of all, where pairs are weighed by them side by side. */
+void relax_note_normals(relax *r, const particles *p);
+
+static inline void relax_note_normal(relax *r, const particles *p, size_t i)
+{
+    if (!r->rough) return;
+    r->normal[i] =
+        (fast_kernel_normal){(float)p->normal[i].x, (float)p->normal[i].y, (float)p->normal[i].z, 0};
+}
 
 /* How far particle i may still go while the lists stay valid. */
 double relax_allowed_step(const relax *r, const particles *p, size_t i);

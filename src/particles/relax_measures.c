@@ -11,7 +11,8 @@ enum { HELD_BY = 3 };
 static const double BETWEEN_SHELLS = 1.366;
 
 /* The energies of particles where all neighbours face their way; with `normal`, of any. */
-static void sum_energies(const sweep_job *job, const vec3 *normal, const uint32_t *items, size_t count)
+static void sum_energies(const sweep_job *job, const fast_kernel_normal *normal, const uint32_t *items,
+                         size_t count)
 {
     const fast_kernel_params params = {.unit = job->r->near->unit, .support = job->sigma, .normal = normal};
     fast_kernel_particles own;
@@ -41,12 +42,12 @@ static void energy_chunk(void *context, int worker, size_t begin, size_t end)
             smooth_count = 0;
         }
         if (creased_count == FAST_KERNEL_LANES) {
-            sum_energies(job, p->normal, creased, creased_count);
+            sum_energies(job, job->r->normal, creased, creased_count);
             creased_count = 0;
         }
     }
     sum_energies(job, NULL, smooth, smooth_count);
-    sum_energies(job, p->normal, creased, creased_count);
+    sum_energies(job, job->r->normal, creased, creased_count);
 }
 
 /* Over the ideal energy of who lies with another all but in one place. */
@@ -57,6 +58,7 @@ static double mean_energy(relax *r, particles *p, double sigma, double most)
 {
     assert(p->count == r->near->count);
     sweep_job job = {.r = r, .p = p, .sigma = sigma};
+    relax_note_normals(r, p);
     threads_run(r->pool, p->count, 512, energy_chunk, &job);
     double sum = 0, alpha = 0, all = 0, all_alpha = 0;
     for (size_t i = 0; i < p->count; i++) {
