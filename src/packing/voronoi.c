@@ -206,8 +206,11 @@ ISA_CLONES static bool cut_by_near(const surroundings *s, triangle *t)
         const double end = -t->low > t->high ? -t->low : t->high;
         if (s->square[first] > least2 + across2 * end * end) return true;
         if (!may_cut(s, first, t, may)) continue;
-        for (uint32_t l = 0; l < SIDE_BY_SIDE && first + l < s->count; l++)
-            if (may[l] && !cut_by(&s->near[first + l], t)) return false;
+        uint32_t bits = 0; /* which of them do is as good as random */
+        for (uint32_t l = 0; l < SIDE_BY_SIDE; l++) bits |= (uint32_t)may[l] << l;
+        if (s->count - first < SIDE_BY_SIDE) bits &= (1u << (s->count - first)) - 1;
+        for (; bits; bits &= bits - 1)
+            if (!cut_by(&s->near[first + (uint32_t)__builtin_ctz(bits)], t)) return false;
     }
     return true;
 }
@@ -524,28 +527,37 @@ typedef struct tour {
     bool done[VORONOI_STAR_MAX]; /* all triangles with it are in the star */
 } tour;
 
-/* Who is too far from b for a triangle. */
-ISA_CLONES static void mark_far(const surroundings *s, const site *b, bool far[VORONOI_STAR_MAX])
+/* Who may be in a triangle with b that is not done: who is near and not on another sheet. */
+ISA_CLONES static uint32_t find_thirds(const surroundings *s, const site *b, const tour *t,
+                                       uint32_t third[VORONOI_STAR_MAX])
 {
+    int64_t may[VORONOI_STAR_MAX];
     for (uint32_t k = 0; k < s->count; k++) {
         double x = s->x[k] - b->at.x, y = s->y[k] - b->at.y, z = s->z[k] - b->at.z;
         double reach = VORONOI_REACH * 0.5 * (b->spacing + s->spacing[k]);
-        far[k] = x * x + y * y + z * z > (1 + HAIR) * (reach * reach);
+        double facing = b->normal.x * s->nx[k] + b->normal.y * s->ny[k] + b->normal.z * s->nz[k];
+        may[k] = (x * x + y * y + z * z <= (1 + HAIR) * (reach * reach)) & (facing > VORONOI_OTHER_SIDE);
     }
+    uint32_t count = 0;
+    for (uint32_t k = 0; k < s->count; k++) {
+        third[count] = k;
+        count += (uint32_t)may[k] & !t->done[k];
+    }
+    return count;
 }
 
 static void join_triangles(const voronoi_sites *in, surroundings *s, uint32_t at, tour *t, voronoi_star *out)
 {
     const site *a = &s->own, *b = &s->near[at];
-    bool far[VORONOI_STAR_MAX];
+    uint32_t third[VORONOI_STAR_MAX];
     t->done[at] = true;
-    mark_far(s, b, far);
-    for (uint32_t k = 0; k < s->count; k++) {
-        const site *c = &s->near[k];
-        if (far[k] || t->done[k] || is_other_side(b, c) || !is_on_surface(in, s, b, c)) continue;
+    const uint32_t thirds = find_thirds(s, b, t, third);
+    for (uint32_t k = 0; k < thirds; k++) {
+        const site *c = &s->near[third[k]];
+        if (!is_on_surface(in, s, b, c)) continue;
         uint32_t at_b = join_edge(in->position, a->index, b, c->index, out), met = out->count;
         uint32_t at_c = join_edge(in->position, a->index, c, b->index, out);
-        if (out->count > met) t->met[t->count++] = k;
+        if (out->count > met) t->met[t->count++] = third[k];
         out->pinched |= out->triangle_count == VORONOI_STAR_MAX;
         if (out->triangle_count == VORONOI_STAR_MAX) continue;
         out->corner[out->triangle_count][0] = (uint8_t)at_b;
