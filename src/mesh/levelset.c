@@ -22,6 +22,13 @@
 enum { TOGETHER = 16 };
 static const double together_vox = 2;
 
+/* Triangles with an angle whose sine is smaller, or with longer sides, have no normal that could be relied on; with those of
+ * others the squares of distances within a block are right to `rounding`. It is a share of distances, too. */
+static const double least_sine2 = 1e-6, large_vox = 64, rounding = 1e-9;
+
+/* Of so many triangles near a block or more, about so many tell first how far its voxels may be. */
+enum { MANY = 256, SOME = 128 };
+
 /* Fewer voxels along the longest side show nothing of a shape. */
 static const double fewest_voxels = 8;
 /* The mesh begins so far from the grid's origin; half a voxel keeps faces along the axes off the voxels. */
@@ -167,11 +174,20 @@ static int32_t clip(double v)
 /* Triangles that lie close together, in coordinates of a block, in a box and in a ball. */
 typedef struct cluster {
     triangle at[TOGETHER];
-    vec3 middle[TOGETHER];
-    double radius[TOGETHER]; /* of a ball around the triangle */
+    vec3 middle[TOGETHER], normal[TOGETHER]; /* of length 1; 0 where it is not to be relied on */
+    double radius[TOGETHER];                 /* of a ball around the triangle */
     int count;
     bbox box;
 } cluster;
+
+static vec3 normal_of(const triangle *t)
+{
+    const vec3 ab = vec3_sub(t->b, t->a), ac = vec3_sub(t->c, t->a), normal = vec3_cross(ab, ac);
+    const double square = vec3_norm2(normal);
+    const bool large = vec3_norm2(ab) > large_vox * large_vox || vec3_norm2(ac) > large_vox * large_vox;
+    if (large || !(square > least_sine2 * vec3_norm2(ab) * vec3_norm2(ac))) return (vec3){0, 0, 0};
+    return vec3_scale(normal, 1 / sqrt(square));
+}
 
 /* Whether the triangle found room: not beside another that is far from it. */
 static bool cluster_add(cluster *c, const triangle *t, const int32_t origin[3])
@@ -185,6 +201,7 @@ static bool cluster_add(cluster *c, const triangle *t, const int32_t origin[3])
     c->box = box;
     c->at[c->count] = at;
     c->middle[c->count] = middle;
+    c->normal[c->count] = normal_of(&at);
     c->radius[c->count++] =
         sqrt(fmax(vec3_norm2(vec3_sub(at.a, middle)),
                   fmax(vec3_norm2(vec3_sub(at.b, middle)), vec3_norm2(vec3_sub(at.c, middle)))));
@@ -192,12 +209,18 @@ static bool cluster_add(cluster *c, const triangle *t, const int32_t origin[3])
 }
 
 /* Lowers a voxel's distance from what was seen so far. Most of the work is spared by balls: a voxel is not nearer to the
- * triangle than to its ball. */
-static void approach_voxel(const cluster *c, vec3 p, double *nearest)
+ * triangle than to its ball; and by discs: what is that near along the normal must also lie above the triangle, or nearly. */
+ISA_INLINE void approach_voxel(const cluster *c, vec3 p, double *nearest)
 {
     for (int k = 0; k < c->count; k++) {
-        const double ball = *nearest + c->radius[k];
-        if (vec3_norm2(vec3_sub(p, c->middle[k])) >= ball * ball) continue;
+        const vec3 way = vec3_sub(p, c->middle[k]);
+        const double away2 = vec3_norm2(way), radius = c->radius[k], ball = *nearest + radius;
+        if (away2 >= ball * ball) continue;
+        const double height = vec3_dot(way, c->normal[k]), height2 = height * height,
+                     room =
+                         *nearest * *nearest - height2 + rounding, /* squared: how far beside the triangle */
+            beyond = away2 - height2 - radius * radius - room;
+        if (room <= 0 || (beyond > 0 && beyond * beyond >= 4 * radius * radius * room)) continue;
         const double d2 = triangle_distance2(&c->at[k], p);
         if (d2 < *nearest * *nearest) *nearest = sqrt(d2);
     }
@@ -242,6 +265,47 @@ static void unite(const making *k, uint32_t solid, const int32_t origin[3], cons
     }
 }
 
+/* No voxel is farther from a triangle than from a place of it; squared. */
+ISA_CLONES static void bound_by_place(vec3 at, double nearest2[VOXELS])
+{
+    double along2[SIDE];
+    for (int z = 0; z < SIDE; z++) along2[z] = (z - at.z) * (z - at.z);
+    for (int row = 0; row < 64; row++) {
+        const double x = (row >> 3) - at.x, y = (row & 7) - at.y, across2 = x * x + y * y;
+        for (int z = 0; z < SIDE; z++) {
+            const double d2 = across2 + along2[z];
+            nearest2[8 * row + z] = d2 < nearest2[8 * row + z] ? d2 : nearest2[8 * row + z];
+        }
+    }
+}
+
+/* Of many triangles some are looked at before all others: what they leave to be nearer is little. Distances come out a trace
+ * too large, so that the nearest triangle is still looked at. */
+static void bound_by_some(const making *k, const int32_t origin[3], const uint32_t *near, size_t count,
+                          double nearest[VOXELS])
+{
+    if (count < MANY) return;
+    double nearest2[VOXELS];
+    const size_t step = count / SOME;
+    for (int v = 0; v < VOXELS; v++) nearest2[v] = nearest[v] * nearest[v];
+    for (size_t n = 0; n < count; n += step) {
+        const triangle t = corners_of(k, near[n]);
+        const vec3 base = {origin[0], origin[1], origin[2]};
+        bound_by_place(vec3_sub(vec3_scale(vec3_add(t.a, vec3_add(t.b, t.c)), 1.0 / 3), base), nearest2);
+    }
+    for (int v = 0; v < VOXELS; v++) {
+        const double d = sqrt(nearest2[v]) * (1 + rounding);
+        if (d < nearest[v]) nearest[v] = d;
+    }
+}
+
+/* The end of a solid's triangles in a list that ends with `end`. */
+static size_t end_of_solid(const making *k, uint32_t solid, size_t from, size_t end)
+{
+    while (from < end && k->near[from] < k->solids.first[solid + 1]) from++;
+    return from;
+}
+
 /* The block's distances in voxels, clamped to the band. */
 static void fill_block(const making *k, uint32_t block, uint32_t *stamp, double f[VOXELS])
 {
@@ -253,7 +317,9 @@ static void fill_block(const making *k, uint32_t block, uint32_t *stamp, double 
         while (k->near[n] >= k->solids.first[solid + 1]) solid++;
         for (int v = 0; v < VOXELS; v++) nearest[v] = k->band;
         cluster close = {.count = 0};
-        for (; n < k->first[block + 1] && k->near[n] < k->solids.first[solid + 1]; n++) {
+        const size_t end = end_of_solid(k, solid, n, k->first[block + 1]);
+        bound_by_some(k, origin, k->near + n, end - n, nearest);
+        for (; n < end; n++) {
             triangle t = corners_of(k, k->near[n]);
             if (cluster_add(&close, &t, origin)) continue;
             approach(&close, k->band, nearest);

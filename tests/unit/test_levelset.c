@@ -424,6 +424,48 @@ static void boxes_are_exact(void **state)
         }
 }
 
+/* Each triangle in parts^2 that are alike, without common vertices. */
+static mesh split(const mesh *m, uint32_t parts)
+{
+    const size_t count = m->triangle_count * parts * parts;
+    mesh out = {.vertex = mem_array(3 * count, sizeof *out.vertex, "test", NULL),
+                .triangle = mem_array(count, sizeof *out.triangle, "test", NULL)};
+    for (size_t n = 0; n < m->triangle_count; n++) {
+        const uint32_t *t = m->triangle[n];
+        const vec3 a = m->vertex[t[0]], u = vec3_scale(vec3_sub(m->vertex[t[1]], a), 1.0 / parts),
+                   v = vec3_scale(vec3_sub(m->vertex[t[2]], a), 1.0 / parts);
+        for (uint32_t i = 0; i < parts; i++)
+            for (uint32_t j = 0; j < 2 * (parts - i) - 1;
+                 j++) { /* in turn with the triangle's way, and against it */
+                const vec3 low = vec3_axpy(i, u, vec3_axpy(j / 2, v, a));
+                const vec3 corner[3] = {j & 1 ? vec3_add(low, vec3_add(u, v)) : low,
+                                        vec3_add(low, j & 1 ? v : u), vec3_add(low, j & 1 ? u : v)};
+                for (uint32_t k = 0; k < 3; k++) {
+                    out.triangle[out.triangle_count][k] = (uint32_t)out.vertex_count;
+                    out.vertex[out.vertex_count++] = corner[k];
+                }
+                out.triangle_count++;
+            }
+    }
+    return out;
+}
+
+/* Thousands of triangles in a block are held against its voxels by bounds of other kinds than some. */
+static void many_triangles_are_as_exact_as_few(void **state)
+{
+    (void)state;
+    const box_shape shapes[] = {{{1, 2, 3}, {0.5, 0.4, 0.3}, 0.3}, {{-7, 0, 3}, {5, 0.2, 3}, 0.7}};
+    for (size_t k = 0; k < 2; k++) {
+        mesh_notes notes = {0};
+        mesh box = mesh_fixture_box(shapes[k].center, shapes[k].half, shapes[k].angle), m = split(&box, 48);
+        vdb_grid *g = make(&m, 40, &notes);
+        assert_distances(g, box_distance, &shapes[k], 1e-6 * vec3_norm(shapes[k].half));
+        vdb_grid_free(g);
+        mesh_free(&box);
+        mesh_free(&m);
+    }
+}
+
 /* Inside a convex body the distance is the least of those from the planes of its faces. */
 typedef struct convex {
     size_t count;
@@ -738,6 +780,7 @@ int main(void)
         cmocka_unit_test(odd_triangles_are_noted),
         cmocka_unit_test(shells_in_shells),
         cmocka_unit_test(boxes_are_exact),
+        cmocka_unit_test(many_triangles_are_as_exact_as_few),
         cmocka_unit_test(the_inside_of_a_ball_is_exact),
         cmocka_unit_test(overlapping_shells_are_united),
         cmocka_unit_test(cavities_are_empty),
