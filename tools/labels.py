@@ -95,12 +95,13 @@ def real(worker, folder, data, count, files):
     for name in ("frogtissue.mhd", "frogtissue.zraw"):
         (folder / name).write_bytes((data / name).read_bytes())
     for name in files:
-        report, _, cpu = run(worker, folder, {"labels": {"path": name, "closed": True}}, count, 0)
+        closed = {"closed": True} if name == "tooth.nrrd" else {}  # the frog's parts end with the data
+        report, _, cpu = run(worker, folder, {"labels": {"path": name, **closed}}, count, 0)
         mesh = report["mesh"]
         yield {"file": name, "labels": len(report["surface"]["labels"]["materials"]),
                "interfaces": len(report["surface"]["labels"]["interfaces"]), "outcome": report["outcome"],
                "farthest place": report["quality"]["coverage"], "hex": report["quality"]["hex_fraction"] or numpy.nan,
-               "resolved": report["quality"]["resolved_share"], "open edges": mesh["boundary_edges"],
+               "resolved": report["quality"]["resolved_share"], "open edges": mesh["boundary_edges"] - mesh["rim_edges"],
                "closed labels": " of ".join(map(str, closed_labels(report))),
                "memory, MB": report["peak_memory_bytes"] / 2 ** 20, "CPU s": cpu}
 
@@ -219,7 +220,7 @@ def main():
              "Distances are in voxels, but `between interfaces` (the least",
              "distance of points on two of them) and `farthest place` in spacings; areas are the largest error of a share.", "",
              *table(rows), "",
-             *([f"Real ones, {options.real} points, one run each, `closed`; `tooth` is made of a volume by thresholds.", "", *table(others),
+             *([f"Real ones, {options.real} points, one run each; `tooth`, `closed`, is made of a volume by thresholds.", "", *table(others),
                 ""] if others else []),
              f"Other ways, of width {WIDTH}, at the crossings between voxels; of hexad the points. Near: within {NEAR} voxels of a line.",
              "", *table(other), "",

@@ -131,7 +131,7 @@ static bool deliver(sampler *s, error *e)
     const bool may_go_on = s->state.recalls < RECALLS_MOST, is_given = sampler_is_given(s);
     if (!sampler_settle(s, e)) return false;
     bool goes_on = s->record.removed != before;
-    if (may_go_on && !goes_on && !is_given && !sampler_cover_patches(s, &goes_on, e)) return false;
+    if (may_go_on && !is_given && !sampler_cover_patches(s, &goes_on, e)) return false;
     if (!may_go_on || !goes_on) return !s->state.coarse || is_given || sampler_relocate(s, e);
     s->state.recalls++;
     s->state.outcome = SAMPLER_RUNNING;
