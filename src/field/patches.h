@@ -41,6 +41,7 @@ typedef struct field_patches {
     field_curve *curve;
     vec3 *vertex;
     uint32_t *curve_patch;
+    bool merges_near_rows; /* rows of points that come nearer to each other than points can lie become one */
 } field_patches;
 
 /* Whether a place near the zero set of a patch is one of the patch. */

@@ -164,6 +164,14 @@ static stand *list_stands(const sampler_stands *s, size_t *count)
     return list;
 }
 
+/* In spacings: a step that is longer passes places that stand in another row. */
+static const double JUMP = 2;
+
+static bool is_jump(const sampler_stands *s, uint32_t a, uint32_t b)
+{
+    return vec3_norm(vec3_sub(s->position[a], s->position[b])) > JUMP * fmax(s->spacing[a], s->spacing[b]);
+}
+
 uint32_t (*curve_chains_sides(const curve_chains *c, const field_patches *patches,
                               const sampler_stands *stands, size_t *count))[2]
 {
@@ -183,7 +191,7 @@ uint32_t (*curve_chains_sides(const curve_chains *c, const field_patches *patche
                         to = {point[(at + 1) % points], from.patch, 0}, *a, *b;
             a = bsearch(&from, list, known, sizeof *list, compare_stands);
             b = bsearch(&to, list, known, sizeof *list, compare_stands);
-            if (!a || !b) continue;
+            if (!a || !b || (patches->merges_near_rows && is_jump(stands, a->index, b->index))) continue;
             side[*count][0] = a->index;
             side[(*count)++][1] = b->index;
         }

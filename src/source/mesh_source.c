@@ -7,7 +7,6 @@
 #include "mesh/mesh_edges.h"
 #include "meshfile/mesh_file.h"
 #include "packing/packing.h"
-#include "packing/quality.h"
 
 /* The longest side of a cell: the spacing, but of few points less, so that normals and sizes are seen. */
 static const double least_cells = 32; /* along the longest side of the mesh */
@@ -16,7 +15,11 @@ static const double least_cells = 32; /* along the longest side of the mesh */
 static const double most_cells = 4e5, own_floor = 1.0 / 256;
 /* Of the area: with more the outcome would be unresolved. */
 static const double most_missing = 0.01;
-/* Of the area of a closed mesh whose triangles are not asked for: with more inside of its solids it is a level set. */
+/* Of a mesh that is to be resolved and has no other sharp edges, radians. A side of h that cuts off an edge bent by this misses it by
+ * a quarter of h, and by a third where the side is as long as any. */
+static const double cut_angle = 1.1;
+/* Of the area of a closed mesh whose triangles are not asked for: with more inside of its solids it is a level set, unless it is to be
+ * resolved. */
 static const double most_hidden = 0.001;
 
 /* Of the points that are asked for; 0: not known before there are features. */
@@ -43,7 +46,7 @@ static bool suits_triangles(const mesh_source_request *r, const mesh_patches *p,
     *out = r->plain && s->on_mesh && !(s->voxel_size > 0) && s->resolution == 0;
     if (!*out) return true;
     if (!fidelity_hidden(&p->m, &hidden, e)) return false;
-    *out = hidden <= most_hidden;
+    *out = r->resolve || hidden <= most_hidden;
     return true;
 }
 
@@ -78,15 +81,14 @@ static bool make_patches(const mesh_source_request *r, const mesh *whole, double
     return mesh_patches_make(&copy, &params, notes, made, e);
 }
 
-/* A closed mesh that is to be resolved and has no other sharp edges is cut at those at which sheets face each other: more rows
- * make more angles small where a scan is rough (dragon: 0.2 % below 25 degrees with rows at 70 degrees, .05 with these). */
-static bool cut_wedges(const mesh_source_request *r, const mesh *whole, const mesh_notes *read,
+/* A closed mesh that is to be resolved and has no other sharp edges is cut at those that its spacing would leave out. */
+static bool cut_bends(const mesh_source_request *r, const mesh *whole, const mesh_notes *read,
                        mesh_patches *given, mesh_notes *notes, error *e)
 {
     if (!given->closed || given->feature_edges > 0 || r->spec->has_features) return true;
     mesh_notes again = *read;
     mesh_patches cut = {0};
-    if (!make_patches(r, whole, acos(QUALITY_SHEET_FACING), false, false, &again, &cut, e)) return false;
+    if (!make_patches(r, whole, cut_angle, false, false, &again, &cut, e)) return false;
     mesh_patches_free(given);
     *given = cut;
     *notes = again;
@@ -105,7 +107,7 @@ static bool choose_patches(const mesh_source_request *r, const mesh *whole, bool
     if (!r->alone || s->interior == SPEC_INTERIOR_DROP) return true;
     const bool skip = !thin && !r->resolve && !s->has_features;
     bool ok = make_patches(r, whole, angle, false, skip, &as_given, &given, e) &&
-              (!r->resolve || cut_wedges(r, whole, notes, &given, &as_given, e)) &&
+              (!r->resolve || cut_bends(r, whole, notes, &given, &as_given, e)) &&
               (thin || wants_patches(r, &given, &wanted, e));
     if (!ok || !wanted) {
         mesh_patches_free(&given);
@@ -187,6 +189,7 @@ static bool open_read(const mesh_source_request *r, const mesh *whole, const mes
                   "the mesh is open, %zu of its edges have one triangle: it is sampled as it stands; holes "
                   "\"fill\" closes it",
                   patches.open_edges);
+    patches.merges_near_rows = r->resolve && patches.closed;
     mesh_surface *surface = mesh_surface_new(&patches, longest_cell(r, &patches), e);
     if (!surface) return error_prefix(e, "%s", r->as_volume.path);
     *as_patches = surface;

@@ -6,6 +6,7 @@
 
 #include "base/memory.h"
 #include "base/sets.h"
+#include "surface/near_rows.h"
 
 /* Of a spacing: with a grading sides are looked at in parts of this length. */
 static const double PART = 0.25;
@@ -42,7 +43,10 @@ typedef struct layout {
     vec3 *point;         /* of the curve at hand, its parts */
     double *at;          /* of each, the length up to there */
     size_t point_capacity, at_capacity, point_count;
-    size_t capacity[6]; /* of the arrays of the result */
+    size_t capacity[6];  /* of the arrays of the result, and of: */
+    double *half;        /* of each stand what it adds to the border of its patch */
+    uint32_t *place_of;  /* of each corner that has a place */
+    size_t *first_place; /* of each curve, and one more */
 } layout;
 
 static int compare_ends(const void *a, const void *b)
@@ -223,11 +227,14 @@ static vec3 mean_normal(const field *patch, vec3 x, vec3 along, double beside)
 }
 
 /* A stand of the last place for a patch, unless it has one. */
-static bool add_stand(layout *l, uint32_t patch, vec3 n, curve_rows *out, error *e)
+static bool add_stand(layout *l, uint32_t patch, vec3 n, double half, curve_rows *out, error *e)
 {
     uint32_t place = (uint32_t)(out->count - 1);
     for (size_t k = out->stands; k > 0 && out->place[k - 1] == place; k--)
-        if (out->patch[k - 1] == patch) return true;
+        if (out->patch[k - 1] == patch) {
+            l->half[k - 1] += half;
+            return true;
+        }
     uint32_t *places = mem_grow(out->place, out->stands, &l->capacity[2], 256, sizeof *places, WHAT, e);
     if (!places) return false;
     out->place = places;
@@ -237,6 +244,10 @@ static bool add_stand(layout *l, uint32_t patch, vec3 n, curve_rows *out, error 
     vec3 *normal = mem_grow(out->normal, out->stands, &l->capacity[4], 256, sizeof *normal, WHAT, e);
     if (!normal) return false;
     out->normal = normal;
+    double *halves = mem_grow(l->half, out->stands, &l->capacity[5], 256, sizeof *halves, WHAT, e);
+    if (!halves) return false;
+    l->half = halves;
+    l->half[out->stands] = half;
     out->place[out->stands] = place;
     out->patch[out->stands] = patch;
     out->normal[out->stands++] = n;
@@ -270,7 +281,7 @@ static bool add_stands(layout *l, const field *f, const field_curve *c, vec3 alo
         vec3 n = twice ? mean_normal(patch, x, along, BESIDE * boundary_spacing(&l->request, x))
                        : normal_at(patch, x);
         out->border[patches[k]] += 0.5 * share;
-        if (!add_stand(l, patches[k], n, out, e)) return false;
+        if (!add_stand(l, patches[k], n, 0.5 * share, out, e)) return false;
     }
     return true;
 }
@@ -288,6 +299,7 @@ static bool place_corners(layout *l, const field *f, curve_rows *out, error *e)
     for (size_t k = 0; k < l->end_count && out->count < l->request.most;) {
         const uint32_t corner = l->ends[k].lender;
         if (!add_place(l, l->ends[k].at, l->ends[k].curve, out, e)) return false;
+        l->place_of[corner] = (uint32_t)(out->count - 1);
         for (; k < l->end_count && l->ends[k].lender == corner; k++) { /* two ends a patch */
             const field_curve *c = &l->patches->curve[l->ends[k].curve];
             const uint32_t curve = l->ends[k].curve;
@@ -391,6 +403,28 @@ static bool count_loops(const layout *l, curve_rows *out, error *e)
     return ok;
 }
 
+/* Rows that come nearer to each other than points can lie become one, where the surface asks for that. */
+static bool merge_near(layout *l, curve_rows *out, error *e)
+{
+    const field_patches *p = l->patches;
+    bool *closed = mem_array(p->curve_count, sizeof *closed, WHAT, e);
+    uint32_t(*ends)[2] = mem_array(p->curve_count, sizeof *ends, WHAT, e);
+    double *spacing = mem_array(out->count, sizeof *spacing, WHAT, e);
+    const near_rows_input in = {p->curve_count, closed, ends, l->first_place, spacing, l->half};
+    bool ok = closed && ends && spacing;
+    for (size_t c = 0; ok && c < p->curve_count; c++) {
+        closed[c] = p->curve[c].closed;
+        for (int k = 0; k < 2 && !closed[c]; k++) ends[c][k] = l->place_of[l->lender[l->corner[k][c]]];
+    }
+    for (size_t k = 0; ok && k < out->count; k++)
+        spacing[k] = boundary_spacing(&l->request, out->position[k]);
+    ok = ok && near_rows_merge(&in, out, e);
+    free(closed);
+    free(ends);
+    free(spacing);
+    return ok;
+}
+
 static bool lay_out(layout *l, const field *f, curve_rows *out, error *e)
 {
     double places, most = (double)l->request.most;
@@ -401,9 +435,16 @@ static bool lay_out(layout *l, const field *f, curve_rows *out, error *e)
         l->request.spacing *= WIDENING * places / most;
         if (!measure(l, &places, e)) return false;
     }
-    bool ok = lend_places(l, e) && place_corners(l, f, out, e);
-    for (uint32_t c = 0; ok && c < l->patches->curve_count; c++) ok = place_row(l, f, c, out, e);
-    return ok && count_loops(l, out, e);
+    l->place_of = mem_array(l->corner_count, sizeof *l->place_of, WHAT, e);
+    l->first_place = mem_array(l->patches->curve_count + 1, sizeof *l->first_place, WHAT, e);
+    bool ok = l->place_of && l->first_place && lend_places(l, e) && place_corners(l, f, out, e);
+    for (uint32_t c = 0; ok && c < l->patches->curve_count; c++) {
+        l->first_place[c] = out->count;
+        ok = place_row(l, f, c, out, e);
+        l->first_place[c + 1] = out->count;
+    }
+    const bool whole = ok && out->count < l->request.most;
+    return ok && (!whole || !l->patches->merges_near_rows || merge_near(l, out, e)) && count_loops(l, out, e);
 }
 
 bool curve_rows_make(const field *f, const boundary_request *request, curve_rows *out, error *e)
@@ -414,6 +455,9 @@ bool curve_rows_make(const field *f, const boundary_request *request, curve_rows
     free(l.length);
     free(l.ends);
     free(l.left_out);
+    free(l.half);
+    free(l.place_of);
+    free(l.first_place);
     free(l.lender);
     free(l.corner[0]);
     free(l.corner[1]);

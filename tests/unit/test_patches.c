@@ -345,6 +345,92 @@ static void loops_and_short_curves_have_places(void **state)
     curve_distance_free(d);
 }
 
+/* A face with two slits from (0.1, 0.1) on: along x, and to the end given. */
+static void make_slit_face(faces *s, vec3 from, vec3 to)
+{
+    *s = (faces){0};
+    add_face(s, (vec3){0, 0, 0}, (vec3){0.5, 0, 0}, (vec3){0, 0.5, 0});
+    faces_join(s);
+    const vec3 end[4] = {{-0.35, 0.1, 0}, {0.35, 0.1, 0}, from, to};
+    for (uint32_t k = 0; k < 2; k++) {
+        s->curve[s->patches.curve_count++] =
+            (field_curve){.first = 8 + 2 * k, .count = 2, .patch_first = 4 + 2 * k, .patch_count = 2};
+        s->vertex[8 + 2 * k] = end[2 * k];
+        s->vertex[9 + 2 * k] = end[2 * k + 1];
+    }
+    for (int k = 4; k < 8; k++) s->curve_patch[k] = 0;
+    s->patches.merges_near_rows = true;
+}
+
+static double least_distance(const curve_rows *r)
+{
+    double least = INFINITY;
+    for (size_t i = 0; i < r->count; i++)
+        for (size_t j = 0; j < i; j++)
+            least = fmin(least, vec3_norm(vec3_sub(r->position[i], r->position[j])));
+    return least;
+}
+
+/* Two rows a tenth of a spacing apart, as of a low step, would have slivers between them. */
+static void rows_of_a_low_step_are_one(void **state)
+{
+    (void)state;
+    static faces s;
+    error e = {0};
+    curve_rows rows;
+    const boundary_request request = {.spacing = 0.1, .even = 0.1, .most = SIZE_MAX};
+    make_slit_face(&s, (vec3){-0.35, 0.11, 0}, (vec3){0.35, 0.11, 0});
+    assert_true(curve_rows_make(&s.base, &request, &rows, &e));
+    assert_int_equal(rows.count, 4 * 10 + 8);
+    assert_int_equal(rows.corners, 4 + 2);
+    assert_int_equal(rows.stands, rows.count);
+    assert_true(least_distance(&rows) > 0.09);
+    /* the step takes what one slit does: seven cells */
+    assert_close(rows.border[0], 0.5 * 4 * 10 + 7 - (2 - 3), 1e-9);
+    curve_rows_free(&rows);
+    s.patches.merges_near_rows = false;
+    assert_true(curve_rows_make(&s.base, &request, &rows, &e));
+    assert_int_equal(rows.count, 4 * 10 + 16);
+    curve_rows_free(&rows);
+}
+
+/* Two rows that part at seven degrees begin as one. */
+static void rows_that_part_slowly_begin_as_one(void **state)
+{
+    (void)state;
+    static faces s;
+    error e = {0};
+    curve_rows rows;
+    const boundary_request request = {.spacing = 0.1, .even = 0.1, .most = SIZE_MAX};
+    make_slit_face(&s, (vec3){-0.35, 0.1, 0}, (vec3){0.35, 0.1 + 0.7 * tan(7 * M_PI / 180), 0});
+    assert_true(curve_rows_make(&s.base, &request, &rows, &e));
+    assert_true(rows.count > 4 * 10 + 8 && rows.count < 4 * 10 + 8 + 6);
+    assert_true(least_distance(&rows) > 0.034);
+    assert_int_equal(rows.corners, 4 + 3);
+    curve_rows_free(&rows);
+}
+
+/* What ends a patch on one side of a sheet is not what ends it on the other, however thin it is. */
+static void rows_on_two_sides_of_a_sheet_stay(void **state)
+{
+    (void)state;
+    static faces s;
+    error e = {0};
+    curve_rows rows;
+    const boundary_request request = {.spacing = 0.1, .even = 0.1, .most = SIZE_MAX};
+    s = (faces){0};
+    add_face(&s, (vec3){0, 0, 0}, (vec3){0.5, 0, 0}, (vec3){0, 0.5, 0});
+    add_face(&s, (vec3){0, 0, -0.01}, (vec3){0, 0.5, 0}, (vec3){0.5, 0, 0});
+    faces_join(&s);
+    assert_true(curve_rows_make(&s.base, &request, &rows, &e));
+    const size_t before = rows.count;
+    curve_rows_free(&rows);
+    s.patches.merges_near_rows = true;
+    assert_true(curve_rows_make(&s.base, &request, &rows, &e));
+    assert_int_equal(rows.count, before);
+    curve_rows_free(&rows);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -354,6 +440,9 @@ int main(void)
         cmocka_unit_test(three_sheets_share_a_row),
         cmocka_unit_test(rows_follow_the_count),
         cmocka_unit_test(rows_are_graded),
+        cmocka_unit_test(rows_of_a_low_step_are_one),
+        cmocka_unit_test(rows_that_part_slowly_begin_as_one),
+        cmocka_unit_test(rows_on_two_sides_of_a_sheet_stay),
         cmocka_unit_test(loops_and_short_curves_have_places),
         cmocka_unit_test(a_loop_without_a_place_takes_no_room),
     };

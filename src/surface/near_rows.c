@@ -1,0 +1,302 @@
+#include "surface/near_rows.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "packing/quality.h"
+
+static const char what[] = "the rows along curves";
+
+/* Sides of one curve that are so many places apart may meet. */
+enum { APART = 3 };
+/* Places of two rows that follow one another face each other within this: beyond, a place stands for its own row alone. */
+static const double BESIDE = 1.3;
+
+/* A side of a row, from one place to the next. */
+typedef struct side {
+    uint32_t from, to, curve, at; /* `at`: which of its curve */
+    double low, high;             /* along the axis that is swept */
+} side;
+
+/* A stand that a place is to have. */
+typedef struct lent {
+    uint32_t place, patch, stand; /* `stand`: the one that it comes from */
+    bool own;                     /* the place has it already */
+} lent;
+
+typedef struct merging {
+    const near_rows_input *in;
+    curve_rows *rows;
+    side *sides;
+    size_t side_count, *first_stand;
+    uint32_t *into, *curve_at; /* of each place: the one that stands for it, itself as a rule; which of its curve it is */
+    lent *lents;
+    size_t lent_count, lent_room;
+    double widest; /* of the sides, along the axis */
+    int axis;
+} merging;
+
+/* ---- sides ---- */
+
+static void add_side(merging *m, uint32_t from, uint32_t to, uint32_t curve, uint32_t at)
+{
+    if (from == to) return;
+    const double a = vec3_get(m->rows->position[from], m->axis),
+                 b = vec3_get(m->rows->position[to], m->axis);
+    m->sides[m->side_count++] = (side){from, to, curve, at, fmin(a, b), fmax(a, b)};
+    m->widest = fmax(m->widest, fabs(a - b));
+}
+
+static int by_place(const void *left, const void *right)
+{
+    const side *a = left, *b = right;
+    if (a->low != b->low) return a->low < b->low ? -1 : 1;
+    if (a->curve != b->curve) return a->curve < b->curve ? -1 : 1;
+    return (a->at > b->at) - (a->at < b->at);
+}
+
+static void list_sides(merging *m)
+{
+    const near_rows_input *in = m->in;
+    for (uint32_t c = 0; c < in->curve_count; c++) {
+        const uint32_t first = (uint32_t)in->first[c], count = (uint32_t)(in->first[c + 1] - in->first[c]);
+        for (uint32_t k = 0; k < count; k++) m->curve_at[first + k] = k + 1;
+        for (uint32_t k = 1; k < count; k++) add_side(m, first + k - 1, first + k, c, k);
+        if (in->closed[c]) {
+            if (count > 2) add_side(m, first + count - 1, first, c, count);
+            continue;
+        }
+        add_side(m, in->end[c][0], count ? first : in->end[c][1], c, 0);
+        if (count) add_side(m, first + count - 1, in->end[c][1], c, count);
+    }
+    qsort(m->sides, m->side_count, sizeof *m->sides, by_place);
+}
+
+/* The first side that may be as far to the right as `low`. */
+static size_t first_from(const merging *m, double low)
+{
+    size_t from = 0, to = m->side_count;
+    while (from < to) {
+        const size_t middle = from + (to - from) / 2;
+        if (m->sides[middle].low < low - m->widest)
+            from = middle + 1;
+        else
+            to = middle;
+    }
+    return from;
+}
+
+/* ---- what is near ---- */
+
+static double distance_to(vec3 x, vec3 a, vec3 b)
+{
+    const vec3 along = vec3_sub(b, a);
+    const double length2 = vec3_norm2(along),
+                 at = length2 > 0 ? vec3_dot(vec3_sub(x, a), along) / length2 : 0;
+    return vec3_norm(vec3_sub(x, vec3_axpy(fmin(fmax(at, 0), 1), along, a)));
+}
+
+static double apart(const merging *m, uint32_t i, uint32_t j)
+{
+    return vec3_norm(vec3_sub(m->rows->position[i], m->rows->position[j]));
+}
+
+/* Whether two places end one patch, and are on one side of it. */
+static bool share_patch(const merging *m, uint32_t i, uint32_t j)
+{
+    const curve_rows *r = m->rows;
+    for (size_t a = m->first_stand[i]; a < m->first_stand[i + 1]; a++)
+        for (size_t b = m->first_stand[j]; b < m->first_stand[j + 1]; b++)
+            if (r->patch[a] == r->patch[b] && vec3_dot(r->normal[a], r->normal[b]) > QUALITY_SHEET_FACING)
+                return true;
+    return false;
+}
+
+/* Whether a side is of a part of a curve that a place does not belong to. */
+static bool is_elsewhere(const merging *m, const side *s, uint32_t place, uint32_t curve)
+{
+    if (s->from == place || s->to == place) return false;
+    if (s->curve != curve) return true;
+    const uint32_t a = s->at, b = m->curve_at[place], away = a > b ? a - b : b - a,
+                   round = (uint32_t)(m->in->first[curve + 1] - m->in->first[curve]);
+    return away >= APART && (!m->in->closed[curve] || round - away >= APART);
+}
+
+/* The place of an earlier row that is to stand for one, or the place itself. Sides go from what stands for their ends. */
+static uint32_t find_host(const merging *m, uint32_t place, uint32_t curve)
+{
+    const double reach = NEAR_ROWS * m->in->spacing[place], at = vec3_get(m->rows->position[place], m->axis);
+    const vec3 x = m->rows->position[place];
+    double least = INFINITY;
+    uint32_t host = place;
+    for (size_t k = first_from(m, at - reach); k < m->side_count && m->sides[k].low <= at + reach; k++) {
+        const side *s = &m->sides[k];
+        if (s->high < at - reach || s->curve > curve || !is_elsewhere(m, s, place, curve)) continue;
+        if (s->curve == curve && s->at >= m->curve_at[place]) continue;
+        const uint32_t a = m->into[s->from], b = m->into[s->to];
+        const double away = distance_to(x, m->rows->position[a], m->rows->position[b]);
+        const uint32_t nearer = apart(m, place, a) <= apart(m, place, b) ? a : b;
+        if (!(away < reach) || nearer == place || !share_patch(m, place, nearer)) continue;
+        if (apart(m, place, nearer) >= least) continue;
+        least = apart(m, place, nearer);
+        host = nearer;
+    }
+    return host;
+}
+
+/* A corner becomes an earlier one that is near. Of a row that passes it closely the place that is nearest to it becomes the
+ * corner. */
+static void join_corner(merging *m, uint32_t corner)
+{
+    const double reach = NEAR_ROWS * m->in->spacing[corner], at = vec3_get(m->rows->position[corner], m->axis);
+    const vec3 x = m->rows->position[corner];
+    for (size_t k = first_from(m, at - reach); k < m->side_count && m->sides[k].low <= at + reach; k++) {
+        const side *s = &m->sides[k];
+        const uint32_t end[2] = {s->from, s->to};
+        if (s->high < at - reach || s->from == corner || s->to == corner) continue;
+        if (!(distance_to(x, m->rows->position[s->from], m->rows->position[s->to]) < reach)) continue;
+        const uint32_t place = end[apart(m, corner, end[1]) < apart(m, corner, end[0])];
+        const bool is_corner = place < m->rows->corners;
+        if (m->into[place] != place || m->into[corner] != corner || !share_patch(m, corner, place)) continue;
+        if (!is_corner) m->into[place] = corner;
+        if (is_corner && place < corner && apart(m, corner, place) < reach) m->into[corner] = place;
+    }
+}
+
+static void find_hosts(merging *m)
+{
+    const near_rows_input *in = m->in;
+    for (uint32_t k = 0; k < m->rows->count; k++) m->into[k] = k;
+    for (uint32_t k = 0; k < m->rows->corners; k++) join_corner(m, k);
+    for (uint32_t c = 0; c < in->curve_count; c++)
+        for (uint32_t k = (uint32_t)in->first[c]; k < in->first[c + 1]; k++)
+            if (m->into[k] == k) m->into[k] = find_host(m, k, c);
+    for (uint32_t k = 0; k < m->rows->count; k++) /* earlier ones point at those that stay */
+        while (m->into[m->into[k]] != m->into[k]) m->into[k] = m->into[m->into[k]];
+}
+
+/* ---- stands ---- */
+
+static bool lend(merging *m, uint32_t place, size_t stand, bool own, error *e)
+{
+    lent *grown = mem_grow(m->lents, m->lent_count, &m->lent_room, 256, sizeof *grown, what, e);
+    if (!grown) return false;
+    m->lents = grown;
+    m->lents[m->lent_count++] = (lent){place, m->rows->patch[stand], (uint32_t)stand, own};
+    return true;
+}
+
+static bool lend_all(merging *m, uint32_t place, uint32_t from, error *e)
+{
+    for (size_t k = m->first_stand[from]; k < m->first_stand[from + 1]; k++)
+        if (!lend(m, place, k, place == from, e)) return false;
+    return true;
+}
+
+/* A place that stays stands for a row of which places beside it are left out. */
+static bool lend_beside(merging *m, uint32_t place, error *e)
+{
+    const double reach = BESIDE * NEAR_ROWS * m->in->spacing[place],
+                 at = vec3_get(m->rows->position[place], m->axis);
+    for (size_t k = first_from(m, at - reach); k < m->side_count && m->sides[k].low <= at + reach; k++) {
+        const side *s = &m->sides[k];
+        const uint32_t end[2] = {s->from, s->to};
+        if (s->high < at - reach || s->from == place || s->to == place) continue;
+        const double away =
+            distance_to(m->rows->position[place], m->rows->position[s->from], m->rows->position[s->to]);
+        for (int i = 0; i < 2 && away < reach; i++)
+            if (m->into[end[i]] != end[i] && end[i] >= m->rows->corners && share_patch(m, place, end[i]) &&
+                !lend_all(m, place, end[i], e))
+                return false;
+    }
+    return true;
+}
+
+static int by_stand(const void *left, const void *right)
+{
+    const lent *a = left, *b = right;
+    if (a->place != b->place) return a->place < b->place ? -1 : 1;
+    if (a->own != b->own) return a->own ? -1 : 1;
+    return a->stand < b->stand ? -1 : a->stand > b->stand;
+}
+
+static bool list_lents(merging *m, error *e)
+{
+    bool ok = true;
+    for (uint32_t k = 0; ok && k < m->rows->count; k++)
+        ok = lend_all(m, m->into[k], k, e) && (m->into[k] != k || lend_beside(m, k, e));
+    if (ok && m->lent_count) qsort(m->lents, m->lent_count, sizeof *m->lents, by_stand);
+    return ok;
+}
+
+/* Each place once, and one stand of it for each patch: its own where it has one. */
+static bool rebuild(merging *m, error *e)
+{
+    curve_rows *r = m->rows;
+    curve_rows made = {.position = mem_array(r->count, sizeof *made.position, what, e),
+                       .curve = mem_array(r->count, sizeof *made.curve, what, e),
+                       .place = mem_array(m->lent_count, sizeof *made.place, what, e),
+                       .patch = mem_array(m->lent_count, sizeof *made.patch, what, e),
+                       .normal = mem_array(m->lent_count, sizeof *made.normal, what, e),
+                       .border = r->border};
+    const bool ok = made.position && made.curve && made.place && made.patch && made.normal;
+    size_t at = 0;
+    for (size_t k = 0; ok && k < r->stands; k++) made.border[r->patch[k]] -= m->in->half[k];
+    for (uint32_t k = 0; ok && k < r->count; k++) {
+        const size_t begin = made.stands;
+        if (m->into[k] != k) continue;
+        for (; at < m->lent_count && m->lents[at].place == k; at++) {
+            const lent *l = &m->lents[at];
+            bool has = false;
+            for (size_t n = begin; n < made.stands; n++) has |= made.patch[n] == l->patch;
+            if (has) continue;
+            made.place[made.stands] = (uint32_t)made.count;
+            made.patch[made.stands] = l->patch;
+            made.normal[made.stands++] = r->normal[l->stand];
+            made.border[l->patch] += m->in->half[l->stand];
+        }
+        made.corners += k < r->corners;
+        made.position[made.count] = r->position[k];
+        made.curve[made.count++] = r->curve[k];
+    }
+    curve_rows old = ok ? *r : made;
+    if (ok) *r = made;
+    old.border = NULL;
+    curve_rows_free(&old);
+    return ok;
+}
+
+bool near_rows_merge(const near_rows_input *in, curve_rows *rows, error *e)
+{
+    merging m = {.in = in, .rows = rows};
+    if (rows->count == 0) return true;
+    vec3 low = rows->position[0], high = low;
+    for (size_t k = 1; k < rows->count; k++)
+        for (int axis = 0; axis < 3; axis++) {
+            const double x = vec3_get(rows->position[k], axis);
+            vec3_set(&low, axis, fmin(vec3_get(low, axis), x));
+            vec3_set(&high, axis, fmax(vec3_get(high, axis), x));
+        }
+    const vec3 size = vec3_sub(high, low);
+    m.axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+    m.sides = mem_array(rows->count + 2 * in->curve_count, sizeof *m.sides, what, e);
+    m.into = mem_array(rows->count, sizeof *m.into, what, e);
+    m.curve_at = mem_array(rows->count, sizeof *m.curve_at, what, e);
+    m.first_stand = mem_array(rows->count + 1, sizeof *m.first_stand, what, e);
+    bool ok = m.sides && m.into && m.curve_at && m.first_stand;
+    if (ok) {
+        for (size_t k = 0; k < rows->stands; k++) m.first_stand[rows->place[k] + 1] = k + 1;
+        for (size_t k = 1; k <= rows->count; k++)
+            if (m.first_stand[k] < m.first_stand[k - 1]) m.first_stand[k] = m.first_stand[k - 1];
+        list_sides(&m);
+        find_hosts(&m);
+        ok = list_lents(&m, e) && rebuild(&m, e);
+    }
+    free(m.sides);
+    free(m.into);
+    free(m.curve_at);
+    free(m.first_stand);
+    free(m.lents);
+    return ok;
+}

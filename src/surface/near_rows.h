@@ -1,0 +1,28 @@
+/* near_rows: rows along curves that come nearer to each other than points can lie are made one.
+ *
+ * A place of a row that is within NEAR_ROWS spacings of an earlier row, or of a corner, is left out, and a corner that is of an earlier one, and the places there stand
+ * for its patches, too. So are the rows of two creases that part at an acute angle, and of a step that is low beside the
+ * spacing: triangles between such rows would be slivers. Rows on opposite sides of a sheet stay two. World space.
+ */
+#ifndef HEXAD_SURFACE_NEAR_ROWS_H
+#define HEXAD_SURFACE_NEAR_ROWS_H
+
+#include "surface/curve_rows.h"
+
+/* Of a spacing. A step of this height is cut off by as much at most, about a third of the spacing. */
+#define NEAR_ROWS 0.35
+
+/* Places of curves as they follow each other. */
+typedef struct near_rows_input {
+    size_t curve_count;
+    const bool *closed;
+    uint32_t (*end)[2];    /* of each curve that is not closed: the places of its corners */
+    const size_t *first;   /* curve_count + 1: the places of curve c are first[c] .. first[c + 1] */
+    const double *spacing; /* of each place */
+    double *half;          /* of each stand: its part of the border; follows the stands */
+} near_rows_input;
+
+/* Changes places, stands and border of *rows in place. Error: limit_memory. Deterministic. */
+bool near_rows_merge(const near_rows_input *in, curve_rows *rows, error *e);
+
+#endif
