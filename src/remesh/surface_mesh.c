@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/sets.h"
 #include "remesh/geodesic_cells.h"
 
 static const char what[] = "the mesh of the surface";
@@ -458,6 +459,17 @@ static bool has_point(const ring *r, uint32_t v)
     return false;
 }
 
+/* A triangle as a ring. */
+static ring ring_of(const flipping *f, size_t side)
+{
+    ring r = {.count = 3};
+    for (size_t k = 0; k < 3; k++, side = next(side)) {
+        r.side[k] = side;
+        r.point[k] = start_of(f, side);
+    }
+    return r;
+}
+
 /* The triangle of the fan that is nearest to the points of the ring and has none of them, as a ring of its own. */
 static ring nearest_triangle_of(const flipping *f, const ring *fan, const ring *to)
 {
@@ -474,12 +486,7 @@ static ring nearest_triangle_of(const flipping *f, const ring *fan, const ring *
             nearest = k;
         }
     }
-    ring r = {.count = 3};
-    for (size_t k = 0, s = fan->side[nearest]; k < 3; k++, s = next(s)) {
-        r.side[k] = s;
-        r.point[k] = start_of(f, s);
-    }
-    return r;
+    return ring_of(f, fan->side[nearest]);
 }
 
 static double apart(const flipping *f, const ring *a, size_t i, const ring *b, size_t j)
@@ -487,20 +494,19 @@ static double apart(const flipping *f, const ring *a, size_t i, const ring *b, s
     return vec3_norm(vec3_sub(f->at[a->point[i % a->count]], f->at[b->point[j % b->count]]));
 }
 
-/* The band between two rings, in the places of what is taken away and two more. One is followed as it runs, the other
- * backwards. */
+/* The band between two rings, in the places of what is taken away and new ones: two, or four where both are triangles. One is
+ * followed as it runs, the other backwards. */
 static void make_band(flipping *f, const ring *a, const ring *b)
 {
     size_t outer[2][MOST_IN_RING], place[MOST_IN_RING + 3], i = 0, j = 0, first = NONE, last = NONE,
                                                             taken = 0;
     for (size_t k = 0; k < a->count; k++) {
         outer[0][k] = f->twin[a->side[k]];
-        place[taken++] = a->side[k] / 3;
+        if (k == 0 || a->side[k] / 3 != a->side[0] / 3) place[taken++] = a->side[k] / 3;
     }
     for (size_t k = 0; k < 3; k++) outer[1][k] = f->twin[b->side[k]];
     place[taken++] = b->side[0] / 3;
-    place[taken++] = f->count++;
-    place[taken++] = f->count++;
+    while (taken < a->count + 3) place[taken++] = f->count++;
     for (size_t n = 0; n < a->count * 3; n++)
         if (apart(f, a, n / 3, b, n % 3) < apart(f, a, i, b, j)) {
             i = n / 3;
@@ -606,6 +612,38 @@ static bool join_necks(flipping *f, size_t names, error *e)
     return ok;
 }
 
+static bool touches_end(const flipping *f, const ring *r)
+{
+    bool found = false;
+    for (size_t k = 0; k < r->count; k++) found |= f->twin[r->side[k]] == NONE;
+    return found;
+}
+
+/* Where two cells meet around a bar, and no third one does, the dual is in two parts: a band between a triangle of each joins
+ * them. */
+static bool join_parts(const fine_mesh *fine, const uint32_t *name, flipping *f, size_t names, error *e)
+{
+    uint32_t *parent = mem_array(names, sizeof *parent, what, e);
+    bool ok = parent != NULL;
+    if (ok) sets_reset(parent, names);
+    for (size_t n = 0; ok && n < f->count; n++)
+        for (int k = 0; k < 2; k++) sets_join(parent, f->triangle[n][k], f->triangle[n][k + 1]);
+    for (size_t s = 0; ok && s < 3 * fine->m.triangle_count; s++) {
+        const uint32_t a = name[fine->m.triangle[s / 3][s % 3]], b = name[fine->m.triangle[s / 3][next(s) % 3]];
+        if (a == b || a == GEODESIC_CELLS_NONE || b == GEODESIC_CELLS_NONE || f->side_of[a] == NONE ||
+            f->side_of[b] == NONE || sets_root(parent, a) == sets_root(parent, b))
+            continue;
+        const ring one = ring_of(f, 3 * nearest_around(f, a, f->at[b])),
+                   other = ring_of(f, 3 * nearest_around(f, b, f->at[a]));
+        sets_join(parent, a, b);
+        if (touches_end(f, &one) || touches_end(f, &other)) continue;
+        ok = make_room(f, f->count + 4, e);
+        if (ok) make_band(f, &one, &other);
+    }
+    free(parent);
+    return ok;
+}
+
 /* ---- the whole ---- */
 
 /* The dual of the cells, each side with its twin. */
@@ -632,7 +670,7 @@ static bool make_dual(const surface_mesh_input *in, const fine_mesh *fine, const
         for (size_t s = 0; s < 3 * f->count; s++) f->side_of[start_of(f, s)] = s;
         trace_sides(fine, name, triangle_of, f);
         insert_surrounded(by, in->names, f);
-        ok = join_necks(f, in->names, e);
+        ok = join_necks(f, in->names, e) && join_parts(fine, name, f, in->names, e);
     }
     free(triangle_of);
     free(by);

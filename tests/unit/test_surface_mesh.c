@@ -233,6 +233,22 @@ static void necks_are_tubes(void **state)
     assert_whole(m, s, NULL, 0, 2);
 }
 
+/* The same bar with no point on it: the two cells that meet there meet no third. */
+static void bars_without_points_are_tubes(void **state)
+{
+    (void)state;
+    mesh m = welded(40, 80, bead);
+    scattered *s = scatter(&m);
+    for (size_t k = 0; k < s->count;)
+        if (fabs(s->position[k].z - 1.1) < 0.15)
+            drop_point(s, k);
+        else
+            k++;
+    add_point(s, vec3_make(0.02, 0, 1.01));
+    add_point(s, vec3_make(0.02, 0, 1.19));
+    assert_whole(m, s, NULL, 0, 2);
+}
+
 /* A torus whose tube is a thin bar for a while. */
 static const double bar_turns = 0.03, bar_radius = 0.012;
 
@@ -360,6 +376,7 @@ int main(void)
         cmocka_unit_test(fins_are_closed),
         cmocka_unit_test(tips_are_corners),
         cmocka_unit_test(necks_are_tubes),
+        cmocka_unit_test(bars_without_points_are_tubes),
         cmocka_unit_test(necks_at_handles_have_no_empty_triangle),
         cmocka_unit_test(corners_of_open_sheets_do_not_fold),
         cmocka_unit_test(cells_around_a_bar_are_no_discs),
