@@ -375,14 +375,21 @@ static void insert_point(flipping *f, size_t n, uint32_t v)
     f->side_of[r] = three;
 }
 
-/* What a point has that is no corner of a triangle: the only one whose cell touches its own, itself where there are several or its
- * cell ends with the mesh, NOBODY where it has no cell. Of the others ANYBODY. */
+/* What a point has that is no corner of a triangle: the only one whose cell touches its own, SEVERAL, itself where its cell ends with
+ * the mesh, NOBODY where it has no cell. Of the others ANYBODY. */
 #define NOBODY GEODESIC_CELLS_NONE
 #define ANYBODY (GEODESIC_CELLS_NONE - 1)
+#define SEVERAL (GEODESIC_CELLS_NONE - 2)
 
 static bool is_surrounded(const uint32_t *by, uint32_t v)
 {
     return by[v] != NOBODY && by[v] != ANYBODY && by[v] != v;
+}
+
+/* Cells that lie on a thorn or a bar like rings, one beside the other, meet no third. */
+static bool is_ring(const uint32_t *by, const flipping *f, uint32_t v)
+{
+    return by[v] == SEVERAL && f->side_of[v] == NONE;
 }
 
 static void list_surrounded(const fine_mesh *fine, const uint32_t *name, const size_t *triangle_of,
@@ -395,7 +402,7 @@ static void list_surrounded(const fine_mesh *fine, const uint32_t *name, const s
         for (int k = 0; k < 6; k++) {
             const uint32_t *t = fine->m.triangle[n], a = name[t[k / 2]], b = name[t[(k / 2 + 1 + k % 2) % 3]];
             if (a == b || a == GEODESIC_CELLS_NONE || b == GEODESIC_CELLS_NONE || by[a] == ANYBODY) continue;
-            by[a] = by[a] == NOBODY || by[a] == b ? b : a;
+            by[a] = by[a] == NOBODY || by[a] == b ? b : SEVERAL;
         }
     for (size_t n = 0; n < fine->m.triangle_count; n++)
         for (int k = 0; k < 3; k++) {
@@ -410,10 +417,27 @@ static void list_surrounded(const fine_mesh *fine, const uint32_t *name, const s
         }
 }
 
-static void insert_surrounded(const uint32_t *by, size_t names, flipping *f)
+/* A ring becomes a corner between those of the cell beside it, then the next one does; the last may be what one is in the middle
+ * of. */
+static void insert_surrounded(const fine_mesh *fine, const uint32_t *name, const uint32_t *by, size_t names,
+                              flipping *f)
 {
+    size_t rings = 0, left = SIZE_MAX;
+    for (uint32_t v = 0; v < names; v++) rings += is_ring(by, f, v);
+    for (; rings > 0 && rings < left;) {
+        left = rings;
+        for (size_t s = 0; s < 6 * fine->m.triangle_count; s++) {
+            const uint32_t *t = fine->m.triangle[s / 6], a = name[t[s / 2 % 3]],
+                           b = name[t[(s / 2 + 1 + s % 2) % 3]];
+            if (a == b || a == GEODESIC_CELLS_NONE || b == GEODESIC_CELLS_NONE || !is_ring(by, f, a)) continue;
+            const size_t n = nearest_around(f, b, f->at[a]);
+            if (n == NONE) continue;
+            insert_point(f, n, a);
+            rings--;
+        }
+    }
     for (uint32_t v = 0; v < names; v++) {
-        const size_t n = is_surrounded(by, v) ? nearest_around(f, by[v], f->at[v]) : NONE;
+        const size_t n = is_surrounded(by, v) && by[v] != SEVERAL ? nearest_around(f, by[v], f->at[v]) : NONE;
         if (n != NONE) insert_point(f, n, v);
     }
 }
@@ -470,23 +494,36 @@ static ring ring_of(const flipping *f, size_t side)
     return r;
 }
 
-/* The triangle of the fan that is nearest to the points of the ring and has none of them, as a ring of its own. */
-static ring nearest_triangle_of(const flipping *f, const ring *fan, const ring *to)
+/* Whether a fan and a triangle of another one may make way for a band. */
+static bool may_make_way(const flipping *f, const ring *fan, const ring *triangle)
 {
-    size_t nearest = 0;
+    for (size_t k = 0; k < 3; k++) /* at a handle both ends may have a point in common */
+        if (has_point(fan, triangle->point[k]) || f->twin[triangle->side[k]] == NONE ||
+            has_triangle(fan, f->twin[triangle->side[k]] / 3))
+            return false;
+    for (size_t k = 0; k < fan->count; k++) {
+        const size_t beyond = f->twin[fan->side[k]];
+        if (beyond == NONE || has_triangle(fan, beyond / 3) || beyond / 3 == triangle->side[0] / 3) return false;
+    }
+    return true;
+}
+
+/* The triangle of a fan that is nearest to the points of another, of those that may make way, as a ring of its own. */
+static bool find_triangle(const flipping *f, const ring *fan, const ring *to, ring *out)
+{
     double least = INFINITY;
     for (size_t k = 0; k < fan->count; k++) {
         const uint32_t from = fan->point[k], opposite = apex_of(f, next(next(fan->side[k])));
-        double away = has_point(to, from) || has_point(to, opposite) ? INFINITY : 0;
+        const ring r = ring_of(f, fan->side[k]);
+        double away = 0;
         for (size_t i = 0; i < to->count; i++)
             away += vec3_norm(vec3_sub(f->at[from], f->at[to->point[i]])) +
                     vec3_norm(vec3_sub(f->at[opposite], f->at[to->point[i]]));
-        if (away < least) {
-            least = away;
-            nearest = k;
-        }
+        if (!(away < least) || !may_make_way(f, to, &r)) continue;
+        least = away;
+        *out = r;
     }
-    return ring_of(f, fan->side[nearest]);
+    return isfinite(least);
 }
 
 static double apart(const flipping *f, const ring *a, size_t i, const ring *b, size_t j)
@@ -542,19 +579,15 @@ static void make_band(flipping *f, const ring *a, const ring *b)
 /* Joins two fans of a point; each begins with a side of its own. */
 static void join_fans(flipping *f, size_t one, size_t other)
 {
-    ring a, fan;
-    if (start_of(f, one) != start_of(f, other) || !walk_fan(f, one, &a) || !walk_fan(f, other, &fan)) return;
-    if (has_triangle(&a, other / 3)) return;
-    const ring b = nearest_triangle_of(f, &fan, &a);
-    for (size_t k = 0; k < b.count; k++) /* at a handle both ends may have a point in common */
-        if (has_point(&a, b.point[k])) return;
-    for (size_t k = 0; k < a.count; k++) {
-        const size_t beyond = f->twin[a.side[k]];
-        if (beyond == NONE || has_triangle(&a, beyond / 3) || beyond / 3 == b.side[0] / 3) return;
-    }
-    for (size_t k = 0; k < 3; k++)
-        if (f->twin[b.side[k]] == NONE || has_triangle(&a, f->twin[b.side[k]] / 3)) return;
-    make_band(f, &a, &b);
+    ring fan[2], triangle;
+    if (start_of(f, one) != start_of(f, other) || !walk_fan(f, one, &fan[0]) || !walk_fan(f, other, &fan[1]))
+        return;
+    if (has_triangle(&fan[0], other / 3)) return;
+    for (int k = 0; k < 2; k++)
+        if (find_triangle(f, &fan[1 - k], &fan[k], &triangle)) {
+            make_band(f, &fan[k], &triangle);
+            return;
+        }
 }
 
 /* Lists a side of each fan but the first of a point. */
@@ -669,7 +702,7 @@ static bool make_dual(const surface_mesh_input *in, const fine_mesh *fine, const
         for (size_t v = 0; v < in->names; v++) f->side_of[v] = NONE;
         for (size_t s = 0; s < 3 * f->count; s++) f->side_of[start_of(f, s)] = s;
         trace_sides(fine, name, triangle_of, f);
-        insert_surrounded(by, in->names, f);
+        insert_surrounded(fine, name, by, in->names, f);
         ok = join_necks(f, in->names, e) && join_parts(fine, name, f, in->names, e);
     }
     free(triangle_of);

@@ -39,7 +39,8 @@ static double longest_cell(const mesh_source_request *r, const mesh_patches *p)
 }
 
 /* Whether nothing speaks against the triangles of a closed mesh that are not asked for. */
-static bool suits_triangles(const mesh_source_request *r, const mesh_patches *p, bool *out, error *e)
+static bool suits_triangles(const mesh_source_request *r, const mesh_patches *p, bool *out, mesh_notes *notes,
+                            error *e)
 {
     const spec_mesh *s = r->spec;
     double hidden = 0;
@@ -47,11 +48,16 @@ static bool suits_triangles(const mesh_source_request *r, const mesh_patches *p,
     if (!*out) return true;
     if (!fidelity_hidden(&p->m, &hidden, e)) return false;
     *out = r->resolve || hidden <= most_hidden;
+    if (*out && hidden > most_hidden)
+        mesh_note(notes,
+                  "%.2g %% of the mesh lie within its solids and have points, too: interior \"drop\" leaves them out",
+                  100 * hidden);
     return true;
 }
 
 /* Whether the mesh is sampled on its triangles. */
-static bool wants_patches(const mesh_source_request *r, const mesh_patches *p, bool *out, error *e)
+static bool wants_patches(const mesh_source_request *r, const mesh_patches *p, bool *out, mesh_notes *notes,
+                          error *e)
 {
     *out = !p->closed && r->spec->holes == SPEC_HOLES_KEEP;
     for (size_t k = 0; p->closed && k < p->count; k++)
@@ -60,7 +66,7 @@ static bool wants_patches(const mesh_source_request *r, const mesh_patches *p, b
     const size_t curves = p->feature_edges + (asked ? p->nonmanifold_edges : 0);
     if (!p->closed || *out || (curves == 0 && !r->resolve)) return true;
     *out = r->spec->has_features;
-    return *out || suits_triangles(r, p, out, e);
+    return *out || suits_triangles(r, p, out, notes, e);
 }
 
 /* Of the mesh as it is, or as it is placed and cut. */
@@ -108,7 +114,7 @@ static bool choose_patches(const mesh_source_request *r, const mesh *whole, bool
     const bool skip = !thin && !r->resolve && !s->has_features;
     bool ok = make_patches(r, whole, angle, false, skip, &as_given, &given, e) &&
               (!r->resolve || cut_bends(r, whole, notes, &given, &as_given, e)) &&
-              (thin || wants_patches(r, &given, &wanted, e));
+              (thin || wants_patches(r, &given, &wanted, &as_given, e));
     if (!ok || !wanted) {
         mesh_patches_free(&given);
         return ok;

@@ -806,7 +806,8 @@ const spec_row spec_rows[] = {
      .prose =
          "As many points as it takes to resolve the surface: the spacing is what feature and grid ask for, at "
          "most max_spacing. Give true. The report and the estimate state the count. A closed mesh is sampled on its "
-         "triangles then, as with sharp edges (/surface/mesh/features), and mesh.ply has their topology."},
+         "triangles then, those within its solids with them, as with sharp edges (/surface/mesh/features), and "
+         "mesh.ply has their topology."},
     {.pointer = "/sampling/feature",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,

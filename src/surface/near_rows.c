@@ -25,12 +25,16 @@ typedef struct lent {
     bool own;                     /* the place has it already */
 } lent;
 
+/* In spacings: a curve that begins or ends by itself does so where there is room. */
+static const double LOOSE = 0.65;
+
 typedef struct merging {
     const near_rows_input *in;
     curve_rows *rows;
     side *sides;
     size_t side_count, *first_stand;
     uint32_t *into, *curve_at; /* of each place: the one that stands for it, itself as a rule; which of its curve it is */
+    uint32_t *ends;            /* of each corner, of curves */
     lent *lents;
     size_t lent_count, lent_room;
     double widest; /* of the sides, along the axis */
@@ -41,7 +45,6 @@ typedef struct merging {
 
 static void add_side(merging *m, uint32_t from, uint32_t to, uint32_t curve, uint32_t at)
 {
-    if (from == to) return;
     const double a = vec3_get(m->rows->position[from], m->axis),
                  b = vec3_get(m->rows->position[to], m->axis);
     m->sides[m->side_count++] = (side){from, to, curve, at, fmin(a, b), fmax(a, b)};
@@ -67,6 +70,8 @@ static void list_sides(merging *m)
             if (count > 2) add_side(m, first + count - 1, first, c, count);
             continue;
         }
+        m->ends[in->end[c][0]]++;
+        m->ends[in->end[c][1]] += in->end[c][1] != in->end[c][0];
         add_side(m, in->end[c][0], count ? first : in->end[c][1], c, 0);
         if (count) add_side(m, first + count - 1, in->end[c][1], c, count);
     }
@@ -164,6 +169,22 @@ static void join_corner(merging *m, uint32_t corner)
     }
 }
 
+/* Such an end is no corner of the surface: it is left out where another place is near. */
+static void join_loose(merging *m, uint32_t corner)
+{
+    const double reach = LOOSE * m->in->spacing[corner], at = vec3_get(m->rows->position[corner], m->axis);
+    double least = reach;
+    for (size_t k = first_from(m, at - reach); k < m->side_count && m->sides[k].low <= at + reach; k++) {
+        const uint32_t end[2] = {m->sides[k].from, m->sides[k].to};
+        for (int i = 0; i < 2; i++) {
+            if (end[i] == corner || m->into[end[i]] != end[i] || !(apart(m, corner, end[i]) < least)) continue;
+            if (!share_patch(m, corner, end[i])) continue;
+            least = apart(m, corner, end[i]);
+            m->into[corner] = end[i];
+        }
+    }
+}
+
 static void find_hosts(merging *m)
 {
     const near_rows_input *in = m->in;
@@ -172,6 +193,8 @@ static void find_hosts(merging *m)
     for (uint32_t c = 0; c < in->curve_count; c++)
         for (uint32_t k = (uint32_t)in->first[c]; k < in->first[c + 1]; k++)
             if (m->into[k] == k) m->into[k] = find_host(m, k, c);
+    for (uint32_t k = 0; k < m->rows->corners; k++)
+        if (m->ends[k] == 1 && m->into[k] == k) join_loose(m, k);
     for (uint32_t k = 0; k < m->rows->count; k++) /* earlier ones point at those that stay */
         while (m->into[m->into[k]] != m->into[k]) m->into[k] = m->into[m->into[k]];
 }
@@ -283,8 +306,9 @@ bool near_rows_merge(const near_rows_input *in, curve_rows *rows, error *e)
     m.sides = mem_array(rows->count + 2 * in->curve_count, sizeof *m.sides, what, e);
     m.into = mem_array(rows->count, sizeof *m.into, what, e);
     m.curve_at = mem_array(rows->count, sizeof *m.curve_at, what, e);
+    m.ends = mem_array(rows->count, sizeof *m.ends, what, e);
     m.first_stand = mem_array(rows->count + 1, sizeof *m.first_stand, what, e);
-    bool ok = m.sides && m.into && m.curve_at && m.first_stand;
+    bool ok = m.sides && m.into && m.curve_at && m.ends && m.first_stand;
     if (ok) {
         for (size_t k = 0; k < rows->stands; k++) m.first_stand[rows->place[k] + 1] = k + 1;
         for (size_t k = 1; k <= rows->count; k++)
@@ -296,6 +320,7 @@ bool near_rows_merge(const near_rows_input *in, curve_rows *rows, error *e)
     free(m.sides);
     free(m.into);
     free(m.curve_at);
+    free(m.ends);
     free(m.first_stand);
     free(m.lents);
     return ok;

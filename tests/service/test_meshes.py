@@ -496,6 +496,26 @@ def test_a_mesh_that_is_to_be_resolved_has_a_least_spacing(worker, tmp_path):
     assert told["median"] == pytest.approx(0.01, rel=0.1)
 
 
+@pytest.mark.plain
+def test_a_mesh_that_is_to_be_resolved_has_all_of_its_parts(worker, tmp_path):
+    """Boxes that lie within each other are sampled each, and mesh.ply is both; interior "drop" asks for their outside."""
+    lines, first = [], 1
+    for at in (0, 0.5):
+        lines += [f"v {x + at} {y + at} {z + at}" for x in (0, 1) for y in (0, 1) for z in (0, 1)]
+        lines += ["f " + " ".join(str(first + k) for k in face) for face in
+                  ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))]
+        first += 8
+    (tmp_path / "two.obj").write_text("\n".join(lines) + "\n")
+    for interior, patches in (("keep", 12), ("drop", None)):
+        done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "two.obj"), "interior": interior}},
+                       "sampling": {"resolve": True, "feature": {}, "min_spacing": 0.03}, "output": {"preview": False}})
+        assert done.returncode in (0, 10, 11), done.stderr
+        report = json.loads((tmp_path / "out" / "report.json").read_text())
+        assert report["surface"]["mesh"].get("patches") == patches
+        told = [warning for warning in report["surface"]["warnings"] if 'within its solids' in warning and '"drop"' in warning]
+        assert len(told) == (interior == "keep")
+
+
 def test_numbers_may_begin_with_their_point(worker, tmp_path):
     corners = ["v .5 0 0", "v -.5 0 0", "v 0 +.5 0", "v 0 -.5 0", "v .0 .0 .5", "v\t.0\t.0\t-.5"]
     faces = [f"f {x} {y} {z}" if (x == 1) ^ (y == 3) ^ (z == 5) else f"f {y} {x} {z}"
