@@ -4,7 +4,8 @@
 
     tools/features.py --worker build/hexad-worker --output doc/measured/features.md [--data DIRECTORY] [--only WORD ...]
 
-DIRECTORY, or HEXAD_SHARED, has the folder meshes. CASES says how each is resolved. Ends with 1 when a bound is missed:
+DIRECTORY, or HEXAD_SHARED, has the folder meshes. All are resolved by one setting: `resolve` with what `feature` is by default.
+Ends with 1 when a bound is missed:
 no unresolved point; a closed manifold with the genus and the number of parts of the input; the least angle above 25
 degrees in 99.9 % of the triangles; nowhere farther from the input than a third of the local feature size, or of
 the least spacing where that is larger. The local feature size is the distance to the medial axis of the input, by shrinking
@@ -25,14 +26,8 @@ from scipy.spatial import cKDTree
 import inputs
 import meshes
 
-# file, ratio, least spacing in thousandths of the longest side (4: about a voxel of 256), members of the surface's mesh. The foot
-# bones lie within each other: only a mesh whose features are asked for is sampled on all of its triangles then.
-CASES = (("dragon_100k.obj", 0.5, 2, {}),
-         ("scorpion_low.obj", 0.5, 4, {}),
-         ("footbones.ply", 0.2, 4, {"features": {"angle": 1.0}}),
-         ("42400-IDGH.stl", 0.3, 2.5, {}),
-         ("fertility.off", 0.4, 4, {}),
-         ("high_genus13k.off", 0.4, 4, {}))
+CASES = ("dragon_100k.obj", "scorpion_low.obj", "footbones.ply", "42400-IDGH.stl", "fertility.off", "high_genus13k.off",
+         "gargoyle.off", "wingnut.obj", "rocker-arm.obj", "skull_low.obj")
 LEAST_ANGLE, SHARE = 25, 0.999
 FARTHEST = 1 / 3
 # Places on a mesh that distances and feature sizes are measured at.
@@ -129,18 +124,18 @@ def farthest(given, made, floor):
     return max(other.farthest(x, numpy.maximum(axis.query(x)[0], floor)) for x, other in ((point, made), (there, given)))
 
 
-def resolve(worker, path, ratio, least, work, members=None):
+def resolve(worker, path, work, sampling=None):
     """The input, the report, mesh.ply, and the least spacing."""
     given = meshes.read(path)
-    spacing = least / 1000 * float(numpy.ptp(given.vertices, axis=0).max())
-    spec = {"version": 1, "surface": {"mesh": {"path": str(path), **(members or {})}},
-            "sampling": {"resolve": True, "feature": {"ratio": ratio}, "min_spacing": spacing},
+    spec = {"version": 1, "surface": {"mesh": {"path": str(path)}},
+            "sampling": {"resolve": True, "feature": {}, **(sampling or {})},
             "output": {"mesh": True, "preview": False}}
     (work / "spec.json").write_text(json.dumps(spec))
     done = subprocess.run([worker, "run", work / "spec.json", "--output", work / "out"], text=True, capture_output=True)
     if done.returncode not in (0, 10, 11):
         raise SystemExit(f"{path.name}: {done.stderr[-300:]}")
-    return given, json.loads((work / "out" / "report.json").read_text()), read_result(work / "out" / "mesh.ply"), spacing
+    report = json.loads((work / "out" / "report.json").read_text())
+    return given, report, read_result(work / "out" / "mesh.ply"), report["grading"]["feature_size"]["floor"]
 
 
 def measure(given, report, result, spacing):
@@ -159,20 +154,21 @@ def measure(given, report, result, spacing):
             (f"{angles.min():.1f}", True), (f"{100 * share:.2f} %", share >= SHARE), (f"{distance:.3f}", distance <= FARTHEST))
 
 
-HEAD = ("file", "ratio", "least spacing, thousandths", "points", "outcome", "unresolved", "by the points alone", "parts of the input", "of mesh.ply",
+HEAD = ("file", "least spacing, thousandths", "points", "outcome", "unresolved", "ambiguous", "parts of the input", "of mesh.ply",
         "least angle", f"above {LEAST_ANGLE} degrees", "distance over feature size", "s")
 
 
 def page(data, worker, only, say):
     rows, bad = ["| " + " | ".join(HEAD) + " |", "|" + "---|" * len(HEAD)], 0
-    for name, ratio, least, members in CASES:
+    for name in CASES:
         if only and not any(word in name for word in only):
             continue
         with tempfile.TemporaryDirectory() as where:
-            found = resolve(worker, data / "meshes" / name, ratio, least, pathlib.Path(where), members)
+            found = resolve(worker, data / "meshes" / name, pathlib.Path(where))
         cells = measure(*found)
         bad += sum(not good for _, good in cells)
-        row = [name, f"{ratio:g}", f"{least:g}"] + [t if good else f"**{t}**" for t, good in cells]
+        longest = float(numpy.ptp(found[0].vertices, axis=0).max())
+        row = [name, f"{1000 * found[3] / longest:.2f}"] + [t if good else f"**{t}**" for t, good in cells]
         rows.append("| " + " | ".join(row + [f"{found[1]['timing_s']['total']:.0f}"]) + " |")
         say(rows[-1])
     return rows, bad

@@ -69,7 +69,7 @@ def test_a_thin_shell_with_a_handle_is_resolved(build, tmp_path, diagnose, monke
     path = tmp_path / "shell.off"
     path.write_text("\n".join([f"OFF\n{len(vertices)} {len(triangles)} 0"] + ["%r %r %r" % tuple(v) for v in vertices.tolist()] +
                               ["3 %d %d %d" % tuple(t) for t in triangles]) + "\n")
-    found = features.resolve(build / "hexad-worker", path, 0.75, 2, tmp_path)
+    found = features.resolve(build / "hexad-worker", path, tmp_path, {"min_spacing": 0.002 * 2.6})
     cells = features.measure(*found)
     diagnose(" | ".join(text for text, _ in cells))
     assert all(good for _, good in cells)

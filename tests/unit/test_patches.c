@@ -410,6 +410,21 @@ static void rows_that_part_slowly_begin_as_one(void **state)
     curve_rows_free(&rows);
 }
 
+/* A crease that begins half a spacing from another is no corner there. */
+static void ends_of_creases_keep_apart(void **state)
+{
+    (void)state;
+    static faces s;
+    error e = {0};
+    curve_rows rows;
+    const boundary_request request = {.spacing = 0.1, .even = 0.1, .most = SIZE_MAX};
+    make_slit_face(&s, (vec3){0.05, 0.15, 0}, (vec3){0.05, 0.4, 0});
+    assert_true(curve_rows_make(&s.base, &request, &rows, &e));
+    assert_int_equal(rows.corners, 4 + 3);
+    assert_true(least_distance(&rows) > 0.08);
+    curve_rows_free(&rows);
+}
+
 /* What ends a patch on one side of a sheet is not what ends it on the other, however thin it is. */
 static void rows_on_two_sides_of_a_sheet_stay(void **state)
 {
@@ -442,6 +457,7 @@ int main(void)
         cmocka_unit_test(rows_are_graded),
         cmocka_unit_test(rows_of_a_low_step_are_one),
         cmocka_unit_test(rows_that_part_slowly_begin_as_one),
+        cmocka_unit_test(ends_of_creases_keep_apart),
         cmocka_unit_test(rows_on_two_sides_of_a_sheet_stay),
         cmocka_unit_test(loops_and_short_curves_have_places),
         cmocka_unit_test(a_loop_without_a_place_takes_no_room),

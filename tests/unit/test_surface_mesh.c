@@ -207,6 +207,22 @@ static void tips_are_corners(void **state)
     assert_whole(m, s, NULL, 0, 2);
 }
 
+/* So do those of several points, one beside the other. */
+static void thorns_of_rings_are_closed(void **state)
+{
+    (void)state;
+    mesh m = welded(40, 80, thorn);
+    scattered *s = scatter(&m);
+    for (size_t k = 0; k < s->count;)
+        if (s->position[k].z > 1.02)
+            drop_point(s, k);
+        else
+            k++;
+    for (int k = 1; k < 4; k++) add_point(s, vec3_make(0.031 * (1 - 0.25 * k), 0, 1 + 0.1 * k));
+    add_point(s, vec3_make(0, 0, 1.4));
+    assert_whole(m, s, NULL, 0, 2);
+}
+
 static vec3 bead(double u, double v)
 {
     const double r = v < 0.4   ? fmax(sin(M_PI * 2.49 * v), v < 0.2 ? 0 : 0.02)
@@ -233,20 +249,23 @@ static void necks_are_tubes(void **state)
     assert_whole(m, s, NULL, 0, 2);
 }
 
-/* The same bar with no point on it: the two cells that meet there meet no third. */
-static void bars_without_points_are_tubes(void **state)
+/* The same bar with points at its ends: their cells meet there and meet no third, or with another whose cell meets these two. */
+static void bars_of_few_points_are_tubes(void **state)
 {
     (void)state;
-    mesh m = welded(40, 80, bead);
-    scattered *s = scatter(&m);
-    for (size_t k = 0; k < s->count;)
-        if (fabs(s->position[k].z - 1.1) < 0.15)
-            drop_point(s, k);
-        else
-            k++;
-    add_point(s, vec3_make(0.02, 0, 1.01));
-    add_point(s, vec3_make(0.02, 0, 1.19));
-    assert_whole(m, s, NULL, 0, 2);
+    for (int middle = 0; middle < 2; middle++) {
+        mesh m = welded(40, 80, bead);
+        scattered *s = scatter(&m);
+        for (size_t k = 0; k < s->count;)
+            if (fabs(s->position[k].z - 1.1) < 0.15)
+                drop_point(s, k);
+            else
+                k++;
+        add_point(s, vec3_make(0.02, 0, 1.01));
+        add_point(s, vec3_make(0.02, 0, 1.19));
+        if (middle) add_point(s, vec3_make(0.02, 0, 1.1));
+        assert_whole(m, s, NULL, 0, 2);
+    }
 }
 
 /* A torus whose tube is a thin bar for a while. */
@@ -376,7 +395,8 @@ int main(void)
         cmocka_unit_test(fins_are_closed),
         cmocka_unit_test(tips_are_corners),
         cmocka_unit_test(necks_are_tubes),
-        cmocka_unit_test(bars_without_points_are_tubes),
+        cmocka_unit_test(bars_of_few_points_are_tubes),
+        cmocka_unit_test(thorns_of_rings_are_closed),
         cmocka_unit_test(necks_at_handles_have_no_empty_triangle),
         cmocka_unit_test(corners_of_open_sheets_do_not_fold),
         cmocka_unit_test(cells_around_a_bar_are_no_discs),
