@@ -42,6 +42,8 @@ typedef struct field_patches {
     vec3 *vertex;
     uint32_t *curve_patch;
     bool merges_near_rows; /* rows of points that come nearer to each other than points can lie become one */
+    bool
+        has_rough_curves; /* with that: where a curve bends it has a corner for no reason of its own, as on a scan */
 } field_patches;
 
 /* Whether a place near the zero set of a patch is one of the patch. */

@@ -459,10 +459,14 @@ static bool make_patches(mesh_surface *s, error *e)
 {
     mesh_patches *m = &s->mesh;
     double all = 0;
-    s->patches = (field_patches){m->count,       mem_array(m->count, sizeof *s->patches.patch, what, e),
-                                 m->curve_count, m->curve,
-                                 m->vertex,      m->curve_patch,
-                                 m->merges_near_rows};
+    s->patches = (field_patches){m->count,
+                                 mem_array(m->count, sizeof *s->patches.patch, what, e),
+                                 m->curve_count,
+                                 m->curve,
+                                 m->vertex,
+                                 m->curve_patch,
+                                 m->merges_near_rows,
+                                 m->has_rough_curves};
     s->patch = mem_array(m->count, sizeof *s->patch, what, e);
     if (!s->patches.patch || !s->patch) return false;
     for (size_t k = 0; k < m->count; k++) {

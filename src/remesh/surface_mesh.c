@@ -429,7 +429,8 @@ static void insert_surrounded(const fine_mesh *fine, const uint32_t *name, const
         for (size_t s = 0; s < 6 * fine->m.triangle_count; s++) {
             const uint32_t *t = fine->m.triangle[s / 6], a = name[t[s / 2 % 3]],
                            b = name[t[(s / 2 + 1 + s % 2) % 3]];
-            if (a == b || a == GEODESIC_CELLS_NONE || b == GEODESIC_CELLS_NONE || !is_ring(by, f, a)) continue;
+            if (a == b || a == GEODESIC_CELLS_NONE || b == GEODESIC_CELLS_NONE || !is_ring(by, f, a))
+                continue;
             const size_t n = nearest_around(f, b, f->at[a]);
             if (n == NONE) continue;
             insert_point(f, n, a);
@@ -503,7 +504,8 @@ static bool may_make_way(const flipping *f, const ring *fan, const ring *triangl
             return false;
     for (size_t k = 0; k < fan->count; k++) {
         const size_t beyond = f->twin[fan->side[k]];
-        if (beyond == NONE || has_triangle(fan, beyond / 3) || beyond / 3 == triangle->side[0] / 3) return false;
+        if (beyond == NONE || has_triangle(fan, beyond / 3) || beyond / 3 == triangle->side[0] / 3)
+            return false;
     }
     return true;
 }
@@ -662,7 +664,8 @@ static bool join_parts(const fine_mesh *fine, const uint32_t *name, flipping *f,
     for (size_t n = 0; ok && n < f->count; n++)
         for (int k = 0; k < 2; k++) sets_join(parent, f->triangle[n][k], f->triangle[n][k + 1]);
     for (size_t s = 0; ok && s < 3 * fine->m.triangle_count; s++) {
-        const uint32_t a = name[fine->m.triangle[s / 3][s % 3]], b = name[fine->m.triangle[s / 3][next(s) % 3]];
+        const uint32_t a = name[fine->m.triangle[s / 3][s % 3]],
+                       b = name[fine->m.triangle[s / 3][next(s) % 3]];
         if (a == b || a == GEODESIC_CELLS_NONE || b == GEODESIC_CELLS_NONE || f->side_of[a] == NONE ||
             f->side_of[b] == NONE || sets_root(parent, a) == sets_root(parent, b))
             continue;

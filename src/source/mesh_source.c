@@ -49,9 +49,10 @@ static bool suits_triangles(const mesh_source_request *r, const mesh_patches *p,
     if (!fidelity_hidden(&p->m, &hidden, e)) return false;
     *out = r->resolve || hidden <= most_hidden;
     if (*out && hidden > most_hidden)
-        mesh_note(notes,
-                  "%.2g %% of the mesh lie within its solids and have points, too: interior \"drop\" leaves them out",
-                  100 * hidden);
+        mesh_note(
+            notes,
+            "%.2g %% of the mesh lie within its solids and have points, too: interior \"drop\" leaves them out",
+            100 * hidden);
     return true;
 }
 
@@ -89,13 +90,14 @@ static bool make_patches(const mesh_source_request *r, const mesh *whole, double
 
 /* A closed mesh that is to be resolved and has no other sharp edges is cut at those that its spacing would leave out. */
 static bool cut_bends(const mesh_source_request *r, const mesh *whole, const mesh_notes *read,
-                       mesh_patches *given, mesh_notes *notes, error *e)
+                      mesh_patches *given, mesh_notes *notes, error *e)
 {
     if (!given->closed || given->feature_edges > 0 || r->spec->has_features) return true;
     mesh_notes again = *read;
     mesh_patches cut = {0};
     if (!make_patches(r, whole, cut_angle, false, false, &again, &cut, e)) return false;
     mesh_patches_free(given);
+    cut.has_rough_curves = true;
     *given = cut;
     *notes = again;
     return true;

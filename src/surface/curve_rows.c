@@ -410,7 +410,8 @@ static bool merge_near(layout *l, curve_rows *out, error *e)
     bool *closed = mem_array(p->curve_count, sizeof *closed, WHAT, e);
     uint32_t(*ends)[2] = mem_array(p->curve_count, sizeof *ends, WHAT, e);
     double *spacing = mem_array(out->count, sizeof *spacing, WHAT, e);
-    const near_rows_input in = {p->curve_count, closed, ends, l->first_place, spacing, l->half};
+    const near_rows_input in = {p->curve_count,     closed, ends, l->first_place, spacing, l->half,
+                                p->has_rough_curves};
     bool ok = closed && ends && spacing;
     for (size_t c = 0; ok && c < p->curve_count; c++) {
         closed[c] = p->curve[c].closed;

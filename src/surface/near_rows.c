@@ -33,8 +33,9 @@ typedef struct merging {
     curve_rows *rows;
     side *sides;
     size_t side_count, *first_stand;
-    uint32_t *into, *curve_at; /* of each place: the one that stands for it, itself as a rule; which of its curve it is */
-    uint32_t *ends;            /* of each corner, of curves */
+    uint32_t *into,
+        *curve_at; /* of each place: the one that stands for it, itself as a rule; which of its curve it is */
+    uint32_t *ends; /* of each corner, of curves */
     lent *lents;
     size_t lent_count, lent_room;
     double widest; /* of the sides, along the axis */
@@ -45,8 +46,7 @@ typedef struct merging {
 
 static void add_side(merging *m, uint32_t from, uint32_t to, uint32_t curve, uint32_t at)
 {
-    const double a = vec3_get(m->rows->position[from], m->axis),
-                 b = vec3_get(m->rows->position[to], m->axis);
+    const double a = vec3_get(m->rows->position[from], m->axis), b = vec3_get(m->rows->position[to], m->axis);
     m->sides[m->side_count++] = (side){from, to, curve, at, fmin(a, b), fmax(a, b)};
     m->widest = fmax(m->widest, fabs(a - b));
 }
@@ -154,7 +154,8 @@ static uint32_t find_host(const merging *m, uint32_t place, uint32_t curve)
  * corner. */
 static void join_corner(merging *m, uint32_t corner)
 {
-    const double reach = NEAR_ROWS * m->in->spacing[corner], at = vec3_get(m->rows->position[corner], m->axis);
+    const double reach = NEAR_ROWS * m->in->spacing[corner],
+                 at = vec3_get(m->rows->position[corner], m->axis);
     const vec3 x = m->rows->position[corner];
     for (size_t k = first_from(m, at - reach); k < m->side_count && m->sides[k].low <= at + reach; k++) {
         const side *s = &m->sides[k];
@@ -177,7 +178,8 @@ static void join_loose(merging *m, uint32_t corner)
     for (size_t k = first_from(m, at - reach); k < m->side_count && m->sides[k].low <= at + reach; k++) {
         const uint32_t end[2] = {m->sides[k].from, m->sides[k].to};
         for (int i = 0; i < 2; i++) {
-            if (end[i] == corner || m->into[end[i]] != end[i] || !(apart(m, corner, end[i]) < least)) continue;
+            if (end[i] == corner || m->into[end[i]] != end[i] || !(apart(m, corner, end[i]) < least))
+                continue;
             if (!share_patch(m, corner, end[i])) continue;
             least = apart(m, corner, end[i]);
             m->into[corner] = end[i];
@@ -193,8 +195,9 @@ static void find_hosts(merging *m)
     for (uint32_t c = 0; c < in->curve_count; c++)
         for (uint32_t k = (uint32_t)in->first[c]; k < in->first[c + 1]; k++)
             if (m->into[k] == k) m->into[k] = find_host(m, k, c);
+    const uint32_t loose = in->rough ? 2 : 1;
     for (uint32_t k = 0; k < m->rows->corners; k++)
-        if (m->ends[k] == 1 && m->into[k] == k) join_loose(m, k);
+        if (m->ends[k] <= loose && m->into[k] == k) join_loose(m, k);
     for (uint32_t k = 0; k < m->rows->count; k++) /* earlier ones point at those that stay */
         while (m->into[m->into[k]] != m->into[k]) m->into[k] = m->into[m->into[k]];
 }

@@ -20,6 +20,7 @@ typedef struct near_rows_input {
     const size_t *first;   /* curve_count + 1: the places of curve c are first[c] .. first[c + 1] */
     const double *spacing; /* of each place */
     double *half;          /* of each stand: its part of the border; follows the stands */
+    bool rough;            /* corners at which no more than two curves end are none of the surface's */
 } near_rows_input;
 
 /* Changes places, stands and border of *rows in place. Error: limit_memory. Deterministic. */
