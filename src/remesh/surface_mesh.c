@@ -375,8 +375,8 @@ static void insert_point(flipping *f, size_t n, uint32_t v)
     f->side_of[r] = three;
 }
 
-/* What a point has that is no corner of a triangle: the only one whose cell touches its own, SEVERAL, itself where its cell ends with
- * the mesh, NOBODY where it has no cell. Of the others ANYBODY. */
+/* What a point has that is no corner of a triangle: the only one whose cell touches its own, SEVERAL, itself where its cell
+ * ends with the mesh, NOBODY where it has no cell. Of the others ANYBODY. */
 #define NOBODY GEODESIC_CELLS_NONE
 #define ANYBODY (GEODESIC_CELLS_NONE - 1)
 #define SEVERAL (GEODESIC_CELLS_NONE - 2)
@@ -417,8 +417,7 @@ static void list_surrounded(const fine_mesh *fine, const uint32_t *name, const s
         }
 }
 
-/* A ring becomes a corner between those of the cell beside it, then the next one does; the last may be what one is in the middle
- * of. */
+/* A ring becomes a corner between those of the cell beside it, then the next one does; the last may surround another point. */
 static void insert_surrounded(const fine_mesh *fine, const uint32_t *name, const uint32_t *by, size_t names,
                               flipping *f)
 {

@@ -11,15 +11,15 @@
 /* The longest side of a cell: the spacing, but of few points less, so that normals and sizes are seen. */
 static const double least_cells = 32; /* along the longest side of the mesh */
 /* Of a mesh that is to be resolved: few places ask for the least spacing, which is this share of the longest side unless the
- * spec says otherwise. */
-static const double most_cells = 4e5, own_floor = 1.0 / 256;
+ * spec says otherwise, or of a finer mesh a third of its triangles' side: this share of their area's root. */
+static const double most_cells = 4e5, own_floor = 1.0 / 256, triangle_floor = 0.5;
 /* Of the area: with more the outcome would be unresolved. */
 static const double most_missing = 0.01;
-/* Of a mesh that is to be resolved and has no other sharp edges, radians. A side of h that cuts off an edge bent by this misses it by
- * a quarter of h, and by a third where the side is as long as any. */
+/* Of a mesh that is to be resolved and has no other sharp edges, radians. A side of h that cuts off an edge bent by this misses
+ * it by a quarter of h, and by a third where the side is as long as any. */
 static const double cut_angle = 1.1;
-/* Of the area of a closed mesh whose triangles are not asked for: with more inside of its solids it is a level set, unless it is to be
- * resolved. */
+/* Of the area of a closed mesh whose triangles are not asked for: with more inside of its solids it is a level set, unless it
+ * is to be resolved. */
 static const double most_hidden = 0.001;
 
 /* Of the points that are asked for; 0: not known before there are features. */
@@ -33,7 +33,9 @@ static double longest_cell(const mesh_source_request *r, const mesh_patches *p)
 {
     const double longest = bbox_longest(mesh_box(&p->m)), most = longest / least_cells,
                  asked = spacing_of(r, mesh_area(&p->m)),
-                 spacing = r->resolve && !(asked > 0) ? own_floor * longest : asked;
+                 own = fmin(own_floor * longest,
+                            triangle_floor * sqrt(mesh_area(&p->m) / fmax((double)p->m.triangle_count, 1))),
+                 spacing = r->resolve && !(asked > 0) ? own : asked;
     const double shortest = r->resolve ? sqrt(mesh_area(&p->m) / most_cells) : 0;
     return spacing > 0 ? fmax(fmin(spacing, most), shortest) : most;
 }

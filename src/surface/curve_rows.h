@@ -2,7 +2,8 @@
  *
  * A curve between corners takes as many equal steps as fit best, each of about the requested spacing; a curve shorter than half
  * of that takes none, and of its two corners one, at which the patches of both end. A place counts once for the surface and stands once for each patch that
- * ends there, with that patch's normal. Where patches ask for it rows that come near each other become one (near_rows). World space.
+ * ends there, with that patch's normal. Where patches ask for it rows that come near each other become one (near_rows). World
+ * space.
  */
 #ifndef HEXAD_SURFACE_CURVE_ROWS_H
 #define HEXAD_SURFACE_CURVE_ROWS_H

@@ -1,8 +1,9 @@
 /* near_rows: rows along curves that come nearer to each other than points can lie are made one.
  *
- * A place of a row that is within NEAR_ROWS spacings of an earlier row, or of a corner, is left out, and a corner that is of an earlier one, and the places there stand
- * for its patches, too. So are the rows of two creases that part at an acute angle, and of a step that is low beside the
- * spacing: triangles between such rows would be slivers. Rows on opposite sides of a sheet stay two. World space.
+ * A place of a row that is within NEAR_ROWS spacings of an earlier row, or of a corner, is left out, a corner that is within
+ * so many of an earlier corner as well, and the places there stand for its patches, too. So are the rows of two creases that
+ * part at an acute angle, and of a step that is low beside the spacing: triangles between such rows would be slivers. A curve
+ * that begins or ends by itself does so where no other place is near. Rows on opposite sides of a sheet stay two. World space.
  */
 #ifndef HEXAD_SURFACE_NEAR_ROWS_H
 #define HEXAD_SURFACE_NEAR_ROWS_H

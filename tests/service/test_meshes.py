@@ -497,6 +497,24 @@ def test_a_mesh_that_is_to_be_resolved_has_a_least_spacing(worker, tmp_path):
 
 
 @pytest.mark.plain
+def test_the_least_spacing_follows_the_triangles(worker, tmp_path):
+    """Details of a scan are as small as its triangles: a third of their side."""
+    n = 210
+    u, v = (g.ravel() for g in numpy.meshgrid(2 * numpy.pi * numpy.arange(n) / n, 2 * numpy.pi * numpy.arange(n) / n, indexing="ij"))
+    place = numpy.stack([(1 + 0.4 * numpy.cos(v)) * numpy.cos(u), (1 + 0.4 * numpy.cos(v)) * numpy.sin(u), 0.4 * numpy.sin(v)], axis=1)
+    index = numpy.arange(n * n).reshape(n, n) + 1
+    corner = [numpy.roll(index, shift, (0, 1)).ravel() for shift in ((0, 0), (-1, 0), (-1, -1), (0, -1))]
+    (tmp_path / "torus.obj").write_text("\n".join(["v %.9g %.9g %.9g" % tuple(p) for p in place] +
+                                                  ["f %d %d %d %d" % q for q in zip(*corner)]) + "\n")
+    done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "torus.obj")}},
+                   "sampling": {"resolve": True, "feature": {}}, "output": {"preview": False}})
+    assert done.returncode in (0, 11), done.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    area = 4 * numpy.pi ** 2 * 0.4
+    assert report["grading"]["feature_size"]["floor"] == pytest.approx(0.5 * (area / (2 * n * n)) ** 0.5, rel=1e-2)
+
+
+@pytest.mark.plain
 def test_a_mesh_that_is_to_be_resolved_has_all_of_its_parts(worker, tmp_path):
     """Boxes that lie within each other are sampled each, and mesh.ply is both; interior "drop" asks for their outside."""
     lines, first = [], 1

@@ -425,6 +425,24 @@ static void ends_of_creases_keep_apart(void **state)
     curve_rows_free(&rows);
 }
 
+/* On a scan curves bend for no reason: a corner where two of them go on is no other place than those between. */
+static void bends_of_rough_curves_keep_apart(void **state)
+{
+    (void)state;
+    static faces s;
+    error e = {0};
+    curve_rows rows;
+    const boundary_request request = {.spacing = 0.1, .even = 0.1, .most = SIZE_MAX};
+    make_slit_face(&s, (vec3){0.44, 0.1, 0}, (vec3){0.44, -0.3, 0});
+    s.vertex[9] = s.vertex[10]; /* 0.6 spacing from the row at the end of the face */
+    for (int rough = 0; rough < 2; rough++) {
+        s.patches.has_rough_curves = rough;
+        assert_true(curve_rows_make(&s.base, &request, &rows, &e));
+        assert_int_equal(rows.corners, 4 + 2 - rough);
+        curve_rows_free(&rows);
+    }
+}
+
 /* What ends a patch on one side of a sheet is not what ends it on the other, however thin it is. */
 static void rows_on_two_sides_of_a_sheet_stay(void **state)
 {
@@ -458,6 +476,7 @@ int main(void)
         cmocka_unit_test(rows_of_a_low_step_are_one),
         cmocka_unit_test(rows_that_part_slowly_begin_as_one),
         cmocka_unit_test(ends_of_creases_keep_apart),
+        cmocka_unit_test(bends_of_rough_curves_keep_apart),
         cmocka_unit_test(rows_on_two_sides_of_a_sheet_stay),
         cmocka_unit_test(loops_and_short_curves_have_places),
         cmocka_unit_test(a_loop_without_a_place_takes_no_room),
