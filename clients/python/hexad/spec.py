@@ -774,7 +774,8 @@ class Sampling(_SamplingRest):
         never cached. The job fails with limit_time if fewer than 200 points fit. (s)
     resolve: As many points as it takes to resolve the surface: the spacing is what feature and grid ask for,
         at most max_spacing. Give true. The report and the estimate state the count. A closed mesh is sampled
-        on its triangles then, as with sharp edges (/surface/mesh/features), and mesh.ply has their topology.
+        on its triangles then, those within its solids with them, as with sharp edges
+        (/surface/mesh/features), and mesh.ply has their topology.
     feature: Finer spacing where the surface is thin or sheets are close: at most ratio times the feature
         size, which is half the thickness, half the gap, or the radius of a thin tube. Convex edges are not
         thin. The job fails if the count is too small, and names the count that it needs.
@@ -790,7 +791,8 @@ class Sampling(_SamplingRest):
         curvature, grid or feature, or on its own; a surface without curves stays as it is.
     min_spacing: The smallest spacing. Belongs to curvature, grid, feature and curve_spacing. Features ask for
         no spacing below it, or by default below a quarter of a voxel (of a formula: of a cell; of a mesh that
-        resolve samples on its triangles: 1/256 of its longest side, more where its area is large). (world)
+        resolve samples on its triangles: 1/256 of its longest side, or a third of the side of its triangles,
+        more where its area is large). (world)
     max_spacing: The largest spacing. Belongs to curvature, grid, feature and curve_spacing. (world)
     gradation: The largest increase of the spacing per unit of distance along the surface. Belongs to
         curvature, grid, feature and curve_spacing. Default: 0.2.
