@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "geometry/bbox.h"
 #include "packing/quality.h"
 
 static const char what[] = "the rows along curves";
@@ -97,8 +98,7 @@ static size_t first_from(const merging *m, double low)
 static double distance_to(vec3 x, vec3 a, vec3 b)
 {
     const vec3 along = vec3_sub(b, a);
-    const double length2 = vec3_norm2(along),
-                 at = length2 > 0 ? vec3_dot(vec3_sub(x, a), along) / length2 : 0;
+    const double at = vec3_dot(vec3_sub(x, a), along) / fmax(vec3_norm2(along), 1e-300);
     return vec3_norm(vec3_sub(x, vec3_axpy(fmin(fmax(at, 0), 1), along, a)));
 }
 
@@ -163,10 +163,9 @@ static void join_corner(merging *m, uint32_t corner)
         if (s->high < at - reach || s->from == corner || s->to == corner) continue;
         if (!(distance_to(x, m->rows->position[s->from], m->rows->position[s->to]) < reach)) continue;
         const uint32_t place = end[apart(m, corner, end[1]) < apart(m, corner, end[0])];
-        const bool is_corner = place < m->rows->corners;
         if (m->into[place] != place || m->into[corner] != corner || !share_patch(m, corner, place)) continue;
-        if (!is_corner) m->into[place] = corner;
-        if (is_corner && place < corner && apart(m, corner, place) < reach) m->into[corner] = place;
+        if (place >= m->rows->corners) m->into[place] = corner;
+        if (place < corner && apart(m, corner, place) < reach) m->into[corner] = place;
     }
 }
 
@@ -180,9 +179,7 @@ static void join_loose(merging *m, uint32_t corner)
         for (int i = 0; i < 2; i++) {
             if (end[i] == corner || m->into[end[i]] != end[i] || !(apart(m, corner, end[i]) < least))
                 continue;
-            if (!share_patch(m, corner, end[i])) continue;
-            least = apart(m, corner, end[i]);
-            m->into[corner] = end[i];
+            if (share_patch(m, corner, end[i])) least = apart(m, corner, m->into[corner] = end[i]);
         }
     }
 }
@@ -195,9 +192,8 @@ static void find_hosts(merging *m)
     for (uint32_t c = 0; c < in->curve_count; c++)
         for (uint32_t k = (uint32_t)in->first[c]; k < in->first[c + 1]; k++)
             if (m->into[k] == k) m->into[k] = find_host(m, k, c);
-    const uint32_t loose = in->rough ? 2 : 1;
-    for (uint32_t k = 0; k < m->rows->corners; k++)
-        if (m->ends[k] <= loose && m->into[k] == k) join_loose(m, k);
+    for (uint32_t k = 0; in->rough && k < m->rows->corners; k++)
+        if (m->ends[k] <= 2 && m->into[k] == k) join_loose(m, k);
     for (uint32_t k = 0; k < m->rows->count; k++) /* earlier ones point at those that stay */
         while (m->into[m->into[k]] != m->into[k]) m->into[k] = m->into[m->into[k]];
 }
@@ -297,14 +293,9 @@ bool near_rows_merge(const near_rows_input *in, curve_rows *rows, error *e)
 {
     merging m = {.in = in, .rows = rows};
     if (rows->count == 0) return true;
-    vec3 low = rows->position[0], high = low;
-    for (size_t k = 1; k < rows->count; k++)
-        for (int axis = 0; axis < 3; axis++) {
-            const double x = vec3_get(rows->position[k], axis);
-            vec3_set(&low, axis, fmin(vec3_get(low, axis), x));
-            vec3_set(&high, axis, fmax(vec3_get(high, axis), x));
-        }
-    const vec3 size = vec3_sub(high, low);
+    bbox box = bbox_empty();
+    for (size_t k = 0; k < rows->count; k++) box = bbox_include(box, rows->position[k]);
+    const vec3 size = bbox_size(box);
     m.axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
     m.sides = mem_array(rows->count + 2 * in->curve_count, sizeof *m.sides, what, e);
     m.into = mem_array(rows->count, sizeof *m.into, what, e);

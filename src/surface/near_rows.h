@@ -2,8 +2,8 @@
  *
  * A place of a row that is within NEAR_ROWS spacings of an earlier row, or of a corner, is left out, a corner that is within
  * so many of an earlier corner as well, and the places there stand for its patches, too. So are the rows of two creases that
- * part at an acute angle, and of a step that is low beside the spacing: triangles between such rows would be slivers. A curve
- * that begins or ends by itself does so where no other place is near. Rows on opposite sides of a sheet stay two. World space.
+ * part at an acute angle, and of a step that is low beside the spacing: triangles between such rows would be slivers. On a scan a
+ * curve begins, ends and bends where no other place is near. Rows on opposite sides of a sheet stay two. World space.
  */
 #ifndef HEXAD_SURFACE_NEAR_ROWS_H
 #define HEXAD_SURFACE_NEAR_ROWS_H
@@ -13,7 +13,6 @@
 /* Of a spacing. A step of this height is cut off by as much at most, about a third of the spacing. */
 #define NEAR_ROWS 0.35
 
-/* Places of curves as they follow each other. */
 typedef struct near_rows_input {
     size_t curve_count;
     const bool *closed;
