@@ -26,7 +26,7 @@ typedef struct solution {
         *corner)[3]; /* the triangles between the points on a closed mesh that is to be resolved; else NULL */
     size_t triangles;
     quality quality;
-    double *farthest; /* of the result: see surface/coverage.h */
+    double *farthest; /* of the result: see particles/coverage.h */
     double coverage;  /* the largest of these */
     double landed;    /* the largest distance by which points were moved onto a mesh; 0 without one */
 } solution;

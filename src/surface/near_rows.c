@@ -4,20 +4,21 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "geometry/bbox.h"
+#include "geometry/box_tree.h"
 #include "packing/quality.h"
 
 static const char what[] = "the rows along curves";
 
 /* Sides of one curve that are so many places apart may meet. */
 enum { APART = 3 };
+static const uint32_t NONE = UINT32_MAX;
 /* Places of two rows that follow one another face each other within this: beyond, a place stands for its own row alone. */
 static const double BESIDE = 1.3;
 
 /* A side of a row, from one place to the next. */
 typedef struct side {
     uint32_t from, to, curve, at; /* `at`: which of its curve */
-    double low, high;             /* along the axis that is swept */
+    double low, high;             /* along the longest axis */
 } side;
 
 /* A stand that a place is to have. */
@@ -32,14 +33,15 @@ static const double LOOSE = 0.65;
 typedef struct merging {
     const near_rows_input *in;
     curve_rows *rows;
-    side *sides;
+    side *sides;             /* ascending along the axis */
+    uint32_t (*sides_of)[2]; /* of each place of a curve: the side from it and the one to it, or NONE */
+    box_tree *tree;          /* of the sides */
     size_t side_count, *first_stand;
     uint32_t *into,
         *curve_at; /* of each place: the one that stands for it, itself as a rule; which of its curve it is */
     uint32_t *ends; /* of each corner, of curves */
     lent *lents;
     size_t lent_count, lent_room;
-    double widest; /* of the sides, along the axis */
     int axis;
 } merging;
 
@@ -49,7 +51,6 @@ static void add_side(merging *m, uint32_t from, uint32_t to, uint32_t curve, uin
 {
     const double a = vec3_get(m->rows->position[from], m->axis), b = vec3_get(m->rows->position[to], m->axis);
     m->sides[m->side_count++] = (side){from, to, curve, at, fmin(a, b), fmax(a, b)};
-    m->widest = fmax(m->widest, fabs(a - b));
 }
 
 static int by_place(const void *left, const void *right)
@@ -79,18 +80,31 @@ static void list_sides(merging *m)
     qsort(m->sides, m->side_count, sizeof *m->sides, by_place);
 }
 
-/* The first side that may be as far to the right as `low`. */
-static size_t first_from(const merging *m, double low)
+/* Sides are found by where their ends are, and from here on also by where what stands for an end is. */
+static void move_end(merging *m, uint32_t which, uint32_t end)
 {
-    size_t from = 0, to = m->side_count;
-    while (from < to) {
-        const size_t middle = from + (to - from) / 2;
-        if (m->sides[middle].low < low - m->widest)
-            from = middle + 1;
-        else
-            to = middle;
+    if (which != NONE) box_tree_extend(m->tree, which, m->rows->position[m->into[end]]);
+}
+
+static bool plant(merging *m, error *e)
+{
+    bbox *box = mem_array(m->side_count, sizeof *box, what, e);
+    for (size_t k = 0; k < m->rows->count; k++) m->sides_of[k][0] = m->sides_of[k][1] = NONE;
+    for (uint32_t k = 0; box && k < m->side_count; k++) {
+        const side *s = &m->sides[k];
+        const vec3 from = m->rows->position[s->from];
+        box[k] = bbox_include((bbox){from, from}, m->rows->position[s->to]);
+        m->sides_of[s->from][0] = m->sides_of[s->to][1] = k;
     }
-    return from;
+    m->tree = box ? box_tree_new(box, m->side_count, e) : NULL;
+    free(box);
+    return m->tree;
+}
+
+/* The sides that may be as near to a place as that, ascending. */
+static const uint32_t *find_sides(merging *m, uint32_t place, double reach, size_t *count)
+{
+    return box_tree_find(m->tree, m->rows->position[place], reach * (1 + 1e-9), count);
 }
 
 /* ---- what is near ---- */
@@ -129,15 +143,19 @@ static bool is_elsewhere(const merging *m, const side *s, uint32_t place, uint32
 }
 
 /* The place of an earlier row that is to stand for one, or the place itself. Sides go from what stands for their ends. */
-static uint32_t find_host(const merging *m, uint32_t place, uint32_t curve)
+static uint32_t find_host(merging *m, uint32_t place, uint32_t curve)
 {
     const double reach = NEAR_ROWS * m->in->spacing[place], at = vec3_get(m->rows->position[place], m->axis);
     const vec3 x = m->rows->position[place];
     double least = INFINITY;
     uint32_t host = place;
-    for (size_t k = first_from(m, at - reach); k < m->side_count && m->sides[k].low <= at + reach; k++) {
-        const side *s = &m->sides[k];
-        if (s->high < at - reach || s->curve > curve || !is_elsewhere(m, s, place, curve)) continue;
+    size_t count;
+    const uint32_t *near = find_sides(m, place, reach, &count);
+    for (size_t k = 0; k < count; k++) {
+        const side *s = &m->sides[near[k]];
+        if (s->high < at - reach || s->low > at + reach || s->curve > curve ||
+            !is_elsewhere(m, s, place, curve))
+            continue;
         if (s->curve == curve && s->at >= m->curve_at[place]) continue;
         const uint32_t a = m->into[s->from], b = m->into[s->to];
         const double away = distance_to(x, m->rows->position[a], m->rows->position[b]);
@@ -154,13 +172,14 @@ static uint32_t find_host(const merging *m, uint32_t place, uint32_t curve)
  * corner. */
 static void join_corner(merging *m, uint32_t corner)
 {
-    const double reach = NEAR_ROWS * m->in->spacing[corner],
-                 at = vec3_get(m->rows->position[corner], m->axis);
+    const double reach = NEAR_ROWS * m->in->spacing[corner];
     const vec3 x = m->rows->position[corner];
-    for (size_t k = first_from(m, at - reach); k < m->side_count && m->sides[k].low <= at + reach; k++) {
-        const side *s = &m->sides[k];
+    size_t count;
+    const uint32_t *near = find_sides(m, corner, reach, &count);
+    for (size_t k = 0; k < count; k++) {
+        const side *s = &m->sides[near[k]];
         const uint32_t end[2] = {s->from, s->to};
-        if (s->high < at - reach || s->from == corner || s->to == corner) continue;
+        if (s->from == corner || s->to == corner) continue;
         if (!(distance_to(x, m->rows->position[s->from], m->rows->position[s->to]) < reach)) continue;
         const uint32_t place = end[apart(m, corner, end[1]) < apart(m, corner, end[0])];
         if (m->into[place] != place || m->into[corner] != corner || !share_patch(m, corner, place)) continue;
@@ -172,10 +191,11 @@ static void join_corner(merging *m, uint32_t corner)
 /* Such an end is no corner of the surface: it is left out where another place is near. */
 static void join_loose(merging *m, uint32_t corner)
 {
-    const double reach = LOOSE * m->in->spacing[corner], at = vec3_get(m->rows->position[corner], m->axis);
-    double least = reach;
-    for (size_t k = first_from(m, at - reach); k < m->side_count && m->sides[k].low <= at + reach; k++) {
-        const uint32_t end[2] = {m->sides[k].from, m->sides[k].to};
+    double least = LOOSE * m->in->spacing[corner];
+    size_t count;
+    const uint32_t *near = find_sides(m, corner, least, &count);
+    for (size_t k = 0; k < count; k++) {
+        const uint32_t end[2] = {m->sides[near[k]].from, m->sides[near[k]].to};
         for (int i = 0; i < 2; i++) {
             if (end[i] == corner || m->into[end[i]] != end[i] || !(apart(m, corner, end[i]) < least))
                 continue;
@@ -189,9 +209,15 @@ static void find_hosts(merging *m)
     const near_rows_input *in = m->in;
     for (uint32_t k = 0; k < m->rows->count; k++) m->into[k] = k;
     for (uint32_t k = 0; k < m->rows->corners; k++) join_corner(m, k);
+    for (uint32_t k = 0; k < m->side_count; k++) {
+        move_end(m, k, m->sides[k].from);
+        move_end(m, k, m->sides[k].to);
+    }
     for (uint32_t c = 0; c < in->curve_count; c++)
-        for (uint32_t k = (uint32_t)in->first[c]; k < in->first[c + 1]; k++)
+        for (uint32_t k = (uint32_t)in->first[c]; k < in->first[c + 1]; k++) {
             if (m->into[k] == k) m->into[k] = find_host(m, k, c);
+            for (int i = 0; i < 2; i++) move_end(m, m->sides_of[k][i], k);
+        }
     for (uint32_t k = 0; in->rough && k < m->rows->corners; k++)
         if (m->ends[k] <= 2 && m->into[k] == k) join_loose(m, k);
     for (uint32_t k = 0; k < m->rows->count; k++) /* earlier ones point at those that stay */
@@ -219,12 +245,13 @@ static bool lend_all(merging *m, uint32_t place, uint32_t from, error *e)
 /* A place that stays stands for a row of which places beside it are left out. */
 static bool lend_beside(merging *m, uint32_t place, error *e)
 {
-    const double reach = BESIDE * NEAR_ROWS * m->in->spacing[place],
-                 at = vec3_get(m->rows->position[place], m->axis);
-    for (size_t k = first_from(m, at - reach); k < m->side_count && m->sides[k].low <= at + reach; k++) {
-        const side *s = &m->sides[k];
+    const double reach = BESIDE * NEAR_ROWS * m->in->spacing[place];
+    size_t count;
+    const uint32_t *near = find_sides(m, place, reach, &count);
+    for (size_t k = 0; k < count; k++) {
+        const side *s = &m->sides[near[k]];
         const uint32_t end[2] = {s->from, s->to};
-        if (s->high < at - reach || s->from == place || s->to == place) continue;
+        if (s->from == place || s->to == place) continue;
         const double away =
             distance_to(m->rows->position[place], m->rows->position[s->from], m->rows->position[s->to]);
         for (int i = 0; i < 2 && away < reach; i++)
@@ -298,20 +325,24 @@ bool near_rows_merge(const near_rows_input *in, curve_rows *rows, error *e)
     const vec3 size = bbox_size(box);
     m.axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
     m.sides = mem_array(rows->count + 2 * in->curve_count, sizeof *m.sides, what, e);
+    m.sides_of = mem_array(rows->count, sizeof *m.sides_of, what, e);
     m.into = mem_array(rows->count, sizeof *m.into, what, e);
     m.curve_at = mem_array(rows->count, sizeof *m.curve_at, what, e);
     m.ends = mem_array(rows->count, sizeof *m.ends, what, e);
     m.first_stand = mem_array(rows->count + 1, sizeof *m.first_stand, what, e);
-    bool ok = m.sides && m.into && m.curve_at && m.ends && m.first_stand;
+    bool ok = m.sides && m.sides_of && m.into && m.curve_at && m.ends && m.first_stand;
     if (ok) {
         for (size_t k = 0; k < rows->stands; k++) m.first_stand[rows->place[k] + 1] = k + 1;
         for (size_t k = 1; k <= rows->count; k++)
             if (m.first_stand[k] < m.first_stand[k - 1]) m.first_stand[k] = m.first_stand[k - 1];
         list_sides(&m);
-        find_hosts(&m);
-        ok = list_lents(&m, e) && rebuild(&m, e);
+        ok = plant(&m, e);
+        if (ok) find_hosts(&m);
+        ok = ok && list_lents(&m, e) && rebuild(&m, e);
     }
     free(m.sides);
+    free(m.sides_of);
+    box_tree_free(m.tree);
     free(m.into);
     free(m.curve_at);
     free(m.ends);

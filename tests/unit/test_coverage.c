@@ -13,7 +13,7 @@
 #include "packing/point_tree.h"
 #include "packing/packing.h"
 #include "shapes.h"
-#include "surface/coverage.h"
+#include "particles/coverage.h"
 
 /* Points on a sphere in a spiral whose turns are one spacing apart, but for those within `bald` of the pole. */
 static size_t spiral(size_t count, double bald, vec3 *out)

@@ -14,7 +14,7 @@
 #include "packing/triangulation.h"
 #include "sampler/sampler.h"
 #include "shapes.h"
-#include "surface/coverage.h"
+#include "particles/coverage.h"
 #include "surface/curve_distance.h"
 #include "surface/curve_rows.h"
 

@@ -1,4 +1,4 @@
-#include "surface/coverage.h"
+#include "particles/coverage.h"
 
 #include <math.h>
 #include <string.h>

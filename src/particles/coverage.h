@@ -4,8 +4,8 @@
  * .58 spacings from the nearest point, beside a vacancy 1. Distances are taken in space: where sheets are closer than
  * the spacing a place may be near a point of the other sheet.
  */
-#ifndef HEXAD_SURFACE_COVERAGE_H
-#define HEXAD_SURFACE_COVERAGE_H
+#ifndef HEXAD_PARTICLES_COVERAGE_H
+#define HEXAD_PARTICLES_COVERAGE_H
 
 #include "base/error.h"
 #include "base/threads.h"
