@@ -56,8 +56,16 @@ static vec3 end_of(const field_patches *p, const field_curve *c, int which)
     return p->vertex[c->first + (which == 0 ? 0 : c->count - 1)];
 }
 
+/* In spacings: where rows have become one, no corner's point is farther from it. */
+static const double NEAR = 0.65;
+
+static bool is_near(const sampler_points *solved, uint32_t point, vec3 at)
+{
+    return vec3_norm(vec3_sub(solved->position[point], at)) <= NEAR * solved->spacing[point];
+}
+
 /* Those without a point borrow one. */
-static void lend_points(const field_patches *p, corners *all)
+static void lend_points(const field_patches *p, const sampler_points *solved, corners *all)
 {
     for (size_t c = 0; c < p->curve_count; c++)
         for (int k = 0; k < 2 && !p->curve[c].closed; k++) {
@@ -65,6 +73,7 @@ static void lend_points(const field_patches *p, corners *all)
             const corner *other = find_corner(all, end_of(p, &p->curve[c], 1 - k));
             const double length = curve_chains_length(p, &p->curve[c]);
             if (own->length == 0 || other->length != 0 || !(length < own->length)) continue;
+            if (p->merges_near_rows && !is_near(solved, other->point, own->at)) continue;
             own->length = length;
             own->point = other->point;
         }
@@ -86,7 +95,7 @@ static void find_corners(const field_patches *p, const sampler_points *solved, c
         if (kept == 0 || vec3_compare(out->list[kept - 1].at, out->list[k].at) != 0)
             out->list[kept++] = out->list[k];
     out->count = kept;
-    lend_points(p, out);
+    lend_points(p, solved, out);
 }
 
 /* ---- chains */
@@ -167,9 +176,15 @@ static stand *list_stands(const sampler_stands *s, size_t *count)
 /* In spacings: a step that is longer passes places that stand in another row. */
 static const double JUMP = 2;
 
-static bool is_jump(const sampler_stands *s, uint32_t a, uint32_t b)
+bool curve_chains_jumps(const field_patches *patches, double step, double one, double other)
 {
-    return vec3_norm(vec3_sub(s->position[a], s->position[b])) > JUMP * fmax(s->spacing[a], s->spacing[b]);
+    return patches->merges_near_rows && step > JUMP * fmax(one, other);
+}
+
+static bool is_jump(const field_patches *p, const sampler_stands *s, uint32_t a, uint32_t b)
+{
+    const double step = vec3_norm(vec3_sub(s->position[a], s->position[b]));
+    return curve_chains_jumps(p, step, s->spacing[a], s->spacing[b]);
 }
 
 uint32_t (*curve_chains_sides(const curve_chains *c, const field_patches *patches,
@@ -191,7 +206,7 @@ uint32_t (*curve_chains_sides(const curve_chains *c, const field_patches *patche
                         to = {point[(at + 1) % points], from.patch, 0}, *a, *b;
             a = bsearch(&from, list, known, sizeof *list, compare_stands);
             b = bsearch(&to, list, known, sizeof *list, compare_stands);
-            if (!a || !b || (patches->merges_near_rows && is_jump(stands, a->index, b->index))) continue;
+            if (!a || !b || is_jump(patches, stands, a->index, b->index)) continue;
             side[*count][0] = a->index;
             side[(*count)++][1] = b->index;
         }

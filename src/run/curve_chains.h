@@ -6,7 +6,8 @@
 #include "sampler/sampler.h"
 
 /* Of curve c: point[first[c]] .. point[first[c + 1]], from its start to its end, corners with them; of a closed one the first
- * once. A corner that had no point of its own is the one at the other end of its shortest curve. */
+ * once. A corner that had no point of its own is the one at the other end of its shortest curve. Where rows of points became
+ * one (merges_near_rows) a chain lacks what stands for its places in another row. */
 typedef struct curve_chains {
     size_t *first;
     uint32_t *point;
@@ -16,7 +17,11 @@ typedef struct curve_chains {
 void curve_chains_make(const field_patches *patches, const sampler_points *solved, curve_chains *out);
 void curve_chains_free(curve_chains *c); /* a zeroed one will do */
 
-/* The steps along the chains, once for each patch that ends there, as pairs of the stands of that patch; to be freed. */
+/* Whether a step between points of these spacings is none: it passes places that stand in another row. */
+bool curve_chains_jumps(const field_patches *patches, double step, double one, double other);
+
+/* The steps along the chains but for these, once for each patch that ends there, as pairs of the stands of that patch; to be
+ * freed. */
 uint32_t (*curve_chains_sides(const curve_chains *c, const field_patches *patches,
                               const sampler_stands *stands, size_t *count))[2];
 

@@ -25,15 +25,19 @@ typedef struct row {
     uint32_t last; /* of the points so far, if there are any */
 } row;
 
-static void visit(const sampler_points *solved, uint32_t point, row *out)
+static void visit(const rows *r, uint32_t point, row *out)
 {
+    const sampler_points *solved = r->solved;
     if (out->points++ > 0) {
-        double step = vec3_norm(vec3_sub(solved->position[point], solved->position[out->last])) /
-                      (0.5 * (solved->spacing[point] + solved->spacing[out->last]));
-        out->steps++;
-        out->sum += step;
-        out->square += step * step;
-        out->gap = fmax(out->gap, step);
+        const double length = vec3_norm(vec3_sub(solved->position[point], solved->position[out->last])),
+                     one = solved->spacing[point], other = solved->spacing[out->last],
+                     step = length / (0.5 * (one + other));
+        if (!curve_chains_jumps(r->patches, length, one, other)) {
+            out->steps++;
+            out->sum += step;
+            out->square += step * step;
+            out->gap = fmax(out->gap, step);
+        }
     }
     out->last = point;
 }
@@ -42,12 +46,14 @@ static row measure_curve(const rows *r, size_t c, double length, double h)
 {
     const size_t begin = r->chains.first[c], end = r->chains.first[c + 1];
     row out = {0};
-    for (size_t k = begin; k < end; k++) visit(r->solved, r->chains.point[k], &out);
+    for (size_t k = begin; k < end; k++) visit(r, r->chains.point[k], &out);
     if (r->patches->curve[c].closed && out.points > 1) {
-        visit(r->solved, r->chains.point[begin], &out);
+        visit(r, r->chains.point[begin], &out);
         out.points--; /* that one was there */
     }
-    if (out.steps == 0) out.gap = length / (out.points > 0 ? r->solved->spacing[out.last] : h);
+    const double spacing = out.points > 0 ? r->solved->spacing[out.last] : h;
+    if (out.steps == 0 && !curve_chains_jumps(r->patches, length, spacing, spacing))
+        out.gap = length / spacing;
     return out;
 }
 

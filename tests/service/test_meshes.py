@@ -515,6 +515,25 @@ def test_the_least_spacing_follows_the_triangles(worker, tmp_path):
 
 
 @pytest.mark.plain
+@pytest.mark.parametrize("outline, curves", [
+    ([(0, 0), (1, 0), (1, 1), (0.5, 1), (0.5, 1.02), (0, 1.02)], 18),
+    ([(0, 0), (1, 0), (1, 1), (0.7, 1), (0.7, 1.1), (0.42, 1.1), (0.42, 1.12), (0, 1.12)], 24),
+    ([(0, 0), (1, 0), (1, 0.7), (0.8, 0.7), (0.8, 1), (0.52, 1), (0.52, 0.7), (0.5, 0.7), (0.5, 1), (0, 1)], 30)])
+def test_rows_that_became_one_leave_no_gaps(worker, tmp_path, outline, curves):
+    """Along a low step, and across a narrow slot, points stand in one row for two: where the other has none nothing is bare, and no gap is told."""
+    n = len(outline)
+    lines = [f"v {x} {y} {z}" for z in (0, 1) for x, y in outline]
+    lines += [f"f {k + 1} {(k + 1) % n + 1} {n + (k + 1) % n + 1} {n + k + 1}" for k in range(n)]
+    lines += ["f " + " ".join(str(k) for k in range(n, 0, -1)), "f " + " ".join(str(n + k + 1) for k in range(n))]
+    (tmp_path / "step.obj").write_text("\n".join(lines) + "\n")
+    done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "step.obj")}}, "output": {"preview": False},
+                   "sampling": {"resolve": True, "min_spacing": 0.1, "max_spacing": 0.1, "feature": {}}})
+    assert done.returncode in (0, 11), done.stderr
+    told = json.loads((tmp_path / "out" / "report.json").read_text())["curves"]
+    assert told["count"] == curves and told["edge_cv"] < 0.1 and told["gap"] < 1.3
+
+
+@pytest.mark.plain
 def test_a_mesh_that_is_to_be_resolved_has_all_of_its_parts(worker, tmp_path):
     """Boxes that lie within each other are sampled each, and mesh.ply is both; interior "drop" asks for their outside."""
     lines, first = [], 1
