@@ -421,11 +421,13 @@ static void list_surrounded(const fine_mesh *fine, const uint32_t *name, const s
 static void insert_surrounded(const fine_mesh *fine, const uint32_t *name, const uint32_t *by, size_t names,
                               flipping *f)
 {
+    const size_t sides = 6 * fine->m.triangle_count;
     size_t rings = 0, left = SIZE_MAX;
     for (uint32_t v = 0; v < names; v++) rings += is_ring(by, f, v);
-    for (; rings > 0 && rings < left;) {
+    for (bool back = false; rings > 0 && rings < left; back = !back) { /* whichever way the triangles lie */
         left = rings;
-        for (size_t s = 0; s < 6 * fine->m.triangle_count; s++) {
+        for (size_t k = 0; k < sides; k++) {
+            const size_t s = back ? sides - 1 - k : k;
             const uint32_t *t = fine->m.triangle[s / 6], a = name[t[s / 2 % 3]],
                            b = name[t[(s / 2 + 1 + s % 2) % 3]];
             if (a == b || a == GEODESIC_CELLS_NONE || b == GEODESIC_CELLS_NONE || !is_ring(by, f, a))
@@ -654,15 +656,18 @@ static bool touches_end(const flipping *f, const ring *r)
 }
 
 /* Where two cells meet around a bar, and no third one does, the dual is in two parts: a band between a triangle of each joins
- * them. */
+ * them. Of several bars between the same parts one gets its band. */
 static bool join_parts(const fine_mesh *fine, const uint32_t *name, flipping *f, size_t names, error *e)
 {
     uint32_t *parent = mem_array(names, sizeof *parent, what, e);
+    size_t parts = 0;
     bool ok = parent != NULL;
     if (ok) sets_reset(parent, names);
     for (size_t n = 0; ok && n < f->count; n++)
         for (int k = 0; k < 2; k++) sets_join(parent, f->triangle[n][k], f->triangle[n][k + 1]);
-    for (size_t s = 0; ok && s < 3 * fine->m.triangle_count; s++) {
+    for (uint32_t v = 0; ok && v < names; v++) parts += f->side_of[v] != NONE && sets_root(parent, v) == v;
+    ok = ok && (parts < 2 || make_room(f, f->count + 4 * (parts - 1), e));
+    for (size_t s = 0; ok && parts > 1 && s < 3 * fine->m.triangle_count; s++) {
         const uint32_t a = name[fine->m.triangle[s / 3][s % 3]],
                        b = name[fine->m.triangle[s / 3][next(s) % 3]];
         if (a == b || a == GEODESIC_CELLS_NONE || b == GEODESIC_CELLS_NONE || f->side_of[a] == NONE ||
@@ -670,10 +675,10 @@ static bool join_parts(const fine_mesh *fine, const uint32_t *name, flipping *f,
             continue;
         const ring one = ring_of(f, 3 * nearest_around(f, a, f->at[b])),
                    other = ring_of(f, 3 * nearest_around(f, b, f->at[a]));
-        sets_join(parent, a, b);
         if (touches_end(f, &one) || touches_end(f, &other)) continue;
-        ok = make_room(f, f->count + 4, e);
-        if (ok) make_band(f, &one, &other);
+        sets_join(parent, a, b);
+        parts--;
+        make_band(f, &one, &other);
     }
     free(parent);
     return ok;

@@ -50,9 +50,10 @@ bool sampler_judge_coarse(sampler *s, error *e)
 /* Places that are drawn, and what is noted of them. */
 typedef struct drawn {
     vec3 *place;
-    uint32_t *near;  /* see relocation_input */
-    uint32_t *patch; /* NULL: there are none */
-    bool *held;      /* likewise; of each particle */
+    uint32_t *near;     /* see relocation_input */
+    uint32_t *patch;    /* NULL: there are none */
+    bool *held;         /* likewise; of each particle */
+    uint32_t *of_patch; /* with patches: how many particles each has */
     size_t count;
     double bare;
 } drawn;
@@ -78,11 +79,16 @@ static bool relocate(sampler *s, const drawn *d, size_t *moves, error *e)
     for (size_t k = 0; ok && k < count; k++) {
         const uint32_t point = chosen[k].point, place = chosen[k].place;
         const field *f = field_of_patch(s->setup.field, d->patch ? d->patch[place] : 0);
+        if (d->patch && d->of_patch[p->patch[point]] == 1) continue; /* its patch has no other left */
         vec3 x = d->place[place], normal = {0, 0, 1};
         if (!sampler_land(f, s->state.spacing, s->setup.field->cell_size, &x, &normal)) continue;
         p->position[point] = x;
         p->normal[point] = normal;
-        if (d->patch) p->patch[point] = d->patch[place];
+        if (d->patch) {
+            d->of_patch[p->patch[point]]--;
+            p->patch[point] = d->patch[place];
+            d->of_patch[p->patch[point]]++;
+        }
         s->record.replaced[point] = true;
         ++*moves;
     }
@@ -218,16 +224,16 @@ bool sampler_cover_patches(sampler *s, bool *changed, error *e)
     for (uint32_t k = 0; first && k < patches; k++) first[k + 1] = first[k] + places_of_patch(s, k);
     const size_t most = first ? first[patches] : 0;
     bool *landed = mem_array(most, sizeof *landed, what, e);
-    uint32_t *of_patch = mem_array(patches, sizeof *of_patch, what, e);
     drawn d = {.place = mem_array(most, sizeof *d.place, what, e),
                .near = mem_array(most, sizeof *d.near, what, e),
                .patch = mem_array(most, sizeof *d.patch, what, e),
                .held = mem_array(s->state.p->count, sizeof *d.held, what, e),
+               .of_patch = mem_array(patches, sizeof *d.of_patch, what, e),
                .bare = BARE_PATCH};
-    bool ok = first && landed && of_patch && d.place && d.near && d.patch && d.held;
+    bool ok = first && landed && d.of_patch && d.place && d.near && d.patch && d.held;
     if (ok) {
         draw_on_patches(s, first, &d, landed);
-        hold_some(s, of_patch, d.held);
+        hold_some(s, d.of_patch, d.held);
     }
     size_t moves = d.count;
     for (int pass = 0; ok && moves > 0 && pass < PASSES; pass++) {
@@ -236,10 +242,10 @@ bool sampler_cover_patches(sampler *s, bool *changed, error *e)
     }
     free(first);
     free(landed);
-    free(of_patch);
     free(d.place);
     free(d.near);
     free(d.patch);
     free(d.held);
+    free(d.of_patch);
     return ok;
 }

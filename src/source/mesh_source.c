@@ -53,7 +53,7 @@ static bool suits_triangles(const mesh_source_request *r, const mesh_patches *p,
     if (*out && hidden > most_hidden)
         mesh_note(
             notes,
-            "%.2g %% of the mesh lie within its solids and have points, too: interior \"drop\" leaves them out",
+            "%.3g %% of the mesh lie within its solids and have points, too: interior \"drop\" leaves them out",
             100 * hidden);
     return true;
 }
@@ -129,8 +129,11 @@ static bool choose_patches(const mesh_source_request *r, const mesh *whole, bool
         return true;
     }
     const double found = given.feature_angle;
+    const bool rough = given.has_rough_curves;
     mesh_patches_free(&given);
-    return make_patches(r, whole, found, true, false, notes, made, e);
+    if (!make_patches(r, whole, found, true, false, notes, made, e)) return false;
+    made->has_rough_curves = rough;
+    return true;
 }
 
 /* Makes a copy of a mesh that encloses a volume, as far as that takes no more than filling its holes. */

@@ -223,6 +223,23 @@ static void thorns_of_rings_are_closed(void **state)
     assert_whole(m, s, NULL, 0, 2);
 }
 
+/* A ring around two points that share the tip: they meet it and each other, and no fourth. */
+static void tips_of_two_points_are_closed(void **state)
+{
+    (void)state;
+    mesh m = welded(40, 80, thorn);
+    scattered *s = scatter(&m);
+    for (size_t k = 0; k < s->count;)
+        if (s->position[k].z > 1.02)
+            drop_point(s, k);
+        else
+            k++;
+    add_point(s, vec3_make(0, 0.0155, 1.2));
+    add_point(s, vec3_make(0.0039, 0, 1.35));
+    add_point(s, vec3_make(-0.0039, 0, 1.35));
+    assert_whole(m, s, NULL, 0, 2);
+}
+
 static vec3 bead(double u, double v)
 {
     const double r = v < 0.4   ? fmax(sin(M_PI * 2.49 * v), v < 0.2 ? 0 : 0.02)
@@ -397,6 +414,7 @@ int main(void)
         cmocka_unit_test(necks_are_tubes),
         cmocka_unit_test(bars_of_few_points_are_tubes),
         cmocka_unit_test(thorns_of_rings_are_closed),
+        cmocka_unit_test(tips_of_two_points_are_closed),
         cmocka_unit_test(necks_at_handles_have_no_empty_triangle),
         cmocka_unit_test(corners_of_open_sheets_do_not_fold),
         cmocka_unit_test(cells_around_a_bar_are_no_discs),
