@@ -352,16 +352,15 @@ static size_t nearest_around(const flipping *f, uint32_t a, vec3 x)
     return nearest;
 }
 
-/* Cuts a triangle p q r into p q v, q r v and r p v. */
-static void insert_point(flipping *f, size_t n, uint32_t v)
+/* Cuts a triangle p q r into p q v, and q r v and r p v in two places that are free. */
+static void cut_triangle(flipping *f, size_t n, uint32_t v, size_t second, size_t third)
 {
     const uint32_t p = f->triangle[n][0], q = f->triangle[n][1], r = f->triangle[n][2];
-    const size_t one = 3 * n, two = 3 * f->count, three = two + 3, qr = f->twin[one + 1],
+    const size_t one = 3 * n, two = 3 * second, three = 3 * third, qr = f->twin[one + 1],
                  rp = f->twin[one + 2];
     memcpy(f->triangle[n], (uint32_t[]){p, q, v}, sizeof f->triangle[0]);
-    memcpy(f->triangle[f->count], (uint32_t[]){q, r, v}, sizeof f->triangle[0]);
-    memcpy(f->triangle[f->count + 1], (uint32_t[]){r, p, v}, sizeof f->triangle[0]);
-    f->count += 2;
+    memcpy(f->triangle[second], (uint32_t[]){q, r, v}, sizeof f->triangle[0]);
+    memcpy(f->triangle[third], (uint32_t[]){r, p, v}, sizeof f->triangle[0]);
     f->off[two] = f->off[one + 1];
     f->off[three] = f->off[one + 2];
     f->off[one + 1] = f->off[one + 2] = f->off[two + 1] = f->off[two + 2] = f->off[three + 1] =
@@ -373,6 +372,12 @@ static void insert_point(flipping *f, size_t n, uint32_t v)
     join_sides(f, three + 1, one + 2);
     f->side_of[v] = one + 2;
     f->side_of[r] = three;
+}
+
+static void insert_point(flipping *f, size_t n, uint32_t v)
+{
+    cut_triangle(f, n, v, f->count, f->count + 1);
+    f->count += 2;
 }
 
 /* What a point has that is no corner of a triangle: the only one whose cell touches its own, SEVERAL, itself where its cell
@@ -579,6 +584,18 @@ static void make_band(flipping *f, const ring *a, const ring *b)
     join_sides(f, first, last);
 }
 
+/* Two points that meet this one and each other alone leave two triangles back to back: they go into another fan of it. */
+static bool move_pair(flipping *f, const ring *pair, const ring *fan, size_t of_fan)
+{
+    const uint32_t v = start_of(f, of_fan), a = pair->point[0], b = pair->point[1];
+    if (pair->count != 2 || f->twin[pair->side[0]] != pair->side[1] || has_point(fan, a) || has_point(fan, b))
+        return false;
+    f->side_of[v] = of_fan;
+    cut_triangle(f, nearest_around(f, v, f->at[a]), a, pair->side[0] / 3, pair->side[1] / 3);
+    insert_point(f, nearest_around(f, v, f->at[b]), b);
+    return true;
+}
+
 /* Joins two fans of a point; each begins with a side of its own. */
 static void join_fans(flipping *f, size_t one, size_t other)
 {
@@ -591,6 +608,7 @@ static void join_fans(flipping *f, size_t one, size_t other)
             make_band(f, &fan[k], &triangle);
             return;
         }
+    if (!move_pair(f, &fan[0], &fan[1], other)) move_pair(f, &fan[1], &fan[0], one);
 }
 
 /* Lists a side of each fan but the first of a point. */
@@ -758,41 +776,5 @@ bool surface_mesh_make(const surface_mesh_input *in, uint32_t (**triangle)[3], s
         *count = f.count;
     } else
         free(f.triangle);
-    return ok;
-}
-
-/* The sides opposite of a vertex lead from one to the next: each begins where another ends, and all are passed on the way round. */
-static bool is_closed_fan(const directed *side, size_t count)
-{
-    size_t at = 0, passed = 0;
-    do {
-        size_t k = 0, found = 0;
-        for (size_t other = 0; other < count; other++)
-            if (side[other].from == side[at].to) {
-                k = other;
-                found++;
-            }
-        if (found != 1) return false;
-        at = k;
-        passed++;
-    } while (at != 0 && passed < count);
-    return at == 0 && passed == count;
-}
-
-bool surface_mesh_find_discs(const uint32_t (*triangle)[3], size_t count, size_t names, bool *disc, error *e)
-{
-    size_t *first = mem_array(names + 2, sizeof *first, what, e);
-    directed *side = mem_array(3 * count, sizeof *side, what, e);
-    const bool ok = first && side;
-    for (size_t c = 0; ok && c < 3 * count; c++) first[triangle[c / 3][c % 3] + 2]++;
-    for (size_t v = 2; ok && v < names + 2; v++) first[v] += first[v - 1];
-    for (size_t c = 0; ok && c < 3 * count; c++) {
-        const uint32_t *t = triangle[c / 3];
-        side[first[t[c % 3] + 1]++] = (directed){t[(c + 1) % 3], t[(c + 2) % 3], c};
-    }
-    for (size_t v = 0; ok && v < names; v++)
-        disc[v] = first[v + 1] > first[v] && is_closed_fan(side + first[v], first[v + 1] - first[v]);
-    free(first);
-    free(side);
     return ok;
 }

@@ -26,7 +26,4 @@ typedef struct surface_mesh_input {
 /* Triangles counterclockwise as those of the mesh are, to be freed. Error: limit_memory. Deterministic. */
 bool surface_mesh_make(const surface_mesh_input *in, uint32_t (**triangle)[3], size_t *count, error *e);
 
-/* Of each vertex, of `names`, whether the triangles around it are a disc: one fan that closes. Error: limit_memory. */
-bool surface_mesh_find_discs(const uint32_t (*triangle)[3], size_t count, size_t names, bool *disc, error *e);
-
 #endif

@@ -9,6 +9,7 @@
 #include "base/clock.h"
 #include "base/memory.h"
 #include "base/sandbox.h"
+#include "remesh/discs.h"
 #include "remesh/surface_mesh.h"
 #include "source/landing.h"
 #include "source/plan.h"
@@ -422,9 +423,8 @@ static bool find_cells(const job *j, const sampler_points *p, solution *s, bool 
     error why = {0};
     bool *disc = mem_array(p->count, sizeof *disc, "the result", &why);
     bool *has = mem_array(stands->count, sizeof *has, "the result", &why);
-    const bool ok =
-        disc && has && surface_mesh_make(&in, &s->corner, &s->triangles, &why) &&
-        surface_mesh_find_discs((const uint32_t(*)[3])s->corner, s->triangles, p->count, disc, &why);
+    const bool ok = disc && has && surface_mesh_make(&in, &s->corner, &s->triangles, &why) &&
+                    discs_find((const uint32_t(*)[3])s->corner, s->triangles, p->count, disc, &why);
     for (size_t i = 0; ok && i < stands->count; i++) has[i] = disc[stands->point ? stands->point[i] : i];
     free(side);
     free(disc);

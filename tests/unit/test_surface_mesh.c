@@ -11,7 +11,9 @@
 #include "base/rng.h"
 #include "mesh_fixture.h"
 #include "packing/triangulation.h"
+#include "remesh/discs.h"
 #include "remesh/surface_mesh.h"
+#include "shapes.h"
 
 enum { MOST = 4000 };
 static const double spacing_wanted = 0.1;
@@ -71,8 +73,7 @@ static size_t count_no_discs(const triangulation *made, size_t points)
     bool *disc = calloc(points, sizeof *disc);
     error e = {0};
     size_t count = 0;
-    assert_true(
-        surface_mesh_find_discs((const uint32_t(*)[3])made->corner, made->facts.triangles, points, disc, &e));
+    assert_true(discs_find((const uint32_t(*)[3])made->corner, made->facts.triangles, points, disc, &e));
     for (size_t i = 0; i < points; i++) count += !disc[i];
     free(disc);
     return count;
@@ -238,6 +239,33 @@ static void tips_of_two_points_are_closed(void **state)
     add_point(s, vec3_make(0.0039, 0, 1.35));
     add_point(s, vec3_make(-0.0039, 0, 1.35));
     assert_whole(m, s, NULL, 0, 2);
+}
+
+/* A few points anywhere on a thorn: rings, halves of rings, and what they surround. */
+static void assert_whole_with_thorn(uint64_t seed, uint64_t stream)
+{
+    mesh m = welded(40, 80, thorn);
+    scattered *s = scatter(&m);
+    for (size_t k = 0; k < s->count;)
+        if (s->position[k].z > 1.02)
+            drop_point(s, k);
+        else
+            k++;
+    rng r = rng_seed(seed, stream);
+    for (int left = 2 + (int)(5 * rng_uniform(&r)); left > 0; left--) {
+        const double z = 1.03 + 0.36 * rng_uniform(&r), turn = 2 * M_PI * rng_uniform(&r),
+                     away = 0.031 * (2 - 2 * (z - 0.6) / 0.8);
+        add_point(s, vec3_make(away * cos(turn), away * sin(turn), z));
+    }
+    assert_whole(m, s, NULL, 0, 2);
+}
+
+static void thorns_of_any_points_are_closed(void **state)
+{
+    (void)state;
+    assert_whole_with_thorn(11, 174); /* a ring between two pairs, each of two points that it surrounds */
+    const uint64_t seed = test_seed();
+    for (uint64_t stream = 0; stream < 3; stream++) assert_whole_with_thorn(seed, stream);
 }
 
 static vec3 bead(double u, double v)
@@ -415,6 +443,7 @@ int main(void)
         cmocka_unit_test(bars_of_few_points_are_tubes),
         cmocka_unit_test(thorns_of_rings_are_closed),
         cmocka_unit_test(tips_of_two_points_are_closed),
+        cmocka_unit_test(thorns_of_any_points_are_closed),
         cmocka_unit_test(necks_at_handles_have_no_empty_triangle),
         cmocka_unit_test(corners_of_open_sheets_do_not_fold),
         cmocka_unit_test(cells_around_a_bar_are_no_discs),
