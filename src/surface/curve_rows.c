@@ -43,7 +43,7 @@ typedef struct layout {
     vec3 *point;         /* of the curve at hand, its parts */
     double *at;          /* of each, the length up to there */
     size_t point_capacity, at_capacity, point_count;
-    size_t capacity[6];  /* of the arrays of the result, and of: */
+    size_t capacity[6];  /* of the arrays of the result, and of `half` */
     double *half;        /* of each stand what it adds to the border of its patch */
     uint32_t *place_of;  /* of each corner that has a place */
     size_t *first_place; /* of each curve, and one more */
@@ -444,7 +444,7 @@ static bool lay_out(layout *l, const field *f, curve_rows *out, error *e)
         ok = place_row(l, f, c, out, e);
         l->first_place[c + 1] = out->count;
     }
-    const bool whole = ok && out->count < l->request.most;
+    const bool whole = places <= most;
     return ok && (!whole || !l->patches->merges_near_rows || merge_near(l, out, e)) && count_loops(l, out, e);
 }
 

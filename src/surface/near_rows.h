@@ -19,7 +19,7 @@ typedef struct near_rows_input {
     uint32_t (*end)[2];    /* of each curve that is not closed: the places of its corners */
     const size_t *first;   /* curve_count + 1: the places of curve c are first[c] .. first[c + 1] */
     const double *spacing; /* of each place */
-    double *half;          /* of each stand: its part of the border; follows the stands */
+    const double *half;    /* of each stand, as they are before: its part of the border */
     bool rough;            /* corners at which no more than two curves end are none of the surface's */
 } near_rows_input;
 

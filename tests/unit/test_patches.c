@@ -17,6 +17,7 @@
 #include "particles/coverage.h"
 #include "surface/curve_distance.h"
 #include "surface/curve_rows.h"
+#include "surface/near_rows.h"
 
 static const sampler_params even = {.count = 2000,
                                     .seed = 1,
@@ -388,6 +389,11 @@ static void rows_of_a_low_step_are_one(void **state)
     /* the step takes what one slit does: seven cells */
     assert_close(rows.border[0], 0.5 * 4 * 10 + 7 - (2 - 3), 1e-9);
     curve_rows_free(&rows);
+    /* also where all of the rows just fit */
+    const boundary_request full = {.spacing = 0.1, .even = 0.1, .most = 4 * 10 + 16};
+    assert_true(curve_rows_make(&s.base, &full, &rows, &e));
+    assert_int_equal(rows.count, 4 * 10 + 8);
+    curve_rows_free(&rows);
     s.patches.merges_near_rows = false;
     assert_true(curve_rows_make(&s.base, &request, &rows, &e));
     assert_int_equal(rows.count, 4 * 10 + 16);
@@ -465,6 +471,41 @@ static void rows_on_two_sides_of_a_sheet_stay(void **state)
     curve_rows_free(&rows);
 }
 
+/* Nor where one patch is on both sides: what counts is where it faces. */
+static void rows_of_one_patch_merge_on_one_side_only(void **state)
+{
+    (void)state;
+    enum { PLACES = 10 };
+    const bool closed[2] = {true, true};
+    const size_t first[3] = {0, PLACES, 2 * PLACES};
+    uint32_t end[2][2] = {{0}};
+    double spacing[2 * PLACES], half[2 * PLACES];
+    for (int facing = -1; facing <= 1; facing += 2) {
+        curve_rows rows = {.count = 2 * PLACES, .stands = 2 * PLACES};
+        rows.position = calloc(2 * PLACES, sizeof *rows.position);
+        rows.curve = calloc(2 * PLACES, sizeof *rows.curve);
+        rows.place = calloc(2 * PLACES, sizeof *rows.place);
+        rows.patch = calloc(2 * PLACES, sizeof *rows.patch);
+        rows.normal = calloc(2 * PLACES, sizeof *rows.normal);
+        rows.border = calloc(1, sizeof *rows.border);
+        for (uint32_t k = 0; k < 2 * PLACES; k++) { /* circles, one just above the other */
+            const double angle = 2 * M_PI * k / PLACES;
+            rows.position[k] = (vec3){cos(angle), sin(angle), k < PLACES ? 0 : 0.05};
+            rows.curve[k] = k / PLACES;
+            rows.place[k] = k;
+            rows.normal[k] = (vec3){0, 0, k < PLACES ? 1 : facing};
+            rows.border[0] += half[k] = 0.5;
+            spacing[k] = 2 * M_PI / PLACES;
+        }
+        const near_rows_input in = {2, closed, end, first, spacing, half, false};
+        error e = {0};
+        assert_true(near_rows_merge(&in, &rows, &e));
+        assert_int_equal(rows.count, facing < 0 ? 2 * PLACES : PLACES);
+        assert_close(rows.border[0], 0.5 * (double)rows.count, 1e-12);
+        curve_rows_free(&rows);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -479,6 +520,7 @@ int main(void)
         cmocka_unit_test(ends_of_creases_keep_apart),
         cmocka_unit_test(bends_of_rough_curves_keep_apart),
         cmocka_unit_test(rows_on_two_sides_of_a_sheet_stay),
+        cmocka_unit_test(rows_of_one_patch_merge_on_one_side_only),
         cmocka_unit_test(loops_and_short_curves_have_places),
         cmocka_unit_test(a_loop_without_a_place_takes_no_room),
     };
