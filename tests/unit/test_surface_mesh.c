@@ -122,6 +122,16 @@ static void plates_thinner_than_the_spacing_are_closed(void **state)
     assert_closed(mesh_fixture_box(vec3_make(0, 0, 0), vec3_make(1, 1, 0.002), 0.3), 2);
 }
 
+/* A sheet whose coinciding vertices are one. */
+static mesh welded(int across, int along, vec3 (*place)(double u, double v))
+{
+    mesh m = mesh_fixture_sheet(across, along, place);
+    mesh_notes unused = {0};
+    error e = {0};
+    assert_true(mesh_weld(&m, MESH_DROP_CANCELLED, &unused, &e));
+    return m;
+}
+
 static vec3 blade(double u, double v)
 {
     const double w = 2 * fmin(v, 1 - v); /* there and back */
@@ -133,11 +143,7 @@ static vec3 blade(double u, double v)
 static void blades_are_closed(void **state)
 {
     (void)state;
-    mesh m = mesh_fixture_sheet(40, 20, blade);
-    mesh_notes unused = {0};
-    error e = {0};
-    assert_true(mesh_weld(&m, MESH_DROP_CANCELLED, &unused, &e));
-    assert_closed(m, 2);
+    assert_closed(welded(40, 20, blade), 2);
 }
 
 static void add_point(scattered *s, vec3 x)
@@ -155,16 +161,6 @@ static void drop_point(scattered *s, size_t k)
     s->count--;
     s->position[k] = s->position[s->count];
     s->normal[k] = s->normal[s->count];
-}
-
-/* A sheet whose coinciding vertices are one. */
-static mesh welded(int across, int along, vec3 (*place)(double u, double v))
-{
-    mesh m = mesh_fixture_sheet(across, along, place);
-    mesh_notes unused = {0};
-    error e = {0};
-    assert_true(mesh_weld(&m, MESH_DROP_CANCELLED, &unused, &e));
-    return m;
 }
 
 /* A fin as wide as the spacing: cells reach around it, so that front and back would have the same edges. Its rails stay. */
@@ -192,17 +188,24 @@ static vec3 thorn(double u, double v)
     return mesh_fixture_rounded(vec3_make(r * cos(2 * M_PI * u), r * sin(2 * M_PI * u), z));
 }
 
-/* The cell of the point below the tip of a thorn reaches around it. */
-static void tips_are_corners(void **state)
+/* Points on all of a thorn but its tip. */
+static scattered *scatter_below_tip(const mesh *m)
 {
-    (void)state;
-    mesh m = welded(40, 80, thorn);
-    scattered *s = scatter(&m);
+    scattered *s = scatter(m);
     for (size_t k = 0; k < s->count;)
         if (s->position[k].z > 1.02)
             drop_point(s, k);
         else
             k++;
+    return s;
+}
+
+/* The cell of the point below the tip of a thorn reaches around it. */
+static void tips_are_corners(void **state)
+{
+    (void)state;
+    mesh m = welded(40, 80, thorn);
+    scattered *s = scatter_below_tip(&m);
     add_point(s, vec3_make(0.0155, 0, 1.2));
     add_point(s, vec3_make(0, 0, 1.4));
     assert_whole(m, s, NULL, 0, 2);
@@ -213,12 +216,7 @@ static void thorns_of_rings_are_closed(void **state)
 {
     (void)state;
     mesh m = welded(40, 80, thorn);
-    scattered *s = scatter(&m);
-    for (size_t k = 0; k < s->count;)
-        if (s->position[k].z > 1.02)
-            drop_point(s, k);
-        else
-            k++;
+    scattered *s = scatter_below_tip(&m);
     for (int k = 1; k < 4; k++) add_point(s, vec3_make(0.031 * (1 - 0.25 * k), 0, 1 + 0.1 * k));
     add_point(s, vec3_make(0, 0, 1.4));
     assert_whole(m, s, NULL, 0, 2);
@@ -229,12 +227,7 @@ static void tips_of_two_points_are_closed(void **state)
 {
     (void)state;
     mesh m = welded(40, 80, thorn);
-    scattered *s = scatter(&m);
-    for (size_t k = 0; k < s->count;)
-        if (s->position[k].z > 1.02)
-            drop_point(s, k);
-        else
-            k++;
+    scattered *s = scatter_below_tip(&m);
     add_point(s, vec3_make(0, 0.0155, 1.2));
     add_point(s, vec3_make(0.0039, 0, 1.35));
     add_point(s, vec3_make(-0.0039, 0, 1.35));
@@ -245,12 +238,7 @@ static void tips_of_two_points_are_closed(void **state)
 static void assert_whole_with_thorn(uint64_t seed, uint64_t stream)
 {
     mesh m = welded(40, 80, thorn);
-    scattered *s = scatter(&m);
-    for (size_t k = 0; k < s->count;)
-        if (s->position[k].z > 1.02)
-            drop_point(s, k);
-        else
-            k++;
+    scattered *s = scatter_below_tip(&m);
     rng r = rng_seed(seed, stream);
     for (int left = 2 + (int)(5 * rng_uniform(&r)); left > 0; left--) {
         const double z = 1.03 + 0.36 * rng_uniform(&r), turn = 2 * M_PI * rng_uniform(&r),
