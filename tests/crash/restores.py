@@ -14,7 +14,7 @@ CYCLES_A_ROUND = 15  # then all jobs end, everything is looked at, and the next 
 ID = 26  # characters of a job's id
 UNSUCCESSFUL = set(FINAL) - {"succeeded"}
 KEPT = 3  # backups that may be put back
-LOAD_S = 0.4  # the longest load between two of backup, kill and start
+LOAD_JOBS, LOAD_S = 4, 0.4  # between two of backup, kill and start fewer jobs end, and then the load goes on for a moment
 DRAINS = 0.2  # the chance that it is no kill that ends the daemon
 LOSES_DATABASE, STAYS = 0.2, 0.2  # chances: the database is removed; stays as it is
 
@@ -243,12 +243,17 @@ def check_adopted(daemon, book, adopted, before, figures):
 
 def be_loaded(daemon, book, seed, rng, footage, path, figures):
     """Runs the load for a random time, makes a backup and runs it for another, until the daemon ends; the backup. The moments
-    are the random thing that is tested, so they are slept for, not waited for."""
+    are the random thing that is tested, so they are slept for, once a number of jobs has ended on however slow a machine."""
     load = Load(daemon, book, seed, footage)
+
+    def go_on():
+        wanted = len(book.ended) + rng.randrange(LOAD_JOBS)
+        wait_until(lambda: len(book.ended) >= wanted or load.failures or daemon.dead(), "jobs to end")
+        time.sleep(rng.uniform(0, LOAD_S))
     try:
-        time.sleep(rng.uniform(0, LOAD_S))
+        go_on()
         backup = take_backup(daemon, book, path)
-        time.sleep(rng.uniform(0, LOAD_S))
+        go_on()
         end_somehow(daemon, rng, DRAINS, figures)
     finally:
         load.stop()
