@@ -89,8 +89,8 @@ const spec_row spec_rows[] = {
      .choice = SPEC_CHOICE_SURFACE,
      UNSTORED,
      .prose =
-         "A triangle mesh. One that is open is sampled on its triangles; a closed one is made a level set with "
-         "exact distances, unless features are given."},
+         "A triangle mesh. One that is open, has sharp edges or is to be resolved is sampled on its triangles; "
+         "another is made a level set with exact distances."},
     {.pointer = "/surface/mesh/path",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,

@@ -104,8 +104,8 @@ class _SurfaceMeshRest(TypedDict, total=False):
 
 
 class SurfaceMesh(_SurfaceMeshNeeded, _SurfaceMeshRest):
-    """A triangle mesh. One that is open is sampled on its triangles; a closed one is made a level set with
-    exact distances, unless features are given.
+    """A triangle mesh. One that is open, has sharp edges or is to be resolved is sampled on its triangles;
+    another is made a level set with exact distances.
 
     path: The file, in PLY, OBJ, STL, OFF or another format that assimp reads. It must lie below one of the
         service's input roots. Other files that it names are not read.
@@ -554,8 +554,8 @@ class Surface(_SurfaceRest):
     """The surface to sample. Give exactly one of its members.
 
     vdb: A scalar grid of an OpenVDB file. The surface is where the grid has the isovalue.
-    mesh: A triangle mesh. One that is open is sampled on its triangles; a closed one is made a level set with
-        exact distances, unless features are given.
+    mesh: A triangle mesh. One that is open, has sharp edges or is to be resolved is sampled on its triangles;
+        another is made a level set with exact distances.
     analytic: A surface given by a formula.
     bspline: The zero set of a uniform cubic B-spline, given by its coefficients. Negative values are inside.
         Along an axis with n coefficients the domain has n - 3 knot intervals of equal length w. Coefficient
