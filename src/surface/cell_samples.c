@@ -24,7 +24,8 @@ static void sample_triangle(const surface *scan, size_t k, cell_samples *out)
     out->found[k] = surface_cell_triangles(scan, k, t) > 0;
     if (!out->found[k]) return;
     vec3 x = out->position[k] = field_triangle_middle(t[0]);
-    const field *f = field_of_patch(scan->field, surface_cell_patch(scan, k, x));
+    out->patch[k] = surface_cell_patch(scan, k, x);
+    const field *f = field_of_patch(scan->field, out->patch[k]);
     out->found[k] = field_sample_at(f, x, FIELD_GRADIENT, &s) && vec3_norm2(s.gradient) > 0;
     if (out->found[k]) out->normal[k] = vec3_unit(s.gradient);
 }
@@ -44,6 +45,7 @@ static void sample_cell(const surface *scan, size_t k, cell_samples *out)
     out->found[k] =
         projection_find(f, &limits, &x, &out->normal[k]) && vec3_norm(vec3_sub(x, middle)) <= FARTHEST * size;
     out->position[k] = out->found[k] ? x : middle;
+    out->patch[k] = surface_cell_patch(scan, k, out->position[k]);
 }
 
 static void sample_chunk(void *context, int worker, size_t begin, size_t end)
@@ -59,8 +61,9 @@ bool cell_samples_take(const surface *scan, threads *pool, cell_samples *out, er
     *out = (cell_samples){0};
     out->position = mem_array(scan->cells, sizeof *out->position, what, e);
     out->normal = mem_array(scan->cells, sizeof *out->normal, what, e);
+    out->patch = mem_array(scan->cells, sizeof *out->patch, what, e);
     out->found = mem_array(scan->cells, sizeof *out->found, what, e);
-    if (!out->position || !out->normal || !out->found) return false;
+    if (!out->position || !out->normal || !out->patch || !out->found) return false;
     sample_job job = {scan, out};
     threads_run(pool, scan->cells, GRAIN, sample_chunk, &job);
     return true;
@@ -70,5 +73,6 @@ void cell_samples_free(cell_samples *s)
 {
     free(s->position);
     free(s->normal);
+    free(s->patch);
     free(s->found);
 }

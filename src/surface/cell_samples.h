@@ -11,8 +11,9 @@
 typedef struct cell_samples {
     vec3 *
         position; /* of each cell; on the surface to a hundredth of the cell where found, else the cell's middle */
-    vec3 *normal; /* unit, where found */
-    bool *found;  /* false where the surface is too far from the middle, or has no normal */
+    vec3 *normal;    /* unit, where found */
+    uint32_t *patch; /* that the place is of; 0 without patches */
+    bool *found;     /* false where the surface is too far from the middle, or has no normal */
 } cell_samples;
 
 /* Looks at every cell, as long as the pool is not told to stop. Free *out after failure, too. Error: limit_memory. */

@@ -21,9 +21,8 @@ elements_cube elements_cube_of(const elements *s, vec3 x)
 uint32_t elements_find(const elements *s, vec3 x, vec3 normal, uint32_t patch)
 {
     int direction = direction_of(normal);
-    uint32_t k = elements_first(s, elements_cube_of(s, x), 0, 0, 0);
-    while (k != BLOCK_MAP_NONE && (s->element[k].direction != direction || s->element[k].patch != patch))
-        k = s->element[k].next;
+    uint32_t k = elements_first_of(s, elements_cube_of(s, x), 0, 0, 0, patch);
+    while (k != BLOCK_MAP_NONE && s->element[k].direction != direction) k = s->element[k].next_of_patch;
     return k;
 }
 
@@ -54,6 +53,16 @@ void elements_look(const elements *s, elements_cube from, elements_around *out)
     }
 }
 
+/* The first element of a cube and a patch, to be read and set. NULL: no memory. */
+static uint32_t *first_of_pair(elements *s, uint32_t cube, uint32_t patch, error *e)
+{
+    if (!s->by_patch) return &s->first[cube];
+    uint32_t before = s->pairs.count, number;
+    if (!block_map_find_or_add(&s->pairs, (int32_t)cube, (int32_t)patch, 0, &number, e)) return NULL;
+    if (number == before) s->first_of_pair[number] = BLOCK_MAP_NONE;
+    return &s->first_of_pair[number];
+}
+
 /* The element of a cube, a direction and a patch, new if there is none. */
 static element *element_of(elements *s, vec3 position, vec3 normal, uint32_t patch, error *e)
 {
@@ -65,13 +74,16 @@ static element *element_of(elements *s, vec3 position, vec3 normal, uint32_t pat
         s->first[number] = BLOCK_MAP_NONE;
         if (!note_cube(s, at, e)) return NULL;
     }
-    for (uint32_t k = s->first[number]; k != BLOCK_MAP_NONE; k = s->element[k].next)
-        if (s->element[k].direction == direction && s->element[k].patch == patch) return &s->element[k];
+    uint32_t *first = first_of_pair(s, number, patch, e);
+    if (!first) return NULL;
+    for (uint32_t k = *first; k != BLOCK_MAP_NONE; k = s->element[k].next_of_patch)
+        if (s->element[k].direction == direction) return &s->element[k];
     element *n = &s->element[s->count];
     n->direction = direction;
     n->patch = patch;
     n->next = s->first[number];
-    s->first[number] = s->count++;
+    n->next_of_patch = *first;
+    *first = s->first[number] = s->count++;
     return n;
 }
 
@@ -80,9 +92,13 @@ bool elements_make(const surface *scan, const cell_samples *sample, double edge,
 {
     const char *what = "the surface's elements";
     elements *s = out;
-    *s = (elements){.edge = edge, .origin = scan->box.min};
+    *s = (elements){.edge = edge, .origin = scan->box.min, .by_patch = scan->field->patches != NULL};
     if (!block_map_init(&s->map, scan->cells / 2, e) || !block_map_init(&s->group, scan->cells / 8, e))
         return false;
+    if (s->by_patch) {
+        s->first_of_pair = mem_array(scan->cells, sizeof *s->first_of_pair, what, e);
+        if (!s->first_of_pair || !block_map_init(&s->pairs, scan->cells / 2, e)) return false;
+    }
     s->element = mem_array(scan->cells, sizeof *s->element, what, e);
     s->first = mem_array(scan->cells, sizeof *s->first, what, e);
     s->cubes = mem_array(scan->cells, sizeof *s->cubes, what, e);
@@ -90,8 +106,7 @@ bool elements_make(const surface *scan, const cell_samples *sample, double edge,
     for (size_t k = 0; k < scan->cells; k++) {
         double area = surface_cell_area(scan, k);
         if (!sample->found[k] || !(area > 0)) continue;
-        element *n = element_of(s, sample->position[k], sample->normal[k],
-                                surface_cell_patch(scan, k, sample->position[k]), e);
+        element *n = element_of(s, sample->position[k], sample->normal[k], sample->patch[k], e);
         if (!n) return false;
         n->area += area;
         n->position = vec3_axpy(area, sample->position[k], n->position);
@@ -112,5 +127,7 @@ void elements_free(elements *s)
     free(s->cubes);
     free(s->element);
     free(s->first);
+    block_map_free(&s->pairs);
+    free(s->first_of_pair);
     *s = (elements){0};
 }

@@ -16,8 +16,9 @@ typedef struct element {
     double area;
     vec3 position, normal; /* means over the area; the normal is a unit vector */
     int direction;
-    uint32_t patch; /* 0 where there are none */
-    uint32_t next;  /* of the same cube, or BLOCK_MAP_NONE */
+    uint32_t patch;         /* 0 where there are none */
+    uint32_t next;          /* of the same cube, or BLOCK_MAP_NONE */
+    uint32_t next_of_patch; /* the next of them of the same patch */
 } element;
 
 typedef struct elements {
@@ -27,6 +28,10 @@ typedef struct elements {
     block_map group; /* of 4^3 cubes, those that hold one of them */
     uint64_t *cubes; /* of each group a bit for each cube of the surface */
     uint32_t *first; /* the first element of each */
+    bool
+        by_patch; /* there are patches: of each cube's number and patch that meet (`pairs`) the first element, too */
+    block_map pairs;
+    uint32_t *first_of_pair;
     element *element;
     uint32_t count;
 } elements;
@@ -61,6 +66,16 @@ static inline uint32_t elements_first(const elements *s, elements_cube from, int
 {
     uint32_t number = block_map_find(&s->map, from.at[0] + i, from.at[1] + j, from.at[2] + k);
     return number == BLOCK_MAP_NONE ? BLOCK_MAP_NONE : s->first[number];
+}
+
+/* Of those the first of a patch; go on with `next_of_patch`. A cube may hold thousands of patches. */
+static inline uint32_t elements_first_of(const elements *s, elements_cube from, int i, int j, int k,
+                                         uint32_t patch)
+{
+    uint32_t number = block_map_find(&s->map, from.at[0] + i, from.at[1] + j, from.at[2] + k);
+    if (number == BLOCK_MAP_NONE || !s->by_patch) return number == BLOCK_MAP_NONE ? number : s->first[number];
+    number = block_map_find(&s->pairs, (int32_t)number, (int32_t)patch, 0);
+    return number == BLOCK_MAP_NONE ? BLOCK_MAP_NONE : s->first_of_pair[number];
 }
 
 /* The element that a sample at x with this normal, of this patch, went into, or BLOCK_MAP_NONE. */

@@ -126,8 +126,7 @@ static void look_from_cells(void *context, int worker, size_t begin, size_t end)
     const cell_samples *s = m->sample;
     (void)worker;
     for (size_t k = begin; k < end; k++)
-        if (is_open(m, k) && m->sees[elements_find(&m->elements, s->position[k], s->normal[k],
-                                                   surface_cell_patch(m->scan, k, s->position[k]))])
+        if (is_open(m, k) && m->sees[elements_find(&m->elements, s->position[k], s->normal[k], s->patch[k])])
             m->size[k] = find_ball(m, s->position[k], s->normal[k]);
 }
 
@@ -145,7 +144,7 @@ static bool measure_level(measuring *m, double edge, threads *pool, bool *open, 
     for (size_t k = 0; ok && k < m->scan->cells; k++) {
         if (!is_open(m, k)) continue;
         m->is_asked[elements_find(&m->elements, m->sample->position[k], m->sample->normal[k],
-                                  surface_cell_patch(m->scan, k, m->sample->position[k]))] = true;
+                                  m->sample->patch[k])] = true;
         *open = true;
     }
     if (ok && *open) {

@@ -37,16 +37,19 @@ typedef struct sums {
 /* What a visit to the elements around a place does with each; `squared` is the distance. */
 typedef void visitor(void *context, uint32_t number, double squared);
 
-static void visit_around(const scaled_curvature *c, vec3 x, int reach, double farthest, visitor *visit,
-                         void *context)
+/* Of one patch, or of SCALED_CURVATURE_ALL. */
+static void visit_around(const scaled_curvature *c, vec3 x, uint32_t patch, int reach, double farthest,
+                         visitor *visit, void *context)
 {
     const elements *s = &c->elements;
+    const bool all = patch == SCALED_CURVATURE_ALL;
     elements_cube at = elements_cube_of(s, x);
     for (int k = -reach; k <= reach; k++)
         for (int j = -reach; j <= reach; j++)
             for (int i = -reach; i <= reach; i++)
-                for (uint32_t n = elements_first(s, at, i, j, k); n != BLOCK_MAP_NONE;
-                     n = s->element[n].next) {
+                for (uint32_t n = all ? elements_first(s, at, i, j, k)
+                                      : elements_first_of(s, at, i, j, k, patch);
+                     n != BLOCK_MAP_NONE; n = all ? s->element[n].next : s->element[n].next_of_patch) {
                     double squared = vec3_norm2(vec3_sub(s->element[n].position, x));
                     if (squared < farthest * farthest) visit(context, n, squared);
                 }
@@ -63,7 +66,6 @@ static void add_to_fit(void *context, uint32_t number, double squared)
 {
     fit *f = context;
     const element *m = f->middle, *other = &f->c->elements.element[number];
-    if (other->patch != m->patch) return;
     double w =
         other->area * facing_weight(m->normal, other->normal) * exp(-squared / (f->c->scale * f->c->scale));
     vec3 x = vec3_sub(other->position, m->position), n = vec3_sub(other->normal, m->normal);
@@ -105,7 +107,7 @@ static void fit_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t k = begin; k < end; k++) {
         fit f = {.c = c, .middle = &c->elements.element[k]};
         vec3_frame(f.middle->normal, &f.u, &f.v);
-        visit_around(c, f.middle->position, c->reach, REACH * c->scale, add_to_fit, &f);
+        visit_around(c, f.middle->position, f.middle->patch, c->reach, REACH * c->scale, add_to_fit, &f);
         solve_fit(&f.sums, &c->kappa1[k], &c->kappa2[k]);
     }
 }
@@ -148,7 +150,6 @@ double scaled_curvature_scale(const scaled_curvature *c)
 typedef struct blend {
     const scaled_curvature *c;
     vec3 normal;
-    uint32_t patch;
     double over; /* 1 / width^2 of the weights */
     double weight, kappa1, kappa2;
 } blend;
@@ -157,7 +158,6 @@ static void add_to_blend(void *context, uint32_t number, double squared)
 {
     blend *b = context;
     const element *other = &b->c->elements.element[number];
-    if (b->patch != SCALED_CURVATURE_ALL && other->patch != b->patch) return;
     double w = other->area * facing_weight(b->normal, other->normal) * exp(-squared * b->over);
     b->weight += w;
     b->kappa1 += w * b->c->kappa1[number];
@@ -168,8 +168,8 @@ double scaled_curvature_at(const scaled_curvature *c, vec3 x, vec3 normal, uint3
                            double *kappa2)
 {
     double edge = c->elements.edge;
-    blend b = {.c = c, .normal = normal, .patch = patch, .over = 4 / (edge * edge)};
-    visit_around(c, x, 1, 2 * edge, add_to_blend, &b);
+    blend b = {.c = c, .normal = normal, .over = 4 / (edge * edge)};
+    visit_around(c, x, patch, 1, 2 * edge, add_to_blend, &b);
     *kappa1 = b.weight > 0 ? b.kappa1 / b.weight : 0;
     *kappa2 = b.weight > 0 ? b.kappa2 / b.weight : 0;
     return sqrt(*kappa1 * *kappa1 + *kappa2 * *kappa2);

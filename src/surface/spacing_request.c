@@ -84,9 +84,8 @@ static void octave_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t k = begin; k < end; k++) {
         double kappa1, kappa2;
         if (isnan(r->value[k])) continue;
-        double kappa =
-            scaled_curvature_at(job->curvature, r->samples.position[k], r->samples.normal[k],
-                                surface_cell_patch(r->scan, k, r->samples.position[k]), &kappa1, &kappa2);
+        double kappa = scaled_curvature_at(job->curvature, r->samples.position[k], r->samples.normal[k],
+                                           r->samples.patch[k], &kappa1, &kappa2);
         r->curvature[OCTAVES * k + (size_t)job->octave] = curvature_of(r->params, kappa, kappa1, kappa2);
     }
 }
