@@ -47,7 +47,7 @@ static bool make_surface(const label_surface_request *r, label_surface *s, error
                                           : INFINITY;
     const mesh_patches_params params = {.spacing = spacing, .kind = made.kind};
     bool ok = mesh_patches_make(&made.m, &params, &unused, &patches, e) &&
-              (s->surface = mesh_surface_new(&patches, spacing, e)) != NULL;
+              (s->surface = mesh_surface_new(&patches, spacing, r->memory_limit, e)) != NULL;
     label_mesh_free(&made);
     return ok;
 }

@@ -385,8 +385,22 @@ static double no_side(const field *f, vec3 x)
     return 0;
 }
 
-static bool add_piece(mesh_surface *s, const vec3 t[3], uint32_t n, error *e)
+/* Bytes that a scan of the surface keeps of a piece, about. */
+enum { SCAN_BYTES = 40 };
+
+typedef struct cutting {
+    double longest; /* side of a piece */
+    size_t most;    /* pieces */
+} cutting;
+
+static bool add_piece(mesh_surface *s, const vec3 t[3], uint32_t n, const cutting *c, error *e)
 {
+    if (s->piece_count == c->most)
+        return error_set(e, ERROR_LIMIT_MEMORY,
+                         "with sides of at most %.3g its triangles become more than %zu pieces, which need "
+                         "more memory than there is: ask for fewer points or a larger spacing, or raise "
+                         "limits.memory_mb",
+                         c->longest, c->most);
     piece *grown = mem_grow(s->pieces, s->piece_count, &s->piece_room, 4096, sizeof *grown, what, e);
     if (!grown) return false;
     s->pieces = grown;
@@ -395,41 +409,41 @@ static bool add_piece(mesh_surface *s, const vec3 t[3], uint32_t n, error *e)
 }
 
 /* Sides that are too long are halved: which, their ends alone say, so that pieces on both sides agree. */
-static bool cut_piece(mesh_surface *s, const vec3 t[3], uint32_t n, double longest, error *e)
+static bool cut_piece(mesh_surface *s, const vec3 t[3], uint32_t n, const cutting *c, error *e)
 {
     vec3 middle[3]; /* of the side that begins at corner k */
     int halved = 0, first = 0;
     for (int k = 0; k < 3; k++) {
         const vec3 a = t[k], b = t[(k + 1) % 3];
         middle[k] = vec3_scale(vec3_add(a, b), 0.5);
-        if (!(vec3_norm(vec3_sub(a, b)) > longest)) continue;
+        if (!(vec3_norm(vec3_sub(a, b)) > c->longest)) continue;
         halved++;
         first += k;
     }
-    if (halved == 0) return add_piece(s, t, n, e);
+    if (halved == 0) return add_piece(s, t, n, c, e);
     if (halved == 3)
-        return cut_piece(s, middle, n, longest, e) &&
-               cut_piece(s, (vec3[]){t[0], middle[0], middle[2]}, n, longest, e) &&
-               cut_piece(s, (vec3[]){t[1], middle[1], middle[0]}, n, longest, e) &&
-               cut_piece(s, (vec3[]){t[2], middle[2], middle[1]}, n, longest, e);
+        return cut_piece(s, middle, n, c, e) && cut_piece(s, (vec3[]){t[0], middle[0], middle[2]}, n, c, e) &&
+               cut_piece(s, (vec3[]){t[1], middle[1], middle[0]}, n, c, e) &&
+               cut_piece(s, (vec3[]){t[2], middle[2], middle[1]}, n, c, e);
     if (halved == 1) {
         const int k = first;
-        return cut_piece(s, (vec3[]){t[k], middle[k], t[(k + 2) % 3]}, n, longest, e) &&
-               cut_piece(s, (vec3[]){middle[k], t[(k + 1) % 3], t[(k + 2) % 3]}, n, longest, e);
+        return cut_piece(s, (vec3[]){t[k], middle[k], t[(k + 2) % 3]}, n, c, e) &&
+               cut_piece(s, (vec3[]){middle[k], t[(k + 1) % 3], t[(k + 2) % 3]}, n, c, e);
     }
     const int whole = 3 - first, a = (whole + 1) % 3,
               b = (whole + 2) % 3; /* the sides at a and b are halved */
-    return cut_piece(s, (vec3[]){middle[a], t[b], middle[b]}, n, longest, e) &&
-           cut_piece(s, (vec3[]){t[whole], t[a], middle[a]}, n, longest, e) &&
-           cut_piece(s, (vec3[]){t[whole], middle[a], middle[b]}, n, longest, e);
+    return cut_piece(s, (vec3[]){middle[a], t[b], middle[b]}, n, c, e) &&
+           cut_piece(s, (vec3[]){t[whole], t[a], middle[a]}, n, c, e) &&
+           cut_piece(s, (vec3[]){t[whole], middle[a], middle[b]}, n, c, e);
 }
 
-static bool cut_pieces(mesh_surface *s, double longest, error *e)
+static bool cut_pieces(mesh_surface *s, double longest, size_t memory_limit, error *e)
 {
     const mesh *m = &s->mesh.m;
+    const cutting c = {longest, memory_limit / (sizeof *s->pieces + SCAN_BYTES)};
     for (uint32_t n = 0; n < m->triangle_count; n++) {
         const uint32_t *t = m->triangle[n];
-        if (!cut_piece(s, (vec3[]){m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]}, n, longest, e))
+        if (!cut_piece(s, (vec3[]){m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]}, n, &c, e))
             return false;
     }
     return true;
@@ -484,7 +498,7 @@ static bool make_patches(mesh_surface *s, error *e)
     return make_tree_of_trees(s, e);
 }
 
-static bool make(mesh_surface *s, double longest, error *e)
+static bool make(mesh_surface *s, double longest, size_t memory_limit, error *e)
 {
     const mesh *m = &s->mesh.m;
     const bbox box = mesh_box(m);
@@ -499,18 +513,19 @@ static bool make(mesh_surface *s, double longest, error *e)
     s->beside = mem_array(m->triangle_count, sizeof *s->beside, what, e);
     if (!s->normal || !s->shape || !s->at_end || !s->beside) return false;
     find_normals(s);
-    if (!find_shapes(s, e) || !find_sides(s, e) || !cut_pieces(s, longest, e) || !make_patches(s, e))
+    if (!find_shapes(s, e) || !find_sides(s, e) || !cut_pieces(s, longest, memory_limit, e) ||
+        !make_patches(s, e))
         return false;
     s->base.patches = &s->patches;
     return true;
 }
 
-mesh_surface *mesh_surface_new(mesh_patches *patches, double longest, error *e)
+mesh_surface *mesh_surface_new(mesh_patches *patches, double longest, size_t memory_limit, error *e)
 {
     mesh_surface *s = mem_alloc(sizeof *s);
     s->mesh = *patches;
     *patches = (mesh_patches){0};
-    if (make(s, longest, e)) return s;
+    if (make(s, longest, memory_limit, e)) return s;
     mesh_surface_free(s);
     return NULL;
 }

@@ -15,9 +15,9 @@
 
 typedef struct mesh_surface mesh_surface;
 
-/* No side of a piece is longer than `longest`. Takes over *patches, and zeroes it, also on failure. Errors:
- * no_surface (no area), limit_memory. */
-mesh_surface *mesh_surface_new(mesh_patches *patches, double longest, error *e);
+/* No side of a piece is longer than `longest`, and pieces take at most `memory_limit` bytes with what a scan of them does.
+ * Takes over *patches, and zeroes it, also on failure. Errors: no_surface (no area), limit_memory. */
+mesh_surface *mesh_surface_new(mesh_patches *patches, double longest, size_t memory_limit, error *e);
 void mesh_surface_free(mesh_surface *s); /* NULL will do */
 
 const field *mesh_surface_field(const mesh_surface *s);

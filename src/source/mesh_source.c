@@ -203,7 +203,8 @@ static bool open_read(const mesh_source_request *r, const mesh *whole, const mes
                   "\"fill\" closes it",
                   patches.open_edges);
     patches.merges_near_rows = r->resolve && patches.closed;
-    mesh_surface *surface = mesh_surface_new(&patches, longest_cell(r, &patches), e);
+    mesh_surface *surface =
+        mesh_surface_new(&patches, longest_cell(r, &patches), r->as_volume.resolution.memory_limit, e);
     if (!surface) return error_prefix(e, "%s", r->as_volume.path);
     *as_patches = surface;
     *notes = about;

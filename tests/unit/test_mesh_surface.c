@@ -12,19 +12,25 @@
 #include "mesh/mesh_surface.h"
 #include "mesh/triangle.h"
 #include "mesh_fixture.h"
+#include "surface/elements.h"
 #include "surface/feature_size.h"
 #include "volume_fixture.h"
 
-enum { PLACES = 300 };
+enum { PLACES = 300, MEMORY = 1 << 30 };
 
-static mesh_surface *make(mesh m, double angle, double longest)
+static mesh_surface *try_to_make(mesh m, double angle, double longest, size_t memory, error *e)
 {
     mesh_patches patches = {0};
     mesh_notes notes = {0};
-    error e = {0};
     const mesh_patches_params params = {.weld = 1e-6, .feature_angle = angle};
-    assert_true(mesh_patches_make(&m, &params, &notes, &patches, &e));
-    mesh_surface *s = mesh_surface_new(&patches, longest, &e);
+    assert_true(mesh_patches_make(&m, &params, &notes, &patches, e));
+    return mesh_surface_new(&patches, longest, memory, e);
+}
+
+static mesh_surface *make(mesh m, double angle, double longest)
+{
+    error e = {0};
+    mesh_surface *s = try_to_make(m, angle, longest, MEMORY, &e);
     assert_non_null(s);
     return s;
 }
@@ -261,6 +267,53 @@ static void test_cells(void **state)
     mesh_surface_free(s);
 }
 
+/* A spacing that is far too small is refused before memory is out. */
+static void test_pieces_keep_to_the_memory(void **state)
+{
+    (void)state;
+    const vec3 half = {1, 2, 3}, center = {4, 5, 6};
+    error e = {0};
+    assert_null(try_to_make(mesh_fixture_box(center, half, 0.4), MESH_PATCHES_FOUND, 1e-6, MEMORY / 64, &e));
+    assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
+    print_message("# %s\n", e.message);
+}
+
+/* Those of one patch, where cubes hold several: what a walk along all of them finds, in its order. */
+static void test_elements_of_a_patch(void **state)
+{
+    (void)state;
+    const vec3 half = {1, 2, 3}, center = {4, 5, 6};
+    mesh_surface *s = make(mesh_fixture_box(center, half, 0.4), MESH_PATCHES_FOUND, 0.1);
+    error e = {0};
+    threads *pool = mesh_fixture_pool();
+    surface *scan = surface_scan(mesh_surface_field(s), pool, &e);
+    cell_samples sample;
+    elements found;
+    assert_non_null(scan);
+    assert_true(cell_samples_take(scan, pool, &sample, &e) && elements_make(scan, &sample, 0.9, &found, &e));
+    size_t shared = 0, seen = 0;
+    for (uint32_t k = 0; k < found.count; k++) {
+        const elements_cube at = elements_cube_of(&found, found.element[k].position);
+        for (uint32_t patch = 0; patch < 6; patch++) {
+            uint32_t n = elements_first_of(&found, at, 0, 0, 0, patch);
+            for (uint32_t all = elements_first(&found, at, 0, 0, 0); all != BLOCK_MAP_NONE;
+                 all = found.element[all].next) {
+                shared += found.element[all].patch != found.element[k].patch;
+                if (found.element[all].patch != patch) continue;
+                assert_int_equal(n, all);
+                n = found.element[n].next_of_patch;
+                seen++;
+            }
+            assert_int_equal(n, BLOCK_MAP_NONE);
+        }
+    }
+    assert_true(shared > 0 && seen >= found.count);
+    elements_free(&found);
+    cell_samples_free(&sample);
+    surface_free(scan);
+    mesh_surface_free(s);
+}
+
 /* Two flat pyramids back to back, of eight triangles: the normals between their corners turn over whole faces, so that near
  * the edge they face aside. The medial axis is the base between them. */
 static void test_feature_sizes_are_of_the_faces(void **state)
@@ -306,6 +359,8 @@ int main(void)
         cmocka_unit_test(test_beyond_the_rim),
         cmocka_unit_test(test_the_whole_is_the_nearest_patch),
         cmocka_unit_test(test_cells),
+        cmocka_unit_test(test_pieces_keep_to_the_memory),
+        cmocka_unit_test(test_elements_of_a_patch),
         cmocka_unit_test(test_feature_sizes_are_of_the_faces),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
