@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "field/patches.h"
 #include "packing/packing.h"
 #include "surface/feature_size.h"
 #include "surface/scaled_curvature.h"
@@ -58,7 +59,7 @@ static void request_cell(const spacing_request *r, size_t k)
         r->value[k] = 1;
         return;
     }
-    if (!field_sample_at(r->scan->field, x, FIELD_HESSIAN, &s)) return;
+    if (!field_sample_at(field_of_patch(r->scan->field, r->samples.patch[k]), x, FIELD_HESSIAN, &s)) return;
     double kappa1, kappa2, kappa = field_curvature(&s, &kappa1, &kappa2);
     r->value[k] = curvature_of(p, kappa, kappa1, kappa2);
 }
