@@ -1,8 +1,10 @@
 #include "particles/coverage.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
+#include "base/memory.h"
 #include "field/patches.h"
 #include "packing/point_tree.h"
 #include "surface/projection.h"
@@ -14,16 +16,106 @@ enum { PARTS = 256, FEWEST_CELLS = 1024 };
 enum { PROJECTION_STEPS = 8 };
 static const double ACCURACY = 1e-3;
 
+/* Spacings that differ by more than this are told by place. */
+static const double GRADED = 1.25;
+/* Bins along an axis: no more than these, nor than so many to a point. */
+enum { BINS_MOST = 64 };
+static const double BINS_PER_POINT = 2;
+/* Bins are a hair wider than they count for, so that no rounding puts a point one too far. */
+static const double HAIR = 1e-6;
+
+/* The least spacing of the points about a place. */
+typedef struct spacings {
+    double all;   /* of all points */
+    double reach; /* so far about a place */
+    double over;  /* bins to a length */
+    vec3 origin;
+    int bins[3];
+    double *near; /* of each bin, with those next to it; NULL: `all` everywhere */
+} spacings;
+
 typedef struct coverage_job {
     const surface *scan;
     const point_tree *points;
     const vec3 *position;
     const double *spacing;
-    double least; /* of all spacings */
+    spacings least;
     size_t first; /* of the cells that are looked at */
     size_t grain;
     double farthest[PARTS];
 } coverage_job;
+
+static int clamped_bin(const spacings *s, vec3 x, int axis)
+{
+    const double at = (vec3_get(x, axis) - vec3_get(s->origin, axis)) * s->over;
+    return at < 0 ? -1 : at >= s->bins[axis] ? s->bins[axis] : (int)at;
+}
+
+/* Each bin becomes the least of it and those next to it along an axis, which are `stride` away. */
+static void spread(spacings *s, int axis, size_t stride)
+{
+    const size_t total = (size_t)s->bins[0] * (size_t)s->bins[1] * (size_t)s->bins[2];
+    const size_t along = stride * (size_t)s->bins[axis];
+    for (size_t line = 0; line < total; line++) {
+        if (line % along >= stride) continue; /* not the first of its line */
+        double before = INFINITY;
+        for (size_t at = line; at < line + along; at += stride) {
+            const double own = s->near[at],
+                         next = at + stride < line + along ? s->near[at + stride] : INFINITY;
+            s->near[at] = fmin(own, fmin(before, next));
+            before = own;
+        }
+    }
+}
+
+static bool find_spacings(const vec3 *position, const double *spacing, size_t count, spacings *out, error *e)
+{
+    double largest = 0;
+    bbox box = bbox_empty();
+    *out = (spacings){.all = INFINITY};
+    for (size_t i = 0; i < count; i++) {
+        out->all = fmin(out->all, spacing[i]);
+        largest = fmax(largest, spacing[i]);
+        box = bbox_include(box, position[i]);
+    }
+    if (!(largest > GRADED * out->all)) return true;
+    const double most = fmin(fmax(1, cbrt(BINS_PER_POINT * (double)count)), BINS_MOST);
+    out->reach = fmax(largest, bbox_longest(box) / most);
+    out->over = 1 / ((1 + HAIR) * out->reach);
+    box = bbox_grow(box, out->reach);
+    out->origin = box.min;
+    for (int a = 0; a < 3; a++) out->bins[a] = (int)(vec3_get(bbox_size(box), a) * out->over) + 1;
+    const size_t total = (size_t)out->bins[0] * (size_t)out->bins[1] * (size_t)out->bins[2];
+    out->near = mem_array(total, sizeof *out->near, "the search for near points", e);
+    for (size_t k = 0; out->near && k < total; k++) out->near[k] = INFINITY;
+    for (size_t i = 0; out->near && i < count; i++) {
+        const int x = clamped_bin(out, position[i], 0), y = clamped_bin(out, position[i], 1),
+                  z = clamped_bin(out, position[i], 2);
+        double *bin =
+            &out->near[((size_t)z * (size_t)out->bins[1] + (size_t)y) * (size_t)out->bins[0] + (size_t)x];
+        *bin = fmin(*bin, spacing[i]);
+    }
+    size_t stride = 1;
+    for (int a = 0; out->near && a < 3; stride *= (size_t)out->bins[a++]) spread(out, a, stride);
+    return out->near != NULL;
+}
+
+/* A distance: with a point no farther than it from x no place within `radius` of x is farther than `farthest` from its nearest
+ * point, in that one's spacings. Not above 0 where there is none. */
+static double enough_at(const spacings *s, vec3 x, double radius, double farthest)
+{
+    const double anywhere = farthest * s->all - radius;
+    if (!s->near) return anywhere;
+    int at[3];
+    for (int a = 0; a < 3; a++) {
+        at[a] = clamped_bin(s, x, a);
+        if (at[a] < 0 || at[a] == s->bins[a]) return anywhere;
+    }
+    const double least =
+        s->near[((size_t)at[2] * (size_t)s->bins[1] + (size_t)at[1]) * (size_t)s->bins[0] + (size_t)at[0]];
+    /* the nearest point of such a place is no farther from x than that point and the radius twice */
+    return fmax(anywhere, fmin(farthest * least - radius, s->reach - 2 * radius));
+}
 
 /* The middle of a cell, and how far its corners are from it. */
 static vec3 middle_of(const field_cell *cell, double *radius)
@@ -73,8 +165,11 @@ static double look_at_places(const coverage_job *job, size_t k, double cell_size
         vec3 x = field_triangle_middle(triangle[i]);
         if (f->open && !bbox_contains(f->domain, x)) continue;
         double distance;
-        if (has_point(job, x, farthest * job->least, near) || !onto_surface(f, cell_size, &x)) continue;
-        uint32_t point = point_tree_nearest(job->points, x, farthest * job->least, &distance);
+        if (has_point(job, x, enough_at(&job->least, x, 0, farthest), near) ||
+            !onto_surface(f, cell_size, &x))
+            continue;
+        uint32_t point =
+            point_tree_nearest(job->points, x, enough_at(&job->least, x, 0, farthest), &distance);
         farthest = fmax(farthest, distance / job->spacing[point]);
     }
     return farthest;
@@ -93,7 +188,7 @@ static void cells_chunk(void *context, int worker, size_t begin, size_t end)
         surface_cell(job->scan, k, &cell);
         vec3 middle = middle_of(&cell, &radius);
         /* with a point that near its middle no place of the cell is farther than the farthest */
-        if (!has_point(job, middle, farthest * job->least - radius, near))
+        if (!has_point(job, middle, enough_at(&job->least, middle, radius, farthest), near))
             farthest = look_at_places(job, k, field_cell_size(job->scan->field, &cell), farthest, near);
     }
     job->farthest[begin / job->grain] = farthest;
@@ -116,43 +211,43 @@ static double measure_cells(coverage_job *job, size_t begin, size_t end, threads
     return most;
 }
 
-static double least_of(const double *spacing, size_t count)
-{
-    double least = INFINITY;
-    for (size_t i = 0; i < count; i++) least = fmin(least, spacing[i]);
-    return least;
-}
-
 bool coverage_measure(const surface *scan, const vec3 *position, const double *spacing, size_t count,
                       threads *pool, double *farthest, error *e)
 {
+    coverage_job job = {.scan = scan, .position = position, .spacing = spacing};
+    if (!find_spacings(position, spacing, count, &job.least, e)) return false;
     point_tree *points = point_tree_new(position, count, e);
-    if (!points) return false;
-    coverage_job job = {.scan = scan,
-                        .points = points,
-                        .position = position,
-                        .spacing = spacing,
-                        .least = least_of(spacing, count)};
+    if (!points) {
+        free(job.least.near);
+        return false;
+    }
+    job.points = points;
     const size_t parts = coverage_parts(scan), *begin = scan->parts.begin;
     for (size_t k = 0; k < parts; k++)
         farthest[k] = measure_cells(&job, scan->field->patches ? begin[k] : 0,
                                     scan->field->patches ? begin[k + 1] : scan->cells, pool);
     point_tree_free(points);
+    free(job.least.near);
     return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
 
 bool coverage_of_places(const vec3 *place, size_t places, const vec3 *position, const double *spacing,
                         size_t count, double *farthest, error *e)
 {
+    spacings least = {0};
     if (places == 0) return true;
     point_tree *points = point_tree_new(position, count, e);
-    if (!points) return false;
-    const double least = least_of(spacing, count);
+    if (!points || !find_spacings(position, spacing, count, &least, e)) {
+        point_tree_free(points);
+        return false;
+    }
     for (size_t k = 0; k < places; k++) {
         double distance;
-        uint32_t point = point_tree_nearest(points, place[k], *farthest * least, &distance);
+        uint32_t point =
+            point_tree_nearest(points, place[k], enough_at(&least, place[k], 0, *farthest), &distance);
         *farthest = fmax(*farthest, distance / spacing[point]);
     }
     point_tree_free(points);
+    free(least.near);
     return true;
 }

@@ -84,6 +84,75 @@ static void distances_are_in_spacings(void **state)
     threads_free(pool);
 }
 
+/* Spacings that part by a factor of 10, finely on one side: what spares a look is the least spacing about a place. */
+static void a_bald_spot_is_found_beside_fine_points(void **state)
+{
+    (void)state;
+    enum { COARSE = 2000, FINE = 100 * COARSE };
+    const analytic_params ball = {.shape = ANALYTIC_SPHERE, .radius = 1};
+    const double h = packing_spacing(4 * M_PI, COARSE);
+    vec3 *x = malloc((COARSE + FINE) * sizeof *x);
+    double *spacing = malloc((COARSE + FINE) * sizeof *spacing);
+    for (int k = 8; k <= 12; k += 4) { /* more than the way across the seam, in fine spacings */
+        const double bald = k * h;
+        double found[2];
+        size_t count = 0, some = spiral(COARSE, bald, x);
+        for (size_t i = 0; i < some; i++)
+            if (x[i].z > 0) x[count++] = x[i];
+        for (size_t i = 0; i < count; i++) spacing[i] = h;
+        some = spiral(FINE, 0, x + count);
+        for (size_t i = count, end = count + some; i < end; i++) {
+            if (x[i].z > 0) continue;
+            spacing[count] = h / 10;
+            x[count++] = x[i];
+        }
+        for (int workers = 1; workers <= 3; workers += 2) {
+            error e = {0};
+            threads *pool = threads_new(workers, NULL, &e);
+            analytic *a = analytic_new(&ball, pool, &e);
+            surface *scan = surface_scan(&a->base, pool, &e);
+            assert_true(coverage_measure(scan, x, spacing, count, pool, &found[workers / 2], &e));
+            surface_free(scan);
+            analytic_free(a);
+            threads_free(pool);
+        }
+        assert_true(found[0] > 2 * sin(bald / 2) / h - 0.2 && found[0] < 2 * sin(bald / 2) / h + 0.9);
+        assert_true(found[0] == found[1]);
+    }
+    free(x);
+    free(spacing);
+}
+
+/* Against looking at all, with spacings that have nothing to do with how the points lie, and places beyond them. */
+static void places_count_in_the_spacing_of_the_nearest(void **state)
+{
+    (void)state;
+    enum { POINTS = 600, PLACES = 150 };
+    rng r = rng_seed(test_seed(), 1);
+    vec3 x[POINTS], place[PLACES];
+    double spacing[POINTS];
+    for (int round = 0; round < 60; round++) {
+        const double ratio = round % 3 == 0 ? 1.1 : round % 3 == 1 ? 3 : 100, flat = round % 2;
+        for (size_t k = 0; k < POINTS; k++) {
+            x[k] = random_between(&r, (vec3){-1, -1, -flat}, (vec3){1, 1, flat});
+            const double across = 0.5 + 0.5 * x[k].x;
+            spacing[k] = 0.05 * pow(ratio, round < 30 ? across : rng_uniform(&r));
+        }
+        double wanted = 0, found = 0;
+        for (size_t p = 0; p < PLACES; p++) {
+            size_t nearest = 0;
+            place[p] = random_between(&r, (vec3){-1.3, -1.3, -1.3}, (vec3){1.3, 1.3, 1.3});
+            for (size_t k = 1; k < POINTS; k++)
+                if (vec3_norm2(vec3_sub(x[k], place[p])) < vec3_norm2(vec3_sub(x[nearest], place[p])))
+                    nearest = k;
+            wanted = fmax(wanted, vec3_norm(vec3_sub(x[nearest], place[p])) / spacing[nearest]);
+        }
+        error e = {0};
+        assert_true(coverage_of_places(place, PLACES, x, spacing, POINTS, &found, &e));
+        assert_true(found == wanted);
+    }
+}
+
 static void the_nearest_is_found(void **state)
 {
     (void)state;
@@ -120,6 +189,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_bald_spot_has_its_radius),
         cmocka_unit_test(distances_are_in_spacings),
+        cmocka_unit_test(a_bald_spot_is_found_beside_fine_points),
+        cmocka_unit_test(places_count_in_the_spacing_of_the_nearest),
         cmocka_unit_test(the_nearest_is_found),
     };
     return cmocka_run_group_tests_name("coverage", tests, NULL, NULL);
