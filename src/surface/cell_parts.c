@@ -315,8 +315,9 @@ typedef struct triangle_lanes {
     double smooth[SIDE_BY_SIDE];
 } triangle_lanes;
 
-/* As curved_area of surface.c without more triangles. */
-ISA_CLONES static void measure_triangles(const triangle_lanes *t, double out[SIDE_BY_SIDE])
+/* As curved_area of surface.c without more triangles; and the excess that it would look at, 0 where it would not. */
+ISA_CLONES static void measure_triangles(const triangle_lanes *t, double out[SIDE_BY_SIDE],
+                                         double more_than_flat[SIDE_BY_SIDE])
 {
     for (int l = 0; l < SIDE_BY_SIDE; l++) {
         const double ux = t->x[1][l] - t->x[0][l], uy = t->y[1][l] - t->y[0][l], uz = t->z[1][l] - t->z[0][l];
@@ -351,6 +352,7 @@ ISA_CLONES static void measure_triangles(const triangle_lanes *t, double out[SID
         const double within = above < CELL_EXCESS_LIMIT ? above : CELL_EXCESS_LIMIT;
         const double curved = area * (1 + within), smooth = area > 0 ? t->smooth[l] : 0.0;
         out[l] = smooth > 0 ? curved : area;
+        more_than_flat[l] = smooth > 0 ? excess : 0;
     }
 }
 
@@ -359,7 +361,7 @@ static double sum_areas(const part_triangles *t, const roots *r)
     double sum = 0, of_part = 0;
     for (int first = 0; first < t->count; first += SIDE_BY_SIDE) {
         triangle_lanes lanes;
-        double area[SIDE_BY_SIDE];
+        double area[SIDE_BY_SIDE], excess[SIDE_BY_SIDE];
         for (int l = 0; l < SIDE_BY_SIDE; l++) {
             const uint16_t *at = t->corner[first + l < t->count ? first + l : t->count - 1];
             for (int c = 0; c < 3; c++) {
@@ -372,7 +374,7 @@ static double sum_areas(const part_triangles *t, const roots *r)
             }
             lanes.smooth[l] = r->smooth[at[0]] * r->smooth[at[1]] * r->smooth[at[2]];
         }
-        measure_triangles(&lanes, area);
+        measure_triangles(&lanes, area, excess);
         for (int k = first; k < t->count && k < first + SIDE_BY_SIDE; k++) {
             if (k > 0 && t->part[k] != t->part[k - 1]) {
                 sum += of_part;
@@ -382,6 +384,31 @@ static double sum_areas(const part_triangles *t, const roots *r)
         }
     }
     return sum + of_part;
+}
+
+void cell_measure_triangles(const triangulation *t, double area[], double excess[])
+{
+    for (int first = 0; first < t->count; first += SIDE_BY_SIDE) {
+        triangle_lanes lanes;
+        double of[SIDE_BY_SIDE], more[SIDE_BY_SIDE];
+        for (int l = 0; l < SIDE_BY_SIDE; l++) {
+            const corner *at = t->at[first + l < t->count ? first + l : t->count - 1];
+            for (int c = 0; c < 3; c++) {
+                lanes.x[c][l] = at[c].position.x;
+                lanes.y[c][l] = at[c].position.y;
+                lanes.z[c][l] = at[c].position.z;
+                lanes.nx[c][l] = at[c].normal.x;
+                lanes.ny[c][l] = at[c].normal.y;
+                lanes.nz[c][l] = at[c].normal.z;
+            }
+            lanes.smooth[l] = at[0].smooth && at[1].smooth && at[2].smooth ? 1 : 0;
+        }
+        measure_triangles(&lanes, of, more);
+        for (int k = first; k < t->count && k < first + SIDE_BY_SIDE; k++) {
+            area[k] = of[k - first];
+            excess[k] = more[k - first];
+        }
+    }
 }
 
 static corner corner_of(const roots *r, int k)

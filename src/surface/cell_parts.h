@@ -60,6 +60,10 @@ static inline unsigned cell_inside(unsigned corners, int tetrahedron)
     return inside;
 }
 
+/* Of each triangle the area of what lies above it, as its corners' normals tell it, and by how much of the flat one that is more; 0 where
+ * they tell nothing. */
+void cell_measure_triangles(const triangulation *t, double area[], double excess[]);
+
 /* The area above all parts' triangles; 0 where F is not defined. With `lacking` that receives the first of them. */
 double cell_parts_area(const field *f, const field_cell *cell, triangulation *lacking);
 

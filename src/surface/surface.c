@@ -48,10 +48,9 @@ static const double LITTLE = 0.1;
 static const int INSIDE_DRAWS = 200;
 
 /* Where the surface cuts an edge that cells of a chunk share, by the edge's ends and F there: the inside first. */
-enum { SHARED_EDGES = 512 }; /* cells that follow each other have about as many */
+enum { SHARED_EDGES = 512, KEY_WORDS = 8 }; /* cells that follow each other have about as many */
 typedef struct shared_edge {
-    vec3 inside, outside;
-    double value[2];
+    uint64_t key[KEY_WORDS]; /* the bits of both places and values */
     corner at;
 } shared_edge;
 
@@ -81,21 +80,32 @@ static void find_root(const cut *way, int inside, int outside, corner *c)
     cell_find_root(way->field, way->cell, inside, outside, way->is_straight, c);
 }
 
+/* The bits of one number, by a load of its own: a pair of numbers that were just written one by one is read with a wait. */
+static inline uint64_t bits_of(const double *number)
+{
+    uint64_t bits;
+    memcpy(&bits, number, sizeof bits);
+    __asm__("" : "+r"(bits));
+    return bits;
+}
+
 /* The root that a cell before has found, if it did. */
 static void find_shared_root(const cut *way, int inside, int outside, corner *c)
 {
     const field_cell *cell = way->cell;
-    shared_edge wanted = {cell->corner[inside],
-                          cell->corner[outside],
-                          {cell->value[inside], cell->value[outside]},
-                          {.smooth = false}};
-    uint64_t bits[6], hash = 0;
-    memcpy(bits, &wanted, sizeof bits);
-    for (int k = 0; k < 6; k++) hash = (hash ^ bits[k]) * 0x9E3779B97F4A7C15u;
-    shared_edge *e = &way->shared[hash >> 55];
-    if (memcmp(e, &wanted, offsetof(shared_edge, at)) != 0) {
-        find_root(way, inside, outside, &wanted.at);
-        *e = wanted;
+    const vec3 *p = &cell->corner[inside], *q = &cell->corner[outside];
+    const uint64_t x = bits_of(&p->x), y = bits_of(&p->y), z = bits_of(&p->z),
+                   value = bits_of(&cell->value[inside]), ox = bits_of(&q->x), oy = bits_of(&q->y),
+                   oz = bits_of(&q->z), other = bits_of(&cell->value[outside]);
+    const uint64_t hash =
+        (x ^ oy) * 0x9E3779B97F4A7C15u ^ (y ^ oz) * 0xC2B2AE3D27D4EB4Fu ^ (z ^ ox) * 0x165667B19E3779F9u;
+    shared_edge *e = &way->shared[(hash ^ hash >> 29) * 0x9E3779B97F4A7C15u >> 55];
+    const uint64_t *k = e->key;
+    if (k[0] != x || k[1] != y || k[2] != z || k[3] != value || k[4] != ox || k[5] != oy || k[6] != oz ||
+        k[7] != other) {
+        e->at = (corner){.smooth = false};
+        find_root(way, inside, outside, &e->at);
+        memcpy(e->key, (uint64_t[KEY_WORDS]){x, y, z, value, ox, oy, oz, other}, sizeof e->key);
     }
     *c = e->at;
 }
@@ -349,7 +359,8 @@ static bool is_bent(const triangulation *t, double cell_size)
     for (int i = 0; i < t->count; i++)
         for (int k = 0; k < 3; k++) {
             const corner *a = &t->at[0][0], *b = &t->at[i][k];
-            double apart = fmax(vec3_norm(vec3_sub(b->position, a->position)) / cell_size, TOO_NEAR);
+            const double share = vec3_norm(vec3_sub(b->position, a->position)) / cell_size;
+            const double apart = share > TOO_NEAR ? share : TOO_NEAR;
             if (vec3_dot(b->normal, a->normal) < BENT_FACING) return true;
             if (vec3_norm(vec3_sub(b->normal, a->normal)) > BENT_SIZE * apart) return true;
         }
@@ -388,7 +399,10 @@ static double measure_cell(const surface *s, size_t index, shared_edge *shared, 
     for (int i = 0; i < t.count; i++)
         for (int k = 0; k < 3; k++) *box = bbox_include(*box, t.at[i][k].position);
     if (area > 0) return area;
-    for (int i = 0; i < t.count; i++) area += curved_area(f, t.at[i], 0);
+    double piece[FIELD_CELL_TRIANGLES], excess[FIELD_CELL_TRIANGLES];
+    cell_measure_triangles(&t, piece, excess);
+    for (int i = 0; i < t.count; i++)
+        area += fabs(excess[i]) < EXCESS_FINE ? piece[i] : curved_area(f, t.at[i], 0);
     return area;
 }
 
