@@ -44,6 +44,8 @@ typedef struct field_patches {
     bool merges_near_rows; /* rows of points that come nearer to each other than points can lie become one */
     bool
         has_rough_curves; /* with that: where a curve bends it has a corner for no reason of its own, as on a scan */
+    bool
+        has_many_parts; /* as a segmentation: every place is to have a point near it, however few points there are */
 } field_patches;
 
 /* Whether a place near the zero set of a patch is one of the patch. */

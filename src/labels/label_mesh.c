@@ -324,7 +324,7 @@ static bool make(making *k, double smooth, label_mesh_wanted *wanted, const void
     if (k->m.triangle_count == 0)
         return error_set(
             e, ERROR_NO_SURFACE,
-            "all voxels have the label %lld, so that nothing meets: with closed its end is an interface",
+            "all voxels have the label %lld, so that nothing meets: with surface.labels.closed its end is an interface",
             (long long)k->v->material[label_volume_at(k->v, 0, 0, 0)].value);
     const label_smoothing smoothing = {smooth, k->limit, {k->v->size[0], k->v->size[1], k->v->size[2]}};
     if (!label_smoothing_apply(&smoothing, &k->m, k->kind, pool, e)) return false;

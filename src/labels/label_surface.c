@@ -6,6 +6,7 @@
 
 #include "base/memory.h"
 #include "labels/label_mesh.h"
+#include "labels/label_thinness.h"
 #include "mesh/mesh_surface.h"
 #include "packing/packing.h"
 
@@ -40,14 +41,16 @@ static bool make_surface(const label_surface_request *r, label_surface *s, error
     if (!label_mesh_make(&s->labels, r->spec->smooth, r->spec->interface_count ? is_wanted : NULL, &wanted,
                          r->pool, &made, e))
         return false;
+    label_thinness_find(&s->labels);
     free(s->labels.at);
     s->labels.at = NULL;
     const double spacing = r->spacing > 0 ? r->spacing
                            : r->count > 0 ? packing_spacing(mesh_area(&made.m), r->count)
                                           : INFINITY;
     const mesh_patches_params params = {.spacing = spacing, .kind = made.kind};
-    bool ok = mesh_patches_make(&made.m, &params, &unused, &patches, e) &&
-              (s->surface = mesh_surface_new(&patches, spacing, r->memory_limit, e)) != NULL;
+    bool ok = mesh_patches_make(&made.m, &params, &unused, &patches, e);
+    patches.has_many_parts = true;
+    ok = ok && (s->surface = mesh_surface_new(&patches, spacing, r->memory_limit, e)) != NULL;
     label_mesh_free(&made);
     return ok;
 }
@@ -139,6 +142,42 @@ static void put_interfaces(const label_surface *s, json *members)
     free(all);
 }
 
+bool label_surface_has_thin(const label_surface *s)
+{
+    bool has = false;
+    for (size_t k = 0; k < s->labels.count; k++) has |= label_thinness_is_thin(&s->labels.material[k]);
+    return has;
+}
+
+size_t label_surface_thin(const label_surface *s, label_thin **out)
+{
+    const field_patches *p = mesh_surface_field(s->surface)->patches;
+    const uint32_t *kind = mesh_surface_patches(s->surface)->kind;
+    const label_volume *v = &s->labels;
+    label_thin *list = mem_alloc((v->count + 1) * sizeof *list);
+    double *area = mem_alloc((v->count + 1) * sizeof *area);
+    size_t count = 0, solid = 0;
+    for (size_t k = 0; k < v->count; k++)
+        solid += (v->material[k].background || v->material[k].voxels > 0) &&
+                 !label_thinness_is_thin(&v->material[k]);
+    for (size_t k = 0; k < v->count; k++) {
+        if (!label_thinness_is_thin(&v->material[k])) continue;
+        size_t best = k;
+        for (size_t i = 0; i <= v->count; i++) area[i] = 0;
+        for (size_t n = 0; n < p->count; n++) {
+            const size_t a = kind[n] >> 16, b = kind[n] & 0xffff, other = a == k ? b : a;
+            if ((a != k && b != k) || label_thinness_is_thin(&v->material[other])) continue;
+            area[other] += p->patch[n].area;
+            if (area[other] > area[best]) best = other;
+        }
+        list[count++] = (label_thin){v->material[k].value, v->material[best].value, best != k && solid > 1,
+                                     label_thinness_is_row(&v->material[k])};
+    }
+    free(area);
+    *out = list;
+    return count;
+}
+
 void label_surface_describe(const label_surface *s, json *surface, json *warnings)
 {
     if (*s->warning) json_append_string(warnings, s->warning);
@@ -149,7 +188,9 @@ void label_surface_describe(const label_surface *s, json *surface, json *warning
         json *material = json_append_object(list);
         json_put_integer(material, "label", m->value);
         json_put_integer(material, "voxels", (int64_t)m->voxels);
+        json_put_integer(material, "thin_voxels", (int64_t)m->thin);
         json_put_bool(material, "background", m->background);
     }
+    label_thinness_warn(&s->labels, warnings);
     put_interfaces(s, members);
 }

@@ -33,7 +33,19 @@ void label_surface_sides(const label_surface *s, uint32_t patch, int64_t out[2])
 /* The labels but the background, ascending: the first `most` into `out`. Returns how many there are. */
 size_t label_surface_labels(const label_surface *s, size_t most, int64_t *out);
 
-/* What a report tells of it: the member `labels`, and warnings of the reader. */
+/* A label that is thin (label_thinness), and the one that is not with which it has the largest interface. */
+typedef struct label_thin {
+    int64_t label, into;
+    bool unites; /* there is one, and two labels or more are left without those that are thin */
+    bool row;    /* its voxels are alone, or in rows */
+} label_thin;
+
+bool label_surface_has_thin(const label_surface *s);
+
+/* The thin labels, ascending: the caller frees *out. */
+size_t label_surface_thin(const label_surface *s, label_thin **out);
+
+/* What a report tells of it: the member `labels`, and warnings of the reader and of thin labels. */
 void label_surface_describe(const label_surface *s, json *surface, json *warnings);
 
 #endif

@@ -43,7 +43,8 @@ typedef struct mesh_patches {
     size_t open_edges, feature_edges, nonmanifold_edges;
     bool closed; /* an even number of triangles meets at every edge */
     size_t corner_count;
-    bool merges_near_rows, has_rough_curves; /* field/patches; false unless the owner says so */
+    bool merges_near_rows, has_rough_curves,
+        has_many_parts; /* field/patches; false unless the owner says so */
 } mesh_patches;
 
 /* `m` is taken over, and zeroed, also on failure. Each triangle counts once, whichever way it is turned. Errors:

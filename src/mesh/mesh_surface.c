@@ -480,7 +480,8 @@ static bool make_patches(mesh_surface *s, error *e)
                                  m->vertex,
                                  m->curve_patch,
                                  m->merges_near_rows,
-                                 m->has_rough_curves};
+                                 m->has_rough_curves,
+                                 m->has_many_parts};
     s->patch = mem_array(m->count, sizeof *s->patch, what, e);
     if (!s->patches.patch || !s->patch) return false;
     for (size_t k = 0; k < m->count; k++) {

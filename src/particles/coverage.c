@@ -231,6 +231,82 @@ bool coverage_measure(const surface *scan, const vec3 *position, const double *s
     return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
 
+static bool add_place(coverage_places *p, vec3 x, uint32_t patch, error *e)
+{
+    const char *what = "the bare places";
+    if (p->count == p->room) {
+        const size_t room = p->room > 0 ? 2 * p->room : 1024;
+        vec3 *place = mem_array(room, sizeof *place, what, e);
+        uint32_t *of = mem_array(room, sizeof *of, what, e);
+        if (!place || !of) {
+            free(place);
+            free(of);
+            return false;
+        }
+        if (p->count > 0) {
+            memcpy(place, p->place, p->count * sizeof *place);
+            memcpy(of, p->patch, p->count * sizeof *of);
+        }
+        free(p->place);
+        free(p->patch);
+        *p = (coverage_places){place, of, p->count, room};
+    }
+    p->place[p->count] = x;
+    p->patch[p->count++] = patch;
+    return true;
+}
+
+/* The bare places of a cell. */
+static bool add_places(const coverage_job *job, size_t k, uint32_t patch, double bare, uint32_t near[2],
+                       coverage_places *out, error *e)
+{
+    const field *f = job->scan->field;
+    vec3 triangle[FIELD_CELL_TRIANGLES][3];
+    const int count = surface_cell_rough_triangles(job->scan, k, triangle);
+    for (int i = 0; i < count; i++) {
+        const vec3 x = field_triangle_middle(triangle[i]);
+        double distance;
+        if (f->open && !bbox_contains(f->domain, x)) continue;
+        if (has_point(job, x, bare * job->least, near)) continue;
+        const uint32_t point = point_tree_nearest(job->points, x, 0, &distance);
+        if (distance > bare * job->spacing[point] && !add_place(out, x, patch, e)) return false;
+    }
+    return true;
+}
+
+bool coverage_find_bare(const surface *scan, const vec3 *position, const double *spacing, size_t count,
+                        double bare, coverage_places *out, error *e)
+{
+    point_tree *points = point_tree_new(position, count, e);
+    const coverage_job job = {.scan = scan,
+                              .points = points,
+                              .position = position,
+                              .spacing = spacing,
+                              .least = least_of(spacing, count)};
+    uint32_t near[2] = {0, 0};
+    bool ok = points != NULL;
+    *out = (coverage_places){0};
+    for (uint32_t patch = 0; ok && patch < coverage_parts(scan); patch++)
+        for (size_t k = scan->parts.begin[patch]; ok && k < scan->parts.begin[patch + 1]; k++) {
+            field_cell cell;
+            double radius;
+            if (!(surface_cell_area(scan, k) > 0)) continue;
+            surface_cell(scan, k, &cell);
+            const vec3 middle = middle_of(&cell, &radius);
+            if (!has_point(&job, middle, bare * job.least - radius, near))
+                ok = add_places(&job, k, patch, bare, near, out, e);
+        }
+    point_tree_free(points);
+    return ok;
+}
+
+void coverage_places_free(coverage_places *p)
+{
+    free(p->place);
+    free(p->patch);
+    *p = (coverage_places){0};
+}
+
 bool coverage_of_places(const vec3 *place, size_t places, const vec3 *position, const double *spacing,
                         size_t count, double *farthest, error *e)
 {

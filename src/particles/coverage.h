@@ -7,6 +7,8 @@
 #ifndef HEXAD_PARTICLES_COVERAGE_H
 #define HEXAD_PARTICLES_COVERAGE_H
 
+#include <stdint.h>
+
 #include "base/error.h"
 #include "base/threads.h"
 #include "surface/surface.h"
@@ -23,5 +25,17 @@ bool coverage_measure(const surface *scan, const vec3 *position, const double *s
  * Errors: limit_memory. */
 bool coverage_of_places(const vec3 *place, size_t places, const vec3 *position, const double *spacing,
                         size_t count, double *farthest, error *e);
+
+/* Places of a surface of patches, and the patch of each. */
+typedef struct coverage_places {
+    vec3 *place;
+    uint32_t *patch;
+    size_t count, room;
+} coverage_places;
+
+/* All places that are farther from all points than `bare` > 0, over the spacing there. One thread. Error: limit_memory. */
+bool coverage_find_bare(const surface *scan, const vec3 *position, const double *spacing, size_t count,
+                        double bare, coverage_places *out, error *e);
+void coverage_places_free(coverage_places *p); /* a zeroed one will do */
 
 #endif

@@ -402,14 +402,46 @@ static bool draw_on_patch(const field *f, const surface *scan, const sizing_fiel
     return false;
 }
 
-/* Takes away of each patch what is beyond its share. */
+/* A free particle, and which place it has. */
+typedef struct stand {
+    vec3 x;
+    uint32_t patch, index;
+} stand;
+
+static int compare_stands(const void *left, const void *right)
+{
+    const stand *a = left, *b = right;
+    if (a->patch != b->patch) return a->patch < b->patch ? -1 : 1;
+    for (int axis = 0; axis < 3; axis++)
+        if (vec3_get(a->x, axis) != vec3_get(b->x, axis))
+            return vec3_get(a->x, axis) < vec3_get(b->x, axis) ? -1 : 1;
+    return (a->index > b->index) - (a->index < b->index);
+}
+
+/* Marks of free particles that have one place all but the first. Middles of several edges come to one where patches are smaller than
+ * the spacing, on corners of their triangles; no force parts them. */
+static bool mark_twins(const particles *p, bool *gone, error *e)
+{
+    stand *list = mem_array(p->count, sizeof *list, "refinement", e);
+    size_t count = 0;
+    for (uint32_t i = 0; list && i < p->count; i++)
+        if (!particles_is_fixed(p, i)) list[count++] = (stand){p->position[i], p->patch[i], i};
+    if (list) qsort(list, count, sizeof *list, compare_stands);
+    for (size_t k = 1; k < count; k++)
+        gone[list[k].index] =
+            list[k].patch == list[k - 1].patch && !vec3_norm2(vec3_sub(list[k].x, list[k - 1].x));
+    free(list);
+    return list != NULL;
+}
+
+/* Takes away those that have no place of their own, and of each patch what is beyond its share. */
 static bool trim(particles *p, const allotment *next, error *e)
 {
     bool *gone = mem_array(p->count, sizeof *gone, "refinement", e);
     uint32_t *count = mem_array(p->patches->count, sizeof *count, "refinement", e);
-    for (size_t i = 0; gone && count && i < p->count; i++)
-        gone[i] = !particles_is_fixed(p, i) && count[p->patch[i]]++ >= next->free[p->patch[i]];
-    bool ok = gone && count;
+    bool ok = gone && count && mark_twins(p, gone, e);
+    for (size_t i = 0; ok && i < p->count; i++)
+        if (!gone[i] && !particles_is_fixed(p, i)) gone[i] = count[p->patch[i]]++ >= next->free[p->patch[i]];
     if (ok) population_remove(p, gone);
     free(gone);
     free(count);

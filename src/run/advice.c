@@ -17,6 +17,15 @@ static double rounded_up(double value)
     return ceil(value / unit * (1 - 1e-12)) * unit;
 }
 
+const advice_purpose advice_resolves = {"unresolved", "resolve the surface"},
+                     advice_clears_curves = {"boundary", "leave points between the curves"};
+
+advice_resolution advice_of_spacing(double area, double spacing)
+{
+    const double points = rounded_up(packing_count(area, spacing));
+    return (advice_resolution){packing_spacing(area, points), points};
+}
+
 advice_resolution advice_resolve(double area, size_t count, const clearance *c)
 {
     double factor = c->factor < 1 ? c->factor : BLIND_FACTOR;
@@ -54,22 +63,22 @@ static const char *choose_target(const spec *s, double area, advice_resolution t
                             : "/sampling/count";
 }
 
-void advice_append_resolution(json *list, const spec *s, double area, advice_resolution to, double memory_mb,
-                              double limit_mb)
+void advice_append_resolution(json *list, const advice_purpose *purpose, const spec *s, double area,
+                              advice_resolution to, double memory_mb, double limit_mb)
 {
     double value, memory = rounded_up(memory_mb);
     const char *target = choose_target(s, area, to, &value);
-    const char *code = "unresolved";
+    const char *code = purpose->code;
     char *message,
         *more = memory > limit_mb ? mem_printf(" and /limits/memory_mb to %.0f", memory) : mem_strdup("");
     if (to.count > PLAN_COUNT_MAX || !target) {
         message =
-            mem_printf("to resolve the surface takes a spacing of %.3g, which is %.2g points: %s", to.spacing,
+            mem_printf("to %s takes a spacing of %.3g, which is %.2g points: %s", purpose->words, to.spacing,
                        to.count, target ? "smooth the input, or sample a region of it" : "allow more time");
         advice_append(list, code, message);
     } else {
-        message = mem_printf("set %s to %.10g%s: %.0f points, a spacing of %.3g, resolve the surface", target,
-                             value, more, to.count, to.spacing);
+        message = mem_printf("set %s to %.10g%s: %.0f points, a spacing of %.3g, %s", target, value, more,
+                             to.count, to.spacing, purpose->words);
         json *set = advice_append(list, code, message);
         json_put_number(set, target, value);
         if (memory > limit_mb) json_put_number(set, "/limits/memory_mb", memory);

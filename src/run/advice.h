@@ -23,9 +23,19 @@ advice_resolution advice_resolve(double area, size_t count, const clearance *c);
 /* Appends an item, and returns its object `set`. */
 json *advice_append(json *list, const char *code, const char *message);
 
-/* Appends the item `unresolved`, which sets the target of the spec so that the surface is resolved. `memory_mb`: what
- * so many points need of limits.memory_mb; set, too, where it is more than `limit_mb`. */
-void advice_append_resolution(json *list, const spec *s, double area, advice_resolution to, double memory_mb,
-                              double limit_mb);
+/* What a spacing, and as many points, do: "resolve the surface". */
+typedef struct advice_purpose {
+    const char *code, *words;
+} advice_purpose;
+
+extern const advice_purpose advice_resolves, advice_clears_curves;
+
+/* Of a spacing of which the count is not known yet. */
+advice_resolution advice_of_spacing(double area, double spacing);
+
+/* Appends an item that sets the target of the spec so. `memory_mb`: what so many points need of limits.memory_mb; set, too,
+ * where it is more than `limit_mb`. */
+void advice_append_resolution(json *list, const advice_purpose *purpose, const spec *s, double area,
+                              advice_resolution to, double memory_mb, double limit_mb);
 
 #endif

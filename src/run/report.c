@@ -1,10 +1,12 @@
 #include "run/report.h"
 
+#include <math.h>
 #include <stdlib.h>
 
 #include "base/clock.h"
 #include "base/memory.h"
 #include "run/advice.h"
+#include "run/label_advice.h"
 #include "run/patch_report.h"
 
 /* A ratio of spacings that is this much of the one asked for is not worth a word. */
@@ -47,12 +49,21 @@ void report_put_box(json *object, bbox box)
     put_vec3(o, "max", box.max);
 }
 
-/* Where many points are unresolved: how many, and what would resolve the surface. */
-static void put_resolution(json *report, json *warnings, const report_facts *facts)
+/* A row and the points beside it lie within so many spacings of a curve. */
+static const double NEAR_CURVES = 2;
+
+static void append_target(json *advice, const advice_purpose *purpose, const report_facts *facts,
+                          advice_resolution to)
 {
-    json *advice = json_put_array(report, "advice");
+    double memory = facts->memory_limit - facts->particle_memory + to.count * facts->bytes_per_particle;
+    advice_append_resolution(advice, purpose, facts->spec, facts->scan->area, to, memory / (1 << 20),
+                             facts->memory_limit / (1 << 20));
+}
+
+/* Where many points are unresolved: how many, and what would resolve the surface. */
+static void put_resolution(json *advice, json *warnings, const report_facts *facts)
+{
     const quality *q = facts->quality;
-    if (!facts->clearance) return;
     double area = facts->scan->area;
     size_t count = sampler_result_points(facts->sampler)->count;
     const advice_resolution to = advice_resolve(area, count, facts->clearance);
@@ -62,9 +73,21 @@ static void put_resolution(json *report, json *warnings, const report_facts *fac
         q->unresolved_count, count, 100 * (double)q->unresolved_count / (double)count, to.spacing, to.count);
     json_append_string(warnings, warning);
     free(warning);
-    double memory = facts->memory_limit - facts->particle_memory + to.count * facts->bytes_per_particle;
-    advice_append_resolution(advice, facts->spec, area, to, memory / (1 << 20),
-                             facts->memory_limit / (1 << 20));
+    append_target(advice, &advice_resolves, facts, to);
+}
+
+/* More points do not bring to order what lies on voxels that are alone. */
+static void put_advice(json *report, json *warnings, const report_facts *facts)
+{
+    json *advice = json_put_array(report, "advice");
+    const label_surface *labels = facts->source->whole.labels;
+    const bool hopeless = labels && label_advice_is_hopeless(labels);
+    if (facts->clearance && !hopeless) put_resolution(advice, warnings, facts);
+    if (facts->curve_room > 0 && isfinite(facts->curve_room))
+        append_target(advice, &advice_clears_curves, facts,
+                      advice_of_spacing(facts->scan->area, facts->curve_room / NEAR_CURVES));
+    if (labels && verdict_is_of_thin_parts(facts->verdict))
+        label_advice_append(advice, &facts->spec->surface.labels, labels);
 }
 
 static void put_surface(json *report, const report_facts *facts)
@@ -79,7 +102,7 @@ static void put_surface(json *report, const report_facts *facts)
         json_append_string(warnings,
                            "points.ply is written in double: in single precision the points would be "
                            "more than 1e-3 h off the surface");
-    put_resolution(report, warnings, facts);
+    put_advice(report, warnings, facts);
     put_mesh(report, warnings, facts);
 }
 

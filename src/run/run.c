@@ -8,6 +8,7 @@
 #include "run/report.h"
 #include "run/time_target.h"
 #include "store/file.h"
+#include "surface/curve_room.h"
 #include "particles/coverage.h"
 
 static bool start(job *j, error *e)
@@ -58,19 +59,30 @@ static bool find_clearance(const job *j, clearance *room, const clearance **out,
     return clearance_measure(j->scan, s->sizing, sampler_spacing(s->sampler), j->pool, room, e);
 }
 
+/* Likewise how much room there is beside curves. */
+static bool find_curve_room(const job *j, double *out, error *e)
+{
+    const solution *s = &j->solution;
+    return !j->scan->field->patches ||
+           !verdict_is_near_boundaries(&s->quality, sampler_result_points(s->sampler)) ||
+           curve_room_find(j->scan, sampler_spacing(s->sampler), out, e);
+}
+
 static bool write_report(job *j, verdict_outcome *outcome, error *e)
 {
     const solution *s = &j->solution;
     clearance room;
     const clearance *told = NULL;
-    if (!find_clearance(j, &room, &told, e)) return false;
+    double curve_room = 0;
+    if (!find_clearance(j, &room, &told, e) || !find_curve_room(j, &curve_room, e)) return false;
     const verdict_input judged = {s->sampler,
                                   &s->quality,
                                   j->spec->has_control ? 0 : j->count,
                                   j->spec->step_tolerance,
                                   j->spec->energy_tolerance,
                                   source_missing_share(&j->source),
-                                  s->coverage};
+                                  s->coverage,
+                                  j->source.whole.labels && label_surface_has_thin(j->source.whole.labels)};
     const verdict v = verdict_judge(&judged);
     const report_facts facts = {
         .spec = j->spec,
@@ -85,6 +97,7 @@ static bool write_report(job *j, verdict_outcome *outcome, error *e)
         .farthest = s->farthest,
         .landed = s->landed,
         .clearance = told,
+        .curve_room = curve_room,
         .peak_memory = job_peak_memory(j),
         .memory_limit = (double)j->memory,
         .particle_memory = job_particle_memory(j),

@@ -22,7 +22,14 @@ typedef struct criterion {
     verdict_outcome otherwise; /* the outcome when it fails */
     bool (*fails)(const verdict_input *in, double *value, double *bound);
     const char *message;
+    const char
+        *of_thin; /* the message where some labels are thin; NULL: the same, and they are not the cause */
 } criterion;
+
+/* After what is so there. */
+#define AROUND_VOXELS                                                                                               \
+    ", as on labels of voxels that are alone or in rows, around which no count brings them to order: the warnings " \
+    "name thin labels, and advice says what to do; ask for more points only if other parts of the surface are small"
 
 /* The solve was stopped, whatever its last step. */
 static bool rms_step(const verdict_input *in, double *value, double *bound)
@@ -82,9 +89,14 @@ static bool unresolved_share(const verdict_input *in, double *value, double *bou
     return *value > *bound;
 }
 
+static double share_near_boundaries(const quality *q, const sampler_points *p)
+{
+    return (double)q->rim_count / (double)p->stands.count;
+}
+
 static bool boundary_share(const verdict_input *in, double *value, double *bound)
 {
-    *value = (double)in->quality->rim_count / (double)sampler_result_points(in->sampler)->stands.count;
+    *value = share_near_boundaries(in->quality, sampler_result_points(in->sampler));
     *bound = BOUNDARY_SHARE;
     return *value > *bound;
 }
@@ -127,48 +139,75 @@ static bool coverage(const verdict_input *in, double *value, double *bound)
 
 static const criterion criteria[] = {
     {"rms_step", VERDICT_NOT_CONVERGED, rms_step,
-     "the solve ended while the points still moved: raise solver.max_sweeps or sampling.time_s"},
+     "the solve ended while the points still moved: raise solver.max_sweeps or sampling.time_s", NULL},
     {"step_left", VERDICT_NOT_CONVERGED, step_left,
      "the delivered points are so far, in spacings, from where their energy wants them: raise solver.max_sweeps, or "
-     "solver.step for the gradient minimiser"},
+     "solver.step for the gradient minimiser",
+     NULL},
     {"gain", VERDICT_NOT_CONVERGED, gain,
-     "some points creep without end, most often at features smaller than the spacing: ask for more points"},
+     "some points creep without end, most often at features smaller than the spacing: ask for more points",
+     "some points creep without end" AROUND_VOXELS},
     {"target_energy", VERDICT_NOT_CONVERGED, target_energy,
-     "the support that was found or allowed does not give the ideal energy: see sigma, and max_sigma of the spec"},
+     "the support that was found or allowed does not give the ideal energy: see sigma, and max_sigma of the spec",
+     NULL},
     {"count_error", VERDICT_NOT_CONVERGED, count_error,
-     "the method came to so many more or fewer points than requested: use method sized for an exact count"},
+     "the method came to so many more or fewer points than requested: use method sized for an exact count",
+     NULL},
     {"lost", VERDICT_NOT_CONVERGED, lost,
-     "points ended off the surface: it has no gradient there, or it ends; report this surface as a fault"},
+     "points ended off the surface: it has no gradient there, or it ends; report this surface as a fault",
+     NULL},
     {"unresolved_share", VERDICT_UNRESOLVED, unresolved_share,
      "so many points have no cell of their own: another sheet of the surface lies closer than 1.2 spacings to them or to a "
-     "neighbour: ask for more points, or a finer spacing"},
+     "neighbour: ask for more points, or a finer spacing",
+     "so many points have no cell of their own: another sheet of the surface lies closer than 1.2 spacings to them or to a "
+     "neighbour, as the two sides of a label one voxel thin do: the warnings name such, and advice says what to do"},
     {"boundary_share", VERDICT_UNRESOLVED, boundary_share,
      "so many points lie within two spacings of a boundary, where no packing is measured: ask for more points, or a "
-     "wider region"},
+     "wider region",
+     NULL},
     {"missing_share", VERDICT_UNRESOLVED, missing_share,
-     "so much of the mesh's area is thinner than a voxel and has no points: the warning says which voxel_size shows it"},
+     "so much of the mesh's area is thinner than a voxel and has no points: the warning says which voxel_size shows it",
+     NULL},
     {"energy_excess", VERDICT_UNRESOLVED, energy_excess,
      "the points are at rest but not in order: ask for more points where the surface has small features, and use the "
-     "cotangent energy"},
+     "cotangent energy",
+     "the points are at rest but not in order" AROUND_VOXELS},
     {"edge_cv", VERDICT_UNRESOLVED, edge_cv,
      "distances between neighbours differ more than in an ordered packing: ask for more points where the surface has "
-     "small features, and use the cotangent energy"},
+     "small features, and use the cotangent energy",
+     "distances between neighbours differ more than in an ordered packing" AROUND_VOXELS},
     {"min_spacing_ratio", VERDICT_UNRESOLVED, min_spacing_ratio,
      "two points are this close, in spacings: ask for more points where the surface has small features, and use the "
-     "cotangent energy"},
+     "cotangent energy",
+     "two points are this close, in spacings" AROUND_VOXELS},
     {"coverage", VERDICT_UNRESOLVED, coverage,
      "a place of the surface is this far, in spacings, from all points: a part is too small for a point of its own, or, of "
-     "a mesh, thinner than a voxel: ask for more points, or for smaller voxels"},
+     "a mesh, thinner than a voxel: ask for more points, or for smaller voxels",
+     NULL},
 };
 
 _Static_assert(sizeof criteria / sizeof *criteria <= VERDICT_MOST_REASONS, "each criterion can be a reason");
+
+bool verdict_is_near_boundaries(const quality *q, const sampler_points *p)
+{
+    return share_near_boundaries(q, p) > BOUNDARY_SHARE;
+}
+
+bool verdict_is_of_thin_parts(const verdict *v)
+{
+    bool is = false;
+    for (size_t k = 0; k < v->reason_count; k++) is |= v->reason[k].of_thin_parts;
+    return is;
+}
 
 verdict verdict_judge(const verdict_input *in)
 {
     verdict v = {.outcome = VERDICT_CONVERGED};
     for (size_t k = 0; k < sizeof criteria / sizeof *criteria; k++) {
         const criterion *c = &criteria[k];
-        verdict_reason reason = {.criterion = c->name, .message = c->message};
+        const char *message = in->thin_labels && c->of_thin ? c->of_thin : c->message;
+        verdict_reason reason = {
+            .criterion = c->name, .message = message, .of_thin_parts = c->of_thin != NULL};
         if (!c->fails(in, &reason.value, &reason.bound)) continue;
         if (c->otherwise > v.outcome) v.outcome = c->otherwise;
         v.reason[v.reason_count++] = reason;

@@ -29,8 +29,9 @@ typedef struct verdict_input {
     const quality *quality; /* of its points */
     size_t count;           /* requested; 0: the count is not a target */
     double step_tolerance, energy_tolerance;
-    double missing;  /* share of a mesh's area that is not sampled */
-    double coverage; /* the farthest place of the surface from the points, in spacings */
+    double missing;   /* share of a mesh's area that is not sampled */
+    double coverage;  /* the farthest place of the surface from the points, in spacings */
+    bool thin_labels; /* some of the labels are one voxel thin */
 } verdict_input;
 
 enum { VERDICT_MOST_REASONS = 14 };
@@ -40,6 +41,7 @@ typedef struct verdict_reason {
     const char *criterion; /* stable name */
     double value, bound;   /* the value is on the wrong side of the bound */
     const char *message;   /* what it means and what to do */
+    bool of_thin_parts;    /* thin parts of a surface may be the cause */
 } verdict_reason;
 
 typedef struct verdict {
@@ -47,6 +49,12 @@ typedef struct verdict {
     size_t reason_count; /* 0 when converged */
     verdict_reason reason[VERDICT_MOST_REASONS];
 } verdict;
+
+/* Whether so many points lie near boundaries that no measure speaks for the surface. */
+bool verdict_is_near_boundaries(const quality *q, const sampler_points *p);
+
+/* Whether a reason is one that thin parts of a surface may be the cause of. */
+bool verdict_is_of_thin_parts(const verdict *v);
 
 verdict verdict_judge(const verdict_input *in);
 

@@ -2,9 +2,11 @@
  * not each sheet but the whole in space; and where it resolves not all patches, of which some have no point. See
  * sampler_internal.h. */
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
 #include "packing/quality.h"
+#include "particles/coverage.h"
 #include "particles/random_streams.h"
 #include "packing/relocation.h"
 #include "sampler/sampler_internal.h"
@@ -20,7 +22,7 @@ enum { JUDGES = 8000 };
 enum { PLACES = 5, PASSES = 6 };
 /* Besides, places that are drawn on each patch; and how far from all points one is that gets a point of another patch. */
 enum { PLACES_OF_PATCH = 4 };
-static const double BARE_PATCH = 1;
+static const double BARE_PATCH = 1, BARE_PLACE = 0.97;
 
 bool sampler_judge_coarse(sampler *s, error *e)
 {
@@ -215,11 +217,47 @@ static void hold_some(const sampler *s, uint32_t *of_patch, bool *held)
     for (size_t i = 0; i < p->count; i++) held[i] = particles_is_fixed(p, i) || of_patch[p->patch[i]] == 1;
 }
 
+/* Of a surface of many parts every place counts, whatever is drawn: of those that are bare some get a point, and then there may be
+ * others. */
+static bool cover_all(sampler *s, bool *changed, error *e)
+{
+    const char *what = "the bare places";
+    const size_t patches = s->setup.field->patches->count;
+    particles *p = s->state.p;
+    double *spacing = mem_array(p->count, sizeof *spacing, what, e);
+    drawn d = {.held = mem_array(p->count, sizeof *d.held, what, e),
+               .of_patch = mem_array(patches, sizeof *d.of_patch, what, e),
+               .bare = BARE_PLACE};
+    bool ok = spacing && d.held && d.of_patch;
+    size_t moves = 1;
+    for (size_t i = 0; ok && i < p->count; i++) spacing[i] = p->size[i] * s->state.spacing;
+    for (int pass = 0; ok && moves > 0 && pass < PASSES; pass++) {
+        coverage_places bare;
+        memset(d.of_patch, 0, patches * sizeof *d.of_patch);
+        hold_some(s, d.of_patch, d.held);
+        ok = coverage_find_bare(s->setup.scan, p->position, spacing, p->count, BARE_PLACE, &bare, e);
+        d.place = bare.place;
+        d.patch = bare.patch;
+        d.count = bare.count;
+        d.near = ok ? mem_array(bare.count, sizeof *d.near, what, e) : NULL;
+        moves = 0;
+        if (ok && bare.count > 0) ok = d.near && relocate(s, &d, &moves, e);
+        *changed |= moves > 0;
+        free(d.near);
+        coverage_places_free(&bare);
+    }
+    free(spacing);
+    free(d.held);
+    free(d.of_patch);
+    return ok;
+}
+
 bool sampler_cover_patches(sampler *s, bool *changed, error *e)
 {
     const char *what = "the bare places";
     const size_t patches = s->setup.field->patches ? s->setup.field->patches->count : 0;
     if (patches == 0) return true;
+    if (s->setup.field->patches->has_many_parts) return cover_all(s, changed, e);
     size_t *first = mem_array(patches + 1, sizeof *first, what, e);
     for (uint32_t k = 0; first && k < patches; k++) first[k + 1] = first[k] + places_of_patch(s, k);
     const size_t most = first ? first[patches] : 0;

@@ -122,6 +122,15 @@ static bool points_rest(const sampler *s, const schedule_position *at)
     return !(sampler_steps_left(s, true).to_rest > s->setup.params.step_tolerance);
 }
 
+/* Of a surface of many parts no place stays bare, even where particles may move no more. */
+static bool cover_at_last(sampler *s, error *e)
+{
+    const field_patches *p = s->setup.field->patches;
+    bool changed = false;
+    return !p || !p->has_many_parts ||
+           (sampler_cover_patches(s, &changed, e) && (!changed || sampler_settle(s, e)));
+}
+
 /* The solve has ended at rest. Particles that are not on the surface get new places, and so do some that crowd where a patch is
  * bare; they have to find theirs among the others, so that the last round goes on. In a coarse answer no descent brings those
  * that crowd to where places are bare; in a sequence they stay with their own. */
@@ -132,6 +141,7 @@ static bool deliver(sampler *s, error *e)
     if (!sampler_settle(s, e)) return false;
     bool goes_on = s->record.removed != before;
     if (may_go_on && !is_given && !sampler_cover_patches(s, &goes_on, e)) return false;
+    if (!may_go_on && !is_given && !cover_at_last(s, e)) return false;
     if (!may_go_on || !goes_on) return !s->state.coarse || is_given || sampler_relocate(s, e);
     s->state.recalls++;
     s->state.outcome = SAMPLER_RUNNING;

@@ -13,12 +13,15 @@ enum { SAMPLES = 4096, GRAIN = 32 };
 /* What may stay unresolved: a fifth of what the verdict allows, since points beside unresolved ones have no cell either, and
  * spacings are not even: the least is about nine tenths of the requested one. */
 static const double LEFT_OVER = 0.004, UNEVEN = 0.9;
+/* Parts of patches end in wedges, which no spacing resolves to their edges: each halving of what is left takes four times the points. */
+static const double PATCH_LEFT_OVER = 0.009;
 /* Rays: one along the normal to each side, and so many at this angle to it, at which a tube of the least diameter is
  * seen with the least gap. */
 enum { TILTED = 6 };
 static const double TILT = 0.58;
-/* Steps along a ray, in cells, and to the surface. */
-static const double STRIDE = 0.5;
+/* Steps along a ray, in cells, and to the surface. Cells of patches are as large as the spacing, which says nothing of how thin
+ * parts are: there the first step is a small one, and the others grow by this factor. */
+static const double STRIDE = 0.5, PATCH_STRIDE = 1.0 / 8, GROWTH = 1.3;
 static const int SETTLE_STEPS = 10;
 static const double SETTLE = 1e-2;
 static const uint64_t SEED = 1;
@@ -31,12 +34,18 @@ typedef struct clearance_job {
         ratio; /* of each sample, largest spacing that resolves it over the requested one; INFINITY: none seen */
 } clearance_job;
 
+static double first_step(const field *f)
+{
+    return (f->patches ? PATCH_STRIDE : STRIDE) * f->cell_size;
+}
+
 /* Whether the ray from x meets the surface's other side within `reach`; then where, and the normal there. `inside`: it
  * goes into the solid. */
 static bool meet(const field *f, vec3 x, vec3 along, bool inside, double reach, vec3 *end, vec3 *normal)
 {
-    double step = STRIDE * f->cell_size;
+    double step = first_step(f);
     for (double t = step; t < reach + step; t += step) {
+        if (f->patches) step = fmax(step, (GROWTH - 1) * t);
         field_sample s;
         vec3 at = vec3_axpy(t, along, x);
         if (!field_sample_at(f, at, FIELD_GRADIENT, &s) || (s.value < 0) == inside) continue;
@@ -58,7 +67,7 @@ static double spacing_at(const field *f, vec3 x, vec3 normal, vec3 along, bool i
     vec3 r = vec3_sub(end, x);
     double gap = fmin(fabs(vec3_dot(normal, r)), fabs(vec3_dot(other, r)));
     double needed = fmax(gap / QUALITY_SHEET_GAP, vec3_norm(r) / QUALITY_SHEET_REACH);
-    return fmax(needed, STRIDE * f->cell_size / QUALITY_SHEET_GAP);
+    return fmax(needed, first_step(f) / QUALITY_SHEET_GAP);
 }
 
 /* Of all rays from x. */
@@ -108,9 +117,10 @@ bool clearance_measure(const surface *scan, const sizing_field *sizing, double h
     size_t near = 0;
     qsort(job.ratio, SAMPLES, sizeof *job.ratio, compare_doubles);
     while (near < SAMPLES && job.ratio[near] < 1) near++;
+    const double left_over = scan->field->patches ? PATCH_LEFT_OVER : LEFT_OVER;
     if (ok)
         *out =
-            (clearance){(double)near / SAMPLES, fmin(UNEVEN * job.ratio[(size_t)(LEFT_OVER * SAMPLES)], 1)};
+            (clearance){(double)near / SAMPLES, fmin(UNEVEN * job.ratio[(size_t)(left_over * SAMPLES)], 1)};
     free(job.ratio);
     return ok;
 }

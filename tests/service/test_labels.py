@@ -7,7 +7,7 @@ import numpy
 import pytest
 from scipy.spatial import cKDTree
 
-from label_shapes import PLAIN, TURNED, Balls, Sectors
+from label_shapes import PLAIN, TURNED, Balls, Sectors, places
 from readers import read_columns, read_face_labels, read_mesh
 from volumes import Part, write_exr, write_nifti, write_nrrd
 
@@ -252,6 +252,108 @@ def test_two_hundred_labels(sample):
     assert len(report["surface"]["labels"]["materials"]) == 200
     assert set(zip(points.label_a, points.label_b)) <= set(interfaces(report))
     assert len(report["patches"]["list"]) == min(1000, report["patches"]["count"])
+
+
+# ---- what is thin, and what a user is told of it
+
+@pytest.fixture
+def send(new_service, tmp_path):
+    """Sends a job of a segmentation to the daemon; how it ends."""
+    service = new_service("--input_roots", tmp_path).start()
+
+    def run(values, spec):
+        write_nrrd(tmp_path / "v.nrrd", values)
+        spec["output"] = {"preview": False}
+        job = service.submit(spec)
+        done = service.wait_state(job, "succeeded", "failed")
+        return done["notes"] if done["state"] == "succeeded" else done["error"]
+    return run
+
+
+def of_labels(count, **members):
+    return {"version": 1, "surface": {"labels": {"path": "v.nrrd", **members}}, "sampling": {"count": count}}
+
+
+def advice(notes, code):
+    return next(a for a in notes["advice"] if a["code"] == code)
+
+
+def follow(spec, item):
+    """The spec with what an item of advice sets."""
+    again = json.loads(json.dumps(spec))
+    for pointer, value in item["set"].items():
+        *way, last = pointer.strip("/").split("/")
+        at = again
+        for step in way:
+            at = at.setdefault(step, {})
+        at[last] = value
+    return again
+
+
+def layers():
+    """The label 1 along one side of the data, and a sheet of label 2, one voxel thin."""
+    labels = numpy.zeros((16, 20, 12), "u1")
+    labels[:4], labels[9, 4:16] = 1, 2
+    return labels
+
+
+def ball_and_speck(size=24):
+    labels = (numpy.linalg.norm(places(size), axis=-1) < 5).astype("u1")
+    labels[20, 20, 20] = 2
+    return labels
+
+
+def test_a_label_one_voxel_thin_is_named_and_advice_leads_to_a_result(send):
+    spec = of_labels(150)
+    notes = send(layers(), spec)
+    assert "the label 2 is one voxel thin: in 144 of its 144 voxels" in notes["warnings"]
+    near, = (r["message"] for r in notes["outcome_reasons"] if r["criterion"] == "unresolved_share")
+    assert "label one voxel thin" in near
+    assert [a["code"] for a in notes["advice"]] == ["unresolved", "thin_labels"]
+    item = advice(notes, "thin_labels")
+    again = send(layers(), follow(spec, item))
+    assert again["outcome_reasons"] == [] == again["advice"] and again["warnings"] == [], (item, again)
+    assert advice(notes, "thin_labels")["set"] == {"/surface/labels/groups": [[0, 2]]}
+
+
+def test_advice_adds_to_the_groups_that_there_are(sample):
+    labels = layers()
+    labels[12:15, 3:8, 3:8], labels[9, 4:8] = 3, 4
+    report, _ = sample(labels, count=150, groups=[[0, 3], [2, 4]], output={"mesh": False})
+    assert advice(report, "thin_labels")["set"] == {"/surface/labels/groups": [[0, 3, 2, 4]]}
+
+
+def test_a_single_voxel_is_named_and_has_its_points(send):
+    notes = send(ball_and_speck(), of_labels(600))
+    assert notes["warnings"] == ["the label 2 is a single voxel, at (20, 20, 20)"]
+    assert notes["outcome_reasons"] == [] == notes["advice"]
+
+
+@pytest.mark.parametrize("count", [20, 400])
+def test_of_a_voxel_or_a_row_alone_it_is_said_that_no_count_helps(send, count):
+    labels = numpy.zeros((14, 14, 14), "u1")
+    labels[7, 7, 7:7 + (1 if count == 20 else 5)] = 1
+    notes = send(labels, of_labels(count))
+    told = advice(notes, "thin_labels")
+    assert told["set"] == {} and "no count brings them to order" in told["message"] and len(notes["advice"]) == 1
+    assert any("single voxel" in w or "alone or in rows" in w for w in notes["warnings"])
+    assert notes["outcome_reasons"] and not any("rows" not in r["message"] and "ask for more points" in r["message"]
+                                                for r in notes["outcome_reasons"])
+
+
+def test_points_that_all_lie_near_curves_are_told_how_many_would_not(send):
+    labels, spec = cells(30, 24), of_labels(400)
+    notes = send(labels, spec)
+    assert [r["criterion"] for r in notes["outcome_reasons"]] == ["boundary_share"]
+    again = send(labels, follow(spec, advice(notes, "boundary")))
+    assert again["outcome_reasons"] == [], again
+
+
+def test_a_label_that_fills_all_is_refused_and_the_advice_helps(send):
+    labels = numpy.full((10, 10, 10), 5, "u1")
+    told = send(labels, of_labels(300))
+    assert told["code"] == "no_surface" and "with surface.labels.closed" in told["message"]
+    assert send(labels, of_labels(300, closed=True))["outcome_reasons"] == []
 
 
 # ---- what cannot be

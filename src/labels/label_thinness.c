@@ -1,0 +1,91 @@
+#include "labels/label_thinness.h"
+
+#include <stdlib.h>
+
+#include "base/memory.h"
+
+/* Thin labels that a report names, each by a warning. */
+enum { MOST_NAMED = 5 };
+
+/* Whether the box of voxels from `low` to `high`, which has the voxel `own`, lies in the volume and is of one material. */
+static bool is_uniform(const label_volume *v, const int64_t low[3], const int64_t high[3], uint16_t own)
+{
+    for (int k = 0; k < 3; k++)
+        if (low[k] < 0 || high[k] >= v->size[k]) return false;
+    for (int64_t z = low[2]; z <= high[2]; z++)
+        for (int64_t y = low[1]; y <= high[1]; y++)
+            for (int64_t x = low[0]; x <= high[0]; x++)
+                if (label_volume_at(v, x, y, z) != own) return false;
+    return true;
+}
+
+/* Whether a box that is two voxels long along each axis but `flat` has the voxel, and is of one material. flat 3: a cube. Along an
+ * axis of one voxel all boxes have one: what has no thickness there is not thin. */
+static bool is_in_box(const label_volume *v, const int64_t at[3], uint16_t own, int flat)
+{
+    for (int corner = 0; corner < 8; corner++) {
+        int64_t low[3], high[3];
+        bool again = false; /* another corner has this box */
+        for (int k = 0; k < 3; k++) {
+            const int64_t longer = k != flat && v->size[k] > 1, before = corner >> k & 1;
+            again |= !longer && before;
+            low[k] = at[k] - longer * before;
+            high[k] = low[k] + longer;
+        }
+        if (!again && is_uniform(v, low, high, own)) return true;
+    }
+    return false;
+}
+
+void label_thinness_find(label_volume *v)
+{
+    int64_t at[3];
+    for (at[2] = 0; at[2] < v->size[2]; at[2]++)
+        for (at[1] = 0; at[1] < v->size[1]; at[1]++)
+            for (at[0] = 0; at[0] < v->size[0]; at[0]++) {
+                const uint16_t own = label_volume_at(v, at[0], at[1], at[2]);
+                label_material *m = &v->material[own];
+                if (m->background || is_in_box(v, at, own, 3)) continue;
+                m->thin++;
+                m->rows +=
+                    !is_in_box(v, at, own, 0) && !is_in_box(v, at, own, 1) && !is_in_box(v, at, own, 2);
+            }
+}
+
+bool label_thinness_is_thin(const label_material *m)
+{
+    return !m->background && m->voxels > 0 && 2 * m->thin >= m->voxels;
+}
+
+bool label_thinness_is_row(const label_material *m)
+{
+    return !m->background && m->voxels > 0 && 2 * m->rows >= m->voxels;
+}
+
+static char *words_for(const label_material *m)
+{
+    if (m->voxels == 1)
+        return mem_printf("the label %lld is a single voxel, at (%lld, %lld, %lld)", (long long)m->value,
+                          (long long)m->low[0], (long long)m->low[1], (long long)m->low[2]);
+    if (label_thinness_is_row(m))
+        return mem_printf("the label %lld is of voxels alone or in rows: %llu of its %llu",
+                          (long long)m->value, (unsigned long long)m->rows, (unsigned long long)m->voxels);
+    return mem_printf("the label %lld is one voxel thin: in %llu of its %llu voxels", (long long)m->value,
+                      (unsigned long long)m->thin, (unsigned long long)m->voxels);
+}
+
+void label_thinness_warn(const label_volume *v, json *warnings)
+{
+    size_t thin = 0;
+    for (size_t k = 0; k < v->count; k++) {
+        if (!label_thinness_is_thin(&v->material[k]) || thin++ >= MOST_NAMED) continue;
+        char *words = words_for(&v->material[k]);
+        json_append_string(warnings, words);
+        free(words);
+    }
+    if (thin <= MOST_NAMED) return;
+    char *words = mem_printf("%zu labels more are one voxel thin: see thin_voxels of surface.labels",
+                             thin - MOST_NAMED);
+    json_append_string(warnings, words);
+    free(words);
+}

@@ -1,0 +1,18 @@
+/* label_thinness: which labels are thinner than what points can put in order: sheets, threads and specks of one voxel. */
+#ifndef HEXAD_LABELS_LABEL_THINNESS_H
+#define HEXAD_LABELS_LABEL_THINNESS_H
+
+#include "json/json.h"
+#include "labels/label_volume.h"
+
+/* Finds `thin` and `rows` of all materials; the voxels are still there. */
+void label_thinness_find(label_volume *v);
+
+/* At least half of its voxels are thin; or in rows, or alone. Never the background. */
+bool label_thinness_is_thin(const label_material *m);
+bool label_thinness_is_row(const label_material *m);
+
+/* Names the thin labels; the first few of many. */
+void label_thinness_warn(const label_volume *v, json *warnings);
+
+#endif

@@ -1,0 +1,94 @@
+#include "run/label_advice.h"
+
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "run/advice.h"
+
+/* Groups whose text a message has; those of more are in `set` alone. */
+enum { MOST_TOLD = 10 };
+
+bool label_advice_is_hopeless(const label_surface *labels)
+{
+    label_thin *thin;
+    const size_t count = label_surface_thin(labels, &thin);
+    bool hopeless = count > 0;
+    for (size_t k = 0; k < count; k++) hopeless &= thin[k].row && !thin[k].unites;
+    free(thin);
+    return hopeless;
+}
+
+/* The label, and those that the spec unites with it. */
+static void append_members(json *group, const spec_labels *s, int64_t label)
+{
+    json_append_number(group, (double)label);
+    for (size_t g = 0; g < s->group_count; g++)
+        for (size_t k = 1; k < s->groups[g].count; k++)
+            if (s->groups[g].number[0] == (double)label) json_append_number(group, s->groups[g].number[k]);
+}
+
+/* The thin labels that go into one, which has a group already, or none. */
+static void append_group(json *groups, const spec_labels *s, const label_thin *thin, size_t count,
+                         int64_t into)
+{
+    json *group = json_new_array();
+    append_members(group, s, into);
+    for (size_t k = 0; k < count; k++)
+        if (thin[k].unites && thin[k].into == into) append_members(group, s, thin[k].label);
+    json_append(groups, group);
+}
+
+/* All groups, where each thin label is in that of the one that takes it. */
+static json *make_groups(const spec_labels *s, const label_thin *thin, size_t count)
+{
+    json *groups = json_new_array();
+    for (size_t g = 0; g < s->group_count; g++) { /* those that stay as they are */
+        bool changed = false;
+        for (size_t k = 0; k < count; k++) {
+            const double first = s->groups[g].number[0];
+            changed |= thin[k].unites && ((double)thin[k].into == first || (double)thin[k].label == first);
+        }
+        if (!changed) append_group(groups, s, thin, 0, (int64_t)s->groups[g].number[0]);
+    }
+    for (size_t k = 0; k < count; k++) {
+        bool first = thin[k].unites;
+        for (size_t i = 0; i < k; i++) first &= !thin[i].unites || thin[i].into != thin[k].into;
+        if (first) append_group(groups, s, thin, count, thin[k].into);
+    }
+    return groups;
+}
+
+static void append_union(json *list, const spec_labels *s, const label_thin *thin, size_t count,
+                         size_t united)
+{
+    json *groups = make_groups(s, thin, count);
+    char *text = json_print(groups);
+    char *message =
+        mem_printf("%zu label%s one voxel thin: to leave %s voxels to the labels that they touch most, set "
+                   "/surface/labels/groups%s%s",
+                   united, united == 1 ? " is" : "s are", united == 1 ? "its" : "their",
+                   united <= MOST_TOLD ? " to " : "", united <= MOST_TOLD ? text : "");
+    json_put(advice_append(list, "thin_labels", message), "/surface/labels/groups", groups);
+    free(message);
+    free(text);
+}
+
+void label_advice_append(json *list, const spec_labels *s, const label_surface *labels)
+{
+    label_thin *thin;
+    const size_t count = label_surface_thin(labels, &thin);
+    size_t united = 0;
+    bool rows = false;
+    for (size_t k = 0; k < count; k++) {
+        united += thin[k].unites;
+        rows |= thin[k].row;
+    }
+    if (united > 0 && s->interface_count == 0)
+        append_union(list, s, thin, count, united);
+    else if (rows)
+        advice_append(
+            list, "thin_labels",
+            "the points are all over labels of voxels that are alone or in rows, and no count brings them to "
+            "order there: use them as they are, or label smaller voxels");
+    free(thin);
+}

@@ -1,0 +1,16 @@
+/* label_advice: what to do about labels that are too thin for points on them to be in order. */
+#ifndef HEXAD_RUN_LABEL_ADVICE_H
+#define HEXAD_RUN_LABEL_ADVICE_H
+
+#include "json/json.h"
+#include "labels/label_surface.h"
+#include "spec/spec.h"
+
+/* Appends the item `thin_labels`, if there are such: which groups leave their voxels to labels that they touch; or that
+ * there is nothing to do. */
+void label_advice_append(json *list, const spec_labels *s, const label_surface *labels);
+
+/* Whether no count brings the points to order: all labels but one are voxels alone, or in rows. */
+bool label_advice_is_hopeless(const label_surface *labels);
+
+#endif
