@@ -267,7 +267,7 @@ static bool add_places(const coverage_job *job, size_t k, uint32_t patch, double
         const vec3 x = field_triangle_middle(triangle[i]);
         double distance;
         if (f->open && !bbox_contains(f->domain, x)) continue;
-        if (has_point(job, x, bare * job->least, near)) continue;
+        if (has_point(job, x, enough_at(&job->least, x, 0, bare), near)) continue;
         const uint32_t point = point_tree_nearest(job->points, x, 0, &distance);
         if (distance > bare * job->spacing[point] && !add_place(out, x, patch, e)) return false;
     }
@@ -277,15 +277,13 @@ static bool add_places(const coverage_job *job, size_t k, uint32_t patch, double
 bool coverage_find_bare(const surface *scan, const vec3 *position, const double *spacing, size_t count,
                         double bare, coverage_places *out, error *e)
 {
-    point_tree *points = point_tree_new(position, count, e);
-    const coverage_job job = {.scan = scan,
-                              .points = points,
-                              .position = position,
-                              .spacing = spacing,
-                              .least = least_of(spacing, count)};
+    coverage_job job = {.scan = scan, .position = position, .spacing = spacing};
     uint32_t near[2] = {0, 0};
-    bool ok = points != NULL;
     *out = (coverage_places){0};
+    if (!find_spacings(position, spacing, count, &job.least, e)) return false;
+    point_tree *points = point_tree_new(position, count, e);
+    bool ok = points != NULL;
+    job.points = points;
     for (uint32_t patch = 0; ok && patch < coverage_parts(scan); patch++)
         for (size_t k = scan->parts.begin[patch]; ok && k < scan->parts.begin[patch + 1]; k++) {
             field_cell cell;
@@ -293,10 +291,11 @@ bool coverage_find_bare(const surface *scan, const vec3 *position, const double 
             if (!(surface_cell_area(scan, k) > 0)) continue;
             surface_cell(scan, k, &cell);
             const vec3 middle = middle_of(&cell, &radius);
-            if (!has_point(&job, middle, bare * job.least - radius, near))
+            if (!has_point(&job, middle, enough_at(&job.least, middle, radius, bare), near))
                 ok = add_places(&job, k, patch, bare, near, out, e);
         }
     point_tree_free(points);
+    free(job.least.near);
     return ok;
 }
 

@@ -13,8 +13,6 @@ enum { SAMPLES = 4096, GRAIN = 32 };
 /* What may stay unresolved: a fifth of what the verdict allows, since points beside unresolved ones have no cell either, and
  * spacings are not even: the least is about nine tenths of the requested one. */
 static const double LEFT_OVER = 0.004, UNEVEN = 0.9;
-/* Parts of patches end in wedges, which no spacing resolves to their edges: each halving of what is left takes four times the points. */
-static const double PATCH_LEFT_OVER = 0.009;
 /* Rays: one along the normal to each side, and so many at this angle to it, at which a tube of the least diameter is
  * seen with the least gap. */
 enum { TILTED = 6 };
@@ -117,10 +115,9 @@ bool clearance_measure(const surface *scan, const sizing_field *sizing, double h
     size_t near = 0;
     qsort(job.ratio, SAMPLES, sizeof *job.ratio, compare_doubles);
     while (near < SAMPLES && job.ratio[near] < 1) near++;
-    const double left_over = scan->field->patches ? PATCH_LEFT_OVER : LEFT_OVER;
     if (ok)
         *out =
-            (clearance){(double)near / SAMPLES, fmin(UNEVEN * job.ratio[(size_t)(left_over * SAMPLES)], 1)};
+            (clearance){(double)near / SAMPLES, fmin(UNEVEN * job.ratio[(size_t)(LEFT_OVER * SAMPLES)], 1)};
     free(job.ratio);
     return ok;
 }
