@@ -30,8 +30,9 @@ CASES = ("dragon_100k.obj", "scorpion_low.obj", "footbones.ply", "42400-IDGH.stl
          "gargoyle.off", "wingnut.obj", "rocker-arm.obj", "skull_low.obj")
 LEAST_ANGLE, SHARE = 25, 0.999
 FARTHEST = 1 / 3
-# Places on a mesh that distances and feature sizes are measured at.
-PLACES = 60000
+# Places on a mesh that feature sizes are measured at, and those on each mesh that distances are: what is far from the other mesh
+# may be small, so that of few places luck would decide which of it is met.
+PLACES, DISTANT_PLACES = 60000, 400000
 # Sheets face each other when the cosine of their normals is below this.
 FACING = -0.4
 BALL_STEPS, BALL_TOLERANCE = 30, 1e-2
@@ -120,8 +121,8 @@ def farthest(given, made, floor):
     """The largest distance between two meshes, either way, over the local feature size."""
     point, normal = meshes.places(given, PLACES)
     axis = cKDTree(medial_axis(point, normal))
-    there = meshes.places(made, PLACES)[0]
-    return max(other.farthest(x, numpy.maximum(axis.query(x)[0], floor)) for x, other in ((point, made), (there, given)))
+    ways = (meshes.places(given, DISTANT_PLACES)[0], made), (meshes.places(made, DISTANT_PLACES)[0], given)
+    return max(other.farthest(x, numpy.maximum(axis.query(x)[0], floor)) for x, other in ways)
 
 
 def resolve(worker, path, work, sampling=None):

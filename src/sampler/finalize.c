@@ -196,13 +196,26 @@ relax_steps sampler_steps_left(const sampler *s, bool watch)
     return relax_rms_steps_left(s->scratch.relax, s->state.p, s->state.sigma, s->state.spacing, watch);
 }
 
+/* Lists of the particles where they are. */
+static bool bring_lists(sampler *s, error *e)
+{
+    return relax_refresh(s->scratch.relax, s->state.p, s->state.sigma) ||
+           relax_build(s->scratch.relax, s->state.p, s->state.sigma, 0, e);
+}
+
+bool sampler_steps_settled(sampler *s, relax_steps *left, error *e)
+{
+    sampler_resize(s);
+    if (!bring_lists(s, e)) return false;
+    *left = sampler_steps_left(s, false);
+    return true;
+}
+
 /* Energies need the lists, which are given up before there is anything else: together they would be the most
  * memory that a job takes. */
 static bool describe_energies(sampler *s, error *e)
 {
-    if (!relax_refresh(s->scratch.relax, s->state.p, s->state.sigma) &&
-        !relax_build(s->scratch.relax, s->state.p, s->state.sigma, 0, e))
-        return false;
+    if (!bring_lists(s, e)) return false;
     s->record.out.mean_energy = relax_mean_energy(s->scratch.relax, s->state.p, s->state.sigma);
     s->record.out.mean_neighbours = relax_mean_neighbours(s->scratch.relax, s->state.p, s->state.sigma);
     const relax_steps left = s->state.coarse ? (relax_steps){NAN, NAN} : sampler_steps_left(s, false);

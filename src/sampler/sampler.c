@@ -12,6 +12,8 @@
 static const double FINE_BEGINS = 0.4;
 /* So often a solve that has come to rest goes on for particles that were put on new places: some places lose whoever comes. */
 enum { RECALLS_MOST = 5 };
+/* Of the step that may be left: what is asked of points that did not rest as they would have been delivered. */
+static const double PRESSED = 0.9;
 
 static schedule_position position(const sampler *s)
 {
@@ -119,7 +121,21 @@ static bool points_rest(const sampler *s, const schedule_position *at)
     if (!schedule_is_last_level(at) || !schedule_is_last_stage(at) || s->setup.params.gradient ||
         s->state.coarse)
         return true;
-    return !(sampler_steps_left(s, true).to_rest > s->setup.params.step_tolerance);
+    const double most = s->setup.params.step_tolerance * (s->state.pressed ? PRESSED : 1);
+    return !(sampler_steps_left(s, true).to_rest > most);
+}
+
+/* Of a mesh that is to be resolved, whether the points rest as they would be delivered: by a hair they may not, once they are on
+ * the surface to rounding and have the sizes of their places. */
+static bool rests_settled(sampler *s, bool *rests, error *e)
+{
+    const field_patches *p = s->setup.field->patches;
+    relax_steps left;
+    *rests = true;
+    if (!p || !p->merges_near_rows || s->setup.params.gradient || s->state.coarse) return true;
+    if (!sampler_steps_settled(s, &left, e)) return false;
+    *rests = !(left.to_rest > s->setup.params.step_tolerance);
+    return true;
 }
 
 /* Of a surface of many parts no place stays bare, even where particles may move no more. */
@@ -142,6 +158,11 @@ static bool deliver(sampler *s, error *e)
     bool goes_on = s->record.removed != before;
     if (may_go_on && !is_given && !sampler_cover_patches(s, &goes_on, e)) return false;
     if (!may_go_on && !is_given && !cover_at_last(s, e)) return false;
+    if (may_go_on && !goes_on) {
+        bool rests;
+        if (!rests_settled(s, &rests, e)) return false;
+        goes_on = s->state.pressed = !rests;
+    }
     if (!may_go_on || !goes_on) return !s->state.coarse || is_given || sampler_relocate(s, e);
     s->state.recalls++;
     s->state.outcome = SAMPLER_RUNNING;

@@ -54,6 +54,7 @@ typedef struct sampler_state {
     int resizes;  /* in the round: rests that new sizes ended */
     int recalls;  /* ends that particles on new places ended */
     bool settled; /* no particle has moved since sampler_settle */
+    bool pressed; /* points have come to rest, but as they would be delivered they do not */
     bool coarse;  /* the spacing resolves nothing of the surface: pairs count whatever their normals */
     double fraction;
     sampler_outcome outcome;
@@ -131,6 +132,9 @@ bool sampler_reserve(sampler *s, size_t capacity, error *e);
 
 /* Of the particles where they are, see sampler_points. */
 relax_steps sampler_steps_left(const sampler *s, bool watch);
+
+/* What is left of the particles as sampler_settle has put them, which sweeps may not have seen. Error: limit_memory. */
+bool sampler_steps_settled(sampler *s, relax_steps *left, error *e);
 
 /* How many points the particles are: those on a curve count once for all patches there. */
 size_t sampler_point_count(const sampler *s);

@@ -142,10 +142,16 @@ static bool is_elsewhere(const merging *m, const side *s, uint32_t place, uint32
     return away >= APART && (!m->in->closed[curve] || round - away >= APART);
 }
 
+static double near_rows(const merging *m)
+{
+    return m->in->rough ? NEAR_ROUGH_ROWS : NEAR_ROWS;
+}
+
 /* The place of an earlier row that is to stand for one, or the place itself. Sides go from what stands for their ends. */
 static uint32_t find_host(merging *m, uint32_t place, uint32_t curve)
 {
-    const double reach = NEAR_ROWS * m->in->spacing[place], at = vec3_get(m->rows->position[place], m->axis);
+    const double reach = near_rows(m) * m->in->spacing[place],
+                 at = vec3_get(m->rows->position[place], m->axis);
     const vec3 x = m->rows->position[place];
     double least = INFINITY;
     uint32_t host = place;
@@ -172,7 +178,7 @@ static uint32_t find_host(merging *m, uint32_t place, uint32_t curve)
  * corner. */
 static void join_corner(merging *m, uint32_t corner)
 {
-    const double reach = NEAR_ROWS * m->in->spacing[corner];
+    const double reach = near_rows(m) * m->in->spacing[corner];
     const vec3 x = m->rows->position[corner];
     size_t count;
     const uint32_t *near = find_sides(m, corner, reach, &count);
@@ -245,7 +251,7 @@ static bool lend_all(merging *m, uint32_t place, uint32_t from, error *e)
 /* A place that stays stands for a row of which places beside it are left out. */
 static bool lend_beside(merging *m, uint32_t place, error *e)
 {
-    const double reach = BESIDE * NEAR_ROWS * m->in->spacing[place];
+    const double reach = BESIDE * near_rows(m) * m->in->spacing[place];
     size_t count;
     const uint32_t *near = find_sides(m, place, reach, &count);
     for (size_t k = 0; k < count; k++) {

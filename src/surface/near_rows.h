@@ -1,6 +1,7 @@
 /* near_rows: rows along curves that come nearer to each other than points can lie are made one.
  *
- * A place of a row that is within NEAR_ROWS spacings of an earlier row, or of a corner, is left out, a corner that is within
+ * A place of a row that is within NEAR_ROWS spacings of an earlier row, or of a corner, is left out (of a scan's within
+ * NEAR_ROUGH_ROWS), a corner that is within
  * so many of an earlier corner as well, and the places there stand for its patches, too. So are the rows of two creases that
  * part at an acute angle, and of a step that is low beside the spacing: triangles between such rows would be slivers. On a scan a
  * curve begins, ends and bends where no other place is near. Rows on opposite sides of a sheet stay two. World space.
@@ -10,8 +11,10 @@
 
 #include "surface/curve_rows.h"
 
-/* Of a spacing. A step of this height is cut off by as much at most, about a third of the spacing. */
-#define NEAR_ROWS 0.35
+/* Of a spacing. What is left out of an edge is cut off by as much at most, and by what the steps beside it cut: less than a third.
+ * Rows of a scan follow bends that are no edges: they may be farther apart, for triangles between them are the narrower. */
+#define NEAR_ROWS 0.30
+#define NEAR_ROUGH_ROWS 0.35
 
 typedef struct near_rows_input {
     size_t curve_count;

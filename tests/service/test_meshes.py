@@ -553,6 +553,27 @@ def test_a_mesh_that_is_to_be_resolved_has_all_of_its_parts(worker, tmp_path):
         assert len(told) == (interior == "keep")
 
 
+@pytest.mark.plain
+@pytest.mark.parametrize("tolerance", [3e-4, 1.5e-4])
+def test_points_of_a_resolved_mesh_rest_as_they_are_delivered(worker, tmp_path, tolerance):
+    """Brought onto the surface and given the sizes of their places they may want to move again: then the solve goes on. A star
+    with a wavy top."""
+    n, height = 14, 0.5
+    turn = [2 * numpy.pi * k / n for k in range(n)]
+    far = [0.6 if k % 2 else 1 for k in range(n)]
+    lines = ["v %.4f %.4f %.4f" % (far[k] * numpy.cos(turn[k]), far[k] * numpy.sin(turn[k]), z + (z > 0) * 0.1 * numpy.sin(5 * turn[k]))
+             for z in (0, height) for k in range(n)] + ["v 0 0 0", f"v 0 0 {height}"]
+    for k in range(n):
+        a, b = k + 1, (k + 1) % n + 1
+        lines += ["f %d %d %d" % t for t in ((a, b, n + b), (a, n + b, n + a), (2 * n + 1, b, a), (2 * n + 2, n + a, n + b))]
+    (tmp_path / "star.obj").write_text("\n".join(lines) + "\n")
+    done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "star.obj")}},
+                   "sampling": {"resolve": True, "feature": {}, "min_spacing": 0.08}, "solver": {"step_tolerance": tolerance, "seed": 1},
+                   "output": {"preview": False}})
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert done.returncode == 0, report["outcome_reasons"]
+
+
 def test_numbers_may_begin_with_their_point(worker, tmp_path):
     corners = ["v .5 0 0", "v -.5 0 0", "v 0 +.5 0", "v 0 -.5 0", "v .0 .0 .5", "v\t.0\t.0\t-.5"]
     faces = [f"f {x} {y} {z}" if (x == 1) ^ (y == 3) ^ (z == 5) else f"f {y} {x} {z}"
