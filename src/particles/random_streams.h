@@ -14,7 +14,8 @@ enum random_stream {
     RANDOM_STREAM_SWARM_LIFE = 5,     /* fission and death of Witkin and Heckbert */
     RANDOM_STREAM_SWARM_SCALE = 6,    /* where curvature is looked at for their radii */
     RANDOM_STREAM_RELOCATION = 7,     /* places for particles that crowd */
-    RANDOM_STREAM_ROUND = 256         /* insertion and deletion: plus the number of the round, from 1 */
+    RANDOM_STREAM_ROUND = 256,        /* insertion and deletion: plus the number of the round, from 1 */
+    RANDOM_STREAM_MENDING = 65536     /* plus the pass, and 2^32 times that plus the middle of a piece */
 };
 
 #endif

@@ -252,6 +252,7 @@ static sampler *pack_by_levels(const job *j, const sampler_params *params, error
     packed.start = SAMPLER_START_SURFACE;
     packed.witkin_heckbert = NULL;
     packed.coarse_to_fine = true;
+    packed.mend = false;
     packed.energy = NULL;
     packed.graded = packed.gradient = false;
     packed.sigma = packed.max_sigma = 0;
@@ -334,6 +335,7 @@ bool job_place(job *j, solution *out, error *e)
         .sizing = out->sizing,
         .sigma = s->sigma,
         .coarse_to_fine = s->method == SPEC_METHOD_SIZED,
+        .mend = s->has_curvature && !s->has_feature && !s->coherent,
         .energy = energy,
         .isa = j->isa,
         .gradient = s->minimiser == SPEC_MINIMISER_GRADIENT,

@@ -147,6 +147,23 @@ static bool cover_at_last(sampler *s, error *e)
            (sampler_cover_patches(s, &changed, e) && (!changed || sampler_settle(s, e)));
 }
 
+/* The last round goes on: particles are in other places. */
+static bool go_on(sampler *s)
+{
+    s->state.outcome = SAMPLER_RUNNING;
+    s->state.sweeps_in_round = s->record.round[--s->record.round_count].sweeps;
+    s->state.lists_stale = true;
+    return true;
+}
+
+/* A level that has had more sweeps for its disorder, and has enough left to come to rest again. */
+static bool may_be_mended(const sampler *s)
+{
+    return s->setup.params.mend && s->setup.fast && s->setup.params.sizing && s->state.rough > 0 &&
+           !s->state.p->patch && !s->state.coarse && !sampler_is_given(s) &&
+           2 * s->record.sweep_count < (size_t)s->setup.params.max_sweeps;
+}
+
 /* The solve has ended at rest. Particles that are not on the surface get new places, and so do some that crowd where a patch is
  * bare; they have to find theirs among the others, so that the last round goes on. In a coarse answer no descent brings those
  * that crowd to where places are bare; in a sequence they stay with their own. */
@@ -154,6 +171,11 @@ static bool deliver(sampler *s, error *e)
 {
     const size_t before = s->record.removed;
     const bool may_go_on = s->state.recalls < RECALLS_MOST, is_given = sampler_is_given(s);
+    if (may_be_mended(s)) {
+        bool changed = false;
+        if (!sampler_mend(s, &changed, e)) return false;
+        if (changed) return go_on(s);
+    }
     if (!sampler_settle(s, e)) return false;
     bool goes_on = s->record.removed != before;
     if (may_go_on && !is_given && !sampler_cover_patches(s, &goes_on, e)) return false;
@@ -165,10 +187,7 @@ static bool deliver(sampler *s, error *e)
     }
     if (!may_go_on || !goes_on) return !s->state.coarse || is_given || sampler_relocate(s, e);
     s->state.recalls++;
-    s->state.outcome = SAMPLER_RUNNING;
-    s->state.sweeps_in_round = s->record.round[--s->record.round_count].sweeps;
-    s->state.lists_stale = true;
-    return true;
+    return go_on(s);
 }
 
 /* A line of the record. */

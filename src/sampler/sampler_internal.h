@@ -53,6 +53,7 @@ typedef struct sampler_state {
     int sweeps_in_round;
     int resizes;  /* in the round: rests that new sizes ended */
     int recalls;  /* ends that particles on new places ended */
+    int mends;    /* passes of sampler_mend */
     bool settled; /* no particle has moved since sampler_settle */
     bool pressed; /* points have come to rest, but as they would be delivered they do not */
     bool coarse;  /* the spacing resolves nothing of the surface: pairs count whatever their normals */
@@ -138,6 +139,10 @@ bool sampler_steps_settled(sampler *s, relax_steps *left, error *e);
 
 /* How many points the particles are: those on a curve count once for all patches there. */
 size_t sampler_point_count(const sampler *s);
+
+/* Takes disorder out of particles at rest by local changes, within what the count allows; *changed: they have to come to rest
+ * again. Same result for any number of threads. Errors: limit_memory, cancelled. */
+bool sampler_mend(sampler *s, bool *changed, error *e);
 
 /* *x near the zero set of f onto it to rounding, no farther than `farthest`; `h` is the scale of what is meant by rounding. False,
  * outputs untouched, when it has no way there. */
