@@ -16,6 +16,7 @@ import pathlib
 import subprocess
 import sys
 import tempfile
+import textwrap
 
 import numpy
 from scipy.sparse import coo_matrix, csgraph
@@ -401,7 +402,8 @@ def main():
                 lines.append(f"| {case['name']} | {case['sampling'].get('count', '')} |" +
                              " |" * (len(names) - 3) + f" {why} |")
             print(lines[-1], file=sys.stderr)
-    options.output.write_text(HEAD + "\n".join(lines) + "\n", encoding="utf-8")
+    notes = [line for note in table.get("notes", ()) for line in ("", textwrap.fill(note, 125))]
+    options.output.write_text(HEAD + "\n".join(lines + notes) + "\n", encoding="utf-8")
     for fault in faults:
         print(f"quality: {fault}", file=sys.stderr)
     return 1 if faults else 0
