@@ -295,7 +295,8 @@ static void keep(outcome *o, double gain, const piece *p)
 
 /* --- all pieces --- */
 
-/* Who is around on the sheet of the site's middle. False where they are too many. */
+/* Who is around the site's middle. False where they are too many, or where another sheet is so near that its particles push
+ * these. */
 static bool gather(mending *m, site *out)
 {
     const particles *p = m->s->state.p;
@@ -309,9 +310,8 @@ static bool gather(mending *m, site *out)
         for (uint32_t k = 0; k < m->near->list_count[queue[head]] && count < QUEUE_MOST; k++) {
             uint32_t j = list[k];
             double away = vec3_norm(vec3_sub(p->position[j], p->position[out->start])) / m->h[out->start];
-            if (m->seen[j] == m->stamp || !(away < SEEN_RADIUS) ||
-                vec3_dot(p->normal[queue[head]], p->normal[j]) < 0)
-                continue;
+            if (m->seen[j] == m->stamp || !(away < SEEN_RADIUS)) continue;
+            if (vec3_dot(p->normal[queue[head]], p->normal[j]) < 0) return false;
             m->seen[j] = m->stamp;
             queue[count] = j;
             distance[count++] = away;
