@@ -109,7 +109,8 @@ class Opinion:
             try:
                 found = database.execute("PRAGMA integrity_check").fetchall()
                 broken = database.execute("PRAGMA foreign_key_check").fetchall()
-                self.states = dict(database.execute("SELECT id, state FROM job"))
+                if database.execute("SELECT 1 FROM sqlite_master").fetchall():  # else all of it stood in a log that is lost
+                    self.states = dict(database.execute("SELECT id, state FROM job"))
                 self.sound = found == [("ok",)] and not broken
             except sqlite3.Error:
                 pass

@@ -65,6 +65,18 @@ def test_damage(build, tmp_path, diagnose):
     assert sum(sum(row.values()) for row in figures["damage"].values()) == figures["backups"]
 
 
+def test_a_log_that_held_the_whole_database(build, tmp_path):
+    """Is lost before there are results: that is a start with nothing."""
+    daemon, book = farm.Daemon(build, tmp_path, "--check_interval_s", damage.CHECK_S), farm.Book()
+    daemon.start()
+    daemon.kill()
+    assert not sqlite3.connect(f"file:{daemon.state}/queue.db?immutable=1", uri=True).execute(
+        "SELECT 1 FROM sqlite_master").fetchall()
+    (daemon.state / "queue.db-wal").unlink()
+    assert damage.start_damaged(daemon, book, damage.Opinion(daemon.state), {}) == "harmless"
+    daemon.kill()
+
+
 def test_faults(supervision, build, tmp_path, diagnose):
     figures = faults.run(build, tmp_path, SEED, diagnose, every=50)
     assert figures["faults"] > 10 and any("went on" in row for row in figures["table"].values())
