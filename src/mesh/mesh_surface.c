@@ -393,14 +393,18 @@ typedef struct cutting {
     size_t most;    /* pieces */
 } cutting;
 
+static bool refuse_pieces(const cutting *c, error *e)
+{
+    return error_set(
+        e, ERROR_LIMIT_MEMORY,
+        "with sides of at most %.3g its triangles become more than %zu pieces, which need more "
+        "memory than there is: ask for fewer points or a larger spacing, or raise limits.memory_mb",
+        c->longest, c->most);
+}
+
 static bool add_piece(mesh_surface *s, const vec3 t[3], uint32_t n, const cutting *c, error *e)
 {
-    if (s->piece_count == c->most)
-        return error_set(e, ERROR_LIMIT_MEMORY,
-                         "with sides of at most %.3g its triangles become more than %zu pieces, which need "
-                         "more memory than there is: ask for fewer points or a larger spacing, or raise "
-                         "limits.memory_mb",
-                         c->longest, c->most);
+    if (s->piece_count == c->most) return refuse_pieces(c, e);
     piece *grown = mem_grow(s->pieces, s->piece_count, &s->piece_room, 4096, sizeof *grown, what, e);
     if (!grown) return false;
     s->pieces = grown;
@@ -408,7 +412,12 @@ static bool add_piece(mesh_surface *s, const vec3 t[3], uint32_t n, const cuttin
     return true;
 }
 
-/* Sides that are too long are halved: which, their ends alone say, so that pieces on both sides agree. */
+static bool is_same(vec3 a, vec3 b)
+{
+    return a.x == b.x && a.y == b.y && a.z == b.z;
+}
+
+/* Sides that are too long are halved, down to what coordinates can tell apart: which, their ends alone say, so that pieces on both sides agree. */
 static bool cut_piece(mesh_surface *s, const vec3 t[3], uint32_t n, const cutting *c, error *e)
 {
     vec3 middle[3]; /* of the side that begins at corner k */
@@ -416,7 +425,8 @@ static bool cut_piece(mesh_surface *s, const vec3 t[3], uint32_t n, const cuttin
     for (int k = 0; k < 3; k++) {
         const vec3 a = t[k], b = t[(k + 1) % 3];
         middle[k] = vec3_scale(vec3_add(a, b), 0.5);
-        if (!(vec3_norm(vec3_sub(a, b)) > c->longest)) continue;
+        if (!(vec3_norm(vec3_sub(a, b)) > c->longest) || is_same(middle[k], a) || is_same(middle[k], b))
+            continue;
         halved++;
         first += k;
     }
@@ -441,6 +451,8 @@ static bool cut_pieces(mesh_surface *s, double longest, size_t memory_limit, err
 {
     const mesh *m = &s->mesh.m;
     const cutting c = {longest, memory_limit / (sizeof *s->pieces + SCAN_BYTES)};
+    /* along the longest side alone there would be so many: before the cuts go as deep as that */
+    if (bbox_longest(mesh_box(m)) / longest > (double)c.most) return refuse_pieces(&c, e);
     for (uint32_t n = 0; n < m->triangle_count; n++) {
         const uint32_t *t = m->triangle[n];
         if (!cut_piece(s, (vec3[]){m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]}, n, &c, e))

@@ -272,10 +272,14 @@ static void test_pieces_keep_to_the_memory(void **state)
 {
     (void)state;
     const vec3 half = {1, 2, 3}, center = {4, 5, 6};
-    error e = {0};
-    assert_null(try_to_make(mesh_fixture_box(center, half, 0.4), MESH_PATCHES_FOUND, 1e-6, MEMORY / 64, &e));
-    assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
-    print_message("# %s\n", e.message);
+    const double spacing[] = {1e-3, 1e-6, 1e-20, 1e-60, 1e-300};
+    for (size_t k = 0; k < sizeof spacing / sizeof *spacing; k++) {
+        error e = {0};
+        assert_null(try_to_make(mesh_fixture_box(center, half, 0.4), MESH_PATCHES_FOUND, spacing[k],
+                                MEMORY / 64, &e));
+        assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
+        print_message("# %s\n", e.message);
+    }
 }
 
 /* Those of one patch, where cubes hold several: what a walk along all of them finds, in its order. */
