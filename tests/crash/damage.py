@@ -109,7 +109,8 @@ class Opinion:
             try:
                 found = database.execute("PRAGMA integrity_check").fetchall()
                 broken = database.execute("PRAGMA foreign_key_check").fetchall()
-                if database.execute("SELECT 1 FROM sqlite_master").fetchall():  # else all of it stood in a log that is lost
+                # else all of it stood in a log that is lost, which leaves a file of one page
+                if database.execute("SELECT 1 FROM sqlite_master").fetchall() or not (state / "queue.db").stat().st_size:
                     self.states = dict(database.execute("SELECT id, state FROM job"))
                 self.sound = found == [("ok",)] and not broken
             except sqlite3.Error:
