@@ -230,9 +230,10 @@ static bool cover_all(sampler *s, bool *changed, error *e)
                .bare = BARE_PLACE};
     bool ok = spacing && d.held && d.of_patch;
     size_t moves = 1;
-    for (size_t i = 0; ok && i < p->count; i++) spacing[i] = p->size[i] * s->state.spacing;
     for (int pass = 0; ok && moves > 0 && pass < PASSES; pass++) {
         coverage_places bare;
+        sampler_resize(s);
+        for (size_t i = 0; i < p->count; i++) spacing[i] = p->size[i] * s->state.spacing;
         memset(d.of_patch, 0, patches * sizeof *d.of_patch);
         hold_some(s, d.of_patch, d.held);
         ok = coverage_find_bare(s->setup.scan, p->position, spacing, p->count, BARE_PLACE, &bare, e);
