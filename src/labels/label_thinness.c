@@ -84,8 +84,9 @@ void label_thinness_warn(const label_volume *v, json *warnings)
         free(words);
     }
     if (thin <= MOST_NAMED) return;
-    char *words = mem_printf("%zu labels more are one voxel thin: see thin_voxels of surface.labels",
-                             thin - MOST_NAMED);
+    const size_t more = thin - MOST_NAMED;
+    char *words = mem_printf("%zu label%s more %s thin as well: see thin_voxels of surface.labels", more,
+                             more == 1 ? "" : "s", more == 1 ? "is" : "are");
     json_append_string(warnings, words);
     free(words);
 }

@@ -86,7 +86,8 @@ static void put_advice(json *report, json *warnings, const report_facts *facts)
     if (facts->curve_room > 0 && isfinite(facts->curve_room))
         append_target(advice, &advice_clears_curves, facts,
                       advice_of_spacing(facts->scan->area, facts->curve_room / NEAR_CURVES));
-    if (labels && verdict_is_of_thin_parts(facts->verdict))
+    if (labels &&
+        (verdict_is_of_thin_parts(facts->verdict) || (hopeless && facts->verdict->reason_count > 0)))
         label_advice_append(advice, &facts->spec->surface.labels, labels);
 }
 

@@ -27,9 +27,9 @@ typedef struct criterion {
 } criterion;
 
 /* After what is so there. */
-#define AROUND_VOXELS                                                                                               \
-    ", as on labels of voxels that are alone or in rows, around which no count brings them to order: the warnings " \
-    "name thin labels, and advice says what to do; ask for more points only if other parts of the surface are small"
+#define AROUND_VOXELS                                                                                           \
+    ", as on labels that are one voxel thin, which the warnings name: follow advice; where it says nothing of " \
+    "them, ask for more points"
 
 /* The solve was stopped, whatever its last step. */
 static bool rms_step(const verdict_input *in, double *value, double *bound)
