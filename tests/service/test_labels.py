@@ -337,7 +337,7 @@ def test_of_a_voxel_or_a_row_alone_it_is_said_that_no_count_helps(send, count):
     told = advice(notes, "thin_labels")
     assert told["set"] == {} and "no count brings them to order" in told["message"] and len(notes["advice"]) == 1
     assert any("single voxel" in w or "alone or in rows" in w for w in notes["warnings"])
-    assert notes["outcome_reasons"] and not any("rows" not in r["message"] and "ask for more points" in r["message"]
+    assert notes["outcome_reasons"] and not any("follow advice" not in r["message"] and "ask for more points" in r["message"]
                                                 for r in notes["outcome_reasons"])
 
 
