@@ -11,6 +11,7 @@
 #ifndef HEXAD_PACKING_PAIR_H
 #define HEXAD_PACKING_PAIR_H
 
+#include <math.h>
 #include <stddef.h>
 
 #include "geometry/vec3.h"
@@ -35,6 +36,12 @@ typedef struct pair_list {
  * along it. */
 #define PAIR_FACING_NONE -0.8
 #define PAIR_FACING_RANGE 0.3
+
+/* The same in a straight line, for sums other than the energy of the solve: 0 where the unit normals face away, 1 where they count in full. */
+static inline double pair_facing(vec3 a, vec3 b)
+{
+    return fmin(fmax((vec3_dot(a, b) - PAIR_FACING_NONE) / (-0.5 - PAIR_FACING_NONE), 0), 1);
+}
 
 /* Sets the weights that the neighbours have for a particle with normal n. They belong to the energy, so a
  * trial is judged with those of the place where it ends: were they lagged, particles at creases that h does

@@ -14,6 +14,7 @@
 #include "packing/energy.h"
 #include "packing/neighbours.h"
 #include "packing/packing.h"
+#include "packing/pair.h"
 #include "packing/voronoi.h"
 #include "particles/random_streams.h"
 #include "sampler/sampler_internal.h"
@@ -43,8 +44,6 @@ static const double OMEGA = 2.4, LONGEST_STEP = 0.15;
 static const double LIST_REACH = 2.1, BETWEEN_SHELLS = 1.366;
 /* Closer than this to another, over the support, nobody is pushed any harder. */
 static const double CLOSEST = 0.05;
-/* The cosine of normals between which a pair's weight rises from 0 to 1. */
-static const double FACING_NONE = -0.8, FACING_WHOLE = -0.5;
 
 typedef struct piece {
     uint32_t count, free; /* the first `free` move */
@@ -109,12 +108,6 @@ static void make_lists(piece *p, double reach)
     }
 }
 
-static double pair_weight(const piece *p, uint32_t i, uint32_t j)
-{
-    double cosine = vec3_dot(p->normal[i], p->normal[j]);
-    return fmin(fmax((cosine - FACING_NONE) / (FACING_WHOLE - FACING_NONE), 0), 1);
-}
-
 /* w cot w over w: the same bits everywhere. */
 static double cotangent(double w)
 {
@@ -135,7 +128,8 @@ static double excess(const piece *p)
             double size = 0.5 * (p->h[i] + p->h[j]);
             double u = vec3_norm(vec3_sub(p->x[i], p->x[j])) / packing_support(size),
                    w = fmax(u, CLOSEST) * M_PI_2;
-            if (u < 1) energy += pair_weight(p, i, j) * (cotangent(w) + w - M_PI_2) * size * size;
+            if (u < 1)
+                energy += pair_facing(p->normal[i], p->normal[j]) * (cotangent(w) + w - M_PI_2) * size * size;
         }
         sum += energy / (p->h[i] * p->h[i] * energy_cotangent.ideal) - PRESSURE;
     }
@@ -185,7 +179,7 @@ static void move_particle(const sampler *s, piece *p, uint32_t i)
         double size = 0.5 * (p->h[i] + p->h[j]), support = packing_support(size), r2 = vec3_norm2(d);
         if (!(r2 < support * support) || !(r2 > 0)) continue;
         double r = sqrt(r2), c = cotangent(fmax(r / support, CLOSEST) * M_PI_2);
-        double weight = pair_weight(p, i, j) * size * size;
+        double weight = pair_facing(p->normal[i], p->normal[j]) * size * size;
         double first = -M_PI_2 * weight * c * c / support;
         double second = 2 * M_PI_2 * M_PI_2 * weight * c * (1 + c * c) / (support * support);
         double a = vec3_dot(d, u) / r, b = vec3_dot(d, v) / r;

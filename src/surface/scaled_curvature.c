@@ -5,14 +5,13 @@
 
 #include "base/memory.h"
 #include "geometry/sym3.h"
+#include "packing/pair.h"
 #include "surface/elements.h"
 
 /* Edge of a cube of elements, over the scale. */
 static const double EDGE_SCALE = 0.75;
 /* Weights end at this many scales: exp(-4). */
 static const double REACH = 2;
-/* Normals whose cosine is below the first do not count, above the second they count in full: as the pairs of the energy. */
-static const double FACING_NONE = -0.8, FACING_WHOLE = -0.5;
 /* A neighbourhood that is nearly a line says nothing across it: there the matrix is damped by this share. */
 static const double DAMPING = 1e-3;
 enum { GRAIN = 256 };
@@ -23,11 +22,6 @@ struct scaled_curvature {
     elements elements;
     double *kappa1, *kappa2; /* of each element */
 };
-
-static double facing_weight(vec3 a, vec3 b)
-{
-    return fmin(fmax((vec3_dot(a, b) - FACING_NONE) / (FACING_WHOLE - FACING_NONE), 0), 1);
-}
 
 /* Weighted sums over a neighbourhood. */
 typedef struct sums {
@@ -67,7 +61,7 @@ static void add_to_fit(void *context, uint32_t number, double squared)
     fit *f = context;
     const element *m = f->middle, *other = &f->c->elements.element[number];
     double w =
-        other->area * facing_weight(m->normal, other->normal) * exp(-squared / (f->c->scale * f->c->scale));
+        other->area * pair_facing(m->normal, other->normal) * exp(-squared / (f->c->scale * f->c->scale));
     vec3 x = vec3_sub(other->position, m->position), n = vec3_sub(other->normal, m->normal);
     double a = vec3_dot(x, f->u), b = vec3_dot(x, f->v), p = vec3_dot(n, f->u), q = vec3_dot(n, f->v);
     sums *s = &f->sums;
@@ -158,7 +152,7 @@ static void add_to_blend(void *context, uint32_t number, double squared)
 {
     blend *b = context;
     const element *other = &b->c->elements.element[number];
-    double w = other->area * facing_weight(b->normal, other->normal) * exp(-squared * b->over);
+    double w = other->area * pair_facing(b->normal, other->normal) * exp(-squared * b->over);
     b->weight += w;
     b->kappa1 += w * b->c->kappa1[number];
     b->kappa2 += w * b->c->kappa2[number];
