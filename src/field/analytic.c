@@ -11,6 +11,8 @@
 static const double CELLS_COARSE = 32, CELLS_FEATURE = 6;
 /* Sharp edges are cut off within a cell: 0.1 % of a cube's area at this many cells along its side. */
 static const double CELLS_SHARP = 160;
+/* Along an axis: more than any search takes. */
+static const double MOST_CELLS = 0x1p40;
 /* In lengths and radii of a frustum: how far its side goes on as a piece. */
 static const double FARTHER = 10;
 
@@ -395,10 +397,11 @@ static void lay_out_grid(analytic *a)
     a->base.extent = bbox_longest(a->base.domain);
     a->base.cell_size = fmin(a->base.extent / CELLS_COARSE, cell_bound(p));
     a->base.sharp = (p->shape == ANALYTIC_BOX || p->shape == ANALYTIC_FRUSTUM) && p->rounding == 0;
+    a->base.joined = !open && p->shape != ANALYTIC_QUARTIC; /* whose centre is a zero, too */
     a->grid.box = a->base.domain;
     vec3 size = bbox_size(a->base.domain);
     for (int axis = 0; axis < 3; axis++)
-        a->grid.cells[axis] = (int64_t)ceil(vec3_get(size, axis) / a->base.cell_size);
+        a->grid.cells[axis] = (int64_t)fmin(ceil(vec3_get(size, axis) / a->base.cell_size), MOST_CELLS);
 }
 
 static analytic_params plane_of(vec3 at, vec3 out_of)
@@ -460,7 +463,6 @@ analytic *analytic_new(const analytic_params *params, threads *pool, error *e)
     a->params = *params;
     a->params.axis = vec3_unit(params->axis);
     lay_out_grid(a);
-    assert(a->grid.cells[0] > 0 && a->grid.cells[1] > 0 && a->grid.cells[2] > 0);
     if (!cell_grid_search(&a->grid, &a->base, &oracle, pool, e)) goto fail;
     if (a->grid.count == 0 && params->shape == ANALYTIC_HALFSPACE) {
         a->grid.crossing = mem_alloc(sizeof *a->grid.crossing);

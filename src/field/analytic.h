@@ -55,7 +55,7 @@ typedef struct analytic {
 } analytic;
 
 /* A half-space whose plane misses its bounds has one cell, which is not crossed: its sides still count. Errors:
- * no_surface when no cell of another shape is crossed, limit_memory, cancelled (through the pool, which may be NULL). */
+ * no_surface when no cell of another shape is crossed, and those of cell_grid_search. */
 analytic *analytic_new(const analytic_params *params, threads *pool, error *e);
 void analytic_free(analytic *a);
 

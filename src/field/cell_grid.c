@@ -2,6 +2,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
 
@@ -16,16 +17,37 @@ enum { PLACES = 5 };
 /* A crossing cell's number: its level from this bit on, and its linear index within the level below. */
 enum { LEVEL_BIT = 58 };
 
+/* Blocks of a chunk of work, and those that are looked at first where the list may have more crossing cells than are allowed. */
+enum { CHUNK = 32, PROBES = 512 };
+/* Blocks are numbered by 32 bits. */
+static const double LONGEST = 0x1p31;
+/* Cells are longer than this share of the coordinates around them: corners of shorter ones cannot be told apart. */
+static const double CELL_LEAST = 0x1p-40;
+
+/* A block: its level, and its place among the level's. */
+typedef struct block {
+    int level;
+    int32_t at[3];
+} block;
+
 typedef struct search {
     cell_grid *grid;
-    int level;
-    double cell; /* the size of the level's */
     const field *field;
     const cell_grid_oracle *oracle;
-    size_t capacity;
-    double *corners; /* ROW * SLAB values of the block at hand */
-    threads *pool;   /* only to ask whether to stop */
+    threads *pool; /* may be NULL */
+    block *blocks; /* that the surface may pass, in the order of their cells */
+    size_t count, capacity;
 } search;
+
+/* A block that is looked at. */
+typedef struct look {
+    const search *search;
+    int level;
+    double cell;     /* the size of the level's */
+    double *corners; /* ROW * SLAB values */
+    int64_t *crossing;
+    size_t count, capacity;
+} look;
 
 /* Faces are exact, and what is beyond the last cell stands for its face. */
 static vec3 grid_corner(const cell_grid *g, int level, int64_t i, int64_t j, int64_t k)
@@ -41,22 +63,23 @@ static vec3 grid_corner(const cell_grid *g, int level, int64_t i, int64_t j, int
     return corner;
 }
 
-static void note_crossing(search *w, const int64_t at[3])
+static void note_crossing(look *l, const int64_t at[3])
 {
-    cell_grid *g = w->grid;
-    const int64_t x = g->cells[0] << w->level, y = g->cells[1] << w->level;
-    if (g->count == w->capacity) {
-        w->capacity = w->capacity ? 2 * w->capacity : 4096;
-        g->crossing = mem_resize(g->crossing, w->capacity * sizeof *g->crossing);
+    const cell_grid *g = l->search->grid;
+    const int64_t x = g->cells[0] << l->level, y = g->cells[1] << l->level;
+    if (l->count == l->capacity) {
+        l->capacity = l->capacity ? 2 * l->capacity : 512;
+        l->crossing = mem_resize(l->crossing, l->capacity * sizeof *l->crossing);
     }
-    g->crossing[g->count++] = (int64_t)w->level << LEVEL_BIT | ((at[2] * y + at[1]) * x + at[0]);
+    l->crossing[l->count++] = (int64_t)l->level << LEVEL_BIT | ((at[2] * y + at[1]) * x + at[0]);
 }
 
 /* Whether an edge of the surface enters a cell that has one sign at its corners, the outermost of which are
  * `low` and `high`. */
-static bool hides_edge(const search *w, const double *value, vec3 low, vec3 high)
+static bool hides_edge(const look *l, const double *value, vec3 low, vec3 high)
 {
-    double cell = w->cell, nearest = INFINITY, least = INFINITY, most = -INFINITY;
+    const search *w = l->search;
+    double cell = l->cell, nearest = INFINITY, least = INFINITY, most = -INFINITY;
     for (int v = 0; v < 4; v++) {
         double sum = value[v] + value[7 - v];
         least = fmin(least, sum);
@@ -74,9 +97,9 @@ static bool hides_edge(const search *w, const double *value, vec3 low, vec3 high
     return false;
 }
 
-static bool is_crossed(const search *w, const double *corners, const int64_t at[3])
+static bool is_crossed(const look *l, const double *corners, const int64_t at[3])
 {
-    const cell_grid *g = w->grid;
+    const cell_grid *g = l->search->grid;
     double value[8];
     int inside = 0;
     for (int v = 0; v < 8; v++) {
@@ -84,84 +107,165 @@ static bool is_crossed(const search *w, const double *corners, const int64_t at[
         inside += value[v] < 0;
     }
     if (inside > 0 && inside < 8) return true;
-    return w->field->sharp && hides_edge(w, value, grid_corner(g, w->level, at[0], at[1], at[2]),
-                                         grid_corner(g, w->level, at[0] + 1, at[1] + 1, at[2] + 1));
+    return l->search->field->sharp && hides_edge(l, value, grid_corner(g, l->level, at[0], at[1], at[2]),
+                                                 grid_corner(g, l->level, at[0] + 1, at[1] + 1, at[2] + 1));
 }
 
-static void search_cells(search *w, const int64_t *first)
+static void look_at(look *l, const block *b)
 {
+    const search *w = l->search;
     const cell_grid *g = w->grid;
-    int64_t last[3];
+    int64_t first[3], last[3];
+    l->level = b->level;
+    l->cell = ldexp(w->field->cell_size, g->finest - b->level);
     for (int axis = 0; axis < 3; axis++) {
-        const int64_t cells = g->cells[axis] << w->level;
+        const int64_t cells = g->cells[axis] << b->level;
+        first[axis] = (int64_t)BLOCK * b->at[axis];
         last[axis] = first[axis] + BLOCK < cells ? first[axis] + BLOCK : cells;
     }
     for (int k = 0; k <= BLOCK; k++)
         for (int j = 0; j <= BLOCK; j++)
             for (int i = 0; i <= BLOCK; i++)
-                w->corners[(k * ROW + j) * ROW + i] = w->oracle->value(
-                    w->field, grid_corner(g, w->level, first[0] + i, first[1] + j, first[2] + k));
+                l->corners[(k * ROW + j) * ROW + i] = w->oracle->value(
+                    w->field, grid_corner(g, b->level, first[0] + i, first[1] + j, first[2] + k));
     int64_t at[3];
     for (at[2] = first[2]; at[2] < last[2]; at[2]++)
         for (at[1] = first[1]; at[1] < last[1]; at[1]++)
             for (at[0] = first[0]; at[0] < last[0]; at[0]++) {
                 const int64_t row = (at[2] - first[2]) * ROW + at[1] - first[1];
-                if (is_crossed(w, w->corners + row * ROW + at[0] - first[0], at)) note_crossing(w, at);
+                if (is_crossed(l, l->corners + row * ROW + at[0] - first[0], at)) note_crossing(l, at);
             }
 }
 
-/* Blocks of `size` cells: those that the surface may pass are cut in eight, down to BLOCK. */
-static void search_block(search *w, const int64_t *first, int64_t size)
+static bool too_fine(const search *w, error *e)
 {
-    const cell_grid *g = w->grid;
-    for (int axis = 0; axis < 3; axis++)
-        if (first[axis] >= g->cells[axis]) return;
-    if (g->count > CELL_GRID_MOST || threads_stopped(w->pool)) return;
-    if (!w->oracle->may_cross(w->field, grid_corner(g, 0, first[0], first[1], first[2]),
-                              grid_corner(g, 0, first[0] + size, first[1] + size, first[2] + size)))
-        return;
-    if (size == BLOCK) {
-        search_cells(w, first);
-        return;
-    }
-    for (int child = 0; child < 8; child++) {
-        int64_t at[3];
-        for (int axis = 0; axis < 3; axis++) at[axis] = first[axis] + (child >> axis & 1) * (size / 2);
-        search_block(w, at, size / 2);
-    }
-}
-
-static search begin_search(cell_grid *g, const field *f, const cell_grid_oracle *oracle, threads *pool)
-{
-    return (search){.grid = g,
-                    .cell = f->cell_size,
-                    .field = f,
-                    .oracle = oracle,
-                    .corners = mem_alloc(ROW * SLAB * sizeof(double)),
-                    .pool = pool};
-}
-
-static bool end_search(search *w, error *e)
-{
-    free(w->corners);
-    if (threads_stopped(w->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
-    if (w->grid->count <= CELL_GRID_MOST) return true;
     return error_set(e, ERROR_LIMIT_MEMORY,
                      "the surface crosses more than %zu cells of size %g: it is too fine for its size",
                      CELL_GRID_MOST, w->field->cell_size);
 }
 
+/* Every place of a cell has a number, and its corners are places of their own. */
+static bool check_cells(const search *w, error *e)
+{
+    const cell_grid *g = w->grid;
+    double most = 0, cells = 1, longest = 0, edge = w->field->cell_size;
+    for (int axis = 0; axis < 3; axis++) {
+        most = fmax(most, fmax(fabs(vec3_get(g->box.min, axis)), fabs(vec3_get(g->box.max, axis))));
+        cells *= ldexp((double)g->cells[axis], g->finest);
+        longest = fmax(longest, ldexp((double)g->cells[axis], g->finest));
+    }
+    if (!(edge > CELL_LEAST * most))
+        return error_set(
+            e, ERROR_NOT_SUPPORTED,
+            "cells of size %g cannot be told apart at coordinates of %g: make the surface's finest part "
+            "larger, or move it nearer to the origin",
+            edge, most);
+    return (cells < 0x1p58 && longest < LONGEST) || too_fine(w, e);
+}
+
+/* Of each level that is searched. Blocks beyond the limit are not noted. */
+static void note_block(search *w, int level, const int64_t at[3])
+{
+    if (w->count > CELL_GRID_MOST / BLOCK) return;
+    if (w->count == w->capacity) {
+        w->capacity = w->capacity ? 2 * w->capacity : 256;
+        w->blocks = mem_resize(w->blocks, w->capacity * sizeof *w->blocks);
+    }
+    w->blocks[w->count++] = (block){level, {(int32_t)at[0], (int32_t)at[1], (int32_t)at[2]}};
+}
+
+/* Blocks of `size` cells: those that the surface may pass are cut in eight, down to BLOCK. */
+static void divide_block(search *w, const int64_t *first, int64_t size)
+{
+    const cell_grid *g = w->grid;
+    for (int axis = 0; axis < 3; axis++)
+        if (first[axis] >= g->cells[axis]) return;
+    if (w->count > CELL_GRID_MOST / BLOCK || threads_stopped(w->pool)) return;
+    if (!w->oracle->may_cross(w->field, grid_corner(g, 0, first[0], first[1], first[2]),
+                              grid_corner(g, 0, first[0] + size, first[1] + size, first[2] + size)))
+        return;
+    if (size == BLOCK) {
+        note_block(w, 0, (const int64_t[3]){first[0] / BLOCK, first[1] / BLOCK, first[2] / BLOCK});
+        return;
+    }
+    for (int child = 0; child < 8; child++) {
+        int64_t at[3];
+        for (int axis = 0; axis < 3; axis++) at[axis] = first[axis] + (child >> axis & 1) * (size / 2);
+        divide_block(w, at, size / 2);
+    }
+}
+
+/* What the chunks of the list found, one look each. */
+typedef struct looks {
+    const search *search;
+    look *of;
+    size_t size, stride; /* of a chunk; every so many blocks are looked at */
+} looks;
+
+static void look_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const looks *all = context;
+    (void)worker;
+    for (size_t chunk = begin; chunk < end; chunk++) {
+        look *l = &all->of[chunk];
+        double corners[ROW * SLAB];
+        l->search = all->search;
+        l->corners = corners;
+        for (size_t k = chunk * all->size;
+             k < (chunk + 1) * all->size && k * all->stride < all->search->count; k++)
+            look_at(l, &all->search->blocks[k * all->stride]);
+    }
+}
+
+/* Whether the list has more crossing cells than are allowed, by some of its blocks; far from the limit only. */
+static bool has_too_many(const search *w)
+{
+    look probe = {0};
+    looks all = {w, &probe, PROBES, w->count / PROBES};
+    if (w->count > CELL_GRID_MOST / BLOCK) return true;
+    if (w->count < CELL_GRID_MOST / (BLOCK * BLOCK * BLOCK)) return false;
+    look_chunk(&all, 0, 0, 1);
+    free(probe.crossing);
+    return (double)probe.count * (double)all.stride > 1.5 * (double)CELL_GRID_MOST;
+}
+
+/* Looks at the listed blocks, and frees the list. */
+static bool search_list(search *w, error *e)
+{
+    cell_grid *g = w->grid;
+    const size_t chunks = (w->count + CHUNK - 1) / CHUNK;
+    looks all = {w, mem_alloc((chunks + 1) * sizeof *all.of), CHUNK, 1};
+    bool ok = !has_too_many(w) || too_fine(w, e);
+    if (ok) threads_run(w->pool, chunks, 1, look_chunk, &all);
+    if (ok && threads_stopped(w->pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
+    size_t count = 0;
+    for (size_t k = 0; k < chunks; k++) count += all.of[k].count;
+    if (ok && count > CELL_GRID_MOST) ok = too_fine(w, e);
+    if (ok) g->crossing = mem_alloc((count + 1) * sizeof *g->crossing);
+    for (size_t k = 0; k < chunks; k++) {
+        if (ok && all.of[k].count > 0) {
+            memcpy(g->crossing + g->count, all.of[k].crossing, all.of[k].count * sizeof *g->crossing);
+            g->count += all.of[k].count;
+        }
+        free(all.of[k].crossing);
+    }
+    free(all.of);
+    free(w->blocks);
+    return ok;
+}
+
 bool cell_grid_search(cell_grid *g, const field *f, const cell_grid_oracle *oracle, threads *pool, error *e)
 {
-    search w = begin_search(g, f, oracle, pool);
+    search w = {.grid = g, .field = f, .oracle = oracle, .pool = pool};
+    if (!check_cells(&w, e)) return false;
     int64_t size = BLOCK;
     while (size < g->cells[0] || size < g->cells[1] || size < g->cells[2]) size *= 2;
-    search_block(&w, (const int64_t[3]){0, 0, 0}, size);
-    return end_search(&w, e);
+    divide_block(&w, (const int64_t[3]){0, 0, 0}, size);
+    return search_list(&w, e);
 }
 
 /* A block of the level by its place among the blocks of that. */
-static void search_marked(search *w, const uint8_t *const blocks[], int level, const int64_t at[3])
+static void divide_marked(search *w, const uint8_t *const blocks[], int level, const int64_t at[3])
 {
     const cell_grid *g = w->grid;
     for (int axis = 0; axis < 3; axis++)
@@ -169,28 +273,27 @@ static void search_marked(search *w, const uint8_t *const blocks[], int level, c
     const uint8_t mark =
         blocks[level]
               [(at[2] * cell_grid_blocks(g, level, 1) + at[1]) * cell_grid_blocks(g, level, 0) + at[0]];
-    if (!mark || g->count > CELL_GRID_MOST || threads_stopped(w->pool)) return;
-    if (mark & CELL_GRID_DIVIDE) {
-        for (int k = 0; k < 8; k++)
-            search_marked(
-                w, blocks, level + 1,
-                (const int64_t[3]){2 * at[0] + (k & 1), 2 * at[1] + (k >> 1 & 1), 2 * at[2] + (k >> 2)});
+    if (!mark) return;
+    if (!(mark & CELL_GRID_DIVIDE)) {
+        note_block(w, level, at);
         return;
     }
-    w->level = level;
-    w->cell = ldexp(w->field->cell_size, g->finest - level);
-    search_cells(w, (const int64_t[3]){BLOCK * at[0], BLOCK * at[1], BLOCK * at[2]});
+    for (int k = 0; k < 8; k++)
+        divide_marked(
+            w, blocks, level + 1,
+            (const int64_t[3]){2 * at[0] + (k & 1), 2 * at[1] + (k >> 1 & 1), 2 * at[2] + (k >> 2)});
 }
 
 bool cell_grid_search_blocks(cell_grid *g, const field *f, const cell_grid_oracle *oracle,
                              const uint8_t *const blocks[CELL_GRID_LEVELS], threads *pool, error *e)
 {
-    search w = begin_search(g, f, oracle, pool);
+    search w = {.grid = g, .field = f, .oracle = oracle, .pool = pool};
+    if (!check_cells(&w, e)) return false;
     for (int64_t z = 0; z < cell_grid_blocks(g, 0, 2); z++)
         for (int64_t y = 0; y < cell_grid_blocks(g, 0, 1); y++)
             for (int64_t x = 0; x < cell_grid_blocks(g, 0, 0); x++)
-                search_marked(&w, blocks, 0, (const int64_t[3]){x, y, z});
-    return end_search(&w, e);
+                divide_marked(&w, blocks, 0, (const int64_t[3]){x, y, z});
+    return search_list(&w, e);
 }
 
 /* The level of a crossing cell, and its place among the level's. */

@@ -24,7 +24,7 @@ typedef enum combination_kind {
 
 /* `parts`, of which there are at least two, stay the caller's and outlive it; the array need not. Errors:
  * no_surface, which says that nothing is left; not_supported when an open part's boundary would lie within the
- * combination; limit_memory; cancelled (through the pool, which may be NULL). */
+ * combination; limit_memory; and those of cell_grid_search. */
 combination *combination_new(combination_kind kind, const field *const *parts, size_t count, threads *pool,
                              error *e);
 void combination_free(combination *c);

@@ -92,6 +92,7 @@ static worker_exit exit_code_of(error_code code)
     case ERROR_INPUT_UNSUPPORTED:
     case ERROR_GRID_MISSING:
     case ERROR_GRID_AMBIGUOUS:
+    case ERROR_ATTRIBUTE_MISSING:
     case ERROR_ISOVALUE_REQUIRED:
         return WORKER_EXIT_INPUT;
     case ERROR_NO_SURFACE:

@@ -356,6 +356,12 @@ def test_a_second_channel_of_a_stack_of_images(carry, tmp_path):
     assert none is None and error["code"] == "attribute_missing" and '"cold": its channels are A, heat' in error["message"]
 
 
+def test_what_is_missing_has_the_exit_code_of_bad_input(worker):
+    spec = {"version": 1, "surface": {"analytic": {"shape": "sphere", "radius": 1}}, "sampling": {"count": 20},
+            "attributes": [{"name": "heat"}]}
+    assert worker(spec).returncode == 3
+
+
 def test_what_a_dense_file_does_not_have(carry, tmp_path):
     made = fields(numpy.random.default_rng(23))
     write_nrrd(tmp_path / "ball.nrrd", ball(), SPACES["plain"])

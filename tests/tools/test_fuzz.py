@@ -5,6 +5,7 @@ import pathlib
 import re
 import shutil
 import subprocess
+import sys
 
 import pytest
 
@@ -73,3 +74,28 @@ def test_a_few_seconds_of_most(build, source):
     assert done.returncode == 0, done.stdout + done.stderr + logs
     told = dict(re.findall(r"^(\w+): (\d+) executions", done.stdout, re.M))
     assert set(told) == set(SMOKE) and all(int(count) > 0 for count in told.values()), done.stdout
+
+
+def test_random_specs(build, source, tmp_path):
+    """A few, of files that are written for it; `make fuzz-specs` runs them for an hour, with the shared data."""
+    done = subprocess.run([sys.executable, "-B", source / "fuzz" / "specs.py", build / "hexad-worker", tmp_path, "--runs", "12",
+                           "--seed", "20", "--cpu-seconds", "20"], capture_output=True, text=True,
+                          env={k: v for k, v in os.environ.items() if k != "HEXAD_SHARED"})
+    assert done.returncode == 0 and re.search(r"^0 of \d+ broke something$", done.stdout, re.M), done.stdout + done.stderr
+    assert re.search(r"\d+ (converged|unresolved)", done.stdout), done.stdout
+
+
+def test_random_specs_see_what_is_wrong(build, source, tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(source / "fuzz")
+    import specs
+    spec = {"version": 1, "surface": {"analytic": {"shape": "sphere", "radius": 1}}, "sampling": {"count": 50},
+            "output": {"preview": False}}
+    made = tmp_path / "made"
+    done = subprocess.run([build / "hexad-worker", "run", "-", "--output", made], input=json.dumps(spec), text=True,
+                          capture_output=True)
+    assert done.returncode in specs.ENDS and specs.fault_of(made, done.returncode, done.stderr) is None
+    assert specs.fault_of(made, -11, "") == "exit status -11"
+    assert specs.fault_of(made, 5, '{"code":"internal"}') == "error code internal"
+    assert specs.fault_of(made, 5, '{"code":"limit_memory"}') == "a report of a run that failed"
+    (made / "points.ply").write_bytes((made / "points.ply").read_bytes().replace(b"vertex 50", b"vertex 49"))
+    assert "49 in points.ply" in specs.fault_of(made, done.returncode, "")

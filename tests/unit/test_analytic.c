@@ -4,6 +4,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 #include <cmocka.h>
 
 #include "close.h"
@@ -242,6 +243,41 @@ static void a_half_space_may_miss_its_bounds(void **state)
     analytic_free(a);
 }
 
+/* Formulas within the ranges of a spec whose cells cannot be told apart, or are too many. */
+static void what_is_too_fine_is_refused(void **state)
+{
+    (void)state;
+    static const struct {
+        analytic_params params;
+        error_code code;
+        const char *words;
+    } cases[] = {
+        {{.shape = ANALYTIC_SPHERE, .center = {0.5, 0.5, 0.5}, .radius = 1e-300},
+         ERROR_NOT_SUPPORTED,
+         "told apart"},
+        {{.shape = ANALYTIC_SPHERE, .center = {1e12, 0, 0}, .radius = 1e-9},
+         ERROR_NOT_SUPPORTED,
+         "at coordinates of 1e+12"},
+        {{.shape = ANALYTIC_ELLIPSOID, .radii = {1e12, 1, 1e-30}}, ERROR_NOT_SUPPORTED, "told apart"},
+        {{.shape = ANALYTIC_ELLIPSOID, .radii = {1e12, 1e12, 1e2}}, ERROR_LIMIT_MEMORY, "too fine"},
+        {{.shape = ANALYTIC_ELLIPSOID, .radii = {1e12, 1e12, 3e6}}, ERROR_LIMIT_MEMORY, "too fine"},
+        {{.shape = ANALYTIC_BOX, .half_size = {1, 1, 1e-5}}, ERROR_LIMIT_MEMORY, "too fine"},
+        {{.shape = ANALYTIC_GYROID, .period = 1e-9, .size = {1, 1, 1}}, ERROR_LIMIT_MEMORY, "too fine"},
+        {{.shape = ANALYTIC_GYROID, .period = 1e-30, .size = {1, 1, 1}}, ERROR_NOT_SUPPORTED, "told apart"},
+        {{.shape = ANALYTIC_TORUS, .major_radius = 1e6, .minor_radius = 1e-3},
+         ERROR_LIMIT_MEMORY,
+         "too fine"},
+    };
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        error e = {0};
+        analytic_params p = cases[k].params;
+        p.axis = (vec3){0, 0, 1};
+        assert_null(analytic_new(&p, NULL, &e));
+        assert_int_equal(e.code, cases[k].code);
+        assert_non_null(strstr(e.message, cases[k].words));
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -251,6 +287,7 @@ int main(void)
         cmocka_unit_test(frustums_are_distances),
         cmocka_unit_test(frustums_shrink),
         cmocka_unit_test(a_half_space_may_miss_its_bounds),
+        cmocka_unit_test(what_is_too_fine_is_refused),
         cmocka_unit_test(lanes_are_samples),
         cmocka_unit_test(cells_have_corners_of_both_signs),
     };
