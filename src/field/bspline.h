@@ -35,7 +35,8 @@ typedef struct bspline {
     cell_grid grid;
 } bspline;
 
-/* Errors: no_surface when no cell is crossed, and those of cell_grid_search. Zeros that reach into a span by less than half of it may go unnoticed. */
+/* Errors: no_surface when no cell is crossed, and those of cell_grid_search. Zeros that reach
+ * into a span by less than half of it may go unnoticed. */
 bspline *bspline_new(const bspline_params *params, threads *pool, error *e);
 void bspline_free(bspline *b);
 
