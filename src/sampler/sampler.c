@@ -17,10 +17,10 @@ static const double PRESSED = 0.9;
 
 static schedule_position position(const sampler *s)
 {
-    return (schedule_position){s->state.level,    s->state.plan.count,
-                               s->state.stage,    s->state.sweeps_in_round,
-                               s->state.p->count, s->setup.params.sizing != NULL,
-                               s->state.rough,    s->state.p->patch != NULL};
+    return (schedule_position){
+        s->state.level,           s->state.plan.count,       s->state.stage,
+        s->state.sweeps_in_round, s->state.p->count,         s->setup.params.sizing != NULL,
+        s->state.rough,           s->state.p->patch != NULL, relax_is_rough(s->scratch.relax)};
 }
 
 sampler *sampler_new(const field *f, const surface *scan, const sampler_params *params, threads *pool,

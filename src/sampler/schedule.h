@@ -43,12 +43,13 @@ typedef struct schedule {
      * sweeps: so many times those if it is refined again, and if it is the last. The last takes its factor once more if that
      * share is above `again` and has fallen by `fall`; none takes more than `most`. What is out of order beyond the upper
      * bound is not resolved, and more sweeps do not help. roughness[1] is for surfaces with curves: what rows force out of
-     * order finds its way out slowly, and of it there is less. */
+     * order finds its way out slowly, and of it there is less. So often it is found rough at most, and, second, a creased one,
+     * of which much is not resolved at any place. */
     double rough_count, rough_sweeps[2];
     struct {
         double share[2], again, fall, most;
     } roughness[2];
-    int rough_most;
+    int rough_most[2];
 
     /* At rest. `rest_lambda` > 0: the paper's criterion for the coarsest level, that the mean log10 lambda is above it;
      * 0: rms steps alone count. A level that is refined again is left as soon as its rms step (over h) is below
@@ -90,6 +91,7 @@ typedef struct schedule_position {
     bool is_sized; /* there is a sizing field */
     int rough;     /* how often the level was found so, see roughness */
     bool has_curves;
+    bool is_creased; /* many of its particles see others turned from them: see relax_is_rough */
 } schedule_position;
 
 static inline bool schedule_is_last_stage(const schedule_position *at)

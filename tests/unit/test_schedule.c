@@ -107,7 +107,7 @@ static void rough_levels_are_not_impatient(void **state)
     (void)state;
     const schedule *s = &schedule_multilevel;
     schedule_position at = finest(0, 5000);
-    for (at.rough = 0; at.rough <= s->rough_most; at.rough++) {
+    for (at.rough = 0; at.rough <= s->rough_most[0]; at.rough++) {
         int sweeps = schedule_level_sweeps(s, &at);
         assert_true(sweeps <= s->roughness[0].most);
         for (at.sweeps = 1; at.sweeps < sweeps; at.sweeps++)
@@ -161,6 +161,22 @@ static void a_paced_level_has_its_sweeps_before_it_rests(void **state)
     assert_false(rests(&schedule_multilevel, at, 0.04, 0));
     at.sweeps = schedule_multilevel.stage_sweeps_most;
     assert_true(rests(&schedule_multilevel, at, 0.04, 0));
+}
+
+/* What is creased is not resolved: of it a level takes more sweeps once, not twice. */
+static void creased_levels_take_fewer_sweeps(void **state)
+{
+    (void)state;
+    const schedule *s = &schedule_multilevel;
+    schedule_position at = {.levels = 1, .stage = LAST, .count = 1000000};
+    at.rough = 1;
+    at.sweeps = schedule_level_sweeps(s, &at);
+    assert_true(schedule_may_be_rough(s, &at));
+    at.is_creased = true;
+    assert_false(schedule_may_be_rough(s, &at));
+    at.rough = 0;
+    at.sweeps = schedule_level_sweeps(s, &at);
+    assert_true(schedule_may_be_rough(s, &at));
 }
 
 static void the_paper_goes_by_lambda(void **state)
@@ -246,6 +262,7 @@ int main(void)
         cmocka_unit_test(rough_levels_are_not_impatient),
         cmocka_unit_test(steps_are_free_until_a_level_is_shaken),
         cmocka_unit_test(a_paced_level_has_its_sweeps_before_it_rests),
+        cmocka_unit_test(creased_levels_take_fewer_sweeps),
         cmocka_unit_test(the_paper_goes_by_lambda),
         cmocka_unit_test(patience_ends_once_and_again),
         cmocka_unit_test(the_coarsest_gain_lasts),
