@@ -2,8 +2,8 @@
  *
  * Voxels tell less of a line than of the interfaces that meet there: where a material ends in a wedge, the last voxel with
  * its centre inside lies the farther from the edge the narrower the wedge. To each interface that a vertex of a line
- * belongs to a quadric is fitted, by least squares, through the middles between voxels that it parts nearby; the vertex goes
- * to the place that is nearest to all of them.
+ * belongs to a quadric is fitted, by least squares of by how much it does not pass between the voxels that it parts nearby;
+ * the vertex goes to the place that is nearest to all of them. Where lines meet, voxels farther away are looked at, too.
  */
 #ifndef HEXAD_LABELS_LABEL_LINES_H
 #define HEXAD_LABELS_LABEL_LINES_H

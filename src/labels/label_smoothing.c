@@ -19,7 +19,7 @@ enum { ROUNDS = 2, MOST_TERMS = 128, NODES = 512, GRAIN = 4096 };
 static const double per_length2 = 4.93;
 static const double least_term = 1e-4;
 /* How far around a line interfaces tell where it is, in the length of smoothing. */
-static const double near_lines = 0.85;
+static const double near_lines = 1;
 
 typedef struct work {
     const label_smoothing *s;
@@ -30,9 +30,18 @@ typedef struct work {
     const vec3 *normal;           /* of each vertex */
     const unsigned char *rings;   /* from each vertex to a line; more than RINGS: RINGS + 1 */
     bool begins;                  /* the next is the first mean */
+    bool corners_stay;            /* they were brought to where their interfaces meet */
 } work;
 
 /* ---- the filter */
+
+static bool is_at_end(const label_smoothing *s, vec3 x)
+{
+    const double at[3] = {x.x, x.y, x.z};
+    bool is = false;
+    for (int k = 0; k < 3; k++) is |= at[k] == 0 || at[k] == (double)(s->size[k] - 1);
+    return is;
+}
 
 /* The coefficients of exp(-(k / c)^2) in Chebyshev's polynomials of 1 - k; returns how many matter. They add up to 1. */
 static int make_terms(double length, double term[MOST_TERMS])
@@ -53,6 +62,14 @@ static int make_terms(double length, double term[MOST_TERMS])
     return count;
 }
 
+/* Of a vertex the neighbours by whose mean it goes: on a line those along it, and none in a corner that has its place. */
+static size_t count_smoothing(const work *w, size_t v)
+{
+    const label_graph *g = &w->graph;
+    if (g->along[v] == 0) return g->first[v + 1] - g->first[v];
+    return w->corners_stay && g->along[v] > 2 && !is_at_end(w->s, w->from[v]) ? 0 : g->along[v];
+}
+
 static void next_term(void *context, int worker, size_t begin, size_t end)
 {
     const work *w = context;
@@ -60,7 +77,7 @@ static void next_term(void *context, int worker, size_t begin, size_t end)
     for (size_t v = begin; v < end; v++) {
         vec3 mean = {0, 0, 0};
         const label_graph *g = &w->graph;
-        const size_t first = g->first[v], count = g->along[v] > 0 ? g->along[v] : g->first[v + 1] - first;
+        const size_t first = g->first[v], count = count_smoothing(w, v);
         for (size_t i = first; i < first + count; i++) mean = vec3_add(mean, w->now[g->neighbour[i]]);
         mean = count > 0 ? vec3_scale(mean, 1.0 / (double)count) : w->now[v];
         w->next[v] = w->begins ? mean : vec3_axpy(-1, w->old[v], vec3_scale(mean, 2));
@@ -201,6 +218,7 @@ bool label_smoothing_apply(const label_smoothing *s, mesh *m, const uint32_t *ki
         w.sum = room[4];
         apply_terms(&w, m, term, count, pool);
         ok = fit_lines(&w, m, pool, e);
+        w.corners_stay = true;
         for (int round = 0; ok && round < ROUNDS; round++) apply_terms(&w, m, term, count, pool);
         ok = ok && spread(&w, m, pool, e);
     }

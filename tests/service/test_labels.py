@@ -58,6 +58,15 @@ def test_interfaces_and_lines_lie_where_the_shapes_meet(sample, kind, turn):
     assert numpy.sqrt((shape.off_lines(lines[inner]) ** 2).mean()) < 0.2
 
 
+@pytest.mark.parametrize("turn", [PLAIN, TURNED], ids=["plain", "turned"])
+@pytest.mark.parametrize("kind", [Sectors, Balls])
+def test_no_place_of_a_line_is_a_fifth_of_a_voxel_off(sample, kind, turn):
+    shape = kind(96, turn)
+    points = sample(shape.labels, count=30000)[1]
+    lines = points.position[points.feature >= ON_LINE]
+    assert shape.off_lines(lines[(abs(lines - 47.5) < 47).all(axis=1)]).max() < 0.2
+
+
 def test_areas_are_those_of_the_shapes(sample):
     shape = Balls(96, TURNED)
     report, _ = sample(shape.labels, count=300)
@@ -344,7 +353,7 @@ def test_of_a_voxel_or_a_row_alone_it_is_said_that_no_count_helps(send, count):
 def test_points_that_all_lie_near_curves_are_told_how_many_would_not(send):
     labels, spec = cells(30, 24), of_labels(400)
     notes = send(labels, spec)
-    assert [r["criterion"] for r in notes["outcome_reasons"]] == ["boundary_share"]
+    assert "boundary_share" in [r["criterion"] for r in notes["outcome_reasons"]]
     again = send(labels, follow(spec, advice(notes, "boundary")))
     assert again["outcome_reasons"] == [], again
 
