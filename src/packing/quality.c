@@ -120,14 +120,6 @@ static double energy_of(const measure_job *job, uint32_t i, double *nearest2)
     return b.energy;
 }
 
-/* 0 where neighbours lie in one place or on a line with the point, so that it cannot be told. */
-static double area_of(const voronoi_star *star)
-{
-    double area = 0;
-    for (uint32_t k = 0; k < star->count; k++) area += 0.25 * star->distance[k] * star->edge[k];
-    return isfinite(area) ? area : 0;
-}
-
 static bool is_in_reach(const quality_input *in, uint32_t i, uint32_t fixed)
 {
     const double reach = ROW_REACH * 0.5 * (in->spacing[i] + in->spacing[fixed]);
@@ -216,7 +208,8 @@ static void tally_point(const measure_job *job, uint32_t i, tally *t)
     const quality_input *in = job->in;
     voronoi_star star;
     voronoi_star_at(&job->sites, i, &star);
-    double spacing = in->spacing[i], area = area_of(&star), local = packing_spacing(fmax(area, 0), 1);
+    double spacing = in->spacing[i], area = voronoi_star_area(&star),
+           local = packing_spacing(fmax(area, 0), 1);
     bool whole = area > 0 && !star.pinched && !(in->flags && in->flags[i] & PACKING_FIXED);
     if (job->local) job->local[job->part->partition.index[i]] = whole ? local : spacing;
     if (job->degree) job->degree[job->part->partition.index[i]] = star.count;

@@ -586,3 +586,10 @@ void voronoi_star_at(const voronoi_sites *in, uint32_t a, voronoi_star *out)
 {
     if (!voronoi_star_clear(in, a, out)) voronoi_star_triangles(in, a, out);
 }
+
+double voronoi_star_area(const voronoi_star *star)
+{
+    double area = 0;
+    for (uint32_t k = 0; k < star->count; k++) area += 0.25 * star->distance[k] * star->edge[k];
+    return isfinite(area) ? area : 0;
+}

@@ -48,6 +48,9 @@ typedef struct voronoi_star {
 /* b is in the star of a where a is in that of b. */
 void voronoi_star_at(const voronoi_sites *sites, uint32_t a, voronoi_star *out);
 
+/* Of the point's cell; 0 where neighbours lie in one place or on a line with the point, so that it cannot be told. */
+double voronoi_star_area(const voronoi_star *star);
+
 /* Its two ways. Triangles are always right. The polygon that the bisectors bound in the tangent plane of `a`
  * takes a twentieth of the time; false, where the surface bends too much for it or another polygon would be
  * nearly as good: `out` is undefined then. */

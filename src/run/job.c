@@ -335,7 +335,7 @@ bool job_place(job *j, solution *out, error *e)
         .sizing = out->sizing,
         .sigma = s->sigma,
         .coarse_to_fine = s->method == SPEC_METHOD_SIZED,
-        .mend = s->has_curvature && !s->has_feature && !s->coherent && !(s->time_s > 0),
+        .mend = plan_is_mended(s),
         .energy = energy,
         .isa = j->isa,
         .gradient = s->minimiser == SPEC_MINIMISER_GRADIENT,

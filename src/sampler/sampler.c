@@ -125,14 +125,15 @@ static bool points_rest(const sampler *s, const schedule_position *at)
     return !(sampler_steps_left(s, true).to_rest > most);
 }
 
-/* Of a mesh that is to be resolved, whether the points rest as they would be delivered: by a hair they may not, once they are on
- * the surface to rounding and have the sizes of their places. */
+/* Of a mesh that is to be resolved, and after mending, whether the points rest as they would be delivered: by a hair they may
+ * not, once they are on the surface to rounding and have the sizes of their places. */
 static bool rests_settled(sampler *s, bool *rests, error *e)
 {
     const field_patches *p = s->setup.field->patches;
     relax_steps left;
     *rests = true;
-    if (!p || !p->merges_near_rows || s->setup.params.gradient || s->state.coarse) return true;
+    const bool may_not = s->state.mends > 0 || (p && p->merges_near_rows);
+    if (!may_not || s->setup.params.gradient || s->state.coarse) return true;
     if (!sampler_steps_settled(s, &left, e)) return false;
     *rests = !(left.to_rest > s->setup.params.step_tolerance);
     return true;

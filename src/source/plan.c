@@ -18,6 +18,8 @@ static const double BYTES_PER_VERTEX = 120;
 static const double BYTES_PER_GRID_POINT = 200;
 /* Of a frame that is carried over: places for births and their lists, beside the points before. */
 static const double BYTES_PER_CARRIED = 800;
+/* Of mending: lists and cells of all, and the pieces that are tried together, which a worker's bench adds little to. */
+static const double BYTES_PER_MENDED = 160, MENDING_BYTES = 5e6;
 /* Of the preview's pixels: two pictures, and what each shows. */
 static const double BYTES_PER_PIXEL = 15;
 
@@ -26,9 +28,16 @@ double plan_picture_memory(const spec *s)
     return s->has_preview ? (double)s->preview_width * s->preview_height * BYTES_PER_PIXEL : 0;
 }
 
+bool plan_is_mended(const spec *s)
+{
+    return s->has_curvature && !s->has_feature && !s->coherent && !(s->time_s > 0) &&
+           s->method == SPEC_METHOD_SIZED;
+}
+
 double plan_particle_memory(const spec *s, size_t limit, size_t source_bytes)
 {
-    return (double)limit - (double)source_bytes - plan_picture_memory(s);
+    return (double)limit - (double)source_bytes - plan_picture_memory(s) -
+           (plan_is_mended(s) ? MENDING_BYTES : 0);
 }
 
 double plan_bytes_per_particle(const spec *s, bool is_continued)
@@ -38,6 +47,7 @@ double plan_bytes_per_particle(const spec *s, bool is_continued)
     if (is_continued) more = fmax(more, BYTES_PER_CARRIED);
     if (s->init == SPEC_INIT_SIZED && s->method != SPEC_METHOD_SIZED)
         more = fmax(more, BYTES_PER_PARTICLE); /* two solves at once */
+    if (plan_is_mended(s)) more = fmax(more, BYTES_PER_MENDED);
     return more + (s->method == SPEC_METHOD_WITKIN_HECKBERT ? BYTES_PER_PARTICLE_SWARM : BYTES_PER_PARTICLE);
 }
 

@@ -12,7 +12,11 @@
 #define PLAN_COUNT_MIN 4.0
 #define PLAN_COUNT_MAX 1e8
 
-/* Bytes that particles may take: the job's `limit` minus the bytes of the source and of pictures. May be negative. */
+/* Whether the packing is mended where it has come to rest in disorder (sampler_mend). */
+bool plan_is_mended(const spec *s);
+
+/* Bytes that particles may take: the job's `limit` minus the bytes of the source, of pictures and of pieces that are mended. May
+ * be negative. */
 double plan_particle_memory(const spec *s, size_t limit, size_t source_bytes);
 
 /* Bytes of the pictures while they are drawn. */

@@ -66,12 +66,27 @@ static void memory_is_that_of_particles_beside_source_and_pictures(void **state)
     assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
 }
 
+static void mending_is_planned(void **state)
+{
+    (void)state;
+    const spec plain = {.method = SPEC_METHOD_SIZED},
+               graded = {.method = SPEC_METHOD_SIZED, .has_curvature = true},
+               in_time = {.method = SPEC_METHOD_SIZED, .has_curvature = true, .time_s = 1},
+               other = {.method = SPEC_METHOD_PAPER, .has_curvature = true};
+    assert_true(plan_bytes_per_particle(&graded, false) >= plan_bytes_per_particle(&plain, false) + 150);
+    assert_true(plan_particle_memory(&graded, 1000, 300) < plan_particle_memory(&plain, 1000, 300) - 4e6);
+    assert_true(plan_bytes_per_particle(&in_time, false) == plan_bytes_per_particle(&plain, false));
+    assert_true(plan_particle_memory(&in_time, 1000, 300) == 700);
+    assert_true(plan_bytes_per_particle(&other, false) == plan_bytes_per_particle(&plain, false));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(targets_come_to_a_count),
         cmocka_unit_test(a_count_out_of_range_names_its_target),
         cmocka_unit_test(memory_is_that_of_particles_beside_source_and_pictures),
+        cmocka_unit_test(mending_is_planned),
     };
     return cmocka_run_group_tests_name("plan", tests, NULL, NULL);
 }
