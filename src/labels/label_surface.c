@@ -13,6 +13,8 @@
 struct label_surface {
     label_volume labels; /* its voxels are gone once there are triangles */
     mesh_surface *surface;
+    label_thin *thin;
+    size_t thin_count;
     char warning[256]; /* of the reader */
 };
 
@@ -32,6 +34,79 @@ static bool is_wanted(const void *context, uint16_t first, uint16_t second)
     return false;
 }
 
+/* ---- thin labels */
+
+/* A patch between a thin label and one that is not. */
+typedef struct thin_side {
+    size_t thin, other, patch;
+} thin_side;
+
+static int by_labels(const void *left, const void *right)
+{
+    const thin_side *a = left, *b = right;
+    if (a->thin != b->thin) return a->thin < b->thin ? -1 : 1;
+    if (a->other != b->other) return a->other < b->other ? -1 : 1;
+    return (a->patch > b->patch) - (a->patch < b->patch);
+}
+
+static size_t list_sides(const label_surface *s, thin_side *out)
+{
+    const label_material *m = s->labels.material;
+    const mesh_patches *p = mesh_surface_patches(s->surface);
+    size_t count = 0;
+    for (size_t n = 0; n < p->count; n++)
+        for (int side = 0; side < 2; side++) {
+            const size_t one = p->kind[n] >> 16, two = p->kind[n] & 0xffff, thin = side ? two : one,
+                         other = side ? one : two;
+            if (label_thinness_is_thin(&m[thin]) && !label_thinness_is_thin(&m[other]))
+                out[count++] = (thin_side){thin, other, n};
+        }
+    qsort(out, count, sizeof *out, by_labels);
+    return count;
+}
+
+/* Of the sides of one thin label, from `first` on, the other label with the largest area; of two alike the one
+ * whose patches end earlier. Returns the place of the next label's. */
+static size_t choose_largest(const label_surface *s, const thin_side *side, size_t count, size_t first,
+                             size_t *best)
+{
+    const field_patches *p = mesh_surface_field(s->surface)->patches;
+    double most = 0;
+    size_t last = 0, k = first;
+    while (k < count && side[k].thin == side[first].thin) {
+        const size_t other = side[k].other;
+        double area = 0;
+        for (; k < count && side[k].thin == side[first].thin && side[k].other == other; k++)
+            area += p->patch[side[k].patch].area;
+        if (!(area > most) && !(area == most && area > 0 && side[k - 1].patch < last)) continue;
+        most = area;
+        last = side[k - 1].patch;
+        *best = other;
+    }
+    return k;
+}
+
+static void find_thin(label_surface *s)
+{
+    const label_volume *v = &s->labels;
+    thin_side *side = mem_alloc((2 * mesh_surface_patches(s->surface)->count + 1) * sizeof *side);
+    const size_t sides = list_sides(s, side);
+    size_t solid = 0, at = 0;
+    s->thin = mem_alloc((v->count + 1) * sizeof *s->thin);
+    for (size_t k = 0; k < v->count; k++)
+        solid += (v->material[k].background || v->material[k].voxels > 0) &&
+                 !label_thinness_is_thin(&v->material[k]);
+    for (size_t k = 0; k < v->count; k++) {
+        size_t best = k;
+        if (!label_thinness_is_thin(&v->material[k])) continue;
+        if (at < sides && side[at].thin == k) at = choose_largest(s, side, sides, at, &best);
+        s->thin[s->thin_count++] =
+            (label_thin){v->material[k].value, v->material[best].value, best != k && solid > 1,
+                         label_thinness_is_row(&v->material[k])};
+    }
+    free(side);
+}
+
 static bool make_surface(const label_surface_request *r, label_surface *s, error *e)
 {
     const wanted_pairs wanted = {r->spec, &s->labels};
@@ -41,7 +116,7 @@ static bool make_surface(const label_surface_request *r, label_surface *s, error
     if (!label_mesh_make(&s->labels, r->spec->smooth, r->spec->interface_count ? is_wanted : NULL, &wanted,
                          r->pool, &made, e))
         return false;
-    label_thinness_find(&s->labels);
+    label_thinness_find(&s->labels, r->pool);
     free(s->labels.at);
     s->labels.at = NULL;
     const double spacing = r->spacing > 0 ? r->spacing
@@ -52,6 +127,7 @@ static bool make_surface(const label_surface_request *r, label_surface *s, error
     patches.has_many_parts = true;
     ok = ok && (s->surface = mesh_surface_new(&patches, spacing, r->memory_limit, e)) != NULL;
     label_mesh_free(&made);
+    if (ok) find_thin(s);
     return ok;
 }
 
@@ -71,6 +147,7 @@ void label_surface_close(label_surface *s)
     if (!s) return;
     mesh_surface_free(s->surface);
     label_volume_free(&s->labels);
+    free(s->thin);
     free(s);
 }
 
@@ -144,38 +221,13 @@ static void put_interfaces(const label_surface *s, json *members)
 
 bool label_surface_has_thin(const label_surface *s)
 {
-    bool has = false;
-    for (size_t k = 0; k < s->labels.count; k++) has |= label_thinness_is_thin(&s->labels.material[k]);
-    return has;
+    return s->thin_count > 0;
 }
 
-size_t label_surface_thin(const label_surface *s, label_thin **out)
+const label_thin *label_surface_thin(const label_surface *s, size_t *count)
 {
-    const field_patches *p = mesh_surface_field(s->surface)->patches;
-    const uint32_t *kind = mesh_surface_patches(s->surface)->kind;
-    const label_volume *v = &s->labels;
-    label_thin *list = mem_alloc((v->count + 1) * sizeof *list);
-    double *area = mem_alloc((v->count + 1) * sizeof *area);
-    size_t count = 0, solid = 0;
-    for (size_t k = 0; k < v->count; k++)
-        solid += (v->material[k].background || v->material[k].voxels > 0) &&
-                 !label_thinness_is_thin(&v->material[k]);
-    for (size_t k = 0; k < v->count; k++) {
-        if (!label_thinness_is_thin(&v->material[k])) continue;
-        size_t best = k;
-        for (size_t i = 0; i <= v->count; i++) area[i] = 0;
-        for (size_t n = 0; n < p->count; n++) {
-            const size_t a = kind[n] >> 16, b = kind[n] & 0xffff, other = a == k ? b : a;
-            if ((a != k && b != k) || label_thinness_is_thin(&v->material[other])) continue;
-            area[other] += p->patch[n].area;
-            if (area[other] > area[best]) best = other;
-        }
-        list[count++] = (label_thin){v->material[k].value, v->material[best].value, best != k && solid > 1,
-                                     label_thinness_is_row(&v->material[k])};
-    }
-    free(area);
-    *out = list;
-    return count;
+    *count = s->thin_count;
+    return s->thin;
 }
 
 void label_surface_describe(const label_surface *s, json *surface, json *warnings)

@@ -42,8 +42,8 @@ typedef struct label_thin {
 
 bool label_surface_has_thin(const label_surface *s);
 
-/* The thin labels, ascending: the caller frees *out. */
-size_t label_surface_thin(const label_surface *s, label_thin **out);
+/* The thin labels, ascending: *count of them, which live as long as the surface. */
+const label_thin *label_surface_thin(const label_surface *s, size_t *count);
 
 /* What a report tells of it: the member `labels`, and warnings of the reader and of thin labels. */
 void label_surface_describe(const label_surface *s, json *surface, json *warnings);

@@ -1,11 +1,12 @@
 #include "labels/label_thinness.h"
 
+#include <stdatomic.h>
 #include <stdlib.h>
 
 #include "base/memory.h"
 
-/* Thin labels that a report names, each by a warning. */
-enum { MOST_NAMED = 5 };
+/* Thin labels that a report names, each by a warning; rows of voxels that a thread takes at once. */
+enum { MOST_NAMED = 5, GRAIN = 64 };
 
 /* Whether the box of voxels from `low` to `high`, which has the voxel `own`, lies in the volume and is of one material. */
 static bool is_uniform(const label_volume *v, const int64_t low[3], const int64_t high[3], uint16_t own)
@@ -37,19 +38,43 @@ static bool is_in_box(const label_volume *v, const int64_t at[3], uint16_t own, 
     return false;
 }
 
-void label_thinness_find(label_volume *v)
+typedef struct finding {
+    const label_volume *v;
+    atomic_ullong *thin, *rows; /* of each material */
+} finding;
+
+/* Rows of voxels along x. */
+static void find_in_rows(void *context, int worker, size_t begin, size_t end)
 {
-    int64_t at[3];
-    for (at[2] = 0; at[2] < v->size[2]; at[2]++)
-        for (at[1] = 0; at[1] < v->size[1]; at[1]++)
-            for (at[0] = 0; at[0] < v->size[0]; at[0]++) {
-                const uint16_t own = label_volume_at(v, at[0], at[1], at[2]);
-                label_material *m = &v->material[own];
-                if (m->background || is_in_box(v, at, own, 3)) continue;
-                m->thin++;
-                m->rows +=
-                    !is_in_box(v, at, own, 0) && !is_in_box(v, at, own, 1) && !is_in_box(v, at, own, 2);
-            }
+    const finding *f = context;
+    const label_volume *v = f->v;
+    (void)worker;
+    for (size_t row = begin; row < end; row++) {
+        int64_t at[3] = {0, (int64_t)row % v->size[1], (int64_t)row / v->size[1]};
+        for (; at[0] < v->size[0]; at[0]++) {
+            const uint16_t own = label_volume_at(v, at[0], at[1], at[2]);
+            if (v->material[own].background || is_in_box(v, at, own, 3)) continue;
+            atomic_fetch_add_explicit(&f->thin[own], 1, memory_order_relaxed);
+            if (!is_in_box(v, at, own, 0) && !is_in_box(v, at, own, 1) && !is_in_box(v, at, own, 2))
+                atomic_fetch_add_explicit(&f->rows[own], 1, memory_order_relaxed);
+        }
+    }
+}
+
+void label_thinness_find(label_volume *v, threads *pool)
+{
+    finding f = {v, mem_alloc(v->count * sizeof *f.thin), mem_alloc(v->count * sizeof *f.rows)};
+    for (size_t k = 0; k < v->count; k++) {
+        atomic_init(&f.thin[k], 0);
+        atomic_init(&f.rows[k], 0);
+    }
+    threads_run(pool, (size_t)(v->size[1] * v->size[2]), GRAIN, find_in_rows, &f);
+    for (size_t k = 0; k < v->count; k++) {
+        v->material[k].thin = f.thin[k];
+        v->material[k].rows = f.rows[k];
+    }
+    free(f.thin);
+    free(f.rows);
 }
 
 bool label_thinness_is_thin(const label_material *m)

@@ -2,11 +2,12 @@
 #ifndef HEXAD_LABELS_LABEL_THINNESS_H
 #define HEXAD_LABELS_LABEL_THINNESS_H
 
+#include "base/threads.h"
 #include "json/json.h"
 #include "labels/label_volume.h"
 
 /* Finds `thin` and `rows` of all materials; the voxels are still there. */
-void label_thinness_find(label_volume *v);
+void label_thinness_find(label_volume *v, threads *pool);
 
 /* At least half of its voxels are thin; or in rows, or alone. Never the background. */
 bool label_thinness_is_thin(const label_material *m);

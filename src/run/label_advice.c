@@ -10,11 +10,10 @@ enum { MOST_TOLD = 10 };
 
 bool label_advice_is_hopeless(const label_surface *labels)
 {
-    label_thin *thin;
-    const size_t count = label_surface_thin(labels, &thin);
+    size_t count;
+    const label_thin *thin = label_surface_thin(labels, &count);
     bool hopeless = count > 0;
     for (size_t k = 0; k < count; k++) hopeless &= thin[k].row && !thin[k].unites;
-    free(thin);
     return hopeless;
 }
 
@@ -75,8 +74,8 @@ static void append_union(json *list, const spec_labels *s, const label_thin *thi
 
 void label_advice_append(json *list, const spec_labels *s, const label_surface *labels)
 {
-    label_thin *thin;
-    const size_t count = label_surface_thin(labels, &thin);
+    size_t count;
+    const label_thin *thin = label_surface_thin(labels, &count);
     size_t united = 0;
     bool rows = false;
     for (size_t k = 0; k < count; k++) {
@@ -90,5 +89,4 @@ void label_advice_append(json *list, const spec_labels *s, const label_surface *
             list, "thin_labels",
             "the points are all over labels of voxels that are alone or in rows, and no count brings them to "
             "order there: use them as they are, or label smaller voxels");
-    free(thin);
 }
