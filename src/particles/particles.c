@@ -54,7 +54,7 @@ void particles_free(particles *p)
 void particles_flags(const particles *p, uint8_t *out)
 {
     for (size_t i = 0; i < p->count; i++)
-        out[i] = (uint8_t)((particles_is_fixed(p, i) ? PACKING_FIXED : 0) |
+        out[i] = (uint8_t)((particles_is_on_curve(p, i) ? PACKING_FIXED : 0) |
                            (particles_is_one_sided(p, i) ? PACKING_ONE_SIDED : 0));
 }
 

@@ -23,15 +23,20 @@ typedef struct particles {
     /* Of a surface with patches, else NULL. A point on a curve is a particle for each patch there. */
     const field_patches *patches;
     uint32_t *patch; /* which it belongs to, for good */
-    uint32_t *
-        place; /* number of the point on a curve that holds it (curve_rows); PARTICLES_FREE of one that moves */
+    uint32_t *place; /* number of the point on a curve that holds it (curve_rows), or one of these two */
 } particles;
 
 #define PARTICLES_FREE UINT32_MAX
+#define PARTICLES_HELD (UINT32_MAX - 1) /* held where it is, on no curve */
 
 static inline bool particles_is_fixed(const particles *p, size_t i)
 {
     return p->place && p->place[i] != PARTICLES_FREE;
+}
+
+static inline bool particles_is_on_curve(const particles *p, size_t i)
+{
+    return particles_is_fixed(p, i) && p->place[i] != PARTICLES_HELD;
 }
 
 /* The field that particle i is on, of the field of all. */
@@ -69,7 +74,7 @@ void particles_free(particles *p);
 /* What packing.h calls flags, of each; for a surface with patches. */
 void particles_flags(const particles *p, uint8_t *out);
 
-/* How many are not held on curves. */
+/* How many are not held. */
 size_t particles_free_count(const particles *p);
 
 /* Makes room for `capacity` particles, at least as many as there are; those there stay. Error:

@@ -10,6 +10,7 @@
 #include "base/memory.h"
 #include "base/sandbox.h"
 #include "remesh/discs.h"
+#include "remesh/left_out.h"
 #include "remesh/surface_mesh.h"
 #include "source/landing.h"
 #include "source/plan.h"
@@ -405,12 +406,23 @@ bool job_finalize(job *j, solution *s, error *e)
                         &s->landed, e);
 }
 
-/* Of a closed mesh that is to be resolved: the triangles between the points on it, and of each point whether its own close
- * around it. *has_cell stays NULL for other surfaces, and where memory does not suffice; else to be freed. */
-static bool find_cells(const job *j, const sampler_points *p, solution *s, bool **has_cell, error *e)
+/* The mesh that the triangles between the points lie along: it is closed and to be resolved; else NULL. */
+static const mesh *mesh_to_resolve(const job *j)
 {
-    const mesh *on = j->spec->resolve ? source_closed_mesh(&j->source) : NULL;
-    if (!on) return true;
+    return j->spec->resolve ? source_closed_mesh(&j->source) : NULL;
+}
+
+static void drop_triangles(solution *s)
+{
+    free(s->corner);
+    s->corner = NULL;
+    s->triangles = 0;
+}
+
+/* The triangles between the points on a mesh. They stay NULL where memory does not suffice: the points alone tell most. */
+static bool make_triangles(const job *j, const mesh *on, solution *s, error *e)
+{
+    const sampler_points *p = sampler_result_points(s->sampler);
     const sampler_stands *stands = &p->stands;
     size_t side_count = 0;
     uint32_t(*side)[2] = curve_chains_steps(j->source.field->patches, p, &side_count);
@@ -423,21 +435,66 @@ static bool find_cells(const job *j, const sampler_points *p, solution *s, bool 
                                    (const uint32_t(*)[2])side,
                                    side_count};
     error why = {0};
+    drop_triangles(s);
+    const bool ok = surface_mesh_make(&in, &s->corner, &s->triangles, &why);
+    free(side);
+    if (!ok) drop_triangles(s);
+    if (ok || why.code == ERROR_LIMIT_MEMORY) return true;
+    if (e) *e = why;
+    return false;
+}
+
+/* What the triangles may leave out of the mesh, in spacings: a third of the feature size is what users are promised. */
+static const double LEFT_OUT = 0.3;
+/* How often points are held where they leave out more, and how many of a job: two that are held make one narrow triangle. */
+enum { HOLDINGS = 3, HELD_MOST = 50 };
+
+bool job_reach(job *j, solution *s, error *e)
+{
+    const mesh *on = mesh_to_resolve(j);
+    size_t left = HELD_MOST;
+    for (int k = 0; on && k < HOLDINGS && left > 0; k++) {
+        const sampler_points *p = sampler_result_points(s->sampler);
+        vec3 *place = NULL;
+        size_t count = 0;
+        bool goes_on = false;
+        if (!make_triangles(j, on, s, e)) return false;
+        if (s->triangles == 0) return true;
+        const left_out_input in = {
+            on, p->count, p->position, p->stands.spacing, (const uint32_t(*)[3])s->corner, s->triangles};
+        const bool ok = left_out_find(&in, LEFT_OUT, left, j->pool, &place, &count, e) &&
+                        sampler_hold(s->sampler, place, count, &goes_on, e);
+        free(place);
+        if (!ok || !goes_on) return ok;
+        left -= count;
+        drop_triangles(s);
+        if (!job_relax(j, s->sampler, 0, e) || !job_finalize(j, s, e)) return false;
+    }
+    return true;
+}
+
+/* Of a closed mesh that is to be resolved: the triangles between the points on it, and of each point whether its own close
+ * around it. *has_cell stays NULL for other surfaces, and where memory does not suffice; else to be freed. */
+static bool find_cells(const job *j, const sampler_points *p, solution *s, bool **has_cell, error *e)
+{
+    const mesh *on = mesh_to_resolve(j);
+    const sampler_stands *stands = &p->stands;
+    if (on && !s->corner && !make_triangles(j, on, s, e)) return false;
+    if (!s->corner) return true;
+    error why = {0};
     bool *disc = mem_array(p->count, sizeof *disc, "the result", &why);
     bool *has = mem_array(stands->count, sizeof *has, "the result", &why);
-    const bool ok = disc && has && surface_mesh_make(&in, &s->corner, &s->triangles, &why) &&
-                    discs_find((const uint32_t(*)[3])s->corner, s->triangles, p->count, disc, &why);
+    const bool ok =
+        disc && has && discs_find((const uint32_t(*)[3])s->corner, s->triangles, p->count, disc, &why);
     for (size_t i = 0; ok && i < stands->count; i++) has[i] = disc[stands->point ? stands->point[i] : i];
-    free(side);
     free(disc);
     if (ok) {
         *has_cell = has;
         return true;
     }
     free(has);
-    free(s->corner);
-    s->corner = NULL;
-    if (why.code == ERROR_LIMIT_MEMORY) return true; /* the points alone tell most */
+    drop_triangles(s);
+    if (why.code == ERROR_LIMIT_MEMORY) return true;
     if (e) *e = why;
     return false;
 }

@@ -76,6 +76,10 @@ bool job_relax(job *j, sampler *s, double reserve_s, error *e);
 /* Makes the points final: on the surface to rounding, or on the triangles of its mesh. */
 bool job_finalize(job *j, solution *s, error *e);
 
+/* Of points that are final, on a closed mesh that is to be resolved: where their triangles leave out too much of it points are held,
+ * and all come to rest again. */
+bool job_reach(job *j, solution *s, error *e);
+
 /* Measures the quality of a solution whose points are final. */
 bool job_measure(job *j, solution *s, error *e);
 

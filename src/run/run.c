@@ -22,6 +22,7 @@ static bool relax(job *j, error *e)
     if (j->spec->time_s > 0) return time_target_fill(j, e);
     const sampler *s = j->solution.sampler;
     return job_relax(j, j->solution.sampler, 0, e) && job_finalize(j, &j->solution, e) &&
+           job_reach(j, &j->solution, e) &&
            (!j->spec->coherent || sequence_end(&j->sequence, sampler_result_points(s), e));
 }
 

@@ -147,14 +147,22 @@ static void leave_row(sampler *s, size_t i)
     finalize_particle(s, i);
 }
 
-/* Takes away the particles that are not on the surface, or in a row, and puts each on a new place. */
+bool sampler_merges_rows(const sampler *s)
+{
+    return s->setup.field->patches && s->setup.field->patches->merges_near_rows;
+}
+
+/* Takes away the particles that are not on the surface, or in a row, and puts each on a new place. Where a mesh is to be resolved
+ * there may be no room for some but in a row: they stay there, at rest, once no sweep is left to find their places. */
 static void replace_lost(sampler *s)
 {
+    const bool may_stay = sampler_merges_rows(s) && s->state.recalls >= SAMPLER_RECALLS;
     rng r = rng_seed(s->setup.params.seed, RANDOM_STREAM_REPLACEMENT);
     for (size_t i = 0; i < s->state.p->count && !threads_stopped(s->setup.pool); i++)
         if (s->scratch.lost[i])
             replace(s, i, -1, &r);
-        else if (is_in_row(s, i) && !replace(s, i, LEAST_ROOM * s->state.spacing * s->state.p->size[i], &r))
+        else if (!may_stay && is_in_row(s, i) &&
+                 !replace(s, i, LEAST_ROOM * s->state.spacing * s->state.p->size[i], &r))
             leave_row(s, i);
 }
 
@@ -240,8 +248,8 @@ static bool arrange_stands(sampler *s, uint32_t *order, uint32_t *first, error *
     const particles *p = s->state.p;
     size_t next = 0, copies = sampler_point_count(s);
     for (uint32_t i = 0; i < p->count; i++) {
-        bool copy = particles_is_fixed(p, i) && first[p->place[i]] > 0;
-        if (particles_is_fixed(p, i) && !copy) first[p->place[i]] = (uint32_t)next + 1;
+        bool copy = particles_is_on_curve(p, i) && first[p->place[i]] > 0;
+        if (particles_is_on_curve(p, i) && !copy) first[p->place[i]] = (uint32_t)next + 1;
         s->record.point[copy ? copies : next] = copy ? first[p->place[i]] - 1 : (uint32_t)next;
         order[copy ? copies++ : next++] = i;
     }
@@ -249,10 +257,9 @@ static bool arrange_stands(sampler *s, uint32_t *order, uint32_t *first, error *
     for (size_t k = 0; k < next; k++) {
         s->scratch.lost[k] = s->record.replaced[order[k]];
         const curve_rows *rows = &s->state.plan.allotments[s->state.level].rows;
-        uint32_t place = p->place[order[k]];
-        s->record.feature[k] = place == PARTICLES_FREE ? SAMPLER_ON_PATCH
-                               : place < rows->corners ? SAMPLER_ON_CORNER
-                                                       : SAMPLER_ON_CURVE;
+        s->record.feature[k] = !particles_is_on_curve(p, order[k])  ? SAMPLER_ON_PATCH
+                               : p->place[order[k]] < rows->corners ? SAMPLER_ON_CORNER
+                                                                    : SAMPLER_ON_CURVE;
     }
     for (size_t k = 0; k < next; k++) s->record.replaced[k] = s->scratch.lost[k];
     if (!particles_arrange(s->state.p, order, e)) return false;
@@ -296,12 +303,12 @@ static bool mark_wedges(sampler *s, error *e)
 {
     const particles *p = s->state.p;
     size_t fixed = 0, count = 0;
-    for (size_t k = 0; k < p->count; k++) fixed += particles_is_fixed(p, k);
+    for (size_t k = 0; k < p->count; k++) fixed += particles_is_on_curve(p, k);
     vec3 *at = mem_array(fixed, sizeof *at, "the result", e);
     double *reach = mem_array(fixed, sizeof *reach, "the result", e);
     bool ok = at && reach;
     for (size_t k = 0; ok && k < p->count; k++) {
-        const double cosine = particles_is_fixed(p, k) ? wedge_at(s, k) : 1;
+        const double cosine = particles_is_on_curve(p, k) ? wedge_at(s, k) : 1;
         if (cosine > QUALITY_SHEET_FACING) continue;
         reach[count] = quality_wedge_reach(cosine);
         at[count++] = p->position[k];
@@ -376,6 +383,20 @@ static bool describe_points(sampler *s, error *e)
     s->record.out.sigma = s->state.sigma;
     s->record.out.ideal_energy = s->setup.params.energy->ideal;
     return true;
+}
+
+void sampler_take_back(sampler *s)
+{
+    free(s->record.point);
+    free(s->record.flags);
+    free(s->record.normal);
+    free(s->record.feature);
+    free(s->record.column);
+    s->record.point = NULL;
+    s->record.flags = s->record.feature = NULL;
+    s->record.normal = NULL;
+    s->record.column = NULL;
+    s->record.out = (sampler_points){0};
 }
 
 bool sampler_settle(sampler *s, error *e)

@@ -10,8 +10,6 @@
 
 /* For the estimate of progress: the share of a solve after which refined levels begin. */
 static const double FINE_BEGINS = 0.4;
-/* So often a solve that has come to rest goes on for particles that were put on new places: some places lose whoever comes. */
-enum { RECALLS_MOST = 5 };
 /* Of the step that may be left: what is asked of points that did not rest as they would have been delivered. */
 static const double PRESSED = 0.9;
 
@@ -73,11 +71,7 @@ void sampler_free(sampler *s)
     relax_free(s->scratch.relax);
     free(s->record.sweep);
     free(s->record.replaced);
-    free(s->record.point);
-    free(s->record.flags);
-    free(s->record.normal);
-    free(s->record.feature);
-    free(s->record.column);
+    sampler_take_back(s);
     free(s);
 }
 
@@ -129,10 +123,9 @@ static bool points_rest(const sampler *s, const schedule_position *at)
  * not, once they are on the surface to rounding and have the sizes of their places. */
 static bool rests_settled(sampler *s, bool *rests, error *e)
 {
-    const field_patches *p = s->setup.field->patches;
     relax_steps left;
     *rests = true;
-    const bool may_not = s->state.mends > 0 || (p && p->merges_near_rows);
+    const bool may_not = s->state.mends > 0 || sampler_merges_rows(s);
     if (!may_not || s->setup.params.gradient || s->state.coarse) return true;
     if (!sampler_steps_settled(s, &left, e)) return false;
     *rests = !(left.to_rest > s->setup.params.step_tolerance);
@@ -148,8 +141,7 @@ static bool cover_at_last(sampler *s, error *e)
            (sampler_cover_patches(s, &changed, e) && (!changed || sampler_settle(s, e)));
 }
 
-/* The last round goes on: particles are in other places. */
-static bool go_on(sampler *s)
+bool sampler_go_on(sampler *s)
 {
     s->state.outcome = SAMPLER_RUNNING;
     s->state.sweeps_in_round = s->record.round[--s->record.round_count].sweeps;
@@ -171,11 +163,11 @@ static bool may_be_mended(const sampler *s)
 static bool deliver(sampler *s, error *e)
 {
     const size_t before = s->record.removed;
-    const bool may_go_on = s->state.recalls < RECALLS_MOST, is_given = sampler_is_given(s);
+    const bool may_go_on = s->state.recalls < SAMPLER_RECALLS, is_given = sampler_is_given(s);
     if (may_be_mended(s)) {
         bool changed = false;
         if (!sampler_mend(s, &changed, e)) return false;
-        if (changed) return go_on(s);
+        if (changed) return sampler_go_on(s);
     }
     if (!sampler_settle(s, e)) return false;
     bool goes_on = s->record.removed != before;
@@ -188,7 +180,7 @@ static bool deliver(sampler *s, error *e)
     }
     if (!may_go_on || !goes_on) return !s->state.coarse || is_given || sampler_relocate(s, e);
     s->state.recalls++;
-    return go_on(s);
+    return sampler_go_on(s);
 }
 
 /* A line of the record. */

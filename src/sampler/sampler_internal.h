@@ -33,6 +33,9 @@ typedef struct sampler_setup {
     const fast_kernel *fast; /* of relax; NULL: the energy, amplitudes or minimiser need the general way */
 } sampler_setup;
 
+/* How often a solve that has ended goes on, at most. */
+enum { SAMPLER_RECALLS = 5 };
+
 /* Where it is. */
 typedef struct sampler_state {
     particles *p;
@@ -134,8 +137,17 @@ bool sampler_reserve(sampler *s, size_t capacity, error *e);
 /* Of the particles where they are, see sampler_points. */
 relax_steps sampler_steps_left(const sampler *s, bool watch);
 
+/* Whether the rows along the surface's curves are those of a mesh that is to be resolved. */
+bool sampler_merges_rows(const sampler *s);
+
 /* What is left of the particles as sampler_settle has put them, which sweeps may not have seen. Error: limit_memory. */
 bool sampler_steps_settled(sampler *s, relax_steps *left, error *e);
+
+/* The last round of a solve that has ended goes on: particles are in other places. True. */
+bool sampler_go_on(sampler *s);
+
+/* Frees what sampler_finalize has made of the particles. */
+void sampler_take_back(sampler *s);
 
 /* How many points the particles are: those on a curve count once for all patches there. */
 size_t sampler_point_count(const sampler *s);

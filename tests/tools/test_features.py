@@ -27,6 +27,11 @@ def shell(outer, inner):
     return numpy.concatenate([v, w]), numpy.concatenate([t, s + len(v)])
 
 
+def write(path, vertices, triangles):
+    path.write_text("\n".join([f"OFF\n{len(vertices)} {len(triangles)} 0"] + ["%r %r %r" % tuple(v) for v in vertices.tolist()] +
+                              ["3 %d %d %d" % tuple(t) for t in triangles]) + "\n")
+
+
 def test_topology_is_counted():
     _, triangles = shell(0.3, 0.2)
     whole = features.Topology(triangles)
@@ -67,8 +72,7 @@ def test_a_thin_shell_with_a_handle_is_resolved(build, tmp_path, diagnose, monke
     monkeypatch.setattr(features, "PLACES", 20000)
     vertices, triangles = shell(0.3, 0.22)
     path = tmp_path / "shell.off"
-    path.write_text("\n".join([f"OFF\n{len(vertices)} {len(triangles)} 0"] + ["%r %r %r" % tuple(v) for v in vertices.tolist()] +
-                              ["3 %d %d %d" % tuple(t) for t in triangles]) + "\n")
+    write(path, vertices, triangles)
     found = features.resolve(build / "hexad-worker", path, tmp_path, {"min_spacing": 0.002 * 2.6})
     cells = features.measure(*found)
     diagnose(" | ".join(text for text, _ in cells))
@@ -76,3 +80,29 @@ def test_a_thin_shell_with_a_handle_is_resolved(build, tmp_path, diagnose, monke
     told = found[1]["grading"]["feature_size"]
     assert abs(told["median"] / 0.04 - 1) < 0.1 and told["below_floor"] == 0
     assert found[1]["reached"]["count"] == found[1]["count"]
+
+
+def dented(path, count, depth):
+    """A torus of which so many vertices are pushed in."""
+    radius = 0.3
+    vertices, triangles = tube(radius, 60)
+    which = numpy.random.default_rng(1).choice(len(vertices), count, replace=False)
+    middle = vertices * [1, 1, 0]
+    middle /= numpy.linalg.norm(middle, axis=1)[:, None]
+    vertices[which] -= depth * (vertices - middle)[which] / radius
+    write(path, vertices, triangles)
+    return path
+
+
+def test_dents_as_large_as_the_spacing_are_reached(build, tmp_path, diagnose, monkeypatch):
+    """Points lie around some of the dents, and one is held in each of these."""
+    monkeypatch.setattr(features, "PLACES", 20000)
+    monkeypatch.setattr(features, "DISTANT_PLACES", 60000)
+    path = dented(tmp_path / "dented.off", 60, 0.06)
+    given, report, result, spacing = features.resolve(build / "hexad-worker", path, tmp_path, {"min_spacing": 0.16})
+    cells = features.measure(given, report, result, spacing)
+    diagnose(" | ".join(text for text, _ in cells))
+    whole = features.Topology(result[1])
+    assert report["outcome"] == "converged" and report["quality"]["unresolved_count"] == 0
+    assert whole.manifold and whole.parts == whole.genus == 1
+    assert cells[-1][1]

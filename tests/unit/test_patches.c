@@ -524,6 +524,59 @@ static void rows_of_one_patch_merge_on_one_side_only(void **state)
     }
 }
 
+/* Points go to given places of their patches and stay there; the others come to rest around them. */
+static void points_are_held_where_they_are_wanted(void **state)
+{
+    (void)state;
+    static faces cube;
+    make_cube(&cube);
+    solved x;
+    error e = {0};
+    solve(&cube, &even, 2, &x);
+    const size_t count = x.points->count;
+    const vec3 aside = {2, 0, 0};
+    vec3 at[2];
+    size_t found = 0;
+    for (size_t i = 0; i < count && found < 2;
+         i++) { /* between a point on a face and the one that is nearest to it */
+        if (x.points->feature[i] != SAMPLER_ON_PATCH) continue;
+        size_t other = i;
+        double least = INFINITY;
+        for (size_t j = 0; j < count; j++) {
+            const double away = vec3_norm(vec3_sub(x.points->position[i], x.points->position[j]));
+            if (j != i && x.points->patch[j] == x.points->patch[i] && away < least) {
+                least = away;
+                other = j;
+            }
+        }
+        if (x.points->feature[other] != SAMPLER_ON_PATCH) continue;
+        at[found] = vec3_scale(vec3_add(x.points->position[i], x.points->position[other]), 0.5);
+        found += found == 0 || vec3_norm(vec3_sub(at[0], at[1])) > 0.5;
+    }
+    assert_int_equal(found, 2);
+    bool goes_on = true;
+    assert_true(sampler_hold(x.s, &aside, 1, &goes_on, &e));
+    assert_false(goes_on);
+    assert_int_equal(sampler_result_points(x.s)->count, count);
+    assert_true(sampler_hold(x.s, at, 2, &goes_on, &e));
+    assert_true(goes_on);
+    while (!sampler_ended(x.s)) assert_true(sampler_step(x.s, &e));
+    assert_int_equal(sampler_result(x.s), SAMPLER_CONVERGED);
+    assert_true(sampler_finalize(x.s, &e));
+    x.points = sampler_result_points(x.s);
+    assert_int_equal(x.points->count, count);
+    check_places(&x);
+    for (size_t k = 0; k < 2; k++) {
+        double least = INFINITY;
+        for (size_t i = 0; i < count; i++)
+            if (x.points->feature[i] == SAMPLER_ON_PATCH)
+                least = fmin(least, vec3_norm(vec3_sub(x.points->position[i], at[k])));
+        assert_true(least < 1e-9);
+    }
+    assert_true(x.points->step_left < even.step_tolerance);
+    release(&x);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -534,6 +587,7 @@ int main(void)
         cmocka_unit_test(rows_follow_the_count),
         cmocka_unit_test(rows_are_graded),
         cmocka_unit_test(rows_of_a_low_step_are_one),
+        cmocka_unit_test(points_are_held_where_they_are_wanted),
         cmocka_unit_test(rows_that_become_one_cut_off_less_than_a_third),
         cmocka_unit_test(rows_that_part_slowly_begin_as_one),
         cmocka_unit_test(ends_of_creases_keep_apart),

@@ -12,6 +12,7 @@
 #include "mesh_fixture.h"
 #include "packing/triangulation.h"
 #include "remesh/discs.h"
+#include "remesh/left_out.h"
 #include "remesh/surface_mesh.h"
 #include "shapes.h"
 
@@ -419,6 +420,38 @@ static void cells_around_a_bar_are_no_discs(void **state)
     free(s);
 }
 
+/* Triangles that cut a corner off a box leave the corner out; those of the whole box nothing. */
+static void what_triangles_leave_out_is_found(void **state)
+{
+    (void)state;
+    mesh m = mesh_fixture_box(vec3_make(0.1, 0.2, 0.3), vec3_make(0.5, 0.5, 0.5), 0.7);
+    error e = {0};
+    vec3 position[8], *place = NULL;
+    double spacing[8];
+    size_t count = 0;
+    assert_int_equal(m.vertex_count, 8);
+    for (size_t k = 0; k < 8; k++) {
+        position[k] = m.vertex[k];
+        spacing[k] = 1;
+    }
+    const left_out_input in = {&m, 8, position, spacing, (const uint32_t(*)[3])m.triangle, m.triangle_count};
+    assert_true(left_out_find(&in, 0.1, 10, mesh_fixture_pool(), &place, &count, &e));
+    assert_int_equal(count, 0);
+    free(place);
+    const uint32_t cut = 5;
+    position[cut] = vec3_axpy(0.4, vec3_sub(vec3_make(0.1, 0.2, 0.3), position[cut]), position[cut]);
+    assert_true(left_out_find(&in, 0.1, 10, mesh_fixture_pool(), &place, &count, &e));
+    assert_true(count >= 1);
+    assert_true(vec3_norm(vec3_sub(place[0], m.vertex[cut])) < 1e-12);
+    for (size_t i = 0; i < count; i++)
+        for (size_t j = 0; j < i; j++) assert_true(vec3_norm(vec3_sub(place[i], place[j])) > 1);
+    free(place);
+    assert_true(left_out_find(&in, 0.9, 10, mesh_fixture_pool(), &place, &count, &e));
+    assert_int_equal(count, 0);
+    free(place);
+    mesh_free(&m);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -435,6 +468,7 @@ int main(void)
         cmocka_unit_test(necks_at_handles_have_no_empty_triangle),
         cmocka_unit_test(corners_of_open_sheets_do_not_fold),
         cmocka_unit_test(cells_around_a_bar_are_no_discs),
+        cmocka_unit_test(what_triangles_leave_out_is_found),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
