@@ -17,9 +17,11 @@ static const double LEFT_OVER = 0.004, UNEVEN = 0.9;
  * seen with the least gap. */
 enum { TILTED = 6 };
 static const double TILT = 0.58;
-/* Steps along a ray, in cells, and to the surface. Cells of patches are as large as the spacing, which says nothing of how thin
- * parts are: there the first step is a small one, and the others grow by this factor. */
-static const double STRIDE = 0.5, PATCH_STRIDE = 1.0 / 8, GROWTH = 1.3;
+/* Steps along a ray, in cells. They grow by this factor, up to the longest: what is passed over is thin, and is seen from its own
+ * places. Cells of patches are as large as the spacing, which says nothing of how thin parts are: there the first step
+ * is a small one, and growth has no end. */
+static const double STRIDE = 0.5, PATCH_STRIDE = 1.0 / 8, GROWTH = 1.02, PATCH_GROWTH = 1.3, LONGEST = 4;
+/* To the surface. */
 static const int SETTLE_STEPS = 10;
 static const double SETTLE = 1e-2;
 static const uint64_t SEED = 1;
@@ -41,9 +43,11 @@ static double first_step(const field *f)
  * goes into the solid. */
 static bool meet(const field *f, vec3 x, vec3 along, bool inside, double reach, vec3 *end, vec3 *normal)
 {
+    const double growth = (f->patches ? PATCH_GROWTH : GROWTH) - 1,
+                 longest = f->patches ? INFINITY : LONGEST * f->cell_size;
     double step = first_step(f);
     for (double t = step; t < reach + step; t += step) {
-        if (f->patches) step = fmax(step, (GROWTH - 1) * t);
+        step = fmax(step, fmin(growth * t, longest));
         field_sample s;
         vec3 at = vec3_axpy(t, along, x);
         if (!field_sample_at(f, at, FIELD_GRADIENT, &s) || (s.value < 0) == inside) continue;

@@ -318,6 +318,7 @@ static bool add_grazed_cells(const loading *l, volume *v, error *e)
 static void measure(volume *v)
 {
     bbox box = bbox_empty();
+    v->beyond = volume_field_side_beyond(v);
     vec3 half; /* of a cell's world box */
     half.x = 0.5 * (fabs(v->to_world[0][0]) + fabs(v->to_world[0][1]) + fabs(v->to_world[0][2]));
     half.y = 0.5 * (fabs(v->to_world[1][0]) + fabs(v->to_world[1][1]) + fabs(v->to_world[1][2]));

@@ -116,18 +116,6 @@ static double steps_within_block(vec3 p, const int32_t voxel[3], vec3 step)
     return fmax(floor(steps) - 1, 0);
 }
 
-/* The share of the way from a place into the bricks' box, that is before the box. */
-static double way_to_bricks(const volume *v, vec3 from, vec3 way)
-{
-    double share = 0;
-    for (int axis = 0; axis < 3; axis++) {
-        const double at = vec3_get(from, axis), by = vec3_get(way, axis);
-        if (at < v->low[axis] && by > 0) share = fmax(share, (v->low[axis] - at) / by);
-        if (at > v->high[axis] && by < 0) share = fmax(share, (v->high[axis] - at) / by);
-    }
-    return share;
-}
-
 /* The voxel of a place, and the number of its brick. */
 static uint32_t brick_at(const volume *v, vec3 index, int32_t voxel[3])
 {
@@ -141,6 +129,27 @@ static double side_of_voxel(const volume *v, uint32_t brick, const int32_t voxel
     return v->inside[8 * (size_t)brick + (size_t)(voxel[0] & 7)] >> bit & 1 ? -1 : 1;
 }
 
+/* That of the first voxel of a brick on the straight way from a place that is in none to the first cell. */
+static double side_on_way(const volume *v, vec3 from)
+{
+    const int32_t *cell_to = v->cells[0].at;
+    const vec3 way = vec3_sub((vec3){cell_to[0] + 0.5, cell_to[1] + 0.5, cell_to[2] + 0.5}, from);
+    const double steps = fmax(ceil(fmax(fabs(way.x), fmax(fabs(way.y), fabs(way.z)))), 1); /* a voxel each */
+    for (double k = 1; k <= steps; k++) {
+        const vec3 p = vec3_axpy(k / steps, way, from);
+        int32_t voxel[3];
+        const uint32_t brick = brick_at(v, p, voxel);
+        if (brick != BLOCK_MAP_NONE) return side_of_voxel(v, brick, voxel);
+        k += steps_within_block(p, voxel, vec3_scale(way, 1 / steps));
+    }
+    return 1;
+}
+
+double volume_field_side_beyond(const volume *v)
+{
+    return side_on_way(v, (vec3){v->low[0] - 1, v->low[1] - 1, v->low[2] - 1});
+}
+
 /* Every crossing lies in a brick, NEAR or more from its end, so the side is that of the first voxel of a brick
  * on any straight way to one. Splines are no judge far from the surface, where the continuation of a band may
  * ring. */
@@ -148,24 +157,18 @@ static double side(const field *f, vec3 x)
 {
     const volume *v = (const volume *)f;
     const vec3 from = affine_apply(v->to_index, x.x, x.y, x.z);
+    bool within = true;
     int32_t voxel[3];
     for (int axis = 0; axis < 3; axis++) {
         double at = vec3_get(from, axis);
         if (!(fabs(at) < INT32_MAX / 2)) return 1;
         if (v->info.size[axis] > 0 && !(at >= 0 && at <= (double)(v->info.size[axis] - 1))) return 1;
+        within = within && at >= v->low[axis] && at < v->high[axis];
     }
-    uint32_t brick = brick_at(v, from, voxel);
-    if (brick != BLOCK_MAP_NONE) return is_near(v, voxel) ? 0 : side_of_voxel(v, brick, voxel);
-    const int32_t *cell_to = v->cells[0].at;
-    const vec3 way = vec3_sub((vec3){cell_to[0] + 0.5, cell_to[1] + 0.5, cell_to[2] + 0.5}, from);
-    const double steps = fmax(ceil(fmax(fabs(way.x), fmax(fabs(way.y), fabs(way.z)))), 1); /* a voxel each */
-    for (double k = fmax(floor(way_to_bricks(v, from, way) * steps) - 1, 1); k <= steps; k++) {
-        const vec3 p = vec3_axpy(k / steps, way, from);
-        brick = brick_at(v, p, voxel);
-        if (brick != BLOCK_MAP_NONE) return side_of_voxel(v, brick, voxel);
-        k += steps_within_block(p, voxel, vec3_scale(way, 1 / steps));
-    }
-    return 1;
+    if (!within) return v->beyond;
+    const uint32_t brick = brick_at(v, from, voxel);
+    if (brick == BLOCK_MAP_NONE) return side_on_way(v, from);
+    return is_near(v, voxel) ? 0 : side_of_voxel(v, brick, voxel);
 }
 
 /* The lanes' cells; those that are not defined get none. */
