@@ -23,6 +23,7 @@ typedef struct making {
     mesh m;
     float *limit; /* of each vertex: how far it may be moved, in voxels */
     uint32_t *kind;
+    size_t most; /* triangles */
     size_t vertex_room, limit_room, triangle_room, kind_room;
     /* the tetrahedron at hand */
     int64_t at[3];
@@ -277,6 +278,17 @@ static bool cut_block(making *k, const int64_t low[3], error *e)
     return true;
 }
 
+static bool check_count(const making *k, error *e)
+{
+    return k->m.triangle_count <= k->most ||
+           error_set(
+               e, ERROR_LIMIT_MEMORY,
+               "its labels meet in more than %zu triangles, which need more memory than there is: sample an image, "
+               "nearly all of whose voxels differ from their neighbours, as surface.volume with an isovalue; for a "
+               "segmentation raise limits.memory_mb",
+               k->most);
+}
+
 /* Block by block: what is near in space is near in memory. */
 static bool cut_cells(making *k, error *e)
 {
@@ -285,7 +297,7 @@ static bool cut_cells(making *k, error *e)
     for (int64_t z = 0; z < size[2]; z += BLOCK)
         for (int64_t y = 0; y < size[1]; y += BLOCK)
             for (int64_t x = 0; x < size[0]; x += BLOCK)
-                if (!cut_block(k, (int64_t[3]){x, y, z}, e)) return false;
+                if (!cut_block(k, (int64_t[3]){x, y, z}, e) || !check_count(k, e)) return false;
     return true;
 }
 
@@ -338,9 +350,9 @@ static bool make(making *k, double smooth, label_mesh_wanted *wanted, const void
 }
 
 bool label_mesh_make(const label_volume *v, double smooth, label_mesh_wanted *wanted, const void *context,
-                     threads *pool, label_mesh *out, error *e)
+                     size_t most, threads *pool, label_mesh *out, error *e)
 {
-    making k = {.v = v};
+    making k = {.v = v, .most = most};
     bool ok = make(&k, smooth, wanted, context, pool, e);
     block_map_free(&k.numbers);
     free(k.limit);

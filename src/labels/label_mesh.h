@@ -27,9 +27,10 @@ static inline uint32_t label_mesh_kind(uint16_t first, uint16_t second)
 /* Whether the interface of two materials is wanted. */
 typedef bool label_mesh_wanted(const void *context, uint16_t first, uint16_t second);
 
-/* `smooth`: see label_smoothing.h; `wanted`: NULL: all are. Errors: no_surface, limit_memory. */
+/* `smooth`: see label_smoothing.h; `wanted`: NULL: all are; `most`: triangles. Errors: no_surface, limit_memory (more triangles
+ * than that among all materials, or too little memory). */
 bool label_mesh_make(const label_volume *v, double smooth, label_mesh_wanted *wanted, const void *context,
-                     threads *pool, label_mesh *out, error *e);
+                     size_t most, threads *pool, label_mesh *out, error *e);
 void label_mesh_free(label_mesh *m); /* a zeroed one will do */
 
 #endif

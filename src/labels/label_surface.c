@@ -107,6 +107,9 @@ static void find_thin(label_surface *s)
     free(side);
 }
 
+/* Bytes of a triangle at least, until its surface is made. */
+enum { TRIANGLE_BYTES = 280 };
+
 static bool make_surface(const label_surface_request *r, label_surface *s, error *e)
 {
     const wanted_pairs wanted = {r->spec, &s->labels};
@@ -114,7 +117,7 @@ static bool make_surface(const label_surface_request *r, label_surface *s, error
     label_mesh made = {0};
     mesh_patches patches = {0};
     if (!label_mesh_make(&s->labels, r->spec->smooth, r->spec->interface_count ? is_wanted : NULL, &wanted,
-                         r->pool, &made, e))
+                         r->memory_limit / TRIANGLE_BYTES, r->pool, &made, e))
         return false;
     label_thinness_find(&s->labels, r->pool);
     free(s->labels.at);

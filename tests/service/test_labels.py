@@ -440,6 +440,14 @@ def test_a_stack_of_images_is_a_segmentation(sample, solve, worker, tmp_path):
     assert seen["suggestions"][0]["spec"]["surface"]["labels"]["slices"] == stack["slices"]
 
 
+def test_an_image_is_refused_before_it_takes_all_memory(solve, tmp_path):
+    """Of a volume of intensities nearly all voxels differ, so that triangles are everywhere."""
+    write_nrrd(tmp_path / "v.nrrd", numpy.random.default_rng(5).integers(0, 200, (60, 60, 60)).astype(numpy.uint8))
+    error, none = solve({"version": 1, "surface": {"labels": {"path": "v.nrrd"}}, "sampling": {"count": 100},
+                         "limits": {"memory_mb": 500}})
+    assert none is None and error["code"] == "limit_memory" and "as surface.volume with an isovalue" in error["message"]
+
+
 def test_a_spec_that_was_written_anew_means_the_same(solve, tmp_path):
     """As the daemon hands it on, with all defaults."""
     write_nrrd(tmp_path / "v.nrrd", blocks())
