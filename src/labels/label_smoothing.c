@@ -19,7 +19,7 @@ enum { ROUNDS = 2, MOST_TERMS = 128, NODES = 512, GRAIN = 4096 };
 static const double per_length2 = 4.93;
 static const double least_term = 1e-4;
 /* How far around a line interfaces tell where it is, in the length of smoothing. */
-static const double near_lines = 1;
+static const double near_lines = 1.02;
 
 typedef struct work {
     const label_smoothing *s;
