@@ -54,6 +54,8 @@ static const size_t LARGE = 256 * 1024;
  * kernel a third of a second to end. Smaller arrays are often touched here and there only, and to zero all of
  * them costs more. */
 static const size_t VERY_LARGE = 2 << 20;
+/* Bytes of an array that are moved before their old place is given back. */
+static const size_t AT_ONCE = 32 << 20;
 
 /* The whole pages within so many bytes; *head: how many bytes lie before them. */
 static size_t whole_pages(const char *p, size_t bytes, size_t *head)
@@ -90,20 +92,30 @@ void *mem_array(size_t count, size_t size, const char *what, error *e)
     return NULL;
 }
 
+void mem_release(void *part, size_t bytes)
+{
+    size_t head, pages = whole_pages(part, bytes, &head);
+    if (pages > 0) madvise((char *)part + head, pages, MADV_DONTNEED); /* a wish as well */
+}
+
+/* Large arrays are not there twice. */
+static void move_bytes(char *to, char *from, size_t bytes)
+{
+    for (size_t done = 0; done < bytes; done += AT_ONCE) {
+        const size_t part = bytes - done < AT_ONCE ? bytes - done : AT_ONCE;
+        memcpy(to + done, from + done, part);
+        if (bytes > AT_ONCE) mem_release(from + done, part);
+    }
+}
+
 void *mem_grow(void *array, size_t count, size_t *room, size_t first, size_t size, const char *what, error *e)
 {
     if (count < *room) return array;
     size_t larger = *room ? 2 * *room : first;
     void *moved = mem_array(larger, size, what, e);
     if (!moved) return NULL;
-    if (count) memcpy(moved, array, count * size);
+    if (count) move_bytes(moved, array, count * size);
     free(array);
     *room = larger;
     return moved;
-}
-
-void mem_release(void *part, size_t bytes)
-{
-    size_t head, pages = whole_pages(part, bytes, &head);
-    if (pages > 0) madvise((char *)part + head, pages, MADV_DONTNEED); /* a wish as well */
 }

@@ -447,10 +447,19 @@ static bool cut_piece(mesh_surface *s, const vec3 t[3], uint32_t n, const cuttin
            cut_piece(s, (vec3[]){t[whole], middle[a], middle[b]}, n, c, e);
 }
 
+/* Of the triangles, and of what is kept of them and of their vertices. */
+static size_t triangle_bytes(const mesh_surface *s)
+{
+    const mesh *m = &s->mesh.m;
+    return m->triangle_count * (sizeof *m->triangle + sizeof *s->beside) +
+           m->vertex_count * (2 * sizeof(vec3) + sizeof(sym3));
+}
+
 static bool cut_pieces(mesh_surface *s, double longest, size_t memory_limit, error *e)
 {
     const mesh *m = &s->mesh.m;
-    const cutting c = {longest, memory_limit / (sizeof *s->pieces + SCAN_BYTES)};
+    const size_t held = triangle_bytes(s), left = memory_limit > held ? memory_limit - held : 0;
+    const cutting c = {longest, left / (sizeof *s->pieces + SCAN_BYTES)};
     /* along the longest side alone there would be so many: before the cuts go as deep as that */
     if (bbox_longest(mesh_box(m)) / longest > (double)c.most) return refuse_pieces(&c, e);
     for (uint32_t n = 0; n < m->triangle_count; n++) {
@@ -571,9 +580,7 @@ const mesh_patches *mesh_surface_patches(const mesh_surface *s)
 
 size_t mesh_surface_bytes(const mesh_surface *s)
 {
-    const mesh *m = &s->mesh.m;
     size_t trees = nearest_of_several_bytes(s->trees);
     for (size_t k = 0; k < s->mesh.count; k++) trees += nearest_triangle_bytes(s->patch[k].tree);
-    return trees + m->triangle_count * (sizeof *m->triangle + sizeof *s->beside) +
-           m->vertex_count * (2 * sizeof(vec3) + sizeof(sym3)) + s->piece_room * sizeof *s->pieces;
+    return trees + triangle_bytes(s) + s->piece_room * sizeof *s->pieces;
 }

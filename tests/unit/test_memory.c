@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include <cmocka.h>
+#include <sys/resource.h>
 
 #include "base/memory.h"
 
@@ -83,6 +84,31 @@ static void test_growing_keeps_what_is_there(void **state)
     free(array);
 }
 
+static size_t peak_bytes(void)
+{
+    struct rusage used;
+    assert_int_equal(getrusage(RUSAGE_SELF, &used), 0);
+    return (size_t)used.ru_maxrss << 10;
+}
+
+/* What is moved is not there twice. */
+static void test_growing_gives_back_the_old_place(void **state)
+{
+    (void)state;
+    error e = {0};
+    size_t count = (size_t)256 << 20, room = count;
+    char *array = mem_array(count, 1, "a test", &e);
+    memset(array, 7, count);
+    const size_t before = peak_bytes();
+    assert_non_null(array = mem_grow(array, count, &room, 8, 1, "a test", &e));
+    assert_int_equal(room, 2 * count);
+    for (size_t n = 0; n < count; n += 4093) assert_int_equal(array[n], 7);
+    assert_int_equal(array[count - 1], 7);
+    assert_int_equal(array[count], 0);
+    assert_true(peak_bytes() - before < count / 2);
+    free(array);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -90,6 +116,7 @@ int main(void)
         cmocka_unit_test(test_a_part_is_given_back),
         cmocka_unit_test(test_what_cannot_be_had),
         cmocka_unit_test(test_growing_keeps_what_is_there),
+        cmocka_unit_test(test_growing_gives_back_the_old_place),
     };
     return cmocka_run_group_tests_name("memory", tests, NULL, NULL);
 }
