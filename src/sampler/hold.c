@@ -61,5 +61,8 @@ bool sampler_hold(sampler *s, const vec3 *place, size_t count, bool *goes_on, er
                                  s->setup.params.list_limit, s->setup.pool, e);
     if (!s->scratch.relax) return false;
     *goes_on = true;
-    return sampler_go_on(s);
+    sampler_go_on(s);
+    s->state.sweeps_in_round = 0; /* a long round before says nothing of how these particles creep */
+    s->state.gain = s->setup.schedule->gain[s->state.stage];
+    return true;
 }
