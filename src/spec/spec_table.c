@@ -919,8 +919,9 @@ const spec_row spec_rows[] = {
      .high = 1000,
      AT(curvature.ratio),
      .prose =
-         "The ratio of the largest to the smallest spacing. The spacing is proportional to "
-         "kappa^-exponent. Only 1 % of the area is more curved than the places of the smallest spacing."},
+         "The ratio of the largest to the smallest spacing, at most: a surface whose curvature varies less, over "
+         "the scale, gets less. The spacing is proportional to kappa^-exponent. Only 1 % of the area is more "
+         "curved than the places of the smallest spacing."},
     {.pointer = "/sampling/curvature/exponent",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,

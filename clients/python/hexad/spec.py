@@ -710,8 +710,9 @@ class SamplingCurvature(_SamplingCurvatureRest):
 
     chord_error: Spacing sqrt(8 chord_error / max(|kappa1|, |kappa2|)): the chord between two neighbours
         deviates from the surface by chord_error. The report states the error that the count achieves. (world)
-    ratio: The ratio of the largest to the smallest spacing. The spacing is proportional to kappa^-exponent.
-        Only 1 % of the area is more curved than the places of the smallest spacing.
+    ratio: The ratio of the largest to the smallest spacing, at most: a surface whose curvature varies less,
+        over the scale, gets less. The spacing is proportional to kappa^-exponent. Only 1 % of the area is
+        more curved than the places of the smallest spacing.
     exponent: How strongly the spacing follows the curvature. Belongs to ratio. Default: 1.
     scale: The distance over which the surface's curvature is taken: the bend of the shape instead of the
         facets of a mesh or the noise of a scan. Give one of its members. Default: 4 spacings of the place.
