@@ -2,12 +2,12 @@
 """Random specs, run by the worker (doc/measured/fuzzing.md).
 
 Specs are drawn from the worker's own schema (`hexad-worker schema`), so that new parameters are tried as soon as there are
-any, and lose the members for which they are refused. Files are a few that are written here and, where HEXAD_SHARED names it, the
-shared data. What is held of each:
+any, and lose the members for which they are refused. Files are a few that are written here and, where HEXAD_SHARED names
+it, the shared data. What is held of each:
 
 - the worker ends by itself, with an exit code that has a meaning, and an error has a stable code that is not `internal`;
-- it keeps to its memory; what takes longer than --cpu-seconds, as what asks for millions of points may, is ended, and its
-  spec is left as slow.*;
+- it keeps to its memory; what takes longer than --cpu-seconds, as what asks for millions of points may, is ended, and
+  its spec is left as slow.*;
 - a result is whole: its report has no number that is not finite, and as many points as points.ply; what has failed leaves no
   report;
 - the same spec gives the same bytes with another number of threads.
@@ -38,8 +38,8 @@ FILE_MOST = 40e6
 # members that a worker on its own does not read, or that name places
 LEFT_OUT = {"queue", "name", "directory", "limits", "time_s", "timeout_s"}
 # how often a member is there that need not be
-OFTEN = {"sampling": 1, "solver": 0.8, "output": 0.6, "preview": 0.3, "mesh": 0.3, "region": 0.12, "attributes": 0.05, "isovalue": 0.6,
-         "threads": 0}
+OFTEN = {"sampling": 1, "solver": 0.8, "output": 0.6, "preview": 0.3, "mesh": 0.3, "region": 0.12, "attributes": 0.05,
+         "isovalue": 0.6, "threads": 0}
 TARGETS = {"count": 14, "spacing": 3, "density": 1, "control": 2, "resolve": 3}
 SURFACES = {"analytic": 6, "mesh": 6, "vdb": 5, "volume": 2, "labels": 2, "bspline": 1, "union": 1, "intersection": 1,
             "difference": 1, "offset": 1, "transform": 1}
@@ -274,6 +274,8 @@ def judge(worker, spec, folder, limits):
         fault = f"{memory:.0f} MB of {limits.memory_mb}"
     if not fault and code in ENDS:
         again, said_again, _ = run(worker, spec, folder / "second", limits, 3)
+        if again == -signal.SIGXCPU:
+            return "slow", None, said_again
         if again != code:
             fault = f"with 3 threads exit status {again}: {said_again[-300:]}"
         elif (first / "points.ply").read_bytes() != (folder / "second" / "points.ply").read_bytes():

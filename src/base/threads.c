@@ -103,9 +103,12 @@ int threads_count(const threads *t)
     return t ? t->count : 1;
 }
 
-void threads_narrow(threads *t, bool narrow)
+bool threads_narrow(threads *t, bool narrow)
 {
+    if (!t) return true;
+    const bool before = t->narrow;
     t->narrow = narrow;
+    return before;
 }
 
 bool threads_stopped(const threads *t)

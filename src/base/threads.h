@@ -27,8 +27,9 @@ threads *threads_new(int count, const volatile sig_atomic_t *stop, error *e);
 void threads_free(threads *t);
 int threads_count(const threads *t); /* 1 for NULL */
 
-/* Whether loops run on the calling thread alone from now on, which is faster for small ones. */
-void threads_narrow(threads *t, bool narrow);
+/* Whether loops run on the calling thread alone from now on, which is faster for small ones; returns what was so before. NULL
+ * is narrow. */
+bool threads_narrow(threads *t, bool narrow);
 
 bool threads_stopped(const threads *t); /* false for NULL */
 

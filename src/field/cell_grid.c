@@ -241,7 +241,9 @@ static bool search_list(search *w, error *e)
     size_t count = 0;
     for (size_t k = 0; k < chunks; k++) count += all.of[k].count;
     if (ok && count > CELL_GRID_MOST) ok = too_fine(w, e);
-    if (ok) g->crossing = mem_alloc((count + 1) * sizeof *g->crossing);
+    if (ok && count > 0)
+        ok = (g->crossing = mem_array(count, sizeof *g->crossing, "the cells that the surface crosses", e)) !=
+             NULL;
     for (size_t k = 0; k < chunks; k++) {
         if (ok && all.of[k].count > 0) {
             memcpy(g->crossing + g->count, all.of[k].crossing, all.of[k].count * sizeof *g->crossing);

@@ -283,9 +283,8 @@ static bool check_count(const making *k, error *e)
     return k->m.triangle_count <= k->most ||
            error_set(
                e, ERROR_LIMIT_MEMORY,
-               "its labels meet in more than %zu triangles, which need more memory than there is: sample an image, "
-               "nearly all of whose voxels differ from their neighbours, as surface.volume with an isovalue; for a "
-               "segmentation raise limits.memory_mb",
+               "all of its labels meet in more than %zu triangles, which need more memory than there is: sample an image "
+               "as surface.volume with an isovalue; of a segmentation name fewer labels, or raise limits.memory_mb",
                k->most);
 }
 

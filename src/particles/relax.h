@@ -100,10 +100,7 @@ double relax_max_support(const relax *r);
  * built: round an edge, or through a sheet. */
 double relax_creased_share(const relax *r, const particles *p);
 
-/* The same of neighbours within `reach` times the sizes, which the lists cover, and of all particles where they are. */
-double relax_creased_share_within(const relax *r, const particles *p, double reach);
-
-/* Whether so many do, of many, that their steps are guarded side by side: as of smoke. */
+/* Whether there are many particles, of which so large a share sees others turned away that creased steps are done in lanes. */
 bool relax_is_rough(const relax *r);
 
 /* Share of the particles, boundaries left out, that have other than six neighbours between the first and the second shell

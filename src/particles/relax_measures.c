@@ -227,39 +227,6 @@ bool relax_is_rough(const relax *r)
     return r->rough;
 }
 
-typedef struct creased_job {
-    const relax *r;
-    const particles *p;
-    double reach;
-    atomic_size_t creased;
-} creased_job;
-
-static void creased_chunk(void *context, int worker, size_t begin, size_t end)
-{
-    creased_job *job = context;
-    const particles *p = job->p;
-    size_t creased = 0;
-    (void)worker;
-    for (size_t i = begin; i < end; i++) {
-        const uint32_t *list = neighbours_list(job->r->near, i);
-        bool sees = false;
-        for (uint32_t k = 0; k < job->r->near->list_count[i] && !sees; k++) {
-            const double reach = 0.5 * job->reach * (p->size[i] + p->size[list[k]]);
-            sees = particles_facing(p, i, list[k]) <= RELAX_FLAT_COSINE &&
-                   vec3_norm2(vec3_sub(p->position[i], p->position[list[k]])) < reach * reach;
-        }
-        creased += sees;
-    }
-    atomic_fetch_add(&job->creased, creased);
-}
-
-double relax_creased_share_within(const relax *r, const particles *p, double reach)
-{
-    creased_job job = {.r = r, .p = p, .reach = reach};
-    threads_run(r->pool, p->count, 4096, creased_chunk, &job);
-    return (double)atomic_load(&job.creased) / (double)p->count;
-}
-
 /* Counts pairs within `reach` times the sizes, and particles that have not six of them. */
 typedef struct pairs_job {
     const relax *r;

@@ -462,8 +462,11 @@ bool job_reach(job *j, solution *s, error *e)
         if (s->triangles == 0) return true;
         const left_out_input in = {
             on, p->count, p->position, p->stands.spacing, (const uint32_t(*)[3])s->corner, s->triangles};
-        const bool ok = left_out_find(&in, LEFT_OUT, left, j->pool, &place, &count, e) &&
-                        sampler_hold(s->sampler, place, count, &goes_on, e);
+        error why = {0};
+        bool ok = left_out_find(&in, LEFT_OUT, left, j->pool, &place, &count, &why);
+        if (!ok && why.code == ERROR_LIMIT_MEMORY) return true; /* the points are as good as without */
+        if (!ok && e) *e = why;
+        ok = ok && sampler_hold(s->sampler, place, count, &goes_on, e);
         free(place);
         if (!ok || !goes_on) return ok;
         left -= count;

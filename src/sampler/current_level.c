@@ -176,16 +176,6 @@ static bool place(sampler *s, error *e)
     return arrange(s, e);
 }
 
-/* Whether the coarsest level, whose particles are where they start, will be dropped by sampler_replan when they rest: they see as
- * much there, by the least that lists reach. */
-static bool will_be_dropped(const sampler *s)
-{
-    const double reach = s->state.sigma + s->setup.schedule->skin_narrow * s->state.spacing;
-    return s->setup.method == &sampler_meyer && s->setup.fast && !sampler_is_given(s) &&
-           s->state.stage == 0 && s->state.plan.count > 1 && !s->state.p->patch &&
-           relax_creased_share_within(s->scratch.relax, s->state.p, reach) > s->setup.schedule->creased_share;
-}
-
 /* Particles on the coarsest level, where they start. */
 bool sampler_begin(sampler *s, double support, error *e)
 {
@@ -194,10 +184,7 @@ bool sampler_begin(sampler *s, double support, error *e)
     if (s->setup.params.max_sigma > 0) s->state.sigma = fmin(s->state.sigma, s->setup.params.max_sigma);
     if (!place(s, e)) return false;
     for (size_t i = 0; i < s->state.p->count; i++) s->state.p->lambda[i] = 0;
-    if (!s->setup.method->begin(s, e)) return false;
-    if (!will_be_dropped(s)) return true;
-    levels_drop_coarsest(&s->state.plan);
-    return sampler_begin(s, support, e);
+    return s->setup.method->begin(s, e);
 }
 
 static size_t count_on_boundary(const sampler *s)

@@ -52,7 +52,7 @@ bool sampler_hold(sampler *s, const vec3 *place, size_t count, bool *goes_on, er
     size_t held = 0;
     *goes_on = false;
     if (s->state.outcome != SAMPLER_CONVERGED || !s->state.p->place || sampler_is_given(s) ||
-        s->state.coarse || s->record.sweep_count == (size_t)s->setup.params.max_sweeps)
+        s->state.coarse || 2 * s->record.sweep_count >= (size_t)s->setup.params.max_sweeps)
         return true;
     for (size_t k = 0; k < count; k++) held += hold_at(s, place[k]);
     if (held == 0) return true;
@@ -64,5 +64,6 @@ bool sampler_hold(sampler *s, const vec3 *place, size_t count, bool *goes_on, er
     sampler_go_on(s);
     s->state.sweeps_in_round = 0; /* a long round before says nothing of how these particles creep */
     s->state.gain = s->setup.schedule->gain[s->state.stage];
+    s->state.recalls = 0;
     return true;
 }

@@ -3,7 +3,8 @@
  * Descent moves particles, and makes none and takes none away. So a dislocation that would have to climb stays where it is:
  * its half row ends there. Here a small piece of the packing around it is tried with one particle less, one more, or one moved
  * to another place, and comes to rest each time with all around held fast, other sheets included; the piece that costs least
- * replaces it: that has few particles with other than six neighbours, cells of even size, and little strain. Pieces do not touch each other, so that they are tried side by side,
+ * replaces it: that has few particles with other than six neighbours, cells of even size, and little strain. Pieces do not
+ * touch each other, so that they are tried side by side,
  * and what one gains another gives: the count stays. */
 #include <assert.h>
 #include <math.h>
@@ -321,7 +322,10 @@ static bool mend_once(mending *m, double *gain, error *e)
             t->start = m->order[next];
             m->sites += !m->taken[t->start] && gather(m, t) && claim(m, t);
         }
+        const bool narrow =
+            threads_narrow(s->setup.pool, false); /* a piece is long work, however few particles there are */
         threads_run(s->setup.pool, m->sites, 1, try_chunk, m);
+        threads_narrow(s->setup.pool, narrow);
         choose(m);
         *gain += apply(m);
     }

@@ -587,6 +587,7 @@ static void set_ends(volume *v)
         boundary |= 1u << (2 * along + high);
     }
     field_set_boundary(&v->base, boundary);
+    if (met) v->beyond = 0;
 }
 
 size_t volume_loose_ends(const volume *v, bbox box)

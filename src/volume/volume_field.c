@@ -116,6 +116,18 @@ static double steps_within_block(vec3 p, const int32_t voxel[3], vec3 step)
     return fmax(floor(steps) - 1, 0);
 }
 
+/* The share of the way from a place into the bricks' box, that is before the box. */
+static double way_to_bricks(const volume *v, vec3 from, vec3 way)
+{
+    double share = 0;
+    for (int axis = 0; axis < 3; axis++) {
+        const double at = vec3_get(from, axis), by = vec3_get(way, axis);
+        if (at < v->low[axis] && by > 0) share = fmax(share, (v->low[axis] - at) / by);
+        if (at > v->high[axis] && by < 0) share = fmax(share, (v->high[axis] - at) / by);
+    }
+    return share;
+}
+
 /* The voxel of a place, and the number of its brick. */
 static uint32_t brick_at(const volume *v, vec3 index, int32_t voxel[3])
 {
@@ -135,7 +147,7 @@ static double side_on_way(const volume *v, vec3 from)
     const int32_t *cell_to = v->cells[0].at;
     const vec3 way = vec3_sub((vec3){cell_to[0] + 0.5, cell_to[1] + 0.5, cell_to[2] + 0.5}, from);
     const double steps = fmax(ceil(fmax(fabs(way.x), fmax(fabs(way.y), fabs(way.z)))), 1); /* a voxel each */
-    for (double k = 1; k <= steps; k++) {
+    for (double k = fmax(floor(way_to_bricks(v, from, way) * steps) - 1, 1); k <= steps; k++) {
         const vec3 p = vec3_axpy(k / steps, way, from);
         int32_t voxel[3];
         const uint32_t brick = brick_at(v, p, voxel);
@@ -147,7 +159,16 @@ static double side_on_way(const volume *v, vec3 from)
 
 double volume_field_side_beyond(const volume *v)
 {
-    return side_on_way(v, (vec3){v->low[0] - 1, v->low[1] - 1, v->low[2] - 1});
+    double side = 0;
+    for (int corner = 0; corner < 8; corner++) {
+        vec3 at;
+        for (int axis = 0; axis < 3; axis++)
+            vec3_set(&at, axis, corner >> axis & 1 ? v->high[axis] + 1 : v->low[axis] - 1);
+        const double own = side_on_way(v, at);
+        if (corner > 0 && own != side) return 0;
+        side = own;
+    }
+    return side;
 }
 
 /* Every crossing lies in a brick, NEAR or more from its end, so the side is that of the first voxel of a brick
@@ -165,7 +186,7 @@ static double side(const field *f, vec3 x)
         if (v->info.size[axis] > 0 && !(at >= 0 && at <= (double)(v->info.size[axis] - 1))) return 1;
         within = within && at >= v->low[axis] && at < v->high[axis];
     }
-    if (!within) return v->beyond;
+    if (!within) return v->beyond != 0 ? v->beyond : side_on_way(v, from);
     const uint32_t brick = brick_at(v, from, voxel);
     if (brick == BLOCK_MAP_NONE) return side_on_way(v, from);
     return is_near(v, voxel) ? 0 : side_of_voxel(v, brick, voxel);

@@ -128,6 +128,17 @@ def test_a_half_space_in_a_region(sample):
     assert report["surface"]["area"] == pytest.approx(4 + PI * 0.25, rel=5e-4)
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("z", [6, 33])
+def test_a_plane_parts_the_places_beyond_its_bricks(sample, tmp_path, sign, z):
+    """A sphere far from the plane is another surface on the one side, and within the solid on the other."""
+    values = numpy.broadcast_to(sign * (numpy.arange(40.0) - 19.5), (40, 40, 40))
+    write_nrrd(tmp_path / "plane.nrrd", values.astype("f4"))
+    report, _ = sample({"union": [{"volume": {"path": str(tmp_path / "plane.nrrd"), "isovalue": 0}}, sphere(4, (20, 20, z))]})
+    within = (z > 19.5) == (sign > 0)
+    assert report["surface"]["area"] == pytest.approx(39**2 + (0 if within else 4 * PI * 16), rel=2e-3)
+
+
 def on_curve(points, *distances):
     """Steps of the row of points that lie on all of these surfaces, along a curve about the z axis."""
     on = numpy.max([numpy.abs(d) for d in distances], axis=0) < 1e-6

@@ -374,36 +374,9 @@ static void delivered_points_are_at_rest(void **state)
     }
 }
 
-/* A plate thinner than the spacing: with fewer points there is no more order, and no sweep is spent on them. */
-static void levels_that_see_through_take_no_sweep(void **state)
-{
-    (void)state;
-    const analytic_params plate = {.shape = ANALYTIC_BOX, .half_size = {1, 1, 0.02}, .rounding = 0.015};
-    for (int thin = 0; thin < 2; thin++) {
-        sampler_params params = even;
-        params.count = 3000;
-        params.coarse_to_fine = true;
-        error e = {0};
-        size_t count;
-        analytic *a = analytic_new(thin ? &plate : &shapes[0], NULL, &e);
-        threads *pool = threads_new(1, NULL, &e);
-        surface *scan = surface_scan(&a->base, pool, &e);
-        sampler *s = sampler_new(&a->base, scan, &params, pool, &e);
-        assert_non_null(s);
-        assert_true(sampler_step(s, &e));
-        print_message("# the first sweep is of %zu particles\n", sampler_sweeps(s, &count)[0].count);
-        assert_true((sampler_sweeps(s, &count)[0].count == params.count) == thin);
-        sampler_free(s);
-        surface_free(scan);
-        threads_free(pool);
-        analytic_free(a);
-    }
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(levels_that_see_through_take_no_sweep),
         cmocka_unit_test(delivered_points_are_at_rest),
         cmocka_unit_test(quartic_even),
         cmocka_unit_test(quartic_alpha),
