@@ -34,8 +34,9 @@ typedef struct cell_grid_oracle {
 } cell_grid_oracle;
 
 /* Fills in `crossing` and `count`; no crossing cell is no error. The same with any number of threads; the pool may be NULL.
- * Errors: limit_memory (more than CELL_GRID_MOST, which some of the blocks tell before all are looked at), not_supported
- * (cells too small to be told apart at their coordinates), cancelled. */
+ * Errors: limit_memory (more than CELL_GRID_MOST, which some of the blocks tell before all are looked at; more blocks that the
+ * surface may pass than an eighth of that; more than 2^31 cells along an axis, or 2^58 in all), not_supported (cells too small to
+ * be told apart at their coordinates), cancelled. */
 bool cell_grid_search(cell_grid *g, const field *f, const cell_grid_oracle *oracle, threads *pool, error *e);
 
 /* Cells along each axis of a block, of any level; blocks begin at the lowest corner. */

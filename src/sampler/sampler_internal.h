@@ -143,7 +143,8 @@ bool sampler_merges_rows(const sampler *s);
 /* What is left of the particles as sampler_settle has put them, which sweeps may not have seen. Error: limit_memory. */
 bool sampler_steps_settled(sampler *s, relax_steps *left, error *e);
 
-/* The last round of a solve that has ended goes on: particles are in other places. True. */
+/* The last round of a solve that has ended goes on: particles are in other places. Always true, for callers that return
+ * it. */
 bool sampler_go_on(sampler *s);
 
 /* Frees what sampler_finalize has made of the particles. */
