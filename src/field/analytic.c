@@ -1,6 +1,5 @@
 #include "field/analytic.h"
 
-#include <assert.h>
 #include <stdlib.h>
 
 #include "base/isa.h"

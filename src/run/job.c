@@ -419,6 +419,14 @@ static void drop_triangles(solution *s)
     s->triangles = 0;
 }
 
+/* Of a step that is left out where memory does not suffice: true then, too; else hands on why it failed. */
+static bool may_lack_memory(bool ok, const error *why, error *e)
+{
+    if (ok || why->code == ERROR_LIMIT_MEMORY) return true;
+    if (e) *e = *why;
+    return false;
+}
+
 /* The triangles between the points on a mesh. They stay NULL where memory does not suffice: the points alone tell most. */
 static bool make_triangles(const job *j, const mesh *on, solution *s, error *e)
 {
@@ -439,9 +447,7 @@ static bool make_triangles(const job *j, const mesh *on, solution *s, error *e)
     const bool ok = surface_mesh_make(&in, &s->corner, &s->triangles, &why);
     free(side);
     if (!ok) drop_triangles(s);
-    if (ok || why.code == ERROR_LIMIT_MEMORY) return true;
-    if (e) *e = why;
-    return false;
+    return may_lack_memory(ok, &why, e);
 }
 
 /* What the triangles may leave out of the mesh, in spacings: a third of the feature size is what users are promised. */
@@ -463,10 +469,9 @@ bool job_reach(job *j, solution *s, error *e)
         const left_out_input in = {
             on, p->count, p->position, p->stands.spacing, (const uint32_t(*)[3])s->corner, s->triangles};
         error why = {0};
-        bool ok = left_out_find(&in, LEFT_OUT, left, j->pool, &place, &count, &why);
-        if (!ok && why.code == ERROR_LIMIT_MEMORY) return true; /* the points are as good as without */
-        if (!ok && e) *e = why;
-        ok = ok && sampler_hold(s->sampler, place, count, &goes_on, e);
+        const bool found = left_out_find(&in, LEFT_OUT, left, j->pool, &place, &count, &why);
+        const bool ok =
+            may_lack_memory(found, &why, e) && sampler_hold(s->sampler, place, count, &goes_on, e);
         free(place);
         if (!ok || !goes_on) return ok;
         left -= count;
@@ -497,9 +502,7 @@ static bool find_cells(const job *j, const sampler_points *p, solution *s, bool 
     }
     free(has);
     drop_triangles(s);
-    if (why.code == ERROR_LIMIT_MEMORY) return true;
-    if (e) *e = why;
-    return false;
+    return may_lack_memory(false, &why, e);
 }
 
 bool job_measure(job *j, solution *s, error *e)

@@ -4,8 +4,7 @@
  * its half row ends there. Here a small piece of the packing around it is tried with one particle less, one more, or one moved
  * to another place, and comes to rest each time with all around held fast, other sheets included; the piece that costs least
  * replaces it: that has few particles with other than six neighbours, cells of even size, and little strain. Pieces do not
- * touch each other, so that they are tried side by side,
- * and what one gains another gives: the count stays. */
+ * touch each other, so that they are tried side by side, and what one gains another gives: the count stays. */
 #include <assert.h>
 #include <math.h>
 #include <stdlib.h>

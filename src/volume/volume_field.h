@@ -17,7 +17,7 @@ struct volume {
     double to_index[3][4], to_world[3][4];
     double low[3], high[3]; /* the bricks' box in index space; outside of it no lookup is needed */
     double
-        beyond; /* the side of all that is there, 1 or -1; 0 where the surface may part it: it meets the end of the data */
+        beyond; /* the side of all that is there, 1 or -1; 0 where the surface may part it, at the data's end */
     block_map map;
     float *coefficients; /* BRICK_SIZE a block of the map */
     uint64_t *inside;    /* 8 words a block: voxels that are inside, as in vdb.h's active flags */
