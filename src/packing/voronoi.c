@@ -19,6 +19,15 @@ static const double FLATTEST = 1e-6;
  * least. */
 static const double DEEP = 0.5;
 
+/* Triangles that are sifted side by side, and how many of the nearest points do so. */
+enum { SIEVED = 8, CUTTERS = 32 };
+typedef float sieve_row __attribute__((vector_size(4 * SIEVED)));
+typedef int32_t sieve_mask __attribute__((vector_size(4 * SIEVED)));
+/* A sieve is in single precision, and lets through what it is not sure of: thin triangles, and bounds that are far away. */
+static const float SIEVE_OTHER_SIDE2 = 0.999f * (float)(VORONOI_OTHER_SIDE * VORONOI_OTHER_SIDE);
+static const float SIEVE_THIN = 0.09f, SIEVE_MORE = 1.001f, SIEVE_FAR2 = 100;
+static const double LOOSE = 2e-4;
+
 /* A point as its triangles see it. */
 typedef struct site {
     uint32_t index, place; /* among all; in the list */
@@ -39,8 +48,11 @@ typedef struct surroundings {
     double x[VORONOI_STAR_MAX], y[VORONOI_STAR_MAX], z[VORONOI_STAR_MAX];
     double nx[VORONOI_STAR_MAX], ny[VORONOI_STAR_MAX], nz[VORONOI_STAR_MAX], spacing[VORONOI_STAR_MAX];
     double square[VORONOI_STAR_MAX]; /* how far it and all behind it are at least, squared */
-    const site *last
-        [2]; /* who left nothing of the triangle before, on either side; or NULL. Mostly they do so again */
+    /* once more in single precision, from the point at hand and over its spacing; `widest` is twice the widest circumradius there */
+    float near_x[VORONOI_STAR_MAX], near_y[VORONOI_STAR_MAX], near_z[VORONOI_STAR_MAX];
+    float near_nx[VORONOI_STAR_MAX], near_ny[VORONOI_STAR_MAX], near_nz[VORONOI_STAR_MAX],
+        near_widest[VORONOI_STAR_MAX];
+    float own_nx, own_ny, own_nz, loose;
 } surroundings;
 
 /* Three points, and of the line of places that are as far from each, counted along `across` from their
@@ -92,7 +104,6 @@ static bool gather_sites(const voronoi_sites *in, uint32_t a, surroundings *out)
     }
     out->own = site_at(in, a, 0, in->normal[a]);
     out->count = listed;
-    out->last[0] = out->last[1] = NULL;
     for (uint32_t k = 0; k < listed; k++) out->near[k] = site_at(in, list[order[k]], order[k], in->normal[a]);
     for (uint32_t k = 0; listed > 0 && k < (listed + SIDE_BY_SIDE - 1) / SIDE_BY_SIDE * SIDE_BY_SIDE; k++) {
         const site *of = &out->near[k < listed ? k : listed - 1];
@@ -104,6 +115,21 @@ static bool gather_sites(const voronoi_sites *in, uint32_t a, surroundings *out)
         out->nz[k] = of->normal.z;
         out->spacing[k] = of->spacing;
     }
+    const double over = 1 / out->own.spacing;
+    for (uint32_t k = 0; k < listed; k++) {
+        const site *of = &out->near[k];
+        out->near_x[k] = (float)((of->at.x - out->own.at.x) * over);
+        out->near_y[k] = (float)((of->at.y - out->own.at.y) * over);
+        out->near_z[k] = (float)((of->at.z - out->own.at.z) * over);
+        out->near_nx[k] = (float)of->normal.x;
+        out->near_ny[k] = (float)of->normal.y;
+        out->near_nz[k] = (float)of->normal.z;
+        out->near_widest[k] = (float)(2 * WIDEST * fmax(1, of->spacing * over));
+    }
+    out->own_nx = (float)out->own.normal.x;
+    out->own_ny = (float)out->own.normal.y;
+    out->own_nz = (float)out->own.normal.z;
+    out->loose = listed > 0 ? (float)(LOOSE * square[listed - 1] * over * over) : 0;
     for (uint32_t k = listed; k-- > 0;) {
         double own = vec3_norm2(vec3_sub(out->near[k].at, out->own.at));
         out->square[k] = k + 1 < listed && out->square[k + 1] < own ? out->square[k + 1] : own;
@@ -290,17 +316,14 @@ static bool is_across_surface_wide(const voronoi_sites *in, uint32_t at_hand, tr
 
 /* Whether the point at hand and two of those around are a triangle of the surface: of the Delaunay
  * triangulation in space, between a tetrahedron whose circumcentre is inside and one whose is not. */
-static bool is_on_surface(const voronoi_sites *in, surroundings *s, const site *b, const site *c)
+static bool is_on_surface(const voronoi_sites *in, const surroundings *s, const site *b, const site *c,
+                          const int32_t by[2])
 {
     triangle t;
     if (!span_triangle(&s->own, b, c, &t)) return false;
     for (int side = 0; side < 2; side++)
-        if (s->last[side] && !cut_by(s->last[side], &t)) return false;
-    if (!cut_by_near(s, &t)) {
-        s->last[0] = t.low_by;
-        s->last[1] = t.high_by;
-        return false;
-    }
+        if (by[side] >= 0 && !cut_by(&s->near[by[side]], &t)) return false;
+    if (!cut_by_near(s, &t)) return false;
     return t.wide ? is_across_surface_wide(in, s->own.index, &t) : is_across_surface(&t);
 }
 
@@ -546,15 +569,105 @@ ISA_CLONES static uint32_t find_thirds(const surroundings *s, const site *b, con
     return count;
 }
 
+/* Triangles of the point at hand, b and others, side by side, in single precision and in spacings from the point at hand. */
+typedef struct sieve {
+    sieve_row x, y, z, nx, ny, nz, widest;
+    sieve_mask third; /* their places in the surroundings */
+    sieve_mask stays, low_by, high_by;
+} sieve;
+
+/* Lane by lane a where `which` is set, else b. (No function: vectors are not handed over alike with and without AVX.) */
+#define CHOOSE(which, a, b) (((a) & (which)) | ((b) & ~(which)))
+
+ISA_INLINE bool is_any_set(const sieve_mask *m)
+{
+    int32_t any = 0;
+    for (int l = 0; l < SIEVED; l++) any |= (*m)[l];
+    return any != 0;
+}
+
+/* Tells which triangles may be of the surface: of the others the nearest points surely leave nothing. */
+ISA_CLONES static void sift(const surroundings *s, uint32_t at, uint32_t cutters, sieve *t)
+{
+    const sieve_row ux = s->near_x[at] - (sieve_row){0}, uy = s->near_y[at] - (sieve_row){0},
+                    uz = s->near_z[at] - (sieve_row){0}, vx = t->x, vy = t->y, vz = t->z;
+    const sieve_row u2 = ux * ux + uy * uy + uz * uz, v2 = vx * vx + vy * vy + vz * vz;
+    const sieve_row dx = ux - vx, dy = uy - vy, dz = uz - vz, uv2 = dx * dx + dy * dy + dz * dz;
+    const sieve_row wx = uy * vz - uz * vy, wy = uz * vx - ux * vz, wz = ux * vy - uy * vx;
+    const sieve_row w2 = wx * wx + wy * wy + wz * wz, half = 0.5f / w2;
+    const sieve_row cx = half * (v2 * (wy * uz - wz * uy) + u2 * (vy * wz - vz * wy));
+    const sieve_row cy = half * (v2 * (wz * ux - wx * uz) + u2 * (vz * wx - vx * wz));
+    const sieve_row cz = half * (v2 * (wx * uy - wy * ux) + u2 * (vx * wy - vy * wx));
+    const sieve_row bound = cx * cx + cy * cy + cz * cz - s->loose;
+    const sieve_row fx = s->own_nx + s->near_nx[at] + t->nx, fy = s->own_ny + s->near_ny[at] + t->ny,
+                    fz = s->own_nz + s->near_nz[at] + t->nz;
+    const sieve_row hidden2 = SIEVE_OTHER_SIDE2 * (fx * fx + fy * fy + fz * fz);
+    const sieve_mask thin = ~(w2 > SIEVE_THIN * u2 * v2);
+    sieve_mask gone = u2 * v2 * uv2 > SIEVE_MORE * t->widest * t->widest * w2;
+    sieve_mask stays = ~gone | thin, low_by = (sieve_mask){0} - 1, high_by = low_by;
+    sieve_row low = (sieve_row){0} - INFINITY, high = (sieve_row){0} + INFINITY;
+    for (uint32_t k = 0; k < cutters; k++) {
+        if (k == at) continue;
+        const sieve_row facing = s->near_nx[k] * fx + s->near_ny[k] * fy + s->near_nz[k] * fz;
+        const sieve_row qx = s->near_x[k] - cx, qy = s->near_y[k] - cy, qz = s->near_z[k] - cz;
+        const sieve_row along = 2 * (wx * qx + wy * qy + wz * qz);
+        const sieve_row to = (qx * qx + qy * qy + qz * qz - bound) / along;
+        const sieve_mask sees = ((facing > 0) | (facing * facing < hidden2)) & (t->third != (int32_t)k);
+        const sieve_mask above = sees & (along > 0) & (to < high), below = sees & (along < 0) & (to > low);
+        high = (sieve_row)CHOOSE(above, (sieve_mask)to, (sieve_mask)high);
+        low = (sieve_row)CHOOSE(below, (sieve_mask)to, (sieve_mask)low);
+        high_by = CHOOSE(above, (sieve_mask){0} + (int32_t)k, high_by);
+        low_by = CHOOSE(below, (sieve_mask){0} + (int32_t)k, low_by);
+        gone |= (low > high) & (low * low * w2 < SIEVE_FAR2) & (high * high * w2 < SIEVE_FAR2);
+        stays = ~gone | thin;
+        if (k % 4 == 3 && !is_any_set(&stays)) break;
+    }
+    t->stays = stays;
+    t->low_by = low_by;
+    t->high_by = high_by;
+}
+
+/* Leaves of the thirds those whose triangles may be of the surface. `by` receives who leaves least of each, on either side; -1:
+ * nobody. */
+static uint32_t sift_thirds(const surroundings *s, uint32_t at, uint32_t third[VORONOI_STAR_MAX],
+                            uint32_t count, int32_t by[VORONOI_STAR_MAX][2])
+{
+    const uint32_t cutters = s->count < CUTTERS ? s->count : CUTTERS;
+    uint32_t kept = 0;
+    sieve t;
+    for (uint32_t first = 0; first < count; first += SIEVED) {
+        for (uint32_t l = 0; l < SIEVED; l++) {
+            const uint32_t k = third[first + l < count ? first + l : count - 1];
+            t.x[l] = s->near_x[k];
+            t.y[l] = s->near_y[k];
+            t.z[l] = s->near_z[k];
+            t.nx[l] = s->near_nx[k];
+            t.ny[l] = s->near_ny[k];
+            t.nz[l] = s->near_nz[k];
+            t.widest[l] = s->near_widest[k] > s->near_widest[at] ? s->near_widest[k] : s->near_widest[at];
+            t.third[l] = (int32_t)k;
+        }
+        sift(s, at, cutters, &t);
+        for (uint32_t l = 0; l < SIEVED && first + l < count; l++) {
+            third[kept] = (uint32_t)t.third[l];
+            by[kept][0] = t.low_by[l];
+            by[kept][1] = t.high_by[l];
+            kept += t.stays[l] != 0;
+        }
+    }
+    return kept;
+}
+
 static void join_triangles(const voronoi_sites *in, surroundings *s, uint32_t at, tour *t, voronoi_star *out)
 {
     const site *a = &s->own, *b = &s->near[at];
     uint32_t third[VORONOI_STAR_MAX];
+    int32_t by[VORONOI_STAR_MAX][2];
     t->done[at] = true;
-    const uint32_t thirds = find_thirds(s, b, t, third);
+    const uint32_t thirds = sift_thirds(s, at, third, find_thirds(s, b, t, third), by);
     for (uint32_t k = 0; k < thirds; k++) {
         const site *c = &s->near[third[k]];
-        if (!is_on_surface(in, s, b, c)) continue;
+        if (!is_on_surface(in, s, b, c, by[k])) continue;
         uint32_t at_b = join_edge(in->position, a->index, b, c->index, out), met = out->count;
         uint32_t at_c = join_edge(in->position, a->index, c, b->index, out);
         if (out->count > met) t->met[t->count++] = third[k];
