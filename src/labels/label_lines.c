@@ -10,17 +10,25 @@
 static const char what[] = "the lines between labels";
 
 /* Coefficients of a quadric over a plane; vertices that are looked at, and interfaces that meet, around one. */
-enum { TERMS = 6, MOST_NEAR = 4096, MOST_KINDS = 8, GRAIN = 64 };
+enum { PLANE = 3, TERMS = 6, MOST_NEAR = 8192, MOST_KINDS = 8, GRAIN = 64 };
 
 /* What holds a plane back, as a share of the weights, and curvature: little, lest quadrics are flat at their ends; and a
  * vertex where no interface would hold it. */
 static const double plane_stiffness = 1e-5, curvature_stiffness = 1e-3, rest = 1e-2;
 /* A middle counts by so much where the quadric passes between both of its voxels: farther off it counts whole. */
 static const double between_weight = 0.01;
-enum { PASSES = 7 }; /* of a quadric, each of which knows from the one before where it passes */
+/* Most passes of a fit, each of which knows from the one before where the quadric passes; it ends before where a pass
+ * turns and shifts the quadric by less, in radii. */
+enum { PASSES = 7 };
+static const double at_rest = 1e-3;
 /* Where lines meet each interface has a corner, of fewer voxels: these are looked for farther away. */
 static const double wider = 1.4;
 static const double least_weight = 3; /* of the vertices of an interface */
+/* What is near grows by so much and so often, for an interface whose plane or quadric passes between its voxels but for so
+ * much of one: the more voxels, the better a smooth interface is known. A plane that misses so many times that is given up. */
+static const double growth = 1.4, most_missed = 0.01, hopeless = 4;
+enum { GROWTHS = 2 };
+static const double most_stretch = 2;
 
 typedef struct work {
     const label_lines *l;
@@ -64,9 +72,9 @@ static void gather(const label_lines *l, uint32_t start, near_by *out)
 }
 
 /* Solves the symmetric positive definite system in place (Cholesky). */
-static void solve(double a[TERMS][TERMS], double b[TERMS])
+static void solve(double a[TERMS][TERMS], double b[TERMS], int terms)
 {
-    for (int i = 0; i < TERMS; i++) {
+    for (int i = 0; i < terms; i++) {
         for (int j = 0; j <= i; j++) {
             double sum = a[i][j];
             for (int k = 0; k < j; k++) sum -= a[i][k] * a[j][k];
@@ -75,8 +83,8 @@ static void solve(double a[TERMS][TERMS], double b[TERMS])
         for (int k = 0; k < i; k++) b[i] -= a[i][k] * b[k];
         b[i] /= a[i][i];
     }
-    for (int i = TERMS; i-- > 0;) {
-        for (int k = i + 1; k < TERMS; k++) b[i] -= a[k][i] * b[k];
+    for (int i = terms; i-- > 0;) {
+        for (int k = i + 1; k < terms; k++) b[i] -= a[k][i] * b[k];
         b[i] /= a[i][i];
     }
 }
@@ -91,11 +99,46 @@ static bool is_beside_line(const label_graph *g, uint32_t v)
     return false;
 }
 
-/* A height over a plane: term[0] + term[1] s + term[2] t + term[3] s^2 + term[4] s t + term[5] t^2, in radii. */
+/* From one voxel to the other of a middle: it has half a voxel along the axes in which they differ. */
+static vec3 apart_at(vec3 middle)
+{
+    return (vec3){middle.x != floor(middle.x), middle.y != floor(middle.y), middle.z != floor(middle.z)};
+}
+
+/* The middle of two voxels of one interface. */
+typedef struct between {
+    vec3 off, apart; /* from the vertex; of the voxels; in radii */
+    double near, weight;
+} between;
+
+static size_t list_between(const work *w, const near_by *n, uint32_t kind, vec3 x, between out[MOST_NEAR])
+{
+    size_t count = 0;
+    for (size_t k = 0; k < n->count; k++) {
+        if (w->l->graph->kind[n->vertex[k]] != kind) continue;
+        const vec3 middle = w->l->middle[n->vertex[k]], off = vec3_scale(vec3_sub(middle, x), 1 / n->radius);
+        const double near = fmax(1 - vec3_norm2(off), 0);
+        out[count++] =
+            (between){off, vec3_scale(apart_at(middle), 1 / n->radius), near,
+                      near * near * (is_beside_line(w->l->graph, n->vertex[k]) ? beside_weight : 1)};
+    }
+    return count;
+}
+
+/* A height over a plane: term[0] + term[1] s + term[2] t + f (term[3] s^2 + term[4] s t + term[5] t^2), in radii. By f the
+ * squares are those of the way to a place, not of its shadow on the plane: so spheres are quadrics, too. */
 typedef struct quadric {
     vec3 u, v, up;
+    int terms; /* PLANE: the others are 0 */
     double term[TERMS];
 } quadric;
+
+/* The square of the way to a place over that of its shadow. */
+static double stretch(vec3 off, double s, double t)
+{
+    const double flat = s * s + t * t, all = vec3_norm2(off);
+    return all < most_stretch * flat ? all / flat : most_stretch;
+}
 
 /* How far up a place lies from the quadric: no more than `most` where this passes between two voxels `apart`. */
 static double above(const quadric *q, vec3 off, vec3 apart, double *most)
@@ -104,33 +147,27 @@ static double above(const quadric *q, vec3 off, vec3 apart, double *most)
                  along_s = c[1] + 2 * c[3] * s + c[4] * t, along_t = c[2] + 2 * c[5] * t + c[4] * s;
     *most = 0.5 *
             fabs(vec3_dot(apart, q->up) - along_s * vec3_dot(apart, q->u) - along_t * vec3_dot(apart, q->v));
-    return vec3_dot(off, q->up) - (c[0] + s * (c[1] + c[3] * s + c[4] * t) + t * (c[2] + c[5] * t));
-}
-
-/* From one voxel to the other of a middle: it has half a voxel along the axes in which they differ. */
-static vec3 apart_at(vec3 middle)
-{
-    return (vec3){middle.x != floor(middle.x), middle.y != floor(middle.y), middle.z != floor(middle.z)};
+    const double bend =
+        q->terms > PLANE ? stretch(off, s, t) * (c[3] * s * s + c[4] * s * t + c[5] * t * t) : 0;
+    return vec3_dot(off, q->up) - (c[0] + c[1] * s + c[2] * t + bend);
 }
 
 /* Makes the quadric's terms anew, over its plane, by least squares: of the middles, and where there is a quadric before, of
- * by how much that one does not pass between their voxels. */
-static bool fit_terms(const work *w, const near_by *n, uint32_t kind, vec3 x, const quadric *before,
-                      quadric *q)
+ * by how much that one does not pass between their voxels: *missed, the root of the mean square, in radii. */
+static bool fit_terms(const between *m, size_t count, const quadric *before, quadric *q, double *missed)
 {
-    const label_lines *l = w->l;
-    double a[TERMS][TERMS] = {{0}}, *b = q->term, all = 0, counted = 0;
+    double a[TERMS][TERMS] = {{0}}, *b = q->term, all = 0, counted = 0, near = 0;
     memset(b, 0, sizeof q->term);
-    for (size_t k = 0; k < n->count; k++) {
-        if (l->graph->kind[n->vertex[k]] != kind) continue;
-        const vec3 middle = l->middle[n->vertex[k]];
-        vec3 off = vec3_scale(vec3_sub(middle, x), 1 / n->radius);
-        const double near = fmax(1 - vec3_norm2(off), 0);
-        double weight = near * near * (is_beside_line(l->graph, n->vertex[k]) ? beside_weight : 1), most;
+    *missed = 0;
+    for (size_t k = 0; k < count; k++) {
+        vec3 off = m[k].off;
+        double weight = m[k].weight, most;
         all += weight;
+        near += m[k].near;
         if (before) {
-            const double up = above(before, off, vec3_scale(apart_at(middle), 1 / n->radius), &most);
-            if (fabs(up) > most) {
+            const double up = above(before, off, m[k].apart, &most), over = fabs(up) - most;
+            if (over > 0) {
+                *missed += m[k].near * over * over;
                 off = vec3_axpy((up > 0 ? -most : most) / (1 + between_weight), before->up, off);
                 weight *= 1 + between_weight;
             } else {
@@ -138,16 +175,18 @@ static bool fit_terms(const work *w, const near_by *n, uint32_t kind, vec3 x, co
             }
         }
         const double s = vec3_dot(off, q->u), t = vec3_dot(off, q->v),
-                     term[TERMS] = {1, s, t, s * s, s * t, t * t};
-        for (int i = 0; i < TERMS; i++) {
+                     f = q->terms > PLANE ? stretch(off, s, t) : 0,
+                     term[TERMS] = {1, s, t, f * s * s, f * s * t, f * t * t};
+        for (int i = 0; i < q->terms; i++) {
             for (int j = 0; j <= i; j++) a[i][j] += weight * term[i] * term[j];
             b[i] += weight * term[i] * vec3_dot(off, q->up);
         }
         counted += weight;
     }
     if (all < least_weight) return false;
-    for (int i = 0; i < TERMS; i++) a[i][i] += i < 3 ? plane_stiffness * counted : curvature_stiffness;
-    solve(a, b);
+    *missed = sqrt(*missed / near);
+    for (int i = 0; i < q->terms; i++) a[i][i] += i < PLANE ? plane_stiffness * counted : curvature_stiffness;
+    solve(a, b, q->terms);
     return true;
 }
 
@@ -158,49 +197,94 @@ static vec3 normal_of(const quadric *q, double *length)
     return vec3_scale(vec3_axpy(-q->term[1], q->u, vec3_axpy(-q->term[2], q->v, q->up)), 1 / *length);
 }
 
-/* The plane, through a place at *distance along *normal from x, in which the interface `kind` passes by x. */
-static bool fit(const work *w, const near_by *n, uint32_t kind, vec3 x, vec3 *normal, double *distance)
+/* An interface near a vertex, and the plane, through a place at `distance` along `normal` from this, in which it passes. */
+typedef struct passing {
+    uint32_t kind;
+    bool is_known, grows;
+    vec3 normal;
+    double distance;
+} passing;
+
+/* Fits a plane or quadric, by its `terms`, and leaves in p the plane in which it passes x; *missed, in voxels. False: the
+ * middles are too few. */
+static bool fit_quadric(const between *m, size_t count, double radius, int terms, passing *p, double *missed)
 {
-    vec3 sum = {0, 0, 0};
+    quadric q = {.terms = terms}, before;
     double length;
-    quadric q, before;
-    for (size_t k = 0; k < n->count; k++)
-        if (w->l->graph->kind[n->vertex[k]] == kind) sum = vec3_add(sum, w->normal[n->vertex[k]]);
-    if (!(vec3_norm2(sum) > 0)) return false;
-    *normal = vec3_unit(sum);
     for (int pass = 0; pass < PASSES; pass++) { /* each over the plane that the one before has at x */
         before = q;
-        q.up = *normal;
+        q.up = p->normal;
         vec3_frame(q.up, &q.u, &q.v);
-        if (!fit_terms(w, n, kind, x, pass > 0 ? &before : NULL, &q)) return false;
-        *normal = normal_of(&q, &length);
+        if (!fit_terms(m, count, pass > 0 ? &before : NULL, &q, missed)) return false;
+        *missed *= radius;
+        p->normal = normal_of(&q, &length);
+        const double turned = vec3_norm(vec3_sub(p->normal, q.up)),
+                     shifted = fabs(q.term[0] - before.term[0]);
+        if (pass > 1 && turned < at_rest && shifted < at_rest) break;
+        if (pass > 1 && terms == PLANE && *missed > hopeless * most_missed) break;
     }
-    *distance = n->radius * q.term[0] / length;
+    p->distance = radius * q.term[0] / length;
     return true;
+}
+
+/* Fits the interface in what is near: a plane where that passes between its voxels, else a quadric. What passes so, or is the
+ * first, is taken. */
+static void fit(const work *w, const near_by *n, vec3 x, passing *p)
+{
+    between m[MOST_NEAR];
+    const size_t count = list_between(w, n, p->kind, x, m);
+    vec3 sum = {0, 0, 0};
+    p->grows = false;
+    for (size_t k = 0; k < n->count; k++)
+        if (w->l->graph->kind[n->vertex[k]] == p->kind) sum = vec3_add(sum, w->normal[n->vertex[k]]);
+    if (!(vec3_norm2(sum) > 0)) return;
+    for (int terms = PLANE; terms <= TERMS && !p->grows; terms += TERMS - PLANE) {
+        passing found = {.kind = p->kind, .is_known = true, .normal = vec3_unit(sum)};
+        double missed;
+        if (!fit_quadric(m, count, n->radius, terms, &found, &missed)) return;
+        p->grows = found.grows = missed <= most_missed;
+        if (p->grows || (terms == TERMS && !p->is_known)) *p = found;
+    }
+}
+
+static int list_interfaces(const label_graph *g, const near_by *n, passing out[MOST_KINDS])
+{
+    int count = 0;
+    for (size_t k = 0; k < n->count && count < MOST_KINDS; k++) {
+        const uint32_t kind = g->kind[n->vertex[k]];
+        bool listed = false;
+        for (int i = 0; i < count; i++) listed |= out[i].kind == kind;
+        if (!listed) out[count++] = (passing){.kind = kind, .grows = true};
+    }
+    return count;
 }
 
 /* By how much a vertex moves to lie on all interfaces that are near: the least squares of the distances. */
 static vec3 move(const work *w, uint32_t v)
 {
     const label_graph *g = w->l->graph;
-    near_by near;
-    uint32_t kinds[MOST_KINDS];
-    int count = 0;
+    const vec3 x = w->l->m->vertex[v];
+    near_by near = {.radius = w->l->radius * (g->along[v] > 2 ? wider : 1)};
+    passing p[MOST_KINDS];
     sym3 a = {rest, rest, rest, 0, 0, 0};
     vec3 b = {0, 0, 0};
-    near.radius = w->l->radius * (g->along[v] > 2 ? wider : 1);
-    gather(w->l, v, &near);
-    for (size_t k = 0; k < near.count && count < MOST_KINDS; k++) {
-        bool known = false;
-        vec3 n;
-        double distance;
-        for (int i = 0; i < count; i++) known |= kinds[i] == g->kind[near.vertex[k]];
-        if (known) continue;
-        kinds[count++] = g->kind[near.vertex[k]];
-        if (!fit(w, &near, kinds[count - 1], w->l->m->vertex[v], &n, &distance)) continue;
+    int count = 0;
+    bool grows = true;
+    for (int k = 0; grows && k <= GROWTHS; k++, near.radius *= growth) {
+        gather(w->l, v, &near);
+        if (k == 0) count = list_interfaces(g, &near, p);
+        grows = false;
+        for (int i = 0; i < count; i++) {
+            if (p[i].grows) fit(w, &near, x, &p[i]);
+            grows |= p[i].grows;
+        }
+    }
+    for (int i = 0; i < count; i++) {
+        const vec3 n = p[i].normal;
+        if (!p[i].is_known) continue;
         a = (sym3){a.xx + n.x * n.x, a.yy + n.y * n.y, a.zz + n.z * n.z,
                    a.xy + n.x * n.y, a.xz + n.x * n.z, a.yz + n.y * n.z};
-        b = vec3_axpy(distance, n, b);
+        b = vec3_axpy(p[i].distance, n, b);
     }
     return sym3_solve(a, b);
 }

@@ -2,8 +2,9 @@
  *
  * Voxels tell less of a line than of the interfaces that meet there: where a material ends in a wedge, the last voxel with
  * its centre inside lies the farther from the edge the narrower the wedge. To each interface that a vertex of a line
- * belongs to a quadric is fitted, by least squares of by how much it does not pass between the voxels that it parts nearby;
- * the vertex goes to the place that is nearest to all of them. Where lines meet, voxels farther away are looked at, too.
+ * belongs to a plane or quadric is fitted, by least squares of by how much it does not pass between the voxels that it parts
+ * nearby: as far around as it does pass between them, twice the radius at most. The vertex goes to the place that is nearest
+ * to all of them. Where lines meet, voxels farther away are looked at, too.
  */
 #ifndef HEXAD_LABELS_LABEL_LINES_H
 #define HEXAD_LABELS_LABEL_LINES_H
