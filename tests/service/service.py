@@ -124,7 +124,7 @@ class Service:
         self.build, self.base = build, pathlib.Path(base)
         self.options = [str(o) for o in options]
         for key, value in (("--listen", "127.0.0.1:0"), ("--tcp_without_tokens", OPEN_TCP), ("--workers", "2"),
-                           ("--reserve_mb", "1"), ("--log_level", "debug")):
+                           ("--reserve_mb", "1"), ("--estimate_timeout_s", str(PATIENCE_S)), ("--log_level", "debug")):
             if key not in self.options:
                 self.options += [key, value]
         self.state = self.base / "state"

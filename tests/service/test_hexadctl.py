@@ -101,7 +101,7 @@ def test_unresolved(run, tmp_path):
 
 def test_notes_reach_who_waits_and_who_asks(new_service, build, tmp_path):
     """A thin plate with few points: what is said of it, and what to do, is told before the job, after it, and later."""
-    service = new_service("--estimate_timeout_s", 600).start()
+    service = new_service().start()
 
     def run(*words):
         return subprocess.run([build / "hexadctl", *map(str, words)], capture_output=True, text=True,

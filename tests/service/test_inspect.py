@@ -161,7 +161,7 @@ def test_the_service_looks_into_what_jobs_may_read(new_service, build, tmp_path)
     (root / "cube.obj").write_text(CUBE + "f 4 1 5 8\n")
     (root / "open.obj").write_bytes(b"\x00damaged")
     (tmp_path / "outside.obj").write_text(CUBE)
-    service = new_service("--input_roots", root, "--estimate_timeout_s", 600).start()
+    service = new_service("--input_roots", root).start()
     reply = ask(service, "cube.obj")
     assert reply.status == 200, reply.body
     found = json.loads(reply.body)

@@ -46,7 +46,7 @@ def socket_service(build, tmp_path):
 
 @pytest.fixture(scope="module")
 def client(build, tmp_path_factory):
-    service = on_a_socket(build, tmp_path_factory.mktemp("client"), "--estimate_timeout_s", "300").start()
+    service = on_a_socket(build, tmp_path_factory.mktemp("client")).start()
     made = hexad.Client(service.address)
     made.service = service
     yield made

@@ -504,7 +504,7 @@ def test_a_look_that_was_refused_is_asked_for_again(new_service, browser, tmp_pa
     gate, program = tmp_path / "gate", tmp_path / "waiting"
     program.write_text(WAITING % (gate, build / "hexad-worker"))
     program.chmod(0o700)
-    service = new_service("--worker", program, "--estimates", 1, "--estimate_timeout_s", 300).start()
+    service = new_service("--worker", program, "--estimates", 1).start()
     other = threading.Thread(target=lambda: service.post("/v1/jobs:validate", sphere()))
     other.start()
     try:
@@ -523,7 +523,7 @@ def test_a_look_that_was_refused_is_asked_for_again(new_service, browser, tmp_pa
 def test_a_mesh_is_dropped_and_becomes_points(closed_service, browser):  # noqa: F811
     """The way of somebody who is new: sign in, drop a mesh, submit, watch, turn, download."""
     closed_service.end()
-    closed_service.start("--estimate_timeout_s", 300)
+    closed_service.start()
     sign_in(browser, closed_service, "dora")
     browser.press("New job", "header")
     drop(browser)
@@ -569,7 +569,7 @@ def test_files_of_the_input_roots_are_chosen(new_service, browser, tmp_path):
     root = tmp_path / "root"
     (root / "shots").mkdir(parents=True)
     (root / "shots" / "cube.obj").write_text(CUBE)
-    service = new_service("--input_roots", root, "--estimate_timeout_s", 300).start()
+    service = new_service("--input_roots", root).start()
     browser.open(service, "#/submit")
     browser.one("details summary").click()
     browser.press(f"{root}/", ".drop")
