@@ -11,8 +11,9 @@
 /* The longest side of a cell: the spacing, but of few points less, so that normals and sizes are seen. */
 static const double least_cells = 32; /* along the longest side of the mesh */
 /* Of a mesh that is to be resolved: few places ask for the least spacing, which is this share of the longest side unless the
- * spec says otherwise, or of a finer mesh a third of its triangles' side: this share of their area's root. */
-static const double most_cells = 4e5, own_floor = 1.0 / 256, triangle_floor = 0.5;
+ * spec says otherwise, or of a finer mesh a quarter of its triangles' side: this share of their area's root. A scan bends by a
+ * triangle's side, and with a third of it the ends of a dragon's thorns are missed by half the spacing. */
+static const double most_cells = 6.25e5, own_floor = 1.0 / 256, triangle_floor = 0.4;
 /* Of the area: with more the outcome would be unresolved. */
 static const double most_missing = 0.01;
 /* Of a mesh that is to be resolved and has no other sharp edges, radians. A side of h that cuts off an edge bent by this misses

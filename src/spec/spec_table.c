@@ -1008,7 +1008,7 @@ const spec_row spec_rows[] = {
      .prose =
          "The smallest spacing. Belongs to curvature, grid, feature and curve_spacing. Features ask for no spacing below it, or "
          "by default below a quarter of a voxel (of a formula: of a cell; of a mesh that resolve samples on its "
-         "triangles: 1/256 of its longest side, or a third of the side of its triangles, more where its area is large)."},
+         "triangles: 1/256 of its longest side, or a quarter of the side of its triangles, more where its area is large)."},
     {.pointer = "/sampling/max_spacing",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,

@@ -498,7 +498,7 @@ def test_a_mesh_that_is_to_be_resolved_has_a_least_spacing(worker, tmp_path):
 
 @pytest.mark.plain
 def test_the_least_spacing_follows_the_triangles(worker, tmp_path):
-    """Details of a scan are as small as its triangles: a third of their side."""
+    """Details of a scan are smaller than its triangles: a quarter of their side is told."""
     n = 210
     u, v = (g.ravel() for g in numpy.meshgrid(2 * numpy.pi * numpy.arange(n) / n, 2 * numpy.pi * numpy.arange(n) / n, indexing="ij"))
     place = numpy.stack([(1 + 0.4 * numpy.cos(v)) * numpy.cos(u), (1 + 0.4 * numpy.cos(v)) * numpy.sin(u), 0.4 * numpy.sin(v)], axis=1)
@@ -511,7 +511,7 @@ def test_the_least_spacing_follows_the_triangles(worker, tmp_path):
     assert done.returncode in (0, 11), done.stderr
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     area = 4 * numpy.pi ** 2 * 0.4
-    assert report["grading"]["feature_size"]["floor"] == pytest.approx(0.5 * (area / (2 * n * n)) ** 0.5, rel=1e-2)
+    assert report["grading"]["feature_size"]["floor"] == pytest.approx(0.4 * (area / (2 * n * n)) ** 0.5, rel=1e-2)
 
 
 @pytest.mark.plain

@@ -792,8 +792,8 @@ class Sampling(_SamplingRest):
         curvature, grid or feature, or on its own; a surface without curves stays as it is.
     min_spacing: The smallest spacing. Belongs to curvature, grid, feature and curve_spacing. Features ask for
         no spacing below it, or by default below a quarter of a voxel (of a formula: of a cell; of a mesh that
-        resolve samples on its triangles: 1/256 of its longest side, or a third of the side of its triangles,
-        more where its area is large). (world)
+        resolve samples on its triangles: 1/256 of its longest side, or a quarter of the side of its
+        triangles, more where its area is large). (world)
     max_spacing: The largest spacing. Belongs to curvature, grid, feature and curve_spacing. (world)
     gradation: The largest increase of the spacing per unit of distance along the surface. Belongs to
         curvature, grid, feature and curve_spacing. Default: 0.2.
