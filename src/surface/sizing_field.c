@@ -23,6 +23,8 @@ static const int SCALE_STEPS = 60;
 /* The gradient's share across the surface, where the nodes say nothing, is damped by this share of the
  * matrix. */
 static const double GRADIENT_DAMPING = 0.02;
+/* What is left of a ratio after growth and smoothing, at least; else a smaller share of the area is at its fine end. */
+static const double RATIO_LEFT = 0.8;
 /* A node's model reaches to its neighbours, down to this fraction of the spacing and as far above it. */
 static const double MODEL_LIMIT = 0.5;
 /* The most that a spacing may bend, see smoothing: what a packing follows at all, for a request that is meant at each
@@ -634,7 +636,7 @@ static void empty_field(sizing_field *g)
 
 /* The field of a request. Where that depends on the spacing itself, rough fields come first: the curvature of each pass is
  * over the mean, of logarithms, of the spacings of the two passes before. */
-static bool fill_field(sizing_field *g, const spacing_request *r, size_t count, threads *pool, error *e)
+static bool fill_field(sizing_field *g, spacing_request *r, size_t count, threads *pool, error *e)
 {
     size_t cells = r->scan->cells;
     double *over = mem_array(cells, sizeof *over, "the grading", e);
@@ -658,12 +660,43 @@ static bool fill_field(sizing_field *g, const spacing_request *r, size_t count, 
 static void describe(sizing_field *g, size_t cells)
 {
     g->facts.least = INFINITY;
+    g->facts.largest = 0;
     for (size_t k = 0; k < g->count; k++) {
         double away = fmax(g->node[k].away - g->edge, 0); /* a curve may pass beside the node's middle */
         g->facts.least = fmin(g->facts.least, spacing_beside(&g->params, away, g->node[k].spacing));
         g->facts.largest = fmax(g->facts.largest, g->node[k].spacing);
     }
     g->facts.points = g->points_before[cells];
+}
+
+static double ratio_of(const sizing_field *g)
+{
+    return g->facts.largest / g->facts.least;
+}
+
+static bool fill_and_describe(sizing_field *g, spacing_request *r, size_t count, threads *pool, error *e)
+{
+    if (!fill_field(g, r, count, pool, e)) return false;
+    describe(g, r->scan->cells);
+    return true;
+}
+
+/* Where growth and smoothing leave too little of a ratio, and not a bound, a smaller share of the area is at its fine end, for as
+ * long as that helps. */
+static bool find_field(sizing_field *g, spacing_request *r, size_t count, threads *pool, error *e)
+{
+    const sizing_field_params *p = &g->params;
+    const bool bounded = p->min_spacing > 0 || p->max_spacing > 0 || p->feature_ratio > 0;
+    bool ok = fill_and_describe(g, r, count, pool, e);
+    while (ok && !bounded && ratio_of(g) < RATIO_LEFT * p->ratio) {
+        const double before = ratio_of(g), share = r->fine_share;
+        if (!spacing_request_refine(r)) break;
+        ok = fill_and_describe(g, r, count, pool, e);
+        if (!ok || ratio_of(g) > before) continue;
+        r->fine_share = share;
+        return fill_and_describe(g, r, count, pool, e);
+    }
+    return ok;
 }
 
 sizing_field *sizing_field_new(const field *f, const surface *scan, const sizing_field_params *params,
@@ -684,13 +717,10 @@ sizing_field *sizing_field_new(const field *f, const surface *scan, const sizing
         for (size_t k = 0; k < scan->cells; k++) box = bbox_include(box, r.samples.position[k]);
         /* two cubes of margin: one for the cubes beside, one for those beside a point that is to be blended */
         g->origin = vec3_sub(box.min, vec3_make(2 * g->edge, 2 * g->edge, 2 * g->edge));
-        ok = fill_field(g, &r, count, pool, e);
+        ok = find_field(g, &r, count, pool, e);
     }
     spacing_request_free(&r);
-    if (ok) {
-        describe(g, scan->cells);
-        return g;
-    }
+    if (ok) return g;
     sizing_field_free(g);
     return NULL;
 }

@@ -9,9 +9,11 @@
 #include "surface/feature_size.h"
 #include "surface/scaled_curvature.h"
 
-/* The curvature that stands for the fine end of a ratio: this share of the area is flatter. A single tip or a
- * speck of noise must not set the scale. */
-static const double FINE_QUANTILE = 0.99;
+/* The curvature that stands for the fine end of a ratio: this share of the area bends more, the first at first. A single tip or
+ * a speck of noise must not set the scale. */
+static const double FINE_SHARE = 0.01, LEAST_FINE_SHARE = 0.00125;
+/* What is flatter than all but this share of the area can be of no help to a ratio. */
+static const double FLAT_SHARE = 0.001;
 /* A request that has no upper end, as on flat faces, has it here, in units of its least. */
 static const double WIDEST_REQUEST = 1e3;
 /* The distance of the first octave, over the even spacing. */
@@ -135,8 +137,9 @@ static int compare_weighted(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* The value that a share of the area stays below. */
-static bool find_quantile(const surface *scan, const double *value, double share, double *out, error *e)
+/* The values that shares of the area, which ascend, stay below. */
+static bool find_quantiles(const surface *scan, const double *value, int count, const double share[],
+                           double out[], error *e)
 {
     weighted *w = mem_array(scan->cells, sizeof *w, "the grading", e);
     if (!w) return false;
@@ -148,10 +151,14 @@ static bool find_quantile(const surface *scan, const double *value, double share
         total += surface_cell_area(scan, k);
     }
     qsort(w, n, sizeof *w, compare_weighted);
-    *out = 0;
-    for (size_t k = 0; k < n && below < share * total; k++) {
-        *out = w[k].value;
-        below += w[k].area;
+    double found = 0;
+    size_t k = 0;
+    for (int q = 0; q < count; q++) {
+        for (; k < n && below < share[q] * total; k++) {
+            found = w[k].value;
+            below += w[k].area;
+        }
+        out[q] = found;
     }
     free(w);
     return true;
@@ -180,14 +187,36 @@ static bool check_map(const sizing_field_params *p, double v, error *e)
                      p->kind == SIZING_FIELD_SPACING ? "a spacing is above 0" : "a density is not below 0");
 }
 
-bool spacing_request_find(const spacing_request *r, const double *over, double *spacing, error *e)
+/* The curvature at the fine end of the ratio. */
+static bool find_fine_end(spacing_request *r, const double *value, double *out, error *e)
+{
+    const double share[] = {FLAT_SHARE, 1 - r->fine_share, 1 - LEAST_FINE_SHARE};
+    double at[3];
+    if (!find_quantiles(r->scan, value, 3, share, at, e)) return false;
+    *out = at[1];
+    r->widest_ratio = pow(at[2] / at[0], r->params->exponent);
+    return true;
+}
+
+bool spacing_request_refine(spacing_request *r)
+{
+    const sizing_field_params *p = r->params;
+    const double share = 0.5 * r->fine_share;
+    if (p->kind != SIZING_FIELD_RATIO || spacing_request_is_at_points(p) ||
+        !(r->widest_ratio >= p->ratio) || share < LEAST_FINE_SHARE)
+        return false;
+    r->fine_share = share;
+    return true;
+}
+
+bool spacing_request_find(spacing_request *r, const double *over, double *spacing, error *e)
 {
     const sizing_field_params *p = r->params;
     const surface *scan = r->scan;
     double fine = 1, least = INFINITY;
     for (size_t k = 0; k < scan->cells; k++)
         spacing[k] = isnan(r->value[k]) || !r->curvature ? r->value[k] : curvature_over(r, k, over[k]);
-    if (p->kind == SIZING_FIELD_RATIO && !find_quantile(scan, spacing, FINE_QUANTILE, &fine, e)) return false;
+    if (p->kind == SIZING_FIELD_RATIO && !find_fine_end(r, spacing, &fine, e)) return false;
     for (size_t k = 0; k < scan->cells; k++) {
         if (isnan(spacing[k])) continue;
         if (spacing_request_is_map(p) && !check_map(p, spacing[k], e)) return false;
@@ -211,7 +240,7 @@ bool spacing_request_find(const spacing_request *r, const double *over, double *
 bool spacing_request_begin(spacing_request *r, const surface *scan, const sizing_field_params *params,
                            double even, threads *pool, error *e)
 {
-    *r = (spacing_request){.params = params, .scan = scan, .even = even};
+    *r = (spacing_request){.params = params, .scan = scan, .even = even, .fine_share = FINE_SHARE};
     r->value = mem_array(scan->cells, sizeof *r->value, "the grading", e);
     if (!r->value || !cell_samples_take(scan, pool, &r->samples, e)) return false;
     threads_run(pool, scan->cells, GRAIN, request_chunk, r);
@@ -226,8 +255,9 @@ bool spacing_request_begin(spacing_request *r, const surface *scan, const sizing
 bool spacing_request_describe_features(const spacing_request *r, spacing_request_features *out, error *e)
 {
     spacing_request_features f = {.least = INFINITY, .floor = r->params->feature_floor};
+    const double half = 0.5;
     double floored = 0;
-    if (!find_quantile(r->scan, r->feature, 0.5, &f.median, e)) return false;
+    if (!find_quantiles(r->scan, r->feature, 1, &half, &f.median, e)) return false;
     for (size_t k = 0; k < r->scan->cells; k++) {
         double area = surface_cell_area(r->scan, k), size = r->feature[k];
         f.least = fmin(f.least, size);

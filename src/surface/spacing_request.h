@@ -28,6 +28,8 @@ typedef struct spacing_request {
     double *value;     /* curvature at the point, or the map's value; NaN: unknown */
     double *curvature; /* SPACING_REQUEST_OCTAVES a cell; NULL: the curvature at the point is used */
     double *feature;   /* the feature size of each cell; NULL: it does not matter */
+    double fine_share; /* of the area bends more than what stands for the fine end of a ratio */
+    double widest_ratio; /* that the curvatures which were found last allow to ask for */
 } spacing_request;
 
 bool spacing_request_is_map(const sizing_field_params *params);
@@ -44,7 +46,11 @@ bool spacing_request_begin(spacing_request *r, const surface *scan, const sizing
 
 /* The spacing of each cell, NaN where it is unknown, up to a common factor. `over`: the spacing at each cell; it
  * matters where the request is implicit. Errors: input_unsupported (a map's value is no spacing), limit_memory. */
-bool spacing_request_find(const spacing_request *r, const double *over, double *spacing, error *e);
+bool spacing_request_find(spacing_request *r, const double *over, double *spacing, error *e);
+
+/* Of curvature over a distance: half as much of the area may bend more than the fine end of the ratio. False: the curvatures that
+ * were found have no such ratio, or that is too little of the area. */
+bool spacing_request_refine(spacing_request *r);
 
 /* The most that a feature of this size allows: the ratio, but not below the floor. */
 static inline double spacing_request_cap(const sizing_field_params *params, double feature_size)

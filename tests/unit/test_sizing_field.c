@@ -287,6 +287,38 @@ static void features_bound_the_spacing(void **state)
     release(&s);
 }
 
+/* A cone's tip is small: with the usual share of the area at the fine end growth leaves 5.9 of 10 there. */
+static void a_finer_end_makes_up_for_what_growth_takes(void **state)
+{
+    (void)state;
+    const analytic_params cone = {
+        .shape = ANALYTIC_FRUSTUM, .axis = {0, 0, 1}, .core = {-1, 1, 0, 0.4}, .rounding = 0.04};
+    const sizing_field_params params = {
+        .kind = SIZING_FIELD_RATIO, .ratio = 10, .exponent = 1, .scale_spacings = 4, .gradation = 0.2};
+    scanned s = scan_shape(&cone, 2);
+    sizing_field *g = grade(&s, params, 3000);
+    const sizing_field_facts facts = sizing_field_describe(g);
+    assert_close(facts.points, 3000, 1);
+    assert_true(facts.largest > 8 * facts.least && facts.largest < 10.01 * facts.least);
+    sizing_field_free(g);
+    release(&s);
+}
+
+/* The ends of a flat ellipsoid: a finer end would leave less of the ratio, and the usual one remains. */
+static void a_finer_end_that_does_not_help_is_given_up(void **state)
+{
+    (void)state;
+    const analytic_params shape = {.shape = ANALYTIC_ELLIPSOID, .radii = {1, 1, 0.2}};
+    const sizing_field_params params = {
+        .kind = SIZING_FIELD_RATIO, .ratio = 6, .exponent = 1, .scale_spacings = 8, .gradation = 0.2};
+    scanned s = scan_shape(&shape, 2);
+    sizing_field *g = grade(&s, params, 2000);
+    const sizing_field_facts facts = sizing_field_describe(g);
+    assert_true(facts.largest > 4.2 * facts.least);
+    sizing_field_free(g);
+    release(&s);
+}
+
 /* Of a curve around the tube's outside and one across it: the share there, growth from there with the distance, and the count. */
 static void curves_are_finer_than_the_rest(void **state)
 {
@@ -338,6 +370,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(ratio_follows_the_curvature),
+        cmocka_unit_test(a_finer_end_makes_up_for_what_growth_takes),
+        cmocka_unit_test(a_finer_end_that_does_not_help_is_given_up),
         cmocka_unit_test(chord_error_gives_the_spacing_of_the_larger_curvature),
         cmocka_unit_test(growth_is_held),
         cmocka_unit_test(bounds_are_kept_and_told),
