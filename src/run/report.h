@@ -27,7 +27,7 @@ typedef struct report_facts {
     double coverage;            /* the farthest place of the surface from the points, in spacings */
     const double *farthest;     /* that of each patch, where there are such */
     const clearance *clearance; /* where many points are unresolved, else NULL */
-    double curve_room;          /* where too many are near boundaries, see surface/curve_room; else 0 */
+    double curve_room;          /* where too many are near boundaries, see particles/curve_room; else 0 */
     int64_t peak_memory;        /* bytes */
     double memory_limit;        /* bytes that the job may take */
     double particle_memory;     /* those of them that particles may take, and what one takes */

@@ -8,7 +8,7 @@
 #include "run/report.h"
 #include "run/time_target.h"
 #include "store/file.h"
-#include "surface/curve_room.h"
+#include "particles/curve_room.h"
 #include "particles/coverage.h"
 
 static bool start(job *j, error *e)

@@ -634,6 +634,18 @@ static void empty_field(sizing_field *g)
     g->count = 0;
 }
 
+static void describe(sizing_field *g, size_t cells)
+{
+    g->facts.least = INFINITY;
+    g->facts.largest = 0;
+    for (size_t k = 0; k < g->count; k++) {
+        double away = fmax(g->node[k].away - g->edge, 0); /* a curve may pass beside the node's middle */
+        g->facts.least = fmin(g->facts.least, spacing_beside(&g->params, away, g->node[k].spacing));
+        g->facts.largest = fmax(g->facts.largest, g->node[k].spacing);
+    }
+    g->facts.points = g->points_before[cells];
+}
+
 /* The field of a request. Where that depends on the spacing itself, rough fields come first: the curvature of each pass is
  * over the mean, of logarithms, of the spacings of the two passes before. */
 static bool fill_field(sizing_field *g, spacing_request *r, size_t count, threads *pool, error *e)
@@ -654,31 +666,13 @@ static bool fill_field(sizing_field *g, spacing_request *r, size_t count, thread
     }
     free(over);
     free(spacing);
+    if (ok) describe(g, cells);
     return ok;
-}
-
-static void describe(sizing_field *g, size_t cells)
-{
-    g->facts.least = INFINITY;
-    g->facts.largest = 0;
-    for (size_t k = 0; k < g->count; k++) {
-        double away = fmax(g->node[k].away - g->edge, 0); /* a curve may pass beside the node's middle */
-        g->facts.least = fmin(g->facts.least, spacing_beside(&g->params, away, g->node[k].spacing));
-        g->facts.largest = fmax(g->facts.largest, g->node[k].spacing);
-    }
-    g->facts.points = g->points_before[cells];
 }
 
 static double ratio_of(const sizing_field *g)
 {
     return g->facts.largest / g->facts.least;
-}
-
-static bool fill_and_describe(sizing_field *g, spacing_request *r, size_t count, threads *pool, error *e)
-{
-    if (!fill_field(g, r, count, pool, e)) return false;
-    describe(g, r->scan->cells);
-    return true;
 }
 
 /* Where growth and smoothing leave too little of a ratio, and not a bound, a smaller share of the area is at its fine end, for as
@@ -687,14 +681,14 @@ static bool find_field(sizing_field *g, spacing_request *r, size_t count, thread
 {
     const sizing_field_params *p = &g->params;
     const bool bounded = p->min_spacing > 0 || p->max_spacing > 0 || p->feature_ratio > 0;
-    bool ok = fill_and_describe(g, r, count, pool, e);
+    bool ok = fill_field(g, r, count, pool, e);
     while (ok && !bounded && ratio_of(g) < RATIO_LEFT * p->ratio) {
         const double before = ratio_of(g), share = r->fine_share;
         if (!spacing_request_refine(r)) break;
-        ok = fill_and_describe(g, r, count, pool, e);
+        ok = fill_field(g, r, count, pool, e);
         if (!ok || ratio_of(g) > before) continue;
         r->fine_share = share;
-        return fill_and_describe(g, r, count, pool, e);
+        return fill_field(g, r, count, pool, e);
     }
     return ok;
 }

@@ -151,14 +151,10 @@ static bool find_quantiles(const surface *scan, const double *value, int count, 
         total += surface_cell_area(scan, k);
     }
     qsort(w, n, sizeof *w, compare_weighted);
-    double found = 0;
     size_t k = 0;
     for (int q = 0; q < count; q++) {
-        for (; k < n && below < share[q] * total; k++) {
-            found = w[k].value;
-            below += w[k].area;
-        }
-        out[q] = found;
+        while (k < n && below < share[q] * total) below += w[k++].area;
+        out[q] = k > 0 ? w[k - 1].value : 0;
     }
     free(w);
     return true;
@@ -202,8 +198,8 @@ bool spacing_request_refine(spacing_request *r)
 {
     const sizing_field_params *p = r->params;
     const double share = 0.5 * r->fine_share;
-    if (p->kind != SIZING_FIELD_RATIO || spacing_request_is_at_points(p) ||
-        !(r->widest_ratio >= p->ratio) || share < LEAST_FINE_SHARE)
+    if (p->kind != SIZING_FIELD_RATIO || spacing_request_is_at_points(p) || !(r->widest_ratio >= p->ratio) ||
+        share < LEAST_FINE_SHARE)
         return false;
     r->fine_share = share;
     return true;

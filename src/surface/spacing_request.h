@@ -25,10 +25,10 @@ typedef struct spacing_request {
     const surface *scan;
     double even; /* spacing of the even packing */
     cell_samples samples;
-    double *value;     /* curvature at the point, or the map's value; NaN: unknown */
-    double *curvature; /* SPACING_REQUEST_OCTAVES a cell; NULL: the curvature at the point is used */
-    double *feature;   /* the feature size of each cell; NULL: it does not matter */
-    double fine_share; /* of the area bends more than what stands for the fine end of a ratio */
+    double *value;       /* curvature at the point, or the map's value; NaN: unknown */
+    double *curvature;   /* SPACING_REQUEST_OCTAVES a cell; NULL: the curvature at the point is used */
+    double *feature;     /* the feature size of each cell; NULL: it does not matter */
+    double fine_share;   /* of the area bends more than what stands for the fine end of a ratio */
     double widest_ratio; /* that the curvatures which were found last allow to ask for */
 } spacing_request;
 

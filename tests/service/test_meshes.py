@@ -499,7 +499,7 @@ def test_a_mesh_that_is_to_be_resolved_has_a_least_spacing(worker, tmp_path):
 @pytest.mark.plain
 def test_the_least_spacing_follows_the_triangles(worker, tmp_path):
     """Details of a scan are smaller than its triangles: a quarter of their side is told."""
-    n = 210
+    n = 120
     u, v = (g.ravel() for g in numpy.meshgrid(2 * numpy.pi * numpy.arange(n) / n, 2 * numpy.pi * numpy.arange(n) / n, indexing="ij"))
     place = numpy.stack([(1 + 0.4 * numpy.cos(v)) * numpy.cos(u), (1 + 0.4 * numpy.cos(v)) * numpy.sin(u), 0.4 * numpy.sin(v)], axis=1)
     index = numpy.arange(n * n).reshape(n, n) + 1

@@ -1,6 +1,6 @@
 /* curve_room: how much room the patches of a surface leave between their curves. */
-#ifndef HEXAD_SURFACE_CURVE_ROOM_H
-#define HEXAD_SURFACE_CURVE_ROOM_H
+#ifndef HEXAD_PARTICLES_CURVE_ROOM_H
+#define HEXAD_PARTICLES_CURVE_ROOM_H
 
 #include "base/error.h"
 #include "surface/surface.h"

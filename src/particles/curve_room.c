@@ -1,4 +1,4 @@
-#include "surface/curve_room.h"
+#include "particles/curve_room.h"
 
 #include <math.h>
 #include <stdlib.h>
