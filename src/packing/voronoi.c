@@ -28,6 +28,17 @@ static const float SIEVE_OTHER_SIDE2 = 0.999f * (float)(VORONOI_OTHER_SIDE * VOR
 static const float SIEVE_THIN = 0.09f, SIEVE_MORE = 1.001f, SIEVE_FAR2 = 100;
 static const double LOOSE = 2e-4;
 
+/* (No calls, as fmax and fmin are.) */
+static inline double larger(double a, double b)
+{
+    return a > b ? a : b;
+}
+
+static inline double smaller(double a, double b)
+{
+    return a < b ? a : b;
+}
+
 /* A point as its triangles see it. */
 typedef struct site {
     uint32_t index, place; /* among all; in the list */
@@ -124,7 +135,7 @@ static bool gather_sites(const voronoi_sites *in, uint32_t a, surroundings *out)
         out->near_nx[k] = (float)of->normal.x;
         out->near_ny[k] = (float)of->normal.y;
         out->near_nz[k] = (float)of->normal.z;
-        out->near_widest[k] = (float)(2 * WIDEST * fmax(1, of->spacing * over));
+        out->near_widest[k] = (float)(2 * WIDEST * larger(1, of->spacing * over));
     }
     out->own_nx = (float)out->own.normal.x;
     out->own_ny = (float)out->own.normal.y;
@@ -161,11 +172,11 @@ static bool span_triangle(const site *a, const site *b, const site *c, triangle 
     double u2 = vec3_norm2(u), v2 = vec3_norm2(v), uv2 = vec3_norm2(vec3_sub(u, v));
     if (!are_near(b, c, uv2) || !are_near(a, c, v2) || !are_near(a, b, u2)) return false;
     vec3 w = vec3_cross(u, v);
-    double w2 = vec3_norm2(w), widest = 2 * WIDEST * fmax(a->spacing, fmax(b->spacing, c->spacing));
+    double w2 = vec3_norm2(w), widest = 2 * WIDEST * larger(a->spacing, larger(b->spacing, c->spacing));
     if (!(w2 > FLATTEST * FLATTEST * u2 * v2) || !(u2 * v2 * uv2 < widest * widest * w2)) return false;
     vec3 to =
         vec3_scale(vec3_add(vec3_scale(vec3_cross(w, u), v2), vec3_scale(vec3_cross(v, w), u2)), 0.5 / w2);
-    double least = fmin(a->spacing, fmin(b->spacing, c->spacing)), listed = 0.5 * VORONOI_REACH * least;
+    double least = smaller(a->spacing, smaller(b->spacing, c->spacing)), listed = 0.5 * VORONOI_REACH * least;
     double deep2 = listed * listed - vec3_norm2(to);
     out->corner[0] = a;
     out->corner[1] = b;
@@ -256,7 +267,8 @@ static bool cut_by_list(const voronoi_sites *in, uint32_t of, triangle *t)
     const uint32_t *list = neighbours_list(in->near, of);
     const double across = vec3_norm(t->across);
     for (uint32_t k = 0; k < in->near->list_count[of]; k++) {
-        if (is_beyond(in, list[k], t, across * fmax(-t->low, t->high))) continue;
+        const double end = -t->low > t->high ? -t->low : t->high;
+        if (is_beyond(in, list[k], t, across * end)) continue;
         site d = site_at(in, list[k], k, t->facing);
         if (!cut_by(&d, t)) return false;
         if (t->low_by == &d) t->low_by = memcpy(&t->kept[0], &d, sizeof d);
