@@ -35,6 +35,8 @@ static const double ROUGH_SHARE = 0.25;
 /* A fast step ends with one Newton step. From this fraction of h it leaves an error of about its square times
  * kappa h. */
 static const double FAST_STEP_FARTHEST = 0.05;
+/* Over the support and the size: who is put this near tells no other energy or step, in single precision. */
+static const double SAME_PLACE = 5e-5;
 
 relax *relax_new(size_t capacity, const energy_function *energy, const fast_kernel *fast, size_t list_limit,
                  threads *pool, error *e)
@@ -148,6 +150,7 @@ bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
         return false;
     r->sigma = sigma;
     r->skin = skin;
+    r->seen = (rest_seen){0};
     if (r->fast) independent_sets_form(r->near, r->pool);
     sweep_job job = {.r = r, .p = p};
     threads_run(r->pool, p->count, 512, look_chunk, &job);
@@ -173,13 +176,14 @@ void relax_note_normals(relax *r, const particles *p)
 void relax_look_through(relax *r)
 {
     r->through = true;
+    r->seen = (rest_seen){0};
 }
 
 typedef struct refresh_job {
     relax *r;
     const particles *p;
     double sigma;
-    atomic_bool stale;
+    atomic_bool stale, moved;
 } refresh_job;
 
 static void refresh_chunk(void *context, int worker, size_t begin, size_t end)
@@ -187,24 +191,29 @@ static void refresh_chunk(void *context, int worker, size_t begin, size_t end)
     refresh_job *job = context;
     neighbours *near = job->r->near;
     float *moved = job->r->moved;
+    bool away = false;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         neighbours_place before = near->place[i], *now = &near->place[i];
         neighbours_move(near, i, job->p->position[i]);
         now->size = (float)job->p->size[i];
         vec3 way = {now->x - before.x, now->y - before.y, now->z - before.z};
-        moved[i] += (float)(vec3_norm(way) * near->unit);
+        const double length = vec3_norm(way) * near->unit;
+        moved[i] += (float)length;
+        away |= length > SAME_PLACE * job->sigma * job->p->size[i] || now->size != before.size;
         /* of a pair's reach each has its half */
         double reach = 0.5 * (job->r->sigma + job->r->skin) * (double)before.size;
         if ((double)moved[i] + 0.5 * job->sigma * job->p->size[i] > reach) atomic_store(&job->stale, true);
     }
+    if (away) atomic_store(&job->moved, true);
 }
 
 bool relax_refresh(relax *r, const particles *p, double sigma)
 {
     if (p->count != r->near->count) return false; /* never built, or for others */
-    refresh_job job = {r, p, sigma, false};
+    refresh_job job = {r, p, sigma, false, false};
     threads_run(r->pool, p->count, 4096, refresh_chunk, &job);
+    if (atomic_load(&job.moved)) r->seen = (rest_seen){0};
     return !atomic_load(&job.stale);
 }
 
@@ -640,6 +649,7 @@ void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums 
     assert(p->count == r->near->count && params->sigma <= relax_max_support(r));
     assert(r->near->blocks <= r->part_capacity);
     sweep_job job = {.r = r, .p = p, .params = params};
+    r->seen = (rest_seen){0};
     relax_note_normals(r, p);
     const uint32_t *colour = r->near->colour_begin;
     for (int c = 0; c < r->near->colours; c++) {

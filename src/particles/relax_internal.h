@@ -23,6 +23,13 @@ typedef struct block_sums {
     size_t rejected, cramped;
 } block_sums;
 
+/* What relax_rms_steps_left has found of the particles where they are. */
+typedef struct rest_seen {
+    double sigma, spacing; /* 0: nothing, or they have moved since */
+    relax_steps left;
+    bool energies; /* they have that of each, too */
+} rest_seen;
+
 struct relax {
     threads *pool;
     const energy_function *energy;
@@ -39,7 +46,8 @@ struct relax {
     size_t part_capacity;
     double sigma, skin; /* of the lists */
     bool through;       /* pairs count whatever their normals */
-    bool rough;         /* guarded steps are taken side by side */
+    rest_seen seen;
+    bool rough; /* guarded steps are taken side by side */
     /* Of a rough surface the normals once more, for the kernel; up to date in a sweep, and after relax_note_normals. */
     fast_kernel_normal *normal;
     gather *scratch; /* one per worker */

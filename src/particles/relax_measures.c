@@ -2,6 +2,7 @@
 #include <assert.h>
 #include <math.h>
 #include <stdatomic.h>
+#include <string.h>
 
 #include "particles/relax_internal.h"
 
@@ -58,8 +59,10 @@ static double mean_energy(relax *r, particles *p, double sigma, double most)
 {
     assert(p->count == r->near->count);
     sweep_job job = {.r = r, .p = p, .sigma = sigma};
-    relax_note_normals(r, p);
-    threads_run(r->pool, p->count, 512, energy_chunk, &job);
+    if (!(r->seen.energies && r->seen.sigma == sigma)) {
+        relax_note_normals(r, p);
+        threads_run(r->pool, p->count, 512, energy_chunk, &job);
+    }
     double sum = 0, alpha = 0, all = 0, all_alpha = 0;
     for (size_t i = 0; i < p->count; i++) {
         all += p->energy[i];
@@ -95,12 +98,19 @@ typedef struct steps_job {
     size_t grain;
     relax_steps squares[PARTS]; /* their sums */
     size_t counts[PARTS];
+    bool whole[PARTS]; /* they are all particles, and have energies now */
 } steps_job;
 
 /* Whether a particle has looked for a better place in vain, as it is watched. */
 static bool rests_on_kink(const relax *r, const particles *p, uint32_t i)
 {
     return r->watched[i] && p->lambda[i] >= (float)RELAX_LAMBDA_CAP;
+}
+
+/* Whether the kernel's energy is the one that a particle has. */
+static bool has_kernel_energy(const relax *r, size_t i)
+{
+    return r->fast && (r->flat[i] || r->through);
 }
 
 /* The sum of the squared Newton steps of particles whose neighbours all face their way, each over its size. None is longer
@@ -110,7 +120,7 @@ static relax_steps squared_steps(const steps_job *steps, int worker, const uint3
     const sweep_job *job = &steps->sweep;
     const double spacing = steps->spacing;
     const relax *r = job->r;
-    const particles *p = job->p;
+    particles *p = job->p;
     pair_forces f[FAST_KERNEL_LANES];
     relax_steps squares = {0, 0};
     double unit = 1;
@@ -120,6 +130,7 @@ static relax_steps squared_steps(const steps_job *steps, int worker, const uint3
         fast_kernel_forces forces;
         relax_line_up(r, p, items, count, &own);
         r->fast->forces(r->near->place, &own, &params, &forces);
+        for (size_t l = 0; l < count; l++) p->energy[items[l]] = (double)forces.energy[l];
         for (size_t l = 0; l < count; l++)
             f[l] = (pair_forces){.d1 = (double)forces.d1[l],
                                  .d2 = (double)forces.d2[l],
@@ -170,8 +181,11 @@ static void steps_chunk(void *context, int worker, size_t begin, size_t end)
     steps_job *job = context;
     uint32_t items[FAST_KERNEL_LANES];
     size_t held = 0, part = begin / job->grain;
+    bool whole = true;
     for (size_t i = begin; i < end; i++) {
-        if (is_held_at(&job->sweep, i)) items[held++] = (uint32_t)i;
+        const bool is_held = is_held_at(&job->sweep, i);
+        if (is_held) items[held++] = (uint32_t)i;
+        whole = whole && is_held && has_kernel_energy(job->sweep.r, i);
         if (held < FAST_KERNEL_LANES && i + 1 < end) continue;
         const relax_steps squares = squared_steps(job, worker, items, held);
         job->squares[part].all += squares.all;
@@ -179,6 +193,7 @@ static void steps_chunk(void *context, int worker, size_t begin, size_t end)
         job->counts[part] += held;
         held = 0;
     }
+    job->whole[part] = whole;
 }
 
 static relax_steps rms_steps(steps_job *job)
@@ -186,20 +201,26 @@ static relax_steps rms_steps(steps_job *job)
     const size_t n = job->sweep.p->count;
     relax_steps squares = {0, 0};
     size_t count = 0;
+    relax *r = job->sweep.r;
     job->grain = n / PARTS + 1;
-    threads_run(job->sweep.r->pool, n, job->grain, steps_chunk, job);
+    memset(job->whole, true, sizeof job->whole); /* parts may be empty */
+    threads_run(r->pool, n, job->grain, steps_chunk, job);
+    r->seen = (rest_seen){job->sweep.sigma, job->spacing, {NAN, NAN}, true};
     for (int k = 0; k < PARTS; k++) {
+        r->seen.energies = r->seen.energies && job->whole[k];
         squares.all += job->squares[k].all;
         squares.to_rest += job->squares[k].to_rest;
         count += job->counts[k];
     }
-    if (count == 0) return (relax_steps){NAN, NAN};
-    return (relax_steps){sqrt(squares.all / (double)count) / job->spacing,
-                         sqrt(squares.to_rest / (double)count) / job->spacing};
+    if (count > 0)
+        r->seen.left = (relax_steps){sqrt(squares.all / (double)count) / job->spacing,
+                                     sqrt(squares.to_rest / (double)count) / job->spacing};
+    return r->seen.left;
 }
 
 relax_steps relax_rms_steps_left(relax *r, particles *p, double sigma, double spacing, bool watch)
 {
+    if (!watch && r->seen.sigma == sigma && r->seen.spacing == spacing) return r->seen.left;
     steps_job job = {
         .sweep = {.r = r, .p = p, .sigma = sigma}, .spacing = spacing, .watch = watch && p->patch};
     const relax_steps rms = rms_steps(&job);

@@ -131,10 +131,16 @@ static void enter_level(sampler *s, size_t count, double support)
 {
     const allotment *allotments = s->state.plan.allotments;
     double share = levels_share(&s->state.plan, s->state.level);
+    const schedule_position at = {.level = s->state.level,
+                                  .levels = s->state.plan.count,
+                                  .stage = s->state.stage,
+                                  .count = count,
+                                  .is_sized = s->setup.params.sizing != NULL,
+                                  .has_curves = s->state.p->patch != NULL};
     s->state.spacing = allotments ? allotments[s->state.level].spacing
                                   : packing_spacing(s->setup.scan->area, (double)count / share);
     s->state.sigma = support * s->state.spacing;
-    s->state.skin = s->setup.schedule->skin_wide * s->state.spacing;
+    s->state.skin = schedule_first_skin(s->setup.schedule, &at) * s->state.spacing;
     s->state.gain = s->setup.schedule->gain[s->state.stage];
     s->state.rough = 0;
     s->state.calmed = false;

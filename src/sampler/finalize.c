@@ -224,9 +224,9 @@ bool sampler_steps_settled(sampler *s, relax_steps *left, error *e)
 static bool describe_energies(sampler *s, error *e)
 {
     if (!bring_lists(s, e)) return false;
+    const relax_steps left = s->state.coarse ? (relax_steps){NAN, NAN} : sampler_steps_left(s, false);
     s->record.out.mean_energy = relax_mean_energy(s->scratch.relax, s->state.p, s->state.sigma);
     s->record.out.mean_neighbours = relax_mean_neighbours(s->scratch.relax, s->state.p, s->state.sigma);
-    const relax_steps left = s->state.coarse ? (relax_steps){NAN, NAN} : sampler_steps_left(s, false);
     s->record.out.step_left = s->state.p->patch ? left.to_rest : left.all;
     s->record.out.step_to_rest = left.to_rest;
     relax_free(s->scratch.relax);

@@ -70,6 +70,9 @@ typedef struct schedule {
     /* What lists reach beyond the support, over h: wide while particles move far, then so many times the rms step, but
      * not below the narrow one. */
     double skin_wide, skin_narrow, skin_steps;
+    /* That of the first lists of a refined level that has so few sweeps: its particles stay near their places. */
+    double skin_few;
+    int few_sweeps;
 
     /* A coarsest level is dropped when more than this share of its particles see round edges or through sheets. */
     double creased_share;
@@ -136,7 +139,10 @@ bool schedule_is_impatient(const schedule *s, const schedule_position *at, doubl
 /* Whether lists are to be built anew, with `cramped` particles held back by lists that are `age` sweeps old. */
 bool schedule_wants_lists(const schedule *s, const schedule_position *at, size_t cramped, int age);
 
-/* What the next lists reach beyond the support, over h. */
+/* What the first lists of a level reach beyond the support, over h. */
+double schedule_first_skin(const schedule *s, const schedule_position *at);
+
+/* What the next lists reach beyond it. */
 double schedule_skin(const schedule *s, double rms_step);
 
 /* An estimate of how much of the level at hand is done, 0 to 1. */

@@ -229,9 +229,46 @@ static void lists_that_do_not_cover_are_not_refreshed(void **state)
     }
 }
 
+/* Who looks at the steps that are left sees the energies as well, and they hold until a particle moves. */
+static void energies_are_known_with_the_steps_left(void **state)
+{
+    (void)state;
+    bench b;
+    error e = {0};
+    relax_sums sums;
+    double seen[COUNT];
+    set_up(&b, 1, fast_kernel_for(isa_best()), 7);
+    const double h = b.params.spacing, sigma = b.params.sigma, skin = 0.4 * h;
+    for (int sweep = 0; sweep < 40; sweep++) {
+        if (sweep % 4 == 0) assert_true(relax_build(b.r, b.p, sigma, skin, &e));
+        relax_sweep(b.r, b.p, &b.params, &sums);
+    }
+    const double left = relax_rms_steps_left(b.r, b.p, sigma, h, false).all,
+                 energy = relax_mean_energy(b.r, b.p, sigma);
+    memcpy(seen, b.p->energy, sizeof seen);
+    assert_true(relax_build(b.r, b.p, sigma, skin, &e));
+    assert_close(relax_mean_energy(b.r, b.p, sigma), energy, 1e-6 * energy);
+    for (size_t i = 0; i < COUNT; i++) assert_close(b.p->energy[i], seen[i], 1e-5 * energy);
+    assert_close(relax_rms_steps_left(b.r, b.p, sigma, h, false).all, left, 1e-5);
+    for (int far = 0; far < 2; far++) {
+        const double known = relax_rms_steps_left(b.r, b.p, sigma, h, false).all;
+        for (size_t i = 0; i < COUNT; i += 2)
+            b.p->position[i] = vec3_axpy((far ? 0.05 : 1e-6) * h,
+                                         vec3_unit(vec3_cross(b.p->normal[i], (vec3){1, 2, 3})),
+                                         b.p->position[i]);
+        assert_true(relax_refresh(b.r, b.p, sigma));
+        assert_true((relax_rms_steps_left(b.r, b.p, sigma, h, false).all == known) == !far);
+        assert_true((fabs(relax_mean_energy(b.r, b.p, sigma) - energy) < 1e-6 * energy) == !far);
+    }
+    relax_sweep(b.r, b.p, &b.params, &sums);
+    assert_true(relax_rms_steps_left(b.r, b.p, sigma, h, false).all < 0.04);
+    tear_down(&b);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(energies_are_known_with_the_steps_left),
         cmocka_unit_test(refreshed_lists_serve_as_new_ones),
         cmocka_unit_test(lists_that_do_not_cover_are_not_refreshed),
         cmocka_unit_test(energy_never_rises),
