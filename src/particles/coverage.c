@@ -6,6 +6,7 @@
 
 #include "base/memory.h"
 #include "field/patches.h"
+#include "packing/point_bins.h"
 #include "packing/point_tree.h"
 #include "surface/projection.h"
 
@@ -34,9 +35,15 @@ typedef struct spacings {
     double *near; /* of each bin, with those next to it; NULL: `all` everywhere */
 } spacings;
 
+/* The search for the nearest point, by one of the two. */
+typedef struct nearest_points {
+    point_bins *bins;
+    point_tree *tree;
+} nearest_points;
+
 typedef struct coverage_job {
     const surface *scan;
-    const point_tree *points;
+    nearest_points points;
     const vec3 *position;
     const double *spacing;
     spacings least;
@@ -100,6 +107,29 @@ static bool find_spacings(const vec3 *position, const double *spacing, size_t co
     return out->near != NULL;
 }
 
+/* Bins are for points of one spacing. */
+static bool find_nearest_by(const vec3 *position, size_t count, bool even, nearest_points *out, error *e)
+{
+    *out = (nearest_points){even ? point_bins_new(position, count, e) : NULL, NULL};
+    if (even && !out->bins) return false;
+    if (even && !point_bins_are_crowded(out->bins)) return true;
+    point_bins_free(out->bins);
+    *out = (nearest_points){NULL, point_tree_new(position, count, e)};
+    return out->tree != NULL;
+}
+
+static void free_nearest(nearest_points *n)
+{
+    point_bins_free(n->bins);
+    point_tree_free(n->tree);
+}
+
+static uint32_t nearest_to(const nearest_points *n, vec3 x, double enough, double *distance)
+{
+    return n->bins ? point_bins_nearest(n->bins, x, enough, distance)
+                   : point_tree_nearest(n->tree, x, enough, distance);
+}
+
 /* A distance: with a point no farther than it from x no place within `radius` of x is farther than `farthest` from its nearest
  * point, in that one's spacings. Not above 0 where there is none. */
 static double enough_at(const spacings *s, vec3 x, double radius, double farthest)
@@ -148,7 +178,7 @@ static bool has_point(const coverage_job *job, vec3 x, double within, uint32_t n
     for (int k = 0; k < 2 && within > 0; k++)
         if (vec3_norm2(vec3_sub(job->position[near[k]], x)) <= within * within) return true;
     double distance;
-    uint32_t found = point_tree_nearest(job->points, x, within, &distance);
+    uint32_t found = nearest_to(&job->points, x, within, &distance);
     near[1] = near[0];
     near[0] = found;
     return distance <= within;
@@ -169,7 +199,7 @@ static double look_at_places(const coverage_job *job, size_t k, double cell_size
             !onto_surface(f, cell_size, &x))
             continue;
         uint32_t point =
-            point_tree_nearest(job->points, x, enough_at(&job->least, x, 0, farthest), &distance);
+            nearest_to(&job->points, x, enough_at(&job->least, x, 0, farthest), &distance);
         farthest = fmax(farthest, distance / job->spacing[point]);
     }
     return farthest;
@@ -216,17 +246,15 @@ bool coverage_measure(const surface *scan, const vec3 *position, const double *s
 {
     coverage_job job = {.scan = scan, .position = position, .spacing = spacing};
     if (!find_spacings(position, spacing, count, &job.least, e)) return false;
-    point_tree *points = point_tree_new(position, count, e);
-    if (!points) {
+    if (!find_nearest_by(position, count, !job.least.near, &job.points, e)) {
         free(job.least.near);
         return false;
     }
-    job.points = points;
     const size_t parts = coverage_parts(scan), *begin = scan->parts.begin;
     for (size_t k = 0; k < parts; k++)
         farthest[k] = measure_cells(&job, scan->field->patches ? begin[k] : 0,
                                     scan->field->patches ? begin[k + 1] : scan->cells, pool);
-    point_tree_free(points);
+    free_nearest(&job.points);
     free(job.least.near);
     return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
@@ -268,7 +296,7 @@ static bool add_places(const coverage_job *job, size_t k, uint32_t patch, double
         double distance;
         if (f->open && !bbox_contains(f->domain, x)) continue;
         if (has_point(job, x, enough_at(&job->least, x, 0, bare), near)) continue;
-        const uint32_t point = point_tree_nearest(job->points, x, 0, &distance);
+        const uint32_t point = nearest_to(&job->points, x, 0, &distance);
         if (distance > bare * job->spacing[point] && !add_place(out, x, patch, e)) return false;
     }
     return true;
@@ -281,9 +309,7 @@ bool coverage_find_bare(const surface *scan, const vec3 *position, const double 
     uint32_t near[2] = {0, 0};
     *out = (coverage_places){0};
     if (!find_spacings(position, spacing, count, &job.least, e)) return false;
-    point_tree *points = point_tree_new(position, count, e);
-    bool ok = points != NULL;
-    job.points = points;
+    bool ok = find_nearest_by(position, count, !job.least.near, &job.points, e);
     for (uint32_t patch = 0; ok && patch < coverage_parts(scan); patch++)
         for (size_t k = scan->parts.begin[patch]; ok && k < scan->parts.begin[patch + 1]; k++) {
             field_cell cell;
@@ -294,7 +320,7 @@ bool coverage_find_bare(const surface *scan, const vec3 *position, const double 
             if (!has_point(&job, middle, enough_at(&job.least, middle, radius, bare), near))
                 ok = add_places(&job, k, patch, bare, near, out, e);
         }
-    point_tree_free(points);
+    free_nearest(&job.points);
     free(job.least.near);
     return ok;
 }

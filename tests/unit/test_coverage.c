@@ -10,6 +10,7 @@
 
 #include "base/rng.h"
 #include "close.h"
+#include "packing/point_bins.h"
 #include "packing/point_tree.h"
 #include "packing/packing.h"
 #include "shapes.h"
@@ -169,6 +170,7 @@ static void the_nearest_is_found(void **state)
         }
         error e = {0};
         point_tree *n = point_tree_new(x, count, &e);
+        point_bins *bins = point_bins_new(x, count, &e);
         for (int p = 0; p < PLACES; p++) {
             vec3 place = vec3_scale(random_between(&r, (vec3){-1, -1, -1}, (vec3){1, 1, 1}), 4);
             double least = INFINITY, found, enough = 3 * rng_uniform(&r);
@@ -178,8 +180,35 @@ static void the_nearest_is_found(void **state)
             point = point_tree_nearest(n, place, enough, &found);
             assert_true(found == least || found <= enough);
             assert_true(vec3_norm(vec3_sub(x[point], place)) == found);
+            if (p % 2) place = vec3_scale(place, 0.25);
+            least = INFINITY;
+            for (size_t k = 0; k < count; k++) least = fmin(least, vec3_norm(vec3_sub(x[k], place)));
+            point = point_bins_nearest(bins, place, 0, &found);
+            assert_true(found == least && vec3_norm(vec3_sub(x[point], place)) == found);
+            point = point_bins_nearest(bins, place, enough, &found);
+            assert_true(found == least || found <= enough);
+            assert_true(vec3_norm(vec3_sub(x[point], place)) == found);
         }
         point_tree_free(n);
+        point_bins_free(bins);
+    }
+    free(x);
+}
+
+/* Points in two heaps far from each other share bins, those of a sphere do not. */
+static void crowds_are_told(void **state)
+{
+    (void)state;
+    enum { POINTS = 4000 };
+    vec3 *x = malloc(POINTS * sizeof *x);
+    error e = {0};
+    for (int heaps = 0; heaps < 2; heaps++) {
+        const size_t count = spiral(POINTS, 0, x);
+        for (size_t k = 0; heaps && k < count; k++)
+            x[k] = vec3_add(x[k], vec3_scale((vec3){1, 1, 1}, k % 2 ? 1000 : 0));
+        point_bins *bins = point_bins_new(x, count, &e);
+        assert_true(point_bins_are_crowded(bins) == heaps);
+        point_bins_free(bins);
     }
     free(x);
 }
@@ -192,6 +221,7 @@ int main(void)
         cmocka_unit_test(a_bald_spot_is_found_beside_fine_points),
         cmocka_unit_test(places_count_in_the_spacing_of_the_nearest),
         cmocka_unit_test(the_nearest_is_found),
+        cmocka_unit_test(crowds_are_told),
     };
     return cmocka_run_group_tests_name("coverage", tests, NULL, NULL);
 }

@@ -1,0 +1,173 @@
+#include "packing/point_bins.h"
+
+#include <assert.h>
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "geometry/bbox.h"
+
+/* So many bins to a point, at most, and so many along an axis. */
+enum { BINS_PER_POINT = 2, AXIS_MOST = 4096 };
+/* Edges are tried from the least on, each so many times the one before. */
+static const double WIDER = 1.1;
+/* Points that share a bin with one, in the mean. */
+static const double CROWD = 100;
+
+struct point_bins {
+    const vec3 *points;
+    vec3 origin;
+    double edge, over;
+    int32_t bins[3];
+    uint32_t *begin; /* of each bin its points in `item`; and the end */
+    uint32_t *item;
+    bool crowded;
+};
+
+static size_t bins_of(vec3 size, double edge, int32_t bins[3])
+{
+    size_t total = 1;
+    for (int a = 0; a < 3; a++) {
+        bins[a] = (int32_t)(vec3_get(size, a) / edge) + 1;
+        total *= (size_t)bins[a];
+    }
+    return total;
+}
+
+/* The bin of a place along an axis; of one beyond the box, the last before it. */
+static int32_t bin_along(const point_bins *b, vec3 x, int axis)
+{
+    const double at = (vec3_get(x, axis) - vec3_get(b->origin, axis)) * b->over;
+    return !(at > 0) ? 0 : at >= b->bins[axis] ? b->bins[axis] - 1 : (int32_t)at;
+}
+
+static size_t row_of(const point_bins *b, int32_t y, int32_t z)
+{
+    return ((size_t)z * (size_t)b->bins[1] + (size_t)y) * (size_t)b->bins[0];
+}
+
+static size_t bin_of(const point_bins *b, vec3 x)
+{
+    return row_of(b, bin_along(b, x, 1), bin_along(b, x, 2)) + (size_t)bin_along(b, x, 0);
+}
+
+/* Points by their bins. */
+static void fill(point_bins *b, size_t count, size_t total)
+{
+    double shared = 0;
+    for (size_t i = 0; i < count; i++) b->begin[bin_of(b, b->points[i])]++;
+    uint32_t sum = 0; /* counts to ends; filling from the back turns ends into begins */
+    for (size_t k = 0; k < total; k++) {
+        shared += (double)b->begin[k] * b->begin[k];
+        b->begin[k] = sum += b->begin[k];
+    }
+    b->begin[total] = sum;
+    for (size_t i = count; i-- > 0;) b->item[--b->begin[bin_of(b, b->points[i])]] = (uint32_t)i;
+    b->crowded = shared > CROWD * (double)count;
+}
+
+point_bins *point_bins_new(const vec3 *points, size_t count, error *e)
+{
+    assert(count > 0 && count < UINT32_MAX);
+    const char *what = "the search for near points";
+    point_bins *b = mem_alloc(sizeof *b);
+    bbox box = bbox_empty();
+    for (size_t i = 0; i < count; i++) box = bbox_include(box, points[i]);
+    const vec3 size = bbox_size(box);
+    const double longest = bbox_longest(box);
+    b->points = points;
+    b->origin = box.min;
+    b->edge = longest > 0 ? longest / AXIS_MOST : 1;
+    size_t total;
+    while ((total = bins_of(size, b->edge, b->bins)) > BINS_PER_POINT * count + 8) b->edge *= WIDER;
+    b->over = 1 / b->edge;
+    b->begin = mem_array(total + 1, sizeof *b->begin, what, e);
+    b->item = mem_array(count, sizeof *b->item, what, e);
+    if (!b->begin || !b->item) {
+        point_bins_free(b);
+        return NULL;
+    }
+    fill(b, count, total);
+    return b;
+}
+
+void point_bins_free(point_bins *b)
+{
+    if (!b) return;
+    free(b->begin);
+    free(b->item);
+    free(b);
+}
+
+bool point_bins_are_crowded(const point_bins *b)
+{
+    return b->crowded;
+}
+
+typedef struct search {
+    vec3 x;
+    int32_t at[3]; /* its bin */
+    double best2;
+    uint32_t best;
+} search;
+
+/* The bins from `low` to `high` of a row, as far as there are any. */
+static void look_along(const point_bins *b, size_t row, int32_t low, int32_t high, search *s)
+{
+    if (low < 0) low = 0;
+    if (high > b->bins[0] - 1) high = b->bins[0] - 1;
+    if (low > high) return;
+    const uint32_t end = b->begin[row + (size_t)high + 1];
+    for (uint32_t k = b->begin[row + (size_t)low]; k < end; k++) {
+        const double d2 = vec3_norm2(vec3_sub(b->points[b->item[k]], s->x));
+        if (d2 >= s->best2) continue;
+        s->best2 = d2;
+        s->best = b->item[k];
+    }
+}
+
+/* The bins that are `ring` from the place's own along one axis at least, and along none more. */
+static void look_at_ring(const point_bins *b, int32_t ring, search *s)
+{
+    for (int32_t z = s->at[2] - ring; z <= s->at[2] + ring; z++)
+        for (int32_t y = s->at[1] - ring; z >= 0 && z < b->bins[2] && y <= s->at[1] + ring; y++) {
+            if (y < 0 || y >= b->bins[1]) continue;
+            const size_t row = row_of(b, y, z);
+            if (abs(z - s->at[2]) == ring || abs(y - s->at[1]) == ring)
+                look_along(b, row, s->at[0] - ring, s->at[0] + ring, s);
+            else {
+                look_along(b, row, s->at[0] - ring, s->at[0] - ring, s);
+                look_along(b, row, s->at[0] + ring, s->at[0] + ring, s);
+            }
+        }
+}
+
+/* How far the points are at least that lie beyond a ring; infinite when there are none. */
+static double way_beyond(const point_bins *b, int32_t ring, const search *s)
+{
+    double way = INFINITY;
+    for (int a = 0; a < 3; a++) {
+        const double at = vec3_get(s->x, a) - vec3_get(b->origin, a);
+        if (s->at[a] - ring > 0) way = fmin(way, at - (s->at[a] - ring) * b->edge);
+        if (s->at[a] + ring < b->bins[a] - 1) way = fmin(way, (s->at[a] + ring + 1) * b->edge - at);
+    }
+    return way;
+}
+
+/* Of the edge: by so much rounding may put a point into the bin beside its own. */
+static const double HAIR = 1e-9;
+
+uint32_t point_bins_nearest(const point_bins *b, vec3 x, double enough, double *distance)
+{
+    search s = {.x = x, .best2 = INFINITY};
+    const double enough2 = enough * fabs(enough);
+    for (int a = 0; a < 3; a++) s.at[a] = bin_along(b, x, a);
+    for (int32_t ring = 0;; ring++) {
+        look_at_ring(b, ring, &s);
+        if (s.best2 <= enough2) break;
+        const double way = way_beyond(b, ring, &s) - HAIR * b->edge;
+        if (!(way < INFINITY) || (way > 0 && s.best2 <= way * way)) break;
+    }
+    *distance = sqrt(s.best2);
+    return s.best;
+}
