@@ -16,7 +16,8 @@ static const double LAMBDA_BEGINS = -3;
     .rough_most = {2, 1}, .rough_count = 5e3,                                                            \
     .roughness = {{{0.05, 0.25}, 0.1, 0.9, 500}, {{0.02, 0.25}, 0.04, 0.99, 900}}, .size_settled = 1e-3, \
     .resizes_most = 10, .cramped_share = 0.01, .cramped_share_coarse = 0.04, .skin_wide = 0.6,           \
-    .skin_narrow = 0.2, .skin_steps = 6, .skin_few = 0.22, .few_sweeps = 4, .creased_share = 0.7, .newcomer_sweeps = 60
+    .skin_narrow = 0.2, .skin_steps = 6, .skin_first = 0.22, .skin_first_count = 2e5,                        \
+    .creased_share = 0.7, .newcomer_sweeps = 60
 
 /* Over-relaxation: 1.8 needs three times the sweeps, 3.0 is slower again near rest. */
 #define PAPER                                                                                  \
@@ -157,9 +158,9 @@ bool schedule_wants_lists(const schedule *s, const schedule_position *at, size_t
 
 double schedule_first_skin(const schedule *s, const schedule_position *at)
 {
-    const bool few = s->is_paced && at->level > 0 && !at->is_sized && !at->has_curves &&
-                     schedule_level_sweeps(s, at) <= s->few_sweeps;
-    return few ? s->skin_few : s->skin_wide;
+    const bool are_calm = s->is_paced && at->level > 0 && !at->is_sized && !at->has_curves &&
+                          (double)at->count >= s->skin_first_count;
+    return are_calm ? s->skin_first : s->skin_wide;
 }
 
 double schedule_skin(const schedule *s, double rms_step)

@@ -70,9 +70,8 @@ typedef struct schedule {
     /* What lists reach beyond the support, over h: wide while particles move far, then so many times the rms step, but
      * not below the narrow one. */
     double skin_wide, skin_narrow, skin_steps;
-    /* That of the first lists of a refined level that has so few sweeps: its particles stay near their places. */
-    double skin_few;
-    int few_sweeps;
+    /* That of the first lists of a refined level of so many particles: they have few sweeps, and stay near their places. */
+    double skin_first, skin_first_count;
 
     /* A coarsest level is dropped when more than this share of its particles see round edges or through sheets. */
     double creased_share;
