@@ -1,6 +1,7 @@
 #include "packing/partitions.h"
 
 #include <assert.h>
+#include <math.h>
 #include <stdlib.h>
 
 #include "base/memory.h"
@@ -8,8 +9,24 @@
 
 static const size_t PARTITION_POINTS = 100000, PARTITIONS_MOST = 16;
 enum { BINS = 4096 }; /* of the histogram that decides where to cut */
+/* Points that are looked at together: those that follow each other are mostly near each other. */
+enum { SPAN = 256 };
 /* A star takes the lists of those listed by those listed. */
 static const double HALO_REACHES = 3;
+
+static void note_spans(const partitions_input *in, partitions *out)
+{
+    for (size_t first = 0; first < in->count; first += SPAN) {
+        double low = INFINITY, high = -INFINITY;
+        for (size_t i = first; i < in->count && i < first + SPAN; i++) {
+            const double at = vec3_get(in->position[i], out->axis);
+            low = at < low ? at : low;
+            high = at > high ? at : high;
+        }
+        out->span[first / SPAN][0] = low;
+        out->span[first / SPAN][1] = high;
+    }
+}
 
 bool partitions_cut(const partitions_input *in, partitions *out, error *e)
 {
@@ -27,6 +44,9 @@ bool partitions_cut(const partitions_input *in, partitions *out, error *e)
     vec3 size = vec3_sub(box.max, box.min);
     out->axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
     out->halo = HALO_REACHES * in->cutoff * coarsest;
+    out->span = mem_array(in->count / SPAN + 1, sizeof *out->span, "a set's parts", e);
+    if (!out->span) return false;
+    note_spans(in, out);
     double low = vec3_get(box.min, out->axis), width = vec3_get(size, out->axis) / BINS;
     size_t bin[BINS] = {0}, k = 0, seen = 0;
     for (size_t i = 0; out->count > 1 && width > 0 && i < in->count; i++) {
@@ -45,16 +65,22 @@ bool partitions_cut(const partitions_input *in, partitions *out, error *e)
 void partitions_free(partitions *s)
 {
     free(s->end);
+    free(s->span);
     *s = (partitions){0};
 }
 
 /* Counts the points in a partition and around it, and copies them once it has arrays for them. */
-static size_t gather_points(const partitions_input *in, double halo, const partition *s)
+static size_t gather_points(const partitions_input *in, const partitions *all, const partition *s)
 {
+    const double low = s->low - all->halo, high = s->high + all->halo;
     size_t found = 0;
     for (size_t i = 0; i < in->count; i++) {
-        double at = vec3_get(in->position[i], s->axis);
-        if (!(at >= s->low - halo && at < s->high + halo)) continue;
+        if (i % SPAN == 0 && (all->span[i / SPAN][1] < low || all->span[i / SPAN][0] >= high)) {
+            i += SPAN - 1;
+            continue;
+        }
+        const double at = vec3_get(in->position[i], s->axis);
+        if (!(at >= low && at < high)) continue;
         if (s->position) {
             s->position[found] = in->position[i];
             s->normal[found] = in->normal[i];
@@ -75,7 +101,7 @@ bool partition_fill(const partitions_input *in, const partitions *all, size_t k,
     const char *what = "a part of a set";
     partition s = {.axis = all->axis, .low = k > 0 ? all->end[k - 1] : -INFINITY, .high = all->end[k]};
     if (s.low < s.high)
-        s.count = gather_points(in, all->halo, &s); /* else the last bin ends two partitions */
+        s.count = gather_points(in, all, &s); /* else the last bin ends two partitions */
     s.normal = mem_array(s.count, sizeof *s.normal, what, e);
     s.spacing = mem_array(s.count, sizeof *s.spacing, what, e);
     s.index = mem_array(s.count, sizeof *s.index, what, e);
@@ -88,7 +114,7 @@ bool partition_fill(const partitions_input *in, const partitions *all, size_t k,
         (in->flags && !s.flags))
         return false;
     if (s.count == 0) return true;
-    gather_points(in, all->halo, &s);
+    gather_points(in, all, &s);
     s.near->label = s.label;
     return neighbours_build(s.near, s.count, s.position, s.spacing, in->cutoff, pool, e);
 }
