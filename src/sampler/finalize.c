@@ -42,34 +42,16 @@ static void requested_spacing(sampler *s, double *spacing)
 
 /* To rounding: a Newton step from 1e-7 h leaves less than doubles resolve. A relaxed particle is within 0.01
  * h of the surface; one that would have to go much farther sits where Newton's method goes astray. */
-static bool land(const field *f, double h, double farthest, vec3 *x, vec3 *normal, double *distance)
+bool sampler_land(const field *f, double h, double farthest, vec3 *x, vec3 *normal)
 {
     const projection_limits limits = {SETTLE_STEPS, 1e-9 * h, 1e-7 * h, WORST_RESIDUAL * h};
     vec3 q = *x, n = *normal;
-    if (projection_find_seen(f, &limits, &q, &n, distance) && vec3_norm(vec3_sub(q, *x)) <= farthest) {
+    if (projection_find(f, &limits, &q, &n) && vec3_norm(vec3_sub(q, *x)) <= farthest) {
         *x = q;
         *normal = n;
         return true;
     }
-    *distance = NAN;
     return projection_bisect(f, *normal, farthest, x, normal);
-}
-
-bool sampler_land(const field *f, double h, double farthest, vec3 *x, vec3 *normal)
-{
-    double distance;
-    return land(f, h, farthest, x, normal, &distance);
-}
-
-/* How far x is from the surface, and the normal there. */
-static bool look_at(const field *f, vec3 x, vec3 *normal, double *distance)
-{
-    field_sample sample;
-    if (!field_sample_at(f, x, FIELD_GRADIENT, &sample)) return false;
-    const double length = vec3_norm(sample.gradient);
-    *distance = fabs(sample.value) / length;
-    *normal = vec3_scale(sample.gradient, 1 / length);
-    return true;
 }
 
 /* Puts particle i on the surface to rounding, and notes its residual, or that it is lost. */
@@ -77,21 +59,20 @@ static void finalize_particle(sampler *s, size_t i)
 {
     vec3 x = s->state.p->position[i], normal = s->state.p->normal[i];
     const field *f = particles_field(s->state.p, s->setup.field, i);
-    double distance;
+    field_sample sample;
     s->scratch.lost[i] = !particles_is_fixed(s->state.p, i);
     s->scratch.residual[i] = 0;
     if (!s->scratch.lost[i]) return;
     double h = s->state.spacing * s->state.p->size[i];
-    if (!land(f, h, SETTLE_FARTHEST * h, &x, &normal, &distance) ||
-        (s->state.p->patch && !field_is_within(f, x)) ||
-        (isnan(distance) && !look_at(f, x, &normal, &distance)))
+    if (!sampler_land(f, h, SETTLE_FARTHEST * h, &x, &normal) ||
+        (s->state.p->patch && !field_is_within(f, x)) || !field_sample_at(f, x, FIELD_GRADIENT, &sample))
         return;
-    const double residual = distance / h;
+    double length = vec3_norm(sample.gradient), residual = fabs(sample.value) / length / h;
     if (!(residual < WORST_RESIDUAL)) return;
     s->scratch.lost[i] = false;
     s->scratch.residual[i] = residual;
     s->state.p->position[i] = x;
-    s->state.p->normal[i] = normal;
+    s->state.p->normal[i] = vec3_scale(sample.gradient, 1 / length);
     if (s->setup.params.graded)
         sampler_amplitude_at(s, f, particles_patch(s->state.p, i), x, s->state.p->normal[i],
                              &s->state.p->alpha[i]);

@@ -1,7 +1,5 @@
 #include "surface/projection.h"
 
-#include <math.h>
-
 /* Clamps x into the box and adds the axes that were clamped (bits 1, 2, 4) to *pinned. */
 static void clamp_to_domain(const field *f, vec3 *x, unsigned *pinned)
 {
@@ -40,13 +38,6 @@ static bool newton_step(const field_sample *s, unsigned pinned, vec3 *step)
 
 bool projection_find(const field *f, const projection_limits *limits, vec3 *x, vec3 *normal)
 {
-    double distance;
-    return projection_find_seen(f, limits, x, normal, &distance);
-}
-
-bool projection_find_seen(const field *f, const projection_limits *limits, vec3 *x, vec3 *normal,
-                          double *seen)
-{
     vec3 p = *x, step;
     unsigned pinned = projection_boundary_axes(f, p);
     clamp_to_domain(f, &p, &pinned);
@@ -61,9 +52,7 @@ bool projection_find_seen(const field *f, const projection_limits *limits, vec3 
             if (!(distance <= limits->reject)) return false;
             done = true;
         }
-        *seen = distance;
         if (!done) {
-            *seen = NAN;
             if (!newton_step(&s, pinned, &step)) return false;
             p = vec3_add(p, step);
             clamp_to_domain(f, &p, &pinned);

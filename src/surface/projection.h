@@ -24,10 +24,6 @@ unsigned projection_boundary_axes(const field *f, vec3 x);
  * untouched, when the field is not defined on the way, its gradient vanishes, or the limit is missed. */
 bool projection_find(const field *f, const projection_limits *limits, vec3 *x, vec3 *normal);
 
-/* The same, and how far from the surface it ended; NAN where the last step went unseen. */
-bool projection_find_seen(const field *f, const projection_limits *limits, vec3 *x, vec3 *normal,
-                          double *distance);
-
 /* For points where Newton's method runs in circles, near a vanishing gradient: looks for a change of sign
  * along the unit vector `along`, both ways and no farther than `reach`, and halves the interval until it is
  * as short as doubles allow. False, outputs untouched, when there is none or no normal there. */
