@@ -100,8 +100,7 @@ bool partition_fill(const partitions_input *in, const partitions *all, size_t k,
     assert(k < all->count);
     const char *what = "a part of a set";
     partition s = {.axis = all->axis, .low = k > 0 ? all->end[k - 1] : -INFINITY, .high = all->end[k]};
-    if (s.low < s.high)
-        s.count = gather_points(in, all, &s); /* else the last bin ends two partitions */
+    if (s.low < s.high) s.count = gather_points(in, all, &s); /* else the last bin ends two partitions */
     s.normal = mem_array(s.count, sizeof *s.normal, what, e);
     s.spacing = mem_array(s.count, sizeof *s.spacing, what, e);
     s.index = mem_array(s.count, sizeof *s.index, what, e);

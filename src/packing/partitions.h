@@ -27,8 +27,9 @@ typedef struct partitions {
     int axis; /* that they are cut across */
     size_t count;
     double *end; /* where each ends along the axis */
-    double (*span)[2]; /* of each few points that follow each other, the least and the largest place along it */
-    double halo; /* width on either side, of the points that a partition knows beside its own */
+    double (
+        *span)[2]; /* of each few points that follow each other, the least and the largest place along it */
+    double halo;   /* width on either side, of the points that a partition knows beside its own */
 } partitions;
 
 /* Release also after failure. Error: limit_memory. */

@@ -198,8 +198,7 @@ static double look_at_places(const coverage_job *job, size_t k, double cell_size
         if (has_point(job, x, enough_at(&job->least, x, 0, farthest), near) ||
             !onto_surface(f, cell_size, &x))
             continue;
-        uint32_t point =
-            nearest_to(&job->points, x, enough_at(&job->least, x, 0, farthest), &distance);
+        uint32_t point = nearest_to(&job->points, x, enough_at(&job->least, x, 0, farthest), &distance);
         farthest = fmax(farthest, distance / job->spacing[point]);
     }
     return farthest;

@@ -9,15 +9,15 @@ static const double stage_share[SCHEDULE_STAGES + 1] = {0, 0.07, 0.35, 1};
 static const double LAMBDA_BEGINS = -3;
 
 /* What all schedules have in common. */
-#define COMMON                                                                                           \
-    .gain = {1e-4, 1e-6, 1e-8}, .patience_more = 50, .patience_last = 500, .coarsest_gain = 1e-5,        \
-    .sweeps = 100, .sweeps_count = 1e4, .sweeps_count_between = {5e3, 2e4}, .sweeps_share_between = 4,   \
-    .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120, .rough_sweeps = {2, 3.5},                 \
-    .rough_most = {2, 1}, .rough_count = 5e3,                                                            \
-    .roughness = {{{0.05, 0.25}, 0.1, 0.9, 500}, {{0.02, 0.25}, 0.04, 0.99, 900}}, .size_settled = 1e-3, \
-    .resizes_most = 10, .cramped_share = 0.01, .cramped_share_coarse = 0.04, .skin_wide = 0.6,           \
-    .skin_narrow = 0.2, .skin_steps = 6, .skin_first = 0.22, .skin_first_count = 2e5,                        \
-    .creased_share = 0.7, .newcomer_sweeps = 60
+#define COMMON                                                                                              \
+    .gain = {1e-4, 1e-6, 1e-8}, .patience_more = 50, .patience_last = 500, .coarsest_gain = 1e-5,           \
+    .sweeps = 100, .sweeps_count = 1e4, .sweeps_count_between = {5e3, 2e4}, .sweeps_share_between = 4,      \
+    .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120, .rough_sweeps = {2, 3.5},                    \
+    .rough_most = {2, 1}, .rough_count = 5e3,                                                               \
+    .roughness = {{{0.05, 0.25}, 0.1, 0.9, 500}, {{0.02, 0.25}, 0.04, 0.99, 900}}, .size_settled = 1e-3,    \
+    .resizes_most = 10, .cramped_share = 0.01, .cramped_share_coarse = 0.04, .skin_wide = 0.6,              \
+    .skin_narrow = 0.2, .skin_steps = 6, .skin_first = 0.22, .skin_first_count = 2e5, .creased_share = 0.7, \
+    .newcomer_sweeps = 60
 
 /* Over-relaxation: 1.8 needs three times the sweeps, 3.0 is slower again near rest. */
 #define PAPER                                                                                  \

@@ -253,9 +253,9 @@ static void energies_are_known_with_the_steps_left(void **state)
     for (int far = 0; far < 2; far++) {
         const double known = relax_rms_steps_left(b.r, b.p, sigma, h, false).all;
         for (size_t i = 0; i < COUNT; i += 2)
-            b.p->position[i] = vec3_axpy((far ? 0.05 : 1e-6) * h,
-                                         vec3_unit(vec3_cross(b.p->normal[i], (vec3){1, 2, 3})),
-                                         b.p->position[i]);
+            b.p->position[i] =
+                vec3_axpy((far ? 0.05 : 1e-6) * h, vec3_unit(vec3_cross(b.p->normal[i], (vec3){1, 2, 3})),
+                          b.p->position[i]);
         assert_true(relax_refresh(b.r, b.p, sigma));
         assert_true((relax_rms_steps_left(b.r, b.p, sigma, h, false).all == known) == !far);
         assert_true((fabs(relax_mean_energy(b.r, b.p, sigma) - energy) < 1e-6 * energy) == !far);
