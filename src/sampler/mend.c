@@ -3,8 +3,9 @@
  * Descent moves particles, and makes none and takes none away. So a dislocation that would have to climb stays where it is:
  * its half row ends there. Here a small piece of the packing around it is tried with one particle less, one more, or one moved
  * to another place, and comes to rest each time with all around held fast, other sheets included; the piece that costs least
- * replaces it: that has few particles with other than six neighbours, cells of even size, and little strain. Pieces do not
- * touch each other, so that they are tried side by side, and what one gains another gives: the count stays. */
+ * replaces it: that has few particles with other than six neighbours, cells of even size, and little strain. At first it may
+ * also cost a little more than what was there. Pieces do not touch each other, so that they are tried side by side, and what
+ * one gains another gives: the count stays. */
 #include <assert.h>
 #include <math.h>
 #include <stdlib.h>
@@ -21,8 +22,9 @@
 static const double FREE_RADIUS = 3.8, JUDGED_RADIUS = 4.4, SEEN_RADIUS = 6.0;
 /* Pieces that are tried together, which bounds memory; and how often one is tried at a time, in chains that begin anew. */
 enum { PIECES_MOST = 256, TRIES = 16, CHAIN = 8, QUEUE_MOST = 1024 };
-/* A chain goes on from what costs up to so much more. */
-static const double HEAT = 1;
+/* A chain goes on from what costs up to so much more. A piece may stay so much worse, too: ever less over this share of the
+ * passes, so that dislocations which no try brings together wander until they meet. */
+static const double HEAT = 1, WARMTH = 1, WARM_SHARE = 0.7;
 /* Passes over all pieces for so many particles, and how many of them before all may move. */
 static const double PASSES = 48, PASSES_COUNT = 1e4;
 enum { PASSES_AT_ONCE = 2 };
@@ -35,7 +37,8 @@ static const double LEAST_GAIN = 1e-3;
 enum { CHANGES = 3 };
 
 typedef struct outcome {
-    double gain;      /* over the piece as it was; 0: there is none */
+    bool found;
+    double gain;      /* over the piece as it was; while there is none, the least that counts */
     vec3 *x, *normal; /* MEND_FREE_MOST */
 } outcome;
 
@@ -52,6 +55,7 @@ typedef struct site {
 typedef struct mending {
     sampler *s;
     int pass;
+    double warmth; /* of this pass */
     neighbours *near;
     double *h;
     double *local;           /* of each particle: the spacing that its cell has, over h; 0: it has none */
@@ -72,6 +76,7 @@ enum { TAKEN_NOT, TAKEN_SEEN, TAKEN_MOVES };
 
 static void keep(outcome *o, double gain, const mend_piece *p)
 {
+    o->found = true;
     o->gain = gain;
     memcpy(o->x, p->x, p->free * sizeof *p->x);
     memcpy(o->normal, p->normal, p->free * sizeof *p->normal);
@@ -180,7 +185,8 @@ static void try_once(mend_bench *b, site *t, rng *r)
     outcome *o = &t->outcome[1 + more];
     const double base = b->as_is.cost, next = b->current.cost + HEAT * rng_uniform(r);
     if (!mend_piece_judge(b, tried, fmax(next, base - o->gain - LEAST_GAIN))) return;
-    if (base - tried->cost > o->gain + LEAST_GAIN) keep(o, base - tried->cost, tried);
+    const double gain = base - tried->cost;
+    if (gain > o->gain + LEAST_GAIN && fabs(gain) > LEAST_GAIN) keep(o, gain, tried);
     if (tried->cost <= next) b->current = *tried;
 }
 
@@ -192,7 +198,10 @@ static void try_chunk(void *context, int worker, size_t begin, size_t end)
         site *t = &m->site[q];
         rng r =
             rng_seed(m->s->setup.params.seed, RANDOM_STREAM_MENDING + ((uint64_t)m->pass << 32) + t->start);
-        for (int k = 0; k < CHANGES; k++) t->outcome[k].gain = 0;
+        for (int k = 0; k < CHANGES; k++) {
+            t->outcome[k].found = false;
+            t->outcome[k].gain = -m->warmth * rng_uniform(&r);
+        }
         fill(m, t, &b->as_is);
         b->mean = m->mean;
         mend_piece_judge(b, &b->as_is, INFINITY);
@@ -211,7 +220,7 @@ static void choose(mending *m)
         const outcome *o = m->site[q].outcome;
         int best = 1;
         for (int k = 0; k < CHANGES; k++)
-            if (o[k].gain > o[best].gain) best = k;
+            if (o[k].found && (!o[best].found || o[k].gain > o[best].gain)) best = k;
         m->site[q].chosen = best;
         balance += best - 1;
     }
@@ -231,7 +240,8 @@ static void choose(mending *m)
     }
 }
 
-static double apply(mending *m)
+/* How much is gained. Sets *changed where any piece was. */
+static double apply(mending *m, bool *changed)
 {
     particles *p = m->s->state.p;
     uint32_t spare[PIECES_MOST], spares = 0, wanting[PIECES_MOST], wants = 0;
@@ -239,7 +249,8 @@ static double apply(mending *m)
     for (size_t q = 0; q < m->sites; q++) {
         const site *t = &m->site[q];
         const outcome *o = &t->outcome[t->chosen];
-        if (!(o->gain > 0)) continue;
+        if (!o->found) continue;
+        *changed = true;
         gain += o->gain;
         uint32_t stay = t->free - (t->chosen == 0);
         for (uint32_t k = 0; k < stay; k++) {
@@ -300,7 +311,7 @@ static void find_disorder(mending *m)
     }
 }
 
-static bool mend_once(mending *m, double *gain, error *e)
+static bool mend_once(mending *m, double *gain, bool *changed, error *e)
 {
     sampler *s = m->s;
     const size_t n = s->state.p->count;
@@ -326,7 +337,7 @@ static bool mend_once(mending *m, double *gain, error *e)
         threads_run(s->setup.pool, m->sites, 1, try_chunk, m);
         threads_narrow(s->setup.pool, narrow);
         choose(m);
-        *gain += apply(m);
+        *gain += apply(m, changed);
     }
     return !threads_stopped(s->setup.pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
@@ -387,9 +398,9 @@ bool sampler_mend(sampler *s, bool *changed, error *e)
     for (int k = 0; ok && goes_on && k < PASSES_AT_ONCE; k++) {
         double gain = 0;
         m.pass = ++s->state.mends;
-        ok = mend_once(&m, &gain, e);
-        goes_on = gain > 0 && s->state.mends < passes;
-        *changed |= gain > 0;
+        m.warmth = WARMTH * fmax(0, 1 - m.pass / (WARM_SHARE * passes));
+        ok = mend_once(&m, &gain, changed, e);
+        goes_on = (gain > 0 || m.warmth > 0) && s->state.mends < passes;
     }
     end(&m);
     return ok;
