@@ -63,8 +63,9 @@ static bool piece_sample(const field *f, vec3 x, field_order order, field_sample
 }
 
 /* On a crease, where sides are a matter of rounding, any of them will do. */
-static bool piece_within(const field *f, vec3 x)
+static bool piece_within(const field *f, vec3 x, uint32_t *hint)
 {
+    (void)hint;
     const piece *p = (const piece *)f;
     const solid *s = p->solid;
     uint64_t sides = 0, open[3];

@@ -72,14 +72,18 @@ typedef struct field_ops {
                                bool defined[VEC3_LANES], uint32_t hint[VEC3_LANES], double value[VEC3_LANES],
                                vec3_lanes *gradient);
 
+    /* `sample`, faster where *hint is what this call, `within` or `sample_patch_lanes` left there for a place nearby; FIELD_NO_HINT:
+     * there is none. What it tells does not hang on it. NULL: nothing is faster than `sample`. */
+    bool (*sample_near)(const field *f, vec3 x, field_order order, uint32_t *hint, field_sample *out);
+
     /* The triangles of which cell k consists, corners on the surface; returns how many. Triangles of cells that touch meet
      * in whole sides or do not overlap. Of such a field `cell` gives a box round them; its values say nothing. Needed where
      * there are patches. NULL: the cell is cut by where F changes sign. */
     int (*cell_triangles)(const field *f, size_t k, vec3 out[FIELD_CELL_TRIANGLES][3]);
 
     /* Of the field of a patch that ends in curves: whether the place of its zero set at or next to x lies between the curves,
-     * and not where the patch only goes on beyond them. NULL: it always does. */
-    bool (*within)(const field *f, vec3 x);
+     * and not where the patch only goes on beyond them. NULL: it always does. The hint is as of `sample_near`. */
+    bool (*within)(const field *f, vec3 x, uint32_t *hint);
 
     /* To which patch a place on or near the surface in cell k belongs. Needed where there are patches. */
     uint32_t (*patch_at)(const field *f, size_t k, vec3 x);
@@ -141,6 +145,14 @@ static inline vec3 field_triangle_middle(const vec3 corner[3])
 static inline bool field_sample_at(const field *f, vec3 x, field_order order, field_sample *out)
 {
     return f->ops->sample(f, x, order, out);
+}
+
+/* As in field_ops, of any field. */
+static inline bool field_sample_near(const field *f, vec3 x, field_order order, uint32_t *hint,
+                                     field_sample *out)
+{
+    return f->ops->sample_near ? f->ops->sample_near(f, x, order, hint, out)
+                               : f->ops->sample(f, x, order, out);
 }
 
 /* As in field_ops, of any field. */

@@ -17,7 +17,7 @@
 
 typedef struct field_patch {
     /* Its own F: zero on the patch, defined some spacings around it. Beyond its curves the patch goes on tangentially. No
-     * sheet of another patch is a zero of it. Of the ops only `sample` and `within` are asked for. */
+     * sheet of another patch is a zero of it. Of the ops only `sample`, `sample_near` and `within` are asked for. */
     const field *field;
     bool one_sided; /* it has no orientation (a Moebius strip): the sign of its normals means nothing */
     double area;    /* > 0 */
@@ -48,10 +48,16 @@ typedef struct field_patches {
         has_many_parts; /* as a segmentation: every place is to have a point near it, however few points there are */
 } field_patches;
 
-/* Whether a place near the zero set of a patch is one of the patch. */
+/* Whether a place near the zero set of a patch is one of the patch. The hint is as of `sample_near` in field_ops. */
+static inline bool field_is_within_near(const field *patch, vec3 x, uint32_t *hint)
+{
+    return !patch->ops->within || patch->ops->within(patch, x, hint);
+}
+
 static inline bool field_is_within(const field *patch, vec3 x)
 {
-    return !patch->ops->within || patch->ops->within(patch, x);
+    uint32_t hint = FIELD_NO_HINT;
+    return field_is_within_near(patch, x, &hint);
 }
 
 /* The field that holds for particles of a patch: the patch's own, or all of a surface without patches. */

@@ -22,6 +22,23 @@ static int by_other(const void *left, const void *right)
     return (a->triangle > b->triangle) - (a->triangle < b->triangle);
 }
 
+/* Most vertices have a few sides: these are sorted in place. */
+enum { FEW = 16 };
+
+static void sort_sides(mesh_side *sides, size_t count)
+{
+    if (count > FEW) {
+        qsort(sides, count, sizeof *sides, by_other);
+        return;
+    }
+    for (size_t k = 1; k < count; k++) {
+        const mesh_side s = sides[k];
+        size_t at = k;
+        for (; at > 0 && by_other(&sides[at - 1], &s) > 0; at--) sides[at] = sides[at - 1];
+        sides[at] = s;
+    }
+}
+
 bool mesh_edges_list(const mesh *m, mesh_edges *out, error *e)
 {
     mesh_edges_free(out);
@@ -42,7 +59,7 @@ bool mesh_edges_list(const mesh *m, mesh_edges *out, error *e)
             out->sides[out->first[low + 1]++] = (mesh_side){a < b ? b : a, n, a < b};
         }
     for (size_t v = 0; v < m->vertex_count; v++)
-        qsort(out->sides + out->first[v], out->first[v + 1] - out->first[v], sizeof *out->sides, by_other);
+        sort_sides(out->sides + out->first[v], out->first[v + 1] - out->first[v]);
     return true;
 }
 

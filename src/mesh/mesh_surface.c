@@ -2,12 +2,14 @@
 
 #include <float.h>
 #include <math.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 
 #include "base/isa.h"
 #include "base/memory.h"
 #include "mesh/mesh_edges.h"
 #include "mesh/nearest_triangle.h"
+#include "mesh/roof.h"
 #include "mesh/triangle.h"
 
 static const char what[] = "the surface of the mesh";
@@ -19,8 +21,12 @@ static const double rounding = 1e-7;
 /* A triangle whose height is less than this share of its longest side says nothing of how normals turn. */
 static const double least_height = 1e-3;
 /* A place this many times as far within the sides of a triangle as from it is nearest to that one, unless others are folded
- * over it by more than 150 degrees; and how many triangles a particle may pass in a step before the tree is asked. */
-enum { ROOM = 2, MOST_STEPS = 4 };
+ * over it by more than 150 degrees; and how many triangles a particle may pass in a step, and how many lie between places that are asked
+ * for one after the other, before the tree is asked. */
+enum { ROOM = 2, MOST_STEPS = 4, MOST_STEPS_BETWEEN = 24 };
+
+/* Of a triangle, see roof.h. */
+enum { ROOF_UNKNOWN, ROOF_CLEAR, ROOF_NOT_CLEAR };
 
 #define ENDS UINT32_MAX /* the patch ends at this side */
 
@@ -48,7 +54,8 @@ struct mesh_surface {
     sym3 *shape;               /* how it turns: symmetric, and nothing along the normal */
     bool *at_end;              /* of each vertex: the patch ends there */
     uint32_t (
-        *beside)[3]; /* of each triangle: which one shares the side that begins at corner k; ENDS: none */
+        *beside)[3];    /* of each triangle: which one shares the side that begins at corner k; ENDS: none */
+    atomic_uchar *roof; /* of each triangle, once it was asked for: whether nothing is under its roofs */
     piece *pieces;
     size_t piece_count, piece_room;
 };
@@ -220,10 +227,11 @@ static double distance_along(const foot *f)
 }
 
 /* The triangle that is nearest to x, from one that was to a place nearby, and the weights of its corners: over sides to where
- * x is above a triangle, and so near to it that nothing beyond its sides can be nearer. False where that does not say it. */
-static bool walk(const mesh_surface *s, uint32_t *n, vec3 x, double weight[3])
+ * x is above a triangle, and so near to it that nothing beyond its sides can be nearer. False where that does not say it: *n is
+ * the last one then. */
+static bool walk(const mesh_surface *s, int most_steps, uint32_t *n, vec3 x, double weight[3])
 {
-    for (int step = 0; step < MOST_STEPS && *n != ENDS; step++) {
+    for (int step = 0; step < most_steps; step++) {
         const uint32_t *t = s->mesh.m.triangle[*n];
         const vec3 a = s->mesh.m.vertex[t[0]], b = s->mesh.m.vertex[t[1]], c = s->mesh.m.vertex[t[2]],
                    off = vec3_sub(x, a), side[3] = {vec3_sub(b, a), vec3_sub(c, b), vec3_sub(a, c)},
@@ -241,8 +249,9 @@ static bool walk(const mesh_surface *s, uint32_t *n, vec3 x, double weight[3])
             if (weight[k] < weight[least]) least = k;
         }
         if (inside) return true;
-        if (!(weight[least] < 0)) return false;
-        *n = s->beside[*n][(least + 1) % 3];
+        const uint32_t next = s->beside[*n][(least + 1) % 3];
+        if (!(weight[least] < 0) || next == ENDS) return false;
+        *n = next;
     }
     return false;
 }
@@ -262,13 +271,46 @@ static void sample_triangle(const mesh_surface *s, size_t n, const double weight
     out->hessian = in_plane(shape, f.normal);
 }
 
-static bool sample_patch(const field *f, vec3 x, field_order order, field_sample *out)
+/* Every thread that asks finds the same. */
+static bool has_clear_roof(const patch_field *p, uint32_t n)
+{
+    atomic_uchar *known = &p->whole->roof[n];
+    unsigned char roof = atomic_load_explicit(known, memory_order_relaxed);
+    if (roof == ROOF_UNKNOWN) {
+        roof = roof_is_clear(p->tree, &p->triangles, n - p->first) ? ROOF_CLEAR : ROOF_NOT_CLEAR;
+        atomic_store_explicit(known, roof, memory_order_relaxed);
+    }
+    return roof == ROOF_CLEAR;
+}
+
+/* What nearest_triangle_find tells, number and weights, with a hint. */
+static uint32_t nearest_of_patch(const patch_field *p, vec3 x, uint32_t *hint, double weight[3])
+{
+    const mesh *m = &p->whole->mesh.m;
+    if (*hint - p->first >= p->triangles.triangle_count)
+        return *hint = (uint32_t)(p->first + nearest_triangle_find(p->tree, x, weight));
+    if (walk(p->whole, MOST_STEPS_BETWEEN, hint, x, weight) &&
+        fmin(weight[0], fmin(weight[1], weight[2])) > ROOF_LEAST_WEIGHT && has_clear_roof(p, *hint)) {
+        const uint32_t *t = m->triangle[*hint];
+        triangle_weights(&(triangle){m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]}, x, weight);
+        return *hint;
+    }
+    return *hint = (uint32_t)(p->first + nearest_triangle_find_from(p->tree, x, *hint - p->first, weight));
+}
+
+static bool sample_patch_near(const field *f, vec3 x, field_order order, uint32_t *hint, field_sample *out)
 {
     const patch_field *p = (const patch_field *)f;
     double weight[3];
-    size_t n = p->first + nearest_triangle_find(p->tree, x, weight);
+    const uint32_t n = nearest_of_patch(p, x, hint, weight);
     sample_triangle(p->whole, n, weight, x, order, out);
     return true;
+}
+
+static bool sample_patch(const field *f, vec3 x, field_order order, field_sample *out)
+{
+    uint32_t hint = FIELD_NO_HINT;
+    return sample_patch_near(f, x, order, &hint, out);
 }
 
 /* Asks for what the triangles that hints name will need: first these, by way of them their corners. (Inlined: the compiler
@@ -295,6 +337,7 @@ static void sample_patch_lanes(const field *f, const uint32_t patch[VEC3_LANES],
                                vec3_lanes *gradient)
 {
     const mesh_surface *s = (const mesh_surface *)f;
+    uint32_t last = FIELD_NO_HINT; /* lanes are near each other */
     prefetch(s, hint);
     for (int l = 0; l < VEC3_LANES; l++) {
         if (!defined[l]) continue;
@@ -303,9 +346,12 @@ static void sample_patch_lanes(const field *f, const uint32_t patch[VEC3_LANES],
         double weight[3];
         field_sample sample;
         uint32_t n = hint[l] - p->first < p->triangles.triangle_count ? hint[l] : ENDS;
-        if (!walk(s, &n, at, weight)) n = (uint32_t)(p->first + nearest_triangle_find(p->tree, at, weight));
+        if (n == ENDS)
+            n = nearest_of_patch(p, at, &last, weight);
+        else if (!walk(s, MOST_STEPS, &n, at, weight))
+            n = nearest_of_patch(p, at, &n, weight);
         sample_triangle(s, n, weight, at, FIELD_GRADIENT, &sample);
-        hint[l] = n;
+        hint[l] = last = n;
         value[l] = sample.value;
         gradient->x[l] = sample.gradient.x;
         gradient->y[l] = sample.gradient.y;
@@ -313,28 +359,56 @@ static void sample_patch_lanes(const field *f, const uint32_t patch[VEC3_LANES],
     }
 }
 
-static bool is_within(const field *f, vec3 x)
+static bool is_within(const field *f, vec3 x, uint32_t *hint)
 {
     const patch_field *p = (const patch_field *)f;
     double weight[3];
-    size_t n = p->first + nearest_triangle_find(p->tree, x, weight);
+    const uint32_t n = nearest_of_patch(p, x, hint, weight);
     const foot at = foot_on(p->whole, n, weight, x);
     if (!at.at_end) return true;
     const double up = vec3_dot(at.off, at.own);
     return vec3_norm(vec3_axpy(-up, at.own, at.off)) <= fabs(up) + rounding * f->extent;
 }
 
-static bool sample_all(const field *f, vec3 x, field_order order, field_sample *out)
+/* The patch of triangle n: the last that begins at or before it. */
+static size_t patch_of(const mesh_surface *s, size_t n)
+{
+    size_t low = 0, high = s->mesh.count - 1;
+    while (low < high) {
+        size_t middle = low + (high - low + 1) / 2;
+        if (s->mesh.first[middle] <= n)
+            low = middle;
+        else
+            high = middle - 1;
+    }
+    return low;
+}
+
+static bool sample_all_near(const field *f, vec3 x, field_order order, uint32_t *hint, field_sample *out)
 {
     const mesh_surface *s = (const mesh_surface *)f;
     double weight[3];
-    size_t n, found = s->patch[nearest_of_several_find(s->trees, x, &n)].first;
-    found += n;
+    size_t n, patch;
+    if (*hint < s->mesh.m.triangle_count) {
+        patch = patch_of(s, *hint);
+        n = nearest_of_patch(&s->patch[patch], x, hint, weight) - s->mesh.first[patch];
+        nearest_of_several_improve(s->trees, x, &patch, &n);
+    } else {
+        patch = nearest_of_several_find(s->trees, x, &n);
+    }
+    const size_t found = s->patch[patch].first + n;
+    *hint = (uint32_t)found;
     const uint32_t *t = s->mesh.m.triangle[found];
     const vec3 *v = s->mesh.m.vertex;
     triangle_weights(&(triangle){v[t[0]], v[t[1]], v[t[2]]}, x, weight);
     sample_triangle(s, found, weight, x, order, out);
     return true;
+}
+
+static bool sample_all(const field *f, vec3 x, field_order order, field_sample *out)
+{
+    uint32_t hint = FIELD_NO_HINT;
+    return sample_all_near(f, x, order, &hint, out);
 }
 
 /* ---- cells */
@@ -366,16 +440,7 @@ static uint32_t patch_at(const field *f, size_t k, vec3 x)
 {
     const mesh_surface *s = (const mesh_surface *)f;
     (void)x;
-    size_t low = 0, high = s->mesh.count - 1,
-           n = s->pieces[k].triangle; /* the last that begins at or before it */
-    while (low < high) {
-        size_t middle = low + (high - low + 1) / 2;
-        if (s->mesh.first[middle] <= n)
-            low = middle;
-        else
-            high = middle - 1;
-    }
-    return (uint32_t)low;
+    return (uint32_t)patch_of(s, s->pieces[k].triangle);
 }
 
 static double no_side(const field *f, vec3 x)
@@ -451,7 +516,7 @@ static bool cut_piece(mesh_surface *s, const vec3 t[3], uint32_t n, const cuttin
 static size_t triangle_bytes(const mesh_surface *s)
 {
     const mesh *m = &s->mesh.m;
-    return m->triangle_count * (sizeof *m->triangle + sizeof *s->beside) +
+    return m->triangle_count * (sizeof *m->triangle + sizeof *s->beside + sizeof *s->roof) +
            m->vertex_count * (2 * sizeof(vec3) + sizeof(sym3));
 }
 
@@ -477,9 +542,11 @@ static const field_ops whole_ops = {.sample = sample_all,
                                     .cell = get_cell,
                                     .side = no_side,
                                     .sample_patch_lanes = sample_patch_lanes,
+                                    .sample_near = sample_all_near,
                                     .cell_triangles = cell_triangles,
                                     .patch_at = patch_at};
-static const field_ops patch_ops = {.sample = sample_patch, .side = no_side, .within = is_within};
+static const field_ops patch_ops = {
+    .sample = sample_patch, .sample_near = sample_patch_near, .side = no_side, .within = is_within};
 
 static bool make_tree_of_trees(mesh_surface *s, error *e)
 {
@@ -533,7 +600,8 @@ static bool make(mesh_surface *s, double longest, size_t memory_limit, error *e)
     s->shape = mem_array(m->vertex_count, sizeof *s->shape, what, e);
     s->at_end = mem_array(m->vertex_count, sizeof *s->at_end, what, e);
     s->beside = mem_array(m->triangle_count, sizeof *s->beside, what, e);
-    if (!s->normal || !s->shape || !s->at_end || !s->beside) return false;
+    s->roof = mem_array(m->triangle_count, sizeof *s->roof, what, e); /* all unknown */
+    if (!s->normal || !s->shape || !s->at_end || !s->beside || !s->roof) return false;
     find_normals(s);
     if (!find_shapes(s, e) || !find_sides(s, e) || !cut_pieces(s, longest, memory_limit, e) ||
         !make_patches(s, e))
@@ -564,6 +632,7 @@ void mesh_surface_free(mesh_surface *s)
     free(s->shape);
     free(s->at_end);
     free(s->beside);
+    free(s->roof);
     free(s->pieces);
     free(s);
 }

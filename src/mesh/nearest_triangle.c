@@ -1,5 +1,6 @@
 #include "mesh/nearest_triangle.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 
@@ -96,6 +97,29 @@ static inline double box_distance2(const bbox *b, vec3 p)
     return vec3_norm2(d);
 }
 
+static inline double least_of(double a, double b, double c)
+{
+    const double d = a < b ? a : b;
+    return d < c ? d : c;
+}
+
+static inline double most_of(double a, double b, double c)
+{
+    const double d = a > b ? a : b;
+    return d > c ? d : c;
+}
+
+/* Whether the box of a triangle is surely farther than that; most triangles of a leaf need no more. */
+static inline bool is_beyond(const triangle *t, vec3 p, double distance2)
+{
+    const double hair = 1e-12;
+    const bbox box = {
+        {least_of(t->a.x, t->b.x, t->c.x), least_of(t->a.y, t->b.y, t->c.y),
+         least_of(t->a.z, t->b.z, t->c.z)},
+        {most_of(t->a.x, t->b.x, t->c.x), most_of(t->a.y, t->b.y, t->c.y), most_of(t->a.z, t->b.z, t->c.z)}};
+    return box_distance2(&box, p) > (1 + hair) * distance2;
+}
+
 /* A part of the tree that is yet to be looked at. */
 typedef struct visit {
     size_t node, first, count;
@@ -116,7 +140,8 @@ static inline size_t search(const nearest_triangle *n, vec3 p, double *nearest,
         if (!(v.distance2 < best)) continue;
         if (v.count <= LEAF) {
             for (size_t k = v.first; k < v.first + v.count; k++) {
-                double distance2 = triangle_distance2(&n->corner[k], p);
+                if (is_beyond(&n->corner[k], p, best)) continue;
+                const double distance2 = triangle_distance2(&n->corner[k], p);
                 if (!(distance2 < best)) continue;
                 if (accept && !accept(context, n->order[k], &n->corner[k])) continue;
                 best = distance2;
@@ -149,6 +174,63 @@ size_t nearest_triangle_find(const nearest_triangle *n, vec3 p, double weight[3]
     const size_t found = search(n, p, &distance2, NULL, NULL);
     triangle_weights(&n->corner[found], p, weight);
     return n->order[found];
+}
+
+/* The square of the distance to a triangle, so much larger that rounding hides neither it nor another that is as near: with that for
+ * a bound a search finds what it finds without one. */
+static double bound_by(const nearest_triangle *n, vec3 p, size_t start)
+{
+    const double hair = 1e-9;
+    const triangle t = triangle_of(n->mesh, start);
+    return (1 + hair) * triangle_distance2(&t, p) + DBL_MIN;
+}
+
+size_t nearest_triangle_find_from(const nearest_triangle *n, vec3 p, size_t start, double weight[3])
+{
+    double distance2 = bound_by(n, p, start);
+    const size_t found = search(n, p, &distance2, NULL, NULL);
+    if (found == n->mesh->triangle_count) return nearest_triangle_find(n, p, weight);
+    triangle_weights(&n->corner[found], p, weight);
+    return n->order[found];
+}
+
+static inline bool boxes_meet(const bbox *a, const bbox *b)
+{
+    return a->min.x <= b->max.x && b->min.x <= a->max.x && a->min.y <= b->max.y && b->min.y <= a->max.y &&
+           a->min.z <= b->max.z && b->min.z <= a->max.z;
+}
+
+static inline bool is_beside(double a, double b, double c, double low, double high)
+{
+    return (a < low && b < low && c < low) || (a > high && b > high && c > high);
+}
+
+static inline bool triangle_meets(const triangle *t, const bbox *b)
+{
+    return !is_beside(t->a.x, t->b.x, t->c.x, b->min.x, b->max.x) &&
+           !is_beside(t->a.y, t->b.y, t->c.y, b->min.y, b->max.y) &&
+           !is_beside(t->a.z, t->b.z, t->c.z, b->min.z, b->max.z);
+}
+
+bool nearest_triangle_any(const nearest_triangle *n, bbox box, nearest_triangle_accept *accept,
+                          const void *context)
+{
+    visit stack[DEEPEST];
+    stack[0] = (visit){0, 0, n->mesh->triangle_count, 0};
+    for (int depth = 1; depth > 0;) {
+        const visit v = stack[--depth];
+        if (!boxes_meet(&n->box[v.node], &box)) continue;
+        if (v.count <= LEAF) {
+            for (size_t k = v.first; k < v.first + v.count; k++)
+                if (triangle_meets(&n->corner[k], &box) && accept(context, n->order[k], &n->corner[k]))
+                    return true;
+            continue;
+        }
+        const size_t half = v.count / 2;
+        stack[depth++] = (visit){2 * v.node + 2, v.first + half, v.count - half, 0};
+        stack[depth++] = (visit){2 * v.node + 1, v.first, half, 0};
+    }
+    return false;
 }
 
 bool nearest_triangle_find_among(const nearest_triangle *n, vec3 p, double within,
@@ -230,16 +312,16 @@ typedef struct nearest_yet {
 /* One tree, of which a triangle that is as near counts if it is an earlier one. */
 static void ask(const nearest_of_several *n, size_t tree, vec3 p, nearest_yet *yet)
 {
+    if (tree == yet->tree && yet->distance2 < INFINITY) return;
     double distance2 = tree < yet->tree ? nextafter(yet->distance2, INFINITY) : yet->distance2;
     if (!(box_distance2(&n->tree[tree]->box[0], p) < distance2)) return;
     if (nearest_triangle_find_nearer(n->tree[tree], p, &distance2, &yet->triangle))
         *yet = (nearest_yet){distance2, tree, yet->triangle};
 }
 
-size_t nearest_of_several_find(const nearest_of_several *n, vec3 p, size_t *nearest)
+static nearest_yet search_several(const nearest_of_several *n, vec3 p, nearest_yet yet)
 {
     visit stack[DEEPEST];
-    nearest_yet yet = {INFINITY, 0, 0}; /* what it stays where p is no number */
     size_t depth = 0;
     stack[depth++] = (visit){0, 0, n->count, box_distance2(&n->box[0], p)};
     while (depth > 0) {
@@ -256,8 +338,23 @@ size_t nearest_of_several_find(const nearest_of_several *n, vec3 p, size_t *near
         stack[depth++] = swap ? b : a;
         stack[depth++] = swap ? a : b;
     }
-    *nearest = yet.triangle;
-    return yet.tree;
+    return yet;
+}
+
+size_t nearest_of_several_find(const nearest_of_several *n, vec3 p, size_t *nearest)
+{
+    const nearest_yet found =
+        search_several(n, p, (nearest_yet){INFINITY, 0, 0}); /* what it stays where p is no number */
+    *nearest = found.triangle;
+    return found.tree;
+}
+
+void nearest_of_several_improve(const nearest_of_several *n, vec3 p, size_t *tree, size_t *nearest)
+{
+    const triangle t = triangle_of(n->tree[*tree]->mesh, *nearest);
+    const nearest_yet found = search_several(n, p, (nearest_yet){triangle_distance2(&t, p), *tree, *nearest});
+    *tree = found.tree;
+    *nearest = found.triangle;
 }
 
 size_t nearest_of_several_bytes(const nearest_of_several *n)

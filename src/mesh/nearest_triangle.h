@@ -16,6 +16,9 @@ void nearest_triangle_free(nearest_triangle *n); /* NULL will do */
 /* The triangle, and the weights of its corners at the place on it that is nearest to p. */
 size_t nearest_triangle_find(const nearest_triangle *n, vec3 p, double weight[3]);
 
+/* The same, found sooner if triangle `start` is near p. */
+size_t nearest_triangle_find_from(const nearest_triangle *n, vec3 p, size_t start, double weight[3]);
+
 /* The nearest triangle if the square of its distance is less than *distance2, where that goes then; else false. */
 bool nearest_triangle_find_nearer(const nearest_triangle *n, vec3 p, double *distance2, size_t *nearest);
 
@@ -25,6 +28,10 @@ typedef bool nearest_triangle_accept(const void *context, size_t n, const triang
 /* The place that is nearest to p of the triangles that count, nearer than `within`; false where there is none. */
 bool nearest_triangle_find_among(const nearest_triangle *n, vec3 p, double within,
                                  nearest_triangle_accept *accept, const void *context, vec3 *place);
+
+/* Whether a triangle counts of those whose boxes meet `box`. */
+bool nearest_triangle_any(const nearest_triangle *n, bbox box, nearest_triangle_accept *accept,
+                          const void *context);
 
 size_t nearest_triangle_bytes(const nearest_triangle *n);
 
@@ -37,6 +44,10 @@ void nearest_of_several_free(nearest_of_several *n); /* NULL will do */
 
 /* The tree that has the triangle nearest to p, the first of those that are as near, and that triangle. */
 size_t nearest_of_several_find(const nearest_of_several *n, vec3 p, size_t *nearest);
+
+/* The same, once it is known which triangle of one tree is nearest: both become those of another where that has a nearer one, or
+ * one as near and comes first. */
+void nearest_of_several_improve(const nearest_of_several *n, vec3 p, size_t *tree, size_t *nearest);
 
 size_t nearest_of_several_bytes(const nearest_of_several *n);
 

@@ -153,8 +153,12 @@ static vec3 middle_of(const field_cell *cell, double *radius)
     vec3 sum = {0, 0, 0};
     for (int k = 0; k < 8; k++) sum = vec3_add(sum, cell->corner[k]);
     vec3 middle = vec3_scale(sum, 0.125);
-    *radius = 0;
-    for (int k = 0; k < 8; k++) *radius = fmax(*radius, vec3_norm(vec3_sub(cell->corner[k], middle)));
+    double most2 = 0;
+    for (int k = 0; k < 8; k++) {
+        const double away2 = vec3_norm2(vec3_sub(cell->corner[k], middle));
+        most2 = away2 > most2 ? away2 : most2;
+    }
+    *radius = sqrt(most2);
     return middle;
 }
 
@@ -184,19 +188,44 @@ static bool has_point(const coverage_job *job, vec3 x, double within, uint32_t n
     return distance <= within;
 }
 
+/* Of a cell: its triangles, and whether all of their places are near enough to a point, by its middle alone. A cell that is one
+ * triangle has one place, and the middle says no more of it. */
+typedef struct cell_look {
+    vec3 triangle[FIELD_CELL_TRIANGLES][3];
+    int count;
+    double size; /* of the cell */
+    bool is_done;
+} cell_look;
+
+static void look_at_cell(const coverage_job *job, size_t k, double farthest, uint32_t near[2], cell_look *out)
+{
+    const field *f = job->scan->field;
+    out->count = f->ops->cell_triangles ? surface_cell_rough_triangles(job->scan, k, out->triangle) : -1;
+    out->is_done = out->count == 0;
+    out->size = f->cell_size;
+    if (out->count == 1 && !f->uneven) return;
+    field_cell cell;
+    double radius;
+    surface_cell(job->scan, k, &cell);
+    const vec3 middle = middle_of(&cell, &radius);
+    out->size = field_cell_size(f, &cell);
+    /* with a point that near its middle no place of the cell is farther than the farthest */
+    out->is_done = has_point(job, middle, enough_at(&job->least, middle, radius, farthest), near);
+    if (!out->is_done && out->count < 0)
+        out->count = surface_cell_rough_triangles(job->scan, k, out->triangle);
+}
+
 /* The farthest place of a cell, if that is beyond `farthest`. */
-static double look_at_places(const coverage_job *job, size_t k, double cell_size, double farthest,
+static double look_at_places(const coverage_job *job, const cell_look *look, double farthest,
                              uint32_t near[2])
 {
     const field *f = job->scan->field;
-    vec3 triangle[FIELD_CELL_TRIANGLES][3];
-    int count = surface_cell_rough_triangles(job->scan, k, triangle);
-    for (int i = 0; i < count; i++) {
-        vec3 x = field_triangle_middle(triangle[i]);
+    for (int i = 0; i < look->count; i++) {
+        vec3 x = field_triangle_middle(look->triangle[i]);
         if (f->open && !bbox_contains(f->domain, x)) continue;
         double distance;
         if (has_point(job, x, enough_at(&job->least, x, 0, farthest), near) ||
-            !onto_surface(f, cell_size, &x))
+            !onto_surface(f, look->size, &x))
             continue;
         uint32_t point = nearest_to(&job->points, x, enough_at(&job->least, x, 0, farthest), &distance);
         farthest = fmax(farthest, distance / job->spacing[point]);
@@ -211,14 +240,10 @@ static void cells_chunk(void *context, int worker, size_t begin, size_t end)
     uint32_t near[2] = {0, 0};
     (void)worker;
     for (size_t k = job->first + begin; k < job->first + end; k++) {
-        field_cell cell;
-        double radius;
         if (!(surface_cell_area(job->scan, k) > 0)) continue;
-        surface_cell(job->scan, k, &cell);
-        vec3 middle = middle_of(&cell, &radius);
-        /* with a point that near its middle no place of the cell is farther than the farthest */
-        if (!has_point(job, middle, enough_at(&job->least, middle, radius, farthest), near))
-            farthest = look_at_places(job, k, field_cell_size(job->scan->field, &cell), farthest, near);
+        cell_look look;
+        look_at_cell(job, k, farthest, near, &look);
+        if (!look.is_done) farthest = look_at_places(job, &look, farthest, near);
     }
     job->farthest[begin / job->grain] = farthest;
 }
@@ -284,14 +309,12 @@ static bool add_place(coverage_places *p, vec3 x, uint32_t patch, error *e)
 }
 
 /* The bare places of a cell. */
-static bool add_places(const coverage_job *job, size_t k, uint32_t patch, double bare, uint32_t near[2],
-                       coverage_places *out, error *e)
+static bool add_places(const coverage_job *job, const cell_look *look, uint32_t patch, double bare,
+                       uint32_t near[2], coverage_places *out, error *e)
 {
     const field *f = job->scan->field;
-    vec3 triangle[FIELD_CELL_TRIANGLES][3];
-    const int count = surface_cell_rough_triangles(job->scan, k, triangle);
-    for (int i = 0; i < count; i++) {
-        const vec3 x = field_triangle_middle(triangle[i]);
+    for (int i = 0; i < look->count; i++) {
+        const vec3 x = field_triangle_middle(look->triangle[i]);
         double distance;
         if (f->open && !bbox_contains(f->domain, x)) continue;
         if (has_point(job, x, enough_at(&job->least, x, 0, bare), near)) continue;
@@ -311,13 +334,10 @@ bool coverage_find_bare(const surface *scan, const vec3 *position, const double 
     bool ok = find_nearest_by(position, count, !job.least.near, &job.points, e);
     for (uint32_t patch = 0; ok && patch < coverage_parts(scan); patch++)
         for (size_t k = scan->parts.begin[patch]; ok && k < scan->parts.begin[patch + 1]; k++) {
-            field_cell cell;
-            double radius;
             if (!(surface_cell_area(scan, k) > 0)) continue;
-            surface_cell(scan, k, &cell);
-            const vec3 middle = middle_of(&cell, &radius);
-            if (!has_point(&job, middle, enough_at(&job.least, middle, radius, bare), near))
-                ok = add_places(&job, k, patch, bare, near, out, e);
+            cell_look look;
+            look_at_cell(&job, k, bare, near, &look);
+            if (!look.is_done) ok = add_places(&job, &look, patch, bare, near, out, e);
         }
     free_nearest(&job.points);
     free(job.least.near);

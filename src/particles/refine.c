@@ -311,7 +311,7 @@ typedef struct middles {
 } middles;
 
 /* Puts a particle on the surface beside the point at `share` of an edge, unless that joins two sheets. */
-static bool put_between(const middles *job, const edge *e, double share, size_t place)
+static bool put_between(const middles *job, const edge *e, double share, size_t place, uint32_t *hint)
 {
     const voronoi_sites *sites = &job->m->sites;
     double spacing = fmin(sites->spacing[e->a], sites->spacing[e->b]), accept = MIDDLE_ACCEPT * spacing;
@@ -319,7 +319,7 @@ static bool put_between(const middles *job, const edge *e, double share, size_t 
     vec3 m = vec3_axpy(share, vec3_sub(sites->position[e->b], sites->position[e->a]), sites->position[e->a]);
     vec3 x = m, n;
     const field *f = particles_field(job->p, job->f, e->a);
-    if (!projection_find(f, &limits, &x, &n) ||
+    if (!projection_find_near(f, &limits, hint, &x, &n) ||
         vec3_norm2(vec3_sub(x, m)) >= MIDDLE_FARTHEST * MIDDLE_FARTHEST * spacing * spacing)
         return false;
     job->p->position[place] = x;
@@ -328,7 +328,7 @@ static bool put_between(const middles *job, const edge *e, double share, size_t 
     uint32_t patch = job->p->patch[e->a];
     job->p->patch[place] = patch;
     job->p->place[place] = PARTICLES_FREE;
-    return field_is_within(f, x) && !crowds_curve(job->patches, patch, x, spacing);
+    return field_is_within_near(f, x, hint) && !crowds_curve(job->patches, patch, x, spacing);
 }
 
 static void put_chunk(void *context, int worker, size_t begin, size_t end)
@@ -336,8 +336,10 @@ static void put_chunk(void *context, int worker, size_t begin, size_t end)
     const middles *job = context;
     (void)worker;
     size_t place = job->first[begin / CHUNK];
+    uint32_t hint = FIELD_NO_HINT;
     for (const edge *e = job->m->edges + begin; e < job->m->edges + end; e++)
-        for (uint32_t k = 1; k <= e->copies; k++) place += put_between(job, e, k / (e->copies + 1.0), place);
+        for (uint32_t k = 1; k <= e->copies; k++)
+            place += put_between(job, e, k / (e->copies + 1.0), place, &hint);
     job->kept[begin / CHUNK] = place - job->first[begin / CHUNK];
 }
 

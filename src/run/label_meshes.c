@@ -4,40 +4,25 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "mesh/mesh_edges.h"
 
 static const char what[] = "the mesh of a label";
 
-/* An edge of a triangle: its ends, the lesser one first, and which way the triangle goes. */
-typedef struct edge {
-    uint32_t low, high;
-    int way;
-} edge;
-
-static int compare_edges(const void *a, const void *b)
-{
-    const edge *x = a, *y = b;
-    if (x->low != y->low) return x->low > y->low ? 1 : -1;
-    return (x->high > y->high) - (x->high < y->high);
-}
-
 static bool count_edges(label_mesh_part *p, error *e)
 {
-    const size_t count = 3 * p->set.triangle_count;
-    edge *list = mem_array(count, sizeof *list, what, e);
-    if (!list) return false;
-    for (size_t k = 0; k < count; k++) {
-        const uint32_t from = p->triangle[k / 3][k % 3], to = p->triangle[k / 3][(k + 1) % 3];
-        list[k] = from < to ? (edge){from, to, 1} : (edge){to, from, -1};
-    }
-    qsort(list, count, sizeof *list, compare_edges);
-    for (size_t k = 0, n; k < count; k = n) {
-        int way = 0;
-        for (n = k; n < count && compare_edges(&list[n], &list[k]) == 0; n++) way += list[n].way;
-        p->open_edges += way != 0;
-        p->nonmanifold_edges += n - k > 2;
-    }
-    free(list);
-    return true;
+    const mesh m = {p->set.count, p->set.triangle_count, p->position, p->triangle};
+    mesh_edges edges = {0};
+    const bool ok = mesh_edges_list(&m, &edges, e);
+    for (size_t v = 0; ok && v < edges.vertex_count; v++)
+        for (size_t k = edges.first[v], n; k < edges.first[v + 1]; k += n) {
+            int way = 0;
+            n = mesh_edges_width(&edges, v, k);
+            for (size_t i = k; i < k + n; i++) way += edges.sides[i].upwards ? 1 : -1;
+            p->open_edges += way != 0;
+            p->nonmanifold_edges += n > 2;
+        }
+    mesh_edges_free(&edges);
+    return ok;
 }
 
 static double volume_of(const label_mesh_part *p)

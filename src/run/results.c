@@ -76,12 +76,14 @@ static void residual_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const residual_job *job = context;
     double worst = 0;
+    uint32_t hint = FIELD_NO_HINT;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         vec3 x = job->set->position[i];
         if (job->as_float) x = (vec3){rounded(x.x), rounded(x.y), rounded(x.z)};
         field_sample s = {0};
-        double length = field_sample_at(job->field, x, FIELD_GRADIENT, &s) ? vec3_norm(s.gradient) : 0;
+        double length =
+            field_sample_near(job->field, x, FIELD_GRADIENT, &hint, &s) ? vec3_norm(s.gradient) : 0;
         worst = fmax(worst, length > 0 ? fabs(s.value) / length : INFINITY);
     }
     job->worst[begin / GRAIN] = worst;

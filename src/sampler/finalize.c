@@ -42,11 +42,11 @@ static void requested_spacing(sampler *s, double *spacing)
 
 /* To rounding: a Newton step from 1e-7 h leaves less than doubles resolve. A relaxed particle is within 0.01
  * h of the surface; one that would have to go much farther sits where Newton's method goes astray. */
-bool sampler_land(const field *f, double h, double farthest, vec3 *x, vec3 *normal)
+static bool land_near(const field *f, double h, double farthest, uint32_t *hint, vec3 *x, vec3 *normal)
 {
     const projection_limits limits = {SETTLE_STEPS, 1e-9 * h, 1e-7 * h, WORST_RESIDUAL * h};
     vec3 q = *x, n = *normal;
-    if (projection_find(f, &limits, &q, &n) && vec3_norm(vec3_sub(q, *x)) <= farthest) {
+    if (projection_find_near(f, &limits, hint, &q, &n) && vec3_norm(vec3_sub(q, *x)) <= farthest) {
         *x = q;
         *normal = n;
         return true;
@@ -54,8 +54,14 @@ bool sampler_land(const field *f, double h, double farthest, vec3 *x, vec3 *norm
     return projection_bisect(f, *normal, farthest, x, normal);
 }
 
+bool sampler_land(const field *f, double h, double farthest, vec3 *x, vec3 *normal)
+{
+    uint32_t hint = FIELD_NO_HINT;
+    return land_near(f, h, farthest, &hint, x, normal);
+}
+
 /* Puts particle i on the surface to rounding, and notes its residual, or that it is lost. */
-static void finalize_particle(sampler *s, size_t i)
+static void finalize_particle(sampler *s, size_t i, uint32_t *hint)
 {
     vec3 x = s->state.p->position[i], normal = s->state.p->normal[i];
     const field *f = particles_field(s->state.p, s->setup.field, i);
@@ -64,8 +70,9 @@ static void finalize_particle(sampler *s, size_t i)
     s->scratch.residual[i] = 0;
     if (!s->scratch.lost[i]) return;
     double h = s->state.spacing * s->state.p->size[i];
-    if (!sampler_land(f, h, SETTLE_FARTHEST * h, &x, &normal) ||
-        (s->state.p->patch && !field_is_within(f, x)) || !field_sample_at(f, x, FIELD_GRADIENT, &sample))
+    if (!land_near(f, h, SETTLE_FARTHEST * h, hint, &x, &normal) ||
+        (s->state.p->patch && !field_is_within_near(f, x, hint)) ||
+        !field_sample_near(f, x, FIELD_GRADIENT, hint, &sample))
         return;
     double length = vec3_norm(sample.gradient), residual = fabs(sample.value) / length / h;
     if (!(residual < WORST_RESIDUAL)) return;
@@ -80,8 +87,9 @@ static void finalize_particle(sampler *s, size_t i)
 
 static void finalize_chunk(void *context, int worker, size_t begin, size_t end)
 {
+    uint32_t hint = FIELD_NO_HINT;
     (void)worker;
-    for (size_t i = begin; i < end; i++) finalize_particle(context, i);
+    for (size_t i = begin; i < end; i++) finalize_particle(context, i, &hint);
 }
 
 /* Whether a free particle has come to rest in the row of a curve, between two that are held there: those behind push it out, and
@@ -123,7 +131,7 @@ static bool replace(sampler *s, size_t i, double least, rng *r)
     s->state.p->normal[i] = normal;
     s->record.removed++;
     s->record.replaced[i] = true;
-    finalize_particle(s, i);
+    finalize_particle(s, i, &(uint32_t){FIELD_NO_HINT});
     return true;
 }
 
@@ -144,7 +152,7 @@ static void leave_row(sampler *s, size_t i)
     if (!sampler_land(f, s->state.spacing, IN_ROW * h, &x, &normal) || !field_is_within(f, x)) return;
     s->state.p->position[i] = x;
     s->state.p->normal[i] = normal;
-    finalize_particle(s, i);
+    finalize_particle(s, i, &(uint32_t){FIELD_NO_HINT});
 }
 
 bool sampler_merges_rows(const sampler *s)
@@ -182,6 +190,7 @@ static void curvature_chunk(void *context, int worker, size_t begin, size_t end)
 {
     sampler *s = context;
     size_t n = s->state.p->count;
+    uint32_t hint = FIELD_NO_HINT;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         field_sample sample;
@@ -191,7 +200,7 @@ static void curvature_chunk(void *context, int worker, size_t begin, size_t end)
                 scaled_curvature_at(s->setup.params.curvature, s->state.p->position[i], s->state.p->normal[i],
                                     particles_patch(s->state.p, i), &kappa1, &kappa2);
         const field *f = particles_field(s->state.p, s->setup.field, i);
-        if (!field_sample_at(f, s->state.p->position[i], FIELD_HESSIAN, &sample)) continue;
+        if (!field_sample_near(f, s->state.p->position[i], FIELD_HESSIAN, &hint, &sample)) continue;
         s->record.column[i] =
             field_curvature(&sample, &s->record.column[n + i], &s->record.column[2 * n + i]);
     }

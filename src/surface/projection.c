@@ -38,12 +38,19 @@ static bool newton_step(const field_sample *s, unsigned pinned, vec3 *step)
 
 bool projection_find(const field *f, const projection_limits *limits, vec3 *x, vec3 *normal)
 {
+    uint32_t hint = FIELD_NO_HINT;
+    return projection_find_near(f, limits, &hint, x, normal);
+}
+
+bool projection_find_near(const field *f, const projection_limits *limits, uint32_t *hint, vec3 *x,
+                          vec3 *normal)
+{
     vec3 p = *x, step;
     unsigned pinned = projection_boundary_axes(f, p);
     clamp_to_domain(f, &p, &pinned);
     for (int k = 0;; k++) {
         field_sample s;
-        if (!field_sample_at(f, p, FIELD_GRADIENT, &s)) return false;
+        if (!field_sample_near(f, p, FIELD_GRADIENT, hint, &s)) return false;
         double length = vec3_norm(s.gradient);
         if (!(length > 0)) return false;
         double distance = fabs(s.value) / length;

@@ -24,6 +24,10 @@ unsigned projection_boundary_axes(const field *f, vec3 x);
  * untouched, when the field is not defined on the way, its gradient vanishes, or the limit is missed. */
 bool projection_find(const field *f, const projection_limits *limits, vec3 *x, vec3 *normal);
 
+/* The same with a hint, see `sample_near` in field_ops. */
+bool projection_find_near(const field *f, const projection_limits *limits, uint32_t *hint, vec3 *x,
+                          vec3 *normal);
+
 /* For points where Newton's method runs in circles, near a vanishing gradient: looks for a change of sign
  * along the unit vector `along`, both ways and no farther than `reach`, and halves the interval until it is
  * as short as doubles allow. False, outputs untouched, when there is none or no normal there. */

@@ -36,8 +36,9 @@ static bool face_sample(const field *f, vec3 x, field_order order, field_sample 
     return true;
 }
 
-static bool face_within(const field *f, vec3 x)
+static bool face_within(const field *f, vec3 x, uint32_t *hint)
 {
+    (void)hint;
     const face *a = (const face *)f;
     vec3 r = vec3_sub(x, a->centre);
     double hair = 1 + 1e-9;

@@ -354,11 +354,88 @@ static void test_feature_sizes_are_of_the_faces(void **state)
     mesh_surface_free(s);
 }
 
+/* A strip folded back over itself, so that its two sheets, which are one patch, almost touch. */
+static vec3 folded(double u, double v)
+{
+    const double gap = 0.02, way = 2.2 * u - 1.1;
+    if (fabs(way) > 0.1) return vec3_make(fabs(way), v, way < 0 ? 0 : gap);
+    return vec3_make(0.1 * sin(0.5 * M_PI * fabs(way) / 0.1), v,
+                     0.5 * gap * (1 + sin(0.5 * M_PI * way / 0.1)));
+}
+
+/* Waves as high as they are long. */
+static vec3 rough(double u, double v)
+{
+    return vec3_make(u, v, 0.05 * sin(40 * u) * sin(40 * v));
+}
+
+/* A saw of narrow teeth. */
+static vec3 saw(double u, double v)
+{
+    return vec3_make(u, v, 0.4 * fabs(fmod(12 * u, 1) - 0.5));
+}
+
+static void assert_same_sample(const field_sample *a, const field_sample *b)
+{
+    assert_memory_equal(&a->value, &b->value, sizeof a->value);
+    assert_memory_equal(&a->gradient, &b->gradient, sizeof a->gradient);
+    assert_memory_equal(&a->hessian, &b->hessian, sizeof a->hessian);
+}
+
+/* What a field tells with a hint, of whatever place, is what it tells without, and so is the hint that it leaves. */
+static void assert_hints_change_nothing(mesh_surface *s, double off)
+{
+    const field *f = mesh_surface_field(s);
+    const size_t triangles = mesh_surface_patches(s)->m.triangle_count;
+    uint64_t seed = 20261123;
+    uint32_t of_patch = FIELD_NO_HINT, of_all = FIELD_NO_HINT;
+    for (int k = 0; k < 20 * PLACES; k++) {
+        size_t cell;
+        const double far = fixture_random(&seed) < 0.5 ? off : 1e-6 * off;
+        const vec3 x = place_near(f, far, &seed, &cell);
+        const field *patch = field_of_patch(f, f->ops->patch_at(f, cell, x)), *fields[2] = {patch, f};
+        if (k % 7 == 0) of_patch = (uint32_t)(fixture_random(&seed) * (double)triangles);
+        uint32_t hints[2] = {of_patch, of_all}, within = of_patch, none = FIELD_NO_HINT;
+        assert_int_equal(field_is_within_near(patch, x, &within), field_is_within_near(patch, x, &none));
+        assert_int_equal(within, none);
+        for (int i = 0; i < 2; i++) {
+            field_sample with = {0}, without = {0};
+            none = FIELD_NO_HINT;
+            assert_true(field_sample_near(fields[i], x, FIELD_HESSIAN, &hints[i], &with));
+            assert_true(field_sample_near(fields[i], x, FIELD_HESSIAN, &none, &without));
+            assert_int_equal(hints[i], none);
+            assert_same_sample(&with, &without);
+            assert_true(field_sample_at(fields[i], x, FIELD_HESSIAN, &without));
+            assert_same_sample(&with, &without);
+        }
+        of_patch = hints[0];
+        of_all = hints[1];
+        const uint32_t *t = mesh_surface_patches(s)->m.triangle[of_all];
+        const vec3 *v = mesh_surface_patches(s)->m.vertex;
+        const triangle found = {v[t[0]], v[t[1]], v[t[2]]};
+        assert_true(sqrt(triangle_distance2(&found, x)) <= distance_from(s, x) + 1e-12);
+    }
+    mesh_surface_free(s);
+}
+
+static void test_hints_change_nothing(void **state)
+{
+    (void)state;
+    assert_hints_change_nothing(make(mesh_fixture_ball(vec3_make(1, 2, 3), 2, 3), 0, 0.2), 0.1);
+    mesh box = mesh_fixture_box(vec3_make(1, 2, 3), vec3_make(1, 2, 3), 0.3);
+    assert_hints_change_nothing(make(box, MESH_PATCHES_FOUND, 0.2), 0.1);
+    assert_hints_change_nothing(make(mesh_fixture_sheet(60, 6, mesh_fixture_moebius), 0, 0.2), 0.05);
+    assert_hints_change_nothing(make(mesh_fixture_sheet(44, 12, folded), 0, 0.05), 0.03);
+    assert_hints_change_nothing(make(mesh_fixture_sheet(40, 40, rough), 0, 0.05), 0.05);
+    assert_hints_change_nothing(make(mesh_fixture_sheet(96, 12, saw), 0, 0.05), 0.05);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_newton_ends_on_mesh),
         cmocka_unit_test(test_lanes_of_patches),
+        cmocka_unit_test(test_hints_change_nothing),
         cmocka_unit_test(test_ball),
         cmocka_unit_test(test_beyond_the_rim),
         cmocka_unit_test(test_the_whole_is_the_nearest_patch),
