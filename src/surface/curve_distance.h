@@ -7,8 +7,7 @@
 
 typedef struct curve_distance curve_distance;
 
-/* Of curves that are looked at every `step` > 0. `joined`: all patches count as one, which is patch 0. Error:
- * limit_memory. */
+/* Of curves that are looked at every `step` > 0. `joined`: all patches count as one, which is patch 0. Error: limit_memory. */
 curve_distance *curve_distance_new(const field_patches *patches, bool joined, double step, error *e);
 void curve_distance_free(curve_distance *d);
 

@@ -38,8 +38,7 @@ static bool newton_step(const field_sample *s, unsigned pinned, vec3 *step)
 
 bool projection_find(const field *f, const projection_limits *limits, vec3 *x, vec3 *normal)
 {
-    uint32_t hint = FIELD_NO_HINT;
-    return projection_find_near(f, limits, &hint, x, normal);
+    return projection_find_near(f, limits, &(uint32_t){FIELD_NO_HINT}, x, normal);
 }
 
 bool projection_find_near(const field *f, const projection_limits *limits, uint32_t *hint, vec3 *x,
@@ -73,10 +72,8 @@ bool projection_find_near(const field *f, const projection_limits *limits, uint3
     }
 }
 
-/* Steps in which the reach is searched for a change of sign, each way. */
-static const int SEARCH_STEPS = 32;
-/* Halvings: 2^-52 of a search step. */
-static const int HALVINGS = 52;
+/* Steps in which the reach is searched for a change of sign, each way; and halvings, to 2^-52 of such a step. */
+enum { SEARCH_STEPS = 32, HALVINGS = 52 };
 
 /* The nearest interval [*a, *b] of `x + t along` with a change of sign. */
 static bool find_bracket(const field *f, vec3 x, vec3 along, double reach, double *a, double *b)

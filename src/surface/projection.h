@@ -16,8 +16,7 @@ typedef struct projection_limits {
     double reject;   /* farther than this after the last step is failure */
 } projection_limits;
 
-/* The axes (bit k) of the faces that cut the surface and that x lies in, exactly: a particle on a boundary has
- * some. */
+/* The axes (bit k) of the faces that cut the surface and that x lies in, exactly: a particle on a boundary has some. */
 unsigned projection_boundary_axes(const field *f, vec3 x);
 
 /* Moves *x onto the surface and gives the unit normal there (of the last sample). False, outputs

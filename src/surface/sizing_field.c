@@ -12,16 +12,13 @@
 /* Edge of a node's cube: of a cell of the surface, so that every cube that the surface passes holds some, and
  * of the mean spacing, below which the request need not be told apart. */
 static const double EDGE_CELLS = 1.25, EDGE_SPACING = 0.2;
-/* A spacing that nothing bounds has its end at this many times that of the even packing, or the surface's
- * size. */
+/* A spacing that nothing bounds has its end at this many times that of the even packing, or the surface's size. */
 static const double WIDEST_EVEN = 10;
-/* The scale that meets the count, to this error of it: first of the nodes' sum, then of that over the
- * cells. */
+/* The scale that meets the count, to this error of it: first of the nodes' sum, then of that over the cells. */
 static const double NODES_TOLERANCE = 1e-6, CELLS_TOLERANCE = 1e-4;
 static const int CELLS_STEPS = 4;
 static const int SCALE_STEPS = 60;
-/* The gradient's share across the surface, where the nodes say nothing, is damped by this share of the
- * matrix. */
+/* The gradient's share across the surface, where the nodes say nothing, is damped by this share of the matrix. */
 static const double GRADIENT_DAMPING = 0.02;
 /* What is left of a ratio after growth and smoothing, at least; else a smaller share of the area is at its fine end. */
 static const double RATIO_LEFT = 0.8;
@@ -57,8 +54,7 @@ typedef struct node {
 /* How often spacings are found from a request that depends on them. */
 enum { IMPLICIT_PASSES = 4 };
 
-/* The most that a cell takes while a field is made: its place and value, and a node of its own with all
- * that goes with one. */
+/* The most that a cell takes while a field is made: its place and value, and a node of its own with all that goes with one. */
 static const double CELL_BYTES =
     SPACING_REQUEST_CELL_BYTES + 2 * 8 + 8 + sizeof(node) + 16 + 27 * 4 + 8 + 3 * 8;
 

@@ -27,10 +27,9 @@
 
 typedef struct sizing_field sizing_field;
 
-/* For `count` points on the scanned surface. 0: as many as the request and the features take, with a scale of 1;
- * where neither asks for anything the spacing is max_spacing. Errors: spec_invalid (the count cannot be had within the
- * bounds), input_unsupported (a map's value is no spacing), limit_memory, cancelled. Deterministic for any
- * number of threads. */
+/* For `count` points on the scanned surface. 0: as many as the request and the features take, with a scale of 1; where neither
+ * asks for anything the spacing is max_spacing. Errors: spec_invalid (the count cannot be had within the bounds),
+ * input_unsupported (a map's value is no spacing), limit_memory, cancelled. Deterministic for any number of threads. */
 sizing_field *sizing_field_new(const field *f, const surface *scan, const sizing_field_params *params,
                                size_t count, threads *pool, error *e);
 void sizing_field_free(sizing_field *g);
