@@ -8,7 +8,7 @@
 #include "field/patches.h"
 #include "packing/point_bins.h"
 #include "packing/point_tree.h"
-#include "surface/projection.h"
+#include "field/projection.h"
 
 /* Cells are looked at in so many parts at most, each of which has a largest distance of its own: with fewer cells in a part
  * most of them are looked at before there is one that spares the look. */

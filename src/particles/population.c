@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "surface/projection.h"
+#include "field/projection.h"
 
 /* A particle whose energy is one standard deviation off the mean is this much likelier, on the logarithm; and
  * no more than this many deviations count. A choice by rank alone would take whole clusters at once, and

@@ -11,7 +11,7 @@
 #include "particles/refine.h"
 #include "sampler/sampler_internal.h"
 #include "sampler/start.h"
-#include "surface/projection.h"
+#include "field/projection.h"
 
 /* (13) and (14), with curvature freed of scale by the surface's extent, and bounded. */
 static double amplitude(const sampler *s, double kappa)

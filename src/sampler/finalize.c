@@ -9,7 +9,7 @@
 #include "packing/quality.h"
 #include "particles/random_streams.h"
 #include "sampler/sampler_internal.h"
-#include "surface/projection.h"
+#include "field/projection.h"
 
 static const double ALPHA_EXPONENT = 0.18;
 /* A finished particle is on the surface to this fraction of h, or it is replaced. */

@@ -7,7 +7,7 @@
 #include "packing/neighbours.h"
 #include "packing/packing.h"
 #include "packing/voronoi.h"
-#include "surface/projection.h"
+#include "field/projection.h"
 
 enum { SWEEPS = 16, LIST_SWEEPS = 8 };
 /* Of what is tried: one less; one more; the rest moves one. */

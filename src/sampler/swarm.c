@@ -11,7 +11,7 @@
 #include "particles/population.h"
 #include "particles/random_streams.h"
 #include "sampler/sampler_internal.h"
-#include "surface/projection.h"
+#include "field/projection.h"
 
 /* Lists reach this much farther than the widest Gaussian, of the mean radius. */
 static const double SKIN = 0.5;

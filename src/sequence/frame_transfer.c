@@ -13,7 +13,7 @@
 #include "particles/random_streams.h"
 #include "particles/relax.h"
 #include "sampler/schedule.h"
-#include "surface/projection.h"
+#include "field/projection.h"
 
 /* On the surface to this fraction of the spacing; the relaxation does the rest. */
 static const double LANDED = 1e-3;

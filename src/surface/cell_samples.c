@@ -4,7 +4,7 @@
 
 #include "base/memory.h"
 #include "field/patches.h"
-#include "surface/projection.h"
+#include "field/projection.h"
 
 /* A cell's middle goes to the surface within so many steps, to this fraction of the cell. */
 static const int STEPS = 5;

@@ -7,7 +7,7 @@
 
 #include "base/memory.h"
 #include "surface/cell_parts.h"
-#include "surface/projection.h"
+#include "field/projection.h"
 
 #define EDGES 64 /* an edge joins corners a < b: index 8 a + b */
 

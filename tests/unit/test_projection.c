@@ -8,7 +8,7 @@
 
 #include "close.h"
 #include "shapes.h"
-#include "surface/projection.h"
+#include "field/projection.h"
 
 static const projection_limits exact = {30, 1e-12, 1e-8, 1e-9};
 

@@ -10,7 +10,7 @@
 #include "close.h"
 #include "sequence/registration.h"
 #include "shapes.h"
-#include "surface/projection.h"
+#include "field/projection.h"
 #include "surface/surface.h"
 
 enum { POINTS = 3000 };

@@ -10,7 +10,7 @@
 #include "close.h"
 #include "particles/relax.h"
 #include "shapes.h"
-#include "surface/projection.h"
+#include "field/projection.h"
 #include "surface/surface.h"
 
 enum { COUNT = 600 };

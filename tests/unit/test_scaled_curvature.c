@@ -9,7 +9,7 @@
 #include "close.h"
 #include "field/bspline.h"
 #include "shapes.h"
-#include "surface/projection.h"
+#include "field/projection.h"
 #include "surface/scaled_curvature.h"
 
 typedef struct probe {

@@ -11,7 +11,7 @@
 #include "close.h"
 #include "packing/voronoi.h"
 #include "shapes.h"
-#include "surface/projection.h"
+#include "field/projection.h"
 
 enum { SIDE = 24, SHEET = SIDE * SIDE, MOST = 3000 };
 

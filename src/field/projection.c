@@ -1,4 +1,4 @@
-#include "surface/projection.h"
+#include "field/projection.h"
 
 /* Clamps x into the box and adds the axes that were clamped (bits 1, 2, 4) to *pinned. */
 static void clamp_to_domain(const field *f, vec3 *x, unsigned *pinned)

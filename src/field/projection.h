@@ -4,8 +4,8 @@
  * put back on the face it crossed and the iteration goes on within that face, so that it ends on the
  * boundary, if anywhere; so does a point that begins in such a face. Pure functions, safe in any thread.
  */
-#ifndef HEXAD_SURFACE_PROJECTION_H
-#define HEXAD_SURFACE_PROJECTION_H
+#ifndef HEXAD_FIELD_PROJECTION_H
+#define HEXAD_FIELD_PROJECTION_H
 
 #include "field/field.h"
 
