@@ -32,7 +32,8 @@ static const double most_stretch = 2;
 
 typedef struct work {
     const label_lines *l;
-    const vec3 *normal; /* of each vertex: the sum of its triangles' */
+    const vec3 *normal;     /* of each vertex: the sum of its triangles' */
+    const uint32_t *fitted; /* of each vertex of a line: the one at which its interfaces are fitted */
     vec3 *out;
 } work;
 
@@ -259,52 +260,86 @@ static int list_interfaces(const label_graph *g, const near_by *n, passing out[M
     return count;
 }
 
-/* By how much a vertex moves to lie on all interfaces that are near: the least squares of the distances. */
-static vec3 move(const work *w, uint32_t v)
+/* The interfaces near a vertex of a line; returns how many. */
+static int fit_interfaces(const work *w, uint32_t v, passing out[MOST_KINDS])
 {
     const label_graph *g = w->l->graph;
-    const vec3 x = w->l->m->vertex[v];
     near_by near = {.radius = w->l->radius * (g->along[v] > 2 ? wider : 1)};
-    passing p[MOST_KINDS];
-    sym3 a = {rest, rest, rest, 0, 0, 0};
-    vec3 b = {0, 0, 0};
     int count = 0;
     bool grows = true;
     for (int k = 0; grows && k <= GROWTHS; k++, near.radius *= growth) {
         gather(w->l, v, &near);
-        if (k == 0) count = list_interfaces(g, &near, p);
+        if (k == 0) count = list_interfaces(g, &near, out);
         grows = false;
         for (int i = 0; i < count; i++) {
-            if (p[i].grows) fit(w, &near, x, &p[i]);
-            grows |= p[i].grows;
+            if (out[i].grows) fit(w, &near, w->l->m->vertex[v], &out[i]);
+            grows |= out[i].grows;
         }
     }
+    return count;
+}
+
+/* Where a place goes to lie on all interfaces, fitted at x, that pass by: the least squares of the distances. */
+static vec3 place_on(const passing *p, int count, vec3 x, vec3 place)
+{
+    sym3 a = {rest, rest, rest, 0, 0, 0};
+    vec3 b = {0, 0, 0};
     for (int i = 0; i < count; i++) {
         const vec3 n = p[i].normal;
         if (!p[i].is_known) continue;
         a = (sym3){a.xx + n.x * n.x, a.yy + n.y * n.y, a.zz + n.z * n.z,
                    a.xy + n.x * n.y, a.xz + n.x * n.z, a.yz + n.y * n.z};
-        b = vec3_axpy(p[i].distance, n, b);
+        b = vec3_axpy(p[i].distance - vec3_dot(n, vec3_sub(place, x)), n, b);
     }
-    return sym3_solve(a, b);
+    return vec3_add(place, sym3_solve(a, b));
 }
 
 static void move_lines(void *context, int worker, size_t begin, size_t end)
 {
     const work *w = context;
+    const label_graph *g = w->l->graph;
+    const vec3 *at = w->l->m->vertex;
+    passing p[MOST_KINDS];
     (void)worker;
-    for (size_t v = begin; v < end; v++)
-        if (w->l->graph->along[v] > 0) w->out[v] = vec3_add(w->l->m->vertex[v], move(w, (uint32_t)v));
+    for (size_t v = begin; v < end; v++) {
+        if (g->along[v] == 0 || w->fitted[v] != v) continue;
+        const int count = fit_interfaces(w, (uint32_t)v, p);
+        w->out[v] = place_on(p, count, at[v], at[v]);
+        for (size_t i = g->first[v]; i < g->first[v] + g->along[v]; i++) {
+            const uint32_t u = g->neighbour[i];
+            if (w->fitted[u] == v) w->out[u] = place_on(p, count, at[v], at[u]);
+        }
+    }
+}
+
+/* Neighbours along a line are a fraction of a voxel apart and see the same planes: they are fitted at every other one or so, and in
+ * each corner, for itself. */
+static void choose_fitted(const label_graph *g, size_t vertices, uint32_t *fitted)
+{
+    for (size_t v = 0; v < vertices; v++) fitted[v] = UINT32_MAX;
+    for (size_t v = 0; v < vertices; v++) {
+        if (g->along[v] == 0 || fitted[v] != UINT32_MAX) continue;
+        fitted[v] = (uint32_t)v;
+        for (size_t i = g->first[v]; g->along[v] == 2 && i < g->first[v] + 2; i++) {
+            const uint32_t u = g->neighbour[i];
+            if (g->along[u] == 2 && fitted[u] == UINT32_MAX) fitted[u] = (uint32_t)v;
+        }
+    }
 }
 
 bool label_lines_fit(const label_lines *l, threads *pool, vec3 *out, error *e)
 {
     const mesh *m = l->m;
     vec3 *normal = mem_array(m->vertex_count, sizeof *normal, what, e);
-    if (!normal) return false;
-    label_graph_normals(m, normal);
-    work w = {l, normal, out};
-    threads_run(pool, m->vertex_count, GRAIN, move_lines, &w);
+    uint32_t *fitted = normal ? mem_array(m->vertex_count, sizeof *fitted, what, e) : NULL;
+    if (fitted) {
+        label_graph_normals(m, normal);
+        choose_fitted(l->graph, m->vertex_count, fitted);
+        work w = {l, normal, fitted, out};
+        threads_run(pool, m->vertex_count, GRAIN, move_lines, &w);
+    }
+    const bool ok = fitted != NULL;
     free(normal);
-    return true;
+    free(fitted);
+    return ok;
 }
