@@ -35,6 +35,7 @@ typedef struct work {
     const vec3 *normal;     /* of each vertex: the sum of its triangles' */
     const uint32_t *fitted; /* of each vertex of a line: the one at which its interfaces are fitted */
     vec3 *out;
+    struct scratch *scratch; /* of each worker */
 } work;
 
 /* The vertices on no line that are near one and hang together with it. */
@@ -111,6 +112,12 @@ typedef struct between {
     vec3 off, apart; /* from the vertex; of the voxels; in radii */
     double near, weight;
 } between;
+
+/* What one thread looks at. */
+typedef struct scratch {
+    near_by near;
+    between between[MOST_NEAR];
+} scratch;
 
 static size_t list_between(const work *w, const near_by *n, uint32_t kind, vec3 x, between out[MOST_NEAR])
 {
@@ -230,10 +237,10 @@ static bool fit_quadric(const between *m, size_t count, double radius, int terms
 
 /* Fits the interface in what is near: a plane where that passes between its voxels, else a quadric. What passes so, or is the
  * first, is taken. */
-static void fit(const work *w, const near_by *n, vec3 x, passing *p)
+static void fit(const work *w, scratch *on, vec3 x, passing *p)
 {
-    between m[MOST_NEAR];
-    const size_t count = list_between(w, n, p->kind, x, m);
+    const near_by *n = &on->near;
+    const size_t count = list_between(w, n, p->kind, x, on->between);
     vec3 sum = {0, 0, 0};
     p->grows = false;
     for (size_t k = 0; k < n->count; k++)
@@ -242,7 +249,7 @@ static void fit(const work *w, const near_by *n, vec3 x, passing *p)
     for (int terms = PLANE; terms <= TERMS && !p->grows; terms += TERMS - PLANE) {
         passing found = {.kind = p->kind, .is_known = true, .normal = vec3_unit(sum)};
         double missed;
-        if (!fit_quadric(m, count, n->radius, terms, &found, &missed)) return;
+        if (!fit_quadric(on->between, count, n->radius, terms, &found, &missed)) return;
         p->grows = found.grows = missed <= most_missed;
         if (p->grows || (terms == TERMS && !p->is_known)) *p = found;
     }
@@ -261,18 +268,20 @@ static int list_interfaces(const label_graph *g, const near_by *n, passing out[M
 }
 
 /* The interfaces near a vertex of a line; returns how many. */
-static int fit_interfaces(const work *w, uint32_t v, passing out[MOST_KINDS])
+static int fit_interfaces(const work *w, scratch *on, uint32_t v, passing out[MOST_KINDS])
 {
     const label_graph *g = w->l->graph;
-    near_by near = {.radius = w->l->radius * (g->along[v] > 2 ? wider : 1)};
+    near_by *near = &on->near;
     int count = 0;
     bool grows = true;
-    for (int k = 0; grows && k <= GROWTHS; k++, near.radius *= growth) {
-        gather(w->l, v, &near);
-        if (k == 0) count = list_interfaces(g, &near, out);
+    near->radius = w->l->radius * (g->along[v] > 2 ? wider : 1);
+    for (int k = 0; grows && k <= GROWTHS; k++, near->radius *= growth) {
+        gather(w->l, v, near);
+        if (k == 0) count = list_interfaces(g, near, out);
+        if (k > 0 && near->count == MOST_NEAR) break; /* more is near than there is room for */
         grows = false;
         for (int i = 0; i < count; i++) {
-            if (out[i].grows) fit(w, &near, w->l->m->vertex[v], &out[i]);
+            if (out[i].grows) fit(w, on, w->l->m->vertex[v], &out[i]);
             grows |= out[i].grows;
         }
     }
@@ -300,10 +309,9 @@ static void move_lines(void *context, int worker, size_t begin, size_t end)
     const label_graph *g = w->l->graph;
     const vec3 *at = w->l->m->vertex;
     passing p[MOST_KINDS];
-    (void)worker;
     for (size_t v = begin; v < end; v++) {
         if (g->along[v] == 0 || w->fitted[v] != v) continue;
-        const int count = fit_interfaces(w, (uint32_t)v, p);
+        const int count = fit_interfaces(w, &w->scratch[worker], (uint32_t)v, p);
         w->out[v] = place_on(p, count, at[v], at[v]);
         for (size_t i = g->first[v]; i < g->first[v] + g->along[v]; i++) {
             const uint32_t u = g->neighbour[i];
@@ -329,17 +337,19 @@ static void choose_fitted(const label_graph *g, size_t vertices, uint32_t *fitte
 
 bool label_lines_fit(const label_lines *l, threads *pool, vec3 *out, error *e)
 {
-    const mesh *m = l->m;
-    vec3 *normal = mem_array(m->vertex_count, sizeof *normal, what, e);
-    uint32_t *fitted = normal ? mem_array(m->vertex_count, sizeof *fitted, what, e) : NULL;
-    if (fitted) {
-        label_graph_normals(m, normal);
-        choose_fitted(l->graph, m->vertex_count, fitted);
-        work w = {l, normal, fitted, out};
-        threads_run(pool, m->vertex_count, GRAIN, move_lines, &w);
+    const size_t count = l->m->vertex_count;
+    vec3 *normal = mem_array(count, sizeof *normal, what, e);
+    uint32_t *fitted = mem_array(count, sizeof *fitted, what, e);
+    scratch *room = mem_array((size_t)threads_count(pool), sizeof *room, what, e);
+    const bool ok = normal && fitted && room;
+    if (ok) {
+        label_graph_normals(l->m, normal);
+        choose_fitted(l->graph, count, fitted);
+        work w = {l, normal, fitted, out, room};
+        threads_run(pool, count, GRAIN, move_lines, &w);
     }
-    const bool ok = fitted != NULL;
     free(normal);
     free(fitted);
+    free(room);
     return ok;
 }
