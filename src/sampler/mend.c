@@ -212,6 +212,13 @@ static void try_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
+/* What the site loses where its number of particles stays as it was. */
+static double gain_by_count(const site *t)
+{
+    const outcome *same = &t->outcome[1];
+    return t->outcome[t->chosen].gain - (same->found ? same->gain : 0);
+}
+
 /* Of each site the best that came of it, and where one gains a particle another loses one. */
 static void choose(mending *m)
 {
@@ -229,10 +236,7 @@ static void choose(mending *m)
         site *least = NULL;
         for (size_t q = 0; q < m->sites; q++) {
             site *t = &m->site[q];
-            if (t->chosen - 1 == sign &&
-                (!least || t->outcome[t->chosen].gain - t->outcome[1].gain <
-                               least->outcome[least->chosen].gain - least->outcome[1].gain))
-                least = t;
+            if (t->chosen - 1 == sign && (!least || gain_by_count(t) < gain_by_count(least))) least = t;
         }
         assert(least);
         least->chosen = 1;
