@@ -23,8 +23,7 @@ static void note_spans(const partitions_input *in, partitions *out)
             low = at < low ? at : low;
             high = at > high ? at : high;
         }
-        out->span[first / SPAN][0] = low;
-        out->span[first / SPAN][1] = high;
+        out->span[first / SPAN] = (partitions_span){low, high};
     }
 }
 
@@ -75,7 +74,7 @@ static size_t gather_points(const partitions_input *in, const partitions *all, c
     const double low = s->low - all->halo, high = s->high + all->halo;
     size_t found = 0;
     for (size_t i = 0; i < in->count; i++) {
-        if (i % SPAN == 0 && (all->span[i / SPAN][1] < low || all->span[i / SPAN][0] >= high)) {
+        if (i % SPAN == 0 && (all->span[i / SPAN].high < low || all->span[i / SPAN].low >= high)) {
             i += SPAN - 1;
             continue;
         }

@@ -23,13 +23,16 @@ typedef struct partitions_input {
     double cutoff;         /* lists hold who is within this times the mean of two spacings */
 } partitions_input;
 
+typedef struct partitions_span {
+    double low, high;
+} partitions_span;
+
 typedef struct partitions {
     int axis; /* that they are cut across */
     size_t count;
-    double *end; /* where each ends along the axis */
-    double (
-        *span)[2]; /* of each few points that follow each other, the least and the largest place along it */
-    double halo;   /* width on either side, of the points that a partition knows beside its own */
+    double *end;           /* where each ends along the axis */
+    partitions_span *span; /* along the axis, of each 256 points that follow each other */
+    double halo;           /* width on either side, of the points that a partition knows beside its own */
 } partitions;
 
 /* Release also after failure. Error: limit_memory. */
