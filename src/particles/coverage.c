@@ -6,9 +6,9 @@
 
 #include "base/memory.h"
 #include "field/patches.h"
+#include "field/projection.h"
 #include "packing/point_bins.h"
 #include "packing/point_tree.h"
-#include "field/projection.h"
 
 /* Cells are looked at in so many parts at most, each of which has a largest distance of its own: with fewer cells in a part
  * most of them are looked at before there is one that spares the look. */

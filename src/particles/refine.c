@@ -7,10 +7,10 @@
 #include "base/memory.h"
 #include "base/rng.h"
 #include "base/sets.h"
+#include "field/projection.h"
 #include "packing/voronoi.h"
 #include "particles/population.h"
 #include "particles/random_streams.h"
-#include "field/projection.h"
 
 /* A middle lies within a few hundredths of h of the surface; one that is farther joins two sheets. */
 static const double MIDDLE_FARTHEST = 0.5;

@@ -7,8 +7,8 @@
 
 #include "base/isa.h"
 #include "base/memory.h"
-#include "packing/independent_sets.h"
 #include "field/projection.h"
+#include "packing/independent_sets.h"
 
 /* Where the energy is smooth a particle that moves only under such damping (log10) is misled by its place: good steps need
  * less. At creases and boundaries they need it, and there a place that is corrected would be left again, for ever. */

@@ -5,13 +5,13 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "field/projection.h"
 #include "geometry/morton.h"
 #include "packing/energy.h"
 #include "packing/packing.h"
 #include "particles/refine.h"
 #include "sampler/sampler_internal.h"
 #include "sampler/start.h"
-#include "field/projection.h"
 
 /* (13) and (14), with curvature freed of scale by the surface's extent, and bounded. */
 static double amplitude(const sampler *s, double kappa)

@@ -4,12 +4,12 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "field/projection.h"
 #include "packing/packing.h"
 #include "packing/point_tree.h"
 #include "packing/quality.h"
 #include "particles/random_streams.h"
 #include "sampler/sampler_internal.h"
-#include "field/projection.h"
 
 static const double ALPHA_EXPONENT = 0.18;
 /* A finished particle is on the surface to this fraction of h, or it is replaced. */

@@ -3,11 +3,11 @@
 #include <assert.h>
 #include <math.h>
 
+#include "field/projection.h"
 #include "packing/energy.h"
 #include "packing/neighbours.h"
 #include "packing/packing.h"
 #include "packing/voronoi.h"
-#include "field/projection.h"
 
 enum { SWEEPS = 16, LIST_SWEEPS = 8 };
 /* Of what is tried: one less; one more; the rest moves one. */

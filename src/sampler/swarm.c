@@ -6,12 +6,12 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "field/projection.h"
 #include "packing/neighbours.h"
 #include "packing/packing.h"
 #include "particles/population.h"
 #include "particles/random_streams.h"
 #include "sampler/sampler_internal.h"
-#include "field/projection.h"
 
 /* Lists reach this much farther than the widest Gaussian, of the mean radius. */
 static const double SKIN = 0.5;

@@ -6,6 +6,7 @@
 
 #include "base/memory.h"
 #include "base/rng.h"
+#include "field/projection.h"
 #include "geometry/morton.h"
 #include "packing/neighbours.h"
 #include "packing/packing.h"
@@ -13,7 +14,6 @@
 #include "particles/random_streams.h"
 #include "particles/relax.h"
 #include "sampler/schedule.h"
-#include "field/projection.h"
 
 /* On the surface to this fraction of the spacing; the relaxation does the rest. */
 static const double LANDED = 1e-3;

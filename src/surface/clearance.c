@@ -5,8 +5,8 @@
 
 #include "base/compare.h"
 #include "base/memory.h"
-#include "packing/quality.h"
 #include "field/projection.h"
+#include "packing/quality.h"
 
 /* Places that are looked at: shares are told to a few tenths of a percent. */
 enum { SAMPLES = 4096, GRAIN = 32 };

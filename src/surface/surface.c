@@ -6,8 +6,8 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "surface/cell_parts.h"
 #include "field/projection.h"
+#include "surface/cell_parts.h"
 
 #define EDGES 64 /* an edge joins corners a < b: index 8 a + b */
 

@@ -8,9 +8,9 @@
 #include <cmocka.h>
 
 #include "close.h"
+#include "field/projection.h"
 #include "sequence/registration.h"
 #include "shapes.h"
-#include "field/projection.h"
 #include "surface/surface.h"
 
 enum { POINTS = 3000 };

@@ -8,9 +8,9 @@
 #include <cmocka.h>
 
 #include "close.h"
+#include "field/projection.h"
 #include "particles/relax.h"
 #include "shapes.h"
-#include "field/projection.h"
 #include "surface/surface.h"
 
 enum { COUNT = 600 };

@@ -8,8 +8,8 @@
 
 #include "close.h"
 #include "field/bspline.h"
-#include "shapes.h"
 #include "field/projection.h"
+#include "shapes.h"
 #include "surface/scaled_curvature.h"
 
 typedef struct probe {

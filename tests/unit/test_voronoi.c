@@ -9,9 +9,9 @@
 #include <cmocka.h>
 
 #include "close.h"
+#include "field/projection.h"
 #include "packing/voronoi.h"
 #include "shapes.h"
-#include "field/projection.h"
 
 enum { SIDE = 24, SHEET = SIDE * SIDE, MOST = 3000 };
 
