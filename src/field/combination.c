@@ -127,14 +127,17 @@ static double shortest_edge(const field *f)
 
 static void set_parts(combination *c, combination_kind kind, const field *const *parts)
 {
+    bbox surfaces = bbox_empty(), solid = field_solid_box(parts[0]);
     c->sense = kind == COMBINATION_UNION ? 1 : -1;
-    c->base.domain = parts[0]->domain;
     for (size_t k = 0; k < c->count; k++) {
         double sign = kind == COMBINATION_INTERSECTION || (kind == COMBINATION_DIFFERENCE && k == 0) ? -1 : 1;
         c->parts[k] = (part){parts[k], sign, slope_of(parts[k]), shortest_edge(parts[k])};
-        if (kind == COMBINATION_UNION) c->base.domain = bbox_unite(c->base.domain, parts[k]->domain);
-        if (kind == COMBINATION_INTERSECTION) c->base.domain = bbox_common(c->base.domain, parts[k]->domain);
+        surfaces = bbox_unite(surfaces, parts[k]->domain);
+        if (kind == COMBINATION_UNION) solid = bbox_unite(solid, field_solid_box(parts[k]));
+        if (kind == COMBINATION_INTERSECTION) solid = bbox_common(solid, field_solid_box(parts[k]));
     }
+    c->base.domain = bbox_common(surfaces, solid);
+    field_set_solid_box(&c->base, solid);
 }
 
 static bool no_surface(combination_kind kind, error *e)
@@ -257,7 +260,7 @@ static bool find_cells(combination *c, threads *pool, error *e)
 
 /* Whether the plane through a face of an open part's domain, which is no face of the whole's, meets the
  * surface. */
-static bool is_cut_within(const combination *c, const part *p, int face)
+static bool is_cut_at(const combination *c, const part *p, int face)
 {
     int axis = face >> 1;
     double at = vec3_get(face & 1 ? p->field->boundary_box.max : p->field->boundary_box.min, axis);
@@ -271,16 +274,40 @@ static bool is_cut_within(const combination *c, const part *p, int face)
     return false;
 }
 
+/* Whether the data of a part end where it is solid, in a cell of the whole: of its corners some are inside of the part and some
+ * outside, and none is near its surface. */
+static bool ends_in_a_cell(const combination *c, const part *p)
+{
+    const vec3 beyond = vec3_add(p->field->solid_below, p->field->solid_above);
+    if (!(beyond.x + beyond.y + beyond.z > 0)) return false;
+    for (size_t k = 0; k < c->grid.count; k++) {
+        field_cell cell;
+        bool near = false, inside = false, outside = false;
+        combination_cell(&c->base, k, &cell);
+        for (int corner = 0; corner < 8; corner++) {
+            const double side = p->field->ops->side(p->field, cell.corner[corner]);
+            near |= side == 0;
+            inside |= side < 0;
+            outside |= side > 0;
+        }
+        if (inside && outside && !near) return true;
+    }
+    return false;
+}
+
 static bool check_boundaries(const combination *c, error *e)
 {
-    for (size_t k = 0; k < c->count; k++)
+    for (size_t k = 0; k < c->count; k++) {
+        bool ends = ends_in_a_cell(c, &c->parts[k]);
         for (int face = 0; c->parts[k].field->open && face < 6; face++)
-            if (is_cut_within(c, &c->parts[k], face))
-                return error_set(
-                    e, ERROR_NOT_SUPPORTED,
-                    "part %zu of the combination is open and ends within it: only what lies inside of its "
-                    "domain can be combined with it (intersect it with a box first)",
-                    k);
+            ends = ends || is_cut_at(c, &c->parts[k], face);
+        if (ends)
+            return error_set(
+                e, ERROR_NOT_SUPPORTED,
+                "part %zu of the combination is open and ends within it: only what lies inside of its "
+                "domain can be combined with it (intersect it with a box first)",
+                k);
+    }
     return true;
 }
 

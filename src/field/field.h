@@ -102,6 +102,9 @@ struct field {
     bool joined; /* the cells are known to hang together, by faces that they share */
     bool open;   /* the surface is cut by faces of the domain and has boundaries there */
     bool sharp;  /* F is about a distance near the surface, and has kinks where smooth parts meet */
+    /* How far the solid goes on beyond the low and high faces of the domain, where no surface is: to the end of the data, or
+     * INFINITY. 0 where it does not. */
+    vec3 solid_below, solid_above;
     /* NULL: the surface is one smooth piece, or taken for one. Else it consists of these, `sample` gives the one nearest to
      * x, and `open` is false: where the surface ends there are curves. */
     const struct field_patches *patches;
@@ -119,6 +122,21 @@ static inline void field_set_boundary(field *f, unsigned faces)
     for (int axis = 0; axis < 3; axis++) {
         if (faces >> 2 * axis & 1) vec3_set(&f->boundary_box.min, axis, vec3_get(f->domain.min, axis));
         if (faces >> 2 * axis & 2) vec3_set(&f->boundary_box.max, axis, vec3_get(f->domain.max, axis));
+    }
+}
+
+/* The box that holds the solid, as far as it is known. */
+static inline bbox field_solid_box(const field *f)
+{
+    return (bbox){vec3_sub(f->domain.min, f->solid_below), vec3_add(f->domain.max, f->solid_above)};
+}
+
+/* Says what that box is, once the domain is set. */
+static inline void field_set_solid_box(field *f, bbox box)
+{
+    for (int axis = 0; axis < 3; axis++) {
+        vec3_set(&f->solid_below, axis, fmax(vec3_get(f->domain.min, axis) - vec3_get(box.min, axis), 0));
+        vec3_set(&f->solid_above, axis, fmax(vec3_get(box.max, axis) - vec3_get(f->domain.max, axis), 0));
     }
 }
 

@@ -69,6 +69,25 @@ static bool map_boundary_faces(const placement *p, unsigned *faces)
     return true;
 }
 
+/* The box round the solid; each of its sides by itself, since some may be infinite. */
+static bbox place_solid(const placement *p)
+{
+    const bbox box = field_solid_box(p->part);
+    bbox placed;
+    for (int i = 0; i < 3; i++) {
+        double low = p->to_world[i][3], high = low;
+        for (int k = 0; k < 3; k++) {
+            const double by = p->to_world[i][k];
+            if (by == 0) continue;
+            low += by * vec3_get(by > 0 ? box.min : box.max, k);
+            high += by * vec3_get(by > 0 ? box.max : box.min, k);
+        }
+        vec3_set(&placed.min, i, low);
+        vec3_set(&placed.max, i, high);
+    }
+    return placed;
+}
+
 static void measure(placement *p)
 {
     vec3 low = p->part->domain.min, high = p->part->domain.max;
@@ -77,6 +96,7 @@ static void measure(placement *p)
         box = bbox_include(box, affine_apply(p->to_world, c & 1 ? high.x : low.x, c & 2 ? high.y : low.y,
                                              c & 4 ? high.z : low.z));
     p->base.domain = box;
+    field_set_solid_box(&p->base, place_solid(p));
     p->base.sharp = p->part->sharp;
     p->base.extent = p->part->extent * bbox_longest(box) / bbox_longest(p->part->domain);
     p->base.uneven = p->part->uneven;

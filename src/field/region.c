@@ -116,6 +116,7 @@ region *region_new(const field *whole, bbox box, error *e)
     r->base.ops = &region_ops;
     r->base.joined = false;
     r->base.domain = bbox_common(whole->domain, box);
+    field_set_solid_box(&r->base, bbox_common(field_solid_box(whole), box));
     field_set_boundary(&r->base, find_boundary_faces(r, box, kept));
     bool all_kept = r->count == whole->ops->cell_count(whole);
     bbox inner = bbox_grow(box, -BULGE * whole->cell_size);

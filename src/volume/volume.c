@@ -330,6 +330,12 @@ static void measure(volume *v)
     }
     vec3 pad = {v->base.cell_size, v->base.cell_size, v->base.cell_size};
     v->base.domain = (bbox){vec3_sub(box.min, pad), vec3_add(box.max, pad)};
+    for (int face = 0; face < 6; face++) {
+        vec3 at = vec3_scale(vec3_add(box.min, box.max), 0.5);
+        vec3_set(&at, face >> 1, vec3_get(face & 1 ? v->base.domain.max : v->base.domain.min, face >> 1));
+        const double on = v->base.ops->side(&v->base, at) < 0 ? INFINITY : 0;
+        vec3_set(face & 1 ? &v->base.solid_above : &v->base.solid_below, face >> 1, on);
+    }
     v->base.extent = bbox_longest(box);
     v->info.surface_box = box;
     v->info.crossing_cells = v->cell_count;
@@ -570,21 +576,57 @@ static unsigned faces_met(const volume *v, const crossed_cell *c)
     return faces;
 }
 
-/* The domain ends where the surface meets the end of the data. */
+/* The world box round these many cells of the data from the first on. */
+static bbox box_of_cells(const volume *v, const double cells[3])
+{
+    bbox box = bbox_empty();
+    for (int k = 0; k < 8; k++)
+        box = bbox_include(
+            box, affine_apply(v->to_world, k & 1 ? cells[0] : 0, k & 2 ? cells[1] : 0, k & 4 ? cells[2] : 0));
+    return box;
+}
+
+static bbox data_box(const volume *v)
+{
+    const int64_t *size = v->info.size;
+    return box_of_cells(v, (double[]){(double)(size[0] - 1), (double)(size[1] - 1), (double)(size[2] - 1)});
+}
+
+/* Whether the middle of a face of the data is inside. */
+static bool is_solid_at(const volume *v, int face)
+{
+    double at[3];
+    field_sample s;
+    for (int k = 0; k < 3; k++) at[k] = 0.5 * (double)(v->info.size[k] - 1);
+    at[face >> 1] *= 2 * (face & 1);
+    const vec3 x = affine_apply(v->to_world, at[0], at[1], at[2]);
+    const double side = v->base.ops->side(&v->base, x);
+    return side < 0 || (side == 0 && field_sample_at(&v->base, x, FIELD_GRADIENT, &s) && s.value < 0);
+}
+
+/* The domain ends where the surface meets the end of the data. A face that it does not meet is inside or outside as a
+ * whole, and the solid goes on to it where it is inside. */
 static void set_ends(volume *v)
 {
+    field *f = &v->base;
     int world_of[3];
     unsigned met = 0, boundary = 0;
     for (size_t k = 0; k < v->cell_count; k++) met |= faces_met(v, &v->cells[k]);
     v->loose = !find_axes(v, world_of);
-    for (int face = 0; face < 6 && !v->loose; face++) {
-        if (!(met >> face & 1)) continue;
-        int axis = face >> 1, along = world_of[axis];
-        double at = v->to_world[along][3] +
-                    (face & 1 ? v->to_world[along][axis] * (double)(v->info.size[axis] - 1) : 0);
-        bool high = (v->to_world[along][axis] > 0) == (face & 1);
-        vec3_set(high ? &v->base.domain.max : &v->base.domain.min, along, at);
-        boundary |= 1u << (2 * along + high);
+    f->solid_below = f->solid_above = (vec3){0, 0, 0};
+    for (int face = 0; face < 6; face++) {
+        const bool is_met = met >> face & 1, solid = !is_met && is_solid_at(v, face);
+        if (v->loose && solid) field_set_solid_box(f, data_box(v));
+        if (v->loose || !(is_met || solid)) continue;
+        const int axis = face >> 1, along = world_of[axis];
+        const double *m = v->to_world[along];
+        const double at = m[3] + (face & 1 ? m[axis] * (double)(v->info.size[axis] - 1) : 0);
+        const bool high = (m[axis] > 0) == (face & 1);
+        vec3 *end = high ? &f->domain.max : &f->domain.min;
+        const double beyond = high ? at - vec3_get(*end, along) : vec3_get(*end, along) - at;
+        if (is_met || beyond < 0) vec3_set(end, along, at);
+        if (solid) vec3_set(high ? &f->solid_above : &f->solid_below, along, fmax(beyond, 0));
+        if (is_met) boundary |= 1u << (2 * along + high);
     }
     field_set_boundary(&v->base, boundary);
     if (met) v->beyond = 0;
@@ -644,15 +686,8 @@ static double index_reach(const volume *v, int axis, vec3 half)
 bbox volume_clear_box(const volume *v)
 {
     const int64_t *size = v->info.size;
-    bbox whole = bbox_empty(), cell = bbox_empty();
+    const bbox whole = data_box(v), cell = box_of_cells(v, (double[]){1, 1, 1});
     double share = 1;
-    for (int k = 0; k < 8; k++) {
-        const int far[3] = {k & 1, k >> 1 & 1, k >> 2};
-        cell = bbox_include(cell, affine_apply(v->to_world, far[0], far[1], far[2]));
-        whole = bbox_include(whole, affine_apply(v->to_world, (double)(far[0] * (size[0] - 1)),
-                                                 (double)(far[1] * (size[1] - 1)),
-                                                 (double)(far[2] * (size[2] - 1))));
-    }
     const vec3 half = vec3_scale(bbox_size(whole), 0.5), middle = vec3_add(whole.min, half);
     for (int k = 0; k < 3; k++) {
         const double left = 0.5 * (double)(size[k] - 1) - index_reach(v, k, bbox_size(cell));

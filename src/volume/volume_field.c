@@ -9,6 +9,8 @@
 
 /* Voxels from a crossed cell within which a volume's spline is asked on which side a point lies. */
 #define NEAR (VOLUME_FIELD_MARGIN - 1)
+/* Voxels by which a place at the end of dense data may lie beyond it. */
+static const double ROUNDING = 1e-6;
 
 /* The largest whole number that is not above `at`, which has one. */
 static inline int32_t voxel_of(double at)
@@ -183,7 +185,8 @@ static double side(const field *f, vec3 x)
     for (int axis = 0; axis < 3; axis++) {
         double at = vec3_get(from, axis);
         if (!(fabs(at) < INT32_MAX / 2)) return 1;
-        if (v->info.size[axis] > 0 && !(at >= 0 && at <= (double)(v->info.size[axis] - 1))) return 1;
+        if (v->info.size[axis] > 0 && !(at >= -ROUNDING && at <= (double)(v->info.size[axis] - 1) + ROUNDING))
+            return 1;
         within = within && at >= v->low[axis] && at < v->high[axis];
     }
     if (!within) return v->beyond != 0 ? v->beyond : side_on_way(v, from);

@@ -139,6 +139,48 @@ def test_a_plane_parts_the_places_beyond_its_bricks(sample, tmp_path, sign, z):
     assert report["surface"]["area"] == pytest.approx(39**2 + (0 if within else 4 * PI * 16), rel=2e-3)
 
 
+@pytest.fixture
+def to_the_end(tmp_path):
+    """Solids that data of 40^3 voxels do not hold whole: all above z = 19.5; all but a ball of radius 6 in the middle."""
+    n, middle = 40, 19.5
+    index = numpy.stack(numpy.meshgrid(*[numpy.arange(n)] * 3, indexing="ij"), -1)
+    solids = {"half": index[..., 2] - middle, "hollow": numpy.linalg.norm(index - middle, axis=-1) - 6}
+    for name, values in solids.items():
+        write_nrrd(tmp_path / f"{name}.nrrd", values.astype("f4"))
+        solids[name] = {"volume": {"path": str(tmp_path / f"{name}.nrrd"), "isovalue": 0}}
+    return solids
+
+
+def ball_at(radius, z):
+    return sphere(radius, (19.5, 19.5, z))
+
+
+@pytest.mark.parametrize("kind, solid, other, area, open_", [
+    ("intersection", "half", ball_at(5, 28), 4 * PI * 25, False),
+    ("intersection", "half", ball_at(8, 21.5), 2 * PI * 8 * 10 + PI * 60, False),
+    ("intersection", "half", ball_at(5, 37), 2 * PI * 5 * 7, True),
+    ("difference", "half", ball_at(5, 28), 39**2 + 4 * PI * 25, True),
+    ("intersection", "hollow", ball_at(12, 19.5), 4 * PI * (144 + 36), False),
+    ("difference", "hollow", sphere(4, (33, 33, 33)), 4 * PI * (16 + 36), False)],
+    ids=["within", "across", "over the end", "hole", "shell", "two holes"])
+def test_solids_go_on_where_they_have_no_surface(sample, to_the_end, kind, solid, other, area, open_):
+    """Up to the end of the data, beyond the box that holds the surface."""
+    report, points = sample({kind: [to_the_end[solid], other]})
+    assert report["surface"]["area"] == pytest.approx(area, rel=2e-3)
+    assert report["quality"]["lost"] == 0 and (report["quality"]["rim_count"] > 0) == open_
+    assert points.position.max() <= 39 + 1e-6
+
+
+def test_data_that_end_in_a_solid_are_refused(sample, to_the_end):
+    turned = transform(to_the_end["hollow"], [[0.8, -0.6, 0, 0], [0.6, 0.8, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    for surface, part in (({"difference": [box((15, 15, 15), (19.5, 19.5, 40)), to_the_end["half"]]}, 1),
+                          ({"intersection": [turned, sphere(12, (20, 27, 19.5))]}, 0)):
+        e, _ = sample(surface)
+        assert e["code"] == "not_supported" and f"part {part}" in e["message"], e
+    report, _ = sample({"intersection": [turned, sphere(10, (3.9, 27.3, 19.5))]})
+    assert report["surface"]["area"] == pytest.approx(4 * PI * (100 + 36), rel=2e-3)
+
+
 def on_curve(points, *distances):
     """Steps of the row of points that lie on all of these surfaces, along a curve about the z axis."""
     on = numpy.max([numpy.abs(d) for d in distances], axis=0) < 1e-6
