@@ -87,6 +87,10 @@ typedef struct field_ops {
 
     /* To which patch a place on or near the surface in cell k belongs. Needed where there are patches. */
     uint32_t (*patch_at)(const field *f, size_t k, vec3 x);
+
+    /* Who goes through all cells in their order says so from time to time, when no thread looks at the field: what it
+     * keeps of places that were looked at may go. What it tells does not hang on it. NULL: it keeps nothing. */
+    void (*forget)(const field *f);
 } field_ops;
 
 struct field {

@@ -170,6 +170,7 @@ static volume *open_grid(const spec_vdb *v, double offset, int fd, const opening
         .offset = offset,
         .reconstruction = reconstruction_of(v->reconstruction),
         .memory_limit = memory_left(o),
+        .points = o->spec->count,
         .pool = o->pool,
         .isa = o->kernels,
     };
@@ -215,8 +216,8 @@ static volume *open_dense(slices *from, const char *path, double isovalue, spec_
         error_prefix(e, "%s", path);
         return NULL;
     }
-    const volume_dense_request request = {from,           path,    isovalue,  reconstruction_of(how),
-                                          memory_left(o), o->pool, o->kernels};
+    const volume_dense_request request = {from,           path,           isovalue, reconstruction_of(how),
+                                          memory_left(o), o->spec->count, o->pool,  o->kernels};
     volume *v = volume_open_dense(&request, e);
     from->ops->close(from);
     return v;

@@ -12,6 +12,8 @@
 #define EDGES 64 /* an edge joins corners a < b: index 8 a + b */
 
 static const size_t GRAIN = 256; /* cells in a chunk of work */
+/* Chunks after which a field may forget: bricks of that many fill some megabytes. */
+static const size_t AT_ONCE = 128;
 
 /* Corners are projected to this fraction of the cell: its square is far below the area's error. */
 static const double CORNER_TOLERANCE = 1e-4;
@@ -439,14 +441,15 @@ static void draw_triangles(const surface *s, size_t index, triangulation *out)
 
 typedef struct scan_job {
     surface *s;
-    bbox *box; /* of each chunk */
+    bbox *box;    /* of each chunk */
+    size_t first; /* chunk of those to go through now */
 } scan_job;
 
 static void scan_chunk(void *context, int worker, size_t begin, size_t end)
 {
     scan_job *job = context;
     (void)worker;
-    for (size_t chunk = begin; chunk < end; chunk++) {
+    for (size_t chunk = job->first + begin; chunk < job->first + end; chunk++) {
         size_t last = (chunk + 1) * GRAIN < job->s->cells ? (chunk + 1) * GRAIN : job->s->cells;
         shared_edge shared[SHARED_EDGES] = {0};
         job->box[chunk] = bbox_empty();
@@ -455,6 +458,18 @@ static void scan_chunk(void *context, int worker, size_t begin, size_t end)
             job->s->area_before[k + 1] = measure_cell(job->s, k, shared, &box);
             job->box[chunk] = bbox_unite(job->box[chunk], box);
         }
+    }
+}
+
+/* A part of the chunks at a time: what the field keeps of their places stays where it is quick to reach. */
+static void scan_cells(const scan_job *job, size_t chunks, threads *pool)
+{
+    const field *f = job->s->field;
+    for (size_t done = 0; done < chunks; done += AT_ONCE) {
+        scan_job part = *job;
+        part.first = done;
+        threads_run(pool, chunks - done < AT_ONCE ? chunks - done : AT_ONCE, 1, scan_chunk, &part);
+        if (f->ops->forget) f->ops->forget(f);
     }
 }
 
@@ -474,10 +489,10 @@ surface *surface_scan(const field *f, threads *pool, error *e)
     s->field = f;
     s->cells = f->ops->cell_count(f);
     size_t chunks = (s->cells + GRAIN - 1) / GRAIN;
-    scan_job job = {s, mem_array(chunks, sizeof *job.box, "the scan of the surface", e)};
+    scan_job job = {s, mem_array(chunks, sizeof *job.box, "the scan of the surface", e), 0};
     s->area_before = mem_array(s->cells + 1, sizeof *s->area_before, "the scan of the surface", e);
     if (!job.box || !s->area_before || !components_find(f, pool, &s->parts, e)) goto fail;
-    threads_run(pool, chunks, 1, scan_chunk, &job);
+    scan_cells(&job, chunks, pool);
     if (threads_stopped(pool)) {
         error_set(e, ERROR_CANCELLED, "stopped");
         goto fail;

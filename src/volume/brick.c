@@ -1,6 +1,8 @@
 #include "volume/brick.h"
 
+#include <sched.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
 
@@ -38,7 +40,7 @@ static void find_lowest(const block_map *map, int32_t *lowest)
     }
 }
 
-bool brick_fill(samples *s, const block_map *map, threads *pool, float *coefficients, error *e)
+static bool fill_all(samples *s, const block_map *map, threads *pool, float *coefficients, error *e)
 {
     const size_t batches = (map->count + BATCH - 1) / BATCH;
     int32_t *lowest = mem_array(batches, sizeof *lowest, "the spline's bricks", e);
@@ -53,6 +55,65 @@ bool brick_fill(samples *s, const block_map *map, threads *pool, float *coeffici
     }
     free(lowest);
     return true;
+}
+
+bool bricks_make(samples *s, const block_map *map, bool later, threads *pool, bricks *out, error *e)
+{
+    const char *what = "the spline's bricks";
+    bricks b = {.map = map, .coefficients = *s};
+    memset(s, 0, sizeof *s);
+    b.memory = mem_array((size_t)map->count * BRICK_SIZE, sizeof *b.memory, what, e);
+    bool ok = b.memory;
+    if (ok && later) ok = (b.place = mem_array((size_t)map->count + 1, sizeof *b.place, what, e)) != NULL;
+    if (ok && !later) {
+        ok = fill_all(&b.coefficients, map, pool, b.memory, e);
+        samples_free(&b.coefficients);
+    }
+    if (ok)
+        *out = b;
+    else
+        bricks_free(&b);
+    return ok;
+}
+
+void bricks_free(bricks *b)
+{
+    samples_free(&b->coefficients);
+    free(b->memory);
+    free(b->place);
+    memset(b, 0, sizeof *b);
+}
+
+const float *bricks_wait(const bricks *b, uint32_t n)
+{
+    atomic_uint *place = &b->place[n];
+    unsigned now = BRICK_MISSING;
+    if (atomic_compare_exchange_strong(place, &now, BRICK_BEING_MADE)) {
+        const unsigned at = atomic_fetch_add(&b->place[b->map->count], 1);
+        samples_window(&b->coefficients, b->map->blocks[n], -1, BRICK_SIDE,
+                       b->memory + (size_t)at * BRICK_SIZE);
+        now = at + BRICK_THERE;
+        atomic_store_explicit(place, now, memory_order_release);
+    }
+    while (now == BRICK_BEING_MADE) {
+        sched_yield();
+        now = atomic_load_explicit(place, memory_order_acquire);
+    }
+    return b->memory + (size_t)(now - BRICK_THERE) * BRICK_SIZE;
+}
+
+const float *bricks_glance(const bricks *b, uint32_t n, float room[BRICK_SIZE])
+{
+    if (!b->place || atomic_load_explicit(&b->place[n], memory_order_acquire) >= BRICK_THERE)
+        return bricks_at(b, n);
+    samples_window(&b->coefficients, b->map->blocks[n], -1, BRICK_SIDE, room);
+    return room;
+}
+
+void bricks_forget(const bricks *b)
+{
+    for (size_t n = 0; b->place && n <= b->map->count; n++)
+        atomic_store_explicit(&b->place[n], BRICK_MISSING, memory_order_relaxed);
 }
 
 static void side_chunk(void *context, int worker, size_t begin, size_t end)

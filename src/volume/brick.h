@@ -4,10 +4,14 @@
  * block's lowest voxel, contiguous, the third axis fastest. Floats, to halve the memory that sampling waits for.
  * The caller owns all arrays. Threads: those of a pool, or NULL; what comes out does not depend on their number. Where the
  * pool was told to stop it is not complete.
+ *
+ * Where few places will be looked at, bricks are made when somebody first looks at them: a surface has far more, and to
+ * touch their memory takes longer than to fill it.
  */
 #ifndef HEXAD_VOLUME_BRICK_H
 #define HEXAD_VOLUME_BRICK_H
 
+#include <stdatomic.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -20,15 +24,45 @@
 #define BRICK_SLAB (BRICK_SIDE * BRICK_SIDE)
 #define BRICK_SIZE (BRICK_SIDE * BRICK_SLAB)
 
-/* The first coefficient of the cell (x, y, z) of block n, as spline.h wants it. */
-static inline const float *brick_cell(const float *bricks, size_t n, int x, int y, int z)
+typedef struct bricks {
+    const block_map *map; /* the caller's */
+    float *memory;        /* BRICK_SIZE for each block of it */
+    atomic_uint *
+        place; /* NULL: all are there, in the order of blocks. Else of each block, and at last how many there are */
+    samples coefficients; /* of which bricks are made later; nothing where all are there */
+} bricks;
+
+/* What `place` says of a brick that is not there, or being made; others lie at their number less BRICK_THERE. */
+enum { BRICK_MISSING, BRICK_BEING_MADE, BRICK_THERE };
+
+/* Of samples that are coefficients. All at once: then the samples' memory is given back as it goes, for which blocks of
+ * the map come about in the order of their first coordinates. Or `later`. They are taken over, also on failure. Error:
+ * limit_memory. */
+bool bricks_make(samples *s, const block_map *map, bool later, threads *pool, bricks *out, error *e);
+void bricks_free(bricks *b);
+
+/* Makes the brick of block n, unless another thread does, and waits until it is there. */
+const float *bricks_wait(const bricks *b, uint32_t n);
+
+/* The brick of block n. Any threads. */
+static inline const float *bricks_at(const bricks *b, uint32_t n)
 {
-    return bricks + n * BRICK_SIZE + x * BRICK_SLAB + y * BRICK_SIDE + z;
+    if (!b->place) return b->memory + (size_t)n * BRICK_SIZE;
+    const unsigned place = atomic_load_explicit(&b->place[n], memory_order_acquire);
+    return place < BRICK_THERE ? bricks_wait(b, n) : b->memory + (size_t)(place - BRICK_THERE) * BRICK_SIZE;
 }
 
-/* The bricks of the map's blocks, of samples that are coefficients. Blocks come about in the order of their first
- * coordinates; the samples' memory is given back as it goes, so that they are of no use afterwards. Error: limit_memory. */
-bool brick_fill(samples *s, const block_map *map, threads *pool, float *bricks, error *e);
+/* The same for one who looks once: `room` is for a brick that is not there, and does not come to be. */
+const float *bricks_glance(const bricks *b, uint32_t n, float room[BRICK_SIZE]);
+
+/* Nobody holds a brick: those that were made later are not there, and their memory is for others. */
+void bricks_forget(const bricks *b);
+
+/* The first coefficient of a cell (x, y, z) of a brick, as spline.h wants it. */
+static inline const float *brick_cell(const float *brick, int x, int y, int z)
+{
+    return brick + x * BRICK_SLAB + y * BRICK_SIDE + z;
+}
 
 /* 8 words for each block of the map: voxels that are inside, as in vdb.h's active flags. Words are 0 before. */
 void brick_note_sides(const samples *s, const block_map *map, threads *pool, uint64_t *inside);

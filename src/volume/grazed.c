@@ -17,7 +17,7 @@ static const int step_along[3] = {BRICK_SLAB, BRICK_SIDE, 1};
 
 typedef struct search {
     const block_map *map;
-    const float *bricks;
+    const bricks *bricks;
     const int64_t *size;
     uint8_t *crossed;
     uint8_t
@@ -153,7 +153,7 @@ static uint8_t *row_of(uint8_t *rows, uint32_t n, const int32_t at[3])
 /* Follows the surface out of a cell of block n, into cells that are not known yet. */
 static bool leave(search *s, uint32_t n, const int32_t at[3], error *e)
 {
-    const float *first = brick_cell(s->bricks, n, at[0] & 7, at[1] & 7, at[2] & 7);
+    const float *first = brick_cell(bricks_at(s->bricks, n), at[0] & 7, at[1] & 7, at[2] & 7);
     for (int face = 0; face < FACES; face++) {
         int axis = face >> 1;
         int32_t to[3] = {at[0], at[1], at[2]};
@@ -168,8 +168,8 @@ static bool leave(search *s, uint32_t n, const int32_t at[3], error *e)
         if (*row & bit) continue;
         *row = (uint8_t)(*row | bit);
         *row_of(s->leaky, there, to) |= (uint8_t)bit;
-        if (!append(s->out, to, brick_cell(s->bricks, there, to[0] & 7, to[1] & 7, to[2] & 7), e))
-            return false;
+        const float *brick = bricks_at(s->bricks, there);
+        if (!append(s->out, to, brick_cell(brick, to[0] & 7, to[1] & 7, to[2] & 7), e)) return false;
     }
     return true;
 }
@@ -305,16 +305,18 @@ static void leak_chunk(void *context, int worker, size_t begin, size_t end)
     const search *s = context;
     (void)worker;
     for (size_t n = begin; n < end; n++) {
+        float room[BRICK_SIZE];
         double bound = -1; /* not known */
         uint64_t any[8];
         memcpy(any, s->crossed + 64 * n, sizeof any);
         if (!(any[0] | any[1] | any[2] | any[3] | any[4] | any[5] | any[6] | any[7])) continue;
+        const float *brick = bricks_glance(s->bricks, (uint32_t)n, room);
         for (int k = 0; k < GRID_VIEW_VOXELS; k++) {
             if (!(s->crossed[64 * n + (size_t)(k >> 3)] >> (k & 7) & 1)) continue;
-            const float *first = brick_cell(s->bricks, n, k >> 6, k >> 3 & 7, k & 7);
+            const float *first = brick_cell(brick, k >> 6, k >> 3 & 7, k & 7);
             const unsigned faces = doubtful_faces(first);
             if (faces == 0) continue;
-            if (bound < 0) bound = brick_bound(s->bricks + n * BRICK_SIZE);
+            if (bound < 0) bound = brick_bound(brick);
             if (leaks(first, faces, bound)) s->leaky[64 * n + (size_t)(k >> 3)] |= (uint8_t)(1u << (k & 7));
         }
     }
@@ -340,12 +342,13 @@ static bool follow(search *s, error *e)
     return true;
 }
 
-bool grazed_find(const block_map *map, const float *bricks, const int64_t size[3], threads *pool,
-                 uint8_t *crossed, grazed *out, error *e)
+bool grazed_find(const bricks *b, const int64_t size[3], threads *pool, uint8_t *crossed, grazed *out,
+                 error *e)
 {
     const char *what = "the cells that the surface grazes";
+    const block_map *map = b->map;
     const size_t bytes = (size_t)map->count * 64;
-    search s = {map, bricks, size, crossed, mem_array(bytes, 1, what, e), out};
+    search s = {map, b, size, crossed, mem_array(bytes, 1, what, e), out};
     out->passed = mem_array(bytes, 1, what, e);
     bool ok = s.leaky && out->passed;
     if (ok) threads_run(pool, map->count, BLOCKS, leak_chunk, &s);

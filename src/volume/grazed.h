@@ -16,6 +16,8 @@
 #include "base/threads.h"
 #include "geometry/block_map.h"
 
+struct bricks; /* volume/brick.h */
+
 typedef struct crossed_cell {
     int32_t at[3];
     float value[8]; /* F at corner k as in field_cell */
@@ -27,11 +29,11 @@ typedef struct grazed {
     uint8_t *passed; /* 64 bytes a block: all cells, of either kind, with such a face */
 } grazed;
 
-/* `bricks` (brick.h) of the map's blocks. `size`: of the data where cells end with it, 0 along an axis where they do not.
+/* `size`: of the data where cells end with it, 0 along an axis where they do not.
  * `crossed`: 64 bytes a block, as rows of a crossing_block; receives the cells that are found. Error: limit_memory. Free
  * *out after failure, too. */
-bool grazed_find(const block_map *map, const float *bricks, const int64_t size[3], threads *pool,
-                 uint8_t *crossed, grazed *out, error *e);
+bool grazed_find(const struct bricks *b, const int64_t size[3], threads *pool, uint8_t *crossed, grazed *out,
+                 error *e);
 void grazed_free(grazed *g);
 
 #endif

@@ -35,6 +35,9 @@
  * more, and the crossing may move by a cell. */
 #define REACH_SMOOTH (VOLUME_FIELD_MARGIN + 9)
 
+/* So many stay near a processor: 40 MB. */
+static const size_t MANY_BRICKS = 8192;
+
 static const reach_limits bricks_reach = {.straight = VOLUME_FIELD_MARGIN};
 
 /* What exists only while a volume is opened. */
@@ -50,6 +53,7 @@ typedef struct loading {
     block_map reach;
     samples samples;
     bool smooth;
+    size_t points; /* that are asked for; 0: not known */
     threads *pool;
 } loading;
 
@@ -89,6 +93,7 @@ static bool load_grid(const volume_request *r, loading *l, volume *v, error *e)
     snprintf(l->name, sizeof l->name, "grid \"%s\"", v->info.grid);
     l->memory_limit = r->memory_limit;
     l->smooth = r->reconstruction == VOLUME_SMOOTHING;
+    l->points = r->points;
     l->pool = r->pool;
     v->info.level_set = class == VDB_LEVEL_SET;
     l->kind = v->info.level_set ? GRID_VIEW_LEVEL_SET : GRID_VIEW_FOG;
@@ -188,10 +193,10 @@ static bool find_crossings(loading *l, volume *v, error *e)
         (unsigned long long)c->open_cells, c->open_at[0], c->open_at[1], c->open_at[2]);
 }
 
-static size_t held_bytes(size_t bricks, size_t cells)
+static size_t held_bytes(size_t blocks, size_t cells)
 {
-    return sizeof(volume) + bricks * (BRICK_SIZE * sizeof(float) + 8 * sizeof(uint64_t) + 2 * 64) +
-           block_map_bytes(bricks) + cells * sizeof(crossed_cell);
+    return sizeof(volume) + blocks * (BRICK_SIZE * sizeof(float) + 8 * sizeof(uint64_t) + 2 * 64) +
+           block_map_bytes(blocks) + cells * sizeof(crossed_cell);
 }
 
 static bool plan(loading *l, volume *v, error *e)
@@ -274,13 +279,17 @@ static bool note_sides(const loading *l, volume *v, error *e)
     return true;
 }
 
+/* Whether bricks are so many that to touch their memory takes long, and most would never be looked at: a point comes by two
+ * of them. */
+static bool looks_at_few(const loading *l, const volume *v)
+{
+    return l->points > 0 && v->map.count > MANY_BRICKS + 2 * l->points;
+}
+
 static bool make_bricks(loading *l, volume *v, error *e)
 {
     if (!l->smooth && !samples_prefilter(&l->samples, l->pool, e)) return false;
-    v->coefficients = mem_array((size_t)v->map.count * BRICK_SIZE, sizeof(float), "the spline's bricks", e);
-    if (!v->coefficients) return false;
-    if (!brick_fill(&l->samples, &v->map, l->pool, v->coefficients, e)) return false;
-    samples_free(&l->samples);
+    if (!bricks_make(&l->samples, &v->map, looks_at_few(l, v), l->pool, &v->bricks, e)) return false;
     for (int axis = 0; axis < 3; axis++) {
         v->low[axis] = INFINITY;
         v->high[axis] = -INFINITY;
@@ -296,7 +305,7 @@ static bool make_bricks(loading *l, volume *v, error *e)
 static bool add_grazed_cells(const loading *l, volume *v, error *e)
 {
     grazed found = {0};
-    bool ok = grazed_find(&v->map, v->coefficients, v->info.size, l->pool, v->crossed, &found, e);
+    bool ok = grazed_find(&v->bricks, v->info.size, l->pool, v->crossed, &found, e);
     if (ok && found.count > 0) {
         const size_t count = v->cell_count + found.count;
         crossed_cell *all = mem_array(count, sizeof *all, "the cells that the surface crosses", e);
@@ -340,7 +349,8 @@ static void measure(volume *v)
     v->info.surface_box = box;
     v->info.crossing_cells = v->cell_count;
     v->info.bricks = v->map.count;
-    v->info.memory_bytes = held_bytes(v->map.count, v->cell_count);
+    v->info.memory_bytes =
+        held_bytes(v->map.count, v->cell_count) + samples_bytes(v->bricks.coefficients.map.count);
 }
 
 /* From a loaded grid to bricks. */
@@ -410,6 +420,7 @@ static bool load_mesh(const volume_mesh_request *r, const resolution *choice, lo
     snprintf(l->name, sizeof l->name, "its level set");
     v->info.level_set = true;
     l->kind = GRID_VIEW_LEVEL_SET;
+    l->points = (size_t)r->resolution.count;
     l->pool = r->pool;
     if (!(l->grid = levelset_make(m, &params, notes, &l->solids, e))) return false;
     v->info.isovalue = r->offset;
@@ -711,6 +722,7 @@ static bool load_dense(const volume_dense_request *r, loading *l, volume *v, err
     l->kind = GRID_VIEW_DENSE;
     l->memory_limit = r->memory_limit;
     l->smooth = r->reconstruction == VOLUME_SMOOTHING;
+    l->points = r->points;
     l->pool = r->pool;
     v->info.isovalue = r->isovalue;
     memcpy(v->info.size, r->source->size, sizeof v->info.size);
@@ -751,7 +763,7 @@ void volume_close(volume *v)
     mesh_faces_free(v->faces);
     fidelity_free(&v->info.fidelity);
     block_map_free(&v->map);
-    free(v->coefficients);
+    bricks_free(&v->bricks);
     free(v->inside);
     free(v->crossed);
     free(v->grazed);

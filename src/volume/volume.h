@@ -4,7 +4,7 @@
  * A volume is read whole, in one call, through the shim in src/vdb; once it is open no file and no library
  * object is left, only bricks (8^3 cells plus the apron of coefficients that their splines need) wherever
  * the surface passes, with a margin in which Newton's method and a particle's trial steps stay defined.
- * Sampling allocates nothing and is safe in any number of threads.
+ * Sampling is safe in any number of threads. Where few places will be looked at, it makes the bricks that it comes by.
  */
 #ifndef HEXAD_VOLUME_VOLUME_H
 #define HEXAD_VOLUME_VOLUME_H
@@ -39,8 +39,9 @@ typedef struct volume_request {
     double offset;   /* outwards, of a level set, whose values are distances; of another it must be 0 */
     volume_reconstruction reconstruction;
     size_t memory_limit; /* bytes that opening and holding the volume may take */
-    threads *pool;       /* that opens it, or NULL; does not show in the volume */
-    isa isa;             /* what sampling runs on */
+    size_t points; /* about so many will be asked for, 0: not known; does not show in what the volume tells */
+    threads *pool; /* that opens it, or NULL; likewise */
+    isa isa;       /* what sampling runs on */
 } volume_request;
 
 typedef struct volume_mesh_request {
@@ -62,6 +63,7 @@ typedef struct volume_dense_request {
     double isovalue;  /* above it is inside */
     volume_reconstruction reconstruction;
     size_t memory_limit;
+    size_t points;
     threads *pool;
     isa isa;
 } volume_dense_request;

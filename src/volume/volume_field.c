@@ -5,7 +5,6 @@
 #include <string.h>
 
 #include "geometry/affine.h"
-#include "volume/brick.h"
 
 /* Voxels from a crossed cell within which a volume's spline is asked on which side a point lies. */
 #define NEAR (VOLUME_FIELD_MARGIN - 1)
@@ -36,7 +35,7 @@ static bool sample(const field *f, vec3 x, field_order order, field_sample *out)
     }
     uint32_t n = block_map_find(&v->map, block[0], block[1], block[2]);
     if (n == BLOCK_MAP_NONE) return false;
-    const float *corner = brick_cell(v->coefficients, n, cell[0], cell[1], cell[2]);
+    const float *corner = brick_cell(bricks_at(&v->bricks, n), cell[0], cell[1], cell[2]);
     spline_jet jet;
     if (order == FIELD_HESSIAN) {
         v->spline->hessian(corner, BRICK_SIDE, BRICK_SLAB, t, &jet);
@@ -200,7 +199,7 @@ static void find_cells(const volume *v, const vec3_lanes *x, bool *defined, spli
 {
     double p[3][VEC3_LANES];
     int32_t last[3] = {0};
-    uint32_t n = BLOCK_MAP_NONE; /* of the block `last`: particles side by side often share one */
+    const float *brick = NULL; /* of the block `last`: particles side by side often share one */
     for (int axis = 0; axis < 3; axis++) {
         const double *m = v->to_index[axis];
         for (int l = 0; l < VEC3_LANES; l++)
@@ -218,13 +217,13 @@ static void find_cells(const volume *v, const vec3_lanes *x, bool *defined, spli
             cell[axis] = i & 7;
             out->t[axis][l] = within ? (float)(at - (double)i) : 0;
         }
-        if (within &&
-            (n == BLOCK_MAP_NONE || block[0] != last[0] || block[1] != last[1] || block[2] != last[2])) {
-            n = block_map_find(&v->map, block[0], block[1], block[2]);
+        if (within && (!brick || block[0] != last[0] || block[1] != last[1] || block[2] != last[2])) {
+            const uint32_t n = block_map_find(&v->map, block[0], block[1], block[2]);
+            brick = n == BLOCK_MAP_NONE ? NULL : bricks_at(&v->bricks, n);
             memcpy(last, block, sizeof last);
         }
-        defined[l] = within && n != BLOCK_MAP_NONE;
-        out->corner[l] = defined[l] ? brick_cell(v->coefficients, n, cell[0], cell[1], cell[2]) : NULL;
+        defined[l] = within && brick;
+        out->corner[l] = defined[l] ? brick_cell(brick, cell[0], cell[1], cell[2]) : NULL;
     }
 }
 
@@ -246,5 +245,14 @@ static void sample_lanes(const field *f, const vec3_lanes *x, bool *defined, dou
     }
 }
 
-const field_ops volume_field_ops = {
-    .sample = sample, .cell_count = cell_count, .cell = cell, .side = side, .sample_lanes = sample_lanes};
+static void forget(const field *f)
+{
+    bricks_forget(&((const volume *)f)->bricks);
+}
+
+const field_ops volume_field_ops = {.sample = sample,
+                                    .cell_count = cell_count,
+                                    .cell = cell,
+                                    .side = side,
+                                    .sample_lanes = sample_lanes,
+                                    .forget = forget};

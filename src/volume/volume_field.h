@@ -5,6 +5,7 @@
 
 #include "field/spline.h"
 #include "geometry/block_map.h"
+#include "volume/brick.h"
 #include "volume/grazed.h"
 #include "volume/volume.h"
 
@@ -19,10 +20,10 @@ struct volume {
     double
         beyond; /* the side of all that is there, 1 or -1; 0 where the surface may part it, at the data's end */
     block_map map;
-    float *coefficients; /* BRICK_SIZE a block of the map */
-    uint64_t *inside;    /* 8 words a block: voxels that are inside, as in vdb.h's active flags */
-    uint8_t *crossed;    /* 64 bytes a block: crossed cells, as in crossing_block's rows */
-    uint8_t *grazed;     /* likewise: those with a face that the surface passes between its corners */
+    bricks bricks;    /* of the map's blocks */
+    uint64_t *inside; /* 8 words a block: voxels that are inside, as in vdb.h's active flags */
+    uint8_t *crossed; /* 64 bytes a block: crossed cells, as in crossing_block's rows */
+    uint8_t *grazed;  /* likewise: those with a face that the surface passes between its corners */
     const spline *spline;
     crossed_cell *cells;
     size_t cell_count;
