@@ -15,6 +15,18 @@ typedef struct vec3_lanes {
     double x[VEC3_LANES], y[VEC3_LANES], z[VEC3_LANES];
 } vec3_lanes;
 
+static inline vec3 vec3_lanes_get(const vec3_lanes *v, int lane)
+{
+    return (vec3){v->x[lane], v->y[lane], v->z[lane]};
+}
+
+static inline void vec3_lanes_put(vec3_lanes *v, int lane, vec3 x)
+{
+    v->x[lane] = x.x;
+    v->y[lane] = x.y;
+    v->z[lane] = x.z;
+}
+
 static inline vec3 vec3_make(double x, double y, double z)
 {
     return (vec3){x, y, z};

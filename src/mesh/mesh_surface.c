@@ -7,6 +7,7 @@
 
 #include "base/isa.h"
 #include "base/memory.h"
+#include "mesh/foot.h"
 #include "mesh/mesh_edges.h"
 #include "mesh/nearest_triangle.h"
 #include "mesh/roof.h"
@@ -14,16 +15,13 @@
 
 static const char what[] = "the surface of the mesh";
 
-/* The normal between the corners is at least this much one with the triangle's own: F grows no steeper. */
-static const double least_facing = 0.25;
 /* Of the extent: a place that is this near to the end of a patch is on it. */
 static const double rounding = 1e-7;
 /* A triangle whose height is less than this share of its longest side says nothing of how normals turn. */
 static const double least_height = 1e-3;
-/* A place this many times as far within the sides of a triangle as from it is nearest to that one, unless others are folded
- * over it by more than 150 degrees; and how many triangles a particle may pass in a step, and how many lie between places that are asked
- * for one after the other, before the tree is asked. */
-enum { ROOM = 2, MOST_STEPS = 4, MOST_STEPS_BETWEEN = 24 };
+/* How many triangles a particle may pass in a step, and how many lie between places that are asked for one after the other, before
+ * the tree is asked. */
+enum { MOST_STEPS = 4, MOST_STEPS_BETWEEN = 24 };
 
 /* Of a triangle, see roof.h. */
 enum { ROOF_UNKNOWN, ROOF_CLEAR, ROOF_NOT_CLEAR };
@@ -35,6 +33,11 @@ typedef struct piece {
     vec3 corner[3];
     uint32_t triangle;
 } piece;
+
+/* A vertex with its normal, which is unit: one is seldom asked for without the other. */
+typedef struct stand {
+    vec3 place, normal;
+} stand;
 
 typedef struct patch_field {
     field base;
@@ -50,14 +53,14 @@ struct mesh_surface {
     field_patches patches;
     patch_field *patch;
     nearest_of_several *trees; /* those of the patches */
-    vec3 *normal;              /* of each vertex, unit */
+    stand *at;                 /* of each vertex */
     sym3 *shape;               /* how it turns: symmetric, and nothing along the normal */
     bool *at_end;              /* of each vertex: the patch ends there */
     uint32_t (
         *beside)[3];    /* of each triangle: which one shares the side that begins at corner k; ENDS: none */
     atomic_uchar *roof; /* of each triangle, once it was asked for: whether nothing is under its roofs */
     piece *pieces;
-    size_t piece_count, piece_room;
+    size_t piece_count;
 };
 
 /* ---- normals and how they turn */
@@ -67,12 +70,6 @@ static vec3 across(const mesh_surface *s, size_t n)
     const uint32_t *t = s->mesh.m.triangle[n];
     const vec3 *v = s->mesh.m.vertex;
     return vec3_cross(vec3_sub(v[t[1]], v[t[0]]), vec3_sub(v[t[2]], v[t[0]]));
-}
-
-/* `n`, or its reverse, whichever is on the side of `of`. */
-static vec3 facing(vec3 n, vec3 of)
-{
-    return vec3_dot(n, of) < 0 ? vec3_scale(n, -1) : n;
 }
 
 /* The angle of a triangle at its corner k. */
@@ -93,11 +90,12 @@ static void find_normals(mesh_surface *s)
         for (size_t n = m->first[p]; n < m->first[p + 1]; n++) {
             const vec3 unit = vec3_unit(across(s, n));
             for (int k = 0; k < 3; k++) {
-                vec3 *sum = &s->normal[m->m.triangle[n][k]];
-                *sum = vec3_axpy(angle_at(s, n, k), m->one_sided[p] ? facing(unit, *sum) : unit, *sum);
+                vec3 *sum = &s->at[m->m.triangle[n][k]].normal;
+                *sum = vec3_axpy(angle_at(s, n, k), m->one_sided[p] ? foot_facing(unit, *sum) : unit, *sum);
             }
         }
-    for (size_t v = 0; v < m->m.vertex_count; v++) s->normal[v] = vec3_unit(s->normal[v]);
+    for (size_t v = 0; v < m->m.vertex_count; v++)
+        s->at[v] = (stand){m->m.vertex[v], vec3_unit(s->at[v].normal)};
 }
 
 static sym3 sym3_axpy(double a, sym3 m, sym3 to)
@@ -126,7 +124,7 @@ static sym3 turning(const mesh_surface *s, size_t n, vec3 cross)
     for (int k = 0; k < 3; k++) { /* the weight of corner k grows across the opposite side */
         const vec3 side = vec3_sub(v[t[(k + 2) % 3]], v[t[(k + 1) % 3]]),
                    g = vec3_scale(vec3_cross(cross, side), 1 / vec3_norm2(cross)),
-                   a = facing(s->normal[t[k]], cross);
+                   a = foot_facing(s->at[t[k]].normal, cross);
         sum = sym3_axpy(1,
                         (sym3){a.x * g.x, a.y * g.y, a.z * g.z, 0.5 * (a.x * g.y + a.y * g.x),
                                0.5 * (a.x * g.z + a.z * g.x), 0.5 * (a.y * g.z + a.z * g.y)},
@@ -151,14 +149,14 @@ static bool find_shapes(mesh_surface *s, error *e)
         if (!(area > least_height * longest2)) continue;
         const sym3 turn = turning(s, n, cross);
         for (int k = 0; k < 3; k++) {
-            double side = vec3_dot(s->normal[t[k]], cross) < 0 ? -area : area;
+            double side = vec3_dot(s->at[t[k]].normal, cross) < 0 ? -area : area;
             s->shape[t[k]] = sym3_axpy(side, turn, s->shape[t[k]]);
             weight[t[k]] += area;
         }
     }
     for (size_t v = 0; v < m->vertex_count; v++)
         if (weight[v] > 0)
-            s->shape[v] = in_plane(sym3_axpy(1 / weight[v], s->shape[v], (sym3){0}), s->normal[v]);
+            s->shape[v] = in_plane(sym3_axpy(1 / weight[v], s->shape[v], (sym3){0}), s->at[v].normal);
     free(weight);
     return true;
 }
@@ -196,23 +194,27 @@ typedef struct foot {
     bool at_end; /* on a side where the patch ends, or at a corner of one */
 } foot;
 
-static foot foot_on(const mesh_surface *s, size_t n, const double weight[3], vec3 x)
+static foot_triangle triangle_at(const mesh_surface *s, size_t n)
 {
     const uint32_t *t = s->mesh.m.triangle[n];
-    const vec3 own = vec3_unit(across(s, n));
-    vec3 at = {0, 0, 0}, normal = {0, 0, 0};
+    const stand *a = &s->at[t[0]], *b = &s->at[t[1]], *c = &s->at[t[2]];
+    return (foot_triangle){{a->place, b->place, c->place}, {a->normal, b->normal, c->normal}};
+}
+
+static foot foot_on(const mesh_surface *s, size_t n, const double weight[3], vec3 x)
+{
+    const foot_triangle on = triangle_at(s, n);
+    const vec3 own = foot_own_normal(&on);
+    vec3 normal;
+    const vec3 off = foot_off(&on, weight, own, x, &normal);
     int zeros = 0;
-    for (int k = 0; k < 3; k++) {
-        at = vec3_axpy(weight[k], s->mesh.m.vertex[t[k]], at);
-        normal = vec3_axpy(weight[k], facing(s->normal[t[k]], own), normal);
-        zeros += weight[k] == 0;
-    }
+    for (int k = 0; k < 3; k++) zeros += weight[k] == 0;
     normal = vec3_norm2(normal) > 0 ? vec3_unit(normal) : vec3_norm2(own) > 0 ? own : vec3_make(0, 0, 1);
-    foot out = {vec3_sub(x, at), normal, vec3_norm2(own) > 0 ? own : normal, zeros == 0, false};
+    foot out = {off, normal, vec3_norm2(own) > 0 ? own : normal, zeros == 0, false};
     for (int k = 0; zeros > 0 && k < 3;
          k++) /* the side opposite of a corner without weight, or the one corner */
         out.at_end |= zeros == 1 ? weight[k] == 0 && s->beside[n][(k + 1) % 3] == ENDS
-                                 : weight[k] > 0 && s->at_end[t[k]];
+                                 : weight[k] > 0 && s->at_end[s->mesh.m.triangle[n][k]];
     return out;
 }
 
@@ -220,9 +222,8 @@ static foot foot_on(const mesh_surface *s, size_t n, const double weight[3], vec
 static double distance_along(const foot *f)
 {
     const double up = vec3_dot(f->off, f->normal), far = vec3_norm(f->off);
-    if (f->inside || f->at_end)
-        return vec3_dot(f->off, f->own) / fmax(vec3_dot(f->normal, f->own), least_facing);
-    const double most = far / least_facing;
+    if (f->inside || f->at_end) return foot_distance(f->off, f->normal, f->own);
+    const double most = far / FOOT_LEAST_FACING;
     return up == 0 ? 0 : fmax(fmin(far * far / up, most), -most);
 }
 
@@ -232,23 +233,11 @@ static double distance_along(const foot *f)
 static bool walk(const mesh_surface *s, int most_steps, uint32_t *n, vec3 x, double weight[3])
 {
     for (int step = 0; step < most_steps; step++) {
-        const uint32_t *t = s->mesh.m.triangle[*n];
-        const vec3 a = s->mesh.m.vertex[t[0]], b = s->mesh.m.vertex[t[1]], c = s->mesh.m.vertex[t[2]],
-                   off = vec3_sub(x, a), side[3] = {vec3_sub(b, a), vec3_sub(c, b), vec3_sub(a, c)},
-                   cross = vec3_cross(side[0], side[1]);
-        const double cross2 = vec3_norm2(cross), up = vec3_dot(off, cross);
-        weight[1] = vec3_dot(vec3_cross(side[2], off), cross) / cross2;
-        weight[2] = vec3_dot(vec3_cross(side[0], off), cross) / cross2;
-        weight[0] = 1 - weight[1] - weight[2];
-        bool inside = true; /* by so much: the height over side k is cross / side[k] */
+        const foot_triangle t = triangle_at(s, *n);
+        if (foot_weights(&t, x, weight) > 0) return true;
         int least = 0;
-        for (int k = 0; k < 3; k++) {
-            const double within = weight[k] * cross2;
-            inside &=
-                weight[k] > 0 && within * within > ROOM * ROOM * up * up * vec3_norm2(side[(k + 1) % 3]);
+        for (int k = 0; k < 3; k++)
             if (weight[k] < weight[least]) least = k;
-        }
-        if (inside) return true;
         const uint32_t next = s->beside[*n][(least + 1) % 3];
         if (!(weight[least] < 0) || next == ENDS) return false;
         *n = next;
@@ -266,7 +255,7 @@ static void sample_triangle(const mesh_surface *s, size_t n, const double weight
     sym3 shape = {0};
     for (int k = 0; k < 3; k++) {
         const uint32_t v = s->mesh.m.triangle[n][k];
-        shape = sym3_axpy(vec3_dot(s->normal[v], f.own) < 0 ? -weight[k] : weight[k], s->shape[v], shape);
+        shape = sym3_axpy(vec3_dot(s->at[v].normal, f.own) < 0 ? -weight[k] : weight[k], s->shape[v], shape);
     }
     out->hessian = in_plane(shape, f.normal);
 }
@@ -283,11 +272,16 @@ static bool has_clear_roof(const patch_field *p, uint32_t n)
     return roof == ROOF_CLEAR;
 }
 
+static bool is_of_patch(const patch_field *p, uint32_t hint)
+{
+    return hint - p->first < p->triangles.triangle_count;
+}
+
 /* What nearest_triangle_find tells, number and weights, with a hint. */
 static uint32_t nearest_of_patch(const patch_field *p, vec3 x, uint32_t *hint, double weight[3])
 {
     const mesh *m = &p->whole->mesh.m;
-    if (*hint - p->first >= p->triangles.triangle_count)
+    if (!is_of_patch(p, *hint))
         return *hint = (uint32_t)(p->first + nearest_triangle_find(p->tree, x, weight));
     if (walk(p->whole, MOST_STEPS_BETWEEN, hint, x, weight) &&
         fmin(weight[0], fmin(weight[1], weight[2])) > ROOF_LEAST_WEIGHT && has_clear_roof(p, *hint)) {
@@ -325,11 +319,43 @@ ISA_INLINE void prefetch(const mesh_surface *s, const uint32_t hint[VEC3_LANES])
     for (int l = 0; l < VEC3_LANES; l++)
         for (int k = 0; k < 3 && hint[l] < s->mesh.m.triangle_count; k++) {
             const uint32_t v = s->mesh.m.triangle[hint[l]][k];
-            __builtin_prefetch(&s->mesh.m.vertex[v].x);
-            __builtin_prefetch(&s->mesh.m.vertex[v].z);
-            __builtin_prefetch(&s->normal[v].x);
-            __builtin_prefetch(&s->normal[v].z);
+            __builtin_prefetch(&s->at[v].place.x);
+            __builtin_prefetch(&s->at[v].normal.z);
         }
+}
+
+/* The triangles that hints name; of lanes without one, of another patch or without a place what is above no place. */
+static void gather_lanes(const mesh_surface *s, const uint32_t patch[VEC3_LANES],
+                         const bool defined[VEC3_LANES], const uint32_t hint[VEC3_LANES], const vec3_lanes *x,
+                         foot_lanes *out)
+{
+    out->x = *x;
+    for (int l = 0; l < VEC3_LANES; l++) {
+        const foot_triangle t = defined[l] && is_of_patch(&s->patch[patch[l]], hint[l])
+                                    ? triangle_at(s, hint[l])
+                                    : (foot_triangle){0};
+        for (int k = 0; k < 3; k++) {
+            vec3_lanes_put(&out->corner[k], l, t.corner[k]);
+            vec3_lanes_put(&out->normal[k], l, t.normal[k]);
+        }
+    }
+}
+
+/* Lane l, which is not above the triangle that its hint names, if that is one: from there, or else from where the lane before was.
+ * Returns the triangle. */
+static uint32_t sample_beyond(const mesh_surface *s, const patch_field *p, int l, const vec3_lanes *x,
+                              uint32_t hint, uint32_t last, double value[VEC3_LANES], vec3_lanes *gradient)
+{
+    const vec3 at = vec3_lanes_get(x, l);
+    double weight[3];
+    field_sample sample;
+    const bool has_hint = is_of_patch(p, hint);
+    uint32_t n = has_hint ? hint : last;
+    if (!has_hint || !walk(s, MOST_STEPS, &n, at, weight)) nearest_of_patch(p, at, &n, weight);
+    sample_triangle(s, n, weight, at, FIELD_GRADIENT, &sample);
+    value[l] = sample.value;
+    vec3_lanes_put(gradient, l, sample.gradient);
+    return n;
 }
 
 static void sample_patch_lanes(const field *f, const uint32_t patch[VEC3_LANES], const vec3_lanes *x,
@@ -338,24 +364,19 @@ static void sample_patch_lanes(const field *f, const uint32_t patch[VEC3_LANES],
 {
     const mesh_surface *s = (const mesh_surface *)f;
     uint32_t last = FIELD_NO_HINT; /* lanes are near each other */
+    foot_lanes lanes;
     prefetch(s, hint);
+    gather_lanes(s, patch, defined, hint, x, &lanes);
+    foot_find_lanes(&lanes);
     for (int l = 0; l < VEC3_LANES; l++) {
         if (!defined[l]) continue;
-        const patch_field *p = &s->patch[patch[l]];
-        const vec3 at = {x->x[l], x->y[l], x->z[l]};
-        double weight[3];
-        field_sample sample;
-        uint32_t n = hint[l] - p->first < p->triangles.triangle_count ? hint[l] : ENDS;
-        if (n == ENDS)
-            n = nearest_of_patch(p, at, &last, weight);
-        else if (!walk(s, MOST_STEPS, &n, at, weight))
-            n = nearest_of_patch(p, at, &n, weight);
-        sample_triangle(s, n, weight, at, FIELD_GRADIENT, &sample);
-        hint[l] = last = n;
-        value[l] = sample.value;
-        gradient->x[l] = sample.gradient.x;
-        gradient->y[l] = sample.gradient.y;
-        gradient->z[l] = sample.gradient.z;
+        if (lanes.above[l] > 0) {
+            value[l] = lanes.value[l];
+            vec3_lanes_put(gradient, l, vec3_lanes_get(&lanes.unit, l));
+        } else {
+            hint[l] = sample_beyond(s, &s->patch[patch[l]], l, x, hint[l], last, value, gradient);
+        }
+        last = hint[l];
     }
 }
 
@@ -364,6 +385,7 @@ static bool is_within(const field *f, vec3 x, uint32_t *hint)
     const patch_field *p = (const patch_field *)f;
     double weight[3];
     const uint32_t n = nearest_of_patch(p, x, hint, weight);
+    if (weight[0] > 0 && weight[1] > 0 && weight[2] > 0) return true; /* on no side, so at no end */
     const foot at = foot_on(p->whole, n, weight, x);
     if (!at.at_end) return true;
     const double up = vec3_dot(at.off, at.own);
@@ -467,13 +489,12 @@ static bool refuse_pieces(const cutting *c, error *e)
         c->longest, c->most);
 }
 
+/* Where there is no room for pieces yet they are counted. */
 static bool add_piece(mesh_surface *s, const vec3 t[3], uint32_t n, const cutting *c, error *e)
 {
     if (s->piece_count == c->most) return refuse_pieces(c, e);
-    piece *grown = mem_grow(s->pieces, s->piece_count, &s->piece_room, 4096, sizeof *grown, what, e);
-    if (!grown) return false;
-    s->pieces = grown;
-    s->pieces[s->piece_count++] = (piece){{t[0], t[1], t[2]}, n};
+    if (s->pieces) s->pieces[s->piece_count] = (piece){{t[0], t[1], t[2]}, n};
+    s->piece_count++;
     return true;
 }
 
@@ -490,7 +511,8 @@ static bool cut_piece(mesh_surface *s, const vec3 t[3], uint32_t n, const cuttin
     for (int k = 0; k < 3; k++) {
         const vec3 a = t[k], b = t[(k + 1) % 3];
         middle[k] = vec3_scale(vec3_add(a, b), 0.5);
-        if (!(vec3_norm(vec3_sub(a, b)) > c->longest) || is_same(middle[k], a) || is_same(middle[k], b))
+        if (!(vec3_norm2(vec3_sub(a, b)) > c->longest * c->longest) || is_same(middle[k], a) ||
+            is_same(middle[k], b))
             continue;
         halved++;
         first += k;
@@ -517,9 +539,20 @@ static size_t triangle_bytes(const mesh_surface *s)
 {
     const mesh *m = &s->mesh.m;
     return m->triangle_count * (sizeof *m->triangle + sizeof *s->beside + sizeof *s->roof) +
-           m->vertex_count * (2 * sizeof(vec3) + sizeof(sym3));
+           m->vertex_count * (sizeof(vec3) + sizeof *s->at + sizeof *s->shape);
 }
 
+static bool cut_triangles(mesh_surface *s, const cutting *c, error *e)
+{
+    const mesh *m = &s->mesh.m;
+    for (uint32_t n = 0; n < m->triangle_count; n++) {
+        const uint32_t *t = m->triangle[n];
+        if (!cut_piece(s, (vec3[]){m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]}, n, c, e)) return false;
+    }
+    return true;
+}
+
+/* Counted first: an array that grows takes pages for twice as much, and the kernel's zeros for them cost more than to cut twice. */
 static bool cut_pieces(mesh_surface *s, double longest, size_t memory_limit, error *e)
 {
     const mesh *m = &s->mesh.m;
@@ -527,12 +560,10 @@ static bool cut_pieces(mesh_surface *s, double longest, size_t memory_limit, err
     const cutting c = {longest, left / (sizeof *s->pieces + SCAN_BYTES)};
     /* along the longest side alone there would be so many: before the cuts go as deep as that */
     if (bbox_longest(mesh_box(m)) / longest > (double)c.most) return refuse_pieces(&c, e);
-    for (uint32_t n = 0; n < m->triangle_count; n++) {
-        const uint32_t *t = m->triangle[n];
-        if (!cut_piece(s, (vec3[]){m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]}, n, &c, e))
-            return false;
-    }
-    return true;
+    if (!cut_triangles(s, &c, e) || !(s->pieces = mem_array(s->piece_count, sizeof *s->pieces, what, e)))
+        return false;
+    s->piece_count = 0;
+    return cut_triangles(s, &c, e);
 }
 
 /* ---- the whole */
@@ -596,12 +627,12 @@ static bool make(mesh_surface *s, double longest, size_t memory_limit, error *e)
     s->base = (field){.ops = &whole_ops, .domain = bbox_grow(box, 0.05 * extent), .extent = extent};
     s->base.cell_size = longest;
     field_set_boundary(&s->base, 0);
-    s->normal = mem_array(m->vertex_count, sizeof *s->normal, what, e);
+    s->at = mem_array(m->vertex_count, sizeof *s->at, what, e);
     s->shape = mem_array(m->vertex_count, sizeof *s->shape, what, e);
     s->at_end = mem_array(m->vertex_count, sizeof *s->at_end, what, e);
     s->beside = mem_array(m->triangle_count, sizeof *s->beside, what, e);
     s->roof = mem_array(m->triangle_count, sizeof *s->roof, what, e); /* all unknown */
-    if (!s->normal || !s->shape || !s->at_end || !s->beside || !s->roof) return false;
+    if (!s->at || !s->shape || !s->at_end || !s->beside || !s->roof) return false;
     find_normals(s);
     if (!find_shapes(s, e) || !find_sides(s, e) || !cut_pieces(s, longest, memory_limit, e) ||
         !make_patches(s, e))
@@ -628,7 +659,7 @@ void mesh_surface_free(mesh_surface *s)
     mesh_patches_free(&s->mesh);
     free(s->patches.patch);
     free(s->patch);
-    free(s->normal);
+    free(s->at);
     free(s->shape);
     free(s->at_end);
     free(s->beside);
@@ -651,5 +682,5 @@ size_t mesh_surface_bytes(const mesh_surface *s)
 {
     size_t trees = nearest_of_several_bytes(s->trees);
     for (size_t k = 0; k < s->mesh.count; k++) trees += nearest_triangle_bytes(s->patch[k].tree);
-    return trees + triangle_bytes(s) + s->piece_room * sizeof *s->pieces;
+    return trees + triangle_bytes(s) + s->piece_count * sizeof *s->pieces;
 }
