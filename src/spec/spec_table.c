@@ -921,8 +921,8 @@ const spec_row spec_rows[] = {
      .prose =
          "The ratio of the largest to the smallest spacing, at most: a surface whose curvature varies less, over "
          "the scale, gets less. The spacing is proportional to kappa^-exponent. Only 1 % of the area is more "
-         "curved than the places of the smallest spacing; where gradation would leave less than 0.8 of the ratio, as "
-         "little as 1/8 % may be."},
+         "curved than the places of the smallest spacing; where gradation, and no bound on the spacing, would leave "
+         "less than 0.8 of the ratio, as little as 1/8 % may be."},
     {.pointer = "/sampling/curvature/exponent",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,

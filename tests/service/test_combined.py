@@ -4,6 +4,7 @@ import json
 
 import numpy
 import pytest
+from scipy.spatial import cKDTree
 
 from meshes import Mesh
 from readers import Points
@@ -446,3 +447,86 @@ def test_inputs_of_parts_stay_within_the_roots(worker, tmp_path, dense_ball):
     done = worker({"version": 1, "surface": {"union": [sphere(1), dense_ball]}, "sampling": {"count": 100}},
                   "--input-root", tmp_path / "inside")
     assert json.loads(done.stderr.splitlines()[-1])["code"] == "path_forbidden"
+
+
+VOXEL, ROOM = 0.08, 2.2  # of solids that are handed over as data, and how far these reach from the middle
+
+
+class Solid:
+    """A solid with its spec, f (negative inside), places spread over its surface by area, and by how much points may miss that."""
+    def __init__(self, spec, f, places, miss=1e-6):
+        self.spec, self.f, self.places, self.miss = spec, f, places, miss
+
+    @classmethod
+    def ball(cls, rng):
+        c, r = rng.uniform(-1, 1, 3), rng.uniform(0.4, 1.2)
+        way = rng.normal(size=(3000, 3))
+        return cls(sphere(r, c), lambda x: numpy.linalg.norm(x - c, axis=-1) - r,
+                   c + r * way / numpy.linalg.norm(way, axis=1)[:, None])
+
+    @classmethod
+    def box(cls, rng):
+        c, h = rng.uniform(-1, 1, 3), rng.uniform(0.4, 1.2, 3)
+        side = rng.choice(3, 3000, p=1 / h / (1 / h).sum())
+        place = rng.uniform(-1, 1, (3000, 3))
+        place[numpy.arange(3000), side] = rng.choice([-1, 1], 3000)
+        return cls(box(h, c), lambda x: (numpy.abs(x - c) - h).max(axis=-1), c + h * place)
+
+    @classmethod
+    def data(cls, rng, path):
+        """A ball as a volume, or all but a ball, up to the end of the data."""
+        whole, sign = cls.ball(rng), rng.choice([1, -1], p=[0.5, 0.5])
+        n = round(2 * ROOM / VOXEL) + 1
+        matrix = numpy.diag([VOXEL, VOXEL, VOXEL, 1.0])
+        matrix[:3, 3] = -ROOM
+        at = numpy.stack(numpy.meshgrid(*[VOXEL * numpy.arange(n) - ROOM] * 3, indexing="ij"), -1)
+        write_nrrd(path, (-sign * whole.f(at)).astype("f4"), matrix)
+        return cls({"volume": {"path": str(path), "isovalue": 0}}, lambda x: sign * whole.f(x), whole.places, 0.01 * VOXEL)
+
+    def turned(self, rng):
+        turn, by = numpy.linalg.qr(rng.normal(size=(3, 3)))[0], rng.uniform(-0.5, 0.5, 3)
+        matrix = numpy.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = turn, by
+        return Solid(transform(self.spec, matrix), lambda x: self.f((x - by) @ turn), self.places @ turn.T + by, self.miss)
+
+
+def random_solid(rng, path):
+    kind = rng.integers(5)
+    whole = Solid.data(rng, path) if kind < 2 else Solid.box(rng) if kind < 4 else Solid.ball(rng)
+    return whole.turned(rng) if kind in (1, 3) else whole
+
+
+def test_random_combinations_are_where_geometry_says(sample, diagnose, tmp_path):
+    """Points lie on the surface that the solids' own formulas give, and near all of its places, but those in whose
+    neighbourhood it folds back."""
+    sampled = 0
+    for seed in range(20261123, 20261133):
+        rng = numpy.random.default_rng(seed)
+        parts = [random_solid(rng, tmp_path / f"{seed}.{k}.nrrd") for k in range(rng.integers(2, 4))]
+        kind = ("union", "intersection", "difference")[rng.integers(3)]
+        signs = [1] + [-1 if kind == "difference" else 1] * (len(parts) - 1)
+
+        def f(x):
+            values = [sign * part.f(x) for sign, part in zip(signs, parts)]
+            return numpy.min(values, axis=0) if kind == "union" else numpy.max(values, axis=0)
+
+        wanted = []
+        for part in parts:
+            step = 1e-5 * numpy.eye(3)
+            out = numpy.stack([part.f(part.places + d) - part.f(part.places - d) for d in step], axis=-1)
+            out /= numpy.linalg.norm(out, axis=1)[:, None]
+            thick = numpy.abs(f(part.places)) < 1e-9
+            for t in (0.05, 0.1, 0.2, 0.3):
+                thick &= f(part.places - t * out) * f(part.places + t * out) < 0
+            wanted.append(part.places[thick & (numpy.abs(part.places) < ROOM - 0.3).all(axis=1)])
+        wanted = numpy.concatenate(wanted)
+        report, points = sample({kind: [part.spec for part in parts]})
+        if points is None:
+            assert report["code"] == ("no_surface" if len(wanted) == 0 else "not_supported"), (seed, kind, report)
+            continue
+        sampled += 1
+        miss = numpy.abs(f(points.position)).max()
+        gap = cKDTree(points.position).query(wanted)[0].max() / report["spacing"] if len(wanted) else 0
+        diagnose(f"seed {seed}, {kind} of {len(parts)}: {miss:.1e} off, farthest place {gap:.2f} spacings away")
+        assert miss < max(part.miss for part in parts) and gap < 1.2
+    assert sampled >= 5

@@ -712,8 +712,8 @@ class SamplingCurvature(_SamplingCurvatureRest):
         deviates from the surface by chord_error. The report states the error that the count achieves. (world)
     ratio: The ratio of the largest to the smallest spacing, at most: a surface whose curvature varies less,
         over the scale, gets less. The spacing is proportional to kappa^-exponent. Only 1 % of the area is
-        more curved than the places of the smallest spacing; where gradation would leave less than 0.8 of the
-        ratio, as little as 1/8 % may be.
+        more curved than the places of the smallest spacing; where gradation, and no bound on the spacing,
+        would leave less than 0.8 of the ratio, as little as 1/8 % may be.
     exponent: How strongly the spacing follows the curvature. Belongs to ratio. Default: 1.
     scale: The distance over which the surface's curvature is taken: the bend of the shape instead of the
         facets of a mesh or the noise of a scan. Give one of its members. Default: 4 spacings of the place.
