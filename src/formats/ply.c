@@ -61,13 +61,18 @@ static void load_row(const columns *what, size_t i, double *row)
     for (size_t c = 0; c < what->count; c++) row[c] = column_value(&what->list[c], i);
 }
 
+/* Whether a number can be written as one of the type. */
+static bool is_in_range(double value, column_type type, ply_precision precision)
+{
+    if (type != COLUMN_REAL) return value >= type_least[type] && value <= type_most[type];
+    return isfinite(value) && (precision == PLY_DOUBLE || isfinite((float)value));
+}
+
 static bool check_row(const double *row, const columns *what, size_t i, ply_precision precision, error *e)
 {
     for (size_t c = 0; c < what->count; c++) {
         const column_type type = what->list[c].type;
-        bool good = isfinite(row[c]) && (precision == PLY_DOUBLE || isfinite((float)row[c]));
-        if (type != COLUMN_REAL) good = row[c] >= type_least[type] && row[c] <= type_most[type];
-        if (!good)
+        if (!is_in_range(row[c], type, precision))
             return error_set(e, ERROR_INTERNAL, "point %zu has %s = %g, which cannot be written as a %s", i,
                              what->list[c].name, row[c], type_name(type, precision));
     }
@@ -111,14 +116,47 @@ static double unpack(const char *in, column_type type, ply_precision precision)
     }
 }
 
-static size_t pack_row(const double *row, const columns *what, ply_precision precision, char *out)
+/* The numbers of a column of the points from `from` to `to` - 1, each `row` bytes behind the one before. False where one cannot be
+ * written. */
+static bool pack_column(const column *c, ply_precision precision, size_t from, size_t to, size_t row,
+                        char *out)
 {
-    char *at = out;
-    for (size_t c = 0; c < what->count; c++) {
-        pack(row[c], what->list[c].type, precision, at);
-        at += bytes_of(what->list[c].type, precision);
+    bool good = true;
+    if (c->type == COLUMN_REAL && c->values && precision == PLY_FLOAT) { /* as most are */
+        for (size_t i = from; i < to; i++, out += row) {
+            const float single = (float)(c->scale * c->values[c->stride * i]);
+            uint32_t bits;
+            memcpy(&bits, &single, sizeof bits);
+            bits = htole32(bits);
+            memcpy(out, &bits, sizeof bits);
+            good &= isfinite(single) != 0;
+        }
+        return good;
     }
-    return (size_t)(at - out);
+    for (size_t i = from; i < to; i++, out += row) {
+        const double value = column_value(c, i);
+        if (!is_in_range(value, c->type, precision)) return false;
+        pack(value, c->type, precision, out);
+    }
+    return good;
+}
+
+/* Points whose rows a core's nearest cache holds while their columns are filled in. */
+enum { PACKED_AT_ONCE = 256 };
+
+/* The rows of the points from `from` to `to` - 1. False where a number cannot be written. */
+static bool pack_rows(const columns *what, ply_precision precision, size_t from, size_t to, char *out)
+{
+    const size_t row = row_bytes(what, precision);
+    for (size_t first = from; first < to; first += PACKED_AT_ONCE) {
+        const size_t end = to - first < PACKED_AT_ONCE ? to : first + PACKED_AT_ONCE;
+        char *at = out + (first - from) * row;
+        for (size_t c = 0; c < what->count; c++) {
+            if (!pack_column(&what->list[c], precision, first, end, row, at)) return false;
+            at += bytes_of(what->list[c].type, precision);
+        }
+    }
+    return true;
 }
 
 /* FLT_DIG and DBL_DIG digits may be enough, three more always are (IEEE 754). */
@@ -171,7 +209,7 @@ static bool write_header(FILE *file, const points *set, const columns *what, ply
 enum { BATCH_BLOCKS = 8 };
 
 typedef struct block {
-    char *text;
+    char *text, *read; /* what the file is to hold, and, where that is verified, what it holds */
     size_t bytes;
     bool good;
     error e; /* of the first point that cannot be written */
@@ -186,24 +224,31 @@ typedef struct batch {
     block block[BATCH_BLOCKS];
 } batch;
 
+/* The points of a block: up to the one returned. */
+static size_t points_of_block(const batch *job, size_t k, size_t *from)
+{
+    *from = job->first + k * BLOCK_POINTS;
+    return job->set->count - *from < BLOCK_POINTS ? job->set->count : *from + BLOCK_POINTS;
+}
+
 static void fill_blocks(void *context, int worker, size_t begin, size_t end)
 {
     batch *job = context;
+    const columns *what = job->what;
     (void)worker;
     for (size_t k = begin; k < end; k++) {
         block *b = &job->block[k];
-        size_t from = job->first + k * BLOCK_POINTS, to = from + BLOCK_POINTS;
-        if (to > job->set->count) to = job->set->count;
-        b->bytes = 0;
+        size_t from, to = points_of_block(job, k, &from);
+        const bool text = job->format == PLY_ASCII;
+        b->bytes = text ? 0 : (to - from) * row_bytes(what, job->precision);
+        b->good = !text && pack_rows(what, job->precision, from, to, b->text);
+        if (b->good) continue;
         b->good = true;
         for (size_t i = from; b->good && i < to; i++) {
             double row[COLUMNS_MAX];
-            load_row(job->what, i, row);
-            b->good = check_row(row, job->what, i, job->precision, &b->e);
-            if (!b->good) break;
-            b->bytes += job->format == PLY_ASCII
-                            ? print_row(row, job->what, job->precision, b->text + b->bytes)
-                            : pack_row(row, job->what, job->precision, b->text + b->bytes);
+            load_row(what, i, row);
+            b->good = check_row(row, what, i, job->precision, &b->e);
+            if (b->good && text) b->bytes += print_row(row, what, job->precision, b->text + b->bytes);
         }
     }
 }
@@ -260,10 +305,24 @@ static bool write_triangles(FILE *file, const points *set, ply_format format, er
     return good || write_failed(e);
 }
 
+/* Of a batch, the blocks that hold points. */
+static size_t blocks_of(const batch *job)
+{
+    const size_t left = (job->set->count - job->first + BLOCK_POINTS - 1) / BLOCK_POINTS;
+    return left < BATCH_BLOCKS ? left : BATCH_BLOCKS;
+}
+
+static void free_blocks(batch *job)
+{
+    for (int k = 0; k < BATCH_BLOCKS; k++) {
+        free(job->block[k].text);
+        free(job->block[k].read);
+    }
+}
+
 bool ply_write(FILE *file, const points *set, const columns *what, ply_format format, ply_precision precision,
                threads *pool, error *e)
 {
-    static const size_t all = (size_t)BATCH_BLOCKS * BLOCK_POINTS;
     batch job = {set, what, format, precision, 0, {{0}}};
     bool ok = write_header(file, set, what, format, precision, e);
     for (int k = 0; ok && k < BATCH_BLOCKS; k++) {
@@ -271,14 +330,13 @@ bool ply_write(FILE *file, const points *set, const columns *what, ply_format fo
             mem_array(BLOCK_POINTS, what->count * NUMBER_TEXT_MAX, "the PLY file's buffer", e);
         ok = job.block[k].text != NULL;
     }
-    for (; ok && job.first < set->count; job.first += all) {
-        size_t left = set->count - job.first,
-               blocks = left < all ? (left + BLOCK_POINTS - 1) / BLOCK_POINTS : BATCH_BLOCKS;
+    for (; ok && job.first < set->count; job.first += (size_t)BATCH_BLOCKS * BLOCK_POINTS) {
+        const size_t blocks = blocks_of(&job);
         threads_run(pool, blocks, 1, fill_blocks, &job);
         if (threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
         ok = ok && write_blocks(file, &job, blocks, e);
     }
-    for (int k = 0; k < BATCH_BLOCKS; k++) free(job.block[k].text);
+    free_blocks(&job);
     return ok && write_triangles(file, set, format, e) && (fflush(file) == 0 || write_failed(e));
 }
 
@@ -458,6 +516,15 @@ static bool parse_row(FILE *file, const columns *what, ply_precision precision, 
     return !*at || wrong_line(what, e);
 }
 
+static bool check_finite(const double *row, const columns *what, size_t i, error *e)
+{
+    for (size_t c = 0; c < what->count; c++)
+        if (!isfinite(row[c]))
+            return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: point %zu has %s = %g", i, what->list[c].name,
+                             row[c]);
+    return true;
+}
+
 static bool read_row(FILE *file, const ply_file *f, size_t i, double *row, error *e)
 {
     char packed[COLUMNS_MAX * 8];
@@ -468,11 +535,7 @@ static bool read_row(FILE *file, const ply_file *f, size_t i, double *row, error
         if (fread_unlocked(packed, 1, bytes, file) != bytes) return damaged(e, "it ends too early");
         unpack_row(packed, &f->columns, f->precision, row);
     }
-    for (size_t c = 0; c < f->columns.count; c++)
-        if (!isfinite(row[c]))
-            return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: point %zu has %s = %g", i,
-                             f->columns.list[c].name, row[c]);
-    return true;
+    return check_finite(row, &f->columns, i, e);
 }
 
 static bool unpack_face(FILE *file, bool has_labels, face *out, error *e)
@@ -569,26 +632,90 @@ static bool same_columns(const columns *a, const columns *b)
     return true;
 }
 
+static bool is_as_meant(const columns *what, ply_precision precision, size_t i, const double *row, error *e)
+{
+    for (size_t c = 0; c < what->count; c++) {
+        const column *meant = &what->list[c];
+        if (row[c] != as_written(column_value(meant, i), meant->type, precision))
+            return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: the %s of point %zu is not what was written",
+                             meant->name, i);
+    }
+    return true;
+}
+
+static bool verify_text(FILE *file, const ply_file *f, const columns *what, const points *set, threads *pool,
+                        error *e)
+{
+    double row[COLUMNS_MAX];
+    for (size_t i = 0; i < set->count; i++) {
+        if (i % BLOCK_POINTS == 0 && threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+        if (!read_row(file, f, i, row, e) || !is_as_meant(what, f->precision, i, row, e)) return false;
+    }
+    return true;
+}
+
+/* Makes the bytes of a block again, and compares. */
+static void verify_blocks(void *context, int worker, size_t begin, size_t end)
+{
+    batch *job = context;
+    fill_blocks(context, worker, begin, end);
+    for (size_t k = begin; k < end; k++) {
+        block *b = &job->block[k];
+        b->good = b->good && memcmp(b->text, b->read, b->bytes) == 0;
+    }
+}
+
+/* What is wrong with a block that is not what was meant. */
+static bool explain_block(const batch *job, size_t k, error *e)
+{
+    size_t from, to = points_of_block(job, k, &from);
+    const size_t bytes = row_bytes(job->what, job->precision);
+    for (size_t i = from; i < to; i++) {
+        double row[COLUMNS_MAX];
+        unpack_row(job->block[k].read + (i - from) * bytes, job->what, job->precision, row);
+        if (!check_finite(row, job->what, i, e) || !is_as_meant(job->what, job->precision, i, row, e))
+            return false;
+    }
+    return damaged(e, "its bytes are not what was written");
+}
+
+static bool verify_binary(FILE *file, batch *job, threads *pool, error *e)
+{
+    const size_t bytes = row_bytes(job->what, job->precision);
+    bool ok = true;
+    for (int k = 0; ok && k < BATCH_BLOCKS; k++) {
+        job->block[k].text = mem_array(BLOCK_POINTS, bytes, "the PLY file's buffer", e);
+        job->block[k].read = mem_array(BLOCK_POINTS, bytes, "the PLY file's buffer", e);
+        ok = job->block[k].text && job->block[k].read;
+    }
+    for (; ok && job->first < job->set->count; job->first += (size_t)BATCH_BLOCKS * BLOCK_POINTS) {
+        const size_t blocks = blocks_of(job);
+        for (size_t k = 0; ok && k < blocks; k++) {
+            size_t from, to = points_of_block(job, k, &from);
+            ok = fread(job->block[k].read, bytes, to - from, file) == to - from ||
+                 damaged(e, "it ends too early");
+        }
+        if (ok) threads_run(pool, blocks, 1, verify_blocks, job);
+        if (threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
+        for (size_t k = 0; ok && k < blocks; k++) ok = job->block[k].good || explain_block(job, k, e);
+    }
+    free_blocks(job);
+    return ok;
+}
+
 bool ply_verify(FILE *file, const points *set, const columns *what, ply_format format,
                 ply_precision precision, threads *pool, error *e)
 {
     ply_file f = {0};
-    double row[COLUMNS_MAX];
     if (!read_start(file, &f, e)) return false;
     if (f.points.count != set->count || f.points.triangle_count != set->triangle_count ||
         f.has_labels != (set->triangle_count > 0 && set->triangle_labels) || f.format != format ||
         f.precision != precision || !same_columns(&f.columns, what))
         return damaged(e, "it is not of the count and type that were written");
-    for (size_t i = 0; i < set->count; i++) {
-        if (i % BLOCK_POINTS == 0 && threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
-        if (!read_row(file, &f, i, row, e)) return false;
-        for (size_t c = 0; c < what->count; c++) {
-            const column *meant = &what->list[c];
-            if (row[c] != as_written(column_value(meant, i), meant->type, precision))
-                return error_set(e, ERROR_INPUT_DAMAGED,
-                                 "PLY file: the %s of point %zu is not what was written", meant->name, i);
-        }
-    }
+    batch job = {set, what, format, precision, 0, {{0}}};
+    if (!(format == PLY_ASCII ? verify_text(file, &f, what, set, pool, e)
+                              : verify_binary(file, &job, pool, e)))
+        return false;
     for (size_t k = 0; k < set->triangle_count; k++) {
         const face meant = face_of(set, k);
         face read;
