@@ -22,7 +22,7 @@ static bool fill(box_tree *t, const bbox *box, size_t count, error *e)
     vec3 *middle = mem_array(count, sizeof *middle, WHAT, e);
     bool ok = middle;
     for (size_t k = 0; ok && k < count; k++) middle[k] = vec3_scale(vec3_add(box[k].min, box[k].max), 0.5);
-    ok = ok && (count == 0 || morton_order(middle, count, t->box, e));
+    ok = ok && (count == 0 || morton_order(middle, count, NULL, t->box, e));
     free(middle);
     for (size_t k = 0; ok && k < t->leaves; k++)
         t->node[t->leaves + k] = k < count ? box[t->box[k]] : bbox_empty();

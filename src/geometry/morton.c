@@ -1,11 +1,15 @@
 #include "geometry/morton.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
 #include "geometry/bbox.h"
 
 enum { FEWEST_BITS = 5, MOST_BITS = 14 };
+/* Points are sorted in so many parts, whatever the number of threads: or in one, where they are few. */
+enum { PARTS = 8 };
+static const size_t FEW = 50000;
 
 /* Of each coordinate: of n points on a surface, root n lie along an axis; times four. */
 static int bits_of(size_t count)
@@ -24,48 +28,125 @@ static uint64_t spread(uint64_t v)
     return (v | v << 2) & 0x249249249249;
 }
 
-static void find_keys(const vec3 *x, size_t count, int bits, uint64_t *key)
+typedef struct sort_job {
+    const vec3 *x;
+    size_t count, parts;
+    threads *pool;
+    int bits, shift; /* of a digit, and of the one at hand */
+    double scale;
+    bbox box[PARTS];
+    vec3 low;
+    uint64_t *key;
+    const uint32_t *from; /* NULL: the points in the order given */
+    uint32_t *to;
+    uint32_t *begin; /* of each part, where its points of each digit go */
+} sort_job;
+
+static size_t part_begin(const sort_job *j, size_t part)
 {
-    bbox box = bbox_empty();
-    for (size_t i = 0; i < count; i++) box = bbox_include(box, x[i]);
-    double size = bbox_longest(box), cells = (double)((1 << bits) - 1), scale = size > 0 ? cells / size : 0;
-    for (size_t i = 0; i < count; i++) {
-        vec3 d = vec3_scale(vec3_sub(x[i], box.min), scale);
-        key[i] = spread((uint64_t)d.x) | spread((uint64_t)d.y) << 1 | spread((uint64_t)d.z) << 2;
+    return j->count * part / j->parts;
+}
+
+static void bound_part(void *context, int worker, size_t part, size_t end)
+{
+    sort_job *j = context;
+    (void)worker;
+    for (; part < end; part++) {
+        bbox box = bbox_empty();
+        for (size_t i = part_begin(j, part); i < part_begin(j, part + 1); i++)
+            box = bbox_include(box, j->x[i]);
+        j->box[part] = box;
+    }
+}
+
+static void key_part(void *context, int worker, size_t part, size_t end)
+{
+    const sort_job *j = context;
+    (void)worker;
+    for (size_t i = part_begin(j, part); i < part_begin(j, end); i++) {
+        vec3 d = vec3_scale(vec3_sub(j->x[i], j->low), j->scale);
+        j->key[i] = spread((uint64_t)d.x) | spread((uint64_t)d.y) << 1 | spread((uint64_t)d.z) << 2;
+    }
+}
+
+static uint32_t digit_at(const sort_job *j, size_t k, uint32_t *item)
+{
+    *item = j->from ? j->from[k] : (uint32_t)k;
+    return (uint32_t)(j->key[*item] >> j->shift) & ((1u << j->bits) - 1);
+}
+
+static void count_part(void *context, int worker, size_t part, size_t end)
+{
+    const sort_job *j = context;
+    (void)worker;
+    for (; part < end; part++) {
+        uint32_t *begin = j->begin + (part << j->bits), item;
+        memset(begin, 0, sizeof *begin << j->bits);
+        for (size_t k = part_begin(j, part); k < part_begin(j, part + 1); k++) begin[digit_at(j, k, &item)]++;
+    }
+}
+
+static void move_part(void *context, int worker, size_t part, size_t end)
+{
+    const sort_job *j = context;
+    (void)worker;
+    for (; part < end; part++) {
+        uint32_t *begin = j->begin + (part << j->bits), item;
+        for (size_t k = part_begin(j, part); k < part_begin(j, part + 1); k++) {
+            const uint32_t digit = digit_at(j, k, &item);
+            j->to[begin[digit]++] = item;
+        }
     }
 }
 
 /* One pass of a radix sort: by the digit at `shift`. */
-static void sort_digit(const uint64_t *key, const uint32_t *from, size_t count, int shift, int bits,
-                       uint32_t *begin, uint32_t *to)
+static void sort_digit(sort_job *j, const uint32_t *from, int shift, uint32_t *to)
 {
-    uint32_t digits = 1u << bits, sum = 0;
-    for (uint32_t d = 0; d < digits; d++) begin[d] = 0;
-    for (size_t k = 0; k < count; k++) begin[key[k] >> shift & (digits - 1)]++;
-    for (uint32_t d = 0; d < digits; d++) {
-        uint32_t here = begin[d];
-        begin[d] = sum;
-        sum += here;
-    }
-    for (size_t k = 0; k < count; k++) to[begin[key[from[k]] >> shift & (digits - 1)]++] = from[k];
+    uint32_t sum = 0;
+    j->from = from;
+    j->to = to;
+    j->shift = shift;
+    threads_run(j->pool, j->parts, 1, count_part, j);
+    for (size_t d = 0; d < (size_t)1 << j->bits; d++)
+        for (size_t part = 0; part < j->parts; part++) {
+            uint32_t *begin = &j->begin[(part << j->bits) + d], here = *begin;
+            *begin = sum;
+            sum += here;
+        }
+    threads_run(j->pool, j->parts, 1, move_part, j);
 }
 
-bool morton_order(const vec3 *x, size_t count, uint32_t *order, error *e)
+static void find_keys(sort_job *j)
 {
-    int bits = bits_of(count);
-    uint64_t *key = mem_array(count, sizeof *key, "the order of points", e);
-    uint32_t *other = mem_array(count, sizeof *other, "the order of points", e);
-    uint32_t *begin = mem_array((size_t)1 << bits, sizeof *begin, "the order of points", e);
-    bool ok = key && other && begin;
+    bbox box = bbox_empty();
+    threads_run(j->pool, j->parts, 1, bound_part, j);
+    for (size_t part = 0; part < j->parts; part++) box = bbox_unite(box, j->box[part]);
+    const double size = bbox_longest(box), cells = (double)((1 << j->bits) - 1);
+    j->scale = size > 0 ? cells / size : 0;
+    j->low = box.min;
+    threads_run(j->pool, j->parts, 1, key_part, j);
+}
+
+bool morton_order(const vec3 *x, size_t count, threads *pool, uint32_t *order, error *e)
+{
+    const char *what = "the order of points";
+    sort_job j = {.x = x,
+                  .count = count,
+                  .parts = count < FEW ? 1 : PARTS,
+                  .pool = count < FEW ? NULL : pool,
+                  .bits = bits_of(count)};
+    uint32_t *other = mem_array(count, sizeof *other, what, e);
+    j.key = mem_array(count, sizeof *j.key, what, e);
+    j.begin = mem_array(j.parts << j.bits, sizeof *j.begin, what, e);
+    bool ok = j.key && other && j.begin;
     if (ok) {
-        find_keys(x, count, bits, key);
-        for (size_t i = 0; i < count; i++) other[i] = (uint32_t)i;
-        sort_digit(key, other, count, 0, bits, begin, order);
-        sort_digit(key, order, count, bits, bits, begin, other);
-        sort_digit(key, other, count, 2 * bits, bits, begin, order);
+        find_keys(&j);
+        sort_digit(&j, NULL, 0, order);
+        sort_digit(&j, order, j.bits, other);
+        sort_digit(&j, other, 2 * j.bits, order);
     }
-    free(key);
+    free(j.key);
     free(other);
-    free(begin);
+    free(j.begin);
     return ok;
 }

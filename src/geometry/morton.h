@@ -10,10 +10,11 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/threads.h"
 #include "geometry/vec3.h"
 
 /* order[k]: the point that comes k-th, of `count`, which are finite. The cells are finer than points that
- * fill a surface are apart. Error: limit_memory. */
-bool morton_order(const vec3 *x, size_t count, uint32_t *order, error *e);
+ * fill a surface are apart. `pool` may be NULL. Error: limit_memory. */
+bool morton_order(const vec3 *x, size_t count, threads *pool, uint32_t *order, error *e);
 
 #endif

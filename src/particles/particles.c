@@ -99,29 +99,71 @@ void particles_copy(particles *p, size_t to, size_t from)
     copy_between(p, to, p, from);
 }
 
-static bool arrange(void *array, size_t size, const uint32_t *order, size_t count, error *e)
+typedef struct arrangement {
+    const uint32_t *order;
+    size_t size, count; /* of an entry; of entries */
+    const char *from;
+    char *to;
+} arrangement;
+
+/* With a size that is known where this is expanded a copy is no call. */
+static inline __attribute__((always_inline)) void take(const arrangement *a, size_t begin, size_t end,
+                                                       size_t size)
 {
-    char *copy = mem_array(count, size, "the order of particles", e), *to = array;
-    if (!copy) return false;
-    memcpy(copy, array, count * size);
-    for (size_t k = 0; k < count; k++) {
-        assert(order[k] < count);
-        memcpy(to + k * size, copy + order[k] * size, size);
+    for (size_t k = begin; k < end; k++) {
+        assert(a->order[k] < a->count);
+        memcpy(a->to + k * size, a->from + a->order[k] * size, size);
     }
-    free(copy);
-    return true;
 }
 
-bool particles_arrange(particles *p, const uint32_t *order, error *e)
+static void arrange_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    return arrange(p->position, sizeof *p->position, order, p->count, e) &&
-           arrange(p->normal, sizeof *p->normal, order, p->count, e) &&
-           arrange(p->alpha, sizeof *p->alpha, order, p->count, e) &&
-           arrange(p->size, sizeof *p->size, order, p->count, e) &&
-           arrange(p->lambda, sizeof *p->lambda, order, p->count, e) &&
-           (!p->patch || (arrange(p->energy, sizeof *p->energy, order, p->count, e) &&
-                          arrange(p->patch, sizeof *p->patch, order, p->count, e) &&
-                          arrange(p->place, sizeof *p->place, order, p->count, e)));
+    const arrangement *a = context;
+    (void)worker;
+    if (a->size == sizeof(vec3))
+        take(a, begin, end, sizeof(vec3));
+    else if (a->size == sizeof(double))
+        take(a, begin, end, sizeof(double));
+    else
+        take(a, begin, end, sizeof(float));
+}
+
+static void copy_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const arrangement *a = context;
+    (void)worker;
+    memcpy(a->to + begin * a->size, a->from + begin * a->size, (end - begin) * a->size);
+}
+
+enum { GRAIN = 8192 };
+
+/* `room` is for a copy. */
+static void arrange(void *array, size_t size, const uint32_t *order, size_t count, char *room, threads *pool)
+{
+    assert(size == sizeof(vec3) || size == sizeof(double) || size == sizeof(float));
+    arrangement a = {order, size, count, array, room};
+    threads_run(pool, count, GRAIN, copy_chunk, &a);
+    a.from = room;
+    a.to = array;
+    threads_run(pool, count, GRAIN, arrange_chunk, &a);
+}
+
+bool particles_arrange(particles *p, const uint32_t *order, threads *pool, error *e)
+{
+    char *room = mem_array(p->count, sizeof *p->position, "the order of particles", e);
+    if (!room) return false;
+    arrange(p->position, sizeof *p->position, order, p->count, room, pool);
+    arrange(p->normal, sizeof *p->normal, order, p->count, room, pool);
+    arrange(p->alpha, sizeof *p->alpha, order, p->count, room, pool);
+    arrange(p->size, sizeof *p->size, order, p->count, room, pool);
+    arrange(p->lambda, sizeof *p->lambda, order, p->count, room, pool);
+    if (p->patch) {
+        arrange(p->energy, sizeof *p->energy, order, p->count, room, pool);
+        arrange(p->patch, sizeof *p->patch, order, p->count, room, pool);
+        arrange(p->place, sizeof *p->place, order, p->count, room, pool);
+    }
+    free(room);
+    return true;
 }
 
 void particles_mark_boundary(particles *p, const field *f, double h)

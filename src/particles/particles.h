@@ -7,6 +7,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/threads.h"
 #include "field/patches.h"
 
 typedef struct particles {
@@ -84,8 +85,8 @@ bool particles_grow(particles *p, size_t capacity, error *e);
 /* Particle `to` becomes what `from` is; what the next build of lists or sweep sets anew is left out. */
 void particles_copy(particles *p, size_t to, size_t from);
 
-/* Particle k becomes what order[k] is, a permutation; likewise. Error: limit_memory, half of it done. */
-bool particles_arrange(particles *p, const uint32_t *order, error *e);
+/* Particle k becomes what order[k] is, a permutation; likewise. `pool` may be NULL. Error: limit_memory. */
+bool particles_arrange(particles *p, const uint32_t *order, threads *pool, error *e);
 
 /* Sets p->near_boundary of every particle of an open surface (packing_is_near_boundary). The spacing of a particle is `h` times its
  * size. Of other surfaces it stays as it is. */

@@ -150,8 +150,8 @@ static void enter_level(sampler *s, size_t count, double support)
 static bool arrange(sampler *s, error *e)
 {
     uint32_t *order = mem_array(s->state.p->count, sizeof *order, "the order of particles", e);
-    bool ok = order && morton_order(s->state.p->position, s->state.p->count, order, e) &&
-              particles_arrange(s->state.p, order, e);
+    bool ok = order && morton_order(s->state.p->position, s->state.p->count, s->setup.pool, order, e) &&
+              particles_arrange(s->state.p, order, s->setup.pool, e);
     free(order);
     return ok;
 }

@@ -271,7 +271,7 @@ static bool arrange_stands(sampler *s, uint32_t *order, uint32_t *first, error *
                                                                     : SAMPLER_ON_CURVE;
     }
     for (size_t k = 0; k < next; k++) s->record.replaced[k] = s->scratch.lost[k];
-    if (!particles_arrange(s->state.p, order, e)) return false;
+    if (!particles_arrange(s->state.p, order, s->setup.pool, e)) return false;
     particles_flags(p, s->record.flags);
     return true;
 }

@@ -539,7 +539,7 @@ static bool hand_over(candidates *c, frame_transfer *out, error *e)
               (out->landed = mem_array(n, sizeof *out->landed, what, e)) &&
               (out->origin = mem_array(n, sizeof *out->origin, what, e)) &&
               (out->parent = mem_array(n, sizeof *out->parent, what, e)) &&
-              morton_order(c->position, n, order, e) && build_lists(c, NEAR, e);
+              morton_order(c->position, n, c->pool, order, e) && build_lists(c, NEAR, e);
     for (size_t k = 0; ok && k < n; k++) {
         uint32_t i = order[k];
         out->position[k] = c->position[i];

@@ -4,6 +4,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdlib.h>
 #include <cmocka.h>
 
 #include "geometry/morton.h"
@@ -19,7 +20,7 @@ static void a_lattice_is_ordered_octant_by_octant(void **state)
     error e = {0};
     for (int k = 0; k < COUNT; k++) /* x slowest, so that nothing is in order yet */
         x[k] = (vec3){k / (SIDE * SIDE), k / SIDE % SIDE, k % SIDE};
-    assert_true(morton_order(x, COUNT, order, &e));
+    assert_true(morton_order(x, COUNT, NULL, order, &e));
     bool seen[COUNT] = {false};
     for (int k = 0; k < COUNT; k++) {
         assert_false(seen[order[k]]);
@@ -39,10 +40,40 @@ static void coincident_points_keep_their_order(void **state)
     uint32_t order[5];
     error e = {0};
     const uint32_t wanted[5] = {2, 4, 0, 1, 3};
-    assert_true(morton_order(x, 5, order, &e));
+    assert_true(morton_order(x, 5, NULL, order, &e));
     for (int k = 0; k < 5; k++) assert_int_equal(order[k], wanted[k]);
-    assert_true(morton_order(x, 2, order, &e)); /* a box without extent */
+    assert_true(morton_order(x, 2, NULL, order, &e)); /* a box without extent */
     assert_true(order[0] == 0 && order[1] == 1);
+}
+
+/* So many points that threads share the work: each comes once, their cells ascend, and those of a cell keep their order. */
+static void many_points_are_ordered_alike_by_any_number_of_threads(void **state)
+{
+    (void)state;
+    enum { MANY = 100000 };
+    error e = {0};
+    vec3 *x = calloc(MANY, sizeof *x);
+    uint32_t *order = calloc(MANY, sizeof *order), *other = calloc(MANY, sizeof *other);
+    for (int k = 0; k < MANY; k++) x[k] = (vec3){k * 7919L % 1024, k * 104729L % 256, (double)(k % 3)};
+    assert_true(morton_order(x, MANY, NULL, order, &e));
+    for (int count = 2; count < 5; count++) {
+        threads *pool = threads_new(count, NULL, &e);
+        assert_true(morton_order(x, MANY, pool, other, &e));
+        assert_memory_equal(order, other, MANY * sizeof *order);
+        threads_free(pool);
+    }
+    bool *seen = calloc(MANY, sizeof *seen);
+    for (int k = 0; k < MANY; k++) {
+        assert_false(seen[order[k]]);
+        seen[order[k]] = true;
+        const vec3 a = x[order[k ? k - 1 : 0]], b = x[order[k]];
+        const bool alike = a.x == b.x && a.y == b.y && a.z == b.z;
+        if (k > 0 && alike) assert_true(order[k - 1] < order[k]);
+    }
+    free(seen);
+    free(x);
+    free(order);
+    free(other);
 }
 
 int main(void)
@@ -50,6 +81,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_lattice_is_ordered_octant_by_octant),
         cmocka_unit_test(coincident_points_keep_their_order),
+        cmocka_unit_test(many_points_are_ordered_alike_by_any_number_of_threads),
     };
     return cmocka_run_group_tests_name("morton", tests, NULL, NULL);
 }

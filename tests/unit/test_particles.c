@@ -64,7 +64,7 @@ static void test_a_permutation_arranges_all_arrays(void **state)
         order[i] = order[j];
         order[j] = was;
     }
-    assert_true(particles_arrange(p, order, &e));
+    assert_true(particles_arrange(p, order, NULL, &e));
     for (size_t k = 0; k < COUNT; k++) assert_is(p, k, order[k]);
     particles_free(p);
 }
