@@ -41,35 +41,57 @@ bool projection_find(const field *f, const projection_limits *limits, vec3 *x, v
     return projection_find_near(f, limits, &(uint32_t){FIELD_NO_HINT}, x, normal);
 }
 
-bool projection_find_near(const field *f, const projection_limits *limits, uint32_t *hint, vec3 *x,
-                          vec3 *normal)
+/* Newton's iteration from *x; *s receives the last sample, and *seen whether it is that of the place where it ends. */
+static bool find_place(const field *f, const projection_limits *limits, uint32_t *hint, vec3 *x,
+                       field_sample *s, bool *seen)
 {
     vec3 p = *x, step;
     unsigned pinned = projection_boundary_axes(f, p);
     clamp_to_domain(f, &p, &pinned);
     for (int k = 0;; k++) {
-        field_sample s;
-        if (!field_sample_near(f, p, FIELD_GRADIENT, hint, &s)) return false;
-        double length = vec3_norm(s.gradient);
+        if (!field_sample_near(f, p, FIELD_GRADIENT, hint, s)) return false;
+        double length = vec3_norm(s->gradient);
         if (!(length > 0)) return false;
-        double distance = fabs(s.value) / length;
-        bool done = distance <= limits->accept;
+        double distance = fabs(s->value) / length;
+        bool done = *seen = distance <= limits->accept;
         if (!done && k == limits->max_steps) {
             if (!(distance <= limits->reject)) return false;
-            done = true;
+            done = *seen = true;
         }
         if (!done) {
-            if (!newton_step(&s, pinned, &step)) return false;
+            if (!newton_step(s, pinned, &step)) return false;
             p = vec3_add(p, step);
             clamp_to_domain(f, &p, &pinned);
             done = distance <= limits->shortcut && !pinned;
         }
         if (done) {
             *x = p;
-            *normal = vec3_scale(s.gradient, 1 / length);
             return true;
         }
     }
+}
+
+bool projection_find_near(const field *f, const projection_limits *limits, uint32_t *hint, vec3 *x,
+                          vec3 *normal)
+{
+    field_sample s;
+    bool seen;
+    if (!find_place(f, limits, hint, x, &s, &seen)) return false;
+    *normal = vec3_scale(s.gradient, 1 / vec3_norm(s.gradient));
+    return true;
+}
+
+bool projection_land(const field *f, const projection_limits *limits, uint32_t *hint, vec3 *x,
+                     field_sample *sample)
+{
+    vec3 p = *x;
+    field_sample s;
+    bool seen;
+    if (!find_place(f, limits, hint, &p, &s, &seen)) return false;
+    if (!seen && !field_sample_near(f, p, FIELD_GRADIENT, hint, &s)) return false;
+    *x = p;
+    *sample = s;
+    return true;
 }
 
 /* Steps in which the reach is searched for a change of sign, each way; and halvings, to 2^-52 of such a step. */

@@ -27,6 +27,10 @@ bool projection_find(const field *f, const projection_limits *limits, vec3 *x, v
 bool projection_find_near(const field *f, const projection_limits *limits, uint32_t *hint, vec3 *x,
                           vec3 *normal);
 
+/* The same, with the sample at the place where *x ends. False also where there is none. */
+bool projection_land(const field *f, const projection_limits *limits, uint32_t *hint, vec3 *x,
+                     field_sample *sample);
+
 /* For points where Newton's method runs in circles, near a vanishing gradient: looks for a change of sign
  * along the unit vector `along`, both ways and no farther than `reach`, and halves the interval until it is
  * as short as doubles allow. False, outputs untouched, when there is none or no normal there. */

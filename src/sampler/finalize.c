@@ -40,13 +40,19 @@ static void requested_spacing(sampler *s, double *spacing)
     for (size_t i = 0; i < s->state.p->count; i++) spacing[i] *= scale;
 }
 
-/* To rounding: a Newton step from 1e-7 h leaves less than doubles resolve. A relaxed particle is within 0.01
- * h of the surface; one that would have to go much farther sits where Newton's method goes astray. */
-static bool land_near(const field *f, double h, double farthest, uint32_t *hint, vec3 *x, vec3 *normal)
+/* To rounding: a Newton step from 1e-7 h leaves less than doubles resolve. */
+static projection_limits to_rounding(double h)
 {
-    const projection_limits limits = {SETTLE_STEPS, 1e-9 * h, 1e-7 * h, WORST_RESIDUAL * h};
+    return (projection_limits){SETTLE_STEPS, 1e-9 * h, 1e-7 * h, WORST_RESIDUAL * h};
+}
+
+/* A relaxed particle is within 0.01 h of the surface; one that would have to go much farther sits where Newton's method goes
+ * astray. */
+bool sampler_land(const field *f, double h, double farthest, vec3 *x, vec3 *normal)
+{
+    const projection_limits limits = to_rounding(h);
     vec3 q = *x, n = *normal;
-    if (projection_find_near(f, &limits, hint, &q, &n) && vec3_norm(vec3_sub(q, *x)) <= farthest) {
+    if (projection_find(f, &limits, &q, &n) && vec3_norm(vec3_sub(q, *x)) <= farthest) {
         *x = q;
         *normal = n;
         return true;
@@ -54,25 +60,32 @@ static bool land_near(const field *f, double h, double farthest, uint32_t *hint,
     return projection_bisect(f, *normal, farthest, x, normal);
 }
 
-bool sampler_land(const field *f, double h, double farthest, vec3 *x, vec3 *normal)
+/* The same, with the sample there. */
+static bool land_particle(const field *f, double h, vec3 along, uint32_t *hint, vec3 *x, field_sample *sample)
 {
-    uint32_t hint = FIELD_NO_HINT;
-    return land_near(f, h, farthest, &hint, x, normal);
+    const projection_limits limits = to_rounding(h);
+    const double farthest = SETTLE_FARTHEST * h;
+    vec3 q = *x;
+    if (projection_land(f, &limits, hint, &q, sample) && vec3_norm(vec3_sub(q, *x)) <= farthest) {
+        *x = q;
+        return true;
+    }
+    return projection_bisect(f, along, farthest, x, &along) &&
+           field_sample_near(f, *x, FIELD_GRADIENT, hint, sample);
 }
 
 /* Puts particle i on the surface to rounding, and notes its residual, or that it is lost. */
 static void finalize_particle(sampler *s, size_t i, uint32_t *hint)
 {
-    vec3 x = s->state.p->position[i], normal = s->state.p->normal[i];
+    vec3 x = s->state.p->position[i];
     const field *f = particles_field(s->state.p, s->setup.field, i);
     field_sample sample;
     s->scratch.lost[i] = !particles_is_fixed(s->state.p, i);
     s->scratch.residual[i] = 0;
     if (!s->scratch.lost[i]) return;
     double h = s->state.spacing * s->state.p->size[i];
-    if (!land_near(f, h, SETTLE_FARTHEST * h, hint, &x, &normal) ||
-        (s->state.p->patch && !field_is_within_near(f, x, hint)) ||
-        !field_sample_near(f, x, FIELD_GRADIENT, hint, &sample))
+    if (!land_particle(f, h, s->state.p->normal[i], hint, &x, &sample) ||
+        (s->state.p->patch && !field_is_within_near(f, x, hint)))
         return;
     double length = vec3_norm(sample.gradient), residual = fabs(sample.value) / length / h;
     if (!(residual < WORST_RESIDUAL)) return;
