@@ -27,6 +27,22 @@ static void note_spans(const partitions_input *in, partitions *out)
     }
 }
 
+/* No fewer points than any partition and those around it are, by the counts of the bins. */
+static size_t most_points(const partitions_input *in, const partitions *all, const size_t bin[BINS],
+                          double low, double width)
+{
+    size_t most = all->count > 1 && width > 0 ? 0 : in->count, before[BINS + 1] = {0};
+    for (size_t b = 0; b < BINS; b++) before[b + 1] = before[b] + bin[b];
+    for (size_t k = 0; most < in->count && k < all->count; k++) {
+        const double from = k > 0 ? (all->end[k - 1] - all->halo - low) / width - 1 : 0,
+                     to = (all->end[k] + all->halo - low) / width + 2;
+        const size_t first = from > 0 ? (size_t)from : 0, last = to < BINS ? (size_t)to : BINS,
+                     points = before[last] - before[first < last ? first : last];
+        most = points > most ? points : most;
+    }
+    return most;
+}
+
 bool partitions_cut(const partitions_input *in, partitions *out, error *e)
 {
     *out = (partitions){.count = in->count / PARTITION_POINTS < PARTITIONS_MOST
@@ -58,6 +74,7 @@ bool partitions_cut(const partitions_input *in, partitions *out, error *e)
             out->end[k++] = low + (double)(b + 1) * width;
     }
     while (k < out->count) out->end[k++] = INFINITY;
+    out->most = most_points(in, out, bin, low, width);
     return true;
 }
 
@@ -68,7 +85,7 @@ void partitions_free(partitions *s)
     *s = (partitions){0};
 }
 
-/* Counts the points in a partition and around it, and copies them once it has arrays for them. */
+/* Copies the points in a partition and around it; returns how many they are. */
 static size_t gather_points(const partitions_input *in, const partitions *all, const partition *s)
 {
     const double low = s->low - all->halo, high = s->high + all->halo;
@@ -80,41 +97,47 @@ static size_t gather_points(const partitions_input *in, const partitions *all, c
         }
         const double at = vec3_get(in->position[i], s->axis);
         if (!(at >= low && at < high)) continue;
-        if (s->position) {
-            s->position[found] = in->position[i];
-            s->normal[found] = in->normal[i];
-            s->spacing[found] = in->spacing[i];
-            s->index[found] = (uint32_t)i;
-            if (s->label) s->label[found] = in->label[i];
-            if (s->flags) s->flags[found] = in->flags[i];
-        }
+        assert(found < all->most);
+        s->position[found] = in->position[i];
+        s->normal[found] = in->normal[i];
+        s->spacing[found] = in->spacing[i];
+        s->index[found] = (uint32_t)i;
+        if (s->label) s->label[found] = in->label[i];
+        if (s->flags) s->flags[found] = in->flags[i];
         found++;
     }
     return found;
+}
+
+/* Room for the largest of all. */
+static bool reserve(const partitions_input *in, const partitions *all, partition *s, error *e)
+{
+    const char *what = "a part of a set";
+    const size_t most = all->most;
+    s->normal = mem_array(most, sizeof *s->normal, what, e);
+    s->spacing = mem_array(most, sizeof *s->spacing, what, e);
+    s->index = mem_array(most, sizeof *s->index, what, e);
+    if (in->label) s->label = mem_array(most, sizeof *s->label, what, e);
+    if (in->flags) s->flags = mem_array(most, sizeof *s->flags, what, e);
+    s->near = neighbours_new(most, SIZE_MAX, e);
+    s->position = mem_array(most, sizeof *s->position, what, e);
+    return s->position && s->normal && s->spacing && s->index && s->near && (!in->label || s->label) &&
+           (!in->flags || s->flags);
 }
 
 bool partition_fill(const partitions_input *in, const partitions *all, size_t k, threads *pool,
                     partition *out, error *e)
 {
     assert(k < all->count);
-    const char *what = "a part of a set";
-    partition s = {.axis = all->axis, .low = k > 0 ? all->end[k - 1] : -INFINITY, .high = all->end[k]};
-    if (s.low < s.high) s.count = gather_points(in, all, &s); /* else the last bin ends two partitions */
-    s.normal = mem_array(s.count, sizeof *s.normal, what, e);
-    s.spacing = mem_array(s.count, sizeof *s.spacing, what, e);
-    s.index = mem_array(s.count, sizeof *s.index, what, e);
-    if (in->label) s.label = mem_array(s.count, sizeof *s.label, what, e);
-    if (in->flags) s.flags = mem_array(s.count, sizeof *s.flags, what, e);
-    s.near = neighbours_new(s.count, SIZE_MAX, e);
-    s.position = mem_array(s.count, sizeof *s.position, what, e);
-    *out = s;
-    if (!s.position || !s.normal || !s.spacing || !s.index || !s.near || (in->label && !s.label) ||
-        (in->flags && !s.flags))
-        return false;
-    if (s.count == 0) return true;
-    gather_points(in, all, &s);
-    s.near->label = s.label;
-    return neighbours_build(s.near, s.count, s.position, s.spacing, in->cutoff, pool, e);
+    if (!out->position && !reserve(in, all, out, e)) return false;
+    out->axis = all->axis;
+    out->low = k > 0 ? all->end[k - 1] : -INFINITY;
+    out->high = all->end[k];
+    out->count =
+        out->low < out->high ? gather_points(in, all, out) : 0; /* the last bin may end two partitions */
+    if (out->count == 0) return true;
+    out->near->label = out->label;
+    return neighbours_build(out->near, out->count, out->position, out->spacing, in->cutoff, pool, e);
 }
 
 void partition_free(partition *s)

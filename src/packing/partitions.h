@@ -33,6 +33,7 @@ typedef struct partitions {
     double *end;           /* where each ends along the axis */
     partitions_span *span; /* along the axis, of each 256 points that follow each other */
     double halo;           /* width on either side, of the points that a partition knows beside its own */
+    size_t most;           /* no partition knows more points, its own and others */
 } partitions;
 
 /* Release also after failure. Error: limit_memory. */
@@ -53,7 +54,8 @@ typedef struct partition {
     neighbours *near;
 } partition;
 
-/* Partition k; it may have no points of its own. Release also after failure. Errors: limit_memory. */
+/* Partition k; it may have no points of its own. *out is zeros, or holds another one of the same partitions, whose arrays become
+ * those of this one. Release also after failure. Errors: limit_memory. */
 bool partition_fill(const partitions_input *in, const partitions *all, size_t k, threads *pool,
                     partition *out, error *e);
 void partition_free(partition *s);

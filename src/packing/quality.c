@@ -352,16 +352,21 @@ static void free_part(quality_part *p)
     free(p->tally);
 }
 
+/* Room for the largest of all. */
+static bool reserve_part(const partitions *all, quality_part *out, error *e)
+{
+    const char *what = "the quality measures";
+    out->unresolved = mem_array(all->most, sizeof *out->unresolved, what, e);
+    out->tally = mem_array(all->most / CHUNK + 1, sizeof *out->tally, what, e);
+    out->rim = mem_array(all->most, sizeof *out->rim, what, e);
+    return out->unresolved && out->rim && out->tally;
+}
+
 static bool fill_part(const quality_input *in, const partitions_input *cut, const partitions *all, size_t k,
                       threads *pool, quality_part *out, error *e)
 {
-    const char *what = "the quality measures";
     const partition *s = &out->partition;
     if (!partition_fill(cut, all, k, pool, &out->partition, e)) return false;
-    out->unresolved = mem_array(s->count, sizeof *out->unresolved, what, e);
-    out->tally = mem_array(s->count / CHUNK + 1, sizeof *out->tally, what, e);
-    out->rim = mem_array(s->count, sizeof *out->rim, what, e);
-    if (!out->unresolved || !out->rim || !out->tally) return false;
     out->in = *in;
     out->in.count = s->count;
     out->in.position = s->position;
@@ -379,10 +384,10 @@ bool quality_measure(const quality_input *in, threads *pool, double *spacing_loc
     const partitions_input cut = {in->count, in->position, in->normal, in->spacing,
                                   in->label, in->flags,    x.reach};
     partitions all;
-    bool ok = partitions_cut(&cut, &all, e);
+    quality_part p = {.graded = x.coarsest > EVEN_REQUEST * x.finest};
+    bool ok = partitions_cut(&cut, &all, e) && reserve_part(&all, &p, e);
     tally whole = tally_empty();
-    for (size_t k = 0; k < all.count && ok; k++) {
-        quality_part p = {.graded = x.coarsest > EVEN_REQUEST * x.finest};
+    for (size_t k = 0; ok && k < all.count; k++) {
         ok = fill_part(in, &cut, &all, k, pool, &p, e);
         const partition *s = &p.partition;
         measure_job job = {&p,
@@ -393,8 +398,8 @@ bool quality_measure(const quality_input *in, threads *pool, double *spacing_loc
         if (ok) threads_run(pool, s->count, CHUNK, mark_chunk, &job);
         if (ok) threads_run(pool, s->count, CHUNK, tally_chunk, &job);
         for (size_t c = 0; ok && c < (s->count + CHUNK - 1) / CHUNK; c++) add_tally(&whole, &p.tally[c]);
-        free_part(&p);
     }
+    free_part(&p);
     partitions_free(&all);
     if (ok) *out = conclude(&whole);
     return ok;

@@ -75,26 +75,20 @@ static bool append_found(const found *all, size_t chunks, triangulation *t, erro
     return true;
 }
 
-static bool search_partition(const partitions_input *cut, const partitions *all, size_t k, threads *pool,
-                             triangulation *t, error *e)
+static bool search_partition(const partition *s, threads *pool, triangulation *t, error *e)
 {
-    partition s = {0};
-    triangle_search job = {.partition = &s};
-    bool ok = partition_fill(cut, all, k, pool, &s, e);
-    size_t chunks = (s.count + CHUNK - 1) / CHUNK;
+    const size_t chunks = (s->count + CHUNK - 1) / CHUNK;
+    triangle_search job = {.partition = s,
+                           .sites = {s->position, s->normal, s->spacing, s->near, s->flags, s->index},
+                           .found = mem_array(chunks, sizeof *job.found, "the mesh", e)};
+    bool ok = job.found != NULL;
     if (ok) {
-        job.sites = (voronoi_sites){s.position, s.normal, s.spacing, s.near, s.flags, s.index};
-        job.found = mem_array(chunks, sizeof *job.found, "the mesh", e);
-        ok = job.found != NULL;
-    }
-    if (ok) {
-        threads_run(pool, s.count, CHUNK, search_chunk, &job);
+        threads_run(pool, s->count, CHUNK, search_chunk, &job);
         ok = threads_stopped(pool) ? error_set(e, ERROR_CANCELLED, "stopped")
                                    : append_found(job.found, chunks, t, e);
     }
     for (size_t c = 0; job.found && c < chunks; c++) free(job.found[c].corner);
     free(job.found);
-    partition_free(&s);
     return ok;
 }
 
@@ -542,9 +536,12 @@ bool triangulation_make(const triangulation_input *in, threads *pool, triangulat
     const partitions_input cut = {in->count, in->position, in->normal,   in->spacing,
                                   in->label, in->flags,    VORONOI_REACH};
     partitions all;
+    partition part = {0};
     *out = (triangulation){0};
     bool ok = partitions_cut(&cut, &all, e);
-    for (size_t k = 0; ok && k < all.count; k++) ok = search_partition(&cut, &all, k, pool, out, e);
+    for (size_t k = 0; ok && k < all.count; k++)
+        ok = partition_fill(&cut, &all, k, pool, &part, e) && search_partition(&part, pool, out, e);
+    partition_free(&part);
     partitions_free(&all);
     if (ok && in->flags) drop_outside(in, out);
     if (ok && in->side) ok = drop_beyond(in, out, e);

@@ -78,8 +78,8 @@ static void test_each_point_has_one_owner_that_knows_all_its_neighbours(void **s
     neighbours *whole = neighbours_new(COUNT, SIZE_MAX, &e);
     assert_true(whole && neighbours_build(whole, COUNT, f->position, f->spacing, CUTOFF, f->pool, &e));
     uint8_t *owners = mem_alloc(COUNT);
+    partition part = {0};
     for (size_t k = 0; k < all.count; k++) {
-        partition part;
         assert_true(partition_fill(&f->in, &all, k, f->pool, &part, &e));
         for (size_t i = 0; i < part.count; i++) {
             if (i > 0) assert_true(part.index[i - 1] < part.index[i]); /* in the order of the set */
@@ -88,8 +88,8 @@ static void test_each_point_has_one_owner_that_knows_all_its_neighbours(void **s
             assert_int_equal(count_near(part.near, i, part.position, part.spacing),
                              count_near(whole, part.index[i], f->position, f->spacing));
         }
-        partition_free(&part);
     }
+    partition_free(&part);
     for (size_t i = 0; i < COUNT; i++) assert_int_equal(owners[i], 1);
     free(owners);
     neighbours_free(whole);
