@@ -143,7 +143,7 @@ bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
     }
     if (r->watched_count != p->count) {
         memset(r->watched, 0, p->count * sizeof *r->watched);
-        memset(r->hint, 0xff, p->count * sizeof *r->hint); /* FIELD_NO_HINT */
+        if (p->patch) memset(r->hint, 0xff, p->count * sizeof *r->hint); /* FIELD_NO_HINT; others need none */
         r->watched_count = p->count;
     }
     if (!neighbours_build(r->near, p->count, p->position, p->size, sigma + skin, r->pool, e) || !grow(r, e))
@@ -605,7 +605,7 @@ ISA_INLINE void prefetch_far(const sweep_job *job, uint32_t i)
     __builtin_prefetch(&near->list_begin[i]);
     __builtin_prefetch(&near->list_count[i]);
     __builtin_prefetch(&job->r->moved[i], 1);
-    __builtin_prefetch(&job->r->hint[i], 1);
+    if (job->p->patch) __builtin_prefetch(&job->r->hint[i], 1);
     __builtin_prefetch(&job->r->flat[i]);
     __builtin_prefetch(&job->p->near_boundary[i]);
     __builtin_prefetch(&job->p->size[i]);
