@@ -29,7 +29,7 @@ static void clear(independent_set *s)
 }
 
 /* Whether no point of the set is a neighbour of the point at p, and so may take it. */
-ISA_CLONES static bool may_take(const independent_set *s, const neighbours_place *p, float half_cutoff2)
+ISA_INLINE bool may_take(const independent_set *s, const neighbours_place *p, float half_cutoff2)
 {
     int32_t near = 0;
     for (int l = 0; l < INDEPENDENT_SET_MOST; l++) {
@@ -60,7 +60,7 @@ static uint32_t *write_set(const independent_set *s, uint32_t *to)
 }
 
 /* Each point goes to the first set that may take it. Never more points have been written than read. */
-static void form(neighbours *n, uint32_t begin, uint32_t end)
+ISA_CLONES static void form(neighbours *n, uint32_t begin, uint32_t end)
 {
     independent_set open[OPEN];
     size_t count = 0;
