@@ -171,3 +171,16 @@ uint32_t point_bins_nearest(const point_bins *b, vec3 x, double enough, double *
     *distance = sqrt(s.best2);
     return s.best;
 }
+
+void point_bins_within(const point_bins *b, vec3 x, double reach, point_bins_visit visit, void *context)
+{
+    const double wide = reach + HAIR * b->edge, reach2 = reach * reach;
+    const vec3 from = vec3_sub(x, (vec3){wide, wide, wide}), to = vec3_add(x, (vec3){wide, wide, wide});
+    for (int32_t z = bin_along(b, from, 2); z <= bin_along(b, to, 2); z++)
+        for (int32_t y = bin_along(b, from, 1); y <= bin_along(b, to, 1); y++) {
+            const size_t row = row_of(b, y, z);
+            const uint32_t end = b->begin[row + (size_t)bin_along(b, to, 0) + 1];
+            for (uint32_t k = b->begin[row + (size_t)bin_along(b, from, 0)]; k < end; k++)
+                if (vec3_norm2(vec3_sub(b->points[b->item[k]], x)) <= reach2) visit(context, b->item[k]);
+        }
+}

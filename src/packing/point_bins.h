@@ -25,4 +25,8 @@ bool point_bins_are_crowded(const point_bins *b);
 /* As point_tree_nearest. */
 uint32_t point_bins_nearest(const point_bins *b, vec3 x, double enough, double *distance);
 
+/* Calls `visit` for each point within `reach` of x, ends included. */
+typedef void (*point_bins_visit)(void *context, uint32_t point);
+void point_bins_within(const point_bins *b, vec3 x, double reach, point_bins_visit visit, void *context);
+
 #endif

@@ -4,8 +4,9 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "packing/point_tree.h"
 #include "packing/neighbours.h"
+#include "packing/point_bins.h"
+#include "packing/point_tree.h"
 
 /* A point and how near its nearest is, or a place and how near its nearest point: over the spacing. */
 typedef struct ranked {
@@ -65,33 +66,92 @@ static bool thin_out(const relocation_input *in, ranked *r, threads *pool, size_
     return ok;
 }
 
-/* The points that crowd, the most crowded first; of two that are near each other one. */
-static bool find_crowded(const relocation_input *in, threads *pool, ranked **out, size_t *found, error *e)
+/* Who is near a place: by bins, or where many points share one by lists and a tree. */
+typedef struct near_points {
+    point_bins *bins;
+    neighbours *lists;
+    point_tree *tree;
+} near_points;
+
+static void near_points_free(near_points *n)
 {
-    neighbours *near = lists_of(in, in->point, in->size, in->count, pool, e);
-    ranked *r = near ? mem_array(in->count, sizeof *r, "the places of points", e) : NULL;
-    *out = r;
-    *found = 0;
-    for (size_t i = 0; r && i < in->count; i++) {
-        double least = INFINITY;
-        if (in->held && in->held[i]) continue;
-        for (uint32_t k = 0; k < near->list_count[i]; k++) {
-            uint32_t j = neighbours_list(near, i)[k];
-            double between = 0.5 * in->h * (in->size[i] + in->size[j]);
-            least = fmin(least, vec3_norm(vec3_sub(in->point[i], in->point[j])) / between);
-        }
-        if (least < RELOCATION_CROWDED)
-            r[(*found)++] = (ranked){least, in->size[i], in->point[i], (uint32_t)i};
+    point_bins_free(n->bins);
+    neighbours_free(n->lists);
+    point_tree_free(n->tree);
+}
+
+static bool near_points_find(const relocation_input *in, threads *pool, near_points *out, error *e)
+{
+    *out = (near_points){.bins = point_bins_new(in->point, in->count, e)};
+    if (!out->bins || !point_bins_are_crowded(out->bins)) return out->bins != NULL;
+    point_bins_free(out->bins);
+    *out = (near_points){NULL, lists_of(in, in->point, in->size, in->count, pool, e),
+                         point_tree_new(in->point, in->count, e)};
+    return out->lists && out->tree;
+}
+
+/* A point, and how near its nearest is. */
+typedef struct crowd_job {
+    const relocation_input *in;
+    const near_points *near;
+    double largest; /* size */
+    double *least;  /* of each point */
+} crowd_job;
+
+typedef struct crowd_point {
+    const relocation_input *in;
+    uint32_t point;
+    double least;
+} crowd_point;
+
+static void look_at_other(void *context, uint32_t j)
+{
+    crowd_point *own = context;
+    const relocation_input *in = own->in;
+    const uint32_t i = own->point;
+    if (i == j) return;
+    const double between = 0.5 * in->h * (in->size[i] + in->size[j]);
+    own->least = fmin(own->least, vec3_norm(vec3_sub(in->point[i], in->point[j])) / between);
+}
+
+static void crowd_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const crowd_job *job = context;
+    const relocation_input *in = job->in;
+    const neighbours *lists = job->near->lists;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        crowd_point own = {in, (uint32_t)i, INFINITY};
+        const double reach = 0.5 * RELOCATION_CROWDED * in->h * (in->size[i] + job->largest);
+        if (!lists) point_bins_within(job->near->bins, in->point[i], reach, look_at_other, &own);
+        for (uint32_t k = 0; lists && k < lists->list_count[i]; k++)
+            look_at_other(&own, neighbours_list(lists, i)[k]);
+        job->least[i] = own.least;
     }
-    neighbours_free(near);
-    if (!r || *found == 0) return r != NULL;
+}
+
+/* The points that crowd, the most crowded first; of two that are near each other one. */
+static bool find_crowded(const relocation_input *in, const near_points *near, threads *pool, ranked **out,
+                         size_t *found, error *e)
+{
+    ranked *r = *out = mem_array(in->count, sizeof *r, "the places of points", e);
+    crowd_job job = {in, near, 0, mem_array(in->count, sizeof *job.least, "the places of points", e)};
+    const bool ok = r && job.least;
+    *found = 0;
+    for (size_t i = 0; i < in->count; i++) job.largest = fmax(job.largest, in->size[i]);
+    if (ok) threads_run(pool, in->count, 512, crowd_chunk, &job);
+    for (size_t i = 0; ok && i < in->count; i++)
+        if (job.least[i] < RELOCATION_CROWDED && !(in->held && in->held[i]))
+            r[(*found)++] = (ranked){job.least[i], in->size[i], in->point[i], (uint32_t)i};
+    free(job.least);
+    if (!ok || *found == 0) return ok;
     qsort(r, *found, sizeof *r, nearest_first);
     return thin_out(in, r, pool, found, e);
 }
 
 typedef struct rank_job {
     const relocation_input *in;
-    const point_tree *tree;
+    const near_points *near;
     double enough; /* whoever has a point so near is not bare, whatever the point's size */
     ranked *out;
 } rank_job;
@@ -102,6 +162,12 @@ static bool is_enough(const rank_job *job, size_t place, uint32_t i, double *dis
     if (i >= job->in->count) return false;
     *distance = vec3_norm(vec3_sub(job->in->place[place], job->in->point[i]));
     return *distance <= job->enough;
+}
+
+static uint32_t nearest_of(const rank_job *job, vec3 x, double *distance)
+{
+    return job->near->bins ? point_bins_nearest(job->near->bins, x, job->enough, distance)
+                           : point_tree_nearest(job->near->tree, x, job->enough, distance);
 }
 
 static void rank_chunk(void *context, int worker, size_t begin, size_t end)
@@ -115,8 +181,7 @@ static void rank_chunk(void *context, int worker, size_t begin, size_t end)
         uint32_t i = in->near[k];
         if (!is_enough(job, k, i, &distance)) {
             i = before; /* places that follow each other are near each other */
-            if (!is_enough(job, k, i, &distance))
-                i = point_tree_nearest(job->tree, in->place[k], job->enough, &distance);
+            if (!is_enough(job, k, i, &distance)) i = nearest_of(job, in->place[k], &distance);
         }
         in->near[k] = before = i;
         job->out[k] = (ranked){distance / (in->h * in->size[i]), in->size[i], in->place[k], (uint32_t)k};
@@ -129,19 +194,17 @@ static double bare_from(const relocation_input *in)
 }
 
 /* The places that are bare, the barest first; of two that are near each other one. */
-static bool find_bare(const relocation_input *in, threads *pool, ranked **out, size_t *found, error *e)
+static bool find_bare(const relocation_input *in, const near_points *near, threads *pool, ranked **out,
+                      size_t *found, error *e)
 {
-    point_tree *tree = point_tree_new(in->point, in->count, e);
-    ranked *r = tree ? mem_array(in->places, sizeof *r, "the bare places", e) : NULL;
-    *out = r;
+    ranked *r = *out = mem_array(in->places, sizeof *r, "the bare places", e);
     *found = 0;
     double least = INFINITY;
     for (size_t i = 0; i < in->count; i++) least = fmin(least, in->size[i]);
-    rank_job job = {in, tree, bare_from(in) * in->h * least, r};
+    rank_job job = {in, near, bare_from(in) * in->h * least, r};
     if (r) threads_run(pool, in->places, 256, rank_chunk, &job);
     for (size_t k = 0; r && k < in->places; k++)
         if (r[k].distance > bare_from(in)) r[(*found)++] = r[k];
-    point_tree_free(tree);
     if (!r || *found == 0) return r != NULL;
     qsort(r, *found, sizeof *r, farthest_first);
     return thin_out(in, r, pool, found, e);
@@ -149,15 +212,18 @@ static bool find_bare(const relocation_input *in, threads *pool, ranked **out, s
 
 bool relocation_choose(const relocation_input *in, threads *pool, relocation **out, size_t *moves, error *e)
 {
+    near_points near;
     ranked *crowded = NULL, *bare = NULL;
     relocation *chosen = NULL;
     size_t points = 0, places = 0, count = 0;
-    bool ok = find_crowded(in, pool, &crowded, &points, e) && find_bare(in, pool, &bare, &places, e) &&
+    bool ok = near_points_find(in, pool, &near, e) && find_crowded(in, &near, pool, &crowded, &points, e) &&
+              find_bare(in, &near, pool, &bare, &places, e) &&
               (chosen = mem_array(points + 1, sizeof *chosen, "the places of points", e));
     while (ok && count < points && count < places && bare[count].distance > crowded[count].distance) {
         chosen[count] = (relocation){crowded[count].index, bare[count].index};
         count++;
     }
+    near_points_free(&near);
     free(crowded);
     free(bare);
     if (ok) {

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "field/projection.h"
 #include "packing/quality.h"
 #include "particles/coverage.h"
 #include "particles/random_streams.h"
@@ -106,20 +107,27 @@ typedef struct places_job {
     bool *landed;
 } places_job;
 
+/* Places are looked at from afar: so near to the surface, of the spacing, they need not be nearer. Who goes to one is landed. */
+static const double PLACE_ACCEPT = 1e-3, PLACE_REJECT = 1e-2;
+enum { PLACE_STEPS = 20 };
+
 static void draw_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const places_job *job = context;
     const sampler *s = job->s;
+    const double h = s->state.spacing;
+    const projection_limits limits = {PLACE_STEPS, PLACE_ACCEPT * h, PLACE_ACCEPT * h, PLACE_REJECT * h};
     surface_last_cell last;
     (void)worker;
     last.known = false;
     for (size_t k = begin; k < end; k++) {
         rng r = rng_seed(job->seed, k); /* of its own, so that threads do not show */
         double where = ((double)k + rng_uniform(&r)) / (double)job->wanted;
-        vec3 normal = {0, 0, 1};
-        job->place[k] = sizing_field_draw(s->setup.params.sizing, s->setup.scan, where, &r, &last);
-        job->landed[k] = sampler_land(s->setup.field, s->state.spacing, s->setup.field->cell_size,
-                                      &job->place[k], &normal);
+        const vec3 from = sizing_field_draw(s->setup.params.sizing, s->setup.scan, where, &r, &last);
+        vec3 normal;
+        job->place[k] = from;
+        job->landed[k] = projection_find(s->setup.field, &limits, &job->place[k], &normal) &&
+                         vec3_norm(vec3_sub(job->place[k], from)) <= s->setup.field->cell_size;
     }
 }
 

@@ -195,6 +195,48 @@ static void the_nearest_is_found(void **state)
     free(x);
 }
 
+/* Counts each point, and those that are farther than they may be. */
+typedef struct visits {
+    const vec3 *x;
+    vec3 place;
+    double reach;
+    int *seen;
+} visits;
+
+static void count_visit(void *context, uint32_t point)
+{
+    const visits *v = context;
+    v->seen[point]++;
+    assert_true(vec3_norm2(vec3_sub(v->x[point], v->place)) <= v->reach * v->reach);
+}
+
+static void all_within_reach_are_visited_once(void **state)
+{
+    (void)state;
+    enum { POINTS = 500, PLACES = 200 };
+    rng r = rng_seed(test_seed(), 2);
+    vec3 *x = malloc(POINTS * sizeof *x);
+    int *seen = malloc(POINTS * sizeof *seen);
+    error e = {0};
+    for (size_t k = 0; k < POINTS; k++) {
+        x[k] = random_between(&r, (vec3){-1, -1, -1}, (vec3){1, 1, 1});
+        if (k % 3 == 0) x[k] = (vec3){floor(5 * x[k].x) / 5, floor(5 * x[k].y) / 5, 0};
+    }
+    point_bins *bins = point_bins_new(x, POINTS, &e);
+    for (size_t p = 0; p < PLACES; p++) {
+        visits v = {x, random_between(&r, (vec3){-2, -2, -2}, (vec3){2, 2, 2}), 1, seen};
+        if (p % 2) v.place = x[p]; /* and some of the others are just as far away as they may be */
+        v.reach = p % 4 == 3 ? vec3_norm(vec3_sub(x[p], x[p + 1])) : rng_uniform(&r);
+        memset(seen, 0, POINTS * sizeof *seen);
+        point_bins_within(bins, v.place, v.reach, count_visit, &v);
+        for (size_t k = 0; k < POINTS; k++)
+            assert_int_equal(seen[k], vec3_norm2(vec3_sub(x[k], v.place)) <= v.reach * v.reach);
+    }
+    point_bins_free(bins);
+    free(x);
+    free(seen);
+}
+
 /* Points in two heaps far from each other share bins, those of a sphere do not. */
 static void crowds_are_told(void **state)
 {
@@ -221,6 +263,7 @@ int main(void)
         cmocka_unit_test(a_bald_spot_is_found_beside_fine_points),
         cmocka_unit_test(places_count_in_the_spacing_of_the_nearest),
         cmocka_unit_test(the_nearest_is_found),
+        cmocka_unit_test(all_within_reach_are_visited_once),
         cmocka_unit_test(crowds_are_told),
     };
     return cmocka_run_group_tests_name("coverage", tests, NULL, NULL);

@@ -8,6 +8,7 @@
 #include <cmocka.h>
 
 #include "shapes.h"
+#include "packing/point_bins.h"
 #include "packing/relocation.h"
 
 enum { SIDE = 30, COUNT = SIDE * SIDE, PLACES = 5 * COUNT };
@@ -116,11 +117,50 @@ static void random_points_come_apart(void **state)
     free(place);
 }
 
+/* Who goes where does not depend on how neighbours are found: a heap far away makes bins crowded, and lists are taken. */
+static void a_heap_far_away_changes_nothing(void **state)
+{
+    (void)state;
+    enum { HEAP = COUNT / 2, ALL = COUNT + HEAP };
+    rng r = rng_seed(test_seed(), 2);
+    vec3 *x = malloc(ALL * sizeof *x), *place = malloc(PLACES * sizeof *place);
+    double *size = malloc(ALL * sizeof *size);
+    uint32_t *near = calloc(PLACES, sizeof *near);
+    error e = {0};
+    relocation *chosen[2];
+    size_t moves[2];
+    for (size_t i = 0; i < ALL; i++) {
+        x[i] = random_between(&r, (vec3){0, 0, 0}, (vec3){SIDE, SIDE, 0});
+        size[i] = 1 + 0.3 * rng_uniform(&r);
+        if (i >= COUNT) x[i] = (vec3){1e4 + (double)(i % SIDE), 1e4 + (double)(i / SIDE), 0};
+        if (i >= COUNT) size[i] = 1;
+    }
+    for (size_t k = 0; k < PLACES; k++) place[k] = random_between(&r, (vec3){0, 0, 0}, (vec3){SIDE, SIDE, 0});
+    for (int heap = 0; heap < 2; heap++) {
+        const size_t count = heap ? ALL : COUNT;
+        relocation_input in = {x, size, count, 1, place, PLACES, SIZE_MAX, near, 0, NULL};
+        point_bins *bins = point_bins_new(x, count, &e);
+        assert_true(point_bins_are_crowded(bins) == heap);
+        point_bins_free(bins);
+        assert_true(relocation_choose(&in, NULL, &chosen[heap], &moves[heap], &e));
+    }
+    assert_true(moves[0] > 10);
+    assert_int_equal(moves[0], moves[1]);
+    assert_memory_equal(chosen[0], chosen[1], moves[0] * sizeof *chosen[0]);
+    free(chosen[0]);
+    free(chosen[1]);
+    free(x);
+    free(place);
+    free(size);
+    free(near);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(who_was_taken_away_comes_back),
         cmocka_unit_test(random_points_come_apart),
+        cmocka_unit_test(a_heap_far_away_changes_nothing),
     };
     return cmocka_run_group_tests_name("relocation", tests, NULL, NULL);
 }
