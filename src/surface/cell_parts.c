@@ -25,7 +25,12 @@ typedef struct part_nodes {
 
 /* From a node along some axes, bits: how far that is in a layer, and which nodes of a layer have one there. */
 #define STEP(axes) (((axes)&1) + ((axes) >> 1 & 1) * NODES)
-static const uint32_t have_step[4] = {0x1ffffff, 0xf7bdef, 0xfffff, 0x7bdef};
+typedef struct part_grid {
+    int parts; /* along each axis; nodes beyond theirs are not there */
+    uint32_t have_step[4];
+} part_grid;
+static const part_grid whole_grid = {CELL_PARTS, {0x1ffffff, 0xf7bdef, 0xfffff, 0x7bdef}},
+                       half_grid = {CELL_PARTS / 2, {0x1ce7, 0xc63, 0xe7, 0x63}};
 
 /* Edges side by side: from the end inside, where F and its slope are the first, to that outside. */
 typedef struct edge_lanes {
@@ -51,40 +56,41 @@ typedef struct part_triangles {
     uint16_t corner[TRIANGLES][3], part[TRIANGLES];
 } part_triangles;
 
-static vec3 part_node(const field_cell *cell, int n)
+static vec3 part_node(const field_cell *cell, int parts, int n)
 {
     const int at[3] = {n % NODES, n / NODES % NODES, n / NODES / NODES};
     vec3 node = cell->corner[0];
     for (int axis = 0; axis < 3; axis++)
-        node = vec3_axpy(at[axis] / (double)CELL_PARTS, vec3_sub(cell->corner[1 << axis], cell->corner[0]),
-                         node);
+        node = vec3_axpy(at[axis] / (double)parts, vec3_sub(cell->corner[1 << axis], cell->corner[0]), node);
     return node;
 }
 
 /* The n-th node to ask for F, along the last axis first: fields may share what nodes of one place along the first have in common. */
-static int node_in_turn(int n)
+static int node_in_turn(int parts, int n)
 {
-    return n % NODES * LAYER + n / NODES % NODES * NODES + n / LAYER;
+    const int nodes = parts + 1;
+    return n % nodes * LAYER + n / nodes % nodes * NODES + n / (nodes * nodes);
 }
 
 /* False where F is not defined. Single precision is enough for an area. */
-static bool sample_parts(const field *f, const field_cell *cell, part_nodes *out)
+static bool sample_parts(const field *f, const field_cell *cell, int parts, part_nodes *out)
 {
+    const int all = (parts + 1) * (parts + 1) * (parts + 1);
     memset(out->inside, 0, sizeof out->inside);
-    for (int first = 0; first < ALL_NODES; first += VEC3_LANES) {
+    for (int first = 0; first < all; first += VEC3_LANES) {
         vec3_lanes x, gradient;
         bool defined[VEC3_LANES];
         double value[VEC3_LANES];
         for (int l = 0; l < VEC3_LANES; l++) {
-            vec3 node = part_node(cell, node_in_turn(first + l < ALL_NODES ? first + l : ALL_NODES - 1));
+            vec3 node = part_node(cell, parts, node_in_turn(parts, first + l < all ? first + l : all - 1));
             x.x[l] = node.x;
             x.y[l] = node.y;
             x.z[l] = node.z;
             defined[l] = true;
         }
         field_sample_lanes(f, &x, defined, value, &gradient);
-        for (int l = 0; l < VEC3_LANES && first + l < ALL_NODES; l++) {
-            const int n = node_in_turn(first + l);
+        for (int l = 0; l < VEC3_LANES && first + l < all; l++) {
+            const int n = node_in_turn(parts, first + l);
             if (!defined[l]) return false;
             out->at[n] = (vec3){x.x[l], x.y[l], x.z[l]};
             out->gradient[n] = (vec3){gradient.x[l], gradient.y[l], gradient.z[l]};
@@ -251,14 +257,14 @@ static void cut_edge(const field *f, const part_nodes *n, int node, int axes, ed
 }
 
 /* The roots on all edges of parts. */
-static void cut_edges(const field *f, const part_nodes *n, roots *out)
+static void cut_edges(const field *f, const part_grid *grid, const part_nodes *n, roots *out)
 {
     edge_lanes lanes = {.x = {0}};
     out->count = 0;
     for (int axes = 1; axes < AXES; axes++)
-        for (int layer = 0; layer + (axes >> 2) < NODES; layer++) {
+        for (int layer = 0; layer + (axes >> 2) <= grid->parts; layer++) {
             uint32_t cut =
-                (n->inside[layer] ^ n->inside[layer + (axes >> 2)] >> STEP(axes)) & have_step[axes & 3];
+                (n->inside[layer] ^ n->inside[layer + (axes >> 2)] >> STEP(axes)) & grid->have_step[axes & 3];
             for (; cut; cut &= cut - 1) cut_edge(f, n, layer * LAYER + __builtin_ctz(cut), axes, &lanes, out);
         }
     if (!f->sharp && out->count % SIDE_BY_SIDE > 0) /* and some of those before once more */
@@ -293,17 +299,17 @@ static void cut_part(const part_nodes *n, const roots *r, int layer, int first, 
 }
 
 /* Part after part, of those that the surface passes. */
-static void cut_parts(const part_nodes *n, const roots *r, part_triangles *out)
+static void cut_parts(const part_grid *grid, const part_nodes *n, const roots *r, part_triangles *out)
 {
     out->count = 0;
-    for (int layer = 0; layer < CELL_PARTS; layer++) {
+    for (int layer = 0; layer < grid->parts; layer++) {
         const uint32_t a = n->inside[layer], b = n->inside[layer + 1];
         uint32_t any = a | b, all = a & b;
         for (int axes = 1; axes < 4; axes++) {
             any |= (a | b) >> STEP(axes);
             all &= (a & b) >> STEP(axes);
         }
-        for (uint32_t passed = any & ~all & have_step[3]; passed; passed &= passed - 1)
+        for (uint32_t passed = any & ~all & grid->have_step[3]; passed; passed &= passed - 1)
             cut_part(n, r, layer, __builtin_ctz(passed), out);
     }
 }
@@ -416,15 +422,25 @@ static corner corner_of(const roots *r, int k)
     return (corner){{r->x[k], r->y[k], r->z[k]}, {r->nx[k], r->ny[k], r->nz[k]}, r->smooth[k] > 0};
 }
 
-double cell_parts_area(const field *f, const field_cell *cell, triangulation *lacking)
+static double area_by(const field *f, const field_cell *cell, const part_grid *grid, triangulation *lacking)
 {
     part_nodes nodes;
     roots r;
     part_triangles t;
-    if (!sample_parts(f, cell, &nodes)) return 0;
-    cut_edges(f, &nodes, &r);
-    cut_parts(&nodes, &r, &t);
+    if (!sample_parts(f, cell, grid->parts, &nodes)) return 0;
+    cut_edges(f, grid, &nodes, &r);
+    cut_parts(grid, &nodes, &r, &t);
     for (int k = 0; lacking && k < t.count && lacking->count < FIELD_CELL_TRIANGLES; k++, lacking->count++)
         for (int c = 0; c < 3; c++) lacking->at[lacking->count][c] = corner_of(&r, t.corner[k][c]);
     return sum_areas(&t, &r);
+}
+
+double cell_parts_area(const field *f, const field_cell *cell, triangulation *lacking)
+{
+    return area_by(f, cell, &whole_grid, lacking);
+}
+
+double cell_half_parts_area(const field *f, const field_cell *cell)
+{
+    return area_by(f, cell, &half_grid, NULL);
 }

@@ -67,6 +67,9 @@ void cell_measure_triangles(const triangulation *t, double area[], double excess
 /* The area above all parts' triangles; 0 where F is not defined. With `lacking` that receives the first of them. */
 double cell_parts_area(const field *f, const field_cell *cell, triangulation *lacking);
 
+/* The same by half as many parts along each axis: a fourth of the work, and little less of the area. */
+double cell_half_parts_area(const field *f, const field_cell *cell);
+
 /* Where the surface cuts an edge by F itself, between ends inside and outside: a root between them, never elsewhere. With
  * `is_straight` F is taken for linear there, and nothing is looked up. */
 void cell_find_root(const field *f, const field_cell *cell, int inside, int outside, bool is_straight,

@@ -8,6 +8,7 @@
 
 #include "close.h"
 #include "shapes.h"
+#include "surface/cell_parts.h"
 #include "surface/surface.h"
 
 static double scan_area(int k, int workers)
@@ -66,6 +67,36 @@ static void areas_of_awkward_shapes(void **state)
     }
 }
 
+/* A sphere in cells nearly as large as its radius: what a scan takes for little less than the area of a cell's parts is that. */
+static void half_as_many_parts_tell_nearly_as_much(void **state)
+{
+    (void)state;
+    enum { SIDE = 5 };
+    const double edge = 1.4;
+    error e = {0};
+    analytic *a = analytic_new(&shapes[0], NULL, &e);
+    double whole = 0, half = 0;
+    for (int k = 0; k < SIDE * SIDE * SIDE; k++) {
+        field_cell cell = {.grazed = false};
+        for (int c = 0; c < 8; c++) {
+            const int at[3] = {k % SIDE + (c & 1), k / SIDE % SIDE + (c >> 1 & 1),
+                               k / SIDE / SIDE + (c >> 2)};
+            field_sample s;
+            for (int axis = 0; axis < 3; axis++)
+                vec3_set(&cell.corner[c], axis,
+                         vec3_get(shapes[0].center, axis) + edge * (at[axis] - 0.5 * SIDE));
+            assert_true(field_sample_at(&a->base, cell.corner[c], FIELD_GRADIENT, &s));
+            cell.value[c] = s.value;
+        }
+        whole += cell_parts_area(&a->base, &cell, NULL);
+        half += cell_half_parts_area(&a->base, &cell);
+    }
+    assert_close(whole / (36 * M_PI), 1, 2e-3);
+    assert_close(half / (36 * M_PI), 1, 1e-2);
+    assert_true(half != whole);
+    analytic_free(a);
+}
+
 static void area_does_not_depend_on_threads(void **state)
 {
     (void)state;
@@ -107,6 +138,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(areas_are_right),
         cmocka_unit_test(areas_of_awkward_shapes),
+        cmocka_unit_test(half_as_many_parts_tell_nearly_as_much),
         cmocka_unit_test(area_does_not_depend_on_threads),
         cmocka_unit_test(points_follow_area),
     };
