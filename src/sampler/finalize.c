@@ -74,35 +74,40 @@ static bool land_particle(const field *f, double h, vec3 along, uint32_t *hint, 
            field_sample_near(f, *x, FIELD_GRADIENT, hint, sample);
 }
 
-/* Puts particle i on the surface to rounding, and notes its residual, or that it is lost. */
-static void finalize_particle(sampler *s, size_t i, uint32_t *hint)
+/* Puts particle i on the surface to rounding, or notes that it is lost. Returns its residual, |F| / |grad F| over h; 0 where it
+ * is lost or held. */
+static double finalize_particle(sampler *s, size_t i, uint32_t *hint)
 {
     vec3 x = s->state.p->position[i];
     const field *f = particles_field(s->state.p, s->setup.field, i);
     field_sample sample;
     s->scratch.lost[i] = !particles_is_fixed(s->state.p, i);
-    s->scratch.residual[i] = 0;
-    if (!s->scratch.lost[i]) return;
+    if (!s->scratch.lost[i]) return 0;
     double h = s->state.spacing * s->state.p->size[i];
     if (!land_particle(f, h, s->state.p->normal[i], hint, &x, &sample) ||
         (s->state.p->patch && !field_is_within_near(f, x, hint)))
-        return;
+        return 0;
     double length = vec3_norm(sample.gradient), residual = fabs(sample.value) / length / h;
-    if (!(residual < WORST_RESIDUAL)) return;
+    if (!(residual < WORST_RESIDUAL)) return 0;
     s->scratch.lost[i] = false;
-    s->scratch.residual[i] = residual;
     s->state.p->position[i] = x;
     s->state.p->normal[i] = vec3_scale(sample.gradient, 1 / length);
     if (s->setup.params.graded)
         sampler_amplitude_at(s, f, particles_patch(s->state.p, i), x, s->state.p->normal[i],
                              &s->state.p->alpha[i]);
+    return residual;
 }
+
+enum { CHUNK = 256 };
 
 static void finalize_chunk(void *context, int worker, size_t begin, size_t end)
 {
+    sampler *s = context;
     uint32_t hint = FIELD_NO_HINT;
+    double worst = 0;
     (void)worker;
-    for (size_t i = begin; i < end; i++) finalize_particle(context, i, &hint);
+    for (size_t i = begin; i < end; i++) worst = fmax(worst, finalize_particle(s, i, &hint));
+    s->scratch.worst[begin / CHUNK] = worst;
 }
 
 /* Whether a free particle has come to rest in the row of a curve, between two that are held there: those behind push it out, and
@@ -113,6 +118,13 @@ static bool is_in_row(const sampler *s, size_t i)
     if (!p->patch || particles_is_fixed(p, i)) return false;
     double distance = curve_distance_at(s->state.plan.curves, p->patch[i], p->position[i]);
     return distance < IN_ROW * s->state.spacing * p->size[i];
+}
+
+/* One that is put elsewhere, after all others. */
+static void finalize_alone(sampler *s, size_t i)
+{
+    s->scratch.worst[i / CHUNK] =
+        fmax(s->scratch.worst[i / CHUNK], finalize_particle(s, i, &(uint32_t){FIELD_NO_HINT}));
 }
 
 /* Puts particle i on a new place of the surface, or of its patch: of several drawn the one that is farthest from its nearest
@@ -144,7 +156,7 @@ static bool replace(sampler *s, size_t i, double least, rng *r)
     s->state.p->normal[i] = normal;
     s->record.removed++;
     s->record.replaced[i] = true;
-    finalize_particle(s, i, &(uint32_t){FIELD_NO_HINT});
+    finalize_alone(s, i);
     return true;
 }
 
@@ -165,7 +177,7 @@ static void leave_row(sampler *s, size_t i)
     if (!sampler_land(f, s->state.spacing, IN_ROW * h, &x, &normal) || !field_is_within(f, x)) return;
     s->state.p->position[i] = x;
     s->state.p->normal[i] = normal;
-    finalize_particle(s, i, &(uint32_t){FIELD_NO_HINT});
+    finalize_alone(s, i);
 }
 
 bool sampler_merges_rows(const sampler *s)
@@ -189,14 +201,12 @@ static void replace_lost(sampler *s)
 
 static void count_lost(sampler *s)
 {
+    const size_t n = s->state.p->count;
     s->record.out.lost = 0;
     s->record.out.max_residual = 0;
-    for (size_t i = 0; i < s->state.p->count; i++) {
-        if (s->scratch.lost[i])
-            s->record.out.lost++;
-        else
-            s->record.out.max_residual = fmax(s->record.out.max_residual, s->scratch.residual[i]);
-    }
+    for (size_t i = 0; i < n; i++) s->record.out.lost += s->scratch.lost[i];
+    for (size_t k = 0; k < n / CHUNK + 1; k++)
+        s->record.out.max_residual = fmax(s->record.out.max_residual, s->scratch.worst[k]);
 }
 
 static void curvature_chunk(void *context, int worker, size_t begin, size_t end)
@@ -424,18 +434,18 @@ void sampler_take_back(sampler *s)
 bool sampler_settle(sampler *s, error *e)
 {
     size_t n = s->state.p->count;
-    s->scratch.residual = mem_array(n, sizeof *s->scratch.residual, "the result", e);
+    s->scratch.worst = mem_array(n / CHUNK + 1, sizeof *s->scratch.worst, "the result", e);
     s->scratch.lost = mem_array(n, sizeof *s->scratch.lost, "the result", e);
     if (!s->record.replaced) s->record.replaced = mem_array(n, sizeof *s->record.replaced, "the result", e);
-    s->state.settled = s->scratch.residual && s->scratch.lost && s->record.replaced;
+    s->state.settled = s->scratch.worst && s->scratch.lost && s->record.replaced;
     if (s->state.settled) {
-        threads_run(s->setup.pool, n, 256, finalize_chunk, s);
+        threads_run(s->setup.pool, n, CHUNK, finalize_chunk, s);
         replace_lost(s);
         count_lost(s);
     }
-    free(s->scratch.residual);
+    free(s->scratch.worst);
     free(s->scratch.lost);
-    s->scratch.residual = NULL;
+    s->scratch.worst = NULL;
     s->scratch.lost = NULL;
     return s->state.settled;
 }

@@ -67,10 +67,11 @@ typedef struct sampler_state {
 
 /* What it works with; nothing here outlives a solve. */
 typedef struct sampler_scratch {
-    relax *relax;     /* NULL once energies are known */
-    size_t capacity;  /* of state.p and relax */
-    double *residual; /* while the particles are finalized: |F| / |grad F| over h of each */
-    bool *lost;       /* likewise: it is not on the surface, and has no residual */
+    relax *relax;    /* NULL once energies are known */
+    size_t capacity; /* of state.p and relax */
+    double
+        *worst; /* while the particles are finalized: the largest |F| / |grad F| over h of a chunk of them */
+    bool *lost; /* likewise: it is not on the surface, and has no residual */
 } sampler_scratch;
 
 /* What it has come to. */
