@@ -607,6 +607,7 @@ ISA_INLINE void prefetch_far(const sweep_job *job, uint32_t i)
     __builtin_prefetch(&job->r->moved[i], 1);
     if (job->p->patch) __builtin_prefetch(&job->r->hint[i], 1);
     __builtin_prefetch(&job->r->flat[i]);
+    __builtin_prefetch(&job->r->watched[i]);
     __builtin_prefetch(&job->p->near_boundary[i]);
     __builtin_prefetch(&job->p->size[i]);
 }
