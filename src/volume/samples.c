@@ -14,6 +14,9 @@
 enum { BLOCKS = 64, RUNS = 4 }; /* in a chunk of work */
 /* Blocks whose memory is given back at once: two megabytes. */
 enum { RELEASED = 1024 };
+/* Of the continuation: as far as values are read for their own sake (PATH_LEVEL_SET in volume.c). Beyond, straight lines are
+ * enough: of what is wrong there some 1e-5 arrives at the surface. */
+enum { LAYERS = 8 };
 
 /* Beyond this sums of floats overflow; nothing that is meant comes near it. */
 static const float largest_value = 1e30f;
@@ -216,15 +219,20 @@ ISA_INLINE void gather(const direction *d, int x, uint64_t bits, const uint64_t 
 
 /* The clamped value `raw` that a voxel still has gives the side, and the least distance. The bounds hold off what
  * meeting fronts could build up; they are loose, so that the continuation has no edge at the clamp. */
-static float continued(double raw, const gathered *g, int bit, int layer)
+ISA_INLINE float bounded(double value, double raw, int layer)
 {
-    const double value =
-        g->line_count[bit] ? g->lines[bit] / g->line_count[bit] : g->flats[bit] / g->flat_count[bit];
     const double size = fabs(raw), side = raw < 0 ? -1 : 1;
     double reach = side * value;
     if (reach < 0.5 * size) reach = 0.5 * size;
     if (reach > size * (1 + layer)) reach = size * (1 + layer);
     return (float)(side * reach);
+}
+
+static float continued(double raw, const gathered *g, int bit, int layer)
+{
+    const double value =
+        g->line_count[bit] ? g->lines[bit] / g->line_count[bit] : g->flats[bit] / g->flat_count[bit];
+    return bounded(value, raw, layer);
 }
 
 /* Continues the frontier `bits` of the layer x of a block. */
@@ -277,6 +285,76 @@ static void extend_chunk(void *context, int worker, size_t begin, size_t end)
     if (changed) atomic_store(&job->changed, true);
 }
 
+/* Bit 8 j + i goes to 8 i + j. Source: Warren, Hacker's Delight, section 7-3. */
+ISA_INLINE uint64_t transposed(uint64_t m)
+{
+    uint64_t t = (m ^ m >> 7) & 0x00aa00aa00aa00aau;
+    m ^= t ^ t << 7;
+    t = (m ^ m >> 14) & 0x0000cccc0000ccccu;
+    m ^= t ^ t << 14;
+    t = (m ^ m >> 28) & 0x00000000f0f0f0f0u;
+    return m ^ t ^ t << 28;
+}
+
+/* The bits of a block's slice i, in which byte j is a line along the axis: the line (i, j) of the other two. */
+ISA_INLINE uint64_t slice_bits(const uint64_t known[SIDE], int axis, int i)
+{
+    uint64_t bits = 0;
+    if (axis != 0) return axis == 2 ? known[i] : transposed(known[i]);
+    for (int x = 0; x < SIDE; x++) bits |= (known[x] >> 8 * i & 0xff) << 8 * x;
+    return transposed(bits);
+}
+
+ISA_INLINE void set_slice_bits(uint64_t known[SIDE], int axis, int i, uint64_t bits)
+{
+    if (axis != 2) bits = transposed(bits);
+    if (axis != 0) known[i] |= bits;
+    for (int x = 0; axis == 0 && x < SIDE; x++) known[x] |= (bits >> 8 * x & 0xff) << 8 * i;
+}
+
+/* Where a line ends with two known voxels it goes straight on, to the end of the block. Returns which are known then. */
+static unsigned go_straight(float *line, int step, unsigned has)
+{
+    const int low = __builtin_ctz(has), high = 31 - __builtin_clz(has);
+    for (int up = 0; up < 2; up++) {
+        const int end = up ? high : low, by = up ? 1 : -1;
+        if (low == high || !(has >> (end - by) & 1)) continue;
+        const double beside = (double)line[end * step], slope = beside - (double)line[(end - by) * step];
+        for (int k = end + by; k >= 0 && k < SIDE; k += by) {
+            line[k * step] = bounded(beside + abs(k - end) * slope, (double)line[k * step], LAYERS + SIDE);
+            has |= 1u << k;
+        }
+    }
+    return has;
+}
+
+static void straighten(float *f, uint64_t known[SIDE], int axis)
+{
+    const int a = axis == 0 ? 8 : 64, b = axis == 2 ? 8 : 1;
+    for (int i = 0; i < SIDE; i++) {
+        const uint64_t before = slice_bits(known, axis, i);
+        uint64_t bits = before;
+        if (before == 0 || before == ~(uint64_t)0) continue;
+        for (int j = 0; j < SIDE; j++) {
+            const unsigned has = before >> 8 * j & 0xff;
+            if (has != 0 && has != 0xff)
+                bits |= (uint64_t)go_straight(f + i * a + j * b, stride_of[axis], has) << 8 * j;
+        }
+        if (bits != before) set_slice_bits(known, axis, i, bits);
+    }
+}
+
+static void straight_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const extension *job = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        const size_t n = job->open[i];
+        for (int axis = 2; axis >= 0; axis--)
+            straighten(job->s->f + n * VOXELS, job->s->known + n * SIDE, axis);
+    }
+}
+
 /* Returns how many blocks stay open. */
 static size_t commit_layer(samples *s, const uint64_t *fresh, uint32_t *open, size_t count)
 {
@@ -298,12 +376,14 @@ bool samples_fill_unknown(samples *s, threads *pool, error *e)
     uint32_t *open = mem_array(count, sizeof *open, what, e);
     const bool ok = fresh && open;
     for (uint32_t n = 0; ok && n < count; n++) open[n] = n;
-    for (int layer = 1; ok; layer++) {
+    for (int layer = 1; ok && layer <= LAYERS; layer++) {
         extension job = {s, open, fresh, layer, false};
         threads_run(pool, count, BLOCKS, extend_chunk, &job);
         if (!atomic_load(&job.changed) || threads_stopped(pool)) break;
         count = commit_layer(s, fresh, open, count);
     }
+    extension rest = {.s = s, .open = open};
+    if (ok) threads_run(pool, count, BLOCKS, straight_chunk, &rest);
     free(fresh);
     free(open);
     return ok;

@@ -34,7 +34,8 @@ bool samples_read(const grid_view *l, block_map *map, threads *pool, samples *ou
 void samples_free(samples *s);
 
 /* Gives voxels that are not known the smooth continuation of those that are, layer by layer: linear
- * along each axis, averaged. Their side of the surface stays what it was. */
+ * along each axis, averaged; farther away linear along one axis, within a block; what no line reaches stays. Their side of
+ * the surface stays what it was. */
 bool samples_fill_unknown(samples *s, threads *pool, error *e);
 
 /* Samples to coefficients of the interpolating cubic spline, in place: natural ends (no second
