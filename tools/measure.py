@@ -205,12 +205,12 @@ def unresolved(points):
 
 
 def without_cell(points, triangles, edges):
-    """Points that are unresolved, or joined to such, or whose triangles are not one ring around them."""
+    """Points that are unresolved, or joined to such, or whose triangles are not one ring around them, or are none."""
     lost = unresolved(points)
     joined = edges[lost[edges].any(axis=1)]
     rings = numpy.bincount(triangles.ravel(), minlength=points.count)
     lost[joined.ravel()] = True
-    return lost | (rings != numpy.bincount(edges.ravel(), minlength=points.count))
+    return lost | (rings == 0) | (rings != numpy.bincount(edges.ravel(), minlength=points.count))
 
 
 # ---- measures

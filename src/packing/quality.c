@@ -175,7 +175,7 @@ static void mark_chunk(void *context, int worker, size_t begin, size_t end)
 
 static bool has_cell(const measure_job *job, uint32_t i, const voronoi_star *star)
 {
-    bool has = !job->part->unresolved[i] && !star->pinched;
+    bool has = star->count > 0 && !job->part->unresolved[i] && !star->pinched;
     for (uint32_t k = 0; k < star->count; k++) has &= !job->part->unresolved[star->point[k]];
     return has;
 }

@@ -9,7 +9,7 @@
  * (the mean of both; beside a hole of 1.2 in the other sheet), the cosine of whose normals is below -0.4, and
  * either is less than 1.2 spacings off the other's tangent plane. On a crease of right angle the cosine of a
  * spline's normals stays above -0.38. Unresolved points and those joined to them have no cell to be measured,
- * nor have those whose star is pinched; unless the caller knows the cells otherwise. doc/report.md defines each measure.
+ * nor have those whose star is pinched or empty; unless the caller knows the cells otherwise. doc/report.md defines each measure.
  */
 #ifndef HEXAD_PACKING_QUALITY_H
 #define HEXAD_PACKING_QUALITY_H

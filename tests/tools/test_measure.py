@@ -171,6 +171,14 @@ def test_neighbours_of_the_unresolved_have_no_cell():
     assert not gone[inner & (plate.position[:, 1] > edge + 0.9) & (plate.position[:, 1] < 30)].any()
 
 
+def test_a_point_of_no_triangle_has_no_cell():
+    points, _ = lattice(40, 40)
+    triangles = measure.triangulate(points, True)
+    alone = triangles[0, 0]
+    triangles = triangles[(triangles != alone).all(axis=1)]
+    assert measure.without_cell(points, triangles, measure.edges_of(triangles))[alone]
+
+
 def test_creases_are_resolved():
     points, _ = lattice(40, 40)
     beyond = points.position[:, 0] > 20

@@ -394,6 +394,18 @@ static void a_handful_of_points_says_nothing(void **state)
     assert_true(isnan(q.grading_cv) && isnan(q.grading_exponent));
 }
 
+/* One far from all others is no neighbour's, and has no cell: it says nothing of how even the others' are. */
+static void a_point_on_its_own_has_no_cell(void **state)
+{
+    (void)state;
+    quality q;
+    measure_plate(1, 0, 1, &q);
+    assert_int_equal(q.unresolved_count, 1);
+    assert_int_equal(q.ambiguous_count, 1);
+    assert_close(q.grading_cv, 0, 1e-6);
+    assert_close(q.resolved.area_cv, 0, 1e-6);
+}
+
 /* The measures over all points see what those over resolved points leave out. */
 static void all_points_are_measured_too(void **state)
 {
@@ -469,6 +481,7 @@ int main(void)
         cmocka_unit_test(energies_are_those_of_all_pairs),
         cmocka_unit_test(partitions_do_not_show),
         cmocka_unit_test(partitions_fit_together),
+        cmocka_unit_test(a_point_on_its_own_has_no_cell),
         cmocka_unit_test(sheets_that_are_too_close_are_left_out),
         cmocka_unit_test(a_handful_of_points_says_nothing),
         cmocka_unit_test(all_points_are_measured_too),
