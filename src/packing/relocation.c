@@ -27,18 +27,24 @@ static int farthest_first(const void *a, const void *b)
     return nearest_first(b, a);
 }
 
-/* Lists of who is within RELOCATION_CROWDED spacings, times the mean of the sizes. */
+static double crowded_below(const relocation_input *in)
+{
+    return in->crowded > 0 ? in->crowded : RELOCATION_CROWDED;
+}
+
+/* Lists of who is within so many spacings, times the mean of the sizes. */
 static neighbours *lists_of(const relocation_input *in, const vec3 *x, const double *size, size_t count,
-                            threads *pool, error *e)
+                            double within, threads *pool, error *e)
 {
     neighbours *n = neighbours_new(count, in->list_limit, e);
-    if (n && neighbours_build(n, count, x, size, RELOCATION_CROWDED * in->h, pool, e)) return n;
+    if (n && neighbours_build(n, count, x, size, within * in->h, pool, e)) return n;
     neighbours_free(n);
     return NULL;
 }
 
-/* Leaves those of ranked entries that have no earlier one as near as points that crowd. */
-static bool thin_out(const relocation_input *in, ranked *r, threads *pool, size_t *count, error *e)
+/* Leaves those of ranked entries that have no earlier one within so many spacings. */
+static bool thin_out(const relocation_input *in, ranked *r, double within, threads *pool, size_t *count,
+                     error *e)
 {
     vec3 *x = mem_array(*count, sizeof *x, "the places of points", e);
     double *size = mem_array(*count, sizeof *size, "the places of points", e);
@@ -48,7 +54,7 @@ static bool thin_out(const relocation_input *in, ranked *r, threads *pool, size_
         x[k] = r[k].at;
         size[k] = r[k].size;
     }
-    neighbours *near = ok ? lists_of(in, x, size, *count, pool, e) : NULL;
+    neighbours *near = ok ? lists_of(in, x, size, *count, within, pool, e) : NULL;
     size_t kept = 0;
     for (size_t k = 0; near && k < *count; k++) {
         for (uint32_t m = 0; m < near->list_count[k]; m++) {
@@ -85,7 +91,7 @@ static bool near_points_find(const relocation_input *in, threads *pool, near_poi
     *out = (near_points){.bins = point_bins_new(in->point, in->count, e)};
     if (!out->bins || !point_bins_are_crowded(out->bins)) return out->bins != NULL;
     point_bins_free(out->bins);
-    *out = (near_points){NULL, lists_of(in, in->point, in->size, in->count, pool, e),
+    *out = (near_points){NULL, lists_of(in, in->point, in->size, in->count, crowded_below(in), pool, e),
                          point_tree_new(in->point, in->count, e)};
     return out->lists && out->tree;
 }
@@ -122,7 +128,7 @@ static void crowd_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         crowd_point own = {in, (uint32_t)i, INFINITY};
-        const double reach = 0.5 * RELOCATION_CROWDED * in->h * (in->size[i] + job->largest);
+        const double reach = 0.5 * crowded_below(in) * in->h * (in->size[i] + job->largest);
         if (!lists) point_bins_within(job->near->bins, in->point[i], reach, look_at_other, &own);
         for (uint32_t k = 0; lists && k < lists->list_count[i]; k++)
             look_at_other(&own, neighbours_list(lists, i)[k]);
@@ -141,12 +147,12 @@ static bool find_crowded(const relocation_input *in, const near_points *near, th
     for (size_t i = 0; i < in->count; i++) job.largest = fmax(job.largest, in->size[i]);
     if (ok) threads_run(pool, in->count, 512, crowd_chunk, &job);
     for (size_t i = 0; ok && i < in->count; i++)
-        if (job.least[i] < RELOCATION_CROWDED && !(in->held && in->held[i]))
+        if (job.least[i] < crowded_below(in) && !(in->held && in->held[i]))
             r[(*found)++] = (ranked){job.least[i], in->size[i], in->point[i], (uint32_t)i};
     free(job.least);
     if (!ok || *found == 0) return ok;
     qsort(r, *found, sizeof *r, nearest_first);
-    return thin_out(in, r, pool, found, e);
+    return thin_out(in, r, crowded_below(in), pool, found, e);
 }
 
 typedef struct rank_job {
@@ -207,7 +213,7 @@ static bool find_bare(const relocation_input *in, const near_points *near, threa
         if (r[k].distance > bare_from(in)) r[(*found)++] = r[k];
     if (!r || *found == 0) return r != NULL;
     qsort(r, *found, sizeof *r, farthest_first);
-    return thin_out(in, r, pool, found, e);
+    return thin_out(in, r, RELOCATION_CROWDED, pool, found, e);
 }
 
 bool relocation_choose(const relocation_input *in, threads *pool, relocation **out, size_t *moves, error *e)

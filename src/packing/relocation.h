@@ -1,7 +1,7 @@
 /* relocation: points that crowd go to bare places. A descent leaves such where the spacing does not resolve a surface: no
  * point finds the way from one to the other.
  *
- * A point is crowded when another is within RELOCATION_CROWDED of the spacing; a place is bare when no point is within
+ * A point is crowded when another is within RELOCATION_CROWDED of the spacing, or the distance that is asked for; a place is bare when no point is within
  * RELOCATION_BARE. The most crowded point goes to the barest place, and so on, as long as it is farther from its nearest
  * point there. Of two that are near each other one goes; two places that are near each other do not both get a point.
  * Deterministic for any number of threads.
@@ -36,6 +36,7 @@ typedef struct relocation_input {
     uint32_t *near;    /* of each place the point found last, any number at first: it is looked at first */
     double bare; /* how far from all points a place is that gets one, over the spacing; 0: RELOCATION_BARE */
     const bool *held; /* of each point whether it stays; NULL: none does */
+    double crowded;   /* how near another one is of a point that crowds; 0: RELOCATION_CROWDED */
 } relocation_input;
 
 /* *out, to be freed, receives *moves of them, no point and no place twice. Error: limit_memory. */

@@ -24,6 +24,9 @@ enum { PLACES = 5, PASSES = 6 };
 /* Besides, places that are drawn on each patch; and how far from all points one is that gets a point of another patch. */
 enum { PLACES_OF_PATCH = 4 };
 static const double BARE_PATCH = 1, BARE_PLACE = 0.97;
+/* Where none crowds places of a patch may be bare all the same, since it has too few points: others have more than they need,
+ * those who have another so near, and the nearest first. */
+static const double PRESSED = 0.95;
 
 bool sampler_judge_coarse(sampler *s, error *e)
 {
@@ -58,7 +61,7 @@ typedef struct drawn {
     bool *held;         /* likewise; of each particle */
     uint32_t *of_patch; /* with patches: how many particles each has */
     size_t count;
-    double bare;
+    double bare, crowded; /* see relocation_input */
 } drawn;
 
 /* One pass; *moves particles have gone to another place. */
@@ -72,6 +75,7 @@ static bool relocate(sampler *s, const drawn *d, size_t *moves, error *e)
                                  .place = d->place,
                                  .places = d->count,
                                  .bare = d->bare,
+                                 .crowded = d->crowded,
                                  .held = d->held,
                                  .list_limit = s->setup.params.list_limit,
                                  .near = d->near};
@@ -250,7 +254,10 @@ static bool cover_all(sampler *s, bool *changed, error *e)
         d.count = bare.count;
         d.near = ok ? mem_array(bare.count, sizeof *d.near, what, e) : NULL;
         moves = 0;
+        d.crowded = 0;
         if (ok && bare.count > 0) ok = d.near && relocate(s, &d, &moves, e);
+        d.crowded = PRESSED;
+        if (ok && bare.count > 0 && moves == 0) ok = relocate(s, &d, &moves, e);
         *changed |= moves > 0;
         free(d.near);
         coverage_places_free(&bare);

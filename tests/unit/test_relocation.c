@@ -39,7 +39,7 @@ static void move_but(const bool *held, double bare, vec3 *x, const double *size,
     error e = {0};
     relocation *chosen;
     static uint32_t near[PLACES]; /* of earlier points, and of none: that does not show */
-    relocation_input in = {x, size, COUNT, 1, place, PLACES, SIZE_MAX, near, bare, held};
+    relocation_input in = {x, size, COUNT, 1, place, PLACES, SIZE_MAX, near, bare, held, 0};
     relocation *other;
     size_t others;
     assert_true(relocation_choose(&in, NULL, &chosen, moves, &e));
@@ -138,7 +138,7 @@ static void a_heap_far_away_changes_nothing(void **state)
     for (size_t k = 0; k < PLACES; k++) place[k] = random_between(&r, (vec3){0, 0, 0}, (vec3){SIDE, SIDE, 0});
     for (int heap = 0; heap < 2; heap++) {
         const size_t count = heap ? ALL : COUNT;
-        relocation_input in = {x, size, count, 1, place, PLACES, SIZE_MAX, near, 0, NULL};
+        relocation_input in = {x, size, count, 1, place, PLACES, SIZE_MAX, near, 0, NULL, 0};
         point_bins *bins = point_bins_new(x, count, &e);
         assert_true(point_bins_are_crowded(bins) == heap);
         point_bins_free(bins);
@@ -155,12 +155,43 @@ static void a_heap_far_away_changes_nothing(void **state)
     free(near);
 }
 
+/* Points of a square lattice that are a little near each other, none of which crowds, and a strip without any. */
+static void a_strip_gets_points_where_none_crowds(void **state)
+{
+    (void)state;
+    enum { ROWS = 20, WIDE = 25 };
+    const double side = 0.9;
+    vec3 x[ROWS * WIDE], place[ROWS];
+    double size[ROWS * WIDE];
+    uint32_t near[ROWS] = {0};
+    for (size_t i = 0; i < ROWS * WIDE; i++) {
+        x[i] = (vec3){side * (double)(i % WIDE), side * (double)(i / WIDE), 0};
+        size[i] = 1;
+    }
+    for (size_t k = 0; k < ROWS; k++) place[k] = (vec3){side * WIDE + 0.5, side * (double)k, 0};
+    relocation_input in = {x, size, ROWS * WIDE, 1, place, ROWS, SIZE_MAX, near, 1, NULL, 0};
+    relocation *chosen;
+    size_t moves;
+    error e = {0};
+    assert_true(relocation_choose(&in, NULL, &chosen, &moves, &e));
+    assert_int_equal(moves, 0);
+    free(chosen);
+    in.crowded = 0.95;
+    assert_true(relocation_choose(&in, NULL, &chosen, &moves, &e));
+    assert_int_equal(moves, ROWS);
+    for (size_t k = 0; k < moves; k++) /* no two leave one hole */
+        for (size_t j = 0; j < k; j++)
+            assert_true(vec3_norm(vec3_sub(x[chosen[j].point], x[chosen[k].point])) > 0.95);
+    free(chosen);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(who_was_taken_away_comes_back),
         cmocka_unit_test(random_points_come_apart),
         cmocka_unit_test(a_heap_far_away_changes_nothing),
+        cmocka_unit_test(a_strip_gets_points_where_none_crowds),
     };
     return cmocka_run_group_tests_name("relocation", tests, NULL, NULL);
 }
