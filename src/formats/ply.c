@@ -320,16 +320,27 @@ static void free_blocks(batch *job)
     }
 }
 
+/* Room for the blocks of the first batch, which is no smaller than any; where it is verified also for what the file holds. */
+static bool reserve_blocks(batch *job, bool is_verified, error *e)
+{
+    const char *what = "the PLY file's buffer";
+    const size_t rows = job->set->count < BLOCK_POINTS ? job->set->count : BLOCK_POINTS,
+                 bytes = job->format == PLY_ASCII ? job->what->count * NUMBER_TEXT_MAX
+                                                  : row_bytes(job->what, job->precision);
+    bool ok = true;
+    for (size_t k = 0; ok && k < blocks_of(job); k++) {
+        block *b = &job->block[k];
+        ok = (b->text = mem_array(rows, bytes, what, e)) &&
+             (!is_verified || (b->read = mem_array(rows, bytes, what, e)));
+    }
+    return ok;
+}
+
 bool ply_write(FILE *file, const points *set, const columns *what, ply_format format, ply_precision precision,
                threads *pool, error *e)
 {
     batch job = {set, what, format, precision, 0, {{0}}};
-    bool ok = write_header(file, set, what, format, precision, e);
-    for (int k = 0; ok && k < BATCH_BLOCKS; k++) {
-        job.block[k].text =
-            mem_array(BLOCK_POINTS, what->count * NUMBER_TEXT_MAX, "the PLY file's buffer", e);
-        ok = job.block[k].text != NULL;
-    }
+    bool ok = write_header(file, set, what, format, precision, e) && reserve_blocks(&job, false, e);
     for (; ok && job.first < set->count; job.first += (size_t)BATCH_BLOCKS * BLOCK_POINTS) {
         const size_t blocks = blocks_of(&job);
         threads_run(pool, blocks, 1, fill_blocks, &job);
@@ -682,12 +693,7 @@ static bool explain_block(const batch *job, size_t k, error *e)
 static bool verify_binary(FILE *file, batch *job, threads *pool, error *e)
 {
     const size_t bytes = row_bytes(job->what, job->precision);
-    bool ok = true;
-    for (int k = 0; ok && k < BATCH_BLOCKS; k++) {
-        job->block[k].text = mem_array(BLOCK_POINTS, bytes, "the PLY file's buffer", e);
-        job->block[k].read = mem_array(BLOCK_POINTS, bytes, "the PLY file's buffer", e);
-        ok = job->block[k].text && job->block[k].read;
-    }
+    bool ok = reserve_blocks(job, true, e);
     for (; ok && job->first < job->set->count; job->first += (size_t)BATCH_BLOCKS * BLOCK_POINTS) {
         const size_t blocks = blocks_of(job);
         for (size_t k = 0; ok && k < blocks; k++) {
