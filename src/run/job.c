@@ -452,13 +452,23 @@ static bool make_triangles(const job *j, const mesh *on, solution *s, error *e)
 
 /* What the triangles may leave out of the mesh, in spacings: a third of the feature size is what users are promised. */
 static const double LEFT_OUT = 0.3;
-/* How often points are held where they leave out more, and how many of a job: two that are held make one narrow triangle. */
-enum { HOLDINGS = 3, HELD_MOST = 50 };
+/* How often points are held where they leave out more; and of how many points one may be, beside a few of any job: of five that
+ * are held one makes a narrow triangle. */
+enum { HOLDINGS = 4, HELD_OF = 400, HELD_FEW = 50 };
+
+/* How many are held next, of those that still may be: first the worst half, since places beside these are seen once they are
+ * reached. */
+static size_t held_next(size_t left)
+{
+    const size_t half = (left + 1) / 2, most = half > HELD_FEW ? half : HELD_FEW;
+    return most < left ? most : left;
+}
 
 bool job_reach(job *j, solution *s, error *e)
 {
     const mesh *on = mesh_to_resolve(j);
-    size_t left = HELD_MOST;
+    const size_t share = sampler_result_points(s->sampler)->count / HELD_OF;
+    size_t left = share > HELD_FEW ? share : HELD_FEW;
     for (int k = 0; on && k < HOLDINGS && left > 0; k++) {
         const sampler_points *p = sampler_result_points(s->sampler);
         vec3 *place = NULL;
@@ -469,7 +479,7 @@ bool job_reach(job *j, solution *s, error *e)
         const left_out_input in = {
             on, p->count, p->position, p->stands.spacing, (const uint32_t(*)[3])s->corner, s->triangles};
         error why = {0};
-        const bool found = left_out_find(&in, LEFT_OUT, left, j->pool, &place, &count, &why);
+        const bool found = left_out_find(&in, LEFT_OUT, held_next(left), j->pool, &place, &count, &why);
         const bool ok =
             may_lack_memory(found, &why, e) && sampler_hold(s->sampler, place, count, &goes_on, e);
         free(place);
