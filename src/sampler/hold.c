@@ -11,6 +11,9 @@ static const double ON_PATCH = 0.01;
 /* A particle that looks the other way may be on another sheet: it counts as so many times as far. */
 static const double OTHER_SHEET = 2;
 
+/* Particles that are held or on curves do not give way: so near to one of them, in spacings, no other is held. */
+static const double BESIDE_FIXED = 0.6;
+
 /* Where a particle would be held. */
 typedef struct hold {
     size_t particle;
@@ -33,6 +36,16 @@ static bool is_nearer(const sampler *s, size_t i, vec3 place, hold *best)
     return true;
 }
 
+static bool is_beside_fixed(const sampler *s, const hold *to)
+{
+    const particles *p = s->state.p;
+    for (size_t i = 0; i < p->count; i++)
+        if (particles_is_fixed(p, i) && vec3_dot(p->normal[i], to->normal) > 0 &&
+            vec3_norm(vec3_sub(p->position[i], to->at)) < BESIDE_FIXED * s->state.spacing * p->size[i])
+            return true;
+    return false;
+}
+
 /* The nearest particle of its patch goes to a place, for good. */
 static bool hold_at(sampler *s, vec3 place)
 {
@@ -40,7 +53,7 @@ static bool hold_at(sampler *s, vec3 place)
     hold best = {.distance = INFINITY};
     bool found = false;
     for (size_t i = 0; i < p->count; i++) found |= is_nearer(s, i, place, &best);
-    if (!found) return false;
+    if (!found || is_beside_fixed(s, &best)) return false;
     p->position[best.particle] = best.at;
     p->normal[best.particle] = best.normal;
     p->place[best.particle] = PARTICLES_HELD;

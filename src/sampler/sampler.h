@@ -120,10 +120,10 @@ typedef struct sampler_points {
 /* After sampler_finalize; the arrays belong to the sampler. */
 const sampler_points *sampler_result_points(const sampler *s);
 
-/* After sampler_finalize, on a surface with patches: of a solve that has converged the particle that is nearest to each place, within
- * 1.5 spacings and on its patch, goes there and is held, and the solve goes on; it is to be brought to its end again. *goes_on:
- * there is one, and the solve has half of its sweeps left. The points of before are void then, and after an error. Errors:
- * limit_memory. */
+/* After sampler_finalize, on a surface with patches: of a solve that has converged the particle that is nearest to each place,
+ * within 1.5 spacings and on its patch, goes there and is held, unless another that is held or on a curve is near. The solve goes
+ * on and is to be brought to its end again. *goes_on: there is one, and the solve has half of its sweeps left. The points of before
+ * are void then, and after an error. Errors: limit_memory. */
 bool sampler_hold(sampler *s, const vec3 *place, size_t count, bool *goes_on, error *e);
 
 /* Positions of the result's stands, for who delivers the points elsewhere than on the zero set. */

@@ -574,6 +574,14 @@ static void points_are_held_where_they_are_wanted(void **state)
         assert_true(least < 1e-9);
     }
     assert_true(x.points->step_left < even.step_tolerance);
+    size_t next = 0; /* to the one that is held */
+    for (size_t i = 1; i < count; i++)
+        if (fabs(vec3_norm(vec3_sub(x.points->position[i], at[0])) - x.points->stands.spacing[i]) <
+            fabs(vec3_norm(vec3_sub(x.points->position[next], at[0])) - x.points->stands.spacing[next]))
+            next = i;
+    const vec3 beside = vec3_axpy(0.4, vec3_sub(x.points->position[next], at[0]), at[0]);
+    assert_true(sampler_hold(x.s, &beside, 1, &goes_on, &e));
+    assert_false(goes_on); /* two that are held stay as near as they are */
     release(&x);
 }
 
