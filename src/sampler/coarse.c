@@ -100,6 +100,8 @@ static bool relocate(sampler *s, const drawn *d, size_t *moves, error *e)
         ++*moves;
     }
     free(chosen);
+    if (*moves > 0)
+        sampler_resize(s); /* else a place beside one from where points are denser is bare again */
     return ok;
 }
 
@@ -242,9 +244,9 @@ static bool cover_all(sampler *s, bool *changed, error *e)
                .bare = BARE_PLACE};
     bool ok = spacing && d.held && d.of_patch;
     size_t moves = 1;
+    sampler_resize(s);
     for (int pass = 0; ok && moves > 0 && pass < PASSES; pass++) {
         coverage_places bare;
-        sampler_resize(s);
         for (size_t i = 0; i < p->count; i++) spacing[i] = p->size[i] * s->state.spacing;
         memset(d.of_patch, 0, patches * sizeof *d.of_patch);
         hold_some(s, d.of_patch, d.held);
