@@ -1,8 +1,8 @@
 /* relocation: points that crowd go to bare places. A descent leaves such where the spacing does not resolve a surface: no
  * point finds the way from one to the other.
  *
- * A point is crowded when another is within RELOCATION_CROWDED of the spacing, or the distance that is asked for; a place is bare when no point is within
- * RELOCATION_BARE. The most crowded point goes to the barest place, and so on, as long as it is farther from its nearest
+ * A point is crowded when another is within RELOCATION_CROWDED of the spacing, a place bare when no point is within
+ * RELOCATION_BARE, or within the distances that are asked for. The most crowded point goes to the barest place, and so on, as long as it is farther from its nearest
  * point there. Of two that are near each other one goes; two places that are near each other do not both get a point.
  * Deterministic for any number of threads.
  */

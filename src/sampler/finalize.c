@@ -120,7 +120,7 @@ static bool is_in_row(const sampler *s, size_t i)
     return distance < IN_ROW * s->state.spacing * p->size[i];
 }
 
-/* One that is put elsewhere, after all others. */
+/* One that is put elsewhere, after all others. The place that it leaves still counts for the worst residual. */
 static void finalize_alone(sampler *s, size_t i)
 {
     s->scratch.worst[i / CHUNK] =

@@ -170,7 +170,7 @@ bool sampler_judge_coarse(sampler *s, error *e);
 bool sampler_relocate(sampler *s, error *e);
 
 /* Of a surface with patches: places farther than the spacing from all points get one of those that crowd, of whatever patch,
- * which becomes one of theirs; of a surface of many parts, where none crowds, one of those that have another nearest. *changed is
+ * which becomes one of theirs; of a surface of many parts, where none of these goes, one of those that have another nearest. *changed is
  * set where there are such, and unchanged else. Error: limit_memory. */
 bool sampler_cover_patches(sampler *s, bool *changed, error *e);
 

@@ -34,8 +34,8 @@ static const double BENT_FACING = 0.9;
  * tetrahedra between whose corners no sign changes. Balls of 2.4 voxels are right to 5e-4 then, and 2e-2 too small without.
  * Corners nearer to each other than TOO_NEAR, of a cell, do not tell. */
 static const double BENT_SIZE = 0.3, TOO_NEAR = 0.1;
-/* Of so many such cells of AT_ONCE chunks, half of all, each SAMPLE_EVERY-th is measured so, the others by half as many parts: the area of fogs is off by 1.7e-4 to
- * 4.1e-4 then, with each fourth by 1.6e-4 to 3e-4. */
+/* Where so many cells of AT_ONCE chunks, half of them, are bent, each SAMPLE_EVERY-th of these is measured by all its parts, the
+ * others by half as many. The areas of fogs are off by 1.7e-4 to 4.1e-4 then; with each fourth by 1.6e-4 to 3e-4. */
 enum { MANY_BENT = 16384, SAMPLE_EVERY = 8 };
 /* Instead of an area. */
 static const double MEASURED_LATER = -1;

@@ -112,7 +112,8 @@ const float *bricks_glance(const bricks *b, uint32_t n, float room[BRICK_SIZE])
 
 void bricks_forget(const bricks *b)
 {
-    for (size_t n = 0; b->place && n <= b->map->count; n++)
+    if (!b->place || atomic_load_explicit(&b->place[b->map->count], memory_order_relaxed) == 0) return;
+    for (size_t n = 0; n <= b->map->count; n++)
         atomic_store_explicit(&b->place[n], BRICK_MISSING, memory_order_relaxed);
 }
 

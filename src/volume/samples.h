@@ -33,9 +33,9 @@ size_t samples_bytes(size_t count);
 bool samples_read(const grid_view *l, block_map *map, threads *pool, samples *out, error *e);
 void samples_free(samples *s);
 
-/* Gives voxels that are not known the smooth continuation of those that are, layer by layer: linear
- * along each axis, averaged; farther away linear along one axis, within a block; what no line reaches stays. Their side of
- * the surface stays what it was. */
+/* Gives voxels that are not known the smooth continuation of those that are, layer by layer: a parabola
+ * or a line along each axis, averaged; farther away a line along one axis, within a block; what no line reaches stays. Their
+ * side of the surface stays what it was. */
 bool samples_fill_unknown(samples *s, threads *pool, error *e);
 
 /* Samples to coefficients of the interpolating cubic spline, in place: natural ends (no second

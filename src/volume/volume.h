@@ -39,9 +39,9 @@ typedef struct volume_request {
     double offset;   /* outwards, of a level set, whose values are distances; of another it must be 0 */
     volume_reconstruction reconstruction;
     size_t memory_limit; /* bytes that opening and holding the volume may take */
-    size_t points; /* about so many will be asked for, 0: not known; does not show in what the volume tells */
-    threads *pool; /* that opens it, or NULL; likewise */
-    isa isa;       /* what sampling runs on */
+    size_t points;       /* about so many will be asked for, 0: not known; shows in memory_bytes alone */
+    threads *pool;       /* that opens it, or NULL; does not show in the volume */
+    isa isa;             /* what sampling runs on */
 } volume_request;
 
 typedef struct volume_mesh_request {

@@ -453,7 +453,7 @@ VOXEL, ROOM = 0.08, 2.2  # of solids that are handed over as data, and how far t
 
 
 class Solid:
-    """A solid with its spec, f (negative inside), places spread over its surface by area, and by how much points may miss that."""
+    """A solid: spec, f (negative inside), places spread over its surface by area, and by how much points may miss that."""
     def __init__(self, spec, f, places, miss=1e-6):
         self.spec, self.f, self.places, self.miss = spec, f, places, miss
 

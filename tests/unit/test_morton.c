@@ -69,6 +69,8 @@ static void many_points_are_ordered_alike_by_any_number_of_threads(void **state)
         const vec3 a = x[order[k ? k - 1 : 0]], b = x[order[k]];
         const bool alike = a.x == b.x && a.y == b.y && a.z == b.z;
         if (k > 0 && alike) assert_true(order[k - 1] < order[k]);
+        assert_true((int)a.x / 256 <=
+                    (int)b.x / 256); /* the first two bits of a cell are of x alone, four times as long */
     }
     free(seen);
     free(x);
