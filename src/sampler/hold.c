@@ -12,7 +12,7 @@ static const double ON_PATCH = 0.01;
 static const double OTHER_SHEET = 2;
 
 /* Particles that are held or on curves do not give way: so near to one of them, in spacings, no other is held. */
-static const double BESIDE_FIXED = 0.6;
+static const double BESIDE_FIXED = 0.3;
 
 /* Where a particle would be held. */
 typedef struct hold {
