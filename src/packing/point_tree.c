@@ -2,6 +2,7 @@
 
 #include <assert.h>
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 
 #include "base/memory.h"
@@ -126,4 +127,35 @@ uint32_t point_tree_nearest(const point_tree *n, vec3 x, double enough, double *
     look(n, 0, n->count, &s);
     *distance = sqrt(s.best2);
     return s.best;
+}
+
+typedef struct visit_job {
+    const point_tree *tree;
+    vec3 x;
+    double reach2;
+    point_tree_visit visit;
+    void *context;
+} visit_job;
+
+static void visit_range(const visit_job *job, size_t low, size_t high)
+{
+    const point_tree *n = job->tree;
+    if (high - low <= LEAF) {
+        for (size_t k = low; k < high; k++)
+            if (vec3_norm2(vec3_sub(n->points[n->order[k]], job->x)) <= job->reach2)
+                job->visit(job->context, n->order[k]);
+        return;
+    }
+    const size_t middle = low + (high - low) / 2;
+    const double beyond =
+        vec3_get(job->x, n->axis[middle]) - vec3_get(n->points[n->order[middle]], n->axis[middle]);
+    const bool is_across = beyond * beyond <= job->reach2;
+    if (beyond <= 0 || is_across) visit_range(job, low, middle);
+    if (is_across) visit_range(job, middle, middle + 1);
+    if (beyond >= 0 || is_across) visit_range(job, middle + 1, high);
+}
+
+void point_tree_within(const point_tree *n, vec3 x, double reach, point_tree_visit visit, void *context)
+{
+    visit_range(&(visit_job){n, x, reach * reach, visit, context}, 0, n->count);
 }

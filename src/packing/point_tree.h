@@ -20,6 +20,10 @@ void point_tree_free(point_tree *n);
 /* The point nearest to x, and how far it is; or any that is no farther than `enough`, which is found sooner. */
 uint32_t point_tree_nearest(const point_tree *n, vec3 x, double enough, double *distance);
 
+/* Calls `visit` for each point within `reach` of x, ends included. */
+typedef void (*point_tree_visit)(void *context, uint32_t point);
+void point_tree_within(const point_tree *n, vec3 x, double reach, point_tree_visit visit, void *context);
+
 /* Halves points for a tree: puts order[count / 2] in its place along the longest side of their box, no point before it higher and
  * none after it lower. Returns that axis. `count` > 0. */
 int point_tree_halve(const vec3 *points, uint32_t *order, size_t count);

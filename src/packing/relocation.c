@@ -4,9 +4,8 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "packing/near_points.h"
 #include "packing/neighbours.h"
-#include "packing/point_bins.h"
-#include "packing/point_tree.h"
 
 /* A point and how near its nearest is, or a place and how near its nearest point: over the spacing. */
 typedef struct ranked {
@@ -72,30 +71,6 @@ static bool thin_out(const relocation_input *in, ranked *r, double within, threa
     return ok;
 }
 
-/* Who is near a place: by bins, or where many points share one by lists and a tree. */
-typedef struct near_points {
-    point_bins *bins;
-    neighbours *lists;
-    point_tree *tree;
-} near_points;
-
-static void near_points_free(near_points *n)
-{
-    point_bins_free(n->bins);
-    neighbours_free(n->lists);
-    point_tree_free(n->tree);
-}
-
-static bool near_points_find(const relocation_input *in, threads *pool, near_points *out, error *e)
-{
-    *out = (near_points){.bins = point_bins_new(in->point, in->count, e)};
-    if (!out->bins || !point_bins_are_crowded(out->bins)) return out->bins != NULL;
-    point_bins_free(out->bins);
-    *out = (near_points){NULL, lists_of(in, in->point, in->size, in->count, crowded_below(in), pool, e),
-                         point_tree_new(in->point, in->count, e)};
-    return out->lists && out->tree;
-}
-
 /* A point, and how near its nearest is. */
 typedef struct crowd_job {
     const relocation_input *in;
@@ -124,14 +99,11 @@ static void crowd_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const crowd_job *job = context;
     const relocation_input *in = job->in;
-    const neighbours *lists = job->near->lists;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         crowd_point own = {in, (uint32_t)i, INFINITY};
         const double reach = 0.5 * crowded_below(in) * in->h * (in->size[i] + job->largest);
-        if (!lists) point_bins_within(job->near->bins, in->point[i], reach, look_at_other, &own);
-        for (uint32_t k = 0; lists && k < lists->list_count[i]; k++)
-            look_at_other(&own, neighbours_list(lists, i)[k]);
+        near_points_within(job->near, in->point[i], reach, look_at_other, &own);
         job->least[i] = own.least;
     }
 }
@@ -170,12 +142,6 @@ static bool is_enough(const rank_job *job, size_t place, uint32_t i, double *dis
     return *distance <= job->enough;
 }
 
-static uint32_t nearest_of(const rank_job *job, vec3 x, double *distance)
-{
-    return job->near->bins ? point_bins_nearest(job->near->bins, x, job->enough, distance)
-                           : point_tree_nearest(job->near->tree, x, job->enough, distance);
-}
-
 static void rank_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const rank_job *job = context;
@@ -187,7 +153,8 @@ static void rank_chunk(void *context, int worker, size_t begin, size_t end)
         uint32_t i = in->near[k];
         if (!is_enough(job, k, i, &distance)) {
             i = before; /* places that follow each other are near each other */
-            if (!is_enough(job, k, i, &distance)) i = nearest_of(job, in->place[k], &distance);
+            if (!is_enough(job, k, i, &distance))
+                i = near_points_nearest(job->near, in->place[k], job->enough, &distance);
         }
         in->near[k] = before = i;
         job->out[k] = (ranked){distance / (in->h * in->size[i]), in->size[i], in->place[k], (uint32_t)k};
@@ -218,18 +185,18 @@ static bool find_bare(const relocation_input *in, const near_points *near, threa
 
 bool relocation_choose(const relocation_input *in, threads *pool, relocation **out, size_t *moves, error *e)
 {
-    near_points near;
+    near_points *near = near_points_new(in->point, in->count, false, e);
     ranked *crowded = NULL, *bare = NULL;
     relocation *chosen = NULL;
     size_t points = 0, places = 0, count = 0;
-    bool ok = near_points_find(in, pool, &near, e) && find_crowded(in, &near, pool, &crowded, &points, e) &&
-              find_bare(in, &near, pool, &bare, &places, e) &&
+    bool ok = near && find_crowded(in, near, pool, &crowded, &points, e) &&
+              find_bare(in, near, pool, &bare, &places, e) &&
               (chosen = mem_array(points + 1, sizeof *chosen, "the places of points", e));
     while (ok && count < points && count < places && bare[count].distance > crowded[count].distance) {
         chosen[count] = (relocation){crowded[count].index, bare[count].index};
         count++;
     }
-    near_points_free(&near);
+    near_points_free(near);
     free(crowded);
     free(bare);
     if (ok) {

@@ -7,8 +7,7 @@
 #include "base/memory.h"
 #include "field/patches.h"
 #include "field/projection.h"
-#include "packing/point_bins.h"
-#include "packing/point_tree.h"
+#include "packing/near_points.h"
 
 /* Cells are looked at in so many parts at most, each of which has a largest distance of its own: with fewer cells in a part
  * most of them are looked at before there is one that spares the look. */
@@ -35,15 +34,9 @@ typedef struct spacings {
     double *near; /* of each bin, with those next to it; NULL: `all` everywhere */
 } spacings;
 
-/* The search for the nearest point, by one of the two. */
-typedef struct nearest_points {
-    point_bins *bins;
-    point_tree *tree;
-} nearest_points;
-
 typedef struct coverage_job {
     const surface *scan;
-    nearest_points points;
+    near_points *points;
     const vec3 *position;
     const double *spacing;
     spacings least;
@@ -107,29 +100,6 @@ static bool find_spacings(const vec3 *position, const double *spacing, size_t co
     return out->near != NULL;
 }
 
-/* Bins are for points of one spacing. */
-static bool find_nearest_by(const vec3 *position, size_t count, bool even, nearest_points *out, error *e)
-{
-    *out = (nearest_points){even ? point_bins_new(position, count, e) : NULL, NULL};
-    if (even && !out->bins) return false;
-    if (even && !point_bins_are_crowded(out->bins)) return true;
-    point_bins_free(out->bins);
-    *out = (nearest_points){NULL, point_tree_new(position, count, e)};
-    return out->tree != NULL;
-}
-
-static void free_nearest(nearest_points *n)
-{
-    point_bins_free(n->bins);
-    point_tree_free(n->tree);
-}
-
-static uint32_t nearest_to(const nearest_points *n, vec3 x, double enough, double *distance)
-{
-    return n->bins ? point_bins_nearest(n->bins, x, enough, distance)
-                   : point_tree_nearest(n->tree, x, enough, distance);
-}
-
 /* A distance: with a point no farther than it from x no place within `radius` of x is farther than `farthest` from its nearest
  * point, in that one's spacings. Not above 0 where there is none. */
 static double enough_at(const spacings *s, vec3 x, double radius, double farthest)
@@ -182,7 +152,7 @@ static bool has_point(const coverage_job *job, vec3 x, double within, uint32_t n
     for (int k = 0; k < 2 && within > 0; k++)
         if (vec3_norm2(vec3_sub(job->position[near[k]], x)) <= within * within) return true;
     double distance;
-    uint32_t found = nearest_to(&job->points, x, within, &distance);
+    uint32_t found = near_points_nearest(job->points, x, within, &distance);
     near[1] = near[0];
     near[0] = found;
     return distance <= within;
@@ -227,7 +197,8 @@ static double look_at_places(const coverage_job *job, const cell_look *look, dou
         if (has_point(job, x, enough_at(&job->least, x, 0, farthest), near) ||
             !onto_surface(f, look->size, &x))
             continue;
-        uint32_t point = nearest_to(&job->points, x, enough_at(&job->least, x, 0, farthest), &distance);
+        uint32_t point =
+            near_points_nearest(job->points, x, enough_at(&job->least, x, 0, farthest), &distance);
         farthest = fmax(farthest, distance / job->spacing[point]);
     }
     return farthest;
@@ -270,7 +241,7 @@ bool coverage_measure(const surface *scan, const vec3 *position, const double *s
 {
     coverage_job job = {.scan = scan, .position = position, .spacing = spacing};
     if (!find_spacings(position, spacing, count, &job.least, e)) return false;
-    if (!find_nearest_by(position, count, !job.least.near, &job.points, e)) {
+    if (!(job.points = near_points_new(position, count, job.least.near != NULL, e))) {
         free(job.least.near);
         return false;
     }
@@ -278,7 +249,7 @@ bool coverage_measure(const surface *scan, const vec3 *position, const double *s
     for (size_t k = 0; k < parts; k++)
         farthest[k] = measure_cells(&job, scan->field->patches ? begin[k] : 0,
                                     scan->field->patches ? begin[k + 1] : scan->cells, pool);
-    free_nearest(&job.points);
+    near_points_free(job.points);
     free(job.least.near);
     return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
@@ -318,7 +289,7 @@ static bool add_places(const coverage_job *job, const cell_look *look, uint32_t 
         double distance;
         if (f->open && !bbox_contains(f->domain, x)) continue;
         if (has_point(job, x, enough_at(&job->least, x, 0, bare), near)) continue;
-        const uint32_t point = nearest_to(&job->points, x, 0, &distance);
+        const uint32_t point = near_points_nearest(job->points, x, 0, &distance);
         if (distance > bare * job->spacing[point] && !add_place(out, x, patch, e)) return false;
     }
     return true;
@@ -331,7 +302,7 @@ bool coverage_find_bare(const surface *scan, const vec3 *position, const double 
     uint32_t near[2] = {0, 0};
     *out = (coverage_places){0};
     if (!find_spacings(position, spacing, count, &job.least, e)) return false;
-    bool ok = find_nearest_by(position, count, !job.least.near, &job.points, e);
+    bool ok = (job.points = near_points_new(position, count, job.least.near != NULL, e)) != NULL;
     for (uint32_t patch = 0; ok && patch < coverage_parts(scan); patch++)
         for (size_t k = scan->parts.begin[patch]; ok && k < scan->parts.begin[patch + 1]; k++) {
             if (!(surface_cell_area(scan, k) > 0)) continue;
@@ -339,7 +310,7 @@ bool coverage_find_bare(const surface *scan, const vec3 *position, const double 
             look_at_cell(&job, k, bare, near, &look);
             if (!look.is_done) ok = add_places(&job, &look, patch, bare, near, out, e);
         }
-    free_nearest(&job.points);
+    near_points_free(job.points);
     free(job.least.near);
     return ok;
 }
@@ -356,18 +327,16 @@ bool coverage_of_places(const vec3 *place, size_t places, const vec3 *position, 
 {
     spacings least = {0};
     if (places == 0) return true;
-    point_tree *points = point_tree_new(position, count, e);
-    if (!points || !find_spacings(position, spacing, count, &least, e)) {
-        point_tree_free(points);
-        return false;
-    }
-    for (size_t k = 0; k < places; k++) {
+    if (!find_spacings(position, spacing, count, &least, e)) return false;
+    near_points *points = near_points_new(position, count, least.near != NULL, e);
+    for (size_t k = 0; points && k < places; k++) {
         double distance;
         uint32_t point =
-            point_tree_nearest(points, place[k], enough_at(&least, place[k], 0, *farthest), &distance);
+            near_points_nearest(points, place[k], enough_at(&least, place[k], 0, *farthest), &distance);
         *farthest = fmax(*farthest, distance / spacing[point]);
     }
-    point_tree_free(points);
+    const bool ok = points != NULL;
+    near_points_free(points);
     free(least.near);
-    return true;
+    return ok;
 }

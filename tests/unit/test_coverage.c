@@ -5,13 +5,10 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
-#include <string.h>
 #include <cmocka.h>
 
 #include "base/rng.h"
 #include "close.h"
-#include "packing/point_bins.h"
-#include "packing/point_tree.h"
 #include "packing/packing.h"
 #include "shapes.h"
 #include "particles/coverage.h"
@@ -154,107 +151,6 @@ static void places_count_in_the_spacing_of_the_nearest(void **state)
     }
 }
 
-static void the_nearest_is_found(void **state)
-{
-    (void)state;
-    enum { MOST = 3000, PLACES = 300 };
-    rng r = rng_seed(test_seed(), 0);
-    static const size_t counts[] = {1, 2, 8, 9, 17, 100, MOST};
-    vec3 *x = malloc(MOST * sizeof *x);
-    for (size_t c = 0; c < 3 * sizeof counts / sizeof counts[0]; c++) {
-        size_t count = counts[c / 3];
-        for (size_t k = 0; k < count; k++) {
-            x[k] = random_between(&r, (vec3){-1, -1, -1}, (vec3){1, 1, 1});
-            if (c % 3 == 1) x[k] = (vec3){floor(3 * x[k].x), floor(3 * x[k].y), 0}; /* many are equal */
-            if (c % 3 == 2) x[k] = (vec3){(double)k, 0, 0};                         /* sorted */
-        }
-        error e = {0};
-        point_tree *n = point_tree_new(x, count, &e);
-        point_bins *bins = point_bins_new(x, count, &e);
-        for (int p = 0; p < PLACES; p++) {
-            vec3 place = vec3_scale(random_between(&r, (vec3){-1, -1, -1}, (vec3){1, 1, 1}), 4);
-            double least = INFINITY, found, enough = 3 * rng_uniform(&r);
-            for (size_t k = 0; k < count; k++) least = fmin(least, vec3_norm(vec3_sub(x[k], place)));
-            uint32_t point = point_tree_nearest(n, place, 0, &found);
-            assert_true(found == least && vec3_norm(vec3_sub(x[point], place)) == found);
-            point = point_tree_nearest(n, place, enough, &found);
-            assert_true(found == least || found <= enough);
-            assert_true(vec3_norm(vec3_sub(x[point], place)) == found);
-            if (p % 2) place = vec3_scale(place, 0.25);
-            least = INFINITY;
-            for (size_t k = 0; k < count; k++) least = fmin(least, vec3_norm(vec3_sub(x[k], place)));
-            point = point_bins_nearest(bins, place, 0, &found);
-            assert_true(found == least && vec3_norm(vec3_sub(x[point], place)) == found);
-            point = point_bins_nearest(bins, place, enough, &found);
-            assert_true(found == least || found <= enough);
-            assert_true(vec3_norm(vec3_sub(x[point], place)) == found);
-        }
-        point_tree_free(n);
-        point_bins_free(bins);
-    }
-    free(x);
-}
-
-/* Counts each point, and those that are farther than they may be. */
-typedef struct visits {
-    const vec3 *x;
-    vec3 place;
-    double reach;
-    int *seen;
-} visits;
-
-static void count_visit(void *context, uint32_t point)
-{
-    const visits *v = context;
-    v->seen[point]++;
-    assert_true(vec3_norm2(vec3_sub(v->x[point], v->place)) <= v->reach * v->reach);
-}
-
-static void all_within_reach_are_visited_once(void **state)
-{
-    (void)state;
-    enum { POINTS = 500, PLACES = 200 };
-    rng r = rng_seed(test_seed(), 2);
-    vec3 *x = malloc(POINTS * sizeof *x);
-    int *seen = malloc(POINTS * sizeof *seen);
-    error e = {0};
-    for (size_t k = 0; k < POINTS; k++) {
-        x[k] = random_between(&r, (vec3){-1, -1, -1}, (vec3){1, 1, 1});
-        if (k % 3 == 0) x[k] = (vec3){floor(5 * x[k].x) / 5, floor(5 * x[k].y) / 5, 0};
-    }
-    point_bins *bins = point_bins_new(x, POINTS, &e);
-    for (size_t p = 0; p < PLACES; p++) {
-        visits v = {x, random_between(&r, (vec3){-2, -2, -2}, (vec3){2, 2, 2}), 1, seen};
-        if (p % 2) v.place = x[p]; /* and some of the others are just as far away as they may be */
-        v.reach = p % 4 == 3 ? vec3_norm(vec3_sub(x[p], x[p + 1])) : rng_uniform(&r);
-        memset(seen, 0, POINTS * sizeof *seen);
-        point_bins_within(bins, v.place, v.reach, count_visit, &v);
-        for (size_t k = 0; k < POINTS; k++)
-            assert_int_equal(seen[k], vec3_norm2(vec3_sub(x[k], v.place)) <= v.reach * v.reach);
-    }
-    point_bins_free(bins);
-    free(x);
-    free(seen);
-}
-
-/* Points in two heaps far from each other share bins, those of a sphere do not. */
-static void crowds_are_told(void **state)
-{
-    (void)state;
-    enum { POINTS = 4000 };
-    vec3 *x = malloc(POINTS * sizeof *x);
-    error e = {0};
-    for (int heaps = 0; heaps < 2; heaps++) {
-        const size_t count = spiral(POINTS, 0, x);
-        for (size_t k = 0; heaps && k < count; k++)
-            x[k] = vec3_add(x[k], vec3_scale((vec3){1, 1, 1}, k % 2 ? 1000 : 0));
-        point_bins *bins = point_bins_new(x, count, &e);
-        assert_true(point_bins_are_crowded(bins) == heaps);
-        point_bins_free(bins);
-    }
-    free(x);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -262,9 +158,6 @@ int main(void)
         cmocka_unit_test(distances_are_in_spacings),
         cmocka_unit_test(a_bald_spot_is_found_beside_fine_points),
         cmocka_unit_test(places_count_in_the_spacing_of_the_nearest),
-        cmocka_unit_test(the_nearest_is_found),
-        cmocka_unit_test(all_within_reach_are_visited_once),
-        cmocka_unit_test(crowds_are_told),
     };
     return cmocka_run_group_tests_name("coverage", tests, NULL, NULL);
 }
