@@ -7,6 +7,7 @@
 #include "run/advice.h"
 #include "run/job.h"
 #include "source/plan.h"
+#include "source/source_report.h"
 #include "run/report.h"
 #include "surface/clearance.h"
 

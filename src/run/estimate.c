@@ -9,6 +9,7 @@
 #include "run/cost_model.h"
 #include "run/job.h"
 #include "source/plan.h"
+#include "source/source_report.h"
 #include "run/report.h"
 #include "run/run.h"
 #include "run/verdict.h"

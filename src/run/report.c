@@ -8,6 +8,7 @@
 #include "run/advice.h"
 #include "run/label_advice.h"
 #include "run/patch_report.h"
+#include "source/source_report.h"
 
 /* A ratio of spacings that is this much of the one asked for is not worth a word. */
 static const double RATIO_REACHED = 0.8;

@@ -39,10 +39,13 @@ static void push(walk *w, const spec_surface *s, const source_part *part, const 
     }
     memcpy(placed, to_world, sizeof placed);
     if (s->kind == SPEC_SURFACE_TRANSFORM) affine_compose(to_world, s->matrix, placed);
+    bool some = false;
     for (size_t k = 0; k < s->part_count; k++) {
+        if (part->parts[k].nothing) continue;
         bool taken = s->kind == SPEC_SURFACE_DIFFERENCE && k > 0;
         push(w, s->parts[k], &part->parts[k], (const double(*)[4])placed, inverted != taken);
-        if (k > 0) solid_join(w->solid, w->rule, (s->kind == SPEC_SURFACE_UNION) != inverted);
+        if (some) solid_join(w->solid, w->rule, (s->kind == SPEC_SURFACE_UNION) != inverted);
+        some = true;
     }
 }
 

@@ -56,7 +56,7 @@ static bool find_place(const source_part *p, vec3 x, bool any, vec3 *out)
         *out = mesh_faces_nearest(faces, x);
         return true;
     }
-    if (!(faces || any) || !field_sample_at(p->field, x, FIELD_GRADIENT, &s)) return false;
+    if (!(faces || any) || !p->field || !field_sample_at(p->field, x, FIELD_GRADIENT, &s)) return false;
     *out = faces ? mesh_faces_land(faces, x, s.gradient)
                  : vec3_axpy(-s.value / vec3_norm2(s.gradient), s.gradient, x);
     return true;

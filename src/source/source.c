@@ -1,6 +1,7 @@
 #include "source/source.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -87,12 +88,39 @@ typedef struct opening {
     bool direct;   /* the part at hand is all of the surface, or all of what is placed */
     bool placed;   /* by this, in the world; of direct parts alone */
     double to_world[3][4];
+    const char *where; /* JSON Pointer of the part at hand */
 } opening;
+
+/* Parts deeper than this are named by the beginning of their pointer. */
+enum { POINTER_SIZE = 256 };
 
 static size_t memory_left(const opening *o)
 {
     size_t held = source_memory(o->source);
     return o->memory > held ? o->memory - held : 0;
+}
+
+static void close_part(source_part *p)
+{
+    combination_free(p->combination);
+    placement_free(p->placement);
+    analytic_free(p->analytic);
+    bspline_free(p->bspline);
+    volume_close(p->volume);
+    mesh_surface_free(p->mesh);
+    label_surface_close(p->labels);
+    free(p->coefficients);
+    for (size_t k = 0; k < p->part_count; k++) close_part(&p->parts[k]);
+    free(p->parts);
+    free(p->nothing);
+}
+
+/* After an error that says so: the solid of the part is empty. */
+static bool nothing_left(const opening *o, source_part *out, error *e)
+{
+    error_prefix(e, "%s", o->where);
+    out->nothing = mem_strdup(e->message);
+    return false;
 }
 
 /* The shape at a distance, where its formula is one of distances. */
@@ -147,7 +175,8 @@ static bool open_analytic(const spec_analytic *a, double offset, const opening *
         .size = a->size,
         .period = a->period,
     };
-    if (offset != 0 && !offset_shape(&params, offset, e)) return false;
+    if (offset != 0 && !offset_shape(&params, offset, e))
+        return e->code == ERROR_NO_SURFACE ? nothing_left(o, out, e) : false;
     out->analytic = analytic_new(&params, o->pool, e);
     if (!out->analytic) return false;
     out->field = &out->analytic->base;
@@ -362,6 +391,29 @@ static bool open_bspline(const spec_bspline *b, double offset, const opening *o,
 
 static bool open_part(const spec_surface *s, double offset, const opening *o, source_part *out, error *e);
 
+/* A part of a combination. One that is empty is none, unless nothing of the whole is left without it. */
+static bool open_operand(const spec_surface *s, size_t k, double offset, const opening *o, source_part *out,
+                         error *e)
+{
+    char where[POINTER_SIZE];
+    opening inner = *o;
+    inner.where = where;
+    inner.direct = false;
+    snprintf(where, sizeof where, "%s/%s/%zu", o->where, spec_surface_kind_name(s->kind), k);
+    const double by = s->kind == SPEC_SURFACE_DIFFERENCE && k > 0 ? -offset : offset;
+    source_part *part = &out->parts[k];
+    if (open_part(s->parts[k], by, &inner, part, e)) return true;
+    if (!part->nothing) return false;
+    const bool is_needed =
+        s->kind == SPEC_SURFACE_INTERSECTION || (s->kind == SPEC_SURFACE_DIFFERENCE && k == 0);
+    char *why = part->nothing;
+    part->nothing = NULL;
+    close_part(part);
+    *part = (source_part){.nothing = is_needed ? NULL : why};
+    if (is_needed) out->nothing = why;
+    return !is_needed;
+}
+
 static bool open_combination(const spec_surface *s, double offset, const opening *o, source_part *out,
                              error *e)
 {
@@ -369,23 +421,41 @@ static bool open_combination(const spec_surface *s, double offset, const opening
                                   : s->kind == SPEC_SURFACE_INTERSECTION ? COMBINATION_INTERSECTION
                                                                          : COMBINATION_DIFFERENCE;
     opening inner = *o;
-    inner.direct = false;
     for (size_t n = 0; n < 2 * s->part_count; n++) { /* those without an end last: others bound them */
         size_t k = n % s->part_count;
         if (spec_surface_is_bounded(s->parts[k]) != (n < s->part_count)) continue;
-        double by = kind == COMBINATION_DIFFERENCE && k > 0 ? -offset : offset;
-        if (!open_part(s->parts[k], by, &inner, &out->parts[k], e)) return false;
+        if (!open_operand(s, k, offset, &inner, out, e)) return false;
         if (n < s->part_count &&
             (kind == COMBINATION_INTERSECTION || (kind == COMBINATION_DIFFERENCE && k == 0)))
             inner.bounds = out->parts[k].field->domain;
     }
     const field **fields = mem_alloc(s->part_count * sizeof(const field *));
-    for (size_t k = 0; k < s->part_count; k++) fields[k] = out->parts[k].field;
-    out->combination = combination_new(kind, fields, s->part_count, o->pool, e);
+    size_t count = 0;
+    for (size_t k = 0; k < s->part_count; k++)
+        if (!out->parts[k].nothing) fields[count++] = out->parts[k].field;
+    *e = (error){0}; /* of parts that are left out */
+    if (count > 0)
+        out->combination = combination_new(kind, fields, count, o->pool, e);
+    else
+        error_set(e, ERROR_NO_SURFACE, "nothing is left of any part of the union");
     free(fields);
-    if (!out->combination) return false;
+    if (!out->combination)
+        return e->code == ERROR_NO_SURFACE && spec_surface_is_bounded(s) ? nothing_left(o, out, e) : false;
     out->field = combination_field(out->combination);
     return true;
+}
+
+/* The part of an offset or transform. It is empty if that is. */
+static bool open_inner(const spec_surface *s, double offset, const opening *o, source_part *out, error *e)
+{
+    char where[POINTER_SIZE];
+    opening inner = *o;
+    inner.where = where;
+    snprintf(where, sizeof where, "%s/%s/surface", o->where, spec_surface_kind_name(s->kind));
+    if (open_part(s->parts[0], offset, &inner, &out->parts[0], e)) return true;
+    out->nothing = out->parts[0].nothing;
+    out->parts[0].nothing = NULL;
+    return false;
 }
 
 /* Whether creases and the ends of a region become curves between patches. */
@@ -440,7 +510,7 @@ static bool open_placement(const spec_surface *s, double offset, const opening *
     opening inner = *o;
     inner.bounds = bounds_within(o->bounds, s->matrix);
     place_within(&inner, s->matrix);
-    if (!open_part(s->parts[0], offset != 0 ? offset / scale : 0, &inner, &out->parts[0], e)) return false;
+    if (!open_inner(s, offset != 0 ? offset / scale : 0, &inner, out, e)) return false;
     const bool any = makes_patches(o->spec) || out->parts[0].field->patches;
     out->placement = any ? placement_new_view(out->parts[0].field, s->matrix)
                          : placement_new(out->parts[0].field, s->matrix, e);
@@ -471,7 +541,7 @@ static bool open_part(const spec_surface *s, double offset, const opening *o, so
     case SPEC_SURFACE_DIFFERENCE:
         return open_combination(s, offset, o, out, e);
     case SPEC_SURFACE_OFFSET:
-        if (!open_part(s->parts[0], offset + s->distance, o, &out->parts[0], e)) return false;
+        if (!open_inner(s, offset + s->distance, o, out, e)) return false;
         out->field = out->parts[0].field;
         return true;
     case SPEC_SURFACE_TRANSFORM:
@@ -513,11 +583,12 @@ static bool open_all(const spec *s, const opening *o, error *e)
     opening of_surface = *o, of_region = *o;
     if (!s->region_inside) return open_part(&s->surface, 0, o, &out->whole, e);
     of_region.direct = false;
+    of_region.where = "/region/inside";
     const bool bounded = spec_surface_is_bounded(&s->surface);
     if (bounded && !open_part(&s->surface, 0, o, &out->whole, e)) return false;
     if (bounded) of_region.bounds = beyond(out->whole.field->domain);
     if (!open_part(s->region_inside, 0, &of_region, &out->inside, e))
-        return error_prefix(e, "/region/inside");
+        return out->inside.nothing ? false : error_prefix(e, "/region/inside");
     if (bounded) return true;
     of_surface.bounds = beyond(out->inside.field->domain);
     return open_part(&s->surface, 0, &of_surface, &out->whole, e);
@@ -526,7 +597,9 @@ static bool open_all(const spec *s, const opening *o, error *e)
 bool source_open(const spec *s, const store_roots *roots, size_t memory, isa kernels, threads *pool,
                  source *out, error *e)
 {
+    error unused = {0};
     *out = (source){.roots = roots};
+    if (!e) e = &unused;
     const opening o = {.memory = memory,
                        .kernels = kernels,
                        .pool = pool,
@@ -535,7 +608,8 @@ bool source_open(const spec *s, const store_roots *roots, size_t memory, isa ker
                        .leaves = count_leaves(&s->surface),
                        .bounds = beyond((bbox){s->region.min, s->region.max}),
                        .direct = true,
-                       .to_world = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
+                       .to_world = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}},
+                       .where = "/surface"};
     if (!open_all(s, &o, e) || (s->has_grid && !open_map(s, &o, e))) return false;
     out->field = out->whole.field;
     if (makes_patches(s)) {
@@ -568,20 +642,6 @@ bbox source_box(const source *s, const surface *scan)
     return box;
 }
 
-static void close_part(source_part *p)
-{
-    combination_free(p->combination);
-    placement_free(p->placement);
-    analytic_free(p->analytic);
-    bspline_free(p->bspline);
-    volume_close(p->volume);
-    mesh_surface_free(p->mesh);
-    label_surface_close(p->labels);
-    free(p->coefficients);
-    for (size_t k = 0; k < p->part_count; k++) close_part(&p->parts[k]);
-    free(p->parts);
-}
-
 void source_close(source *s)
 {
     region_free(s->region);
@@ -593,65 +653,6 @@ void source_close(source *s)
     for (size_t k = 0; k < s->input_count; k++) free(s->inputs[k].path);
     free(s->inputs);
     *s = (source){0};
-}
-
-static void describe_volume(const volume_info *info, json *members, json *warnings)
-{
-    json_put_integer(members, "voxels", (int64_t)info->active_voxels);
-    if (*info->format) {
-        json *dense = json_put_object(members, "volume");
-        json *size = json_put_array(dense, "size");
-        json_put_string(dense, "format", info->format);
-        for (int k = 0; k < 3; k++) json_append_number(size, (double)info->size[k]);
-        if (*info->space) json_put_string(dense, "space", info->space);
-        json_put_number(members, "isovalue", info->isovalue);
-    } else if (info->triangles == 0) {
-        json_put_string(members, "grid", info->grid);
-        json_put_number(members, "isovalue", info->isovalue);
-    } else {
-        json *of_mesh = json_put_object(members, "mesh");
-        json_put_integer(of_mesh, "triangles", (int64_t)info->triangles);
-        json_put_number(of_mesh, "area", info->fidelity.area);
-        json_put_number(of_mesh, "rms_distance_vox", info->fidelity.rms_vox);
-        json_put_number(of_mesh, "close_fraction", info->fidelity.close);
-        json_put_number(of_mesh, "unresolved_fraction", info->fidelity.unresolved);
-        json_put_number(of_mesh, "thin_fraction", info->fidelity.thin);
-        json_put_number(of_mesh, "hidden_fraction", info->fidelity.hidden);
-        json_put_number(of_mesh, "resolution", round(info->resolution.longest / info->resolution.voxel_size));
-        json_put_string(of_mesh, "resolution_by", info->resolution.chosen_by);
-        json_put_string(of_mesh, "resolution_limited_by", info->resolution.limited_by);
-    }
-    json_put_number(members, "voxel_size", info->voxel_size);
-    json_put_integer(members, "crossing_cells", (int64_t)info->crossing_cells);
-    json_put_integer(members, "bricks", (int64_t)info->bricks);
-    for (size_t k = 0; k < info->warning_count; k++) json_append_string(warnings, info->warning[k]);
-}
-
-/* The parts' volumes as a list, in the order of the spec. */
-static void describe_parts(const source_part *p, json *members, json **list, json *warnings)
-{
-    for (size_t k = 0; k < p->part_count; k++) {
-        const source_part *part = &p->parts[k];
-        if ((part->volume || part->mesh) && !*list) *list = json_put_array(members, "parts");
-        if (part->volume) describe_volume(volume_describe(part->volume), json_append_object(*list), warnings);
-        if (part->mesh) mesh_source_describe(part->mesh, &part->notes, json_append_object(*list), warnings);
-        describe_parts(part, members, list, warnings);
-    }
-}
-
-void source_describe(const source *s, json *report, json *members, json *warnings)
-{
-    json *inputs = json_put_array(report, "inputs"), *list = NULL;
-    if (s->whole.volume) describe_volume(volume_describe(s->whole.volume), members, warnings);
-    if (s->whole.labels) label_surface_describe(s->whole.labels, members, warnings);
-    if (s->whole.mesh) mesh_source_describe(s->whole.mesh, &s->whole.notes, members, warnings);
-    describe_parts(&s->whole, members, &list, warnings);
-    for (size_t k = 0; k < s->input_count; k++) {
-        json *input = json_append_object(inputs);
-        json_put_string(input, "path", s->inputs[k].path);
-        json_put_integer(input, "bytes", (int64_t)s->inputs[k].bytes);
-        json_put_string(input, "sha256", s->inputs[k].sha256);
-    }
 }
 
 static size_t memory_of_part(const source_part *p)
@@ -742,7 +743,8 @@ size_t source_nearest_part(const source_part *whole, vec3 x)
     size_t found = 0;
     for (size_t k = 0; whole->part_count > 1 && k < whole->part_count; k++) {
         field_sample sample;
-        if (!field_sample_at(whole->parts[k].field, x, FIELD_GRADIENT, &sample)) continue;
+        const field *f = whole->parts[k].field;
+        if (!f || !field_sample_at(f, x, FIELD_GRADIENT, &sample)) continue;
         double distance = fabs(sample.value) / vec3_norm(sample.gradient);
         if (!(distance < nearest)) continue;
         nearest = distance;

@@ -11,7 +11,6 @@
 #include "field/field.h"
 #include "field/placement.h"
 #include "field/region.h"
-#include "json/json.h"
 #include "labels/label_surface.h"
 #include "mesh/mesh_surface.h"
 #include "spec/spec.h"
@@ -44,6 +43,7 @@ struct source_part {
     double *coefficients; /* of a B-spline whose file was read */
     source_part *parts;
     size_t part_count;
+    char *nothing; /* why nothing is left of its solid, where that is so: then the rest is NULL and 0 */
 };
 
 typedef struct source {
@@ -84,9 +84,6 @@ size_t source_part_at(const source *s, vec3 x);
 
 /* The same of the parts of a part, 0 where it has one or none; x is in its space. */
 size_t source_nearest_part(const source_part *whole, vec3 x);
-
-/* Adds `inputs` to the report, those of a volume to `members`, and warnings. */
-void source_describe(const source *s, json *report, json *members, json *warnings);
 
 /* Whether random starts are drawn from crossing cells instead of the whole domain. */
 bool source_starts_in_cells(const source *s);

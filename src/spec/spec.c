@@ -17,12 +17,13 @@
 
 static void read_group(reading *r, const json_at *at, const char *group, json *normal);
 
+static const char *const surface_keys[] = {SPEC_SURFACE_LIST(WORDS_TEXT, )};
+
 /* Sets the kind of surface that a member of /surface makes; false if it makes none. */
 static bool set_surface_kind(reading *r, const char *key)
 {
-    static const char *const keys[] = {SPEC_SURFACE_LIST(WORDS_TEXT, )};
-    for (size_t k = 0; k < sizeof keys / sizeof keys[0]; k++) {
-        if (strcmp(key, keys[k]) != 0) continue;
+    for (size_t k = 0; k < sizeof surface_keys / sizeof surface_keys[0]; k++) {
+        if (strcmp(key, surface_keys[k]) != 0) continue;
         r->surface->kind = (spec_surface_kind)k;
         return true;
     }
@@ -406,6 +407,11 @@ bool spec_surface_is_bounded(const spec_surface *s)
         all &= bounded;
     }
     return s->kind == SPEC_SURFACE_INTERSECTION ? any : s->kind == SPEC_SURFACE_DIFFERENCE ? first : all;
+}
+
+const char *spec_surface_kind_name(spec_surface_kind kind)
+{
+    return surface_keys[kind];
 }
 
 const char *spec_energy_name(spec_energy energy)

@@ -343,6 +343,9 @@ void spec_set_frame(spec *s, int frame);
 /* Whether the surface has an end, as far as its parts tell: a halfspace has none, nor a union with one. */
 bool spec_surface_is_bounded(const spec_surface *s);
 
+/* The member of /surface that makes a surface of a kind. */
+const char *spec_surface_kind_name(spec_surface_kind kind);
+
 /* The word of an energy, as energy_find takes it. */
 const char *spec_energy_name(spec_energy energy);
 

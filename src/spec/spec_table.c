@@ -609,8 +609,10 @@ const spec_row spec_rows[] = {
      .low = 2,
      .high = 64,
      UNSTORED,
-     .prose = "The union of the solids. Each member is a surface and may itself be a combination. The "
-              "result has a sharp edge where two surfaces meet."},
+     .prose =
+         "The union of the solids. Each member is a surface and may itself be a combination. The "
+         "result has a sharp edge where two surfaces meet. A member that is empty, such as solids that do "
+         "not meet, is left out, with a warning."},
     {.pointer = "/surface/intersection",
      .type = SPEC_TYPE_SURFACES,
      .choice = SPEC_CHOICE_SURFACE,
@@ -624,7 +626,7 @@ const spec_row spec_rows[] = {
      .low = 2,
      .high = 64,
      UNSTORED,
-     .prose = "The first solid without the others."},
+     .prose = "The first solid without the others. One of these that is empty is left out, with a warning."},
     {.pointer = "/surface/offset",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,

@@ -310,6 +310,30 @@ def test_solids_that_hide_each_other(sample, dense_ball):
         assert points is None and e["code"] == "no_surface", (nothing, e)
 
 
+@pytest.mark.parametrize("more", [{}, {"features": True}], ids=["smooth", "features"])
+def test_a_part_that_is_empty_changes_nothing(sample, cube_mesh, more):
+    """Parts that do not meet, or of which nothing is left: in a union, or taken from a solid, they count as nothing, which a
+    warning says. A solid of which nothing is left is no_surface, and says which part that is."""
+    one, other = sphere(1), sphere(0.5, (3, 0, 0))
+    none = {"intersection": [other, sphere(0.3)]}
+    away = transform({"difference": [sphere(0.3), one]}, numpy.diag([2, -1, 1, 1.0]))
+    shrunk = {"offset": {"surface": sphere(0.3), "distance": -0.5}}
+    alone, points = sample(one, **more)
+    for surface, left_out in (({"union": [none, one]}, ["/union/0"]), ({"difference": [one, shrunk, away]},
+                              ["/difference/1/offset/surface", "/difference/2/transform/surface"]),
+                              ({"union": [one, {"union": [shrunk, none]}]}, ["/union/1"])):
+        report, same = sample(surface, **more)
+        assert report["surface"]["area"] == pytest.approx(alone["surface"]["area"], rel=2e-3), surface
+        assert numpy.abs(to_sphere(same, 1, (0, 0, 0))).max() < 1e-9
+        told = [w for w in report["surface"]["warnings"] if "the part is left out" in w]
+        assert [w.split(":")[0] for w in told] == ["/surface" + place for place in left_out], report["surface"]["warnings"]
+    report, points = sample({"union": [cube_mesh, {"intersection": [cube_mesh, other]}]})
+    assert points.count == COUNT and len(report["surface"]["parts"]) == 1 and report["surface"]["area"] == pytest.approx(24, rel=1e-2)
+    for nothing, where in ((none, "/surface"), ({"difference": [{"union": [none, shrunk]}, one]}, "/surface/difference/0")):
+        e, points = sample(nothing, **more)
+        assert points is None and e["code"] == "no_surface" and e["message"].startswith(where + ": "), e
+
+
 @pytest.mark.plain
 def test_kinds_may_be_mixed_and_nested(sample, dense_ball, cube_mesh):
     """A cube from which two balls are taken: every point is on one of the three."""

@@ -574,9 +574,10 @@ class Surface(_SurfaceRest):
         The volume covers the data windows of all slices; a pixel outside the data window of its slice is 0.
         In tiled files with levels, the full-resolution level is read. Deep images are refused.
     union: The union of the solids. Each member is a surface and may itself be a combination. The result has a
-        sharp edge where two surfaces meet.
+        sharp edge where two surfaces meet. A member that is empty, such as solids that do not meet, is left
+        out, with a warning.
     intersection: The intersection of the solids.
-    difference: The first solid without the others.
+    difference: The first solid without the others. One of these that is empty is left out, with a warning.
     offset: A surface at a constant distance from another one. The other surface must have distances: formulas
         have them but for ellipsoid, quartic and gyroid, level sets and meshes have them, and so have their
         combinations and their transforms that keep angles. Other surfaces, such as fog volumes, are refused.
