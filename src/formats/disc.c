@@ -107,24 +107,39 @@ ISA_INLINE bool section_within(const section *s, double limit, double out[2])
 }
 
 /* Inverse depths (parallel: what is left of them to the farthest) as a polynomial of the sample, and what
- * to note where they are the greatest so far. Without a branch, so that samples go through vectors; the
- * sums are the same on every machine, as none is fused. */
+ * to note where they are the greatest so far. */
 typedef struct run {
     double square, linear, constant;
     uint32_t code;
 } run;
 
-ISA_INLINE void draw_run(const run *r, double first, double step, int count, float *restrict key,
-                         uint32_t *restrict code)
+/* The samples of a row that a disc covers, of these the ones within its outline, and the abscissa of sample 0. */
+typedef struct stretch {
+    int all[2], plain[2];
+    double first, step;
+} stretch;
+
+/* DISC_BLOCK samples at a time, also beyond the stretch's end, where nothing changes: no branch is left, so that
+ * samples go through vectors. Within a block the polynomial is one of the place in it, in single precision: that
+ * part is small beside the whole. The sums are the same on every machine, as none is fused. */
+ISA_INLINE void draw_run(const run *r, const stretch *t, float *key, uint32_t *code)
 {
-    double square = r->square, linear = r->linear, constant = r->constant;
-    uint32_t mine = r->code;
-    for (int k = 0; k < count; k++) {
-        double x = first + k * step;
-        float here = (float)((square * x + linear) * x + constant), before = key[k];
-        bool wins = here > before;
-        key[k] = wins ? here : before;
-        code[k] = wins ? mine : code[k];
+    float bend = (float)(r->square * t->step * t->step);
+    uint32_t plain = r->code, ring = plain | DISC_RING;
+    for (int from = t->all[0]; from < t->all[1]; from += DISC_BLOCK) {
+        double x = t->first + from * t->step;
+        float base = (float)((r->square * x + r->linear) * x + r->constant);
+        float slope = (float)((2 * r->square * x + r->linear) * t->step);
+        int end = t->all[1] - from, plain_begin = t->plain[0] - from, plain_end = t->plain[1] - from;
+        float *restrict keys = key + from;
+        uint32_t *restrict codes = code + from;
+        for (int k = 0; k < DISC_BLOCK; k++) {
+            float at = (float)k, here = base + (slope + bend * at) * at, before = keys[k];
+            uint32_t shown = (k < plain_begin) | (k >= plain_end) ? ring : plain;
+            bool wins = (here > before) & (k < end);
+            keys[k] = wins ? here : before;
+            codes[k] = wins ? shown : codes[k];
+        }
     }
 }
 
@@ -140,27 +155,20 @@ ISA_INLINE void to_samples(const abscissae *a, const double between[2], int out[
     out[1] = whole(floor((between[1] - a->first) * a->per_step) + 1, out[0], a->width);
 }
 
-/* The interval of the disc, without that inside its outline, which is drawn apart. */
+/* The interval of the disc, with its outline apart. */
 ISA_INLINE void draw_section(const abscissae *a, const section *s, const run *r, double limit,
                              double ring_limit, const disc_band *b, int row)
 {
-    float *key = b->key + (size_t)row * (size_t)b->width;
-    uint32_t *code = b->code + (size_t)row * (size_t)b->width;
+    size_t start = (size_t)row * (size_t)b->width;
+    stretch t = {.first = a->first, .step = a->step};
     double within[2];
-    int all[2], plain[2];
     if (!section_within(s, limit, within)) return;
-    to_samples(a, within, all);
-    if (all[1] <= all[0]) return;
-    note_drawn(b, row, all[0], all[1]);
-    plain[0] = plain[1] = all[1];
-    if (section_within(s, ring_limit, within)) to_samples(a, within, plain);
-    run outline = *r;
-    outline.code |= DISC_RING;
-    const int ends[4] = {all[0], plain[0], plain[1], all[1]};
-    for (int k = 0; k < 3; k++)
-        if (ends[k + 1] > ends[k])
-            draw_run(k == 1 ? r : &outline, a->first + ends[k] * a->step, a->step, ends[k + 1] - ends[k],
-                     key + ends[k], code + ends[k]);
+    to_samples(a, within, t.all);
+    if (t.all[1] <= t.all[0]) return;
+    note_drawn(b, row, t.all[0], t.all[1]);
+    t.plain[0] = t.plain[1] = t.all[1];
+    if (section_within(s, ring_limit, within)) to_samples(a, within, t.plain);
+    draw_run(r, &t, b->key + start, b->code + start);
 }
 
 /* Of the row through ray_y. Exact but for the cone, which takes the disc as it would look from afar: it
@@ -189,8 +197,9 @@ ISA_CLONES void disc_draw(const camera *c, double far, const disc *d, const disc
     double middle = c->parallel ? d->center.x : d->center.x / d->center.z;
     const abscissae a = {(sample_place(0) - c->center_x) / c->focal - middle, 1 / (DISC_SAMPLES * c->focal),
                          DISC_SAMPLES * c->focal, b->width};
+    const double top = camera_ray(c, 0, sample_place(0)).y;
     for (int y = range[2]; y <= range[3]; y++) {
-        double ray_y = camera_ray(c, 0, sample_place(y)).y;
+        double ray_y = top - y * a.step;
         section s = c->parallel ? section_at_parallel(d, ray_y) : section_at(d, offset, ray_y);
         const run r = run_along(c, d, &s, offset, ray_y, far);
         draw_section(&a, &s, &r, limit, ring_limit, b, y - b->top);

@@ -29,7 +29,10 @@ typedef struct disc {
     bool ring; /* its outline is drawn with DISC_RING */
 } disc;
 
-/* Some rows of a picture. The arrays are the caller's, zeroed. */
+/* Samples are drawn so many at a time. */
+enum { DISC_BLOCK = 16 };
+
+/* Some rows of a picture. The arrays are the caller's, zeroed; those of samples end DISC_BLOCK beyond the last row. */
 typedef struct disc_band {
     int width, top, rows; /* in samples */
     float *key;           /* inverse depth, with the cone: the greatest wins; 0 where nothing is */

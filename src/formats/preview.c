@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/isa.h"
 #include "base/memory.h"
 #include "formats/disc.h"
 #include "formats/half.h"
@@ -312,15 +313,23 @@ static float background(const image *m, int y)
     return top + (bottom - top) * ((float)y + 0.5f) / (float)m->height;
 }
 
-/* What the samples of a pixel show, and the colour of the last code that was looked up. */
+/* A pixel as it stands in a picture. */
+typedef struct pixel {
+    uint16_t rgba[4];
+    unsigned char rgb[3];
+} pixel;
+
+/* What the samples of a pixel show; the colour of the last code that was looked up, and the pixel that is full of
+ * the last one that filled a pixel. */
 typedef struct resolver {
     image *image;
     const disc_band *band;
     const color *colors;
     const unsigned char *table;
     vec3 up;
-    uint32_t code;
+    uint32_t code, full_code;
     color color;
+    pixel full;
 } resolver;
 
 static color color_of(resolver *r, uint32_t code)
@@ -330,16 +339,30 @@ static color color_of(resolver *r, uint32_t code)
     return r->color;
 }
 
-static void put_pixel(const resolver *r, size_t pixel, color c, float coverage, float ground)
+static pixel pixel_of(const resolver *r, color c, float coverage, float ground)
 {
     const float rgba[4] = {c.r, c.g, c.b, coverage};
     float behind = (1 - coverage) * ground;
-    for (int k = 0; k < 4; k++) r->image->rgba[4 * pixel + (size_t)k] = half_from_float(rgba[k]);
-    for (int k = 0; k < 3; k++) r->image->rgb[3 * pixel + (size_t)k] = to_byte(r->table, rgba[k] + behind);
+    pixel out;
+    for (int k = 0; k < 4; k++) out.rgba[k] = half_from_float(rgba[k]);
+    for (int k = 0; k < 3; k++) out.rgb[k] = to_byte(r->table, rgba[k] + behind);
+    return out;
 }
 
-static void mix_pixel(resolver *r, size_t pixel, const uint32_t *const line[DISC_SAMPLES], int x,
-                      float ground)
+static void put_pixel(const resolver *r, size_t at, const pixel *p)
+{
+    memcpy(r->image->rgba + 4 * at, p->rgba, sizeof p->rgba);
+    memcpy(r->image->rgb + 3 * at, p->rgb, sizeof p->rgb);
+}
+
+static void fill_pixel(resolver *r, size_t at, uint32_t code)
+{
+    if (code != r->full_code) r->full = pixel_of(r, color_of(r, code), 1, 0);
+    r->full_code = code;
+    put_pixel(r, at, &r->full);
+}
+
+static void mix_pixel(resolver *r, size_t at, const uint32_t *const line[DISC_SAMPLES], int x, float ground)
 {
     static const float share = 1.0f / (DISC_SAMPLES * DISC_SAMPLES);
     color sum = {0, 0, 0};
@@ -352,7 +375,9 @@ static void mix_pixel(resolver *r, size_t pixel, const uint32_t *const line[DISC
             sum = (color){sum.r + c.r, sum.g + c.g, sum.b + c.b};
             covered++;
         }
-    put_pixel(r, pixel, (color){sum.r * share, sum.g * share, sum.b * share}, (float)covered * share, ground);
+    color mean = {sum.r * share, sum.g * share, sum.b * share};
+    pixel mixed = pixel_of(r, mean, (float)covered * share, ground);
+    put_pixel(r, at, &mixed);
 }
 
 /* The pixels of a row that may show something, of three rows of samples: the first, and that beyond the last. */
@@ -381,15 +406,15 @@ static void resolve_row(resolver *r, int y)
     memset(m->rgb + 3 * first_pixel, to_byte(r->table, ground), 3 * (size_t)m->width);
     drawn_pixels(r->band, row, shown);
     for (int x = shown[0]; x < shown[1]; x++) {
-        size_t pixel = first_pixel + (size_t)x;
+        size_t at = first_pixel + (size_t)x;
         uint32_t first = line[0][x * DISC_SAMPLES], differs = 0;
         for (int j = 0; j < DISC_SAMPLES; j++)
             for (int i = 0; i < DISC_SAMPLES; i++) differs |= line[j][x * DISC_SAMPLES + i] ^ first;
         if (differs)
-            mix_pixel(r, pixel, line, x, ground);
+            mix_pixel(r, at, line, x, ground);
         else if (first)
-            put_pixel(r, pixel, color_of(r, first), 1, ground);
-        m->hit[pixel] = line[DISC_SAMPLES / 2][x * DISC_SAMPLES + DISC_SAMPLES / 2];
+            fill_pixel(r, at, first);
+        m->hit[at] = line[DISC_SAMPLES / 2][x * DISC_SAMPLES + DISC_SAMPLES / 2];
     }
 }
 
@@ -403,7 +428,7 @@ static void band_chunk(void *context, int worker, size_t begin, size_t end)
         b->top = (int)k * rows;
         b->rows = all - b->top < rows ? all - b->top : rows;
         draw_band(m, &job->bins, k, b);
-        resolver r = {m, b, job->colors, job->table, m->up, 0, {0, 0, 0}};
+        resolver r = {.image = m, .band = b, .colors = job->colors, .table = job->table, .up = m->up};
         for (int y = b->top / DISC_SAMPLES; y < (b->top + b->rows) / DISC_SAMPLES; y++) resolve_row(&r, y);
         disc_band_empty(b);
     }
@@ -417,9 +442,10 @@ static bool make_bands(drawing *job, error *e)
     job->band = mem_alloc((size_t)threads_count(job->pool) * sizeof *job->band);
     for (int k = 0; k < threads_count(job->pool); k++) {
         disc_band *b = &job->band[k];
+        size_t samples = (size_t)(width * job->bins.rows) + DISC_BLOCK;
         b->width = width;
-        b->key = mem_array((size_t)(width * job->bins.rows), sizeof *b->key, "the preview's depths", e);
-        b->code = mem_array((size_t)(width * job->bins.rows), sizeof *b->code, "the preview's samples", e);
+        b->key = mem_array(samples, sizeof *b->key, "the preview's depths", e);
+        b->code = mem_array(samples, sizeof *b->code, "the preview's samples", e);
         b->drawn = mem_array((size_t)job->bins.rows, sizeof *b->drawn, "the preview's samples", e);
         if (!b->key || !b->code || !b->drawn) return false;
     }
@@ -592,15 +618,31 @@ preview_span preview_span_at(const image *m, int x, int y)
     return s;
 }
 
-vec3 preview_place(const image *m, const preview_span *s, int x, int y)
+/* What the ray through a pixel meets. A dot stands for a disc that its ray misses: its own place then. */
+ISA_INLINE vec3 place_at(const camera *c, bool parallel, const preview_span *s, int x, int y)
 {
-    vec3 p = camera_ray(&m->camera, x + 0.5, y + 0.5), n = s->plane;
-    if (m->camera.parallel)
+    vec3 p = camera_ray(c, x + 0.5, y + 0.5), n = s->plane;
+    if (parallel)
         p.z = s->center.z - (n.x * (p.x - s->center.x) + n.y * (p.y - s->center.y)) / n.z;
     else
         p = vec3_scale(p, vec3_dot(s->center, n) / vec3_dot(p, n));
-    /* A dot stands for a disc that its ray misses: its own place then. */
-    return vec3_norm2(vec3_sub(p, s->center)) <= s->radius * s->radius ? p : s->center;
+    bool meets = vec3_norm2(vec3_sub(p, s->center)) <= s->radius * s->radius;
+    return (vec3){meets ? p.x : s->center.x, meets ? p.y : s->center.y, meets ? p.z : s->center.z};
+}
+
+vec3 preview_place(const image *m, const preview_span *s, int x, int y)
+{
+    return place_at(&m->camera, m->camera.parallel, s, x, y);
+}
+
+ISA_CLONES void preview_depths(const image *m, const preview_span *s, int x, int y, float *restrict depth)
+{
+    const camera c = m->camera;
+    const preview_span along = *s;
+    if (c.parallel)
+        for (int k = 0; k < along.end - x; k++) depth[k] = (float)place_at(&c, true, &along, x + k, y).z;
+    else
+        for (int k = 0; k < along.end - x; k++) depth[k] = (float)place_at(&c, false, &along, x + k, y).z;
 }
 
 preview_sample preview_at(const image *m, int x, int y)

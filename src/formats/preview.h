@@ -92,4 +92,7 @@ preview_span preview_span_at(const image *picture, int x, int y);
 /* The place in camera space, whose third coordinate is the depth, that pixel (x, y) of the span shows. */
 vec3 preview_place(const image *picture, const preview_span *span, int x, int y);
 
+/* The depths of all pixels of the span from x on. */
+void preview_depths(const image *picture, const preview_span *span, int x, int y, float *depth);
+
 #endif

@@ -46,6 +46,7 @@ typedef struct line {
     int count, channel[CHANNELS];    /* those that the file has */
     size_t length, offset[CHANNELS]; /* bytes, by channel */
     unsigned char *bytes;
+    float *depth; /* of each pixel */
 } line;
 
 static line line_make(int width, bool all_channels)
@@ -58,7 +59,14 @@ static line line_make(int width, bool all_channels)
         l.length += (size_t)width * (size_t)channels[c].bytes;
     }
     l.bytes = mem_alloc(l.length);
+    l.depth = mem_alloc((size_t)width * sizeof *l.depth);
     return l;
+}
+
+static void line_free(line *l)
+{
+    free(l->bytes);
+    free(l->depth);
 }
 
 static void put_whole(unsigned char *bytes, size_t at, uint32_t value)
@@ -96,28 +104,31 @@ static void fill_constants(const line *l, const preview_span *s, int x)
 
 static void fill_places(const line *l, const image *m, const preview_span *s, int x, int y)
 {
-    for (; x < s->end; x++) {
-        size_t at = (size_t)x;
-        vec3 p = preview_place(m, s, x, y);
-        put_float(l->bytes + l->offset[Z], at, p.z);
-        if (!l->all_channels) continue;
-        vec3 world = camera_to_world(&m->camera, p);
-        put_float(l->bytes + l->offset[P_X], at, world.x);
-        put_float(l->bytes + l->offset[P_Y], at, world.y);
-        put_float(l->bytes + l->offset[P_Z], at, world.z);
+    preview_depths(m, s, x, y, l->depth + x);
+    for (size_t at = (size_t)x; at < (size_t)s->end; at++)
+        put_float(l->bytes + l->offset[Z], at, (double)l->depth[at]);
+    for (; l->all_channels && x < s->end; x++) {
+        vec3 world = camera_to_world(&m->camera, preview_place(m, s, x, y));
+        put_float(l->bytes + l->offset[P_X], (size_t)x, world.x);
+        put_float(l->bytes + l->offset[P_Y], (size_t)x, world.y);
+        put_float(l->bytes + l->offset[P_Z], (size_t)x, world.z);
     }
+}
+
+/* One of the four channels of the picture. */
+static void fill_halves(const image *m, const uint16_t *from, unsigned char *restrict to)
+{
+    for (size_t x = 0; x < (size_t)m->width; x++) put_half(to, x, from[4 * x]);
 }
 
 static void fill_line(const line *l, const image *m, int y)
 {
     const uint16_t *rgba = m->rgba + 4 * (size_t)y * (size_t)m->width;
     memset(l->bytes, 0, l->length);
-    for (size_t x = 0; x < (size_t)m->width; x++) {
-        put_half(l->bytes + l->offset[R], x, rgba[4 * x]);
-        put_half(l->bytes + l->offset[G], x, rgba[4 * x + 1]);
-        put_half(l->bytes + l->offset[B], x, rgba[4 * x + 2]);
-        put_half(l->bytes + l->offset[A], x, rgba[4 * x + 3]);
-    }
+    fill_halves(m, rgba, l->bytes + l->offset[R]);
+    fill_halves(m, rgba + 1, l->bytes + l->offset[G]);
+    fill_halves(m, rgba + 2, l->bytes + l->offset[B]);
+    fill_halves(m, rgba + 3, l->bytes + l->offset[A]);
     for (int x = 0; x < m->width;) {
         preview_span s = preview_span_at(m, x, y);
         if (s.id > 0) {
@@ -370,7 +381,7 @@ bool preview_exr_write(FILE *file, const image *m, const preview_exr_options *op
         exr_result_t closed = exr_finish(&context);
         if (!r) r = closed;
     }
-    free(l.bytes);
+    line_free(&l);
     return finish(r == EXR_ERR_SUCCESS && flush(s) && s->e.code == ERROR_NONE, r, s, e);
 }
 
@@ -443,6 +454,6 @@ bool preview_exr_verify(FILE *file, const image *m, const preview_exr_options *o
     if (!r && check_head(context, m, options->packing, &s->e) && check_channels(context, &l, &s->e))
         r = check_lines(context, m, &l, &same, &s->e);
     if (context) exr_finish(&context);
-    free(l.bytes);
+    line_free(&l);
     return finish(!r && same, r, s, e);
 }
