@@ -269,6 +269,16 @@ static double corner_value(const field *f, vec3 x)
     return p->shape == ANALYTIC_TORUS ? p->major_radius - p->minor_radius : -1;
 }
 
+static void corner_values(const field *f, const vec3_lanes *x, double value[VEC3_LANES])
+{
+    bool defined[VEC3_LANES];
+    vec3_lanes gradient;
+    for (int l = 0; l < VEC3_LANES; l++) defined[l] = true;
+    analytic_sample_lanes(f, x, defined, value, &gradient);
+    for (int l = 0; l < VEC3_LANES; l++)
+        if (!defined[l]) value[l] = corner_value(f, vec3_lanes_get(x, l));
+}
+
 /* A bound of the second derivatives within `radius` of a point, in any direction. */
 static double bend_bound(const analytic_params *p, vec3 d, double radius)
 {
@@ -299,7 +309,7 @@ static bool may_cross(const field *f, vec3 low, vec3 high)
     return fabs(s.value) <= slope * radius * (1 + 1e-9);
 }
 
-static const cell_grid_oracle oracle = {corner_value, may_cross};
+static const cell_grid_oracle oracle = {corner_value, corner_values, may_cross};
 
 static size_t analytic_cell_count(const field *f)
 {

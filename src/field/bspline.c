@@ -86,7 +86,7 @@ static bool may_cross(const field *f, vec3 low, vec3 high)
     return false;
 }
 
-static const cell_grid_oracle oracle = {corner_value, may_cross};
+static const cell_grid_oracle oracle = {.value = corner_value, .may_cross = may_cross};
 
 static size_t bspline_cell_count(const field *f)
 {

@@ -63,6 +63,20 @@ static vec3 grid_corner(const cell_grid *g, int level, int64_t i, int64_t j, int
     return corner;
 }
 
+/* F at some places. What is left of the lanes asks for the last one again. */
+static void values_at(const cell_grid_oracle *o, const field *f, const vec3 *place, int count, double *value)
+{
+    for (int done = 0; o->values && done < count; done += VEC3_LANES) {
+        double all[VEC3_LANES];
+        vec3_lanes x;
+        const int left = count - done < VEC3_LANES ? count - done : VEC3_LANES;
+        for (int l = 0; l < VEC3_LANES; l++) vec3_lanes_put(&x, l, place[done + (l < left ? l : left - 1)]);
+        o->values(f, &x, all);
+        memcpy(value + done, all, (size_t)left * sizeof *value);
+    }
+    for (int k = 0; !o->values && k < count; k++) value[k] = o->value(f, place[k]);
+}
+
 static void note_crossing(look *l, const int64_t at[3])
 {
     const cell_grid *g = l->search->grid;
@@ -123,11 +137,13 @@ static void look_at(look *l, const block *b)
         first[axis] = (int64_t)BLOCK * b->at[axis];
         last[axis] = first[axis] + BLOCK < cells ? first[axis] + BLOCK : cells;
     }
-    for (int k = 0; k <= BLOCK; k++)
-        for (int j = 0; j <= BLOCK; j++)
-            for (int i = 0; i <= BLOCK; i++)
-                l->corners[(k * ROW + j) * ROW + i] = w->oracle->value(
-                    w->field, grid_corner(g, b->level, first[0] + i, first[1] + j, first[2] + k));
+    vec3 along[ROW], place[SLAB];
+    for (int i = 0; i <= BLOCK; i++)
+        along[i] = grid_corner(g, b->level, first[0] + i, first[1] + i, first[2] + i);
+    for (int k = 0; k <= BLOCK; k++) {
+        for (int n = 0; n < SLAB; n++) place[n] = (vec3){along[n % ROW].x, along[n / ROW].y, along[k].z};
+        values_at(w->oracle, w->field, place, SLAB, l->corners + k * SLAB);
+    }
     int64_t at[3];
     for (at[2] = first[2]; at[2] < last[2]; at[2]++)
         for (at[1] = first[1]; at[1] < last[1]; at[1]++)
@@ -315,11 +331,12 @@ void cell_grid_cell(const cell_grid *g, const field *f, const cell_grid_oracle *
 {
     int64_t at[3];
     const int level = find_place(g, index, at);
+    const vec3 low = grid_corner(g, level, at[0], at[1], at[2]),
+               high = grid_corner(g, level, at[0] + 1, at[1] + 1, at[2] + 1);
     out->grazed = false;
-    for (int c = 0; c < 8; c++) {
-        out->corner[c] = grid_corner(g, level, at[0] + (c & 1), at[1] + (c >> 1 & 1), at[2] + (c >> 2));
-        out->value[c] = oracle->value(f, out->corner[c]);
-    }
+    for (int c = 0; c < 8; c++)
+        out->corner[c] = (vec3){c & 1 ? high.x : low.x, c >> 1 & 1 ? high.y : low.y, c >> 2 ? high.z : low.z};
+    values_at(oracle, f, out->corner, 8, out->value);
 }
 
 unsigned cell_grid_cut_faces(const cell_grid *g, const field *f, const cell_grid_oracle *oracle)

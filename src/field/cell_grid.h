@@ -29,6 +29,8 @@ typedef struct cell_grid {
 /* What the search asks of the field. */
 typedef struct cell_grid_oracle {
     double (*value)(const field *f, vec3 x); /* F, or its side where it has no derivative */
+    /* The same of VEC3_LANES places at once; may be NULL. */
+    void (*values)(const field *f, const vec3_lanes *x, double value[VEC3_LANES]);
     /* False only where F certainly has one sign in the box. */
     bool (*may_cross)(const field *f, vec3 low, vec3 high);
 } cell_grid_oracle;

@@ -79,7 +79,7 @@ static double corner_value(const field *f, vec3 x)
     return copysign(ldexp(FAR * f->cell_size, ((const combination *)f)->grid.finest), combination_side(f, x));
 }
 
-static const cell_grid_oracle oracle = {corner_value, NULL};
+static const cell_grid_oracle oracle = {.value = corner_value};
 
 static size_t combination_cell_count(const field *f)
 {
