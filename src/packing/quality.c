@@ -6,6 +6,7 @@
 #include "packing/energy.h"
 #include "packing/packing.h"
 #include "packing/partitions.h"
+#include "packing/star_lanes.h"
 #include "packing/voronoi.h"
 
 /* A request whose spacings differ by less than this factor is even: the slope against it means nothing. */
@@ -92,9 +93,10 @@ static void sum_pairs(pair_batch *b)
     b->count = 0;
 }
 
-/* The energy of i, as quality.energy_excess has it, and the smallest of its neighbours' distances, squared
+/* `rows` hold the list of i in a lane, or are NULL. The energy of i, as quality.energy_excess has it, and the smallest of its neighbours' distances, squared
  * and over the squared mean of the spacings. */
-static double energy_of(const measure_job *job, uint32_t i, double *nearest2)
+static double energy_of(const measure_job *job, uint32_t i, const star_rows *rows, size_t lane,
+                        double *nearest2)
 {
     const quality_input *in = job->in;
     const uint32_t *list = neighbours_list(job->sites.near, i);
@@ -103,9 +105,10 @@ static double energy_of(const measure_job *job, uint32_t i, double *nearest2)
     double support = packing_support(in->sized ? in->spacing[i] : in->h), over2 = 1 / (support * support);
     for (uint32_t k = 0; k < job->sites.near->list_count[i]; k++) {
         uint32_t j = list[k];
-        if (facing(in, i, j) <= VORONOI_OTHER_SIDE) continue;
-        double square = vec3_norm2(vec3_sub(in->position[i], in->position[j]));
-        double size = 0.5 * (1 + in->spacing[j] * over), size2 = size * size;
+        if ((rows ? rows->facing[k][lane] : facing(in, i, j)) <= VORONOI_OTHER_SIDE) continue;
+        double square = rows ? rows->square[k][lane] : vec3_norm2(vec3_sub(in->position[i], in->position[j]));
+        double size = 0.5 * (1 + (rows ? rows->spacing[k][lane] : in->spacing[j]) * over),
+               size2 = size * size;
         double relative2 = square * over * over / size2;
         least = relative2 < least ? relative2 : least;
         if (!in->sized) size2 = 1;
@@ -203,32 +206,31 @@ static void tally_logarithms(double requested, double local, tally *t)
     t->sxy += x * y;
 }
 
-static void tally_point(const measure_job *job, uint32_t i, tally *t)
+static void tally_point(const measure_job *job, uint32_t i, const voronoi_star *star, const star_rows *rows,
+                        size_t lane, tally *t)
 {
     const quality_input *in = job->in;
-    voronoi_star star;
-    voronoi_star_at(&job->sites, i, &star);
-    double spacing = in->spacing[i], area = voronoi_star_area(&star),
+    double spacing = in->spacing[i], area = voronoi_star_area(star),
            local = packing_spacing(fmax(area, 0), 1);
-    bool whole = area > 0 && !star.pinched && !(in->flags && in->flags[i] & PACKING_FIXED);
+    bool whole = area > 0 && !star->pinched && !(in->flags && in->flags[i] & PACKING_FIXED);
     if (job->local) job->local[job->part->partition.index[i]] = whole ? local : spacing;
-    if (job->degree) job->degree[job->part->partition.index[i]] = star.count;
-    t->degrees += 6.0 - star.count;
+    if (job->degree) job->degree[job->part->partition.index[i]] = star->count;
+    t->degrees += 6.0 - star->count;
     if (job->part->rim[i]) {
         t->boundary++;
         return;
     }
     double nearest2;
-    t->energy += energy_of(job, i, &nearest2);
+    t->energy += energy_of(job, i, rows, lane, &nearest2);
     t->nearest = fmin(t->nearest, nearest2);
     t->inner++;
     t->finest = fmin(t->finest, spacing);
     t->coarsest = fmax(t->coarsest, spacing);
-    sum_cell(job, i, &star, area, &t->all);
-    const bool clear = has_cell(job, i, &star);
+    sum_cell(job, i, star, area, &t->all);
+    const bool clear = has_cell(job, i, star);
     t->ambiguous += !clear;
     if (!(in->has_cell ? in->has_cell[job->part->partition.index[i]] : clear)) return;
-    sum_cell(job, i, &star, area, &t->resolved);
+    sum_cell(job, i, star, area, &t->resolved);
     count_value(&t->ratio, local / spacing);
     if (job->part->graded && local > 0) tally_logarithms(spacing, local, t);
 }
@@ -249,8 +251,17 @@ static void tally_chunk(void *context, int worker, size_t begin, size_t end)
     const measure_job *job = context;
     (void)worker;
     tally t = tally_empty();
-    for (size_t i = begin; i < end; i++)
-        if (is_measured(job, i)) tally_point(job, (uint32_t)i, &t);
+    star_rows rows = {0};
+    voronoi_star star[STAR_LANES];
+    for (size_t i = begin; i < end;) {
+        uint32_t point[STAR_LANES], count = 0;
+        for (; i < end && count < STAR_LANES; i++)
+            if (is_measured(job, i)) point[count++] = (uint32_t)i;
+        if (count == 0) break;
+        /* one-sided normals face another way in energies */
+        const bool told = star_lanes_at(&job->sites, point, count, &rows, star) && !job->in->flags;
+        for (size_t l = 0; l < count; l++) tally_point(job, point[l], &star[l], told ? &rows : NULL, l, &t);
+    }
     job->part->tally[begin / CHUNK] = t;
 }
 

@@ -5,6 +5,7 @@
 
 #include "base/isa.h"
 #include "packing/packing.h"
+#include "packing/star_lanes.h"
 
 /* Points are moved by this much at most, in spacings, along their normals: those that lie on a plane or a
  * sphere have no unique triangulation, and so they have. */
@@ -351,19 +352,7 @@ static bool is_other_side(const site *a, const site *b)
     return vec3_dot(a->normal, b->normal) <= VORONOI_OTHER_SIDE;
 }
 
-/* The clear star: a point's cell in its tangent plane. Distances there are those in space, so that on a
- * sphere the cell's edges are the very ones of the diagram in space; elsewhere these lie off the plane by
- * terms of second order in how far the surface bends within the lists, which FLAT_FACING and FLAT_HEIGHT
- * bound. A cell whose every edge is longer than CLEAR, in spacings, and whose other points would have to come
- * nearer by as much to have one, has the neighbours that the triangles find. */
-static const double FLAT_FACING = 0.9, FLAT_HEIGHT = 0.22; /* the cosine of an angle, the sine of its half */
-/* Half of FLAT_FACING's angle away from VORONOI_OTHER_SIDE: on another sheet for every pair. */
-static const double FLAT_OTHER_SIDE = -0.77;
-/* On the tests' sets no clear star differs from the triangles'. */
-static const double CLEAR = 0.225;
-/* Points that are looked at first, as far away as this in spacings: mostly the cell's neighbours alone. */
-static const double RING_FIRST = 1.45;
-
+/* The clear star (star_lanes.h) of one point. */
 #define RING_MAX 32
 
 /* Points around the one at hand, by their angle in its tangent plane: places there, squared distances in
@@ -389,11 +378,11 @@ static bool gather_ring(const voronoi_sites *in, uint32_t a, double reach2, ring
     for (uint32_t k = 0; k < listed; k++) {
         uint32_t c = list[k];
         double facing = vec3_dot(n, normal_towards(in, c, n));
-        if (facing <= FLAT_OTHER_SIDE) continue;
+        if (facing <= STAR_OTHER_SIDE) continue;
         vec3 r = vec3_sub(in->position[c], x);
         double square = vec3_norm2(r), height = vec3_dot(n, r), spacing = in->spacing[c];
-        bent |=
-            (facing < FLAT_FACING) | (height * height > FLAT_HEIGHT * FLAT_HEIGHT * square) | (square == 0);
+        bent |= (facing < STAR_FLAT_FACING) |
+                (height * height > STAR_FLAT_HEIGHT * STAR_FLAT_HEIGHT * square) | (square == 0);
         least = spacing < least ? spacing : least;
         widest = spacing > widest ? spacing : widest;
         int within = square < reach2;
@@ -515,12 +504,12 @@ bool voronoi_star_clear(const voronoi_sites *in, uint32_t a, voronoi_star *out)
 {
     ring g;
     int order[RING_MAX], hull[RING_MAX + 1];
-    const double reach[2] = {RING_FIRST * in->spacing[a], INFINITY};
+    const double reach[2] = {STAR_RING_FIRST * in->spacing[a], INFINITY};
     for (int k = 0; k < 2; k++) {
         if (!gather_ring(in, a, reach[k] * reach[k], &g)) return false;
         if (g.count < 3) continue;
         order_ring(&g, order);
-        double clear = CLEAR * g.widest;
+        double clear = STAR_CLEAR * g.widest;
         int count = scan_hull(&g, order, clear, hull);
         if (count == 0 || !is_closed(&g, count, hull, clear)) continue;
         measure_star(&g, neighbours_list(in->near, a), count, hull, out);

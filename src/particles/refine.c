@@ -8,7 +8,7 @@
 #include "base/rng.h"
 #include "base/sets.h"
 #include "field/projection.h"
-#include "packing/voronoi.h"
+#include "packing/star_lanes.h"
 #include "particles/population.h"
 #include "particles/random_streams.h"
 
@@ -60,20 +60,31 @@ static size_t chunks_of(size_t n)
     return (n + CHUNK - 1) / CHUNK;
 }
 
+/* Those to points of higher index; returns how many. */
+static size_t note_edges(mesh *m, uint32_t i, const voronoi_star *star)
+{
+    size_t found = 0;
+    m->places[i] = 0;
+    for (uint32_t k = 0; k < star->count; k++) {
+        if (star->point[k] < i) continue;
+        m->places[i] |= star->place[k] < 31 ? (uint32_t)1 << star->place[k] : ELSEWHERE;
+        found++;
+    }
+    return found;
+}
+
 static void count_chunk(void *context, int worker, size_t begin, size_t end)
 {
     mesh *m = context;
     (void)worker;
     size_t found = 0;
-    for (uint32_t i = (uint32_t)begin; i < end; i++) {
-        voronoi_star star;
-        voronoi_star_at(&m->sites, i, &star);
-        m->places[i] = 0;
-        for (uint32_t k = 0; k < star.count; k++) {
-            if (star.point[k] < i) continue;
-            m->places[i] |= star.place[k] < 31 ? (uint32_t)1 << star.place[k] : ELSEWHERE;
-            found++;
-        }
+    star_rows rows = {0};
+    voronoi_star star[STAR_LANES];
+    for (size_t first = begin; first < end; first += STAR_LANES) {
+        uint32_t point[STAR_LANES], count = 0;
+        for (size_t i = first; i < end && count < STAR_LANES; i++) point[count++] = (uint32_t)i;
+        star_lanes_at(&m->sites, point, count, &rows, star);
+        for (uint32_t l = 0; l < count; l++) found += note_edges(m, point[l], &star[l]);
     }
     m->first[begin / CHUNK + 1] = found;
 }
