@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "labels/label_majority.h"
 #include "labels/label_mesh.h"
 #include "labels/label_thinness.h"
 #include "mesh/mesh_surface.h"
@@ -139,6 +140,7 @@ label_surface *label_surface_open(const label_surface_request *request, error *e
     label_surface *s = mem_alloc(sizeof *s);
     memcpy(s->warning, request->from->warning, sizeof s->warning);
     if (label_volume_read(request->from, request->spec, request->memory_limit, &s->labels, e) &&
+        label_majority_apply(&s->labels, request->spec->majority, request->memory_limit, request->pool, e) &&
         make_surface(request, s, e))
         return s;
     label_surface_close(s);
@@ -180,7 +182,7 @@ size_t label_surface_labels(const label_surface *s, size_t most, int64_t *out)
 {
     size_t count = 0;
     for (size_t k = 0; k < s->labels.count; k++) {
-        if (s->labels.material[k].background) continue;
+        if (s->labels.material[k].background || s->labels.material[k].voxels == 0) continue;
         if (count < most) out[count] = s->labels.material[k].value;
         count++;
     }
@@ -233,6 +235,25 @@ const label_thin *label_surface_thin(const label_surface *s, size_t *count)
     return s->thin;
 }
 
+/* Labels that the majority left no voxel. */
+static void warn_of_lost(const label_volume *v, json *warnings)
+{
+    enum { MOST_NAMED = 10 };
+    size_t lost = 0;
+    char *names = mem_strdup("");
+    for (size_t k = 0; k < v->count; k++) {
+        if (v->material[k].background || v->material[k].voxels > 0 || ++lost > MOST_NAMED) continue;
+        char *more = mem_printf("%s%s%lld", names, lost > 1 ? ", " : "", (long long)v->material[k].value);
+        free(names);
+        names = more;
+    }
+    char *words = mem_printf("surface.labels.majority left no voxel of %zu label%s: %s%s", lost,
+                             lost == 1 ? "" : "s", names, lost > MOST_NAMED ? " and others" : "");
+    if (lost > 0) json_append_string(warnings, words);
+    free(words);
+    free(names);
+}
+
 void label_surface_describe(const label_surface *s, json *surface, json *warnings)
 {
     if (*s->warning) json_append_string(warnings, s->warning);
@@ -246,6 +267,8 @@ void label_surface_describe(const label_surface *s, json *surface, json *warning
         json_put_integer(material, "thin_voxels", (int64_t)m->thin);
         json_put_bool(material, "background", m->background);
     }
+    if (s->labels.changed > 0) json_put_integer(members, "changed_voxels", (int64_t)s->labels.changed);
+    warn_of_lost(&s->labels, warnings);
     label_thinness_warn(&s->labels, warnings);
     put_interfaces(s, members);
 }

@@ -34,20 +34,11 @@ static bool number_of(reading *r, double value, uint16_t *number, error *e)
         label_material *grown = mem_grow(v->material, v->count, &r->room, 64, sizeof *grown, what, e);
         if (!grown) return false;
         v->material = grown;
-        v->material[v->count++] = (label_material){
-            .value = (int64_t)value, .low = {INT64_MAX, INT64_MAX, INT64_MAX}, .high = {-1, -1, -1}};
+        v->material[v->count] = (label_material){.value = (int64_t)value};
+        label_material_clear(&v->material[v->count++]);
     }
     *number = (uint16_t)n;
     return true;
-}
-
-static void note(label_material *m, const int64_t at[3])
-{
-    m->voxels++;
-    for (int k = 0; k < 3; k++) {
-        if (at[k] < m->low[k]) m->low[k] = at[k];
-        if (at[k] > m->high[k]) m->high[k] = at[k];
-    }
 }
 
 /* The slices into the middle of the array, `around` voxels from its sides. */
@@ -67,7 +58,7 @@ static bool read_voxels(reading *r, slices *from, int64_t around, error *e)
                     to[x] = to[x - 1];
                 else
                     ok = number_of(r, (double)row[x], &to[x], e);
-                if (ok) note(&v->material[to[x]], (const int64_t[3]){x, y, z});
+                if (ok) label_material_note(&v->material[to[x]], (const int64_t[3]){x, y, z});
             }
         }
     }
@@ -142,8 +133,8 @@ static size_t place_of(label_material *list, size_t *count, int64_t value)
 {
     for (size_t k = 0; k < *count; k++)
         if (list[k].value == value) return k;
-    list[*count] =
-        (label_material){.value = value, .low = {INT64_MAX, INT64_MAX, INT64_MAX}, .high = {-1, -1, -1}};
+    list[*count] = (label_material){.value = value};
+    label_material_clear(&list[*count]);
     return (*count)++;
 }
 
@@ -185,6 +176,7 @@ static bool make_materials(label_volume *v, const spec_labels *c, bool is_backgr
 static bool make_room(label_volume *v, const slices *from, int64_t around, size_t memory_limit, error *e)
 {
     double voxels = 1;
+    v->around = around;
     for (int k = 0; k < 3; k++) {
         v->size[k] = from->size[k] + 2 * around;
         voxels *= (double)v->size[k];

@@ -55,9 +55,9 @@ typedef struct spec_labels {
     char *path; /* NULL: they are a stack of images, the surface's `exr` */
     char *grid; /* NULL: the only one of integers in a VDB file */
     bool has_index;
-    int64_t index;  /* of several volumes in the file */
-    spec_list only; /* empty: all labels */
-    double smooth;  /* voxels */
+    int64_t index;           /* of several volumes in the file */
+    spec_list only;          /* empty: all labels */
+    double smooth, majority; /* voxels */
     bool has_background;
     int64_t background;
     bool closed;

@@ -505,6 +505,17 @@ const spec_row spec_rows[] = {
      .unit = "voxels",
      .prose =
          "Stairs shorter than this are smoothed; nothing moves by more than half a voxel along an axis. 0: not at all."},
+    {.pointer = "/surface/labels/majority",
+     .type = SPEC_TYPE_NUMBER,
+     .low = 0,
+     .high = 8,
+     .otherwise = "0",
+     AT(surface.labels.majority),
+     .unit = "voxels",
+     .prose =
+         "First each voxel gets the label of most voxels around it, by a Gaussian of this standard deviation: for slices "
+         "segmented by hand that do not fit to each other, and strays. Sheets thinner than 1.35 times this and rods thinner than 2.35 "
+         "times are lost. 0: every voxel keeps its label."},
     {.pointer = "/surface/labels/background",
      .type = SPEC_TYPE_LARGE,
      .low = -LABEL_MAX,

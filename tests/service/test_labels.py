@@ -5,6 +5,7 @@ import zlib
 
 import numpy
 import pytest
+from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from label_shapes import PLAIN, TURNED, Balls, Sectors, places
@@ -393,6 +394,52 @@ def test_what_has_no_interfaces_is_said(sample, values, members, code, words):
 def test_what_fills_all_is_sampled_when_closed(sample):
     report, points = sample(numpy.full((12, 12, 12), 5, "u1"), count=500, closed=True)
     assert set(interfaces(report)) == {(5, -1)} and report["mesh"]["boundary_edges"] == 0
+
+
+# ---- what was segmented by hand
+
+def shifted_slices(size=44, most=3):
+    """A ball of label 1 whose slices do not fit to each other, and voxels alone of label 2."""
+    random = numpy.random.default_rng(24)
+    inside = numpy.linalg.norm(places(size), axis=-1) < 0.3 * size
+    labels = numpy.stack([numpy.roll(s, random.integers(-most, most + 1, 2), axis=(0, 1)) for s in inside]).astype("u1")
+    labels[tuple(random.integers(0, size, (3, 30)))] = 2
+    return labels
+
+
+def test_a_majority_takes_out_jitter_and_strays(sample):
+    labels, radius = shifted_slices(), 0.3 * 44
+    rough, _ = sample(labels)
+    report, points = sample(labels, majority=3)
+    assert rough["outcome"] == "unresolved" and rough["surface"]["area"] > 1.3 * 4 * numpy.pi * radius ** 2
+    assert report["outcome"] == "converged" and report["quality"]["hex_fraction"] > 0.93
+    smaller = radius - 3 ** 2 / radius  # what bends draws in
+    assert report["surface"]["area"] == pytest.approx(4 * numpy.pi * smaller ** 2, rel=0.06)
+    assert abs(numpy.linalg.norm(points.position - 21.5, axis=1) - smaller).max() < 2.5
+    assert "surface.labels.majority left no voxel of 1 label: 2" in report["surface"]["warnings"]
+    assert interfaces(report).keys() == {(0, 1)}
+    assert [m["label"] for m in sample(labels, majority=3, output={"label_meshes": True})[0]["mesh"]["labels"]] == [0, 1]
+
+
+@pytest.mark.parametrize("members", [{}, {"closed": True}])
+def test_the_majority_is_that_of_smoothed_indicators(sample, members):
+    """More than one block of them along an axis; what lies beyond the end counts for none."""
+    smooth = ndimage.gaussian_filter(numpy.random.default_rng(1).normal(size=(3, 70, 30, 41)), (0, 2, 2, 2))
+    labels = smooth.argmax(0).astype("u1")
+    labels[numpy.random.default_rng(2).random(labels.shape) < 0.1] = 3
+    weights = [ndimage.gaussian_filter((labels == k).astype("f8"), 1.5, mode="constant", truncate=10 / 3) for k in range(4)]
+    true = numpy.argmax(weights, 0)
+    report, _ = sample(labels, count=300, solver={"max_sweeps": 1, "threads": 2}, output={"mesh": False}, majority=1.5, **members)
+    told = report["surface"]["labels"]
+    assert told["changed_voxels"] == (true != labels).sum()
+    assert [m["voxels"] for m in told["materials"] if not m["background"]] == [(true == k).sum() for k in range(4)]
+
+
+def test_a_majority_keeps_flat_sides_and_thick_sheets(sample):
+    labels = numpy.zeros((24, 24, 24), "u1")
+    labels[:6], labels[12:16] = 1, 2
+    report, _ = sample(labels, count=300, majority=2.5)
+    assert "changed_voxels" not in report["surface"]["labels"]
 
 
 # ---- ways of storing labels

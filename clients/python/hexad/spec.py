@@ -435,6 +435,7 @@ class _SurfaceLabelsRest(TypedDict, total=False):
     grid: str
     labels: Sequence[int]
     smooth: float
+    majority: float
     background: int
     closed: bool
     groups: Sequence[Sequence[int]]
@@ -460,6 +461,10 @@ class SurfaceLabels(_SurfaceLabelsNeeded, _SurfaceLabelsRest):
     labels: The labels that count; the others belong to the background. Default: all.
     smooth: Stairs shorter than this are smoothed; nothing moves by more than half a voxel along an axis. 0:
         not at all. (voxels) Default: 8.
+    majority: First each voxel gets the label of most voxels around it, by a Gaussian of this standard
+        deviation: for slices segmented by hand that do not fit to each other, and strays. Sheets thinner than
+        1.35 times this and rods thinner than 2.35 times are lost. 0: every voxel keeps its label. (voxels)
+        Default: 0.
     background: The label of what is no material: it stands second, so that normals point into it. Default:
         none; where one is needed 0 unless that is one of `labels`, else the number below the least label.
     closed: true: beyond the end of the data is background, and the end an interface with it. false: the
