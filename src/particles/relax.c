@@ -68,7 +68,7 @@ void relax_free(relax *r)
     free_scratch(r);
     free(r->scratch);
     free(r->flat);
-    free(r->watched);
+    free(r->notes);
     free(r->normal);
     free(r->moved);
     free(r->hint);
@@ -134,17 +134,46 @@ static void look_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
+static void stir(relax *r, const particles *p, size_t i)
+{
+    if (particles_is_fixed(p, i) || (r->notes[i] & RELAX_STIRRED)) return;
+    r->notes[i] |= RELAX_STIRRED;
+    r->stirred_count++;
+}
+
+static void stir_around(relax *r, const particles *p, size_t i)
+{
+    const uint32_t *list = neighbours_list(r->near, i);
+    stir(r, p, i);
+    for (uint32_t k = 0; k < r->near->list_count[i]; k++) stir(r, p, list[k]);
+}
+
+void relax_stir(relax *r, const particles *p, size_t i)
+{
+    if (r->noted_count != p->count) return;
+    r->put_count += (r->notes[i] & RELAX_PUT) == 0;
+    r->notes[i] |= RELAX_PUT;
+    stir_around(r, p, i);
+}
+
+void relax_calm(relax *r)
+{
+    for (size_t i = 0; i < r->noted_count && r->put_count > 0; i++) r->notes[i] &= RELAX_WATCHED;
+    r->stirred_count = r->put_count = 0;
+}
+
 bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
 {
     r->near->label = p->patch;
-    if (!r->watched) {
-        r->watched = mem_array(r->near->capacity, sizeof *r->watched, "neighbour lists", e);
-        if (!r->watched) return false;
+    if (!r->notes) {
+        r->notes = mem_array(r->near->capacity, sizeof *r->notes, "neighbour lists", e);
+        if (!r->notes) return false;
     }
-    if (r->watched_count != p->count) {
-        memset(r->watched, 0, p->count * sizeof *r->watched);
+    if (r->noted_count != p->count) {
+        memset(r->notes, 0, p->count * sizeof *r->notes);
+        r->stirred_count = r->put_count = 0;
         if (p->patch) memset(r->hint, 0xff, p->count * sizeof *r->hint); /* FIELD_NO_HINT; others need none */
-        r->watched_count = p->count;
+        r->noted_count = p->count;
     }
     if (!neighbours_build(r->near, p->count, p->position, p->size, sigma + skin, r->pool, e) || !grow(r, e))
         return false;
@@ -154,6 +183,8 @@ bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
     if (r->fast) independent_sets_form(r->near, r->pool);
     sweep_job job = {.r = r, .p = p};
     threads_run(r->pool, p->count, 512, look_chunk, &job);
+    for (size_t i = 0; i < p->count && r->put_count > 0; i++)
+        if (r->notes[i] & RELAX_PUT) stir_around(r, p, i);
     r->rough = r->fast && !p->patch && p->count >= ROUGH_COUNT && relax_creased_share(r, p) > ROUGH_SHARE;
     if (r->rough && !r->normal)
         r->normal = mem_array(r->near->capacity, sizeof *r->normal, "neighbour lists", e);
@@ -359,7 +390,8 @@ void relax_take_step(const sweep_job *job, size_t i, vec3 x, vec3 normal, double
     double step = length / p->size[i];
     sums->squares += step * step;
     sums->max_step = step > sums->max_step ? step : sums->max_step;
-    sums->cramped += length >= CRAMPED_STEP * allowed_step;
+    if (job->r->notes[i] & RELAX_STIRRED) sums->stirred_squares += step * step;
+    if (length >= CRAMPED_STEP * allowed_step) relax_note_cramped(job, i, sums);
     job->r->moved[i] += (float)length;
     p->position[i] = x;
     p->normal[i] = normal;
@@ -381,9 +413,8 @@ static void descend_damped(const sweep_job *job, const attempt *a, const pair_fo
             if (!first) straighten(a, &p->position[i], &p->normal[i]);
             return;
         }
-        if (a->bound < RELAX_STEP_FLOOR * a->spacing &&
-            allowed_step < sqrt(f->nearest2)) { /* wait for new lists */
-            sums->cramped++;
+        if (a->bound < RELAX_STEP_FLOOR * a->spacing && allowed_step < sqrt(f->nearest2)) {
+            relax_note_cramped(job, i, sums);
             return;
         }
         vec3 x, normal;
@@ -568,7 +599,7 @@ static void sweep_set(const sweep_job *job, int worker, const uint32_t *items, s
     for (size_t k = 0; k < count; k++)
         if (particles_is_fixed(job->p, items[k]))
             continue;
-        else if (job->p->near_boundary[items[k]] || job->r->watched[items[k]])
+        else if (job->p->near_boundary[items[k]] || (job->r->notes[items[k]] & RELAX_WATCHED))
             general[general_count++] = items[k];
         else if (job->r->flat[items[k]])
             smooth[smooth_count++] = items[k];
@@ -607,7 +638,7 @@ ISA_INLINE void prefetch_far(const sweep_job *job, uint32_t i)
     __builtin_prefetch(&job->r->moved[i], 1);
     if (job->p->patch) __builtin_prefetch(&job->r->hint[i], 1);
     __builtin_prefetch(&job->r->flat[i]);
-    __builtin_prefetch(&job->r->watched[i]);
+    __builtin_prefetch(&job->r->notes[i]);
     __builtin_prefetch(&job->p->near_boundary[i]);
     __builtin_prefetch(&job->p->size[i]);
 }
@@ -659,14 +690,16 @@ void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums 
                     &job);
     }
     relax_sums sums = {0};
-    double squares = 0;
+    double squares = 0, stirred = 0;
     for (size_t k = 0; k < r->near->blocks; k++) {
         const block_sums *block = &r->parts[k];
         sums.cramped += block->cramped;
         sums.energy += block->energy;
         sums.mean_log10_lambda += block->lambda;
         sums.rejected += block->rejected;
+        sums.stirred_cramped += block->stirred_cramped;
         squares += block->squares;
+        stirred += block->stirred_squares;
         sums.max_step = fmax(sums.max_step, block->max_step);
     }
     double count = fmax((double)particles_free_count(p), 1);
@@ -675,5 +708,6 @@ void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums 
     sums.mean_log10_lambda /= count;
     sums.rms_step = sqrt(squares / count) / params->spacing;
     sums.max_step /= params->spacing;
+    if (r->stirred_count > 0) sums.stirred_step = sqrt(stirred / (double)r->stirred_count) / params->spacing;
     *out = sums;
 }

@@ -46,6 +46,9 @@ typedef struct relax_sums {
     double max_step;   /* likewise */
     uint64_t rejected; /* trials refused */
     size_t cramped;    /* particles whose step the lists' validity cut short: build anew */
+    /* Of the stirred (relax_stir): their rms step over h size, 0 where there are none; and how many of them are cramped. */
+    double stirred_step;
+    size_t stirred_cramped;
 } relax_sums;
 
 #define RELAX_LAMBDA_CAP 16.0 /* log10; the paper stops at a mean of 14 */
@@ -68,6 +71,13 @@ void relax_look_through(relax *r);
  * where the lists do not cover a support of `sigma` there, or were never built: they are to be built anew. Once after a
  * build, and no sweeps after it: energies are all that the lists serve for then. */
 bool relax_refresh(relax *r, const particles *p, double sigma);
+
+/* Particle i is put elsewhere, or was: it is stirred, and so is who is near it, in the lists that there are and in those that are
+ * built next. In the rms step of many the steps of such few do not show. Nothing before there were lists. */
+void relax_stir(relax *r, const particles *p, size_t i);
+
+/* None is stirred any more. */
+void relax_calm(relax *r);
 
 /* One sweep over lists built for at least params->sigma. Allocates nothing. */
 void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums *out);

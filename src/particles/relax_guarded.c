@@ -129,7 +129,7 @@ static void begin_trial(const sweep_job *job, const uint32_t *items, double gain
             t->open[l] = false;
         } else if (allowed < nearest &&
                    FAST_KERNEL_BOUND_SHARE * allowed < RELAX_STEP_FLOOR * job->params->spacing * size) {
-            sums->cramped++; /* waits for new lists */
+            relax_note_cramped(job, items[l], sums);
             t->open[l] = false;
         }
     }

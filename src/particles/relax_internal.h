@@ -19,8 +19,8 @@ typedef struct gather {
 /* Sums over the particles of a few blocks, stored at the first of them; the entries of the others are 0. They are
  * added up in the order of the blocks, so that the number of threads does not show. */
 typedef struct block_sums {
-    double energy, lambda, squares, max_step;
-    size_t rejected, cramped;
+    double energy, lambda, squares, max_step, stirred_squares;
+    size_t rejected, cramped, stirred_cramped;
 } block_sums;
 
 /* What relax_rms_steps_left has found of the particles where they are. */
@@ -30,19 +30,27 @@ typedef struct rest_seen {
     bool energies; /* they have that of each, too */
 } rest_seen;
 
+/* What is noted of a particle. */
+enum {
+    /* It had a long way left, and takes no step without a look at the energy from then on. Facets and surfaces below the
+     * spacing have kinks, and a particle that rests on one has its Newton step left for ever. */
+    RELAX_WATCHED = 1,
+    RELAX_STIRRED = 2, /* see relax_stir; who is held is not */
+    RELAX_PUT = 4      /* whose neighbours are stirred when lists are built */
+};
+
 struct relax {
     threads *pool;
     const energy_function *energy;
     const fast_kernel *fast; /* NULL: every particle goes the general way */
     neighbours *near;
     uint8_t *flat; /* 1: all of a particle's neighbours face its way, clearly; 2: and no sharp edge is near */
-    /* Who had a long way left, and takes no step without a look at the energy from then on. Facets and surfaces below the
-     * spacing have kinks, and a particle that rests on one has its Newton step left for ever. */
-    bool *watched;
-    size_t watched_count; /* of the particles that this is about */
-    float *moved;         /* length of a particle's way since the lists were built */
-    uint32_t *hint;       /* where a particle was on its patch: see sample_patch_lanes of field_ops */
-    block_sums *parts;    /* of the sweep */
+    uint8_t *notes;
+    size_t noted_count; /* of the particles that these are about */
+    size_t stirred_count, put_count;
+    float *moved;      /* length of a particle's way since the lists were built */
+    uint32_t *hint;    /* where a particle was on its patch: see sample_patch_lanes of field_ops */
+    block_sums *parts; /* of the sweep */
     size_t part_capacity;
     double sigma, skin; /* of the lists */
     bool through;       /* pairs count whatever their normals */
@@ -85,6 +93,13 @@ static inline void relax_note_normal(relax *r, const particles *p, size_t i)
 
 /* How far particle i may still go while the lists stay valid. */
 double relax_allowed_step(const relax *r, const particles *p, size_t i);
+
+/* Counts particle i, which waits for new lists. */
+static inline void relax_note_cramped(const sweep_job *job, size_t i, block_sums *sums)
+{
+    sums->cramped++;
+    sums->stirred_cramped += (job->r->notes[i] & RELAX_STIRRED) != 0;
+}
 
 /* A particle that goes to x, `length` away, which is no farther than it is allowed. */
 void relax_take_step(const sweep_job *job, size_t i, vec3 x, vec3 normal, double length, double allowed_step,

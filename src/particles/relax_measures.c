@@ -104,7 +104,7 @@ typedef struct steps_job {
 /* Whether a particle has looked for a better place in vain, as it is watched. */
 static bool rests_on_kink(const relax *r, const particles *p, uint32_t i)
 {
-    return r->watched[i] && p->lambda[i] >= (float)RELAX_LAMBDA_CAP;
+    return (r->notes[i] & RELAX_WATCHED) && p->lambda[i] >= (float)RELAX_LAMBDA_CAP;
 }
 
 /* Whether the kernel's energy is the one that a particle has. */
@@ -154,7 +154,8 @@ static relax_steps squared_steps(const steps_job *steps, int worker, const uint3
         double square = fmin(s1 * s1 + s2 * s2, f[l].nearest2) * over * over;
         squares.all += square;
         if (!rests_on_kink(r, p, items[l])) squares.to_rest += square;
-        if (steps->watch) r->watched[items[l]] |= square > WATCHED_STEP * WATCHED_STEP * spacing * spacing;
+        if (steps->watch && square > WATCHED_STEP * WATCHED_STEP * spacing * spacing)
+            r->notes[items[l]] |= RELAX_WATCHED;
     }
     return squares;
 }

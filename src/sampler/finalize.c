@@ -152,6 +152,7 @@ static bool replace(sampler *s, size_t i, double least, rng *r)
         normal = n;
     }
     if (!found) return false;
+    relax_stir(s->scratch.relax, s->state.p, i);
     s->state.p->position[i] = x;
     s->state.p->normal[i] = normal;
     s->record.removed++;
@@ -175,6 +176,7 @@ static void leave_row(sampler *s, size_t i)
     inwards = vec3_axpy(-vec3_dot(inwards, normal), normal, inwards);
     x = vec3_axpy(IN_ROW * h, vec3_unit(inwards), x);
     if (!sampler_land(f, s->state.spacing, IN_ROW * h, &x, &normal) || !field_is_within(f, x)) return;
+    relax_stir(s->scratch.relax, s->state.p, i);
     s->state.p->position[i] = x;
     s->state.p->normal[i] = normal;
     finalize_alone(s, i);

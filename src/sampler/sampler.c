@@ -163,6 +163,7 @@ static bool may_be_mended(const sampler *s)
 static bool deliver(sampler *s, error *e)
 {
     const size_t before = s->record.removed;
+    relax_calm(s->scratch.relax);
     const bool may_go_on = s->state.recalls < SAMPLER_RECALLS, is_given = sampler_is_given(s);
     if (may_be_mended(s)) {
         bool changed = false;
@@ -222,15 +223,15 @@ static bool relax_step(sampler *s, error *e)
         at.rough = s->state.rough;
         s->state.disordered_share = share;
     }
-    const schedule_evidence seen = {sums.rms_step, sums.mean_log10_lambda, !s->setup.params.gradient,
-                                    s->setup.params.step_tolerance};
+    const schedule_evidence seen = {fmax(sums.rms_step, sums.stirred_step), sums.mean_log10_lambda,
+                                    !s->setup.params.gradient, s->setup.params.step_tolerance};
     estimate_fraction(s, &seen);
     if (schedule_is_impatient(s->setup.schedule, &at, s->state.gain)) s->state.gain *= 10;
     s->state.lists_stale = schedule_wants_lists(s->setup.schedule, &at, sums.cramped, ++s->state.list_age) ||
-                           sampler_amplitudes_are_due(s);
+                           sampler_amplitudes_are_due(s) || sums.stirred_cramped > 0;
     s->state.skin = schedule_skin(s->setup.schedule, sums.rms_step) * s->state.spacing;
-    if (schedule_is_at_rest(s->setup.schedule, &at, &seen) && points_rest(s, &at) && sizes_are_settled(s) &&
-        !sampler_control(s, e))
+    if (sums.stirred_cramped == 0 && schedule_is_at_rest(s->setup.schedule, &at, &seen) &&
+        points_rest(s, &at) && sizes_are_settled(s) && !sampler_control(s, e))
         return false;
     if (s->state.outcome == SAMPLER_CONVERGED && !deliver(s, e)) return false;
     if (s->state.outcome == SAMPLER_RUNNING && s->record.sweep_count == (size_t)s->setup.params.max_sweeps)

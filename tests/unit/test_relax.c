@@ -265,10 +265,38 @@ static void energies_are_known_with_the_steps_left(void **state)
     tear_down(&b);
 }
 
+/* The steps of who was put elsewhere, and of those near it, are told by themselves until all are calm. */
+static void steps_of_the_stirred_are_told(void **state)
+{
+    (void)state;
+    bench b;
+    error e = {0};
+    relax_sums sums;
+    set_up(&b, 1, fast_kernel_for(isa_best()), 8);
+    const double h = b.params.spacing, sigma = b.params.sigma;
+    relax_stir(b.r, b.p, 5); /* there are no lists yet */
+    for (int sweep = 0; sweep < 80; sweep++) {
+        if (sweep % 4 == 0) assert_true(relax_build(b.r, b.p, sigma, 0.4 * h, &e));
+        relax_sweep(b.r, b.p, &b.params, &sums);
+        assert_true(sums.stirred_step == 0 && sums.stirred_cramped == 0);
+    }
+    relax_stir(b.r, b.p, 5);
+    b.p->position[5] =
+        vec3_axpy(0.3 * h, vec3_unit(vec3_cross(b.p->normal[5], (vec3){1, 2, 3})), b.p->position[5]);
+    assert_true(relax_build(b.r, b.p, sigma, 0.4 * h, &e));
+    relax_sweep(b.r, b.p, &b.params, &sums);
+    assert_true(sums.stirred_step > 3 * sums.rms_step);
+    relax_calm(b.r);
+    relax_sweep(b.r, b.p, &b.params, &sums);
+    assert_true(sums.stirred_step == 0);
+    tear_down(&b);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(energies_are_known_with_the_steps_left),
+        cmocka_unit_test(steps_of_the_stirred_are_told),
         cmocka_unit_test(refreshed_lists_serve_as_new_ones),
         cmocka_unit_test(lists_that_do_not_cover_are_not_refreshed),
         cmocka_unit_test(energy_never_rises),

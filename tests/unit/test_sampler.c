@@ -374,10 +374,83 @@ static void delivered_points_are_at_rest(void **state)
     }
 }
 
+/* A surface that is not defined around one place. */
+typedef struct pitted {
+    field base;
+    const field *whole;
+    vec3 pit;
+    double radius;
+} pitted;
+
+static bool sample_pitted(const field *f, vec3 x, field_order order, field_sample *out)
+{
+    const pitted *p = (const pitted *)f;
+    return vec3_norm(vec3_sub(x, p->pit)) > p->radius && field_sample_at(p->whole, x, order, out);
+}
+
+static size_t count_cells(const field *f)
+{
+    const field *whole = ((const pitted *)f)->whole;
+    return whole->ops->cell_count(whole);
+}
+
+static void cell_of_whole(const field *f, size_t k, field_cell *out)
+{
+    const field *whole = ((const pitted *)f)->whole;
+    whole->ops->cell(whole, k, out);
+}
+
+static const field_ops pitted_ops = {
+    .sample = sample_pitted, .cell_count = count_cells, .cell = cell_of_whole};
+
+static double nearest_to(const sampler_points *p, size_t i)
+{
+    double least = INFINITY;
+    for (size_t k = 0; k < p->count; k++)
+        if (k != i) least = fmin(least, vec3_norm(vec3_sub(p->position[k], p->position[i])) / p->spacing[i]);
+    return least;
+}
+
+/* Of so many particles one that goes to a new place makes no rms step that shows. It comes to rest all the same. */
+static void who_goes_to_a_new_place_comes_to_rest(void **state)
+{
+    (void)state;
+    error e = {0};
+    sampler_params params = even;
+    params.count = 20000;
+    params.coarse_to_fine = true;
+    params.step_tolerance = 3e-3;
+    solved x;
+    solve(0, &params, 2, &x);
+    pitted f = {x.a->base, &x.a->base, x.points->position[7000], 0.1 * sampler_spacing(x.s)};
+    f.base.ops = &pitted_ops;
+    params.start = SAMPLER_START_GIVEN;
+    params.given = x.points->position;
+    params.given_normal = x.points->normal;
+    sampler *s = sampler_new(&f.base, x.scan, &params, x.pool, &e);
+    if (!s) fail_msg("%s", e.message);
+    while (!sampler_ended(s)) assert_true(sampler_step(s, &e));
+    assert_int_equal(sampler_result(s), SAMPLER_CONVERGED);
+    assert_true(sampler_finalize(s, &e));
+    const sampler_points *p = sampler_result_points(s);
+    size_t replaced = 0, count;
+    sampler_sweeps(s, &count);
+    for (size_t i = 0; i < p->count; i++) {
+        if (!p->replaced[i]) continue;
+        replaced++;
+        print_message("# nearest %.2f h, %zu sweeps\n", nearest_to(p, i), count);
+        assert_true(nearest_to(p, i) > 0.8);
+    }
+    assert_int_equal(replaced, 1);
+    sampler_free(s);
+    release(&x);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(delivered_points_are_at_rest),
+        cmocka_unit_test(who_goes_to_a_new_place_comes_to_rest),
         cmocka_unit_test(quartic_even),
         cmocka_unit_test(quartic_alpha),
         cmocka_unit_test(alpha_draws_particles_to_curvature),
