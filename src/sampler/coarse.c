@@ -89,7 +89,7 @@ static bool relocate(sampler *s, const drawn *d, size_t *moves, error *e)
         if (d->patch && d->of_patch[p->patch[point]] == 1) continue; /* its patch has no other left */
         vec3 x = d->place[place], normal = {0, 0, 1};
         if (!sampler_land(f, s->state.spacing, s->setup.field->cell_size, &x, &normal)) continue;
-        relax_stir(s->scratch.relax, p, point);
+        sampler_stir(s, point);
         p->position[point] = x;
         p->normal[point] = normal;
         if (d->patch) {

@@ -127,6 +127,16 @@ static void finalize_alone(sampler *s, size_t i)
         fmax(s->scratch.worst[i / CHUNK], finalize_particle(s, i, &(uint32_t){FIELD_NO_HINT}));
 }
 
+bool sampler_merges_rows(const sampler *s)
+{
+    return s->setup.field->patches && s->setup.field->patches->merges_near_rows;
+}
+
+void sampler_stir(sampler *s, size_t i)
+{
+    if (!s->state.p->patch || sampler_merges_rows(s)) relax_stir(s->scratch.relax, s->state.p, i);
+}
+
 /* Puts particle i on a new place of the surface, or of its patch: of several drawn the one that is farthest from its nearest
  * particle, and farther than `least`. False where there is none. */
 static bool replace(sampler *s, size_t i, double least, rng *r)
@@ -152,7 +162,7 @@ static bool replace(sampler *s, size_t i, double least, rng *r)
         normal = n;
     }
     if (!found) return false;
-    relax_stir(s->scratch.relax, s->state.p, i);
+    sampler_stir(s, i);
     s->state.p->position[i] = x;
     s->state.p->normal[i] = normal;
     s->record.removed++;
@@ -176,15 +186,10 @@ static void leave_row(sampler *s, size_t i)
     inwards = vec3_axpy(-vec3_dot(inwards, normal), normal, inwards);
     x = vec3_axpy(IN_ROW * h, vec3_unit(inwards), x);
     if (!sampler_land(f, s->state.spacing, IN_ROW * h, &x, &normal) || !field_is_within(f, x)) return;
-    relax_stir(s->scratch.relax, s->state.p, i);
+    sampler_stir(s, i);
     s->state.p->position[i] = x;
     s->state.p->normal[i] = normal;
     finalize_alone(s, i);
-}
-
-bool sampler_merges_rows(const sampler *s)
-{
-    return s->setup.field->patches && s->setup.field->patches->merges_near_rows;
 }
 
 /* Takes away the particles that are not on the surface, or in a row, and puts each on a new place. Where a mesh is to be resolved

@@ -77,7 +77,7 @@ bool sampler_hold(sampler *s, const vec3 *place, size_t count, bool *goes_on, er
     sampler_go_on(s);
     if (!sampler_build_lists(s, e)) return false;
     for (size_t i = 0; i < s->state.p->count; i++)
-        if (s->state.p->place[i] == PARTICLES_HELD) relax_stir(s->scratch.relax, s->state.p, i);
+        if (s->state.p->place[i] == PARTICLES_HELD) sampler_stir(s, i);
     s->state.sweeps_in_round = 0; /* a long round before says nothing of how these particles creep */
     s->state.gain = s->setup.schedule->gain[s->state.stage];
     s->state.recalls = 0;

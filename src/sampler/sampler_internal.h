@@ -141,6 +141,10 @@ relax_steps sampler_steps_left(const sampler *s, bool watch);
 /* Whether the rows along the surface's curves are those of a mesh that is to be resolved. */
 bool sampler_merges_rows(const sampler *s);
 
+/* Particle i is put elsewhere, and is to come to rest itself (relax_stir). Not on small patches, as of labels: they push points out
+ * again and again, and there is no such rest. */
+void sampler_stir(sampler *s, size_t i);
+
 /* What is left of the particles as sampler_settle has put them, which sweeps may not have seen. Error: limit_memory. */
 bool sampler_steps_settled(sampler *s, relax_steps *left, error *e);
 
