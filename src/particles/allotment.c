@@ -293,6 +293,7 @@ void allotment_add_rows(const allotment *a, particles *p)
         p->normal[i] = r->normal[k];
         p->patch[i] = r->patch[k];
         p->place[i] = r->place[k];
+        p->hint[i] = FIELD_NO_HINT;
         p->lambda[i] = 0;
     }
 }

@@ -31,9 +31,11 @@ bool particles_label(particles *p, const field_patches *patches, size_t capacity
     if (!patches) return true;
     p->patches = patches;
     p->patch = mem_array(capacity, sizeof *p->patch, "particles", e);
+    p->hint = mem_array(capacity, sizeof *p->hint, "particles", e);
     p->place = mem_array(capacity, sizeof *p->place, "particles", e);
+    for (size_t i = 0; p->hint && i < capacity; i++) p->hint[i] = FIELD_NO_HINT;
     for (size_t i = 0; p->place && i < capacity; i++) p->place[i] = PARTICLES_FREE;
-    return p->patch && p->place;
+    return p->patch && p->hint && p->place;
 }
 
 void particles_free(particles *p)
@@ -47,6 +49,7 @@ void particles_free(particles *p)
     free(p->energy);
     free(p->near_boundary);
     free(p->patch);
+    free(p->hint);
     free(p->place);
     free(p);
 }
@@ -75,6 +78,7 @@ static void copy_between(particles *to, size_t i, const particles *from, size_t 
     to->energy[i] = from->energy[k];
     if (!from->patch) return;
     to->patch[i] = from->patch[k];
+    to->hint[i] = from->hint[k];
     to->place[i] = from->place[k];
 }
 
@@ -160,6 +164,7 @@ bool particles_arrange(particles *p, const uint32_t *order, threads *pool, error
     if (p->patch) {
         arrange(p->energy, sizeof *p->energy, order, p->count, room, pool);
         arrange(p->patch, sizeof *p->patch, order, p->count, room, pool);
+        arrange(p->hint, sizeof *p->hint, order, p->count, room, pool);
         arrange(p->place, sizeof *p->place, order, p->count, room, pool);
     }
     free(room);

@@ -321,7 +321,8 @@ typedef struct middles {
     size_t *kept;  /* by chunk: how many there are */
 } middles;
 
-/* Puts a particle on the surface beside the point at `share` of an edge, unless that joins two sheets. */
+/* Puts a particle on the surface beside the point at `share` of an edge, unless that joins two sheets. On a patch it is looked for
+ * from where the edge's first is, and goes on from where it is found. */
 static bool put_between(const middles *job, const edge *e, double share, size_t place, uint32_t *hint)
 {
     const voronoi_sites *sites = &job->m->sites;
@@ -330,6 +331,7 @@ static bool put_between(const middles *job, const edge *e, double share, size_t 
     vec3 m = vec3_axpy(share, vec3_sub(sites->position[e->b], sites->position[e->a]), sites->position[e->a]);
     vec3 x = m, n;
     const field *f = particles_field(job->p, job->f, e->a);
+    if (job->patches && job->p->hint[e->a] != FIELD_NO_HINT) *hint = job->p->hint[e->a];
     if (!projection_find_near(f, &limits, hint, &x, &n) ||
         vec3_norm2(vec3_sub(x, m)) >= MIDDLE_FARTHEST * MIDDLE_FARTHEST * spacing * spacing)
         return false;
@@ -339,7 +341,9 @@ static bool put_between(const middles *job, const edge *e, double share, size_t 
     uint32_t patch = job->p->patch[e->a];
     job->p->patch[place] = patch;
     job->p->place[place] = PARTICLES_FREE;
-    return field_is_within_near(f, x, hint) && !crowds_curve(job->patches, patch, x, spacing);
+    const bool within = field_is_within_near(f, x, hint);
+    job->p->hint[place] = *hint;
+    return within && !crowds_curve(job->patches, patch, x, spacing);
 }
 
 static void put_chunk(void *context, int worker, size_t begin, size_t end)
@@ -369,7 +373,10 @@ static bool add_middles(const field *f, const refine_patches *patches, const mes
         if (p->count != first[k]) {
             memmove(p->position + p->count, p->position + first[k], job.kept[k] * sizeof *p->position);
             memmove(p->normal + p->count, p->normal + first[k], job.kept[k] * sizeof *p->normal);
-            if (patches) memmove(p->patch + p->count, p->patch + first[k], job.kept[k] * sizeof *p->patch);
+            if (patches) {
+                memmove(p->patch + p->count, p->patch + first[k], job.kept[k] * sizeof *p->patch);
+                memmove(p->hint + p->count, p->hint + first[k], job.kept[k] * sizeof *p->hint);
+            }
         }
         p->count += job.kept[k];
     }
@@ -415,36 +422,43 @@ static bool draw_on_patch(const field *f, const surface *scan, const sizing_fiel
     return false;
 }
 
-/* A free particle, and which place it has. */
-typedef struct stand {
-    vec3 x;
-    uint32_t patch, index;
-} stand;
-
-static int compare_stands(const void *left, const void *right)
+static bool is_twin(const particles *p, size_t i, size_t k)
 {
-    const stand *a = left, *b = right;
-    if (a->patch != b->patch) return a->patch < b->patch ? -1 : 1;
-    for (int axis = 0; axis < 3; axis++)
-        if (vec3_get(a->x, axis) != vec3_get(b->x, axis))
-            return vec3_get(a->x, axis) < vec3_get(b->x, axis) ? -1 : 1;
-    return (a->index > b->index) - (a->index < b->index);
+    const vec3 a = p->position[i], b = p->position[k];
+    return p->patch[i] == p->patch[k] && a.x == b.x && a.y == b.y && a.z == b.z;
+}
+
+/* Of a place on a patch; `+ 0.0` makes -0 the same as 0. */
+static uint64_t hash_of(vec3 x, uint32_t patch)
+{
+    const double at[3] = {x.x + 0.0, x.y + 0.0, x.z + 0.0};
+    uint64_t bits[3], hash = patch;
+    memcpy(bits, at, sizeof bits);
+    for (int k = 0; k < 3; k++) {
+        hash = (hash ^ bits[k]) * 0x9E3779B97F4A7C15u;
+        hash ^= hash >> 29;
+    }
+    return hash;
 }
 
 /* Marks of free particles that have one place all but the first. Middles of several edges come to one where patches are smaller than
  * the spacing, on corners of their triangles; no force parts them. */
 static bool mark_twins(const particles *p, bool *gone, error *e)
 {
-    stand *list = mem_array(p->count, sizeof *list, "refinement", e);
-    size_t count = 0;
-    for (uint32_t i = 0; list && i < p->count; i++)
-        if (!particles_is_fixed(p, i)) list[count++] = (stand){p->position[i], p->patch[i], i};
-    if (list) qsort(list, count, sizeof *list, compare_stands);
-    for (size_t k = 1; k < count; k++)
-        gone[list[k].index] =
-            list[k].patch == list[k - 1].patch && !vec3_norm2(vec3_sub(list[k].x, list[k - 1].x));
-    free(list);
-    return list != NULL;
+    size_t places = 1024;
+    while (places < 2 * p->count) places *= 2;
+    uint32_t *first =
+        mem_array(places, sizeof *first, "refinement", e); /* one more than a particle's number, or 0 */
+    for (uint32_t i = 0; first && i < p->count; i++) {
+        if (particles_is_fixed(p, i)) continue;
+        size_t k = hash_of(p->position[i], p->patch[i]) % places;
+        while (first[k] && !is_twin(p, first[k] - 1, i)) k = (k + 1) % places;
+        gone[i] = first[k];
+        if (!first[k]) first[k] = i + 1;
+    }
+    const bool ok = first != NULL;
+    free(first);
+    return ok;
 }
 
 /* Takes away those that have no place of their own, and of each patch what is beyond its share. */
@@ -475,6 +489,7 @@ static bool fill_patches(const field *f, const surface *scan, const sizing_field
             ok = draw_on_patch(f, scan, sizing, patches, k, spacing, &r, &p->position[i], &p->normal[i]) ||
                  error_set(e, ERROR_NO_SURFACE, "a particle does not reach its patch in %d draws", MAX_DRAWS);
             p->patch[i] = k;
+            p->hint[i] = FIELD_NO_HINT;
             p->place[i] = PARTICLES_FREE;
             p->count += ok;
         }

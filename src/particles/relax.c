@@ -49,8 +49,7 @@ relax *relax_new(size_t capacity, const energy_function *energy, const fast_kern
     r->near = neighbours_new(capacity, list_limit, e);
     r->flat = mem_array(capacity, sizeof *r->flat, "neighbour lists", e);
     r->moved = mem_array(capacity, sizeof *r->moved, "neighbour lists", e);
-    r->hint = mem_array(capacity, sizeof *r->hint, "neighbour lists", e);
-    if (!r->near || !r->flat || !r->moved || !r->hint) {
+    if (!r->near || !r->flat || !r->moved) {
         relax_free(r);
         return NULL;
     }
@@ -71,7 +70,6 @@ void relax_free(relax *r)
     free(r->notes);
     free(r->normal);
     free(r->moved);
-    free(r->hint);
     free(r->parts);
     neighbours_free(r->near);
     free(r);
@@ -172,7 +170,6 @@ bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
     if (r->noted_count != p->count) {
         memset(r->notes, 0, p->count * sizeof *r->notes);
         r->stirred_count = r->put_count = 0;
-        if (p->patch) memset(r->hint, 0xff, p->count * sizeof *r->hint); /* FIELD_NO_HINT; others need none */
         r->noted_count = p->count;
     }
     if (!neighbours_build(r->near, p->count, p->position, p->size, sigma + skin, r->pool, e) || !grow(r, e))
@@ -492,7 +489,7 @@ static void sample_patch_lanes(const sweep_job *job, const uint32_t *items, size
     uint32_t patch[VEC3_LANES] = {0}, hint[VEC3_LANES] = {0};
     for (size_t l = 0; l < count; l++) {
         patch[l] = job->p->patch[items[l]];
-        hint[l] = job->r->hint[items[l]];
+        hint[l] = job->p->hint[items[l]];
     }
     f->ops->sample_patch_lanes(f, patch, &way->to, way->ends_well, hint, way->value, &way->gradient);
     bool again[VEC3_LANES] = {false}, any = false;
@@ -503,7 +500,7 @@ static void sample_patch_lanes(const sweep_job *job, const uint32_t *items, size
         again[l] = any = true;
     }
     if (any) f->ops->sample_patch_lanes(f, patch, &way->to, again, hint, way->value, &way->gradient);
-    for (size_t l = 0; l < count; l++) job->r->hint[items[l]] = hint[l];
+    for (size_t l = 0; l < count; l++) job->p->hint[items[l]] = hint[l];
 }
 
 /* The field where the particles would go: each on its own patch, where there are patches. */
@@ -636,7 +633,7 @@ ISA_INLINE void prefetch_far(const sweep_job *job, uint32_t i)
     __builtin_prefetch(&near->list_begin[i]);
     __builtin_prefetch(&near->list_count[i]);
     __builtin_prefetch(&job->r->moved[i], 1);
-    if (job->p->patch) __builtin_prefetch(&job->r->hint[i], 1);
+    if (job->p->patch) __builtin_prefetch(&job->p->hint[i], 1);
     __builtin_prefetch(&job->r->flat[i]);
     __builtin_prefetch(&job->r->notes[i]);
     __builtin_prefetch(&job->p->near_boundary[i]);

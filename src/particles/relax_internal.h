@@ -49,7 +49,6 @@ struct relax {
     size_t noted_count; /* of the particles that these are about */
     size_t stirred_count, put_count;
     float *moved;      /* length of a particle's way since the lists were built */
-    uint32_t *hint;    /* where a particle was on its patch: see sample_patch_lanes of field_ops */
     block_sums *parts; /* of the sweep */
     size_t part_capacity;
     double sigma, skin; /* of the lists */

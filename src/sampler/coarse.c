@@ -95,6 +95,7 @@ static bool relocate(sampler *s, const drawn *d, size_t *moves, error *e)
         if (d->patch) {
             d->of_patch[p->patch[point]]--;
             p->patch[point] = d->patch[place];
+            p->hint[point] = FIELD_NO_HINT;
             d->of_patch[p->patch[point]]++;
         }
         s->record.replaced[point] = true;

@@ -76,8 +76,9 @@ static bool land_particle(const field *f, double h, vec3 along, uint32_t *hint, 
 
 /* Puts particle i on the surface to rounding, or notes that it is lost. Returns its residual, |F| / |grad F| over h; 0 where it
  * is lost or held. */
-static double finalize_particle(sampler *s, size_t i, uint32_t *hint)
+static double finalize_particle(sampler *s, size_t i, uint32_t *last)
 {
+    uint32_t *hint = s->state.p->patch ? &s->state.p->hint[i] : last;
     vec3 x = s->state.p->position[i];
     const field *f = particles_field(s->state.p, s->setup.field, i);
     field_sample sample;
@@ -220,9 +221,10 @@ static void curvature_chunk(void *context, int worker, size_t begin, size_t end)
 {
     sampler *s = context;
     size_t n = s->state.p->count;
-    uint32_t hint = FIELD_NO_HINT;
+    uint32_t last = FIELD_NO_HINT;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
+        uint32_t *hint = s->state.p->patch ? &s->state.p->hint[i] : &last;
         field_sample sample;
         double kappa1, kappa2;
         if (s->setup.params.curvature)
@@ -230,7 +232,7 @@ static void curvature_chunk(void *context, int worker, size_t begin, size_t end)
                 scaled_curvature_at(s->setup.params.curvature, s->state.p->position[i], s->state.p->normal[i],
                                     particles_patch(s->state.p, i), &kappa1, &kappa2);
         const field *f = particles_field(s->state.p, s->setup.field, i);
-        if (!field_sample_near(f, s->state.p->position[i], FIELD_HESSIAN, &hint, &sample)) continue;
+        if (!field_sample_near(f, s->state.p->position[i], FIELD_HESSIAN, hint, &sample)) continue;
         s->record.column[i] =
             field_curvature(&sample, &s->record.column[n + i], &s->record.column[2 * n + i]);
     }

@@ -224,6 +224,7 @@ static bool place_rows(const allotment *a, particles *p, size_t *first, size_t *
         (*patch_first)[k] = p->count;
         for (uint32_t n = 0; n < a->free[k]; n++, p->count++) {
             p->patch[p->count] = k;
+            p->hint[p->count] = FIELD_NO_HINT;
             p->place[p->count] = PARTICLES_FREE;
         }
     }

@@ -21,6 +21,9 @@ static void fill(particles *p, size_t i)
     p->normal[i] = (vec3){-v, -2 * v, -3 * v};
     p->alpha[i] = 4 * v;
     p->lambda[i] = (float)(6 * v);
+    p->patch[i] = (uint32_t)i % 7;
+    p->hint[i] = (uint32_t)i + 8;
+    p->place[i] = (uint32_t)i + 9;
 }
 
 static void assert_is(const particles *p, size_t at, size_t i)
@@ -30,13 +33,20 @@ static void assert_is(const particles *p, size_t at, size_t i)
     assert_close(p->normal[at].y, -2 * v, 0);
     assert_close(p->alpha[at], 4 * v, 0);
     assert_close(p->lambda[at], 6 * v, 0);
+    assert_int_equal(p->patch[at], i % 7);
+    assert_int_equal(p->hint[at], i + 8);
+    assert_int_equal(p->place[at], i + 9);
 }
 
 static particles *filled(void)
 {
+    static const field_patches patches = {.count = 7};
     error e = {0};
     particles *p = particles_new(COUNT, &e);
     assert_non_null(p);
+    assert_true(particles_label(p, &patches, COUNT, &e));
+    for (size_t i = 0; i < COUNT; i++)
+        assert_true(p->hint[i] == FIELD_NO_HINT && p->place[i] == PARTICLES_FREE);
     p->count = COUNT;
     for (size_t i = 0; i < COUNT; i++) fill(p, i);
     return p;
@@ -77,6 +87,7 @@ static void test_growing_keeps_those_there(void **state)
     assert_true(particles_grow(p, 10 * COUNT, &e));
     assert_int_equal(p->count, COUNT);
     for (size_t i = 0; i < COUNT; i++) assert_is(p, i, i);
+    assert_true(p->hint[COUNT] == FIELD_NO_HINT);
     particles_copy(p, 10 * COUNT - 1, 7);
     assert_is(p, 10 * COUNT - 1, 7);
     particles_free(p);
