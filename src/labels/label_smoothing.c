@@ -185,7 +185,7 @@ static bool spread(work *w, mesh *m, threads *pool, error *e)
         count_rings(&w->graph, m->vertex_count, rings);
         w->rings = rings;
         w->normal = w->sum;
-        const mesh there = {m->vertex_count, list_beside_lines(w, m, beside), m->vertex, beside};
+        const mesh there = {m->vertex_count, list_beside_lines(w, m, beside), m->vertex, beside, false};
         memcpy(w->next, m->vertex, m->vertex_count * sizeof *w->next);
         for (int k = 0; k < SPREADS && there.triangle_count > 0; k++) {
             label_graph_normals(&there, w->sum);

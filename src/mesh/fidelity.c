@@ -33,14 +33,34 @@ typedef struct gap {
     vec3 place; /* world units */
 } gap;
 
+/* A place of a triangle that the zero set does not follow. */
+typedef struct doubt {
+    uint32_t triangle;
+    int32_t place;
+    double width; /* of the gap between two faces; INFINITY: there is none; hidden places have HIDDEN */
+} doubt;
+
+enum { CHUNK = 4096, HIDDEN = -1 }; /* CHUNK: triangles in a chunk of work */
+
+/* What a chunk of triangles adds. */
+typedef struct tally {
+    double area, followed, near, sum;
+    doubt *doubts;
+    size_t doubt_count, doubt_room;
+    error fault; /* without one the code is OK */
+} tally;
+
 typedef struct measuring {
     const mesh *m;
     const field *f;
     const double *index_to_world;
     line_tree *tree;
     double touching_vox;
+    tally *tallies;
+    doubt *doubts;
+    size_t doubt_count;
     gap *gaps;
-    size_t gap_count, gap_room;
+    size_t gap_count;
     double area, followed, near, sum, thin, hidden;
 } measuring;
 
@@ -58,31 +78,6 @@ static double distance_at(const measuring *w, vec3 p)
     return s.value / (vec3_norm(s.gradient) * w->index_to_world[0]);
 }
 
-static bool note_gap(measuring *w, gap g, error *e)
-{
-    gap *gaps =
-        mem_grow(w->gaps, w->gap_count, &w->gap_room, 1024, sizeof *gaps, "the thin parts of the mesh", e);
-    if (!gaps) return false;
-    w->gaps = gaps;
-    w->gaps[w->gap_count++] = g;
-    return true;
-}
-
-/* Why the zero set does not follow the mesh in a point of its triangle n. */
-static bool look_into(measuring *w, uint32_t n, vec3 p, vec3 normal, double part, error *e)
-{
-    if (!w->tree && !(w->tree = line_tree_new(w->m, e))) return false;
-    const line_crossings c = line_tree_cross(w->tree, p, vec3_unit(vec3_add(normal, tilt)), n);
-    const double width = fmin(c.ahead, c.behind);
-    if (c.winding != 0 || width < w->touching_vox) {
-        w->hidden += part;
-        return true;
-    }
-    if (width > thinnest_vox) return true;
-    w->thin += part;
-    return note_gap(w, (gap){width, part, in_world(w, p)}, e);
-}
-
 /* The k-th place of a triangle: the additive sequence of the plastic number, folded into it; the first is its middle. */
 static vec3 place_of(vec3 a, vec3 ab, vec3 ac, int k)
 {
@@ -90,28 +85,132 @@ static vec3 place_of(vec3 a, vec3 ab, vec3 ac, int k)
     return u + v > 1 ? vec3_axpy(1 - u, ab, vec3_axpy(1 - v, ac, a)) : vec3_axpy(u, ab, vec3_axpy(v, ac, a));
 }
 
-static bool measure_triangle(measuring *w, uint32_t n, error *e)
+/* A triangle and the places on it that are looked at. */
+typedef struct places {
+    vec3 a, ab, ac, normal; /* unit */
+    double area;            /* 0: too small to have any */
+    int count;
+} places;
+
+static places places_on(const mesh *m, uint32_t n)
 {
-    const mesh *m = w->m;
-    const vec3 a = m->vertex[m->triangle[n][0]], ab = vec3_sub(m->vertex[m->triangle[n][1]], a);
-    const vec3 ac = vec3_sub(m->vertex[m->triangle[n][2]], a), normal = vec3_cross(ab, ac);
+    const vec3 a = m->vertex[m->triangle[n][0]], ab = vec3_sub(m->vertex[m->triangle[n][1]], a),
+               ac = vec3_sub(m->vertex[m->triangle[n][2]], a), normal = vec3_cross(ab, ac);
     const double whole = 0.5 * vec3_norm(normal);
-    if (!(whole > DBL_EPSILON)) return true;
-    const vec3 unit = vec3_scale(normal, 0.5 / whole), step = vec3_scale(unit, side_gap);
-    const int points = (int)fmin(1 + whole / area_per_point, most_points);
-    for (int k = 0; k < points; k++) {
-        const vec3 p = place_of(a, ab, ac, k);
-        const double part = whole / points, d = distance_at(w, p);
-        w->area += part;
+    if (!(whole > DBL_EPSILON)) return (places){.count = 0};
+    return (places){a,     ab,
+                    ac,    vec3_scale(normal, 0.5 / whole),
+                    whole, (int)fmin(1 + whole / area_per_point, most_points)};
+}
+
+static bool note_doubt(tally *t, uint32_t n, int place)
+{
+    doubt *doubts = mem_grow(t->doubts, t->doubt_count, &t->doubt_room, 64, sizeof *doubts,
+                             "the thin parts of the mesh", &t->fault);
+    if (!doubts) return false;
+    t->doubts = doubts;
+    t->doubts[t->doubt_count++] = (doubt){.triangle = n, .place = place};
+    return true;
+}
+
+static bool measure_triangle(const measuring *w, uint32_t n, tally *t)
+{
+    const places on = places_on(w->m, n);
+    const vec3 step = vec3_scale(on.normal, side_gap);
+    for (int k = 0; k < on.count; k++) {
+        const vec3 p = place_of(on.a, on.ab, on.ac, k);
+        const double part = on.area / on.count, d = distance_at(w, p);
+        t->area += part;
         if (!(distance_at(w, vec3_add(p, step)) > 0 && distance_at(w, vec3_sub(p, step)) < 0)) {
-            if (!look_into(w, n, p, unit, part, e)) return false;
+            if (!note_doubt(t, n, k)) return false;
             continue;
         }
-        w->followed += part;
-        w->near += fabs(d) < close_vox ? part : 0;
-        w->sum += part * d * d;
+        t->followed += part;
+        t->near += fabs(d) < close_vox ? part : 0;
+        t->sum += part * d * d;
     }
     return true;
+}
+
+static void measure_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const measuring *w = context;
+    tally *t = &w->tallies[begin / CHUNK];
+    (void)worker;
+    for (size_t n = begin; n < end && measure_triangle(w, (uint32_t)n, t);) n++;
+}
+
+static bool gather_tallies(measuring *w, size_t count, error *e)
+{
+    size_t doubts = 0;
+    for (size_t k = 0; k < count; k++) {
+        const tally *t = &w->tallies[k];
+        if (t->fault.code != ERROR_NONE) {
+            *e = t->fault;
+            return false;
+        }
+        w->area += t->area;
+        w->followed += t->followed;
+        w->near += t->near;
+        w->sum += t->sum;
+        doubts += t->doubt_count;
+    }
+    w->doubts = mem_array(doubts, sizeof *w->doubts, "the thin parts of the mesh", e);
+    if (!w->doubts) return false;
+    for (size_t k = 0; k < count; k++)
+        for (size_t i = 0; i < w->tallies[k].doubt_count; i++)
+            w->doubts[w->doubt_count++] = w->tallies[k].doubts[i];
+    return true;
+}
+
+/* Why the zero set does not follow the mesh in a place. */
+static void look_into(const measuring *w, doubt *d)
+{
+    const places on = places_on(w->m, d->triangle);
+    const vec3 p = place_of(on.a, on.ab, on.ac, d->place);
+    const line_crossings c = line_tree_cross(w->tree, p, vec3_unit(vec3_add(on.normal, tilt)), d->triangle);
+    const double width = fmin(c.ahead, c.behind);
+    d->width = c.winding != 0 || width < w->touching_vox ? HIDDEN : width > thinnest_vox ? INFINITY : width;
+}
+
+static void look_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const measuring *w = context;
+    (void)worker;
+    for (size_t k = begin; k < end; k++) look_into(w, &w->doubts[k]);
+}
+
+static bool list_gaps(measuring *w, error *e)
+{
+    w->gaps = mem_array(w->doubt_count, sizeof *w->gaps, "the thin parts of the mesh", e);
+    if (!w->gaps) return false;
+    for (size_t k = 0; k < w->doubt_count; k++) {
+        const doubt *d = &w->doubts[k];
+        if (d->width == INFINITY) continue;
+        const places on = places_on(w->m, d->triangle);
+        const double part = on.area / on.count;
+        if (d->width == HIDDEN) {
+            w->hidden += part;
+            continue;
+        }
+        w->thin += part;
+        w->gaps[w->gap_count++] = (gap){d->width, part, in_world(w, place_of(on.a, on.ab, on.ac, d->place))};
+    }
+    return true;
+}
+
+static bool look_at_mesh(measuring *w, threads *pool, error *e)
+{
+    const size_t count = w->m->triangle_count, chunks = (count + CHUNK - 1) / CHUNK;
+    w->tallies = mem_array(chunks, sizeof *w->tallies, "the thin parts of the mesh", e);
+    if (!w->tallies) return false;
+    threads_run(pool, count, CHUNK, measure_chunk, w);
+    bool ok = gather_tallies(w, chunks, e);
+    for (size_t k = 0; k < chunks; k++) free(w->tallies[k].doubts);
+    if (!ok || w->doubt_count == 0) return ok;
+    if (!(w->tree = line_tree_new(w->m, e))) return false;
+    threads_run(pool, w->doubt_count, CHUNK / 16, look_chunk, w);
+    return list_gaps(w, e);
 }
 
 static int by_width(const void *left, const void *right)
@@ -144,13 +243,12 @@ static bool keep_places(const measuring *w, fidelity *out, error *e)
 }
 
 bool fidelity_measure(const mesh *m, const double index_to_world[16], const field *f, double finest,
-                      fidelity *out, error *e)
+                      threads *pool, fidelity *out, error *e)
 {
     const double size = index_to_world[0];
     measuring w = {.m = m, .f = f, .index_to_world = index_to_world};
-    bool ok = true;
     w.touching_vox = m->triangle_count ? touching * bbox_longest(mesh_box(m)) : 0;
-    for (uint32_t n = 0; ok && n < m->triangle_count; n++) ok = measure_triangle(&w, n, e);
+    bool ok = look_at_mesh(&w, pool, e);
     if (ok) {
         if (w.gap_count) qsort(w.gaps, w.gap_count, sizeof *w.gaps, by_width);
         const double whole = w.area > 0 ? w.area : 1, most = FIDELITY_MOST_THIN * w.area;
@@ -167,6 +265,8 @@ bool fidelity_measure(const mesh *m, const double index_to_world[16], const fiel
         ok = keep_places(&w, out, e);
     }
     line_tree_free(w.tree);
+    free(w.tallies);
+    free(w.doubts);
     free(w.gaps);
     return ok;
 }

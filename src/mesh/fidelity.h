@@ -2,7 +2,8 @@
  *
  * The mesh is looked at in points spread over its triangles. A point that the zero set does not follow is hidden in
  * the union of the solids or where two of them touch, or thin, between two faces that lie closer than the voxels
- * show; what is neither lies at a crease. Units: shares of the mesh's area. Threads: none of its own.
+ * show; what is neither lies at a crease. Units: shares of the mesh's area. Threads: those of a pool, or NULL, whose number does
+ * not show.
  */
 #ifndef HEXAD_MESH_FIDELITY_H
 #define HEXAD_MESH_FIDELITY_H
@@ -10,6 +11,7 @@
 #include <stdbool.h>
 
 #include "base/error.h"
+#include "base/threads.h"
 #include "field/field.h"
 #include "mesh/mesh.h"
 
@@ -31,9 +33,9 @@ typedef struct fidelity {
 
 /* `m` as levelset_make left it; `f` NULL: nothing of it is followed; `finest`: the size of the smallest voxels that can be had. Where they would show no
  * more than these, both voxel sizes are those that there are. *out, zeroed or of an earlier call, is the caller's to free. Errors:
- * limit_memory. */
+ * limit_memory. Incomplete where the pool was told to stop. */
 bool fidelity_measure(const mesh *m, const double index_to_world[16], const field *f, double finest,
-                      fidelity *out, error *e);
+                      threads *pool, fidelity *out, error *e);
 void fidelity_free(fidelity *f);
 
 /* The share of a closed mesh that lies inside of its solids, whichever way round its shells are. Errors: limit_memory. */

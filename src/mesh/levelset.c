@@ -82,6 +82,7 @@ static bool to_index_space(making *k, const levelset_params *p, double index_to_
                          "must be %g to %d",
                          size, voxels, longest, fewest_voxels, WINDING_MOST_VOXELS - 1);
     k->voxel_size = size;
+    m->welded = false;
     for (size_t n = 0; n < m->vertex_count; n++) {
         vec3 d = vec3_sub(m->vertex[n], box.min);
         m->vertex[n] = (vec3){d.x / size + origin_gap, d.y / size + origin_gap, d.z / size + origin_gap};

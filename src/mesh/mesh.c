@@ -49,7 +49,7 @@ double mesh_area(const mesh *m)
 bool mesh_copy(const mesh *m, mesh *out, error *e)
 {
     mesh copy = {m->vertex_count, m->triangle_count, mem_array(m->vertex_count, sizeof *m->vertex, what, e),
-                 NULL};
+                 NULL, m->welded};
     if (copy.vertex) copy.triangle = mem_array(m->triangle_count, sizeof *m->triangle, what, e);
     if (!copy.triangle) {
         mesh_free(&copy);
@@ -145,12 +145,17 @@ static void drop_unused(mesh *m, uint32_t *place)
         for (int k = 0; k < 3; k++) m->triangle[n][k] = place[m->triangle[n][k]];
 }
 
+static bool is_degenerate(const uint32_t t[3])
+{
+    return t[0] == t[1] || t[1] == t[2] || t[2] == t[0];
+}
+
 size_t mesh_drop_degenerate(mesh *m)
 {
     size_t kept = 0, all = m->triangle_count;
     for (size_t n = 0; n < all; n++) {
         const uint32_t *t = m->triangle[n];
-        if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) continue;
+        if (is_degenerate(t)) continue;
         memmove(m->triangle[kept++], t, sizeof m->triangle[0]);
     }
     m->triangle_count = kept;
@@ -218,8 +223,73 @@ static bool drop_repeated(mesh *m, mesh_cancelled cancelled, size_t *dropped, er
     return ok;
 }
 
+/* Triangles by their lowest corner: list[first[v]] .. list[first[v + 1]]. */
+typedef struct by_corner {
+    uint32_t *first, *list;
+} by_corner;
+
+static bool list_by_corner(const mesh *m, by_corner *out, error *e)
+{
+    uint32_t sorted[3];
+    out->first = mem_array(m->vertex_count + 2, sizeof *out->first, what, e);
+    out->list = out->first ? mem_array(m->triangle_count, sizeof *out->list, what, e) : NULL;
+    if (!out->list) return false;
+    /* counted two ahead; after the sums the starts are one ahead, and filling moves them to their places */
+    for (size_t n = 0; n < m->triangle_count; n++) {
+        sort_corners(m->triangle[n], sorted);
+        out->first[(size_t)sorted[0] + 2]++;
+    }
+    for (size_t v = 2; v < m->vertex_count + 2; v++) out->first[v] += out->first[v - 1];
+    for (uint32_t n = 0; n < m->triangle_count; n++) {
+        sort_corners(m->triangle[n], sorted);
+        out->list[out->first[(size_t)sorted[0] + 1]++] = n;
+    }
+    return true;
+}
+
+static bool is_repeated(const mesh *m, uint32_t a, uint32_t b)
+{
+    uint32_t of_a[3], of_b[3];
+    sort_corners(m->triangle[a], of_a);
+    sort_corners(m->triangle[b], of_b);
+    return memcmp(of_a, of_b, sizeof of_a) == 0;
+}
+
+/* Whether a triangle may stand more than once. Few vertices have more triangles than are held against each other here. */
+static bool may_repeat(const mesh *m, bool *may, error *e)
+{
+    enum { FEW = 64 };
+    by_corner by = {0};
+    const bool ok = list_by_corner(m, &by, e);
+    *may = false;
+    for (size_t v = 0; ok && !*may && v < m->vertex_count; v++) {
+        const uint32_t *list = by.list + by.first[v], count = by.first[v + 1] - by.first[v];
+        *may = count > FEW;
+        for (uint32_t k = 1; !*may && k < count; k++)
+            for (uint32_t i = 0; i < k; i++) *may |= is_repeated(m, list[k], list[i]);
+    }
+    free(by.first);
+    free(by.list);
+    return ok;
+}
+
+bool mesh_weld_clean(mesh *m, error *e)
+{
+    uint32_t *place = mem_array(m->vertex_count, sizeof *place, what, e);
+    bool ok = place && join_vertices(m, place, e), unclean = false;
+    for (size_t n = 0; ok && !unclean && n < m->triangle_count; n++) unclean = is_degenerate(m->triangle[n]);
+    if (ok && !unclean) ok = may_repeat(m, &unclean, e);
+    if (ok && !unclean) {
+        drop_unused(m, place);
+        m->welded = true;
+    }
+    free(place);
+    return ok;
+}
+
 bool mesh_weld(mesh *m, mesh_cancelled cancelled, mesh_notes *notes, error *e)
 {
+    if (m->welded) return true;
     size_t all = m->triangle_count, repeated = 0;
     uint32_t *place = mem_array(m->vertex_count, sizeof *place, what, e);
     bool ok = place && join_vertices(m, place, e);
@@ -227,6 +297,7 @@ bool mesh_weld(mesh *m, mesh_cancelled cancelled, mesh_notes *notes, error *e)
         size_t degenerate = mesh_drop_degenerate(m);
         ok = drop_repeated(m, cancelled, &repeated, e);
         if (ok) drop_unused(m, place);
+        m->welded = ok;
         if (degenerate)
             mesh_note(notes, "%zu of %zu triangles have two equal corners: left out", degenerate, all);
         if (repeated)

@@ -18,6 +18,7 @@ typedef struct mesh {
     size_t vertex_count, triangle_count;
     vec3 *vertex;
     uint32_t (*triangle)[3]; /* counter-clockwise seen from outside, if the file keeps to that */
+    bool welded;             /* mesh_weld would leave it as it is: who moves or joins anything says false */
 } mesh;
 
 #define MESH_MAX_NOTES 8
@@ -53,6 +54,10 @@ typedef enum mesh_cancelled {
 /* Joins vertices of equal coordinates, drops vertices of no triangle, triangles with two equal corners, and
  * triangles that stand more than once. Order is kept. */
 bool mesh_weld(mesh *m, mesh_cancelled cancelled, mesh_notes *notes, error *e);
+
+/* The same where it only joins vertices and drops those of no triangle, so that whoever welds the mesh, or a copy, has nothing
+ * to do. Another mesh is left to them. */
+bool mesh_weld_clean(mesh *m, error *e);
 
 /* Drops triangles with two equal corners, and returns how many there were. */
 size_t mesh_drop_degenerate(mesh *m);

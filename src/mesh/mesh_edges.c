@@ -161,7 +161,7 @@ bool mesh_edges_fill_holes(mesh *m, const mesh_edges *edges, size_t *holes, erro
         }
         free(m->vertex);
         free(m->triangle);
-        *m = (mesh){m->vertex_count + found, m->triangle_count + count, vertex, triangle};
+        *m = (mesh){m->vertex_count + found, m->triangle_count + count, vertex, triangle, false};
         *holes = found;
     } else {
         free(vertex);

@@ -421,14 +421,16 @@ static bool weld(making *k, mesh_notes *notes, error *e)
     mesh *m = k->m;
     if (!mesh_weld(m, MESH_KEEP_CANCELLED, notes, e)) return false;
     if (m->triangle_count == 0) return error_set(e, ERROR_NO_SURFACE, "no triangle of the mesh has an area");
-    return mesh_edges_list(m, &k->edges, e) &&
-           mesh_edges_close_seams(m, k->params->weld * bbox_longest(mesh_box(m)), &k->edges, notes, e) &&
-           mesh_weld(m, MESH_KEEP_CANCELLED, notes, e) /* faces may coincide now */;
+    if (!mesh_edges_list(m, &k->edges, e) ||
+        !mesh_edges_close_seams(m, k->params->weld * bbox_longest(mesh_box(m)), &k->edges, notes, e))
+        return false;
+    return m->welded || /* else faces may coincide now */
+           (mesh_weld(m, MESH_KEEP_CANCELLED, notes, e) && mesh_edges_list(m, &k->edges, e));
 }
 
 static bool make(making *k, mesh_notes *notes, error *e)
 {
-    if (!(k->params->kind || weld(k, notes, e)) || !mesh_edges_list(k->m, &k->edges, e) || !cut_edges(k, e))
+    if (!(k->params->kind ? mesh_edges_list(k->m, &k->edges, e) : weld(k, notes, e)) || !cut_edges(k, e))
         return false;
     return is_skipped(k) || (number_patches(k, e) && make_curves(k, e) && part_vertices(k, e));
 }

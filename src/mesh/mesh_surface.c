@@ -608,7 +608,7 @@ static bool make_patches(mesh_surface *s, error *e)
         const size_t first = m->first[k], triangles = m->first[k + 1] - first;
         *p = (patch_field){.base = s->base, .whole = s, .first = first};
         p->base.ops = &patch_ops;
-        p->triangles = (mesh){m->m.vertex_count, triangles, m->m.vertex, m->m.triangle + first};
+        p->triangles = (mesh){m->m.vertex_count, triangles, m->m.vertex, m->m.triangle + first, false};
         if (!(p->tree = nearest_triangle_new(&p->triangles, e))) return false;
         const double area = mesh_area(&p->triangles);
         s->patches.patch[k] = (field_patch){&p->base, m->one_sided[k], fmax(area, DBL_MIN)};

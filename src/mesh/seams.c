@@ -84,6 +84,7 @@ bool seams_join(mesh *m, const seam_edge *edges, size_t count, double tolerance,
     for (size_t n = 0; ok && n < m->triangle_count; n++)
         for (int k = 0; k < 3; k++) m->triangle[n][k] = to[m->triangle[n][k]];
     if (ok) mesh_drop_degenerate(m);
+    m->welded &= *joined == 0;
     free(to);
     free(c.ends);
     return ok;
@@ -143,6 +144,7 @@ static bool split_all(cutting *c, size_t *split, error *e)
     memcpy(larger, m->triangle, m->triangle_count * sizeof *larger);
     free(m->triangle);
     m->triangle = larger;
+    m->welded = false;
     for (size_t k = 0; k < c->cut_count; k++) {
         const seam_edge *s = &c->edges[c->cuts[k].edge];
         uint32_t *t = larger[s->triangle];

@@ -119,7 +119,7 @@ static bool look(search *s, size_t most, threads *pool, vec3 **place, size_t *co
 bool left_out_find(const left_out_input *in, double share, size_t most, threads *pool, vec3 **place,
                    size_t *count, error *e)
 {
-    const mesh made = {in->count, in->triangles, (vec3 *)in->position, (uint32_t(*)[3])in->triangle};
+    const mesh made = {in->count, in->triangles, (vec3 *)in->position, (uint32_t(*)[3])in->triangle, false};
     fine_mesh fine = {0};
     nearest_triangle *of_mesh = NULL, *of_made = NULL;
     *place = NULL;

@@ -10,7 +10,7 @@ static const char what[] = "the mesh of a label";
 
 static bool count_edges(label_mesh_part *p, error *e)
 {
-    const mesh m = {p->set.count, p->set.triangle_count, p->position, p->triangle};
+    const mesh m = {p->set.count, p->set.triangle_count, p->position, p->triangle, false};
     mesh_edges edges = {0};
     const bool ok = mesh_edges_list(&m, &edges, e);
     for (size_t v = 0; ok && v < edges.vertex_count; v++)

@@ -16,6 +16,7 @@ typedef struct clipping {
 void mesh_move(mesh *m, const double to_world[3][4])
 {
     double unused[3][4];
+    m->welded = false;
     for (size_t k = 0; k < m->vertex_count; k++)
         m->vertex[k] = affine_apply(to_world, m->vertex[k].x, m->vertex[k].y, m->vertex[k].z);
     if (affine_invert(to_world, unused) > 0) return;

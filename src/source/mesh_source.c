@@ -220,7 +220,9 @@ bool mesh_source_open(const mesh_source_request *request, volume **as_volume, me
     mesh whole = {0};
     mesh_notes read = {0};
     if (!mesh_file_read(&file, &whole, &read, e)) return error_prefix(e, "%s", v->path);
-    bool ok = open_read(request, &whole, &read, as_volume, as_patches, notes, e);
+    /* once for all that is made of it */
+    bool ok = mesh_weld_clean(&whole, e) || error_prefix(e, "%s", v->path);
+    ok = ok && open_read(request, &whole, &read, as_volume, as_patches, notes, e);
     mesh_free(&whole);
     return ok;
 }

@@ -454,8 +454,8 @@ static volume *try_mesh(const volume_mesh_request *r, const resolution *choice, 
     loading_free(&l);
     if (r->offset == 0 && (ok || (loaded && e->code == ERROR_NO_SURFACE))) {
         error told = {0};
-        if (!fidelity_measure(&m, v->info.index_to_world, ok ? &v->base : NULL, choice->finest, measured,
-                              &told)) {
+        if (!fidelity_measure(&m, v->info.index_to_world, ok ? &v->base : NULL, choice->finest, r->pool,
+                              measured, &told)) {
             ok = false;
             *e = told;
         }

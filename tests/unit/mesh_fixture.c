@@ -79,6 +79,7 @@ mesh mesh_fixture_ball(vec3 center, double radius, int splits)
         m = split(m);
         if (k + 1 < splits) mesh_weld(&m, MESH_DROP_CANCELLED, &notes, NULL);
     }
+    m.welded = false;
     for (size_t k = 0; k < m.vertex_count; k++) m.vertex[k] = vec3_axpy(radius, m.vertex[k], center);
     return m;
 }

@@ -200,7 +200,7 @@ static void holes_are_counted(void **state)
     assert_refused(&j, "3 boundary edges around 1 hole:");
     m = ball_at(
         10); /* a fin of one triangle on a closed ball: two boundary edges, and an edge of three triangles */
-    mesh_fixture_append(&m, (mesh){1, 0, mem_array(1, sizeof(vec3), "test", NULL), NULL});
+    mesh_fixture_append(&m, (mesh){1, 0, mem_array(1, sizeof(vec3), "test", NULL), NULL, false});
     mesh_fixture_add(&m, m.triangle[0][0], m.triangle[0][1], (uint32_t)m.vertex_count - 1);
     j = judge(m);
     assert_refused(&j, "2 boundary edges around 1 hole and 1 edges at which an odd number");
@@ -223,7 +223,7 @@ static void near_vertices_are_joined(void **state)
     (void)state;
     uint64_t seed = SEED;
     for (int far = 0; far < 2; far++) {
-        mesh ball = ball_at(10), m = {3 * ball.triangle_count, 0, NULL, NULL};
+        mesh ball = ball_at(10), m = {3 * ball.triangle_count, 0, NULL, NULL, false};
         m.vertex = mem_array(m.vertex_count, sizeof *m.vertex, "test", NULL);
         for (uint32_t n = 0; n < ball.triangle_count; n++)
             for (uint32_t k = 0; k < 3; k++)
@@ -253,7 +253,7 @@ static void seams_are_closed(void **state)
     mesh_fixture_remove(&m, 0);
     for (uint32_t n = 0; n < 2; n++) { /* fans about the middle: edges in two parts, and in three */
         const uint32_t parts = 2 + n, around = 3 * parts;
-        mesh face = {around + 1, 0, mem_array(around + 1, sizeof(vec3), "test", NULL), NULL};
+        mesh face = {around + 1, 0, mem_array(around + 1, sizeof(vec3), "test", NULL), NULL, false};
         for (uint32_t k = 0; k < around; k++) {
             const vec3 a = m.vertex[t[n][k / parts]], b = m.vertex[t[n][(k / parts + 1) % 3]];
             face.vertex[k] = vec3_axpy((double)(k % parts) / parts, vec3_sub(b, a), a);
@@ -611,7 +611,7 @@ static void assert_steady(const vdb_grid *g, const char *what)
 static mesh mesh_of(const vec3 *corners, size_t corner_count, const uint32_t (*faces)[3], size_t face_count)
 {
     mesh m = {corner_count, face_count, mem_array(corner_count, sizeof(vec3), "test", NULL),
-              mem_array(face_count, sizeof *m.triangle, "test", NULL)};
+              mem_array(face_count, sizeof *m.triangle, "test", NULL), false};
     memcpy(m.vertex, corners, corner_count * sizeof(vec3));
     memcpy(m.triangle, faces, face_count * sizeof *m.triangle);
     return m;

@@ -16,6 +16,7 @@
 #include <unistd.h>
 
 #include "base/memory.h"
+#include "mesh/fidelity.h"
 #include "mesh_fixture.h"
 #include "meshfile/mesh_reader.h"
 #include "volume_fixture.h"
@@ -385,6 +386,88 @@ static void answers_are_not_believed(void **state)
     close(request.fd);
 }
 
+static void assert_same_mesh(const mesh *a, const mesh *b)
+{
+    assert_int_equal(a->vertex_count, b->vertex_count);
+    assert_int_equal(a->triangle_count, b->triangle_count);
+    assert_memory_equal(a->vertex, b->vertex, a->vertex_count * sizeof *a->vertex);
+    assert_memory_equal(a->triangle, b->triangle, a->triangle_count * sizeof *a->triangle);
+}
+
+/* What needs no more than joined vertices is welded once; another mesh is welded by whoever needs it, and tells it. */
+static void clean_meshes_are_welded_once(void **state)
+{
+    (void)state;
+    error e = {0};
+    for (int kind = 0; kind < 5; kind++) {
+        mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 1, 3), usual;
+        mesh_notes notes = {0}, told = {0};
+        const uint32_t *t = m.triangle[7];
+        if (kind == 1) mesh_fixture_add(&m, t[1], t[2], t[0]); /* again */
+        if (kind == 2) mesh_fixture_add(&m, t[0], t[2], t[1]); /* the other way round */
+        if (kind == 3) mesh_fixture_add(&m, t[0], t[0], t[1]);
+        if (kind == 4) mesh_fixture_remove(&m, 5);
+        assert_true(mesh_copy(&m, &usual, &e) && mesh_weld(&usual, MESH_KEEP_CANCELLED, &notes, &e));
+        const size_t all = m.triangle_count;
+        assert_true(mesh_weld_clean(&m, &e));
+        assert_int_equal(m.welded, kind == 0 || kind == 4);
+        assert_int_equal(m.triangle_count, all);
+        assert_true(mesh_weld(&m, MESH_KEEP_CANCELLED, &told, &e));
+        assert_true(m.welded && told.count == notes.count && notes.count == (kind > 0 && kind < 4));
+        assert_same_mesh(&m, &usual);
+        mesh_free(&m);
+        mesh_free(&usual);
+    }
+}
+
+/* A fan of more triangles than are held against each other is looked at by those who weld. */
+static void fans_are_welded_too(void **state)
+{
+    (void)state;
+    enum { SIDES = 200 };
+    error e = {0};
+    mesh m = mesh_fixture_box((vec3){0, 0, 0}, (vec3){1, 1, 1}, 0), fan = {0};
+    mesh_notes notes = {0};
+    fan.vertex = mem_alloc((SIDES + 1) * sizeof *fan.vertex);
+    fan.triangle = mem_alloc(SIDES * sizeof *fan.triangle);
+    fan.vertex_count = SIDES + 1;
+    fan.triangle_count = SIDES;
+    for (uint32_t k = 0; k < SIDES; k++) {
+        fan.vertex[k + 1] = (vec3){cos(k), sin(k), 0};
+        fan.triangle[k][1] = k + 1;
+        fan.triangle[k][2] = 1 + (k + 1) % SIDES;
+    }
+    mesh_fixture_append(&m, fan);
+    assert_true(mesh_weld_clean(&m, &e));
+    assert_false(m.welded);
+    assert_true(mesh_weld(&m, MESH_KEEP_CANCELLED, &notes, &e));
+    assert_int_equal(m.triangle_count, 12 + SIDES);
+    assert_int_equal(notes.count, 0);
+    mesh_free(&m);
+}
+
+/* Two balls in each other, and a thin plate, none of which a level set follows. */
+static void fidelity_by_any_number_of_threads(void **state)
+{
+    (void)state;
+    error e = {0};
+    const double unit[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+    mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 20, 5);
+    mesh_fixture_append(&m, mesh_fixture_ball((vec3){0, 0, 0}, 10, 5));
+    mesh_fixture_append(&m, mesh_fixture_box((vec3){50, 0, 0}, (vec3){10, 10, 0.5}, 0.3));
+    fidelity alone = {0}, together = {0};
+    assert_true(fidelity_measure(&m, unit, NULL, 0.1, NULL, &alone, &e));
+    assert_true(fidelity_measure(&m, unit, NULL, 0.1, mesh_fixture_pool(), &together, &e));
+    assert_true(alone.thin > 0.05 && alone.hidden > 0.1 && alone.unresolved == 1);
+    assert_int_equal(alone.thin_places, together.thin_places);
+    assert_memory_equal(alone.thin_place, together.thin_place, alone.thin_places * sizeof(vec3));
+    assert_true(alone.thin == together.thin && alone.hidden == together.hidden);
+    assert_true(alone.area == together.area && alone.thin_voxel == together.thin_voxel);
+    fidelity_free(&alone);
+    fidelity_free(&together);
+    mesh_free(&m);
+}
+
 int main(int argc, char **argv)
 {
     if (argc > 2 && strcmp(argv[1], MESH_READER_COMMAND) == 0)
@@ -396,7 +479,8 @@ int main(int argc, char **argv)
         cmocka_unit_test(files_that_are_no_meshes),   cmocka_unit_test(damaged_files),
         cmocka_unit_test(other_files_are_not_opened), cmocka_unit_test(limits_hold),
         cmocka_unit_test(answers_are_not_believed),   cmocka_unit_test(voxels_follow_the_thickness),
-        cmocka_unit_test(places_far_from_the_origin),
+        cmocka_unit_test(places_far_from_the_origin), cmocka_unit_test(clean_meshes_are_welded_once),
+        cmocka_unit_test(fans_are_welded_too),        cmocka_unit_test(fidelity_by_any_number_of_threads),
     };
     return cmocka_run_group_tests_name("mesh", tests, NULL, NULL);
 }
