@@ -1,7 +1,9 @@
 #include "mesh/mesh_faces.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
 #include "mesh/line_tree.h"
@@ -16,23 +18,117 @@ static const double in_front = 1e-3;
 /* Lines are tilted by this against normals, lest they run along faces of right angles. */
 static const vec3 tilt = {0.00917, 0.00631, 0.00487};
 
+/* Of a mesh of more triangles those with their middles in one cell of a lattice are a group, with about as many in each; most
+ * points come by few groups. */
+enum { UNGROUPED = 1 << 16, GROUP = 512, MOST_CELLS = 128 };
+
 struct mesh_faces {
-    mesh m; /* in voxels */
+    mesh m; /* in voxels, group after group */
     double voxel;
     vec3 origin;
-    nearest_triangle *tree;
+    size_t count; /* of groups */
+    mesh *group;  /* parts of m */
+    nearest_triangle **tree;
+    nearest_of_several *trees;
     line_tree *lines; /* NULL: nothing is hidden */
 };
 
-mesh_faces *mesh_faces_new(mesh *m, const double index_to_world[16], bool hides, error *e)
+/* The lattice. */
+typedef struct grouping {
+    const mesh *m;
+    vec3 low;
+    double cell;
+    size_t side;
+    uint32_t *cell_of; /* of each triangle */
+} grouping;
+
+static void find_cells(void *context, int worker, size_t begin, size_t end)
+{
+    const grouping *g = context;
+    (void)worker;
+    for (size_t n = begin; n < end; n++) {
+        const uint32_t *t = g->m->triangle[n];
+        const vec3 *v = g->m->vertex,
+                   middle = vec3_scale(vec3_add(v[t[0]], vec3_add(v[t[1]], v[t[2]])), 1.0 / 3);
+        size_t at = 0;
+        for (int axis = 0; axis < 3; axis++) {
+            const double k = (vec3_get(middle, axis) - vec3_get(g->low, axis)) / g->cell;
+            at = at * g->side + (size_t)fmax(0, fmin(k, (double)(g->side - 1)));
+        }
+        g->cell_of[n] = (uint32_t)at;
+    }
+}
+
+/* Makes the triangles of each cell neighbours, and of each that has some a group. */
+static bool group_triangles(mesh_faces *f, threads *pool, error *e)
+{
+    static const char what[] = "the tree of a mesh";
+    const bbox box = mesh_box(&f->m);
+    const size_t all = f->m.triangle_count;
+    grouping g = {.m = &f->m, .low = box.min, .side = 1};
+    if (all > UNGROUPED)
+        g.side =
+            (size_t)fmax(1, fmin(MOST_CELLS, sqrt((double)all / (3 * GROUP)))); /* of 6 side^2 cells half */
+    g.cell = fmax(bbox_longest(box), DBL_MIN) / (double)g.side;
+    const size_t cells = g.side * g.side * g.side;
+    uint32_t *first = mem_array(cells + 2, sizeof *first, what, e);
+    uint32_t(*sorted)[3] = first ? mem_array(all, sizeof *sorted, what, e) : NULL;
+    g.cell_of = sorted ? mem_array(all, sizeof *g.cell_of, what, e) : NULL;
+    bool ok = g.cell_of;
+    if (ok) {
+        threads_run(pool, all, 1 << 14, find_cells, &g);
+        for (size_t n = 0; n < all; n++) first[g.cell_of[n] + 2]++;
+        for (size_t c = 2; c < cells + 2; c++) {
+            f->count += first[c] > 0;
+            first[c] += first[c - 1];
+        }
+        for (size_t n = 0; n < all; n++)
+            memcpy(sorted[first[g.cell_of[n] + 1]++], f->m.triangle[n], sizeof *sorted);
+        memcpy(f->m.triangle, sorted, all * sizeof *sorted);
+        f->group = mem_array(f->count, sizeof *f->group, what, e);
+        ok = f->group;
+    }
+    f->count = 0;
+    for (size_t c = 0; ok && c < cells; c++)
+        if (first[c + 1] > first[c])
+            f->group[f->count++] = (mesh){.vertex_count = f->m.vertex_count,
+                                          .triangle_count = first[c + 1] - first[c],
+                                          .vertex = f->m.vertex,
+                                          .triangle = f->m.triangle + first[c]};
+    free(first);
+    free(sorted);
+    free(g.cell_of);
+    return ok;
+}
+
+static void box_groups(void *context, int worker, size_t begin, size_t end)
+{
+    const mesh_faces *f = context;
+    (void)worker;
+    for (size_t k = begin; k < end; k++)
+        if (f->group[k].triangle_count <= UNGROUPED) f->tree[k] = nearest_triangle_later(&f->group[k]);
+}
+
+static bool make_trees(mesh_faces *f, threads *pool, error *e)
+{
+    if (!group_triangles(f, pool, e)) return false;
+    f->tree = mem_array(f->count, sizeof *f->tree, "the tree of a mesh", e);
+    if (!f->tree) return false;
+    threads_run(pool, f->count, 16, box_groups, f);
+    for (size_t k = 0; k < f->count; k++)
+        if (!f->tree[k] && !(f->tree[k] = nearest_triangle_new(&f->group[k], e))) return false;
+    f->trees = nearest_of_several_new((const nearest_triangle *const *)f->tree, f->count, e);
+    return f->trees;
+}
+
+mesh_faces *mesh_faces_new(mesh *m, const double index_to_world[16], bool hides, threads *pool, error *e)
 {
     mesh_faces *f = mem_alloc(sizeof *f);
     f->m = *m;
     *m = (mesh){0};
     f->voxel = index_to_world[0];
     f->origin = vec3_make(index_to_world[3], index_to_world[7], index_to_world[11]);
-    if ((f->tree = nearest_triangle_new(&f->m, e)) && (!hides || (f->lines = line_tree_new(&f->m, e))))
-        return f;
+    if (make_trees(f, pool, e) && (!hides || (f->lines = line_tree_new(&f->m, e)))) return f;
     mesh_faces_free(f);
     return NULL;
 }
@@ -40,7 +136,10 @@ mesh_faces *mesh_faces_new(mesh *m, const double index_to_world[16], bool hides,
 void mesh_faces_free(mesh_faces *f)
 {
     if (!f) return;
-    nearest_triangle_free(f->tree);
+    nearest_of_several_free(f->trees);
+    for (size_t k = 0; f->tree && k < f->count; k++) nearest_triangle_free(f->tree[k]);
+    free(f->tree);
+    free(f->group);
     line_tree_free(f->lines);
     mesh_free(&f->m);
     free(f);
@@ -48,8 +147,10 @@ void mesh_faces_free(mesh_faces *f)
 
 size_t mesh_faces_bytes(const mesh_faces *f)
 {
-    return f->m.vertex_count * sizeof *f->m.vertex + f->m.triangle_count * sizeof *f->m.triangle +
-           nearest_triangle_bytes(f->tree) + line_tree_bytes(f->lines);
+    size_t trees = nearest_of_several_bytes(f->trees);
+    for (size_t k = 0; k < f->count; k++) trees += nearest_triangle_bytes(f->tree[k]);
+    return f->m.vertex_count * sizeof *f->m.vertex + f->m.triangle_count * sizeof *f->m.triangle + trees +
+           line_tree_bytes(f->lines);
 }
 
 /* A point that is to land, in voxels. */
@@ -83,16 +184,16 @@ vec3 mesh_faces_land(const mesh_faces *f, vec3 x, vec3 normal)
 {
     const landing l = {f, to_voxels(f, x), vec3_unit(normal)};
     vec3 place = l.x;
-    if (!(f->lines && nearest_triangle_find_among(f->tree, l.x, farthest, looks_out, &l, &place)) &&
-        !nearest_triangle_find_among(f->tree, l.x, farthest, looks_its_way, &l, &place))
-        nearest_triangle_find_among(f->tree, l.x, INFINITY, NULL, NULL, &place);
+    if (!(f->lines && nearest_of_several_find_among(f->trees, l.x, farthest, looks_out, &l, &place)) &&
+        !nearest_of_several_find_among(f->trees, l.x, farthest, looks_its_way, &l, &place))
+        nearest_of_several_find_among(f->trees, l.x, INFINITY, NULL, NULL, &place);
     return vec3_axpy(f->voxel, place, f->origin);
 }
 
 vec3 mesh_faces_nearest(const mesh_faces *f, vec3 x)
 {
     vec3 place = to_voxels(f, x);
-    if (!nearest_triangle_find_among(f->tree, place, landed, NULL, NULL, &place))
-        nearest_triangle_find_among(f->tree, place, INFINITY, NULL, NULL, &place);
+    if (!nearest_of_several_find_among(f->trees, place, landed, NULL, NULL, &place))
+        nearest_of_several_find_among(f->trees, place, INFINITY, NULL, NULL, &place);
     return vec3_axpy(f->voxel, place, f->origin);
 }

@@ -2,6 +2,8 @@
 
 #include <float.h>
 #include <math.h>
+#include <pthread.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 
 #include "base/memory.h"
@@ -11,11 +13,19 @@
 /* Triangles in a leaf, or trees; a box costs about as much as one. */
 enum { LEAF = 4, DEEPEST = 64 };
 
-struct nearest_triangle {
-    const mesh *mesh;
+/* Once it is made. */
+typedef struct halves {
     uint32_t *order;  /* triangles, those of each node together */
     triangle *corner; /* of these, in their order */
     bbox *box;        /* of node k, whose halves are 2 k + 1 and 2 k + 2 */
+    atomic_bool made;
+    pthread_mutex_t making;
+} halves;
+
+struct nearest_triangle {
+    const mesh *mesh;
+    bbox box; /* of all */
+    halves *halves;
 };
 
 /* Places for the nodes of a tree over `count` triangles, which are halved until they are a leaf. */
@@ -33,54 +43,83 @@ static triangle triangle_of(const mesh *m, size_t k)
 }
 
 /* Halves across the longest side of the middles' box: boxes overlap little. */
-static bbox build(nearest_triangle *n, size_t node, const vec3 *middle, size_t first, size_t count)
+static bbox build(const mesh *m, halves *h, size_t node, const vec3 *middle, size_t first, size_t count)
 {
     bbox box = bbox_empty();
     if (count <= LEAF) {
         for (size_t k = first; k < first + count; k++) {
-            n->corner[k] = triangle_of(n->mesh, n->order[k]);
-            box = bbox_unite(box, triangle_box(&n->corner[k]));
+            h->corner[k] = triangle_of(m, h->order[k]);
+            box = bbox_unite(box, triangle_box(&h->corner[k]));
         }
     } else {
         const size_t half = count / 2;
-        point_tree_halve(middle, n->order + first, count);
-        box = bbox_unite(build(n, 2 * node + 1, middle, first, half),
-                         build(n, 2 * node + 2, middle, first + half, count - half));
+        point_tree_halve(middle, h->order + first, count);
+        box = bbox_unite(build(m, h, 2 * node + 1, middle, first, half),
+                         build(m, h, 2 * node + 2, middle, first + half, count - half));
     }
-    return n->box[node] = box;
+    return h->box[node] = box;
+}
+
+static bool make(const mesh *m, halves *h, error *e)
+{
+    const char *what = "the tree of a mesh";
+    vec3 *middle = mem_array(m->triangle_count, sizeof *middle, what, e);
+    h->order = mem_array(m->triangle_count, sizeof *h->order, what, e);
+    h->corner = mem_array(m->triangle_count, sizeof *h->corner, what, e);
+    h->box = mem_array(places_for(m->triangle_count), sizeof *h->box, what, e);
+    const bool ok = middle && h->order && h->corner && h->box;
+    for (uint32_t k = 0; ok && k < m->triangle_count; k++) {
+        const triangle t = triangle_of(m, k);
+        middle[k] = vec3_scale(vec3_add(t.a, vec3_add(t.b, t.c)), 1.0 / 3);
+        h->order[k] = k;
+    }
+    if (ok) build(m, h, 0, middle, 0, m->triangle_count);
+    free(middle);
+    return ok;
+}
+
+nearest_triangle *nearest_triangle_later(const mesh *m)
+{
+    nearest_triangle *n = mem_alloc(sizeof *n);
+    *n = (nearest_triangle){m, mesh_box(m), mem_alloc(sizeof *n->halves)};
+    pthread_mutex_init(&n->halves->making, NULL);
+    return n;
 }
 
 nearest_triangle *nearest_triangle_new(const mesh *m, error *e)
 {
-    const char *what = "the tree of a mesh";
-    nearest_triangle *n = mem_alloc(sizeof *n);
-    vec3 *middle = mem_array(m->triangle_count, sizeof *middle, what, e);
-    n->mesh = m;
-    n->order = mem_array(m->triangle_count, sizeof *n->order, what, e);
-    n->corner = mem_array(m->triangle_count, sizeof *n->corner, what, e);
-    n->box = mem_array(places_for(m->triangle_count), sizeof *n->box, what, e);
-    if (!middle || !n->order || !n->corner || !n->box) {
-        free(middle);
-        nearest_triangle_free(n);
-        return NULL;
+    nearest_triangle *n = nearest_triangle_later(m);
+    if (make(m, n->halves, e)) {
+        n->halves->made = true;
+        return n;
     }
-    for (uint32_t k = 0; k < m->triangle_count; k++) {
-        const triangle t = triangle_of(m, k);
-        middle[k] = vec3_scale(vec3_add(t.a, vec3_add(t.b, t.c)), 1.0 / 3);
-        n->order[k] = k;
-    }
-    build(n, 0, middle, 0, m->triangle_count);
-    free(middle);
-    return n;
+    nearest_triangle_free(n);
+    return NULL;
 }
 
 void nearest_triangle_free(nearest_triangle *n)
 {
     if (!n) return;
-    free(n->order);
-    free(n->corner);
-    free(n->box);
+    free(n->halves->order);
+    free(n->halves->corner);
+    free(n->halves->box);
+    pthread_mutex_destroy(&n->halves->making);
+    free(n->halves);
     free(n);
+}
+
+/* The tree, which is made where it is not there yet. */
+static const halves *halves_of(const nearest_triangle *n)
+{
+    halves *h = n->halves;
+    if (atomic_load_explicit(&h->made, memory_order_acquire)) return h;
+    pthread_mutex_lock(&h->making);
+    if (!atomic_load_explicit(&h->made, memory_order_relaxed)) {
+        if (!make(n->mesh, h, NULL)) abort(); /* a few kilobytes, as of mem_alloc */
+        atomic_store_explicit(&h->made, true, memory_order_release);
+    }
+    pthread_mutex_unlock(&h->making);
+    return h;
 }
 
 /* How far x lies outside of the interval; fmax is a call. */
@@ -131,27 +170,28 @@ typedef struct visit {
 static inline size_t search(const nearest_triangle *n, vec3 p, double *nearest,
                             nearest_triangle_accept *accept, const void *context)
 {
+    const halves *h = halves_of(n);
     visit stack[DEEPEST];
     size_t found = n->mesh->triangle_count;
     double best = *nearest;
-    stack[0] = (visit){0, 0, found, box_distance2(&n->box[0], p)};
+    stack[0] = (visit){0, 0, found, box_distance2(&n->box, p)};
     for (int depth = 1; depth > 0;) {
         const visit v = stack[--depth];
         if (!(v.distance2 < best)) continue;
         if (v.count <= LEAF) {
             for (size_t k = v.first; k < v.first + v.count; k++) {
-                if (is_beyond(&n->corner[k], p, best)) continue;
-                const double distance2 = triangle_distance2(&n->corner[k], p);
+                if (is_beyond(&h->corner[k], p, best)) continue;
+                const double distance2 = triangle_distance2(&h->corner[k], p);
                 if (!(distance2 < best)) continue;
-                if (accept && !accept(context, n->order[k], &n->corner[k])) continue;
+                if (accept && !accept(context, h->order[k], &h->corner[k])) continue;
                 best = distance2;
                 found = k;
             }
             continue;
         }
         size_t half = v.count / 2, left = 2 * v.node + 1, right = left + 1;
-        const visit a = {left, v.first, half, box_distance2(&n->box[left], p)},
-                    b = {right, v.first + half, v.count - half, box_distance2(&n->box[right], p)};
+        const visit a = {left, v.first, half, box_distance2(&h->box[left], p)},
+                    b = {right, v.first + half, v.count - half, box_distance2(&h->box[right], p)};
         bool swap = a.distance2 < b.distance2; /* the nearer one is looked at first */
         stack[depth++] = swap ? b : a;
         stack[depth++] = swap ? a : b;
@@ -164,7 +204,7 @@ bool nearest_triangle_find_nearer(const nearest_triangle *n, vec3 p, double *dis
 {
     const size_t found = search(n, p, distance2, NULL, NULL);
     if (found == n->mesh->triangle_count) return false;
-    *nearest = n->order[found];
+    *nearest = n->halves->order[found];
     return true;
 }
 
@@ -172,8 +212,8 @@ size_t nearest_triangle_find(const nearest_triangle *n, vec3 p, double weight[3]
 {
     double distance2 = INFINITY;
     const size_t found = search(n, p, &distance2, NULL, NULL);
-    triangle_weights(&n->corner[found], p, weight);
-    return n->order[found];
+    triangle_weights(&n->halves->corner[found], p, weight);
+    return n->halves->order[found];
 }
 
 /* The square of the distance to a triangle, so much larger that rounding hides neither it nor another that is as near: with that for
@@ -190,8 +230,8 @@ size_t nearest_triangle_find_from(const nearest_triangle *n, vec3 p, size_t star
     double distance2 = bound_by(n, p, start);
     const size_t found = search(n, p, &distance2, NULL, NULL);
     if (found == n->mesh->triangle_count) return nearest_triangle_find(n, p, weight);
-    triangle_weights(&n->corner[found], p, weight);
-    return n->order[found];
+    triangle_weights(&n->halves->corner[found], p, weight);
+    return n->halves->order[found];
 }
 
 static inline bool boxes_meet(const bbox *a, const bbox *b)
@@ -215,14 +255,15 @@ static inline bool triangle_meets(const triangle *t, const bbox *b)
 bool nearest_triangle_any(const nearest_triangle *n, bbox box, nearest_triangle_accept *accept,
                           const void *context)
 {
+    const halves *h = halves_of(n);
     visit stack[DEEPEST];
     stack[0] = (visit){0, 0, n->mesh->triangle_count, 0};
     for (int depth = 1; depth > 0;) {
         const visit v = stack[--depth];
-        if (!boxes_meet(&n->box[v.node], &box)) continue;
+        if (!boxes_meet(&h->box[v.node], &box)) continue;
         if (v.count <= LEAF) {
             for (size_t k = v.first; k < v.first + v.count; k++)
-                if (triangle_meets(&n->corner[k], &box) && accept(context, n->order[k], &n->corner[k]))
+                if (triangle_meets(&h->corner[k], &box) && accept(context, h->order[k], &h->corner[k]))
                     return true;
             continue;
         }
@@ -239,14 +280,15 @@ bool nearest_triangle_find_among(const nearest_triangle *n, vec3 p, double withi
     double distance2 = within * within;
     const size_t found = search(n, p, &distance2, accept, context);
     if (found == n->mesh->triangle_count) return false;
-    *place = triangle_nearest(&n->corner[found], p);
+    *place = triangle_nearest(&n->halves->corner[found], p);
     return true;
 }
 
 size_t nearest_triangle_bytes(const nearest_triangle *n)
 {
     const size_t count = n->mesh->triangle_count;
-    return count * (sizeof *n->order + sizeof *n->corner) + places_for(count) * sizeof *n->box;
+    const halves *h = n->halves;
+    return count * (sizeof *h->order + sizeof *h->corner) + places_for(count) * sizeof *h->box;
 }
 
 /* ---- several */
@@ -262,7 +304,7 @@ static bbox build_several(nearest_of_several *n, size_t node, const vec3 *middle
 {
     bbox box = bbox_empty();
     if (count <= LEAF) {
-        for (size_t k = first; k < first + count; k++) box = bbox_unite(box, n->tree[n->order[k]]->box[0]);
+        for (size_t k = first; k < first + count; k++) box = bbox_unite(box, n->tree[n->order[k]]->box);
     } else {
         const size_t half = count / 2;
         point_tree_halve(middle, n->order + first, count);
@@ -285,7 +327,7 @@ nearest_of_several *nearest_of_several_new(const nearest_triangle *const *tree, 
     for (uint32_t k = 0; ok && k < count; k++) {
         n->tree[k] = tree[k];
         n->order[k] = k;
-        middle[k] = vec3_scale(vec3_add(tree[k]->box[0].min, tree[k]->box[0].max), 0.5);
+        middle[k] = vec3_scale(vec3_add(tree[k]->box.min, tree[k]->box.max), 0.5);
     }
     if (ok) build_several(n, 0, middle, 0, count);
     free(middle);
@@ -314,9 +356,20 @@ static void ask(const nearest_of_several *n, size_t tree, vec3 p, nearest_yet *y
 {
     if (tree == yet->tree && yet->distance2 < INFINITY) return;
     double distance2 = tree < yet->tree ? nextafter(yet->distance2, INFINITY) : yet->distance2;
-    if (!(box_distance2(&n->tree[tree]->box[0], p) < distance2)) return;
+    if (!(box_distance2(&n->tree[tree]->box, p) < distance2)) return;
     if (nearest_triangle_find_nearer(n->tree[tree], p, &distance2, &yet->triangle))
         *yet = (nearest_yet){distance2, tree, yet->triangle};
+}
+
+/* The halves of a node, the nearer one first. */
+static inline void halves_of_several(const nearest_of_several *n, const visit *v, vec3 p, visit out[2])
+{
+    const size_t half = v->count / 2, left = 2 * v->node + 1, right = left + 1;
+    const visit a = {left, v->first, half, box_distance2(&n->box[left], p)},
+                b = {right, v->first + half, v->count - half, box_distance2(&n->box[right], p)};
+    const bool swap = a.distance2 < b.distance2;
+    out[0] = swap ? a : b;
+    out[1] = swap ? b : a;
 }
 
 static nearest_yet search_several(const nearest_of_several *n, vec3 p, nearest_yet yet)
@@ -331,12 +384,10 @@ static nearest_yet search_several(const nearest_of_several *n, vec3 p, nearest_y
             for (size_t k = v.first; k < v.first + v.count; k++) ask(n, n->order[k], p, &yet);
             continue;
         }
-        const size_t half = v.count / 2, left = 2 * v.node + 1, right = left + 1;
-        const visit a = {left, v.first, half, box_distance2(&n->box[left], p)},
-                    b = {right, v.first + half, v.count - half, box_distance2(&n->box[right], p)};
-        const bool swap = a.distance2 < b.distance2; /* the nearer one is looked at first */
-        stack[depth++] = swap ? b : a;
-        stack[depth++] = swap ? a : b;
+        visit half[2];
+        halves_of_several(n, &v, p, half);
+        stack[depth++] = half[1];
+        stack[depth++] = half[0];
     }
     return yet;
 }
@@ -347,6 +398,34 @@ size_t nearest_of_several_find(const nearest_of_several *n, vec3 p, size_t *near
         search_several(n, p, (nearest_yet){INFINITY, 0, 0}); /* what it stays where p is no number */
     *nearest = found.triangle;
     return found.tree;
+}
+
+bool nearest_of_several_find_among(const nearest_of_several *n, vec3 p, double within,
+                                   nearest_triangle_accept *accept, const void *context, vec3 *place)
+{
+    double best = within * within;
+    const triangle *found = NULL;
+    visit stack[DEEPEST];
+    stack[0] = (visit){0, 0, n->count, box_distance2(&n->box[0], p)};
+    for (int depth = 1; depth > 0;) {
+        const visit v = stack[--depth];
+        if (!(v.distance2 < best)) continue;
+        if (v.count <= LEAF) {
+            for (size_t k = v.first; k < v.first + v.count; k++) {
+                const nearest_triangle *tree = n->tree[n->order[k]];
+                if (!(box_distance2(&tree->box, p) < best)) continue;
+                const size_t at = search(tree, p, &best, accept, context);
+                if (at < tree->mesh->triangle_count) found = &tree->halves->corner[at];
+            }
+            continue;
+        }
+        visit half[2];
+        halves_of_several(n, &v, p, half);
+        stack[depth++] = half[1];
+        stack[depth++] = half[0];
+    }
+    if (found) *place = triangle_nearest(found, p);
+    return found != NULL;
 }
 
 void nearest_of_several_improve(const nearest_of_several *n, vec3 p, size_t *tree, size_t *nearest)

@@ -1,5 +1,5 @@
-/* nearest_triangle: which triangle of a mesh is nearest to a place. A tree of boxes over the triangles. Immutable once made, safe in
- * any thread. */
+/* nearest_triangle: which triangle of a mesh is nearest to a place. A tree of boxes over the triangles. What it tells does not
+ * change; safe in any thread. */
 #ifndef HEXAD_MESH_NEAREST_TRIANGLE_H
 #define HEXAD_MESH_NEAREST_TRIANGLE_H
 
@@ -11,6 +11,8 @@ typedef struct nearest_triangle nearest_triangle;
 
 /* `m` outlives it, and has a triangle. Error: limit_memory. */
 nearest_triangle *nearest_triangle_new(const mesh *m, error *e);
+/* The same of a few triangles, made when somebody first looks for one. */
+nearest_triangle *nearest_triangle_later(const mesh *m);
 void nearest_triangle_free(nearest_triangle *n); /* NULL will do */
 
 /* The triangle, and the weights of its corners at the place on it that is nearest to p. */
@@ -45,7 +47,11 @@ void nearest_of_several_free(nearest_of_several *n); /* NULL will do */
 /* The tree that has the triangle nearest to p, the first of those that are as near, and that triangle. */
 size_t nearest_of_several_find(const nearest_of_several *n, vec3 p, size_t *nearest);
 
-/* The same, once it is known which triangle of one tree is nearest: both become those of another where that has a nearer one, or
+/* As nearest_triangle_find_among, of all trees. */
+bool nearest_of_several_find_among(const nearest_of_several *n, vec3 p, double within,
+                                   nearest_triangle_accept *accept, const void *context, vec3 *place);
+
+/* The same as nearest_of_several_find, once it is known which triangle of one tree is nearest: both become those of another where that has a nearer one, or
  * one as near and comes first. */
 void nearest_of_several_improve(const nearest_of_several *n, vec3 p, size_t *tree, size_t *nearest);
 

@@ -431,9 +431,9 @@ static bool load_mesh(const volume_mesh_request *r, const resolution *choice, lo
     return true;
 }
 
-static bool keep_faces(volume *v, mesh *m, bool hides, error *e)
+static bool keep_faces(volume *v, mesh *m, bool hides, threads *pool, error *e)
 {
-    v->faces = mesh_faces_new(m, v->info.index_to_world, hides, e);
+    v->faces = mesh_faces_new(m, v->info.index_to_world, hides, pool, e);
     if (v->faces) v->info.memory_bytes += mesh_faces_bytes(v->faces);
     return v->faces != NULL;
 }
@@ -459,7 +459,7 @@ static volume *try_mesh(const volume_mesh_request *r, const resolution *choice, 
             ok = false;
             *e = told;
         }
-        ok = ok && (!r->keep_faces || keep_faces(v, &m, l.solids > 1 || measured->hidden > 0, e));
+        ok = ok && (!r->keep_faces || keep_faces(v, &m, l.solids > 1 || measured->hidden > 0, r->pool, e));
     }
     mesh_free(&m);
     if (ok) return v;

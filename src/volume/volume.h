@@ -21,7 +21,7 @@
 #include "mesh/fidelity.h"
 #include "mesh/mesh.h"
 #include "mesh/mesh_faces.h"
-#include "mesh/resolution.h"
+#include "volume/resolution.h"
 
 typedef struct volume volume;
 

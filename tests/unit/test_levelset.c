@@ -14,7 +14,7 @@
 #include "mesh_fixture.h"
 #include "mesh/levelset.h"
 #include "mesh/mesh_repair.h"
-#include "mesh/resolution.h"
+#include "volume/resolution.h"
 #include "mesh/triangle.h"
 #include "mesh/winding_number.h"
 #include "volume_fixture.h"

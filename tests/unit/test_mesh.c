@@ -17,6 +17,8 @@
 
 #include "base/memory.h"
 #include "mesh/fidelity.h"
+#include "mesh/mesh_faces.h"
+#include "mesh/triangle.h"
 #include "mesh_fixture.h"
 #include "meshfile/mesh_reader.h"
 #include "volume_fixture.h"
@@ -468,19 +470,59 @@ static void fidelity_by_any_number_of_threads(void **state)
     mesh_free(&m);
 }
 
+/* Of a mesh of so many triangles that trees are made where places are looked for. */
+static void places_on_many_triangles(void **state)
+{
+    (void)state;
+    error e = {0};
+    const double half[16] = {0.5, 0, 0, -3, 0, 0.5, 0, 0, 0, 0, 0.5, 0, 0, 0, 0, 1};
+    mesh m = mesh_fixture_ball((vec3){6, 0, 0}, 20, 6), whole = {0};
+    mesh_fixture_append(&m, mesh_fixture_box((vec3){300, 0, 0}, (vec3){3, 3, 3}, 0.3));
+    assert_true(m.triangle_count > 65536 && mesh_copy(&m, &whole, &e));
+    mesh_faces *f = mesh_faces_new(&m, half, true, mesh_fixture_pool(), &e);
+    assert_non_null(f);
+    uint64_t seed = SEED;
+    for (int k = 0; k < 40; k++) {
+        const vec3 out = random_direction(&seed), from = k % 8 == 7 ? (vec3){300, 0, 0} : (vec3){6, 0, 0},
+                   at = vec3_axpy(k % 2 ? 19.5 : 25, out, from); /* in voxels */
+        double nearest = INFINITY;
+        for (size_t n = 0; n < whole.triangle_count; n++) {
+            const uint32_t *t = whole.triangle[n];
+            const triangle corners = {whole.vertex[t[0]], whole.vertex[t[1]], whole.vertex[t[2]]};
+            nearest = fmin(nearest, sqrt(triangle_distance2(&corners, at)));
+        }
+        const vec3 x = {0.5 * at.x - 3, 0.5 * at.y, 0.5 * at.z};
+        const double found = 2 * vec3_norm(vec3_sub(mesh_faces_nearest(f, x), x));
+        if (!(fabs(found - nearest) < 1e-9)) fail_msg("%.17g voxels away, not %.17g", nearest, found);
+        if (k % 8 == 7 || k % 2 == 0) continue;
+        const double landed = 2 * vec3_norm(vec3_sub(mesh_faces_land(f, x, out), x));
+        if (!(fabs(landed - nearest) < 1e-9)) fail_msg("%.17g voxels away, not %.17g", nearest, landed);
+    }
+    mesh_faces_free(f);
+    mesh_free(&whole);
+}
+
 int main(int argc, char **argv)
 {
     if (argc > 2 && strcmp(argv[1], MESH_READER_COMMAND) == 0)
         return strncmp(argv[2], "fake", 4) == 0 ? fake(atoi(argv[2] + 4))
                                                 : mesh_reader_main(argc - 1, argv + 1);
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(balls_of_every_format),      cmocka_unit_test(cavities_and_hidden_shells),
-        cmocka_unit_test(thin_walls_are_told),        cmocka_unit_test(open_meshes_are_refused),
-        cmocka_unit_test(files_that_are_no_meshes),   cmocka_unit_test(damaged_files),
-        cmocka_unit_test(other_files_are_not_opened), cmocka_unit_test(limits_hold),
-        cmocka_unit_test(answers_are_not_believed),   cmocka_unit_test(voxels_follow_the_thickness),
-        cmocka_unit_test(places_far_from_the_origin), cmocka_unit_test(clean_meshes_are_welded_once),
-        cmocka_unit_test(fans_are_welded_too),        cmocka_unit_test(fidelity_by_any_number_of_threads),
+        cmocka_unit_test(balls_of_every_format),
+        cmocka_unit_test(cavities_and_hidden_shells),
+        cmocka_unit_test(thin_walls_are_told),
+        cmocka_unit_test(open_meshes_are_refused),
+        cmocka_unit_test(files_that_are_no_meshes),
+        cmocka_unit_test(damaged_files),
+        cmocka_unit_test(other_files_are_not_opened),
+        cmocka_unit_test(limits_hold),
+        cmocka_unit_test(answers_are_not_believed),
+        cmocka_unit_test(voxels_follow_the_thickness),
+        cmocka_unit_test(places_on_many_triangles),
+        cmocka_unit_test(places_far_from_the_origin),
+        cmocka_unit_test(clean_meshes_are_welded_once),
+        cmocka_unit_test(fans_are_welded_too),
+        cmocka_unit_test(fidelity_by_any_number_of_threads),
     };
     return cmocka_run_group_tests_name("mesh", tests, NULL, NULL);
 }

@@ -4,8 +4,8 @@
  * rounded over a voxel, and points must not see that. Where thin parts do not show they are made smaller. The
  * memory that they may take, and a number along the longest side, bound them. Pure functions.
  */
-#ifndef HEXAD_MESH_RESOLUTION_H
-#define HEXAD_MESH_RESOLUTION_H
+#ifndef HEXAD_VOLUME_RESOLUTION_H
+#define HEXAD_VOLUME_RESOLUTION_H
 
 #include <stddef.h>
 

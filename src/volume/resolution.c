@@ -1,4 +1,4 @@
-#include "mesh/resolution.h"
+#include "volume/resolution.h"
 
 #include <math.h>
 
