@@ -7,23 +7,47 @@
 #include "base/memory.h"
 #include "packing/packing.h"
 
-particles *particles_new(size_t count, error *e)
+particles *particles_new_even(size_t count, error *e)
 {
     particles *p = mem_alloc(sizeof *p);
     const char *what = "particles";
-    p->count = count;
+    p->count = p->capacity = count;
     if (!(p->position = mem_array(count, sizeof *p->position, what, e)) ||
         !(p->normal = mem_array(count, sizeof *p->normal, what, e)) ||
-        !(p->alpha = mem_array(count, sizeof *p->alpha, what, e)) ||
-        !(p->size = mem_array(count, sizeof *p->size, what, e)) ||
         !(p->lambda = mem_array(count, sizeof *p->lambda, what, e)) ||
         !(p->energy = mem_array(count, sizeof *p->energy, what, e)) ||
         !(p->near_boundary = mem_array(count, sizeof *p->near_boundary, what, e))) {
         particles_free(p);
         return NULL;
     }
-    for (size_t i = 0; i < count; i++) p->alpha[i] = p->size[i] = 1;
     return p;
+}
+
+/* An array of ones, unless there is one. */
+static bool add_ones(double **array, size_t count, error *e)
+{
+    if (*array) return true;
+    *array = mem_array(count, sizeof **array, "particles", e);
+    for (size_t i = 0; *array && i < count; i++) (*array)[i] = 1;
+    return *array != NULL;
+}
+
+bool particles_add_amplitudes(particles *p, error *e)
+{
+    return add_ones(&p->alpha, p->capacity, e);
+}
+
+bool particles_add_sizes(particles *p, error *e)
+{
+    return add_ones(&p->size, p->capacity, e);
+}
+
+particles *particles_new(size_t count, error *e)
+{
+    particles *p = particles_new_even(count, e);
+    if (p && particles_add_amplitudes(p, e) && particles_add_sizes(p, e)) return p;
+    particles_free(p);
+    return NULL;
 }
 
 bool particles_label(particles *p, const field_patches *patches, size_t capacity, error *e)
@@ -54,6 +78,13 @@ void particles_free(particles *p)
     free(p);
 }
 
+/* (Pages that nobody has written to are no memory yet, and stay so.) */
+void particles_undamp(particles *p)
+{
+    for (size_t i = 0; i < p->count; i++)
+        if (p->lambda[i] != 0) p->lambda[i] = 0;
+}
+
 void particles_flags(const particles *p, uint8_t *out)
 {
     for (size_t i = 0; i < p->count; i++)
@@ -72,8 +103,8 @@ static void copy_between(particles *to, size_t i, const particles *from, size_t 
 {
     to->position[i] = from->position[k];
     to->normal[i] = from->normal[k];
-    to->alpha[i] = from->alpha[k];
-    to->size[i] = from->size[k];
+    if (from->alpha) to->alpha[i] = from->alpha[k];
+    if (from->size) to->size[i] = from->size[k];
     to->lambda[i] = from->lambda[k];
     to->energy[i] = from->energy[k];
     if (!from->patch) return;
@@ -84,8 +115,9 @@ static void copy_between(particles *to, size_t i, const particles *from, size_t 
 
 bool particles_grow(particles *p, size_t capacity, error *e)
 {
-    particles *q = particles_new(capacity, e);
-    if (!q || !particles_label(q, p->patches, capacity, e)) {
+    particles *q = particles_new_even(capacity, e);
+    if (!q || (p->alpha && !particles_add_amplitudes(q, e)) || (p->size && !particles_add_sizes(q, e)) ||
+        !particles_label(q, p->patches, capacity, e)) {
         particles_free(q);
         return false;
     }
@@ -158,10 +190,10 @@ bool particles_arrange(particles *p, const uint32_t *order, threads *pool, error
     if (!room) return false;
     arrange(p->position, sizeof *p->position, order, p->count, room, pool);
     arrange(p->normal, sizeof *p->normal, order, p->count, room, pool);
-    arrange(p->alpha, sizeof *p->alpha, order, p->count, room, pool);
-    arrange(p->size, sizeof *p->size, order, p->count, room, pool);
-    arrange(p->lambda, sizeof *p->lambda, order, p->count, room, pool);
+    if (p->alpha) arrange(p->alpha, sizeof *p->alpha, order, p->count, room, pool);
+    if (p->size) arrange(p->size, sizeof *p->size, order, p->count, room, pool);
     if (p->patch) {
+        arrange(p->lambda, sizeof *p->lambda, order, p->count, room, pool);
         arrange(p->energy, sizeof *p->energy, order, p->count, room, pool);
         arrange(p->patch, sizeof *p->patch, order, p->count, room, pool);
         arrange(p->hint, sizeof *p->hint, order, p->count, room, pool);
@@ -175,5 +207,6 @@ void particles_mark_boundary(particles *p, const field *f, double h)
 {
     if (!f->open) return;
     for (size_t i = 0; i < p->count; i++)
-        p->near_boundary[i] = packing_is_near_boundary(f->boundary_box, p->position[i], h * p->size[i]);
+        p->near_boundary[i] =
+            packing_is_near_boundary(f->boundary_box, p->position[i], h * particles_size(p, i));
 }

@@ -11,11 +11,11 @@
 #include "field/patches.h"
 
 typedef struct particles {
-    size_t count;
+    size_t count, capacity;
     vec3 *position;
     vec3 *normal;   /* unit; of the last projection */
-    double *alpha;  /* repulsion amplitude (14), lagged to the last build; 1 without grading */
-    double *size;   /* requested spacing over h, lagged to the last build; 1 when even */
+    double *alpha;  /* repulsion amplitude (14), lagged to the last build; NULL: 1 each */
+    double *size;   /* requested spacing over h, lagged to the last build; NULL: 1 each */
     float *lambda;  /* log10 of the damping of (11) */
     double *energy; /* E_i over size^2, full sum, when it was last looked at: comparable with the ideal */
     /* within 2 h of a boundary of an open surface, at the last build of lists; or held on a curve, or one who is lies within its
@@ -30,6 +30,16 @@ typedef struct particles {
 
 #define PARTICLES_FREE UINT32_MAX
 #define PARTICLES_HELD (UINT32_MAX - 1) /* held where it is, on no curve */
+
+static inline double particles_amplitude(const particles *p, size_t i)
+{
+    return p->alpha ? p->alpha[i] : 1;
+}
+
+static inline double particles_size(const particles *p, size_t i)
+{
+    return p->size ? p->size[i] : 1;
+}
 
 static inline bool particles_is_fixed(const particles *p, size_t i)
 {
@@ -65,8 +75,14 @@ static inline double particles_facing(const particles *p, size_t i, size_t j)
     return particles_is_one_sided(p, i) ? fabs(cosine) : cosine;
 }
 
-/* Error: limit_memory. */
+/* `count` of them, and room for no more, with amplitudes and sizes of 1. Error: limit_memory. */
 particles *particles_new(size_t count, error *e);
+
+/* The same without arrays of these, which all particles of an even job would share in vain; and one of them, where there is none.
+ * Errors: limit_memory. */
+particles *particles_new_even(size_t count, error *e);
+bool particles_add_amplitudes(particles *p, error *e);
+bool particles_add_sizes(particles *p, error *e);
 
 /* Of a surface with patches: every particle is a free one of the first patch from now on. NULL: of one without. `capacity`
  * as that of particles_new. Error: limit_memory. */
@@ -86,7 +102,10 @@ bool particles_grow(particles *p, size_t capacity, error *e);
 /* Particle `to` becomes what `from` is; what the next build of lists or sweep sets anew is left out. */
 void particles_copy(particles *p, size_t to, size_t from);
 
-/* Particle k becomes what order[k] is, a permutation; likewise. `pool` may be NULL. Error: limit_memory. */
+/* No particle's step is damped from now on. */
+void particles_undamp(particles *p);
+
+/* Particle k becomes what order[k] is, a permutation; likewise. Damping is taken along with patches only: others begin anew. `pool` may be NULL. Error: limit_memory. */
 bool particles_arrange(particles *p, const uint32_t *order, threads *pool, error *e);
 
 /* Sets p->near_boundary of every particle of an open surface (packing_is_near_boundary). The spacing of a particle is `h` times its

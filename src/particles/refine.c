@@ -134,7 +134,7 @@ static bool mesh_particles(const particles *p, double spacing, threads *pool, me
                   .places = mem_array(p->count, sizeof *out->places, what, e),
                   .first = mem_array(chunks + 1, sizeof *out->first, what, e)};
     if (!out->spacing || !out->near || !out->places || !out->first) return false;
-    for (size_t i = 0; i < p->count; i++) out->spacing[i] = spacing * p->size[i];
+    for (size_t i = 0; i < p->count; i++) out->spacing[i] = spacing * particles_size(p, i);
     out->near->label = p->patch;
     if (p->patch && !(out->flags = mem_array(p->count, sizeof *out->flags, what, e))) return false;
     if (p->patch) particles_flags(p, out->flags);

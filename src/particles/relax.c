@@ -105,7 +105,7 @@ static bool is_near_curve(const relax *r, const particles *p, size_t i)
     const uint32_t *list = neighbours_list(r->near, i);
     bool near = particles_is_fixed(p, i);
     for (uint32_t k = 0; k < r->near->list_count[i] && !near; k++) {
-        double reach = 0.5 * r->sigma * (p->size[i] + p->size[list[k]]);
+        double reach = 0.5 * r->sigma * (particles_size(p, i) + particles_size(p, list[k]));
         near = particles_is_fixed(p, list[k]) &&
                vec3_norm2(vec3_sub(p->position[i], p->position[list[k]])) < reach * reach;
     }
@@ -224,14 +224,15 @@ static void refresh_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t i = begin; i < end; i++) {
         neighbours_place before = near->place[i], *now = &near->place[i];
         neighbours_move(near, i, job->p->position[i]);
-        now->size = (float)job->p->size[i];
+        now->size = (float)particles_size(job->p, i);
         vec3 way = {now->x - before.x, now->y - before.y, now->z - before.z};
         const double length = vec3_norm(way) * near->unit;
         moved[i] += (float)length;
-        away |= length > SAME_PLACE * job->sigma * job->p->size[i] || now->size != before.size;
+        away |= length > SAME_PLACE * job->sigma * particles_size(job->p, i) || now->size != before.size;
         /* of a pair's reach each has its half */
         double reach = 0.5 * (job->r->sigma + job->r->skin) * (double)before.size;
-        if ((double)moved[i] + 0.5 * job->sigma * job->p->size[i] > reach) atomic_store(&job->stale, true);
+        if ((double)moved[i] + 0.5 * job->sigma * particles_size(job->p, i) > reach)
+            atomic_store(&job->stale, true);
     }
     if (away) atomic_store(&job->moved, true);
 }
@@ -310,11 +311,12 @@ pair_list *relax_gather_list(const relax *r, const particles *p, int worker, siz
         uint32_t j = list[k];
         vec3 normal = p->normal[j];
         if (one_sided && vec3_dot(normal, p->normal[i]) < 0) normal = vec3_scale(normal, -1);
-        gather_place(g, k, p->position[j], normal, 0.5 * (p->alpha[i] + p->alpha[j]),
-                     0.5 * (1 + p->size[j] / p->size[i]));
+        gather_place(g, k, p->position[j], normal,
+                     0.5 * (particles_amplitude(p, i) + particles_amplitude(p, j)),
+                     0.5 * (1 + particles_size(p, j) / particles_size(p, i)));
     }
     vec3 away = p->position[i];
-    away.x += r->sigma * p->size[i];
+    away.x += r->sigma * particles_size(p, i);
     for (size_t k = count; k < g->blocks * PAIR_LANES; k++) gather_place(g, k, away, p->normal[i], 0, 1);
     if (!r->flat[i] && !r->through) pair_weigh(g, p->normal[i]);
     return g;
@@ -384,7 +386,7 @@ void relax_take_step(const sweep_job *job, size_t i, vec3 x, vec3 normal, double
                      block_sums *sums)
 {
     particles *p = job->p;
-    double step = length / p->size[i];
+    double step = length / particles_size(p, i);
     sums->squares += step * step;
     sums->max_step = step > sums->max_step ? step : sums->max_step;
     if (job->r->notes[i] & RELAX_STIRRED) sums->stirred_squares += step * step;
@@ -440,7 +442,7 @@ static void descend_gradient(const sweep_job *job, const attempt *a, const pair_
 
 double relax_allowed_step(const relax *r, const particles *p, size_t i)
 {
-    double allowed_step = 0.5 * r->skin * p->size[i] - (double)r->moved[i];
+    double allowed_step = 0.5 * r->skin * particles_size(p, i) - (double)r->moved[i];
     return allowed_step > 0 ? allowed_step : 0;
 }
 
@@ -568,8 +570,8 @@ static void update_particle(const sweep_job *job, int worker, size_t i, block_su
                  .near = relax_gather_list(job->r, p, worker, i),
                  .flat = job->r->flat[i] || job->r->through,
                  .x = p->position[i],
-                 .sigma = params->sigma * p->size[i],
-                 .spacing = params->spacing * p->size[i],
+                 .sigma = params->sigma * particles_size(p, i),
+                 .spacing = params->spacing * particles_size(p, i),
                  .boundary_axes = projection_boundary_axes(params->field, p->position[i])};
     pair_forces f;
     vec3_frame(p->normal[i], &a.axis1, &a.axis2);
@@ -637,7 +639,7 @@ ISA_INLINE void prefetch_far(const sweep_job *job, uint32_t i)
     __builtin_prefetch(&job->r->flat[i]);
     __builtin_prefetch(&job->r->notes[i]);
     __builtin_prefetch(&job->p->near_boundary[i]);
-    __builtin_prefetch(&job->p->size[i]);
+    if (job->p->size) __builtin_prefetch(&job->p->size[i]);
 }
 
 /* The points of `bin_item` from `at` up to `end`, each asked for before its turn comes. */

@@ -33,7 +33,7 @@ static void energy_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t i = begin; i < end; i++) {
         if (!job->r->fast || (!job->r->flat[i] && !job->r->rough))
             p->energy[i] = pair_energy_at(relax_gather_list(job->r, p, worker, i), job->r->energy,
-                                          p->position[i], job->sigma * p->size[i]);
+                                          p->position[i], job->sigma * particles_size(p, i));
         else if (job->r->flat[i] || job->r->through)
             smooth[smooth_count++] = (uint32_t)i;
         else
@@ -66,10 +66,10 @@ static double mean_energy(relax *r, particles *p, double sigma, double most)
     double sum = 0, alpha = 0, all = 0, all_alpha = 0;
     for (size_t i = 0; i < p->count; i++) {
         all += p->energy[i];
-        all_alpha += p->alpha[i];
-        if (p->near_boundary[i] || p->energy[i] > most * p->alpha[i]) continue;
+        all_alpha += particles_amplitude(p, i);
+        if (p->near_boundary[i] || p->energy[i] > most * particles_amplitude(p, i)) continue;
         sum += p->energy[i];
-        alpha += p->alpha[i];
+        alpha += particles_amplitude(p, i);
     }
     return alpha > 0 ? sum / alpha : all / all_alpha;
 }
@@ -145,11 +145,11 @@ static relax_steps squared_steps(const steps_job *steps, int worker, const uint3
             vec3 axis1, axis2;
             vec3_frame(p->normal[i], &axis1, &axis2);
             pair_forces_at(relax_gather_list(r, p, worker, i), r->energy, p->position[i], axis1, axis2,
-                           job->sigma * p->size[i], &f[l]);
+                           job->sigma * particles_size(p, i), &f[l]);
         }
     }
     for (size_t l = 0; l < count; l++) {
-        double s1, s2, over = unit / p->size[items[l]];
+        double s1, s2, over = unit / particles_size(p, items[l]);
         relax_damped_step(&f[l], 0, &s1, &s2);
         double square = fmin(s1 * s1 + s2 * s2, f[l].nearest2) * over * over;
         squares.all += square;
@@ -169,7 +169,7 @@ static bool is_held_at(const sweep_job *job, size_t i)
     const uint32_t count = job->r->flat[i] > 1 ? 0 : job->r->near->list_count[i];
     for (uint32_t k = 0; k < count; k++) {
         uint32_t j = list[k];
-        double support = 0.5 * job->sigma * (p->size[i] + p->size[j]);
+        double support = 0.5 * job->sigma * (particles_size(p, i) + particles_size(p, j));
         if (vec3_norm2(vec3_sub(p->position[i], p->position[j])) < support * support &&
             particles_facing(p, i, j) < RELAX_SMOOTH_COSINE)
             return false;
@@ -267,7 +267,7 @@ static void pairs_chunk(void *context, int worker, size_t begin, size_t end)
         size_t own = 0;
         for (uint32_t k = 0; k < job->r->near->list_count[i]; k++) {
             uint32_t j = neighbours_list(job->r->near, i)[k];
-            double reach = 0.5 * job->reach * (p->size[i] + p->size[j]);
+            double reach = 0.5 * job->reach * (particles_size(p, i) + particles_size(p, j));
             own += vec3_norm2(vec3_sub(p->position[i], p->position[j])) < reach * reach;
         }
         pairs += own;

@@ -34,7 +34,7 @@ bool sampler_judge_coarse(sampler *s, error *e)
     if (!s->setup.fast || p->patch || relax_creased_share(s->scratch.relax, p) < CREASED_SHARE) return true;
     double *spacing = mem_array(p->count, sizeof *spacing, "the result", e);
     if (!spacing) return false;
-    for (size_t i = 0; i < p->count; i++) spacing[i] = p->size[i] * s->state.spacing;
+    for (size_t i = 0; i < p->count; i++) spacing[i] = particles_size(p, i) * s->state.spacing;
     const quality_input in = {.count = p->count,
                               .position = p->position,
                               .normal = p->normal,
@@ -68,6 +68,7 @@ typedef struct drawn {
 static bool relocate(sampler *s, const drawn *d, size_t *moves, error *e)
 {
     particles *p = s->state.p;
+    if (!particles_add_sizes(p, e)) return false;
     const relocation_input in = {.point = p->position,
                                  .size = p->size,
                                  .count = p->count,
@@ -249,7 +250,7 @@ static bool cover_all(sampler *s, bool *changed, error *e)
     sampler_resize(s);
     for (int pass = 0; ok && moves > 0 && pass < PASSES; pass++) {
         coverage_places bare;
-        for (size_t i = 0; i < p->count; i++) spacing[i] = p->size[i] * s->state.spacing;
+        for (size_t i = 0; i < p->count; i++) spacing[i] = particles_size(p, i) * s->state.spacing;
         memset(d.of_patch, 0, patches * sizeof *d.of_patch);
         hold_some(s, d.of_patch, d.held);
         ok = coverage_find_bare(s->setup.scan, p->position, spacing, p->count, BARE_PLACE, &bare, e);

@@ -209,7 +209,7 @@ static void enter_stage(sampler *s, int stage)
     assert(stage >= 0 && stage < SCHEDULE_STAGES);
     s->state.stage = stage;
     s->state.gain = s->setup.schedule->gain[stage];
-    for (size_t i = 0; i < s->state.p->count; i++) s->state.p->lambda[i] = 0;
+    particles_undamp(s->state.p);
 }
 
 bool sampler_control(sampler *s, error *e)

@@ -189,7 +189,7 @@ bool sampler_begin(sampler *s, double support, error *e)
     enter_level(s, s->state.p->count, support);
     if (s->setup.params.max_sigma > 0) s->state.sigma = fmin(s->state.sigma, s->setup.params.max_sigma);
     if (!place(s, e)) return false;
-    for (size_t i = 0; i < s->state.p->count; i++) s->state.p->lambda[i] = 0;
+    particles_undamp(s->state.p);
     return s->setup.method->begin(s, e);
 }
 
@@ -294,6 +294,6 @@ bool sampler_refine(sampler *s, error *e)
     enter_level(s, count, support);
     if (!add_newcomers(s, e) || !arrange(s, e)) return false;
     enter_level(s, count, support);
-    for (size_t i = 0; i < s->state.p->count; i++) s->state.p->lambda[i] = 0;
+    particles_undamp(s->state.p);
     return sampler_build_lists(s, e);
 }

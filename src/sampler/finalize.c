@@ -29,11 +29,12 @@ static void requested_spacing(sampler *s, double *spacing)
 {
     double squares = 0;
     if (s->setup.params.sizing) {
-        for (size_t i = 0; i < s->state.p->count; i++) spacing[i] = s->state.p->size[i] * s->state.spacing;
+        for (size_t i = 0; i < s->state.p->count; i++)
+            spacing[i] = particles_size(s->state.p, i) * s->state.spacing;
         return;
     }
     for (size_t i = 0; i < s->state.p->count; i++) {
-        spacing[i] = s->setup.params.graded ? pow(s->state.p->alpha[i], ALPHA_EXPONENT) : 1;
+        spacing[i] = s->setup.params.graded ? pow(particles_amplitude(s->state.p, i), ALPHA_EXPONENT) : 1;
         squares += spacing[i] * spacing[i];
     }
     double scale = s->state.spacing / sqrt(squares / (double)s->state.p->count);
@@ -84,7 +85,7 @@ static double finalize_particle(sampler *s, size_t i, uint32_t *last)
     field_sample sample;
     s->scratch.lost[i] = !particles_is_fixed(s->state.p, i);
     if (!s->scratch.lost[i]) return 0;
-    double h = s->state.spacing * s->state.p->size[i];
+    double h = s->state.spacing * particles_size(s->state.p, i);
     if (!land_particle(f, h, s->state.p->normal[i], hint, &x, &sample) ||
         (s->state.p->patch && !field_is_within_near(f, x, hint)))
         return 0;
@@ -118,7 +119,7 @@ static bool is_in_row(const sampler *s, size_t i)
     const particles *p = s->state.p;
     if (!p->patch || particles_is_fixed(p, i)) return false;
     double distance = curve_distance_at(s->state.plan.curves, p->patch[i], p->position[i]);
-    return distance < IN_ROW * s->state.spacing * p->size[i];
+    return distance < IN_ROW * s->state.spacing * particles_size(p, i);
 }
 
 /* One that is put elsewhere, after all others. The place that it leaves still counts for the worst residual. */
@@ -177,7 +178,7 @@ static void leave_row(sampler *s, size_t i)
 {
     const particles *p = s->state.p;
     const field *f = particles_field(p, s->setup.field, i);
-    const double h = s->state.spacing * p->size[i], around = AROUND_ROW * h;
+    const double h = s->state.spacing * particles_size(p, i), around = AROUND_ROW * h;
     vec3 x = p->position[i], normal = p->normal[i], inwards = {0, 0, 0};
     for (size_t j = 0; j < p->count; j++) {
         vec3 side = vec3_sub(p->position[j], x);
@@ -203,7 +204,7 @@ static void replace_lost(sampler *s)
         if (s->scratch.lost[i])
             replace(s, i, -1, &r);
         else if (!may_stay && is_in_row(s, i) &&
-                 !replace(s, i, LEAST_ROOM * s->state.spacing * s->state.p->size[i], &r))
+                 !replace(s, i, LEAST_ROOM * s->state.spacing * particles_size(s->state.p, i), &r))
             leave_row(s, i);
 }
 
@@ -358,7 +359,8 @@ static bool mark_wedges(sampler *s, error *e)
     for (size_t i = 0; tree && i < p->count; i++) {
         double distance;
         const uint32_t nearest = point_tree_nearest(tree, p->position[i], 0, &distance);
-        if (distance < reach[nearest] * s->state.spacing * p->size[i]) s->record.flags[i] |= PACKING_AT_WEDGE;
+        if (distance < reach[nearest] * s->state.spacing * particles_size(p, i))
+            s->record.flags[i] |= PACKING_AT_WEDGE;
     }
     ok = ok && (count == 0 || tree);
     point_tree_free(tree);
@@ -409,6 +411,7 @@ static bool describe_points(sampler *s, error *e)
     if (!s->record.column) return false;
     threads_run(s->setup.pool, n, 256, curvature_chunk, s);
     requested_spacing(s, s->record.column + 3 * n);
+    if (!particles_add_amplitudes(s->state.p, e)) return false;
     s->record.out.count = sampler_point_count(s);
     describe_stands(s, s->record.column + 3 * n);
     s->record.out.position = s->state.p->position;

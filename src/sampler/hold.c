@@ -25,7 +25,7 @@ typedef struct hold {
 static bool is_nearer(const sampler *s, size_t i, vec3 place, hold *best)
 {
     const particles *p = s->state.p;
-    const double h = s->state.spacing * p->size[i];
+    const double h = s->state.spacing * particles_size(p, i);
     hold own = {i, vec3_norm(vec3_sub(p->position[i], place)), place, p->normal[i]};
     if (particles_is_fixed(p, i) || own.distance >= fmin(best->distance, FARTHEST * h)) return false;
     const field *f = particles_field(p, s->setup.field, i);
@@ -41,7 +41,8 @@ static bool is_beside_fixed(const sampler *s, const hold *to)
     const particles *p = s->state.p;
     for (size_t i = 0; i < p->count; i++)
         if (particles_is_fixed(p, i) && vec3_dot(p->normal[i], to->normal) > 0 &&
-            vec3_norm(vec3_sub(p->position[i], to->at)) < BESIDE_FIXED * s->state.spacing * p->size[i])
+            vec3_norm(vec3_sub(p->position[i], to->at)) <
+                BESIDE_FIXED * s->state.spacing * particles_size(p, i))
             return true;
     return false;
 }

@@ -323,7 +323,7 @@ static bool mend_once(mending *m, double *gain, bool *changed, error *e)
     if (!neighbours_build(m->near, n, s->state.p->position, s->state.p->size,
                           VORONOI_REACH * s->state.spacing, s->setup.pool, e))
         return false;
-    for (size_t i = 0; i < n; i++) m->h[i] = s->state.spacing * s->state.p->size[i];
+    for (size_t i = 0; i < n; i++) m->h[i] = s->state.spacing * particles_size(s->state.p, i);
     find_disorder(m);
     if ((double)m->disordered < ORDERED_SHARE * (double)n) return true;
     memset(m->taken, TAKEN_NOT, n);

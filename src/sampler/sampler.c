@@ -48,10 +48,13 @@ sampler *sampler_new(const field *f, const surface *scan, const sampler_params *
         mem_array((size_t)params->max_sweeps, sizeof *s->record.sweep, "the record of sweeps", e);
     if (!s->record.sweep || !levels_plan(f, scan, params, &s->state.plan, e)) goto fail;
     size_t capacity = s->scratch.capacity = levels_capacity(&s->state.plan);
-    s->state.p = particles_new(capacity, e);
+    s->state.p = particles_new_even(capacity, e);
     s->scratch.relax =
         relax_new(capacity, s->setup.params.energy, s->setup.fast, params->list_limit, pool, e);
-    if (!s->state.p || !particles_label(s->state.p, f->patches, capacity, e) || !s->scratch.relax) goto fail;
+    if (!s->state.p || !s->scratch.relax || !particles_label(s->state.p, f->patches, capacity, e) ||
+        (params->graded && !particles_add_amplitudes(s->state.p, e)) ||
+        (params->sizing && !particles_add_sizes(s->state.p, e)))
+        goto fail;
     s->state.stage = sampler_is_given(s) ? SCHEDULE_STAGES - 1 : 0;
     /* a support that is given is meant for the whole count */
     double even = packing_spacing(scan->area, (double)params->count);
@@ -104,7 +107,7 @@ static bool sizes_are_settled(sampler *s)
         return true;
     s->state.resizes++;
     s->state.lists_stale = true;
-    for (size_t i = 0; i < s->state.p->count; i++) s->state.p->lambda[i] = 0;
+    particles_undamp(s->state.p);
     return false;
 }
 
@@ -187,8 +190,8 @@ static bool deliver(sampler *s, error *e)
 /* A line of the record. */
 static void note_sweep(sampler *s, const relax_sums *sums)
 {
-    double alpha = 0;
-    for (size_t i = 0; i < s->state.p->count; i++) alpha += s->state.p->alpha[i];
+    double alpha = s->state.p->alpha ? 0 : (double)s->state.p->count;
+    for (size_t i = 0; s->state.p->alpha && i < s->state.p->count; i++) alpha += s->state.p->alpha[i];
     alpha /= (double)s->state.p->count;
     s->record.sweep[s->record.sweep_count++] = (sampler_sweep){.energy = sums->energy / alpha,
                                                                .mean_log10_lambda = sums->mean_log10_lambda,

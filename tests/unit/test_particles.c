@@ -61,6 +61,25 @@ static void test_new_particles_are_even(void **state)
     particles_free(p);
 }
 
+/* Even ones have no arrays of ones until they are asked for; they grow and are copied as others. */
+static void test_even_particles_share_what_is_one(void **state)
+{
+    (void)state;
+    error e = {0};
+    particles *p = particles_new_even(COUNT, &e);
+    const uint32_t order[] = {1, 0};
+    p->count = 2;
+    assert_true(!p->alpha && !p->size && particles_amplitude(p, 1) == 1 && particles_size(p, 1) == 1);
+    assert_true(particles_arrange(p, order, NULL, &e) && particles_grow(p, 2 * COUNT, &e));
+    particles_copy(p, 1, 0);
+    assert_true(!p->alpha && !p->size && particles_add_sizes(p, &e) && !p->alpha);
+    p->size[1] = 2;
+    assert_true(particles_grow(p, 3 * COUNT, &e) && particles_add_amplitudes(p, &e) &&
+                particles_add_sizes(p, &e));
+    assert_true(particles_size(p, 1) == 2 && p->size[3 * COUNT - 1] == 1 && p->alpha[3 * COUNT - 1] == 1);
+    particles_free(p);
+}
+
 static void test_a_permutation_arranges_all_arrays(void **state)
 {
     (void)state;
@@ -75,7 +94,13 @@ static void test_a_permutation_arranges_all_arrays(void **state)
         order[j] = was;
     }
     assert_true(particles_arrange(p, order, NULL, &e));
-    for (size_t k = 0; k < COUNT; k++) assert_is(p, k, order[k]);
+    for (size_t k = 0; k < COUNT; k++) {
+        assert_close(p->lambda[k], 6 * (double)(k + 1), 0); /* stays, without patches */
+        p->lambda[k] = (float)(6 * (order[k] + 1));
+        assert_is(p, k, order[k]);
+    }
+    particles_undamp(p);
+    for (size_t k = 0; k < COUNT; k++) assert_true(p->lambda[k] == 0);
     particles_free(p);
 }
 
@@ -97,6 +122,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_new_particles_are_even),
+        cmocka_unit_test(test_even_particles_share_what_is_one),
         cmocka_unit_test(test_a_permutation_arranges_all_arrays),
         cmocka_unit_test(test_growing_keeps_those_there),
     };
