@@ -9,7 +9,7 @@
 #include "packing/quality.h"
 #include "particles/coverage.h"
 #include "particles/random_streams.h"
-#include "packing/relocation.h"
+#include "particles/relocation.h"
 #include "sampler/sampler_internal.h"
 
 /* Unless so many see others turned from them it is not asked, which takes time, whether a surface is resolved. */

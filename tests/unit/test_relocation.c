@@ -9,7 +9,7 @@
 
 #include "shapes.h"
 #include "packing/point_bins.h"
-#include "packing/relocation.h"
+#include "particles/relocation.h"
 
 enum { SIDE = 30, COUNT = SIDE * SIDE, PLACES = 5 * COUNT };
 

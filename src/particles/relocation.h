@@ -6,8 +6,8 @@
  * point there. Of two that are near each other one goes; two places that are near each other do not both get a point.
  * Deterministic for any number of threads.
  */
-#ifndef HEXAD_PACKING_RELOCATION_H
-#define HEXAD_PACKING_RELOCATION_H
+#ifndef HEXAD_PARTICLES_RELOCATION_H
+#define HEXAD_PARTICLES_RELOCATION_H
 
 #include <stdbool.h>
 #include <stddef.h>

@@ -1,4 +1,4 @@
-#include "packing/relocation.h"
+#include "particles/relocation.h"
 
 #include <math.h>
 #include <stdlib.h>
