@@ -1,5 +1,7 @@
 #include "field/combination.h"
 
+#include <float.h>
+#include <math.h>
 #include <stdlib.h>
 
 #include "base/memory.h"
@@ -7,6 +9,8 @@
 
 /* Of a cell: how far a surface may bulge out of the cells that it crosses. */
 static const double BULGE = 0.5;
+/* Where a cell of a part is so many blocks wide, those that its surface does not pass are told. */
+enum { SMALL = 4 };
 /* Cells along the longest side, at least: an edge where two parts meet is cut off in each cell that it
  * passes. At 32, as formulas have, the area of a sphere from which another is cut is 5e-3 too small. */
 static const double CELLS_LONGEST = 192;
@@ -14,14 +18,32 @@ static const double CELLS_LONGEST = 192;
 static const double FAR = 2;
 /* Cells of a part whose slopes are averaged. */
 enum { SLOPES = 256 };
+/* Cells of parts that are so much wider than those of the whole have several places. */
+static const double WIDE = 1.5;
 /* Blocks of the finest cells that are marked one by one, in bytes: 256 MB. */
 static const double MOST_BLOCKS = 1 << 28;
+
+/* Surfaces face each other where the cosine of their outward normals is less; and are apart where they are by this share of the
+ * longest side: faces in one plane bound nothing. */
+static const double FACING = -0.7, APART = 1e-6;
+/* Cells are so much of a wall's thickness (the area of a shell is 1e-6 off; at 0.6 2e-3, at 0.7 3e-2), unless they are more than so
+ * many, or less than this share of the area is in thinner ones: walls that end in an edge have some of any thickness. */
+static const double CELL_IN_WALL = 0.55, MOST_IN_WALLS = 8e6, THIN_SHARE = 0.005;
+/* Of a cell: walls that are thinner may pass between its corners unseen. */
+static const double LOST_IN_CELL = 0.5;
+
+/* A place on a part's surface: the room to what faces it, see room_at, how that differs within the place, and the place's area. */
+typedef struct wall {
+    float room, spread, area;
+} wall;
 
 /* F = sense * min over parts of sign_k F_k / slope_k. */
 typedef struct part {
     const field *field;
     double sign, slope;
     double edge; /* of its cells: the shortest */
+    int places;  /* in each of its cells: 1, or 8 in cells much wider than those of the whole */
+    wall *walls; /* at each place, cell by cell; NULL: not looked for */
 } part;
 
 struct combination {
@@ -29,6 +51,7 @@ struct combination {
     part *parts;
     size_t count;
     double sense;
+    double missing, area; /* see combination_missing */
     cell_grid grid;
 };
 
@@ -131,7 +154,7 @@ static void set_parts(combination *c, combination_kind kind, const field *const 
     c->sense = kind == COMBINATION_UNION ? 1 : -1;
     for (size_t k = 0; k < c->count; k++) {
         double sign = kind == COMBINATION_INTERSECTION || (kind == COMBINATION_DIFFERENCE && k == 0) ? -1 : 1;
-        c->parts[k] = (part){parts[k], sign, slope_of(parts[k]), shortest_edge(parts[k])};
+        c->parts[k] = (part){parts[k], sign, slope_of(parts[k]), shortest_edge(parts[k]), 1, NULL};
         surfaces = bbox_unite(surfaces, parts[k]->domain);
         if (kind == COMBINATION_UNION) solid = bbox_unite(solid, field_solid_box(parts[k]));
         if (kind == COMBINATION_INTERSECTION) solid = bbox_common(solid, field_solid_box(parts[k]));
@@ -148,17 +171,23 @@ static bool no_surface(combination_kind kind, error *e)
     return error_set(e, ERROR_NO_SURFACE, "%s", words[kind]);
 }
 
+static bool has_open_part(const combination *c)
+{
+    bool open = false;
+    for (size_t k = 0; k < c->count; k++) open |= c->parts[k].field->open;
+    return open;
+}
+
 /* Cells of level 0 for the part with the widest, of the last for that with the shortest. The curves in which faces of the
  * domain cut the surface are put together of sides of cells: where there may be such, all cells are the shortest. */
 static bool lay_out_grid(combination *c, error *e)
 {
     const double most = bbox_longest(c->base.domain) / CELLS_LONGEST;
     double edge = most, widest = 0, blocks = 1;
-    bool open = false;
+    const bool open = has_open_part(c);
     for (size_t k = 0; k < c->count; k++) {
         edge = fmin(edge, c->parts[k].edge);
         widest = fmax(widest, fmin(c->parts[k].edge, most));
-        open |= c->parts[k].field->open;
     }
     while (!open && c->grid.finest < CELL_GRID_LEVELS - 1 && ldexp(edge, c->grid.finest + 1) <= widest)
         c->grid.finest++;
@@ -179,32 +208,227 @@ static bool lay_out_grid(combination *c, error *e)
         bbox_longest(c->base.domain) / edge, edge);
 }
 
-/* Marks the blocks of a level that a part's cells touch. */
-static void mark_cells(const combination *c, const field *f, int level, uint8_t mark, uint8_t *blocks)
+/* ---- walls and slits thinner than cells: their two surfaces belong to different parts, each of which its own cells show */
+
+/* How far x is on the near side of a part's surface, less than 0 where that covers it, and the way out of the solid there. False where
+ * the part is not defined. */
+static bool find_side(const combination *c, const part *p, vec3 x, double *away, vec3 *outward)
+{
+    field_sample s;
+    if (!field_sample_at(p->field, x, FIELD_GRADIENT, &s)) return false;
+    const double slope = vec3_norm(s.gradient);
+    if (!(slope > 0)) return false;
+    *away = p->sign * s.value / slope;
+    *outward = vec3_scale(s.gradient, c->sense * p->sign / slope);
+    return true;
+}
+
+/* The room between a part's surface at x, a place near it, and the nearest of another part that faces it; FLT_MAX where there is
+ * none, and INFINITY where the surface is not that of the whole. *slope: how fast the room grows along the surface. */
+static double room_at(const combination *c, const part *own, vec3 x, double *slope)
+{
+    const double apart = APART * bbox_longest(c->base.domain);
+    double room = FLT_MAX, away = 0;
+    vec3 outward, other;
+    *slope = 0;
+    for (int step = 0; step < 3; step++) {
+        if (!find_side(c, own, x, &away, &outward)) return INFINITY;
+        x = vec3_axpy(-away * c->sense, outward, x);
+    }
+    for (const part *p = c->parts; p < c->parts + c->count; p++) {
+        const double side = p == own ? 1 : p->sign * p->field->ops->side(p->field, x);
+        if (side < 0) return INFINITY;
+        if (side > 0 || !find_side(c, p, x, &away, &other)) continue;
+        if (away < -apart) return INFINITY;
+        const double cosine = vec3_dot(outward, other);
+        if (!(away > apart && away < room && cosine < FACING)) continue;
+        room = away;
+        *slope = sqrt(fmax(1 - cosine * cosine, 0));
+    }
+    return room;
+}
+
+typedef struct room_job {
+    const combination *c;
+    part *own;
+} room_job;
+
+/* The v-th place of a cell: the middle, or that of an eighth. */
+static vec3 place_of(const part *p, const field_cell *cell, int v)
+{
+    const vec3 middle = vec3_scale(vec3_add(cell->corner[0], cell->corner[7]), 0.5);
+    return p->places > 1 ? vec3_axpy(0.5, vec3_sub(cell->corner[v], middle), middle) : middle;
+}
+
+static void room_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const room_job *job = context;
+    part *own = job->own;
+    (void)worker;
+    for (size_t k = begin; k < end; k++) {
+        field_cell cell;
+        own->field->ops->cell(own->field, k, &cell);
+        const double edge = field_cell_edge(&cell);
+        for (int v = 0; v < own->places; v++) {
+            double slope;
+            const double room = room_at(job->c, own, place_of(own, &cell, v), &slope);
+            own->walls[k * (size_t)own->places + (size_t)v] =
+                (wall){(float)room, (float)(slope * edge / (own->places > 1 ? 2 : 1)),
+                       (float)(edge * edge / own->places)};
+        }
+    }
+}
+
+static size_t places_of(const part *p)
+{
+    return p->field->ops->cell_count(p->field) * (size_t)p->places;
+}
+
+static bool find_room(combination *c, threads *pool, error *e)
+{
+    for (part *p = c->parts; p < c->parts + c->count; p++) {
+        p->places = p->edge > WIDE * c->base.cell_size ? 8 : 1;
+        p->walls = mem_array(places_of(p), sizeof *p->walls, "the walls of the combination", e);
+        if (!p->walls) return false;
+        threads_run(pool, p->field->ops->cell_count(p->field), 512, room_chunk, &(room_job){c, p});
+        if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    }
+    return true;
+}
+
+/* The size of cells that shows a place of a part, if `least` or wider. */
+static double size_at(const part *p, size_t place, double least)
+{
+    return p->walls ? fmax(fmin(p->edge, CELL_IN_WALL * p->walls[place].room), least) : p->edge;
+}
+
+/* How many cells of the size that they ask for, but `least` or wider, the surfaces in walls take. */
+static double cells_in_walls(const combination *c, double least)
+{
+    double count = 0;
+    for (const part *p = c->parts; p < c->parts + c->count; p++)
+        for (size_t k = 0; k < places_of(p); k++) {
+            const double size = size_at(p, k, least);
+            if (size < p->edge)
+                count += 1.5 * p->walls[k].area / (size * size); /* of planes that lie anyhow */
+        }
+    return count;
+}
+
+/* The share of a place in a wall that is thinner. */
+static double share_of_place(const wall *w, double thinner)
+{
+    const double low = fmax(w->room - 0.5 * w->spread, 0), high = w->room + 0.5 * w->spread;
+    if (!(low < thinner)) return 0;
+    return high > thinner ? (thinner - low) / (high - low) : 1;
+}
+
+/* The share of the surface in walls that are thinner; *area, unless NULL: how large it is, about. */
+static double share_in_walls(const combination *c, double thinner, double *area)
+{
+    double all = 0, thin = 0;
+    for (const part *p = c->parts; p < c->parts + c->count; p++)
+        for (size_t k = 0; k < places_of(p); k++) {
+            if (p->walls[k].room < INFINITY) all += p->walls[k].area;
+            thin += share_of_place(&p->walls[k], thinner) * p->walls[k].area;
+        }
+    if (area) *area = all;
+    return thin > 0 ? thin / all : 0;
+}
+
+static double blocks_of(const cell_grid *g, int finest)
+{
+    double blocks = 1;
+    for (int axis = 0; axis < 3; axis++)
+        blocks *= ceil(ldexp((double)g->cells[axis], finest) / CELL_GRID_BLOCK);
+    return blocks;
+}
+
+/* Adds levels of cells until walls are wider; none where that would leave most of the thin ones as they are. */
+static void show_walls(combination *c)
+{
+    const double before = share_in_walls(c, c->base.cell_size / CELL_IN_WALL, NULL);
+    double size = c->base.cell_size, left = before;
+    int finest = c->grid.finest;
+    for (; finest < CELL_GRID_LEVELS - 1 && left > THIN_SHARE; finest++) {
+        if (cells_in_walls(c, 0.5 * size) > MOST_IN_WALLS || blocks_of(&c->grid, finest + 1) > MOST_BLOCKS)
+            break;
+        size *= 0.5;
+        left = share_in_walls(c, size / CELL_IN_WALL, NULL);
+    }
+    if (left > 0.5 * before) return;
+    c->grid.finest = finest;
+    c->base.cell_size = size;
+    c->base.uneven = finest > 0;
+}
+
+/* ---- its cells */
+
+/* Of half a block's diagonal: a surface that is farther from its middle does not pass through it, as far as slopes tell. */
+static const double PASSES_BY = 2;
+
+/* Whether a part's surface passes by a block that is much smaller than the part's cell. */
+static bool is_far(const combination *c, const field *f, int level, const int64_t at[3])
 {
     const cell_grid *g = &c->grid;
-    int64_t across[3];
-    vec3 size = bbox_size(g->box);
-    for (int axis = 0; axis < 3; axis++) across[axis] = cell_grid_blocks(g, level, axis);
-    for (size_t k = 0; k < f->ops->cell_count(f); k++) {
+    const vec3 size = bbox_size(g->box);
+    vec3 middle, half;
+    for (int axis = 0; axis < 3; axis++) {
+        const double unit = CELL_GRID_BLOCK * vec3_get(size, axis) / (double)(g->cells[axis] << level);
+        vec3_set(&half, axis, 0.5 * unit);
+        vec3_set(&middle, axis, vec3_get(g->box.min, axis) + ((double)at[axis] + 0.5) * unit);
+    }
+    field_sample s;
+    return field_sample_at(f, middle, FIELD_GRADIENT, &s) &&
+           fabs(s.value) > PASSES_BY * vec3_norm(half) * vec3_norm(s.gradient);
+}
+
+/* Marks the blocks of a level that a box touches. */
+static void mark_box(const combination *c, const field *f, bbox box, int level, uint8_t mark, uint8_t *blocks)
+{
+    const cell_grid *g = &c->grid;
+    const vec3 size = bbox_size(g->box);
+    int64_t across[3], first[3], last[3], at[3];
+    for (int axis = 0; axis < 3; axis++) {
+        across[axis] = cell_grid_blocks(g, level, axis);
+        double unit = CELL_GRID_BLOCK * vec3_get(size, axis) / (double)(g->cells[axis] << level),
+               low = vec3_get(g->box.min, axis);
+        first[axis] =
+            (int64_t)fmin(fmax(floor((vec3_get(box.min, axis) - low) / unit), 0), (double)across[axis]);
+        last[axis] =
+            (int64_t)fmin(fmax(floor((vec3_get(box.max, axis) - low) / unit), -1), (double)across[axis] - 1);
+    }
+    const bool are_small = last[0] - first[0] >= SMALL;
+    for (at[2] = first[2]; at[2] <= last[2]; at[2]++)
+        for (at[1] = first[1]; at[1] <= last[1]; at[1]++)
+            for (at[0] = first[0]; at[0] <= last[0]; at[0]++) {
+                uint8_t *block = &blocks[(at[2] * across[1] + at[1]) * across[0] + at[0]];
+                if ((*block & mark) != mark && !(are_small && is_far(c, f, level, at))) *block |= mark;
+            }
+}
+
+/* Marks the blocks of a level that a part's cells touch: those of the part's own size, and the eighths of these where walls need
+ * smaller ones. */
+static void mark_cells(const combination *c, const part *p, int level, uint8_t *blocks)
+{
+    const double size = ldexp(c->base.cell_size, c->grid.finest - level);
+    const bool has_finer = level < c->grid.finest;
+    for (size_t k = 0; k < p->field->ops->cell_count(p->field); k++) {
         field_cell cell;
+        p->field->ops->cell(p->field, k, &cell);
+        const double grown = BULGE * field_cell_edge(&cell);
         bbox box = bbox_empty();
-        int64_t first[3], last[3];
-        f->ops->cell(f, k, &cell);
-        for (int corner = 0; corner < 8; corner++) box = bbox_include(box, cell.corner[corner]);
-        box = bbox_grow(box, BULGE * field_cell_edge(&cell));
-        for (int axis = 0; axis < 3; axis++) {
-            double unit = CELL_GRID_BLOCK * vec3_get(size, axis) / (double)(g->cells[axis] << level),
-                   low = vec3_get(g->box.min, axis);
-            first[axis] =
-                (int64_t)fmin(fmax(floor((vec3_get(box.min, axis) - low) / unit), 0), (double)across[axis]);
-            last[axis] = (int64_t)fmin(fmax(floor((vec3_get(box.max, axis) - low) / unit), -1),
-                                       (double)across[axis] - 1);
+        for (int v = 0; v < 8; v++) box = bbox_include(box, cell.corner[v]);
+        mark_box(c, p->field, bbox_grow(box, grown), level,
+                 has_finer && size > p->edge ? CELL_GRID_SEARCH | CELL_GRID_DIVIDE : CELL_GRID_SEARCH,
+                 blocks);
+        for (int v = 0; p->walls && has_finer && v < p->places; v++) {
+            if (!(size > size_at(p, k * (size_t)p->places + (size_t)v, c->base.cell_size))) continue;
+            const vec3 across = vec3_sub(vec3_scale(place_of(p, &cell, v), 2), cell.corner[v]);
+            if (p->places > 1) box = bbox_include(bbox_include(bbox_empty(), cell.corner[v]), across);
+            mark_box(c, p->field, bbox_grow(box, grown / (p->places > 1 ? 2 : 1)), level,
+                     CELL_GRID_SEARCH | CELL_GRID_DIVIDE, blocks);
         }
-        for (int64_t z = first[2]; z <= last[2]; z++)
-            for (int64_t y = first[1]; y <= last[1]; y++)
-                for (int64_t x = first[0]; x <= last[0]; x++)
-                    blocks[(z * across[1] + y) * across[0] + x] |= mark;
     }
 }
 
@@ -228,17 +452,12 @@ static void divide_around(const cell_grid *g, int level, const uint8_t *blocks, 
     }
 }
 
-/* Blocks that a part's cells touch are searched, in cells as small as the part's. */
+/* Blocks that a part's cells touch are searched, in cells as small as the part's, or as its walls need. */
 static void mark_parts(const combination *c, uint8_t *const blocks[])
 {
     const int finest = c->grid.finest;
-    for (size_t k = 0; k < c->count; k++) {
-        int own = 0;
-        while (own < finest && ldexp(c->base.cell_size, finest - own) > c->parts[k].edge) own++;
-        for (int level = 0; level <= finest; level++)
-            mark_cells(c, c->parts[k].field, level,
-                       level < own ? CELL_GRID_SEARCH | CELL_GRID_DIVIDE : CELL_GRID_SEARCH, blocks[level]);
-    }
+    for (size_t k = 0; k < c->count; k++)
+        for (int level = 0; level <= finest; level++) mark_cells(c, &c->parts[k], level, blocks[level]);
     for (int level = finest - 1; level > 0; level--)
         divide_around(&c->grid, level, blocks[level], blocks[level - 1]);
 }
@@ -311,8 +530,8 @@ static bool check_boundaries(const combination *c, error *e)
     return true;
 }
 
-combination *combination_new(combination_kind kind, const field *const *parts, size_t count, threads *pool,
-                             error *e)
+combination *combination_new(combination_kind kind, const field *const *parts, size_t count,
+                             combination_walls walls, threads *pool, error *e)
 {
     combination *c = mem_alloc(sizeof *c);
     c->base.ops = &combination_ops;
@@ -322,8 +541,20 @@ combination *combination_new(combination_kind kind, const field *const *parts, s
     set_parts(c, kind, parts);
     vec3 size = bbox_size(c->base.domain);
     bool some = size.x > 0 && size.y > 0 && size.z > 0;
-    bool ok = some && lay_out_grid(c, e) && find_cells(c, pool, e);
-    if (!some || (ok && c->grid.count == 0)) ok = no_surface(kind, e);
+    bool ok = some && lay_out_grid(c, e) && (walls == COMBINATION_WALLS_IGNORED || find_room(c, pool, e));
+    if (ok && walls == COMBINATION_WALLS_SHOWN && !has_open_part(c)) show_walls(c);
+    ok = ok && find_cells(c, pool, e);
+    if (ok && walls != COMBINATION_WALLS_IGNORED)
+        c->missing = share_in_walls(c, LOST_IN_CELL * c->base.cell_size, &c->area);
+    for (size_t k = 0; k < count; k++) {
+        free(c->parts[k].walls);
+        c->parts[k].walls = NULL;
+    }
+    if (ok && c->grid.count == 0 && c->missing > 0)
+        ok = error_set(e, ERROR_NO_SURFACE, "all that is left is thinner than %g, the smallest cells",
+                       c->base.cell_size);
+    else if (!some || (ok && c->grid.count == 0))
+        ok = no_surface(kind, e);
     if (ok) {
         field_set_boundary(&c->base, cell_grid_cut_faces(&c->grid, &c->base, &oracle));
         ok = check_boundaries(c, e);
@@ -349,4 +580,10 @@ const field *combination_field(const combination *c)
 size_t combination_bytes(const combination *c)
 {
     return cell_grid_bytes(&c->grid);
+}
+
+double combination_missing(const combination *c, double *area)
+{
+    if (area) *area = c->area;
+    return c->missing;
 }

@@ -3,7 +3,7 @@
  * Each part's F is divided by its mean slope on its surface, so that fields of different units may be
  * compared; where two are equal there is a sharp edge. A part that is not defined far from its surface counts
  * by its side there. Cells are those of a grid of its own, looked for wherever a part has cells and at least as fine as
- * that part's there.
+ * that part's there, and than half of a wall or slit between two parts.
  */
 #ifndef HEXAD_FIELD_COMBINATION_H
 #define HEXAD_FIELD_COMBINATION_H
@@ -22,13 +22,24 @@ typedef enum combination_kind {
     COMBINATION_DIFFERENCE /* of the first and all others */
 } combination_kind;
 
-/* `parts`, of which there are at least two, stay the caller's and outlive it; the array need not. Errors:
- * no_surface, which says that nothing is left; not_supported when an open part's boundary would lie within the
+/* Walls and slits between two parts that are thinner than twice a cell. Told: combination_missing says how much of the surface lies
+ * in them. Shown: cells there are smaller, too, unless a part is open or they would be too many. */
+typedef enum combination_walls {
+    COMBINATION_WALLS_IGNORED,
+    COMBINATION_WALLS_TOLD,
+    COMBINATION_WALLS_SHOWN
+} combination_walls;
+
+/* `parts`, of which there is at least one, stay the caller's and outlive it; the array need not. Errors: no_surface, which says
+ * that nothing is left, or that it is thinner than cells; not_supported when an open part's boundary would lie within the
  * combination; limit_memory; and those of cell_grid_search. */
-combination *combination_new(combination_kind kind, const field *const *parts, size_t count, threads *pool,
-                             error *e);
+combination *combination_new(combination_kind kind, const field *const *parts, size_t count,
+                             combination_walls walls, threads *pool, error *e);
 void combination_free(combination *c);
 const field *combination_field(const combination *c);
+/* The share of its area, about, in walls and slits thinner than half a cell, which may have no cells; *area, unless NULL: the area,
+ * which is up to half as much again. Both 0 with walls ignored. */
+double combination_missing(const combination *c, double *area);
 size_t combination_bytes(const combination *c);
 
 #endif

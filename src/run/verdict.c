@@ -166,7 +166,7 @@ static const criterion criteria[] = {
      "wider region",
      NULL},
     {"missing_share", VERDICT_UNRESOLVED, missing_share,
-     "so much of the mesh's area is thinner than a voxel and has no points: the warning says which voxel_size shows it",
+     "so much of the area is thinner than a voxel, or a combination's cells, and has no points: the warning says what shows it",
      NULL},
     {"energy_excess", VERDICT_UNRESOLVED, energy_excess,
      "the points are at rest but not in order: ask for more points where the surface has small features, and use the "

@@ -391,6 +391,12 @@ static bool open_bspline(const spec_bspline *b, double offset, const opening *o,
 
 static bool open_part(const spec_surface *s, double offset, const opening *o, source_part *out, error *e);
 
+/* Whether creases and the ends of a region become curves between patches. */
+static bool makes_patches(const spec *s)
+{
+    return s->features || s->region_inside;
+}
+
 /* A part of a combination. One that is empty is none, unless nothing of the whole is left without it. */
 static bool open_operand(const spec_surface *s, size_t k, double offset, const opening *o, source_part *out,
                          error *e)
@@ -434,8 +440,11 @@ static bool open_combination(const spec_surface *s, double offset, const opening
     for (size_t k = 0; k < s->part_count; k++)
         if (!out->parts[k].nothing) fields[count++] = out->parts[k].field;
     *e = (error){0}; /* of parts that are left out */
+    const combination_walls walls = makes_patches(o->spec) ? COMBINATION_WALLS_IGNORED
+                                    : o->direct            ? COMBINATION_WALLS_SHOWN
+                                                           : COMBINATION_WALLS_TOLD;
     if (count > 0)
-        out->combination = combination_new(kind, fields, count, o->pool, e);
+        out->combination = combination_new(kind, fields, count, walls, o->pool, e);
     else
         error_set(e, ERROR_NO_SURFACE, "nothing is left of any part of the union");
     free(fields);
@@ -456,12 +465,6 @@ static bool open_inner(const spec_surface *s, double offset, const opening *o, s
     out->nothing = out->parts[0].nothing;
     out->parts[0].nothing = NULL;
     return false;
-}
-
-/* Whether creases and the ends of a region become curves between patches. */
-static bool makes_patches(const spec *s)
-{
-    return s->features || s->region_inside;
 }
 
 /* By how much a matrix scales all lengths; 0 when it does not keep angles. */
@@ -678,11 +681,23 @@ static void add_missing(const source_part *p, double *area, double *missing)
     for (size_t k = 0; k < p->part_count; k++) add_missing(&p->parts[k], area, missing);
 }
 
+/* Of the combinations among the parts: the area of the outermost, and what lies in walls thinner than cells, of all. */
+static void add_walls(const source_part *p, double *area, double *missing)
+{
+    double own;
+    if (p->combination) {
+        *missing += combination_missing(p->combination, &own) * own;
+        if (*area == 0) *area = own;
+    }
+    for (size_t k = 0; k < p->part_count; k++) add_walls(&p->parts[k], area, missing);
+}
+
 double source_missing_share(const source *s)
 {
-    double area = 0, missing = 0;
-    add_missing(&s->whole, &area, &missing);
-    return area > 0 ? missing / area : 0;
+    double of_meshes = 0, missing = 0, combined = 0, in_walls = 0;
+    add_missing(&s->whole, &of_meshes, &missing);
+    add_walls(&s->whole, &combined, &in_walls);
+    return fmax(of_meshes > 0 ? missing / of_meshes : 0, combined > 0 ? in_walls / combined : 0);
 }
 
 size_t source_thin_places(const source *s, const vec3 **place)

@@ -88,7 +88,8 @@ size_t source_nearest_part(const source_part *whole, vec3 x);
 /* Whether random starts are drawn from crossing cells instead of the whole domain. */
 bool source_starts_in_cells(const source *s);
 
-/* The share of the area of its meshes that is not sampled, since it is thinner than their voxels. */
+/* The share of the area of its meshes that is not sampled, since it is thinner than their voxels; or of a combination that may not
+ * be, since it is thinner than its cells. */
 double source_missing_share(const source *s);
 /* How many places there are on parts of a mesh that its level set leaves out, and where (the source's). A mesh that is placed, cut
  * or one of several has none. */

@@ -38,6 +38,20 @@ static void describe_volume(const volume_info *info, json *members, json *warnin
     for (size_t k = 0; k < info->warning_count; k++) json_append_string(warnings, info->warning[k]);
 }
 
+/* A hundredth of the surface is told, as the outcome does. */
+static void append_walls(const combination *c, json *warnings)
+{
+    char warning[256];
+    const double share = combination_missing(c, NULL);
+    if (!(share > 0.01)) return;
+    snprintf(
+        warning, sizeof warning,
+        "about %.2g %% of the surface of a combination lies in walls or slits thinner than its smallest cells, %.3g, "
+        "and may have no points: make them wider, or combine fewer or smaller parts",
+        100 * share, combination_field(c)->cell_size);
+    json_append_string(warnings, warning);
+}
+
 static void append_nothing(const source_part *p, json *warnings)
 {
     char warning[sizeof(error) + 64];
@@ -51,6 +65,7 @@ static void describe_parts(const source_part *p, json *members, json **list, jso
     for (size_t k = 0; k < p->part_count; k++) {
         const source_part *part = &p->parts[k];
         if (part->nothing) append_nothing(part, warnings);
+        if (part->combination) append_walls(part->combination, warnings);
         if ((part->volume || part->mesh) && !*list) *list = json_put_array(members, "parts");
         if (part->volume) describe_volume(volume_describe(part->volume), json_append_object(*list), warnings);
         if (part->mesh) mesh_source_describe(part->mesh, &part->notes, json_append_object(*list), warnings);
@@ -62,6 +77,7 @@ void source_describe(const source *s, json *report, json *members, json *warning
 {
     json *inputs = json_put_array(report, "inputs"), *list = NULL;
     if (s->whole.volume) describe_volume(volume_describe(s->whole.volume), members, warnings);
+    if (s->whole.combination) append_walls(s->whole.combination, warnings);
     if (s->whole.labels) label_surface_describe(s->whole.labels, members, warnings);
     if (s->whole.mesh) mesh_source_describe(s->whole.mesh, &s->whole.notes, members, warnings);
     describe_parts(&s->whole, members, &list, warnings);

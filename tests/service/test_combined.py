@@ -334,6 +334,18 @@ def test_a_part_that_is_empty_changes_nothing(sample, cube_mesh, more):
         assert points is None and e["code"] == "no_surface" and e["message"].startswith(where + ": "), e
 
 
+def test_walls_thinner_than_cells(sample):
+    """A shell and a slit that the parts' own cells do not show are whole. What no cells show is not said to be sampled."""
+    report, points = sample({"difference": [sphere(1), sphere(0.9, (0, 0, 0.09))]})
+    assert report["surface"]["area"] == pytest.approx(4 * numpy.pi * 1.81, rel=1e-3) and not report["surface"]["warnings"][1:]
+    report, points = sample({"difference": [sphere(1), sphere(0.9999)]})
+    assert report["outcome"] != "converged" and "missing_share" in [r["criterion"] for r in report["outcome_reasons"]]
+    assert any("thinner than its smallest cells" in w for w in report["surface"]["warnings"])
+    report, points = sample({"union": [sphere(1), {"intersection": [sphere(1, (3, 0, 0)), sphere(1, (3, 0, 1.99))]}]})
+    told = [w for w in report["surface"]["warnings"] if "the part is left out" in w]
+    assert "/surface/union/1: all that is left is thinner than" in told[0]
+
+
 @pytest.mark.plain
 def test_kinds_may_be_mixed_and_nested(sample, dense_ball, cube_mesh):
     """A cube from which two balls are taken: every point is on one of the three."""
@@ -441,8 +453,8 @@ def test_a_region_of_a_combination(sample):
 
 def test_points_on_new_places_find_their_rest(sample):
     """Between two spheres that touch all but for a hair particles leave the surface and are put elsewhere: the others make room."""
-    report, _ = sample({"union": [sphere(0.2, (0.25, 0.5, 0.5)), sphere(0.2, (0.6495, 0.5, 0.5))]}, sampling={"count": 300},
-                       solver={"threads": 1, "seed": 2})
+    pair = {"union": [sphere(0.2, (0.25, 0.5, 0.5)), sphere(0.2, (0.6495, 0.5, 0.5))]}
+    report, _ = sample({"intersection": [pair, sphere(3)]}, sampling={"count": 300}, solver={"threads": 1, "seed": 3})
     assert report["quality"]["removed_offsurface"] > 0
     assert report["step_left"] <= report["spec"]["solver"]["step_tolerance"]
     assert report["outcome"] == "unresolved"

@@ -106,7 +106,7 @@ static void derivatives_and_sides_of_combinations(void **state)
     const field *parts[2] = {&t->base, &s->base};
     for (int kind = 0; kind < 3; kind++) {
         error e = {0};
-        combination *c = combination_new((combination_kind)kind, parts, 2, NULL, &e);
+        combination *c = combination_new((combination_kind)kind, parts, 2, COMBINATION_WALLS_SHOWN, NULL, &e);
         if (!c) fail_msg("%s", e.message);
         const field *f = combination_field(c);
         check_derivatives(f, names[kind]);
@@ -143,7 +143,7 @@ static void nothing_left_is_an_error(void **state)
                  {COMBINATION_DIFFERENCE, {&inner->base, &a->base}}};
     for (size_t k = 0; k < 2; k++) {
         error e = {0};
-        assert_null(combination_new(cases[k].kind, cases[k].parts, 2, NULL, &e));
+        assert_null(combination_new(cases[k].kind, cases[k].parts, 2, COMBINATION_WALLS_SHOWN, NULL, &e));
         assert_int_equal(e.code, ERROR_NO_SURFACE);
     }
     analytic_free(a);
@@ -161,7 +161,7 @@ static void cells_are_as_large_as_their_part_needs(void **state)
              *ball = sphere(fine, vec3_make(beside, 0, 0));
     const field *parts[3] = {&large->base, &bump->base, &ball->base};
     error e = {0};
-    combination *c = combination_new(COMBINATION_UNION, parts, 3, NULL, &e);
+    combination *c = combination_new(COMBINATION_UNION, parts, 3, COMBINATION_WALLS_SHOWN, NULL, &e);
     if (!c) fail_msg("%s", e.message);
     const field *f = combination_field(c);
     surface *s = surface_scan(f, NULL, &e);
@@ -181,6 +181,95 @@ static void cells_are_as_large_as_their_part_needs(void **state)
     analytic_free(ball);
 }
 
+typedef struct thin_case {
+    const char *what;
+    combination_kind kind;
+    double radius, other; /* of the first, about the origin, and of the second */
+    vec3 center;          /* of the second */
+    double area;
+} thin_case;
+
+/* The surface that is left of spheres by formula, and how many cells it has. */
+static double thin_area(const thin_case *t, bool thin, size_t *cells, double *missing)
+{
+    analytic *a = sphere(t->radius, vec3_make(0, 0, 0)), *b = sphere(t->other, t->center);
+    const field *parts[2] = {&a->base, &b->base};
+    error e = {0};
+    combination *c =
+        combination_new(t->kind, parts, 2, thin ? COMBINATION_WALLS_SHOWN : COMBINATION_WALLS_TOLD, NULL, &e);
+    if (!c) fail_msg("%s: %s", t->what, e.message);
+    surface *s = surface_scan(combination_field(c), NULL, &e);
+    if (!s) fail_msg("%s: %s", t->what, e.message);
+    const double area = s->area;
+    *cells = s->cells;
+    *missing = combination_missing(c, NULL);
+    surface_free(s);
+    combination_free(c);
+    analytic_free(a);
+    analytic_free(b);
+    return area;
+}
+
+static double lens(double depth)
+{
+    return 2 * M_PI * depth; /* of two caps of a sphere of radius 1, each half as deep */
+}
+
+/* Walls and slits thinner than the parts' own cells are whole. What is thinner than cells can be is counted. */
+static void walls_thinner_than_cells_are_whole(void **state)
+{
+    (void)state;
+    const double ball = 4 * M_PI;
+    const thin_case cases[] = {
+        {"shell of 1/100 to 19/100", COMBINATION_DIFFERENCE, 1, 0.9, {0, 0, 0.09}, ball * 1.81},
+        {"lens of 1/30", COMBINATION_INTERSECTION, 1, 1, {0, 0, 2 - 0.033}, lens(0.033)},
+        {"lens of 1/50, oblique", COMBINATION_INTERSECTION, 1, 1, {0, 1.188, 1.584}, lens(0.02)},
+        {"slit of 1/100", COMBINATION_UNION, 1, 0.5, {0, 0, 1.51}, ball * 1.25},
+    };
+    for (size_t k = 0; k < sizeof cases / sizeof cases[0]; k++) {
+        const thin_case *t = &cases[k];
+        size_t cells, before;
+        double missing, plain_missing;
+        const double area = thin_area(t, true, &cells, &missing);
+        const double plain = thin_area(t, false, &before, &plain_missing);
+        print_message("# %s: area off by %.2g of %.4g (%.2g), %zu cells (%zu), missing %.2g (%.2g)\n",
+                      t->what, area / t->area - 1, t->area, plain / t->area - 1, cells, before, missing,
+                      plain_missing);
+        assert_true(fabs(area / t->area - 1) < 0.005);
+        assert_true(missing < 0.01);
+    }
+    const thin_case too_thin = {"shell of 1/30000", COMBINATION_DIFFERENCE, 1, 1 - 3e-5, {0, 0, 0}, 2 * ball};
+    size_t cells;
+    double missing;
+    const double area = thin_area(&too_thin, true, &cells, &missing);
+    print_message("# %s: area %.3g of %.3g, missing %.3g\n", too_thin.what, area, too_thin.area, missing);
+    assert_true(missing > 0.5);
+}
+
+/* Faces of two parts in one plane bound nothing between them. */
+static void faces_in_one_plane_are_not_thin(void **state)
+{
+    (void)state;
+    const analytic_params outer = {.shape = ANALYTIC_BOX, .half_size = {1, 1, 1}},
+                          pocket = {
+                              .shape = ANALYTIC_BOX, .half_size = {0.5, 0.5, 0.5}, .center = {0, 0, 0.5}};
+    analytic *a = analytic_new(&outer, NULL, NULL), *b = analytic_new(&pocket, NULL, NULL);
+    const field *parts[2] = {&a->base, &b->base};
+    size_t cells[2];
+    for (int thin = 0; thin < 2; thin++) {
+        error e = {0};
+        combination *c = combination_new(COMBINATION_DIFFERENCE, parts, 2,
+                                         thin ? COMBINATION_WALLS_SHOWN : COMBINATION_WALLS_TOLD, NULL, &e);
+        if (!c) fail_msg("%s", e.message);
+        cells[thin] = combination_field(c)->ops->cell_count(combination_field(c));
+        assert_true(combination_missing(c, NULL) == 0);
+        combination_free(c);
+    }
+    assert_int_equal(cells[0], cells[1]);
+    analytic_free(a);
+    analytic_free(b);
+}
+
 int main(void)
 {
     print_message("# seed %u\n", SEED);
@@ -189,6 +278,8 @@ int main(void)
         cmocka_unit_test(derivatives_and_sides_of_combinations),
         cmocka_unit_test(nothing_left_is_an_error),
         cmocka_unit_test(cells_are_as_large_as_their_part_needs),
+        cmocka_unit_test(walls_thinner_than_cells_are_whole),
+        cmocka_unit_test(faces_in_one_plane_are_not_thin),
     };
     return cmocka_run_group_tests_name("combination", tests, NULL, NULL);
 }
