@@ -21,6 +21,8 @@ OTHER_SIDE = -0.6
 SHEET_GAP, SHEET_REACH, SHEET_FACING = 1.2, 1.7, -0.4
 # Fewer points with a cell than this do not speak for the others: their measures are nan.
 LEAST_MEASURED = 20
+# Where none is requested the spacing is given as this power of the amplitude.
+ALPHA_EXPONENT = 0.18
 # Spacings that differ by less, relatively, were one before they were rounded.
 SAME = 1e-6
 # Points whose nearest so many do not reach beyond the support are asked for more, up to the last of these.
@@ -223,6 +225,11 @@ def is_uneven(spacing):
     return spacing.max() > 1.05 * spacing.min()
 
 
+def is_asked_by_amplitudes(points):
+    """Whether the spacing is what amplitudes make of it, and none is requested."""
+    return is_uneven(points.alpha) and not is_uneven(points.spacing / points.alpha ** ALPHA_EXPONENT)
+
+
 def _energies(points, h, graded):
     """Every point's full sum; the support is sqrt(3) h. Where graded it is that of each pair's mean spacing s, and
     a pair gives s^2 phi, to each end in units of its own spacing squared."""
@@ -263,7 +270,7 @@ def measure(points, area, domain=None):
     local = numpy.sqrt(2 * numpy.maximum(cell, 0) / numpy.sqrt(3))
     whole = inner & ~without_cell(points, triangles, edges)
     uneven = is_uneven(points.spacing[inner])
-    if is_uneven(points.alpha):  # no spacing is requested: order is measured against the achieved one
+    if is_asked_by_amplitudes(points):  # order is measured against the achieved one
         own = dataclasses.replace(points, spacing=numpy.where(local > 0, local, points.spacing))
         energy = _energies(own, h, True)
         relative = length / (0.5 * (own.spacing[i] + own.spacing[j]))

@@ -30,6 +30,10 @@ static const double PASSES = 48, PASSES_COUNT = 1e4;
 enum { PASSES_AT_ONCE = 2 };
 /* Below this share of particles with other than six neighbours there is nothing to mend. */
 static const double ORDERED_SHARE = 0.05;
+/* After that: the amplitude of a particle falls with so many powers of how much too wide its cell is. A spacing goes as alpha^0.18
+ * where all have it, and a pair has half of it from each; more costs more order than it evens out. A cell that is farther off
+ * is not of one sheet. */
+static const double EVENING = 3, CELL_OFF = 0.15;
 /* What is worth a change. */
 static const double LEAST_GAIN = 1e-3;
 
@@ -315,15 +319,21 @@ static void find_disorder(mending *m)
     }
 }
 
-static bool mend_once(mending *m, double *gain, bool *changed, error *e)
+static bool find_near(mending *m, error *e)
 {
     sampler *s = m->s;
     const size_t n = s->state.p->count;
     sampler_resize(s);
-    if (!neighbours_build(m->near, n, s->state.p->position, s->state.p->size,
-                          VORONOI_REACH * s->state.spacing, s->setup.pool, e))
-        return false;
     for (size_t i = 0; i < n; i++) m->h[i] = s->state.spacing * particles_size(s->state.p, i);
+    return neighbours_build(m->near, n, s->state.p->position, s->state.p->size,
+                            VORONOI_REACH * s->state.spacing, s->setup.pool, e);
+}
+
+static bool mend_once(mending *m, double *gain, bool *changed, error *e)
+{
+    sampler *s = m->s;
+    const size_t n = s->state.p->count;
+    if (!find_near(m, e)) return false;
     find_disorder(m);
     if ((double)m->disordered < ORDERED_SHARE * (double)n) return true;
     memset(m->taken, TAKEN_NOT, n);
@@ -389,6 +399,42 @@ static void end(mending *m)
     free(m->members);
     free(m->places);
     free(m->bench);
+}
+
+/* --- even cells --- */
+
+/* Whose cell is too wide gets a smaller amplitude, those around come nearer, and so on. */
+static void even_out(mending *m)
+{
+    particles *p = m->s->state.p;
+    threads_run(m->s->setup.pool, p->count, 256, degree_chunk, m);
+    m->mean = mean_local(m);
+    for (size_t i = 0; i < p->count; i++) {
+        const double off = m->local[i] / m->mean;
+        if (fabs(off - 1) < CELL_OFF) p->alpha[i] *= pow(off, -EVENING);
+    }
+}
+
+/* The kernel knows no amplitudes. */
+static bool leave_kernel(sampler *s, error *e)
+{
+    relax_free(s->scratch.relax);
+    s->scratch.relax = relax_new(s->scratch.capacity, s->setup.params.energy, NULL,
+                                 s->setup.params.list_limit, s->setup.pool, e);
+    return s->scratch.relax != NULL;
+}
+
+bool sampler_even_out(sampler *s, bool *changed, error *e)
+{
+    mending m;
+    *changed = false;
+    if (s->state.mends == 0 || s->state.evened) return true;
+    const bool ok =
+        begin(&m, s, e) && find_near(&m, e) && particles_add_amplitudes(s->state.p, e) && leave_kernel(s, e);
+    if (ok) even_out(&m);
+    end(&m);
+    s->state.evened = *changed = ok;
+    return ok;
 }
 
 bool sampler_mend(sampler *s, bool *changed, error *e)

@@ -17,7 +17,7 @@ static const double REMOVAL = 0.4, INSERTION = 0.4;
 static const double PRICE = 0.1;
 /* So does the square of how far the spacing that a cell has is off; one of five or seven neighbours is off by .035. At most so
  * large a square counts, and so much where there is no cell. */
-static const double UNEVEN = 200, UNEVEN_MOST = 0.1;
+static const double UNEVEN = 50, UNEVEN_MOST = 0.1;
 /* A particle more in the same area adds so many ideal energies to the sum. */
 static const double PRESSURE = 3.35;
 /* Over-relaxation; and over h the longest step and one that wakes nobody. */

@@ -170,7 +170,7 @@ static bool deliver(sampler *s, error *e)
     const bool may_go_on = s->state.recalls < SAMPLER_RECALLS, is_given = sampler_is_given(s);
     if (may_be_mended(s)) {
         bool changed = false;
-        if (!sampler_mend(s, &changed, e)) return false;
+        if (!sampler_mend(s, &changed, e) || (!changed && !sampler_even_out(s, &changed, e))) return false;
         if (changed) return sampler_go_on(s);
     }
     if (!sampler_settle(s, e)) return false;

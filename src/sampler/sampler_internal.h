@@ -57,6 +57,7 @@ typedef struct sampler_state {
     int resizes;  /* in the round: rests that new sizes ended */
     int recalls;  /* ends that particles on new places ended */
     int mends;    /* passes of sampler_mend */
+    bool evened;  /* by sampler_even_out */
     bool settled; /* no particle has moved since sampler_settle */
     bool pressed; /* points have come to rest, but as they would be delivered they do not */
     bool coarse;  /* the spacing resolves nothing of the surface: pairs count whatever their normals */
@@ -161,6 +162,10 @@ size_t sampler_point_count(const sampler *s);
 /* Takes disorder out of particles at rest by local changes, within what the count allows; *changed: they have to come to rest
  * again. Same result for any number of threads. Errors: limit_memory, cancelled. */
 bool sampler_mend(sampler *s, bool *changed, error *e);
+
+/* Of particles that were mended: amplitudes under which their cells become as large as they are to be. *changed: they have to
+ * come to rest again. Errors: limit_memory. */
+bool sampler_even_out(sampler *s, bool *changed, error *e);
 
 /* *x near the zero set of f onto it to rounding, no farther than `farthest`; `h` is the scale of what is meant by rounding. False,
  * outputs untouched, when it has no way there. */
