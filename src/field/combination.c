@@ -29,8 +29,6 @@ static const double FACING = -0.7, APART = 1e-6;
 /* Cells are so much of a wall's thickness (the area of a shell is 1e-6 off; at 0.6 2e-3, at 0.7 3e-2), unless they are more than so
  * many, or less than this share of the area is in thinner ones: walls that end in an edge have some of any thickness. */
 static const double CELL_IN_WALL = 0.55, MOST_IN_WALLS = 8e6, THIN_SHARE = 0.005;
-/* Of a cell: walls that are thinner may pass between its corners unseen. */
-static const double LOST_IN_CELL = 0.5;
 
 /* A place on a part's surface: the room to what faces it, see room_at, how that differs within the place, and the place's area. */
 typedef struct wall {
@@ -344,13 +342,14 @@ static double blocks_of(const cell_grid *g, int finest)
     return blocks;
 }
 
-/* Adds levels of cells until walls are wider; none where that would leave most of the thin ones as they are. */
-static void show_walls(combination *c)
+/* Adds so many levels of cells at most, until walls are wider; none where that would leave most of the thin ones as they are. */
+static void show_walls(combination *c, int levels)
 {
     const double before = share_in_walls(c, c->base.cell_size / CELL_IN_WALL, NULL);
     double size = c->base.cell_size, left = before;
     int finest = c->grid.finest;
-    for (; finest < CELL_GRID_LEVELS - 1 && left > THIN_SHARE; finest++) {
+    const int last = finest + levels < CELL_GRID_LEVELS ? finest + levels : CELL_GRID_LEVELS - 1;
+    for (; finest < last && left > THIN_SHARE; finest++) {
         if (cells_in_walls(c, 0.5 * size) > MOST_IN_WALLS || blocks_of(&c->grid, finest + 1) > MOST_BLOCKS)
             break;
         size *= 0.5;
@@ -530,8 +529,8 @@ static bool check_boundaries(const combination *c, error *e)
     return true;
 }
 
-combination *combination_new(combination_kind kind, const field *const *parts, size_t count,
-                             combination_walls walls, threads *pool, error *e)
+combination *combination_new(combination_kind kind, const field *const *parts, size_t count, int wall_levels,
+                             threads *pool, error *e)
 {
     combination *c = mem_alloc(sizeof *c);
     c->base.ops = &combination_ops;
@@ -541,11 +540,10 @@ combination *combination_new(combination_kind kind, const field *const *parts, s
     set_parts(c, kind, parts);
     vec3 size = bbox_size(c->base.domain);
     bool some = size.x > 0 && size.y > 0 && size.z > 0;
-    bool ok = some && lay_out_grid(c, e) && (walls == COMBINATION_WALLS_IGNORED || find_room(c, pool, e));
-    if (ok && walls == COMBINATION_WALLS_SHOWN && !has_open_part(c)) show_walls(c);
+    bool ok = some && lay_out_grid(c, e) && (wall_levels == 0 || find_room(c, pool, e));
+    if (ok && wall_levels > 0 && !has_open_part(c)) show_walls(c, wall_levels);
     ok = ok && find_cells(c, pool, e);
-    if (ok && walls != COMBINATION_WALLS_IGNORED)
-        c->missing = share_in_walls(c, LOST_IN_CELL * c->base.cell_size, &c->area);
+    if (ok && wall_levels > 0) c->missing = share_in_walls(c, c->base.cell_size, &c->area);
     for (size_t k = 0; k < count; k++) {
         free(c->parts[k].walls);
         c->parts[k].walls = NULL;

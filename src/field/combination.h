@@ -22,23 +22,18 @@ typedef enum combination_kind {
     COMBINATION_DIFFERENCE /* of the first and all others */
 } combination_kind;
 
-/* Walls and slits between two parts that are thinner than twice a cell. Told: combination_missing says how much of the surface lies
- * in them. Shown: cells there are smaller, too, unless a part is open or they would be too many. */
-typedef enum combination_walls {
-    COMBINATION_WALLS_IGNORED,
-    COMBINATION_WALLS_TOLD,
-    COMBINATION_WALLS_SHOWN
-} combination_walls;
-
-/* `parts`, of which there is at least one, stay the caller's and outlive it; the array need not. Errors: no_surface, which says
+/* `parts`, of which there is at least one, stay the caller's and outlive it; the array need not. `wall_levels`: how often cells are
+ * halved at most in walls and slits between two parts, unless a part is open or they would be too many; 0: such are not looked for.
+ * A combination that is part of another makes that one's cells as small as its own everywhere that it has cells. Errors: no_surface, which says
  * that nothing is left, or that it is thinner than cells; not_supported when an open part's boundary would lie within the
  * combination; limit_memory; and those of cell_grid_search. */
-combination *combination_new(combination_kind kind, const field *const *parts, size_t count,
-                             combination_walls walls, threads *pool, error *e);
+combination *combination_new(combination_kind kind, const field *const *parts, size_t count, int wall_levels,
+                             threads *pool, error *e);
 void combination_free(combination *c);
 const field *combination_field(const combination *c);
-/* The share of its area, about, in walls and slits thinner than half a cell, which may have no cells; *area, unless NULL: the area,
- * which is up to half as much again. Both 0 with walls ignored. */
+
+/* The share of its area, about, in walls and slits thinner than a cell, which may have no cells; *area, unless NULL: the area,
+ * which is up to half as much again. Both 0 where walls are not looked for. */
 double combination_missing(const combination *c, double *area);
 size_t combination_bytes(const combination *c);
 

@@ -24,6 +24,9 @@ static const double ANGLE_ROUNDING = 1e-6;
  * end, lest planes through a region's middle lie on corners of cells: areas beside edges in them are 3e-3 too small. */
 static const double BEYOND_LOW = 0.0317, BEYOND_HIGH = 0.0456;
 
+/* How often cells of a combination are halved in thin walls, and of one within another, whose cells they bind. */
+enum { WALL_LEVELS = 12, WALL_LEVELS_WITHIN = 1 };
+
 /* Opens an input; the first time it is hashed and noted. Returns a descriptor, or -1. */
 static int open_input(void *context, const char *path, error *e)
 {
@@ -440,11 +443,9 @@ static bool open_combination(const spec_surface *s, double offset, const opening
     for (size_t k = 0; k < s->part_count; k++)
         if (!out->parts[k].nothing) fields[count++] = out->parts[k].field;
     *e = (error){0}; /* of parts that are left out */
-    const combination_walls walls = makes_patches(o->spec) ? COMBINATION_WALLS_IGNORED
-                                    : o->direct            ? COMBINATION_WALLS_SHOWN
-                                                           : COMBINATION_WALLS_TOLD;
+    const int wall_levels = makes_patches(o->spec) ? 0 : o->direct ? WALL_LEVELS : WALL_LEVELS_WITHIN;
     if (count > 0)
-        out->combination = combination_new(kind, fields, count, walls, o->pool, e);
+        out->combination = combination_new(kind, fields, count, wall_levels, o->pool, e);
     else
         error_set(e, ERROR_NO_SURFACE, "nothing is left of any part of the union");
     free(fields);

@@ -46,7 +46,7 @@ static void append_walls(const combination *c, json *warnings)
     if (!(share > 0.01)) return;
     snprintf(
         warning, sizeof warning,
-        "about %.2g %% of the surface of a combination lies in walls or slits thinner than its smallest cells, %.3g, "
+        "about %.3g %% of the surface of a combination lies in walls or slits thinner than its smallest cells, %.3g, "
         "and may have no points: make them wider, or combine fewer or smaller parts",
         100 * share, combination_field(c)->cell_size);
     json_append_string(warnings, warning);

@@ -14,6 +14,8 @@
 #include "surface/surface.h"
 
 #define SEED 20261120u
+/* how often cells may be halved in walls */
+enum { LEVELS = 12 };
 
 static const double sheared[16] = {-2, 0.3, 0, 1, 0, 1, 0.2, -2, 0.1, 0, 0.5, 3, 0, 0, 0, 1};
 
@@ -106,7 +108,7 @@ static void derivatives_and_sides_of_combinations(void **state)
     const field *parts[2] = {&t->base, &s->base};
     for (int kind = 0; kind < 3; kind++) {
         error e = {0};
-        combination *c = combination_new((combination_kind)kind, parts, 2, COMBINATION_WALLS_SHOWN, NULL, &e);
+        combination *c = combination_new((combination_kind)kind, parts, 2, LEVELS, NULL, &e);
         if (!c) fail_msg("%s", e.message);
         const field *f = combination_field(c);
         check_derivatives(f, names[kind]);
@@ -143,7 +145,7 @@ static void nothing_left_is_an_error(void **state)
                  {COMBINATION_DIFFERENCE, {&inner->base, &a->base}}};
     for (size_t k = 0; k < 2; k++) {
         error e = {0};
-        assert_null(combination_new(cases[k].kind, cases[k].parts, 2, COMBINATION_WALLS_SHOWN, NULL, &e));
+        assert_null(combination_new(cases[k].kind, cases[k].parts, 2, LEVELS, NULL, &e));
         assert_int_equal(e.code, ERROR_NO_SURFACE);
     }
     analytic_free(a);
@@ -161,7 +163,7 @@ static void cells_are_as_large_as_their_part_needs(void **state)
              *ball = sphere(fine, vec3_make(beside, 0, 0));
     const field *parts[3] = {&large->base, &bump->base, &ball->base};
     error e = {0};
-    combination *c = combination_new(COMBINATION_UNION, parts, 3, COMBINATION_WALLS_SHOWN, NULL, &e);
+    combination *c = combination_new(COMBINATION_UNION, parts, 3, LEVELS, NULL, &e);
     if (!c) fail_msg("%s", e.message);
     const field *f = combination_field(c);
     surface *s = surface_scan(f, NULL, &e);
@@ -190,13 +192,12 @@ typedef struct thin_case {
 } thin_case;
 
 /* The surface that is left of spheres by formula, and how many cells it has. */
-static double thin_area(const thin_case *t, bool thin, size_t *cells, double *missing)
+static double thin_area(const thin_case *t, int levels, size_t *cells, double *missing)
 {
     analytic *a = sphere(t->radius, vec3_make(0, 0, 0)), *b = sphere(t->other, t->center);
     const field *parts[2] = {&a->base, &b->base};
     error e = {0};
-    combination *c =
-        combination_new(t->kind, parts, 2, thin ? COMBINATION_WALLS_SHOWN : COMBINATION_WALLS_TOLD, NULL, &e);
+    combination *c = combination_new(t->kind, parts, 2, levels, NULL, &e);
     if (!c) fail_msg("%s: %s", t->what, e.message);
     surface *s = surface_scan(combination_field(c), NULL, &e);
     if (!s) fail_msg("%s: %s", t->what, e.message);
@@ -230,8 +231,8 @@ static void walls_thinner_than_cells_are_whole(void **state)
         const thin_case *t = &cases[k];
         size_t cells, before;
         double missing, plain_missing;
-        const double area = thin_area(t, true, &cells, &missing);
-        const double plain = thin_area(t, false, &before, &plain_missing);
+        const double area = thin_area(t, LEVELS, &cells, &missing);
+        const double plain = thin_area(t, 0, &before, &plain_missing);
         print_message("# %s: area off by %.2g of %.4g (%.2g), %zu cells (%zu), missing %.2g (%.2g)\n",
                       t->what, area / t->area - 1, t->area, plain / t->area - 1, cells, before, missing,
                       plain_missing);
@@ -241,7 +242,7 @@ static void walls_thinner_than_cells_are_whole(void **state)
     const thin_case too_thin = {"shell of 1/30000", COMBINATION_DIFFERENCE, 1, 1 - 3e-5, {0, 0, 0}, 2 * ball};
     size_t cells;
     double missing;
-    const double area = thin_area(&too_thin, true, &cells, &missing);
+    const double area = thin_area(&too_thin, LEVELS, &cells, &missing);
     print_message("# %s: area %.3g of %.3g, missing %.3g\n", too_thin.what, area, too_thin.area, missing);
     assert_true(missing > 0.5);
 }
@@ -258,8 +259,7 @@ static void faces_in_one_plane_are_not_thin(void **state)
     size_t cells[2];
     for (int thin = 0; thin < 2; thin++) {
         error e = {0};
-        combination *c = combination_new(COMBINATION_DIFFERENCE, parts, 2,
-                                         thin ? COMBINATION_WALLS_SHOWN : COMBINATION_WALLS_TOLD, NULL, &e);
+        combination *c = combination_new(COMBINATION_DIFFERENCE, parts, 2, thin ? LEVELS : 0, NULL, &e);
         if (!c) fail_msg("%s", e.message);
         cells[thin] = combination_field(c)->ops->cell_count(combination_field(c));
         assert_true(combination_missing(c, NULL) == 0);
