@@ -188,7 +188,10 @@ static void set_weights(filtering *f, double width)
 
 static void count_again(label_volume *v)
 {
-    for (size_t k = 0; k < v->count; k++) label_material_clear(&v->material[k]);
+    for (size_t k = 0; k < v->count; k++) {
+        v->material[k].before = v->material[k].voxels;
+        label_material_clear(&v->material[k]);
+    }
     for (int64_t z = v->around; is_inside(v, 2, z); z++)
         for (int64_t y = v->around; is_inside(v, 1, y); y++)
             for (int64_t x = v->around; is_inside(v, 0, x); x++)

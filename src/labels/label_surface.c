@@ -235,21 +235,27 @@ const label_thin *label_surface_thin(const label_surface *s, size_t *count)
     return s->thin;
 }
 
-/* Labels that the majority left no voxel. */
-static void warn_of_lost(const label_volume *v, json *warnings)
+/* Labels of which the majority takes more than this share. */
+static const double MUCH = 0.25;
+
+static void warn_of_taken(const label_volume *v, json *warnings)
 {
     enum { MOST_NAMED = 10 };
-    size_t lost = 0;
+    size_t count = 0;
     char *names = mem_strdup("");
     for (size_t k = 0; k < v->count; k++) {
-        if (v->material[k].background || v->material[k].voxels > 0 || ++lost > MOST_NAMED) continue;
-        char *more = mem_printf("%s%s%lld", names, lost > 1 ? ", " : "", (long long)v->material[k].value);
+        const label_material *m = &v->material[k];
+        const double taken = m->before > 0 ? 1 - (double)m->voxels / (double)m->before : 0;
+        if (m->background || taken <= MUCH || ++count > MOST_NAMED) continue;
+        char *more = mem_printf(m->voxels > 0 ? "%s%s%lld (%.0f %%)" : "%s%s%lld (all)", names,
+                                count > 1 ? ", " : "", (long long)m->value, 100 * taken);
         free(names);
         names = more;
     }
-    char *words = mem_printf("surface.labels.majority left no voxel of %zu label%s: %s%s", lost,
-                             lost == 1 ? "" : "s", names, lost > MOST_NAMED ? " and others" : "");
-    if (lost > 0) json_append_string(warnings, words);
+    char *words =
+        mem_printf("surface.labels.majority takes more than a quarter of the voxels of %zu label%s: %s%s",
+                   count, count == 1 ? "" : "s", names, count > MOST_NAMED ? " and others" : "");
+    if (count > 0) json_append_string(warnings, words);
     free(words);
     free(names);
 }
@@ -268,7 +274,7 @@ void label_surface_describe(const label_surface *s, json *surface, json *warning
         json_put_bool(material, "background", m->background);
     }
     if (s->labels.changed > 0) json_put_integer(members, "changed_voxels", (int64_t)s->labels.changed);
-    warn_of_lost(&s->labels, warnings);
+    warn_of_taken(&s->labels, warnings);
     label_thinness_warn(&s->labels, warnings);
     put_interfaces(s, members);
 }

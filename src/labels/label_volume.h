@@ -21,6 +21,7 @@ typedef struct label_material {
     int64_t value;
     bool background;
     uint64_t voxels; /* in the file, or after label_majority */
+    uint64_t before; /* of it, in the file; 0 without */
     uint64_t thin,
         rows; /* of these: in no block of 2 x 2 x 2 of the material; besides in no square (label_thinness) */
     int64_t low[3], high[3]; /* the box of these, in the file's voxels; low > high: there are none */

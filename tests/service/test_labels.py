@@ -416,8 +416,12 @@ def test_a_majority_takes_out_jitter_and_strays(sample):
     smaller = radius - 3 ** 2 / radius  # what bends draws in
     assert report["surface"]["area"] == pytest.approx(4 * numpy.pi * smaller ** 2, rel=0.06)
     assert abs(numpy.linalg.norm(points.position - 21.5, axis=1) - smaller).max() < 2.5
-    assert "surface.labels.majority left no voxel of 1 label: 2" in report["surface"]["warnings"]
+    assert "surface.labels.majority takes more than a quarter of the voxels of 1 label: 2 (all)" in report["surface"]["warnings"]
     assert interfaces(report).keys() == {(0, 1)}
+    small = (sum((numpy.indices((24,) * 3) - 11.5) ** 2) < 7 ** 2).astype("u1")
+    told, kept = sample(small, majority=3)[0]["surface"], 1 - (3 / 7) ** 2
+    words = [w for w in told["warnings"] if "takes more than a quarter of the voxels of 1 label: 1 (" in w]
+    assert float(words[0].split("(")[1].split(" %")[0]) == pytest.approx(100 * (1 - kept ** 3), abs=10)
     assert [m["label"] for m in sample(labels, majority=3, output={"label_meshes": True})[0]["mesh"]["labels"]] == [0, 1]
 
 
