@@ -153,6 +153,16 @@ static void filter_blocks(void *context, int worker, size_t begin, size_t end)
 
 /* ---- the whole */
 
+/* What make_scratch takes. */
+static size_t scratch_bytes(const label_volume *v, int reach)
+{
+    const size_t side = (size_t)(BLOCK + 2 * reach), voxels = BLOCK * BLOCK * BLOCK;
+    const scratch *on = NULL;
+    return side * side * side * sizeof *on->label + v->count * sizeof *on->present +
+           side * side * BLOCK * sizeof *on->along_x + side * BLOCK * BLOCK * sizeof *on->along_y +
+           voxels * (sizeof *on->all + sizeof *on->most + sizeof *on->held + sizeof *on->best);
+}
+
 static bool make_scratch(scratch *on, const label_volume *v, int reach, error *e)
 {
     const size_t side = (size_t)(BLOCK + 2 * reach), voxels = BLOCK * BLOCK * BLOCK;
@@ -199,24 +209,24 @@ static void count_again(label_volume *v)
                                     (const int64_t[3]){x - v->around, y - v->around, z - v->around});
 }
 
-static bool check_memory(const label_volume *v, size_t memory_limit, error *e)
+static bool check_memory(const label_volume *v, int reach, size_t workers, size_t memory_limit, error *e)
 {
-    const size_t needed = 2 * label_volume_bytes(v);
+    const size_t needed = 2 * label_volume_bytes(v) + workers * scratch_bytes(v, reach);
     return needed <= memory_limit ||
            error_set(
                e, ERROR_LIMIT_MEMORY,
                "surface.labels.majority needs %zu MiB and %zu MiB are left of the limit: raise limits.memory_mb",
-               needed >> 20, memory_limit >> 20);
+               (needed >> 20) + 1, memory_limit >> 20);
 }
 
 bool label_majority_apply(label_volume *v, double width, size_t memory_limit, threads *pool, error *e)
 {
     if (!(width > 0)) return true;
-    if (!check_memory(v, memory_limit, e)) return false;
     const size_t workers = (size_t)threads_count(pool),
                  voxels = (size_t)(v->size[0] * v->size[1] * v->size[2]);
     filtering f = {.v = v, .reach = (int)ceil(REACH * width)};
     size_t blocks = 1;
+    if (!check_memory(v, f.reach, workers, memory_limit, e)) return false;
     for (int k = 0; k < 3; k++) {
         f.blocks[k] = (v->size[k] - 2 * v->around + BLOCK - 1) / BLOCK;
         blocks *= (size_t)f.blocks[k];

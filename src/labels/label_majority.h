@@ -13,7 +13,7 @@
 
 /* `width`: the standard deviation, in voxels; 0: nothing is done. The layer around a volume that is closed stays, and counts
  * for nothing. Voxels and boxes of materials are counted anew; `changed` of the volume tells how many took another. Errors:
- * limit_memory (both arrays of voxels exceed `memory_limit`). */
+ * limit_memory (both arrays of voxels and what each thread works on exceed `memory_limit`). */
 bool label_majority_apply(label_volume *v, double width, size_t memory_limit, threads *pool, error *e);
 
 #endif

@@ -326,6 +326,11 @@ static void to_world(mesh *m, const double map[3][4])
     }
 }
 
+static const char *after_majority(const label_volume *v)
+{
+    return v->changed > 0 ? " after surface.labels.majority" : "";
+}
+
 static bool make(making *k, double smooth, label_mesh_wanted *wanted, const void *context, threads *pool,
                  error *e)
 {
@@ -335,15 +340,16 @@ static bool make(making *k, double smooth, label_mesh_wanted *wanted, const void
     if (k->m.triangle_count == 0)
         return error_set(
             e, ERROR_NO_SURFACE,
-            "all voxels have the label %lld, so that nothing meets: with surface.labels.closed its end is an interface",
-            (long long)k->v->material[label_volume_at(k->v, 0, 0, 0)].value);
+            "all voxels have the label %lld%s, so that nothing meets: with surface.labels.closed its end is an interface",
+            (long long)k->v->material[label_volume_at(k->v, 0, 0, 0)].value, after_majority(k->v));
     const label_smoothing smoothing = {smooth, k->limit, {k->v->size[0], k->v->size[1], k->v->size[2]}};
     if (!label_smoothing_apply(&smoothing, &k->m, k->kind, pool, e)) return false;
     if (wanted) keep_wanted(k, wanted, context);
     if (k->m.triangle_count == 0)
         return error_set(
             e, ERROR_NO_SURFACE,
-            "none of the materials that surface.labels.interfaces names touch: see hexadctl inspect");
+            "none of the materials that surface.labels.interfaces names touch%s: see hexadctl inspect",
+            after_majority(k->v));
     to_world(&k->m, k->v->index_to_world);
     return true;
 }

@@ -246,7 +246,7 @@ static void warn_of_taken(const label_volume *v, json *warnings)
     for (size_t k = 0; k < v->count; k++) {
         const label_material *m = &v->material[k];
         const double taken = m->before > 0 ? 1 - (double)m->voxels / (double)m->before : 0;
-        if (m->background || taken <= MUCH || ++count > MOST_NAMED) continue;
+        if (!m->asked || taken <= MUCH || ++count > MOST_NAMED) continue;
         char *more = mem_printf(m->voxels > 0 ? "%s%s%lld (%.0f %%)" : "%s%s%lld (all)", names,
                                 count > 1 ? ", " : "", (long long)m->value, 100 * taken);
         free(names);

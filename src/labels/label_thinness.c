@@ -79,12 +79,12 @@ void label_thinness_find(label_volume *v, threads *pool)
 
 bool label_thinness_is_thin(const label_material *m)
 {
-    return !m->background && m->voxels > 0 && 2 * m->thin >= m->voxels;
+    return m->asked && m->voxels > 0 && 2 * m->thin >= m->voxels;
 }
 
 bool label_thinness_is_row(const label_material *m)
 {
-    return !m->background && m->voxels > 0 && 2 * m->rows >= m->voxels;
+    return m->asked && m->voxels > 0 && 2 * m->rows >= m->voxels;
 }
 
 static char *words_for(const label_material *m)

@@ -112,6 +112,13 @@ static int64_t background_of(const label_volume *v, const spec_labels *c)
     return least - 1;
 }
 
+static bool is_asked(const spec_labels *c, const label_material *m)
+{
+    bool asked = c->interface_count == 0;
+    for (size_t k = 0; k < c->interface_count; k++) asked |= contains(&c->interfaces[k], m->value);
+    return asked && !m->background;
+}
+
 static int by_value(const void *left, const void *right)
 {
     const label_material *a = left, *b = right;
@@ -153,9 +160,11 @@ static bool make_materials(label_volume *v, const spec_labels *c, bool is_backgr
         unite(&made[place_of(made, &count, as[k])], &v->material[k]);
     }
     if (ok && is_background_needed) place_of(made, &count, background);
-    for (size_t k = 0; ok && k < count; k++)
+    for (size_t k = 0; ok && k < count; k++) {
         made[k].background =
             made[k].value == background && (c->has_background || c->only.count > 0 || is_background_needed);
+        made[k].asked = is_asked(c, &made[k]);
+    }
     if (ok) {
         qsort(made, count, sizeof *made, by_value);
         for (size_t k = 0; k < labels; k++) to[k] = (uint16_t)place_of(made, &count, as[k]);

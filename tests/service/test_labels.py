@@ -425,6 +425,23 @@ def test_a_majority_takes_out_jitter_and_strays(sample):
     assert [m["label"] for m in sample(labels, majority=3, output={"label_meshes": True})[0]["mesh"]["labels"]] == [0, 1]
 
 
+def test_what_a_majority_takes_is_told_of_what_is_asked_for(sample):
+    labels = (numpy.linalg.norm(places(32), axis=-1) < 11).astype("u1")
+    labels[2:5, 2:5, 2:5], labels[24:27, 24, 24] = 2, 3
+
+    def told(**members):
+        report, _ = sample(labels, count=300, solver={"max_sweeps": 1}, output={"mesh": False}, **members)
+        return report["surface"]["warnings"]
+
+    taken = "surface.labels.majority takes more than a quarter of the voxels of %s (all)"
+    assert told(majority=3) == [taken % "2 labels: 2 (all), 3"]
+    assert told(majority=3, interfaces=[[0, 1]]) == [] == told(interfaces=[[0, 1]])
+    assert told(majority=3, interfaces=[[0, 1], [0, 3]]) == [taken % "1 label: 3"]
+    for chosen, words in ({"labels": [2]}, "label 0 after surface.labels.majority"), ({"interfaces": [[0, 2]]}, "touch after surface.labels.majority"):
+        error, _ = sample(labels, majority=3, **chosen)
+        assert error["code"] == "no_surface" and words in error["message"], error
+
+
 @pytest.mark.parametrize("members", [{}, {"closed": True}])
 def test_the_majority_is_that_of_smoothed_indicators(sample, members):
     """More than one block of them along an axis; what lies beyond the end counts for none."""

@@ -5,6 +5,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sys/mman.h>
 #include <unistd.h>
 
@@ -91,6 +92,22 @@ static void test_grids_of_whole_numbers(void **state)
     }
 }
 
+/* The scratch of a thread is larger than these voxels. */
+static void test_the_memory_of_a_majority(void **state)
+{
+    (void)state;
+    char path[] = "labels.vdb";
+    const char *const types[] = {"int32"};
+    const spec_labels labels = {.path = path, .majority = 8};
+    const int fd = write_grids(types, 1);
+    const label_source_request request = {fd, {.spec = &labels, .memory_limit = 2 << 20}, NULL, NULL};
+    error e = {0};
+    assert_null(label_source_open(&request, &e));
+    close(fd);
+    assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
+    assert_non_null(strstr(e.message, "surface.labels.majority needs 3 MiB and 2 MiB are left"));
+}
+
 static void test_which_grid(void **state)
 {
     (void)state;
@@ -115,6 +132,7 @@ static void test_which_grid(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_grids_of_whole_numbers),
-                                       cmocka_unit_test(test_which_grid)};
+                                       cmocka_unit_test(test_which_grid),
+                                       cmocka_unit_test(test_the_memory_of_a_majority)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
