@@ -23,12 +23,14 @@ static const double WIDE = 1.5;
 /* Blocks of the finest cells that are marked one by one, in bytes: 256 MB. */
 static const double MOST_BLOCKS = 1 << 28;
 
-/* Surfaces face each other where the cosine of their outward normals is less; and are apart where they are by this share of the
- * longest side: faces in one plane bound nothing. */
-static const double FACING = -0.7, APART = 1e-6;
+/* Surfaces face each other where the cosine of their outward normals is less, so that they meet in edges sharper than 18 degrees if
+ * at all: blunter ones are cut off by three cells at most. They are apart where they are by this share of the longest side: faces
+ * in one plane bound nothing. */
+static const double FACING = -0.95, APART = 1e-6;
 /* Cells are so much of a wall's thickness (the area of a shell is 1e-6 off; at 0.6 2e-3, at 0.7 3e-2), unless they are more than so
- * many, or less than this share of the area is in thinner ones: walls that end in an edge have some of any thickness. */
-static const double CELL_IN_WALL = 0.55, MOST_IN_WALLS = 8e6, THIN_SHARE = 0.005;
+ * many or more than memory, of which each takes so many bytes, or less than this share of the area is in thinner ones: walls that
+ * end in an edge have some of any thickness. */
+static const double CELL_IN_WALL = 0.55, MOST_IN_WALLS = 8e6, BYTES_IN_WALL = 128, THIN_SHARE = 0.005;
 
 /* A place on a part's surface: the room to what faces it, see room_at, how that differs within the place, and the place's area. */
 typedef struct wall {
@@ -343,15 +345,15 @@ static double blocks_of(const cell_grid *g, int finest)
 }
 
 /* Adds so many levels of cells at most, until walls are wider; none where that would leave most of the thin ones as they are. */
-static void show_walls(combination *c, int levels)
+static void show_walls(combination *c, int levels, size_t memory)
 {
-    const double before = share_in_walls(c, c->base.cell_size / CELL_IN_WALL, NULL);
+    const double before = share_in_walls(c, c->base.cell_size / CELL_IN_WALL, NULL),
+                 most = fmin(MOST_IN_WALLS, (double)memory / BYTES_IN_WALL);
     double size = c->base.cell_size, left = before;
     int finest = c->grid.finest;
     const int last = finest + levels < CELL_GRID_LEVELS ? finest + levels : CELL_GRID_LEVELS - 1;
     for (; finest < last && left > THIN_SHARE; finest++) {
-        if (cells_in_walls(c, 0.5 * size) > MOST_IN_WALLS || blocks_of(&c->grid, finest + 1) > MOST_BLOCKS)
-            break;
+        if (cells_in_walls(c, 0.5 * size) > most || blocks_of(&c->grid, finest + 1) > MOST_BLOCKS) break;
         size *= 0.5;
         left = share_in_walls(c, size / CELL_IN_WALL, NULL);
     }
@@ -367,7 +369,7 @@ static void show_walls(combination *c, int levels)
 static const double PASSES_BY = 2;
 
 /* Whether a part's surface passes by a block that is much smaller than the part's cell. */
-static bool is_far(const combination *c, const field *f, int level, const int64_t at[3])
+static bool is_far(const combination *c, const part *p, int level, const int64_t at[3])
 {
     const cell_grid *g = &c->grid;
     const vec3 size = bbox_size(g->box);
@@ -378,12 +380,12 @@ static bool is_far(const combination *c, const field *f, int level, const int64_
         vec3_set(&middle, axis, vec3_get(g->box.min, axis) + ((double)at[axis] + 0.5) * unit);
     }
     field_sample s;
-    return field_sample_at(f, middle, FIELD_GRADIENT, &s) &&
-           fabs(s.value) > PASSES_BY * vec3_norm(half) * vec3_norm(s.gradient);
+    return field_sample_at(p->field, middle, FIELD_GRADIENT, &s) &&
+           fabs(s.value) > PASSES_BY * vec3_norm(half) * fmax(vec3_norm(s.gradient), p->slope);
 }
 
 /* Marks the blocks of a level that a box touches. */
-static void mark_box(const combination *c, const field *f, bbox box, int level, uint8_t mark, uint8_t *blocks)
+static void mark_box(const combination *c, const part *p, bbox box, int level, uint8_t mark, uint8_t *blocks)
 {
     const cell_grid *g = &c->grid;
     const vec3 size = bbox_size(g->box);
@@ -397,12 +399,13 @@ static void mark_box(const combination *c, const field *f, bbox box, int level, 
         last[axis] =
             (int64_t)fmin(fmax(floor((vec3_get(box.max, axis) - low) / unit), -1), (double)across[axis] - 1);
     }
-    const bool are_small = last[0] - first[0] >= SMALL;
+    bool are_small = false;
+    for (int axis = 0; axis < 3; axis++) are_small |= last[axis] - first[axis] >= SMALL;
     for (at[2] = first[2]; at[2] <= last[2]; at[2]++)
         for (at[1] = first[1]; at[1] <= last[1]; at[1]++)
             for (at[0] = first[0]; at[0] <= last[0]; at[0]++) {
                 uint8_t *block = &blocks[(at[2] * across[1] + at[1]) * across[0] + at[0]];
-                if ((*block & mark) != mark && !(are_small && is_far(c, f, level, at))) *block |= mark;
+                if ((*block & mark) != mark && !(are_small && is_far(c, p, level, at))) *block |= mark;
             }
 }
 
@@ -418,14 +421,14 @@ static void mark_cells(const combination *c, const part *p, int level, uint8_t *
         const double grown = BULGE * field_cell_edge(&cell);
         bbox box = bbox_empty();
         for (int v = 0; v < 8; v++) box = bbox_include(box, cell.corner[v]);
-        mark_box(c, p->field, bbox_grow(box, grown), level,
+        mark_box(c, p, bbox_grow(box, grown), level,
                  has_finer && size > p->edge ? CELL_GRID_SEARCH | CELL_GRID_DIVIDE : CELL_GRID_SEARCH,
                  blocks);
         for (int v = 0; p->walls && has_finer && v < p->places; v++) {
             if (!(size > size_at(p, k * (size_t)p->places + (size_t)v, c->base.cell_size))) continue;
             const vec3 across = vec3_sub(vec3_scale(place_of(p, &cell, v), 2), cell.corner[v]);
             if (p->places > 1) box = bbox_include(bbox_include(bbox_empty(), cell.corner[v]), across);
-            mark_box(c, p->field, bbox_grow(box, grown / (p->places > 1 ? 2 : 1)), level,
+            mark_box(c, p, bbox_grow(box, grown / (p->places > 1 ? 2 : 1)), level,
                      CELL_GRID_SEARCH | CELL_GRID_DIVIDE, blocks);
         }
     }
@@ -474,6 +477,23 @@ static bool find_cells(combination *c, threads *pool, error *e)
     ok = ok && cell_grid_search_blocks(&c->grid, &c->base, &oracle, (const uint8_t *const *)blocks, pool, e);
     for (int level = 0; level <= c->grid.finest; level++) free(blocks[level]);
     return ok;
+}
+
+/* Cells, and what is missing in walls thinner than these. Where no cell shows anything of walls, these get more levels, one by one:
+ * a whole of which this is a part may have cells as small everywhere. */
+static bool find_surface(combination *c, int wall_levels, size_t memory, threads *pool, error *e)
+{
+    const bool divides = wall_levels > 0 && !has_open_part(c);
+    if (wall_levels > 0 && !find_room(c, pool, e)) return false;
+    for (int levels = wall_levels; levels < CELL_GRID_LEVELS; levels++) {
+        const double before = c->base.cell_size;
+        if (divides) show_walls(c, levels, memory);
+        if (levels > wall_levels && !(c->base.cell_size < before)) continue;
+        if (!find_cells(c, pool, e)) return false;
+        if (wall_levels > 0) c->missing = share_in_walls(c, c->base.cell_size, &c->area);
+        if (c->grid.count > 0 || c->missing == 0 || !divides) break;
+    }
+    return true;
 }
 
 /* Whether the plane through a face of an open part's domain, which is no face of the whole's, meets the
@@ -530,7 +550,7 @@ static bool check_boundaries(const combination *c, error *e)
 }
 
 combination *combination_new(combination_kind kind, const field *const *parts, size_t count, int wall_levels,
-                             threads *pool, error *e)
+                             size_t memory, threads *pool, error *e)
 {
     combination *c = mem_alloc(sizeof *c);
     c->base.ops = &combination_ops;
@@ -540,17 +560,17 @@ combination *combination_new(combination_kind kind, const field *const *parts, s
     set_parts(c, kind, parts);
     vec3 size = bbox_size(c->base.domain);
     bool some = size.x > 0 && size.y > 0 && size.z > 0;
-    bool ok = some && lay_out_grid(c, e) && (wall_levels == 0 || find_room(c, pool, e));
-    if (ok && wall_levels > 0 && !has_open_part(c)) show_walls(c, wall_levels);
-    ok = ok && find_cells(c, pool, e);
-    if (ok && wall_levels > 0) c->missing = share_in_walls(c, c->base.cell_size, &c->area);
+    bool ok = some && lay_out_grid(c, e) && find_surface(c, wall_levels, memory, pool, e);
     for (size_t k = 0; k < count; k++) {
         free(c->parts[k].walls);
         c->parts[k].walls = NULL;
     }
     if (ok && c->grid.count == 0 && c->missing > 0)
-        ok = error_set(e, ERROR_NO_SURFACE, "all that is left is thinner than %g, the smallest cells",
-                       c->base.cell_size);
+        ok = error_set(
+            e, ERROR_LIMIT_MEMORY,
+            "all that is left of the combination is thinner than %g, the smallest cells that it can have: "
+            "leave it out, or make it thicker",
+            c->base.cell_size);
     else if (!some || (ok && c->grid.count == 0))
         ok = no_surface(kind, e);
     if (ok) {

@@ -23,12 +23,13 @@ typedef enum combination_kind {
 } combination_kind;
 
 /* `parts`, of which there is at least one, stay the caller's and outlive it; the array need not. `wall_levels`: how often cells are
- * halved at most in walls and slits between two parts, unless a part is open or they would be too many; 0: such are not looked for.
- * A combination that is part of another makes that one's cells as small as its own everywhere that it has cells. Errors: no_surface, which says
- * that nothing is left, or that it is thinner than cells; not_supported when an open part's boundary would lie within the
- * combination; limit_memory; and those of cell_grid_search. */
+ * halved at most in walls and slits between two parts, unless a part is open or they would be too many for `memory`, in bytes; 0: such
+ * are not looked for. More often where nothing would have cells otherwise. A combination that is part of another makes that one's
+ * cells as small as its own everywhere that it has cells. Errors: no_surface, nothing is left; limit_memory, also where all that
+ * is left is thinner than cells can be; not_supported when an open part's boundary would lie within the combination; and those of
+ * cell_grid_search. */
 combination *combination_new(combination_kind kind, const field *const *parts, size_t count, int wall_levels,
-                             threads *pool, error *e);
+                             size_t memory, threads *pool, error *e);
 void combination_free(combination *c);
 const field *combination_field(const combination *c);
 

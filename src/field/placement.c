@@ -1,5 +1,6 @@
 #include "field/placement.h"
 
+#include <math.h>
 #include <stdlib.h>
 
 #include "base/memory.h"
@@ -9,6 +10,7 @@ struct placement {
     field base; /* first: the field's functions get this pointer */
     const field *part;
     double to_world[3][4], to_part[3][4];
+    double scale;
 };
 
 static bool placement_sample(const field *f, vec3 x, field_order order, field_sample *out)
@@ -113,7 +115,7 @@ placement *placement_new_view(const field *part, const double matrix[16])
     p->base.ops = &placement_ops;
     p->part = part;
     for (int k = 0; k < 12; k++) p->to_world[k / 4][k % 4] = matrix[k];
-    affine_invert(p->to_world, p->to_part);
+    p->scale = cbrt(fabs(affine_invert(p->to_world, p->to_part)));
     measure(p);
     field_set_boundary(&p->base, 0);
     return p;
@@ -143,6 +145,11 @@ void placement_free(placement *p)
 const field *placement_field(const placement *p)
 {
     return &p->base;
+}
+
+double placement_scale(const placement *p)
+{
+    return p->scale;
 }
 
 vec3 placement_to_part(const placement *p, vec3 x)

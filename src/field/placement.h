@@ -20,6 +20,9 @@ const field *placement_field(const placement *p);
 /* A place of the world in the part's own space. */
 vec3 placement_to_part(const placement *p, vec3 x);
 
+/* How many times as long lengths are in the world, on the mean of all ways. */
+double placement_scale(const placement *p);
+
 /* The other way: a place, and a unit normal of the part. */
 vec3 placement_to_world(const placement *p, vec3 x);
 vec3 placement_turn_normal(const placement *p, vec3 normal);

@@ -445,7 +445,7 @@ static bool open_combination(const spec_surface *s, double offset, const opening
     *e = (error){0}; /* of parts that are left out */
     const int wall_levels = makes_patches(o->spec) ? 0 : o->direct ? WALL_LEVELS : WALL_LEVELS_WITHIN;
     if (count > 0)
-        out->combination = combination_new(kind, fields, count, wall_levels, o->pool, e);
+        out->combination = combination_new(kind, fields, count, wall_levels, memory_left(o), o->pool, e);
     else
         error_set(e, ERROR_NO_SURFACE, "nothing is left of any part of the union");
     free(fields);
@@ -671,34 +671,38 @@ static size_t memory_of_part(const source_part *p)
     return bytes;
 }
 
-/* Areas of the meshes among the parts, and of what is missing of them. */
-static void add_missing(const source_part *p, double *area, double *missing)
+/* Areas of the meshes and of the combinations among the parts, and what is missing of each: parts that are thin, and thin walls. */
+typedef struct shortage {
+    double of_meshes, thin;
+    double combined; /* of the outermost combination, and the walls of those within */
+    double in_walls; /* of all */
+} shortage;
+
+/* `scale`: how long the part's unit is in the space that is sampled. */
+static void add_missing(const source_part *p, double scale, shortage *out)
 {
+    const double unit = scale * scale;
     if (p->volume) {
         const fidelity *f = &volume_describe(p->volume)->fidelity;
-        *area += f->area;
-        *missing += f->thin * f->area;
+        out->of_meshes += unit * f->area;
+        out->thin += unit * f->thin * f->area;
     }
-    for (size_t k = 0; k < p->part_count; k++) add_missing(&p->parts[k], area, missing);
-}
-
-/* Of the combinations among the parts: the area of the outermost, and what lies in walls thinner than cells, of all. */
-static void add_walls(const source_part *p, double *area, double *missing)
-{
-    double own;
     if (p->combination) {
-        *missing += combination_missing(p->combination, &own) * own;
-        if (*area == 0) *area = own;
+        double area;
+        const double thin = unit * combination_missing(p->combination, &area) * area;
+        out->in_walls += thin;
+        out->combined += out->combined > 0 ? thin : unit * area;
     }
-    for (size_t k = 0; k < p->part_count; k++) add_walls(&p->parts[k], area, missing);
+    if (p->placement) scale *= placement_scale(p->placement);
+    for (size_t k = 0; k < p->part_count; k++) add_missing(&p->parts[k], scale, out);
 }
 
 double source_missing_share(const source *s)
 {
-    double of_meshes = 0, missing = 0, combined = 0, in_walls = 0;
-    add_missing(&s->whole, &of_meshes, &missing);
-    add_walls(&s->whole, &combined, &in_walls);
-    return fmax(of_meshes > 0 ? missing / of_meshes : 0, combined > 0 ? in_walls / combined : 0);
+    shortage of = {0};
+    add_missing(&s->whole, 1, &of);
+    return fmax(of.of_meshes > 0 ? of.thin / of.of_meshes : 0,
+                of.combined > 0 ? of.in_walls / of.combined : 0);
 }
 
 size_t source_thin_places(const source *s, const vec3 **place)

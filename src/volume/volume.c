@@ -141,6 +141,12 @@ static void set_transform(volume *v, const double m[16])
 static bool no_crossing(const loading *l, const volume *v, error *e)
 {
     const grid_view *a = &l->grid_view;
+    if (v->info.triangles && v->info.isovalue < 0) /* an offset */
+        return error_set(
+            e, ERROR_NO_SURFACE,
+            "at an offset of %g nothing of the mesh is left that is as thick as a voxel of %g: of all voxels the deepest "
+            "is %g below its surface",
+            v->info.isovalue, v->info.voxel_size, -(double)a->lowest);
     if (v->info.triangles)
         return error_set(
             e, ERROR_NO_SURFACE,

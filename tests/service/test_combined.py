@@ -344,9 +344,20 @@ def test_walls_thinner_than_cells(sample):
     report, points = sample({"difference": [sphere(1), sphere(0.9999)]})
     assert report["outcome"] != "converged" and "missing_share" in [r["criterion"] for r in report["outcome_reasons"]]
     assert any("thinner than its smallest cells" in w for w in report["surface"]["warnings"])
-    report, points = sample({"union": [sphere(1), {"intersection": [sphere(1, (3, 0, 0)), sphere(1, (3, 0, 1.99))]}]})
-    told = [w for w in report["surface"]["warnings"] if "the part is left out" in w]
-    assert "/surface/union/1: all that is left is thinner than" in told[0]
+    lens = {"intersection": [sphere(1, (3, 0, 0)), sphere(1, (3, 0, 1.99))]}
+    report, points = sample({"union": [sphere(0.5), lens]})
+    assert report["surface"]["area"] == pytest.approx(numpy.pi * (1 + 0.02), rel=1e-3)
+
+
+def test_what_is_missing_counts_by_its_area(sample):
+    """Of a ball and a shell of which cells show little, the shell is two thirds, about, however large its own unit is."""
+    shares = []
+    for unit in (1, 100):
+        thin = {"difference": [sphere(unit), sphere(unit * 0.9991)]}
+        matrix = [1 / unit, 0, 0, 0, 0, 1 / unit, 0, 0, 0, 0, 1 / unit, 0, 0, 0, 0, 1]
+        report, _ = sample({"union": [sphere(1, (3, 0, 0)), {"transform": {"matrix": matrix, "surface": thin}}]})
+        shares += [r["value"] for r in report["outcome_reasons"] if r["criterion"] == "missing_share"]
+    assert len(shares) == 2 and 0.4 < shares[0] < 0.9 and shares[1] == pytest.approx(shares[0], rel=0.1), shares
 
 
 @pytest.mark.plain

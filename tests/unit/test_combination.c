@@ -15,7 +15,7 @@
 
 #define SEED 20261120u
 /* how often cells may be halved in walls */
-enum { LEVELS = 12 };
+enum { LEVELS = 12, MEMORY = 1 << 30 };
 
 static const double sheared[16] = {-2, 0.3, 0, 1, 0, 1, 0.2, -2, 0.1, 0, 0.5, 3, 0, 0, 0, 1};
 
@@ -108,7 +108,7 @@ static void derivatives_and_sides_of_combinations(void **state)
     const field *parts[2] = {&t->base, &s->base};
     for (int kind = 0; kind < 3; kind++) {
         error e = {0};
-        combination *c = combination_new((combination_kind)kind, parts, 2, LEVELS, NULL, &e);
+        combination *c = combination_new((combination_kind)kind, parts, 2, LEVELS, MEMORY, NULL, &e);
         if (!c) fail_msg("%s", e.message);
         const field *f = combination_field(c);
         check_derivatives(f, names[kind]);
@@ -145,7 +145,7 @@ static void nothing_left_is_an_error(void **state)
                  {COMBINATION_DIFFERENCE, {&inner->base, &a->base}}};
     for (size_t k = 0; k < 2; k++) {
         error e = {0};
-        assert_null(combination_new(cases[k].kind, cases[k].parts, 2, LEVELS, NULL, &e));
+        assert_null(combination_new(cases[k].kind, cases[k].parts, 2, LEVELS, MEMORY, NULL, &e));
         assert_int_equal(e.code, ERROR_NO_SURFACE);
     }
     analytic_free(a);
@@ -163,7 +163,7 @@ static void cells_are_as_large_as_their_part_needs(void **state)
              *ball = sphere(fine, vec3_make(beside, 0, 0));
     const field *parts[3] = {&large->base, &bump->base, &ball->base};
     error e = {0};
-    combination *c = combination_new(COMBINATION_UNION, parts, 3, LEVELS, NULL, &e);
+    combination *c = combination_new(COMBINATION_UNION, parts, 3, LEVELS, MEMORY, NULL, &e);
     if (!c) fail_msg("%s", e.message);
     const field *f = combination_field(c);
     surface *s = surface_scan(f, NULL, &e);
@@ -197,7 +197,7 @@ static double thin_area(const thin_case *t, int levels, size_t *cells, double *m
     analytic *a = sphere(t->radius, vec3_make(0, 0, 0)), *b = sphere(t->other, t->center);
     const field *parts[2] = {&a->base, &b->base};
     error e = {0};
-    combination *c = combination_new(t->kind, parts, 2, levels, NULL, &e);
+    combination *c = combination_new(t->kind, parts, 2, levels, MEMORY, NULL, &e);
     if (!c) fail_msg("%s: %s", t->what, e.message);
     surface *s = surface_scan(combination_field(c), NULL, &e);
     if (!s) fail_msg("%s: %s", t->what, e.message);
@@ -247,6 +247,43 @@ static void walls_thinner_than_cells_are_whole(void **state)
     assert_true(missing > 0.5);
 }
 
+static size_t cells_of(combination_kind kind, const field *a, const field *b, int levels, size_t memory)
+{
+    const field *parts[2] = {a, b};
+    error e = {0};
+    combination *c = combination_new(kind, parts, 2, levels, memory, NULL, &e);
+    if (!c) fail_msg("%s", e.message);
+    const size_t cells = combination_field(c)->ops->cell_count(combination_field(c));
+    combination_free(c);
+    return cells;
+}
+
+/* Edges of 34 degrees are no walls; walls have no more cells than memory; and all that there is of a lens has some, or is an error. */
+static void cells_in_walls_are_bounded(void **state)
+{
+    (void)state;
+    const analytic_params cube = {.shape = ANALYTIC_BOX, .half_size = {1, 1, 1}};
+    analytic *box = analytic_new(&cube, NULL, NULL), *hole = sphere(1.2, vec3_make(0, 0, 0)),
+             *one = sphere(1, vec3_make(0, 0, 0)), *core = sphere(0.99, vec3_make(0, 0, 0)),
+             *here = sphere(1, vec3_make(3, 0, 0)), *other = sphere(1, vec3_make(3, 0, 1.99));
+    const combination_kind cut = COMBINATION_DIFFERENCE, both = COMBINATION_INTERSECTION;
+    assert_int_equal(cells_of(cut, &box->base, &hole->base, LEVELS, MEMORY),
+                     cells_of(cut, &box->base, &hole->base, 0, MEMORY));
+    const size_t plain = cells_of(cut, &one->base, &core->base, 0, MEMORY);
+    assert_true(cells_of(cut, &one->base, &core->base, LEVELS, MEMORY) > 4 * plain);
+    assert_int_equal(cells_of(cut, &one->base, &core->base, LEVELS, MEMORY / 64), plain);
+    assert_true(cells_of(both, &here->base, &other->base, 1, MEMORY) > 100);
+    error e = {0};
+    assert_null(combination_new(both, (const field *[]){&here->base, &other->base}, 2, 1, 0, NULL, &e));
+    assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
+    analytic_free(box);
+    analytic_free(hole);
+    analytic_free(one);
+    analytic_free(core);
+    analytic_free(here);
+    analytic_free(other);
+}
+
 /* Faces of two parts in one plane bound nothing between them. */
 static void faces_in_one_plane_are_not_thin(void **state)
 {
@@ -256,16 +293,13 @@ static void faces_in_one_plane_are_not_thin(void **state)
                               .shape = ANALYTIC_BOX, .half_size = {0.5, 0.5, 0.5}, .center = {0, 0, 0.5}};
     analytic *a = analytic_new(&outer, NULL, NULL), *b = analytic_new(&pocket, NULL, NULL);
     const field *parts[2] = {&a->base, &b->base};
-    size_t cells[2];
-    for (int thin = 0; thin < 2; thin++) {
-        error e = {0};
-        combination *c = combination_new(COMBINATION_DIFFERENCE, parts, 2, thin ? LEVELS : 0, NULL, &e);
-        if (!c) fail_msg("%s", e.message);
-        cells[thin] = combination_field(c)->ops->cell_count(combination_field(c));
-        assert_true(combination_missing(c, NULL) == 0);
-        combination_free(c);
-    }
-    assert_int_equal(cells[0], cells[1]);
+    error e = {0};
+    combination *c = combination_new(COMBINATION_DIFFERENCE, parts, 2, LEVELS, MEMORY, NULL, &e);
+    if (!c) fail_msg("%s", e.message);
+    assert_int_equal(combination_field(c)->ops->cell_count(combination_field(c)),
+                     cells_of(COMBINATION_DIFFERENCE, parts[0], parts[1], 0, MEMORY));
+    assert_true(combination_missing(c, NULL) == 0);
+    combination_free(c);
     analytic_free(a);
     analytic_free(b);
 }
@@ -279,6 +313,7 @@ int main(void)
         cmocka_unit_test(nothing_left_is_an_error),
         cmocka_unit_test(cells_are_as_large_as_their_part_needs),
         cmocka_unit_test(walls_thinner_than_cells_are_whole),
+        cmocka_unit_test(cells_in_walls_are_bounded),
         cmocka_unit_test(faces_in_one_plane_are_not_thin),
     };
     return cmocka_run_group_tests_name("combination", tests, NULL, NULL);
