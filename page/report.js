@@ -11,6 +11,7 @@ export const MEASURES = [
   ["quality.edge_cv", "Spread of distances", "How much distances between neighbours vary, over what was requested.", 0],
   ["quality.area_cv", "Spread of areas", "How much the Voronoi areas of points vary, over what was requested.", 0],
   ["quality.energy_excess", "Energy excess", "Mean energy over that of an ideal packing, less one.", 0],
+  ["quality.disorder", "Disorder", "The same against perfect order with cells as large and the same grading.", 0],
   ["quality.min_spacing_ratio", "Closest pair", "The smallest distance between two points, in spacings.", 1],
   ["quality.coverage", "Farthest place", "The largest distance of a place of the surface from the nearest point, in spacings.", 0.58],
   ["quality.max_residual", "Off the surface", "The largest distance of a point from the surface, in spacings.", 0],

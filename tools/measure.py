@@ -13,6 +13,9 @@ from scipy.sparse import coo_matrix, csgraph
 from scipy.spatial import Delaunay, cKDTree
 
 E_IDEAL = 6 * (1 / numpy.tan(numpy.pi / 2 / numpy.sqrt(3)) + numpy.pi / 2 / numpy.sqrt(3) - numpy.pi / 2)
+# Near the ideal an energy goes as this power of distance, falling; and of perfect order whose spacing grows by g per distance, how
+# much larger cells and energies are, over g squared.
+SLOPE, GROWTH_CELL, GROWTH_ENERGY = 4.6856, 5 / 12, 0.668
 # Normals that part by more than this belong to another sheet; those of the two sides of a sharp edge do not.
 OTHER_SIDE = -0.6
 # Two sheets closer than SHEET_GAP spacings, twice the circumradius of an ideal triangle, are not told apart by their
@@ -244,6 +247,20 @@ def _energies(points, h, graded):
             numpy.bincount(j, phi * (between / support[j]) ** 2, n))
 
 
+def _disorder(points, energy, measured, cell, edges, uneven):
+    """The energy over that of perfect order with cells as large on the whole, whose spacing grows as much: a lattice under the
+    exponential map. Of growth in all directions an edge has half of the square."""
+    i, j = edges.T
+    length = numpy.linalg.norm(points.position[i] - points.position[j], axis=1)
+    step = ((points.spacing[i] - points.spacing[j]) / length) ** 2
+    ends, steps = numpy.concatenate([i, j]), numpy.concatenate([step, step])
+    own = numpy.bincount(ends, steps, points.count) / numpy.maximum(numpy.bincount(ends, minlength=points.count), 1)
+    growth = 2 * own[measured].mean() if uneven and measured.any() else 0
+    relative = (cell / points.spacing ** 2)[measured].mean() * 2 / numpy.sqrt(3) if measured.any() else 1
+    ordered = E_IDEAL * (1 + GROWTH_ENERGY * growth) * ((1 + GROWTH_CELL * growth) / relative) ** (SLOPE / 2)
+    return float(energy / ordered - 1)
+
+
 def measure(points, area, domain=None):
     """The quality measures by their names in report.json, from the points and the surface's true area.
 
@@ -295,6 +312,7 @@ def measure(points, area, domain=None):
         "resolved_share": float(whole.sum() / inner.sum()) if inner.any() else float("nan"),
         **cells(measured), "all": cells(inner),
         "energy_excess": float(energy[inner].mean() / E_IDEAL - 1),
+        "disorder": _disorder(points, energy[inner].mean(), measured, cell, edges[same], uneven),
         "min_spacing_ratio": float(relative[(inner[i] | inner[j]) & same].min()),
         "euler": int((degree > 0).sum() - len(edges) + len(triangles)),
         "unmeshed": int((degree == 0).sum()),

@@ -66,6 +66,9 @@ typedef struct quality {
     /* mean E_i / E_ideal - 1 of the cotangent energy, support sqrt(3) h. Sized: sqrt(3) times the mean of the pair's
      * spacings, E_i over its own spacing squared */
     double energy_excess;
+    /* the same against perfect order with cells as large on the whole, and a spacing that grows as much as requested. With amplitudes
+     * against the achieved spacing, which says of itself how it grows: energy_excess */
+    double disorder;
     double min_spacing_ratio; /* smallest distance of neighbours over the mean of their spacings */
     size_t rim_count;         /* points within two spacings of a boundary, left out of the above */
     size_t unresolved_count;  /* others without a cell */

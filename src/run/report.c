@@ -121,6 +121,7 @@ static void put_quality(json *report, const report_facts *facts)
     json *object = json_put_object(report, "quality");
     put_cells(object, &q->resolved);
     json_put_number(object, "energy_excess", q->energy_excess);
+    json_put_number(object, "disorder", q->disorder);
     json_put_number(object, "min_spacing_ratio", q->min_spacing_ratio);
     json_put_number(object, "coverage", facts->coverage);
     json_put_number(object, "max_residual", facts->results->max_residual);

@@ -109,9 +109,9 @@ static bool missing_share(const verdict_input *in, double *value, double *bound)
 }
 
 /* Measures are NaN, which fails nothing, where no point can be measured. */
-static bool energy_excess(const verdict_input *in, double *value, double *bound)
+static bool disorder(const verdict_input *in, double *value, double *bound)
 {
-    *value = in->quality->energy_excess;
+    *value = in->quality->disorder;
     *bound = in->energy_tolerance;
     return *value > *bound;
 }
@@ -168,7 +168,7 @@ static const criterion criteria[] = {
     {"missing_share", VERDICT_UNRESOLVED, missing_share,
      "so much of the area is thinner than a voxel, or a combination's cells, and has no points: the warning says what shows it",
      NULL},
-    {"energy_excess", VERDICT_UNRESOLVED, energy_excess,
+    {"disorder", VERDICT_UNRESOLVED, disorder,
      "the points are at rest but not in order: ask for more points where the surface has small features, and use the "
      "cotangent energy",
      "the points are at rest but not in order" AROUND_VOXELS},

@@ -1246,10 +1246,11 @@ const spec_row spec_rows[] = {
      .high = 10,
      .otherwise = "0.05",
      AT(energy_tolerance),
-     .prose = "The outcome converged requires that quality.energy_excess is at most this: the mean energy "
-              "of the points with the support that belongs to their spacing. An ordered packing has 0.02 and "
-              "less, a disordered one 0.05 and more. The energy under the support that the solver found must "
-              "be as close to the ideal."},
+     .prose =
+         "The outcome converged requires that quality.disorder is at most this: the mean energy of the "
+         "points over that of perfect order with as large cells and the same grading. An ordered packing "
+         "has 0.02 and less. The energy under the support that the solver found must be as close to the "
+         "ideal."},
 
     {.pointer = "/attributes",
      .type = SPEC_TYPE_GROUPS,

@@ -515,6 +515,24 @@ def test_the_least_spacing_follows_the_triangles(worker, tmp_path):
 
 
 @pytest.mark.plain
+def test_grading_is_no_disorder(worker, tmp_path):
+    """A ring whose tube is ten times thicker on one side. What grading and bends ask for is more than the tolerance."""
+    n = 60
+    u, v = (g.ravel() for g in numpy.meshgrid(2 * numpy.pi * numpy.arange(n) / n, 2 * numpy.pi * numpy.arange(n) / n, indexing="ij"))
+    r = 0.04 + 0.36 * (0.5 - 0.5 * numpy.cos(u)) ** 2
+    place = numpy.stack([(1 + r * numpy.cos(v)) * numpy.cos(u), (1 + r * numpy.cos(v)) * numpy.sin(u), r * numpy.sin(v)], axis=1)
+    index = numpy.arange(n * n).reshape(n, n) + 1
+    corner = [numpy.roll(index, shift, (0, 1)).ravel() for shift in ((0, 0), (-1, 0), (-1, -1), (0, -1))]
+    (tmp_path / "ring.obj").write_text("\n".join(["v %.9g %.9g %.9g" % tuple(p) for p in place] +
+                                                 ["f %d %d %d %d" % q for q in zip(*corner)]) + "\n")
+    done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "ring.obj")}},
+                   "sampling": {"resolve": True, "feature": {}}, "output": {"preview": False}})
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["quality"]["energy_excess"] > 0.05 and report["quality"]["disorder"] < 0.02
+    assert done.returncode == 0, report["outcome_reasons"]
+
+
+@pytest.mark.plain
 @pytest.mark.parametrize("outline, curves", [
     ([(0, 0), (1, 0), (1, 1), (0.5, 1), (0.5, 1.02), (0, 1.02)], 18),
     ([(0, 0), (1, 0), (1, 1), (0.7, 1), (0.7, 1.1), (0.42, 1.1), (0.42, 1.12), (0, 1.12)], 24),

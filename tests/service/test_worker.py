@@ -514,7 +514,7 @@ REPORT = {
     "advice": [{"code": str, "message": str, "set": dict}],
     "sigma": NUMBER, "spacing": NUMBER, "mean_neighbours": NUMBER, "step_left": NUMBER,
     "energy": {"mean": NUMBER, "ideal": NUMBER, "excess": NUMBER},
-    "quality": {"hex_fraction": NUMBER, "edge_cv": NUMBER, "area_cv": NUMBER, "energy_excess": NUMBER,
+    "quality": {"hex_fraction": NUMBER, "edge_cv": NUMBER, "area_cv": NUMBER, "energy_excess": NUMBER, "disorder": NUMBER,
                 "min_spacing_ratio": NUMBER, "coverage": NUMBER, "max_residual": NUMBER, "largest_move": NUMBER, "lost": int, "removed_offsurface": int,
                 "rim_count": int, "unresolved_count": int, "resolved_count": int, "resolved_share": NUMBER,
                 "all": {"hex_fraction": NUMBER, "edge_cv": NUMBER, "area_cv": NUMBER}, "euler": NUMBER,

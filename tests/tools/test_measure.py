@@ -67,6 +67,22 @@ def test_a_jittered_packing():
     assert found[1]["energy_excess"] > found[0]["energy_excess"] > 0
 
 
+def test_disorder_is_not_what_grading_costs():
+    """A lattice under the exponential map has none, but for how it is shaken."""
+    for jitter in (0, 0.1):
+        points, _ = lattice(60, 60, jitter)
+        turn = 1 / 9
+        z = numpy.exp(turn * (points.position[:, 0] + 1j * points.position[:, 1]))
+        graded = point_set(numpy.stack([z.real, z.imag, 0 * z.real], axis=1) / turn, points.normal, abs(z))
+        middle = (numpy.abs(points.position[:, 0] - 30) < 22) & (numpy.abs(points.position[:, 1] - 26) < 19)
+        triangles = measure.triangulate(graded, True)
+        edges = measure.edges_of(triangles)
+        cell, energy = measure.voronoi_areas(graded, triangles), measure._energies(graded, 1, True)[middle].mean()
+        told = measure._disorder(graded, energy, middle, cell, edges, True)
+        assert energy / measure.E_IDEAL - 1 > 0.6 * turn ** 2
+        assert told > 0.08 if jitter else abs(told) < 1e-3
+
+
 def test_the_energy_of_a_pair_by_hand():
     """A square lattice: the area is 1, sigma 1.86, so that the sum has four sides and four diagonals."""
     i, j = numpy.meshgrid(numpy.arange(20.0), numpy.arange(20.0))

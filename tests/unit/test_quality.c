@@ -11,6 +11,7 @@
 
 #include "close.h"
 #include "packing/energy.h"
+#include "packing/packing.h"
 #include "packing/quality.h"
 #include "shapes.h"
 
@@ -188,6 +189,44 @@ static void grading_is_told_from_disorder(void **state)
     for (int k = 0; k < LATTICE; k++) s->spacing[k] = 1.6;
     measure(s, &even);
     assert_true(even.grading_cv > graded.grading_cv + 0.05);
+    free(s);
+}
+
+/* A growing packing in perfect order, one too dense all over, and the first one shaken. */
+static void disorder_is_told_from_what_is_asked(void **state)
+{
+    (void)state;
+    const double turn = 1.0 / 6;
+    rng r = rng_seed(test_seed(), 3);
+    sheet *s = make_sheet();
+    uint8_t flags[LATTICE];
+    quality q;
+    for (int k = 0; k < LATTICE; k++) s->spacing[k] = 1.02;
+    s->in.h = 1.02;
+    measure(s, &q);
+    assert_true(q.energy_excess > 0.09);
+    assert_close(q.disorder, 0, 0.003);
+    for (int k = 0; k < LATTICE; k++) { /* exp(turn z) / turn */
+        const double x = turn * s->position[k].x, y = turn * s->position[k].y, scale = exp(x);
+        const int column = k % SIDE, row = k / SIDE;
+        s->position[k] = (vec3){scale * cos(y) / turn, scale * sin(y) / turn, 0};
+        s->spacing[k] = scale;
+        flags[k] = column % (SIDE - 1) == 0 || row % (SIDE - 1) == 0 ? PACKING_FIXED : 0;
+    }
+    s->in.open = false;
+    s->in.sized = true;
+    s->in.flags = flags;
+    measure(s, &q);
+    assert_true(q.resolved.hex_fraction == 1);
+    assert_close(q.energy_excess, 0.67 * turn * turn, 5e-4);
+    assert_close(q.disorder, 0, 1e-3);
+    for (int k = 0; k < LATTICE; k++) {
+        const double most = flags[k] ? 0 : 0.15 * s->spacing[k];
+        s->position[k] =
+            vec3_add(s->position[k], random_between(&r, (vec3){-most, -most, 0}, (vec3){most, most, 0}));
+    }
+    measure(s, &q);
+    assert_true(q.disorder > 0.05 && q.disorder > 0.8 * q.energy_excess);
     free(s);
 }
 
@@ -477,6 +516,7 @@ int main(void)
         cmocka_unit_test(points_in_one_place_say_no_more_than_they_can),
         cmocka_unit_test(euler_of_a_sphere_is_two),
         cmocka_unit_test(grading_is_told_from_disorder),
+        cmocka_unit_test(disorder_is_told_from_what_is_asked),
         cmocka_unit_test(threads_do_not_matter),
         cmocka_unit_test(energies_are_those_of_all_pairs),
         cmocka_unit_test(partitions_do_not_show),
