@@ -82,7 +82,8 @@ typedef struct field_ops {
     int (*cell_triangles)(const field *f, size_t k, vec3 out[FIELD_CELL_TRIANGLES][3]);
 
     /* Of the field of a patch that ends in curves: whether the place of its zero set at or next to x lies between the curves,
-     * and not where the patch only goes on beyond them. NULL: it always does. The hint is as of `sample_near`. */
+     * and not where the patch only goes on beyond them. NULL: it always does. The hint is what `sample_near` or
+     * `sample_patch_lanes` left there for this place, or none. */
     bool (*within)(const field *f, vec3 x, uint32_t *hint);
 
     /* To which patch a place on or near the surface in cell k belongs. Needed where there are patches. */

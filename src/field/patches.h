@@ -48,7 +48,7 @@ typedef struct field_patches {
         has_many_parts; /* as a segmentation: every place is to have a point near it, however few points there are */
 } field_patches;
 
-/* Whether a place near the zero set of a patch is one of the patch. The hint is as of `sample_near` in field_ops. */
+/* Whether a place near the zero set of a patch is one of the patch. The hint is as of `within` in field_ops. */
 static inline bool field_is_within_near(const field *patch, vec3 x, uint32_t *hint)
 {
     return !patch->ops->within || patch->ops->within(patch, x, hint);

@@ -1,5 +1,8 @@
 #include "field/projection.h"
 
+#include <math.h>
+#include <string.h>
+
 /* Clamps x into the box and adds the axes that were clamped (bits 1, 2, 4) to *pinned. */
 static void clamp_to_domain(const field *f, vec3 *x, unsigned *pinned)
 {
@@ -79,6 +82,40 @@ bool projection_find_near(const field *f, const projection_limits *limits, uint3
     if (!find_place(f, limits, hint, x, &s, &seen)) return false;
     *normal = vec3_scale(s.gradient, 1 / vec3_norm(s.gradient));
     return true;
+}
+
+void projection_find_lanes(const field *f, const projection_limits *limits, const double unit[VEC3_LANES],
+                           const uint32_t patch[VEC3_LANES], bool defined[VEC3_LANES],
+                           uint32_t hint[VEC3_LANES], vec3_lanes *x, vec3_lanes *normal)
+{
+    vec3_lanes p = *x, gradient;
+    bool open[VEC3_LANES], any = true;
+    for (int l = 0; l < VEC3_LANES; l++) open[l] = defined[l];
+    for (int k = 0; any; k++) {
+        double value[VEC3_LANES];
+        bool seen[VEC3_LANES];
+        memcpy(seen, open, sizeof seen);
+        f->ops->sample_patch_lanes(f, patch, &p, seen, hint, value, &gradient);
+        any = false;
+        for (int l = 0; l < VEC3_LANES; l++) {
+            if (!open[l]) continue;
+            vec3 at = vec3_lanes_get(&p, l);
+            const vec3 g = vec3_lanes_get(&gradient, l);
+            const double length = seen[l] ? vec3_norm(g) : 0, distance = fabs(value[l]) / length / unit[l];
+            bool done = distance <= limits->accept || (k == limits->max_steps && distance <= limits->reject);
+            defined[l] = length > 0 && (done || k < limits->max_steps);
+            if (defined[l] && !done) {
+                at = vec3_axpy(-value[l] / (length * length), g, at);
+                vec3_lanes_put(&p, l, at);
+                done = distance <= limits->shortcut;
+            }
+            open[l] = defined[l] && !done;
+            any |= open[l];
+            if (!defined[l] || !done) continue;
+            vec3_lanes_put(x, l, at);
+            vec3_lanes_put(normal, l, vec3_scale(g, 1 / length));
+        }
+    }
 }
 
 bool projection_land(const field *f, const projection_limits *limits, uint32_t *hint, vec3 *x,

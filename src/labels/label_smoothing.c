@@ -120,6 +120,13 @@ static void apply_terms(work *w, mesh *m, const double *term, int count, threads
     bring_back(w, m);
 }
 
+static bool any_line(const label_graph *g, size_t vertices)
+{
+    bool any = false;
+    for (size_t v = 0; v < vertices; v++) any |= g->along[v] > 0;
+    return any;
+}
+
 /* Where lines lie only the interfaces tell, once they are smooth; these are then smoothed anew between their lines. */
 static bool fit_lines(work *w, mesh *m, threads *pool, error *e)
 {
@@ -216,11 +223,14 @@ bool label_smoothing_apply(const label_smoothing *s, mesh *m, const uint32_t *ki
         w.now = room[2];
         w.next = room[3];
         w.sum = room[4];
-        apply_terms(&w, m, term, count, pool);
-        ok = fit_lines(&w, m, pool, e);
+        const bool has_lines = any_line(&w.graph, m->vertex_count);
+        if (has_lines) {
+            apply_terms(&w, m, term, count, pool);
+            ok = fit_lines(&w, m, pool, e);
+        }
         w.corners_stay = true;
         for (int round = 0; ok && round < ROUNDS; round++) apply_terms(&w, m, term, count, pool);
-        ok = ok && spread(&w, m, pool, e);
+        ok = ok && (!has_lines || spread(&w, m, pool, e));
     }
     for (int k = 0; k < 5; k++) free(room[k]);
     label_graph_free(&w.graph);

@@ -17,6 +17,8 @@ static const char what[] = "the surface of the mesh";
 
 /* Of the extent: a place that is this near to the end of a patch is on it. */
 static const double rounding = 1e-7;
+/* So is a place above a triangle that is this near to it: nothing else is nearer by more. */
+static const double touching = 1e-6;
 /* A triangle whose height is less than this share of its longest side says nothing of how normals turn. */
 static const double least_height = 1e-3;
 /* How many triangles a particle may pass in a step, and how many lie between places that are asked for one after the other, before
@@ -28,10 +30,17 @@ enum { ROOF_UNKNOWN, ROOF_CLEAR, ROOF_NOT_CLEAR };
 
 #define ENDS UINT32_MAX /* the patch ends at this side */
 
+/* A place of a triangle: the weights of its first two corners, and with the third's they are WHOLE. */
+typedef struct corner_weights {
+    uint16_t of[2];
+} corner_weights;
+
+enum { WHOLE = 1 << 15 };
+
 /* A part of a triangle. */
 typedef struct piece {
-    vec3 corner[3];
     uint32_t triangle;
+    corner_weights corner[3];
 } piece;
 
 /* A vertex with its normal, which is unit: one is seldom asked for without the other. */
@@ -272,6 +281,15 @@ static bool has_clear_roof(const patch_field *p, uint32_t n)
     return roof == ROOF_CLEAR;
 }
 
+/* Of a triangle, with the weights of its place below x. */
+static bool touches(const mesh_surface *s, uint32_t n, vec3 x, const double weight[3])
+{
+    const vec3 cross = across(s, n), off = vec3_sub(x, s->mesh.m.vertex[s->mesh.m.triangle[n][0]]);
+    const double up = vec3_dot(off, cross), near = touching * s->base.extent;
+    return fmin(weight[0], fmin(weight[1], weight[2])) > ROOF_LEAST_WEIGHT &&
+           up * up <= near * near * vec3_norm2(cross);
+}
+
 static bool is_of_patch(const patch_field *p, uint32_t hint)
 {
     return hint - p->first < p->triangles.triangle_count;
@@ -284,7 +302,8 @@ static uint32_t nearest_of_patch(const patch_field *p, vec3 x, uint32_t *hint, d
     if (!is_of_patch(p, *hint))
         return *hint = (uint32_t)(p->first + nearest_triangle_find(p->tree, x, weight));
     if (walk(p->whole, MOST_STEPS_BETWEEN, hint, x, weight) &&
-        fmin(weight[0], fmin(weight[1], weight[2])) > ROOF_LEAST_WEIGHT && has_clear_roof(p, *hint)) {
+        fmin(weight[0], fmin(weight[1], weight[2])) > ROOF_LEAST_WEIGHT &&
+        (touches(p->whole, *hint, x, weight) || has_clear_roof(p, *hint))) {
         const uint32_t *t = m->triangle[*hint];
         triangle_weights(&(triangle){m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]}, x, weight);
         return *hint;
@@ -384,6 +403,7 @@ static bool is_within(const field *f, vec3 x, uint32_t *hint)
 {
     const patch_field *p = (const patch_field *)f;
     double weight[3];
+    if (is_of_patch(p, *hint) && walk(p->whole, MOST_STEPS, hint, x, weight)) return true;
     const uint32_t n = nearest_of_patch(p, x, hint, weight);
     if (weight[0] > 0 && weight[1] > 0 && weight[2] > 0) return true; /* on no side, so at no end */
     const foot at = foot_on(p->whole, n, weight, x);
@@ -414,7 +434,7 @@ static bool sample_all_near(const field *f, vec3 x, field_order order, uint32_t 
     if (*hint < s->mesh.m.triangle_count) {
         patch = patch_of(s, *hint);
         n = nearest_of_patch(&s->patch[patch], x, hint, weight) - s->mesh.first[patch];
-        nearest_of_several_improve(s->trees, x, &patch, &n);
+        if (!touches(s, *hint, x, weight)) nearest_of_several_improve(s->trees, x, &patch, &n);
     } else {
         patch = nearest_of_several_find(s->trees, x, &n);
     }
@@ -435,6 +455,19 @@ static bool sample_all(const field *f, vec3 x, field_order order, field_sample *
 
 /* ---- cells */
 
+/* Places on a side that triangles share have the same bits in both: sums of two, whatever their order. */
+static void corners_of(const mesh_surface *s, const piece *p, vec3 out[3])
+{
+    const uint32_t *t = s->mesh.m.triangle[p->triangle];
+    const vec3 *v = s->mesh.m.vertex, none = {0, 0, 0};
+    for (int k = 0; k < 3; k++) {
+        const int first = p->corner[k].of[0], second = p->corner[k].of[1],
+                  weight[3] = {first, second, WHOLE - first - second};
+        out[k] = none;
+        for (int i = 0; i < 3; i++) out[k] = vec3_axpy(weight[i] * (1.0 / WHOLE), v[t[i]], out[k]);
+    }
+}
+
 static size_t count_cells(const field *f)
 {
     return ((const mesh_surface *)f)->piece_count;
@@ -442,9 +475,11 @@ static size_t count_cells(const field *f)
 
 static void get_cell(const field *f, size_t k, field_cell *out)
 {
-    const piece *p = &((const mesh_surface *)f)->pieces[k];
+    const mesh_surface *s = (const mesh_surface *)f;
+    vec3 corner[3];
     bbox box = bbox_empty();
-    for (int i = 0; i < 3; i++) box = bbox_include(box, p->corner[i]);
+    corners_of(s, &s->pieces[k], corner);
+    for (int i = 0; i < 3; i++) box = bbox_include(box, corner[i]);
     *out = (field_cell){0};
     for (int i = 0; i < 8; i++)
         out->corner[i] = vec3_make(i & 1 ? box.max.x : box.min.x, i & 2 ? box.max.y : box.min.y,
@@ -453,8 +488,8 @@ static void get_cell(const field *f, size_t k, field_cell *out)
 
 static int cell_triangles(const field *f, size_t k, vec3 out[FIELD_CELL_TRIANGLES][3])
 {
-    const piece *p = &((const mesh_surface *)f)->pieces[k];
-    for (int i = 0; i < 3; i++) out[0][i] = p->corner[i];
+    const mesh_surface *s = (const mesh_surface *)f;
+    corners_of(s, &s->pieces[k], out[0]);
     return 1;
 }
 
@@ -490,48 +525,41 @@ static bool refuse_pieces(const cutting *c, error *e)
 }
 
 /* Where there is no room for pieces yet they are counted. */
-static bool add_piece(mesh_surface *s, const vec3 t[3], uint32_t n, const cutting *c, error *e)
+static bool add_piece(mesh_surface *s, const piece *p, const cutting *c, error *e)
 {
     if (s->piece_count == c->most) return refuse_pieces(c, e);
-    if (s->pieces) s->pieces[s->piece_count] = (piece){{t[0], t[1], t[2]}, n};
+    if (s->pieces) s->pieces[s->piece_count] = *p;
     s->piece_count++;
     return true;
 }
 
-static bool is_same(vec3 a, vec3 b)
+/* Sides that are too long are halved, down to what weights can tell apart: which, their ends alone say, so that pieces on both sides agree. */
+static bool cut_piece(mesh_surface *s, const piece *p, const cutting *c, error *e)
 {
-    return a.x == b.x && a.y == b.y && a.z == b.z;
-}
-
-/* Sides that are too long are halved, down to what coordinates can tell apart: which, their ends alone say, so that pieces on both sides agree. */
-static bool cut_piece(mesh_surface *s, const vec3 t[3], uint32_t n, const cutting *c, error *e)
-{
-    vec3 middle[3]; /* of the side that begins at corner k */
-    int halved = 0, first = 0;
+    vec3 at[3];
+    corner_weights w[6] = {p->corner[0], p->corner[1],
+                           p->corner[2]}; /* last the middles of sides from k on */
+    int halved = 0, sum = 0;
+    corners_of(s, p, at);
     for (int k = 0; k < 3; k++) {
-        const vec3 a = t[k], b = t[(k + 1) % 3];
-        middle[k] = vec3_scale(vec3_add(a, b), 0.5);
-        if (!(vec3_norm2(vec3_sub(a, b)) > c->longest * c->longest) || is_same(middle[k], a) ||
-            is_same(middle[k], b))
+        const uint16_t *one = w[k].of, *two = w[(k + 1) % 3].of;
+        if (!(vec3_norm2(vec3_sub(at[k], at[(k + 1) % 3])) > c->longest * c->longest) ||
+            ((one[0] ^ two[0]) | (one[1] ^ two[1])) & 1)
             continue;
+        for (int i = 0; i < 2; i++) w[3 + k].of[i] = (uint16_t)((one[i] + two[i]) / 2);
         halved++;
-        first += k;
+        sum += k;
     }
-    if (halved == 0) return add_piece(s, t, n, c, e);
-    if (halved == 3)
-        return cut_piece(s, middle, n, c, e) && cut_piece(s, (vec3[]){t[0], middle[0], middle[2]}, n, c, e) &&
-               cut_piece(s, (vec3[]){t[1], middle[1], middle[0]}, n, c, e) &&
-               cut_piece(s, (vec3[]){t[2], middle[2], middle[1]}, n, c, e);
-    if (halved == 1) {
-        const int k = first;
-        return cut_piece(s, (vec3[]){t[k], middle[k], t[(k + 2) % 3]}, n, c, e) &&
-               cut_piece(s, (vec3[]){middle[k], t[(k + 1) % 3], t[(k + 2) % 3]}, n, c, e);
+    if (halved == 0) return add_piece(s, p, c, e);
+    const int k = halved == 2 ? 3 - sum : sum % 3, a = (k + 1) % 3, b = (k + 2) % 3; /* k: the odd one */
+    const int parts[3][4][3] = {{{k, 3 + k, b}, {3 + k, a, b}},
+                                {{3 + a, b, 3 + b}, {k, a, 3 + a}, {k, 3 + a, 3 + b}},
+                                {{3, 4, 5}, {0, 3, 5}, {1, 4, 3}, {2, 5, 4}}};
+    for (int n = 0; n <= halved; n++) {
+        const int *of = parts[halved - 1][n];
+        if (!cut_piece(s, &(piece){p->triangle, {w[of[0]], w[of[1]], w[of[2]]}}, c, e)) return false;
     }
-    const int whole = 3 - first, a = (whole + 1) % 3,
-              b = (whole + 2) % 3; /* the sides at a and b are halved */
-    return cut_piece(s, (vec3[]){middle[a], t[b], middle[b]}, n, c, e) &&
-           cut_piece(s, (vec3[]){t[whole], t[a], middle[a]}, n, c, e) &&
-           cut_piece(s, (vec3[]){t[whole], middle[a], middle[b]}, n, c, e);
+    return true;
 }
 
 /* Of the triangles, and of what is kept of them and of their vertices. */
@@ -545,10 +573,8 @@ static size_t triangle_bytes(const mesh_surface *s)
 static bool cut_triangles(mesh_surface *s, const cutting *c, error *e)
 {
     const mesh *m = &s->mesh.m;
-    for (uint32_t n = 0; n < m->triangle_count; n++) {
-        const uint32_t *t = m->triangle[n];
-        if (!cut_piece(s, (vec3[]){m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]}, n, c, e)) return false;
-    }
+    for (uint32_t n = 0; n < m->triangle_count; n++)
+        if (!cut_piece(s, &(piece){n, {{{WHOLE, 0}}, {{0, WHOLE}}, {{0, 0}}}}, c, e)) return false;
     return true;
 }
 

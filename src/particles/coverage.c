@@ -16,6 +16,9 @@ enum { PARTS = 256, FEWEST_CELLS = 1024 };
 enum { PROJECTION_STEPS = 8 };
 static const double ACCURACY = 1e-3;
 
+/* Points that were near the places looked at last. */
+enum { SEEN = 4 };
+
 /* Spacings that differ by more than this are told by place. */
 static const double GRADED = 1.25;
 /* Bins along an axis: no more than these, nor than so many to a point. */
@@ -145,15 +148,15 @@ static bool onto_surface(const field *f, double cell_size, vec3 *x)
     return true;
 }
 
-/* Whether there is a point within a distance: near[0] mostly, else near[1], else one that becomes them in turn. Cells
- * that follow each other are near the same points. */
-static bool has_point(const coverage_job *job, vec3 x, double within, uint32_t near[2])
+/* Whether there is a point within a distance: one of those near the places before, the last one first, or another, which becomes the
+ * last. Cells that follow each other are near the same points. */
+static bool has_point(const coverage_job *job, vec3 x, double within, uint32_t near[SEEN])
 {
-    for (int k = 0; k < 2 && within > 0; k++)
+    for (int k = 0; k < SEEN && within > 0; k++)
         if (vec3_norm2(vec3_sub(job->position[near[k]], x)) <= within * within) return true;
     double distance;
-    uint32_t found = near_points_nearest(job->points, x, within, &distance);
-    near[1] = near[0];
+    const uint32_t found = near_points_nearest(job->points, x, within, &distance);
+    memmove(near + 1, near, (SEEN - 1) * sizeof *near);
     near[0] = found;
     return distance <= within;
 }
@@ -167,7 +170,8 @@ typedef struct cell_look {
     bool is_done;
 } cell_look;
 
-static void look_at_cell(const coverage_job *job, size_t k, double farthest, uint32_t near[2], cell_look *out)
+static void look_at_cell(const coverage_job *job, size_t k, double farthest, uint32_t near[SEEN],
+                         cell_look *out)
 {
     const field *f = job->scan->field;
     out->count = f->ops->cell_triangles ? surface_cell_rough_triangles(job->scan, k, out->triangle) : -1;
@@ -187,7 +191,7 @@ static void look_at_cell(const coverage_job *job, size_t k, double farthest, uin
 
 /* The farthest place of a cell, if that is beyond `farthest`. */
 static double look_at_places(const coverage_job *job, const cell_look *look, double farthest,
-                             uint32_t near[2])
+                             uint32_t near[SEEN])
 {
     const field *f = job->scan->field;
     for (int i = 0; i < look->count; i++) {
@@ -208,7 +212,7 @@ static void cells_chunk(void *context, int worker, size_t begin, size_t end)
 {
     coverage_job *job = context;
     double farthest = 0;
-    uint32_t near[2] = {0, 0};
+    uint32_t near[SEEN] = {0};
     (void)worker;
     for (size_t k = job->first + begin; k < job->first + end; k++) {
         if (!(surface_cell_area(job->scan, k) > 0)) continue;
@@ -281,7 +285,7 @@ static bool add_place(coverage_places *p, vec3 x, uint32_t patch, error *e)
 
 /* The bare places of a cell. */
 static bool add_places(const coverage_job *job, const cell_look *look, uint32_t patch, double bare,
-                       uint32_t near[2], coverage_places *out, error *e)
+                       uint32_t near[SEEN], coverage_places *out, error *e)
 {
     const field *f = job->scan->field;
     for (int i = 0; i < look->count; i++) {
@@ -299,7 +303,7 @@ bool coverage_find_bare(const surface *scan, const vec3 *position, const double 
                         double bare, coverage_places *out, error *e)
 {
     coverage_job job = {.scan = scan, .position = position, .spacing = spacing};
-    uint32_t near[2] = {0, 0};
+    uint32_t near[SEEN] = {0};
     *out = (coverage_places){0};
     if (!find_spacings(position, spacing, count, &job.least, e)) return false;
     bool ok = (job.points = near_points_new(position, count, job.least.near != NULL, e)) != NULL;

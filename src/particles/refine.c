@@ -321,40 +321,109 @@ typedef struct middles {
     size_t *kept;  /* by chunk: how many there are */
 } middles;
 
-/* Puts a particle on the surface beside the point at `share` of an edge, unless that joins two sheets. On a patch it is looked for
- * from where the edge's first is, and goes on from where it is found. */
-static bool put_between(const middles *job, const edge *e, double share, size_t place, uint32_t *hint)
+/* Middles that are looked for together. */
+typedef struct middle_lanes {
+    const edge *edge[VEC3_LANES];
+    vec3_lanes from, x, normal; /* on the edge, and on the surface */
+    double spacing[VEC3_LANES];
+    bool found[VEC3_LANES];
+    uint32_t patch[VEC3_LANES], hint[VEC3_LANES];
+    int count;
+} middle_lanes;
+
+static const projection_limits to_middle = {5, MIDDLE_ACCEPT, MIDDLE_SHORTCUT, MIDDLE_ACCEPT};
+
+/* One middle by itself; *hint tells of a place nearby. */
+static bool find_middle(const middles *job, middle_lanes *m, int l, uint32_t *hint)
 {
-    const voronoi_sites *sites = &job->m->sites;
-    double spacing = fmin(sites->spacing[e->a], sites->spacing[e->b]), accept = MIDDLE_ACCEPT * spacing;
-    const projection_limits limits = {5, accept, MIDDLE_SHORTCUT * spacing, accept};
-    vec3 m = vec3_axpy(share, vec3_sub(sites->position[e->b], sites->position[e->a]), sites->position[e->a]);
-    vec3 x = m, n;
-    const field *f = particles_field(job->p, job->f, e->a);
-    if (job->patches && job->p->hint[e->a] != FIELD_NO_HINT) *hint = job->p->hint[e->a];
-    if (!projection_find_near(f, &limits, hint, &x, &n) ||
-        vec3_norm2(vec3_sub(x, m)) >= MIDDLE_FARTHEST * MIDDLE_FARTHEST * spacing * spacing)
+    const double h = m->spacing[l];
+    const projection_limits limits = {to_middle.max_steps, to_middle.accept * h, to_middle.shortcut * h,
+                                      to_middle.reject * h};
+    vec3 x = vec3_lanes_get(&m->from, l), normal;
+    if (!projection_find_near(particles_field(job->p, job->f, m->edge[l]->a), &limits, hint, &x, &normal))
         return false;
-    job->p->position[place] = x;
-    job->p->normal[place] = n;
+    vec3_lanes_put(&m->x, l, x);
+    vec3_lanes_put(&m->normal, l, normal);
+    return true;
+}
+
+/* On patches they are looked for from where the edges' first ends are. A place that looks the other way is on another sheet: a
+ * hint of long ago has led there. */
+static void find_middles(const middles *job, middle_lanes *m, uint32_t *last)
+{
+    const particles *p = job->p;
+    for (int l = 0; l < VEC3_LANES; l++) {
+        m->found[l] = l < m->count;
+        m->patch[l] = m->found[l] ? particles_patch(p, m->edge[l]->a) : 0;
+        m->hint[l] = m->found[l] && p->patch ? p->hint[m->edge[l]->a] : FIELD_NO_HINT;
+    }
+    m->x = m->from;
+    if (p->patch && job->f->ops->sample_patch_lanes) {
+        projection_find_lanes(job->f, &to_middle, m->spacing, m->patch, m->found, m->hint, &m->x, &m->normal);
+        for (int l = 0; l < m->count; l++) {
+            if (m->found[l] && !(vec3_dot(vec3_lanes_get(&m->normal, l), p->normal[m->edge[l]->a]) < 0))
+                continue;
+            m->hint[l] = FIELD_NO_HINT;
+            m->found[l] = find_middle(job, m, l, &m->hint[l]);
+        }
+        return;
+    }
+    for (int l = 0; l < m->count; l++) {
+        if (m->hint[l] != FIELD_NO_HINT) *last = m->hint[l];
+        m->found[l] = find_middle(job, m, l, last);
+        m->hint[l] = *last;
+    }
+}
+
+/* Puts a particle at a middle, unless that joins two sheets. */
+static bool put_middle(const middles *job, middle_lanes *m, int l, size_t place)
+{
+    const double spacing = m->spacing[l];
+    const vec3 x = vec3_lanes_get(&m->x, l);
+    particles *p = job->p;
+    if (!m->found[l] || vec3_norm2(vec3_sub(x, vec3_lanes_get(&m->from, l))) >=
+                            MIDDLE_FARTHEST * MIDDLE_FARTHEST * spacing * spacing)
+        return false;
+    p->position[place] = x;
+    p->normal[place] = vec3_lanes_get(&m->normal, l);
     if (!job->patches) return true;
-    uint32_t patch = job->p->patch[e->a];
-    job->p->patch[place] = patch;
-    job->p->place[place] = PARTICLES_FREE;
-    const bool within = field_is_within_near(f, x, hint);
-    job->p->hint[place] = *hint;
+    const uint32_t patch = m->patch[l];
+    p->patch[place] = patch;
+    p->place[place] = PARTICLES_FREE;
+    const bool within = field_is_within_near(field_of_patch(job->f, patch), x, &m->hint[l]);
+    p->hint[place] = m->hint[l];
     return within && !crowds_curve(job->patches, patch, x, spacing);
+}
+
+/* Returns how many were put, from `place` on. */
+static size_t put_middles(const middles *job, middle_lanes *m, size_t place, uint32_t *last)
+{
+    size_t put = 0;
+    if (m->count == 0) return 0;
+    for (int l = m->count; l < VEC3_LANES; l++) m->spacing[l] = m->spacing[0];
+    find_middles(job, m, last);
+    for (int l = 0; l < m->count; l++) put += put_middle(job, m, l, place + put);
+    m->count = 0;
+    return put;
 }
 
 static void put_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const middles *job = context;
+    const voronoi_sites *s = &job->m->sites;
     (void)worker;
     size_t place = job->first[begin / CHUNK];
-    uint32_t hint = FIELD_NO_HINT;
+    uint32_t last = FIELD_NO_HINT;
+    middle_lanes m = {.count = 0};
     for (const edge *e = job->m->edges + begin; e < job->m->edges + end; e++)
-        for (uint32_t k = 1; k <= e->copies; k++)
-            place += put_between(job, e, k / (e->copies + 1.0), place, &hint);
+        for (uint32_t k = 1; k <= e->copies; k++) {
+            const vec3 along = vec3_sub(s->position[e->b], s->position[e->a]);
+            vec3_lanes_put(&m.from, m.count, vec3_axpy(k / (e->copies + 1.0), along, s->position[e->a]));
+            m.spacing[m.count] = fmin(s->spacing[e->a], s->spacing[e->b]);
+            m.edge[m.count++] = e;
+            if (m.count == VEC3_LANES) place += put_middles(job, &m, place, &last);
+        }
+    place += put_middles(job, &m, place, &last);
     job->kept[begin / CHUNK] = place - job->first[begin / CHUNK];
 }
 

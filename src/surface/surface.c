@@ -678,10 +678,10 @@ static int cell_triangles(const surface *s, size_t cell, bool is_straight, vec3 
     field_cell place;
     triangulation t;
     const cut way = {.field = s->field, .cell = &place, .is_straight = is_straight};
-    if (!take_triangles(s, cell, &t)) {
-        surface_cell(s, cell, &place);
-        cut_cell(&way, &t);
-    }
+    if (s->field->ops->cell_triangles)
+        return s->field->ops->cell_triangles(s->field, number_of(s, cell), out);
+    surface_cell(s, cell, &place);
+    cut_cell(&way, &t);
     for (int i = 0; i < t.count; i++)
         for (int k = 0; k < 3; k++) out[i][k] = t.at[i][k].position;
     return t.count;
