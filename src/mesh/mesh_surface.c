@@ -98,9 +98,11 @@ static void find_normals(mesh_surface *s)
     for (size_t p = 0; p < m->count; p++)
         for (size_t n = m->first[p]; n < m->first[p + 1]; n++) {
             const vec3 unit = vec3_unit(across(s, n));
+            const double a = angle_at(s, n, 0), b = angle_at(s, n, 1),
+                         angle[3] = {a, b, fmax(M_PI - a - b, 0)};
             for (int k = 0; k < 3; k++) {
                 vec3 *sum = &s->at[m->m.triangle[n][k]].normal;
-                *sum = vec3_axpy(angle_at(s, n, k), m->one_sided[p] ? foot_facing(unit, *sum) : unit, *sum);
+                *sum = vec3_axpy(angle[k], m->one_sided[p] ? foot_facing(unit, *sum) : unit, *sum);
             }
         }
     for (size_t v = 0; v < m->m.vertex_count; v++)
@@ -455,17 +457,15 @@ static bool sample_all(const field *f, vec3 x, field_order order, field_sample *
 
 /* ---- cells */
 
-/* Places on a side that triangles share have the same bits in both: sums of two, whatever their order. */
-static void corners_of(const mesh_surface *s, const piece *p, vec3 out[3])
+/* On a side that triangles share it has the same bits in both: a sum of two, whatever their order. */
+static vec3 place_of(const mesh_surface *s, uint32_t n, corner_weights w)
 {
-    const uint32_t *t = s->mesh.m.triangle[p->triangle];
-    const vec3 *v = s->mesh.m.vertex, none = {0, 0, 0};
-    for (int k = 0; k < 3; k++) {
-        const int first = p->corner[k].of[0], second = p->corner[k].of[1],
-                  weight[3] = {first, second, WHOLE - first - second};
-        out[k] = none;
-        for (int i = 0; i < 3; i++) out[k] = vec3_axpy(weight[i] * (1.0 / WHOLE), v[t[i]], out[k]);
-    }
+    const uint32_t *t = s->mesh.m.triangle[n];
+    const vec3 *v = s->mesh.m.vertex;
+    const int weight[3] = {w.of[0], w.of[1], WHOLE - w.of[0] - w.of[1]};
+    vec3 sum = {0, 0, 0};
+    for (int i = 0; i < 3; i++) sum = vec3_axpy(weight[i] * (1.0 / WHOLE), v[t[i]], sum);
+    return sum;
 }
 
 static size_t count_cells(const field *f)
@@ -473,24 +473,23 @@ static size_t count_cells(const field *f)
     return ((const mesh_surface *)f)->piece_count;
 }
 
-static void get_cell(const field *f, size_t k, field_cell *out)
+static int cell_triangles(const field *f, size_t k, vec3 out[FIELD_CELL_TRIANGLES][3])
 {
     const mesh_surface *s = (const mesh_surface *)f;
-    vec3 corner[3];
+    for (int i = 0; i < 3; i++) out[0][i] = place_of(s, s->pieces[k].triangle, s->pieces[k].corner[i]);
+    return 1;
+}
+
+static void get_cell(const field *f, size_t k, field_cell *out)
+{
+    vec3 corner[FIELD_CELL_TRIANGLES][3];
     bbox box = bbox_empty();
-    corners_of(s, &s->pieces[k], corner);
-    for (int i = 0; i < 3; i++) box = bbox_include(box, corner[i]);
+    cell_triangles(f, k, corner);
+    for (int i = 0; i < 3; i++) box = bbox_include(box, corner[0][i]);
     *out = (field_cell){0};
     for (int i = 0; i < 8; i++)
         out->corner[i] = vec3_make(i & 1 ? box.max.x : box.min.x, i & 2 ? box.max.y : box.min.y,
                                    i & 4 ? box.max.z : box.min.z);
-}
-
-static int cell_triangles(const field *f, size_t k, vec3 out[FIELD_CELL_TRIANGLES][3])
-{
-    const mesh_surface *s = (const mesh_surface *)f;
-    corners_of(s, &s->pieces[k], out[0]);
-    return 1;
 }
 
 static uint32_t patch_at(const field *f, size_t k, vec3 x)
@@ -534,19 +533,18 @@ static bool add_piece(mesh_surface *s, const piece *p, const cutting *c, error *
 }
 
 /* Sides that are too long are halved, down to what weights can tell apart: which, their ends alone say, so that pieces on both sides agree. */
-static bool cut_piece(mesh_surface *s, const piece *p, const cutting *c, error *e)
+static bool cut_piece(mesh_surface *s, const piece *p, const vec3 corner[3], const cutting *c, error *e)
 {
-    vec3 at[3];
-    corner_weights w[6] = {p->corner[0], p->corner[1],
-                           p->corner[2]}; /* last the middles of sides from k on */
+    vec3 at[6] = {corner[0], corner[1], corner[2]}; /* last the middles of sides from k on */
+    corner_weights w[6] = {p->corner[0], p->corner[1], p->corner[2]};
     int halved = 0, sum = 0;
-    corners_of(s, p, at);
     for (int k = 0; k < 3; k++) {
         const uint16_t *one = w[k].of, *two = w[(k + 1) % 3].of;
         if (!(vec3_norm2(vec3_sub(at[k], at[(k + 1) % 3])) > c->longest * c->longest) ||
             ((one[0] ^ two[0]) | (one[1] ^ two[1])) & 1)
             continue;
         for (int i = 0; i < 2; i++) w[3 + k].of[i] = (uint16_t)((one[i] + two[i]) / 2);
+        at[3 + k] = place_of(s, p->triangle, w[3 + k]);
         halved++;
         sum += k;
     }
@@ -557,7 +555,8 @@ static bool cut_piece(mesh_surface *s, const piece *p, const cutting *c, error *
                                 {{3, 4, 5}, {0, 3, 5}, {1, 4, 3}, {2, 5, 4}}};
     for (int n = 0; n <= halved; n++) {
         const int *of = parts[halved - 1][n];
-        if (!cut_piece(s, &(piece){p->triangle, {w[of[0]], w[of[1]], w[of[2]]}}, c, e)) return false;
+        const piece part = {p->triangle, {w[of[0]], w[of[1]], w[of[2]]}};
+        if (!cut_piece(s, &part, (vec3[]){at[of[0]], at[of[1]], at[of[2]]}, c, e)) return false;
     }
     return true;
 }
@@ -573,8 +572,12 @@ static size_t triangle_bytes(const mesh_surface *s)
 static bool cut_triangles(mesh_surface *s, const cutting *c, error *e)
 {
     const mesh *m = &s->mesh.m;
-    for (uint32_t n = 0; n < m->triangle_count; n++)
-        if (!cut_piece(s, &(piece){n, {{{WHOLE, 0}}, {{0, WHOLE}}, {{0, 0}}}}, c, e)) return false;
+    for (uint32_t n = 0; n < m->triangle_count; n++) {
+        const piece all = {n, {{{WHOLE, 0}}, {{0, WHOLE}}, {{0, 0}}}};
+        const uint32_t *t = m->triangle[n];
+        if (!cut_piece(s, &all, (vec3[]){m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]}, c, e))
+            return false;
+    }
     return true;
 }
 
