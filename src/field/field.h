@@ -160,6 +160,19 @@ static inline double field_cell_size(const field *f, const field_cell *cell)
     return f->uneven ? field_cell_edge(cell) : f->cell_size;
 }
 
+/* The faces that the surface passes, as far as corners tell: bit 2 k the low one of axis k, bit 2 k + 1 the high one. */
+static inline unsigned field_cell_passed_faces(const field_cell *cell)
+{
+    static const unsigned corners[6] = {0x55, 0xaa, 0x33, 0xcc, 0x0f, 0xf0};
+    unsigned faces = 0, inside = 0;
+    for (int c = 0; c < 8; c++) inside |= (unsigned)(cell->value[c] < 0) << c;
+    for (int face = 0; face < 6; face++) {
+        const unsigned on = inside & corners[face];
+        faces |= (unsigned)(cell->grazed || (on != 0 && on != corners[face])) << face;
+    }
+    return faces;
+}
+
 static inline vec3 field_triangle_middle(const vec3 corner[3])
 {
     return vec3_scale(vec3_add(corner[0], vec3_add(corner[1], corner[2])), 1.0 / 3);

@@ -1,4 +1,5 @@
-/* components: the connected parts of a surface, by its cells: parts are told apart where no two of their cells share a face.
+/* components: the connected parts of a surface, by its cells: parts are told apart where no two of their cells share a face that the
+ * surface passes, by its corners; where cells differ in size, any face.
  * Of a surface with patches each patch is a part, whether it touches others or not; a cell of several goes to one of them. */
 #ifndef HEXAD_SURFACE_COMPONENTS_H
 #define HEXAD_SURFACE_COMPONENTS_H

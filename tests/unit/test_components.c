@@ -71,11 +71,11 @@ static void cell(const field *f, size_t k, field_cell *out)
 
 static const field_ops balls_ops = {.sample = sample, .cell_count = cell_count, .cell = cell};
 
-/* Radii 1 and `small`, in cells of a tenth of the small one. */
-static balls make_balls(double small)
+/* Radii 1 and `small`, in cells of a tenth of the small one, about `apart` from each other at 1.01. */
+static balls make_balls(double small, double apart)
 {
     balls b = {.base = {.ops = &balls_ops, .domain = {{-1.3, -1.3, -1.3}, {1.3 + 4 * small, 1.3, 1.3}}},
-               .center = {{0.01, 0.02, 0.03}, {1.2 + 2 * small, 0.01, 0.02}},
+               .center = {{0.01, 0.02, 0.03}, {1.01 + apart + small, 0.01, 0.02}},
                .radius = {1, small},
                .cell = small / 5};
     b.base.extent = bbox_longest(b.base.domain);
@@ -92,23 +92,26 @@ static balls make_balls(double small)
     return b;
 }
 
+/* Also of balls in cells side by side. */
 static void shares_are_those_of_the_areas(void **state)
 {
     (void)state;
     error e = {0};
     threads *pool = threads_new(2, NULL, &e);
-    for (double small = 0.1; small < 0.9; small *= 2) {
-        balls b = make_balls(small);
+    for (int k = 0; k < 8; k++) {
+        const double small = ldexp(0.1, k / 2), apart = k % 2 ? 1.15 * small / 5 : 0.19 + small;
+        balls b = make_balls(small, apart);
         surface *scan = surface_scan(&b.base, pool, &e);
         double truth = small * small / (1 + small * small);
         assert_int_equal(scan->parts.count, 2);
         size_t second = scan->parts.begin[1];
         double share = 1 - scan->area_before[second] / scan->area;
         assert_close(fmin(share, 1 - share) / truth, 1, 0.01);
-        for (size_t k = 0; k < scan->cells; k++) { /* every cell once, part by part */
+        for (size_t i = 0; i < scan->cells; i++) { /* every cell once, part by part */
             field_cell c;
-            surface_cell(scan, k, &c);
-            assert_true((c.corner[0].x > 1.1) == ((share < 0.5) == (k >= second)));
+            surface_cell(scan, i, &c);
+            const double x = 0.5 * (c.corner[0].x + c.corner[7].x);
+            assert_true((x > 1.01 + 0.5 * apart) == ((share < 0.5) == (i >= second)));
         }
         surface_free(scan);
         free(b.crossing);
@@ -123,7 +126,7 @@ static void a_small_part_gets_its_share(void **state)
     error e = {0};
     threads *pool = threads_new(2, NULL, &e);
     for (double small = 0.05; small < 0.9; small *= 2.3) {
-        balls b = make_balls(small);
+        balls b = make_balls(small, 0.19 + small);
         surface *scan = surface_scan(&b.base, pool, &e);
         const sampler_params params = {.count = 6000,
                                        .seed = 1,
