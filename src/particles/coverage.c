@@ -13,7 +13,7 @@
  * most of them are looked at before there is one that spares the look. */
 enum { PARTS = 256, FEWEST_CELLS = 1024 };
 /* Newton's steps onto the surface, and how near, of a cell, is on it. */
-enum { PROJECTION_STEPS = 8 };
+enum { PROJECTION_STEPS = 8, HALVINGS = 20 };
 static const double ACCURACY = 1e-3;
 
 /* Points that were near the places looked at last. */
@@ -135,16 +135,47 @@ static vec3 middle_of(const field_cell *cell, double *radius)
     return middle;
 }
 
-/* Triangles of cells larger than the spacing lie off the surface by more than that. A place from which no step leads to it
- * stays where it is, unless that is nowhere. */
-static bool onto_surface(const field *f, double cell_size, vec3 *x)
+/* From a place that F leads nowhere, as beside a droplet: on the way to the nearest corner of its cell on the other side. Stays where
+ * there is none. */
+static void between_sides(const surface *scan, size_t k, vec3 *x)
 {
+    const field *f = scan->field;
+    field_cell cell;
+    field_sample s;
+    if (!field_sample_at(f, *x, FIELD_GRADIENT, &s)) return;
+    const bool inside = s.value < 0;
+    vec3 other = *x;
+    double nearest = INFINITY;
+    surface_cell(scan, k, &cell);
+    for (int c = 0; c < 8; c++) {
+        const double away = vec3_norm2(vec3_sub(cell.corner[c], *x));
+        if (!(away < nearest) || !field_sample_at(f, cell.corner[c], FIELD_GRADIENT, &s) ||
+            (s.value < 0) == inside)
+            continue;
+        nearest = away;
+        other = cell.corner[c];
+    }
+    for (int step = 0; nearest < INFINITY && step < HALVINGS; step++) {
+        const vec3 middle = vec3_scale(vec3_add(*x, other), 0.5);
+        if (!field_sample_at(f, middle, FIELD_GRADIENT, &s)) return;
+        *((s.value < 0) == inside ? x : &other) = middle;
+    }
+}
+
+/* Triangles of cells larger than the spacing lie off the surface by more than that. A place from which no step leads to it
+ * is put on it in its cell, as far as F is known there, unless that is nowhere. */
+static bool onto_surface(const surface *scan, size_t k, double cell_size, vec3 *x)
+{
+    const field *f = scan->field;
     const projection_limits limits = {PROJECTION_STEPS, ACCURACY * cell_size, ACCURACY * cell_size,
                                       ACCURACY * cell_size};
     vec3 p = *x, normal;
-    if (!projection_find(f, &limits, &p, &normal)) return true;
-    if (f->open && !bbox_contains(f->domain, p)) return false;
-    if (vec3_norm(vec3_sub(p, *x)) < cell_size) *x = p;
+    const bool found = projection_find(f, &limits, &p, &normal);
+    if (found && f->open && !bbox_contains(f->domain, p)) return false;
+    if (found && vec3_norm(vec3_sub(p, *x)) < cell_size)
+        *x = p;
+    else if (!f->patches)
+        between_sides(scan, k, x);
     return true;
 }
 
@@ -164,6 +195,7 @@ static bool has_point(const coverage_job *job, vec3 x, double within, uint32_t n
 /* Of a cell: its triangles, and whether all of their places are near enough to a point, by its middle alone. A cell that is one
  * triangle has one place, and the middle says no more of it. */
 typedef struct cell_look {
+    size_t cell;
     vec3 triangle[FIELD_CELL_TRIANGLES][3];
     int count;
     double size; /* of the cell */
@@ -174,6 +206,7 @@ static void look_at_cell(const coverage_job *job, size_t k, double farthest, uin
                          cell_look *out)
 {
     const field *f = job->scan->field;
+    out->cell = k;
     out->count = f->ops->cell_triangles ? surface_cell_rough_triangles(job->scan, k, out->triangle) : -1;
     out->is_done = out->count == 0;
     out->size = f->cell_size;
@@ -199,7 +232,7 @@ static double look_at_places(const coverage_job *job, const cell_look *look, dou
         if (f->open && !bbox_contains(f->domain, x)) continue;
         double distance;
         if (has_point(job, x, enough_at(&job->least, x, 0, farthest), near) ||
-            !onto_surface(f, look->size, &x))
+            !onto_surface(job->scan, look->cell, look->size, &x))
             continue;
         uint32_t point =
             near_points_nearest(job->points, x, enough_at(&job->least, x, 0, farthest), &distance);
@@ -228,6 +261,12 @@ size_t coverage_parts(const surface *scan)
     return scan->field->patches ? scan->field->patches->count : 1;
 }
 
+/* The cells of a part begin here, and end where those of the next begin. */
+static size_t first_of_part(const surface *scan, size_t part)
+{
+    return scan->field->patches ? scan->parts.begin[part] : part * scan->cells;
+}
+
 static double measure_cells(coverage_job *job, size_t begin, size_t end, threads *pool)
 {
     double most = 0;
@@ -249,10 +288,8 @@ bool coverage_measure(const surface *scan, const vec3 *position, const double *s
         free(job.least.near);
         return false;
     }
-    const size_t parts = coverage_parts(scan), *begin = scan->parts.begin;
-    for (size_t k = 0; k < parts; k++)
-        farthest[k] = measure_cells(&job, scan->field->patches ? begin[k] : 0,
-                                    scan->field->patches ? begin[k + 1] : scan->cells, pool);
+    for (size_t k = 0; k < coverage_parts(scan); k++)
+        farthest[k] = measure_cells(&job, first_of_part(scan, k), first_of_part(scan, k + 1), pool);
     near_points_free(job.points);
     free(job.least.near);
     return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
@@ -289,10 +326,11 @@ static bool add_places(const coverage_job *job, const cell_look *look, uint32_t 
 {
     const field *f = job->scan->field;
     for (int i = 0; i < look->count; i++) {
-        const vec3 x = field_triangle_middle(look->triangle[i]);
+        vec3 x = field_triangle_middle(look->triangle[i]);
         double distance;
         if (f->open && !bbox_contains(f->domain, x)) continue;
         if (has_point(job, x, enough_at(&job->least, x, 0, bare), near)) continue;
+        if (!f->patches && !onto_surface(job->scan, look->cell, look->size, &x)) continue;
         const uint32_t point = near_points_nearest(job->points, x, 0, &distance);
         if (distance > bare * job->spacing[point] && !add_place(out, x, patch, e)) return false;
     }
@@ -308,7 +346,7 @@ bool coverage_find_bare(const surface *scan, const vec3 *position, const double 
     if (!find_spacings(position, spacing, count, &job.least, e)) return false;
     bool ok = (job.points = near_points_new(position, count, job.least.near != NULL, e)) != NULL;
     for (uint32_t patch = 0; ok && patch < coverage_parts(scan); patch++)
-        for (size_t k = scan->parts.begin[patch]; ok && k < scan->parts.begin[patch + 1]; k++) {
+        for (size_t k = first_of_part(scan, patch); ok && k < first_of_part(scan, patch + 1); k++) {
             if (!(surface_cell_area(scan, k) > 0)) continue;
             cell_look look;
             look_at_cell(&job, k, bare, near, &look);

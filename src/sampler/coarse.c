@@ -24,6 +24,8 @@ enum { PLACES = 5, PASSES = 6 };
 /* Besides, places that are drawn on each patch; and how far from all points one is that gets a point of another patch. */
 enum { PLACES_OF_PATCH = 4 };
 static const double BARE_PATCH = 1, BARE_PLACE = 0.97;
+/* Of a surface without patches: with a place so far from all points a part of it may have none. Nearer ones fill up by themselves. */
+static const double BARE_PART = 1.2;
 /* Where none crowds places of a patch may be bare all the same, since it has too few points: others have more than they need,
  * those who have another so near, and the nearest first. */
 static const double PRESSED = 0.95;
@@ -90,7 +92,10 @@ static bool relocate(sampler *s, const drawn *d, size_t *moves, error *e)
         if (d->patch && d->of_patch[p->patch[point]] == 1) continue; /* its patch has no other left */
         vec3 x = d->place[place], normal = {0, 0, 1};
         if (!sampler_land(f, s->state.spacing, s->setup.field->cell_size, &x, &normal)) continue;
-        sampler_stir(s, point);
+        if (s->record.replaced) { /* at a level's begin there are no lists yet, and all are in new places */
+            sampler_stir(s, point);
+            s->record.replaced[point] = true;
+        }
         p->position[point] = x;
         p->normal[point] = normal;
         if (d->patch) {
@@ -99,7 +104,6 @@ static bool relocate(sampler *s, const drawn *d, size_t *moves, error *e)
             p->hint[point] = FIELD_NO_HINT;
             d->of_patch[p->patch[point]]++;
         }
-        s->record.replaced[point] = true;
         ++*moves;
     }
     free(chosen);
@@ -226,20 +230,25 @@ static void draw_on_patches(const sampler *s, const size_t *first, drawn *d, boo
     }
 }
 
-/* Who stays: particles on curves, and those that are alone on their patch. */
+/* Who stays: particles on boundaries, or curves, and those that are alone on their patch. */
 static void hold_some(const sampler *s, uint32_t *of_patch, bool *held)
 {
     const particles *p = s->state.p;
+    if (!p->patch) {
+        for (size_t i = 0; i < p->count; i++)
+            held[i] = projection_boundary_axes(s->setup.field, p->position[i]) != 0;
+        return;
+    }
+    memset(of_patch, 0, s->setup.field->patches->count * sizeof *of_patch);
     for (size_t i = 0; i < p->count; i++) of_patch[p->patch[i]]++;
     for (size_t i = 0; i < p->count; i++) held[i] = particles_is_fixed(p, i) || of_patch[p->patch[i]] == 1;
 }
 
-/* Of a surface of many parts every place counts, whatever is drawn: of those that are bare some get a point, and then there may be
- * others. */
+/* Every place of the surface counts, whatever is drawn: of those that are bare some get a point, and then there may be others. */
 static bool cover_all(sampler *s, bool *changed, error *e)
 {
     const char *what = "the bare places";
-    const size_t patches = s->setup.field->patches->count;
+    const size_t patches = s->setup.field->patches ? s->setup.field->patches->count : 0;
     particles *p = s->state.p;
     double *spacing = mem_array(p->count, sizeof *spacing, what, e);
     drawn d = {.held = mem_array(p->count, sizeof *d.held, what, e),
@@ -251,11 +260,10 @@ static bool cover_all(sampler *s, bool *changed, error *e)
     for (int pass = 0; ok && moves > 0 && pass < PASSES; pass++) {
         coverage_places bare;
         for (size_t i = 0; i < p->count; i++) spacing[i] = particles_size(p, i) * s->state.spacing;
-        memset(d.of_patch, 0, patches * sizeof *d.of_patch);
         hold_some(s, d.of_patch, d.held);
         ok = coverage_find_bare(s->setup.scan, p->position, spacing, p->count, BARE_PLACE, &bare, e);
         d.place = bare.place;
-        d.patch = bare.patch;
+        d.patch = patches > 0 ? bare.patch : NULL;
         d.count = bare.count;
         d.near = ok ? mem_array(bare.count, sizeof *d.near, what, e) : NULL;
         moves = 0;
@@ -271,6 +279,19 @@ static bool cover_all(sampler *s, bool *changed, error *e)
     free(d.held);
     free(d.of_patch);
     return ok;
+}
+
+bool sampler_cover_parts(sampler *s, error *e)
+{
+    double farthest = 0;
+    bool unused = false;
+    double *spacing = mem_array(s->state.p->count, sizeof *spacing, "the bare places", e);
+    for (size_t i = 0; spacing && i < s->state.p->count; i++)
+        spacing[i] = particles_size(s->state.p, i) * s->state.spacing;
+    const bool ok = spacing && coverage_measure(s->setup.scan, s->state.p->position, spacing,
+                                                s->state.p->count, s->setup.pool, &farthest, e);
+    free(spacing);
+    return ok && (!(farthest > BARE_PART) || cover_all(s, &unused, e));
 }
 
 bool sampler_cover_patches(sampler *s, bool *changed, error *e)

@@ -292,7 +292,9 @@ bool sampler_refine(sampler *s, error *e)
                           s->setup.pool, e))
         return false;
     enter_level(s, count, support);
-    if (!add_newcomers(s, e) || !arrange(s, e)) return false;
+    if (!add_newcomers(s, e)) return false;
+    if (!plan->allotments && s->state.level == plan->count - 1 && !sampler_cover_parts(s, e)) return false;
+    if (!arrange(s, e)) return false;
     enter_level(s, count, support);
     particles_undamp(s->state.p);
     return sampler_build_lists(s, e);

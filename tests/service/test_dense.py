@@ -632,6 +632,29 @@ def test_a_speck_without_a_point_is_told(worker, tmp_path):
         assert ("coverage" in [r["criterion"] for r in report["outcome_reasons"]]) == bool(speck)
 
 
+@pytest.mark.parametrize("away, least", [(2.0, 0.75), (1.6, 0)])
+def test_droplets_beside_a_surface_have_points(worker, tmp_path, away, least):
+    """Droplets of a voxel, `away` voxels from a ball: their cells touch its cells, or are the same. All get their share of the
+    points, as far as cells tell, and each some."""
+    n, radius, count = 48, 14, 8000
+    index = numpy.stack(numpy.meshgrid(*[numpy.arange(n)] * 3, indexing="ij"), -1)
+    middle = (n - 1) / 2
+    values = numpy.clip(radius - numpy.linalg.norm(index - middle, axis=-1), -1, 1).astype(numpy.float32)
+    angles = numpy.arange(12) * numpy.pi / 6
+    ways = numpy.stack([numpy.cos(angles), 0.8 * numpy.sin(angles), 0.6 * numpy.sin(angles)], -1)
+    droplets = numpy.round(middle + (radius + away) * ways).astype(int)
+    values[tuple(droplets.T)] = 0.5
+    write_nrrd(tmp_path / "droplets.nrrd", values, numpy.eye(4))
+    done = worker({"version": 1, "surface": {"volume": {"path": "droplets.nrrd", "isovalue": 0}}, "sampling": {"count": count}})
+    assert done.returncode == 0, done.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    points = Points((tmp_path / "out" / "points.ply").read_bytes())
+    on_ball = numpy.linalg.norm(points.position - middle, axis=1) < radius + 0.45 * away
+    found = numpy.array([(numpy.linalg.norm(points.position[~on_ball] - d, axis=1) < 0.8).sum() for d in droplets])
+    share = (report["surface"]["area"] - 4 * numpy.pi * radius**2) / 12 / report["surface"]["area"] * count
+    assert report["quality"]["coverage"] < 1.2 and found.min() >= max(1, least * share), (found, share)
+
+
 def test_a_coarse_answer_is_even_in_space(worker, tmp_path):
     """A count that resolves nothing of what looks like smoke: no clumps, no bare place, the same for any number of threads."""
     noise = numpy.random.default_rng(1).normal(size=(40, 40, 40))
