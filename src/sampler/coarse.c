@@ -284,14 +284,13 @@ static bool cover_all(sampler *s, bool *changed, error *e)
 bool sampler_cover_parts(sampler *s, error *e)
 {
     double farthest = 0;
-    bool unused = false;
     double *spacing = mem_array(s->state.p->count, sizeof *spacing, "the bare places", e);
     for (size_t i = 0; spacing && i < s->state.p->count; i++)
         spacing[i] = particles_size(s->state.p, i) * s->state.spacing;
     const bool ok = spacing && coverage_measure(s->setup.scan, s->state.p->position, spacing,
                                                 s->state.p->count, s->setup.pool, &farthest, e);
     free(spacing);
-    return ok && (!(farthest > BARE_PART) || cover_all(s, &unused, e));
+    return ok && (!(farthest > BARE_PART) || cover_all(s, &s->state.lists_stale, e));
 }
 
 bool sampler_cover_patches(sampler *s, bool *changed, error *e)

@@ -212,6 +212,14 @@ static void enter_stage(sampler *s, int stage)
     particles_undamp(s->state.p);
 }
 
+/* A coarsest level that is the last one: particles are near their rest now, and most sweeps are to come. */
+static bool look_at_whole(sampler *s, error *e)
+{
+    if (!sampler_judge_coarse(s, e)) return false;
+    if (!s->setup.fast || s->state.p->patch || s->state.coarse || sampler_is_given(s)) return true;
+    return sampler_cover_parts(s, e) && (!s->state.lists_stale || sampler_build_lists(s, e));
+}
+
 bool sampler_control(sampler *s, error *e)
 {
     double energy = relax_packing_energy(s->scratch.relax, s->state.p, s->state.sigma);
@@ -237,8 +245,7 @@ bool sampler_control(sampler *s, error *e)
             good && s->state.gain <= s->setup.schedule->coarsest_gain ? SAMPLER_CONVERGED : SAMPLER_STALLED;
         return true;
     }
-    /* a coarsest level that is the last one: particles are near their rest now, and most sweeps are to come */
-    if (s->state.plan.count == 1 && s->state.stage == SCHEDULE_STAGES - 2 && !sampler_judge_coarse(s, e))
+    if (s->state.plan.count == 1 && s->state.stage == SCHEDULE_STAGES - 2 && !look_at_whole(s, e))
         return false;
     const double before = s->state.sigma;
     if (!find_support(s, e) || (bounded && !adapt_count(s, &changed, e))) return false;

@@ -617,19 +617,21 @@ def test_volumes_through_rest(new_service, tmp_path):
     assert reply.json["errors"][0]["pointer"] == "/surface/union/1/volume/path"
 
 
-def test_a_speck_without_a_point_is_told(worker, tmp_path):
-    """A part whose share of the count is a fifth of a point: what has its points is in order, and yet a place is bare."""
+def test_a_speck_has_a_point_or_is_told(worker, tmp_path):
+    """A part whose share of the count is a fifth of a point: the paper's method has none there, and says so."""
     x = numpy.arange(24) - 11.5
     values = numpy.clip(8.5 - numpy.sqrt(sum(g * g for g in numpy.meshgrid(x, x, x))), 0, 1).astype(numpy.float32)
     volume = {"path": "speck.nrrd", "isovalue": 0.5}
-    for speck, code in ((0, 0), (1, 11)):
+    for speck, method, told in ((0, "paper", False), (1, "paper", True), (1, "sized", False)):
         values[2, 2, 2] = speck
         write_nrrd(tmp_path / "speck.nrrd", values)
-        done = worker({"version": 1, "surface": {"volume": volume}, "sampling": {"count": 60}})
-        assert done.returncode == code, done.stderr
+        done = worker({"version": 1, "surface": {"volume": volume}, "sampling": {"count": 60}, "solver": {"method": method}})
+        assert done.returncode == (0 if method == "sized" else 11), done.stderr  # 60 points in order are a lot to ask
         report = json.loads((tmp_path / "out" / "report.json").read_text())
-        assert (report["quality"]["coverage"] > 1.2) == bool(speck)
-        assert ("coverage" in [r["criterion"] for r in report["outcome_reasons"]]) == bool(speck)
+        assert (report["quality"]["coverage"] > 1.2) == told
+        assert ("coverage" in [r["criterion"] for r in report["outcome_reasons"]]) == told
+        points = Points((tmp_path / "out" / "points.ply").read_bytes())
+        assert (numpy.linalg.norm(points.position - 2, axis=1) < 1).sum() == (speck and method == "sized")
 
 
 @pytest.mark.parametrize("away, least", [(2.0, 0.75), (1.6, 0)])
