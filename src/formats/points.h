@@ -34,7 +34,8 @@ typedef struct points {
     const double *kappa; /* sqrt(kappa1^2 + kappa2^2), 1/world unit */
     const double *kappa1;
     const double *kappa2;
-    const double *alpha;         /* repulsion amplitude of (13); 1 where there is no grading */
+    const double
+        *alpha; /* repulsion amplitude of (13); 1 where none is asked for and cells are not evened out */
     const double *energy;        /* E_i, the particle's full sum */
     const double *spacing;       /* requested spacing at the point */
     const double *spacing_local; /* achieved spacing, sqrt(2 a / sqrt 3) */

@@ -96,8 +96,7 @@ bool sampler_reserve(sampler *s, size_t capacity, error *e)
                          "more than %zu particles are needed, which is what memory holds: raise "
                          "limits.memory_mb, or ask for a larger sigma or spacing",
                          s->setup.params.count_limit);
-    relax *bigger = relax_new(capacity, s->setup.params.energy, s->setup.fast, s->setup.params.list_limit,
-                              s->setup.pool, e);
+    relax *bigger = sampler_new_relax(s, capacity, e);
     if (!bigger || !particles_grow(s->state.p, capacity, e)) {
         relax_free(bigger);
         return false;

@@ -257,8 +257,7 @@ static bool add_newcomers(sampler *s, error *e)
     particles *others = s->state.p;
     relax *lists = s->scratch.relax;
     s->state.p = particles_new(count, e);
-    s->scratch.relax =
-        relax_new(count, s->setup.params.energy, s->setup.fast, s->setup.params.list_limit, s->setup.pool, e);
+    s->scratch.relax = sampler_new_relax(s, count, e);
     s->state.lists_stale = true;
     bool ok = s->state.p && s->scratch.relax &&
               start_place(s->setup.field, s->setup.scan, &s->setup.params, &s->state.plan, s->state.level,

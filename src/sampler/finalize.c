@@ -122,11 +122,30 @@ static bool is_in_row(const sampler *s, size_t i)
     return distance < IN_ROW * s->state.spacing * particles_size(p, i);
 }
 
-/* One that is put elsewhere, after all others. The place that it leaves still counts for the worst residual. */
+/* Of a chunk's worst residual: it is to be looked for once more. */
+static const double UNKNOWN = -1;
+
+/* One that is put elsewhere, after all others. */
 static void finalize_alone(sampler *s, size_t i)
 {
-    s->scratch.worst[i / CHUNK] =
-        fmax(s->scratch.worst[i / CHUNK], finalize_particle(s, i, &(uint32_t){FIELD_NO_HINT}));
+    finalize_particle(s, i, &(uint32_t){FIELD_NO_HINT});
+    s->scratch.worst[i / CHUNK] = UNKNOWN;
+}
+
+/* Of particles where finalize_particle has put them. */
+static double worst_residual(const sampler *s, size_t begin, size_t end)
+{
+    double worst = 0;
+    for (size_t i = begin; i < end; i++) {
+        const double h = s->state.spacing * particles_size(s->state.p, i);
+        field_sample sample;
+        if (s->scratch.lost[i] || particles_is_fixed(s->state.p, i) ||
+            !field_sample_at(particles_field(s->state.p, s->setup.field, i), s->state.p->position[i],
+                             FIELD_GRADIENT, &sample))
+            continue;
+        worst = fmax(worst, fabs(sample.value) / vec3_norm(sample.gradient) / h);
+    }
+    return worst;
 }
 
 bool sampler_merges_rows(const sampler *s)
@@ -214,8 +233,12 @@ static void count_lost(sampler *s)
     s->record.out.lost = 0;
     s->record.out.max_residual = 0;
     for (size_t i = 0; i < n; i++) s->record.out.lost += s->scratch.lost[i];
-    for (size_t k = 0; k < n / CHUNK + 1; k++)
-        s->record.out.max_residual = fmax(s->record.out.max_residual, s->scratch.worst[k]);
+    for (size_t k = 0; k < n / CHUNK + 1; k++) {
+        const size_t begin = k * CHUNK, end = begin + CHUNK < n ? begin + CHUNK : n;
+        const double worst =
+            s->scratch.worst[k] == UNKNOWN ? worst_residual(s, begin, end) : s->scratch.worst[k];
+        s->record.out.max_residual = fmax(s->record.out.max_residual, worst);
+    }
 }
 
 static void curvature_chunk(void *context, int worker, size_t begin, size_t end)

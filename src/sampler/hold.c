@@ -71,8 +71,7 @@ bool sampler_hold(sampler *s, const vec3 *place, size_t count, bool *goes_on, er
     for (size_t k = 0; k < count; k++) held += hold_at(s, place[k]);
     if (held == 0) return true;
     sampler_take_back(s);
-    s->scratch.relax = relax_new(s->scratch.capacity, s->setup.params.energy, s->setup.fast,
-                                 s->setup.params.list_limit, s->setup.pool, e);
+    s->scratch.relax = sampler_new_relax(s, s->scratch.capacity, e);
     if (!s->scratch.relax) return false;
     *goes_on = true;
     sampler_go_on(s);

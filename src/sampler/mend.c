@@ -34,6 +34,7 @@ static const double ORDERED_SHARE = 0.05;
  * where all have it, and a pair has half of it from each; more costs more order than it evens out. A cell that is farther off
  * is not of one sheet. */
 static const double EVENING = 3, CELL_OFF = 0.15;
+enum { EVENINGS = 1 };
 /* What is worth a change. */
 static const double LEAST_GAIN = 1e-3;
 
@@ -415,33 +416,31 @@ static void even_out(mending *m)
     }
 }
 
-/* The kernel knows no amplitudes. */
-static bool leave_kernel(sampler *s, error *e)
+/* Particles get amplitudes, and what moves them knows these. */
+static bool begin_evening(sampler *s, error *e)
 {
+    if (s->state.evened++ > 0) return true;
     relax_free(s->scratch.relax);
-    s->scratch.relax = relax_new(s->scratch.capacity, s->setup.params.energy, NULL,
-                                 s->setup.params.list_limit, s->setup.pool, e);
-    return s->scratch.relax != NULL;
+    s->scratch.relax = sampler_new_relax(s, s->scratch.capacity, e);
+    return s->scratch.relax && particles_add_amplitudes(s->state.p, e);
 }
 
 bool sampler_even_out(sampler *s, bool *changed, error *e)
 {
-    mending m;
+    mending m = {.s = s};
     *changed = false;
-    if (s->state.mends == 0 || s->state.evened) return true;
-    const bool ok =
-        begin(&m, s, e) && find_near(&m, e) && particles_add_amplitudes(s->state.p, e) && leave_kernel(s, e);
-    if (ok) even_out(&m);
+    if (s->state.mends == 0 || s->state.evened == EVENINGS) return true;
+    *changed = begin_evening(s, e) && begin(&m, s, e) && find_near(&m, e);
+    if (*changed) even_out(&m);
     end(&m);
-    s->state.evened = *changed = ok;
-    return ok;
+    return *changed;
 }
 
 bool sampler_mend(sampler *s, bool *changed, error *e)
 {
     const double passes = floor(PASSES * fmin(1, PASSES_COUNT / (double)s->state.p->count));
     mending m;
-    bool ok = true, goes_on = s->state.mends < passes;
+    bool ok = true, goes_on = s->state.evened == 0 && s->state.mends < passes;
     *changed = false;
     if (!goes_on) return true;
     ok = begin(&m, s, e);

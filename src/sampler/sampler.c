@@ -21,6 +21,12 @@ static schedule_position position(const sampler *s)
         s->state.rough,           s->state.p->patch != NULL, relax_is_rough(s->scratch.relax)};
 }
 
+relax *sampler_new_relax(const sampler *s, size_t capacity, error *e)
+{
+    const fast_kernel *fast = s->state.evened > 0 ? NULL : s->setup.fast;
+    return relax_new(capacity, s->setup.params.energy, fast, s->setup.params.list_limit, s->setup.pool, e);
+}
+
 sampler *sampler_new(const field *f, const surface *scan, const sampler_params *params, threads *pool,
                      error *e)
 {
@@ -49,8 +55,7 @@ sampler *sampler_new(const field *f, const surface *scan, const sampler_params *
     if (!s->record.sweep || !levels_plan(f, scan, params, &s->state.plan, e)) goto fail;
     size_t capacity = s->scratch.capacity = levels_capacity(&s->state.plan);
     s->state.p = particles_new_even(capacity, e);
-    s->scratch.relax =
-        relax_new(capacity, s->setup.params.energy, s->setup.fast, params->list_limit, pool, e);
+    s->scratch.relax = sampler_new_relax(s, capacity, e);
     if (!s->state.p || !s->scratch.relax || !particles_label(s->state.p, f->patches, capacity, e) ||
         (params->graded && !particles_add_amplitudes(s->state.p, e)) ||
         (params->sizing && !particles_add_sizes(s->state.p, e)))

@@ -57,7 +57,7 @@ typedef struct sampler_state {
     int resizes;  /* in the round: rests that new sizes ended */
     int recalls;  /* ends that particles on new places ended */
     int mends;    /* passes of sampler_mend */
-    bool evened;  /* by sampler_even_out */
+    int evened;   /* how often, by sampler_even_out */
     bool settled; /* no particle has moved since sampler_settle */
     bool pressed; /* points have come to rest, but as they would be delivered they do not */
     bool coarse;  /* the spacing resolves nothing of the surface: pairs count whatever their normals */
@@ -107,6 +107,9 @@ double sampler_renew_amplitudes(sampler *s);
 
 /* Sizes of the particles where they are; returns the rms of their relative change. */
 double sampler_resize(sampler *s);
+
+/* What moves so many particles. The fast kernel knows no amplitudes, and is left once cells are evened out. Error: limit_memory. */
+relax *sampler_new_relax(const sampler *s, size_t capacity, error *e);
 
 /* Whether a mean energy over mean alpha is the ideal one, within the tolerance asked for. */
 bool sampler_is_on_target(const sampler *s, double energy);
@@ -163,8 +166,8 @@ size_t sampler_point_count(const sampler *s);
  * again. Same result for any number of threads. Errors: limit_memory, cancelled. */
 bool sampler_mend(sampler *s, bool *changed, error *e);
 
-/* Of particles that were mended: amplitudes under which their cells become as large as they are to be. *changed: they have to
- * come to rest again. Errors: limit_memory. */
+/* Of particles that were mended: amplitudes under which their cells become as large as they are to be, in a few steps. *changed:
+ * there was one, and they have to come to rest again. Errors: limit_memory. */
 bool sampler_even_out(sampler *s, bool *changed, error *e);
 
 /* *x near the zero set of f onto it to rounding, no farther than `farthest`; `h` is the scale of what is meant by rounding. False,
