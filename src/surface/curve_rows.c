@@ -114,11 +114,12 @@ static bool follow(layout *l, const field_curve *c, error *e)
     return true;
 }
 
-/* Steps that a curve takes. */
+/* Steps that a curve takes. Not two where it is closed: its patches would meet twice along one edge. */
 static double steps_of(const layout *l, size_t c)
 {
     double steps = round(l->length[c]);
-    return l->patches->curve[c].closed || l->length[c] < SHORTEST ? steps : fmax(steps, 1);
+    if (l->patches->curve[c].closed) return steps == 2 ? (l->length[c] < 2 ? 1 : 3) : steps;
+    return l->length[c] < SHORTEST ? steps : fmax(steps, 1);
 }
 
 static double places_of(const layout *l, size_t c)

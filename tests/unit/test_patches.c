@@ -319,6 +319,27 @@ static void a_loop_without_a_place_takes_no_room(void **state)
     curve_rows_free(&rows);
 }
 
+/* With two its patches would meet twice along one edge. */
+static void a_loop_has_never_two_places(void **state)
+{
+    (void)state;
+    static faces s;
+    error e = {0};
+    curve_rows rows;
+    const boundary_request request = {.spacing = 0.1, .even = 0.1, .most = SIZE_MAX};
+    const double length[] = {1.4, 1.6, 1.9, 2.1, 2.4, 2.6};
+    for (int n = 0; n < 6; n++) {
+        make_holed_face(&s);
+        s.patches.curve_count--; /* no slit */
+        const double round = 20 * 2 * 0.2 * sin(M_PI / 20);
+        for (size_t k = 0; k < s.curve[4].count; k++)
+            s.vertex[8 + k] = vec3_scale(s.vertex[8 + k], 0.1 * length[n] / round);
+        assert_true(curve_rows_make(&s.base, &request, &rows, &e));
+        assert_int_equal(rows.count, 4 * 10 + (n < 3 ? 1 : 3));
+        curve_rows_free(&rows);
+    }
+}
+
 static void loops_and_short_curves_have_places(void **state)
 {
     (void)state;
@@ -604,6 +625,7 @@ int main(void)
         cmocka_unit_test(rows_of_one_patch_merge_on_one_side_only),
         cmocka_unit_test(loops_and_short_curves_have_places),
         cmocka_unit_test(a_loop_without_a_place_takes_no_room),
+        cmocka_unit_test(a_loop_has_never_two_places),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
