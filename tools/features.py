@@ -5,7 +5,7 @@
     tools/features.py --worker build/hexad-worker --output doc/measured/features.md [--data DIRECTORY] [--only WORD ...]
 
 DIRECTORY, or HEXAD_SHARED, has the folder meshes. All are resolved by one setting: `resolve` with what `feature` is by default.
-Ends with 1 when a bound is missed:
+The page is written after each mesh, and what stands below its table is kept. Ends with 1 when a bound is missed:
 no unresolved point; a closed manifold with the genus and the number of parts of the input; the least angle above 25
 degrees in 99.9 % of the triangles; nowhere farther from the input than a third of the local feature size, or of
 the least spacing where that is larger. The local feature size is the distance to the medial axis of the input, by shrinking
@@ -159,7 +159,8 @@ HEAD = ("file", "least spacing, thousandths", "points", "outcome", "unresolved",
         "least angle", f"above {LEAST_ANGLE} degrees", "distance over feature size", "s")
 
 
-def page(data, worker, only, say):
+def page(data, worker, only, show):
+    """Rows of the table, and how many bounds are missed; `show` is told after each."""
     rows, bad = ["| " + " | ".join(HEAD) + " |", "|" + "---|" * len(HEAD)], 0
     for name in CASES:
         if only and not any(word in name for word in only):
@@ -171,19 +172,30 @@ def page(data, worker, only, say):
         longest = float(numpy.ptp(found[0].vertices, axis=0).max())
         row = [name, f"{1000 * found[3] / longest:.2f}"] + [t if good else f"**{t}**" for t, good in cells]
         rows.append("| " + " | ".join(row + [f"{found[1]['timing_s']['total']:.0f}"]) + " |")
-        say(rows[-1])
-    return rows, bad
+        show(rows, bad)
+    return bad
+
+
+def notes_of(path):
+    """What stands below the table of a page, by hand."""
+    lines = path.read_text().splitlines() if path.exists() else []
+    rows = [k for k, line in enumerate(lines) if line.startswith("|")]
+    return lines[rows[-1] + 1:] if rows else []
 
 
 def main():
     options = inputs.arguments(inputs.parser_of(__doc__.splitlines()[0]))
-    rows, bad = page(pathlib.Path(options.data), os.path.abspath(options.worker), options.only,
-                     lambda text: print(text, file=sys.stderr))
-    head = ["# Thin parts and close sheets", "",
-            "Made by `make features`: meshes sampled with `sampling.resolve`, and their `mesh.ply` held against the input "
-            f"(`tools/features.py` says how). {bad} bounds are missed; they are set in bold.", ""]
-    pathlib.Path(options.output).write_text("\n".join(head + rows) + "\n")
-    return 1 if bad else 0
+    output = pathlib.Path(options.output)
+    notes = notes_of(output)
+
+    def show(rows, bad):
+        """The page so far: a run that is cut short leaves the rows that it has."""
+        head = ["# Thin parts and close sheets", "",
+                "Made by `make features`: meshes sampled with `sampling.resolve`, and their `mesh.ply` held against the input "
+                f"(`tools/features.py` says how). {bad} bounds are missed; they are set in bold.", ""]
+        output.write_text("\n".join(head + rows + notes) + "\n")
+        print(rows[-1], file=sys.stderr)
+    return 1 if page(pathlib.Path(options.data), os.path.abspath(options.worker), options.only, show) else 0
 
 
 if __name__ == "__main__":

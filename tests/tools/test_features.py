@@ -106,3 +106,27 @@ def test_dents_as_large_as_the_spacing_are_reached(build, tmp_path, diagnose, mo
     assert report["outcome"] == "converged" and report["quality"]["unresolved_count"] == 0
     assert whole.manifold and whole.parts == whole.genus == 1
     assert cells[-1][1]
+
+
+def test_a_page_is_written_as_it_is_made(tmp_path, monkeypatch):
+    """A run that is cut short leaves its rows, and what stands below the table stays."""
+    page = tmp_path / "page.md"
+    page.write_text("# Title\n\n| old |\n|---|\n| row |\n\nNotes.\n")
+    report = {"timing_s": {"total": 1.0}}
+    given = meshes.Mesh(numpy.eye(3), numpy.array([[0, 1, 2]]))
+
+    def resolve(_worker, path, _work):
+        if path.name == features.CASES[1]:
+            raise KeyboardInterrupt
+        return given, report, None, 0.5
+
+    monkeypatch.setattr(features, "resolve", resolve)
+    monkeypatch.setattr(features, "measure", lambda *_: (("7", True), ("8", False)))
+    monkeypatch.setattr(sys, "argv", ["features.py", "--worker", "w", "--output", str(page), "--data", str(tmp_path)])
+    try:
+        features.main()
+    except KeyboardInterrupt:
+        pass
+    lines = page.read_text().splitlines()
+    assert lines[-1] == "Notes." and "1 bounds are missed" in lines[2] and "| row |" not in lines
+    assert [line for line in lines if line.startswith("|")][-1] == f"| {features.CASES[0]} | 500.00 | 7 | **8** | 1 |"
