@@ -1,5 +1,6 @@
 #include "formats/camera.h"
 
+#include "base/compare.h"
 #include "geometry/bbox.h"
 
 /* Half the field of view over the longer side of the frame, as a slope: about 26 degrees in all, a
@@ -9,11 +10,6 @@ static const double half_slope = 0.23;
 /* Towards the eye: from the right, in front, above. Not on a diagonal, so that a cube shows three
  * different faces. */
 static const vec3 towards_eye = {0.52, -0.74, 0.43};
-
-static vec3 rotate(const camera *c, vec3 v)
-{
-    return (vec3){vec3_dot(c->right, v), vec3_dot(c->up, v), vec3_dot(c->forward, v)};
-}
 
 static vec3 turn_about(vec3 v, vec3 axis, double angle)
 {
@@ -48,12 +44,12 @@ static touch touch_set(const camera *c, const vec3 *position, size_t count, came
     t.east = t.west = t.north = t.south = -INFINITY;
     t.nearest = INFINITY;
     for (size_t i = 0; i < count; i++) {
-        vec3 p = rotate(c, vec3_sub(position[i], c->origin));
-        t.east = fmax(t.east, p.x - t.sx * p.z);
-        t.west = fmax(t.west, -p.x - t.sx * p.z);
-        t.north = fmax(t.north, p.y - t.sy * p.z);
-        t.south = fmax(t.south, -p.y - t.sy * p.z);
-        t.nearest = fmin(t.nearest, p.z);
+        vec3 p = camera_direction(c, vec3_sub(position[i], c->origin));
+        t.east = compare_larger(t.east, p.x - t.sx * p.z);
+        t.west = compare_larger(t.west, -p.x - t.sx * p.z);
+        t.north = compare_larger(t.north, p.y - t.sy * p.z);
+        t.south = compare_larger(t.south, -p.y - t.sy * p.z);
+        t.nearest = compare_smaller(t.nearest, p.z);
     }
     return t;
 }
@@ -97,7 +93,7 @@ camera camera_look(const camera_place *place, int width, int height)
     c.forward = vec3_unit(vec3_sub(place->target, place->position));
     c.right = vec3_unit(vec3_cross(c.forward, place->up));
     c.up = vec3_cross(c.right, c.forward);
-    c.shift = rotate(&c, vec3_sub(place->position, place->target));
+    c.shift = camera_direction(&c, vec3_sub(place->position, place->target));
     c.focal = c.parallel ? longer / place->span : 0.5 * longer / slope;
     c.center_x = 0.5 * width;
     c.center_y = 0.5 * height;
@@ -110,16 +106,6 @@ camera_place camera_turn(const camera_place *place, double angle)
     vec3 away = vec3_sub(place->position, place->target);
     turned.position = vec3_add(place->target, turn_about(away, vec3_unit(place->up), angle));
     return turned;
-}
-
-vec3 camera_point(const camera *c, vec3 world)
-{
-    return vec3_sub(rotate(c, vec3_sub(world, c->origin)), c->shift);
-}
-
-vec3 camera_direction(const camera *c, vec3 world)
-{
-    return rotate(c, world);
 }
 
 vec3 camera_to_world(const camera *c, vec3 p)

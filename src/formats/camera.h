@@ -48,9 +48,17 @@ camera camera_look(const camera_place *place, int width, int height);
 /* The place turned by an angle (radians, counterclockwise from above) about its `up` through its target. */
 camera_place camera_turn(const camera_place *place, double angle);
 
-/* World to camera space, for a point and for a direction. */
-vec3 camera_point(const camera *c, vec3 world);
-vec3 camera_direction(const camera *c, vec3 world);
+/* World to camera space, for a direction and for a point. */
+static inline vec3 camera_direction(const camera *c, vec3 world)
+{
+    return (vec3){vec3_dot(c->right, world), vec3_dot(c->up, world), vec3_dot(c->forward, world)};
+}
+
+static inline vec3 camera_point(const camera *c, vec3 world)
+{
+    return vec3_sub(camera_direction(c, vec3_sub(world, c->origin)), c->shift);
+}
+
 vec3 camera_to_world(const camera *c, vec3 point);
 
 /* Pixels per world unit at a depth. */

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/compare.h"
 #include "base/isa.h"
 
 static const double ring_share = 0.88; /* of the radius: outline from here */
@@ -42,21 +43,91 @@ ISA_INLINE int whole(double value, int low, int high)
 
 /* The samples that a disc's box may cover: its extent along each axis is exact for a disc in space,
  * and a perspective picture of a box lies between the pictures of its corners. */
-bool disc_range(const camera *c, const disc *d, const disc_band *b, int range[4])
+static bool range_of(const camera *c, const disc *d, const disc_band *b, int range[4])
 {
     vec3 n = d->normal, p = d->center;
-    double rx = d->radius * sqrt(fmax(1 - n.x * n.x, 0)), ry = d->radius * sqrt(fmax(1 - n.y * n.y, 0));
-    double rz = d->radius * sqrt(fmax(1 - n.z * n.z, 0));
+    double rx = d->radius * sqrt(compare_larger(1 - n.x * n.x, 0)),
+           ry = d->radius * sqrt(compare_larger(1 - n.y * n.y, 0));
+    double rz = d->radius * sqrt(compare_larger(1 - n.z * n.z, 0));
     double near = camera_scale(c, p.z - rz), far = camera_scale(c, p.z + rz);
-    double left = c->center_x + fmin((p.x - rx) * near, (p.x - rx) * far);
-    double right = c->center_x + fmax((p.x + rx) * near, (p.x + rx) * far);
-    double top = c->center_y - fmax((p.y + ry) * near, (p.y + ry) * far);
-    double bottom = c->center_y - fmin((p.y - ry) * near, (p.y - ry) * far);
+    double left = c->center_x + compare_smaller((p.x - rx) * near, (p.x - rx) * far);
+    double right = c->center_x + compare_larger((p.x + rx) * near, (p.x + rx) * far);
+    double top = c->center_y - compare_larger((p.y + ry) * near, (p.y + ry) * far);
+    double bottom = c->center_y - compare_smaller((p.y - ry) * near, (p.y - ry) * far);
     range[0] = whole(ceil(left * DISC_SAMPLES - 0.5), 0, b->width);
     range[1] = whole(floor(right * DISC_SAMPLES - 0.5), -1, b->width - 1);
     range[2] = whole(ceil(top * DISC_SAMPLES - 0.5), b->top, b->top + b->rows);
     range[3] = whole(floor(bottom * DISC_SAMPLES - 0.5), b->top - 1, b->top + b->rows - 1);
     return range[0] <= range[1] && range[2] <= range[3];
+}
+
+/* Where a length from low to high, times one of two scales, may be. */
+static void span_of(double middle, double radius, double near, double far, double out[2])
+{
+    out[0] = compare_smaller((middle - radius) * near, (middle - radius) * far);
+    out[1] = compare_larger((middle + radius) * near, (middle + radius) * far);
+}
+
+/* A dot's row is that of its middle, so rows are counted from those that a place lies in. */
+void disc_ball_rows(const camera *c, const disc_ball *ball, int rows, int *first, int *last)
+{
+    double up[2], r = ball->radius, z = ball->center.z;
+    span_of(ball->center.y, r, camera_scale(c, z - r), camera_scale(c, z + r), up);
+    *first = whole(floor((c->center_y - up[1]) * DISC_SAMPLES), 0, rows);
+    *last = whole(floor((c->center_y - up[0]) * DISC_SAMPLES), -1, rows - 1);
+}
+
+/* Samples along the sides of a tile. */
+enum { TILE_WIDTH = 16, TILE_ROWS = 8 };
+
+static size_t tiles_along(int length, int tile)
+{
+    return (size_t)((length + tile - 1) / tile);
+}
+
+size_t disc_band_tiles(int width, int rows)
+{
+    return tiles_along(width, TILE_WIDTH) * tiles_along(rows, TILE_ROWS);
+}
+
+/* What lies beyond the band hides nothing and shows nothing. */
+ISA_CLONES void disc_band_note_tiles(const disc_band *b)
+{
+    const size_t across = tiles_along(b->width, TILE_WIDTH);
+    for (int top = 0; top < b->rows; top += TILE_ROWS)
+        for (size_t at = 0; at < across; at++) {
+            const int left = (int)at * TILE_WIDTH;
+            float least = INFINITY;
+            for (int row = top; row < top + TILE_ROWS && row < b->rows && least > 0; row++) {
+                const bool drawn = left < b->drawn[row][1] && left + TILE_WIDTH > b->drawn[row][0];
+                const float *key = b->key + (size_t)row * (size_t)b->width + left;
+                const int width = b->width - left < TILE_WIDTH ? b->width - left : TILE_WIDTH;
+                if (!drawn) least = 0;
+                for (int k = 0; drawn && k < width; k++) least = key[k] < least ? key[k] : least;
+            }
+            b->farthest[(size_t)(top / TILE_ROWS) * across + at] = least;
+        }
+}
+
+/* Keys are rounded, so that one that is equal to within a hundred thousandth may not be. */
+static const double key_hair = 1e-5;
+
+bool disc_ball_is_hidden(const camera *c, double far, const disc_ball *ball, const disc_band *b)
+{
+    const size_t across = tiles_along(b->width, TILE_WIDTH);
+    const double r = ball->radius, z = ball->center.z, key = c->parallel ? far - (z - r) : 1 / (z - r);
+    double along[2];
+    int first, last;
+    disc_ball_rows(c, ball, b->top + b->rows, &first, &last);
+    if (first < b->top) first = b->top;
+    span_of(ball->center.x, r, camera_scale(c, z - r), camera_scale(c, z + r), along);
+    const int left = whole(floor((c->center_x + along[0]) * DISC_SAMPLES), 0, b->width),
+              right = whole(floor((c->center_x + along[1]) * DISC_SAMPLES), -1, b->width - 1);
+    bool hidden = true;
+    for (int y = first - b->top; hidden && y <= last - b->top; y += TILE_ROWS - y % TILE_ROWS)
+        for (int x = left / TILE_WIDTH; hidden && x <= right / TILE_WIDTH && left <= right; x++)
+            hidden = (double)b->farthest[(size_t)(y / TILE_ROWS) * across + (size_t)x] > (1 + key_hair) * key;
+    return hidden;
 }
 
 ISA_INLINE double sample_place(int sample)
@@ -192,7 +263,7 @@ ISA_CLONES void disc_draw(const camera *c, double far, const disc *d, const disc
 {
     int range[4];
     double offset = vec3_dot(camera_sight(c, d->center), d->normal), limit = d->radius * d->radius;
-    if (!disc_range(c, d, b, range) || !(fabs(offset) > 0) || !(limit > 0)) return;
+    if (!range_of(c, d, b, range) || !(fabs(offset) > 0) || !(limit > 0)) return;
     double ring_limit = d->ring ? limit * ring_share * ring_share : limit;
     double middle = c->parallel ? d->center.x : d->center.x / d->center.z;
     const abscissae a = {(sample_place(0) - c->center_x) / c->focal - middle, 1 / (DISC_SAMPLES * c->focal),
@@ -204,13 +275,6 @@ ISA_CLONES void disc_draw(const camera *c, double far, const disc *d, const disc
         const run r = run_along(c, d, &s, offset, ray_y, far);
         draw_section(&a, &s, &r, limit, ring_limit, b, y - b->top);
     }
-}
-
-int disc_row(const camera *c, const disc *d, const disc_band *b)
-{
-    double x, y;
-    camera_project(c, d->center, &x, &y);
-    return whole(floor(y * DISC_SAMPLES), b->top, b->top + b->rows - 1);
 }
 
 void disc_draw_dot(const camera *c, double far, const disc *d, const disc_band *b)

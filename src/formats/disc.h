@@ -38,16 +38,28 @@ typedef struct disc_band {
     float *key;           /* inverse depth, with the cone: the greatest wins; 0 where nothing is */
     uint32_t *code;
     int (*drawn)[2]; /* of each row the first sample that is not empty, and that beyond the last */
+    float *farthest; /* of each tile the least key, as disc_band_note_tiles finds it */
 } disc_band;
+
+size_t disc_band_tiles(int width, int rows); /* how many tiles such a band has */
 
 void disc_band_begin(const disc_band *b); /* before the first disc */
 void disc_band_empty(const disc_band *b); /* zeroes what was drawn */
 
-/* The samples of the band that a disc's box may cover: first and last column, first and last row; false if there are none. */
-bool disc_range(const camera *c, const disc *d, const disc_band *b, int range[4]);
+/* What holds discs, in camera space; it does not reach the eye. */
+typedef struct disc_ball {
+    vec3 center;
+    double radius;
+} disc_ball;
 
-/* The row of the band that is nearest to the disc's centre. */
-int disc_row(const camera *c, const disc *d, const disc_band *b);
+/* The first and last of `rows` rows of samples that the ball may cover, and a dot at its centre; first > last if there are none. */
+void disc_ball_rows(const camera *c, const disc_ball *ball, int rows, int *first, int *last);
+
+/* Looks at what is drawn so far, for disc_ball_is_hidden. */
+void disc_band_note_tiles(const disc_band *b);
+
+/* Whether something nearer was there already wherever the ball may be: to draw what it holds would change nothing. */
+bool disc_ball_is_hidden(const camera *c, double far, const disc_ball *ball, const disc_band *b);
 
 /* `far`: no disc is as deep, for parallel cameras. */
 void disc_draw(const camera *c, double far, const disc *d, const disc_band *b);

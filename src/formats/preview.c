@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/compare.h"
 #include "base/isa.h"
 #include "base/memory.h"
 #include "formats/disc.h"
@@ -65,10 +66,10 @@ static const double margin_share = 0.05; /* of the shorter side, free around the
 static double size_of(const points *set, size_t i)
 {
     double wanted = set->spacing[i], size = set->spacing_local[i] > 0 ? set->spacing_local[i] : wanted;
-    if (wanted > 0) size = fmin(size, stretch_max * wanted);
-    double bend = fmax(fabs(set->kappa1[i]), fabs(set->kappa2[i]));
-    if (bend > 0) size = fmin(size, fmax(bend_radii / bend, bend_least_share * size));
-    return fmax(size, 0);
+    if (wanted > 0) size = compare_smaller(size, stretch_max * wanted);
+    double bend = compare_larger(fabs(set->kappa1[i]), fabs(set->kappa2[i]));
+    if (bend > 0) size = compare_smaller(size, compare_larger(bend_radii / bend, bend_least_share * size));
+    return compare_larger(size, 0);
 }
 
 /* The cosine of the angle between a disc's normal and the way back to the eye. */
@@ -84,7 +85,7 @@ static double trim_edge(const image *m, size_t i, const disc *d, double radius)
 {
     double hidden = 2 * sink_max_share, kappa = m->points.kappa[i];
     if (!(radius * kappa > hidden)) return radius;
-    double share = fmin(fabs(facing_of(&m->camera, d)) / edge_cosine, 1);
+    double share = compare_smaller(fabs(facing_of(&m->camera, d)) / edge_cosine, 1);
     return hidden / kappa + share * (radius - hidden / kappa);
 }
 
@@ -93,10 +94,10 @@ static disc body_of(const image *m, size_t i)
     disc d;
     d.center = camera_point(&m->camera, m->points.position[i]);
     d.normal = camera_direction(&m->camera, m->points.normal[i]);
-    d.radius =
-        trim_edge(m, i, &d, fmin(m->scale_of_discs * body_share * size_of(&m->points, i), m->radius_max));
+    d.radius = trim_edge(
+        m, i, &d, compare_smaller(m->scale_of_discs * body_share * size_of(&m->points, i), m->radius_max));
     double bend = 0.5 * m->points.kappa[i] * d.radius * d.radius;
-    double sink = fmin(bend + sink_share * d.radius, sink_max_share * d.radius);
+    double sink = compare_smaller(bend + sink_share * d.radius, sink_max_share * d.radius);
     d.center = vec3_axpy(-sink, d.normal, d.center);
     d.cone = cone_share * d.radius;
     d.code = (uint32_t)(i + 1) | DISC_BODY;
@@ -111,9 +112,10 @@ static disc face_of(const image *m, size_t i)
     d.normal = camera_direction(&m->camera, m->points.normal[i]);
     double size = m->scale_of_discs * size_of(&m->points, i);
     double pixels = disc_share * size * camera_scale(&m->camera, d.center.z);
-    double t = fmin(fmax((pixels - merge_pixels) / (single_pixels - merge_pixels), 0), 1);
+    double t =
+        compare_smaller(compare_larger((pixels - merge_pixels) / (single_pixels - merge_pixels), 0), 1);
     double share = body_share + t * (disc_share - body_share);
-    d.radius = trim_edge(m, i, &d, fmin(share * size, m->radius_max));
+    d.radius = trim_edge(m, i, &d, compare_smaller(share * size, m->radius_max));
     d.cone = cone_share * d.radius;
     d.code = (uint32_t)(i + 1);
     d.ring = pixels > ring_from_pixels;
@@ -140,6 +142,23 @@ static int discs_of(const image *m, size_t i, disc out[2])
     if (is_line(m, &out[0])) return 0;
     out[1] = body_of(m, i);
     return out[1].radius > out[0].radius ? 2 : 1;
+}
+
+/* A ball that holds what is drawn of a point: its face is no larger than its body, which has sunk by a share of its radius at
+ * most. */
+static disc_ball ball_of(const image *m, size_t i)
+{
+    const double body = m->scale_of_discs * body_share * size_of(&m->points, i);
+    return (disc_ball){camera_point(&m->camera, m->points.position[i]),
+                       (1 + sink_max_share) * compare_smaller(body, m->radius_max)};
+}
+
+/* Whether a point is seen from behind. */
+static bool is_turned(const image *m, size_t i)
+{
+    const vec3 normal = camera_direction(&m->camera, m->points.normal[i]),
+               sight = camera_sight(&m->camera, camera_point(&m->camera, m->points.position[i]));
+    return vec3_dot(sight, normal) >= 0;
 }
 
 /* The points that may be seen in each band, in the order of the set. */
@@ -177,22 +196,13 @@ static void reach_chunk(void *context, int worker, size_t begin, size_t end)
     const drawing *job = context;
     const image *m = job->image;
     (void)worker;
-    disc_band all = {.width = m->width * DISC_SAMPLES, .rows = m->height * DISC_SAMPLES};
     for (size_t i = begin; i < end; i++) {
-        disc all_of[2];
-        int count = discs_of(m, i, all_of);
-        job->bins.reach[i][0] = 1;
-        job->bins.reach[i][1] = 0;
-        if (count == 0) continue;
-        int low = disc_row(&m->camera, &all_of[0], &all), high = low;
-        for (int k = 0; k < count; k++) {
-            int range[4];
-            if (!disc_range(&m->camera, &all_of[k], &all, range)) continue;
-            if (range[2] < low) low = range[2];
-            if (range[3] > high) high = range[3];
-        }
-        job->bins.reach[i][0] = (uint16_t)(low / job->bins.rows);
-        job->bins.reach[i][1] = (uint16_t)(high / job->bins.rows);
+        const disc_ball ball = ball_of(m, i);
+        int low = 1, high = 0;
+        if (ball.center.z > reach_share * m->radius_max)
+            disc_ball_rows(&m->camera, &ball, m->height * DISC_SAMPLES, &low, &high);
+        job->bins.reach[i][0] = (uint16_t)(low > high ? 1 : low / job->bins.rows);
+        job->bins.reach[i][1] = (uint16_t)(low > high ? 0 : high / job->bins.rows);
     }
 }
 
@@ -218,16 +228,32 @@ static bool sort_into_bands(drawing *job, error *e)
     return true;
 }
 
-/* Into a band that is empty. */
+static void draw_point(const image *m, size_t i, const disc_band *b)
+{
+    disc all[2];
+    const int count = discs_of(m, i, all);
+    for (int d = 0; d < count; d++) disc_draw(&m->camera, m->far, &all[d], b);
+    if (count > 0 && !(all[0].code & DISC_BODY) &&
+        all[0].radius * camera_scale(&m->camera, all[0].center.z) < 1)
+        disc_draw_dot(&m->camera, m->far, &all[0], b);
+}
+
+/* Into a band that is empty. Points that are seen from behind come last: most of them are hidden by what is there then. Their
+ * places in the band's list go to its beginning. */
 static void draw_band(const image *m, const bins *sorted, size_t which, const disc_band *b)
 {
+    const size_t begin = sorted->begin[which];
+    size_t turned = begin;
     disc_band_begin(b);
-    for (size_t k = sorted->begin[which]; k < sorted->begin[which + 1]; k++) {
-        disc all[2];
-        int count = discs_of(m, sorted->point[k], all);
-        for (int d = 0; d < count; d++) disc_draw(&m->camera, m->far, &all[d], b);
-        if (!(all[0].code & DISC_BODY) && all[0].radius * camera_scale(&m->camera, all[0].center.z) < 1)
-            disc_draw_dot(&m->camera, m->far, &all[0], b);
+    for (size_t k = begin; k < sorted->begin[which + 1]; k++)
+        if (is_turned(m, sorted->point[k]))
+            sorted->point[turned++] = sorted->point[k];
+        else
+            draw_point(m, sorted->point[k], b);
+    disc_band_note_tiles(b);
+    for (size_t k = begin; k < turned; k++) {
+        const disc_ball ball = ball_of(m, sorted->point[k]);
+        if (!disc_ball_is_hidden(&m->camera, m->far, &ball, b)) draw_point(m, sorted->point[k], b);
     }
 }
 
@@ -238,8 +264,8 @@ static void draw_band(const image *m, const bins *sorted, size_t which, const di
 static double shade(vec3 n, vec3 up)
 {
     static const vec3 key = {-0.40, 0.55, -0.73}, fill = {0.75, 0.05, -0.66};
-    return 0.20 + 0.18 * (0.5 + 0.5 * vec3_dot(n, up)) + 0.62 * fmax(vec3_dot(n, key), 0) +
-           0.26 * fmax(vec3_dot(n, fill), 0);
+    return 0.20 + 0.18 * (0.5 + 0.5 * vec3_dot(n, up)) + 0.62 * compare_larger(vec3_dot(n, key), 0) +
+           0.26 * compare_larger(vec3_dot(n, fill), 0);
 }
 
 /* Places of the colour scale, in linear light: more than a byte can tell apart. */
@@ -251,24 +277,49 @@ static color light_of(const double *srgb)
                    (float)colormap_linear(srgb[2])};
 }
 
-/* The colour of every point's disc, in linear light. */
-static color *shade_points(const image *m, const quantity_look *look, error *e)
+typedef struct shading {
+    const image *image;
+    const quantity_look *look;
+    const double *values;
+    const color *scale; /* SCALE_COLORS; NULL: a few are found when they are needed */
+    color *colors;
+} shading;
+
+static color scale_color(const quantity_look *look, int place)
 {
-    color *colors = mem_array(m->points.count, sizeof *colors, "the preview's colours", e),
-          scale[SCALE_COLORS];
-    const double *values = quantity_values(&m->points, look);
     double srgb[3];
-    for (int k = 0; k < SCALE_COLORS; k++) {
-        colormap_color(look->map, (k + 0.5) / SCALE_COLORS, srgb);
-        scale[k] = light_of(srgb);
+    colormap_color(look->map, (place + 0.5) / SCALE_COLORS, srgb);
+    return light_of(srgb);
+}
+
+static void shade_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const shading *job = context;
+    const image *m = job->image;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        const float light = (float)shade(camera_direction(&m->camera, m->points.normal[i]), m->up);
+        color c;
+        if (job->look->which == QUANTITY_COLOR) /* of no scale */
+            c = light_of(job->values + 3 * i);
+        else {
+            int place = (int)(colormap_scale_place(&m->scale, job->values[i]) * SCALE_COLORS);
+            if (place >= SCALE_COLORS) place = SCALE_COLORS - 1;
+            c = job->scale ? job->scale[place] : scale_color(job->look, place);
+        }
+        job->colors[i] = (color){light * c.r, light * c.g, light * c.b};
     }
-    for (size_t i = 0; colors && i < m->points.count; i++) {
-        float light = (float)shade(camera_direction(&m->camera, m->points.normal[i]), m->up);
-        bool own = look->which == QUANTITY_COLOR; /* of no scale */
-        int place = own ? 0 : (int)(colormap_scale_place(&m->scale, values[i]) * SCALE_COLORS);
-        color c = own ? light_of(values + 3 * i) : scale[place < SCALE_COLORS ? place : SCALE_COLORS - 1];
-        colors[i] = (color){light * c.r, light * c.g, light * c.b};
-    }
+}
+
+/* The colour of every point's disc, in linear light. */
+static color *shade_points(const image *m, const quantity_look *look, threads *pool, error *e)
+{
+    const size_t count = m->points.count;
+    color scale[SCALE_COLORS], *colors = mem_array(count, sizeof *colors, "the preview's colours", e);
+    const bool whole = count >= SCALE_COLORS && look->which != QUANTITY_COLOR;
+    shading job = {m, look, quantity_values(&m->points, look), whole ? scale : NULL, colors};
+    for (int k = 0; whole && k < SCALE_COLORS; k++) scale[k] = scale_color(look, k);
+    if (colors) threads_run(pool, count, POINTS_GRAIN, shade_chunk, &job);
     return colors;
 }
 
@@ -293,10 +344,10 @@ enum { TABLE_SIZE = 1 << 14 };
 
 static void make_table(unsigned char table[TABLE_SIZE])
 {
-    for (int i = 0; i < TABLE_SIZE; i++) {
-        double v = (i + 0.5) / TABLE_SIZE;
-        double srgb = v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055;
-        table[i] = (unsigned char)lround(255 * srgb);
+    for (int i = 0, byte = 0; i < TABLE_SIZE; i++) {
+        const double v = (i + 0.5) / TABLE_SIZE;
+        while (byte < 255 && v >= colormap_linear((byte + 0.5) / 255)) byte++;
+        table[i] = (unsigned char)byte;
     }
 }
 
@@ -447,7 +498,9 @@ static bool make_bands(drawing *job, error *e)
         b->key = mem_array(samples, sizeof *b->key, "the preview's depths", e);
         b->code = mem_array(samples, sizeof *b->code, "the preview's samples", e);
         b->drawn = mem_array((size_t)job->bins.rows, sizeof *b->drawn, "the preview's samples", e);
-        if (!b->key || !b->code || !b->drawn) return false;
+        b->farthest = mem_array(disc_band_tiles(width, job->bins.rows), sizeof *b->farthest,
+                                "the preview's samples", e);
+        if (!b->key || !b->code || !b->drawn || !b->farthest) return false;
     }
     return true;
 }
@@ -455,7 +508,7 @@ static bool make_bands(drawing *job, error *e)
 static bool draw(image *m, const quantity_look *look, threads *pool, error *e)
 {
     unsigned char *table = mem_alloc(TABLE_SIZE);
-    color *colors = shade_points(m, look, e);
+    color *colors = shade_points(m, look, pool, e);
     drawing job = {.image = m, .pool = pool, .colors = colors, .table = table};
     bool ok = colors && make_bands(&job, e) && sort_into_bands(&job, e);
     if (ok) {
@@ -467,6 +520,7 @@ static bool draw(image *m, const quantity_look *look, threads *pool, error *e)
         free(job.band[k].key);
         free(job.band[k].code);
         free(job.band[k].drawn);
+        free(job.band[k].farthest);
     }
     free(job.band);
     bins_free(&job.bins);
@@ -506,18 +560,19 @@ static bounds bound_set(const points *set)
     double largest = 0;
     for (size_t i = 0; i < set->count; i++) {
         box = bbox_include(box, set->position[i]);
-        largest = fmax(largest, body_share * size_of(set, i));
+        largest = compare_larger(largest, body_share * size_of(set, i));
     }
     double half_diagonal = 0.5 * vec3_norm(vec3_sub(box.max, box.min));
-    double most = half_diagonal > 0 ? fmin(largest, radius_max_share * half_diagonal) : largest;
+    double most = half_diagonal > 0 ? compare_smaller(largest, radius_max_share * half_diagonal) : largest;
     if (!(most > 0)) most = half_diagonal > 0 ? half_diagonal : 1; /* points of no size: dots */
-    return (bounds){most, fmax(half_diagonal, most)};
+    return (bounds){most, compare_larger(half_diagonal, most)};
 }
 
 /* The part of a picture that is free for the set. */
 static camera_frame frame_of(const preview_options *o)
 {
-    double legend = legend_height(o->width, o->height), margin = margin_share * fmin(o->width, o->height);
+    double legend = legend_height(o->width, o->height),
+           margin = margin_share * compare_smaller(o->width, o->height);
     return (camera_frame){margin, margin, o->width - 2 * margin, o->height - legend - 2 * margin, o->y_up};
 }
 
@@ -534,7 +589,7 @@ void preview_orbit(const points *set, const preview_options *o, int frames, came
 static double depth_beyond(const points *set, const camera *c, double radius)
 {
     double far = 0;
-    for (size_t i = 0; i < set->count; i++) far = fmax(far, camera_point(c, set->position[i]).z);
+    for (size_t i = 0; i < set->count; i++) far = compare_larger(far, camera_point(c, set->position[i]).z);
     return far + 2 * radius;
 }
 
@@ -553,12 +608,11 @@ static image *new_image(const points *set, const preview_options *options, error
     return NULL;
 }
 
-bool preview_render_from(const points *set, const preview_options *options, const camera *from, threads *pool,
-                         image **out, error *e)
+static bool render(const points *set, const preview_options *options, const camera *from, bounds b,
+                   threads *pool, image **out, error *e)
 {
     image *m = new_image(set, options, e);
     if (!m) return false;
-    const bounds b = bound_set(set);
     const quantity_look *look = &options->color;
     char note[48];
     m->camera = *from;
@@ -578,6 +632,12 @@ bool preview_render_from(const points *set, const preview_options *options, cons
     return true;
 }
 
+bool preview_render_from(const points *set, const preview_options *options, const camera *from, threads *pool,
+                         image **out, error *e)
+{
+    return render(set, options, from, bound_set(set), pool, out, e);
+}
+
 bool preview_render(const points *set, const preview_options *o, threads *pool, image **out, error *e)
 {
     if (o->width < PREVIEW_SIZE_MIN || o->width > PREVIEW_SIZE_MAX || o->height < PREVIEW_SIZE_MIN ||
@@ -585,9 +645,10 @@ bool preview_render(const points *set, const preview_options *o, threads *pool, 
         return error_set(e, ERROR_INTERNAL, "a preview of %d x %d pixels is not possible", o->width,
                          o->height);
     if (!check_points(set, e)) return false;
-    camera c = o->camera ? camera_look(o->camera, o->width, o->height)
-                         : camera_fit(set->position, set->count, bound_set(set).radius_max, frame_of(o));
-    return preview_render_from(set, o, &c, pool, out, e);
+    const bounds b = bound_set(set);
+    const camera c = o->camera ? camera_look(o->camera, o->width, o->height)
+                               : camera_fit(set->position, set->count, b.radius_max, frame_of(o));
+    return render(set, o, &c, b, pool, out, e);
 }
 
 void preview_free(image *m)

@@ -405,7 +405,7 @@ static bool write_turntable(const char *directory, int frames, const points *set
 {
     camera *from = mem_alloc((size_t)frames * sizeof *from);
     bool ok = true;
-    preview_orbit(set, options, frames, from);
+    if (frames > 0) preview_orbit(set, options, frames, from);
     for (int k = 0; ok && k < frames; k++) {
         char *name = mem_printf(FRAME_NAME, k + 1);
         image *picture = NULL;
