@@ -1,5 +1,6 @@
 #include "base/memory.h"
 
+#include <malloc.h>
 #include <stdarg.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -75,6 +76,15 @@ static void *zeroed(char *p, size_t bytes)
     memset(p, 0, head);
     memset(p + head + pages, 0, bytes - head - pages);
     return p;
+}
+
+/* Bytes above the last thing in use that are kept. */
+static const int KEPT = 4 << 20;
+
+void mem_return_arrays(void)
+{
+    mallopt(M_MMAP_THRESHOLD, (int)(VERY_LARGE / 2));
+    mallopt(M_TRIM_THRESHOLD, KEPT);
 }
 
 void *mem_array(size_t count, size_t size, const char *what, error *e)

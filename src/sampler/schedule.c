@@ -9,15 +9,15 @@ static const double stage_share[SCHEDULE_STAGES + 1] = {0, 0.07, 0.35, 1};
 static const double LAMBDA_BEGINS = -3;
 
 /* What all schedules have in common. */
-#define COMMON                                                                                              \
-    .gain = {1e-4, 1e-6, 1e-8}, .patience_more = 50, .patience_last = 500, .coarsest_gain = 1e-5,           \
-    .sweeps = 100, .sweeps_count = 1e4, .sweeps_count_between = {5e3, 2e4}, .sweeps_share_between = 4,      \
-    .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120, .rough_sweeps = {2, 3.5},                    \
-    .rough_most = {2, 1}, .rough_count = 5e3,                                                               \
-    .roughness = {{{0.05, 0.25}, 0.1, 0.9, 500}, {{0.02, 0.25}, 0.04, 0.99, 900}}, .size_settled = 1e-3,    \
-    .resizes_most = 10, .cramped_share = 0.01, .cramped_share_coarse = 0.04, .skin_wide = 0.6,              \
-    .skin_narrow = 0.2, .skin_steps = 6, .skin_first = 0.22, .skin_first_count = 2e5, .creased_share = 0.7, \
-    .newcomer_sweeps = 60
+#define COMMON                                                                                           \
+    .gain = {1e-4, 1e-6, 1e-8}, .patience_more = 50, .patience_last = 500, .coarsest_gain = 1e-5,        \
+    .sweeps = 100, .sweeps_count = 1e4, .sweeps_count_between = {5e3, 2e4}, .sweeps_share_between = 4,   \
+    .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120, .rough_sweeps = {2, 3.5},                 \
+    .rough_most = {2, 1}, .rough_count = 5e3,                                                            \
+    .roughness = {{{0.05, 0.25}, 0.1, 0.9, 500}, {{0.02, 0.25}, 0.04, 0.99, 900}}, .size_settled = 1e-3, \
+    .resizes_most = 10, .cramped_share = 0.01, .cramped_share_coarse = 0.04, .skin_wide = 0.6,           \
+    .skin_narrow = 0.2, .skin_steps = 6, .skin_first = 0.22, .many = 2e5, .many_sweeps = 2,              \
+    .creased_share = 0.7, .newcomer_sweeps = 60
 
 /* Over-relaxation: 1.8 needs three times the sweeps, 3.0 is slower again near rest. */
 #define PAPER                                                                                  \
@@ -69,6 +69,18 @@ static bool is_early(const schedule_position *at)
     return at->level == 0 && !schedule_is_last_stage(at);
 }
 
+/* A refined level of many particles of even sizes, away from curves. */
+static bool are_many(const schedule *s, const schedule_position *at)
+{
+    return s->is_paced && at->level > 0 && !at->is_sized && !at->has_curves && (double)at->count >= s->many;
+}
+
+/* Then, on the last level, a sweep as of a shaken level and one as of a level at rest. */
+static bool needs_few(const schedule *s, const schedule_position *at)
+{
+    return are_many(s, at) && schedule_is_last_level(at) && !at->is_creased && at->rough == 0;
+}
+
 static double sweeps_for(const schedule *s, const schedule_position *at, double many)
 {
     return s->sweeps * pow(many / (double)at->count, s->sweeps_fall);
@@ -83,7 +95,7 @@ int schedule_level_sweeps(const schedule *s, const schedule_position *at)
         double paid = s->sweeps_share_between * pow(4, at->levels - 1 - at->level);
         sweeps = fmax(sweeps, fmin(sweeps_for(s, at, s->sweeps_count_between[1]), paid));
     }
-    sweeps = fmin(fmax(sweeps, s->sweeps_least), s->sweeps_most);
+    sweeps = needs_few(s, at) ? s->many_sweeps : fmin(fmax(sweeps, s->sweeps_least), s->sweeps_most);
     double rough = s->rough_sweeps[schedule_is_last_level(at)];
     return (int)fmin(pow(rough, at->rough) * sweeps, s->roughness[at->has_curves].most);
 }
@@ -106,7 +118,7 @@ bool schedule_is_rough(const schedule *s, const schedule_position *at, double di
 double schedule_omega(const schedule *s, const schedule_position *at)
 {
     if (!s->is_paced || is_early(at)) return s->omega;
-    double t = (double)at->sweeps / schedule_level_sweeps(s, at);
+    double t = (double)at->sweeps / (schedule_level_sweeps(s, at) - (needs_few(s, at) ? 1 : 0));
     double shake = at->is_sized ? s->omega_shake_sized : s->omega_shake;
     if (t < 1) return shake + (s->omega - shake) * t * t;
     return fmax(s->omega / t, s->omega_least);
@@ -158,9 +170,7 @@ bool schedule_wants_lists(const schedule *s, const schedule_position *at, size_t
 
 double schedule_first_skin(const schedule *s, const schedule_position *at)
 {
-    const bool are_calm = s->is_paced && at->level > 0 && !at->is_sized && !at->has_curves &&
-                          (double)at->count >= s->skin_first_count;
-    return are_calm ? s->skin_first : s->skin_wide;
+    return are_many(s, at) ? s->skin_first : s->skin_wide;
 }
 
 double schedule_skin(const schedule *s, double rms_step)

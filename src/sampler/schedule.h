@@ -70,8 +70,9 @@ typedef struct schedule {
     /* What lists reach beyond the support, over h: wide while particles move far, then so many times the rms step, but
      * not below the narrow one. */
     double skin_wide, skin_narrow, skin_steps;
-    /* That of the first lists of a refined level of so many particles: they have few sweeps, and stay near their places. */
-    double skin_first, skin_first_count;
+    /* Refined levels of so many particles of even sizes: the skin of their first lists, since they stay near their places; and the
+     * sweeps of the last, unless it is rough. A third makes no better order than a shaken sweep and one at rest. */
+    double many, skin_first, many_sweeps;
 
     /* A coarsest level is dropped when more than this share of its particles see round edges or through sheets. */
     double creased_share;
