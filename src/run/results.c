@@ -22,6 +22,7 @@
 #include "run/layout.h"
 #include "run/patch_meshes.h"
 #include "store/file.h"
+#include "store/late_commit.h"
 #include "vdb/vdb.h"
 
 /* The frames of a turntable are numbered from 1. */
@@ -39,19 +40,24 @@ static const double POINTS_VOXEL = 3;
 enum { CHART_WIDTH = 960, CHART_HEIGHT = 960 };
 
 /* Hashes the verified file, names it in the list, and puts it in place. */
-static bool commit_output(store_file *file, const char *name, json *outputs, error *e)
+static json *add_output(json *outputs, const char *name)
 {
-    char sha256[STORE_HASH_SIZE];
-    uint64_t bytes;
-    if (!store_file_hash(fileno(file->stream), sha256, &bytes, e)) {
-        store_file_abort(file);
-        return false;
-    }
-    if (!store_file_commit(file, e)) return false;
     json *output = json_append_object(outputs);
     json_put_string(output, "name", name);
-    json_put_integer(output, "bytes", (int64_t)bytes);
-    json_put_string(output, "sha256", sha256);
+    return output;
+}
+
+static void put_facts(json *output, const store_facts *facts)
+{
+    json_put_integer(output, "bytes", (int64_t)facts->bytes);
+    json_put_string(output, "sha256", facts->sha256);
+}
+
+static bool commit_output(store_file *file, const char *name, json *outputs, error *e)
+{
+    store_facts facts;
+    if (!late_commit_now(file, &facts, e)) return false;
+    put_facts(add_output(outputs, name), &facts);
     return true;
 }
 
@@ -101,8 +107,9 @@ static double largest_residual(const field *f, const points *set, bool as_float,
     return worst;
 }
 
+/* `late`: NULL, or the file is committed beside what follows. */
 static bool write_ply(const char *directory, const char *name, const spec *s, const points *set,
-                      bool as_float, threads *pool, json *outputs, error *e)
+                      bool as_float, threads *pool, json *outputs, late_commit **late, error *e)
 {
     columns what;
     ply_format format = s->ply_format == SPEC_PLY_ASCII ? PLY_ASCII : PLY_BINARY_LITTLE_ENDIAN;
@@ -114,7 +121,9 @@ static bool write_ply(const char *directory, const char *name, const spec *s, co
               ply_write(file.stream, set, &what, format, precision, pool, e);
     if (ok && !ply_verify(file.stream, set, &what, format, precision, pool, e))
         ok = error_prefix(e, "%s does not read back as it was written", name);
-    if (ok) ok = commit_output(&file, name, outputs, e);
+    if (ok)
+        ok = late ? late_commit_begin(&file, threads_count(pool) > 1, late, e)
+                  : commit_output(&file, name, outputs, e);
     store_file_abort(&file);
     free(path);
     return ok;
@@ -207,7 +216,7 @@ static bool write_label_meshes(const char *directory, const results_input *in, c
         char *name = mem_printf(LABEL_NAME, (int)labels[k]);
         ok = label_mesh_part_make(whole, (int32_t)labels[k], &part, e);
         if (ok && part.set.triangle_count > 0) {
-            ok = write_ply(directory, name, &how, &part.set, as_float, pool, outputs, e);
+            ok = write_ply(directory, name, &how, &part.set, as_float, pool, outputs, NULL, e);
             describe_label_mesh(told, (int32_t)labels[k], name, &part);
         }
         label_mesh_part_free(&part);
@@ -304,7 +313,7 @@ static bool write_mesh(const char *directory, const results_input *in, bool as_f
         ok = (labels = labels_of(&made, in->labels, e)) != NULL;
         vertices.triangle_labels = (const int32_t(*)[2])labels;
     }
-    ok = ok && write_ply(directory, "mesh.ply", in->spec, &vertices, as_float, pool, outputs, e);
+    ok = ok && write_ply(directory, "mesh.ply", in->spec, &vertices, as_float, pool, outputs, NULL, e);
     ok = ok && write_formats(directory, in, &vertices, true, outputs, e);
     if (ok && in->spec->has_label_meshes)
         ok = write_label_meshes(directory, in, &vertices, as_float, pool, outputs,
@@ -536,25 +545,33 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     }
     points colored = *in->set;
     results_input with_color = *in;
+    store_facts ply;
+    late_commit *late = NULL;
+    json *const told = add_output(outputs, "points.ply");
     vec3 *color = NULL;
     with_color.set = &colored;
     if (!colored.color && needs_color(s)) {
         colored.color = color = mem_array(colored.count, sizeof *color, "colors", e);
         const quantity_look look = look_of(s);
-        if (!color || !quantity_colors(&colored, &look, color, e)) goto failed;
+        if (!color || !quantity_colors(&colored, &look, color, e)) {
+            free(color);
+            return false;
+        }
     }
-    if (!write_ply(directory, "points.ply", s, &colored, as_float, pool, outputs, e)) goto failed;
-    if (s->has_points_vdb && !write_points_vdb(directory, &with_color, outputs, e)) goto failed;
-    if (!write_formats(directory, &with_color, &colored, false, outputs, e)) goto failed;
-    if (s->has_mesh && !write_mesh(directory, &with_color, as_float, pool, outputs, &facts, e)) goto failed;
-    if (s->has_preview && !write_preview(directory, &with_color, pool, outputs, e)) goto failed;
-    if (s->has_convergence && !write_convergence(directory, in, outputs, e)) goto failed;
-    *out = facts;
+    bool ok = write_ply(directory, "points.ply", s, &colored, as_float, pool, outputs, &late, e) &&
+              (!s->has_points_vdb || write_points_vdb(directory, &with_color, outputs, e)) &&
+              write_formats(directory, &with_color, &colored, false, outputs, e) &&
+              (!s->has_mesh || write_mesh(directory, &with_color, as_float, pool, outputs, &facts, e)) &&
+              (!s->has_preview || write_preview(directory, &with_color, pool, outputs, e)) &&
+              (!s->has_convergence || write_convergence(directory, in, outputs, e));
     free(color);
-    return true;
-failed:
+    if (late && !late_commit_end(late, &ply, ok ? e : NULL)) ok = false;
+    if (ok) {
+        put_facts(told, &ply);
+        *out = facts;
+        return true;
+    }
     json_free(facts.label_meshes);
-    free(color);
     return false;
 }
 

@@ -642,7 +642,7 @@ def test_the_peak_of_memory_counts_the_reader(worker, tmp_path):
     assert worker(spec).returncode in (0, 10, 11)
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     vertices_and_faces = 12 * n * n + 24 * n * n
-    assert report["peak_memory_bytes"] > 20 * vertices_and_faces
+    assert report["peak_memory_bytes"] > 14 * vertices_and_faces  # the worker itself has 11
 
 
 def test_the_peak_of_memory_is_not_that_of_who_started_the_worker(worker, tmp_path):

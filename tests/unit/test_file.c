@@ -14,6 +14,7 @@
 
 #include "base/memory.h"
 #include "store/file.h"
+#include "store/late_commit.h"
 
 static char *make_place(void)
 {
@@ -178,10 +179,46 @@ static void test_clearing(void **state)
     free(temporary);
 }
 
+/* Beside the caller or at once: the file is there in the end, and its hash is told; a failure is told then, too. */
+static void test_late_commits(void **state)
+{
+    (void)state;
+    char *base = make_place(), *path = mem_printf("%s/late", base), *gone = mem_printf("%s/gone", base);
+    char hash[STORE_HASH_SIZE];
+    store_hash("text", 4, hash);
+    for (int beside = 0; beside < 2; beside++) {
+        error e = {0};
+        store_file file = {0};
+        late_commit *c;
+        store_facts facts;
+        assert_true(store_file_begin(path, &file, &e));
+        fputs("text", file.stream);
+        fflush(file.stream);
+        assert_true(late_commit_begin(&file, beside, &c, &e));
+        assert_null(file.stream);
+        assert_true(late_commit_end(c, &facts, &e));
+        assert_string_equal(facts.sha256, hash);
+        assert_int_equal(facts.bytes, 4);
+        assert_int_equal(access(path, F_OK), 0);
+        assert_true(store_remove(path, &e));
+        char *inner = mem_printf("%s/file", gone);
+        assert_true(store_directory_create(gone, &e) && store_file_begin(inner, &file, &e));
+        assert_true(store_remove(gone, &e));
+        assert_true(late_commit_begin(&file, beside, &c, &e));
+        assert_false(late_commit_end(c, &facts, &e));
+        assert_int_not_equal(e.code, ERROR_NONE);
+        free(inner);
+    }
+    free(gone);
+    free(path);
+    drop_place(base);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_clearing),
+        cmocka_unit_test(test_late_commits),
         cmocka_unit_test(test_commit_replaces_and_abort_leaves),
         cmocka_unit_test(test_failures_name_the_path),
         cmocka_unit_test(test_directories),

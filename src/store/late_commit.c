@@ -1,0 +1,59 @@
+#include "store/late_commit.h"
+
+#include <stdlib.h>
+
+#include "base/background.h"
+#include "base/memory.h"
+
+struct late_commit {
+    store_file file;
+    store_facts facts;
+    pthread_t thread;
+    bool beside, ok;
+    error e;
+};
+
+bool late_commit_now(store_file *file, store_facts *out, error *e)
+{
+    store_facts facts;
+    if (!store_file_hash(fileno(file->stream), facts.sha256, &facts.bytes, e)) {
+        store_file_abort(file);
+        return false;
+    }
+    if (!store_file_commit(file, e)) return false;
+    *out = facts;
+    return true;
+}
+
+static void *run(void *context)
+{
+    late_commit *c = context;
+    c->ok = late_commit_now(&c->file, &c->facts, &c->e);
+    return NULL;
+}
+
+bool late_commit_begin(store_file *file, bool beside, late_commit **out, error *e)
+{
+    late_commit *c = mem_alloc(sizeof *c);
+    c->file = *file;
+    c->beside = beside;
+    *file = (store_file){0};
+    if (beside && !background_start(&c->thread, run, c, "the results", e)) {
+        store_file_abort(&c->file);
+        free(c);
+        return false;
+    }
+    if (!beside) run(c);
+    *out = c;
+    return true;
+}
+
+bool late_commit_end(late_commit *c, store_facts *out, error *e)
+{
+    if (c->beside) pthread_join(c->thread, NULL);
+    const bool ok = c->ok;
+    if (ok) *out = c->facts;
+    if (!ok && e) *e = c->e;
+    free(c);
+    return ok;
+}

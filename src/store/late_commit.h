@@ -1,0 +1,26 @@
+/* late_commit: hashes and commits a file (file.h) on a thread of its own, while the caller goes on with the next. To hash a large file
+ * and to bring it to disk takes as long as to write it. One caller; errors as store_file_commit's. */
+#ifndef HEXAD_STORE_LATE_COMMIT_H
+#define HEXAD_STORE_LATE_COMMIT_H
+
+#include "store/file.h"
+
+typedef struct late_commit late_commit;
+
+/* What is told of a file. */
+typedef struct store_facts {
+    char sha256[STORE_HASH_SIZE];
+    uint64_t bytes;
+} store_facts;
+
+/* Takes the file over, also on failure: *file is empty then. After success `end` follows. Not `beside`: it is done at once, by
+ * the calling thread. */
+bool late_commit_begin(store_file *file, bool beside, late_commit **out, error *e);
+
+/* Waits for it; frees it whatever comes of it. `e` may be NULL. */
+bool late_commit_end(late_commit *c, store_facts *out, error *e);
+
+/* The same at once. */
+bool late_commit_now(store_file *file, store_facts *out, error *e);
+
+#endif
