@@ -7,7 +7,7 @@
 #include "base/memory.h"
 #include "geometry/bbox.h"
 
-static const size_t PARTITION_POINTS = 100000, PARTITIONS_MOST = 16;
+static const size_t PARTITION_POINTS = 200000, PARTITIONS_MOST = 16;
 enum { BINS = 4096 }; /* of the histogram that decides where to cut */
 /* Points that are looked at together: those that follow each other are mostly near each other. */
 enum { SPAN = 256 };

@@ -75,8 +75,8 @@ static bool are_many(const schedule *s, const schedule_position *at)
     return s->is_paced && at->level > 0 && !at->is_sized && !at->has_curves && (double)at->count >= s->many;
 }
 
-/* Then, on the last level, a sweep as of a shaken level and one as of a level at rest. */
-static bool needs_few(const schedule *s, const schedule_position *at)
+/* The last of these levels may be at rest after one sweep as of a shaken level and one as of a level that is settled. */
+static bool may_need_few(const schedule *s, const schedule_position *at)
 {
     return are_many(s, at) && schedule_is_last_level(at) && !at->is_creased && at->rough == 0;
 }
@@ -95,15 +95,21 @@ int schedule_level_sweeps(const schedule *s, const schedule_position *at)
         double paid = s->sweeps_share_between * pow(4, at->levels - 1 - at->level);
         sweeps = fmax(sweeps, fmin(sweeps_for(s, at, s->sweeps_count_between[1]), paid));
     }
-    sweeps = needs_few(s, at) ? s->many_sweeps : fmin(fmax(sweeps, s->sweeps_least), s->sweeps_most);
+    sweeps = fmin(fmax(sweeps, s->sweeps_least), s->sweeps_most);
     double rough = s->rough_sweeps[schedule_is_last_level(at)];
     return (int)fmin(pow(rough, at->rough) * sweeps, s->roughness[at->has_curves].most);
+}
+
+/* How many sweeps a level has before it may rest. */
+static int sweeps_to_rest(const schedule *s, const schedule_position *at)
+{
+    return may_need_few(s, at) ? s->many_sweeps : schedule_level_sweeps(s, at);
 }
 
 bool schedule_may_be_rough(const schedule *s, const schedule_position *at)
 {
     return s->is_paced && schedule_is_last_stage(at) && at->rough < s->rough_most[at->is_creased] &&
-           (double)at->count >= s->rough_count && at->sweeps == schedule_level_sweeps(s, at);
+           (double)at->count >= s->rough_count && at->sweeps == sweeps_to_rest(s, at);
 }
 
 bool schedule_is_rough(const schedule *s, const schedule_position *at, double disordered_share, double before)
@@ -118,7 +124,8 @@ bool schedule_is_rough(const schedule *s, const schedule_position *at, double di
 double schedule_omega(const schedule *s, const schedule_position *at)
 {
     if (!s->is_paced || is_early(at)) return s->omega;
-    double t = (double)at->sweeps / (schedule_level_sweeps(s, at) - (needs_few(s, at) ? 1 : 0));
+    if (may_need_few(s, at) && at->sweeps == s->many_sweeps - 1) return s->omega;
+    double t = (double)at->sweeps / schedule_level_sweeps(s, at);
     double shake = at->is_sized ? s->omega_shake_sized : s->omega_shake;
     if (t < 1) return shake + (s->omega - shake) * t * t;
     return fmax(s->omega / t, s->omega_least);
@@ -136,7 +143,7 @@ double schedule_longest_step(const schedule *s, const schedule_position *at)
 static bool steps_are_at_rest(const schedule *s, const schedule_position *at, const schedule_evidence *seen)
 {
     bool last_stage = schedule_is_last_stage(at);
-    if (s->is_paced && last_stage && at->sweeps < schedule_level_sweeps(s, at)) return false;
+    if (s->is_paced && last_stage && at->sweeps < sweeps_to_rest(s, at)) return false;
     if (schedule_is_last_level(at) && last_stage)
         return seen->rms_step < s->finest_rest * seen->step_tolerance;
     return at->level > 0 || seen->rms_step < s->stage_step[at->stage] || at->sweeps >= s->stage_sweeps_most;

@@ -71,8 +71,9 @@ typedef struct schedule {
      * not below the narrow one. */
     double skin_wide, skin_narrow, skin_steps;
     /* Refined levels of so many particles of even sizes: the skin of their first lists, since they stay near their places; and the
-     * sweeps of the last, unless it is rough. A third makes no better order than a shaken sweep and one at rest. */
-    double many, skin_first, many_sweeps;
+     * sweeps after which the last may rest. A third makes no better order. */
+    double many, skin_first;
+    int many_sweeps;
 
     /* A coarsest level is dropped when more than this share of its particles see round edges or through sheets. */
     double creased_share;
