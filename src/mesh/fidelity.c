@@ -11,6 +11,8 @@
 /* Points per triangle: one for so many square voxels, and not more than so many. */
 static const double area_per_point = 4;
 static const int most_points = 256;
+/* Of smaller triangles, in square voxels, one is looked at for so much area of them. */
+static const double least_area = 0.25, golden = 0.6180339887498949;
 /* Of a mesh of few triangles, where it may be hidden. */
 static const double places_looked_at = 4096;
 /* How far from the mesh its two sides are looked at, in voxels. */
@@ -37,6 +39,7 @@ typedef struct gap {
 typedef struct doubt {
     uint32_t triangle;
     int32_t place;
+    double area;  /* that it stands for */
     double width; /* of the gap between two faces; INFINITY: there is none; hidden places have HIDDEN */
 } doubt;
 
@@ -44,10 +47,10 @@ enum { CHUNK = 4096, HIDDEN = -1 }; /* CHUNK: triangles in a chunk of work */
 
 /* What a chunk of triangles adds. */
 typedef struct tally {
-    double area, followed, near, sum;
+    double area, looked_at, followed, near, sum; /* looked_at: the area that places stand for */
     doubt *doubts;
     size_t doubt_count, doubt_room;
-    error fault; /* without one the code is OK */
+    error fault; /* its code is ERROR_NONE where there is none */
 } tally;
 
 typedef struct measuring {
@@ -61,7 +64,7 @@ typedef struct measuring {
     size_t doubt_count;
     gap *gaps;
     size_t gap_count;
-    double area, followed, near, sum, thin, hidden;
+    double area, looked_at, followed, near, sum, thin, hidden;
 } measuring;
 
 static vec3 in_world(const measuring *w, vec3 p)
@@ -103,26 +106,26 @@ static places places_on(const mesh *m, uint32_t n)
                     whole, (int)fmin(1 + whole / area_per_point, most_points)};
 }
 
-static bool note_doubt(tally *t, uint32_t n, int place)
+static bool note_doubt(tally *t, uint32_t n, int place, double area)
 {
     doubt *doubts = mem_grow(t->doubts, t->doubt_count, &t->doubt_room, 64, sizeof *doubts,
                              "the thin parts of the mesh", &t->fault);
     if (!doubts) return false;
     t->doubts = doubts;
-    t->doubts[t->doubt_count++] = (doubt){.triangle = n, .place = place};
+    t->doubts[t->doubt_count++] = (doubt){.triangle = n, .place = place, .area = area};
     return true;
 }
 
-static bool measure_triangle(const measuring *w, uint32_t n, tally *t)
+/* The places on a triangle stand for so much area. */
+static bool measure_triangle(const measuring *w, uint32_t n, const places *on, double area, tally *t)
 {
-    const places on = places_on(w->m, n);
-    const vec3 step = vec3_scale(on.normal, side_gap);
-    for (int k = 0; k < on.count; k++) {
-        const vec3 p = place_of(on.a, on.ab, on.ac, k);
-        const double part = on.area / on.count, d = distance_at(w, p);
-        t->area += part;
+    const vec3 step = vec3_scale(on->normal, side_gap);
+    for (int k = 0; k < on->count; k++) {
+        const vec3 p = place_of(on->a, on->ab, on->ac, k);
+        const double part = area / on->count, d = distance_at(w, p);
+        t->looked_at += part;
         if (!(distance_at(w, vec3_add(p, step)) > 0 && distance_at(w, vec3_sub(p, step)) < 0)) {
-            if (!note_doubt(t, n, k)) return false;
+            if (!note_doubt(t, n, k, part)) return false;
             continue;
         }
         t->followed += part;
@@ -136,8 +139,18 @@ static void measure_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const measuring *w = context;
     tally *t = &w->tallies[begin / CHUNK];
+    double due =
+        fmod(golden * (double)(begin / CHUNK), 1) * least_area; /* of small triangles, before the next */
     (void)worker;
-    for (size_t n = begin; n < end && measure_triangle(w, (uint32_t)n, t);) n++;
+    for (size_t n = begin; n < end; n++) {
+        const places on = places_on(w->m, (uint32_t)n);
+        t->area += on.area;
+        if (on.count == 0) continue;
+        const bool small = on.area < least_area;
+        if (small && (due -= on.area) > 0) continue;
+        if (small) due += least_area;
+        if (!measure_triangle(w, (uint32_t)n, &on, small ? least_area : on.area, t)) return;
+    }
 }
 
 static bool gather_tallies(measuring *w, size_t count, error *e)
@@ -150,6 +163,7 @@ static bool gather_tallies(measuring *w, size_t count, error *e)
             return false;
         }
         w->area += t->area;
+        w->looked_at += t->looked_at;
         w->followed += t->followed;
         w->near += t->near;
         w->sum += t->sum;
@@ -187,14 +201,14 @@ static bool list_gaps(measuring *w, error *e)
     for (size_t k = 0; k < w->doubt_count; k++) {
         const doubt *d = &w->doubts[k];
         if (d->width == INFINITY) continue;
-        const places on = places_on(w->m, d->triangle);
-        const double part = on.area / on.count;
         if (d->width == HIDDEN) {
-            w->hidden += part;
+            w->hidden += d->area;
             continue;
         }
-        w->thin += part;
-        w->gaps[w->gap_count++] = (gap){d->width, part, in_world(w, place_of(on.a, on.ab, on.ac, d->place))};
+        const places on = places_on(w->m, d->triangle);
+        w->thin += d->area;
+        w->gaps[w->gap_count++] =
+            (gap){d->width, d->area, in_world(w, place_of(on.a, on.ab, on.ac, d->place))};
     }
     return true;
 }
@@ -251,12 +265,12 @@ bool fidelity_measure(const mesh *m, const double index_to_world[16], const fiel
     bool ok = look_at_mesh(&w, pool, e);
     if (ok) {
         if (w.gap_count) qsort(w.gaps, w.gap_count, sizeof *w.gaps, by_width);
-        const double whole = w.area > 0 ? w.area : 1, most = FIDELITY_MOST_THIN * w.area;
+        const double whole = w.looked_at > 0 ? w.looked_at : 1, most = FIDELITY_MOST_THIN * w.looked_at;
         fidelity_free(out);
         *out = (fidelity){.area = w.area * size * size,
                           .rms_vox = w.followed > 0 ? sqrt(w.sum / w.followed) : 0,
                           .close = w.near / whole,
-                          .unresolved = w.area > 0 ? 1 - w.followed / w.area : 0,
+                          .unresolved = w.looked_at > 0 ? 1 - w.followed / w.looked_at : 0,
                           .thin = w.thin / whole,
                           .hidden = w.hidden / whole,
                           .thin_voxel = size * voxels_wanted(&w, 0, most),

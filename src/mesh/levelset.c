@@ -10,29 +10,43 @@
 #include "geometry/bbox.h"
 #include "geometry/block_map.h"
 #include "mesh/mesh_repair.h"
-#include "mesh/triangle.h"
+#include "geometry/triangle.h"
 #include "mesh/winding_number.h"
 
 #define SIDE VDB_LEAF_SIDE
 #define VOXELS VDB_LEAF_VOXELS
 #define TILE_BLOCKS 16 /* along a side of the larger of the two kinds of tiles that are used */
 
-/* So many triangles, in a box of so many voxels, are held against the voxels together. More of them spare more rows, and
- * a larger ball spares fewer voxels. */
-enum { TOGETHER = 16 };
-static const double together_vox = 2;
+/* Triangles with their middles in one cube of so many voxels are a group, which is held against the voxels together. */
+static const double group_vox = 1;
+/* So many of a group at a time. */
+enum { TOGETHER = 32 };
 
 /* Triangles with an angle whose sine is smaller, or with longer sides, have no normal that could be relied on; with those of
  * others the squares of distances within a block are right to `rounding`. It is a share of distances, too. */
-static const double least_sine2 = 1e-6, large_vox = 64, rounding = 1e-9;
+static const double least_sine2 = 1e-6, large_vox = 64, rounding = 1e-9, least_length = 0.5;
 
-/* Of so many triangles near a block or more, about so many tell first how far its voxels may be. */
-enum { MANY = 256, SOME = 128 };
+/* Of so many groups near a block or more, about so many tell first how far its voxels may be. */
+enum { MANY = 16, SOME = 128 };
 
 /* Fewer voxels along the longest side show nothing of a shape. */
 static const double fewest_voxels = 8;
 /* The mesh begins so far from the grid's origin; half a voxel keeps faces along the axes off the voxels. */
 static const double origin_gap = 0.5;
+
+/* A disc around some triangles, thick enough to hold them. */
+typedef struct disc {
+    vec3 middle, normal; /* of length 1; 0: a ball */
+    double radius, depth;
+} disc;
+
+/* Each is of one solid; in the order of solids. */
+typedef struct groups {
+    size_t count;
+    uint32_t *first, *triangle; /* of group g: triangle[first[g]] .. triangle[first[g + 1]], in their order */
+    bbox *box;
+    disc *disc;
+} groups;
 
 typedef struct making {
     mesh *m;
@@ -42,10 +56,11 @@ typedef struct making {
     winding_point *fixed;
     mesh_solids solids;
     winding_columns columns;
-    block_map map;        /* blocks within the band of a triangle */
-    uint32_t (*pairs)[2]; /* block and triangle, in the order of triangles */
+    groups groups;
+    block_map map;        /* blocks within the band of a group */
+    uint32_t (*pairs)[2]; /* block and group, in the order of groups */
     size_t pair_count, pair_room;
-    size_t *first; /* triangles of block b: near[first[b]] .. near[first[b + 1]] */
+    size_t *first; /* groups near block b: near[first[b]] .. near[first[b + 1]] */
     uint32_t *near;
     threads *pool;
     uint32_t *stamps; /* of each worker, of a solid: the last block, plus one, that has triangles of it */
@@ -96,9 +111,137 @@ static bool to_index_space(making *k, const levelset_params *p, double index_to_
     return true;
 }
 
-/* ---- which blocks are near which triangles */
+/* ---- groups of triangles */
 
-static bool add_pair(making *k, const int32_t block[3], uint32_t n, error *e)
+static triangle corners_of(const making *k, uint32_t n)
+{
+    const uint32_t *t = k->m->triangle[n];
+    return (triangle){k->m->vertex[t[0]], k->m->vertex[t[1]], k->m->vertex[t[2]]};
+}
+
+static vec3 middle_of(const triangle *t)
+{
+    return vec3_scale(vec3_add(t->a, vec3_add(t->b, t->c)), 1.0 / 3);
+}
+
+static vec3 normal_of(const triangle *t)
+{
+    const vec3 ab = vec3_sub(t->b, t->a), ac = vec3_sub(t->c, t->a), normal = vec3_cross(ab, ac);
+    const double square = vec3_norm2(normal);
+    const bool large = vec3_norm2(ab) > large_vox * large_vox || vec3_norm2(ac) > large_vox * large_vox;
+    if (large || !(square > least_sine2 * vec3_norm2(ab) * vec3_norm2(ac))) return (vec3){0, 0, 0};
+    return vec3_scale(normal, 1 / sqrt(square));
+}
+
+/* The group of each triangle goes to `group`. */
+static bool find_groups(making *k, uint32_t *group, error *e)
+{
+    block_map cells;
+    int32_t last[3] = {-1, -1, -1};
+    uint32_t solid = 0, number = 0;
+    bool ok = block_map_init(&cells, 1024, e);
+    for (uint32_t n = 0; ok && n < k->m->triangle_count; n++) {
+        while (n >= k->solids.first[solid + 1]) solid++;
+        const triangle t = corners_of(k, n);
+        const vec3 middle = vec3_scale(middle_of(&t), 1 / group_vox);
+        /* places along an axis take 14 bits */
+        const int32_t at[3] = {(int32_t)middle.x | (int32_t)middle.y << 16, (int32_t)middle.z,
+                               (int32_t)solid};
+        if (memcmp(at, last, sizeof at) != 0)
+            ok = block_map_find_or_add(&cells, at[0], at[1], at[2], &number, e);
+        memcpy(last, at, sizeof last);
+        group[n] = number;
+    }
+    k->groups.count = cells.count;
+    block_map_free(&cells);
+    return ok;
+}
+
+static bbox box_of_group(const making *k, size_t g)
+{
+    bbox box = bbox_empty();
+    for (size_t n = k->groups.first[g]; n < k->groups.first[g + 1]; n++) {
+        const triangle t = corners_of(k, k->groups.triangle[n]);
+        box = bbox_unite(box, triangle_box(&t));
+    }
+    return box;
+}
+
+static void disc_include(disc *d, vec3 p)
+{
+    const vec3 way = vec3_sub(p, d->middle);
+    const double height = vec3_dot(way, d->normal);
+    d->depth = fmax(d->depth, fabs(height));
+    d->radius = fmax(d->radius, sqrt(fmax(vec3_norm2(way) - height * height, 0)));
+}
+
+static disc disc_of_group(const making *k, size_t g)
+{
+    const bbox *box = &k->groups.box[g];
+    disc d = {.middle = vec3_scale(vec3_add(box->min, box->max), 0.5)};
+    for (size_t n = k->groups.first[g]; n < k->groups.first[g + 1]; n++) {
+        const triangle t = corners_of(k, k->groups.triangle[n]);
+        d.normal = vec3_add(d.normal, normal_of(&t));
+    }
+    const double length = vec3_norm(d.normal);
+    d.normal = length > least_length ? vec3_scale(d.normal, 1 / length) : (vec3){0, 0, 0};
+    for (size_t n = k->groups.first[g]; n < k->groups.first[g + 1]; n++) {
+        const triangle t = corners_of(k, k->groups.triangle[n]);
+        disc_include(&d, t.a);
+        disc_include(&d, t.b);
+        disc_include(&d, t.c);
+    }
+    d.depth = d.depth * (1 + rounding) + rounding;
+    d.radius = d.radius * (1 + rounding) + rounding;
+    return d;
+}
+
+static void bound_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const making *k = context;
+    (void)worker;
+    for (size_t g = begin; g < end; g++) {
+        k->groups.box[g] = box_of_group(k, g);
+        k->groups.disc[g] = disc_of_group(k, g);
+    }
+}
+
+static bool make_groups(making *k, error *e)
+{
+    static const char what[] = "the parts of the mesh";
+    groups *all = &k->groups;
+    const size_t count = k->m->triangle_count;
+    uint32_t *group = mem_array(count, sizeof *group, what, e);
+    bool ok = group && find_groups(k, group, e);
+    if (ok) {
+        all->first = mem_array(all->count + 2, sizeof *all->first, what, e);
+        all->triangle = mem_array(count, sizeof *all->triangle, what, e);
+        all->box = mem_array(all->count, sizeof *all->box, what, e);
+        all->disc = mem_array(all->count, sizeof *all->disc, what, e);
+        ok = all->first && all->triangle && all->box && all->disc;
+    }
+    if (ok) { /* counted two ahead, so that filling moves the starts to their places */
+        for (size_t n = 0; n < count; n++) all->first[group[n] + 2]++;
+        for (size_t g = 2; g < all->count + 2; g++) all->first[g] += all->first[g - 1];
+        for (uint32_t n = 0; n < count; n++) all->triangle[all->first[group[n] + 1]++] = n;
+        threads_run(k->pool, all->count, 1024, bound_chunk, k);
+    }
+    free(group);
+    return ok;
+}
+
+static void groups_free(groups *all)
+{
+    free(all->first);
+    free(all->triangle);
+    free(all->box);
+    free(all->disc);
+    *all = (groups){0};
+}
+
+/* ---- which blocks are near which groups */
+
+static bool add_pair(making *k, const int32_t block[3], uint32_t group, error *e)
 {
     uint32_t number;
     if (k->pair_count == k->pair_room) {
@@ -112,20 +255,23 @@ static bool add_pair(making *k, const int32_t block[3], uint32_t n, error *e)
     k->pairs = pairs;
     if (!block_map_find_or_add(&k->map, block[0], block[1], block[2], &number, e)) return false;
     k->pairs[k->pair_count][0] = number;
-    k->pairs[k->pair_count++][1] = n;
+    k->pairs[k->pair_count++][1] = group;
     return true;
 }
 
-static triangle corners_of(const making *k, uint32_t n)
+/* Whether a triangle of the group is as near to a place as that; squared. */
+static bool group_comes_near(const making *k, uint32_t group, vec3 place, double reach2)
 {
-    const uint32_t *t = k->m->triangle[n];
-    return (triangle){k->m->vertex[t[0]], k->m->vertex[t[1]], k->m->vertex[t[2]]};
+    for (size_t n = k->groups.first[group]; n < k->groups.first[group + 1]; n++) {
+        const triangle t = corners_of(k, k->groups.triangle[n]);
+        if (triangle_distance2(&t, place) <= reach2) return true;
+    }
+    return false;
 }
 
-static bool plan_triangle(making *k, uint32_t n, error *e)
+static bool plan_group(making *k, uint32_t group, error *e)
 {
-    const triangle t = corners_of(k, n);
-    const bbox box = bbox_grow(triangle_box(&t), k->band);
+    const bbox box = bbox_grow(k->groups.box[group], k->band);
     const double reach = k->band + 0.5 * (SIDE - 1) * sqrt(3), reach2 = reach * reach;
     int32_t low[3], high[3], b[3];
     bool large = false;
@@ -139,18 +285,18 @@ static bool plan_triangle(making *k, uint32_t n, error *e)
             for (b[2] = low[2]; b[2] <= high[2]; b[2]++) {
                 const double half = 0.5 * (SIDE - 1);
                 vec3 middle = {SIDE * b[0] + half, SIDE * b[1] + half, SIDE * b[2] + half};
-                if (large && triangle_distance2(&t, middle) > reach2) continue;
-                if (!add_pair(k, b, n, e)) return false;
+                if (large && !group_comes_near(k, group, middle, reach2)) continue;
+                if (!add_pair(k, b, group, e)) return false;
             }
     return true;
 }
 
-/* Pairs into lists by block, which keep the order of the triangles and so of their solids. */
+/* Pairs into lists by block, which keep the order of the groups and so of their solids. */
 static bool plan(making *k, error *e)
 {
-    if (!block_map_init(&k->map, 1024, e)) return false;
-    for (uint32_t n = 0; n < k->m->triangle_count; n++)
-        if (!plan_triangle(k, n, e)) return false;
+    if (!block_map_init(&k->map, 1024, e) || !make_groups(k, e)) return false;
+    for (uint32_t g = 0; g < k->groups.count; g++)
+        if (!plan_group(k, g, e)) return false;
     size_t needed = k->map.count * (VOXELS * sizeof(float) + 128) + block_map_bytes(k->map.count) +
                     k->pair_count * (sizeof *k->pairs + sizeof *k->near);
     if (needed > k->limit) return over_limit(k, needed, e);
@@ -167,89 +313,129 @@ static bool plan(making *k, error *e)
 
 /* ---- distances */
 
-static int32_t clip(double v)
-{
-    return v < 0 ? 0 : v > SIDE ? SIDE : (int32_t)v;
-}
-
-/* Triangles that lie close together, in coordinates of a block, in a box and in a ball. */
+/* Some triangles of a group, in coordinates of a block, and flat discs around them. */
 typedef struct cluster {
     triangle at[TOGETHER];
-    vec3 middle[TOGETHER], normal[TOGETHER]; /* of length 1; 0 where it is not to be relied on */
-    double radius[TOGETHER];                 /* of a ball around the triangle */
+    disc around[TOGETHER];
     int count;
-    bbox box;
 } cluster;
 
-static vec3 normal_of(const triangle *t)
+static void cluster_add(cluster *c, const triangle *t, vec3 origin)
 {
-    const vec3 ab = vec3_sub(t->b, t->a), ac = vec3_sub(t->c, t->a), normal = vec3_cross(ab, ac);
-    const double square = vec3_norm2(normal);
-    const bool large = vec3_norm2(ab) > large_vox * large_vox || vec3_norm2(ac) > large_vox * large_vox;
-    if (large || !(square > least_sine2 * vec3_norm2(ab) * vec3_norm2(ac))) return (vec3){0, 0, 0};
-    return vec3_scale(normal, 1 / sqrt(square));
-}
-
-/* Whether the triangle found room: not beside another that is far from it. */
-static bool cluster_add(cluster *c, const triangle *t, const int32_t origin[3])
-{
-    const vec3 base = {origin[0], origin[1], origin[2]};
-    const triangle at = {vec3_sub(t->a, base), vec3_sub(t->b, base), vec3_sub(t->c, base)};
-    const bbox own = triangle_box(&at);
-    bbox box = c->count ? bbox_include(bbox_include(c->box, own.min), own.max) : own;
-    if (c->count == TOGETHER || (c->count > 0 && bbox_longest(box) > together_vox)) return false;
-    const vec3 middle = vec3_scale(vec3_add(at.a, vec3_add(at.b, at.c)), 1.0 / 3);
-    c->box = box;
+    const triangle at = {vec3_sub(t->a, origin), vec3_sub(t->b, origin), vec3_sub(t->c, origin)};
+    const vec3 middle = middle_of(&at);
+    const double radius2 = fmax(vec3_norm2(vec3_sub(at.a, middle)),
+                                fmax(vec3_norm2(vec3_sub(at.b, middle)), vec3_norm2(vec3_sub(at.c, middle))));
     c->at[c->count] = at;
-    c->middle[c->count] = middle;
-    c->normal[c->count] = normal_of(&at);
-    c->radius[c->count++] =
-        sqrt(fmax(vec3_norm2(vec3_sub(at.a, middle)),
-                  fmax(vec3_norm2(vec3_sub(at.b, middle)), vec3_norm2(vec3_sub(at.c, middle)))));
-    return true;
+    c->around[c->count++] = (disc){middle, normal_of(&at), sqrt(radius2), 0};
 }
 
-/* Lowers a voxel's distance from what was seen so far. Most of the work is spared by balls: a voxel is not nearer to the
- * triangle than to its ball; and by discs: what is that near along the normal must also lie above the triangle, or nearly. */
-ISA_INLINE void approach_voxel(const cluster *c, vec3 p, double *nearest)
+#pragma GCC diagnostic ignored "-Wpsabi" /* what takes or returns such is inlined */
+/* Of a row of voxels. In single precision, which may be off by a share `roughly` of squares. */
+typedef float lanes __attribute__((vector_size(SIDE * sizeof(float))));
+typedef int32_t lanes_mask __attribute__((vector_size(SIDE * sizeof(int32_t)))); /* -1: yes, 0: no */
+static const float roughly = 1e-5f;
+static const lanes counting = {0, 1, 2, 3, 4, 5, 6, 7};
+
+ISA_INLINE lanes lanes_at(const double row[SIDE])
 {
-    for (int k = 0; k < c->count; k++) {
-        const vec3 way = vec3_sub(p, c->middle[k]);
-        const double away2 = vec3_norm2(way), radius = c->radius[k], ball = *nearest + radius;
-        if (away2 >= ball * ball) continue;
-        const double height = vec3_dot(way, c->normal[k]), height2 = height * height,
-                     room =
-                         *nearest * *nearest - height2 + rounding, /* squared: how far beside the triangle */
-            beyond = away2 - height2 - radius * radius - room;
-        if (room <= 0 || (beyond > 0 && beyond * beyond >= 4 * radius * radius * room)) continue;
-        const double d2 = triangle_distance2(&c->at[k], p);
-        if (d2 < *nearest * *nearest) *nearest = sqrt(d2);
+    lanes l;
+    for (int z = 0; z < SIDE; z++) l[z] = (float)row[z];
+    return l;
+}
+
+ISA_INLINE lanes lanes_if(lanes_mask which, lanes value)
+{
+    return (lanes)(which & (lanes_mask)value);
+}
+
+ISA_INLINE unsigned lanes_bits(lanes_mask which)
+{
+    uint64_t two[SIDE / 2];
+    which &= (lanes_mask){1, 2, 4, 8, 16, 32, 64, 128};
+    memcpy(two, &which, sizeof two);
+    const uint64_t all = two[0] | two[1] | two[2] | two[3];
+    return (unsigned)(all | all >> 32);
+}
+
+/* How far x lies outside of the interval, squared. */
+static double outside2(double low, double high, double x)
+{
+    const double below = low - x, above = x - high, most = below > above ? below : above;
+    return most > 0 ? most * most : 0;
+}
+
+/* The voxels of a row, by bits, that may be nearer to something in a disc than to anything so far: those that are near enough
+ * along the normal, and above the disc, or nearly. `from`: the first voxel, seen from the disc's middle. */
+ISA_INLINE unsigned find_near_disc(const disc *d, vec3 from, lanes nearest)
+{
+    const float across2 = (float)(from.x * from.x + from.y * from.y),
+                radius2 = (float)(d->radius * d->radius),
+                height0 = (float)(from.x * d->normal.x + from.y * d->normal.y), depth = (float)d->depth;
+    const lanes at = (float)from.z + counting, away2 = across2 + at * at,
+                height = height0 + at * (float)d->normal.z, up = height - depth, down = -height - depth,
+                over = lanes_if(up > 0, up) + lanes_if(down > 0, down), within2 = nearest * nearest,
+                off = roughly * (away2 + within2 + radius2);
+    const lanes room = within2 - over * over + off, /* squared: how far beside it */
+        beyond = away2 - height * height - radius2 - room;
+    return lanes_bits((room > 0) & ((beyond <= 0) | (beyond * beyond < 4 * radius2 * room)));
+}
+
+/* The voxels of each row that may be nearer to something in a box and a disc than to anything so far, by bits; whether there is
+ * one. */
+ISA_CLONES static bool find_rows(bbox box, const disc *d, const double nearest[VOXELS], uint8_t rows[64])
+{
+    double outside_z[SIDE];
+    unsigned any = 0;
+    for (int z = 0; z < SIDE; z++) outside_z[z] = outside2(box.min.z, box.max.z, z);
+    const lanes along2 = lanes_at(outside_z);
+    for (int row = 0; row < 64; row++) {
+        const lanes so_far = lanes_at(&nearest[8 * row]);
+        const float across2 =
+            (float)(outside2(box.min.x, box.max.x, row >> 3) + outside2(box.min.y, box.max.y, row & 7));
+        unsigned bits = lanes_bits((across2 + along2) * (1 - roughly) < so_far * so_far);
+        if (bits) bits &= find_near_disc(d, vec3_sub((vec3){row >> 3, row & 7, 0}, d->middle), so_far);
+        rows[row] = (uint8_t)bits;
+        any |= bits;
     }
+    return any != 0;
 }
 
-/* The same of all voxels of the block, a row of them at a time being held against the ball around the box. */
-ISA_CLONES static void approach(const cluster *c, double band, double nearest[VOXELS])
+/* Lowers the distances of these voxels from what was seen so far. */
+ISA_CLONES static void approach(const cluster *c, const uint8_t rows[64], double nearest[VOXELS])
 {
-    const bbox box = bbox_grow(c->box, band);
-    const vec3 middle = vec3_scale(vec3_add(c->box.min, c->box.max), 0.5);
-    const double radius = 0.5 * vec3_norm(bbox_size(c->box)) * (1 + DBL_EPSILON);
-    const int32_t x1 = clip(floor(box.max.x) + 1), y1 = clip(floor(box.max.y) + 1),
-                  z0 = clip(ceil(box.min.z)), z1 = clip(floor(box.max.z) + 1);
-    double along2[SIDE];
-    for (int z = 0; z < SIDE; z++) along2[z] = (z - middle.z) * (z - middle.z);
-    for (int32_t x = clip(ceil(box.min.x)); x < x1; x++)
-        for (int32_t y = clip(ceil(box.min.y)); y < y1; y++) {
-            double *row = &nearest[64 * x + 8 * y];
-            const double across2 = (x - middle.x) * (x - middle.x) + (y - middle.y) * (y - middle.y);
-            int64_t may[SIDE], any = 0;
-            for (int z = 0; z < SIDE; z++) {
-                const double ball = row[z] + radius;
-                may[z] = across2 + along2[z] < ball * ball;
-                any |= may[z];
+    for (int row = 0; row < 64; row++)
+        for (int k = 0; rows[row] && k < c->count; k++) {
+            const vec3 first = {row >> 3, row & 7, 0};
+            double *so_far = &nearest[8 * row];
+            unsigned bits =
+                find_near_disc(&c->around[k], vec3_sub(first, c->around[k].middle), lanes_at(so_far));
+            for (bits &= rows[row]; bits; bits &= bits - 1) {
+                const int z = __builtin_ctz(bits);
+                const double d2 = triangle_distance2(&c->at[k], (vec3){first.x, first.y, z});
+                if (d2 < so_far[z] * so_far[z]) so_far[z] = sqrt(d2);
             }
-            for (int32_t z = z0; any && z < z1; z++)
-                if (may[z]) approach_voxel(c, (vec3){x, y, z}, &row[z]);
         }
+}
+
+static void approach_group(const making *k, uint32_t group, vec3 origin, double nearest[VOXELS])
+{
+    const bbox *box = &k->groups.box[group];
+    const size_t end = k->groups.first[group + 1];
+    uint8_t rows[64];
+    disc around = k->groups.disc[group];
+    around.middle = vec3_sub(around.middle, origin);
+    if (!find_rows((bbox){vec3_sub(box->min, origin), vec3_sub(box->max, origin)}, &around, nearest, rows))
+        return;
+    for (size_t n = k->groups.first[group]; n < end;) {
+        cluster c;
+        c.count = 0;
+        for (; n < end && c.count < TOGETHER; n++) {
+            const triangle t = corners_of(k, k->groups.triangle[n]);
+            cluster_add(&c, &t, origin);
+        }
+        approach(&c, rows, nearest);
+    }
 }
 
 /* One solid's signed distance into `f`, the least of those of all solids. */
@@ -280,19 +466,18 @@ ISA_CLONES static void bound_by_place(vec3 at, double nearest2[VOXELS])
     }
 }
 
-/* Of many triangles some are looked at before all others: what they leave to be nearer is little. Distances come out a trace
- * too large, so that the nearest triangle is still looked at. */
-static void bound_by_some(const making *k, const int32_t origin[3], const uint32_t *near, size_t count,
+/* Of many groups one triangle each is looked at before all others: what they leave to be nearer is little. Distances come out a
+ * trace too large, so that the nearest triangle is still looked at. */
+static void bound_by_some(const making *k, vec3 origin, const uint32_t *near, size_t count,
                           double nearest[VOXELS])
 {
     if (count < MANY) return;
     double nearest2[VOXELS];
-    const size_t step = count / SOME;
+    const size_t step = 1 + count / (2 * SOME);
     for (int v = 0; v < VOXELS; v++) nearest2[v] = nearest[v] * nearest[v];
     for (size_t n = 0; n < count; n += step) {
-        const triangle t = corners_of(k, near[n]);
-        const vec3 base = {origin[0], origin[1], origin[2]};
-        bound_by_place(vec3_sub(vec3_scale(vec3_add(t.a, vec3_add(t.b, t.c)), 1.0 / 3), base), nearest2);
+        const triangle t = corners_of(k, k->groups.triangle[k->groups.first[near[n]]]);
+        bound_by_place(vec3_sub(middle_of(&t), origin), nearest2);
     }
     for (int v = 0; v < VOXELS; v++) {
         const double d = sqrt(nearest2[v]) * (1 + rounding);
@@ -300,10 +485,17 @@ static void bound_by_some(const making *k, const int32_t origin[3], const uint32
     }
 }
 
-/* The end of a solid's triangles in a list that ends with `end`. */
+/* The solid of a group, which is not before that one. */
+static uint32_t solid_of(const making *k, uint32_t solid, uint32_t group)
+{
+    while (k->groups.triangle[k->groups.first[group]] >= k->solids.first[solid + 1]) solid++;
+    return solid;
+}
+
+/* The end of a solid's groups in a list that ends with `end`. */
 static size_t end_of_solid(const making *k, uint32_t solid, size_t from, size_t end)
 {
-    while (from < end && k->near[from] < k->solids.first[solid + 1]) from++;
+    while (from < end && solid_of(k, solid, k->near[from]) == solid) from++;
     return from;
 }
 
@@ -311,23 +503,16 @@ static size_t end_of_solid(const making *k, uint32_t solid, size_t from, size_t 
 static void fill_block(const making *k, uint32_t block, uint32_t *stamp, double f[VOXELS])
 {
     const int32_t *b = k->map.blocks[block], origin[3] = {SIDE * b[0], SIDE * b[1], SIDE * b[2]};
+    const vec3 base = {origin[0], origin[1], origin[2]};
     double nearest[VOXELS];
     uint32_t solid = 0;
     for (int v = 0; v < VOXELS; v++) f[v] = k->band;
     for (size_t n = k->first[block]; n < k->first[block + 1];) {
-        while (k->near[n] >= k->solids.first[solid + 1]) solid++;
+        solid = solid_of(k, solid, k->near[n]);
         for (int v = 0; v < VOXELS; v++) nearest[v] = k->band;
-        cluster close = {.count = 0};
         const size_t end = end_of_solid(k, solid, n, k->first[block + 1]);
-        bound_by_some(k, origin, k->near + n, end - n, nearest);
-        for (; n < end; n++) {
-            triangle t = corners_of(k, k->near[n]);
-            if (cluster_add(&close, &t, origin)) continue;
-            approach(&close, k->band, nearest);
-            close.count = 0;
-            cluster_add(&close, &t, origin);
-        }
-        approach(&close, k->band, nearest);
+        bound_by_some(k, base, k->near + n, end - n, nearest);
+        for (; n < end; n++) approach_group(k, k->near[n], base, nearest);
         stamp[solid] = block + 1;
         unite(k, solid, origin, nearest, f);
     }
@@ -471,6 +656,7 @@ vdb_grid *levelset_make(mesh *m, const levelset_params *params, mesh_notes *note
     free(k.fixed);
     mesh_solids_free(&k.solids);
     winding_free(&k.columns);
+    groups_free(&k.groups);
     block_map_free(&k.map);
     free(k.pairs);
     free(k.first);

@@ -98,11 +98,17 @@ static bool table_init(table *t, const void *items, size_t size, size_t count, e
     return true;
 }
 
+/* Of sizes that are known there is no call. */
+static bool are_equal(const char *a, const char *b, size_t size)
+{
+    return size == sizeof(vec3) ? memcmp(a, b, sizeof(vec3)) == 0 : memcmp(a, b, size) == 0;
+}
+
 static uint32_t table_first(table *t, uint32_t n)
 {
     const char *item = t->items + n * t->size;
     size_t k = hash_bytes(item, t->size) & t->mask;
-    while (t->slots[k] != FREE && memcmp(t->items + t->slots[k] * t->size, item, t->size) != 0)
+    while (t->slots[k] != FREE && !are_equal(t->items + t->slots[k] * t->size, item, t->size))
         k = (k + 1) & t->mask;
     if (t->slots[k] == FREE) t->slots[k] = n;
     return t->slots[k];

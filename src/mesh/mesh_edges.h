@@ -16,8 +16,8 @@
 /* A triangle's way along an edge. */
 typedef struct mesh_side {
     uint32_t other; /* the edge's higher vertex; the lower one tells where the side stands */
-    uint32_t triangle;
-    bool upwards; /* from the lower vertex to the higher one */
+    uint32_t triangle : 31;
+    uint32_t upwards : 1; /* from the lower vertex to the higher one */
 } mesh_side;
 
 /* Sides by their lower vertex: sides[first[v]] .. sides[first[v + 1]], by the other vertex, then by triangle. */

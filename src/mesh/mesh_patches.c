@@ -152,6 +152,16 @@ static double feature_angle(const making *k, const bends *b)
     return b->between <= b->sharp && (shown || b->slight <= most_slight * b->all) ? MESH_PATCHES_ANGLE : 0;
 }
 
+/* Whether an edge is surely bent by less than `flat_below`, as most edges are, told without its angle. */
+static bool is_flat(const making *k, const mesh_side *s)
+{
+    static const double surely = 0.99;
+    const vec3 a = k->normal[s[0].triangle], b = k->normal[s[1].triangle];
+    const double cosine = vec3_dot(a, b) * (s[0].upwards == s[1].upwards ? -1 : 1),
+                 tangent = surely * flat_below * cosine;
+    return cosine > 0 && vec3_norm2(vec3_cross(a, b)) < tangent * tangent;
+}
+
 static double length_of(const mesh *m, uint32_t a, uint32_t b)
 {
     return vec3_norm(vec3_sub(m->vertex[b], m->vertex[a]));
@@ -165,7 +175,7 @@ static double find_angle(const making *k)
             n = mesh_edges_width(&k->edges, v, i);
             const mesh_side *s = k->edges.sides + i;
             all.closed &= n % 2 == 0;
-            if (n == 2) bends_add(&all, angle_at(k, s), length_of(k->m, v, s->other));
+            if (n == 2) bends_add(&all, is_flat(k, s) ? 0 : angle_at(k, s), length_of(k->m, v, s->other));
         }
     return feature_angle(k, &all);
 }

@@ -238,6 +238,10 @@ static bool number_components(judging *j, error *e)
 static bool sort_triangles(judging *j, const uint32_t *rank, error *e)
 {
     mesh *m = j->m;
+    if (j->component_count == 1) {
+        j->components[0].root = 0;
+        return true;
+    }
     uint32_t(*sorted)[3] = mem_array(m->triangle_count, sizeof *sorted, what, e);
     uint32_t *number = mem_array(m->triangle_count, sizeof *number, what, e);
     size_t *place = mem_array(j->component_count + 1, sizeof *place, what, e);
@@ -408,6 +412,7 @@ static bool settle(judging *j, mesh_solids *out, error *e)
         !orientation_init(&j->turned, j->m->triangle_count, e))
         return false;
     if (!join_at_edges(j, e) || !number_components(j, e)) return false;
+    mesh_edges_free(&j->edges);
     if (j->nonmanifold_edges)
         mesh_note(j->notes,
                   "%zu edges at which four or more triangles meet: the mesh is closed but not manifold",

@@ -7,11 +7,11 @@
 
 #include "base/isa.h"
 #include "base/memory.h"
-#include "mesh/foot.h"
+#include "geometry/foot.h"
 #include "mesh/mesh_edges.h"
 #include "mesh/nearest_triangle.h"
 #include "mesh/roof.h"
-#include "mesh/triangle.h"
+#include "geometry/triangle.h"
 
 static const char what[] = "the surface of the mesh";
 

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "mesh/triangle.h"
+#include "geometry/triangle.h"
 #include "packing/point_tree.h"
 
 /* Triangles in a leaf, or trees; a box costs about as much as one. */
@@ -108,14 +108,15 @@ void nearest_triangle_free(nearest_triangle *n)
     free(n);
 }
 
-/* The tree, which is made where it is not there yet. */
+/* The tree, which is made where it is not there yet. A search has no error to return: where memory lacks the program ends, as
+ * mem_alloc ends it. Such trees are small (UNGROUPED in mesh_faces.c): 8 MB at most. */
 static const halves *halves_of(const nearest_triangle *n)
 {
     halves *h = n->halves;
     if (atomic_load_explicit(&h->made, memory_order_acquire)) return h;
     pthread_mutex_lock(&h->making);
     if (!atomic_load_explicit(&h->made, memory_order_relaxed)) {
-        if (!make(n->mesh, h, NULL)) abort(); /* a few kilobytes, as of mem_alloc */
+        if (!make(n->mesh, h, NULL)) abort();
         atomic_store_explicit(&h->made, true, memory_order_release);
     }
     pthread_mutex_unlock(&h->making);

@@ -5,7 +5,7 @@
 
 #include "base/error.h"
 #include "mesh/mesh.h"
-#include "mesh/triangle.h"
+#include "geometry/triangle.h"
 
 typedef struct nearest_triangle nearest_triangle;
 

@@ -206,7 +206,7 @@ typedef struct search {
     const grid_view *from;
     const block_map *shells; /* blocks that touch faces of tiles */
     crossings *found;        /* of each chunk of leaves and these */
-    error *fault;            /* likewise; of those without one the code is OK */
+    error *fault;            /* likewise; the code is ERROR_NONE where there is none */
 } search;
 
 static void search_chunk(void *context, int worker, size_t begin, size_t end)

@@ -18,7 +18,7 @@
 #include "base/memory.h"
 #include "mesh/fidelity.h"
 #include "mesh/mesh_faces.h"
-#include "mesh/triangle.h"
+#include "geometry/triangle.h"
 #include "mesh_fixture.h"
 #include "meshfile/mesh_reader.h"
 #include "volume_fixture.h"

@@ -10,7 +10,7 @@
 #include <string.h>
 
 #include "mesh/mesh_surface.h"
-#include "mesh/triangle.h"
+#include "geometry/triangle.h"
 #include "mesh_fixture.h"
 #include "surface/elements.h"
 #include "surface/feature_size.h"

@@ -1,8 +1,8 @@
 /* foot: the place of a triangle that is below a place, and the distance from it, for one place or for several side by side, with the
  * same bits. Pure functions.
  */
-#ifndef HEXAD_MESH_FOOT_H
-#define HEXAD_MESH_FOOT_H
+#ifndef HEXAD_GEOMETRY_FOOT_H
+#define HEXAD_GEOMETRY_FOOT_H
 
 #include "base/isa.h"
 #include "geometry/vec3.h"

@@ -1,4 +1,4 @@
-#include "mesh/triangle.h"
+#include "geometry/triangle.h"
 
 #include <math.h>
 

@@ -1,6 +1,6 @@
 /* triangle: the distance of a point from a triangle. */
-#ifndef HEXAD_MESH_TRIANGLE_H
-#define HEXAD_MESH_TRIANGLE_H
+#ifndef HEXAD_GEOMETRY_TRIANGLE_H
+#define HEXAD_GEOMETRY_TRIANGLE_H
 
 #include "geometry/bbox.h"
 #include "geometry/vec3.h"

@@ -1,4 +1,4 @@
-#include "mesh/foot.h"
+#include "geometry/foot.h"
 
 ISA_CLONES void foot_find_lanes(foot_lanes *f)
 {
