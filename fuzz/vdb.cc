@@ -49,7 +49,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     expect(fd >= 0 && write(fd, data, size) == (ssize_t)size);
     if (plain_vdb_list_grids(fd, &list)) {
         for (size_t n = 0; n < list.count; n++) {
-            vdb_grid *g = plain_vdb_load_grid(fd, n, memory);
+            vdb_grid *g = plain_vdb_load_grid(fd, n, memory, nullptr);
             if (g) check_grid(g);
             vdb_grid_free(g);
         }

@@ -1,6 +1,7 @@
 #include "vdb/plain_vdb.h"
 
 #include <math.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -17,7 +18,8 @@ enum {
     UUID = 36,
     STRING = 1 << 16, /* bytes of a name or a type */
     WINDOW = 1 << 16, /* bytes that are read at once */
-    LEAF_MASK = 64    /* bytes */
+    LEAF_MASK = 64,   /* bytes */
+    LEAVES = 256      /* in a chunk of work */
 };
 
 /* How values are stored. */
@@ -56,6 +58,12 @@ typedef struct descriptor {
     int64_t end;
 } descriptor;
 
+/* The node at hand in each level. */
+typedef struct nodes {
+    float values[NODE_LEVELS][NODE_MOST];
+    uint64_t children[NODE_LEVELS][NODE_WORDS], active[NODE_LEVELS][NODE_WORDS];
+} nodes;
+
 /* What is known while a tree is read. */
 typedef struct reading {
     cursor *from;
@@ -64,9 +72,8 @@ typedef struct reading {
     bool half;
     blosc_decompress *blosc;
     size_t leaf_room, active_room, tile_room, memory_limit;
-    unsigned char *packed, *unpacked;     /* a node's values as they are stored */
-    float values[NODE_LEVELS][NODE_MOST]; /* of the node at hand in each level */
-    uint64_t children[NODE_LEVELS][NODE_WORDS], active[NODE_LEVELS][NODE_WORDS];
+    unsigned char *packed, *unpacked; /* a node's values as they are stored */
+    nodes *nodes;
 } reading;
 
 /* ---- bytes */
@@ -98,23 +105,32 @@ static void take(cursor *c, void *to, size_t count)
     if (count > 0) memset(out, 0, count);
 }
 
+static int64_t where_at(const cursor *c)
+{
+    return c->next - (int64_t)(c->held - c->at);
+}
+
 static int64_t bytes_left(const cursor *c)
 {
-    return c->size - c->next + (int64_t)(c->held - c->at);
+    return c->size - where_at(c);
 }
 
 static void go_to(cursor *c, int64_t where)
 {
-    const int64_t here = c->next - (int64_t)(c->held - c->at);
+    const int64_t here = where_at(c);
     require(c, where >= here && where <= c->size);
     if (c->failed) return;
+    if (where <= c->next) { /* what is held reaches there */
+        c->at += (size_t)(where - here);
+        return;
+    }
     c->next = where;
     c->at = c->held = 0;
 }
 
 static void skip(cursor *c, int64_t count)
 {
-    go_to(c, c->next - (int64_t)(c->held - c->at) + count);
+    go_to(c, where_at(c) + count);
 }
 
 static uint32_t take_u32(cursor *c)
@@ -343,21 +359,36 @@ static bool unpack(const reading *r, size_t length, size_t bytes)
     return uncompress(r->unpacked, &unpacked, r->packed, length) == Z_OK && unpacked == bytes;
 }
 
+static size_t bytes_of(const reading *r, size_t count)
+{
+    return count * (r->half ? sizeof(uint16_t) : sizeof(float));
+}
+
+/* Of `count` stored values, before them: their length where they are packed; negative where they are not. */
+static int64_t take_length(reading *r, size_t count)
+{
+    cursor *c = r->from;
+    const size_t bytes = bytes_of(r, count);
+    const int64_t length = r->compression & (ZIPPED | BLOSC) ? take_i64(c) : -(int64_t)bytes;
+    if (length > 0)
+        require(c, length <= bytes_left(c) && (size_t)length <= PACKED(bytes));
+    else
+        require(c, length == -(int64_t)bytes);
+    return c->failed ? 0 : length;
+}
+
 /* `count` values as the node has them, one after the other. */
 static void take_stored(reading *r, size_t count, float *out)
 {
     cursor *c = r->from;
-    const size_t bytes = count * (r->half ? sizeof(uint16_t) : sizeof(float));
+    const size_t bytes = bytes_of(r, count);
     if (r->half && count == 0) return;
-    const int64_t length = r->compression & (ZIPPED | BLOSC) ? take_i64(c) : -(int64_t)bytes;
+    const int64_t length = take_length(r, count);
     if (length > 0) {
-        require(c, length <= bytes_left(c) && (size_t)length <= PACKED(bytes));
-        if (c->failed) return;
         take(c, r->packed, (size_t)length);
-        require(c, unpack(r, (size_t)length, bytes));
+        require(c, !c->failed && unpack(r, (size_t)length, bytes));
     } else {
-        require(c, length == -(int64_t)bytes);
-        if (!c->failed) take(c, r->unpacked, bytes);
+        take(c, r->unpacked, bytes);
     }
     if (!r->half) memcpy(out, r->unpacked, bytes);
     for (size_t k = 0; r->half && k < count; k++) {
@@ -376,28 +407,46 @@ static void spread(const uint64_t *active, const uint64_t *chosen, const float i
             active[k / 64] >> (k % 64) & 1 ? values[--stored] : inactive[chosen[k / 64] >> (k % 64) & 1];
 }
 
-/* All of a node's, of which `active` tells those that are stored in any case. */
-static void take_values(reading *r, const uint64_t *active, size_t count, float *out)
+/* What of a node's values comes before the stored ones; returns how many these are, of `count`. */
+static size_t take_kind(reading *r, const uint64_t *active, size_t count, float inactive[2], uint64_t *chosen)
 {
     cursor *c = r->from;
     const float background = r->grid->background;
-    uint64_t chosen[NODE_WORDS];
     unsigned char kind;
     take(c, &kind, 1);
     require(c, kind == ALL_VALUES || (kind < ALL_VALUES && r->compression & MASKED));
-    float inactive[2] = {kind == ALL_BACKGROUND ? background : -background, background};
+    inactive[0] = kind == ALL_BACKGROUND ? background : -background;
+    inactive[1] = background;
     if (kind == ALL_ONE || kind == EITHER_ONE || kind == EITHER_TWO) take(c, &inactive[0], sizeof(float));
     if (kind == EITHER_TWO) take(c, &inactive[1], sizeof(float));
     if (kind == EITHER_BACKGROUND || kind == EITHER_ONE || kind == EITHER_TWO)
         take(c, chosen, count / 8);
     else
         memset(chosen, 0, count / 8);
+    if (kind == ALL_VALUES) return count;
     size_t stored = 0;
     for (size_t w = 0; w < count / 64; w++) stored += (size_t)__builtin_popcountll(active[w]);
-    if (kind == ALL_VALUES) stored = count;
-    if (c->failed) return;
+    return stored;
+}
+
+/* All of a node's, of which `active` tells those that are stored in any case. */
+static void take_values(reading *r, const uint64_t *active, size_t count, float *out)
+{
+    uint64_t chosen[NODE_WORDS];
+    float inactive[2];
+    const size_t stored = take_kind(r, active, count, inactive, chosen);
+    if (r->from->failed) return;
     take_stored(r, stored, out);
     if (stored < count) spread(active, chosen, inactive, stored, count, out);
+}
+
+/* Past a leaf's. */
+static void skip_values(reading *r, const uint64_t *active)
+{
+    uint64_t chosen[LEAF_MASK / 8];
+    float inactive[2];
+    const size_t stored = take_kind(r, active, VDB_LEAF_VOXELS, inactive, chosen);
+    if (!r->half || stored > 0) skip(r->from, llabs(take_length(r, stored)));
 }
 
 /* ---- the tree */
@@ -438,10 +487,10 @@ static void take_node(reading *r, int level, const int32_t origin[3])
     const int shift = node_level[level].log2_side;
     const int32_t side = node_level[level].children, last = (1 << shift) - 1;
     const size_t count = (size_t)1 << (3 * shift);
-    uint64_t *children = r->children[level], *active = r->active[level];
+    uint64_t *children = r->nodes->children[level], *active = r->nodes->active[level];
     take(r->from, children, count / 8);
     take(r->from, active, count / 8);
-    take_values(r, active, count, r->values[level]);
+    take_values(r, active, count, r->nodes->values[level]);
     for (int pass = 0; pass < 2; pass++) /* its own values, and then its children, which come after them */
         for (int32_t k = 0; k < (int32_t)count && !r->from->failed; k++) {
             const bool is_child = children[k / 64] >> (k % 64) & 1;
@@ -449,7 +498,7 @@ static void take_node(reading *r, int level, const int32_t origin[3])
                                    origin[1] + side * (k >> shift & last), origin[2] + side * (k & last)};
             if (is_child != pass) continue;
             if (!is_child)
-                add_tile(r, at, side, r->values[level][k], active[k / 64] >> (k % 64) & 1);
+                add_tile(r, at, side, r->nodes->values[level][k], active[k / 64] >> (k % 64) & 1);
             else if (level + 1 < NODE_LEVELS)
                 take_node(r, level + 1, at);
             else
@@ -485,33 +534,79 @@ static void take_topology(reading *r)
     }
 }
 
-static void take_leaf_values(reading *r)
+/* A leaf's mask stands before its values once more. */
+static void take_mask_again(reading *r, size_t leaf, uint64_t mask[LEAF_MASK / 8])
+{
+    take(r->from, mask, LEAF_MASK);
+    require(r->from, memcmp(mask, r->grid->leaf_active + LEAF_MASK / 8 * leaf, LEAF_MASK) == 0);
+}
+
+/* Leaves whose values are unpacked side by side. */
+typedef struct unpacking {
+    const reading *r;
+    const int64_t *where; /* the first leaf of each chunk begins */
+    atomic_bool failed;
+} unpacking;
+
+static void unpack_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    unpacking *job = context;
+    unsigned char packed[PACKED(VDB_LEAF_VOXELS * sizeof(float))], unpacked[VDB_LEAF_VOXELS * sizeof(float)];
+    cursor *c = mem_alloc(sizeof *c);
+    reading r = *job->r;
+    (void)worker;
+    c->fd = r.from->fd;
+    c->size = r.from->size;
+    c->next = job->where[begin / LEAVES];
+    r.from = c;
+    r.packed = packed;
+    r.unpacked = unpacked;
+    for (size_t n = begin; n < end && !c->failed; n++) {
+        uint64_t mask[LEAF_MASK / 8];
+        take_mask_again(&r, n, mask);
+        take_values(&r, mask, VDB_LEAF_VOXELS, r.grid->leaf_values + n * VDB_LEAF_VOXELS);
+    }
+    if (c->failed) atomic_store(&job->failed, true);
+    free(c);
+}
+
+/* Where the chunks begin is found first. */
+static void take_leaf_values(reading *r, threads *pool)
 {
     vdb_grid *g = r->grid;
     cursor *c = r->from;
-    g->leaf_values = mem_array(g->leaf_count, VDB_LEAF_VOXELS * sizeof(float), "leaves", NULL);
-    require(c, g->leaf_values);
+    int64_t *where = mem_array(g->leaf_count / LEAVES + 1, sizeof *where, "leaves", NULL);
+    require(c, where != NULL);
     for (size_t n = 0; n < g->leaf_count && !c->failed; n++) {
-        uint64_t again[LEAF_MASK / 8];
-        take(c, again, sizeof again);
-        require(c, memcmp(again, g->leaf_active + 8 * n, sizeof again) == 0);
-        take_values(r, again, VDB_LEAF_VOXELS, g->leaf_values + n * VDB_LEAF_VOXELS);
+        uint64_t mask[LEAF_MASK / 8];
+        if (n % LEAVES == 0) where[n / LEAVES] = where_at(c);
+        take_mask_again(r, n, mask);
+        skip_values(r, mask);
     }
+    if (!c->failed)
+        g->leaf_values = mem_array(g->leaf_count, VDB_LEAF_VOXELS * sizeof(float), "leaves", NULL);
+    require(c, g->leaf_values);
+    unpacking job = {r, where, false};
+    if (!c->failed) threads_run(pool, g->leaf_count, LEAVES, unpack_chunk, &job);
+    require(c, !atomic_load(&job.failed) && !threads_stopped(pool));
+    free(where);
 }
 
-static void take_grid(reading *r)
+static void take_grid(reading *r, threads *pool)
 {
-    r->packed = mem_alloc(PACKED(sizeof r->values[0]));
-    r->unpacked = mem_alloc(sizeof r->values[0]);
+    r->nodes = mem_alloc(sizeof *r->nodes);
+    r->packed = mem_alloc(PACKED(sizeof r->nodes->values[0]));
+    r->unpacked = mem_alloc(sizeof r->nodes->values[0]);
     if (r->compression & BLOSC)
         r->blosc = (blosc_decompress *)module_symbol("libblosc.so.1", "blosc_decompress_ctx", NULL);
     take_topology(r);
-    take_leaf_values(r);
+    take_leaf_values(r, pool);
+    free(r->nodes);
     free(r->packed);
     free(r->unpacked);
 }
 
-vdb_grid *plain_vdb_load_grid(int fd, size_t index, size_t memory_limit)
+vdb_grid *plain_vdb_load_grid(int fd, size_t index, size_t memory_limit, threads *pool)
 {
     descriptor d = {.end = 0};
     cursor *c = open_cursor(fd);
@@ -532,7 +627,7 @@ vdb_grid *plain_vdb_load_grid(int fd, size_t index, size_t memory_limit)
     g->grid_class = m.grid_class;
     require(c, m.half == d.half && !d.shared && strcmp(d.type, "float") == 0);
     if (!c->failed) take_transform(c, g->index_to_world);
-    if (!c->failed) take_grid(r);
+    if (!c->failed) take_grid(r, pool);
     const bool ok = !c->failed;
     free(r);
     free(c);

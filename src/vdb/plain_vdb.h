@@ -5,11 +5,12 @@
  * tree shared with others, of an affine transform. Whatever else there is, or is wrong, the library is to look at: nothing
  * is an error here. What is read is what vdb.h's functions give; but voxels smaller than 1e-5, whose transform the library
  * takes for singular, and any identifier of a file are accepted. Lengths are checked against the file's before they are
- * believed. Threads: calls share no state, but two calls must not use one descriptor at the same time.
+ * believed. Threads: calls share no state; values are unpacked by those of a pool, which may be NULL and does not show.
  */
 #ifndef HEXAD_VDB_PLAIN_VDB_H
 #define HEXAD_VDB_PLAIN_VDB_H
 
+#include "base/threads.h"
 #include "vdb/vdb.h"
 
 #ifdef __cplusplus
@@ -20,7 +21,7 @@ extern "C" {
 bool plain_vdb_list_grids(int fd, vdb_listing *out);
 
 /* As vdb_load_grid; NULL: ask the library. */
-vdb_grid *plain_vdb_load_grid(int fd, size_t index, size_t memory_limit);
+vdb_grid *plain_vdb_load_grid(int fd, size_t index, size_t memory_limit, threads *pool);
 
 #ifdef __cplusplus
 }

@@ -114,7 +114,8 @@ static bool load_grid(const volume_request *r, loading *l, volume *v, error *e)
         warn(&v->info,
              "grid \"%s\" says neither level set nor fog volume: taken as fog, inside above the isovalue",
              v->info.grid);
-    l->grid = plain_vdb_load_grid(r->fd, index, r->memory_limit);
+    l->grid = plain_vdb_load_grid(r->fd, index, r->memory_limit, r->pool);
+    if (!l->grid && threads_stopped(r->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
     if (!l->grid) l->grid = vdb_load_grid(r->fd, index, r->memory_limit, e);
     if (!l->grid) return error_prefix(e, "%s", l->name);
     if (l->grid->from_newer)
@@ -285,11 +286,11 @@ static bool note_sides(const loading *l, volume *v, error *e)
     return true;
 }
 
-/* Whether bricks are so many that to touch their memory takes long, and most would never be looked at: a point comes by two
- * of them. */
+/* Whether bricks are so many that to touch their memory takes long, and many would never be looked at: most that are not
+ * crossed. */
 static bool looks_at_few(const loading *l, const volume *v)
 {
-    return l->points > 0 && v->map.count > MANY_BRICKS + 2 * l->points;
+    return l->points > 0 && v->map.count > MANY_BRICKS + l->points;
 }
 
 static bool make_bricks(loading *l, volume *v, error *e)

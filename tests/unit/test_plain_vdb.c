@@ -55,6 +55,8 @@ static size_t hold_file_equal(int fd)
     error e = {0};
     size_t read = 0;
     if (!plain_vdb_list_grids(fd, &plain)) return 0;
+    threads *pool = threads_new(3, NULL, &e);
+    assert_non_null(pool);
     assert_true(vdb_list_grids(fd, &listed, &e));
     assert_int_equal(plain.count, listed.count);
     for (size_t k = 0; k < plain.count; k++) {
@@ -63,7 +65,7 @@ static size_t hold_file_equal(int fd)
         assert_int_equal(plain.entries[k].scalar, listed.entries[k].scalar);
         assert_int_equal(plain.entries[k].numeric, listed.entries[k].numeric);
         assert_int_equal(plain.entries[k].grid_class, listed.entries[k].grid_class);
-        vdb_grid *g = plain_vdb_load_grid(fd, k, FIXTURE_MEMORY);
+        vdb_grid *g = plain_vdb_load_grid(fd, k, FIXTURE_MEMORY, pool);
         if (!g) continue;
         vdb_grid *whole = vdb_load_grid(fd, k, FIXTURE_MEMORY, &e);
         assert_non_null(whole);
@@ -72,6 +74,7 @@ static size_t hold_file_equal(int fd)
         vdb_grid_free(g);
         read++;
     }
+    threads_free(pool);
     vdb_listing_free(&plain);
     vdb_listing_free(&listed);
     return read;
@@ -107,12 +110,12 @@ static void other_files_are_left_to_the_library(void **state)
     close(fd);
     draft.type = "double";
     fd = fixture_write(&draft, 1, VDB_SEEKABLE, false);
-    assert_null(plain_vdb_load_grid(fd, 0, FIXTURE_MEMORY));
+    assert_null(plain_vdb_load_grid(fd, 0, FIXTURE_MEMORY, NULL));
     close(fd);
     draft.type = "float";
     fd = fixture_write(&draft, 1, VDB_SEEKABLE, false);
-    assert_null(plain_vdb_load_grid(fd, 1, FIXTURE_MEMORY));
-    assert_null(plain_vdb_load_grid(fd, 0, 100));
+    assert_null(plain_vdb_load_grid(fd, 1, FIXTURE_MEMORY, NULL));
+    assert_null(plain_vdb_load_grid(fd, 0, 100, NULL));
     close(fd);
     fixture_free(&g);
 }
@@ -130,7 +133,7 @@ static void damaged_files_do_no_harm(void **state)
     close(fd);
     for (size_t length = 0; length < size; length += length < 1500 ? 7 : 1997) {
         fd = fixture_bytes(bytes, length);
-        assert_null(plain_vdb_load_grid(fd, 0, FIXTURE_MEMORY));
+        assert_null(plain_vdb_load_grid(fd, 0, FIXTURE_MEMORY, NULL));
         close(fd);
     }
     uint64_t seed = test_seed();
@@ -143,7 +146,7 @@ static void damaged_files_do_no_harm(void **state)
         memcpy(before, bytes + at, many);
         memcpy(bytes + at, changed, many);
         fd = fixture_bytes(bytes, size);
-        vdb_grid_free(plain_vdb_load_grid(fd, 0, FIXTURE_MEMORY));
+        vdb_grid_free(plain_vdb_load_grid(fd, 0, FIXTURE_MEMORY, NULL));
         vdb_listing list = {0};
         if (plain_vdb_list_grids(fd, &list)) vdb_listing_free(&list);
         close(fd);
