@@ -209,8 +209,8 @@ static void bound_chunk(void *context, int worker, size_t begin, size_t end)
 static bool make_groups(making *k, error *e)
 {
     static const char what[] = "the parts of the mesh";
-    groups *all = &k->groups;
     const size_t count = k->m->triangle_count;
+    groups *all = &k->groups;
     uint32_t *group = mem_array(count, sizeof *group, what, e);
     bool ok = group && find_groups(k, group, e);
     if (ok) {
@@ -344,11 +344,6 @@ ISA_INLINE lanes lanes_at(const double row[SIDE])
     return l;
 }
 
-ISA_INLINE lanes lanes_if(lanes_mask which, lanes value)
-{
-    return (lanes)(which & (lanes_mask)value);
-}
-
 ISA_INLINE unsigned lanes_bits(lanes_mask which)
 {
     uint64_t two[SIDE / 2];
@@ -374,8 +369,8 @@ ISA_INLINE unsigned find_near_disc(const disc *d, vec3 from, lanes nearest)
                 height0 = (float)(from.x * d->normal.x + from.y * d->normal.y), depth = (float)d->depth;
     const lanes at = (float)from.z + counting, away2 = across2 + at * at,
                 height = height0 + at * (float)d->normal.z, up = height - depth, down = -height - depth,
-                over = lanes_if(up > 0, up) + lanes_if(down > 0, down), within2 = nearest * nearest,
-                off = roughly * (away2 + within2 + radius2);
+                over = (lanes)(((up > 0) & (lanes_mask)up) | ((down > 0) & (lanes_mask)down)),
+                within2 = nearest * nearest, off = roughly * (away2 + within2 + radius2);
     const lanes room = within2 - over * over + off, /* squared: how far beside it */
         beyond = away2 - height * height - radius2 - room;
     return lanes_bits((room > 0) & ((beyond <= 0) | (beyond * beyond < 4 * radius2 * room)));
