@@ -40,7 +40,7 @@ typedef struct edge {
 } edge;
 
 /* The particles as sites, and their edges: those to a point of higher index, chunk by chunk. */
-typedef struct mesh {
+typedef struct refine_mesh {
     size_t points;
     double *spacing;
     uint8_t *flags; /* NULL: no patches */
@@ -113,18 +113,20 @@ static void list_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-static void mesh_free(mesh *m)
+void refine_mesh_free(refine_mesh *m)
 {
+    if (!m) return;
     neighbours_free(m->near);
     free(m->spacing);
     free(m->flags);
     free(m->places);
     free(m->first);
     free(m->edges);
+    free(m);
 }
 
 /* Finds and counts the edges. */
-static bool mesh_particles(const particles *p, double spacing, threads *pool, mesh *out, error *e)
+static bool fill_mesh(const particles *p, double spacing, threads *pool, mesh *out, error *e)
 {
     const char *what = "refinement";
     size_t chunks = chunks_of(p->count);
@@ -146,6 +148,19 @@ static bool mesh_particles(const particles *p, double spacing, threads *pool, me
     for (size_t k = 0; k < chunks; k++) out->first[k + 1] += out->first[k];
     out->count = out->first[chunks];
     return true;
+}
+
+refine_mesh *refine_mesh_new(const particles *p, double spacing, threads *pool, error *e)
+{
+    mesh *m = mem_alloc(sizeof *m);
+    if (fill_mesh(p, spacing, pool, m, e)) return m;
+    refine_mesh_free(m);
+    return NULL;
+}
+
+size_t refine_mesh_edges(const refine_mesh *m)
+{
+    return m->count;
 }
 
 /* Lists the edges; the lists of neighbours are given up. */
@@ -566,26 +581,15 @@ static bool fill_patches(const field *f, const surface *scan, const sizing_field
     return ok && allotment_replace_rows(patches->next, p, e);
 }
 
-bool refine_count_edges(const particles *p, double spacing, threads *pool, size_t *edges, error *e)
-{
-    mesh m;
-    bool ok = mesh_particles(p, spacing, pool, &m, e);
-    if (ok) *edges = m.count;
-    mesh_free(&m);
-    return ok;
-}
-
 bool refine_particles(const field *f, const surface *scan, const sizing_field *sizing,
-                      const refine_patches *patches, particles *p, size_t count, double spacing,
-                      uint64_t seed, threads *pool, error *e)
+                      const refine_patches *patches, refine_mesh *m, particles *p, size_t count,
+                      double spacing, uint64_t seed, threads *pool, error *e)
 {
-    mesh m;
     assert(count >= p->count || patches);
-    bool ok = mesh_particles(p, spacing, pool, &m, e) && mesh_edges(&m, pool, e);
-    if (ok && patches) drop_row_edges(&m, p, patches);
-    ok = ok && choose_edges(&m, count, p, patches, e) && add_middles(f, patches, &m, pool, p, e) &&
-         (patches ? fill_patches(f, scan, sizing, patches, p, spacing, seed, e)
-                  : draw_rest(f, scan, sizing, p, count, spacing, seed, e));
-    mesh_free(&m);
-    return ok;
+    assert(m->points == p->count);
+    bool ok = mesh_edges(m, pool, e);
+    if (ok && patches) drop_row_edges(m, p, patches);
+    return ok && choose_edges(m, count, p, patches, e) && add_middles(f, patches, m, pool, p, e) &&
+           (patches ? fill_patches(f, scan, sizing, patches, p, spacing, seed, e)
+                    : draw_rest(f, scan, sizing, p, count, spacing, seed, e));
 }

@@ -210,17 +210,31 @@ static bool drop_coarsest(sampler *s, bool *again, error *e)
     return sampler_begin(s, s->state.sigma / s->state.spacing, e);
 }
 
+static bool find_mesh(sampler *s, error *e)
+{
+    if (!s->scratch.mesh) s->scratch.mesh = refine_mesh_new(s->state.p, s->state.spacing, s->setup.pool, e);
+    return s->scratch.mesh != NULL;
+}
+
+static void forget_mesh(sampler *s)
+{
+    refine_mesh_free(s->scratch.mesh);
+    s->scratch.mesh = NULL;
+}
+
 /* Begins again with a better count once: the boundaries fill up only with time, so the last word is left to the
  * levels between. */
 bool sampler_replan(sampler *s, bool *again, error *e)
 {
-    size_t count = s->state.p->count, edges;
+    const size_t count = s->state.p->count;
     if (s->state.stage == 0) return drop_coarsest(s, again, e);
-    if (s->state.plan.allotments) return true; /* which know their counts */
-    if (!refine_count_edges(s->state.p, s->state.spacing, s->setup.pool, &edges, e)) return false;
-    levels_correct(&s->state.plan, edges, count_on_boundary(s));
+    if (s->state.plan.allotments) return true;                                 /* which know their counts */
+    if (s->state.planned && s->state.stage < SCHEDULE_STAGES - 1) return true; /* there is a later word */
+    if (!find_mesh(s, e)) return false;
+    levels_correct(&s->state.plan, refine_mesh_edges(s->scratch.mesh), count_on_boundary(s));
     *again = !s->state.planned && s->state.plan.particles[0] != count;
     s->state.planned = true;
+    if (*again || s->state.stage < SCHEDULE_STAGES - 1) forget_mesh(s);
     if (*again) return sampler_begin(s, s->state.sigma / s->state.spacing, e);
     s->state.plan.particles[0] = count;
     return true;
@@ -285,11 +299,13 @@ bool sampler_refine(sampler *s, error *e)
     size_t count = plan->particles[++s->state.level];
     const refine_patches patches = {plan->allotments ? &plan->allotments[s->state.level] : NULL,
                                     plan->curves};
-    if (!refine_particles(s->setup.field, s->setup.scan, s->setup.params.sizing,
-                          plan->allotments ? &patches : NULL, s->state.p,
-                          count - plan->newcomers[s->state.level], s->state.spacing, s->setup.params.seed,
-                          s->setup.pool, e))
-        return false;
+    const bool ok =
+        find_mesh(s, e) && refine_particles(s->setup.field, s->setup.scan, s->setup.params.sizing,
+                                            plan->allotments ? &patches : NULL, s->scratch.mesh, s->state.p,
+                                            count - plan->newcomers[s->state.level], s->state.spacing,
+                                            s->setup.params.seed, s->setup.pool, e);
+    forget_mesh(s);
+    if (!ok) return false;
     enter_level(s, count, support);
     if (!add_newcomers(s, e)) return false;
     if (!plan->allotments && s->state.level == plan->count - 1 && !sampler_cover_parts(s, e)) return false;

@@ -77,6 +77,7 @@ void sampler_free(sampler *s)
     levels_free(&s->state.plan);
     particles_free(s->state.p);
     relax_free(s->scratch.relax);
+    refine_mesh_free(s->scratch.mesh);
     free(s->record.sweep);
     free(s->record.replaced);
     sampler_take_back(s);

@@ -5,6 +5,7 @@
 
 #include "sampler/levels.h"
 #include "particles/particles.h"
+#include "particles/refine.h"
 #include "particles/relax.h"
 #include "sampler/sampler.h"
 #include "sampler/schedule.h"
@@ -68,8 +69,9 @@ typedef struct sampler_state {
 
 /* What it works with; nothing here outlives a solve. */
 typedef struct sampler_scratch {
-    relax *relax;    /* NULL once energies are known */
-    size_t capacity; /* of state.p and relax */
+    relax *relax;      /* NULL once energies are known */
+    size_t capacity;   /* of state.p and relax */
+    refine_mesh *mesh; /* of the coarsest level, from when its edges are counted until it is refined */
     double
         *worst; /* while the particles are finalized: the largest |F| / |grad F| over h of a chunk of them */
     bool *lost; /* likewise: it is not on the surface, and has no residual */

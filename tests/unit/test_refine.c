@@ -60,8 +60,11 @@ static void free_ball(ball *b)
 static void refine_ball(ball *b, size_t count)
 {
     error e = {0};
-    if (!refine_particles(&b->field->base, NULL, NULL, NULL, b->p, count, b->spacing, 1, b->pool, &e))
+    refine_mesh *m = refine_mesh_new(b->p, b->spacing, b->pool, &e);
+    if (!m ||
+        !refine_particles(&b->field->base, NULL, NULL, NULL, m, b->p, count, b->spacing, 1, b->pool, &e))
         fail_msg("%s", e.message);
+    refine_mesh_free(m);
     assert_int_equal(b->p->count, count);
 }
 
@@ -145,11 +148,12 @@ static void edges_are_counted(void **state)
 {
     (void)state;
     ball b;
-    size_t edges;
     error e = {0};
     make_ball(&b, 0, 2, NULL);
-    assert_true(refine_count_edges(b.p, b.spacing, b.pool, &edges, &e));
-    assert_int_equal(edges, EDGES);
+    refine_mesh *m = refine_mesh_new(b.p, b.spacing, b.pool, &e);
+    assert_non_null(m);
+    assert_int_equal(refine_mesh_edges(m), EDGES);
+    refine_mesh_free(m);
     assert_int_equal(b.p->count, POINTS);
     free_ball(&b);
 }
@@ -196,13 +200,16 @@ static void a_stop_ends_it(void **state)
     volatile sig_atomic_t stop = 0;
     error e = {0};
     ball b;
-    size_t edges = 17;
     make_ball(&b, 0, 2, &stop);
+    refine_mesh *m = refine_mesh_new(b.p, b.spacing, b.pool, &e);
+    assert_non_null(m);
     stop = 1;
-    assert_false(refine_particles(&b.field->base, NULL, NULL, NULL, b.p, MOST, b.spacing, 1, b.pool, &e));
+    assert_false(refine_particles(&b.field->base, NULL, NULL, NULL, m, b.p, MOST, b.spacing, 1, b.pool, &e));
     assert_int_equal(e.code, ERROR_CANCELLED);
-    assert_false(refine_count_edges(b.p, b.spacing, b.pool, &edges, &e));
-    assert_int_equal(edges, 17);
+    refine_mesh_free(m);
+    e = (error){0};
+    assert_null(refine_mesh_new(b.p, b.spacing, b.pool, &e));
+    assert_int_equal(e.code, ERROR_CANCELLED);
     free_ball(&b);
 }
 
