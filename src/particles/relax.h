@@ -37,6 +37,8 @@ typedef struct relax_params {
     double
         fast_step; /* longest step of the fast kernel, over h size: it is taken without a trial of the energy */
     double gain;   /* least relative decrease of a particle's energy that counts */
+    bool
+        may_idle; /* particles that hardly moved, and those around them neither, are left out: see relax_let_idle */
 } relax_params;
 
 typedef struct relax_sums {
@@ -78,6 +80,9 @@ void relax_stir(relax *r, const particles *p, size_t i);
 
 /* None is stirred any more. */
 void relax_calm(relax *r);
+
+/* From now on sweeps may leave out particles that hardly moved. Error: limit_memory. */
+bool relax_let_idle(relax *r, error *e);
 
 /* One sweep over lists built for at least params->sigma. Allocates nothing. */
 void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums *out);

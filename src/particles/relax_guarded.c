@@ -194,7 +194,7 @@ void relax_guarded_steps(const sweep_job *job, const uint32_t *items, size_t cou
     }
     for (size_t l = 0; l < count; l++) {
         if (t.open[l]) job->p->lambda[items[l]] = (float)t.lambda[l];
-        sums->energy += (double)t.forces.energy[l];
+        relax_note_energy(job, items[l], (double)t.forces.energy[l], sums);
         sums->lambda += (double)job->p->lambda[items[l]];
     }
 }

@@ -39,6 +39,14 @@ enum {
     RELAX_PUT = 4      /* whose neighbours are stirred when lists are built */
 };
 
+/* What tells whether a particle is left out of a sweep. */
+typedef struct idleness {
+    float step;   /* its last, over its size */
+    float around; /* the ways of those in its list when it took that */
+    float energy; /* at that time */
+    bool sleeps;  /* in the sweep at hand */
+} idleness;
+
 struct relax {
     threads *pool;
     const energy_function *energy;
@@ -49,6 +57,8 @@ struct relax {
     size_t noted_count; /* of the particles that these are about */
     size_t stirred_count, put_count;
     float *moved;      /* length of a particle's way since the lists were built */
+    idleness *idle;    /* NULL: none is ever left out */
+    bool idle_known;   /* for the lists at hand */
     block_sums *parts; /* of the sweep */
     size_t part_capacity;
     double sigma, skin; /* of the lists */
@@ -66,6 +76,7 @@ typedef struct sweep_job {
     particles *p;
     const relax_params *params;
     size_t first_block; /* of the colour */
+    idleness *idle;     /* NULL: none is left out */
     double sigma;
 } sweep_job;
 
@@ -79,6 +90,13 @@ double relax_damped_step(const pair_forces *f, double lambda, double *s1, double
 /* Particles side by side for the kernel. What is left over of the lanes repeats the first. */
 void relax_line_up(const relax *r, const particles *p, const uint32_t *items, size_t count,
                    fast_kernel_particles *out);
+
+/* Counts the energy that particle i has as its turn comes. */
+static inline void relax_note_energy(const sweep_job *job, size_t i, double energy, block_sums *sums)
+{
+    sums->energy += energy;
+    if (job->idle) job->idle[i].energy = (float)energy;
+}
 
 /* Notes the normals of all, where pairs are weighed by them side by side. */
 void relax_note_normals(relax *r, const particles *p);

@@ -12,6 +12,8 @@
 static const double FINE_BEGINS = 0.4;
 /* Of the step that may be left: what is asked of points that did not rest as they would have been delivered. */
 static const double PRESSED = 0.9;
+/* With fewer sweeps than so many on a level no particle is left out of any. */
+enum { IDLE_SWEEPS = 100 };
 
 static schedule_position position(const sampler *s)
 {
@@ -207,6 +209,15 @@ static void note_sweep(sampler *s, const relax_sums *sums)
                                                                .rejected = sums->rejected};
 }
 
+/* In the sweeps that the last level has for its disorder, if they are many, most are in order. Whether it is at rest all have to
+ * say in the end. */
+static bool may_idle(const sampler *s, const schedule_position *at)
+{
+    const int sweeps = schedule_level_sweeps(s->setup.schedule, at);
+    return s->state.rough > 0 && schedule_is_last_level(at) && !s->state.coarse && sweeps >= IDLE_SWEEPS &&
+           at->sweeps + 1 < sweeps;
+}
+
 static bool relax_step(sampler *s, error *e)
 {
     if (s->state.lists_stale && !sampler_build_lists(s, e)) return false;
@@ -220,8 +231,10 @@ static bool relax_step(sampler *s, error *e)
                                  .spacing = s->state.spacing,
                                  .omega = schedule_omega(s->setup.schedule, &at),
                                  .fast_step = schedule_longest_step(s->setup.schedule, &at),
-                                 .gain = s->state.gain};
+                                 .gain = s->state.gain,
+                                 .may_idle = may_idle(s, &at)};
     relax_sums sums;
+    if (params.may_idle && !relax_let_idle(s->scratch.relax, e)) return false;
     s->state.settled = false;
     relax_sweep(s->scratch.relax, s->state.p, &params, &sums);
     at.sweeps = ++s->state.sweeps_in_round;

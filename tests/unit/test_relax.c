@@ -292,6 +292,42 @@ static void steps_of_the_stirred_are_told(void **state)
     tear_down(&b);
 }
 
+/* Particles near their rest are left out of sweeps that may do so, until one of those around has gone far; they count with the
+ * energy that they had. */
+static void who_hardly_moves_is_left_out(void **state)
+{
+    (void)state;
+    error e = {0};
+    bench b;
+    relax_sums sums, before;
+    vec3 rests[COUNT];
+    set_up(&b, 0, fast_kernel_for(isa_best()), 17);
+    const double h = b.params.spacing;
+    b.params.omega = 1;
+    for (int sweep = 0; sweep < 400; sweep++) {
+        if (sweep % 10 == 0) assert_true(relax_build(b.r, b.p, b.params.sigma, 0.6 * h, &e));
+        relax_sweep(b.r, b.p, &b.params, &before);
+    }
+    assert_true(before.max_step > 0 && before.max_step < 0.01);
+    b.params.may_idle = true;
+    relax_sweep(b.r, b.p, &b.params, &before); /* nobody may yet */
+    assert_true(before.rms_step > 0);
+    assert_true(relax_let_idle(b.r, &e));
+    relax_sweep(b.r, b.p, &b.params, &before);
+    assert_true(before.rms_step > 0);
+    memcpy(rests, b.p->position, sizeof rests);
+    relax_sweep(b.r, b.p, &b.params, &sums);
+    assert_memory_equal(b.p->position, rests, sizeof rests);
+    assert_true(sums.rms_step == 0 && fabs(sums.energy / before.energy - 1) < 1e-6);
+    assert_true(relax_build(b.r, b.p, b.params.sigma, 0.6 * h, &e));
+    relax_sweep(b.r, b.p, &b.params, &sums); /* with new lists all do */
+    assert_true(sums.rms_step > 0);
+    b.params.may_idle = false;
+    relax_sweep(b.r, b.p, &b.params, &sums);
+    assert_true(sums.rms_step > 0);
+    tear_down(&b);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -299,6 +335,7 @@ int main(void)
         cmocka_unit_test(steps_of_the_stirred_are_told),
         cmocka_unit_test(refreshed_lists_serve_as_new_ones),
         cmocka_unit_test(lists_that_do_not_cover_are_not_refreshed),
+        cmocka_unit_test(who_hardly_moves_is_left_out),
         cmocka_unit_test(energy_never_rises),
         cmocka_unit_test(points_in_one_place_do_not_set_the_support),
         cmocka_unit_test(lists_stay_valid),
