@@ -142,12 +142,42 @@ static double side_of_voxel(const volume *v, uint32_t brick, const int32_t voxel
     return v->inside[8 * (size_t)brick + (size_t)(voxel[0] & 7)] >> bit & 1 ? -1 : 1;
 }
 
+/* Of the first brick on the way, where there are fewer bricks than blocks on the way: each brick is held against it. */
+static double side_of_first(const volume *v, vec3 from, vec3 way)
+{
+    double first = INFINITY;
+    uint32_t found = BLOCK_MAP_NONE;
+    for (uint32_t brick = 0; brick < v->map.count; brick++) {
+        double begin = 0, end = 1;
+        for (int axis = 0; axis < 3; axis++) {
+            const double by = vec3_get(way, axis),
+                         low = 8.0 * v->map.blocks[brick][axis] - vec3_get(from, axis);
+            if (by == 0 && !(low <= 0 && low + 8 > 0)) end = -1;
+            if (by == 0) continue;
+            begin = fmax(begin, fmin(low / by, (low + 8) / by));
+            end = fmin(end, fmax(low / by, (low + 8) / by));
+        }
+        if (!(begin <= end && begin < first)) continue;
+        first = begin;
+        found = brick;
+    }
+    if (found == BLOCK_MAP_NONE) return 1;
+    int32_t voxel[3];
+    for (int axis = 0; axis < 3; axis++) {
+        const int32_t low = 8 * v->map.blocks[found][axis];
+        const double at = vec3_get(from, axis) + first * vec3_get(way, axis);
+        voxel[axis] = (int32_t)fmin(fmax(floor(at), low), (double)low + 7);
+    }
+    return side_of_voxel(v, found, voxel);
+}
+
 /* That of the first voxel of a brick on the straight way from a place that is in none to the first cell. */
 static double side_on_way(const volume *v, vec3 from)
 {
     const int32_t *cell_to = v->cells[0].at;
     const vec3 way = vec3_sub((vec3){cell_to[0] + 0.5, cell_to[1] + 0.5, cell_to[2] + 0.5}, from);
     const double steps = fmax(ceil(fmax(fabs(way.x), fmax(fabs(way.y), fabs(way.z)))), 1); /* a voxel each */
+    if (steps > 8.0 * v->map.count) return side_of_first(v, from, way);
     for (double k = fmax(floor(way_to_bricks(v, from, way) * steps) - 1, 1); k <= steps; k++) {
         const vec3 p = vec3_axpy(k / steps, way, from);
         int32_t voxel[3];
