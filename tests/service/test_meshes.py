@@ -194,7 +194,7 @@ def box(low, high):
 def test_closed_meshes_with_sharp_edges(worker, tmp_path, parts, members, patches):
     """On their triangles by default, unless something speaks against it: boxes that run into each other are a union."""
     (tmp_path / "boxes.obj").write_text("\n".join(line for part in parts for line in box(*part)) + "\n")
-    done = worker(mesh(tmp_path / "boxes.obj", 400, **members))
+    done = worker(mesh(tmp_path / "boxes.obj", 400 * len(parts), **members))
     assert done.returncode in (0, 10, 11), done.stderr
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     of_mesh = report["surface"]["mesh"]
