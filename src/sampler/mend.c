@@ -25,8 +25,9 @@ enum { PIECES_MOST = 256, TRIES = 16, CHAIN = 8, QUEUE_MOST = 1024 };
 /* A chain goes on from what costs up to so much more. A piece may stay so much worse, too: ever less over this share of the
  * passes, so that dislocations which no try brings together wander until they meet. */
 static const double HEAT = 1, WARMTH = 1, WARM_SHARE = 0.7;
-/* Passes over all pieces for so many particles, and how many of them before all may move. */
-static const double PASSES = 48, PASSES_COUNT = 1e4;
+/* Passes over all pieces for so many particles of which no more than so many were out of order, more by the square where more were;
+ * and how many of them before all may move. */
+static const double PASSES = 48, PASSES_COUNT = 1e4, PASSES_SHARE = 0.14;
 enum { PASSES_AT_ONCE = 2 };
 /* Below this share of particles with other than six neighbours there is nothing to mend. */
 static const double ORDERED_SHARE = 0.05;
@@ -34,7 +35,9 @@ static const double ORDERED_SHARE = 0.05;
  * where all have it, and a pair has half of it from each; more costs more order than it evens out. A cell that is farther off
  * is not of one sheet. */
 static const double EVENING = 3, CELL_OFF = 0.15;
-enum { EVENINGS = 1 };
+/* That is done again while the others' spacings vary by more than this, over the mean, and so often at most. */
+static const double EVEN_CELLS = 0.02;
+enum { EVENINGS = 3 };
 /* What is worth a change. */
 static const double LEAST_GAIN = 1e-3;
 
@@ -404,12 +407,25 @@ static void end(mending *m)
 
 /* --- even cells --- */
 
+/* Cells as they are. Returns how much the spacings that they have vary. */
+static double measure_cells(mending *m)
+{
+    double squares = 0, found = 0;
+    threads_run(m->s->setup.pool, m->s->state.p->count, 256, degree_chunk, m);
+    m->mean = mean_local(m);
+    for (size_t i = 0; i < m->s->state.p->count; i++) {
+        const double off = m->local[i] / m->mean - 1;
+        if (fabs(off) >= CELL_OFF) continue;
+        squares += off * off;
+        found++;
+    }
+    return found > 0 ? sqrt(squares / found) : 0;
+}
+
 /* Whose cell is too wide gets a smaller amplitude, those around come nearer, and so on. */
-static void even_out(mending *m)
+static void even_out(const mending *m)
 {
     particles *p = m->s->state.p;
-    threads_run(m->s->setup.pool, p->count, 256, degree_chunk, m);
-    m->mean = mean_local(m);
     for (size_t i = 0; i < p->count; i++) {
         const double off = m->local[i] / m->mean;
         if (fabs(off - 1) < CELL_OFF) p->alpha[i] *= pow(off, -EVENING);
@@ -430,15 +446,19 @@ bool sampler_even_out(sampler *s, bool *changed, error *e)
     mending m = {.s = s};
     *changed = false;
     if (s->state.mends == 0 || s->state.evened == EVENINGS) return true;
-    *changed = begin_evening(s, e) && begin(&m, s, e) && find_near(&m, e);
-    if (*changed) even_out(&m);
+    bool ok = begin(&m, s, e) && find_near(&m, e);
+    if (ok && (measure_cells(&m) > EVEN_CELLS || s->state.evened == 0)) {
+        ok = *changed = begin_evening(s, e);
+        if (ok) even_out(&m);
+    }
     end(&m);
-    return *changed;
+    return ok;
 }
 
 bool sampler_mend(sampler *s, bool *changed, error *e)
 {
-    const double passes = floor(PASSES * fmin(1, PASSES_COUNT / (double)s->state.p->count));
+    const double more = fmax(1, pow(s->state.disordered_share / PASSES_SHARE, 2)),
+                 passes = floor(PASSES * more * fmin(1, PASSES_COUNT / (double)s->state.p->count));
     mending m;
     bool ok = true, goes_on = s->state.evened == 0 && s->state.mends < passes;
     *changed = false;
