@@ -93,8 +93,8 @@ void *mem_array(size_t count, size_t size, const char *what, error *e)
     if (!__builtin_mul_overflow(count, size, &bytes) &&
         bytes <= PTRDIFF_MAX - 128) { /* no object is larger */
         bytes = (bytes + 64) & ~(size_t)63;
-        char *p = aligned_alloc(bytes < VERY_LARGE ? 64 : VERY_LARGE, bytes);
-        if (p) return zeroed(p, bytes);
+        void *p;
+        if (posix_memalign(&p, bytes < VERY_LARGE ? 64 : VERY_LARGE, bytes) == 0) return zeroed(p, bytes);
     }
     error_set(e, ERROR_LIMIT_MEMORY,
               "no memory for %s (%zu elements of %zu bytes): raise limits.memory_mb or ask for fewer points",

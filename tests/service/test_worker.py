@@ -634,11 +634,12 @@ def test_the_peak_of_memory_counts_the_reader(worker, tmp_path):
     x = numpy.stack([wide * numpy.cos(u), wide * numpy.sin(u), 0.4 * numpy.sin(v)], axis=-1).reshape(-1, 3)
     at = numpy.arange(n * n).reshape(n, n)
     right, up = numpy.roll(at, -1, 1), numpy.roll(at, -1, 0)
-    faces = numpy.stack([at, right, numpy.roll(right, -1, 0), up], axis=-1).reshape(-1, 4) + 1
-    with open(tmp_path / "torus.obj", "w") as file:
-        file.writelines("v %.6f %.6f %.6f\n" % tuple(p) for p in x)
-        file.writelines("f %d %d %d %d\n" % tuple(f) for f in faces)
-    spec = sphere(100, surface={"mesh": {"path": "torus.obj", "resolution": 24}})
+    faces = numpy.stack([at, right, numpy.roll(right, -1, 0), up], axis=-1).reshape(-1, 4)
+    with open(tmp_path / "torus.off", "w") as file:
+        file.write("OFF\n%d %d 0\n" % (n * n, n * n))
+        file.writelines("%.6f %.6f %.6f\n" % tuple(p) for p in x)
+        file.writelines("4 %d %d %d %d\n" % tuple(f) for f in faces)
+    spec = sphere(100, surface={"mesh": {"path": "torus.off", "resolution": 24}})
     assert worker(spec).returncode in (0, 10, 11)
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     vertices_and_faces = 12 * n * n + 24 * n * n
