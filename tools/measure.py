@@ -15,7 +15,7 @@ from scipy.spatial import Delaunay, cKDTree
 E_IDEAL = 6 * (1 / numpy.tan(numpy.pi / 2 / numpy.sqrt(3)) + numpy.pi / 2 / numpy.sqrt(3) - numpy.pi / 2)
 # Near the ideal an energy goes as this power of distance, falling; and of perfect order whose spacing grows by g per distance, how
 # much larger cells and energies are, over g squared.
-SLOPE, GROWTH_CELL, GROWTH_ENERGY = 4.6856, 5 / 12, 0.668
+SLOPE, GROWTH_CELL, GROWTH_ENERGY, GROWTH_MOST = 4.6856, 5 / 12, 0.668, 0.3
 # Normals that part by more than this belong to another sheet; those of the two sides of a sharp edge do not.
 OTHER_SIDE = -0.6
 # Two sheets closer than SHEET_GAP spacings, twice the circumradius of an ideal triangle, are not told apart by their
@@ -255,7 +255,7 @@ def _disorder(points, energy, measured, cell, edges, uneven):
     step = ((points.spacing[i] - points.spacing[j]) / length) ** 2
     ends, steps = numpy.concatenate([i, j]), numpy.concatenate([step, step])
     own = numpy.bincount(ends, steps, points.count) / numpy.maximum(numpy.bincount(ends, minlength=points.count), 1)
-    growth = 2 * own[measured].mean() if uneven and measured.any() else 0
+    growth = numpy.minimum(2 * own[measured], GROWTH_MOST ** 2).mean() if uneven and measured.any() else 0
     relative = (cell / points.spacing ** 2)[measured].mean() * 2 / numpy.sqrt(3) if measured.any() else 1
     ordered = E_IDEAL * (1 + GROWTH_ENERGY * growth) * ((1 + GROWTH_CELL * growth) / relative) ** (SLOPE / 2)
     return float(energy / ordered - 1)

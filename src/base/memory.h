@@ -28,8 +28,8 @@ void *mem_array(size_t count, size_t size, const char *what, error *e);
 void *mem_grow(void *array, size_t count, size_t *room, size_t first, size_t size, const char *what,
                error *e);
 
-/* For a program of large arrays, before it starts threads: each goes back to the kernel when it is freed, whatever was allocated
- * behind it. Of itself the library keeps ever larger ones. */
+/* For a program of large arrays, before it starts threads: each of 1 MB and more goes back to the kernel when it is freed, whatever
+ * was allocated behind it. Of itself the library keeps ever larger ones. */
 void mem_return_arrays(void);
 
 /* Gives the memory of whole pages within an array back to the kernel; what it held is lost. The array is freed as a whole

@@ -298,7 +298,8 @@ static bool plan(making *k, error *e)
     for (uint32_t g = 0; g < k->groups.count; g++)
         if (!plan_group(k, g, e)) return false;
     size_t needed = k->map.count * (VOXELS * sizeof(float) + 128) + block_map_bytes(k->map.count) +
-                    k->pair_count * (sizeof *k->pairs + sizeof *k->near);
+                    k->pair_count * (sizeof *k->pairs + sizeof *k->near) +
+                    k->groups.count * (sizeof(bbox) + sizeof(disc)) + 4 * k->m->triangle_count;
     if (needed > k->limit) return over_limit(k, needed, e);
     k->first = mem_array((size_t)k->map.count + 2, sizeof *k->first, "the blocks around the mesh", e);
     k->near = mem_array(k->pair_count, sizeof *k->near, "the blocks around the mesh", e);
@@ -376,8 +377,7 @@ ISA_INLINE unsigned find_near_disc(const disc *d, vec3 from, lanes nearest)
     return lanes_bits((room > 0) & ((beyond <= 0) | (beyond * beyond < 4 * radius2 * room)));
 }
 
-/* The voxels of each row that may be nearer to something in a box and a disc than to anything so far, by bits; whether there is
- * one. */
+/* The voxels of each row that may be nearer to what is in a box and a disc than to all so far, by bits; whether there are any. */
 ISA_CLONES static bool find_rows(bbox box, const disc *d, const double nearest[VOXELS], uint8_t rows[64])
 {
     double outside_z[SIDE];

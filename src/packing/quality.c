@@ -20,8 +20,8 @@ static const double CLOSEST = 1e-6;
 static const double ROW_REACH = 2.07;
 
 /* A packing in perfect order whose spacing grows by g per distance is a lattice under the exponential map. Over what is requested
- * its cells are so many g^2 larger, and energies so many g^2 more; up to a g of 0.3 to 3 % of that. */
-static const double GROWTH_CELL = 5.0 / 12, GROWTH_ENERGY = 0.668;
+ * its cells are so many g^2 larger, and energies so many g^2 more; up to a g of 0.3 to 3 % of that, and beyond it counts no more. */
+static const double GROWTH_CELL = 5.0 / 12, GROWTH_ENERGY = 0.668, GROWTH_MOST = 0.3;
 
 /* Points in a chunk of work, and in a partial sum. */
 #define CHUNK 256
@@ -212,7 +212,7 @@ static double growth2_at(const quality_input *in, uint32_t i, const voronoi_star
         sum += more * more / (star->distance[k] * star->distance[k]);
         count++;
     }
-    return count > 0 ? 2 * sum / count : 0;
+    return count > 0 ? fmin(2 * sum / count, GROWTH_MOST * GROWTH_MOST) : 0;
 }
 
 static void tally_logarithms(double requested, double local, tally *t)

@@ -26,7 +26,7 @@ bool coverage_measure(const surface *scan, const vec3 *position, const double *s
 bool coverage_of_places(const vec3 *place, size_t places, const vec3 *position, const double *spacing,
                         size_t count, double *farthest, error *e);
 
-/* Places of a surface of patches, and the patch of each. */
+/* Places of a surface, and the patch of each: 0 without patches. */
 typedef struct coverage_places {
     vec3 *place;
     uint32_t *patch;

@@ -38,7 +38,7 @@ typedef struct relax_params {
         fast_step; /* longest step of the fast kernel, over h size: it is taken without a trial of the energy */
     double gain;   /* least relative decrease of a particle's energy that counts */
     bool
-        may_idle; /* particles that hardly moved, and those around them neither, are left out: see relax_let_idle */
+        may_idle; /* with the fast kernel: particles that hardly moved, and those around them neither, are left out: see relax_let_idle */
 } relax_params;
 
 typedef struct relax_sums {

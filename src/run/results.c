@@ -39,7 +39,6 @@ static const double POINTS_VOXEL = 3;
 /* Of convergence.png, pixels. */
 enum { CHART_WIDTH = 960, CHART_HEIGHT = 960 };
 
-/* Hashes the verified file, names it in the list, and puts it in place. */
 static json *add_output(json *outputs, const char *name)
 {
     json *output = json_append_object(outputs);
@@ -53,6 +52,7 @@ static void put_facts(json *output, const store_facts *facts)
     json_put_string(output, "sha256", facts->sha256);
 }
 
+/* Hashes the verified file, names it in the list, and puts it in place. */
 static bool commit_output(store_file *file, const char *name, json *outputs, error *e)
 {
     store_facts facts;
@@ -121,9 +121,10 @@ static bool write_ply(const char *directory, const char *name, const spec *s, co
               ply_write(file.stream, set, &what, format, precision, pool, e);
     if (ok && !ply_verify(file.stream, set, &what, format, precision, pool, e))
         ok = error_prefix(e, "%s does not read back as it was written", name);
-    if (ok)
-        ok = late ? late_commit_begin(&file, threads_count(pool) > 1, late, e)
-                  : commit_output(&file, name, outputs, e);
+    if (ok && late)
+        *late = late_commit_begin(&file, threads_count(pool) > 1);
+    else if (ok)
+        ok = commit_output(&file, name, outputs, e);
     store_file_abort(&file);
     free(path);
     return ok;

@@ -284,6 +284,7 @@ static bool cover_all(sampler *s, bool *changed, error *e)
 bool sampler_cover_parts(sampler *s, error *e)
 {
     double farthest = 0;
+    sampler_resize(s);
     double *spacing = mem_array(s->state.p->count, sizeof *spacing, "the bare places", e);
     for (size_t i = 0; spacing && i < s->state.p->count; i++)
         spacing[i] = particles_size(s->state.p, i) * s->state.spacing;

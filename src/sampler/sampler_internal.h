@@ -188,8 +188,8 @@ bool sampler_relocate(sampler *s, error *e);
  * set where there are such, and unchanged else. Error: limit_memory. */
 bool sampler_cover_patches(sampler *s, bool *changed, error *e);
 
-/* The same of a surface without patches, for the begin of the last level: parts that have no point get some, though their share of
- * the coarser levels' was less than one. Lists are stale then. Error: limit_memory. */
+/* The same of a surface without patches, where the last level begins, or the only one is near its rest: parts that have no point get
+ * some, though their share of the coarser levels' was less than one. Lists are stale where there are such. Error: limit_memory. */
 bool sampler_cover_parts(sampler *s, error *e);
 
 /* Every particle onto the surface to rounding, or onto a new place there, which adds to record.removed. Error:

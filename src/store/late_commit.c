@@ -32,20 +32,14 @@ static void *run(void *context)
     return NULL;
 }
 
-bool late_commit_begin(store_file *file, bool beside, late_commit **out, error *e)
+late_commit *late_commit_begin(store_file *file, bool beside)
 {
     late_commit *c = mem_alloc(sizeof *c);
     c->file = *file;
-    c->beside = beside;
     *file = (store_file){0};
-    if (beside && !background_start(&c->thread, run, c, "the results", e)) {
-        store_file_abort(&c->file);
-        free(c);
-        return false;
-    }
-    if (!beside) run(c);
-    *out = c;
-    return true;
+    c->beside = beside && background_start(&c->thread, run, c, "the results", NULL);
+    if (!c->beside) run(c);
+    return c;
 }
 
 bool late_commit_end(late_commit *c, store_facts *out, error *e)

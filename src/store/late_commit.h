@@ -13,9 +13,9 @@ typedef struct store_facts {
     uint64_t bytes;
 } store_facts;
 
-/* Takes the file over, also on failure: *file is empty then. After success `end` follows. Not `beside`: it is done at once, by
- * the calling thread. */
-bool late_commit_begin(store_file *file, bool beside, late_commit **out, error *e);
+/* Takes the file over: *file is empty then; `end` follows. Not `beside`, or without a thread to be had: it is done at once, by the
+ * calling thread. */
+late_commit *late_commit_begin(store_file *file, bool beside);
 
 /* Waits for it; frees it whatever comes of it. `e` may be NULL. */
 bool late_commit_end(late_commit *c, store_facts *out, error *e);

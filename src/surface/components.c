@@ -57,6 +57,7 @@ static bool passes(const cell_set *c, uint32_t from, uint32_t to)
     for (int axis = 0; axis < 3; axis++) {
         const double along = vec3_get(way, axis);
         if (fabs(along) < 0.5) continue;
+        if (fabs(along) > 1.5) return false; /* short cells: one between them shares the faces */
         face = 2 * axis + (along > 0);
         faces++;
     }
