@@ -34,8 +34,9 @@ static const uint32_t NEAR_AHEAD = 24, FAR_AHEAD = 88;
 static const size_t ROUGH_COUNT = 20000, ROUGH_COUNT_CALM = 4000;
 static const double ROUGH_SHARE = 0.25, CALM_SHARE = 0.5;
 /* Over h size: whose last step was shorter is left out until those around, by their ways in all, have gone so many times as far.
- * Half of it leaves a sixth in the extra sweeps of a scan instead of a third, and twice as much brings them to a stop. */
-static const double IDLE_STEP = 0.02, IDLE_AROUND = 6;
+ * That leaves out a quarter in the extra sweeps of a scan. With twice as much a third, and .001 of hex_fraction is lost; four times
+ * as much brings them to a stop. */
+static const double IDLE_STEP = 0.01, IDLE_AROUND = 6;
 /* A fast step ends with one Newton step. From this fraction of h it leaves an error of about its square times
  * kappa h. */
 static const double FAST_STEP_FARTHEST = 0.05;
