@@ -36,7 +36,7 @@ bool sampler_judge_coarse(sampler *s, error *e)
     if (!s->setup.fast || p->patch || relax_creased_share(s->scratch.relax, p) < CREASED_SHARE) return true;
     double *spacing = mem_array(p->count, sizeof *spacing, "the result", e);
     if (!spacing) return false;
-    for (size_t i = 0; i < p->count; i++) spacing[i] = particles_size(p, i) * s->state.spacing;
+    sampler_tell_spacings(s, spacing);
     const quality_input in = {.count = p->count,
                               .position = p->position,
                               .normal = p->normal,
@@ -259,7 +259,7 @@ static bool cover_all(sampler *s, bool *changed, error *e)
     sampler_resize(s);
     for (int pass = 0; ok && moves > 0 && pass < PASSES; pass++) {
         coverage_places bare;
-        for (size_t i = 0; i < p->count; i++) spacing[i] = particles_size(p, i) * s->state.spacing;
+        sampler_tell_spacings(s, spacing);
         hold_some(s, d.of_patch, d.held);
         ok = coverage_find_bare(s->setup.scan, p->position, spacing, p->count, BARE_PLACE, &bare, e);
         d.place = bare.place;
@@ -286,8 +286,7 @@ bool sampler_cover_parts(sampler *s, error *e)
     double farthest = 0;
     sampler_resize(s);
     double *spacing = mem_array(s->state.p->count, sizeof *spacing, "the bare places", e);
-    for (size_t i = 0; spacing && i < s->state.p->count; i++)
-        spacing[i] = particles_size(s->state.p, i) * s->state.spacing;
+    if (spacing) sampler_tell_spacings(s, spacing);
     const bool ok = spacing && coverage_measure(s->setup.scan, s->state.p->position, spacing,
                                                 s->state.p->count, s->setup.pool, &farthest, e);
     free(spacing);

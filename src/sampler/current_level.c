@@ -112,6 +112,11 @@ double sampler_resize(sampler *s)
     return s->setup.params.sizing ? renew(s, size_chunk) : 0;
 }
 
+void sampler_tell_spacings(const sampler *s, double *out)
+{
+    for (size_t i = 0; i < s->state.p->count; i++) out[i] = particles_size(s->state.p, i) * s->state.spacing;
+}
+
 bool sampler_build_lists(sampler *s, error *e)
 {
     if (sampler_amplitudes_are_due(s)) {

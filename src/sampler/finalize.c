@@ -29,8 +29,7 @@ static void requested_spacing(sampler *s, double *spacing)
 {
     double squares = 0;
     if (s->setup.params.sizing) {
-        for (size_t i = 0; i < s->state.p->count; i++)
-            spacing[i] = particles_size(s->state.p, i) * s->state.spacing;
+        sampler_tell_spacings(s, spacing);
         return;
     }
     for (size_t i = 0; i < s->state.p->count; i++) {

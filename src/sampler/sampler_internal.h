@@ -110,6 +110,9 @@ double sampler_renew_amplitudes(sampler *s);
 /* Sizes of the particles where they are; returns the rms of their relative change. */
 double sampler_resize(sampler *s);
 
+/* The spacing of each particle, by its size as it is: room for all of them. */
+void sampler_tell_spacings(const sampler *s, double *out);
+
 /* What moves so many particles. The fast kernel knows no amplitudes, and is left once cells are evened out. Error: limit_memory. */
 relax *sampler_new_relax(const sampler *s, size_t capacity, error *e);
 
