@@ -101,7 +101,8 @@ void projection_find_lanes(const field *f, const projection_limits *limits, cons
             if (!open[l]) continue;
             vec3 at = vec3_lanes_get(&p, l);
             const vec3 g = vec3_lanes_get(&gradient, l);
-            const double length = seen[l] ? vec3_norm(g) : 0, distance = fabs(value[l]) / length / unit[l];
+            const double length = seen[l] ? vec3_norm(g) : 0;
+            const double distance = length > 0 ? fabs(value[l]) / length / unit[l] : INFINITY;
             bool done = distance <= limits->accept || (k == limits->max_steps && distance <= limits->reject);
             defined[l] = length > 0 && (done || k < limits->max_steps);
             if (defined[l] && !done) {

@@ -163,20 +163,18 @@ static void between_sides(const surface *scan, size_t k, vec3 *x)
 }
 
 /* Triangles of cells larger than the spacing lie off the surface by more than that. A place from which no step leads to it
- * is put on it in its cell, as far as F is known there, unless that is nowhere. */
+ * is put on it in its cell, as far as F is known there. False where that is beyond an open end. */
 static bool onto_surface(const surface *scan, size_t k, double cell_size, vec3 *x)
 {
     const field *f = scan->field;
     const projection_limits limits = {PROJECTION_STEPS, ACCURACY * cell_size, ACCURACY * cell_size,
                                       ACCURACY * cell_size};
     vec3 p = *x, normal;
-    const bool found = projection_find(f, &limits, &p, &normal);
-    if (found && f->open && !bbox_contains(f->domain, p)) return false;
-    if (found && vec3_norm(vec3_sub(p, *x)) < cell_size)
+    if (projection_find(f, &limits, &p, &normal) && vec3_norm(vec3_sub(p, *x)) < cell_size)
         *x = p;
     else if (!f->patches)
         between_sides(scan, k, x);
-    return true;
+    return !f->open || bbox_contains(f->domain, *x);
 }
 
 /* Whether there is a point within a distance: one of those near the places before, the last one first, or another, which becomes the
