@@ -513,9 +513,9 @@ const spec_row spec_rows[] = {
      AT(surface.labels.majority),
      .unit = "voxels",
      .prose =
-         "First each voxel gets the label of most voxels around it, by a Gaussian of this standard deviation: for slices "
-         "segmented by hand that do not fit to each other, and strays. Sheets thinner than 1.35 times this and rods thinner than 2.35 "
-         "times are lost. 0: every voxel keeps its label."},
+         "First each voxel gets the label of most voxels around it, by a Gaussian of this standard deviation, in the smallest side of a "
+         "voxel: for slices segmented by hand that do not fit to each other, and strays. Labels weigh so much that each keeps its volume; "
+         "what is thinner than the rest of its label shrinks or is lost, and so are specks with a radius below this. 0: every voxel keeps its label."},
     {.pointer = "/surface/labels/background",
      .type = SPEC_TYPE_LARGE,
      .low = -LABEL_MAX,

@@ -1,5 +1,5 @@
 /* Segmentations in OpenVDB files, which pyopenvdb of Debian cannot write: which grid, its place in the world, and that it goes
- * on with its background. What becomes of labels is tested in tests/service/test_labels.py. */
+ * on with its background; and that a majority keeps volumes. What else becomes of labels is tested in tests/service/test_labels.py. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -11,7 +11,9 @@
 
 #include <cmocka.h>
 
+#include "base/memory.h"
 #include "field/patches.h"
+#include "labels/label_majority.h"
 #include "source/label_source.h"
 #include "vdb/vdb.h"
 
@@ -108,6 +110,76 @@ static void test_the_memory_of_a_majority(void **state)
     assert_non_null(strstr(e.message, "surface.labels.majority needs 3 MiB and 2 MiB are left"));
 }
 
+/* ---- the majority */
+
+enum { WIDE = 70, DEEP = 40, MANY = WIDE * DEEP * DEEP, MATERIALS = 4 };
+
+/* Two balls, and a slab of three voxels, in what is around them. */
+static uint16_t shape_at(int x, int y, int z)
+{
+    const int one = (x - 14) * (x - 14) + (y - 15) * (y - 15) + (z - 20) * (z - 20),
+              two = (x - 38) * (x - 38) + (y - 22) * (y - 22) + (z - 19) * (z - 19);
+    return x >= 60 && x < 63 ? 3 : two < 100 ? 2 : one < 49 ? 1 : 0;
+}
+
+static label_volume make_shapes(void)
+{
+    error e = {0};
+    label_volume v = {.size = {WIDE, DEEP, DEEP},
+                      .index_to_world = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1.5, 0}},
+                      .count = MATERIALS};
+    v.at = mem_array(MANY, sizeof *v.at, "voxels", &e);
+    v.material = mem_array(MATERIALS, sizeof *v.material, "materials", &e);
+    assert_true(v.at && v.material);
+    for (int k = 0; k < MANY; k++) {
+        const int at[3] = {k % WIDE, k / WIDE % DEEP, k / WIDE / DEEP};
+        v.at[k] = shape_at(at[0], at[1], at[2]);
+        label_material_note(&v.material[v.at[k]], (const int64_t[3]){at[0], at[1], at[2]});
+    }
+    return v;
+}
+
+/* Of the small ball the filter alone takes half, of the slab all. */
+static void test_a_majority_keeps_volumes_with_any_number_of_threads(void **state)
+{
+    uint16_t first[MANY];
+    (void)state;
+    for (int workers = 1; workers <= 3; workers++) {
+        error e = {0};
+        threads *pool = threads_new(workers, NULL, &e);
+        label_volume v = make_shapes();
+        if (!label_majority_apply(&v, 3, 64 << 20, pool, &e)) fail_msg("%s", e.message);
+        for (int k = 0; k < MATERIALS; k++) {
+            const double had = (double)v.material[k].before, has = (double)v.material[k].voxels;
+            if (fabs(has - had) > fmax(1, 0.002 * had)) fail_msg("label %d: %g of %g voxels", k, has, had);
+        }
+        assert_true(v.changed > 0);
+        if (workers == 1) memcpy(first, v.at, sizeof first);
+        assert_memory_equal(v.at, first, sizeof first);
+        label_volume_free(&v);
+        threads_free(pool);
+    }
+}
+
+/* What is kept of voxels is counted while they are filtered. */
+static void test_the_memory_of_what_a_majority_keeps(void **state)
+{
+    (void)state;
+    size_t needed = 0;
+    for (size_t mb = 1; mb < 64 && needed == 0; mb++) {
+        error e = {0};
+        label_volume v = make_shapes();
+        if (label_majority_apply(&v, 3, mb << 20, NULL, &e))
+            needed = mb;
+        else
+            assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
+        for (int k = 0; needed == 0 && k < MANY; k++)
+            assert_int_equal(v.at[k], shape_at(k % WIDE, k / WIDE % DEEP, k / WIDE / DEEP));
+        label_volume_free(&v);
+    }
+    assert_in_range(needed, 3, 6);
+}
+
 static void test_which_grid(void **state)
 {
     (void)state;
@@ -131,8 +203,10 @@ static void test_which_grid(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_grids_of_whole_numbers),
-                                       cmocka_unit_test(test_which_grid),
-                                       cmocka_unit_test(test_the_memory_of_a_majority)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_grids_of_whole_numbers), cmocka_unit_test(test_which_grid),
+        cmocka_unit_test(test_the_memory_of_a_majority),
+        cmocka_unit_test(test_a_majority_keeps_volumes_with_any_number_of_threads),
+        cmocka_unit_test(test_the_memory_of_what_a_majority_keeps)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

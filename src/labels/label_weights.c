@@ -1,0 +1,112 @@
+#include "labels/label_weights.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+
+static const char what[] = "the weights of the labels";
+
+/* Newton's method, label by label. Of two that meet each moves the whole way, hence less than all of it; a weight is at most
+ * doubled or halved, and by less each time that it went too far: a sheet is won or lost at once. Rounds take a few
+ * hundredths of the filter's time. */
+static const double part_of_step = 0.7, first_limit = M_LN2, less = 0.5, more = 1.2;
+static const double enough = 0.001; /* of the voxels of a label, too many or too few */
+enum { ROUNDS = 40 };
+
+/* Voxels won, and those that go from or to a label when its weight changes by a factor of at most e^NEAR. */
+static const float near_factor = 0.8187308F; /* e^-.2 */
+static const double near_log = 0.2;
+
+typedef struct tally {
+    int64_t won, near;
+} tally;
+
+/* Of a label: how far its weight may go next, in logarithms, and whether it lacked voxels the last time. */
+typedef struct course {
+    double limit;
+    int lacked; /* 1, or -1; 0: neither */
+} course;
+
+typedef struct finding {
+    const label_contests *list;
+    const float *weight;
+    tally *of; /* of each worker, of each label */
+    size_t labels;
+    course *course; /* of each label */
+} finding;
+
+static void count_wins(void *context, int worker, size_t begin, size_t end)
+{
+    const finding *f = context;
+    tally *of = f->of + (size_t)worker * f->labels;
+    for (size_t n = begin; n < end; n++)
+        for (size_t i = 0; i < f->list[n].count; i++) {
+            const label_contest *c = &f->list[n].at[i];
+            const int best = label_weights_winner(c, f->weight);
+            const float enough_to_be_near = near_factor * (float)c->share[best] * f->weight[c->label[best]];
+            bool any = false;
+            of[c->label[best]].won++;
+            for (int k = 0; k < LABEL_RIVALS && c->share[k] > 0; k++) {
+                const bool near =
+                    k != best && (float)c->share[k] * f->weight[c->label[k]] >= enough_to_be_near;
+                of[c->label[k]].near += near;
+                any |= near;
+            }
+            of[c->label[best]].near += any;
+        }
+}
+
+/* Returns whether all have about what they want. */
+static bool change_weights(const finding *f, size_t workers, const label_wish *wish, float *weight)
+{
+    const double most = sqrt(LABEL_WEIGHTS_RATIO);
+    bool all = true;
+    for (size_t k = 0; k < f->labels; k++) {
+        tally sum = {0, 0};
+        for (size_t w = 0; w < workers; w++) {
+            sum.won += f->of[w * f->labels + k].won;
+            sum.near += f->of[w * f->labels + k].near;
+        }
+        const double lacks = (double)(wish[k].wanted - sum.won), slope = (double)sum.near / (2 * near_log);
+        if (fabs(lacks) <= fmax(1, enough * (double)wish[k].voxels)) continue;
+        course *c = &f->course[k];
+        const int lacked = lacks > 0 ? 1 : -1;
+        c->limit = c->lacked == -lacked ? less * c->limit : fmin(more * c->limit, first_limit);
+        c->lacked = lacked;
+        const double step = slope > 0 ? part_of_step * lacks / slope : lacks,
+                     next = (double)weight[k] * exp(fmin(fmax(step, -c->limit), c->limit));
+        const float changed = (float)fmin(fmax(next, 1 / most), most);
+        all &= changed == weight[k];
+        weight[k] = changed;
+    }
+    return all;
+}
+
+bool label_weights_find(const label_contests *list, size_t lists, const label_wish *wish, size_t labels,
+                        threads *pool, float *weight, error *e)
+{
+    const size_t workers = (size_t)threads_count(pool);
+    finding f = {.list = list, .weight = weight, .labels = labels};
+    const bool ok = (f.of = mem_array(workers * labels, sizeof *f.of, what, e)) &&
+                    (f.course = mem_array(labels, sizeof *f.course, what, e));
+    bool done = !ok;
+    for (size_t k = 0; ok && k < labels; k++) {
+        weight[k] = 1;
+        f.course[k].limit = first_limit;
+    }
+    for (int round = 0; round < ROUNDS && !done; round++) {
+        memset(f.of, 0, workers * labels * sizeof *f.of);
+        threads_run(pool, lists, 1, count_wins, &f);
+        done = change_weights(&f, workers, wish, weight);
+    }
+    free(f.of);
+    free(f.course);
+    return ok;
+}
+
+size_t label_weights_bytes(size_t labels, size_t workers)
+{
+    return labels * (workers * sizeof(tally) + sizeof(course) + sizeof(float) + sizeof(label_wish));
+}
