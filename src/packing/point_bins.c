@@ -157,9 +157,34 @@ static double way_beyond(const point_bins *b, int32_t ring, const search *s)
 /* Of the edge: by so much rounding may put a point into the bin beside its own. */
 static const double HAIR = 1e-9;
 
+/* A point no farther than `reach`, of the few bins that one may be in; false when there is none. */
+static bool find_any(const point_bins *b, vec3 x, double reach, search *out)
+{
+    const double reach2 = reach * reach;
+    const vec3 from = vec3_sub(x, (vec3){reach, reach, reach}), to = vec3_add(x, (vec3){reach, reach, reach});
+    const int32_t low = bin_along(b, from, 0), high = bin_along(b, to, 0), last_y = bin_along(b, to, 1),
+                  last_z = bin_along(b, to, 2);
+    for (int32_t z = bin_along(b, from, 2); z <= last_z; z++)
+        for (int32_t y = bin_along(b, from, 1); y <= last_y; y++) {
+            const size_t row = row_of(b, y, z);
+            const uint32_t end = b->begin[row + (size_t)high + 1];
+            for (uint32_t k = b->begin[row + (size_t)low]; k < end; k++) {
+                out->best = b->item[k];
+                out->best2 = vec3_norm2(vec3_sub(b->points[out->best], x));
+                if (out->best2 <= reach2) return true;
+            }
+        }
+    return false;
+}
+
 uint32_t point_bins_nearest(const point_bins *b, vec3 x, double enough, double *distance)
 {
     search s = {.x = x, .best2 = INFINITY};
+    if (enough > 0 && enough < b->edge && find_any(b, x, enough, &s)) {
+        *distance = sqrt(s.best2);
+        return s.best;
+    }
+    s.best2 = INFINITY;
     const double enough2 = enough * fabs(enough);
     for (int a = 0; a < 3; a++) s.at[a] = bin_along(b, x, a);
     for (int32_t ring = 0;; ring++) {
