@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/isa.h"
 #include "geometry/affine.h"
 
 /* Voxels from a crossed cell within which a volume's spline is asked on which side a point lies. */
@@ -224,36 +225,63 @@ static double side(const field *f, vec3 x)
     return is_near(v, voxel) ? 0 : side_of_voxel(v, brick, voxel);
 }
 
+/* Where the lanes are along one axis: in which voxel, and how far into it; out of `low` to `high` in none. */
+typedef struct lane_places {
+    int32_t voxel[VEC3_LANES], within[VEC3_LANES];
+    float t[VEC3_LANES];
+} lane_places;
+
+/* Loops of one kind of number each: the compiler makes vectors of those. */
+ISA_CLONES static void place_lanes(const double m[4], double low, double high, const vec3_lanes *x,
+                                   lane_places *out)
+{
+    double at[VEC3_LANES], within[VEC3_LANES], whole[VEC3_LANES];
+    for (int l = 0; l < VEC3_LANES; l++) {
+        const double p = m[0] * x->x[l] + m[1] * x->y[l] + m[2] * x->z[l] + m[3];
+        within[l] = (p >= low) & (p < high) ? 1 : 0; /* NaN: not */
+        at[l] = within[l] > 0 ? p : low;
+    }
+    for (int l = 0; l < VEC3_LANES; l++) whole[l] = (double)(int32_t)at[l];
+    for (int l = 0; l < VEC3_LANES; l++) whole[l] -= at[l] < whole[l] ? 1 : 0;
+    for (int l = 0; l < VEC3_LANES; l++) out->t[l] = (float)(at[l] - whole[l]);
+    for (int l = 0; l < VEC3_LANES; l++) out->voxel[l] = (int32_t)whole[l];
+    for (int l = 0; l < VEC3_LANES; l++) out->within[l] = (int32_t)within[l];
+}
+
 /* The lanes' cells; those that are not defined get none. */
 static void find_cells(const volume *v, const vec3_lanes *x, bool *defined, spline_lanes *out)
 {
-    double p[3][VEC3_LANES];
+    lane_places at[3];
     int32_t last[3] = {0};
     const float *brick = NULL; /* of the block `last`: particles side by side often share one */
     for (int axis = 0; axis < 3; axis++) {
-        const double *m = v->to_index[axis];
-        for (int l = 0; l < VEC3_LANES; l++)
-            p[axis][l] = m[0] * x->x[l] + m[1] * x->y[l] + m[2] * x->z[l] + m[3];
+        place_lanes(v->to_index[axis], v->low[axis], v->high[axis], x, &at[axis]);
+        memcpy(out->t[axis], at[axis].t, sizeof out->t[axis]);
     }
     for (int l = 0; l < VEC3_LANES; l++) {
-        int32_t block[3];
-        int cell[3];
-        bool within = defined[l];
-        for (int axis = 0; axis < 3; axis++) {
-            const double at = p[axis][l];
-            within = within && at >= v->low[axis] && at < v->high[axis]; /* NaN: not */
-            const int32_t i = within ? voxel_of(at) : 0;
-            block[axis] = i >> 3;
-            cell[axis] = i & 7;
-            out->t[axis][l] = within ? (float)(at - (double)i) : 0;
-        }
+        const bool within = defined[l] && at[0].within[l] && at[1].within[l] && at[2].within[l];
+        const int32_t voxel[3] = {at[0].voxel[l], at[1].voxel[l], at[2].voxel[l]},
+                      block[3] = {voxel[0] >> 3, voxel[1] >> 3, voxel[2] >> 3};
         if (within && (!brick || block[0] != last[0] || block[1] != last[1] || block[2] != last[2])) {
             const uint32_t n = block_map_find(&v->map, block[0], block[1], block[2]);
             brick = n == BLOCK_MAP_NONE ? NULL : bricks_at(&v->bricks, n);
             memcpy(last, block, sizeof last);
         }
         defined[l] = within && brick;
-        out->corner[l] = defined[l] ? brick_cell(brick, cell[0], cell[1], cell[2]) : NULL;
+        out->corner[l] = defined[l] ? brick_cell(brick, voxel[0] & 7, voxel[1] & 7, voxel[2] & 7) : NULL;
+    }
+}
+
+/* Derivatives of all lanes by place from those by voxel. */
+ISA_CLONES static void pull_lanes(const double m[3][4], const spline_lanes *lanes, double *value,
+                                  vec3_lanes *gradient)
+{
+    for (int l = 0; l < VEC3_LANES; l++) {
+        const double x = (double)lanes->d[0][l], y = (double)lanes->d[1][l], z = (double)lanes->d[2][l];
+        value[l] = (double)lanes->f[l];
+        gradient->x[l] = m[0][0] * x + m[1][0] * y + m[2][0] * z;
+        gradient->y[l] = m[0][1] * x + m[1][1] * y + m[2][1] * z;
+        gradient->z[l] = m[0][2] * x + m[1][2] * y + m[2][2] * z;
     }
 }
 
@@ -261,18 +289,10 @@ static void sample_lanes(const field *f, const vec3_lanes *x, bool *defined, dou
                          vec3_lanes *gradient)
 {
     const volume *v = (const volume *)f;
-    const double(*m)[4] = v->to_index;
     spline_lanes lanes;
     find_cells(v, x, defined, &lanes);
     v->spline->gradient_lanes(&lanes, BRICK_SIDE, BRICK_SLAB);
-    for (int l = 0; l < VEC3_LANES; l++) {
-        const vec3 g = {(double)lanes.d[0][l], (double)lanes.d[1][l], (double)lanes.d[2][l]};
-        const vec3 pulled = affine_pull_gradient(m, g);
-        value[l] = (double)lanes.f[l];
-        gradient->x[l] = pulled.x;
-        gradient->y[l] = pulled.y;
-        gradient->z[l] = pulled.z;
-    }
+    pull_lanes(v->to_index, &lanes, value, gradient);
 }
 
 static void forget(const field *f)
