@@ -9,6 +9,8 @@
 
 /* So many bins to a point, at most, and so many along an axis. */
 enum { BINS_PER_POINT = 2, AXIS_MOST = 4096 };
+/* Points in a chunk of work. */
+enum { CHUNK = 4096 };
 /* Edges are tried from the least on, each so many times the one before. */
 static const double WIDER = 1.1;
 /* Points that share a bin with one, in the mean. */
@@ -51,22 +53,36 @@ static size_t bin_of(const point_bins *b, vec3 x)
     return row_of(b, bin_along(b, x, 1), bin_along(b, x, 2)) + (size_t)bin_along(b, x, 0);
 }
 
-/* Points by their bins. */
-static void fill(point_bins *b, size_t count, size_t total)
+typedef struct bins_job {
+    const point_bins *b;
+    uint32_t *bin; /* of each point */
+} bins_job;
+
+static void find_chunk(void *context, int worker, size_t begin, size_t end)
 {
+    const bins_job *job = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) job->bin[i] = (uint32_t)bin_of(job->b, job->b->points[i]);
+}
+
+/* Points by their bins, which `bin` receives. */
+static void fill(point_bins *b, size_t count, size_t total, threads *pool, uint32_t *bin)
+{
+    bins_job job = {b, bin};
     double shared = 0;
-    for (size_t i = 0; i < count; i++) b->begin[bin_of(b, b->points[i])]++;
+    threads_run(pool, count, CHUNK, find_chunk, &job);
+    for (size_t i = 0; i < count; i++) b->begin[bin[i]]++;
     uint32_t sum = 0; /* counts to ends; filling from the back turns ends into begins */
     for (size_t k = 0; k < total; k++) {
         shared += (double)b->begin[k] * b->begin[k];
         b->begin[k] = sum += b->begin[k];
     }
     b->begin[total] = sum;
-    for (size_t i = count; i-- > 0;) b->item[--b->begin[bin_of(b, b->points[i])]] = (uint32_t)i;
+    for (size_t i = count; i-- > 0;) b->item[--b->begin[bin[i]]] = (uint32_t)i;
     b->crowded = shared > CROWD * (double)count;
 }
 
-point_bins *point_bins_new(const vec3 *points, size_t count, error *e)
+point_bins *point_bins_new(const vec3 *points, size_t count, threads *pool, error *e)
 {
     assert(count > 0 && count < UINT32_MAX);
     const char *what = "the search for near points";
@@ -78,17 +94,20 @@ point_bins *point_bins_new(const vec3 *points, size_t count, error *e)
     b->points = points;
     b->origin = box.min;
     b->edge = longest > 0 ? longest / AXIS_MOST : 1;
+    const size_t wanted = BINS_PER_POINT * count + 8, most = wanted < UINT32_MAX ? wanted : UINT32_MAX;
     size_t total;
-    while ((total = bins_of(size, b->edge, b->bins)) > BINS_PER_POINT * count + 8) b->edge *= WIDER;
+    while ((total = bins_of(size, b->edge, b->bins)) > most) b->edge *= WIDER;
     b->over = 1 / b->edge;
     b->begin = mem_array(total + 1, sizeof *b->begin, what, e);
     b->item = mem_array(count, sizeof *b->item, what, e);
-    if (!b->begin || !b->item) {
-        point_bins_free(b);
-        return NULL;
-    }
-    fill(b, count, total);
-    return b;
+    uint32_t *bin = mem_array(count, sizeof *bin, what, e);
+    const bool ok = b->begin && b->item && bin;
+    if (ok) fill(b, count, total, pool, bin);
+    free(bin);
+    if (ok && !threads_stopped(pool)) return b;
+    if (ok) error_set(e, ERROR_CANCELLED, "stopped");
+    point_bins_free(b);
+    return NULL;
 }
 
 void point_bins_free(point_bins *b)

@@ -11,12 +11,13 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/threads.h"
 #include "geometry/vec3.h"
 
 typedef struct point_bins point_bins;
 
-/* Of 1 to 2^32 - 1 points. NULL and limit_memory when memory is out. */
-point_bins *point_bins_new(const vec3 *points, size_t count, error *e);
+/* Of 1 to 2^32 - 1 points. NULL and limit_memory when memory is out, or cancelled. */
+point_bins *point_bins_new(const vec3 *points, size_t count, threads *pool, error *e);
 void point_bins_free(point_bins *b);
 
 /* Whether so many points share a bin that to look into one takes long. */

@@ -12,6 +12,8 @@
 /* Cells are looked at in so many parts at most, each of which has a largest distance of its own: with fewer cells in a part
  * most of them are looked at before there is one that spares the look. */
 enum { PARTS = 256, FEWEST_CELLS = 1024 };
+/* One of so many is looked at before all of them are. */
+enum { FIRST_OF = 16 };
 /* Newton's steps onto the surface, and how near, of a cell, is on it. */
 enum { PROJECTION_STEPS = 8, HALVINGS = 20 };
 static const double ACCURACY = 1e-3;
@@ -44,7 +46,9 @@ typedef struct coverage_job {
     const double *spacing;
     spacings least;
     size_t first; /* of the cells that are looked at */
+    size_t step;  /* from one to the next */
     size_t grain;
+    double known; /* no smaller distance is looked for */
     double farthest[PARTS];
 } coverage_job;
 
@@ -242,10 +246,11 @@ static double look_at_places(const coverage_job *job, const cell_look *look, dou
 static void cells_chunk(void *context, int worker, size_t begin, size_t end)
 {
     coverage_job *job = context;
-    double farthest = 0;
+    double farthest = job->known;
     uint32_t near[SEEN] = {0};
     (void)worker;
-    for (size_t k = job->first + begin; k < job->first + end; k++) {
+    for (size_t n = begin; n < end; n++) {
+        const size_t k = job->first + n * job->step;
         if (!(surface_cell_area(job->scan, k) > 0)) continue;
         cell_look look;
         look_at_cell(job, k, farthest, near, &look);
@@ -265,16 +270,27 @@ static size_t first_of_part(const surface *scan, size_t part)
     return scan->field->patches ? scan->parts.begin[part] : part * scan->cells;
 }
 
-static double measure_cells(coverage_job *job, size_t begin, size_t end, threads *pool)
+/* The largest distance in every so many of the cells from `begin` on, or `known`. */
+static double measure_cells(coverage_job *job, size_t begin, size_t end, size_t step, double known,
+                            threads *pool)
 {
-    double most = 0;
+    const size_t cells = (end - begin + step - 1) / step;
     job->first = begin;
-    job->grain = (end - begin) / PARTS + 1;
+    job->step = step;
+    job->known = known;
+    job->grain = cells / PARTS + 1;
     if (job->grain < FEWEST_CELLS) job->grain = FEWEST_CELLS;
     memset(job->farthest, 0, sizeof job->farthest);
-    threads_run(pool, end - begin, job->grain, cells_chunk, job);
-    for (int k = 0; k < PARTS; k++) most = fmax(most, job->farthest[k]);
-    return most;
+    threads_run(pool, cells, job->grain, cells_chunk, job);
+    for (int k = 0; k < PARTS; k++) known = fmax(known, job->farthest[k]);
+    return known;
+}
+
+/* Some cells first: what is known of these spares most looks at the others. */
+static double measure_part(coverage_job *job, size_t begin, size_t end, double known, threads *pool)
+{
+    if (end - begin > FIRST_OF * FEWEST_CELLS) known = measure_cells(job, begin, end, FIRST_OF, known, pool);
+    return measure_cells(job, begin, end, 1, known, pool);
 }
 
 bool coverage_measure(const surface *scan, const vec3 *position, const double *spacing, size_t count,
@@ -282,12 +298,13 @@ bool coverage_measure(const surface *scan, const vec3 *position, const double *s
 {
     coverage_job job = {.scan = scan, .position = position, .spacing = spacing};
     if (!find_spacings(position, spacing, count, &job.least, e)) return false;
-    if (!(job.points = near_points_new(position, count, job.least.near != NULL, e))) {
+    if (!(job.points = near_points_new(position, count, job.least.near != NULL, pool, e))) {
         free(job.least.near);
         return false;
     }
     for (size_t k = 0; k < coverage_parts(scan); k++)
-        farthest[k] = measure_cells(&job, first_of_part(scan, k), first_of_part(scan, k + 1), pool);
+        farthest[k] =
+            measure_part(&job, first_of_part(scan, k), first_of_part(scan, k + 1), farthest[k], pool);
     near_points_free(job.points);
     free(job.least.near);
     return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
@@ -342,7 +359,7 @@ bool coverage_find_bare(const surface *scan, const vec3 *position, const double 
     uint32_t near[SEEN] = {0};
     *out = (coverage_places){0};
     if (!find_spacings(position, spacing, count, &job.least, e)) return false;
-    bool ok = (job.points = near_points_new(position, count, job.least.near != NULL, e)) != NULL;
+    bool ok = (job.points = near_points_new(position, count, job.least.near != NULL, NULL, e)) != NULL;
     for (uint32_t patch = 0; ok && patch < coverage_parts(scan); patch++)
         for (size_t k = first_of_part(scan, patch); ok && k < first_of_part(scan, patch + 1); k++) {
             if (!(surface_cell_area(scan, k) > 0)) continue;
@@ -368,7 +385,7 @@ bool coverage_of_places(const vec3 *place, size_t places, const vec3 *position, 
     spacings least = {0};
     if (places == 0) return true;
     if (!find_spacings(position, spacing, count, &least, e)) return false;
-    near_points *points = near_points_new(position, count, least.near != NULL, e);
+    near_points *points = near_points_new(position, count, least.near != NULL, NULL, e);
     for (size_t k = 0; points && k < places; k++) {
         double distance;
         uint32_t point =

@@ -16,8 +16,8 @@
 /* What coverage_measure tells of: the patches, or the surface as a whole. */
 size_t coverage_parts(const surface *scan);
 
-/* Of each of coverage_parts the largest distance of a place from the nearest of `count` > 0 points, of whatever patch, over the
- * spacing requested there, > 0. Errors: limit_memory, cancelled. Deterministic for any number of threads. */
+/* Raises `farthest` of each of coverage_parts to the largest distance of a place from the nearest of `count` > 0 points, of whatever
+ * patch, over the spacing requested there, > 0; what lies below it takes little time. Errors: limit_memory, cancelled. Deterministic for any number of threads. */
 bool coverage_measure(const surface *scan, const vec3 *position, const double *spacing, size_t count,
                       threads *pool, double *farthest, error *e);
 

@@ -185,7 +185,7 @@ static bool find_bare(const relocation_input *in, const near_points *near, threa
 
 bool relocation_choose(const relocation_input *in, threads *pool, relocation **out, size_t *moves, error *e)
 {
-    near_points *near = near_points_new(in->point, in->count, false, e);
+    near_points *near = near_points_new(in->point, in->count, false, pool, e);
     ranked *crowded = NULL, *bare = NULL;
     relocation *chosen = NULL;
     size_t points = 0, places = 0, count = 0;

@@ -283,7 +283,7 @@ static bool cover_all(sampler *s, bool *changed, error *e)
 
 bool sampler_cover_parts(sampler *s, error *e)
 {
-    double farthest = 0;
+    double farthest = BARE_PART;
     sampler_resize(s);
     double *spacing = mem_array(s->state.p->count, sizeof *spacing, "the bare places", e);
     if (spacing) sampler_tell_spacings(s, spacing);

@@ -72,9 +72,12 @@ static void distances_are_in_spacings(void **state)
     analytic *a = analytic_new(&ball, pool, &e);
     surface *scan = surface_scan(&a->base, pool, &e);
     const double even[2] = {1, 1}, uneven[2] = {1, 0.5};
-    double found;
+    double found = 0;
     assert_true(coverage_measure(scan, poles, even, 2, pool, &found, &e));
     assert_close(found, sqrt(2), 0.01);
+    double more = 2;
+    assert_true(coverage_measure(scan, poles, even, 2, pool, &more, &e));
+    assert_true(more == 2);
     assert_true(coverage_measure(scan, poles, uneven, 2, pool, &found, &e));
     assert_close(found, 2 * sqrt(2), 0.02);
     surface_free(scan);
@@ -93,7 +96,7 @@ static void a_bald_spot_is_found_beside_fine_points(void **state)
     double *spacing = malloc((COARSE + FINE) * sizeof *spacing);
     for (int k = 8; k <= 12; k += 4) { /* more than the way across the seam, in fine spacings */
         const double bald = k * h;
-        double found[2];
+        double found[2] = {0, 0};
         size_t count = 0, some = spiral(COARSE, bald, x);
         for (size_t i = 0; i < some; i++)
             if (x[i].z > 0) x[count++] = x[i];

@@ -29,7 +29,7 @@ static void the_nearest_is_found(void **state)
         }
         error e = {0};
         point_tree *n = point_tree_new(x, count, &e);
-        point_bins *bins = point_bins_new(x, count, &e);
+        point_bins *bins = point_bins_new(x, count, NULL, &e);
         for (int p = 0; p < PLACES; p++) {
             vec3 place = vec3_scale(random_between(&r, (vec3){-1, -1, -1}, (vec3){1, 1, 1}), 4);
             double least = INFINITY, found, enough = 3 * rng_uniform(&r);
@@ -81,9 +81,9 @@ static void all_within_reach_are_visited_once(void **state)
         x[k] = random_between(&r, (vec3){-1, -1, -1}, (vec3){1, 1, 1});
         if (k % 3 == 0) x[k] = (vec3){floor(5 * x[k].x) / 5, floor(5 * x[k].y) / 5, 0};
     }
-    point_bins *bins = point_bins_new(x, POINTS, &e);
+    point_bins *bins = point_bins_new(x, POINTS, NULL, &e);
     point_tree *tree = point_tree_new(x, POINTS, &e);
-    near_points *either = near_points_new(x, POINTS, false, &e);
+    near_points *either = near_points_new(x, POINTS, false, NULL, &e);
     for (size_t p = 0; p < PLACES; p++) {
         visits v = {x, random_between(&r, (vec3){-2, -2, -2}, (vec3){2, 2, 2}), 1, seen};
         if (p % 2) v.place = x[p]; /* and some of the others are just as far away as they may be */
@@ -117,11 +117,11 @@ static void crowds_are_told(void **state)
             x[k] = (vec3){k % SIDE, (double)(k / SIDE), 0};
             if (heaps) x[k] = vec3_add(x[k], vec3_scale((vec3){1, 1, 1}, k % 2 ? 10000 : 0));
         }
-        point_bins *bins = point_bins_new(x, POINTS, &e);
+        point_bins *bins = point_bins_new(x, POINTS, NULL, &e);
         assert_true(point_bins_are_crowded(bins) == heaps);
         point_bins_free(bins);
         for (int graded = 0; graded < 2; graded++) {
-            near_points *near = near_points_new(x, POINTS, graded, &e);
+            near_points *near = near_points_new(x, POINTS, graded, NULL, &e);
             for (size_t k = 0; k < POINTS; k += 7) {
                 double distance;
                 const vec3 place = vec3_add(x[k], (vec3){0.25, -0.25, 0.5});

@@ -139,7 +139,7 @@ static void a_heap_far_away_changes_nothing(void **state)
     for (int heap = 0; heap < 2; heap++) {
         const size_t count = heap ? ALL : COUNT;
         relocation_input in = {x, size, count, 1, place, PLACES, SIZE_MAX, near, 0, NULL, 0};
-        point_bins *bins = point_bins_new(x, count, &e);
+        point_bins *bins = point_bins_new(x, count, NULL, &e);
         assert_true(point_bins_are_crowded(bins) == heap);
         point_bins_free(bins);
         assert_true(relocation_choose(&in, NULL, &chosen[heap], &moves[heap], &e));
