@@ -95,7 +95,10 @@ void projection_find_lanes(const field *f, const projection_limits *limits, cons
         double value[VEC3_LANES];
         bool seen[VEC3_LANES];
         memcpy(seen, open, sizeof seen);
-        f->ops->sample_patch_lanes(f, patch, &p, seen, hint, value, &gradient);
+        if (patch)
+            f->ops->sample_patch_lanes(f, patch, &p, seen, hint, value, &gradient);
+        else
+            field_sample_lanes(f, &p, seen, value, &gradient);
         any = false;
         for (int l = 0; l < VEC3_LANES; l++) {
             if (!open[l]) continue;

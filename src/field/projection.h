@@ -27,8 +27,8 @@ bool projection_find(const field *f, const projection_limits *limits, vec3 *x, v
 bool projection_find_near(const field *f, const projection_limits *limits, uint32_t *hint, vec3 *x,
                           vec3 *normal);
 
-/* The same of places on patches, one a lane, with limits in units of each lane's own, where the surface has `sample_patch_lanes`: hints
- * are as of that. Lanes that are `defined` before count; those that fail become undefined, with outputs untouched. */
+/* The same of places one a lane, with limits in units of each lane's own: on patches, where the surface has `sample_patch_lanes`, which
+ * hints are of; or, with NULL for both, on a surface without that is not open, in single precision (`sample_lanes`). Lanes that are `defined` before count; those that fail become undefined, with outputs untouched. */
 void projection_find_lanes(const field *f, const projection_limits *limits, const double unit[VEC3_LANES],
                            const uint32_t patch[VEC3_LANES], bool defined[VEC3_LANES],
                            uint32_t hint[VEC3_LANES], vec3_lanes *x, vec3_lanes *normal);

@@ -364,6 +364,17 @@ static bool find_middle(const middles *job, middle_lanes *m, int l, uint32_t *hi
 
 /* On patches they are looked for from where the edges' first ends are. A place that looks the other way is on another sheet: a
  * hint of long ago has led there. */
+static void find_patch_middles(const middles *job, middle_lanes *m)
+{
+    const particles *p = job->p;
+    projection_find_lanes(job->f, &to_middle, m->spacing, m->patch, m->found, m->hint, &m->x, &m->normal);
+    for (int l = 0; l < m->count; l++) {
+        if (m->found[l] && !(vec3_dot(vec3_lanes_get(&m->normal, l), p->normal[m->edge[l]->a]) < 0)) continue;
+        m->hint[l] = FIELD_NO_HINT;
+        m->found[l] = find_middle(job, m, l, &m->hint[l]);
+    }
+}
+
 static void find_middles(const middles *job, middle_lanes *m, uint32_t *last)
 {
     const particles *p = job->p;
@@ -374,16 +385,14 @@ static void find_middles(const middles *job, middle_lanes *m, uint32_t *last)
     }
     m->x = m->from;
     if (p->patch && job->f->ops->sample_patch_lanes) {
-        projection_find_lanes(job->f, &to_middle, m->spacing, m->patch, m->found, m->hint, &m->x, &m->normal);
-        for (int l = 0; l < m->count; l++) {
-            if (m->found[l] && !(vec3_dot(vec3_lanes_get(&m->normal, l), p->normal[m->edge[l]->a]) < 0))
-                continue;
-            m->hint[l] = FIELD_NO_HINT;
-            m->found[l] = find_middle(job, m, l, &m->hint[l]);
-        }
+        find_patch_middles(job, m);
         return;
     }
+    const bool in_lanes = !p->patch && !job->f->open && job->f->ops->sample_lanes;
+    if (in_lanes)
+        projection_find_lanes(job->f, &to_middle, m->spacing, NULL, m->found, NULL, &m->x, &m->normal);
     for (int l = 0; l < m->count; l++) {
+        if (in_lanes && m->found[l]) continue;
         if (m->hint[l] != FIELD_NO_HINT) *last = m->hint[l];
         m->found[l] = find_middle(job, m, l, last);
         m->hint[l] = *last;
