@@ -26,6 +26,7 @@ static const size_t POINTS_PER_BIN = 4, POINTS_PER_BLOCK = 128;
 /* Bins are a hair wider than the cutoff of the least size, so that no rounding puts it on level 1. */
 static const double BIN_HAIR = 1e-6;
 enum { LANES = 16 };
+enum { CHUNK = 4096 }; /* of points */
 /* A block with the bins next to it: cells along each axis. */
 enum { WIDE_BLOCK = BLOCK_WIDTH + 2, WIDE_CELLS = WIDE_BLOCK * WIDE_BLOCK * WIDE_BLOCK };
 
@@ -172,11 +173,9 @@ typedef struct visit {
     uint32_t block;
 } visit;
 
-/* The bin at a place, made if there is none; NO_BIN when there is no room for it. */
-static uint32_t bin_at(neighbours *n, const place *p, visit *last)
+/* The bin in a cell of the block of a key, made if there is none; NO_BIN when there is no room for it. */
+static uint32_t bin_at(neighbours *n, uint64_t key, uint32_t cell, visit *last)
 {
-    place block = block_of(p);
-    uint64_t key = key_of(&block);
     if (key != last->key) {
         size_t slot = slot_of(n, key);
         if (!n->table[slot]) {
@@ -187,7 +186,7 @@ static uint32_t bin_at(neighbours *n, const place *p, visit *last)
         }
         *last = (visit){key, n->table[slot] - 1};
     }
-    uint32_t at = last->block * BLOCK_CELLS + cell_of(p);
+    uint32_t at = last->block * BLOCK_CELLS + cell;
     if (!n->cell[at]) {
         if (n->bin_count == n->bin_capacity) return NO_BIN;
         n->bin_cell[n->bin_count] = at;
@@ -209,20 +208,57 @@ static place place_at(const neighbours_place *p, double scale, double size_scale
                     (int64_t)(p->z * scale) >> level}};
 }
 
+/* A bin's block and its cell there, in as many bits as a block's coordinates have. */
+#define BLOCK_BITS (AXIS_BITS - BLOCK_SHIFT)
+static uint64_t spot_of(const place *bin)
+{
+    const place block = block_of(bin);
+    const uint64_t key = (uint64_t)block.at[0] | (uint64_t)block.at[1] << BLOCK_BITS |
+                         (uint64_t)block.at[2] << 2 * BLOCK_BITS | (uint64_t)block.level << 3 * BLOCK_BITS;
+    return key << 3 * BLOCK_SHIFT | cell_of(bin);
+}
+
+/* The key of a spot's block. */
+static uint64_t key_of_spot(uint64_t spot)
+{
+    const uint64_t key = spot >> 3 * BLOCK_SHIFT, mask = ((uint64_t)1 << BLOCK_BITS) - 1;
+    const place block = {(int)(key >> 3 * BLOCK_BITS),
+                         {(int64_t)(key & mask), (int64_t)(key >> BLOCK_BITS & mask),
+                          (int64_t)(key >> 2 * BLOCK_BITS & mask)}};
+    return key_of(&block);
+}
+
+/* Until there are lists, where its own begins and how long it is stand for a point's spot, and then its length for its bin. */
+static void spot_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    neighbours *n = context;
+    const double scale = n->unit / n->edge, size_scale = n->cutoff / n->edge;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        const place at = place_at(&n->place[i], scale, size_scale);
+        const uint64_t spot = spot_of(&at);
+        n->list_begin[i] = (uint32_t)spot;
+        n->list_count[i] = (uint32_t)(spot >> 32);
+    }
+}
+
 /* Bins are numbered as points first fall into them, so their order follows that of the points; then come
- * those that have only bins below them. False when there are more than there is room for. Until there are
- * lists each point's bin stands for their counts. */
+ * those that have only bins below them. False when there are more than there is room for. */
 static bool number_bins(neighbours *n)
 {
-    const double scale = n->unit / n->edge, size_scale = n->cutoff / n->edge;
     memset(n->table, 0, n->table_size * sizeof *n->table);
     n->bin_count = n->blocks = 0;
     n->levels = 1;
     visit last = {NO_KEY, 0};
+    uint64_t before = NO_KEY, key = NO_KEY;
     for (size_t i = 0; i < n->count; i++) {
-        place p = place_at(&n->place[i], scale, size_scale);
-        if (p.level >= n->levels) n->levels = p.level + 1;
-        uint32_t bin = bin_at(n, &p, &last);
+        const uint64_t spot = (uint64_t)n->list_count[i] << 32 | n->list_begin[i];
+        if (spot >> 3 * BLOCK_SHIFT != before) {
+            const int level = place_of_block(key = key_of_spot(spot)).level;
+            before = spot >> 3 * BLOCK_SHIFT;
+            if (level >= n->levels) n->levels = level + 1;
+        }
+        uint32_t bin = bin_at(n, key, (uint32_t)spot & (BLOCK_CELLS - 1), &last);
         if (bin == NO_BIN) return false;
         n->list_count[i] = bin;
         n->bin_end[bin]++;
@@ -231,7 +267,8 @@ static bool number_bins(neighbours *n)
         place p = place_of_bin(n, b);
         if (p.level == n->levels - 1) continue;
         p = parent_of(&p);
-        uint32_t parent = bin_at(n, &p, &last);
+        const place block = block_of(&p);
+        uint32_t parent = bin_at(n, key_of(&block), cell_of(&p), &last);
         if (parent == NO_BIN) return false;
         n->bin_split[parent] = true;
     }
@@ -272,11 +309,15 @@ static void sort_blocks(neighbours *n)
             n->block_bin[--n->block_begin[n->block_rank[n->bin_cell[b] / BLOCK_CELLS]]] = (uint32_t)b;
 }
 
-static bool fill_bins(neighbours *n, error *e)
+static bool fill_bins(neighbours *n, threads *pool, error *e)
 {
-    while (!number_bins(n))
+    for (;;) {
+        threads_run(pool, n->count, CHUNK, spot_chunk, n);
+        if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+        if (number_bins(n)) break;
         if (!reserve_bins(n, 2 * n->bin_capacity, e) || !reserve_blocks(n, 2 * n->block_capacity, e))
             return false;
+    }
     sort_blocks(n);
     uint32_t total = 0; /* ends are counts still */
     for (uint32_t k = 0; k < n->block_begin[n->blocks]; k++) {
@@ -754,6 +795,6 @@ bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *
     n->unit = ldexp(span, -PLACE_BITS);
     n->per_unit = 1 / n->unit;
     build_job job = {.n = n, .x = x, .size = size};
-    threads_run(pool, count, 4096, place_chunk, &job);
-    return fill_bins(n, e) && fill_lists(n, pool, e);
+    threads_run(pool, count, CHUNK, place_chunk, &job);
+    return fill_bins(n, pool, e) && fill_lists(n, pool, e);
 }

@@ -85,7 +85,7 @@ void neighbours_free(neighbours *n);
 
 /* Bins and lists for `count` points of the given sizes, > 0 (NULL: 1 each). Full lists: j in the list of i
  * and i in that of j; a point is not in its own. May grow its memory when points are crowded. Errors:
- * limit_memory. */
+ * limit_memory, cancelled. */
 bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *size, double cutoff,
                       threads *pool, error *e);
 

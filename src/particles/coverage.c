@@ -181,11 +181,12 @@ static bool onto_surface(const surface *scan, size_t k, double cell_size, vec3 *
     return !f->open || bbox_contains(f->domain, *x);
 }
 
-/* Whether there is a point within a distance: one of those near the places before, the last one first, or another, which becomes the
+/* Whether there is a point within a distance > 0: one of those near the places before, the last one first, or another, which becomes the
  * last. Cells that follow each other are near the same points. */
 static bool has_point(const coverage_job *job, vec3 x, double within, uint32_t near[SEEN])
 {
-    for (int k = 0; k < SEEN && within > 0; k++)
+    if (!(within > 0)) return false;
+    for (int k = 0; k < SEEN; k++)
         if (vec3_norm2(vec3_sub(job->position[near[k]], x)) <= within * within) return true;
     double distance;
     const uint32_t found = near_points_nearest(job->points, x, within, &distance);
