@@ -49,6 +49,7 @@ typedef struct fast_kernel_forces {
     /* What the energy grows by with the particle's own normal, through the weights; all 0 where all count in full or not at all.
      * The caller knows how the normal turns along the axes, and adds to d1 and d2. */
     float turning[3][FAST_KERNEL_LANES];
+    float pairs[FAST_KERNEL_LANES]; /* how many others are within the support, by their weights */
 } fast_kernel_forces;
 
 /* A point's normal; as long as a place, for the vector unit. */

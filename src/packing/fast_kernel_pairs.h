@@ -24,7 +24,7 @@ typedef struct VERSION(own) {
 } VERSION(own);
 
 typedef struct VERSION(sums) {
-    VERSION(floats) energy, d1, d2, h11, h12, h22, nearest2, turning[3];
+    VERSION(floats) energy, d1, d2, h11, h12, h22, nearest2, pairs, turning[3];
 } VERSION(sums);
 
 ISA_INLINE void VERSION(load)(const void *from, const uint32_t *const list[], size_t k, VERSION(row) * out);
@@ -137,6 +137,7 @@ ISA_INLINE void VERSION(add_pair)(const VERSION(pair) * p, bool weighed, const V
     const VERSION(floats) potential = (wcot + p->q) * over - (float)M_PI_2;
     const VERSION(floats) a1 = p->dx * own->axis1[0] + p->dy * own->axis1[1] + p->dz * own->axis1[2],
                           a2 = p->dx * own->axis2[0] + p->dy * own->axis2[1] + p->dz * own->axis2[2];
+    out->pairs += p->counts;
     out->energy += p->counts * p->share2 * potential;
     if (weighed) {
         const VERSION(floats) bounded = VERSION_LEAST(potential, VERSION_ALL(TURNING_MOST)),
@@ -206,6 +207,7 @@ static void VERSION(forces)(const neighbours_place *place, const fast_kernel_par
         VERSION_KEEP(out->h12, sums.h12);
         VERSION_KEEP(out->h22, sums.h22);
         VERSION_KEEP(out->nearest2, sums.nearest2);
+        VERSION_KEEP(out->pairs, sums.pairs);
         for (int a = 0; a < 3; a++) {
             VERSION_KEEP(out->turning[a], sums.turning[a]);
             VERSION_KEEP(out->axis1[a], own.axis1[a]);

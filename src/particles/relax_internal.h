@@ -28,6 +28,7 @@ typedef struct rest_seen {
     double sigma, spacing; /* 0: nothing, or they have moved since */
     relax_steps left;
     bool energies; /* they have that of each, too */
+    double pairs;  /* and so many others are within the support of one, in all */
 } rest_seen;
 
 /* What is noted of a particle. */

@@ -98,7 +98,8 @@ typedef struct steps_job {
     size_t grain;
     relax_steps squares[PARTS]; /* their sums */
     size_t counts[PARTS];
-    bool whole[PARTS]; /* they are all particles, and have energies now */
+    double pairs[PARTS]; /* of neighbours within the support, by the kernel */
+    bool whole[PARTS];   /* they are all particles, and have energies now */
 } steps_job;
 
 /* Whether a particle has looked for a better place in vain, as it is watched. */
@@ -115,7 +116,8 @@ static bool has_kernel_energy(const relax *r, size_t i)
 
 /* The sum of the squared Newton steps of particles whose neighbours all face their way, each over its size. None is longer
  * than the way to the nearest neighbour, as in a sweep: where the Hessian is all but singular a step says nothing. */
-static relax_steps squared_steps(const steps_job *steps, int worker, const uint32_t *items, size_t count)
+static relax_steps squared_steps(const steps_job *steps, int worker, const uint32_t *items, size_t count,
+                                 double *pairs)
 {
     const sweep_job *job = &steps->sweep;
     const double spacing = steps->spacing;
@@ -131,6 +133,7 @@ static relax_steps squared_steps(const steps_job *steps, int worker, const uint3
         relax_line_up(r, p, items, count, &own);
         r->fast->forces(r->near->place, &own, &params, &forces);
         for (size_t l = 0; l < count; l++) p->energy[items[l]] = (double)forces.energy[l];
+        for (size_t l = 0; l < count; l++) *pairs += (double)forces.pairs[l];
         for (size_t l = 0; l < count; l++)
             f[l] = (pair_forces){.d1 = (double)forces.d1[l],
                                  .d2 = (double)forces.d2[l],
@@ -188,7 +191,7 @@ static void steps_chunk(void *context, int worker, size_t begin, size_t end)
         if (is_held) items[held++] = (uint32_t)i;
         whole = whole && is_held && has_kernel_energy(job->sweep.r, i);
         if (held < FAST_KERNEL_LANES && i + 1 < end) continue;
-        const relax_steps squares = squared_steps(job, worker, items, held);
+        const relax_steps squares = squared_steps(job, worker, items, held, &job->pairs[part]);
         job->squares[part].all += squares.all;
         job->squares[part].to_rest += squares.to_rest;
         job->counts[part] += held;
@@ -206,9 +209,10 @@ static relax_steps rms_steps(steps_job *job)
     job->grain = n / PARTS + 1;
     memset(job->whole, true, sizeof job->whole); /* parts may be empty */
     threads_run(r->pool, n, job->grain, steps_chunk, job);
-    r->seen = (rest_seen){job->sweep.sigma, job->spacing, {NAN, NAN}, true};
+    r->seen = (rest_seen){job->sweep.sigma, job->spacing, {NAN, NAN}, true, 0};
     for (int k = 0; k < PARTS; k++) {
         r->seen.energies = r->seen.energies && job->whole[k];
+        r->seen.pairs += job->pairs[k];
         squares.all += job->squares[k].all;
         squares.to_rest += job->squares[k].to_rest;
         count += job->counts[k];
@@ -279,6 +283,7 @@ static void pairs_chunk(void *context, int worker, size_t begin, size_t end)
 
 double relax_mean_neighbours(const relax *r, const particles *p, double sigma)
 {
+    if (r->seen.energies && r->seen.sigma == sigma) return r->seen.pairs / (double)p->count;
     pairs_job job = {.r = r, .p = p, .reach = sigma};
     threads_run(r->pool, p->count, 4096, pairs_chunk, &job);
     return (double)atomic_load(&job.pairs) / (double)p->count;
