@@ -1,6 +1,7 @@
 #include "formats/preview.h"
 
 #include <float.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -531,22 +532,43 @@ static bool draw(image *m, const quantity_look *look, threads *pool, error *e)
 
 /* ---- the whole ---- */
 
-static bool check_points(const points *set, error *e)
+static bool is_drawable(const points *set, size_t i)
+{
+    const vec3 *p = &set->position[i], *n = &set->normal[i];
+    double world = fabs(p->x) + fabs(p->y) + fabs(p->z) + fabs(set->spacing[i]) + fabs(set->spacing_local[i]);
+    double rest = fabs(n->x) + fabs(n->y) + fabs(n->z) + fabs(set->kappa[i]) + fabs(set->kappa1[i]) +
+                  fabs(set->kappa2[i]) + fabs(set->alpha[i]) + fabs(set->energy[i]);
+    return world < world_max && rest < (double)FLT_MAX;
+}
+
+typedef struct check_job {
+    const points *set;
+    atomic_size_t first; /* that cannot be drawn; or the count */
+} check_job;
+
+static void check_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    check_job *job = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        if (is_drawable(job->set, i)) continue;
+        size_t first = atomic_load(&job->first);
+        while (i < first && !atomic_compare_exchange_weak(&job->first, &first, i)) continue;
+        return;
+    }
+}
+
+static bool check_points(const points *set, threads *pool, error *e)
 {
     if (set->count == 0) return error_set(e, ERROR_INTERNAL, "a preview of no points cannot be drawn");
     if (set->count >= DISC_INDEX)
         return error_set(e, ERROR_INTERNAL, "%zu points are too many for a preview", set->count);
-    for (size_t i = 0; i < set->count; i++) {
-        const vec3 *p = &set->position[i], *n = &set->normal[i];
-        double world =
-            fabs(p->x) + fabs(p->y) + fabs(p->z) + fabs(set->spacing[i]) + fabs(set->spacing_local[i]);
-        double rest = fabs(n->x) + fabs(n->y) + fabs(n->z) + fabs(set->kappa[i]) + fabs(set->kappa1[i]) +
-                      fabs(set->kappa2[i]) + fabs(set->alpha[i]) + fabs(set->energy[i]);
-        if (!(world < world_max) || !(rest < (double)FLT_MAX))
-            return error_set(e, ERROR_INTERNAL,
-                             "point %zu has a value that is not finite or too large for a preview", i);
-    }
-    return true;
+    check_job job = {set, set->count};
+    threads_run(pool, set->count, POINTS_GRAIN, check_chunk, &job);
+    const size_t first = atomic_load(&job.first);
+    return first == set->count ||
+           error_set(e, ERROR_INTERNAL, "point %zu has a value that is not finite or too large for a preview",
+                     first);
 }
 
 /* How large discs may be: bounded by the extent of the set, where it has one; ends above 0 always. */
@@ -644,7 +666,7 @@ bool preview_render(const points *set, const preview_options *o, threads *pool, 
         o->height > PREVIEW_SIZE_MAX)
         return error_set(e, ERROR_INTERNAL, "a preview of %d x %d pixels is not possible", o->width,
                          o->height);
-    if (!check_points(set, e)) return false;
+    if (!check_points(set, pool, e)) return false;
     const bounds b = bound_set(set);
     const camera c = o->camera ? camera_look(o->camera, o->width, o->height)
                                : camera_fit(set->position, set->count, b.radius_max, frame_of(o));
