@@ -74,8 +74,30 @@ static bool land_particle(const field *f, double h, vec3 along, uint32_t *hint, 
            field_sample_near(f, *x, FIELD_GRADIENT, hint, sample);
 }
 
+/* Of h and of a cell: where F bends smoothly a Newton step from there leaves what doubles resolve, and its end needs no look. */
+static const double SMOOTH_SHORTCUT = 1e-5;
+
+/* Residuals and normals are told with curvatures then, see curvature_chunk. */
+static bool ends_smoothly(const sampler *s)
+{
+    return !s->state.p->patch && !s->setup.params.graded && !s->setup.field->sharp;
+}
+
+/* The same where F bends smoothly: *normal is of a place as near. */
+static bool land_smoothly(const field *f, double h, uint32_t *hint, vec3 *x, vec3 *normal)
+{
+    projection_limits limits = to_rounding(h);
+    limits.shortcut = SMOOTH_SHORTCUT * fmin(h, f->cell_size);
+    vec3 q = *x, n;
+    if (!projection_find_near(f, &limits, hint, &q, &n) || vec3_norm(vec3_sub(q, *x)) > SETTLE_FARTHEST * h)
+        return false;
+    *x = q;
+    *normal = n;
+    return true;
+}
+
 /* Puts particle i on the surface to rounding, or notes that it is lost. Returns its residual, |F| / |grad F| over h; 0 where it
- * is lost or held. */
+ * is lost or held, or told later. */
 static double finalize_particle(sampler *s, size_t i, uint32_t *last)
 {
     uint32_t *hint = s->state.p->patch ? &s->state.p->hint[i] : last;
@@ -85,6 +107,11 @@ static double finalize_particle(sampler *s, size_t i, uint32_t *last)
     s->scratch.lost[i] = !particles_is_fixed(s->state.p, i);
     if (!s->scratch.lost[i]) return 0;
     double h = s->state.spacing * particles_size(s->state.p, i);
+    if (ends_smoothly(s) && land_smoothly(f, h, hint, &x, &s->state.p->normal[i])) {
+        s->scratch.lost[i] = false;
+        s->state.p->position[i] = x;
+        return 0;
+    }
     if (!land_particle(f, h, s->state.p->normal[i], hint, &x, &sample) ||
         (s->state.p->patch && !field_is_within_near(f, x, hint)))
         return 0;
@@ -240,11 +267,21 @@ static void count_lost(sampler *s)
     }
 }
 
+/* What land_smoothly left open of particle i. */
+static double end_smoothly(sampler *s, size_t i, const field_sample *sample)
+{
+    const double length = vec3_norm(sample->gradient), h = s->state.spacing * particles_size(s->state.p, i);
+    s->state.p->normal[i] = vec3_scale(sample->gradient, 1 / length);
+    return fabs(sample->value) / length / h;
+}
+
 static void curvature_chunk(void *context, int worker, size_t begin, size_t end)
 {
     sampler *s = context;
     size_t n = s->state.p->count;
     uint32_t last = FIELD_NO_HINT;
+    double worst = 0;
+    const bool smooth = ends_smoothly(s);
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         uint32_t *hint = s->state.p->patch ? &s->state.p->hint[i] : &last;
@@ -258,7 +295,23 @@ static void curvature_chunk(void *context, int worker, size_t begin, size_t end)
         if (!field_sample_near(f, s->state.p->position[i], FIELD_HESSIAN, hint, &sample)) continue;
         s->record.column[i] =
             field_curvature(&sample, &s->record.column[n + i], &s->record.column[2 * n + i]);
+        if (smooth) worst = fmax(worst, end_smoothly(s, i, &sample));
     }
+    s->scratch.worst[begin / CHUNK] = worst;
+}
+
+/* Also the normals and residuals that are still to be told. */
+static bool describe_curvature(sampler *s, error *e)
+{
+    const size_t n = s->state.p->count, chunks = n / CHUNK + 1;
+    s->scratch.worst = mem_array(chunks, sizeof *s->scratch.worst, "the result", e);
+    const bool ok = s->scratch.worst != NULL;
+    if (ok) threads_run(s->setup.pool, n, CHUNK, curvature_chunk, s);
+    for (size_t k = 0; ok && k < chunks; k++)
+        s->record.out.max_residual = fmax(s->record.out.max_residual, s->scratch.worst[k]);
+    free(s->scratch.worst);
+    s->scratch.worst = NULL;
+    return ok;
 }
 
 /* Newton's step says nothing of the Gaussian, which bends the wrong way near its centre. */
@@ -430,8 +483,7 @@ static bool describe_points(sampler *s, error *e)
     size_t n = s->state.p->count;
     s->record.column =
         mem_array((s->setup.params.curvature ? 5 : 4) * n, sizeof *s->record.column, "the result", e);
-    if (!s->record.column) return false;
-    threads_run(s->setup.pool, n, 256, curvature_chunk, s);
+    if (!s->record.column || !describe_curvature(s, e)) return false;
     requested_spacing(s, s->record.column + 3 * n);
     if (!particles_add_amplitudes(s->state.p, e)) return false;
     s->record.out.count = sampler_point_count(s);
