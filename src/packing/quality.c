@@ -105,7 +105,9 @@ static double energy_of(const measure_job *job, uint32_t i, const star_rows *row
 {
     const quality_input *in = job->in;
     const uint32_t *list = neighbours_list(job->sites.near, i);
-    pair_batch b = {.count = 0};
+    pair_batch b; /* its arrays are filled as far as they are read */
+    b.count = 0;
+    b.energy = 0;
     double over = 1 / in->spacing[i], least = INFINITY;
     double support = packing_support(in->sized ? in->spacing[i] : in->h), over2 = 1 / (support * support);
     for (uint32_t k = 0; k < job->sites.near->list_count[i]; k++) {
@@ -113,11 +115,11 @@ static double energy_of(const measure_job *job, uint32_t i, const star_rows *row
         if ((rows ? rows->facing[k][lane] : facing(in, i, j)) <= VORONOI_OTHER_SIDE) continue;
         double square = rows ? rows->square[k][lane] : vec3_norm2(vec3_sub(in->position[i], in->position[j]));
         double size = 0.5 * (1 + (rows ? rows->spacing[k][lane] : in->spacing[j]) * over),
-               size2 = size * size;
-        double relative2 = square * over * over / size2;
+               size2 = size * size, smaller = 1 / size2; /* one division */
+        double relative2 = square * (over * over) * smaller;
         least = relative2 < least ? relative2 : least;
+        double u2 = square * over2 * (in->sized ? smaller : 1);
         if (!in->sized) size2 = 1;
-        double u2 = square * over2 / size2;
         if (b.count == PAIR_BATCH) sum_pairs(&b);
         b.u2[b.count] = u2 > CLOSEST * CLOSEST ? u2 : CLOSEST * CLOSEST;
         b.weight[b.count] = size2;
