@@ -8,7 +8,7 @@
 
 #include "base/memory.h"
 #include "geometry/triangle.h"
-#include "packing/point_tree.h"
+#include "geometry/point_tree.h"
 
 /* Triangles in a leaf, or trees; a box costs about as much as one. */
 enum { LEAF = 4, DEEPEST = 64 };

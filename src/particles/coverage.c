@@ -7,7 +7,7 @@
 #include "base/memory.h"
 #include "field/patches.h"
 #include "field/projection.h"
-#include "packing/near_points.h"
+#include "geometry/near_points.h"
 
 /* Cells are looked at in so many parts at most, each of which has a largest distance of its own: with fewer cells in a part
  * most of them are looked at before there is one that spares the look. */

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "packing/near_points.h"
+#include "geometry/near_points.h"
 #include "packing/neighbours.h"
 
 /* A point and how near its nearest is, or a place and how near its nearest point: over the spacing. */

@@ -6,7 +6,7 @@
 #include "base/memory.h"
 #include "field/projection.h"
 #include "packing/packing.h"
-#include "packing/point_tree.h"
+#include "geometry/point_tree.h"
 #include "packing/quality.h"
 #include "particles/random_streams.h"
 #include "sampler/sampler_internal.h"

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "packing/point_tree.h"
+#include "geometry/point_tree.h"
 
 /* A side that is longer than so many steps is looked at in so many places. */
 static const double PARTS_MOST = 1e4;

@@ -9,9 +9,9 @@
 #include <cmocka.h>
 
 #include "shapes.h"
-#include "packing/near_points.h"
-#include "packing/point_bins.h"
-#include "packing/point_tree.h"
+#include "geometry/near_points.h"
+#include "geometry/point_bins.h"
+#include "geometry/point_tree.h"
 
 static void the_nearest_is_found(void **state)
 {

@@ -8,7 +8,7 @@
 #include <cmocka.h>
 
 #include "shapes.h"
-#include "packing/point_bins.h"
+#include "geometry/point_bins.h"
 #include "particles/relocation.h"
 
 enum { SIDE = 30, COUNT = SIDE * SIDE, PLACES = 5 * COUNT };

@@ -1,4 +1,4 @@
-#include "packing/point_tree.h"
+#include "geometry/point_tree.h"
 
 #include <assert.h>
 #include <math.h>

@@ -2,8 +2,8 @@
  *
  * Looking is safe in any number of threads. The points stay the caller's, and where they are.
  */
-#ifndef HEXAD_PACKING_POINT_TREE_H
-#define HEXAD_PACKING_POINT_TREE_H
+#ifndef HEXAD_GEOMETRY_POINT_TREE_H
+#define HEXAD_GEOMETRY_POINT_TREE_H
 
 #include <stddef.h>
 #include <stdint.h>

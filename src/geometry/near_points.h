@@ -2,8 +2,8 @@
  *
  * Looking is safe in any number of threads. The points stay the caller's, and where they are.
  */
-#ifndef HEXAD_PACKING_NEAR_POINTS_H
-#define HEXAD_PACKING_NEAR_POINTS_H
+#ifndef HEXAD_GEOMETRY_NEAR_POINTS_H
+#define HEXAD_GEOMETRY_NEAR_POINTS_H
 
 #include <stdbool.h>
 #include <stddef.h>

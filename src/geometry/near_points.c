@@ -1,10 +1,10 @@
-#include "packing/near_points.h"
+#include "geometry/near_points.h"
 
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "packing/point_bins.h"
-#include "packing/point_tree.h"
+#include "geometry/point_bins.h"
+#include "geometry/point_tree.h"
 
 /* One of the two. */
 struct near_points {

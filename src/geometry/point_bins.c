@@ -1,4 +1,4 @@
-#include "packing/point_bins.h"
+#include "geometry/point_bins.h"
 
 #include <assert.h>
 #include <math.h>

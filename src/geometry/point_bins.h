@@ -3,8 +3,8 @@
  * Built in a tenth of the time of a point_tree, which is for points that crowd or places far away. Looking is safe in any number
  * of threads. The points stay the caller's, and where they are.
  */
-#ifndef HEXAD_PACKING_POINT_BINS_H
-#define HEXAD_PACKING_POINT_BINS_H
+#ifndef HEXAD_GEOMETRY_POINT_BINS_H
+#define HEXAD_GEOMETRY_POINT_BINS_H
 
 #include <stdbool.h>
 #include <stddef.h>
