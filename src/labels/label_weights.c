@@ -9,8 +9,8 @@
 static const char what[] = "the weights of the labels";
 
 /* Newton's method, label by label. Of two that meet each moves the whole way, hence less than all of it; a weight is at most
- * doubled or halved, and by less each time that it went too far: a sheet is won or lost at once. Rounds take a few
- * hundredths of the filter's time. */
+ * doubled or halved, and by less each time that it went too far: a sheet is won or lost at once. Rounds take less than a
+ * tenth of the filter's time. */
 static const double part_of_step = 0.7, first_limit = M_LN2, less = 0.5, more = 1.2;
 static const double enough = 0.001; /* of the voxels of a label, too many or too few */
 enum { ROUNDS = 40 };
