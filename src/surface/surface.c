@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "field/flat_cell.h"
 #include "field/projection.h"
 #include "surface/cell_parts.h"
 
@@ -348,11 +349,10 @@ static bool take_triangles(const surface *s, size_t k, triangulation *out)
     return true;
 }
 
-/* Their area, and the box. */
+/* Their area; widens the box. */
 static double sum_triangles(const triangulation *t, bbox *box)
 {
     double area = 0;
-    *box = bbox_empty();
     for (int i = 0; i < t->count; i++) {
         area += t->area[i];
         for (int k = 0; k < 3; k++) *box = bbox_include(*box, t->at[i][k].position);
@@ -395,7 +395,8 @@ static double triangles_area(const field *f, const triangulation *t)
     return area;
 }
 
-/* The area of what lies in the domain, and its box; MEASURED_LATER of a cell that wants no more than its parts. */
+/* The area of what lies in the domain, by which the box is widened; MEASURED_LATER of a cell that wants no more than its
+ * parts. */
 static double measure_cell(const surface *s, size_t index, shared_edge *shared, bbox *box)
 {
     const field *f = s->field;
@@ -405,8 +406,8 @@ static double measure_cell(const surface *s, size_t index, shared_edge *shared, 
     double area = 0;
     if (take_triangles(s, index, &t)) return sum_triangles(&t, box);
     surface_cell(s, index, &cell);
+    if (cell.flat && !cell.grazed && is_whole(f, &cell)) return flat_cell_area(&cell, box);
     cut_cell(&way, &t);
-    *box = bbox_empty();
     if (!is_whole(f, &cell)) {
         for (int i = 0; i < t.count; i++) area += clipped_area(f, t.at[i], 0, box);
         return area;
@@ -472,11 +473,8 @@ static void scan_chunk(void *context, int worker, size_t begin, size_t end)
         size_t last = (chunk + 1) * GRAIN < job->s->cells ? (chunk + 1) * GRAIN : job->s->cells;
         shared_edge shared[SHARED_EDGES] = {0};
         job->box[chunk] = bbox_empty();
-        for (size_t k = chunk * GRAIN; k < last; k++) {
-            bbox box;
-            job->s->area_before[k + 1] = measure_cell(job->s, k, shared, &box);
-            job->box[chunk] = bbox_unite(job->box[chunk], box);
-        }
+        for (size_t k = chunk * GRAIN; k < last; k++)
+            job->s->area_before[k + 1] = measure_cell(job->s, k, shared, &job->box[chunk]);
     }
 }
 

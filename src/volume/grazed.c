@@ -6,6 +6,7 @@
 
 #include "base/isa.h"
 #include "base/memory.h"
+#include "field/field.h"
 #include "volume/brick.h"
 #include "volume/grid_view.h"
 
@@ -29,6 +30,7 @@ void grazed_free(grazed *g)
 {
     free(g->cell);
     free(g->passed);
+    free(g->flat);
     *g = (grazed){0};
 }
 
@@ -240,16 +242,92 @@ ISA_INLINE bool may_be_passed(row face[4], float largest)
     return !((above || inside) && (below || outside));
 }
 
-/* The faces of a cell that may be passed, by bits. */
-ISA_CLONES static unsigned doubtful_faces(const float *first)
+/* How the coefficients of a cell change along the axes, and the most by which such a change changes. */
+typedef struct slopes {
+    row low[3], high[3], bend;
+} slopes;
+
+ISA_INLINE void add_slope(slopes *s, int axis, row slope)
+{
+    s->low[axis] = -row_larger(-s->low[axis], -slope);
+    s->high[axis] = row_larger(s->high[axis], slope);
+}
+
+ISA_INLINE void add_bend(slopes *s, row bend)
+{
+    s->bend = row_larger(s->bend, row_larger(bend, -bend));
+}
+
+/* From one lane to the next; the last is like that before it. */
+ISA_INLINE row along_lanes(row r)
+{
+    return __builtin_shufflevector(r, r, 1, 2, 3, 3) - __builtin_shufflevector(r, r, 0, 1, 2, 2);
+}
+
+ISA_INLINE slopes slopes_of(row c[4][4])
+{
+    const row none = {INFINITY, INFINITY, INFINITY, INFINITY};
+    slopes s = {{none, none, none}, {-none, -none, -none}, {0}};
+    row x[4][4], y[4][4];
+#pragma GCC unroll 4
+    for (int i = 0; i < 4; i++) {
+#pragma GCC unroll 4
+        for (int j = 0; j < 4; j++) {
+            const row z = along_lanes(c[i][j]);
+            add_slope(&s, 2, z);
+            add_bend(&s, along_lanes(z));
+            if (i > 0) add_slope(&s, 0, x[i][j] = c[i][j] - c[i - 1][j]);
+            if (i > 0) add_bend(&s, along_lanes(x[i][j]));
+            if (i > 0 && j > 0) add_bend(&s, x[i][j] - x[i][j - 1]);
+            if (i > 1) add_bend(&s, x[i][j] - x[i - 1][j]);
+            if (j > 0) add_slope(&s, 1, y[i][j] = c[i][j] - c[i][j - 1]);
+            if (j > 0) add_bend(&s, along_lanes(y[i][j]));
+            if (j > 1) add_bend(&s, y[i][j] - y[i][j - 1]);
+        }
+    }
+    return s;
+}
+
+ISA_INLINE float largest_of(row r)
+{
+    const row pairs = row_larger(r, __builtin_shufflevector(r, r, 2, 3, 0, 1));
+    return pairs[0] > pairs[1] ? pairs[0] : pairs[1];
+}
+
+/* Whether the spline surely rises, or falls, along each axis: then no face is passed between corners on one side. */
+ISA_INLINE bool is_monotone(const slopes *s, bool *is_flat)
+{
+    const float bend = largest_of(s->bend) * (float)(1 / FIELD_FLAT);
+    float slope2 = 0;
+    int steep = 0;
+    for (int axis = 0; axis < 3; axis++) {
+        const float low = -largest_of(-s->low[axis]), high = largest_of(s->high[axis]),
+                    least = low > 0    ? low
+                            : high < 0 ? -high
+                                       : 0;
+        slope2 += least * least;
+        steep += least > 0;
+    }
+    *is_flat = bend * bend <= slope2;
+    return steep == 3;
+}
+
+/* The faces of a cell that may be passed, by bits; whether it is flat as in field_cell. */
+ISA_CLONES static unsigned doubtful_faces(const float *first, bool *is_flat)
 {
     row c[4][4], turned[4][4], face[4], size = {0};
     unsigned faces = 0;
 #pragma GCC unroll 4
     for (int i = 0; i < 4; i++) {
 #pragma GCC unroll 4
+        for (int j = 0; j < 4; j++) memcpy(&c[i][j], first + i * BRICK_SLAB + j * BRICK_SIDE, sizeof c[i][j]);
+    }
+    const slopes s = slopes_of(c);
+    if (is_monotone(&s, is_flat)) return 0;
+#pragma GCC unroll 4
+    for (int i = 0; i < 4; i++) {
+#pragma GCC unroll 4
         for (int j = 0; j < 4; j++) {
-            memcpy(&c[i][j], first + i * BRICK_SLAB + j * BRICK_SIDE, sizeof c[i][j]);
             turned[i][j] = c[i][j];
             size = row_larger(size, row_larger(c[i][j], -c[i][j]));
         }
@@ -314,7 +392,9 @@ static void leak_chunk(void *context, int worker, size_t begin, size_t end)
         for (int k = 0; k < GRID_VIEW_VOXELS; k++) {
             if (!(s->crossed[64 * n + (size_t)(k >> 3)] >> (k & 7) & 1)) continue;
             const float *first = brick_cell(brick, k >> 6, k >> 3 & 7, k & 7);
-            const unsigned faces = doubtful_faces(first);
+            bool is_flat;
+            const unsigned faces = doubtful_faces(first, &is_flat);
+            s->out->flat[64 * n + (size_t)(k >> 3)] |= (uint8_t)(is_flat << (k & 7));
             if (faces == 0) continue;
             if (bound < 0) bound = brick_bound(brick);
             if (leaks(first, faces, bound)) s->leaky[64 * n + (size_t)(k >> 3)] |= (uint8_t)(1u << (k & 7));
@@ -350,7 +430,8 @@ bool grazed_find(const bricks *b, const int64_t size[3], threads *pool, uint8_t 
     const size_t bytes = (size_t)map->count * 64;
     search s = {map, b, size, crossed, mem_array(bytes, 1, what, e), out};
     out->passed = mem_array(bytes, 1, what, e);
-    bool ok = s.leaky && out->passed;
+    out->flat = mem_array(bytes, 1, what, e);
+    bool ok = s.leaky && out->passed && out->flat;
     if (ok) threads_run(pool, map->count, BLOCKS, leak_chunk, &s);
     ok = ok && follow(&s, e);
     free(s.leaky);

@@ -27,6 +27,7 @@ typedef struct grazed {
     crossed_cell *cell; /* that no corner tells */
     size_t count, room;
     uint8_t *passed; /* 64 bytes a block: all cells, of either kind, with such a face */
+    uint8_t *flat;   /* likewise: cells with corners on both sides that are flat as in field_cell */
 } grazed;
 
 /* `size`: of the data where cells end with it, 0 along an axis where they do not.

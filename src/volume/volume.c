@@ -202,7 +202,7 @@ static bool find_crossings(loading *l, volume *v, error *e)
 
 static size_t held_bytes(size_t blocks, size_t cells)
 {
-    return sizeof(volume) + blocks * (BRICK_SIZE * sizeof(float) + 8 * sizeof(uint64_t) + 2 * 64) +
+    return sizeof(volume) + blocks * (BRICK_SIZE * sizeof(float) + 8 * sizeof(uint64_t) + 3 * 64) +
            block_map_bytes(blocks) + cells * sizeof(crossed_cell);
 }
 
@@ -326,7 +326,8 @@ static bool add_grazed_cells(const loading *l, volume *v, error *e)
         }
     }
     v->grazed = found.passed;
-    found.passed = NULL;
+    v->flat = found.flat;
+    found.passed = found.flat = NULL;
     grazed_free(&found);
     return ok;
 }
@@ -774,6 +775,7 @@ void volume_close(volume *v)
     free(v->inside);
     free(v->crossed);
     free(v->grazed);
+    free(v->flat);
     free(v->cells);
     free(v);
 }

@@ -66,8 +66,9 @@ static void cell(const field *f, size_t k, field_cell *out)
         out->value[corner] = (double)c->value[corner];
     }
     size_t n = block_map_find(&v->map, c->at[0] >> 3, c->at[1] >> 3, c->at[2] >> 3);
-    out->grazed =
-        v->grazed[64 * n + 8 * (size_t)(c->at[0] & 7) + (size_t)(c->at[1] & 7)] >> (c->at[2] & 7) & 1;
+    const size_t row = 64 * n + 8 * (size_t)(c->at[0] & 7) + (size_t)(c->at[1] & 7);
+    out->grazed = v->grazed[row] >> (c->at[2] & 7) & 1;
+    out->flat = v->flat[row] >> (c->at[2] & 7) & 1;
 }
 
 /* Whether a cell of the box, ends included, is crossed. */

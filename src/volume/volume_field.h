@@ -24,6 +24,7 @@ struct volume {
     uint64_t *inside; /* 8 words a block: voxels that are inside, as in vdb.h's active flags */
     uint8_t *crossed; /* 64 bytes a block: crossed cells, as in crossing_block's rows */
     uint8_t *grazed;  /* likewise: those with a face that the surface passes between its corners */
+    uint8_t *flat;    /* likewise: those in which F is all but linear */
     const spline *spline;
     crossed_cell *cells;
     size_t cell_count;

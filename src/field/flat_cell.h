@@ -1,0 +1,15 @@
+/* flat_cell: the area of the surface in a cell in which F is all but linear, from the corners' values alone.
+ *
+ * In each tetrahedron of Kuhn's decomposition F is linear: the area of its zero set is the length of the gradient times the
+ * change of the volume below it with F, which is a quadratic B-spline of the four values. Source: Curry and Schoenberg 1966.
+ * Where second differences are at most FIELD_FLAT of the slope the area is right to a sixth of the square of that.
+ */
+#ifndef HEXAD_FIELD_FLAT_CELL_H
+#define HEXAD_FIELD_FLAT_CELL_H
+
+#include "field/field.h"
+
+/* World units squared; widens *box by where the surface passes the edges. */
+double flat_cell_area(const field_cell *cell, bbox *box);
+
+#endif
