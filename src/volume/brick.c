@@ -15,7 +15,6 @@ typedef struct brick_job {
     const block_map *map;
     size_t first; /* of the bricks to fill */
     float *coefficients;
-    uint64_t *inside;
     const crossings *crossings;
     const size_t *cells_before; /* of each crossed block */
     bool smooth;
@@ -117,22 +116,13 @@ void bricks_forget(const bricks *b)
         atomic_store_explicit(&b->place[n], BRICK_MISSING, memory_order_relaxed);
 }
 
-static void side_chunk(void *context, int worker, size_t begin, size_t end)
+void brick_note_sides(const samples *s, const block_map *map, uint64_t *inside)
 {
-    const brick_job *job = context;
-    (void)worker;
-    for (size_t n = begin; n < end; n++) {
-        float f[GRID_VIEW_VOXELS];
-        samples_window(job->samples, job->map->blocks[n], 0, GRID_VIEW_SIDE, f);
-        for (size_t k = 0; k < GRID_VIEW_VOXELS; k++)
-            job->inside[8 * n + (k >> 6)] |= (uint64_t)(f[k] < 0) << (k & 63);
+    for (uint32_t n = 0; n < map->count; n++) {
+        const int32_t *b = map->blocks[n];
+        const uint64_t *from = s->inside + GRID_VIEW_SIDE * (size_t)block_map_find(&s->map, b[0], b[1], b[2]);
+        memcpy(inside + GRID_VIEW_SIDE * (size_t)n, from, GRID_VIEW_SIDE * sizeof *inside);
     }
-}
-
-void brick_note_sides(const samples *s, const block_map *map, threads *pool, uint64_t *inside)
-{
-    brick_job job = {.samples = s, .map = map, .inside = inside};
-    threads_run(pool, map->count, BLOCKS, side_chunk, &job);
 }
 
 static void cell_chunk(void *context, int worker, size_t begin, size_t end)

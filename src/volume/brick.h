@@ -64,8 +64,8 @@ static inline const float *brick_cell(const float *brick, int x, int y, int z)
     return brick + x * BRICK_SLAB + y * BRICK_SIDE + z;
 }
 
-/* 8 words for each block of the map: voxels that are inside, as in vdb.h's active flags. Words are 0 before. */
-void brick_note_sides(const samples *s, const block_map *map, threads *pool, uint64_t *inside);
+/* 8 words for each block of the map: voxels that are inside, as in vdb.h's active flags. */
+void brick_note_sides(const samples *s, const block_map *map, uint64_t *inside);
 
 /* c->cells of them, block after block. `smooth`: as in samples_corners. Error: limit_memory. */
 bool brick_list_cells(const samples *s, const crossings *c, bool smooth, threads *pool, crossed_cell *cells,

@@ -178,6 +178,19 @@ static bool add_shell(const vdb_tile *t, size_t most, block_map *candidates, err
     return true;
 }
 
+/* Whether one of its six neighbours is constant and on the other side. Where tiles of both sides meet at an edge or a corner
+ * alone, a leaf is between, or others that do have such neighbours. */
+static bool meets_other_side(const grid_view *l, const int32_t block[3], bool inside)
+{
+    for (int k = 0; k < 6; k++) {
+        int32_t at[3] = {block[0], block[1], block[2]};
+        at[k / 2] += k % 2 ? 1 : -1;
+        const grid_view_block next = grid_view_find(l, at[0], at[1], at[2]);
+        if (next.leaf == BLOCK_MAP_NONE && (next.constant < 0) != inside) return true;
+    }
+    return false;
+}
+
 static bool add_shells(const grid_view *l, size_t memory_limit, block_map *candidates, error *e)
 {
     /* The table doubles when it grows, and old and new exist side by side then. */
@@ -187,8 +200,10 @@ static bool add_shells(const grid_view *l, size_t memory_limit, block_map *candi
         const vdb_tile *t = &l->grid->tiles[i];
         const int32_t *o = t->origin;
         /* A tile on the background's side matters only beside leaves and other tiles, which count. */
-        bool tile_inside = grid_view_find(l, o[0] >> 3, o[1] >> 3, o[2] >> 3).constant < 0;
+        const int32_t low[3] = {o[0] >> 3, o[1] >> 3, o[2] >> 3};
+        bool tile_inside = grid_view_find(l, low[0], low[1], low[2]).constant < 0;
         if (tile_inside == background_inside) continue;
+        if (t->side == GRID_VIEW_SIDE && !meets_other_side(l, low, tile_inside)) continue;
         if (!add_shell(t, most, candidates, e)) return false;
     }
     return true;

@@ -191,6 +191,7 @@ bool grid_view_init(grid_view *l, const vdb_grid *grid, grid_view_kind kind, dou
     l->grid = grid;
     l->kind = kind;
     l->isovalue = isovalue;
+    l->plain = kind == GRID_VIEW_LEVEL_SET && isovalue == 0;
     bool ok = scan_range(l, pool, e);
     l->background = to_f(l, grid->background);
     l->signs = mem_array(grid->leaf_count, sizeof *l->signs, leaves, e);

@@ -35,6 +35,7 @@ typedef struct grid_view {
     const vdb_grid *grid; /* the caller's, must outlive the view */
     double isovalue;
     grid_view_kind kind;
+    bool plain;                     /* values are F as they are */
     float clamp_below, clamp_above; /* active values from these on, outwards, are the clamp; or infinite */
     float background;               /* as F */
     block_map leaves;
@@ -58,7 +59,7 @@ void grid_view_free(grid_view *l);
 
 grid_view_block grid_view_find(const grid_view *l, int32_t x, int32_t y, int32_t z);
 
-/* F of all 512 voxels. */
+/* F of all 512 voxels; of a leaf also into its own values. */
 void grid_view_read(const grid_view *l, grid_view_block b, float f[GRID_VIEW_VOXELS]);
 
 /* The signs of any block. `constant` is filled in and returned where there is no leaf. */

@@ -12,8 +12,6 @@
 #define VOXELS GRID_VIEW_VOXELS
 
 enum { BLOCKS = 64, RUNS = 4 }; /* in a chunk of work */
-/* Blocks whose memory is given back at once: two megabytes. */
-enum { RELEASED = 1024 };
 /* Of the continuation: as far as values are read for their own sake (PATH_LEVEL_SET in volume.c). Beyond, straight lines are
  * enough: of what is wrong there some 1e-5 arrives at the surface. */
 enum { LAYERS = 8 };
@@ -34,7 +32,8 @@ static int floor_div8(int v)
 
 size_t samples_bytes(size_t count)
 {
-    return count * (VOXELS * sizeof(float) + SIDE * sizeof(uint64_t) + 6 * sizeof(uint32_t)) +
+    return count * (VOXELS * sizeof(float) + sizeof(float *) + 2 * SIDE * sizeof(uint64_t) +
+                    6 * sizeof(uint32_t)) +
            block_map_bytes(count);
 }
 
@@ -43,7 +42,12 @@ void samples_free(samples *s)
     block_map_free(&s->map);
     free(s->f);
     free(s->known);
+    free(s->inside);
     free(s->near);
+    free(s->leaves.f);
+    free(s->leaves.highest);
+    free(s->others.f);
+    free(s->others.highest);
     memset(s, 0, sizeof *s);
 }
 
@@ -56,7 +60,7 @@ static bool report_unusable(const samples *s, error *e)
 {
     size_t bad = 0, first = 0, total = (size_t)s->map.count * VOXELS;
     for (size_t i = 0; i < total; i++)
-        if (!is_usable(s->f[i]) && bad++ == 0) first = i;
+        if (!is_usable(s->f[i / VOXELS][i % VOXELS]) && bad++ == 0) first = i;
     const int32_t *b = s->map.blocks[first / VOXELS];
     size_t v = first % VOXELS;
     return error_set(
@@ -79,13 +83,14 @@ static void read_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     for (size_t n = begin; n < end; n++) {
         const int32_t *b = s->map.blocks[n];
-        float *f = s->f + n * VOXELS;
+        float *f = s->f[n];
         int good = 1;
         const grid_view_block from = grid_view_find(job->from, b[0], b[1], b[2]);
         grid_view_signs constant;
-        grid_view_read(job->from, from, f);
-        memcpy(s->known + n * SIDE, grid_view_find_signs(job->from, from, &constant)->known,
-               SIDE * sizeof *s->known);
+        const grid_view_signs *signs = grid_view_find_signs(job->from, from, &constant);
+        if (from.leaf == BLOCK_MAP_NONE || !job->from->plain) grid_view_read(job->from, from, f);
+        memcpy(s->known + n * SIDE, signs->known, SIDE * sizeof *s->known);
+        memcpy(s->inside + n * SIDE, signs->inside, SIDE * sizeof *s->inside);
         for (int i = 0; i < VOXELS; i++) good &= is_usable(f[i]);
         if (!good) atomic_store(&job->unusable, true);
         for (int k = 0; k < 6; k++) {
@@ -96,15 +101,55 @@ static void read_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-bool samples_read(const grid_view *l, block_map *map, threads *pool, samples *out, error *e)
+static bool make_store(samples_store *store, size_t blocks, error *e)
+{
+    store->parts = (blocks + SAMPLES_RELEASED - 1) / SAMPLES_RELEASED;
+    store->highest = mem_array(store->parts, sizeof *store->highest, "the voxels around the surface", e);
+    for (size_t k = 0; store->highest && k < store->parts; k++) store->highest[k] = INT32_MIN;
+    return store->highest;
+}
+
+static float *take_place(samples_store *store, size_t at, int32_t x)
+{
+    int32_t *highest = &store->highest[at / SAMPLES_RELEASED];
+    if (x > *highest) *highest = x;
+    return store->f + at * VOXELS;
+}
+
+/* Says where each block's voxels lie: in the grid's leaf, or in a place of their own. */
+static bool place_blocks(samples *s, const grid_view *l, vdb_grid *grid, error *e)
+{
+    size_t others = 0;
+    s->leaves.f = grid->leaf_values;
+    grid->leaf_values = NULL;
+    for (uint32_t n = 0; n < s->map.count; n++) {
+        const int32_t *b = s->map.blocks[n];
+        const uint32_t leaf = block_map_find(&l->leaves, b[0], b[1], b[2]);
+        s->near[n] = leaf; /* has room for that */
+        others += leaf == BLOCK_MAP_NONE;
+    }
+    s->others.f = mem_array(others * VOXELS, sizeof(float), "the voxels around the surface", e);
+    if (!s->others.f || !make_store(&s->leaves, grid->leaf_count, e) || !make_store(&s->others, others, e))
+        return false;
+    others = 0;
+    for (uint32_t n = 0; n < s->map.count; n++) {
+        const bool is_leaf = s->near[n] != BLOCK_MAP_NONE;
+        s->f[n] = take_place(is_leaf ? &s->leaves : &s->others, is_leaf ? s->near[n] : others++,
+                             s->map.blocks[n][0]);
+    }
+    return true;
+}
+
+bool samples_read(const grid_view *l, vdb_grid *grid, block_map *map, threads *pool, samples *out, error *e)
 {
     samples s = {.map = *map};
     memset(map, 0, sizeof *map);
     size_t n = s.map.count;
-    s.f = mem_array(n * VOXELS, sizeof *s.f, "the voxels around the surface", e);
+    s.f = mem_array(n, sizeof *s.f, "the voxels around the surface", e);
     s.known = mem_array(n * SIDE, sizeof *s.known, "the voxels around the surface", e);
+    s.inside = mem_array(n * SIDE, sizeof *s.inside, "the voxels around the surface", e);
     s.near = mem_array(n * 6, sizeof *s.near, "the voxels around the surface", e);
-    bool ok = s.f && s.known && s.near;
+    bool ok = s.f && s.known && s.inside && s.near && place_blocks(&s, l, grid, e);
     if (ok) {
         reading job = {l, &s, false};
         threads_run(pool, n, BLOCKS, read_chunk, &job);
@@ -238,7 +283,7 @@ static float continued(double raw, const gathered *g, int bit, int layer)
 /* Continues the frontier `bits` of the layer x of a block. */
 static void extend_row(samples *s, uint32_t block, int x, uint64_t bits, const uint64_t known[18], int layer)
 {
-    float *here = s->f + (size_t)block * VOXELS;
+    float *here = s->f[block];
     gathered g;
     for (uint64_t b = bits; b; b &= b - 1) {
         const int bit = __builtin_ctzll(b);
@@ -248,8 +293,7 @@ static void extend_row(samples *s, uint32_t block, int x, uint64_t bits, const u
 #pragma GCC unroll 6
     for (int k = 0; k < 6; k++) {
         const uint32_t beyond = s->near[6 * (size_t)block + (size_t)k];
-        const direction d = {k / 2, k % 2, here,
-                             beyond == BLOCK_MAP_NONE ? here : s->f + (size_t)beyond * VOXELS};
+        const direction d = {k / 2, k % 2, here, s->f[beyond == BLOCK_MAP_NONE ? block : beyond]};
         gather(&d, x, bits, known + 3 * k, &g);
     }
     for (; bits; bits &= bits - 1) {
@@ -350,8 +394,7 @@ static void straight_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         const size_t n = job->open[i];
-        for (int axis = 2; axis >= 0; axis--)
-            straighten(job->s->f + n * VOXELS, job->s->known + n * SIDE, axis);
+        for (int axis = 2; axis >= 0; axis--) straighten(job->s->f[n], job->s->known + n * SIDE, axis);
     }
 }
 
@@ -408,7 +451,7 @@ ISA_INLINE void copy_block(float *f, double *rows, bool back, int along, int a, 
 ISA_INLINE void copy_run(samples *s, int axis, uint32_t first, double *rows, bool back)
 {
     for (uint32_t n = first; n != BLOCK_MAP_NONE; n = s->near[6 * (size_t)n + (size_t)(2 * axis + 1)]) {
-        float *f = s->f + (size_t)n * VOXELS;
+        float *f = s->f[n];
         if (axis == 0) copy_block(f, rows, back, 64, 8, 1);
         if (axis == 1) copy_block(f, rows, back, 8, 64, 1);
         if (axis == 2) copy_block(f, rows, back, 1, 64, 8);
@@ -498,45 +541,60 @@ static float nearest(const float *f, int x, int y, int z)
     return f[offset];
 }
 
+/* The part from `low` on, of so many voxels along an axis, that lies in the block `at`: whence and how many. */
+typedef struct extent {
+    int from, count;
+} extent;
+
+ISA_INLINE extent part_of(int low, int side, int at)
+{
+    const int from = low > SIDE * at ? low : SIDE * at,
+              end = low + side < SIDE * (at + 1) ? low + side : SIDE * (at + 1);
+    return (extent){from, end - from};
+}
+
+/* Rows of a length that is known are copied at once. */
+ISA_INLINE void copy_row(float *to, const float *from, int count)
+{
+    if (count == SIDE) {
+        memcpy(to, from, SIDE * sizeof *to);
+        return;
+    }
+    for (int k = 0; k < count; k++) to[k] = from[k];
+}
+
 void samples_window(const samples *s, const int32_t block[3], int low, int side, float *out)
 {
-    const int from = floor_div8(low), to = floor_div8(low + side - 1);
-    uint32_t around[3][3][3];
-    for (int x = from; x <= to; x++)
-        for (int y = from; y <= to; y++)
-            for (int z = from; z <= to; z++)
-                around[x + 1][y + 1][z + 1] =
-                    block_map_find(&s->map, block[0] + x, block[1] + y, block[2] + z);
-    const float *own = s->f + (size_t)around[1][1][1] * VOXELS;
-    for (int x = low; x < low + side; x++)
-        for (int y = low; y < low + side; y++) {
-            const uint32_t *column = around[floor_div8(x) + 1][floor_div8(y) + 1];
-            for (int z = low; z < low + side;) { /* what of the row lies in one block */
-                const int b = floor_div8(z), last = SIDE * (b + 1) < low + side ? SIDE * (b + 1) : low + side;
-                if (column[b + 1] == BLOCK_MAP_NONE) {
-                    for (; z < last; z++) *out++ = nearest(own, x, y, z);
+    const int first = floor_div8(low), last = floor_div8(low + side - 1);
+    const float *own = s->f[block_map_find(&s->map, block[0], block[1], block[2])];
+    for (int k = 0; k < 27; k++) {
+        const int bx = k / 9 - 1, by = k / 3 % 3 - 1, bz = k % 3 - 1;
+        if (bx < first || bx > last || by < first || by > last || bz < first || bz > last) continue;
+        const uint32_t n = block_map_find(&s->map, block[0] + bx, block[1] + by, block[2] + bz);
+        const extent px = part_of(low, side, bx), py = part_of(low, side, by), pz = part_of(low, side, bz);
+        for (int x = px.from; x < px.from + px.count; x++)
+            for (int y = py.from; y < py.from + py.count; y++) {
+                float *to = out + ((x - low) * side + y - low) * side + pz.from - low;
+                if (n != BLOCK_MAP_NONE) {
+                    copy_row(to, s->f[n] + 64 * (x & 7) + 8 * (y & 7) + (pz.from & 7), pz.count);
                     continue;
                 }
-                const float *f = s->f + (size_t)column[b + 1] * VOXELS + 64 * (x & 7) + 8 * (y & 7) + (z & 7);
-                if (last - z == SIDE) { /* of a length that is known */
-                    memcpy(out, f, SIDE * sizeof *f);
-                } else {
-                    for (int k = 0; k < last - z; k++) out[k] = f[k];
-                }
-                out += last - z;
-                z = last;
+                for (int z = pz.from; z < pz.from + pz.count; z++) *to++ = nearest(own, x, y, z);
             }
-        }
+    }
+}
+
+static void release_below(samples_store *store, int32_t x)
+{
+    const size_t bytes = SAMPLES_RELEASED * VOXELS * sizeof *store->f;
+    for (; store->released + 1 < store->parts && store->highest[store->released] < x; store->released++)
+        mem_release((char *)store->f + store->released * bytes, bytes);
 }
 
 void samples_release_below(samples *s, int32_t x)
 {
-    while (s->released + RELEASED <= s->map.count) {
-        for (uint32_t n = s->released; n < s->released + RELEASED; n++)
-            if (s->map.blocks[n][0] >= x) return;
-        mem_release(s->f + (size_t)s->released * VOXELS, (size_t)RELEASED * VOXELS * sizeof *s->f);
-        s->released += RELEASED;
-    }
+    release_below(&s->leaves, x);
+    release_below(&s->others, x);
 }
 
 void samples_corners(const samples *s, const int32_t block[3], bool smooth, float corners[729])

@@ -18,19 +18,32 @@
 #include "volume/crossings.h"
 #include "volume/grid_view.h"
 
+/* Where voxels of several blocks lie, one after the other. */
+typedef struct samples_store {
+    float *f;
+    size_t parts;     /* of SAMPLES_RELEASED blocks each, or less at the end */
+    int32_t *highest; /* of each part, that its blocks have along the first axis */
+    size_t released;  /* the first so many parts' memory is given back */
+} samples_store;
+
 typedef struct samples {
-    block_map map;     /* by number */
-    float *f;          /* 512 a block */
-    uint64_t *known;   /* 8 words a block */
-    uint32_t *near;    /* 6 numbers a block: below and above along x, y, z */
-    uint32_t released; /* of the first so many blocks the voxels' memory is given back */
+    block_map map;            /* by number */
+    float **f;                /* 512 a block */
+    uint64_t *known, *inside; /* 8 words a block: voxels that are known; that had F < 0 when they were read */
+    uint32_t *near;           /* 6 numbers a block: below and above along x, y, z */
+    samples_store leaves,
+        others; /* who holds f: blocks that were leaves of the grid, and those that were not */
 } samples;
+
+/* Blocks whose memory is given back at once: two megabytes. */
+enum { SAMPLES_RELEASED = 1024 };
 
 /* Bytes that samples of `count` blocks take. */
 size_t samples_bytes(size_t count);
 
-/* Takes over the map of the blocks to read (also when it fails). Values that are not finite are input_damaged. */
-bool samples_read(const grid_view *l, block_map *map, threads *pool, samples *out, error *e);
+/* Takes over the map of the blocks to read (also when it fails) and the voxels of the view's grid, which has none then. Values
+ * that are not finite are input_damaged. */
+bool samples_read(const grid_view *l, vdb_grid *grid, block_map *map, threads *pool, samples *out, error *e);
 void samples_free(samples *s);
 
 /* Gives voxels that are not known the smooth continuation of those that are, layer by layer: a parabola

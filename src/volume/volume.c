@@ -254,7 +254,7 @@ static bool find_smooth_crossings(loading *l, volume *v, error *e)
 
 static bool read_samples(loading *l, volume *v, error *e)
 {
-    bool ok = samples_read(&l->grid_view, &l->reach, l->pool, &l->samples, e);
+    bool ok = samples_read(&l->grid_view, l->grid, &l->reach, l->pool, &l->samples, e);
     grid_view_free(&l->grid_view);
     vdb_grid_free(l->grid);
     l->grid = NULL;
@@ -277,7 +277,7 @@ static bool note_sides(const loading *l, volume *v, error *e)
     v->inside = mem_array((size_t)v->map.count * 8, sizeof *v->inside, "the sides of the surface", e);
     v->crossed = mem_array((size_t)v->map.count * 64, 1, "the sides of the surface", e);
     if (!v->inside || !v->crossed) return false;
-    brick_note_sides(&l->samples, &v->map, l->pool, v->inside);
+    brick_note_sides(&l->samples, &v->map, v->inside);
     for (size_t k = 0; k < l->crossings.count; k++) {
         const crossing_block *b = &l->crossings.blocks[k];
         uint32_t n = block_map_find(&v->map, b->block[0], b->block[1], b->block[2]);

@@ -22,11 +22,13 @@ static samples random_samples(uint64_t seed)
         if (k % 7 != 3)
             assert_true(block_map_find_or_add(&s.map, k / (BLOCKS * BLOCKS), k / BLOCKS % BLOCKS, k % BLOCKS,
                                               NULL, &e));
-    s.f = mem_array(s.map.count, GRID_VIEW_VOXELS * sizeof *s.f, "voxels", &e);
-    assert_non_null(s.f);
+    s.f = mem_array(s.map.count, sizeof *s.f, "voxels", &e);
+    s.others.f = mem_array(s.map.count, GRID_VIEW_VOXELS * sizeof *s.others.f, "voxels", &e);
+    assert_true(s.f && s.others.f);
     for (size_t k = 0; k < (size_t)s.map.count * GRID_VIEW_VOXELS; k++) {
         seed = seed * 6364136223846793005u + 1442695040888963407u;
-        s.f[k] = (float)(seed >> 40);
+        s.f[k / GRID_VIEW_VOXELS] = s.others.f + k / GRID_VIEW_VOXELS * GRID_VIEW_VOXELS;
+        s.others.f[k] = (float)(seed >> 40);
     }
     return s;
 }
