@@ -38,10 +38,12 @@ typedef struct field_cell {
     vec3 corner[8];
     double value[8]; /* F at the corners */
     bool grazed;     /* the surface is known to pass a face whose corners are on one side */
-    bool flat;       /* F is all but linear: its second differences over an edge are at most FIELD_FLAT of its slope */
+    bool
+        flat; /* F is all but linear: its second differences over an edge are at most FIELD_FLAT of its slope */
 } field_cell;
 
-/* The area of what a linear F makes of a ball of such cells is 1.5e-5 too small. */
+/* A ball of 1 / FIELD_FLAT cells, with F linear in each, has 2.6e-5 of its area too little; one of twice as many a fourth of
+ * that. */
 #define FIELD_FLAT 0.01
 
 enum { FIELD_CELL_TRIANGLES = 12 }; /* the most in a cell: two in each of six tetrahedra */

@@ -2,7 +2,7 @@
  *
  * In each tetrahedron of Kuhn's decomposition F is linear: the area of its zero set is the length of the gradient times the
  * change of the volume below it with F, which is a quadratic B-spline of the four values. Source: Curry and Schoenberg 1966.
- * Where second differences are at most FIELD_FLAT of the slope the area is right to a sixth of the square of that.
+ * A ball loses a quarter of the square of its curvature.
  */
 #ifndef HEXAD_FIELD_FLAT_CELL_H
 #define HEXAD_FIELD_FLAT_CELL_H

@@ -185,6 +185,9 @@ static bool meets_other_side(const grid_view *l, const int32_t block[3], bool in
     for (int k = 0; k < 6; k++) {
         int32_t at[3] = {block[0], block[1], block[2]};
         at[k / 2] += k % 2 ? 1 : -1;
+        const uint32_t tile =
+            block_map_find(&l->tiles[0], at[0], at[1], at[2]); /* most are beside their like */
+        if (tile != BLOCK_MAP_NONE && (l->tile_values[0][tile] < 0) == inside) continue;
         const grid_view_block next = grid_view_find(l, at[0], at[1], at[2]);
         if (next.leaf == BLOCK_MAP_NONE && (next.constant < 0) != inside) return true;
     }

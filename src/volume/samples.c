@@ -117,11 +117,9 @@ static float *take_place(samples_store *store, size_t at, int32_t x)
 }
 
 /* Says where each block's voxels lie: in the grid's leaf, or in a place of their own. */
-static bool place_blocks(samples *s, const grid_view *l, vdb_grid *grid, error *e)
+static bool place_blocks(samples *s, const grid_view *l, error *e)
 {
     size_t others = 0;
-    s->leaves.f = grid->leaf_values;
-    grid->leaf_values = NULL;
     for (uint32_t n = 0; n < s->map.count; n++) {
         const int32_t *b = s->map.blocks[n];
         const uint32_t leaf = block_map_find(&l->leaves, b[0], b[1], b[2]);
@@ -129,7 +127,7 @@ static bool place_blocks(samples *s, const grid_view *l, vdb_grid *grid, error *
         others += leaf == BLOCK_MAP_NONE;
     }
     s->others.f = mem_array(others * VOXELS, sizeof(float), "the voxels around the surface", e);
-    if (!s->others.f || !make_store(&s->leaves, grid->leaf_count, e) || !make_store(&s->others, others, e))
+    if (!s->others.f || !make_store(&s->leaves, l->grid->leaf_count, e) || !make_store(&s->others, others, e))
         return false;
     others = 0;
     for (uint32_t n = 0; n < s->map.count; n++) {
@@ -142,19 +140,20 @@ static bool place_blocks(samples *s, const grid_view *l, vdb_grid *grid, error *
 
 bool samples_read(const grid_view *l, vdb_grid *grid, block_map *map, threads *pool, samples *out, error *e)
 {
-    samples s = {.map = *map};
+    samples s = {.map = *map, .leaves.f = grid->leaf_values};
     memset(map, 0, sizeof *map);
     size_t n = s.map.count;
     s.f = mem_array(n, sizeof *s.f, "the voxels around the surface", e);
     s.known = mem_array(n * SIDE, sizeof *s.known, "the voxels around the surface", e);
     s.inside = mem_array(n * SIDE, sizeof *s.inside, "the voxels around the surface", e);
     s.near = mem_array(n * 6, sizeof *s.near, "the voxels around the surface", e);
-    bool ok = s.f && s.known && s.inside && s.near && place_blocks(&s, l, grid, e);
+    bool ok = s.f && s.known && s.inside && s.near && place_blocks(&s, l, e);
     if (ok) {
         reading job = {l, &s, false};
         threads_run(pool, n, BLOCKS, read_chunk, &job);
         ok = !atomic_load(&job.unusable) || report_unusable(&s, e);
     }
+    grid->leaf_values = NULL;
     if (ok)
         *out = s;
     else
