@@ -12,6 +12,8 @@
 #define VOXELS GRID_VIEW_VOXELS
 
 enum { BLOCKS = 64, RUNS = 4 }; /* in a chunk of work */
+/* Where fewer of the leaves are of use, as of fogs, those are copied and all go. */
+static const double MOST_LEAVES = 0.75;
 /* Of the continuation: as far as values are read for their own sake (PATH_LEVEL_SET in volume.c). Beyond, straight lines are
  * enough: of what is wrong there some 1e-5 arrives at the surface. */
 enum { LAYERS = 8 };
@@ -88,7 +90,8 @@ static void read_chunk(void *context, int worker, size_t begin, size_t end)
         const grid_view_block from = grid_view_find(job->from, b[0], b[1], b[2]);
         grid_view_signs constant;
         const grid_view_signs *signs = grid_view_find_signs(job->from, from, &constant);
-        if (from.leaf == BLOCK_MAP_NONE || !job->from->plain) grid_view_read(job->from, from, f);
+        if (from.leaf == BLOCK_MAP_NONE || !s->leaves.f || !job->from->plain)
+            grid_view_read(job->from, from, f);
         memcpy(s->known + n * SIDE, signs->known, SIDE * sizeof *s->known);
         memcpy(s->inside + n * SIDE, signs->inside, SIDE * sizeof *s->inside);
         for (int i = 0; i < VOXELS; i++) good &= is_usable(f[i]);
@@ -116,22 +119,25 @@ static float *take_place(samples_store *store, size_t at, int32_t x)
     return store->f + at * VOXELS;
 }
 
-/* Says where each block's voxels lie: in the grid's leaf, or in a place of their own. */
+/* Says where each block's voxels lie: in the grid's leaf, where most leaves are of use, or in a place of their own. */
 static bool place_blocks(samples *s, const grid_view *l, error *e)
 {
-    size_t others = 0;
+    const size_t leaves = l->grid->leaf_count;
+    size_t used = 0, others = 0;
     for (uint32_t n = 0; n < s->map.count; n++) {
         const int32_t *b = s->map.blocks[n];
-        const uint32_t leaf = block_map_find(&l->leaves, b[0], b[1], b[2]);
-        s->near[n] = leaf; /* has room for that */
-        others += leaf == BLOCK_MAP_NONE;
+        s->near[n] = block_map_find(&l->leaves, b[0], b[1], b[2]); /* has room for that */
+        used += s->near[n] != BLOCK_MAP_NONE;
     }
-    s->others.f = mem_array(others * VOXELS, sizeof(float), "the voxels around the surface", e);
-    if (!s->others.f || !make_store(&s->leaves, l->grid->leaf_count, e) || !make_store(&s->others, others, e))
+    const bool shared = (double)used >= MOST_LEAVES * (double)leaves;
+    const size_t own = s->map.count - (shared ? used : 0);
+    s->spare = shared ? (leaves - used) * VOXELS * sizeof(float) : 0;
+    s->leaves.f = shared ? l->grid->leaf_values : NULL;
+    s->others.f = mem_array(own * VOXELS, sizeof(float), "the voxels around the surface", e);
+    if (!s->others.f || !make_store(&s->leaves, shared ? leaves : 0, e) || !make_store(&s->others, own, e))
         return false;
-    others = 0;
     for (uint32_t n = 0; n < s->map.count; n++) {
-        const bool is_leaf = s->near[n] != BLOCK_MAP_NONE;
+        const bool is_leaf = shared && s->near[n] != BLOCK_MAP_NONE;
         s->f[n] = take_place(is_leaf ? &s->leaves : &s->others, is_leaf ? s->near[n] : others++,
                              s->map.blocks[n][0]);
     }
@@ -140,7 +146,7 @@ static bool place_blocks(samples *s, const grid_view *l, error *e)
 
 bool samples_read(const grid_view *l, vdb_grid *grid, block_map *map, threads *pool, samples *out, error *e)
 {
-    samples s = {.map = *map, .leaves.f = grid->leaf_values};
+    samples s = {.map = *map};
     memset(map, 0, sizeof *map);
     size_t n = s.map.count;
     s.f = mem_array(n, sizeof *s.f, "the voxels around the surface", e);
@@ -153,7 +159,7 @@ bool samples_read(const grid_view *l, vdb_grid *grid, block_map *map, threads *p
         threads_run(pool, n, BLOCKS, read_chunk, &job);
         ok = !atomic_load(&job.unusable) || report_unusable(&s, e);
     }
-    grid->leaf_values = NULL;
+    if (s.leaves.f) grid->leaf_values = NULL;
     if (ok)
         *out = s;
     else

@@ -31,6 +31,7 @@ typedef struct samples {
     float **f;                /* 512 a block */
     uint64_t *known, *inside; /* 8 words a block: voxels that are known; that had F < 0 when they were read */
     uint32_t *near;           /* 6 numbers a block: below and above along x, y, z */
+    size_t spare;             /* bytes of leaves that are of no use */
     samples_store leaves,
         others; /* who holds f: blocks that were leaves of the grid, and those that were not */
 } samples;
@@ -41,7 +42,7 @@ enum { SAMPLES_RELEASED = 1024 };
 /* Bytes that samples of `count` blocks take. */
 size_t samples_bytes(size_t count);
 
-/* Takes over the map of the blocks to read (also when it fails) and the voxels of the view's grid, which has none then. Values
+/* Takes over the map of the blocks to read (also when it fails) and, where most of them are of use, the voxels of the view's grid, which has none then. Values
  * that are not finite are input_damaged. */
 bool samples_read(const grid_view *l, vdb_grid *grid, block_map *map, threads *pool, samples *out, error *e);
 void samples_free(samples *s);

@@ -357,8 +357,8 @@ static void measure(volume *v)
     v->info.surface_box = box;
     v->info.crossing_cells = v->cell_count;
     v->info.bricks = v->map.count;
-    v->info.memory_bytes =
-        held_bytes(v->map.count, v->cell_count) + samples_bytes(v->bricks.coefficients.map.count);
+    v->info.memory_bytes = held_bytes(v->map.count, v->cell_count) +
+                           samples_bytes(v->bricks.coefficients.map.count) + v->bricks.coefficients.spare;
 }
 
 /* From a loaded grid to bricks. */
