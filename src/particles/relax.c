@@ -166,11 +166,12 @@ void relax_calm(relax *r)
     r->stirred_count = r->put_count = 0;
 }
 
-static bool is_rough(const relax *r, const particles *p)
+static void tell_rough(relax *r, const particles *p)
 {
-    if (!r->fast || p->patch || p->count < ROUGH_COUNT_CALM) return false;
-    const double share = relax_creased_share(r, p);
-    return share > ROUGH_SHARE && (p->count >= ROUGH_COUNT || share < CALM_SHARE);
+    const bool is_asked = r->fast && !p->patch && p->count >= ROUGH_COUNT_CALM;
+    const double share = is_asked ? relax_creased_share(r, p) : 0;
+    r->rough = share > ROUGH_SHARE && (p->count >= ROUGH_COUNT || share < CALM_SHARE);
+    r->mostly_creased = r->rough && share >= CALM_SHARE;
 }
 
 bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
@@ -196,7 +197,7 @@ bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
     threads_run(r->pool, p->count, 512, look_chunk, &job);
     for (size_t i = 0; i < p->count && r->put_count > 0; i++)
         if (r->notes[i] & RELAX_PUT) stir_around(r, p, i);
-    r->rough = is_rough(r, p);
+    tell_rough(r, p);
     if (r->rough && !r->normal)
         r->normal = mem_array(r->near->capacity, sizeof *r->normal, "neighbour lists", e);
     return !r->rough || r->normal;

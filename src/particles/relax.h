@@ -119,9 +119,13 @@ double relax_creased_share(const relax *r, const particles *p);
 /* Whether there are many particles, of which so large a share sees others turned away that creased steps are done in lanes. */
 bool relax_is_rough(const relax *r);
 
+/* Whether that share is half or more besides. */
+bool relax_is_mostly_creased(const relax *r);
+
 /* Share of the particles, boundaries left out, that have other than six neighbours between the first and the second shell
- * of the packing of `spacing`, times their sizes. The lists cover that. */
-double relax_disordered_share(const relax *r, const particles *p, double spacing);
+ * of the packing of `spacing`, times their sizes. The lists cover that. `smooth`: of those alone that see none turned from them,
+ * where there are any. */
+double relax_disordered_share(const relax *r, const particles *p, double spacing, bool smooth);
 
 /* Mean number of neighbours within `sigma` times the pair's size (m of Table 1). */
 double relax_mean_neighbours(const relax *r, const particles *p, double sigma);

@@ -65,7 +65,8 @@ struct relax {
     double sigma, skin; /* of the lists */
     bool through;       /* pairs count whatever their normals */
     rest_seen seen;
-    bool rough; /* guarded steps are taken side by side */
+    bool rough;          /* guarded steps are taken side by side */
+    bool mostly_creased; /* and more than half of the particles take such */
     /* Of a rough surface the normals once more, for the kernel; up to date in a sweep, and after relax_note_normals. */
     fast_kernel_normal *normal;
     gather *scratch; /* one per worker */

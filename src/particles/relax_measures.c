@@ -253,11 +253,17 @@ bool relax_is_rough(const relax *r)
     return r->rough;
 }
 
+bool relax_is_mostly_creased(const relax *r)
+{
+    return r->mostly_creased;
+}
+
 /* Counts pairs within `reach` times the sizes, and particles that have not six of them. */
 typedef struct pairs_job {
     const relax *r;
     const particles *p;
     double reach;
+    bool smooth; /* who sees others turned from it is left out */
     atomic_size_t pairs, disordered;
 } pairs_job;
 
@@ -275,7 +281,7 @@ static void pairs_chunk(void *context, int worker, size_t begin, size_t end)
             own += vec3_norm2(vec3_sub(p->position[i], p->position[j])) < reach * reach;
         }
         pairs += own;
-        disordered += own != 6 && !p->near_boundary[i];
+        disordered += own != 6 && !p->near_boundary[i] && !(job->smooth && !job->r->flat[i]);
     }
     atomic_fetch_add(&job->pairs, pairs);
     atomic_fetch_add(&job->disordered, disordered);
@@ -289,9 +295,10 @@ double relax_mean_neighbours(const relax *r, const particles *p, double sigma)
     return (double)atomic_load(&job.pairs) / (double)p->count;
 }
 
-double relax_disordered_share(const relax *r, const particles *p, double spacing)
+double relax_disordered_share(const relax *r, const particles *p, double spacing, bool smooth)
 {
-    pairs_job job = {.r = r, .p = p, .reach = BETWEEN_SHELLS * spacing};
+    const double creased = relax_creased_share(r, p), asked = smooth && creased < 1 ? 1 - creased : 1;
+    pairs_job job = {.r = r, .p = p, .reach = BETWEEN_SHELLS * spacing, .smooth = asked < 1};
     threads_run(r->pool, p->count, 4096, pairs_chunk, &job);
-    return (double)atomic_load(&job.disordered) / (double)p->count;
+    return (double)atomic_load(&job.disordered) / (asked * (double)p->count);
 }

@@ -187,6 +187,15 @@ static bool place(sampler *s, error *e)
     return arrange(s, e);
 }
 
+/* When the coarsest level does not see the surface for its edges the next finer one takes its place. */
+static bool drop_coarsest(sampler *s, double most, bool *again, error *e)
+{
+    *again = relax_creased_share(s->scratch.relax, s->state.p) > most;
+    if (!*again) return true;
+    levels_drop_coarsest(&s->state.plan);
+    return sampler_begin(s, s->state.sigma / s->state.spacing, e);
+}
+
 /* Particles on the coarsest level, where they start. */
 bool sampler_begin(sampler *s, double support, error *e)
 {
@@ -195,7 +204,10 @@ bool sampler_begin(sampler *s, double support, error *e)
     if (s->setup.params.max_sigma > 0) s->state.sigma = fmin(s->state.sigma, s->setup.params.max_sigma);
     if (!place(s, e)) return false;
     particles_undamp(s->state.p);
-    return s->setup.method->begin(s, e);
+    if (!s->setup.method->begin(s, e)) return false;
+    bool again;
+    const bool may_be_dropped = s->state.plan.count > 1 && s->state.stage == 0;
+    return !may_be_dropped || drop_coarsest(s, s->setup.schedule->creased_share_first, &again, e);
 }
 
 static size_t count_on_boundary(const sampler *s)
@@ -204,15 +216,6 @@ static size_t count_on_boundary(const sampler *s)
     for (size_t i = 0; i < s->state.p->count; i++)
         count += projection_boundary_axes(s->setup.field, s->state.p->position[i]) != 0;
     return count;
-}
-
-/* When the coarsest level does not see the surface for its edges the next finer one takes its place. */
-static bool drop_coarsest(sampler *s, bool *again, error *e)
-{
-    *again = relax_creased_share(s->scratch.relax, s->state.p) > s->setup.schedule->creased_share;
-    if (!*again) return true;
-    levels_drop_coarsest(&s->state.plan);
-    return sampler_begin(s, s->state.sigma / s->state.spacing, e);
 }
 
 static bool find_mesh(sampler *s, error *e)
@@ -232,8 +235,10 @@ static void forget_mesh(sampler *s)
 bool sampler_replan(sampler *s, bool *again, error *e)
 {
     const size_t count = s->state.p->count;
-    if (s->state.stage == 0) return drop_coarsest(s, again, e);
-    if (s->state.plan.allotments) return true;                                 /* which know their counts */
+    if (s->state.stage == 0) return drop_coarsest(s, s->setup.schedule->creased_share, again, e);
+    if (s->state.plan.allotments) return true; /* which know their counts */
+    /* what is not resolved tells no count to begin again with */
+    s->state.planned |= relax_is_mostly_creased(s->scratch.relax);
     if (s->state.planned && s->state.stage < SCHEDULE_STAGES - 1) return true; /* there is a later word */
     if (!find_mesh(s, e)) return false;
     levels_correct(&s->state.plan, refine_mesh_edges(s->scratch.mesh), count_on_boundary(s));

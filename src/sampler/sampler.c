@@ -17,10 +17,16 @@ enum { IDLE_SWEEPS = 100 };
 
 static schedule_position position(const sampler *s)
 {
-    return (schedule_position){
-        s->state.level,           s->state.plan.count,       s->state.stage,
-        s->state.sweeps_in_round, s->state.p->count,         s->setup.params.sizing != NULL,
-        s->state.rough,           s->state.p->patch != NULL, relax_is_rough(s->scratch.relax)};
+    return (schedule_position){s->state.level,
+                               s->state.plan.count,
+                               s->state.stage,
+                               s->state.sweeps_in_round,
+                               s->state.p->count,
+                               s->setup.params.sizing != NULL,
+                               s->state.rough,
+                               s->state.p->patch != NULL,
+                               relax_is_rough(s->scratch.relax),
+                               relax_is_mostly_creased(s->scratch.relax)};
 }
 
 relax *sampler_new_relax(const sampler *s, size_t capacity, error *e)
@@ -240,7 +246,8 @@ static bool relax_step(sampler *s, error *e)
     at.sweeps = ++s->state.sweeps_in_round;
     note_sweep(s, &sums);
     if (!s->state.calmed && schedule_may_be_rough(s->setup.schedule, &at)) {
-        double share = relax_disordered_share(s->scratch.relax, s->state.p, s->state.spacing);
+        const bool smooth = at.is_creased && at.level > 0;
+        double share = relax_disordered_share(s->scratch.relax, s->state.p, s->state.spacing, smooth);
         s->state.rough += schedule_is_rough(s->setup.schedule, &at, share, s->state.disordered_share);
         at.rough = s->state.rough;
         s->state.disordered_share = share;

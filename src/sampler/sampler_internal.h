@@ -137,7 +137,7 @@ bool sampler_build_lists(sampler *s, error *e);
 
 /* The coarsest packing shows, after its first round, whether it resolves the surface at all, and after each
  * later one how many particles its refinement will give. When another count would have been better it begins
- * again with that, *again. Errors: limit_memory, no_surface. */
+ * again with that, *again; unless it is mostly creased (relax_is_mostly_creased). Errors: limit_memory, no_surface. */
 bool sampler_replan(sampler *s, bool *again, error *e);
 
 /* Room for `capacity` particles, in whatever holds one entry for each; lists are to be built anew. Error:

@@ -17,7 +17,7 @@ static const double LAMBDA_BEGINS = -3;
     .roughness = {{{0.05, 0.25}, 0.1, 0.9, 500}, {{0.02, 0.25}, 0.04, 0.99, 900}}, .size_settled = 1e-3, \
     .resizes_most = 10, .cramped_share = 0.01, .cramped_share_coarse = 0.04, .skin_wide = 0.6,           \
     .skin_narrow = 0.2, .skin_steps = 6, .skin_first = 0.22, .many = 2e5, .many_sweeps = 2,              \
-    .creased_share = 0.7, .newcomer_sweeps = 60
+    .creased_share = 0.7, .creased_share_first = 0.9, .newcomer_sweeps = 60
 
 /* Over-relaxation: 1.8 needs three times the sweeps, 3.0 is slower again near rest. */
 #define PAPER                                                                                  \
@@ -47,6 +47,7 @@ const schedule schedule_multilevel = {
     .longest_step = 0.05,
     .shake_sweeps = 15,
     .stage_step = {0.03, 0.01, 0.001},
+    .stage_step_creased = 0.002,
     .stage_sweeps_most = 400,
     .finest_rest = 3.5,
     .cramped_wait = 12,
@@ -59,6 +60,7 @@ const schedule schedule_continued = {
     .omega = 1.2,
     .longest_step = 0.05,
     .stage_step = {0.03, 0.01, 0.001},
+    .stage_step_creased = 0.002,
     .stage_sweeps_most = 400,
     .finest_rest = 1,
     .cramped_wait = 12,
@@ -109,7 +111,8 @@ static int sweeps_to_rest(const schedule *s, const schedule_position *at)
 bool schedule_may_be_rough(const schedule *s, const schedule_position *at)
 {
     return s->is_paced && schedule_is_last_stage(at) && at->rough < s->rough_most[at->is_creased] &&
-           (double)at->count >= s->rough_count && at->sweeps == sweeps_to_rest(s, at);
+           (!at->is_mostly_creased || schedule_is_last_level(at)) && (double)at->count >= s->rough_count &&
+           at->sweeps == sweeps_to_rest(s, at);
 }
 
 bool schedule_is_rough(const schedule *s, const schedule_position *at, double disordered_share, double before)
@@ -146,7 +149,9 @@ static bool steps_are_at_rest(const schedule *s, const schedule_position *at, co
     if (s->is_paced && last_stage && at->sweeps < sweeps_to_rest(s, at)) return false;
     if (schedule_is_last_level(at) && last_stage)
         return seen->rms_step < s->finest_rest * seen->step_tolerance;
-    return at->level > 0 || seen->rms_step < s->stage_step[at->stage] || at->sweeps >= s->stage_sweeps_most;
+    const double step =
+        last_stage && at->is_mostly_creased ? s->stage_step_creased : s->stage_step[at->stage];
+    return at->level > 0 || seen->rms_step < step || at->sweeps >= s->stage_sweeps_most;
 }
 
 /* By the paper's steady state. A refined level starts near its own and is judged by its steps; one that is refined

@@ -44,7 +44,8 @@ typedef struct schedule {
      * share is above `again` and has fallen by `fall`; none takes more than `most`. What is out of order beyond the upper
      * bound is not resolved, and more sweeps do not help. roughness[1] is for surfaces with curves: what rows force out of
      * order finds its way out slowly, and of it there is less. So often it is found rough at most, and, second, a creased one,
-     * of which much is not resolved at any place. */
+     * of which much is not resolved at any place: one that was refined by those particles that see none turned from them, and one
+     * that is mostly creased only if it is the last. */
     double rough_count, rough_sweeps[2];
     struct {
         double share[2], again, fall, most;
@@ -54,9 +55,9 @@ typedef struct schedule {
     /* At rest. `rest_lambda` > 0: the paper's criterion for the coarsest level, that the mean log10 lambda is above it;
      * 0: rms steps alone count. A level that is refined again is left as soon as its rms step (over h) is below
      * level_step or after level_sweeps. stage_step and stage_sweeps_most do the same for the stages of a coarsest level
-     * that is judged by steps. On the last level finest_rest times the tolerance is a step short enough to look what is left:
+     * that is judged by steps; stage_step_creased is that of the last stage of a mostly creased one, where some find no rest. On the last level finest_rest times the tolerance is a step short enough to look what is left:
      * over-relaxed sweeps step farther than particles are from their rest. */
-    double finest_rest, rest_lambda, level_step, stage_step[SCHEDULE_STAGES];
+    double finest_rest, rest_lambda, level_step, stage_step[SCHEDULE_STAGES], stage_step_creased;
     int level_sweeps, stage_sweeps_most;
     /* A rest holds when the sizes at the particles' present places differ by less than size_settled (rms, relative)
      * from those in use; so often in a round it may be broken. */
@@ -75,8 +76,9 @@ typedef struct schedule {
     double many, skin_first;
     int many_sweeps;
 
-    /* A coarsest level is dropped when more than this share of its particles see round edges or through sheets. */
-    double creased_share;
+    /* A coarsest level is dropped when more than this share of its particles see round edges or through sheets; or more than that
+     * of particles where they start, of which more do. */
+    double creased_share, creased_share_first;
 
     /* Particles that start on a finer level take so many sweeps by themselves first. */
     int newcomer_sweeps;
@@ -95,7 +97,8 @@ typedef struct schedule_position {
     bool is_sized; /* there is a sizing field */
     int rough;     /* how often the level was found so, see roughness */
     bool has_curves;
-    bool is_creased; /* many of its particles see others turned from them: see relax_is_rough */
+    bool is_creased;        /* many of its particles see others turned from them: see relax_is_rough */
+    bool is_mostly_creased; /* half of them do, see relax_is_mostly_creased */
 } schedule_position;
 
 static inline bool schedule_is_last_stage(const schedule_position *at)
