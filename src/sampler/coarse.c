@@ -274,6 +274,7 @@ static bool cover_all(sampler *s, bool *changed, error *e)
         *changed |= moves > 0;
         free(d.near);
         coverage_places_free(&bare);
+        if (ok && threads_stopped(s->setup.pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
     }
     free(spacing);
     free(d.held);

@@ -25,9 +25,9 @@ enum { PIECES_MOST = 256, TRIES = 16, CHAIN = 8, QUEUE_MOST = 1024 };
 /* A chain goes on from what costs up to so much more. A piece may stay so much worse, too: ever less over this share of the
  * passes, so that dislocations which no try brings together wander until they meet. */
 static const double HEAT = 1, WARMTH = 1, WARM_SHARE = 0.7;
-/* Passes over all pieces for so many particles of which no more than so many were out of order, more by the square where more were;
- * and how many of them before all may move. */
-static const double PASSES = 48, PASSES_COUNT = 1e4, PASSES_SHARE = 0.14;
+/* Passes over all pieces for so many particles of which no more than so many were out of order, more by the square where more were,
+ * up to PASSES_MOST; and how many of them before all may move. */
+static const double PASSES = 48, PASSES_COUNT = 1e4, PASSES_SHARE = 0.14, PASSES_MOST = 160;
 enum { PASSES_AT_ONCE = 2 };
 /* Below this share of particles with other than six neighbours there is nothing to mend. */
 static const double ORDERED_SHARE = 0.05;
@@ -458,7 +458,8 @@ bool sampler_even_out(sampler *s, bool *changed, error *e)
 bool sampler_mend(sampler *s, bool *changed, error *e)
 {
     const double more = fmax(1, pow(s->state.disordered_share / PASSES_SHARE, 2)),
-                 passes = floor(PASSES * more * fmin(1, PASSES_COUNT / (double)s->state.p->count));
+                 passes = floor(fmin(PASSES * more, PASSES_MOST) *
+                                fmin(1, PASSES_COUNT / (double)s->state.p->count));
     mending m;
     bool ok = true, goes_on = s->state.evened == 0 && s->state.mends < passes;
     *changed = false;
