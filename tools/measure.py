@@ -247,9 +247,20 @@ def _energies(points, h, graded):
             numpy.bincount(j, phi * (between / support[j]) ** 2, n))
 
 
-def _disorder(points, energy, measured, cell, edges, uneven):
-    """The energy over that of perfect order with cells as large on the whole, whose spacing grows as much: a lattice under the
-    exponential map. Of growth in all directions an edge has half of the square."""
+def turns(points, triangles):
+    """The angles around each point over a full turn."""
+    found = numpy.zeros(points.count)
+    for k in range(3):
+        at = triangles[:, k]
+        a, b = (points.position[triangles[:, (k + n) % 3]] - points.position[at] for n in (1, 2))
+        angle = numpy.arctan2(numpy.linalg.norm(numpy.cross(a, b), axis=1), (a * b).sum(axis=1))
+        found += numpy.bincount(at, angle, points.count)
+    return found / (2 * numpy.pi)
+
+
+def _disorder(points, energy, measured, cell, turn, edges, uneven):
+    """The energy over that of perfect order with cells as large on the whole, as many neighbours as the turns around points
+    demand (Gauss and Bonnet), and a spacing that grows as much: a lattice under the exponential map. Of growth in all directions an edge has half of the square."""
     i, j = edges.T
     length = numpy.linalg.norm(points.position[i] - points.position[j], axis=1)
     step = ((points.spacing[i] - points.spacing[j]) / length) ** 2
@@ -257,7 +268,8 @@ def _disorder(points, energy, measured, cell, edges, uneven):
     own = numpy.bincount(ends, steps, points.count) / numpy.maximum(numpy.bincount(ends, minlength=points.count), 1)
     growth = numpy.minimum(2 * own[measured], GROWTH_MOST ** 2).mean() if uneven and measured.any() else 0
     relative = (cell / points.spacing ** 2)[measured].mean() * 2 / numpy.sqrt(3) if measured.any() else 1
-    ordered = E_IDEAL * (1 + GROWTH_ENERGY * growth) * ((1 + GROWTH_CELL * growth) / relative) ** (SLOPE / 2)
+    sixth = turn[measured].mean() if measured.any() else 1
+    ordered = E_IDEAL * (1 + GROWTH_ENERGY * growth) * sixth * (sixth * (1 + GROWTH_CELL * growth) / relative) ** (SLOPE / 2)
     return float(energy / ordered - 1)
 
 
@@ -287,6 +299,7 @@ def measure(points, area, domain=None):
     local = numpy.sqrt(2 * numpy.maximum(cell, 0) / numpy.sqrt(3))
     whole = inner & ~without_cell(points, triangles, edges)
     uneven = is_uneven(points.spacing[inner])
+    own = points
     if is_asked_by_amplitudes(points):  # order is measured against the achieved one
         own = dataclasses.replace(points, spacing=numpy.where(local > 0, local, points.spacing))
         energy = _energies(own, h, True)
@@ -312,7 +325,7 @@ def measure(points, area, domain=None):
         "resolved_share": float(whole.sum() / inner.sum()) if inner.any() else float("nan"),
         **cells(measured), "all": cells(inner),
         "energy_excess": float(energy[inner].mean() / E_IDEAL - 1),
-        "disorder": _disorder(points, energy[inner].mean(), measured, cell, edges[same], uneven),
+        "disorder": _disorder(own, energy[inner].mean(), measured, cell, turns(points, triangles), edges[same], own is points and uneven),
         "min_spacing_ratio": float(relative[(inner[i] | inner[j]) & same].min()),
         "euler": int((degree > 0).sum() - len(edges) + len(triangles)),
         "unmeshed": int((degree == 0).sum()),

@@ -23,6 +23,9 @@ static const double ROW_REACH = 2.07;
  * its cells are so many g^2 larger, and energies so many g^2 more; up to a g of 0.3 to 3 % of that, and beyond it counts no more. */
 static const double GROWTH_CELL = 5.0 / 12, GROWTH_ENERGY = 0.668, GROWTH_MOST = 0.3;
 
+/* Of more points than this the angles around some are measured. */
+static const size_t MOST_TURNS = 50000;
+
 /* Points in a chunk of work, and in a partial sum. */
 #define CHUNK 256
 
@@ -44,6 +47,7 @@ typedef struct tally {
     cell_sums resolved, all;
     moments ratio;
     double growth2; /* sum over the points with a cell */
+    moments turn;   /* of some of these: the angles around them over a full turn */
     double finest, coarsest;
     double sized, sx, sy, sxx, sxy; /* of the logarithms of requested and local spacing, where there is one */
 } tally;
@@ -53,9 +57,10 @@ typedef struct quality_part {
     partition partition;
     quality_input in; /* of the partition's points, in their order */
     bool *unresolved;
-    bool *rim;    /* who is near a boundary */
-    tally *tally; /* per chunk */
-    bool graded;  /* spacings differ enough for a slope */
+    bool *rim;         /* who is near a boundary */
+    tally *tally;      /* per chunk */
+    bool graded;       /* spacings differ enough for a slope */
+    size_t turn_every; /* of one point of so many the angles around it are measured */
 } quality_part;
 
 typedef struct measure_job {
@@ -217,6 +222,18 @@ static double growth2_at(const quality_input *in, uint32_t i, const voronoi_star
     return count > 0 ? fmin(2 * sum / count, GROWTH_MOST * GROWTH_MOST) : 0;
 }
 
+/* The angles of the triangles around a point over a full turn: less than 1 on a cap, more on a saddle. */
+static double turn_around(const quality_input *in, uint32_t i, const voronoi_star *star)
+{
+    double sum = 0;
+    for (uint32_t k = 0; k < star->triangle_count; k++) {
+        const vec3 a = vec3_sub(in->position[star->point[star->corner[k][0]]], in->position[i]),
+                   b = vec3_sub(in->position[star->point[star->corner[k][1]]], in->position[i]);
+        sum += atan2(vec3_norm(vec3_cross(a, b)), vec3_dot(a, b));
+    }
+    return sum / (2 * M_PI);
+}
+
 static void tally_logarithms(double requested, double local, tally *t)
 {
     double x = log(requested), y = log(local);
@@ -253,7 +270,9 @@ static void tally_point(const measure_job *job, uint32_t i, const voronoi_star *
     if (!(in->has_cell ? in->has_cell[job->part->partition.index[i]] : clear)) return;
     sum_cell(job, i, star, area, &t->resolved);
     count_value(&t->ratio, local / spacing);
-    if (job->part->graded) t->growth2 += growth2_at(in, i, star);
+    if (job->part->partition.index[i] % job->part->turn_every == 0)
+        count_value(&t->turn, turn_around(in, i, star));
+    if (job->part->graded && !in->achieved) t->growth2 += growth2_at(in, i, star);
     if (job->part->graded && local > 0) tally_logarithms(spacing, local, t);
 }
 
@@ -315,6 +334,7 @@ static void add_tally(tally *t, const tally *other)
     add_cells(&t->all, &other->all);
     add_moments(&t->ratio, &other->ratio);
     t->growth2 += other->growth2;
+    add_moments(&t->turn, &other->turn);
     t->finest = fmin(t->finest, other->finest);
     t->coarsest = fmax(t->coarsest, other->coarsest);
     t->sized += other->sized;
@@ -338,14 +358,16 @@ static quality_cells conclude_cells(const cell_sums *c)
     return (quality_cells){n > 0 ? c->hex / n : NAN, variation(&c->edge), variation(&c->area)};
 }
 
-/* See quality.disorder. */
+/* See quality.disorder. With n neighbours, 6 times the turn (Gauss and Bonnet), a cell is n / 3 triangles, whose sides are as
+ * sqrt(6 / n). */
 static double disorder(const tally *t, double energy_excess)
 {
     const moments *area = &t->resolved.area;
-    if (!(area->sum > 0)) return energy_excess;
-    const double growth2 = t->growth2 / area->n, ordered = packing_cell_area(1) * (1 + GROWTH_CELL * growth2),
+    if (!(area->sum > 0 && t->turn.sum > 0)) return energy_excess;
+    const double turn = t->turn.sum / t->turn.n, growth2 = t->growth2 / area->n,
+                 ordered = packing_cell_area(1) * (1 + GROWTH_CELL * growth2) * turn,
                  denser = pow(ordered * area->n / area->sum, 0.5 * energy_cotangent.ideal_slope);
-    return (1 + energy_excess) / (denser * (1 + GROWTH_ENERGY * growth2)) - 1;
+    return (1 + energy_excess) / (turn * denser * (1 + GROWTH_ENERGY * growth2)) - 1;
 }
 
 static quality conclude(const tally *t)
@@ -432,7 +454,8 @@ bool quality_measure(const quality_input *in, threads *pool, double *spacing_loc
     const partitions_input cut = {in->count, in->position, in->normal, in->spacing,
                                   in->label, in->flags,    x.reach};
     partitions all;
-    quality_part p = {.graded = x.coarsest > EVEN_REQUEST * x.finest};
+    quality_part p = {.graded = x.coarsest > EVEN_REQUEST * x.finest,
+                      .turn_every = 1 + in->count / MOST_TURNS};
     bool ok = partitions_cut(&cut, &all, e) && reserve_part(&all, &p, e);
     tally whole = tally_empty();
     for (size_t k = 0; ok && k < all.count; k++) {

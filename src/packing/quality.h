@@ -42,6 +42,7 @@ typedef struct quality_input {
     const double *spacing; /* requested spacing of each, world units */
     double h;              /* spacing of the ideal even packing (packing_spacing) */
     bool sized;            /* the energies' support is that of each pair's spacing, not that of h */
+    bool achieved;         /* the spacing is what the points have: how it grows was not requested */
     bool open;             /* boundaries at the faces of `domain` */
     bbox domain;
     /* of a surface with patches, else NULL: points of one label are neighbours, and flags of packing.h: boundaries are where
@@ -66,8 +67,8 @@ typedef struct quality {
     /* mean E_i / E_ideal - 1 of the cotangent energy, support sqrt(3) h. Sized: sqrt(3) times the mean of the pair's
      * spacings, E_i over its own spacing squared */
     double energy_excess;
-    /* the same against perfect order with cells as large on the whole, and a spacing that grows as much as requested. With amplitudes
-     * against the achieved spacing, which says of itself how it grows: energy_excess */
+    /* the same against perfect order with cells as large on the whole, as many neighbours as the surface's Gaussian curvature
+     * demands, and a spacing that grows as much as requested */
     double disorder;
     double min_spacing_ratio; /* smallest distance of neighbours over the mean of their spacings */
     size_t rim_count;         /* points within two spacings of a boundary, left out of the above */

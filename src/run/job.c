@@ -387,11 +387,12 @@ static bool measure_order(const quality_input *in, const double *achieved, threa
     quality against_own;
     quality_input own = *in;
     own.spacing = achieved;
-    own.sized = true;
+    own.sized = own.achieved = true;
     if (!quality_measure(&own, pool, NULL, NULL, &against_own, e)) return false;
     q->resolved.edge_cv = against_own.resolved.edge_cv;
     q->all.edge_cv = against_own.all.edge_cv;
-    q->energy_excess = q->disorder = against_own.energy_excess;
+    q->energy_excess = against_own.energy_excess;
+    q->disorder = against_own.disorder;
     q->min_spacing_ratio = against_own.min_spacing_ratio;
     return true;
 }

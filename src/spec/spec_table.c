@@ -1248,8 +1248,8 @@ const spec_row spec_rows[] = {
      AT(energy_tolerance),
      .prose =
          "The outcome converged requires that quality.disorder is at most this: the mean energy of the "
-         "points over that of perfect order with as large cells and the same grading. An ordered packing "
-         "has 0.02 and less. The energy under the support that the solver found must be as close to the "
+         "points over that of perfect order with as large cells, as many neighbours and the same grading. An "
+         "ordered packing has 0.02 and less. The energy under the support that the solver found must be as close to the "
          "ideal."},
 
     {.pointer = "/attributes",

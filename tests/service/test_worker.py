@@ -268,6 +268,16 @@ def test_order_has_no_reasons(worker, tmp_path, sampling):
     assert json.loads((tmp_path / "out" / "report.json").read_text())["outcome_reasons"] == []
 
 
+@pytest.mark.parametrize("sampling", ({}, {"alpha": {}}, {"curvature": {"ratio": 3}}))
+def test_seven_neighbours_on_a_saddle_are_order(worker, tmp_path, sampling):
+    """A gyroid is bent like a saddle everywhere: its curvature demands a seventh neighbour of every third of so few points."""
+    done = worker({"version": 1, "surface": {"analytic": {"shape": "gyroid", "period": 0.5}},
+                   "sampling": {"count": 1250, **sampling}})
+    assert done.returncode == 0, done.stderr
+    quality = json.loads((tmp_path / "out" / "report.json").read_text())["quality"]
+    assert quality["hex_fraction"] < 0.7 and abs(quality["disorder"]) < 0.05
+
+
 def test_a_spec_from_standard_input(worker, tmp_path):
     assert worker("-", input=json.dumps(sphere(output={"preview": False}))).returncode == 0
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["points.ply", "report.json"]

@@ -78,9 +78,19 @@ def test_disorder_is_not_what_grading_costs():
         triangles = measure.triangulate(graded, True)
         edges = measure.edges_of(triangles)
         cell, energy = measure.voronoi_areas(graded, triangles), measure._energies(graded, 1, True)[middle].mean()
-        told = measure._disorder(graded, energy, middle, cell, edges, True)
+        told = measure._disorder(graded, energy, middle, cell, measure.turns(graded, triangles), edges, True)
         assert energy / measure.E_IDEAL - 1 > 0.6 * turn ** 2
         assert told > 0.08 if jitter else abs(told) < 1e-3
+
+
+def test_defects_that_curvature_demands_are_no_disorder():
+    """The corners of an icosahedron: five neighbours each, in perfect order."""
+    golden = (1 + math.sqrt(5)) / 2
+    corner = numpy.array([c for a in (-1, 1) for b in (-golden, golden) for c in ((0, a, b), (a, b, 0), (b, 0, a))])
+    corner /= numpy.linalg.norm(corner[0])
+    area = 4 * math.pi
+    found = measure.measure(point_set(corner, corner, numpy.full(12, measure.ideal_spacing(area, 12))), area)
+    assert found["hex_fraction"] == 0 and abs(found["disorder"]) < 0.01
 
 
 def test_the_energy_of_a_pair_by_hand():

@@ -122,7 +122,6 @@ static void a_vacancy_makes_defects(void **state)
     free(s);
 }
 
-/* Points at random on a sphere: any triangulation of it has sum (6 - degree) = 12. */
 /* Points on a coarse grid lie in one place, and on lines: the cells of some have no area that can be told. */
 static void points_in_one_place_say_no_more_than_they_can(void **state)
 {
@@ -141,6 +140,7 @@ static void points_in_one_place_say_no_more_than_they_can(void **state)
     free(s);
 }
 
+/* Points at random on a sphere: any triangulation of it has sum (6 - degree) = 12. */
 static void euler_of_a_sphere_is_two(void **state)
 {
     (void)state;
@@ -228,6 +228,31 @@ static void disorder_is_told_from_what_is_asked(void **state)
     measure(s, &q);
     assert_true(q.disorder > 0.05 && q.disorder > 0.8 * q.energy_excess);
     free(s);
+}
+
+/* The corners of an icosahedron have five neighbours each, in perfect order: their cells are those of five triangles. */
+static void defects_that_curvature_demands_are_no_disorder(void **state)
+{
+    (void)state;
+    enum { CORNERS = 12 };
+    const double golden = (1 + sqrt(5)) / 2;
+    vec3 x[CORNERS];
+    double spacing[CORNERS];
+    for (int k = 0; k < CORNERS; k++) {
+        const double a = k & 1 ? 1 : -1, b = k & 2 ? golden : -golden;
+        const vec3 corner[3] = {{0, a, b}, {a, b, 0}, {b, 0, a}};
+        x[k] = vec3_unit(corner[k / 4]);
+        spacing[k] = packing_spacing(4 * M_PI, CORNERS);
+    }
+    error e = {0};
+    threads *pool = threads_new(1, NULL, &e);
+    const quality_input in = {
+        .count = CORNERS, .position = x, .normal = x, .spacing = spacing, .h = spacing[0]};
+    quality q;
+    assert_true(quality_measure(&in, pool, NULL, NULL, &q, &e));
+    assert_true(q.resolved_count == CORNERS && q.resolved.hex_fraction == 0);
+    assert_close(q.disorder, 0, 0.01);
+    threads_free(pool);
 }
 
 /* Any number of threads gives the same bits, of a sheet that is shaken, sized and of uneven alpha. */
@@ -517,6 +542,7 @@ int main(void)
         cmocka_unit_test(euler_of_a_sphere_is_two),
         cmocka_unit_test(grading_is_told_from_disorder),
         cmocka_unit_test(disorder_is_told_from_what_is_asked),
+        cmocka_unit_test(defects_that_curvature_demands_are_no_disorder),
         cmocka_unit_test(threads_do_not_matter),
         cmocka_unit_test(energies_are_those_of_all_pairs),
         cmocka_unit_test(partitions_do_not_show),

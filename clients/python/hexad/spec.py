@@ -896,9 +896,9 @@ class Solver(_SolverRest):
         displacement per unit of time. Below 0.003 only a few defects still move: 0.001 doubles the sweeps,
         and changes the measures of quality less than another seed would. (spacings) Default: 0.003.
     energy_tolerance: The outcome converged requires that quality.disorder is at most this: the mean energy of
-        the points over that of perfect order with as large cells and the same grading. An ordered packing has
-        0.02 and less. The energy under the support that the solver found must be as close to the ideal.
-        Default: 0.05.
+        the points over that of perfect order with as large cells, as many neighbours and the same grading. An
+        ordered packing has 0.02 and less. The energy under the support that the solver found must be as close
+        to the ideal. Default: 0.05.
     """
 
 
