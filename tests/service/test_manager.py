@@ -64,11 +64,13 @@ PTRACE_SEIZE, PTRACE_INTERRUPT, PTRACE_DETACH = 0x4206, 0x4207, 17
 
 
 def supervisor_of(service):
-    """Its directory in /proc."""
-    for task in pathlib.Path(f"/proc/{service.process.pid}/task").iterdir():
-        if (task / "comm").read_text().strip() == "supervisor":
-            return task
-    raise AssertionError("no thread is called supervisor")
+    """Its directory in /proc. It gives itself its name, some time after it began."""
+    tasks = pathlib.Path(f"/proc/{service.process.pid}/task")
+
+    def named():
+        return [task for task in tasks.iterdir() if (task / "comm").read_text().strip() == "supervisor"]
+    wait_until(named, "a thread called supervisor")
+    return named()[0]
 
 
 @contextlib.contextmanager
