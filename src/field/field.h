@@ -38,8 +38,8 @@ typedef struct field_cell {
     vec3 corner[8];
     double value[8]; /* F at the corners */
     bool grazed;     /* the surface is known to pass a face whose corners are on one side */
-    bool
-        flat; /* F is all but linear: its second differences over an edge are at most FIELD_FLAT of its slope */
+    /* F is all but linear: its second differences over an edge are at most FIELD_FLAT of its slope along the longest */
+    bool flat;
 } field_cell;
 
 /* A ball of 1 / FIELD_FLAT cells, with F linear in each, has 2.6e-5 of its area too little; one of twice as many a fourth of

@@ -23,6 +23,19 @@ static inline void affine_compose(const double outer[3][4], const double inner[1
         }
 }
 
+/* How much longer a map makes the axis that it makes longest than that which it makes shortest, from it and its inverse: 1 or more.
+ * Where it shears, the shortest is the least distance between two planes across an axis. */
+static inline double affine_aspect(const double m[3][4], const double inverse[3][4])
+{
+    double axes2 = 0, across2 = 0;
+    for (int k = 0; k < 3; k++) {
+        axes2 = fmax(axes2, m[0][k] * m[0][k] + m[1][k] * m[1][k] + m[2][k] * m[2][k]);
+        across2 = fmax(across2, inverse[k][0] * inverse[k][0] + inverse[k][1] * inverse[k][1] +
+                                    inverse[k][2] * inverse[k][2]);
+    }
+    return sqrt(axes2 * across2);
+}
+
 /* The inverse of an invertible map; returns the determinant. */
 static inline double affine_invert(const double m[3][4], double out[3][4])
 {

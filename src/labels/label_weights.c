@@ -9,7 +9,7 @@
 static const char what[] = "the weights of the labels";
 
 /* Newton's method, label by label. Of two that meet each moves the whole way, hence less than all of it; a weight is at most
- * doubled or halved, and by less each time that it went too far: a sheet is won or lost at once. Rounds take less than a
+ * doubled or halved, and by less each time that it went too far: a sheet is won or lost at once, and the best round counts. Rounds take less than a
  * tenth of the filter's time. */
 static const double part_of_step = 0.7, first_limit = M_LN2, less = 0.5, more = 1.2;
 static const double enough = 0.001; /* of the voxels of a label, too many or too few */
@@ -31,8 +31,8 @@ typedef struct course {
 
 typedef struct finding {
     const label_contests *list;
-    const float *weight;
-    tally *of; /* of each worker, of each label */
+    float *weight; /* of this round */
+    tally *of;     /* of each worker, of each label */
     size_t labels;
     course *course; /* of each label */
 } finding;
@@ -58,28 +58,39 @@ static void count_wins(void *context, int worker, size_t begin, size_t end)
         }
 }
 
-/* Returns whether all have about what they want. */
-static bool change_weights(const finding *f, size_t workers, const label_wish *wish, float *weight)
+/* Adds all workers' tallies to the first one's. Returns the sum over labels of how many voxels too many or too few each has, as a
+ * share of its own. */
+static double sum_tallies(finding *f, size_t workers, const label_wish *wish)
+{
+    double missed = 0;
+    for (size_t k = 0; k < f->labels; k++) {
+        for (size_t w = 1; w < workers; w++) {
+            f->of[k].won += f->of[w * f->labels + k].won;
+            f->of[k].near += f->of[w * f->labels + k].near;
+        }
+        missed += fabs((double)(wish[k].wanted - f->of[k].won)) / fmax(1, (double)wish[k].voxels);
+    }
+    return missed;
+}
+
+/* Returns whether none changes any more: all have about what they want, or are at a bound. */
+static bool change_weights(const finding *f, const label_wish *wish)
 {
     const double most = sqrt(LABEL_WEIGHTS_RATIO);
     bool all = true;
     for (size_t k = 0; k < f->labels; k++) {
-        tally sum = {0, 0};
-        for (size_t w = 0; w < workers; w++) {
-            sum.won += f->of[w * f->labels + k].won;
-            sum.near += f->of[w * f->labels + k].near;
-        }
-        const double lacks = (double)(wish[k].wanted - sum.won), slope = (double)sum.near / (2 * near_log);
+        const double lacks = (double)(wish[k].wanted - f->of[k].won),
+                     slope = (double)f->of[k].near / (2 * near_log);
         if (fabs(lacks) <= fmax(1, enough * (double)wish[k].voxels)) continue;
         course *c = &f->course[k];
         const int lacked = lacks > 0 ? 1 : -1;
         c->limit = c->lacked == -lacked ? less * c->limit : fmin(more * c->limit, first_limit);
         c->lacked = lacked;
         const double step = slope > 0 ? part_of_step * lacks / slope : lacks,
-                     next = (double)weight[k] * exp(fmin(fmax(step, -c->limit), c->limit));
+                     next = (double)f->weight[k] * exp(fmin(fmax(step, -c->limit), c->limit));
         const float changed = (float)fmin(fmax(next, 1 / most), most);
-        all &= changed == weight[k];
-        weight[k] = changed;
+        all &= changed == f->weight[k];
+        f->weight[k] = changed;
     }
     return all;
 }
@@ -88,25 +99,31 @@ bool label_weights_find(const label_contests *list, size_t lists, const label_wi
                         threads *pool, float *weight, error *e)
 {
     const size_t workers = (size_t)threads_count(pool);
-    finding f = {.list = list, .weight = weight, .labels = labels};
+    finding f = {.list = list, .labels = labels};
     const bool ok = (f.of = mem_array(workers * labels, sizeof *f.of, what, e)) &&
-                    (f.course = mem_array(labels, sizeof *f.course, what, e));
+                    (f.course = mem_array(labels, sizeof *f.course, what, e)) &&
+                    (f.weight = mem_array(labels, sizeof *f.weight, what, e));
     bool done = !ok;
+    double least = INFINITY;
     for (size_t k = 0; ok && k < labels; k++) {
-        weight[k] = 1;
+        weight[k] = f.weight[k] = 1;
         f.course[k].limit = first_limit;
     }
     for (int round = 0; round < ROUNDS && !done; round++) {
         memset(f.of, 0, workers * labels * sizeof *f.of);
         threads_run(pool, lists, 1, count_wins, &f);
-        done = change_weights(&f, workers, wish, weight);
+        const double missed = sum_tallies(&f, workers, wish);
+        if (missed < least) memcpy(weight, f.weight, labels * sizeof *weight);
+        least = fmin(least, missed);
+        done = change_weights(&f, wish);
     }
     free(f.of);
     free(f.course);
+    free(f.weight);
     return ok;
 }
 
 size_t label_weights_bytes(size_t labels, size_t workers)
 {
-    return labels * (workers * sizeof(tally) + sizeof(course) + sizeof(float) + sizeof(label_wish));
+    return labels * (workers * sizeof(tally) + sizeof(course) + 2 * sizeof(float) + sizeof(label_wish));
 }

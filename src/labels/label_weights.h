@@ -46,8 +46,8 @@ typedef struct label_wish {
     int64_t voxels, wanted;
 } label_wish;
 
-/* Weights for which each label has its voxels but for a thousandth, into weight[]: within 1 / 4 .. 4, so that what is too thin
- * gets too few. The same for any number of threads. Errors: limit_memory. */
+/* Weights for which each label has its voxels but for a thousandth, or as nearly as rounds come (a layer of voxels between two
+ * labels may be won as a whole or not at all), into weight[]: within 1 / 4 .. 4, so that what is too thin gets too few. The same for any number of threads. Errors: limit_memory. */
 bool label_weights_find(const label_contests *list, size_t lists, const label_wish *wish, size_t labels,
                         threads *pool, float *weight, error *e);
 size_t label_weights_bytes(size_t labels, size_t workers); /* what it takes, weight[] and wish[] */

@@ -88,8 +88,8 @@ typedef struct fast_kernel {
     /* The Newton step onto the surface. */
     void (*land)(const fast_kernel_particles *particles, const fast_kernel_params *params,
                  fast_kernel_way *way);
-    /* E_i over size^2 at the places and normals of the first `count` of `particles`, as `forces` has it; a half of the lanes takes
-     * half of the time. */
+    /* E_i over size^2 at the places and normals of the first `count` of `particles`, as `forces` has it; all lanes hold
+     * points, and half of them take half of the time, but with avx512. */
     void (*energy)(const neighbours_place *place, const fast_kernel_particles *particles,
                    const fast_kernel_params *params, size_t count, float out[FAST_KERNEL_LANES]);
 } fast_kernel;

@@ -1,7 +1,7 @@
 /* fast_kernel_pairs: what fast_kernel.c compiles once for each instruction set, with VERSION(name) the name that it has there,
  * VERSION_WIDTH the particles that are summed at a time, and VERSION_ROOT(x), VERSION_LEAST(a, b) of vectors of as many floats.
  * Not a header for others, and without a guard: it is included again and again. (Vectors go by pointer: passed by value, they have
- * one ABI with AVX and another without. Loops over lanes are left to no compiler: GCC 12 drops stores from one of these.) */
+ * one ABI with AVX and another without. Sums over lanes are left to no loop: GCC 12 drops stores from one.) */
 
 typedef float VERSION(floats) __attribute__((vector_size(4 * VERSION_WIDTH)));
 typedef int32_t VERSION(ints) __attribute__((vector_size(4 * VERSION_WIDTH)));

@@ -228,7 +228,7 @@ static uint64_t key_of_spot(uint64_t spot)
     return key_of(&block);
 }
 
-/* Until there are lists, where its own begins and how long it is stand for a point's spot, and then its length for its bin. */
+/* Until there are lists list_begin and list_count hold the halves of a point's spot; then list_count holds its bin. */
 static void spot_chunk(void *context, int worker, size_t begin, size_t end)
 {
     neighbours *n = context;

@@ -320,7 +320,7 @@ bool star_lanes_at(const voronoi_sites *in, const uint32_t *points, uint32_t cou
             voronoi_star_at(in, points[l], known, &out[l]);
         else if (found[l] == BENT)
             voronoi_star_triangles(in, points[l], known, &out[l]);
-        voronoi_note(points[l], &out[l], known);
+        if (known) voronoi_note(points[l], &out[l], known);
     }
     return listed;
 }

@@ -57,8 +57,8 @@ typedef struct voronoi_known {
 void voronoi_forget(uint32_t first, voronoi_known *out);
 void voronoi_note(uint32_t a, const voronoi_star *star, voronoi_known *out);
 
-/* b is in the star of a where a is in that of b. `known`: stars of the same sites, which save that of a its triangles with these; the
- * star is the same. NULL: none. */
+/* b is in the star of a where a is in that of b. `known`: stars of the same sites, whose triangles with a
+ * are its own, too, and need not be found; rarely one of a triangle's corners sees it and another does not. NULL: none. */
 void voronoi_star_at(const voronoi_sites *sites, uint32_t a, const voronoi_known *known, voronoi_star *out);
 
 /* Of the point's cell; 0 where neighbours lie in one place or on a line with the point, so that it cannot be told. */

@@ -79,13 +79,11 @@ static void count_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     size_t found = 0;
     star_rows rows = {0};
-    voronoi_known known;
     voronoi_star star[STAR_LANES];
-    voronoi_forget((uint32_t)begin, &known);
     for (size_t first = begin; first < end; first += STAR_LANES) {
         uint32_t point[STAR_LANES], count = 0;
         for (size_t i = first; i < end && count < STAR_LANES; i++) point[count++] = (uint32_t)i;
-        star_lanes_at(&m->sites, point, count, &rows, &known, star);
+        star_lanes_at(&m->sites, point, count, &rows, NULL, star);
         for (uint32_t l = 0; l < count; l++) found += note_edges(m, point[l], &star[l]);
     }
     m->first[begin / CHUNK + 1] = found;
@@ -113,6 +111,7 @@ static void list_chunk(void *context, int worker, size_t begin, size_t end)
             for (uint32_t left = m->places[i]; left; left &= left - 1)
                 *out++ = edge_between(&m->sites, i, list[__builtin_ctz(left)]);
     }
+    assert(out == m->edges + m->first[begin / CHUNK + 1]);
 }
 
 void refine_mesh_free(refine_mesh *m)

@@ -297,7 +297,7 @@ double relax_mean_neighbours(const relax *r, const particles *p, double sigma)
 
 double relax_disordered_share(const relax *r, const particles *p, double spacing, bool smooth)
 {
-    const double creased = relax_creased_share(r, p), asked = smooth && creased < 1 ? 1 - creased : 1;
+    const double creased = smooth ? relax_creased_share(r, p) : 0, asked = creased < 1 ? 1 - creased : 1;
     pairs_job job = {.r = r, .p = p, .reach = BETWEEN_SHELLS * spacing, .smooth = asked < 1};
     threads_run(r->pool, p->count, 4096, pairs_chunk, &job);
     return (double)atomic_load(&job.disordered) / (asked * (double)p->count);

@@ -5,8 +5,8 @@
 
 #include "base/memory.h"
 #include "field/projection.h"
-#include "packing/packing.h"
 #include "geometry/point_tree.h"
+#include "packing/packing.h"
 #include "packing/quality.h"
 #include "particles/random_streams.h"
 #include "sampler/sampler_internal.h"
@@ -74,7 +74,7 @@ static bool land_particle(const field *f, double h, vec3 along, uint32_t *hint, 
            field_sample_near(f, *x, FIELD_GRADIENT, hint, sample);
 }
 
-/* Of h and of a cell: where F bends smoothly a Newton step from there leaves what doubles resolve, and its end needs no look. */
+/* Of h and of a cell: where F bends smoothly a Newton step from there leaves 1e-10 of these at most, and its end needs no look. */
 static const double SMOOTH_SHORTCUT = 1e-5;
 
 /* Residuals and normals are told with curvatures then, see curvature_chunk. */
@@ -267,10 +267,11 @@ static void count_lost(sampler *s)
     }
 }
 
-/* What land_smoothly left open of particle i. */
+/* What land_smoothly left open of particle i; one that is lost may have no normal. */
 static double end_smoothly(sampler *s, size_t i, const field_sample *sample)
 {
     const double length = vec3_norm(sample->gradient), h = s->state.spacing * particles_size(s->state.p, i);
+    if (!(length > 0)) return 0;
     s->state.p->normal[i] = vec3_scale(sample->gradient, 1 / length);
     return fabs(sample->value) / length / h;
 }

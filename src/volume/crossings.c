@@ -179,7 +179,7 @@ static bool add_shell(const vdb_tile *t, size_t most, block_map *candidates, err
 }
 
 /* Whether one of its six neighbours is constant and on the other side. Where tiles of both sides meet at an edge or a corner
- * alone, a leaf is between, or others that do have such neighbours. */
+ * alone, what lies beside both is a leaf, which looks around itself, or is on one side, and so meets the other by a face. */
 static bool meets_other_side(const grid_view *l, const int32_t block[3], bool inside)
 {
     for (int k = 0; k < 6; k++) {

@@ -20,6 +20,7 @@ typedef struct search {
     const block_map *map;
     const bricks *bricks;
     const int64_t *size;
+    double aspect;
     uint8_t *crossed;
     uint8_t
         *leaky; /* likewise: cells to look at in turn, which have a face that is passed or were found late */
@@ -294,18 +295,19 @@ ISA_INLINE float largest_of(row r)
     return pairs[0] > pairs[1] ? pairs[0] : pairs[1];
 }
 
-/* Whether the spline surely rises, or falls, along each axis: then no face is passed between corners on one side. */
-ISA_INLINE bool is_monotone(const slopes *s, bool *is_flat)
+/* Whether the spline surely rises, or falls, along each axis: then no face is passed between corners on one side. And whether the
+ * cell is flat in the world, where a slope may be so many times less beside a bend. */
+ISA_INLINE bool is_monotone(const slopes *s, double aspect, bool *is_flat)
 {
-    const float bend = largest_of(s->bend) * (float)(1 / FIELD_FLAT);
-    float slope2 = 0;
+    const double bend = (double)largest_of(s->bend) * aspect / FIELD_FLAT;
+    double slope2 = 0; /* floats' squares may be too small for floats, or too large */
     int steep = 0;
     for (int axis = 0; axis < 3; axis++) {
         const float low = -largest_of(-s->low[axis]), high = largest_of(s->high[axis]),
                     least = low > 0    ? low
                             : high < 0 ? -high
                                        : 0;
-        slope2 += least * least;
+        slope2 += (double)least * (double)least;
         steep += least > 0;
     }
     *is_flat = bend * bend <= slope2;
@@ -313,7 +315,7 @@ ISA_INLINE bool is_monotone(const slopes *s, bool *is_flat)
 }
 
 /* The faces of a cell that may be passed, by bits; whether it is flat as in field_cell. */
-ISA_CLONES static unsigned doubtful_faces(const float *first, bool *is_flat)
+ISA_CLONES static unsigned doubtful_faces(const float *first, double aspect, bool *is_flat)
 {
     row c[4][4], turned[4][4], face[4], size = {0};
     unsigned faces = 0;
@@ -323,7 +325,7 @@ ISA_CLONES static unsigned doubtful_faces(const float *first, bool *is_flat)
         for (int j = 0; j < 4; j++) memcpy(&c[i][j], first + i * BRICK_SLAB + j * BRICK_SIDE, sizeof c[i][j]);
     }
     const slopes s = slopes_of(c);
-    if (is_monotone(&s, is_flat)) return 0;
+    if (is_monotone(&s, aspect, is_flat)) return 0;
 #pragma GCC unroll 4
     for (int i = 0; i < 4; i++) {
 #pragma GCC unroll 4
@@ -393,7 +395,7 @@ static void leak_chunk(void *context, int worker, size_t begin, size_t end)
             if (!(s->crossed[64 * n + (size_t)(k >> 3)] >> (k & 7) & 1)) continue;
             const float *first = brick_cell(brick, k >> 6, k >> 3 & 7, k & 7);
             bool is_flat;
-            const unsigned faces = doubtful_faces(first, &is_flat);
+            const unsigned faces = doubtful_faces(first, s->aspect, &is_flat);
             s->out->flat[64 * n + (size_t)(k >> 3)] |= (uint8_t)(is_flat << (k & 7));
             if (faces == 0) continue;
             if (bound < 0) bound = brick_bound(brick);
@@ -422,13 +424,13 @@ static bool follow(search *s, error *e)
     return true;
 }
 
-bool grazed_find(const bricks *b, const int64_t size[3], threads *pool, uint8_t *crossed, grazed *out,
-                 error *e)
+bool grazed_find(const bricks *b, const int64_t size[3], double aspect, threads *pool, uint8_t *crossed,
+                 grazed *out, error *e)
 {
     const char *what = "the cells that the surface grazes";
     const block_map *map = b->map;
     const size_t bytes = (size_t)map->count * 64;
-    search s = {map, b, size, crossed, mem_array(bytes, 1, what, e), out};
+    search s = {map, b, size, aspect, crossed, mem_array(bytes, 1, what, e), out};
     out->passed = mem_array(bytes, 1, what, e);
     out->flat = mem_array(bytes, 1, what, e);
     bool ok = s.leaky && out->passed && out->flat;

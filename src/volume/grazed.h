@@ -1,4 +1,4 @@
-/* grazed: cells that the surface passes though their corners are all on one side of it.
+/* grazed: cells that the surface passes though their corners are all on one side of it, and which cells are flat.
  *
  * A spline may cross an edge twice, or bulge through a face. Beginning with the cells that have corners on both sides, the
  * surface is followed through faces. A face is known not to be passed when its Bezier coefficients have one sign
@@ -30,11 +30,12 @@ typedef struct grazed {
     uint8_t *flat;   /* likewise: cells with corners on both sides that are flat as in field_cell */
 } grazed;
 
-/* `size`: of the data where cells end with it, 0 along an axis where they do not.
+/* `size`: of the data where cells end with it, 0 along an axis where they do not. `aspect`: of a voxel the longest side over the
+ * shortest, 1 or more.
  * `crossed`: 64 bytes a block, as rows of a crossing_block; receives the cells that are found. Error: limit_memory. Free
  * *out after failure, too. */
-bool grazed_find(const struct bricks *b, const int64_t size[3], threads *pool, uint8_t *crossed, grazed *out,
-                 error *e);
+bool grazed_find(const struct bricks *b, const int64_t size[3], double aspect, threads *pool,
+                 uint8_t *crossed, grazed *out, error *e);
 void grazed_free(grazed *g);
 
 #endif

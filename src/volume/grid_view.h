@@ -59,7 +59,7 @@ void grid_view_free(grid_view *l);
 
 grid_view_block grid_view_find(const grid_view *l, int32_t x, int32_t y, int32_t z);
 
-/* F of all 512 voxels; of a leaf also into its own values. */
+/* F of all 512 voxels; `f` may be the leaf's own values. */
 void grid_view_read(const grid_view *l, grid_view_block b, float f[GRID_VIEW_VOXELS]);
 
 /* The signs of any block. `constant` is filled in and returned where there is no leaf. */

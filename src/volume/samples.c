@@ -126,7 +126,8 @@ static bool place_blocks(samples *s, const grid_view *l, error *e)
     size_t used = 0, others = 0;
     for (uint32_t n = 0; n < s->map.count; n++) {
         const int32_t *b = s->map.blocks[n];
-        s->near[n] = block_map_find(&l->leaves, b[0], b[1], b[2]); /* has room for that */
+        s->near[n] = block_map_find(&l->leaves, b[0], b[1],
+                                    b[2]); /* is filled later: holds the leaf's number until then */
         used += s->near[n] != BLOCK_MAP_NONE;
     }
     const bool shared = (double)used >= MOST_LEAVES * (double)leaves;

@@ -42,8 +42,8 @@ enum { SAMPLES_RELEASED = 1024 };
 /* Bytes that samples of `count` blocks take. */
 size_t samples_bytes(size_t count);
 
-/* Takes over the map of the blocks to read (also when it fails) and, where most of them are of use, the voxels of the view's grid, which has none then. Values
- * that are not finite are input_damaged. */
+/* Takes over the map of the blocks to read and, where most of its leaves are of use, the voxels of the view's grid, which has
+ * none then; both also when it fails. Values that are not finite are input_damaged. */
 bool samples_read(const grid_view *l, vdb_grid *grid, block_map *map, threads *pool, samples *out, error *e);
 void samples_free(samples *s);
 

@@ -312,7 +312,8 @@ static bool make_bricks(loading *l, volume *v, error *e)
 static bool add_grazed_cells(const loading *l, volume *v, error *e)
 {
     grazed found = {0};
-    bool ok = grazed_find(&v->bricks, v->info.size, l->pool, v->crossed, &found, e);
+    bool ok = grazed_find(&v->bricks, v->info.size, affine_aspect(v->to_world, v->to_index), l->pool,
+                          v->crossed, &found, e);
     if (ok && found.count > 0) {
         const size_t count = v->cell_count + found.count;
         crossed_cell *all = mem_array(count, sizeof *all, "the cells that the surface crosses", e);

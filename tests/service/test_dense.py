@@ -115,6 +115,25 @@ def test_without_an_orientation_voxels_have_their_sizes(sample, tmp_path):
         assert_ellipsoid(points)
 
 
+@pytest.mark.parametrize("scale", (1e-24, 1, 1e20))
+def test_values_of_any_size_have_one_area(sample, tmp_path, scale):
+    """Densities between stars are 1e-24 g/cm3: their squares are no floats."""
+    centre = numpy.indices((24,) * 3) - 11.5
+    write_nrrd(tmp_path / "v.nrrd", ((8 - numpy.linalg.norm(centre, axis=0)) * scale).astype("f4"))
+    report, _ = sample(tmp_path / "v.nrrd", solver={"max_sweeps": 1})
+    assert report["surface"]["area"] == pytest.approx(4 * numpy.pi * 8 ** 2, rel=1e-4)
+
+
+def test_long_voxels_hide_no_bends(sample, tmp_path):
+    """Waves over voxels twenty times as high as wide."""
+    x, _, z = numpy.indices((64, 32, 24))
+    write_nrrd(tmp_path / "v.nrrd", (numpy.sin(2 * numpy.pi * x / 14) - 20 * (z - 12)).astype("f4"), numpy.diag([1, 1, 20, 1.0]))
+    along = numpy.linspace(0, 63, 20001)
+    length = numpy.hypot(*numpy.diff([along, numpy.sin(2 * numpy.pi * along / 14)])).sum()
+    report, _ = sample(tmp_path / "v.nrrd", solver={"max_sweeps": 1})
+    assert report["surface"]["area"] == pytest.approx(31 * length, rel=1e-4)
+
+
 def test_axis_minima_of_cells_are_edges(sample, tmp_path):
     values, matrix = ellipsoid(MATRICES["plain"]), MATRICES["plain"]
     least = " ".join(repr(float(v - 0.125)) for v in matrix[:3, 3])

@@ -470,6 +470,14 @@ def test_a_majority_keeps_the_volumes_of_balls_sheets_and_foams(sample):
         assert not any("majority" in w for w in told["warnings"])
 
 
+def test_a_majority_keeps_about_the_volume_of_a_sheet_between_two_labels(sample):
+    """Its layers are won as a whole or not at all, so that weights go back and forth: the best round counts."""
+    labels = numpy.zeros((36,) * 3, "u1")
+    labels[:, :18], labels[17:19] = 2, 1
+    told = sample(labels, count=300, solver={"max_sweeps": 1}, output={"mesh": False}, majority=2)[0]["surface"]["labels"]
+    assert [m["voxels"] for m in told["materials"] if m["label"] == 1] == pytest.approx([2 * 36 ** 2], rel=0.1)
+
+
 def test_a_majority_keeps_flat_sides_and_thick_sheets(sample):
     labels = numpy.zeros((24, 24, 24), "u1")
     labels[:6], labels[12:16] = 1, 2
