@@ -293,16 +293,14 @@ static void tally_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     tally t = tally_empty();
     star_rows rows = {0};
-    voronoi_known known;
     voronoi_star star[STAR_LANES];
-    voronoi_forget((uint32_t)begin, &known);
     for (size_t i = begin; i < end;) {
         uint32_t point[STAR_LANES], count = 0;
         for (; i < end && count < STAR_LANES; i++)
             if (is_measured(job, i)) point[count++] = (uint32_t)i;
         if (count == 0) break;
         /* one-sided normals face another way in energies */
-        const bool told = star_lanes_at(&job->sites, point, count, &rows, &known, star) && !job->in->flags;
+        const bool told = star_lanes_at(&job->sites, point, count, &rows, star) && !job->in->flags;
         for (size_t l = 0; l < count; l++) tally_point(job, point[l], &star[l], told ? &rows : NULL, l, &t);
     }
     job->part->tally[begin / CHUNK] = t;

@@ -310,17 +310,15 @@ static void find_clear(const voronoi_sites *in, star_rows *rows, uint32_t count,
 }
 
 bool star_lanes_at(const voronoi_sites *in, const uint32_t *points, uint32_t count, star_rows *rows,
-                   voronoi_known *known, voronoi_star *out)
+                   voronoi_star *out)
 {
     verdict found[STAR_LANES];
     const bool listed = gather_rows(in, points, count, rows);
     if (listed) find_clear(in, rows, count, out, found);
-    for (uint32_t l = 0; l < count; l++) {
+    for (uint32_t l = 0; l < count; l++)
         if (!listed || found[l] == UNSURE)
-            voronoi_star_at(in, points[l], known, &out[l]);
+            voronoi_star_at(in, points[l], &out[l]);
         else if (found[l] == BENT)
-            voronoi_star_triangles(in, points[l], known, &out[l]);
-        if (known) voronoi_note(points[l], &out[l], known);
-    }
+            voronoi_star_triangles(in, points[l], &out[l]);
     return listed;
 }

@@ -36,9 +36,9 @@ typedef struct star_rows {
     double facing[STAR_ROWS][STAR_LANES], square[STAR_ROWS][STAR_LANES];
 } star_rows;
 
-/* The stars of up to STAR_LANES points, as voronoi_star_at has them, which are noted in *known. *rows is zeros, or what another call
- * left. False when a list is longer than STAR_ROWS: the rows mean nothing then. */
+/* The stars of up to STAR_LANES points, as voronoi_star_at has them. *rows is zeros, or what another call left. False when a list is
+ * longer than STAR_ROWS: the rows mean nothing then. */
 bool star_lanes_at(const voronoi_sites *sites, const uint32_t *points, uint32_t count, star_rows *rows,
-                   voronoi_known *known, voronoi_star *out);
+                   voronoi_star *out);
 
 #endif

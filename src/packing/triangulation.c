@@ -45,14 +45,11 @@ static void note_triangle(const voronoi_sites *s, uint32_t a, uint32_t b, uint32
 static void search_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const triangle_search *job = context;
-    voronoi_known known;
     (void)worker;
-    voronoi_forget((uint32_t)begin, &known);
     for (uint32_t a = (uint32_t)begin; a < end; a++) {
         if (!partition_owns(job->partition, a)) continue;
         voronoi_star star;
-        voronoi_star_at(&job->sites, a, &known, &star);
-        voronoi_note(a, &star, &known);
+        voronoi_star_at(&job->sites, a, &star);
         for (uint32_t t = 0; t < star.triangle_count; t++) {
             uint32_t b = star.point[star.corner[t][0]], c = star.point[star.corner[t][1]];
             if (a < b && a < c) note_triangle(&job->sites, a, b, c, &job->found[begin / CHUNK]);

@@ -659,56 +659,29 @@ static uint32_t sift_thirds(const surroundings *s, uint32_t at, uint32_t third[V
     return kept;
 }
 
-/* Joins the triangle of the point at hand and those at two places. */
-static void join_triangle(const voronoi_sites *in, const surroundings *s, uint32_t at, uint32_t third,
-                          tour *t, voronoi_star *out)
-{
-    const site *a = &s->own, *b = &s->near[at], *c = &s->near[third];
-    uint32_t at_b = join_edge(in->position, a->index, b, c->index, out), met = out->count;
-    uint32_t at_c = join_edge(in->position, a->index, c, b->index, out);
-    if (out->count > met) t->met[t->count++] = third;
-    out->pinched |= out->triangle_count == VORONOI_STAR_MAX;
-    if (out->triangle_count == VORONOI_STAR_MAX) return;
-    out->corner[out->triangle_count][0] = (uint8_t)at_b;
-    out->corner[out->triangle_count++][1] = (uint8_t)at_c;
-}
-
 static void join_triangles(const voronoi_sites *in, surroundings *s, uint32_t at, tour *t, voronoi_star *out)
 {
-    const site *b = &s->near[at];
+    const site *a = &s->own, *b = &s->near[at];
     uint32_t third[VORONOI_STAR_MAX];
     int32_t by[VORONOI_STAR_MAX][2];
     t->done[at] = true;
     const uint32_t thirds = sift_thirds(s, at, third, find_thirds(s, b, t, third), by);
-    for (uint32_t k = 0; k < thirds; k++)
-        if (is_on_surface(in, s, b, &s->near[third[k]], by[k])) join_triangle(in, s, at, third[k], t, out);
-}
-
-/* The same by the star of the other point, where that is known and the point at hand is in it: else that star may lack what closes
- * no ring with the rest of it. */
-static bool join_known(const voronoi_sites *in, const voronoi_known *known, const surroundings *s,
-                       uint32_t at, tour *t, voronoi_star *out)
-{
-    const uint32_t a = s->own.index, slot = known ? s->near[at].index - known->first : VORONOI_KNOWN;
-    if (slot >= VORONOI_KNOWN || in->flags) return false; /* whose normals may turn with who looks */
-    bool third[VORONOI_STAR_MAX] = {false}, any = false;
-    for (uint32_t k = known->begin[slot]; k < known->end[slot]; k++) {
-        const uint32_t *corner = known->corner[k];
-        if (corner[0] != a && corner[1] != a) continue;
-        const uint32_t c = corner[corner[0] == a];
-        any = true;
-        for (uint32_t l = 0; l < s->count; l++) third[l] |= s->near[l].index == c && !t->done[l];
+    for (uint32_t k = 0; k < thirds; k++) {
+        const site *c = &s->near[third[k]];
+        if (!is_on_surface(in, s, b, c, by[k])) continue;
+        uint32_t at_b = join_edge(in->position, a->index, b, c->index, out), met = out->count;
+        uint32_t at_c = join_edge(in->position, a->index, c, b->index, out);
+        if (out->count > met) t->met[t->count++] = third[k];
+        out->pinched |= out->triangle_count == VORONOI_STAR_MAX;
+        if (out->triangle_count == VORONOI_STAR_MAX) continue;
+        out->corner[out->triangle_count][0] = (uint8_t)at_b;
+        out->corner[out->triangle_count++][1] = (uint8_t)at_c;
     }
-    t->done[at] |= any;
-    for (uint32_t l = 0; any && l < s->count; l++)
-        if (third[l]) join_triangle(in, s, at, l, t, out);
-    return any;
 }
 
 /* Goes around the point, from one neighbour over the triangles that the two are in to the next; and again
  * from another, where that does not lead around. */
-void voronoi_star_triangles(const voronoi_sites *in, uint32_t a, const voronoi_known *known,
-                            voronoi_star *out)
+void voronoi_star_triangles(const voronoi_sites *in, uint32_t a, voronoi_star *out)
 {
     surroundings s;
     tour t = {.count = 0};
@@ -717,40 +690,15 @@ void voronoi_star_triangles(const voronoi_sites *in, uint32_t a, const voronoi_k
     if (out->pinched) return;
     for (uint32_t k = 0; k < s.count; k++) t.done[k] = is_other_side(&s.own, &s.near[k]); /* in none */
     for (uint32_t first = 0, next = 0; first < s.count && !is_closed_star(out); first++) {
-        if (!t.done[first] && !join_known(in, known, &s, first, &t, out))
-            join_triangles(in, &s, first, &t, out);
-        for (; next < t.count; next++) {
-            const uint32_t at = t.met[next];
-            if (!t.done[at] && !join_known(in, known, &s, at, &t, out)) join_triangles(in, &s, at, &t, out);
-        }
+        if (!t.done[first]) join_triangles(in, &s, first, &t, out);
+        for (; next < t.count; next++)
+            if (!t.done[t.met[next]]) join_triangles(in, &s, t.met[next], &t, out);
     }
 }
 
-void voronoi_star_at(const voronoi_sites *in, uint32_t a, const voronoi_known *known, voronoi_star *out)
+void voronoi_star_at(const voronoi_sites *in, uint32_t a, voronoi_star *out)
 {
-    if (!voronoi_star_clear(in, a, out)) voronoi_star_triangles(in, a, known, out);
-}
-
-void voronoi_forget(uint32_t first, voronoi_known *out)
-{
-    out->first = first;
-    out->triangles = 0;
-    memset(out->begin, 0, sizeof out->begin);
-    memset(out->end, 0, sizeof out->end);
-}
-
-void voronoi_note(uint32_t a, const voronoi_star *star, voronoi_known *out)
-{
-    const uint32_t slot = a - out->first;
-    if (slot >= VORONOI_KNOWN || star->triangle_count == VORONOI_STAR_MAX || /* which may not be all */
-        star->triangle_count > VORONOI_KNOWN_TRIANGLES - out->triangles)
-        return;
-    out->begin[slot] = out->triangles;
-    for (uint32_t k = 0; k < star->triangle_count; k++) {
-        out->corner[out->triangles][0] = star->point[star->corner[k][0]];
-        out->corner[out->triangles++][1] = star->point[star->corner[k][1]];
-    }
-    out->end[slot] = out->triangles;
+    if (!voronoi_star_clear(in, a, out)) voronoi_star_triangles(in, a, out);
 }
 
 double voronoi_star_area(const voronoi_star *star)

@@ -45,21 +45,8 @@ typedef struct voronoi_star {
     uint8_t corner[VORONOI_STAR_MAX][2]; /* of each triangle the two others, by their places in `point` */
 } voronoi_star;
 
-/* The triangles of stars that have been found, of some of the points from `first` on. */
-enum { VORONOI_KNOWN = 256, VORONOI_KNOWN_TRIANGLES = 8 * VORONOI_KNOWN };
-typedef struct voronoi_known {
-    uint32_t first, triangles;
-    uint32_t begin[VORONOI_KNOWN], end[VORONOI_KNOWN]; /* of each point's */
-    uint32_t corner[VORONOI_KNOWN_TRIANGLES][2];       /* the other two, by their indices */
-} voronoi_known;
-
-/* Forgets all; stars of the VORONOI_KNOWN points from `first` on may be noted then, while there is room. */
-void voronoi_forget(uint32_t first, voronoi_known *out);
-void voronoi_note(uint32_t a, const voronoi_star *star, voronoi_known *out);
-
-/* b is in the star of a where a is in that of b. `known`: stars of the same sites, whose triangles with a
- * are its own, too, and need not be found; rarely one of a triangle's corners sees it and another does not. NULL: none. */
-void voronoi_star_at(const voronoi_sites *sites, uint32_t a, const voronoi_known *known, voronoi_star *out);
+/* b is in the star of a where a is in that of b. */
+void voronoi_star_at(const voronoi_sites *sites, uint32_t a, voronoi_star *out);
 
 /* Of the point's cell; 0 where neighbours lie in one place or on a line with the point, so that it cannot be told. */
 double voronoi_star_area(const voronoi_star *star);
@@ -67,8 +54,7 @@ double voronoi_star_area(const voronoi_star *star);
 /* Its two ways. Triangles are always right. The polygon that the bisectors bound in the tangent plane of `a`
  * takes a twentieth of the time; false, where the surface bends too much for it or another polygon would be
  * nearly as good: `out` is undefined then. */
-void voronoi_star_triangles(const voronoi_sites *sites, uint32_t a, const voronoi_known *known,
-                            voronoi_star *out);
+void voronoi_star_triangles(const voronoi_sites *sites, uint32_t a, voronoi_star *out);
 bool voronoi_star_clear(const voronoi_sites *sites, uint32_t a, voronoi_star *out);
 
 #endif

@@ -83,7 +83,7 @@ static void count_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t first = begin; first < end; first += STAR_LANES) {
         uint32_t point[STAR_LANES], count = 0;
         for (size_t i = first; i < end && count < STAR_LANES; i++) point[count++] = (uint32_t)i;
-        star_lanes_at(&m->sites, point, count, &rows, NULL, star);
+        star_lanes_at(&m->sites, point, count, &rows, star);
         for (uint32_t l = 0; l < count; l++) found += note_edges(m, point[l], &star[l]);
     }
     m->first[begin / CHUNK + 1] = found;
@@ -104,7 +104,7 @@ static void list_chunk(void *context, int worker, size_t begin, size_t end)
         const uint32_t *list = neighbours_list(m->near, i);
         if (m->places[i] & ELSEWHERE) {
             voronoi_star star;
-            voronoi_star_at(&m->sites, i, NULL, &star);
+            voronoi_star_at(&m->sites, i, &star);
             for (uint32_t k = 0; k < star.count; k++)
                 if (star.point[k] > i) *out++ = edge_between(&m->sites, i, star.point[k]);
         } else

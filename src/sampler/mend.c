@@ -291,7 +291,7 @@ static void degree_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         voronoi_star star;
-        voronoi_star_at(&sites, (uint32_t)i, NULL, &star);
+        voronoi_star_at(&sites, (uint32_t)i, &star);
         m->degree[i] = (uint8_t)(star.count < UINT8_MAX ? star.count : UINT8_MAX);
         m->local[i] = packing_spacing(fmax(voronoi_star_area(&star), 0), 1) / m->h[i];
     }

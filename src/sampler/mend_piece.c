@@ -158,7 +158,7 @@ bool mend_piece_judge(mend_bench *b, mend_piece *p, double limit)
     p->cost = PRICE * excess(b, p);
     for (uint32_t k = 0; k < judged && !(p->cost > limit); k++) {
         voronoi_star star;
-        voronoi_star_at(&sites, order[k], NULL, &star);
+        voronoi_star_at(&sites, order[k], &star);
         p->degree[order[k]] = (uint8_t)(star.count < UINT8_MAX ? star.count : UINT8_MAX);
         p->disordered += star.count != 6;
         p->cost += (star.count != 6) + unevenness(voronoi_star_area(&star), p->h[order[k]], b->mean);

@@ -92,7 +92,7 @@ static size_t find_spans(const ball *b, span *out)
     const voronoi_sites sites = {b->p->position, b->p->normal, spacing, near, NULL, NULL};
     for (uint32_t i = 0; i < b->p->count; i++) {
         voronoi_star star;
-        voronoi_star_triangles(&sites, i, NULL, &star);
+        voronoi_star_triangles(&sites, i, &star);
         for (uint32_t k = 0; k < star.count; k++)
             if (star.point[k] > i) out[found++] = (span){i, star.point[k], star.distance[k]};
     }

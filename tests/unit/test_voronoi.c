@@ -108,22 +108,19 @@ static void compare_same(const voronoi_star *a, const voronoi_star *b)
     assert_memory_equal(a->corner, b->corner, a->triangle_count * sizeof *a->corner);
 }
 
-/* Side by side, and with the triangles of others known, they are the same as one by one, to the last bit, whoever is beside whom; and the
- * rows are those of the lists. */
+/* Side by side they are the same as one by one, to the last bit, whoever is beside whom; and the rows are those of the lists. */
 static void compare_lanes(const voronoi_sites *sites, size_t points)
 {
     star_rows rows = {0};
-    voronoi_known known;
     voronoi_star star[STAR_LANES], alone;
     for (uint32_t first = 0; first < points; first += STAR_LANES) {
         uint32_t point[STAR_LANES], count = 0;
-        if (first % VORONOI_KNOWN == 0) voronoi_forget(first, &known);
         for (; count < STAR_LANES && first + count < points; count++)
             point[count] = (uint32_t)(first + count * 7) % (uint32_t)points;
-        const bool told = star_lanes_at(sites, point, count, &rows, &known, star);
+        const bool told = star_lanes_at(sites, point, count, &rows, star);
         for (uint32_t l = 0; l < count; l++) {
             const uint32_t a = point[l], *list = neighbours_list(sites->near, a);
-            voronoi_star_at(sites, a, NULL, &alone);
+            voronoi_star_at(sites, a, &alone);
             compare_same(&star[l], &alone);
             for (uint32_t k = 0; told && k < sites->near->list_count[a]; k++) {
                 assert_true(rows.square[k][l] ==
@@ -141,7 +138,7 @@ static size_t compare_stars(const set *s)
     const voronoi_sites sites = {s->position, s->normal, s->spacing, near, NULL, NULL};
     size_t clear = 0;
     voronoi_star *stars = calloc(s->count, sizeof *stars), polygon;
-    for (uint32_t a = 0; a < s->count; a++) voronoi_star_triangles(&sites, a, NULL, &stars[a]);
+    for (uint32_t a = 0; a < s->count; a++) voronoi_star_triangles(&sites, a, &stars[a]);
     for (uint32_t a = 0; a < s->count; a++) {
         compare_ends(&sites, a, stars);
         compare_corners(a, stars);
@@ -311,7 +308,7 @@ static void holes_are_seen_across(void **state)
     size_t across = 0;
     for (uint32_t a = 0; a < CORNERS; a++) {
         voronoi_star star;
-        voronoi_star_at(&sites, a, NULL, &star);
+        voronoi_star_at(&sites, a, &star);
         for (uint32_t k = 0; k < star.count; k++) {
             uint32_t b = star.point[k];
             across += b > a + 1 && b + 1 != a + CORNERS;
@@ -380,7 +377,7 @@ static void corners_are_closed(void **state)
         const voronoi_sites sites = {s->position, s->normal, s->spacing, near, NULL, NULL};
         for (uint32_t a = 0; a < s->count; a++) {
             voronoi_star star;
-            voronoi_star_at(&sites, a, NULL, &star);
+            voronoi_star_at(&sites, a, &star);
             odd += star.pinched;
             degrees += 6.0 - star.count;
             for (uint32_t k = 0; k < star.count; k++) {
