@@ -102,7 +102,7 @@ def lost_sources(root):
     programs = re.findall(r"(?<=\s)(tests/unit/\w+)(?=[\s\\\\]|$)", (root / "Makefile.am").read_text())
     listed |= {f"{name}.c" for name in programs}
     return ([f"Makefile.am names {name}, which is nowhere" for name in sorted(listed) if not (root / name).is_file()]
-            + [f"Makefile.am does not name {name}" for name in code_of(root) if name not in listed])
+            + [f"Makefile.am does not name {name}" for name in code_of(root, (".",)) if name not in listed])
 
 
 def left_out(root):
@@ -176,6 +176,7 @@ FAULTS = [
     (lost_sources, "Makefile.am", "a_SOURCES = src/base/clock.c src/base/gone.c tests/clock.h\n",
      "Makefile.am names src/base/gone.c"),
     (lost_sources, "src/base/new.c", "int new;\n", "Makefile.am does not name src/base/new.c"),
+    (lost_sources, "probe.c", "int new;\n", "Makefile.am does not name probe.c"),
     (left_out, "tests/service/test_new.py", "", "Makefile.am does not name tests/service/test_new.py"),
     (other_versions, "CITATION.cff", "cff-version: 1.2.3\nversion: 1.2.4\n", "CITATION.cff says version 1.2.4, configure.ac 1.2.3"),
     (lost_names, "doc/guide.md", "[back](gone.md)\n", "doc/guide.md: the link to gone.md"),
