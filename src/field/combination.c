@@ -27,6 +27,10 @@ static const double MOST_BLOCKS = 1 << 28;
  * at all: blunter ones are cut off by three cells at most. They are apart where they are by this share of the longest side: faces
  * in one plane bound nothing. */
 static const double FACING = -0.95, APART = 1e-6;
+/* What lies nearer to such an edge than so many cells, as wide as they are without walls, is seen down to this share of the thickness
+ * that cells see of walls: a cell into which an edge comes is searched for it. Else halving would go on along a knife's edge, each
+ * time with twice the cells for half the area. */
+static const double BESIDE_EDGE = 4, SEEN_AT_EDGE = 0.25;
 /* Cells are so much of a wall's thickness (the area of a shell is 1e-6 off; at 0.6 2e-3, at 0.7 3e-2), unless they are more than so
  * many or more than memory, of which each takes so many bytes, or less than this share of the area is in thinner ones: walls that
  * end in an edge have some of any thickness. */
@@ -52,6 +56,7 @@ struct combination {
     size_t count;
     double sense;
     double missing, area; /* see combination_missing */
+    double reach;         /* of the cells beside an edge */
     cell_grid grid;
 };
 
@@ -195,6 +200,7 @@ static bool lay_out_grid(combination *c, error *e)
     c->base.cell_size = edge;
     c->base.uneven = c->grid.finest > 0;
     c->base.extent = bbox_longest(c->base.domain);
+    c->reach = BESIDE_EDGE * edge;
     c->grid.box = c->base.domain;
     for (int axis = 0; axis < 3; axis++) {
         double cells = ceil(vec3_get(size, axis) / ldexp(edge, c->grid.finest));
@@ -315,9 +321,10 @@ static double cells_in_walls(const combination *c, double least)
     return count;
 }
 
-/* The share of a place in a wall that is thinner. */
-static double share_of_place(const wall *w, double thinner)
+/* The share of a place in a wall that is thinner; `reach`: what is seen beside an edge. */
+static double share_of_place(const wall *w, double thinner, double reach)
 {
+    if (w->room * sqrt(w->area) < reach * w->spread) thinner *= SEEN_AT_EDGE;
     const double low = fmax(w->room - 0.5 * w->spread, 0), high = w->room + 0.5 * w->spread;
     if (!(low < thinner)) return 0;
     return high > thinner ? (thinner - low) / (high - low) : 1;
@@ -330,7 +337,7 @@ static double share_in_walls(const combination *c, double thinner, double *area)
     for (const part *p = c->parts; p < c->parts + c->count; p++)
         for (size_t k = 0; k < places_of(p); k++) {
             if (p->walls[k].room < INFINITY) all += p->walls[k].area;
-            thin += share_of_place(&p->walls[k], thinner) * p->walls[k].area;
+            thin += share_of_place(&p->walls[k], thinner, c->reach) * p->walls[k].area;
         }
     if (area) *area = all;
     return thin > 0 ? thin / all : 0;

@@ -258,17 +258,20 @@ static size_t cells_of(combination_kind kind, const field *a, const field *b, in
     return cells;
 }
 
-/* Edges of 34 degrees are no walls; walls have no more cells than memory; and all that there is of a lens has some, or is an error. */
+/* Edges of 34 degrees are no walls, and one of 16 degrees has few cells more; walls have no more cells than memory; and all that there is of a lens has some, or is an error. */
 static void cells_in_walls_are_bounded(void **state)
 {
     (void)state;
     const analytic_params cube = {.shape = ANALYTIC_BOX, .half_size = {1, 1, 1}};
     analytic *box = analytic_new(&cube, NULL, NULL), *hole = sphere(1.2, vec3_make(0, 0, 0)),
              *one = sphere(1, vec3_make(0, 0, 0)), *core = sphere(0.99, vec3_make(0, 0, 0)),
-             *here = sphere(1, vec3_make(3, 0, 0)), *other = sphere(1, vec3_make(3, 0, 1.99));
+             *knife = sphere(1.04, vec3_make(0, 0, 0)), *here = sphere(1, vec3_make(3, 0, 0)),
+             *other = sphere(1, vec3_make(3, 0, 1.99));
     const combination_kind cut = COMBINATION_DIFFERENCE, both = COMBINATION_INTERSECTION;
     assert_int_equal(cells_of(cut, &box->base, &hole->base, LEVELS, MEMORY),
                      cells_of(cut, &box->base, &hole->base, 0, MEMORY));
+    assert_true(cells_of(cut, &box->base, &knife->base, LEVELS, MEMORY) <
+                3 * cells_of(cut, &box->base, &knife->base, 0, MEMORY));
     const size_t plain = cells_of(cut, &one->base, &core->base, 0, MEMORY);
     assert_true(cells_of(cut, &one->base, &core->base, LEVELS, MEMORY) > 4 * plain);
     assert_int_equal(cells_of(cut, &one->base, &core->base, LEVELS, MEMORY / 64), plain);
@@ -278,6 +281,7 @@ static void cells_in_walls_are_bounded(void **state)
     assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
     analytic_free(box);
     analytic_free(hole);
+    analytic_free(knife);
     analytic_free(one);
     analytic_free(core);
     analytic_free(here);
