@@ -119,20 +119,30 @@ static float *take_place(samples_store *store, size_t at, int32_t x)
     return store->f + at * VOXELS;
 }
 
-/* Says where each block's voxels lie: in the grid's leaf, where most leaves are of use, or in a place of their own. */
-static bool place_blocks(samples *s, const grid_view *l, error *e)
+samples_leaves samples_look(const grid_view *l, const block_map *map)
 {
-    const size_t leaves = l->grid->leaf_count;
-    size_t used = 0, others = 0;
+    const size_t leaf = VOXELS * sizeof(float), all = l->grid->leaf_count;
+    size_t used = 0;
+    for (uint32_t n = 0; n < map->count; n++) {
+        const int32_t *b = map->blocks[n];
+        used += block_map_find(&l->leaves, b[0], b[1], b[2]) != BLOCK_MAP_NONE;
+    }
+    if ((double)used < MOST_LEAVES * (double)all) return (samples_leaves){0, 0};
+    return (samples_leaves){used * leaf, (all - used) * leaf};
+}
+
+/* Says where each block's voxels lie: in the grid's leaf, where these are taken over, or in a place of their own. */
+static bool place_blocks(samples *s, const grid_view *l, samples_leaves taken, error *e)
+{
+    const bool shared = taken.used > 0;
+    const size_t leaves = l->grid->leaf_count, own = s->map.count - taken.used / (VOXELS * sizeof(float));
+    size_t others = 0;
     for (uint32_t n = 0; n < s->map.count; n++) {
         const int32_t *b = s->map.blocks[n];
         s->near[n] = block_map_find(&l->leaves, b[0], b[1],
                                     b[2]); /* is filled later: holds the leaf's number until then */
-        used += s->near[n] != BLOCK_MAP_NONE;
     }
-    const bool shared = (double)used >= MOST_LEAVES * (double)leaves;
-    const size_t own = s->map.count - (shared ? used : 0);
-    s->spare = shared ? (leaves - used) * VOXELS * sizeof(float) : 0;
+    s->spare = taken.spare;
     s->leaves.f = shared ? l->grid->leaf_values : NULL;
     s->others.f = mem_array(own * VOXELS, sizeof(float), "the voxels around the surface", e);
     if (!s->others.f || !make_store(&s->leaves, shared ? leaves : 0, e) || !make_store(&s->others, own, e))
@@ -145,7 +155,8 @@ static bool place_blocks(samples *s, const grid_view *l, error *e)
     return true;
 }
 
-bool samples_read(const grid_view *l, vdb_grid *grid, block_map *map, threads *pool, samples *out, error *e)
+bool samples_read(const grid_view *l, vdb_grid *grid, samples_leaves taken, block_map *map, threads *pool,
+                  samples *out, error *e)
 {
     samples s = {.map = *map};
     memset(map, 0, sizeof *map);
@@ -154,7 +165,7 @@ bool samples_read(const grid_view *l, vdb_grid *grid, block_map *map, threads *p
     s.known = mem_array(n * SIDE, sizeof *s.known, "the voxels around the surface", e);
     s.inside = mem_array(n * SIDE, sizeof *s.inside, "the voxels around the surface", e);
     s.near = mem_array(n * 6, sizeof *s.near, "the voxels around the surface", e);
-    bool ok = s.f && s.known && s.inside && s.near && place_blocks(&s, l, e);
+    bool ok = s.f && s.known && s.inside && s.near && place_blocks(&s, l, taken, e);
     if (ok) {
         reading job = {l, &s, false};
         threads_run(pool, n, BLOCKS, read_chunk, &job);

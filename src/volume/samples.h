@@ -31,7 +31,7 @@ typedef struct samples {
     float **f;                /* 512 a block */
     uint64_t *known, *inside; /* 8 words a block: voxels that are known; that had F < 0 when they were read */
     uint32_t *near;           /* 6 numbers a block: below and above along x, y, z */
-    size_t spare;             /* bytes of leaves that are of no use */
+    size_t spare;             /* see samples_leaves */
     samples_store leaves,
         others; /* who holds f: blocks that were leaves of the grid, and those that were not */
 } samples;
@@ -42,9 +42,17 @@ enum { SAMPLES_RELEASED = 1024 };
 /* Bytes that samples of `count` blocks take. */
 size_t samples_bytes(size_t count);
 
-/* Takes over the map of the blocks to read and, where most of its leaves are of use, the voxels of the view's grid, which has
- * none then; both also when it fails. Values that are not finite are input_damaged. */
-bool samples_read(const grid_view *l, vdb_grid *grid, block_map *map, threads *pool, samples *out, error *e);
+/* Bytes of voxels in leaves of a grid that are taken over: those of use to blocks of a map, and those that stay beside them. Both 0
+ * where too few are of use. */
+typedef struct samples_leaves {
+    size_t used, spare;
+} samples_leaves;
+samples_leaves samples_look(const grid_view *l, const block_map *map);
+
+/* Takes over the map of the blocks to read and, where samples_look says so, the voxels of the view's grid, which has none then;
+ * both also when it fails. Values that are not finite are input_damaged. */
+bool samples_read(const grid_view *l, vdb_grid *grid, samples_leaves taken, block_map *map, threads *pool,
+                  samples *out, error *e);
 void samples_free(samples *s);
 
 /* Gives voxels that are not known the smooth continuation of those that are, layer by layer: a parabola

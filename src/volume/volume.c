@@ -51,6 +51,7 @@ typedef struct loading {
     grid_view grid_view;
     crossings crossings;
     block_map reach;
+    samples_leaves leaves; /* that the samples take over */
     samples samples;
     bool smooth;
     size_t points; /* that are asked for; 0: not known */
@@ -216,9 +217,11 @@ static bool plan(loading *l, volume *v, error *e)
         !reach_add_blocks(&l->crossings, bricks_reach, &v->map, e) ||
         !reach_add_blocks(&l->crossings, far, &l->reach, e))
         return error_prefix(e, "%s", l->name);
+    l->leaves = samples_look(&l->grid_view, &l->reach);
     size_t grid = l->grid->leaf_count * (VDB_LEAF_VOXELS * sizeof(float) + sizeof(grid_view_signs) + 128) +
-                  l->grid->tile_count * sizeof(vdb_tile);
-    size_t work = samples_bytes(l->reach.count), held = held_bytes(v->map.count, l->crossings.cells);
+                  l->grid->tile_count * sizeof(vdb_tile) - l->leaves.used;
+    size_t work = samples_bytes(l->reach.count),
+           held = held_bytes(v->map.count, l->crossings.cells) + l->leaves.spare;
     size_t peak = work + (grid > held ? grid : held), limit = l->memory_limit;
     if (peak <= limit) return true;
     return error_set(
@@ -254,7 +257,7 @@ static bool find_smooth_crossings(loading *l, volume *v, error *e)
 
 static bool read_samples(loading *l, volume *v, error *e)
 {
-    bool ok = samples_read(&l->grid_view, l->grid, &l->reach, l->pool, &l->samples, e);
+    bool ok = samples_read(&l->grid_view, l->grid, l->leaves, &l->reach, l->pool, &l->samples, e);
     grid_view_free(&l->grid_view);
     vdb_grid_free(l->grid);
     l->grid = NULL;

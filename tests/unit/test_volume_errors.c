@@ -357,6 +357,56 @@ static void the_limit_of_memory(void **state)
     fixture_free(&g);
 }
 
+/* What a volume holds is within the least limit with which it opens, also where a fifth of its leaves, which are of no use, stay. */
+static void what_is_held_is_within_the_limit(void **state)
+{
+    (void)state;
+    enum { SIDE = 22, USED = SIDE * SIDE * SIDE, UNUSED = 3000 };
+    int32_t(*voxels)[3] = mem_alloc((USED + UNUSED) * sizeof *voxels);
+    float *values = mem_alloc((USED + UNUSED) * sizeof *values);
+    bool *active = mem_alloc((USED + UNUSED) * sizeof *active);
+    for (int k = 0; k < USED + UNUSED; k++) {
+        const bool is_ball = k < USED;
+        voxels[k][0] = is_ball ? 8 * (k % SIDE) + 4 : 8000 + 8 * k;
+        voxels[k][1] = is_ball ? 8 * (k / SIDE % SIDE) + 4 : 0;
+        voxels[k][2] = is_ball ? 8 * (k / SIDE / SIDE) + 4 : 0;
+        values[k] = is_ball ? 1 : 0.1f;
+        active[k] = true;
+    }
+    const vdb_draft d = {.name = "balls",
+                         .type = "float",
+                         .grid_class = VDB_FOG,
+                         .index_to_world = fixture_uniform,
+                         .voxel_count = USED + UNUSED,
+                         .voxels = voxels,
+                         .values = values,
+                         .active = active};
+    const int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
+    size_t too_small = 0, enough = FIXTURE_MEMORY, held = 0;
+    while (enough - too_small > (size_t)1 << 18) {
+        const size_t limit = too_small + (enough - too_small) / 2;
+        error e = {0};
+        const volume_request r = {.fd = fd,
+                                  .path = "test.vdb",
+                                  .has_isovalue = true,
+                                  .isovalue = 0.5,
+                                  .points = 1,
+                                  .memory_limit = limit,
+                                  .isa = isa_best()};
+        volume *v = volume_open(&r, &e);
+        if (!v) assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
+        *(v ? &enough : &too_small) = limit;
+        if (v) held = volume_describe(v)->memory_bytes;
+        volume_close(v);
+    }
+    print_message("# %zu bytes are held, %zu are enough\n", held, enough);
+    assert_in_range(held, 1, enough);
+    close(fd);
+    free(voxels);
+    free(values);
+    free(active);
+}
+
 static size_t slurp(int fd, unsigned char **bytes);
 
 /* Every occurrence of the doubles in the file becomes `to`. */
@@ -669,6 +719,7 @@ int main(void)
         cmocka_unit_test(coordinates_at_the_limits_of_int32),
         cmocka_unit_test(transforms_that_cannot_be),
         cmocka_unit_test(the_limit_of_memory),
+        cmocka_unit_test(what_is_held_is_within_the_limit),
         cmocka_unit_test(names_of_transforms),
         cmocka_unit_test(lengths_of_metadata),
         cmocka_unit_test(parts_of_trees_lie_on_their_grid),
