@@ -446,9 +446,50 @@ static void who_goes_to_a_new_place_comes_to_rest(void **state)
     release(&x);
 }
 
+/* A surface that is gone from one moment on: F is flat then. */
+typedef struct passing {
+    field base;
+    const field *whole;
+    bool gone;
+} passing;
+
+static bool sample_passing(const field *f, vec3 x, field_order order, field_sample *out)
+{
+    const passing *p = (const passing *)f;
+    *out = (field_sample){.value = 1};
+    return p->gone || field_sample_at(p->whole, x, order, out);
+}
+
+static const field_ops passing_ops = {.sample = sample_passing};
+
+/* They have no place and no gradient there; the normal is that of before. */
+static void lost_particles_keep_their_normals(void **state)
+{
+    (void)state;
+    error e = {0};
+    solved x;
+    solve(0, &even, 1, &x);
+    passing f = {x.a->base, &x.a->base, false};
+    f.base.ops = &passing_ops;
+    sampler_params params = even;
+    params.start = SAMPLER_START_GIVEN;
+    params.given = x.points->position;
+    params.given_normal = x.points->normal;
+    sampler *s = sampler_new(&f.base, x.scan, &params, x.pool, &e);
+    if (!s) fail_msg("%s", e.message);
+    f.gone = true;
+    assert_true(sampler_finalize(s, &e));
+    const sampler_points *p = sampler_result_points(s);
+    assert_int_equal(p->lost, p->count);
+    for (size_t i = 0; i < p->count; i++) assert_true(fabs(vec3_norm(p->normal[i]) - 1) < 1e-6);
+    sampler_free(s);
+    release(&x);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(lost_particles_keep_their_normals),
         cmocka_unit_test(delivered_points_are_at_rest),
         cmocka_unit_test(who_goes_to_a_new_place_comes_to_rest),
         cmocka_unit_test(quartic_even),
