@@ -111,6 +111,11 @@ bool threads_narrow(threads *t, bool narrow)
     return before;
 }
 
+threads *threads_beside(const threads *t)
+{
+    return t ? threads_new(1, t->stop_flag, NULL) : NULL;
+}
+
 bool threads_stopped(const threads *t)
 {
     return t && t->stop_flag && *t->stop_flag;

@@ -31,6 +31,9 @@ int threads_count(const threads *t); /* 1 for NULL */
  * is narrow. */
 bool threads_narrow(threads *t, bool narrow);
 
+/* The calling thread alone, which watches the same flag: for loops beside those of `t`. NULL for NULL. */
+threads *threads_beside(const threads *t);
+
 bool threads_stopped(const threads *t); /* false for NULL */
 
 /* NULL: on the calling thread. */

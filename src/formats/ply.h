@@ -52,4 +52,17 @@ typedef struct ply_file {
 bool ply_read(FILE *file, ply_file *out, error *e);
 void ply_file_free(ply_file *file); /* accepts NULL and a zeroed struct */
 
+/* What a file is to hold, and how; its name stands in errors. */
+typedef struct ply_job {
+    const char *name;
+    const points *set;
+    columns what;
+    ply_format format;
+    ply_precision precision;
+    threads *pool;
+} ply_job;
+
+/* Both of the above: `job` is a const ply_job. */
+bool ply_write_and_verify(FILE *file, void *job, error *e);
+
 #endif

@@ -107,27 +107,32 @@ static double largest_residual(const field *f, const points *set, bool as_float,
     return worst;
 }
 
-/* `late`: NULL, or the file is committed beside what follows. */
-static bool write_ply(const char *directory, const char *name, const spec *s, const points *set,
-                      bool as_float, threads *pool, json *outputs, late_commit **late, error *e)
+/* `job` holds the name and the points, and is filled in. Beside what follows, if that is asked for and pays: text takes all threads. */
+static late_commit *begin_ply(const char *directory, const spec *s, bool as_float, threads *pool, bool beside,
+                              ply_job *job, error *e)
 {
-    columns what;
-    ply_format format = s->ply_format == SPEC_PLY_ASCII ? PLY_ASCII : PLY_BINARY_LITTLE_ENDIAN;
-    ply_precision precision = as_float ? PLY_FLOAT : PLY_DOUBLE;
-    char *path = mem_printf("%s/%s", directory, name);
+    char *path = mem_printf("%s/%s", directory, job->name);
     store_file file = {0};
-    bool ok = columns_choose(set, (const char *const *)s->ply_properties, s->ply_property_count, &what, e) &&
-              store_file_begin(path, &file, e) &&
-              ply_write(file.stream, set, &what, format, precision, pool, e);
-    if (ok && !ply_verify(file.stream, set, &what, format, precision, pool, e))
-        ok = error_prefix(e, "%s does not read back as it was written", name);
-    if (ok && late)
-        *late = late_commit_begin(&file, threads_count(pool) > 1);
-    else if (ok)
-        ok = commit_output(&file, name, outputs, e);
-    store_file_abort(&file);
+    job->format = s->ply_format == SPEC_PLY_ASCII ? PLY_ASCII : PLY_BINARY_LITTLE_ENDIAN;
+    job->precision = as_float ? PLY_FLOAT : PLY_DOUBLE;
+    beside = beside && job->format != PLY_ASCII && threads_count(pool) > 1;
+    job->pool = beside ? threads_beside(pool) : pool;
+    const char *const *wanted = (const char *const *)s->ply_properties;
+    const bool ok = columns_choose(job->set, wanted, s->ply_property_count, &job->what, e) &&
+                    store_file_begin(path, &file, e);
     free(path);
-    return ok;
+    return ok ? late_commit_begin(&file, ply_write_and_verify, job, beside) : NULL;
+}
+
+static bool write_ply(const char *directory, const char *name, const spec *s, const points *set,
+                      bool as_float, threads *pool, json *outputs, error *e)
+{
+    ply_job job = {.name = name, .set = set};
+    store_facts facts;
+    late_commit *begun = begin_ply(directory, s, as_float, pool, false, &job, e);
+    if (!begun || !late_commit_end(begun, &facts, e)) return false;
+    put_facts(add_output(outputs, name), &facts);
+    return true;
 }
 
 static bool write_format(const char *directory, const point_format *f, const points *set, const scene *place,
@@ -217,7 +222,7 @@ static bool write_label_meshes(const char *directory, const results_input *in, c
         char *name = mem_printf(LABEL_NAME, (int)labels[k]);
         ok = label_mesh_part_make(whole, (int32_t)labels[k], &part, e);
         if (ok && part.set.triangle_count > 0) {
-            ok = write_ply(directory, name, &how, &part.set, as_float, pool, outputs, NULL, e);
+            ok = write_ply(directory, name, &how, &part.set, as_float, pool, outputs, e);
             describe_label_mesh(told, (int32_t)labels[k], name, &part);
         }
         label_mesh_part_free(&part);
@@ -314,7 +319,7 @@ static bool write_mesh(const char *directory, const results_input *in, bool as_f
         ok = (labels = labels_of(&made, in->labels, e)) != NULL;
         vertices.triangle_labels = (const int32_t(*)[2])labels;
     }
-    ok = ok && write_ply(directory, "mesh.ply", in->spec, &vertices, as_float, pool, outputs, NULL, e);
+    ok = ok && write_ply(directory, "mesh.ply", in->spec, &vertices, as_float, pool, outputs, e);
     ok = ok && write_formats(directory, in, &vertices, true, outputs, e);
     if (ok && in->spec->has_label_meshes)
         ok = write_label_meshes(directory, in, &vertices, as_float, pool, outputs,
@@ -547,7 +552,7 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     points colored = *in->set;
     results_input with_color = *in;
     store_facts ply;
-    late_commit *late = NULL;
+    ply_job job = {.name = "points.ply", .set = &colored};
     json *const told = add_output(outputs, "points.ply");
     vec3 *color = NULL;
     with_color.set = &colored;
@@ -559,14 +564,15 @@ bool results_write(const char *directory, const results_input *in, threads *pool
             return false;
         }
     }
-    bool ok = write_ply(directory, "points.ply", s, &colored, as_float, pool, outputs, &late, e) &&
-              (!s->has_points_vdb || write_points_vdb(directory, &with_color, outputs, e)) &&
+    late_commit *late = begin_ply(directory, s, as_float, pool, true, &job, e);
+    bool ok = late && (!s->has_points_vdb || write_points_vdb(directory, &with_color, outputs, e)) &&
               write_formats(directory, &with_color, &colored, false, outputs, e) &&
               (!s->has_mesh || write_mesh(directory, &with_color, as_float, pool, outputs, &facts, e)) &&
               (!s->has_preview || write_preview(directory, &with_color, pool, outputs, e)) &&
               (!s->has_convergence || write_convergence(directory, in, outputs, e));
+    if (late && !late_commit_end(late, &ply, e)) ok = false;
+    if (job.pool != pool) threads_free(job.pool);
     free(color);
-    if (late && !late_commit_end(late, &ply, ok ? e : NULL)) ok = false;
     if (ok) {
         put_facts(told, &ply);
         *out = facts;

@@ -7,6 +7,8 @@
 
 struct late_commit {
     store_file file;
+    late_commit_writer write;
+    void *context;
     store_facts facts;
     pthread_t thread;
     bool beside, ok;
@@ -28,14 +30,17 @@ bool late_commit_now(store_file *file, store_facts *out, error *e)
 static void *run(void *context)
 {
     late_commit *c = context;
-    c->ok = late_commit_now(&c->file, &c->facts, &c->e);
+    c->ok = c->write(c->file.stream, c->context, &c->e) && late_commit_now(&c->file, &c->facts, &c->e);
+    store_file_abort(&c->file);
     return NULL;
 }
 
-late_commit *late_commit_begin(store_file *file, bool beside)
+late_commit *late_commit_begin(store_file *file, late_commit_writer write, void *context, bool beside)
 {
     late_commit *c = mem_alloc(sizeof *c);
     c->file = *file;
+    c->write = write;
+    c->context = context;
     *file = (store_file){0};
     c->beside = beside && background_start(&c->thread, run, c, "the results", NULL);
     if (!c->beside) run(c);

@@ -1,5 +1,5 @@
-/* late_commit: hashes and commits a file (file.h) on a thread of its own, while the caller goes on with the next. To hash a large file
- * and to bring it to disk takes as long as to write it. One caller; errors as store_file_commit's. */
+/* late_commit: writes, hashes and commits a file (file.h) on a thread of its own, while the caller goes on with the next. To hash a
+ * large file and to bring it to disk takes as long as to write it. One caller; errors as store_file_commit's, and the writer's. */
 #ifndef HEXAD_STORE_LATE_COMMIT_H
 #define HEXAD_STORE_LATE_COMMIT_H
 
@@ -13,9 +13,12 @@ typedef struct store_facts {
     uint64_t bytes;
 } store_facts;
 
-/* Takes the file over: *file is empty then; `end` follows. Not `beside`, or without a thread to be had: it is done at once, by the
- * calling thread. */
-late_commit *late_commit_begin(store_file *file, bool beside);
+/* Writes what the file is to hold, to its end. */
+typedef bool (*late_commit_writer)(FILE *stream, void *context, error *e);
+
+/* Takes the file over: *file is empty then; `end` follows, and `context` stays until then. Not `beside`, or without a thread to be
+ * had: it is done at once, by the calling thread. */
+late_commit *late_commit_begin(store_file *file, late_commit_writer write, void *context, bool beside);
 
 /* Waits for it; frees it whatever comes of it. `e` may be NULL. */
 bool late_commit_end(late_commit *c, store_facts *out, error *e);

@@ -179,7 +179,14 @@ static void test_clearing(void **state)
     free(temporary);
 }
 
-/* Beside the caller or at once: the file is there in the end, and its hash is told; a failure is told then, too. */
+static bool write_text(FILE *stream, void *context, error *e)
+{
+    return (context && fputs(context, stream) >= 0 && fflush(stream) == 0) ||
+           error_set(e, ERROR_STORAGE_FULL, "no room");
+}
+
+/* Beside the caller or at once: the file is there in the end, and its hash is told; a failure is told then, too, and one to write
+ * leaves no file. */
 static void test_late_commits(void **state)
 {
     (void)state;
@@ -192,9 +199,7 @@ static void test_late_commits(void **state)
         late_commit *c;
         store_facts facts;
         assert_true(store_file_begin(path, &file, &e));
-        fputs("text", file.stream);
-        fflush(file.stream);
-        c = late_commit_begin(&file, beside);
+        c = late_commit_begin(&file, write_text, "text", beside);
         assert_null(file.stream);
         assert_true(late_commit_end(c, &facts, &e));
         assert_string_equal(facts.sha256, hash);
@@ -204,10 +209,15 @@ static void test_late_commits(void **state)
         char *inner = mem_printf("%s/file", gone);
         assert_true(store_directory_create(gone, &e) && store_file_begin(inner, &file, &e));
         assert_true(store_remove(gone, &e));
-        c = late_commit_begin(&file, beside);
+        c = late_commit_begin(&file, write_text, "text", beside);
         assert_false(late_commit_end(c, &facts, &e));
         assert_int_not_equal(e.code, ERROR_NONE);
         free(inner);
+        assert_true(store_file_begin(path, &file, &e));
+        c = late_commit_begin(&file, write_text, NULL, beside);
+        assert_false(late_commit_end(c, &facts, &e));
+        assert_int_equal(e.code, ERROR_STORAGE_FULL);
+        assert_int_equal(count_entries(base), 0);
     }
     free(gone);
     free(path);
