@@ -54,7 +54,7 @@ bool partitions_cut(const partitions_input *in, partitions *out, error *e)
     double coarsest = 0;
     for (size_t i = 0; i < in->count; i++) {
         box = bbox_include(box, in->position[i]);
-        coarsest = fmax(coarsest, in->spacing[i]);
+        coarsest = in->spacing[i] > coarsest ? in->spacing[i] : coarsest;
     }
     vec3 size = vec3_sub(box.max, box.min);
     out->axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;

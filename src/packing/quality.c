@@ -404,9 +404,9 @@ typedef struct extent {
 static extent extent_of(const quality_input *in)
 {
     extent x = {.finest = INFINITY, .coarsest = 0};
-    for (size_t i = 0; i < in->count; i++) {
-        x.finest = fmin(x.finest, in->spacing[i]);
-        x.coarsest = fmax(x.coarsest, in->spacing[i]);
+    for (size_t i = 0; i < in->count; i++) { /* without fmin, which is a call */
+        x.finest = in->spacing[i] < x.finest ? in->spacing[i] : x.finest;
+        x.coarsest = in->spacing[i] > x.coarsest ? in->spacing[i] : x.coarsest;
     }
     x.reach = in->sized ? VORONOI_REACH : fmax(VORONOI_REACH, packing_support(in->h) / x.finest);
     return x;

@@ -77,15 +77,15 @@ static void spread(spacings *s, int axis, size_t stride)
 
 static bool find_spacings(const vec3 *position, const double *spacing, size_t count, spacings *out, error *e)
 {
-    double largest = 0;
+    double least = INFINITY, largest = 0;
     bbox box = bbox_empty();
-    *out = (spacings){.all = INFINITY};
-    for (size_t i = 0; i < count; i++) {
-        out->all = fmin(out->all, spacing[i]);
-        largest = fmax(largest, spacing[i]);
-        box = bbox_include(box, position[i]);
+    for (size_t i = 0; i < count; i++) { /* without fmin, which is a call */
+        least = spacing[i] < least ? spacing[i] : least;
+        largest = spacing[i] > largest ? spacing[i] : largest;
     }
-    if (!(largest > GRADED * out->all)) return true;
+    *out = (spacings){.all = least};
+    if (!(largest > GRADED * least)) return true;
+    for (size_t i = 0; i < count; i++) box = bbox_include(box, position[i]);
     const double most = fmin(fmax(1, cbrt(BINS_PER_POINT * (double)count)), BINS_MOST);
     out->reach = fmax(largest, bbox_longest(box) / most);
     out->over = 1 / ((1 + HAIR) * out->reach);

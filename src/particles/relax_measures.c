@@ -258,12 +258,16 @@ bool relax_is_mostly_creased(const relax *r)
     return r->mostly_creased;
 }
 
+/* Of more particles than this some are asked for disorder. */
+static const size_t MOST_ASKED = 200000;
+
 /* Counts pairs within `reach` times the sizes, and particles that have not six of them. */
 typedef struct pairs_job {
     const relax *r;
     const particles *p;
     double reach;
-    bool smooth; /* who sees others turned from it is left out */
+    size_t every; /* one of so many is asked */
+    bool smooth;  /* who sees others turned from it is left out */
     atomic_size_t pairs, disordered;
 } pairs_job;
 
@@ -273,7 +277,7 @@ static void pairs_chunk(void *context, int worker, size_t begin, size_t end)
     const particles *p = job->p;
     size_t pairs = 0, disordered = 0;
     (void)worker;
-    for (size_t i = begin; i < end; i++) {
+    for (size_t i = (begin + job->every - 1) / job->every * job->every; i < end; i += job->every) {
         size_t own = 0;
         for (uint32_t k = 0; k < job->r->near->list_count[i]; k++) {
             uint32_t j = neighbours_list(job->r->near, i)[k];
@@ -290,7 +294,7 @@ static void pairs_chunk(void *context, int worker, size_t begin, size_t end)
 double relax_mean_neighbours(const relax *r, const particles *p, double sigma)
 {
     if (r->seen.energies && r->seen.sigma == sigma) return r->seen.pairs / (double)p->count;
-    pairs_job job = {.r = r, .p = p, .reach = sigma};
+    pairs_job job = {.r = r, .p = p, .reach = sigma, .every = 1};
     threads_run(r->pool, p->count, 4096, pairs_chunk, &job);
     return (double)atomic_load(&job.pairs) / (double)p->count;
 }
@@ -298,7 +302,8 @@ double relax_mean_neighbours(const relax *r, const particles *p, double sigma)
 double relax_disordered_share(const relax *r, const particles *p, double spacing, bool smooth)
 {
     const double creased = smooth ? relax_creased_share(r, p) : 0, asked = creased < 1 ? 1 - creased : 1;
-    pairs_job job = {.r = r, .p = p, .reach = BETWEEN_SHELLS * spacing, .smooth = asked < 1};
+    const size_t every = 1 + p->count / MOST_ASKED;
+    pairs_job job = {.r = r, .p = p, .reach = BETWEEN_SHELLS * spacing, .every = every, .smooth = asked < 1};
     threads_run(r->pool, p->count, 4096, pairs_chunk, &job);
-    return (double)atomic_load(&job.disordered) / (asked * (double)p->count);
+    return (double)atomic_load(&job.disordered) / (asked * (double)((p->count + every - 1) / every));
 }
