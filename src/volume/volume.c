@@ -72,7 +72,7 @@ static void warn(volume_info *info, const char *format, ...)
 }
 
 /* The isovalue of the surface at an offset. */
-static bool move_isovalue(const loading *l, volume *v, double offset, error *e)
+static bool move_isovalue(loading *l, volume *v, double offset, error *e)
 {
     double to_world[3][4], to_index[3][4], unit;
     for (int k = 0; k < 12; k++) to_world[k / 4][k % 4] = l->grid->index_to_world[k];
@@ -82,6 +82,7 @@ static bool move_isovalue(const loading *l, volume *v, double offset, error *e)
     if (unit != 1)
         warn(&v->info, "grid \"%s\" counts distances in units of %.4g: the offset of %g is %.4g of them",
              v->info.grid, 1 / unit, offset, offset * unit);
+    snprintf(l->name, sizeof l->name, "grid \"%s\" at an offset of %g", v->info.grid, offset);
     return true;
 }
 
@@ -220,9 +221,8 @@ static bool plan(loading *l, volume *v, error *e)
     l->leaves = samples_look(&l->grid_view, &l->reach);
     size_t grid = l->grid->leaf_count * (VDB_LEAF_VOXELS * sizeof(float) + sizeof(grid_view_signs) + 128) +
                   l->grid->tile_count * sizeof(vdb_tile) - l->leaves.used;
-    size_t work = samples_bytes(l->reach.count),
-           held = held_bytes(v->map.count, l->crossings.cells) + l->leaves.spare;
-    size_t peak = work + (grid > held ? grid : held), limit = l->memory_limit;
+    size_t held = held_bytes(v->map.count, l->crossings.cells) + l->leaves.spare, limit = l->memory_limit;
+    size_t peak = samples_bytes(l->reach.count) + (grid > held ? grid : held);
     if (peak <= limit) return true;
     return error_set(
         e, ERROR_LIMIT_MEMORY,
@@ -289,8 +289,7 @@ static bool note_sides(const loading *l, volume *v, error *e)
     return true;
 }
 
-/* Whether bricks are so many that to touch their memory takes long, and many would never be looked at: most that are not
- * crossed. */
+/* Whether bricks are so many that to touch their memory takes long, and most would never be looked at. */
 static bool looks_at_few(const loading *l, const volume *v)
 {
     return l->points > 0 && v->map.count > MANY_BRICKS + l->points;
@@ -434,7 +433,8 @@ static bool load_mesh(const volume_mesh_request *r, const resolution *choice, lo
     l->kind = GRID_VIEW_LEVEL_SET;
     l->points = (size_t)r->resolution.count;
     l->pool = r->pool;
-    if (!(l->grid = levelset_make(m, &params, notes, &l->solids, e))) return false;
+    if (!(l->grid = levelset_make(m, &params, notes, &l->solids, e)))
+        return r->offset != 0 && error_prefix(e, "at an offset of %g", r->offset);
     v->info.isovalue = r->offset;
     size_t held = mesh_bytes(m->vertex_count, m->triangle_count), limit = r->resolution.memory_limit;
     l->memory_limit = limit > held ? limit - held : 0;

@@ -210,6 +210,16 @@ static void offsets_are_world_distances(void **state)
     if (!strstr(e.message, "in one place of the surface and")) fail_msg("%s", e.message);
     close(fd);
     fixture_free(&g);
+    g = fixture_make(fixture_uniform, 14, ball, 0.5);
+    d = fixture_draft(&g);
+    fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
+    const volume_request gone = {
+        .fd = fd, .path = "a.vdb", .offset = -7, .memory_limit = FIXTURE_MEMORY, .isa = isa_best()};
+    assert_null(volume_open(&gone, &e));
+    assert_int_equal(e.code, ERROR_NO_SURFACE);
+    if (!strstr(e.message, "at an offset of -7 has no surface")) fail_msg("%s", e.message);
+    close(fd);
+    fixture_free(&g);
 }
 
 static double box_on_voxels(vec3 p)
