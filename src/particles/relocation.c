@@ -71,6 +71,21 @@ static bool thin_out(const relocation_input *in, ranked *r, double within, threa
     return ok;
 }
 
+/* The first `wanted` of those, without lists: each is held against these alone. */
+static void thin_out_few(const relocation_input *in, ranked *r, double within, size_t wanted, size_t *count)
+{
+    size_t kept = 0;
+    for (size_t k = 0; k < *count && kept < wanted; k++) {
+        bool gone = false;
+        for (size_t m = 0; m < kept && !gone; m++) {
+            const double reach = 0.5 * within * in->h * (r[k].size + r[m].size);
+            gone = vec3_norm2(vec3_sub(r[k].at, r[m].at)) < reach * reach;
+        }
+        if (!gone) r[kept++] = r[k];
+    }
+    *count = kept;
+}
+
 /* A point, and how near its nearest is. */
 typedef struct crowd_job {
     const relocation_input *in;
@@ -166,9 +181,10 @@ static double bare_from(const relocation_input *in)
     return in->bare > 0 ? in->bare : RELOCATION_BARE;
 }
 
-/* The places that are bare, the barest first; of two that are near each other one. */
-static bool find_bare(const relocation_input *in, const near_points *near, threads *pool, ranked **out,
-                      size_t *found, error *e)
+/* The places that are bare, the barest first; of two that are near each other one. Of few points each place has more others near it
+ * than are wanted: then no more than these. */
+static bool find_bare(const relocation_input *in, const near_points *near, size_t wanted, threads *pool,
+                      ranked **out, size_t *found, error *e)
 {
     ranked *r = *out = mem_array(in->places, sizeof *r, "the bare places", e);
     *found = 0;
@@ -180,6 +196,10 @@ static bool find_bare(const relocation_input *in, const near_points *near, threa
         if (r[k].distance > bare_from(in)) r[(*found)++] = r[k];
     if (!r || *found == 0) return r != NULL;
     qsort(r, *found, sizeof *r, farthest_first);
+    if (wanted < *found / in->count) {
+        thin_out_few(in, r, RELOCATION_CROWDED, wanted, found);
+        return true;
+    }
     return thin_out(in, r, RELOCATION_CROWDED, pool, found, e);
 }
 
@@ -190,7 +210,7 @@ bool relocation_choose(const relocation_input *in, threads *pool, relocation **o
     relocation *chosen = NULL;
     size_t points = 0, places = 0, count = 0;
     bool ok = near && find_crowded(in, near, pool, &crowded, &points, e) &&
-              find_bare(in, near, pool, &bare, &places, e) &&
+              find_bare(in, near, points, pool, &bare, &places, e) &&
               (chosen = mem_array(points + 1, sizeof *chosen, "the places of points", e));
     while (ok && count < points && count < places && bare[count].distance > crowded[count].distance) {
         chosen[count] = (relocation){crowded[count].index, bare[count].index};

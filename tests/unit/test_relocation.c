@@ -185,10 +185,39 @@ static void a_strip_gets_points_where_none_crowds(void **state)
     free(chosen);
 }
 
+/* Lists of all places around each would be as many as their square. */
+static void places_of_few_points_need_no_lists(void **state)
+{
+    (void)state;
+    error e = {0};
+    rng r = rng_seed(test_seed(), 1);
+    const vec3 x[] = {{0, 0, 0}, {0.1, 0, 0}, {0, 1, 0}};
+    const double size[] = {1, 1, 1};
+    vec3 *place = malloc(PLACES * sizeof *place);
+    uint32_t *near = malloc(PLACES * sizeof *near);
+    for (size_t k = 0; k < PLACES; k++) {
+        place[k] = random_between(&r, (vec3){3, 0, 0}, (vec3){3.1, 0.1, 0});
+        near[k] = UINT32_MAX;
+    }
+    const relocation_input in = {x, size, 3, 1, place, PLACES, 1 << 16, near, 0, NULL, 0};
+    relocation *chosen;
+    size_t moves;
+    if (!relocation_choose(&in, NULL, &chosen, &moves, &e)) fail_msg("%s", e.message);
+    assert_int_equal(moves, 1);
+    assert_true(chosen[0].point < 2);
+    double most = 0;
+    for (size_t k = 0; k < PLACES; k++) most = fmax(most, place[k].x);
+    assert_true(place[chosen[0].place].x > most - 0.01);
+    free(chosen);
+    free(place);
+    free(near);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(who_was_taken_away_comes_back),
+        cmocka_unit_test(places_of_few_points_need_no_lists),
         cmocka_unit_test(random_points_come_apart),
         cmocka_unit_test(a_heap_far_away_changes_nothing),
         cmocka_unit_test(a_strip_gets_points_where_none_crowds),
