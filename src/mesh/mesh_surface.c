@@ -35,7 +35,7 @@ typedef struct corner_weights {
     uint16_t of[2];
 } corner_weights;
 
-enum { WHOLE = 1 << 15 };
+enum { WHOLE = 1 << 15, BLOCK = 1 << 16 }; /* BLOCK: pieces */
 
 /* A part of a triangle. */
 typedef struct piece {
@@ -68,9 +68,14 @@ struct mesh_surface {
     uint32_t (
         *beside)[3];    /* of each triangle: which one shares the side that begins at corner k; ENDS: none */
     atomic_uchar *roof; /* of each triangle, once it was asked for: whether nothing is under its roofs */
-    piece *pieces;
-    size_t piece_count;
+    piece **pieces;     /* in blocks: for an array that grew there would be pages twice as often */
+    size_t piece_count, block_room;
 };
+
+static piece *piece_at(const mesh_surface *s, size_t k)
+{
+    return &s->pieces[k / BLOCK][k % BLOCK];
+}
 
 /* ---- normals and how they turn */
 
@@ -476,7 +481,7 @@ static size_t count_cells(const field *f)
 static int cell_triangles(const field *f, size_t k, vec3 out[FIELD_CELL_TRIANGLES][3])
 {
     const mesh_surface *s = (const mesh_surface *)f;
-    for (int i = 0; i < 3; i++) out[0][i] = place_of(s, s->pieces[k].triangle, s->pieces[k].corner[i]);
+    for (int i = 0; i < 3; i++) out[0][i] = place_of(s, piece_at(s, k)->triangle, piece_at(s, k)->corner[i]);
     return 1;
 }
 
@@ -496,7 +501,7 @@ static uint32_t patch_at(const field *f, size_t k, vec3 x)
 {
     const mesh_surface *s = (const mesh_surface *)f;
     (void)x;
-    return (uint32_t)patch_of(s, s->pieces[k].triangle);
+    return (uint32_t)patch_of(s, piece_at(s, k)->triangle);
 }
 
 static double no_side(const field *f, vec3 x)
@@ -523,12 +528,16 @@ static bool refuse_pieces(const cutting *c, error *e)
         c->longest, c->most);
 }
 
-/* Where there is no room for pieces yet they are counted. */
 static bool add_piece(mesh_surface *s, const piece *p, const cutting *c, error *e)
 {
     if (s->piece_count == c->most) return refuse_pieces(c, e);
-    if (s->pieces) s->pieces[s->piece_count] = *p;
-    s->piece_count++;
+    if (s->piece_count % BLOCK == 0) {
+        const size_t block = s->piece_count / BLOCK;
+        piece **grown = mem_grow(s->pieces, block, &s->block_room, 64, sizeof *grown, what, e);
+        if (grown) s->pieces = grown;
+        if (!grown || !(grown[block] = mem_array(BLOCK, sizeof **grown, what, e))) return false;
+    }
+    *piece_at(s, s->piece_count++) = *p;
     return true;
 }
 
@@ -569,30 +578,20 @@ static size_t triangle_bytes(const mesh_surface *s)
            m->vertex_count * (sizeof(vec3) + sizeof *s->at + sizeof *s->shape);
 }
 
-static bool cut_triangles(mesh_surface *s, const cutting *c, error *e)
-{
-    const mesh *m = &s->mesh.m;
-    for (uint32_t n = 0; n < m->triangle_count; n++) {
-        const piece all = {n, {{{WHOLE, 0}}, {{0, WHOLE}}, {{0, 0}}}};
-        const uint32_t *t = m->triangle[n];
-        if (!cut_piece(s, &all, (vec3[]){m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]}, c, e))
-            return false;
-    }
-    return true;
-}
-
-/* Counted first: an array that grows takes pages for twice as much, and the kernel's zeros for them cost more than to cut twice. */
 static bool cut_pieces(mesh_surface *s, double longest, size_t memory_limit, error *e)
 {
     const mesh *m = &s->mesh.m;
     const size_t held = triangle_bytes(s), left = memory_limit > held ? memory_limit - held : 0;
-    const cutting c = {longest, left / (sizeof *s->pieces + SCAN_BYTES)};
+    const cutting c = {longest, left / (sizeof(piece) + SCAN_BYTES)};
     /* along the longest side alone there would be so many: before the cuts go as deep as that */
     if (bbox_longest(mesh_box(m)) / longest > (double)c.most) return refuse_pieces(&c, e);
-    if (!cut_triangles(s, &c, e) || !(s->pieces = mem_array(s->piece_count, sizeof *s->pieces, what, e)))
-        return false;
-    s->piece_count = 0;
-    return cut_triangles(s, &c, e);
+    for (uint32_t n = 0; n < m->triangle_count; n++) {
+        const piece all = {n, {{{WHOLE, 0}}, {{0, WHOLE}}, {{0, 0}}}};
+        const uint32_t *t = m->triangle[n];
+        if (!cut_piece(s, &all, (vec3[]){m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]}, &c, e))
+            return false;
+    }
+    return true;
 }
 
 /* ---- the whole */
@@ -693,6 +692,7 @@ void mesh_surface_free(mesh_surface *s)
     free(s->at_end);
     free(s->beside);
     free(s->roof);
+    for (size_t k = 0; k * BLOCK < s->piece_count; k++) free(s->pieces[k]);
     free(s->pieces);
     free(s);
 }
@@ -711,5 +711,5 @@ size_t mesh_surface_bytes(const mesh_surface *s)
 {
     size_t trees = nearest_of_several_bytes(s->trees);
     for (size_t k = 0; k < s->mesh.count; k++) trees += nearest_triangle_bytes(s->patch[k].tree);
-    return trees + triangle_bytes(s) + s->piece_count * sizeof *s->pieces;
+    return trees + triangle_bytes(s) + s->piece_count * sizeof(piece);
 }

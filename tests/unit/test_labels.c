@@ -1,5 +1,5 @@
 /* Segmentations in OpenVDB files, which pyopenvdb of Debian cannot write: which grid, its place in the world, and that it goes
- * on with its background; and that a majority keeps volumes. What else becomes of labels is tested in tests/service/test_labels.py. */
+ * on with its background; that a majority keeps volumes, and what is thin. What else becomes of labels is tested in tests/service/test_labels.py. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -14,6 +14,7 @@
 #include "base/memory.h"
 #include "field/patches.h"
 #include "labels/label_majority.h"
+#include "labels/label_thinness.h"
 #include "source/label_source.h"
 #include "vdb/vdb.h"
 
@@ -180,6 +181,57 @@ static void test_the_memory_of_what_a_majority_keeps(void **state)
     assert_in_range(needed, 3, 6);
 }
 
+/* ---- what is thin */
+
+/* Pieces of rows, of four voxels each, whose labels are drawn. */
+static uint16_t drawn_at(int x, int y, int z)
+{
+    const uint32_t once = (uint32_t)(x / 4 + 31 * y + 977 * z) * 2654435761U,
+                   drawn = (once ^ once >> 15) * 2246822519U;
+    return drawn >> 16 & 1;
+}
+
+enum { LONG = 31, HIGH = 14, FAR = 13 };
+
+/* Whether one of the eight cubes of two voxels' side that have the voxel is of its label alone. */
+static bool is_in_cube(int x, int y, int z)
+{
+    bool any = false;
+    for (int corner = 0; corner < 8; corner++) {
+        const int low[3] = {x - (corner & 1), y - (corner >> 1 & 1), z - (corner >> 2)};
+        bool all = true;
+        for (int k = 0; k < 8; k++) {
+            const int at[3] = {low[0] + (k & 1), low[1] + (k >> 1 & 1), low[2] + (k >> 2)};
+            all &= at[0] >= 0 && at[0] < LONG && at[1] >= 0 && at[1] < HIGH && at[2] >= 0 && at[2] < FAR &&
+                   drawn_at(at[0], at[1], at[2]) == drawn_at(x, y, z);
+        }
+        any |= all;
+    }
+    return any;
+}
+
+static void test_thin_are_voxels_in_no_cube(void **state)
+{
+    (void)state;
+    error e = {0};
+    uint64_t thin[MATERIALS] = {0};
+    label_volume v = {.size = {LONG, HIGH, FAR}, .count = MATERIALS};
+    threads *pool = threads_new(1, NULL, &e);
+    v.at = mem_array(LONG * HIGH * FAR, sizeof *v.at, "voxels", &e);
+    v.material = mem_array(MATERIALS, sizeof *v.material, "materials", &e);
+    assert_true(pool && v.at && v.material);
+    for (int k = 0; k < LONG * HIGH * FAR; k++) {
+        const int at[3] = {k % LONG, k / LONG % HIGH, k / LONG / HIGH};
+        v.at[k] = drawn_at(at[0], at[1], at[2]);
+        thin[v.at[k]] += !is_in_cube(at[0], at[1], at[2]);
+    }
+    label_thinness_find(&v, pool);
+    for (int k = 0; k < MATERIALS; k++) assert_int_equal(v.material[k].thin, thin[k]);
+    assert_in_range(thin[0] + thin[1], 1, LONG * HIGH * FAR - 1);
+    label_volume_free(&v);
+    threads_free(pool);
+}
+
 static void test_which_grid(void **state)
 {
     (void)state;
@@ -204,9 +256,11 @@ static void test_which_grid(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_grids_of_whole_numbers), cmocka_unit_test(test_which_grid),
+        cmocka_unit_test(test_grids_of_whole_numbers),
+        cmocka_unit_test(test_which_grid),
         cmocka_unit_test(test_the_memory_of_a_majority),
         cmocka_unit_test(test_a_majority_keeps_volumes_with_any_number_of_threads),
-        cmocka_unit_test(test_the_memory_of_what_a_majority_keeps)};
+        cmocka_unit_test(test_the_memory_of_what_a_majority_keeps),
+        cmocka_unit_test(test_thin_are_voxels_in_no_cube)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
