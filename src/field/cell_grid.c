@@ -155,9 +155,11 @@ static void look_at(look *l, const block *b)
 
 static bool too_fine(const search *w, error *e)
 {
-    return error_set(e, ERROR_LIMIT_MEMORY,
-                     "the surface crosses more than %zu cells of size %g: it is too fine for its size",
-                     CELL_GRID_MOST, w->field->cell_size);
+    return error_set(
+        e, ERROR_LIMIT_MEMORY,
+        "the surface crosses more than %zu cells of size %g: it is too fine for its size, make its thinnest part "
+        "or shortest period larger, or the rest smaller",
+        CELL_GRID_MOST, w->field->cell_size);
 }
 
 /* Every place of a cell has a number, and its corners are places of their own. */

@@ -261,7 +261,7 @@ static void what_is_too_fine_is_refused(void **state)
         {{.shape = ANALYTIC_ELLIPSOID, .radii = {1e12, 1, 1e-30}}, ERROR_NOT_SUPPORTED, "told apart"},
         {{.shape = ANALYTIC_ELLIPSOID, .radii = {1e12, 1e12, 1e2}}, ERROR_LIMIT_MEMORY, "too fine"},
         {{.shape = ANALYTIC_ELLIPSOID, .radii = {1e12, 1e12, 3e6}}, ERROR_LIMIT_MEMORY, "too fine"},
-        {{.shape = ANALYTIC_BOX, .half_size = {1, 1, 1e-5}}, ERROR_LIMIT_MEMORY, "too fine"},
+        {{.shape = ANALYTIC_BOX, .half_size = {1, 1, 0.003}}, ERROR_LIMIT_MEMORY, "make its thinnest part"},
         {{.shape = ANALYTIC_GYROID, .period = 1e-9, .size = {1, 1, 1}}, ERROR_LIMIT_MEMORY, "too fine"},
         {{.shape = ANALYTIC_GYROID, .period = 1e-30, .size = {1, 1, 1}}, ERROR_NOT_SUPPORTED, "told apart"},
         {{.shape = ANALYTIC_TORUS, .major_radius = 1e6, .minor_radius = 1e-3},
