@@ -124,7 +124,7 @@ bool relax_is_mostly_creased(const relax *r);
 
 /* Share of the particles, boundaries left out, that have other than six neighbours between the first and the second shell
  * of the packing of `spacing`, times their sizes. The lists cover that. `smooth`: of those alone that see none turned from them,
- * where there are any. */
+ * where there are any. Of 200 000 particles and more it is an estimate: every second is asked, or fewer. */
 double relax_disordered_share(const relax *r, const particles *p, double spacing, bool smooth);
 
 /* Mean number of neighbours within `sigma` times the pair's size (m of Table 1). */

@@ -258,7 +258,7 @@ bool relax_is_mostly_creased(const relax *r)
     return r->mostly_creased;
 }
 
-/* Of more particles than this some are asked for disorder. */
+/* Of so many particles and more some are asked for disorder: never more than these. */
 static const size_t MOST_ASKED = 200000;
 
 /* Counts pairs within `reach` times the sizes, and particles that have not six of them. */
