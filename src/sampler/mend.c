@@ -27,7 +27,7 @@ enum { PIECES_MOST = 256, TRIES = 16, CHAIN = 8, QUEUE_MOST = 1024 };
 static const double HEAT = 1, WARMTH = 1, WARM_SHARE = 0.7;
 /* Passes over all pieces for so many particles of which no more than so many were out of order, more by the square where more were,
  * up to PASSES_MOST; and how many of them before all may move. */
-static const double PASSES = 48, PASSES_COUNT = 1e4, PASSES_SHARE = 0.14, PASSES_MOST = 160;
+static const double PASSES = 72, PASSES_COUNT = 1e4, PASSES_SHARE = 0.14, PASSES_MOST = 240;
 enum { PASSES_AT_ONCE = 2 };
 /* Below this share of particles with other than six neighbours there is nothing to mend. */
 static const double ORDERED_SHARE = 0.05;

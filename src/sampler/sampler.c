@@ -246,7 +246,8 @@ static bool relax_step(sampler *s, error *e)
     at.sweeps = ++s->state.sweeps_in_round;
     note_sweep(s, &sums);
     if (!s->state.calmed && schedule_may_be_rough(s->setup.schedule, &at)) {
-        const bool smooth = at.is_creased && at.level > 0;
+        /* how often a packing is mended goes by all of its disorder */
+        const bool smooth = at.is_creased && at.level > 0 && !s->setup.params.mend;
         double share = relax_disordered_share(s->scratch.relax, s->state.p, s->state.spacing, smooth);
         s->state.rough += schedule_is_rough(s->setup.schedule, &at, share, s->state.disordered_share);
         at.rough = s->state.rough;
