@@ -44,10 +44,10 @@ typedef struct finding {
     atomic_ullong *thin, *rows; /* of each material */
 } finding;
 
+enum { WORD = 4 }; /* voxels that are compared at a time */
+
 /* Whether the next voxels of a row are of one material with those of the rows beside it, behind it and across: none of them is thin.
  * Most are; boxes are looked at where they are not. */
-enum { WORD = 4 };
-
 static bool is_thick(const label_volume *v, const int64_t at[3], uint16_t own)
 {
     if (at[0] + WORD > v->size[0] || at[1] + 1 >= v->size[1] || at[2] + 1 >= v->size[2]) return false;

@@ -59,18 +59,13 @@ static bool gain(const verdict_input *in, double *value, double *bound)
     return *value > *bound;
 }
 
-static double share_near_boundaries(const quality *q, const sampler_points *p)
-{
-    return (double)q->rim_count / (double)p->stands.count;
-}
-
 /* Near boundaries pairs are missing, and energies with them: where all but a few points lie there it is boundary_share that fails. */
 static bool target_energy(const verdict_input *in, double *value, double *bound)
 {
     const sampler_points *p = sampler_result_points(in->sampler);
     *value = fabs(p->mean_energy / p->ideal_energy - 1);
     *bound = in->energy_tolerance;
-    return *value > *bound && share_near_boundaries(in->quality, p) <= BOUNDARY_SHARE;
+    return *value > *bound && !verdict_is_near_boundaries(in->quality, p);
 }
 
 /* Some methods end with as many particles as they come to; the count of others is exact. */
@@ -93,6 +88,11 @@ static bool unresolved_share(const verdict_input *in, double *value, double *bou
     *value = 1 - in->quality->resolved_share;
     *bound = VERDICT_UNRESOLVED_SHARE;
     return *value > *bound;
+}
+
+static double share_near_boundaries(const quality *q, const sampler_points *p)
+{
+    return (double)q->rim_count / (double)p->stands.count;
 }
 
 static bool boundary_share(const verdict_input *in, double *value, double *bound)

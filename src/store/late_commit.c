@@ -51,8 +51,10 @@ bool late_commit_end(late_commit *c, store_facts *out, error *e)
 {
     if (c->beside) pthread_join(c->thread, NULL);
     const bool ok = c->ok;
-    if (ok) *out = c->facts;
-    if (!ok && e) *e = c->e;
+    if (ok)
+        *out = c->facts;
+    else
+        *e = c->e;
     free(c);
     return ok;
 }

@@ -20,7 +20,7 @@ typedef bool (*late_commit_writer)(FILE *stream, void *context, error *e);
  * had: it is done at once, by the calling thread. */
 late_commit *late_commit_begin(store_file *file, late_commit_writer write, void *context, bool beside);
 
-/* Waits for it; frees it whatever comes of it. `e` may be NULL. */
+/* Waits for it; frees it whatever comes of it. */
 bool late_commit_end(late_commit *c, store_facts *out, error *e);
 
 /* The same at once. */

@@ -137,20 +137,16 @@ static bool place_blocks(samples *s, const grid_view *l, samples_leaves taken, e
     const bool shared = taken.used > 0;
     const size_t leaves = l->grid->leaf_count, own = s->map.count - taken.used / (VOXELS * sizeof(float));
     size_t others = 0;
-    for (uint32_t n = 0; n < s->map.count; n++) {
-        const int32_t *b = s->map.blocks[n];
-        s->near[n] = block_map_find(&l->leaves, b[0], b[1],
-                                    b[2]); /* is filled later: holds the leaf's number until then */
-    }
     s->spare = taken.spare;
     s->leaves.f = shared ? l->grid->leaf_values : NULL;
     s->others.f = mem_array(own * VOXELS, sizeof(float), "the voxels around the surface", e);
     if (!s->others.f || !make_store(&s->leaves, shared ? leaves : 0, e) || !make_store(&s->others, own, e))
         return false;
     for (uint32_t n = 0; n < s->map.count; n++) {
-        const bool is_leaf = shared && s->near[n] != BLOCK_MAP_NONE;
-        s->f[n] = take_place(is_leaf ? &s->leaves : &s->others, is_leaf ? s->near[n] : others++,
-                             s->map.blocks[n][0]);
+        const int32_t *b = s->map.blocks[n];
+        const uint32_t leaf = shared ? block_map_find(&l->leaves, b[0], b[1], b[2]) : BLOCK_MAP_NONE;
+        const bool is_leaf = leaf != BLOCK_MAP_NONE;
+        s->f[n] = take_place(is_leaf ? &s->leaves : &s->others, is_leaf ? leaf : others++, b[0]);
     }
     return true;
 }
