@@ -6,28 +6,13 @@
 #include "base/isa.h"
 #include "packing/packing.h"
 #include "packing/star_lanes.h"
+#include "packing/star_sieve.h"
 
 /* Points are moved by this much at most, in spacings, along their normals: those that lie on a plane or a
  * sphere have no unique triangulation, and so they have. */
 static const double JITTER = 1e-5;
-/* Triangles of a larger circumradius, in spacings, span a hole or reach across a boundary. An ideal one has 0.58,
- * those of a vacancy 1. */
-static const double WIDEST = 1.5;
 /* Of three points nearly in a line: the sine of their angle at the first. */
 static const double FLATTEST = 1e-6;
-
-/* So much of the line of places that are as far from three points, in spacings, is looked at either way at
- * least. */
-static const double DEEP = 0.5;
-
-/* Triangles that are sifted side by side, and how many of the nearest points do so. */
-enum { SIEVED = 8, CUTTERS = 32 };
-typedef float sieve_row __attribute__((vector_size(4 * SIEVED)));
-typedef int32_t sieve_mask __attribute__((vector_size(4 * SIEVED)));
-/* A sieve is in single precision, and lets through what it is not sure of: thin triangles, and bounds that are far away. */
-static const float SIEVE_OTHER_SIDE2 = 0.999f * (float)(VORONOI_OTHER_SIDE * VORONOI_OTHER_SIDE);
-static const float SIEVE_THIN = 0.09f, SIEVE_MORE = 1.001f, SIEVE_FAR2 = 100;
-static const double LOOSE = 2e-4;
 
 /* (No calls, as fmax and fmin are.) */
 static inline double larger(double a, double b)
@@ -60,11 +45,7 @@ typedef struct surroundings {
     double x[VORONOI_STAR_MAX], y[VORONOI_STAR_MAX], z[VORONOI_STAR_MAX];
     double nx[VORONOI_STAR_MAX], ny[VORONOI_STAR_MAX], nz[VORONOI_STAR_MAX], spacing[VORONOI_STAR_MAX];
     double square[VORONOI_STAR_MAX]; /* how far it and all behind it are at least, squared */
-    /* once more in single precision, from the point at hand and over its spacing; `widest` is twice the widest circumradius there */
-    float near_x[VORONOI_STAR_MAX], near_y[VORONOI_STAR_MAX], near_z[VORONOI_STAR_MAX];
-    float near_nx[VORONOI_STAR_MAX], near_ny[VORONOI_STAR_MAX], near_nz[VORONOI_STAR_MAX],
-        near_widest[VORONOI_STAR_MAX];
-    float own_nx, own_ny, own_nz, loose;
+    star_sieve sieve;
 } surroundings;
 
 /* Three points, and of the line of places that are as far from each, counted along `across` from their
@@ -97,6 +78,13 @@ static site site_at(const voronoi_sites *in, uint32_t i, uint32_t place, vec3 fa
     return (site){i, place, at, normal_towards(in, i, facing), in->spacing[i]};
 }
 
+static void fill_sieve(surroundings *s)
+{
+    const star_around around = {s->count, s->own.at, s->own.normal, s->own.spacing, s->x,       s->y,
+                                s->z,     s->nx,     s->ny,         s->nz,          s->spacing, s->square};
+    star_sieve_fill(&around, &s->sieve);
+}
+
 /* False when they are too many. */
 static bool gather_sites(const voronoi_sites *in, uint32_t a, surroundings *out)
 {
@@ -127,25 +115,11 @@ static bool gather_sites(const voronoi_sites *in, uint32_t a, surroundings *out)
         out->nz[k] = of->normal.z;
         out->spacing[k] = of->spacing;
     }
-    const double over = 1 / out->own.spacing;
-    for (uint32_t k = 0; k < listed; k++) {
-        const site *of = &out->near[k];
-        out->near_x[k] = (float)((of->at.x - out->own.at.x) * over);
-        out->near_y[k] = (float)((of->at.y - out->own.at.y) * over);
-        out->near_z[k] = (float)((of->at.z - out->own.at.z) * over);
-        out->near_nx[k] = (float)of->normal.x;
-        out->near_ny[k] = (float)of->normal.y;
-        out->near_nz[k] = (float)of->normal.z;
-        out->near_widest[k] = (float)(2 * WIDEST * larger(1, of->spacing * over));
-    }
-    out->own_nx = (float)out->own.normal.x;
-    out->own_ny = (float)out->own.normal.y;
-    out->own_nz = (float)out->own.normal.z;
-    out->loose = listed > 0 ? (float)(LOOSE * square[listed - 1] * over * over) : 0;
     for (uint32_t k = listed; k-- > 0;) {
         double own = vec3_norm2(vec3_sub(out->near[k].at, out->own.at));
         out->square[k] = k + 1 < listed && out->square[k + 1] < own ? out->square[k + 1] : own;
     }
+    fill_sieve(out);
     return true;
 }
 
@@ -173,7 +147,7 @@ static bool span_triangle(const site *a, const site *b, const site *c, triangle 
     double u2 = vec3_norm2(u), v2 = vec3_norm2(v), uv2 = vec3_norm2(vec3_sub(u, v));
     if (!are_near(b, c, uv2) || !are_near(a, c, v2) || !are_near(a, b, u2)) return false;
     vec3 w = vec3_cross(u, v);
-    double w2 = vec3_norm2(w), widest = 2 * WIDEST * larger(a->spacing, larger(b->spacing, c->spacing));
+    double w2 = vec3_norm2(w), widest = 2 * STAR_WIDEST * larger(a->spacing, larger(b->spacing, c->spacing));
     if (!(w2 > FLATTEST * FLATTEST * u2 * v2) || !(u2 * v2 * uv2 < widest * widest * w2)) return false;
     vec3 to =
         vec3_scale(vec3_add(vec3_scale(vec3_cross(w, u), v2), vec3_scale(vec3_cross(v, w), u2)), 0.5 / w2);
@@ -187,7 +161,7 @@ static bool span_triangle(const site *a, const site *b, const site *c, triangle 
     out->across = vec3_scale(w, copysign(1, vec3_dot(w, out->facing)));
     out->radius2 = vec3_norm2(to);
     out->hidden2 = VORONOI_OTHER_SIDE * VORONOI_OTHER_SIDE * vec3_norm2(out->facing);
-    out->wide = deep2 < DEEP * DEEP * least * least;
+    out->wide = deep2 < STAR_DEEP * STAR_DEEP * least * least;
     out->high = out->wide ? INFINITY : sqrt(deep2 / w2);
     out->low = -out->high;
     out->low_by = out->high_by = NULL;
@@ -570,102 +544,13 @@ ISA_CLONES static uint32_t find_thirds(const surroundings *s, const site *b, con
     return count;
 }
 
-/* Triangles of the point at hand, b and others, side by side, in single precision and in spacings from the point at hand. */
-typedef struct sieve {
-    sieve_row x, y, z, nx, ny, nz, widest;
-    sieve_mask third; /* their places in the surroundings */
-    sieve_mask stays, low_by, high_by;
-} sieve;
-
-/* Lane by lane a where `which` is set, else b. (No function: vectors are not handed over alike with and without AVX.) */
-#define CHOOSE(which, a, b) (((a) & (which)) | ((b) & ~(which)))
-
-ISA_INLINE bool is_any_set(const sieve_mask *m)
-{
-    int32_t any = 0;
-    for (int l = 0; l < SIEVED; l++) any |= (*m)[l];
-    return any != 0;
-}
-
-/* Tells which triangles may be of the surface: of the others the nearest points surely leave nothing. */
-ISA_CLONES static void sift(const surroundings *s, uint32_t at, uint32_t cutters, sieve *t)
-{
-    const sieve_row ux = s->near_x[at] - (sieve_row){0}, uy = s->near_y[at] - (sieve_row){0},
-                    uz = s->near_z[at] - (sieve_row){0}, vx = t->x, vy = t->y, vz = t->z;
-    const sieve_row u2 = ux * ux + uy * uy + uz * uz, v2 = vx * vx + vy * vy + vz * vz;
-    const sieve_row dx = ux - vx, dy = uy - vy, dz = uz - vz, uv2 = dx * dx + dy * dy + dz * dz;
-    const sieve_row wx = uy * vz - uz * vy, wy = uz * vx - ux * vz, wz = ux * vy - uy * vx;
-    const sieve_row w2 = wx * wx + wy * wy + wz * wz, half = 0.5f / w2;
-    const sieve_row cx = half * (v2 * (wy * uz - wz * uy) + u2 * (vy * wz - vz * wy));
-    const sieve_row cy = half * (v2 * (wz * ux - wx * uz) + u2 * (vz * wx - vx * wz));
-    const sieve_row cz = half * (v2 * (wx * uy - wy * ux) + u2 * (vx * wy - vy * wx));
-    const sieve_row bound = cx * cx + cy * cy + cz * cz - s->loose;
-    const sieve_row fx = s->own_nx + s->near_nx[at] + t->nx, fy = s->own_ny + s->near_ny[at] + t->ny,
-                    fz = s->own_nz + s->near_nz[at] + t->nz;
-    const sieve_row hidden2 = SIEVE_OTHER_SIDE2 * (fx * fx + fy * fy + fz * fz);
-    const sieve_mask thin = ~(w2 > SIEVE_THIN * u2 * v2);
-    sieve_mask gone = u2 * v2 * uv2 > SIEVE_MORE * t->widest * t->widest * w2;
-    sieve_mask stays = ~gone | thin, low_by = (sieve_mask){0} - 1, high_by = low_by;
-    sieve_row low = (sieve_row){0} - INFINITY, high = (sieve_row){0} + INFINITY;
-    for (uint32_t k = 0; k < cutters; k++) {
-        if (k == at) continue;
-        const sieve_row facing = s->near_nx[k] * fx + s->near_ny[k] * fy + s->near_nz[k] * fz;
-        const sieve_row qx = s->near_x[k] - cx, qy = s->near_y[k] - cy, qz = s->near_z[k] - cz;
-        const sieve_row along = 2 * (wx * qx + wy * qy + wz * qz);
-        const sieve_row to = (qx * qx + qy * qy + qz * qz - bound) / along;
-        const sieve_mask sees = ((facing > 0) | (facing * facing < hidden2)) & (t->third != (int32_t)k);
-        const sieve_mask above = sees & (along > 0) & (to < high), below = sees & (along < 0) & (to > low);
-        high = (sieve_row)CHOOSE(above, (sieve_mask)to, (sieve_mask)high);
-        low = (sieve_row)CHOOSE(below, (sieve_mask)to, (sieve_mask)low);
-        high_by = CHOOSE(above, (sieve_mask){0} + (int32_t)k, high_by);
-        low_by = CHOOSE(below, (sieve_mask){0} + (int32_t)k, low_by);
-        gone |= (low > high) & (low * low * w2 < SIEVE_FAR2) & (high * high * w2 < SIEVE_FAR2);
-        stays = ~gone | thin;
-        if (k % 4 == 3 && !is_any_set(&stays)) break;
-    }
-    t->stays = stays;
-    t->low_by = low_by;
-    t->high_by = high_by;
-}
-
-/* Leaves of the thirds those whose triangles may be of the surface. `by` receives who leaves least of each, on either side; -1:
- * nobody. */
-static uint32_t sift_thirds(const surroundings *s, uint32_t at, uint32_t third[VORONOI_STAR_MAX],
-                            uint32_t count, int32_t by[VORONOI_STAR_MAX][2])
-{
-    const uint32_t cutters = s->count < CUTTERS ? s->count : CUTTERS;
-    uint32_t kept = 0;
-    sieve t;
-    for (uint32_t first = 0; first < count; first += SIEVED) {
-        for (uint32_t l = 0; l < SIEVED; l++) {
-            const uint32_t k = third[first + l < count ? first + l : count - 1];
-            t.x[l] = s->near_x[k];
-            t.y[l] = s->near_y[k];
-            t.z[l] = s->near_z[k];
-            t.nx[l] = s->near_nx[k];
-            t.ny[l] = s->near_ny[k];
-            t.nz[l] = s->near_nz[k];
-            t.widest[l] = s->near_widest[k] > s->near_widest[at] ? s->near_widest[k] : s->near_widest[at];
-            t.third[l] = (int32_t)k;
-        }
-        sift(s, at, cutters, &t);
-        for (uint32_t l = 0; l < SIEVED && first + l < count; l++) {
-            third[kept] = (uint32_t)t.third[l];
-            by[kept][0] = t.low_by[l];
-            by[kept][1] = t.high_by[l];
-            kept += t.stays[l] != 0;
-        }
-    }
-    return kept;
-}
-
 static void join_triangles(const voronoi_sites *in, surroundings *s, uint32_t at, tour *t, voronoi_star *out)
 {
     const site *a = &s->own, *b = &s->near[at];
     uint32_t third[VORONOI_STAR_MAX];
     int32_t by[VORONOI_STAR_MAX][2];
     t->done[at] = true;
-    const uint32_t thirds = sift_thirds(s, at, third, find_thirds(s, b, t, third), by);
+    const uint32_t thirds = star_sieve_thirds(&s->sieve, at, find_thirds(s, b, t, third), third, by);
     for (uint32_t k = 0; k < thirds; k++) {
         const site *c = &s->near[third[k]];
         if (!is_on_surface(in, s, b, c, by[k])) continue;
