@@ -217,20 +217,6 @@ static void VERSION(forces)(const neighbours_place *place, const fast_kernel_par
     }
 }
 
-/* As sum_pairs, energies alone. */
-ISA_INLINE void VERSION(sum_energies)(const neighbours_place *place, const fast_kernel_normal *normal,
-                                      const uint32_t *const list[], uint32_t most, const VERSION(own) * own,
-                                      float reach, VERSION(floats) * out)
-{
-    VERSION(pair) pair, next;
-    if (most > 0) VERSION(meet)(place, normal, list, 0, own, reach, &next);
-    for (uint32_t k = 1; k <= most; k++) {
-        pair = next;
-        VERSION(meet)(place, normal, list, k < most ? k : 0, own, reach, &next);
-        VERSION(add_energy)(&pair, out);
-    }
-}
-
 static void VERSION(energy)(const neighbours_place *place, const fast_kernel_particles *particles,
                             const fast_kernel_params *params, size_t count, float out[LANES])
 {
@@ -239,12 +225,17 @@ static void VERSION(energy)(const neighbours_place *place, const fast_kernel_par
         const uint32_t *const *list = particles->list + first;
         const uint32_t most = VERSION(longest)(particles, first);
         VERSION(own) own;
+        VERSION(pair) pair;
         VERSION(floats) sum = VERSION_ALL(0);
         VERSION(set_up)(particles, first, reach, &own);
-        if (params->normal)
-            VERSION(sum_energies)(place, params->normal, list, most, &own, reach, &sum);
-        else
-            VERSION(sum_energies)(place, NULL, list, most, &own, reach, &sum);
+        for (uint32_t k = 0; !params->normal && k < most; k++) {
+            VERSION(meet)(place, NULL, list, k, &own, reach, &pair);
+            VERSION(add_energy)(&pair, &sum);
+        }
+        for (uint32_t k = 0; params->normal && k < most; k++) {
+            VERSION(meet)(place, params->normal, list, k, &own, reach, &pair);
+            VERSION(add_energy)(&pair, &sum);
+        }
         memcpy(out + first, &sum, sizeof sum);
     }
 }

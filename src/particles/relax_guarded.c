@@ -78,20 +78,13 @@ static void land(const sweep_job *job, trial *t)
     for (size_t l = 0; l < FAST_KERNEL_LANES; l++) t->way.ends_well[l] = landed[l];
 }
 
-/* What one lane has of a list: entries from `first` on, at most up to `end`. */
-typedef struct list_part {
-    uint32_t first, end;
-} list_part;
-
 /* Lane l of t, where it has landed, as lane k. */
-static void move_lane(const sweep_job *job, const trial *t, size_t l, list_part part, size_t k,
-                      fast_kernel_particles *out)
+static void move_lane(const sweep_job *job, const trial *t, size_t l, size_t k, fast_kernel_particles *out)
 {
     const vec3 x = {t->way.to.x[l], t->way.to.y[l], t->way.to.z[l]};
     const neighbours_place place = neighbours_place_of(job->r->near, x, t->own.size[l]);
-    const uint32_t end = part.end < t->own.count[l] ? part.end : t->own.count[l];
-    out->list[k] = t->own.list[l] + part.first;
-    out->count[k] = part.first < end ? end - part.first : 0;
+    out->list[k] = t->own.list[l];
+    out->count[k] = t->own.count[l];
     out->x[k] = place.x;
     out->y[k] = place.y;
     out->z[k] = place.z;
@@ -101,34 +94,24 @@ static void move_lane(const sweep_job *job, const trial *t, size_t l, list_part 
     out->normal.z[k] = t->way.gradient.z[l];
 }
 
-/* The energies where the open lanes have landed. Few move up, and each of these has as many lanes as there are to spare, which
- * share its list; none is read beyond the longest. */
+/* The energies where the open lanes have landed, which are few the second time: they move up. */
 static void look(const sweep_job *job, const trial *t, float energy[FAST_KERNEL_LANES])
 {
     fast_kernel_particles there;
-    size_t lane[FAST_KERNEL_LANES], count = 0, parts = 1;
-    uint32_t longest = 0;
+    size_t lane[FAST_KERNEL_LANES], count = 0;
     float found[FAST_KERNEL_LANES];
     for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {
         if (!t->open[l] || !t->way.ends_well[l]) continue;
-        longest = t->own.count[l] > longest ? t->own.count[l] : longest;
+        move_lane(job, t, l, count, &there);
         lane[count++] = l;
     }
     if (count == 0) return;
-    while (2 * parts * count <= FAST_KERNEL_LANES) parts *= 2;
-    const uint32_t share = (longest + (uint32_t)parts - 1) / (uint32_t)parts;
-    for (size_t k = 0; k < FAST_KERNEL_LANES; k++) {
-        const uint32_t left = (uint32_t)(parts - k % parts - 1) * share;
-        list_part part = {0, longest > left ? longest - left : 0};
-        if (part.end > share) part.first = part.end - share;
-        if (k >= count * parts) part.end = 0;
-        move_lane(job, t, lane[k < count * parts ? k / parts : 0], part, k, &there);
+    for (size_t k = count; k < FAST_KERNEL_LANES; k++) {
+        move_lane(job, t, lane[0], k, &there);
+        there.count[k] = 0;
     }
-    job->r->fast->energy(job->r->near->place, &there, &t->params, count * parts, found);
-    for (size_t k = 0; k < count; k++) {
-        energy[lane[k]] = 0;
-        for (size_t p = 0; p < parts; p++) energy[lane[k]] += found[k * parts + p];
-    }
+    job->r->fast->energy(job->r->near->place, &there, &t->params, count, found);
+    for (size_t k = 0; k < count; k++) energy[lane[k]] = found[k];
 }
 
 /* The lanes that have something to gain and may move; the others are done with. */
