@@ -15,8 +15,9 @@ struct threads {
     pthread_t *thread;
     pthread_mutex_t lock;
     pthread_cond_t start, finished;
-    unsigned generation; /* of the loop at hand; a change wakes the workers */
-    int running;         /* workers that have not finished it */
+    unsigned generation; /* of the loop at hand */
+    bool open;           /* it has chunks left, so that workers may begin */
+    int inside;          /* workers that have begun */
     bool stop;
     threads_work work;
     void *context;
@@ -45,15 +46,18 @@ static void *worker_main(void *argument)
     free(argument);
     threads *t = s.pool;
     unsigned seen = 0;
-    pthread_mutex_lock(&t->lock);
     for (;;) {
-        while (t->generation == seen && !t->stop) pthread_cond_wait(&t->start, &t->lock);
+        pthread_mutex_lock(&t->lock);
+        while ((!t->open || t->generation == seen) && !t->stop) pthread_cond_wait(&t->start, &t->lock);
         if (t->stop) break;
         seen = t->generation;
+        t->inside++;
         pthread_mutex_unlock(&t->lock);
         take_chunks(t, s.worker);
         pthread_mutex_lock(&t->lock);
-        if (--t->running == 0) pthread_cond_signal(&t->finished);
+        const bool last = --t->inside == 0 && !t->open;
+        pthread_mutex_unlock(&t->lock);
+        if (last) pthread_cond_signal(&t->finished);
     }
     pthread_mutex_unlock(&t->lock);
     return NULL;
@@ -128,19 +132,25 @@ void threads_run(threads *t, size_t count, size_t grain, threads_work work, void
             work(context, 0, begin, count - begin < grain ? count : begin + grain);
         return;
     }
+    const size_t others = (count - 1) / grain; /* chunks beside the first */
     pthread_mutex_lock(&t->lock);
     t->work = work;
     t->context = context;
     t->end = count;
     t->grain = grain;
     atomic_store(&t->next, 0);
-    t->running = t->count - 1;
+    t->open = true;
     t->generation++;
-    pthread_cond_broadcast(&t->start);
     pthread_mutex_unlock(&t->lock);
+    /* Signals come after unlocking: who is woken would only wait for the lock. */
+    if (others >= (size_t)t->count - 1)
+        pthread_cond_broadcast(&t->start);
+    else
+        for (size_t k = 0; k < others; k++) pthread_cond_signal(&t->start);
     take_chunks(t, 0);
     pthread_mutex_lock(&t->lock);
-    while (t->running > 0) pthread_cond_wait(&t->finished, &t->lock);
+    t->open = false; /* who has not woken by now has nothing to do, and nobody waits for it */
+    while (t->inside > 0) pthread_cond_wait(&t->finished, &t->lock);
     pthread_mutex_unlock(&t->lock);
 }
 

@@ -37,6 +37,35 @@ static void every_item_once(void **state)
     }
 }
 
+typedef struct short_loop {
+    atomic_int done;
+    atomic_bool over;
+} short_loop;
+
+static void count_and_look(void *context, int worker, size_t begin, size_t end)
+{
+    short_loop *l = context;
+    (void)worker;
+    assert_false(atomic_load(&l->over));
+    atomic_fetch_add(&l->done, (int)(end - begin));
+}
+
+/* Workers that wake up when a loop is over leave it alone, and begin none twice. */
+static void short_loops_end_for_all(void **state)
+{
+    (void)state;
+    error e = {0};
+    threads *pool = threads_new(8, NULL, &e);
+    assert_non_null(pool);
+    for (int k = 0; k < 20000; k++) {
+        short_loop l = {0, false};
+        threads_run(pool, 2 + (size_t)k % 9, 1, count_and_look, &l);
+        atomic_store(&l.over, true);
+        assert_int_equal(atomic_load(&l.done), 2 + k % 9);
+    }
+    threads_free(pool);
+}
+
 static void there_is_a_processor(void **state)
 {
     (void)state;
@@ -46,6 +75,7 @@ static void there_is_a_processor(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(every_item_once),
+                                       cmocka_unit_test(short_loops_end_for_all),
                                        cmocka_unit_test(there_is_a_processor)};
     return cmocka_run_group_tests_name("threads", tests, NULL, NULL);
 }
