@@ -229,29 +229,77 @@ static bool find_side(const combination *c, const part *p, vec3 x, double *away,
     return true;
 }
 
+/* Brings x, a place near a part's surface, onto it; false where it cannot. */
+static bool find_foot(const combination *c, const part *own, vec3 *x, vec3 *outward)
+{
+    double away;
+    for (int step = 0; step < 3; step++) {
+        if (!find_side(c, own, *x, &away, outward)) return false;
+        *x = vec3_axpy(-away * c->sense, *outward, *x);
+    }
+    return true;
+}
+
 /* The room between a part's surface at x, a place near it, and the nearest of another part that faces it; FLT_MAX where there is
- * none, and INFINITY where the surface is not that of the whole. *slope: how fast the room grows along the surface. */
-static double room_at(const combination *c, const part *own, vec3 x, double *slope)
+ * none, and INFINITY where the surface is not that of the whole. *slope: how fast the room grows along the surface. *cover: the part
+ * that faces it and covers it there, or NULL. */
+static double room_at(const combination *c, const part *own, vec3 x, double *slope, const part **cover)
 {
     const double apart = APART * bbox_longest(c->base.domain);
     double room = FLT_MAX, away = 0;
     vec3 outward, other;
     *slope = 0;
-    for (int step = 0; step < 3; step++) {
-        if (!find_side(c, own, x, &away, &outward)) return INFINITY;
-        x = vec3_axpy(-away * c->sense, outward, x);
-    }
+    *cover = NULL;
+    if (!find_foot(c, own, &x, &outward)) return INFINITY;
     for (const part *p = c->parts; p < c->parts + c->count; p++) {
         const double side = p == own ? 1 : p->sign * p->field->ops->side(p->field, x);
         if (side < 0) return INFINITY;
         if (side > 0 || !find_side(c, p, x, &away, &other)) continue;
-        if (away < -apart) return INFINITY;
         const double cosine = vec3_dot(outward, other);
+        if (away < -apart) {
+            *cover = cosine < FACING ? p : NULL;
+            return INFINITY;
+        }
         if (!(away > apart && away < room && cosine < FACING)) continue;
         room = away;
         *slope = sqrt(fmax(1 - cosine * cosine, 0));
     }
     return room;
+}
+
+/* How far a facing part's surface is from the foot of x, less than 0 where it covers that, and the way along the surface on which that
+ * grows: as long as it grows fast. */
+static bool find_rise(const combination *c, const part *own, const part *facing, vec3 *x, double *away,
+                      vec3 *rise)
+{
+    vec3 outward, other;
+    if (!find_foot(c, own, x, &outward) || !find_side(c, facing, *x, away, &other)) return false;
+    *rise = vec3_scale(vec3_axpy(-vec3_dot(outward, other), outward, other), c->sense);
+    return true;
+}
+
+/* Where a part's surface is covered at the middle of a place, but not all over it: what there is of the whole's at the top of the rise,
+ * as of a lens that is narrower than the place: where the rise, which is taken to fall in a straight line, is 0. `most`: the place's
+ * area. */
+static wall wall_at_top(const combination *c, const part *own, const part *cover, vec3 x, double edge,
+                        double most)
+{
+    const wall none = {INFINITY, 0, (float)most};
+    const double reach = 0.5 * sqrt(3) * edge;
+    double away, slope;
+    vec3 rise, beyond;
+    if (!find_rise(c, own, cover, &x, &away, &rise) || !((slope = vec3_norm(rise)) > 0) ||
+        -away > reach * slope)
+        return none;
+    const vec3 way = vec3_scale(rise, 1 / slope);
+    vec3 there = vec3_axpy(reach, way, x);
+    if (!find_rise(c, own, cover, &there, &away, &beyond)) return none;
+    const double bend = (slope - vec3_dot(beyond, way)) / reach;
+    if (!(bend * reach > slope)) return none; /* what is beyond an edge is seen from other places */
+    const double room = room_at(c, own, vec3_axpy(slope / bend, way, x), &slope, &cover);
+    if (!(room < FLT_MAX)) return none;
+    const double cap = 2 * M_PI * room / bend; /* of a paraboloid */
+    return (wall){(float)(0.5 * room), (float)room, (float)fmin(cap, most)};
 }
 
 typedef struct room_job {
@@ -276,11 +324,14 @@ static void room_chunk(void *context, int worker, size_t begin, size_t end)
         own->field->ops->cell(own->field, k, &cell);
         const double edge = field_cell_edge(&cell);
         for (int v = 0; v < own->places; v++) {
+            wall *w = &own->walls[k * (size_t)own->places + (size_t)v];
+            const vec3 place = place_of(own, &cell, v);
+            const double across = edge / (own->places > 1 ? 2 : 1), area = edge * edge / own->places;
+            const part *cover;
             double slope;
-            const double room = room_at(job->c, own, place_of(own, &cell, v), &slope);
-            own->walls[k * (size_t)own->places + (size_t)v] =
-                (wall){(float)room, (float)(slope * edge / (own->places > 1 ? 2 : 1)),
-                       (float)(edge * edge / own->places)};
+            const double room = room_at(job->c, own, place, &slope, &cover);
+            *w = cover ? wall_at_top(job->c, own, cover, place, across, area)
+                       : (wall){(float)room, (float)(slope * across), (float)area};
         }
     }
 }

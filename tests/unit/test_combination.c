@@ -308,6 +308,46 @@ static void faces_in_one_plane_are_not_thin(void **state)
     analytic_free(b);
 }
 
+/* Of two balls and a small one, and two others and the same small one, a lens is left beside the small ball: if it is narrower than
+ * cells it has some of its own, or is told. */
+static void a_lens_narrower_than_cells_is_not_lost(void **state)
+{
+    (void)state;
+    rng r = rng_seed(SEED, 7);
+    for (int k = 0; k < 2; k++) {
+        const double depth = k == 0 ? 3e-3 : 3e-4;
+        const vec3 shift = vec3_make(rng_uniform(&r), rng_uniform(&r), rng_uniform(&r)),
+                   way = vec3_make(rng_uniform(&r) - 0.5, rng_uniform(&r) - 0.5, rng_uniform(&r) - 0.5),
+                   by = vec3_axpy(1 / vec3_norm(way), way, shift),
+                   to = vec3_axpy(2 - depth, vec3_sub(shift, by), by);
+        analytic *one = sphere(1, by), *two = sphere(1, to),
+                 *small = sphere(0.05, vec3_make(shift.x, shift.y + 3.5, shift.z));
+        error e = {0};
+        combination *left = combination_new(COMBINATION_UNION, (const field *[]){&one->base, &small->base}, 2,
+                                            LEVELS, MEMORY, NULL, &e);
+        combination *right = combination_new(COMBINATION_UNION, (const field *[]){&two->base, &small->base},
+                                             2, LEVELS, MEMORY, NULL, &e);
+        combination *both = combination_new(
+            COMBINATION_INTERSECTION, (const field *[]){combination_field(left), combination_field(right)}, 2,
+            LEVELS, MEMORY, NULL, &e);
+        if (!both) fail_msg("%s", e.message);
+        surface *s = surface_scan(combination_field(both), NULL, &e);
+        if (!s) fail_msg("%s", e.message);
+        const double ball = 4 * M_PI * 0.05 * 0.05, missing = combination_missing(both, NULL);
+        print_message("# lens of %.2g: area off by %.2g, missing %.2g\n", depth,
+                      s->area / (ball + lens(depth)) - 1, missing);
+        assert_true(fabs(s->area / (ball + lens(depth)) - 1) < 0.01 ||
+                    missing > 0.3 * lens(depth) / (ball + lens(depth)));
+        surface_free(s);
+        combination_free(both);
+        combination_free(left);
+        combination_free(right);
+        analytic_free(one);
+        analytic_free(two);
+        analytic_free(small);
+    }
+}
+
 int main(void)
 {
     print_message("# seed %u\n", SEED);
@@ -319,6 +359,7 @@ int main(void)
         cmocka_unit_test(walls_thinner_than_cells_are_whole),
         cmocka_unit_test(cells_in_walls_are_bounded),
         cmocka_unit_test(faces_in_one_plane_are_not_thin),
+        cmocka_unit_test(a_lens_narrower_than_cells_is_not_lost),
     };
     return cmocka_run_group_tests_name("combination", tests, NULL, NULL);
 }
