@@ -33,7 +33,7 @@ bool label_graph_make(const mesh *m, const uint32_t *kind, label_graph *out, err
     label_graph g = {.first = mem_array(m->vertex_count + 2, sizeof *g.first, what, e),
                      .along = mem_array(m->vertex_count, sizeof *g.along, what, e),
                      .kind = mem_array(m->vertex_count, sizeof *g.kind, what, e)};
-    bool ok = g.first && g.along && g.kind && mesh_edges_list(m, &edges, e);
+    bool ok = g.first && g.along && g.kind && mesh_edges_list(m, NULL, &edges, e);
     if (ok) {
         for (size_t n = 0; n < m->triangle_count; n++)
             for (int k = 0; k < 3; k++) g.kind[m->triangle[n][k]] = kind[n];

@@ -628,7 +628,7 @@ static bool make(making *k, const levelset_params *p, vdb_grid *out, error *e)
     const double longest = k->m->triangle_count ? bbox_longest(mesh_box(k->m)) : 0;
     if (!mesh_weld(k->m, MESH_DROP_CANCELLED, k->notes, e) || !to_index_space(k, p, out->index_to_world, e))
         return false;
-    const mesh_place place = {p->weld * longest / k->voxel_size, out->index_to_world};
+    const mesh_place place = {p->weld * longest / k->voxel_size, out->index_to_world, k->pool};
     k->fixed = mem_array(k->m->vertex_count, sizeof *k->fixed, "the mesh", e);
     if (!k->fixed) return false;
     for (size_t n = 0; n < k->m->vertex_count; n++) k->fixed[n] = winding_fix(k->m->vertex[n]);

@@ -4,7 +4,6 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "base/sets.h"
 
 static const char what[] = "the edges of the mesh";
 
@@ -23,7 +22,7 @@ static int by_other(const void *left, const void *right)
 }
 
 /* Most vertices have a few sides: these are sorted in place. */
-enum { FEW = 16 };
+enum { FEW = 16, VERTICES = 4096 }; /* VERTICES: in a chunk of work */
 
 static void sort_sides(mesh_side *sides, size_t count)
 {
@@ -39,7 +38,15 @@ static void sort_sides(mesh_side *sides, size_t count)
     }
 }
 
-bool mesh_edges_list(const mesh *m, mesh_edges *out, error *e)
+static void sort_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const mesh_edges *edges = context;
+    (void)worker;
+    for (size_t v = begin; v < end; v++)
+        sort_sides(edges->sides + edges->first[v], edges->first[v + 1] - edges->first[v]);
+}
+
+bool mesh_edges_list(const mesh *m, threads *pool, mesh_edges *out, error *e)
 {
     mesh_edges_free(out);
     out->vertex_count = m->vertex_count;
@@ -58,9 +65,8 @@ bool mesh_edges_list(const mesh *m, mesh_edges *out, error *e)
             uint32_t a = m->triangle[n][k], b = m->triangle[n][(k + 1) % 3], low = a < b ? a : b;
             out->sides[out->first[low + 1]++] = (mesh_side){a < b ? b : a, n, a < b};
         }
-    for (size_t v = 0; v < m->vertex_count; v++)
-        sort_sides(out->sides + out->first[v], out->first[v + 1] - out->first[v]);
-    return true;
+    threads_run(pool, m->vertex_count, VERTICES, sort_chunk, out);
+    return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
 
 size_t mesh_edges_width(const mesh_edges *edges, size_t v, size_t k)
@@ -93,7 +99,8 @@ bool mesh_edges_open(const mesh_edges *edges, seam_edge **out, size_t *count, er
 }
 
 /* First vertices meet vertices; then each round splits one edge of a triangle. */
-bool mesh_edges_close_seams(mesh *m, double tolerance, mesh_edges *edges, mesh_notes *notes, error *e)
+bool mesh_edges_close_seams(mesh *m, double tolerance, threads *pool, mesh_edges *edges, mesh_notes *notes,
+                            error *e)
 {
     enum { MOST_ROUNDS = 9 };
     size_t joined = 0, split = 0, changed = 1;
@@ -106,68 +113,11 @@ bool mesh_edges_close_seams(mesh *m, double tolerance, mesh_edges *edges, mesh_n
                              : seams_split(m, open, count, tolerance, &split, e);
         free(open);
         changed = count > 0 && (round == 0 || split > before);
-        if (!ok || (changed && !mesh_edges_list(m, edges, e))) return false;
+        if (!ok || (changed && !mesh_edges_list(m, pool, edges, e))) return false;
     }
     if (joined)
         mesh_note(notes, "%zu vertices of open edges lie as near to others as rounding: joined", joined);
     if (split)
         mesh_note(notes, "%zu triangles have vertices of others on their open edges: split there", split);
     return true;
-}
-
-/* A set of open edges that hang together by vertices. */
-typedef struct hole {
-    vec3 sum; /* of the ends of its edges */
-    size_t ends;
-    uint32_t middle; /* the vertex to come */
-} hole;
-
-static size_t gather_holes(const mesh *m, const seam_edge *open, size_t count, uint32_t *set, hole *of_root)
-{
-    size_t holes = 0;
-    sets_reset(set, m->vertex_count);
-    for (size_t k = 0; k < count; k++) sets_join(set, open[k].from, open[k].to);
-    for (size_t k = 0; k < count; k++) {
-        hole *h = &of_root[sets_root(set, open[k].from)];
-        if (h->ends == 0) h->middle = (uint32_t)(m->vertex_count + holes++);
-        h->sum = vec3_add(h->sum, vec3_add(m->vertex[open[k].from], m->vertex[open[k].to]));
-        h->ends += 2;
-    }
-    return holes;
-}
-
-bool mesh_edges_fill_holes(mesh *m, const mesh_edges *edges, size_t *holes, error *e)
-{
-    seam_edge *open = NULL;
-    size_t count = 0;
-    if (!mesh_edges_open(edges, &open, &count, e)) return false;
-    uint32_t *set = mem_array(m->vertex_count, sizeof *set, what, e);
-    hole *of_root = mem_array(m->vertex_count, sizeof *of_root, what, e);
-    bool ok = set && of_root;
-    size_t found = ok ? gather_holes(m, open, count, set, of_root) : 0;
-    vec3 *vertex = ok ? mem_array(m->vertex_count + found, sizeof *vertex, what, e) : NULL;
-    uint32_t(*triangle)[3] = vertex ? mem_array(m->triangle_count + count, sizeof *triangle, what, e) : NULL;
-    ok = triangle != NULL;
-    if (ok) {
-        memcpy(vertex, m->vertex, m->vertex_count * sizeof *vertex);
-        memcpy(triangle, m->triangle, m->triangle_count * sizeof *triangle);
-        for (size_t k = 0; k < count; k++) {
-            const hole *h = &of_root[sets_root(set, open[k].from)];
-            vertex[h->middle] = vec3_scale(h->sum, 1 / (double)h->ends);
-            uint32_t *t = triangle[m->triangle_count + k];
-            t[0] = open[k].to;
-            t[1] = open[k].from;
-            t[2] = h->middle;
-        }
-        free(m->vertex);
-        free(m->triangle);
-        *m = (mesh){m->vertex_count + found, m->triangle_count + count, vertex, triangle, false};
-        *holes = found;
-    } else {
-        free(vertex);
-    }
-    free(open);
-    free(set);
-    free(of_root);
-    return ok;
 }

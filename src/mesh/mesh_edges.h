@@ -1,6 +1,6 @@
 /* mesh_edges: which triangles meet at each edge of a mesh.
  *
- * Ownership: mesh_edges_free. Threads: none of its own; no shared state.
+ * Ownership: mesh_edges_free. Threads: those of a pool, or NULL, whose number does not show; no shared state.
  */
 #ifndef HEXAD_MESH_MESH_EDGES_H
 #define HEXAD_MESH_MESH_EDGES_H
@@ -10,6 +10,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/threads.h"
 #include "mesh/mesh.h"
 #include "mesh/seams.h"
 
@@ -27,8 +28,8 @@ typedef struct mesh_edges {
     size_t *first;
 } mesh_edges;
 
-/* *out is what was there before, freed, or zeroed; free it after failure, too. Errors: limit_memory. */
-bool mesh_edges_list(const mesh *m, mesh_edges *out, error *e);
+/* *out is what was there before, freed, or zeroed; free it after failure, too. Errors: limit_memory, cancelled. */
+bool mesh_edges_list(const mesh *m, threads *pool, mesh_edges *out, error *e);
 void mesh_edges_free(mesh_edges *edges);
 
 /* How many sides the edge has that begins with the k-th, of lower vertex v. */
@@ -39,11 +40,7 @@ bool mesh_edges_open(const mesh_edges *edges, seam_edge **out, size_t *count, er
 
 /* Closes open edges that meet others but for `tolerance`: vertices are joined, triangles split (see seams.h). The
  * edges are listed anew where that changed the mesh. Adds notes. Errors: limit_memory. */
-bool mesh_edges_close_seams(mesh *m, double tolerance, mesh_edges *edges, mesh_notes *notes, error *e);
-
-/* Closes what is open: the open edges that hang together get a vertex in their middle, and each a triangle to it, so that
- * an even number of triangles meets at every new edge. *holes: how many there were. Errors: limit_memory; the mesh is
- * untouched then. */
-bool mesh_edges_fill_holes(mesh *m, const mesh_edges *edges, size_t *holes, error *e);
+bool mesh_edges_close_seams(mesh *m, double tolerance, threads *pool, mesh_edges *edges, mesh_notes *notes,
+                            error *e);
 
 #endif

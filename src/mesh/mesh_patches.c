@@ -17,6 +17,7 @@ static const double least_height = 1e-4;
 static const double seen_height = 1e-5;
 /* Such triangles may lie side by side: so often a normal is passed on. */
 enum { MOST_PASSES = 4 };
+enum { TRIANGLES = 4096 }; /* in a chunk of work */
 
 /* An edge at which patches end. */
 typedef struct cut {
@@ -84,6 +85,14 @@ static const mesh_side *other_side(const mesh_edges *edges, uint32_t a, uint32_t
     return NULL;
 }
 
+static void normal_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    making *k = context;
+    int longest;
+    (void)worker;
+    for (size_t n = begin; n < end; n++) k->normal[n] = triangle_normal(k, n, &longest);
+}
+
 /* A needle lies in the plane of the triangle beyond its longest side. */
 static bool find_normals(making *k, error *e)
 {
@@ -93,10 +102,9 @@ static bool find_normals(making *k, error *e)
     k->extent = m->triangle_count ? bbox_longest(mesh_box(m)) : 0;
     size_t without = 0;
     int longest = 0;
-    for (size_t n = 0; n < m->triangle_count; n++) {
-        k->normal[n] = triangle_normal(k, n, &longest);
-        without += !has_normal(k->normal[n]);
-    }
+    threads_run(k->params->pool, m->triangle_count, TRIANGLES, normal_chunk, k);
+    if (threads_stopped(k->params->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    for (size_t n = 0; n < m->triangle_count; n++) without += !has_normal(k->normal[n]);
     for (int pass = 0; without > 0 && pass < MOST_PASSES; pass++)
         for (uint32_t n = 0; n < m->triangle_count; n++) {
             if (has_normal(k->normal[n])) continue;
@@ -167,6 +175,11 @@ static double length_of(const mesh *m, uint32_t a, uint32_t b)
     return vec3_norm(vec3_sub(m->vertex[b], m->vertex[a]));
 }
 
+static bool is_bent(const making *k, const mesh_side *s, double angle)
+{
+    return !(angle >= flat_below && is_flat(k, s)) && angle_at(k, s) > angle;
+}
+
 static double find_angle(const making *k)
 {
     bends all = {.closed = true};
@@ -193,7 +206,7 @@ static bool cut_edges(making *k, error *e)
             const mesh_side *s = k->edges.sides + i;
             n = mesh_edges_width(&k->edges, v, i);
             const uint32_t *kind = k->params->kind;
-            const bool feature = n == 2 && angle > 0 && angle_at(k, s) > angle;
+            const bool feature = n == 2 && angle > 0 && is_bent(k, s, angle);
             k->is_cut[i] = n != 2 || feature || (kind && kind[s[0].triangle] != kind[s[1].triangle]);
             k->cut_count += k->is_cut[i];
             k->out->open_edges += n == 1;
@@ -431,16 +444,18 @@ static bool weld(making *k, mesh_notes *notes, error *e)
     mesh *m = k->m;
     if (!mesh_weld(m, MESH_KEEP_CANCELLED, notes, e)) return false;
     if (m->triangle_count == 0) return error_set(e, ERROR_NO_SURFACE, "no triangle of the mesh has an area");
-    if (!mesh_edges_list(m, &k->edges, e) ||
-        !mesh_edges_close_seams(m, k->params->weld * bbox_longest(mesh_box(m)), &k->edges, notes, e))
+    if (!mesh_edges_list(m, k->params->pool, &k->edges, e) ||
+        !mesh_edges_close_seams(m, k->params->weld * bbox_longest(mesh_box(m)), k->params->pool, &k->edges,
+                                notes, e))
         return false;
     return m->welded || /* else faces may coincide now */
-           (mesh_weld(m, MESH_KEEP_CANCELLED, notes, e) && mesh_edges_list(m, &k->edges, e));
+           (mesh_weld(m, MESH_KEEP_CANCELLED, notes, e) && mesh_edges_list(m, k->params->pool, &k->edges, e));
 }
 
 static bool make(making *k, mesh_notes *notes, error *e)
 {
-    if (!(k->params->kind ? mesh_edges_list(k->m, &k->edges, e) : weld(k, notes, e)) || !cut_edges(k, e))
+    if (!(k->params->kind ? mesh_edges_list(k->m, k->params->pool, &k->edges, e) : weld(k, notes, e)) ||
+        !cut_edges(k, e))
         return false;
     return is_skipped(k) || (number_patches(k, e) && make_curves(k, e) && part_vertices(k, e));
 }

@@ -3,12 +3,13 @@
  * A patch is a set of triangles that hang together by edges of two triangles that are no features. Its triangles are
  * turned to agree with most of them. A curve is a chain of edges of one triangle, of three and more, or of two that meet
  * at more than the feature angle. A corner is where other than two such edges meet, where other patches begin, or where a
- * chain bends by more than the feature angle. Pure functions but for allocation; threads: none of its own.
+ * chain bends by more than the feature angle. Pure functions but for allocation.
  */
 #ifndef HEXAD_MESH_MESH_PATCHES_H
 #define HEXAD_MESH_MESH_PATCHES_H
 
 #include "base/error.h"
+#include "base/threads.h"
 #include "field/patches.h"
 #include "mesh/mesh.h"
 
@@ -26,6 +27,7 @@ typedef struct mesh_patches_params {
                            * nothing is welded, and its triangles keep their order within a patch */
     bool
         skip_smooth; /* of a closed mesh with an inside and no feature nothing is made: the result has no patches */
+    threads *pool; /* or NULL; does not show */
 } mesh_patches_params;
 
 typedef struct mesh_patches {

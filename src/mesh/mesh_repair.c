@@ -407,8 +407,8 @@ static bool gather_solids(judging *j, uint32_t solids, mesh_solids *out, error *
 static bool settle(judging *j, mesh_solids *out, error *e)
 {
     uint32_t solids = 0;
-    if (!mesh_edges_list(j->m, &j->edges, e) ||
-        !mesh_edges_close_seams(j->m, j->place->tolerance, &j->edges, j->notes, e) ||
+    if (!mesh_edges_list(j->m, j->place->pool, &j->edges, e) ||
+        !mesh_edges_close_seams(j->m, j->place->tolerance, j->place->pool, &j->edges, j->notes, e) ||
         !orientation_init(&j->turned, j->m->triangle_count, e))
         return false;
     if (!join_at_edges(j, e) || !number_components(j, e)) return false;

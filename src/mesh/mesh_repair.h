@@ -13,6 +13,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/threads.h"
 #include "mesh/mesh.h"
 #include "mesh/winding_number.h"
 
@@ -26,6 +27,7 @@ typedef struct mesh_solids {
 typedef struct mesh_place {
     double tolerance;             /* vertices this near to an open edge lie on it */
     const double *index_to_world; /* of the mesh's units, for messages */
+    threads *pool;                /* or NULL; does not show */
 } mesh_place;
 
 /* Equal vertices must have been joined (mesh_weld). Splits triangles at open edges (see seams.h), turns them and sorts

@@ -182,7 +182,7 @@ static bool find_shapes(mesh_surface *s, error *e)
 static bool find_sides(mesh_surface *s, error *e)
 {
     mesh_edges edges = {0};
-    const bool ok = mesh_edges_list(&s->mesh.m, &edges, e);
+    const bool ok = mesh_edges_list(&s->mesh.m, NULL, &edges, e);
     for (uint32_t v = 0; ok && v < edges.vertex_count; v++)
         for (size_t i = edges.first[v], n; i < edges.first[v + 1]; i += n) {
             n = mesh_edges_width(&edges, v, i);

@@ -4,17 +4,36 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+/* From so many bytes on an array has pages of two megabytes: to touch it in small ones takes longer than to fill it. */
+static const size_t LARGE = 4 << 20;
+
+static bool resize(void **items, size_t *room, size_t n, size_t size)
+{
+    const uintptr_t page = (uintptr_t)sysconf(_SC_PAGESIZE);
+    void *grown = realloc(*items, n * size);
+    if (!grown) return false;
+    const uintptr_t begin = ((uintptr_t)grown + page - 1) / page * page, end = (uintptr_t)grown + n * size;
+    if (n * size >= LARGE) madvise((void *)begin, end - begin, MADV_HUGEPAGE); /* a wish */
+    *items = grown;
+    *room = n;
+    return true;
+}
 
 /* Room for n items, twice as much as before when it grows. */
 static bool make_room(void **items, size_t *room, size_t n, size_t size)
 {
-    if (n <= *room) return true;
-    const size_t wanted = n < 512 ? 1024 : 2 * n;
-    void *grown = realloc(*items, wanted * size);
-    if (!grown) return false;
-    *items = grown;
-    *room = wanted;
-    return true;
+    return n <= *room || resize(items, room, n < 512 ? 1024 : 2 * n, size);
+}
+
+bool plain_mesh_expect(plain_mesh *m, size_t vertices, size_t triangles)
+{
+    return (vertices <= m->vertex_room ||
+            resize((void **)&m->vertex, &m->vertex_room, vertices, sizeof *m->vertex)) &&
+           (triangles <= m->triangle_room ||
+            resize((void **)&m->triangle, &m->triangle_room, triangles, sizeof *m->triangle));
 }
 
 bool plain_mesh_add_vertex(plain_mesh *m, const double at[3])

@@ -28,6 +28,9 @@ bool plain_mesh_read_obj(const char *data, size_t size, plain_mesh *out);
 bool plain_mesh_read_ply(const char *data, size_t size, plain_mesh *out);
 bool plain_mesh_read_stl(const char *data, size_t size, plain_mesh *out);
 
+/* Makes room for so many. False: no memory. */
+bool plain_mesh_expect(plain_mesh *m, size_t vertices, size_t triangles);
+
 bool plain_mesh_add_vertex(plain_mesh *m, const double at[3]);
 
 /* Of vertices that are there. A polygon of more than three corners becomes a fan around its first one, one of four

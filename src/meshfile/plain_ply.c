@@ -1,5 +1,6 @@
 /* PLY: text and binary of both orders. Vertices stand before the faces, which are one list of indices each; whatever else an
  * element has is passed over. Triangle strips are the library's (ply_strips). */
+#include <endian.h>
 #include <math.h>
 #include <string.h>
 
@@ -67,6 +68,14 @@ static bool read_row(cursor *c, const ply_element *element, const int *slot, dou
     return end_row(c);
 }
 
+/* How many rows of a binary element there can be at most; of text 0, which tells nothing before it is read. */
+static size_t rows_at_most(const cursor *c, const ply_element *element)
+{
+    const size_t left = (size_t)(c->end - c->at), row = element->row > 0 ? element->row : 1;
+    if (c->layout == PLY_TEXT) return 0;
+    return element->count < left / row ? element->count : left / row;
+}
+
 static bool read_vertices(cursor *c, const ply_element *element, plain_mesh *out)
 {
     int slot[PLY_PROPERTIES_MOST], axes = 0;
@@ -76,12 +85,23 @@ static bool read_vertices(cursor *c, const ply_element *element, plain_mesh *out
         slot[k] = name[0] >= 'x' && name[0] <= 'z' && !name[1] ? name[0] - 'x' : -1;
         if (slot[k] >= 0) axes |= 1 << slot[k];
     }
-    if (axes != 7) return false;
+    if (axes != 7 || !plain_mesh_expect(out, rows_at_most(c, element), 0)) return false;
     for (uint64_t n = 0; n < element->count; n++) {
         double at[3];
         if (!read_row(c, element, slot, at, NULL, NULL, NULL) || !plain_mesh_add_vertex(out, at))
             return false;
     }
+    return true;
+}
+
+/* A row as most files have them: a byte, which says three, and three indices of four bytes of the lower byte first. */
+static bool read_triangle(cursor *c, uint32_t corner[3])
+{
+    enum { ROW = 13 };
+    if (c->end - c->at < ROW || *c->at != 3) return false;
+    memcpy(corner, c->at + 1, 3 * sizeof *corner);
+    for (int k = 0; k < 3; k++) corner[k] = le32toh(corner[k]);
+    c->at += ROW;
     return true;
 }
 
@@ -92,11 +112,21 @@ static bool read_faces(cursor *c, const ply_element *element, plain_mesh *out)
         if (strcmp(element->property[k].name, "vertex_indices") == 0 ||
             strcmp(element->property[k].name, "vertex_index") == 0)
             list = &element->property[k];
-    if (!list || !list->length || list->type->kind == PLY_REAL) return false;
+    if (!list || !list->length || list->type->kind == PLY_REAL ||
+        !plain_mesh_expect(out, 0, rows_at_most(c, element)))
+        return false;
+    const bool common = c->layout == PLY_LITTLE && element->properties == 1 && list->length->size == 1 &&
+                        list->type->size == 4;
     for (uint64_t n = 0; n < element->count; n++) {
         double kept[CORNERS_MOST];
         uint32_t corner[CORNERS_MOST];
         size_t count = 0;
+        if (common && read_triangle(c, corner)) {
+            for (int k = 0; k < 3; k++)
+                if (corner[k] >= out->vertices) return false;
+            if (!plain_mesh_add_polygon(out, corner, 3)) return false;
+            continue;
+        }
         if (!read_row(c, element, NULL, NULL, list, kept, &count) || count > CORNERS_MOST) return false;
         for (size_t k = 0; k < count; k++) {
             if (!(kept[k] >= 0 && kept[k] < (double)out->vertices && kept[k] == floor(kept[k]))) return false;

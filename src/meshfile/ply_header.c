@@ -1,5 +1,6 @@
 #include "meshfile/ply_header.h"
 
+#include <endian.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -96,8 +97,14 @@ bool ply_header_read(const char *data, size_t size, ply_header *out)
 double ply_number(const char *at, const ply_type *type, ply_layout layout)
 {
     uint64_t bits = 0;
-    for (int k = 0; k < type->size; k++)
-        bits = bits << 8 | (unsigned char)at[layout == PLY_BIG ? k : type->size - 1 - k];
+    if (type->size == 4) { /* as most are */
+        uint32_t four;
+        memcpy(&four, at, sizeof four);
+        bits = layout == PLY_BIG ? be32toh(four) : le32toh(four);
+    } else {
+        for (int k = 0; k < type->size; k++)
+            bits = bits << 8 | (unsigned char)at[layout == PLY_BIG ? k : type->size - 1 - k];
+    }
     if (type->kind == PLY_REAL && type->size == 8) {
         double value;
         memcpy(&value, &bits, sizeof value);

@@ -12,7 +12,7 @@ static bool count_edges(label_mesh_part *p, error *e)
 {
     const mesh m = {p->set.count, p->set.triangle_count, p->position, p->triangle, false};
     mesh_edges edges = {0};
-    const bool ok = mesh_edges_list(&m, &edges, e);
+    const bool ok = mesh_edges_list(&m, NULL, &edges, e);
     for (size_t v = 0; ok && v < edges.vertex_count; v++)
         for (size_t k = edges.first[v], n; k < edges.first[v + 1]; k += n) {
             int way = 0;

@@ -1,7 +1,11 @@
 #include "source/mesh_source.h"
 
 #include <math.h>
+#include <stdlib.h>
+#include <string.h>
 
+#include "base/memory.h"
+#include "base/sets.h"
 #include "source/mesh_clip.h"
 #include "mesh/fidelity.h"
 #include "mesh/mesh_edges.h"
@@ -87,7 +91,8 @@ static bool make_patches(const mesh_source_request *r, const mesh *whole, double
     const mesh_patches_params params = {.weld = r->spec->weld,
                                         .feature_angle = feature_angle,
                                         .spacing = spacing_of(r, mesh_area(&copy)),
-                                        .skip_smooth = skip_smooth};
+                                        .skip_smooth = skip_smooth,
+                                        .pool = r->as_volume.pool};
     return mesh_patches_make(&copy, &params, notes, made, e);
 }
 
@@ -137,6 +142,70 @@ static bool choose_patches(const mesh_source_request *r, const mesh *whole, bool
     return true;
 }
 
+/* ---- holes */
+
+static const char what[] = "the edges of the mesh";
+
+/* A set of open edges that hang together by vertices. */
+typedef struct hole {
+    vec3 sum; /* of the ends of its edges */
+    size_t ends;
+    uint32_t middle; /* the vertex to come */
+} hole;
+
+static size_t gather_holes(const mesh *m, const seam_edge *open, size_t count, uint32_t *set, hole *of_root)
+{
+    size_t holes = 0;
+    sets_reset(set, m->vertex_count);
+    for (size_t k = 0; k < count; k++) sets_join(set, open[k].from, open[k].to);
+    for (size_t k = 0; k < count; k++) {
+        hole *h = &of_root[sets_root(set, open[k].from)];
+        if (h->ends == 0) h->middle = (uint32_t)(m->vertex_count + holes++);
+        h->sum = vec3_add(h->sum, vec3_add(m->vertex[open[k].from], m->vertex[open[k].to]));
+        h->ends += 2;
+    }
+    return holes;
+}
+
+/* Closes what is open: the open edges that hang together get a vertex in their middle, and each a triangle to it, so that
+ * an even number of triangles meets at every new edge. *holes: how many there were. Errors: limit_memory; the mesh is
+ * untouched then. */
+static bool close_holes(mesh *m, const mesh_edges *edges, size_t *holes, error *e)
+{
+    seam_edge *open = NULL;
+    size_t count = 0;
+    if (!mesh_edges_open(edges, &open, &count, e)) return false;
+    uint32_t *set = mem_array(m->vertex_count, sizeof *set, what, e);
+    hole *of_root = mem_array(m->vertex_count, sizeof *of_root, what, e);
+    bool ok = set && of_root;
+    size_t found = ok ? gather_holes(m, open, count, set, of_root) : 0;
+    vec3 *vertex = ok ? mem_array(m->vertex_count + found, sizeof *vertex, what, e) : NULL;
+    uint32_t(*triangle)[3] = vertex ? mem_array(m->triangle_count + count, sizeof *triangle, what, e) : NULL;
+    ok = triangle != NULL;
+    if (ok) {
+        memcpy(vertex, m->vertex, m->vertex_count * sizeof *vertex);
+        memcpy(triangle, m->triangle, m->triangle_count * sizeof *triangle);
+        for (size_t k = 0; k < count; k++) {
+            const hole *h = &of_root[sets_root(set, open[k].from)];
+            vertex[h->middle] = vec3_scale(h->sum, 1 / (double)h->ends);
+            uint32_t *t = triangle[m->triangle_count + k];
+            t[0] = open[k].to;
+            t[1] = open[k].from;
+            t[2] = h->middle;
+        }
+        free(m->vertex);
+        free(m->triangle);
+        *m = (mesh){m->vertex_count + found, m->triangle_count + count, vertex, triangle, false};
+        *holes = found;
+    } else {
+        free(vertex);
+    }
+    free(open);
+    free(set);
+    free(of_root);
+    return ok;
+}
+
 /* Makes a copy of a mesh that encloses a volume, as far as that takes no more than filling its holes. */
 static bool fill_holes(const mesh_source_request *r, const mesh *whole, mesh *out, mesh_notes *notes,
                        error *e)
@@ -145,13 +214,16 @@ static bool fill_holes(const mesh_source_request *r, const mesh *whole, mesh *ou
     mesh_notes unused = {0}; /* the level set tells the same */
     size_t holes = 0;
     bool ok = mesh_copy(whole, out, e) && mesh_weld(out, MESH_DROP_CANCELLED, &unused, e) &&
-              mesh_edges_list(out, &edges, e) &&
-              mesh_edges_close_seams(out, r->spec->weld * bbox_longest(mesh_box(out)), &edges, &unused, e) &&
-              mesh_edges_fill_holes(out, &edges, &holes, e);
+              mesh_edges_list(out, r->as_volume.pool, &edges, e) &&
+              mesh_edges_close_seams(out, r->spec->weld * bbox_longest(mesh_box(out)), r->as_volume.pool,
+                                     &edges, &unused, e) &&
+              close_holes(out, &edges, &holes, e);
     mesh_edges_free(&edges);
     if (ok && holes) mesh_note(notes, "holes of the mesh that are filled: %zu", holes);
     return ok;
 }
+
+/* ---- the whole */
 
 static volume *open_level_set(const mesh_source_request *r, const mesh *whole, const mesh_notes *read,
                               error *e)

@@ -141,7 +141,7 @@ static judgement judge(mesh m)
     judgement j = {0};
     mesh_solids t = {0};
     const double unit[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
-    const mesh_place place = {TOLERANCE, unit};
+    const mesh_place place = {TOLERANCE, unit, NULL};
     assert_true(mesh_weld(&m, MESH_DROP_CANCELLED, &j.notes, &j.e));
     winding_point *fixed = fix_all(&m);
     j.ok = mesh_repair_solids(&m, fixed, &place, &t, &j.notes, &j.e);

@@ -156,6 +156,43 @@ static void binary_files(void **state)
     assert_false(plain_mesh_read("stl", data, 133, &m));
 }
 
+/* Rows as most files have them, in which another kind may stand. */
+static void rows_of_triangles(void **state)
+{
+    (void)state;
+    static const float vertex[12] = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0};
+    static const int32_t face[3][5] = {{3, 0, 1, 2}, {4, 0, 1, 2, 3}, {3, 3, 1, 0}};
+    static const uint32_t triangle[4][3] = {{0, 1, 2}, {0, 1, 2}, {0, 2, 3}, {3, 1, 0}};
+    char data[1024];
+    size_t size = (size_t)sprintf(
+        data, "ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
+              "property float z\nelement face 3\nproperty list uchar int vertex_indices\nend_header\n");
+    memcpy(data + size, vertex, sizeof vertex);
+    size += sizeof vertex;
+    for (int k = 0; k < 3; k++) {
+        data[size++] = (char)face[k][0];
+        memcpy(data + size, face[k] + 1, (size_t)face[k][0] * 4);
+        size += (size_t)face[k][0] * 4;
+    }
+    data[size] = 0;
+    plain_mesh m;
+    assert_true(plain_mesh_read("ply", data, size, &m));
+    assert_triangles(&m, 4, triangle);
+    plain_mesh_free(&m);
+    for (size_t cut = size - 14; cut < size; cut++) {
+        char *part = malloc(cut + 1);
+        assert_non_null(part);
+        memcpy(part, data, cut);
+        part[cut] = 0;
+        assert_false(plain_mesh_read("ply", part, cut, &m));
+        free(part);
+    }
+    for (int32_t wrong = -1; wrong <= 4; wrong += 5) {
+        memcpy(data + size - 4, &wrong, sizeof wrong);
+        assert_false(plain_mesh_read("ply", data, size, &m));
+    }
+}
+
 /* What is damaged, or not known, is left whole. */
 static void the_rest_is_left(void **state)
 {
@@ -205,7 +242,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(numbers_are_exact),         cmocka_unit_test(places_keep_their_precision),
         cmocka_unit_test(polygons_become_triangles), cmocka_unit_test(binary_files),
-        cmocka_unit_test(the_rest_is_left),
+        cmocka_unit_test(rows_of_triangles),         cmocka_unit_test(the_rest_is_left),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
