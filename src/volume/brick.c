@@ -10,6 +10,13 @@ enum { BLOCKS = 64 }; /* in a chunk of work */
 /* Bricks after which the memory of samples is looked at: as much as that takes. */
 enum { BATCH = 4096 };
 
+static const int lowest_voxel[3] = {-1, -1, -1}; /* of a brick */
+
+/* So many bricks stay near a processor: 40 MB. */
+static const size_t MANY = 8192;
+/* That a point comes by, in a surface that has more. */
+static const size_t PER_POINT = 2;
+
 typedef struct brick_job {
     const samples *samples;
     const block_map *map;
@@ -26,7 +33,8 @@ static void fill_chunk(void *context, int worker, size_t begin, size_t end)
     const brick_job *job = context;
     (void)worker;
     for (size_t n = job->first + begin; n < job->first + end; n++)
-        samples_window(job->samples, job->map->blocks[n], -1, BRICK_SIDE, job->coefficients + n * BRICK_SIZE);
+        samples_window(job->samples, job->map->blocks[n], lowest_voxel, BRICK_SIDE,
+                       job->coefficients + n * BRICK_SIZE);
 }
 
 /* For each batch of bricks the least first coordinate of those in it and after it. */
@@ -56,15 +64,22 @@ static bool fill_all(samples *s, const block_map *map, threads *pool, float *coe
     return true;
 }
 
-bool bricks_make(samples *s, const block_map *map, bool later, threads *pool, bricks *out, error *e)
+size_t bricks_room(size_t blocks, size_t points)
+{
+    const size_t room = MANY + PER_POINT * points;
+    if (points == 0 || blocks <= MANY + points) return 0;
+    return room < blocks ? room : blocks;
+}
+
+bool bricks_make(samples *s, const block_map *map, size_t later, threads *pool, bricks *out, error *e)
 {
     const char *what = "the spline's bricks";
-    bricks b = {.map = map, .coefficients = *s};
+    bricks b = {.map = map, .room = later > 0 ? later : map->count, .coefficients = *s};
     memset(s, 0, sizeof *s);
-    b.memory = mem_array((size_t)map->count * BRICK_SIZE, sizeof *b.memory, what, e);
+    b.memory = mem_array(b.room * BRICK_SIZE, sizeof *b.memory, what, e);
     bool ok = b.memory;
-    if (ok && later) ok = (b.place = mem_array((size_t)map->count + 1, sizeof *b.place, what, e)) != NULL;
-    if (ok && !later) {
+    if (ok && later > 0) ok = (b.place = mem_array((size_t)map->count + 1, sizeof *b.place, what, e)) != NULL;
+    if (ok && later == 0) {
         ok = fill_all(&b.coefficients, map, pool, b.memory, e);
         samples_free(&b.coefficients);
     }
@@ -85,28 +100,40 @@ void bricks_free(bricks *b)
 
 const float *bricks_wait(const bricks *b, uint32_t n)
 {
-    atomic_uint *place = &b->place[n];
-    unsigned now = BRICK_MISSING;
-    if (atomic_compare_exchange_strong(place, &now, BRICK_BEING_MADE)) {
-        const unsigned at = atomic_fetch_add(&b->place[b->map->count], 1);
-        samples_window(&b->coefficients, b->map->blocks[n], -1, BRICK_SIDE,
-                       b->memory + (size_t)at * BRICK_SIZE);
-        now = at + BRICK_THERE;
-        atomic_store_explicit(place, now, memory_order_release);
+    atomic_uint *place = &b->place[n], *made = &b->place[b->map->count];
+    for (;;) {
+        unsigned now = atomic_load_explicit(place, memory_order_acquire);
+        if (now >= BRICK_THERE) return b->memory + (size_t)(now - BRICK_THERE) * BRICK_SIZE;
+        if (now == BRICK_BEING_MADE) {
+            sched_yield();
+            continue;
+        }
+        if (atomic_load_explicit(made, memory_order_relaxed) >= b->room) return NULL;
+        if (!atomic_compare_exchange_strong(place, &now, BRICK_BEING_MADE)) continue;
+        const unsigned at = atomic_fetch_add(made, 1); /* threads may come to the last one together */
+        if (at < b->room)
+            samples_window(&b->coefficients, b->map->blocks[n], lowest_voxel, BRICK_SIDE,
+                           b->memory + (size_t)at * BRICK_SIZE);
+        atomic_store_explicit(place, at < b->room ? at + BRICK_THERE : BRICK_MISSING, memory_order_release);
     }
-    while (now == BRICK_BEING_MADE) {
-        sched_yield();
-        now = atomic_load_explicit(place, memory_order_acquire);
-    }
-    return b->memory + (size_t)(now - BRICK_THERE) * BRICK_SIZE;
 }
 
 const float *bricks_glance(const bricks *b, uint32_t n, float room[BRICK_SIZE])
 {
     if (!b->place || atomic_load_explicit(&b->place[n], memory_order_acquire) >= BRICK_THERE)
         return bricks_at(b, n);
-    samples_window(&b->coefficients, b->map->blocks[n], -1, BRICK_SIDE, room);
+    samples_window(&b->coefficients, b->map->blocks[n], lowest_voxel, BRICK_SIDE, room);
     return room;
+}
+
+void bricks_gather_cell(const bricks *b, uint32_t n, const int cell[3], float room[BRICK_CELL])
+{
+    float cube[4][4][4];
+    const int low[3] = {cell[0] - 1, cell[1] - 1, cell[2] - 1};
+    samples_window(&b->coefficients, b->map->blocks[n], low, 4, cube[0][0]);
+    for (int x = 0; x < 4; x++)
+        for (int y = 0; y < 4; y++)
+            memcpy(room + x * BRICK_SLAB + y * BRICK_SIDE, cube[x][y], sizeof cube[x][y]);
 }
 
 void bricks_forget(const bricks *b)

@@ -153,10 +153,16 @@ static uint8_t *row_of(uint8_t *rows, uint32_t n, const int32_t at[3])
     return &rows[64 * (size_t)n + 8 * (size_t)(at[0] & 7) + (size_t)(at[1] & 7)];
 }
 
+static const float *cell_of(const search *s, uint32_t n, const int32_t at[3], float room[BRICK_CELL])
+{
+    return bricks_find_cell(s->bricks, n, (const int[]){at[0] & 7, at[1] & 7, at[2] & 7}, room);
+}
+
 /* Follows the surface out of a cell of block n, into cells that are not known yet. */
 static bool leave(search *s, uint32_t n, const int32_t at[3], error *e)
 {
-    const float *first = brick_cell(bricks_at(s->bricks, n), at[0] & 7, at[1] & 7, at[2] & 7);
+    float room[BRICK_CELL], beyond[BRICK_CELL];
+    const float *first = cell_of(s, n, at, room);
     for (int face = 0; face < FACES; face++) {
         int axis = face >> 1;
         int32_t to[3] = {at[0], at[1], at[2]};
@@ -171,8 +177,7 @@ static bool leave(search *s, uint32_t n, const int32_t at[3], error *e)
         if (*row & bit) continue;
         *row = (uint8_t)(*row | bit);
         *row_of(s->leaky, there, to) |= (uint8_t)bit;
-        const float *brick = bricks_at(s->bricks, there);
-        if (!append(s->out, to, brick_cell(brick, to[0] & 7, to[1] & 7, to[2] & 7), e)) return false;
+        if (!append(s->out, to, cell_of(s, there, to, beyond), e)) return false;
     }
     return true;
 }

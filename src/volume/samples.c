@@ -27,11 +27,6 @@ static const double bend_limit = 0.5;
 
 static const int stride_of[3] = {64, 8, 1};
 
-static int floor_div8(int v)
-{
-    return v >= 0 ? v / SIDE : -((SIDE - 1 - v) / SIDE);
-}
-
 size_t samples_bytes(size_t count)
 {
     return count * (VOXELS * sizeof(float) + sizeof(float *) + 2 * SIDE * sizeof(uint64_t) +
@@ -576,18 +571,27 @@ ISA_INLINE void copy_row(float *to, const float *from, int count)
     for (int k = 0; k < count; k++) to[k] = from[k];
 }
 
-void samples_window(const samples *s, const int32_t block[3], int low, int side, float *out)
+/* Whether a part of a window lies in a block so many blocks away. */
+ISA_INLINE bool has_part(const int low[3], int side, const int step[3])
 {
-    const int first = floor_div8(low), last = floor_div8(low + side - 1);
+    bool has = true;
+    for (int axis = 0; axis < 3; axis++) has &= part_of(low[axis], side, step[axis]).count > 0;
+    return has;
+}
+
+void samples_window(const samples *s, const int32_t block[3], const int low[3], int side, float *out)
+{
     const float *own = s->f[block_map_find(&s->map, block[0], block[1], block[2])];
     for (int k = 0; k < 27; k++) {
-        const int bx = k / 9 - 1, by = k / 3 % 3 - 1, bz = k % 3 - 1;
-        if (bx < first || bx > last || by < first || by > last || bz < first || bz > last) continue;
-        const uint32_t n = block_map_find(&s->map, block[0] + bx, block[1] + by, block[2] + bz);
-        const extent px = part_of(low, side, bx), py = part_of(low, side, by), pz = part_of(low, side, bz);
+        const int step[3] = {k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1};
+        if (!has_part(low, side, step)) continue;
+        const uint32_t n =
+            block_map_find(&s->map, block[0] + step[0], block[1] + step[1], block[2] + step[2]);
+        const extent px = part_of(low[0], side, step[0]), py = part_of(low[1], side, step[1]),
+                     pz = part_of(low[2], side, step[2]);
         for (int x = px.from; x < px.from + px.count; x++)
             for (int y = py.from; y < py.from + py.count; y++) {
-                float *to = out + ((x - low) * side + y - low) * side + pz.from - low;
+                float *to = out + ((x - low[0]) * side + y - low[1]) * side + pz.from - low[2];
                 if (n != BLOCK_MAP_NONE) {
                     copy_row(to, s->f[n] + 64 * (x & 7) + 8 * (y & 7) + (pz.from & 7), pz.count);
                     continue;
@@ -613,11 +617,11 @@ void samples_release_below(samples *s, int32_t x)
 void samples_corners(const samples *s, const int32_t block[3], bool smooth, float corners[729])
 {
     if (!smooth) {
-        samples_window(s, block, 0, 9, corners);
+        samples_window(s, block, (const int[]){0, 0, 0}, 9, corners);
         return;
     }
     float c[11 * 11 * 11];
-    samples_window(s, block, -1, 11, c);
+    samples_window(s, block, (const int[]){-1, -1, -1}, 11, c);
     static const int step_of[3] = {121, 11, 1};
     for (int axis = 0; axis < 3; axis++) { /* in place: what is read behind is kept in `before` */
         int d = step_of[axis], a = step_of[axis == 0 ? 1 : 0], b = step_of[axis == 2 ? 1 : 2];

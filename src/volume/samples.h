@@ -67,7 +67,7 @@ bool samples_prefilter(samples *s, threads *pool, error *e);
 
 /* The cube of side^3 voxels from `low` on, relative to the block's lowest voxel; the block must be there, and the cube
  * within it and its neighbours. Voxels of missing neighbours are as the block's nearest. */
-void samples_window(const samples *s, const int32_t block[3], int low, int side, float *out);
+void samples_window(const samples *s, const int32_t block[3], const int low[3], int side, float *out);
 
 /* Gives back the memory of voxels in blocks below `x` along the first axis, where it comes before all others that are to
  * stay. What they held is lost. */

@@ -35,9 +35,6 @@
  * more, and the crossing may move by a cell. */
 #define REACH_SMOOTH (VOLUME_FIELD_MARGIN + 9)
 
-/* So many stay near a processor: 40 MB. */
-static const size_t MANY_BRICKS = 8192;
-
 static const reach_limits bricks_reach = {.straight = VOLUME_FIELD_MARGIN};
 
 /* What exists only while a volume is opened. */
@@ -202,10 +199,11 @@ static bool find_crossings(loading *l, volume *v, error *e)
         (unsigned long long)c->open_cells, c->open_at[0], c->open_at[1], c->open_at[2]);
 }
 
-static size_t held_bytes(size_t blocks, size_t cells)
+static size_t held_bytes(size_t blocks, size_t made, size_t cells)
 {
-    return sizeof(volume) + blocks * (BRICK_SIZE * sizeof(float) + 8 * sizeof(uint64_t) + 3 * 64) +
-           block_map_bytes(blocks) + cells * sizeof(crossed_cell);
+    return sizeof(volume) + made * BRICK_SIZE * sizeof(float) +
+           blocks * (8 * sizeof(uint64_t) + 3 * 64 + sizeof(atomic_uint)) + block_map_bytes(blocks) +
+           cells * sizeof(crossed_cell);
 }
 
 static bool plan(loading *l, volume *v, error *e)
@@ -221,7 +219,10 @@ static bool plan(loading *l, volume *v, error *e)
     l->leaves = samples_look(&l->grid_view, &l->reach);
     size_t grid = l->grid->leaf_count * (VDB_LEAF_VOXELS * sizeof(float) + sizeof(grid_view_signs) + 128) +
                   l->grid->tile_count * sizeof(vdb_tile) - l->leaves.used;
-    size_t held = held_bytes(v->map.count, l->crossings.cells) + l->leaves.spare, limit = l->memory_limit;
+    const size_t room = bricks_room(v->map.count, l->points);
+    size_t held =
+               held_bytes(v->map.count, room > 0 ? room : v->map.count, l->crossings.cells) + l->leaves.spare,
+           limit = l->memory_limit;
     size_t peak = samples_bytes(l->reach.count) + (grid > held ? grid : held);
     if (peak <= limit) return true;
     return error_set(
@@ -289,16 +290,11 @@ static bool note_sides(const loading *l, volume *v, error *e)
     return true;
 }
 
-/* Whether bricks are so many that to touch their memory takes long, and most would never be looked at. */
-static bool looks_at_few(const loading *l, const volume *v)
-{
-    return l->points > 0 && v->map.count > MANY_BRICKS + l->points;
-}
-
 static bool make_bricks(loading *l, volume *v, error *e)
 {
     if (!l->smooth && !samples_prefilter(&l->samples, l->pool, e)) return false;
-    if (!bricks_make(&l->samples, &v->map, looks_at_few(l, v), l->pool, &v->bricks, e)) return false;
+    if (!bricks_make(&l->samples, &v->map, bricks_room(v->map.count, l->points), l->pool, &v->bricks, e))
+        return false;
     for (int axis = 0; axis < 3; axis++) {
         v->low[axis] = INFINITY;
         v->high[axis] = -INFINITY;
@@ -360,7 +356,7 @@ static void measure(volume *v)
     v->info.surface_box = box;
     v->info.crossing_cells = v->cell_count;
     v->info.bricks = v->map.count;
-    v->info.memory_bytes = held_bytes(v->map.count, v->cell_count) +
+    v->info.memory_bytes = held_bytes(v->map.count, v->bricks.room, v->cell_count) +
                            samples_bytes(v->bricks.coefficients.map.count) + v->bricks.coefficients.spare;
 }
 

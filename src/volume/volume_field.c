@@ -36,7 +36,8 @@ static bool sample(const field *f, vec3 x, field_order order, field_sample *out)
     }
     uint32_t n = block_map_find(&v->map, block[0], block[1], block[2]);
     if (n == BLOCK_MAP_NONE) return false;
-    const float *corner = brick_cell(bricks_at(&v->bricks, n), cell[0], cell[1], cell[2]);
+    float room[BRICK_CELL];
+    const float *corner = bricks_find_cell(&v->bricks, n, cell, room);
     spline_jet jet;
     if (order == FIELD_HESSIAN) {
         v->spline->hessian(corner, BRICK_SIDE, BRICK_SLAB, t, &jet);
@@ -249,11 +250,13 @@ ISA_CLONES static void place_lanes(const double m[4], double low, double high, c
     for (int l = 0; l < VEC3_LANES; l++) out->within[l] = (int32_t)within[l];
 }
 
-/* The lanes' cells; those that are not defined get none. */
-static void find_cells(const volume *v, const vec3_lanes *x, bool *defined, spline_lanes *out)
+/* The lanes' cells; those that are not defined get none. `room`: of those whose brick is not there. */
+static void find_cells(const volume *v, const vec3_lanes *x, bool *defined, spline_lanes *out,
+                       float room[VEC3_LANES][BRICK_CELL])
 {
     lane_places at[3];
     int32_t last[3] = {0};
+    uint32_t n = BLOCK_MAP_NONE;
     const float *brick = NULL; /* of the block `last`: particles side by side often share one */
     for (int axis = 0; axis < 3; axis++) {
         place_lanes(v->to_index[axis], v->low[axis], v->high[axis], x, &at[axis]);
@@ -264,12 +267,15 @@ static void find_cells(const volume *v, const vec3_lanes *x, bool *defined, spli
         const int32_t voxel[3] = {at[0].voxel[l], at[1].voxel[l], at[2].voxel[l]},
                       block[3] = {voxel[0] >> 3, voxel[1] >> 3, voxel[2] >> 3};
         if (within && (!brick || block[0] != last[0] || block[1] != last[1] || block[2] != last[2])) {
-            const uint32_t n = block_map_find(&v->map, block[0], block[1], block[2]);
+            n = block_map_find(&v->map, block[0], block[1], block[2]);
             brick = n == BLOCK_MAP_NONE ? NULL : bricks_at(&v->bricks, n);
             memcpy(last, block, sizeof last);
         }
-        defined[l] = within && brick;
-        out->corner[l] = defined[l] ? brick_cell(brick, voxel[0] & 7, voxel[1] & 7, voxel[2] & 7) : NULL;
+        defined[l] = within && n != BLOCK_MAP_NONE;
+        const int cell[3] = {voxel[0] & 7, voxel[1] & 7, voxel[2] & 7};
+        out->corner[l] = !defined[l] ? NULL
+                         : brick     ? brick_cell(brick, cell[0], cell[1], cell[2])
+                                     : bricks_find_cell(&v->bricks, n, cell, room[l]);
     }
 }
 
@@ -291,7 +297,8 @@ static void sample_lanes(const field *f, const vec3_lanes *x, bool *defined, dou
 {
     const volume *v = (const volume *)f;
     spline_lanes lanes;
-    find_cells(v, x, defined, &lanes);
+    float room[VEC3_LANES][BRICK_CELL];
+    find_cells(v, x, defined, &lanes, room);
     v->spline->gradient_lanes(&lanes, BRICK_SIDE, BRICK_SLAB);
     pull_lanes(v->to_index, &lanes, value, gradient);
 }
