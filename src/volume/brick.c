@@ -160,6 +160,7 @@ static void cell_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t i = begin; i < end; i++) {
         const crossing_block *b = &job->crossings->blocks[i];
         crossed_cell *c = job->cells + job->cells_before[i];
+        if (i + 1 < end) samples_fetch(job->samples, b[1].block);
         samples_corners(job->samples, b->block, job->smooth, corners);
         for (int k = 0; k < GRID_VIEW_VOXELS; k++) {
             int x = k >> 6, y = k >> 3 & 7, z = k & 7;

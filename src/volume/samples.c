@@ -27,6 +27,12 @@ static const double bend_limit = 0.5;
 
 static const int stride_of[3] = {64, 8, 1};
 
+/* Asks for the voxels of a block that comes next: blocks lie here and there, which a processor cannot foretell. */
+ISA_INLINE void fetch_block(const float *f)
+{
+    for (int k = 0; k < VOXELS; k += 16) __builtin_prefetch(f + k);
+}
+
 size_t samples_bytes(size_t count)
 {
     return count * (VOXELS * sizeof(float) + sizeof(float *) + 2 * SIDE * sizeof(uint64_t) +
@@ -195,7 +201,7 @@ ISA_INLINE uint64_t known_beside(const samples *s, uint32_t block, int x, int ax
 
 /* The voxels of a layer that are not known but have a known one beside them, and in known[3 k + step - 1] which have
  * one that many steps away; k: below and above along each axis. */
-static uint64_t frontier(const samples *s, uint32_t block, int x, uint64_t known[18])
+ISA_INLINE uint64_t frontier(const samples *s, uint32_t block, int x, uint64_t known[18])
 {
     const uint64_t here = known_word(s, block, x);
     uint64_t any = 0;
@@ -281,7 +287,7 @@ ISA_INLINE float bounded(double value, double raw, int layer)
     return (float)(side * reach);
 }
 
-static float continued(double raw, const gathered *g, int bit, int layer)
+ISA_INLINE float continued(double raw, const gathered *g, int bit, int layer)
 {
     const double value =
         g->line_count[bit] ? g->lines[bit] / g->line_count[bit] : g->flats[bit] / g->flat_count[bit];
@@ -289,7 +295,8 @@ static float continued(double raw, const gathered *g, int bit, int layer)
 }
 
 /* Continues the frontier `bits` of the layer x of a block. */
-static void extend_row(samples *s, uint32_t block, int x, uint64_t bits, const uint64_t known[18], int layer)
+ISA_INLINE void extend_row(samples *s, uint32_t block, int x, uint64_t bits, const uint64_t known[18],
+                           int layer)
 {
     float *here = s->f[block];
     gathered g;
@@ -326,7 +333,8 @@ static void extend_chunk(void *context, int worker, size_t begin, size_t end)
     samples *s = job->s;
     uint64_t changed = 0;
     (void)worker;
-    for (size_t i = begin; i < end; i++)
+    for (size_t i = begin; i < end; i++) {
+        if (i + 1 < end) fetch_block(s->f[job->open[i + 1]]);
         for (int x = 0; x < SIDE; x++) {
             const uint32_t n = job->open[i];
             uint64_t known[18], bits = frontier(s, n, x, known);
@@ -334,6 +342,7 @@ static void extend_chunk(void *context, int worker, size_t begin, size_t end)
             changed |= bits;
             if (bits) extend_row(s, n, x, bits, known, job->layer);
         }
+    }
     if (changed) atomic_store(&job->changed, true);
 }
 
@@ -402,6 +411,7 @@ static void straight_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         const size_t n = job->open[i];
+        if (i + 1 < end) fetch_block(job->s->f[job->open[i + 1]]);
         for (int axis = 2; axis >= 0; axis--) straighten(job->s->f[n], job->s->known + n * SIDE, axis);
     }
 }
@@ -460,6 +470,8 @@ ISA_INLINE void copy_run(samples *s, int axis, uint32_t first, double *rows, boo
 {
     for (uint32_t n = first; n != BLOCK_MAP_NONE; n = s->near[6 * (size_t)n + (size_t)(2 * axis + 1)]) {
         float *f = s->f[n];
+        const uint32_t next = s->near[6 * (size_t)n + (size_t)(2 * axis + 1)];
+        if (!back && next != BLOCK_MAP_NONE) fetch_block(s->f[next]);
         if (axis == 0) copy_block(f, rows, back, 64, 8, 1);
         if (axis == 1) copy_block(f, rows, back, 8, 64, 1);
         if (axis == 2) copy_block(f, rows, back, 1, 64, 8);
@@ -468,7 +480,7 @@ ISA_INLINE void copy_run(samples *s, int axis, uint32_t first, double *rows, boo
 }
 
 /* c[k-1] + 4 c[k] + c[k+1] = 6 s[k] within, c = s at both ends. */
-static void solve_run(double *rows, double *ratio, size_t length)
+ISA_INLINE void solve_run(double *rows, double *ratio, size_t length)
 {
     ratio[0] = 0;
     for (size_t k = 1; k + 1 < length; k++) {
@@ -503,7 +515,7 @@ typedef struct filtering {
     size_t longest;
 } filtering;
 
-static void filter_chunk(void *context, int worker, size_t begin, size_t end)
+ISA_CLONES static void filter_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const filtering *job = context;
     double *rows = job->rows + 65 * job->longest * (size_t)worker;
@@ -582,11 +594,18 @@ ISA_INLINE bool has_part(const int low[3], int side, const int step[3])
 void samples_window(const samples *s, const int32_t block[3], const int low[3], int side, float *out)
 {
     const float *own = s->f[block_map_find(&s->map, block[0], block[1], block[2])];
+    uint32_t near[27];
+    for (int k = 0; k < 27; k++) { /* all at first, so that they are waited for together */
+        const int step[3] = {k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1};
+        if (!has_part(low, side, step)) continue;
+        near[k] = block_map_find(&s->map, block[0] + step[0], block[1] + step[1], block[2] + step[2]);
+        if (near[k] != BLOCK_MAP_NONE && abs(step[0]) + abs(step[1]) + abs(step[2]) == 1)
+            fetch_block(s->f[near[k]]);
+    }
     for (int k = 0; k < 27; k++) {
         const int step[3] = {k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1};
         if (!has_part(low, side, step)) continue;
-        const uint32_t n =
-            block_map_find(&s->map, block[0] + step[0], block[1] + step[1], block[2] + step[2]);
+        const uint32_t n = near[k];
         const extent px = part_of(low[0], side, step[0]), py = part_of(low[1], side, step[1]),
                      pz = part_of(low[2], side, step[2]);
         for (int x = px.from; x < px.from + px.count; x++)
@@ -599,6 +618,12 @@ void samples_window(const samples *s, const int32_t block[3], const int low[3], 
                 for (int z = pz.from; z < pz.from + pz.count; z++) *to++ = nearest(own, x, y, z);
             }
     }
+}
+
+void samples_fetch(const samples *s, const int32_t block[3])
+{
+    const uint32_t n = block_map_find(&s->map, block[0], block[1], block[2]);
+    if (n != BLOCK_MAP_NONE) fetch_block(s->f[n]);
 }
 
 static void release_below(samples_store *store, int32_t x)

@@ -69,6 +69,9 @@ bool samples_prefilter(samples *s, threads *pool, error *e);
  * within it and its neighbours. Voxels of missing neighbours are as the block's nearest. */
 void samples_window(const samples *s, const int32_t block[3], const int low[3], int side, float *out);
 
+/* Asks for the block's voxels, which a window is to be taken of soon. */
+void samples_fetch(const samples *s, const int32_t block[3]);
+
 /* Gives back the memory of voxels in blocks below `x` along the first axis, where it comes before all others that are to
  * stay. What they held is lost. */
 void samples_release_below(samples *s, int32_t x);
