@@ -367,7 +367,7 @@ static int obey(int argc, char **argv, command *what)
     sequence_files previous = {0};
     int code;
     handle_signals();
-    mem_return_arrays();
+    mem_begin();
     if (!parse_arguments(argc, argv, &a, &e) || !prepare(&a, &roots, &spec_file, &previous, &e)) goto fail;
     if (!(s = load_spec(spec_file, a.spec_path, &faults, &e))) goto fail;
     if (!choose_frame(&s, a.frame, a.previous != NULL, &faults, &e)) goto fail;

@@ -1,13 +1,16 @@
 /* memory: arrays of every size are zeroed and aligned, also where freed memory comes back. */
 #include <setjmp.h>
 #include <stdarg.h>
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include <cmocka.h>
+#include <sys/mman.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include "base/memory.h"
 
@@ -109,9 +112,32 @@ static void test_growing_gives_back_the_old_place(void **state)
     free(array);
 }
 
+/* Arrays of what a small job takes are in place before they are touched. */
+static void test_first_touches_are_few(void **state)
+{
+    (void)state;
+    enum { COUNT = 20, BYTES = 100000 };
+    const size_t page = (size_t)sysconf(_SC_PAGESIZE);
+    char *probe = mmap(NULL, page, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0), *array[COUNT];
+    const bool knows = madvise(probe, page, MADV_POPULATE_WRITE) == 0;
+    struct rusage before, after;
+    munmap(probe, page);
+#ifdef __SANITIZE_ADDRESS__
+    skip(); /* the sanitizer has an allocator of its own */
+#endif
+    if (!knows) skip();
+    mem_begin();
+    getrusage(RUSAGE_SELF, &before);
+    for (int k = 0; k < COUNT; k++) assert_non_null(array[k] = mem_array(BYTES, 1, "a test", NULL));
+    getrusage(RUSAGE_SELF, &after);
+    for (int k = 0; k < COUNT; k++) free(array[k]);
+    assert_true((size_t)(after.ru_minflt - before.ru_minflt) < COUNT * (BYTES / page) / 4);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_first_touches_are_few),
         cmocka_unit_test(test_arrays_are_zeroed),
         cmocka_unit_test(test_a_part_is_given_back),
         cmocka_unit_test(test_what_cannot_be_had),
