@@ -147,7 +147,10 @@ static void fill_halves(const line *l, const uint16_t *rgba, int width)
 static void fill_line(const line *l, const image *m, int y)
 {
     const uint16_t *rgba = m->rgba + 4 * (size_t)y * (size_t)m->width;
-    memset(l->bytes, 0, l->length);
+    if (l->all_channels) /* else only identifiers are not written in every pixel */
+        memset(l->bytes, 0, l->length);
+    else
+        memset(l->bytes + l->offset[ID], 0, (size_t)m->width * (size_t)channels[ID].bytes);
     fill_halves(l, rgba, m->width);
     for (int x = 0; x < m->width;) {
         preview_span s = preview_span_at(m, x, y);

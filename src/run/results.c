@@ -570,7 +570,7 @@ bool results_write(const char *directory, const results_input *in, threads *pool
               (!s->has_mesh || write_mesh(directory, &with_color, as_float, pool, outputs, &facts, e)) &&
               (!s->has_preview || write_preview(directory, &with_color, pool, outputs, e)) &&
               (!s->has_convergence || write_convergence(directory, in, outputs, e));
-    if (late && !late_commit_end(late, &ply, e)) ok = false;
+    if (late) ok = late_commit_end(late, &ply, e) && ok && store_directory_sync(directory, e);
     if (job.pool != pool) threads_free(job.pool);
     free(color);
     if (ok) {

@@ -119,7 +119,7 @@ bool store_file_flush(store_file *file, error *e)
     return fail(e, "written", file->path);
 }
 
-bool store_file_commit(store_file *file, error *e)
+bool store_file_place(store_file *file, error *e)
 {
     bool ok = false;
     if (!store_file_flush(file, e)) goto done;
@@ -135,9 +135,17 @@ bool store_file_commit(store_file *file, error *e)
     }
     free(file->temporary);
     file->temporary = NULL;
-    ok = parent_sync(file->path, e);
+    ok = true;
 done:
     store_file_abort(file);
+    return ok;
+}
+
+bool store_file_commit(store_file *file, error *e)
+{
+    char *path = mem_strdup(file->path);
+    const bool ok = store_file_place(file, e) && parent_sync(path, e);
+    free(path);
     return ok;
 }
 
@@ -220,7 +228,7 @@ bool store_file_hash(int fd, char hex[STORE_HASH_SIZE], uint64_t *bytes, error *
     struct sha256_ctx context;
     sha256_init(&context);
     size_t size = 256 * 1024;
-    uint8_t *block = mem_alloc(size);
+    uint8_t *block = mem_resize(NULL, size); /* a small file touches little of it */
     uint64_t total = 0;
     ssize_t got;
     while ((got = pread(fd, block, size, (off_t)total)) != 0) {

@@ -24,6 +24,8 @@ typedef struct store_file {
  * follows; both leave *file empty. Commit that fails has aborted. Abort accepts an empty file. */
 bool store_file_begin(const char *path, store_file *file, error *e);
 bool store_file_commit(store_file *file, error *e);
+/* As commit, but the directory is the caller's to flush, once for all files that go there. */
+bool store_file_place(store_file *file, error *e);
 /* Brings to disk what was written. It is the first and slowest step of commit; called before, it leaves commit little to
  * do. After a failure abort follows. */
 bool store_file_flush(store_file *file, error *e);

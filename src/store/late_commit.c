@@ -22,7 +22,7 @@ bool late_commit_now(store_file *file, store_facts *out, error *e)
         store_file_abort(file);
         return false;
     }
-    if (!store_file_commit(file, e)) return false;
+    if (!store_file_place(file, e)) return false;
     *out = facts;
     return true;
 }

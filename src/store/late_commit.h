@@ -1,5 +1,6 @@
-/* late_commit: writes, hashes and commits a file (file.h) on a thread of its own, while the caller goes on with the next. To hash a
- * large file and to bring it to disk takes as long as to write it. One caller; errors as store_file_commit's, and the writer's. */
+/* late_commit: writes, hashes and places a file (store_file_place) on a thread of its own, while the caller goes on with the next. To
+ * hash a large file and to bring it to disk takes as long as to write it. One caller, who flushes the directory; errors as
+ * store_file_place's, and the writer's. */
 #ifndef HEXAD_STORE_LATE_COMMIT_H
 #define HEXAD_STORE_LATE_COMMIT_H
 

@@ -74,6 +74,12 @@ static void test_commit_replaces_and_abort_leaves(void **state)
     assert_true(store_file_commit(&file, &e));
     expect_content(path, "new");
     assert_int_equal(count_entries(base), 1);
+    assert_true(store_file_begin(path, &file, &e));
+    fputs("placed", file.stream);
+    assert_true(store_file_place(&file, &e));
+    assert_null(file.stream);
+    expect_content(path, "placed");
+    assert_int_equal(count_entries(base), 1);
     free(path);
     drop_place(base);
 }
