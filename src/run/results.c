@@ -107,7 +107,7 @@ static double largest_residual(const field *f, const points *set, bool as_float,
     return worst;
 }
 
-/* `job` holds the name and the points, and is filled in. Beside what follows, if that is asked for and pays: text takes all threads. */
+/* `job` holds the name and the points, and is filled in. Beside what follows, if asked for and worth a thread: text takes all of them. */
 static late_commit *begin_ply(const char *directory, const spec *s, bool as_float, threads *pool, bool beside,
                               ply_job *job, error *e)
 {
@@ -115,7 +115,7 @@ static late_commit *begin_ply(const char *directory, const spec *s, bool as_floa
     store_file file = {0};
     job->format = s->ply_format == SPEC_PLY_ASCII ? PLY_ASCII : PLY_BINARY_LITTLE_ENDIAN;
     job->precision = as_float ? PLY_FLOAT : PLY_DOUBLE;
-    beside = beside && job->format != PLY_ASCII && threads_count(pool) > 1;
+    beside = beside && job->format != PLY_ASCII && job->set->count > GRAIN && threads_count(pool) > 1;
     job->pool = beside ? threads_beside(pool) : pool;
     const char *const *wanted = (const char *const *)s->ply_properties;
     const bool ok = columns_choose(job->set, wanted, s->ply_property_count, &job->what, e) &&
