@@ -112,6 +112,10 @@ relax_steps relax_rms_steps_left(relax *r, particles *p, double sigma, double sp
 /* The largest support that the lists cover, until a particle moves. */
 double relax_max_support(const relax *r);
 
+/* From now on the lists, since when nobody has moved, are those of this support, which they cover: what they reach beyond it
+ * is their skin. */
+void relax_take_support(relax *r, double sigma);
+
 /* Share of the particles that see a neighbour turned from them by 60 degrees or more, when the lists were
  * built: round an edge, or through a sheet. */
 double relax_creased_share(const relax *r, const particles *p);

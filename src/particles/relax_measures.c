@@ -241,6 +241,13 @@ double relax_max_support(const relax *r)
     return r->sigma + r->skin;
 }
 
+void relax_take_support(relax *r, double sigma)
+{
+    assert(sigma <= relax_max_support(r));
+    r->skin = relax_max_support(r) - sigma;
+    r->sigma = sigma;
+}
+
 double relax_creased_share(const relax *r, const particles *p)
 {
     size_t creased = 0;

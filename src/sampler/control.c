@@ -56,8 +56,9 @@ static bool find_support(sampler *s, error *e)
     const double given = s->state.sigma;
     for (int k = 0; k < SUPPORT_BUILDS; k++) {
         double before = s->state.sigma;
-        s->state.skin =
-            fmax(s->setup.schedule->skin_wide * s->state.spacing, SUPPORT_GROWTH * s->state.sigma);
+        s->state.skin = s->setup.schedule->skin_wide * s->state.spacing;
+        if (k > 0 || !relax_is_rough(s->scratch.relax))
+            s->state.skin = fmax(s->state.skin, SUPPORT_GROWTH * s->state.sigma);
         if (!sampler_build_lists(s, e)) return false;
         s->state.sigma = fmin(ideal_support(s), bbox_longest(s->setup.scan->box) * 2);
         if (s->state.sigma < SUPPORT_LEAST * s->state.spacing) {
@@ -71,12 +72,17 @@ static bool find_support(sampler *s, error *e)
     return true;
 }
 
-/* Lists for the support that was found, held to its bound. */
-static bool settle_support(sampler *s, error *e)
+/* Lists for the support that was found, held to its bound. Rough surfaces have long lists, and keep those in which it was. */
+static bool settle_support(sampler *s, bool changed, error *e)
 {
+    const schedule *given = s->setup.schedule;
     if (s->setup.params.max_sigma > 0) s->state.sigma = fmin(s->state.sigma, s->setup.params.max_sigma);
-    s->state.skin = s->setup.schedule->skin_wide * s->state.spacing;
-    return sampler_build_lists(s, e);
+    const double skin = relax_max_support(s->scratch.relax) - s->state.sigma;
+    s->state.skin = given->skin_wide * s->state.spacing;
+    if (changed || !relax_is_rough(s->scratch.relax) || skin < given->skin_narrow * s->state.spacing)
+        return sampler_build_lists(s, e);
+    relax_take_support(s->scratch.relax, s->state.sigma);
+    return true;
 }
 
 static void note_round(sampler *s, double energy)
@@ -260,5 +266,5 @@ bool sampler_control(sampler *s, error *e)
         if (s->state.calmed) s->state.rough = 0;
         enter_stage(s, last_stage ? s->state.stage : s->state.stage + 1);
     }
-    return settle_support(s, e);
+    return settle_support(s, changed, e);
 }

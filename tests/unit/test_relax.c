@@ -107,14 +107,16 @@ static void points_in_one_place_do_not_set_the_support(void **state)
     tear_down(&b);
 }
 
-/* No particle moves farther from where the lists were built than they allow, nor off the surface. */
-static void check_lists_stay_valid(const fast_kernel *forces)
+/* No particle moves farther from where the lists were built than they allow, nor off the surface; also where they were built for a
+ * smaller support. */
+static void check_lists_stay_valid(const fast_kernel *forces, double smaller)
 {
     error e = {0};
     bench b;
     set_up(&b, 4, forces, 9);
-    double skin = 0.3 * b.params.spacing;
-    assert_true(relax_build(b.r, b.p, b.params.sigma, skin, &e));
+    double skin = 0.3 * b.params.spacing, less = smaller * b.params.spacing;
+    assert_true(relax_build(b.r, b.p, b.params.sigma - less, skin + less, &e));
+    relax_take_support(b.r, b.params.sigma);
     size_t cramped = 0;
     vec3 built[COUNT];
     memcpy(built, b.p->position, sizeof built);
@@ -136,8 +138,10 @@ static void check_lists_stay_valid(const fast_kernel *forces)
 static void lists_stay_valid(void **state)
 {
     (void)state;
-    check_lists_stay_valid(NULL);
-    check_lists_stay_valid(fast_kernel_for(isa_best()));
+    for (int k = 0; k < 2; k++) {
+        check_lists_stay_valid(NULL, 0.1 * k);
+        check_lists_stay_valid(fast_kernel_for(isa_best()), 0.1 * k);
+    }
 }
 
 /* From the same start, sweeps that nothing watches come to rest at the energy of those that are watched. */
