@@ -128,7 +128,7 @@ static void look_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t i = begin; i < end; i++) {
         const uint32_t *list = neighbours_list(near, i);
         double least = 1;
-        for (uint32_t k = 0; k < near->list_count[i]; k++) {
+        for (uint32_t k = 0; k < near->list_count[i] && least > FLAT_COSINE; k++) {
             double cosine = particles_facing(p, i, list[k]);
             least = cosine < least ? cosine : least;
         }
@@ -545,33 +545,42 @@ static void sample_lanes(const sweep_job *job, const uint32_t *items, size_t cou
     }
 }
 
+void relax_fast_steps(const sweep_job *job, const uint32_t *items, size_t first, size_t count,
+                      const fast_kernel_particles *own, const fast_kernel_forces *forces,
+                      bool stays[FAST_KERNEL_LANES], block_sums *sums)
+{
+    const fast_kernel *k = job->r->fast;
+    const fast_kernel_params params = fast_step_params(job->r, job->params);
+    fast_kernel_way way;
+    k->step(own, forces, &params, &way);
+    for (size_t l = 0; l < FAST_KERNEL_LANES; l++) way.ends_well[l] &= l >= first && l < count;
+    sample_lanes(job, items, count, &way);
+    k->land(own, &params, &way);
+    for (size_t l = first; l < count; l++) {
+        stays[l] = !way.ends_well[l];
+        if (stays[l]) continue;
+        relax_note_energy(job, items[l], (double)forces->energy[l], sums);
+        sums->lambda += RELAX_LAMBDA_FLOOR;
+        relax_take_step(job, items[l], (vec3){way.to.x[l], way.to.y[l], way.to.z[l]},
+                        (vec3){way.gradient.x[l], way.gradient.y[l], way.gradient.z[l]}, way.length[l],
+                        (double)own->allowed_step[l], sums);
+    }
+}
+
 /* Moves a set of independent particles whose neighbours all face their way, by the fast kernel. Particles whose step
  * does not end well stay where they are: `items` receives them. Returns how many. */
 static size_t fast_step(const sweep_job *job, uint32_t *items, size_t count, block_sums *sums)
 {
-    const fast_kernel *k = job->r->fast;
     const fast_kernel_params params = fast_step_params(job->r, job->params);
     fast_kernel_particles own;
     fast_kernel_forces forces;
-    fast_kernel_way way;
+    bool stays[FAST_KERNEL_LANES];
     relax_line_up(job->r, job->p, items, count, &own);
-    k->forces(job->r->near->place, &own, &params, &forces);
-    k->step(&own, &forces, &params, &way);
-    for (size_t l = count; l < FAST_KERNEL_LANES; l++) way.ends_well[l] = false;
-    sample_lanes(job, items, count, &way);
-    k->land(&own, &params, &way);
+    job->r->fast->forces(job->r->near->place, &own, &params, &forces);
+    relax_fast_steps(job, items, 0, count, &own, &forces, stays, sums);
     size_t left = 0;
-    for (size_t l = 0; l < count; l++) {
-        if (!way.ends_well[l]) {
-            items[left++] = items[l];
-            continue;
-        }
-        relax_note_energy(job, items[l], (double)forces.energy[l], sums);
-        sums->lambda += RELAX_LAMBDA_FLOOR;
-        relax_take_step(job, items[l], (vec3){way.to.x[l], way.to.y[l], way.to.z[l]},
-                        (vec3){way.gradient.x[l], way.gradient.y[l], way.gradient.z[l]}, way.length[l],
-                        (double)own.allowed_step[l], sums);
-    }
+    for (size_t l = 0; l < count; l++)
+        if (stays[l]) items[left++] = items[l];
     return left;
 }
 
@@ -623,10 +632,15 @@ static void sweep_set(const sweep_job *job, int worker, const uint32_t *items, s
             smooth[smooth_count++] = items[k];
         else
             creased[creased_count++] = items[k];
+    if (creased_count > 0 && job->r->rough) { /* all of them at once */
+        memcpy(creased + creased_count, smooth, smooth_count * sizeof *smooth);
+        relax_rough_steps(job, creased, creased_count, creased_count + smooth_count, sums);
+        smooth_count = creased_count = 0;
+    }
     if (smooth_count > 0) smooth_count = fast_step(job, smooth, smooth_count, sums);
     for (size_t k = 0; k < smooth_count; k++) creased[creased_count++] = smooth[k];
     if (creased_count > 0 && job->r->rough) {
-        relax_guarded_steps(job, creased, creased_count, sums);
+        relax_rough_steps(job, creased, creased_count, creased_count, sums);
         creased_count = 0;
     }
     for (size_t k = 0; k < creased_count; k++) update_particle(job, worker, creased[k], sums);

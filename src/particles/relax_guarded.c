@@ -1,5 +1,6 @@
 /* relax_guarded: guarded steps sixteen at a time, in single precision. See relax.h, and fast_kernel.h for the parts. */
 #include <math.h>
+#include <string.h>
 
 #include "particles/relax_internal.h"
 
@@ -159,10 +160,11 @@ static void end_trial(const sweep_job *job, const uint32_t *items, double gain, 
 
 /* What the turning of the particles' own normals adds to their forces, through the weights: along an axis of the frame the
  * normal turns by the shape operator times it. */
-static void add_turning(const sweep_job *job, size_t count, trial *t)
+static void add_turning(const sweep_job *job, trial *t)
 {
     fast_kernel_forces *f = &t->forces;
-    for (size_t l = 0; l < count; l++) {
+    for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {
+        if (!t->open[l]) continue;
         const vec3 pull = {(double)f->turning[0][l], (double)f->turning[1][l], (double)f->turning[2][l]};
         const vec3 x = {t->own.position.x[l], t->own.position.y[l], t->own.position.z[l]};
         const vec3 axis1 = {(double)f->axis1[0][l], (double)f->axis1[1][l], (double)f->axis1[2][l]};
@@ -176,16 +178,21 @@ static void add_turning(const sweep_job *job, size_t count, trial *t)
     }
 }
 
-void relax_guarded_steps(const sweep_job *job, const uint32_t *items, size_t count, block_sums *sums)
+void relax_rough_steps(const sweep_job *job, const uint32_t *items, size_t creased, size_t count,
+                       block_sums *sums)
 {
     const double gain = fmax(job->params->gain, LEAST_GAIN);
-    trial t = {.params = params_of(job)};
+    bool guarded[FAST_KERNEL_LANES];
+    trial t;
+    t.params = params_of(job);
     relax_line_up(job->r, job->p, items, count, &t.own);
     job->r->fast->forces(job->r->near->place, &t.own, &t.params, &t.forces);
-    if (t.params.normal) add_turning(job, count, &t);
+    for (size_t l = 0; l < FAST_KERNEL_LANES; l++) guarded[l] = l < creased;
+    if (creased < count) relax_fast_steps(job, items, creased, count, &t.own, &t.forces, guarded, sums);
+    memcpy(t.open, guarded, sizeof t.open);
+    if (t.params.normal) add_turning(job, &t);
     for (size_t l = 0; l < count; l++) {
         const double lambda = (double)job->p->lambda[items[l]];
-        t.open[l] = true;
         t.lambda[l] = lambda >= RELAX_LAMBDA_CAP ? 0 : lambda;
     }
     for (int k = 0; k < TRIALS && any_open(&t); k++) {
@@ -193,6 +200,7 @@ void relax_guarded_steps(const sweep_job *job, const uint32_t *items, size_t cou
         if (any_open(&t)) end_trial(job, items, gain, k == 0, &t, sums);
     }
     for (size_t l = 0; l < count; l++) {
+        if (!guarded[l]) continue;
         if (t.open[l]) job->p->lambda[items[l]] = (float)t.lambda[l];
         relax_note_energy(job, items[l], (double)t.forces.energy[l], sums);
         sums->lambda += (double)job->p->lambda[items[l]];

@@ -134,8 +134,16 @@ void relax_take_step(const sweep_job *job, size_t i, vec3 x, vec3 normal, double
  * field comes near zero without a surface. */
 double relax_tolerance_scale(const field *f, double spacing);
 
-/* Guarded steps (section 5) of a set of independent particles that are away from boundaries, of a surface without patches, side by
- * side, in single precision. */
-void relax_guarded_steps(const sweep_job *job, const uint32_t *items, size_t count, block_sums *sums);
+/* Fast steps of the lanes from `first` up to `count`, whose forces are known. Who stays, since its step would not end well, is
+ * told. */
+void relax_fast_steps(const sweep_job *job, const uint32_t *items, size_t first, size_t count,
+                      const fast_kernel_particles *own, const fast_kernel_forces *forces,
+                      bool stays[FAST_KERNEL_LANES], block_sums *sums);
+
+/* Steps of a set of independent particles that are away from boundaries, of a surface without patches: fast ones of those after the
+ * first `creased`, whose neighbours all face their way, and guarded ones (section 5) of the others and of whose step would not end
+ * well, side by side, in single precision. */
+void relax_rough_steps(const sweep_job *job, const uint32_t *items, size_t creased, size_t count,
+                       block_sums *sums);
 
 #endif
