@@ -20,6 +20,8 @@
 /* Of a piece, in spacings of its middle: who moves, who is judged, and who is seen. Smaller pieces come into an order that
  * does not last once all may move. */
 static const double FREE_RADIUS = 3.8, JUDGED_RADIUS = 4.4, SEEN_RADIUS = 6.0;
+/* A piece in which fewer move, as of a small patch, has no order to mend, and would give its points away. */
+enum { FREE_LEAST = 8 };
 /* Pieces that are tried together, which bounds memory; and how often one is tried at a time, in chains that begin anew. */
 enum { PIECES_MOST = 256, TRIES = 16, CHAIN = 8, QUEUE_MOST = 1024 };
 /* A chain goes on from what costs up to so much more. A piece may stay so much worse, too: ever less over this share of the
@@ -28,6 +30,8 @@ static const double HEAT = 1, WARMTH = 1, WARM_SHARE = 0.7;
 /* Passes over all pieces for so many particles of which no more than so many were out of order, more by the square where more were,
  * up to PASSES_MOST; and how many of them before all may move. */
 static const double PASSES = 72, PASSES_COUNT = 1e4, PASSES_SHARE = 0.14, PASSES_MOST = 240;
+/* On patches: a pass takes longer beside the solve, and the first of them bring most. */
+static const double PASSES_ON_PATCHES = 12;
 enum { PASSES_AT_ONCE = 2 };
 /* Below this share of particles with other than six neighbours there is nothing to mend. */
 static const double ORDERED_SHARE = 0.05;
@@ -99,6 +103,11 @@ static bool is_within(const mending *m, uint32_t i, uint32_t middle, double radi
     return vec3_norm2(vec3_sub(x[i], x[middle])) < reach * reach;
 }
 
+static bool may_move(const mending *m, uint32_t i, uint32_t middle)
+{
+    return is_within(m, i, middle, FREE_RADIUS) && !particles_is_fixed(m->s->state.p, i);
+}
+
 /* Who is around the site's middle on its own sheet: without a step to who faces away. How many. */
 static uint32_t gather_sheet(mending *m, uint32_t middle, uint32_t queue[QUEUE_MOST])
 {
@@ -144,12 +153,18 @@ static bool gather(mending *m, site *out)
     if (count > MEND_PIECE_MOST - 1) return false;
     out->free = 0;
     for (uint32_t q = 0; q < count; q++)
-        if (is_within(m, queue[q], out->start, FREE_RADIUS)) out->member[out->free++] = queue[q];
+        if (may_move(m, queue[q], out->start)) out->member[out->free++] = queue[q];
     out->count = out->free;
     for (uint32_t q = 0; q < count; q++)
-        if (!is_within(m, queue[q], out->start, FREE_RADIUS)) out->member[out->count++] = queue[q];
+        if (!may_move(m, queue[q], out->start)) out->member[out->count++] = queue[q];
     out->own = out->count;
-    return out->free < MEND_FREE_MOST && gather_others(m, out);
+    return out->free >= FREE_LEAST && out->free < MEND_FREE_MOST && gather_others(m, out);
+}
+
+/* Beside a face that cuts the surface; rows of curves stay where they are, and hold who is beside them. */
+static bool is_at_end(const particles *p, uint32_t i)
+{
+    return !p->patch && p->near_boundary[i];
 }
 
 /* False where it touches another. */
@@ -157,7 +172,7 @@ static bool claim(mending *m, const site *t)
 {
     for (uint32_t k = 0; k < t->count; k++) {
         uint8_t by = m->taken[t->member[k]];
-        if (by == TAKEN_MOVES || (k < t->free && (by || m->s->state.p->near_boundary[t->member[k]])))
+        if (by == TAKEN_MOVES || (k < t->free && (by || is_at_end(m->s->state.p, t->member[k]))))
             return false;
     }
     for (uint32_t k = 0; k < t->count; k++) m->taken[t->member[k]] = k < t->free ? TAKEN_MOVES : TAKEN_SEEN;
@@ -169,13 +184,15 @@ static void fill(const mending *m, const site *t, mend_piece *out)
     const particles *p = m->s->state.p;
     out->count = t->count;
     out->free = t->free;
+    out->field = particles_field(p, m->s->setup.field, t->start);
     for (uint32_t k = 0; k < t->count; k++) {
         uint32_t i = t->member[k];
         out->x[k] = p->position[i];
         out->normal[k] = p->normal[i];
         out->h[k] = m->h[i];
         out->awake[k] = false;
-        out->judged[k] = k < t->own && is_within(m, i, t->start, JUDGED_RADIUS);
+        out->hint[k] = p->hint ? p->hint[i] : FIELD_NO_HINT;
+        out->judged[k] = k < t->own && is_within(m, i, t->start, JUDGED_RADIUS) && !particles_is_fixed(p, i);
     }
     mend_piece_list(out);
 }
@@ -185,10 +202,10 @@ static void try_once(mend_bench *b, site *t, rng *r)
 {
     mend_piece *tried = &b->tried;
     *tried = b->current;
-    if (!mend_piece_change(b->s, tried, r)) return;
+    if (!mend_piece_change(tried, r)) return;
     const int more = (int)tried->free - (int)b->as_is.free;
     if (abs(more) > 1) return;
-    mend_piece_settle(b, tried);
+    if (!mend_piece_settle(b, tried)) return;
     if (mend_piece_guess(tried) > mend_piece_guess(&b->current)) return;
     outcome *o = &t->outcome[1 + more];
     const double base = b->as_is.cost, next = b->current.cost + HEAT * rng_uniform(r);
@@ -252,6 +269,14 @@ static void choose(mending *m)
     }
 }
 
+static void put(particles *p, uint32_t i, vec3 x, vec3 normal)
+{
+    p->position[i] = x;
+    p->normal[i] = normal;
+    p->lambda[i] = 0;
+    if (p->hint) p->hint[i] = FIELD_NO_HINT;
+}
+
 /* How much is gained. Sets *changed where any piece was. */
 static double apply(mending *m, bool *changed)
 {
@@ -265,20 +290,15 @@ static double apply(mending *m, bool *changed)
         *changed = true;
         gain += o->gain;
         uint32_t stay = t->free - (t->chosen == 0);
-        for (uint32_t k = 0; k < stay; k++) {
-            p->position[t->member[k]] = o->x[k];
-            p->normal[t->member[k]] = o->normal[k];
-            p->lambda[t->member[k]] = 0;
-        }
+        for (uint32_t k = 0; k < stay; k++) put(p, t->member[k], o->x[k], o->normal[k]);
         if (t->chosen == 0) spare[spares++] = t->member[stay];
         if (t->chosen == 2) wanting[wants++] = (uint32_t)q;
     }
     assert(spares == wants);
     for (uint32_t k = 0; k < wants; k++) {
         const site *t = &m->site[wanting[k]];
-        p->position[spare[k]] = t->outcome[2].x[t->free];
-        p->normal[spare[k]] = t->outcome[2].normal[t->free];
-        p->lambda[spare[k]] = 0;
+        if (p->patch) p->patch[spare[k]] = p->patch[t->start];
+        put(p, spare[k], t->outcome[2].x[t->free], t->outcome[2].normal[t->free]);
     }
     return gain;
 }
@@ -301,8 +321,9 @@ static double mean_local(const mending *m)
 {
     double sum = 0, found = 0;
     for (size_t i = 0; i < m->s->state.p->count; i++) {
-        sum += m->local[i];
-        found += m->local[i] > 0;
+        const bool counts = m->local[i] > 0 && !particles_is_fixed(m->s->state.p, i);
+        sum += counts ? m->local[i] : 0;
+        found += counts;
     }
     return found > 0 ? sum / found : 1;
 }
@@ -315,7 +336,9 @@ static void find_disorder(mending *m)
     m->mean = mean_local(m);
     m->disordered = 0;
     for (uint32_t i = 0; i < m->s->state.p->count; i++) {
-        if (m->degree[i] == 6) continue;
+        if (m->degree[i] == 6 || particles_is_fixed(m->s->state.p, i) ||
+            particles_is_one_sided(m->s->state.p, i))
+            continue;
         size_t to = (size_t)(rng_uniform(&r) * (double)(m->disordered + 1));
         m->order[m->disordered] = m->order[to];
         m->order[to] = i;
@@ -329,6 +352,7 @@ static bool find_near(mending *m, error *e)
     const size_t n = s->state.p->count;
     sampler_resize(s);
     for (size_t i = 0; i < n; i++) m->h[i] = s->state.spacing * particles_size(s->state.p, i);
+    m->near->label = s->state.p->patch;
     return neighbours_build(m->near, n, s->state.p->position, s->state.p->size,
                             VORONOI_REACH * s->state.spacing, s->setup.pool, e);
 }
@@ -457,8 +481,9 @@ bool sampler_even_out(sampler *s, bool *changed, error *e)
 
 bool sampler_mend(sampler *s, bool *changed, error *e)
 {
-    const double more = fmax(1, pow(s->state.disordered_share / PASSES_SHARE, 2)),
-                 passes = floor(fmin(PASSES * more, PASSES_MOST) *
+    const double base = s->state.p->patch ? PASSES_ON_PATCHES : PASSES,
+                 more = fmax(1, pow(s->state.disordered_share / PASSES_SHARE, 2)),
+                 passes = floor(fmin(base * more, PASSES_MOST) *
                                 fmin(1, PASSES_COUNT / (double)s->state.p->count));
     mending m;
     bool ok = true, goes_on = s->state.evened == 0 && s->state.mends < passes;

@@ -190,6 +190,7 @@ static void copy_member(mend_piece *p, uint32_t to, uint32_t from)
     p->judged[to] = p->judged[from];
     p->awake[to] = p->awake[from];
     p->degree[to] = p->degree[from];
+    p->hint[to] = p->hint[from];
 }
 
 static void take_out(mend_piece *p, uint32_t k)
@@ -201,17 +202,18 @@ static void take_out(mend_piece *p, uint32_t k)
 }
 
 /* Half a spacing from one that moves. */
-static bool put_in(const sampler *s, mend_piece *p, uint32_t beside, rng *r)
+static bool put_in(mend_piece *p, uint32_t beside, rng *r)
 {
     const double h = p->h[beside];
     vec3 normal = p->normal[beside], x = vec3_axpy(0.5 * h, random_tangent(normal, r), p->x[beside]);
     if (p->count == MEND_PIECE_MOST || p->free == MEND_FREE_MOST ||
-        !sampler_land(s->setup.field, h, h, &x, &normal))
+        !sampler_land(p->field, h, h, &x, &normal) || !field_is_within(p->field, x))
         return false;
     copy_member(p, p->count++, p->free);
     p->x[p->free] = x;
     p->normal[p->free] = normal;
     p->h[p->free] = h;
+    p->hint[p->free] = FIELD_NO_HINT;
     p->judged[p->free] = true;
     p->degree[p->free++] = 6;
     wake(p, x, h);
@@ -227,14 +229,14 @@ static bool pick(const mend_piece *p, rng *r, uint32_t *out)
     return found > 0;
 }
 
-bool mend_piece_change(const sampler *s, mend_piece *p, rng *r)
+bool mend_piece_change(mend_piece *p, rng *r)
 {
     uint32_t who = 0;
     const double kind = rng_uniform(r);
     if (!pick(p, r, &who)) return false;
-    if (kind < INSERTION) return put_in(s, p, who, r);
+    if (kind < INSERTION) return put_in(p, who, r);
     take_out(p, who);
-    return kind < INSERTION + REMOVAL || (pick(p, r, &who) && put_in(s, p, who, r));
+    return kind < INSERTION + REMOVAL || (pick(p, r, &who) && put_in(p, who, r));
 }
 
 /* --- its way to rest --- */
@@ -254,7 +256,7 @@ static double move_particle(mend_bench *b, mend_piece *p, uint32_t i)
     const double shorter = fmin(1, LONGEST_STEP * p->h[i] / fmax(length, 1e-300));
     x = vec3_axpy(shorter * along_u, u, vec3_axpy(shorter * along_v, v, p->x[i]));
     const projection_limits limits = {6, 1e-3 * p->h[i], 3e-2 * p->h[i], 1e-2 * p->h[i]};
-    if (!projection_find(b->s->setup.field, &limits, &x, &normal)) return 0;
+    if (!projection_find_near(p->field, &limits, &p->hint[i], &x, &normal)) return 0;
     p->x[i] = x;
     p->normal[i] = normal;
     return shorter * length / p->h[i];
@@ -275,11 +277,12 @@ static bool sweep_awake(mend_bench *b, mend_piece *p)
 
 static void renew_sizes(const sampler *s, mend_piece *p)
 {
+    if (!s->setup.params.sizing) return;
     for (uint32_t i = 0; i < p->free; i++)
         p->h[i] = sizing_field_spacing(s->setup.params.sizing, p->x[i], NULL);
 }
 
-void mend_piece_settle(mend_bench *b, mend_piece *p)
+bool mend_piece_settle(mend_bench *b, mend_piece *p)
 {
     for (int sweep = 0; sweep < SWEEPS; sweep++) {
         if (sweep % LIST_SWEEPS == 0) {
@@ -288,7 +291,10 @@ void mend_piece_settle(mend_bench *b, mend_piece *p)
         }
         if (!sweep_awake(b, p)) break;
     }
+    for (uint32_t i = 0; i < p->free; i++)
+        if (!field_is_within_near(p->field, p->x[i], &p->hint[i])) return false;
     renew_sizes(b->s, p);
     mend_piece_list(p);
     for (uint32_t i = 0; i < p->count; i++) p->awake[i] = false;
+    return true;
 }

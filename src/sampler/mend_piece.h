@@ -16,6 +16,7 @@ enum {
 };
 
 typedef struct mend_piece {
+    const field *field;   /* of its patch */
     uint32_t count, free; /* the first `free` move */
     int disordered;       /* of the judged */
     double cost;
@@ -24,6 +25,7 @@ typedef struct mend_piece {
     bool judged[MEND_PIECE_MOST];
     bool awake[MEND_PIECE_MOST];     /* it may have to move */
     uint8_t degree[MEND_PIECE_MOST]; /* of the judged, else 6 */
+    uint32_t hint[MEND_PIECE_MOST];  /* of its place on the field */
     /* of what lies within VORONOI_REACH, as it was last looked for */
     uint32_t begin[MEND_PIECE_MOST], listed[MEND_PIECE_MOST], list[MEND_LIST_MOST];
 } mend_piece;
@@ -50,9 +52,10 @@ int mend_piece_guess(const mend_piece *p);
 bool mend_piece_judge(mend_bench *b, mend_piece *p, double limit);
 
 /* Takes one out, puts one in, or moves one to another place, somewhere near disorder. False: there is none, or no place. */
-bool mend_piece_change(const sampler *s, mend_piece *p, rng *r);
+bool mend_piece_change(mend_piece *p, rng *r);
 
-/* Those that are awake come to rest, and who is pushed by them; lists are of their new places. */
-void mend_piece_settle(mend_bench *b, mend_piece *p);
+/* Those that are awake come to rest, and who is pushed by them; lists are of their new places. False, and lists are not: one
+ * has left its patch. */
+bool mend_piece_settle(mend_bench *b, mend_piece *p);
 
 #endif

@@ -166,11 +166,14 @@ bool sampler_go_on(sampler *s)
     return true;
 }
 
-/* A level that has had more sweeps for its disorder, and has enough left to come to rest again. */
+/* Where sizes vary: a level that has had more sweeps for its disorder. On patches of one size: any. It has enough sweeps left to
+ * come to rest again. */
 static bool may_be_mended(const sampler *s)
 {
-    return s->setup.params.mend && s->setup.fast && s->setup.params.sizing && s->state.rough > 0 &&
-           !s->state.p->patch && !s->state.coarse && !sampler_is_given(s) &&
+    const bool is_sized = s->setup.params.sizing != NULL;
+    const bool may =
+        s->state.p->patch ? !is_sized && !sampler_merges_rows(s) : is_sized && s->state.rough > 0;
+    return may && s->setup.params.mend && s->setup.fast && !s->state.coarse && !sampler_is_given(s) &&
            2 * s->record.sweep_count < (size_t)s->setup.params.max_sweeps;
 }
 
@@ -184,7 +187,9 @@ static bool deliver(sampler *s, error *e)
     const bool may_go_on = s->state.recalls < SAMPLER_RECALLS, is_given = sampler_is_given(s);
     if (may_be_mended(s)) {
         bool changed = false;
-        if (!sampler_mend(s, &changed, e) || (!changed && !sampler_even_out(s, &changed, e))) return false;
+        if (!sampler_mend(s, &changed, e) ||
+            (!changed && s->setup.params.sizing && !sampler_even_out(s, &changed, e)))
+            return false;
         if (changed) return sampler_go_on(s);
     }
     if (!sampler_settle(s, e)) return false;
@@ -247,7 +252,8 @@ static bool relax_step(sampler *s, error *e)
     note_sweep(s, &sums);
     if (!s->state.calmed && schedule_may_be_rough(s->setup.schedule, &at)) {
         /* how often a packing is mended goes by all of its disorder */
-        const bool smooth = at.is_creased && at.level > 0 && !s->setup.params.mend;
+        const bool is_mended = s->setup.params.mend && s->setup.params.sizing,
+                   smooth = at.is_creased && at.level > 0 && !is_mended;
         double share = relax_disordered_share(s->scratch.relax, s->state.p, s->state.spacing, smooth);
         s->state.rough += schedule_is_rough(s->setup.schedule, &at, share, s->state.disordered_share);
         at.rough = s->state.rough;

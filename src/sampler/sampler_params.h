@@ -43,8 +43,8 @@ typedef struct sampler_params {
     size_t count_limit; /* more than this many particles are more than memory holds; 0: no limit */
     bool
         coarse_to_fine; /* solve a quarter of the count first, and so on down, then refine (method "sized") */
-    /* with coarse_to_fine and `sizing`, on a surface without patches: disorder that more sweeps leave is taken out by local
-     * changes, where a particle goes and another comes (method.md) */
+    /* with coarse_to_fine, and either `sizing` or patches: disorder that sweeps leave is taken out by local changes, where a
+     * particle goes and another comes (method.md) */
     bool mend;
     const energy_function *energy; /* NULL: cotangent */
     /* not NULL: this method, from `count` particles on, of which there are in the end as many as it comes to;

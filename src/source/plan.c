@@ -30,7 +30,10 @@ double plan_picture_memory(const spec *s)
 
 bool plan_is_mended(const spec *s)
 {
-    return s->has_curvature && !s->has_feature && !s->coherent && !(s->time_s > 0) &&
+    const bool has_patches =
+        s->surface.kind == SPEC_SURFACE_LABELS || s->surface.mesh.has_features || s->features;
+    const bool may = has_patches && !spec_is_graded(s) && !s->resolve;
+    return (may || (s->has_curvature && !s->has_feature)) && !s->coherent && !(s->time_s > 0) &&
            s->method == SPEC_METHOD_SIZED;
 }
 

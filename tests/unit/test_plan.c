@@ -80,6 +80,22 @@ static void mending_is_planned(void **state)
     assert_true(plan_bytes_per_particle(&other, false) == plan_bytes_per_particle(&plain, false));
 }
 
+/* Where patches are asked for, of one spacing. */
+static void patches_are_mended(void **state)
+{
+    (void)state;
+    const spec labels = {.method = SPEC_METHOD_SIZED, .surface.kind = SPEC_SURFACE_LABELS},
+               sharp = {.method = SPEC_METHOD_SIZED, .surface.mesh.has_features = true},
+               formula = {.method = SPEC_METHOD_SIZED, .features = true},
+               rows = {.method = SPEC_METHOD_SIZED, .features = true, .curve_spacing = 0.5},
+               resolved = {.method = SPEC_METHOD_SIZED, .surface.mesh.has_features = true, .resolve = true},
+               in_time = {.method = SPEC_METHOD_SIZED, .surface.kind = SPEC_SURFACE_LABELS, .time_s = 1},
+               plain = {.method = SPEC_METHOD_SIZED, .surface.kind = SPEC_SURFACE_MESH};
+    assert_true(plan_is_mended(&labels) && plan_is_mended(&sharp) && plan_is_mended(&formula));
+    assert_false(plan_is_mended(&rows) || plan_is_mended(&resolved) || plan_is_mended(&in_time) ||
+                 plan_is_mended(&plain));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -87,6 +103,7 @@ int main(void)
         cmocka_unit_test(a_count_out_of_range_names_its_target),
         cmocka_unit_test(memory_is_that_of_particles_beside_source_and_pictures),
         cmocka_unit_test(mending_is_planned),
+        cmocka_unit_test(patches_are_mended),
     };
     return cmocka_run_group_tests_name("plan", tests, NULL, NULL);
 }
