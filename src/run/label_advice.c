@@ -87,6 +87,6 @@ void label_advice_append(json *list, const spec_labels *s, const label_surface *
     else if (rows)
         advice_append(
             list, "thin_labels",
-            "the points are all over labels of voxels that are alone or in rows, and no count brings them to "
+            "the points are all over labels of voxels that are alone or in rows, and few counts bring them to "
             "order there: use them as they are, or label smaller voxels");
 }

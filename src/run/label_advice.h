@@ -10,7 +10,7 @@
  * there is nothing to do. */
 void label_advice_append(json *list, const spec_labels *s, const label_surface *labels);
 
-/* Whether no count brings the points to order: all labels but one are voxels alone, or in rows. */
+/* Whether few counts bring the points to order: all labels but one are voxels alone, or in rows. */
 bool label_advice_is_hopeless(const label_surface *labels);
 
 #endif
