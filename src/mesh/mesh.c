@@ -31,7 +31,8 @@ void mesh_free(mesh *m)
 bbox mesh_box(const mesh *m)
 {
     bbox box = bbox_empty();
-    for (size_t n = 0; n < m->triangle_count; n++)
+    for (size_t n = 0; m->welded && n < m->vertex_count; n++) box = bbox_include(box, m->vertex[n]);
+    for (size_t n = 0; !m->welded && n < m->triangle_count; n++)
         for (int k = 0; k < 3; k++) box = bbox_include(box, m->vertex[m->triangle[n][k]]);
     return box;
 }
@@ -114,6 +115,17 @@ static uint32_t table_first(table *t, uint32_t n)
     return t->slots[k];
 }
 
+/* Triangles ahead of the one at hand whose slots are asked for: a large table is in no cache. */
+enum { AHEAD = 4 };
+
+/* Asks for the slots of the corners of a triangle that are in no table yet. */
+static void expect_corners(const table *t, const uint32_t corner[3], const uint32_t *place)
+{
+    for (int k = 0; k < 3; k++)
+        if (place[corner[k]] == FREE)
+            __builtin_prefetch(&t->slots[hash_bytes(t->items + corner[k] * t->size, t->size) & t->mask]);
+}
+
 /* Every corner to the first vertex of its coordinates. `place`, of each vertex, is left with that. */
 static bool join_vertices(mesh *m, uint32_t *place, error *e)
 {
@@ -125,12 +137,14 @@ static bool join_vertices(mesh *m, uint32_t *place, error *e)
     }
     if (!table_init(&t, m->vertex, sizeof(vec3), m->vertex_count, e)) return false;
     memset(place, 0xFF, m->vertex_count * sizeof *place);
-    for (size_t n = 0; n < m->triangle_count; n++)
+    for (size_t n = 0; n < m->triangle_count; n++) {
+        if (n + AHEAD < m->triangle_count) expect_corners(&t, m->triangle[n + AHEAD], place);
         for (int k = 0; k < 3; k++) {
             uint32_t *corner = &m->triangle[n][k], *first = &place[*corner];
             if (*first == FREE) *first = table_first(&t, *corner);
             *corner = *first;
         }
+    }
     free(t.slots);
     return true;
 }

@@ -18,7 +18,8 @@ typedef struct mesh {
     size_t vertex_count, triangle_count;
     vec3 *vertex;
     uint32_t (*triangle)[3]; /* counter-clockwise seen from outside, if the file keeps to that */
-    bool welded;             /* mesh_weld would leave it as it is: who moves or joins anything says false */
+    bool welded;             /* mesh_weld would leave it as it is, and so every vertex is a triangle's: who
+                                moves, joins or leaves out anything says false */
 } mesh;
 
 #define MESH_MAX_NOTES 8
