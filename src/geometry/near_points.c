@@ -12,12 +12,12 @@ struct near_points {
     point_tree *tree;
 };
 
-near_points *near_points_new(const vec3 *points, size_t count, bool graded, threads *pool, error *e)
+near_points *near_points_new(const vec3 *points, size_t count, threads *pool, error *e)
 {
     near_points *n = mem_alloc(sizeof *n);
-    *n = (near_points){graded ? NULL : point_bins_new(points, count, pool, e), NULL};
-    bool ok = graded || n->bins;
-    if (ok && (graded || point_bins_are_crowded(n->bins))) {
+    *n = (near_points){point_bins_new(points, count, pool, e), NULL};
+    bool ok = n->bins != NULL;
+    if (ok && point_bins_are_crowded(n->bins)) {
         point_bins_free(n->bins);
         n->bins = NULL;
         n->tree = point_tree_new(points, count, e);

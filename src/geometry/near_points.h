@@ -15,9 +15,8 @@
 
 typedef struct near_points near_points;
 
-/* Of 1 to 2^32 - 1 points. `graded`: their spacings differ, so bins are not tried. NULL and limit_memory when memory is out, or
- * cancelled. */
-near_points *near_points_new(const vec3 *points, size_t count, bool graded, threads *pool, error *e);
+/* Of 1 to 2^32 - 1 points. NULL and limit_memory when memory is out, or cancelled. */
+near_points *near_points_new(const vec3 *points, size_t count, threads *pool, error *e);
 void near_points_free(near_points *n);
 
 /* The point nearest to x, and how far it is; or any that is no farther than `enough`, which is found sooner. Of points that are

@@ -299,7 +299,7 @@ bool coverage_measure(const surface *scan, const vec3 *position, const double *s
 {
     coverage_job job = {.scan = scan, .position = position, .spacing = spacing};
     if (!find_spacings(position, spacing, count, &job.least, e)) return false;
-    if (!(job.points = near_points_new(position, count, job.least.near != NULL, pool, e))) {
+    if (!(job.points = near_points_new(position, count, pool, e))) {
         free(job.least.near);
         return false;
     }
@@ -360,7 +360,7 @@ bool coverage_find_bare(const surface *scan, const vec3 *position, const double 
     uint32_t near[SEEN] = {0};
     *out = (coverage_places){0};
     if (!find_spacings(position, spacing, count, &job.least, e)) return false;
-    bool ok = (job.points = near_points_new(position, count, job.least.near != NULL, NULL, e)) != NULL;
+    bool ok = (job.points = near_points_new(position, count, NULL, e)) != NULL;
     for (uint32_t patch = 0; ok && patch < coverage_parts(scan); patch++)
         for (size_t k = first_of_part(scan, patch); ok && k < first_of_part(scan, patch + 1); k++) {
             if (!(surface_cell_area(scan, k) > 0)) continue;
@@ -386,7 +386,7 @@ bool coverage_of_places(const vec3 *place, size_t places, const vec3 *position, 
     spacings least = {0};
     if (places == 0) return true;
     if (!find_spacings(position, spacing, count, &least, e)) return false;
-    near_points *points = near_points_new(position, count, least.near != NULL, NULL, e);
+    near_points *points = near_points_new(position, count, NULL, e);
     for (size_t k = 0; points && k < places; k++) {
         double distance;
         uint32_t point =

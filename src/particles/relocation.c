@@ -205,7 +205,7 @@ static bool find_bare(const relocation_input *in, const near_points *near, size_
 
 bool relocation_choose(const relocation_input *in, threads *pool, relocation **out, size_t *moves, error *e)
 {
-    near_points *near = near_points_new(in->point, in->count, false, pool, e);
+    near_points *near = near_points_new(in->point, in->count, pool, e);
     ranked *crowded = NULL, *bare = NULL;
     relocation *chosen = NULL;
     size_t points = 0, places = 0, count = 0;

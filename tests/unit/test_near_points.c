@@ -83,7 +83,7 @@ static void all_within_reach_are_visited_once(void **state)
     }
     point_bins *bins = point_bins_new(x, POINTS, NULL, &e);
     point_tree *tree = point_tree_new(x, POINTS, &e);
-    near_points *either = near_points_new(x, POINTS, false, NULL, &e);
+    near_points *either = near_points_new(x, POINTS, NULL, &e);
     for (size_t p = 0; p < PLACES; p++) {
         visits v = {x, random_between(&r, (vec3){-2, -2, -2}, (vec3){2, 2, 2}), 1, seen};
         if (p % 2) v.place = x[p]; /* and some of the others are just as far away as they may be */
@@ -104,8 +104,8 @@ static void all_within_reach_are_visited_once(void **state)
     free(seen);
 }
 
-/* Points in two heaps far from each other share bins, those of a plane do not. Either way, and where bins are not asked for, the
- * nearest is found. */
+/* Points in two heaps far from each other share bins, those of a plane do not. Either way the nearest is
+ * found. */
 static void crowds_are_told(void **state)
 {
     (void)state;
@@ -120,16 +120,14 @@ static void crowds_are_told(void **state)
         point_bins *bins = point_bins_new(x, POINTS, NULL, &e);
         assert_true(point_bins_are_crowded(bins) == heaps);
         point_bins_free(bins);
-        for (int graded = 0; graded < 2; graded++) {
-            near_points *near = near_points_new(x, POINTS, graded, NULL, &e);
-            for (size_t k = 0; k < POINTS; k += 7) {
-                double distance;
-                const vec3 place = vec3_add(x[k], (vec3){0.25, -0.25, 0.5});
-                assert_int_equal(near_points_nearest(near, place, 0, &distance), k);
-                assert_true(distance == vec3_norm(vec3_sub(x[k], place)));
-            }
-            near_points_free(near);
+        near_points *near = near_points_new(x, POINTS, NULL, &e);
+        for (size_t k = 0; k < POINTS; k += 7) {
+            double distance;
+            const vec3 place = vec3_add(x[k], (vec3){0.25, -0.25, 0.5});
+            assert_int_equal(near_points_nearest(near, place, 0, &distance), k);
+            assert_true(distance == vec3_norm(vec3_sub(x[k], place)));
         }
+        near_points_free(near);
     }
     free(x);
 }
