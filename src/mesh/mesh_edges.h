@@ -39,7 +39,7 @@ size_t mesh_edges_width(const mesh_edges *edges, size_t v, size_t k);
 bool mesh_edges_open(const mesh_edges *edges, seam_edge **out, size_t *count, error *e);
 
 /* Closes open edges that meet others but for `tolerance`: vertices are joined, triangles split (see seams.h). The
- * edges are listed anew where that changed the mesh. Adds notes. Errors: limit_memory. */
+ * edges are listed anew where that changed the mesh. Adds notes. Errors: limit_memory, cancelled. */
 bool mesh_edges_close_seams(mesh *m, double tolerance, threads *pool, mesh_edges *edges, mesh_notes *notes,
                             error *e);
 

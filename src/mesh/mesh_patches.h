@@ -50,7 +50,7 @@ typedef struct mesh_patches {
 } mesh_patches;
 
 /* `m` is taken over, and zeroed, also on failure. Each triangle counts once, whichever way it is turned. Errors:
- * no_surface where no triangle is left, limit_memory. */
+ * no_surface where no triangle is left, limit_memory, cancelled. */
 bool mesh_patches_make(mesh *m, const mesh_patches_params *params, mesh_notes *notes, mesh_patches *out,
                        error *e);
 void mesh_patches_free(mesh_patches *p); /* a zeroed one will do */

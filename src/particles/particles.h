@@ -23,7 +23,7 @@ typedef struct particles {
     bool *near_boundary;
     /* Of a surface with patches, else NULL. A point on a curve is a particle for each patch there. */
     const field_patches *patches;
-    uint32_t *patch; /* which it belongs to, for good */
+    uint32_t *patch; /* which it belongs to; it leaves it for a place of another, but not by moving */
     uint32_t *hint;  /* where it was on that: see sample_patch_lanes of field_ops */
     uint32_t *place; /* number of the point on a curve that holds it (curve_rows), or one of these two */
 } particles;

@@ -166,6 +166,7 @@ bool fine_mesh_make(const mesh *whole, size_t count, const vec3 *position, const
     size_t left = out->m.triangle_count;
     out->m.triangle = NULL;
     out->m.triangle_count = 0;
+    out->m.welded = false;
     for (int pass = 0; ok && left > 0 && pass < MOST_PASSES; pass++) ok = halve_sides(&h, &at_hand, &left, e);
     for (size_t n = 0; ok && n < left; n++) ok = keep_triangle(&out->m, at_hand[n], &h.triangle_room, e);
     free(at_hand);

@@ -20,6 +20,8 @@ static const double BYTES_PER_GRID_POINT = 200;
 static const double BYTES_PER_CARRIED = 800;
 /* Of mending: lists and cells of all, and the pieces that are tried together, which a worker's bench adds little to. */
 static const double BYTES_PER_MENDED = 160, MENDING_BYTES = 5e6;
+/* Of more than so many there is no pass, however much is out of order (mend.c: PASSES_MOST, PASSES_COUNT). */
+static const double MENDED_MOST = 2.4e6;
 /* Of the preview's pixels: two pictures, and what each shows. */
 static const double BYTES_PER_PIXEL = 15;
 
@@ -34,7 +36,7 @@ bool plan_is_mended(const spec *s)
         s->surface.kind == SPEC_SURFACE_LABELS || s->surface.mesh.has_features || s->features;
     const bool may = has_patches && !spec_is_graded(s) && !s->resolve;
     return (may || (s->has_curvature && !s->has_feature)) && !s->coherent && !(s->time_s > 0) &&
-           s->method == SPEC_METHOD_SIZED;
+           s->method == SPEC_METHOD_SIZED && !((double)s->count > MENDED_MOST);
 }
 
 double plan_particle_memory(const spec *s, size_t limit, size_t source_bytes)
