@@ -357,13 +357,18 @@ static bool find_near(mending *m, error *e)
                             VORONOI_REACH * s->state.spacing, s->setup.pool, e);
 }
 
+static bool is_in_order(const mending *m)
+{
+    return (double)m->disordered < ORDERED_SHARE * (double)m->s->state.p->count;
+}
+
 static bool mend_once(mending *m, double *gain, bool *changed, error *e)
 {
     sampler *s = m->s;
     const size_t n = s->state.p->count;
     if (!find_near(m, e)) return false;
     find_disorder(m);
-    if ((double)m->disordered < ORDERED_SHARE * (double)n) return true;
+    if (is_in_order(m)) return true;
     memset(m->taken, TAKEN_NOT, n);
     memset(m->seen, 0, n * sizeof *m->seen);
     m->stamp = 0;
@@ -479,6 +484,12 @@ bool sampler_even_out(sampler *s, bool *changed, error *e)
     return ok;
 }
 
+/* What the last level was found to have, sweeps ago; 0 where nobody looked. */
+static bool was_in_order(const sampler *s)
+{
+    return s->state.disordered_share > 0 && s->state.disordered_share < 0.5 * ORDERED_SHARE;
+}
+
 bool sampler_mend(sampler *s, bool *changed, error *e)
 {
     const double base = s->state.p->patch ? PASSES_ON_PATCHES : PASSES,
@@ -488,13 +499,15 @@ bool sampler_mend(sampler *s, bool *changed, error *e)
     mending m;
     bool ok = true, goes_on = s->state.evened == 0 && s->state.mends < passes;
     *changed = false;
-    if (!goes_on) return true;
+    if (!goes_on || (s->state.p->patch && was_in_order(s))) return true;
     ok = begin(&m, s, e);
     for (int k = 0; ok && goes_on && k < PASSES_AT_ONCE; k++) {
         double gain = 0;
-        m.pass = ++s->state.mends;
+        m.pass = s->state.mends + 1;
         m.warmth = WARMTH * fmax(0, 1 - m.pass / (WARM_SHARE * passes));
         ok = mend_once(&m, &gain, changed, e);
+        if (s->state.p->patch && is_in_order(&m)) break; /* of graded ones cells are evened out even so */
+        s->state.mends = m.pass;
         goes_on = (gain > 0 || m.warmth > 0) && s->state.mends < passes;
     }
     end(&m);
