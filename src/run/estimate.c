@@ -21,8 +21,8 @@
 static const double REHEARSAL_S = 1;
 /* Each has so many times the points of the one before it, as levels have: so their coarsest is that of the job. */
 static const size_t REHEARSAL_STRIDE = 4;
-/* What a worker holds at least once it has used OpenVDB: the library. */
-static const double BYTES_WITH_OPENVDB = 33 << 20;
+/* What a worker holds at least once it has used OpenVDB: the library, and the heap that is in place from the start (mem_begin). */
+static const double BYTES_WITH_OPENVDB = 37 << 20;
 
 /* One run of j->count points, noted unless the time is up before its end; whether it was noted. */
 static bool rehearse_once(job *j, double end_s, cost_model *p)
