@@ -16,11 +16,11 @@
 /* All of standard input, to be freed; NULL when it cannot be read or is longer than a spec. */
 static char *read_input(size_t *length, error *e)
 {
-    char *text = mem_alloc(1);
-    size_t used = 0, got;
+    size_t room = 65536, used = 0, got;
+    char *text = mem_alloc(room);
     do {
-        text = mem_resize(text, used + 65537);
-        got = fread(text + used, 1, 65536, stdin);
+        if (used + 1 == room) text = mem_resize(text, room *= 2);
+        got = fread(text + used, 1, room - used - 1, stdin);
         used += got;
     } while (got > 0 && used <= SPEC_LIMIT_BYTES);
     if (!ferror(stdin) && used <= SPEC_LIMIT_BYTES) {
