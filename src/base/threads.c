@@ -8,6 +8,12 @@
 
 #include "base/memory.h"
 
+/* The chunks of a loop that a worker takes first, on a cache line of its own. */
+typedef struct share {
+    _Alignas(64) atomic_size_t next;
+    size_t end;
+} share;
+
 struct threads {
     int count;
     bool narrow;
@@ -22,7 +28,7 @@ struct threads {
     threads_work work;
     void *context;
     size_t end, grain;
-    atomic_size_t next;
+    share *shares; /* [count] */
 };
 
 typedef struct seat {
@@ -30,14 +36,21 @@ typedef struct seat {
     int worker;
 } seat;
 
-static void take_chunks(threads *t, int worker)
+/* Those of a share that nobody has taken. */
+static void take_share(threads *t, share *s, int worker)
 {
     while (!threads_stopped(t)) {
-        size_t begin = atomic_fetch_add_explicit(&t->next, t->grain, memory_order_relaxed);
-        if (begin >= t->end) return;
-        size_t end = t->end - begin < t->grain ? t->end : begin + t->grain;
-        t->work(t->context, worker, begin, end);
+        size_t chunk = atomic_fetch_add_explicit(&s->next, 1, memory_order_relaxed);
+        if (chunk >= s->end) return;
+        size_t begin = chunk * t->grain;
+        t->work(t->context, worker, begin, t->end - begin < t->grain ? t->end : begin + t->grain);
     }
+}
+
+/* The worker's own share, then what the others have left. */
+static void take_chunks(threads *t, int worker)
+{
+    for (int k = 0; k < t->count; k++) take_share(t, &t->shares[(worker + k) % t->count], worker);
 }
 
 static void *worker_main(void *argument)
@@ -69,9 +82,14 @@ threads *threads_new(int count, const volatile sig_atomic_t *stop, error *e)
     t->count = 1;
     t->stop_flag = stop;
     t->thread = mem_alloc((size_t)count * sizeof *t->thread);
+    t->shares = mem_array((size_t)count, sizeof *t->shares, "threads", e);
     pthread_mutex_init(&t->lock, NULL);
     pthread_cond_init(&t->start, NULL);
     pthread_cond_init(&t->finished, NULL);
+    if (!t->shares) {
+        threads_free(t);
+        return NULL;
+    }
     for (int k = 1; k < count; k++) {
         seat *s = mem_alloc(sizeof *s);
         *s = (seat){t, k};
@@ -98,6 +116,7 @@ void threads_free(threads *t)
     pthread_cond_destroy(&t->start);
     pthread_cond_destroy(&t->finished);
     pthread_mutex_destroy(&t->lock);
+    free(t->shares);
     free(t->thread);
     free(t);
 }
@@ -138,7 +157,10 @@ void threads_run(threads *t, size_t count, size_t grain, threads_work work, void
     t->context = context;
     t->end = count;
     t->grain = grain;
-    atomic_store(&t->next, 0);
+    for (int k = 0; k < t->count; k++) {
+        t->shares[k].end = (others + 1) * (size_t)(k + 1) / (size_t)t->count;
+        atomic_store(&t->shares[k].next, (others + 1) * (size_t)k / (size_t)t->count);
+    }
     t->open = true;
     t->generation++;
     pthread_mutex_unlock(&t->lock);

@@ -1,6 +1,7 @@
 /* threads: a pool that runs loops. Workers sleep between loops; nothing spins.
  *
- * threads_run splits 0 .. count into chunks of `grain`, which workers take as they come. Which worker
+ * threads_run splits 0 .. count into chunks of `grain`. Each worker begins with an equal share of them, a row, so that loops over the
+ * same things find them in the caches of the same processors; then it takes what others have left. Which worker
  * runs a chunk is not determined, so a loop's result must not depend on it: write to places that
  * belong to the chunk, and reduce afterwards in a fixed order. One loop at a time per pool, started
  * by the thread that made the pool, which is worker 0.
