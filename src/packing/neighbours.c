@@ -664,10 +664,11 @@ static void keep_lists(build_job *job, const list_search *s, uint32_t bins, uint
     }
 }
 
-/* The lists of a block's points: `rank` is its place in the order of colours. */
-static size_t list_block(build_job *job, list_search *s, size_t rank)
+/* The lists of a block's points. */
+static size_t list_block(build_job *job, list_search *s, size_t block)
 {
     neighbours *n = s->n = job->n;
+    const size_t rank = n->block_rank[block];
     uint32_t begin = n->block_begin[rank], end = n->block_begin[rank + 1];
     size_t longest = 0;
     if (begin == end) return 0;
@@ -691,8 +692,8 @@ static void list_chunk(void *context, int worker, size_t begin, size_t end)
 {
     build_job *job = context;
     size_t longest = 0;
-    for (size_t rank = begin; rank < end; rank++) {
-        size_t l = list_block(job, &job->searches[worker], rank);
+    for (size_t block = begin; block < end; block++) { /* in the order of points: what one reads the next one reads */
+        size_t l = list_block(job, &job->searches[worker], block);
         if (l > longest) longest = l;
     }
     size_t seen = atomic_load(&job->longest);
