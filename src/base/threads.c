@@ -21,9 +21,9 @@ struct threads {
     pthread_t *thread;
     pthread_mutex_t lock;
     pthread_cond_t start, finished;
-    unsigned generation; /* of the loop at hand */
-    bool open;           /* it has chunks left, so that workers may begin */
-    int inside;          /* workers that have begun */
+    atomic_uint generation; /* of the loop at hand */
+    bool open;              /* it has chunks left, so that workers may begin */
+    atomic_int inside;      /* workers that have begun */
     bool stop;
     threads_work work;
     void *context;
@@ -53,6 +53,16 @@ static void take_chunks(threads *t, int worker)
     for (int k = 0; k < t->count; k++) take_share(t, &t->shares[(worker + k) % t->count], worker);
 }
 
+/* Who waits looks so often, some ten microseconds, before it sleeps: loops follow each other closely, and waking takes longer. */
+static const int LOOKS = 500;
+
+static void pause_briefly(void)
+{
+#ifdef __x86_64__
+    __builtin_ia32_pause();
+#endif
+}
+
 static void *worker_main(void *argument)
 {
     seat s = *(seat *)argument;
@@ -60,6 +70,8 @@ static void *worker_main(void *argument)
     threads *t = s.pool;
     unsigned seen = 0;
     for (;;) {
+        for (int k = 0; k < LOOKS && atomic_load_explicit(&t->generation, memory_order_relaxed) == seen; k++)
+            pause_briefly();
         pthread_mutex_lock(&t->lock);
         while ((!t->open || t->generation == seen) && !t->stop) pthread_cond_wait(&t->start, &t->lock);
         if (t->stop) break;
@@ -172,6 +184,10 @@ void threads_run(threads *t, size_t count, size_t grain, threads_work work, void
     take_chunks(t, 0);
     pthread_mutex_lock(&t->lock);
     t->open = false; /* who has not woken by now has nothing to do, and nobody waits for it */
+    pthread_mutex_unlock(&t->lock);
+    for (int k = 0; k < LOOKS && atomic_load_explicit(&t->inside, memory_order_relaxed) > 0; k++)
+        pause_briefly();
+    pthread_mutex_lock(&t->lock);
     while (t->inside > 0) pthread_cond_wait(&t->finished, &t->lock);
     pthread_mutex_unlock(&t->lock);
 }

@@ -1,4 +1,5 @@
-/* threads: a pool that runs loops. Workers sleep between loops; nothing spins.
+/* threads: a pool that runs loops. Workers sleep between loops; they look for the next one for some ten microseconds
+ * before.
  *
  * threads_run splits 0 .. count into chunks of `grain`. Each worker begins with an equal share of them, a row, so that loops over the
  * same things find them in the caches of the same processors; then it takes what others have left. Which worker
