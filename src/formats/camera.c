@@ -71,9 +71,8 @@ camera camera_fit(const vec3 *position, size_t count, double radius, camera_fram
 void camera_orbit(const vec3 *position, size_t count, double radius, camera_frame frame, int frames,
                   camera *out)
 {
-    bbox box = bbox_empty();
+    const bbox box = bbox_of_points(position, count, NULL);
     double z = 0;
-    for (size_t i = 0; i < count; i++) box = bbox_include(box, position[i]);
     for (int k = 0; k < frames; k++) {
         camera c = aim(2 * M_PI * k / frames, frame);
         c.origin = vec3_scale(vec3_add(box.min, box.max), 0.5);

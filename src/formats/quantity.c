@@ -66,9 +66,8 @@ bool quantity_scale(const points *set, const quantity_look *look, double extent,
 bool quantity_colors(const points *set, const quantity_look *look, vec3 *out, error *e)
 {
     const double *values = quantity_values(set, look);
-    bbox box = bbox_empty();
+    const bbox box = bbox_of_points(set->position, set->count, NULL);
     colormap_scale scale;
-    for (size_t i = 0; i < set->count; i++) box = bbox_include(box, set->position[i]);
     double extent = 0.5 * vec3_norm(vec3_sub(box.max, box.min)); /* as pictures take it */
     if (!quantity_scale(set, look, extent, &scale, e)) return false;
     for (size_t i = 0; i < set->count; i++) {

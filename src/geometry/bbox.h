@@ -3,7 +3,9 @@
 #define HEXAD_GEOMETRY_BBOX_H
 
 #include <stdbool.h>
+#include <stddef.h>
 
+#include "base/threads.h"
 #include "geometry/vec3.h"
 
 typedef struct bbox {
@@ -66,5 +68,8 @@ static inline double bbox_longest(bbox b)
     vec3 s = bbox_size(b);
     return fmax(s.x, fmax(s.y, s.z));
 }
+
+/* The least box around points, all of them even where loops are to stop; an empty one around none. */
+bbox bbox_of_points(const vec3 *points, size_t count, threads *pool);
 
 #endif

@@ -34,7 +34,6 @@ typedef struct sort_job {
     threads *pool;
     int bits, shift; /* of a digit, and of the one at hand */
     double scale;
-    bbox box[PARTS];
     vec3 low;
     uint64_t *key;
     const uint32_t *from; /* NULL: the points in the order given */
@@ -45,18 +44,6 @@ typedef struct sort_job {
 static size_t part_begin(const sort_job *j, size_t part)
 {
     return j->count * part / j->parts;
-}
-
-static void bound_part(void *context, int worker, size_t part, size_t end)
-{
-    sort_job *j = context;
-    (void)worker;
-    for (; part < end; part++) {
-        bbox box = bbox_empty();
-        for (size_t i = part_begin(j, part); i < part_begin(j, part + 1); i++)
-            box = bbox_include(box, j->x[i]);
-        j->box[part] = box;
-    }
 }
 
 static void key_part(void *context, int worker, size_t part, size_t end)
@@ -118,9 +105,7 @@ static void sort_digit(sort_job *j, const uint32_t *from, int shift, uint32_t *t
 
 static void find_keys(sort_job *j)
 {
-    bbox box = bbox_empty();
-    threads_run(j->pool, j->parts, 1, bound_part, j);
-    for (size_t part = 0; part < j->parts; part++) box = bbox_unite(box, j->box[part]);
+    const bbox box = bbox_of_points(j->x, j->count, j->pool);
     const double size = bbox_longest(box), cells = (double)((1 << j->bits) - 1);
     j->scale = size > 0 ? cells / size : 0;
     j->low = box.min;

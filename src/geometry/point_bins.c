@@ -54,15 +54,42 @@ static size_t bin_of(const point_bins *b, vec3 x)
 }
 
 typedef struct bins_job {
-    const point_bins *b;
+    point_bins *b;
     uint32_t *bin; /* of each point */
 } bins_job;
 
+/* Counts the points of bin k in begin[k + 1]. */
 static void find_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const bins_job *job = context;
     (void)worker;
-    for (size_t i = begin; i < end; i++) job->bin[i] = (uint32_t)bin_of(job->b, job->b->points[i]);
+    for (size_t i = begin; i < end; i++) {
+        job->bin[i] = (uint32_t)bin_of(job->b, job->b->points[i]);
+        __atomic_fetch_add(&job->b->begin[job->bin[i] + 1], 1, __ATOMIC_RELAXED);
+    }
+}
+
+/* Where bin k begins is in begin[k + 1] before, where it ends is there after. */
+static void put_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const bins_job *job = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++)
+        job->b->item[__atomic_fetch_add(&job->b->begin[job->bin[i] + 1], 1, __ATOMIC_RELAXED)] = (uint32_t)i;
+}
+
+/* Puts the points of each bin in order again: threads came as they came. */
+static void order_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const point_bins *b = context;
+    (void)worker;
+    for (size_t k = begin; k < end; k++)
+        for (uint32_t from = b->begin[k] + 1; from < b->begin[k + 1]; from++) {
+            const uint32_t item = b->item[from];
+            uint32_t to = from;
+            for (; to > b->begin[k] && b->item[to - 1] > item; to--) b->item[to] = b->item[to - 1];
+            b->item[to] = item;
+        }
 }
 
 /* Points by their bins, which `bin` receives. */
@@ -70,16 +97,18 @@ static void fill(point_bins *b, size_t count, size_t total, threads *pool, uint3
 {
     bins_job job = {b, bin};
     double shared = 0;
+    uint32_t sum = 0;
     threads_run(pool, count, CHUNK, find_chunk, &job);
-    for (size_t i = 0; i < count; i++) b->begin[bin[i]]++;
-    uint32_t sum = 0; /* counts to ends; filling from the back turns ends into begins */
     for (size_t k = 0; k < total; k++) {
-        shared += (double)b->begin[k] * b->begin[k];
-        b->begin[k] = sum += b->begin[k];
+        const uint32_t here = b->begin[k + 1];
+        shared += (double)here * here;
+        b->begin[k + 1] = sum;
+        sum += here;
     }
-    b->begin[total] = sum;
-    for (size_t i = count; i-- > 0;) b->item[--b->begin[bin[i]]] = (uint32_t)i;
     b->crowded = shared > CROWD * (double)count;
+    if (b->crowded) pool = NULL; /* to put those in order would take long */
+    threads_run(pool, count, CHUNK, put_chunk, &job);
+    if (threads_count(pool) > 1) threads_run(pool, total, CHUNK, order_chunk, b);
 }
 
 point_bins *point_bins_new(const vec3 *points, size_t count, threads *pool, error *e)
@@ -87,8 +116,7 @@ point_bins *point_bins_new(const vec3 *points, size_t count, threads *pool, erro
     assert(count > 0 && count < UINT32_MAX);
     const char *what = "the search for near points";
     point_bins *b = mem_alloc(sizeof *b);
-    bbox box = bbox_empty();
-    for (size_t i = 0; i < count; i++) box = bbox_include(box, points[i]);
+    const bbox box = bbox_of_points(points, count, pool);
     const vec3 size = bbox_size(box);
     const double longest = bbox_longest(box);
     b->points = points;

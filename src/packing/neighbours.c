@@ -26,7 +26,7 @@ static const size_t POINTS_PER_BIN = 4, POINTS_PER_BLOCK = 128;
 /* Bins are a hair wider than the cutoff of the least size, so that no rounding puts it on level 1. */
 static const double BIN_HAIR = 1e-6;
 enum { LANES = 16 };
-enum { CHUNK = 4096 }; /* of points */
+enum { CHUNK = 4096, SPOT_SLOTS = 2 * CHUNK }; /* of points; of a table of a chunk's spots */
 /* A block with the bins next to it: cells along each axis. */
 enum { WIDE_BLOCK = BLOCK_WIDTH + 2, WIDE_CELLS = WIDE_BLOCK * WIDE_BLOCK * WIDE_BLOCK };
 
@@ -218,28 +218,43 @@ static uint64_t spot_of(const place *bin)
     return key << 3 * BLOCK_SHIFT | cell_of(bin);
 }
 
-/* The key of a spot's block. */
-static uint64_t key_of_spot(uint64_t spot)
+static place place_of_point(const neighbours *n, size_t i)
 {
-    const uint64_t key = spot >> 3 * BLOCK_SHIFT, mask = ((uint64_t)1 << BLOCK_BITS) - 1;
-    const place block = {(int)(key >> 3 * BLOCK_BITS),
-                         {(int64_t)(key & mask), (int64_t)(key >> BLOCK_BITS & mask),
-                          (int64_t)(key >> 2 * BLOCK_BITS & mask)}};
-    return key_of(&block);
+    return place_at(&n->place[i], n->unit / n->edge, n->cutoff / n->edge);
 }
 
-/* Until there are lists list_begin and list_count hold the halves of a point's spot; then list_count holds its bin. */
+/* Finds the spots of a chunk's points, each once, in the order of the points. Until there are lists, list_begin holds of each point
+ * its spot's number within the chunk. Of the k-th spot of a chunk that begins with point b, list_count[b + k] holds one of its
+ * points (then its bin, then where in bin_item the chunk's points of that bin go), and bin_item[b + k] how many the chunk has; 0
+ * stands behind the last. */
 static void spot_chunk(void *context, int worker, size_t begin, size_t end)
 {
     neighbours *n = context;
-    const double scale = n->unit / n->edge, size_scale = n->cutoff / n->edge;
+    uint64_t spot[CHUNK];
+    uint16_t slot[SPOT_SLOTS] = {0}, spots = 0; /* open addressing: the spot's number + 1, or 0 */
     (void)worker;
+    assert(end - begin <= CHUNK);
     for (size_t i = begin; i < end; i++) {
-        const place at = place_at(&n->place[i], scale, size_scale);
-        const uint64_t spot = spot_of(&at);
-        n->list_begin[i] = (uint32_t)spot;
-        n->list_count[i] = (uint32_t)(spot >> 32);
+        const place at = place_of_point(n, i);
+        const uint64_t own = spot_of(&at);
+        size_t s = own * 0x9e3779b97f4a7c15u >> 32 & (SPOT_SLOTS - 1);
+        while (slot[s] && spot[slot[s] - 1] != own) s = (s + 1) & (SPOT_SLOTS - 1);
+        if (!slot[s]) {
+            n->list_count[begin + spots] = (uint32_t)i;
+            n->bin_item[begin + spots] = 0;
+            spot[spots] = own;
+            slot[s] = ++spots;
+        }
+        n->list_begin[i] = slot[s] - 1u;
+        n->bin_item[begin + n->list_begin[i]]++;
     }
+    if (begin + spots < end) n->bin_item[begin + spots] = 0;
+}
+
+/* The first spot of all chunks from `k` on. */
+static size_t spot_from(const neighbours *n, size_t k)
+{
+    return k < n->count && n->bin_item[k] == 0 ? (k / CHUNK + 1) * CHUNK : k;
 }
 
 /* Bins are numbered as points first fall into them, so their order follows that of the points; then come
@@ -250,18 +265,13 @@ static bool number_bins(neighbours *n)
     n->bin_count = n->blocks = 0;
     n->levels = 1;
     visit last = {NO_KEY, 0};
-    uint64_t before = NO_KEY, key = NO_KEY;
-    for (size_t i = 0; i < n->count; i++) {
-        const uint64_t spot = (uint64_t)n->list_count[i] << 32 | n->list_begin[i];
-        if (spot >> 3 * BLOCK_SHIFT != before) {
-            const int level = place_of_block(key = key_of_spot(spot)).level;
-            before = spot >> 3 * BLOCK_SHIFT;
-            if (level >= n->levels) n->levels = level + 1;
-        }
-        uint32_t bin = bin_at(n, key, (uint32_t)spot & (BLOCK_CELLS - 1), &last);
+    for (size_t k = 0; k < n->count; k = spot_from(n, k + 1)) {
+        const place at = place_of_point(n, n->list_count[k]), block = block_of(&at);
+        const uint32_t bin = bin_at(n, key_of(&block), cell_of(&at), &last);
         if (bin == NO_BIN) return false;
-        n->list_count[i] = bin;
-        n->bin_end[bin]++;
+        if (at.level >= n->levels) n->levels = at.level + 1;
+        n->list_count[k] = bin;
+        n->bin_end[bin] += n->bin_item[k];
     }
     for (size_t b = 0; b < n->bin_count; b++) {
         place p = place_of_bin(n, b);
@@ -309,6 +319,15 @@ static void sort_blocks(neighbours *n)
             n->block_bin[--n->block_begin[n->block_rank[n->bin_cell[b] / BLOCK_CELLS]]] = (uint32_t)b;
 }
 
+/* Puts a chunk's points into their bins, behind those of the chunks before. */
+static void item_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    neighbours *n = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++)
+        n->bin_item[n->list_count[begin + n->list_begin[i]]++] = (uint32_t)i;
+}
+
 static bool fill_bins(neighbours *n, threads *pool, error *e)
 {
     for (;;) {
@@ -325,7 +344,13 @@ static bool fill_bins(neighbours *n, threads *pool, error *e)
         n->bin_begin[bin] = n->bin_end[bin] = total;
         total += count;
     }
-    for (size_t i = 0; i < n->count; i++) n->bin_item[n->bin_end[n->list_count[i]]++] = (uint32_t)i;
+    for (size_t k = 0; k < n->count; k = spot_from(n, k + 1)) {
+        const uint32_t bin = n->list_count[k];
+        n->list_count[k] = n->bin_end[bin];
+        n->bin_end[bin] += n->bin_item[k];
+    }
+    threads_run(pool, n->count, CHUNK, item_chunk, n);
+    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
     return true;
 }
 
@@ -774,11 +799,9 @@ static void place_chunk(void *context, int worker, size_t begin, size_t end)
 bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *size, double cutoff,
                       threads *pool, error *e)
 {
-    bbox box = bbox_empty();
+    const bbox box = bbox_of_points(x, count, pool);
     double least = size && count > 0 ? size[0] : 1, largest = least;
-    for (size_t i = 0; i < count; i++) {
-        box = bbox_include(box, x[i]);
-        if (!size) continue;
+    for (size_t i = 0; size && i < count; i++) {
         least = size[i] < least ? size[i] : least;
         largest = size[i] > largest ? size[i] : largest;
     }

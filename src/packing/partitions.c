@@ -10,7 +10,7 @@
 static const size_t PARTITION_POINTS = 200000, PARTITIONS_MOST = 16;
 enum { BINS = 4096 }; /* of the histogram that decides where to cut */
 /* Points that are looked at together: those that follow each other are mostly near each other. */
-enum { SPAN = 256 };
+enum { SPAN = 256, SPANS = 64 }; /* and spans, by one thread */
 /* A star takes the lists of those listed by those listed. */
 static const double HALO_REACHES = 3;
 
@@ -43,19 +43,16 @@ static size_t most_points(const partitions_input *in, const partitions *all, con
     return most;
 }
 
-bool partitions_cut(const partitions_input *in, partitions *out, error *e)
+bool partitions_cut(const partitions_input *in, threads *pool, partitions *out, error *e)
 {
     *out = (partitions){.count = in->count / PARTITION_POINTS < PARTITIONS_MOST
                                      ? in->count / PARTITION_POINTS + 1
                                      : PARTITIONS_MOST};
     out->end = mem_array(out->count, sizeof *out->end, "a set's parts", e);
     if (!out->end) return false;
-    bbox box = bbox_empty();
+    const bbox box = bbox_of_points(in->position, in->count, pool);
     double coarsest = 0;
-    for (size_t i = 0; i < in->count; i++) {
-        box = bbox_include(box, in->position[i]);
-        coarsest = in->spacing[i] > coarsest ? in->spacing[i] : coarsest;
-    }
+    for (size_t i = 0; i < in->count; i++) coarsest = in->spacing[i] > coarsest ? in->spacing[i] : coarsest;
     vec3 size = vec3_sub(box.max, box.min);
     out->axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
     out->halo = HALO_REACHES * in->cutoff * coarsest;
@@ -85,28 +82,83 @@ void partitions_free(partitions *s)
     *s = (partitions){0};
 }
 
-/* Copies the points in a partition and around it; returns how many they are. */
-static size_t gather_points(const partitions_input *in, const partitions *all, const partition *s)
+typedef struct gather_job {
+    const partitions_input *in;
+    const partitions *all;
+    partition *s;
+    double low, high;
+    size_t *begin; /* of each span its points in or around the partition: how many, then where they go */
+} gather_job;
+
+/* Whether none of a span's points are in or around the partition. */
+static bool passes_by(const gather_job *job, size_t span)
 {
-    const double low = s->low - all->halo, high = s->high + all->halo;
-    size_t found = 0;
-    for (size_t i = 0; i < in->count; i++) {
-        if (i % SPAN == 0 && (all->span[i / SPAN].high < low || all->span[i / SPAN].low >= high)) {
-            i += SPAN - 1;
-            continue;
-        }
-        const double at = vec3_get(in->position[i], s->axis);
-        if (!(at >= low && at < high)) continue;
-        assert(found < all->most);
-        s->position[found] = in->position[i];
-        s->normal[found] = in->normal[i];
-        s->spacing[found] = in->spacing[i];
-        s->index[found] = (uint32_t)i;
-        if (s->label) s->label[found] = in->label[i];
-        if (s->flags) s->flags[found] = in->flags[i];
-        found++;
+    return job->all->span[span].high < job->low || job->all->span[span].low >= job->high;
+}
+
+static bool is_near(const gather_job *job, size_t i)
+{
+    const double at = vec3_get(job->in->position[i], job->s->axis);
+    return at >= job->low && at < job->high;
+}
+
+static size_t span_end(const gather_job *job, size_t span)
+{
+    return (span + 1) * SPAN < job->in->count ? (span + 1) * SPAN : job->in->count;
+}
+
+static void count_spans(void *context, int worker, size_t span, size_t end)
+{
+    const gather_job *job = context;
+    (void)worker;
+    for (; span < end; span++) {
+        job->begin[span] = 0;
+        for (size_t i = span * SPAN; !passes_by(job, span) && i < span_end(job, span); i++)
+            job->begin[span] += is_near(job, i);
     }
-    return found;
+}
+
+static void copy_spans(void *context, int worker, size_t span, size_t end)
+{
+    const gather_job *job = context;
+    const partitions_input *in = job->in;
+    partition *s = job->s;
+    (void)worker;
+    for (; span < end; span++) {
+        size_t found = job->begin[span];
+        for (size_t i = span * SPAN; !passes_by(job, span) && i < span_end(job, span); i++) {
+            if (!is_near(job, i)) continue;
+            s->position[found] = in->position[i];
+            s->normal[found] = in->normal[i];
+            s->spacing[found] = in->spacing[i];
+            s->index[found] = (uint32_t)i;
+            if (s->label) s->label[found] = in->label[i];
+            if (s->flags) s->flags[found] = in->flags[i];
+            found++;
+        }
+    }
+}
+
+/* Copies the points in a partition and around it; how many they are becomes its count. */
+static bool gather_points(const partitions_input *in, const partitions *all, threads *pool, partition *s,
+                          error *e)
+{
+    const size_t spans = (in->count + SPAN - 1) / SPAN;
+    gather_job job = {in, all, s, s->low - all->halo, s->high + all->halo, NULL};
+    job.begin = mem_array(spans, sizeof *job.begin, "a part of a set", e);
+    if (!job.begin) return false;
+    threads_run(pool, spans, SPANS, count_spans, &job);
+    s->count = 0;
+    for (size_t k = 0; k < spans; k++) {
+        const size_t here = job.begin[k];
+        job.begin[k] = s->count;
+        s->count += here;
+    }
+    assert(s->count <= all->most);
+    threads_run(pool, spans, SPANS, copy_spans, &job);
+    free(job.begin);
+    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    return true;
 }
 
 /* Room for the largest of all. */
@@ -133,8 +185,8 @@ bool partition_fill(const partitions_input *in, const partitions *all, size_t k,
     out->axis = all->axis;
     out->low = k > 0 ? all->end[k - 1] : -INFINITY;
     out->high = all->end[k];
-    out->count =
-        out->low < out->high ? gather_points(in, all, out) : 0; /* the last bin may end two partitions */
+    out->count = 0;
+    if (out->low < out->high && !gather_points(in, all, pool, out, e)) return false; /* the last bin may end two */
     if (out->count == 0) return true;
     out->near->label = out->label;
     return neighbours_build(out->near, out->count, out->position, out->spacing, in->cutoff, pool, e);

@@ -37,7 +37,7 @@ typedef struct partitions {
 } partitions;
 
 /* Release also after failure. Error: limit_memory. */
-bool partitions_cut(const partitions_input *in, partitions *out, error *e);
+bool partitions_cut(const partitions_input *in, threads *pool, partitions *out, error *e);
 void partitions_free(partitions *s);
 
 /* A partition's own points and those around it, in the order of the set. The halo is so wide that the lists are
@@ -55,7 +55,7 @@ typedef struct partition {
 } partition;
 
 /* Partition k; it may have no points of its own. *out is zeros, or holds another one of the same partitions, whose arrays become
- * those of this one. Release also after failure. Errors: limit_memory. */
+ * those of this one. Release also after failure. Errors: limit_memory, cancelled. */
 bool partition_fill(const partitions_input *in, const partitions *all, size_t k, threads *pool,
                     partition *out, error *e);
 void partition_free(partition *s);

@@ -454,7 +454,7 @@ bool quality_measure(const quality_input *in, threads *pool, double *spacing_loc
     partitions all;
     quality_part p = {.graded = x.coarsest > EVEN_REQUEST * x.finest,
                       .turn_every = 1 + in->count / MOST_TURNS};
-    bool ok = partitions_cut(&cut, &all, e) && reserve_part(&all, &p, e);
+    bool ok = partitions_cut(&cut, pool, &all, e) && reserve_part(&all, &p, e);
     tally whole = tally_empty();
     for (size_t k = 0; ok && k < all.count; k++) {
         ok = fill_part(in, &cut, &all, k, pool, &p, e);

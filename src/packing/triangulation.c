@@ -538,7 +538,7 @@ bool triangulation_make(const triangulation_input *in, threads *pool, triangulat
     partitions all;
     partition part = {0};
     *out = (triangulation){0};
-    bool ok = partitions_cut(&cut, &all, e);
+    bool ok = partitions_cut(&cut, pool, &all, e);
     for (size_t k = 0; ok && k < all.count; k++)
         ok = partition_fill(&cut, &all, k, pool, &part, e) && search_partition(&part, pool, out, e);
     partition_free(&part);

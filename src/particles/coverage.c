@@ -78,14 +78,13 @@ static void spread(spacings *s, int axis, size_t stride)
 static bool find_spacings(const vec3 *position, const double *spacing, size_t count, spacings *out, error *e)
 {
     double least = INFINITY, largest = 0;
-    bbox box = bbox_empty();
     for (size_t i = 0; i < count; i++) { /* without fmin, which is a call */
         least = spacing[i] < least ? spacing[i] : least;
         largest = spacing[i] > largest ? spacing[i] : largest;
     }
     *out = (spacings){.all = least};
     if (!(largest > GRADED * least)) return true;
-    for (size_t i = 0; i < count; i++) box = bbox_include(box, position[i]);
+    bbox box = bbox_of_points(position, count, NULL);
     const double most = fmin(fmax(1, cbrt(BINS_PER_POINT * (double)count)), BINS_MOST);
     out->reach = fmax(largest, bbox_longest(box) / most);
     out->over = 1 / ((1 + HAIR) * out->reach);

@@ -26,9 +26,8 @@ static double base_share(const points *set, bbox box, int axis)
 bool upright_y(const spec *s, const points *set)
 {
     const bool y = spec_y_up(s);
-    bbox box = bbox_empty();
+    const bbox box = bbox_of_points(set->position, set->count, NULL);
     if (spec_up_is_told(s)) return y;
-    for (size_t i = 0; i < set->count; i++) box = bbox_include(box, set->position[i]);
     const double own = base_share(set, box, y ? 1 : 2), other = base_share(set, box, y ? 2 : 1);
     return other >= BASE && other >= CLEARLY * own ? !y : y;
 }
