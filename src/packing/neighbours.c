@@ -365,9 +365,9 @@ typedef struct candidates {
 typedef size_t (*finder)(const candidates *s, neighbours_place own, uint32_t i, float cutoff2,
                          uint32_t *found);
 
-/* What one worker needs to list the neighbours of a block's points. */
+/* What one worker needs to list the neighbours of a block's points; no cache line is another's, too. */
 typedef struct list_search {
-    neighbours *n;
+    _Alignas(64) neighbours *n;
     const uint32_t *around[27]; /* cells of the blocks around the bin's own, and its own in the middle */
     struct {
         uint64_t key;
@@ -388,7 +388,7 @@ typedef struct build_job {
     const double *size;
     finder find;
     list_search *searches; /* one per worker */
-    atomic_size_t longest, entries;
+    _Alignas(64) atomic_size_t longest, entries; /* that all write */
 } build_job;
 
 /* Writes the items that are hits behind the `count` that were found; returns how many there are then. */
@@ -762,7 +762,8 @@ static void check_lists(const neighbours *n)
 static bool fill_lists(neighbours *n, threads *pool, error *e)
 {
     size_t workers = (size_t)threads_count(pool);
-    build_job job = {.n = n, .find = best_finder(), .searches = mem_alloc(workers * sizeof *job.searches)};
+    build_job job = {.n = n, .find = best_finder()};
+    if (!(job.searches = mem_array(workers, sizeof *job.searches, "neighbour lists", e))) return false;
     threads_run(pool, n->blocks, 1, list_chunk, &job);
     n->longest = atomic_load(&job.longest);
     size_t entries = atomic_load(&job.entries);
