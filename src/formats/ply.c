@@ -732,12 +732,17 @@ bool ply_verify(FILE *file, const points *set, const columns *what, ply_format f
     return read_end(file, e);
 }
 
-bool ply_write_and_verify(FILE *file, void *job, error *e)
+bool ply_write_job(FILE *file, void *job, error *e)
 {
     const ply_job *j = job;
-    return ply_write(file, j->set, &j->what, j->format, j->precision, j->pool, e) &&
-           (ply_verify(file, j->set, &j->what, j->format, j->precision, j->pool, e) ||
-            error_prefix(e, "%s does not read back as it was written", j->name));
+    return ply_write(file, j->set, &j->what, j->format, j->precision, j->pool, e);
+}
+
+bool ply_verify_job(FILE *file, void *job, error *e)
+{
+    const ply_job *j = job;
+    return ply_verify(file, j->set, &j->what, j->format, j->precision, j->pool, e) ||
+           error_prefix(e, "%s does not read back as it was written", j->name);
 }
 
 void ply_file_free(ply_file *file)

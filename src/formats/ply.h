@@ -62,7 +62,8 @@ typedef struct ply_job {
     threads *pool;
 } ply_job;
 
-/* Both of the above: `job` is a const ply_job. */
-bool ply_write_and_verify(FILE *file, void *job, error *e);
+/* The above two: `job` is a const ply_job. */
+bool ply_write_job(FILE *file, void *job, error *e);
+bool ply_verify_job(FILE *file, void *job, error *e);
 
 #endif

@@ -324,8 +324,7 @@ static void item_chunk(void *context, int worker, size_t begin, size_t end)
 {
     neighbours *n = context;
     (void)worker;
-    for (size_t i = begin; i < end; i++)
-        n->bin_item[n->list_count[begin + n->list_begin[i]]++] = (uint32_t)i;
+    for (size_t i = begin; i < end; i++) n->bin_item[n->list_count[begin + n->list_begin[i]]++] = (uint32_t)i;
 }
 
 static bool fill_bins(neighbours *n, threads *pool, error *e)
@@ -387,7 +386,7 @@ typedef struct build_job {
     const vec3 *x;
     const double *size;
     finder find;
-    list_search *searches; /* one per worker */
+    list_search *searches;                       /* one per worker */
     _Alignas(64) atomic_size_t longest, entries; /* that all write */
 } build_job;
 
@@ -717,7 +716,8 @@ static void list_chunk(void *context, int worker, size_t begin, size_t end)
 {
     build_job *job = context;
     size_t longest = 0;
-    for (size_t block = begin; block < end; block++) { /* in the order of points: what one reads the next one reads */
+    for (size_t block = begin; block < end;
+         block++) { /* in the order of points: what one reads the next one reads */
         size_t l = list_block(job, &job->searches[worker], block);
         if (l > longest) longest = l;
     }

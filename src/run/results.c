@@ -107,7 +107,8 @@ static double largest_residual(const field *f, const points *set, bool as_float,
     return worst;
 }
 
-/* `job` holds the name and the points, and is filled in. Beside what follows, if asked for and worth a thread: text takes all of them. */
+/* `job` holds the name and the points, and is filled in. Beside what follows, if asked for and worth a thread: text takes all of them, as
+ * does a file that nothing follows. */
 static late_commit *begin_ply(const char *directory, const spec *s, bool as_float, threads *pool, bool beside,
                               ply_job *job, error *e)
 {
@@ -121,7 +122,7 @@ static late_commit *begin_ply(const char *directory, const spec *s, bool as_floa
     const bool ok = columns_choose(job->set, wanted, s->ply_property_count, &job->what, e) &&
                     store_file_begin(path, &file, e);
     free(path);
-    return ok ? late_commit_begin(&file, ply_write_and_verify, job, beside) : NULL;
+    return ok ? late_commit_begin(&file, ply_write_job, ply_verify_job, job, beside) : NULL;
 }
 
 static bool write_ply(const char *directory, const char *name, const spec *s, const points *set,
@@ -537,6 +538,14 @@ static bool needs_color(const spec *s)
     return columns_need_color((const char *const *)s->ply_properties, s->ply_property_count);
 }
 
+/* Whether there are files to write beside points.ply. */
+static bool has_others(const spec *s)
+{
+    bool any = s->has_points_vdb || s->has_mesh || s->has_preview || s->has_convergence;
+    for (int k = 0; k < FORMATS; k++) any = any || has_format(s, (format_name)k);
+    return any;
+}
+
 bool results_write(const char *directory, const results_input *in, threads *pool, json *outputs,
                    results_facts *out, error *e)
 {
@@ -564,7 +573,7 @@ bool results_write(const char *directory, const results_input *in, threads *pool
             return false;
         }
     }
-    late_commit *late = begin_ply(directory, s, as_float, pool, true, &job, e);
+    late_commit *late = begin_ply(directory, s, as_float, pool, has_others(s), &job, e);
     bool ok = late && (!s->has_points_vdb || write_points_vdb(directory, &with_color, outputs, e)) &&
               write_formats(directory, &with_color, &colored, false, outputs, e) &&
               (!s->has_mesh || write_mesh(directory, &with_color, as_float, pool, outputs, &facts, e)) &&

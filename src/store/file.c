@@ -119,6 +119,11 @@ bool store_file_flush(store_file *file, error *e)
     return fail(e, "written", file->path);
 }
 
+void store_file_begin_flush(store_file *file)
+{
+    sync_file_range(fileno(file->stream), 0, 0, SYNC_FILE_RANGE_WRITE);
+}
+
 bool store_file_place(store_file *file, error *e)
 {
     bool ok = false;

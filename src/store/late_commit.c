@@ -7,7 +7,7 @@
 
 struct late_commit {
     store_file file;
-    late_commit_writer write;
+    late_commit_step write, verify;
     void *context;
     store_facts facts;
     pthread_t thread;
@@ -30,16 +30,21 @@ bool late_commit_now(store_file *file, store_facts *out, error *e)
 static void *run(void *context)
 {
     late_commit *c = context;
-    c->ok = c->write(c->file.stream, c->context, &c->e) && late_commit_now(&c->file, &c->facts, &c->e);
+    c->ok = c->write(c->file.stream, c->context, &c->e);
+    if (c->ok) store_file_begin_flush(&c->file);
+    c->ok =
+        c->ok && c->verify(c->file.stream, c->context, &c->e) && late_commit_now(&c->file, &c->facts, &c->e);
     store_file_abort(&c->file);
     return NULL;
 }
 
-late_commit *late_commit_begin(store_file *file, late_commit_writer write, void *context, bool beside)
+late_commit *late_commit_begin(store_file *file, late_commit_step write, late_commit_step verify,
+                               void *context, bool beside)
 {
     late_commit *c = mem_alloc(sizeof *c);
     c->file = *file;
     c->write = write;
+    c->verify = verify;
     c->context = context;
     *file = (store_file){0};
     c->beside = beside && background_start(&c->thread, run, c, "the results", NULL);

@@ -1,6 +1,6 @@
-/* late_commit: writes, hashes and places a file (store_file_place) on a thread of its own, while the caller goes on with the next. To
- * hash a large file and to bring it to disk takes as long as to write it. One caller, who flushes the directory; errors as
- * store_file_place's, and the writer's. */
+/* late_commit: writes, reads back, hashes and places a file (store_file_place) on a thread of its own, while the caller goes on with the
+ * next. To hash a large file and to bring it to disk takes as long as to write it; the disk begins when it is written. One caller, who
+ * flushes the directory; errors as store_file_place's, and those of the two callbacks. */
 #ifndef HEXAD_STORE_LATE_COMMIT_H
 #define HEXAD_STORE_LATE_COMMIT_H
 
@@ -14,12 +14,13 @@ typedef struct store_facts {
     uint64_t bytes;
 } store_facts;
 
-/* Writes what the file is to hold, to its end. */
-typedef bool (*late_commit_writer)(FILE *stream, void *context, error *e);
+/* What the file is to hold: one writes it, to its end, and flushes the stream; the other reads it back. */
+typedef bool (*late_commit_step)(FILE *stream, void *context, error *e);
 
 /* Takes the file over: *file is empty then; `end` follows, and `context` stays until then. Not `beside`, or without a thread to be
  * had: it is done at once, by the calling thread. */
-late_commit *late_commit_begin(store_file *file, late_commit_writer write, void *context, bool beside);
+late_commit *late_commit_begin(store_file *file, late_commit_step write, late_commit_step verify,
+                               void *context, bool beside);
 
 /* Waits for it; frees it whatever comes of it. */
 bool late_commit_end(late_commit *c, store_facts *out, error *e);

@@ -191,8 +191,22 @@ static bool write_text(FILE *stream, void *context, error *e)
            error_set(e, ERROR_STORAGE_FULL, "no room");
 }
 
+static bool read_text(FILE *stream, void *context, error *e)
+{
+    char text[16] = "";
+    rewind(stream);
+    return (fgets(text, sizeof text, stream) && strcmp(text, context) == 0) ||
+           error_set(e, ERROR_INPUT_DAMAGED, "another text");
+}
+
+static bool read_other(FILE *stream, void *context, error *e)
+{
+    (void)context;
+    return read_text(stream, "other", e);
+}
+
 /* Beside the caller or at once: the file is there in the end, and its hash is told; a failure is told then, too, and one to write
- * leaves no file. */
+ * or to read back leaves no file. */
 static void test_late_commits(void **state)
 {
     (void)state;
@@ -205,7 +219,7 @@ static void test_late_commits(void **state)
         late_commit *c;
         store_facts facts;
         assert_true(store_file_begin(path, &file, &e));
-        c = late_commit_begin(&file, write_text, "text", beside);
+        c = late_commit_begin(&file, write_text, read_text, "text", beside);
         assert_null(file.stream);
         assert_true(late_commit_end(c, &facts, &e));
         assert_string_equal(facts.sha256, hash);
@@ -215,14 +229,18 @@ static void test_late_commits(void **state)
         char *inner = mem_printf("%s/file", gone);
         assert_true(store_directory_create(gone, &e) && store_file_begin(inner, &file, &e));
         assert_true(store_remove(gone, &e));
-        c = late_commit_begin(&file, write_text, "text", beside);
+        c = late_commit_begin(&file, write_text, read_text, "text", beside);
         assert_false(late_commit_end(c, &facts, &e));
         assert_int_not_equal(e.code, ERROR_NONE);
         free(inner);
         assert_true(store_file_begin(path, &file, &e));
-        c = late_commit_begin(&file, write_text, NULL, beside);
+        c = late_commit_begin(&file, write_text, read_text, NULL, beside);
         assert_false(late_commit_end(c, &facts, &e));
         assert_int_equal(e.code, ERROR_STORAGE_FULL);
+        assert_true(store_file_begin(path, &file, &e));
+        c = late_commit_begin(&file, write_text, read_other, "text", beside);
+        assert_false(late_commit_end(c, &facts, &e));
+        assert_int_equal(e.code, ERROR_INPUT_DAMAGED);
         assert_int_equal(count_entries(base), 0);
     }
     free(gone);
