@@ -11,63 +11,17 @@
 #include "base/isa.h"
 #include "base/memory.h"
 #include "geometry/bbox.h"
+#include "packing/neighbour_bins.h"
 
-#define AXIS_BITS 19 /* of a bin's or block's coordinate; in a block's key the level stands above the three */
-#define BLOCK_SHIFT 3 /* a block is this power of two of bins wide: what it reads fits into a core's cache */
-#define BLOCK_WIDTH (1 << BLOCK_SHIFT)
-#define BLOCK_CELLS (1 << 3 * BLOCK_SHIFT)
 static const int PLACE_BITS = 30; /* of a place: differences fit into 32 bits, with room to move */
 /* Of a list, on average: an even packing under the widest skin has 19. */
 static const size_t FIRST_ENTRIES = 20;
-static const size_t FEWEST_BINS = 64, FEWEST_BLOCKS = 8;
-/* Points on a surface share bins, some six to one, and those bins a block, some sixty; there is always room
- * for more. */
-static const size_t POINTS_PER_BIN = 4, POINTS_PER_BLOCK = 128;
 /* Bins are a hair wider than the cutoff of the least size, so that no rounding puts it on level 1. */
 static const double BIN_HAIR = 1e-6;
 enum { LANES = 16 };
-enum { CHUNK = 4096, SPOT_SLOTS = 2 * CHUNK }; /* of points; of a table of a chunk's spots */
+enum { CHUNK = 4096 }; /* of points */
 /* A block with the bins next to it: cells along each axis. */
 enum { WIDE_BLOCK = BLOCK_WIDTH + 2, WIDE_CELLS = WIDE_BLOCK * WIDE_BLOCK * WIDE_BLOCK };
-
-/* Bins with points are no more than points; those above them rarely as many again. */
-static bool reserve_bins(neighbours *n, size_t bins, error *e)
-{
-    const char *what = "neighbour lists";
-    if (bins < FEWEST_BINS) bins = FEWEST_BINS;
-    free(n->bin_begin);
-    free(n->bin_end);
-    free(n->bin_cell);
-    free(n->bin_split);
-    free(n->block_bin);
-    n->bin_capacity = bins;
-    n->bin_begin = mem_array(bins, sizeof *n->bin_begin, what, e);
-    n->bin_end = mem_array(bins, sizeof *n->bin_end, what, e);
-    n->bin_cell = mem_array(bins, sizeof *n->bin_cell, what, e);
-    n->bin_split = mem_array(bins, sizeof *n->bin_split, what, e);
-    n->block_bin = mem_array(bins, sizeof *n->block_bin, what, e);
-    return n->bin_begin && n->bin_end && n->bin_cell && n->bin_split && n->block_bin;
-}
-
-static bool reserve_blocks(neighbours *n, size_t blocks, error *e)
-{
-    const char *what = "neighbour lists";
-    if (blocks < FEWEST_BLOCKS) blocks = FEWEST_BLOCKS;
-    n->table_size = 2 * FEWEST_BLOCKS;
-    while (n->table_size < 2 * blocks) n->table_size *= 2;
-    free(n->table);
-    free(n->block_key);
-    free(n->block_rank);
-    free(n->block_begin);
-    free(n->cell);
-    n->block_capacity = blocks;
-    n->table = mem_array(n->table_size, sizeof *n->table, what, e);
-    n->block_key = mem_array(blocks, sizeof *n->block_key, what, e);
-    n->block_rank = mem_array(blocks, sizeof *n->block_rank, what, e);
-    n->block_begin = mem_array(blocks + 1, sizeof *n->block_begin, what, e);
-    n->cell = mem_array(blocks, BLOCK_CELLS * sizeof *n->cell, what, e);
-    return n->table && n->block_key && n->block_rank && n->block_begin && n->cell;
-}
 
 neighbours *neighbours_new(size_t capacity, size_t list_limit, error *e)
 {
@@ -75,8 +29,7 @@ neighbours *neighbours_new(size_t capacity, size_t list_limit, error *e)
     n->capacity = capacity;
     n->list_limit = list_limit;
     const char *what = "neighbour lists";
-    if (!reserve_bins(n, capacity / POINTS_PER_BIN, e) ||
-        !reserve_blocks(n, capacity / POINTS_PER_BLOCK, e) ||
+    if (!neighbour_bins_reserve(n, capacity, e) ||
         !(n->place = mem_array(capacity, sizeof *n->place, what, e)) ||
         !(n->bin_item = mem_array(capacity, sizeof *n->bin_item, what, e)) ||
         !(n->list = mem_array(n->list_capacity = capacity * FIRST_ENTRIES, sizeof *n->list, what, e)) ||
@@ -107,250 +60,6 @@ void neighbours_free(neighbours *n)
     free(n->list_begin);
     free(n->list_count);
     free(n);
-}
-
-/* Where a bin is, in edges of its level, or a block, in blocks. */
-typedef struct place {
-    int level;
-    int64_t at[3];
-} place;
-
-static uint64_t key_of(const place *block)
-{
-    return (uint64_t)block->at[0] | (uint64_t)block->at[1] << AXIS_BITS |
-           (uint64_t)block->at[2] << 2 * AXIS_BITS | (uint64_t)block->level << 3 * AXIS_BITS;
-}
-
-static place block_of(const place *bin)
-{
-    return (place){bin->level,
-                   {bin->at[0] >> BLOCK_SHIFT, bin->at[1] >> BLOCK_SHIFT, bin->at[2] >> BLOCK_SHIFT}};
-}
-
-static place place_of_block(uint64_t key)
-{
-    const uint64_t mask = ((uint64_t)1 << AXIS_BITS) - 1;
-    return (place){
-        (int)(key >> 3 * AXIS_BITS),
-        {(int64_t)(key & mask), (int64_t)(key >> AXIS_BITS & mask), (int64_t)(key >> 2 * AXIS_BITS & mask)}};
-}
-
-/* A bin's cell in its block. */
-static uint32_t cell_of(const place *bin)
-{
-    const int64_t mask = BLOCK_WIDTH - 1;
-    return (uint32_t)((bin->at[0] & mask) | (bin->at[1] & mask) << BLOCK_SHIFT |
-                      (bin->at[2] & mask) << 2 * BLOCK_SHIFT);
-}
-
-static place place_of_bin(const neighbours *n, size_t bin)
-{
-    place p = place_of_block(n->block_key[n->bin_cell[bin] / BLOCK_CELLS]);
-    for (int a = 0; a < 3; a++)
-        p.at[a] = p.at[a] << BLOCK_SHIFT | (n->bin_cell[bin] >> a * BLOCK_SHIFT & (BLOCK_WIDTH - 1));
-    return p;
-}
-
-static place parent_of(const place *p)
-{
-    return (place){p->level + 1, {p->at[0] >> 1, p->at[1] >> 1, p->at[2] >> 1}};
-}
-
-/* The slot of a key: where its block is, or where it would go. */
-static size_t slot_of(const neighbours *n, uint64_t key)
-{
-    size_t slot = (size_t)((key ^ key >> 29) * 0x9e3779b97f4a7c15u >> 32) & (n->table_size - 1);
-    while (n->table[slot] && n->block_key[n->table[slot] - 1] != key) slot = (slot + 1) & (n->table_size - 1);
-    return slot;
-}
-
-#define NO_BIN UINT32_MAX
-#define NO_KEY UINT64_MAX
-
-/* The block that was asked for last: more often than not it is the next one too. */
-typedef struct visit {
-    uint64_t key;
-    uint32_t block;
-} visit;
-
-/* The bin in a cell of the block of a key, made if there is none; NO_BIN when there is no room for it. */
-static uint32_t bin_at(neighbours *n, uint64_t key, uint32_t cell, visit *last)
-{
-    if (key != last->key) {
-        size_t slot = slot_of(n, key);
-        if (!n->table[slot]) {
-            if (n->blocks == n->block_capacity) return NO_BIN;
-            n->block_key[n->blocks] = key;
-            memset(n->cell + n->blocks * BLOCK_CELLS, 0, BLOCK_CELLS * sizeof *n->cell);
-            n->table[slot] = (uint32_t)++n->blocks;
-        }
-        *last = (visit){key, n->table[slot] - 1};
-    }
-    uint32_t at = last->block * BLOCK_CELLS + cell;
-    if (!n->cell[at]) {
-        if (n->bin_count == n->bin_capacity) return NO_BIN;
-        n->bin_cell[n->bin_count] = at;
-        n->bin_begin[n->bin_count] = n->bin_end[n->bin_count] = 0;
-        n->bin_split[n->bin_count] = false;
-        n->cell[at] = (uint32_t)++n->bin_count;
-    }
-    return n->cell[at] - 1;
-}
-
-/* Where a point's bin is. */
-static place place_at(const neighbours_place *p, double scale, double size_scale)
-{
-    double over = (double)p->size * size_scale;
-    int level = 0;
-    while (level < NEIGHBOURS_LEVELS - 1 && over > (double)(1 << level)) level++;
-    return (place){level,
-                   {(int64_t)(p->x * scale) >> level, (int64_t)(p->y * scale) >> level,
-                    (int64_t)(p->z * scale) >> level}};
-}
-
-/* A bin's block and its cell there, in as many bits as a block's coordinates have. */
-#define BLOCK_BITS (AXIS_BITS - BLOCK_SHIFT)
-static uint64_t spot_of(const place *bin)
-{
-    const place block = block_of(bin);
-    const uint64_t key = (uint64_t)block.at[0] | (uint64_t)block.at[1] << BLOCK_BITS |
-                         (uint64_t)block.at[2] << 2 * BLOCK_BITS | (uint64_t)block.level << 3 * BLOCK_BITS;
-    return key << 3 * BLOCK_SHIFT | cell_of(bin);
-}
-
-static place place_of_point(const neighbours *n, size_t i)
-{
-    return place_at(&n->place[i], n->unit / n->edge, n->cutoff / n->edge);
-}
-
-/* Finds the spots of a chunk's points, each once, in the order of the points. Until there are lists, list_begin holds of each point
- * its spot's number within the chunk. Of the k-th spot of a chunk that begins with point b, list_count[b + k] holds one of its
- * points (then its bin, then where in bin_item the chunk's points of that bin go), and bin_item[b + k] how many the chunk has; 0
- * stands behind the last. */
-static void spot_chunk(void *context, int worker, size_t begin, size_t end)
-{
-    neighbours *n = context;
-    uint64_t spot[CHUNK];
-    uint16_t slot[SPOT_SLOTS] = {0}, spots = 0; /* open addressing: the spot's number + 1, or 0 */
-    (void)worker;
-    assert(end - begin <= CHUNK);
-    for (size_t i = begin; i < end; i++) {
-        const place at = place_of_point(n, i);
-        const uint64_t own = spot_of(&at);
-        size_t s = own * 0x9e3779b97f4a7c15u >> 32 & (SPOT_SLOTS - 1);
-        while (slot[s] && spot[slot[s] - 1] != own) s = (s + 1) & (SPOT_SLOTS - 1);
-        if (!slot[s]) {
-            n->list_count[begin + spots] = (uint32_t)i;
-            n->bin_item[begin + spots] = 0;
-            spot[spots] = own;
-            slot[s] = ++spots;
-        }
-        n->list_begin[i] = slot[s] - 1u;
-        n->bin_item[begin + n->list_begin[i]]++;
-    }
-    if (begin + spots < end) n->bin_item[begin + spots] = 0;
-}
-
-/* The first spot of all chunks from `k` on. */
-static size_t spot_from(const neighbours *n, size_t k)
-{
-    return k < n->count && n->bin_item[k] == 0 ? (k / CHUNK + 1) * CHUNK : k;
-}
-
-/* Bins are numbered as points first fall into them, so their order follows that of the points; then come
- * those that have only bins below them. False when there are more than there is room for. */
-static bool number_bins(neighbours *n)
-{
-    memset(n->table, 0, n->table_size * sizeof *n->table);
-    n->bin_count = n->blocks = 0;
-    n->levels = 1;
-    visit last = {NO_KEY, 0};
-    for (size_t k = 0; k < n->count; k = spot_from(n, k + 1)) {
-        const place at = place_of_point(n, n->list_count[k]), block = block_of(&at);
-        const uint32_t bin = bin_at(n, key_of(&block), cell_of(&at), &last);
-        if (bin == NO_BIN) return false;
-        if (at.level >= n->levels) n->levels = at.level + 1;
-        n->list_count[k] = bin;
-        n->bin_end[bin] += n->bin_item[k];
-    }
-    for (size_t b = 0; b < n->bin_count; b++) {
-        place p = place_of_bin(n, b);
-        if (p.level == n->levels - 1) continue;
-        p = parent_of(&p);
-        const place block = block_of(&p);
-        uint32_t parent = bin_at(n, key_of(&block), cell_of(&p), &last);
-        if (parent == NO_BIN) return false;
-        n->bin_split[parent] = true;
-    }
-    return true;
-}
-
-static int colour_of(uint64_t key)
-{
-    return (int)((key & 1) | (key >> AXIS_BITS & 1) << 1 | (key >> 2 * AXIS_BITS & 1) << 2 |
-                 (key >> 3 * AXIS_BITS & (NEIGHBOURS_LEVELS - 1)) << 3);
-}
-
-static inline bool has_points(const neighbours *n, size_t bin)
-{
-    return n->bin_begin[bin] < n->bin_end[bin];
-}
-
-/* Puts the blocks in the order of their colours, and the bins in that of their blocks. */
-static void sort_blocks(neighbours *n)
-{
-    n->colours = 8 * n->levels;
-    memset(n->colour_begin, 0, sizeof n->colour_begin);
-    for (size_t k = 0; k < n->blocks; k++) n->colour_begin[colour_of(n->block_key[k]) + 1]++;
-    uint32_t next[NEIGHBOURS_COLOURS];
-    for (int c = 0; c < n->colours; c++) {
-        n->colour_begin[c + 1] += n->colour_begin[c];
-        next[c] = n->colour_begin[c];
-    }
-    for (size_t k = 0; k < n->blocks; k++) n->block_rank[k] = next[colour_of(n->block_key[k])]++;
-    memset(n->block_begin, 0, (n->blocks + 1) * sizeof *n->block_begin);
-    for (size_t b = 0; b < n->bin_count; b++)
-        if (has_points(n, b)) n->block_begin[n->block_rank[n->bin_cell[b] / BLOCK_CELLS]]++;
-    uint32_t total = 0; /* counts to ends; filling from the back turns ends into begins */
-    for (size_t k = 0; k < n->blocks; k++) n->block_begin[k] = total += n->block_begin[k];
-    n->block_begin[n->blocks] = total;
-    for (size_t b = n->bin_count; b-- > 0;)
-        if (has_points(n, b))
-            n->block_bin[--n->block_begin[n->block_rank[n->bin_cell[b] / BLOCK_CELLS]]] = (uint32_t)b;
-}
-
-/* Puts a chunk's points into their bins, behind those of the chunks before. */
-static void item_chunk(void *context, int worker, size_t begin, size_t end)
-{
-    neighbours *n = context;
-    (void)worker;
-    for (size_t i = begin; i < end; i++) n->bin_item[n->list_count[begin + n->list_begin[i]]++] = (uint32_t)i;
-}
-
-static bool fill_bins(neighbours *n, threads *pool, error *e)
-{
-    for (;;) {
-        threads_run(pool, n->count, CHUNK, spot_chunk, n);
-        if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
-        if (number_bins(n)) break;
-        if (!reserve_bins(n, 2 * n->bin_capacity, e) || !reserve_blocks(n, 2 * n->block_capacity, e))
-            return false;
-    }
-    sort_blocks(n);
-    uint32_t total = 0; /* ends are counts still */
-    for (uint32_t k = 0; k < n->block_begin[n->blocks]; k++) {
-        uint32_t bin = n->block_bin[k], count = n->bin_end[bin];
-        n->bin_begin[bin] = n->bin_end[bin] = total;
-        total += count;
-    }
-    for (size_t k = 0; k < n->count; k = spot_from(n, k + 1)) {
-        const uint32_t bin = n->list_count[k];
-        n->list_count[k] = n->bin_end[bin];
-        n->bin_end[bin] += n->bin_item[k];
-    }
-    threads_run(pool, n->count, CHUNK, item_chunk, n);
-    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
-    return true;
 }
 
 /* Points in arrays for the vector unit. */
@@ -653,7 +362,7 @@ static size_t list_bin(list_search *s, finder find, size_t bin)
     for (int up = 1; s->at.level + up < n->levels; up++) search_coarser(s, up);
     for (; c->count % LANES; c->count++) { /* nobody's neighbours */
         c->x[c->count] = c->y[c->count] = c->z[c->count] = 0;
-        c->item[c->count] = NO_BIN;
+        c->item[c->count] = UINT32_MAX;
         c->size[c->count] = NAN;
     }
     size_t longest = 0;
@@ -821,5 +530,5 @@ bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *
     n->per_unit = 1 / n->unit;
     build_job job = {.n = n, .x = x, .size = size};
     threads_run(pool, count, CHUNK, place_chunk, &job);
-    return fill_bins(n, pool, e) && fill_lists(n, pool, e);
+    return neighbour_bins_fill(n, pool, e) && fill_lists(n, pool, e);
 }

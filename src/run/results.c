@@ -538,14 +538,6 @@ static bool needs_color(const spec *s)
     return columns_need_color((const char *const *)s->ply_properties, s->ply_property_count);
 }
 
-/* Whether there are files to write beside points.ply. */
-static bool has_others(const spec *s)
-{
-    bool any = s->has_points_vdb || s->has_mesh || s->has_preview || s->has_convergence;
-    for (int k = 0; k < FORMATS; k++) any = any || has_format(s, (format_name)k);
-    return any;
-}
-
 bool results_write(const char *directory, const results_input *in, threads *pool, json *outputs,
                    results_facts *out, error *e)
 {
@@ -573,7 +565,7 @@ bool results_write(const char *directory, const results_input *in, threads *pool
             return false;
         }
     }
-    late_commit *late = begin_ply(directory, s, as_float, pool, has_others(s), &job, e);
+    late_commit *late = begin_ply(directory, s, as_float, pool, spec_has_other_outputs(s), &job, e);
     bool ok = late && (!s->has_points_vdb || write_points_vdb(directory, &with_color, outputs, e)) &&
               write_formats(directory, &with_color, &colored, false, outputs, e) &&
               (!s->has_mesh || write_mesh(directory, &with_color, as_float, pool, outputs, &facts, e)) &&

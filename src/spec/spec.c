@@ -323,6 +323,12 @@ bool spec_up_is_told(const spec *s)
     return true;
 }
 
+bool spec_has_other_outputs(const spec *s)
+{
+    return s->has_preview || s->has_convergence || s->has_mesh || s->has_points_vdb || s->has_points_npz ||
+           s->has_points_glb || s->has_points_usda;
+}
+
 bool spec_attribute_has_file(const spec_attribute *a)
 {
     return strcmp(a->from, SPEC_FROM_SURFACE) != 0 && strcmp(a->from, SPEC_FROM_GEOMETRY) != 0;

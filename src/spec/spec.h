@@ -324,6 +324,9 @@ bool spec_y_up(const spec *s);
 /* Whether that is sure: the spec says it, or all files of the kind are so. Of sequences it is, lest frames differ. */
 bool spec_up_is_told(const spec *s);
 
+/* Whether files are asked for beside points.ply and the report. */
+bool spec_has_other_outputs(const spec *s);
+
 /* A file that the spec names. */
 typedef struct spec_input {
     const char *pointer; /* JSON Pointer of the member */
