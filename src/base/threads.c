@@ -192,6 +192,27 @@ void threads_run(threads *t, size_t count, size_t grain, threads_work work, void
     pthread_mutex_unlock(&t->lock);
 }
 
+/* Bytes that one thread takes at a time: a large page. */
+static const size_t PIECE = 2 << 20;
+
+typedef struct copy_job {
+    char *to;
+    const char *from;
+} copy_job;
+
+static void copy_piece(void *context, int worker, size_t begin, size_t end)
+{
+    const copy_job *job = context;
+    (void)worker;
+    memcpy(job->to + begin, job->from + begin, end - begin);
+}
+
+void threads_copy(threads *t, void *to, const void *from, size_t bytes)
+{
+    copy_job job = {to, from};
+    threads_run(t, bytes, PIECE, copy_piece, &job);
+}
+
 int threads_available(void)
 {
     cpu_set_t set;

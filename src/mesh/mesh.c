@@ -47,7 +47,7 @@ double mesh_area(const mesh *m)
     return twice / 2;
 }
 
-bool mesh_copy(const mesh *m, mesh *out, error *e)
+bool mesh_copy(const mesh *m, threads *pool, mesh *out, error *e)
 {
     mesh copy = {m->vertex_count, m->triangle_count, mem_array(m->vertex_count, sizeof *m->vertex, what, e),
                  NULL, m->welded};
@@ -56,10 +56,14 @@ bool mesh_copy(const mesh *m, mesh *out, error *e)
         mesh_free(&copy);
         return false;
     }
-    memcpy(copy.vertex, m->vertex, m->vertex_count * sizeof *m->vertex);
-    memcpy(copy.triangle, m->triangle, m->triangle_count * sizeof *m->triangle);
-    *out = copy;
-    return true;
+    threads_copy(pool, copy.vertex, m->vertex, m->vertex_count * sizeof *m->vertex);
+    threads_copy(pool, copy.triangle, m->triangle, m->triangle_count * sizeof *m->triangle);
+    if (!threads_stopped(pool)) {
+        *out = copy;
+        return true;
+    }
+    mesh_free(&copy);
+    return error_set(e, ERROR_CANCELLED, "stopped");
 }
 
 /* Per triangle: itself, a sorted copy, three edges of 12 bytes and the unions; per vertex: itself, its

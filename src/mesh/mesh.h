@@ -11,6 +11,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/threads.h"
 #include "geometry/bbox.h"
 #include "geometry/vec3.h"
 
@@ -34,8 +35,8 @@ void mesh_note(mesh_notes *notes, const char *format, ...) __attribute__((format
 
 void mesh_free(mesh *m); /* NULL, and a zeroed one, will do */
 
-/* Errors: limit_memory. */
-bool mesh_copy(const mesh *m, mesh *out, error *e);
+/* Errors: limit_memory, cancelled. */
+bool mesh_copy(const mesh *m, threads *pool, mesh *out, error *e);
 
 /* Bytes that a mesh takes while it is judged, edges and all: what a caller holds against a limit. */
 size_t mesh_bytes(size_t vertices, size_t triangles);

@@ -18,11 +18,12 @@ static int by_other(const void *left, const void *right)
 {
     const mesh_side *a = left, *b = right;
     if (a->other != b->other) return a->other < b->other ? -1 : 1;
-    return (a->triangle > b->triangle) - (a->triangle < b->triangle);
+    if (a->triangle != b->triangle) return a->triangle < b->triangle ? -1 : 1;
+    return (int)b->upwards - (int)a->upwards;
 }
 
 /* Most vertices have a few sides: these are sorted in place. */
-enum { FEW = 16, VERTICES = 4096 }; /* VERTICES: in a chunk of work */
+enum { FEW = 16, CHUNK = 4096 }; /* CHUNK: of vertices or triangles */
 
 static void sort_sides(mesh_side *sides, size_t count)
 {
@@ -46,26 +47,47 @@ static void sort_chunk(void *context, int worker, size_t begin, size_t end)
         sort_sides(edges->sides + edges->first[v], edges->first[v + 1] - edges->first[v]);
 }
 
+typedef struct list_job {
+    const mesh *m;
+    mesh_edges *edges;
+} list_job;
+
+/* Counted two ahead; after the sums the starts are one ahead, and filling moves them to their places. */
+static void count_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const list_job *job = context;
+    (void)worker;
+    for (size_t n = begin; n < end; n++)
+        for (int k = 0; k < 3; k++) {
+            uint32_t a = job->m->triangle[n][k], b = job->m->triangle[n][(k + 1) % 3];
+            __atomic_fetch_add(&job->edges->first[(a < b ? a : b) + 2], 1, __ATOMIC_RELAXED);
+        }
+}
+
+static void fill_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const list_job *job = context;
+    (void)worker;
+    for (size_t n = begin; n < end; n++)
+        for (int k = 0; k < 3; k++) {
+            uint32_t a = job->m->triangle[n][k], b = job->m->triangle[n][(k + 1) % 3], low = a < b ? a : b;
+            const size_t at = __atomic_fetch_add(&job->edges->first[low + 1], 1, __ATOMIC_RELAXED);
+            job->edges->sides[at] = (mesh_side){a < b ? b : a, (uint32_t)n, a < b};
+        }
+}
+
 bool mesh_edges_list(const mesh *m, threads *pool, mesh_edges *out, error *e)
 {
+    list_job job = {m, out};
     mesh_edges_free(out);
     out->vertex_count = m->vertex_count;
     out->sides = mem_array(3 * m->triangle_count, sizeof *out->sides, what, e);
     out->first = mem_array(m->vertex_count + 2, sizeof *out->first, what, e);
     if (!out->sides || !out->first) return false;
-    /* counted two ahead; after the sums the starts are one ahead, and filling moves them to their places */
-    for (size_t n = 0; n < m->triangle_count; n++)
-        for (int k = 0; k < 3; k++) {
-            uint32_t a = m->triangle[n][k], b = m->triangle[n][(k + 1) % 3];
-            out->first[(a < b ? a : b) + 2]++;
-        }
+    threads_run(pool, m->triangle_count, CHUNK, count_chunk, &job);
     for (size_t v = 2; v < m->vertex_count + 2; v++) out->first[v] += out->first[v - 1];
-    for (uint32_t n = 0; n < m->triangle_count; n++)
-        for (int k = 0; k < 3; k++) {
-            uint32_t a = m->triangle[n][k], b = m->triangle[n][(k + 1) % 3], low = a < b ? a : b;
-            out->sides[out->first[low + 1]++] = (mesh_side){a < b ? b : a, n, a < b};
-        }
-    threads_run(pool, m->vertex_count, VERTICES, sort_chunk, out);
+    threads_run(pool, m->triangle_count, CHUNK, fill_chunk, &job);
+    threads_run(pool, m->vertex_count, CHUNK, sort_chunk, out); /* threads came as they came */
     return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
 

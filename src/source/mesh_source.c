@@ -82,7 +82,7 @@ static bool make_patches(const mesh_source_request *r, const mesh *whole, double
                          bool skip_smooth, mesh_notes *notes, mesh_patches *made, error *e)
 {
     mesh copy = {0};
-    if (!mesh_copy(whole, &copy, e)) return false;
+    if (!mesh_copy(whole, r->as_volume.pool, &copy, e)) return false;
     if (placed && r->to_world) mesh_move(&copy, r->to_world);
     if (placed && r->region && !mesh_clip(&copy, *r->region, e)) {
         mesh_free(&copy);
@@ -213,7 +213,7 @@ static bool fill_holes(const mesh_source_request *r, const mesh *whole, mesh *ou
     mesh_edges edges = {0};
     mesh_notes unused = {0}; /* the level set tells the same */
     size_t holes = 0;
-    bool ok = mesh_copy(whole, out, e) && mesh_weld(out, MESH_DROP_CANCELLED, &unused, e) &&
+    bool ok = mesh_copy(whole, r->as_volume.pool, out, e) && mesh_weld(out, MESH_DROP_CANCELLED, &unused, e) &&
               mesh_edges_list(out, r->as_volume.pool, &edges, e) &&
               mesh_edges_close_seams(out, r->spec->weld * bbox_longest(mesh_box(out)), r->as_volume.pool,
                                      &edges, &unused, e) &&

@@ -456,7 +456,7 @@ static volume *try_mesh(const volume_mesh_request *r, const resolution *choice, 
     volume *v = mem_alloc(sizeof *v);
     v->spline = spline_for(r->isa);
     v->base.ops = &volume_field_ops;
-    bool loaded = mesh_copy(whole, &m, e) && load_mesh(r, choice, &l, v, &m, &notes, e),
+    bool loaded = mesh_copy(whole, r->pool, &m, e) && load_mesh(r, choice, &l, v, &m, &notes, e),
          ok = loaded && build(&l, v, e);
     for (size_t k = 0; k < notes.count; k++) warn(&v->info, "%s", notes.text[k]);
     loading_free(&l);

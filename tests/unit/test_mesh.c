@@ -409,7 +409,7 @@ static void clean_meshes_are_welded_once(void **state)
         if (kind == 2) mesh_fixture_add(&m, t[0], t[2], t[1]); /* the other way round */
         if (kind == 3) mesh_fixture_add(&m, t[0], t[0], t[1]);
         if (kind == 4) mesh_fixture_remove(&m, 5);
-        assert_true(mesh_copy(&m, &usual, &e) && mesh_weld(&usual, MESH_KEEP_CANCELLED, &notes, &e));
+        assert_true(mesh_copy(&m, NULL, &usual, &e) && mesh_weld(&usual, MESH_KEEP_CANCELLED, &notes, &e));
         const size_t all = m.triangle_count;
         assert_true(mesh_weld_clean(&m, &e));
         assert_int_equal(m.welded, kind == 0 || kind == 4);
@@ -478,7 +478,7 @@ static void places_on_many_triangles(void **state)
     const double half[16] = {0.5, 0, 0, -3, 0, 0.5, 0, 0, 0, 0, 0.5, 0, 0, 0, 0, 1};
     mesh m = mesh_fixture_ball((vec3){6, 0, 0}, 20, 6), whole = {0};
     mesh_fixture_append(&m, mesh_fixture_box((vec3){300, 0, 0}, (vec3){3, 3, 3}, 0.3));
-    assert_true(m.triangle_count > 65536 && mesh_copy(&m, &whole, &e));
+    assert_true(m.triangle_count > 65536 && mesh_copy(&m, NULL, &whole, &e));
     mesh_faces *f = mesh_faces_new(&m, half, true, mesh_fixture_pool(), &e);
     assert_non_null(f);
     uint64_t seed = SEED;
