@@ -120,7 +120,7 @@ static uint32_t table_first(table *t, uint32_t n)
 }
 
 /* Triangles ahead of the one at hand whose slots are asked for: a large table is in no cache. */
-enum { AHEAD = 4 };
+enum { AHEAD = 32 };
 
 /* Asks for the slots of the corners of a triangle that are in no table yet. */
 static void expect_corners(const table *t, const uint32_t corner[3], const uint32_t *place)
