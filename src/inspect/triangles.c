@@ -4,7 +4,7 @@
 #include "base/memory.h"
 #include "inspect/contents.h"
 #include "inspect/suggestion.h"
-#include "mesh/mesh.h"
+#include "triangles/mesh.h"
 #include "meshfile/mesh_file.h"
 #include "run/report.h"
 

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "mesh/mesh_edges.h"
+#include "triangles/mesh_edges.h"
 
 static const char what[] = "the neighbours of vertices between labels";
 

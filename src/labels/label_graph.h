@@ -4,7 +4,7 @@
 #define HEXAD_LABELS_LABEL_GRAPH_H
 
 #include "base/error.h"
-#include "mesh/mesh.h"
+#include "triangles/mesh.h"
 
 typedef struct label_graph {
     size_t *

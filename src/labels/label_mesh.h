@@ -11,7 +11,7 @@
 
 #include "base/threads.h"
 #include "labels/label_volume.h"
-#include "mesh/mesh.h"
+#include "triangles/mesh.h"
 
 typedef struct label_mesh {
     mesh m; /* in world space */

@@ -11,7 +11,7 @@
 
 #include "base/error.h"
 #include "base/threads.h"
-#include "mesh/mesh.h"
+#include "triangles/mesh.h"
 
 typedef struct label_smoothing {
     double length;      /* in voxels: waves of this length become 1/e; 0: nothing is smoothed */

@@ -13,7 +13,7 @@
 #include "base/error.h"
 #include "base/threads.h"
 #include "field/field.h"
-#include "mesh/mesh.h"
+#include "triangles/mesh.h"
 
 typedef struct fidelity {
     double area;       /* of the mesh, world units */

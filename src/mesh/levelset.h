@@ -12,7 +12,7 @@
 
 #include "base/error.h"
 #include "base/threads.h"
-#include "mesh/mesh.h"
+#include "triangles/mesh.h"
 #include "vdb/vdb.h"
 
 typedef struct levelset_params {

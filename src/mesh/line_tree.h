@@ -10,7 +10,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
-#include "mesh/mesh.h"
+#include "triangles/mesh.h"
 
 typedef struct line_tree line_tree;
 

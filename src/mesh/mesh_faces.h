@@ -9,7 +9,7 @@
 
 #include "base/error.h"
 #include "base/threads.h"
-#include "mesh/mesh.h"
+#include "triangles/mesh.h"
 
 typedef struct mesh_faces mesh_faces;
 

@@ -6,8 +6,8 @@
 
 #include "base/memory.h"
 #include "base/sets.h"
-#include "mesh/mesh_edges.h"
-#include "mesh/orientation.h"
+#include "triangles/mesh_edges.h"
+#include "triangles/orientation.h"
 
 static const char what[] = "the patches of the mesh";
 

@@ -11,7 +11,7 @@
 #include "base/error.h"
 #include "base/threads.h"
 #include "field/patches.h"
-#include "mesh/mesh.h"
+#include "triangles/mesh.h"
 
 /* In place of a feature angle: MESH_PATCHES_ANGLE where the edges of the mesh are sharp, else none. */
 #define MESH_PATCHES_FOUND (-1.0)

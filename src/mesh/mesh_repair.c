@@ -8,8 +8,8 @@
 #include "base/memory.h"
 #include "base/sets.h"
 #include "geometry/bbox.h"
-#include "mesh/mesh_edges.h"
-#include "mesh/orientation.h"
+#include "triangles/mesh_edges.h"
+#include "triangles/orientation.h"
 
 static const char what[] = "the edges of the mesh";
 

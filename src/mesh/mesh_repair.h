@@ -14,7 +14,7 @@
 
 #include "base/error.h"
 #include "base/threads.h"
-#include "mesh/mesh.h"
+#include "triangles/mesh.h"
 #include "mesh/winding_number.h"
 
 typedef struct mesh_solids {

@@ -8,7 +8,7 @@
 #include "base/isa.h"
 #include "base/memory.h"
 #include "geometry/foot.h"
-#include "mesh/mesh_edges.h"
+#include "triangles/mesh_edges.h"
 #include "mesh/nearest_triangle.h"
 #include "mesh/roof.h"
 #include "geometry/triangle.h"

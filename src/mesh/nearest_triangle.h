@@ -4,7 +4,7 @@
 #define HEXAD_MESH_NEAREST_TRIANGLE_H
 
 #include "base/error.h"
-#include "mesh/mesh.h"
+#include "triangles/mesh.h"
 #include "geometry/triangle.h"
 
 typedef struct nearest_triangle nearest_triangle;

@@ -16,7 +16,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
-#include "mesh/mesh.h"
+#include "triangles/mesh.h"
 
 #define WINDING_BITS 16
 #define WINDING_MOST_VOXELS 8192 /* along a side: products of two differences fit 64 bits */

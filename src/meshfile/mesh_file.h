@@ -6,7 +6,7 @@
 #include <stdio.h>
 
 #include "base/error.h"
-#include "mesh/mesh.h"
+#include "triangles/mesh.h"
 #include "meshfile/mesh_reader.h"
 
 typedef struct mesh_file {

@@ -159,7 +159,8 @@ bool fine_mesh_make(const mesh *whole, size_t count, const vec3 *position, const
     mesh_notes unused = {0};
     *out = (fine_mesh){0};
     point_tree *tree = point_tree_new(position, count, e);
-    bool ok = tree && mesh_copy(whole, NULL, &out->m, e) && mesh_weld(&out->m, MESH_KEEP_CANCELLED, &unused, e);
+    bool ok =
+        tree && mesh_copy(whole, NULL, &out->m, e) && mesh_weld(&out->m, MESH_KEEP_CANCELLED, &unused, e);
     halving h = {
         .out = out, .tree = tree, .spacing = spacing, .share = share, .vertex_room = out->m.vertex_count};
     uint32_t(*at_hand)[3] = out->m.triangle;

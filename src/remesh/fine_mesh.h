@@ -6,7 +6,7 @@
 #define HEXAD_REMESH_FINE_MESH_H
 
 #include "base/error.h"
-#include "mesh/mesh.h"
+#include "triangles/mesh.h"
 
 typedef struct fine_mesh {
     mesh m;

@@ -6,7 +6,7 @@
 
 #include "base/error.h"
 #include "base/threads.h"
-#include "mesh/mesh.h"
+#include "triangles/mesh.h"
 
 typedef struct left_out_input {
     const mesh *on;

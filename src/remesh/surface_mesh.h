@@ -9,7 +9,7 @@
 #define HEXAD_REMESH_SURFACE_MESH_H
 
 #include "base/error.h"
-#include "mesh/mesh.h"
+#include "triangles/mesh.h"
 
 typedef struct surface_mesh_input {
     const mesh *m;

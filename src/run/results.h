@@ -9,7 +9,7 @@
 #include "formats/points.h"
 #include "json/json.h"
 #include "labels/label_surface.h"
-#include "mesh/mesh.h"
+#include "triangles/mesh.h"
 #include "packing/triangulation.h"
 #include "sampler/sampler.h"
 #include "spec/spec.h"

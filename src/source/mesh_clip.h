@@ -3,7 +3,7 @@
 #define HEXAD_SOURCE_MESH_CLIP_H
 
 #include "base/error.h"
-#include "mesh/mesh.h"
+#include "triangles/mesh.h"
 
 /* World = `to_world` applied to the mesh. Where that mirrors, triangles are turned, so that what was outside of them stays it. */
 void mesh_move(mesh *m, const double to_world[3][4]);

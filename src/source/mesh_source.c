@@ -8,7 +8,7 @@
 #include "base/sets.h"
 #include "source/mesh_clip.h"
 #include "mesh/fidelity.h"
-#include "mesh/mesh_edges.h"
+#include "triangles/mesh_edges.h"
 #include "meshfile/mesh_file.h"
 #include "packing/packing.h"
 
@@ -213,7 +213,8 @@ static bool fill_holes(const mesh_source_request *r, const mesh *whole, mesh *ou
     mesh_edges edges = {0};
     mesh_notes unused = {0}; /* the level set tells the same */
     size_t holes = 0;
-    bool ok = mesh_copy(whole, r->as_volume.pool, out, e) && mesh_weld(out, MESH_DROP_CANCELLED, &unused, e) &&
+    bool ok = mesh_copy(whole, r->as_volume.pool, out, e) &&
+              mesh_weld(out, MESH_DROP_CANCELLED, &unused, e) &&
               mesh_edges_list(out, r->as_volume.pool, &edges, e) &&
               mesh_edges_close_seams(out, r->spec->weld * bbox_longest(mesh_box(out)), r->as_volume.pool,
                                      &edges, &unused, e) &&
@@ -293,7 +294,7 @@ bool mesh_source_open(const mesh_source_request *request, volume **as_volume, me
     mesh_notes read = {0};
     if (!mesh_file_read(&file, &whole, &read, e)) return error_prefix(e, "%s", v->path);
     /* once for all that is made of it */
-    bool ok = mesh_weld_clean(&whole, e) || error_prefix(e, "%s", v->path);
+    bool ok = mesh_weld_clean(&whole, v->pool, e) || error_prefix(e, "%s", v->path);
     ok = ok && open_read(request, &whole, &read, as_volume, as_patches, notes, e);
     mesh_free(&whole);
     return ok;

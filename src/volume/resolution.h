@@ -9,7 +9,7 @@
 
 #include <stddef.h>
 
-#include "mesh/mesh.h"
+#include "triangles/mesh.h"
 
 typedef struct resolution_request {
     double voxel_size;   /* world units; 0: from the resolution */

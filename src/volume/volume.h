@@ -19,7 +19,7 @@
 #include "dense/slices.h"
 #include "field/field.h"
 #include "mesh/fidelity.h"
-#include "mesh/mesh.h"
+#include "triangles/mesh.h"
 #include "mesh/mesh_faces.h"
 #include "volume/resolution.h"
 

@@ -6,7 +6,7 @@
 #include <stddef.h>
 
 #include "base/threads.h"
-#include "mesh/mesh.h"
+#include "triangles/mesh.h"
 
 /* Two workers, for as long as the program runs. */
 threads *mesh_fixture_pool(void);

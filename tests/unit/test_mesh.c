@@ -411,7 +411,7 @@ static void clean_meshes_are_welded_once(void **state)
         if (kind == 4) mesh_fixture_remove(&m, 5);
         assert_true(mesh_copy(&m, NULL, &usual, &e) && mesh_weld(&usual, MESH_KEEP_CANCELLED, &notes, &e));
         const size_t all = m.triangle_count;
-        assert_true(mesh_weld_clean(&m, &e));
+        assert_true(mesh_weld_clean(&m, NULL, &e));
         assert_int_equal(m.welded, kind == 0 || kind == 4);
         assert_int_equal(m.triangle_count, all);
         assert_true(mesh_weld(&m, MESH_KEEP_CANCELLED, &told, &e));
@@ -440,7 +440,7 @@ static void fans_are_welded_too(void **state)
         fan.triangle[k][2] = 1 + (k + 1) % SIDES;
     }
     mesh_fixture_append(&m, fan);
-    assert_true(mesh_weld_clean(&m, &e));
+    assert_true(mesh_weld_clean(&m, NULL, &e));
     assert_false(m.welded);
     assert_true(mesh_weld(&m, MESH_KEEP_CANCELLED, &notes, &e));
     assert_int_equal(m.triangle_count, 12 + SIDES);

@@ -3,15 +3,15 @@
  *
  * Units: the mesh's. Threads: none; no shared state.
  */
-#ifndef HEXAD_MESH_SEAMS_H
-#define HEXAD_MESH_SEAMS_H
+#ifndef HEXAD_TRIANGLES_SEAMS_H
+#define HEXAD_TRIANGLES_SEAMS_H
 
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
 #include "base/error.h"
-#include "mesh/mesh.h"
+#include "triangles/mesh.h"
 
 /* An edge of one triangle only. */
 typedef struct seam_edge {

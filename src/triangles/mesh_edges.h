@@ -2,8 +2,8 @@
  *
  * Ownership: mesh_edges_free. Threads: those of a pool, or NULL, whose number does not show; no shared state.
  */
-#ifndef HEXAD_MESH_MESH_EDGES_H
-#define HEXAD_MESH_MESH_EDGES_H
+#ifndef HEXAD_TRIANGLES_MESH_EDGES_H
+#define HEXAD_TRIANGLES_MESH_EDGES_H
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -11,8 +11,8 @@
 
 #include "base/error.h"
 #include "base/threads.h"
-#include "mesh/mesh.h"
-#include "mesh/seams.h"
+#include "triangles/mesh.h"
+#include "triangles/seams.h"
 
 /* A triangle's way along an edge. */
 typedef struct mesh_side {

@@ -1,4 +1,4 @@
-#include "mesh/orientation.h"
+#include "triangles/orientation.h"
 
 #include <stdlib.h>
 

@@ -1,4 +1,4 @@
-#include "mesh/mesh_edges.h"
+#include "triangles/mesh_edges.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -3,8 +3,8 @@
  * Units: as the file has them until levelset_make turns them into voxels. Ownership: mesh_free.
  * Threads: none; no shared state.
  */
-#ifndef HEXAD_MESH_MESH_H
-#define HEXAD_MESH_MESH_H
+#ifndef HEXAD_TRIANGLES_MESH_H
+#define HEXAD_TRIANGLES_MESH_H
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -58,8 +58,8 @@ typedef enum mesh_cancelled {
 bool mesh_weld(mesh *m, mesh_cancelled cancelled, mesh_notes *notes, error *e);
 
 /* The same where it only joins vertices and drops those of no triangle, so that whoever welds the mesh, or a copy, has nothing
- * to do. Another mesh is left to them. */
-bool mesh_weld_clean(mesh *m, error *e);
+ * to do. Another mesh is left to them. Errors: limit_memory, cancelled. */
+bool mesh_weld_clean(mesh *m, threads *pool, error *e);
 
 /* Drops triangles with two equal corners, and returns how many there were. */
 size_t mesh_drop_degenerate(mesh *m);

@@ -1,4 +1,4 @@
-#include "mesh/seams.h"
+#include "triangles/seams.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -3,8 +3,8 @@
  * A forest over the triangles, each with whether it lies against its parent. The least triangle of a set is its root.
  * Ownership: orientation_free. Threads: none; finding makes ways shorter.
  */
-#ifndef HEXAD_MESH_ORIENTATION_H
-#define HEXAD_MESH_ORIENTATION_H
+#ifndef HEXAD_TRIANGLES_ORIENTATION_H
+#define HEXAD_TRIANGLES_ORIENTATION_H
 
 #include <stdbool.h>
 #include <stddef.h>

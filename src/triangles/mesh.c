@@ -1,6 +1,7 @@
-#include "mesh/mesh.h"
+#include "triangles/mesh.h"
 
 #include <stdarg.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -247,28 +248,36 @@ static bool drop_repeated(mesh *m, mesh_cancelled cancelled, size_t *dropped, er
     return ok;
 }
 
-/* Triangles by their lowest corner: list[first[v]] .. list[first[v + 1]]. */
+/* Triangles by their lowest corner, in no order: list[first[v]] .. list[first[v + 1]]. */
 typedef struct by_corner {
+    const mesh *m;
     uint32_t *first, *list;
+    atomic_bool may_repeat; /* a triangle may stand more than once */
 } by_corner;
 
-static bool list_by_corner(const mesh *m, by_corner *out, error *e)
+enum { CHUNK = 4096 };
+
+/* Counted two ahead; after the sums the starts are one ahead, and filling moves them to their places. */
+static void count_chunk(void *context, int worker, size_t begin, size_t end)
 {
+    by_corner *by = context;
     uint32_t sorted[3];
-    out->first = mem_array(m->vertex_count + 2, sizeof *out->first, what, e);
-    out->list = out->first ? mem_array(m->triangle_count, sizeof *out->list, what, e) : NULL;
-    if (!out->list) return false;
-    /* counted two ahead; after the sums the starts are one ahead, and filling moves them to their places */
-    for (size_t n = 0; n < m->triangle_count; n++) {
-        sort_corners(m->triangle[n], sorted);
-        out->first[(size_t)sorted[0] + 2]++;
+    (void)worker;
+    for (size_t n = begin; n < end; n++) {
+        sort_corners(by->m->triangle[n], sorted);
+        __atomic_fetch_add(&by->first[(size_t)sorted[0] + 2], 1, __ATOMIC_RELAXED);
     }
-    for (size_t v = 2; v < m->vertex_count + 2; v++) out->first[v] += out->first[v - 1];
-    for (uint32_t n = 0; n < m->triangle_count; n++) {
-        sort_corners(m->triangle[n], sorted);
-        out->list[out->first[(size_t)sorted[0] + 1]++] = n;
+}
+
+static void fill_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    by_corner *by = context;
+    uint32_t sorted[3];
+    (void)worker;
+    for (size_t n = begin; n < end; n++) {
+        sort_corners(by->m->triangle[n], sorted);
+        by->list[__atomic_fetch_add(&by->first[(size_t)sorted[0] + 1], 1, __ATOMIC_RELAXED)] = (uint32_t)n;
     }
-    return true;
 }
 
 static bool is_repeated(const mesh *m, uint32_t a, uint32_t b)
@@ -279,30 +288,46 @@ static bool is_repeated(const mesh *m, uint32_t a, uint32_t b)
     return memcmp(of_a, of_b, sizeof of_a) == 0;
 }
 
-/* Whether a triangle may stand more than once. Few vertices have more triangles than are held against each other here. */
-static bool may_repeat(const mesh *m, bool *may, error *e)
+/* Few vertices have more triangles than are held against each other here. */
+static void compare_chunk(void *context, int worker, size_t begin, size_t end)
 {
     enum { FEW = 64 };
-    by_corner by = {0};
-    const bool ok = list_by_corner(m, &by, e);
-    *may = false;
-    for (size_t v = 0; ok && !*may && v < m->vertex_count; v++) {
-        const uint32_t *list = by.list + by.first[v], count = by.first[v + 1] - by.first[v];
-        *may = count > FEW;
-        for (uint32_t k = 1; !*may && k < count; k++)
-            for (uint32_t i = 0; i < k; i++) *may |= is_repeated(m, list[k], list[i]);
+    by_corner *by = context;
+    bool may = false;
+    (void)worker;
+    for (size_t v = begin; !may && v < end; v++) {
+        const uint32_t *list = by->list + by->first[v], count = by->first[v + 1] - by->first[v];
+        may = count > FEW;
+        for (uint32_t k = 1; !may && k < count; k++)
+            for (uint32_t i = 0; i < k; i++) may |= is_repeated(by->m, list[k], list[i]);
     }
+    if (may) atomic_store(&by->may_repeat, true);
+}
+
+static bool may_repeat(const mesh *m, threads *pool, bool *may, error *e)
+{
+    by_corner by = {.m = m, .first = mem_array(m->vertex_count + 2, sizeof *by.first, what, e)};
+    by.list = by.first ? mem_array(m->triangle_count, sizeof *by.list, what, e) : NULL;
+    const bool ok = by.list != NULL;
+    if (ok) {
+        threads_run(pool, m->triangle_count, CHUNK, count_chunk, &by);
+        for (size_t v = 2; v < m->vertex_count + 2; v++) by.first[v] += by.first[v - 1];
+        threads_run(pool, m->triangle_count, CHUNK, fill_chunk, &by);
+        threads_run(pool, m->vertex_count, CHUNK, compare_chunk, &by);
+    }
+    *may = atomic_load(&by.may_repeat);
     free(by.first);
     free(by.list);
+    if (ok && threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
     return ok;
 }
 
-bool mesh_weld_clean(mesh *m, error *e)
+bool mesh_weld_clean(mesh *m, threads *pool, error *e)
 {
     uint32_t *place = mem_array(m->vertex_count, sizeof *place, what, e);
     bool ok = place && join_vertices(m, place, e), unclean = false;
     for (size_t n = 0; ok && !unclean && n < m->triangle_count; n++) unclean = is_degenerate(m->triangle[n]);
-    if (ok && !unclean) ok = may_repeat(m, &unclean, e);
+    if (ok && !unclean) ok = may_repeat(m, pool, &unclean, e);
     if (ok && !unclean) {
         drop_unused(m, place);
         m->welded = true;
