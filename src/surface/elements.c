@@ -1,5 +1,6 @@
 #include "surface/elements.h"
 
+#include <assert.h>
 #include <math.h>
 #include <stdlib.h>
 
@@ -26,30 +27,30 @@ uint32_t elements_find(const elements *s, vec3 x, vec3 normal, uint32_t patch)
     return k;
 }
 
-/* Rounded down, of any sign. */
-static int32_t quarter(int32_t x)
-{
-    return x >= 0 ? x / 4 : -((3 - x) / 4);
-}
-
+/* Groups are those of coordinates over four, rounded down. */
 static bool note_cube(elements *s, elements_cube at, error *e)
 {
     int32_t low[3];
     uint32_t number;
-    for (int a = 0; a < 3; a++) low[a] = quarter(at.at[a]);
+    for (int a = 0; a < 3; a++) low[a] = at.at[a] >> 2;
     if (!block_map_find_or_add(&s->group, low[0], low[1], low[2], &number, e)) return false;
     s->cubes[number] |=
         (uint64_t)1 << (at.at[0] - 4 * low[0] + 4 * (at.at[1] - 4 * low[1]) + 16 * (at.at[2] - 4 * low[2]));
     return true;
 }
 
-void elements_look(const elements *s, elements_cube from, elements_around *out)
+void elements_look(const elements *s, elements_cube from, int reach, elements_around *out)
 {
-    for (int a = 0; a < 3; a++) out->low[a] = quarter(from.at[a] - ELEMENTS_REACH);
-    for (int k = 0; k < 64; k++) {
-        const uint32_t number =
-            block_map_find(&s->group, out->low[0] + k % 4, out->low[1] + k / 4 % 4, out->low[2] + k / 16);
-        out->cubes[k] = number == BLOCK_MAP_NONE ? 0 : s->cubes[number];
+    int groups[3];
+    assert(reach <= ELEMENTS_REACH);
+    for (int a = 0; a < 3; a++) {
+        out->low[a] = (from.at[a] - reach) >> 2;
+        groups[a] = ((from.at[a] + reach) >> 2) - out->low[a] + 1;
+    }
+    for (int k = 0; k < groups[0] * groups[1] * groups[2]; k++) {
+        const int x = k % groups[0], y = k / groups[0] % groups[1], z = k / (groups[0] * groups[1]);
+        const uint32_t n = block_map_find(&s->group, out->low[0] + x, out->low[1] + y, out->low[2] + z);
+        out->cubes[x + 4 * y + 16 * z] = n == BLOCK_MAP_NONE ? 0 : s->cubes[n];
     }
 }
 

@@ -46,13 +46,14 @@ void elements_free(elements *s);
 
 elements_cube elements_cube_of(const elements *s, vec3 x);
 
-/* Which cubes up to ELEMENTS_REACH away from one the surface passes: to ask here first is cheaper than to look for each. */
+/* Which cubes up to `reach` away from one, ELEMENTS_REACH at most, the surface passes: to ask here first is cheaper than to look for
+ * each. */
 #define ELEMENTS_REACH 5
 typedef struct elements_around {
-    int32_t low[3]; /* the group of least coordinates */
-    uint64_t cubes[64];
+    int32_t low[3];     /* the group of least coordinates */
+    uint64_t cubes[64]; /* of groups within reach */
 } elements_around;
-void elements_look(const elements *s, elements_cube from, elements_around *out);
+void elements_look(const elements *s, elements_cube from, int reach, elements_around *out);
 
 static inline bool elements_passes(const elements_around *a, elements_cube from, const int offset[3])
 {

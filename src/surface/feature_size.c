@@ -89,7 +89,7 @@ static double find_ball(const measuring *m, vec3 x, vec3 normal)
     elements_around around;
     double best = 0.5 * REACH * s->edge;
     bool found = false;
-    elements_look(s, from, &around);
+    elements_look(s, from, ELEMENTS_REACH, &around);
     for (size_t k = 0; k < m->offsets; k++) {
         const offset *o = &m->offset[k];
         if ((o->distance - 2 * HALF_DIAGONAL - PATCH) * s->edge > 2 * best) break;

@@ -326,9 +326,7 @@ bool near_rows_merge(const near_rows_input *in, curve_rows *rows, error *e)
 {
     merging m = {.in = in, .rows = rows};
     if (rows->count == 0) return true;
-    bbox box = bbox_empty();
-    for (size_t k = 0; k < rows->count; k++) box = bbox_include(box, rows->position[k]);
-    const vec3 size = bbox_size(box);
+    const vec3 size = bbox_size(bbox_of_points(rows->position, rows->count, NULL));
     m.axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
     m.sides = mem_array(rows->count + 2 * in->curve_count, sizeof *m.sides, what, e);
     m.sides_of = mem_array(rows->count, sizeof *m.sides_of, what, e);

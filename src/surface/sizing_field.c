@@ -703,8 +703,7 @@ sizing_field *sizing_field_new(const field *f, const surface *scan, const sizing
             even = fmin(packing_spacing(scan->area, g->facts.features.points), bbox_longest(scan->box));
         g->edge = fmax(EDGE_CELLS * f->cell_size, EDGE_SPACING * even);
         g->edge = fmax(g->edge, bbox_longest(f->domain) / ((1 << AXIS_BITS) - MARGIN_CUBES));
-        bbox box = bbox_empty();
-        for (size_t k = 0; k < scan->cells; k++) box = bbox_include(box, r.samples.position[k]);
+        const bbox box = bbox_of_points(r.samples.position, scan->cells, pool);
         /* two cubes of margin: one for the cubes beside, one for those beside a point that is to be blended */
         g->origin = vec3_sub(box.min, vec3_make(2 * g->edge, 2 * g->edge, 2 * g->edge));
         ok = find_field(g, &r, count, pool, e);
