@@ -181,7 +181,8 @@ static const int calls[] = {
     SCMP_SYS(fcntl), SCMP_SYS(fcntl64), SCMP_SYS(dup), SCMP_SYS(dup2), SCMP_SYS(dup3), SCMP_SYS(fsync),
     SCMP_SYS(fdatasync), SCMP_SYS(ftruncate), SCMP_SYS(unlink), SCMP_SYS(unlinkat), SCMP_SYS(rename),
     SCMP_SYS(renameat), SCMP_SYS(renameat2), SCMP_SYS(mkdir), SCMP_SYS(mkdirat), SCMP_SYS(pipe2),
-    SCMP_SYS(poll), SCMP_SYS(ppoll), SCMP_SYS(fadvise64), SCMP_SYS(sendmsg), SCMP_SYS(recvmsg),
+    SCMP_SYS(sync_file_range), SCMP_SYS(sync_file_range2), SCMP_SYS(poll), SCMP_SYS(ppoll), SCMP_SYS(fadvise64),
+    SCMP_SYS(sendmsg), SCMP_SYS(recvmsg),
     /* threads, and the process that reads meshes */
     SCMP_SYS(futex), SCMP_SYS(futex_time64), SCMP_SYS(set_robust_list), SCMP_SYS(set_tid_address),
     SCMP_SYS(rseq), SCMP_SYS(arch_prctl), SCMP_SYS(sched_yield), SCMP_SYS(sched_getaffinity),

@@ -39,6 +39,8 @@ typedef struct seat {
 /* Those of a share that nobody has taken. */
 static void take_share(threads *t, share *s, int worker)
 {
+    if (atomic_load_explicit(&s->next, memory_order_relaxed) >= s->end)
+        return; /* used up: no write to its line */
     while (!threads_stopped(t)) {
         size_t chunk = atomic_fetch_add_explicit(&s->next, 1, memory_order_relaxed);
         if (chunk >= s->end) return;

@@ -66,7 +66,7 @@ static inline size_t slot_of(const neighbours *n, uint64_t key)
 bool neighbour_bins_reserve(neighbours *n, size_t points, error *e);
 
 /* Puts the points into bins, and bins and blocks into their orders, by places, sizes, edge and cutoff. list_begin and list_count are
- * used on the way. Errors: limit_memory, cancelled. */
+ * used on the way, and mean nothing until there are lists. Errors: limit_memory, cancelled. */
 bool neighbour_bins_fill(neighbours *n, threads *pool, error *e);
 
 #endif

@@ -73,7 +73,7 @@ typedef struct candidates {
 typedef size_t (*finder)(const candidates *s, neighbours_place own, uint32_t i, float cutoff2,
                          uint32_t *found);
 
-/* What one worker needs to list the neighbours of a block's points; no cache line is another's, too. */
+/* What one worker needs to list the neighbours of a block's points; no two share a cache line. */
 typedef struct list_search {
     _Alignas(64) neighbours *n;
     const uint32_t *around[27]; /* cells of the blocks around the bin's own, and its own in the middle */
@@ -421,12 +421,12 @@ static size_t list_block(build_job *job, list_search *s, size_t block)
     return longest;
 }
 
+/* Blocks in the order of points: what one reads the next one reads, too. */
 static void list_chunk(void *context, int worker, size_t begin, size_t end)
 {
     build_job *job = context;
     size_t longest = 0;
-    for (size_t block = begin; block < end;
-         block++) { /* in the order of points: what one reads the next one reads */
+    for (size_t block = begin; block < end; block++) {
         size_t l = list_block(job, &job->searches[worker], block);
         if (l > longest) longest = l;
     }
@@ -486,7 +486,9 @@ static bool fill_lists(neighbours *n, threads *pool, error *e)
         assert(entries + n->longest <= n->list_capacity);
         memset(n->list + entries, 0, n->longest * sizeof *n->list);
     }
-    if (ok && !threads_stopped(pool)) check_lists(n);
+    if (ok && threads_stopped(pool))
+        ok = error_set(e, ERROR_CANCELLED, "stopped"); /* lists of some are none */
+    if (ok) check_lists(n);
     for (list_search *s = job.searches; s < job.searches + workers; s++) {
         free_candidates(&s->near);
         free_candidates(&s->all);

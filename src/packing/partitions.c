@@ -186,8 +186,8 @@ bool partition_fill(const partitions_input *in, const partitions *all, size_t k,
     out->low = k > 0 ? all->end[k - 1] : -INFINITY;
     out->high = all->end[k];
     out->count = 0;
-    if (out->low < out->high && !gather_points(in, all, pool, out, e))
-        return false; /* the last bin may end two */
+    /* the histogram's last bin may end two partitions: the second is empty */
+    if (out->low < out->high && !gather_points(in, all, pool, out, e)) return false;
     if (out->count == 0) return true;
     out->near->label = out->label;
     return neighbours_build(out->near, out->count, out->position, out->spacing, in->cutoff, pool, e);

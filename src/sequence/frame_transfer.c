@@ -173,7 +173,7 @@ static void close_gaps(candidates *c)
     c->carried = c->count = kept;
 }
 
-/* After a stop there are no lists that could be looked at. */
+/* A stop is told also where there are no points. */
 static bool build_lists(candidates *c, double reach, error *e)
 {
     if (c->count > 0 && !neighbours_build(c->near, c->count, c->position, c->spacing, reach, c->pool, e))

@@ -29,7 +29,7 @@ bool store_file_place(store_file *file, error *e);
 /* Brings to disk what was written. It is the first and slowest step of commit; called before, it leaves commit little to
  * do. After a failure abort follows. */
 bool store_file_flush(store_file *file, error *e);
-/* Lets the disk begin with what was written, while the caller goes on. A wish: nothing is promised. */
+/* Lets the disk begin with what has left the stream (flush that first), while the caller goes on. A wish: nothing is promised. */
 void store_file_begin_flush(store_file *file);
 void store_file_abort(store_file *file);
 

@@ -1,7 +1,7 @@
 /* mesh: triangles as plain arrays, and what was noticed about them.
  *
  * Units: as the file has them until levelset_make turns them into voxels. Ownership: mesh_free.
- * Threads: none; no shared state.
+ * Threads: those of a pool, or NULL, whose number does not show; no shared state.
  */
 #ifndef HEXAD_TRIANGLES_MESH_H
 #define HEXAD_TRIANGLES_MESH_H

@@ -409,9 +409,10 @@ static void clean_meshes_are_welded_once(void **state)
         if (kind == 2) mesh_fixture_add(&m, t[0], t[2], t[1]); /* the other way round */
         if (kind == 3) mesh_fixture_add(&m, t[0], t[0], t[1]);
         if (kind == 4) mesh_fixture_remove(&m, 5);
-        assert_true(mesh_copy(&m, NULL, &usual, &e) && mesh_weld(&usual, MESH_KEEP_CANCELLED, &notes, &e));
+        assert_true(mesh_copy(&m, mesh_fixture_pool(), &usual, &e) &&
+                    mesh_weld(&usual, MESH_KEEP_CANCELLED, &notes, &e));
         const size_t all = m.triangle_count;
-        assert_true(mesh_weld_clean(&m, NULL, &e));
+        assert_true(mesh_weld_clean(&m, mesh_fixture_pool(), &e));
         assert_int_equal(m.welded, kind == 0 || kind == 4);
         assert_int_equal(m.triangle_count, all);
         assert_true(mesh_weld(&m, MESH_KEEP_CANCELLED, &told, &e));
@@ -440,7 +441,7 @@ static void fans_are_welded_too(void **state)
         fan.triangle[k][2] = 1 + (k + 1) % SIDES;
     }
     mesh_fixture_append(&m, fan);
-    assert_true(mesh_weld_clean(&m, NULL, &e));
+    assert_true(mesh_weld_clean(&m, mesh_fixture_pool(), &e));
     assert_false(m.welded);
     assert_true(mesh_weld(&m, MESH_KEEP_CANCELLED, &notes, &e));
     assert_int_equal(m.triangle_count, 12 + SIDES);
@@ -478,7 +479,7 @@ static void places_on_many_triangles(void **state)
     const double half[16] = {0.5, 0, 0, -3, 0, 0.5, 0, 0, 0, 0, 0.5, 0, 0, 0, 0, 1};
     mesh m = mesh_fixture_ball((vec3){6, 0, 0}, 20, 6), whole = {0};
     mesh_fixture_append(&m, mesh_fixture_box((vec3){300, 0, 0}, (vec3){3, 3, 3}, 0.3));
-    assert_true(m.triangle_count > 65536 && mesh_copy(&m, NULL, &whole, &e));
+    assert_true(m.triangle_count > 65536 && mesh_copy(&m, mesh_fixture_pool(), &whole, &e));
     mesh_faces *f = mesh_faces_new(&m, half, true, mesh_fixture_pool(), &e);
     assert_non_null(f);
     uint64_t seed = SEED;

@@ -1,10 +1,13 @@
 /* Lists against all pairs, and the property that makes threads harmless. */
 #include <math.h>
 #include <setjmp.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
+#include <sys/time.h>
+#include <time.h>
 #include <cmocka.h>
 
 #include "packing/neighbours.h"
@@ -128,6 +131,55 @@ static void a_cutoff_too_small_is_refused(void **state)
     threads_free(pool);
 }
 
+static volatile sig_atomic_t stopped;
+
+static void stop(int signal)
+{
+    (void)signal;
+    stopped = 1;
+}
+
+/* A build that is stopped anywhere on its way says so; one that does not has all lists. */
+static void a_stopped_build_is_no_build(void **state)
+{
+    (void)state;
+    enum { MANY = 40000, STEPS = 40 };
+    rng r = rng_seed(test_seed(), 4);
+    vec3 *x = malloc(MANY * sizeof *x);
+    error e = {0};
+    threads *pool = threads_new(2, &stopped, &e);
+    neighbours *n = neighbours_new(MANY, SIZE_MAX, &e);
+    struct timespec begin, end;
+    size_t all = 0, cancelled = 0;
+    for (int i = 0; i < MANY; i++) x[i] = random_between(&r, (vec3){0, 0, 0}, (vec3){1, 1, 0.01});
+    signal(SIGALRM, stop);
+    clock_gettime(CLOCK_MONOTONIC, &begin);
+    assert_true(neighbours_build(n, MANY, x, NULL, 0.012, pool, &e));
+    clock_gettime(CLOCK_MONOTONIC, &end);
+    for (size_t i = 0; i < MANY; i++) all += n->list_count[i];
+    const double took_us =
+        1e6 * (double)(end.tv_sec - begin.tv_sec) + 1e-3 * (double)(end.tv_nsec - begin.tv_nsec);
+    for (int k = 1; k <= STEPS; k++) {
+        const long after_us = 1 + (long)(took_us * k / STEPS);
+        const struct itimerval timer = {.it_value = {after_us / 1000000, after_us % 1000000}}, none = {0};
+        size_t listed = 0;
+        stopped = 0;
+        e.code = ERROR_NONE;
+        setitimer(ITIMER_REAL, &timer, NULL);
+        const bool ok = neighbours_build(n, MANY, x, NULL, 0.012, pool, &e);
+        setitimer(ITIMER_REAL, &none, NULL);
+        for (size_t i = 0; ok && i < MANY; i++) listed += n->list_count[i];
+        if (ok) assert_int_equal(listed, all);
+        if (!ok) assert_int_equal(e.code, ERROR_CANCELLED);
+        cancelled += !ok;
+    }
+    assert_true(cancelled > 0);
+    signal(SIGALRM, SIG_DFL);
+    neighbours_free(n);
+    threads_free(pool);
+    free(x);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -135,6 +187,7 @@ int main(void)
         cmocka_unit_test(lists_hold_every_pair_within_its_own_cutoff),
         cmocka_unit_test(points_of_one_colour_in_two_blocks_are_not_neighbours),
         cmocka_unit_test(a_cutoff_too_small_is_refused),
+        cmocka_unit_test(a_stopped_build_is_no_build),
     };
     return cmocka_run_group_tests_name("neighbours", tests, NULL, NULL);
 }

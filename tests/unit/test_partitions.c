@@ -72,7 +72,7 @@ static void test_each_point_has_one_owner_that_knows_all_its_neighbours(void **s
     fixture *f = *state;
     error e = {0};
     partitions all;
-    assert_true(partitions_cut(&f->in, NULL, &all, &e));
+    assert_true(partitions_cut(&f->in, f->pool, &all, &e));
     assert_int_equal(all.axis, 1);
     assert_true(all.count > 1);
     neighbours *whole = neighbours_new(COUNT, SIZE_MAX, &e);

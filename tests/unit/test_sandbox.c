@@ -396,6 +396,14 @@ static int spawn(const char *program)
     return WIFEXITED(status) && WEXITSTATUS(status) == STARTED_AGAIN ? 0 : ECHILD;
 }
 
+static int begin_flush(const place *p)
+{
+    char *path = mem_printf("%s/flushed", p->output);
+    int fd = open(path, O_WRONLY | O_CREAT, 0600);
+    free(path);
+    return answer(fd >= 0 && sync_file_range(fd, 0, 0, SYNC_FILE_RANGE_WRITE) == 0);
+}
+
 static int start_itself(const place *p)
 {
     (void)p;
@@ -431,6 +439,7 @@ static const struct place_probe {
     {"read an input", read_input, 0, 1},
     {"read a single file", read_single, 0, 1},
     {"write a result", write_output, 0, 1},
+    {"begin to flush it", begin_flush, 0, 1},
     {"start the program itself", start_itself, 0, 1},
     {"read outside", read_outside, EACCES, 1},
     {"read /etc/passwd", read_passwords, EACCES, 1},
