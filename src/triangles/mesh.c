@@ -31,9 +31,9 @@ void mesh_free(mesh *m)
 
 bbox mesh_box(const mesh *m)
 {
+    if (m->welded) return bbox_of_points(m->vertex, m->vertex_count, NULL);
     bbox box = bbox_empty();
-    for (size_t n = 0; m->welded && n < m->vertex_count; n++) box = bbox_include(box, m->vertex[n]);
-    for (size_t n = 0; !m->welded && n < m->triangle_count; n++)
+    for (size_t n = 0; n < m->triangle_count; n++)
         for (int k = 0; k < 3; k++) box = bbox_include(box, m->vertex[m->triangle[n][k]]);
     return box;
 }
