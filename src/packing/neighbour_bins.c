@@ -11,6 +11,7 @@ static const size_t FEWEST_BINS = 64, FEWEST_BLOCKS = 8;
  * for more. */
 static const size_t POINTS_PER_BIN = 4, POINTS_PER_BLOCK = 128;
 enum { CHUNK = 4096, SPOT_SLOTS = 2 * CHUNK }; /* of points; of a table of a chunk's spots */
+enum { BLOCK_CHUNK = 64 };
 
 /* Bins with points are no more than points; those above them rarely as many again. */
 static bool reserve_bins(neighbours *n, size_t bins, error *e)
@@ -18,17 +19,11 @@ static bool reserve_bins(neighbours *n, size_t bins, error *e)
     const char *what = "neighbour lists";
     if (bins < FEWEST_BINS) bins = FEWEST_BINS;
     free(n->bin_begin);
-    free(n->bin_end);
     free(n->bin_cell);
-    free(n->bin_split);
-    free(n->block_bin);
     n->bin_capacity = bins;
-    n->bin_begin = mem_array(bins, sizeof *n->bin_begin, what, e);
-    n->bin_end = mem_array(bins, sizeof *n->bin_end, what, e);
+    n->bin_begin = mem_array(bins + 1, sizeof *n->bin_begin, what, e);
     n->bin_cell = mem_array(bins, sizeof *n->bin_cell, what, e);
-    n->bin_split = mem_array(bins, sizeof *n->bin_split, what, e);
-    n->block_bin = mem_array(bins, sizeof *n->block_bin, what, e);
-    return n->bin_begin && n->bin_end && n->bin_cell && n->bin_split && n->block_bin;
+    return n->bin_begin && n->bin_cell;
 }
 
 static bool reserve_blocks(neighbours *n, size_t blocks, error *e)
@@ -39,24 +34,24 @@ static bool reserve_blocks(neighbours *n, size_t blocks, error *e)
     while (n->table_size < 2 * blocks) n->table_size *= 2;
     free(n->table);
     free(n->block_key);
-    free(n->block_rank);
+    free(n->block_bin);
+    free(n->block_bins);
     free(n->block_begin);
     free(n->cell);
     n->block_capacity = blocks;
     n->table = mem_array(n->table_size, sizeof *n->table, what, e);
     n->block_key = mem_array(blocks, sizeof *n->block_key, what, e);
-    n->block_rank = mem_array(blocks, sizeof *n->block_rank, what, e);
+    n->block_bin = mem_array(blocks, sizeof *n->block_bin, what, e);
+    n->block_bins = mem_array(blocks, sizeof *n->block_bins, what, e);
     n->block_begin = mem_array(blocks + 1, sizeof *n->block_begin, what, e);
     n->cell = mem_array(blocks, BLOCK_CELLS * sizeof *n->cell, what, e);
-    return n->table && n->block_key && n->block_rank && n->block_begin && n->cell;
+    return n->table && n->block_key && n->block_bin && n->block_bins && n->block_begin && n->cell;
 }
 
 bool neighbour_bins_reserve(neighbours *n, size_t points, error *e)
 {
     return reserve_bins(n, points / POINTS_PER_BIN, e) && reserve_blocks(n, points / POINTS_PER_BLOCK, e);
 }
-
-#define NO_BIN UINT32_MAX
 
 static place parent_of(const place *p)
 {
@@ -69,28 +64,31 @@ typedef struct visit {
     uint32_t block;
 } visit;
 
-/* The bin in a cell of the block of a key, made if there is none; NO_BIN when there is no room for it. */
-static uint32_t bin_at(neighbours *n, uint64_t key, uint32_t cell, visit *last)
+#define NO_CELL UINT32_MAX
+
+/* Where in `cell` a bin's cell is. If it had no bin it has one now; NO_CELL when there is no room for that. */
+static uint32_t cell_at(neighbours *n, const place *bin, visit *last)
 {
+    const place block = block_of(bin);
+    const uint64_t key = key_of(&block);
     if (key != last->key) {
         size_t slot = slot_of(n, key);
         if (!n->table[slot]) {
-            if (n->blocks == n->block_capacity) return NO_BIN;
+            if (n->blocks == n->block_capacity) return NO_CELL;
             n->block_key[n->blocks] = key;
+            n->block_bins[n->blocks] = 0;
             memset(n->cell + n->blocks * BLOCK_CELLS, 0, BLOCK_CELLS * sizeof *n->cell);
             n->table[slot] = (uint32_t)++n->blocks;
         }
         *last = (visit){key, n->table[slot] - 1};
     }
-    uint32_t at = last->block * BLOCK_CELLS + cell;
+    const uint32_t at = last->block * BLOCK_CELLS + cell_of(bin);
     if (!n->cell[at]) {
-        if (n->bin_count == n->bin_capacity) return NO_BIN;
-        n->bin_cell[n->bin_count] = at;
-        n->bin_begin[n->bin_count] = n->bin_end[n->bin_count] = 0;
-        n->bin_split[n->bin_count] = false;
-        n->cell[at] = (uint32_t)++n->bin_count;
+        if (n->bin_count == n->bin_capacity) return NO_CELL;
+        n->bin_count++;
+        n->cell[at] = (uint16_t)++n->block_bins[last->block];
     }
-    return n->cell[at] - 1;
+    return at;
 }
 
 /* Where a point's bin is. */
@@ -121,8 +119,8 @@ static place place_of_point(const neighbours *n, size_t i)
 
 /* Finds the spots of a chunk's points, each once, in the order of the points. Until there are lists, list_begin holds of each point
  * its spot's number within the chunk. Of the k-th spot of a chunk that begins with point b, list_count[b + k] holds one of its
- * points (then its bin, then where in bin_item the chunk's points of that bin go), and bin_item[b + k] how many the chunk has; 0
- * stands behind the last. */
+ * points (then its cell, its bin, and where in bin_item the chunk's points of that bin go), and bin_item[b + k] how many the chunk
+ * has; 0 stands behind the last. */
 static void spot_chunk(void *context, int worker, size_t begin, size_t end)
 {
     neighbours *n = context;
@@ -147,37 +145,44 @@ static void spot_chunk(void *context, int worker, size_t begin, size_t end)
     if (begin + spots < end) n->bin_item[begin + spots] = 0;
 }
 
-/* The first spot of all chunks from `k` on. */
-static size_t spot_from(const neighbours *n, size_t k)
+/* Whether the chunk that begins with a point has a spot k. */
+static inline bool has_spot(const neighbours *n, size_t begin, size_t k)
 {
-    return k < n->count && n->bin_item[k] == 0 ? (k / CHUNK + 1) * CHUNK : k;
+    return k < n->count && k < begin + CHUNK && n->bin_item[k] > 0;
 }
 
-/* Bins are numbered as points first fall into them, so their order follows that of the points; then come
- * those that have only bins below them. False when there are more than there is room for. */
+/* Makes the bins above those of a level; false when there are more than there is room for. */
+static bool split_level(neighbours *n, int level, visit *last)
+{
+    for (size_t b = 0; b < n->blocks; b++) {
+        const place block = place_of_block(n->block_key[b]);
+        for (uint32_t c = 0; c < BLOCK_CELLS && block.level == level; c++) {
+            if (!n->cell[b * BLOCK_CELLS + c]) continue;
+            const place bin = place_of_bin(&block, c), parent = parent_of(&bin);
+            const uint32_t at = cell_at(n, &parent, last);
+            if (at == NO_CELL) return false;
+            n->cell[at] |= CELL_SPLIT;
+        }
+    }
+    return true;
+}
+
+/* Bins are numbered within their blocks as points first fall into them, so their order follows that of the points; then come those
+ * that have only bins below them. False when there are more than there is room for. */
 static bool number_bins(neighbours *n)
 {
     memset(n->table, 0, n->table_size * sizeof *n->table);
     n->bin_count = n->blocks = 0;
     n->levels = 1;
     visit last = {NO_KEY, 0};
-    for (size_t k = 0; k < n->count; k = spot_from(n, k + 1)) {
-        const place at = place_of_point(n, n->list_count[k]), block = block_of(&at);
-        const uint32_t bin = bin_at(n, key_of(&block), cell_of(&at), &last);
-        if (bin == NO_BIN) return false;
-        if (at.level >= n->levels) n->levels = at.level + 1;
-        n->list_count[k] = bin;
-        n->bin_end[bin] += n->bin_item[k];
-    }
-    for (size_t b = 0; b < n->bin_count; b++) {
-        place p = place_of_bin(n, b);
-        if (p.level == n->levels - 1) continue;
-        p = parent_of(&p);
-        const place block = block_of(&p);
-        uint32_t parent = bin_at(n, key_of(&block), cell_of(&p), &last);
-        if (parent == NO_BIN) return false;
-        n->bin_split[parent] = true;
-    }
+    for (size_t begin = 0; begin < n->count; begin += CHUNK)
+        for (size_t k = begin; has_spot(n, begin, k); k++) {
+            const place bin = place_of_point(n, n->list_count[k]);
+            if ((n->list_count[k] = cell_at(n, &bin, &last)) == NO_CELL) return false;
+            if (bin.level >= n->levels) n->levels = bin.level + 1;
+        }
+    for (int level = 0; level < n->levels - 1; level++)
+        if (!split_level(n, level, &last)) return false;
     return true;
 }
 
@@ -187,32 +192,56 @@ static int colour_of(uint64_t key)
                  (key >> 3 * AXIS_BITS & (NEIGHBOURS_LEVELS - 1)) << 3);
 }
 
-static inline bool has_points(const neighbours *n, size_t bin)
-{
-    return n->bin_begin[bin] < n->bin_end[bin];
-}
-
-/* Puts the blocks in the order of their colours, and the bins in that of their blocks. */
+/* Puts the blocks in the order of their colours, and their bins one after the other. */
 static void sort_blocks(neighbours *n)
 {
     n->colours = 8 * n->levels;
     memset(n->colour_begin, 0, sizeof n->colour_begin);
-    for (size_t k = 0; k < n->blocks; k++) n->colour_begin[colour_of(n->block_key[k]) + 1]++;
+    for (size_t b = 0; b < n->blocks; b++) n->colour_begin[colour_of(n->block_key[b]) + 1]++;
     uint32_t next[NEIGHBOURS_COLOURS];
     for (int c = 0; c < n->colours; c++) {
         n->colour_begin[c + 1] += n->colour_begin[c];
         next[c] = n->colour_begin[c];
     }
-    for (size_t k = 0; k < n->blocks; k++) n->block_rank[k] = next[colour_of(n->block_key[k])]++;
-    memset(n->block_begin, 0, (n->blocks + 1) * sizeof *n->block_begin);
-    for (size_t b = 0; b < n->bin_count; b++)
-        if (has_points(n, b)) n->block_begin[n->block_rank[n->bin_cell[b] / BLOCK_CELLS]]++;
+    for (size_t b = 0; b < n->blocks; b++) {
+        n->block_bin[b] = next[colour_of(n->block_key[b])]++; /* its place among the blocks */
+        n->block_begin[n->block_bin[b]] = n->block_bins[b];
+    }
+    uint32_t total = 0;
+    for (size_t k = 0; k <= n->blocks; k++) {
+        const uint32_t bins = k < n->blocks ? n->block_begin[k] : 0;
+        n->block_begin[k] = total;
+        total += bins;
+    }
+    for (size_t b = 0; b < n->blocks; b++) n->block_bin[b] = n->block_begin[n->block_bin[b]];
+}
+
+static void cell_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const neighbours *n = context;
+    (void)worker;
+    for (size_t b = begin; b < end; b++)
+        for (uint32_t c = 0; c < BLOCK_CELLS; c++) {
+            const uint32_t number = n->cell[b * BLOCK_CELLS + c] & CELL_BIN;
+            if (number) n->bin_cell[n->block_bin[b] + number - 1] = (uint16_t)c;
+        }
+}
+
+/* Turns the cells of all spots into bins, and those into where the chunk's points of a bin go: the first chunk's first. */
+static void place_spots(neighbours *n)
+{
+    memset(n->bin_begin, 0, (n->bin_count + 1) * sizeof *n->bin_begin);
+    for (size_t begin = 0; begin < n->count; begin += CHUNK)
+        for (size_t k = begin; has_spot(n, begin, k); k++) {
+            const uint32_t at = n->list_count[k];
+            n->list_count[k] = n->block_bin[at / BLOCK_CELLS] + (n->cell[at] & CELL_BIN) - 1;
+            n->bin_begin[n->list_count[k]] += n->bin_item[k];
+        }
     uint32_t total = 0; /* counts to ends; filling from the back turns ends into begins */
-    for (size_t k = 0; k < n->blocks; k++) n->block_begin[k] = total += n->block_begin[k];
-    n->block_begin[n->blocks] = total;
-    for (size_t b = n->bin_count; b-- > 0;)
-        if (has_points(n, b))
-            n->block_bin[--n->block_begin[n->block_rank[n->bin_cell[b] / BLOCK_CELLS]]] = (uint32_t)b;
+    for (size_t b = 0; b <= n->bin_count; b++) n->bin_begin[b] = total += n->bin_begin[b];
+    for (size_t begin = n->count / CHUNK * CHUNK + CHUNK; begin >= CHUNK;)
+        for (size_t k = begin -= CHUNK; has_spot(n, begin, k); k++)
+            n->list_count[k] = n->bin_begin[n->list_count[k]] -= n->bin_item[k];
 }
 
 /* Puts a chunk's points into their bins, behind those of the chunks before. */
@@ -233,17 +262,8 @@ bool neighbour_bins_fill(neighbours *n, threads *pool, error *e)
             return false;
     }
     sort_blocks(n);
-    uint32_t total = 0; /* ends are counts still */
-    for (uint32_t k = 0; k < n->block_begin[n->blocks]; k++) {
-        uint32_t bin = n->block_bin[k], count = n->bin_end[bin];
-        n->bin_begin[bin] = n->bin_end[bin] = total;
-        total += count;
-    }
-    for (size_t k = 0; k < n->count; k = spot_from(n, k + 1)) {
-        const uint32_t bin = n->list_count[k];
-        n->list_count[k] = n->bin_end[bin];
-        n->bin_end[bin] += n->bin_item[k];
-    }
+    threads_run(pool, n->blocks, BLOCK_CHUNK, cell_chunk, n);
+    place_spots(n);
     threads_run(pool, n->count, CHUNK, item_chunk, n);
     if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
     return true;

@@ -9,6 +9,8 @@
 #define BLOCK_SHIFT 3 /* a block is this power of two of bins wide: what it reads fits into a core's cache */
 #define BLOCK_WIDTH (1 << BLOCK_SHIFT)
 #define BLOCK_CELLS (1 << 3 * BLOCK_SHIFT)
+#define CELL_BIN 0x3ff /* of a cell: the number of its bin within the block + 1, or 0 where there is none */
+#define CELL_SPLIT 0x8000 /* bins of the level below lie in it */
 
 /* Where a bin is, in edges of its level, or a block, in blocks. */
 typedef struct place {
@@ -44,11 +46,11 @@ static inline uint32_t cell_of(const place *bin)
                       (bin->at[2] & mask) << 2 * BLOCK_SHIFT);
 }
 
-static inline place place_of_bin(const neighbours *n, size_t bin)
+static inline place place_of_bin(const place *block, uint32_t cell)
 {
-    place p = place_of_block(n->block_key[n->bin_cell[bin] / BLOCK_CELLS]);
+    place p = *block;
     for (int a = 0; a < 3; a++)
-        p.at[a] = p.at[a] << BLOCK_SHIFT | (n->bin_cell[bin] >> a * BLOCK_SHIFT & (BLOCK_WIDTH - 1));
+        p.at[a] = p.at[a] << BLOCK_SHIFT | (cell >> a * BLOCK_SHIFT & (BLOCK_WIDTH - 1));
     return p;
 }
 

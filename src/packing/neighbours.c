@@ -46,15 +46,13 @@ void neighbours_free(neighbours *n)
     if (!n) return;
     free(n->place);
     free(n->bin_begin);
-    free(n->bin_end);
     free(n->bin_item);
     free(n->bin_cell);
-    free(n->bin_split);
     free(n->table);
     free(n->block_key);
-    free(n->block_rank);
-    free(n->block_begin);
     free(n->block_bin);
+    free(n->block_bins);
+    free(n->block_begin);
     free(n->cell);
     free(n->list);
     free(n->list_begin);
@@ -73,13 +71,19 @@ typedef struct candidates {
 typedef size_t (*finder)(const candidates *s, neighbours_place own, uint32_t i, float cutoff2,
                          uint32_t *found);
 
+/* The cells of a block, and the first of its bins. */
+typedef struct block_cells {
+    const uint16_t *cell;
+    uint32_t first;
+} block_cells;
+
 /* What one worker needs to list the neighbours of a block's points; no two share a cache line. */
 typedef struct list_search {
     _Alignas(64) neighbours *n;
-    const uint32_t *around[27]; /* cells of the blocks around the bin's own, and its own in the middle */
+    block_cells around[27]; /* the blocks around the bin's own, and its own in the middle */
     struct {
         uint64_t key;
-        const uint32_t *cells;
+        block_cells cells;
     } last[NEIGHBOURS_LEVELS]; /* of other levels, the blocks that were asked for last */
     place at;                  /* of the bin at hand */
     candidates near;           /* points that may be neighbours of its points */
@@ -192,10 +196,14 @@ static void free_candidates(candidates *c)
     free(c->item);
 }
 
-static void add_bin(const neighbours *n, candidates *c, uint32_t bin)
+/* The points of a block's cell; none where it has no bin. */
+static void add_bin(const neighbours *n, candidates *c, const block_cells *block, uint32_t cell)
 {
-    reserve_candidates(c, n->bin_end[bin] - n->bin_begin[bin]);
-    for (uint32_t b = n->bin_begin[bin]; b < n->bin_end[bin]; b++) {
+    const uint32_t number = block->cell[cell] & CELL_BIN;
+    if (!number) return;
+    const uint32_t bin = block->first + number - 1, end = n->bin_begin[bin + 1];
+    reserve_candidates(c, end - n->bin_begin[bin]);
+    for (uint32_t b = n->bin_begin[bin]; b < end; b++) {
         const neighbours_place *p = &n->place[n->bin_item[b]];
         c->x[c->count] = p->x;
         c->y[c->count] = p->y;
@@ -219,26 +227,17 @@ ISA_CLONES static void add_range(const candidates *from, size_t begin, size_t en
     to->count += end - begin;
 }
 
-static void search_finer(list_search *s, uint32_t bin);
-
-/* A cell's bin and what lies below it. */
-static void search_cell(list_search *s, uint32_t cell)
+/* No block: no bins. */
+static block_cells find_cells(const neighbours *n, uint64_t key)
 {
-    if (!cell) return;
-    add_bin(s->n, &s->near, cell - 1);
-    if (s->n->bin_split[cell - 1]) search_finer(s, cell - 1);
-}
-
-/* A block's cells: its bins + 1, or 0; all 0 where there is no block. */
-static const uint32_t *find_cells(const neighbours *n, uint64_t key)
-{
-    static const uint32_t none[BLOCK_CELLS];
-    uint32_t block = n->table[slot_of(n, key)];
-    return block ? n->cell + (block - 1) * (size_t)BLOCK_CELLS : none;
+    static const uint16_t none[BLOCK_CELLS];
+    const uint32_t block = n->table[slot_of(n, key)];
+    return block ? (block_cells){n->cell + (block - 1) * (size_t)BLOCK_CELLS, n->block_bin[block - 1]}
+                 : (block_cells){none, 0};
 }
 
 /* The same for the block of a bin on another level than the one at hand. */
-static const uint32_t *cells_of(list_search *s, const place *bin)
+static const block_cells *cells_of(list_search *s, const place *bin)
 {
     place block = block_of(bin);
     uint64_t key = key_of(&block);
@@ -246,7 +245,7 @@ static const uint32_t *cells_of(list_search *s, const place *bin)
         s->last[bin->level].key = key;
         s->last[bin->level].cells = find_cells(s->n, key);
     }
-    return s->last[bin->level].cells;
+    return &s->last[bin->level].cells;
 }
 
 /* The points of bins of level `up` above are neighbours no farther than the mean of the two edges. */
@@ -260,46 +259,51 @@ static void search_coarser(list_search *s, int up)
     place p = {.level = s->at.level + up};
     for (p.at[2] = low[2]; p.at[2] <= high[2]; p.at[2]++)
         for (p.at[1] = low[1]; p.at[1] <= high[1]; p.at[1]++)
-            for (p.at[0] = low[0]; p.at[0] <= high[0]; p.at[0]++) {
-                uint32_t cell = cells_of(s, &p)[cell_of(&p)];
-                if (cell) add_bin(s->n, &s->near, cell - 1);
-            }
+            for (p.at[0] = low[0]; p.at[0] <= high[0]; p.at[0]++)
+                add_bin(s->n, &s->near, cells_of(s, &p), cell_of(&p));
+}
+
+static void search_finer(list_search *s, const place *parent);
+
+/* A cell's bin and what lies below it. */
+static void search_cell(list_search *s, const block_cells *block, const place *bin)
+{
+    const uint32_t cell = cell_of(bin);
+    add_bin(s->n, &s->near, block, cell);
+    if (block->cell[cell] & CELL_SPLIT) search_finer(s, bin);
 }
 
 /* Likewise those of the levels below, down from a bin that has some. */
-static void search_finer(list_search *s, uint32_t bin)
+static void search_finer(list_search *s, const place *parent)
 {
-    place parent = place_of_bin(s->n, bin);
-    int down = s->at.level - parent.level + 1;
+    int down = s->at.level - parent->level + 1;
     int64_t reach = ((1 << down) + 2) / 2;
     for (int k = 0; k < 8; k++) {
         place p = {
-            parent.level - 1,
-            {2 * parent.at[0] + (k & 1), 2 * parent.at[1] + (k >> 1 & 1), 2 * parent.at[2] + (k >> 2)}};
+            parent->level - 1,
+            {2 * parent->at[0] + (k & 1), 2 * parent->at[1] + (k >> 1 & 1), 2 * parent->at[2] + (k >> 2)}};
         bool inside = true;
         for (int a = 0; a < 3; a++) {
             int64_t low = s->at.at[a] << down, high = (s->at.at[a] + 1) << down;
             inside = inside && p.at[a] >= low - reach && p.at[a] < high + reach;
         }
-        if (inside) search_cell(s, cells_of(s, &p)[cell_of(&p)]);
+        if (inside) search_cell(s, cells_of(s, &p), &p);
     }
 }
 
 /* The bins around the bin at hand, of its own level. */
 static void search_level(list_search *s)
 {
-    int which[3][3], cell[3][3];
+    int which[3][3];
     for (int a = 0; a < 3; a++)
-        for (int k = 0; k < 3; k++) {
-            int at = (int)(s->at.at[a] & (BLOCK_WIDTH - 1)) + k - 1;
-            which[a][k] = (at + BLOCK_WIDTH) >> BLOCK_SHIFT;
-            cell[a][k] = at & (BLOCK_WIDTH - 1);
-        }
+        for (int k = 0; k < 3; k++)
+            which[a][k] = ((int)(s->at.at[a] & (BLOCK_WIDTH - 1)) + k - 1 + BLOCK_WIDTH) >> BLOCK_SHIFT;
     for (int k = 0; k < 3; k++)
         for (int j = 0; j < 3; j++)
             for (int i = 0; i < 3; i++) {
-                const uint32_t *cells = s->around[(which[2][k] * 3 + which[1][j]) * 3 + which[0][i]];
-                search_cell(s, cells[(cell[2][k] << BLOCK_SHIFT | cell[1][j]) << BLOCK_SHIFT | cell[0][i]]);
+                const place p = {s->at.level,
+                                 {s->at.at[0] + i - 1, s->at.at[1] + j - 1, s->at.at[2] + k - 1}};
+                search_cell(s, &s->around[(which[2][k] * 3 + which[1][j]) * 3 + which[0][i]], &p);
             }
 }
 
@@ -313,12 +317,12 @@ static void gather_block(list_search *s)
         for (int j = -1; j <= BLOCK_WIDTH; j++)
             for (int i = -1; i <= BLOCK_WIDTH; i++) {
                 const int at[3] = {i + BLOCK_WIDTH, j + BLOCK_WIDTH, k + BLOCK_WIDTH}, mask = BLOCK_WIDTH - 1;
-                const uint32_t *cells = s->around[((at[2] >> BLOCK_SHIFT) * 3 + (at[1] >> BLOCK_SHIFT)) * 3 +
-                                                  (at[0] >> BLOCK_SHIFT)];
-                const uint32_t cell =
-                    cells[((at[2] & mask) << BLOCK_SHIFT | (at[1] & mask)) << BLOCK_SHIFT | (at[0] & mask)];
+                const int block =
+                    ((at[2] >> BLOCK_SHIFT) * 3 + (at[1] >> BLOCK_SHIFT)) * 3 + (at[0] >> BLOCK_SHIFT);
+                const int cell =
+                    ((at[2] & mask) << BLOCK_SHIFT | (at[1] & mask)) << BLOCK_SHIFT | (at[0] & mask);
                 *begin++ = (uint32_t)s->all.count;
-                if (cell) add_bin(s->n, &s->all, cell - 1);
+                add_bin(s->n, &s->all, &s->around[block], (uint32_t)cell);
             }
     *begin = (uint32_t)s->all.count;
     reserve_candidates(&s->all, 0);
@@ -346,14 +350,13 @@ static size_t keep_label(const uint32_t *label, uint32_t i, size_t count, uint32
     return kept;
 }
 
-/* The lists of one bin's points, which begin where they do among those of the block. What there is no room
+/* The lists of the points of the bin at hand, which begin where they do among those of the block. What there is no room
  * for is counted, not kept. */
 static size_t list_bin(list_search *s, finder find, size_t bin)
 {
     neighbours *n = s->n;
     const double cutoff = n->cutoff / n->unit;
     candidates *c = &s->near;
-    s->at = place_of_bin(n, bin);
     c->count = 0;
     if (n->levels == 1)
         search_gathered(s);
@@ -366,7 +369,7 @@ static size_t list_bin(list_search *s, finder find, size_t bin)
         c->size[c->count] = NAN;
     }
     size_t longest = 0;
-    for (uint32_t a = n->bin_begin[bin]; a < n->bin_end[bin]; a++) {
+    for (uint32_t a = n->bin_begin[bin]; a < n->bin_begin[bin + 1]; a++) {
         uint32_t i = n->bin_item[a];
         size_t begin = s->entries <= n->list_capacity ? s->entries : 0;
         if (begin + c->count + LANES > s->entry_capacity) {
@@ -384,37 +387,35 @@ static size_t list_bin(list_search *s, finder find, size_t bin)
 }
 
 /* Where a block's lists are among all is a matter of chance, what they hold is not. */
-static void keep_lists(build_job *job, const list_search *s, uint32_t bins, uint32_t end)
+static void keep_lists(build_job *job, const list_search *s, uint32_t first, uint32_t last)
 {
     neighbours *n = job->n;
     size_t begin = atomic_fetch_add(&job->entries, s->entries);
     if (begin + s->entries > n->list_capacity) return;
     memcpy(n->list + begin, s->entry, s->entries * sizeof *n->list);
-    for (uint32_t k = bins; k < end; k++) {
-        uint32_t bin = n->block_bin[k];
-        for (uint32_t a = n->bin_begin[bin]; a < n->bin_end[bin]; a++)
-            n->list_begin[n->bin_item[a]] += (uint32_t)begin;
-    }
+    for (uint32_t a = n->bin_begin[first]; a < n->bin_begin[last]; a++)
+        n->list_begin[n->bin_item[a]] += (uint32_t)begin;
 }
 
 /* The lists of a block's points. */
 static size_t list_block(build_job *job, list_search *s, size_t block)
 {
     neighbours *n = s->n = job->n;
-    const size_t rank = n->block_rank[block];
-    uint32_t begin = n->block_begin[rank], end = n->block_begin[rank + 1];
+    const uint32_t begin = n->block_bin[block], end = begin + n->block_bins[block];
     size_t longest = 0;
-    if (begin == end) return 0;
+    if (n->bin_begin[begin] == n->bin_begin[end]) return 0;
     for (int l = 0; l < n->levels; l++) s->last[l].key = NO_KEY;
-    place own = place_of_block(n->block_key[n->bin_cell[n->block_bin[begin]] / BLOCK_CELLS]);
+    const place own = place_of_block(n->block_key[block]);
     for (int k = 0; k < 27; k++) {
         place p = {own.level, {own.at[0] + k % 3 - 1, own.at[1] + k / 3 % 3 - 1, own.at[2] + k / 9 - 1}};
         s->around[k] = find_cells(n, key_of(&p));
     }
     if (n->levels == 1) gather_block(s);
     s->entries = 0;
-    for (uint32_t k = begin; k < end; k++) {
-        size_t l = list_bin(s, job->find, n->block_bin[k]);
+    for (uint32_t bin = begin; bin < end; bin++) {
+        if (n->bin_begin[bin] == n->bin_begin[bin + 1]) continue; /* all are in bins below it */
+        s->at = place_of_bin(&own, n->bin_cell[bin]);
+        size_t l = list_bin(s, job->find, bin);
         if (l > longest) longest = l;
     }
     keep_lists(job, s, begin, end);

@@ -47,12 +47,10 @@ typedef struct neighbours {
     double edge;   /* of the bins of level 0 */
     int levels;    /* in use */
 
-    size_t bin_capacity, bin_count;
-    uint32_t *bin_begin; /* the bin's points in `bin_item`: from here */
-    uint32_t *bin_end;   /* to here */
-    uint32_t *bin_item; /* points by bin, ascending, bins by block; or as independent_sets_form leaves them */
-    uint32_t *bin_cell; /* where it is: its entry in `cell` */
-    bool *bin_split;    /* bins of the level below lie in it */
+    size_t bin_capacity, bin_count; /* of bins, numbered block by block in the order of updates */
+    uint32_t *bin_begin;            /* bins + 1: the bin's points in `bin_item` */
+    uint16_t *bin_cell;             /* which cell of its block it is */
+    uint32_t *bin_item;             /* points by bin, ascending; or as independent_sets_form leaves them */
     vec3 origin;
     double unit, per_unit;   /* of places, world; its inverse */
     neighbours_place *place; /* of each point, at the build or since neighbours_move */
@@ -61,10 +59,10 @@ typedef struct neighbours {
     uint32_t *table;                               /* open addressing: block + 1, or 0 */
     size_t table_size;                             /* a power of two */
     uint64_t *block_key;                           /* where it is */
-    uint32_t *cell;                                /* of each block its bins + 1, or 0, in rows along x */
-    uint32_t *block_rank;                          /* place of a block in the order below */
-    uint32_t *block_begin;                         /* blocks + 1: the block's bins in `block_bin` */
-    uint32_t *block_bin;                           /* bins with points by block, ascending within a block */
+    uint16_t *cell;                                /* of each block, in rows along x: CELL_BIN, CELL_SPLIT */
+    uint32_t *block_bin;                           /* of each block the first of its bins */
+    uint32_t *block_bins;                          /* how many it has */
+    uint32_t *block_begin;                         /* blocks + 1, in the order of updates: their bins */
     int colours;                                   /* in use, 8 a level */
     uint32_t colour_begin[NEIGHBOURS_COLOURS + 1]; /* the colour's blocks */
 
@@ -103,9 +101,8 @@ static inline void neighbours_block_points(const neighbours *n, size_t from, siz
                                            uint32_t *end)
 {
     assert(from <= to && to <= n->blocks);
-    uint32_t first = n->block_begin[from], after = n->block_begin[to];
-    *begin = first < after ? n->bin_begin[n->block_bin[first]] : 0;
-    *end = first < after ? n->bin_end[n->block_bin[after - 1]] : 0;
+    *begin = n->bin_begin[n->block_begin[from]];
+    *end = n->bin_begin[n->block_begin[to]];
 }
 
 /* The place of a point of the given size at x. */

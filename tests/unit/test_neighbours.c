@@ -101,12 +101,12 @@ static void points_of_one_colour_in_two_blocks_are_not_neighbours(void **state)
     for (int c = 0; c < n->colours; c++) {
         int colour[COUNT];
         for (int i = 0; i < COUNT; i++) colour[i] = -1;
-        for (uint32_t block = n->colour_begin[c]; block < n->colour_begin[c + 1]; block++)
-            for (uint32_t b = n->block_begin[block]; b < n->block_begin[block + 1]; b++)
-                for (uint32_t k = n->bin_begin[n->block_bin[b]]; k < n->bin_end[n->block_bin[b]]; k++) {
-                    colour[n->bin_item[k]] = (int)block;
-                    seen++;
-                }
+        for (uint32_t block = n->colour_begin[c]; block < n->colour_begin[c + 1]; block++) {
+            uint32_t begin, end;
+            neighbours_block_points(n, block, block + 1, &begin, &end);
+            seen += end - begin;
+            for (uint32_t k = begin; k < end; k++) colour[n->bin_item[k]] = (int)block;
+        }
         for (uint32_t i = 0; i < COUNT; i++)
             for (uint32_t k = 0; colour[i] >= 0 && k < n->list_count[i]; k++) {
                 int other = colour[neighbours_list(n, i)[k]];
