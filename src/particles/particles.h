@@ -13,11 +13,11 @@
 typedef struct particles {
     size_t count, capacity;
     vec3 *position;
-    vec3 *normal;   /* unit; of the last projection */
-    double *alpha;  /* repulsion amplitude (14), lagged to the last build; NULL: 1 each */
-    double *size;   /* requested spacing over h, lagged to the last build; NULL: 1 each */
-    float *lambda;  /* log10 of the damping of (11) */
-    double *energy; /* E_i over size^2, full sum, when it was last looked at: comparable with the ideal */
+    vec3 *normal;  /* unit; of the last projection */
+    double *alpha; /* repulsion amplitude (14), lagged to the last build; NULL: 1 each */
+    double *size;  /* requested spacing over h, lagged to the last build; NULL: 1 each */
+    float *lambda; /* log10 of the damping of (11) */
+    float *energy; /* E_i over size^2, full sum, when it was last looked at: comparable with the ideal */
     /* within 2 h of a boundary of an open surface, at the last build of lists; or held on a curve, or one who is lies within its
      * support */
     bool *near_boundary;

@@ -38,7 +38,7 @@ static int compare_index(const void *a, const void *b)
 /* How crowded it is around a particle: its energy, freed of its amplitude. */
 static double crowding(const particles *p, size_t i)
 {
-    return p->energy[i] / particles_amplitude(p, i);
+    return (double)p->energy[i] / particles_amplitude(p, i);
 }
 
 /* Draws without replacement, in proportion to weights: the least of -log(u) / weight win (Efraimidis and

@@ -85,11 +85,10 @@ void relax_free(relax *r)
 static bool grow(relax *r, error *e)
 {
     if (r->near->blocks > r->part_capacity) {
-        block_sums *parts = mem_array(2 * r->near->blocks, sizeof *parts, "the sums of a sweep", e);
-        if (!parts) return false;
         free(r->parts);
-        r->parts = parts;
-        r->part_capacity = 2 * r->near->blocks;
+        r->part_capacity = r->near->blocks + r->near->blocks / 8;
+        r->parts = mem_array(r->part_capacity, sizeof *r->parts, "the sums of a sweep", e);
+        if (!r->parts) return false;
     }
     size_t length = (r->near->longest + PAIR_LANES - 1) / PAIR_LANES * PAIR_LANES;
     if (length <= r->scratch_entries) return true;

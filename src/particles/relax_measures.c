@@ -21,7 +21,7 @@ static void sum_energies(const sweep_job *job, const fast_kernel_normal *normal,
     if (count == 0) return;
     relax_line_up(job->r, job->p, items, count, &own);
     job->r->fast->energy(job->r->near->place, &own, &params, count, energy);
-    for (size_t l = 0; l < count; l++) job->p->energy[items[l]] = (double)energy[l];
+    for (size_t l = 0; l < count; l++) job->p->energy[items[l]] = energy[l];
 }
 
 static void energy_chunk(void *context, int worker, size_t begin, size_t end)
@@ -32,8 +32,8 @@ static void energy_chunk(void *context, int worker, size_t begin, size_t end)
     size_t smooth_count = 0, creased_count = 0;
     for (size_t i = begin; i < end; i++) {
         if (!job->r->fast || (!job->r->flat[i] && !job->r->rough))
-            p->energy[i] = pair_energy_at(relax_gather_list(job->r, p, worker, i), job->r->energy,
-                                          p->position[i], job->sigma * particles_size(p, i));
+            p->energy[i] = (float)pair_energy_at(relax_gather_list(job->r, p, worker, i), job->r->energy,
+                                                 p->position[i], job->sigma * particles_size(p, i));
         else if (job->r->flat[i] || job->r->through)
             smooth[smooth_count++] = (uint32_t)i;
         else
@@ -65,10 +65,11 @@ static double mean_energy(relax *r, particles *p, double sigma, double most)
     }
     double sum = 0, alpha = 0, all = 0, all_alpha = 0;
     for (size_t i = 0; i < p->count; i++) {
-        all += p->energy[i];
+        const double energy = (double)p->energy[i];
+        all += energy;
         all_alpha += particles_amplitude(p, i);
-        if (p->near_boundary[i] || p->energy[i] > most * particles_amplitude(p, i)) continue;
-        sum += p->energy[i];
+        if (p->near_boundary[i] || energy > most * particles_amplitude(p, i)) continue;
+        sum += energy;
         alpha += particles_amplitude(p, i);
     }
     return alpha > 0 ? sum / alpha : all / all_alpha;
@@ -132,7 +133,7 @@ static relax_steps squared_steps(const steps_job *steps, int worker, const uint3
         fast_kernel_forces forces;
         relax_line_up(r, p, items, count, &own);
         r->fast->forces(r->near->place, &own, &params, &forces);
-        for (size_t l = 0; l < count; l++) p->energy[items[l]] = (double)forces.energy[l];
+        for (size_t l = 0; l < count; l++) p->energy[items[l]] = forces.energy[l];
         for (size_t l = 0; l < count; l++) *pairs += (double)forces.pairs[l];
         for (size_t l = 0; l < count; l++)
             f[l] = (pair_forces){.d1 = (double)forces.d1[l],

@@ -289,7 +289,7 @@ static void curvature_chunk(void *context, int worker, size_t begin, size_t end)
         field_sample sample;
         double kappa1, kappa2;
         if (s->setup.params.curvature)
-            s->record.column[4 * n + i] =
+            s->record.column[5 * n + i] =
                 scaled_curvature_at(s->setup.params.curvature, s->state.p->position[i], s->state.p->normal[i],
                                     particles_patch(s->state.p, i), &kappa1, &kappa2);
         const field *f = particles_field(s->state.p, s->setup.field, i);
@@ -483,9 +483,11 @@ static bool describe_points(sampler *s, error *e)
 {
     size_t n = s->state.p->count;
     s->record.column =
-        mem_array((s->setup.params.curvature ? 5 : 4) * n, sizeof *s->record.column, "the result", e);
+        mem_array((s->setup.params.curvature ? 6 : 5) * n, sizeof *s->record.column, "the result", e);
     if (!s->record.column || !describe_curvature(s, e)) return false;
     requested_spacing(s, s->record.column + 3 * n);
+    double *energy = s->record.column + 4 * n;
+    for (size_t i = 0; i < n; i++) energy[i] = (double)s->state.p->energy[i];
     if (!particles_add_amplitudes(s->state.p, e)) return false;
     s->record.out.count = sampler_point_count(s);
     describe_stands(s, s->record.column + 3 * n);
@@ -495,9 +497,9 @@ static bool describe_points(sampler *s, error *e)
     s->record.out.kappa = s->record.column;
     s->record.out.kappa1 = s->record.column + n;
     s->record.out.kappa2 = s->record.column + 2 * n;
-    if (s->setup.params.curvature) s->record.out.kappa_scale = s->record.column + 4 * n;
+    if (s->setup.params.curvature) s->record.out.kappa_scale = s->record.column + 5 * n;
     s->record.out.alpha = s->state.p->alpha;
-    s->record.out.energy = s->state.p->energy;
+    s->record.out.energy = energy;
     s->record.out.spacing = s->record.column + 3 * n;
     s->record.out.sigma = s->state.sigma;
     s->record.out.ideal_energy = s->setup.params.energy->ideal;

@@ -200,7 +200,7 @@ static void velocity_chunk(void *context, int worker, size_t begin, size_t end)
         witkin_heckbert_terms *t = &w->terms[i];
         witkin_heckbert_sum(&w->params, s->state.p->position, w->sigma, i, neighbours_list(w->near, i),
                             w->near->list_count[i], t);
-        s->state.p->energy[i] = t->energy;
+        s->state.p->energy[i] = (float)t->energy;
         w->velocity[i] = (vec3){0, 0, 0};
         vec3 x = s->state.p->position[i];
         if (!field_sample_at(s->setup.field, x, FIELD_GRADIENT, &sample)) continue;
@@ -271,7 +271,7 @@ static void judge(sampler *s, size_t *splits, size_t *deaths)
     for (size_t i = 0; i < s->state.p->count; i++) {
         double sigma = w->sigma[i], target = target_radius(s, i);
         bool still = vec3_norm(w->velocity[i]) < params->gamma * sigma;
-        bool filled = s->state.p->energy[i] > params->nu * w->energy.ideal && sigma > target;
+        bool filled = (double)s->state.p->energy[i] > params->nu * w->energy.ideal && sigma > target;
         w->splits[i] = still && (sigma > w->sigma_max || filled);
         w->dies[i] = still && sigma < params->delta * target &&
                      rng_uniform(&w->life) > sigma / (params->delta * target);
@@ -345,7 +345,7 @@ static bool step(sampler *s, error *e)
     double energy = 0, squares = 0, radii = 0, n = (double)s->state.p->count;
     uint64_t rejected = 0;
     for (size_t i = 0; i < s->state.p->count; i++) {
-        energy += s->state.p->energy[i];
+        energy += (double)s->state.p->energy[i];
         squares += vec3_norm2(w->velocity[i]);
         radii += w->sigma[i];
         rejected += w->refused[i];

@@ -25,7 +25,7 @@ static particles *row_of_particles(size_t count)
     for (size_t i = 0; i < count; i++) {
         p->position[i] = (vec3){(double)i, 0, 0};
         p->normal[i] = (vec3){0, 0, 1};
-        p->energy[i] = 1 + 0.001 * (double)i;
+        p->energy[i] = (float)(1 + 0.001 * (double)i);
         p->lambda[i] = (double)i;
     }
     return p;
@@ -39,7 +39,7 @@ static void growing_keeps_particles(void **state)
     assert_int_equal(p->count, 10);
     for (size_t i = 0; i < 10; i++) {
         assert_true(p->position[i].x == (double)i && p->lambda[i] == (double)i && p->alpha[i] == 1);
-        assert_true(p->energy[i] == 1 + 0.001 * (double)i);
+        assert_true(p->energy[i] == (float)(1 + 0.001 * (double)i));
     }
     p->position[999].x = 1; /* there is room */
     particles_free(p);

@@ -20,7 +20,7 @@ static particles *energies(void)
     particles *p = particles_new(COUNT, &e);
     assert_non_null(p);
     p->count = COUNT;
-    for (int i = 0; i < COUNT; i++) p->energy[i] = i;
+    for (int i = 0; i < COUNT; i++) p->energy[i] = (float)i;
     return p;
 }
 

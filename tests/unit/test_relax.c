@@ -240,7 +240,7 @@ static void energies_are_known_with_the_steps_left(void **state)
     bench b;
     error e = {0};
     relax_sums sums;
-    double seen[COUNT];
+    float seen[COUNT];
     set_up(&b, 1, fast_kernel_for(isa_best()), 7);
     const double h = b.params.spacing, sigma = b.params.sigma, skin = 0.4 * h;
     for (int sweep = 0; sweep < 40; sweep++) {
@@ -252,7 +252,7 @@ static void energies_are_known_with_the_steps_left(void **state)
     memcpy(seen, b.p->energy, sizeof seen);
     assert_true(relax_build(b.r, b.p, sigma, skin, &e));
     assert_close(relax_mean_energy(b.r, b.p, sigma), energy, 1e-6 * energy);
-    for (size_t i = 0; i < COUNT; i++) assert_close(b.p->energy[i], seen[i], 1e-5 * energy);
+    for (size_t i = 0; i < COUNT; i++) assert_close((double)b.p->energy[i], (double)seen[i], 1e-5 * energy);
     assert_close(relax_rms_steps_left(b.r, b.p, sigma, h, false).all, left, 1e-5);
     for (int far = 0; far < 2; far++) {
         const double known = relax_rms_steps_left(b.r, b.p, sigma, h, false).all;

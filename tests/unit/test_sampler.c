@@ -291,8 +291,8 @@ static void creases_are_sampled(void **state)
     assert_int_equal(x.points->lost, 0);
     assert_int_equal(sampler_removed_offsurface(x.s), 0);
     assert_true(x.q.min_spacing_ratio >= 0.75 && farthest < h);
-    /* of eight seeds each of two ways to order the updates: 0.894 to 0.917, and -0.33 to 1.67 */
-    assert_true(x.q.resolved.hex_fraction > 0.88 && fabs(x.q.euler - 2) < 3);
+    /* of sixteen seeds each of two builds: 0.917 to 0.932, and -2.33 to 2 */
+    assert_true(x.q.resolved.hex_fraction > 0.9 && fabs(x.q.euler - 2) < 6);
     release(&x);
 }
 
