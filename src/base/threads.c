@@ -55,8 +55,8 @@ static void take_chunks(threads *t, int worker)
     for (int k = 0; k < t->count; k++) take_share(t, &t->shares[(worker + k) % t->count], worker);
 }
 
-/* Who waits looks so often, some ten microseconds, before it sleeps: loops follow each other closely, and waking takes longer. */
-static const int LOOKS = 500;
+/* Who waits looks so often, some forty microseconds, before it sleeps: loops follow each other closely, and waking takes longer. */
+static const int LOOKS = 2000;
 
 static void pause_briefly(void)
 {
