@@ -9,7 +9,7 @@
 #include "source/plan.h"
 #include "source/source_report.h"
 #include "run/report.h"
-#include "surface/clearance.h"
+#include "sizing/clearance.h"
 
 /* The fewest points that a suggestion asks for, and the most, which take seconds. */
 static const double FEWEST = 2000, MOST = 100000;

@@ -8,8 +8,8 @@
 
 #include "base/error.h"
 #include "particles/particles.h"
-#include "surface/curve_rows.h"
-#include "surface/sizing_field.h"
+#include "curves/curve_rows.h"
+#include "sizing/sizing_field.h"
 #include "surface/surface.h"
 
 /* What is shared out, and by what. */

@@ -5,7 +5,7 @@
 
 #include "base/compare.h"
 #include "base/memory.h"
-#include "surface/curve_distance.h"
+#include "sizing/curve_distance.h"
 
 /* Places that are looked at, the share that is to have the room, and how often curves are looked at, over h. */
 enum { PLACES = 4096 };

@@ -8,8 +8,8 @@
 #include "field/field.h"
 #include "particles/allotment.h"
 #include "particles/particles.h"
-#include "surface/curve_distance.h"
-#include "surface/sizing_field.h"
+#include "sizing/curve_distance.h"
+#include "sizing/sizing_field.h"
 #include "surface/surface.h"
 
 /* How many particles to solve for so that refining gives at least `count`. A closed surface of Euler

@@ -10,7 +10,7 @@
 
 #include "json/json.h"
 #include "spec/spec.h"
-#include "surface/clearance.h"
+#include "sizing/clearance.h"
 
 typedef struct advice_resolution {
     double spacing; /* of an even packing on the surface */

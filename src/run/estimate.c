@@ -13,7 +13,7 @@
 #include "run/report.h"
 #include "run/run.h"
 #include "run/verdict.h"
-#include "surface/clearance.h"
+#include "sizing/clearance.h"
 #include "surface/surface.h"
 
 /* Of processor time, which others on the machine do not stretch: no run that only tells what the job's own would

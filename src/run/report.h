@@ -11,7 +11,7 @@
 #include "run/verdict.h"
 #include "sampler/sampler.h"
 #include "spec/spec.h"
-#include "surface/clearance.h"
+#include "sizing/clearance.h"
 #include "surface/surface.h"
 
 typedef struct report_facts {

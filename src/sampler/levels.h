@@ -9,7 +9,7 @@
 #include "field/field.h"
 #include "particles/allotment.h"
 #include "sampler/sampler_params.h"
-#include "surface/curve_distance.h"
+#include "sizing/curve_distance.h"
 #include "surface/surface.h"
 
 #define LEVELS_MAX 12

@@ -9,8 +9,8 @@
 #include "base/isa.h"
 #include "packing/energy.h"
 #include "sampler/witkin_heckbert.h"
-#include "surface/scaled_curvature.h"
-#include "surface/sizing_field.h"
+#include "sizing/scaled_curvature.h"
+#include "sizing/sizing_field.h"
 
 typedef enum sampler_start {
     SAMPLER_START_SURFACE, /* in proportion to the area */

@@ -8,7 +8,7 @@
 #include "field/projection.h"
 #include "packing/packing.h"
 #include "particles/random_streams.h"
-#include "surface/boundary.h"
+#include "curves/boundary.h"
 
 /* Points that start anywhere in the domain need a walk; those from cells are nearly there. */
 static const int WALK_STEPS = 50;

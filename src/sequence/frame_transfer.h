@@ -19,7 +19,7 @@
 #include "base/threads.h"
 #include "field/field.h"
 #include "sequence/registration.h"
-#include "surface/sizing_field.h"
+#include "sizing/sizing_field.h"
 #include "surface/surface.h"
 
 /* The parent of a point that was born. */

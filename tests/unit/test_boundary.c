@@ -14,7 +14,7 @@
 #include "field/region.h"
 #include "sampler/sampler.h"
 #include "shapes.h"
-#include "surface/boundary.h"
+#include "curves/boundary.h"
 
 /* A particle this near to a face (of h) is on it; one this far from a curve (of h) belongs to another. */
 static const double ON_FACE = 1e-3, ON_CURVE = 0.25;

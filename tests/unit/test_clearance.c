@@ -10,7 +10,7 @@
 
 #include "close.h"
 #include "field/analytic.h"
-#include "surface/clearance.h"
+#include "sizing/clearance.h"
 
 static clearance measure(const analytic_params *shape, double h, int workers)
 {

@@ -12,7 +12,7 @@
 #include "close.h"
 #include "field/combination.h"
 #include "shapes.h"
-#include "surface/feature_size.h"
+#include "sizing/feature_size.h"
 
 typedef struct measured {
     threads *pool;

@@ -12,8 +12,8 @@
 #include "mesh/mesh_surface.h"
 #include "geometry/triangle.h"
 #include "mesh_fixture.h"
-#include "surface/elements.h"
-#include "surface/feature_size.h"
+#include "sizing/elements.h"
+#include "sizing/feature_size.h"
 #include "volume_fixture.h"
 
 enum { PLACES = 300, MEMORY = 1 << 30 };

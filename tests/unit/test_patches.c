@@ -15,9 +15,9 @@
 #include "sampler/sampler.h"
 #include "shapes.h"
 #include "particles/coverage.h"
-#include "surface/curve_distance.h"
-#include "surface/curve_rows.h"
-#include "surface/near_rows.h"
+#include "sizing/curve_distance.h"
+#include "curves/curve_rows.h"
+#include "curves/near_rows.h"
 
 static const sampler_params even = {.count = 2000,
                                     .seed = 1,

@@ -10,7 +10,7 @@
 #include "field/bspline.h"
 #include "field/projection.h"
 #include "shapes.h"
-#include "surface/scaled_curvature.h"
+#include "sizing/scaled_curvature.h"
 
 typedef struct probe {
     const field *f;

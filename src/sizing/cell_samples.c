@@ -1,4 +1,4 @@
-#include "surface/cell_samples.h"
+#include "sizing/cell_samples.h"
 
 #include <stdlib.h>
 

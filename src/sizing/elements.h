@@ -1,12 +1,12 @@
 /* elements: the surface in coarse pieces: the mean place, normal and area of what of it lies in a cube, one piece for each
  * of six directions of the normal, so that sheets that face each other are told apart, and for each patch. World units. Immutable once made,
  * safe in any thread. */
-#ifndef HEXAD_SURFACE_ELEMENTS_H
-#define HEXAD_SURFACE_ELEMENTS_H
+#ifndef HEXAD_SIZING_ELEMENTS_H
+#define HEXAD_SIZING_ELEMENTS_H
 
 #include "base/error.h"
 #include "geometry/block_map.h"
-#include "surface/cell_samples.h"
+#include "sizing/cell_samples.h"
 #include "surface/surface.h"
 
 /* Edge of a cube, over that of the surface's cells, below which cubes would be passed over. */

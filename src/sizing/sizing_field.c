@@ -1,4 +1,4 @@
-#include "surface/sizing_field.h"
+#include "sizing/sizing_field.h"
 
 #include <assert.h>
 #include <stdlib.h>
@@ -7,7 +7,7 @@
 #include "base/isa.h"
 #include "base/memory.h"
 #include "packing/packing.h"
-#include "surface/spacing_request.h"
+#include "sizing/spacing_request.h"
 
 /* Edge of a node's cube: of a cell of the surface, so that every cube that the surface passes holds some, and
  * of the mean spacing, below which the request need not be told apart. */

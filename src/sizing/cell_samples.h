@@ -1,6 +1,6 @@
 /* cell_samples: one place of the surface in each of its cells, with the normal there. World units. */
-#ifndef HEXAD_SURFACE_CELL_SAMPLES_H
-#define HEXAD_SURFACE_CELL_SAMPLES_H
+#ifndef HEXAD_SIZING_CELL_SAMPLES_H
+#define HEXAD_SIZING_CELL_SAMPLES_H
 
 #include <stdbool.h>
 

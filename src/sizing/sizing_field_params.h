@@ -1,10 +1,10 @@
 /* sizing_field_params: which spacing a job asks for by place. */
-#ifndef HEXAD_SURFACE_SIZING_FIELD_PARAMS_H
-#define HEXAD_SURFACE_SIZING_FIELD_PARAMS_H
+#ifndef HEXAD_SIZING_SIZING_FIELD_PARAMS_H
+#define HEXAD_SIZING_SIZING_FIELD_PARAMS_H
 
 #include <stddef.h>
 
-#include "surface/curve_distance.h"
+#include "sizing/curve_distance.h"
 
 typedef enum sizing_field_kind {
     SIZING_FIELD_CHORD,   /* sqrt(8 chord_error / max(|kappa1|, |kappa2|)) */

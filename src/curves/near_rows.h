@@ -6,10 +6,10 @@
  * part at an acute angle, and of a step that is low beside the spacing: triangles between such rows would be slivers. On a scan a
  * curve begins, ends and bends where no other place is near. Rows on opposite sides of a sheet stay two. World space.
  */
-#ifndef HEXAD_SURFACE_NEAR_ROWS_H
-#define HEXAD_SURFACE_NEAR_ROWS_H
+#ifndef HEXAD_CURVES_NEAR_ROWS_H
+#define HEXAD_CURVES_NEAR_ROWS_H
 
-#include "surface/curve_rows.h"
+#include "curves/curve_rows.h"
 
 /* Of a spacing. What is left out of an edge is cut off by as much at most, and by what the steps beside it cut: less than a third.
  * Rows of a scan follow bends that are no edges: they may be farther apart, for triangles between them are the narrower. */

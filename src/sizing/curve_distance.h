@@ -1,6 +1,6 @@
 /* curve_distance: how far a place is from the nearest curve of a patch, or of all. Immutable once made, safe in any thread. */
-#ifndef HEXAD_SURFACE_CURVE_DISTANCE_H
-#define HEXAD_SURFACE_CURVE_DISTANCE_H
+#ifndef HEXAD_SIZING_CURVE_DISTANCE_H
+#define HEXAD_SIZING_CURVE_DISTANCE_H
 
 #include "base/error.h"
 #include "field/patches.h"

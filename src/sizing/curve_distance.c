@@ -1,4 +1,4 @@
-#include "surface/curve_distance.h"
+#include "sizing/curve_distance.h"
 
 #include <math.h>
 #include <stdlib.h>

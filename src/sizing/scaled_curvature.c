@@ -1,4 +1,4 @@
-#include "surface/scaled_curvature.h"
+#include "sizing/scaled_curvature.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -6,7 +6,7 @@
 #include "base/memory.h"
 #include "geometry/sym3.h"
 #include "packing/pair.h"
-#include "surface/elements.h"
+#include "sizing/elements.h"
 
 /* Edge of a cube of elements, over the scale. */
 static const double EDGE_SCALE = 0.75;

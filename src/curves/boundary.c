@@ -1,4 +1,4 @@
-#include "surface/boundary.h"
+#include "curves/boundary.h"
 
 #include <stdlib.h>
 #include <string.h>

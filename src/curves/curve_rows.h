@@ -5,8 +5,8 @@
  * ends there, with that patch's normal. Where patches ask for it rows that come near each other become one (near_rows). World
  * space.
  */
-#ifndef HEXAD_SURFACE_CURVE_ROWS_H
-#define HEXAD_SURFACE_CURVE_ROWS_H
+#ifndef HEXAD_CURVES_CURVE_ROWS_H
+#define HEXAD_CURVES_CURVE_ROWS_H
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -14,7 +14,7 @@
 
 #include "base/error.h"
 #include "field/patches.h"
-#include "surface/boundary.h"
+#include "curves/boundary.h"
 
 typedef struct curve_rows {
     size_t count;    /* of places: corners first */

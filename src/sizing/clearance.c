@@ -1,4 +1,4 @@
-#include "surface/clearance.h"
+#include "sizing/clearance.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,4 @@
-#include "surface/spacing_request.h"
+#include "sizing/spacing_request.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -6,8 +6,8 @@
 #include "base/memory.h"
 #include "field/patches.h"
 #include "packing/packing.h"
-#include "surface/feature_size.h"
-#include "surface/scaled_curvature.h"
+#include "sizing/feature_size.h"
+#include "sizing/scaled_curvature.h"
 
 /* The curvature that stands for the fine end of a ratio: this share of the area bends more, the first at first. A single tip or
  * a speck of noise must not set the scale. */

@@ -1,4 +1,4 @@
-#include "surface/elements.h"
+#include "sizing/elements.h"
 
 #include <assert.h>
 #include <math.h>

@@ -14,15 +14,15 @@
  * The field is stored as nodes, one for each cube of space that the surface passes, with the spacing there and its
  * gradient. It is blended between nodes, so that differences within a cell of the surface are averaged. World space
  * and world units. Immutable once made, safe in any thread. */
-#ifndef HEXAD_SURFACE_SIZING_FIELD_H
-#define HEXAD_SURFACE_SIZING_FIELD_H
+#ifndef HEXAD_SIZING_SIZING_FIELD_H
+#define HEXAD_SIZING_SIZING_FIELD_H
 
 #include "base/error.h"
 #include "base/rng.h"
 #include "base/threads.h"
 #include "field/field.h"
-#include "surface/sizing_field_params.h"
-#include "surface/spacing_request.h"
+#include "sizing/sizing_field_params.h"
+#include "sizing/spacing_request.h"
 #include "surface/surface.h"
 
 typedef struct sizing_field sizing_field;

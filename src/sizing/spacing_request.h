@@ -3,16 +3,16 @@
  * Of a painted map it is the map's value. By curvature it follows from the field's curvature at a point of the cell, or
  * from that over a distance (scaled_curvature), which is known at octaves of the even spacing and interpolated between
  * them. World space and world units. One thread. */
-#ifndef HEXAD_SURFACE_SPACING_REQUEST_H
-#define HEXAD_SURFACE_SPACING_REQUEST_H
+#ifndef HEXAD_SIZING_SPACING_REQUEST_H
+#define HEXAD_SIZING_SPACING_REQUEST_H
 
 #include <math.h>
 #include <stdbool.h>
 
 #include "base/error.h"
 #include "base/threads.h"
-#include "surface/cell_samples.h"
-#include "surface/sizing_field_params.h"
+#include "sizing/cell_samples.h"
+#include "sizing/sizing_field_params.h"
 #include "surface/surface.h"
 
 /* Curvatures over so many distances, an octave apart. */

@@ -1,11 +1,11 @@
-#include "surface/feature_size.h"
+#include "sizing/feature_size.h"
 
 #include <math.h>
 #include <stdlib.h>
 
 #include "base/memory.h"
 #include "packing/quality.h"
-#include "surface/elements.h"
+#include "sizing/elements.h"
 
 /* How far a ball may touch a sheet's plane from the middle of its element, in cubes: no gap is left between two. */
 static const double PATCH = 0.9;

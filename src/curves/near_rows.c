@@ -1,4 +1,4 @@
-#include "surface/near_rows.h"
+#include "curves/near_rows.h"
 
 #include <math.h>
 #include <stdlib.h>

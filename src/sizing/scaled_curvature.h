@@ -8,12 +8,12 @@
  *
  * Neighbourhoods are made of elements: the mean place, normal and area of the surface in a cube, one for each of six
  * directions of the normal. World space and world units. Immutable once made, safe in any thread. */
-#ifndef HEXAD_SURFACE_SCALED_CURVATURE_H
-#define HEXAD_SURFACE_SCALED_CURVATURE_H
+#ifndef HEXAD_SIZING_SCALED_CURVATURE_H
+#define HEXAD_SIZING_SCALED_CURVATURE_H
 
 #include "base/error.h"
 #include "base/threads.h"
-#include "surface/cell_samples.h"
+#include "sizing/cell_samples.h"
 #include "surface/surface.h"
 
 typedef struct scaled_curvature scaled_curvature;

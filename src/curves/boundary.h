@@ -5,14 +5,14 @@
  * at another face. Particles that start in a row on the boundary stay there, since nothing pushes them
  * inwards. Particles that start near it may come to rest beside it and leave a gap.
  */
-#ifndef HEXAD_SURFACE_BOUNDARY_H
-#define HEXAD_SURFACE_BOUNDARY_H
+#ifndef HEXAD_CURVES_BOUNDARY_H
+#define HEXAD_CURVES_BOUNDARY_H
 
 #include <stdbool.h>
 #include <stddef.h>
 
 #include "base/error.h"
-#include "surface/sizing_field.h"
+#include "sizing/sizing_field.h"
 #include "surface/surface.h"
 
 typedef struct boundary {

@@ -10,12 +10,12 @@
  * on round shapes a tenth may be missing of the size, on flat ones nothing. Sizes below about a cell
  * are not told apart. Source: the medial ball that N. Amenta and M. Bern (1999) and M. Meyer, R. Kirby and R. Whitaker
  * (2007) use, restricted to facing sheets. World space and world units. */
-#ifndef HEXAD_SURFACE_FEATURE_SIZE_H
-#define HEXAD_SURFACE_FEATURE_SIZE_H
+#ifndef HEXAD_SIZING_FEATURE_SIZE_H
+#define HEXAD_SIZING_FEATURE_SIZE_H
 
 #include "base/error.h"
 #include "base/threads.h"
-#include "surface/cell_samples.h"
+#include "sizing/cell_samples.h"
 #include "surface/surface.h"
 
 /* Of each cell, at its sample: INFINITY where no sheet faces it, or where the sample was not found. Errors: limit_memory,

@@ -1,4 +1,4 @@
-#include "surface/curve_rows.h"
+#include "curves/curve_rows.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -6,7 +6,7 @@
 
 #include "base/memory.h"
 #include "base/sets.h"
-#include "surface/near_rows.h"
+#include "curves/near_rows.h"
 
 /* Of a spacing: with a grading sides are looked at in parts of this length. */
 static const double PART = 0.25;

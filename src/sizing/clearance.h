@@ -5,12 +5,12 @@
  * which neither bound of packing/quality.h holds at any ray's end. Sheets that are nearer than half a cell, or of
  * patches an eighth of the spacing, count as so far apart.
  */
-#ifndef HEXAD_SURFACE_CLEARANCE_H
-#define HEXAD_SURFACE_CLEARANCE_H
+#ifndef HEXAD_SIZING_CLEARANCE_H
+#define HEXAD_SIZING_CLEARANCE_H
 
 #include "base/error.h"
 #include "base/threads.h"
-#include "surface/sizing_field.h"
+#include "sizing/sizing_field.h"
 #include "surface/surface.h"
 
 typedef struct clearance {
