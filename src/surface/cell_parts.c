@@ -101,44 +101,7 @@ static bool sample_parts(const field *f, const field_cell *cell, int parts, part
     return true;
 }
 
-void cell_find_root(const field *f, const field_cell *cell, int inside, int outside, bool is_straight,
-                    corner *out)
-{
-    const double last_step = CELL_LAST_STEP * f->cell_size;
-    double low = 0, high = 1, at_low = cell->value[inside], at_high = cell->value[outside], newton = -1;
-    const vec3 from = cell->corner[inside], edge = vec3_sub(cell->corner[outside], from);
-    const double across = vec3_norm(edge);
-    int kept = 0; /* which end the last step left alone: -1 low, 1 high */
-    out->smooth = false;
-    for (int k = 0; k < CELL_ROOT_STEPS; k++) {
-        field_sample s;
-        double t = low + (high - low) * at_low / (at_low - at_high);
-        if (k & 1 && newton > low && newton < high) t = newton;
-        out->position = vec3_axpy(t, edge, from);
-        if (is_straight || !field_sample_at(f, out->position, FIELD_GRADIENT, &s)) return;
-        double length = vec3_norm(s.gradient);
-        newton = s.value == 0 ? t : t - s.value / vec3_dot(s.gradient, edge);
-        if (length > 0 && fabs(newton - t) * across <= last_step) {
-            out->position = vec3_axpy(fmin(fmax(newton, low), high), edge, from);
-            out->normal = vec3_scale(s.gradient, 1 / length);
-            out->smooth = true;
-            return;
-        }
-        if (s.value < 0) {
-            low = t;
-            at_low = s.value;
-            if (kept == 1) at_high *= 0.5;
-            kept = 1;
-        } else {
-            high = t;
-            at_high = s.value;
-            if (kept == -1) at_low *= 0.5;
-            kept = -1;
-        }
-    }
-}
-
-/* The same by what is known at the ends: a cubic through their values and slopes, as splines are along the axes; elsewhere its
+/* A root by what is known at the ends: a cubic through their values and slopes, as splines are along the axes; elsewhere its
  * error is of fourth order. The gradient between is taken for linear. */
 ISA_CLONES static void find_roots(const edge_lanes *e, double last_step, int first, roots *out)
 {

@@ -6,13 +6,7 @@
 #ifndef HEXAD_SURFACE_CELL_PARTS_H
 #define HEXAD_SURFACE_CELL_PARTS_H
 
-#include "field/field.h"
-
-/* A corner of a triangle. */
-typedef struct corner {
-    vec3 position, normal;
-    bool smooth; /* projected, with a normal */
-} corner;
+#include "surface/cell_roots.h"
 
 typedef struct triangulation {
     int count;
@@ -22,10 +16,6 @@ typedef struct triangulation {
 
 enum { CELL_PARTS = 4 }; /* along each axis */
 
-/* Of the cell: what such a step of Newton leaves is half its square over the radius of curvature. */
-#define CELL_LAST_STEP 1.5e-3
-/* Steps to a root: a few do. */
-#define CELL_ROOT_STEPS 24
 /* A triangle is corrected by this at most. */
 #define CELL_EXCESS_LIMIT 0.2
 
@@ -69,10 +59,5 @@ double cell_parts_area(const field *f, const field_cell *cell, triangulation *la
 
 /* The same by half as many parts along each axis: a fourth of the work, and little less of the area. */
 double cell_half_parts_area(const field *f, const field_cell *cell);
-
-/* Where the surface cuts an edge by F itself, between ends inside and outside: a root between them, never elsewhere. With
- * `is_straight` F is taken for linear there, and nothing is looked up. */
-void cell_find_root(const field *f, const field_cell *cell, int inside, int outside, bool is_straight,
-                    corner *out);
 
 #endif

@@ -12,7 +12,7 @@
 
 #define EDGES 64 /* an edge joins corners a < b: index 8 a + b */
 
-static const size_t GRAIN = 256; /* cells in a chunk of work */
+static const size_t GRAIN = 256; /* cells in a chunk of work: whole groups */
 /* Chunks after which a field may forget: bricks of that many fill some megabytes. */
 static const size_t AT_ONCE = 128;
 
@@ -55,21 +55,6 @@ static const double LITTLE = 0.1;
 /* Draws for a point of a triangle that lies in the domain, before any point of it does. */
 static const int INSIDE_DRAWS = 200;
 
-/* Where the surface cuts an edge that cells of a chunk share, by the edge's ends and F there: the inside first. */
-enum { SHARED_EDGES = 512, KEY_WORDS = 8 }; /* cells that follow each other have about as many */
-typedef struct shared_edge {
-    uint64_t key[KEY_WORDS]; /* the bits of both places and values */
-    corner at;
-} shared_edge;
-
-/* How the roots on a cell's edges are found. */
-typedef struct cut {
-    const field *field;
-    const field_cell *cell;
-    shared_edge *shared; /* SHARED_EDGES of them, zeroed before the first cell; may be NULL */
-    bool is_straight; /* F is taken for linear between corners: near the surface, and nothing is looked up */
-} cut;
-
 /* A point near the surface, onto it, if that is within `reach`. */
 static void place_corner(const field *f, vec3 x, double reach, corner *c)
 {
@@ -83,53 +68,9 @@ static void place_corner(const field *f, vec3 x, double reach, corner *c)
     }
 }
 
-static void find_root(const cut *way, int inside, int outside, corner *c)
+static int edge_number(int a, int b)
 {
-    cell_find_root(way->field, way->cell, inside, outside, way->is_straight, c);
-}
-
-/* The bits of one number, by a load of its own: a pair of numbers that were just written one by one is read with a wait. */
-static inline uint64_t bits_of(const double *number)
-{
-    uint64_t bits;
-    memcpy(&bits, number, sizeof bits);
-    __asm__("" : "+r"(bits));
-    return bits;
-}
-
-/* The root that a cell before has found, if it did. */
-static void find_shared_root(const cut *way, int inside, int outside, corner *c)
-{
-    const field_cell *cell = way->cell;
-    const vec3 *p = &cell->corner[inside], *q = &cell->corner[outside];
-    const uint64_t x = bits_of(&p->x), y = bits_of(&p->y), z = bits_of(&p->z),
-                   value = bits_of(&cell->value[inside]), ox = bits_of(&q->x), oy = bits_of(&q->y),
-                   oz = bits_of(&q->z), other = bits_of(&cell->value[outside]);
-    const uint64_t hash =
-        (x ^ oy) * 0x9E3779B97F4A7C15u ^ (y ^ oz) * 0xC2B2AE3D27D4EB4Fu ^ (z ^ ox) * 0x165667B19E3779F9u;
-    shared_edge *e = &way->shared[(hash ^ hash >> 29) * 0x9E3779B97F4A7C15u >> 55];
-    const uint64_t *k = e->key;
-    if (k[0] != x || k[1] != y || k[2] != z || k[3] != value || k[4] != ox || k[5] != oy || k[6] != oz ||
-        k[7] != other) {
-        e->at = (corner){.smooth = false};
-        find_root(way, inside, outside, &e->at);
-        memcpy(e->key, (uint64_t[KEY_WORDS]){x, y, z, value, ox, oy, oz, other}, sizeof e->key);
-    }
-    *c = e->at;
-}
-
-/* A cell's edges that are cut already, by bits. */
-typedef struct edges {
-    uint64_t known;
-    corner at[EDGES];
-} edges;
-
-static const corner *cut_edge(const cut *way, edges *e, int inside, int outside)
-{
-    const int k = inside < outside ? 8 * inside + outside : 8 * outside + inside;
-    if (!(e->known >> k & 1)) (way->shared ? find_shared_root : find_root)(way, inside, outside, &e->at[k]);
-    e->known |= (uint64_t)1 << k;
-    return &e->at[k];
+    return a < b ? 8 * a + b : 8 * b + a;
 }
 
 /* The relative amount by which the geodesic triangle is larger than the flat one, to second order in edge
@@ -298,13 +239,10 @@ static bool is_whole(const field *f, const field_cell *cell)
     return true;
 }
 
-/* The triangles alone. */
-static void cut_cell(const cut *way, triangulation *out)
+/* The triangles alone, between roots by the numbers of their edges. */
+static void join_roots(const field_cell *cell, const corner *const root[EDGES], triangulation *out)
 {
-    const field_cell *cell = way->cell;
-    edges e;
     unsigned inside = 0;
-    e.known = 0;
     out->count = 0;
     for (int k = 0; k < 8; k++) inside |= (unsigned)(cell->value[k] < 0) << k;
     for (int k = 0; k < 6; k++) {
@@ -312,12 +250,24 @@ static void cut_cell(const cut *way, triangulation *out)
         const corner *ring[4];
         for (int i = 0; i < passed[0]; i++) {
             const uint8_t *ends = cell_edges[passed[i + 1]];
-            const int low = cell_tetrahedra[k][ends[0]], high = cell_tetrahedra[k][ends[1]];
-            const bool up = cell->value[low] < 0;
-            ring[i] = cut_edge(way, &e, up ? low : high, up ? high : low);
+            ring[i] = root[edge_number(cell_tetrahedra[k][ends[0]], cell_tetrahedra[k][ends[1]])];
         }
         for (int i = 2; i < passed[0]; i++) add_triangle(out, ring[0], ring[i - 1], ring[i]);
     }
+}
+
+/* The triangles of a cell by itself; see cell_find_root. */
+static void cut_cell(const field *f, const field_cell *cell, bool is_straight, triangulation *out)
+{
+    crossed_edge edge[CELL_EDGES];
+    corner at[CELL_EDGES];
+    const corner *root[EDGES];
+    const int count = cell_crossed_edges(cell, edge);
+    for (int k = 0; k < count; k++) {
+        cell_find_root(f, cell, edge[k].inside, edge[k].outside, is_straight, &at[k]);
+        root[edge_number(edge[k].inside, edge[k].outside)] = &at[k];
+    }
+    join_roots(cell, root, out);
 }
 
 /* The field's number of a cell. */
@@ -395,30 +345,69 @@ static double triangles_area(const field *f, const triangulation *t)
     return area;
 }
 
+/* A cell whose area its triangles tell, and its roots. */
+typedef struct cell_at_hand {
+    size_t number;
+    field_cell cell;
+    const corner *root[EDGES];
+} cell_at_hand;
+
+typedef struct cell_group {
+    int count;
+    cell_at_hand cells[ROOT_GROUP_CELLS];
+    root_group *roots;
+} cell_group;
+
 /* The area of what lies in the domain, by which the box is widened; MEASURED_LATER of a cell that wants no more than its
  * parts. */
-static double measure_cell(const surface *s, size_t index, shared_edge *shared, bbox *box)
+static double measure_cell(const field *f, const cell_at_hand *own, bbox *box)
 {
-    const field *f = s->field;
-    field_cell cell;
+    const field_cell *cell = &own->cell;
     triangulation t;
-    const cut way = {.field = f, .cell = &cell, .shared = shared};
     double area = 0;
-    if (take_triangles(s, index, &t)) return sum_triangles(&t, box);
-    surface_cell(s, index, &cell);
-    if (cell.flat && !cell.grazed && is_whole(f, &cell)) return flat_cell_area(&cell, box);
-    cut_cell(&way, &t);
-    if (!is_whole(f, &cell)) {
+    join_roots(cell, own->root, &t);
+    if (!is_whole(f, cell)) {
         for (int i = 0; i < t.count; i++) area += clipped_area(f, t.at[i], 0, box);
         return area;
     }
-    const bool is_later = !cell.grazed && !f->sharp && t.count > 0,
-               bent = is_bent(&t, field_cell_size(f, &cell));
-    if (cell.grazed || (bent && !is_later)) area = measure_parts(f, &cell, &t);
+    const bool is_later = !cell->grazed && !f->sharp && t.count > 0,
+               bent = is_bent(&t, field_cell_size(f, cell));
+    if (cell->grazed || (bent && !is_later)) area = measure_parts(f, cell, &t);
     for (int i = 0; i < t.count; i++)
         for (int k = 0; k < 3; k++) *box = bbox_include(*box, t.at[i][k].position);
     if (bent && is_later) return MEASURED_LATER;
     return area > 0 ? area : triangles_area(f, &t);
+}
+
+/* What is known of a cell's area without roots; a cell that wants them joins the group. */
+static double open_cell(const surface *s, size_t k, cell_group *group, bbox *box)
+{
+    const field *f = s->field;
+    triangulation t;
+    crossed_edge edge[CELL_EDGES];
+    if (take_triangles(s, k, &t)) return sum_triangles(&t, box);
+    cell_at_hand *own = &group->cells[group->count];
+    surface_cell(s, k, &own->cell);
+    if (own->cell.flat && !own->cell.grazed && is_whole(f, &own->cell))
+        return flat_cell_area(&own->cell, box);
+    own->number = k;
+    const int count = cell_crossed_edges(&own->cell, edge);
+    for (int i = 0; i < count; i++)
+        own->root[edge_number(edge[i].inside, edge[i].outside)] =
+            root_group_add(group->roots, &own->cell, edge[i]);
+    group->count++;
+    return 0;
+}
+
+/* The areas of cells that follow each other, ROOT_GROUP_CELLS at most. */
+static void measure_group(const surface *s, size_t first, size_t last, cell_group *group, bbox *box)
+{
+    group->count = 0;
+    root_group_clear(group->roots);
+    for (size_t k = first; k < last; k++) s->area_before[k + 1] = open_cell(s, k, group, box);
+    root_group_find(group->roots, s->field);
+    for (int i = 0; i < group->count; i++)
+        s->area_before[group->cells[i].number + 1] = measure_cell(s->field, &group->cells[i], box);
 }
 
 /* Whether a cell's triangles hold little of its area: where a corner is all but on the surface they may be as good as one
@@ -438,10 +427,9 @@ static void draw_triangles(const surface *s, size_t index, triangulation *out)
 {
     const field *f = s->field;
     field_cell cell;
-    const cut way = {.field = f, .cell = &cell, .is_straight = true};
     if (take_triangles(s, index, out)) return;
     surface_cell(s, index, &cell);
-    cut_cell(&way, out);
+    cut_cell(f, &cell, true, out);
     const bool whole = is_whole(f, &cell);
     if (whole && are_specks(out, s->area_before[index + 1] - s->area_before[index])) out->count = 0;
     if (whole && out->count == 0) measure_parts(f, &cell, out);
@@ -468,14 +456,17 @@ typedef struct scan_job {
 static void scan_chunk(void *context, int worker, size_t begin, size_t end)
 {
     scan_job *job = context;
+    const size_t cells = job->s->cells;
+    cell_group group;
+    group.roots = root_group_new();
     (void)worker;
     for (size_t chunk = job->first + begin; chunk < job->first + end; chunk++) {
-        size_t last = (chunk + 1) * GRAIN < job->s->cells ? (chunk + 1) * GRAIN : job->s->cells;
-        shared_edge shared[SHARED_EDGES] = {0};
         job->box[chunk] = bbox_empty();
-        for (size_t k = chunk * GRAIN; k < last; k++)
-            job->s->area_before[k + 1] = measure_cell(job->s, k, shared, &job->box[chunk]);
+        for (size_t k = chunk * GRAIN; k < (chunk + 1) * GRAIN && k < cells; k += ROOT_GROUP_CELLS)
+            measure_group(job->s, k, k + ROOT_GROUP_CELLS < cells ? k + ROOT_GROUP_CELLS : cells, &group,
+                          &job->box[chunk]);
     }
+    root_group_free(group.roots);
 }
 
 /* The bent cell k: by its parts, or less than 0, by half as many, until it is known how much these fall short. */
@@ -493,7 +484,7 @@ static double measure_bent(const scan_job *job, size_t k, bent_sums *sums)
         sums->half += half;
     }
     if (area != 0) return area;
-    cut_cell(&(cut){.field = f, .cell = &cell}, &t);
+    cut_cell(f, &cell, false, &t);
     return triangles_area(f, &t);
 }
 
@@ -675,11 +666,10 @@ static int cell_triangles(const surface *s, size_t cell, bool is_straight, vec3 
 {
     field_cell place;
     triangulation t;
-    const cut way = {.field = s->field, .cell = &place, .is_straight = is_straight};
     if (s->field->ops->cell_triangles)
         return s->field->ops->cell_triangles(s->field, number_of(s, cell), out);
     surface_cell(s, cell, &place);
-    cut_cell(&way, &t);
+    cut_cell(s->field, &place, is_straight, &t);
     for (int i = 0; i < t.count; i++)
         for (int k = 0; k < 3; k++) out[i][k] = t.at[i][k].position;
     return t.count;

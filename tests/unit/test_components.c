@@ -60,7 +60,7 @@ static void fill_cell(const balls *b, int64_t linear, field_cell *out)
                                    b->base.domain.min.z + b->cell * (double)(at[2] + (c >> 2)));
         out->value[c] = distance(b, out->corner[c], &ignored);
     }
-    out->grazed = false;
+    out->grazed = out->flat = false;
 }
 
 static void cell(const field *f, size_t k, field_cell *out)

@@ -1,0 +1,80 @@
+/* Roots on the edges of cells: each on the surface, found once, and the same one by one and side by side. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "close.h"
+#include "shapes.h"
+#include "surface/cell_roots.h"
+
+enum { CELLS = ROOT_GROUP_CELLS };
+
+static void roots_of_a_group_are_those_of_its_cells(void **state)
+{
+    (void)state;
+    root_group *g = root_group_new();
+    for (int shape = 0; shape < SHAPE_COUNT; shape++) {
+        error e = {0};
+        analytic *a = analytic_new(&shapes[shape], NULL, &e);
+        const field *f = &a->base;
+        const size_t all = f->ops->cell_count(f);
+        assert_true(all >= CELLS);
+        for (size_t first = 0; first + CELLS <= all; first += all / 5) {
+            crossed_edge edge[CELLS][CELL_EDGES];
+            const corner *root[CELLS][CELL_EDGES];
+            field_cell cell[CELLS];
+            int count[CELLS];
+            root_group_clear(g);
+            for (int k = 0; k < CELLS; k++) {
+                f->ops->cell(f, first + (size_t)k, &cell[k]);
+                count[k] = cell_crossed_edges(&cell[k], edge[k]);
+                for (int i = 0; i < count[k]; i++) root[k][i] = root_group_add(g, &cell[k], edge[k][i]);
+                for (int i = 0; i < count[k]; i++) /* the same edge again */
+                    assert_ptr_equal(root_group_add(g, &cell[k], edge[k][i]), root[k][i]);
+            }
+            root_group_find(g, f);
+            for (int k = 0; k < CELLS; k++)
+                for (int i = 0; i < count[k]; i++) {
+                    corner alone;
+                    field_sample s;
+                    cell_find_root(f, &cell[k], edge[k][i].inside, edge[k][i].outside, false, &alone);
+                    assert_int_equal(root[k][i]->smooth, alone.smooth);
+                    if (!alone.smooth) continue;
+                    const double off = vec3_norm(vec3_sub(root[k][i]->position, alone.position));
+                    assert_true(off < 1e-4 * f->cell_size);
+                    assert_true(vec3_dot(root[k][i]->normal, alone.normal) > 0.999);
+                    assert_true(field_sample_at(f, root[k][i]->position, FIELD_GRADIENT, &s));
+                    assert_close(s.value, 0, 1e-4 * f->cell_size * vec3_norm(s.gradient));
+                }
+        }
+        analytic_free(a);
+    }
+    root_group_free(g);
+}
+
+/* Kuhn's tetrahedra have 19 edges; a plane through a cell's middle passes those between its sides alone. */
+static void a_plane_crosses_the_edges_between_its_sides(void **state)
+{
+    (void)state;
+    for (int axis = 0; axis < 3; axis++) {
+        field_cell cell = {.flat = true};
+        crossed_edge edge[CELL_EDGES];
+        for (int k = 0; k < 8; k++) cell.value[k] = k >> axis & 1 ? 1 : -1;
+        /* 4 along the axis, 4 diagonals of the faces beside it, and the cell's own; those within a side have none */
+        assert_int_equal(cell_crossed_edges(&cell, edge), 9);
+        for (int i = 0; i < 9; i++)
+            assert_true(cell.value[edge[i].inside] < 0 && cell.value[edge[i].outside] > 0);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(roots_of_a_group_are_those_of_its_cells),
+        cmocka_unit_test(a_plane_crosses_the_edges_between_its_sides),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
