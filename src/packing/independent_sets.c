@@ -103,7 +103,7 @@ void independent_sets_form(neighbours *n, threads *pool)
 {
     for (int c = 0; c < n->colours; c++) {
         form_job job = {n, n->colour_begin[c]};
-        threads_run(pool, n->colour_begin[c + 1] - n->colour_begin[c], INDEPENDENT_SET_BLOCKS, form_chunk,
+        threads_run(pool, n->colour_begin[c + 1] - n->colour_begin[c], independent_sets_blocks(n), form_chunk,
                     &job);
     }
 }

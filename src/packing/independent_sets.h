@@ -14,10 +14,15 @@
 #include "packing/neighbours.h"
 
 #define INDEPENDENT_SET_MOST FAST_KERNEL_LANES
-/* So many blocks of a colour, counted from its first, share their sets: with fewer blocks more sets end half empty. */
-#define INDEPENDENT_SET_BLOCKS 4
 /* Marks the last point of a set in `bin_item`; an index never needs this bit. */
 #define INDEPENDENT_SET_LAST ((uint32_t)1 << 31)
+
+/* So many blocks of a colour, counted from its first, share their sets: of blocks of few points, as those of even packings,
+ * more sets end half empty otherwise. */
+static inline size_t independent_sets_blocks(const neighbours *n)
+{
+    return n->count > 512 * n->blocks ? 1 : 4;
+}
 
 /* Sorts the points of each group of blocks in `bin_item` by their sets. From then on only the functions below read
  * `bin_item`, and a bin no longer tells its points. The result does not depend on the number of threads. */

@@ -521,7 +521,9 @@ bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *
     assert(count <= n->capacity && cutoff > 0);
     n->count = count;
     n->cutoff = cutoff;
-    n->edge = (1 + BIN_HAIR) * cutoff * fmax(least, ldexp(largest, 1 - NEIGHBOURS_LEVELS));
+    /* the largest fill their level: sizes within a factor of two are of one */
+    const int halves = ilogb(largest / least), most = NEIGHBOURS_LEVELS - 1;
+    n->edge = (1 + BIN_HAIR) * cutoff * ldexp(largest, halves < most ? -halves : -most);
     /* one bin of margin on any level, so that the bins around one have no negative coordinate */
     double margin = cutoff * 2 * largest, span = bbox_longest(box) + 2 * margin;
     if (span / n->edge > (1 << AXIS_BITS) - 4)

@@ -747,10 +747,10 @@ void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums 
     }
     r->idle_known = job.idle != NULL;
     const uint32_t *colour = r->near->colour_begin;
+    const size_t group = r->fast ? independent_sets_blocks(r->near) : 1;
     for (int c = 0; c < r->near->colours; c++) {
         job.first_block = colour[c];
-        threads_run(r->pool, colour[c + 1] - colour[c], r->fast ? INDEPENDENT_SET_BLOCKS : 1, sweep_chunk,
-                    &job);
+        threads_run(r->pool, colour[c + 1] - colour[c], group, sweep_chunk, &job);
     }
     relax_sums sums = {0};
     double squares = 0, stirred = 0;

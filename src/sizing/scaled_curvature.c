@@ -109,12 +109,17 @@ static void fit_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
+double scaled_curvature_least(const surface *scan)
+{
+    return scan->field->cell_size;
+}
+
 scaled_curvature *scaled_curvature_new(const surface *scan, const cell_samples *sample, double scale,
                                        threads *pool, error *e)
 {
     const char *what = "the curvature at a scale";
     scaled_curvature *c = mem_alloc(sizeof *c);
-    c->scale = fmax(scale, scan->field->cell_size);
+    c->scale = fmax(scale, scaled_curvature_least(scan));
     double edge = fmax(EDGE_SCALE * c->scale, ELEMENTS_LEAST_EDGE * scan->field->cell_size);
     c->reach = (int)ceil(REACH * c->scale / edge);
     bool ok = elements_make(scan, sample, edge, &c->elements, e);

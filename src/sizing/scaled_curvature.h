@@ -18,7 +18,10 @@
 
 typedef struct scaled_curvature scaled_curvature;
 
-/* `sample`: those of the cells, read during the call. `scale` > 0; scales below the surface's cells mean one cell. Errors:
+/* The least distance over which there is a curvature: a cell of the surface. */
+double scaled_curvature_least(const surface *scan);
+
+/* `sample`: those of the cells, read during the call. `scale` > 0; lesser ones than scaled_curvature_least mean that. Errors:
  * limit_memory, cancelled. Deterministic for any number of threads. */
 scaled_curvature *scaled_curvature_new(const surface *scan, const cell_samples *sample, double scale,
                                        threads *pool, error *e);

@@ -496,12 +496,14 @@ ISA_INLINE double blend_models(const sizing_field *g, vec3 x, const spot *s, vec
     return g->params.curves ? refine_beside(g, x, spacing, gradient) : spacing;
 }
 
-/* Each step waits for memory: those of several places wait together. */
+/* Each step waits for memory: those of several places wait together. More often than not the one before lies in the same cube. */
 static void find_spots(const sizing_field *g, size_t count, const vec3 *x, spot *s)
 {
     for (size_t k = 0; k < count; k++) find_cubes(g, x[k], &s[k]);
     for (size_t k = 0; k < count; k++)
-        if (s[k].inside) s[k].node = node_at(g, s[k].own);
+        if (s[k].inside)
+            s[k].node =
+                k > 0 && s[k - 1].inside && s[k - 1].own == s[k].own ? s[k - 1].node : node_at(g, s[k].own);
     for (size_t k = 0; k < count; k++)
         if (s[k].inside) find_nodes(g, &s[k]);
 }

@@ -108,6 +108,11 @@ static bool measure_octaves(spacing_request *r, threads *pool, error *e)
     for (; job.octave < (p->scale_world > 0 ? 1 : OCTAVES); job.octave++) {
         double scale =
             p->scale_world > 0 ? p->scale_world : p->scale_spacings * octave_scale(r->even, job.octave);
+        if (job.octave > 0 && scale <= scaled_curvature_least(r->scan)) {
+            for (double *own = r->curvature; own < r->curvature + OCTAVES * r->scan->cells; own += OCTAVES)
+                own[job.octave] = own[job.octave - 1]; /* over the same distance */
+            continue;
+        }
         scaled_curvature *c = scaled_curvature_new(r->scan, &r->samples, scale, pool, e);
         if (!c) return false;
         job.curvature = c;

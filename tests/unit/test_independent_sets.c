@@ -55,10 +55,10 @@ static void check(double widest)
     set_up(&f, 2, widest);
     int *seen = calloc(COUNT, sizeof *seen);
     size_t sets = 0;
+    const size_t blocks = independent_sets_blocks(f.near);
     for (int c = 0; c < f.near->colours; c++)
-        for (size_t block = f.near->colour_begin[c]; block < f.near->colour_begin[c + 1];
-             block += INDEPENDENT_SET_BLOCKS) {
-            size_t after = block + INDEPENDENT_SET_BLOCKS;
+        for (size_t block = f.near->colour_begin[c]; block < f.near->colour_begin[c + 1]; block += blocks) {
+            size_t after = block + blocks;
             if (after > f.near->colour_begin[c + 1]) after = f.near->colour_begin[c + 1];
             uint32_t at, end, points[INDEPENDENT_SET_MOST];
             neighbours_block_points(f.near, block, after, &at, &end);
