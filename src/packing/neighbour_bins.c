@@ -216,15 +216,20 @@ static void sort_blocks(neighbours *n)
     for (size_t b = 0; b < n->blocks; b++) n->block_bin[b] = n->block_begin[n->block_bin[b]];
 }
 
+/* Tells the bins of blocks their cells; most cells have none. */
 static void cell_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const neighbours *n = context;
     (void)worker;
-    for (size_t b = begin; b < end; b++)
-        for (uint32_t c = 0; c < BLOCK_CELLS; c++) {
-            const uint32_t number = n->cell[b * BLOCK_CELLS + c] & CELL_BIN;
-            if (number) n->bin_cell[n->block_bin[b] + number - 1] = (uint16_t)c;
+    for (size_t b = begin; b < end; b++) {
+        const uint16_t *cell = n->cell + b * BLOCK_CELLS;
+        for (uint32_t c = 0; c < BLOCK_CELLS; c += 4) {
+            uint64_t four;
+            memcpy(&four, cell + c, sizeof four);
+            for (uint32_t k = c; four != 0 && k < c + 4; k++)
+                if (cell[k] & CELL_BIN) n->bin_cell[n->block_bin[b] + (cell[k] & CELL_BIN) - 1] = (uint16_t)k;
         }
+    }
 }
 
 /* Turns the cells of all spots into bins, and those into where the chunk's points of a bin go: the first chunk's first. */
