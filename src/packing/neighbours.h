@@ -2,8 +2,8 @@
  * of threads gives the same result.
  *
  * Each point has a size; two points are neighbours within the cutoff times the mean of their sizes. Points
- * are binned by level: those of level l have sizes up to 2^l times the least, and lie in cubes whose edge is
- * the cutoff for that size. Cubes nest; they are gathered in blocks, which are hashed and each have a table
+ * are binned by level: those of the highest have sizes down to half the largest, and so on by halves, and lie in cubes whose
+ * edge is the cutoff for the largest size of their level. Cubes nest; they are gathered in blocks, which are hashed and each have a table
  * of their cubes, so that only where points are memory is taken.
  *
  * Blocks are of one level, and blocks whose coordinates agree in parity have one colour.
