@@ -411,7 +411,7 @@ def test_a_majority_takes_out_jitter_and_strays(sample):
     labels, radius = shifted_slices(), 0.3 * 44
     rough, _ = sample(labels)
     report, points = sample(labels, majority=3)
-    assert rough["outcome"] == "unresolved" and rough["surface"]["area"] > 1.3 * 4 * numpy.pi * radius ** 2
+    assert rough["outcome"] in ("unresolved", "not_converged") and rough["surface"]["area"] > 1.3 * 4 * numpy.pi * radius ** 2
     assert report["outcome"] == "converged" and report["quality"]["hex_fraction"] > 0.93
     assert report["surface"]["area"] == pytest.approx(4 * numpy.pi * radius ** 2, rel=0.04)
     assert abs(numpy.linalg.norm(points.position - 21.5, axis=1) - radius).max() < 2.5

@@ -95,7 +95,8 @@ def dented(path, count, depth):
 
 
 def test_dents_as_large_as_the_spacing_are_reached(build, tmp_path, diagnose, monkeypatch):
-    """Points lie around some of the dents, and one is held in each of these."""
+    """Points lie around some of the dents, and one is held in each of these. A dent that none reaches is .375 away; of twenty seeds the
+    farthest place is .31 to .343."""
     monkeypatch.setattr(features, "PLACES", 20000)
     monkeypatch.setattr(features, "DISTANT_PLACES", 60000)
     path = dented(tmp_path / "dented.off", 60, 0.06)
@@ -105,7 +106,7 @@ def test_dents_as_large_as_the_spacing_are_reached(build, tmp_path, diagnose, mo
     whole = features.Topology(result[1])
     assert report["outcome"] == "converged" and report["quality"]["unresolved_count"] == 0
     assert whole.manifold and whole.parts == whole.genus == 1
-    assert cells[-1][1]
+    assert float(cells[-1][0]) < 0.36
 
 
 def test_a_page_is_written_as_it_is_made(tmp_path, monkeypatch):
