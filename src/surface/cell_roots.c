@@ -32,7 +32,7 @@ typedef struct root_search {
 
 static root_search begin_search(vec3 inside, vec3 outside, double at_inside, double at_outside, corner *out)
 {
-    out->smooth = false;
+    *out = (corner){.smooth = false};
     return (root_search){.from = inside,
                          .edge = vec3_sub(outside, inside),
                          .high = 1,

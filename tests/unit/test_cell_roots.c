@@ -55,6 +55,40 @@ static void roots_of_a_group_are_those_of_its_cells(void **state)
     root_group_free(g);
 }
 
+static bool nowhere(const field *f, vec3 x, field_order order, field_sample *out)
+{
+    (void)f;
+    (void)x;
+    (void)order;
+    (void)out;
+    return false;
+}
+
+/* A group is used again and again: who has no normal has not that of an edge before, which would depend on the thread. */
+static void a_root_without_a_normal_has_none_of_before(void **state)
+{
+    (void)state;
+    static const field_ops undefined = {.sample = nowhere};
+    const field without = {.ops = &undefined, .cell_size = 1};
+    root_group *g = root_group_new();
+    error e = {0};
+    analytic *a = analytic_new(&shapes[0], NULL, &e);
+    field_cell cell;
+    crossed_edge edge[CELL_EDGES];
+    a->base.ops->cell(&a->base, 0, &cell);
+    const int count = cell_crossed_edges(&cell, edge);
+    assert_true(count > 0);
+    for (int round = 0; round < 2; round++) {
+        root_group_clear(g);
+        const corner *root = root_group_add(g, &cell, edge[0]);
+        root_group_find(g, round == 0 ? &a->base : &without);
+        assert_int_equal(root->smooth, round == 0);
+        assert_true(vec3_norm(root->normal) == 0 || round == 0);
+    }
+    analytic_free(a);
+    root_group_free(g);
+}
+
 /* Kuhn's tetrahedra have 19 edges; a plane through a cell's middle passes those between its sides alone. */
 static void a_plane_crosses_the_edges_between_its_sides(void **state)
 {
@@ -74,6 +108,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(roots_of_a_group_are_those_of_its_cells),
+        cmocka_unit_test(a_root_without_a_normal_has_none_of_before),
         cmocka_unit_test(a_plane_crosses_the_edges_between_its_sides),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
