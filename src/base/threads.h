@@ -1,4 +1,4 @@
-/* threads: a pool that runs loops. Workers sleep between loops; they look for the next one for some ten microseconds
+/* threads: a pool that runs loops. Workers sleep between loops; they look for the next one for some forty microseconds
  * before.
  *
  * threads_run splits 0 .. count into chunks of `grain`. Each worker begins with an equal share of them, a row, so that loops over the

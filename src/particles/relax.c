@@ -85,10 +85,11 @@ void relax_free(relax *r)
 static bool grow(relax *r, error *e)
 {
     if (r->near->blocks > r->part_capacity) {
+        const size_t room = r->near->blocks + r->near->blocks / 8;
         free(r->parts);
-        r->part_capacity = r->near->blocks + r->near->blocks / 8;
-        r->parts = mem_array(r->part_capacity, sizeof *r->parts, "the sums of a sweep", e);
-        if (!r->parts) return false;
+        r->part_capacity = 0;
+        if (!(r->parts = mem_array(room, sizeof *r->parts, "the sums of a sweep", e))) return false;
+        r->part_capacity = room;
     }
     size_t length = (r->near->longest + PAIR_LANES - 1) / PAIR_LANES * PAIR_LANES;
     if (length <= r->scratch_entries) return true;

@@ -90,7 +90,7 @@ typedef struct sampler_record {
     uint8_t *flags;   /* likewise */
     vec3 *normal;     /* of each point */
     uint8_t *feature; /* likewise */
-    double *column;   /* kappa, kappa1, kappa2, spacing, kappa_scale: one after the other */
+    double *column;   /* kappa, kappa1, kappa2, spacing, energy, kappa_scale: one after the other */
 } sampler_record;
 
 struct sampler {

@@ -384,6 +384,7 @@ static bool describe(sampler *s, error *e)
         s->record.out.mean_energy += w->terms[i].energy / (double)n;
         near += w->terms[i].near;
         s->record.column[3 * n + i] = w->packing * w->band * target_radius(s, i);
+        s->record.column[4 * n + i] = w->terms[i].energy;
     }
     s->record.out.mean_neighbours = (double)near / (double)n;
     return true;

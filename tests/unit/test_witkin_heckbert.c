@@ -388,6 +388,21 @@ static void threads_do_not_show(void **state)
     release(&many);
 }
 
+/* Of the particles' own Gaussians, as their mean in the report. */
+static void energies_of_points_have_the_mean_that_is_told(void **state)
+{
+    (void)state;
+    sampler_params params = varied_targets(&defaults, 2);
+    params.max_sweeps = 120;
+    solved x;
+    solve(&shapes[QUARTIC], &params, 1, &x);
+    double sum = 0;
+    for (size_t i = 0; i < x.points->count; i++) sum += x.points->energy[i];
+    assert_true(x.points->mean_energy > 0);
+    assert_close(sum / (double)x.points->count, x.points->mean_energy, 1e-9 * x.points->mean_energy);
+    release(&x);
+}
+
 static void tiny_counts_work(void **state)
 {
     (void)state;
@@ -414,6 +429,7 @@ int main(void)
         cmocka_unit_test(the_size_of_a_surface_does_not_matter),
         cmocka_unit_test(creases_and_rims_hold),
         cmocka_unit_test(threads_do_not_show),
+        cmocka_unit_test(energies_of_points_have_the_mean_that_is_told),
         cmocka_unit_test(tiny_counts_work),
     };
     return cmocka_run_group_tests_name("witkin_heckbert", tests, NULL, NULL);
