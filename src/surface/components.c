@@ -138,9 +138,11 @@ bool components_find(const field *f, threads *pool, components *out, error *e)
     if (ok && n > 0 && all.passed) measure_cells(&all);
     if (ok) {
         threads_run(pool, n, 1024, look_chunk, &all);
+        ok = !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+    }
+    if (ok)
         ok = neighbours_build(near, n, all.middle, all.edge,
                               f->uneven ? TOUCHING_UNEVEN : TOUCHING * f->cell_size, pool, e);
-    }
     if (ok) out->count = n > 0 ? join(&all, near, parent) : 1;
     neighbours_free(near);
     if (ok && out->count > 1) ok = number_cells(parent, n, out, e);

@@ -1,6 +1,7 @@
 /* Parts of surfaces, and that a small one beside a large one gets its particles. */
 #include <math.h>
 #include <setjmp.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -119,6 +120,25 @@ static void shares_are_those_of_the_areas(void **state)
     threads_free(pool);
 }
 
+/* Told as such: cells that were not looked at have no size. */
+static void a_stop_is_told(void **state)
+{
+    (void)state;
+    static volatile sig_atomic_t stop = 1;
+    error e = {0};
+    components parts;
+    threads *pool = threads_new(2, &stop, &e);
+    balls b = make_balls(0.2, 0.4);
+    for (int uneven = 0; uneven < 2; uneven++) {
+        b.base.uneven = uneven;
+        e = (error){0};
+        assert_false(components_find(&b.base, pool, &parts, &e));
+        assert_int_equal(e.code, ERROR_CANCELLED);
+    }
+    free(b.crossing);
+    threads_free(pool);
+}
+
 /* In proportion to the area, to 5 % or one particle, and without costing the large part its coarse start. */
 static void a_small_part_gets_its_share(void **state)
 {
@@ -159,6 +179,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(shares_are_those_of_the_areas),
+        cmocka_unit_test(a_stop_is_told),
         cmocka_unit_test(a_small_part_gets_its_share),
     };
     return cmocka_run_group_tests_name("components", tests, NULL, NULL);
