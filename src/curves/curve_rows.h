@@ -13,8 +13,8 @@
 #include <stdint.h>
 
 #include "base/error.h"
-#include "field/patches.h"
 #include "curves/boundary.h"
+#include "field/patches.h"
 
 typedef struct curve_rows {
     size_t count;    /* of places: corners first */

@@ -11,7 +11,7 @@ static const size_t FEWEST_BINS = 64, FEWEST_BLOCKS = 8;
  * for more. */
 static const size_t POINTS_PER_BIN = 4, POINTS_PER_BLOCK = 128;
 enum { CHUNK = 4096, SPOT_SLOTS = 2 * CHUNK }; /* of points; of a table of a chunk's spots */
-enum { BLOCK_CHUNK = 64 };
+enum { BLOCK_CHUNK = 64 };                     /* of blocks */
 
 /* Bins with points are no more than points; those above them rarely as many again. */
 static bool reserve_bins(neighbours *n, size_t bins, error *e)
@@ -34,18 +34,18 @@ static bool reserve_blocks(neighbours *n, size_t blocks, error *e)
     while (n->table_size < 2 * blocks) n->table_size *= 2;
     free(n->table);
     free(n->block_key);
-    free(n->block_bin);
-    free(n->block_bins);
+    free(n->block_first);
+    free(n->block_size);
     free(n->block_begin);
     free(n->cell);
     n->block_capacity = blocks;
     n->table = mem_array(n->table_size, sizeof *n->table, what, e);
     n->block_key = mem_array(blocks, sizeof *n->block_key, what, e);
-    n->block_bin = mem_array(blocks, sizeof *n->block_bin, what, e);
-    n->block_bins = mem_array(blocks, sizeof *n->block_bins, what, e);
+    n->block_first = mem_array(blocks, sizeof *n->block_first, what, e);
+    n->block_size = mem_array(blocks, sizeof *n->block_size, what, e);
     n->block_begin = mem_array(blocks + 1, sizeof *n->block_begin, what, e);
     n->cell = mem_array(blocks, BLOCK_CELLS * sizeof *n->cell, what, e);
-    return n->table && n->block_key && n->block_bin && n->block_bins && n->block_begin && n->cell;
+    return n->table && n->block_key && n->block_first && n->block_size && n->block_begin && n->cell;
 }
 
 bool neighbour_bins_reserve(neighbours *n, size_t points, error *e)
@@ -76,7 +76,7 @@ static uint32_t cell_at(neighbours *n, const place *bin, visit *last)
         if (!n->table[slot]) {
             if (n->blocks == n->block_capacity) return NO_CELL;
             n->block_key[n->blocks] = key;
-            n->block_bins[n->blocks] = 0;
+            n->block_size[n->blocks] = 0;
             memset(n->cell + n->blocks * BLOCK_CELLS, 0, BLOCK_CELLS * sizeof *n->cell);
             n->table[slot] = (uint32_t)++n->blocks;
         }
@@ -86,7 +86,7 @@ static uint32_t cell_at(neighbours *n, const place *bin, visit *last)
     if (!n->cell[at]) {
         if (n->bin_count == n->bin_capacity) return NO_CELL;
         n->bin_count++;
-        n->cell[at] = (uint16_t)++n->block_bins[last->block];
+        n->cell[at] = (uint16_t)++n->block_size[last->block];
     }
     return at;
 }
@@ -156,7 +156,8 @@ static bool split_level(neighbours *n, int level, visit *last)
 {
     for (size_t b = 0; b < n->blocks; b++) {
         const place block = place_of_block(n->block_key[b]);
-        for (uint32_t c = 0; c < BLOCK_CELLS && block.level == level; c++) {
+        if (block.level != level) continue;
+        for (uint32_t c = 0; c < BLOCK_CELLS; c++) {
             if (!n->cell[b * BLOCK_CELLS + c]) continue;
             const place bin = place_of_bin(&block, c), parent = parent_of(&bin);
             const uint32_t at = cell_at(n, &parent, last);
@@ -204,8 +205,8 @@ static void sort_blocks(neighbours *n)
         next[c] = n->colour_begin[c];
     }
     for (size_t b = 0; b < n->blocks; b++) {
-        n->block_bin[b] = next[colour_of(n->block_key[b])]++; /* its place among the blocks */
-        n->block_begin[n->block_bin[b]] = n->block_bins[b];
+        n->block_first[b] = next[colour_of(n->block_key[b])]++; /* its place among the blocks */
+        n->block_begin[n->block_first[b]] = n->block_size[b];
     }
     uint32_t total = 0;
     for (size_t k = 0; k <= n->blocks; k++) {
@@ -213,7 +214,7 @@ static void sort_blocks(neighbours *n)
         n->block_begin[k] = total;
         total += bins;
     }
-    for (size_t b = 0; b < n->blocks; b++) n->block_bin[b] = n->block_begin[n->block_bin[b]];
+    for (size_t b = 0; b < n->blocks; b++) n->block_first[b] = n->block_begin[n->block_first[b]];
 }
 
 /* Tells the bins of blocks their cells; most cells have none. */
@@ -227,7 +228,8 @@ static void cell_chunk(void *context, int worker, size_t begin, size_t end)
             uint64_t four;
             memcpy(&four, cell + c, sizeof four);
             for (uint32_t k = c; four != 0 && k < c + 4; k++)
-                if (cell[k] & CELL_BIN) n->bin_cell[n->block_bin[b] + (cell[k] & CELL_BIN) - 1] = (uint16_t)k;
+                if (cell[k] & CELL_BIN)
+                    n->bin_cell[n->block_first[b] + (cell[k] & CELL_BIN) - 1] = (uint16_t)k;
         }
     }
 }
@@ -239,7 +241,7 @@ static void place_spots(neighbours *n)
     for (size_t begin = 0; begin < n->count; begin += CHUNK)
         for (size_t k = begin; has_spot(n, begin, k); k++) {
             const uint32_t at = n->list_count[k];
-            n->list_count[k] = n->block_bin[at / BLOCK_CELLS] + (n->cell[at] & CELL_BIN) - 1;
+            n->list_count[k] = n->block_first[at / BLOCK_CELLS] + (n->cell[at] & CELL_BIN) - 1;
             n->bin_begin[n->list_count[k]] += n->bin_item[k];
         }
     uint32_t total = 0; /* counts to ends; filling from the back turns ends into begins */

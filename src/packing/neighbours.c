@@ -16,7 +16,7 @@
 static const int PLACE_BITS = 30; /* of a place: differences fit into 32 bits, with room to move */
 /* Of a list, on average: an even packing under the widest skin has 19. */
 static const size_t FIRST_ENTRIES = 20;
-/* Bins are a hair wider than the cutoff of the least size, so that no rounding puts it on level 1. */
+/* Bins are a hair wider than the cutoff of the largest size of their level, so that no rounding puts it on the next. */
 static const double BIN_HAIR = 1e-6;
 enum { LANES = 16 };
 enum { CHUNK = 4096 }; /* of points */
@@ -50,8 +50,8 @@ void neighbours_free(neighbours *n)
     free(n->bin_cell);
     free(n->table);
     free(n->block_key);
-    free(n->block_bin);
-    free(n->block_bins);
+    free(n->block_first);
+    free(n->block_size);
     free(n->block_begin);
     free(n->cell);
     free(n->list);
@@ -232,7 +232,7 @@ static block_cells find_cells(const neighbours *n, uint64_t key)
 {
     static const uint16_t none[BLOCK_CELLS];
     const uint32_t block = n->table[slot_of(n, key)];
-    return block ? (block_cells){n->cell + (block - 1) * (size_t)BLOCK_CELLS, n->block_bin[block - 1]}
+    return block ? (block_cells){n->cell + (block - 1) * (size_t)BLOCK_CELLS, n->block_first[block - 1]}
                  : (block_cells){none, 0};
 }
 
@@ -401,7 +401,7 @@ static void keep_lists(build_job *job, const list_search *s, uint32_t first, uin
 static size_t list_block(build_job *job, list_search *s, size_t block)
 {
     neighbours *n = s->n = job->n;
-    const uint32_t begin = n->block_bin[block], end = begin + n->block_bins[block];
+    const uint32_t begin = n->block_first[block], end = begin + n->block_size[block];
     size_t longest = 0;
     if (n->bin_begin[begin] == n->bin_begin[end]) return 0;
     for (int l = 0; l < n->levels; l++) s->last[l].key = NO_KEY;
@@ -529,7 +529,7 @@ bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *
     if (span / n->edge > (1 << AXIS_BITS) - 4)
         return error_set(e, ERROR_LIMIT_MEMORY,
                          "the support %g is too small for a surface of size %g: ask for fewer points",
-                         n->edge, bbox_longest(box));
+                         cutoff * least, bbox_longest(box));
     n->origin = vec3_sub(box.min, vec3_make(margin, margin, margin));
     n->unit = ldexp(span, -PLACE_BITS);
     n->per_unit = 1 / n->unit;

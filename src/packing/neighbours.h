@@ -60,8 +60,8 @@ typedef struct neighbours {
     size_t table_size;                             /* a power of two */
     uint64_t *block_key;                           /* where it is */
     uint16_t *cell;                                /* of each block, in rows along x: CELL_BIN, CELL_SPLIT */
-    uint32_t *block_bin;                           /* of each block the first of its bins */
-    uint32_t *block_bins;                          /* how many it has */
+    uint32_t *block_first;                         /* of each block the first of its bins */
+    uint32_t *block_size;                          /* how many it has */
     uint32_t *block_begin;                         /* blocks + 1, in the order of updates: their bins */
     int colours;                                   /* in use, 8 a level */
     uint32_t colour_begin[NEIGHBOURS_COLOURS + 1]; /* the colour's blocks */

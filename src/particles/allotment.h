@@ -7,8 +7,8 @@
 #include <stdint.h>
 
 #include "base/error.h"
-#include "particles/particles.h"
 #include "curves/curve_rows.h"
+#include "particles/particles.h"
 #include "sizing/sizing_field.h"
 #include "surface/surface.h"
 

@@ -9,8 +9,8 @@
 #include <stddef.h>
 
 #include "json/json.h"
-#include "spec/spec.h"
 #include "sizing/clearance.h"
+#include "spec/spec.h"
 
 typedef struct advice_resolution {
     double spacing; /* of an even packing on the surface */

@@ -279,7 +279,8 @@ static double end_smoothly(sampler *s, size_t i, const field_sample *sample)
 static void curvature_chunk(void *context, int worker, size_t begin, size_t end)
 {
     sampler *s = context;
-    size_t n = s->state.p->count;
+    double *kappa = sampler_column(s, COLUMN_KAPPA), *kappa1 = sampler_column(s, COLUMN_KAPPA1),
+           *kappa2 = sampler_column(s, COLUMN_KAPPA2), *over = sampler_column(s, COLUMN_KAPPA_SCALE);
     uint32_t last = FIELD_NO_HINT;
     double worst = 0;
     const bool smooth = ends_smoothly(s);
@@ -287,15 +288,14 @@ static void curvature_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t i = begin; i < end; i++) {
         uint32_t *hint = s->state.p->patch ? &s->state.p->hint[i] : &last;
         field_sample sample;
-        double kappa1, kappa2;
+        double over1, over2;
         if (s->setup.params.curvature)
-            s->record.column[5 * n + i] =
+            over[i] =
                 scaled_curvature_at(s->setup.params.curvature, s->state.p->position[i], s->state.p->normal[i],
-                                    particles_patch(s->state.p, i), &kappa1, &kappa2);
+                                    particles_patch(s->state.p, i), &over1, &over2);
         const field *f = particles_field(s->state.p, s->setup.field, i);
         if (!field_sample_near(f, s->state.p->position[i], FIELD_HESSIAN, hint, &sample)) continue;
-        s->record.column[i] =
-            field_curvature(&sample, &s->record.column[n + i], &s->record.column[2 * n + i]);
+        kappa[i] = field_curvature(&sample, &kappa1[i], &kappa2[i]);
         if (smooth) worst = fmax(worst, end_smoothly(s, i, &sample));
     }
     s->scratch.worst[begin / CHUNK] = worst;
@@ -482,25 +482,25 @@ static void describe_stands(sampler *s, const double *spacing)
 static bool describe_points(sampler *s, error *e)
 {
     size_t n = s->state.p->count;
-    s->record.column =
-        mem_array((s->setup.params.curvature ? 6 : 5) * n, sizeof *s->record.column, "the result", e);
+    s->record.column = mem_array((s->setup.params.curvature ? COLUMNS : COLUMN_KAPPA_SCALE) * n,
+                                 sizeof *s->record.column, "the result", e);
     if (!s->record.column || !describe_curvature(s, e)) return false;
-    requested_spacing(s, s->record.column + 3 * n);
-    double *energy = s->record.column + 4 * n;
+    double *spacing = sampler_column(s, COLUMN_SPACING), *energy = sampler_column(s, COLUMN_ENERGY);
+    requested_spacing(s, spacing);
     for (size_t i = 0; i < n; i++) energy[i] = (double)s->state.p->energy[i];
     if (!particles_add_amplitudes(s->state.p, e)) return false;
     s->record.out.count = sampler_point_count(s);
-    describe_stands(s, s->record.column + 3 * n);
+    describe_stands(s, spacing);
     s->record.out.position = s->state.p->position;
     s->record.out.normal = s->state.p->patch ? s->record.normal : s->state.p->normal;
     s->record.out.replaced = s->record.replaced;
-    s->record.out.kappa = s->record.column;
-    s->record.out.kappa1 = s->record.column + n;
-    s->record.out.kappa2 = s->record.column + 2 * n;
-    if (s->setup.params.curvature) s->record.out.kappa_scale = s->record.column + 5 * n;
+    s->record.out.kappa = sampler_column(s, COLUMN_KAPPA);
+    s->record.out.kappa1 = sampler_column(s, COLUMN_KAPPA1);
+    s->record.out.kappa2 = sampler_column(s, COLUMN_KAPPA2);
+    if (s->setup.params.curvature) s->record.out.kappa_scale = sampler_column(s, COLUMN_KAPPA_SCALE);
     s->record.out.alpha = s->state.p->alpha;
     s->record.out.energy = energy;
-    s->record.out.spacing = s->record.column + 3 * n;
+    s->record.out.spacing = spacing;
     s->record.out.sigma = s->state.sigma;
     s->record.out.ideal_energy = s->setup.params.energy->ideal;
     return true;

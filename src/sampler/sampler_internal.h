@@ -90,7 +90,7 @@ typedef struct sampler_record {
     uint8_t *flags;   /* likewise */
     vec3 *normal;     /* of each point */
     uint8_t *feature; /* likewise */
-    double *column;   /* kappa, kappa1, kappa2, spacing, energy, kappa_scale: one after the other */
+    double *column;   /* sampler_column tells where each begins */
 } sampler_record;
 
 struct sampler {
@@ -99,6 +99,22 @@ struct sampler {
     sampler_scratch scratch;
     sampler_record record;
 };
+
+/* What is described of each particle; the last only where curvature is over a distance. */
+enum {
+    COLUMN_KAPPA,
+    COLUMN_KAPPA1,
+    COLUMN_KAPPA2,
+    COLUMN_SPACING,
+    COLUMN_ENERGY,
+    COLUMN_KAPPA_SCALE,
+    COLUMNS
+};
+
+static inline double *sampler_column(const sampler *s, int which)
+{
+    return s->record.column + (size_t)which * s->state.p->count;
+}
 
 /* (14) at a place of the surface, or of a patch whose field is f, with its normal. False, *alpha untouched, where the field has no curvature. */
 bool sampler_amplitude_at(const sampler *s, const field *f, uint32_t patch, vec3 x, vec3 normal,

@@ -5,10 +5,10 @@
 
 #include "base/memory.h"
 #include "base/rng.h"
+#include "curves/boundary.h"
 #include "field/projection.h"
 #include "packing/packing.h"
 #include "particles/random_streams.h"
-#include "curves/boundary.h"
 
 /* Points that start anywhere in the domain need a walk; those from cells are nearly there. */
 static const int WALK_STEPS = 50;

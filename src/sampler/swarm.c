@@ -378,13 +378,14 @@ static bool describe(sampler *s, error *e)
     w->lists_stale = true;
     if (!update_lists(s, e)) return false;
     threads_run(s->setup.pool, n, 256, velocity_chunk, s);
+    double *spacing = sampler_column(s, COLUMN_SPACING), *energy = sampler_column(s, COLUMN_ENERGY);
     s->record.out.mean_energy = 0;
     s->record.out.step_left = s->record.out.step_to_rest = NAN; /* it goes by forces, not by (12) */
     for (size_t i = 0; i < n; i++) {
         s->record.out.mean_energy += w->terms[i].energy / (double)n;
         near += w->terms[i].near;
-        s->record.column[3 * n + i] = w->packing * w->band * target_radius(s, i);
-        s->record.column[4 * n + i] = w->terms[i].energy;
+        spacing[i] = w->packing * w->band * target_radius(s, i);
+        energy[i] = w->terms[i].energy;
     }
     s->record.out.mean_neighbours = (double)near / (double)n;
     return true;

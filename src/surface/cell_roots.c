@@ -5,7 +5,7 @@
 
 #include "base/memory.h"
 
-enum { EDGES = ROOT_GROUP_CELLS * CELL_EDGES, SLOT_BITS = 10, SLOTS = 1 << SLOT_BITS };
+enum { GROUP_EDGES = ROOT_GROUP_CELLS * CELL_EDGES, SLOT_BITS = 10, SLOTS = 1 << SLOT_BITS };
 enum { WORDS = 8 }; /* of an edge's ends: two places and two values */
 
 int cell_crossed_edges(const field_cell *cell, crossed_edge out[CELL_EDGES])
@@ -91,7 +91,7 @@ struct root_group {
     struct {
         uint64_t ends[WORDS]; /* the bits of both places and of F there */
         corner root;
-    } edge[EDGES];
+    } edge[GROUP_EDGES];
     uint16_t slot[SLOTS]; /* open addressing: the edge's number + 1, or 0 */
 };
 

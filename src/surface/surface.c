@@ -3,14 +3,13 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "base/memory.h"
 #include "field/flat_cell.h"
 #include "field/projection.h"
 #include "surface/cell_parts.h"
 
-#define EDGES 64 /* an edge joins corners a < b: index 8 a + b */
+#define EDGE_NUMBERS 64 /* an edge joins corners a < b: index 8 a + b */
 
 static const size_t GRAIN = 256; /* cells in a chunk of work: whole groups */
 /* Chunks after which a field may forget: bricks of that many fill some megabytes. */
@@ -240,7 +239,7 @@ static bool is_whole(const field *f, const field_cell *cell)
 }
 
 /* The triangles alone, between roots by the numbers of their edges. */
-static void join_roots(const field_cell *cell, const corner *const root[EDGES], triangulation *out)
+static void join_roots(const field_cell *cell, const corner *const root[EDGE_NUMBERS], triangulation *out)
 {
     unsigned inside = 0;
     out->count = 0;
@@ -261,7 +260,7 @@ static void cut_cell(const field *f, const field_cell *cell, bool is_straight, t
 {
     crossed_edge edge[CELL_EDGES];
     corner at[CELL_EDGES];
-    const corner *root[EDGES];
+    const corner *root[EDGE_NUMBERS];
     const int count = cell_crossed_edges(cell, edge);
     for (int k = 0; k < count; k++) {
         cell_find_root(f, cell, edge[k].inside, edge[k].outside, is_straight, &at[k]);
@@ -349,7 +348,7 @@ static double triangles_area(const field *f, const triangulation *t)
 typedef struct cell_at_hand {
     size_t number;
     field_cell cell;
-    const corner *root[EDGES];
+    const corner *root[EDGE_NUMBERS];
 } cell_at_hand;
 
 typedef struct cell_group {

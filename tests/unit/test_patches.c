@@ -14,10 +14,10 @@
 #include "packing/triangulation.h"
 #include "sampler/sampler.h"
 #include "shapes.h"
-#include "particles/coverage.h"
-#include "sizing/curve_distance.h"
 #include "curves/curve_rows.h"
 #include "curves/near_rows.h"
+#include "particles/coverage.h"
+#include "sizing/curve_distance.h"
 
 static const sampler_params even = {.count = 2000,
                                     .seed = 1,
