@@ -35,10 +35,12 @@ typedef struct schedule {
     int shake_sweeps;
 
     /* Sweeps of a level of n particles, at least: sweeps (sweeps_count / n)^sweeps_fall, within the two bounds; on
-     * levels between the coarsest and the finest with the first of sweeps_count_between, and with the second as far as they
-     * cost no more than sweeps_share_between updates of each particle of the finest. */
-    double sweeps, sweeps_count, sweeps_count_between[2], sweeps_share_between, sweeps_fall, sweeps_least,
-        sweeps_most;
+     * levels between the coarsest and the finest with each count of sweeps_between, as far as they cost no more than its
+     * `share` updates of each particle of the finest. */
+    double sweeps, sweeps_count, sweeps_fall, sweeps_least, sweeps_most;
+    struct {
+        double count, share;
+    } sweeps_between[3];
     /* A level of so many particles that ends these with a share out of order between the two bounds is rough, and takes more
      * sweeps: so many times those if it is refined again, and if it is the last. The last takes its factor once more if that
      * share is above `again` and has fallen by `fall`; none takes more than `most`. What is out of order beyond the upper

@@ -28,10 +28,25 @@ static void levels_have_sweeps_by_their_count(void **state)
         assert_in_range(sweeps, (int)schedule_multilevel.sweeps_least, before);
         at.level = 1; /* a quarter of the particles: no dearer than so many updates of each of the finest */
         assert_true(schedule_level_sweeps(&schedule_multilevel, &at) <=
-                    fmax(sweeps, 4 * schedule_multilevel.sweeps_share_between));
+                    fmax(sweeps, 4 * schedule_multilevel.sweeps_between[1].share));
         before = sweeps;
     }
     assert_int_equal(before, (int)schedule_multilevel.sweeps_least);
+}
+
+/* A level far below a large finest one costs little, and has as many sweeps as its count asks for; right below it the same count has no
+ * more than it is worth. */
+static void levels_far_below_have_more_sweeps(void **state)
+{
+    (void)state;
+    const schedule *s = &schedule_multilevel;
+    schedule_position far = {.level = 3, .levels = 7, .stage = LAST, .count = 156250}, near = far;
+    near.level = 5;
+    assert_int_equal(schedule_level_sweeps(s, &near),
+                     (int)(s->sweeps * pow(s->sweeps_between[1].count / 156250, s->sweeps_fall)));
+    assert_int_equal(schedule_level_sweeps(s, &far),
+                     (int)(s->sweeps * pow(s->sweeps_between[2].count / 156250, s->sweeps_fall)));
+    assert_true(schedule_level_sweeps(s, &far) > 4 * schedule_level_sweeps(s, &near));
 }
 
 /* A level is shaken, settled, and calmed down; the others have one over-relaxation throughout. */
@@ -321,6 +336,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(lists_of_many_begin_narrow),
         cmocka_unit_test(levels_have_sweeps_by_their_count),
+        cmocka_unit_test(levels_far_below_have_more_sweeps),
         cmocka_unit_test(many_particles_need_few_sweeps),
         cmocka_unit_test(over_relaxation_follows_the_sweeps),
         cmocka_unit_test(rough_levels_take_more_sweeps),
