@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "run/curve_chains.h"
+#include "sampler/curve_chains.h"
 
 /* Patches at a curve whose labels are told. */
 enum { MOST_AROUND = 8 };

@@ -1,6 +1,6 @@
 /* curve_chains: the points along the curves of a solved surface, in their order. */
-#ifndef HEXAD_RUN_CURVE_CHAINS_H
-#define HEXAD_RUN_CURVE_CHAINS_H
+#ifndef HEXAD_SAMPLER_CURVE_CHAINS_H
+#define HEXAD_SAMPLER_CURVE_CHAINS_H
 
 #include "field/patches.h"
 #include "sampler/sampler.h"

@@ -1,4 +1,4 @@
-#include "run/curve_chains.h"
+#include "sampler/curve_chains.h"
 
 #include <math.h>
 #include <stdlib.h>
