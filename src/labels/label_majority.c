@@ -275,12 +275,8 @@ static void free_scratch(scratch *on)
 /* A Gaussian that is as wide along each axis of the world. */
 static bool make_weights(filtering *f, double width, error *e)
 {
-    const double(*map)[4] = f->v->index_to_world;
-    double step[3], least = INFINITY;
-    for (int k = 0; k < 3; k++) {
-        step[k] = sqrt(map[0][k] * map[0][k] + map[1][k] * map[1][k] + map[2][k] * map[2][k]);
-        least = fmin(least, step[k]);
-    }
+    double step[3];
+    const double least = label_volume_sides(f->v, step);
     for (int k = 0; k < 3; k++) {
         const double own = width * least / step[k];
         double sum = 0;

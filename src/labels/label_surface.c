@@ -235,6 +235,27 @@ const label_thin *label_surface_thin(const label_surface *s, size_t *count)
     return s->thin;
 }
 
+/* Of a label that is ragged more than this share of voxels is thin: smooth ones are thin at rims alone. */
+static const double RAGGED = 0.01;
+
+bool label_surface_is_ragged(const label_surface *s)
+{
+    size_t ragged = 0, all = 0;
+    for (size_t k = 0; k < s->labels.count; k++) {
+        const label_material *m = &s->labels.material[k];
+        if (m->background || m->voxels == 0 || label_thinness_is_thin(m)) continue;
+        ragged += (double)m->thin > RAGGED * (double)m->voxels;
+        all++;
+    }
+    return 2 * ragged > all;
+}
+
+double label_surface_voxel(const label_surface *s)
+{
+    double side[3];
+    return label_volume_sides(&s->labels, side);
+}
+
 /* Labels of which the majority takes more than this share. */
 static const double MUCH = 0.25;
 

@@ -45,6 +45,12 @@ bool label_surface_has_thin(const label_surface *s);
 /* The thin labels, ascending: *count of them, which live as long as the surface. */
 const label_thin *label_surface_thin(const label_surface *s, size_t *count);
 
+/* Whether most labels that are not thin are so in places, as where slices of a segmentation do not fit to each other. */
+bool label_surface_is_ragged(const label_surface *s);
+
+/* The smallest side of a voxel. */
+double label_surface_voxel(const label_surface *s);
+
 /* What a report tells of it: the member `labels`, and warnings of the reader and of thin labels. */
 void label_surface_describe(const label_surface *s, json *surface, json *warnings);
 

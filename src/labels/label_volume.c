@@ -206,6 +206,17 @@ static bool make_room(label_volume *v, const slices *from, int64_t around, size_
     return v->at != NULL;
 }
 
+double label_volume_sides(const label_volume *v, double side[3])
+{
+    const double(*map)[4] = v->index_to_world;
+    double least = INFINITY;
+    for (int k = 0; k < 3; k++) {
+        side[k] = sqrt(map[0][k] * map[0][k] + map[1][k] * map[1][k] + map[2][k] * map[2][k]);
+        least = fmin(least, side[k]);
+    }
+    return least;
+}
+
 bool label_volume_read(slices *from, const spec_labels *choice, size_t memory_limit, label_volume *out,
                        error *e)
 {

@@ -45,6 +45,9 @@ bool label_volume_read(slices *from, const spec_labels *choice, size_t memory_li
 void label_volume_free(label_volume *v); /* a zeroed one will do */
 size_t label_volume_bytes(const label_volume *v);
 
+/* The sides of a voxel, in world units. Returns the smallest. */
+double label_volume_sides(const label_volume *v, double side[3]);
+
 /* It has no voxels. */
 static inline void label_material_clear(label_material *m)
 {

@@ -1,12 +1,18 @@
 #include "run/label_advice.h"
 
+#include <math.h>
 #include <stdlib.h>
 
 #include "base/memory.h"
 #include "run/advice.h"
+#include "spec/spec_table.h"
 
 /* Groups whose text a message has; those of more are in `set` alone. */
 enum { MOST_TOLD = 10 };
+
+/* A majority of so many spacings, or so many times as wide as the one before, is tried next. The slices of a frog, up to ten voxels
+ * apart, converge with 1.5 spacings of 10 000 points. */
+static const double WIDER = 1.5;
 
 bool label_advice_is_hopeless(const label_surface *labels)
 {
@@ -89,4 +95,18 @@ void label_advice_append(json *list, const spec_labels *s, const label_surface *
             list, "thin_labels",
             "the points are all over labels of voxels that are alone or in rows, and few counts bring them to "
             "order there: use them as they are, or label smaller voxels");
+}
+
+void label_advice_append_majority(json *list, const spec_labels *s, const label_surface *labels,
+                                  double spacing)
+{
+    const double width = ceil(2 * WIDER * fmax(spacing / label_surface_voxel(labels), s->majority)) / 2;
+    if (!(s->majority > 0 || label_surface_is_ragged(labels)) || width > SPEC_MAJORITY_MAX) return;
+    char *message = mem_printf(
+        "or set /surface/labels/majority to %.10g: labels are one voxel thin in places, as where slices do not fit to each other, and "
+        "these points cannot show that; then each voxel has the label of most around it, labels keep their volume, and thin parts and "
+        "specks may be lost",
+        width);
+    json_put_number(advice_append(list, "ragged_labels", message), "/surface/labels/majority", width);
+    free(message);
 }

@@ -10,6 +10,11 @@
  * there is nothing to do. */
 void label_advice_append(json *list, const spec_labels *s, const label_surface *labels);
 
+/* Appends the item `ragged_labels`, where points that are `spacing` apart cannot show what labels that are ragged, or went through a
+ * majority already, are in places: a wider majority. */
+void label_advice_append_majority(json *list, const spec_labels *s, const label_surface *labels,
+                                  double spacing);
+
 /* Whether few counts bring the points to order: all labels but one are voxels alone, or in rows. */
 bool label_advice_is_hopeless(const label_surface *labels);
 

@@ -90,6 +90,9 @@ static void put_advice(json *report, json *warnings, const report_facts *facts)
     if (labels &&
         (verdict_is_of_thin_parts(facts->verdict) || (hopeless && facts->verdict->reason_count > 0)))
         label_advice_append(advice, &facts->spec->surface.labels, labels);
+    if (labels && facts->clearance && !hopeless)
+        label_advice_append_majority(advice, &facts->spec->surface.labels, labels,
+                                     sampler_spacing(facts->sampler));
 }
 
 static void put_surface(json *report, const report_facts *facts)

@@ -58,6 +58,7 @@ enum {
 };
 
 #define SPEC_LABEL_LENGTH_MAX 100 /* characters */
+#define SPEC_MAJORITY_MAX 24      /* voxels */
 
 #define SPEC_NOWHERE ((size_t)-1) /* not stored: only checked */
 

@@ -420,6 +420,23 @@ def test_a_majority_takes_out_jitter_and_strays(sample):
     assert [m["label"] for m in sample(labels, majority=3, output={"label_meshes": True})[0]["mesh"]["labels"]] == [0, 1]
 
 
+def test_advice_of_a_majority_brings_slices_into_order(send):
+    """That a sheet is thin is no reason for it."""
+    spec = of_labels(COUNT)
+    notes = send(shifted_slices(), spec)
+    item = advice(notes, "ragged_labels")
+    again = send(shifted_slices(), follow(spec, item))
+    assert again["outcome_reasons"] == [] == again["advice"], (item, again)
+    assert not any(a["code"] == "ragged_labels" for a in send(layers(), of_labels(150))["advice"])
+
+
+def test_a_majority_that_is_too_narrow_is_followed_by_a_wider_one(sample):
+    report, _ = sample(shifted_slices(), majority=1)
+    assert report["outcome"] != "converged"
+    wider = advice(report, "ragged_labels")["set"]["/surface/labels/majority"]
+    assert wider >= 1.5 and wider == pytest.approx(max(1.5 * report["spacing"], 1.5), abs=0.5)
+
+
 def test_what_a_majority_takes_is_told_of_what_is_asked_for(sample):
     labels = (numpy.linalg.norm(places(32), axis=-1) < 11).astype("u1")
     labels[2:5, 2:5, 2:5], labels[24:27, 24, 24] = 2, 3
