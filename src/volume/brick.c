@@ -22,10 +22,6 @@ typedef struct brick_job {
     const block_map *map;
     size_t first; /* of the bricks to fill */
     float *coefficients;
-    const crossings *crossings;
-    const size_t *cells_before; /* of each crossed block */
-    bool smooth;
-    crossed_cell *cells;
 } brick_job;
 
 static void fill_chunk(void *context, int worker, size_t begin, size_t end)
@@ -150,43 +146,4 @@ void brick_note_sides(const samples *s, const block_map *map, uint64_t *inside)
         const uint64_t *from = s->inside + GRID_VIEW_SIDE * (size_t)block_map_find(&s->map, b[0], b[1], b[2]);
         memcpy(inside + GRID_VIEW_SIDE * (size_t)n, from, GRID_VIEW_SIDE * sizeof *inside);
     }
-}
-
-static void cell_chunk(void *context, int worker, size_t begin, size_t end)
-{
-    const brick_job *job = context;
-    float corners[729];
-    (void)worker;
-    for (size_t i = begin; i < end; i++) {
-        const crossing_block *b = &job->crossings->blocks[i];
-        crossed_cell *c = job->cells + job->cells_before[i];
-        if (i + 1 < end) samples_fetch(job->samples, b[1].block);
-        samples_corners(job->samples, b->block, job->smooth, corners);
-        for (int k = 0; k < GRID_VIEW_VOXELS; k++) {
-            int x = k >> 6, y = k >> 3 & 7, z = k & 7;
-            if (!(b->rows[k >> 3] >> z & 1)) continue;
-            c->at[0] = b->block[0] * GRID_VIEW_SIDE + x;
-            c->at[1] = b->block[1] * GRID_VIEW_SIDE + y;
-            c->at[2] = b->block[2] * GRID_VIEW_SIDE + z;
-            for (int corner = 0; corner < 8; corner++)
-                c->value[corner] =
-                    corners[81 * (x + (corner & 1)) + 9 * (y + (corner >> 1 & 1)) + z + (corner >> 2)];
-            c++;
-        }
-    }
-}
-
-bool brick_list_cells(const samples *s, const crossings *c, bool smooth, threads *pool, crossed_cell *cells,
-                      error *e)
-{
-    size_t *before = mem_array(c->count, sizeof *before, "the cells that the surface crosses", e), sum = 0;
-    brick_job job = {.samples = s, .crossings = c, .cells_before = before, .smooth = smooth, .cells = cells};
-    if (!before) return false;
-    for (size_t i = 0; i < c->count; i++) {
-        before[i] = sum;
-        for (int row = 0; row < 64; row++) sum += (size_t)__builtin_popcount(c->blocks[i].rows[row]);
-    }
-    threads_run(pool, c->count, BLOCKS, cell_chunk, &job);
-    free(before);
-    return true;
 }

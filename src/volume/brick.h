@@ -17,8 +17,6 @@
 #include <stdint.h>
 
 #include "base/threads.h"
-#include "volume/crossings.h"
-#include "volume/grazed.h"
 #include "volume/samples.h"
 
 #define BRICK_SIDE 11
@@ -86,9 +84,5 @@ static inline const float *bricks_find_cell(const bricks *b, uint32_t n, const i
 
 /* 8 words for each block of the map: voxels that are inside, as in vdb.h's active flags. */
 void brick_note_sides(const samples *s, const block_map *map, uint64_t *inside);
-
-/* c->cells of them, block after block. `smooth`: as in samples_corners. Error: limit_memory. */
-bool brick_list_cells(const samples *s, const crossings *c, bool smooth, threads *pool, crossed_cell *cells,
-                      error *e);
 
 #endif

@@ -7,7 +7,7 @@
 #include "base/isa.h"
 #include "base/memory.h"
 
-enum { BLOCKS = 256 }; /* in a chunk of work */
+enum { BLOCKS = 256, TILES = 1024 }; /* in a chunk of work */
 
 /* Index coordinates this near to the limits of int32 would overflow in the neighbours of a block. */
 static const int32_t farthest_block = (1 << 28) - 16;
@@ -128,17 +128,20 @@ static bool look_at(const grid_view *l, const int32_t block[3], const grid_view_
  * around it. */
 static bool look_around(const grid_view *l, uint32_t n, crossings *out, error *e)
 {
+    const int32_t *leaf = l->leaves.blocks[n];
+    grid_view_block around[3][3][3], near[8];
+    for (int k = 0; k < 27; k++)
+        around[k / 9][k / 3 % 3][k % 3] =
+            grid_view_find(l, leaf[0] + k / 9 - 1, leaf[1] + k / 3 % 3 - 1, leaf[2] + k % 3 - 1);
     for (int k = 0; k < 8; k++) {
-        const int32_t *leaf = l->leaves.blocks[n],
-                      block[3] = {leaf[0] - (k & 1), leaf[1] - (k >> 1 & 1), leaf[2] - (k >> 2)};
-        grid_view_block near[8];
+        const int below[3] = {k & 1, k >> 1 & 1, k >> 2};
+        const int32_t block[3] = {leaf[0] - below[0], leaf[1] - below[1], leaf[2] - below[2]};
         bool first = true;
-        for (int j = 0; first && j < k; j++)
-            first = block_map_find(&l->leaves, block[0] + (j & 1), block[1] + (j >> 1 & 1),
-                                   block[2] + (j >> 2)) == BLOCK_MAP_NONE;
-        if (!first) continue;
-        find_near(l, block, near);
-        if (!look_at(l, block, near, out, e)) return false;
+        for (int j = 0; j < 8; j++) {
+            near[j] = around[1 + (j & 1) - below[0]][1 + (j >> 1 & 1) - below[1]][1 + (j >> 2) - below[2]];
+            first &= j >= k || near[j].leaf == BLOCK_MAP_NONE;
+        }
+        if (first && !look_at(l, block, near, out, e)) return false;
     }
     return true;
 }
@@ -194,22 +197,39 @@ static bool meets_other_side(const grid_view *l, const int32_t block[3], bool in
     return false;
 }
 
-static bool add_shells(const grid_view *l, size_t memory_limit, block_map *candidates, error *e)
+/* Which tiles part the surface from what lies beyond them. A tile on the background's side matters only beside leaves and other
+ * tiles, which count. */
+typedef struct tile_search {
+    const grid_view *from;
+    uint8_t *counts; /* of each tile */
+} tile_search;
+
+static void tile_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const tile_search *job = context;
+    const grid_view *l = job->from;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        const vdb_tile *t = &l->grid->tiles[i];
+        const int32_t low[3] = {t->origin[0] >> 3, t->origin[1] >> 3, t->origin[2] >> 3};
+        const bool inside = grid_view_find(l, low[0], low[1], low[2]).constant < 0;
+        job->counts[i] =
+            inside != (l->background < 0) && (t->side != GRID_VIEW_SIDE || meets_other_side(l, low, inside));
+    }
+}
+
+static bool add_shells(const grid_view *l, size_t memory_limit, threads *pool, block_map *candidates,
+                       error *e)
 {
     /* The table doubles when it grows, and old and new exist side by side then. */
-    size_t most = memory_limit / (3 * block_map_bytes(1024) / 1024);
-    bool background_inside = l->background < 0;
-    for (size_t i = 0; i < l->grid->tile_count; i++) {
-        const vdb_tile *t = &l->grid->tiles[i];
-        const int32_t *o = t->origin;
-        /* A tile on the background's side matters only beside leaves and other tiles, which count. */
-        const int32_t low[3] = {o[0] >> 3, o[1] >> 3, o[2] >> 3};
-        bool tile_inside = grid_view_find(l, low[0], low[1], low[2]).constant < 0;
-        if (tile_inside == background_inside) continue;
-        if (t->side == GRID_VIEW_SIDE && !meets_other_side(l, low, tile_inside)) continue;
-        if (!add_shell(t, most, candidates, e)) return false;
-    }
-    return true;
+    const size_t most = memory_limit / (3 * block_map_bytes(1024) / 1024), count = l->grid->tile_count;
+    const tile_search job = {l, mem_array(count, 1, "the tiles of the grid", e)};
+    bool ok = job.counts;
+    if (ok) threads_run(pool, count, TILES, tile_chunk, (void *)&job);
+    for (size_t i = 0; ok && i < count; i++)
+        if (job.counts[i]) ok = add_shell(&l->grid->tiles[i], most, candidates, e);
+    free(job.counts);
+    return ok;
 }
 
 static int by_place(const void *a, const void *b)
@@ -275,7 +295,7 @@ bool crossings_find(const grid_view *l, size_t memory_limit, threads *pool, cros
     block_map shells;
     search job = {l, &shells, NULL, NULL};
     crossings found = {.known_only = l->kind == GRID_VIEW_DENSE};
-    bool ok = block_map_init(&shells, 0, e) && add_shells(l, memory_limit, &shells, e);
+    bool ok = block_map_init(&shells, 0, e) && add_shells(l, memory_limit, pool, &shells, e);
     const size_t count = l->leaves.count + (size_t)shells.count, chunks = (count + BLOCKS - 1) / BLOCKS;
     if (ok) {
         job.found = mem_array(chunks, sizeof *job.found, what, e);

@@ -133,7 +133,7 @@ static void corner_values(const float *first, double out[8])
     }
 }
 
-static bool append(grazed *g, const int32_t at[3], const float *first, error *e)
+static bool append(grazed *g, const int32_t at[3], uint32_t block, const float *first, error *e)
 {
     crossed_cell *cells =
         mem_grow(g->cell, g->count, &g->room, 256, sizeof *cells, "the cells that the surface grazes", e);
@@ -142,6 +142,7 @@ static bool append(grazed *g, const int32_t at[3], const float *first, error *e)
     double value[8];
     crossed_cell *c = &g->cell[g->count++];
     memcpy(c->at, at, sizeof c->at);
+    c->block = block;
     corner_values(first, value);
     for (int k = 0; k < 8; k++) c->value[k] = (float)value[k];
     return true;
@@ -177,7 +178,7 @@ static bool leave(search *s, uint32_t n, const int32_t at[3], error *e)
         if (*row & bit) continue;
         *row = (uint8_t)(*row | bit);
         *row_of(s->leaky, there, to) |= (uint8_t)bit;
-        if (!append(s->out, to, cell_of(s, there, to, beyond), e)) return false;
+        if (!append(s->out, to, there, cell_of(s, there, to, beyond), e)) return false;
     }
     return true;
 }
@@ -423,8 +424,7 @@ static bool follow(search *s, error *e)
         }
     for (size_t k = 0; k < s->out->count; k++) {
         const crossed_cell c = s->out->cell[k]; /* the list may move */
-        if (!leave(s, block_map_find(s->map, c.at[0] >> 3, c.at[1] >> 3, c.at[2] >> 3), c.at, e))
-            return false;
+        if (!leave(s, c.block, c.at, e)) return false;
     }
     return true;
 }

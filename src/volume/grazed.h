@@ -15,13 +15,9 @@
 #include "base/error.h"
 #include "base/threads.h"
 #include "geometry/block_map.h"
+#include "volume/crossed_cells.h"
 
 struct bricks; /* volume/brick.h */
-
-typedef struct crossed_cell {
-    int32_t at[3];
-    float value[8]; /* F at corner k as in field_cell */
-} crossed_cell;
 
 typedef struct grazed {
     crossed_cell *cell; /* that no corner tells */

@@ -13,6 +13,7 @@
 #include "vdb/plain_vdb.h"
 #include "vdb/vdb.h"
 #include "volume/brick.h"
+#include "volume/crossed_cells.h"
 #include "volume/crossings.h"
 #include "volume/dense_grid.h"
 #include "volume/flood.h"
@@ -199,11 +200,11 @@ static bool find_crossings(loading *l, volume *v, error *e)
         (unsigned long long)c->open_cells, c->open_at[0], c->open_at[1], c->open_at[2]);
 }
 
-static size_t held_bytes(size_t blocks, size_t made, size_t cells)
+/* Without the cells. */
+static size_t held_bytes(size_t blocks, size_t made)
 {
     return sizeof(volume) + made * BRICK_SIZE * sizeof(float) +
-           blocks * (8 * sizeof(uint64_t) + 3 * 64 + sizeof(atomic_uint)) + block_map_bytes(blocks) +
-           cells * sizeof(crossed_cell);
+           blocks * (8 * sizeof(uint64_t) + 3 * 64 + sizeof(atomic_uint)) + block_map_bytes(blocks);
 }
 
 static bool plan(loading *l, volume *v, error *e)
@@ -214,14 +215,15 @@ static bool plan(loading *l, volume *v, error *e)
     if (!block_map_init(&v->map, 2 * l->crossings.count, e) ||
         !block_map_init(&l->reach, 4 * l->crossings.count, e) ||
         !reach_add_blocks(&l->crossings, bricks_reach, &v->map, e) ||
-        !reach_add_blocks(&l->crossings, far, &l->reach, e))
+        !reach_add_blocks(&l->crossings, far, &l->reach, e) ||
+        !crossed_cells_list(&l->crossings, &v->map, l->pool, &v->cells, e))
         return error_prefix(e, "%s", l->name);
     l->leaves = samples_look(&l->grid_view, &l->reach);
     size_t grid = l->grid->leaf_count * (VDB_LEAF_VOXELS * sizeof(float) + sizeof(grid_view_signs) + 128) +
                   l->grid->tile_count * sizeof(vdb_tile) - l->leaves.used;
     const size_t room = bricks_room(v->map.count, l->points);
-    size_t held =
-               held_bytes(v->map.count, room > 0 ? room : v->map.count, l->crossings.cells) + l->leaves.spare,
+    size_t held = held_bytes(v->map.count, room > 0 ? room : v->map.count) + crossed_cells_bytes(&v->cells) +
+                  l->leaves.spare,
            limit = l->memory_limit;
     size_t peak = samples_bytes(l->reach.count) + (grid > held ? grid : held);
     if (peak <= limit) return true;
@@ -245,8 +247,10 @@ static bool find_smooth_crossings(loading *l, volume *v, error *e)
     crossings_free(&l->crossings);
     l->crossings = found;
     block_map_free(&v->map);
+    crossed_cells_free(&v->cells);
     if (!ok || !block_map_init(&v->map, 2 * found.count, e) ||
-        !reach_add_blocks(&found, bricks_reach, &v->map, e))
+        !reach_add_blocks(&found, bricks_reach, &v->map, e) ||
+        !crossed_cells_list(&found, &v->map, l->pool, &v->cells, e))
         return error_prefix(e, "%s", l->name);
     if (found.cells == 0)
         return error_set(
@@ -265,14 +269,6 @@ static bool read_samples(loading *l, volume *v, error *e)
     if (!ok || (l->kind == GRID_VIEW_LEVEL_SET && !samples_fill_unknown(&l->samples, l->pool, e)))
         return error_prefix(e, "%s", l->name);
     return !l->smooth || find_smooth_crossings(l, v, e);
-}
-
-static bool make_cells(loading *l, volume *v, error *e)
-{
-    v->cells = mem_array(l->crossings.cells, sizeof *v->cells, "the cells that the surface crosses", e);
-    if (!v->cells) return false;
-    v->cell_count = l->crossings.cells;
-    return brick_list_cells(&l->samples, &l->crossings, l->smooth, l->pool, v->cells, e);
 }
 
 /* What tells far from the surface on which side of it one is. */
@@ -312,17 +308,9 @@ static bool add_grazed_cells(const loading *l, volume *v, error *e)
     grazed found = {0};
     bool ok = grazed_find(&v->bricks, v->info.size, affine_aspect(v->to_world, v->to_index), l->pool,
                           v->crossed, &found, e);
-    if (ok && found.count > 0) {
-        const size_t count = v->cell_count + found.count;
-        crossed_cell *all = mem_array(count, sizeof *all, "the cells that the surface crosses", e);
-        ok = all;
-        if (ok) {
-            memcpy(all, v->cells, v->cell_count * sizeof *all);
-            memcpy(all + v->cell_count, found.cell, found.count * sizeof *all);
-            free(v->cells);
-            v->cells = all;
-            v->cell_count = count;
-        }
+    if (ok) {
+        crossed_cells_add_late(&v->cells, found.cell, found.count);
+        found.cell = NULL;
     }
     v->grazed = found.passed;
     v->flat = found.flat;
@@ -333,17 +321,8 @@ static bool add_grazed_cells(const loading *l, volume *v, error *e)
 
 static void measure(volume *v)
 {
-    bbox box = bbox_empty();
+    const bbox box = volume_field_cells_box(v);
     v->beyond = volume_field_side_beyond(v);
-    vec3 half; /* of a cell's world box */
-    half.x = 0.5 * (fabs(v->to_world[0][0]) + fabs(v->to_world[0][1]) + fabs(v->to_world[0][2]));
-    half.y = 0.5 * (fabs(v->to_world[1][0]) + fabs(v->to_world[1][1]) + fabs(v->to_world[1][2]));
-    half.z = 0.5 * (fabs(v->to_world[2][0]) + fabs(v->to_world[2][1]) + fabs(v->to_world[2][2]));
-    for (size_t k = 0; k < v->cell_count; k++) {
-        const int32_t *at = v->cells[k].at;
-        vec3 middle = affine_apply(v->to_world, at[0] + 0.5, at[1] + 0.5, at[2] + 0.5);
-        box = bbox_include(bbox_include(box, vec3_sub(middle, half)), vec3_add(middle, half));
-    }
     vec3 pad = {v->base.cell_size, v->base.cell_size, v->base.cell_size};
     v->base.domain = (bbox){vec3_sub(box.min, pad), vec3_add(box.max, pad)};
     for (int face = 0; face < 6; face++) {
@@ -354,9 +333,9 @@ static void measure(volume *v)
     }
     v->base.extent = bbox_longest(box);
     v->info.surface_box = box;
-    v->info.crossing_cells = v->cell_count;
+    v->info.crossing_cells = v->cells.count;
     v->info.bricks = v->map.count;
-    v->info.memory_bytes = held_bytes(v->map.count, v->bricks.room, v->cell_count) +
+    v->info.memory_bytes = held_bytes(v->map.count, v->bricks.room) + crossed_cells_bytes(&v->cells) +
                            samples_bytes(v->bricks.coefficients.map.count) + v->bricks.coefficients.spare;
 }
 
@@ -364,8 +343,9 @@ static void measure(volume *v)
 static bool build(loading *l, volume *v, error *e)
 {
     set_transform(v, l->grid->index_to_world);
-    if (!find_crossings(l, v, e) || !plan(l, v, e) || !read_samples(l, v, e) || !make_cells(l, v, e) ||
-        !note_sides(l, v, e) || !make_bricks(l, v, e) || !add_grazed_cells(l, v, e) ||
+    if (!find_crossings(l, v, e) || !plan(l, v, e) || !read_samples(l, v, e) ||
+        !crossed_cells_take_values(&v->cells, &l->samples, l->smooth, l->pool, e) || !note_sides(l, v, e) ||
+        !make_bricks(l, v, e) || !add_grazed_cells(l, v, e) ||
         !flood_reaches_all(&v->map, v->crossed, &v->base.joined, e))
         return false;
     measure(v);
@@ -582,14 +562,17 @@ static bool find_axes(const volume *v, int world_of[3])
     return true;
 }
 
-/* The faces of the data, 2 axis + end, that the surface meets in a cell. */
-static unsigned faces_met(const volume *v, const crossed_cell *c)
+/* The faces of the data, 2 axis + end, that the surface meets in cell k. */
+static unsigned faces_met(const volume *v, size_t k)
 {
+    crossed_cell c;
     unsigned faces = 0;
+    crossed_cells_get(&v->cells, k, &c);
     for (int face = 0; face < 6; face++) {
         int axis = face >> 1, high = face & 1, inside = 0;
-        if (c->at[axis] != (high ? v->info.size[axis] - 2 : 0)) continue;
-        for (int k = 0; k < 8; k++) inside += (k >> axis & 1) == high && c->value[k] < 0;
+        if (c.at[axis] != (high ? v->info.size[axis] - 2 : 0)) continue;
+        for (int corner = 0; corner < 8; corner++)
+            inside += (corner >> axis & 1) == high && c.value[corner] < 0;
         if (inside > 0 && inside < 4) faces |= 1u << face;
     }
     return faces;
@@ -630,7 +613,7 @@ static void set_ends(volume *v)
     field *f = &v->base;
     int world_of[3];
     unsigned met = 0, boundary = 0;
-    for (size_t k = 0; k < v->cell_count; k++) met |= faces_met(v, &v->cells[k]);
+    for (size_t k = 0; k < v->cells.count; k++) met |= faces_met(v, k);
     v->loose = !find_axes(v, world_of);
     f->solid_below = f->solid_above = (vec3){0, 0, 0};
     for (int face = 0; face < 6; face++) {
@@ -654,8 +637,8 @@ static void set_ends(volume *v)
 size_t volume_loose_ends(const volume *v, bbox box)
 {
     size_t count = 0;
-    for (size_t k = 0; v->loose && k < v->cell_count; k++) {
-        if (!faces_met(v, &v->cells[k])) continue;
+    for (size_t k = 0; v->loose && k < v->cells.count; k++) {
+        if (!faces_met(v, k)) continue;
         field_cell c;
         bbox reach = bbox_empty();
         v->base.ops->cell(&v->base, k, &c);
@@ -776,7 +759,7 @@ void volume_close(volume *v)
     free(v->crossed);
     free(v->grazed);
     free(v->flat);
-    free(v->cells);
+    crossed_cells_free(&v->cells);
     free(v);
 }
 

@@ -53,23 +53,57 @@ static bool sample(const field *f, vec3 x, field_order order, field_sample *out)
 
 static size_t cell_count(const field *f)
 {
-    return ((const volume *)f)->cell_count;
+    return ((const volume *)f)->cells.count;
 }
 
 static void cell(const field *f, size_t k, field_cell *out)
 {
     const volume *v = (const volume *)f;
-    const crossed_cell *c = &v->cells[k];
+    crossed_cell c;
+    crossed_cells_get(&v->cells, k, &c);
     for (int corner = 0; corner < 8; corner++) {
         out->corner[corner] =
-            affine_apply(v->to_world, (double)c->at[0] + (corner & 1), (double)c->at[1] + (corner >> 1 & 1),
-                         (double)c->at[2] + (corner >> 2));
-        out->value[corner] = (double)c->value[corner];
+            affine_apply(v->to_world, (double)c.at[0] + (corner & 1), (double)c.at[1] + (corner >> 1 & 1),
+                         (double)c.at[2] + (corner >> 2));
+        out->value[corner] = (double)c.value[corner];
     }
-    size_t n = block_map_find(&v->map, c->at[0] >> 3, c->at[1] >> 3, c->at[2] >> 3);
-    const size_t row = 64 * n + 8 * (size_t)(c->at[0] & 7) + (size_t)(c->at[1] & 7);
-    out->grazed = v->grazed[row] >> (c->at[2] & 7) & 1;
-    out->flat = v->flat[row] >> (c->at[2] & 7) & 1;
+    const size_t row = 64 * (size_t)c.block + 8 * (size_t)(c.at[0] & 7) + (size_t)(c.at[1] & 7);
+    out->grazed = v->grazed[row] >> (c.at[2] & 7) & 1;
+    out->flat = v->flat[row] >> (c.at[2] & 7) & 1;
+}
+
+/* The box round so many voxels from this one on. */
+static bbox box_of_voxels(const volume *v, const int32_t low[3], int side)
+{
+    bbox box = bbox_empty();
+    for (int k = 0; k < 8; k++)
+        box = bbox_include(box, affine_apply(v->to_world, low[0] + (k & 1 ? side : 0),
+                                             low[1] + (k & 2 ? side : 0), low[2] + (k & 4 ? side : 0)));
+    return box;
+}
+
+static bbox add_cells(const volume *v, size_t first, size_t last, bbox box)
+{
+    for (size_t k = first; k < last; k++) {
+        crossed_cell c;
+        crossed_cells_get(&v->cells, k, &c);
+        box = bbox_unite(box, box_of_voxels(v, c.at, 1));
+    }
+    return box;
+}
+
+bbox volume_field_cells_box(const volume *v)
+{
+    const crossed_cells *c = &v->cells;
+    bbox box = add_cells(v, c->in_blocks, c->count, bbox_empty());
+    for (size_t i = 0; i < c->block_count; i++) {
+        const int32_t *at = v->map.blocks[c->blocks[i].block];
+        const bbox whole = box_of_voxels(v, (const int32_t[]){8 * at[0], 8 * at[1], 8 * at[2]}, 8);
+        if (bbox_contains(box, whole.min) && bbox_contains(box, whole.max)) continue;
+        const size_t last = i + 1 < c->block_count ? c->blocks[i + 1].cells : c->in_blocks;
+        box = add_cells(v, c->blocks[i].cells, last, box);
+    }
+    return box;
 }
 
 /* Whether a cell of the box, ends included, is crossed. */
@@ -177,8 +211,9 @@ static double side_of_first(const volume *v, vec3 from, vec3 way)
 /* That of the first voxel of a brick on the straight way from a place that is in none to the first cell. */
 static double side_on_way(const volume *v, vec3 from)
 {
-    const int32_t *cell_to = v->cells[0].at;
-    const vec3 way = vec3_sub((vec3){cell_to[0] + 0.5, cell_to[1] + 0.5, cell_to[2] + 0.5}, from);
+    crossed_cell to;
+    crossed_cells_get(&v->cells, 0, &to);
+    const vec3 way = vec3_sub((vec3){to.at[0] + 0.5, to.at[1] + 0.5, to.at[2] + 0.5}, from);
     const double steps = fmax(ceil(fmax(fabs(way.x), fmax(fabs(way.y), fabs(way.z)))), 1); /* a voxel each */
     if (steps > 8.0 * v->map.count) return side_of_first(v, from, way);
     for (double k = fmax(floor(way_to_bricks(v, from, way) * steps) - 1, 1); k <= steps; k++) {

@@ -6,6 +6,7 @@
 #include "field/spline.h"
 #include "geometry/block_map.h"
 #include "volume/brick.h"
+#include "volume/crossed_cells.h"
 #include "volume/grazed.h"
 #include "volume/volume.h"
 
@@ -26,14 +27,16 @@ struct volume {
     uint8_t *grazed;  /* likewise: those with a face that the surface passes between its corners */
     uint8_t *flat;    /* likewise: those in which F is all but linear */
     const spline *spline;
-    crossed_cell *cells;
-    size_t cell_count;
-    mesh_faces *faces; /* of a mesh that keeps them, or NULL */
-    bool loose;        /* dense data whose faces are not aligned with the world's axes */
+    crossed_cells cells; /* of the map's blocks */
+    mesh_faces *faces;   /* of a mesh that keeps them, or NULL */
+    bool loose;          /* dense data whose faces are not aligned with the world's axes */
     volume_info info;
 };
 
 extern const field_ops volume_field_ops;
+
+/* The least box round the boxes of all cells, in world space. */
+bbox volume_field_cells_box(const volume *v);
 
 /* The side of what lies beyond the bricks' box, once bricks, sides and cells are there; 0 where its corners differ. */
 double volume_field_side_beyond(const volume *v);

@@ -1,0 +1,175 @@
+#include "volume/crossed_cells.h"
+
+#include <endian.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+
+enum { SIDE = GRID_VIEW_SIDE, CORNERS = SIDE + 1, BLOCKS = 64 /* in a chunk of work */ };
+
+static const char what[] = "the cells that the surface crosses";
+
+typedef struct making {
+    const crossings *crossings;
+    const samples *samples;
+    crossed_cells *out;
+    bool smooth;
+} making;
+
+/* Along the last axis: the first corner of cells, and behind the last one. */
+typedef struct span {
+    int from, end;
+} span;
+
+/* Of the corners (x, y) those between the first and the last that a cell has. */
+static span span_of(const cell_block *b, int x, int y)
+{
+    unsigned any = 0;
+    for (int i = x > 0 ? x - 1 : 0; i <= x && i < SIDE; i++)
+        for (int j = y > 0 ? y - 1 : 0; j <= y && j < SIDE; j++) any |= b->layer[i] >> 8 * j & 0xff;
+    if (any == 0) return (span){0, 0};
+    return (span){__builtin_ctz(any), 33 - __builtin_clz(any)};
+}
+
+/* What is known of a block alone: `cells` and `values` are its own as yet. */
+static void count_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const making *job = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        const crossing_block *from = &job->crossings->blocks[i];
+        cell_block *b = &job->out->blocks[i];
+        b->block = block_map_find(job->out->map, from->block[0], from->block[1], from->block[2]);
+        memcpy(b->layer, from->rows, sizeof b->layer);
+        b->cells = b->values = 0;
+        for (int x = 0; x < SIDE; x++) {
+            b->layer[x] = le64toh(b->layer[x]);
+            b->before[x] = (uint16_t)b->cells;
+            b->cells += (size_t)__builtin_popcountll(b->layer[x]);
+        }
+        for (int k = 0; k < CORNERS * CORNERS; k++) {
+            const span s = span_of(b, k / CORNERS, k % CORNERS);
+            b->row[k] = (int16_t)((int)b->values - s.from);
+            b->values += (size_t)(s.end - s.from);
+        }
+    }
+}
+
+/* Turns what each block has into what those before it have. */
+static bool add_up(crossed_cells *c, error *e)
+{
+    for (size_t i = 0; i < c->block_count; i++) {
+        const size_t own_cells = c->blocks[i].cells, own_values = c->blocks[i].values;
+        c->blocks[i].cells = c->in_blocks;
+        c->blocks[i].values = c->value_count;
+        c->in_blocks += own_cells;
+        c->value_count += own_values;
+    }
+    c->count = c->in_blocks;
+    c->block_of = mem_array(c->in_blocks / CROSSED_CELLS_STEP + 1, sizeof *c->block_of, what, e);
+    if (!c->block_of) return false;
+    for (size_t i = 0, k = 0; i < c->block_count; i++) {
+        const size_t end = i + 1 < c->block_count ? c->blocks[i + 1].cells : c->in_blocks;
+        for (; k < end; k += CROSSED_CELLS_STEP) c->block_of[k / CROSSED_CELLS_STEP] = (uint32_t)i;
+    }
+    return true;
+}
+
+bool crossed_cells_list(const crossings *c, const block_map *map, threads *pool, crossed_cells *out, error *e)
+{
+    crossed_cells made = {.map = map, .block_count = c->count};
+    making job = {.crossings = c, .out = &made};
+    made.blocks = mem_array(c->count, sizeof *made.blocks, what, e);
+    bool ok = made.blocks;
+    if (ok) threads_run(pool, c->count, BLOCKS, count_chunk, &job);
+    if (ok && threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
+    ok = ok && add_up(&made, e);
+    if (ok)
+        *out = made;
+    else
+        crossed_cells_free(&made);
+    return ok;
+}
+
+static void value_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const making *job = context;
+    float corners[CORNERS * CORNERS * CORNERS];
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        const cell_block *b = &job->out->blocks[i];
+        const int32_t(*at)[3] = (const int32_t(*)[3])job->out->map->blocks;
+        if (i + 1 < end) samples_fetch(job->samples, at[b[1].block]);
+        samples_corners(job->samples, at[b->block], job->smooth, corners);
+        for (int k = 0; k < CORNERS * CORNERS; k++) {
+            const span s = span_of(b, k / CORNERS, k % CORNERS);
+            float *to = job->out->value + b->values;
+            for (int z = s.from; z < s.end; z++) to[b->row[k] + z] = corners[CORNERS * k + z];
+        }
+    }
+}
+
+bool crossed_cells_take_values(crossed_cells *c, const samples *s, bool smooth, threads *pool, error *e)
+{
+    making job = {.samples = s, .out = c, .smooth = smooth};
+    c->value = mem_array(c->value_count, sizeof *c->value, what, e);
+    if (c->value) threads_run(pool, c->block_count, BLOCKS, value_chunk, &job);
+    return c->value;
+}
+
+void crossed_cells_free(crossed_cells *c)
+{
+    free(c->blocks);
+    free(c->block_of);
+    free(c->value);
+    free(c->late);
+    memset(c, 0, sizeof *c);
+}
+
+void crossed_cells_add_late(crossed_cells *c, crossed_cell *late, size_t count)
+{
+    c->late = late;
+    c->count += count;
+}
+
+/* The place of the bit that has so many set bits below it. */
+static int nth_bit(uint64_t bits, uint32_t n)
+{
+    int shift = 0;
+    for (uint32_t own; n >= (own = (uint32_t)__builtin_popcountll(bits & 0xff)); bits >>= 8, shift += 8)
+        n -= own;
+    for (; n > 0; n--) bits &= bits - 1;
+    return shift + __builtin_ctzll(bits);
+}
+
+void crossed_cells_get(const crossed_cells *c, size_t k, crossed_cell *out)
+{
+    if (k >= c->in_blocks) {
+        *out = c->late[k - c->in_blocks];
+        return;
+    }
+    const cell_block *b = &c->blocks[c->block_of[k / CROSSED_CELLS_STEP]],
+                     *last = c->blocks + c->block_count - 1;
+    while (b < last && b[1].cells <= k) b++;
+    const uint32_t in_block = (uint32_t)(k - b->cells);
+    int x = 0;
+    while (x + 1 < SIDE && b->before[x + 1] <= in_block) x++;
+    const int bit = nth_bit(b->layer[x], in_block - b->before[x]), y = bit >> 3, z = bit & 7;
+    const int32_t *at = c->map->blocks[b->block];
+    out->at[0] = at[0] * SIDE + x;
+    out->at[1] = at[1] * SIDE + y;
+    out->at[2] = at[2] * SIDE + z;
+    out->block = b->block;
+    for (int corner = 0; corner < 8; corner++)
+        out->value[corner] =
+            c->value[b->values + (size_t)(b->row[CORNERS * (x + (corner & 1)) + y + (corner >> 1 & 1)] + z +
+                                          (corner >> 2))];
+}
+
+size_t crossed_cells_bytes(const crossed_cells *c)
+{
+    return c->block_count * sizeof *c->blocks +
+           (c->in_blocks / CROSSED_CELLS_STEP + 1) * sizeof *c->block_of + c->value_count * sizeof *c->value +
+           (c->count - c->in_blocks) * sizeof *c->late;
+}
