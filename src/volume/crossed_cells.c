@@ -133,14 +133,11 @@ void crossed_cells_add_late(crossed_cells *c, crossed_cell *late, size_t count)
     c->count += count;
 }
 
-/* The place of the bit that has so many set bits below it. */
-static int nth_bit(uint64_t bits, uint32_t n)
+/* The place of the bit that has so many set bits below it: of a layer few have. */
+static int nth_bit(uint64_t bits, unsigned n)
 {
-    int shift = 0;
-    for (uint32_t own; n >= (own = (uint32_t)__builtin_popcountll(bits & 0xff)); bits >>= 8, shift += 8)
-        n -= own;
     for (; n > 0; n--) bits &= bits - 1;
-    return shift + __builtin_ctzll(bits);
+    return __builtin_ctzll(bits);
 }
 
 void crossed_cells_get(const crossed_cells *c, size_t k, crossed_cell *out)
