@@ -167,14 +167,7 @@ static bbox box_of_group(const making *k, size_t g)
     return box;
 }
 
-static void disc_include(disc *d, vec3 p)
-{
-    const vec3 way = vec3_sub(p, d->middle);
-    const double height = vec3_dot(way, d->normal);
-    d->depth = fmax(d->depth, fabs(height));
-    d->radius = fmax(d->radius, sqrt(fmax(vec3_norm2(way) - height * height, 0)));
-}
-
+/* The disc lies in the middle of the corners' heights, not of their box's: a plane may pass a box far from its middle. */
 static disc disc_of_group(const making *k, size_t g)
 {
     const bbox *box = &k->groups.box[g];
@@ -185,14 +178,20 @@ static disc disc_of_group(const making *k, size_t g)
     }
     const double length = vec3_norm(d.normal);
     d.normal = length > least_length ? vec3_scale(d.normal, 1 / length) : (vec3){0, 0, 0};
+    double low = INFINITY, high = -INFINITY, radius2 = 0;
     for (size_t n = k->groups.first[g]; n < k->groups.first[g + 1]; n++) {
-        const triangle t = corners_of(k, k->groups.triangle[n]);
-        disc_include(&d, t.a);
-        disc_include(&d, t.b);
-        disc_include(&d, t.c);
+        const uint32_t *t = k->m->triangle[k->groups.triangle[n]];
+        for (int c = 0; c < 3; c++) {
+            const vec3 way = vec3_sub(k->m->vertex[t[c]], d.middle);
+            const double height = vec3_dot(way, d.normal), beside2 = vec3_norm2(way) - height * height;
+            low = height < low ? height : low;
+            high = height > high ? height : high;
+            radius2 = beside2 > radius2 ? beside2 : radius2;
+        }
     }
-    d.depth = d.depth * (1 + rounding) + rounding;
-    d.radius = d.radius * (1 + rounding) + rounding;
+    d.middle = vec3_axpy(0.5 * (low + high), d.normal, d.middle);
+    d.depth = 0.5 * (high - low) * (1 + rounding) + rounding;
+    d.radius = sqrt(radius2) * (1 + rounding) + rounding;
     return d;
 }
 
@@ -314,28 +313,13 @@ static bool plan(making *k, error *e)
 
 /* ---- distances */
 
-/* Some triangles of a group, in coordinates of a block, and flat discs around them. */
-typedef struct cluster {
-    triangle at[TOGETHER];
-    disc around[TOGETHER];
-    int count;
-} cluster;
-
-static void cluster_add(cluster *c, const triangle *t, vec3 origin)
-{
-    const triangle at = {vec3_sub(t->a, origin), vec3_sub(t->b, origin), vec3_sub(t->c, origin)};
-    const vec3 middle = middle_of(&at);
-    const double radius2 = fmax(vec3_norm2(vec3_sub(at.a, middle)),
-                                fmax(vec3_norm2(vec3_sub(at.b, middle)), vec3_norm2(vec3_sub(at.c, middle))));
-    c->at[c->count] = at;
-    c->around[c->count++] = (disc){middle, normal_of(&at), sqrt(radius2), 0};
-}
-
 #pragma GCC diagnostic ignored "-Wpsabi" /* what takes or returns such is inlined */
 /* Of a row of voxels. In single precision, which may be off by a share `roughly` of squares. */
 typedef float lanes __attribute__((vector_size(SIDE * sizeof(float))));
 typedef int32_t lanes_mask __attribute__((vector_size(SIDE * sizeof(int32_t)))); /* -1: yes, 0: no */
 static const float roughly = 1e-5f;
+/* Places near a block are rounded by less. */
+static const float hair = 1e-5f;
 static const lanes counting = {0, 1, 2, 3, 4, 5, 6, 7};
 
 ISA_INLINE lanes lanes_at(const double row[SIDE])
@@ -396,20 +380,57 @@ ISA_CLONES static bool find_rows(bbox box, const disc *d, const double nearest[V
     return any != 0;
 }
 
+/* Some triangles of a group, in coordinates of a block, and flat discs around them. */
+typedef struct cluster {
+    triangle at[TOGETHER];
+    lanes middle[3][TOGETHER / SIDE], normal[3][TOGETHER / SIDE], radius2[TOGETHER / SIDE];
+    int count;
+} cluster;
+
+static void cluster_add(cluster *c, const triangle *t, vec3 origin)
+{
+    const triangle at = {vec3_sub(t->a, origin), vec3_sub(t->b, origin), vec3_sub(t->c, origin)};
+    const vec3 middle = middle_of(&at), normal = normal_of(&at);
+    const double a2 = vec3_norm2(vec3_sub(at.a, middle)), b2 = vec3_norm2(vec3_sub(at.b, middle)),
+                 c2 = vec3_norm2(vec3_sub(at.c, middle)), ab2 = a2 > b2 ? a2 : b2;
+    const int n = c->count / SIDE, l = c->count % SIDE;
+    for (int axis = 0; axis < 3; axis++) {
+        c->middle[axis][n][l] = (float)vec3_get(middle, axis);
+        c->normal[axis][n][l] = (float)vec3_get(normal, axis);
+    }
+    c->radius2[n][l] = (float)(ab2 > c2 ? ab2 : c2);
+    c->at[c->count++] = at;
+}
+
+/* Those of the triangles from n * SIDE on, by bits, that may be nearer to a voxel than that: those in whose flat discs there is
+ * something as near. */
+ISA_INLINE unsigned find_near_triangles(const cluster *c, int n, vec3 voxel, double nearest)
+{
+    const lanes x = (float)voxel.x - c->middle[0][n], y = (float)voxel.y - c->middle[1][n],
+                z = (float)voxel.z - c->middle[2][n], away2 = x * x + y * y + z * z,
+                height = x * c->normal[0][n] + y * c->normal[1][n] + z * c->normal[2][n],
+                height2 = height * height, radius2 = c->radius2[n];
+    const float within = (float)nearest + hair, within2 = within * within;
+    const lanes room = within2 - height2 + roughly * (away2 + within2 + radius2),
+                beyond = away2 - height2 - radius2 - room;
+    const unsigned there = SIDE * (n + 1) > c->count ? (1u << (c->count - SIDE * n)) - 1 : 255;
+    return there & lanes_bits((room > 0) & ((beyond <= 0) | (beyond * beyond < 4 * radius2 * room)));
+}
+
 /* Lowers the distances of these voxels from what was seen so far. */
 ISA_CLONES static void approach(const cluster *c, const uint8_t rows[64], double nearest[VOXELS])
 {
     for (int row = 0; row < 64; row++)
-        for (int k = 0; rows[row] && k < c->count; k++) {
-            const vec3 first = {row >> 3, row & 7, 0};
-            double *so_far = &nearest[8 * row];
-            unsigned bits =
-                find_near_disc(&c->around[k], vec3_sub(first, c->around[k].middle), lanes_at(so_far));
-            for (bits &= rows[row]; bits; bits &= bits - 1) {
-                const int z = __builtin_ctz(bits);
-                const double d2 = triangle_distance2(&c->at[k], (vec3){first.x, first.y, z});
-                if (d2 < so_far[z] * so_far[z]) so_far[z] = sqrt(d2);
-            }
+        for (unsigned left = rows[row]; left; left &= left - 1) {
+            const int along = __builtin_ctz(left);
+            const vec3 voxel = {row >> 3, row & 7, along};
+            double so_far = nearest[8 * row + along];
+            for (int n = 0; SIDE * n < c->count; n++)
+                for (unsigned near = find_near_triangles(c, n, voxel, so_far); near; near &= near - 1) {
+                    const double d2 = triangle_distance2(&c->at[SIDE * n + __builtin_ctz(near)], voxel);
+                    if (d2 < so_far * so_far) so_far = sqrt(d2);
+                }
+            nearest[8 * row + along] = so_far;
         }
 }
 
@@ -447,35 +468,98 @@ static void unite(const making *k, uint32_t solid, const int32_t origin[3], cons
     }
 }
 
-/* No voxel is farther from a triangle than from a place of it; squared. */
-ISA_CLONES static void bound_by_place(vec3 at, double nearest2[VOXELS])
+/* How far voxels are at most, squared, and of which of the groups that tell it; -1: of none yet. No voxel is farther from a
+ * triangle than from a place of it. In single precision. */
+typedef struct bounds {
+    float nearest2[VOXELS];
+    int32_t from[VOXELS];
+} bounds;
+
+ISA_CLONES static void bound_by_place(vec3 at, int32_t number, bounds *b)
 {
-    double along2[SIDE];
-    for (int z = 0; z < SIDE; z++) along2[z] = (z - at.z) * (z - at.z);
+    float along2[SIDE];
+    for (int z = 0; z < SIDE; z++) along2[z] = (float)((z - at.z) * (z - at.z));
     for (int row = 0; row < 64; row++) {
-        const double x = (row >> 3) - at.x, y = (row & 7) - at.y, across2 = x * x + y * y;
+        const double x = (row >> 3) - at.x, y = (row & 7) - at.y;
+        const float across2 = (float)(x * x + y * y);
         for (int z = 0; z < SIDE; z++) {
-            const double d2 = across2 + along2[z];
-            nearest2[8 * row + z] = d2 < nearest2[8 * row + z] ? d2 : nearest2[8 * row + z];
+            const float d2 = across2 + along2[z], so_far = b->nearest2[8 * row + z];
+            b->nearest2[8 * row + z] = d2 < so_far ? d2 : so_far;
+            b->from[8 * row + z] = d2 < so_far ? number : b->from[8 * row + z];
         }
     }
 }
 
-/* Of many groups one triangle each is looked at before all others: what they leave to be nearer is little. Distances come out a
- * trace too large, so that the nearest triangle is still looked at. */
+/* Places along each axis, so many of a group. */
+typedef struct places {
+    float at[3][TOGETHER];
+} places;
+
+/* The middles of a group's triangles, or of some of them. */
+static places middles_of_group(const making *k, uint32_t group, vec3 origin)
+{
+    const size_t first = k->groups.first[group], count = k->groups.first[group + 1] - first;
+    places p;
+    for (size_t n = 0; n < TOGETHER; n++) {
+        const size_t which = count > TOGETHER ? n * count / TOGETHER : n < count ? n : 0;
+        const triangle t = corners_of(k, k->groups.triangle[first + which]);
+        const vec3 at = vec3_sub(middle_of(&t), origin);
+        p.at[0][n] = (float)at.x;
+        p.at[1][n] = (float)at.y;
+        p.at[2][n] = (float)at.z;
+    }
+    return p;
+}
+
+/* The same of a list of voxels, each of which names the next, and of many places. */
+ISA_CLONES static void bound_by_places(const places *p, int voxel, const int16_t next[VOXELS], bounds *b)
+{
+    for (; voxel >= 0; voxel = next[voxel]) {
+        const float x = (float)(voxel >> 6), y = (float)(voxel >> 3 & 7), z = (float)(voxel & 7);
+        lanes least = b->nearest2[voxel] + (lanes){0};
+        for (int n = 0; n < TOGETHER; n += SIDE) {
+            for (int l = 0; l < SIDE; l++) {
+                const float dx = x - p->at[0][n + l], dy = y - p->at[1][n + l], dz = z - p->at[2][n + l],
+                            d2 = dx * dx + dy * dy + dz * dz;
+                least[l] = d2 < least[l] ? d2 : least[l];
+            }
+        }
+        for (int l = 0; l < SIDE; l++)
+            if (least[l] < b->nearest2[voxel]) b->nearest2[voxel] = least[l];
+    }
+}
+
+/* Of many groups one triangle each is looked at before all others, then the triangles of the group that is nearest to a voxel so
+ * far: what they leave to be nearer is little. Distances come out a trace too large, so that the nearest triangle is still
+ * looked at. */
 static void bound_by_some(const making *k, vec3 origin, const uint32_t *near, size_t count,
                           double nearest[VOXELS])
 {
     if (count < MANY) return;
-    double nearest2[VOXELS];
+    bounds b;
+    int16_t first[2 * SOME], next[VOXELS];
     const size_t step = 1 + count / (2 * SOME);
-    for (int v = 0; v < VOXELS; v++) nearest2[v] = nearest[v] * nearest[v];
+    for (int v = 0; v < VOXELS; v++) {
+        b.nearest2[v] = (float)(nearest[v] * nearest[v]);
+        b.from[v] = -1;
+    }
     for (size_t n = 0; n < count; n += step) {
         const triangle t = corners_of(k, k->groups.triangle[k->groups.first[near[n]]]);
-        bound_by_place(vec3_sub(middle_of(&t), origin), nearest2);
+        bound_by_place(vec3_sub(middle_of(&t), origin), (int32_t)(n / step), &b);
+    }
+    memset(first, -1, sizeof first);
+    for (int v = 0; v < VOXELS; v++) {
+        if (b.from[v] < 0) continue;
+        next[v] = first[b.from[v]];
+        first[b.from[v]] = (int16_t)v;
+    }
+    for (size_t n = 0; n < count; n += step) {
+        if (first[n / step] < 0) continue;
+        const places middles = middles_of_group(k, near[n], origin);
+        bound_by_places(&middles, first[n / step], next, &b);
     }
     for (int v = 0; v < VOXELS; v++) {
-        const double d = sqrt(nearest2[v]) * (1 + rounding);
+        const double d = sqrt((double)b.nearest2[v]) * (1 + roughly) + hair;
         if (d < nearest[v]) nearest[v] = d;
     }
 }
