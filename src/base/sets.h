@@ -1,5 +1,5 @@
 /* sets: disjoint sets of the numbers 0 to n - 1, as a forest in an array of the caller's. The least of a set is its
- * root. Joining is not for several threads at once. */
+ * root. Joining is not for several threads at once, but for that of `shared`. */
 #ifndef HEXAD_BASE_SETS_H
 #define HEXAD_BASE_SETS_H
 
@@ -26,6 +26,32 @@ static inline bool sets_join(uint32_t *parent, uint32_t a, uint32_t b)
     b = sets_root(parent, b);
     parent[a > b ? a : b] = a < b ? a : b;
     return a != b;
+}
+
+/* The same while other threads do. Who is no root stays none, so that ways made shorter by others are right as well. */
+static inline uint32_t sets_root_shared(uint32_t *parent, uint32_t k)
+{
+    for (;;) {
+        const uint32_t up = __atomic_load_n(&parent[k], __ATOMIC_RELAXED);
+        const uint32_t next = __atomic_load_n(&parent[up], __ATOMIC_RELAXED);
+        if (next == up) return up;
+        __atomic_store_n(&parent[k], next, __ATOMIC_RELAXED);
+        k = next;
+    }
+}
+
+/* Likewise; the sets are the same whoever comes first. */
+static inline void sets_join_shared(uint32_t *parent, uint32_t a, uint32_t b)
+{
+    for (;;) {
+        a = sets_root_shared(parent, a);
+        b = sets_root_shared(parent, b);
+        if (a == b) return;
+        uint32_t high = a > b ? a : b;
+        const uint32_t low = a < b ? a : b;
+        if (__atomic_compare_exchange_n(&parent[high], &high, low, false, __ATOMIC_RELAXED, __ATOMIC_RELAXED))
+            return;
+    }
 }
 
 #endif

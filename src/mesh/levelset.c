@@ -1,5 +1,6 @@
 #include "mesh/levelset.h"
 
+#include <assert.h>
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
@@ -710,9 +711,10 @@ static bool fill_tiles(const making *k, vdb_grid *out, error *e)
 static bool make(making *k, const levelset_params *p, vdb_grid *out, error *e)
 {
     const double longest = k->m->triangle_count ? bbox_longest(mesh_box(k->m)) : 0;
+    assert(!p->edges || k->m->welded);
     if (!mesh_weld(k->m, MESH_DROP_CANCELLED, k->notes, e) || !to_index_space(k, p, out->index_to_world, e))
         return false;
-    const mesh_place place = {p->weld * longest / k->voxel_size, out->index_to_world, k->pool};
+    const mesh_place place = {p->weld * longest / k->voxel_size, out->index_to_world, p->edges, k->pool};
     k->fixed = mem_array(k->m->vertex_count, sizeof *k->fixed, "the mesh", e);
     if (!k->fixed) return false;
     for (size_t n = 0; n < k->m->vertex_count; n++) k->fixed[n] = winding_fix(k->m->vertex[n]);

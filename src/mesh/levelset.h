@@ -13,15 +13,17 @@
 #include "base/error.h"
 #include "base/threads.h"
 #include "triangles/mesh.h"
+#include "triangles/mesh_edges.h"
 #include "vdb/vdb.h"
 
 typedef struct levelset_params {
-    double voxel_size;   /* world units; 0: from the resolution */
-    int resolution;      /* voxels along the longest side of the mesh's box */
-    int band_vox;        /* half-width of the band */
-    double weld;         /* what lies nearer to an open edge, of the longest side of the box, is on it */
-    size_t memory_limit; /* bytes, the mesh included */
-    threads *pool;       /* works on the distances, and may be told to stop */
+    double voxel_size;       /* world units; 0: from the resolution */
+    int resolution;          /* voxels along the longest side of the mesh's box */
+    int band_vox;            /* half-width of the band */
+    double weld;             /* what lies nearer to an open edge, of the longest side of the box, is on it */
+    size_t memory_limit;     /* bytes, the mesh included */
+    const mesh_edges *edges; /* of the mesh, which is welded then, or NULL: not known */
+    threads *pool;           /* works on the distances, and may be told to stop */
 } levelset_params;
 
 /* *solids, which may be NULL, is how many there are. The grid has distances in world units, negative inside, and its leaves wherever the band is; what is

@@ -1,6 +1,7 @@
 #include "mesh/mesh_patches.h"
 
 #include <math.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -30,9 +31,10 @@ typedef struct making {
     mesh *m;
     const mesh_patches_params *params;
     double extent; /* longest side of the mesh's box */
-    mesh_edges edges;
-    vec3 *normal; /* of each triangle, unit; zero: it has none */
-    bool *is_cut; /* of each edge, at its first side */
+    const mesh_edges *edges;
+    mesh_edges own; /* where they were not known */
+    vec3 *normal;   /* of each triangle, unit; zero: it has none */
+    bool *is_cut;   /* of each edge, at its first side */
     orientation turned;
     uint32_t *patch; /* of each triangle */
     cut *cuts;
@@ -111,7 +113,7 @@ static bool find_normals(making *k, error *e)
             triangle_normal(k, n, &longest);
             bool against;
             const uint32_t *t = m->triangle[n];
-            const mesh_side *s = other_side(&k->edges, t[longest], t[(longest + 1) % 3], n, &against);
+            const mesh_side *s = other_side(k->edges, t[longest], t[(longest + 1) % 3], n, &against);
             if (!s || !has_normal(k->normal[s->triangle])) continue;
             k->normal[n] = vec3_scale(k->normal[s->triangle], against ? -1 : 1);
             without--;
@@ -184,9 +186,9 @@ static double find_angle(const making *k)
 {
     bends all = {.closed = true};
     for (uint32_t v = 0; v < k->m->vertex_count; v++)
-        for (size_t i = k->edges.first[v], n; i < k->edges.first[v + 1]; i += n) {
-            n = mesh_edges_width(&k->edges, v, i);
-            const mesh_side *s = k->edges.sides + i;
+        for (size_t i = k->edges->first[v], n; i < k->edges->first[v + 1]; i += n) {
+            n = mesh_edges_width(k->edges, v, i);
+            const mesh_side *s = k->edges->sides + i;
             all.closed &= n % 2 == 0;
             if (n == 2) bends_add(&all, is_flat(k, s) ? 0 : angle_at(k, s), length_of(k->m, v, s->other));
         }
@@ -202,9 +204,9 @@ static bool cut_edges(making *k, error *e)
     const double angle = k->out->feature_angle = find_angle(k);
     k->out->closed = true;
     for (uint32_t v = 0; v < k->m->vertex_count; v++)
-        for (size_t i = k->edges.first[v], n; i < k->edges.first[v + 1]; i += n) {
-            const mesh_side *s = k->edges.sides + i;
-            n = mesh_edges_width(&k->edges, v, i);
+        for (size_t i = k->edges->first[v], n; i < k->edges->first[v + 1]; i += n) {
+            const mesh_side *s = k->edges->sides + i;
+            n = mesh_edges_width(k->edges, v, i);
             const uint32_t *kind = k->params->kind;
             const bool feature = n == 2 && angle > 0 && is_bent(k, s, angle);
             k->is_cut[i] = n != 2 || feature || (kind && kind[s[0].triangle] != kind[s[1].triangle]);
@@ -275,10 +277,10 @@ static bool list_cuts(making *k, error *e)
     if (!k->cuts || !k->patches || !k->at || !k->around || !k->corner) return false;
     size_t count = 0, used = 0;
     for (uint32_t v = 0; v < k->m->vertex_count; v++)
-        for (size_t i = k->edges.first[v], n; i < k->edges.first[v + 1]; i += n) {
-            n = mesh_edges_width(&k->edges, v, i);
+        for (size_t i = k->edges->first[v], n; i < k->edges->first[v + 1]; i += n) {
+            n = mesh_edges_width(k->edges, v, i);
             if (!k->is_cut[i]) continue;
-            const mesh_side *s = k->edges.sides + i;
+            const mesh_side *s = k->edges->sides + i;
             for (size_t side = 0; side < n; side++) k->patches[used + side] = k->patch[s[side].triangle];
             qsort(k->patches + used, n, sizeof *k->patches, by_number);
             k->cuts[count++] = (cut){v, s->other, used, n, n == 2 ? cos(angle_at(k, s)) : 0};
@@ -406,9 +408,9 @@ static bool part_vertices(making *k, error *e)
     bool ok = to && set && number && out->m.vertex && out->m.triangle;
     if (ok) sets_reset(set, 3 * m->triangle_count);
     for (uint32_t v = 0; ok && v < m->vertex_count; v++)
-        for (size_t i = k->edges.first[v]; i < k->edges.first[v + 1];
-             i += mesh_edges_width(&k->edges, v, i)) {
-            const mesh_side *s = k->edges.sides + i;
+        for (size_t i = k->edges->first[v]; i < k->edges->first[v + 1];
+             i += mesh_edges_width(k->edges, v, i)) {
+            const mesh_side *s = k->edges->sides + i;
             if (k->is_cut[i]) continue;
             sets_join(set, corner_at(m, s[0].triangle, v), corner_at(m, s[1].triangle, v));
             sets_join(set, corner_at(m, s[0].triangle, s->other), corner_at(m, s[1].triangle, s->other));
@@ -430,6 +432,49 @@ static bool part_vertices(making *k, error *e)
     return ok;
 }
 
+/* ---- what needs no patches */
+
+typedef struct looking {
+    const mesh *m;
+    const mesh_edges *edges;
+    atomic_bool found; /* an edge that may be sharp, or whose triangles have no normals */
+} looking;
+
+/* As long as the parallelogram of two sides is large; zero: it may have none that counts. */
+static vec3 plain_normal(const mesh *m, uint32_t n)
+{
+    const uint32_t *t = m->triangle[n];
+    const vec3 ab = vec3_sub(m->vertex[t[1]], m->vertex[t[0]]),
+               ac = vec3_sub(m->vertex[t[2]], m->vertex[t[0]]),
+               bc = vec3_sub(m->vertex[t[2]], m->vertex[t[1]]), across = vec3_cross(ab, ac);
+    const double sides2 = vec3_norm2(ab) + vec3_norm2(ac) + vec3_norm2(bc), most = least_height * sides2;
+    return vec3_norm2(across) > most * most ? across : (vec3){0, 0, 0};
+}
+
+static void look_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    static const double most_tangent = 0.8; /* of an angle that is surely less than MESH_PATCHES_ANGLE */
+    looking *l = context;
+    (void)worker;
+    if (atomic_load_explicit(&l->found, memory_order_relaxed)) return;
+    for (size_t k = l->edges->first[begin]; k < l->edges->first[end]; k += 2) {
+        const vec3 a = plain_normal(l->m, l->edges->sides[k].triangle),
+                   b = plain_normal(l->m, l->edges->sides[k + 1].triangle);
+        const double tangent = most_tangent * vec3_dot(a, b);
+        if (tangent > 0 && vec3_norm2(vec3_cross(a, b)) < tangent * tangent) continue;
+        atomic_store(&l->found, true);
+        return;
+    }
+}
+
+bool mesh_patches_skip(const mesh *m, const mesh_edges *edges, threads *pool)
+{
+    looking l = {.m = m, .edges = edges};
+    if (edges->open || edges->odd || edges->branching || edges->against) return false;
+    threads_run(pool, m->vertex_count, TRIANGLES, look_chunk, &l);
+    return !l.found && !threads_stopped(pool);
+}
+
 /* ---- the whole */
 
 static bool is_skipped(const making *k)
@@ -444,19 +489,24 @@ static bool weld(making *k, mesh_notes *notes, error *e)
     mesh *m = k->m;
     if (!mesh_weld(m, MESH_KEEP_CANCELLED, notes, e)) return false;
     if (m->triangle_count == 0) return error_set(e, ERROR_NO_SURFACE, "no triangle of the mesh has an area");
-    if (!mesh_edges_list(m, k->params->pool, &k->edges, e) ||
-        !mesh_edges_close_seams(m, k->params->weld * bbox_longest(mesh_box(m)), k->params->pool, &k->edges,
-                                notes, e))
-        return false;
-    return m->welded || /* else faces may coincide now */
-           (mesh_weld(m, MESH_KEEP_CANCELLED, notes, e) && mesh_edges_list(m, k->params->pool, &k->edges, e));
+    k->edges = mesh_edges_close_seams(m, k->params->edges, k->params->weld * bbox_longest(mesh_box(m)),
+                                      k->params->pool, &k->own, notes, e);
+    if (!k->edges || m->welded) return k->edges;
+    k->edges = &k->own; /* faces may coincide now */
+    return mesh_weld(m, MESH_KEEP_CANCELLED, notes, e) && mesh_edges_list(m, k->params->pool, &k->own, e);
+}
+
+/* What is whole has nothing to weld. */
+static bool list_edges(making *k, mesh_notes *notes, error *e)
+{
+    if (!k->params->kind) return weld(k, notes, e);
+    k->edges = &k->own;
+    return mesh_edges_list(k->m, k->params->pool, &k->own, e);
 }
 
 static bool make(making *k, mesh_notes *notes, error *e)
 {
-    if (!(k->params->kind ? mesh_edges_list(k->m, k->params->pool, &k->edges, e) : weld(k, notes, e)) ||
-        !cut_edges(k, e))
-        return false;
+    if (!list_edges(k, notes, e) || !cut_edges(k, e)) return false;
     return is_skipped(k) || (number_patches(k, e) && make_curves(k, e) && part_vertices(k, e));
 }
 
@@ -466,7 +516,7 @@ bool mesh_patches_make(mesh *m, const mesh_patches_params *params, mesh_notes *n
     mesh_patches made = {0};
     making k = {.m = m, .params = params, .out = &made};
     bool ok = make(&k, notes, e);
-    mesh_edges_free(&k.edges);
+    mesh_edges_free(&k.own);
     orientation_free(&k.turned);
     free(k.normal);
     free(k.is_cut);

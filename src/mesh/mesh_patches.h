@@ -12,6 +12,7 @@
 #include "base/threads.h"
 #include "field/patches.h"
 #include "triangles/mesh.h"
+#include "triangles/mesh_edges.h"
 
 /* In place of a feature angle: MESH_PATCHES_ANGLE where the edges of the mesh are sharp, else none. */
 #define MESH_PATCHES_FOUND (-1.0)
@@ -27,7 +28,8 @@ typedef struct mesh_patches_params {
                            * nothing is welded, and its triangles keep their order within a patch */
     bool
         skip_smooth; /* of a closed mesh with an inside and no feature nothing is made: the result has no patches */
-    threads *pool; /* or NULL; does not show */
+    const mesh_edges *edges; /* of the mesh, which is welded then, or NULL: not known */
+    threads *pool;           /* or NULL; does not show */
 } mesh_patches_params;
 
 typedef struct mesh_patches {
@@ -53,6 +55,10 @@ typedef struct mesh_patches {
  * no_surface where no triangle is left, limit_memory, cancelled. */
 bool mesh_patches_make(mesh *m, const mesh_patches_params *params, mesh_notes *notes, mesh_patches *out,
                        error *e);
+/* Whether surely nothing would be made of the mesh with `skip_smooth` and an angle that is found, told without the work: it is
+ * closed, all of its triangles agree, and no two meet at an angle. These are its edges. False where it takes more to know. */
+bool mesh_patches_skip(const mesh *m, const mesh_edges *edges, threads *pool);
+
 void mesh_patches_free(mesh_patches *p); /* a zeroed one will do */
 
 #endif

@@ -27,12 +27,13 @@ typedef struct judging {
     const winding_point *fixed;
     const mesh_place *place;
     mesh_notes *notes;
-    mesh_edges edges;
+    const mesh_edges *edges;
+    mesh_edges own;     /* where they were not known */
     orientation turned; /* of triangles that hang together */
     uint32_t *number;   /* of a triangle's component */
     component *components;
     size_t component_count;
-    size_t boundary_edges, odd_edges, nonmanifold_edges, holes;
+    size_t holes;
 } judging;
 
 /* ---- edges */
@@ -140,16 +141,16 @@ static bool not_closed(judging *j, error *e)
     seam_edge *open;
     size_t count;
     hole *holes = NULL;
-    if (!mesh_edges_open(&j->edges, &open, &count, e)) return false;
+    if (!mesh_edges_open(j->edges, &open, &count, e)) return false;
     bool ok = find_holes(j, open, count, &holes, e);
     free(open);
     if (!ok) return false;
     print_holes(j, holes, where, sizeof where);
     free(holes);
-    if (j->odd_edges)
+    if (j->edges->odd)
         snprintf(odd, sizeof odd, "%s%zu edges at which an odd number of triangles, three or more, meet",
-                 j->boundary_edges ? " and " : "", j->odd_edges);
-    if (!j->boundary_edges)
+                 j->edges->open ? " and " : "", j->edges->odd);
+    if (!j->edges->open)
         return error_set(e, ERROR_INPUT_UNSUPPORTED,
                          "the mesh encloses no volume: it has %s, where walls within it end: remove them",
                          odd);
@@ -157,14 +158,7 @@ static bool not_closed(judging *j, error *e)
         e, ERROR_INPUT_UNSUPPORTED,
         "the mesh is open, so it encloses no volume: it has %zu boundary edges around %zu hole%s%s: "
         "\"holes\": \"fill\" closes them; %s",
-        j->boundary_edges, j->holes, j->holes == 1 ? "" : "s", odd, where);
-}
-
-static void count_edge(judging *j, size_t triangles)
-{
-    j->boundary_edges += triangles == 1;
-    j->odd_edges += triangles % 2 && triangles > 1;
-    j->nonmanifold_edges += triangles > 2;
+        j->edges->open, j->holes, j->holes == 1 ? "" : "s", odd, where);
 }
 
 static bool join_at_edges(judging *j, error *e)
@@ -174,17 +168,44 @@ static bool join_at_edges(judging *j, error *e)
     if (!mark) return false;
     for (int pass = PAIRS; pass < PASSES; pass++)
         for (size_t v = 0; v < j->m->vertex_count; v++)
-            for (size_t k = j->edges.first[v], n; k < j->edges.first[v + 1]; k += n) {
-                const mesh_side *s = j->edges.sides + k;
-                n = mesh_edges_width(&j->edges, v, k);
-                if (pass == PAIRS) count_edge(j, n);
+            for (size_t k = j->edges->first[v], n; k < j->edges->first[v + 1]; k += n) {
+                const mesh_side *s = j->edges->sides + k;
+                n = mesh_edges_width(j->edges, v, k);
                 if (pass == PAIRS && n == 2)
                     orientation_join(&j->turned, s[0].triangle, s[1].triangle, s[0].upwards == s[1].upwards);
                 if (pass == BRANCHES && n > 2) join_odd(j, s, n, mark);
                 if (pass == CHECK && n > 2) check_balance(j, s, n, mark);
             }
     free(mark);
-    return (j->boundary_edges == 0 && j->odd_edges == 0) || not_closed(j, e);
+    return true;
+}
+
+enum { CHUNK = 4096 }; /* of vertices or triangles */
+
+static void join_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const judging *j = context;
+    (void)worker;
+    for (size_t k = j->edges->first[begin]; k < j->edges->first[end]; k += 2)
+        sets_join_shared(j->turned.parent, j->edges->sides[k].triangle, j->edges->sides[k + 1].triangle);
+}
+
+static void shorten_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const judging *j = context;
+    (void)worker;
+    for (size_t n = begin; n < end; n++) sets_root_shared(j->turned.parent, (uint32_t)n);
+}
+
+/* Finds what hangs together. Where every edge has two triangles that agree, as most meshes have, all threads do. */
+static bool join_triangles(judging *j, error *e)
+{
+    const mesh_edges *edges = j->edges;
+    if (edges->open || edges->odd) return not_closed(j, e);
+    if (edges->branching || edges->against) return join_at_edges(j, e);
+    threads_run(j->place->pool, j->m->vertex_count, CHUNK, join_chunk, j);
+    threads_run(j->place->pool, j->m->triangle_count, CHUNK, shorten_chunk, j);
+    return !threads_stopped(j->place->pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
 
 /* ---- components */
@@ -407,16 +428,17 @@ static bool gather_solids(judging *j, uint32_t solids, mesh_solids *out, error *
 static bool settle(judging *j, mesh_solids *out, error *e)
 {
     uint32_t solids = 0;
-    if (!mesh_edges_list(j->m, j->place->pool, &j->edges, e) ||
-        !mesh_edges_close_seams(j->m, j->place->tolerance, j->place->pool, &j->edges, j->notes, e) ||
-        !orientation_init(&j->turned, j->m->triangle_count, e))
+    j->edges = mesh_edges_close_seams(j->m, j->place->edges, j->place->tolerance, j->place->pool, &j->own,
+                                      j->notes, e);
+    if (!j->edges || !orientation_init(&j->turned, j->m->triangle_count, e) || !join_triangles(j, e) ||
+        !number_components(j, e))
         return false;
-    if (!join_at_edges(j, e) || !number_components(j, e)) return false;
-    mesh_edges_free(&j->edges);
-    if (j->nonmanifold_edges)
+    if (j->edges->branching)
         mesh_note(j->notes,
                   "%zu edges at which four or more triangles meet: the mesh is closed but not manifold",
-                  j->nonmanifold_edges);
+                  j->edges->branching);
+    j->edges = NULL;
+    mesh_edges_free(&j->own);
     orient(j);
     uint32_t *rank = mem_array(j->component_count, sizeof *rank, what, e);
     if (!rank) return false;
@@ -434,7 +456,7 @@ bool mesh_repair_solids(mesh *m, const winding_point *fixed, const mesh_place *p
     judging j = {.m = m, .fixed = fixed, .place = place, .notes = notes};
     mesh_solids t = {0};
     bool ok = settle(&j, &t, e);
-    mesh_edges_free(&j.edges);
+    mesh_edges_free(&j.own);
     orientation_free(&j.turned);
     free(j.number);
     free(j.components);

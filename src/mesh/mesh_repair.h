@@ -15,6 +15,7 @@
 #include "base/error.h"
 #include "base/threads.h"
 #include "triangles/mesh.h"
+#include "triangles/mesh_edges.h"
 #include "mesh/winding_number.h"
 
 typedef struct mesh_solids {
@@ -27,6 +28,7 @@ typedef struct mesh_solids {
 typedef struct mesh_place {
     double tolerance;             /* vertices this near to an open edge lie on it */
     const double *index_to_world; /* of the mesh's units, for messages */
+    const mesh_edges *edges;      /* of the mesh, or NULL: not known */
     threads *pool;                /* or NULL; does not show */
 } mesh_place;
 

@@ -77,12 +77,23 @@ static bool wants_patches(const mesh_source_request *r, const mesh_patches *p, b
     return *out || suits_triangles(r, p, out, notes, e);
 }
 
+/* The mesh of a file, welded once for all that is made of it where that is possible: its edges are known then. */
+typedef struct welded {
+    mesh m;
+    mesh_edges edges;
+} welded;
+
+static const mesh_edges *edges_of(const welded *w)
+{
+    return w->m.welded ? &w->edges : NULL;
+}
+
 /* Of the mesh as it is, or as it is placed and cut. */
-static bool make_patches(const mesh_source_request *r, const mesh *whole, double feature_angle, bool placed,
+static bool make_patches(const mesh_source_request *r, const welded *w, double feature_angle, bool placed,
                          bool skip_smooth, mesh_notes *notes, mesh_patches *made, error *e)
 {
     mesh copy = {0};
-    if (!mesh_copy(whole, r->as_volume.pool, &copy, e)) return false;
+    if (!mesh_copy(&w->m, r->as_volume.pool, &copy, e)) return false;
     if (placed && r->to_world) mesh_move(&copy, r->to_world);
     if (placed && r->region && !mesh_clip(&copy, *r->region, e)) {
         mesh_free(&copy);
@@ -92,18 +103,19 @@ static bool make_patches(const mesh_source_request *r, const mesh *whole, double
                                         .feature_angle = feature_angle,
                                         .spacing = spacing_of(r, mesh_area(&copy)),
                                         .skip_smooth = skip_smooth,
+                                        .edges = placed ? NULL : edges_of(w),
                                         .pool = r->as_volume.pool};
     return mesh_patches_make(&copy, &params, notes, made, e);
 }
 
 /* A closed mesh that is to be resolved and has no other sharp edges is cut at those that its spacing would leave out. */
-static bool cut_bends(const mesh_source_request *r, const mesh *whole, const mesh_notes *read,
+static bool cut_bends(const mesh_source_request *r, const welded *w, const mesh_notes *read,
                       mesh_patches *given, mesh_notes *notes, error *e)
 {
     if (!given->closed || given->feature_edges > 0 || r->spec->has_features) return true;
     mesh_notes again = *read;
     mesh_patches cut = {0};
-    if (!make_patches(r, whole, cut_angle, false, false, &again, &cut, e)) return false;
+    if (!make_patches(r, w, cut_angle, false, false, &again, &cut, e)) return false;
     mesh_patches_free(given);
     cut.has_rough_curves = true;
     *given = cut;
@@ -112,7 +124,7 @@ static bool cut_bends(const mesh_source_request *r, const mesh *whole, const mes
 }
 
 /* *made stays empty where the mesh is to be a level set. `thin`: it was tried, and shows too little. */
-static bool choose_patches(const mesh_source_request *r, const mesh *whole, bool thin, mesh_notes *notes,
+static bool choose_patches(const mesh_source_request *r, const welded *w, bool thin, mesh_notes *notes,
                            mesh_patches *made, error *e)
 {
     const spec_mesh *s = r->spec;
@@ -122,8 +134,9 @@ static bool choose_patches(const mesh_source_request *r, const mesh *whole, bool
     bool wanted = thin;
     if (!r->alone || s->interior == SPEC_INTERIOR_DROP) return true;
     const bool skip = !thin && !r->resolve && !s->has_features;
-    bool ok = make_patches(r, whole, angle, false, skip, &as_given, &given, e) &&
-              (!r->resolve || cut_bends(r, whole, notes, &given, &as_given, e)) &&
+    if (skip && edges_of(w) && mesh_patches_skip(&w->m, &w->edges, r->as_volume.pool)) return true;
+    bool ok = make_patches(r, w, angle, false, skip, &as_given, &given, e) &&
+              (!r->resolve || cut_bends(r, w, notes, &given, &as_given, e)) &&
               (thin || wants_patches(r, &given, &wanted, &as_given, e));
     if (!ok || !wanted) {
         mesh_patches_free(&given);
@@ -137,7 +150,7 @@ static bool choose_patches(const mesh_source_request *r, const mesh *whole, bool
     const double found = given.feature_angle;
     const bool rough = given.has_rough_curves;
     mesh_patches_free(&given);
-    if (!make_patches(r, whole, found, true, false, notes, made, e)) return false;
+    if (!make_patches(r, w, found, true, false, notes, made, e)) return false;
     made->has_rough_curves = rough;
     return true;
 }
@@ -207,33 +220,33 @@ static bool close_holes(mesh *m, const mesh_edges *edges, size_t *holes, error *
 }
 
 /* Makes a copy of a mesh that encloses a volume, as far as that takes no more than filling its holes. */
-static bool fill_holes(const mesh_source_request *r, const mesh *whole, mesh *out, mesh_notes *notes,
-                       error *e)
+static bool fill_holes(const mesh_source_request *r, const welded *w, mesh *out, mesh_notes *notes, error *e)
 {
-    mesh_edges edges = {0};
+    mesh_edges own = {0};
+    const mesh_edges *edges = NULL;
     mesh_notes unused = {0}; /* the level set tells the same */
     size_t holes = 0;
-    bool ok = mesh_copy(whole, r->as_volume.pool, out, e) &&
+    bool ok = mesh_copy(&w->m, r->as_volume.pool, out, e) &&
               mesh_weld(out, MESH_DROP_CANCELLED, &unused, e) &&
-              mesh_edges_list(out, r->as_volume.pool, &edges, e) &&
-              mesh_edges_close_seams(out, r->spec->weld * bbox_longest(mesh_box(out)), r->as_volume.pool,
-                                     &edges, &unused, e) &&
-              close_holes(out, &edges, &holes, e);
-    mesh_edges_free(&edges);
+              (edges = mesh_edges_close_seams(out, edges_of(w), r->spec->weld * bbox_longest(mesh_box(out)),
+                                              r->as_volume.pool, &own, &unused, e)) &&
+              close_holes(out, edges, &holes, e);
+    mesh_edges_free(&own);
     if (ok && holes) mesh_note(notes, "holes of the mesh that are filled: %zu", holes);
     return ok;
 }
 
 /* ---- the whole */
 
-static volume *open_level_set(const mesh_source_request *r, const mesh *whole, const mesh_notes *read,
-                              error *e)
+static volume *open_level_set(const mesh_source_request *r, const welded *w, const mesh_notes *read, error *e)
 {
-    if (r->spec->holes == SPEC_HOLES_KEEP) return volume_of_mesh(&r->as_volume, whole, read, e);
+    volume_mesh_request as_it_is = r->as_volume;
+    as_it_is.edges = edges_of(w);
+    if (r->spec->holes == SPEC_HOLES_KEEP) return volume_of_mesh(&as_it_is, &w->m, read, e);
     mesh filled = {0};
     mesh_notes notes = *read;
     volume *v = NULL;
-    if (fill_holes(r, whole, &filled, &notes, e))
+    if (fill_holes(r, w, &filled, &notes, e))
         v = volume_of_mesh(&r->as_volume, &filled, &notes, e);
     else
         error_prefix(e, "%s", r->as_volume.path);
@@ -250,15 +263,14 @@ static bool is_too_thin(const mesh_source_request *r, const volume *v, const err
     return v ? volume_describe(v)->fidelity.thin > most_missing : e->code == ERROR_NO_SURFACE;
 }
 
-static bool open_read(const mesh_source_request *r, const mesh *whole, const mesh_notes *read,
+static bool open_read(const mesh_source_request *r, const welded *w, const mesh_notes *read,
                       volume **as_volume, mesh_surface **as_patches, mesh_notes *notes, error *e)
 {
     mesh_patches patches = {0};
     mesh_notes about = *read;
-    if (!choose_patches(r, whole, false, &about, &patches, e))
-        return error_prefix(e, "%s", r->as_volume.path);
+    if (!choose_patches(r, w, false, &about, &patches, e)) return error_prefix(e, "%s", r->as_volume.path);
     if (patches.count == 0) {
-        volume *opened = open_level_set(r, whole, read, e);
+        volume *opened = open_level_set(r, w, read, e);
         const bool thin = is_too_thin(r, opened, e);
         if (!thin && opened) *as_volume = opened;
         if (!thin && !opened && !r->alone && e->code == ERROR_INPUT_UNSUPPORTED)
@@ -267,8 +279,7 @@ static bool open_read(const mesh_source_request *r, const mesh *whole, const mes
                 "a mesh that is combined, moved by an offset or cut by a surface must be closed; an open one may be placed, or cut by a box");
         if (!thin) return opened != NULL;
         volume_close(opened);
-        if (!choose_patches(r, whole, true, &about, &patches, e))
-            return error_prefix(e, "%s", r->as_volume.path);
+        if (!choose_patches(r, w, true, &about, &patches, e)) return error_prefix(e, "%s", r->as_volume.path);
         mesh_note(&about, "the mesh is thinner than voxels can be: it is sampled on its triangles");
     }
     if (patches.open_edges)
@@ -290,13 +301,15 @@ bool mesh_source_open(const mesh_source_request *request, volume **as_volume, me
 {
     const volume_mesh_request *v = &request->as_volume;
     const mesh_file file = {v->fd, v->path, v->reader, v->resolution.memory_limit};
-    mesh whole = {0};
+    welded w = {0};
     mesh_notes read = {0};
-    if (!mesh_file_read(&file, &whole, &read, e)) return error_prefix(e, "%s", v->path);
-    /* once for all that is made of it */
-    bool ok = mesh_weld_clean(&whole, v->pool, e) || error_prefix(e, "%s", v->path);
-    ok = ok && open_read(request, &whole, &read, as_volume, as_patches, notes, e);
-    mesh_free(&whole);
+    if (!mesh_file_read(&file, &w.m, &read, e)) return error_prefix(e, "%s", v->path);
+    bool ok =
+        mesh_weld_clean(&w.m, v->pool, e) && (!w.m.welded || mesh_edges_list(&w.m, v->pool, &w.edges, e));
+    if (!ok) error_prefix(e, "%s", v->path);
+    ok = ok && open_read(request, &w, &read, as_volume, as_patches, notes, e);
+    mesh_edges_free(&w.edges);
+    mesh_free(&w.m);
     return ok;
 }
 

@@ -39,12 +39,31 @@ static void sort_sides(mesh_side *sides, size_t count)
     }
 }
 
+static void add(size_t *all, size_t more)
+{
+    if (more > 0) __atomic_fetch_add(all, more, __ATOMIC_RELAXED);
+}
+
 static void sort_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const mesh_edges *edges = context;
+    mesh_edges *edges = context;
+    mesh_edges counts = {0};
     (void)worker;
-    for (size_t v = begin; v < end; v++)
+    for (size_t v = begin; v < end; v++) {
         sort_sides(edges->sides + edges->first[v], edges->first[v + 1] - edges->first[v]);
+        for (size_t k = edges->first[v], n; k < edges->first[v + 1]; k += n) {
+            const mesh_side *s = edges->sides + k;
+            n = mesh_edges_width(edges, v, k);
+            counts.open += n == 1;
+            counts.odd += n > 1 && n % 2;
+            counts.branching += n > 2;
+            counts.against += n == 2 && s[0].upwards == s[1].upwards;
+        }
+    }
+    add(&edges->open, counts.open);
+    add(&edges->odd, counts.odd);
+    add(&edges->branching, counts.branching);
+    add(&edges->against, counts.against);
 }
 
 typedef struct list_job {
@@ -100,46 +119,45 @@ size_t mesh_edges_width(const mesh_edges *edges, size_t v, size_t k)
 
 bool mesh_edges_open(const mesh_edges *edges, seam_edge **out, size_t *count, error *e)
 {
-    seam_edge *list = NULL;
-    *count = 0;
-    for (int pass = 0; pass < 2; pass++) {
-        if (pass && !(list = mem_array(*count, sizeof *list, what, e))) return false;
-        *count = 0;
-        for (uint32_t v = 0; v < edges->vertex_count; v++)
-            for (size_t k = edges->first[v], n; k < edges->first[v + 1]; k += n) {
-                const mesh_side *s = edges->sides + k;
-                n = mesh_edges_width(edges, v, k);
-                if (n != 1) continue;
-                if (pass)
-                    list[*count] =
-                        (seam_edge){s->upwards ? v : s->other, s->upwards ? s->other : v, s->triangle};
-                ++*count;
-            }
-    }
+    seam_edge *list = mem_array(edges->open, sizeof *list, what, e);
+    size_t found = 0;
+    if (!list) return false;
+    for (uint32_t v = 0; found < edges->open; v++)
+        for (size_t k = edges->first[v], n; k < edges->first[v + 1]; k += n) {
+            const mesh_side *s = edges->sides + k;
+            n = mesh_edges_width(edges, v, k);
+            if (n == 1)
+                list[found++] =
+                    (seam_edge){s->upwards ? v : s->other, s->upwards ? s->other : v, s->triangle};
+        }
     *out = list;
+    *count = found;
     return true;
 }
 
 /* First vertices meet vertices; then each round splits one edge of a triangle. */
-bool mesh_edges_close_seams(mesh *m, double tolerance, threads *pool, mesh_edges *edges, mesh_notes *notes,
-                            error *e)
+const mesh_edges *mesh_edges_close_seams(mesh *m, const mesh_edges *known, double tolerance, threads *pool,
+                                         mesh_edges *own, mesh_notes *notes, error *e)
 {
     enum { MOST_ROUNDS = 9 };
     size_t joined = 0, split = 0, changed = 1;
+    const mesh_edges *edges = known ? known : own;
+    if (!known && !mesh_edges_list(m, pool, own, e)) return NULL;
     for (int round = 0; changed && round < MOST_ROUNDS; round++) {
         const size_t before = split;
         seam_edge *open;
         size_t count;
-        if (!mesh_edges_open(edges, &open, &count, e)) return false;
+        if (!mesh_edges_open(edges, &open, &count, e)) return NULL;
         bool ok = round == 0 ? seams_join(m, open, count, tolerance, &joined, e)
                              : seams_split(m, open, count, tolerance, &split, e);
         free(open);
         changed = count > 0 && (round == 0 || split > before);
-        if (!ok || (changed && !mesh_edges_list(m, pool, edges, e))) return false;
+        if (!ok || (changed && !mesh_edges_list(m, pool, own, e))) return NULL;
+        if (changed) edges = own;
     }
     if (joined)
         mesh_note(notes, "%zu vertices of open edges lie as near to others as rounding: joined", joined);
     if (split)
         mesh_note(notes, "%zu triangles have vertices of others on their open edges: split there", split);
-    return true;
+    return edges;
 }

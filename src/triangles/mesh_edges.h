@@ -26,6 +26,9 @@ typedef struct mesh_edges {
     size_t vertex_count;
     mesh_side *sides;
     size_t *first;
+    size_t open, odd,
+        branching;  /* edges of one triangle, of three or a larger odd number, of more than two */
+    size_t against; /* edges of two triangles that go along them the same way */
 } mesh_edges;
 
 /* *out is what was there before, freed, or zeroed; free it after failure, too. Errors: limit_memory, cancelled. */
@@ -38,9 +41,10 @@ size_t mesh_edges_width(const mesh_edges *edges, size_t v, size_t k);
 /* The edges of one triangle only. Free *out. Errors: limit_memory. */
 bool mesh_edges_open(const mesh_edges *edges, seam_edge **out, size_t *count, error *e);
 
-/* Closes open edges that meet others but for `tolerance`: vertices are joined, triangles split (see seams.h). The
- * edges are listed anew where that changed the mesh. Adds notes. Errors: limit_memory, cancelled. */
-bool mesh_edges_close_seams(mesh *m, double tolerance, threads *pool, mesh_edges *edges, mesh_notes *notes,
-                            error *e);
+/* Closes open edges that meet others but for `tolerance`: vertices are joined, triangles split (see seams.h). `known` are the
+ * edges of the mesh, or NULL. Returns those that it has then: `known`, or *own, which are listed where need be and the caller's
+ * to free, also after failure, which gives NULL. Adds notes. Errors: limit_memory, cancelled. */
+const mesh_edges *mesh_edges_close_seams(mesh *m, const mesh_edges *known, double tolerance, threads *pool,
+                                         mesh_edges *own, mesh_notes *notes, error *e);
 
 #endif

@@ -403,6 +403,7 @@ static bool load_mesh(const volume_mesh_request *r, const resolution *choice, lo
                                     .band_vox = (int)fmax(band, r->band_vox),
                                     .weld = r->weld,
                                     .memory_limit = r->resolution.memory_limit,
+                                    .edges = r->edges,
                                     .pool = r->pool};
     snprintf(l->name, sizeof l->name, "its level set");
     v->info.level_set = true;

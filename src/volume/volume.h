@@ -20,6 +20,7 @@
 #include "field/field.h"
 #include "mesh/fidelity.h"
 #include "triangles/mesh.h"
+#include "triangles/mesh_edges.h"
 #include "mesh/mesh_faces.h"
 #include "volume/resolution.h"
 
@@ -51,6 +52,7 @@ typedef struct volume_mesh_request {
     resolution_request resolution; /* its memory_limit as above, the process that reads included */
     int band_vox;                  /* half-width of the band of distances */
     double weld;                   /* as in levelset_params */
+    const mesh_edges *edges;       /* as in levelset_params, of a mesh that was read already */
     double offset;                 /* of the surface from the mesh, outwards */
     bool keep_faces;               /* the triangles stay, see volume_faces */
     threads *pool;                 /* as in levelset_params */

@@ -136,21 +136,41 @@ typedef struct judgement {
 
 static const double TOLERANCE = 1e-5;
 
-static judgement judge(mesh m)
+/* `known`: its edges are. */
+static judgement judge_with(mesh m, bool known, threads *pool)
 {
     judgement j = {0};
     mesh_solids t = {0};
+    mesh_edges edges = {0};
     const double unit[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
-    const mesh_place place = {TOLERANCE, unit, NULL};
+    const mesh_place place = {TOLERANCE, unit, known ? &edges : NULL, pool};
     assert_true(mesh_weld(&m, MESH_DROP_CANCELLED, &j.notes, &j.e));
+    assert_true(!known || mesh_edges_list(&m, pool, &edges, &j.e));
     winding_point *fixed = fix_all(&m);
     j.ok = mesh_repair_solids(&m, fixed, &place, &t, &j.notes, &j.e);
     j.triangles = m.triangle_count;
     j.solids = t.solid_count;
     if (j.ok) assert_int_equal(t.first[t.solid_count], m.triangle_count);
     mesh_solids_free(&t);
+    mesh_edges_free(&edges);
     free(fixed);
     mesh_free(&m);
+    return j;
+}
+
+/* Edges that are known, and threads, change nothing. */
+static judgement judge(mesh m)
+{
+    mesh copy = {0};
+    error e = {0};
+    assert_true(mesh_copy(&m, NULL, &copy, &e));
+    const judgement j = judge_with(m, false, NULL), again = judge_with(copy, true, mesh_fixture_pool());
+    assert_int_equal(j.ok, again.ok);
+    assert_string_equal(j.e.message, again.e.message);
+    assert_int_equal(j.triangles, again.triangles);
+    assert_int_equal(j.solids, again.solids);
+    assert_int_equal(j.notes.count, again.notes.count);
+    for (size_t k = 0; k < j.notes.count; k++) assert_string_equal(j.notes.text[k], again.notes.text[k]);
     return j;
 }
 
@@ -183,6 +203,18 @@ static void good_meshes_have_no_notes(void **state)
     assert_int_equal(j.notes.count, 0);
     assert_int_equal(j.solids, 2);
     assert_int_equal(j.triangles, 640);
+}
+
+/* As many solids as balls, of so many triangles that all threads look for them. */
+static void many_triangles_hang_together(void **state)
+{
+    (void)state;
+    mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 1, 5);
+    for (int k = 1; k < 4; k++) mesh_fixture_append(&m, mesh_fixture_ball((vec3){3 * k, 0, 0}, 1, 5));
+    const judgement j = judge(m);
+    assert_true(j.ok);
+    assert_int_equal(j.solids, 4);
+    assert_int_equal(j.notes.count, 0);
 }
 
 static void holes_are_counted(void **state)
@@ -360,7 +392,11 @@ static void shells_in_shells(void **state)
 
 static vdb_grid *make(mesh *m, int voxels, mesh_notes *notes)
 {
-    const levelset_params params = {0, voxels, 4, 1e-6, (size_t)1 << 30, mesh_fixture_pool()};
+    const levelset_params params = {.resolution = voxels,
+                                    .band_vox = 4,
+                                    .weld = 1e-6,
+                                    .memory_limit = (size_t)1 << 30,
+                                    .pool = mesh_fixture_pool()};
     error e = {0};
     vdb_grid *g = levelset_make(m, &params, notes, NULL, &e);
     if (!g) fail_msg("%s", e.message);
@@ -712,8 +748,12 @@ static void sizes_and_limits(void **state)
                  {1e-5, 0, 1 << 30, ERROR_SPEC_INVALID}, {0, 256, 1 << 20, ERROR_LIMIT_MEMORY},
                  {0, 8191, 1 << 26, ERROR_LIMIT_MEMORY}, {0, 256, 100, ERROR_LIMIT_MEMORY}};
     for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
-        const levelset_params params = {cases[k].voxel_size, cases[k].resolution, 4, 1e-6,
-                                        cases[k].memory,     mesh_fixture_pool()};
+        const levelset_params params = {.voxel_size = cases[k].voxel_size,
+                                        .resolution = cases[k].resolution,
+                                        .band_vox = 4,
+                                        .weld = 1e-6,
+                                        .memory_limit = cases[k].memory,
+                                        .pool = mesh_fixture_pool()};
         error e = {0};
         mesh_notes notes = {0};
         mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 1, 2);
@@ -726,7 +766,8 @@ static void sizes_and_limits(void **state)
     }
     error e = {0};
     mesh_notes notes = {0};
-    const levelset_params params = {0, 100, 4, 1e-6, 1 << 30, mesh_fixture_pool()};
+    const levelset_params params = {
+        .resolution = 100, .band_vox = 4, .weld = 1e-6, .memory_limit = 1 << 30, .pool = mesh_fixture_pool()};
     mesh point = mesh_fixture_ball((vec3){1, 1, 1}, 0, 0);
     assert_null(levelset_make(&point, &params, &notes, NULL, &e));
     assert_int_equal(e.code, ERROR_NO_SURFACE);
@@ -770,6 +811,7 @@ int main(void)
         cmocka_unit_test(winding_through_corners),
         cmocka_unit_test(winding_of_a_ball),
         cmocka_unit_test(good_meshes_have_no_notes),
+        cmocka_unit_test(many_triangles_hang_together),
         cmocka_unit_test(holes_are_counted),
         cmocka_unit_test(holes_are_placed),
         cmocka_unit_test(near_vertices_are_joined),

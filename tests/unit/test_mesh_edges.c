@@ -1,0 +1,96 @@
+/* The edges of meshes, by how many triangles meet there. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <cmocka.h>
+
+#include "mesh_fixture.h"
+#include "triangles/mesh_edges.h"
+
+static vec3 flat(double u, double v)
+{
+    return vec3_make(u, v, 0);
+}
+
+static void assert_edges(const mesh *m, size_t open, size_t odd, size_t branching, size_t against)
+{
+    mesh_edges edges = {0};
+    error e = {0};
+    assert_true(mesh_edges_list(m, mesh_fixture_pool(), &edges, &e));
+    assert_int_equal(edges.open, open);
+    assert_int_equal(edges.odd, odd);
+    assert_int_equal(edges.branching, branching);
+    assert_int_equal(edges.against, against);
+    seam_edge *list;
+    size_t count, found = 0;
+    assert_true(mesh_edges_open(&edges, &list, &count, &e));
+    assert_int_equal(count, open);
+    for (size_t k = 0; k < count; k++) { /* each is its triangle's */
+        const uint32_t *t = m->triangle[list[k].triangle];
+        for (int c = 0; c < 3; c++) found += t[c] == list[k].from && t[(c + 1) % 3] == list[k].to;
+    }
+    assert_int_equal(found, count);
+    free(list);
+    mesh_edges_free(&edges);
+}
+
+static void kinds_are_counted(void **state)
+{
+    (void)state;
+    mesh_notes notes = {0};
+    error e = {0};
+    mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 1, 5); /* several chunks of work */
+    assert_true(mesh_weld(&m, MESH_DROP_CANCELLED, &notes, &e));
+    assert_edges(&m, 0, 0, 0, 0);
+    mesh_fixture_turn(&m, 7000);
+    assert_edges(&m, 0, 0, 0, 3);
+    mesh_fixture_turn(&m, 7000);
+    const uint32_t *t = m.triangle[7];
+    mesh_fixture_add(&m, t[0], t[1], 5000); /* at an edge of two triangles; its others are its own */
+    assert_edges(&m, 2, 1, 1, 0);
+    t = m.triangle[7];
+    mesh_fixture_add(&m, t[1], t[0], 5001);
+    assert_edges(&m, 4, 0, 1, 0);
+    mesh_free(&m);
+    mesh sheet = mesh_fixture_sheet(100, 60, flat);
+    assert_edges(&sheet, 320, 0, 0, 0);
+    mesh_free(&sheet);
+}
+
+/* Edges that are known are those of a closed mesh, and are listed anew once vertices were joined. */
+static void known_edges_are_kept(void **state)
+{
+    (void)state;
+    for (int cut = 0; cut < 2; cut++) {
+        mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 1, 2);
+        mesh_edges known = {0}, own = {0};
+        mesh_notes notes = {0};
+        error e = {0};
+        assert_true(mesh_weld(&m, MESH_DROP_CANCELLED, &notes, &e));
+        if (cut) { /* a corner of its own, a hair away */
+            mesh more = mesh_fixture_ball((vec3){1e-7, 0, 0}, 1, 2);
+            const size_t first = m.vertex_count;
+            mesh_fixture_append(&m, more);
+            m.triangle_count /= 2;
+            m.triangle[3][0] = (uint32_t)first + m.triangle[3][0];
+        }
+        assert_true(mesh_edges_list(&m, NULL, &known, &e));
+        assert_int_equal(known.open, cut ? 4 : 0);
+        const mesh_edges *edges = mesh_edges_close_seams(&m, &known, 1e-5, NULL, &own, &notes, &e);
+        assert_ptr_equal(edges, cut ? &own : &known);
+        assert_int_equal(edges->open, 0);
+        assert_int_equal(notes.count, cut);
+        mesh_edges_free(&known);
+        mesh_edges_free(&own);
+        mesh_free(&m);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(kinds_are_counted),
+                                       cmocka_unit_test(known_edges_are_kept)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
