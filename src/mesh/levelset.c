@@ -47,6 +47,7 @@ typedef struct groups {
     uint32_t *first, *triangle; /* of group g: triangle[first[g]] .. triangle[first[g + 1]], in their order */
     bbox *box;
     disc *disc;
+    vec3 *place; /* on one of the triangles */
 } groups;
 
 typedef struct making {
@@ -203,6 +204,8 @@ static void bound_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t g = begin; g < end; g++) {
         k->groups.box[g] = box_of_group(k, g);
         k->groups.disc[g] = disc_of_group(k, g);
+        const triangle t = corners_of(k, k->groups.triangle[k->groups.first[g]]);
+        k->groups.place[g] = middle_of(&t);
     }
 }
 
@@ -218,7 +221,8 @@ static bool make_groups(making *k, error *e)
         all->triangle = mem_array(count, sizeof *all->triangle, what, e);
         all->box = mem_array(all->count, sizeof *all->box, what, e);
         all->disc = mem_array(all->count, sizeof *all->disc, what, e);
-        ok = all->first && all->triangle && all->box && all->disc;
+        all->place = mem_array(all->count, sizeof *all->place, what, e);
+        ok = all->first && all->triangle && all->box && all->disc && all->place;
     }
     if (ok) { /* counted two ahead, so that filling moves the starts to their places */
         for (size_t n = 0; n < count; n++) all->first[group[n] + 2]++;
@@ -236,6 +240,7 @@ static void groups_free(groups *all)
     free(all->triangle);
     free(all->box);
     free(all->disc);
+    free(all->place);
     *all = (groups){0};
 }
 
@@ -299,7 +304,7 @@ static bool plan(making *k, error *e)
         if (!plan_group(k, g, e)) return false;
     size_t needed = k->map.count * (VOXELS * sizeof(float) + 128) + block_map_bytes(k->map.count) +
                     k->pair_count * (sizeof *k->pairs + sizeof *k->near) +
-                    k->groups.count * (sizeof(bbox) + sizeof(disc)) + 4 * k->m->triangle_count;
+                    k->groups.count * (sizeof(bbox) + sizeof(disc) + sizeof(vec3)) + 4 * k->m->triangle_count;
     if (needed > k->limit) return over_limit(k, needed, e);
     k->first = mem_array((size_t)k->map.count + 2, sizeof *k->first, "the blocks around the mesh", e);
     k->near = mem_array(k->pair_count, sizeof *k->near, "the blocks around the mesh", e);
@@ -362,21 +367,44 @@ ISA_INLINE unsigned find_near_disc(const disc *d, vec3 from, lanes nearest)
     return lanes_bits((room > 0) & ((beyond <= 0) | (beyond * beyond < 4 * radius2 * room)));
 }
 
-/* The voxels of each row that may be nearer to what is in a box and a disc than to all so far, by bits; whether there are any. */
-ISA_CLONES static bool find_rows(bbox box, const disc *d, const double nearest[VOXELS], uint8_t rows[64])
+/* The square of the farthest that a voxel of each row is from what was seen so far. */
+static void find_farthest(const double nearest[VOXELS], lanes farthest2[SIDE])
 {
-    double outside_z[SIDE];
-    unsigned any = 0;
-    for (int z = 0; z < SIDE; z++) outside_z[z] = outside2(box.min.z, box.max.z, z);
-    const lanes along2 = lanes_at(outside_z);
     for (int row = 0; row < 64; row++) {
-        const lanes so_far = lanes_at(&nearest[8 * row]);
-        const float across2 =
-            (float)(outside2(box.min.x, box.max.x, row >> 3) + outside2(box.min.y, box.max.y, row & 7));
-        unsigned bits = lanes_bits((across2 + along2) * (1 - roughly) < so_far * so_far);
-        if (bits) bits &= find_near_disc(d, vec3_sub((vec3){row >> 3, row & 7, 0}, d->middle), so_far);
-        rows[row] = (uint8_t)bits;
-        any |= bits;
+        double most = 0;
+        for (int z = 0; z < SIDE; z++) most = nearest[8 * row + z] > most ? nearest[8 * row + z] : most;
+        farthest2[row >> 3][row & 7] = (float)(most * most);
+    }
+}
+
+/* Squared, of 0 to SIDE - 1. */
+ISA_INLINE lanes outside_lanes(double low, double high)
+{
+    double out[SIDE];
+    for (int k = 0; k < SIDE; k++) out[k] = outside2(low, high, k);
+    return lanes_at(out);
+}
+
+/* The voxels of each row that may be nearer to what is in a box and a disc than to all so far, by bits; whether there are any.
+ * Most rows have none, which the box tells of eight rows at a time. */
+ISA_CLONES static bool find_rows(bbox box, const disc *d, const double nearest[VOXELS],
+                                 const lanes farthest2[SIDE], uint8_t rows[64])
+{
+    const lanes across2 = outside_lanes(box.min.y, box.max.y), along2 = outside_lanes(box.min.z, box.max.z);
+    const float beside2 = (float)outside2(box.min.z - (SIDE - 1), box.max.z, 0); /* of a whole row */
+    unsigned any = 0;
+    memset(rows, 0, 64);
+    for (int x = 0; x < SIDE; x++) {
+        const lanes off2 = (float)outside2(box.min.x, box.max.x, x) + across2;
+        unsigned near = lanes_bits((off2 + beside2) * (1 - roughly) < farthest2[x]);
+        for (; near; near &= near - 1) {
+            const int y = __builtin_ctz(near), row = SIDE * x + y;
+            const lanes so_far = lanes_at(&nearest[SIDE * row]);
+            unsigned bits = lanes_bits((off2[y] + along2) * (1 - roughly) < so_far * so_far);
+            if (bits) bits &= find_near_disc(d, vec3_sub((vec3){x, y, 0}, d->middle), so_far);
+            rows[row] = (uint8_t)bits;
+            any |= bits;
+        }
     }
     return any != 0;
 }
@@ -435,14 +463,16 @@ ISA_CLONES static void approach(const cluster *c, const uint8_t rows[64], double
         }
 }
 
-static void approach_group(const making *k, uint32_t group, vec3 origin, double nearest[VOXELS])
+static void approach_group(const making *k, uint32_t group, vec3 origin, const lanes farthest2[SIDE],
+                           double nearest[VOXELS])
 {
     const bbox *box = &k->groups.box[group];
     const size_t end = k->groups.first[group + 1];
     uint8_t rows[64];
     disc around = k->groups.disc[group];
     around.middle = vec3_sub(around.middle, origin);
-    if (!find_rows((bbox){vec3_sub(box->min, origin), vec3_sub(box->max, origin)}, &around, nearest, rows))
+    if (!find_rows((bbox){vec3_sub(box->min, origin), vec3_sub(box->max, origin)}, &around, nearest,
+                   farthest2, rows))
         return;
     for (size_t n = k->groups.first[group]; n < end;) {
         cluster c;
@@ -544,10 +574,8 @@ static void bound_by_some(const making *k, vec3 origin, const uint32_t *near, si
         b.nearest2[v] = (float)(nearest[v] * nearest[v]);
         b.from[v] = -1;
     }
-    for (size_t n = 0; n < count; n += step) {
-        const triangle t = corners_of(k, k->groups.triangle[k->groups.first[near[n]]]);
-        bound_by_place(vec3_sub(middle_of(&t), origin), (int32_t)(n / step), &b);
-    }
+    for (size_t n = 0; n < count; n += step)
+        bound_by_place(vec3_sub(k->groups.place[near[n]], origin), (int32_t)(n / step), &b);
     memset(first, -1, sizeof first);
     for (int v = 0; v < VOXELS; v++) {
         if (b.from[v] < 0) continue;
@@ -585,6 +613,7 @@ static void fill_block(const making *k, uint32_t block, uint32_t *stamp, double 
     const int32_t *b = k->map.blocks[block], origin[3] = {SIDE * b[0], SIDE * b[1], SIDE * b[2]};
     const vec3 base = {origin[0], origin[1], origin[2]};
     double nearest[VOXELS];
+    lanes farthest2[SIDE];
     uint32_t solid = 0;
     for (int v = 0; v < VOXELS; v++) f[v] = k->band;
     for (size_t n = k->first[block]; n < k->first[block + 1];) {
@@ -592,7 +621,8 @@ static void fill_block(const making *k, uint32_t block, uint32_t *stamp, double 
         for (int v = 0; v < VOXELS; v++) nearest[v] = k->band;
         const size_t end = end_of_solid(k, solid, n, k->first[block + 1]);
         bound_by_some(k, base, k->near + n, end - n, nearest);
-        for (; n < end; n++) approach_group(k, k->near[n], base, nearest);
+        find_farthest(nearest, farthest2);
+        for (; n < end; n++) approach_group(k, k->near[n], base, farthest2, nearest);
         stamp[solid] = block + 1;
         unite(k, solid, origin, nearest, f);
     }
