@@ -3,6 +3,7 @@
 #define HEXAD_GEOMETRY_BBOX_H
 
 #include <stdbool.h>
+#include <stdint.h>
 #include <stddef.h>
 
 #include "base/threads.h"
@@ -71,5 +72,7 @@ static inline double bbox_longest(bbox b)
 
 /* The least box around points, all of them even where loops are to stop; an empty one around none. */
 bbox bbox_of_points(const vec3 *points, size_t count, threads *pool);
+/* The same of those points that a list names. */
+bbox bbox_of_corners(const vec3 *points, const uint32_t *list, size_t count, threads *pool);
 
 #endif

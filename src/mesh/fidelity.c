@@ -261,7 +261,7 @@ bool fidelity_measure(const mesh *m, const double index_to_world[16], const fiel
 {
     const double size = index_to_world[0];
     measuring w = {.m = m, .f = f, .index_to_world = index_to_world};
-    w.touching_vox = m->triangle_count ? touching * bbox_longest(mesh_box(m)) : 0;
+    w.touching_vox = m->triangle_count ? touching * bbox_longest(mesh_box(m, pool)) : 0;
     bool ok = look_at_mesh(&w, pool, e);
     if (ok) {
         if (w.gap_count) qsort(w.gaps, w.gap_count, sizeof *w.gaps, by_width);

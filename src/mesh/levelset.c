@@ -22,6 +22,8 @@
 static const double group_vox = 1;
 /* So many of a group at a time. */
 enum { TOGETHER = 32 };
+/* In a chunk of work. */
+enum { VERTICES = 4096, GROUPS = 1024 };
 
 /* Triangles with an angle whose sine is smaller, or with longer sides, have no normal that could be relied on; with those of
  * others the squares of distances within a block are right to `rounding`. It is a share of distances, too. */
@@ -55,7 +57,6 @@ typedef struct making {
     mesh_notes *notes;
     size_t limit;
     double band, voxel_size;
-    winding_point *fixed;
     mesh_solids solids;
     winding_columns columns;
     groups groups;
@@ -85,10 +86,27 @@ static bool over_limit(const making *k, size_t needed, error *e)
 
 /* ---- into index space */
 
+typedef struct moving {
+    mesh *m;
+    vec3 low;
+    double voxel_size;
+} moving;
+
+static void move_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const moving *w = context;
+    (void)worker;
+    for (size_t n = begin; n < end; n++) {
+        const vec3 d = vec3_sub(w->m->vertex[n], w->low);
+        w->m->vertex[n] = (vec3){d.x / w->voxel_size + origin_gap, d.y / w->voxel_size + origin_gap,
+                                 d.z / w->voxel_size + origin_gap};
+    }
+}
+
 static bool to_index_space(making *k, const levelset_params *p, double index_to_world[16], error *e)
 {
     mesh *m = k->m;
-    const bbox box = mesh_box(m);
+    const bbox box = mesh_box(m, k->pool);
     const double longest = m->triangle_count ? bbox_longest(box) : 0;
     if (!(longest > 0))
         return error_set(e, ERROR_NO_SURFACE, "the mesh has no extent: all of its triangles are points");
@@ -100,17 +118,14 @@ static bool to_index_space(making *k, const levelset_params *p, double index_to_
                          size, voxels, longest, fewest_voxels, WINDING_MOST_VOXELS - 1);
     k->voxel_size = size;
     m->welded = false;
-    for (size_t n = 0; n < m->vertex_count; n++) {
-        vec3 d = vec3_sub(m->vertex[n], box.min);
-        m->vertex[n] = (vec3){d.x / size + origin_gap, d.y / size + origin_gap, d.z / size + origin_gap};
-    }
+    threads_run(k->pool, m->vertex_count, VERTICES, move_chunk, &(moving){m, box.min, size});
     memset(index_to_world, 0, 16 * sizeof *index_to_world);
     for (int axis = 0; axis < 3; axis++) {
         index_to_world[5 * axis] = size;
         index_to_world[4 * axis + 3] = vec3_get(box.min, axis) - origin_gap * size;
     }
     index_to_world[15] = 1;
-    return true;
+    return may_go_on(k, e);
 }
 
 /* ---- groups of triangles */
@@ -228,7 +243,7 @@ static bool make_groups(making *k, error *e)
         for (size_t n = 0; n < count; n++) all->first[group[n] + 2]++;
         for (size_t g = 2; g < all->count + 2; g++) all->first[g] += all->first[g - 1];
         for (uint32_t n = 0; n < count; n++) all->triangle[all->first[group[n] + 1]++] = n;
-        threads_run(k->pool, all->count, 1024, bound_chunk, k);
+        threads_run(k->pool, all->count, GROUPS, bound_chunk, k);
     }
     free(group);
     return ok;
@@ -740,19 +755,16 @@ static bool fill_tiles(const making *k, vdb_grid *out, error *e)
 
 static bool make(making *k, const levelset_params *p, vdb_grid *out, error *e)
 {
-    const double longest = k->m->triangle_count ? bbox_longest(mesh_box(k->m)) : 0;
+    const double longest = k->m->triangle_count ? bbox_longest(mesh_box(k->m, k->pool)) : 0;
     assert(!p->edges || k->m->welded);
     if (!mesh_weld(k->m, MESH_DROP_CANCELLED, k->notes, e) || !to_index_space(k, p, out->index_to_world, e))
         return false;
     const mesh_place place = {p->weld * longest / k->voxel_size, out->index_to_world, p->edges, k->pool};
-    k->fixed = mem_array(k->m->vertex_count, sizeof *k->fixed, "the mesh", e);
-    if (!k->fixed) return false;
-    for (size_t n = 0; n < k->m->vertex_count; n++) k->fixed[n] = winding_fix(k->m->vertex[n]);
     out->grid_class = VDB_LEVEL_SET;
     out->background = (float)(k->band * k->voxel_size);
-    return mesh_repair_solids(k->m, k->fixed, &place, &k->solids, k->notes, e) && may_go_on(k, e) &&
-           plan(k, e) && may_go_on(k, e) &&
-           winding_make(k->m, k->fixed, k->solids.first, k->solids.solid_count, k->limit, &k->columns, e) &&
+    return mesh_repair_solids(k->m, &place, &k->solids, k->notes, e) && may_go_on(k, e) && plan(k, e) &&
+           may_go_on(k, e) &&
+           winding_make(k->m, k->solids.first, k->solids.solid_count, k->pool, k->limit, &k->columns, e) &&
            fill_leaves(k, out, e) && fill_tiles(k, out, e);
 }
 
@@ -764,7 +776,6 @@ vdb_grid *levelset_make(mesh *m, const levelset_params *params, mesh_notes *note
     vdb_grid *out = mem_alloc(sizeof *out);
     bool ok = make(&k, params, out, e);
     if (ok && solids) *solids = k.solids.solid_count;
-    free(k.fixed);
     mesh_solids_free(&k.solids);
     winding_free(&k.columns);
     groups_free(&k.groups);

@@ -63,7 +63,7 @@ static void find_cells(void *context, int worker, size_t begin, size_t end)
 static bool group_triangles(mesh_faces *f, threads *pool, error *e)
 {
     static const char what[] = "the tree of a mesh";
-    const bbox box = mesh_box(&f->m);
+    const bbox box = mesh_box(&f->m, pool);
     const size_t all = f->m.triangle_count;
     grouping g = {.m = &f->m, .low = box.min, .side = 1};
     if (all > UNGROUPED)

@@ -101,7 +101,7 @@ static bool find_normals(making *k, error *e)
     const mesh *m = k->m;
     k->normal = mem_array(m->triangle_count, sizeof *k->normal, what, e);
     if (!k->normal) return false;
-    k->extent = m->triangle_count ? bbox_longest(mesh_box(m)) : 0;
+    k->extent = m->triangle_count ? bbox_longest(mesh_box(m, k->params->pool)) : 0;
     size_t without = 0;
     int longest = 0;
     threads_run(k->params->pool, m->triangle_count, TRIANGLES, normal_chunk, k);
@@ -489,7 +489,8 @@ static bool weld(making *k, mesh_notes *notes, error *e)
     mesh *m = k->m;
     if (!mesh_weld(m, MESH_KEEP_CANCELLED, notes, e)) return false;
     if (m->triangle_count == 0) return error_set(e, ERROR_NO_SURFACE, "no triangle of the mesh has an area");
-    k->edges = mesh_edges_close_seams(m, k->params->edges, k->params->weld * bbox_longest(mesh_box(m)),
+    k->edges = mesh_edges_close_seams(m, k->params->edges,
+                                      k->params->weld * bbox_longest(mesh_box(m, k->params->pool)),
                                       k->params->pool, &k->own, notes, e);
     if (!k->edges || m->welded) return k->edges;
     k->edges = &k->own; /* faces may coincide now */

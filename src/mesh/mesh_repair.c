@@ -24,7 +24,6 @@ typedef struct component {
 
 typedef struct judging {
     mesh *m;
-    const winding_point *fixed;
     const mesh_place *place;
     mesh_notes *notes;
     const mesh_edges *edges;
@@ -220,8 +219,9 @@ static void turn_triangle(uint32_t t[3])
 /* Turns the minority of each component. */
 static void orient(judging *j)
 {
-    size_t total = 0;
-    for (uint32_t n = 0; n < j->m->triangle_count; n++) {
+    size_t total = 0, turned_ones = 0;
+    for (size_t c = 0; c < j->component_count; c++) turned_ones += j->components[c].turned;
+    for (uint32_t n = 0; turned_ones && n < j->m->triangle_count; n++) {
         component *c = &j->components[j->number[n]];
         bool turned;
         orientation_find(&j->turned, n, &turned);
@@ -240,13 +240,13 @@ static bool number_components(judging *j, error *e)
     bool turned;
     j->number = mem_array(count, sizeof *j->number, what, e);
     if (!j->number) return false;
-    for (uint32_t n = 0; n < count; n++) /* a root is the lowest of its triangles, so it comes first */
-        if (orientation_find(&j->turned, n, &turned) == n) j->number[n] = (uint32_t)j->component_count++;
+    for (uint32_t n = 0; n < count; n++) j->component_count += j->turned.parent[n] == n;
     j->components = mem_array(j->component_count, sizeof *j->components, what, e);
     if (!j->components) return false;
-    for (uint32_t n = 0; n < count; n++) {
+    for (uint32_t n = 0, found = 0; n < count; n++) {
+        /* a root is the lowest of its triangles, so it comes first */
         uint32_t root = orientation_find(&j->turned, n, &turned);
-        component *c = &j->components[j->number[n] = j->number[root]];
+        component *c = &j->components[j->number[n] = root == n ? found++ : j->number[root]];
         c->root = root;
         c->size++;
         c->turned += turned;
@@ -311,8 +311,10 @@ static bool holds_point(const judging *j, const component *c, vec3 p, winding_po
     int winding = 0, crossings = 0;
     for (uint32_t n = c->root; n < c->root + c->size; n++) {
         const uint32_t *t = j->m->triangle[n];
+        const vec3 *v = j->m->vertex;
+        const winding_point q[3] = {winding_fix(v[t[0]]), winding_fix(v[t[1]]), winding_fix(v[t[2]])};
         double z;
-        int sign = winding_cross(&j->fixed[t[0]], &j->fixed[t[1]], &j->fixed[t[2]], at.x, at.y, &z);
+        int sign = winding_cross(&q[0], &q[1], &q[2], at.x, at.y, &z);
         if (!sign || z <= at.z) continue;
         winding += sign;
         crossings++;
@@ -450,10 +452,9 @@ static bool settle(judging *j, mesh_solids *out, error *e)
     return nest(j, &solids, e) && gather_solids(j, solids, out, e);
 }
 
-bool mesh_repair_solids(mesh *m, const winding_point *fixed, const mesh_place *place, mesh_solids *out,
-                        mesh_notes *notes, error *e)
+bool mesh_repair_solids(mesh *m, const mesh_place *place, mesh_solids *out, mesh_notes *notes, error *e)
 {
-    judging j = {.m = m, .fixed = fixed, .place = place, .notes = notes};
+    judging j = {.m = m, .place = place, .notes = notes};
     mesh_solids t = {0};
     bool ok = settle(&j, &t, e);
     mesh_edges_free(&j.own);

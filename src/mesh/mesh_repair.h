@@ -33,11 +33,10 @@ typedef struct mesh_place {
 } mesh_place;
 
 /* Equal vertices must have been joined (mesh_weld). Splits triangles at open edges (see seams.h), turns them and sorts
- * them by solid. `fixed` are the vertices in fixed point (winding_number.h). Adds notes on oddities. Errors:
+ * them by solid. The mesh is in voxels (winding_fix). Adds notes on oddities. Errors:
  * input_unsupported for a mesh that is not closed, with the number of boundary edges, of holes, and the boxes of the
  * largest; limit_memory; cancelled. */
-bool mesh_repair_solids(mesh *m, const winding_point *fixed, const mesh_place *place, mesh_solids *out,
-                        mesh_notes *notes, error *e);
+bool mesh_repair_solids(mesh *m, const mesh_place *place, mesh_solids *out, mesh_notes *notes, error *e);
 void mesh_solids_free(mesh_solids *t);
 
 #endif

@@ -584,7 +584,7 @@ static bool cut_pieces(mesh_surface *s, double longest, size_t memory_limit, err
     const size_t held = triangle_bytes(s), left = memory_limit > held ? memory_limit - held : 0;
     const cutting c = {longest, left / (sizeof(piece) + SCAN_BYTES)};
     /* along the longest side alone there would be so many: before the cuts go as deep as that */
-    if (bbox_longest(mesh_box(m)) / longest > (double)c.most) return refuse_pieces(&c, e);
+    if (bbox_longest(mesh_box(m, NULL)) / longest > (double)c.most) return refuse_pieces(&c, e);
     for (uint32_t n = 0; n < m->triangle_count; n++) {
         const piece all = {n, {{{WHOLE, 0}}, {{0, WHOLE}}, {{0, 0}}}};
         const uint32_t *t = m->triangle[n];
@@ -649,7 +649,7 @@ static bool make_patches(mesh_surface *s, error *e)
 static bool make(mesh_surface *s, double longest, size_t memory_limit, error *e)
 {
     const mesh *m = &s->mesh.m;
-    const bbox box = mesh_box(m);
+    const bbox box = mesh_box(m, NULL);
     const double extent = bbox_longest(box);
     /* flat meshes need a box with room, and particles go a little beyond the surface */
     s->base = (field){.ops = &whole_ops, .domain = bbox_grow(box, 0.05 * extent), .extent = extent};

@@ -81,7 +81,7 @@ static bool make(const mesh *m, halves *h, error *e)
 nearest_triangle *nearest_triangle_later(const mesh *m)
 {
     nearest_triangle *n = mem_alloc(sizeof *n);
-    *n = (nearest_triangle){m, mesh_box(m), mem_alloc(sizeof *n->halves)};
+    *n = (nearest_triangle){m, mesh_box(m, NULL), mem_alloc(sizeof *n->halves)};
     pthread_mutex_init(&n->halves->making, NULL);
     return n;
 }

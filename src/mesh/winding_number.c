@@ -1,16 +1,11 @@
 #include "mesh/winding_number.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
 
-winding_point winding_fix(vec3 v)
-{
-    return (winding_point){(int32_t)lrint(ldexp(v.x, WINDING_BITS)), (int32_t)lrint(ldexp(v.y, WINDING_BITS)),
-                           v.z};
-}
+enum { CHUNK = 4096 }; /* of triangles or lines */
 
 static int64_t turn(const winding_point *a, const winding_point *b, int64_t x, int64_t y)
 {
@@ -51,32 +46,43 @@ static void range_of(int32_t a, int32_t b, int32_t c, int32_t *low, int32_t *hig
     if (*low < 0) *low = 0;
 }
 
-/* Calls of one triangle's crossings: counts them in c->first, or with `place` puts them there. */
-static void scan_triangle(winding_columns *c, const winding_point *p[3], uint32_t solid, bool place)
+typedef struct scanning {
+    winding_columns *columns;
+    const mesh *m;
+    const uint32_t *first_of_solid;
+    bool place; /* else crossings are counted */
+} scanning;
+
+/* Counts one triangle's crossings in c->first, or puts them there. */
+static void scan_triangle(const scanning *s, const winding_point p[3], uint32_t solid)
 {
+    winding_columns *c = s->columns;
     int32_t x0, x1, y0, y1;
-    range_of(p[0]->x, p[1]->x, p[2]->x, &x0, &x1);
-    range_of(p[0]->y, p[1]->y, p[2]->y, &y0, &y1);
+    range_of(p[0].x, p[1].x, p[2].x, &x0, &x1);
+    range_of(p[0].y, p[1].y, p[2].y, &y0, &y1);
     for (int32_t x = x0; x <= x1; x++)
         for (int32_t y = y0; y <= y1; y++) {
             double z;
-            int sign = winding_cross(p[0], p[1], p[2], x << WINDING_BITS, y << WINDING_BITS, &z);
+            int sign = winding_cross(&p[0], &p[1], &p[2], x << WINDING_BITS, y << WINDING_BITS, &z);
             if (!sign) continue;
             uint64_t *first = &c->first[(size_t)x * (size_t)c->ny + (size_t)y];
-            if (place) c->crossings[first[0]] = (crossing){z, solid, sign};
-            first[0]++;
+            const uint64_t at = __atomic_fetch_add(first, 1, __ATOMIC_RELAXED);
+            if (s->place) c->crossings[at] = (crossing){z, solid, sign};
         }
 }
 
-static void scan(winding_columns *c, const mesh *m, const winding_point *fixed,
-                 const uint32_t *first_of_solid, size_t solids, bool place)
+static void scan_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    for (uint32_t s = 0; s < solids; s++)
-        for (uint32_t n = first_of_solid[s]; n < first_of_solid[s + 1]; n++) {
-            const uint32_t *t = m->triangle[n];
-            const winding_point *p[3] = {&fixed[t[0]], &fixed[t[1]], &fixed[t[2]]};
-            scan_triangle(c, p, s, place);
-        }
+    const scanning *s = context;
+    uint32_t solid = 0;
+    (void)worker;
+    for (size_t n = begin; n < end; n++) {
+        while (n >= s->first_of_solid[solid + 1]) solid++;
+        const uint32_t *t = s->m->triangle[n];
+        const vec3 *v = s->m->vertex;
+        const winding_point p[3] = {winding_fix(v[t[0]]), winding_fix(v[t[1]]), winding_fix(v[t[2]])};
+        scan_triangle(s, p, solid);
+    }
 }
 
 static int by_solid_upwards(const void *left, const void *right)
@@ -86,19 +92,27 @@ static int by_solid_upwards(const void *left, const void *right)
     return (a->z > b->z) - (a->z < b->z);
 }
 
-bool winding_make(const mesh *m, const winding_point *fixed, const uint32_t *first_of_solid,
-                  size_t solid_count, size_t memory_limit, winding_columns *out, error *e)
+/* Threads came as they came; crossings of one solid at one height may stand either way. */
+static void sort_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    winding_columns c = {0};
-    for (size_t n = 0; n < m->vertex_count; n++) {
-        int32_t x = (fixed[n].x >> WINDING_BITS) + 1, y = (fixed[n].y >> WINDING_BITS) + 1;
-        if (x > c.nx) c.nx = x;
-        if (y > c.ny) c.ny = y;
-    }
+    const winding_columns *c = context;
+    (void)worker;
+    for (size_t n = begin; n < end; n++)
+        qsort(c->crossings + c->first[n], c->first[n + 1] - c->first[n], sizeof *c->crossings,
+              by_solid_upwards);
+}
+
+bool winding_make(const mesh *m, const uint32_t *first_of_solid, size_t solid_count, threads *pool,
+                  size_t memory_limit, winding_columns *out, error *e)
+{
+    const winding_point high = winding_fix(bbox_of_points(m->vertex, m->vertex_count, pool).max);
+    winding_columns c = {.nx = (high.x >> WINDING_BITS) + 1, .ny = (high.y >> WINDING_BITS) + 1};
+    scanning s = {&c, m, first_of_solid, false};
+    const size_t triangles = first_of_solid[solid_count];
     size_t lines = (size_t)c.nx * (size_t)c.ny;
     if ((lines + 1) * sizeof *c.first > memory_limit) goto too_large;
     if (!(c.first = mem_array(lines + 1, sizeof *c.first, "the lines through the mesh", e))) return false;
-    scan(&c, m, fixed, first_of_solid, solid_count, false);
+    threads_run(pool, triangles, CHUNK, scan_chunk, &s);
     uint64_t total = 0;
     for (size_t n = 0; n <= lines; n++) {
         uint64_t count = c.first[n];
@@ -110,11 +124,15 @@ bool winding_make(const mesh *m, const winding_point *fixed, const uint32_t *fir
         winding_free(&c);
         return false;
     }
-    scan(&c, m, fixed, first_of_solid, solid_count, true); /* leaves first[n] where line n ends */
+    s.place = true;
+    threads_run(pool, triangles, CHUNK, scan_chunk, &s); /* leaves first[n] where line n ends */
     memmove(c.first + 1, c.first, lines * sizeof *c.first);
     c.first[0] = 0;
-    for (size_t n = 0; n < lines; n++)
-        qsort(c.crossings + c.first[n], c.first[n + 1] - c.first[n], sizeof *c.crossings, by_solid_upwards);
+    if (threads_stopped(pool)) { /* not all are counted, or placed */
+        winding_free(&c);
+        return error_set(e, ERROR_CANCELLED, "stopped");
+    }
+    threads_run(pool, lines, CHUNK, sort_chunk, &c);
     *out = c;
     return true;
 too_large:

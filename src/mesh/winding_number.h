@@ -12,10 +12,12 @@
 #define HEXAD_MESH_WINDING_NUMBER_H
 
 #include <stdbool.h>
+#include <math.h>
 #include <stddef.h>
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/threads.h"
 #include "triangles/mesh.h"
 
 #define WINDING_BITS 16
@@ -40,15 +42,20 @@ typedef struct winding_columns {
 } winding_columns;
 
 /* A vertex in voxels to fixed point; coordinates from 0 to WINDING_MOST_VOXELS. */
-winding_point winding_fix(vec3 v);
+static inline winding_point winding_fix(vec3 v)
+{
+    const double one = 1 << WINDING_BITS;
+    return (winding_point){(int32_t)lrint(v.x * one), (int32_t)lrint(v.y * one), v.z};
+}
 
 /* Whether the line through (x, y), in fixed point, crosses the triangle: 0, or +1 or -1 as in crossing, with *z. */
 int winding_cross(const winding_point *a, const winding_point *b, const winding_point *c, int32_t x,
                   int32_t y, double *z);
 
-/* `first_of_solid` has solid_count + 1 members. Errors: limit_memory when more than `memory_limit` is needed. */
-bool winding_make(const mesh *m, const winding_point *fixed, const uint32_t *first_of_solid,
-                  size_t solid_count, size_t memory_limit, winding_columns *out, error *e);
+/* Of a mesh in voxels. `first_of_solid` has solid_count + 1 members. `pool` may be NULL, and does not show. Errors: limit_memory
+ * when more than `memory_limit` is needed, cancelled. */
+bool winding_make(const mesh *m, const uint32_t *first_of_solid, size_t solid_count, threads *pool,
+                  size_t memory_limit, winding_columns *out, error *e);
 void winding_free(winding_columns *c);
 
 /* Bit z of the result: the point (x, y, z0 + z) is inside the solid, z < 8. Where there is no line nothing

@@ -36,7 +36,7 @@ static double spacing_of(const mesh_source_request *r, double area)
 
 static double longest_cell(const mesh_source_request *r, const mesh_patches *p)
 {
-    const double longest = bbox_longest(mesh_box(&p->m)), most = longest / least_cells,
+    const double longest = bbox_longest(mesh_box(&p->m, r->as_volume.pool)), most = longest / least_cells,
                  asked = spacing_of(r, mesh_area(&p->m)),
                  own = fmin(own_floor * longest,
                             triangle_floor * sqrt(mesh_area(&p->m) / fmax((double)p->m.triangle_count, 1))),
@@ -228,7 +228,8 @@ static bool fill_holes(const mesh_source_request *r, const welded *w, mesh *out,
     size_t holes = 0;
     bool ok = mesh_copy(&w->m, r->as_volume.pool, out, e) &&
               mesh_weld(out, MESH_DROP_CANCELLED, &unused, e) &&
-              (edges = mesh_edges_close_seams(out, edges_of(w), r->spec->weld * bbox_longest(mesh_box(out)),
+              (edges = mesh_edges_close_seams(out, edges_of(w),
+                                              r->spec->weld * bbox_longest(mesh_box(out, r->as_volume.pool)),
                                               r->as_volume.pool, &own, &unused, e)) &&
               close_holes(out, edges, &holes, e);
     mesh_edges_free(&own);

@@ -1,5 +1,6 @@
 #include "triangles/mesh.h"
 
+#include <assert.h>
 #include <stdarg.h>
 #include <stdatomic.h>
 #include <stdio.h>
@@ -29,13 +30,10 @@ void mesh_free(mesh *m)
     *m = (mesh){0};
 }
 
-bbox mesh_box(const mesh *m)
+bbox mesh_box(const mesh *m, threads *pool)
 {
-    if (m->welded) return bbox_of_points(m->vertex, m->vertex_count, NULL);
-    bbox box = bbox_empty();
-    for (size_t n = 0; n < m->triangle_count; n++)
-        for (int k = 0; k < 3; k++) box = bbox_include(box, m->vertex[m->triangle[n][k]]);
-    return box;
+    return m->welded ? bbox_of_points(m->vertex, m->vertex_count, pool)
+                     : bbox_of_corners(m->vertex, (const uint32_t *)m->triangle, 3 * m->triangle_count, pool);
 }
 
 double mesh_area(const mesh *m)
@@ -104,70 +102,160 @@ static bool table_init(table *t, const void *items, size_t size, size_t count, e
     return true;
 }
 
-/* Of sizes that are known there is no call. */
-static bool are_equal(const char *a, const char *b, size_t size)
-{
-    return size == sizeof(vec3) ? memcmp(a, b, sizeof(vec3)) == 0 : memcmp(a, b, size) == 0;
-}
-
 static uint32_t table_first(table *t, uint32_t n)
 {
     const char *item = t->items + n * t->size;
     size_t k = hash_bytes(item, t->size) & t->mask;
-    while (t->slots[k] != FREE && !are_equal(t->items + t->slots[k] * t->size, item, t->size))
+    while (t->slots[k] != FREE && memcmp(t->items + t->slots[k] * t->size, item, t->size) != 0)
         k = (k + 1) & t->mask;
     if (t->slots[k] == FREE) t->slots[k] = n;
     return t->slots[k];
 }
 
-/* Triangles ahead of the one at hand whose slots are asked for: a large table is in no cache. */
-enum { AHEAD = 32 };
+enum { CHUNK = 4096 }; /* of vertices or triangles */
 
-/* Asks for the slots of the corners of a triangle that are in no table yet. */
-static void expect_corners(const table *t, const uint32_t corner[3], const uint32_t *place)
+/* Vertices of equal coordinates are one: that of the corner which comes first. */
+typedef struct joining {
+    mesh *m;
+    table table;
+    uint32_t
+        *place; /* of each vertex: its first corner; then which vertex it becomes. FREE: it is no corner */
+    atomic_bool found; /* some are equal */
+} joining;
+
+static void begin_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    for (int k = 0; k < 3; k++)
-        if (place[corner[k]] == FREE)
-            __builtin_prefetch(&t->slots[hash_bytes(t->items + corner[k] * t->size, t->size) & t->mask]);
+    joining *j = context;
+    (void)worker;
+    for (size_t n = begin; n < end; n++) { /* -0 and 0 are equal but have different bytes */
+        j->m->vertex[n] = vec3_add(j->m->vertex[n], (vec3){0.0, 0.0, 0.0});
+        j->place[n] = FREE;
+    }
 }
 
-/* Every corner to the first vertex of its coordinates. `place`, of each vertex, is left with that. */
-static bool join_vertices(mesh *m, uint32_t *place, error *e)
+static void lower(uint32_t *most, uint32_t value)
 {
-    table t;
-    for (size_t n = 0; n < m->vertex_count; n++) { /* -0 and 0 are equal but have different bytes */
-        m->vertex[n].x += 0.0;
-        m->vertex[n].y += 0.0;
-        m->vertex[n].z += 0.0;
+    uint32_t old = __atomic_load_n(most, __ATOMIC_RELAXED);
+    while (value < old &&
+           !__atomic_compare_exchange_n(most, &old, value, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {
     }
-    if (!table_init(&t, m->vertex, sizeof(vec3), m->vertex_count, e)) return false;
-    memset(place, 0xFF, m->vertex_count * sizeof *place);
-    for (size_t n = 0; n < m->triangle_count; n++) {
-        if (n + AHEAD < m->triangle_count) expect_corners(&t, m->triangle[n + AHEAD], place);
-        for (int k = 0; k < 3; k++) {
-            uint32_t *corner = &m->triangle[n][k], *first = &place[*corner];
-            if (*first == FREE) *first = table_first(&t, *corner);
-            *corner = *first;
+}
+
+static void see_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    joining *j = context;
+    (void)worker;
+    for (size_t n = begin; n < end; n++)
+        for (int k = 0; k < 3; k++) lower(&j->place[j->m->triangle[n][k]], (uint32_t)(3 * n) + (uint32_t)k);
+}
+
+/* A slot of vertex n, or the one where it is to be looked for. */
+static uint32_t *first_slot(const joining *j, size_t n)
+{
+    return &j->table.slots[hash_bytes(&j->m->vertex[n], sizeof(vec3)) & j->table.mask];
+}
+
+static uint32_t *next_slot(const joining *j, uint32_t *slot)
+{
+    return j->table.slots + ((size_t)(slot + 1 - j->table.slots) & j->table.mask);
+}
+
+static bool are_one(const joining *j, uint32_t a, uint32_t b)
+{
+    return memcmp(&j->m->vertex[a], &j->m->vertex[b], sizeof(vec3)) == 0;
+}
+
+/* Whose corner comes first of equal ones has the slot in the end, whichever thread comes first. */
+static void claim_slot(joining *j, uint32_t *slot, uint32_t n)
+{
+    uint32_t there = __atomic_load_n(slot, __ATOMIC_RELAXED);
+    for (;;) {
+        if (there != FREE && !are_one(j, there, n)) {
+            slot = next_slot(j, slot);
+            there = __atomic_load_n(slot, __ATOMIC_RELAXED);
+            continue;
         }
+        if (there != FREE) atomic_store_explicit(&j->found, true, memory_order_relaxed);
+        if (there != FREE && j->place[there] < j->place[n]) return;
+        if (__atomic_compare_exchange_n(slot, &there, n, false, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) return;
     }
-    free(t.slots);
-    return true;
 }
 
-static void drop_unused(mesh *m, uint32_t *place)
+/* A large table is in no cache: slots are asked for ahead. */
+static void claim_chunk(void *context, int worker, size_t begin, size_t end)
 {
+    enum { AHEAD = 32 };
+    joining *j = context;
+    uint32_t *slot[AHEAD];
+    (void)worker;
+    for (size_t from = begin; from < end; from += AHEAD) {
+        const size_t to = end - from < AHEAD ? end : from + AHEAD;
+        for (size_t n = from; n < to; n++) __builtin_prefetch(slot[n - from] = first_slot(j, n), 1);
+        for (size_t n = from; n < to; n++)
+            if (j->place[n] != FREE) claim_slot(j, slot[n - from], (uint32_t)n);
+    }
+}
+
+static void find_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    joining *j = context;
+    (void)worker;
+    for (size_t n = begin; n < end; n++) {
+        if (j->place[n] == FREE) continue;
+        const uint32_t *slot = first_slot(j, n);
+        while (!are_one(j, *slot, (uint32_t)n)) slot = next_slot(j, (uint32_t *)slot);
+        j->place[n] = *slot;
+    }
+}
+
+/* Every corner to what became of its vertex. */
+static void replace_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    joining *j = context;
+    (void)worker;
+    for (size_t n = begin; n < end; n++)
+        for (int k = 0; k < 3; k++) j->m->triangle[n][k] = j->place[j->m->triangle[n][k]];
+}
+
+/* `place` has room for one of each vertex. */
+static bool join_vertices(mesh *m, threads *pool, uint32_t *place, error *e)
+{
+    joining j = {.m = m, .place = place};
+    assert(m->triangle_count < UINT32_MAX / 3);
+    if (!table_init(&j.table, m->vertex, sizeof(vec3), m->vertex_count, e)) return false;
+    threads_run(pool, m->vertex_count, CHUNK, begin_chunk, &j);
+    threads_run(pool, m->triangle_count, CHUNK, see_chunk, &j);
+    threads_run(pool, m->vertex_count, CHUNK, claim_chunk, &j);
+    if (j.found && !threads_stopped(pool)) {
+        threads_run(pool, m->vertex_count, CHUNK, find_chunk, &j);
+        threads_run(pool, m->triangle_count, CHUNK, replace_chunk, &j);
+    }
+    free(j.table.slots);
+    return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+}
+
+static void use_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    joining *j = context;
+    (void)worker;
+    for (size_t n = begin; n < end; n++)
+        for (int k = 0; k < 3; k++) __atomic_store_n(&j->place[j->m->triangle[n][k]], 0, __ATOMIC_RELAXED);
+}
+
+static bool drop_unused(mesh *m, threads *pool, uint32_t *place, error *e)
+{
+    joining j = {.m = m, .place = place};
     uint32_t count = 0;
     memset(place, 0xFF, m->vertex_count * sizeof *place);
-    for (size_t n = 0; n < m->triangle_count; n++)
-        for (int k = 0; k < 3; k++) place[m->triangle[n][k]] = 0;
-    for (size_t n = 0; n < m->vertex_count; n++) {
+    threads_run(pool, m->triangle_count, CHUNK, use_chunk, &j);
+    for (size_t n = 0; !threads_stopped(pool) && n < m->vertex_count; n++) {
         if (place[n] == FREE) continue;
-        m->vertex[count] = m->vertex[n];
+        if (count < n) m->vertex[count] = m->vertex[n];
         place[n] = count++;
     }
+    if (count < m->vertex_count) threads_run(pool, m->triangle_count, CHUNK, replace_chunk, &j);
     m->vertex_count = count;
-    for (size_t n = 0; n < m->triangle_count; n++)
-        for (int k = 0; k < 3; k++) m->triangle[n][k] = place[m->triangle[n][k]];
+    return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
 
 static bool is_degenerate(const uint32_t t[3])
@@ -252,10 +340,8 @@ static bool drop_repeated(mesh *m, mesh_cancelled cancelled, size_t *dropped, er
 typedef struct by_corner {
     const mesh *m;
     uint32_t *first, *list;
-    atomic_bool may_repeat; /* a triangle may stand more than once */
+    atomic_bool unclean; /* a triangle may stand more than once, or has two equal corners */
 } by_corner;
-
-enum { CHUNK = 4096 };
 
 /* Counted two ahead; after the sums the starts are one ahead, and filling moves them to their places. */
 static void count_chunk(void *context, int worker, size_t begin, size_t end)
@@ -266,6 +352,7 @@ static void count_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t n = begin; n < end; n++) {
         sort_corners(by->m->triangle[n], sorted);
         __atomic_fetch_add(&by->first[(size_t)sorted[0] + 2], 1, __ATOMIC_RELAXED);
+        if (is_degenerate(sorted)) atomic_store(&by->unclean, true);
     }
 }
 
@@ -301,10 +388,11 @@ static void compare_chunk(void *context, int worker, size_t begin, size_t end)
         for (uint32_t k = 1; !may && k < count; k++)
             for (uint32_t i = 0; i < k; i++) may |= is_repeated(by->m, list[k], list[i]);
     }
-    if (may) atomic_store(&by->may_repeat, true);
+    if (may) atomic_store(&by->unclean, true);
 }
 
-static bool may_repeat(const mesh *m, threads *pool, bool *may, error *e)
+/* Whether something may have to be left out. */
+static bool find_unclean(const mesh *m, threads *pool, bool *may, error *e)
 {
     by_corner by = {.m = m, .first = mem_array(m->vertex_count + 2, sizeof *by.first, what, e)};
     by.list = by.first ? mem_array(m->triangle_count, sizeof *by.list, what, e) : NULL;
@@ -315,7 +403,7 @@ static bool may_repeat(const mesh *m, threads *pool, bool *may, error *e)
         threads_run(pool, m->triangle_count, CHUNK, fill_chunk, &by);
         threads_run(pool, m->vertex_count, CHUNK, compare_chunk, &by);
     }
-    *may = atomic_load(&by.may_repeat);
+    *may = atomic_load(&by.unclean);
     free(by.first);
     free(by.list);
     if (ok && threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
@@ -325,13 +413,10 @@ static bool may_repeat(const mesh *m, threads *pool, bool *may, error *e)
 bool mesh_weld_clean(mesh *m, threads *pool, error *e)
 {
     uint32_t *place = mem_array(m->vertex_count, sizeof *place, what, e);
-    bool ok = place && join_vertices(m, place, e), unclean = false;
-    for (size_t n = 0; ok && !unclean && n < m->triangle_count; n++) unclean = is_degenerate(m->triangle[n]);
-    if (ok && !unclean) ok = may_repeat(m, pool, &unclean, e);
-    if (ok && !unclean) {
-        drop_unused(m, place);
-        m->welded = true;
-    }
+    bool unclean = false, ok = place && join_vertices(m, pool, place, e) &&
+                               find_unclean(m, pool, &unclean, e) &&
+                               (unclean || drop_unused(m, pool, place, e));
+    m->welded = ok && !unclean;
     free(place);
     return ok;
 }
@@ -341,11 +426,10 @@ bool mesh_weld(mesh *m, mesh_cancelled cancelled, mesh_notes *notes, error *e)
     if (m->welded) return true;
     size_t all = m->triangle_count, repeated = 0;
     uint32_t *place = mem_array(m->vertex_count, sizeof *place, what, e);
-    bool ok = place && join_vertices(m, place, e);
+    bool ok = place && join_vertices(m, NULL, place, e);
     if (ok) {
         size_t degenerate = mesh_drop_degenerate(m);
-        ok = drop_repeated(m, cancelled, &repeated, e);
-        if (ok) drop_unused(m, place);
+        ok = drop_repeated(m, cancelled, &repeated, e) && drop_unused(m, NULL, place, e);
         m->welded = ok;
         if (degenerate)
             mesh_note(notes, "%zu of %zu triangles have two equal corners: left out", degenerate, all);

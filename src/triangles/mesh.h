@@ -41,8 +41,8 @@ bool mesh_copy(const mesh *m, threads *pool, mesh *out, error *e);
 /* Bytes that a mesh takes while it is judged, edges and all: what a caller holds against a limit. */
 size_t mesh_bytes(size_t vertices, size_t triangles);
 
-/* Of the vertices of its triangles; those of none do not count. */
-bbox mesh_box(const mesh *m);
+/* Of the vertices of its triangles; those of none do not count. The whole one also where loops are to stop. */
+bbox mesh_box(const mesh *m, threads *pool);
 
 /* Of its triangles, each as often as it stands. */
 double mesh_area(const mesh *m);

@@ -37,7 +37,7 @@ static double finest_voxel(const resolution *r, const resolution_request *q, dou
 resolution resolution_begin(const mesh *m, const resolution_request *q)
 {
     resolution r = {.area = mesh_area(m), .chosen_by = "spec"};
-    r.longest = m->triangle_count ? bbox_longest(mesh_box(m)) : 0;
+    r.longest = m->triangle_count ? bbox_longest(mesh_box(m, NULL)) : 0;
     r.spacing = q->spacing > 0 ? q->spacing : q->count > 0 ? packing_spacing(r.area, q->count) : 0;
     r.voxel_size = q->voxel_size > 0 ? q->voxel_size : r.longest / q->resolution;
     if (q->voxel_size > 0 || q->resolution > 0) return r;

@@ -63,23 +63,14 @@ static void distance_from_triangles(void **state)
     }
 }
 
-static winding_point *fix_all(const mesh *m)
-{
-    winding_point *fixed = mem_array(m->vertex_count, sizeof *fixed, "test", NULL);
-    for (size_t n = 0; n < m->vertex_count; n++) fixed[n] = winding_fix(m->vertex[n]);
-    return fixed;
-}
-
-/* Boxes with corners, edges and faces on the lines themselves: each line is counted once all the same. */
 static void winding_through_corners(void **state)
 {
     (void)state;
     mesh m = mesh_fixture_box((vec3){8, 9, 10.25}, (vec3){5, 7, 6}, 0);
-    winding_point *fixed = fix_all(&m);
     const uint32_t first[2] = {0, 12};
     winding_columns c;
     error e = {0};
-    assert_true(winding_make(&m, fixed, first, 1, 1 << 24, &c, &e));
+    assert_true(winding_make(&m, first, 1, mesh_fixture_pool(), 1 << 24, &c, &e));
     int inside = 0;
     for (int x = -2; x < 20; x++)
         for (int y = -2; y < 20; y++)
@@ -95,7 +86,6 @@ static void winding_through_corners(void **state)
             }
     assert_int_equal(inside, 10 * 14 * 12); /* [3, 13) x [2, 16) x 5..16 */
     winding_free(&c);
-    free(fixed);
     mesh_free(&m);
 }
 
@@ -104,11 +94,10 @@ static void winding_of_a_ball(void **state)
     (void)state;
     const vec3 center = {20, 20, 20};
     mesh m = mesh_fixture_ball(center, 15, 3);
-    winding_point *fixed = fix_all(&m);
     const uint32_t first[2] = {0, (uint32_t)m.triangle_count};
     winding_columns c;
     error e = {0};
-    assert_true(winding_make(&m, fixed, first, 1, 1 << 24, &c, &e));
+    assert_true(winding_make(&m, first, 1, mesh_fixture_pool(), 1 << 24, &c, &e));
     for (int x = 0; x < 40; x++)
         for (int y = 0; y < 40; y++)
             for (int z = 0; z < 40; z++) {
@@ -119,9 +108,8 @@ static void winding_of_a_ball(void **state)
             }
     winding_free(&c);
     error few = {0};
-    assert_false(winding_make(&m, fixed, first, 1, 1000, &c, &few));
+    assert_false(winding_make(&m, first, 1, NULL, 1000, &c, &few));
     assert_int_equal(few.code, ERROR_LIMIT_MEMORY);
-    free(fixed);
     mesh_free(&m);
 }
 
@@ -146,14 +134,12 @@ static judgement judge_with(mesh m, bool known, threads *pool)
     const mesh_place place = {TOLERANCE, unit, known ? &edges : NULL, pool};
     assert_true(mesh_weld(&m, MESH_DROP_CANCELLED, &j.notes, &j.e));
     assert_true(!known || mesh_edges_list(&m, pool, &edges, &j.e));
-    winding_point *fixed = fix_all(&m);
-    j.ok = mesh_repair_solids(&m, fixed, &place, &t, &j.notes, &j.e);
+    j.ok = mesh_repair_solids(&m, &place, &t, &j.notes, &j.e);
     j.triangles = m.triangle_count;
     j.solids = t.solid_count;
     if (j.ok) assert_int_equal(t.first[t.solid_count], m.triangle_count);
     mesh_solids_free(&t);
     mesh_edges_free(&edges);
-    free(fixed);
     mesh_free(&m);
     return j;
 }

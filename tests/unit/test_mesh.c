@@ -424,6 +424,80 @@ static void clean_meshes_are_welded_once(void **state)
 }
 
 /* A fan of more triangles than are held against each other is looked at by those who weld. */
+/* A vertex of its own for each corner, in an order of their own, and some of no triangle, far away. */
+static mesh make_soup(int splits, uint64_t *seed)
+{
+    mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 1, splits);
+    const size_t corners = 3 * m.triangle_count, count = corners + 100;
+    vec3 *vertex = mem_array(count, sizeof *vertex, "test", NULL);
+    uint32_t *at = mem_array(count, sizeof *at, "test", NULL);
+    for (uint32_t n = 0; n < count; n++) at[n] = n;
+    for (size_t n = count - 1; n > 0; n--) {
+        const size_t other = (size_t)(fixture_random(seed) * (double)(n + 1));
+        const uint32_t swap = at[n];
+        at[n] = at[other];
+        at[other] = swap;
+    }
+    for (size_t n = 0; n < count; n++) vertex[n] = (vec3){9, 9, 9};
+    for (size_t n = 0; n < corners; n++) {
+        vertex[at[n]] = m.vertex[m.triangle[n / 3][n % 3]];
+        m.triangle[n / 3][n % 3] = at[n];
+    }
+    free(at);
+    free(m.vertex);
+    m.vertex = vertex;
+    m.vertex_count = count;
+    return m;
+}
+
+/* Of equal vertices that is kept whose corner comes first; they keep their order. */
+static void the_first_of_equal_vertices_is_kept(void **state)
+{
+    (void)state;
+    enum { RUNS = 10 };
+    uint64_t seed = SEED;
+    for (int run = 0; run < RUNS; run++) {
+        mesh m = make_soup(3, &seed), copy = {0};
+        error e = {0};
+        assert_true(mesh_copy(&m, NULL, &copy, &e));
+        assert_true(mesh_weld_clean(&m, mesh_fixture_pool(), &e) && m.welded);
+        assert_int_equal(m.vertex_count, 642);
+        assert_int_equal(m.triangle_count, copy.triangle_count);
+        const uint32_t *old = copy.triangle[0], *new = m.triangle[0];
+        uint32_t kept[642];
+        size_t found = 0;
+        for (size_t n = 0; n < 3 * m.triangle_count; n++) {
+            assert_memory_equal(&m.vertex[new[n]], &copy.vertex[old[n]], sizeof(vec3));
+            size_t first = 0;
+            while (memcmp(&copy.vertex[old[first]], &copy.vertex[old[n]], sizeof(vec3)) != 0) first++;
+            if (first < n) continue;
+            kept[new[n]] = old[n];
+            found++;
+        }
+        assert_int_equal(found, 642);
+        for (size_t v = 1; v < found; v++)
+            if (kept[v] <= kept[v - 1]) fail_msg("run %d, seed %d: vertex %zu", run, SEED, v);
+        mesh_free(&m);
+        mesh_free(&copy);
+    }
+}
+
+/* Far vertices of no triangle are outside of it, and any number of threads find the same. */
+static void boxes_hold_what_triangles_use(void **state)
+{
+    (void)state;
+    uint64_t seed = 1;
+    error e = {0};
+    mesh m = make_soup(5, &seed);
+    for (int welded = 0; welded < 2; welded++) {
+        const bbox one = mesh_box(&m, NULL), all = mesh_box(&m, mesh_fixture_pool());
+        assert_memory_equal(&one, &all, sizeof one);
+        assert_true(one.max.x <= 1 && one.max.x > 0.99 && one.min.z >= -1 && one.min.z < -0.99);
+        assert_true(mesh_weld_clean(&m, mesh_fixture_pool(), &e));
+    }
+    mesh_free(&m);
+}
+
 static void fans_are_welded_too(void **state)
 {
     (void)state;
@@ -522,6 +596,8 @@ int main(int argc, char **argv)
         cmocka_unit_test(places_on_many_triangles),
         cmocka_unit_test(places_far_from_the_origin),
         cmocka_unit_test(clean_meshes_are_welded_once),
+        cmocka_unit_test(the_first_of_equal_vertices_is_kept),
+        cmocka_unit_test(boxes_hold_what_triangles_use),
         cmocka_unit_test(fans_are_welded_too),
         cmocka_unit_test(fidelity_by_any_number_of_threads),
     };
