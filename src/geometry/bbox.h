@@ -26,11 +26,13 @@ static inline bbox bbox_include(bbox b, vec3 p)
         {p.x > b.max.x ? p.x : b.max.x, p.y > b.max.y ? p.y : b.max.y, p.z > b.max.z ? p.z : b.max.z}};
 }
 
-/* The least box around both. */
+/* The least box around both; likewise without a call. */
 static inline bbox bbox_unite(bbox a, bbox b)
 {
-    return (bbox){{fmin(a.min.x, b.min.x), fmin(a.min.y, b.min.y), fmin(a.min.z, b.min.z)},
-                  {fmax(a.max.x, b.max.x), fmax(a.max.y, b.max.y), fmax(a.max.z, b.max.z)}};
+    return (bbox){{a.min.x < b.min.x ? a.min.x : b.min.x, a.min.y < b.min.y ? a.min.y : b.min.y,
+                   a.min.z < b.min.z ? a.min.z : b.min.z},
+                  {a.max.x > b.max.x ? a.max.x : b.max.x, a.max.y > b.max.y ? a.max.y : b.max.y,
+                   a.max.z > b.max.z ? a.max.z : b.max.z}};
 }
 
 /* What both have in common; min > max somewhere where that is nothing. */

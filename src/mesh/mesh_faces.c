@@ -84,7 +84,9 @@ static bool group_triangles(mesh_faces *f, threads *pool, error *e)
         }
         for (size_t n = 0; n < all; n++)
             memcpy(sorted[first[g.cell_of[n] + 1]++], f->m.triangle[n], sizeof *sorted);
-        memcpy(f->m.triangle, sorted, all * sizeof *sorted);
+        free(f->m.triangle);
+        f->m.triangle = sorted;
+        sorted = NULL;
         f->group = mem_array(f->count, sizeof *f->group, what, e);
         ok = f->group;
     }

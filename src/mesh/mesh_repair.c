@@ -13,6 +13,8 @@
 
 static const char what[] = "the edges of the mesh";
 
+enum { CHUNK = 4096 }; /* of vertices or triangles */
+
 typedef struct component {
     uint32_t root; /* the triangle that stands for it; once they are sorted, its first one */
     uint32_t size, turned;
@@ -175,11 +177,11 @@ static bool join_at_edges(judging *j, error *e)
                 if (pass == BRANCHES && n > 2) join_odd(j, s, n, mark);
                 if (pass == CHECK && n > 2) check_balance(j, s, n, mark);
             }
+    bool turned;
+    for (uint32_t n = 0; n < j->m->triangle_count; n++) orientation_find(&j->turned, n, &turned);
     free(mark);
     return true;
 }
-
-enum { CHUNK = 4096 }; /* of vertices or triangles */
 
 static void join_chunk(void *context, int worker, size_t begin, size_t end)
 {
@@ -234,25 +236,38 @@ static void orient(judging *j)
                   j->m->triangle_count);
 }
 
+/* Neighbours in the list are mostly of one component. */
+static void number_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    judging *j = context;
+    (void)worker;
+    for (size_t n = begin, next; n < end; n = next) {
+        const uint32_t root = j->turned.parent[n], number = j->number[root];
+        uint32_t turned = 0;
+        for (next = n; next < end && j->turned.parent[next] == root; next++) {
+            if (next != root) j->number[next] = number;
+            turned += j->turned.turned[next];
+        }
+        __atomic_fetch_add(&j->components[number].size, (uint32_t)(next - n), __ATOMIC_RELAXED);
+        __atomic_fetch_add(&j->components[number].turned, turned, __ATOMIC_RELAXED);
+    }
+}
+
+/* Once each triangle's parent is its root. */
 static bool number_components(judging *j, error *e)
 {
     const size_t count = j->m->triangle_count;
-    bool turned;
     j->number = mem_array(count, sizeof *j->number, what, e);
     if (!j->number) return false;
-    for (uint32_t n = 0; n < count; n++) j->component_count += j->turned.parent[n] == n;
+    for (uint32_t n = 0; n < count; n++)
+        if (j->turned.parent[n] == n) j->number[n] = (uint32_t)j->component_count++;
     j->components = mem_array(j->component_count, sizeof *j->components, what, e);
     if (!j->components) return false;
-    for (uint32_t n = 0, found = 0; n < count; n++) {
-        /* a root is the lowest of its triangles, so it comes first */
-        uint32_t root = orientation_find(&j->turned, n, &turned);
-        component *c = &j->components[j->number[n] = root == n ? found++ : j->number[root]];
-        c->root = root;
-        c->size++;
-        c->turned += turned;
-        c->one_sided = j->turned.conflict[root];
-    }
-    return true;
+    for (uint32_t n = 0, found = 0; found < j->component_count; n++)
+        if (j->turned.parent[n] == n)
+            j->components[found++] = (component){.root = n, .one_sided = j->turned.conflict[n]};
+    threads_run(j->place->pool, count, CHUNK, number_chunk, j);
+    return !threads_stopped(j->place->pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
 
 /* Makes the triangles of a component neighbours in the list: `rank` gives each component's place. */
@@ -288,19 +303,57 @@ static bool sort_triangles(judging *j, const uint32_t *rank, error *e)
     return ok;
 }
 
-static void measure_component(const mesh *m, component *c)
+/* A part of a component, which has one for so many triangles: the sums do not depend on who adds. */
+enum { PART = 1 << 16 };
+
+typedef struct part {
+    double volume;
+    bbox box;
+} part;
+
+typedef struct measuring {
+    const mesh *m;
+    const component *of;
+    part *parts;
+} measuring;
+
+static void measure_part(void *context, int worker, size_t k, size_t end)
 {
-    const vec3 origin = m->vertex[m->triangle[c->root][0]];
-    c->box = bbox_empty();
-    for (uint32_t n = c->root; n < c->root + c->size; n++) {
-        vec3 p[3];
-        for (int k = 0; k < 3; k++) {
-            vec3 v = m->vertex[m->triangle[n][k]];
-            c->box = bbox_include(c->box, v);
-            p[k] = vec3_sub(v, origin);
+    const measuring *w = context;
+    const vec3 *vertex = w->m->vertex, origin = vertex[w->m->triangle[w->of->root][0]];
+    (void)worker;
+    for (; k < end; k++) {
+        part sum = {0, bbox_empty()};
+        const size_t first = k * PART, after = w->of->size - first < PART ? w->of->size : first + PART;
+        for (size_t n = w->of->root + first; n < w->of->root + after; n++) {
+            vec3 p[3];
+            for (int c = 0; c < 3; c++) {
+                const vec3 v = vertex[w->m->triangle[n][c]];
+                sum.box = bbox_include(sum.box, v);
+                p[c] = vec3_sub(v, origin);
+            }
+            sum.volume += vec3_dot(p[0], vec3_cross(p[1], p[2])) / 6;
         }
-        c->volume += vec3_dot(p[0], vec3_cross(p[1], p[2])) / 6;
+        w->parts[k] = sum;
     }
+}
+
+static bool measure_components(judging *j, error *e)
+{
+    part *parts = mem_array(j->m->triangle_count / PART + 1, sizeof *parts, what, e);
+    for (size_t k = 0; parts && k < j->component_count; k++) {
+        component *c = &j->components[k];
+        const size_t count = (c->size + PART - 1) / PART;
+        c->box = bbox_empty();
+        threads_run(j->place->pool, count, 1, measure_part, &(measuring){j->m, c, parts});
+        for (size_t i = 0; i < count; i++) {
+            c->volume += parts[i].volume;
+            c->box = bbox_unite(c->box, parts[i].box);
+        }
+    }
+    free(parts);
+    if (parts && threads_stopped(j->place->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    return parts;
 }
 
 /* ---- what lies in what */
@@ -447,9 +500,7 @@ static bool settle(judging *j, mesh_solids *out, error *e)
     for (uint32_t c = 0; c < j->component_count; c++) rank[c] = c;
     bool ok = sort_triangles(j, rank, e);
     free(rank);
-    if (!ok) return false;
-    for (size_t c = 0; c < j->component_count; c++) measure_component(j->m, &j->components[c]);
-    return nest(j, &solids, e) && gather_solids(j, solids, out, e);
+    return ok && measure_components(j, e) && nest(j, &solids, e) && gather_solids(j, solids, out, e);
 }
 
 bool mesh_repair_solids(mesh *m, const mesh_place *place, mesh_solids *out, mesh_notes *notes, error *e)
