@@ -1,56 +1,27 @@
 #include "mesh/levelset.h"
 
 #include <assert.h>
-#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/isa.h"
 #include "base/memory.h"
 #include "geometry/bbox.h"
 #include "geometry/block_map.h"
 #include "mesh/mesh_repair.h"
-#include "geometry/triangle.h"
+#include "mesh/triangle_groups.h"
 #include "mesh/winding_number.h"
 
 #define SIDE VDB_LEAF_SIDE
 #define VOXELS VDB_LEAF_VOXELS
 #define TILE_BLOCKS 16 /* along a side of the larger of the two kinds of tiles that are used */
 
-/* Triangles with their middles in one cube of so many voxels are a group, which is held against the voxels together. */
-static const double group_vox = 1;
-/* So many of a group at a time. */
-enum { TOGETHER = 32 };
-/* In a chunk of work. */
-enum { VERTICES = 4096, GROUPS = 1024 };
-
-/* Triangles with an angle whose sine is smaller, or with longer sides, have no normal that could be relied on; with those of
- * others the squares of distances within a block are right to `rounding`. It is a share of distances, too. */
-static const double least_sine2 = 1e-6, large_vox = 64, rounding = 1e-9, least_length = 0.5;
-
-/* Of so many groups near a block or more, about so many tell first how far its voxels may be. */
-enum { MANY = 16, SOME = 128 };
+enum { CHUNK = 4096 }; /* of vertices */
 
 /* Fewer voxels along the longest side show nothing of a shape. */
 static const double fewest_voxels = 8;
 /* The mesh begins so far from the grid's origin; half a voxel keeps faces along the axes off the voxels. */
 static const double origin_gap = 0.5;
-
-/* A disc around some triangles, thick enough to hold them. */
-typedef struct disc {
-    vec3 middle, normal; /* of length 1; 0: a ball */
-    double radius, depth;
-} disc;
-
-/* Each is of one solid; in the order of solids. */
-typedef struct groups {
-    size_t count;
-    uint32_t *first, *triangle; /* of group g: triangle[first[g]] .. triangle[first[g + 1]], in their order */
-    bbox *box;
-    disc *disc;
-    vec3 *place; /* on one of the triangles */
-} groups;
 
 typedef struct making {
     mesh *m;
@@ -59,7 +30,7 @@ typedef struct making {
     double band, voxel_size;
     mesh_solids solids;
     winding_columns columns;
-    groups groups;
+    triangle_groups groups;
     block_map map;        /* blocks within the band of a group */
     uint32_t (*pairs)[2]; /* block and group, in the order of groups */
     size_t pair_count, pair_room;
@@ -118,7 +89,7 @@ static bool to_index_space(making *k, const levelset_params *p, double index_to_
                          size, voxels, longest, fewest_voxels, WINDING_MOST_VOXELS - 1);
     k->voxel_size = size;
     m->welded = false;
-    threads_run(k->pool, m->vertex_count, VERTICES, move_chunk, &(moving){m, box.min, size});
+    threads_run(k->pool, m->vertex_count, CHUNK, move_chunk, &(moving){m, box.min, size});
     memset(index_to_world, 0, 16 * sizeof *index_to_world);
     for (int axis = 0; axis < 3; axis++) {
         index_to_world[5 * axis] = size;
@@ -126,137 +97,6 @@ static bool to_index_space(making *k, const levelset_params *p, double index_to_
     }
     index_to_world[15] = 1;
     return may_go_on(k, e);
-}
-
-/* ---- groups of triangles */
-
-static triangle corners_of(const making *k, uint32_t n)
-{
-    const uint32_t *t = k->m->triangle[n];
-    return (triangle){k->m->vertex[t[0]], k->m->vertex[t[1]], k->m->vertex[t[2]]};
-}
-
-static vec3 middle_of(const triangle *t)
-{
-    return vec3_scale(vec3_add(t->a, vec3_add(t->b, t->c)), 1.0 / 3);
-}
-
-static vec3 normal_of(const triangle *t)
-{
-    const vec3 ab = vec3_sub(t->b, t->a), ac = vec3_sub(t->c, t->a), normal = vec3_cross(ab, ac);
-    const double square = vec3_norm2(normal);
-    const bool large = vec3_norm2(ab) > large_vox * large_vox || vec3_norm2(ac) > large_vox * large_vox;
-    if (large || !(square > least_sine2 * vec3_norm2(ab) * vec3_norm2(ac))) return (vec3){0, 0, 0};
-    return vec3_scale(normal, 1 / sqrt(square));
-}
-
-/* The group of each triangle goes to `group`. */
-static bool find_groups(making *k, uint32_t *group, error *e)
-{
-    block_map cells;
-    int32_t last[3] = {-1, -1, -1};
-    uint32_t solid = 0, number = 0;
-    bool ok = block_map_init(&cells, 1024, e);
-    for (uint32_t n = 0; ok && n < k->m->triangle_count; n++) {
-        while (n >= k->solids.first[solid + 1]) solid++;
-        const triangle t = corners_of(k, n);
-        const vec3 middle = vec3_scale(middle_of(&t), 1 / group_vox);
-        /* places along an axis take 14 bits */
-        const int32_t at[3] = {(int32_t)middle.x | (int32_t)middle.y << 16, (int32_t)middle.z,
-                               (int32_t)solid};
-        if (memcmp(at, last, sizeof at) != 0)
-            ok = block_map_find_or_add(&cells, at[0], at[1], at[2], &number, e);
-        memcpy(last, at, sizeof last);
-        group[n] = number;
-    }
-    k->groups.count = cells.count;
-    block_map_free(&cells);
-    return ok;
-}
-
-static bbox box_of_group(const making *k, size_t g)
-{
-    bbox box = bbox_empty();
-    for (size_t n = k->groups.first[g]; n < k->groups.first[g + 1]; n++) {
-        const triangle t = corners_of(k, k->groups.triangle[n]);
-        box = bbox_unite(box, triangle_box(&t));
-    }
-    return box;
-}
-
-/* The disc lies in the middle of the corners' heights, not of their box's: a plane may pass a box far from its middle. */
-static disc disc_of_group(const making *k, size_t g)
-{
-    const bbox *box = &k->groups.box[g];
-    disc d = {.middle = vec3_scale(vec3_add(box->min, box->max), 0.5)};
-    for (size_t n = k->groups.first[g]; n < k->groups.first[g + 1]; n++) {
-        const triangle t = corners_of(k, k->groups.triangle[n]);
-        d.normal = vec3_add(d.normal, normal_of(&t));
-    }
-    const double length = vec3_norm(d.normal);
-    d.normal = length > least_length ? vec3_scale(d.normal, 1 / length) : (vec3){0, 0, 0};
-    double low = INFINITY, high = -INFINITY, radius2 = 0;
-    for (size_t n = k->groups.first[g]; n < k->groups.first[g + 1]; n++) {
-        const uint32_t *t = k->m->triangle[k->groups.triangle[n]];
-        for (int c = 0; c < 3; c++) {
-            const vec3 way = vec3_sub(k->m->vertex[t[c]], d.middle);
-            const double height = vec3_dot(way, d.normal), beside2 = vec3_norm2(way) - height * height;
-            low = height < low ? height : low;
-            high = height > high ? height : high;
-            radius2 = beside2 > radius2 ? beside2 : radius2;
-        }
-    }
-    d.middle = vec3_axpy(0.5 * (low + high), d.normal, d.middle);
-    d.depth = 0.5 * (high - low) * (1 + rounding) + rounding;
-    d.radius = sqrt(radius2) * (1 + rounding) + rounding;
-    return d;
-}
-
-static void bound_chunk(void *context, int worker, size_t begin, size_t end)
-{
-    const making *k = context;
-    (void)worker;
-    for (size_t g = begin; g < end; g++) {
-        k->groups.box[g] = box_of_group(k, g);
-        k->groups.disc[g] = disc_of_group(k, g);
-        const triangle t = corners_of(k, k->groups.triangle[k->groups.first[g]]);
-        k->groups.place[g] = middle_of(&t);
-    }
-}
-
-static bool make_groups(making *k, error *e)
-{
-    static const char what[] = "the parts of the mesh";
-    const size_t count = k->m->triangle_count;
-    groups *all = &k->groups;
-    uint32_t *group = mem_array(count, sizeof *group, what, e);
-    bool ok = group && find_groups(k, group, e);
-    if (ok) {
-        all->first = mem_array(all->count + 2, sizeof *all->first, what, e);
-        all->triangle = mem_array(count, sizeof *all->triangle, what, e);
-        all->box = mem_array(all->count, sizeof *all->box, what, e);
-        all->disc = mem_array(all->count, sizeof *all->disc, what, e);
-        all->place = mem_array(all->count, sizeof *all->place, what, e);
-        ok = all->first && all->triangle && all->box && all->disc && all->place;
-    }
-    if (ok) { /* counted two ahead, so that filling moves the starts to their places */
-        for (size_t n = 0; n < count; n++) all->first[group[n] + 2]++;
-        for (size_t g = 2; g < all->count + 2; g++) all->first[g] += all->first[g - 1];
-        for (uint32_t n = 0; n < count; n++) all->triangle[all->first[group[n] + 1]++] = n;
-        threads_run(k->pool, all->count, GROUPS, bound_chunk, k);
-    }
-    free(group);
-    return ok;
-}
-
-static void groups_free(groups *all)
-{
-    free(all->first);
-    free(all->triangle);
-    free(all->box);
-    free(all->disc);
-    free(all->place);
-    *all = (groups){0};
 }
 
 /* ---- which blocks are near which groups */
@@ -279,16 +119,6 @@ static bool add_pair(making *k, const int32_t block[3], uint32_t group, error *e
     return true;
 }
 
-/* Whether a triangle of the group is as near to a place as that; squared. */
-static bool group_comes_near(const making *k, uint32_t group, vec3 place, double reach2)
-{
-    for (size_t n = k->groups.first[group]; n < k->groups.first[group + 1]; n++) {
-        const triangle t = corners_of(k, k->groups.triangle[n]);
-        if (triangle_distance2(&t, place) <= reach2) return true;
-    }
-    return false;
-}
-
 static bool plan_group(making *k, uint32_t group, error *e)
 {
     const bbox box = bbox_grow(k->groups.box[group], k->band);
@@ -305,7 +135,7 @@ static bool plan_group(making *k, uint32_t group, error *e)
             for (b[2] = low[2]; b[2] <= high[2]; b[2]++) {
                 const double half = 0.5 * (SIDE - 1);
                 vec3 middle = {SIDE * b[0] + half, SIDE * b[1] + half, SIDE * b[2] + half};
-                if (large && !group_comes_near(k, group, middle, reach2)) continue;
+                if (large && !triangle_groups_come_near(&k->groups, group, middle, reach2)) continue;
                 if (!add_pair(k, b, group, e)) return false;
             }
     return true;
@@ -314,12 +144,13 @@ static bool plan_group(making *k, uint32_t group, error *e)
 /* Pairs into lists by block, which keep the order of the groups and so of their solids. */
 static bool plan(making *k, error *e)
 {
-    if (!block_map_init(&k->map, 1024, e) || !make_groups(k, e)) return false;
+    if (!block_map_init(&k->map, 1024, e) ||
+        !triangle_groups_make(k->m, k->solids.first, k->pool, &k->groups, e))
+        return false;
     for (uint32_t g = 0; g < k->groups.count; g++)
         if (!plan_group(k, g, e)) return false;
     size_t needed = k->map.count * (VOXELS * sizeof(float) + 128) + block_map_bytes(k->map.count) +
-                    k->pair_count * (sizeof *k->pairs + sizeof *k->near) +
-                    k->groups.count * (sizeof(bbox) + sizeof(disc) + sizeof(vec3)) + 4 * k->m->triangle_count;
+                    k->pair_count * (sizeof *k->pairs + sizeof *k->near) + triangle_groups_bytes(&k->groups);
     if (needed > k->limit) return over_limit(k, needed, e);
     k->first = mem_array((size_t)k->map.count + 2, sizeof *k->first, "the blocks around the mesh", e);
     k->near = mem_array(k->pair_count, sizeof *k->near, "the blocks around the mesh", e);
@@ -334,172 +165,6 @@ static bool plan(making *k, error *e)
 
 /* ---- distances */
 
-#pragma GCC diagnostic ignored "-Wpsabi" /* what takes or returns such is inlined */
-/* Of a row of voxels. In single precision, which may be off by a share `roughly` of squares. */
-typedef float lanes __attribute__((vector_size(SIDE * sizeof(float))));
-typedef int32_t lanes_mask __attribute__((vector_size(SIDE * sizeof(int32_t)))); /* -1: yes, 0: no */
-static const float roughly = 1e-5f;
-/* Places near a block are rounded by less. */
-static const float hair = 1e-5f;
-static const lanes counting = {0, 1, 2, 3, 4, 5, 6, 7};
-
-ISA_INLINE lanes lanes_at(const double row[SIDE])
-{
-    lanes l;
-    for (int z = 0; z < SIDE; z++) l[z] = (float)row[z];
-    return l;
-}
-
-ISA_INLINE unsigned lanes_bits(lanes_mask which)
-{
-    uint64_t two[SIDE / 2];
-    which &= (lanes_mask){1, 2, 4, 8, 16, 32, 64, 128};
-    memcpy(two, &which, sizeof two);
-    const uint64_t all = two[0] | two[1] | two[2] | two[3];
-    return (unsigned)(all | all >> 32);
-}
-
-/* How far x lies outside of the interval, squared. */
-static double outside2(double low, double high, double x)
-{
-    const double below = low - x, above = x - high, most = below > above ? below : above;
-    return most > 0 ? most * most : 0;
-}
-
-/* The voxels of a row, by bits, that may be nearer to something in a disc than to anything so far: those that are near enough
- * along the normal, and above the disc, or nearly. `from`: the first voxel, seen from the disc's middle. */
-ISA_INLINE unsigned find_near_disc(const disc *d, vec3 from, lanes nearest)
-{
-    const float across2 = (float)(from.x * from.x + from.y * from.y),
-                radius2 = (float)(d->radius * d->radius),
-                height0 = (float)(from.x * d->normal.x + from.y * d->normal.y), depth = (float)d->depth;
-    const lanes at = (float)from.z + counting, away2 = across2 + at * at,
-                height = height0 + at * (float)d->normal.z, up = height - depth, down = -height - depth,
-                over = (lanes)(((up > 0) & (lanes_mask)up) | ((down > 0) & (lanes_mask)down)),
-                within2 = nearest * nearest, off = roughly * (away2 + within2 + radius2);
-    const lanes room = within2 - over * over + off, /* squared: how far beside it */
-        beyond = away2 - height * height - radius2 - room;
-    return lanes_bits((room > 0) & ((beyond <= 0) | (beyond * beyond < 4 * radius2 * room)));
-}
-
-/* The square of the farthest that a voxel of each row is from what was seen so far. */
-static void find_farthest(const double nearest[VOXELS], lanes farthest2[SIDE])
-{
-    for (int row = 0; row < 64; row++) {
-        double most = 0;
-        for (int z = 0; z < SIDE; z++) most = nearest[8 * row + z] > most ? nearest[8 * row + z] : most;
-        farthest2[row >> 3][row & 7] = (float)(most * most);
-    }
-}
-
-/* Squared, of 0 to SIDE - 1. */
-ISA_INLINE lanes outside_lanes(double low, double high)
-{
-    double out[SIDE];
-    for (int k = 0; k < SIDE; k++) out[k] = outside2(low, high, k);
-    return lanes_at(out);
-}
-
-/* The voxels of each row that may be nearer to what is in a box and a disc than to all so far, by bits; whether there are any.
- * Most rows have none, which the box tells of eight rows at a time. */
-ISA_CLONES static bool find_rows(bbox box, const disc *d, const double nearest[VOXELS],
-                                 const lanes farthest2[SIDE], uint8_t rows[64])
-{
-    const lanes across2 = outside_lanes(box.min.y, box.max.y), along2 = outside_lanes(box.min.z, box.max.z);
-    const float beside2 = (float)outside2(box.min.z - (SIDE - 1), box.max.z, 0); /* of a whole row */
-    unsigned any = 0;
-    memset(rows, 0, 64);
-    for (int x = 0; x < SIDE; x++) {
-        const lanes off2 = (float)outside2(box.min.x, box.max.x, x) + across2;
-        unsigned near = lanes_bits((off2 + beside2) * (1 - roughly) < farthest2[x]);
-        for (; near; near &= near - 1) {
-            const int y = __builtin_ctz(near), row = SIDE * x + y;
-            const lanes so_far = lanes_at(&nearest[SIDE * row]);
-            unsigned bits = lanes_bits((off2[y] + along2) * (1 - roughly) < so_far * so_far);
-            if (bits) bits &= find_near_disc(d, vec3_sub((vec3){x, y, 0}, d->middle), so_far);
-            rows[row] = (uint8_t)bits;
-            any |= bits;
-        }
-    }
-    return any != 0;
-}
-
-/* Some triangles of a group, in coordinates of a block, and flat discs around them. */
-typedef struct cluster {
-    triangle at[TOGETHER];
-    lanes middle[3][TOGETHER / SIDE], normal[3][TOGETHER / SIDE], radius2[TOGETHER / SIDE];
-    int count;
-} cluster;
-
-static void cluster_add(cluster *c, const triangle *t, vec3 origin)
-{
-    const triangle at = {vec3_sub(t->a, origin), vec3_sub(t->b, origin), vec3_sub(t->c, origin)};
-    const vec3 middle = middle_of(&at), normal = normal_of(&at);
-    const double a2 = vec3_norm2(vec3_sub(at.a, middle)), b2 = vec3_norm2(vec3_sub(at.b, middle)),
-                 c2 = vec3_norm2(vec3_sub(at.c, middle)), ab2 = a2 > b2 ? a2 : b2;
-    const int n = c->count / SIDE, l = c->count % SIDE;
-    for (int axis = 0; axis < 3; axis++) {
-        c->middle[axis][n][l] = (float)vec3_get(middle, axis);
-        c->normal[axis][n][l] = (float)vec3_get(normal, axis);
-    }
-    c->radius2[n][l] = (float)(ab2 > c2 ? ab2 : c2);
-    c->at[c->count++] = at;
-}
-
-/* Those of the triangles from n * SIDE on, by bits, that may be nearer to a voxel than that: those in whose flat discs there is
- * something as near. */
-ISA_INLINE unsigned find_near_triangles(const cluster *c, int n, vec3 voxel, double nearest)
-{
-    const lanes x = (float)voxel.x - c->middle[0][n], y = (float)voxel.y - c->middle[1][n],
-                z = (float)voxel.z - c->middle[2][n], away2 = x * x + y * y + z * z,
-                height = x * c->normal[0][n] + y * c->normal[1][n] + z * c->normal[2][n],
-                height2 = height * height, radius2 = c->radius2[n];
-    const float within = (float)nearest + hair, within2 = within * within;
-    const lanes room = within2 - height2 + roughly * (away2 + within2 + radius2),
-                beyond = away2 - height2 - radius2 - room;
-    const unsigned there = SIDE * (n + 1) > c->count ? (1u << (c->count - SIDE * n)) - 1 : 255;
-    return there & lanes_bits((room > 0) & ((beyond <= 0) | (beyond * beyond < 4 * radius2 * room)));
-}
-
-/* Lowers the distances of these voxels from what was seen so far. */
-ISA_CLONES static void approach(const cluster *c, const uint8_t rows[64], double nearest[VOXELS])
-{
-    for (int row = 0; row < 64; row++)
-        for (unsigned left = rows[row]; left; left &= left - 1) {
-            const int along = __builtin_ctz(left);
-            const vec3 voxel = {row >> 3, row & 7, along};
-            double so_far = nearest[8 * row + along];
-            for (int n = 0; SIDE * n < c->count; n++)
-                for (unsigned near = find_near_triangles(c, n, voxel, so_far); near; near &= near - 1) {
-                    const double d2 = triangle_distance2(&c->at[SIDE * n + __builtin_ctz(near)], voxel);
-                    if (d2 < so_far * so_far) so_far = sqrt(d2);
-                }
-            nearest[8 * row + along] = so_far;
-        }
-}
-
-static void approach_group(const making *k, uint32_t group, vec3 origin, const lanes farthest2[SIDE],
-                           double nearest[VOXELS])
-{
-    const bbox *box = &k->groups.box[group];
-    const size_t end = k->groups.first[group + 1];
-    uint8_t rows[64];
-    disc around = k->groups.disc[group];
-    around.middle = vec3_sub(around.middle, origin);
-    if (!find_rows((bbox){vec3_sub(box->min, origin), vec3_sub(box->max, origin)}, &around, nearest,
-                   farthest2, rows))
-        return;
-    for (size_t n = k->groups.first[group]; n < end;) {
-        cluster c;
-        c.count = 0;
-        for (; n < end && c.count < TOGETHER; n++) {
-            const triangle t = corners_of(k, k->groups.triangle[n]);
-            cluster_add(&c, &t, origin);
-        }
-        approach(&c, rows, nearest);
-    }
-}
-
 /* One solid's signed distance into `f`, the least of those of all solids. */
 static void unite(const making *k, uint32_t solid, const int32_t origin[3], const double nearest[VOXELS],
                   double f[VOXELS])
@@ -511,100 +176,6 @@ static void unite(const making *k, uint32_t solid, const int32_t origin[3], cons
             double d = nearest[8 * row + z];
             f[8 * row + z] = fmin(f[8 * row + z], inside >> z & 1 ? -d : d);
         }
-    }
-}
-
-/* How far voxels are at most, squared, and of which of the groups that tell it; -1: of none yet. No voxel is farther from a
- * triangle than from a place of it. In single precision. */
-typedef struct bounds {
-    float nearest2[VOXELS];
-    int32_t from[VOXELS];
-} bounds;
-
-ISA_CLONES static void bound_by_place(vec3 at, int32_t number, bounds *b)
-{
-    float along2[SIDE];
-    for (int z = 0; z < SIDE; z++) along2[z] = (float)((z - at.z) * (z - at.z));
-    for (int row = 0; row < 64; row++) {
-        const double x = (row >> 3) - at.x, y = (row & 7) - at.y;
-        const float across2 = (float)(x * x + y * y);
-        for (int z = 0; z < SIDE; z++) {
-            const float d2 = across2 + along2[z], so_far = b->nearest2[8 * row + z];
-            b->nearest2[8 * row + z] = d2 < so_far ? d2 : so_far;
-            b->from[8 * row + z] = d2 < so_far ? number : b->from[8 * row + z];
-        }
-    }
-}
-
-/* Places along each axis, so many of a group. */
-typedef struct places {
-    float at[3][TOGETHER];
-} places;
-
-/* The middles of a group's triangles, or of some of them. */
-static places middles_of_group(const making *k, uint32_t group, vec3 origin)
-{
-    const size_t first = k->groups.first[group], count = k->groups.first[group + 1] - first;
-    places p;
-    for (size_t n = 0; n < TOGETHER; n++) {
-        const size_t which = count > TOGETHER ? n * count / TOGETHER : n < count ? n : 0;
-        const triangle t = corners_of(k, k->groups.triangle[first + which]);
-        const vec3 at = vec3_sub(middle_of(&t), origin);
-        p.at[0][n] = (float)at.x;
-        p.at[1][n] = (float)at.y;
-        p.at[2][n] = (float)at.z;
-    }
-    return p;
-}
-
-/* The same of a list of voxels, each of which names the next, and of many places. */
-ISA_CLONES static void bound_by_places(const places *p, int voxel, const int16_t next[VOXELS], bounds *b)
-{
-    for (; voxel >= 0; voxel = next[voxel]) {
-        const float x = (float)(voxel >> 6), y = (float)(voxel >> 3 & 7), z = (float)(voxel & 7);
-        lanes least = b->nearest2[voxel] + (lanes){0};
-        for (int n = 0; n < TOGETHER; n += SIDE) {
-            for (int l = 0; l < SIDE; l++) {
-                const float dx = x - p->at[0][n + l], dy = y - p->at[1][n + l], dz = z - p->at[2][n + l],
-                            d2 = dx * dx + dy * dy + dz * dz;
-                least[l] = d2 < least[l] ? d2 : least[l];
-            }
-        }
-        for (int l = 0; l < SIDE; l++)
-            if (least[l] < b->nearest2[voxel]) b->nearest2[voxel] = least[l];
-    }
-}
-
-/* Of many groups one triangle each is looked at before all others, then the triangles of the group that is nearest to a voxel so
- * far: what they leave to be nearer is little. Distances come out a trace too large, so that the nearest triangle is still
- * looked at. */
-static void bound_by_some(const making *k, vec3 origin, const uint32_t *near, size_t count,
-                          double nearest[VOXELS])
-{
-    if (count < MANY) return;
-    bounds b;
-    int16_t first[2 * SOME], next[VOXELS];
-    const size_t step = 1 + count / (2 * SOME);
-    for (int v = 0; v < VOXELS; v++) {
-        b.nearest2[v] = (float)(nearest[v] * nearest[v]);
-        b.from[v] = -1;
-    }
-    for (size_t n = 0; n < count; n += step)
-        bound_by_place(vec3_sub(k->groups.place[near[n]], origin), (int32_t)(n / step), &b);
-    memset(first, -1, sizeof first);
-    for (int v = 0; v < VOXELS; v++) {
-        if (b.from[v] < 0) continue;
-        next[v] = first[b.from[v]];
-        first[b.from[v]] = (int16_t)v;
-    }
-    for (size_t n = 0; n < count; n += step) {
-        if (first[n / step] < 0) continue;
-        const places middles = middles_of_group(k, near[n], origin);
-        bound_by_places(&middles, first[n / step], next, &b);
-    }
-    for (int v = 0; v < VOXELS; v++) {
-        const double d = sqrt((double)b.nearest2[v]) * (1 + roughly) + hair;
-        if (d < nearest[v]) nearest[v] = d;
     }
 }
 
@@ -626,18 +197,14 @@ static size_t end_of_solid(const making *k, uint32_t solid, size_t from, size_t 
 static void fill_block(const making *k, uint32_t block, uint32_t *stamp, double f[VOXELS])
 {
     const int32_t *b = k->map.blocks[block], origin[3] = {SIDE * b[0], SIDE * b[1], SIDE * b[2]};
-    const vec3 base = {origin[0], origin[1], origin[2]};
     double nearest[VOXELS];
-    lanes farthest2[SIDE];
     uint32_t solid = 0;
     for (int v = 0; v < VOXELS; v++) f[v] = k->band;
     for (size_t n = k->first[block]; n < k->first[block + 1];) {
         solid = solid_of(k, solid, k->near[n]);
-        for (int v = 0; v < VOXELS; v++) nearest[v] = k->band;
         const size_t end = end_of_solid(k, solid, n, k->first[block + 1]);
-        bound_by_some(k, base, k->near + n, end - n, nearest);
-        find_farthest(nearest, farthest2);
-        for (; n < end; n++) approach_group(k, k->near[n], base, farthest2, nearest);
+        triangle_groups_approach(&k->groups, k->near + n, end - n, origin, k->band, nearest);
+        n = end;
         stamp[solid] = block + 1;
         unite(k, solid, origin, nearest, f);
     }
@@ -778,7 +345,7 @@ vdb_grid *levelset_make(mesh *m, const levelset_params *params, mesh_notes *note
     if (ok && solids) *solids = k.solids.solid_count;
     mesh_solids_free(&k.solids);
     winding_free(&k.columns);
-    groups_free(&k.groups);
+    triangle_groups_free(&k.groups);
     block_map_free(&k.map);
     free(k.pairs);
     free(k.first);
