@@ -1361,7 +1361,8 @@ const spec_row spec_rows[] = {
      AT(preview_attribute),
      .prose =
          "The colours show this attribute of the points, by its name in the outputs, instead of color: of a "
-         "vector its length. An attribute of the type color is shown as it is."},
+         "vector its length. An attribute of the type color is shown as it is. Of surfaces of patches also patch and feature, of "
+         "labels label_a and label_b."},
     {.pointer = "/output/preview/range",
      .type = SPEC_TYPE_NUMBERS,
      .low = -1e300,

@@ -377,6 +377,14 @@ def test_a_label_that_fills_all_is_refused_and_the_advice_helps(send):
     assert send(labels, of_labels(300, closed=True))["outcome_reasons"] == []
 
 
+def test_a_preview_is_coloured_by_label(sample):
+    def run(shown):
+        return sample(blocks(), count=300, output={"mesh": False, "preview": {"size": 64, "attribute": shown}})[0]
+    assert "preview.png" in [o["name"] for o in run("label_b")["outputs"]]
+    error = run("label_c")
+    assert error["code"] == "attribute_missing" and "label_b" in error["message"], error
+
+
 # ---- what cannot be
 
 @pytest.mark.parametrize("values, members, code, words", [

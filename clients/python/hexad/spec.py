@@ -993,7 +993,8 @@ class OutputPreview(_OutputPreviewRest):
         particle, the achieved spacing, or the number of neighbours. Default: alpha if sampling.alpha is
         given, otherwise curvature.
     attribute: The colours show this attribute of the points, by its name in the outputs, instead of color: of
-        a vector its length. An attribute of the type color is shown as it is.
+        a vector its length. An attribute of the type color is shown as it is. Of surfaces of patches also
+        patch and feature, of labels label_a and label_b.
     range: The values at both ends of the colours, the lower one first. Default: the 2nd and the 98th
         percentile.
     map: The colours. diverging: from blue through nearly white, the middle of the range, to red. Default:
