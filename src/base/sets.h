@@ -1,5 +1,5 @@
 /* sets: disjoint sets of the numbers 0 to n - 1, as a forest in an array of the caller's. The least of a set is its
- * root. Joining is not for several threads at once, but for that of `shared`. */
+ * root. Joining is not for several threads at once, but for what is called shared. */
 #ifndef HEXAD_BASE_SETS_H
 #define HEXAD_BASE_SETS_H
 
@@ -52,6 +52,15 @@ static inline void sets_join_shared(uint32_t *parent, uint32_t a, uint32_t b)
         if (__atomic_compare_exchange_n(&parent[high], &high, low, false, __ATOMIC_RELAXED, __ATOMIC_RELAXED))
             return;
     }
+}
+
+/* Makes its root the parent of k, while other threads do so of other numbers, once nobody joins any more. It shortens no other's way:
+ * a way that is shorter need not end at the root. */
+static inline void sets_flatten_shared(uint32_t *parent, uint32_t k)
+{
+    uint32_t root = k, up;
+    while ((up = __atomic_load_n(&parent[root], __ATOMIC_RELAXED)) != root) root = up;
+    __atomic_store_n(&parent[k], root, __ATOMIC_RELAXED);
 }
 
 #endif

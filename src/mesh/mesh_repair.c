@@ -191,11 +191,11 @@ static void join_chunk(void *context, int worker, size_t begin, size_t end)
         sets_join_shared(j->turned.parent, j->edges->sides[k].triangle, j->edges->sides[k + 1].triangle);
 }
 
-static void shorten_chunk(void *context, int worker, size_t begin, size_t end)
+static void flatten_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const judging *j = context;
     (void)worker;
-    for (size_t n = begin; n < end; n++) sets_root_shared(j->turned.parent, (uint32_t)n);
+    for (size_t n = begin; n < end; n++) sets_flatten_shared(j->turned.parent, (uint32_t)n);
 }
 
 /* Finds what hangs together. Where every edge has two triangles that agree, as most meshes have, all threads do. */
@@ -205,7 +205,7 @@ static bool join_triangles(judging *j, error *e)
     if (edges->open || edges->odd) return not_closed(j, e);
     if (edges->branching || edges->against) return join_at_edges(j, e);
     threads_run(j->place->pool, j->m->vertex_count, CHUNK, join_chunk, j);
-    threads_run(j->place->pool, j->m->triangle_count, CHUNK, shorten_chunk, j);
+    threads_run(j->place->pool, j->m->triangle_count, CHUNK, flatten_chunk, j);
     return !threads_stopped(j->place->pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
 

@@ -374,6 +374,56 @@ static void shells_in_shells(void **state)
         }
 }
 
+/* So that what hangs together is found from all sides, by all threads. */
+static void shuffle(mesh *m, uint64_t *seed)
+{
+    uint32_t *place = mem_array(m->vertex_count, sizeof *place, "places", NULL);
+    vec3 *moved = mem_array(m->vertex_count, sizeof *moved, "places", NULL);
+    for (size_t k = 0; k < m->vertex_count; k++) {
+        const size_t other = (size_t)(fixture_random(seed) * (double)(k + 1));
+        place[k] = place[other];
+        place[other] = (uint32_t)k;
+    }
+    for (size_t k = 0; k < m->vertex_count; k++) moved[place[k]] = m->vertex[k];
+    memcpy(m->vertex, moved, m->vertex_count * sizeof *moved);
+    for (size_t k = 0; k < 3 * m->triangle_count; k++)
+        m->triangle[k / 3][k % 3] = place[m->triangle[k / 3][k % 3]];
+    free(place);
+    free(moved);
+    for (size_t k = m->triangle_count - 1; k > 0; k--) {
+        uint32_t swap[3];
+        const size_t other = (size_t)(fixture_random(seed) * (double)(k + 1));
+        memcpy(swap, m->triangle[k], sizeof swap);
+        memcpy(m->triangle[k], m->triangle[other], sizeof swap);
+        memcpy(m->triangle[other], swap, sizeof swap);
+    }
+}
+
+static void many_shells_in_any_order(void **state)
+{
+    (void)state;
+    enum { ALONG = 3, RUNS = 4 };
+    uint64_t seed = SEED;
+    for (int run = 0; run < RUNS; run++) {
+        mesh m = {0};
+        for (int k = 0; k < ALONG * ALONG * ALONG; k++) {
+            const vec3 center = {40 * (k % ALONG), 40 * (k / ALONG % ALONG), 40 * (k / ALONG / ALONG)};
+            mesh outer = mesh_fixture_ball(center, 15, 4), inner = mesh_fixture_ball(center, 7, 3);
+            for (size_t n = 0; n < inner.triangle_count; n++) mesh_fixture_turn(&inner, n);
+            mesh_fixture_append(&outer, inner);
+            if (k == 0)
+                m = outer;
+            else
+                mesh_fixture_append(&m, outer);
+        }
+        shuffle(&m, &seed);
+        const judgement j = judge(m);
+        assert_true(j.ok);
+        assert_int_equal(j.solids, ALONG * ALONG * ALONG);
+        assert_int_equal(j.notes.count, 0);
+    }
+}
+
 /* ---- the level set */
 
 static vdb_grid *make(mesh *m, int voxels, mesh_notes *notes)
@@ -807,6 +857,7 @@ int main(void)
         cmocka_unit_test(orientation_is_mended),
         cmocka_unit_test(odd_triangles_are_noted),
         cmocka_unit_test(shells_in_shells),
+        cmocka_unit_test(many_shells_in_any_order),
         cmocka_unit_test(boxes_are_exact),
         cmocka_unit_test(many_triangles_are_as_exact_as_few),
         cmocka_unit_test(the_inside_of_a_ball_is_exact),
