@@ -3,8 +3,8 @@
 #define HEXAD_GEOMETRY_BBOX_H
 
 #include <stdbool.h>
-#include <stdint.h>
 #include <stddef.h>
+#include <stdint.h>
 
 #include "base/threads.h"
 #include "geometry/vec3.h"

@@ -45,8 +45,9 @@ bool label_surface_has_thin(const label_surface *s);
 /* The thin labels, ascending: *count of them, which live as long as the surface. */
 const label_thin *label_surface_thin(const label_surface *s, size_t *count);
 
-/* Whether most labels that are not thin are so in places, as where slices of a segmentation do not fit to each other. */
-bool label_surface_is_ragged(const label_surface *s);
+/* Whether most labels that are not thin are so in many places, as where slices of a segmentation do not fit to each other, and are no
+ * smaller than a ball of this radius, in the smallest side of a voxel. The largest label, of what is around the others, does not count. */
+bool label_surface_is_ragged(const label_surface *s, double radius);
 
 /* The smallest side of a voxel. */
 double label_surface_voxel(const label_surface *s);

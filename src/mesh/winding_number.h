@@ -11,8 +11,8 @@
 #ifndef HEXAD_MESH_WINDING_NUMBER_H
 #define HEXAD_MESH_WINDING_NUMBER_H
 
-#include <stdbool.h>
 #include <math.h>
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 

@@ -101,11 +101,11 @@ void label_advice_append_majority(json *list, const spec_labels *s, const label_
                                   double spacing)
 {
     const double width = ceil(2 * WIDER * fmax(spacing / label_surface_voxel(labels), s->majority)) / 2;
-    if (!(s->majority > 0 || label_surface_is_ragged(labels)) || width > SPEC_MAJORITY_MAX) return;
+    if (width > SPEC_MAJORITY_MAX || !label_surface_is_ragged(labels, width)) return;
     char *message = mem_printf(
-        "or set /surface/labels/majority to %.10g: labels are one voxel thin in places, as where slices do not fit to each other, and "
-        "these points cannot show that; then each voxel has the label of most around it, labels keep their volume, and thin parts and "
-        "specks may be lost",
+        "or set /surface/labels/majority to %.10g: the labels are thin in many places, as where slices do not fit to each other, and these "
+        "points cannot show that; then each voxel has the label of most around it, which takes time with such a width: labels keep their "
+        "volume, but thin parts and specks may be lost",
         width);
     json_put_number(advice_append(list, "ragged_labels", message), "/surface/labels/majority", width);
     free(message);

@@ -10,8 +10,8 @@
  * there is nothing to do. */
 void label_advice_append(json *list, const spec_labels *s, const label_surface *labels);
 
-/* Appends the item `ragged_labels`, where points that are `spacing` apart cannot show what labels that are ragged, or went through a
- * majority already, are in places: a wider majority. */
+/* Appends the item `ragged_labels`, where points that are `spacing` apart cannot show what most labels are in places, and these are larger
+ * than what it takes to even that out: a majority, or a wider one. */
 void label_advice_append_majority(json *list, const spec_labels *s, const label_surface *labels,
                                   double spacing);
 

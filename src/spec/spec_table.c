@@ -514,8 +514,8 @@ const spec_row spec_rows[] = {
      .unit = "voxels",
      .prose =
          "First each voxel gets the label of most voxels around it, by a Gaussian of this standard deviation, in the smallest side of a "
-         "voxel: for slices segmented by hand that do not fit to each other, and strays. One and a half to twice the spacing of the points "
-         "leaves what they can show. Labels weigh so "
+         "voxel: for slices segmented by hand that do not fit to each other, and strays. One and a half times the spacing of the points leaves "
+         "what they can show; wide ones take minutes. Labels weigh so "
          "much that each keeps its volume; what is thinner than the rest of its label shrinks or is lost, and so are specks with a radius "
          "below this. 0: every voxel keeps its label."},
     {.pointer = "/surface/labels/background",

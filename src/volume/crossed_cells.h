@@ -58,7 +58,7 @@ void crossed_cells_add_late(crossed_cells *c, crossed_cell *late, size_t count);
 
 void crossed_cells_get(const crossed_cells *c, size_t k, crossed_cell *out);
 
-/* Bytes that it takes with values. */
+/* Bytes that it takes with values; of cells that were added late without the room that they do not use. */
 size_t crossed_cells_bytes(const crossed_cells *c);
 
 #endif

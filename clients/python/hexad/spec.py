@@ -463,9 +463,10 @@ class SurfaceLabels(_SurfaceLabelsNeeded, _SurfaceLabelsRest):
         not at all. (voxels) Default: 8.
     majority: First each voxel gets the label of most voxels around it, by a Gaussian of this standard
         deviation, in the smallest side of a voxel: for slices segmented by hand that do not fit to each
-        other, and strays. One and a half to twice the spacing of the points leaves what they can show. Labels
-        weigh so much that each keeps its volume; what is thinner than the rest of its label shrinks or is
-        lost, and so are specks with a radius below this. 0: every voxel keeps its label. (voxels) Default: 0.
+        other, and strays. One and a half times the spacing of the points leaves what they can show; wide ones
+        take minutes. Labels weigh so much that each keeps its volume; what is thinner than the rest of its
+        label shrinks or is lost, and so are specks with a radius below this. 0: every voxel keeps its label.
+        (voxels) Default: 0.
     background: The label of what is no material: it stands second, so that normals point into it. Default:
         none; where one is needed 0 unless that is one of `labels`, else the number below the least label.
     closed: true: beyond the end of the data is background, and the end an interface with it. false: the
