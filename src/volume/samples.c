@@ -573,51 +573,46 @@ ISA_INLINE extent part_of(int low, int side, int at)
     return (extent){from, end - from};
 }
 
-/* Rows of a length that is known are copied at once. */
+/* Rows of the lengths that most have, of those of a block and beside it, are copied at once. */
 ISA_INLINE void copy_row(float *to, const float *from, int count)
 {
-    if (count == SIDE) {
+    if (count == SIDE)
         memcpy(to, from, SIDE * sizeof *to);
-        return;
-    }
-    for (int k = 0; k < count; k++) to[k] = from[k];
-}
-
-/* Whether a part of a window lies in a block so many blocks away. */
-ISA_INLINE bool has_part(const int low[3], int side, const int step[3])
-{
-    bool has = true;
-    for (int axis = 0; axis < 3; axis++) has &= part_of(low[axis], side, step[axis]).count > 0;
-    return has;
+    else if (count == 1)
+        *to = *from;
+    else if (count == 2)
+        memcpy(to, from, 2 * sizeof *to);
+    else
+        for (int k = 0; k < count; k++) to[k] = from[k];
 }
 
 void samples_window(const samples *s, const int32_t block[3], const int low[3], int side, float *out)
 {
-    const float *own = s->f[block_map_find(&s->map, block[0], block[1], block[2])];
-    uint32_t near[27];
+    const float *own = s->f[block_map_find(&s->map, block[0], block[1], block[2])], *near[3][3][3];
+    extent part[3][3]; /* of each axis: in the block below, in this one and in that above */
+    for (int k = 0; k < 9; k++) part[k / 3][k % 3] = part_of(low[k / 3], side, k % 3 - 1);
     for (int k = 0; k < 27; k++) { /* all at first, so that they are waited for together */
-        const int step[3] = {k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1};
-        if (!has_part(low, side, step)) continue;
-        near[k] = block_map_find(&s->map, block[0] + step[0], block[1] + step[1], block[2] + step[2]);
-        if (near[k] != BLOCK_MAP_NONE && abs(step[0]) + abs(step[1]) + abs(step[2]) == 1)
-            fetch_block(s->f[near[k]]);
+        const int at[3] = {k / 9, k / 3 % 3, k % 3};
+        if (part[0][at[0]].count <= 0 || part[1][at[1]].count <= 0 || part[2][at[2]].count <= 0) continue;
+        const uint32_t n =
+            block_map_find(&s->map, block[0] + at[0] - 1, block[1] + at[1] - 1, block[2] + at[2] - 1);
+        near[at[0]][at[1]][at[2]] = n == BLOCK_MAP_NONE ? NULL : s->f[n];
+        if (n != BLOCK_MAP_NONE && (at[0] == 1) + (at[1] == 1) + (at[2] == 1) == 2) fetch_block(s->f[n]);
     }
-    for (int k = 0; k < 27; k++) {
-        const int step[3] = {k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1};
-        if (!has_part(low, side, step)) continue;
-        const uint32_t n = near[k];
-        const extent px = part_of(low[0], side, step[0]), py = part_of(low[1], side, step[1]),
-                     pz = part_of(low[2], side, step[2]);
-        for (int x = px.from; x < px.from + px.count; x++)
-            for (int y = py.from; y < py.from + py.count; y++) {
-                float *to = out + ((x - low[0]) * side + y - low[1]) * side + pz.from - low[2];
-                if (n != BLOCK_MAP_NONE) {
-                    copy_row(to, s->f[n] + 64 * (x & 7) + 8 * (y & 7) + (pz.from & 7), pz.count);
-                    continue;
-                }
-                for (int z = pz.from; z < pz.from + pz.count; z++) *to++ = nearest(own, x, y, z);
+    for (int x = low[0]; x < low[0] + side; x++)
+        for (int y = low[1]; y < low[1] + side; y++) {
+            const float *const *blocks = near[(x >> 3) + 1][(y >> 3) + 1];
+#pragma GCC unroll 3
+            for (int k = 0; k < 3; k++) {
+                const extent z = part[2][k];
+                if (z.count <= 0) continue;
+                if (blocks[k])
+                    copy_row(out, blocks[k] + 64 * (x & 7) + 8 * (y & 7) + (z.from & 7), z.count);
+                else
+                    for (int i = 0; i < z.count; i++) out[i] = nearest(own, x, y, z.from + i);
+                out += z.count;
             }
-    }
+        }
 }
 
 void samples_fetch(const samples *s, const int32_t block[3])
