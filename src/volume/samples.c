@@ -30,6 +30,7 @@ static const int stride_of[3] = {64, 8, 1};
 /* Asks for the voxels of a block that comes next: blocks lie here and there, which a processor cannot foretell. */
 ISA_INLINE void fetch_block(const float *f)
 {
+#pragma GCC unroll 8
     for (int k = 0; k < VOXELS; k += 16) __builtin_prefetch(f + k);
 }
 
@@ -178,21 +179,36 @@ bool samples_read(const grid_view *l, vdb_grid *grid, samples_leaves taken, bloc
 
 /* ---- continuing a clamped band */
 
-static uint64_t known_word(const samples *s, uint32_t block, int x)
+/* A block that is continued and those below and above it along each axis: which of their voxels are known, and these. Of a block
+ * that is missing none is known. */
+typedef struct surroundings {
+    float *here;
+    const float *beyond[6];
+    uint64_t layers[SIDE + 6]; /* the layers along x from 3 below the block on */
+    const uint64_t *known[6];
+} surroundings;
+
+ISA_INLINE void find_surroundings(const samples *s, uint32_t block, surroundings *out)
 {
-    return block == BLOCK_MAP_NONE ? 0 : s->known[(size_t)block * SIDE + (size_t)x];
+    static const uint64_t none[SIDE] = {0};
+    out->here = s->f[block];
+    for (int k = 0; k < 6; k++) {
+        const uint32_t n = s->near[6 * (size_t)block + (size_t)k];
+        const bool is_there = n != BLOCK_MAP_NONE;
+        out->beyond[k] = s->f[is_there ? n : block];
+        out->known[k] = is_there ? s->known + (size_t)n * SIDE : none;
+    }
+    memcpy(out->layers, out->known[0] + SIDE - 3, 3 * sizeof *out->layers);
+    memcpy(out->layers + 3, s->known + (size_t)block * SIDE, SIDE * sizeof *out->layers);
+    memcpy(out->layers + 3 + SIDE, out->known[1], 3 * sizeof *out->layers);
 }
 
 /* Of the layer x of a block, bit by bit, whether the voxel `step` away is known: below (side 0) or above along an
  * axis; step <= 3. */
-ISA_INLINE uint64_t known_beside(const samples *s, uint32_t block, int x, int axis, int side, int step)
+ISA_INLINE uint64_t known_beside(const surroundings *s, int x, int axis, int side, int step)
 {
-    const uint32_t beyond = s->near[6 * (size_t)block + (size_t)(2 * axis + side)];
-    if (axis == 0) {
-        const int to = side ? x + step : x - step;
-        return known_word(s, to < 0 || to >= SIDE ? beyond : block, to & (SIDE - 1));
-    }
-    const uint64_t here = known_word(s, block, x), there = known_word(s, beyond, x);
+    if (axis == 0) return s->layers[x + 3 + (side ? step : -step)];
+    const uint64_t here = s->layers[x + 3], there = s->known[2 * axis + side][x];
     const int by = axis == 1 ? SIDE * step : step, back = axis == 1 ? 64 - by : SIDE - step;
     if (axis == 1) return side ? here >> by | there << back : here << by | there >> back;
     const uint64_t low = 0x0101010101010101u * ((1u << step) - 1), high = low << back;
@@ -201,19 +217,19 @@ ISA_INLINE uint64_t known_beside(const samples *s, uint32_t block, int x, int ax
 
 /* The voxels of a layer that are not known but have a known one beside them, and in known[3 k + step - 1] which have
  * one that many steps away; k: below and above along each axis. */
-ISA_INLINE uint64_t frontier(const samples *s, uint32_t block, int x, uint64_t known[18])
+ISA_INLINE uint64_t frontier(const surroundings *s, int x, uint64_t known[18])
 {
-    const uint64_t here = known_word(s, block, x);
+    const uint64_t here = s->layers[x + 3];
     uint64_t any = 0;
     if (here == ~(uint64_t)0) return 0;
 #pragma GCC unroll 6
-    for (int k = 0; k < 6; k++) any |= known[3 * k] = known_beside(s, block, x, k / 2, k % 2, 1);
+    for (int k = 0; k < 6; k++) any |= known[3 * k] = known_beside(s, x, k / 2, k % 2, 1);
     any &= ~here;
     if (any == 0) return 0;
 #pragma GCC unroll 6
     for (int k = 0; k < 6; k++) {
-        known[3 * k + 1] = known_beside(s, block, x, k / 2, k % 2, 2);
-        known[3 * k + 2] = known_beside(s, block, x, k / 2, k % 2, 3);
+        known[3 * k + 1] = known_beside(s, x, k / 2, k % 2, 2);
+        known[3 * k + 2] = known_beside(s, x, k / 2, k % 2, 3);
     }
     return any;
 }
@@ -231,26 +247,29 @@ ISA_INLINE double along_line(double a, double b, double c, bool bent)
 }
 
 /* Where the lines along one direction lead: its side (0: below) of an axis, and the voxels of the block and of the one
- * beyond, or of this one again where there is none. */
+ * beyond, or of this one again where there is none. Which of both is looked up, since a processor cannot foretell it. */
 typedef struct direction {
     int axis, side;
-    const float *here, *beyond;
+    const float *from[2];
 } direction;
 
 /* The value `step` voxels from a voxel of the layer x. */
 ISA_INLINE double value_along(const direction *d, int x, int bit, int step)
 {
-    const int by = d->side ? step : -step, place = d->axis == 0 ? x : d->axis == 1 ? bit >> 3 : bit & 7;
-    const int offset = 64 * x + bit + by * (64 >> 3 * d->axis), wrapped = (place + by) & ~(SIDE - 1);
-    const float *from = wrapped ? d->beyond : d->here;
-    return (double)from[offset - wrapped * (64 >> 3 * d->axis)];
+    const int by = d->side ? step : -step, layer = 64 * x, y = bit & ~(SIDE - 1), z = bit & (SIDE - 1);
+    const int to = d->axis == 0   ? x + by
+                   : d->axis == 1 ? bit + SIDE * by
+                                  : z + by,
+              in_block = to & (d->axis == 1 ? 63 : SIDE - 1);
+    const float *from = d->from[to != in_block];
+    if (d->axis == 0) return (double)from[64 * in_block + bit];
+    return (double)from[layer + in_block + (d->axis == 1 ? 0 : y)];
 }
 
-/* Of a layer's frontier what the lines from all directions say, summed: of lines of two voxels and more, and, where there
- * are none, of single ones. */
+/* Of a layer's frontier what the lines from all directions say, summed, and how many these are. */
 typedef struct gathered {
-    double lines[64], flats[64];
-    uint8_t line_count[64], flat_count[64];
+    double sum[64];
+    uint8_t count[64];
 } gathered;
 
 ISA_INLINE void gather_lines(const direction *d, int x, uint64_t bits, bool bent, gathered *g)
@@ -258,21 +277,18 @@ ISA_INLINE void gather_lines(const direction *d, int x, uint64_t bits, bool bent
     for (; bits; bits &= bits - 1) {
         const int bit = __builtin_ctzll(bits);
         const double a = value_along(d, x, bit, 1), b = value_along(d, x, bit, 2);
-        g->lines[bit] += along_line(a, b, bent ? value_along(d, x, bit, 3) : 0, bent);
-        g->line_count[bit]++;
+        g->sum[bit] += along_line(a, b, bent ? value_along(d, x, bit, 3) : 0, bent);
+        g->count[bit]++;
     }
 }
 
-/* `known`: of the direction's three steps. One direction after the other, so that a processor can foretell the branches. */
-ISA_INLINE void gather(const direction *d, int x, uint64_t bits, const uint64_t known[3], gathered *g)
+/* Where there are no lines, of two voxels and more: single voxels. */
+ISA_INLINE void gather_flats(const direction *d, int x, uint64_t bits, gathered *g)
 {
-    bits &= known[0];
-    gather_lines(d, x, bits & known[1] & known[2], true, g);
-    gather_lines(d, x, bits & known[1] & ~known[2], false, g);
-    for (bits &= ~known[1]; bits; bits &= bits - 1) {
+    for (; bits; bits &= bits - 1) {
         const int bit = __builtin_ctzll(bits);
-        g->flats[bit] += value_along(d, x, bit, 1);
-        g->flat_count[bit]++;
+        g->sum[bit] += value_along(d, x, bit, 1);
+        g->count[bit]++;
     }
 }
 
@@ -287,33 +303,30 @@ ISA_INLINE float bounded(double value, double raw, int layer)
     return (float)(side * reach);
 }
 
-ISA_INLINE float continued(double raw, const gathered *g, int bit, int layer)
-{
-    const double value =
-        g->line_count[bit] ? g->lines[bit] / g->line_count[bit] : g->flats[bit] / g->flat_count[bit];
-    return bounded(value, raw, layer);
-}
-
 /* Continues the frontier `bits` of the layer x of a block. */
-ISA_INLINE void extend_row(samples *s, uint32_t block, int x, uint64_t bits, const uint64_t known[18],
-                           int layer)
+ISA_INLINE void extend_row(const surroundings *s, int x, uint64_t bits, const uint64_t known[18], int layer)
 {
-    float *here = s->f[block];
+    float *at = s->here + 64 * x;
+    uint64_t lined = 0;
     gathered g;
-    for (uint64_t b = bits; b; b &= b - 1) {
-        const int bit = __builtin_ctzll(b);
-        g.lines[bit] = g.flats[bit] = 0;
-        g.line_count[bit] = g.flat_count[bit] = 0;
-    }
+    memset(g.count, 0, sizeof g.count);
+#pragma GCC unroll 64
+    for (int k = 0; k < 64; k++) g.sum[k] = 0;
 #pragma GCC unroll 6
-    for (int k = 0; k < 6; k++) {
-        const uint32_t beyond = s->near[6 * (size_t)block + (size_t)k];
-        const direction d = {k / 2, k % 2, here, s->f[beyond == BLOCK_MAP_NONE ? block : beyond]};
-        gather(&d, x, bits, known + 3 * k, &g);
+    for (int k = 0; k < 6; k++) { /* one after the other, so that a processor can foretell the branches */
+        const direction d = {k / 2, k % 2, {s->here, s->beyond[k]}};
+        const uint64_t two = bits & known[3 * k] & known[3 * k + 1];
+        gather_lines(&d, x, two & known[3 * k + 2], true, &g);
+        gather_lines(&d, x, two & ~known[3 * k + 2], false, &g);
+        lined |= two;
+    }
+    for (int k = 0; lined != bits && k < 6; k++) {
+        const direction d = {k / 2, k % 2, {s->here, s->beyond[k]}};
+        gather_flats(&d, x, bits & ~lined & known[3 * k], &g);
     }
     for (; bits; bits &= bits - 1) {
         const int bit = __builtin_ctzll(bits);
-        here[64 * x + bit] = continued((double)here[64 * x + bit], &g, bit, layer);
+        at[bit] = bounded(g.sum[bit] / g.count[bit], (double)at[bit], layer);
     }
 }
 
@@ -330,17 +343,18 @@ typedef struct extension {
 static void extend_chunk(void *context, int worker, size_t begin, size_t end)
 {
     extension *job = context;
-    samples *s = job->s;
+    const samples *s = job->s;
+    surroundings around;
     uint64_t changed = 0;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         if (i + 1 < end) fetch_block(s->f[job->open[i + 1]]);
+        find_surroundings(s, job->open[i], &around);
         for (int x = 0; x < SIDE; x++) {
-            const uint32_t n = job->open[i];
-            uint64_t known[18], bits = frontier(s, n, x, known);
-            job->fresh[(size_t)n * SIDE + (size_t)x] = bits;
+            uint64_t known[18], bits = frontier(&around, x, known);
+            job->fresh[(size_t)job->open[i] * SIDE + (size_t)x] = bits;
             changed |= bits;
-            if (bits) extend_row(s, n, x, bits, known, job->layer);
+            if (bits) extend_row(&around, x, bits, known, job->layer);
         }
     }
     if (changed) atomic_store(&job->changed, true);
@@ -676,7 +690,7 @@ void samples_signs(const samples *s, const int32_t block[3], bool smooth, corner
     for (int k = 0; k < 8; k++) {
         const uint32_t n =
             block_map_find(&s->map, block[0] + (k & 1), block[1] + (k >> 1 & 1), block[2] + (k >> 2));
-        for (int x = 0; x < (k & 1 ? 1 : SIDE); x++)
-            out->known.at[k >> 1][x + (k & 1 ? SIDE : 0)] = known_word(s, n, x);
+        for (int x = 0; n != BLOCK_MAP_NONE && x < (k & 1 ? 1 : SIDE); x++)
+            out->known.at[k >> 1][x + (k & 1 ? SIDE : 0)] = s->known[(size_t)n * SIDE + (size_t)x];
     }
 }
