@@ -72,6 +72,7 @@ bool bricks_make(samples *s, const block_map *map, size_t later, threads *pool, 
     const char *what = "the spline's bricks";
     bricks b = {.map = map, .room = later > 0 ? later : map->count, .coefficients = *s};
     memset(s, 0, sizeof *s);
+    samples_settle(&b.coefficients);
     b.memory = mem_array(b.room * BRICK_SIZE, sizeof *b.memory, what, e);
     bool ok = b.memory;
     if (ok && later > 0) ok = (b.place = mem_array((size_t)map->count + 1, sizeof *b.place, what, e)) != NULL;

@@ -149,7 +149,7 @@ static size_t number_blocks(work *w)
 static bool make_leaves(work *w, size_t count, size_t memory_limit, error *e)
 {
     size_t leaf = SIDE * sizeof(uint64_t) + VDB_LEAF_VOXELS * sizeof(float) + sizeof(int32_t[3]);
-    size_t needed = count * leaf + samples_bytes(count);
+    size_t needed = count * leaf + samples_bytes(count, false);
     if (needed > memory_limit)
         return error_set(
             e, ERROR_LIMIT_MEMORY,

@@ -34,20 +34,25 @@ ISA_INLINE void fetch_block(const float *f)
     for (int k = 0; k < VOXELS; k += 16) __builtin_prefetch(f + k);
 }
 
-size_t samples_bytes(size_t count)
+size_t samples_bytes(size_t count, bool settled)
 {
-    return count * (VOXELS * sizeof(float) + sizeof(float *) + 2 * SIDE * sizeof(uint64_t) +
-                    6 * sizeof(uint32_t)) +
-           block_map_bytes(count);
+    const size_t while_made = settled ? 0 : 2 * SIDE * sizeof(uint64_t) + 6 * sizeof(uint32_t);
+    return count * (VOXELS * sizeof(float) + sizeof(float *) + while_made) + block_map_bytes(count);
+}
+
+void samples_settle(samples *s)
+{
+    free(s->known);
+    free(s->inside);
+    free(s->near);
+    s->known = s->inside = NULL, s->near = NULL;
 }
 
 void samples_free(samples *s)
 {
     block_map_free(&s->map);
+    samples_settle(s);
     free(s->f);
-    free(s->known);
-    free(s->inside);
-    free(s->near);
     free(s->leaves.f);
     free(s->leaves.highest);
     free(s->others.f);
@@ -343,13 +348,12 @@ typedef struct extension {
 static void extend_chunk(void *context, int worker, size_t begin, size_t end)
 {
     extension *job = context;
-    const samples *s = job->s;
     surroundings around;
     uint64_t changed = 0;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
-        if (i + 1 < end) fetch_block(s->f[job->open[i + 1]]);
-        find_surroundings(s, job->open[i], &around);
+        if (i + 1 < end) fetch_block(job->s->f[job->open[i + 1]]);
+        find_surroundings(job->s, job->open[i], &around);
         for (int x = 0; x < SIDE; x++) {
             uint64_t known[18], bits = frontier(&around, x, known);
             job->fresh[(size_t)job->open[i] * SIDE + (size_t)x] = bits;

@@ -39,8 +39,8 @@ typedef struct samples {
 /* Blocks whose memory is given back at once: two megabytes. */
 enum { SAMPLES_RELEASED = 1024 };
 
-/* Bytes that samples of `count` blocks take. */
-size_t samples_bytes(size_t count);
+/* Bytes that samples of `count` blocks take, and once they are settled. */
+size_t samples_bytes(size_t count, bool settled);
 
 /* Bytes of voxels in leaves of a grid that are taken over: those of use to blocks of a map, and those that stay beside them. Both 0
  * where too few are of use. */
@@ -54,6 +54,9 @@ samples_leaves samples_look(const grid_view *l, const block_map *map);
 bool samples_read(const grid_view *l, vdb_grid *grid, samples_leaves taken, block_map *map, threads *pool,
                   samples *out, error *e);
 void samples_free(samples *s);
+
+/* Gives back what only making them takes: which voxels are known or were inside, and what lies beside a block. Windows remain. */
+void samples_settle(samples *s);
 
 /* Gives voxels that are not known the smooth continuation of those that are, layer by layer: a parabola
  * or a line along each axis, averaged; farther away a line along one axis, within a block; what no line reaches stays. Their

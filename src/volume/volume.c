@@ -225,7 +225,7 @@ static bool plan(loading *l, volume *v, error *e)
     size_t held = held_bytes(v->map.count, room > 0 ? room : v->map.count) + crossed_cells_bytes(&v->cells) +
                   l->leaves.spare,
            limit = l->memory_limit;
-    size_t peak = samples_bytes(l->reach.count) + (grid > held ? grid : held);
+    size_t peak = samples_bytes(l->reach.count, false) + (grid > held ? grid : held);
     if (peak <= limit) return true;
     return error_set(
         e, ERROR_LIMIT_MEMORY,
@@ -336,7 +336,8 @@ static void measure(volume *v)
     v->info.crossing_cells = v->cells.count;
     v->info.bricks = v->map.count;
     v->info.memory_bytes = held_bytes(v->map.count, v->bricks.room) + crossed_cells_bytes(&v->cells) +
-                           samples_bytes(v->bricks.coefficients.map.count) + v->bricks.coefficients.spare;
+                           samples_bytes(v->bricks.coefficients.map.count, true) +
+                           v->bricks.coefficients.spare;
 }
 
 /* From a loaded grid to bricks. */
