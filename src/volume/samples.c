@@ -339,12 +339,13 @@ ISA_INLINE void extend_row(const surroundings *s, int x, uint64_t bits, const ui
 typedef struct extension {
     samples *s;
     const uint32_t *open; /* blocks that have voxels that are not known */
-    uint64_t *fresh;      /* of all blocks: what this layer adds to the known ones */
+    uint64_t *next;       /* of all blocks: voxels that are known after this layer */
+    uint8_t *whole;       /* of all blocks: whether all voxels were known before it */
     int layer;
     atomic_bool changed;
 } extension;
 
-/* The bits are committed only afterwards, so that the order of blocks does not matter. */
+/* What is known stays as it was until the layer is done, so that the order of blocks does not matter. */
 static void extend_chunk(void *context, int worker, size_t begin, size_t end)
 {
     extension *job = context;
@@ -353,13 +354,17 @@ static void extend_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         if (i + 1 < end) fetch_block(job->s->f[job->open[i + 1]]);
+        const size_t n = job->open[i];
+        uint64_t all = ~(uint64_t)0;
         find_surroundings(job->s, job->open[i], &around);
         for (int x = 0; x < SIDE; x++) {
             uint64_t known[18], bits = frontier(&around, x, known);
-            job->fresh[(size_t)job->open[i] * SIDE + (size_t)x] = bits;
+            job->next[n * SIDE + (size_t)x] = around.layers[x + 3] | bits;
+            all &= around.layers[x + 3];
             changed |= bits;
             if (bits) extend_row(&around, x, bits, known, job->layer);
         }
+        job->whole[n] = all == ~(uint64_t)0;
     }
     if (changed) atomic_store(&job->changed, true);
 }
@@ -434,37 +439,32 @@ static void straight_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Returns how many blocks stay open. */
-static size_t commit_layer(samples *s, const uint64_t *fresh, uint32_t *open, size_t count)
-{
-    size_t left = 0;
-    for (size_t i = 0; i < count; i++) {
-        const uint32_t n = open[i];
-        uint64_t all = ~(uint64_t)0;
-        for (size_t w = (size_t)n * SIDE; w < ((size_t)n + 1) * SIDE; w++) all &= s->known[w] |= fresh[w];
-        if (~all) open[left++] = n;
-    }
-    return left;
-}
-
 bool samples_fill_unknown(samples *s, threads *pool, error *e)
 {
     const char *what = "the voxels around the surface";
     size_t count = s->map.count;
-    uint64_t *fresh = mem_array(count * SIDE, sizeof *fresh, what, e);
+    uint64_t *next = mem_array(count * SIDE, sizeof *next, what, e);
     uint32_t *open = mem_array(count, sizeof *open, what, e);
-    const bool ok = fresh && open;
+    uint8_t *whole = mem_array(count, sizeof *whole, what, e);
+    const bool ok = next && open && whole;
     for (uint32_t n = 0; ok && n < count; n++) open[n] = n;
     for (int layer = 1; ok && layer <= LAYERS; layer++) {
-        extension job = {s, open, fresh, layer, false};
+        extension job = {s, open, next, whole, layer, false};
         threads_run(pool, count, BLOCKS, extend_chunk, &job);
         if (!atomic_load(&job.changed) || threads_stopped(pool)) break;
-        count = commit_layer(s, fresh, open, count);
+        job.next = s->known;
+        s->known = next;
+        next = job.next;
+        size_t left = 0;
+        for (size_t i = 0; i < count; i++)
+            if (!whole[open[i]]) open[left++] = open[i];
+        count = left;
     }
     extension rest = {.s = s, .open = open};
     if (ok) threads_run(pool, count, BLOCKS, straight_chunk, &rest);
-    free(fresh);
+    free(next);
     free(open);
+    free(whole);
     return ok;
 }
 
