@@ -8,6 +8,7 @@
 
 #include "base/memory.h"
 #include "geometry/affine.h"
+#include "geometry/flood.h"
 #include "mesh/levelset.h"
 #include "meshfile/mesh_file.h"
 #include "vdb/plain_vdb.h"
@@ -16,7 +17,6 @@
 #include "volume/crossed_cells.h"
 #include "volume/crossings.h"
 #include "volume/dense_grid.h"
-#include "volume/flood.h"
 #include "volume/grazed.h"
 #include "volume/grid_selection.h"
 #include "volume/grid_view.h"

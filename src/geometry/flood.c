@@ -1,4 +1,4 @@
-#include "volume/flood.h"
+#include "geometry/flood.h"
 
 #include <endian.h>
 #include <stdlib.h>
@@ -83,7 +83,7 @@ static bool run(flood *f)
     return memcmp(f->cells, f->reached, words * sizeof *f->cells) == 0;
 }
 
-bool flood_reaches_all(const block_map *map, const uint8_t *crossed, bool *all, error *e)
+bool flood_reaches_all(const block_map *map, const uint8_t *cells, bool *all, error *e)
 {
     const char *what = "the surface's parts";
     const size_t words = (size_t)map->count * SIDE;
@@ -94,7 +94,7 @@ bool flood_reaches_all(const block_map *map, const uint8_t *crossed, bool *all, 
                .waits = mem_array(map->count, 1, what, e)};
     const bool ok = f.cells && f.reached && f.waiting && f.waits;
     if (ok) {
-        memcpy(f.cells, crossed, words * sizeof *f.cells);
+        memcpy(f.cells, cells, words * sizeof *f.cells);
         for (size_t w = 0; w < words; w++) f.cells[w] = le64toh(f.cells[w]);
         *all = run(&f);
     }
