@@ -45,7 +45,8 @@ void samples_settle(samples *s)
     free(s->known);
     free(s->inside);
     free(s->near);
-    s->known = s->inside = NULL, s->near = NULL;
+    s->known = s->inside = NULL;
+    s->near = NULL;
 }
 
 void samples_free(samples *s)
