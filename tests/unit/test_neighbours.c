@@ -85,6 +85,47 @@ static void lists_hold_every_pair_within_its_own_cutoff(void **state)
     threads_free(pool);
 }
 
+/* As many points as fill many bins of each level, in a sheet, so dense where sizes are small as packings are; sizes of 1 to 1.9, 9 or 40. */
+static void lists_of_many_graded_points_hold_every_pair(void **state)
+{
+    (void)state;
+    enum { MANY = 20000 };
+    const double largest[] = {1.9, 9, 40};
+    rng r = rng_seed(test_seed(), 3);
+    error e = {0};
+    threads *pool = threads_new(3, NULL, &e);
+    neighbours *n = neighbours_new(MANY, SIZE_MAX, &e);
+    vec3 *x = malloc(MANY * sizeof *x);
+    double *size = malloc(MANY * sizeof *size);
+    for (int run = 0; run < 3; run++) {
+        size_t pairs = 0;
+        for (size_t i = 0; i < MANY; i++) {
+            x[i] = random_between(&r, (vec3){0, 0, 0}, (vec3){1, 1, 0.02});
+            x[i].x = pow(x[i].x, 2);
+            size[i] = 1 + (largest[run] - 1) * sqrt(x[i].x);
+        }
+        const double cutoff = 0.03 / largest[run];
+        assert_true(neighbours_build(n, MANY, x, size, cutoff, pool, &e));
+        for (uint32_t i = 0; i < MANY; i++) {
+            uint32_t *list = n->list + n->list_begin[i], k = 0;
+            qsort(list, n->list_count[i], sizeof *list, compare_index);
+            for (uint32_t j = 0; j < MANY; j++) {
+                const double reach = 0.5 * cutoff * (size[i] + size[j]);
+                if (j == i || vec3_norm2(vec3_sub(x[i], x[j])) >= reach * reach) continue;
+                assert_true(k < n->list_count[i]);
+                assert_int_equal(list[k++], j);
+            }
+            assert_int_equal(n->list_count[i], k);
+            pairs += k;
+        }
+        assert_true(pairs > 5 * MANY);
+    }
+    free(size);
+    free(x);
+    neighbours_free(n);
+    threads_free(pool);
+}
+
 static void points_of_one_colour_in_two_blocks_are_not_neighbours(void **state)
 {
     (void)state;
@@ -185,6 +226,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(lists_hold_every_pair_within_the_cutoff),
         cmocka_unit_test(lists_hold_every_pair_within_its_own_cutoff),
+        cmocka_unit_test(lists_of_many_graded_points_hold_every_pair),
         cmocka_unit_test(points_of_one_colour_in_two_blocks_are_not_neighbours),
         cmocka_unit_test(a_cutoff_too_small_is_refused),
         cmocka_unit_test(a_stopped_build_is_no_build),
