@@ -92,11 +92,7 @@ static bbox place_solid(const placement *p)
 
 static void measure(placement *p)
 {
-    vec3 low = p->part->domain.min, high = p->part->domain.max;
-    bbox box = bbox_empty();
-    for (int c = 0; c < 8; c++)
-        box = bbox_include(box, affine_apply(p->to_world, c & 1 ? high.x : low.x, c & 2 ? high.y : low.y,
-                                             c & 4 ? high.z : low.z));
+    const bbox box = affine_box(p->to_world, p->part->domain);
     p->base.domain = box;
     field_set_solid_box(&p->base, place_solid(p));
     p->base.sharp = p->part->sharp;

@@ -3,6 +3,7 @@
 #ifndef HEXAD_GEOMETRY_AFFINE_H
 #define HEXAD_GEOMETRY_AFFINE_H
 
+#include "geometry/bbox.h"
 #include "geometry/sym3.h"
 #include "geometry/vec3.h"
 
@@ -11,6 +12,22 @@ static inline vec3 affine_apply(const double m[3][4], double x, double y, double
     return (vec3){m[0][0] * x + m[0][1] * y + m[0][2] * z + m[0][3],
                   m[1][0] * x + m[1][1] * y + m[1][2] * z + m[1][3],
                   m[2][0] * x + m[2][1] * y + m[2][2] * z + m[2][3]};
+}
+
+/* Where a map takes a step along an axis. */
+static inline vec3 affine_axis(const double m[3][4], int axis)
+{
+    return (vec3){m[0][axis], m[1][axis], m[2][axis]};
+}
+
+/* The least box round what a map makes of a box. */
+static inline bbox affine_box(const double m[3][4], bbox box)
+{
+    bbox out = bbox_empty();
+    for (int k = 0; k < 8; k++)
+        out = bbox_include(out, affine_apply(m, k & 1 ? box.max.x : box.min.x, k & 2 ? box.max.y : box.min.y,
+                                             k & 4 ? box.max.z : box.min.z));
+    return out;
 }
 
 /* The map that applies `inner`, 16 numbers row by row whose last row is 0 0 0 1, and then `outer`. */
@@ -64,8 +81,7 @@ static inline vec3 affine_pull_gradient(const double m[3][4], vec3 g)
 
 static inline sym3 affine_pull_hessian(const double m[3][4], sym3 h)
 {
-    const vec3 a = {m[0][0], m[1][0], m[2][0]}, b = {m[0][1], m[1][1], m[2][1]},
-               c = {m[0][2], m[1][2], m[2][2]};
+    const vec3 a = affine_axis(m, 0), b = affine_axis(m, 1), c = affine_axis(m, 2);
     const vec3 ha = sym3_apply(h, a), hb = sym3_apply(h, b), hc = sym3_apply(h, c);
     return (sym3){vec3_dot(a, ha), vec3_dot(b, hb), vec3_dot(c, hc),
                   vec3_dot(a, hb), vec3_dot(a, hc), vec3_dot(b, hc)};

@@ -1,8 +1,6 @@
 #include "inspect/frame.h"
 
-#include <math.h>
-
-#include "geometry/bbox.h"
+#include "geometry/affine.h"
 #include "run/report.h"
 
 static void put_index(json *o, const char *key, const int64_t at[3])
@@ -13,21 +11,15 @@ static void put_index(json *o, const char *key, const int64_t at[3])
 
 void frame_describe(const double m[16], const int64_t low[3], const int64_t high[3], json *o)
 {
+    const double(*to_world)[4] = (const double(*)[4])m;
     json *matrix = json_put_array(o, "index_to_world"), *voxel = json_put_array(o, "voxel_size");
     for (int k = 0; k < 16; k++) json_append_number(matrix, m[k]);
-    for (int k = 0; k < 3; k++)
-        json_append_number(voxel, sqrt(m[k] * m[k] + m[4 + k] * m[4 + k] + m[8 + k] * m[8 + k]));
+    for (int k = 0; k < 3; k++) json_append_number(voxel, vec3_norm(affine_axis(to_world, k)));
     if (high[0] < low[0]) return;
     json *box = json_put_object(o, "index_box");
     put_index(box, "min", low);
     put_index(box, "max", high);
-    bbox world = bbox_empty();
-    for (int corner = 0; corner < 8; corner++) {
-        double at[3];
-        for (int k = 0; k < 3; k++) at[k] = (double)(corner >> k & 1 ? high[k] : low[k]);
-        world = bbox_include(world, vec3_make(m[0] * at[0] + m[1] * at[1] + m[2] * at[2] + m[3],
-                                              m[4] * at[0] + m[5] * at[1] + m[6] * at[2] + m[7],
-                                              m[8] * at[0] + m[9] * at[1] + m[10] * at[2] + m[11]));
-    }
-    report_put_box(o, world);
+    const bbox index = {vec3_make((double)low[0], (double)low[1], (double)low[2]),
+                        vec3_make((double)high[0], (double)high[1], (double)high[2])};
+    report_put_box(o, affine_box(to_world, index));
 }

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "geometry/affine.h"
 #include "geometry/block_map.h"
 
 static const char what[] = "the labels of the volume";
@@ -208,10 +209,9 @@ static bool make_room(label_volume *v, const slices *from, int64_t around, size_
 
 double label_volume_sides(const label_volume *v, double side[3])
 {
-    const double(*map)[4] = v->index_to_world;
     double least = INFINITY;
     for (int k = 0; k < 3; k++) {
-        side[k] = sqrt(map[0][k] * map[0][k] + map[1][k] * map[1][k] + map[2][k] * map[2][k]);
+        side[k] = vec3_norm(affine_axis(v->index_to_world, k));
         least = fmin(least, side[k]);
     }
     return least;

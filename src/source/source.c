@@ -485,14 +485,9 @@ static double scale_of(const double m[16])
 static bbox bounds_within(bbox bounds, const double matrix[16])
 {
     double to_world[3][4], to_part[3][4];
-    bbox box = bbox_empty();
     for (int k = 0; k < 12; k++) to_world[k / 4][k % 4] = matrix[k];
     affine_invert(to_world, to_part);
-    for (int c = 0; c < 8; c++)
-        box = bbox_include(box, affine_apply(to_part, c & 1 ? bounds.max.x : bounds.min.x,
-                                             c & 2 ? bounds.max.y : bounds.min.y,
-                                             c & 4 ? bounds.max.z : bounds.min.z));
-    return box;
+    return affine_box(to_part, bounds);
 }
 
 /* What a matrix adds to those around it. */

@@ -133,8 +133,7 @@ static void set_transform(volume *v, const double m[16])
         for (int j = 0; j < 4; j++) v->to_world[i][j] = m[4 * i + j];
     double determinant = affine_invert(v->to_world, v->to_index);
     for (int i = 0; i < 3; i++) {
-        vec3 edge = {v->to_world[0][i], v->to_world[1][i], v->to_world[2][i]};
-        v->base.cell_size = fmax(v->base.cell_size, vec3_norm(edge));
+        v->base.cell_size = fmax(v->base.cell_size, vec3_norm(affine_axis(v->to_world, i)));
     }
     v->info.voxel_size = cbrt(fabs(determinant));
 }
@@ -580,20 +579,11 @@ static unsigned faces_met(const volume *v, size_t k)
     return faces;
 }
 
-/* The world box round these many cells of the data from the first on. */
-static bbox box_of_cells(const volume *v, const double cells[3])
-{
-    bbox box = bbox_empty();
-    for (int k = 0; k < 8; k++)
-        box = bbox_include(
-            box, affine_apply(v->to_world, k & 1 ? cells[0] : 0, k & 2 ? cells[1] : 0, k & 4 ? cells[2] : 0));
-    return box;
-}
-
 static bbox data_box(const volume *v)
 {
     const int64_t *size = v->info.size;
-    return box_of_cells(v, (double[]){(double)(size[0] - 1), (double)(size[1] - 1), (double)(size[2] - 1)});
+    return affine_box(v->to_world,
+                      (bbox){.max = {(double)(size[0] - 1), (double)(size[1] - 1), (double)(size[2] - 1)}});
 }
 
 /* Whether the middle of a face of the data is inside. */
@@ -655,7 +645,7 @@ bool volume_align(volume *v, double to_world[16])
     vec3 axis[3];
     double length[3], most = 0;
     for (int k = 0; k < 3; k++) {
-        axis[k] = (vec3){v->to_world[0][k], v->to_world[1][k], v->to_world[2][k]};
+        axis[k] = affine_axis(v->to_world, k);
         length[k] = vec3_norm(axis[k]);
         axis[k] = vec3_scale(axis[k], 1 / length[k]);
         most = fmax(most, (double)v->info.size[k]);
@@ -690,7 +680,7 @@ static double index_reach(const volume *v, int axis, vec3 half)
 bbox volume_clear_box(const volume *v)
 {
     const int64_t *size = v->info.size;
-    const bbox whole = data_box(v), cell = box_of_cells(v, (double[]){1, 1, 1});
+    const bbox whole = data_box(v), cell = affine_box(v->to_world, (bbox){.max = {1, 1, 1}});
     double share = 1;
     const vec3 half = vec3_scale(bbox_size(whole), 0.5), middle = vec3_add(whole.min, half);
     for (int k = 0; k < 3; k++) {

@@ -75,11 +75,8 @@ static void cell(const field *f, size_t k, field_cell *out)
 /* The box round so many voxels from this one on. */
 static bbox box_of_voxels(const volume *v, const int32_t low[3], int side)
 {
-    bbox box = bbox_empty();
-    for (int k = 0; k < 8; k++)
-        box = bbox_include(box, affine_apply(v->to_world, low[0] + (k & 1 ? side : 0),
-                                             low[1] + (k & 2 ? side : 0), low[2] + (k & 4 ? side : 0)));
-    return box;
+    const vec3 from = {low[0], low[1], low[2]};
+    return affine_box(v->to_world, (bbox){from, vec3_add(from, vec3_make(side, side, side))});
 }
 
 static bbox add_cells(const volume *v, size_t first, size_t last, bbox box)
