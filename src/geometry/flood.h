@@ -8,8 +8,8 @@
 #include "base/error.h"
 #include "geometry/block_map.h"
 
-/* `cells`: 64 bytes a block of the map, bit z of byte 8 x + y for the cell (x, y, z). *all: one can go from each cell to every other. Error:
- * limit_memory. */
+/* `cells`: 64 bytes a block of the map, bit z of byte 8 x + y for the cell (x, y, z). *all: one can go from each cell to every
+ * other. Error: limit_memory. */
 bool flood_reaches_all(const block_map *map, const uint8_t *cells, bool *all, error *e);
 
 #endif

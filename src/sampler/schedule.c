@@ -93,10 +93,11 @@ int schedule_level_sweeps(const schedule *s, const schedule_position *at)
 {
     assert(at->level >= 0 && at->level < at->levels && at->stage < SCHEDULE_STAGES && at->count > 0);
     const bool between = at->level > 0 && !schedule_is_last_level(at);
+    const double finest = pow(4, at->levels - 1 - at->level); /* its particles for one of these */
     double sweeps = between ? 0 : sweeps_for(s, at, s->sweeps_count);
-    for (int k = 0; between && k < 3; k++)
-        sweeps = fmax(sweeps, fmin(sweeps_for(s, at, s->sweeps_between[k].count),
-                                   s->sweeps_between[k].share * pow(4, at->levels - 1 - at->level)));
+    for (int k = 0; between && k < SCHEDULE_BETWEEN; k++)
+        sweeps = fmax(
+            sweeps, fmin(sweeps_for(s, at, s->sweeps_between[k].count), s->sweeps_between[k].share * finest));
     sweeps = fmin(fmax(sweeps, s->sweeps_least), s->sweeps_most);
     double rough = s->rough_sweeps[schedule_is_last_level(at)];
     return (int)fmin(pow(rough, at->rough) * sweeps, s->roughness[at->has_curves].most);

@@ -11,7 +11,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-enum { SCHEDULE_STAGES = 3 };
+enum { SCHEDULE_STAGES = 3, SCHEDULE_BETWEEN = 3 };
 
 typedef struct schedule {
     /* A round relaxes until no particle can lower its energy by more than this fraction. The first stage evens out
@@ -40,7 +40,7 @@ typedef struct schedule {
     double sweeps, sweeps_count, sweeps_fall, sweeps_least, sweeps_most;
     struct {
         double count, share;
-    } sweeps_between[3];
+    } sweeps_between[SCHEDULE_BETWEEN];
     /* A level of so many particles that ends these with a share out of order between the two bounds is rough, and takes more
      * sweeps: so many times those if it is refined again, and if it is the last. The last takes its factor once more if that
      * share is above `again` and has fallen by `fall`; none takes more than `most`. What is out of order beyond the upper

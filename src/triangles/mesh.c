@@ -202,8 +202,8 @@ static void find_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     for (size_t n = begin; n < end; n++) {
         if (j->place[n] == FREE) continue;
-        const uint32_t *slot = first_slot(j, n);
-        while (!are_one(j, *slot, (uint32_t)n)) slot = next_slot(j, (uint32_t *)slot);
+        uint32_t *slot = first_slot(j, n);
+        while (!are_one(j, *slot, (uint32_t)n)) slot = next_slot(j, slot);
         j->place[n] = *slot;
     }
 }

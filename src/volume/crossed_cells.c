@@ -59,20 +59,20 @@ static void count_chunk(void *context, int worker, size_t begin, size_t end)
 /* Turns what each block has into what those before it have. */
 static bool add_up(crossed_cells *c, error *e)
 {
-    for (size_t i = 0; i < c->block_count; i++) {
-        const size_t own_cells = c->blocks[i].cells, own_values = c->blocks[i].values;
-        c->blocks[i].cells = c->in_blocks;
-        c->blocks[i].values = c->value_count;
-        c->in_blocks += own_cells;
-        c->value_count += own_values;
+    size_t cells = 0, values = 0;
+    for (cell_block *b = c->blocks; b <= c->blocks + c->block_count; b++) {
+        const size_t own_cells = b->cells, own_values = b->values;
+        b->cells = cells;
+        b->values = values;
+        cells += own_cells;
+        values += own_values;
     }
-    c->count = c->in_blocks;
-    c->block_of = mem_array(c->in_blocks / CROSSED_CELLS_STEP + 1, sizeof *c->block_of, what, e);
+    c->count = cells;
+    c->block_of = mem_array(cells / CROSSED_CELLS_STEP + 1, sizeof *c->block_of, what, e);
     if (!c->block_of) return false;
-    for (size_t i = 0, k = 0; i < c->block_count; i++) {
-        const size_t end = i + 1 < c->block_count ? c->blocks[i + 1].cells : c->in_blocks;
-        for (; k < end; k += CROSSED_CELLS_STEP) c->block_of[k / CROSSED_CELLS_STEP] = (uint32_t)i;
-    }
+    for (size_t i = 0, k = 0; i < c->block_count; i++)
+        for (; k < c->blocks[i + 1].cells; k += CROSSED_CELLS_STEP)
+            c->block_of[k / CROSSED_CELLS_STEP] = (uint32_t)i;
     return true;
 }
 
@@ -80,7 +80,7 @@ bool crossed_cells_list(const crossings *c, const block_map *map, threads *pool,
 {
     crossed_cells made = {.map = map, .block_count = c->count};
     making job = {.crossings = c, .out = &made};
-    made.blocks = mem_array(c->count, sizeof *made.blocks, what, e);
+    made.blocks = mem_array(c->count + 1, sizeof *made.blocks, what, e);
     bool ok = made.blocks;
     if (ok) threads_run(pool, c->count, BLOCKS, count_chunk, &job);
     if (ok && threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
@@ -99,9 +99,9 @@ static void value_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         const cell_block *b = &job->out->blocks[i];
-        const int32_t(*at)[3] = (const int32_t(*)[3])job->out->map->blocks;
-        if (i + 1 < end) samples_fetch(job->samples, at[b[1].block]);
-        samples_corners(job->samples, at[b->block], job->smooth, corners);
+        const block_map *map = job->out->map;
+        if (i + 1 < end) samples_fetch(job->samples, map->blocks[b[1].block]);
+        samples_corners(job->samples, map->blocks[b->block], job->smooth, corners);
         for (int k = 0; k < CORNERS * CORNERS; k++) {
             const span s = span_of(b, k / CORNERS, k % CORNERS);
             float *to = job->out->value + b->values;
@@ -113,7 +113,7 @@ static void value_chunk(void *context, int worker, size_t begin, size_t end)
 bool crossed_cells_take_values(crossed_cells *c, const samples *s, bool smooth, threads *pool, error *e)
 {
     making job = {.samples = s, .out = c, .smooth = smooth};
-    c->value = mem_array(c->value_count, sizeof *c->value, what, e);
+    c->value = mem_array(c->blocks[c->block_count].values, sizeof *c->value, what, e);
     if (c->value) threads_run(pool, c->block_count, BLOCKS, value_chunk, &job);
     return c->value;
 }
@@ -142,13 +142,13 @@ static int nth_bit(uint64_t bits, unsigned n)
 
 void crossed_cells_get(const crossed_cells *c, size_t k, crossed_cell *out)
 {
-    if (k >= c->in_blocks) {
-        *out = c->late[k - c->in_blocks];
+    const size_t in_blocks = crossed_cells_in_blocks(c);
+    if (k >= in_blocks) {
+        *out = c->late[k - in_blocks];
         return;
     }
-    const cell_block *b = &c->blocks[c->block_of[k / CROSSED_CELLS_STEP]],
-                     *last = c->blocks + c->block_count - 1;
-    while (b < last && b[1].cells <= k) b++;
+    const cell_block *b = &c->blocks[c->block_of[k / CROSSED_CELLS_STEP]];
+    while (b[1].cells <= k) b++;
     const uint32_t in_block = (uint32_t)(k - b->cells);
     int x = 0;
     while (x + 1 < SIDE && b->before[x + 1] <= in_block) x++;
@@ -166,7 +166,8 @@ void crossed_cells_get(const crossed_cells *c, size_t k, crossed_cell *out)
 
 size_t crossed_cells_bytes(const crossed_cells *c)
 {
-    return c->block_count * sizeof *c->blocks +
-           (c->in_blocks / CROSSED_CELLS_STEP + 1) * sizeof *c->block_of + c->value_count * sizeof *c->value +
-           (c->count - c->in_blocks) * sizeof *c->late;
+    const size_t in_blocks = crossed_cells_in_blocks(c);
+    return (c->block_count + 1) * sizeof *c->blocks +
+           (in_blocks / CROSSED_CELLS_STEP + 1) * sizeof *c->block_of +
+           c->blocks[c->block_count].values * sizeof *c->value + (c->count - in_blocks) * sizeof *c->late;
 }

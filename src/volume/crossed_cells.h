@@ -2,7 +2,8 @@
  *
  * A surface has millions. So a cell is a bit of its block, and F at a corner is kept once for all cells of the block that it
  * belongs to: some 14 bytes a cell instead of 44. Cells that are found later follow in a list.
- * Units: index space; F as in samples.h. Threads: those of a pool, whose number does not show; incomplete where it was told to stop. Reading is safe in any number.
+ * Units: index space; F as in samples.h. Threads: those of a pool, whose number does not show; incomplete where it was told
+ * to stop. Reading is safe in any number.
  */
 #ifndef HEXAD_VOLUME_CROSSED_CELLS_H
 #define HEXAD_VOLUME_CROSSED_CELLS_H
@@ -23,7 +24,7 @@ typedef struct crossed_cell {
     float value[8]; /* F at corner k as in field_cell */
 } crossed_cell;
 
-/* The cells of a block, and where F at their corners lies. */
+/* The cells of a block, and where F at their corners lies. Behind the last block is one without cells, which has the sums of all. */
 typedef struct cell_block {
     uint32_t block;       /* its number in the map */
     uint16_t before[8];   /* cells of the block in layers below layer x */
@@ -34,13 +35,12 @@ typedef struct cell_block {
 
 typedef struct crossed_cells {
     const block_map *map; /* the caller's */
-    cell_block *blocks;
+    cell_block *blocks;   /* block_count + 1 */
     size_t block_count;
     uint32_t *block_of; /* of each CROSSED_CELLS_STEP-th cell of a block: the number in `blocks` */
     float *value;
-    size_t value_count;
     crossed_cell *late;
-    size_t in_blocks, count; /* cells: those of blocks, and all */
+    size_t count; /* of all cells */
 } crossed_cells;
 
 enum { CROSSED_CELLS_STEP = 32 };
@@ -57,6 +57,12 @@ void crossed_cells_free(crossed_cells *c);
 void crossed_cells_add_late(crossed_cells *c, crossed_cell *late, size_t count);
 
 void crossed_cells_get(const crossed_cells *c, size_t k, crossed_cell *out);
+
+/* How many come first, in the order of blocks: those that are not late. */
+static inline size_t crossed_cells_in_blocks(const crossed_cells *c)
+{
+    return c->blocks[c->block_count].cells;
+}
 
 /* Bytes that it takes with values; of cells that were added late without the room that they do not use. */
 size_t crossed_cells_bytes(const crossed_cells *c);

@@ -223,9 +223,9 @@ static bool add_shells(const grid_view *l, size_t memory_limit, threads *pool, b
 {
     /* The table doubles when it grows, and old and new exist side by side then. */
     const size_t most = memory_limit / (3 * block_map_bytes(1024) / 1024), count = l->grid->tile_count;
-    const tile_search job = {l, mem_array(count, 1, "the tiles of the grid", e)};
+    tile_search job = {l, mem_array(count, 1, "the tiles of the grid", e)};
     bool ok = job.counts;
-    if (ok) threads_run(pool, count, TILES, tile_chunk, (void *)&job);
+    if (ok) threads_run(pool, count, TILES, tile_chunk, &job);
     for (size_t i = 0; ok && i < count; i++)
         if (job.counts[i]) ok = add_shell(&l->grid->tiles[i], most, candidates, e);
     free(job.counts);

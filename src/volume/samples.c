@@ -453,9 +453,8 @@ bool samples_fill_unknown(samples *s, threads *pool, error *e)
         extension job = {s, open, next, whole, layer, false};
         threads_run(pool, count, BLOCKS, extend_chunk, &job);
         if (!atomic_load(&job.changed) || threads_stopped(pool)) break;
-        job.next = s->known;
-        s->known = next;
-        next = job.next;
+        next = s->known;
+        s->known = job.next;
         size_t left = 0;
         for (size_t i = 0; i < count; i++)
             if (!whole[open[i]]) open[left++] = open[i];

@@ -92,13 +92,12 @@ static bbox add_cells(const volume *v, size_t first, size_t last, bbox box)
 bbox volume_field_cells_box(const volume *v)
 {
     const crossed_cells *c = &v->cells;
-    bbox box = add_cells(v, c->in_blocks, c->count, bbox_empty());
-    for (size_t i = 0; i < c->block_count; i++) {
-        const int32_t *at = v->map.blocks[c->blocks[i].block];
+    bbox box = add_cells(v, crossed_cells_in_blocks(c), c->count, bbox_empty());
+    for (const cell_block *b = c->blocks; b < c->blocks + c->block_count; b++) {
+        const int32_t *at = v->map.blocks[b->block];
         const bbox whole = box_of_voxels(v, (const int32_t[]){8 * at[0], 8 * at[1], 8 * at[2]}, 8);
         if (bbox_contains(box, whole.min) && bbox_contains(box, whole.max)) continue;
-        const size_t last = i + 1 < c->block_count ? c->blocks[i + 1].cells : c->in_blocks;
-        box = add_cells(v, c->blocks[i].cells, last, box);
+        box = add_cells(v, b->cells, b[1].cells, box);
     }
     return box;
 }
