@@ -7,31 +7,10 @@
 
 #include <string.h>
 
-#include "base/memory.h"
+#include "samples_fixture.h"
 #include "volume/brick.h"
 
 enum { BLOCKS = 5, LOOKS = 4000, WORKERS = 4 };
-
-/* Blocks of random voxels, some of a cube of them missing. */
-static samples random_samples(uint64_t seed)
-{
-    samples s = {0};
-    error e = {0};
-    assert_true(block_map_init(&s.map, 0, &e));
-    for (int k = 0; k < BLOCKS * BLOCKS * BLOCKS; k++)
-        if (k % 7 != 3)
-            assert_true(block_map_find_or_add(&s.map, k / (BLOCKS * BLOCKS), k / BLOCKS % BLOCKS, k % BLOCKS,
-                                              NULL, &e));
-    s.f = mem_array(s.map.count, sizeof *s.f, "voxels", &e);
-    s.others.f = mem_array(s.map.count, GRID_VIEW_VOXELS * sizeof *s.others.f, "voxels", &e);
-    assert_true(s.f && s.others.f);
-    for (size_t k = 0; k < (size_t)s.map.count * GRID_VIEW_VOXELS; k++) {
-        seed = seed * 6364136223846793005u + 1442695040888963407u;
-        s.f[k / GRID_VIEW_VOXELS] = s.others.f + k / GRID_VIEW_VOXELS * GRID_VIEW_VOXELS;
-        s.others.f[k] = (float)(seed >> 40);
-    }
-    return s;
-}
 
 typedef struct looking {
     const bricks *later, *once;
@@ -73,7 +52,8 @@ static void look_chunk(void *context, int worker, size_t begin, size_t end)
 static void check_bricks(size_t share)
 {
     error e = {0};
-    samples first = random_samples(1), second = random_samples(1);
+    rng one = rng_seed(1, 0), other = rng_seed(1, 0);
+    samples first = samples_fixture(BLOCKS, 0, true, &one), second = samples_fixture(BLOCKS, 0, true, &other);
     block_map map;
     bricks once, later;
     threads *pool = threads_new(WORKERS, NULL, &e);

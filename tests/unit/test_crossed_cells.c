@@ -3,42 +3,19 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <cmocka.h>
 
 #include <string.h>
 
-#include "base/memory.h"
+#include "samples_fixture.h"
+#include "shapes.h"
 #include "volume/crossed_cells.h"
 
 enum { SIDE = 4, BLOCKS = SIDE * SIDE * SIDE, LATE = 3 };
 
-static uint64_t next(uint64_t *seed)
-{
-    *seed = *seed * 6364136223846793005u + 1442695040888963407u;
-    return *seed >> 33;
-}
-
-/* Blocks of random voxels. */
-static samples random_samples(uint64_t *seed)
-{
-    samples s = {0};
-    error e = {0};
-    assert_true(block_map_init(&s.map, 0, &e));
-    for (int k = 0; k < BLOCKS; k++)
-        assert_true(block_map_find_or_add(&s.map, k / (SIDE * SIDE) - 2, k / SIDE % SIDE - 2, k % SIDE - 2,
-                                          NULL, &e));
-    s.f = mem_array(BLOCKS, sizeof *s.f, "voxels", &e);
-    s.others.f = mem_array(BLOCKS, GRID_VIEW_VOXELS * sizeof *s.others.f, "voxels", &e);
-    assert_true(s.f && s.others.f);
-    for (size_t k = 0; k < BLOCKS; k++) s.f[k] = s.others.f + k * GRID_VIEW_VOXELS;
-    for (size_t k = 0; k < (size_t)BLOCKS * GRID_VIEW_VOXELS; k++) s.others.f[k] = (float)next(seed);
-    return s;
-}
-
 /* Every third block has cells: one in `rarity`, and always the one at a corner. */
-static crossings random_crossings(const block_map *map, uint64_t rarity, uint64_t *seed)
+static crossings random_crossings(const block_map *map, uint64_t rarity, rng *r)
 {
     crossings c = {0};
     c.blocks = calloc(BLOCKS, sizeof *c.blocks);
@@ -46,7 +23,7 @@ static crossings random_crossings(const block_map *map, uint64_t rarity, uint64_
         crossing_block *b = &c.blocks[c.count++];
         memcpy(b->block, map->blocks[n], sizeof b->block);
         for (int k = 0; k < GRID_VIEW_VOXELS; k++)
-            if (next(seed) % rarity == 0) b->rows[k >> 3] |= (uint8_t)(1 << (k & 7));
+            if (rng_uniform(r) * (double)rarity < 1) b->rows[k >> 3] |= (uint8_t)(1 << (k & 7));
         if (n % 2)
             b->rows[63] |= 0x80;
         else
@@ -77,26 +54,25 @@ static void check_cells(const crossed_cells *made, const samples *s, const cross
                                     (corner >> 2)]);
         }
     }
-    assert_int_equal(k, made->in_blocks);
+    assert_int_equal(k, crossed_cells_in_blocks(made));
 }
 
 static void cells_come_back_as_they_are(void **state)
 {
     (void)state;
-    const char *given = getenv("HEXAD_TEST_SEED");
-    uint64_t seed = given ? strtoull(given, NULL, 0) : 18;
+    rng r = rng_seed(test_seed(), 0);
     error e = {0};
-    printf("# seed %llu\n", (unsigned long long)seed);
     threads *pool = threads_new(3, NULL, &e);
     assert_non_null(pool);
     const uint64_t rarities[] = {1, 2, 8, 60, 100000};
     for (size_t k = 0; k < sizeof rarities / sizeof *rarities; k++) {
-        samples s = random_samples(&seed);
-        crossings c = random_crossings(&s.map, rarities[k], &seed);
+        samples s = samples_fixture(SIDE, -2, false, &r);
+        crossings c = random_crossings(&s.map, rarities[k], &r);
         crossed_cells made;
         assert_true(crossed_cells_list(&c, &s.map, k % 2 ? pool : NULL, &made, &e));
         assert_int_equal(made.count, c.cells);
-        assert_true(made.value_count >= c.cells && made.value_count <= 729 * c.count);
+        const size_t values = made.blocks[made.block_count].values;
+        assert_true(values >= c.cells && values <= 729 * c.count);
         assert_true(crossed_cells_take_values(&made, &s, false, k % 2 ? pool : NULL, &e));
         check_cells(&made, &s, &c);
         crossed_cell *late = calloc(LATE, sizeof *late);
@@ -106,7 +82,7 @@ static void cells_come_back_as_they_are(void **state)
         assert_int_equal(made.count, c.cells + LATE);
         for (size_t i = 0; i < LATE; i++) {
             crossed_cell got;
-            crossed_cells_get(&made, made.in_blocks + i, &got);
+            crossed_cells_get(&made, c.cells + i, &got);
             assert_int_equal(got.at[0], i + 1);
         }
         crossed_cells_free(&made);
