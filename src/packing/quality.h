@@ -79,6 +79,14 @@ typedef struct quality {
     double grading_exponent;  /* of local against requested, 1 is ideal; 1 when requested is even */
 } quality;
 
+/* Of the points that are not near a boundary, those without a cell; NAN where all are near one. 1 - resolved_share is above .02 by a
+ * rounding where 2 of 100 points have none. */
+static inline double quality_unresolved_share(const quality *q)
+{
+    const double without = (double)q->unresolved_count;
+    return without / (without + (double)q->resolved_count);
+}
+
 /* `spacing_local` (count values, or NULL) receives sqrt(2 a / sqrt 3), and where the triangles around a point bound no
  * cell, or the point is fixed, the requested spacing; `degree` (or NULL) the number of
  * Voronoi neighbours. Error: limit_memory. Deterministic for any number of threads. */

@@ -593,7 +593,7 @@ bool job_write_points(job *j, error *e)
     if (landing_find(&j->source, &l)) in.field = &l.base;
     if (j->source.turned && !turn_points(&j->source, &set, &turned, e)) return false;
     in.y_up = upright_y(j->spec, &set);
-    in.unresolved = 1 - s->quality.resolved_share > UNRESOLVED_PICTURE;
+    in.unresolved = quality_unresolved_share(&s->quality) > UNRESOLVED_PICTURE;
     in.sweeps = sampler_sweeps(s->sampler, &in.sweep_count);
     json_free(j->report);
     j->report = json_new_object();

@@ -55,7 +55,7 @@ static bool write_results(job *j, error *e)
 static bool find_clearance(const job *j, clearance *room, const clearance **out, error *e)
 {
     const solution *s = &j->solution;
-    if (!(1 - s->quality.resolved_share > VERDICT_UNRESOLVED_SHARE)) return true;
+    if (!(quality_unresolved_share(&s->quality) > VERDICT_UNRESOLVED_SHARE)) return true;
     *out = room;
     return clearance_measure(j->scan, s->sizing, sampler_spacing(s->sampler), j->pool, room, e);
 }

@@ -85,7 +85,7 @@ static bool lost(const verdict_input *in, double *value, double *bound)
 
 static bool unresolved_share(const verdict_input *in, double *value, double *bound)
 {
-    *value = 1 - in->quality->resolved_share;
+    *value = quality_unresolved_share(in->quality);
     *bound = VERDICT_UNRESOLVED_SHARE;
     return *value > *bound;
 }

@@ -531,6 +531,19 @@ static void creases_are_resolved(void **state)
     }
 }
 
+/* The report's share is above 2 % by a rounding there. */
+static void two_of_a_hundred_are_two_percent(void **state)
+{
+    (void)state;
+    for (size_t k = 1; k <= 1000; k++) {
+        quality q = {.unresolved_count = k, .resolved_count = 49 * k};
+        assert_true(quality_unresolved_share(&q) <= 0.02);
+        q.unresolved_count++;
+        assert_true(quality_unresolved_share(&q) > 0.02);
+    }
+    assert_true(isnan(quality_unresolved_share(&(quality){0})));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -553,6 +566,7 @@ int main(void)
         cmocka_unit_test(all_points_are_measured_too),
         cmocka_unit_test(neighbours_of_the_unresolved_are_left_out),
         cmocka_unit_test(creases_are_resolved),
+        cmocka_unit_test(two_of_a_hundred_are_two_percent),
     };
     return cmocka_run_group_tests_name("quality", tests, NULL, NULL);
 }
