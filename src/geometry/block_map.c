@@ -5,81 +5,94 @@
 
 #include "base/memory.h"
 
-/* Slots are kept at most half full: a miss then ends after about one and a half probes. */
-#define SLOTS_PER_BLOCK 2
-#define SMALLEST_ROOM 16
+static const char what[] = "the table of blocks";
 
-static bool make(block_map *m, size_t room, error *e)
+/* Slots are kept at most half full: a miss then ends after about one and a half probes. */
+#define SLOTS_PER_NODE 2
+#define SMALLEST_ROOM 16
+/* A surface has some 20 blocks in a node. */
+#define BLOCKS_PER_NODE 8
+
+static block_map_slot *slot_of(const block_map *m, const int32_t key[3])
 {
-    size_t slots = SLOTS_PER_BLOCK * SMALLEST_ROOM;
-    while (slots < SLOTS_PER_BLOCK * room) slots *= 2;
-    if (slots > (size_t)1 << 31)
-        return error_set(e, ERROR_LIMIT_MEMORY, "needs more than %zu blocks of 8^3 voxels", (size_t)1 << 30);
-    m->slots = mem_array(slots, sizeof *m->slots, "the table of blocks", e);
-    m->blocks = mem_array(slots / SLOTS_PER_BLOCK, sizeof *m->blocks, "the list of blocks", e);
-    if (!m->slots || !m->blocks) {
-        block_map_free(m);
-        return false;
-    }
-    for (size_t i = 0; i < slots; i++) m->slots[i].number = BLOCK_MAP_NONE;
+    uint32_t i = block_map_hash(key[0], key[1], key[2]) & m->mask;
+    while (m->slots[i].node != BLOCK_MAP_NONE && memcmp(m->slots[i].key, key, sizeof m->slots[i].key) != 0)
+        i = (i + 1) & m->mask;
+    return &m->slots[i];
+}
+
+/* For so many nodes; those that are there move. */
+static bool make_slots(block_map *m, size_t nodes, error *e)
+{
+    const block_map old = *m;
+    size_t slots = SLOTS_PER_NODE * SMALLEST_ROOM;
+    while (slots < SLOTS_PER_NODE * nodes) slots *= 2;
+    if (slots > (size_t)1 << 27) /* 2^32 blocks */
+        return error_set(e, ERROR_LIMIT_MEMORY, "needs more than %zu nodes of 4^3 blocks", (size_t)1 << 26);
+    block_map_slot *made = mem_array(slots, sizeof *made, what, e);
+    if (!made) return false;
+    for (size_t i = 0; i < slots; i++) made[i].node = BLOCK_MAP_NONE;
+    m->slots = made;
     m->mask = (uint32_t)(slots - 1);
-    m->room = (uint32_t)(slots / SLOTS_PER_BLOCK);
+    for (size_t i = 0; old.slots && i <= old.mask; i++)
+        if (old.slots[i].node != BLOCK_MAP_NONE) *slot_of(m, old.slots[i].key) = old.slots[i];
+    free(old.slots);
     return true;
 }
 
 bool block_map_init(block_map *m, size_t expected, error *e)
 {
     memset(m, 0, sizeof *m);
-    return make(m, expected, e);
+    m->room = expected > SMALLEST_ROOM ? expected : SMALLEST_ROOM;
+    m->node_room = m->room / BLOCKS_PER_NODE;
+    m->blocks = mem_array(m->room, sizeof *m->blocks, what, e);
+    m->nodes = mem_array(m->node_room, sizeof *m->nodes, what, e);
+    if (m->blocks && m->nodes && make_slots(m, m->node_room, e)) return true;
+    block_map_free(m);
+    return false;
 }
 
 void block_map_free(block_map *m)
 {
     free(m->slots);
+    free(m->nodes);
     free(m->blocks);
     memset(m, 0, sizeof *m);
 }
 
-static void place(block_map *m, const int32_t block[3], uint32_t number)
+/* Returns its number, or BLOCK_MAP_NONE. */
+static uint32_t add_node(block_map *m, const int32_t key[3], error *e)
 {
-    uint32_t i = block_map_hash(block[0], block[1], block[2]) & m->mask;
-    while (m->slots[i].number != BLOCK_MAP_NONE) i = (i + 1) & m->mask;
-    memcpy(m->slots[i].key, block, sizeof m->slots[i].key);
-    m->slots[i].number = number;
-}
-
-static bool grow(block_map *m, error *e)
-{
-    block_map larger = {0};
-    if (!make(&larger, (size_t)m->room * 2, e)) return false;
-    for (uint32_t n = 0; n < m->count; n++) {
-        memcpy(larger.blocks[n], m->blocks[n], sizeof larger.blocks[n]);
-        place(&larger, m->blocks[n], n);
-    }
-    larger.count = m->count;
-    block_map_free(m);
-    *m = larger;
-    return true;
+    void *nodes = mem_grow(m->nodes, m->node_count, &m->node_room, 0, sizeof *m->nodes, what, e);
+    if (!nodes) return BLOCK_MAP_NONE;
+    m->nodes = nodes;
+    const size_t slots = (size_t)m->mask + 1;
+    if (SLOTS_PER_NODE * (size_t)m->node_count == slots && !make_slots(m, slots, e)) return BLOCK_MAP_NONE;
+    memset(m->nodes[m->node_count], 0xFF, sizeof *m->nodes); /* BLOCK_MAP_NONE */
+    *slot_of(m, key) = (block_map_slot){{key[0], key[1], key[2]}, m->node_count};
+    return m->node_count++;
 }
 
 bool block_map_find_or_add(block_map *m, int32_t x, int32_t y, int32_t z, uint32_t *number, error *e)
 {
-    uint32_t found = block_map_find(m, x, y, z);
-    if (found == BLOCK_MAP_NONE) {
-        if (m->count == m->room && !grow(m, e)) return false;
-        found = m->count++;
-        m->blocks[found][0] = x;
-        m->blocks[found][1] = y;
-        m->blocks[found][2] = z;
-        place(m, m->blocks[found], found);
+    const int32_t block[3] = {x, y, z}, key[3] = {x >> 2, y >> 2, z >> 2};
+    uint32_t node = slot_of(m, key)->node;
+    if (node == BLOCK_MAP_NONE && (node = add_node(m, key, e)) == BLOCK_MAP_NONE) return false;
+    uint32_t *place = &m->nodes[node][block_map_in_node(x, y, z)];
+    if (*place == BLOCK_MAP_NONE) {
+        void *blocks = mem_grow(m->blocks, m->count, &m->room, 0, sizeof *m->blocks, what, e);
+        if (!blocks) return false;
+        m->blocks = blocks;
+        memcpy(m->blocks[m->count], block, sizeof block);
+        *place = m->count++;
     }
-    if (number) *number = found;
+    if (number) *number = *place;
     return true;
 }
 
 size_t block_map_bytes(size_t count)
 {
-    size_t room = SMALLEST_ROOM;
-    while (room < count) room *= 2;
-    return room * (SLOTS_PER_BLOCK * sizeof(block_map_slot) + sizeof(int32_t[3]));
+    const size_t room = 2 * count + SMALLEST_ROOM;
+    return room * sizeof(int32_t[3]) +
+           room / BLOCKS_PER_NODE * (sizeof(uint32_t[BLOCK_MAP_NODE]) + 4 * sizeof(block_map_slot));
 }

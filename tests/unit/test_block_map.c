@@ -1,0 +1,65 @@
+/* Blocks are found by their coordinates, wherever these lie, as the map grows. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <cmocka.h>
+
+#include <string.h>
+
+#include "base/rng.h"
+#include "geometry/block_map.h"
+#include "shapes.h"
+
+enum { COUNT = 20000, LOOKS = 100000 };
+
+/* As spread out as `reach` says, around a corner of all coordinates, or around 0. */
+static void random_block(rng *r, int corner, int64_t reach, int32_t out[3])
+{
+    for (int axis = 0; axis < 3; axis++) {
+        const int64_t by = (int64_t)(rng_uniform(r) * (double)reach);
+        out[axis] = (int32_t)(corner == 0 ? by - reach / 2 : corner == 1 ? INT32_MAX - by : INT32_MIN + by);
+    }
+}
+
+static void check_map(rng *r, int corner, int64_t reach, size_t expected)
+{
+    error e = {0};
+    block_map m;
+    assert_true(block_map_init(&m, expected, &e));
+    for (int k = 0; k < COUNT; k++) {
+        int32_t b[3];
+        uint32_t number;
+        random_block(r, corner, reach, b);
+        const uint32_t before = m.count, found = block_map_find(&m, b[0], b[1], b[2]);
+        assert_true(block_map_find_or_add(&m, b[0], b[1], b[2], &number, &e));
+        assert_int_equal(number, found == BLOCK_MAP_NONE ? before : found);
+        assert_int_equal(m.count, before + (found == BLOCK_MAP_NONE));
+        assert_memory_equal(m.blocks[number], b, sizeof b);
+    }
+    for (uint32_t n = 0; n < m.count; n++)
+        assert_int_equal(block_map_find(&m, m.blocks[n][0], m.blocks[n][1], m.blocks[n][2]), n);
+    for (int k = 0; k < LOOKS; k++) { /* what is not there is not found, what is found is it */
+        int32_t b[3];
+        random_block(r, corner, 2 * reach, b);
+        const uint32_t n = block_map_find(&m, b[0], b[1], b[2]);
+        if (n != BLOCK_MAP_NONE) assert_memory_equal(m.blocks[n], b, sizeof b);
+    }
+    block_map_free(&m);
+}
+
+static void blocks_are_found(void **state)
+{
+    (void)state;
+    rng r = rng_seed(test_seed(), 0);
+    const int64_t reaches[] = {3, 20, 60, 5000, INT32_MAX};
+    for (size_t k = 0; k < sizeof reaches / sizeof *reaches; k++)
+        for (int corner = 0; corner < 3; corner++) check_map(&r, corner, reaches[k], k % 2 ? COUNT : 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(blocks_are_found)};
+    return cmocka_run_group_tests_name("block_map", tests, NULL, NULL);
+}
