@@ -21,9 +21,10 @@ typedef struct flood {
 
 static void spread_within(const uint64_t cells[SIDE], uint64_t reached[SIDE])
 {
-    for (bool more = true; more;) {
+    for (bool more = true, down = false; more; down = !down) { /* up and down in turn */
         more = false;
-        for (int x = 0; x < SIDE; x++) {
+        for (int k = 0; k < SIDE; k++) {
+            const int x = down ? SIDE - 1 - k : k;
             const uint64_t here = reached[x];
             uint64_t to =
                 here | here << 8 | here >> 8 | (here << 1 & ~lowest_z) | (here >> 1 & ~(lowest_z << 7));
@@ -47,6 +48,9 @@ static uint64_t beside(const uint64_t reached[SIDE], int axis, int high, int x)
 static void spread_beyond(flood *f, uint32_t n, int axis, int high)
 {
     int32_t at[3];
+    uint64_t next[SIDE], any = 0;
+    for (int x = 0; x < SIDE; x++) any |= next[x] = beside(f->reached + (size_t)n * SIDE, axis, high, x);
+    if (!any) return;
     memcpy(at, f->map->blocks[n], sizeof at);
     at[axis] += high ? 1 : -1;
     const uint32_t there = block_map_find(f->map, at[0], at[1], at[2]);
@@ -54,8 +58,7 @@ static void spread_beyond(flood *f, uint32_t n, int axis, int high)
     uint64_t fresh = 0;
     for (int x = 0; x < SIDE; x++) {
         const size_t word = (size_t)there * SIDE + (size_t)x;
-        const uint64_t to =
-            beside(f->reached + (size_t)n * SIDE, axis, high, x) & f->cells[word] & ~f->reached[word];
+        const uint64_t to = next[x] & f->cells[word] & ~f->reached[word];
         f->reached[word] |= to;
         fresh |= to;
     }

@@ -25,9 +25,8 @@ typedef struct span {
 /* Of the corners (x, y) those between the first and the last that a cell has. */
 static span span_of(const cell_block *b, int x, int y)
 {
-    unsigned any = 0;
-    for (int i = x > 0 ? x - 1 : 0; i <= x && i < SIDE; i++)
-        for (int j = y > 0 ? y - 1 : 0; j <= y && j < SIDE; j++) any |= b->layer[i] >> 8 * j & 0xff;
+    const uint64_t cells = (x > 0 ? b->layer[x - 1] : 0) | (x < SIDE ? b->layer[x] : 0);
+    const unsigned any = ((y > 0 ? cells >> (8 * y - 8) : 0) | (y < SIDE ? cells >> 8 * y : 0)) & 0xff;
     if (any == 0) return (span){0, 0};
     return (span){__builtin_ctz(any), 33 - __builtin_clz(any)};
 }
@@ -95,18 +94,18 @@ bool crossed_cells_list(const crossings *c, const block_map *map, threads *pool,
 static void value_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const making *job = context;
-    float corners[CORNERS * CORNERS * CORNERS];
+    float corners[CORNERS * CORNERS * CORNERS + CORNERS] = {0}, packed[sizeof corners / sizeof *corners];
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         const cell_block *b = &job->out->blocks[i];
         const block_map *map = job->out->map;
         if (i + 1 < end) samples_fetch(job->samples, map->blocks[b[1].block]);
         samples_corners(job->samples, map->blocks[b->block], job->smooth, corners);
-        for (int k = 0; k < CORNERS * CORNERS; k++) {
-            const span s = span_of(b, k / CORNERS, k % CORNERS);
-            float *to = job->out->value + b->values;
-            for (int z = s.from; z < s.end; z++) to[b->row[k] + z] = corners[CORNERS * k + z];
+        for (int k = 0; k < CORNERS * CORNERS; k++) { /* whole rows: what is too much the next one replaces */
+            const int from = span_of(b, k / CORNERS, k % CORNERS).from;
+            memcpy(packed + b->row[k] + from, corners + CORNERS * k + from, CORNERS * sizeof *packed);
         }
+        memcpy(job->out->value + b->values, packed, (b[1].values - b->values) * sizeof *packed);
     }
 }
 

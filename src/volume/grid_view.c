@@ -54,8 +54,12 @@ ISA_INLINE row choose(choice which, row yes, row no)
 
 ISA_INLINE uint64_t bits_of(choice which)
 {
+#ifdef __SSE2__
+    return (uint64_t)__builtin_ia32_movmskps((row)which);
+#else
     const choice bit = which & (choice){1, 2, 4, 8};
     return (uint64_t)(bit[0] | bit[1] | bit[2] | bit[3]);
+#endif
 }
 
 typedef struct range {

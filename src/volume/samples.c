@@ -104,10 +104,10 @@ static void read_chunk(void *context, int worker, size_t begin, size_t end)
         memcpy(s->inside + n * SIDE, signs->inside, SIDE * sizeof *s->inside);
         for (int i = 0; i < VOXELS; i++) good &= is_usable(f[i]);
         if (!good) atomic_store(&job->unusable, true);
-        for (int k = 0; k < 6; k++) {
-            int32_t at[3] = {b[0], b[1], b[2]};
-            at[k / 2] += k % 2 ? 1 : -1;
-            s->near[6 * n + (size_t)k] = block_map_find(&s->map, at[0], at[1], at[2]);
+        for (size_t k = 0; k < 6; k += 2) { /* each says to the one above it that it is there */
+            const uint32_t above = block_map_find(&s->map, b[0] + (k == 0), b[1] + (k == 2), b[2] + (k == 4));
+            s->near[6 * n + k + 1] = above;
+            if (above != BLOCK_MAP_NONE) s->near[6 * (size_t)above + k] = (uint32_t)n;
         }
     }
 }
@@ -171,6 +171,7 @@ bool samples_read(const grid_view *l, vdb_grid *grid, samples_leaves taken, bloc
     s.near = mem_array(n * 6, sizeof *s.near, "the voxels around the surface", e);
     bool ok = s.f && s.known && s.inside && s.near && place_blocks(&s, l, taken, e);
     if (ok) {
+        memset(s.near, 0xFF, n * 6 * sizeof *s.near); /* BLOCK_MAP_NONE */
         reading job = {l, &s, false};
         threads_run(pool, n, BLOCKS, read_chunk, &job);
         ok = !atomic_load(&job.unusable) || report_unusable(&s, e);

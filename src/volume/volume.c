@@ -279,8 +279,7 @@ static bool note_sides(const loading *l, volume *v, error *e)
     brick_note_sides(&l->samples, &v->map, v->inside);
     for (size_t k = 0; k < l->crossings.count; k++) {
         const crossing_block *b = &l->crossings.blocks[k];
-        uint32_t n = block_map_find(&v->map, b->block[0], b->block[1], b->block[2]);
-        memcpy(v->crossed + 64 * (size_t)n, b->rows, sizeof b->rows);
+        memcpy(v->crossed + 64 * (size_t)v->cells.blocks[k].block, b->rows, sizeof b->rows);
     }
     return true;
 }
