@@ -13,7 +13,7 @@ long, so that a table can be made in pieces: the exit is 3 until it is whole. Me
 error is no error of the file's.
 
 Sound is a result without a lost point, with all points on the surface, and whose outcome is true: what is called converged
-has at most 2 % of its points unresolved and an energy at most 5 % above the ideal one, and of a mesh every place has a point
+has at most 2 % of its points unresolved and a disorder of at most 5 %, and of a mesh every place has a point
 within 1.2 spacings, but for 1 % of the area.
 """
 import argparse
@@ -37,7 +37,7 @@ COUNTS, SLICES = (5000, 50000), 6
 SMALL_PARENT = ("sh", "-c", '"$@"; exit $?', "sh")
 # Of the spacing: how far points may be off the surface.
 RESIDUAL = 1e-3
-# Of what is called converged, at most: share of points unresolved, energy excess, area without points, farthest place in spacings.
+# Of what is called converged, at most: share of points unresolved, disorder, area without points, farthest place in spacings.
 UNRESOLVED, EXCESS, MISSING, FARTHEST = 0.02, 0.05, 0.01, covering.NOT_COVERED
 PATIENCE_S = 900
 # The worker's exit codes: a result, converged or not; and errors that are those of the input.
@@ -147,9 +147,9 @@ def faults(error, report, covered):
         found.append("points are off the surface")
     if report["outcome"] != "converged":
         return found
-    if 1 - (q["resolved_share"] or 0) > UNRESOLVED:
+    if q["unresolved_count"] > UNRESOLVED * (q["unresolved_count"] + q["resolved_count"]) or not q["resolved_count"]:
         found.append("converged, but unresolved")
-    if q["energy_excess"] is None or q["energy_excess"] > EXCESS:
+    if q["disorder"] is None or q["disorder"] > EXCESS:
         found.append("converged, but not in order")
     if covered and covered.missing > MISSING:
         found.append("converged, but area is missing")
