@@ -1,5 +1,6 @@
 #include "volume/grazed.h"
 
+#include <endian.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -10,7 +11,7 @@
 #include "volume/brick.h"
 #include "volume/grid_view.h"
 
-enum { FACES = 6, LATTICE = 8, BLOCKS = 16 /* in a chunk of work */ };
+enum { FACES = 6, LATTICE = 8, GROUP = 4 /* cells, along each axis */, BLOCKS = 16 /* in a chunk of work */ };
 /* Of the largest coefficient that a face depends on: what passes by less is rounding, or too little of the surface to
  * count. A face in a plane of voxels that the surface lies in has nothing but such values itself. */
 static const double LEAST_DEPTH = 1e-3;
@@ -185,6 +186,8 @@ static bool leave(search *s, uint32_t n, const int32_t at[3], error *e)
 
 /* ---- which faces need no closer look */
 
+#pragma GCC diagnostic ignored "-Wpsabi" /* what takes or returns long rows is inlined */
+
 /* Four in a row, by the last axis that is left. */
 typedef float row __attribute__((vector_size(16)));
 
@@ -193,10 +196,17 @@ static const float ROUGHLY = 1e-5f;
 
 typedef int32_t row_mask __attribute__((vector_size(16)));
 
+/* A loop that is not unrolled early becomes a single instruction. */
+ISA_INLINE void keep_larger(float *a, const float *b, int count)
+{
+#pragma GCC unroll 1
+    for (int k = 0; k < count; k++) a[k] = a[k] > b[k] ? a[k] : b[k];
+}
+
 ISA_INLINE row row_larger(row a, row b)
 {
-    const row_mask first = a > b;
-    return (row)((first & (row_mask)a) | (~first & (row_mask)b));
+    keep_larger((float *)&a, (const float *)&b, 4);
+    return a;
 }
 
 ISA_INLINE bool mask_any(row_mask m)
@@ -320,6 +330,82 @@ ISA_INLINE bool is_monotone(const slopes *s, double aspect, bool *is_flat)
     return steep == 3;
 }
 
+/* Eight in a row along the last axis, of which a group of cells depends on seven. */
+typedef float long_row __attribute__((vector_size(32), aligned(4), may_alias));
+typedef int32_t long_mask __attribute__((vector_size(32)));
+
+typedef struct long_slopes {
+    long_row fall[3], rise[3], bend; /* the most of each, as in slopes */
+} long_slopes;
+
+ISA_INLINE long_row long_larger(long_row a, long_row b)
+{
+    keep_larger((float *)&a, (const float *)&b, 8);
+    return a;
+}
+
+/* As slopes_of, over all cells of a group: of each cell the slopes are within those, and the bend is not larger. */
+ISA_INLINE void add_long_slope(long_slopes *s, int axis, long_row slope)
+{
+    s->fall[axis] = long_larger(s->fall[axis], -slope);
+    s->rise[axis] = long_larger(s->rise[axis], slope);
+}
+
+ISA_INLINE void add_long_bend(long_slopes *s, long_row bend)
+{
+    s->bend = long_larger(s->bend, (long_row)((long_mask)bend & INT32_MAX));
+}
+
+/* From one lane to the next; the last is like that before it. */
+ISA_INLINE long_row along_long(long_row r)
+{
+    return __builtin_shufflevector(r, r, 1, 2, 3, 4, 5, 6, 7, 7) -
+           __builtin_shufflevector(r, r, 0, 1, 2, 3, 4, 5, 6, 6);
+}
+
+/* Of a group's coefficients with one first index, with so many `more` first indices behind it. */
+ISA_INLINE void add_slab(long_slopes *s, const float *slab, int more)
+{
+    long_row c = {0}, x = c, y = c;
+#pragma GCC unroll 7
+    for (int j = 0; j < GROUP + 3; j++) {
+        const float *from = slab + j * BRICK_SIDE, *beside = from + BRICK_SLAB, *beyond = beside + BRICK_SLAB;
+        const long_row c0 = c, x0 = x, y0 = y;
+        c = *(const long_row *)from;
+        const long_row z = along_long(c);
+        add_long_slope(s, 2, z);
+        add_long_bend(s, along_long(z));
+        if (j > 0) add_long_slope(s, 1, y = c - c0);
+        if (j > 0) add_long_bend(s, along_long(y));
+        if (j > 1) add_long_bend(s, y - y0);
+        if (more == 0) continue;
+        add_long_slope(s, 0, x = *(const long_row *)beside - c);
+        add_long_bend(s, along_long(x));
+        if (j > 0) add_long_bend(s, x - x0);
+        if (more > 1) add_long_bend(s, (*(const long_row *)beyond - *(const long_row *)beside) - x);
+    }
+}
+
+ISA_INLINE row folded(long_row r)
+{
+    return row_larger(__builtin_shufflevector(r, r, 0, 1, 2, 3), __builtin_shufflevector(r, r, 4, 5, 6, 7));
+}
+
+/* Whether doubtful_faces finds no face in any cell of a group, and each flat. The group has so many cells along the first axis,
+ * GROUP along the others; its coefficients are in rows of eight from `first` on. Larger numbers stay so when they are rounded:
+ * what is true of the group's least slopes and largest bend is so of each cell's, to the bit. */
+ISA_CLONES static bool group_is_calm(const float *first, int length, double aspect)
+{
+    const long_row zero = {0}, none = zero - INFINITY;
+    long_slopes s = {{none, none, none}, {none, none, none}, zero};
+    bool is_flat;
+    for (int i = 0; i < length + 3; i++) add_slab(&s, first + i * BRICK_SLAB, length + 2 - i);
+    const slopes all = {{-folded(s.fall[0]), -folded(s.fall[1]), -folded(s.fall[2])},
+                        {folded(s.rise[0]), folded(s.rise[1]), folded(s.rise[2])},
+                        folded(s.bend)};
+    return is_monotone(&all, aspect, &is_flat) && is_flat;
+}
+
 /* The faces of a cell that may be passed, by bits; whether it is flat as in field_cell. */
 ISA_CLONES static unsigned doubtful_faces(const float *first, double aspect, bool *is_flat)
 {
@@ -386,42 +472,77 @@ static double brick_bound(const float *brick)
     return (double)bound;
 }
 
+/* A block that is looked at. */
+typedef struct looking {
+    const search *s;
+    const float *brick;
+    double bound; /* of the brick; below 0: not known */
+    bool calm;    /* what was looked at last was flat and without doubt: so may be what is beside it */
+} looking;
+
+/* `at`: the cell's row, of all blocks' rows. */
+static void look_at_cell(looking *l, size_t at, int z)
+{
+    const float *first = brick_cell(l->brick, at >> 3 & 7, at & 7, z);
+    bool is_flat;
+    const unsigned faces = doubtful_faces(first, l->s->aspect, &is_flat);
+    l->s->out->flat[at] |= (uint8_t)(is_flat << z);
+    l->calm = is_flat && faces == 0;
+    if (faces == 0) return;
+    if (l->bound < 0) l->bound = brick_bound(l->brick);
+    if (leaks(first, faces, l->bound)) l->s->leaky[at] |= (uint8_t)(1u << z);
+}
+
+/* The crossed cells of a group of block n: together, or one by one. */
+static void look_at_group(looking *l, size_t n, int x, int y, int z)
+{
+    const uint64_t group = htole64(UINT64_C(0x0f0f0f0f) << (8 * y + z));
+    uint64_t layer[8];
+    int end = x + GROUP;
+    memcpy(layer, l->s->crossed + 64 * n, sizeof layer);
+    while (x < end && !(layer[x] & group)) x++;
+    while (x < end && !(layer[end - 1] & group)) end--;
+    if (x == end) return;
+    if (l->calm)
+        l->calm = group_is_calm(brick_cell(l->brick, x, y, z > 0 ? z - 1 : 0), end - x, l->s->aspect);
+    const bool together = l->calm;
+    for (int k = GROUP * x; k < GROUP * end; k++) {
+        const size_t at = 64 * n + (size_t)(8 * (k / GROUP) + y + k % GROUP);
+        unsigned bits = l->s->crossed[at] & 0xfu << z;
+        if (together) l->s->out->flat[at] |= (uint8_t)bits;
+        for (; bits && !together; bits &= bits - 1) look_at_cell(l, at, __builtin_ctz(bits));
+    }
+}
+
 static void leak_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const search *s = context;
+    looking l = {.s = s, .calm = true};
     (void)worker;
     for (size_t n = begin; n < end; n++) {
+        static const uint8_t none[64] = {0};
         float room[BRICK_SIZE];
-        double bound = -1; /* not known */
-        uint64_t any[8];
-        memcpy(any, s->crossed + 64 * n, sizeof any);
-        if (!(any[0] | any[1] | any[2] | any[3] | any[4] | any[5] | any[6] | any[7])) continue;
-        const float *brick = bricks_glance(s->bricks, (uint32_t)n, room);
-        for (int k = 0; k < GRID_VIEW_VOXELS; k++) {
-            if (!(s->crossed[64 * n + (size_t)(k >> 3)] >> (k & 7) & 1)) continue;
-            const float *first = brick_cell(brick, k >> 6, k >> 3 & 7, k & 7);
-            bool is_flat;
-            const unsigned faces = doubtful_faces(first, s->aspect, &is_flat);
-            s->out->flat[64 * n + (size_t)(k >> 3)] |= (uint8_t)(is_flat << (k & 7));
-            if (faces == 0) continue;
-            if (bound < 0) bound = brick_bound(brick);
-            if (leaks(first, faces, bound)) s->leaky[64 * n + (size_t)(k >> 3)] |= (uint8_t)(1u << (k & 7));
-        }
+        if (memcmp(s->crossed + 64 * n, none, sizeof none) == 0) continue;
+        l.brick = bricks_glance(s->bricks, (uint32_t)n, room);
+        l.bound = -1;
+        for (int k = 0; k < 8; k++)
+            look_at_group(&l, n, GROUP * (k >> 2), GROUP * (k >> 1 & 1), GROUP * (k & 1));
     }
 }
 
 /* In the order of blocks and cells, so that what is found comes in an order of its own. */
 static bool follow(search *s, error *e)
 {
-    for (uint32_t n = 0; n < s->map->count; n++)
-        for (int k = 0; k < GRID_VIEW_VOXELS; k++) {
-            const int in_block[3] = {k >> 6, k >> 3 & 7, k & 7};
-            int32_t at[3];
-            if (!(s->leaky[64 * (size_t)n + (size_t)(k >> 3)] >> (k & 7) & 1)) continue;
-            for (int axis = 0; axis < 3; axis++)
-                at[axis] = s->map->blocks[n][axis] * GRID_VIEW_SIDE + in_block[axis];
-            if (!leave(s, n, at, e)) return false;
+    for (size_t k = 0; k < 64 * (size_t)s->map->count; k++) {
+        static const uint8_t none[8] = {0};
+        if (k % 8 == 0 && memcmp(s->leaky + k, none, sizeof none) == 0) k += 7;
+        for (int z = 0; s->leaky[k] >> z; z++) { /* cells are added as it goes */
+            const uint32_t n = (uint32_t)(k >> 6);
+            const int32_t *b = s->map->blocks[n];
+            const int32_t at[3] = {8 * b[0] + (int)(k >> 3 & 7), 8 * b[1] + (int)(k & 7), 8 * b[2] + z};
+            if (s->leaky[k] >> z & 1 && !leave(s, n, at, e)) return false;
         }
+    }
     for (size_t k = 0; k < s->out->count; k++) {
         const crossed_cell c = s->out->cell[k]; /* the list may move */
         if (!leave(s, c.block, c.at, e)) return false;

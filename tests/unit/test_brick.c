@@ -1,14 +1,19 @@
-/* Bricks: whether those that are made when they are looked at are those that are made at once. */
+/* Bricks: whether those that are made when they are looked at are those that are made at once; and whether their cells are flat,
+ * as grazed says of many cells at once. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <cmocka.h>
 
+#include <math.h>
 #include <string.h>
+#include <time.h>
 
 #include "samples_fixture.h"
+#include "field/field.h"
 #include "volume/brick.h"
+#include "volume/grazed.h"
 
 enum { BLOCKS = 5, LOOKS = 4000, WORKERS = 4 };
 
@@ -96,10 +101,90 @@ static void bricks_are_the_same_whenever_they_are_made(void **state)
     assert_int_equal(bricks_room(1000000, 900000), 1000000);
 }
 
+/* Differences along an axis: at most two, so that nothing is rounded otherwise than in grazed.c. */
+static float change(const float *c, const int at[3], int axis, int then)
+{
+    static const int step[3] = {BRICK_SLAB, BRICK_SIDE, 1};
+    const float *p = brick_cell(c, at[0], at[1], at[2]);
+    if (then < 0) return p[step[axis]] - p[0];
+    return (p[step[axis] + step[then]] - p[step[then]]) - (p[step[axis]] - p[0]);
+}
+
+/* Whether a cell is flat, difference by difference. */
+static bool is_flat_cell(const float *first, double aspect)
+{
+    double slope2 = 0, bend = 0;
+    for (int axis = 0; axis < 3; axis++) {
+        double low = INFINITY, high = -INFINITY;
+        for (int k = 0; k < 64; k++) {
+            const int at[3] = {k >> 4, k >> 2 & 3, k & 3};
+            if (at[axis] == 3) continue;
+            low = fmin(low, (double)change(first, at, axis, -1));
+            high = fmax(high, (double)change(first, at, axis, -1));
+            for (int then = axis; then < 3; then++)
+                if (at[then] < (then == axis ? 2 : 3))
+                    bend = fmax(bend, fabs((double)change(first, at, axis, then)));
+        }
+        const double least = fmax(fmax(low, -high), 0);
+        slope2 += least * least;
+    }
+    bend = bend * aspect / FIELD_FLAT;
+    return bend * bend <= slope2;
+}
+
+/* Of a block with a bent plane, and noise here and there: cells that are all but flat, or all but not. */
+static size_t check_flat(rng *r, block_map *map, threads *pool)
+{
+    float brick[BRICK_SIZE];
+    uint8_t crossed[64];
+    const bricks b = {.map = map, .memory = brick, .room = 1};
+    const double bend = 0.01 * rng_uniform(r), noise = 0.003 * rng_uniform(r), aspect = 1 + rng_uniform(r);
+    const vec3 slope = {rng_uniform(r) - 0.5, rng_uniform(r) - 0.5, rng_uniform(r) - 0.5};
+    const int wild = (int)(BRICK_SIZE * rng_uniform(r)); /* noise from here on */
+    for (int k = 0; k < BRICK_SIZE; k++) {
+        const vec3 p = {k / BRICK_SLAB, k / BRICK_SIDE % BRICK_SIDE, k % BRICK_SIDE};
+        brick[k] =
+            (float)(vec3_dot(slope, p) + bend * p.x * (p.y - p.z) + (k > wild ? noise * rng_uniform(r) : 0));
+    }
+    for (int k = 0; k < 64; k++) crossed[k] = (uint8_t)(256 * rng_uniform(r) * rng_uniform(r));
+    uint8_t asked[64];
+    memcpy(asked, crossed, sizeof asked);
+    error e = {0};
+    grazed found = {0};
+    size_t flat = 0;
+    assert_true(grazed_find(&b, (const int64_t[]){0, 0, 0}, aspect, pool, crossed, &found, &e));
+    for (int k = 0; k < 512; k++) {
+        const bool is_flat = (asked[k >> 3] >> (k & 7) & 1) &&
+                             is_flat_cell(brick_cell(brick, k >> 6, k >> 3 & 7, k & 7), aspect);
+        assert_int_equal(found.flat[k >> 3] >> (k & 7) & 1, is_flat);
+        flat += is_flat;
+    }
+    grazed_free(&found);
+    return flat;
+}
+
+static void cells_are_flat_one_by_one_or_together(void **state)
+{
+    (void)state;
+    const uint64_t seed = (uint64_t)time(NULL);
+    rng r = rng_seed(seed, 0);
+    error e = {0};
+    block_map map;
+    size_t flat = 0;
+    threads *pool = threads_new(1, NULL, &e);
+    print_message("seed %llu\n", (unsigned long long)seed);
+    assert_true(pool && block_map_init(&map, 0, &e) && block_map_find_or_add(&map, 0, 0, 0, NULL, &e));
+    for (int round = 0; round < 500; round++) flat += check_flat(&r, &map, pool);
+    assert_in_range(flat, 500 * 512 / 100, 500 * 512 / 4 - 500 * 512 / 100); /* a fourth is asked for */
+    block_map_free(&map);
+    threads_free(pool);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(bricks_are_the_same_whenever_they_are_made),
+        cmocka_unit_test(cells_are_flat_one_by_one_or_together),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
