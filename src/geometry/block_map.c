@@ -27,8 +27,8 @@ static bool make_slots(block_map *m, size_t nodes, error *e)
     const block_map old = *m;
     size_t slots = SLOTS_PER_NODE * SMALLEST_ROOM;
     while (slots < SLOTS_PER_NODE * nodes) slots *= 2;
-    if (slots > (size_t)1 << 27) /* 2^32 blocks */
-        return error_set(e, ERROR_LIMIT_MEMORY, "needs more than %zu nodes of 4^3 blocks", (size_t)1 << 26);
+    if (slots > (size_t)1 << 31)
+        return error_set(e, ERROR_LIMIT_MEMORY, "needs more than %zu nodes of 4^3 blocks", (size_t)1 << 30);
     block_map_slot *made = mem_array(slots, sizeof *made, what, e);
     if (!made) return false;
     for (size_t i = 0; i < slots; i++) made[i].node = BLOCK_MAP_NONE;
@@ -60,7 +60,7 @@ void block_map_free(block_map *m)
     memset(m, 0, sizeof *m);
 }
 
-/* Returns its number, or BLOCK_MAP_NONE. */
+/* Returns its number, or BLOCK_MAP_NONE where memory is out. */
 static uint32_t add_node(block_map *m, const int32_t key[3], error *e)
 {
     void *nodes = mem_grow(m->nodes, m->node_count, &m->node_room, 0, sizeof *m->nodes, what, e);
@@ -73,26 +73,35 @@ static uint32_t add_node(block_map *m, const int32_t key[3], error *e)
     return m->node_count++;
 }
 
-bool block_map_find_or_add(block_map *m, int32_t x, int32_t y, int32_t z, uint32_t *number, error *e)
+static bool add(block_map *m, const int32_t block[3], error *e)
 {
-    const int32_t block[3] = {x, y, z}, key[3] = {x >> 2, y >> 2, z >> 2};
+    const int32_t key[3] = {block[0] >> 2, block[1] >> 2, block[2] >> 2};
+    if (m->count == BLOCK_MAP_NONE)
+        return error_set(e, ERROR_LIMIT_MEMORY, "needs more than %u blocks of 8^3 voxels", m->count);
+    void *blocks = mem_grow(m->blocks, m->count, &m->room, 0, sizeof *m->blocks, what, e);
+    if (!blocks) return false;
+    m->blocks = blocks;
     uint32_t node = slot_of(m, key)->node;
     if (node == BLOCK_MAP_NONE && (node = add_node(m, key, e)) == BLOCK_MAP_NONE) return false;
-    uint32_t *place = &m->nodes[node][block_map_in_node(x, y, z)];
-    if (*place == BLOCK_MAP_NONE) {
-        void *blocks = mem_grow(m->blocks, m->count, &m->room, 0, sizeof *m->blocks, what, e);
-        if (!blocks) return false;
-        m->blocks = blocks;
-        memcpy(m->blocks[m->count], block, sizeof block);
-        *place = m->count++;
+    memcpy(m->blocks[m->count], block, sizeof *m->blocks);
+    m->nodes[node][block_map_in_node(block[0], block[1], block[2])] = m->count++;
+    return true;
+}
+
+bool block_map_find_or_add(block_map *m, int32_t x, int32_t y, int32_t z, uint32_t *number, error *e)
+{
+    uint32_t found = block_map_find(m, x, y, z);
+    if (found == BLOCK_MAP_NONE) {
+        found = m->count;
+        if (!add(m, (const int32_t[]){x, y, z}, e)) return false;
     }
-    if (number) *number = *place;
+    if (number) *number = found;
     return true;
 }
 
 size_t block_map_bytes(size_t count)
 {
-    const size_t room = 2 * count + SMALLEST_ROOM;
+    const size_t room = count + SMALLEST_ROOM;
     return room * sizeof(int32_t[3]) +
            room / BLOCKS_PER_NODE * (sizeof(uint32_t[BLOCK_MAP_NODE]) + 4 * sizeof(block_map_slot));
 }

@@ -15,11 +15,10 @@
 
 #define BLOCK_MAP_NONE UINT32_MAX
 
-/* Blocks along an axis of a node, and in it. */
-enum { BLOCK_MAP_SIDE = 4, BLOCK_MAP_NODE = 64 };
+enum { BLOCK_MAP_NODE = 64 }; /* blocks in a node: 4^3 */
 
 typedef struct block_map_slot {
-    int32_t key[3]; /* block coordinates by BLOCK_MAP_SIDE */
+    int32_t key[3]; /* block coordinates by 4, rounded down */
     uint32_t node;  /* BLOCK_MAP_NONE: the slot is free */
 } block_map_slot;
 
@@ -39,7 +38,7 @@ void block_map_free(block_map *m);
 /* The block's number in *number (which may be NULL), old or new. False when memory is out. */
 bool block_map_find_or_add(block_map *m, int32_t x, int32_t y, int32_t z, uint32_t *number, error *e);
 
-/* Bytes that a map of `count` blocks takes at most, of which as many lie in a node as of a surface. */
+/* Bytes that a map of `count` blocks comes to use at most, where as many lie in a node as of a surface. */
 size_t block_map_bytes(size_t count);
 
 static inline uint32_t block_map_hash(int32_t x, int32_t y, int32_t z)

@@ -21,10 +21,9 @@ typedef struct flood {
 
 static void spread_within(const uint64_t cells[SIDE], uint64_t reached[SIDE])
 {
-    for (bool more = true, down = false; more; down = !down) { /* up and down in turn */
+    for (bool more = true; more;) {
         more = false;
-        for (int k = 0; k < SIDE; k++) {
-            const int x = down ? SIDE - 1 - k : k;
+        for (int x = 0; x < SIDE; x++) {
             const uint64_t here = reached[x];
             uint64_t to =
                 here | here << 8 | here >> 8 | (here << 1 & ~lowest_z) | (here >> 1 & ~(lowest_z << 7));

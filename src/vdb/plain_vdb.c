@@ -398,16 +398,13 @@ static void take_stored(reading *r, size_t count, float *out)
     }
 }
 
-/* Puts each active value, of those in front, into its place, from the last one on, and between them the inactive ones. Which one
- * it is a processor cannot foretell, so that it is looked up. */
+/* Puts each active value, of those in front, into its place, from the last one on, and between them the inactive ones. */
 static void spread(const uint64_t *active, const uint64_t *chosen, const float inactive[2], size_t stored,
                    size_t count, float *values)
 {
-    for (size_t k = count; k-- > 0;) {
-        const size_t is_active = active[k / 64] >> (k % 64) & 1;
-        const float *from[2] = {inactive + (chosen[k / 64] >> (k % 64) & 1), values + (stored -= is_active)};
-        values[k] = *from[is_active];
-    }
+    for (size_t k = count; k-- > 0;)
+        values[k] =
+            active[k / 64] >> (k % 64) & 1 ? values[--stored] : inactive[chosen[k / 64] >> (k % 64) & 1];
 }
 
 /* What of a node's values comes before the stored ones; returns how many these are, of `count`. */

@@ -103,7 +103,7 @@ static void value_chunk(void *context, int worker, size_t begin, size_t end)
         samples_corners(job->samples, map->blocks[b->block], job->smooth, corners);
         for (int k = 0; k < CORNERS * CORNERS; k++) { /* whole rows: what is too much the next one replaces */
             const int from = span_of(b, k / CORNERS, k % CORNERS).from;
-            memcpy(packed + b->row[k] + from, corners + CORNERS * k + from, CORNERS * sizeof *packed);
+            memcpy(packed + (b->row[k] + from), corners + CORNERS * k + from, CORNERS * sizeof *packed);
         }
         memcpy(job->out->value + b->values, packed, (b[1].values - b->values) * sizeof *packed);
     }
