@@ -73,11 +73,22 @@ static uint32_t add_node(block_map *m, const int32_t key[3], error *e)
     return m->node_count++;
 }
 
+static size_t held(const block_map *m)
+{
+    return m->room * sizeof *m->blocks + m->node_room * sizeof *m->nodes +
+           ((size_t)m->mask + 1) * sizeof *m->slots;
+}
+
 static bool add(block_map *m, const int32_t block[3], error *e)
 {
     const int32_t key[3] = {block[0] >> 2, block[1] >> 2, block[2] >> 2};
     if (m->count == BLOCK_MAP_NONE)
         return error_set(e, ERROR_LIMIT_MEMORY, "needs more than %u blocks of 8^3 voxels", m->count);
+    if (m->limit > 0 && held(m) > m->limit)
+        return error_set(
+            e, ERROR_LIMIT_MEMORY,
+            "the table of %u blocks of 8^3 voxels takes too much of the memory limit: raise limits.memory_mb",
+            m->count);
     void *blocks = mem_grow(m->blocks, m->count, &m->room, 0, sizeof *m->blocks, what, e);
     if (!blocks) return false;
     m->blocks = blocks;

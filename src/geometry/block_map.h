@@ -29,6 +29,8 @@ typedef struct block_map {
     uint32_t mask;                     /* slots minus one */
     uint32_t count, node_count;
     size_t room, node_room;
+    size_t
+        limit; /* bytes, set once the map is made: with more than that nothing is added (limit_memory); 0: none */
 } block_map;
 
 /* Room for `expected` blocks; it grows beyond. A zeroed struct may be freed. */
@@ -38,7 +40,8 @@ void block_map_free(block_map *m);
 /* The block's number in *number (which may be NULL), old or new. False when memory is out. */
 bool block_map_find_or_add(block_map *m, int32_t x, int32_t y, int32_t z, uint32_t *number, error *e);
 
-/* Bytes that a map of `count` blocks comes to use at most, where as many lie in a node as of a surface. */
+/* Bytes that a map of `count` blocks comes to use at most, where as many lie in a node as of a surface; of blocks that are
+ * scattered, each in a node of its own, six times that. */
 size_t block_map_bytes(size_t count);
 
 static inline uint32_t block_map_hash(int32_t x, int32_t y, int32_t z)

@@ -161,7 +161,7 @@ static bool look_at_tiles(const grid_view *l, const int32_t block[3], crossings 
 }
 
 /* The blocks whose cells touch a face of a tile: in each axis the layer below it and its last one. */
-static bool add_shell(const vdb_tile *t, size_t most, block_map *candidates, error *e)
+static bool add_shell(const vdb_tile *t, block_map *candidates, error *e)
 {
     int32_t low[3], side = t->side / GRID_VIEW_SIDE;
     for (int axis = 0; axis < 3; axis++) low[axis] = (t->origin[axis] >> 3) - 1;
@@ -172,12 +172,6 @@ static bool add_shell(const vdb_tile *t, size_t most, block_map *candidates, err
                 if (!block_map_find_or_add(candidates, low[0] + x, low[1] + y, low[2] + z, NULL, e))
                     return false;
         }
-    if (candidates->count > most)
-        return error_set(
-            e, ERROR_LIMIT_MEMORY,
-            "the faces of its tiles touch more than %zu blocks, too many for the memory limit: raise "
-            "limits.memory_mb",
-            most);
     return true;
 }
 
@@ -221,13 +215,13 @@ static void tile_chunk(void *context, int worker, size_t begin, size_t end)
 static bool add_shells(const grid_view *l, size_t memory_limit, threads *pool, block_map *candidates,
                        error *e)
 {
-    /* The table doubles when it grows, and old and new exist side by side then. */
-    const size_t most = memory_limit / (3 * block_map_bytes(1024) / 1024), count = l->grid->tile_count;
+    const size_t count = l->grid->tile_count;
     tile_search job = {l, mem_array(count, 1, "the tiles of the grid", e)};
     bool ok = job.counts;
+    candidates->limit = memory_limit / GRID_VIEW_TABLES;
     if (ok) threads_run(pool, count, TILES, tile_chunk, &job);
     for (size_t i = 0; ok && i < count; i++)
-        if (job.counts[i]) ok = add_shell(&l->grid->tiles[i], most, candidates, e);
+        if (job.counts[i]) ok = add_shell(&l->grid->tiles[i], candidates, e);
     free(job.counts);
     return ok;
 }

@@ -369,7 +369,7 @@ ISA_INLINE void add_slab(long_slopes *s, const float *slab, int more)
     long_row c = {0}, x = c, y = c;
 #pragma GCC unroll 7
     for (int j = 0; j < GROUP + 3; j++) {
-        const float *from = slab + j * BRICK_SIDE, *beside = from + BRICK_SLAB, *beyond = beside + BRICK_SLAB;
+        const float *from = slab + j * BRICK_SIDE;
         const long_row c0 = c, x0 = x, y0 = y;
         c = *(const long_row *)from;
         const long_row z = along_long(c);
@@ -379,10 +379,11 @@ ISA_INLINE void add_slab(long_slopes *s, const float *slab, int more)
         if (j > 0) add_long_bend(s, along_long(y));
         if (j > 1) add_long_bend(s, y - y0);
         if (more == 0) continue;
-        add_long_slope(s, 0, x = *(const long_row *)beside - c);
+        const long_row beside = *(const long_row *)(from + BRICK_SLAB);
+        add_long_slope(s, 0, x = beside - c);
         add_long_bend(s, along_long(x));
         if (j > 0) add_long_bend(s, x - x0);
-        if (more > 1) add_long_bend(s, (*(const long_row *)beyond - *(const long_row *)beside) - x);
+        if (more > 1) add_long_bend(s, (*(const long_row *)(from + 2 * BRICK_SLAB) - beside) - x);
     }
 }
 

@@ -128,12 +128,13 @@ static void set_clamp(grid_view *l)
     if (l->highest <= b * (1 + half_step)) l->clamp_above = b * (1 - half_step);
 }
 
-static bool add_tiles(grid_view *l, error *e)
+static bool add_tiles(grid_view *l, size_t memory_limit, error *e)
 {
     size_t counts[GRID_VIEW_TILE_LEVELS] = {0};
     for (size_t i = 0; i < l->grid->tile_count; i++) counts[level_of(l->grid->tiles[i].side)]++;
     for (int level = 0; level < GRID_VIEW_TILE_LEVELS; level++) {
         if (!block_map_init(&l->tiles[level], counts[level], e)) return false;
+        l->tiles[level].limit = memory_limit / GRID_VIEW_TABLES;
         l->tile_values[level] = mem_array(counts[level], sizeof(float), "the tiles of the grid", e);
         if (!l->tile_values[level]) return false;
     }
@@ -188,8 +189,8 @@ static bool add_leaves(grid_view *l, error *e)
     return true;
 }
 
-bool grid_view_init(grid_view *l, const vdb_grid *grid, grid_view_kind kind, double isovalue, threads *pool,
-                    error *e)
+bool grid_view_init(grid_view *l, const vdb_grid *grid, grid_view_kind kind, double isovalue,
+                    size_t memory_limit, threads *pool, error *e)
 {
     memset(l, 0, sizeof *l);
     l->grid = grid;
@@ -199,7 +200,7 @@ bool grid_view_init(grid_view *l, const vdb_grid *grid, grid_view_kind kind, dou
     bool ok = scan_range(l, pool, e);
     l->background = to_f(l, grid->background);
     l->signs = mem_array(grid->leaf_count, sizeof *l->signs, leaves, e);
-    ok = ok && l->signs && add_tiles(l, e) && add_leaves(l, e);
+    ok = ok && l->signs && add_tiles(l, memory_limit, e) && add_leaves(l, e);
     if (ok) {
         set_clamp(l);
         scan job = {l, NULL};

@@ -52,9 +52,11 @@ typedef struct grid_view_block {
     float constant; /* F */
 } grid_view_block;
 
-/* The pool, which may be NULL, does not show. */
-bool grid_view_init(grid_view *l, const vdb_grid *grid, grid_view_kind kind, double isovalue, threads *pool,
-                    error *e);
+/* The pool, which may be NULL, does not show. Error: limit_memory. */
+bool grid_view_init(grid_view *l, const vdb_grid *grid, grid_view_kind kind, double isovalue,
+                    size_t memory_limit, threads *pool, error *e);
+/* A table may take one part in so many of the limit: when it doubles, old and new are there side by side. */
+enum { GRID_VIEW_TABLES = 3 };
 void grid_view_free(grid_view *l);
 
 grid_view_block grid_view_find(const grid_view *l, int32_t x, int32_t y, int32_t z);

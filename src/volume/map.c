@@ -67,7 +67,7 @@ map *map_open(int fd, const char *path, const char *grid, size_t memory_limit, e
         m->everywhere = m->grid->background > 0;
         if (!m->everywhere) drop_inactive_tiles(m->grid);
     }
-    if (m->grid && grid_view_init(&m->grid_view, m->grid, GRID_VIEW_LEVEL_SET, 0, NULL, e)) {
+    if (m->grid && grid_view_init(&m->grid_view, m->grid, GRID_VIEW_LEVEL_SET, 0, memory_limit, NULL, e)) {
         double to_world[3][4];
         for (int i = 0; i < 12; i++) to_world[i / 4][i % 4] = m->grid->index_to_world[i];
         affine_invert(to_world, m->to_index);

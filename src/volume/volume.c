@@ -178,7 +178,7 @@ static bool check_plateau(const loading *l, const volume *v, error *e)
 
 static bool find_crossings(loading *l, volume *v, error *e)
 {
-    if (!grid_view_init(&l->grid_view, l->grid, l->kind, v->info.isovalue, l->pool, e) ||
+    if (!grid_view_init(&l->grid_view, l->grid, l->kind, v->info.isovalue, l->memory_limit, l->pool, e) ||
         !crossings_find(&l->grid_view, l->memory_limit, l->pool, &l->crossings, e))
         return error_prefix(e, "%s", l->name);
     const crossings *c = &l->crossings;

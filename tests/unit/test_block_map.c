@@ -58,8 +58,27 @@ static void blocks_are_found(void **state)
         for (int corner = 0; corner < 3; corner++) check_map(&r, corner, reaches[k], k % 2 ? COUNT : 0);
 }
 
+/* Each in a node of its own, they take the most; what was there before stays. */
+static void scattered_blocks_keep_the_limit(void **state)
+{
+    (void)state;
+    error e = {0};
+    block_map m;
+    int32_t k = 0;
+    assert_true(block_map_init(&m, 0, &e));
+    m.limit = 1 << 20;
+    while (k < 1 << 20 && block_map_find_or_add(&m, 4 * k, 0, -4 * k, NULL, &e)) k++;
+    assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
+    assert_int_equal(m.count, k);
+    assert_true(k > 1000 && (size_t)k * sizeof *m.nodes <= 2 * m.limit);
+    assert_int_equal(block_map_find(&m, 4, 0, -4), 1);
+    assert_int_equal(block_map_find(&m, 4 * k, 0, -4 * k), BLOCK_MAP_NONE);
+    block_map_free(&m);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(blocks_are_found)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(blocks_are_found),
+                                       cmocka_unit_test(scattered_blocks_keep_the_limit)};
     return cmocka_run_group_tests_name("block_map", tests, NULL, NULL);
 }
