@@ -38,7 +38,7 @@ SMALL_PARENT = ("sh", "-c", '"$@"; exit $?', "sh")
 # Of the spacing: how far points may be off the surface.
 RESIDUAL = 1e-3
 # Of what is called converged, at most: share of points unresolved, disorder, area without points, farthest place in spacings.
-UNRESOLVED, EXCESS, MISSING, FARTHEST = 0.02, 0.05, 0.01, covering.NOT_COVERED
+UNRESOLVED, DISORDER, MISSING, FARTHEST = 0.02, 0.05, 0.01, covering.NOT_COVERED
 PATIENCE_S = 900
 # The worker's exit codes: a result, converged or not; and errors that are those of the input.
 RESULTS, FAULTS = (0, 10, 11), (2, 3, 4, 5)
@@ -149,7 +149,7 @@ def faults(error, report, covered):
         return found
     if q["unresolved_count"] > UNRESOLVED * (q["unresolved_count"] + q["resolved_count"]) or not q["resolved_count"]:
         found.append("converged, but unresolved")
-    if q["disorder"] is None or q["disorder"] > EXCESS:
+    if q["disorder"] is None or q["disorder"] > DISORDER:
         found.append("converged, but not in order")
     if covered and covered.missing > MISSING:
         found.append("converged, but area is missing")
