@@ -13,14 +13,6 @@ static const char what[] = "the table of blocks";
 /* A surface has some 20 blocks in a node. */
 #define BLOCKS_PER_NODE 8
 
-static block_map_slot *slot_of(const block_map *m, const int32_t key[3])
-{
-    uint32_t i = block_map_hash(key[0], key[1], key[2]) & m->mask;
-    while (m->slots[i].node != BLOCK_MAP_NONE && memcmp(m->slots[i].key, key, sizeof m->slots[i].key) != 0)
-        i = (i + 1) & m->mask;
-    return &m->slots[i];
-}
-
 /* For so many nodes; those that are there move. */
 static bool make_slots(block_map *m, size_t nodes, error *e)
 {
@@ -35,7 +27,7 @@ static bool make_slots(block_map *m, size_t nodes, error *e)
     m->slots = made;
     m->mask = (uint32_t)(slots - 1);
     for (size_t i = 0; old.slots && i <= old.mask; i++)
-        if (old.slots[i].node != BLOCK_MAP_NONE) *slot_of(m, old.slots[i].key) = old.slots[i];
+        if (old.slots[i].node != BLOCK_MAP_NONE) *block_map_slot_of(m, old.slots[i].key) = old.slots[i];
     free(old.slots);
     return true;
 }
@@ -69,7 +61,7 @@ static uint32_t add_node(block_map *m, const int32_t key[3], error *e)
     const size_t slots = (size_t)m->mask + 1;
     if (SLOTS_PER_NODE * (size_t)m->node_count == slots && !make_slots(m, slots, e)) return BLOCK_MAP_NONE;
     memset(m->nodes[m->node_count], 0xFF, sizeof *m->nodes); /* BLOCK_MAP_NONE */
-    *slot_of(m, key) = (block_map_slot){{key[0], key[1], key[2]}, m->node_count};
+    *block_map_slot_of(m, key) = (block_map_slot){{key[0], key[1], key[2]}, m->node_count};
     return m->node_count++;
 }
 
@@ -92,7 +84,7 @@ static bool add(block_map *m, const int32_t block[3], error *e)
     void *blocks = mem_grow(m->blocks, m->count, &m->room, 0, sizeof *m->blocks, what, e);
     if (!blocks) return false;
     m->blocks = blocks;
-    uint32_t node = slot_of(m, key)->node;
+    uint32_t node = block_map_slot_of(m, key)->node;
     if (node == BLOCK_MAP_NONE && (node = add_node(m, key, e)) == BLOCK_MAP_NONE) return false;
     memcpy(m->blocks[m->count], block, sizeof *m->blocks);
     m->nodes[node][block_map_in_node(block[0], block[1], block[2])] = m->count++;

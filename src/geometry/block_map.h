@@ -53,6 +53,16 @@ static inline uint32_t block_map_hash(int32_t x, int32_t y, int32_t z)
     return (uint32_t)(h ^ (h >> 32));
 }
 
+/* The slot of a node, or the free one in which it would be. */
+static inline block_map_slot *block_map_slot_of(const block_map *m, const int32_t key[3])
+{
+    for (uint32_t i = block_map_hash(key[0], key[1], key[2]) & m->mask;; i = (i + 1) & m->mask) {
+        block_map_slot *s = &m->slots[i];
+        if (s->node == BLOCK_MAP_NONE || (s->key[0] == key[0] && s->key[1] == key[1] && s->key[2] == key[2]))
+            return s;
+    }
+}
+
 static inline int block_map_in_node(int32_t x, int32_t y, int32_t z)
 {
     return (x & 3) << 4 | (y & 3) << 2 | (z & 3);
@@ -60,13 +70,8 @@ static inline int block_map_in_node(int32_t x, int32_t y, int32_t z)
 
 static inline uint32_t block_map_find(const block_map *m, int32_t x, int32_t y, int32_t z)
 {
-    const int32_t key[3] = {x >> 2, y >> 2, z >> 2};
-    for (uint32_t i = block_map_hash(key[0], key[1], key[2]) & m->mask;; i = (i + 1) & m->mask) {
-        const block_map_slot *s = &m->slots[i];
-        if (s->node == BLOCK_MAP_NONE) return BLOCK_MAP_NONE;
-        if (s->key[0] == key[0] && s->key[1] == key[1] && s->key[2] == key[2])
-            return m->nodes[s->node][block_map_in_node(x, y, z)];
-    }
+    const block_map_slot *s = block_map_slot_of(m, (const int32_t[]){x >> 2, y >> 2, z >> 2});
+    return s->node == BLOCK_MAP_NONE ? BLOCK_MAP_NONE : m->nodes[s->node][block_map_in_node(x, y, z)];
 }
 
 #endif

@@ -261,13 +261,13 @@ ISA_INLINE bool may_be_passed(row face[4], float largest)
 
 /* How the coefficients of a cell change along the axes, and the most by which such a change changes. */
 typedef struct slopes {
-    row low[3], high[3], bend;
+    row fall[3], rise[3], bend; /* the most of each */
 } slopes;
 
 ISA_INLINE void add_slope(slopes *s, int axis, row slope)
 {
-    s->low[axis] = -row_larger(-s->low[axis], -slope);
-    s->high[axis] = row_larger(s->high[axis], slope);
+    s->fall[axis] = row_larger(s->fall[axis], -slope);
+    s->rise[axis] = row_larger(s->rise[axis], slope);
 }
 
 ISA_INLINE void add_bend(slopes *s, row bend)
@@ -283,8 +283,8 @@ ISA_INLINE row along_lanes(row r)
 
 ISA_INLINE slopes slopes_of(row c[4][4])
 {
-    const row none = {INFINITY, INFINITY, INFINITY, INFINITY};
-    slopes s = {{none, none, none}, {-none, -none, -none}, {0}};
+    const row zero = {0}, none = zero - INFINITY;
+    slopes s = {{none, none, none}, {none, none, none}, zero};
     row x[4][4], y[4][4];
 #pragma GCC unroll 4
     for (int i = 0; i < 4; i++) {
@@ -319,7 +319,7 @@ ISA_INLINE bool is_monotone(const slopes *s, double aspect, bool *is_flat)
     double slope2 = 0; /* floats' squares may be too small for floats, or too large */
     int steep = 0;
     for (int axis = 0; axis < 3; axis++) {
-        const float low = -largest_of(-s->low[axis]), high = largest_of(s->high[axis]),
+        const float low = -largest_of(s->fall[axis]), high = largest_of(s->rise[axis]),
                     least = low > 0    ? low
                             : high < 0 ? -high
                                        : 0;
@@ -335,7 +335,7 @@ typedef float long_row __attribute__((vector_size(32), aligned(4), may_alias));
 typedef int32_t long_mask __attribute__((vector_size(32)));
 
 typedef struct long_slopes {
-    long_row fall[3], rise[3], bend; /* the most of each, as in slopes */
+    long_row fall[3], rise[3], bend; /* as in slopes */
 } long_slopes;
 
 ISA_INLINE long_row long_larger(long_row a, long_row b)
@@ -401,7 +401,7 @@ ISA_CLONES static bool group_is_calm(const float *first, int length, double aspe
     long_slopes s = {{none, none, none}, {none, none, none}, zero};
     bool is_flat;
     for (int i = 0; i < length + 3; i++) add_slab(&s, first + i * BRICK_SLAB, length + 2 - i);
-    const slopes all = {{-folded(s.fall[0]), -folded(s.fall[1]), -folded(s.fall[2])},
+    const slopes all = {{folded(s.fall[0]), folded(s.fall[1]), folded(s.fall[2])},
                         {folded(s.rise[0]), folded(s.rise[1]), folded(s.rise[2])},
                         folded(s.bend)};
     return is_monotone(&all, aspect, &is_flat) && is_flat;
