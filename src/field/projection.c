@@ -3,6 +3,13 @@
 #include <math.h>
 #include <string.h>
 
+static const double CELLS_MOST = 5;
+
+double projection_scale(const field *f, double spacing)
+{
+    return fmin(spacing, CELLS_MOST * f->cell_size);
+}
+
 /* Clamps x into the box and adds the axes that were clamped (bits 1, 2, 4) to *pinned. */
 static void clamp_to_domain(const field *f, vec3 *x, unsigned *pinned)
 {

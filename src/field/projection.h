@@ -16,6 +16,10 @@ typedef struct projection_limits {
     double reject;   /* farther than this after the last step is failure */
 } projection_limits;
 
+/* What tolerances are fractions of: the spacing, or 5 cells, of which a coarse spacing has many, and within which a field comes
+ * near zero without a surface. */
+double projection_scale(const field *f, double spacing);
+
 /* The axes (bit k) of the faces that cut the surface and that x lies in, exactly: a particle on a boundary has some. */
 unsigned projection_boundary_axes(const field *f, vec3 x);
 

@@ -342,6 +342,7 @@ typedef struct middle_lanes {
     const edge *edge[VEC3_LANES];
     vec3_lanes from, x, normal; /* on the edge, and on the surface */
     double spacing[VEC3_LANES];
+    double unit[VEC3_LANES]; /* of the limits of a projection */
     bool found[VEC3_LANES];
     uint32_t patch[VEC3_LANES], hint[VEC3_LANES];
     int count;
@@ -349,15 +350,29 @@ typedef struct middle_lanes {
 
 static const projection_limits to_middle = {5, MIDDLE_ACCEPT, MIDDLE_SHORTCUT, MIDDLE_ACCEPT};
 
-/* One middle by itself; *hint tells of a place nearby. */
+/* The middle of an edge's arc, which has the normals of its ends: (b - a).(n_b - n_a) / 8 beyond that of the edge. */
+static vec3 middle_of_arc(const particles *p, const edge *e, vec3 middle)
+{
+    const vec3 a = p->normal[e->a], b = p->normal[e->b], sum = vec3_add(a, b);
+    const double depth = vec3_dot(vec3_sub(p->position[e->b], p->position[e->a]), vec3_sub(b, a)) / 8;
+    const double length = vec3_norm(sum);
+    return length > 0 ? vec3_axpy(depth / length, sum, middle) : middle;
+}
+
+/* One middle by itself; *hint tells of a place nearby. Of a coarse level's edges some lie farther from the surface than F
+ * reaches, as in the narrow band of a level set: from their arcs it is near. */
 static bool find_middle(const middles *job, middle_lanes *m, int l, uint32_t *hint)
 {
-    const double h = m->spacing[l];
+    const double h = m->unit[l];
+    const edge *e = m->edge[l];
+    const field *f = particles_field(job->p, job->f, e->a);
     const projection_limits limits = {to_middle.max_steps, to_middle.accept * h, to_middle.shortcut * h,
                                       to_middle.reject * h};
     vec3 x = vec3_lanes_get(&m->from, l), normal;
-    if (!projection_find_near(particles_field(job->p, job->f, m->edge[l]->a), &limits, hint, &x, &normal))
-        return false;
+    if (!projection_find_near(f, &limits, hint, &x, &normal)) {
+        x = middle_of_arc(job->p, e, vec3_lanes_get(&m->from, l));
+        if (!projection_find_near(f, &limits, hint, &x, &normal)) return false;
+    }
     vec3_lanes_put(&m->x, l, x);
     vec3_lanes_put(&m->normal, l, normal);
     return true;
@@ -368,7 +383,7 @@ static bool find_middle(const middles *job, middle_lanes *m, int l, uint32_t *hi
 static void find_patch_middles(const middles *job, middle_lanes *m)
 {
     const particles *p = job->p;
-    projection_find_lanes(job->f, &to_middle, m->spacing, m->patch, m->found, m->hint, &m->x, &m->normal);
+    projection_find_lanes(job->f, &to_middle, m->unit, m->patch, m->found, m->hint, &m->x, &m->normal);
     for (int l = 0; l < m->count; l++) {
         if (m->found[l] && !(vec3_dot(vec3_lanes_get(&m->normal, l), p->normal[m->edge[l]->a]) < 0)) continue;
         m->hint[l] = FIELD_NO_HINT;
@@ -381,6 +396,7 @@ static void find_middles(const middles *job, middle_lanes *m, uint32_t *last)
     const particles *p = job->p;
     for (int l = 0; l < VEC3_LANES; l++) {
         m->found[l] = l < m->count;
+        m->unit[l] = m->found[l] ? projection_scale(job->f, m->spacing[l]) : 1;
         m->patch[l] = m->found[l] ? particles_patch(p, m->edge[l]->a) : 0;
         m->hint[l] = m->found[l] && p->patch ? p->hint[m->edge[l]->a] : FIELD_NO_HINT;
     }
@@ -390,8 +406,7 @@ static void find_middles(const middles *job, middle_lanes *m, uint32_t *last)
         return;
     }
     const bool in_lanes = !p->patch && !job->f->open && job->f->ops->sample_lanes;
-    if (in_lanes)
-        projection_find_lanes(job->f, &to_middle, m->spacing, NULL, m->found, NULL, &m->x, &m->normal);
+    if (in_lanes) projection_find_lanes(job->f, &to_middle, m->unit, NULL, m->found, NULL, &m->x, &m->normal);
     for (int l = 0; l < m->count; l++) {
         if (in_lanes && m->found[l]) continue;
         if (m->hint[l] != FIELD_NO_HINT) *last = m->hint[l];

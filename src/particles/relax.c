@@ -20,7 +20,7 @@ static const double FLAT_COSINE = 0.5;
 static const double TURNING_NEAREST = 0.05;
 /* A trial ends on the surface to within this fraction of h, or is refused. */
 static const double TRIAL_REJECT = 0.01;
-static const double TRIAL_ACCEPT = 1e-4, STRAIGHT_ACCEPT = 1e-7, TRIAL_CELLS = 5;
+static const double TRIAL_ACCEPT = 1e-4, STRAIGHT_ACCEPT = 1e-7;
 static const int TRIAL_STEPS = 3;
 /* A step that used this share of what the lists allow leaves too little for the next. */
 static const double CRAMPED_STEP = 0.8;
@@ -38,8 +38,9 @@ static const double ROUGH_SHARE = 0.25, CALM_SHARE = 0.5;
  * as much brings them to a stop. */
 static const double IDLE_STEP = 0.01, IDLE_AROUND = 6;
 /* A fast step ends with one Newton step. From this fraction of h it leaves an error of about its square times
- * kappa h. */
-static const double FAST_STEP_FARTHEST = 0.05;
+ * kappa h. No more than of so many cells: a level set tells distances for three voxels on either side, and beyond those a
+ * Newton step leads anywhere. */
+static const double FAST_STEP_FARTHEST = 0.05, FAST_STEP_CELLS = 30;
 /* Over the support and the size: who is put this near tells no other energy or step, in single precision. */
 static const double SAME_PLACE = 5e-5;
 
@@ -351,15 +352,10 @@ double relax_damped_step(const pair_forces *f, double lambda, double *s1, double
     return -0.5 * (*s1 * f->d1 + *s2 * f->d2);
 }
 
-double relax_tolerance_scale(const field *f, double spacing)
-{
-    return fmin(spacing, TRIAL_CELLS * f->cell_size);
-}
-
 /* Moves along the tangent plane (8) and back onto the surface (9). */
 static bool move(const attempt *a, double s1, double s2, vec3 *x, vec3 *normal)
 {
-    double h = relax_tolerance_scale(a->field, a->spacing);
+    double h = projection_scale(a->field, a->spacing);
     const projection_limits limits = {TRIAL_STEPS, TRIAL_ACCEPT * h, RELAX_TRIAL_SHORTCUT * h,
                                       TRIAL_REJECT * h};
     double length = sqrt(s1 * s1 + s2 * s2), scale = length > a->bound ? a->bound / length : 1;
@@ -392,7 +388,7 @@ static bool try_step(const attempt *a, double s1, double s2, vec3 *x, vec3 *norm
  * would creep by damped steps for ever: put it on the surface to well below what `gain` can see. */
 static void straighten(const attempt *a, vec3 *x, vec3 *normal)
 {
-    double h = relax_tolerance_scale(a->field, a->spacing);
+    double h = projection_scale(a->field, a->spacing);
     const projection_limits limits = {TRIAL_STEPS, STRAIGHT_ACCEPT * h, 0, TRIAL_REJECT * h};
     projection_find(a->field, &limits, x, normal);
 }
@@ -491,11 +487,12 @@ void relax_line_up(const relax *r, const particles *p, const uint32_t *items, si
 /* What the fast kernel needs to know of a sweep. */
 static fast_kernel_params fast_step_params(const relax *r, const relax_params *params)
 {
-    return (fast_kernel_params){.unit = r->near->unit,
-                                .support = params->sigma,
-                                .omega = params->omega,
-                                .longest = params->fast_step * params->spacing,
-                                .farthest = FAST_STEP_FARTHEST * params->spacing};
+    return (fast_kernel_params){
+        .unit = r->near->unit,
+        .support = params->sigma,
+        .omega = params->omega,
+        .longest = params->fast_step * params->spacing,
+        .farthest = FAST_STEP_FARTHEST * fmin(params->spacing, FAST_STEP_CELLS * params->field->cell_size)};
 }
 
 /* Of particles of patches, by the fastest way that there is. Who would turn over has been told of another sheet, by a hint of

@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "field/projection.h"
 #include "particles/relax_internal.h"
 
 /* Trials in a sweep: a particle that has found no better place by then begins with more damping in the next. */
@@ -45,8 +46,7 @@ static fast_kernel_params params_of(const sweep_job *job)
                                 .support = p->sigma,
                                 .omega = p->omega,
                                 .longest = INFINITY,
-                                .farthest =
-                                    RELAX_TRIAL_SHORTCUT * relax_tolerance_scale(p->field, p->spacing),
+                                .farthest = RELAX_TRIAL_SHORTCUT * projection_scale(p->field, p->spacing),
                                 .normal = job->r->through ? NULL : job->r->normal};
 }
 

@@ -130,10 +130,6 @@ void relax_take_step(const sweep_job *job, size_t i, vec3 x, vec3 normal, double
 #define RELAX_STEP_FLOOR 1e-3
 #define RELAX_LAMBDA_FLOOR (-3.0) /* log10; below it the damping is nothing */
 
-/* What a trial's tolerances are fractions of: the spacing; or cells, of which a coarse spacing has many, and within which a
- * field comes near zero without a surface. */
-double relax_tolerance_scale(const field *f, double spacing);
-
 /* Fast steps of the lanes from `first` up to `count`, whose forces are known. Who stays, since its step would not end well, is
  * told. */
 void relax_fast_steps(const sweep_job *job, const uint32_t *items, size_t first, size_t count,

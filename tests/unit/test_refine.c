@@ -114,12 +114,27 @@ static int count_over(const ball *b, size_t first, const span *s, double share)
     return found;
 }
 
+/* A field that ends so far from its surface, nearer than the edges' middles lie, as a level set's band does. */
+static const double BAND = 1e-3; /* of the radius */
+static const field_ops *whole;
+
+static bool sample_in_band(const field *f, vec3 x, field_order order, field_sample *out)
+{
+    const double away = vec3_norm(vec3_sub(x, shapes[0].center)) / shapes[0].radius - 1;
+    return fabs(away) < BAND && whole->sample(f, x, order, out);
+}
+
 /* Refines with `more` particles than there are edges: the spans that are to have none, one or two do. */
-static void try_refining(int more)
+static void try_refining(int more, bool narrow)
 {
     ball b;
     span spans[EDGES];
     make_ball(&b, 0, 1, NULL);
+    whole = b.field->base.ops;
+    field_ops in_band = *whole;
+    in_band.sample = sample_in_band;
+    in_band.sample_lanes = NULL;
+    if (narrow) b.field->base.ops = &in_band;
     size_t first = b.p->count;
     assert_int_equal(find_spans(&b, spans), EDGES);
     refine_ball(&b, (size_t)(POINTS + EDGES + more));
@@ -135,13 +150,19 @@ static void try_refining(int more)
 static void shortest_get_none_and_longest_two(void **state)
 {
     (void)state;
-    try_refining(0);
-    try_refining(-1);
-    try_refining(-37);
-    try_refining(-EDGES);
-    try_refining(1);
-    try_refining(53);
-    try_refining(EDGES);
+    try_refining(0, false);
+    try_refining(-1, false);
+    try_refining(-37, false);
+    try_refining(-EDGES, false);
+    try_refining(1, false);
+    try_refining(53, false);
+    try_refining(EDGES, false);
+}
+
+static void middles_are_found_from_afar(void **state)
+{
+    (void)state;
+    try_refining(0, true);
 }
 
 static void edges_are_counted(void **state)
@@ -217,6 +238,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(shortest_get_none_and_longest_two),
+        cmocka_unit_test(middles_are_found_from_afar),
         cmocka_unit_test(edges_are_counted),
         cmocka_unit_test(parts_keep_their_shares),
         cmocka_unit_test(threads_do_not_matter),
