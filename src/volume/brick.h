@@ -17,7 +17,7 @@
 #include <stdint.h>
 
 #include "base/threads.h"
-#include "volume/samples.h"
+#include "voxels/samples.h"
 
 #define BRICK_SIDE 11
 #define BRICK_SLAB (BRICK_SIDE * BRICK_SIDE)

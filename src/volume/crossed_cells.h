@@ -15,8 +15,8 @@
 #include "base/error.h"
 #include "base/threads.h"
 #include "geometry/block_map.h"
-#include "volume/crossings.h"
-#include "volume/samples.h"
+#include "voxels/crossings.h"
+#include "voxels/samples.h"
 
 typedef struct crossed_cell {
     int32_t at[3];

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "volume/samples.h"
+#include "voxels/samples.h"
 
 #define SIDE VDB_LEAF_SIDE
 

@@ -9,7 +9,7 @@
 #include "base/memory.h"
 #include "field/field.h"
 #include "volume/brick.h"
-#include "volume/grid_view.h"
+#include "voxels/grid_view.h"
 
 enum { FACES = 6, LATTICE = 8, GROUP = 4 /* cells, along each axis */, BLOCKS = 16 /* in a chunk of work */ };
 /* Of the largest coefficient that a face depends on: what passes by less is rounding, or too little of the surface to

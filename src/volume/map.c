@@ -7,7 +7,7 @@
 #include "geometry/affine.h"
 #include "vdb/vdb.h"
 #include "volume/grid_selection.h"
-#include "volume/grid_view.h"
+#include "voxels/grid_view.h"
 
 struct map {
     double to_index[3][4];

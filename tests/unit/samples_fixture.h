@@ -10,7 +10,7 @@
 
 #include "base/memory.h"
 #include "base/rng.h"
-#include "volume/samples.h"
+#include "voxels/samples.h"
 
 /* A cube of blocks, `side` along each axis from `low` on; of each seven the fourth is missing with `gaps`. */
 static inline samples samples_fixture(int side, int low, bool gaps, rng *r)

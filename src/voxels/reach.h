@@ -3,14 +3,14 @@
  * Distances are whole voxels from the corners of a crossed cell: the greatest along an axis, the straight one, or the sum
  * along the axes. A block is within reach when one of its voxels is, by any of the three; blocks of crossed cells always are.
  */
-#ifndef HEXAD_VOLUME_REACH_H
-#define HEXAD_VOLUME_REACH_H
+#ifndef HEXAD_VOXELS_REACH_H
+#define HEXAD_VOXELS_REACH_H
 
 #include <stdbool.h>
 
 #include "base/error.h"
 #include "geometry/block_map.h"
-#include "volume/crossings.h"
+#include "voxels/crossings.h"
 
 enum { REACH_MOST = 15 };
 

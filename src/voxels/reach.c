@@ -1,4 +1,4 @@
-#include "volume/reach.h"
+#include "voxels/reach.h"
 
 #include <endian.h>
 #include <string.h>

@@ -5,8 +5,8 @@
  * Offsets, bits: see there. Threads: those of a pool; what comes out does not depend on
  * their number. Where the pool was told to stop it is not complete.
  */
-#ifndef HEXAD_VOLUME_SAMPLES_H
-#define HEXAD_VOLUME_SAMPLES_H
+#ifndef HEXAD_VOXELS_SAMPLES_H
+#define HEXAD_VOXELS_SAMPLES_H
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -15,8 +15,8 @@
 #include "base/error.h"
 #include "base/threads.h"
 #include "geometry/block_map.h"
-#include "volume/crossings.h"
-#include "volume/grid_view.h"
+#include "voxels/crossings.h"
+#include "voxels/grid_view.h"
 
 /* Where voxels of several blocks lie, one after the other. */
 typedef struct samples_store {

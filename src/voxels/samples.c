@@ -1,4 +1,4 @@
-#include "volume/samples.h"
+#include "voxels/samples.h"
 
 #include <math.h>
 #include <stdatomic.h>

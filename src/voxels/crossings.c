@@ -1,4 +1,4 @@
-#include "volume/crossings.h"
+#include "voxels/crossings.h"
 
 #include <endian.h>
 #include <stdlib.h>

@@ -1,4 +1,4 @@
-#include "volume/grid_view.h"
+#include "voxels/grid_view.h"
 
 #include <float.h>
 #include <math.h>

@@ -5,8 +5,8 @@
  * Blocks come in the order of their coordinates, so that it does not matter how the file had them. Threads:
  * crossings_find has those of a pool, whose number does not show; the others none.
  */
-#ifndef HEXAD_VOLUME_CROSSINGS_H
-#define HEXAD_VOLUME_CROSSINGS_H
+#ifndef HEXAD_VOXELS_CROSSINGS_H
+#define HEXAD_VOXELS_CROSSINGS_H
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -14,7 +14,7 @@
 
 #include "base/error.h"
 #include "base/threads.h"
-#include "volume/grid_view.h"
+#include "voxels/grid_view.h"
 
 typedef struct crossing_block {
     int32_t block[3];

@@ -8,8 +8,8 @@
  * in the grid's own unit.
  * Threads: reading is safe in any number.
  */
-#ifndef HEXAD_VOLUME_GRID_VIEW_H
-#define HEXAD_VOLUME_GRID_VIEW_H
+#ifndef HEXAD_VOXELS_GRID_VIEW_H
+#define HEXAD_VOXELS_GRID_VIEW_H
 
 #include <stdbool.h>
 #include <stddef.h>
