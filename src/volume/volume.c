@@ -15,23 +15,23 @@
 #include "vdb/vdb.h"
 #include "volume/brick.h"
 #include "volume/crossed_cells.h"
-#include "voxels/crossings.h"
 #include "volume/dense_grid.h"
 #include "volume/grazed.h"
 #include "volume/grid_selection.h"
-#include "voxels/grid_view.h"
-#include "voxels/reach.h"
-#include "voxels/samples.h"
 #include "volume/slope.h"
 #include "volume/volume_field.h"
+#include "voxels/continuation.h"
+#include "voxels/crossings.h"
+#include "voxels/grid_view.h"
+#include "voxels/prefilter.h"
+#include "voxels/reach.h"
+#include "voxels/samples.h"
 
-/* How far around the crossed cells voxels are read: what is wrong where they end arrives at a coefficient as 0.268 to the
- * number of voxels from there, counted along all axes. Of any values that takes 11 voxels beyond the coefficients of a
- * crossed cell (5e-7). A level set ends in straight lines, of which little is wrong: points on balls of 6 to 200 voxels lie
- * as near to them with 8 as with 13, and with 6 not. Particles see two voxels beyond the margin. */
+/* How far around the crossed cells voxels are read: particles see two voxels beyond the margin. Where all voxels count, what is
+ * wrong where they end arrives at a coefficient as 0.268 to the number of voxels from there, counted along all axes: of any values
+ * that takes 11 voxels beyond the coefficients of a crossed cell (5e-7). Of a level set the known voxels alone count, wherever it ends. */
 #define REACH (VOLUME_FIELD_MARGIN + 2)
 #define PATH 13
-#define PATH_LEVEL_SET 8
 /* Smoothing asks all bricks where they are crossed, their margin too: a brick reaches up to 7 voxels beyond it, its apron 1
  * more, and the crossing may move by a cell. */
 #define REACH_SMOOTH (VOLUME_FIELD_MARGIN + 9)
@@ -210,7 +210,7 @@ static bool plan(loading *l, volume *v, error *e)
 {
     const reach_limits far = {.axis = l->smooth ? REACH_SMOOTH : 0,
                               .straight = REACH,
-                              .path = l->kind == GRID_VIEW_LEVEL_SET ? PATH_LEVEL_SET : PATH};
+                              .path = l->kind == GRID_VIEW_LEVEL_SET ? 0 : PATH};
     if (!block_map_init(&v->map, 2 * l->crossings.count, e) ||
         !block_map_init(&l->reach, 4 * l->crossings.count, e) ||
         !reach_add_blocks(&l->crossings, bricks_reach, &v->map, e) ||
@@ -259,15 +259,20 @@ static bool find_smooth_crossings(loading *l, volume *v, error *e)
     return true;
 }
 
+/* What trial steps see beyond a narrow band. */
+static bool fill_band(loading *l, error *e)
+{
+    return l->kind != GRID_VIEW_LEVEL_SET || continuation_fill(&l->samples, l->pool, e);
+}
+
 static bool read_samples(loading *l, volume *v, error *e)
 {
     bool ok = samples_read(&l->grid_view, l->grid, l->leaves, &l->reach, l->pool, &l->samples, e);
     grid_view_free(&l->grid_view);
     vdb_grid_free(l->grid);
     l->grid = NULL;
-    if (!ok || (l->kind == GRID_VIEW_LEVEL_SET && !samples_fill_unknown(&l->samples, l->pool, e)))
-        return error_prefix(e, "%s", l->name);
-    return !l->smooth || find_smooth_crossings(l, v, e);
+    if (!ok) return error_prefix(e, "%s", l->name);
+    return !l->smooth || (fill_band(l, e) && find_smooth_crossings(l, v, e));
 }
 
 /* What tells far from the surface on which side of it one is. */
@@ -286,7 +291,8 @@ static bool note_sides(const loading *l, volume *v, error *e)
 
 static bool make_bricks(loading *l, volume *v, error *e)
 {
-    if (!l->smooth && !samples_prefilter(&l->samples, l->pool, e)) return false;
+    const bool band = l->kind == GRID_VIEW_LEVEL_SET;
+    if (!l->smooth && !(prefilter_run(&l->samples, band, l->pool, e) && fill_band(l, e))) return false;
     if (!bricks_make(&l->samples, &v->map, bricks_room(v->map.count, l->points), l->pool, &v->bricks, e))
         return false;
     for (int axis = 0; axis < 3; axis++) {

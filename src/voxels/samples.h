@@ -1,7 +1,7 @@
 /* samples: F at the voxels around the surface, block by block, and its turning into spline coefficients.
  *
- * The steps, each a function of its own: read, extend (level sets: continue the
- * band beyond its clamp), prefilter (interpolating splines only). Blocks are those of grid_view.h.
+ * They are read here; prefilter.h makes them coefficients of the interpolating spline, and continuation.h goes on beyond a narrow
+ * band. Blocks are those of grid_view.h.
  * Offsets, bits: see there. Threads: those of a pool; what comes out does not depend on
  * their number. Where the pool was told to stop it is not complete.
  */
@@ -57,16 +57,6 @@ void samples_free(samples *s);
 
 /* Gives back what only making them takes: which voxels are known or were inside, and what lies beside a block. Windows remain. */
 void samples_settle(samples *s);
-
-/* Gives voxels that are not known the smooth continuation of those that are, layer by layer: a parabola
- * or a line along each axis, averaged; farther away a line along one axis, within a block; what no line reaches stays. Their
- * side of the surface stays what it was. */
-bool samples_fill_unknown(samples *s, threads *pool, error *e);
-
-/* Samples to coefficients of the interpolating cubic spline, in place: natural ends (no second
- * derivative) where a run of blocks ends. Source: Unser 1999, box 2; the tridiagonal system solved
- * directly instead of by the recursion with pole sqrt(3) - 2, which is the same but for the ends. */
-bool samples_prefilter(samples *s, threads *pool, error *e);
 
 /* The cube of side^3 voxels from `low` on, relative to the block's lowest voxel; the block must be there, and the cube
  * within it and its neighbours. Voxels of missing neighbours are as the block's nearest. */

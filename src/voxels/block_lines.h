@@ -1,0 +1,40 @@
+/* block_lines: lines of voxels in blocks, for those who go along all of them. */
+#ifndef HEXAD_VOXELS_BLOCK_LINES_H
+#define HEXAD_VOXELS_BLOCK_LINES_H
+
+#include <math.h>
+#include <stdint.h>
+
+#include "base/isa.h"
+#include "voxels/grid_view.h"
+
+/* Asks for the voxels of a block that comes next: blocks lie here and there, which a processor cannot foretell. */
+ISA_INLINE void block_fetch(const float *f)
+{
+#pragma GCC unroll 8
+    for (int k = 0; k < GRID_VIEW_VOXELS; k += 16) __builtin_prefetch(f + k);
+}
+
+/* Bit 8 j + i goes to 8 i + j. Source: Warren, Hacker's Delight, section 7-3. */
+ISA_INLINE uint64_t block_transposed(uint64_t m)
+{
+    uint64_t t = (m ^ m >> 7) & 0x00aa00aa00aa00aau;
+    m ^= t ^ t << 7;
+    t = (m ^ m >> 14) & 0x0000cccc0000ccccu;
+    m ^= t ^ t << 14;
+    t = (m ^ m >> 28) & 0x00000000f0f0f0f0u;
+    return m ^ t ^ t << 28;
+}
+
+/* The second difference of a line that goes on beyond its voxels a, b, c, the nearest first. The parabola of a curved surface is
+ * followed where it is gentle: a bend of more than half of the slope is an edge or noise, which a parabola would throw far off. A
+ * ball of 10 voxels comes as near to the one with all data at 0.25 to 1 of it; with straight lines ten times less. */
+ISA_INLINE double block_line_bend(double a, double b, double c)
+{
+    const double most = 0.5 * fabs(a - b);
+    double bend = a - 2 * b + c;
+    bend = bend > most ? most : bend;
+    return bend < -most ? -most : bend;
+}
+
+#endif
