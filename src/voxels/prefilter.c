@@ -39,7 +39,7 @@ ISA_INLINE void sum_upwards(const rows *r, size_t k, double below[2][LINES])
     const uint64_t *counts = r->counts + k, here = counts[0];
     uint64_t begins = here & ~counts[-1], ends = here & ~counts[1];
     memcpy(value, row, sizeof value);
-    for (int i = 0; i < LINES; i++) row[i] = here >> i & 1 ? 6 * value[i] + POLE * sum[i] : value[i];
+    for (uint64_t i = 0; i < LINES; i++) row[i] = here >> i & 1 ? 6 * value[i] + POLE * sum[i] : value[i];
     for (; begins; begins &= begins - 1) {
         const int i = __builtin_ctzll(begins);
         const bool two = counts[1] >> i & 1, three = two && counts[2] >> i & 1;
@@ -65,7 +65,7 @@ ISA_INLINE void solve(const rows *r)
         const double *above = row + LINES;
         const uint64_t goes_on = r->counts[k] & r->counts[k + 1];
         if (goes_on == 0) continue;
-        for (int i = 0; i < LINES; i++) row[i] = goes_on >> i & 1 ? POLE * (above[i] - row[i]) : row[i];
+        for (uint64_t i = 0; i < LINES; i++) row[i] = goes_on >> i & 1 ? POLE * (above[i] - row[i]) : row[i];
     }
 }
 
