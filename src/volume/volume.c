@@ -27,9 +27,10 @@
 #include "voxels/reach.h"
 #include "voxels/samples.h"
 
-/* How far around the crossed cells voxels are read: particles see two voxels beyond the margin. Where all voxels count, what is
- * wrong where they end arrives at a coefficient as 0.268 to the number of voxels from there, counted along all axes: of any values
- * that takes 11 voxels beyond the coefficients of a crossed cell (5e-7). Of a level set the known voxels alone count, wherever it ends. */
+/* How far around the crossed cells voxels are read that all count: bricks see two beyond the margin, and what is wrong where voxels
+ * end arrives at a coefficient as 0.268 to the number of voxels from there, counted along all axes: of any values that takes 11
+ * voxels beyond the coefficients of a crossed cell (5e-7). Of a level set the known voxels alone count, wherever it ends, and its
+ * bricks go on by themselves. */
 #define REACH (VOLUME_FIELD_MARGIN + 2)
 #define PATH 13
 /* Smoothing asks all bricks where they are crossed, their margin too: a brick reaches up to 7 voxels beyond it, its apron 1
@@ -208,9 +209,10 @@ static size_t held_bytes(size_t blocks, size_t made)
 
 static bool plan(loading *l, volume *v, error *e)
 {
+    const bool band = l->kind == GRID_VIEW_LEVEL_SET;
     const reach_limits far = {.axis = l->smooth ? REACH_SMOOTH : 0,
-                              .straight = REACH,
-                              .path = l->kind == GRID_VIEW_LEVEL_SET ? 0 : PATH};
+                              .straight = band ? VOLUME_FIELD_MARGIN : REACH,
+                              .path = band ? 0 : PATH};
     if (!block_map_init(&v->map, 2 * l->crossings.count, e) ||
         !block_map_init(&l->reach, 4 * l->crossings.count, e) ||
         !reach_add_blocks(&l->crossings, bricks_reach, &v->map, e) ||

@@ -172,14 +172,22 @@ bool samples_read(const grid_view *l, vdb_grid *grid, samples_leaves taken, bloc
 
 /* ---- taking cubes out */
 
-/* What lies in a block that is missing: the nearest voxel of the block f. Its side of the surface is what counts there. */
-static float nearest(const float *f, int x, int y, int z)
+/* What lies in a block that is missing, a voxel or two from the block f: its nearest voxel, and on as it changes from the one before,
+ * unless that leads to the other side of the surface. */
+static float beyond(const float *f, int x, int y, int z)
 {
     const int at[3] = {x, y, z};
-    int offset = 0;
+    int nearest = 0;
+    double change = 0;
     for (int axis = 0; axis < 3; axis++)
-        offset += stride_of[axis] * (at[axis] < 0 ? 0 : at[axis] < SIDE ? at[axis] : SIDE - 1);
-    return f[offset];
+        nearest += stride_of[axis] * (at[axis] < 0 ? 0 : at[axis] < SIDE ? at[axis] : SIDE - 1);
+    const double end = (double)f[nearest];
+    for (int axis = 0; axis < 3; axis++) {
+        const int away = at[axis] < 0 ? -at[axis] : at[axis] < SIDE ? 0 : at[axis] - (SIDE - 1);
+        if (away == 0) continue;
+        change += away * (end - (double)f[nearest + (at[axis] < 0 ? 1 : -1) * stride_of[axis]]);
+    }
+    return (float)((end + change) * end > 0 ? end + change : end);
 }
 
 /* The part from `low` on, of so many voxels along an axis, that lies in the block `at`: whence and how many. */
@@ -230,7 +238,7 @@ void samples_window(const samples *s, const int32_t block[3], const int low[3], 
                 if (blocks[k])
                     copy_row(out, blocks[k] + 64 * (x & 7) + 8 * (y & 7) + (z.from & 7), z.count);
                 else
-                    for (int i = 0; i < z.count; i++) out[i] = nearest(own, x, y, z.from + i);
+                    for (int i = 0; i < z.count; i++) out[i] = beyond(own, x, y, z.from + i);
                 out += z.count;
             }
         }

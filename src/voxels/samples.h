@@ -59,7 +59,7 @@ void samples_free(samples *s);
 void samples_settle(samples *s);
 
 /* The cube of side^3 voxels from `low` on, relative to the block's lowest voxel; the block must be there, and the cube
- * within it and its neighbours. Voxels of missing neighbours are as the block's nearest. */
+ * within it and its neighbours. Voxels of missing neighbours go on from the block's nearest. */
 void samples_window(const samples *s, const int32_t block[3], const int low[3], int side, float *out);
 
 /* Asks for the block's voxels, which a window is to be taken of soon. */
