@@ -16,8 +16,8 @@ typedef struct projection_limits {
     double reject;   /* farther than this after the last step is failure */
 } projection_limits;
 
-/* What tolerances are fractions of: the spacing, or 5 cells, of which a coarse spacing has many, and within which a field comes
- * near zero without a surface. */
+/* What tolerances are fractions of: the spacing, but at most 5 cells. A coarse spacing is many cells, and within so many a field
+ * may come near zero without a surface. */
 double projection_scale(const field *f, double spacing);
 
 /* The axes (bit k) of the faces that cut the surface and that x lies in, exactly: a particle on a boundary has some. */

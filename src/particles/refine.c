@@ -350,13 +350,16 @@ typedef struct middle_lanes {
 
 static const projection_limits to_middle = {5, MIDDLE_ACCEPT, MIDDLE_SHORTCUT, MIDDLE_ACCEPT};
 
-/* The middle of an edge's arc, which has the normals of its ends: (b - a).(n_b - n_a) / 8 beyond that of the edge. */
-static vec3 middle_of_arc(const particles *p, const edge *e, vec3 middle)
+/* The place over that of an edge on its arc, which has the normals of its ends: t (1 - t) / 2 (b - a).(n_b - n_a) beyond it, at the
+ * share t of its way. */
+static vec3 place_on_arc(const particles *p, const edge *e, vec3 place)
 {
-    const vec3 a = p->normal[e->a], b = p->normal[e->b], sum = vec3_add(a, b);
-    const double depth = vec3_dot(vec3_sub(p->position[e->b], p->position[e->a]), vec3_sub(b, a)) / 8;
-    const double length = vec3_norm(sum);
-    return length > 0 ? vec3_axpy(depth / length, sum, middle) : middle;
+    const vec3 turn = vec3_sub(p->normal[e->b], p->normal[e->a]),
+               along = vec3_sub(p->position[e->b], p->position[e->a]);
+    const double t = vec3_dot(vec3_sub(place, p->position[e->a]), along) / vec3_norm2(along);
+    const vec3 up = vec3_axpy(t, turn, p->normal[e->a]);
+    const double depth = t * (1 - t) / 2 * vec3_dot(along, turn), length = vec3_norm(up);
+    return length > 0 ? vec3_axpy(depth / length, up, place) : place;
 }
 
 /* One middle by itself; *hint tells of a place nearby. Of a coarse level's edges some lie farther from the surface than F
@@ -370,7 +373,7 @@ static bool find_middle(const middles *job, middle_lanes *m, int l, uint32_t *hi
                                       to_middle.reject * h};
     vec3 x = vec3_lanes_get(&m->from, l), normal;
     if (!projection_find_near(f, &limits, hint, &x, &normal)) {
-        x = middle_of_arc(job->p, e, vec3_lanes_get(&m->from, l));
+        x = place_on_arc(job->p, e, vec3_lanes_get(&m->from, l));
         if (!projection_find_near(f, &limits, hint, &x, &normal)) return false;
     }
     vec3_lanes_put(&m->x, l, x);

@@ -38,7 +38,7 @@ static const double ROUGH_SHARE = 0.25, CALM_SHARE = 0.5;
  * as much brings them to a stop. */
 static const double IDLE_STEP = 0.01, IDLE_AROUND = 6;
 /* A fast step ends with one Newton step. From this fraction of h it leaves an error of about its square times
- * kappa h. No more than of so many cells: a level set tells distances for three voxels on either side, and beyond those a
+ * kappa h. It is at most that of so many cells: a level set tells distances for three voxels on either side, and beyond those a
  * Newton step leads anywhere. */
 static const double FAST_STEP_FARTHEST = 0.05, FAST_STEP_CELLS = 30;
 /* Over the support and the size: who is put this near tells no other energy or step, in single precision. */

@@ -29,8 +29,8 @@
 
 /* How far around the crossed cells voxels are read that all count: bricks see two beyond the margin, and what is wrong where voxels
  * end arrives at a coefficient as 0.268 to the number of voxels from there, counted along all axes: of any values that takes 11
- * voxels beyond the coefficients of a crossed cell (5e-7). Of a level set the known voxels alone count, wherever it ends, and its
- * bricks go on by themselves. */
+ * voxels beyond the coefficients of a crossed cell (5e-7). Of a level set the known voxels alone count, wherever they end, and bricks
+ * go on by themselves: 3 voxels from the surface and farther two that meet may differ, in what trial steps alone see. */
 #define REACH (VOLUME_FIELD_MARGIN + 2)
 #define PATH 13
 /* Smoothing asks all bricks where they are crossed, their margin too: a brick reaches up to 7 voxels beyond it, its apron 1
@@ -261,20 +261,15 @@ static bool find_smooth_crossings(loading *l, volume *v, error *e)
     return true;
 }
 
-/* What trial steps see beyond a narrow band. */
-static bool fill_band(loading *l, error *e)
-{
-    return l->kind != GRID_VIEW_LEVEL_SET || continuation_fill(&l->samples, l->pool, e);
-}
-
 static bool read_samples(loading *l, volume *v, error *e)
 {
     bool ok = samples_read(&l->grid_view, l->grid, l->leaves, &l->reach, l->pool, &l->samples, e);
     grid_view_free(&l->grid_view);
     vdb_grid_free(l->grid);
     l->grid = NULL;
-    if (!ok) return error_prefix(e, "%s", l->name);
-    return !l->smooth || (fill_band(l, e) && find_smooth_crossings(l, v, e));
+    if (!ok || (l->kind == GRID_VIEW_LEVEL_SET && !continuation_fill(&l->samples, l->pool, e)))
+        return error_prefix(e, "%s", l->name);
+    return !l->smooth || find_smooth_crossings(l, v, e);
 }
 
 /* What tells far from the surface on which side of it one is. */
@@ -293,8 +288,7 @@ static bool note_sides(const loading *l, volume *v, error *e)
 
 static bool make_bricks(loading *l, volume *v, error *e)
 {
-    const bool band = l->kind == GRID_VIEW_LEVEL_SET;
-    if (!l->smooth && !(prefilter_run(&l->samples, band, l->pool, e) && fill_band(l, e))) return false;
+    if (!l->smooth && !prefilter_run(&l->samples, l->kind == GRID_VIEW_LEVEL_SET, l->pool, e)) return false;
     if (!bricks_make(&l->samples, &v->map, bricks_room(v->map.count, l->points), l->pool, &v->bricks, e))
         return false;
     for (int axis = 0; axis < 3; axis++) {

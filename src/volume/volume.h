@@ -27,7 +27,7 @@
 typedef struct volume volume;
 
 typedef enum volume_reconstruction {
-    VOLUME_INTERPOLATING, /* the spline goes through every sample */
+    VOLUME_INTERPOLATING, /* the spline has the samples, but beside the clamp of a narrow band */
     VOLUME_SMOOTHING      /* the samples are the spline's coefficients: blurs, for noisy data */
 } volume_reconstruction;
 

@@ -237,8 +237,8 @@ double volume_field_side_beyond(const volume *v)
 }
 
 /* Every crossing lies in a brick, NEAR or more from its end, so the side is that of the first voxel of a brick
- * on any straight way to one. Splines are no judge far from the surface, where the continuation of a band may
- * ring. */
+ * on any straight way to one. Splines are no judge far from the surface, where a band is only
+ * continued. */
 static double side(const field *f, vec3 x)
 {
     const volume *v = (const volume *)f;

@@ -8,6 +8,9 @@
 #include "base/isa.h"
 #include "voxels/grid_view.h"
 
+/* From a voxel to the next along each axis. */
+static const int block_stride[3] = {64, 8, 1};
+
 /* Asks for the voxels of a block that comes next: blocks lie here and there, which a processor cannot foretell. */
 ISA_INLINE void block_fetch(const float *f)
 {

@@ -12,10 +12,12 @@
 #define SIDE GRID_VIEW_SIDE
 
 enum { BLOCKS = 64 }; /* in a chunk of work */
-/* Beyond so many layers of voxels straight lines are enough, and beyond so many blocks that have none known nobody looks. */
-enum { LAYERS = 3, ROUNDS = 2 };
-
-static const int stride_of[3] = {64, 8, 1};
+/* Of voxels; beyond, straight lines are enough. */
+enum { LAYERS = 2 };
+/* Nobody looks farther beyond blocks that have a known voxel than so many blocks. */
+enum { ROUNDS = 2 };
+/* Where lines lead a value may be so many times what it was; see bounded. */
+enum { LINE_MOST = 3 * SIDE };
 
 /* A block that is continued and those below and above it along each axis: which of their voxels are known, and these. Of a block
  * that is missing none is known. */
@@ -241,7 +243,7 @@ static unsigned go_straight(float *line, int step, unsigned has)
         if (low == high || !(has >> (end - by) & 1)) continue;
         const double beside = (double)line[end * step], slope = beside - (double)line[(end - by) * step];
         for (int k = end + by; k >= 0 && k < SIDE; k += by) {
-            line[k * step] = bounded(beside + abs(k - end) * slope, (double)line[k * step], LAYERS + SIDE);
+            line[k * step] = bounded(beside + abs(k - end) * slope, (double)line[k * step], LINE_MOST);
             has |= 1u << k;
         }
     }
@@ -258,7 +260,7 @@ static void straighten(float *f, uint64_t known[SIDE], int axis)
         for (int j = 0; j < SIDE; j++) {
             const unsigned has = before >> 8 * j & 0xff;
             if (has != 0 && has != 0xff)
-                bits |= (uint64_t)go_straight(f + i * a + j * b, stride_of[axis], has) << 8 * j;
+                bits |= (uint64_t)go_straight(f + i * a + j * b, block_stride[axis], has) << 8 * j;
         }
         if (bits != before) set_slice_bits(known, axis, i, bits);
     }
@@ -277,7 +279,7 @@ static void order_axes(const float *f, const uint64_t known[SIDE], int order[3])
         for (int axis = 0; axis < 3; axis++) {
             if (both[axis] == 0) continue;
             const float *at = f + 64 * x + __builtin_ctzll(both[axis]);
-            change[axis] += fabs((double)at[stride_of[axis]] - (double)at[0]);
+            change[axis] += fabs((double)at[block_stride[axis]] - (double)at[0]);
             pairs[axis]++;
         }
     }
@@ -316,7 +318,7 @@ typedef struct crossing_lines {
 /* From the block below (side 0) along an axis, or that above. */
 static crossing_lines cross(const float *from, int axis, int side)
 {
-    const int along = stride_of[axis], end = (SIDE - 1) * along;
+    const int along = block_stride[axis], end = (SIDE - 1) * along;
     return (crossing_lines){from + (side ? 0 : end), side ? end : 0, side ? -along : along,
                             axis == 0 ? 8 : 64, axis == 2 ? 8 : 1};
 }
@@ -341,7 +343,7 @@ static void lengthen(const crossing_lines *l, float *f, const uint64_t known[SID
         for (int k = 0; k < SIDE; k++) {
             const int to = l->first + place + k * l->by;
             if (known[to >> 6] >> (to & 63) & 1) continue;
-            f[to] = bounded(last + (k + 1) * slope, (double)f[to], LAYERS + 2 * SIDE);
+            f[to] = bounded(last + (k + 1) * slope, (double)f[to], LINE_MOST);
         }
     }
 }
@@ -373,31 +375,51 @@ static void lengthen_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
+/* Continues layer by layer, of which the first counts as known in the end. Returns how many blocks are still open. */
+static size_t extend(samples *s, extension *job, uint32_t *open, uint64_t *first, threads *pool)
+{
+    const size_t bytes = s->map.count * SIDE * sizeof *s->known;
+    size_t count = s->map.count;
+    for (uint32_t n = 0; n < count; n++) open[n] = n;
+    for (job->layer = 1; job->layer <= LAYERS; job->layer++) {
+        uint64_t *before = s->known;
+        atomic_store(&job->changed, false);
+        threads_run(pool, count, BLOCKS, extend_chunk, job);
+        if (threads_stopped(pool)) break;
+        s->known = job->next;
+        job->next = before;
+        if (job->layer == 1) memcpy(first, s->known, bytes);
+        if (!atomic_load(&job->changed)) break;
+        count = keep_open(job->whole, open, count);
+    }
+    return count;
+}
+
 bool continuation_fill(samples *s, threads *pool, error *e)
 {
     const char *what = "the voxels around the surface";
-    size_t count = s->map.count;
-    uint64_t *next = mem_array(count * SIDE, sizeof *next, what, e);
+    const size_t count = s->map.count;
     uint32_t *open = mem_array(count, sizeof *open, what, e);
-    atomic_uchar *whole = mem_array(count, sizeof *whole, what, e);
-    const bool ok = next && open && whole;
-    for (uint32_t n = 0; ok && n < count; n++) open[n] = n;
-    for (int layer = 1; ok && layer <= LAYERS; layer++) {
-        extension job = {s, open, next, whole, layer, false};
-        threads_run(pool, count, BLOCKS, extend_chunk, &job);
-        if (!atomic_load(&job.changed) || threads_stopped(pool)) break;
-        next = s->known;
-        s->known = job.next;
-        count = keep_open(whole, open, count);
+    uint64_t *first = mem_array(count * SIDE, sizeof *first, what, e);
+    extension job = {.s = s,
+                     .open = open,
+                     .next = mem_array(count * SIDE, sizeof *job.next, what, e),
+                     .whole = mem_array(count, sizeof *job.whole, what, e)};
+    const bool ok = open && first && job.next && job.whole;
+    if (ok) {
+        size_t left = extend(s, &job, open, first, pool);
+        threads_run(pool, left, BLOCKS, straight_chunk, &job);
+        for (job.layer = 1; job.layer <= ROUNDS; job.layer++) {
+            left = keep_open(job.whole, open, left);
+            threads_run(pool, left, BLOCKS, lengthen_chunk, &job);
+        }
+        free(s->known);
+        s->known = first;
+        first = NULL;
     }
-    extension rest = {.s = s, .open = open, .whole = whole};
-    if (ok) threads_run(pool, count, BLOCKS, straight_chunk, &rest);
-    for (rest.layer = 1; ok && rest.layer <= ROUNDS; rest.layer++) {
-        count = keep_open(whole, open, count);
-        threads_run(pool, count, BLOCKS, lengthen_chunk, &rest);
-    }
-    free(next);
+    free(first);
     free(open);
-    free(whole);
+    free(job.next);
+    free(job.whole);
     return ok;
 }

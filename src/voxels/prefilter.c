@@ -1,6 +1,5 @@
 #include "voxels/prefilter.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -137,9 +136,9 @@ ISA_CLONES static void filter_chunk(void *context, int worker, size_t begin, siz
         }
         r->counts[r->length] = r->counts[r->length + 1] = 0;
         solve(r);
-        const double *row = r->value;
+        double *row = r->value;
         for (uint32_t n = job->first[i]; n != BLOCK_MAP_NONE; n = beside(job, n, 1), row += LINES * SIDE)
-            copy_block(s->f[n], job->axis, (double *)row, true);
+            copy_block(s->f[n], job->axis, row, true);
     }
 }
 

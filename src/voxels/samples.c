@@ -18,8 +18,6 @@ static const double MOST_LEAVES = 0.75;
 /* Beyond this sums of floats overflow; nothing that is meant comes near it. */
 static const float largest_value = 1e30f;
 
-static const int stride_of[3] = {64, 8, 1};
-
 size_t samples_bytes(size_t count, bool settled)
 {
     const size_t while_made = settled ? 0 : 2 * SIDE * sizeof(uint64_t) + 6 * sizeof(uint32_t);
@@ -180,12 +178,12 @@ static float beyond(const float *f, int x, int y, int z)
     int nearest = 0;
     double change = 0;
     for (int axis = 0; axis < 3; axis++)
-        nearest += stride_of[axis] * (at[axis] < 0 ? 0 : at[axis] < SIDE ? at[axis] : SIDE - 1);
+        nearest += block_stride[axis] * (at[axis] < 0 ? 0 : at[axis] < SIDE ? at[axis] : SIDE - 1);
     const double end = (double)f[nearest];
     for (int axis = 0; axis < 3; axis++) {
         const int away = at[axis] < 0 ? -at[axis] : at[axis] < SIDE ? 0 : at[axis] - (SIDE - 1);
         if (away == 0) continue;
-        change += away * (end - (double)f[nearest + (at[axis] < 0 ? 1 : -1) * stride_of[axis]]);
+        change += away * (end - (double)f[nearest + (at[axis] < 0 ? 1 : -1) * block_stride[axis]]);
     }
     return (float)((end + change) * end > 0 ? end + change : end);
 }

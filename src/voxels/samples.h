@@ -1,4 +1,4 @@
-/* samples: F at the voxels around the surface, block by block, and its turning into spline coefficients.
+/* samples: F at the voxels around the surface, block by block.
  *
  * They are read here; prefilter.h makes them coefficients of the interpolating spline, and continuation.h goes on beyond a narrow
  * band. Blocks are those of grid_view.h.

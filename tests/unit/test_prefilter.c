@@ -1,4 +1,5 @@
-/* The prefilter of known voxels: it has their values, goes on as a parabola where they end, and leaves others alone. */
+/* The prefilter of known voxels: it has their values, goes on as a parabola where they end, and leaves others alone. And the
+ * continuation of a band, by any number of threads. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -10,6 +11,7 @@
 
 #include "samples_fixture.h"
 #include "shapes.h"
+#include "voxels/continuation.h"
 #include "voxels/prefilter.h"
 
 enum {
@@ -69,16 +71,15 @@ static void copy(samples *s, cube *c, bool back)
         }
 }
 
-/* Filters the cube's voxels. */
-static void filter(cube *c, int workers)
+/* Samples of the cube's voxels. */
+static samples make_samples(cube *c, bool gaps)
 {
     error e = {0};
     rng unused = rng_seed(1, 0);
-    samples s = samples_fixture(BLOCKS, 0, false, &unused);
-    threads *pool = threads_new(workers, NULL, &e);
+    samples s = samples_fixture(BLOCKS, 0, gaps, &unused);
     s.known = mem_array(s.map.count * SIDE, sizeof *s.known, "voxels", &e);
     s.near = mem_array(s.map.count * 6, sizeof *s.near, "voxels", &e);
-    assert_true(pool && s.known && s.near);
+    assert_true(s.known && s.near);
     for (size_t n = 0; n < s.map.count; n++) {
         const int32_t *b = s.map.blocks[n];
         for (int k = 0; k < GRID_VIEW_VOXELS; k++)
@@ -90,6 +91,16 @@ static void filter(cube *c, int workers)
         }
     }
     copy(&s, c, false);
+    return s;
+}
+
+/* Filters the cube's voxels. */
+static void filter(cube *c, int workers)
+{
+    error e = {0};
+    samples s = make_samples(c, false);
+    threads *pool = threads_new(workers, NULL, &e);
+    assert_non_null(pool);
     assert_true(prefilter_run(&s, true, pool, &e));
     copy(&s, c, true);
     samples_free(&s);
@@ -179,12 +190,52 @@ static void threads_do_not_matter(void **state)
     assert_memory_equal(after.f, other.f, sizeof after.f);
 }
 
+/* All voxels of a band's blocks get a value, on their side of the surface. */
+static void threads_continue_alike(void **state)
+{
+    (void)state;
+    static const int workers[] = {1, 2, 3, 8};
+    rng r = rng_seed(test_seed(), 3);
+    samples s[4];
+    error e = {0};
+    size_t filled = 0;
+    draw_known(&before, &r);
+    for (int k = 0; k < VOXELS; k++)
+        before.f[k] = before.known[k] ? (float)(rng_uniform(&r) - 0.5) : k % 5 ? 3 : -3;
+    for (int w = 0; w < 4; w++) {
+        threads *pool = threads_new(workers[w], NULL, &e);
+        assert_non_null(pool);
+        s[w] = make_samples(&before, true);
+        assert_true(continuation_fill(&s[w], pool, &e));
+        threads_free(pool);
+    }
+    for (size_t n = 0; n < s[0].map.count; n++)
+        for (int k = 0; k < GRID_VIEW_VOXELS; k++) {
+            const int at = place_in(s[0].map.blocks[n], k);
+            const float value = s[0].f[n][k];
+            for (int w = 1; w < 4; w++) assert_memory_equal(&s[w].f[n][k], &value, sizeof value);
+            if (before.known[at]) {
+                assert_memory_equal(&before.f[at], &value, sizeof value);
+            } else {
+                assert_true(isfinite(value) && value * before.f[at] > 0);
+                filled += value != before.f[at];
+            }
+        }
+    for (int w = 0; w < 4; w++) {
+        assert_memory_equal(s[w].known, s[0].known, s[0].map.count * SIDE * sizeof *s->known);
+        samples_free(&s[w]);
+    }
+    print_message("# %zu voxels have new values\n", filled);
+    assert_true(filled > 1000);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_spline_has_the_known_values),
         cmocka_unit_test(a_parabola_goes_on),
         cmocka_unit_test(threads_do_not_matter),
+        cmocka_unit_test(threads_continue_alike),
     };
     return cmocka_run_group_tests_name("prefilter", tests, NULL, NULL);
 }

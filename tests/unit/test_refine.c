@@ -115,7 +115,7 @@ static int count_over(const ball *b, size_t first, const span *s, double share)
 }
 
 /* A field that ends so far from its surface, nearer than the edges' middles lie, as a level set's band does. */
-static const double BAND = 1e-3; /* of the radius */
+static const double BAND = 1e-4; /* of the radius */
 static const field_ops *whole;
 
 static bool sample_in_band(const field *f, vec3 x, field_order order, field_sample *out)
@@ -163,6 +163,7 @@ static void middles_are_found_from_afar(void **state)
 {
     (void)state;
     try_refining(0, true);
+    try_refining(400, true);
 }
 
 static void edges_are_counted(void **state)

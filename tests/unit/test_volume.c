@@ -73,6 +73,38 @@ static void the_spline_goes_through_the_samples(void **state)
     }
 }
 
+/* Distances that are off by up to a tenth of a voxel of 0.1, here otherwise than there. */
+static double noisy_ball(vec3 p)
+{
+    rng r = rng_seed(SEED,
+                     (uint64_t)(llround(10 * p.x) + 1000 * llround(10 * p.y) + 1000000 * llround(10 * p.z)));
+    return vec3_norm(p) - 1 + 0.02 * (rng_uniform(&r) - 0.5);
+}
+
+/* Whatever lies beyond three voxels. */
+static void it_does_in_a_narrow_band_too(void **state)
+{
+    (void)state;
+    const double voxel = 0.1;
+    fixture g = fixture_make(fixture_uniform, 16, noisy_ball, 3 * voxel);
+    volume *v = fixture_volume(&g, NAN, VOLUME_INTERPOLATING);
+    const field *f = volume_field(v);
+    double worst = 0;
+    for (size_t k = 0; k < f->ops->cell_count(f); k++) {
+        field_cell cell;
+        f->ops->cell(f, k, &cell);
+        for (int c = 0; c < 8; c++) {
+            field_sample s;
+            assert_true(field_sample_at(f, cell.corner[c], FIELD_GRADIENT, &s));
+            worst = fmax(worst, fabs(s.value - cell.value[c]) / voxel);
+        }
+    }
+    print_message("# narrow band: samples are missed by %.1e voxel at most\n", worst);
+    assert_true(worst < 1e-6);
+    volume_close(v);
+    fixture_free(&g);
+}
+
 /* Distances from a cube whose faces are planes of voxels. */
 static double cube(vec3 p)
 {
@@ -639,6 +671,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_spline_goes_through_the_samples),
+        cmocka_unit_test(it_does_in_a_narrow_band_too),
         cmocka_unit_test(one_part_is_told_from_two),
         cmocka_unit_test(a_face_in_a_plane_of_voxels_is_in_one_layer_of_cells),
         cmocka_unit_test(derivatives_are_those_of_the_values),
