@@ -3,6 +3,7 @@
 #define HEXAD_VOXELS_BLOCK_LINES_H
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdint.h>
 
 #include "base/isa.h"
@@ -27,6 +28,21 @@ ISA_INLINE uint64_t block_transposed(uint64_t m)
     m ^= t ^ t << 14;
     t = (m ^ m >> 28) & 0x00000000f0f0f0f0u;
     return m ^ t ^ t << 28;
+}
+
+/* Byte k of each of a block's layers, which is a layer of its own: in y instead of x. */
+ISA_INLINE uint64_t block_turned(const uint64_t bits[GRID_VIEW_SIDE], int k)
+{
+    uint64_t layer = 0;
+    for (int x = 0; x < GRID_VIEW_SIDE; x++) layer |= (bits[x] >> 8 * k & 0xff) << 8 * x;
+    return layer;
+}
+
+ISA_INLINE bool block_has_any(const uint64_t bits[GRID_VIEW_SIDE])
+{
+    uint64_t any = 0;
+    for (int x = 0; x < GRID_VIEW_SIDE; x++) any |= bits[x];
+    return any != 0;
 }
 
 /* The second difference of a line that goes on beyond its voxels a, b, c, the nearest first. The parabola of a curved surface is

@@ -221,10 +221,8 @@ static void extend_chunk(void *context, int worker, size_t begin, size_t end)
 /* The bits of a block's slice i, in which byte j is a line along the axis: the line (i, j) of the other two. */
 ISA_INLINE uint64_t slice_bits(const uint64_t known[SIDE], int axis, int i)
 {
-    uint64_t bits = 0;
-    if (axis != 0) return axis == 2 ? known[i] : block_transposed(known[i]);
-    for (int x = 0; x < SIDE; x++) bits |= (known[x] >> 8 * i & 0xff) << 8 * x;
-    return block_transposed(bits);
+    if (axis == 2) return known[i];
+    return block_transposed(axis == 1 ? known[i] : block_turned(known, i));
 }
 
 ISA_INLINE void set_slice_bits(uint64_t known[SIDE], int axis, int i, uint64_t bits)
@@ -297,11 +295,10 @@ static void straight_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         const size_t n = job->open[i];
-        uint64_t *known = job->s->known + n * SIDE, any = 0;
+        uint64_t *known = job->s->known + n * SIDE;
         int order[3];
         if (i + 1 < end) block_fetch(job->s->f[job->open[i + 1]]);
-        for (int x = 0; x < SIDE; x++) any |= known[x];
-        if (any == 0) continue;
+        if (!block_has_any(known)) continue;
         order_axes(job->s->f[n], known, order);
         for (int k = 0; k < 3; k++) straighten(job->s->f[n], known, order[k]);
         set_whole(job, n, is_whole(known));

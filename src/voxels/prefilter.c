@@ -91,15 +91,9 @@ ISA_INLINE void copy_block(float *f, int axis, double *row, bool back)
 /* Of the voxels' bits, likewise. */
 ISA_INLINE void copy_bits(const uint64_t bits[SIDE], int axis, uint64_t row[SIDE])
 {
-    if (axis == 0) {
-        memcpy(row, bits, SIDE * sizeof *row);
-        return;
-    }
-    memset(row, 0, SIDE * sizeof *row);
-    for (int x = 0; x < SIDE; x++) {
-        const uint64_t layer = axis == 1 ? bits[x] : block_transposed(bits[x]);
-        for (int k = 0; k < SIDE; k++) row[k] |= (layer >> 8 * k & 0xff) << 8 * x;
-    }
+    uint64_t layer[SIDE];
+    for (int x = 0; x < SIDE; x++) layer[x] = axis == 2 ? block_transposed(bits[x]) : bits[x];
+    for (int k = 0; k < SIDE; k++) row[k] = axis == 0 ? layer[k] : block_turned(layer, k);
 }
 
 typedef struct filtering {
@@ -182,11 +176,7 @@ bool prefilter_run(samples *s, bool known, threads *pool, error *e)
     uint32_t *first = mem_array(s->map.count, sizeof *first, "the runs of voxels", e);
     rows *r = mem_array((size_t)threads_count(pool), sizeof *r, "the runs of voxels", e);
     bool ok = counts && first && r;
-    for (size_t n = 0; ok && n < s->map.count; n++) {
-        uint64_t any = !known;
-        for (int x = 0; known && x < SIDE; x++) any |= s->known[n * SIDE + (size_t)x];
-        counts[n] = any != 0;
-    }
+    for (size_t n = 0; ok && n < s->map.count; n++) counts[n] = !known || block_has_any(s->known + n * SIDE);
     filtering job = {s, known, counts, first, r, 0};
     for (; ok && job.axis < 3; job.axis++) ok = filter_axis(&job, pool, e);
     free(counts);

@@ -391,7 +391,7 @@ static void edges_and_thin_walls_stay_tame(void **state)
     (void)state;
     /* The interior is 6.6 voxels thick: both bands nearly meet there. At sharp edges a cubic spline
      * rounds and overshoots by a part of a voxel, most in cells that it enters between their corners; the kink half way inside arrives at the faces with
-     * 0.268^3.3 of its bend. */
+     * 0.268^3.3 of its bend at most; runs of known voxels end beside it. */
     fixture g = fixture_make(fixture_uniform, 16, thin_box, 0.3);
     volume *v = fixture_volume(&g, NAN, VOLUME_INTERPOLATING);
     const field *f = volume_field(v);
