@@ -335,7 +335,8 @@ void cell_grid_cell(const cell_grid *g, const field *f, const cell_grid_oracle *
     const int level = find_place(g, index, at);
     const vec3 low = grid_corner(g, level, at[0], at[1], at[2]),
                high = grid_corner(g, level, at[0] + 1, at[1] + 1, at[2] + 1);
-    out->grazed = out->flat = false;
+    out->grazed = false;
+    out->bend = FIELD_BENT;
     for (int c = 0; c < 8; c++)
         out->corner[c] = (vec3){c & 1 ? high.x : low.x, c >> 1 & 1 ? high.y : low.y, c >> 2 ? high.z : low.z};
     values_at(oracle, f, out->corner, 8, out->value);

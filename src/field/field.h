@@ -32,19 +32,23 @@ typedef struct field_sample {
     sym3 hessian;  /* second derivatives; untouched with FIELD_GRADIENT */
 } field_sample;
 
+/* How large the second differences of F over a cell's edges are beside its slope along the longest: at most FIELD_FLAT_MOST, at most
+ * FIELD_GENTLE_MOST, or it is not known. */
+typedef enum field_bend { FIELD_BENT, FIELD_GENTLE, FIELD_FLAT } field_bend;
+
+/* A ball of 1 / FIELD_FLAT_MOST cells, with F linear in each, has 2.6e-5 of its area too little; one of twice as many a fourth of
+ * that. With flat_cell_shortage one of 1 / FIELD_GENTLE_MOST cells is right to 6e-6, of half as many to 3e-5. */
+#define FIELD_FLAT_MOST 0.01
+#define FIELD_GENTLE_MOST 0.125
+
 /* A hexahedral cell that the surface may cross: corner k has bit 0 of k along the first axis, bit 1
  * along the second, bit 2 along the third. The cell is a parallelepiped (an affine image of a box).*/
 typedef struct field_cell {
     vec3 corner[8];
     double value[8]; /* F at the corners */
     bool grazed;     /* the surface is known to pass a face whose corners are on one side */
-    /* F is all but linear: its second differences over an edge are at most FIELD_FLAT of its slope along the longest */
-    bool flat;
+    field_bend bend;
 } field_cell;
-
-/* A ball of 1 / FIELD_FLAT cells, with F linear in each, has 2.6e-5 of its area too little; one of twice as many a fourth of
- * that. */
-#define FIELD_FLAT 0.01
 
 enum { FIELD_CELL_TRIANGLES = 12 }; /* the most in a cell: two in each of six tetrahedra */
 

@@ -12,4 +12,8 @@
 /* World units squared; widens *box by where the surface passes the edges. */
 double flat_cell_area(const field_cell *cell, bbox *box);
 
+/* The share by which the surface has more area than that, in the mean over where it passes the cell: to the second order in the cell's
+ * size over the radii of curvature. `middle`: F in the cell's middle, with its Hessian; its gradient is not 0. */
+double flat_cell_shortage(const field_cell *cell, const field_sample *middle);
+
 #endif

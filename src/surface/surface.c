@@ -378,6 +378,16 @@ static double measure_cell(const field *f, const cell_at_hand *own, bbox *box)
     return area > 0 ? area : triangles_area(f, &t);
 }
 
+/* The area of a cell in which F bends little. */
+static double smooth_area(const field *f, const field_cell *cell, bbox *box)
+{
+    const double area = flat_cell_area(cell, box);
+    const vec3 middle = vec3_scale(vec3_add(cell->corner[0], cell->corner[7]), 0.5);
+    field_sample s;
+    if (cell->bend == FIELD_FLAT || !field_sample_at(f, middle, FIELD_HESSIAN, &s)) return area;
+    return area * (1 + flat_cell_shortage(cell, &s));
+}
+
 /* What is known of a cell's area without roots; a cell that wants them joins the group. */
 static double open_cell(const surface *s, size_t k, cell_group *group, bbox *box)
 {
@@ -387,8 +397,8 @@ static double open_cell(const surface *s, size_t k, cell_group *group, bbox *box
     if (take_triangles(s, k, &t)) return sum_triangles(&t, box);
     cell_at_hand *own = &group->cells[group->count];
     surface_cell(s, k, &own->cell);
-    if (own->cell.flat && !own->cell.grazed && is_whole(f, &own->cell))
-        return flat_cell_area(&own->cell, box);
+    if (own->cell.bend != FIELD_BENT && !own->cell.grazed && is_whole(f, &own->cell))
+        return smooth_area(f, &own->cell, box);
     own->number = k;
     const int count = cell_crossed_edges(&own->cell, edge);
     for (int i = 0; i < count; i++)

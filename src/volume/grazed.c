@@ -33,6 +33,7 @@ void grazed_free(grazed *g)
     free(g->cell);
     free(g->passed);
     free(g->flat);
+    free(g->gentle);
     *g = (grazed){0};
 }
 
@@ -311,11 +312,11 @@ ISA_INLINE float largest_of(row r)
     return pairs[0] > pairs[1] ? pairs[0] : pairs[1];
 }
 
-/* Whether the spline surely rises, or falls, along each axis: then no face is passed between corners on one side. And whether the
- * cell is flat in the world, where a slope may be so many times less beside a bend. */
-ISA_INLINE bool is_monotone(const slopes *s, double aspect, bool *is_flat)
+/* Whether the spline surely rises, or falls, along each axis: then no face is passed between corners on one side. And how much
+ * it bends in the world, where a slope may be so many times less beside a bend. */
+ISA_INLINE bool is_monotone(const slopes *s, double aspect, field_bend *out)
 {
-    const double bend = (double)largest_of(s->bend) * aspect / FIELD_FLAT;
+    const double bend = (double)largest_of(s->bend) * aspect;
     double slope2 = 0; /* floats' squares may be too small for floats, or too large */
     int steep = 0;
     for (int axis = 0; axis < 3; axis++) {
@@ -326,7 +327,10 @@ ISA_INLINE bool is_monotone(const slopes *s, double aspect, bool *is_flat)
         slope2 += (double)least * (double)least;
         steep += least > 0;
     }
-    *is_flat = bend * bend <= slope2;
+    const double bend2 = bend * bend;
+    *out = bend2 <= FIELD_FLAT_MOST * FIELD_FLAT_MOST * slope2       ? FIELD_FLAT
+           : bend2 <= FIELD_GENTLE_MOST * FIELD_GENTLE_MOST * slope2 ? FIELD_GENTLE
+                                                                     : FIELD_BENT;
     return steep == 3;
 }
 
@@ -392,23 +396,23 @@ ISA_INLINE row folded(long_row r)
     return row_larger(__builtin_shufflevector(r, r, 0, 1, 2, 3), __builtin_shufflevector(r, r, 4, 5, 6, 7));
 }
 
-/* Whether doubtful_faces finds no face in any cell of a group, and each flat. The group has so many cells along the first axis,
- * GROUP along the others; its coefficients are in rows of eight from `first` on. Larger numbers stay so when they are rounded:
- * what is true of the group's least slopes and largest bend is so of each cell's, to the bit. */
-ISA_CLONES static bool group_is_calm(const float *first, int length, double aspect)
+/* The bend of a group's cells in none of which doubtful_faces finds a face, none of which bends more; FIELD_BENT: not known. The group
+ * has so many cells along the first axis, GROUP along the others; its coefficients are in rows of eight from `first` on. Larger
+ * numbers stay so when they are rounded: what is true of the group's least slopes and largest bend is so of each cell's, to the bit. */
+ISA_CLONES static field_bend group_bend(const float *first, int length, double aspect)
 {
     const long_row zero = {0}, none = zero - INFINITY;
     long_slopes s = {{none, none, none}, {none, none, none}, zero};
-    bool is_flat;
+    field_bend bend;
     for (int i = 0; i < length + 3; i++) add_slab(&s, first + i * BRICK_SLAB, length + 2 - i);
     const slopes all = {{folded(s.fall[0]), folded(s.fall[1]), folded(s.fall[2])},
                         {folded(s.rise[0]), folded(s.rise[1]), folded(s.rise[2])},
                         folded(s.bend)};
-    return is_monotone(&all, aspect, &is_flat) && is_flat;
+    return is_monotone(&all, aspect, &bend) ? bend : FIELD_BENT;
 }
 
-/* The faces of a cell that may be passed, by bits; whether it is flat as in field_cell. */
-ISA_CLONES static unsigned doubtful_faces(const float *first, double aspect, bool *is_flat)
+/* The faces of a cell that may be passed, by bits. */
+ISA_CLONES static unsigned doubtful_faces(const float *first, double aspect, field_bend *bend)
 {
     row c[4][4], turned[4][4], face[4], size = {0};
     unsigned faces = 0;
@@ -418,7 +422,7 @@ ISA_CLONES static unsigned doubtful_faces(const float *first, double aspect, boo
         for (int j = 0; j < 4; j++) memcpy(&c[i][j], first + i * BRICK_SLAB + j * BRICK_SIDE, sizeof c[i][j]);
     }
     const slopes s = slopes_of(c);
-    if (is_monotone(&s, aspect, is_flat)) return 0;
+    if (is_monotone(&s, aspect, bend)) return 0;
 #pragma GCC unroll 4
     for (int i = 0; i < 4; i++) {
 #pragma GCC unroll 4
@@ -478,17 +482,24 @@ typedef struct looking {
     const search *s;
     const float *brick;
     double bound; /* of the brick; below 0: not known */
-    bool calm;    /* what was looked at last was flat and without doubt: so may be what is beside it */
+    bool calm;    /* what was looked at last was gentle and without doubt: so may be what is beside it */
 } looking;
+
+/* Of cells of a row. */
+static void note_bend(const looking *l, size_t at, unsigned bits, field_bend bend)
+{
+    if (bend == FIELD_FLAT) l->s->out->flat[at] |= (uint8_t)bits;
+    if (bend == FIELD_GENTLE) l->s->out->gentle[at] |= (uint8_t)bits;
+}
 
 /* `at`: the cell's row, of all blocks' rows. */
 static void look_at_cell(looking *l, size_t at, int z)
 {
     const float *first = brick_cell(l->brick, at >> 3 & 7, at & 7, z);
-    bool is_flat;
-    const unsigned faces = doubtful_faces(first, l->s->aspect, &is_flat);
-    l->s->out->flat[at] |= (uint8_t)(is_flat << z);
-    l->calm = is_flat && faces == 0;
+    field_bend bend;
+    const unsigned faces = doubtful_faces(first, l->s->aspect, &bend);
+    note_bend(l, at, 1u << z, bend);
+    l->calm = bend != FIELD_BENT && faces == 0;
     if (faces == 0) return;
     if (l->bound < 0) l->bound = brick_bound(l->brick);
     if (leaks(first, faces, l->bound)) l->s->leaky[at] |= (uint8_t)(1u << z);
@@ -504,13 +515,14 @@ static void look_at_group(looking *l, size_t n, int x, int y, int z)
     while (x < end && !(layer[x] & group)) x++;
     while (x < end && !(layer[end - 1] & group)) end--;
     if (x == end) return;
-    if (l->calm)
-        l->calm = group_is_calm(brick_cell(l->brick, x, y, z > 0 ? z - 1 : 0), end - x, l->s->aspect);
-    const bool together = l->calm;
+    const field_bend bend =
+        l->calm ? group_bend(brick_cell(l->brick, x, y, z > 0 ? z - 1 : 0), end - x, l->s->aspect)
+                : FIELD_BENT;
+    const bool together = l->calm = bend != FIELD_BENT;
     for (int k = GROUP * x; k < GROUP * end; k++) {
         const size_t at = 64 * n + (size_t)(8 * (k / GROUP) + y + k % GROUP);
         unsigned bits = l->s->crossed[at] & 0xfu << z;
-        if (together) l->s->out->flat[at] |= (uint8_t)bits;
+        if (together) note_bend(l, at, bits, bend);
         for (; bits && !together; bits &= bits - 1) look_at_cell(l, at, __builtin_ctz(bits));
     }
 }
@@ -560,7 +572,8 @@ bool grazed_find(const bricks *b, const int64_t size[3], double aspect, threads 
     search s = {map, b, size, aspect, crossed, mem_array(bytes, 1, what, e), out};
     out->passed = mem_array(bytes, 1, what, e);
     out->flat = mem_array(bytes, 1, what, e);
-    bool ok = s.leaky && out->passed && out->flat;
+    out->gentle = mem_array(bytes, 1, what, e);
+    bool ok = s.leaky && out->passed && out->flat && out->gentle;
     if (ok) threads_run(pool, map->count, BLOCKS, leak_chunk, &s);
     ok = ok && follow(&s, e);
     free(s.leaky);

@@ -1,4 +1,4 @@
-/* grazed: cells that the surface passes though their corners are all on one side of it, and which cells are flat.
+/* grazed: cells that the surface passes though their corners are all on one side of it, and how much F bends in cells.
  *
  * A spline may cross an edge twice, or bulge through a face. Beginning with the cells that have corners on both sides, the
  * surface is followed through faces. A face is known not to be passed when its Bezier coefficients have one sign
@@ -22,8 +22,8 @@ struct bricks; /* volume/brick.h */
 typedef struct grazed {
     crossed_cell *cell; /* that no corner tells */
     size_t count, room;
-    uint8_t *passed; /* 64 bytes a block: all cells, of either kind, with such a face */
-    uint8_t *flat;   /* likewise: cells with corners on both sides that are flat as in field_cell */
+    uint8_t *passed;        /* 64 bytes a block: all cells, of either kind, with such a face */
+    uint8_t *flat, *gentle; /* likewise: cells with corners on both sides, by their field_bend */
 } grazed;
 
 /* `size`: of the data where cells end with it, 0 along an axis where they do not. `aspect`: of a voxel the longest side over the

@@ -204,7 +204,7 @@ static bool find_crossings(loading *l, volume *v, error *e)
 static size_t held_bytes(size_t blocks, size_t made)
 {
     return sizeof(volume) + made * BRICK_SIZE * sizeof(float) +
-           blocks * (8 * sizeof(uint64_t) + 3 * 64 + sizeof(atomic_uint)) + block_map_bytes(blocks);
+           blocks * (8 * sizeof(uint64_t) + 4 * 64 + sizeof(atomic_uint)) + block_map_bytes(blocks);
 }
 
 static bool plan(loading *l, volume *v, error *e)
@@ -314,7 +314,8 @@ static bool add_grazed_cells(const loading *l, volume *v, error *e)
     }
     v->grazed = found.passed;
     v->flat = found.flat;
-    found.passed = found.flat = NULL;
+    v->gentle = found.gentle;
+    found.passed = found.flat = found.gentle = NULL;
     grazed_free(&found);
     return ok;
 }
@@ -752,6 +753,7 @@ void volume_close(volume *v)
     free(v->crossed);
     free(v->grazed);
     free(v->flat);
+    free(v->gentle);
     crossed_cells_free(&v->cells);
     free(v);
 }

@@ -69,7 +69,8 @@ static void cell(const field *f, size_t k, field_cell *out)
     }
     const size_t row = 64 * (size_t)c.block + 8 * (size_t)(c.at[0] & 7) + (size_t)(c.at[1] & 7);
     out->grazed = v->grazed[row] >> (c.at[2] & 7) & 1;
-    out->flat = v->flat[row] >> (c.at[2] & 7) & 1;
+    const bool flat = v->flat[row] >> (c.at[2] & 7) & 1, gentle = v->gentle[row] >> (c.at[2] & 7) & 1;
+    out->bend = flat ? FIELD_FLAT : gentle ? FIELD_GENTLE : FIELD_BENT;
 }
 
 /* The box round so many voxels from this one on. */

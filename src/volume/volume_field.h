@@ -21,11 +21,11 @@ struct volume {
     double
         beyond; /* the side of all that is there, 1 or -1; 0 where the surface may part it, at the data's end */
     block_map map;
-    bricks bricks;    /* of the map's blocks */
-    uint64_t *inside; /* 8 words a block: voxels that are inside, as in vdb.h's active flags */
-    uint8_t *crossed; /* 64 bytes a block: crossed cells, as in crossing_block's rows */
-    uint8_t *grazed;  /* likewise: those with a face that the surface passes between its corners */
-    uint8_t *flat;    /* likewise: those in which F is all but linear */
+    bricks bricks;          /* of the map's blocks */
+    uint64_t *inside;       /* 8 words a block: voxels that are inside, as in vdb.h's active flags */
+    uint8_t *crossed;       /* 64 bytes a block: crossed cells, as in crossing_block's rows */
+    uint8_t *grazed;        /* likewise: those with a face that the surface passes between its corners */
+    uint8_t *flat, *gentle; /* likewise: cells by their field_bend */
     const spline *spline;
     crossed_cells cells; /* of the map's blocks */
     mesh_faces *faces;   /* of a mesh that keeps them, or NULL */

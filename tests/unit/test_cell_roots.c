@@ -94,7 +94,7 @@ static void a_plane_crosses_the_edges_between_its_sides(void **state)
 {
     (void)state;
     for (int axis = 0; axis < 3; axis++) {
-        field_cell cell = {.flat = true};
+        field_cell cell = {.bend = FIELD_FLAT};
         crossed_edge edge[CELL_EDGES];
         for (int k = 0; k < 8; k++) cell.value[k] = k >> axis & 1 ? 1 : -1;
         /* 4 along the axis, 4 diagonals of the faces beside it, and the cell's own; those within a side have none */

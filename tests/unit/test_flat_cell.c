@@ -12,7 +12,7 @@
 /* A cell of these edges from a corner on, with the distances from a plane. */
 static field_cell cell_of(vec3 from, const vec3 edge[3], vec3 normal, double at)
 {
-    field_cell c = {.flat = true};
+    field_cell c = {.bend = FIELD_FLAT};
     for (int k = 0; k < 8; k++) {
         c.corner[k] = from;
         for (int axis = 0; axis < 3; axis++)
@@ -63,32 +63,80 @@ static void the_box_is_that_of_the_edges(void **state)
     assert_close(box.max.z, 1.5, 1e-12);
 }
 
-/* A ball of 100 cells, as far as FIELD_FLAT goes. */
+/* The sums over the cells of a ball about a place between their corners. */
+typedef struct ball_sums {
+    double area, corrected;
+} ball_sums;
+
+/* With F its distance or, cubed, a function whose slope is another one and changes, in cells of these edges. */
+static ball_sums add_up_ball(double radius, const vec3 edge[3], bool is_cubed)
+{
+    static const vec3 shift = {0.2137, 0.3633, 0.0641};
+    const int most = (int)(2.5 * radius);
+    ball_sums sums = {0, 0};
+    for (int x = -most; x <= most; x++)
+        for (int y = -most; y <= most; y++)
+            for (int z = -most; z <= most; z++) {
+                const vec3 from = vec3_axpy(x, edge[0], vec3_axpy(y, edge[1], vec3_axpy(z, edge[2], shift)));
+                if (fabs(vec3_norm(from) - radius) > 4) continue;
+                field_cell c = cell_of(from, edge, (vec3){0, 0, 0}, 0);
+                bbox box = bbox_empty();
+                for (int k = 0; k < 8; k++) {
+                    const double r = vec3_norm(c.corner[k]) / radius;
+                    c.value[k] = is_cubed ? r * r * r - 1 : r - 1;
+                }
+                const double area = flat_cell_area(&c, &box);
+                if (!(area > 0)) continue;
+                const vec3 p = vec3_scale(vec3_add(c.corner[0], c.corner[7]), 0.5);
+                const double r = vec3_norm(p), power = is_cubed ? 3 : 1,
+                             slope = power * pow(r / radius, power - 1) / radius, across = slope / r,
+                             more = (power - 1) * slope / r - across; /* along p beside across it */
+                const vec3 n = vec3_scale(p, 1 / r);
+                const field_sample middle = {.gradient = vec3_scale(n, slope),
+                                             .hessian = {across + more * n.x * n.x, across + more * n.y * n.y,
+                                                         across + more * n.z * n.z, more * n.x * n.y,
+                                                         more * n.x * n.z, more * n.y * n.z}};
+                sums.area += area;
+                sums.corrected += area * (1 + flat_cell_shortage(&c, &middle));
+            }
+    return sums;
+}
+
+static const vec3 cube[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+
+static double ball_area(double radius)
+{
+    return 4 * 3.14159265358979323846 * radius * radius;
+}
+
+/* A ball of 100 cells, as far as FIELD_FLAT_MOST goes. */
 static void a_ball_of_flat_cells_has_its_area(void **state)
 {
-    enum { RADIUS = 100 };
-    const vec3 edge[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-    double area = 0;
+    const double radius = 1 / FIELD_FLAT_MOST, exact = ball_area(radius);
     (void)state;
-    for (int x = -RADIUS - 1; x <= RADIUS; x++)
-        for (int y = -RADIUS - 1; y <= RADIUS; y++) {
-            const double rest = (double)RADIUS * RADIUS - x * x - y * y;
-            for (int z = -RADIUS - 1; z <= RADIUS; z++) {
-                if (fabs(z * (double)z - rest) > 8.0 * RADIUS) continue; /* not near the ball */
-                field_cell c = cell_of((vec3){x, y, z}, edge, (vec3){0, 0, 0}, 0);
-                bbox box = bbox_empty();
-                for (int k = 0; k < 8; k++) c.value[k] = vec3_norm(c.corner[k]) - RADIUS;
-                area += flat_cell_area(&c, &box);
-            }
-        }
-    const double exact = 4 * 3.14159265358979323846 * RADIUS * RADIUS;
-    assert_close(area, exact, 3e-5 * exact);
+    assert_close(add_up_ball(radius, cube, false).area, exact, 3e-5 * exact);
+}
+
+/* As far as FIELD_GENTLE_MOST goes, and twice as far; by distances, by another function, in oblique cells. */
+static void a_ball_of_gentle_cells_lacks_what_the_shortage_tells(void **state)
+{
+    static const vec3 oblique[3] = {{0.9, 0.1, -0.2}, {0.3, 0.8, 0}, {-0.2, 0.2, 0.7}};
+    const double radius = 1 / FIELD_GENTLE_MOST;
+    (void)state;
+    for (int size = 1; size <= 2; size++) {
+        const double exact = ball_area(size * radius), off = 1e-5 / size;
+        assert_true(add_up_ball(size * radius, cube, false).area < (1 - 1e-3 / size) * exact);
+        assert_close(add_up_ball(size * radius, cube, false).corrected, exact, off * exact);
+        assert_close(add_up_ball(size * radius, cube, true).corrected, exact, 5 * off * exact);
+        assert_close(add_up_ball(size * radius, oblique, false).corrected, exact, 5 * off * exact);
+    }
 }
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(planes_sweep_the_volume),
-                                       cmocka_unit_test(the_box_is_that_of_the_edges),
-                                       cmocka_unit_test(a_ball_of_flat_cells_has_its_area)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(planes_sweep_the_volume), cmocka_unit_test(the_box_is_that_of_the_edges),
+        cmocka_unit_test(a_ball_of_flat_cells_has_its_area),
+        cmocka_unit_test(a_ball_of_gentle_cells_lacks_what_the_shortage_tells)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
