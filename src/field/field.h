@@ -64,6 +64,9 @@ typedef struct field_ops {
     size_t (*cell_count)(const field *f);
     void (*cell)(const field *f, size_t k, field_cell *out);
 
+    /* The middle of cell k, whose corners are no farther from it than *radius. NULL: nothing is faster than `cell`. */
+    vec3 (*cell_middle)(const field *f, size_t k, double *radius);
+
     /* On which side of the surface x lies, wherever that is: negative inside the solid, positive outside; the
      * size says nothing. 0 near the surface, where `sample` tells. What lies beyond the end of data is
      * outside. */

@@ -12,6 +12,8 @@
 /* Cells are looked at in so many parts at most, each of which has a largest distance of its own: with fewer cells in a part
  * most of them are looked at before there is one that spares the look. */
 enum { PARTS = 256, FEWEST_CELLS = 1024 };
+/* With so many cells all threads look at them: that takes a millisecond. */
+enum { FEWEST_WIDE = 20000 };
 /* One of so many is looked at before all of them are. */
 enum { FIRST_OF = 16 };
 /* Newton's steps onto the surface, and how near, of a cell, is on it. */
@@ -123,21 +125,6 @@ static double enough_at(const spacings *s, vec3 x, double radius, double farthes
     return fmax(anywhere, fmin(farthest * least - radius, s->reach - 2 * radius));
 }
 
-/* The middle of a cell, and how far its corners are from it. */
-static vec3 middle_of(const field_cell *cell, double *radius)
-{
-    vec3 sum = {0, 0, 0};
-    for (int k = 0; k < 8; k++) sum = vec3_add(sum, cell->corner[k]);
-    vec3 middle = vec3_scale(sum, 0.125);
-    double most2 = 0;
-    for (int k = 0; k < 8; k++) {
-        const double away2 = vec3_norm2(vec3_sub(cell->corner[k], middle));
-        most2 = away2 > most2 ? away2 : most2;
-    }
-    *radius = sqrt(most2);
-    return middle;
-}
-
 /* From a place that F leads nowhere, as beside a droplet: on the way to the nearest corner of its cell on the other side. Stays where
  * there is none. */
 static void between_sides(const surface *scan, size_t k, vec3 *x)
@@ -213,11 +200,13 @@ static void look_at_cell(const coverage_job *job, size_t k, double farthest, uin
     out->is_done = out->count == 0;
     out->size = f->cell_size;
     if (out->count == 1 && !f->uneven) return;
-    field_cell cell;
     double radius;
-    surface_cell(job->scan, k, &cell);
-    const vec3 middle = middle_of(&cell, &radius);
-    out->size = field_cell_size(f, &cell);
+    const vec3 middle = surface_cell_middle(job->scan, k, &radius);
+    if (f->uneven) {
+        field_cell cell;
+        surface_cell(job->scan, k, &cell);
+        out->size = field_cell_size(f, &cell);
+    }
     /* with a point that near its middle no place of the cell is farther than the farthest */
     out->is_done = has_point(job, middle, enough_at(&job->least, middle, radius, farthest), near);
     if (!out->is_done && out->count < 0)
@@ -302,9 +291,11 @@ bool coverage_measure(const surface *scan, const vec3 *position, const double *s
         free(job.least.near);
         return false;
     }
+    const bool narrow = threads_narrow(pool, scan->cells < FEWEST_WIDE); /* few points may have many cells */
     for (size_t k = 0; k < coverage_parts(scan); k++)
         farthest[k] =
             measure_part(&job, first_of_part(scan, k), first_of_part(scan, k + 1), farthest[k], pool);
+    threads_narrow(pool, narrow);
     near_points_free(job.points);
     free(job.least.near);
     return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");

@@ -280,6 +280,20 @@ void surface_cell(const surface *s, size_t k, field_cell *out)
     s->field->ops->cell(s->field, number_of(s, k), out);
 }
 
+vec3 surface_cell_middle(const surface *s, size_t k, double *radius)
+{
+    if (s->field->ops->cell_middle) return s->field->ops->cell_middle(s->field, number_of(s, k), radius);
+    field_cell cell;
+    vec3 sum = {0, 0, 0};
+    double most2 = 0;
+    surface_cell(s, k, &cell);
+    for (int c = 0; c < 8; c++) sum = vec3_add(sum, cell.corner[c]);
+    const vec3 middle = vec3_scale(sum, 0.125);
+    for (int c = 0; c < 8; c++) most2 = fmax(most2, vec3_norm2(vec3_sub(cell.corner[c], middle)));
+    *radius = sqrt(most2);
+    return middle;
+}
+
 uint32_t surface_cell_patch(const surface *s, size_t k, vec3 x)
 {
     return s->field->patches ? s->field->ops->patch_at(s->field, number_of(s, k), x) : 0;

@@ -26,6 +26,9 @@ typedef struct surface {
 /* The k-th of the surface's cells. */
 void surface_cell(const surface *s, size_t k, field_cell *out);
 
+/* Its middle, and a bound of how far its corners are from that. */
+vec3 surface_cell_middle(const surface *s, size_t k, double *radius);
+
 /* The patch of a place of the k-th cell; 0 without patches. */
 uint32_t surface_cell_patch(const surface *s, size_t k, vec3 x);
 

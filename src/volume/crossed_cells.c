@@ -139,6 +139,38 @@ static int nth_bit(uint64_t bits, unsigned n)
     return __builtin_ctzll(bits);
 }
 
+/* The block of a cell that is in one, and where in it. */
+static const cell_block *find_in_blocks(const crossed_cells *c, size_t k, int within[3])
+{
+    const cell_block *b = &c->blocks[c->block_of[k / CROSSED_CELLS_STEP]];
+    while (b[1].cells <= k) b++;
+    const uint32_t in_block = (uint32_t)(k - b->cells);
+    int x = 0;
+    while (x + 1 < SIDE && b->before[x + 1] <= in_block) x++;
+    const int bit = nth_bit(b->layer[x], in_block - b->before[x]);
+    within[0] = x;
+    within[1] = bit >> 3;
+    within[2] = bit & 7;
+    return b;
+}
+
+static void place_in_blocks(const crossed_cells *c, const cell_block *b, const int within[3], int32_t at[3])
+{
+    for (int a = 0; a < 3; a++) at[a] = c->map->blocks[b->block][a] * SIDE + within[a];
+}
+
+void crossed_cells_place(const crossed_cells *c, size_t k, int32_t at[3])
+{
+    const size_t in_blocks = crossed_cells_in_blocks(c);
+    if (k >= in_blocks) {
+        memcpy(at, c->late[k - in_blocks].at, sizeof c->late->at);
+        return;
+    }
+    int within[3];
+    const cell_block *b = find_in_blocks(c, k, within);
+    place_in_blocks(c, b, within, at);
+}
+
 void crossed_cells_get(const crossed_cells *c, size_t k, crossed_cell *out)
 {
     const size_t in_blocks = crossed_cells_in_blocks(c);
@@ -146,16 +178,10 @@ void crossed_cells_get(const crossed_cells *c, size_t k, crossed_cell *out)
         *out = c->late[k - in_blocks];
         return;
     }
-    const cell_block *b = &c->blocks[c->block_of[k / CROSSED_CELLS_STEP]];
-    while (b[1].cells <= k) b++;
-    const uint32_t in_block = (uint32_t)(k - b->cells);
-    int x = 0;
-    while (x + 1 < SIDE && b->before[x + 1] <= in_block) x++;
-    const int bit = nth_bit(b->layer[x], in_block - b->before[x]), y = bit >> 3, z = bit & 7;
-    const int32_t *at = c->map->blocks[b->block];
-    out->at[0] = at[0] * SIDE + x;
-    out->at[1] = at[1] * SIDE + y;
-    out->at[2] = at[2] * SIDE + z;
+    int within[3];
+    const cell_block *b = find_in_blocks(c, k, within);
+    const int x = within[0], y = within[1], z = within[2];
+    place_in_blocks(c, b, within, out->at);
     out->block = b->block;
     for (int corner = 0; corner < 8; corner++)
         out->value[corner] =

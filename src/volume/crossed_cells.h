@@ -58,6 +58,9 @@ void crossed_cells_add_late(crossed_cells *c, crossed_cell *late, size_t count);
 
 void crossed_cells_get(const crossed_cells *c, size_t k, crossed_cell *out);
 
+/* Its place alone. */
+void crossed_cells_place(const crossed_cells *c, size_t k, int32_t at[3]);
+
 /* How many come first, in the order of blocks: those that are not late. */
 static inline size_t crossed_cells_in_blocks(const crossed_cells *c)
 {

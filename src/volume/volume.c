@@ -135,6 +135,12 @@ static void set_transform(volume *v, const double m[16])
     double determinant = affine_invert(v->to_world, v->to_index);
     for (int i = 0; i < 3; i++) {
         v->base.cell_size = fmax(v->base.cell_size, vec3_norm(affine_axis(v->to_world, i)));
+        for (int k = 0; k < 4; k++) { /* diagonals of a cell */
+            const vec3 side = vec3_axpy(k & 1 ? -1 : 1, affine_axis(v->to_world, 1),
+                                        affine_axis(v->to_world, 0)),
+                       across = vec3_axpy(k & 2 ? -1 : 1, affine_axis(v->to_world, 2), side);
+            v->cell_radius = fmax(v->cell_radius, 0.5 * vec3_norm(across));
+        }
     }
     v->info.voxel_size = cbrt(fabs(determinant));
 }

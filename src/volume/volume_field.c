@@ -73,6 +73,15 @@ static void cell(const field *f, size_t k, field_cell *out)
     out->bend = flat ? FIELD_FLAT : gentle ? FIELD_GENTLE : FIELD_BENT;
 }
 
+static vec3 cell_middle(const field *f, size_t k, double *radius)
+{
+    const volume *v = (const volume *)f;
+    int32_t at[3];
+    crossed_cells_place(&v->cells, k, at);
+    *radius = v->cell_radius;
+    return affine_apply(v->to_world, at[0] + 0.5, at[1] + 0.5, at[2] + 0.5);
+}
+
 /* The box round so many voxels from this one on. */
 static bbox box_of_voxels(const volume *v, const int32_t low[3], int side)
 {
@@ -343,6 +352,7 @@ static void forget(const field *f)
 const field_ops volume_field_ops = {.sample = sample,
                                     .cell_count = cell_count,
                                     .cell = cell,
+                                    .cell_middle = cell_middle,
                                     .side = side,
                                     .sample_lanes = sample_lanes,
                                     .forget = forget};

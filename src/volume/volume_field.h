@@ -17,6 +17,7 @@
 struct volume {
     field base; /* first: the field's functions get this pointer */
     double to_index[3][4], to_world[3][4];
+    double cell_radius;     /* from a cell's middle to its farthest corner, world units */
     double low[3], high[3]; /* the bricks' box in index space; outside of it no lookup is needed */
     double
         beyond; /* the side of all that is there, 1 or -1; 0 where the surface may part it, at the data's end */

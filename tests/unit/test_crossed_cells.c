@@ -43,7 +43,10 @@ static void check_cells(const crossed_cells *made, const samples *s, const cross
             const int at[3] = {bit >> 6, bit >> 3 & 7, bit & 7};
             crossed_cell got;
             if (!(c->blocks[i].rows[bit >> 3] >> at[2] & 1)) continue;
+            int32_t place[3];
+            crossed_cells_place(made, k, place);
             crossed_cells_get(made, k++, &got);
+            assert_memory_equal(place, got.at, sizeof place);
             assert_int_equal(got.block, block_map_find(made->map, c->blocks[i].block[0],
                                                        c->blocks[i].block[1], c->blocks[i].block[2]));
             for (int axis = 0; axis < 3; axis++)
@@ -82,8 +85,11 @@ static void cells_come_back_as_they_are(void **state)
         assert_int_equal(made.count, c.cells + LATE);
         for (size_t i = 0; i < LATE; i++) {
             crossed_cell got;
+            int32_t place[3];
             crossed_cells_get(&made, c.cells + i, &got);
             assert_int_equal(got.at[0], i + 1);
+            crossed_cells_place(&made, c.cells + i, place);
+            assert_memory_equal(place, got.at, sizeof place);
         }
         crossed_cells_free(&made);
         crossings_free(&c);
