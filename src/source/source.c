@@ -27,24 +27,32 @@ static const double BEYOND_LOW = 0.0317, BEYOND_HIGH = 0.0456;
 /* How often cells of a combination are halved in thin walls, and of one within another, whose cells they bind. */
 enum { WALL_LEVELS = 12, WALL_LEVELS_WITHIN = 1 };
 
-/* Opens an input; the first time it is hashed and noted. Returns a descriptor, or -1. */
+/* Waits for the hashes of all inputs. */
+static bool settle_inputs(source *s, error *e)
+{
+    bool ok = true;
+    for (size_t k = 0; k < s->input_count; k++) {
+        ok = late_hash_end(s->inputs[k].late, &s->inputs[k].facts, ok ? e : NULL) && ok;
+        s->inputs[k].late = NULL;
+    }
+    return ok;
+}
+
+/* Opens an input; the first time it is noted, and its hash begun. Returns a descriptor, or -1. */
 static int open_input(void *context, const char *path, error *e)
 {
     source *s = context;
-    source_input input = {0};
     int fd = store_open_input(s->roots, path, e);
     for (size_t k = s->input_count; fd >= 0 && k > 0;
          k--) /* a file beside others is asked for in their order */
         if (strcmp(s->inputs[k - 1].path, path) == 0) return fd;
     if (fd < 0) return -1;
-    if (!store_file_hash(fd, input.sha256, &input.bytes, e)) {
-        close(fd);
-        return -1;
-    }
-    input.path = mem_strdup(path);
     s->inputs = mem_resize(s->inputs, (s->input_count + 1) * sizeof *s->inputs);
-    s->inputs[s->input_count++] = input;
-    return fd;
+    s->inputs[s->input_count++] =
+        (source_input){.path = mem_strdup(path), .late = late_hash_begin(fd, s->hashes_beside)};
+    if (s->hashes_beside || settle_inputs(s, e)) return fd;
+    close(fd);
+    return -1;
 }
 
 int source_open_file(source *s, const char *path, error *e)
@@ -593,12 +601,8 @@ static bool open_all(const spec *s, const opening *o, error *e)
     return open_part(&s->surface, 0, &of_surface, &out->whole, e);
 }
 
-bool source_open(const spec *s, const store_roots *roots, size_t memory, isa kernels, threads *pool,
-                 source *out, error *e)
+static bool open_source(const spec *s, size_t memory, isa kernels, threads *pool, source *out, error *e)
 {
-    error unused = {0};
-    *out = (source){.roots = roots};
-    if (!e) e = &unused;
     const opening o = {.memory = memory,
                        .kernels = kernels,
                        .pool = pool,
@@ -621,6 +625,17 @@ bool source_open(const spec *s, const store_roots *roots, size_t memory, isa ker
     }
     align_ends(s, out);
     return check_ends(out->whole.volume, out->field->domain, out->input_count ? out->inputs[0].path : "", e);
+}
+
+bool source_open(const spec *s, const store_roots *roots, size_t memory, isa kernels, threads *pool,
+                 source *out, error *e)
+{
+    error unused = {0};
+    *out = (source){.roots = roots, .hashes_beside = threads_count(pool) > 1};
+    if (!e) e = &unused;
+    const bool ok = open_source(s, memory, kernels, pool, out, e);
+    out->hashes_beside = false;
+    return settle_inputs(out, ok ? e : NULL) && ok;
 }
 
 const field *source_world(const source *s)

@@ -15,6 +15,7 @@
 #include "mesh/mesh_surface.h"
 #include "spec/spec.h"
 #include "store/file.h"
+#include "store/late_hash.h"
 #include "store/root.h"
 #include "surface/surface.h"
 #include "volume/map.h"
@@ -23,8 +24,8 @@
 /* An input file. */
 typedef struct source_input {
     char *path; /* as written in the spec, or in a file that the spec names */
-    uint64_t bytes;
-    char sha256[STORE_HASH_SIZE];
+    store_facts facts;
+    late_hash *late; /* NULL: the facts are known; so they are once the source is open */
 } source_input;
 
 /* One surface of the spec: a leaf of one kind, or a combination or placement of parts. */
@@ -57,6 +58,7 @@ typedef struct source {
     const store_roots *roots; /* for files, or NULL; used while the source opens */
     source_input *inputs;     /* in the order in which they were first opened */
     size_t input_count;
+    bool hashes_beside; /* while the source opens: files are hashed while they are read */
 } source;
 
 /* `memory`: most bytes that the surface may hold. `kernels`: instruction set for sampling. The spec outlives the

@@ -84,7 +84,7 @@ void source_describe(const source *s, json *report, json *members, json *warning
     for (size_t k = 0; k < s->input_count; k++) {
         json *input = json_append_object(inputs);
         json_put_string(input, "path", s->inputs[k].path);
-        json_put_integer(input, "bytes", (int64_t)s->inputs[k].bytes);
-        json_put_string(input, "sha256", s->inputs[k].sha256);
+        json_put_integer(input, "bytes", (int64_t)s->inputs[k].facts.bytes);
+        json_put_string(input, "sha256", s->inputs[k].facts.sha256);
     }
 }

@@ -55,6 +55,12 @@ bool store_file_check_private(int fd, const char *path, error *e);
 void store_hash(const void *bytes, size_t count, char hex[STORE_HASH_SIZE]);
 bool store_file_hash(int fd, char hex[STORE_HASH_SIZE], uint64_t *bytes, error *e);
 
+/* What is told of a file. */
+typedef struct store_facts {
+    char sha256[STORE_HASH_SIZE];
+    uint64_t bytes;
+} store_facts;
+
 /* Makes a directory, and what is missing above it, with mode 0777 less the umask; one that is there
  * is no error. */
 bool store_directory_create(const char *path, error *e);

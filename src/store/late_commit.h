@@ -8,12 +8,6 @@
 
 typedef struct late_commit late_commit;
 
-/* What is told of a file. */
-typedef struct store_facts {
-    char sha256[STORE_HASH_SIZE];
-    uint64_t bytes;
-} store_facts;
-
 /* What the file is to hold: one writes it, to its end, and flushes the stream; the other reads it back. */
 typedef bool (*late_commit_step)(FILE *stream, void *context, error *e);
 

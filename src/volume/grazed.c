@@ -396,10 +396,10 @@ ISA_INLINE row folded(long_row r)
     return row_larger(__builtin_shufflevector(r, r, 0, 1, 2, 3), __builtin_shufflevector(r, r, 4, 5, 6, 7));
 }
 
-/* The bend of a group's cells in none of which doubtful_faces finds a face, none of which bends more; FIELD_BENT: not known. The group
- * has so many cells along the first axis, GROUP along the others; its coefficients are in rows of eight from `first` on. Larger
- * numbers stay so when they are rounded: what is true of the group's least slopes and largest bend is so of each cell's, to the bit. */
-ISA_CLONES static field_bend group_bend(const float *first, int length, double aspect)
+/* Whether doubtful_faces finds no face in any cell of a group, and each flat. The group has so many cells along the first axis,
+ * GROUP along the others; its coefficients are in rows of eight from `first` on. Larger numbers stay so when they are rounded:
+ * what is true of the group's least slopes and largest bend is so of each cell's, to the bit. */
+ISA_CLONES static bool group_is_calm(const float *first, int length, double aspect)
 {
     const long_row zero = {0}, none = zero - INFINITY;
     long_slopes s = {{none, none, none}, {none, none, none}, zero};
@@ -408,7 +408,7 @@ ISA_CLONES static field_bend group_bend(const float *first, int length, double a
     const slopes all = {{folded(s.fall[0]), folded(s.fall[1]), folded(s.fall[2])},
                         {folded(s.rise[0]), folded(s.rise[1]), folded(s.rise[2])},
                         folded(s.bend)};
-    return is_monotone(&all, aspect, &bend) ? bend : FIELD_BENT;
+    return is_monotone(&all, aspect, &bend) && bend == FIELD_FLAT;
 }
 
 /* The faces of a cell that may be passed, by bits. */
@@ -482,7 +482,7 @@ typedef struct looking {
     const search *s;
     const float *brick;
     double bound; /* of the brick; below 0: not known */
-    bool calm;    /* what was looked at last was gentle and without doubt: so may be what is beside it */
+    bool calm;    /* what was looked at last was flat and without doubt: so may be what is beside it */
 } looking;
 
 /* Of cells of a row. */
@@ -499,7 +499,7 @@ static void look_at_cell(looking *l, size_t at, int z)
     field_bend bend;
     const unsigned faces = doubtful_faces(first, l->s->aspect, &bend);
     note_bend(l, at, 1u << z, bend);
-    l->calm = bend != FIELD_BENT && faces == 0;
+    l->calm = bend == FIELD_FLAT && faces == 0;
     if (faces == 0) return;
     if (l->bound < 0) l->bound = brick_bound(l->brick);
     if (leaks(first, faces, l->bound)) l->s->leaky[at] |= (uint8_t)(1u << z);
@@ -515,14 +515,13 @@ static void look_at_group(looking *l, size_t n, int x, int y, int z)
     while (x < end && !(layer[x] & group)) x++;
     while (x < end && !(layer[end - 1] & group)) end--;
     if (x == end) return;
-    const field_bend bend =
-        l->calm ? group_bend(brick_cell(l->brick, x, y, z > 0 ? z - 1 : 0), end - x, l->s->aspect)
-                : FIELD_BENT;
-    const bool together = l->calm = bend != FIELD_BENT;
+    if (l->calm)
+        l->calm = group_is_calm(brick_cell(l->brick, x, y, z > 0 ? z - 1 : 0), end - x, l->s->aspect);
+    const bool together = l->calm;
     for (int k = GROUP * x; k < GROUP * end; k++) {
         const size_t at = 64 * n + (size_t)(8 * (k / GROUP) + y + k % GROUP);
         unsigned bits = l->s->crossed[at] & 0xfu << z;
-        if (together) note_bend(l, at, bits, bend);
+        if (together) note_bend(l, at, bits, FIELD_FLAT);
         for (; bits && !together; bits &= bits - 1) look_at_cell(l, at, __builtin_ctz(bits));
     }
 }

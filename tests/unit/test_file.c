@@ -15,6 +15,7 @@
 #include "base/memory.h"
 #include "store/file.h"
 #include "store/late_commit.h"
+#include "store/late_hash.h"
 
 static char *make_place(void)
 {
@@ -248,6 +249,40 @@ static void test_late_commits(void **state)
     drop_place(base);
 }
 
+/* Of a file that is large enough for a thread, and of one that is not; the descriptor may be closed meanwhile. */
+static void test_late_hashes(void **state)
+{
+    enum { LARGE = 5 << 20 };
+    char *base = make_place(), *path = mem_printf("%s/large", base);
+    char *bytes = mem_alloc(LARGE);
+    (void)state;
+    for (size_t k = 0; k < LARGE; k++) bytes[k] = (char)(k * k >> 7);
+    for (int large = 0; large < 2; large++)
+        for (int beside = 0; beside < 2; beside++) {
+            const size_t size = large ? LARGE : 1000;
+            char hash[STORE_HASH_SIZE];
+            store_facts facts = {0};
+            error e = {0};
+            int fd = open(path, O_RDWR | O_CREAT | O_TRUNC, 0600);
+            assert_int_equal(write(fd, bytes, size), size);
+            late_hash *h = late_hash_begin(fd, beside);
+            close(fd);
+            if (!late_hash_end(h, &facts, &e)) fail_msg("%s", e.message);
+            store_hash(bytes, size, hash);
+            assert_string_equal(facts.sha256, hash);
+            assert_int_equal(facts.bytes, size);
+        }
+    store_facts kept = {.bytes = 7};
+    error e = {0};
+    assert_false(late_hash_end(late_hash_begin(-1, true), &kept, &e));
+    assert_true(e.code != ERROR_NONE);
+    assert_int_equal(kept.bytes, 7);
+    assert_true(late_hash_end(NULL, &kept, &e));
+    free(bytes);
+    free(path);
+    drop_place(base);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -257,6 +292,7 @@ int main(void)
         cmocka_unit_test(test_failures_name_the_path),
         cmocka_unit_test(test_directories),
         cmocka_unit_test(test_hash),
+        cmocka_unit_test(test_late_hashes),
     };
     return cmocka_run_group_tests_name("file", tests, NULL, NULL);
 }
