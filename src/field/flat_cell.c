@@ -2,28 +2,72 @@
 
 #include <math.h>
 
+#include "base/isa.h"
+
 /* Kuhn's tetrahedra: the corners from 0 to 7 along an order of the axes. */
 static const struct {
     uint8_t axis[3], corner[4];
 } tetrahedra[6] = {{{0, 1, 2}, {0, 1, 3, 7}}, {{0, 2, 1}, {0, 1, 5, 7}}, {{1, 0, 2}, {0, 2, 3, 7}},
                    {{1, 2, 0}, {0, 2, 6, 7}}, {{2, 0, 1}, {0, 4, 5, 7}}, {{2, 1, 0}, {0, 4, 6, 7}}};
 
-/* By how much the share of a tetrahedron that lies below 0 grows with that, where F is linear between its values. */
-static double density(const double value[4])
+enum { LANES = 8 };
+
+/* Cells side by side. */
+typedef struct cell_lanes {
+    double value[8][LANES];
+    double edge[3][3][LANES]; /* of an axis, its coordinates */
+} cell_lanes;
+
+static inline double least(double a, double b)
 {
-    double in[4], out[4];
-    int inside = 0, outside = 0;
-    for (int k = 0; k < 4; k++) {
-        if (value[k] < 0)
-            in[inside++] = value[k];
-        else
-            out[outside++] = value[k];
+    return a < b ? a : b;
+}
+
+static inline double largest(double a, double b)
+{
+    return a > b ? a : b;
+}
+
+/* By how much the share of a tetrahedron that lies below 0 grows with that, where F is linear between its values. Without branches: all
+ * that it may be is computed. */
+static inline double density(double p, double q, double r, double s)
+{
+    const double low_p = least(p, q), high_p = largest(p, q), low_r = least(r, s), high_r = largest(r, s),
+                 a = least(low_p, low_r), d = largest(high_p, high_r), x = largest(low_p, low_r),
+                 y = least(high_p, high_r), b = least(x, y), c = largest(x, y);
+    const double up = (d - a) * (c - a), over_one = up * (b - a), over_three = (d - a) * (d - b) * (d - c),
+                 over_two = up * (c - b) * (d - b), two = d * -b * (c - a) - c * a * (d - b);
+    const double share = b < 0 ? (c < 0 ? d * d : two) : a * a,
+                 over = b < 0 ? (c < 0 ? over_three : over_two) : over_one;
+    const double some = a < 0 ? (d < 0 ? 0 : share) : 0;
+    return 3 * some / (some > 0 ? over : 1);
+}
+
+/* Loops over the lanes: the compiler makes vectors of those. */
+ISA_CLONES static void sum_tetrahedra(const cell_lanes *in, double area[LANES])
+{
+    double across[3][3][LANES];
+    for (int a = 0; a < 3; a++)
+        for (int i = 0; i < 3; i++) {
+            const double *u = in->edge[(a + 1) % 3][(i + 1) % 3], *v = in->edge[(a + 2) % 3][(i + 2) % 3],
+                         *w = in->edge[(a + 1) % 3][(i + 2) % 3], *x = in->edge[(a + 2) % 3][(i + 1) % 3];
+            for (int l = 0; l < LANES; l++) across[a][i][l] = u[l] * v[l] - w[l] * x[l];
+        }
+    for (int l = 0; l < LANES; l++) area[l] = 0;
+    for (int k = 0; k < 6; k++) {
+        const uint8_t *c = tetrahedra[k].corner, *axis = tetrahedra[k].axis;
+        const double *f0 = in->value[c[0]], *f1 = in->value[c[1]], *f2 = in->value[c[2]],
+                     *f3 = in->value[c[3]];
+        const double(*s)[LANES] = across[axis[0]], (*t)[LANES] = across[axis[1]],
+              (*u)[LANES] = across[axis[2]];
+        for (int l = 0; l < LANES; l++) {
+            const double p = f1[l] - f0[l], q = f2[l] - f1[l], r = f3[l] - f2[l];
+            const double x = p * s[0][l] + q * t[0][l] + r * u[0][l],
+                         y = p * s[1][l] + q * t[1][l] + r * u[1][l],
+                         z = p * s[2][l] + q * t[2][l] + r * u[2][l];
+            area[l] += sqrt(x * x + y * y + z * z) * density(f0[l], f1[l], f2[l], f3[l]);
+        }
     }
-    if (inside == 1) return 3 * in[0] * in[0] / ((out[0] - in[0]) * (out[1] - in[0]) * (out[2] - in[0]));
-    if (inside == 3) return 3 * out[0] * out[0] / ((out[0] - in[0]) * (out[0] - in[1]) * (out[0] - in[2]));
-    if (inside != 2) return 0;
-    const double a = in[0], b = in[1], c = out[0], d = out[1];
-    return 3 * (c * -a * (d - b) + d * -b * (c - a)) / ((d - a) * (c - b) * (c - a) * (d - b));
 }
 
 /* Where F, linear, is zero on the cell's edges. */
@@ -39,30 +83,33 @@ static void add_roots(const field_cell *cell, bbox *box)
         }
 }
 
-/* The cell's edges, and of each axis the vector across the other two. */
-static void find_edges(const field_cell *cell, vec3 edge[3], vec3 across[3])
+static void set_lane(const field_cell *cell, int l, cell_lanes *out)
 {
-    for (int a = 0; a < 3; a++) edge[a] = vec3_sub(cell->corner[1 << a], cell->corner[0]);
-    for (int a = 0; a < 3; a++) across[a] = vec3_cross(edge[(a + 1) % 3], edge[(a + 2) % 3]);
+    for (int c = 0; c < 8; c++) out->value[c][l] = cell->value[c];
+    for (int a = 0; a < 3; a++) {
+        const vec3 edge = vec3_sub(cell->corner[1 << a], cell->corner[0]);
+        out->edge[a][0][l] = edge.x;
+        out->edge[a][1][l] = edge.y;
+        out->edge[a][2][l] = edge.z;
+    }
 }
 
-double flat_cell_area(const field_cell *cell, bbox *box)
+void flat_cell_areas(const field_cell *cells, size_t count, double *area)
 {
-    const vec3 *p = cell->corner;
-    vec3 edge[3], across[3];
-    find_edges(cell, edge, across);
-    double area = 0;
-    for (int k = 0; k < 6; k++) {
-        const uint8_t *c = tetrahedra[k].corner;
-        const double f[4] = {cell->value[c[0]], cell->value[c[1]], cell->value[c[2]], cell->value[c[3]]};
-        vec3 slope = {0, 0, 0};
-        for (int i = 0; i < 3; i++) slope = vec3_axpy(f[i + 1] - f[i], across[tetrahedra[k].axis[i]], slope);
-        area += vec3_norm(slope) * density(f);
+    cell_lanes in;
+    double found[LANES];
+    for (size_t first = 0; first < count; first += LANES) {
+        for (int l = 0; l < LANES; l++) set_lane(&cells[first + l < count ? first + l : first], l, &in);
+        sum_tetrahedra(&in, found);
+        for (size_t l = 0; l < LANES && first + l < count; l++) area[first + l] = found[l] / 6;
     }
+}
+
+void flat_cell_widen(const field_cell *cell, bbox *box)
+{
     bool within = true;
-    for (int k = 0; k < 8; k++) within = within && bbox_contains(*box, p[k]);
+    for (int k = 0; k < 8; k++) within = within && bbox_contains(*box, cell->corner[k]);
     if (!within) add_roots(cell, box);
-    return area / 6;
 }
 
 /* The square of what lies across the normal. */
@@ -91,7 +138,8 @@ double flat_cell_shortage(const field_cell *cell, const field_sample *middle)
     double bend[3][3], mean_e = 0, tilt2 = 0;
     const double slope2 = vec3_norm2(middle->gradient);
     const vec3 normal = vec3_scale(middle->gradient, 1 / sqrt(slope2));
-    find_edges(cell, edge, across);
+    for (int a = 0; a < 3; a++) edge[a] = vec3_sub(cell->corner[1 << a], cell->corner[0]);
+    for (int a = 0; a < 3; a++) across[a] = vec3_cross(edge[(a + 1) % 3], edge[(a + 2) % 3]);
     const double volume = vec3_dot(edge[0], across[0]);
     for (int i = 0; i < 3; i++) {
         turn[i] = sym3_apply(middle->hessian, edge[i]);

@@ -9,8 +9,11 @@
 
 #include "field/field.h"
 
-/* World units squared; widens *box by where the surface passes the edges. */
-double flat_cell_area(const field_cell *cell, bbox *box);
+/* Those of so many cells, world units squared. */
+void flat_cell_areas(const field_cell *cells, size_t count, double *area);
+
+/* Widens *box by where the surface passes the cell's edges. */
+void flat_cell_widen(const field_cell *cell, bbox *box);
 
 /* The share by which the surface has more area than that, in the mean over where it passes the cell: to the second order in the cell's
  * size over the radii of curvature. `middle`: F in the cell's middle, with its Hessian; its gradient is not 0. */

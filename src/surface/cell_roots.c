@@ -98,6 +98,7 @@ struct root_group {
 root_group *root_group_new(void)
 {
     root_group *g = mem_resize(NULL, sizeof *g); /* zeroed would be all of it touched */
+    memset(g->slot, 0, sizeof g->slot);
     g->count = 0;
     return g;
 }
@@ -109,8 +110,8 @@ void root_group_free(root_group *g)
 
 void root_group_clear(root_group *g)
 {
+    if (g->count > 0) memset(g->slot, 0, sizeof g->slot);
     g->count = 0;
-    memset(g->slot, 0, sizeof g->slot);
 }
 
 /* The bits of one number, by a load of its own: a pair of numbers that were just written one by one is read with a wait. */

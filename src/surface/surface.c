@@ -367,8 +367,11 @@ typedef struct cell_at_hand {
 
 typedef struct cell_group {
     int count;
+    size_t smooth_count;
     cell_at_hand cells[ROOT_GROUP_CELLS];
     root_group *roots;
+    field_cell smooth[ROOT_GROUP_CELLS]; /* in which F bends little */
+    size_t number[ROOT_GROUP_CELLS];     /* of each of these */
 } cell_group;
 
 /* The area of what lies in the domain, by which the box is widened; MEASURED_LATER of a cell that wants no more than its
@@ -392,42 +395,55 @@ static double measure_cell(const field *f, const cell_at_hand *own, bbox *box)
     return area > 0 ? area : triangles_area(f, &t);
 }
 
-/* The area of a cell in which F bends little. */
-static double smooth_area(const field *f, const field_cell *cell, bbox *box)
-{
-    const double area = flat_cell_area(cell, box);
-    const vec3 middle = vec3_scale(vec3_add(cell->corner[0], cell->corner[7]), 0.5);
-    field_sample s;
-    if (cell->bend == FIELD_FLAT || !field_sample_at(f, middle, FIELD_HESSIAN, &s)) return area;
-    return area * (1 + flat_cell_shortage(cell, &s));
-}
-
-/* What is known of a cell's area without roots; a cell that wants them joins the group. */
-static double open_cell(const surface *s, size_t k, cell_group *group, bbox *box)
+/* Notes the area of a cell that is known without roots and by itself; any other joins the group. */
+static void open_cell(const surface *s, size_t k, cell_group *group, bbox *box)
 {
     const field *f = s->field;
     triangulation t;
     crossed_edge edge[CELL_EDGES];
-    if (take_triangles(s, k, &t)) return sum_triangles(&t, box);
+    if (take_triangles(s, k, &t)) {
+        s->area_before[k + 1] = sum_triangles(&t, box);
+        return;
+    }
     cell_at_hand *own = &group->cells[group->count];
     surface_cell(s, k, &own->cell);
-    if (own->cell.bend != FIELD_BENT && !own->cell.grazed && is_whole(f, &own->cell))
-        return smooth_area(f, &own->cell, box);
+    if (own->cell.bend != FIELD_BENT && !own->cell.grazed && is_whole(f, &own->cell)) {
+        group->smooth[group->smooth_count] = own->cell;
+        group->number[group->smooth_count++] = k;
+        return;
+    }
     own->number = k;
     const int count = cell_crossed_edges(&own->cell, edge);
     for (int i = 0; i < count; i++)
         own->root[edge_number(edge[i].inside, edge[i].outside)] =
             root_group_add(group->roots, &own->cell, edge[i]);
     group->count++;
-    return 0;
+}
+
+/* The areas of cells in which F bends little. */
+static void measure_smooth(const surface *s, const cell_group *group, bbox *box)
+{
+    const field *f = s->field;
+    double area[ROOT_GROUP_CELLS];
+    flat_cell_areas(group->smooth, group->smooth_count, area);
+    for (size_t i = 0; i < group->smooth_count; i++) {
+        const field_cell *cell = &group->smooth[i];
+        const vec3 middle = vec3_scale(vec3_add(cell->corner[0], cell->corner[7]), 0.5);
+        field_sample at;
+        flat_cell_widen(cell, box);
+        if (cell->bend == FIELD_GENTLE && field_sample_at(f, middle, FIELD_HESSIAN, &at))
+            area[i] *= 1 + flat_cell_shortage(cell, &at);
+        s->area_before[group->number[i] + 1] = area[i];
+    }
 }
 
 /* The areas of cells that follow each other, ROOT_GROUP_CELLS at most. */
 static void measure_group(const surface *s, size_t first, size_t last, cell_group *group, bbox *box)
 {
-    group->count = 0;
+    group->count = group->smooth_count = 0;
     root_group_clear(group->roots);
-    for (size_t k = first; k < last; k++) s->area_before[k + 1] = open_cell(s, k, group, box);
+    for (size_t k = first; k < last; k++) open_cell(s, k, group, box);
+    measure_smooth(s, group, box);
     root_group_find(group->roots, s->field);
     for (int i = 0; i < group->count; i++)
         s->area_before[group->cells[i].number + 1] = measure_cell(s->field, &group->cells[i], box);
