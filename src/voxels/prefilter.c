@@ -30,15 +30,18 @@ ISA_INLINE double sum_beyond(double f0, double f1, double f2, bool two, bool thr
     return 6 * (f0 * s0 + (slope + bend / 2) * s1 + bend / 2 * s2);
 }
 
-/* Row k of the sums from below. What the rows had below is gone by then: `below` has the two values of each line. */
-ISA_INLINE void sum_upwards(const rows *r, size_t k, double below[2][LINES])
+/* Row k of the sums from below. What a row had is gone then: `value` receives it, `kept` is that of the two below. */
+ISA_INLINE void sum_upwards(const rows *r, size_t k, double *value, const double *kept[2])
 {
-    double *row = r->value + LINES * k, value[LINES];
+    double *row = r->value + LINES * k;
     const double *next = row + LINES, *after = next + LINES, *sum = row - LINES;
     const uint64_t *counts = r->counts + k, here = counts[0];
     uint64_t begins = here & ~counts[-1], ends = here & ~counts[1];
-    memcpy(value, row, sizeof value);
-    for (uint64_t i = 0; i < LINES; i++) row[i] = here >> i & 1 ? 6 * value[i] + POLE * sum[i] : value[i];
+    for (uint64_t i = 0; i < LINES; i++) {
+        const double own = row[i];
+        value[i] = own;
+        row[i] = here >> i & 1 ? 6 * own + POLE * sum[i] : own;
+    }
     for (; begins; begins &= begins - 1) {
         const int i = __builtin_ctzll(begins);
         const bool two = counts[1] >> i & 1, three = two && counts[2] >> i & 1;
@@ -47,18 +50,17 @@ ISA_INLINE void sum_upwards(const rows *r, size_t k, double below[2][LINES])
     for (; ends; ends &= ends - 1) { /* both sums meet */
         const int i = __builtin_ctzll(ends);
         const bool two = counts[-1] >> i & 1, three = two && counts[-2] >> i & 1;
-        const double other = sum_beyond(value[i], below[0][i], below[1][i], two, three);
+        const double other = sum_beyond(value[i], kept[0][i], kept[1][i], two, three);
         row[i] = (row[i] + other - 6 * value[i]) * (-POLE / (1 - POLE * POLE));
     }
-    memcpy(below[1], below[0], sizeof below[1]);
-    memcpy(below[0], value, sizeof below[0]);
 }
 
 ISA_INLINE void solve(const rows *r)
 {
-    double below[2][LINES] = {{0}};
+    double value[3][LINES]; /* of rows k, k - 1 and k - 2, by turns */
     for (size_t k = 0; k < r->length; k++)
-        if (r->counts[k]) sum_upwards(r, k, below);
+        if (r->counts[k])
+            sum_upwards(r, k, value[k % 3], (const double *[]){value[(k + 2) % 3], value[(k + 1) % 3]});
     for (size_t k = r->length - 1; k-- > 0;) {
         double *row = r->value + LINES * k;
         const double *above = row + LINES;
