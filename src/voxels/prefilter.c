@@ -16,7 +16,7 @@ static const double POLE = -0.26794919243112270647; /* sqrt(3) - 2 */
 /* A run of blocks along an axis, row by row: the values of 64 lines, and which of them count. Two rows more on either
  * side, where none does. */
 typedef struct rows {
-    double *value;
+    float *value;
     uint64_t *counts;
     size_t length;
 } rows;
@@ -30,60 +30,72 @@ ISA_INLINE double sum_beyond(double f0, double f1, double f2, bool two, bool thr
     return 6 * (f0 * s0 + (slope + bend / 2) * s1 + bend / 2 * s2);
 }
 
-/* Row k of the sums from below. What a row had is gone then: `value` receives it, `kept` is that of the two below. */
-ISA_INLINE void sum_upwards(const rows *r, size_t k, double *value, const double *kept[2])
+/* 1 where a bit is set, else 0. */
+ISA_INLINE void spread_bits(uint64_t bits, float out[LINES])
 {
-    double *row = r->value + LINES * k;
-    const double *next = row + LINES, *after = next + LINES, *sum = row - LINES;
+    for (int half = 0; half < 2; half++) {
+        const uint32_t these = (uint32_t)(bits >> 32 * half);
+        for (uint32_t i = 0; i < 32; i++) out[32 * half + i] = these >> i & 1 ? 1.0f : 0.0f;
+    }
+}
+
+/* Row k of the sums from below. What a row had is gone then: `value` receives it, `kept` is that of the two below. */
+ISA_INLINE void sum_upwards(const rows *r, size_t k, float *value, const float *kept[2])
+{
+    float *row = r->value + LINES * k;
+    const float *next = row + LINES, *after = next + LINES, *sum = row - LINES;
     const uint64_t *counts = r->counts + k, here = counts[0];
     uint64_t begins = here & ~counts[-1], ends = here & ~counts[1];
-    for (uint64_t i = 0; i < LINES; i++) {
-        const double own = row[i];
+    float chosen[LINES];
+    spread_bits(here, chosen);
+    for (int i = 0; i < LINES; i++) {
+        const float own = row[i];
         value[i] = own;
-        row[i] = here >> i & 1 ? 6 * own + POLE * sum[i] : own;
+        row[i] = chosen[i] > 0 ? 6 * own + (float)POLE * sum[i] : own;
     }
     for (; begins; begins &= begins - 1) {
         const int i = __builtin_ctzll(begins);
         const bool two = counts[1] >> i & 1, three = two && counts[2] >> i & 1;
-        row[i] = sum_beyond(value[i], next[i], after[i], two, three);
+        row[i] = (float)sum_beyond((double)value[i], (double)next[i], (double)after[i], two, three);
     }
     for (; ends; ends &= ends - 1) { /* both sums meet */
         const int i = __builtin_ctzll(ends);
         const bool two = counts[-1] >> i & 1, three = two && counts[-2] >> i & 1;
-        const double other = sum_beyond(value[i], kept[0][i], kept[1][i], two, three);
-        row[i] = (row[i] + other - 6 * value[i]) * (-POLE / (1 - POLE * POLE));
+        const double other = sum_beyond((double)value[i], (double)kept[0][i], (double)kept[1][i], two, three);
+        row[i] = (float)(((double)row[i] + other - 6 * (double)value[i]) * (-POLE / (1 - POLE * POLE)));
     }
 }
 
 ISA_INLINE void solve(const rows *r)
 {
-    double value[3][LINES]; /* of rows k, k - 1 and k - 2, by turns */
+    float value[3][LINES]; /* of rows k, k - 1 and k - 2, by turns */
     for (size_t k = 0; k < r->length; k++)
         if (r->counts[k])
-            sum_upwards(r, k, value[k % 3], (const double *[]){value[(k + 2) % 3], value[(k + 1) % 3]});
+            sum_upwards(r, k, value[k % 3], (const float *[]){value[(k + 2) % 3], value[(k + 1) % 3]});
     for (size_t k = r->length - 1; k-- > 0;) {
-        double *row = r->value + LINES * k;
-        const double *above = row + LINES;
+        float *row = r->value + LINES * k, chosen[LINES];
+        const float *above = row + LINES;
         const uint64_t goes_on = r->counts[k] & r->counts[k + 1];
         if (goes_on == 0) continue;
-        for (uint64_t i = 0; i < LINES; i++) row[i] = goes_on >> i & 1 ? POLE * (above[i] - row[i]) : row[i];
+        spread_bits(goes_on, chosen);
+        for (int i = 0; i < LINES; i++) row[i] = chosen[i] > 0 ? (float)POLE * (above[i] - row[i]) : row[i];
     }
 }
 
 /* The voxels of a block as rows, or these back; strides `along` the lines, and of a line's place by 8 and by 1. */
-ISA_INLINE void copy_strided(float *f, double *row, bool back, int along, int a, int b)
+ISA_INLINE void copy_strided(float *f, float *row, bool back, int along, int a, int b)
 {
     for (int k = 0; k < SIDE; k++, row += LINES)
         for (int i = 0; i < SIDE; i++)
             for (int j = 0; j < SIDE; j++) {
                 if (back)
-                    f[k * along + i * a + j * b] = (float)row[SIDE * i + j];
+                    f[k * along + i * a + j * b] = row[SIDE * i + j];
                 else
-                    row[SIDE * i + j] = (double)f[k * along + i * a + j * b];
+                    row[SIDE * i + j] = f[k * along + i * a + j * b];
             }
 }
 
-ISA_INLINE void copy_block(float *f, int axis, double *row, bool back)
+ISA_INLINE void copy_block(float *f, int axis, float *row, bool back)
 {
     if (axis == 0) copy_strided(f, row, back, 64, 8, 1);
     if (axis == 1) copy_strided(f, row, back, 8, 64, 1);
@@ -132,7 +144,7 @@ ISA_CLONES static void filter_chunk(void *context, int worker, size_t begin, siz
         }
         r->counts[r->length] = r->counts[r->length + 1] = 0;
         solve(r);
-        double *row = r->value;
+        float *row = r->value;
         for (uint32_t n = job->first[i]; n != BLOCK_MAP_NONE; n = beside(job, n, 1), row += LINES * SIDE)
             copy_block(s->f[n], job->axis, row, true);
     }
@@ -158,7 +170,7 @@ static bool filter_axis(filtering *job, threads *pool, error *e)
     size_t longest;
     const size_t count = find_runs(job, &longest), workers = (size_t)threads_count(pool),
                  length = longest + 4;
-    double *value = mem_array(workers * length, LINES * sizeof *value, "a run of voxels", e);
+    float *value = mem_array(workers * length, LINES * sizeof *value, "a run of voxels", e);
     uint64_t *counts = mem_array(workers * length, sizeof *counts, "a run of voxels", e);
     const bool ok = value && counts;
     for (size_t k = 0; ok && k < workers; k++) {
