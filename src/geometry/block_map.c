@@ -52,6 +52,28 @@ void block_map_free(block_map *m)
     memset(m, 0, sizeof *m);
 }
 
+static void *copied(const void *from, size_t count, size_t room, size_t size, error *e)
+{
+    void *to = mem_array(room, size, what, e);
+    if (to && count > 0) memcpy(to, from, count * size);
+    return to;
+}
+
+bool block_map_copy(const block_map *m, block_map *out, error *e)
+{
+    const size_t slots = (size_t)m->mask + 1;
+    block_map made = *m;
+    made.blocks = copied(m->blocks, m->count, m->room, sizeof *m->blocks, e);
+    made.nodes = copied(m->nodes, m->node_count, m->node_room, sizeof *m->nodes, e);
+    made.slots = copied(m->slots, slots, slots, sizeof *m->slots, e);
+    if (made.blocks && made.nodes && made.slots) {
+        *out = made;
+        return true;
+    }
+    block_map_free(&made);
+    return false;
+}
+
 /* Returns its number, or BLOCK_MAP_NONE where memory is out. */
 static uint32_t add_node(block_map *m, const int32_t key[3], error *e)
 {

@@ -37,6 +37,9 @@ typedef struct block_map {
 bool block_map_init(block_map *m, size_t expected, error *e);
 void block_map_free(block_map *m);
 
+/* The same blocks with the same numbers. Errors: limit_memory, *out untouched. */
+bool block_map_copy(const block_map *m, block_map *out, error *e);
+
 /* The block's number in *number (which may be NULL), old or new. False when memory is out. */
 bool block_map_find_or_add(block_map *m, int32_t x, int32_t y, int32_t z, uint32_t *number, error *e);
 

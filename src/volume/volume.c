@@ -216,13 +216,15 @@ static size_t held_bytes(size_t blocks, size_t made)
 static bool plan(loading *l, volume *v, error *e)
 {
     const bool band = l->kind == GRID_VIEW_LEVEL_SET;
+    const bool more = !band || l->smooth; /* samples beyond the bricks */
     const reach_limits far = {.axis = l->smooth ? REACH_SMOOTH : 0,
                               .straight = band ? VOLUME_FIELD_MARGIN : REACH,
                               .path = band ? 0 : PATH};
     if (!block_map_init(&v->map, 2 * l->crossings.count, e) ||
-        !block_map_init(&l->reach, 4 * l->crossings.count, e) ||
         !reach_add_blocks(&l->crossings, bricks_reach, &v->map, e) ||
-        !reach_add_blocks(&l->crossings, far, &l->reach, e) ||
+        (more && !block_map_init(&l->reach, 4 * l->crossings.count, e)) ||
+        (more && !reach_add_blocks(&l->crossings, far, &l->reach, e)) ||
+        (!more && !block_map_copy(&v->map, &l->reach, e)) ||
         !crossed_cells_list(&l->crossings, &v->map, l->pool, &v->cells, e))
         return error_prefix(e, "%s", l->name);
     l->leaves = samples_look(&l->grid_view, &l->reach);

@@ -103,10 +103,14 @@ bbox volume_field_cells_box(const volume *v)
 {
     const crossed_cells *c = &v->cells;
     bbox box = add_cells(v, crossed_cells_in_blocks(c), c->count, bbox_empty());
+    const bbox first = box_of_voxels(v, (const int32_t[]){0, 0, 0}, 8);
     for (const cell_block *b = c->blocks; b < c->blocks + c->block_count; b++) {
         const int32_t *at = v->map.blocks[b->block];
-        const bbox whole = box_of_voxels(v, (const int32_t[]){8 * at[0], 8 * at[1], 8 * at[2]}, 8);
-        if (bbox_contains(box, whole.min) && bbox_contains(box, whole.max)) continue;
+        vec3 way = {0, 0, 0}; /* to the block from the first */
+        for (int axis = 0; axis < 3; axis++)
+            way = vec3_axpy(8.0 * at[axis], affine_axis(v->to_world, axis), way);
+        if (bbox_contains(box, vec3_add(first.min, way)) && bbox_contains(box, vec3_add(first.max, way)))
+            continue;
         box = add_cells(v, b->cells, b[1].cells, box);
     }
     return box;

@@ -168,7 +168,7 @@ ISA_INLINE void extend_row(const surroundings *s, int x, uint64_t bits, const ui
 typedef struct extension {
     samples *s;
     const uint32_t *open; /* blocks that have voxels that are not known */
-    uint64_t *next;       /* of all blocks: voxels that are known after this layer */
+    uint64_t *next;       /* of all blocks: voxels that have values after this layer */
     atomic_uchar
         *whole; /* of all blocks: 0, or since which round all voxels have values: 1 before the first */
     int layer;
@@ -194,28 +194,6 @@ static size_t keep_open(const atomic_uchar *whole, uint32_t *open, size_t count)
     for (size_t i = 0; i < count; i++)
         if (!atomic_load_explicit(&whole[open[i]], memory_order_relaxed)) open[left++] = open[i];
     return left;
-}
-
-/* What is known stays as it was until the layer is done, so that the order of blocks does not matter. */
-static void extend_chunk(void *context, int worker, size_t begin, size_t end)
-{
-    extension *job = context;
-    surroundings around;
-    uint64_t changed = 0;
-    (void)worker;
-    for (size_t i = begin; i < end; i++) {
-        if (i + 1 < end) block_fetch(job->s->f[job->open[i + 1]]);
-        const size_t n = job->open[i];
-        find_surroundings(job->s, job->open[i], &around);
-        for (int x = 0; x < SIDE; x++) {
-            uint64_t known[18], bits = frontier(&around, x, known);
-            job->next[n * SIDE + (size_t)x] = around.layers[x + 3] | bits;
-            changed |= bits;
-            if (bits) extend_row(&around, x, bits, known, job->layer);
-        }
-        set_whole(job, n, is_whole(around.layers + 3));
-    }
-    if (changed) atomic_store(&job->changed, true);
 }
 
 /* The bits of a block's slice i, in which byte j is a line along the axis: the line (i, j) of the other two. */
@@ -289,20 +267,40 @@ static void order_axes(const float *f, const uint64_t known[SIDE], int order[3])
     }
 }
 
-static void straight_chunk(void *context, int worker, size_t begin, size_t end)
+/* A block's lines, once its last layer is there: the other blocks' layers ask for none of these voxels. */
+static void go_straight_within(extension *job, size_t n)
+{
+    uint64_t *known = job->next + n * SIDE;
+    int order[3];
+    if (!block_has_any(known)) return;
+    order_axes(job->s->f[n], known, order);
+    for (int k = 0; k < 3; k++) straighten(job->s->f[n], known, order[k]);
+    set_whole(job, n, is_whole(known));
+}
+
+/* What is known stays as it was until the layer is done, so that the order of blocks does not matter. */
+static void extend_chunk(void *context, int worker, size_t begin, size_t end)
 {
     extension *job = context;
+    surroundings around;
+    uint64_t changed = 0;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
-        const size_t n = job->open[i];
-        uint64_t *known = job->s->known + n * SIDE;
-        int order[3];
         if (i + 1 < end) block_fetch(job->s->f[job->open[i + 1]]);
-        if (!block_has_any(known)) continue;
-        order_axes(job->s->f[n], known, order);
-        for (int k = 0; k < 3; k++) straighten(job->s->f[n], known, order[k]);
-        set_whole(job, n, is_whole(known));
+        const size_t n = job->open[i];
+        find_surroundings(job->s, job->open[i], &around);
+        for (int x = 0; x < SIDE; x++) {
+            uint64_t known[18], bits = frontier(&around, x, known);
+            job->next[n * SIDE + (size_t)x] = around.layers[x + 3] | bits;
+            changed |= bits;
+            if (bits) extend_row(&around, x, bits, known, job->layer);
+        }
+        if (job->layer < LAYERS)
+            set_whole(job, n, is_whole(around.layers + 3));
+        else
+            go_straight_within(job, n);
     }
+    if (changed) atomic_store(&job->changed, true);
 }
 
 /* Lines that go on from one block into the next. */
@@ -372,7 +370,7 @@ static void lengthen_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Continues layer by layer, of which the first counts as known in the end. Returns how many blocks are still open. */
+/* Continues layer by layer, of which the first counts as known in the end, and the last goes straight on. Returns how many blocks are still open. */
 static size_t extend(samples *s, extension *job, uint32_t *open, uint64_t *first, threads *pool)
 {
     const size_t bytes = s->map.count * SIDE * sizeof *s->known;
@@ -405,7 +403,6 @@ bool continuation_fill(samples *s, threads *pool, error *e)
     const bool ok = open && first && job.next && job.whole;
     if (ok) {
         size_t left = extend(s, &job, open, first, pool);
-        threads_run(pool, left, BLOCKS, straight_chunk, &job);
         for (job.layer = 1; job.layer <= ROUNDS; job.layer++) {
             left = keep_open(job.whole, open, left);
             threads_run(pool, left, BLOCKS, lengthen_chunk, &job);

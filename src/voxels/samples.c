@@ -67,8 +67,16 @@ static bool report_unusable(const samples *s, error *e)
 typedef struct reading {
     const grid_view *from;
     samples *s;
+    bool sound; /* all values are usable */
     atomic_bool unusable;
 } reading;
+
+/* Whether no value can be unusable, whatever block it is in. */
+static bool is_sound(const grid_view *l)
+{
+    return l->not_finite == 0 && fabs((double)l->lowest - l->isovalue) < (double)largest_value &&
+           fabs((double)l->highest - l->isovalue) < (double)largest_value;
+}
 
 static void read_chunk(void *context, int worker, size_t begin, size_t end)
 {
@@ -86,7 +94,7 @@ static void read_chunk(void *context, int worker, size_t begin, size_t end)
             grid_view_read(job->from, from, f);
         memcpy(s->known + n * SIDE, signs->known, SIDE * sizeof *s->known);
         memcpy(s->inside + n * SIDE, signs->inside, SIDE * sizeof *s->inside);
-        for (int i = 0; i < VOXELS; i++) good &= is_usable(f[i]);
+        for (int i = 0; i < VOXELS && !job->sound; i++) good &= is_usable(f[i]);
         if (!good) atomic_store(&job->unusable, true);
         for (size_t k = 0; k < 6; k += 2) { /* each says to the one above it that it is there */
             const uint32_t above = block_map_find(&s->map, b[0] + (k == 0), b[1] + (k == 2), b[2] + (k == 4));
@@ -156,7 +164,7 @@ bool samples_read(const grid_view *l, vdb_grid *grid, samples_leaves taken, bloc
     bool ok = s.f && s.known && s.inside && s.near && place_blocks(&s, l, taken, e);
     if (ok) {
         memset(s.near, 0xFF, n * 6 * sizeof *s.near); /* BLOCK_MAP_NONE */
-        reading job = {l, &s, false};
+        reading job = {l, &s, is_sound(l), false};
         threads_run(pool, n, BLOCKS, read_chunk, &job);
         ok = !atomic_load(&job.unusable) || report_unusable(&s, e);
     }

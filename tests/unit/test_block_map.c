@@ -46,6 +46,15 @@ static void check_map(rng *r, int corner, int64_t reach, size_t expected)
         const uint32_t n = block_map_find(&m, b[0], b[1], b[2]);
         if (n != BLOCK_MAP_NONE) assert_memory_equal(m.blocks[n], b, sizeof b);
     }
+    block_map copy; /* goes on by itself */
+    const uint32_t count = m.count;
+    assert_true(block_map_copy(&m, &copy, &e));
+    for (uint32_t k = 0; k < count; k++)
+        assert_true(block_map_find_or_add(&copy, ~m.blocks[k][1], m.blocks[k][2], m.blocks[k][0], NULL, &e));
+    for (uint32_t n = 0; n < count; n++)
+        assert_int_equal(block_map_find(&copy, m.blocks[n][0], m.blocks[n][1], m.blocks[n][2]), n);
+    assert_int_equal(m.count, count);
+    block_map_free(&copy);
     block_map_free(&m);
 }
 
