@@ -193,7 +193,10 @@ static void VERSION(forces)(const neighbours_place *place, const fast_kernel_par
         const uint32_t *const *list = particles->list + first;
         const uint32_t most = VERSION(longest)(particles, first);
         VERSION(own) own;
-        VERSION(sums) sums = {.nearest2 = VERSION_ALL(INFINITY)};
+        VERSION(sums) sums; /* one by one: together they are cleared by a slow string instruction */
+        sums.energy = sums.pairs = sums.d1 = sums.d2 = sums.h11 = sums.h12 = sums.h22 = VERSION_ALL(0);
+        sums.turning[0] = sums.turning[1] = sums.turning[2] = VERSION_ALL(0);
+        sums.nearest2 = VERSION_ALL(INFINITY);
         VERSION(set_up)(particles, first, reach, &own);
         if (params->normal)
             VERSION(sum_pairs)(place, params->normal, list, most, &own, reach, &sums);
