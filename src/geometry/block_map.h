@@ -77,4 +77,31 @@ static inline uint32_t block_map_find(const block_map *m, int32_t x, int32_t y, 
     return s->node == BLOCK_MAP_NONE ? BLOCK_MAP_NONE : m->nodes[s->node][block_map_in_node(x, y, z)];
 }
 
+/* The numbers of a block and the 26 around it, or BLOCK_MAP_NONE: that by (i, j, k) of -1 .. 1 in out[9 i + 3 j + k + 13]. Faster than
+ * to find each: they lie in 8 nodes at most, most of them in one. No coordinate is the least or the largest. */
+static inline void block_map_around(const block_map *m, const int32_t block[3], uint32_t out[27])
+{
+    static const uint32_t none[BLOCK_MAP_NODE] = {[0 ... BLOCK_MAP_NODE - 1] = BLOCK_MAP_NONE};
+    const uint32_t *node[8];
+    int32_t low[3];
+    bool is_high[3][3]; /* whether those below, beside and above along an axis lie in the higher node */
+    for (int a = 0; a < 3; a++) {
+        low[a] = (block[a] - 1) >> 2;
+        for (int i = 0; i < 3; i++) is_high[a][i] = (block[a] + i - 1) >> 2 != low[a];
+    }
+    for (int k = 0; k < 8; k++) {
+        const int step[3] = {k & 1, k >> 1 & 1, k >> 2};
+        if ((step[0] && !is_high[0][2]) || (step[1] && !is_high[1][2]) || (step[2] && !is_high[2][2]))
+            continue;
+        const block_map_slot *s =
+            block_map_slot_of(m, (const int32_t[]){low[0] + step[0], low[1] + step[1], low[2] + step[2]});
+        node[k] = s->node == BLOCK_MAP_NONE ? none : m->nodes[s->node];
+    }
+    for (int k = 0; k < 27; k++) {
+        const int i = k / 9, j = k / 3 % 3, l = k % 3;
+        out[k] = node[is_high[0][i] + 2 * is_high[1][j] + 4 * is_high[2][l]]
+                     [block_map_in_node(block[0] + i - 1, block[1] + j - 1, block[2] + l - 1)];
+    }
+}
+
 #endif

@@ -129,16 +129,15 @@ static bool look_at(const grid_view *l, const int32_t block[3], const grid_view_
 static bool look_around(const grid_view *l, uint32_t n, crossings *out, error *e)
 {
     const int32_t *leaf = l->leaves.blocks[n];
-    grid_view_block around[3][3][3], near[8];
-    for (int k = 0; k < 27; k++)
-        around[k / 9][k / 3 % 3][k % 3] =
-            grid_view_find(l, leaf[0] + k / 9 - 1, leaf[1] + k / 3 % 3 - 1, leaf[2] + k % 3 - 1);
+    grid_view_block around[27], near[8];
+    grid_view_around(l, leaf, around);
     for (int k = 0; k < 8; k++) {
         const int below[3] = {k & 1, k >> 1 & 1, k >> 2};
         const int32_t block[3] = {leaf[0] - below[0], leaf[1] - below[1], leaf[2] - below[2]};
         bool first = true;
         for (int j = 0; j < 8; j++) {
-            near[j] = around[1 + (j & 1) - below[0]][1 + (j >> 1 & 1) - below[1]][1 + (j >> 2) - below[2]];
+            near[j] =
+                around[13 + 9 * ((j & 1) - below[0]) + 3 * ((j >> 1 & 1) - below[1]) + (j >> 2) - below[2]];
             first &= j >= k || near[j].leaf == BLOCK_MAP_NONE;
         }
         if (first && !look_at(l, block, near, out, e)) return false;
@@ -317,10 +316,12 @@ bool crossings_find(const grid_view *l, size_t memory_limit, threads *pool, cros
 /* F from one voxel below the block to two above it: +1, 0 or -1 for its sign. */
 static void read_signs(const grid_view *l, const int32_t block[3], int8_t signs[AROUND][AROUND][AROUND])
 {
+    grid_view_block around[27];
+    grid_view_around(l, block, around);
     for (int n = 0; n < 27; n++) {
         const int step[3] = {n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1};
         float f[GRID_VIEW_VOXELS];
-        grid_view_read(l, grid_view_find(l, block[0] + step[0], block[1] + step[1], block[2] + step[2]), f);
+        grid_view_read(l, around[n], f);
         for (int k = 0; k < GRID_VIEW_VOXELS; k++) {
             const int x = GRID_VIEW_SIDE * step[0] + (k >> 6) + 1,
                       y = GRID_VIEW_SIDE * step[1] + (k >> 3 & 7) + 1,

@@ -222,18 +222,40 @@ void grid_view_free(grid_view *l)
     memset(l, 0, sizeof *l);
 }
 
-grid_view_block grid_view_find(const grid_view *l, int32_t x, int32_t y, int32_t z)
+/* The value of the tile of this level or a larger one that the block lies in. */
+static float constant_at(const grid_view *l, int level, int32_t x, int32_t y, int32_t z)
 {
-    grid_view_block b = {block_map_find(&l->leaves, x, y, z), l->background};
-    for (int level = 0; b.leaf == BLOCK_MAP_NONE && level < GRID_VIEW_TILE_LEVELS; level++) {
+    for (; level < GRID_VIEW_TILE_LEVELS; level++) {
         if (l->tiles[level].count == 0) continue;
         int shift = tile_shift[level];
         uint32_t n = block_map_find(&l->tiles[level], x >> shift, y >> shift, z >> shift);
-        if (n == BLOCK_MAP_NONE) continue;
-        b.constant = l->tile_values[level][n];
-        break;
+        if (n != BLOCK_MAP_NONE) return l->tile_values[level][n];
     }
-    return b;
+    return l->background;
+}
+
+grid_view_block grid_view_find(const grid_view *l, int32_t x, int32_t y, int32_t z)
+{
+    const uint32_t leaf = block_map_find(&l->leaves, x, y, z);
+    return (grid_view_block){leaf, leaf == BLOCK_MAP_NONE ? constant_at(l, 0, x, y, z) : l->background};
+}
+
+void grid_view_around(const grid_view *l, const int32_t block[3], grid_view_block out[27])
+{
+    uint32_t leaf[27], tile[27];
+    bool apart = false; /* some lie in other tiles of the larger levels than others */
+    block_map_around(&l->leaves, block, leaf);
+    block_map_around(&l->tiles[0], block, tile);
+    for (int a = 0; a < 3; a++) apart |= (block[a] - 1) >> tile_shift[1] != (block[a] + 1) >> tile_shift[1];
+    const float larger = apart ? 0 : constant_at(l, 1, block[0], block[1], block[2]);
+    for (int k = 0; k < 27; k++) {
+        out[k] = (grid_view_block){leaf[k], l->background};
+        if (leaf[k] != BLOCK_MAP_NONE) continue;
+        out[k].constant = tile[k] != BLOCK_MAP_NONE ? l->tile_values[0][tile[k]]
+                          : !apart                  ? larger
+                                   : constant_at(l, 1, block[0] + k / 9 - 1, block[1] + k / 3 % 3 - 1,
+                                                 block[2] + k % 3 - 1);
+    }
 }
 
 void grid_view_read(const grid_view *l, grid_view_block b, float f[GRID_VIEW_VOXELS])

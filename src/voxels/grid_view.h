@@ -61,6 +61,9 @@ void grid_view_free(grid_view *l);
 
 grid_view_block grid_view_find(const grid_view *l, int32_t x, int32_t y, int32_t z);
 
+/* A block and the 26 around it, in the order of block_map_around. */
+void grid_view_around(const grid_view *l, const int32_t block[3], grid_view_block out[27]);
+
 /* F of all 512 voxels; `f` may be the leaf's own values. */
 void grid_view_read(const grid_view *l, grid_view_block b, float f[GRID_VIEW_VOXELS]);
 

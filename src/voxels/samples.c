@@ -223,14 +223,16 @@ ISA_INLINE void copy_row(float *to, const float *from, int count)
 
 void samples_window(const samples *s, const int32_t block[3], const int low[3], int side, float *out)
 {
-    const float *own = s->f[block_map_find(&s->map, block[0], block[1], block[2])], *near[3][3][3];
+    const float *near[3][3][3];
+    uint32_t around[27];
     extent part[3][3]; /* of each axis: in the block below, in this one and in that above */
+    block_map_around(&s->map, block, around);
+    const float *own = s->f[around[13]];
     for (int k = 0; k < 9; k++) part[k / 3][k % 3] = part_of(low[k / 3], side, k % 3 - 1);
     for (int k = 0; k < 27; k++) { /* all at first, so that they are waited for together */
         const int at[3] = {k / 9, k / 3 % 3, k % 3};
         if (part[0][at[0]].count <= 0 || part[1][at[1]].count <= 0 || part[2][at[2]].count <= 0) continue;
-        const uint32_t n =
-            block_map_find(&s->map, block[0] + at[0] - 1, block[1] + at[1] - 1, block[2] + at[2] - 1);
+        const uint32_t n = around[k];
         near[at[0]][at[1]][at[2]] = n == BLOCK_MAP_NONE ? NULL : s->f[n];
         if (n != BLOCK_MAP_NONE && (at[0] == 1) + (at[1] == 1) + (at[2] == 1) == 2) block_fetch(s->f[n]);
     }

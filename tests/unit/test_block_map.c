@@ -46,6 +46,15 @@ static void check_map(rng *r, int corner, int64_t reach, size_t expected)
         const uint32_t n = block_map_find(&m, b[0], b[1], b[2]);
         if (n != BLOCK_MAP_NONE) assert_memory_equal(m.blocks[n], b, sizeof b);
     }
+    for (int k = 0; corner == 0 && k < LOOKS / 27; k++) {
+        int32_t b[3];
+        uint32_t around[27];
+        random_block(r, corner, reach / 2, b);
+        block_map_around(&m, b, around);
+        for (int i = 0; i < 27; i++)
+            assert_int_equal(around[i],
+                             block_map_find(&m, b[0] + i / 9 - 1, b[1] + i / 3 % 3 - 1, b[2] + i % 3 - 1));
+    }
     block_map copy; /* goes on by itself */
     const uint32_t count = m.count;
     assert_true(block_map_copy(&m, &copy, &e));
