@@ -33,7 +33,7 @@ typedef struct field_sample {
 } field_sample;
 
 /* How large the second differences of F over a cell's edges are beside its slope along the longest: at most FIELD_FLAT_MOST, at most
- * FIELD_GENTLE_MOST, or it is not known. */
+ * FIELD_GENTLE_MOST; FIELD_BENT: larger, or it is not known. */
 typedef enum field_bend { FIELD_BENT, FIELD_GENTLE, FIELD_FLAT } field_bend;
 
 /* A ball of 1 / FIELD_FLAT_MOST cells, with F linear in each, has 2.6e-5 of its area too little; one of twice as many a fourth of

@@ -119,8 +119,8 @@ static double tangent_norm2(vec3 v, vec3 normal)
     return vec3_norm2(v) - along * along;
 }
 
-/* Over all places of a tetrahedron the mean of the slope of e, the difference of F from what is linear between the corners, along the
- * cell's edges. bend[i][j]: the second derivative of F along edges i and j. */
+/* e: what is linear between the corners of a tetrahedron, less F. Its slope along the cell's edges, in the mean over the tetrahedron.
+ * bend[i][j]: the second derivative of F along edges i and j. */
 static void mean_slope(const double bend[3][3], const uint8_t axis[3], double out[3])
 {
     const int a = axis[0], b = axis[1], c = axis[2];
@@ -129,9 +129,9 @@ static void mean_slope(const double bend[3][3], const uint8_t axis[3], double ou
     out[c] = 0.25 * (bend[c][c] + bend[a][c] + 2 * bend[b][c]);
 }
 
-/* The surface of linear pieces lies e / |grad F| below that of F. With H the second derivatives across the normal its area differs by
- * -tr H <e> / |grad F|^2, since it is elsewhere, and by <|grad e|^2> / (2 |grad F|^2), since it is tilted. Of a tetrahedron <e> and
- * <grad e> follow from the corners, and e's slope varies about that as its places do: all by the second moments of the corners. */
+/* The surface of linear pieces lies e / |grad F| below that of F. <> is the mean over the cell, H the second derivatives of F across the
+ * normal. The area differs by -tr H <e> / |grad F|^2, since the surface bends and this one lies below, and by <|grad e|^2> / (2 |grad F|^2),
+ * since this one is tilted. Both means follow from the second moments of the tetrahedra's corners. */
 double flat_cell_shortage(const field_cell *cell, const field_sample *middle)
 {
     vec3 edge[3], across[3], turn[3], sum = {0, 0, 0};

@@ -27,15 +27,12 @@ static const double BEYOND_LOW = 0.0317, BEYOND_HIGH = 0.0456;
 /* How often cells of a combination are halved in thin walls, and of one within another, whose cells they bind. */
 enum { WALL_LEVELS = 12, WALL_LEVELS_WITHIN = 1 };
 
-/* Waits for the hashes of all inputs. */
-static bool settle_inputs(source *s, error *e)
+/* Waits for the hash of the input that was opened last: no other is under way. */
+static bool settle_hash(source *s, error *e)
 {
-    bool ok = true;
-    for (size_t k = 0; k < s->input_count; k++) {
-        ok = late_hash_end(s->inputs[k].late, &s->inputs[k].facts, ok ? e : NULL) && ok;
-        s->inputs[k].late = NULL;
-    }
-    return ok;
+    late_hash *h = s->hash;
+    s->hash = NULL;
+    return late_hash_end(h, h ? &s->inputs[s->input_count - 1].facts : NULL, e);
 }
 
 /* Opens an input; the first time it is noted, and its hash begun. Returns a descriptor, or -1. */
@@ -47,10 +44,14 @@ static int open_input(void *context, const char *path, error *e)
          k--) /* a file beside others is asked for in their order */
         if (strcmp(s->inputs[k - 1].path, path) == 0) return fd;
     if (fd < 0) return -1;
+    if (!settle_hash(s, e)) {
+        close(fd);
+        return -1;
+    }
     s->inputs = mem_resize(s->inputs, (s->input_count + 1) * sizeof *s->inputs);
-    s->inputs[s->input_count++] =
-        (source_input){.path = mem_strdup(path), .late = late_hash_begin(fd, s->hashes_beside)};
-    if (s->hashes_beside || settle_inputs(s, e)) return fd;
+    s->inputs[s->input_count++] = (source_input){.path = mem_strdup(path)};
+    s->hash = late_hash_begin(fd, s->hashes_beside);
+    if (s->hashes_beside || settle_hash(s, e)) return fd;
     close(fd);
     return -1;
 }
@@ -635,7 +636,7 @@ bool source_open(const spec *s, const store_roots *roots, size_t memory, isa ker
     if (!e) e = &unused;
     const bool ok = open_source(s, memory, kernels, pool, out, e);
     out->hashes_beside = false;
-    return settle_inputs(out, ok ? e : NULL) && ok;
+    return settle_hash(out, ok ? e : NULL) && ok;
 }
 
 const field *source_world(const source *s)

@@ -23,9 +23,8 @@
 
 /* An input file. */
 typedef struct source_input {
-    char *path; /* as written in the spec, or in a file that the spec names */
-    store_facts facts;
-    late_hash *late; /* NULL: the facts are known; so they are once the source is open */
+    char *path;        /* as written in the spec, or in a file that the spec names */
+    store_facts facts; /* known once the source is open */
 } source_input;
 
 /* One surface of the spec: a leaf of one kind, or a combination or placement of parts. */
@@ -58,7 +57,8 @@ typedef struct source {
     const store_roots *roots; /* for files, or NULL; used while the source opens */
     source_input *inputs;     /* in the order in which they were first opened */
     size_t input_count;
-    bool hashes_beside; /* while the source opens: files are hashed while they are read */
+    bool hashes_beside; /* while the source opens: a file is hashed while it is read */
+    late_hash *hash;    /* of the last input, while it is under way; or NULL */
 } source;
 
 /* `memory`: most bytes that the surface may hold. `kernels`: instruction set for sampling. The spec outlives the

@@ -1,5 +1,6 @@
 #include "store/late_hash.h"
 
+#include <fcntl.h>
 #include <stdlib.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -29,7 +30,8 @@ late_hash *late_hash_begin(int fd, bool beside)
 {
     late_hash *h = mem_alloc(sizeof *h);
     struct stat info;
-    if (beside && fstat(fd, &info) == 0 && info.st_size > SMALL && (h->fd = dup(fd)) >= 0) {
+    if (beside && fstat(fd, &info) == 0 && info.st_size > SMALL &&
+        (h->fd = fcntl(fd, F_DUPFD_CLOEXEC, 0)) >= 0) {
         h->beside = background_start(&h->thread, run, h, "a hash", NULL);
         if (!h->beside) close(h->fd);
     }

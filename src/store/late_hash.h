@@ -10,7 +10,8 @@ typedef struct late_hash late_hash;
  * once, by the calling thread. Never NULL; `end` follows. */
 late_hash *late_hash_begin(int fd, bool beside);
 
-/* Waits for it; frees it whatever comes of it. Errors as store_file_hash's. NULL is done. */
+/* Waits for it; frees it whatever comes of it. Errors as store_file_hash's. NULL: there is
+ * nothing to wait for, true. */
 bool late_hash_end(late_hash *h, store_facts *out, error *e);
 
 #endif

@@ -17,8 +17,8 @@ enum { FACES = 6, LATTICE = 8, GROUP = 4 /* cells, along each axis */, BLOCKS = 
  * count. A face in a plane of voxels that the surface lies in has nothing but such values itself. */
 static const double LEAST_DEPTH = 1e-3;
 /* The areas of gentle cells are right in the mean over all places. Beside cells whose area comes from roots, which part the surface
- * in another way, they are not: of a torus half of which is bent it would be 6e-4 too small. So where more than this share is, none is
- * taken for gentle. */
+ * in another way, they are not: of a torus half of which is bent it would be 6e-4 too small. So where more than this share is bent, no
+ * cell of the volume is gentle. */
 static const double BENT_MOST = 0.01;
 static const int step_along[3] = {BRICK_SLAB, BRICK_SIDE, 1};
 
@@ -319,9 +319,9 @@ ISA_INLINE float largest_of(row r)
     return pairs[0] > pairs[1] ? pairs[0] : pairs[1];
 }
 
-/* Whether the spline surely rises, or falls, along each axis: then no face is passed between corners on one side. And how much
- * it bends in the world, where a slope may be so many times less beside a bend. */
-ISA_INLINE bool is_monotone(const slopes *s, double aspect, field_bend *out)
+/* Whether the spline surely rises, or falls, along each axis: then no face is passed between corners on one side. *bends receives
+ * how much it bends in the world, where voxels of this `aspect` make a bend so many times as large beside a slope. */
+ISA_INLINE bool is_monotone(const slopes *s, double aspect, field_bend *bends)
 {
     const double bend = (double)largest_of(s->bend) * aspect;
     double slope2 = 0; /* floats' squares may be too small for floats, or too large */
@@ -335,9 +335,9 @@ ISA_INLINE bool is_monotone(const slopes *s, double aspect, field_bend *out)
         steep += least > 0;
     }
     const double bend2 = bend * bend;
-    *out = bend2 <= FIELD_FLAT_MOST * FIELD_FLAT_MOST * slope2       ? FIELD_FLAT
-           : bend2 <= FIELD_GENTLE_MOST * FIELD_GENTLE_MOST * slope2 ? FIELD_GENTLE
-                                                                     : FIELD_BENT;
+    *bends = bend2 <= FIELD_FLAT_MOST * FIELD_FLAT_MOST * slope2       ? FIELD_FLAT
+             : bend2 <= FIELD_GENTLE_MOST * FIELD_GENTLE_MOST * slope2 ? FIELD_GENTLE
+                                                                       : FIELD_BENT;
     return steep == 3;
 }
 

@@ -213,18 +213,22 @@ static size_t held_bytes(size_t blocks, size_t made)
            blocks * (8 * sizeof(uint64_t) + 4 * 64 + sizeof(atomic_uint)) + block_map_bytes(blocks);
 }
 
-static bool plan(loading *l, volume *v, error *e)
+/* The blocks of samples: of a level set those of the bricks, of others more. */
+static bool plan_samples(loading *l, const block_map *near, error *e)
 {
     const bool band = l->kind == GRID_VIEW_LEVEL_SET;
-    const bool more = !band || l->smooth; /* samples beyond the bricks */
     const reach_limits far = {.axis = l->smooth ? REACH_SMOOTH : 0,
                               .straight = band ? VOLUME_FIELD_MARGIN : REACH,
                               .path = band ? 0 : PATH};
+    if (band && !l->smooth) return block_map_copy(near, &l->reach, e);
+    return block_map_init(&l->reach, 4 * l->crossings.count, e) &&
+           reach_add_blocks(&l->crossings, far, &l->reach, e);
+}
+
+static bool plan(loading *l, volume *v, error *e)
+{
     if (!block_map_init(&v->map, 2 * l->crossings.count, e) ||
-        !reach_add_blocks(&l->crossings, bricks_reach, &v->map, e) ||
-        (more && !block_map_init(&l->reach, 4 * l->crossings.count, e)) ||
-        (more && !reach_add_blocks(&l->crossings, far, &l->reach, e)) ||
-        (!more && !block_map_copy(&v->map, &l->reach, e)) ||
+        !reach_add_blocks(&l->crossings, bricks_reach, &v->map, e) || !plan_samples(l, &v->map, e) ||
         !crossed_cells_list(&l->crossings, &v->map, l->pool, &v->cells, e))
         return error_prefix(e, "%s", l->name);
     l->leaves = samples_look(&l->grid_view, &l->reach);

@@ -74,7 +74,11 @@ typedef struct reading {
 /* Whether no value can be unusable, whatever block it is in. */
 static bool is_sound(const grid_view *l)
 {
-    return l->not_finite == 0 && fabs((double)l->lowest - l->isovalue) < (double)largest_value &&
+    bool good = l->not_finite == 0 && is_usable(l->background);
+    for (int level = 0; level < GRID_VIEW_TILE_LEVELS; level++)
+        for (uint32_t k = 0; k < l->tiles[level].count; k++)
+            good = good && is_usable(l->tile_values[level][k]);
+    return good && fabs((double)l->lowest - l->isovalue) < (double)largest_value &&
            fabs((double)l->highest - l->isovalue) < (double)largest_value;
 }
 
@@ -94,7 +98,8 @@ static void read_chunk(void *context, int worker, size_t begin, size_t end)
             grid_view_read(job->from, from, f);
         memcpy(s->known + n * SIDE, signs->known, SIDE * sizeof *s->known);
         memcpy(s->inside + n * SIDE, signs->inside, SIDE * sizeof *s->inside);
-        for (int i = 0; i < VOXELS && !job->sound; i++) good &= is_usable(f[i]);
+        if (!job->sound)
+            for (int i = 0; i < VOXELS; i++) good &= is_usable(f[i]);
         if (!good) atomic_store(&job->unusable, true);
         for (size_t k = 0; k < 6; k += 2) { /* each says to the one above it that it is there */
             const uint32_t above = block_map_find(&s->map, b[0] + (k == 0), b[1] + (k == 2), b[2] + (k == 4));

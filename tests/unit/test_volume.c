@@ -13,6 +13,7 @@
 
 #include "base/memory.h"
 #include "base/threads.h"
+#include "field/region.h"
 #include "surface/surface.h"
 #include "volume/example.h"
 #include "close.h"
@@ -617,6 +618,29 @@ static void areas_are_right_however_cells_bend(void **state)
     }
 }
 
+/* Where a region cuts a ball all of whose cells are gentle: caps, from the middle up. */
+static void areas_of_caps_are_right(void **state)
+{
+    (void)state;
+    error e = {0};
+    major = 0;
+    minor = 14;
+    fixture g = fixture_make(fixture_uniform, (int)minor + 5, torus, 0.3);
+    volume *v = fixture_volume(&g, NAN, VOLUME_INTERPOLATING);
+    for (double from = 0.01; from < 0.9; from += 0.17) {
+        const double radius = 0.1 * minor, exact = 2 * M_PI * radius * radius * (1 - from);
+        region *cap = region_new(volume_field(v), (bbox){{-2, -2, from * radius}, {2, 2, 2}}, &e);
+        surface *s = cap ? surface_scan(region_field(cap), NULL, &e) : NULL;
+        if (!s) fail_msg("%s", e.message);
+        print_message("# a cap from %g: area off by %.2g\n", from, s->area / exact - 1);
+        assert_close(s->area, exact, 5e-5 * exact);
+        surface_free(s);
+        region_free(cap);
+    }
+    volume_close(v);
+    fixture_free(&g);
+}
+
 /* Near a cell, from one brick to the next, beyond all of them, and in lanes that nobody wants. */
 static void draw_lanes(const field *f, uint64_t *seed, vec3_lanes *x, bool *defined)
 {
@@ -725,6 +749,7 @@ int main(void)
         cmocka_unit_test(outside_the_bricks_there_is_no_field),
         cmocka_unit_test(area_between_corners_counts),
         cmocka_unit_test(areas_are_right_however_cells_bend),
+        cmocka_unit_test(areas_of_caps_are_right),
         cmocka_unit_test(lanes_are_samples_in_single_precision),
         cmocka_unit_test(the_example_is_a_knot),
     };

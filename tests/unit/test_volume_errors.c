@@ -286,6 +286,26 @@ static void values_that_are_not_finite(void **state)
     fixture_free(&fog);
 }
 
+/* No leaf of the grid has such a value. */
+static void tiles_that_are_not_finite(void **state)
+{
+    (void)state;
+    fixture fog = fixture_make(fixture_uniform, 12, fog_ball, 0);
+    const vdb_tile tile = {{16, 0, 0}, 8, NAN, true};
+    vdb_draft d = fixture_draft(&fog);
+    d.tile_count = 1;
+    d.tiles = &tile;
+    int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
+    expect(fd, NULL, 0.5, ERROR_INPUT_DAMAGED, WORDS("512 voxels", "not finite", "(16, 0, 0)"));
+    close(fd);
+    d.tile_count = 0;
+    d.background = NAN;
+    fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
+    expect(fd, NULL, 0.5, ERROR_INPUT_DAMAGED, WORDS("voxels", "not finite"));
+    close(fd);
+    fixture_free(&fog);
+}
+
 static void coordinates_at_the_limits_of_int32(void **state)
 {
     (void)state;
@@ -726,6 +746,7 @@ int main(void)
         cmocka_unit_test(zeros_on_the_surface_are_no_plateau),
         cmocka_unit_test(bands_that_do_not_hold_the_surface),
         cmocka_unit_test(values_that_are_not_finite),
+        cmocka_unit_test(tiles_that_are_not_finite),
         cmocka_unit_test(coordinates_at_the_limits_of_int32),
         cmocka_unit_test(transforms_that_cannot_be),
         cmocka_unit_test(the_limit_of_memory),
