@@ -61,7 +61,8 @@ static void fill_cell(const balls *b, int64_t linear, field_cell *out)
                                    b->base.domain.min.z + b->cell * (double)(at[2] + (c >> 2)));
         out->value[c] = distance(b, out->corner[c], &ignored);
     }
-    out->grazed = out->flat = false;
+    out->grazed = false;
+    out->bend = FIELD_BENT;
 }
 
 static void cell(const field *f, size_t k, field_cell *out)

@@ -68,7 +68,8 @@ static void fill_cell(const ball *b, uint32_t linear, field_cell *out)
                                    b->base.domain.min.z + CELL * (at[2] + (c >> 2)));
         out->value[c] = value_at(out->corner[c]);
     }
-    out->grazed = out->flat = false;
+    out->grazed = false;
+    out->bend = FIELD_BENT;
 }
 
 static void cell(const field *f, size_t k, field_cell *out)
