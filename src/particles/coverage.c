@@ -187,7 +187,7 @@ typedef struct cell_look {
     size_t cell;
     vec3 triangle[FIELD_CELL_TRIANGLES][3];
     int count;
-    double size; /* of the cell */
+    double size; /* of the cell; of one that is not done */
     bool is_done;
 } cell_look;
 
@@ -202,15 +202,15 @@ static void look_at_cell(const coverage_job *job, size_t k, double farthest, uin
     if (out->count == 1 && !f->uneven) return;
     double radius;
     const vec3 middle = surface_cell_middle(job->scan, k, &radius);
+    /* with a point that near its middle no place of the cell is farther than the farthest */
+    out->is_done = has_point(job, middle, enough_at(&job->least, middle, radius, farthest), near);
+    if (out->is_done) return;
     if (f->uneven) {
         field_cell cell;
         surface_cell(job->scan, k, &cell);
         out->size = field_cell_size(f, &cell);
     }
-    /* with a point that near its middle no place of the cell is farther than the farthest */
-    out->is_done = has_point(job, middle, enough_at(&job->least, middle, radius, farthest), near);
-    if (!out->is_done && out->count < 0)
-        out->count = surface_cell_rough_triangles(job->scan, k, out->triangle);
+    if (out->count < 0) out->count = surface_cell_rough_triangles(job->scan, k, out->triangle);
 }
 
 /* The farthest place of a cell, if that is beyond `farthest`. */

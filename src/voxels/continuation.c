@@ -370,7 +370,8 @@ static void lengthen_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Continues layer by layer, of which the first counts as known in the end, and the last goes straight on. Returns how many blocks are still open. */
+/* Continues layer by layer, of which the first counts as known in the end, and the last goes straight on. Returns how many blocks
+ * are still open. */
 static size_t extend(samples *s, extension *job, uint32_t *open, uint64_t *first, threads *pool)
 {
     const size_t bytes = s->map.count * SIDE * sizeof *s->known;

@@ -243,18 +243,15 @@ grid_view_block grid_view_find(const grid_view *l, int32_t x, int32_t y, int32_t
 void grid_view_around(const grid_view *l, const int32_t block[3], grid_view_block out[27])
 {
     uint32_t leaf[27], tile[27];
-    bool apart = false; /* some lie in other tiles of the larger levels than others */
     block_map_around(&l->leaves, block, leaf);
     block_map_around(&l->tiles[0], block, tile);
-    for (int a = 0; a < 3; a++) apart |= (block[a] - 1) >> tile_shift[1] != (block[a] + 1) >> tile_shift[1];
-    const float larger = apart ? 0 : constant_at(l, 1, block[0], block[1], block[2]);
     for (int k = 0; k < 27; k++) {
         out[k] = (grid_view_block){leaf[k], l->background};
         if (leaf[k] != BLOCK_MAP_NONE) continue;
-        out[k].constant = tile[k] != BLOCK_MAP_NONE ? l->tile_values[0][tile[k]]
-                          : !apart                  ? larger
-                                   : constant_at(l, 1, block[0] + k / 9 - 1, block[1] + k / 3 % 3 - 1,
-                                                 block[2] + k % 3 - 1);
+        out[k].constant =
+            tile[k] != BLOCK_MAP_NONE
+                ? l->tile_values[0][tile[k]]
+                : constant_at(l, 1, block[0] + k / 9 - 1, block[1] + k / 3 % 3 - 1, block[2] + k % 3 - 1);
     }
 }
 
