@@ -194,6 +194,31 @@ void threads_run(threads *t, size_t count, size_t grain, threads_work work, void
     pthread_mutex_unlock(&t->lock);
 }
 
+/* A loop whose first chunk is something else. */
+typedef struct beside_job {
+    void (*other)(void *);
+    void *others_context;
+    size_t grain;
+    threads_work work;
+    void *context;
+} beside_job;
+
+static void run_beside(void *context, int worker, size_t begin, size_t end)
+{
+    const beside_job *job = context;
+    if (begin == 0)
+        job->other(job->others_context);
+    else
+        job->work(job->context, worker, begin - job->grain, end - job->grain);
+}
+
+void threads_run_beside(threads *t, void (*other)(void *), void *others_context, size_t count, size_t grain,
+                        threads_work work, void *context)
+{
+    beside_job job = {other, others_context, grain, work, context};
+    threads_run(t, count + grain, grain, run_beside, &job);
+}
+
 /* Bytes that one thread takes at a time: a large page. */
 static const size_t PIECE = 2 << 20;
 

@@ -41,6 +41,10 @@ bool threads_stopped(const threads *t); /* false for NULL */
 /* NULL: on the calling thread. */
 void threads_run(threads *t, size_t count, size_t grain, threads_work work, void *context);
 
+/* The same, and beside it `other` once, by one of the threads. */
+void threads_run_beside(threads *t, void (*other)(void *), void *others_context, size_t count, size_t grain,
+                        threads_work work, void *context);
+
 /* memcpy by all threads: of fresh memory most of the time is the first touch. Not complete where loops are to stop. */
 void threads_copy(threads *t, void *to, const void *from, size_t bytes);
 

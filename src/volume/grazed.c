@@ -9,6 +9,7 @@
 #include "base/isa.h"
 #include "base/memory.h"
 #include "field/field.h"
+#include "geometry/flood.h"
 #include "volume/brick.h"
 #include "voxels/grid_view.h"
 
@@ -586,6 +587,19 @@ static bool follow(search *s, error *e)
     return true;
 }
 
+/* The cells as they were, without those that are found. */
+typedef struct flooding {
+    const search *search;
+    bool ok, *joined;
+    error *e;
+} flooding;
+
+static void flood_cells(void *context)
+{
+    flooding *f = context;
+    f->ok = flood_reaches_all(f->search->map, f->search->crossed, f->joined, f->e);
+}
+
 bool grazed_find(const bricks *b, const int64_t size[3], double aspect, threads *pool, uint8_t *crossed,
                  grazed *out, error *e)
 {
@@ -603,11 +617,17 @@ bool grazed_find(const bricks *b, const int64_t size[3], double aspect, threads 
     out->flat = mem_array(bytes, 1, what, e);
     out->gentle = mem_array(bytes, 1, what, e);
     bool ok = s.leaky && out->passed && out->flat && out->gentle;
+    flooding all = {&s, true, &out->joined, e};
     if (ok) {
-        threads_run(pool, map->count, BLOCKS, leak_chunk, &s);
+        threads_run_beside(pool, flood_cells, &all, map->count, BLOCKS, leak_chunk, &s);
         if ((double)s.bent > BENT_MOST * (double)s.cells) memset(out->gentle, 0, bytes);
     }
-    ok = ok && follow(&s, e);
+    ok = ok && all.ok && follow(&s, e);
+    if (ok && !out->joined &&
+        out->count > 0) { /* each is beside one that was there: parts may be joined, not more */
+        flood_cells(&all);
+        ok = all.ok;
+    }
     free(s.leaky);
     return ok;
 }

@@ -24,6 +24,7 @@ typedef struct grazed {
     size_t count, room;
     uint8_t *passed;        /* 64 bytes a block: all cells, of either kind, with such a face */
     uint8_t *flat, *gentle; /* likewise: cells with corners on both sides, by their field_bend */
+    bool joined;            /* all cells hang together, by faces that they share */
 } grazed;
 
 /* `size`: of the data where cells end with it, 0 along an axis where they do not. `aspect`: of a voxel the longest side over the

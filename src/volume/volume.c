@@ -8,7 +8,6 @@
 
 #include "base/memory.h"
 #include "geometry/affine.h"
-#include "geometry/flood.h"
 #include "mesh/levelset.h"
 #include "meshfile/mesh_file.h"
 #include "vdb/plain_vdb.h"
@@ -324,6 +323,7 @@ static bool add_grazed_cells(const loading *l, volume *v, error *e)
         crossed_cells_add_late(&v->cells, found.cell, found.count);
         found.cell = NULL;
     }
+    v->base.joined = found.joined;
     v->grazed = found.passed;
     v->flat = found.flat;
     v->gentle = found.gentle;
@@ -359,8 +359,7 @@ static bool build(loading *l, volume *v, error *e)
     set_transform(v, l->grid->index_to_world);
     if (!find_crossings(l, v, e) || !plan(l, v, e) || !read_samples(l, v, e) ||
         !crossed_cells_take_values(&v->cells, &l->samples, l->smooth, l->pool, e) || !note_sides(l, v, e) ||
-        !make_bricks(l, v, e) || !add_grazed_cells(l, v, e) ||
-        !flood_reaches_all(&v->map, v->crossed, &v->base.joined, e))
+        !make_bricks(l, v, e) || !add_grazed_cells(l, v, e))
         return false;
     measure(v);
     return true;

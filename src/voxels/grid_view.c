@@ -95,7 +95,28 @@ static void range_chunk(void *context, int worker, size_t begin, size_t end)
     job->of_chunk[begin / LEAVES] = r;
 }
 
-static bool scan_range(grid_view *l, threads *pool, error *e)
+/* Their table, made beside the look at their values. */
+typedef struct table {
+    grid_view *view;
+    bool ok;
+    error *e;
+} table;
+
+static void add_leaves(void *context)
+{
+    table *t = context;
+    const vdb_grid *g = t->view->grid;
+    for (size_t i = 0; t->ok && i < g->leaf_count; i++) {
+        const int32_t *o = g->leaf_origin[i];
+        uint32_t n;
+        t->ok = block_map_find_or_add(&t->view->leaves, o[0] >> 3, o[1] >> 3, o[2] >> 3, &n, t->e);
+        if (t->ok && n != i)
+            t->ok = error_set(t->e, ERROR_INPUT_DAMAGED,
+                              "the volume has two leaves at (%d, %d, %d): it is damaged", o[0], o[1], o[2]);
+    }
+}
+
+static bool scan_leaves(grid_view *l, threads *pool, error *e)
 {
     const vdb_grid *g = l->grid;
     const size_t chunks = (g->leaf_count + LEAVES - 1) / LEAVES;
@@ -106,14 +127,15 @@ static bool scan_range(grid_view *l, threads *pool, error *e)
         l->lowest = fminf(l->lowest, g->tiles[i].value);
         l->highest = fmaxf(l->highest, g->tiles[i].value);
     }
-    threads_run(pool, g->leaf_count, LEAVES, range_chunk, &job);
+    table of_leaves = {l, true, e};
+    threads_run_beside(pool, add_leaves, &of_leaves, g->leaf_count, LEAVES, range_chunk, &job);
     for (size_t k = 0; k < chunks; k++) {
         l->lowest = fminf(l->lowest, job.of_chunk[k].lowest);
         l->highest = fmaxf(l->highest, job.of_chunk[k].highest);
         l->not_finite += job.of_chunk[k].not_finite;
     }
     free(job.of_chunk);
-    return true;
+    return of_leaves.ok;
 }
 
 /* Some writers leave clamped voxels active. Where values go beyond the background, the grid is not
@@ -175,20 +197,6 @@ static void sign_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-static bool add_leaves(grid_view *l, error *e)
-{
-    if (!block_map_init(&l->leaves, l->grid->leaf_count, e)) return false;
-    for (size_t i = 0; i < l->grid->leaf_count; i++) {
-        const int32_t *o = l->grid->leaf_origin[i];
-        uint32_t n;
-        if (!block_map_find_or_add(&l->leaves, o[0] >> 3, o[1] >> 3, o[2] >> 3, &n, e)) return false;
-        if (n != i)
-            return error_set(e, ERROR_INPUT_DAMAGED,
-                             "the volume has two leaves at (%d, %d, %d): it is damaged", o[0], o[1], o[2]);
-    }
-    return true;
-}
-
 bool grid_view_init(grid_view *l, const vdb_grid *grid, grid_view_kind kind, double isovalue,
                     size_t memory_limit, threads *pool, error *e)
 {
@@ -197,10 +205,10 @@ bool grid_view_init(grid_view *l, const vdb_grid *grid, grid_view_kind kind, dou
     l->kind = kind;
     l->isovalue = isovalue;
     l->plain = kind == GRID_VIEW_LEVEL_SET && isovalue == 0;
-    bool ok = scan_range(l, pool, e);
+    bool ok = block_map_init(&l->leaves, grid->leaf_count, e) && scan_leaves(l, pool, e);
     l->background = to_f(l, grid->background);
     l->signs = mem_array(grid->leaf_count, sizeof *l->signs, leaves, e);
-    ok = ok && l->signs && add_tiles(l, memory_limit, e) && add_leaves(l, e);
+    ok = ok && l->signs && add_tiles(l, memory_limit, e);
     if (ok) {
         set_clamp(l);
         scan job = {l, NULL};

@@ -37,6 +37,30 @@ static void every_item_once(void **state)
     }
 }
 
+static void count_one(void *context)
+{
+    atomic_fetch_add((atomic_int *)context, 1);
+}
+
+static void something_else_beside(void **state)
+{
+    (void)state;
+    for (int workers = 1; workers <= 4; workers++) {
+        error e = {0};
+        threads *pool = threads_new(workers, NULL, &e);
+        assert_non_null(pool);
+        for (size_t count = 0; count < ITEMS; count = count * 3 + 1)
+            for (size_t grain = 1; grain < 2 * ITEMS; grain = grain * 3 + 1) {
+                atomic_int seen[ITEMS], others = 0;
+                memset(seen, 0, sizeof seen);
+                threads_run_beside(pool, count_one, &others, count, grain, count_items, seen);
+                assert_int_equal(others, 1);
+                for (size_t i = 0; i < ITEMS; i++) assert_int_equal(seen[i], i < count);
+            }
+        threads_free(pool);
+    }
+}
+
 typedef struct short_loop {
     atomic_int done, late;
     atomic_bool over;
@@ -75,8 +99,8 @@ static void there_is_a_processor(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(every_item_once),
-                                       cmocka_unit_test(short_loops_end_for_all),
-                                       cmocka_unit_test(there_is_a_processor)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(every_item_once), cmocka_unit_test(something_else_beside),
+        cmocka_unit_test(short_loops_end_for_all), cmocka_unit_test(there_is_a_processor)};
     return cmocka_run_group_tests_name("threads", tests, NULL, NULL);
 }
