@@ -74,93 +74,173 @@ ISA_INLINE uint64_t frontier(const surroundings *s, int x, uint64_t known[18])
     return any;
 }
 
-/* What the line through voxels at distances 1, 2 (values a, b) and 3 (c, where `bent`) says of the voxel at 0. */
-ISA_INLINE double along_line(double a, double b, double c, bool bent)
+#pragma GCC diagnostic ignored "-Wpsabi" /* what takes or returns lanes is inlined */
+
+/* Eight voxels along the last axis, and of each whether something is so: -1 or 0. */
+typedef float lanes __attribute__((vector_size(4 * SIDE), aligned(4), may_alias));
+typedef int32_t lanes_mask __attribute__((vector_size(4 * SIDE)));
+
+/* Of a layer's bits those of row y. */
+ISA_INLINE lanes_mask spread_row(uint64_t bits, int y)
 {
-    return 2 * a - b + (bent ? block_line_bend(a, b, c) : 0);
+    const lanes_mask bit = {1, 2, 4, 8, 16, 32, 64, 128}, all = {0};
+    return ((all + (int32_t)(uint8_t)(bits >> SIDE * y)) & bit) == bit;
 }
 
-/* Where the lines along one direction lead: its side (0: below) of an axis, and the voxels of the block and of the one
- * beyond, or of this one again where there is none. Which of both is looked up, since a processor cannot foretell it. */
-typedef struct direction {
-    int axis, side;
-    const float *from[2];
-} direction;
-
-/* The value `step` voxels from a voxel of the layer x. */
-ISA_INLINE double value_along(const direction *d, int x, int bit, int step)
+/* Bit 8 y: whether row y of a layer has a bit. */
+ISA_INLINE uint64_t rows_with_any(uint64_t bits)
 {
-    const int by = d->side ? step : -step, layer = 64 * x, y = bit & ~(SIDE - 1), z = bit & (SIDE - 1);
-    const int to = d->axis == 0   ? x + by
-                   : d->axis == 1 ? bit + SIDE * by
-                                  : z + by,
-              in_block = to & (d->axis == 1 ? 63 : SIDE - 1);
-    const float *from = d->from[to != in_block];
-    if (d->axis == 0) return (double)from[64 * in_block + bit];
-    return (double)from[layer + in_block + (d->axis == 1 ? 0 : y)];
+    bits |= bits >> 4;
+    bits |= bits >> 2;
+    return (bits | bits >> 1) & 0x0101010101010101u;
 }
 
-/* Of a layer's frontier what the lines from all directions say, summed, and how many these are. */
-typedef struct gathered {
-    double sum[64];
-    uint8_t count[64];
-} gathered;
-
-ISA_INLINE void gather_lines(const direction *d, int x, uint64_t bits, bool bent, gathered *g)
+ISA_INLINE int lowest_row(uint64_t rows)
 {
-    for (; bits; bits &= bits - 1) {
-        const int bit = __builtin_ctzll(bits);
-        const double a = value_along(d, x, bit, 1), b = value_along(d, x, bit, 2);
-        g->sum[bit] += along_line(a, b, bent ? value_along(d, x, bit, 3) : 0, bent);
-        g->count[bit]++;
+    return __builtin_ctzll(rows) / SIDE;
+}
+
+ISA_INLINE lanes only(lanes_mask of, lanes a)
+{
+    return (lanes)(of & (lanes_mask)a);
+}
+
+ISA_INLINE lanes chosen(lanes_mask of, lanes a, lanes b)
+{
+    return (lanes)((of & (lanes_mask)a) | (~of & (lanes_mask)b));
+}
+
+/* A loop that is not unrolled early becomes a single instruction. */
+ISA_INLINE lanes smaller(lanes a, lanes b)
+{
+#pragma GCC unroll 1
+    for (int k = 0; k < SIDE; k++) a[k] = a[k] < b[k] ? a[k] : b[k];
+    return a;
+}
+
+ISA_INLINE lanes larger(lanes a, lanes b)
+{
+#pragma GCC unroll 1
+    for (int k = 0; k < SIDE; k++) a[k] = a[k] > b[k] ? a[k] : b[k];
+    return a;
+}
+
+ISA_INLINE void transpose(lanes r[SIDE])
+{
+#pragma GCC unroll 3
+    for (int step = 0; step < 3; step++) { /* a perfect shuffle of 64 values, three times, is the transpose */
+        lanes to[SIDE];
+#pragma GCC unroll 4
+        for (int k = 0; k < SIDE / 2; k++) {
+            const lanes a = r[k], b = r[k + SIDE / 2];
+            to[2 * k] = __builtin_shufflevector(a, b, 0, 8, 1, 9, 2, 10, 3, 11);
+            to[2 * k + 1] = __builtin_shufflevector(a, b, 4, 12, 5, 13, 6, 14, 7, 15);
+        }
+#pragma GCC unroll 8
+        for (int k = 0; k < SIDE; k++) r[k] = to[k];
     }
 }
 
-/* Where there are no lines, of two voxels and more: single voxels. */
-ISA_INLINE void gather_flats(const direction *d, int x, uint64_t bits, gathered *g)
+ISA_INLINE lanes row_of(const float *block, int x, int y)
 {
-    for (; bits; bits &= bits - 1) {
-        const int bit = __builtin_ctzll(bits);
-        g->sum[bit] += value_along(d, x, bit, 1);
-        g->count[bit]++;
+    return *(const lanes *)(block + 64 * x + SIDE * y);
+}
+
+/* Of two rows, one behind the other, the eight from the first's place `from` on: 1 to 3, 5 to 7. */
+ISA_INLINE lanes across(lanes a, lanes b, int from)
+{
+#define FROM(n) \
+    case n:     \
+        return __builtin_shufflevector(a, b, n, n + 1, n + 2, n + 3, n + 4, n + 5, n + 6, n + 7)
+    switch (from) {
+        FROM(1);
+        FROM(2);
+        FROM(3);
+        FROM(5);
+        FROM(6);
+        FROM(7);
     }
+#undef FROM
+    return a;
+}
+
+/* The values `step` voxels, 1 to 3, from those of a row, below (side 0) or above along an axis. Of a block that is missing they may be anything. */
+ISA_INLINE lanes row_beside(const surroundings *s, int x, int y, int axis, int side, int step)
+{
+    const float *there = s->beyond[2 * axis + side];
+    const int to = (axis == 0 ? x : y) + (side ? step : -step), within = to & (SIDE - 1);
+    if (axis == 0) return row_of(to == within ? s->here : there, within, y);
+    if (axis == 1) return row_of(to == within ? s->here : there, x, within);
+    const lanes here = row_of(s->here, x, y), beyond = row_of(there, x, y);
+    return side ? across(here, beyond, step) : across(beyond, here, SIDE - step);
+}
+
+/* As block_line_bend. */
+ISA_INLINE lanes line_bend(lanes a, lanes b, lanes c)
+{
+    const lanes change = a - b, most = 0.5f * larger(change, -change);
+    return larger(smaller(a - 2 * b + c, most), -most);
 }
 
 /* The clamped value `raw` that a voxel still has gives the side, and the least distance. The bounds hold off what
  * meeting fronts could build up; they are loose, so that the continuation has no edge at the clamp. */
-ISA_INLINE float bounded(double value, double raw, int layer)
+ISA_INLINE lanes bounded(lanes value, lanes raw, int layer)
 {
-    const double size = fabs(raw), side = raw < 0 ? -1 : 1;
-    double reach = side * value;
-    if (reach < 0.5 * size) reach = 0.5 * size;
-    if (reach > size * (1 + layer)) reach = size * (1 + layer);
-    return (float)(side * reach);
+    const lanes_mask side = (lanes_mask)raw & INT32_MIN;
+    const lanes size = (lanes)((lanes_mask)raw & INT32_MAX), reach = (lanes)((lanes_mask)value ^ side);
+    return (lanes)((lanes_mask)smaller(larger(reach, 0.5f * size), (float)(1 + layer) * size) ^ side);
+}
+
+/* Of the rows of a layer what all lines say, summed, and how many these are. */
+typedef struct gathered {
+    lanes sum[SIDE], count[SIDE];
+} gathered;
+
+/* What the lines through two known voxels of `two` say, in direction k; of three where those are `bent`. */
+ISA_INLINE void gather_lines(const surroundings *s, int x, int k, uint64_t two, uint64_t bent, gathered *g)
+{
+    const lanes one = (lanes){0} + 1;
+    for (uint64_t rows = rows_with_any(two); rows; rows &= rows - 1) {
+        const int y = lowest_row(rows);
+        const lanes a = row_beside(s, x, y, k / 2, k % 2, 1), b = row_beside(s, x, y, k / 2, k % 2, 2),
+                    c = row_beside(s, x, y, k / 2, k % 2, 3);
+        const lanes_mask of = spread_row(two, y);
+        g->sum[y] += only(of, 2 * a - b + only(spread_row(bent, y), line_bend(a, b, c)));
+        g->count[y] += only(of, one);
+    }
+}
+
+/* Where there are no lines, of two voxels and more: single voxels. */
+ISA_INLINE void gather_flats(const surroundings *s, int x, int k, uint64_t of, gathered *g)
+{
+    const lanes one = (lanes){0} + 1;
+    for (uint64_t rows = rows_with_any(of); rows; rows &= rows - 1) {
+        const int y = lowest_row(rows);
+        g->sum[y] += only(spread_row(of, y), row_beside(s, x, y, k / 2, k % 2, 1));
+        g->count[y] += only(spread_row(of, y), one);
+    }
 }
 
 /* Continues the frontier `bits` of the layer x of a block. */
-ISA_INLINE void extend_row(const surroundings *s, int x, uint64_t bits, const uint64_t known[18], int layer)
+ISA_INLINE void extend_layer(const surroundings *s, int x, uint64_t bits, const uint64_t known[18], int layer)
 {
-    float *at = s->here + 64 * x;
     uint64_t lined = 0;
     gathered g;
-    memset(g.count, 0, sizeof g.count);
-#pragma GCC unroll 64
-    for (int k = 0; k < 64; k++) g.sum[k] = 0;
+#pragma GCC unroll 8
+    for (int y = 0; y < SIDE; y++) g.sum[y] = g.count[y] = (lanes){0};
 #pragma GCC unroll 6
-    for (int k = 0; k < 6; k++) { /* one after the other, so that a processor can foretell the branches */
-        const direction d = {k / 2, k % 2, {s->here, s->beyond[k]}};
+    for (int k = 0; k < 6; k++) {
         const uint64_t two = bits & known[3 * k] & known[3 * k + 1];
-        gather_lines(&d, x, two & known[3 * k + 2], true, &g);
-        gather_lines(&d, x, two & ~known[3 * k + 2], false, &g);
+        gather_lines(s, x, k, two, two & known[3 * k + 2], &g);
         lined |= two;
     }
-    for (int k = 0; lined != bits && k < 6; k++) {
-        const direction d = {k / 2, k % 2, {s->here, s->beyond[k]}};
-        gather_flats(&d, x, bits & ~lined & known[3 * k], &g);
-    }
-    for (; bits; bits &= bits - 1) {
-        const int bit = __builtin_ctzll(bits);
-        at[bit] = bounded(g.sum[bit] / g.count[bit], (double)at[bit], layer);
+    if (lined != bits)
+#pragma GCC unroll 6
+        for (int k = 0; k < 6; k++) gather_flats(s, x, k, bits & ~lined & known[3 * k], &g);
+    for (uint64_t rows = rows_with_any(bits); rows; rows &= rows - 1) {
+        const int y = lowest_row(rows);
+        lanes *at = (lanes *)(s->here + 64 * x + SIDE * y);
+        *at = chosen(spread_row(bits, y), bounded(g.sum[y] / g.count[y], *at, layer), *at);
     }
 }
 
@@ -196,49 +276,50 @@ static size_t keep_open(const atomic_uchar *whole, uint32_t *open, size_t count)
     return left;
 }
 
-/* The bits of a block's slice i, in which byte j is a line along the axis: the line (i, j) of the other two. */
-ISA_INLINE uint64_t slice_bits(const uint64_t known[SIDE], int axis, int i)
+/* Eight lines side by side: their voxels number i, and byte i of `known` tells of these. A line that ends with two known voxels
+ * goes straight on, up (or down) to the end of the block. Returns which are known then. */
+ISA_INLINE uint64_t go_straight(lanes line[SIDE], uint64_t known, bool up)
 {
-    if (axis == 2) return known[i];
-    return block_transposed(axis == 1 ? known[i] : block_turned(known, i));
-}
-
-ISA_INLINE void set_slice_bits(uint64_t known[SIDE], int axis, int i, uint64_t bits)
-{
-    if (axis != 2) bits = block_transposed(bits);
-    if (axis != 0) known[i] |= bits;
-    for (int x = 0; axis == 0 && x < SIDE; x++) known[x] |= (bits >> 8 * x & 0xff) << 8 * i;
-}
-
-/* Where a line ends with two known voxels it goes straight on, to the end of the block. Returns which are known then. */
-static unsigned go_straight(float *line, int step, unsigned has)
-{
-    const int low = __builtin_ctz(has), high = 31 - __builtin_clz(has);
-    for (int up = 0; up < 2; up++) {
-        const int end = up ? high : low, by = up ? 1 : -1;
-        if (low == high || !(has >> (end - by) & 1)) continue;
-        const double beside = (double)line[end * step], slope = beside - (double)line[(end - by) * step];
-        for (int k = end + by; k >= 0 && k < SIDE; k += by) {
-            line[k * step] = bounded(beside + abs(k - end) * slope, (double)line[k * step], LINE_MOST);
-            has |= 1u << k;
-        }
+    const int by = up ? 1 : -1;
+    uint64_t beyond = known; /* bits at an end and before it */
+    for (int shift = SIDE; shift < 64; shift *= 2) beyond |= up ? beyond >> shift : beyond << shift;
+    const uint64_t one = up ? known << SIDE : known >> SIDE, two = up ? one << SIDE : one >> SIDE;
+    uint64_t begins = one & two & ~beyond, fill = begins;
+    for (int shift = SIDE; shift < 64; shift *= 2) fill |= up ? fill << shift : fill >> shift;
+    if (fill == 0) return known;
+    lanes value = {0}, slope = value;
+    for (int i = up ? 2 : SIDE - 3; i >= 0 && i < SIDE; i += by) {
+        const lanes_mask at_end = spread_row(begins, i);
+        slope = chosen(at_end, line[i - by] - line[i - 2 * by], slope);
+        value = chosen(at_end, line[i - by], value) + slope;
+        line[i] = chosen(spread_row(fill, i), bounded(value, line[i], LINE_MOST), line[i]);
     }
-    return has;
+    return known | fill;
 }
 
-static void straighten(float *f, uint64_t known[SIDE], int axis)
+/* All lines of a block along an axis. */
+ISA_INLINE void straighten(float *f, uint64_t known[SIDE], int axis)
 {
-    const int a = axis == 0 ? 8 : 64, b = axis == 2 ? 8 : 1;
-    for (int i = 0; i < SIDE; i++) {
-        const uint64_t before = slice_bits(known, axis, i);
-        uint64_t bits = before;
+    for (int i = 0; i < SIDE; i++) { /* slices: layers, or of each layer row i */
+        lanes line[SIDE];
+        uint64_t before = axis == 0   ? block_turned(known, i)
+                          : axis == 1 ? known[i]
+                                      : block_transposed(known[i]);
         if (before == 0 || before == ~(uint64_t)0) continue;
-        for (int j = 0; j < SIDE; j++) {
-            const unsigned has = before >> 8 * j & 0xff;
-            if (has != 0 && has != 0xff)
-                bits |= (uint64_t)go_straight(f + i * a + j * b, block_stride[axis], has) << 8 * j;
+        lanes *row[SIDE];
+        for (int k = 0; k < SIDE; k++) {
+            row[k] = (lanes *)(f + (axis == 0 ? 64 * k + SIDE * i : 64 * i + SIDE * k));
+            line[k] = *row[k];
         }
-        if (bits != before) set_slice_bits(known, axis, i, bits);
+        if (axis == 2) transpose(line);
+        const uint64_t bits = go_straight(line, before, true) | go_straight(line, before, false);
+        if (bits == before) continue;
+        if (axis == 2) transpose(line);
+        for (int k = 0; k < SIDE; k++) {
+            *row[k] = line[k];
+            if (axis == 0) known[k] |= (bits >> SIDE * k & 0xff) << SIDE * i;
+        }
+        if (axis != 0) known[i] = axis == 1 ? bits : block_transposed(bits);
     }
 }
 
@@ -268,18 +349,22 @@ static void order_axes(const float *f, const uint64_t known[SIDE], int order[3])
 }
 
 /* A block's lines, once its last layer is there: the other blocks' layers ask for none of these voxels. */
-static void go_straight_within(extension *job, size_t n)
+ISA_INLINE void go_straight_within(extension *job, size_t n)
 {
     uint64_t *known = job->next + n * SIDE;
     int order[3];
     if (!block_has_any(known)) return;
     order_axes(job->s->f[n], known, order);
-    for (int k = 0; k < 3; k++) straighten(job->s->f[n], known, order[k]);
+    for (int k = 0; k < 3 && !is_whole(known); k++) {
+        if (order[k] == 0) straighten(job->s->f[n], known, 0);
+        if (order[k] == 1) straighten(job->s->f[n], known, 1);
+        if (order[k] == 2) straighten(job->s->f[n], known, 2);
+    }
     set_whole(job, n, is_whole(known));
 }
 
 /* What is known stays as it was until the layer is done, so that the order of blocks does not matter. */
-static void extend_chunk(void *context, int worker, size_t begin, size_t end)
+ISA_CLONES static void extend_chunk(void *context, int worker, size_t begin, size_t end)
 {
     extension *job = context;
     surroundings around;
@@ -293,7 +378,7 @@ static void extend_chunk(void *context, int worker, size_t begin, size_t end)
             uint64_t known[18], bits = frontier(&around, x, known);
             job->next[n * SIDE + (size_t)x] = around.layers[x + 3] | bits;
             changed |= bits;
-            if (bits) extend_row(&around, x, bits, known, job->layer);
+            if (bits) extend_layer(&around, x, bits, known, job->layer);
         }
         if (job->layer < LAYERS)
             set_whole(job, n, is_whole(around.layers + 3));
@@ -303,48 +388,51 @@ static void extend_chunk(void *context, int worker, size_t begin, size_t end)
     if (changed) atomic_store(&job->changed, true);
 }
 
-/* Lines that go on from one block into the next. */
+/* Lines that go on from the block below (side 0) or above along an axis. */
 typedef struct crossing_lines {
-    const float *from; /* the first line's last voxel there */
-    int first, by; /* the first line's first voxel here, and the way to the next along it, there and here */
-    int a, b;      /* a line's place by 8 and by 1 */
+    const float *from;
+    int axis, side;
 } crossing_lines;
-
-/* From the block below (side 0) along an axis, or that above. */
-static crossing_lines cross(const float *from, int axis, int side)
-{
-    const int along = block_stride[axis], end = (SIDE - 1) * along;
-    return (crossing_lines){from + (side ? 0 : end), side ? end : 0, side ? -along : along,
-                            axis == 0 ? 8 : 64, axis == 2 ? 8 : 1};
-}
 
 /* How much values grow where the lines cross, which is the more the straighter they lead away from the surface. Four are asked. */
 static double growth(const crossing_lines *l)
 {
+    const int along = block_stride[l->axis], end = l->side ? 0 : (SIDE - 1) * along,
+              back = l->side ? along : -along;
+    const int a = l->axis == 0 ? 8 : 64, b = l->axis == 2 ? 8 : 1;
     double sum = 0;
     for (int k = 0; k < 4; k++) {
-        const float *at = l->from + (k & 1 ? 6 : 1) * l->a + (k >> 1 ? 6 : 1) * l->b;
-        sum += fabs((double)at[0]) - fabs((double)at[-l->by]);
+        const float *at = l->from + end + (k & 1 ? 6 : 1) * a + (k >> 1 ? 6 : 1) * b;
+        sum += fabs((double)at[0]) - fabs((double)at[back]);
     }
     return sum;
 }
 
 /* Fills what is not known. */
-static void lengthen(const crossing_lines *l, float *f, const uint64_t known[SIDE])
+ISA_INLINE void lengthen(const crossing_lines *l, float *f, const uint64_t known[SIDE])
 {
-    for (int line = 0; line < SIDE * SIDE; line++) {
-        const int place = line / SIDE * l->a + line % SIDE * l->b;
-        const double last = (double)l->from[place], slope = last - (double)l->from[place - l->by];
-        for (int k = 0; k < SIDE; k++) {
-            const int to = l->first + place + k * l->by;
-            if (known[to >> 6] >> (to & 63) & 1) continue;
-            f[to] = bounded(last + (k + 1) * slope, (double)f[to], LINE_MOST);
+    const lanes zero = {0}, ahead = {1, 2, 3, 4, 5, 6, 7, 8}, behind = {8, 7, 6, 5, 4, 3, 2, 1};
+    const int end = l->side ? 0 : SIDE - 1, back = l->side ? 1 : SIDE - 2;
+    for (int row = 0; row < SIDE * SIDE; row++) {
+        const int x = row / SIDE, y = row % SIDE, along = l->axis == 0 ? x : y;
+        const float *last_z = l->from + SIDE * row;
+        const lanes_mask is_known = spread_row(known[x], y);
+        lanes last, before, steps, *at = (lanes *)(f + SIDE * row);
+        if (l->axis == 2) {
+            last = zero + last_z[end];
+            before = zero + last_z[back];
+            steps = l->side ? behind : ahead;
+        } else {
+            last = l->axis == 0 ? row_of(l->from, end, y) : row_of(l->from, x, end);
+            before = l->axis == 0 ? row_of(l->from, back, y) : row_of(l->from, x, back);
+            steps = zero + (float)(l->side ? SIDE - along : along + 1);
         }
+        *at = chosen(is_known, *at, bounded(last + steps * (last - before), *at, LINE_MOST));
     }
 }
 
 /* Blocks that no line of their own fills: from that beside them, whole since an earlier round, from which values grow most. */
-static void lengthen_chunk(void *context, int worker, size_t begin, size_t end)
+ISA_CLONES static void lengthen_chunk(void *context, int worker, size_t begin, size_t end)
 {
     extension *job = context;
     const samples *s = job->s;
@@ -358,7 +446,7 @@ static void lengthen_chunk(void *context, int worker, size_t begin, size_t end)
             const int since =
                 other == BLOCK_MAP_NONE ? 0 : atomic_load_explicit(&job->whole[other], memory_order_relaxed);
             if (since == 0 || since > job->layer) continue;
-            const crossing_lines lines = cross(s->f[other], k / 2, k % 2);
+            const crossing_lines lines = {s->f[other], k / 2, k % 2};
             const double by = growth(&lines);
             if (!(by > most)) continue;
             most = by;

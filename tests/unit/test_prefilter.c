@@ -229,6 +229,49 @@ static void threads_continue_alike(void **state)
     assert_true(filled > 1000);
 }
 
+/* A plane's band, three voxels on either side, in any direction: layers and lines are exact for it, so that voxels of every block
+ * beside it come to have its values, wherever these are within what is allowed. */
+static void a_plane_goes_on(void **state)
+{
+    (void)state;
+    enum { BAND = 3, PLANES = 24 };
+    rng r = rng_seed(test_seed(), 4);
+    error e = {0};
+    size_t seen = 0;
+    double worst = 0;
+    for (int plane = 0; plane < PLANES; plane++) {
+        double normal[3], length = 0;
+        for (int k = 0; k < 3; k++) normal[k] = rng_uniform(&r) - 0.5;
+        if (plane < 6) normal[plane % 3] = plane < 3 ? 2 : -2; /* nearly along an axis */
+        for (int k = 0; k < 3; k++) length += normal[k] * normal[k];
+        for (int k = 0; k < VOXELS; k++) {
+            const int at[3] = {k / (ALL * ALL), k / ALL % ALL, k % ALL};
+            double f = 0;
+            for (int axis = 0; axis < 3; axis++)
+                f += normal[axis] / sqrt(length) * (at[axis] - 0.5 * ALL + 0.3);
+            other.f[k] = (float)f;
+            before.known[k] = fabs(f) < BAND;
+            before.f[k] = before.known[k] ? (float)f : f < 0 ? -BAND : BAND;
+        }
+        samples s = make_samples(&before, false);
+        assert_true(continuation_fill(&s, NULL, &e));
+        copy(&s, &before, true);
+        samples_free(&s);
+        for (int k = 0; k < VOXELS; k++) {
+            const double f = (double)other.f[k];
+            bool within = fabs(f) <= BAND + SIDE / 2; /* so far bricks reach */
+            for (int at = k, axis = 0; axis < 3;
+                 at /= ALL, axis++) /* slivers at the cube's end have no lines */
+                within = within && at % ALL >= SIDE && at % ALL < ALL - SIDE;
+            if (!within) continue;
+            worst = fmax(worst, fabs((double)before.f[k] - f));
+            seen += !before.known[k];
+        }
+    }
+    print_message("# %zu voxels beyond the band, off by %.2e\n", seen, worst);
+    assert_true(seen > 100 * PLANES && worst < 1e-4);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -236,6 +279,7 @@ int main(void)
         cmocka_unit_test(a_parabola_goes_on),
         cmocka_unit_test(threads_do_not_matter),
         cmocka_unit_test(threads_continue_alike),
+        cmocka_unit_test(a_plane_goes_on),
     };
     return cmocka_run_group_tests_name("prefilter", tests, NULL, NULL);
 }
