@@ -213,48 +213,56 @@ ISA_INLINE extent part_of(int low, int side, int at)
     return (extent){from, end - from};
 }
 
-/* Rows of the lengths that most have, of those of a block and beside it, are copied at once. */
-ISA_INLINE void copy_row(float *to, const float *from, int count)
-{
-    if (count == SIDE)
-        memcpy(to, from, SIDE * sizeof *to);
-    else if (count == 1)
-        *to = *from;
-    else if (count == 2)
-        memcpy(to, from, 2 * sizeof *to);
-    else
-        for (int k = 0; k < count; k++) to[k] = from[k];
-}
-
-void samples_window(const samples *s, const int32_t block[3], const int low[3], int side, float *out)
+ISA_INLINE void take_window(const samples *s, const int32_t block[3], const int low[3], int side, float *out)
 {
     const float *near[3][3][3];
     uint32_t around[27];
     extent part[3][3]; /* of each axis: in the block below, in this one and in that above */
     block_map_around(&s->map, block, around);
     const float *own = s->f[around[13]];
+#pragma GCC unroll 9
     for (int k = 0; k < 9; k++) part[k / 3][k % 3] = part_of(low[k / 3], side, k % 3 - 1);
+#pragma GCC unroll 27
     for (int k = 0; k < 27; k++) { /* all at first, so that they are waited for together */
         const int at[3] = {k / 9, k / 3 % 3, k % 3};
-        if (part[0][at[0]].count <= 0 || part[1][at[1]].count <= 0 || part[2][at[2]].count <= 0) continue;
-        const uint32_t n = around[k];
-        near[at[0]][at[1]][at[2]] = n == BLOCK_MAP_NONE ? NULL : s->f[n];
-        if (n != BLOCK_MAP_NONE && (at[0] == 1) + (at[1] == 1) + (at[2] == 1) == 2) block_fetch(s->f[n]);
+        const bool beside = (at[0] == 1) + (at[1] == 1) + (at[2] == 1) == 2;
+        near[at[0]][at[1]][at[2]] = around[k] == BLOCK_MAP_NONE ? NULL : s->f[around[k]];
+        if (beside && part[0][at[0]].count > 0 && part[1][at[1]].count > 0 && part[2][at[2]].count > 0 &&
+            around[k] != BLOCK_MAP_NONE)
+            block_fetch(s->f[around[k]]);
     }
-    for (int x = low[0]; x < low[0] + side; x++)
-        for (int y = low[1]; y < low[1] + side; y++) {
-            const float *const *blocks = near[(x >> 3) + 1][(y >> 3) + 1];
+#pragma GCC unroll 9
+    for (int k = 0; k < 9; k++) {
+        const extent i = part[0][k / 3], j = part[1][k % 3];
+        const float *const *blocks = near[k / 3][k % 3];
+        for (int x = i.from; x < i.from + i.count; x++)
+            for (int y = j.from; y < j.from + j.count; y++) {
+                float *to = out + side * (side * (x - low[0]) + y - low[1]);
 #pragma GCC unroll 3
-            for (int k = 0; k < 3; k++) {
-                const extent z = part[2][k];
-                if (z.count <= 0) continue;
-                if (blocks[k])
-                    copy_row(out, blocks[k] + 64 * (x & 7) + 8 * (y & 7) + (z.from & 7), z.count);
-                else
-                    for (int i = 0; i < z.count; i++) out[i] = beyond(own, x, y, z.from + i);
-                out += z.count;
+                for (int l = 0; l < 3; l++) {
+                    const extent z = part[2][l];
+                    if (z.count <= 0) continue;
+                    if (blocks[l])
+                        for (int m = 0; m < z.count; m++)
+                            to[m] = blocks[l][64 * (x & 7) + 8 * (y & 7) + (z.from & 7) + m];
+                    else
+                        for (int m = 0; m < z.count; m++) to[m] = beyond(own, x, y, z.from + m);
+                    to += z.count;
+                }
             }
-        }
+    }
+}
+
+/* Those that most are, of a block and what is beside it, have code of their own, which knows how long rows are. */
+void samples_window(const samples *s, const int32_t block[3], const int low[3], int side, float *out)
+{
+    static const int at_block[3] = {0, 0, 0}, before_block[3] = {-1, -1, -1};
+    if (side == 9 && memcmp(low, at_block, sizeof at_block) == 0)
+        take_window(s, block, (const int[]){0, 0, 0}, 9, out);
+    else if (side == 11 && memcmp(low, before_block, sizeof before_block) == 0)
+        take_window(s, block, (const int[]){-1, -1, -1}, 11, out);
+    else
+        take_window(s, block, low, side, out);
 }
 
 void samples_fetch(const samples *s, const int32_t block[3])
