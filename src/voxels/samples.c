@@ -183,22 +183,30 @@ bool samples_read(const grid_view *l, vdb_grid *grid, samples_leaves taken, bloc
 
 /* ---- taking cubes out */
 
-/* What lies in a block that is missing, a voxel or two from the block f: its nearest voxel, and on as it changes from the one before,
- * unless that leads to the other side of the surface. */
-static float beyond(const float *f, int x, int y, int z)
+/* A coordinate that may lie beyond a block: the nearest within, how far that is, and the way on, along an axis, to the one before. */
+typedef struct nearest {
+    int within, away, back;
+} nearest;
+
+ISA_INLINE nearest nearest_to(int at, int stride)
 {
-    const int at[3] = {x, y, z};
-    int nearest = 0;
-    double change = 0;
-    for (int axis = 0; axis < 3; axis++)
-        nearest += block_stride[axis] * (at[axis] < 0 ? 0 : at[axis] < SIDE ? at[axis] : SIDE - 1);
-    const double end = (double)f[nearest];
-    for (int axis = 0; axis < 3; axis++) {
-        const int away = at[axis] < 0 ? -at[axis] : at[axis] < SIDE ? 0 : at[axis] - (SIDE - 1);
-        if (away == 0) continue;
-        change += away * (end - (double)f[nearest + (at[axis] < 0 ? 1 : -1) * block_stride[axis]]);
+    const int within = at < 0 ? 0 : at < SIDE ? at : SIDE - 1;
+    return (nearest){within, abs(at - within), at < 0 ? stride : at < SIDE ? 0 : -stride};
+}
+
+/* Voxels in a row in a block that is missing, a voxel or two from the block f: the nearest voxel of that, and on as it changes from
+ * the one before, unless that leads to the other side of the surface. */
+ISA_INLINE void go_beyond(const float *f, int x, int y, int z, int count, float *to)
+{
+    const nearest a = nearest_to(x, block_stride[0]), b = nearest_to(y, block_stride[1]);
+    const float *line = f + block_stride[0] * a.within + block_stride[1] * b.within;
+    for (int k = 0; k < count; k++) {
+        const nearest c = nearest_to(z + k, block_stride[2]);
+        const float *at = line + c.within, end = *at;
+        const float change = (float)a.away * (end - at[a.back]) + (float)b.away * (end - at[b.back]) +
+                             (float)c.away * (end - at[c.back]);
+        to[k] = (end + change) * end > 0 ? end + change : end;
     }
-    return (float)((end + change) * end > 0 ? end + change : end);
 }
 
 /* The part from `low` on, of so many voxels along an axis, that lies in the block `at`: whence and how many. */
@@ -246,7 +254,7 @@ ISA_INLINE void take_window(const samples *s, const int32_t block[3], const int 
                         for (int m = 0; m < z.count; m++)
                             to[m] = blocks[l][64 * (x & 7) + 8 * (y & 7) + (z.from & 7) + m];
                     else
-                        for (int m = 0; m < z.count; m++) to[m] = beyond(own, x, y, z.from + m);
+                        go_beyond(own, x, y, z.from, z.count, to);
                     to += z.count;
                 }
             }
