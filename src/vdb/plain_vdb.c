@@ -398,13 +398,25 @@ static void take_stored(reading *r, size_t count, float *out)
     }
 }
 
-/* Puts each active value, of those in front, into its place, from the last one on, and between them the inactive ones. */
+/* Puts each active value, of those in front, into its place, from the last one on, and between them the inactive ones: eight at a
+ * time, of which most are all active or none. */
 static void spread(const uint64_t *active, const uint64_t *chosen, const float inactive[2], size_t stored,
                    size_t count, float *values)
 {
-    for (size_t k = count; k-- > 0;)
-        values[k] =
-            active[k / 64] >> (k % 64) & 1 ? values[--stored] : inactive[chosen[k / 64] >> (k % 64) & 1];
+    enum { ROW = 8 };
+    for (size_t at = count; at > 0; at -= ROW) {
+        const size_t first = at - ROW;
+        const unsigned is_active = active[first / 64] >> first % 64 & 0xff,
+                       which = chosen[first / 64] >> first % 64 & 0xff;
+        float *row = values + first;
+        if (is_active == 0xff) {
+            stored -= ROW;
+            memmove(row, values + stored, ROW * sizeof *row);
+        } else {
+            for (int k = ROW; k-- > 0;)
+                row[k] = is_active >> k & 1 ? values[--stored] : inactive[which >> k & 1];
+        }
+    }
 }
 
 /* What of a node's values comes before the stored ones; returns how many these are, of `count`. */
