@@ -41,7 +41,7 @@ bool threads_stopped(const threads *t); /* false for NULL */
 /* NULL: on the calling thread. */
 void threads_run(threads *t, size_t count, size_t grain, threads_work work, void *context);
 
-/* The same, and beside it `other` once, by one of the threads. */
+/* The same, and beside it `other` once, by one of the threads; not at all where loops are to stop. */
 void threads_run_beside(threads *t, void (*other)(void *), void *others_context, size_t count, size_t grain,
                         threads_work work, void *context);
 

@@ -363,7 +363,8 @@ ISA_INLINE void go_straight_within(extension *job, size_t n)
     set_whole(job, n, is_whole(known));
 }
 
-/* What is known stays as it was until the layer is done, so that the order of blocks does not matter. */
+/* What is known stays as it was until the layer is done, so that the order of blocks does not matter. Whole rows are read and written,
+ * those of neighbours while these write theirs: of what is known the same bits again, and nothing else of them counts. */
 ISA_CLONES static void extend_chunk(void *context, int worker, size_t begin, size_t end)
 {
     extension *job = context;

@@ -205,7 +205,7 @@ ISA_INLINE void go_beyond(const float *f, int x, int y, int z, int count, float 
         const float *at = line + c.within, end = *at;
         const float change = (float)a.away * (end - at[a.back]) + (float)b.away * (end - at[b.back]) +
                              (float)c.away * (end - at[c.back]);
-        to[k] = (end + change) * end > 0 ? end + change : end;
+        to[k] = (double)(end + change) * (double)end > 0 ? end + change : end; /* floats may be too small */
     }
 }
 
