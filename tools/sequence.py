@@ -153,7 +153,7 @@ def run_frame(worker, spec, frame, where, previous):
     if previous:
         words += ["--previous", previous]
     done = subprocess.run(words, input=json.dumps(spec), text=True, capture_output=True)
-    if done.returncode not in (0, 10):
+    if done.returncode not in (0, 10, 11):
         raise RuntimeError(f"frame {frame}: {done.stderr.strip().splitlines()[-1]}")
     with open(where / "report.json", encoding="utf-8") as file:
         return measure.read_ply(where / "points.ply"), json.load(file)
