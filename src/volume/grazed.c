@@ -590,14 +590,14 @@ static bool follow(search *s, error *e)
 /* The cells as they were, without those that are found. */
 typedef struct flooding {
     const search *search;
-    bool ok, *joined;
+    bool ok;
     error *e;
 } flooding;
 
 static void flood_cells(void *context)
 {
     flooding *f = context;
-    f->ok = flood_reaches_all(f->search->map, f->search->crossed, f->joined, f->e);
+    f->ok = flood_reaches_all(f->search->map, f->search->crossed, &f->search->out->joined, f->e);
 }
 
 bool grazed_find(const bricks *b, const int64_t size[3], double aspect, threads *pool, uint8_t *crossed,
@@ -617,14 +617,14 @@ bool grazed_find(const bricks *b, const int64_t size[3], double aspect, threads 
     out->flat = mem_array(bytes, 1, what, e);
     out->gentle = mem_array(bytes, 1, what, e);
     bool ok = s.leaky && out->passed && out->flat && out->gentle;
-    flooding all = {&s, true, &out->joined, e};
+    flooding all = {&s, true, e};
     if (ok) {
         threads_run_beside(pool, flood_cells, &all, map->count, BLOCKS, leak_chunk, &s);
         if ((double)s.bent > BENT_MOST * (double)s.cells) memset(out->gentle, 0, bytes);
     }
     ok = ok && all.ok && follow(&s, e);
-    if (ok && !out->joined &&
-        out->count > 0) { /* each is beside one that was there: parts may be joined, not more */
+    /* what was found is beside what was there: parts may hang together now, and never fall apart */
+    if (ok && !out->joined && out->count > 0) {
         flood_cells(&all);
         ok = all.ok;
     }

@@ -164,7 +164,8 @@ ISA_INLINE lanes across(lanes a, lanes b, int from)
     return a;
 }
 
-/* The values `step` voxels, 1 to 3, from those of a row, below (side 0) or above along an axis. Of a block that is missing they may be anything. */
+/* The values `step` voxels, 1 to 3, from those of a row, below (side 0) or above along an axis. Of a block that is missing they
+ * may be anything. */
 ISA_INLINE lanes row_beside(const surroundings *s, int x, int y, int axis, int side, int step)
 {
     const float *there = s->beyond[2 * axis + side];
@@ -355,7 +356,7 @@ ISA_INLINE void go_straight_within(extension *job, size_t n)
     int order[3];
     if (!block_has_any(known)) return;
     order_axes(job->s->f[n], known, order);
-    for (int k = 0; k < 3 && !is_whole(known); k++) {
+    for (int k = 0; k < 3 && !is_whole(known); k++) { /* each axis has code of its own */
         if (order[k] == 0) straighten(job->s->f[n], known, 0);
         if (order[k] == 1) straighten(job->s->f[n], known, 1);
         if (order[k] == 2) straighten(job->s->f[n], known, 2);

@@ -260,8 +260,8 @@ static void a_plane_goes_on(void **state)
         for (int k = 0; k < VOXELS; k++) {
             const double f = (double)other.f[k];
             bool within = fabs(f) <= BAND + SIDE / 2; /* so far bricks reach */
-            for (int at = k, axis = 0; axis < 3;
-                 at /= ALL, axis++) /* slivers at the cube's end have no lines */
+            /* slivers at the cube's end have no lines */
+            for (int at = k, axis = 0; axis < 3; at /= ALL, axis++)
                 within = within && at % ALL >= SIDE && at % ALL < ALL - SIDE;
             if (!within) continue;
             worst = fmax(worst, fabs((double)before.f[k] - f));
