@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/isa.h"
 #include "base/memory.h"
 
 enum { SIDE = GRID_VIEW_SIDE, CORNERS = SIDE + 1, BLOCKS = 64 /* in a chunk of work */ };
@@ -32,7 +33,7 @@ static span span_of(const cell_block *b, int x, int y)
 }
 
 /* What is known of a block alone: `cells` and `values` are its own as yet. */
-static void count_chunk(void *context, int worker, size_t begin, size_t end)
+ISA_CLONES static void count_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const making *job = context;
     (void)worker;

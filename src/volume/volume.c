@@ -36,6 +36,8 @@
  * more, and the crossing may move by a cell. */
 #define REACH_SMOOTH (VOLUME_FIELD_MARGIN + 9)
 
+enum { BLOCKS = 1024 }; /* in a chunk of work */
+
 static const reach_limits bricks_reach = {.straight = VOLUME_FIELD_MARGIN};
 
 /* What exists only while a volume is opened. */
@@ -173,7 +175,7 @@ static const double plateau_from = 0.1;
 static bool check_plateau(const loading *l, const volume *v, error *e)
 {
     const grid_view *a = &l->grid_view;
-    const uint64_t cells = l->crossings.cells, flat = crossings_count_plateau(a, &l->crossings);
+    const uint64_t cells = l->crossings.cells, flat = crossings_count_plateau(a, &l->crossings, l->pool);
     if ((double)flat < plateau_from * (double)cells) return true;
     return error_set(
         e, ERROR_NO_SURFACE,
@@ -212,22 +214,27 @@ static size_t held_bytes(size_t blocks, size_t made)
            blocks * (8 * sizeof(uint64_t) + 4 * 64 + sizeof(atomic_uint)) + block_map_bytes(blocks);
 }
 
-/* The blocks of samples: of a level set those of the bricks, of others more. */
+/* Whether the blocks of samples are those of the bricks, with the same numbers: of others there are more. */
+static bool reaches_bricks_alone(const loading *l)
+{
+    return l->kind == GRID_VIEW_LEVEL_SET && !l->smooth;
+}
+
 static bool plan_samples(loading *l, const block_map *near, error *e)
 {
     const bool band = l->kind == GRID_VIEW_LEVEL_SET;
     const reach_limits far = {.axis = l->smooth ? REACH_SMOOTH : 0,
                               .straight = band ? VOLUME_FIELD_MARGIN : REACH,
                               .path = band ? 0 : PATH};
-    if (band && !l->smooth) return block_map_copy(near, &l->reach, e);
+    if (reaches_bricks_alone(l)) return block_map_copy(near, &l->reach, e);
     return block_map_init(&l->reach, 4 * l->crossings.count, e) &&
-           reach_add_blocks(&l->crossings, far, &l->reach, e);
+           reach_add_blocks(&l->crossings, far, l->pool, &l->reach, e);
 }
 
 static bool plan(loading *l, volume *v, error *e)
 {
     if (!block_map_init(&v->map, 2 * l->crossings.count, e) ||
-        !reach_add_blocks(&l->crossings, bricks_reach, &v->map, e) || !plan_samples(l, &v->map, e) ||
+        !reach_add_blocks(&l->crossings, bricks_reach, l->pool, &v->map, e) || !plan_samples(l, &v->map, e) ||
         !crossed_cells_list(&l->crossings, &v->map, l->pool, &v->cells, e))
         return error_prefix(e, "%s", l->name);
     l->leaves = samples_look(&l->grid_view, &l->reach);
@@ -261,7 +268,7 @@ static bool find_smooth_crossings(loading *l, volume *v, error *e)
     block_map_free(&v->map);
     crossed_cells_free(&v->cells);
     if (!ok || !block_map_init(&v->map, 2 * found.count, e) ||
-        !reach_add_blocks(&found, bricks_reach, &v->map, e) ||
+        !reach_add_blocks(&found, bricks_reach, l->pool, &v->map, e) ||
         !crossed_cells_list(&found, &v->map, l->pool, &v->cells, e))
         return error_prefix(e, "%s", l->name);
     if (found.cells == 0)
@@ -283,18 +290,36 @@ static bool read_samples(loading *l, volume *v, error *e)
     return !l->smooth || find_smooth_crossings(l, v, e);
 }
 
-/* What tells far from the surface on which side of it one is. */
-static bool note_sides(const loading *l, volume *v, error *e)
+typedef struct noting {
+    const loading *l;
+    const volume *v;
+} noting;
+
+static void crossed_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    v->inside = mem_array((size_t)v->map.count * 8, sizeof *v->inside, "the sides of the surface", e);
-    v->crossed = mem_array((size_t)v->map.count * 64, 1, "the sides of the surface", e);
-    if (!v->inside || !v->crossed) return false;
-    brick_note_sides(&l->samples, &v->map, v->inside);
-    for (size_t k = 0; k < l->crossings.count; k++) {
-        const crossing_block *b = &l->crossings.blocks[k];
-        memcpy(v->crossed + 64 * (size_t)v->cells.blocks[k].block, b->rows, sizeof b->rows);
+    const noting *job = context;
+    (void)worker;
+    for (size_t k = begin; k < end; k++) {
+        const crossing_block *b = &job->l->crossings.blocks[k];
+        memcpy(job->v->crossed + 64 * (size_t)job->v->cells.blocks[k].block, b->rows, sizeof b->rows);
     }
-    return true;
+}
+
+/* What tells far from the surface on which side of it one is. */
+static bool note_sides(loading *l, volume *v, error *e)
+{
+    noting job = {l, v};
+    v->crossed = mem_array((size_t)v->map.count * 64, 1, "the sides of the surface", e);
+    if (!v->crossed) return false;
+    threads_run(l->pool, l->crossings.count, BLOCKS, crossed_chunk, &job);
+    if (reaches_bricks_alone(l)) {
+        v->inside = l->samples.inside;
+        l->samples.inside = NULL;
+        return true;
+    }
+    v->inside = mem_array((size_t)v->map.count * 8, sizeof *v->inside, "the sides of the surface", e);
+    if (v->inside) brick_note_sides(&l->samples, &v->map, v->inside);
+    return v->inside;
 }
 
 static bool make_bricks(loading *l, volume *v, error *e)
@@ -303,13 +328,14 @@ static bool make_bricks(loading *l, volume *v, error *e)
     if (!bricks_make(&l->samples, &v->map, bricks_room(v->map.count, l->points), l->pool, &v->bricks, e))
         return false;
     for (int axis = 0; axis < 3; axis++) {
-        v->low[axis] = INFINITY;
-        v->high[axis] = -INFINITY;
+        int32_t low = INT32_MAX, high = INT32_MIN;
         for (uint32_t n = 0; n < v->map.count; n++) {
-            const double at = (double)v->map.blocks[n][axis];
-            v->low[axis] = fmin(v->low[axis], at * GRID_VIEW_SIDE);
-            v->high[axis] = fmax(v->high[axis], (at + 1) * GRID_VIEW_SIDE);
+            const int32_t at = v->map.blocks[n][axis];
+            low = at < low ? at : low;
+            high = at > high ? at : high;
         }
+        v->low[axis] = (double)low * GRID_VIEW_SIDE;
+        v->high[axis] = ((double)high + 1) * GRID_VIEW_SIDE;
     }
     return true;
 }

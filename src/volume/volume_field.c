@@ -9,6 +9,8 @@
 
 /* Voxels from a crossed cell within which a volume's spline is asked on which side a point lies. */
 #define NEAR (VOLUME_FIELD_MARGIN - 1)
+/* One in so many blocks: when their box is known, most of the others lie within. */
+enum { SPARSE = 61 };
 /* Voxels by which a place at the end of dense data may lie beyond it. */
 static const double ROUNDING = 1e-6;
 
@@ -99,20 +101,25 @@ static bbox add_cells(const volume *v, size_t first, size_t last, bbox box)
     return box;
 }
 
+/* Together with the box of the cells of block `b`, unless its whole box lies within. */
+static bbox add_block(const volume *v, const cell_block *b, bbox of_first, bbox box)
+{
+    const int32_t *at = v->map.blocks[b->block];
+    vec3 way = {0, 0, 0}; /* to the block from the first */
+    for (int axis = 0; axis < 3; axis++)
+        way = vec3_axpy(8.0 * at[axis], affine_axis(v->to_world, axis), way);
+    if (bbox_contains(box, vec3_add(of_first.min, way)) && bbox_contains(box, vec3_add(of_first.max, way)))
+        return box;
+    return add_cells(v, b->cells, b[1].cells, box);
+}
+
 bbox volume_field_cells_box(const volume *v)
 {
     const crossed_cells *c = &v->cells;
     bbox box = add_cells(v, crossed_cells_in_blocks(c), c->count, bbox_empty());
     const bbox first = box_of_voxels(v, (const int32_t[]){0, 0, 0}, 8);
-    for (const cell_block *b = c->blocks; b < c->blocks + c->block_count; b++) {
-        const int32_t *at = v->map.blocks[b->block];
-        vec3 way = {0, 0, 0}; /* to the block from the first */
-        for (int axis = 0; axis < 3; axis++)
-            way = vec3_axpy(8.0 * at[axis], affine_axis(v->to_world, axis), way);
-        if (bbox_contains(box, vec3_add(first.min, way)) && bbox_contains(box, vec3_add(first.max, way)))
-            continue;
-        box = add_cells(v, b->cells, b[1].cells, box);
-    }
+    for (size_t k = 0; k < c->block_count; k += SPARSE) box = add_block(v, &c->blocks[k], first, box);
+    for (size_t k = 0; k < c->block_count; k++) box = add_block(v, &c->blocks[k], first, box);
     return box;
 }
 

@@ -250,6 +250,7 @@ typedef struct extension {
     samples *s;
     const uint32_t *open; /* blocks that have voxels that are not known */
     uint64_t *next;       /* of all blocks: voxels that have values after this layer */
+    uint64_t *first;      /* after the first layer, which counts as known in the end */
     atomic_uchar
         *whole; /* of all blocks: 0, or since which round all voxels have values: 1 before the first */
     int layer;
@@ -460,11 +461,9 @@ ISA_CLONES static void lengthen_chunk(void *context, int worker, size_t begin, s
     }
 }
 
-/* Continues layer by layer, of which the first counts as known in the end, and the last goes straight on. Returns how many blocks
- * are still open. */
-static size_t extend(samples *s, extension *job, uint32_t *open, uint64_t *first, threads *pool)
+/* Continues layer by layer, and goes straight on with the last. Returns how many blocks are still open. */
+static size_t extend(samples *s, extension *job, uint32_t *open, threads *pool)
 {
-    const size_t bytes = s->map.count * SIDE * sizeof *s->known;
     size_t count = s->map.count;
     for (uint32_t n = 0; n < count; n++) open[n] = n;
     for (job->layer = 1; job->layer <= LAYERS; job->layer++) {
@@ -473,8 +472,8 @@ static size_t extend(samples *s, extension *job, uint32_t *open, uint64_t *first
         threads_run(pool, count, BLOCKS, extend_chunk, job);
         if (threads_stopped(pool)) break;
         s->known = job->next;
-        job->next = before;
-        if (job->layer == 1) memcpy(first, s->known, bytes);
+        job->next = before; /* the last layer leaves what the first made known */
+        if (job->layer == 1) job->first = s->known;
         if (!atomic_load(&job->changed)) break;
         count = keep_open(job->whole, open, count);
     }
@@ -486,23 +485,22 @@ bool continuation_fill(samples *s, threads *pool, error *e)
     const char *what = "the voxels around the surface";
     const size_t count = s->map.count;
     uint32_t *open = mem_array(count, sizeof *open, what, e);
-    uint64_t *first = mem_array(count * SIDE, sizeof *first, what, e);
     extension job = {.s = s,
                      .open = open,
                      .next = mem_array(count * SIDE, sizeof *job.next, what, e),
                      .whole = mem_array(count, sizeof *job.whole, what, e)};
-    const bool ok = open && first && job.next && job.whole;
+    const bool ok = open && job.next && job.whole;
     if (ok) {
-        size_t left = extend(s, &job, open, first, pool);
+        size_t left = extend(s, &job, open, pool);
         for (job.layer = 1; job.layer <= ROUNDS; job.layer++) {
             left = keep_open(job.whole, open, left);
             threads_run(pool, left, BLOCKS, lengthen_chunk, &job);
         }
-        free(s->known);
-        s->known = first;
-        first = NULL;
+        if (job.next == job.first) {
+            job.next = s->known;
+            s->known = job.first;
+        }
     }
-    free(first);
     free(open);
     free(job.next);
     free(job.whole);

@@ -1,13 +1,14 @@
 #include "voxels/crossings.h"
 
 #include <endian.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/isa.h"
 #include "base/memory.h"
 
-enum { BLOCKS = 256, TILES = 1024 }; /* in a chunk of work */
+enum { BLOCKS = 256, NODES = 64 }; /* in a chunk of work */
 
 /* Index coordinates this near to the limits of int32 would overflow in the neighbours of a block. */
 static const int32_t farthest_block = (1 << 28) - 16;
@@ -159,68 +160,121 @@ static bool look_at_tiles(const grid_view *l, const int32_t block[3], crossings 
     return !(inside && outside) || look_at(l, block, near, out, e);
 }
 
-/* The blocks whose cells touch a face of a tile: in each axis the layer below it and its last one. */
-static bool add_shell(const vdb_tile *t, block_map *candidates, error *e)
+/* The blocks whose cells touch a face of a tile, `side` blocks wide: in each axis the layer below it and its last one. */
+static bool add_shell(const int32_t origin[3], int32_t side, block_map *candidates, error *e)
 {
-    int32_t low[3], side = t->side / GRID_VIEW_SIDE;
-    for (int axis = 0; axis < 3; axis++) low[axis] = (t->origin[axis] >> 3) - 1;
     for (int32_t x = 0; x <= side; x++)
         for (int32_t y = 0; y <= side; y++) {
             bool edge = x == 0 || x == side || y == 0 || y == side;
             for (int32_t z = 0; z <= side; z += edge ? 1 : side)
-                if (!block_map_find_or_add(candidates, low[0] + x, low[1] + y, low[2] + z, NULL, e))
+                if (!block_map_find_or_add(candidates, origin[0] - 1 + x, origin[1] - 1 + y,
+                                           origin[2] - 1 + z, NULL, e))
                     return false;
         }
     return true;
 }
 
-/* Whether one of its six neighbours is constant and on the other side. Where tiles of both sides meet at an edge or a corner
- * alone, what lies beside both is a leaf, which looks around itself, or is on one side, and so meets the other by a face. */
-static bool meets_other_side(const grid_view *l, const int32_t block[3], bool inside)
+/* Which tiles of a level part the surface from what lies beyond them. A tile on the background's side matters only beside leaves
+ * and other tiles, which count. Bits are as the table's nodes have them. */
+typedef struct tile_search {
+    const grid_view *from;
+    int level;
+    uint64_t *odd;    /* of each node: tiles on the other side than the background */
+    uint64_t *counts; /* likewise: those of them that part it */
+} tile_search;
+
+static void odd_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    for (int k = 0; k < 6; k++) {
-        int32_t at[3] = {block[0], block[1], block[2]};
-        at[k / 2] += k % 2 ? 1 : -1;
-        const uint32_t tile =
-            block_map_find(&l->tiles[0], at[0], at[1], at[2]); /* most are beside their like */
-        if (tile != BLOCK_MAP_NONE && (l->tile_values[0][tile] < 0) == inside) continue;
+    const tile_search *job = context;
+    const grid_view *l = job->from;
+    (void)worker;
+    for (size_t n = begin; n < end; n++)
+        for (int k = 0; k < BLOCK_MAP_NODE; k++) {
+            const uint32_t tile = l->tiles[job->level].nodes[n][k];
+            const bool odd = tile != BLOCK_MAP_NONE &&
+                             (l->tile_values[job->level][tile] < 0) != (l->background < 0);
+            job->odd[n] |= (uint64_t)odd << k;
+        }
+}
+
+/* Of a node those whose neighbour beyond a face, 2 axis + high, is odd: most are beside their like. */
+static uint64_t odd_beside(const tile_search *job, const block_map_slot *s, int face)
+{
+    static const int step[3] = {16, 4, 1};
+    static const uint64_t lowest[3] = {0x000000000000ffffu, 0x000f000f000f000fu, 0x1111111111111111u};
+    const int axis = face >> 1, by = step[axis];
+    const uint64_t low = lowest[axis], high = low << 3 * by, here = job->odd[s->node];
+    int32_t key[3] = {s->key[0], s->key[1], s->key[2]};
+    key[axis] += face & 1 ? 1 : -1;
+    const uint32_t node = block_map_slot_of(&job->from->tiles[job->level], key)->node;
+    const uint64_t there = node == BLOCK_MAP_NONE ? 0 : job->odd[node];
+    return face & 1 ? (here >> by & ~high) | (there << 3 * by & high)
+                    : (here << by & ~low) | (there >> 3 * by & low);
+}
+
+/* Whether a block beyond a tile's face is constant and on the background's side. Where tiles of both sides meet at an edge or a
+ * corner alone, what lies beside both is a leaf, which looks around itself, or is on one side, and so meets the other by a face. */
+static bool meets_background(const grid_view *l, const int32_t origin[3], int32_t side, int face)
+{
+    const int axis = face >> 1, a = (axis + 1) % 3, b = (axis + 2) % 3;
+    for (int32_t k = 0; k < side * side; k++) {
+        int32_t at[3] = {origin[0], origin[1], origin[2]};
+        at[axis] += face & 1 ? side : -1;
+        at[a] += k / side;
+        at[b] += k % side;
         const grid_view_block next = grid_view_find(l, at[0], at[1], at[2]);
-        if (next.leaf == BLOCK_MAP_NONE && (next.constant < 0) != inside) return true;
+        if (next.leaf == BLOCK_MAP_NONE && (next.constant < 0) == (l->background < 0)) return true;
     }
     return false;
 }
 
-/* Which tiles part the surface from what lies beyond them. A tile on the background's side matters only beside leaves and other
- * tiles, which count. */
-typedef struct tile_search {
-    const grid_view *from;
-    uint8_t *counts; /* of each tile */
-} tile_search;
+/* The lowest block of a tile of a level. */
+static void find_origin(const grid_view *l, int level, uint32_t tile, int32_t origin[3])
+{
+    for (int axis = 0; axis < 3; axis++)
+        origin[axis] = l->tiles[level].blocks[tile][axis] * (1 << grid_view_tile_shift[level]);
+}
 
 static void tile_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const tile_search *job = context;
     const grid_view *l = job->from;
+    const block_map *tiles = &l->tiles[job->level];
+    const int32_t side = 1 << grid_view_tile_shift[job->level];
     (void)worker;
     for (size_t i = begin; i < end; i++) {
-        const vdb_tile *t = &l->grid->tiles[i];
-        const int32_t low[3] = {t->origin[0] >> 3, t->origin[1] >> 3, t->origin[2] >> 3};
-        const bool inside = grid_view_find(l, low[0], low[1], low[2]).constant < 0;
-        job->counts[i] =
-            inside != (l->background < 0) && (t->side != GRID_VIEW_SIDE || meets_other_side(l, low, inside));
+        const block_map_slot *s = &tiles->slots[i];
+        if (s->node == BLOCK_MAP_NONE || job->odd[s->node] == 0) continue;
+        for (int face = 0; face < 6; face++) {
+            uint64_t open = job->odd[s->node] & ~odd_beside(job, s, face) & ~job->counts[s->node];
+            for (; open; open &= open - 1) {
+                const int k = __builtin_ctzll(open);
+                int32_t origin[3];
+                find_origin(l, job->level, tiles->nodes[s->node][k], origin);
+                if (meets_background(l, origin, side, face)) job->counts[s->node] |= (uint64_t)1 << k;
+            }
+        }
     }
 }
 
-static bool add_shells(const grid_view *l, size_t memory_limit, threads *pool, block_map *candidates,
-                       error *e)
+static bool add_shells(const grid_view *l, int level, threads *pool, block_map *candidates, error *e)
 {
-    const size_t count = l->grid->tile_count;
-    tile_search job = {l, mem_array(count, 1, "the tiles of the grid", e)};
-    bool ok = job.counts;
-    candidates->limit = memory_limit / GRID_VIEW_TABLES;
-    if (ok) threads_run(pool, count, TILES, tile_chunk, &job);
-    for (size_t i = 0; ok && i < count; i++)
-        if (job.counts[i]) ok = add_shell(&l->grid->tiles[i], candidates, e);
+    const char *what = "the tiles of the grid";
+    const block_map *tiles = &l->tiles[level];
+    tile_search job = {l, level, mem_array(tiles->node_count, sizeof *job.odd, what, e),
+                       mem_array(tiles->node_count, sizeof *job.counts, what, e)};
+    bool ok = job.odd && job.counts;
+    if (ok) {
+        threads_run(pool, tiles->node_count, NODES, odd_chunk, &job);
+        threads_run(pool, (size_t)tiles->mask + 1, NODES, tile_chunk, &job);
+    }
+    for (size_t n = 0; ok && n < tiles->node_count; n++)
+        for (uint64_t bits = job.counts[n]; ok && bits; bits &= bits - 1) {
+            int32_t origin[3];
+            find_origin(l, level, tiles->nodes[n][__builtin_ctzll(bits)], origin);
+            ok = add_shell(origin, 1 << grid_view_tile_shift[level], candidates, e);
+        }
+    free(job.odd);
     free(job.counts);
     return ok;
 }
@@ -288,7 +342,10 @@ bool crossings_find(const grid_view *l, size_t memory_limit, threads *pool, cros
     block_map shells;
     search job = {l, &shells, NULL, NULL};
     crossings found = {.known_only = l->kind == GRID_VIEW_DENSE};
-    bool ok = block_map_init(&shells, 0, e) && add_shells(l, memory_limit, pool, &shells, e);
+    bool ok = block_map_init(&shells, 0, e);
+    shells.limit = memory_limit / GRID_VIEW_TABLES;
+    for (int level = 0; ok && level < GRID_VIEW_TILE_LEVELS; level++)
+        ok = add_shells(l, level, pool, &shells, e);
     const size_t count = l->leaves.count + (size_t)shells.count, chunks = (count + BLOCKS - 1) / BLOCKS;
     if (ok) {
         job.found = mem_array(chunks, sizeof *job.found, what, e);
@@ -339,16 +396,31 @@ static bool is_plateau(int8_t signs[AROUND][AROUND][AROUND], int x, int y, int z
     return true;
 }
 
-uint64_t crossings_count_plateau(const grid_view *l, const crossings *c)
+typedef struct plateau_search {
+    const grid_view *from;
+    const crossings *crossings;
+    atomic_size_t cells; /* how many are found */
+} plateau_search;
+
+static void plateau_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    uint64_t count = 0;
-    for (size_t n = 0; n < c->count; n++) {
-        const crossing_block *b = &c->blocks[n];
+    plateau_search *job = context;
+    size_t cells = 0;
+    (void)worker;
+    for (size_t n = begin; n < end; n++) {
+        const crossing_block *b = &job->crossings->blocks[n];
         int8_t signs[AROUND][AROUND][AROUND];
         if (!b->flat) continue;
-        read_signs(l, b->block, signs);
+        read_signs(job->from, b->block, signs);
         for (int k = 0; k < GRID_VIEW_VOXELS; k++)
-            if (b->rows[k >> 3] >> (k & 7) & 1) count += is_plateau(signs, k >> 6, k >> 3 & 7, k & 7);
+            if (b->rows[k >> 3] >> (k & 7) & 1) cells += is_plateau(signs, k >> 6, k >> 3 & 7, k & 7);
     }
-    return count;
+    atomic_fetch_add(&job->cells, cells);
+}
+
+uint64_t crossings_count_plateau(const grid_view *l, const crossings *c, threads *pool)
+{
+    plateau_search job = {l, c, 0};
+    threads_run(pool, c->count, BLOCKS, plateau_chunk, &job);
+    return job.cells;
 }

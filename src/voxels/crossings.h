@@ -3,7 +3,7 @@
  * A cell is the cube between voxels (i, j, k) and (i+1, j+1, k+1) and belongs to the block of its
  * lowest voxel; it is crossed when F has both signs among its corners, zero counting as outside.
  * Blocks come in the order of their coordinates, so that it does not matter how the file had them. Threads:
- * crossings_find has those of a pool, whose number does not show; the others none.
+ * those of a pool, whose number does not show.
  */
 #ifndef HEXAD_VOXELS_CROSSINGS_H
 #define HEXAD_VOXELS_CROSSINGS_H
@@ -50,7 +50,7 @@ bool crossings_add(crossings *c, const int32_t block[3], const corner_signs *cor
 
 /* How many crossed cells have nothing but zeros outside, and around them nothing but zeros beyond: the samples come to
  * the isovalue there and do not pass it. */
-uint64_t crossings_count_plateau(const grid_view *l, const crossings *c);
+uint64_t crossings_count_plateau(const grid_view *l, const crossings *c, threads *pool);
 
 void crossings_free(crossings *c);
 

@@ -15,8 +15,6 @@ static const char leaves[] = "the leaves of the grid";
 
 enum { LEAVES = 256 }; /* in a chunk of work */
 
-static const int tile_shift[GRID_VIEW_TILE_LEVELS] = {0, 4, 9}; /* block coordinates to the tile's */
-
 /* A value that the isovalue means, as far as floats tell, is on it. */
 static float to_f(const grid_view *l, float value)
 {
@@ -95,59 +93,10 @@ static void range_chunk(void *context, int worker, size_t begin, size_t end)
     job->of_chunk[begin / LEAVES] = r;
 }
 
-/* Their table, made beside the look at their values. */
-typedef struct table {
-    grid_view *view;
-    bool ok;
-    error *e;
-} table;
-
-static void add_leaves(void *context)
+static void widen(grid_view *l, float lowest, float highest)
 {
-    table *t = context;
-    const vdb_grid *g = t->view->grid;
-    for (size_t i = 0; t->ok && i < g->leaf_count; i++) {
-        const int32_t *o = g->leaf_origin[i];
-        uint32_t n;
-        t->ok = block_map_find_or_add(&t->view->leaves, o[0] >> 3, o[1] >> 3, o[2] >> 3, &n, t->e);
-        if (t->ok && n != i)
-            t->ok = error_set(t->e, ERROR_INPUT_DAMAGED,
-                              "the volume has two leaves at (%d, %d, %d): it is damaged", o[0], o[1], o[2]);
-    }
-}
-
-static bool scan_leaves(grid_view *l, threads *pool, error *e)
-{
-    const vdb_grid *g = l->grid;
-    const size_t chunks = (g->leaf_count + LEAVES - 1) / LEAVES;
-    scan job = {l, mem_array(chunks, sizeof *job.of_chunk, leaves, e)};
-    if (!job.of_chunk) return false;
-    l->lowest = l->highest = g->background;
-    for (size_t i = 0; i < g->tile_count; i++) {
-        l->lowest = fminf(l->lowest, g->tiles[i].value);
-        l->highest = fmaxf(l->highest, g->tiles[i].value);
-    }
-    table of_leaves = {l, true, e};
-    threads_run_beside(pool, add_leaves, &of_leaves, g->leaf_count, LEAVES, range_chunk, &job);
-    for (size_t k = 0; k < chunks; k++) {
-        l->lowest = fminf(l->lowest, job.of_chunk[k].lowest);
-        l->highest = fmaxf(l->highest, job.of_chunk[k].highest);
-        l->not_finite += job.of_chunk[k].not_finite;
-    }
-    free(job.of_chunk);
-    return of_leaves.ok;
-}
-
-/* Some writers leave clamped voxels active. Where values go beyond the background, the grid is not
- * clamped on that side (the whole inside may be filled), and then only activity tells. */
-static void set_clamp(grid_view *l)
-{
-    float b = fabsf(l->grid->background);
-    l->clamp_below = -INFINITY;
-    l->clamp_above = INFINITY;
-    if (l->kind != GRID_VIEW_LEVEL_SET || !(b > 0)) return;
-    if (l->lowest >= -b * (1 + half_step)) l->clamp_below = -b * (1 - half_step);
-    if (l->highest <= b * (1 + half_step)) l->clamp_above = b * (1 - half_step);
+    l->lowest = lowest < l->lowest ? lowest : l->lowest; /* of NaN neither */
+    l->highest = highest > l->highest ? highest : l->highest;
 }
 
 static bool add_tiles(grid_view *l, size_t memory_limit, error *e)
@@ -162,14 +111,74 @@ static bool add_tiles(grid_view *l, size_t memory_limit, error *e)
     }
     for (size_t i = 0; i < l->grid->tile_count; i++) {
         const vdb_tile *t = &l->grid->tiles[i];
-        int level = level_of(t->side), shift = 3 + tile_shift[level];
+        int level = level_of(t->side), shift = 3 + grid_view_tile_shift[level];
         uint32_t n;
         if (!block_map_find_or_add(&l->tiles[level], t->origin[0] >> shift, t->origin[1] >> shift,
                                    t->origin[2] >> shift, &n, e))
             return false;
         l->tile_values[level][n] = to_f(l, t->value);
+        widen(l, t->value, t->value);
     }
     return true;
+}
+
+static bool add_leaves(grid_view *l, error *e)
+{
+    const vdb_grid *g = l->grid;
+    if (!block_map_init(&l->leaves, g->leaf_count, e)) return false;
+    for (size_t i = 0; i < g->leaf_count; i++) {
+        const int32_t *o = g->leaf_origin[i];
+        uint32_t n;
+        if (!block_map_find_or_add(&l->leaves, o[0] >> 3, o[1] >> 3, o[2] >> 3, &n, e)) return false;
+        if (n != i)
+            return error_set(e, ERROR_INPUT_DAMAGED,
+                             "the volume has two leaves at (%d, %d, %d): it is damaged", o[0], o[1], o[2]);
+    }
+    return true;
+}
+
+/* What finds leaves and tiles, made beside the look at the leaves' values. */
+typedef struct tables {
+    grid_view *view;
+    size_t memory_limit;
+    bool ok;
+    error *e;
+} tables;
+
+static void make_tables(void *context)
+{
+    tables *t = context;
+    t->ok = add_leaves(t->view, t->e) && add_tiles(t->view, t->memory_limit, t->e);
+}
+
+static bool look_through(grid_view *l, size_t memory_limit, threads *pool, error *e)
+{
+    const vdb_grid *g = l->grid;
+    const size_t chunks = (g->leaf_count + LEAVES - 1) / LEAVES;
+    tables made = {l, memory_limit, false, e};
+    scan job = {l, mem_array(chunks, sizeof *job.of_chunk, leaves, e)};
+    if (!job.of_chunk) return false;
+    l->lowest = l->highest = g->background;
+    threads_run_beside(pool, make_tables, &made, g->leaf_count, LEAVES, range_chunk, &job);
+    for (size_t k = 0; k < chunks; k++) {
+        widen(l, job.of_chunk[k].lowest, job.of_chunk[k].highest);
+        l->not_finite += job.of_chunk[k].not_finite;
+    }
+    free(job.of_chunk);
+    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    return made.ok;
+}
+
+/* Some writers leave clamped voxels active. Where values go beyond the background, the grid is not
+ * clamped on that side (the whole inside may be filled), and then only activity tells. */
+static void set_clamp(grid_view *l)
+{
+    float b = fabsf(l->grid->background);
+    l->clamp_below = -INFINITY;
+    l->clamp_above = INFINITY;
+    if (l->kind != GRID_VIEW_LEVEL_SET || !(b > 0)) return;
+    if (l->lowest >= -b * (1 + half_step)) l->clamp_below = -b * (1 - half_step);
+    if (l->highest <= b * (1 + half_step)) l->clamp_above = b * (1 - half_step);
 }
 
 static void sign_chunk(void *context, int worker, size_t begin, size_t end)
@@ -205,10 +214,9 @@ bool grid_view_init(grid_view *l, const vdb_grid *grid, grid_view_kind kind, dou
     l->kind = kind;
     l->isovalue = isovalue;
     l->plain = kind == GRID_VIEW_LEVEL_SET && isovalue == 0;
-    bool ok = block_map_init(&l->leaves, grid->leaf_count, e) && scan_leaves(l, pool, e);
     l->background = to_f(l, grid->background);
     l->signs = mem_array(grid->leaf_count, sizeof *l->signs, leaves, e);
-    ok = ok && l->signs && add_tiles(l, memory_limit, e);
+    const bool ok = l->signs && look_through(l, memory_limit, pool, e);
     if (ok) {
         set_clamp(l);
         scan job = {l, NULL};
@@ -235,7 +243,7 @@ static float constant_at(const grid_view *l, int level, int32_t x, int32_t y, in
 {
     for (; level < GRID_VIEW_TILE_LEVELS; level++) {
         if (l->tiles[level].count == 0) continue;
-        int shift = tile_shift[level];
+        int shift = grid_view_tile_shift[level];
         uint32_t n = block_map_find(&l->tiles[level], x >> shift, y >> shift, z >> shift);
         if (n != BLOCK_MAP_NONE) return l->tile_values[level][n];
     }

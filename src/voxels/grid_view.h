@@ -26,6 +26,9 @@
 
 typedef enum grid_view_kind { GRID_VIEW_LEVEL_SET, GRID_VIEW_FOG, GRID_VIEW_DENSE } grid_view_kind;
 
+/* The tiles of a level are so many blocks wide, as a power of 2: their coordinates are those of their blocks without these bits. */
+static const int grid_view_tile_shift[GRID_VIEW_TILE_LEVELS] = {0, 4, 9};
+
 /* Of a leaf's voxels, in words as above: those with F < 0, with F > 0, and the known ones. */
 typedef struct grid_view_signs {
     uint64_t inside[GRID_VIEW_SIDE], outside[GRID_VIEW_SIDE], known[GRID_VIEW_SIDE];
@@ -39,7 +42,7 @@ typedef struct grid_view {
     float clamp_below, clamp_above; /* active values from these on, outwards, are the clamp; or infinite */
     float background;               /* as F */
     block_map leaves;
-    block_map tiles[GRID_VIEW_TILE_LEVELS];
+    block_map tiles[GRID_VIEW_TILE_LEVELS]; /* by tiles' coordinates */
     float *tile_values[GRID_VIEW_TILE_LEVELS]; /* as F */
     float lowest, highest;                     /* of the grid's own finite values, background included */
     uint64_t not_finite;                       /* voxels in leaves */

@@ -9,6 +9,7 @@
 #include <stdbool.h>
 
 #include "base/error.h"
+#include "base/threads.h"
 #include "geometry/block_map.h"
 #include "voxels/crossings.h"
 
@@ -18,7 +19,7 @@ typedef struct reach_limits {
     int axis, straight, path; /* 0 .. REACH_MOST */
 } reach_limits;
 
-/* Adds the blocks to `map`, in the order of the crossed ones. Error: limit_memory. */
-bool reach_add_blocks(const crossings *c, reach_limits limits, block_map *map, error *e);
+/* Adds the blocks to `map`, in the order of the crossed ones, whatever the pool's threads. Error: limit_memory. */
+bool reach_add_blocks(const crossings *c, reach_limits limits, threads *pool, block_map *map, error *e);
 
 #endif
