@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/isa.h"
+#include "base/lanes.h"
 #include "base/memory.h"
 #include "geometry/block_map.h"
 #include "geometry/triangle.h"
@@ -183,10 +183,7 @@ bool triangle_groups_come_near(const triangle_groups *k, uint32_t group, vec3 pl
 
 /* ---- distances */
 
-#pragma GCC diagnostic ignored "-Wpsabi" /* what takes or returns such is inlined */
-/* Of a row of voxels. In single precision, which may be off by a share `roughly` of squares. */
-typedef float lanes __attribute__((vector_size(SIDE * sizeof(float))));
-typedef int32_t lanes_mask __attribute__((vector_size(SIDE * sizeof(int32_t)))); /* -1: yes, 0: no */
+/* Rows of voxels are in single precision, which may be off by this share of squares. */
 static const float roughly = 1e-5f;
 /* Places near a block are rounded by less. */
 static const float hair = 1e-5f;

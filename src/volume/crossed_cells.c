@@ -118,6 +118,30 @@ bool crossed_cells_take_values(crossed_cells *c, const samples *s, bool smooth, 
     return c->value;
 }
 
+typedef struct marking {
+    const crossed_cells *cells;
+    uint8_t *rows;
+} marking;
+
+static void mark_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const marking *job = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        const cell_block *b = &job->cells->blocks[i];
+        for (size_t x = 0; x < SIDE; x++) {
+            const uint64_t layer = htole64(b->layer[x]);
+            memcpy(job->rows + 64 * (size_t)b->block + SIDE * x, &layer, sizeof layer);
+        }
+    }
+}
+
+void crossed_cells_mark(const crossed_cells *c, threads *pool, uint8_t *rows)
+{
+    marking job = {c, rows};
+    threads_run(pool, c->block_count, BLOCKS, mark_chunk, &job);
+}
+
 void crossed_cells_free(crossed_cells *c)
 {
     free(c->blocks);

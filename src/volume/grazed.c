@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/isa.h"
+#include "base/lanes.h"
 #include "base/memory.h"
 #include "field/field.h"
 #include "geometry/flood.h"
@@ -195,8 +195,6 @@ static bool leave(search *s, uint32_t n, const int32_t at[3], error *e)
 
 /* ---- which faces need no closer look */
 
-#pragma GCC diagnostic ignored "-Wpsabi" /* what takes or returns long rows is inlined */
-
 /* Four in a row, by the last axis that is left. */
 typedef float row __attribute__((vector_size(16)));
 
@@ -206,15 +204,10 @@ static const float ROUGHLY = 1e-5f;
 typedef int32_t row_mask __attribute__((vector_size(16)));
 
 /* A loop that is not unrolled early becomes a single instruction. */
-ISA_INLINE void keep_larger(float *a, const float *b, int count)
-{
-#pragma GCC unroll 1
-    for (int k = 0; k < count; k++) a[k] = a[k] > b[k] ? a[k] : b[k];
-}
-
 ISA_INLINE row row_larger(row a, row b)
 {
-    keep_larger((float *)&a, (const float *)&b, 4);
+#pragma GCC unroll 1
+    for (int k = 0; k < 4; k++) a[k] = a[k] > b[k] ? a[k] : b[k];
     return a;
 }
 
@@ -342,34 +335,25 @@ ISA_INLINE bool is_monotone(const slopes *s, double aspect, field_bend *bends)
     return steep == 3;
 }
 
-/* Eight in a row along the last axis, of which a group of cells depends on seven. */
-typedef float long_row __attribute__((vector_size(32), aligned(4), may_alias));
-typedef int32_t long_mask __attribute__((vector_size(32)));
-
+/* As slopes, of rows of eight along the last axis, of which a group of cells depends on seven. */
 typedef struct long_slopes {
-    long_row fall[3], rise[3], bend; /* as in slopes */
+    lanes fall[3], rise[3], bend;
 } long_slopes;
 
-ISA_INLINE long_row long_larger(long_row a, long_row b)
-{
-    keep_larger((float *)&a, (const float *)&b, 8);
-    return a;
-}
-
 /* As slopes_of, over all cells of a group: of each cell the slopes are within those, and the bend is not larger. */
-ISA_INLINE void add_long_slope(long_slopes *s, int axis, long_row slope)
+ISA_INLINE void add_long_slope(long_slopes *s, int axis, lanes slope)
 {
-    s->fall[axis] = long_larger(s->fall[axis], -slope);
-    s->rise[axis] = long_larger(s->rise[axis], slope);
+    s->fall[axis] = lanes_larger(s->fall[axis], -slope);
+    s->rise[axis] = lanes_larger(s->rise[axis], slope);
 }
 
-ISA_INLINE void add_long_bend(long_slopes *s, long_row bend)
+ISA_INLINE void add_long_bend(long_slopes *s, lanes bend)
 {
-    s->bend = long_larger(s->bend, (long_row)((long_mask)bend & INT32_MAX));
+    s->bend = lanes_larger(s->bend, (lanes)((lanes_mask)bend & INT32_MAX));
 }
 
 /* From one lane to the next; the last is like that before it. */
-ISA_INLINE long_row along_long(long_row r)
+ISA_INLINE lanes along_long(lanes r)
 {
     return __builtin_shufflevector(r, r, 1, 2, 3, 4, 5, 6, 7, 7) -
            __builtin_shufflevector(r, r, 0, 1, 2, 3, 4, 5, 6, 6);
@@ -378,28 +362,28 @@ ISA_INLINE long_row along_long(long_row r)
 /* Of a group's coefficients with one first index, with so many `more` first indices behind it. */
 ISA_INLINE void add_slab(long_slopes *s, const float *slab, int more)
 {
-    long_row c = {0}, x = c, y = c;
+    lanes c = {0}, x = c, y = c;
 #pragma GCC unroll 7
     for (int j = 0; j < GROUP + 3; j++) {
         const float *from = slab + j * BRICK_SIDE;
-        const long_row c0 = c, x0 = x, y0 = y;
-        c = *(const long_row *)from;
-        const long_row z = along_long(c);
+        const lanes c0 = c, x0 = x, y0 = y;
+        c = *(const lanes *)from;
+        const lanes z = along_long(c);
         add_long_slope(s, 2, z);
         add_long_bend(s, along_long(z));
         if (j > 0) add_long_slope(s, 1, y = c - c0);
         if (j > 0) add_long_bend(s, along_long(y));
         if (j > 1) add_long_bend(s, y - y0);
         if (more == 0) continue;
-        const long_row beside = *(const long_row *)(from + BRICK_SLAB);
+        const lanes beside = *(const lanes *)(from + BRICK_SLAB);
         add_long_slope(s, 0, x = beside - c);
         add_long_bend(s, along_long(x));
         if (j > 0) add_long_bend(s, x - x0);
-        if (more > 1) add_long_bend(s, (*(const long_row *)(from + 2 * BRICK_SLAB) - beside) - x);
+        if (more > 1) add_long_bend(s, (*(const lanes *)(from + 2 * BRICK_SLAB) - beside) - x);
     }
 }
 
-ISA_INLINE row folded(long_row r)
+ISA_INLINE row folded(lanes r)
 {
     return row_larger(__builtin_shufflevector(r, r, 0, 1, 2, 3), __builtin_shufflevector(r, r, 4, 5, 6, 7));
 }
@@ -409,7 +393,7 @@ ISA_INLINE row folded(long_row r)
  * what is true of the group's least slopes and largest bend is so of each cell's, to the bit. */
 ISA_CLONES static bool group_is_calm(const float *first, int length, double aspect)
 {
-    const long_row zero = {0}, none = zero - INFINITY;
+    const lanes zero = {0}, none = zero - INFINITY;
     long_slopes s = {{none, none, none}, {none, none, none}, zero};
     field_bend bend;
     for (int i = 0; i < length + 3; i++) add_slab(&s, first + i * BRICK_SLAB, length + 2 - i);

@@ -36,8 +36,6 @@
  * more, and the crossing may move by a cell. */
 #define REACH_SMOOTH (VOLUME_FIELD_MARGIN + 9)
 
-enum { BLOCKS = 1024 }; /* in a chunk of work */
-
 static const reach_limits bricks_reach = {.straight = VOLUME_FIELD_MARGIN};
 
 /* What exists only while a volume is opened. */
@@ -290,28 +288,12 @@ static bool read_samples(loading *l, volume *v, error *e)
     return !l->smooth || find_smooth_crossings(l, v, e);
 }
 
-typedef struct noting {
-    const loading *l;
-    const volume *v;
-} noting;
-
-static void crossed_chunk(void *context, int worker, size_t begin, size_t end)
-{
-    const noting *job = context;
-    (void)worker;
-    for (size_t k = begin; k < end; k++) {
-        const crossing_block *b = &job->l->crossings.blocks[k];
-        memcpy(job->v->crossed + 64 * (size_t)job->v->cells.blocks[k].block, b->rows, sizeof b->rows);
-    }
-}
-
 /* What tells far from the surface on which side of it one is. */
 static bool note_sides(loading *l, volume *v, error *e)
 {
-    noting job = {l, v};
     v->crossed = mem_array((size_t)v->map.count * 64, 1, "the sides of the surface", e);
     if (!v->crossed) return false;
-    threads_run(l->pool, l->crossings.count, BLOCKS, crossed_chunk, &job);
+    crossed_cells_mark(&v->cells, l->pool, v->crossed);
     if (reaches_bricks_alone(l)) {
         v->inside = l->samples.inside;
         l->samples.inside = NULL;

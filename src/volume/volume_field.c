@@ -106,8 +106,7 @@ static bbox add_block(const volume *v, const cell_block *b, bbox of_first, bbox 
 {
     const int32_t *at = v->map.blocks[b->block];
     vec3 way = {0, 0, 0}; /* to the block from the first */
-    for (int axis = 0; axis < 3; axis++)
-        way = vec3_axpy(8.0 * at[axis], affine_axis(v->to_world, axis), way);
+    for (int axis = 0; axis < 3; axis++) way = vec3_axpy(8.0 * at[axis], affine_axis(v->to_world, axis), way);
     if (bbox_contains(box, vec3_add(of_first.min, way)) && bbox_contains(box, vec3_add(of_first.max, way)))
         return box;
     return add_cells(v, b->cells, b[1].cells, box);

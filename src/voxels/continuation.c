@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/isa.h"
+#include "base/lanes.h"
 #include "base/memory.h"
 #include "voxels/block_lines.h"
 
@@ -74,17 +74,10 @@ ISA_INLINE uint64_t frontier(const surroundings *s, int x, uint64_t known[18])
     return any;
 }
 
-#pragma GCC diagnostic ignored "-Wpsabi" /* what takes or returns lanes is inlined */
-
-/* Eight voxels along the last axis, and of each whether something is so: -1 or 0. */
-typedef float lanes __attribute__((vector_size(4 * SIDE), aligned(4), may_alias));
-typedef int32_t lanes_mask __attribute__((vector_size(4 * SIDE)));
-
 /* Of a layer's bits those of row y. */
 ISA_INLINE lanes_mask spread_row(uint64_t bits, int y)
 {
-    const lanes_mask bit = {1, 2, 4, 8, 16, 32, 64, 128}, all = {0};
-    return ((all + (int32_t)(uint8_t)(bits >> SIDE * y)) & bit) == bit;
+    return lanes_spread((uint8_t)(bits >> SIDE * y));
 }
 
 /* Bit 8 y: whether row y of a layer has a bit. */
@@ -98,47 +91,6 @@ ISA_INLINE uint64_t rows_with_any(uint64_t bits)
 ISA_INLINE int lowest_row(uint64_t rows)
 {
     return __builtin_ctzll(rows) / SIDE;
-}
-
-ISA_INLINE lanes only(lanes_mask of, lanes a)
-{
-    return (lanes)(of & (lanes_mask)a);
-}
-
-ISA_INLINE lanes chosen(lanes_mask of, lanes a, lanes b)
-{
-    return (lanes)((of & (lanes_mask)a) | (~of & (lanes_mask)b));
-}
-
-/* A loop that is not unrolled early becomes a single instruction. */
-ISA_INLINE lanes smaller(lanes a, lanes b)
-{
-#pragma GCC unroll 1
-    for (int k = 0; k < SIDE; k++) a[k] = a[k] < b[k] ? a[k] : b[k];
-    return a;
-}
-
-ISA_INLINE lanes larger(lanes a, lanes b)
-{
-#pragma GCC unroll 1
-    for (int k = 0; k < SIDE; k++) a[k] = a[k] > b[k] ? a[k] : b[k];
-    return a;
-}
-
-ISA_INLINE void transpose(lanes r[SIDE])
-{
-#pragma GCC unroll 3
-    for (int step = 0; step < 3; step++) { /* a perfect shuffle of 64 values, three times, is the transpose */
-        lanes to[SIDE];
-#pragma GCC unroll 4
-        for (int k = 0; k < SIDE / 2; k++) {
-            const lanes a = r[k], b = r[k + SIDE / 2];
-            to[2 * k] = __builtin_shufflevector(a, b, 0, 8, 1, 9, 2, 10, 3, 11);
-            to[2 * k + 1] = __builtin_shufflevector(a, b, 4, 12, 5, 13, 6, 14, 7, 15);
-        }
-#pragma GCC unroll 8
-        for (int k = 0; k < SIDE; k++) r[k] = to[k];
-    }
 }
 
 ISA_INLINE lanes row_of(const float *block, int x, int y)
@@ -179,8 +131,8 @@ ISA_INLINE lanes row_beside(const surroundings *s, int x, int y, int axis, int s
 /* As block_line_bend. */
 ISA_INLINE lanes line_bend(lanes a, lanes b, lanes c)
 {
-    const lanes change = a - b, most = 0.5f * larger(change, -change);
-    return larger(smaller(a - 2 * b + c, most), -most);
+    const lanes change = a - b, most = 0.5f * lanes_larger(change, -change);
+    return lanes_larger(lanes_smaller(a - 2 * b + c, most), -most);
 }
 
 /* The clamped value `raw` that a voxel still has gives the side, and the least distance. The bounds hold off what
@@ -189,7 +141,8 @@ ISA_INLINE lanes bounded(lanes value, lanes raw, int layer)
 {
     const lanes_mask side = (lanes_mask)raw & INT32_MIN;
     const lanes size = (lanes)((lanes_mask)raw & INT32_MAX), reach = (lanes)((lanes_mask)value ^ side);
-    return (lanes)((lanes_mask)smaller(larger(reach, 0.5f * size), (float)(1 + layer) * size) ^ side);
+    return (lanes)((lanes_mask)lanes_smaller(lanes_larger(reach, 0.5f * size), (float)(1 + layer) * size) ^
+                   side);
 }
 
 /* Of the rows of a layer what all lines say, summed, and how many these are. */
@@ -206,8 +159,8 @@ ISA_INLINE void gather_lines(const surroundings *s, int x, int k, uint64_t two, 
         const lanes a = row_beside(s, x, y, k / 2, k % 2, 1), b = row_beside(s, x, y, k / 2, k % 2, 2),
                     c = row_beside(s, x, y, k / 2, k % 2, 3);
         const lanes_mask of = spread_row(two, y);
-        g->sum[y] += only(of, 2 * a - b + only(spread_row(bent, y), line_bend(a, b, c)));
-        g->count[y] += only(of, one);
+        g->sum[y] += lanes_only(of, 2 * a - b + lanes_only(spread_row(bent, y), line_bend(a, b, c)));
+        g->count[y] += lanes_only(of, one);
     }
 }
 
@@ -217,8 +170,8 @@ ISA_INLINE void gather_flats(const surroundings *s, int x, int k, uint64_t of, g
     const lanes one = (lanes){0} + 1;
     for (uint64_t rows = rows_with_any(of); rows; rows &= rows - 1) {
         const int y = lowest_row(rows);
-        g->sum[y] += only(spread_row(of, y), row_beside(s, x, y, k / 2, k % 2, 1));
-        g->count[y] += only(spread_row(of, y), one);
+        g->sum[y] += lanes_only(spread_row(of, y), row_beside(s, x, y, k / 2, k % 2, 1));
+        g->count[y] += lanes_only(spread_row(of, y), one);
     }
 }
 
@@ -241,7 +194,7 @@ ISA_INLINE void extend_layer(const surroundings *s, int x, uint64_t bits, const 
     for (uint64_t rows = rows_with_any(bits); rows; rows &= rows - 1) {
         const int y = lowest_row(rows);
         lanes *at = (lanes *)(s->here + 64 * x + SIDE * y);
-        *at = chosen(spread_row(bits, y), bounded(g.sum[y] / g.count[y], *at, layer), *at);
+        *at = lanes_chosen(spread_row(bits, y), bounded(g.sum[y] / g.count[y], *at, layer), *at);
     }
 }
 
@@ -292,9 +245,9 @@ ISA_INLINE uint64_t go_straight(lanes line[SIDE], uint64_t known, bool up)
     lanes value = {0}, slope = value;
     for (int i = up ? 2 : SIDE - 3; i >= 0 && i < SIDE; i += by) {
         const lanes_mask at_end = spread_row(begins, i);
-        slope = chosen(at_end, line[i - by] - line[i - 2 * by], slope);
-        value = chosen(at_end, line[i - by], value) + slope;
-        line[i] = chosen(spread_row(fill, i), bounded(value, line[i], LINE_MOST), line[i]);
+        slope = lanes_chosen(at_end, line[i - by] - line[i - 2 * by], slope);
+        value = lanes_chosen(at_end, line[i - by], value) + slope;
+        line[i] = lanes_chosen(spread_row(fill, i), bounded(value, line[i], LINE_MOST), line[i]);
     }
     return known | fill;
 }
@@ -313,10 +266,10 @@ ISA_INLINE void straighten(float *f, uint64_t known[SIDE], int axis)
             row[k] = (lanes *)(f + (axis == 0 ? 64 * k + SIDE * i : 64 * i + SIDE * k));
             line[k] = *row[k];
         }
-        if (axis == 2) transpose(line);
+        if (axis == 2) lanes_transpose(line);
         const uint64_t bits = go_straight(line, before, true) | go_straight(line, before, false);
         if (bits == before) continue;
-        if (axis == 2) transpose(line);
+        if (axis == 2) lanes_transpose(line);
         for (int k = 0; k < SIDE; k++) {
             *row[k] = line[k];
             if (axis == 0) known[k] |= (bits >> SIDE * k & 0xff) << SIDE * i;
@@ -430,7 +383,7 @@ ISA_INLINE void lengthen(const crossing_lines *l, float *f, const uint64_t known
             before = l->axis == 0 ? row_of(l->from, back, y) : row_of(l->from, x, back);
             steps = zero + (float)(l->side ? SIDE - along : along + 1);
         }
-        *at = chosen(is_known, *at, bounded(last + steps * (last - before), *at, LINE_MOST));
+        *at = lanes_chosen(is_known, *at, bounded(last + steps * (last - before), *at, LINE_MOST));
     }
 }
 

@@ -191,8 +191,8 @@ static void odd_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t n = begin; n < end; n++)
         for (int k = 0; k < BLOCK_MAP_NODE; k++) {
             const uint32_t tile = l->tiles[job->level].nodes[n][k];
-            const bool odd = tile != BLOCK_MAP_NONE &&
-                             (l->tile_values[job->level][tile] < 0) != (l->background < 0);
+            const bool odd =
+                tile != BLOCK_MAP_NONE && (l->tile_values[job->level][tile] < 0) != (l->background < 0);
             job->odd[n] |= (uint64_t)odd << k;
         }
 }

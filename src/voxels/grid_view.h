@@ -42,7 +42,7 @@ typedef struct grid_view {
     float clamp_below, clamp_above; /* active values from these on, outwards, are the clamp; or infinite */
     float background;               /* as F */
     block_map leaves;
-    block_map tiles[GRID_VIEW_TILE_LEVELS]; /* by tiles' coordinates */
+    block_map tiles[GRID_VIEW_TILE_LEVELS];    /* by tiles' coordinates */
     float *tile_values[GRID_VIEW_TILE_LEVELS]; /* as F */
     float lowest, highest;                     /* of the grid's own finite values, background included */
     uint64_t not_finite;                       /* voxels in leaves */

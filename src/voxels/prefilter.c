@@ -3,23 +3,52 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/isa.h"
+#include "base/lanes.h"
 #include "base/memory.h"
 #include "voxels/block_lines.h"
 
 #define SIDE GRID_VIEW_SIDE
 
-enum { LINES = SIDE * SIDE, RUNS = 4 }; /* of a block along an axis; in a chunk of work */
+enum { LINES = SIDE * SIDE, RUNS = 8 }; /* of a block along an axis; in a chunk of work */
 
 static const double POLE = -0.26794919243112270647; /* sqrt(3) - 2 */
 
-/* A run of blocks along an axis, row by row: the values of 64 lines, and which of them count. Two rows more on either
- * side, where none does. */
-typedef struct rows {
-    float *value;
-    uint64_t *counts;
-    size_t length;
-} rows;
+/* A run of blocks along an axis: 64 lines, eight side by side, and of each place along them a row. */
+typedef struct run {
+    float **block; /* the voxels of each */
+    uint64_t
+        *counts;   /* of each row, which lines' voxels count; two rows more on either side, where none does */
+    size_t length; /* in rows */
+} run;
+
+/* In the voxels of blocks: from a row to the next, and from eight of its lines to the next. */
+typedef struct strides {
+    int along, across;
+} strides;
+static const strides apart = {LINES, SIDE},
+                     through = {SIDE, LINES}; /* along the first axis, and the second */
+
+ISA_INLINE float *row_at(const run *r, strides by, size_t k)
+{
+    return r->block[k / SIDE] + (int)(k % SIDE) * by.along;
+}
+
+ISA_INLINE lanes *lanes_at(const float *row, strides by, int eight)
+{
+    return (lanes *)(row + eight * by.across);
+}
+
+/* Of eight lines of a row. */
+ISA_INLINE uint8_t byte_of(uint64_t bits, int eight)
+{
+    return (uint8_t)(bits >> SIDE * eight);
+}
+
+/* One line of a row: bit i of its counts. */
+ISA_INLINE float *line_at(float *row, strides by, int i)
+{
+    return row + i / SIDE * by.across + i % SIDE;
+}
 
 /* 6 times the sum over k >= 0 of POLE^k p(-k), p the parabola through f0, f1, f2 at 0, 1, 2; the line where there is no third
  * value, and the constant where there is no second. */
@@ -30,76 +59,65 @@ ISA_INLINE double sum_beyond(double f0, double f1, double f2, bool two, bool thr
     return 6 * (f0 * s0 + (slope + bend / 2) * s1 + bend / 2 * s2);
 }
 
-/* 1 where a bit is set, else 0. */
-ISA_INLINE void spread_bits(uint64_t bits, float out[LINES])
-{
-    for (int half = 0; half < 2; half++) {
-        const uint32_t these = (uint32_t)(bits >> 32 * half);
-        for (uint32_t i = 0; i < 32; i++) out[32 * half + i] = these >> i & 1 ? 1.0f : 0.0f;
-    }
-}
-
 /* Row k of the sums from below. What a row had is gone then: `value` receives it, `kept` is that of the two below. */
-ISA_INLINE void sum_upwards(const rows *r, size_t k, float *value, const float *kept[2])
+ISA_INLINE void sum_upwards(const run *r, strides by, size_t k, float value[LINES], const float *kept[2])
 {
-    float *row = r->value + LINES * k;
-    const float *next = row + LINES, *after = next + LINES, *sum = row - LINES;
+    const size_t last = r->length - 1;
     const uint64_t *counts = r->counts + k, here = counts[0];
     uint64_t begins = here & ~counts[-1], ends = here & ~counts[1];
-    float chosen[LINES];
-    spread_bits(here, chosen);
-    for (int i = 0; i < LINES; i++) {
-        const float own = row[i];
-        value[i] = own;
-        row[i] = chosen[i] > 0 ? 6 * own + (float)POLE * sum[i] : own;
+    float *row = row_at(r, by, k), *before = row_at(r, by, k > 0 ? k - 1 : 0),
+          *next = row_at(r, by, k + 1 < last ? k + 1 : last),
+          *after = row_at(r, by, k + 2 < last ? k + 2 : last);
+    for (int i = 0; i < SIDE; i++) {
+        lanes *at = lanes_at(row, by, i), own = *at;
+        *lanes_at(value, apart, i) = own;
+        *at = lanes_chosen(lanes_spread(byte_of(here, i)), 6 * own + (float)POLE * *lanes_at(before, by, i),
+                           own);
     }
     for (; begins; begins &= begins - 1) {
         const int i = __builtin_ctzll(begins);
         const bool two = counts[1] >> i & 1, three = two && counts[2] >> i & 1;
-        row[i] = (float)sum_beyond((double)value[i], (double)next[i], (double)after[i], two, three);
+        const double f1 = (double)*line_at(next, by, i), f2 = (double)*line_at(after, by, i);
+        *line_at(row, by, i) = (float)sum_beyond((double)value[i], f1, f2, two, three);
     }
     for (; ends; ends &= ends - 1) { /* both sums meet */
         const int i = __builtin_ctzll(ends);
         const bool two = counts[-1] >> i & 1, three = two && counts[-2] >> i & 1;
         const double other = sum_beyond((double)value[i], (double)kept[0][i], (double)kept[1][i], two, three);
-        row[i] = (float)(((double)row[i] + other - 6 * (double)value[i]) * (-POLE / (1 - POLE * POLE)));
+        float *at = line_at(row, by, i);
+        *at = (float)(((double)*at + other - 6 * (double)value[i]) * (-POLE / (1 - POLE * POLE)));
     }
 }
 
-ISA_INLINE void solve(const rows *r)
+ISA_INLINE void solve(const run *r, strides by)
 {
     float value[3][LINES]; /* of rows k, k - 1 and k - 2, by turns */
     for (size_t k = 0; k < r->length; k++)
         if (r->counts[k])
-            sum_upwards(r, k, value[k % 3], (const float *[]){value[(k + 2) % 3], value[(k + 1) % 3]});
+            sum_upwards(r, by, k, value[k % 3], (const float *[]){value[(k + 2) % 3], value[(k + 1) % 3]});
     for (size_t k = r->length - 1; k-- > 0;) {
-        float *row = r->value + LINES * k, chosen[LINES];
-        const float *above = row + LINES;
         const uint64_t goes_on = r->counts[k] & r->counts[k + 1];
+        const float *row = row_at(r, by, k), *above = row_at(r, by, k + 1);
         if (goes_on == 0) continue;
-        spread_bits(goes_on, chosen);
-        for (int i = 0; i < LINES; i++) row[i] = chosen[i] > 0 ? (float)POLE * (above[i] - row[i]) : row[i];
+        for (int i = 0; i < SIDE; i++) {
+            lanes *at = lanes_at(row, by, i);
+            *at = lanes_chosen(lanes_spread(byte_of(goes_on, i)),
+                               (float)POLE * (*lanes_at(above, by, i) - *at), *at);
+        }
     }
 }
 
-/* The voxels of a block as rows, or these back; strides `along` the lines, and of a line's place by 8 and by 1. */
-ISA_INLINE void copy_strided(float *f, float *row, bool back, int along, int a, int b)
+/* The last axis becomes the first, whose lines lie side by side, and the first the second; or back. */
+ISA_INLINE void turn_block(const float *from, float *to, bool back)
 {
-    for (int k = 0; k < SIDE; k++, row += LINES)
-        for (int i = 0; i < SIDE; i++)
-            for (int j = 0; j < SIDE; j++) {
-                if (back)
-                    f[k * along + i * a + j * b] = row[SIDE * i + j];
-                else
-                    row[SIDE * i + j] = f[k * along + i * a + j * b];
-            }
-}
-
-ISA_INLINE void copy_block(float *f, int axis, float *row, bool back)
-{
-    if (axis == 0) copy_strided(f, row, back, 64, 8, 1);
-    if (axis == 1) copy_strided(f, row, back, 8, 64, 1);
-    if (axis == 2) copy_strided(f, row, back, 1, 64, 8);
+    for (int x = 0; x < SIDE; x++) {
+        lanes row[SIDE];
+        for (int k = 0; k < SIDE; k++)
+            row[k] = *(const lanes *)(from + (back ? 64 * k + SIDE * x : 64 * x + SIDE * k));
+        lanes_transpose(row);
+        for (int k = 0; k < SIDE; k++)
+            *(lanes *)(to + (back ? 64 * x + SIDE * k : 64 * k + SIDE * x)) = row[k];
+    }
 }
 
 /* Of the voxels' bits, likewise. */
@@ -115,7 +133,9 @@ typedef struct filtering {
     bool known;
     const uint8_t *counts; /* of each block, whether any of its voxels does */
     uint32_t *first;       /* blocks that begin runs */
-    rows *rows;            /* of each worker */
+    run *runs;             /* of each worker */
+    float *turned;         /* likewise: the voxels of a run along the last axis */
+    size_t longest;        /* in rows */
     int axis;
 } filtering;
 
@@ -130,36 +150,43 @@ ISA_CLONES static void filter_chunk(void *context, int worker, size_t begin, siz
 {
     const filtering *job = context;
     const samples *s = job->s;
-    rows *r = &job->rows[worker];
+    run *r = &job->runs[worker];
+    float *turned = job->turned + (size_t)worker * job->longest * SIDE * SIDE;
     for (size_t i = begin; i < end; i++) {
         r->length = 0;
         for (uint32_t n = job->first[i], next; n != BLOCK_MAP_NONE; n = next, r->length += SIDE) {
             uint64_t *counts = r->counts + r->length;
+            float **block = &r->block[r->length / SIDE];
             if ((next = beside(job, n, 1)) != BLOCK_MAP_NONE) block_fetch(s->f[next]);
-            copy_block(s->f[n], job->axis, r->value + LINES * r->length, false);
+            *block = job->axis < 2 ? s->f[n] : turned + r->length * SIDE * SIDE;
+            if (job->axis == 2) turn_block(s->f[n], *block, false);
             if (job->known)
                 copy_bits(s->known + (size_t)n * SIDE, job->axis, counts);
             else
                 memset(counts, 0xff, SIDE * sizeof *counts);
         }
         r->counts[r->length] = r->counts[r->length + 1] = 0;
-        solve(r);
-        float *row = r->value;
-        for (uint32_t n = job->first[i]; n != BLOCK_MAP_NONE; n = beside(job, n, 1), row += LINES * SIDE)
-            copy_block(s->f[n], job->axis, row, true);
+        if (job->axis == 1) /* each with strides that the compiler knows */
+            solve(r, through);
+        else
+            solve(r, apart);
+        if (job->axis < 2) continue;
+        const float *const *block = (const float *const *)r->block;
+        for (uint32_t n = job->first[i]; n != BLOCK_MAP_NONE; n = beside(job, n, 1))
+            turn_block(*block++, s->f[n], true);
     }
 }
 
-/* Where runs along the axis begin; *longest receives the voxels of the longest. Returns how many there are. */
-static size_t find_runs(const filtering *job, size_t *longest)
+/* Where runs along the axis begin, and how long the longest is. Returns how many there are. */
+static size_t find_runs(filtering *job)
 {
     size_t count = 0;
-    *longest = 0;
+    job->longest = 0;
     for (uint32_t n = 0; n < job->s->map.count; n++) {
         if (!job->counts[n] || beside(job, n, 0) != BLOCK_MAP_NONE) continue;
         size_t length = 0;
         for (uint32_t k = n; k != BLOCK_MAP_NONE; k = beside(job, k, 1)) length += SIDE;
-        if (length > *longest) *longest = length;
+        if (length > job->longest) job->longest = length;
         job->first[count++] = n;
     }
     return count;
@@ -167,20 +194,19 @@ static size_t find_runs(const filtering *job, size_t *longest)
 
 static bool filter_axis(filtering *job, threads *pool, error *e)
 {
-    size_t longest;
-    const size_t count = find_runs(job, &longest), workers = (size_t)threads_count(pool),
-                 length = longest + 4;
-    float *value = mem_array(workers * length, LINES * sizeof *value, "a run of voxels", e);
-    uint64_t *counts = mem_array(workers * length, sizeof *counts, "a run of voxels", e);
-    const bool ok = value && counts;
-    for (size_t k = 0; ok && k < workers; k++) {
-        job->rows[k] = (rows){value + LINES * (k * length + 2), counts + k * length + 2, 0};
-        memset(job->rows[k].value - 2 * LINES, 0, 2 * LINES * sizeof *value);
-        memset(job->rows[k].counts - 2, 0, 2 * sizeof *counts);
-    }
-    if (ok) threads_run(pool, count, RUNS, filter_chunk, job);
-    free(value);
+    const char *what = "a run of voxels";
+    const size_t runs = find_runs(job), workers = (size_t)threads_count(pool), blocks = job->longest / SIDE,
+                 rows = job->longest + 4, voxels = job->axis == 2 ? blocks * GRID_VIEW_VOXELS : 0;
+    float **block = mem_array(workers * blocks, sizeof *block, what, e);
+    uint64_t *counts = mem_array(workers * rows, sizeof *counts, what, e);
+    job->turned = mem_array(workers * voxels, sizeof *job->turned, what, e);
+    const bool ok = block && counts && job->turned;
+    for (size_t k = 0; ok && k < workers; k++)
+        job->runs[k] = (run){block + k * blocks, counts + k * rows + 2, 0};
+    if (ok) threads_run(pool, runs, RUNS, filter_chunk, job);
+    free(block);
     free(counts);
+    free(job->turned);
     return ok;
 }
 
@@ -188,10 +214,10 @@ bool prefilter_run(samples *s, bool known, threads *pool, error *e)
 {
     uint8_t *counts = mem_array(s->map.count, sizeof *counts, "the runs of voxels", e);
     uint32_t *first = mem_array(s->map.count, sizeof *first, "the runs of voxels", e);
-    rows *r = mem_array((size_t)threads_count(pool), sizeof *r, "the runs of voxels", e);
+    run *r = mem_array((size_t)threads_count(pool), sizeof *r, "the runs of voxels", e);
     bool ok = counts && first && r;
     for (size_t n = 0; ok && n < s->map.count; n++) counts[n] = !known || block_has_any(s->known + n * SIDE);
-    filtering job = {s, known, counts, first, r, 0};
+    filtering job = {.s = s, .known = known, .counts = counts, .first = first, .runs = r};
     for (; ok && job.axis < 3; job.axis++) ok = filter_axis(&job, pool, e);
     free(counts);
     free(first);

@@ -205,7 +205,8 @@ ISA_INLINE void go_beyond(const float *f, int x, int y, int z, int count, float 
         const float *at = line + c.within, end = *at;
         const float change = (float)a.away * (end - at[a.back]) + (float)b.away * (end - at[b.back]) +
                              (float)c.away * (end - at[c.back]);
-        to[k] = (double)(end + change) * (double)end > 0 ? end + change : end; /* floats may be too small */
+        const float on = end + change;
+        to[k] = ((on > 0) & (end > 0)) | ((on < 0) & (end < 0)) ? on : end; /* a product may be too small */
     }
 }
 
@@ -262,7 +263,8 @@ ISA_INLINE void take_window(const samples *s, const int32_t block[3], const int 
 }
 
 /* Those that most are, of a block and what is beside it, have code of their own, which knows how long rows are. */
-void samples_window(const samples *s, const int32_t block[3], const int low[3], int side, float *out)
+ISA_CLONES void samples_window(const samples *s, const int32_t block[3], const int low[3], int side,
+                               float *out)
 {
     static const int at_block[3] = {0, 0, 0}, before_block[3] = {-1, -1, -1};
     if (side == 9 && memcmp(low, at_block, sizeof at_block) == 0)
