@@ -21,6 +21,8 @@
 static const double REHEARSAL_S = 1;
 /* Each has so many times the points of the one before it, as levels have: so their coarsest is that of the job. */
 static const size_t REHEARSAL_STRIDE = 4;
+/* Threads gain little where points are fewer. */
+static const size_t SHARED_FROM = 20000;
 /* What a worker holds at least once it has used OpenVDB: the library, and the heap that is in place from the start (mem_begin). */
 static const double BYTES_WITH_OPENVDB = 37 << 20;
 
@@ -60,9 +62,7 @@ static double rehearse(job *j)
         if (cost_model_run(&p, count / part) > REHEARSAL_S) break;
     }
     j->count = count;
-    /* few points are run by one thread, see place */
-    return p.runs > 0 ? cost_model_run(&p, count) / (count < JOB_THREADS_FROM ? 1 : threads_count(j->pool))
-                      : NAN;
+    return p.runs > 0 ? cost_model_run(&p, count) / (count < SHARED_FROM ? 1 : threads_count(j->pool)) : NAN;
 }
 
 /* At the peak of a job of so many points, which is that of loading or that of sampling; `held`: the surface, before there

@@ -289,7 +289,7 @@ bool job_place(job *j, solution *out, error *e)
 {
     const spec *s = j->spec;
     if (!start_sizing(j, &out->sizing, e) || !start_curvature(j, &out->curvature, e)) return false;
-    threads_narrow(j->pool, j->count < JOB_THREADS_FROM);
+    threads_narrow(j->pool, j->count < SAMPLER_THREADS_FROM);
     bool inserts = s->has_control && s->method == SPEC_METHOD_PAPER;
     int64_t start = s->control.start_count > 0 ? s->control.start_count : s->control.min_count;
     const spec_witkin_heckbert *w = &s->witkin_heckbert;

@@ -12,9 +12,6 @@
 #include "source/source.h"
 #include "sampler/sampler.h"
 
-/* Below this many points a second thread costs more than it brings. */
-#define JOB_THREADS_FROM 20000
-
 /* A particle system at rest and its measures. */
 typedef struct solution {
     sizing_field *sizing;        /* NULL: even, or by alpha */

@@ -294,6 +294,7 @@ const sampler_method sampler_meyer = {sampler_build_lists, relax_step, describe_
 bool sampler_step(sampler *s, error *e)
 {
     assert(!sampler_ended(s) && s->record.sweep_count < (size_t)s->setup.params.max_sweeps);
+    threads_narrow(s->setup.pool, s->state.p->count < SAMPLER_THREADS_FROM);
     return s->setup.method->step(s, e);
 }
 

@@ -54,8 +54,11 @@ typedef struct sampler_round {
     double gain;   /* no particle could lower its energy by more than this fraction */
 } sampler_round;
 
-/* `f`, `scan` and `pool` stay the caller's and outlive the sampler. Errors: limit_memory, no_surface
- * (particles cannot be placed). */
+/* With fewer particles than so many a step runs on one thread: more cost more than they bring. */
+#define SAMPLER_THREADS_FROM 4000
+
+/* `f`, `scan` and `pool` stay the caller's and outlive the sampler; steps make the pool narrow or not, by their particles. Errors:
+ * limit_memory, no_surface (particles cannot be placed). */
 sampler *sampler_new(const field *f, const surface *scan, const sampler_params *params, threads *pool,
                      error *e);
 void sampler_free(sampler *s);
