@@ -21,7 +21,7 @@
 static const double REHEARSAL_S = 1;
 /* Each has so many times the points of the one before it, as levels have: so their coarsest is that of the job. */
 static const size_t REHEARSAL_STRIDE = 4;
-/* Threads gain little where points are fewer. */
+/* With fewer points threads, of which the finest levels have several, still gain little of the whole. */
 static const size_t SHARED_FROM = 20000;
 /* What a worker holds at least once it has used OpenVDB: the library, and the heap that is in place from the start (mem_begin). */
 static const double BYTES_WITH_OPENVDB = 37 << 20;

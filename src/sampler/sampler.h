@@ -54,7 +54,7 @@ typedef struct sampler_round {
     double gain;   /* no particle could lower its energy by more than this fraction */
 } sampler_round;
 
-/* With fewer particles than so many a step runs on one thread: more cost more than they bring. */
+/* With fewer particles than so many a step runs on one thread: further ones cost more than they bring. */
 #define SAMPLER_THREADS_FROM 4000
 
 /* `f`, `scan` and `pool` stay the caller's and outlive the sampler; steps make the pool narrow or not, by their particles. Errors:

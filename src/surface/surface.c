@@ -7,6 +7,7 @@
 #include "base/memory.h"
 #include "field/flat_cell.h"
 #include "field/projection.h"
+#include "surface/bent_areas.h"
 #include "surface/cell_parts.h"
 
 #define EDGE_NUMBERS 64 /* an edge joins corners a < b: index 8 a + b */
@@ -34,10 +35,9 @@ static const double BENT_FACING = 0.9;
  * tetrahedra between whose corners no sign changes. Balls of 2.4 voxels are right to 5e-4 then, and 2e-2 too small without.
  * Corners nearer to each other than TOO_NEAR, of a cell, do not tell. */
 static const double BENT_SIZE = 0.3, TOO_NEAR = 0.1;
-/* Where so many cells of AT_ONCE chunks, half of them, are bent, they are sampled, and so are those of the fewer chunks that come last:
- * LEAST_WHOLE of all or more are measured by all their parts, one of SAMPLE_EVERY at most, LEAST_HALF or more by half as many along
- * each axis, and for the others their triangles stand. Areas of six fogs are off by 9.1e-4 at most. */
-enum { MANY_BENT = 16384, SAMPLE_EVERY = 8, LEAST_WHOLE = 8000, LEAST_HALF = 50000 };
+/* Where so many cells of AT_ONCE chunks, half of them, are bent, they are sampled (bent_areas.h), and so are those of the fewer chunks
+ * that come last. */
+enum { MANY_BENT = 16384 };
 /* A triangle that a face of the domain may cut is divided until its sides are this fraction of a cell, and of
  * the domain's shortest side, or so often: what lies between a boundary and its chords goes with the square. */
 static const double CLIP_CELL = 1.0 / 8, CLIP_SIDE = 1.0 / 16;
@@ -497,18 +497,6 @@ static void draw_triangles(const surface *s, size_t index, triangulation *out)
     }
 }
 
-/* Of bent cells that are sampled: areas by all parts, and by half of them, of those that have both; by half of them, and rough, of those
- * that have these. */
-typedef struct bent_sums {
-    double whole, half_of_whole, half, rough_of_half;
-} bent_sums;
-
-/* Of so many bent cells there is one that is measured by all its parts, and one by half of them; the former is a multiple. Both 1: all
- * are measured by all. */
-typedef struct bent_samples {
-    uint32_t whole, half;
-} bent_samples;
-
 typedef struct scan_job {
     surface *s;
     bbox *box;          /* of each chunk */
@@ -533,11 +521,6 @@ static void scan_chunk(void *context, int worker, size_t begin, size_t end)
     root_group_free(group.roots);
 }
 
-static bool is_drawn(size_t k, uint32_t every)
-{
-    return (uint32_t)(k * 0x9E3779B97F4A7C15u >> 32) % every == 0;
-}
-
 /* The bent cell k by its parts; or less than 0, by half of them or roughly, until it is known how much these fall short. */
 static double measure_bent(const scan_job *job, size_t k, bent_sums *sums)
 {
@@ -545,9 +528,9 @@ static double measure_bent(const scan_job *job, size_t k, bent_sums *sums)
     const double rough = -job->s->area_before[k + 1];
     field_cell cell;
     triangulation t;
-    if (!is_drawn(k, job->every.half)) return -rough;
+    if (!bent_is_drawn(k, job->every.half)) return -rough;
     surface_cell(job->s, k, &cell);
-    const bool sampled = job->every.whole > 1, by_whole = is_drawn(k, job->every.whole);
+    const bool sampled = job->every.whole > 1, by_whole = bent_is_drawn(k, job->every.whole);
     const double half = sampled ? cell_half_parts_area(f, &cell) : 0,
                  area = by_whole ? cell_parts_area(f, &cell, NULL) : -half;
     if (half > 0) {
@@ -557,6 +540,7 @@ static double measure_bent(const scan_job *job, size_t k, bent_sums *sums)
     if (half > 0 && area > 0) {
         sums->whole += area;
         sums->half_of_whole += half;
+        sums->wholes++;
     }
     if (area != 0) return area;
     cut_cell(f, &cell, false, &t);
@@ -582,14 +566,6 @@ static size_t count_bent(const scan_job *job, size_t chunks)
     return count;
 }
 
-/* How `bent` cells are sampled. */
-static bent_samples choose_samples(double bent)
-{
-    const double half = fmax(floor(bent / LEAST_HALF), 1),
-                 whole = fmax(floor(bent / LEAST_WHOLE), SAMPLE_EVERY);
-    return (bent_samples){(uint32_t)(ceil(whole / half) * half), (uint32_t)half};
-}
-
 /* A part of the chunks at a time: what the field keeps of their places stays where it is quick to reach. Returns how bent cells were
  * sampled. */
 static bent_samples scan_cells(const scan_job *job, size_t chunks, threads *pool)
@@ -604,29 +580,12 @@ static bent_samples scan_cells(const scan_job *job, size_t chunks, threads *pool
         threads_run(pool, count, 1, scan_chunk, &part);
         const size_t bent = count_bent(&part, count), few = chosen.whole > 1 ? count * GRAIN / 2 : MANY_BENT;
         if (bent >= few && chosen.whole == 1)
-            chosen = choose_samples((double)bent / (double)(count * GRAIN) * (double)job->s->cells);
+            chosen = bent_choose((double)bent / (double)(count * GRAIN) * (double)job->s->cells);
         part.every = bent >= few ? chosen : all;
         if (bent > 0) threads_run(pool, count, 1, bent_chunk, &part);
         if (f->ops->forget) f->ops->forget(f);
     }
     return chosen;
-}
-
-/* In the mean half of the parts fall short by the same share, and so do triangles. */
-static void settle_bent(const scan_job *job, size_t chunks, bent_samples every)
-{
-    bent_sums all = {0};
-    for (size_t k = 0; k < chunks; k++) {
-        all.whole += job->bent[k].whole;
-        all.half_of_whole += job->bent[k].half_of_whole;
-        all.half += job->bent[k].half;
-        all.rough_of_half += job->bent[k].rough_of_half;
-    }
-    const double of_half = all.half_of_whole > 0 ? all.whole / all.half_of_whole : 1,
-                 of_rough = all.rough_of_half > 0 ? of_half * all.half / all.rough_of_half : 1;
-    for (size_t k = 0; k < job->s->cells; k++)
-        if (job->s->area_before[k + 1] < 0)
-            job->s->area_before[k + 1] *= -(is_drawn(k, every.half) ? of_half : of_rough);
 }
 
 static bool no_area(const field *f, error *e)
@@ -652,7 +611,7 @@ surface *surface_scan(const field *f, threads *pool, error *e)
                     {1, 1}};
     s->area_before = mem_array(s->cells + 1, sizeof *s->area_before, "the scan of the surface", e);
     if (!job.box || !job.bent || !s->area_before || !components_find(f, pool, &s->parts, e)) goto fail;
-    settle_bent(&job, chunks, scan_cells(&job, chunks, pool));
+    bent_settle(s->area_before + 1, s->cells, GRAIN, job.bent, scan_cells(&job, chunks, pool));
     if (threads_stopped(pool)) {
         error_set(e, ERROR_CANCELLED, "stopped");
         goto fail;

@@ -53,7 +53,7 @@ bool crossed_cells_list(const crossings *c, const block_map *map, threads *pool,
 bool crossed_cells_take_values(crossed_cells *c, const samples *s, bool smooth, threads *pool, error *e);
 void crossed_cells_free(crossed_cells *c);
 
-/* Marks them among 64 bytes for each block of the map, which are as crossing_block's rows. */
+/* Sets their bits in `rows`, 64 bytes for each block of the map, as crossing_block has them; before crossed_cells_add_late. */
 void crossed_cells_mark(const crossed_cells *c, threads *pool, uint8_t *rows);
 
 /* Takes over a list of cells, which may be freed. Once. */

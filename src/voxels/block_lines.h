@@ -6,8 +6,10 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "base/isa.h"
+#include "base/lanes.h"
 #include "voxels/grid_view.h"
+
+_Static_assert(LANES == GRID_VIEW_SIDE, "a row of a block is what one instruction works on");
 
 /* From a voxel to the next along each axis. */
 static const int block_stride[3] = {64, 8, 1};
@@ -36,6 +38,12 @@ ISA_INLINE uint64_t block_turned(const uint64_t bits[GRID_VIEW_SIDE], int k)
     uint64_t layer = 0;
     for (int x = 0; x < GRID_VIEW_SIDE; x++) layer |= (bits[x] >> 8 * k & 0xff) << 8 * x;
     return layer;
+}
+
+/* Of a layer's bits those of row y, each in a lane. */
+ISA_INLINE lanes_mask block_row(uint64_t layer, int y)
+{
+    return lanes_spread((uint8_t)(layer >> GRID_VIEW_SIDE * y));
 }
 
 ISA_INLINE bool block_has_any(const uint64_t bits[GRID_VIEW_SIDE])

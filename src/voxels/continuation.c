@@ -74,12 +74,6 @@ ISA_INLINE uint64_t frontier(const surroundings *s, int x, uint64_t known[18])
     return any;
 }
 
-/* Of a layer's bits those of row y. */
-ISA_INLINE lanes_mask spread_row(uint64_t bits, int y)
-{
-    return lanes_spread((uint8_t)(bits >> SIDE * y));
-}
-
 /* Bit 8 y: whether row y of a layer has a bit. */
 ISA_INLINE uint64_t rows_with_any(uint64_t bits)
 {
@@ -158,8 +152,8 @@ ISA_INLINE void gather_lines(const surroundings *s, int x, int k, uint64_t two, 
         const int y = lowest_row(rows);
         const lanes a = row_beside(s, x, y, k / 2, k % 2, 1), b = row_beside(s, x, y, k / 2, k % 2, 2),
                     c = row_beside(s, x, y, k / 2, k % 2, 3);
-        const lanes_mask of = spread_row(two, y);
-        g->sum[y] += lanes_only(of, 2 * a - b + lanes_only(spread_row(bent, y), line_bend(a, b, c)));
+        const lanes_mask of = block_row(two, y);
+        g->sum[y] += lanes_only(of, 2 * a - b + lanes_only(block_row(bent, y), line_bend(a, b, c)));
         g->count[y] += lanes_only(of, one);
     }
 }
@@ -170,8 +164,8 @@ ISA_INLINE void gather_flats(const surroundings *s, int x, int k, uint64_t of, g
     const lanes one = (lanes){0} + 1;
     for (uint64_t rows = rows_with_any(of); rows; rows &= rows - 1) {
         const int y = lowest_row(rows);
-        g->sum[y] += lanes_only(spread_row(of, y), row_beside(s, x, y, k / 2, k % 2, 1));
-        g->count[y] += lanes_only(spread_row(of, y), one);
+        g->sum[y] += lanes_only(block_row(of, y), row_beside(s, x, y, k / 2, k % 2, 1));
+        g->count[y] += lanes_only(block_row(of, y), one);
     }
 }
 
@@ -194,7 +188,7 @@ ISA_INLINE void extend_layer(const surroundings *s, int x, uint64_t bits, const 
     for (uint64_t rows = rows_with_any(bits); rows; rows &= rows - 1) {
         const int y = lowest_row(rows);
         lanes *at = (lanes *)(s->here + 64 * x + SIDE * y);
-        *at = lanes_chosen(spread_row(bits, y), bounded(g.sum[y] / g.count[y], *at, layer), *at);
+        *at = lanes_chosen(block_row(bits, y), bounded(g.sum[y] / g.count[y], *at, layer), *at);
     }
 }
 
@@ -244,10 +238,10 @@ ISA_INLINE uint64_t go_straight(lanes line[SIDE], uint64_t known, bool up)
     if (fill == 0) return known;
     lanes value = {0}, slope = value;
     for (int i = up ? 2 : SIDE - 3; i >= 0 && i < SIDE; i += by) {
-        const lanes_mask at_end = spread_row(begins, i);
+        const lanes_mask at_end = block_row(begins, i);
         slope = lanes_chosen(at_end, line[i - by] - line[i - 2 * by], slope);
         value = lanes_chosen(at_end, line[i - by], value) + slope;
-        line[i] = lanes_chosen(spread_row(fill, i), bounded(value, line[i], LINE_MOST), line[i]);
+        line[i] = lanes_chosen(block_row(fill, i), bounded(value, line[i], LINE_MOST), line[i]);
     }
     return known | fill;
 }
@@ -372,7 +366,7 @@ ISA_INLINE void lengthen(const crossing_lines *l, float *f, const uint64_t known
     for (int row = 0; row < SIDE * SIDE; row++) {
         const int x = row / SIDE, y = row % SIDE, along = l->axis == 0 ? x : y;
         const float *last_z = l->from + SIDE * row;
-        const lanes_mask is_known = spread_row(known[x], y);
+        const lanes_mask is_known = block_row(known[x], y);
         lanes last, before, steps, *at = (lanes *)(f + SIDE * row);
         if (l->axis == 2) {
             last = zero + last_z[end];
@@ -414,6 +408,8 @@ ISA_CLONES static void lengthen_chunk(void *context, int worker, size_t begin, s
     }
 }
 
+_Static_assert(LAYERS <= 2, "a third layer would be written over the first, which stays");
+
 /* Continues layer by layer, and goes straight on with the last. Returns how many blocks are still open. */
 static size_t extend(samples *s, extension *job, uint32_t *open, threads *pool)
 {
@@ -425,7 +421,7 @@ static size_t extend(samples *s, extension *job, uint32_t *open, threads *pool)
         threads_run(pool, count, BLOCKS, extend_chunk, job);
         if (threads_stopped(pool)) break;
         s->known = job->next;
-        job->next = before; /* the last layer leaves what the first made known */
+        job->next = before;
         if (job->layer == 1) job->first = s->known;
         if (!atomic_load(&job->changed)) break;
         count = keep_open(job->whole, open, count);

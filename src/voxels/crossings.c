@@ -69,10 +69,11 @@ static void note_open(crossings *c, const int32_t block[3], int x, uint64_t bits
     c->open_cells += (unsigned)__builtin_popcountll(bits);
 }
 
-static bool too_far(const int32_t block[3], error *e)
+static bool is_near_enough(const int32_t block[3], error *e)
 {
     int axis = 0;
-    while (block[axis] <= farthest_block && block[axis] >= -farthest_block) axis++;
+    while (axis < 3 && block[axis] <= farthest_block && block[axis] >= -farthest_block) axis++;
+    if (axis == 3) return true;
     return error_set(e, ERROR_INPUT_UNSUPPORTED,
                      "the volume has its surface at the limits of 32-bit index coordinates, near voxel "
                      "%lld along axis %d: move the grid nearer to its origin",
@@ -89,6 +90,7 @@ bool crossings_add(crossings *c, const int32_t block[3], const corner_signs *cor
         if (!bits) continue;
         const uint64_t known = all(&corners->known, x) & all(&corners->known, x + 1);
         if (c->known_only) bits &= known;
+        if (bits && cells == 0 && !is_near_enough(block, e)) return false;
         if (bits & ~known) note_open(c, block, x, bits & ~known);
         b.flat |= (bits & ~(some(&corners->outside, x) | some(&corners->outside, x + 1))) != 0;
         cells += (unsigned)__builtin_popcountll(bits);
@@ -96,8 +98,6 @@ bool crossings_add(crossings *c, const int32_t block[3], const corner_signs *cor
         memcpy(b.rows + GRID_VIEW_SIDE * x, &bits, sizeof bits);
     }
     if (cells == 0) return true;
-    for (int axis = 0; axis < 3; axis++)
-        if (block[axis] > farthest_block || block[axis] < -farthest_block) return too_far(block, e);
     c->cells += cells;
     return append(c, &b, e);
 }

@@ -95,7 +95,7 @@ static void range_chunk(void *context, int worker, size_t begin, size_t end)
 
 static void widen(grid_view *l, float lowest, float highest)
 {
-    l->lowest = lowest < l->lowest ? lowest : l->lowest; /* of NaN neither */
+    l->lowest = lowest < l->lowest ? lowest : l->lowest; /* a NaN does neither */
     l->highest = highest > l->highest ? highest : l->highest;
 }
 

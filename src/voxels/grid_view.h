@@ -26,7 +26,7 @@
 
 typedef enum grid_view_kind { GRID_VIEW_LEVEL_SET, GRID_VIEW_FOG, GRID_VIEW_DENSE } grid_view_kind;
 
-/* The tiles of a level are so many blocks wide, as a power of 2: their coordinates are those of their blocks without these bits. */
+/* Tiles of a level are 1 << shift blocks wide; their coordinates are those of their blocks >> shift. */
 static const int grid_view_tile_shift[GRID_VIEW_TILE_LEVELS] = {0, 4, 9};
 
 /* Of a leaf's voxels, in words as above: those with F < 0, with F > 0, and the known ones. */
@@ -55,7 +55,7 @@ typedef struct grid_view_block {
     float constant; /* F */
 } grid_view_block;
 
-/* The pool, which may be NULL, does not show. Error: limit_memory. */
+/* The pool, which may be NULL, does not show. Errors: limit_memory, input_damaged, cancelled. */
 bool grid_view_init(grid_view *l, const vdb_grid *grid, grid_view_kind kind, double isovalue,
                     size_t memory_limit, threads *pool, error *e);
 /* A table may take one part in so many of the limit: when it doubles, old and new are there side by side. */

@@ -25,8 +25,8 @@ typedef struct run {
 typedef struct strides {
     int along, across;
 } strides;
-static const strides apart = {LINES, SIDE},
-                     through = {SIDE, LINES}; /* along the first axis, and the second */
+static const strides first_axis = {LINES, SIDE} /* also of what has been turned */,
+                     second_axis = {SIDE, LINES};
 
 ISA_INLINE float *row_at(const run *r, strides by, size_t k)
 {
@@ -36,12 +36,6 @@ ISA_INLINE float *row_at(const run *r, strides by, size_t k)
 ISA_INLINE lanes *lanes_at(const float *row, strides by, int eight)
 {
     return (lanes *)(row + eight * by.across);
-}
-
-/* Of eight lines of a row. */
-ISA_INLINE uint8_t byte_of(uint64_t bits, int eight)
-{
-    return (uint8_t)(bits >> SIDE * eight);
 }
 
 /* One line of a row: bit i of its counts. */
@@ -70,11 +64,11 @@ ISA_INLINE void sum_upwards(const run *r, strides by, size_t k, float value[LINE
           *after = row_at(r, by, k + 2 < last ? k + 2 : last);
     for (int i = 0; i < SIDE; i++) {
         lanes *at = lanes_at(row, by, i), own = *at;
-        *lanes_at(value, apart, i) = own;
-        *at = lanes_chosen(lanes_spread(byte_of(here, i)), 6 * own + (float)POLE * *lanes_at(before, by, i),
-                           own);
+        *lanes_at(value, first_axis, i) = own;
+        *at = lanes_chosen(block_row(here, i), 6 * own + (float)POLE * *lanes_at(before, by, i), own);
     }
-    for (; begins; begins &= begins - 1) {
+    for (; begins;
+         begins &= begins - 1) { /* nothing comes before: another sum takes the place of the one above */
         const int i = __builtin_ctzll(begins);
         const bool two = counts[1] >> i & 1, three = two && counts[2] >> i & 1;
         const double f1 = (double)*line_at(next, by, i), f2 = (double)*line_at(after, by, i);
@@ -101,8 +95,7 @@ ISA_INLINE void solve(const run *r, strides by)
         if (goes_on == 0) continue;
         for (int i = 0; i < SIDE; i++) {
             lanes *at = lanes_at(row, by, i);
-            *at = lanes_chosen(lanes_spread(byte_of(goes_on, i)),
-                               (float)POLE * (*lanes_at(above, by, i) - *at), *at);
+            *at = lanes_chosen(block_row(goes_on, i), (float)POLE * (*lanes_at(above, by, i) - *at), *at);
         }
     }
 }
@@ -167,9 +160,9 @@ ISA_CLONES static void filter_chunk(void *context, int worker, size_t begin, siz
         }
         r->counts[r->length] = r->counts[r->length + 1] = 0;
         if (job->axis == 1) /* each with strides that the compiler knows */
-            solve(r, through);
+            solve(r, second_axis);
         else
-            solve(r, apart);
+            solve(r, first_axis);
         if (job->axis < 2) continue;
         const float *const *block = (const float *const *)r->block;
         for (uint32_t n = job->first[i]; n != BLOCK_MAP_NONE; n = beside(job, n, 1))

@@ -9,9 +9,10 @@
 #define SIDE GRID_VIEW_SIDE
 
 /* Blocks as far away as REACH_MOST reaches along an axis, on either side. */
+enum { FARTHEST = 2, AROUND = 2 * FARTHEST + 1, OFFSETS = AROUND * AROUND * AROUND };
+
 /* Crossed blocks for which one thread is enough. */
 enum { FEW = 2048 };
-enum { FARTHEST = 2, AROUND = 2 * FARTHEST + 1, OFFSETS = AROUND * AROUND * AROUND };
 
 /* A block beside that of the cells, and those cells of each layer along x that are near it, as bits 8 y + z. */
 typedef struct neighbour {
@@ -121,5 +122,6 @@ bool reach_add_blocks(const crossings *c, reach_limits limits, threads *pool, bl
         block_map_free(&job.parts[k].map);
     }
     free(job.parts);
+    if (ok && threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
     return ok;
 }

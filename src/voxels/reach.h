@@ -19,7 +19,7 @@ typedef struct reach_limits {
     int axis, straight, path; /* 0 .. REACH_MOST */
 } reach_limits;
 
-/* Adds the blocks to `map`, in the order of the crossed ones, whatever the pool's threads. Error: limit_memory. */
+/* Adds the blocks to `map`, in the order of the crossed ones, whatever the pool's threads. Errors: limit_memory, cancelled. */
 bool reach_add_blocks(const crossings *c, reach_limits limits, threads *pool, block_map *map, error *e);
 
 #endif

@@ -206,7 +206,8 @@ ISA_INLINE void go_beyond(const float *f, int x, int y, int z, int count, float 
         const float change = (float)a.away * (end - at[a.back]) + (float)b.away * (end - at[b.back]) +
                              (float)c.away * (end - at[c.back]);
         const float on = end + change;
-        to[k] = ((on > 0) & (end > 0)) | ((on < 0) & (end < 0)) ? on : end; /* a product may be too small */
+        to[k] =
+            ((on > 0) & (end > 0)) | ((on < 0) & (end < 0)) ? on : end; /* a product of floats could be 0 */
     }
 }
 

@@ -97,6 +97,103 @@ static void half_as_many_parts_tell_nearly_as_much(void **state)
     analytic_free(a);
 }
 
+/* Balls smaller than a cell on one side, a gyroid of three cells on the other, and nothing between: all cells are bent. */
+typedef struct two_kinds {
+    field base;
+    size_t count;
+    uint32_t *cell; /* their numbers in a cube of SIDE_OF_KINDS cells, first those of balls */
+} two_kinds;
+enum { SIDE_OF_KINDS = 56, BETWEEN_KINDS = SIDE_OF_KINDS / 2 };
+
+static bool is_of_balls(vec3 x)
+{
+    return x.x < BETWEEN_KINDS;
+}
+
+static bool sample_kinds(const field *f, vec3 x, field_order order, field_sample *out)
+{
+    (void)f;
+    (void)order;
+    *out = (field_sample){.value = 0};
+    if (is_of_balls(x)) {
+        const vec3 q = {x.x - 2 * round(x.x / 2) - 0.2, x.y - 2 * round(x.y / 2) - 0.2,
+                        x.z - 2 * round(x.z / 2) - 0.2};
+        out->value = vec3_norm2(q) - 0.36;
+        out->gradient = vec3_scale(q, 2);
+        return true;
+    }
+    const double w = 2 * M_PI / 3.3;
+    out->value = sin(w * x.x) * cos(w * x.y) + sin(w * x.y) * cos(w * x.z) + sin(w * x.z) * cos(w * x.x);
+    out->gradient = vec3_scale((vec3){cos(w * x.x) * cos(w * x.y) - sin(w * x.z) * sin(w * x.x),
+                                      cos(w * x.y) * cos(w * x.z) - sin(w * x.x) * sin(w * x.y),
+                                      cos(w * x.z) * cos(w * x.x) - sin(w * x.y) * sin(w * x.z)},
+                               w);
+    return true;
+}
+
+static void fill_cell(uint32_t n, field_cell *out)
+{
+    *out = (field_cell){.grazed = false};
+    for (uint32_t c = 0; c < 8; c++) {
+        field_sample s;
+        out->corner[c] =
+            (vec3){n / (SIDE_OF_KINDS * SIDE_OF_KINDS) + (c & 1),
+                   n / SIDE_OF_KINDS % SIDE_OF_KINDS + (c >> 1 & 1), n % SIDE_OF_KINDS + (c >> 2)};
+        sample_kinds(NULL, out->corner[c], FIELD_GRADIENT, &s);
+        out->value[c] = s.value;
+    }
+}
+
+static size_t count_kinds(const field *f)
+{
+    return ((const two_kinds *)f)->count;
+}
+
+static void cell_of_kinds(const field *f, size_t k, field_cell *out)
+{
+    fill_cell(((const two_kinds *)f)->cell[k], out);
+}
+
+/* Of so many bent cells only some are measured by their parts. What they say of the others goes by what the surface is like there. */
+static void places_of_two_kinds_have_their_areas(void **state)
+{
+    (void)state;
+    enum { EVERY = 16 };
+    static const field_ops ops = {.sample = sample_kinds, .cell_count = count_kinds, .cell = cell_of_kinds};
+    static uint32_t numbers[SIDE_OF_KINDS * SIDE_OF_KINDS * SIDE_OF_KINDS];
+    two_kinds f = {
+        .base = {.ops = &ops,
+                 .domain = {{-1, -1, -1}, {SIDE_OF_KINDS + 1, SIDE_OF_KINDS + 1, SIDE_OF_KINDS + 1}},
+                 .extent = SIDE_OF_KINDS,
+                 .cell_size = 1},
+        .cell = numbers};
+    for (uint32_t n = 0; n < SIDE_OF_KINDS * SIDE_OF_KINDS * SIDE_OF_KINDS; n++) {
+        field_cell cell;
+        int inside = 0;
+        fill_cell(n, &cell);
+        for (int c = 0; c < 8; c++) inside += cell.value[c] < 0;
+        if (inside > 0 && inside < 8 && is_of_balls(cell.corner[0]) == is_of_balls(cell.corner[7]))
+            numbers[f.count++] = n;
+    }
+    error e = {0};
+    rng r = rng_seed(test_seed(), 0);
+    threads *pool = threads_new(2, NULL, &e);
+    surface *s = surface_scan(&f.base, pool, &e);
+    double known[2] = {0, 0}, told[2] = {0, 0};
+    assert_non_null(s);
+    for (size_t k = 0; k < f.count; k++) {
+        field_cell cell;
+        if (rng_uniform(&r) * EVERY > 1) continue; /* by chance: both are lattices */
+        surface_cell(s, k, &cell);
+        const bool balls = is_of_balls(cell.corner[0]);
+        known[balls] += cell_parts_area(&f.base, &cell, NULL);
+        told[balls] += s->area_before[k + 1] - s->area_before[k];
+    }
+    for (int balls = 0; balls < 2; balls++) assert_close(told[balls] / known[balls], 1, 0.03);
+    surface_free(s);
+    threads_free(pool);
+}
+
 static void area_does_not_depend_on_threads(void **state)
 {
     (void)state;
@@ -139,6 +236,7 @@ int main(void)
         cmocka_unit_test(areas_are_right),
         cmocka_unit_test(areas_of_awkward_shapes),
         cmocka_unit_test(half_as_many_parts_tell_nearly_as_much),
+        cmocka_unit_test(places_of_two_kinds_have_their_areas),
         cmocka_unit_test(area_does_not_depend_on_threads),
         cmocka_unit_test(points_follow_area),
     };
