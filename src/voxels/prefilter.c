@@ -67,8 +67,7 @@ ISA_INLINE void sum_upwards(const run *r, strides by, size_t k, float value[LINE
         *lanes_at(value, first_axis, i) = own;
         *at = lanes_chosen(block_row(here, i), 6 * own + (float)POLE * *lanes_at(before, by, i), own);
     }
-    for (; begins;
-         begins &= begins - 1) { /* nothing comes before: another sum takes the place of the one above */
+    for (; begins; begins &= begins - 1) { /* nothing came before: that sum is replaced */
         const int i = __builtin_ctzll(begins);
         const bool two = counts[1] >> i & 1, three = two && counts[2] >> i & 1;
         const double f1 = (double)*line_at(next, by, i), f2 = (double)*line_at(after, by, i);
