@@ -1,6 +1,6 @@
 /* bent_areas: the areas of cells that the surface crosses and in which it bends, where these are so many that some speak for others.
  *
- * A cell's parts tell its area, 4^3 of them or, in an eighth of the time, 2^3, which is less by a share that is alike for cells that
+ * A cell's parts tell its area, 4^3 of them or, in less time, 2^3, which is less by a share that is alike for cells that
  * are alike; so is what its own triangles tell. If all of the surface is as the part that the samples were chosen by, 8 000 cells or
  * more are measured by all parts, one of eight at most, and 50 000 or more by half as many along each axis. Areas of fogs are off by
  * some 4e-4 then, of noise by 1.3e-3. Units: world, squared. No state, any threads.
