@@ -221,20 +221,20 @@ static bool analytic_sample(const field *f, vec3 x, field_order order, field_sam
     return true;
 }
 
-#define LANES(shape)                                                                                   \
-    ISA_CLONES static void shape##_lanes(const analytic_params *p, const vec3_lanes *x, bool *defined, \
-                                         double *value, vec3_lanes *gradient)                          \
-    {                                                                                                  \
-        for (int l = 0; l < VEC3_LANES; l++) {                                                         \
-            field_sample s;                                                                            \
-            bool good = sample_##shape(p, vec3_sub((vec3){x->x[l], x->y[l], x->z[l]}, p->center),      \
-                                       FIELD_GRADIENT, &s);                                            \
-            defined[l] &= good;                                                                        \
-            value[l] = s.value;                                                                        \
-            gradient->x[l] = s.gradient.x;                                                             \
-            gradient->y[l] = s.gradient.y;                                                             \
-            gradient->z[l] = s.gradient.z;                                                             \
-        }                                                                                              \
+/* The compiler makes vectors of loops of one kind of number each, over arrays that do not overlap. */
+#define LANES(shape)                                                                                        \
+    ISA_CLONES static void shape##_lanes(const analytic_params *restrict p, const vec3_lanes *restrict x,   \
+                                         bool *defined, double *restrict value, vec3_lanes *restrict slope) \
+    {                                                                                                       \
+        double good[VEC3_LANES];                                                                            \
+        for (int l = 0; l < VEC3_LANES; l++) {                                                              \
+            const vec3 d = vec3_sub(vec3_lanes_get(x, l), p->center);                                       \
+            field_sample s;                                                                                 \
+            good[l] = sample_##shape(p, d, FIELD_GRADIENT, &s) ? 1.0 : 0.0;                                 \
+            value[l] = s.value;                                                                             \
+            vec3_lanes_put(slope, l, s.gradient);                                                           \
+        }                                                                                                   \
+        for (int l = 0; l < VEC3_LANES; l++) defined[l] &= good[l] > 0;                                     \
     }
 LANES(sphere)
 LANES(torus)

@@ -74,7 +74,8 @@ typedef struct field_ops {
 
     /* F and its gradient at VEC3_LANES places, for steps to which single precision is enough: F may be off by some 1e-7
      * of its largest values nearby. Only lanes that are `defined` before count; where the field is not, the lane's
-     * entry becomes false. The same to the last bit whatever the other lanes hold. NULL: nothing is faster than `sample`. */
+     * entry becomes false. The same to the last bit whatever the other lanes hold. Arrays do not overlap. NULL: nothing is
+     * faster than `sample`. */
     void (*sample_lanes)(const field *f, const vec3_lanes *x, bool defined[VEC3_LANES],
                          double value[VEC3_LANES], vec3_lanes *gradient);
 

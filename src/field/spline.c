@@ -19,15 +19,14 @@ typedef struct support {
     size_t row, slab;
 } support;
 
-/* Of a particle's four weights along an axis, or their derivatives: c[k] the coefficients of t^k. */
+/* Coefficients of t^k, k = 0 to 3, of a particle's four weights along an axis, and of their derivatives. */
 typedef struct cubic {
-    narrow c[4];
+    narrow value, slope;
 } cubic;
-static const cubic value_cubics = {{{1.0f / 6, 4.0f / 6, 1.0f / 6, 0},
-                                    {-0.5f, 0, 0.5f, 0},
-                                    {0.5f, -1, 0.5f, 0},
-                                    {-1.0f / 6, 0.5f, -0.5f, 1.0f / 6}}};
-static const cubic slope_cubics = {{{-0.5f, 0, 0.5f, 0}, {1, -2, 1, 0}, {-0.5f, 1.5f, -1.5f, 0.5f}, {0}}};
+static const cubic weight_cubics[4] = {{{1.0f / 6, 4.0f / 6, 1.0f / 6, 0}, {-0.5f, 0, 0.5f, 0}},
+                                       {{-0.5f, 0, 0.5f, 0}, {1, -2, 1, 0}},
+                                       {{0.5f, -1, 0.5f, 0}, {-0.5f, 1.5f, -1.5f, 0.5f}},
+                                       {{-1.0f / 6, 0.5f, -0.5f, 1.0f / 6}, {0, 0, 0, 0}}};
 
 #define VERSION(name) name##_portable
 #define VERSION_WIDEN(n) __builtin_convertvector(n, lanes)

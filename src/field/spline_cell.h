@@ -145,10 +145,22 @@ static void VERSION(hessian_wide)(const double *corner, size_t row, size_t slab,
 
 typedef float VERSION(rows) __attribute__((vector_size(16 * VERSION_ROWS)));
 
-static inline __attribute__((always_inline)) void VERSION(weigh)(const cubic *of, float t, narrow *out)
+/* The four weights along an axis, and their derivatives: side by side where vectors hold both. */
+static inline __attribute__((always_inline)) void VERSION(weigh)(float t, narrow *value, narrow *slope)
 {
-    narrow at = {t, t, t, t};
-    *out = ((of->c[3] * at + of->c[2]) * at + of->c[1]) * at + of->c[0];
+    const cubic *of = weight_cubics;
+#if VERSION_ROWS == 1
+    const narrow at = {t, t, t, t};
+    *value = ((of[3].value * at + of[2].value) * at + of[1].value) * at + of[0].value;
+    *slope = ((of[3].slope * at + of[2].slope) * at + of[1].slope) * at + of[0].slope;
+#else
+    const VERSION(rows) at = {t, t, t, t, t, t, t, t};
+    VERSION(rows) c[4], both;
+    memcpy(c, of, sizeof c);
+    both = ((c[3] * at + c[2]) * at + c[1]) * at + c[0];
+    *value = __builtin_shufflevector(both, both, 0, 1, 2, 3);
+    *slope = __builtin_shufflevector(both, both, 4, 5, 6, 7);
+#endif
 }
 
 /* Two times the weights along the last axis, and those along the second axis each as often as a row is long. */
@@ -209,8 +221,7 @@ static inline __attribute__((always_inline)) void
 VERSION(sum_layers)(const float *corner, float t, size_t row, size_t slab, VERSION(sums) * out)
 {
     narrow w, s;
-    VERSION(weigh)(&value_cubics, t, &w);
-    VERSION(weigh)(&slope_cubics, t, &s);
+    VERSION(weigh)(t, &w, &s);
 #pragma GCC unroll 4
     for (size_t p = 0; p < 4 / VERSION_ROWS; p++) {
         VERSION(rows) value = {0}, along_x = {0};
@@ -233,10 +244,8 @@ static inline __attribute__((always_inline)) void VERSION(lane)(const VERSION(su
     enum { PARTS = 4 / VERSION_ROWS };
     narrow w[2], s[2], sums[4];
     VERSION(rows) wz, sz, wy[PARTS], sy[PARTS], sum[4][PARTS];
-    VERSION(weigh)(&value_cubics, t1, &w[0]);
-    VERSION(weigh)(&slope_cubics, t1, &s[0]);
-    VERSION(weigh)(&value_cubics, t2, &w[1]);
-    VERSION(weigh)(&slope_cubics, t2, &s[1]);
+    VERSION(weigh)(t1, &w[0], &s[0]);
+    VERSION(weigh)(t2, &w[1], &s[1]);
     VERSION(spread)(&w[1], &w[0], &wz, wy);
     VERSION(spread)(&s[1], &s[0], &sz, sy);
 #pragma GCC unroll 4

@@ -77,6 +77,25 @@ static inline uint32_t block_map_find(const block_map *m, int32_t x, int32_t y, 
     return s->node == BLOCK_MAP_NONE ? BLOCK_MAP_NONE : m->nodes[s->node][block_map_in_node(x, y, z)];
 }
 
+/* The node in which a block was found last; zeroed: none. */
+typedef struct block_map_seen {
+    int32_t key[3];
+    const uint32_t *node;
+} block_map_seen;
+
+/* The same, faster where blocks that are asked for one after the other lie near each other. */
+static inline uint32_t block_map_find_near(const block_map *m, int32_t x, int32_t y, int32_t z,
+                                           block_map_seen *seen)
+{
+    const int32_t key[3] = {x >> 2, y >> 2, z >> 2};
+    if (!seen->node || key[0] != seen->key[0] || key[1] != seen->key[1] || key[2] != seen->key[2]) {
+        const block_map_slot *s = block_map_slot_of(m, key);
+        if (s->node == BLOCK_MAP_NONE) return BLOCK_MAP_NONE;
+        *seen = (block_map_seen){{key[0], key[1], key[2]}, m->nodes[s->node]};
+    }
+    return seen->node[block_map_in_node(x, y, z)];
+}
+
 /* The numbers of a block and the 26 around it, or BLOCK_MAP_NONE: that by (i, j, k) of -1 .. 1 in out[9 i + 3 j + k + 13]. Faster than
  * to find each: they lie in 8 nodes at most, most of them in one. No coordinate is the least or the largest. */
 static inline void block_map_around(const block_map *m, const int32_t block[3], uint32_t out[27])

@@ -393,8 +393,8 @@ static void straighten(const attempt *a, vec3 *x, vec3 *normal)
     projection_find(a->field, &limits, x, normal);
 }
 
-void relax_take_step(const sweep_job *job, size_t i, vec3 x, vec3 normal, double length, double allowed_step,
-                     block_sums *sums)
+ISA_INLINE void take_step(const sweep_job *job, size_t i, vec3 x, vec3 normal, double length,
+                          double allowed_step, block_sums *sums)
 {
     particles *p = job->p;
     double step = length / particles_size(p, i);
@@ -408,6 +408,12 @@ void relax_take_step(const sweep_job *job, size_t i, vec3 x, vec3 normal, double
     p->normal[i] = normal;
     relax_note_normal(job->r, p, i);
     neighbours_move(job->r->near, i, x);
+}
+
+void relax_take_step(const sweep_job *job, size_t i, vec3 x, vec3 normal, double length, double allowed_step,
+                     block_sums *sums)
+{
+    take_step(job, i, x, normal, length, allowed_step, sums);
 }
 
 /* Steps 1 to 4 of section 5. */
@@ -468,7 +474,7 @@ void relax_line_up(const relax *r, const particles *p, const uint32_t *items, si
         neighbours_place own = near->place[i];
         const vec3 *x = &p->position[i], *n = &p->normal[i];
         out->list[l] = neighbours_list(near, i);
-        out->count[l] = near->list_count[i];
+        out->count[l] = l < count ? near->list_count[i] : 0;
         out->x[l] = own.x;
         out->y[l] = own.y;
         out->z[l] = own.z;
@@ -549,19 +555,21 @@ void relax_fast_steps(const sweep_job *job, const uint32_t *items, size_t first,
     const fast_kernel *k = job->r->fast;
     const fast_kernel_params params = fast_step_params(job->r, job->params);
     fast_kernel_way way;
+    block_sums more = *sums; /* in registers */
     k->step(own, forces, &params, &way);
-    for (size_t l = 0; l < FAST_KERNEL_LANES; l++) way.ends_well[l] &= l >= first && l < count;
+    for (size_t l = 0; l < first; l++) way.ends_well[l] = false;
+    for (size_t l = count; l < FAST_KERNEL_LANES; l++) way.ends_well[l] = false;
     sample_lanes(job, items, count, &way);
     k->land(own, &params, &way);
     for (size_t l = first; l < count; l++) {
         stays[l] = !way.ends_well[l];
         if (stays[l]) continue;
-        relax_note_energy(job, items[l], (double)forces->energy[l], sums);
-        sums->lambda += RELAX_LAMBDA_FLOOR;
-        relax_take_step(job, items[l], (vec3){way.to.x[l], way.to.y[l], way.to.z[l]},
-                        (vec3){way.gradient.x[l], way.gradient.y[l], way.gradient.z[l]}, way.length[l],
-                        (double)own->allowed_step[l], sums);
+        relax_note_energy(job, items[l], (double)forces->energy[l], &more);
+        more.lambda += RELAX_LAMBDA_FLOOR;
+        take_step(job, items[l], vec3_lanes_get(&way.to, (int)l), vec3_lanes_get(&way.gradient, (int)l),
+                  way.length[l], (double)own->allowed_step[l], &more);
     }
+    *sums = more;
 }
 
 /* Moves a set of independent particles whose neighbours all face their way, by the fast kernel. Particles whose step
@@ -617,18 +625,24 @@ static void sweep_set(const sweep_job *job, int worker, const uint32_t *items, s
 {
     uint32_t creased[INDEPENDENT_SET_MOST], smooth[INDEPENDENT_SET_MOST], general[INDEPENDENT_SET_MOST];
     size_t creased_count = 0, smooth_count = 0, general_count = 0;
-    for (size_t k = 0; k < count; k++)
-        if (particles_is_fixed(job->p, items[k]))
+    const particles *p = job->p;
+    const bool *near_boundary = p->near_boundary;
+    const uint8_t *notes = job->r->notes, *flat = job->r->flat;
+    const idleness *idle = job->idle;
+    for (size_t k = 0; k < count; k++) {
+        const uint32_t i = items[k];
+        if (particles_is_fixed(p, i))
             continue;
-        else if (job->idle && job->idle[items[k]].sleeps) {
-            sums->energy += (double)job->idle[items[k]].energy;
-            sums->lambda += (double)job->p->lambda[items[k]];
-        } else if (job->p->near_boundary[items[k]] || (job->r->notes[items[k]] & RELAX_WATCHED))
-            general[general_count++] = items[k];
-        else if (job->r->flat[items[k]])
-            smooth[smooth_count++] = items[k];
+        else if (idle && idle[i].sleeps) {
+            sums->energy += (double)idle[i].energy;
+            sums->lambda += (double)p->lambda[i];
+        } else if (near_boundary[i] || (notes[i] & RELAX_WATCHED))
+            general[general_count++] = i;
+        else if (flat[i])
+            smooth[smooth_count++] = i;
         else
-            creased[creased_count++] = items[k];
+            creased[creased_count++] = i;
+    }
     if (creased_count > 0 && job->r->rough) { /* all of them at once */
         memcpy(creased + creased_count, smooth, smooth_count * sizeof *smooth);
         relax_rough_steps(job, creased, creased_count, creased_count + smooth_count, sums);
@@ -644,32 +658,42 @@ static void sweep_set(const sweep_job *job, int worker, const uint32_t *items, s
     for (size_t k = 0; k < general_count; k++) update_particle(job, worker, general[k], sums);
 }
 
-/* Asks for what a particle will need, which is found by way of what prefetch_far has asked for. (Inlined: the
+/* Asks for what particles will need, which is found by way of what prefetch_far has asked for. (Inlined: the
  * compiler leaves out calls of a function that does nothing else.) */
-ISA_INLINE void prefetch_near(const sweep_job *job, uint32_t i)
+ISA_INLINE void prefetch_near(const sweep_job *job, uint32_t at, uint32_t end)
 {
     const neighbours *near = job->r->near;
-    const uint32_t *list = neighbours_list(near, i);
-    __builtin_prefetch(list);
-    __builtin_prefetch(list + 12);
-    __builtin_prefetch(&job->p->position[i].x, 1);
-    __builtin_prefetch(&job->p->position[i].z, 1);
-    __builtin_prefetch(&job->p->normal[i].x, 1);
-    __builtin_prefetch(&job->p->normal[i].z, 1);
-    __builtin_prefetch(&near->place[i], 1);
+    const neighbours_place *place = near->place;
+    const vec3 *position = job->p->position, *normal = job->p->normal;
+    for (; at < end; at++) {
+        const uint32_t i = independent_sets_point(near, at), *list = neighbours_list(near, i);
+        __builtin_prefetch(list);
+        __builtin_prefetch(list + 12);
+        __builtin_prefetch(&position[i].x, 1);
+        __builtin_prefetch(&position[i].z, 1);
+        __builtin_prefetch(&normal[i].x, 1);
+        __builtin_prefetch(&normal[i].z, 1);
+        __builtin_prefetch(&place[i], 1);
+    }
 }
 
-ISA_INLINE void prefetch_far(const sweep_job *job, uint32_t i)
+ISA_INLINE void prefetch_far(const sweep_job *job, uint32_t at, uint32_t end)
 {
     const neighbours *near = job->r->near;
-    __builtin_prefetch(&near->list_begin[i]);
-    __builtin_prefetch(&near->list_count[i]);
-    __builtin_prefetch(&job->r->moved[i], 1);
-    if (job->p->patch) __builtin_prefetch(&job->p->hint[i], 1);
-    __builtin_prefetch(&job->r->flat[i]);
-    __builtin_prefetch(&job->r->notes[i]);
-    __builtin_prefetch(&job->p->near_boundary[i]);
-    if (job->p->size) __builtin_prefetch(&job->p->size[i]);
+    const relax *r = job->r;
+    const particles *p = job->p;
+    const uint32_t *hint = p->patch ? p->hint : NULL;
+    for (; at < end; at++) {
+        const uint32_t i = independent_sets_point(near, at);
+        __builtin_prefetch(&near->list_begin[i]);
+        __builtin_prefetch(&near->list_count[i]);
+        __builtin_prefetch(&r->moved[i], 1);
+        if (hint) __builtin_prefetch(&hint[i], 1);
+        __builtin_prefetch(&r->flat[i]);
+        __builtin_prefetch(&r->notes[i]);
+        __builtin_prefetch(&p->near_boundary[i]);
+        if (p->size) __builtin_prefetch(&p->size[i]);
+    }
 }
 
 /* The points of `bin_item` from `at` up to `end`, each asked for before its turn comes. */
@@ -678,11 +702,13 @@ static void sweep_sets(const sweep_job *job, int worker, uint32_t at, uint32_t e
     const neighbours *near = job->r->near;
     uint32_t near_end = at, far_end = at, items[INDEPENDENT_SET_MOST];
     while (at < end) {
-        uint32_t count = independent_sets_next(near, at, items);
-        for (; far_end < end && far_end < at + count + FAR_AHEAD; far_end++)
-            prefetch_far(job, independent_sets_point(near, far_end));
-        for (; near_end < end && near_end < at + count + NEAR_AHEAD; near_end++)
-            prefetch_near(job, independent_sets_point(near, near_end));
+        const uint32_t count = independent_sets_next(near, at, items), left = end - at - count;
+        const uint32_t far_to = at + count + (left < FAR_AHEAD ? left : FAR_AHEAD),
+                       near_to = at + count + (left < NEAR_AHEAD ? left : NEAR_AHEAD);
+        prefetch_far(job, far_end, far_to);
+        prefetch_near(job, near_end, near_to);
+        far_end = far_to;
+        near_end = near_to;
         sweep_set(job, worker, items, count, sums);
         at += count;
     }

@@ -89,7 +89,7 @@ pair_list *relax_gather_list(const relax *r, const particles *p, int worker, siz
  * it. */
 double relax_damped_step(const pair_forces *f, double lambda, double *s1, double *s2);
 
-/* Particles side by side for the kernel. What is left over of the lanes repeats the first. */
+/* Particles side by side for the kernel. What is left over of the lanes repeats the first, with an empty list. */
 void relax_line_up(const relax *r, const particles *p, const uint32_t *items, size_t count,
                    fast_kernel_particles *out);
 

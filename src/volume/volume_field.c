@@ -278,15 +278,16 @@ static double side(const field *f, vec3 x)
     return is_near(v, voxel) ? 0 : side_of_voxel(v, brick, voxel);
 }
 
-/* Where the lanes are along one axis: in which voxel, and how far into it; out of `low` to `high` in none. */
+/* Where the lanes are along one axis: in which voxel of which block, and how far into it; out of `low` to `high` in none. */
 typedef struct lane_places {
-    int32_t voxel[VEC3_LANES], within[VEC3_LANES];
+    int32_t block[VEC3_LANES], voxel[VEC3_LANES], within[VEC3_LANES];
+    int32_t way[VEC3_LANES]; /* in a brick, to the voxel's cell */
     float t[VEC3_LANES];
 } lane_places;
 
 /* Loops of one kind of number each: the compiler makes vectors of those. */
-ISA_CLONES static void place_lanes(const double m[4], double low, double high, const vec3_lanes *x,
-                                   lane_places *out)
+ISA_CLONES static void place_lanes(const double m[4], double low, double high, int32_t step,
+                                   const vec3_lanes *x, lane_places *out)
 {
     double at[VEC3_LANES], within[VEC3_LANES], whole[VEC3_LANES];
     for (int l = 0; l < VEC3_LANES; l++) {
@@ -297,36 +298,42 @@ ISA_CLONES static void place_lanes(const double m[4], double low, double high, c
     for (int l = 0; l < VEC3_LANES; l++) whole[l] = (double)(int32_t)at[l];
     for (int l = 0; l < VEC3_LANES; l++) whole[l] -= at[l] < whole[l] ? 1 : 0;
     for (int l = 0; l < VEC3_LANES; l++) out->t[l] = (float)(at[l] - whole[l]);
-    for (int l = 0; l < VEC3_LANES; l++) out->voxel[l] = (int32_t)whole[l];
     for (int l = 0; l < VEC3_LANES; l++) out->within[l] = (int32_t)within[l];
+    for (int l = 0; l < VEC3_LANES; l++) out->block[l] = (int32_t)whole[l] >> 3;
+    for (int l = 0; l < VEC3_LANES; l++) out->voxel[l] = (int32_t)whole[l] & 7;
+    for (int l = 0; l < VEC3_LANES; l++) out->way[l] = out->voxel[l] * step;
 }
 
 /* The lanes' cells; those that are not defined get none. `room`: of those whose brick is not there. */
 static void find_cells(const volume *v, const vec3_lanes *x, bool *defined, spline_lanes *out,
                        float room[VEC3_LANES][BRICK_CELL])
 {
+    static const int32_t step[3] = {BRICK_SLAB, BRICK_SIDE, 1};
     lane_places at[3];
+    block_map_seen seen = {0};
     int32_t last[3] = {0};
+    int32_t way[VEC3_LANES], all_within[VEC3_LANES];
     uint32_t n = BLOCK_MAP_NONE;
     const float *brick = NULL; /* of the block `last`: particles side by side often share one */
     for (int axis = 0; axis < 3; axis++) {
-        place_lanes(v->to_index[axis], v->low[axis], v->high[axis], x, &at[axis]);
+        place_lanes(v->to_index[axis], v->low[axis], v->high[axis], step[axis], x, &at[axis]);
         memcpy(out->t[axis], at[axis].t, sizeof out->t[axis]);
     }
+    for (int l = 0; l < VEC3_LANES; l++) all_within[l] = at[0].within[l] & at[1].within[l] & at[2].within[l];
+    for (int l = 0; l < VEC3_LANES; l++) way[l] = at[0].way[l] + at[1].way[l] + at[2].way[l];
     for (int l = 0; l < VEC3_LANES; l++) {
-        const bool within = defined[l] && at[0].within[l] && at[1].within[l] && at[2].within[l];
-        const int32_t voxel[3] = {at[0].voxel[l], at[1].voxel[l], at[2].voxel[l]},
-                      block[3] = {voxel[0] >> 3, voxel[1] >> 3, voxel[2] >> 3};
+        const bool within = defined[l] && all_within[l];
+        const int32_t block[3] = {at[0].block[l], at[1].block[l], at[2].block[l]};
         if (within && (!brick || block[0] != last[0] || block[1] != last[1] || block[2] != last[2])) {
-            n = block_map_find(&v->map, block[0], block[1], block[2]);
+            n = block_map_find_near(&v->map, block[0], block[1], block[2], &seen);
             brick = n == BLOCK_MAP_NONE ? NULL : bricks_at(&v->bricks, n);
             memcpy(last, block, sizeof last);
         }
         defined[l] = within && n != BLOCK_MAP_NONE;
-        const int cell[3] = {voxel[0] & 7, voxel[1] & 7, voxel[2] & 7};
-        out->corner[l] = !defined[l] ? NULL
-                         : brick     ? brick_cell(brick, cell[0], cell[1], cell[2])
-                                     : bricks_find_cell(&v->bricks, n, cell, room[l]);
+        out->corner[l] = defined[l] && brick ? brick + way[l] : NULL;
+        if (!defined[l] || brick) continue;
+        const int voxel[3] = {at[0].voxel[l], at[1].voxel[l], at[2].voxel[l]};
+        out->corner[l] = bricks_find_cell(&v->bricks, n, voxel, room[l]);
     }
 }
 

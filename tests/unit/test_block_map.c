@@ -40,11 +40,13 @@ static void check_map(rng *r, int corner, int64_t reach, size_t expected)
     }
     for (uint32_t n = 0; n < m.count; n++)
         assert_int_equal(block_map_find(&m, m.blocks[n][0], m.blocks[n][1], m.blocks[n][2]), n);
+    block_map_seen seen = {0};
     for (int k = 0; k < LOOKS; k++) { /* what is not there is not found, what is found is it */
         int32_t b[3];
         random_block(r, corner, 2 * reach, b);
         const uint32_t n = block_map_find(&m, b[0], b[1], b[2]);
         if (n != BLOCK_MAP_NONE) assert_memory_equal(m.blocks[n], b, sizeof b);
+        assert_int_equal(block_map_find_near(&m, b[0], b[1], b[2], &seen), n);
     }
     for (int k = 0; corner == 0 && k < LOOKS / 27; k++) {
         int32_t b[3];
