@@ -50,55 +50,63 @@ static fast_kernel_params params_of(const sweep_job *job)
                                 .normal = job->r->through ? NULL : job->r->normal};
 }
 
+/* A Newton step of the lanes that are `left`, towards the surface. Those that are there end well; left are those that may get there.
+ * False: none. */
+static bool land_once(const sweep_job *job, const trial *t, bool left[FAST_KERNEL_LANES],
+                      fast_kernel_way *way)
+{
+    bool any = false;
+    memcpy(way->ends_well, left, sizeof way->ends_well);
+    field_sample_lanes(job->params->field, &way->to, way->ends_well, way->value, &way->gradient);
+    memcpy(left, way->ends_well, sizeof way->ends_well); /* the others are where the field is not */
+    job->r->fast->land(&t->own, &t->params, way);
+    for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {
+        left[l] = left[l] && !way->ends_well[l];
+        any |= left[l];
+    }
+    return any;
+}
+
 /* Brings the open lanes onto the surface. Who is not there in the end does not end well. */
 static void land(const sweep_job *job, trial *t)
 {
-    bool landed[FAST_KERNEL_LANES] = {false};
-    for (int k = 0; k < LANDINGS; k++) {
-        fast_kernel_way next = t->way;
-        bool again = false;
-        for (size_t l = 0; l < FAST_KERNEL_LANES; l++) next.ends_well[l] = t->open[l] && !landed[l];
-        field_sample_lanes(job->params->field, &next.to, next.ends_well, next.value, &next.gradient);
-        bool defined[FAST_KERNEL_LANES];
-        for (size_t l = 0; l < FAST_KERNEL_LANES; l++) defined[l] = next.ends_well[l];
-        job->r->fast->land(&t->own, &t->params, &next);
+    fast_kernel_way *way = &t->way;
+    bool left[FAST_KERNEL_LANES];
+    memcpy(left, t->open, sizeof left);
+    bool again = land_once(job, t, left, way);
+    for (int k = 1; k < LANDINGS && again; k++) {
+        fast_kernel_way next = *way; /* where those stay that have landed */
+        bool moved[FAST_KERNEL_LANES];
+        memcpy(moved, left, sizeof moved);
+        again = land_once(job, t, left, &next);
         for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {
-            if (!defined[l]) continue;
-            t->way.to.x[l] = next.to.x[l];
-            t->way.to.y[l] = next.to.y[l];
-            t->way.to.z[l] = next.to.z[l];
-            t->way.gradient.x[l] = next.gradient.x[l];
-            t->way.gradient.y[l] = next.gradient.y[l];
-            t->way.gradient.z[l] = next.gradient.z[l];
-            t->way.length[l] = next.length[l];
-            landed[l] = next.ends_well[l];
-            again |= !landed[l];
+            if (!moved[l]) continue;
+            vec3_lanes_put(&way->to, (int)l, vec3_lanes_get(&next.to, (int)l));
+            vec3_lanes_put(&way->gradient, (int)l, vec3_lanes_get(&next.gradient, (int)l));
+            way->length[l] = next.length[l];
+            way->ends_well[l] = next.ends_well[l];
         }
-        if (!again) break;
     }
-    for (size_t l = 0; l < FAST_KERNEL_LANES; l++) t->way.ends_well[l] = landed[l];
 }
 
 /* Lane l of t, where it has landed, as lane k. */
 static void move_lane(const sweep_job *job, const trial *t, size_t l, size_t k, fast_kernel_particles *out)
 {
-    const vec3 x = {t->way.to.x[l], t->way.to.y[l], t->way.to.z[l]};
-    const neighbours_place place = neighbours_place_of(job->r->near, x, t->own.size[l]);
+    const neighbours_place place =
+        neighbours_place_of(job->r->near, vec3_lanes_get(&t->way.to, (int)l), t->own.size[l]);
     out->list[k] = t->own.list[l];
     out->count[k] = t->own.count[l];
     out->x[k] = place.x;
     out->y[k] = place.y;
     out->z[k] = place.z;
     out->size[k] = place.size;
-    out->normal.x[k] = t->way.gradient.x[l];
-    out->normal.y[k] = t->way.gradient.y[l];
-    out->normal.z[k] = t->way.gradient.z[l];
+    vec3_lanes_put(&out->normal, (int)k, vec3_lanes_get(&t->way.gradient, (int)l));
 }
 
 /* The energies where the open lanes have landed, which are few the second time: they move up. */
 static void look(const sweep_job *job, const trial *t, float energy[FAST_KERNEL_LANES])
 {
-    fast_kernel_particles there;
+    fast_kernel_particles there = t->own;
     size_t lane[FAST_KERNEL_LANES], count = 0;
     float found[FAST_KERNEL_LANES];
     for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {
@@ -107,10 +115,7 @@ static void look(const sweep_job *job, const trial *t, float energy[FAST_KERNEL_
         lane[count++] = l;
     }
     if (count == 0) return;
-    for (size_t k = count; k < FAST_KERNEL_LANES; k++) {
-        move_lane(job, t, lane[0], k, &there);
-        there.count[k] = 0;
-    }
+    for (size_t k = count; k < FAST_KERNEL_LANES; k++) there.count[k] = 0;
     job->r->fast->energy(job->r->near->place, &there, &t->params, count, found);
     for (size_t k = 0; k < count; k++) energy[lane[k]] = found[k];
 }
@@ -152,9 +157,9 @@ static void end_trial(const sweep_job *job, const uint32_t *items, double gain, 
         t->open[l] = false;
         if (first) t->lambda[l] = fmax(t->lambda[l] - 1, RELAX_LAMBDA_FLOOR);
         job->p->lambda[items[l]] = (float)t->lambda[l];
-        relax_take_step(job, items[l], (vec3){t->way.to.x[l], t->way.to.y[l], t->way.to.z[l]},
-                        (vec3){t->way.gradient.x[l], t->way.gradient.y[l], t->way.gradient.z[l]},
-                        t->way.length[l], (double)t->own.allowed_step[l], sums);
+        relax_take_step(job, items[l], vec3_lanes_get(&t->way.to, (int)l),
+                        vec3_lanes_get(&t->way.gradient, (int)l), t->way.length[l],
+                        (double)t->own.allowed_step[l], sums);
     }
 }
 
