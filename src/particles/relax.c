@@ -22,8 +22,6 @@ static const double TURNING_NEAREST = 0.05;
 static const double TRIAL_REJECT = 0.01;
 static const double TRIAL_ACCEPT = 1e-4, STRAIGHT_ACCEPT = 1e-7;
 static const int TRIAL_STEPS = 3;
-/* A step that used this share of what the lists allow leaves too little for the next. */
-static const double CRAMPED_STEP = 0.8;
 /* So many points before its turn a particle's data are asked for: all of it fits into a core's nearest
  * cache. */
 static const uint32_t NEAR_AHEAD = 24, FAR_AHEAD = 88;
@@ -393,29 +391,6 @@ static void straighten(const attempt *a, vec3 *x, vec3 *normal)
     projection_find(a->field, &limits, x, normal);
 }
 
-ISA_INLINE void take_step(const sweep_job *job, size_t i, vec3 x, vec3 normal, double length,
-                          double allowed_step, block_sums *sums)
-{
-    particles *p = job->p;
-    double step = length / particles_size(p, i);
-    sums->squares += step * step;
-    sums->max_step = step > sums->max_step ? step : sums->max_step;
-    if (job->r->notes[i] & RELAX_STIRRED) sums->stirred_squares += step * step;
-    if (length >= CRAMPED_STEP * allowed_step) relax_note_cramped(job, i, sums);
-    job->r->moved[i] += (float)length;
-    if (job->idle) job->idle[i].step = (float)step;
-    p->position[i] = x;
-    p->normal[i] = normal;
-    relax_note_normal(job->r, p, i);
-    neighbours_move(job->r->near, i, x);
-}
-
-void relax_take_step(const sweep_job *job, size_t i, vec3 x, vec3 normal, double length, double allowed_step,
-                     block_sums *sums)
-{
-    take_step(job, i, x, normal, length, allowed_step, sums);
-}
-
 /* Steps 1 to 4 of section 5. */
 static void descend_damped(const sweep_job *job, const attempt *a, const pair_forces *f, size_t i,
                            double allowed_step, block_sums *sums)
@@ -566,8 +541,8 @@ void relax_fast_steps(const sweep_job *job, const uint32_t *items, size_t first,
         if (stays[l]) continue;
         relax_note_energy(job, items[l], (double)forces->energy[l], &more);
         more.lambda += RELAX_LAMBDA_FLOOR;
-        take_step(job, items[l], vec3_lanes_get(&way.to, (int)l), vec3_lanes_get(&way.gradient, (int)l),
-                  way.length[l], (double)own->allowed_step[l], &more);
+        relax_take_step(job, items[l], vec3_lanes_get(&way.to, (int)l), vec3_lanes_get(&way.gradient, (int)l),
+                        way.length[l], (double)own->allowed_step[l], &more);
     }
     *sums = more;
 }

@@ -3,6 +3,7 @@
 #ifndef HEXAD_PARTICLES_RELAX_INTERNAL_H
 #define HEXAD_PARTICLES_RELAX_INTERNAL_H
 
+#include "base/isa.h"
 #include "packing/neighbours.h"
 #include "packing/pair.h"
 #include "particles/relax.h"
@@ -120,9 +121,26 @@ static inline void relax_note_cramped(const sweep_job *job, size_t i, block_sums
     sums->stirred_cramped += (job->r->notes[i] & RELAX_STIRRED) != 0;
 }
 
+/* A step that used this share of what the lists allow leaves too little for the next. */
+#define RELAX_CRAMPED_STEP 0.8
+
 /* A particle that goes to x, `length` away, which is no farther than it is allowed. */
-void relax_take_step(const sweep_job *job, size_t i, vec3 x, vec3 normal, double length, double allowed_step,
-                     block_sums *sums);
+ISA_INLINE void relax_take_step(const sweep_job *job, size_t i, vec3 x, vec3 normal, double length,
+                                double allowed_step, block_sums *sums)
+{
+    particles *p = job->p;
+    double step = length / particles_size(p, i);
+    sums->squares += step * step;
+    sums->max_step = step > sums->max_step ? step : sums->max_step;
+    if (job->r->notes[i] & RELAX_STIRRED) sums->stirred_squares += step * step;
+    if (length >= RELAX_CRAMPED_STEP * allowed_step) relax_note_cramped(job, i, sums);
+    job->r->moved[i] += (float)length;
+    if (job->idle) job->idle[i].step = (float)step;
+    p->position[i] = x;
+    p->normal[i] = normal;
+    relax_note_normal(job->r, p, i);
+    neighbours_move(job->r->near, i, x);
+}
 
 /* Of h: a Newton step from there is the last of a trial's. A particle whose lists allow less than the second waits for new
  * ones. */
