@@ -143,12 +143,15 @@ def cycle(daemon, book, disks, seed, footage, figures):
                    "jobs to end")
 
 
+def leave_exactly(volume, room):
+    volume.leave(room)
+    return volume.free() == room
+
+
 def check_edge(daemon, disks, figures):
-    """At rest to the page."""
+    """To the page. All jobs have ended, but the daemon may still write of that, and remove what was deleted."""
     for room in (FLOOR_MIB * MIB, FLOOR_MIB * MIB - PAGE, 0, FLOOR_MIB * MIB):
-        disks.state.leave(room)
-        if disks.state.free() != room:
-            raise RuntimeError(f"{disks.state.free()} bytes are free, not {room}")
+        wait_until(lambda room=room: leave_exactly(disks.state, room), f"{room} bytes to be free")
         check_readiness(daemon, disks, figures)
     disks.empty()
 
