@@ -14,6 +14,11 @@ typedef struct share {
     size_t end;
 } share;
 
+/* The loop at hand in one word: its number, whether it is open (has chunks left, so that workers may enter), and how many
+ * workers are inside. Who looks for a loop enters and leaves it by this word alone. The lock is for those who sleep. */
+enum { INSIDE = 1, OPEN = 512, NUMBER = 2 * OPEN };
+_Static_assert(THREADS_MAX < OPEN, "workers inside fit below the bit OPEN");
+
 struct threads {
     int count;
     bool narrow;
@@ -21,10 +26,10 @@ struct threads {
     pthread_t *thread;
     pthread_mutex_t lock;
     pthread_cond_t start, finished;
-    atomic_uint generation; /* of the loop at hand */
-    bool open;              /* it has chunks left, so that workers may begin */
-    atomic_int inside;      /* workers that have begun */
     bool stop;
+    _Alignas(64) atomic_uint loop;    /* on a line of its own: who waits reads it all the time */
+    _Alignas(64) atomic_int sleepers; /* workers that wait for `start` */
+    atomic_bool waits;                /* worker 0 waits for `finished` */
     threads_work work;
     void *context;
     size_t end, grain;
@@ -65,6 +70,51 @@ static void pause_briefly(void)
 #endif
 }
 
+/* Whether a loop is open that is not the one with the number `seen`. */
+static bool is_new(unsigned loop, unsigned seen)
+{
+    return (loop & OPEN) && loop / NUMBER != seen;
+}
+
+/* Enters a loop that is_new, whose number `seen` is from then on. */
+static bool enter(threads *t, unsigned *seen)
+{
+    unsigned loop = atomic_load(&t->loop);
+    while (is_new(loop, *seen))
+        if (atomic_compare_exchange_weak(&t->loop, &loop, loop + INSIDE)) {
+            *seen = loop / NUMBER;
+            return true;
+        }
+    return false;
+}
+
+/* Who sleeps had the lock from saying so until it slept, and can be woken once the lock was had after that. Signals come
+ * after unlocking: who is woken would only wait for the lock. */
+static void wake(threads *t, pthread_cond_t *sleepers, size_t count)
+{
+    pthread_mutex_lock(&t->lock);
+    pthread_mutex_unlock(&t->lock);
+    for (size_t k = 0; k < count; k++) pthread_cond_signal(sleepers);
+}
+
+static void leave(threads *t)
+{
+    unsigned loop = atomic_fetch_sub(&t->loop, INSIDE) - INSIDE;
+    if (loop % NUMBER == 0 && atomic_load(&t->waits)) wake(t, &t->finished, 1);
+}
+
+/* Until a loop is_new; false when the pool is to end. */
+static bool sleep_until_new(threads *t, unsigned seen)
+{
+    pthread_mutex_lock(&t->lock);
+    atomic_fetch_add(&t->sleepers, 1);
+    while (!is_new(atomic_load(&t->loop), seen) && !t->stop) pthread_cond_wait(&t->start, &t->lock);
+    atomic_fetch_sub(&t->sleepers, 1);
+    const bool goes_on = !t->stop;
+    pthread_mutex_unlock(&t->lock);
+    return goes_on;
+}
+
 static void *worker_main(void *argument)
 {
     seat s = *(seat *)argument;
@@ -72,27 +122,21 @@ static void *worker_main(void *argument)
     threads *t = s.pool;
     unsigned seen = 0;
     for (;;) {
-        for (int k = 0; k < LOOKS && atomic_load_explicit(&t->generation, memory_order_relaxed) == seen; k++)
+        for (int k = 0; k < LOOKS && !is_new(atomic_load_explicit(&t->loop, memory_order_relaxed), seen); k++)
             pause_briefly();
-        pthread_mutex_lock(&t->lock);
-        while ((!t->open || t->generation == seen) && !t->stop) pthread_cond_wait(&t->start, &t->lock);
-        if (t->stop) break;
-        seen = t->generation;
-        t->inside++;
-        pthread_mutex_unlock(&t->lock);
-        take_chunks(t, s.worker);
-        pthread_mutex_lock(&t->lock);
-        const bool last = --t->inside == 0 && !t->open;
-        pthread_mutex_unlock(&t->lock);
-        if (last) pthread_cond_signal(&t->finished);
+        if (enter(t, &seen)) {
+            take_chunks(t, s.worker);
+            leave(t);
+        } else if (!sleep_until_new(t, seen)) {
+            return NULL;
+        }
     }
-    pthread_mutex_unlock(&t->lock);
-    return NULL;
 }
 
 threads *threads_new(int count, const volatile sig_atomic_t *stop, error *e)
 {
-    threads *t = mem_alloc(sizeof *t);
+    threads *t = mem_array(1, sizeof *t, "threads", e);
+    if (!t) return NULL;
     t->count = 1;
     t->stop_flag = stop;
     t->thread = mem_alloc((size_t)count * sizeof *t->thread);
@@ -166,31 +210,29 @@ void threads_run(threads *t, size_t count, size_t grain, threads_work work, void
         return;
     }
     const size_t others = (count - 1) / grain; /* chunks beside the first */
-    pthread_mutex_lock(&t->lock);
     t->work = work;
     t->context = context;
     t->end = count;
     t->grain = grain;
     for (int k = 0; k < t->count; k++) {
         t->shares[k].end = (others + 1) * (size_t)(k + 1) / (size_t)t->count;
-        atomic_store(&t->shares[k].next, (others + 1) * (size_t)k / (size_t)t->count);
+        atomic_store_explicit(&t->shares[k].next, (others + 1) * (size_t)k / (size_t)t->count,
+                              memory_order_relaxed);
     }
-    t->open = true;
-    t->generation++;
-    pthread_mutex_unlock(&t->lock);
-    /* Signals come after unlocking: who is woken would only wait for the lock. */
-    if (others >= (size_t)t->count - 1)
-        pthread_cond_broadcast(&t->start);
-    else
-        for (size_t k = 0; k < others; k++) pthread_cond_signal(&t->start);
+    atomic_fetch_add(&t->loop, NUMBER | OPEN);
+    const size_t sleepers = (size_t)atomic_load(&t->sleepers);
+    if (sleepers > 0) wake(t, &t->start, others < sleepers ? others : sleepers);
     take_chunks(t, 0);
-    pthread_mutex_lock(&t->lock);
-    t->open = false; /* who has not woken by now has nothing to do, and nobody waits for it */
-    pthread_mutex_unlock(&t->lock);
-    for (int k = 0; k < LOOKS && atomic_load_explicit(&t->inside, memory_order_relaxed) > 0; k++)
+    atomic_fetch_sub(&t->loop,
+                     OPEN); /* who has not woken by now has nothing to do, and nobody waits for it */
+    for (int k = 0; k < LOOKS; k++) {
+        if (atomic_load(&t->loop) % OPEN == 0) return;
         pause_briefly();
+    }
     pthread_mutex_lock(&t->lock);
-    while (t->inside > 0) pthread_cond_wait(&t->finished, &t->lock);
+    atomic_store(&t->waits, true);
+    while (atomic_load(&t->loop) % OPEN > 0) pthread_cond_wait(&t->finished, &t->lock);
+    atomic_store(&t->waits, false);
     pthread_mutex_unlock(&t->lock);
 }
 

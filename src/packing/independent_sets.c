@@ -8,6 +8,8 @@
 
 /* How many sets are being filled at a time: an even packing needs about eight until the first are full. */
 enum { OPEN = 16 };
+/* Points of two groups, at most. */
+static const size_t TWO_GROUPS = 3072;
 
 /* Far from every place, yet no difference to a place overflows. */
 static const int32_t NOWHERE = INT32_MAX;
@@ -85,9 +87,40 @@ ISA_CLONES static void form(neighbours *n, uint32_t begin, uint32_t end)
     for (size_t k = 0; k < count; k++) to = write_set(&open[k], to);
 }
 
+static void points_of_colour(const neighbours *n, int colour, uint32_t *begin, uint32_t *end)
+{
+    neighbours_block_points(n, n->colour_begin[colour], n->colour_begin[colour + 1], begin, end);
+}
+
+size_t independent_sets_groups(const neighbours *n, int colour)
+{
+    uint32_t begin, end;
+    points_of_colour(n, colour, &begin, &end);
+    return 2 * ((end - begin + TWO_GROUPS - 1) / TWO_GROUPS);
+}
+
+/* A block is of the group that its middle point falls to when the colour's points are shared out equally. */
+size_t independent_sets_group_begin(const neighbours *n, int colour, size_t group)
+{
+    uint32_t begin, end;
+    points_of_colour(n, colour, &begin, &end);
+    const uint64_t groups = independent_sets_groups(n, colour), twice = 2 * (uint64_t)(end - begin) * group;
+    size_t low = n->colour_begin[colour], high = n->colour_begin[colour + 1];
+    while (low < high) {
+        const size_t block = (low + high) / 2;
+        uint32_t from, to;
+        neighbours_block_points(n, block, block + 1, &from, &to);
+        if (groups * (from - begin + (uint64_t)(to - begin)) < twice)
+            low = block + 1;
+        else
+            high = block;
+    }
+    return low;
+}
+
 typedef struct form_job {
     neighbours *n;
-    size_t first_block; /* of the colour */
+    int colour;
 } form_job;
 
 static void form_chunk(void *context, int worker, size_t begin, size_t end)
@@ -95,15 +128,15 @@ static void form_chunk(void *context, int worker, size_t begin, size_t end)
     const form_job *job = context;
     uint32_t from, to;
     (void)worker;
-    neighbours_block_points(job->n, job->first_block + begin, job->first_block + end, &from, &to);
+    neighbours_block_points(job->n, independent_sets_group_begin(job->n, job->colour, begin),
+                            independent_sets_group_begin(job->n, job->colour, end), &from, &to);
     form(job->n, from, to);
 }
 
 void independent_sets_form(neighbours *n, threads *pool)
 {
     for (int c = 0; c < n->colours; c++) {
-        form_job job = {n, n->colour_begin[c]};
-        threads_run(pool, n->colour_begin[c + 1] - n->colour_begin[c], independent_sets_blocks(n), form_chunk,
-                    &job);
+        form_job job = {n, c};
+        threads_run(pool, independent_sets_groups(n, c), 1, form_chunk, &job);
     }
 }

@@ -17,12 +17,13 @@
 /* Marks the last point of a set in `bin_item`; an index never needs this bit. */
 #define INDEPENDENT_SET_LAST ((uint32_t)1 << 31)
 
-/* So many blocks of a colour, counted from its first, share their sets: of blocks of few points, as those of even packings,
- * more sets end half empty otherwise. */
-static inline size_t independent_sets_blocks(const neighbours *n)
-{
-    return n->count > 512 * n->blocks ? 1 : 4;
-}
+/* The blocks of a colour form groups that share their sets: the last sets of a group end half empty. Groups have about as many
+ * points as each other, and an even number of them takes two threads equally long. How many there are; not by threads. */
+size_t independent_sets_groups(const neighbours *n, int colour);
+
+/* The first block of a group, counted in the order of updates; where the colour ends for the one behind its last. A group may
+ * have none. */
+size_t independent_sets_group_begin(const neighbours *n, int colour, size_t group);
 
 /* Sorts the points of each group of blocks in `bin_item` by their sets. From then on only the functions below read
  * `bin_item`, and a bin no longer tells its points. The result does not depend on the number of threads. */

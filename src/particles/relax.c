@@ -693,17 +693,18 @@ static void sweep_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const sweep_job *job = context;
     const neighbours *near = job->r->near;
+    const size_t first = independent_sets_group_begin(near, job->colour, begin);
     uint32_t at, to;
     block_sums sums = {0};
-    neighbours_block_points(near, job->first_block + begin, job->first_block + end, &at, &to);
+    neighbours_block_points(near, first, independent_sets_group_begin(near, job->colour, end), &at, &to);
+    if (at == to) return;
     if (job->r->fast)
         sweep_sets(job, worker, at, to, &sums);
     else
         for (; at < to; at++)
             if (!particles_is_fixed(job->p, near->bin_item[at]))
                 update_particle(job, worker, near->bin_item[at], &sums);
-    for (size_t k = begin; k < end; k++)
-        job->r->parts[job->first_block + k] = k == begin ? sums : (block_sums){0};
+    job->r->parts[first] = sums;
 }
 
 bool relax_let_idle(relax *r, error *e)
@@ -745,12 +746,9 @@ void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums 
         threads_run(r->pool, p->count, 1024, idle_chunk, &job);
     }
     r->idle_known = job.idle != NULL;
-    const uint32_t *colour = r->near->colour_begin;
-    const size_t group = r->fast ? independent_sets_blocks(r->near) : 1;
-    for (int c = 0; c < r->near->colours; c++) {
-        job.first_block = colour[c];
-        threads_run(r->pool, colour[c + 1] - colour[c], group, sweep_chunk, &job);
-    }
+    memset(r->parts, 0, r->near->blocks * sizeof *r->parts);
+    for (job.colour = 0; job.colour < r->near->colours; job.colour++)
+        threads_run(r->pool, independent_sets_groups(r->near, job.colour), 1, sweep_chunk, &job);
     relax_sums sums = {0};
     double squares = 0, stirred = 0;
     for (size_t k = 0; k < r->near->blocks; k++) {

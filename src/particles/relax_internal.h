@@ -78,8 +78,8 @@ typedef struct sweep_job {
     relax *r;
     particles *p;
     const relax_params *params;
-    size_t first_block; /* of the colour */
-    idleness *idle;     /* NULL: none is left out */
+    int colour;
+    idleness *idle; /* NULL: none is left out */
     double sigma;
 } sweep_job;
 

@@ -55,7 +55,7 @@ typedef struct sampler_round {
 } sampler_round;
 
 /* With fewer particles than so many a step runs on one thread: further ones cost more than they bring. */
-#define SAMPLER_THREADS_FROM 4000
+#define SAMPLER_THREADS_FROM 2000
 
 /* `f`, `scan` and `pool` stay the caller's and outlive the sampler; steps make the pool narrow or not, by their particles. Errors:
  * limit_memory, no_surface (particles cannot be placed). */

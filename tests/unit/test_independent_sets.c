@@ -55,13 +55,11 @@ static void check(double widest)
     set_up(&f, 2, widest);
     int *seen = calloc(COUNT, sizeof *seen);
     size_t sets = 0;
-    const size_t blocks = independent_sets_blocks(f.near);
     for (int c = 0; c < f.near->colours; c++)
-        for (size_t block = f.near->colour_begin[c]; block < f.near->colour_begin[c + 1]; block += blocks) {
-            size_t after = block + blocks;
-            if (after > f.near->colour_begin[c + 1]) after = f.near->colour_begin[c + 1];
+        for (size_t group = 0; group < independent_sets_groups(f.near, c); group++) {
             uint32_t at, end, points[INDEPENDENT_SET_MOST];
-            neighbours_block_points(f.near, block, after, &at, &end);
+            neighbours_block_points(f.near, independent_sets_group_begin(f.near, c, group),
+                                    independent_sets_group_begin(f.near, c, group + 1), &at, &end);
             while (at < end) {
                 uint32_t count = independent_sets_next(f.near, at, points);
                 assert_in_range(count, 1, INDEPENDENT_SET_MOST);
