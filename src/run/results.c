@@ -116,13 +116,14 @@ static late_commit *begin_ply(const char *directory, const spec *s, bool as_floa
     store_file file = {0};
     job->format = s->ply_format == SPEC_PLY_ASCII ? PLY_ASCII : PLY_BINARY_LITTLE_ENDIAN;
     job->precision = as_float ? PLY_FLOAT : PLY_DOUBLE;
-    beside = beside && job->format != PLY_ASCII && job->set->count > GRAIN && threads_count(pool) > 1;
+    const bool more = threads_count(pool) > 1;
+    beside = beside && job->format != PLY_ASCII && job->set->count > GRAIN && more;
     job->pool = beside ? threads_beside(pool) : pool;
     const char *const *wanted = (const char *const *)s->ply_properties;
     const bool ok = columns_choose(job->set, wanted, s->ply_property_count, &job->what, e) &&
                     store_file_begin(path, &file, e);
     free(path);
-    return ok ? late_commit_begin(&file, ply_write_job, ply_verify_job, job, beside) : NULL;
+    return ok ? late_commit_begin(&file, ply_write_job, ply_verify_job, job, beside, more) : NULL;
 }
 
 static bool write_ply(const char *directory, const char *name, const spec *s, const points *set,

@@ -4,6 +4,7 @@
 
 #include "base/background.h"
 #include "base/memory.h"
+#include "store/late_hash.h"
 
 struct late_commit {
     store_file file;
@@ -11,7 +12,7 @@ struct late_commit {
     void *context;
     store_facts facts;
     pthread_t thread;
-    bool beside, ok;
+    bool beside, hashes_beside, ok;
     error e;
 };
 
@@ -30,22 +31,26 @@ bool late_commit_now(store_file *file, store_facts *out, error *e)
 static void *run(void *context)
 {
     late_commit *c = context;
-    c->ok = c->write(c->file.stream, c->context, &c->e);
-    if (c->ok) store_file_begin_flush(&c->file);
-    c->ok =
-        c->ok && c->verify(c->file.stream, c->context, &c->e) && late_commit_now(&c->file, &c->facts, &c->e);
+    if (c->write(c->file.stream, c->context, &c->e)) {
+        store_file_begin_flush(&c->file);
+        late_hash *hash = late_hash_begin(fileno(c->file.stream), c->hashes_beside);
+        const bool verified = c->verify(c->file.stream, c->context, &c->e);
+        c->ok = late_hash_end(hash, &c->facts, verified ? &c->e : NULL) && verified &&
+                store_file_place(&c->file, &c->e);
+    }
     store_file_abort(&c->file);
     return NULL;
 }
 
 late_commit *late_commit_begin(store_file *file, late_commit_step write, late_commit_step verify,
-                               void *context, bool beside)
+                               void *context, bool beside, bool hashes_beside)
 {
     late_commit *c = mem_alloc(sizeof *c);
     c->file = *file;
     c->write = write;
     c->verify = verify;
     c->context = context;
+    c->hashes_beside = hashes_beside;
     *file = (store_file){0};
     c->beside = beside && background_start(&c->thread, run, c, "the results", NULL);
     if (!c->beside) run(c);

@@ -220,7 +220,7 @@ static void test_late_commits(void **state)
         late_commit *c;
         store_facts facts;
         assert_true(store_file_begin(path, &file, &e));
-        c = late_commit_begin(&file, write_text, read_text, "text", beside);
+        c = late_commit_begin(&file, write_text, read_text, "text", beside, !beside);
         assert_null(file.stream);
         assert_true(late_commit_end(c, &facts, &e));
         assert_string_equal(facts.sha256, hash);
@@ -230,16 +230,16 @@ static void test_late_commits(void **state)
         char *inner = mem_printf("%s/file", gone);
         assert_true(store_directory_create(gone, &e) && store_file_begin(inner, &file, &e));
         assert_true(store_remove(gone, &e));
-        c = late_commit_begin(&file, write_text, read_text, "text", beside);
+        c = late_commit_begin(&file, write_text, read_text, "text", beside, !beside);
         assert_false(late_commit_end(c, &facts, &e));
         assert_int_not_equal(e.code, ERROR_NONE);
         free(inner);
         assert_true(store_file_begin(path, &file, &e));
-        c = late_commit_begin(&file, write_text, read_text, NULL, beside);
+        c = late_commit_begin(&file, write_text, read_text, NULL, beside, !beside);
         assert_false(late_commit_end(c, &facts, &e));
         assert_int_equal(e.code, ERROR_STORAGE_FULL);
         assert_true(store_file_begin(path, &file, &e));
-        c = late_commit_begin(&file, write_text, read_other, "text", beside);
+        c = late_commit_begin(&file, write_text, read_other, "text", beside, !beside);
         assert_false(late_commit_end(c, &facts, &e));
         assert_int_equal(e.code, ERROR_INPUT_DAMAGED);
         assert_int_equal(count_entries(base), 0);
