@@ -1,12 +1,15 @@
 #include "packing/quality.h"
 
 #include <stdlib.h>
+#include <string.h>
 
+#include "base/isa.h"
 #include "base/memory.h"
 #include "packing/energy.h"
 #include "packing/packing.h"
 #include "packing/partitions.h"
 #include "packing/star_lanes.h"
+#include "packing/star_row.h"
 #include "packing/voronoi.h"
 
 /* A request whose spacings differ by less than this factor is even: the slope against it means nothing. */
@@ -44,7 +47,7 @@ typedef struct cell_sums {
 typedef struct tally {
     double degrees; /* sum of 6 - degree */
     double boundary, inner, ambiguous, energy, nearest;
-    cell_sums resolved, all;
+    cell_sums resolved, others;
     moments ratio;
     double growth2; /* sum over the points with a cell */
     moments turn;   /* of some of these: the angles around them over a full turn */
@@ -103,36 +106,95 @@ static void sum_pairs(pair_batch *b)
     b->count = 0;
 }
 
-/* `rows` hold the list of i in a lane, or are NULL. The energy of i, as quality.energy_excess has it, and the smallest of its neighbours' distances, squared
- * and over the squared mean of the spacings. */
-static double energy_of(const measure_job *job, uint32_t i, const star_rows *rows, size_t lane,
-                        double *nearest2)
+static void add_pair(pair_batch *b, double u2, double weight)
+{
+    if (b->count == PAIR_BATCH) sum_pairs(b);
+    b->u2[b->count] = u2 > CLOSEST * CLOSEST ? u2 : CLOSEST * CLOSEST;
+    b->weight[b->count] = weight;
+    b->count += u2 < 1; /* as good as random: no branch */
+}
+
+/* What a point's energy is measured in: 1 / spacing, and 1 / support^2. */
+typedef struct scale {
+    double over, over2;
+} scale;
+
+static scale scale_of(const quality_input *in, uint32_t i)
+{
+    const double support = packing_support(in->sized ? in->spacing[i] : in->h);
+    return (scale){1 / in->spacing[i], 1 / (support * support)};
+}
+
+/* The energy of i, as quality.energy_excess has it, and the smallest of its neighbours' distances, squared and over the squared mean
+ * of both spacings. */
+static double energy_of(const measure_job *job, uint32_t i, double *nearest2)
 {
     const quality_input *in = job->in;
     const uint32_t *list = neighbours_list(job->sites.near, i);
+    const scale s = scale_of(in, i);
     pair_batch b; /* its arrays are filled as far as they are read */
     b.count = 0;
     b.energy = 0;
-    double over = 1 / in->spacing[i], least = INFINITY;
-    double support = packing_support(in->sized ? in->spacing[i] : in->h), over2 = 1 / (support * support);
+    *nearest2 = INFINITY;
     for (uint32_t k = 0; k < job->sites.near->list_count[i]; k++) {
-        uint32_t j = list[k];
-        if ((rows ? rows->facing[k][lane] : facing(in, i, j)) <= VORONOI_OTHER_SIDE) continue;
-        double square = rows ? rows->square[k][lane] : vec3_norm2(vec3_sub(in->position[i], in->position[j]));
-        double size = 0.5 * (1 + (rows ? rows->spacing[k][lane] : in->spacing[j]) * over),
-               size2 = size * size, smaller = 1 / size2; /* one division */
-        double relative2 = square * (over * over) * smaller;
-        least = relative2 < least ? relative2 : least;
-        double u2 = square * over2 * (in->sized ? smaller : 1);
-        if (!in->sized) size2 = 1;
-        if (b.count == PAIR_BATCH) sum_pairs(&b);
-        b.u2[b.count] = u2 > CLOSEST * CLOSEST ? u2 : CLOSEST * CLOSEST;
-        b.weight[b.count] = size2;
-        b.count += u2 < 1; /* as good as random: no branch */
+        const uint32_t j = list[k];
+        if (facing(in, i, j) <= VORONOI_OTHER_SIDE) continue;
+        const double square = vec3_norm2(vec3_sub(in->position[i], in->position[j])),
+                     size = 0.5 * (1 + in->spacing[j] * s.over), size2 = size * size, smaller = 1 / size2,
+                     relative2 = square * (s.over * s.over) * smaller;
+        *nearest2 = relative2 < *nearest2 ? relative2 : *nearest2;
+        add_pair(&b, square * s.over2 * (in->sized ? smaller : 1), in->sized ? size2 : 1);
     }
     sum_pairs(&b);
-    *nearest2 = least;
     return b.energy;
+}
+
+/* The pairs of some points' lists, entry by entry; u2 is 1 of those that do not count. */
+typedef struct row_pairs {
+    double over[STAR_LANES], over2[STAR_LANES]; /* as in `scale` */
+    double u2[STAR_ROWS][STAR_LANES], weight[STAR_ROWS][STAR_LANES], nearest2[STAR_LANES];
+} row_pairs;
+
+ISA_CLONES static void weigh_rows(const star_rows *rows, bool sized, row_pairs *out)
+{
+    const row over = *(const row *)out->over, over2 = *(const row *)out->over2, one = ALL(1.0);
+    const mask by_size = (mask){0} - (int64_t)sized;
+    mask length;
+    row least = ALL(INFINITY);
+    for (int l = 0; l < STAR_LANES; l++) length[l] = rows->count[l];
+    for (uint32_t k = 0; k < rows->most; k++) {
+        const row square = *(const row *)rows->square[k],
+                  size = 0.5 * (1 + *(const row *)rows->spacing[k] * over), size2 = size * size,
+                  smaller = 1 / size2, relative2 = square * (over * over) * smaller;
+        const mask counts = (length > (int64_t)k) & (*(const row *)rows->facing[k] > VORONOI_OTHER_SIDE),
+                   nearer = counts & (relative2 < least);
+        least = CHOOSE(nearer, relative2, least);
+        *(row *)out->u2[k] = CHOOSE(counts, square * over2 * CHOOSE(by_size, smaller, one), one);
+        *(row *)out->weight[k] = CHOOSE(by_size, size2, one);
+    }
+    *(row *)out->nearest2 = least;
+}
+
+/* energy_of the points of `rows`, to the last bit. */
+static void energies_of(const measure_job *job, const star_rows *rows, uint32_t count,
+                        double energy[STAR_LANES], double nearest2[STAR_LANES])
+{
+    row_pairs pairs;
+    for (uint32_t l = 0; l < STAR_LANES; l++) {
+        const scale s = scale_of(job->in, rows->point[l]);
+        pairs.over[l] = s.over;
+        pairs.over2[l] = s.over2;
+    }
+    weigh_rows(rows, job->in->sized, &pairs);
+    memcpy(nearest2, pairs.nearest2, sizeof pairs.nearest2);
+    for (uint32_t l = 0; l < count; l++) {
+        pair_batch b;
+        b.count = 0;
+        b.energy = 0;
+        for (uint32_t k = 0; k < rows->count[l]; k++) add_pair(&b, pairs.u2[k][l], pairs.weight[k][l]);
+        sum_pairs(&b);
+        energy[l] = b.energy;
+    }
 }
 
 static bool is_in_reach(const quality_input *in, uint32_t i, uint32_t fixed)
@@ -244,8 +306,8 @@ static void tally_logarithms(double requested, double local, tally *t)
     t->sxy += x * y;
 }
 
-static void tally_point(const measure_job *job, uint32_t i, const voronoi_star *star, const star_rows *rows,
-                        size_t lane, tally *t)
+static void tally_point(const measure_job *job, uint32_t i, const voronoi_star *star, double energy,
+                        double nearest2, tally *t)
 {
     const quality_input *in = job->in;
     double spacing = in->spacing[i], area = voronoi_star_area(star),
@@ -258,17 +320,16 @@ static void tally_point(const measure_job *job, uint32_t i, const voronoi_star *
         t->boundary++;
         return;
     }
-    double nearest2;
-    t->energy += energy_of(job, i, rows, lane, &nearest2);
+    t->energy += energy;
     t->nearest = fmin(t->nearest, nearest2);
     t->inner++;
     t->finest = fmin(t->finest, spacing);
     t->coarsest = fmax(t->coarsest, spacing);
-    sum_cell(job, i, star, area, &t->all);
-    const bool clear = has_cell(job, i, star);
+    const bool clear = has_cell(job, i, star),
+               resolved = in->has_cell ? in->has_cell[job->part->partition.index[i]] : clear;
     t->ambiguous += !clear;
-    if (!(in->has_cell ? in->has_cell[job->part->partition.index[i]] : clear)) return;
-    sum_cell(job, i, star, area, &t->resolved);
+    sum_cell(job, i, star, area, resolved ? &t->resolved : &t->others);
+    if (!resolved) return;
     count_value(&t->ratio, local / spacing);
     if (job->part->partition.index[i] % job->part->turn_every == 0)
         count_value(&t->turn, turn_around(in, i, star));
@@ -301,7 +362,12 @@ static void tally_chunk(void *context, int worker, size_t begin, size_t end)
         if (count == 0) break;
         /* one-sided normals face another way in energies */
         const bool told = star_lanes_at(&job->sites, point, count, &rows, star) && !job->in->flags;
-        for (size_t l = 0; l < count; l++) tally_point(job, point[l], &star[l], told ? &rows : NULL, l, &t);
+        double energy[STAR_LANES], nearest2[STAR_LANES];
+        if (told)
+            energies_of(job, &rows, count, energy, nearest2);
+        else
+            for (size_t l = 0; l < count; l++) energy[l] = energy_of(job, point[l], &nearest2[l]);
+        for (size_t l = 0; l < count; l++) tally_point(job, point[l], &star[l], energy[l], nearest2[l], &t);
     }
     job->part->tally[begin / CHUNK] = t;
 }
@@ -329,7 +395,7 @@ static void add_tally(tally *t, const tally *other)
     t->energy += other->energy;
     t->nearest = fmin(t->nearest, other->nearest);
     add_cells(&t->resolved, &other->resolved);
-    add_cells(&t->all, &other->all);
+    add_cells(&t->others, &other->others);
     add_moments(&t->ratio, &other->ratio);
     t->growth2 += other->growth2;
     add_moments(&t->turn, &other->turn);
@@ -371,7 +437,9 @@ static double disorder(const tally *t, double energy_excess)
 static quality conclude(const tally *t)
 {
     double n = t->resolved.area.n;
-    quality q = {.all = conclude_cells(&t->all),
+    cell_sums all = t->resolved;
+    add_cells(&all, &t->others);
+    quality q = {.all = conclude_cells(&all),
                  .resolved = {NAN, NAN, NAN},
                  .resolved_count = (size_t)n,
                  .resolved_share = n / t->inner, /* NAN of nothing but boundaries, as energy_excess */

@@ -2,6 +2,7 @@
 
 #include "base/isa.h"
 #include "packing/packing.h"
+#include "packing/star_row.h"
 
 enum { LANES = STAR_LANES };
 /* Points of a ring that are looked at: an even packing has six. */
@@ -36,14 +37,6 @@ static bool gather_rows(const voronoi_sites *in, const uint32_t *points, uint32_
     return true;
 }
 
-/* A number or a yes (all bits) of each lane. */
-typedef double row __attribute__((vector_size(8 * STAR_LANES), aligned(8), may_alias));
-typedef int64_t mask __attribute__((vector_size(8 * STAR_LANES), aligned(8), may_alias));
-
-/* Lane by lane a where `which` is set, else b; vectors, or a number for all. (No functions: vectors are not handed over alike with and
- * without AVX.) */
-#define CHOOSE(which, a, b) ((row)(((mask)(a) & (which)) | ((mask)(b) & ~(which))))
-#define ALL(number) ((row){0} + (number))
 #define SQRT(to, from) \
     for (int l_ = 0; l_ < LANES; l_++) (to)[l_] = sqrt((from)[l_])
 
