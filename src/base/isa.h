@@ -29,9 +29,13 @@ const char *isa_name(isa which); /* "portable", "avx2", "avx512" */
 /* A function in versions of which the loader takes the best: for what nobody has to choose. */
 #ifdef __x86_64__
 #define ISA_CLONES __attribute__((target_clones("default", "avx2", "avx512f")))
+#define ISA_CLONES_OF_128 __attribute__((target_clones("default", "avx2")))
 #else
 #define ISA_CLONES
+#define ISA_CLONES_OF_128
 #endif
+/* ISA_CLONES_OF_128 is for functions that need no more than 128 bits: with AVX-512, GCC 12 moves these by whole registers and leaves
+ * the upper parts full, for which later code without AVX waits. A test looks for such. */
 #define ISA_INLINE static inline __attribute__((always_inline))
 
 #endif

@@ -404,7 +404,7 @@ ISA_CLONES static bool group_is_calm(const float *first, int length, double aspe
 }
 
 /* The faces of a cell that may be passed, by bits. */
-ISA_CLONES static unsigned doubtful_faces(const float *first, double aspect, field_bend *bend)
+ISA_CLONES_OF_128 static unsigned doubtful_faces(const float *first, double aspect, field_bend *bend)
 {
     row c[4][4], turned[4][4], face[4], size = {0};
     unsigned faces = 0;

@@ -3,6 +3,7 @@ the volume that the project makes for a first try."""
 import json
 import math
 import os
+import platform
 import re
 import signal
 import subprocess
@@ -432,6 +433,17 @@ def test_limits_are_5(worker, example):
         done = worker(spec, *more)
         assert done.returncode == 5, done
         assert last_words(done)["code"] == code
+
+
+@pytest.mark.plain
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="another processor")
+def test_code_leaves_no_upper_halves_full(build):
+    """A function that writes registers of more than 128 bits, and has no vzeroupper at all, slows down all that follows."""
+    code = subprocess.run(["objdump", "-d", "--no-show-raw-insn", build / "hexad-worker"], capture_output=True, text=True,
+                          check=True, timeout=PATIENCE_S).stdout
+    functions = [part for part in code.split("\n\n") if re.search(r",%[yz]mm(\d|1[0-5])$", part, re.M)]
+    assert len(functions) > 20
+    assert [part.lstrip().split(":")[0] for part in functions if "vzeroupper" not in part] == []
 
 
 def test_anything_else_is_1(worker, tmp_path):
