@@ -87,15 +87,10 @@ ISA_CLONES static void form(neighbours *n, uint32_t begin, uint32_t end)
     for (size_t k = 0; k < count; k++) to = write_set(&open[k], to);
 }
 
-static void points_of_colour(const neighbours *n, int colour, uint32_t *begin, uint32_t *end)
-{
-    neighbours_block_points(n, n->colour_begin[colour], n->colour_begin[colour + 1], begin, end);
-}
-
 size_t independent_sets_groups(const neighbours *n, int colour)
 {
     uint32_t begin, end;
-    points_of_colour(n, colour, &begin, &end);
+    neighbours_block_points(n, n->colour_begin[colour], n->colour_begin[colour + 1], &begin, &end);
     return 2 * ((end - begin + TWO_GROUPS - 1) / TWO_GROUPS);
 }
 
@@ -103,7 +98,7 @@ size_t independent_sets_groups(const neighbours *n, int colour)
 size_t independent_sets_group_begin(const neighbours *n, int colour, size_t group)
 {
     uint32_t begin, end;
-    points_of_colour(n, colour, &begin, &end);
+    neighbours_block_points(n, n->colour_begin[colour], n->colour_begin[colour + 1], &begin, &end);
     const uint64_t groups = independent_sets_groups(n, colour), twice = 2 * (uint64_t)(end - begin) * group;
     size_t low = n->colour_begin[colour], high = n->colour_begin[colour + 1];
     while (low < high) {

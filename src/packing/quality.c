@@ -1,7 +1,6 @@
 #include "packing/quality.h"
 
 #include <stdlib.h>
-#include <string.h>
 
 #include "base/isa.h"
 #include "base/memory.h"
@@ -9,7 +8,6 @@
 #include "packing/packing.h"
 #include "packing/partitions.h"
 #include "packing/star_lanes.h"
-#include "packing/star_row.h"
 #include "packing/voronoi.h"
 
 /* A request whose spacings differ by less than this factor is even: the slope against it means nothing. */
@@ -114,24 +112,14 @@ static void add_pair(pair_batch *b, double u2, double weight)
     b->count += u2 < 1; /* as good as random: no branch */
 }
 
-/* What a point's energy is measured in: 1 / spacing, and 1 / support^2. */
-typedef struct scale {
-    double over, over2;
-} scale;
-
-static scale scale_of(const quality_input *in, uint32_t i)
-{
-    const double support = packing_support(in->sized ? in->spacing[i] : in->h);
-    return (scale){1 / in->spacing[i], 1 / (support * support)};
-}
-
 /* The energy of i, as quality.energy_excess has it, and the smallest of its neighbours' distances, squared and over the squared mean
  * of both spacings. */
 static double energy_of(const measure_job *job, uint32_t i, double *nearest2)
 {
     const quality_input *in = job->in;
     const uint32_t *list = neighbours_list(job->sites.near, i);
-    const scale s = scale_of(in, i);
+    const double over = 1 / in->spacing[i], support = packing_support(in->sized ? in->spacing[i] : in->h),
+                 over2 = 1 / (support * support);
     pair_batch b; /* its arrays are filled as far as they are read */
     b.count = 0;
     b.energy = 0;
@@ -140,10 +128,10 @@ static double energy_of(const measure_job *job, uint32_t i, double *nearest2)
         const uint32_t j = list[k];
         if (facing(in, i, j) <= VORONOI_OTHER_SIDE) continue;
         const double square = vec3_norm2(vec3_sub(in->position[i], in->position[j])),
-                     size = 0.5 * (1 + in->spacing[j] * s.over), size2 = size * size, smaller = 1 / size2,
-                     relative2 = square * (s.over * s.over) * smaller;
+                     size = 0.5 * (1 + in->spacing[j] * over), size2 = size * size, smaller = 1 / size2,
+                     relative2 = square * (over * over) * smaller;
         *nearest2 = relative2 < *nearest2 ? relative2 : *nearest2;
-        add_pair(&b, square * s.over2 * (in->sized ? smaller : 1), in->sized ? size2 : 1);
+        add_pair(&b, square * over2 * (in->sized ? smaller : 1), in->sized ? size2 : 1);
     }
     sum_pairs(&b);
     return b.energy;
@@ -151,13 +139,15 @@ static double energy_of(const measure_job *job, uint32_t i, double *nearest2)
 
 /* The pairs of some points' lists, entry by entry; u2 is 1 of those that do not count. */
 typedef struct row_pairs {
-    double over[STAR_LANES], over2[STAR_LANES]; /* as in `scale` */
-    double u2[STAR_ROWS][STAR_LANES], weight[STAR_ROWS][STAR_LANES], nearest2[STAR_LANES];
+    double over[STAR_LANES], support[STAR_LANES]; /* 1 / spacing */
+    double u2[STAR_ROWS][STAR_LANES], weight[STAR_ROWS][STAR_LANES];
 } row_pairs;
 
-ISA_CLONES static void weigh_rows(const star_rows *rows, bool sized, row_pairs *out)
+ISA_CLONES static void weigh_rows(const star_rows *rows, bool sized, row_pairs *out,
+                                  double nearest2[STAR_LANES])
 {
-    const row over = *(const row *)out->over, over2 = *(const row *)out->over2, one = ALL(1.0);
+    const row over = *(const row *)out->over, support = *(const row *)out->support,
+              over2 = 1 / (support * support), one = ALL(1.0);
     const mask by_size = (mask){0} - (int64_t)sized;
     mask length;
     row least = ALL(INFINITY);
@@ -172,7 +162,7 @@ ISA_CLONES static void weigh_rows(const star_rows *rows, bool sized, row_pairs *
         *(row *)out->u2[k] = CHOOSE(counts, square * over2 * CHOOSE(by_size, smaller, one), one);
         *(row *)out->weight[k] = CHOOSE(by_size, size2, one);
     }
-    *(row *)out->nearest2 = least;
+    *(row *)nearest2 = least;
 }
 
 /* energy_of the points of `rows`, to the last bit. */
@@ -181,12 +171,10 @@ static void energies_of(const measure_job *job, const star_rows *rows, uint32_t 
 {
     row_pairs pairs;
     for (uint32_t l = 0; l < STAR_LANES; l++) {
-        const scale s = scale_of(job->in, rows->point[l]);
-        pairs.over[l] = s.over;
-        pairs.over2[l] = s.over2;
+        pairs.over[l] = 1 / job->in->spacing[rows->point[l]];
+        pairs.support[l] = packing_support(job->in->sized ? job->in->spacing[rows->point[l]] : job->in->h);
     }
-    weigh_rows(rows, job->in->sized, &pairs);
-    memcpy(nearest2, pairs.nearest2, sizeof pairs.nearest2);
+    weigh_rows(rows, job->in->sized, &pairs, nearest2);
     for (uint32_t l = 0; l < count; l++) {
         pair_batch b;
         b.count = 0;

@@ -2,7 +2,6 @@
 
 #include "base/isa.h"
 #include "packing/packing.h"
-#include "packing/star_row.h"
 
 enum { LANES = STAR_LANES };
 /* Points of a ring that are looked at: an even packing has six. */

@@ -9,6 +9,7 @@
 #define HEXAD_PACKING_STAR_LANES_H
 
 #include <math.h>
+#include <stdint.h>
 
 #include "packing/voronoi.h"
 
@@ -35,6 +36,15 @@ typedef struct star_rows {
     /* the cosine between both normals, and the squared distance */
     double facing[STAR_ROWS][STAR_LANES], square[STAR_ROWS][STAR_LANES];
 } star_rows;
+
+/* A number or a yes (all bits) of each lane, for functions marked ISA_CLONES. */
+typedef double row __attribute__((vector_size(8 * STAR_LANES), aligned(8), may_alias));
+typedef int64_t mask __attribute__((vector_size(8 * STAR_LANES), aligned(8), may_alias));
+
+/* Lane by lane a where `which` is set, else b; vectors, or a number for all. (No functions: vectors are not handed over alike with and
+ * without AVX.) */
+#define CHOOSE(which, a, b) ((row)(((mask)(a) & (which)) | ((mask)(b) & ~(which))))
+#define ALL(number) ((row){0} + (number))
 
 /* The stars of up to STAR_LANES points, as voronoi_star_at has them. *rows is zeros, or what another call left. False when a list is
  * longer than STAR_ROWS: the rows mean nothing then. */
