@@ -102,12 +102,13 @@ ISA_INLINE void VERSION(meet)(const neighbours_place *place, const fast_kernel_n
     out->dx = __builtin_convertvector(own->x - b.x, VERSION(floats));
     out->dy = __builtin_convertvector(own->y - b.y, VERSION(floats));
     out->dz = __builtin_convertvector(own->z - b.z, VERSION(floats));
-    out->r2 = out->dx * out->dx + out->dy * out->dy + out->dz * out->dz;
+    /* Behind its list a particle may find itself: far away, since powers of a w^2 of 0 would be denormal, which is slow. */
+    out->r2 = out->dx * out->dx + out->dy * out->dy + out->dz * out->dz +
+              (VERSION(floats))((VERSION(ints))VERSION_ALL(INFINITY) & (own->count <= (int32_t)k));
     out->scale2 = scale * scale;
     out->share2 = share * share;
     out->q = VERSION_LEAST(out->r2, support2) * out->scale2 + CLOSEST;
-    const VERSION(ints) within = (out->r2 < support2) & (own->count > (int32_t)k);
-    out->counts = (VERSION(floats))((VERSION(ints))VERSION_ALL(1) & within);
+    out->counts = (VERSION(floats))((VERSION(ints))VERSION_ALL(1) & (out->r2 < support2));
     if (normal) {
         VERSION(floats) t;
         VERSION(load)(normal, list, k, &out->normal);

@@ -17,12 +17,11 @@
 /* Marks the last point of a set in `bin_item`; an index never needs this bit. */
 #define INDEPENDENT_SET_LAST ((uint32_t)1 << 31)
 
-/* The blocks of a colour form groups that share their sets: the last sets of a group end half empty. Groups have about as many
- * points as each other, and an even number of them takes two threads equally long. How many there are; not by threads. */
+/* The blocks of a colour form groups that share their sets, since the last ones of a group end half empty. Groups have about as many
+ * points as each other: an even number of them takes two threads equally long. How many there are. */
 size_t independent_sets_groups(const neighbours *n, int colour);
 
-/* The first block of a group, counted in the order of updates; where the colour ends for the one behind its last. A group may
- * have none. */
+/* The first block of a group, counted in the order of updates, or where the colour ends. A group may have none. */
 size_t independent_sets_group_begin(const neighbours *n, int colour, size_t group);
 
 /* Sorts the points of each group of blocks in `bin_item` by their sets. From then on only the functions below read

@@ -1,5 +1,7 @@
 #include "packing/star_lanes.h"
 
+#include <string.h>
+
 #include "base/isa.h"
 #include "packing/packing.h"
 
@@ -115,6 +117,7 @@ ISA_CLONES static void look_around(star_rows *rows, rings *g)
 static void fill_slots(const star_rows *rows, rings *g)
 {
     g->most = 0;
+    memset(&g->in_list, 0, sizeof g->in_list); /* what stood there may be denormal, which is slow */
     for (int l = 0; l < LANES; l++) {
         uint8_t place[STAR_ROWS + 1];
         uint32_t count = 0;
