@@ -26,7 +26,9 @@ const char *isa_name(isa which); /* "portable", "avx2", "avx512" */
 #define ISA_TARGET_AVX2
 #define ISA_TARGET_AVX512
 #endif
-/* A function in versions of which the loader takes the best: for what nobody has to choose. */
+/* A function in versions of which the loader takes the best: for what nobody has to choose. _OF_128: for what needs no more than 128
+ * bits. With AVX-512, GCC 12 moves these by whole registers and leaves the upper parts full, for which later code without AVX waits. A
+ * test looks for such. */
 #ifdef __x86_64__
 #define ISA_CLONES __attribute__((target_clones("default", "avx2", "avx512f")))
 #define ISA_CLONES_OF_128 __attribute__((target_clones("default", "avx2")))
@@ -34,8 +36,6 @@ const char *isa_name(isa which); /* "portable", "avx2", "avx512" */
 #define ISA_CLONES
 #define ISA_CLONES_OF_128
 #endif
-/* ISA_CLONES_OF_128 is for functions that need no more than 128 bits: with AVX-512, GCC 12 moves these by whole registers and leaves
- * the upper parts full, for which later code without AVX waits. A test looks for such. */
 #define ISA_INLINE static inline __attribute__((always_inline))
 
 #endif

@@ -223,8 +223,8 @@ void threads_run(threads *t, size_t count, size_t grain, threads_work work, void
     const size_t sleepers = (size_t)atomic_load(&t->sleepers);
     if (sleepers > 0) wake(t, &t->start, others < sleepers ? others : sleepers);
     take_chunks(t, 0);
-    atomic_fetch_sub(&t->loop,
-                     OPEN); /* who has not woken by now has nothing to do, and nobody waits for it */
+    /* Who has not woken by now has nothing to do, and nobody waits for it. */
+    atomic_fetch_sub(&t->loop, OPEN);
     for (int k = 0; k < LOOKS; k++) {
         if (atomic_load(&t->loop) % OPEN == 0) return;
         pause_briefly();

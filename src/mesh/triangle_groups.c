@@ -284,9 +284,11 @@ static void cluster_add(cluster *c, const triangle *t, vec3 origin)
     const double a2 = vec3_norm2(vec3_sub(at.a, middle)), b2 = vec3_norm2(vec3_sub(at.b, middle)),
                  c2 = vec3_norm2(vec3_sub(at.c, middle)), ab2 = a2 > b2 ? a2 : b2;
     const int n = c->count / SIDE, l = c->count % SIDE;
+    if (l == 0) { /* what stood there may be denormal, which is slow, and is looked at with the others */
+        for (int axis = 0; axis < 3; axis++) c->middle[axis][n] = c->normal[axis][n] = (lanes){0};
+        c->radius2[n] = (lanes){0};
+    }
     for (int axis = 0; axis < 3; axis++) {
-        if (l == 0) /* what stood there may be denormal, which is slow, and is looked at with the others */
-            c->middle[axis][n] = c->normal[axis][n] = c->radius2[n] = (lanes){0};
         c->middle[axis][n][l] = (float)vec3_get(middle, axis);
         c->normal[axis][n][l] = (float)vec3_get(normal, axis);
     }
