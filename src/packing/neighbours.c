@@ -294,16 +294,15 @@ static void search_finer(list_search *s, const place *parent)
 /* The bins around the bin at hand, of its own level. */
 static void search_level(list_search *s)
 {
-    int which[3][3];
-    for (int a = 0; a < 3; a++)
-        for (int k = 0; k < 3; k++)
-            which[a][k] = ((int)(s->at.at[a] & (BLOCK_WIDTH - 1)) + k - 1 + BLOCK_WIDTH) >> BLOCK_SHIFT;
+    int low[3]; /* the least of them, from the lowest of the blocks around */
+    for (int a = 0; a < 3; a++) low[a] = (int)(s->at.at[a] & (BLOCK_WIDTH - 1)) + BLOCK_WIDTH - 1;
     for (int k = 0; k < 3; k++)
         for (int j = 0; j < 3; j++)
             for (int i = 0; i < 3; i++) {
                 const place p = {s->at.level,
                                  {s->at.at[0] + i - 1, s->at.at[1] + j - 1, s->at.at[2] + k - 1}};
-                search_cell(s, &s->around[(which[2][k] * 3 + which[1][j]) * 3 + which[0][i]], &p);
+                const int z = (low[2] + k) >> BLOCK_SHIFT, y = (low[1] + j) >> BLOCK_SHIFT;
+                search_cell(s, &s->around[(z * 3 + y) * 3 + ((low[0] + i) >> BLOCK_SHIFT)], &p);
             }
 }
 
@@ -311,19 +310,20 @@ static void search_level(list_search *s)
  * follow each other stand together. */
 static void gather_block(list_search *s)
 {
+    const int mask = BLOCK_WIDTH - 1, end = 2 * BLOCK_WIDTH + 1; /* from the lowest of the blocks around */
     uint32_t *begin = s->cell_begin;
     s->all.count = 0;
-    for (int k = -1; k <= BLOCK_WIDTH; k++)
-        for (int j = -1; j <= BLOCK_WIDTH; j++)
-            for (int i = -1; i <= BLOCK_WIDTH; i++) {
-                const int at[3] = {i + BLOCK_WIDTH, j + BLOCK_WIDTH, k + BLOCK_WIDTH}, mask = BLOCK_WIDTH - 1;
-                const int block =
-                    ((at[2] >> BLOCK_SHIFT) * 3 + (at[1] >> BLOCK_SHIFT)) * 3 + (at[0] >> BLOCK_SHIFT);
-                const int cell =
-                    ((at[2] & mask) << BLOCK_SHIFT | (at[1] & mask)) << BLOCK_SHIFT | (at[0] & mask);
+    for (int z = mask; z < end; z++)
+        for (int y = mask; y < end; y++) {
+            const block_cells *along = &s->around[((z >> BLOCK_SHIFT) * 3 + (y >> BLOCK_SHIFT)) * 3];
+            const int row = ((z & mask) << BLOCK_SHIFT | (y & mask)) << BLOCK_SHIFT;
+            for (int x = mask; x < end; x++) {
+                const block_cells *block = &along[x >> BLOCK_SHIFT];
                 *begin++ = (uint32_t)s->all.count;
-                add_bin(s->n, &s->all, &s->around[block], (uint32_t)cell);
+                if (block->cell[row | (x & mask)])
+                    add_bin(s->n, &s->all, block, (uint32_t)(row | (x & mask)));
             }
+        }
     *begin = (uint32_t)s->all.count;
     reserve_candidates(&s->all, 0);
 }
@@ -459,10 +459,8 @@ static void check_lists(const neighbours *n)
 {
     for (size_t i = 0; i < n->count; i++) {
         assert(n->list_count[i] <= n->longest);
-        for (uint32_t k = 0; k < n->list_count[i]; k++) {
-            uint32_t j = neighbours_list(n, i)[k];
-            assert(j < n->count && j != i);
-        }
+        const uint32_t *list = neighbours_list(n, i);
+        for (uint32_t k = 0; k < n->list_count[i]; k++) assert(list[k] < n->count && list[k] != i);
     }
 }
 #else
