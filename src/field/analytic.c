@@ -321,6 +321,11 @@ static void analytic_cell(const field *f, size_t index, field_cell *out)
     cell_grid_cell(&((const analytic *)f)->grid, f, &oracle, index, out);
 }
 
+static vec3 analytic_cell_middle(const field *f, size_t index, double *radius)
+{
+    return cell_grid_middle(&((const analytic *)f)->grid, index, radius);
+}
+
 /* The formula is good everywhere but in single points. */
 static double analytic_side(const field *f, vec3 x)
 {
@@ -331,6 +336,7 @@ static double analytic_side(const field *f, vec3 x)
 static const field_ops analytic_ops = {.sample = analytic_sample,
                                        .cell_count = analytic_cell_count,
                                        .cell = analytic_cell,
+                                       .cell_middle = analytic_cell_middle,
                                        .side = analytic_side,
                                        .sample_lanes = analytic_sample_lanes};
 

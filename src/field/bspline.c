@@ -98,13 +98,21 @@ static void bspline_cell(const field *f, size_t index, field_cell *out)
     cell_grid_cell(&((const bspline *)f)->grid, f, &oracle, index, out);
 }
 
+static vec3 bspline_cell_middle(const field *f, size_t index, double *radius)
+{
+    return cell_grid_middle(&((const bspline *)f)->grid, index, radius);
+}
+
 static double bspline_side(const field *f, vec3 x)
 {
     return bbox_contains(((const bspline *)f)->params.domain, x) ? 0 : 1;
 }
 
-static const field_ops bspline_ops = {
-    .sample = bspline_sample, .cell_count = bspline_cell_count, .cell = bspline_cell, .side = bspline_side};
+static const field_ops bspline_ops = {.sample = bspline_sample,
+                                      .cell_count = bspline_cell_count,
+                                      .cell = bspline_cell,
+                                      .cell_middle = bspline_cell_middle,
+                                      .side = bspline_side};
 
 /* Cells are whole parts of spans. */
 static void lay_out_grid(bspline *b)

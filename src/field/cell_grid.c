@@ -328,13 +328,29 @@ static int find_place(const cell_grid *g, size_t index, int64_t at[3])
     return level;
 }
 
-void cell_grid_cell(const cell_grid *g, const field *f, const cell_grid_oracle *oracle, size_t index,
-                    field_cell *out)
+/* The lowest and the highest corner of a crossing cell. */
+static void find_corners(const cell_grid *g, size_t index, vec3 *low, vec3 *high)
 {
     int64_t at[3];
     const int level = find_place(g, index, at);
-    const vec3 low = grid_corner(g, level, at[0], at[1], at[2]),
-               high = grid_corner(g, level, at[0] + 1, at[1] + 1, at[2] + 1);
+    *low = grid_corner(g, level, at[0], at[1], at[2]);
+    *high = grid_corner(g, level, at[0] + 1, at[1] + 1, at[2] + 1);
+}
+
+vec3 cell_grid_middle(const cell_grid *g, size_t index, double *radius)
+{
+    vec3 low, high;
+    find_corners(g, index, &low, &high);
+    const vec3 half = vec3_scale(vec3_sub(high, low), 0.5);
+    *radius = vec3_norm(half);
+    return vec3_add(low, half);
+}
+
+void cell_grid_cell(const cell_grid *g, const field *f, const cell_grid_oracle *oracle, size_t index,
+                    field_cell *out)
+{
+    vec3 low, high;
+    find_corners(g, index, &low, &high);
     out->grazed = false;
     out->bend = FIELD_BENT;
     for (int c = 0; c < 8; c++)

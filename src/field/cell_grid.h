@@ -61,6 +61,9 @@ bool cell_grid_search_blocks(cell_grid *g, const field *f, const cell_grid_oracl
 void cell_grid_cell(const cell_grid *g, const field *f, const cell_grid_oracle *oracle, size_t index,
                     field_cell *out);
 
+/* Its middle, as field_ops wants it. */
+vec3 cell_grid_middle(const cell_grid *g, size_t index, double *radius);
+
 /* Which faces of the box the surface meets, as far as corners tell: bits as for field_set_boundary. */
 unsigned cell_grid_cut_faces(const cell_grid *g, const field *f, const cell_grid_oracle *oracle);
 

@@ -119,9 +119,15 @@ static void combination_cell(const field *f, size_t k, field_cell *out)
     cell_grid_cell(&((const combination *)f)->grid, f, &oracle, k, out);
 }
 
+static vec3 combination_cell_middle(const field *f, size_t k, double *radius)
+{
+    return cell_grid_middle(&((const combination *)f)->grid, k, radius);
+}
+
 static const field_ops combination_ops = {.sample = combination_sample,
                                           .cell_count = combination_cell_count,
                                           .cell = combination_cell,
+                                          .cell_middle = combination_cell_middle,
                                           .side = combination_side};
 
 /* ---- making one */

@@ -7,6 +7,7 @@
 #include <string.h>
 #include <cmocka.h>
 
+#include "cells.h"
 #include "close.h"
 #include "shapes.h"
 
@@ -142,6 +143,7 @@ static void cells_have_corners_of_both_signs(void **state)
             field_cell cell;
             int inside = 0;
             a->base.ops->cell(&a->base, c, &cell);
+            check_middle(&a->base, c, &cell);
             for (int v = 0; v < 8; v++) inside += cell.value[v] < 0;
             assert_in_range(inside, 1, 7);
         }

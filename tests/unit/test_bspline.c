@@ -8,6 +8,7 @@
 #include <string.h>
 #include <cmocka.h>
 
+#include "cells.h"
 #include "close.h"
 #include "field/bspline.h"
 #include "shapes.h"
@@ -215,6 +216,7 @@ static void cells_have_corners_of_both_signs(void **state)
         field_cell cell;
         int inside = 0;
         b->base.ops->cell(&b->base, c, &cell);
+        check_middle(&b->base, c, &cell);
         for (int v = 0; v < 8; v++) {
             assert_true(bbox_contains(oblong, cell.corner[v]));
             assert_close(cell.value[v], brute_force(&x, cell.corner[v]), 1e-12);

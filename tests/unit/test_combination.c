@@ -12,6 +12,7 @@
 #include "field/combination.h"
 #include "field/placement.h"
 #include "surface/surface.h"
+#include "cells.h"
 
 #define SEED 20261120u
 /* how often cells may be halved in walls */
@@ -176,6 +177,11 @@ static void cells_are_as_large_as_their_part_needs(void **state)
     assert_true(fabs(s->area - area) < 2e-5 * area);
     assert_int_equal(s->parts.count, 2);
     assert_true(f->uneven);
+    for (size_t k = 0; k < s->cells; k += 97) {
+        field_cell cell;
+        f->ops->cell(f, k, &cell);
+        check_middle(f, k, &cell);
+    }
     surface_free(s);
     combination_free(c);
     analytic_free(large);

@@ -16,6 +16,7 @@
 #include "field/region.h"
 #include "surface/surface.h"
 #include "volume/example.h"
+#include "cells.h"
 #include "close.h"
 #include "volume_fixture.h"
 
@@ -60,12 +61,8 @@ static void the_spline_goes_through_the_samples(void **state)
             field_cell cell;
             field_sample s;
             f->ops->cell(f, k, &cell);
-            double radius, farthest = 0;
-            const vec3 middle = f->ops->cell_middle(f, k, &radius);
             bool inside = false, outside = false;
-            for (int c = 0; c < 8; c++)
-                farthest = fmax(farthest, vec3_norm(vec3_sub(cell.corner[c], middle)));
-            assert_close(farthest, radius, 1e-9 * radius);
+            check_middle(f, k, &cell);
             for (int c = 0; c < 8; c++) {
                 /* A corner that lies on a brick's far face belongs to the next brick: step inwards. */
                 assert_true(field_sample_at(f, cell.corner[c], FIELD_GRADIENT, &s));

@@ -1,0 +1,24 @@
+/* cells: what every field says of its cells. */
+#ifndef HEXAD_TESTS_CELLS_H
+#define HEXAD_TESTS_CELLS_H
+
+#include <math.h>
+
+#include "close.h"
+#include "field/field.h"
+
+/* The middle of a cell is that of its corners, and the farthest of these is a radius from it. */
+static inline void check_middle(const field *f, size_t k, const field_cell *cell)
+{
+    double radius, farthest = 0;
+    const vec3 middle = f->ops->cell_middle(f, k, &radius);
+    vec3 sum = {0, 0, 0};
+    for (int c = 0; c < 8; c++) {
+        sum = vec3_add(sum, cell->corner[c]);
+        farthest = fmax(farthest, vec3_norm(vec3_sub(cell->corner[c], middle)));
+    }
+    assert_close(vec3_norm(vec3_sub(vec3_scale(sum, 0.125), middle)), 0, 1e-9 * radius);
+    assert_close(farthest, radius, 1e-9 * radius);
+}
+
+#endif
