@@ -79,6 +79,7 @@ void disc_ball_rows(const camera *c, const disc_ball *ball, int rows, int *first
 
 /* Samples along the sides of a tile. */
 enum { TILE_WIDTH = 16, TILE_ROWS = 8 };
+_Static_assert((int)TILE_WIDTH <= (int)DISC_BLOCK, "the keys of a tile in the last row are there");
 
 static size_t tiles_along(int length, int tile)
 {
@@ -90,7 +91,20 @@ size_t disc_band_tiles(int width, int rows)
     return tiles_along(width, TILE_WIDTH) * tiles_along(rows, TILE_ROWS);
 }
 
-/* What lies beyond the band hides nothing and shows nothing. */
+/* The least of a tile's keys in a row and `least`. Keys are not negative, so that their bits have their order, and whole numbers
+ * may be compared in any order. */
+ISA_INLINE float least_key(const float *key, float least)
+{
+    uint32_t bits[TILE_WIDTH], low;
+    memcpy(bits, key, sizeof bits);
+    memcpy(&low, &least, sizeof low);
+    for (int k = 0; k < TILE_WIDTH; k++) low = bits[k] < low ? bits[k] : low;
+    memcpy(&least, &low, sizeof least);
+    return least;
+}
+
+/* What lies beyond the band hides nothing and shows nothing. A tile that reaches beyond a row's end sees the next row's begin, too, and
+ * at worst hides less than it might. */
 ISA_CLONES void disc_band_note_tiles(const disc_band *b)
 {
     const size_t across = tiles_along(b->width, TILE_WIDTH);
@@ -100,10 +114,7 @@ ISA_CLONES void disc_band_note_tiles(const disc_band *b)
             float least = INFINITY;
             for (int row = top; row < top + TILE_ROWS && row < b->rows && least > 0; row++) {
                 const bool drawn = left < b->drawn[row][1] && left + TILE_WIDTH > b->drawn[row][0];
-                const float *key = b->key + (size_t)row * (size_t)b->width + left;
-                const int width = b->width - left < TILE_WIDTH ? b->width - left : TILE_WIDTH;
-                if (!drawn) least = 0;
-                for (int k = 0; drawn && k < width; k++) least = key[k] < least ? key[k] : least;
+                least = drawn ? least_key(b->key + (size_t)row * (size_t)b->width + left, least) : 0;
             }
             b->farthest[(size_t)(top / TILE_ROWS) * across + at] = least;
         }

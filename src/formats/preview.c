@@ -345,10 +345,10 @@ enum { TABLE_SIZE = 1 << 14 };
 
 static void make_table(unsigned char table[TABLE_SIZE])
 {
-    for (int i = 0, byte = 0; i < TABLE_SIZE; i++) {
-        const double v = (i + 0.5) / TABLE_SIZE;
-        while (byte < 255 && v >= colormap_linear((byte + 0.5) / 255)) byte++;
-        table[i] = (unsigned char)byte;
+    int i = 0;
+    for (int byte = 0; byte < 256; byte++) {
+        const double end = byte < 255 ? colormap_linear((byte + 0.5) / 255) : 1; /* of what is shown so */
+        for (; i < TABLE_SIZE && (i + 0.5) / TABLE_SIZE < end; i++) table[i] = (unsigned char)byte;
     }
 }
 
@@ -371,7 +371,10 @@ typedef struct pixel {
     unsigned char rgb[3];
 } pixel;
 
-/* What the samples of a pixel show; the colour of the last code that was looked up, and the pixel that is full of
+/* Codes whose colours are kept: those of a pixel are a point's face, outline and body, and a neighbour's. */
+enum { KEPT = 8 };
+
+/* What the samples of a pixel show; the colours of codes that were looked up, and the pixel that is full of
  * the last one that filled a pixel. */
 typedef struct resolver {
     image *image;
@@ -379,16 +382,17 @@ typedef struct resolver {
     const color *colors;
     const unsigned char *table;
     vec3 up;
-    uint32_t code, full_code;
-    color color;
+    uint32_t code[KEPT], full_code;
+    color color[KEPT];
     pixel full;
 } resolver;
 
 static color color_of(resolver *r, uint32_t code)
 {
-    if (code != r->code) r->color = sample_color(r->image, r->colors, code, r->up);
-    r->code = code;
-    return r->color;
+    const uint32_t k = (code + (code >> 30)) % KEPT; /* its marks are the highest bits */
+    if (code != r->code[k]) r->color[k] = sample_color(r->image, r->colors, code, r->up);
+    r->code[k] = code;
+    return r->color[k];
 }
 
 static pixel pixel_of(const resolver *r, color c, float coverage, float ground)
@@ -445,6 +449,23 @@ static void drawn_pixels(const disc_band *b, int row, int out[2])
     }
 }
 
+/* Whether all samples of a pixel are `code`. A vector holds those of a row, and one that is none of them. */
+static bool is_filled(const uint32_t *const line[DISC_SAMPLES], int x, uint32_t code)
+{
+    typedef uint32_t row __attribute__((vector_size(16)));
+    _Static_assert(DISC_SAMPLES == 3, "a row's samples are the first three of four");
+    row differs = {0};
+    uint64_t halves[2];
+    for (int j = 0; j < DISC_SAMPLES; j++) {
+        row samples;
+        memcpy(&samples, line[j] + x * DISC_SAMPLES, sizeof samples);
+        differs |= samples ^ code;
+    }
+    differs &= (row){UINT32_MAX, UINT32_MAX, UINT32_MAX, 0};
+    memcpy(halves, &differs, sizeof halves);
+    return (halves[0] | halves[1]) == 0;
+}
+
 /* Most pixels show one thing, or nothing, in all their samples. */
 static void resolve_row(resolver *r, int y)
 {
@@ -459,10 +480,8 @@ static void resolve_row(resolver *r, int y)
     drawn_pixels(r->band, row, shown);
     for (int x = shown[0]; x < shown[1]; x++) {
         size_t at = first_pixel + (size_t)x;
-        uint32_t first = line[0][x * DISC_SAMPLES], differs = 0;
-        for (int j = 0; j < DISC_SAMPLES; j++)
-            for (int i = 0; i < DISC_SAMPLES; i++) differs |= line[j][x * DISC_SAMPLES + i] ^ first;
-        if (differs)
+        uint32_t first = line[0][x * DISC_SAMPLES];
+        if (!is_filled(line, x, first))
             mix_pixel(r, at, line, x, ground);
         else if (first)
             fill_pixel(r, at, first);

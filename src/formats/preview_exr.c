@@ -89,24 +89,32 @@ static void put_half(unsigned char *bytes, size_t at, uint16_t value)
     memcpy(bytes + 2 * at, &little, sizeof little);
 }
 
+static void fill_with(const line *l, int which, int x, int end, double value)
+{
+    unsigned char *bytes = l->bytes + l->offset[which];
+    for (size_t at = (size_t)x; at < (size_t)end; at++) put_float(bytes, at, value);
+}
+
 static void fill_constants(const line *l, const preview_span *s, int x)
 {
-    for (size_t at = (size_t)x; at < (size_t)s->end; at++) put_whole(l->bytes + l->offset[ID], at, s->id);
+    unsigned char *ids = l->bytes + l->offset[ID];
+    const uint32_t id = s->id;
+    for (size_t at = (size_t)x, end = (size_t)s->end; at < end; at++) put_whole(ids, at, id);
     if (!l->all_channels) return;
-    for (size_t at = (size_t)x; at < (size_t)s->end; at++) {
-        put_float(l->bytes + l->offset[N_X], at, s->normal.x);
-        put_float(l->bytes + l->offset[N_Y], at, s->normal.y);
-        put_float(l->bytes + l->offset[N_Z], at, s->normal.z);
-        put_float(l->bytes + l->offset[KAPPA], at, s->kappa);
-        put_float(l->bytes + l->offset[SPACING], at, s->spacing);
-    }
+    fill_with(l, N_X, x, s->end, s->normal.x);
+    fill_with(l, N_Y, x, s->end, s->normal.y);
+    fill_with(l, N_Z, x, s->end, s->normal.z);
+    fill_with(l, KAPPA, x, s->end, s->kappa);
+    fill_with(l, SPACING, x, s->end, s->spacing);
 }
 
 static void fill_places(const line *l, const image *m, const preview_span *s, int x, int y)
 {
+    unsigned char *restrict depths = l->bytes + l->offset[Z];
+    const float *restrict depth = l->depth;
     preview_depths(m, s, x, y, l->depth + x);
-    for (size_t at = (size_t)x; at < (size_t)s->end; at++)
-        put_float(l->bytes + l->offset[Z], at, (double)l->depth[at]);
+    for (size_t at = (size_t)x, end = (size_t)s->end; at < end; at++)
+        put_float(depths, at, (double)depth[at]);
     for (; l->all_channels && x < s->end; x++) {
         vec3 world = camera_to_world(&m->camera, preview_place(m, s, x, y));
         put_float(l->bytes + l->offset[P_X], (size_t)x, world.x);
@@ -158,8 +166,7 @@ static void fill_line(const line *l, const image *m, int y)
             fill_constants(l, &s, x);
             fill_places(l, m, &s, x, y);
         } else
-            for (size_t at = (size_t)x; at < (size_t)s.end; at++)
-                put_float(l->bytes + l->offset[Z], at, (double)PREVIEW_FAR);
+            fill_with(l, Z, x, s.end, (double)PREVIEW_FAR);
         x = s.end;
     }
 }
