@@ -7,20 +7,120 @@
 #include "base/sets.h"
 #include "field/patches.h"
 #include "geometry/affine.h"
+#include "geometry/block_map.h"
 #include "packing/neighbours.h"
 
-/* Cells that share a face have their middles this far apart, in cells; a little for rounding. */
-static const double TOUCHING = 1.0 + 1e-6;
-/* Cells of two sizes, 1 and 2, are up to sqrt(1.5^2 + 0.5^2 + 0.5^2) apart then, which is this much of the mean. */
+static const char what[] = "the surface's parts"; /* that memory is for */
+
+/* Cells of one size share a face where their places in their lattice differ by one. Those of two sizes, 1 and 2, have their middles up
+ * to sqrt(1.5^2 + 0.5^2 + 0.5^2) apart then, which is this much of the mean. */
 static const double TOUCHING_UNEVEN = 1.106;
 
-/* What is known of the cells: where they are, and how large or which of their faces the surface passes. */
+enum { CHUNK = 1024, SIDE = 8, BLOCK = SIDE * SIDE * SIDE };
+
+/* Cells of one size, by their places in the lattice of such cells. */
+typedef struct lattice {
+    const field *field;
+    vec3 first;            /* the middle of the first cell, which is in place (0, 0, 0) */
+    double to_cells[3][4]; /* from differences of places to numbers of cells along their edges */
+    int32_t (*at)[3];      /* of each cell */
+    uint8_t *passed; /* which of its faces the surface passes: bit 2 axis + 1 for that at the greater end */
+    block_map map;   /* of the places that have cells */
+    uint32_t (*cell)[BLOCK]; /* of each block, by place: the cell there + 1, or 0 */
+    uint32_t *parent;
+} lattice;
+
+static void measure_lattice(lattice *l)
+{
+    field_cell cell;
+    double edges[3][4] = {{0}};
+    l->field->ops->cell(l->field, 0, &cell);
+    l->first = vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5);
+    for (int axis = 0; axis < 3; axis++)
+        for (int i = 0; i < 3; i++)
+            edges[i][axis] = vec3_get(vec3_sub(cell.corner[1 << axis], cell.corner[0]), i);
+    affine_invert(edges, l->to_cells);
+}
+
+static void place_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const lattice *l = context;
+    (void)worker;
+    for (size_t k = begin; k < end; k++) {
+        field_cell cell;
+        l->field->ops->cell(l->field, k, &cell);
+        const vec3 middle = vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5),
+                   by = vec3_sub(middle, l->first), way = affine_apply(l->to_cells, by.x, by.y, by.z);
+        for (int axis = 0; axis < 3; axis++) l->at[k][axis] = (int32_t)lrint(vec3_get(way, axis));
+        l->passed[k] = (uint8_t)field_cell_passed_faces(&cell);
+    }
+}
+
+/* Where the cell in a place is noted; NULL: no cell is near. */
+static uint32_t *find_place(const lattice *l, const int32_t at[3], block_map_seen *seen)
+{
+    const uint32_t block = block_map_find_near(&l->map, at[0] >> 3, at[1] >> 3, at[2] >> 3, seen);
+    if (block == BLOCK_MAP_NONE) return NULL;
+    return &l->cell[block][((at[0] & 7) * SIDE + (at[1] & 7)) * SIDE + (at[2] & 7)];
+}
+
+static bool note_places(lattice *l, size_t cells, error *e)
+{
+    block_map_seen seen = {0};
+    for (size_t k = 0; k < cells; k++) {
+        const int32_t *at = l->at[k];
+        if (block_map_find_near(&l->map, at[0] >> 3, at[1] >> 3, at[2] >> 3, &seen) == BLOCK_MAP_NONE &&
+            !block_map_find_or_add(&l->map, at[0] >> 3, at[1] >> 3, at[2] >> 3, NULL, e))
+            return false;
+    }
+    l->cell = mem_array(l->map.count, sizeof *l->cell, what, e);
+    for (size_t k = 0; l->cell && k < cells; k++) *find_place(l, l->at[k], &seen) = (uint32_t)k + 1;
+    return l->cell != NULL;
+}
+
+/* A cell and those beyond its faces that the surface passes. Of two cells one may know of their face what the other does not, where
+ * the surface passes between corners. */
+static void join_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const lattice *l = context;
+    block_map_seen seen = {0};
+    (void)worker;
+    for (size_t k = begin; k < end; k++)
+        for (unsigned faces = l->passed[k]; faces; faces &= faces - 1) {
+            const int face = __builtin_ctz(faces);
+            int32_t at[3] = {l->at[k][0], l->at[k][1], l->at[k][2]};
+            at[face >> 1] += face & 1 ? 1 : -1;
+            const uint32_t *other = find_place(l, at, &seen);
+            if (other && *other) sets_join_shared(l->parent, (uint32_t)k, *other - 1);
+        }
+}
+
+static bool join_even(const field *f, size_t cells, uint32_t *parent, threads *pool, error *e)
+{
+    lattice l = {.field = f,
+                 .at = mem_array(cells, sizeof *l.at, what, e),
+                 .passed = mem_array(cells, sizeof *l.passed, what, e),
+                 .parent = parent};
+    bool ok = l.at && l.passed && block_map_init(&l.map, cells / SIDE / SIDE, e);
+    if (ok) {
+        measure_lattice(&l);
+        threads_run(pool, cells, CHUNK, place_chunk, &l);
+        ok = !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+    }
+    ok = ok && note_places(&l, cells, e);
+    if (ok) threads_run(pool, cells, CHUNK, join_chunk, &l);
+    free(l.at);
+    free(l.passed);
+    block_map_free(&l.map);
+    free(l.cell);
+    return ok;
+}
+
+/* Cells that differ in size. */
 typedef struct cell_set {
     const field *field;
     vec3 *middle;
-    double *edge;          /* NULL: all cells are of one size */
-    uint8_t *passed;       /* then by faces: bit 2 axis + 1 for that at the greater end; NULL else */
-    double to_cells[3][4]; /* then from differences of places to numbers of cells along their edges */
+    double *edge;
 } cell_set;
 
 static void look_chunk(void *context, int worker, size_t begin, size_t end)
@@ -31,57 +131,40 @@ static void look_chunk(void *context, int worker, size_t begin, size_t end)
         field_cell cell;
         c->field->ops->cell(c->field, k, &cell);
         c->middle[k] = vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5);
-        if (c->edge) c->edge[k] = field_cell_edge(&cell);
-        if (c->passed) c->passed[k] = (uint8_t)field_cell_passed_faces(&cell);
+        c->edge[k] = field_cell_edge(&cell);
     }
 }
 
-static void measure_cells(cell_set *c)
+static void join_near(const neighbours *near, uint32_t *parent)
 {
-    field_cell cell;
-    double edges[3][4] = {{0}};
-    c->field->ops->cell(c->field, 0, &cell);
-    for (int axis = 0; axis < 3; axis++)
-        for (int i = 0; i < 3; i++)
-            edges[i][axis] = vec3_get(vec3_sub(cell.corner[1 << axis], cell.corner[0]), i);
-    affine_invert(edges, c->to_cells);
-}
-
-/* Whether the surface passes from a cell to one near it: two sheets in cells side by side that it does not are apart. */
-static bool passes(const cell_set *c, uint32_t from, uint32_t to)
-{
-    if (!c->passed) return true;
-    const vec3 by = vec3_sub(c->middle[to], c->middle[from]),
-               way = affine_apply(c->to_cells, by.x, by.y, by.z);
-    int faces = 0, face = 0;
-    for (int axis = 0; axis < 3; axis++) {
-        const double along = vec3_get(way, axis);
-        if (fabs(along) < 0.5) continue;
-        if (fabs(along) > 1.5) return false; /* short cells: one between them shares the faces */
-        face = 2 * axis + (along > 0);
-        faces++;
-    }
-    return faces == 1 && (c->passed[from] >> face | c->passed[to] >> (face ^ 1)) & 1;
-}
-
-/* Joins what hangs together; every cell's root is its part's first cell. */
-static size_t join(const cell_set *c, const neighbours *near, uint32_t *parent)
-{
-    size_t parts = near->count;
-    sets_reset(parent, near->count);
     for (uint32_t k = 0; k < near->count; k++)
-        for (uint32_t i = 0; i < near->list_count[k]; i++) {
-            const uint32_t other = neighbours_list(near, k)[i];
-            if (passes(c, k, other)) parts -= sets_join(parent, k, other);
-        }
-    return parts;
+        for (uint32_t i = 0; i < near->list_count[k]; i++) sets_join(parent, k, neighbours_list(near, k)[i]);
+}
+
+static bool join_uneven(const field *f, size_t cells, uint32_t *parent, threads *pool, error *e)
+{
+    cell_set all = {.field = f,
+                    .middle = mem_array(cells, sizeof *all.middle, what, e),
+                    .edge = mem_array(cells, sizeof *all.edge, what, e)};
+    neighbours *near = neighbours_new(cells, SIZE_MAX, e);
+    bool ok = all.middle && all.edge && near;
+    if (ok) {
+        threads_run(pool, cells, CHUNK, look_chunk, &all);
+        ok = !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+    }
+    ok = ok && neighbours_build(near, cells, all.middle, all.edge, TOUCHING_UNEVEN, pool, e);
+    if (ok) join_near(near, parent);
+    neighbours_free(near);
+    free(all.middle);
+    free(all.edge);
+    return ok;
 }
 
 /* Sorts the cells by part: `part` of each, of out->count parts. */
 static bool sort_cells(const uint32_t *part, size_t cells, components *out, error *e)
 {
-    out->order = mem_array(cells, sizeof *out->order, "the surface's parts", e);
-    out->begin = mem_array(out->count + 1, sizeof *out->begin, "the surface's parts", e);
+    out->order = mem_array(cells, sizeof *out->order, what, e);
+    out->begin = mem_array(out->count + 1, sizeof *out->begin, what, e);
     if (!out->order || !out->begin) return false;
     for (uint32_t k = 0; k < cells; k++) out->begin[part[k] + 1]++;
     for (size_t c = 0; c < out->count; c++) out->begin[c + 1] += out->begin[c];
@@ -94,7 +177,7 @@ static bool sort_cells(const uint32_t *part, size_t cells, components *out, erro
 /* Numbers the parts by their first cells. */
 static bool number_cells(uint32_t *parent, size_t cells, components *out, error *e)
 {
-    uint32_t *part = mem_array(cells, sizeof *part, "the surface's parts", e), parts = 0;
+    uint32_t *part = mem_array(cells, sizeof *part, what, e), parts = 0;
     if (!part) return false;
     for (uint32_t k = 0; k < cells; k++) {
         uint32_t root = sets_root(parent, k);
@@ -108,7 +191,7 @@ static bool number_cells(uint32_t *parent, size_t cells, components *out, error 
 static bool find_patches(const field *f, components *out, error *e)
 {
     size_t cells = f->ops->cell_count(f);
-    uint32_t *part = mem_array(cells, sizeof *part, "the surface's parts", e);
+    uint32_t *part = mem_array(cells, sizeof *part, what, e);
     bool ok = part != NULL;
     *out = (components){.count = f->patches->count};
     for (size_t k = 0; ok && k < cells; k++) {
@@ -123,33 +206,18 @@ static bool find_patches(const field *f, components *out, error *e)
 
 bool components_find(const field *f, threads *pool, components *out, error *e)
 {
-    const char *what = "the surface's parts";
     if (f->patches) return find_patches(f, out, e);
-    size_t n = f->ops->cell_count(f);
+    const size_t cells = f->ops->cell_count(f);
     *out = (components){.count = 1};
-    if (f->joined) return true;
-    cell_set all = {.field = f,
-                    .middle = mem_array(n, sizeof *all.middle, what, e),
-                    .edge = f->uneven ? mem_array(n, sizeof *all.edge, what, e) : NULL,
-                    .passed = f->uneven ? NULL : mem_array(n, sizeof *all.passed, what, e)};
-    uint32_t *parent = mem_array(n, sizeof *parent, what, e);
-    neighbours *near = neighbours_new(n, SIZE_MAX, e);
-    bool ok = all.middle && (all.edge || all.passed) && parent && near;
-    if (ok && n > 0 && all.passed) measure_cells(&all);
-    if (ok) {
-        threads_run(pool, n, 1024, look_chunk, &all);
-        ok = !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
-    }
-    if (ok)
-        ok = neighbours_build(near, n, all.middle, all.edge,
-                              f->uneven ? TOUCHING_UNEVEN : TOUCHING * f->cell_size, pool, e);
-    if (ok) out->count = n > 0 ? join(&all, near, parent) : 1;
-    neighbours_free(near);
-    if (ok && out->count > 1) ok = number_cells(parent, n, out, e);
+    if (f->joined || cells == 0) return true;
+    uint32_t *parent = mem_array(cells, sizeof *parent, what, e);
+    if (!parent) return false;
+    sets_reset(parent, cells);
+    bool ok = f->uneven ? join_uneven(f, cells, parent, pool, e) : join_even(f, cells, parent, pool, e);
+    out->count = 0;
+    for (size_t k = 0; ok && k < cells; k++) out->count += parent[k] == k;
+    if (ok && out->count > 1) ok = number_cells(parent, cells, out, e);
     free(parent);
-    free(all.middle);
-    free(all.edge);
-    free(all.passed);
     return ok;
 }
 

@@ -9,6 +9,7 @@
 #include <cmocka.h>
 
 #include "close.h"
+#include "geometry/affine.h"
 #include "sampler/sampler.h"
 #include "surface/components.h"
 
@@ -176,9 +177,70 @@ static void a_small_part_gets_its_share(void **state)
     threads_free(pool);
 }
 
+/* Two cells of a lattice that is skew and turned over, far from its origin. */
+typedef struct pair {
+    field base;
+    int at[2][3];
+    unsigned inside[2]; /* corners, bit by bit */
+    bool grazed[2];
+} pair;
+
+static size_t pair_count(const field *f)
+{
+    (void)f;
+    return 2;
+}
+
+static void pair_cell(const field *f, size_t k, field_cell *out)
+{
+    static const double edges[3][4] = {{1, 0.3, 0, 700}, {0, -0.5, 0.1, -40}, {0.2, 0, 2, 9}};
+    const pair *p = (const pair *)f;
+    const int *at = p->at[k];
+    for (int c = 0; c < 8; c++) {
+        out->corner[c] = affine_apply(edges, at[0] + (c & 1), at[1] + (c >> 1 & 1), at[2] + (c >> 2));
+        out->value[c] = p->inside[k] >> c & 1 ? -1 : 1;
+    }
+    out->grazed = p->grazed[k];
+    out->bend = FIELD_BENT;
+}
+
+/* One part only where the cells share a face that one of them says the surface passes. */
+static void parts_are_joined_through_faces(void **state)
+{
+    (void)state;
+    static const field_ops ops = {.cell_count = pair_count, .cell = pair_cell};
+    enum { LOW_Z = 0x0f, CORNER = 0x01 };
+    static const struct {
+        int by[3];
+        unsigned inside[2];
+        bool grazed;
+        size_t parts;
+    } cases[] = {
+        {{1, 0, 0}, {LOW_Z, LOW_Z}, false, 1},   {{-1, 0, 0}, {LOW_Z, LOW_Z}, false, 1},
+        {{0, 1, 0}, {LOW_Z, LOW_Z}, false, 1},   {{0, -1, 0}, {LOW_Z, LOW_Z}, false, 1},
+        {{0, 0, 1}, {LOW_Z, LOW_Z}, false, 2},   {{0, 0, -1}, {LOW_Z, LOW_Z}, false, 2},
+        {{0, 0, 1}, {LOW_Z, LOW_Z}, true, 1},    {{0, 0, -1}, {LOW_Z, LOW_Z}, true, 1},
+        {{2, 0, 0}, {LOW_Z, LOW_Z}, true, 2},    {{1, 1, 0}, {LOW_Z, LOW_Z}, true, 2},
+        {{1, 0, 0}, {CORNER, CORNER}, false, 1}, {{7, 0, 0}, {LOW_Z, LOW_Z}, true, 2},
+    };
+    error e = {0};
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++)
+        for (int first = -9; first < 9; first++) { /* across the borders of blocks */
+            pair p = {.base = {.ops = &ops, .cell_size = 2.01}, .at = {{first, first + 1, first + 2}}};
+            components parts;
+            for (int a = 0; a < 3; a++) p.at[1][a] = p.at[0][a] + cases[k].by[a];
+            for (int i = 0; i < 2; i++) p.inside[i] = cases[k].inside[i];
+            p.grazed[1] = cases[k].grazed;
+            assert_true(components_find(&p.base, NULL, &parts, &e));
+            if (parts.count != cases[k].parts) fail_msg("case %zu at %d: %zu parts", k, first, parts.count);
+            components_free(&parts);
+        }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(parts_are_joined_through_faces),
         cmocka_unit_test(shares_are_those_of_the_areas),
         cmocka_unit_test(a_stop_is_told),
         cmocka_unit_test(a_small_part_gets_its_share),
