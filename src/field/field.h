@@ -67,6 +67,10 @@ typedef struct field_ops {
     /* The middle of cell k, whose corners are no farther from it than *radius. NULL: nothing is faster than `cell`. */
     vec3 (*cell_middle)(const field *f, size_t k, double *radius);
 
+    /* Of cells that follow each other and lie together, as those of a block: the middle of cell k's, no corner of which is farther from it
+     * than *radius, and in *end the number behind the last of them. False where it is one of none. NULL: all are. */
+    bool (*cell_group)(const field *f, size_t k, size_t *end, vec3 *middle, double *radius);
+
     /* On which side of the surface x lies, wherever that is: negative inside the solid, positive outside; the
      * size says nothing. 0 near the surface, where `sample` tells. What lies beyond the end of data is
      * outside. */

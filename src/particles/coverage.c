@@ -232,14 +232,34 @@ static double look_at_places(const coverage_job *job, const cell_look *look, dou
     return farthest;
 }
 
+/* A group of cells, up to `end`, and whether all of their places are near enough to a point, by its middle alone. */
+typedef struct group_look {
+    size_t end;
+    bool is_done;
+} group_look;
+
+/* Whether cell k need not be looked at, since its group is done. */
+static bool is_done_by_group(const coverage_job *job, size_t k, double farthest, uint32_t near[SEEN],
+                             group_look *group)
+{
+    vec3 middle;
+    double radius;
+    if (k >= group->end)
+        group->is_done = surface_cell_group(job->scan, k, &group->end, &middle, &radius) &&
+                         has_point(job, middle, enough_at(&job->least, middle, radius, farthest), near);
+    return group->is_done;
+}
+
 static void cells_chunk(void *context, int worker, size_t begin, size_t end)
 {
     coverage_job *job = context;
     double farthest = job->known;
     uint32_t near[SEEN] = {0};
+    group_look group = {0};
     (void)worker;
     for (size_t n = begin; n < end; n++) {
         const size_t k = job->first + n * job->step;
+        if (is_done_by_group(job, k, farthest, near, &group)) continue;
         if (!(surface_cell_area(job->scan, k) > 0)) continue;
         cell_look look;
         look_at_cell(job, k, farthest, near, &look);

@@ -295,6 +295,12 @@ vec3 surface_cell_middle(const surface *s, size_t k, double *radius)
     return middle;
 }
 
+bool surface_cell_group(const surface *s, size_t k, size_t *end, vec3 *middle, double *radius)
+{
+    return s->field->ops->cell_group && !s->parts.order &&
+           s->field->ops->cell_group(s->field, k, end, middle, radius);
+}
+
 uint32_t surface_cell_patch(const surface *s, size_t k, vec3 x)
 {
     return s->field->patches ? s->field->ops->patch_at(s->field, number_of(s, k), x) : 0;

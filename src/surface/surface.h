@@ -29,6 +29,9 @@ void surface_cell(const surface *s, size_t k, field_cell *out);
 /* Its middle, and a bound of how far its corners are from that. */
 vec3 surface_cell_middle(const surface *s, size_t k, double *radius);
 
+/* As field_ops's cell_group; false as well where cells are numbered part after part. */
+bool surface_cell_group(const surface *s, size_t k, size_t *end, vec3 *middle, double *radius);
+
 /* The patch of a place of the k-th cell; 0 without patches. */
 uint32_t surface_cell_patch(const surface *s, size_t k, vec3 x);
 

@@ -164,11 +164,17 @@ static int nth_bit(uint64_t bits, unsigned n)
     return __builtin_ctzll(bits);
 }
 
-/* The block of a cell that is in one, and where in it. */
-static const cell_block *find_in_blocks(const crossed_cells *c, size_t k, int within[3])
+const cell_block *crossed_cells_block(const crossed_cells *c, size_t k)
 {
     const cell_block *b = &c->blocks[c->block_of[k / CROSSED_CELLS_STEP]];
     while (b[1].cells <= k) b++;
+    return b;
+}
+
+/* The block of a cell that is in one, and where in it. */
+static const cell_block *find_in_blocks(const crossed_cells *c, size_t k, int within[3])
+{
+    const cell_block *b = crossed_cells_block(c, k);
     const uint32_t in_block = (uint32_t)(k - b->cells);
     int x = 0;
     while (x + 1 < SIDE && b->before[x + 1] <= in_block) x++;

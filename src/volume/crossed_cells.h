@@ -61,6 +61,9 @@ void crossed_cells_add_late(crossed_cells *c, crossed_cell *late, size_t count);
 
 void crossed_cells_get(const crossed_cells *c, size_t k, crossed_cell *out);
 
+/* The block of cell k, which is none of the late ones; the next one tells where its cells end. */
+const cell_block *crossed_cells_block(const crossed_cells *c, size_t k);
+
 /* Its place alone. */
 void crossed_cells_place(const crossed_cells *c, size_t k, int32_t at[3]);
 

@@ -84,6 +84,18 @@ static vec3 cell_middle(const field *f, size_t k, double *radius)
     return affine_apply(v->to_world, at[0] + 0.5, at[1] + 0.5, at[2] + 0.5);
 }
 
+static bool cell_group(const field *f, size_t k, size_t *end, vec3 *middle, double *radius)
+{
+    const volume *v = (const volume *)f;
+    if (k >= crossed_cells_in_blocks(&v->cells)) return false;
+    const cell_block *b = crossed_cells_block(&v->cells, k);
+    const int32_t *at = v->map.blocks[b->block];
+    *end = b[1].cells;
+    *middle = affine_apply(v->to_world, 8.0 * at[0] + 4, 8.0 * at[1] + 4, 8.0 * at[2] + 4);
+    *radius = 8 * v->cell_radius;
+    return true;
+}
+
 /* The box round so many voxels from this one on. */
 static bbox box_of_voxels(const volume *v, const int32_t low[3], int side)
 {
@@ -370,6 +382,7 @@ const field_ops volume_field_ops = {.sample = sample,
                                     .cell_count = cell_count,
                                     .cell = cell,
                                     .cell_middle = cell_middle,
+                                    .cell_group = cell_group,
                                     .side = side,
                                     .sample_lanes = sample_lanes,
                                     .forget = forget};

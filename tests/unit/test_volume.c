@@ -14,6 +14,7 @@
 #include "base/memory.h"
 #include "base/threads.h"
 #include "field/region.h"
+#include "particles/coverage.h"
 #include "surface/surface.h"
 #include "volume/example.h"
 #include "cells.h"
@@ -725,9 +726,77 @@ static void the_example_is_a_knot(void **state)
     close(fd);
 }
 
+/* The farthest place of a surface from a ball's points, of which one is left out. */
+static double farthest_without(const surface *s, int left_out)
+{
+    enum { POINTS = 14 };
+    error e = {0};
+    vec3 x[POINTS];
+    double spacing[POINTS], found = 0;
+    size_t count = 0;
+    for (int k = 0; k < POINTS; k++) { /* the faces and the corners of a cube */
+        vec3 to = {k & 1 ? 1 : -1, k >> 1 & 1 ? 1 : -1, k >> 2 & 1 ? 1 : -1};
+        if (k >= 8) {
+            to = (vec3){0, 0, 0};
+            vec3_set(&to, (k - 8) / 2, k & 1 ? 1 : -1);
+        }
+        spacing[count] = 0.8 * minor / 10;
+        if (k != left_out) x[count++] = vec3_scale(vec3_unit(to), minor / 10);
+    }
+    threads *pool = threads_new(1, NULL, &e);
+    assert_true(coverage_measure(s, x, spacing, count, pool, &found, &e));
+    threads_free(pool);
+    return found;
+}
+
+/* Blocks that are near enough to a point spare looks at their cells. They hide nothing, and their cells are in them. */
+static void blocks_hide_no_bare_place(void **state)
+{
+    (void)state;
+    const double *const matrices[] = {fixture_uniform, fixture_rotated};
+    major = 0;
+    minor = 20;
+    for (int t = 0; t < 2; t++) {
+        error e = {0};
+        fixture g = fixture_make(matrices[t], 32, torus, 0.5);
+        volume *v = fixture_volume(&g, NAN, VOLUME_INTERPOLATING);
+        const field *f = volume_field(v);
+        field *changed = (field *)(uintptr_t)f;
+        surface *s = surface_scan(f, NULL, &e);
+        if (!s) fail_msg("%s", e.message);
+        size_t groups = 0, end = 0;
+        for (size_t k = 0; k < s->cells; k = end, groups++) {
+            vec3 middle;
+            double radius;
+            assert_true(surface_cell_group(s, k, &end, &middle, &radius) && end > k && end <= s->cells);
+            for (size_t i = k; i < end; i++) {
+                field_cell cell;
+                surface_cell(s, i, &cell);
+                for (int c = 0; c < 8; c++)
+                    assert_true(vec3_norm(vec3_sub(cell.corner[c], middle)) <= radius * (1 + 1e-9));
+            }
+        }
+        assert_true(groups < s->cells / 10);
+        const field_ops *ops = f->ops;
+        field_ops plain = *ops;
+        plain.cell_group = NULL;
+        for (int k = -1; k < 14; k++) {
+            const double found = farthest_without(s, k);
+            changed->ops = &plain;
+            assert_true(found == farthest_without(s, k));
+            changed->ops = ops;
+            assert_true(k < 0 || found > farthest_without(s, -1));
+        }
+        surface_free(s);
+        volume_close(v);
+        fixture_free(&g);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(blocks_hide_no_bare_place),
         cmocka_unit_test(the_spline_goes_through_the_samples),
         cmocka_unit_test(it_does_in_a_narrow_band_too),
         cmocka_unit_test(one_part_is_told_from_two),
