@@ -107,7 +107,14 @@ void flat_cell_areas(const field_cell *cells, size_t count, double *area)
 
 void flat_cell_widen(const field_cell *cell, bbox *box)
 {
+    const vec3 *low = &cell->corner[0];
+    vec3 reach = {0, 0, 0}; /* from there no corner is farther along any axis */
+    for (int a = 0; a < 3; a++) {
+        const vec3 edge = vec3_sub(cell->corner[1 << a], *low);
+        reach = vec3_add(reach, (vec3){fabs(edge.x), fabs(edge.y), fabs(edge.z)});
+    }
     bool within = true;
+    if (bbox_contains(*box, vec3_sub(*low, reach)) && bbox_contains(*box, vec3_add(*low, reach))) return;
     for (int k = 0; k < 8; k++) within = within && bbox_contains(*box, cell->corner[k]);
     if (!within) add_roots(cell, box);
 }

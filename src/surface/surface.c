@@ -505,8 +505,8 @@ static void draw_triangles(const surface *s, size_t index, triangulation *out)
 
 typedef struct scan_job {
     surface *s;
-    bbox *box;          /* of each chunk */
-    bent_sums *bent;    /* likewise */
+    bbox *box;          /* of each worker: in one that grew before most cells lie */
+    bent_sums *bent;    /* of each chunk */
     size_t first;       /* chunk of the part at hand */
     bent_samples every; /* there */
 } scan_job;
@@ -516,15 +516,14 @@ static void scan_chunk(void *context, int worker, size_t begin, size_t end)
     scan_job *job = context;
     const size_t cells = job->s->cells;
     cell_group group;
+    bbox box = job->box[worker];
     group.roots = root_group_new();
-    (void)worker;
-    for (size_t chunk = job->first + begin; chunk < job->first + end; chunk++) {
-        job->box[chunk] = bbox_empty();
+    for (size_t chunk = job->first + begin; chunk < job->first + end; chunk++)
         for (size_t k = chunk * GRAIN; k < (chunk + 1) * GRAIN && k < cells; k += ROOT_GROUP_CELLS)
             measure_group(job->s, k, k + ROOT_GROUP_CELLS < cells ? k + ROOT_GROUP_CELLS : cells, &group,
-                          &job->box[chunk]);
-    }
+                          &box);
     root_group_free(group.roots);
+    job->box[worker] = box;
 }
 
 /* The bent cell k by its parts; or less than 0, by half of them or roughly, until it is known how much these fall short. */
@@ -609,21 +608,22 @@ surface *surface_scan(const field *f, threads *pool, error *e)
     surface *s = mem_alloc(sizeof *s);
     s->field = f;
     s->cells = f->ops->cell_count(f);
-    size_t chunks = (s->cells + GRAIN - 1) / GRAIN;
+    const size_t chunks = (s->cells + GRAIN - 1) / GRAIN, workers = (size_t)threads_count(pool);
     scan_job job = {s,
-                    mem_array(chunks, sizeof *job.box, "the scan of the surface", e),
+                    mem_array(workers, sizeof *job.box, "the scan of the surface", e),
                     mem_array(chunks, sizeof *job.bent, "the scan of the surface", e),
                     0,
                     {1, 1}};
     s->area_before = mem_array(s->cells + 1, sizeof *s->area_before, "the scan of the surface", e);
     if (!job.box || !job.bent || !s->area_before || !components_find(f, pool, &s->parts, e)) goto fail;
+    for (size_t k = 0; k < workers; k++) job.box[k] = bbox_empty();
     bent_settle(s->area_before + 1, s->cells, GRAIN, job.bent, scan_cells(&job, chunks, pool));
     if (threads_stopped(pool)) {
         error_set(e, ERROR_CANCELLED, "stopped");
         goto fail;
     }
     s->box = bbox_empty();
-    for (size_t k = 0; k < chunks; k++) s->box = bbox_unite(s->box, job.box[k]);
+    for (size_t k = 0; k < workers; k++) s->box = bbox_unite(s->box, job.box[k]);
     for (size_t k = 0; k < s->cells; k++) s->area_before[k + 1] += s->area_before[k];
     s->area = s->area_before[s->cells];
     if (!(s->area > 0)) {
