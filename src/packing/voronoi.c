@@ -3,6 +3,7 @@
 #include <assert.h>
 #include <string.h>
 
+#include "base/compare.h"
 #include "base/isa.h"
 #include "packing/packing.h"
 #include "packing/star_lanes.h"
@@ -13,17 +14,6 @@
 static const double JITTER = 1e-5;
 /* Of three points nearly in a line: the sine of their angle at the first. */
 static const double FLATTEST = 1e-6;
-
-/* (No calls, as fmax and fmin are.) */
-static inline double larger(double a, double b)
-{
-    return a > b ? a : b;
-}
-
-static inline double smaller(double a, double b)
-{
-    return a < b ? a : b;
-}
 
 /* A point as its triangles see it. */
 typedef struct site {
@@ -147,11 +137,13 @@ static bool span_triangle(const site *a, const site *b, const site *c, triangle 
     double u2 = vec3_norm2(u), v2 = vec3_norm2(v), uv2 = vec3_norm2(vec3_sub(u, v));
     if (!are_near(b, c, uv2) || !are_near(a, c, v2) || !are_near(a, b, u2)) return false;
     vec3 w = vec3_cross(u, v);
-    double w2 = vec3_norm2(w), widest = 2 * STAR_WIDEST * larger(a->spacing, larger(b->spacing, c->spacing));
+    double w2 = vec3_norm2(w),
+           widest = 2 * STAR_WIDEST * compare_larger(a->spacing, compare_larger(b->spacing, c->spacing));
     if (!(w2 > FLATTEST * FLATTEST * u2 * v2) || !(u2 * v2 * uv2 < widest * widest * w2)) return false;
     vec3 to =
         vec3_scale(vec3_add(vec3_scale(vec3_cross(w, u), v2), vec3_scale(vec3_cross(v, w), u2)), 0.5 / w2);
-    double least = smaller(a->spacing, smaller(b->spacing, c->spacing)), listed = 0.5 * VORONOI_REACH * least;
+    double least = compare_smaller(a->spacing, compare_smaller(b->spacing, c->spacing)),
+           listed = 0.5 * VORONOI_REACH * least;
     double deep2 = listed * listed - vec3_norm2(to);
     out->corner[0] = a;
     out->corner[1] = b;
@@ -237,12 +229,18 @@ static inline bool is_beyond(const voronoi_sites *in, uint32_t i, const triangle
     return rest >= along * t->low && rest >= along * t->high;
 }
 
-static bool cut_by_list(const voronoi_sites *in, uint32_t of, triangle *t)
+/* Points that a triangle was held against lately, by their lowest bits: what such a one takes away is gone. Lists of neighbours have
+ * nearly the same points. */
+enum { SEEN = 256 };
+
+static bool cut_by_list(const voronoi_sites *in, uint32_t of, uint32_t seen[SEEN], triangle *t)
 {
     const uint32_t *list = neighbours_list(in->near, of);
     const double across = vec3_norm(t->across);
     for (uint32_t k = 0; k < in->near->list_count[of]; k++) {
         const double end = -t->low > t->high ? -t->low : t->high;
+        if (seen[list[k] % SEEN] == list[k]) continue;
+        seen[list[k] % SEEN] = list[k];
         if (is_beyond(in, list[k], t, across * end)) continue;
         site d = site_at(in, list[k], k, t->facing);
         if (!cut_by(&d, t)) return false;
@@ -287,16 +285,18 @@ static bool is_listed(const voronoi_sites *in, const triangle *t, int corners, u
  * those listed. The list of the point at hand has been looked at. */
 static bool is_across_surface_wide(const voronoi_sites *in, uint32_t at_hand, triangle *t)
 {
+    uint32_t seen[SEEN];
+    memset(seen, 0xff, sizeof seen); /* nobody */
     for (int corner = 0; corner < 3; corner++) {
         const uint32_t i = t->corner[corner]->index;
-        if ((i != at_hand || in->flags) && !cut_by_list(in, i, t)) return false;
+        if ((i != at_hand || in->flags) && !cut_by_list(in, i, seen, t)) return false;
     }
     if (!is_across_surface(t)) return false;
     for (int corner = 0; corner < 3; corner++) {
         uint32_t i = t->corner[corner]->index;
         const uint32_t *list = neighbours_list(in->near, i);
         for (uint32_t k = 0; k < in->near->list_count[i]; k++)
-            if (!is_listed(in, t, corner, list[k]) && !cut_by_list(in, list[k], t)) return false;
+            if (!is_listed(in, t, corner, list[k]) && !cut_by_list(in, list[k], seen, t)) return false;
     }
     return is_across_surface(t);
 }
