@@ -68,7 +68,7 @@ typedef struct field_ops {
     vec3 (*cell_middle)(const field *f, size_t k, double *radius);
 
     /* Of cells that follow each other and lie together, as those of a block: the middle of cell k's, no corner of which is farther from it
-     * than *radius, and in *end the number behind the last of them. False where it is one of none. NULL: all are. */
+     * than *radius, and in *end the number behind the last of them. False where it is in none. NULL: no cell is in one. */
     bool (*cell_group)(const field *f, size_t k, size_t *end, vec3 *middle, double *radius);
 
     /* On which side of the surface x lies, wherever that is: negative inside the solid, positive outside; the

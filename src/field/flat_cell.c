@@ -10,6 +10,9 @@ static const struct {
 } tetrahedra[6] = {{{0, 1, 2}, {0, 1, 3, 7}}, {{0, 2, 1}, {0, 1, 5, 7}}, {{1, 0, 2}, {0, 2, 3, 7}},
                    {{1, 2, 0}, {0, 2, 6, 7}}, {{2, 0, 1}, {0, 4, 5, 7}}, {{2, 1, 0}, {0, 4, 6, 7}}};
 
+/* Of an edge: more than rounding moves corners by. */
+static const double HAIR = 1e-3;
+
 enum { LANES = 8 };
 
 /* Cells side by side. */
@@ -71,6 +74,13 @@ ISA_CLONES static void sum_tetrahedra(const cell_lanes *in, double area[LANES])
 }
 
 /* Where F, linear, is zero on the cell's edges. */
+/* From a to b, and not beyond by rounding: whether a cell's roots are looked at, though its corners lie within the box, does not show. */
+static double between(double a, double b, double t)
+{
+    const double x = a + t * (b - a);
+    return least(largest(x, least(a, b)), largest(a, b));
+}
+
 static void add_roots(const field_cell *cell, bbox *box)
 {
     for (int from = 0; from < 7; from++)
@@ -78,8 +88,10 @@ static void add_roots(const field_cell *cell, bbox *box)
             const int to = from | 1 << axis;
             const double low = cell->value[from], high = cell->value[to];
             if (to == from || (low < 0) == (high < 0)) continue;
-            const vec3 way = vec3_sub(cell->corner[to], cell->corner[from]);
-            *box = bbox_include(*box, vec3_axpy(low / (low - high), way, cell->corner[from]));
+            const vec3 a = cell->corner[from], b = cell->corner[to];
+            const double t = low / (low - high);
+            *box =
+                bbox_include(*box, (vec3){between(a.x, b.x, t), between(a.y, b.y, t), between(a.z, b.z, t)});
         }
 }
 
@@ -108,11 +120,12 @@ void flat_cell_areas(const field_cell *cells, size_t count, double *area)
 void flat_cell_widen(const field_cell *cell, bbox *box)
 {
     const vec3 *low = &cell->corner[0];
-    vec3 reach = {0, 0, 0}; /* from there no corner is farther along any axis */
+    vec3 reach = {0, 0, 0}; /* from there no corner is farther along any axis, but for rounding */
     for (int a = 0; a < 3; a++) {
         const vec3 edge = vec3_sub(cell->corner[1 << a], *low);
         reach = vec3_add(reach, (vec3){fabs(edge.x), fabs(edge.y), fabs(edge.z)});
     }
+    reach = vec3_scale(reach, 1 + HAIR);
     bool within = true;
     if (bbox_contains(*box, vec3_sub(*low, reach)) && bbox_contains(*box, vec3_add(*low, reach))) return;
     for (int k = 0; k < 8; k++) within = within && bbox_contains(*box, cell->corner[k]);

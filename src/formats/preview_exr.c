@@ -111,8 +111,8 @@ static void fill_constants(const line *l, const preview_span *s, int x)
 static void fill_places(const line *l, const image *m, const preview_span *s, int x, int y)
 {
     unsigned char *restrict depths = l->bytes + l->offset[Z];
-    const float *restrict depth = l->depth;
-    preview_depths(m, s, x, y, l->depth + x);
+    float *restrict depth = l->depth;
+    preview_depths(m, s, x, y, depth + x);
     for (size_t at = (size_t)x, end = (size_t)s->end; at < end; at++)
         put_float(depths, at, (double)depth[at]);
     for (; l->all_channels && x < s->end; x++) {

@@ -77,7 +77,7 @@ static inline uint32_t block_map_find(const block_map *m, int32_t x, int32_t y, 
     return s->node == BLOCK_MAP_NONE ? BLOCK_MAP_NONE : m->nodes[s->node][block_map_in_node(x, y, z)];
 }
 
-/* The node in which a block was found last; zeroed: none. */
+/* The node in which a block was found last; zeroed: none. What is added to the map makes it invalid. */
 typedef struct block_map_seen {
     int32_t key[3];
     const uint32_t *node;

@@ -1,6 +1,7 @@
 #include "surface/components.h"
 
 #include <math.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 
 #include "base/memory.h"
@@ -16,6 +17,9 @@ static const char what[] = "the surface's parts"; /* that memory is for */
  * to sqrt(1.5^2 + 0.5^2 + 0.5^2) apart then, which is this much of the mean. */
 static const double TOUCHING_UNEVEN = 1.106;
 
+/* A place in a lattice is told where its numbers are no farther from whole ones, and no larger. */
+static const double CLEAR = 0.25, LARGEST = 0x1p30;
+
 enum { CHUNK = 1024, SIDE = 8, BLOCK = SIDE * SIDE * SIDE };
 
 /* Cells of one size, by their places in the lattice of such cells. */
@@ -23,6 +27,7 @@ typedef struct lattice {
     const field *field;
     vec3 first;            /* the middle of the first cell, which is in place (0, 0, 0) */
     double to_cells[3][4]; /* from differences of places to numbers of cells along their edges */
+    atomic_bool lost;      /* a place could not be told: coordinates are too large */
     int32_t (*at)[3];      /* of each cell */
     uint8_t *passed; /* which of its faces the surface passes: bit 2 axis + 1 for that at the greater end */
     block_map map;   /* of the places that have cells */
@@ -44,14 +49,20 @@ static void measure_lattice(lattice *l)
 
 static void place_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const lattice *l = context;
+    lattice *l = context;
     (void)worker;
     for (size_t k = begin; k < end; k++) {
         field_cell cell;
         l->field->ops->cell(l->field, k, &cell);
         const vec3 middle = vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5),
                    by = vec3_sub(middle, l->first), way = affine_apply(l->to_cells, by.x, by.y, by.z);
-        for (int axis = 0; axis < 3; axis++) l->at[k][axis] = (int32_t)lrint(vec3_get(way, axis));
+        for (int axis = 0; axis < 3; axis++) {
+            const double along = vec3_get(way, axis), whole = rint(along);
+            if (fabs(along - whole) < CLEAR && fabs(whole) < LARGEST)
+                l->at[k][axis] = (int32_t)whole;
+            else
+                atomic_store_explicit(&l->lost, true, memory_order_relaxed);
+        }
         l->passed[k] = (uint8_t)field_cell_passed_faces(&cell);
     }
 }
@@ -68,9 +79,10 @@ static bool note_places(lattice *l, size_t cells, error *e)
 {
     block_map_seen seen = {0};
     for (size_t k = 0; k < cells; k++) {
-        const int32_t *at = l->at[k];
-        if (block_map_find_near(&l->map, at[0] >> 3, at[1] >> 3, at[2] >> 3, &seen) == BLOCK_MAP_NONE &&
-            !block_map_find_or_add(&l->map, at[0] >> 3, at[1] >> 3, at[2] >> 3, NULL, e))
+        const int32_t *at = l->at[k], *last = l->at[k > 0 ? k - 1 : 0];
+        const bool same =
+            at[0] >> 3 == last[0] >> 3 && at[1] >> 3 == last[1] >> 3 && at[2] >> 3 == last[2] >> 3;
+        if ((k == 0 || !same) && !block_map_find_or_add(&l->map, at[0] >> 3, at[1] >> 3, at[2] >> 3, NULL, e))
             return false;
     }
     l->cell = mem_array(l->map.count, sizeof *l->cell, what, e);
@@ -95,7 +107,8 @@ static void join_chunk(void *context, int worker, size_t begin, size_t end)
         }
 }
 
-static bool join_even(const field *f, size_t cells, uint32_t *parent, threads *pool, error *e)
+/* *told: whether their places could be. */
+static bool join_even(const field *f, size_t cells, uint32_t *parent, threads *pool, bool *told, error *e)
 {
     lattice l = {.field = f,
                  .at = mem_array(cells, sizeof *l.at, what, e),
@@ -105,10 +118,11 @@ static bool join_even(const field *f, size_t cells, uint32_t *parent, threads *p
     if (ok) {
         measure_lattice(&l);
         threads_run(pool, cells, CHUNK, place_chunk, &l);
-        ok = !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+        *told = !atomic_load(&l.lost);
     }
-    ok = ok && note_places(&l, cells, e);
-    if (ok) threads_run(pool, cells, CHUNK, join_chunk, &l);
+    ok = ok && (threads_stopped(pool) || !*told || note_places(&l, cells, e));
+    if (ok && *told) threads_run(pool, cells, CHUNK, join_chunk, &l);
+    if (ok && threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
     free(l.at);
     free(l.passed);
     block_map_free(&l.map);
@@ -116,7 +130,7 @@ static bool join_even(const field *f, size_t cells, uint32_t *parent, threads *p
     return ok;
 }
 
-/* Cells that differ in size. */
+/* Cells that differ in size, or whose places are not told: those that are near each other, whatever the surface passes. */
 typedef struct cell_set {
     const field *field;
     vec3 *middle;
@@ -213,7 +227,8 @@ bool components_find(const field *f, threads *pool, components *out, error *e)
     uint32_t *parent = mem_array(cells, sizeof *parent, what, e);
     if (!parent) return false;
     sets_reset(parent, cells);
-    bool ok = f->uneven ? join_uneven(f, cells, parent, pool, e) : join_even(f, cells, parent, pool, e);
+    bool told = false, ok = f->uneven || join_even(f, cells, parent, pool, &told, e);
+    if (ok && !told) ok = join_uneven(f, cells, parent, pool, e);
     out->count = 0;
     for (size_t k = 0; ok && k < cells; k++) out->count += parent[k] == k;
     if (ok && out->count > 1) ok = number_cells(parent, cells, out, e);

@@ -1,5 +1,5 @@
 /* components: the connected parts of a surface, by its cells: parts are told apart where no two of their cells share a face that the
- * surface passes, by its corners; where cells differ in size, any face.
+ * surface passes, by its corners; where cells differ in size, or are too far from the origin to be told apart by number, any face.
  * Of a surface with patches each patch is a part, whether it touches others or not; a cell of several goes to one of them. */
 #ifndef HEXAD_SURFACE_COMPONENTS_H
 #define HEXAD_SURFACE_COMPONENTS_H
@@ -17,7 +17,7 @@ typedef struct components {
     size_t *begin;   /* count + 1: where each part begins in the order */
 } components;
 
-/* Release also after failure. Errors: limit_memory. Deterministic. */
+/* Release also after failure. Errors: limit_memory, cancelled. Deterministic. */
 bool components_find(const field *f, threads *pool, components *out, error *e);
 void components_free(components *c);
 

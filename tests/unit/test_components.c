@@ -177,24 +177,27 @@ static void a_small_part_gets_its_share(void **state)
     threads_free(pool);
 }
 
-/* Two cells of a lattice that is skew and turned over, far from its origin. */
-typedef struct pair {
-    field base;
-    int at[2][3];
-    unsigned inside[2]; /* corners, bit by bit */
-    bool grazed[2];
-} pair;
+enum { FEW = 64 };
 
-static size_t pair_count(const field *f)
+/* Cells of a lattice that is skew and turned over, far from its origin. */
+typedef struct few {
+    field base;
+    double shift; /* once more */
+    size_t count;
+    int at[FEW][3];
+    unsigned inside[FEW]; /* corners, bit by bit */
+    bool grazed[FEW];
+} few;
+
+static size_t few_count(const field *f)
 {
-    (void)f;
-    return 2;
+    return ((const few *)f)->count;
 }
 
-static void pair_cell(const field *f, size_t k, field_cell *out)
+static void few_cell(const field *f, size_t k, field_cell *out)
 {
-    static const double edges[3][4] = {{1, 0.3, 0, 700}, {0, -0.5, 0.1, -40}, {0.2, 0, 2, 9}};
-    const pair *p = (const pair *)f;
+    const few *p = (const few *)f;
+    const double edges[3][4] = {{1.1, 0.3, 0, 700 + p->shift}, {0, -0.5, 0.1, -40}, {0.2, 0, 2, 9}};
     const int *at = p->at[k];
     for (int c = 0; c < 8; c++) {
         out->corner[c] = affine_apply(edges, at[0] + (c & 1), at[1] + (c >> 1 & 1), at[2] + (c >> 2));
@@ -204,43 +207,94 @@ static void pair_cell(const field *f, size_t k, field_cell *out)
     out->bend = FIELD_BENT;
 }
 
+static const field_ops few_ops = {.cell_count = few_count, .cell = few_cell};
+
+enum { LOW_Z = 0x0f, CORNER = 0x01 }; /* inside */
+
+static few few_make(void)
+{
+    return (few){.base = {.ops = &few_ops, .cell_size = 2.01}};
+}
+
+static void few_add(few *p, int x, int y, int z, unsigned inside, bool grazed)
+{
+    p->at[p->count][0] = x;
+    p->at[p->count][1] = y;
+    p->at[p->count][2] = z;
+    p->inside[p->count] = inside;
+    p->grazed[p->count++] = grazed;
+}
+
+static size_t parts_of(const few *p)
+{
+    error e = {0};
+    components parts;
+    if (!components_find(&p->base, NULL, &parts, &e)) fail_msg("%s", e.message);
+    const size_t count = parts.count;
+    components_free(&parts);
+    return count;
+}
+
 /* One part only where the cells share a face that one of them says the surface passes. */
 static void parts_are_joined_through_faces(void **state)
 {
     (void)state;
-    static const field_ops ops = {.cell_count = pair_count, .cell = pair_cell};
-    enum { LOW_Z = 0x0f, CORNER = 0x01 };
     static const struct {
         int by[3];
-        unsigned inside[2];
+        unsigned inside;
         bool grazed;
         size_t parts;
     } cases[] = {
-        {{1, 0, 0}, {LOW_Z, LOW_Z}, false, 1},   {{-1, 0, 0}, {LOW_Z, LOW_Z}, false, 1},
-        {{0, 1, 0}, {LOW_Z, LOW_Z}, false, 1},   {{0, -1, 0}, {LOW_Z, LOW_Z}, false, 1},
-        {{0, 0, 1}, {LOW_Z, LOW_Z}, false, 2},   {{0, 0, -1}, {LOW_Z, LOW_Z}, false, 2},
-        {{0, 0, 1}, {LOW_Z, LOW_Z}, true, 1},    {{0, 0, -1}, {LOW_Z, LOW_Z}, true, 1},
-        {{2, 0, 0}, {LOW_Z, LOW_Z}, true, 2},    {{1, 1, 0}, {LOW_Z, LOW_Z}, true, 2},
-        {{1, 0, 0}, {CORNER, CORNER}, false, 1}, {{7, 0, 0}, {LOW_Z, LOW_Z}, true, 2},
+        {{1, 0, 0}, LOW_Z, false, 1},  {{-1, 0, 0}, LOW_Z, false, 1}, {{0, 1, 0}, LOW_Z, false, 1},
+        {{0, -1, 0}, LOW_Z, false, 1}, {{0, 0, 1}, LOW_Z, false, 2},  {{0, 0, -1}, LOW_Z, false, 2},
+        {{0, 0, 1}, LOW_Z, true, 1},   {{0, 0, -1}, LOW_Z, true, 1},  {{2, 0, 0}, LOW_Z, true, 2},
+        {{1, 1, 0}, LOW_Z, true, 2},   {{1, 0, 0}, CORNER, false, 1}, {{7, 0, 0}, LOW_Z, true, 2},
     };
-    error e = {0};
     for (size_t k = 0; k < sizeof cases / sizeof *cases; k++)
         for (int first = -9; first < 9; first++) { /* across the borders of blocks */
-            pair p = {.base = {.ops = &ops, .cell_size = 2.01}, .at = {{first, first + 1, first + 2}}};
-            components parts;
-            for (int a = 0; a < 3; a++) p.at[1][a] = p.at[0][a] + cases[k].by[a];
-            for (int i = 0; i < 2; i++) p.inside[i] = cases[k].inside[i];
-            p.grazed[1] = cases[k].grazed;
-            assert_true(components_find(&p.base, NULL, &parts, &e));
-            if (parts.count != cases[k].parts) fail_msg("case %zu at %d: %zu parts", k, first, parts.count);
-            components_free(&parts);
+            const int *by = cases[k].by;
+            few p = few_make();
+            few_add(&p, first, first + 1, first + 2, cases[k].inside, false);
+            few_add(&p, first + by[0], first + 1 + by[1], first + 2 + by[2], cases[k].inside,
+                    cases[k].grazed);
+            if (parts_of(&p) != cases[k].parts) fail_msg("case %zu at %d: %zu parts", k, first, parts_of(&p));
         }
+}
+
+/* A row of cells, and after each two that are alone: each of these in a part of the map that is new. */
+static void scattered_parts_are_told_apart(void **state)
+{
+    (void)state;
+    few p = few_make();
+    for (int k = 0; k < FEW / 3; k++) {
+        few_add(&p, k, 0, 0, LOW_Z, false);
+        few_add(&p, 100 * (k + 1), -200, 7, LOW_Z, false);
+        few_add(&p, 5, 100 * (k + 1), -300, LOW_Z, false);
+    }
+    assert_int_equal(parts_of(&p), 1 + 2 * (FEW / 3));
+}
+
+/* Where coordinates are so large that cells which lie far apart are not told by their middles how many are between, and where that
+ * number is large itself, parts are whole none the less. */
+static void parts_far_away_are_whole(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 1000; k++) {
+        few p = few_make();
+        const int away = k % 10 ? 78000 + k : (1 << 20) + k;
+        p.shift = k % 10 ? 0x1p40 : 0;
+        few_add(&p, -away, 0, 0, LOW_Z, false);
+        for (int x = 0; x < 3; x++) few_add(&p, away + x, 0, 0, LOW_Z, false);
+        if (parts_of(&p) != 2) fail_msg("%d cells away: %zu parts", away, parts_of(&p));
+    }
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(parts_are_joined_through_faces),
+        cmocka_unit_test(scattered_parts_are_told_apart),
+        cmocka_unit_test(parts_far_away_are_whole),
         cmocka_unit_test(shares_are_those_of_the_areas),
         cmocka_unit_test(a_stop_is_told),
         cmocka_unit_test(a_small_part_gets_its_share),

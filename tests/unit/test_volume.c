@@ -726,8 +726,8 @@ static void the_example_is_a_knot(void **state)
     close(fd);
 }
 
-/* The farthest place of a surface from a ball's points, of which one is left out. */
-static double farthest_without(const surface *s, int left_out)
+/* The farthest place of a surface from a ball's points, of which one is left out; of these, whose spacings may differ, in spacings. */
+static double farthest_without(const surface *s, int left_out, bool is_graded)
 {
     enum { POINTS = 14 };
     error e = {0};
@@ -740,7 +740,7 @@ static double farthest_without(const surface *s, int left_out)
             to = (vec3){0, 0, 0};
             vec3_set(&to, (k - 8) / 2, k & 1 ? 1 : -1);
         }
-        spacing[count] = 0.8 * minor / 10;
+        spacing[count] = (is_graded && k % 2 ? 0.6 : 0.8) * minor / 10;
         if (k != left_out) x[count++] = vec3_scale(vec3_unit(to), minor / 10);
     }
     threads *pool = threads_new(1, NULL, &e);
@@ -749,16 +749,25 @@ static double farthest_without(const surface *s, int left_out)
     return found;
 }
 
+static const field_ops *volume_ops;
+static size_t looks; /* at cells' middles */
+
+static vec3 look_at_middle(const field *f, size_t k, double *radius)
+{
+    looks++;
+    return volume_ops->cell_middle(f, k, radius);
+}
+
 /* Blocks that are near enough to a point spare looks at their cells. They hide nothing, and their cells are in them. */
 static void blocks_hide_no_bare_place(void **state)
 {
     (void)state;
     const double *const matrices[] = {fixture_uniform, fixture_rotated};
     major = 0;
-    minor = 20;
+    minor = 32; /* so many cells that some are looked at first */
     for (int t = 0; t < 2; t++) {
         error e = {0};
-        fixture g = fixture_make(matrices[t], 32, torus, 0.5);
+        fixture g = fixture_make(matrices[t], 46, torus, 0.5);
         volume *v = fixture_volume(&g, NAN, VOLUME_INTERPOLATING);
         const field *f = volume_field(v);
         field *changed = (field *)(uintptr_t)f;
@@ -777,16 +786,25 @@ static void blocks_hide_no_bare_place(void **state)
             }
         }
         assert_true(groups < s->cells / 10);
-        const field_ops *ops = f->ops;
-        field_ops plain = *ops;
+        volume_ops = f->ops;
+        field_ops counted = *volume_ops, plain;
+        counted.cell_middle = look_at_middle;
+        plain = counted;
         plain.cell_group = NULL;
-        for (int k = -1; k < 14; k++) {
-            const double found = farthest_without(s, k);
-            changed->ops = &plain;
-            assert_true(found == farthest_without(s, k));
-            changed->ops = ops;
-            assert_true(k < 0 || found > farthest_without(s, -1));
+        for (int k = -1; k < 28; k++) { /* the second time with spacings that differ */
+            const int left_out = k < 14 ? k : k - 14;
+            size_t looks_of[2];
+            double found[2];
+            for (int i = 0; i < 2; i++) {
+                looks = 0;
+                changed->ops = i ? &counted : &plain;
+                found[i] = farthest_without(s, left_out, k >= 14);
+                looks_of[i] = looks;
+            }
+            assert_true(found[0] == found[1] && looks_of[1] < 0.8 * (double)looks_of[0]);
+            assert_true(k < 0 || k >= 14 || found[0] > farthest_without(s, -1, false));
         }
+        changed->ops = volume_ops;
         surface_free(s);
         volume_close(v);
         fixture_free(&g);
