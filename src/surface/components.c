@@ -3,6 +3,7 @@
 #include <math.h>
 #include <stdatomic.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
 #include "base/sets.h"
@@ -20,7 +21,9 @@ static const double TOUCHING_UNEVEN = 1.106;
 /* A place in a lattice is told where its numbers are no farther from whole ones, and no larger. */
 static const double CLEAR = 0.25, LARGEST = 0x1p30;
 
-enum { CHUNK = 1024, SIDE = 8, BLOCK = SIDE * SIDE * SIDE };
+enum { CHUNK = 1024 };
+/* Blocks of places: small ones, since cells of droplets have most of theirs to themselves. */
+enum { SHIFT = 2, SIDE = 1 << SHIFT, BLOCK = SIDE * SIDE * SIDE };
 
 /* Cells of one size, by their places in the lattice of such cells. */
 typedef struct lattice {
@@ -70,20 +73,21 @@ static void place_chunk(void *context, int worker, size_t begin, size_t end)
 /* Where the cell in a place is noted; NULL: no cell is near. */
 static uint32_t *find_place(const lattice *l, const int32_t at[3], block_map_seen *seen)
 {
-    const uint32_t block = block_map_find_near(&l->map, at[0] >> 3, at[1] >> 3, at[2] >> 3, seen);
+    const int mask = SIDE - 1;
+    const uint32_t block = block_map_find_near(&l->map, at[0] >> SHIFT, at[1] >> SHIFT, at[2] >> SHIFT, seen);
     if (block == BLOCK_MAP_NONE) return NULL;
-    return &l->cell[block][((at[0] & 7) * SIDE + (at[1] & 7)) * SIDE + (at[2] & 7)];
+    return &l->cell[block][((at[0] & mask) * SIDE + (at[1] & mask)) * SIDE + (at[2] & mask)];
 }
 
 static bool note_places(lattice *l, size_t cells, error *e)
 {
     block_map_seen seen = {0};
+    int32_t last[3] = {INT32_MAX, 0, 0};
     for (size_t k = 0; k < cells; k++) {
-        const int32_t *at = l->at[k], *last = l->at[k > 0 ? k - 1 : 0];
-        const bool same =
-            at[0] >> 3 == last[0] >> 3 && at[1] >> 3 == last[1] >> 3 && at[2] >> 3 == last[2] >> 3;
-        if ((k == 0 || !same) && !block_map_find_or_add(&l->map, at[0] >> 3, at[1] >> 3, at[2] >> 3, NULL, e))
-            return false;
+        const int32_t *at = l->at[k], block[3] = {at[0] >> SHIFT, at[1] >> SHIFT, at[2] >> SHIFT};
+        if (memcmp(block, last, sizeof last) == 0) continue;
+        if (!block_map_find_or_add(&l->map, block[0], block[1], block[2], NULL, e)) return false;
+        memcpy(last, block, sizeof last);
     }
     l->cell = mem_array(l->map.count, sizeof *l->cell, what, e);
     for (size_t k = 0; l->cell && k < cells; k++) *find_place(l, l->at[k], &seen) = (uint32_t)k + 1;
