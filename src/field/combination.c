@@ -140,9 +140,7 @@ static double slope_of(const field *f)
         field_cell cell;
         field_sample s;
         f->ops->cell(f, k, &cell);
-        if (!field_sample_at(f, vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5), FIELD_GRADIENT,
-                             &s))
-            continue;
+        if (!field_sample_at(f, field_cell_middle(&cell), FIELD_GRADIENT, &s)) continue;
         sum += vec3_norm(s.gradient);
         count++;
     }
@@ -316,7 +314,7 @@ typedef struct room_job {
 /* The v-th place of a cell: the middle, or that of an eighth. */
 static vec3 place_of(const part *p, const field_cell *cell, int v)
 {
-    const vec3 middle = vec3_scale(vec3_add(cell->corner[0], cell->corner[7]), 0.5);
+    const vec3 middle = field_cell_middle(cell);
     return p->places > 1 ? vec3_axpy(0.5, vec3_sub(cell->corner[v], middle), middle) : middle;
 }
 

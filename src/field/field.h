@@ -163,6 +163,11 @@ static inline void field_set_solid_box(field *f, bbox box)
     }
 }
 
+static inline vec3 field_cell_middle(const field_cell *cell)
+{
+    return vec3_scale(vec3_add(cell->corner[0], cell->corner[7]), 0.5);
+}
+
 /* The longest edge. */
 static inline double field_cell_edge(const field_cell *cell)
 {

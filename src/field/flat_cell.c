@@ -73,14 +73,14 @@ ISA_CLONES static void sum_tetrahedra(const cell_lanes *in, double area[LANES])
     }
 }
 
-/* Where F, linear, is zero on the cell's edges. */
-/* From a to b, and not beyond by rounding: whether a cell's roots are looked at, though its corners lie within the box, does not show. */
+/* From a to b, and not beyond by rounding: roots lie where the corners do, so that a box which holds these holds them. */
 static double between(double a, double b, double t)
 {
     const double x = a + t * (b - a);
     return least(largest(x, least(a, b)), largest(a, b));
 }
 
+/* Where F, linear, is zero on the cell's edges. */
 static void add_roots(const field_cell *cell, bbox *box)
 {
     for (int from = 0; from < 7; from++)
@@ -126,10 +126,8 @@ void flat_cell_widen(const field_cell *cell, bbox *box)
         reach = vec3_add(reach, (vec3){fabs(edge.x), fabs(edge.y), fabs(edge.z)});
     }
     reach = vec3_scale(reach, 1 + HAIR);
-    bool within = true;
-    if (bbox_contains(*box, vec3_sub(*low, reach)) && bbox_contains(*box, vec3_add(*low, reach))) return;
-    for (int k = 0; k < 8; k++) within = within && bbox_contains(*box, cell->corner[k]);
-    if (!within) add_roots(cell, box);
+    if (!bbox_contains(*box, vec3_sub(*low, reach)) || !bbox_contains(*box, vec3_add(*low, reach)))
+        add_roots(cell, box);
 }
 
 /* The square of what lies across the normal. */

@@ -30,7 +30,7 @@ static double mean_slope(const surface *scan)
         field_cell cell;
         field_sample s;
         surface_cell(scan, k, &cell);
-        vec3 middle = vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5);
+        vec3 middle = field_cell_middle(&cell);
         if (!field_sample_at(scan->field, middle, FIELD_GRADIENT, &s)) continue;
         sum += vec3_norm(s.gradient);
         count++;

@@ -41,7 +41,7 @@ static void sample_cell(const surface *scan, size_t k, cell_samples *out)
     surface_cell(scan, k, &cell);
     const double size = field_cell_size(f, &cell);
     const projection_limits limits = {STEPS, ACCEPT * size, ACCEPT * size, REJECT * size};
-    vec3 middle = vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5), x = middle;
+    vec3 middle = field_cell_middle(&cell), x = middle;
     out->found[k] =
         projection_find(f, &limits, &x, &out->normal[k]) && vec3_norm(vec3_sub(x, middle)) <= FARTHEST * size;
     out->position[k] = out->found[k] ? x : middle;

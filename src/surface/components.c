@@ -43,7 +43,7 @@ static void measure_lattice(lattice *l)
     field_cell cell;
     double edges[3][4] = {{0}};
     l->field->ops->cell(l->field, 0, &cell);
-    l->first = vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5);
+    l->first = field_cell_middle(&cell);
     for (int axis = 0; axis < 3; axis++)
         for (int i = 0; i < 3; i++)
             edges[i][axis] = vec3_get(vec3_sub(cell.corner[1 << axis], cell.corner[0]), i);
@@ -57,8 +57,8 @@ static void place_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t k = begin; k < end; k++) {
         field_cell cell;
         l->field->ops->cell(l->field, k, &cell);
-        const vec3 middle = vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5),
-                   by = vec3_sub(middle, l->first), way = affine_apply(l->to_cells, by.x, by.y, by.z);
+        const vec3 middle = field_cell_middle(&cell), by = vec3_sub(middle, l->first),
+                   way = affine_apply(l->to_cells, by.x, by.y, by.z);
         for (int axis = 0; axis < 3; axis++) {
             const double along = vec3_get(way, axis), whole = rint(along);
             if (fabs(along - whole) < CLEAR && fabs(whole) < LARGEST)
@@ -148,7 +148,7 @@ static void look_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t k = begin; k < end; k++) {
         field_cell cell;
         c->field->ops->cell(c->field, k, &cell);
-        c->middle[k] = vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5);
+        c->middle[k] = field_cell_middle(&cell);
         c->edge[k] = field_cell_edge(&cell);
     }
 }

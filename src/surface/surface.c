@@ -452,7 +452,7 @@ static void measure_smooth(const surface *s, const cell_group *group, bbox *box)
     flat_cell_areas(group->smooth, group->smooth_count, area);
     for (size_t i = 0; i < group->smooth_count; i++) {
         const field_cell *cell = &group->smooth[i];
-        const vec3 middle = vec3_scale(vec3_add(cell->corner[0], cell->corner[7]), 0.5);
+        const vec3 middle = field_cell_middle(cell);
         field_sample at;
         flat_cell_widen(cell, box);
         if (cell->bend == FIELD_GENTLE && field_sample_at(f, middle, FIELD_HESSIAN, &at))
