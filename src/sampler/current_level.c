@@ -242,7 +242,7 @@ bool sampler_replan(sampler *s, bool *again, error *e)
     if (s->state.planned && s->state.stage < SCHEDULE_STAGES - 1) return true; /* there is a later word */
     if (!find_mesh(s, e)) return false;
     levels_correct(&s->state.plan, refine_mesh_edges(s->scratch.mesh), count_on_boundary(s));
-    *again = !s->state.planned && s->state.plan.particles[0] != count;
+    *again = !s->state.planned && schedule_begins_anew(s->setup.schedule, count, s->state.plan.particles[0]);
     s->state.planned = true;
     if (*again || s->state.stage < SCHEDULE_STAGES - 1) forget_mesh(s);
     if (*again) return sampler_begin(s, s->state.sigma / s->state.spacing, e);

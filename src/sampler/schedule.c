@@ -9,14 +9,15 @@ static const double stage_share[SCHEDULE_STAGES + 1] = {0, 0.07, 0.35, 1};
 static const double LAMBDA_BEGINS = -3;
 
 /* What all schedules have in common. */
-#define COMMON                                                                                           \
-    .gain = {1e-4, 1e-6, 1e-8}, .patience_more = 50, .patience_last = 500, .coarsest_gain = 1e-5,        \
-    .sweeps = 100, .sweeps_count = 1e4, .sweeps_between = {{5e3, INFINITY}, {2e4, 4}, {5e4, 0.75}},      \
-    .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120, .rough_sweeps = {2, 3.5},                 \
-    .rough_most = {2, 1}, .rough_count = 5e3,                                                            \
-    .roughness = {{{0.05, 0.25}, 0.1, 0.9, 500}, {{0.02, 0.25}, 0.04, 0.99, 900}}, .size_settled = 1e-3, \
-    .resizes_most = 10, .cramped_share = 0.01, .cramped_share_coarse = 0.04, .skin_wide = 0.6,           \
-    .skin_narrow = 0.2, .skin_steps = 6, .skin_first = 0.22, .many = 2e5, .many_sweeps = 2,              \
+#define COMMON                                                                                            \
+    .gain = {1e-4, 1e-6, 1e-8}, .patience_more = 50, .patience_last = 500, .coarsest_gain = 1e-5,         \
+    .sweeps = 100, .sweeps_count = 1e4, .sweeps_between = {{5e3, INFINITY}, {2e4, 4}, {5e4, 0.75}},       \
+    .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120, .rough_sweeps = {2, 3.5},                  \
+    .rough_most = {2, 1}, .rough_count = 5e3,                                                             \
+    .roughness = {{{0.05, 0.25}, 0.1, 0.9, 500}, {{0.02, 0.25}, 0.04, 0.99, 900}}, .size_settled = 1e-3,  \
+    .resizes_most = 10, .cramped_share = 0.01, .cramped_share_coarse = 0.04, .skin_wide = 0.6,            \
+    .skin_narrow = 0.2, .skin_steps = 6, .skin_first = 0.22, .many = 2e5, .many_sweeps = 2, .large = 3e4, \
+    .large_omega = 2.3, .large_cramped_share = 0.06, .large_sweeps = 15, .large_misses = 1e-3,            \
     .creased_share = 0.7, .creased_share_first = 0.9, .newcomer_sweeps = 60
 
 /* Over-relaxation: 1.8 needs three times the sweeps, 3.0 is slower again near rest. */
@@ -72,6 +73,11 @@ static bool is_early(const schedule_position *at)
     return at->level == 0 && !schedule_is_last_stage(at);
 }
 
+static bool is_large(const schedule *s, const schedule_position *at)
+{
+    return s->is_paced && at->level == 0 && (double)at->count >= s->large;
+}
+
 /* A refined level of many particles of even sizes, away from curves. */
 static bool are_many(const schedule *s, const schedule_position *at)
 {
@@ -98,7 +104,8 @@ int schedule_level_sweeps(const schedule *s, const schedule_position *at)
     for (int k = 0; between && k < SCHEDULE_BETWEEN; k++)
         sweeps = fmax(
             sweeps, fmin(sweeps_for(s, at, s->sweeps_between[k].count), s->sweeps_between[k].share * finest));
-    sweeps = fmin(fmax(sweeps, s->sweeps_least), s->sweeps_most);
+    const bool sets_order = is_large(s, at) && !schedule_is_last_level(at);
+    sweeps = fmin(fmax(sweeps, sets_order ? s->large_sweeps : s->sweeps_least), s->sweeps_most);
     double rough = s->rough_sweeps[schedule_is_last_level(at)];
     return (int)fmin(pow(rough, at->rough) * sweeps, s->roughness[at->has_curves].most);
 }
@@ -127,7 +134,7 @@ bool schedule_is_rough(const schedule *s, const schedule_position *at, double di
 
 double schedule_omega(const schedule *s, const schedule_position *at)
 {
-    if (!s->is_paced || is_early(at)) return s->omega;
+    if (!s->is_paced || is_early(at)) return is_large(s, at) ? s->large_omega : s->omega;
     if (may_need_few(s, at) && at->sweeps == s->many_sweeps - 1) return s->omega;
     double t = (double)at->sweeps / schedule_level_sweeps(s, at);
     double shake = at->is_sized ? s->omega_shake_sized : s->omega_shake;
@@ -178,7 +185,14 @@ bool schedule_is_impatient(const schedule *s, const schedule_position *at, doubl
 bool schedule_wants_lists(const schedule *s, const schedule_position *at, size_t cramped, int age)
 {
     double share = schedule_is_last_level(at) ? s->cramped_share : s->cramped_share_coarse;
+    if (is_large(s, at) && is_early(at)) share = s->large_cramped_share;
     return (double)cramped > share * (double)at->count || (cramped > 0 && age >= s->cramped_wait);
+}
+
+bool schedule_begins_anew(const schedule *s, size_t count, size_t should)
+{
+    const double misses = fabs((double)should - (double)count), n = (double)count;
+    return misses > (s->is_paced && n >= s->large ? s->large_misses * n : 0);
 }
 
 double schedule_first_skin(const schedule *s, const schedule_position *at)

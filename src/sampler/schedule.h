@@ -78,6 +78,12 @@ typedef struct schedule {
     double many, skin_first;
     int many_sweeps;
 
+    /* A coarsest level of `large` particles and more, as of a fog, costs as much as all others. While its density evens out it
+     * has this over-relaxation, and lists are built anew when more than this share cannot move; if it is refined, it has so many
+     * sweeps at least, over which over-relaxation falls: at the least it would creep to its rest. It begins anew only with a
+     * count that is off by more than this share. */
+    double large, large_omega, large_cramped_share, large_sweeps, large_misses;
+
     /* A coarsest level is dropped when more than this share of its particles see round edges or through sheets; or more than that
      * of particles where they start, of which more do. */
     double creased_share, creased_share_first;
@@ -144,6 +150,9 @@ bool schedule_is_impatient(const schedule *s, const schedule_position *at, doubl
 
 /* Whether lists are to be built anew, with `cramped` particles held back by lists that are `age` sweeps old. */
 bool schedule_wants_lists(const schedule *s, const schedule_position *at, size_t cramped, int age);
+
+/* Whether a coarsest level that has `count` particles is to begin anew with so many as it should have. */
+bool schedule_begins_anew(const schedule *s, size_t count, size_t should);
 
 /* What the first lists of a level reach beyond the support, over h. */
 double schedule_first_skin(const schedule *s, const schedule_position *at);
