@@ -6,8 +6,9 @@
 
 #include "particles/relax_internal.h"
 
-/* With fewer neighbours a particle is free to move along some direction, and the Hessian is all but singular. */
-enum { HELD_BY = 3 };
+/* With fewer neighbours within its support a particle is free to move along some direction, and the Hessian is all but singular. Who
+ * has so many in its list, where nothing turns, has those. */
+enum { HELD_BY = 3, HELD_BY_LISTED = 9 };
 /* In the middle between a packing's first and second shell of neighbours, over its spacing. */
 static const double BETWEEN_SHELLS = 1.366;
 
@@ -165,20 +166,23 @@ static relax_steps squared_steps(const steps_job *steps, int worker, const uint3
 }
 
 /* Whether Newton's step tells where particle i would go: not where a sharp edge runs through its support, and the tangent
- * plane does not say where a step would end, nor where fewer than three neighbours leave it free to drift. */
+ * plane does not say where a step would end, nor where fewer than three within it leave it free to drift. */
 static bool is_held_at(const sweep_job *job, size_t i)
 {
     const particles *p = job->p;
-    const uint32_t *list = neighbours_list(job->r->near, i);
-    const uint32_t count = job->r->flat[i] > 1 ? 0 : job->r->near->list_count[i];
-    for (uint32_t k = 0; k < count; k++) {
-        uint32_t j = list[k];
-        double support = 0.5 * job->sigma * (particles_size(p, i) + particles_size(p, j));
-        if (vec3_norm2(vec3_sub(p->position[i], p->position[j])) < support * support &&
-            particles_facing(p, i, j) < RELAX_SMOOTH_COSINE)
-            return false;
+    const uint32_t *list = neighbours_list(job->r->near, i), listed = job->r->near->list_count[i];
+    const bool is_smooth = job->r->flat[i] > 1;
+    size_t within = 0;
+    if (p->near_boundary[i]) return false;
+    if (is_smooth && listed >= HELD_BY_LISTED) return true;
+    for (uint32_t k = 0; k < listed; k++) {
+        const uint32_t j = list[k];
+        const double support = 0.5 * job->sigma * (particles_size(p, i) + particles_size(p, j));
+        if (!(vec3_norm2(vec3_sub(p->position[i], p->position[j])) < support * support)) continue;
+        if (!is_smooth && particles_facing(p, i, j) < RELAX_SMOOTH_COSINE) return false;
+        within++;
     }
-    return !p->near_boundary[i] && job->r->near->list_count[i] >= HELD_BY;
+    return within >= HELD_BY;
 }
 
 static void steps_chunk(void *context, int worker, size_t begin, size_t end)

@@ -269,6 +269,35 @@ static void energies_are_known_with_the_steps_left(void **state)
     tear_down(&b);
 }
 
+/* Whom fewer than three hold may drift for ever, at next to no energy, as on a droplet: its step says nothing of rest, however many are
+ * in its list beyond the support. */
+static void who_is_free_to_drift_has_no_step_left(void **state)
+{
+    (void)state;
+    const double side[][2] = {{0, 0}, {1.5, 0}, {-1.9, 0}, {0, 1.9}, {0, -1.9}}; /* in spacings */
+    const projection_limits limits = {20, 1e-9, 1e-8, 1e-6};
+    for (int nearer = 0; nearer < 2; nearer++) {
+        bench b;
+        error e = {0};
+        set_up(&b, 1, fast_kernel_for(isa_best()), 7);
+        const double h = b.params.spacing;
+        const vec3 x = b.p->position[0];
+        vec3 axis[2];
+        vec3_frame(b.p->normal[0], &axis[0], &axis[1]);
+        b.p->count = sizeof side / sizeof *side;
+        for (size_t i = 0; i < b.p->count; i++) {
+            const double scale = nearer ? 0.8 * h : h;
+            b.p->position[i] =
+                vec3_axpy(scale * side[i][0], axis[0], vec3_axpy(scale * side[i][1], axis[1], x));
+            assert_true(projection_find(&b.a->base, &limits, &b.p->position[i], &b.p->normal[i]));
+        }
+        assert_true(relax_build(b.r, b.p, b.params.sigma, 0.6 * h, &e));
+        const double left = relax_rms_steps_left(b.r, b.p, b.params.sigma, h, false).all;
+        assert_true(nearer ? left > 0.01 : isnan(left));
+        tear_down(&b);
+    }
+}
+
 /* The steps of who was put elsewhere, and of those near it, are told by themselves until all are calm. */
 static void steps_of_the_stirred_are_told(void **state)
 {
@@ -336,6 +365,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(energies_are_known_with_the_steps_left),
+        cmocka_unit_test(who_is_free_to_drift_has_no_step_left),
         cmocka_unit_test(steps_of_the_stirred_are_told),
         cmocka_unit_test(refreshed_lists_serve_as_new_ones),
         cmocka_unit_test(lists_that_do_not_cover_are_not_refreshed),

@@ -72,6 +72,29 @@ static void over_relaxation_follows_the_sweeps(void **state)
     }
 }
 
+/* A coarsest level that costs as much as all others evens out in fewer lists and sweeps, sets the order of finer ones in sweeps enough,
+ * and does not begin anew for a few particles. */
+static void large_coarsest_levels_are_spared(void **state)
+{
+    (void)state;
+    const schedule *s = &schedule_multilevel;
+    const size_t large = (size_t)s->large;
+    schedule_position at = {.levels = 2, .count = 10 * large}, small = {.levels = 2, .count = large - 1};
+    const size_t cramped = at.count / 20; /* a twentieth */
+    assert_true(schedule_omega(s, &at) == s->large_omega && schedule_omega(s, &small) == s->omega);
+    assert_true(schedule_wants_lists(s, &small, small.count / 20, 1));
+    assert_false(schedule_wants_lists(s, &at, cramped, 1));
+    at.stage = LAST;
+    assert_true(schedule_wants_lists(s, &at, cramped, 1));
+    assert_int_equal(schedule_level_sweeps(s, &at), (int)s->large_sweeps);
+    at.levels = 1; /* which is not refined */
+    assert_int_equal(schedule_level_sweeps(s, &at), (int)s->sweeps_least);
+    assert_false(schedule_begins_anew(s, 10 * large, 10 * large + large / 200));
+    assert_true(schedule_begins_anew(s, 10 * large, 10 * large + large / 50));
+    assert_true(schedule_begins_anew(s, large - 1, large) && !schedule_begins_anew(s, 1000, 1000));
+    assert_true(schedule_begins_anew(&schedule_paper, 10 * large, 10 * large + 1));
+}
+
 static void rough_levels_take_more_sweeps(void **state)
 {
     (void)state;
@@ -339,6 +362,7 @@ int main(void)
         cmocka_unit_test(levels_far_below_have_more_sweeps),
         cmocka_unit_test(many_particles_need_few_sweeps),
         cmocka_unit_test(over_relaxation_follows_the_sweeps),
+        cmocka_unit_test(large_coarsest_levels_are_spared),
         cmocka_unit_test(rough_levels_take_more_sweeps),
         cmocka_unit_test(surfaces_with_curves_are_rough_sooner),
         cmocka_unit_test(rough_levels_are_not_impatient),
