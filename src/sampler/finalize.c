@@ -5,6 +5,7 @@
 
 #include "base/memory.h"
 #include "field/projection.h"
+#include "geometry/moving_points.h"
 #include "geometry/point_tree.h"
 #include "packing/packing.h"
 #include "packing/quality.h"
@@ -186,7 +187,7 @@ void sampler_stir(sampler *s, size_t i)
 
 /* Puts particle i on a new place of the surface, or of its patch: of several drawn the one that is farthest from its nearest
  * particle, and farther than `least`. False where there is none. */
-static bool replace(sampler *s, size_t i, double least, rng *r)
+static bool replace(sampler *s, const moving_points *all, uint32_t i, double least, rng *r)
 {
     const double *weight = sizing_field_weight(s->setup.params.sizing, s->setup.scan);
     const field *f = particles_field(s->state.p, s->setup.field, i);
@@ -199,9 +200,7 @@ static bool replace(sampler *s, size_t i, double least, rng *r)
         if (!surface_patch_point(s->setup.scan, weight, patch, rng_uniform(r), r, &q) ||
             !sampler_land(f, s->state.spacing, s->setup.field->cell_size, &q, &n))
             continue;
-        double nearest2 = INFINITY;
-        for (size_t j = 0; j < s->state.p->count; j++)
-            if (j != i) nearest2 = fmin(nearest2, vec3_norm2(vec3_sub(q, s->state.p->position[j])));
+        const double nearest2 = moving_points_nearest2(all, q, i);
         if (nearest2 <= best) continue;
         best = nearest2;
         found = true;
@@ -241,16 +240,26 @@ static void leave_row(sampler *s, size_t i)
 
 /* Takes away the particles that are not on the surface, or in a row, and puts each on a new place. Where a mesh is to be resolved
  * there may be no room for some but in a row: they stay there, at rest, once no sweep is left to find their places. */
-static void replace_lost(sampler *s)
+static bool replace_lost(sampler *s, error *e)
 {
+    const particles *p = s->state.p;
     const bool may_stay = sampler_merges_rows(s) && s->state.recalls >= SAMPLER_RECALLS;
+    uint32_t *moving = mem_array(p->count, sizeof *moving, "the result", e);
+    size_t count = 0;
+    for (uint32_t i = 0; moving && i < p->count; i++)
+        if (s->scratch.lost[i] || (!may_stay && is_in_row(s, i))) moving[count++] = i;
+    moving_points *all =
+        count > 0 ? moving_points_new(p->position, p->count, moving, count, s->setup.pool, e) : NULL;
     rng r = rng_seed(s->setup.params.seed, RANDOM_STREAM_REPLACEMENT);
-    for (size_t i = 0; i < s->state.p->count && !threads_stopped(s->setup.pool); i++)
-        if (s->scratch.lost[i])
-            replace(s, i, -1, &r);
-        else if (!may_stay && is_in_row(s, i) &&
-                 !replace(s, i, LEAST_ROOM * s->state.spacing * particles_size(s->state.p, i), &r))
-            leave_row(s, i);
+    for (size_t k = 0; all && k < count && !threads_stopped(s->setup.pool); k++) {
+        const uint32_t i = moving[k];
+        const double room = LEAST_ROOM * s->state.spacing * particles_size(p, i);
+        if (!replace(s, all, i, s->scratch.lost[i] ? -1 : room, &r) && !s->scratch.lost[i]) leave_row(s, i);
+    }
+    const bool ok = moving && (count == 0 || all);
+    moving_points_free(all);
+    free(moving);
+    return ok;
 }
 
 static void count_lost(sampler *s)
@@ -529,9 +538,9 @@ bool sampler_settle(sampler *s, error *e)
     s->state.settled = s->scratch.worst && s->scratch.lost && s->record.replaced;
     if (s->state.settled) {
         threads_run(s->setup.pool, n, CHUNK, finalize_chunk, s);
-        replace_lost(s);
-        count_lost(s);
+        s->state.settled = replace_lost(s, e);
     }
+    if (s->state.settled) count_lost(s);
     free(s->scratch.worst);
     free(s->scratch.lost);
     s->scratch.worst = NULL;

@@ -9,6 +9,7 @@
 #include <cmocka.h>
 
 #include "shapes.h"
+#include "geometry/moving_points.h"
 #include "geometry/near_points.h"
 #include "geometry/point_bins.h"
 #include "geometry/point_tree.h"
@@ -52,6 +53,41 @@ static void the_nearest_is_found(void **state)
         point_bins_free(bins);
     }
     free(x);
+}
+
+/* Some move about, be they none or all; the nearest is told among those where they are. */
+static void the_nearest_is_found_while_some_move(void **state)
+{
+    (void)state;
+    enum { COUNT = 400, PLACES = 100 };
+    rng r = rng_seed(test_seed(), 3);
+    for (uint32_t every = 1; every <= COUNT; every *= 3) {
+        vec3 x[COUNT];
+        uint32_t moving[COUNT];
+        size_t some = 0;
+        error e = {0};
+        for (uint32_t i = 0; i < COUNT; i++) {
+            x[i] = random_between(&r, (vec3){-1, -1, -1}, (vec3){1, 1, 1});
+            if (i % every == every / 2) moving[some++] = i;
+        }
+        moving_points *m = moving_points_new(x, COUNT, moving, some, NULL, &e);
+        for (int p = 0; p < PLACES; p++) {
+            const uint32_t except = moving[(size_t)p % some];
+            const vec3 place = random_between(&r, (vec3){-2, -2, -2}, (vec3){2, 2, 2});
+            double least2 = INFINITY;
+            x[moving[(size_t)(p / 2) % some]] = place; /* at times the one that does not count */
+            for (uint32_t i = 0; i < COUNT; i++)
+                if (i != except) least2 = fmin(least2, vec3_norm2(vec3_sub(x[i], place)));
+            assert_true(moving_points_nearest2(m, place, except) == least2);
+        }
+        moving_points_free(m);
+    }
+    const vec3 alone = {0, 0, 0};
+    const uint32_t first = 0;
+    error e = {0};
+    moving_points *m = moving_points_new(&alone, 1, &first, 1, NULL, &e);
+    assert_true(moving_points_nearest2(m, alone, 0) == INFINITY);
+    moving_points_free(m);
 }
 
 /* Counts each point, and those that are farther than they may be. */
@@ -136,6 +172,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_nearest_is_found),
+        cmocka_unit_test(the_nearest_is_found_while_some_move),
         cmocka_unit_test(all_within_reach_are_visited_once),
         cmocka_unit_test(crowds_are_told),
     };
