@@ -179,12 +179,14 @@ static bool may_be_mended(const sampler *s)
 
 /* The solve has ended at rest. Particles that are not on the surface get new places, and so do some that crowd where a patch is
  * bare; they have to find theirs among the others, so that the last round goes on. In a coarse answer no descent brings those
- * that crowd to where places are bare; in a sequence they stay with their own. */
+ * that crowd to where places are bare, nor has who was put elsewhere a place of its own to find; in a sequence they stay with
+ * their own. */
 static bool deliver(sampler *s, error *e)
 {
     const size_t before = s->record.removed;
     relax_calm(s->scratch.relax);
-    const bool may_go_on = s->state.recalls < SAMPLER_RECALLS, is_given = sampler_is_given(s);
+    const bool is_given = sampler_is_given(s);
+    const bool may_go_on = s->state.recalls < SAMPLER_RECALLS && (!s->state.coarse || is_given);
     if (may_be_mended(s)) {
         bool changed = false;
         if (!sampler_mend(s, &changed, e) ||
