@@ -13,9 +13,6 @@
 /* Where the energy is smooth a particle that moves only under such damping (log10) is misled by its place: good steps need
  * less. At creases and boundaries they need it, and there a place that is corrected would be left again, for ever. */
 static const double MISLED_LAMBDA = 2;
-/* Where all normals agree to within 60 degrees the weights are 1, and are taken to stay so while the lists
- * are valid; it would take a turn of 30 degrees within skin / 2 to make that untrue. */
-static const double FLAT_COSINE = 0.5;
 /* The potential's value is bounded at this fraction of sigma where it only scales a turning. */
 static const double TURNING_NEAREST = 0.05;
 /* A trial ends on the surface to within this fraction of h, or is refused. */
@@ -127,12 +124,12 @@ static void look_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t i = begin; i < end; i++) {
         const uint32_t *list = neighbours_list(near, i);
         double least = 1;
-        for (uint32_t k = 0; k < near->list_count[i] && least > FLAT_COSINE; k++) {
+        for (uint32_t k = 0; k < near->list_count[i] && least > RELAX_FLAT_COSINE; k++) {
             double cosine = particles_facing(p, i, list[k]);
             least = cosine < least ? cosine : least;
         }
         if (p->place) p->near_boundary[i] = is_near_curve(job->r, p, i);
-        job->r->flat[i] = (uint8_t)((least > FLAT_COSINE) + (least > RELAX_SMOOTH_COSINE));
+        job->r->flat[i] = (uint8_t)((least > RELAX_FLAT_COSINE) + (least > RELAX_SMOOTH_COSINE));
         job->r->moved[i] = 0;
     }
 }

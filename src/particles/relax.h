@@ -120,6 +120,10 @@ void relax_take_support(relax *r, double sigma);
  * built: round an edge, or through a sheet. */
 double relax_creased_share(const relax *r, const particles *p);
 
+/* The same of neighbours within `reach` times the sizes, no farther than the lists: of places that are drawn at random nearly what it is
+ * at rest under lists of that reach. */
+double relax_creased_share_within(const relax *r, const particles *p, double reach);
+
 /* Whether there are many particles, of which so large a share sees others turned away that creased steps are done in lanes. */
 bool relax_is_rough(const relax *r);
 

@@ -8,6 +8,9 @@
 #include "packing/pair.h"
 #include "particles/relax.h"
 
+/* Where all normals agree to within 60 degrees the weights are 1, and are taken to stay so while the lists
+ * are valid; it would take a turn of 30 degrees within skin / 2 to make that untrue. */
+#define RELAX_FLAT_COSINE 0.5
 /* Where normals within the support agree to 37 degrees there is no edge: across one they part by 45 at least. */
 #define RELAX_SMOOTH_COSINE 0.8
 

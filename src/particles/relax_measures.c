@@ -260,6 +260,40 @@ double relax_creased_share(const relax *r, const particles *p)
     return (double)creased / (double)p->count;
 }
 
+typedef struct creased_job {
+    const relax *r;
+    const particles *p;
+    double reach;
+    atomic_size_t creased;
+} creased_job;
+
+static void creased_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    creased_job *job = context;
+    const particles *p = job->p;
+    size_t creased = 0;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        const uint32_t *list = neighbours_list(job->r->near, i),
+                       count = job->r->flat[i] ? 0 : job->r->near->list_count[i];
+        bool turned = false;
+        for (uint32_t k = 0; k < count && !turned; k++) {
+            const double reach = 0.5 * job->reach * (particles_size(p, i) + particles_size(p, list[k]));
+            turned = vec3_norm2(vec3_sub(p->position[i], p->position[list[k]])) < reach * reach &&
+                     particles_facing(p, i, list[k]) <= RELAX_FLAT_COSINE;
+        }
+        creased += turned;
+    }
+    atomic_fetch_add(&job->creased, creased);
+}
+
+double relax_creased_share_within(const relax *r, const particles *p, double reach)
+{
+    creased_job job = {.r = r, .p = p, .reach = reach};
+    threads_run(r->pool, p->count, 4096, creased_chunk, &job);
+    return (double)atomic_load(&job.creased) / (double)p->count;
+}
+
 bool relax_is_rough(const relax *r)
 {
     return r->rough;

@@ -187,10 +187,24 @@ static bool place(sampler *s, error *e)
     return arrange(s, e);
 }
 
-/* When the coarsest level does not see the surface for its edges the next finer one takes its place. */
-static bool drop_coarsest(sampler *s, double most, bool *again, error *e)
+/* Whether the coarsest level does not see the surface for its edges. Where it begins more particles see others turned from them than once
+ * density is even; if it is large it is worth a look whether they will. */
+static bool is_too_creased(const sampler *s, bool begins)
 {
-    *again = relax_creased_share(s->scratch.relax, s->state.p) > most;
+    const schedule *given = s->setup.schedule;
+    const double share = relax_creased_share(s->scratch.relax, s->state.p);
+    if (!begins || share <= given->creased_share) return share > given->creased_share;
+    return share > given->creased_share_first ||
+           ((double)s->state.p->count >= given->large &&
+            relax_creased_share_within(s->scratch.relax, s->state.p,
+                                       s->state.sigma + given->skin_narrow * s->state.spacing) >
+                given->creased_share);
+}
+
+/* Then the next finer one takes its place. */
+static bool drop_coarsest(sampler *s, bool begins, bool *again, error *e)
+{
+    *again = is_too_creased(s, begins);
     if (!*again) return true;
     levels_drop_coarsest(&s->state.plan);
     return sampler_begin(s, s->state.sigma / s->state.spacing, e);
@@ -207,7 +221,7 @@ bool sampler_begin(sampler *s, double support, error *e)
     if (!s->setup.method->begin(s, e)) return false;
     bool again;
     const bool may_be_dropped = s->state.plan.count > 1 && s->state.stage == 0;
-    return !may_be_dropped || drop_coarsest(s, s->setup.schedule->creased_share_first, &again, e);
+    return !may_be_dropped || drop_coarsest(s, true, &again, e);
 }
 
 static size_t count_on_boundary(const sampler *s)
@@ -235,7 +249,7 @@ static void forget_mesh(sampler *s)
 bool sampler_replan(sampler *s, bool *again, error *e)
 {
     const size_t count = s->state.p->count;
-    if (s->state.stage == 0) return drop_coarsest(s, s->setup.schedule->creased_share, again, e);
+    if (s->state.stage == 0) return drop_coarsest(s, false, again, e);
     if (s->state.plan.allotments) return true; /* which know their counts */
     /* what is not resolved tells no count to begin again with */
     s->state.planned |= relax_is_mostly_creased(s->scratch.relax);
