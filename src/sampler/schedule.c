@@ -17,7 +17,7 @@ static const double LAMBDA_BEGINS = -3;
     .roughness = {{{0.05, 0.25}, 0.1, 0.9, 500}, {{0.02, 0.25}, 0.04, 0.99, 900}}, .size_settled = 1e-3,  \
     .resizes_most = 10, .cramped_share = 0.01, .cramped_share_coarse = 0.04, .skin_wide = 0.6,            \
     .skin_narrow = 0.2, .skin_steps = 6, .skin_first = 0.22, .many = 2e5, .many_sweeps = 2, .large = 3e4, \
-    .large_omega = 2.35, .large_cramped_share = 0.06, .large_sweeps = 15, .large_misses = 1e-3,            \
+    .large_omega = 2.35, .large_cramped_share = 0.06, .large_sweeps = 15, .large_misses = 1e-3,           \
     .creased_share = 0.7, .creased_share_first = 0.9, .newcomer_sweeps = 60
 
 /* Over-relaxation: 1.8 needs three times the sweeps, 3.0 is slower again near rest. */
