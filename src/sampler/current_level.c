@@ -192,13 +192,12 @@ static bool place(sampler *s, error *e)
 static bool is_too_creased(const sampler *s, bool begins)
 {
     const schedule *given = s->setup.schedule;
-    const double share = relax_creased_share(s->scratch.relax, s->state.p);
+    const double share = relax_creased_share(s->scratch.relax, s->state.p),
+                 reach = s->state.sigma + given->skin_narrow * s->state.spacing;
     if (!begins || share <= given->creased_share) return share > given->creased_share;
     return share > given->creased_share_first ||
            ((double)s->state.p->count >= given->large &&
-            relax_creased_share_within(s->scratch.relax, s->state.p,
-                                       s->state.sigma + given->skin_narrow * s->state.spacing) >
-                given->creased_share);
+            relax_creased_share_within(s->scratch.relax, s->state.p, reach) > given->creased_share);
 }
 
 /* Then the next finer one takes its place. */

@@ -78,10 +78,9 @@ typedef struct schedule {
     double many, skin_first;
     int many_sweeps;
 
-    /* A coarsest level of `large` particles and more, as of a fog, costs as much as all others. While its density evens out it
-     * has this over-relaxation, and lists are built anew when more than this share cannot move; if it is refined, it has so many
-     * sweeps at least, over which over-relaxation falls: at the least it would creep to its rest. It begins anew only with a
-     * count that is off by more than this share. */
+    /* A coarsest level of `large` particles and more, as of a fog, costs most. While its density evens out it has this over-relaxation,
+     * and lists are built anew when more than this share cannot move. If it is refined it has so many sweeps at least: over fewer
+     * over-relaxation falls too soon. It begins anew only with a count that is off by more than a share. */
     double large, large_omega, large_cramped_share, large_sweeps, large_misses;
 
     /* A coarsest level is dropped when more than this share of its particles see round edges or through sheets; or more than that
