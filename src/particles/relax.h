@@ -120,8 +120,8 @@ void relax_take_support(relax *r, double sigma);
  * built: round an edge, or through a sheet. */
 double relax_creased_share(const relax *r, const particles *p);
 
-/* The same of neighbours within `reach` times the sizes, no farther than the lists: of places that are drawn at random nearly what it is
- * at rest under lists of that reach. */
+/* The same of neighbours within `reach` times the mean of both sizes, no farther than the lists. Of particles at random places this share
+ * is nearly that of particles at rest. */
 double relax_creased_share_within(const relax *r, const particles *p, double reach);
 
 /* Whether there are many particles, of which so large a share sees others turned away that creased steps are done in lanes. */

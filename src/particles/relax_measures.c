@@ -7,7 +7,7 @@
 #include "particles/relax_internal.h"
 
 /* With fewer neighbours within its support a particle is free to move along some direction, and the Hessian is all but singular. Who
- * has so many in its list, where nothing turns, has those. */
+ * has so many in its list, where nothing turns, nearly always has those. */
 enum { HELD_BY = 3, HELD_BY_LISTED = 9 };
 /* In the middle between a packing's first and second shell of neighbours, over its spacing. */
 static const double BETWEEN_SHELLS = 1.366;

@@ -26,7 +26,7 @@ enum { PLACES_OF_PATCH = 4 };
 static const double BARE_PATCH = 1, BARE_PLACE = 0.97;
 /* Of a surface without patches: with a place so far from all points a part of it may have none. Nearer ones fill up by themselves. */
 static const double BARE_PART = 1.2;
-/* Who goes to a place lands so near it, in spacings: farther away there may be another. Places of patches are a cell off at most. */
+/* Who goes to a place lands so near it, in spacings: farther away may be a point. Places of patches lie up to a cell off the surface. */
 static const double LANDS_WITHIN = 0.25;
 /* Where none crowds places of a patch may be bare all the same, since it has too few points: others have more than they need,
  * those who have another so near, and the nearest first. */
@@ -86,7 +86,6 @@ static bool relocate(sampler *s, const drawn *d, size_t *moves, error *e)
                                  .near = d->near};
     relocation *chosen = NULL;
     size_t count = 0;
-    const double farthest = d->patch ? s->setup.field->cell_size : LANDS_WITHIN * s->state.spacing;
     bool ok = relocation_choose(&in, s->setup.pool, &chosen, &count, e);
     *moves = 0;
     for (size_t k = 0; ok && k < count; k++) {
@@ -94,7 +93,9 @@ static bool relocate(sampler *s, const drawn *d, size_t *moves, error *e)
         const field *f = field_of_patch(s->setup.field, d->patch ? d->patch[place] : 0);
         if (d->patch && d->of_patch[p->patch[point]] == 1) continue; /* its patch has no other left */
         vec3 x = d->place[place], normal = {0, 0, 1};
-        if (!sampler_land(f, s->state.spacing, farthest, &x, &normal)) {
+        const double near = LANDS_WITHIN * s->state.spacing * particles_size(p, d->near[place]),
+                     cell = s->setup.field->cell_size;
+        if (!sampler_land(f, s->state.spacing, d->patch || cell < near ? cell : near, &x, &normal)) {
             d->place[place] = p->position[point]; /* nor is it a place for another */
             continue;
         }

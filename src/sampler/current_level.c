@@ -187,8 +187,8 @@ static bool place(sampler *s, error *e)
     return arrange(s, e);
 }
 
-/* Whether the coarsest level does not see the surface for its edges. Where it begins more particles see others turned from them than once
- * density is even; if it is large it is worth a look whether they will. */
+/* Whether the coarsest level does not see the surface for its edges. Where it begins more particles see others turned from them than at
+ * rest, since lists reach farther: of a large one those count that are within the reach of lists at rest. */
 static bool is_too_creased(const sampler *s, bool begins)
 {
     const schedule *given = s->setup.schedule;
@@ -196,7 +196,7 @@ static bool is_too_creased(const sampler *s, bool begins)
                  reach = s->state.sigma + given->skin_narrow * s->state.spacing;
     if (!begins || share <= given->creased_share) return share > given->creased_share;
     return share > given->creased_share_first ||
-           ((double)s->state.p->count >= given->large &&
+           (given->is_paced && (double)s->state.p->count >= given->large &&
             relax_creased_share_within(s->scratch.relax, s->state.p, reach) > given->creased_share);
 }
 

@@ -178,9 +178,8 @@ static bool may_be_mended(const sampler *s)
 }
 
 /* The solve has ended at rest. Particles that are not on the surface get new places, and so do some that crowd where a patch is
- * bare; they have to find theirs among the others, so that the last round goes on. In a coarse answer no descent brings those
- * that crowd to where places are bare, nor has who was put elsewhere a place of its own to find; in a sequence they stay with
- * their own. */
+ * bare; they have to find theirs among the others, so that the last round goes on. In a coarse answer nobody has a place of its own, and
+ * those that crowd are moved to where places are bare; in a sequence they stay with their own. */
 static bool deliver(sampler *s, error *e)
 {
     const size_t before = s->record.removed;

@@ -79,7 +79,7 @@ sampler_coarsest_gain(const sampler *s); /* a round that ended with a larger gai
 size_t sampler_removed_offsurface(const sampler *s);
 
 /* Puts every particle on the surface to rounding, and computes what the output holds. A particle that
- * cannot be put there counts as lost. Errors: limit_memory. */
+ * cannot be put there counts as lost. Errors: limit_memory, cancelled. */
 bool sampler_finalize(sampler *s, error *e);
 
 /* Points as measures see them. Of a surface with patches a point on a curve stands once for each patch there, with that

@@ -211,8 +211,8 @@ bool sampler_cover_patches(sampler *s, bool *changed, error *e);
  * some, though their share of the coarser levels' was less than one. Lists are stale where there are such. Error: limit_memory. */
 bool sampler_cover_parts(sampler *s, error *e);
 
-/* Every particle onto the surface to rounding, or onto a new place there, which adds to record.removed. Error:
- * limit_memory. */
+/* Every particle onto the surface to rounding, or onto a new place there, which adds to record.removed. Errors:
+ * limit_memory, cancelled. */
 bool sampler_settle(sampler *s, error *e);
 
 /* A round has come to rest: adapts the support and looks closer, refines, or ends. Errors: limit_memory,

@@ -80,11 +80,11 @@ typedef struct schedule {
 
     /* A coarsest level of `large` particles and more, as of a fog, costs most. While its density evens out it has this over-relaxation,
      * and lists are built anew when more than this share cannot move. If it is refined it has so many sweeps at least: over fewer
-     * over-relaxation falls too soon. It begins anew only with a count that is off by more than a share. */
+     * over-relaxation falls too soon. It begins anew only with a count that is off by more than the share large_misses. */
     double large, large_omega, large_cramped_share, large_sweeps, large_misses;
 
-    /* A coarsest level is dropped when more than this share of its particles see round edges or through sheets; or more than that
-     * of particles where they start, of which more do. */
+    /* A coarsest level is dropped when more than this share of its particles see round edges or through sheets; where they start, with
+     * lists that reach farther, more than the other share. A large one is held against the former there, within skin_narrow. */
     double creased_share, creased_share_first;
 
     /* Particles that start on a finer level take so many sweeps by themselves first. */

@@ -55,7 +55,7 @@ static void the_nearest_is_found(void **state)
     free(x);
 }
 
-/* Some move about, be they none or all; the nearest is told among those where they are. */
+/* Some move about, or all; the nearest is told among those where they are. */
 static void the_nearest_is_found_while_some_move(void **state)
 {
     (void)state;
