@@ -106,11 +106,8 @@ static bool is_near_curve(const relax *r, const particles *p, size_t i)
 {
     const uint32_t *list = neighbours_list(r->near, i);
     bool near = particles_is_fixed(p, i);
-    for (uint32_t k = 0; k < r->near->list_count[i] && !near; k++) {
-        double reach = 0.5 * r->sigma * (particles_size(p, i) + particles_size(p, list[k]));
-        near = particles_is_fixed(p, list[k]) &&
-               vec3_norm2(vec3_sub(p->position[i], p->position[list[k]])) < reach * reach;
-    }
+    for (uint32_t k = 0; k < r->near->list_count[i] && !near; k++)
+        near = particles_is_fixed(p, list[k]) && relax_are_within(p, i, list[k], r->sigma);
     return near;
 }
 

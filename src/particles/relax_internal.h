@@ -14,6 +14,13 @@
 /* Where normals within the support agree to 37 degrees there is no edge: across one they part by 45 at least. */
 #define RELAX_SMOOTH_COSINE 0.8
 
+/* Whether two particles are nearer to each other than `reach` times the mean of their sizes. */
+static inline bool relax_are_within(const particles *p, size_t i, size_t j, double reach)
+{
+    const double most = 0.5 * reach * (particles_size(p, i) + particles_size(p, j));
+    return vec3_norm2(vec3_sub(p->position[i], p->position[j])) < most * most;
+}
+
 /* One particle's neighbours, gathered. */
 typedef struct gather {
     double *memory;

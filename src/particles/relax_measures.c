@@ -177,8 +177,7 @@ static bool is_held_at(const sweep_job *job, size_t i)
     if (is_smooth && listed >= HELD_BY_LISTED) return true;
     for (uint32_t k = 0; k < listed; k++) {
         const uint32_t j = list[k];
-        const double support = 0.5 * job->sigma * (particles_size(p, i) + particles_size(p, j));
-        if (!(vec3_norm2(vec3_sub(p->position[i], p->position[j])) < support * support)) continue;
+        if (!relax_are_within(p, i, j, job->sigma)) continue;
         if (!is_smooth && particles_facing(p, i, j) < RELAX_SMOOTH_COSINE) return false;
         within++;
     }
@@ -277,11 +276,9 @@ static void creased_chunk(void *context, int worker, size_t begin, size_t end)
         const uint32_t *list = neighbours_list(job->r->near, i),
                        count = job->r->flat[i] ? 0 : job->r->near->list_count[i];
         bool turned = false;
-        for (uint32_t k = 0; k < count && !turned; k++) {
-            const double reach = 0.5 * job->reach * (particles_size(p, i) + particles_size(p, list[k]));
-            turned = vec3_norm2(vec3_sub(p->position[i], p->position[list[k]])) < reach * reach &&
+        for (uint32_t k = 0; k < count && !turned; k++)
+            turned = relax_are_within(p, i, list[k], job->reach) &&
                      particles_facing(p, i, list[k]) <= RELAX_FLAT_COSINE;
-        }
         creased += turned;
     }
     atomic_fetch_add(&job->creased, creased);
@@ -325,11 +322,8 @@ static void pairs_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     for (size_t i = (begin + job->every - 1) / job->every * job->every; i < end; i += job->every) {
         size_t own = 0;
-        for (uint32_t k = 0; k < job->r->near->list_count[i]; k++) {
-            uint32_t j = neighbours_list(job->r->near, i)[k];
-            double reach = 0.5 * job->reach * (particles_size(p, i) + particles_size(p, j));
-            own += vec3_norm2(vec3_sub(p->position[i], p->position[j])) < reach * reach;
-        }
+        for (uint32_t k = 0; k < job->r->near->list_count[i]; k++)
+            own += relax_are_within(p, i, neighbours_list(job->r->near, i)[k], job->reach);
         pairs += own;
         disordered += own != 6 && !p->near_boundary[i] && !(job->smooth && !job->r->flat[i]);
     }
