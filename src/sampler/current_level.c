@@ -196,7 +196,7 @@ static bool is_too_creased(const sampler *s, bool begins)
                  reach = s->state.sigma + given->skin_narrow * s->state.spacing;
     if (!begins || share <= given->creased_share) return share > given->creased_share;
     return share > given->creased_share_first ||
-           (given->is_paced && (double)s->state.p->count >= given->large &&
+           (schedule_is_large(given, s->state.p->count) &&
             relax_creased_share_within(s->scratch.relax, s->state.p, reach) > given->creased_share);
 }
 
@@ -219,8 +219,7 @@ bool sampler_begin(sampler *s, double support, error *e)
     particles_undamp(s->state.p);
     if (!s->setup.method->begin(s, e)) return false;
     bool again;
-    const bool may_be_dropped = s->state.plan.count > 1 && s->state.stage == 0;
-    return !may_be_dropped || drop_coarsest(s, true, &again, e);
+    return s->state.plan.count == 1 || s->state.stage > 0 || drop_coarsest(s, true, &again, e);
 }
 
 static size_t count_on_boundary(const sampler *s)

@@ -73,11 +73,6 @@ static bool is_early(const schedule_position *at)
     return at->level == 0 && !schedule_is_last_stage(at);
 }
 
-static bool is_large(const schedule *s, const schedule_position *at)
-{
-    return s->is_paced && at->level == 0 && (double)at->count >= s->large;
-}
-
 /* A refined level of many particles of even sizes, away from curves. */
 static bool are_many(const schedule *s, const schedule_position *at)
 {
@@ -98,13 +93,13 @@ static double sweeps_for(const schedule *s, const schedule_position *at, double 
 int schedule_level_sweeps(const schedule *s, const schedule_position *at)
 {
     assert(at->level >= 0 && at->level < at->levels && at->stage < SCHEDULE_STAGES && at->count > 0);
-    const bool between = at->level > 0 && !schedule_is_last_level(at);
+    const bool refined = !schedule_is_last_level(at), between = at->level > 0 && refined;
     const double finest = pow(4, at->levels - 1 - at->level); /* its particles for one of these */
     double sweeps = between ? 0 : sweeps_for(s, at, s->sweeps_count);
     for (int k = 0; between && k < SCHEDULE_BETWEEN; k++)
         sweeps = fmax(
             sweeps, fmin(sweeps_for(s, at, s->sweeps_between[k].count), s->sweeps_between[k].share * finest));
-    const bool sets_order = is_large(s, at) && !schedule_is_last_level(at);
+    const bool sets_order = refined && !between && schedule_is_large(s, at->count);
     sweeps = fmin(fmax(sweeps, sets_order ? s->large_sweeps : s->sweeps_least), s->sweeps_most);
     double rough = s->rough_sweeps[schedule_is_last_level(at)];
     return (int)fmin(pow(rough, at->rough) * sweeps, s->roughness[at->has_curves].most);
@@ -134,7 +129,7 @@ bool schedule_is_rough(const schedule *s, const schedule_position *at, double di
 
 double schedule_omega(const schedule *s, const schedule_position *at)
 {
-    if (!s->is_paced || is_early(at)) return is_large(s, at) ? s->large_omega : s->omega;
+    if (!s->is_paced || is_early(at)) return schedule_is_large(s, at->count) ? s->large_omega : s->omega;
     if (may_need_few(s, at) && at->sweeps == s->many_sweeps - 1) return s->omega;
     double t = (double)at->sweeps / schedule_level_sweeps(s, at);
     double shake = at->is_sized ? s->omega_shake_sized : s->omega_shake;
@@ -185,14 +180,14 @@ bool schedule_is_impatient(const schedule *s, const schedule_position *at, doubl
 bool schedule_wants_lists(const schedule *s, const schedule_position *at, size_t cramped, int age)
 {
     double share = schedule_is_last_level(at) ? s->cramped_share : s->cramped_share_coarse;
-    if (is_large(s, at) && is_early(at)) share = s->large_cramped_share;
+    if (is_early(at) && schedule_is_large(s, at->count)) share = s->large_cramped_share;
     return (double)cramped > share * (double)at->count || (cramped > 0 && age >= s->cramped_wait);
 }
 
 bool schedule_begins_anew(const schedule *s, size_t count, size_t should)
 {
-    const double misses = fabs((double)should - (double)count), n = (double)count;
-    return misses > (s->is_paced && n >= s->large ? s->large_misses * n : 0);
+    const double most = schedule_is_large(s, count) ? s->large_misses * (double)count : 0;
+    return fabs((double)should - (double)count) > most;
 }
 
 double schedule_first_skin(const schedule *s, const schedule_position *at)

@@ -150,6 +150,12 @@ bool schedule_is_impatient(const schedule *s, const schedule_position *at, doubl
 /* Whether lists are to be built anew, with `cramped` particles held back by lists that are `age` sweeps old. */
 bool schedule_wants_lists(const schedule *s, const schedule_position *at, size_t cramped, int age);
 
+/* Whether a coarsest level of so many particles costs most. */
+static inline bool schedule_is_large(const schedule *s, size_t count)
+{
+    return s->is_paced && (double)count >= s->large;
+}
+
 /* Whether a coarsest level that has `count` particles is to begin anew with so many as it should have. */
 bool schedule_begins_anew(const schedule *s, size_t count, size_t should);
 
