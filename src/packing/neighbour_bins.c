@@ -66,11 +66,17 @@ typedef struct visit {
 
 #define NO_CELL UINT32_MAX
 
-/* Where in `cell` a bin's cell is. If it had no bin it has one now; NO_CELL when there is no room for that. */
-static uint32_t cell_at(neighbours *n, const place *bin, visit *last)
+/* Where a bin is: its cell, and its block's key above that. */
+static uint64_t spot_of(const place *bin)
 {
     const place block = block_of(bin);
-    const uint64_t key = key_of(&block);
+    return key_of(&block) << 3 * BLOCK_SHIFT | cell_of(bin);
+}
+
+/* Where in `cell` the cell of a spot is. If it had no bin it has one now; NO_CELL when there is no room for that. */
+static uint32_t cell_at(neighbours *n, uint64_t spot, visit *last)
+{
+    const uint64_t key = spot >> 3 * BLOCK_SHIFT;
     if (key != last->key) {
         size_t slot = slot_of(n, key);
         if (!n->table[slot]) {
@@ -82,7 +88,7 @@ static uint32_t cell_at(neighbours *n, const place *bin, visit *last)
         }
         *last = (visit){key, n->table[slot] - 1};
     }
-    const uint32_t at = last->block * BLOCK_CELLS + cell_of(bin);
+    const uint32_t at = last->block * BLOCK_CELLS + (uint32_t)(spot & (BLOCK_CELLS - 1));
     if (!n->cell[at]) {
         if (n->bin_count == n->bin_capacity) return NO_CELL;
         n->bin_count++;
@@ -102,39 +108,23 @@ static place place_at(const neighbours_place *p, double scale, double size_scale
                     (int64_t)(p->z * scale) >> level}};
 }
 
-/* A bin's block and its cell there, in as many bits as a block's coordinates have. */
-#define BLOCK_BITS (AXIS_BITS - BLOCK_SHIFT)
-static uint64_t spot_of(const place *bin)
-{
-    const place block = block_of(bin);
-    const uint64_t key = (uint64_t)block.at[0] | (uint64_t)block.at[1] << BLOCK_BITS |
-                         (uint64_t)block.at[2] << 2 * BLOCK_BITS | (uint64_t)block.level << 3 * BLOCK_BITS;
-    return key << 3 * BLOCK_SHIFT | cell_of(bin);
-}
-
-static place place_of_point(const neighbours *n, size_t i)
-{
-    return place_at(&n->place[i], n->unit / n->edge, n->cutoff / n->edge);
-}
-
 /* Finds the spots of a chunk's points, each once, in the order of the points. Until there are lists, list_begin holds of each point
- * its spot's number within the chunk. Of the k-th spot of a chunk that begins with point b, list_count[b + k] holds one of its
- * points (then its cell, its bin, and where in bin_item the chunk's points of that bin go), and bin_item[b + k] how many the chunk
- * has; 0 stands behind the last. */
+ * its spot's number within the chunk. Of the k-th spot of a chunk that begins with point b, `list` holds where it is, as a uint64_t at
+ * b + k, bin_item[b + k] how many points the chunk has, and list_count[b + k] its cell, its bin, then where in bin_item the chunk's
+ * points of that bin go; 0 stands behind the last in bin_item. */
 static void spot_chunk(void *context, int worker, size_t begin, size_t end)
 {
     neighbours *n = context;
-    uint64_t spot[CHUNK];
+    uint64_t *spot = (uint64_t *)n->list + begin;
     uint16_t slot[SPOT_SLOTS] = {0}, spots = 0; /* open addressing: the spot's number + 1, or 0 */
     (void)worker;
     assert(end - begin <= CHUNK);
     for (size_t i = begin; i < end; i++) {
-        const place at = place_of_point(n, i);
+        const place at = place_at(&n->place[i], n->unit / n->edge, n->cutoff / n->edge);
         const uint64_t own = spot_of(&at);
         size_t s = own * 0x9e3779b97f4a7c15u >> 32 & (SPOT_SLOTS - 1);
         while (slot[s] && spot[slot[s] - 1] != own) s = (s + 1) & (SPOT_SLOTS - 1);
         if (!slot[s]) {
-            n->list_count[begin + spots] = (uint32_t)i;
             n->bin_item[begin + spots] = 0;
             spot[spots] = own;
             slot[s] = ++spots;
@@ -160,7 +150,7 @@ static bool split_level(neighbours *n, int level, visit *last)
         for (uint32_t c = 0; c < BLOCK_CELLS; c++) {
             if (!n->cell[b * BLOCK_CELLS + c]) continue;
             const place bin = place_of_bin(&block, c), parent = parent_of(&bin);
-            const uint32_t at = cell_at(n, &parent, last);
+            const uint32_t at = cell_at(n, spot_of(&parent), last);
             if (at == NO_CELL) return false;
             n->cell[at] |= CELL_SPLIT;
         }
@@ -178,9 +168,10 @@ static bool number_bins(neighbours *n)
     visit last = {NO_KEY, 0};
     for (size_t begin = 0; begin < n->count; begin += CHUNK)
         for (size_t k = begin; has_spot(n, begin, k); k++) {
-            const place bin = place_of_point(n, n->list_count[k]);
-            if ((n->list_count[k] = cell_at(n, &bin, &last)) == NO_CELL) return false;
-            if (bin.level >= n->levels) n->levels = bin.level + 1;
+            const uint64_t spot = ((const uint64_t *)n->list)[k];
+            const int level = (int)(spot >> 3 * (BLOCK_SHIFT + BLOCK_BITS));
+            if ((n->list_count[k] = cell_at(n, spot, &last)) == NO_CELL) return false;
+            if (level >= n->levels) n->levels = level + 1;
         }
     for (int level = 0; level < n->levels - 1; level++)
         if (!split_level(n, level, &last)) return false;
@@ -189,8 +180,8 @@ static bool number_bins(neighbours *n)
 
 static int colour_of(uint64_t key)
 {
-    return (int)((key & 1) | (key >> AXIS_BITS & 1) << 1 | (key >> 2 * AXIS_BITS & 1) << 2 |
-                 (key >> 3 * AXIS_BITS & (NEIGHBOURS_LEVELS - 1)) << 3);
+    return (int)((key & 1) | (key >> BLOCK_BITS & 1) << 1 | (key >> 2 * BLOCK_BITS & 1) << 2 |
+                 (key >> 3 * BLOCK_BITS & (NEIGHBOURS_LEVELS - 1)) << 3);
 }
 
 /* Puts the blocks in the order of their colours, and their bins one after the other. */
@@ -234,16 +225,23 @@ static void cell_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Turns the cells of all spots into bins, and those into where the chunk's points of a bin go: the first chunk's first. */
+/* Turns the cells of a chunk's spots into bins. */
+static void bin_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    neighbours *n = context;
+    (void)worker, (void)end;
+    for (size_t k = begin; has_spot(n, begin, k); k++) {
+        const uint32_t at = n->list_count[k];
+        n->list_count[k] = n->block_first[at / BLOCK_CELLS] + (n->cell[at] & CELL_BIN) - 1;
+    }
+}
+
+/* Turns the bins of all spots into where the chunk's points of a bin go: the first chunk's first. */
 static void place_spots(neighbours *n)
 {
     memset(n->bin_begin, 0, (n->bin_count + 1) * sizeof *n->bin_begin);
     for (size_t begin = 0; begin < n->count; begin += CHUNK)
-        for (size_t k = begin; has_spot(n, begin, k); k++) {
-            const uint32_t at = n->list_count[k];
-            n->list_count[k] = n->block_first[at / BLOCK_CELLS] + (n->cell[at] & CELL_BIN) - 1;
-            n->bin_begin[n->list_count[k]] += n->bin_item[k];
-        }
+        for (size_t k = begin; has_spot(n, begin, k); k++) n->bin_begin[n->list_count[k]] += n->bin_item[k];
     uint32_t total = 0; /* counts to ends; filling from the back turns ends into begins */
     for (size_t b = 0; b <= n->bin_count; b++) n->bin_begin[b] = total += n->bin_begin[b];
     for (size_t begin = n->count / CHUNK * CHUNK + CHUNK; begin >= CHUNK;)
@@ -270,6 +268,8 @@ bool neighbour_bins_fill(neighbours *n, threads *pool, error *e)
     }
     sort_blocks(n);
     threads_run(pool, n->blocks, BLOCK_CHUNK, cell_chunk, n);
+    threads_run(pool, n->count, CHUNK, bin_chunk, n);
+    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
     place_spots(n);
     threads_run(pool, n->count, CHUNK, item_chunk, n);
     if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");

@@ -5,8 +5,8 @@
 
 #include "packing/neighbours.h"
 
-#define AXIS_BITS 19 /* of a bin's or block's coordinate; in a block's key the level stands above the three */
 #define BLOCK_SHIFT 3 /* a block is this power of two of bins wide: what it reads fits into a core's cache */
+#define BLOCK_BITS 16 /* of a block's coordinate; in a block's key the level stands above the three */
 #define BLOCK_WIDTH (1 << BLOCK_SHIFT)
 #define BLOCK_CELLS (1 << 3 * BLOCK_SHIFT)
 #define CELL_BIN 0x3ff /* of a cell: the number of its bin within the block + 1, or 0 where there is none */
@@ -20,8 +20,8 @@ typedef struct place {
 
 static inline uint64_t key_of(const place *block)
 {
-    return (uint64_t)block->at[0] | (uint64_t)block->at[1] << AXIS_BITS |
-           (uint64_t)block->at[2] << 2 * AXIS_BITS | (uint64_t)block->level << 3 * AXIS_BITS;
+    return (uint64_t)block->at[0] | (uint64_t)block->at[1] << BLOCK_BITS |
+           (uint64_t)block->at[2] << 2 * BLOCK_BITS | (uint64_t)block->level << 3 * BLOCK_BITS;
 }
 
 static inline place block_of(const place *bin)
@@ -32,10 +32,10 @@ static inline place block_of(const place *bin)
 
 static inline place place_of_block(uint64_t key)
 {
-    const uint64_t mask = ((uint64_t)1 << AXIS_BITS) - 1;
-    return (place){
-        (int)(key >> 3 * AXIS_BITS),
-        {(int64_t)(key & mask), (int64_t)(key >> AXIS_BITS & mask), (int64_t)(key >> 2 * AXIS_BITS & mask)}};
+    const uint64_t mask = ((uint64_t)1 << BLOCK_BITS) - 1;
+    return (place){(int)(key >> 3 * BLOCK_BITS),
+                   {(int64_t)(key & mask), (int64_t)(key >> BLOCK_BITS & mask),
+                    (int64_t)(key >> 2 * BLOCK_BITS & mask)}};
 }
 
 /* A bin's cell in its block. */
@@ -67,8 +67,8 @@ static inline size_t slot_of(const neighbours *n, uint64_t key)
 /* Room for the bins and blocks of so many points on a surface; it grows when they have more. Error: limit_memory. */
 bool neighbour_bins_reserve(neighbours *n, size_t points, error *e);
 
-/* Puts the points into bins, and bins and blocks into their orders, by places, sizes, edge and cutoff. list_begin and list_count are
- * used on the way, and mean nothing until there are lists. Errors: limit_memory, cancelled. */
+/* Puts the points into bins, and bins and blocks into their orders, by places, sizes, edge and cutoff. list, list_begin and list_count
+ * are used on the way, and mean nothing until there are lists. Errors: limit_memory, cancelled. */
 bool neighbour_bins_fill(neighbours *n, threads *pool, error *e);
 
 #endif

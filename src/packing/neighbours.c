@@ -524,7 +524,7 @@ bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *
     n->edge = (1 + BIN_HAIR) * cutoff * ldexp(largest, halves < most ? -halves : -most);
     /* one bin of margin on any level, so that the bins around one have no negative coordinate */
     double margin = cutoff * 2 * largest, span = bbox_longest(box) + 2 * margin;
-    if (span / n->edge > (1 << AXIS_BITS) - 4)
+    if (span / n->edge > (1 << (BLOCK_BITS + BLOCK_SHIFT)) - 2 * BLOCK_WIDTH)
         return error_set(e, ERROR_LIMIT_MEMORY,
                          "the support %g is too small for a surface of size %g: ask for fewer points",
                          cutoff * least, bbox_longest(box));
