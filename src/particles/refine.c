@@ -220,12 +220,26 @@ static void offer_edge(mesh_part *p, const edge *edges, uint32_t x)
         sift_down(p, edges, 0, x);
 }
 
-/* Which part each point belongs to; the parts in the order of their first points. */
-static size_t number_parts(const mesh *m, uint32_t *part_of)
+typedef struct parts_job {
+    const mesh *m;
+    uint32_t *part_of;
+} parts_job;
+
+static void join_chunk(void *context, int worker, size_t begin, size_t end)
 {
+    const parts_job *job = context;
+    (void)worker;
+    for (const edge *e = job->m->edges + begin; e < job->m->edges + end; e++)
+        sets_join_shared(job->part_of, e->a, e->b);
+}
+
+/* Which part each point belongs to; the parts in the order of their first points. */
+static size_t number_parts(const mesh *m, uint32_t *part_of, threads *pool)
+{
+    parts_job job = {m, part_of};
     uint32_t parts = 0;
     sets_reset(part_of, m->points);
-    for (size_t k = 0; k < m->count; k++) sets_join(part_of, m->edges[k].a, m->edges[k].b);
+    threads_run(pool, m->count, CHUNK, join_chunk, &job);
     for (size_t k = 0; k < m->points; k++) part_of[k] = part_of[part_of[k]];
     for (size_t k = 0; k < m->points; k++) part_of[k] = part_of[k] == k ? parts++ : part_of[part_of[k]];
     return parts;
@@ -295,14 +309,15 @@ static void drop_row_edges(mesh *m, const particles *p, const refine_patches *pa
 }
 
 /* Sets how many particles each edge is to have, for `count` of them in all, or as many as patches are to have. */
-static bool choose_edges(mesh *m, size_t count, const particles *p, const refine_patches *patches, error *e)
+static bool choose_edges(mesh *m, size_t count, const particles *p, const refine_patches *patches,
+                         threads *pool, error *e)
 {
     const char *what = "refinement";
     bool ok = false;
     mesh_part *parts = NULL;
     uint32_t *picks = NULL, *part_of = mem_array(m->points, sizeof *part_of, what, e);
     if (!part_of) return false;
-    size_t number = patches ? p->patches->count : number_parts(m, part_of), sum;
+    size_t number = patches ? p->patches->count : number_parts(m, part_of, pool), sum;
     if (patches) memcpy(part_of, p->patch, m->points * sizeof *part_of);
     parts = mem_array(number, sizeof *parts, what, e);
     if (!parts) goto done;
@@ -617,7 +632,7 @@ bool refine_particles(const field *f, const surface *scan, const sizing_field *s
     assert(m->points == p->count);
     bool ok = mesh_edges(m, pool, e);
     if (ok && patches) drop_row_edges(m, p, patches);
-    return ok && choose_edges(m, count, p, patches, e) && add_middles(f, patches, m, pool, p, e) &&
+    return ok && choose_edges(m, count, p, patches, pool, e) && add_middles(f, patches, m, pool, p, e) &&
            (patches ? fill_patches(f, scan, sizing, patches, p, spacing, seed, e)
                     : draw_rest(f, scan, sizing, p, count, spacing, seed, e));
 }
