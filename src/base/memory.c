@@ -49,14 +49,14 @@ char *mem_printf(const char *format, ...)
 }
 
 /* From so many bytes on, whole pages are given back to the kernel, which zeroes them when they are first touched: arrays are
- * often larger than what comes to be used of them. They have pages of two megabytes: a process with gigabytes in small ones takes
- * the kernel a third of a second to end. */
-static const size_t LARGE = 2 << 20;
+ * often larger than what comes to be used of them. Smaller ones, as of a picture of usual size, are zeroed as they are, those of
+ * SEVERAL_PAGES once all their pages are in place: to touch a page for the first time takes as long as to zero several, and on
+ * virtual machines fifty. */
+static const size_t LARGE = 5 << 18, SEVERAL_PAGES = 1 << 17;
 
-/* Smaller arrays are zeroed as they are; from so many bytes on, their pages are put in place at once before: to touch a page for
- * the first time takes as long as to zero several, and on virtual machines fifty. */
-static const size_t POPULATED_FROM = 1 << 17;
-
+/* Arrays of so many bytes have pages of two megabytes: a process with gigabytes in small ones takes the
+ * kernel a third of a second to end. */
+static const size_t VERY_LARGE = 2 << 20;
 /* Bytes of an array that are moved before their old place is given back. */
 static const size_t AT_ONCE = 32 << 20;
 
@@ -76,11 +76,13 @@ static void populate(char *p, size_t bytes)
 
 static void *zeroed(char *p, size_t bytes)
 {
-    size_t head = 0, pages = bytes < POPULATED_FROM ? 0 : whole_pages(p, bytes, &head);
+    size_t head = 0, pages = bytes < SEVERAL_PAGES ? 0 : whole_pages(p, bytes, &head);
     if (bytes < LARGE) populate(p + head, pages);
     if (bytes < LARGE || madvise(p + head, pages, MADV_DONTNEED) != 0) return memset(p, 0, bytes);
-    madvise(p + head, pages, MADV_HUGEPAGE); /* a wish: the kernel may have none */
-    populate(p + head + pages - pages % LARGE, pages % LARGE);
+    if (bytes >= VERY_LARGE) {
+        madvise(p + head, pages, MADV_HUGEPAGE); /* a wish: the kernel may have none */
+        populate(p + head + pages - pages % VERY_LARGE, pages % VERY_LARGE);
+    }
     memset(p, 0, head);
     memset(p + head + pages, 0, bytes - head - pages);
     return p;
@@ -103,7 +105,7 @@ void mem_begin(void)
         populate(first + head, POPULATED);
     }
     free(first);
-    mallopt(M_MMAP_THRESHOLD, (int)LARGE);
+    mallopt(M_MMAP_THRESHOLD, (int)VERY_LARGE);
 }
 
 void *mem_array(size_t count, size_t size, const char *what, error *e)
@@ -113,7 +115,7 @@ void *mem_array(size_t count, size_t size, const char *what, error *e)
         bytes <= PTRDIFF_MAX - 128) { /* no object is larger */
         bytes = (bytes + 64) & ~(size_t)63;
         void *p;
-        if (posix_memalign(&p, bytes < LARGE ? 64 : LARGE, bytes) == 0) return zeroed(p, bytes);
+        if (posix_memalign(&p, bytes < VERY_LARGE ? 64 : VERY_LARGE, bytes) == 0) return zeroed(p, bytes);
     }
     error_set(e, ERROR_LIMIT_MEMORY,
               "no memory for %s (%zu elements of %zu bytes): raise limits.memory_mb or ask for fewer points",
