@@ -315,7 +315,7 @@ def compare(case, middle, others):
 HEAD = """# Quality, measured
 
 Written by `make quality`; do not edit. Each row is one case of [tools/quality.json](../../tools/quality.json): medians over
-the seeds, and after ± half of the range over them. The measures are defined in SPEC and `src/packing/quality.h`, but
+the seeds, and after ± half of the range over them. The measures are defined in SPEC and `src/voronoi/quality.h`, but
 computed here by [tools/measure.py](../../tools/measure.py), which shares no code with the sampler: from `points.ply`, the
 job's spec and an area that is a closed form or an integral of its own. Of the last columns, `area` is how far the report's
 area is from that one, `parts` the largest difference of edge_cv, area_cv and energy_excess from the report's, relative

@@ -5,7 +5,7 @@
 
 #include "base/memory.h"
 #include "geometry/box_tree.h"
-#include "packing/quality.h"
+#include "voronoi/quality.h"
 
 static const char what[] = "the rows along curves";
 

@@ -8,7 +8,7 @@
 #include "base/rng.h"
 #include "base/sets.h"
 #include "field/projection.h"
-#include "packing/star_lanes.h"
+#include "voronoi/star_lanes.h"
 #include "particles/population.h"
 #include "particles/random_streams.h"
 

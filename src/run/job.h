@@ -3,7 +3,7 @@
 #ifndef HEXAD_RUN_JOB_H
 #define HEXAD_RUN_JOB_H
 
-#include "packing/quality.h"
+#include "voronoi/quality.h"
 #include "run/attributes.h"
 #include "run/progress.h"
 #include "run/results.h"

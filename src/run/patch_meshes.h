@@ -6,7 +6,7 @@
 #include "base/error.h"
 #include "base/threads.h"
 #include "mesh/mesh_patches.h"
-#include "packing/triangulation.h"
+#include "voronoi/triangulation.h"
 
 /* Edges and vertices at which triangles are no surface, or end where they should not. */
 size_t patch_meshes_faults(const triangulation_facts *facts);

@@ -3,7 +3,7 @@
 #define HEXAD_RUN_REPORT_H
 
 #include "json/json.h"
-#include "packing/quality.h"
+#include "voronoi/quality.h"
 #include "run/progress.h"
 #include "run/results.h"
 #include "run/attributes.h"

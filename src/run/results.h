@@ -10,7 +10,7 @@
 #include "json/json.h"
 #include "labels/label_surface.h"
 #include "triangles/mesh.h"
-#include "packing/triangulation.h"
+#include "voronoi/triangulation.h"
 #include "sampler/sampler.h"
 #include "spec/spec.h"
 

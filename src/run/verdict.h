@@ -9,7 +9,7 @@
 
 #include "base/words.h"
 #include "json/json.h"
-#include "packing/quality.h"
+#include "voronoi/quality.h"
 #include "sampler/sampler.h"
 
 #define VERDICT_LIST(ENTRY, prefix)         \

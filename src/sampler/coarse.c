@@ -6,7 +6,7 @@
 
 #include "base/memory.h"
 #include "field/projection.h"
-#include "packing/quality.h"
+#include "voronoi/quality.h"
 #include "particles/coverage.h"
 #include "particles/random_streams.h"
 #include "particles/relocation.h"

@@ -8,7 +8,7 @@
 #include "geometry/moving_points.h"
 #include "geometry/point_tree.h"
 #include "packing/packing.h"
-#include "packing/quality.h"
+#include "voronoi/quality.h"
 #include "particles/random_streams.h"
 #include "sampler/sampler_internal.h"
 

@@ -14,7 +14,7 @@
 #include "base/memory.h"
 #include "packing/neighbours.h"
 #include "packing/packing.h"
-#include "packing/voronoi.h"
+#include "voronoi/voronoi.h"
 #include "sampler/mend_piece.h"
 
 /* Of a piece, in spacings of its middle: who moves, who is judged, and who is seen. Smaller pieces come into an order that

@@ -7,7 +7,7 @@
 #include "packing/energy.h"
 #include "packing/neighbours.h"
 #include "packing/packing.h"
-#include "packing/voronoi.h"
+#include "voronoi/voronoi.h"
 
 enum { SWEEPS = 16, LIST_SWEEPS = 8 };
 /* Of what is tried: one less; one more; the rest moves one. */

@@ -6,7 +6,7 @@
 #include "base/compare.h"
 #include "base/memory.h"
 #include "field/projection.h"
-#include "packing/quality.h"
+#include "voronoi/quality.h"
 
 /* Places that are looked at: shares are told to a few tenths of a percent. */
 enum { SAMPLES = 4096, GRAIN = 32 };

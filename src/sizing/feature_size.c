@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "packing/quality.h"
+#include "voronoi/quality.h"
 #include "sizing/elements.h"
 
 /* How far a ball may touch a sheet's plane from the middle of its element, in cubes: no gap is left between two. */

@@ -11,7 +11,7 @@
 #include "base/memory.h"
 #include "close.h"
 #include "packing/packing.h"
-#include "packing/quality.h"
+#include "voronoi/quality.h"
 #include "sampler/levels.h"
 #include "sampler/sampler.h"
 #include "sequence/frame_transfer.h"

@@ -9,7 +9,7 @@
 #include <string.h>
 #include <cmocka.h>
 
-#include "packing/quality.h"
+#include "voronoi/quality.h"
 #include "sampler/sampler.h"
 
 /* |x| - 1 - HEIGHT sin(WAVE x) sin(WAVE y) sin(WAVE z), in cubes of an edge of CELL. */

@@ -8,7 +8,7 @@
 #include <cmocka.h>
 
 #include "base/memory.h"
-#include "packing/partitions.h"
+#include "voronoi/partitions.h"
 #include "shapes.h"
 
 enum { COUNT = 260000 };

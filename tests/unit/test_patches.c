@@ -10,8 +10,8 @@
 
 #include "close.h"
 #include "faces.h"
-#include "packing/quality.h"
-#include "packing/triangulation.h"
+#include "voronoi/quality.h"
+#include "voronoi/triangulation.h"
 #include "sampler/sampler.h"
 #include "shapes.h"
 #include "curves/curve_rows.h"

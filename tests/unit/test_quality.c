@@ -12,7 +12,7 @@
 #include "close.h"
 #include "packing/energy.h"
 #include "packing/packing.h"
-#include "packing/quality.h"
+#include "voronoi/quality.h"
 #include "shapes.h"
 
 enum { SIDE = 40, LATTICE = SIDE * SIDE };

@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "packing/voronoi.h"
+#include "voronoi/voronoi.h"
 #include "particles/refine.h"
 #include "shapes.h"
 

@@ -11,7 +11,7 @@
 
 #include "close.h"
 #include "packing/energy.h"
-#include "packing/quality.h"
+#include "voronoi/quality.h"
 #include "sampler/sampler.h"
 #include "shapes.h"
 

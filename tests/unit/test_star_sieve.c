@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "packing/star_sieve.h"
+#include "voronoi/star_sieve.h"
 #include "shapes.h"
 
 enum { MOST = 48 };

@@ -10,7 +10,7 @@
 
 #include "base/rng.h"
 #include "mesh_fixture.h"
-#include "packing/triangulation.h"
+#include "voronoi/triangulation.h"
 #include "remesh/discs.h"
 #include "remesh/left_out.h"
 #include "remesh/surface_mesh.h"

@@ -10,7 +10,7 @@
 
 #include "close.h"
 #include "field/projection.h"
-#include "packing/star_lanes.h"
+#include "voronoi/star_lanes.h"
 #include "shapes.h"
 
 enum { SIDE = 24, SHEET = SIDE * SIDE, MOST = 3000 };

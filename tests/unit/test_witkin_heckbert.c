@@ -11,7 +11,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "packing/quality.h"
+#include "voronoi/quality.h"
 #include "sampler/sampler.h"
 #include "shapes.h"
 

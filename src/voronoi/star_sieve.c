@@ -1,4 +1,4 @@
-#include "packing/star_sieve.h"
+#include "voronoi/star_sieve.h"
 
 #include <string.h>
 

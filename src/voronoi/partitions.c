@@ -1,4 +1,4 @@
-#include "packing/partitions.h"
+#include "voronoi/partitions.h"
 
 #include <assert.h>
 #include <math.h>

@@ -1,7 +1,7 @@
 /* partitions: a point set cut into slabs across the longest side of its box, so that neighbour lists are needed for
  * one partition at a time. A partition holds about a hundred thousand points; in the largest sets it holds more. */
-#ifndef HEXAD_PACKING_PARTITIONS_H
-#define HEXAD_PACKING_PARTITIONS_H
+#ifndef HEXAD_VORONOI_PARTITIONS_H
+#define HEXAD_VORONOI_PARTITIONS_H
 
 #include <assert.h>
 #include <stdbool.h>

@@ -1,4 +1,4 @@
-#include "packing/voronoi.h"
+#include "voronoi/voronoi.h"
 
 #include <assert.h>
 #include <string.h>
@@ -6,8 +6,8 @@
 #include "base/compare.h"
 #include "base/isa.h"
 #include "packing/packing.h"
-#include "packing/star_lanes.h"
-#include "packing/star_sieve.h"
+#include "voronoi/star_lanes.h"
+#include "voronoi/star_sieve.h"
 
 /* Points are moved by this much at most, in spacings, along their normals: those that lie on a plane or a
  * sphere have no unique triangulation, and so they have. */

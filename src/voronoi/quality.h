@@ -11,8 +11,8 @@
  * spline's normals stays above -0.38. Unresolved points and those joined to them have no cell to be measured,
  * nor have those whose star is pinched or empty; unless the caller knows the cells otherwise. doc/report.md defines each measure.
  */
-#ifndef HEXAD_PACKING_QUALITY_H
-#define HEXAD_PACKING_QUALITY_H
+#ifndef HEXAD_VORONOI_QUALITY_H
+#define HEXAD_VORONOI_QUALITY_H
 
 #include <math.h>
 #include <stdbool.h>

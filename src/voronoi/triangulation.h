@@ -6,8 +6,8 @@
  * counted from the triangles alone. Before that holes of up to eight edges are closed, where triangles that
  * face as their corners do can close them.
  */
-#ifndef HEXAD_PACKING_TRIANGULATION_H
-#define HEXAD_PACKING_TRIANGULATION_H
+#ifndef HEXAD_VORONOI_TRIANGULATION_H
+#define HEXAD_VORONOI_TRIANGULATION_H
 
 #include <stdbool.h>
 #include <stddef.h>

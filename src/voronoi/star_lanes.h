@@ -5,13 +5,13 @@
  * the very ones of the diagram in space; elsewhere these lie off the plane by terms of second order in how far the surface bends
  * within the lists, which STAR_FLAT_FACING and STAR_FLAT_HEIGHT bound. A cell whose every edge is longer than STAR_CLEAR, in
  * spacings, and whose other points would have to come nearer by as much to have one, has the neighbours that the triangles find. */
-#ifndef HEXAD_PACKING_STAR_LANES_H
-#define HEXAD_PACKING_STAR_LANES_H
+#ifndef HEXAD_VORONOI_STAR_LANES_H
+#define HEXAD_VORONOI_STAR_LANES_H
 
 #include <math.h>
 #include <stdint.h>
 
-#include "packing/voronoi.h"
+#include "voronoi/voronoi.h"
 
 /* The cosine of an angle, the sine of its half. */
 #define STAR_FLAT_FACING 0.9

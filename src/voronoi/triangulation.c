@@ -1,4 +1,4 @@
-#include "packing/triangulation.h"
+#include "voronoi/triangulation.h"
 
 #include <assert.h>
 #include <stdlib.h>
@@ -6,8 +6,8 @@
 
 #include "base/memory.h"
 #include "packing/packing.h"
-#include "packing/partitions.h"
-#include "packing/voronoi.h"
+#include "voronoi/partitions.h"
+#include "voronoi/voronoi.h"
 
 /* Points, or triangles, in a chunk of work. */
 #define CHUNK 256

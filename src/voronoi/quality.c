@@ -1,4 +1,4 @@
-#include "packing/quality.h"
+#include "voronoi/quality.h"
 
 #include <stdlib.h>
 
@@ -6,9 +6,9 @@
 #include "base/memory.h"
 #include "packing/energy.h"
 #include "packing/packing.h"
-#include "packing/partitions.h"
-#include "packing/star_lanes.h"
-#include "packing/voronoi.h"
+#include "voronoi/partitions.h"
+#include "voronoi/star_lanes.h"
+#include "voronoi/voronoi.h"
 
 /* A request whose spacings differ by less than this factor is even: the slope against it means nothing. */
 static const double EVEN_REQUEST = 1.05;

@@ -1,4 +1,4 @@
-#include "packing/star_lanes.h"
+#include "voronoi/star_lanes.h"
 
 #include <string.h>
 

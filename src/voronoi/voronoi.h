@@ -6,8 +6,8 @@
  * say. So the triangles are the same seen from all corners, at creases and corners of the surface too. Points
  * on another sheet are not seen. Pure functions, safe in any thread.
  */
-#ifndef HEXAD_PACKING_VORONOI_H
-#define HEXAD_PACKING_VORONOI_H
+#ifndef HEXAD_VORONOI_VORONOI_H
+#define HEXAD_VORONOI_VORONOI_H
 
 #include <stdbool.h>
 #include <stdint.h>

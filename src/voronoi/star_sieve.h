@@ -1,10 +1,10 @@
 /* star_sieve: which triangles of a point and those around may be of the surface (voronoi.h), told in single precision for many at
  * once. None is left out that voronoi.c would take; of a fog's that stay four in five are taken. Pure functions, safe in any thread.
  */
-#ifndef HEXAD_PACKING_STAR_SIEVE_H
-#define HEXAD_PACKING_STAR_SIEVE_H
+#ifndef HEXAD_VORONOI_STAR_SIEVE_H
+#define HEXAD_VORONOI_STAR_SIEVE_H
 
-#include "packing/voronoi.h"
+#include "voronoi/voronoi.h"
 
 /* Triangles of a larger circumradius, in spacings, span a hole or reach across a boundary. An ideal one has 0.58,
  * those of a vacancy 1. */
