@@ -118,7 +118,7 @@ static void spot_chunk(void *context, int worker, size_t begin, size_t end)
     uint64_t *spot = (uint64_t *)n->list + begin;
     uint16_t slot[SPOT_SLOTS] = {0}, spots = 0; /* open addressing: the spot's number + 1, or 0 */
     (void)worker;
-    assert(end - begin <= CHUNK);
+    assert(end - begin <= CHUNK && 2 * end <= n->list_capacity);
     for (size_t i = begin; i < end; i++) {
         const place at = place_at(&n->place[i], n->unit / n->edge, n->cutoff / n->edge);
         const uint64_t own = spot_of(&at);

@@ -14,7 +14,7 @@
 #include "packing/neighbour_bins.h"
 
 static const int PLACE_BITS = 30; /* of a place: differences fit into 32 bits, with room to move */
-/* Of a list, on average: an even packing under the widest skin has 19. */
+/* Of a list, on average: an even packing under the widest skin has 19. Bins need room for two on the way. */
 static const size_t FIRST_ENTRIES = 20;
 /* Bins are a hair wider than the cutoff of the largest size of their level, so that no rounding puts it on the next. */
 static const double BIN_HAIR = 1e-6;
@@ -524,6 +524,7 @@ bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *
     n->edge = (1 + BIN_HAIR) * cutoff * ldexp(largest, halves < most ? -halves : -most);
     /* one bin of margin on any level, so that the bins around one have no negative coordinate */
     double margin = cutoff * 2 * largest, span = bbox_longest(box) + 2 * margin;
+    /* and blocks beside the last have coordinates of as many bits */
     if (span / n->edge > (1 << (BLOCK_BITS + BLOCK_SHIFT)) - 2 * BLOCK_WIDTH)
         return error_set(e, ERROR_LIMIT_MEMORY,
                          "the support %g is too small for a surface of size %g: ask for fewer points",
