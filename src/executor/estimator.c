@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "base/clock.h"
+#include "base/descriptor_wait.h"
 #include "base/memory.h"
 #include "base/worker_contract.h"
 #include "executor/input_permissions.h"
@@ -69,7 +70,7 @@ static bool await(const estimator *m, engine_attempt *attempt)
         struct pollfd fds[1 + ENGINE_MAX_FDS] = {{.fd = stopped ? -1 : m->end_fd, .events = POLLIN}};
         size_t count = 1 + m->settings.engine->watch(attempt, fds + 1);
         int64_t left_ms = end_ms - clock_monotonic_ms();
-        poll(fds, count, stopped ? -1 : left_ms > 0 ? (int)left_ms + 1 : 0);
+        descriptor_wait(fds, count, stopped ? -1 : left_ms > 0 ? (int)left_ms + 1 : 0);
         if (stopped || (!fds[0].revents && clock_monotonic_ms() < end_ms)) continue;
         m->settings.engine->cancel(attempt, true);
         stopped = true;

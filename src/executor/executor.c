@@ -15,6 +15,7 @@
 
 #include "base/background.h"
 #include "base/clock.h"
+#include "base/descriptor_wait.h"
 #include "base/log.h"
 #include "base/memory.h"
 #include "base/threads.h"
@@ -269,13 +270,9 @@ static void wait_for_news(executor *x, struct pollfd *fds)
     int64_t wait = due == INT64_MAX ? -1 : due - clock_monotonic_ms();
     if (due != INT64_MAX && wait < 0) wait = 0;
     /* one millisecond more, because due is rounded: waking too early would be useless */
-    poll(fds, count, wait < 0 ? -1 : wait >= INT32_MAX ? INT32_MAX : (int)wait + 1);
-    if (fds[0].revents) {
-        uint64_t times;
-        ssize_t got = read(x->wake_fd, &times, sizeof times);
-        (void)got;
-        x->look = true;
-    }
+    descriptor_wait(fds, count, wait < 0 ? -1 : wait >= INT32_MAX ? INT32_MAX : (int)wait + 1);
+    uint64_t times;
+    if (fds[0].revents && descriptor_take_event(x->wake_fd, &times, sizeof times)) x->look = true;
     if (x->claim_ms && clock_monotonic_ms() >= x->claim_ms) x->claim_ms = 0;
 }
 

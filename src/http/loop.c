@@ -14,6 +14,7 @@
 #include <microhttpd.h>
 
 #include "base/background.h"
+#include "base/descriptor_wait.h"
 #include "base/memory.h"
 
 struct loop {
@@ -35,7 +36,7 @@ static void wake(loop *l)
 static void take_signal(loop *l)
 {
     eventfd_t count;
-    eventfd_read(l->signal, &count);
+    descriptor_take_event(l->signal, &count, sizeof count);
     atomic_store(&l->signaled, false);
 }
 
@@ -53,7 +54,7 @@ static void *serve(void *argument)
     loop *l = argument;
     struct pollfd on[] = {{.fd = l->ready, .events = POLLIN}, {.fd = l->signal, .events = POLLIN}};
     while (!atomic_load(&l->stopping)) {
-        poll(on, 2, wait_ms(l)); /* interrupted, it only looks too early */
+        descriptor_wait(on, 2, wait_ms(l));
         if (on[1].revents) take_signal(l);
         if (l->listening < 0 && atomic_load(&l->quiescing)) l->listening = MHD_quiesce_daemon(l->daemon);
         MHD_run_wait(l->daemon, 0);

@@ -21,6 +21,7 @@
 #include "auth/access.h"
 #include "base/clock.h"
 #include "base/control_group.h"
+#include "base/descriptor_wait.h"
 #include "base/log.h"
 #include "base/manager.h"
 #include "base/memory.h"
@@ -713,9 +714,9 @@ static void serve(service *s)
         struct pollfd fds[] = {{.fd = s->signals, .events = POLLIN},
                                {.fd = executor_drained_fd(s->x), .events = POLLIN}};
         int64_t wait_ms = due_ms - clock_monotonic_ms();
-        if (poll(fds, 2, interval_ms < 0 ? -1 : wait_ms > 0 ? (int)wait_ms : 0) < 0 && errno != EINTR) return;
+        descriptor_wait(fds, 2, interval_ms < 0 ? -1 : wait_ms > 0 ? (int)wait_ms : 0);
         struct signalfd_siginfo info;
-        if (read(s->signals, &info, sizeof info) == sizeof info) {
+        if (descriptor_take_event(s->signals, &info, sizeof info)) {
             bool again = info.ssi_signo == SIGHUP;
             log_write(LOG_LEVEL_INFO, "%s signal=%u",
                       again      ? "reloading"

@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "base/clock.h"
+#include "base/descriptor_wait.h"
 #include "base/memory.h"
 #include "executor/host.h"
 #include "executor/local.h"
@@ -50,7 +51,7 @@ static void write_lines(run *r)
 static void take_signals(run *r)
 {
     struct signalfd_siginfo info;
-    while (read(r->signals, &info, sizeof info) == sizeof info) r->stopped = true;
+    while (descriptor_take_event(r->signals, &info, sizeof info)) r->stopped = true;
 }
 
 static void stop_if_asked(run *r)
@@ -80,7 +81,7 @@ static void wait_for_end(run *r)
         }
         struct pollfd fds[1 + ENGINE_MAX_FDS] = {{.fd = r->signals, .events = POLLIN}};
         size_t count = 1 + engine_local.watch(r->attempt, fds + 1);
-        poll(fds, count, (int)(look_ms - now));
+        descriptor_wait(fds, count, (int)(look_ms - now));
         if (fds[0].revents) look_ms = 0;
     }
     if (line) add_line(r, line);
