@@ -4,6 +4,11 @@ HEXAD_BUILD    directory of the built programs (needed)
 HEXAD_SOURCE   the source tree; default: above this file
 HEXAD_SHARED   directory of the shared data; default: ../shared/data beside the source tree
 HEXAD_TAP_FD   descriptor for TAP; without it pytest reports as usual
+HEXAD_TIER     basic: tests that show whether a build works; extended: the others; sanitized: those that are worth a run
+               with sanitizers; default: all
+
+A test belongs to the extended tier if it has the marker `extended`, or if it needs the shared data, which are no part of
+the source. The sanitized tier is the basic one without tests marked `plain`, and with extended tests marked `sanitized`.
 """
 import os
 import pathlib
@@ -19,17 +24,48 @@ def _tap(line):
         os.write(int(fd), (line + "\n").encode())
 
 
+def pytest_addoption(parser):
+    parser.addoption("--tiers", action="store_true", help="print the tiers of each test")
+
+
 def pytest_configure(config):
-    config.addinivalue_line("markers", "plain: left out of sanitized builds, since tests beside it run the same code there")
+    for text in ("extended: takes long or needs an external program; `./bootstrap check-all` runs it",
+                 "sanitized: an extended test that also runs in builds with sanitizers",
+                 "plain: left out of sanitized builds: it executes no C code of ours, or other tests execute the same code"):
+        config.addinivalue_line("markers", text)
+
+
+def tiers_of(item):
+    is_extended = item.get_closest_marker("extended") or "shared_data" in item.fixturenames
+    found = {"extended" if is_extended else "basic"}
+    if item.get_closest_marker("sanitized") if is_extended else not item.get_closest_marker("plain"):
+        found.add("sanitized")
+    return found
+
+
+def _is_selected(item):
+    tier = os.environ.get("HEXAD_TIER")
+    return not tier or tier in tiers_of(item)
+
+
+def pytest_collection_modifyitems(config, items):
+    left_out = [item for item in items if not _is_selected(item)]
+    if left_out:
+        items[:] = [item for item in items if _is_selected(item)]
+        config.hook.pytest_deselected(items=left_out)
 
 
 def pytest_collection_finish(session):
+    if session.config.getoption("--tiers"):
+        for item in session.items:
+            print("tiers of", item.location[0], *sorted(tiers_of(item)))
     _tap(f"1..{len(session.items)}")
 
 
 def pytest_runtest_logreport(report):
     """One line a test, after its teardown: any part that failed makes it fail."""
-    state = _report.setdefault(report.nodeid, {"failed": False, "skip": None, "todo": None})
+    state = _report.setdefault(report.nodeid, {"failed": False, "skip": None, "todo": None, "seconds": 0})
+    state["seconds"] += report.duration
     if report.failed:
         state["failed"] = True
     elif report.skipped and hasattr(report, "wasxfail"):
@@ -48,6 +84,7 @@ def pytest_runtest_logreport(report):
         _tap(f"ok {number} - {name} # SKIP {state['skip'].removeprefix('Skipped: ')}")
     else:
         _tap(f"ok {number} - {name}")
+    _tap(f"# {state['seconds']:.2f} s in {name}")
 
 
 def pytest_collectreport(report):
@@ -77,12 +114,6 @@ def build():
 @pytest.fixture(scope="session")
 def sanitized(build):
     return b"__asan_init" in (build / "hexad-worker").read_bytes()
-
-
-@pytest.fixture(autouse=True)
-def spare_sanitizers(request):
-    if request.node.get_closest_marker("plain") and request.getfixturevalue("sanitized"):
-        pytest.skip("in the plain build only: with sanitizers tests beside it run the same code")
 
 
 @pytest.fixture(scope="session")

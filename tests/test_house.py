@@ -1,4 +1,4 @@
-"""The rules of the house that a program can check: formatting, sizes, and names that lead nowhere.
+"""Rules of the source tree that a program can check: formatting, lists of files, and names of files that do not exist.
 
 Each check returns a list of faults. It is run on the source tree, where the list must be empty, and on a small tree
 with one fault, where the list must name it. tests/layers checks which folder of src may include which.
@@ -8,25 +8,14 @@ import pathlib
 import re
 import shutil
 import subprocess
+import sys
 
 import pytest
 
 CODE = ("src", "tests", "fuzz", "bench")
 CLANG_FORMAT = "clang-format-14"
 
-FILE_LINES, FOLDER_LINES = 800, 5000  # of code in src
-TABLES = re.compile(r"_(table|schemas)\.c$")  # rows, no logic: as long as there are rows
-
-PAGE_BYTES = {  # at most; the first pattern that matches the whole path counts
-    r"ARCHITECTURE\.md": 15_000,
-    r"README\.md": 6_000,
-    r"CONTRIBUTING\.md": 12_000,
-    r"NEWS\.md": 12_000,
-    r"bench/README\.md": 8_000,
-    r"doc/measured/inputs\.md": 150_000,  # one row for each file of a collection and count
-    r"doc/measured/.*": 16_000,
-    r"doc/.*": 16_000,
-}
+PAGES = (r"(ARCHITECTURE|README|CONTRIBUTING|NEWS)\.md", r"bench/README\.md", r"doc/.*")  # where pages may be
 
 
 def files_of(root, folders, endings):
@@ -48,10 +37,6 @@ def pages_of(root):
     return files_of(root, ("doc", "bench/README.md", *(p.name for p in root.glob("*.md"))), (".md",))
 
 
-def lines_of(root, name):
-    return (root / name).read_text().count("\n")
-
-
 # ---- the checks
 
 def unformatted(root):
@@ -61,30 +46,9 @@ def unformatted(root):
     return [f"{name} is not formatted: {CLANG_FORMAT} -i {name}" for name in names] or done.stderr.splitlines()
 
 
-def long_pages(root):
-    faults = []
-    for name in pages_of(root):
-        most = next((size for pattern, size in PAGE_BYTES.items() if re.fullmatch(pattern, name)), None)
-        size = (root / name).stat().st_size
-        if most is None:
-            faults.append(f"{name} is not in the table of page sizes")
-        elif size > most:
-            faults.append(f"{name} has {size} bytes, of {most} at most")
-    return faults
-
-
-def long_files(root):
-    return [f"{name} has {lines_of(root, name)} lines, of {FILE_LINES} at most" for name in code_of(root, ("src",))
-            if not TABLES.search(name) and lines_of(root, name) > FILE_LINES]
-
-
-def large_folders(root):
-    lines = {}
-    for name in code_of(root, ("src",)):
-        folder = os.path.dirname(name)
-        lines[folder] = lines.get(folder, 0) + lines_of(root, name)
-    return [f"{folder} has {count} lines, of {FOLDER_LINES} at most" for folder, count in sorted(lines.items())
-            if count > FOLDER_LINES]
+def misplaced_pages(root):
+    return [f"{name} is not where pages are: {', '.join(PAGES)}" for name in pages_of(root)
+            if not any(re.fullmatch(pattern, name) for pattern in PAGES)]
 
 
 def listed_sources(root):
@@ -136,7 +100,7 @@ def lost_names(root):
     return faults
 
 
-CHECKS = [unformatted, long_pages, long_files, large_folders, lost_sources, left_out, other_versions, lost_names]
+CHECKS = [unformatted, misplaced_pages, lost_sources, left_out, other_versions, lost_names]
 
 
 @pytest.mark.parametrize("check", CHECKS, ids=lambda c: c.__name__)
@@ -169,10 +133,7 @@ def small(source, tmp_path):
 
 FAULTS = [
     (unformatted, "src/base/clock.c", "int one(void) { return 1; }\nint  two;\n", "src/base/clock.c is not formatted"),
-    (long_pages, "doc/guide.md", "word " * 3_300, "doc/guide.md has 16500 bytes"),
-    (long_pages, "PLANS.md", "A page nobody agreed to.\n", "PLANS.md is not in the table"),
-    (long_files, "src/base/clock.c", "\n" * 801, "src/base/clock.c has 801 lines"),
-    (large_folders, "src/base/words_table.c", "\n" * 5000, "src/base has 5004 lines"),
+    (misplaced_pages, "PLANS.md", "A page outside the folders of pages.\n", "PLANS.md is not where pages are"),
     (lost_sources, "Makefile.am", "a_SOURCES = src/base/clock.c src/base/gone.c tests/clock.h\n",
      "Makefile.am names src/base/gone.c"),
     (lost_sources, "src/base/new.c", "int new;\n", "Makefile.am does not name src/base/new.c"),
@@ -193,3 +154,40 @@ def test_a_fault_is_found(small, check, name, text, told):
     (small / name).write_text(text)
     found = check(small)
     assert len(found) == 1 and found[0].startswith(told), found
+
+
+# ---- which test is in which tier
+
+TIERS = {  # variables of Makefile.am that list the files of each tier
+    "basic": ("TESTS", "service_e2e_tests", "plain_tests"),
+    "sanitized": ("TESTS", "service_e2e_tests", "sanitized_tests"),
+    "extended": ("extended_tests",),
+}
+
+
+def listed_tests(root, variables):
+    text = (root / "Makefile.am").read_text().replace("\\\n", " ")
+    lists = re.findall(rf"^(?:{'|'.join(variables)}) \+?= (.*)$", text, re.M)
+    return {word for words in lists for word in words.split() if word.endswith(".py")}
+
+
+@pytest.fixture(scope="module")
+def files_by_tier(source):
+    found = {tier: set() for tier in TIERS}
+    for place in ("tests/service", "tests/tools", "tests/crash", "tests/test_house.py"):  # equal names in two folders
+        done = subprocess.run([sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "--collect-only", "-q", "--tiers", place],
+                              cwd=source, capture_output=True, text=True,
+                              env={k: v for k, v in os.environ.items() if k != "HEXAD_TIER"})
+        assert done.returncode == 0, done.stdout
+        for line in done.stdout.splitlines():
+            if line.startswith("tiers of "):
+                name, *tiers = line.split()[2:]
+                for tier in tiers:
+                    found[tier].add(name)
+    return found
+
+
+@pytest.mark.extended
+@pytest.mark.parametrize("tier", TIERS)
+def test_makefile_lists_the_files_with_tests_of_a_tier(source, files_by_tier, tier):
+    assert listed_tests(source, TIERS[tier]) == files_by_tier[tier]
