@@ -208,6 +208,7 @@ class Soak:
         self.rng = random.Random(options.seed)
         self.tally = Tally()
         self.parts, self.stored, self.deleted, self.held = [], 0, 0, 0
+        self.submitted = 0  # jobs of KINDS, of all parts
         self.jobs = []  # of this part: (kind, id)
         self.recent = collections.deque(maxlen=500)  # ids that are looked at
         self.whole = {}  # kind: hash of the points of a job of it
@@ -281,8 +282,9 @@ class Soak:
         else:
             self.hold(self.submit("waiting", {"depends_on": [self.gate]}))
 
-    def submit_next(self, number):
-        kind = KINDS[number % len(KINDS)]
+    def submit_next(self):
+        kind = KINDS[self.submitted % len(KINDS)]
+        self.submitted += 1
         if kind == "refused":
             self.client.ask("POST", "/v1/jobs", {"version": 1, "surface": {}}, (422,))
         else:
@@ -432,7 +434,7 @@ class Soak:
                 delay = began + number / self.options.rate - time.monotonic()
                 if delay > 0:
                     time.sleep(delay)  # the pace of the load
-                self.submit_next(number)
+                self.submit_next()
                 self.load_s = (number + 1) / self.options.rate
                 while self.held - first_held < waiting * (number + 1) // count:
                     self.submit_waiting()

@@ -12,6 +12,8 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.plain
+
 CODE = ("src", "tests", "fuzz", "bench")
 CLANG_FORMAT = "clang-format-14"
 
@@ -103,7 +105,9 @@ def lost_names(root):
 CHECKS = [unformatted, misplaced_pages, lost_sources, left_out, other_versions, lost_names]
 
 
-@pytest.mark.parametrize("check", CHECKS, ids=lambda c: c.__name__)
+@pytest.mark.parametrize(
+    "check", [pytest.param(c, marks=pytest.mark.extended) if c is unformatted else c for c in CHECKS],
+    ids=lambda c: c.__name__)
 def test_the_tree(source, check):
     if check is unformatted and not shutil.which(CLANG_FORMAT):
         pytest.skip(f"{CLANG_FORMAT} is not installed")
@@ -145,7 +149,9 @@ FAULTS = [
 ]
 
 
-@pytest.mark.parametrize("check, name, text, told", FAULTS, ids=[f[3].replace("/", " ") for f in FAULTS])
+@pytest.mark.parametrize("check, name, text, told",
+                         [pytest.param(*f, marks=pytest.mark.extended) if f[0] is unformatted else f for f in FAULTS],
+                         ids=[f[3].replace("/", " ") for f in FAULTS])
 def test_a_fault_is_found(small, check, name, text, told):
     if check is unformatted and not shutil.which(CLANG_FORMAT):
         pytest.skip(f"{CLANG_FORMAT} is not installed")
@@ -161,7 +167,7 @@ def test_a_fault_is_found(small, check, name, text, told):
 TIERS = {  # variables of Makefile.am that list the files of each tier
     "basic": ("TESTS", "service_e2e_tests", "plain_tests"),
     "sanitized": ("TESTS", "service_e2e_tests", "sanitized_tests"),
-    "extended": ("extended_tests",),
+    "extended": ("extended_tests", "campaign_tests"),
 }
 
 

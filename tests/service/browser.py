@@ -2,8 +2,9 @@
 none."""
 import contextlib
 import shutil
+import time
 
-from service import PATIENCE_S, wait_until
+from service import PATIENCE_S
 
 try:
     from selenium import webdriver
@@ -18,6 +19,16 @@ except ImportError:
 FLAGS = ("--headless=new --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking"
          " --disable-component-update --disable-sync --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader")
 WINDOW = (800, 500)  # small: the processor draws all pixels
+POLL_S = 0.05  # between two evaluations of a condition; each one is work for test, driver and browser
+
+
+def wait_until(condition, what, seconds=PATIENCE_S):
+    """The first true value of condition(), as service.wait_until with the interval POLL_S."""
+    end = time.monotonic() + seconds
+    while not (value := condition()):
+        assert time.monotonic() < end, f"waited in vain for {what}"
+        time.sleep(POLL_S)
+    return value
 
 
 def is_there():

@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import tempfile
+import time
 
 from service import PATIENCE_S, wait_until
 
@@ -120,6 +121,7 @@ class Cluster:
         self.environment = {**os.environ, "PATH": PATH, "SLURM_CONF": str(self.base / "slurm.conf")}
         self.running = {}
         self.accounts_port = free_port()
+        self.next_look = 0
         self.past = set()  # numbers of jobs that were forgotten
         lines = [f"NodeName={n} NodeHostname={socket.gethostname().split('.')[0]} NodeAddr=127.0.0.1 Port={free_port()}"
                  f" CPUs={cpus} RealMemory={memory_mb} State=UNKNOWN" for n in self.nodes]
@@ -205,6 +207,9 @@ class Cluster:
         return done.stdout.strip()
 
     def jobs(self, form="%j %T"):
+        # squeue is expensive: tests that wait for a state call it every 0.1 s
+        time.sleep(max(0, self.next_look - time.monotonic()))
+        self.next_look = time.monotonic() + 0.1
         rows = [row.partition("|") for row in self.call("squeue", "-h", "-r", "--states=all", "-o", f"%F|{form}").splitlines()]
         return [words for number, _, words in rows if number not in self.past]
 

@@ -3,7 +3,7 @@ import subprocess
 
 import pytest
 
-from service import PATIENCE_S, Service
+from service import PATIENCE_S, Service, gated_worker
 
 
 @pytest.fixture
@@ -25,6 +25,44 @@ def new_service(build, tmp_path):
 @pytest.fixture
 def service(new_service):
     return new_service().start()
+
+
+@pytest.fixture(scope="module")
+def module_service(build, tmp_path_factory):
+    """One daemon for all tests of a file."""
+    made = Service(build, tmp_path_factory.mktemp("service"))
+    yield made.start()
+    made.clean_up()
+
+
+@pytest.fixture(scope="module")
+def module_gated(build, tmp_path_factory):
+    """One daemon for all tests of a file, with one worker, which ends a job when its gate is opened."""
+    where = tmp_path_factory.mktemp("gated")
+    made = Service(build, where, "--worker", gated_worker(where), "--workers", 1)
+    yield made.start()
+    made.clean_up()
+
+
+def without_jobs(service):
+    """Starts a daemon that has ended, and removes all jobs after the test."""
+    if service.process.poll() is not None:
+        service.start()
+    yield service
+    if service.process.poll() is None:
+        service.remove_jobs()
+
+
+@pytest.fixture
+def clean_service(module_service):
+    """The daemon of the file, without jobs of other tests. Its log has the lines of earlier tests."""
+    yield from without_jobs(module_service)
+
+
+@pytest.fixture
+def clean_gated(module_gated):
+    """The daemon of the file with one gated worker, without jobs of other tests."""
+    yield from without_jobs(module_gated)
 
 
 @pytest.fixture(scope="module")

@@ -209,11 +209,17 @@ class Service:
         return reply.json
 
     def wait_state(self, job, *states, seconds=PATIENCE_S):
+        final = ("succeeded", "failed", "cancelled", "timed_out")
+        # for a final state the daemon answers when the job has ended, at the latest after this time
+        headers = {"Prefer": "wait=0.5"} if set(states) <= set(final) else {}
+
         def look():
-            now = self.job(job)
+            reply = self.request("GET", f"/v1/jobs/{job}", headers=headers)
+            assert reply.status == 200, reply.body
+            now = reply.json
             if now["state"] in states:
                 return now
-            over = now["state"] in ("succeeded", "failed", "cancelled", "timed_out")
+            over = now["state"] in final
             assert not over, f"wanted {states}, got {now}\n{self.log.read_text()}"
             return None
         return wait_until(look, f"{job} to be one of {states}", seconds)
@@ -226,6 +232,16 @@ class Service:
     def open_gate(self, job):
         """Lets a job of the gated worker end."""
         (self.base / f"open.{job}").touch()
+
+    def remove_jobs(self):
+        """Cancels and deletes all jobs."""
+        def remove():
+            jobs = self.get("/v1/jobs?limit=500").json["jobs"]
+            for job in jobs:
+                if self.request("DELETE", f"/v1/jobs/{job['id']}").status == 409:
+                    self.post(f"/v1/jobs/{job['id']}/cancel")
+            return not jobs
+        wait_until(remove, "the removal of all jobs")
 
     def environment(self):
         address = self.address if self.address.startswith("unix:") else f"http://{self.address}"

@@ -13,8 +13,8 @@ from test_rest import expect_problem
 from test_sharing import farm  # noqa: F401, a fixture
 from test_storage import MIB, figure, new_disk, service_on, small  # noqa: F401, a fixture
 
-JOBS = int(os.environ.get("HEXAD_BOUNDS_JOBS", 120))
-DISK_MIB = int(os.environ.get("HEXAD_BOUNDS_MIB", 24))
+JOBS = int(os.environ.get("HEXAD_BOUNDS_JOBS", 14))
+DISK_MIB = int(os.environ.get("HEXAD_BOUNDS_MIB", 16))
 
 
 def fetch(service, job, query=""):
@@ -133,11 +133,13 @@ def test_many_jobs_on_a_small_disk(new_disk, new_service):  # noqa: F811
     disk = new_disk(DISK_MIB)
     service = service_on(disk, new_service, "--results_mb", DISK_MIB // 2, "--free_space_mb", DISK_MIB // 8,
                          "--reserve_mb", 1, "--cache", 0)
-    spec = sphere(1500, output={"preview": False, "ply": {"format": "ascii", "precision": "double"}})
+    # few large results, or many small ones
+    most_waiting, count = (30, 1500) if JOBS >= 100 else (4, 6000)
+    spec = sphere(count, output={"preview": False, "ply": {"format": "ascii", "precision": "double"}})
     waiting, fetched, sent, least = collections.deque(), 0, 0, disk.free()
     while fetched < JOBS:
-        while sent < JOBS and len(waiting) < 30:
-            spec["solver"] = {"seed": sent + 1, "max_sweeps": 3}
+        while sent < JOBS and len(waiting) < most_waiting:
+            spec["solver"] = {"seed": sent + 1, "max_sweeps": 1}
             waiting.append(service.submit(spec))
             sent += 1
         service.wait_state(waiting[0], "succeeded")

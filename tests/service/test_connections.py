@@ -15,6 +15,7 @@ from test_access import new_token
 
 MOST = 1100
 # The stalls that were found came at exactly 128, 256 and 512 connections, where a batch of events was full.
+FEW_COUNTS = [1, 2, 127, 128, 129, 255, 256, 257, 512, MOST]
 COUNTS = [1, 2] + [n + d for n in range(64, MOST, 64) for d in (-1, 0, 1)] + [MOST]
 STALLED_S = 10  # without a byte for any of them; an answer takes a millisecond
 REQUEST = b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n"
@@ -84,10 +85,11 @@ def clients(new_service, tmp_path):
     made.close()
 
 
-def test_requests_that_come_at_once_are_all_answered(clients):
+@pytest.mark.parametrize("counts", [FEW_COUNTS, pytest.param(COUNTS, marks=pytest.mark.extended)], ids=["few", "all"])
+def test_requests_that_come_at_once_are_all_answered(clients, counts):
     """The daemon stands still while they are sent, so that it finds them all in one look, as a busy one does by chance."""
     daemon = clients.service.process
-    for count in COUNTS:
+    for count in counts:
         daemon.send_signal(signal.SIGSTOP)
         wait_until(lambda: b"\nState:\tT" in open(f"/proc/{daemon.pid}/status", "rb").read(), "the daemon's stop")
         clients.ask(count)
@@ -96,10 +98,11 @@ def test_requests_that_come_at_once_are_all_answered(clients):
         assert left == 0, f"{left} of {count} connections have no answer"
 
 
-def test_requests_that_follow_each_other_are_all_answered(clients):
+@pytest.mark.parametrize("rounds", [2, pytest.param(10, marks=pytest.mark.extended)])
+def test_requests_that_follow_each_other_are_all_answered(clients, rounds):
     """Each round begins when the last answer of the round before has come."""
     for count in (127, 128, 129, 255, 256, 257, 512, 1024):
-        for _ in range(10):
+        for _ in range(rounds):
             clients.ask(count)
             left = clients.hear(count)
             assert left == 0, f"{left} of {count} connections have no answer"
@@ -271,7 +274,8 @@ def settings_fault(service, *options):
     return done.stderr
 
 
-def test_a_stop_while_clients_ask_ends_well(new_service, tmp_path):
+@pytest.mark.parametrize("stops", [3, pytest.param(8, marks=pytest.mark.extended)])
+def test_a_stop_while_clients_ask_ends_well(new_service, tmp_path, stops):
     """Requests that a thread of the pool answers suspend their connections: none may be suspended when the server stops."""
     def ask(service, over):
         while not over.is_set() and service.process.poll() is None:
@@ -283,7 +287,7 @@ def test_a_stop_while_clients_ask_ends_well(new_service, tmp_path):
             except (OSError, http.client.HTTPException):
                 continue
 
-    for _ in range(8):
+    for _ in range(stops):
         service = new_service("--listen", f"unix:{tmp_path / 'socket'}").start()
         over = threading.Event()
         clients = [threading.Thread(target=ask, args=(service, over)) for _ in range(16)]

@@ -1,5 +1,6 @@
 """What clients do with jobs that are there: keys and conditions, waiting, changing, following."""
 import json
+import re
 import resource
 import subprocess
 import threading
@@ -12,9 +13,15 @@ from test_rest import expect_problem
 
 
 @pytest.fixture
-def gated(new_service, tmp_path):
-    """One worker, which ends a job when its gate is opened."""
-    return new_service("--worker", gated_worker(tmp_path), "--workers", 1).start()
+def gated(clean_gated):
+    """One worker, which ends a job when its gate is opened; the daemon is the same for all tests of this file."""
+    return clean_gated
+
+
+@pytest.fixture
+def service(clean_service):
+    """One daemon for the tests of this file, without jobs of other tests."""
+    return clean_service
 
 
 def submit_with_key(service, key, spec):
@@ -89,7 +96,8 @@ def test_an_answer_waits_for_the_end(gated):
 
     waiting = threading.Thread(target=ask)
     waiting.start()
-    wait_until(lambda: "user=anyone" in gated.log.read_text(), "a request")
+    wait_until(lambda: int(re.search(rb"hexad_http_connections (\d+)", gated.get("/metrics").body)[1]) > 1,
+               "the request that waits")
     assert not got  # nothing has ended it
     gated.open_gate(job)
     waiting.join(PATIENCE_S)
@@ -132,7 +140,8 @@ def test_who_knows_an_older_document_does_not_wait(gated):
     assert gated.request("GET", f"/v1/jobs/{job}", headers=headers).status == 304
 
 
-def test_a_wait_ends_with_the_service(gated):
+def test_a_wait_ends_with_the_service(new_service, tmp_path):
+    gated = new_service("--worker", gated_worker(tmp_path), "--workers", 1, "--drain_s", 0.2).start()
     job = gated.submit(sphere())
     gated.wait_worker(job)
     got = []
@@ -140,8 +149,7 @@ def test_a_wait_ends_with_the_service(gated):
         gated.request("GET", f"/v1/jobs/{job}", headers={"Prefer": "wait=60"})))
     waiting.start()
     wait_until(lambda: b"hexad_http_connections 2" in gated.get("/metrics").body, "the one who waits")
-    gated.process.send_signal(15)
-    gated.end()
+    assert gated.end() == 0
     waiting.join(PATIENCE_S)
     assert got and got[0].status == 200
 
@@ -165,7 +173,8 @@ def test_a_change_of_what_one_knows(gated):
     assert gated.job(job)["priority"] == 2
 
 
-def test_no_answer_is_older_than_a_change(gated):
+@pytest.mark.parametrize("changes", [30, pytest.param(100, marks=pytest.mark.extended)])
+def test_no_answer_is_older_than_a_change(gated, changes):
     """While others keep asking, so that there is an answer that was kept at every moment."""
     gated.wait_worker(gated.submit(sphere()))
     job = gated.submit(sphere())
@@ -185,7 +194,7 @@ def test_no_answer_is_older_than_a_change(gated):
     for t in threads:
         t.start()
     try:
-        for priority in range(1, 101):
+        for priority in range(1, changes + 1):
             assert gated.request("PATCH", path, json.dumps({"priority": priority}),
                                  {"Content-Type": "application/json"}).status == 200
             assert [gated.job(job)["priority"] for _ in range(2)] == [priority] * 2
@@ -354,8 +363,9 @@ def test_all_jobs_of_a_user(new_service):
     assert with_token(service, root, "DELETE", path).status == 204
 
 
-def test_a_thousand_streams(new_service, tmp_path):
-    """While jobs run, each of a thousand streams hears of its job to the end."""
+@pytest.mark.parametrize("count", [100, pytest.param(1000, marks=pytest.mark.extended)])
+def test_a_thousand_streams(new_service, tmp_path, count):
+    """While jobs run, each of many streams sends the events of its job up to its end."""
     most = resource.getrlimit(resource.RLIMIT_NOFILE)
     if most[1] < 1200:
         pytest.skip("this process may not open so many files")
@@ -365,8 +375,8 @@ def test_a_thousand_streams(new_service, tmp_path):
     at = service.options.index("--listen")
     service.options[at + 1] = f"unix:{tmp_path}/s"
     service.start()
-    jobs = [service.submit(sphere()) for _ in range(10)]
-    streams = [Stream(service, f"/v1/jobs/{jobs[i % 10]}/events") for i in range(1000)]
+    jobs = [service.submit(sphere()) for _ in range(5)]
+    streams = [Stream(service, f"/v1/jobs/{jobs[i % 5]}/events") for i in range(count)]
     assert all(s.reply.status == 200 for s in streams)
     assert service.get("/healthz").status == 200  # and others are served
     for job in jobs:
@@ -375,7 +385,7 @@ def test_a_thousand_streams(new_service, tmp_path):
         service.wait_state(job, "succeeded")
     for i, stream in enumerate(streams):
         told = list(stream)
-        assert told[-1][1] == "state" and told[-1][2]["state"] == "succeeded" and told[-1][2]["job"] == jobs[i % 10]
+        assert told[-1][1] == "state" and told[-1][2]["state"] == "succeeded" and told[-1][2]["job"] == jobs[i % 5]
         stream.close()
 
 

@@ -13,8 +13,9 @@ from service import PATIENCE_S, Service, gated_worker, sphere, wait_until
 from test_access import closed_service, new_token  # noqa: F401 - a fixture
 
 PAGE = 4096  # bytes, SQLite's default
-JOBS = 150
+JOBS = 60
 SEEDS = [int(s) for s in os.environ.get("HEXAD_DAMAGE_SEEDS", "1 2 3 4").split()]
+SEEDS[2:] = [pytest.param(seed, marks=pytest.mark.extended) for seed in SEEDS[2:]]
 
 
 def on_socket(service):
@@ -33,15 +34,16 @@ def service(new_service):
 @pytest.fixture(scope="module")
 def filled(build, tmp_path_factory):
     """A state directory with paused jobs, of which nothing runs, so that a start changes nothing in it; and their ids."""
-    service = Service(build, tmp_path_factory.mktemp("filled")).start()
+    service = on_socket(Service(build, tmp_path_factory.mktemp("filled"))).start()
     try:
-        service.post("/v1/jobs", sphere())
+        service.wait_state(service.submit(sphere()), "succeeded")
+        assert service.post("/v1/admin/hold").status == 200
         jobs = []
         for i in range(JOBS):
             job = service.submit(sphere(count=1000 + i, queue={"labels": [f"label {i} " + "x" * 40]}))
             service.post(f"/v1/jobs/{job}/pause")
             jobs.append(job)
-        wait_until(lambda: not service.get("/v1/workers").json["workers"], "the workers' end")
+        assert service.post("/v1/admin/release").status == 200
     finally:
         service.end()
     return service.state, jobs
@@ -268,7 +270,7 @@ def test_a_backup_of_a_service_that_stands_still(place, filled, tmp_path):
 
 def test_a_backup_of_a_service_that_was_killed(service, tmp_path):
     """What stands in the write-ahead log only is in the backup, and nothing is changed by making it."""
-    jobs = [service.submit(sphere(count=100 + i)) for i in range(20)]
+    jobs = [service.submit(sphere(count=100 + i)) for i in range(5)]
     service.process.kill()
     service.process.wait()
     before = {p.name: p.read_bytes() for p in service.state.glob("queue.db*")}
@@ -279,7 +281,8 @@ def test_a_backup_of_a_service_that_was_killed(service, tmp_path):
     assert {p.name: p.read_bytes() for p in service.state.glob("queue.db*")} == before
 
 
-def test_backups_while_many_submit(new_service, tmp_path):
+@pytest.mark.parametrize("jobs", [60, pytest.param(300, marks=pytest.mark.extended)])
+def test_backups_while_many_submit(new_service, tmp_path, jobs):
     """Each is whole and has every job that was acknowledged before it was asked for."""
     service = on_socket(new_service("--worker", gated_worker(tmp_path), "--workers", 1)).start()
     acknowledged, enough = [], threading.Event()
@@ -288,12 +291,12 @@ def test_backups_while_many_submit(new_service, tmp_path):
         while not enough.is_set():
             acknowledged.append(service.submit(sphere()))
 
-    clients = [threading.Thread(target=submit) for _ in range(16)]
+    clients = [threading.Thread(target=submit) for _ in range(8)]
     for client in clients:
         client.start()
     try:
         for i in range(3):
-            wait_until(lambda: len(acknowledged) > 300 * (i + 1), "submissions")
+            wait_until(lambda: len(acknowledged) > jobs * (i + 1), "submissions")
             known = set(acknowledged)
             done = tool(service, "--backup", tmp_path / "backup.db")
             assert done.returncode == 0, done.stderr
@@ -396,7 +399,8 @@ def test_damage_is_found_on_demand(place, runs):
     assert database.read_bytes() == content
 
 
-@pytest.mark.parametrize("bytes_left", [-100, PAGE, 10, 0])
+@pytest.mark.parametrize("bytes_left", [-100, 0, pytest.param(PAGE, marks=pytest.mark.extended),
+                                        pytest.param(10, marks=pytest.mark.extended)])
 def test_a_truncated_database_is_found_on_demand(place, tmp_path, bytes_left):
     service = place()
     database = service.state / "queue.db"

@@ -13,9 +13,15 @@ FEW_BYTES = 400
 
 
 @pytest.fixture
-def gated(new_service, tmp_path):
-    """One worker, which ends a job when its gate is opened."""
-    return new_service("--worker", gated_worker(tmp_path), "--workers", 1).start()
+def gated(clean_gated):
+    """One worker, which ends a job when its gate is opened; the daemon is the same for all tests of this file."""
+    return clean_gated
+
+
+@pytest.fixture
+def service(clean_service):
+    """One daemon for the tests of this file, without jobs of other tests."""
+    return clean_service
 
 
 def change_database(service, *statements):
@@ -62,7 +68,8 @@ def jobs_told(stream, last):
     raise AssertionError("the stream has ended")
 
 
-def test_a_follower_begins_now(gated):
+def test_a_follower_begins_now(new_service, tmp_path):
+    gated = new_service("--worker", gated_worker(tmp_path), "--workers", 1).start()
     job = gated.submit(sphere())
     gated.open_gate(job)
     gated.wait_state(job, "succeeded")
@@ -180,8 +187,9 @@ def test_everyone_may_follow_the_jobs_that_he_may_list(closed_service, tmp_path)
     expect_problem(with_token(service, alice, "GET", "/v1/events?all=1&job=01aaaaaaaaaaaaaaaaaaaaaaaa"), 404, "not_found")
 
 
-def test_a_filter_that_leaves_out_much_is_told_how_far_it_has_got(service):
+def test_a_filter_that_leaves_out_much_is_told_how_far_it_has_got(new_service):
     """Each answer looks at a bounded number of events, and what was looked at is not looked at again."""
+    service = new_service().start()
     job = service.submit(sphere(queue={"labels": ["common"]}))
     service.wait_state(job, "succeeded")
     add_history(service, job, 3 * HISTORY)
@@ -202,7 +210,8 @@ def test_a_filter_that_leaves_out_much_is_told_how_far_it_has_got(service):
     assert set(jobs_told(Stream(service, "/v1/events?label=rare", last=position), rare)) == {rare}
 
 
-def test_one_is_told_of_events_that_were_removed(service):
+def test_one_is_told_of_events_that_were_removed(new_service):
+    service = new_service().start()
     first, second, third = (service.submit(sphere()) for _ in range(3))
     for job in (first, second, third):
         service.wait_state(job, "succeeded")

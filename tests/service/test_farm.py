@@ -19,7 +19,7 @@ from slurm_farm import (all_ended, array, attempts, attempts_of_frames, front, g
                         new_farm, on_nodes, points, running_cluster, slurm, wait_running)
 from test_storage import new_disk  # noqa: F401, a fixture
 
-pytestmark = needs_slurm
+pytestmark = [pytest.mark.extended, needs_slurm]
 MOVES = {"rename", "renameat", "renameat2"}
 
 

@@ -7,6 +7,8 @@ import pytest
 
 from service import PATIENCE_S
 
+pytestmark = [pytest.mark.extended, pytest.mark.plain]  # needs npm
+
 
 @pytest.fixture(scope="module")
 def modules(source):

@@ -8,6 +8,8 @@ import pytest
 
 from service import PATIENCE_S, wait_until
 
+pytestmark = pytest.mark.plain
+
 
 @pytest.fixture
 def page(source):
@@ -19,6 +21,7 @@ def blocks(page):
     return re.findall(r"^```sh *(\w*)\n(.*?)^```$", page, re.M | re.S)
 
 
+@pytest.mark.extended
 def test_the_whole_guide(build, page, tmp_path):
     for program in ("hexad", "hexadctl", "hexad-worker"):
         (tmp_path / "bin").mkdir(exist_ok=True)

@@ -14,6 +14,12 @@ from service import PATIENCE_S, long_sphere, sphere
 
 
 @pytest.fixture
+def service(clean_service):
+    """One daemon for the tests of this file, without jobs of other tests."""
+    return clean_service
+
+
+@pytest.fixture
 def run(service, build, tmp_path):
     def call(*words, **more):
         return subprocess.run([build / "hexadctl", *map(str, words)], capture_output=True, text=True,
@@ -185,7 +191,9 @@ def test_an_input_that_cannot_be_read(run, tmp_path):
     with open("/proc/self/mem", "rb") as unreadable:  # its first page is nobody's
         done = run("submit", "-", stdin=unreadable)
     assert done.returncode == 2 and "standard input" in done.stderr, done.stderr
-    done = run("submit", "-", input=" " * ((64 << 20) + 1))
+    with open(tmp_path / "large", "wb+") as large:  # zeros, which the client reads as it reads a pipe
+        large.truncate((64 << 20) + 1)
+        done = run("submit", "-", stdin=large)
     assert done.returncode == 2 and "67108864 bytes" in done.stderr, done.stderr
 
 
@@ -234,7 +242,7 @@ def test_a_wait_outlives_a_restart(new_service, build):
     process = subprocess.Popen([build / "hexadctl", "--server", f"unix:{where}", "submit", "-", "--wait"],
                                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
-        process.stdin.write(json.dumps(sphere(count=6000)))
+        process.stdin.write(json.dumps(sphere(count=2000)))
         process.stdin.close()
         process.stdin = None
         said = b""

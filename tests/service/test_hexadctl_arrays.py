@@ -7,7 +7,7 @@ import subprocess
 
 import pytest
 
-from service import PATIENCE_S, gated_worker, sphere, wait_until
+from service import PATIENCE_S, Service, gated_worker, sphere, wait_until
 
 FRAMES = (8, 9, 11)
 
@@ -22,17 +22,48 @@ def footage(build, tmp_path_factory):
     return where
 
 
-@pytest.fixture
-def service(new_service, footage):
-    return new_service("--input_roots", footage).start()
+@pytest.fixture(scope="module")
+def module_service(build, footage, tmp_path_factory):
+    made = Service(build, tmp_path_factory.mktemp("service"), "--input_roots", footage)
+    yield made.start()
+    made.clean_up()
 
 
 @pytest.fixture
-def run(service, build, tmp_path):
+def service(clean_service):
+    """One daemon for the tests of this file, without jobs of other tests."""
+    return clean_service
+
+
+@pytest.fixture(scope="module")
+def finished(build, footage, tmp_path_factory):
+    """Another daemon. The frames 8, 9 and 11 of the job `array` succeeded; frame 10 of the job `failed` failed."""
+    made = Service(build, tmp_path_factory.mktemp("finished"), "--input_roots", footage).start()
+    try:
+        made.array = made.submit(sequence(footage, "8-9,11"))
+        made.failed = made.submit(sequence(footage, "9-10"))
+        made.wait_state(made.array, "succeeded")
+        made.wait_state(made.failed, "failed")
+        yield made
+    finally:
+        made.clean_up()
+
+
+def runner(service, build, tmp_path):
     def call(*words, **more):
         return subprocess.run([build / "hexadctl", *map(str, words)], capture_output=True, text=True,
                               timeout=PATIENCE_S, env=service.environment(), cwd=tmp_path, **more)
     return call
+
+
+@pytest.fixture
+def run(service, build, tmp_path):
+    return runner(service, build, tmp_path)
+
+
+@pytest.fixture
+def run_finished(finished, build, tmp_path):
+    return runner(finished, build, tmp_path)
 
 
 def sequence(footage, frames, **queue):
@@ -47,9 +78,8 @@ def check_frame(service, job, frame, directory):
         assert hashlib.sha256((directory / r["name"]).read_bytes()).hexdigest() == r["sha256"]
 
 
-def test_all_frames_are_fetched(run, service, footage, tmp_path):
-    job = service.submit(sequence(footage, "8-9,11"))
-    service.wait_state(job, "succeeded")
+def test_all_frames_are_fetched(run_finished, finished, tmp_path):
+    run, service, job = run_finished, finished, finished.array
     done = run("fetch", job, "--output", "out")
     assert done.returncode == 0 and "3 of 3 frames" in done.stderr, done.stderr
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["11", "8", "9"]
@@ -63,9 +93,8 @@ def test_all_frames_are_fetched(run, service, footage, tmp_path):
     assert all((tmp_path / "out/8" / clip).is_file() for clip in clips)
 
 
-def test_a_fetch_goes_on_where_it_stopped(run, service, footage, tmp_path):
-    job = service.submit(sequence(footage, "8-9,11"))
-    service.wait_state(job, "succeeded")
+def test_a_fetch_goes_on_where_it_stopped(run_finished, finished, tmp_path):
+    run, service, job = run_finished, finished, finished.array
     assert run("fetch", job, "--output", "out").returncode == 0
     kept = (tmp_path / "out/8/points.ply").stat()
     (tmp_path / "out/9/points.ply").write_bytes(b"cut off")
@@ -77,9 +106,8 @@ def test_a_fetch_goes_on_where_it_stopped(run, service, footage, tmp_path):
     assert (now.st_ino, now.st_mtime_ns) == (kept.st_ino, kept.st_mtime_ns)  # it was not downloaded again
 
 
-def test_some_frames_are_fetched(run, service, footage, tmp_path):
-    job = service.submit(sequence(footage, "8-9,11"))
-    service.wait_state(job, "succeeded")
+def test_some_frames_are_fetched(run_finished, finished, tmp_path):
+    run, service, job = run_finished, finished, finished.array
     done = run("fetch", job, "--frame", "9-11x2", "--json")
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
@@ -93,13 +121,11 @@ def test_some_frames_are_fetched(run, service, footage, tmp_path):
     assert run("fetch", single, "--frame", "1").returncode == 2
 
 
-def test_frames_that_are_not_there_yet_or_never(run, new_service, build, footage, tmp_path):
-    service = new_service("--input_roots", footage).start()
-    job = service.submit(sequence(footage, "8-11"))
-    service.wait_state(job, "failed")
+def test_frames_that_are_not_there_yet_or_never(finished, build, tmp_path):
+    service, job = finished, finished.failed
     words = [build / "hexadctl", "fetch", job]
     done = subprocess.run(words, env=service.environment(), cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE_S)
-    assert done.returncode == 4 and "3 of 4 frames" in done.stderr
+    assert done.returncode == 4 and "1 of 2 frames" in done.stderr
     assert "frame 10 has no results: failed: " in done.stderr and "a.0010.vdb" in done.stderr
     words[1] = "show"
     shown = subprocess.run(words, env=service.environment(), capture_output=True, text=True, timeout=PATIENCE_S).stdout
@@ -107,14 +133,13 @@ def test_frames_that_are_not_there_yet_or_never(run, new_service, build, footage
     assert len(failures) == 2 and failures[1].split()[:2] == ["10", "failed"] and "a.0010.vdb" in failures[1]
 
 
-def test_the_log_of_a_frame(run, service, footage):
-    job = service.submit(sequence(footage, "8-11"))
-    service.wait_state(job, "failed")
+def test_the_log_of_a_frame(run_finished, finished):
+    run, service, job = run_finished, finished, finished.failed
     done = run("log", job, "--frame", "10")
     assert done.returncode == 0 and "a.0010.vdb" in done.stdout
-    last = service.get(f"/v1/jobs/{job}/tasks?after=1&limit=1").json["tasks"][0]["attempt"]
+    last = service.get(f"/v1/jobs/{job}/tasks?after=0&limit=1").json["tasks"][0]["attempt"]
     assert run("log", job, "--frame", "10", "--attempt", last).stdout == done.stdout
-    assert "a.0008.vdb" not in done.stdout
+    assert "a.0009.vdb" not in done.stdout
     done = run("log", job)
     assert done.returncode == 2 and "--frame" in done.stderr  # of which frame?
     lost = run("log", job, "--frame", "12")
@@ -307,9 +332,15 @@ def test_a_list_is_filtered_by_the_server(run, service):
 
 
 def test_a_long_list_comes_in_pages(new_service, build, tmp_path):
-    service = new_service("--worker", gated_worker(tmp_path), "--workers", 1, "--user_queued", 2000).start()
+    service = new_service("--worker", gated_worker(tmp_path), "--workers", 1, "--user_queued", 2000,
+                          "--log_level", "warning").start()
+    connection, body = service.connection(), json.dumps(sphere())
     for _ in range(520):  # more than a page of the server
-        service.submit(sphere())
+        connection.request("POST", "/v1/jobs", body, {"Content-Type": "application/json"})
+        reply = connection.getresponse()
+        assert reply.status == 201, reply.read()
+        reply.read()
+    connection.close()
     done = subprocess.run([build / "hexadctl", "list", "--limit", "515", "--json"], env=service.environment(),
                           capture_output=True, text=True, timeout=PATIENCE_S)
     jobs = json.loads(done.stdout)

@@ -20,6 +20,12 @@ def assert_one_result(service, job):
     assert service.get(f"/v1/jobs/{job}/results/report.json").json["count"]
 
 
+@pytest.fixture
+def service(clean_service):
+    """One daemon for the tests of this file, without jobs of other tests."""
+    return clean_service
+
+
 def test_cancel_of_a_queued_job(new_service):
     service = new_service("--workers", 1).start()
     running = service.submit(long_sphere())

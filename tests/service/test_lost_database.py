@@ -1,5 +1,6 @@
 """A queue.db that is lost, empty, older or another's, and what stands in the state directory and nobody knows: nothing is
 deleted that was not asked for, and nothing that was delivered is lost."""
+import functools
 import hashlib
 import http.client
 import os
@@ -12,7 +13,7 @@ import sys
 
 import pytest
 
-from service import PATIENCE_S, gated_worker, sphere, wait_until
+from service import PATIENCE_S, Service, gated_worker, sphere, wait_until
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "crash"))
 import calls  # noqa: E402
@@ -100,13 +101,41 @@ def moved(service):
     return int(lines[0].partition("count=")[2].partition(":")[0])
 
 
+@pytest.fixture(scope="module")
+def templates(build, tmp_path_factory):
+    """Returns a stopped service with the given number of succeeded jobs, and their ids; made once for each number."""
+    @functools.cache
+    def make(count):
+        service = Service(build, tmp_path_factory.mktemp("template")).start()
+        try:
+            jobs = finished(service, count)
+            service.end()
+        finally:
+            service.clean_up()
+        return service, jobs
+    return make
+
+
+@pytest.fixture
+def place(new_service, templates):
+    """Makes stopped services with the given number of succeeded jobs, from a copy of one state directory."""
+    def make(count):
+        template, jobs = templates(count)
+        service = new_service()
+        service.log = service.base / "log"
+        shutil.copytree(template.state, service.state)
+        return service, jobs
+    return make
+
+
 @pytest.mark.parametrize("how", ["removed", "removed after a kill", "empty"])
-def test_a_lost_database_beside_results_is_refused(new_service, how):
-    service = new_service().start()
-    finished(service)
-    service.end(signal.SIGKILL if "kill" in how else signal.SIGTERM)
+def test_a_lost_database_beside_results_is_refused(place, how):
+    service, _ = place(1)
+    if "kill" in how:
+        service.start()
+        service.end(signal.SIGKILL)
     before = tree(service.state / "results")
-    assert len({name.partition("/")[0] for name in before}) == 3
+    assert len({name.partition("/")[0] for name in before}) == 1
     if how == "empty":
         for path in service.state.glob("queue.db*"):
             path.unlink() if path.suffix != ".db" else os.truncate(path, 0)
@@ -134,9 +163,9 @@ def test_a_lost_database_without_results_is_made_anew(new_service):
     assert not logged(service, " warning ")
 
 
-def test_an_older_database_puts_what_it_does_not_know_aside(new_service, tmp_path):
-    service = new_service().start()
-    known, = finished(service, 1)
+def test_an_older_database_puts_what_it_does_not_know_aside(place, tmp_path):
+    service, (known,) = place(1)
+    service.start()
     result = served(service, known)
     service.end()
     save(service, tmp_path / "backup")
@@ -166,31 +195,21 @@ def test_an_older_database_puts_what_it_does_not_know_aside(new_service, tmp_pat
         tree(service.state / "lost+found" / "results" / later[0])
 
 
-@pytest.fixture(scope="module")
-def footage(build, tmp_path_factory):
-    """Frames of a sequence."""
-    where = tmp_path_factory.mktemp("footage")
-    subprocess.run([build / "hexad-worker", "make-example", where / "a.0001.vdb"], check=True, timeout=PATIENCE_S)
-    for frame in (2, 3):
-        shutil.copy(where / "a.0001.vdb", where / f"a.{frame:04d}.vdb")
-    return where
+def sequence(frames, **parts):
+    return sphere(count=60, output={"preview": False}, queue={"frames": frames, "by_frame": {
+        "/surface/analytic/radius": {"from": 1, "to": 2}}}, **parts)
 
 
-def sequence(footage, frames, **parts):
-    return {"version": 1, "surface": {"vdb": {"path": str(footage / "a.####.vdb")}}, "sampling": {"count": 100},
-            "output": {"preview": False}, "queue": {"frames": frames}, **parts}
-
-
-def test_an_older_database_takes_the_results_of_jobs_that_wait(new_service, tmp_path, footage):
+def test_an_older_database_takes_the_results_of_jobs_that_wait(new_service, tmp_path):
     """In each state in which a job waits, when the backup is of a daemon that was killed."""
     worker = gated_worker(tmp_path)
-    options = ("--worker", worker, "--retry_s", 3600, "--retry_most_s", 3600, "--input_roots", footage)
+    options = ("--worker", worker, "--retry_s", 3600, "--retry_most_s", 3600)
     service = new_service(*options, "--workers", 2).start()
     delayed, running = service.submit(some(1)), service.submit(some(2))
     os.kill(service.wait_worker(delayed), signal.SIGKILL)
     wait_until(lambda: service.job(delayed)["state"] == "queued", "the crash to be noticed")
     service.wait_worker(running)
-    frames = service.submit(sequence(footage, "1-3"))
+    frames = service.submit(sequence("1-2"))
     service.wait_worker(frames)
     queued, paused = service.submit(some(5)), service.submit(some(3))
     blocked = service.submit(some(4, queue={"depends_on": [running]}))
@@ -201,7 +220,7 @@ def test_an_older_database_takes_the_results_of_jobs_that_wait(new_service, tmp_
     jobs = {"delayed": delayed, "running": running, "paused": paused, "blocked": blocked, "frames": frames,
             "queued": queued}
     # goes on where nothing waits for its time, until all is delivered
-    for gate in [*jobs.values(), *(f"{frames}.{k}" for k in (1, 2, 3))]:
+    for gate in [*jobs.values(), *(f"{frames}.{k}" for k in (1, 2))]:
         service.open_gate(gate)
     service.options[service.options.index("--retry_s") + 1] = "0"
     service.start()
@@ -215,7 +234,7 @@ def test_an_older_database_takes_the_results_of_jobs_that_wait(new_service, tmp_
     database.close()
     service.start()
     service.wait_state(delayed, "succeeded")
-    queries = {job: [f"?frame={k}" for k in (1, 2, 3)] if job == frames else [""] for job in jobs.values()}
+    queries = {job: [f"?frame={k}" for k in (1, 2)] if job == frames else [""] for job in jobs.values()}
     results = {job: [served(service, job, query) for query in queries[job]] for job in jobs.values()}
     before = tree(service.state / "results")
     attempts = {job: service.job(job)["attempt"] for job in jobs.values()}
@@ -302,10 +321,8 @@ def test_another_instances_database_is_refused(new_service):
     ours.start()
 
 
-def test_a_damaged_instance_file_is_refused(new_service):
-    service = new_service().start()
-    finished(service, 1)
-    service.end()
+def test_a_damaged_instance_file_is_refused(place):
+    service, _ = place(1)
     before = tree(service.state / "results")
     for content in ("", "nonsense\n", "x" * 1000):
         (service.state / "instance").write_text(content)
@@ -317,11 +334,11 @@ def test_a_damaged_instance_file_is_refused(new_service):
     assert tree(service.state / "results") == before
 
 
-def test_a_state_directory_of_version_0_1(new_service, footage):
+def test_a_state_directory_of_version_0_1(new_service):
     """Its database says nothing of instances: it is given one, and everything stays."""
-    service = new_service("--input_roots", footage).start()
+    service = new_service().start()
     jobs = finished(service, 2)
-    frames = service.submit(sequence(footage, "1-2"))
+    frames = service.submit(sequence("1-2"))
     service.wait_state(frames, "succeeded")
     service.end()
     with sqlite3.connect(service.state / "queue.db") as database:
@@ -362,10 +379,8 @@ ODD = ["a file", ".hidden", "new\nline", "\udcff\udcfe", "x" * 255, "0123456789a
        "0123456789abcdefghjkmnpqrs.1.2.3", "zzzzzzzzzzzzzzzzzzzzzzzzzz", "0123456789abcdefghjkmnpqrs.4294967297"]
 
 
-def test_foreign_things_are_put_aside(new_service):
-    service = new_service().start()
-    jobs = finished(service, 1)
-    service.end()
+def test_foreign_things_are_put_aside(place):
+    service, jobs = place(1)
     before = tree(service.state / "results")
     for part in ("results", "attempts"):
         for name in ODD:
@@ -387,15 +402,15 @@ def test_foreign_things_are_put_aside(new_service):
     assert served(service, jobs[0])
 
 
-def test_adoption(new_service, footage, tmp_path):
+def test_adoption(new_service, tmp_path):
     """Nobody knows whose the jobs were: they are shown to administrators, which we are on our own socket."""
-    service = new_service("--input_roots", footage, "--listen", f"unix:{tmp_path}/socket").start()
+    service = new_service("--listen", f"unix:{tmp_path}/socket").start()
     jobs = finished(service, 3, name="the name", queue={"labels": ["a", "b"], "priority": 3, "retention_s": 10000})
     shown = {job: service.job(job) for job in jobs}
-    frames = service.submit(sequence(footage, "1-3", name="frames"))
+    frames = service.submit(sequence("1-2", name="frames"))
     service.wait_state(frames, "succeeded")
     results = {job: served(service, job) for job in jobs}
-    frame_results = {k: served(service, frames, f"?frame={k}") for k in (1, 2, 3)}
+    frame_results = {k: served(service, frames, f"?frame={k}") for k in (1, 2)}
     service.end(signal.SIGKILL)
     lose(service)
     broken = [service.state / "results" / "0123456789abcdefghjkmnpqrs", service.state / "results" / f"{jobs[2]}.7",
@@ -419,8 +434,8 @@ def test_adoption(new_service, footage, tmp_path):
             assert now["finished"] and now["finished"][:10] == then["finished"][:10]
             assert served(service, job) == results[job]
         now = service.job(frames)
-        assert now["array"] and now["name"] == "frames" and now["tasks"]["succeeded"] == 3
-        assert {k: served(service, frames, f"?frame={k}") for k in (1, 2, 3)} == frame_results
+        assert now["array"] and now["name"] == "frames" and now["tasks"]["succeeded"] == 2
+        assert {k: served(service, frames, f"?frame={k}") for k in (1, 2)} == frame_results
         assert {job["id"] for job in service.get("/v1/jobs?label=a").json["jobs"]} == set(jobs)
         assert service.get(f"/v1/jobs/{jobs[0]}/log").status == 404
         assert {**tree(service.state / "lost+found" / "results"), **tree(service.state / "results")} == before
@@ -479,10 +494,8 @@ def test_symbolic_links_are_not_followed(new_service, tmp_path):
     assert set(kept.values()) == {f"-> {outside}"}
 
 
-def test_a_deleted_job_whose_result_is_a_link(new_service, tmp_path):
-    service = new_service().start()
-    job, = finished(service, 1)
-    service.end()
+def test_a_deleted_job_whose_result_is_a_link(place, tmp_path):
+    service, (job,) = place(1)
     moved_to = tmp_path / "elsewhere"
     (service.state / "results" / job).rename(moved_to)
     (service.state / "results" / job).symlink_to(moved_to)
@@ -494,11 +507,9 @@ def test_a_deleted_job_whose_result_is_a_link(new_service, tmp_path):
     assert {name: tree(moved_to)[name] for name in before} == before
 
 
-def test_results_is_a_link(new_service, tmp_path):
+def test_results_is_a_link(place, tmp_path):
     """It is written to as ever, and nothing is taken out of a directory that may be anybody's."""
-    service = new_service().start()
-    job, = finished(service, 1)
-    service.end()
+    service, (job,) = place(1)
     (service.state / "results").rename(tmp_path / "elsewhere")
     (service.state / "results").symlink_to(tmp_path / "elsewhere")
     (tmp_path / "elsewhere" / "letters").mkdir()
@@ -514,11 +525,9 @@ def test_results_is_a_link(new_service, tmp_path):
     assert "--adopt" in refused(service)
 
 
-def test_lost_and_found_cannot_be_made(new_service):
+def test_lost_and_found_cannot_be_made(place):
     """Something else has its name: all stays, and the start says so."""
-    service = new_service().start()
-    job, = finished(service, 1)
-    service.end()
+    service, (job,) = place(1)
     (service.state / "lost+found").write_text("a file")
     (service.state / "results" / "unknown").mkdir()
     before = tree(service.state)
@@ -537,11 +546,9 @@ exec "$@"
 """
 
 
-def test_results_cannot_be_written(new_service, tmp_path):
+def test_results_cannot_be_written(place, tmp_path):
     """A read-only mount: unknown results stay, what was to be removed is removed later, and nothing else."""
-    service = new_service().start()
-    kept, deleted = finished(service, 2)
-    service.end()
+    service, (kept, deleted) = place(2)
     results = service.state / "results"
     (results / "unknown").mkdir()
     before = tree(results)
@@ -575,11 +582,9 @@ def supervision():
         pytest.skip(missing)
 
 
-def test_a_kill_between_forgetting_and_removing(supervision, new_service):
+def test_a_kill_between_forgetting_and_removing(supervision, place):
     """At the first removal of a file of the result, which is not done."""
-    service = new_service("--workers", 1).start()
-    kept, deleted = finished(service, 2)
-    service.end()
+    service, (kept, deleted) = place(2)
     result = service.state / "results" / deleted
     stranger = service.state / "attempts" / f"{kept}.1"  # what a job has left and nobody asked to remove
     stranger.mkdir(exist_ok=True)

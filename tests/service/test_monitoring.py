@@ -62,6 +62,7 @@ def alerts_of(rules):
     return re.findall(r"alert: (\w+)", rules.read_text())
 
 
+@pytest.mark.extended
 def test_promtool_accepts_the_rules(rules, promtool):
     done = promtool("check", "rules", rules)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -87,6 +88,7 @@ def test_the_service_has_their_metrics(source, service):
         assert any(re.match(name + "[{ ]", line) and all(pair in line for pair in wanted) for line in sent), name
 
 
+@pytest.mark.extended
 def test_promtool_has_no_complaint_about_metrics(service, promtool):
     service.wait_state(service.submit(sphere()), "succeeded")
     done = promtool("check", "metrics", input=service.get("/metrics").body.decode())
@@ -188,6 +190,7 @@ def monitor(source, service, tmp_path):
     made.end()
 
 
+@pytest.mark.extended
 def test_a_prometheus_shows_every_panel(source, service, monitor, rules):
     _, shown = expressions(source)
     for expression in shown:
@@ -198,6 +201,7 @@ def test_a_prometheus_shows_every_panel(source, service, monitor, rules):
     assert monitor.ask("alerts")["alerts"] == []
 
 
+@pytest.mark.extended
 def test_each_fires_in_its_case(rules, promtool, tmp_path):
     alerts = alerts_of(rules)
     assert set().union(*(fired for _, fired in CASES.values())) == set(alerts)

@@ -13,8 +13,8 @@ jsonschema = pytest.importorskip("jsonschema", reason="no python3-jsonschema")
 hypothesis = pytest.importorskip("hypothesis", reason="no python3-hypothesis")
 from hypothesis import strategies as st  # noqa: E402
 
-# generated requests; each is answered within milliseconds
-REQUESTS = 300
+# generated requests
+FEW, MANY = 30, pytest.param(120, marks=pytest.mark.extended)
 
 
 @pytest.fixture(scope="module")
@@ -86,6 +86,7 @@ def expand(path, **values):
     return re.sub(r"\{(\w+)\}", lambda m: values[m.group(1)], path)
 
 
+@pytest.mark.extended
 def test_the_linter_is_content(described, source, tmp_path):
     lint = source / "tests/openapi/node_modules/.bin/redocly"
     if not shutil.which("node") or not lint.exists():
@@ -280,7 +281,8 @@ def new_seed():
     return seed
 
 
-def test_generated_specs(described, new_service):
+@pytest.mark.parametrize("count", [FEW, MANY])
+def test_generated_specs(described, new_service, count):
     """What fits the schema is valid or refused with a reason; what does not fit is refused; nothing breaks."""
     document = described.document
     service = new_service("--estimate_timeout_s", "0.1").start()
@@ -289,7 +291,7 @@ def test_generated_specs(described, new_service):
     specs = strategy_of({"$ref": "#/components/schemas/JobSpec"}, document)
 
     @hypothesis.seed(new_seed())
-    @hypothesis.settings(max_examples=REQUESTS, deadline=None, database=None,
+    @hypothesis.settings(max_examples=count, deadline=None, database=None,
                          suppress_health_check=list(hypothesis.HealthCheck))
     @hypothesis.given(st.data())
     def run(data):
@@ -311,7 +313,8 @@ def test_generated_specs(described, new_service):
     run()
 
 
-def test_generated_requests(described):
+@pytest.mark.parametrize("count", [3 * FEW, MANY])
+def test_generated_requests(described, count):
     """Any path, query, header and body: no answer is a fault of the service or unlike the document."""
     document = described.closed
     every = list(operations(document))
@@ -320,7 +323,7 @@ def test_generated_requests(described):
     value = st.one_of(plain, st.integers(-5, 10**20).map(str), st.sampled_from(["queued", "failed", ""]))
 
     @hypothesis.seed(new_seed())
-    @hypothesis.settings(max_examples=REQUESTS, deadline=None, database=None,
+    @hypothesis.settings(max_examples=count, deadline=None, database=None,
                          suppress_health_check=list(hypothesis.HealthCheck))
     @hypothesis.given(st.data())
     def run(data):
@@ -344,6 +347,11 @@ def test_generated_requests(described):
 def test_metrics_are_what_prometheus_reads(described):
     reply = described.get("/metrics")
     assert reply.status == 200 and b'hexad_http_answers_total{class="2xx"}' in reply.body
+
+
+@pytest.mark.extended
+def test_promtool_accepts_the_metrics(described):
+    reply = described.get("/metrics")
     tool = shutil.which("promtool")
     if not tool:
         pytest.skip("no promtool (Debian: prometheus)")

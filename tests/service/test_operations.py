@@ -277,6 +277,7 @@ class Story:
         self.host = fresh
 
 
+@pytest.mark.extended
 def test_the_whole_page(page, new_host):
     (_, [(_, prelude)]), *rest = sections(page)
     story, done = Story(new_host), 0

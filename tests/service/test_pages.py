@@ -25,6 +25,12 @@ def ask(service, method, path, body=None, **headers):
     return service.request(method, path, body, {name.replace("_", "-"): value for name, value in headers.items()})
 
 
+@pytest.fixture
+def service(clean_service):
+    """One daemon for the tests of this file, without jobs of other tests."""
+    return clean_service
+
+
 def test_a_foreign_host_is_refused(service):
     """The name of an attacker's host was made to lead here (DNS rebinding)."""
     job = service.submit(long_sphere())

@@ -21,6 +21,8 @@ sys.path.insert(0, str(PACKAGE))
 import hexad  # noqa: E402
 from hexad import points as points_module, problems  # noqa: E402
 
+pytestmark = pytest.mark.plain
+
 
 def on_a_socket(build, where, *options):
     """A daemon on the Unix socket of its state directory, so that its address stays when it is started again."""
@@ -325,6 +327,7 @@ def test_the_syntax_is_of_python_3_9():
         ast.parse(path.read_text(), feature_version=(3, 9))
 
 
+@pytest.mark.extended
 def test_it_runs_by_python_3_9(client, build, tmp_path):
     """Where there is one; the syntax and the types are held to that version everywhere."""
     old = shutil.which("python3.9")
@@ -367,6 +370,7 @@ bad6: str = hexad.Client().submit(good).points().count  # wrong
 """
 
 
+@pytest.mark.extended
 def test_the_types_are_strict_and_find_mistakes(source, tmp_path):
     pytest.importorskip("mypy", reason="no python3-mypy")
     mypy = [sys.executable, "-m", "mypy", "--config-file", PACKAGE / "pyproject.toml", "--cache-dir", tmp_path / "cache"]

@@ -5,6 +5,8 @@ import subprocess
 
 import pytest
 
+pytestmark = pytest.mark.plain
+
 SPHERE = {"analytic": {"shape": "sphere", "center": [0, 0, 0], "radius": 1}}
 NO_PREVIEW = {"preview": False}
 OCTAHEDRON = "".join(f"v {x} {y} {z}\n" for x, y, z in ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))) + \
@@ -13,7 +15,7 @@ OCTAHEDRON = "".join(f"v {x} {y} {z}\n" for x, y, z in ((1, 0, 0), (-1, 0, 0), (
 
 
 def spec(surface, output=NO_PREVIEW, sampling=None, **parts):
-    return {"version": 1, "surface": surface, "sampling": {"count": 300, **(sampling or {})}, "output": output, **parts}
+    return {"version": 1, "surface": surface, "sampling": {"count": 100, **(sampling or {})}, "output": output, **parts}
 
 
 def make_sequence(build, where, output=NO_PREVIEW):
@@ -48,14 +50,18 @@ def unnamed(page, report):
                    and path[0] not in ("requested", "reached") and path[:2] != ("advice", "set")})
 
 
-def test_every_member_is_explained(page, worker, tmp_path, build):
+@pytest.mark.parametrize("names", [["graded", "mesh", "sequence"], pytest.param(["both"], marks=pytest.mark.extended)],
+                         ids=["basic", "union"])
+def test_every_member_is_explained(page, worker, tmp_path, build, names):
     (tmp_path / "ball.obj").write_text(OCTAHEDRON)
     graded = spec(SPHERE, {**NO_PREVIEW, "mesh": True}, {"curvature": {"chord_error": 0.01}}, solver={"method": "sized"})
-    mesh = spec({"mesh": {"path": "ball.obj", "resolution": 32}})
-    both = spec({"union": [mesh["surface"], SPHERE]})
+    mesh = spec({"mesh": {"path": "ball.obj", "resolution": 16}})
+    both = spec({"union": [mesh["surface"], {"analytic": {"shape": "sphere", "center": [1, 0, 0], "radius": 0.5}}]})
     sequence = make_sequence(build, tmp_path)
     words = {"graded": (), "mesh": (), "both": (), "sequence": ("--frame", 1)}
-    for name, document in (("graded", graded), ("mesh", mesh), ("both", both), ("sequence", sequence)):
+    documents = {"graded": graded, "mesh": mesh, "both": both, "sequence": sequence}
+    for name in names:
+        document = documents[name]
         run = worker(document, *words[name], output=name)
         assert run.returncode in (0, 10, 11), run.stderr
         report = json.loads((tmp_path / name / "report.json").read_text())

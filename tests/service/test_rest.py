@@ -43,6 +43,12 @@ def exchange(service, data):
         return got
 
 
+@pytest.fixture
+def service(clean_service):
+    """One daemon for the tests of this file, without jobs of other tests."""
+    return clean_service
+
+
 def test_submit_wait_fetch(service):
     reply = service.post("/v1/jobs", sphere(name="ball", queue={"priority": 3, "labels": ["a", "b"]}))
     assert reply.status == 201
@@ -73,7 +79,8 @@ def test_submit_wait_fetch(service):
             assert json.loads(got.body)["count"] == 200
 
 
-def test_list_pages(service):
+def test_list_pages(new_service):
+    service = new_service().start()
     made = [service.submit(sphere(name=f"n{i}")) for i in range(5)]
     seen, cursor = [], ""
     while True:
@@ -179,7 +186,7 @@ def test_nonsense_specs_are_422_with_pointers(service):
 
 
 def vdb(path):
-    return sphere(surface={"vdb": {"path": str(path)}})
+    return sphere(50, surface={"vdb": {"path": str(path)}}, output={"preview": False})
 
 
 def test_paths_stay_inside_the_roots(new_service, tmp_path):

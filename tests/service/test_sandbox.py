@@ -86,7 +86,7 @@ def test_modes_that_are_none(worker):
     assert "required, available or off" in last_words(done)["message"]
 
 
-@pytest.mark.parametrize("kind", ["vdb", "mesh", "exr"])
+@pytest.mark.parametrize("kind", ["mesh", *(pytest.param(kind, marks=pytest.mark.extended) for kind in ("vdb", "exr"))])
 def test_workers_of_the_daemon_are_inside(new_service, inputs, kind):
     service = new_service("--input_roots", inputs).start()
     assert "workers have no new privileges, filtered calls" in service.log.read_text()
@@ -99,7 +99,7 @@ def test_workers_of_the_daemon_are_inside(new_service, inputs, kind):
 
 def test_a_file_longer_than_allowed_ends_the_job(new_service):
     service = new_service("--file_mb", "1").start()
-    job = service.submit(sphere(count=30000, output={"preview": False}))
+    job = service.submit(sphere(count=30000, solver={"max_sweeps": 1}, output={"preview": False}))
     done = service.wait_state(job, "failed")
     assert done["error"]["code"] == "limit_file" and "File too large" in done["error"]["message"]
     assert done["attempt"] == 1  # again it would be as long

@@ -54,6 +54,7 @@ def test_a_frame_ends_when_it_is_told_to(place):
     assert frame.returncode == 6
 
 
+@pytest.mark.extended
 @pytest.mark.skipif(cluster.missing() is not None, reason=str(cluster.missing()))
 def test_an_array_of_slurm(place, monkeypatch):
     slurm = cluster.Cluster()
@@ -67,6 +68,7 @@ def test_an_array_of_slurm(place, monkeypatch):
         slurm.clean_up()
 
 
+@pytest.mark.extended
 @pytest.mark.skipif(not shutil.which("parallel"), reason="no parallel")
 def test_gnu_parallel(place):
     assert run(place, SHARE / "gnu-parallel.sh", "spec.json", "out", 1, 3).returncode == 0
@@ -89,6 +91,7 @@ def test_openjd(place):
     assert {p["name"] for p in template["parameterDefinitions"]} == {"Spec", "Output", "Frames"}
 
 
+@pytest.mark.extended
 @pytest.mark.skipif(not shutil.which("node"), reason="no node")
 def test_flamenco(place):
     manager = """

@@ -47,9 +47,10 @@ def farm(new_service, tmp_path):
     return lambda *options: Farm(new_service, tmp_path, *options)
 
 
-def test_one_job_is_next_behind_many(farm):
+@pytest.mark.parametrize("many", [60, pytest.param(300, marks=pytest.mark.extended)])
+def test_one_job_is_next_behind_many(farm, many):
     shared = farm()
-    for _ in range(300):
+    for _ in range(many):
         shared.submit("ann")
     assert shared.running()[0] == "ann"
     bobs = shared.submit("bob")

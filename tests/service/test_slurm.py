@@ -11,7 +11,7 @@ from service import sphere, wait_until
 from slurm_farm import (all_ended, array, attempts, attempts_of_frames, front, gate, make_footage, needs_slurm, new_farm,
                         on_nodes, points, running_cluster, slurm, wait_running)
 
-pytestmark = needs_slurm
+pytestmark = [pytest.mark.extended, needs_slurm]
 
 
 def test_jobs_run_on_the_nodes_with_the_results_of_the_local_engine(slurm, new_farm, new_service):

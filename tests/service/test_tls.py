@@ -14,6 +14,8 @@ import pytest
 from service import OPEN_TCP, PATIENCE_S, Stream, gated_worker, sphere, wait_until
 from test_access import new_token
 
+pytestmark = pytest.mark.extended  # needs nginx and stunnel
+
 PLACES = os.pathsep.join((os.environ.get("PATH", ""), "/usr/sbin", "/usr/bin"))
 NGINX = """daemon off;
 %(user)spid %(where)s/nginx.pid;

@@ -22,6 +22,12 @@ f 2 3 4
 
 
 @pytest.fixture
+def service(clean_service):
+    """One daemon for the tests of this file, without jobs of other tests."""
+    return clean_service
+
+
+@pytest.fixture
 def finished(service):
     job = service.submit(sphere())
     service.wait_state(job, "succeeded")
@@ -97,7 +103,8 @@ def mesh(path):
     return sphere(surface={"mesh": {"path": path, "resolution": 24}})
 
 
-def test_an_input_is_sent_and_used(service):
+def test_an_input_is_sent_and_used(new_service):
+    service = new_service().start()
     name = hashlib.sha256(TETRAHEDRON).hexdigest()
     expect_problem(service.get(f"/v1/inputs/{name}"), 404, "not_found")
     expect_problem(service.post("/v1/jobs", mesh(f"sha256:{name}")), 422, "input_missing", "/surface/mesh/path")

@@ -20,6 +20,8 @@ import page  # noqa: E402
 import samplers  # noqa: E402
 import surfaces  # noqa: E402
 
+pytestmark = [pytest.mark.extended, pytest.mark.plain]  # measuring programs, not the service
+
 
 @pytest.fixture(scope="module")
 def smoke(source, build, tmp_path_factory):

@@ -4,10 +4,13 @@ import pathlib
 import sys
 
 import numpy
+import pytest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent.parent / "tools"))
 import features  # noqa: E402
 import meshes  # noqa: E402
+
+pytestmark = [pytest.mark.extended, pytest.mark.plain]  # measuring programs, not the service
 
 
 def tube(radius, steps=48, outwards=True):
@@ -44,7 +47,9 @@ def test_topology_is_counted():
     assert joined.closed and not joined.manifold
 
 
-def test_feature_sizes_and_distances():
+def test_feature_sizes_and_distances(monkeypatch):
+    monkeypatch.setattr(features, "PLACES", 20000)
+    monkeypatch.setattr(features, "DISTANT_PLACES", 20000)
     thin = meshes.Mesh(*shell(0.3, 0.2))
     point, normal = meshes.places(thin, 4000)
     axis = features.medial_axis(point, normal)
@@ -70,15 +75,16 @@ def test_few_places_know_what_their_balls_touch():
 
 def test_a_thin_shell_with_a_handle_is_resolved(build, tmp_path, diagnose, monkeypatch):
     monkeypatch.setattr(features, "PLACES", 20000)
-    vertices, triangles = shell(0.3, 0.22)
+    monkeypatch.setattr(features, "DISTANT_PLACES", 60000)
+    vertices, triangles = shell(0.4, 0.22)
     path = tmp_path / "shell.off"
     write(path, vertices, triangles)
-    found = features.resolve(build / "hexad-worker", path, tmp_path, {"min_spacing": 0.002 * 2.6})
+    found = features.resolve(build / "hexad-worker", path, tmp_path, {"min_spacing": 0.04})
     cells = features.measure(*found)
     diagnose(" | ".join(text for text, _ in cells))
     assert all(good for _, good in cells)
     told = found[1]["grading"]["feature_size"]
-    assert abs(told["median"] / 0.04 - 1) < 0.1 and told["below_floor"] == 0
+    assert abs(told["median"] / 0.09 - 1) < 0.1 and told["below_floor"] == 0
     assert found[1]["reached"]["count"] == found[1]["count"]
 
 

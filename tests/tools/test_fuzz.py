@@ -1,4 +1,4 @@
-"""The fuzzers' targets: over every file that is kept, without clang; and, where clang is, a few seconds of most."""
+"""The fuzz targets: replays of all stored files without clang, and, with clang, a few seconds of fuzzing."""
 import json
 import os
 import pathlib
@@ -11,8 +11,12 @@ import pytest
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 TARGETS = re.search(r"^fuzz_targets = (.*)", (SOURCE / "Makefile.am").read_text(), re.M)[1].split()
-# those of which a smoke run builds the fuzzer: the service and OpenVDB take clang a minute
-SMOKE = ["spec", "ply", "mesh", "exr", "dense"]
+# targets that are fuzzed here, with the modules that clang instruments; the build's libraries provide the rest
+SMOKE = {"spec": ["src/json/*.c", "src/spec/reading.c", "src/spec/rules.c", "src/spec/spec.c", "src/spec/surface.c",
+                  "src/spec/values.c"],
+         "ply": ["src/formats/ply.c", "src/formats/column.c"],
+         "mesh": ["src/meshfile/plain_*.c", "src/meshfile/ply_*.c", "src/meshfile/content_end.c"]}
+SMOKE_S = 2  # of each target
 # what a target reads of the shared data
 SHARED = {"spec": ["json/JSONTestSuite", "json/naughty_strings"], "vdb": ["malformed/openvdb_damaged"],
           "exr": ["malformed/openexr_tests", "malformed/exrs_fuzzed", "malformed/exr_damaged"]}
@@ -34,6 +38,7 @@ def test_kept_files(build, source, target):
     replay(build, target, [folder for folder in kept if folder.is_dir()])
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("target", SHARED)
 def test_shared_files(build, shared_data, target):
     replay(build, target, [shared_data / folder for folder in SHARED[target]])
@@ -57,29 +62,42 @@ def test_no_file_is_passed_over(build, tmp_path):
     assert done.returncode == 1 and "No such file" in done.stderr
 
 
-def test_a_few_seconds_of_most(build, source):
-    """In a build of its own, which stays for the next time; of the two builds that are tested the plain one does it."""
-    if not any(shutil.which(name) for name in ("clang", "clang-14")):
+def build_fuzzer(target, build, source, clang, where):
+    """Instruments the modules of SMOKE only, since clang takes minutes for all of them."""
+    settings = (build / "Makefile").read_text()
+    libs = " ".join(re.findall(r"^(?:CJSON|SECCOMP|SYSTEMD)_LIBS = (.*)$", settings, re.M)).split()
+    modules = [path for pattern in SMOKE[target] for path in sorted(source.glob(pattern))]
+    subprocess.run([clang, "-std=gnu11", "-g", "-O1", "-fsanitize=fuzzer,address", "-D_GNU_SOURCE", "-DHAVE_CONFIG_H",
+                    f"-I{build}", f"-I{source}", f"-I{source}/src", source / "fuzz" / f"{target}.c", *modules,
+                    build / "libvolume.a", build / "libhexad.a", *libs, "-lm", "-lpthread",
+                    "-o", where / f"fuzz_{target}"], check=True)
+
+
+@pytest.mark.extended
+@pytest.mark.plain
+def test_a_few_seconds_of_most(build, source, tmp_path):
+    """The targets of SMOKE find no fault in a few seconds.
+
+    `make fuzz-smoke` instruments all modules and runs all targets. It is not part of CI: its build takes minutes."""
+    clang = next((found for found in map(shutil.which, ("clang", "clang-14")) if found), None)
+    if not clang:
         pytest.skip("there is no clang, which the fuzzers are built with")
-    if re.search(r"^SANITIZE_FLAGS = .", (build / "Makefile").read_text(), re.M):
-        pytest.skip("the fuzzers are tested with the plain build")
-    where = build / "fuzzers"
-    where.mkdir(exist_ok=True)
-    clean = {name: value for name, value in os.environ.items() if name not in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS")}
-    if not (where / "config.status").exists():
-        subprocess.run([source / "configure", "--quiet", "--enable-fuzzers"], cwd=where, env=clean, check=True)
-    shutil.rmtree(where / "fuzz" / "smoke", ignore_errors=True)
-    done = subprocess.run(["make", "-j2", "fuzz-smoke", f"FUZZ_TARGETS={' '.join(SMOKE)}"], cwd=where, env=clean, capture_output=True, text=True)
-    logs = "".join(path.read_text(errors="replace")[-3000:] for path in (where / "fuzz" / "smoke").glob("*/log"))
+    (tmp_path / "fuzz").mkdir()
+    for target in SMOKE:
+        build_fuzzer(target, build, source, clang, tmp_path / "fuzz")
+    done = subprocess.run([source / "fuzz" / "run", str(SMOKE_S), "smoke", *SMOKE], cwd=tmp_path, capture_output=True,
+                          text=True, env={k: v for k, v in os.environ.items() if k != "HEXAD_SHARED"})
+    logs = "".join(path.read_text(errors="replace")[-3000:] for path in (tmp_path / "smoke").glob("*/log"))
     assert done.returncode == 0, done.stdout + done.stderr + logs
     told = dict(re.findall(r"^(\w+): (\d+) executions", done.stdout, re.M))
     assert set(told) == set(SMOKE) and all(int(count) > 0 for count in told.values()), done.stdout
 
 
+@pytest.mark.extended
 def test_random_specs(build, source, tmp_path):
-    """A few, of files that are written for it; `make fuzz-specs` runs them for an hour, with the shared data."""
-    done = subprocess.run([sys.executable, "-B", source / "fuzz" / "specs.py", build / "hexad-worker", tmp_path, "--runs", "12",
-                           "--seed", "20", "--cpu-seconds", "20"], capture_output=True, text=True,
+    """A few specs, with files that the program writes. `make fuzz-specs` runs for an hour, with the shared data."""
+    done = subprocess.run([sys.executable, "-B", source / "fuzz" / "specs.py", build / "hexad-worker", tmp_path,
+                           "--runs", "4", "--seed", "20", "--cpu-seconds", "2"], capture_output=True, text=True,
                           env={k: v for k, v in os.environ.items() if k != "HEXAD_SHARED"})
     assert done.returncode == 0 and re.search(r"^0 of \d+ broke something$", done.stdout, re.M), done.stdout + done.stderr
     assert re.search(r"\d+ (converged|unresolved)", done.stdout), done.stdout

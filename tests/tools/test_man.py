@@ -7,6 +7,8 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.plain
+
 PAGES = {"hexad.8": "hexad", "hexad-worker.1": "hexad-worker", "hexadctl.1": "hexadctl", "hexad.conf.5": "hexad"}
 OPTION = r"--[a-z][a-z_-]*"
 
@@ -75,7 +77,7 @@ ZSH = """compadd() { shift; print -l -- ${(M)@:#$words[CURRENT]*} }; _files() { 
 words=("$@") CURRENT=$#; complete_it() { source $1 }; complete_it $0/completion.zsh"""
 
 
-@pytest.fixture(params=["bash", "zsh"])
+@pytest.fixture(params=["bash", pytest.param("zsh", marks=pytest.mark.extended)])
 def complete(request, build, source):
     """What the shell offers for the last of the words."""
     shell = request.param

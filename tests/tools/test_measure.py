@@ -16,6 +16,8 @@ import meshes  # noqa: E402
 import quality  # noqa: E402
 import surfaces  # noqa: E402
 
+pytestmark = [pytest.mark.extended, pytest.mark.plain]  # measuring programs, not the service
+
 
 def point_set(position, normal, spacing=None, alpha=None):
     n = len(position)

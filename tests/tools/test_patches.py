@@ -4,10 +4,13 @@ import subprocess
 import sys
 
 import numpy
+import pytest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent.parent / "tools"))
 import meshes  # noqa: E402
 import patches  # noqa: E402
+
+pytestmark = [pytest.mark.extended, pytest.mark.plain]  # measuring programs, not the service
 
 SQUARE = numpy.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
 

@@ -6,6 +6,8 @@ import sys
 
 import pytest
 
+pytestmark = [pytest.mark.extended, pytest.mark.plain]  # measuring programs, not the service
+
 
 @pytest.fixture(scope="module")
 def page(source, build, tmp_path_factory):

@@ -3,6 +3,10 @@ import re
 import subprocess
 import sys
 
+import pytest
+
+pytestmark = [pytest.mark.extended, pytest.mark.plain]  # measuring programs, not the service
+
 
 def test_a_short_run_has_all_its_parts(source, build, tmp_path):
     page = tmp_path / "page.md"

@@ -128,7 +128,7 @@ static queue_job get(place *p, const char *id)
 static void look_again(int64_t since, const char *what)
 {
     if (clock_monotonic_ms() - since > PATIENCE_MS) fail_msg("waited in vain for %s", what);
-    poll(NULL, 0, 2);
+    poll(NULL, 0, 10);
 }
 
 static queue_job wait_final(place *p, const char *id)
@@ -468,14 +468,14 @@ static void test_drain_puts_back_uncounted(void **state)
 
 static void expect_no_crowd(place *p, int workers, int threads, int64_t memory_mb)
 {
-    char id[6][ULID_SIZE];
+    char id[4][ULID_SIZE];
     executor_settings settings = usual;
     settings.workers = workers;
     settings.threads = threads;
     settings.host_memory_mb = memory_mb;
     start_with(p, CROWD, settings);
-    for (int i = 0; i < 6; i++) {
-        queue_submission s = {.name = "one of six", .labels = "[]", .spec = "{}", .max_attempts = 1};
+    for (int i = 0; i < 4; i++) {
+        queue_submission s = {.name = "one of four", .labels = "[]", .spec = "{}", .max_attempts = 1};
         queue_receipt receipt;
         s.threads = 2;
         assert_true(executor_size(p->x, &s.threads, &s.memory_mb, NULL));
@@ -483,7 +483,7 @@ static void expect_no_crowd(place *p, int workers, int threads, int64_t memory_m
         memcpy(id[i], receipt.id, sizeof receipt.id);
     }
     executor_wake(p->x);
-    for (int i = 0; i < 6; i++) expect_end(p, id[i], QUEUE_SUCCEEDED, NULL, NULL);
+    for (int i = 0; i < 4; i++) expect_end(p, id[i], QUEUE_SUCCEEDED, NULL, NULL);
     char *crowd = mem_printf("%s/crowd", p->base);
     assert_int_equal(access(crowd, F_OK), -1);
     free(crowd);
