@@ -112,10 +112,16 @@ class Mesh:
         return best, which
 
     def distance(self, points):
-        """Exact distance of each point from the mesh: those that seem off it are held against all triangles."""
+        """Exact distance of each point from the mesh: those that seem off it are held against all triangles whose bounding
+        sphere is as near as the nearest triangle found."""
         far, _ = self.nearest(points)
+        middle = (self.a + self.b + self.c) / 3
+        reach = numpy.sqrt(numpy.max([((corner - middle) ** 2).sum(axis=1) for corner in (self.a, self.b, self.c)], axis=0))
         for k in numpy.flatnonzero(far > 1e-7 * self.longest):
-            far[k] = _distances(numpy.broadcast_to(points[k], self.a.shape), self.a, self.b, self.c).min()
+            away = middle - points[k]
+            near = numpy.einsum("ij,ij->i", away, away) <= (reach + far[k]) ** 2 * (1 + 1e-9)
+            a, b, c = self.a[near], self.b[near], self.c[near]
+            far[k] = _distances(numpy.broadcast_to(points[k], a.shape), a, b, c).min()
         return far
 
 

@@ -120,15 +120,16 @@ def read_png(data):
 
 
 def _unfilter(kind, line, above, pixel):
+    if kind == 1:  # of each channel the sum of all before
+        sums = numpy.cumsum(numpy.frombuffer(line, numpy.uint8).reshape(-1, pixel), axis=0, dtype=numpy.uint8)
+        return bytearray(sums.tobytes())
+    if kind == 2:
+        return bytearray((numpy.frombuffer(line, numpy.uint8) + numpy.frombuffer(above, numpy.uint8)).tobytes())
     for x in range(len(line) if kind else 0):
         a = line[x - pixel] if x >= pixel else 0
         b = above[x]
         c = above[x - pixel] if x >= pixel else 0
-        if kind == 1:
-            guess = a
-        elif kind == 2:
-            guess = b
-        elif kind == 3:
+        if kind == 3:
             guess = (a + b) // 2
         else:
             guess = min((abs(b - c), 0, a), (abs(a - c), 1, b), (abs(a + b - 2 * c), 2, c))[2]

@@ -38,6 +38,9 @@ SPACES = {
 }
 
 
+EACH_SPACE = [pytest.param(space, marks=pytest.mark.extended if space == "plain" else ()) for space in SPACES]
+
+
 def linear(samples, index):
     return ndimage.map_coordinates(samples, index.T, order=1, mode="nearest")
 
@@ -148,7 +151,7 @@ def test_a_map_in_a_file_of_its_own(carry, write_vdb, tmp_path, diagnose, kind):
                                             "".join("4 %d %d %d %d\n" % tuple(f) for f in faces))
         surface = {"mesh": {"path": str(tmp_path / "torus.off"), "resolution": 100}}
     grid = {"path": path, "name": "paint"}
-    columns, report = carry(surface, [], sampling={"count": 4000, "grid": grid})
+    columns, report = carry(surface, [], sampling={"count": 2000, "grid": grid})
     asked = numpy.clip(3 + 2 * columns["x"] / 1.4, 1, 5)
     ratio = columns["spacing"] / asked
     diagnose(f"asked over painted cv {ratio.std() / ratio.mean():.4f}, {report['quality']['grading']}")
@@ -163,7 +166,7 @@ def test_a_map_in_a_file_of_its_own(carry, write_vdb, tmp_path, diagnose, kind):
 
 
 
-@pytest.mark.parametrize("space", SPACES)
+@pytest.mark.parametrize("space", EACH_SPACE)
 def test_grids_of_a_fog(carry, write_vdb, space):
     """Temperature and velocity beside the fog that is sampled, in the file of the surface and in another."""
     rng = numpy.random.default_rng(7)
@@ -268,7 +271,7 @@ def write_vectors(path, values, matrix, frame=None, kind="vector"):
     path.write_bytes(("\n".join(lines) + "\n\n").encode() + data)
 
 
-@pytest.mark.parametrize("space", SPACES)
+@pytest.mark.parametrize("space", EACH_SPACE)
 def test_arrays_of_nrrd_and_nifti(carry, tmp_path, space):
     """Scalars and vectors of other files in the space of the surface's, in slices one after the other."""
     made = fields(numpy.random.default_rng(17))
@@ -596,11 +599,12 @@ def test_previews_show_an_attribute(carry, tmp_path):
                   {"from": str(tmp_path / "colors.nrrd"), "as": "arrow", "type": "vector"}]
 
     def picture(**preview):
-        columns, report = carry(surface, attributes, output={"preview": preview, "ply": {"precision": "double"}})
+        output = {"preview": {"size": 256, **preview}, "ply": {"precision": "double"}}
+        columns, report = carry(surface, attributes, output=output)
         assert report, columns
         _, _, image = read_exr((tmp_path / "out/preview.exr").read_bytes())
         shown = (image["id"] > 0) & (image["A"] == 1)
-        assert shown.sum() > 20_000
+        assert shown.sum() > 5_000
         return columns, numpy.stack([image[c][shown] for c in "RGB"], -1).astype(float), image["id"][shown] - 1
 
     columns, light, whose = picture(attribute="Cd")
@@ -612,7 +616,7 @@ def test_previews_show_an_attribute(carry, tmp_path):
     slopes = columns["slope"][whose]
     redder = light[:, 0] > light[:, 2]
     clear = numpy.abs(slopes) > 1
-    assert clear.sum() > 10_000 and (redder[clear] == (slopes[clear] > 0)).mean() > 0.999
+    assert clear.sum() > 2_500 and (redder[clear] == (slopes[clear] > 0)).mean() > 0.999
     columns, light, whose = picture(attribute="arrow", map="gray")
     assert numpy.abs(light - light.mean(1, keepdims=True)).max() < 2e-3
     length = numpy.linalg.norm(vectors(columns, "arrow"), axis=1)[whose]

@@ -50,11 +50,13 @@ def write_volume(path):
 
 
 @pytest.mark.plain  # sanitizers keep what is freed
-@pytest.mark.parametrize("name", ["few points", "many points", "pictures", "points grid", "volume", "level set", "mesh"])
-def test_its_memory_is_that_of_the_job(estimate, worker, example, tmp_path, name):
+@pytest.mark.parametrize("name", ["few points", "many points", "pictures", "points grid", "volume",
+                                  pytest.param("level set", marks=pytest.mark.extended), "mesh"])
+def test_its_memory_is_that_of_the_job(estimate, worker, request, tmp_path, name):
     """At the peak: of loading, or of sampling. A worker's peak differs by a MiB from run to run."""
     (tmp_path / "octahedron.off").write_text(OCTAHEDRON)
-    surface = {"volume": lambda: write_volume(tmp_path / "ball.nrrd"), "level set": lambda: {"vdb": {"path": str(example)}},
+    surface = {"volume": lambda: write_volume(tmp_path / "ball.nrrd"),
+               "level set": lambda: {"vdb": {"path": str(request.getfixturevalue("example"))}},
                "mesh": lambda: {"mesh": {"path": str(tmp_path / "octahedron.off"), "voxel_size": 0.02}}}.get(name, lambda: TORUS)()
     output = {"pictures": {"preview": {"size": 1024}}, "points grid": {"preview": False, "points_vdb": True}}
     spec = sphere(surface=surface, sampling={"count": 60000 if name == "many points" else 1000},
@@ -66,13 +68,17 @@ def test_its_memory_is_that_of_the_job(estimate, worker, example, tmp_path, name
 
 
 def test_what_cannot_be_told(estimate):
-    """A time is the target; counts are found on the way; a job that does not come to rest."""
+    """A time is the target; counts are found on the way."""
     found = estimate(sphere(sampling={"time_s": 3}))
     assert found["count"] is None and found["seconds"] == 3
     control = {"min_count": 100, "max_sigma": 0.3}
     found = estimate(sphere(sampling={"control": control}, solver={"method": "paper"}))
     assert found["seconds"] is None and "sampling.control" in found["seconds_missing"]
-    found = estimate(long_sphere())
+
+
+@pytest.mark.extended  # the estimate runs the job for two seconds
+def test_a_job_that_does_not_converge_has_no_estimated_time(estimate):
+    found = estimate(long_sphere(), "--threads", 1)
     assert found["seconds"] is None and "did not end" in found["seconds_missing"]
 
 

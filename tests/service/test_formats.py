@@ -125,6 +125,7 @@ def by_node(source):
     return call
 
 
+@pytest.mark.extended
 def test_khronos_finds_no_fault(run, carried, by_node):
     for spec in (carried, sphere(300, output={"preview": False, "points_glb": True})):
         where, _, _ = run(spec)
@@ -176,6 +177,7 @@ def test_the_mesh_of_usd(run):
     assert "float[] widths" not in arrays and len(arrays["float[] primvars:radius"]) == 300
 
 
+@pytest.mark.extended
 def test_other_readers_of_usd_find_the_same(run, carried, by_node):
     """three.js' parser the numbers, and tinyusdz the stage, which it does not take with a word among the numbers."""
     carried["output"].update({"mesh": True, "mesh_usda": True})
@@ -218,6 +220,7 @@ def growing(worker, tmp_path):
     return call
 
 
+@pytest.mark.extended
 def test_a_sequence_is_one_stage_of_usd(growing, by_node):
     """Its clips are the frames' files, which have their values at the time of their number; read by tinyusdz."""
     first, *others = growing(mesh=True, mesh_usda=True)
@@ -247,6 +250,30 @@ def test_a_sequence_is_one_stage_of_usd(growing, by_node):
     assert numpy.abs(velocity).max() > 0.05
 
 
+def test_the_stage_of_a_sequence_lists_its_clips(growing):
+    """The first frame that runs has the stage; each file has its values at the time of its number."""
+    first, *others = growing(mesh=True, mesh_usda=True)
+    assert not any((other / f"{name}_sequence.usda").exists() for other in others for name in ("points", "mesh"))
+    for name in ("points", "mesh"):
+        text = (first / f"{name}_sequence.usda").read_text()
+        for line in ("startTimeCode = 7", "endTimeCode = 9", "framesPerSecond = 24", "timeCodesPerSecond = 24",
+                     "double2[] active = [(7, 0), (8, 1), (9, 2)]", "double2[] times = [(7, 7), (8, 8), (9, 9)]",
+                     f"asset[] assetPaths = [@../7/{name}.usda@, @../8/{name}.usda@, @./{name}.usda@]",
+                     f"asset manifestAssetPath = @./{name}_sequence.usda@", f'string primPath = "/{name}"'):
+            assert f"    {line}\n" in text, line
+        declared = re.findall(r"^    (\w+\[\] [\w:]+)(?: \(|$)", text, re.M)
+        for frame, where in zip((9, 7, 8), (first, *others)):
+            of_frame = (where / f"{name}.usda").read_text()
+            arrays, stage = read_usda(of_frame)
+            assert set(declared) == set(arrays) and stage["startTimeCode"] == stage["endTimeCode"] == str(frame)
+            assert f"        {frame}: [" in of_frame
+            columns = read_columns((where / "points.ply").read_bytes())
+            assert numpy.allclose(arrays["point3f[] points"], stack(columns, *"xyz"), rtol=1e-6, atol=1e-9)
+            velocity = stack(columns, "velocity_x", "velocity_y", "velocity_z")
+            assert numpy.allclose(arrays["vector3f[] velocities"], 24 * velocity, rtol=1e-6, atol=1e-9)
+    assert numpy.abs(velocity).max() > 0.05
+
+
 def test_the_stage_follows_the_output_directory(growing, tmp_path):
     for directory, paths in (("/shots/a/####", ["../0007", "../0008", "."]), ("/shots/%d/b", ["../../7/b", "../../8/b", "."]),
                              ("/shots/a@1/f_####.usd", ["../f_0007.usd", "../f_0008.usd", "."]), ("/shots/#@/x", ["../../7@/x", "../../8@/x", "."])):
@@ -255,7 +282,7 @@ def test_the_stage_follows_the_output_directory(growing, tmp_path):
         assert [p.strip("@").removesuffix("/points.usda") for p in listed.split(", ")] == paths
 
 
-def test_velocities_of_a_file_are_those_of_usd(run, carried, by_node):
+def test_velocities_of_a_file_are_those_of_usd(run, carried):
     """A file tells them for a second, as USD wants them."""
     carried["attributes"][1]["as"] = "v"
     where, columns, _ = run(carried)

@@ -1,7 +1,6 @@
 """A look into files: the worker alone, and the service with its rules of access."""
 import gzip
 import json
-import os
 import pathlib
 import subprocess
 
@@ -12,7 +11,6 @@ from readers import read_png
 from service import PATIENCE_S
 from volumes import Part, write_exr, write_nifti, write_nrrd
 
-SHARED = os.environ.get("HEXAD_SHARED")
 CUBE = """v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\nv -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1
 f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\n"""
 
@@ -54,9 +52,17 @@ def test_a_level_set(inspect, example, worker, tmp_path):
     assert report["surface"]["area"] == suggestion["area"] and report["advice"] == []
 
 
-def test_a_file_of_a_newer_library(inspect, example, tmp_path, worker):
+@pytest.fixture(scope="module")
+def small_level_set(tmp_path_factory):
+    openvdb = pytest.importorskip("pyopenvdb", reason="there is no pyopenvdb to write level sets with")
+    path = tmp_path_factory.mktemp("small") / "sphere.vdb"
+    openvdb.write(str(path), grids=[openvdb.createLevelSetSphere(radius=1, voxelSize=0.1)])
+    return path
+
+
+def test_a_file_of_a_newer_library(inspect, small_level_set, tmp_path, worker):
     """What the library has to say of it does not stand in the answer."""
-    bytes_of_it = bytearray(example.read_bytes())
+    bytes_of_it = bytearray(small_level_set.read_bytes())
     bytes_of_it[8] += 1  # the version, behind the magic number
     (tmp_path / "newer.vdb").write_bytes(bytes_of_it)
     found = inspect("newer.vdb")
@@ -141,8 +147,8 @@ def test_damage_is_named(inspect, tmp_path, example):
     assert inspect("none.obj", code=3)["code"] == "input_missing"
 
 
-def test_a_page_for_people_and_a_picture(build, tmp_path, example):
-    done = subprocess.run([build / "hexad-worker", "inspect", example, "--preview", "seen.png"], cwd=tmp_path,
+def test_a_page_for_people_and_a_picture(build, tmp_path, small_level_set):
+    done = subprocess.run([build / "hexad-worker", "inspect", small_level_set, "--preview", "seen.png"], cwd=tmp_path,
                           capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.returncode == 0, done.stderr
     assert "level set" in done.stdout and "surfaces to try:\n1. area" in done.stdout and "histogram  |" in done.stdout
@@ -179,11 +185,10 @@ def test_the_service_looks_into_what_jobs_may_read(new_service, build, tmp_path)
     assert not list((service.state / "estimates").iterdir())
 
 
-@pytest.mark.skipif(not SHARED, reason="HEXAD_SHARED names no collection")
-def test_some_of_the_collection(build):
+def test_some_of_the_collection(build, shared_data):
     """tools/inspections.py goes through all of it."""
     table = pathlib.Path(__file__).resolve().parents[2] / "tools" / "inspections.py"
     for word in ("meshes/bob.obj", "vdb/nebula", "volumes/fmob", "exr/comp_rle", "malformed/git_lfs"):
-        done = subprocess.run(["/usr/bin/python3", "-B", table, "--worker", build / "hexad-worker", "--data", SHARED,
+        done = subprocess.run(["/usr/bin/python3", "-B", table, "--worker", build / "hexad-worker", "--data", shared_data,
                                "--only", word], capture_output=True, text=True, timeout=PATIENCE_S)
         assert done.returncode == 0 and done.stdout.count("\n") == 3, done.stdout + done.stderr

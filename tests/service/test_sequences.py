@@ -13,7 +13,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tools"))
 import measure  # noqa: E402
 import sequence  # noqa: E402
 
-FRAMES, COUNT, VOXEL = 20, 2000, 0.08
+FRAMES, COUNT, VOXEL = 20, 1000, 0.08
 
 
 @pytest.fixture(scope="module")
@@ -39,26 +39,28 @@ def ids_of(points):
     return points.columns["id"].astype(int)
 
 
-def test_twenty_frames_are_one_job_of_points_that_stay_put(new_service, footage):
+@pytest.mark.parametrize("frames", [6, pytest.param(FRAMES, marks=pytest.mark.extended)])
+def test_frames_are_one_job_of_points_that_stay_put(new_service, footage, frames):
+    count = 2000
     service = new_service("--input_roots", footage).start()
-    job = service.submit(spec_of(footage, f"1-{FRAMES}"))
+    job = service.submit(spec_of(footage, f"1-{frames}", sampling={"count": count}))
     done = service.wait_state(job, "succeeded")
     assert done["outcome"] == "converged"
     # one after the other, however many workers there are
-    tasks = service.get(f"/v1/jobs/{job}/tasks?limit={FRAMES}").json["tasks"]
+    tasks = service.get(f"/v1/jobs/{job}/tasks?limit={frames}").json["tasks"]
     assert all(a["finished"] <= b["started"] for a, b in zip(tasks, tasks[1:]))
     before = None
-    for frame in range(1, FRAMES + 1):
+    for frame in range(1, frames + 1):
         points, report = read(service.state / "results" / f"{job}.{frame}")
         area = sequence.Torus(frame, sequence.TORUS).area()
         assert measure.measure(points, area)["hex_fraction"] >= sequence.HEX_LEAST
-        assert len(set(ids_of(points))) == COUNT
+        assert len(set(ids_of(points))) == count
         told = report["sequence"]
-        assert told["frame"] == frame and told["carried"] + told["born"] == COUNT
+        assert told["frame"] == frame and told["carried"] + told["born"] == count
         if before:
             assert told["previous_frame"] == frame - 1
             way = sequence.ways({"torus": sequence.TORUS}, frame, before, points)
-            assert numpy.median(way) < sequence.DRIFT_MOST * measure.ideal_spacing(area, COUNT)
+            assert numpy.median(way) < sequence.DRIFT_MOST * measure.ideal_spacing(area, count)
             kept = numpy.intersect1d(ids_of(before), ids_of(points), return_indices=True)
             assert len(kept[0]) == told["carried"]
             velocity = numpy.stack([points.columns[f"velocity_{axis}"] for axis in "xyz"], axis=1)

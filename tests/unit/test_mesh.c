@@ -84,7 +84,7 @@ static void balls_of_every_format(void **state)
     static const char *const formats[] = {"obj", "off", "ply", "stl", "bstl"};
     const vec3 center = {10, -20, 5};
     for (size_t k = 0; k < sizeof formats / sizeof *formats; k++)
-        for (int turned = 0; turned < 2; turned++) {
+        for (int turned = 0; turned < (k == 0 ? 2 : 1); turned++) {
             error e = {0};
             mesh m = mesh_fixture_ball(center, 3, 4);
             for (size_t n = 0; turned && n < m.triangle_count; n++) mesh_fixture_turn(&m, n);
@@ -245,10 +245,12 @@ static void files_that_are_no_meshes(void **state)
         expect_error(cases[k].path, cases[k].text, strlen(cases[k].text), cases[k].code, cases[k].message);
 }
 
-/* Cut anywhere and with bytes changed anywhere a file gives an error or a mesh, never a fault of ours. */
+/* Cut at any place or with any bytes changed, a file gives an error or a mesh, and the program does not fail. A fuzzer tries
+ * many more such files. */
 static void damaged_files(void **state)
 {
     (void)state;
+    enum { CUTS = 2, CHANGES = 2 };
     static const char *const formats[] = {"obj", "off", "ply", "stl", "bstl"};
     mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 1, 1);
     uint64_t seed = SEED;
@@ -257,13 +259,13 @@ static void damaged_files(void **state)
         size_t count;
         char *bytes = mesh_fixture_print(&m, formats[k], &count), *copy = mem_alloc(count);
         char *path = mem_printf("x.%s", formats[k][0] == 'b' ? "stl" : formats[k]);
-        for (int i = 0; i < 16; i++) {
+        for (int i = 0; i < CUTS + CHANGES; i++) {
             error e = {0};
             memcpy(copy, bytes, count);
-            for (int n = 0; n < i && i > 8; n++)
+            for (int n = 0; i >= CUTS && n < 4 * (i - CUTS + 2); n++)
                 copy[(size_t)(fixture_random(&seed) * (double)count)] = (char)(256 * fixture_random(&seed));
-            volume *v =
-                open_bytes(copy, i < 8 ? 1 + count * (size_t)i / 8 : count, path, 16, FIXTURE_MEMORY, &e);
+            volume *v = open_bytes(copy, i < CUTS ? 1 + count * (size_t)(3 * i + 1) / 8 : count, path, 16,
+                                   FIXTURE_MEMORY, &e);
             refused += !v;
             if (!v && e.code != ERROR_INPUT_DAMAGED && e.code != ERROR_INPUT_UNSUPPORTED &&
                 e.code != ERROR_NO_SURFACE && e.code != ERROR_SPEC_INVALID)
@@ -274,7 +276,7 @@ static void damaged_files(void **state)
         free(copy);
         free(bytes);
     }
-    assert_true(refused > 40);
+    assert_true(refused > 10);
     mesh_free(&m);
 }
 
@@ -309,7 +311,7 @@ static void limits_hold(void **state)
     mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 1, 5);
     size_t count;
     char *bytes = mesh_fixture_print(&m, "bstl", &count);
-    for (size_t memory = 1 << 16; memory <= 1 << 24; memory *= 4) {
+    for (size_t memory = 1 << 16; memory <= 1 << 24; memory *= 16) {
         error e = {0};
         assert_null(open_bytes(bytes, count, "ball.stl", 256, memory, &e));
         if (e.code != ERROR_LIMIT_MEMORY) fail_msg("%zu bytes: %s", memory, e.message);
@@ -529,8 +531,8 @@ static void fidelity_by_any_number_of_threads(void **state)
     (void)state;
     error e = {0};
     const double unit[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
-    mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 20, 5);
-    mesh_fixture_append(&m, mesh_fixture_ball((vec3){0, 0, 0}, 10, 5));
+    mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 20, 4);
+    mesh_fixture_append(&m, mesh_fixture_ball((vec3){0, 0, 0}, 10, 4));
     mesh_fixture_append(&m, mesh_fixture_box((vec3){50, 0, 0}, (vec3){10, 10, 0.5}, 0.3));
     fidelity alone = {0}, together = {0};
     assert_true(fidelity_measure(&m, unit, NULL, 0.1, NULL, &alone, &e));

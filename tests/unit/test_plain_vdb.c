@@ -86,8 +86,8 @@ static void what_is_written_is_read(void **state)
     const double *const transforms[] = {fixture_uniform, fixture_nonuniform, fixture_rotated,
                                         fixture_mirrored};
     const vdb_tile tile = {{1024, -128, 0}, 128, -3.5f, true};
-    for (int how = 0; how < 32; how++) {
-        fixture g = fixture_make(transforms[how >> 3], 12, ball, how & 1 ? 0.25 : 0);
+    for (int how = 0; how < 8; how++) {
+        fixture g = fixture_make(transforms[how / 2], 12, ball, how & 1 ? 0.25 : 0);
         g.draft.half = how & 2;
         g.draft.tiles = &tile;
         g.draft.tile_count = 1;
@@ -131,13 +131,13 @@ static void damaged_files_do_no_harm(void **state)
     unsigned char *bytes = malloc(size);
     assert_int_equal(pread(fd, bytes, size, 0), size);
     close(fd);
-    for (size_t length = 0; length < size; length += length < 1500 ? 7 : 1997) {
+    for (size_t length = 0; length < size; length += length < 1500 ? 13 : 1997) {
         fd = fixture_bytes(bytes, length);
         assert_null(plain_vdb_load_grid(fd, 0, FIXTURE_MEMORY, NULL));
         close(fd);
     }
     uint64_t seed = test_seed();
-    for (int trial = 0; trial < 800; trial++) {
+    for (int trial = 0; trial < 400; trial++) {
         const double where = fixture_random(&seed);
         const size_t at = (size_t)(where * (double)(trial % 2 ? size : 1200));
         unsigned char before[8], changed[8] = {[7] = 0x80}; /* of a length, the least there is */

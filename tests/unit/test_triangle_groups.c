@@ -66,6 +66,7 @@ static void voxels_are_as_far_as_the_nearest_triangle(void **state)
         for (int32_t x = -8; x < 32; x += 8)
             for (int32_t y = 0; y < 24; y += 8)
                 for (int32_t z = 8; z < 24; z += 8) {
+                    if (kind >= 2 && kind <= 4 && (x + y + z) % 16 != 0) continue; /* many triangles */
                     assert_block(&g, (const int32_t[]){x, y, z}, 3);
                     if (x == 16 && kind < 6) assert_block(&g, (const int32_t[]){x, y, z}, 20);
                 }
@@ -79,11 +80,11 @@ static void soups_are_as_near(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 0);
-    for (int run = 0; run < 20; run++) {
+    for (int run = 0; run < 12; run++) {
         error e = {0};
         mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 1, 3);
         for (size_t n = 0; n < m.vertex_count; n++) {
-            const double reach = run < 10 ? 16 : 4;
+            const double reach = run < 6 ? 16 : 4;
             m.vertex[n] =
                 (vec3){reach * rng_uniform(&r), reach * rng_uniform(&r), 6 + 4 * rng_uniform(&r) * (run % 2)};
         }

@@ -20,7 +20,7 @@
 #include "volume_fixture.h"
 
 #define SEED 777u
-#define FLIPS 40
+#define FLIPS 24
 
 static double ball(vec3 p)
 {
@@ -391,7 +391,7 @@ static void the_limit_of_memory(void **state)
 static void what_is_held_is_within_the_limit(void **state)
 {
     (void)state;
-    enum { SIDE = 22, USED = SIDE * SIDE * SIDE, UNUSED = 3000 };
+    enum { SIDE = 16, USED = SIDE * SIDE * SIDE, UNUSED = 1200 };
     int32_t(*voxels)[3] = mem_alloc((USED + UNUSED) * sizeof *voxels);
     float *values = mem_alloc((USED + UNUSED) * sizeof *values);
     bool *active = mem_alloc((USED + UNUSED) * sizeof *active);
@@ -609,7 +609,7 @@ static void every_truncation_is_noticed(void **state)
         int whole = fixture_write(&d, 1, variant & 1 ? VDB_STREAM : VDB_SEEKABLE, variant & 2);
         size_t size = slurp(whole, &bytes);
         close(whole);
-        for (size_t cut = 0; cut < size; cut += size - cut <= 12 ? 1 : cut < 700 ? 29 : 1201) {
+        for (size_t cut = 0; cut < size; cut += size - cut <= 12 ? 1 : cut < 700 ? 61 : 2801) {
             error e = {0};
             int fd = fixture_bytes(bytes, cut);
             volume *v = fixture_open(fd, NULL, NAN, VOLUME_INTERPOLATING, &e);
