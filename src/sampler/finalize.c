@@ -554,8 +554,10 @@ bool sampler_finalize(sampler *s, error *e)
         if (!sampler_refine(s, e)) return false;
     if (!s->state.settled && !sampler_settle(s, e)) return false;
     sampler_resize(s);
-    return describe_energies(s, e) && merge_stands(s, e) && describe_points(s, e) &&
-           s->setup.method->describe(s, e);
+    if (!describe_energies(s, e) || !merge_stands(s, e) || !describe_points(s, e) ||
+        !s->setup.method->describe(s, e))
+        return false;
+    return !threads_stopped(s->setup.pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
 
 const sampler_points *sampler_result_points(const sampler *s)
