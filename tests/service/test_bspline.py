@@ -124,10 +124,10 @@ def test_bad_files_are_told(worker, tmp_path, made):
         assert done.returncode == code, done
         said = last_words(done)
         assert said["code"] == error and words in said["message"] and name in said["message"], said
-    huge = torus_spec(made, 100, path="huge.raw", dims=[1024, 1024, 1024])
+    huge = torus_spec(made, 100, path="huge.raw", dims=[256, 256, 256])
     with open(tmp_path / "huge.raw", "wb") as sparse:
-        sparse.truncate(4 << 30)
-    done = worker(huge, "--memory-mb", 512)
+        sparse.truncate(4 * 256**3)
+    done = worker(huge, "--memory-mb", 64)
     assert done.returncode == 5 and last_words(done)["code"] == "limit_memory"
 
 

@@ -10,14 +10,15 @@ from meshes import Mesh
 from readers import Points
 from volumes import write_nrrd
 
-COUNT = 1500
+COUNT = 800
 
 
 @pytest.fixture
 def sample(solve):
     """Runs a surface; the report and the points, or the error and None. Few sweeps: areas and places need no rest."""
     def run(surface, **parts):
-        spec = {"version": 1, "surface": surface, "sampling": {"count": COUNT}, "solver": {"threads": 1, "max_sweeps": 60},
+        spec = {"version": 1, "surface": surface, "sampling": {"count": COUNT},
+                "solver": {"threads": 1, "max_sweeps": 40},
                 "output": {"preview": False, "ply": {"precision": "double"}}, **parts}
         told, data = solve(spec)
         return told, data and Points(data)
@@ -40,26 +41,33 @@ def to_sphere(points, radius, center):
     return numpy.linalg.norm(points.position - numpy.array(center), axis=1) - radius
 
 
-@pytest.fixture
-def dense_ball(tmp_path):
-    """A ball of radius 1 about (0.1, 0, 0) in voxels of 0.05, with room around it."""
-    n, h = 60, 0.05
+@pytest.fixture(scope="module")
+def dense_ball(tmp_path_factory):
+    """A ball of radius 1 about (0.1, 0, 0) in voxels of 0.1, with a margin of 5 voxels around it."""
+    path = tmp_path_factory.mktemp("ball") / "ball.nrrd"
+    n, h = 30, 0.1
     matrix = numpy.diag([h, h, h, 1.0])
     matrix[:3, 3] = -h * (n - 1) / 2 + numpy.array([0.1, 0, 0])
     index = numpy.stack(numpy.meshgrid(*[numpy.arange(n)] * 3, indexing="ij"), -1)
     world = index @ matrix[:3, :3].T + matrix[:3, 3]
-    write_nrrd(tmp_path / "ball.nrrd", (1 - numpy.linalg.norm(world - [0.1, 0, 0], axis=-1)).astype("f4"), matrix)
-    return {"volume": {"path": str(tmp_path / "ball.nrrd"), "isovalue": 0}}
+    write_nrrd(path, (1 - numpy.linalg.norm(world - [0.1, 0, 0], axis=-1)).astype("f4"), matrix)
+    return {"volume": {"path": str(path), "isovalue": 0}}
 
 
-@pytest.fixture
-def cube_mesh(tmp_path):
+@pytest.fixture(scope="module")
+def cube_mesh(tmp_path_factory):
     """The cube from -1 to 1, a mesh."""
+    path = tmp_path_factory.mktemp("cube") / "cube.off"
     corners = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
     faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     text = "OFF\n8 6 0\n" + "".join("%d %d %d\n" % c for c in corners) + "".join("4 %d %d %d %d\n" % f for f in faces)
-    (tmp_path / "cube.off").write_text(text)
-    return {"mesh": {"path": str(tmp_path / "cube.off"), "resolution": 40, "band_vox": 8}}
+    path.write_text(text)
+    return {"mesh": {"path": str(path), "resolution": 40, "band_vox": 8}}
+
+
+def coarse(cube_mesh):
+    """The same cube in voxels of 0.1."""
+    return {"mesh": {**cube_mesh["mesh"], "resolution": 20}}
 
 
 R1, R2, APART = 1.0, 0.7, 0.9
@@ -106,8 +114,9 @@ CYLINDER = solid("cylinder", radius=1, height=2, axis=[1, 1, 0.5])
     (solid("cone", radius=1, top_radius=0.5, height=2, axis=[0, 1, 1]), PI * (1.25 + 1.5 * numpy.hypot(2, 0.5))),
     (solid("capsule", radius=0.5, height=2, axis=[1, 2, 3]), 3 * PI),
     ({"offset": {"surface": CYLINDER, "distance": -0.25}}, 2 * PI * 0.75**2 + 2 * PI * 0.75 * 1.5),
-    ({"intersection": [sphere(1), solid("halfspace")]}, 3 * PI),
-    ({"intersection": [solid("halfspace", center=[0, 0, 5]), sphere(1)]}, 4 * PI),
+    pytest.param({"intersection": [sphere(1), solid("halfspace")]}, 3 * PI, marks=pytest.mark.extended),
+    pytest.param({"intersection": [solid("halfspace", center=[0, 0, 5]), sphere(1)]}, 4 * PI,
+                 marks=pytest.mark.extended),
     ({"difference": [sphere(1), transform(solid("halfspace"), [[0, 0, 1, 0.5], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])]},
      PI + PI * 0.75)],
     ids=["cylinder", "rounded", "cone", "cut cone", "capsule", "shrunk", "half", "whole", "cap"])
@@ -129,8 +138,8 @@ def test_a_half_space_in_a_region(sample):
     assert report["surface"]["area"] == pytest.approx(4 + PI * 0.25, rel=5e-4)
 
 
-@pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize("z", [6, 33])
+@pytest.mark.parametrize("z, sign", [
+    (6, 1), (33, 1), pytest.param(6, -1, marks=pytest.mark.extended), pytest.param(33, -1, marks=pytest.mark.extended)])
 def test_a_plane_parts_the_places_beyond_its_bricks(sample, tmp_path, sign, z):
     """A sphere far from the plane is another surface on the one side, and within the solid on the other."""
     values = numpy.broadcast_to(sign * (numpy.arange(40.0) - 19.5), (40, 40, 40))
@@ -157,11 +166,11 @@ def ball_at(radius, z):
 
 
 @pytest.mark.parametrize("kind, solid, other, area, open_", [
-    ("intersection", "half", ball_at(5, 28), 4 * PI * 25, False),
+    pytest.param("intersection", "half", ball_at(5, 28), 4 * PI * 25, False, marks=pytest.mark.extended),
     ("intersection", "half", ball_at(8, 21.5), 2 * PI * 8 * 10 + PI * 60, False),
-    ("intersection", "half", ball_at(5, 37), 2 * PI * 5 * 7, True),
+    pytest.param("intersection", "half", ball_at(5, 37), 2 * PI * 5 * 7, True, marks=pytest.mark.extended),
     ("difference", "half", ball_at(5, 28), 39**2 + 4 * PI * 25, True),
-    ("intersection", "hollow", ball_at(12, 19.5), 4 * PI * (144 + 36), False),
+    pytest.param("intersection", "hollow", ball_at(12, 19.5), 4 * PI * (144 + 36), False, marks=pytest.mark.extended),
     ("difference", "hollow", sphere(4, (33, 33, 33)), 4 * PI * (16 + 36), False)],
     ids=["within", "across", "over the end", "hole", "shell", "two holes"])
 def test_solids_go_on_where_they_have_no_surface(sample, to_the_end, kind, solid, other, area, open_):
@@ -172,12 +181,20 @@ def test_solids_go_on_where_they_have_no_surface(sample, to_the_end, kind, solid
     assert points.position.max() <= 39 + 1e-6
 
 
+TURN = [[0.8, -0.6, 0, 0], [0.6, 0.8, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+
+
 def test_data_that_end_in_a_solid_are_refused(sample, to_the_end):
-    turned = transform(to_the_end["hollow"], [[0.8, -0.6, 0, 0], [0.6, 0.8, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    turned = transform(to_the_end["hollow"], TURN)
     for surface, part in (({"difference": [box((15, 15, 15), (19.5, 19.5, 40)), to_the_end["half"]]}, 1),
                           ({"intersection": [turned, sphere(12, (20, 27, 19.5))]}, 0)):
         e, _ = sample(surface)
         assert e["code"] == "not_supported" and f"part {part}" in e["message"], e
+
+
+@pytest.mark.extended
+def test_a_solid_within_the_ends_of_turned_data_is_whole(sample, to_the_end):
+    turned = transform(to_the_end["hollow"], TURN)
     report, _ = sample({"intersection": [turned, sphere(10, (3.9, 27.3, 19.5))]})
     assert report["surface"]["area"] == pytest.approx(4 * PI * (100 + 36), rel=2e-3)
 
@@ -218,6 +235,12 @@ def test_sharp_edges_have_rows_of_points(sample, tmp_path, diagnose):
     assert numpy.abs(off).max() < 0.15 * h
 
 
+def test_points_of_a_mesh_that_a_sphere_cuts_lie_on_them(sample, cube_mesh):
+    report, _ = sample({"difference": [coarse(cube_mesh), sphere(0.5, (1, 0.9, 0.2))]}, sampling={"count": 500})
+    assert report["quality"]["largest_move"] > 0 and report["quality"]["max_residual"] < 1e-5
+
+
+@pytest.mark.extended
 def test_points_of_combined_meshes_lie_on_them(sample, cube_mesh):
     """Beside an edge in which two meet, too: a point may be nearer to the level set of the one that it is not on."""
     moved = {"transform": {"surface": cube_mesh, "matrix": [1, 0, 0, 0.71, 0, 1, 0, 0.33, 0, 0, 1, 0.52, 0, 0, 0, 1]}}
@@ -236,8 +259,8 @@ def test_curvature_does_not_look_across_an_edge(sample):
 def test_points_on_curves_may_be_denser(sample):
     """Those on a cube's edges have half the spacing of those amid its faces; the count is exact, and the others follow."""
     cube = {"surface": {"analytic": {"shape": "box", "center": [0, 0, 0], "half_size": [1, 1, 1]}}, "features": True}
-    report, points = sample(**cube, sampling={"count": 3000, "curve_spacing": 0.5}, solver={"threads": 1})
-    assert report["outcome"] == "converged" and report["count"] == len(points.position) == 3000
+    report, points = sample(**cube, sampling={"count": 2000, "curve_spacing": 0.5}, solver={"threads": 1})
+    assert report["outcome"] == "converged" and report["count"] == len(points.position) == 2000
     on = points.feature == 1
     assert points.spacing[on].max() == pytest.approx(0.5 * points.spacing.max(), rel=0.02)
     assert report["curves"]["points"] == on.sum() > 12 * 2 / (0.55 * points.spacing.max())
@@ -268,23 +291,26 @@ def test_a_region_ends_in_rows(sample):
     assert e["code"] == "not_supported"
 
 
+C, S = numpy.cos(0.5), numpy.sin(0.5)
+TURNED_BOX = transform(box((0.5, 0.5, 3)), [[C, -S, 0, 0], [S, C, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+CAP = 2 * PI * 1.2 * (1.2 - 1)
+
+
 @pytest.mark.plain
-def test_areas_at_sharp_edges(sample, diagnose):
-    """What of a surface lies between an edge and the cells that it passes is not lost: a knife's edge of 29 degrees, edges
-    that go obliquely through the cells, and edges along them; the areas are closed forms."""
-    c, s = numpy.cos(0.5), numpy.sin(0.5)
-    turned = transform(box((0.5, 0.5, 3)), [[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
-    cap = 2 * numpy.pi * 1.2 * (1.2 - 1)
-    for name, surface, area in (
-            ("crescent", {"difference": [sphere(1), sphere(1, (0.5, 0, 0))]}, 4 * numpy.pi),
-            ("hole", {"difference": [box((1, 1, 1)), turned]}, 24 - 2 + 8),
-            ("corner", {"difference": [box((1, 1, 1)), box((1, 1, 1), (1.1, 0.9, 1.2))]}, 24),
-            ("die", {"intersection": [box((1, 1, 1)), sphere(1.2)]},
-             4 * numpy.pi * 1.2**2 - 6 * cap + 6 * numpy.pi * (1.2**2 - 1))):
-        report, _ = sample(surface)
-        diagnose(f"{name}: area off by {report['surface']['area'] / area - 1:.1e}")
-        assert report["surface"]["area"] == pytest.approx(area, rel=5e-4), name
-        assert report["quality"]["lost"] == 0
+@pytest.mark.parametrize("surface, area", [
+    ({"difference": [sphere(1), sphere(1, (0.5, 0, 0))]}, 4 * PI),
+    pytest.param({"difference": [box((1, 1, 1)), TURNED_BOX]}, 24 - 2 + 8, marks=pytest.mark.extended),
+    pytest.param({"difference": [box((1, 1, 1)), box((1, 1, 1), (1.1, 0.9, 1.2))]}, 24, marks=pytest.mark.extended),
+    pytest.param({"intersection": [box((1, 1, 1)), sphere(1.2)]}, 4 * PI * 1.2**2 - 6 * CAP + 6 * PI * (1.2**2 - 1),
+                 marks=pytest.mark.extended)],
+    ids=["crescent", "hole", "corner", "die"])
+def test_areas_at_sharp_edges(sample, diagnose, surface, area):
+    """The part of a surface between an edge and the cells that the edge crosses is not lost: an edge of 29 degrees,
+    edges oblique to the cells, and edges along them. The areas are closed forms."""
+    report, _ = sample(surface)
+    diagnose(f"area off by {report['surface']['area'] / area - 1:.1e}")
+    assert report["surface"]["area"] == pytest.approx(area, rel=5e-4)
+    assert report["quality"]["lost"] == 0
 
 
 def test_solids_that_hide_each_other(sample, dense_ball):
@@ -294,24 +320,32 @@ def test_solids_that_hide_each_other(sample, dense_ball):
     report, points = sample({"union": [dense_ball, small]})
     assert numpy.abs(to_sphere(points, 1, (0.1, 0, 0))).max() < 1e-3
     assert report["surface"]["area"] == pytest.approx(ball, rel=1e-3)
-    assert report["surface"]["parts"][0]["volume"]["size"] == [60, 60, 60]
+    assert report["surface"]["parts"][0]["volume"]["size"] == [30, 30, 30]
     report, points = sample({"difference": [dense_ball, small]})
     assert report["surface"]["area"] == pytest.approx(ball * (1 + 0.2**2), rel=1e-3)
     hollow = to_sphere(points, 0.2, (0.1, 0, 0)) < 0.1
     inwards = ((points.position - [0.1, 0, 0]) * points.normal).sum(axis=1) < 0
     assert hollow.sum() > 10 and (inwards == hollow).all()
-    report, _ = sample({"intersection": [small, dense_ball]})
-    assert report["surface"]["area"] == pytest.approx(ball * 0.2**2, rel=1e-3)
     report, _ = sample({"union": [far, dense_ball]})
     assert report["surface"]["area"] == pytest.approx(ball * (1 + 0.5**2), rel=1e-3)
-    for nothing in ({"intersection": [dense_ball, far]}, {"difference": [small, dense_ball]},
-                    {"intersection": [small, sphere(0.05, (0.1, 0.3, 0))]}):
+    for nothing in ({"intersection": [dense_ball, far]}, {"intersection": [small, sphere(0.05, (0.1, 0.3, 0))]}):
         e, points = sample(nothing)
         assert points is None and e["code"] == "no_surface", (nothing, e)
 
 
-@pytest.mark.parametrize("more", [{}, {"features": True}], ids=["smooth", "features"])
-def test_a_part_that_is_empty_changes_nothing(sample, cube_mesh, more):
+@pytest.mark.extended
+def test_a_solid_deep_inside_a_volume(sample, dense_ball):
+    """The intersection is the solid; the difference is empty."""
+    small = sphere(0.2, (0.1, 0, 0))
+    report, _ = sample({"intersection": [small, dense_ball]})
+    assert report["surface"]["area"] == pytest.approx(4 * PI * 0.2**2, rel=1e-3)
+    e, points = sample({"difference": [small, dense_ball]})
+    assert points is None and e["code"] == "no_surface", e
+
+
+@pytest.mark.parametrize("more", [{}, pytest.param({"features": True}, marks=pytest.mark.extended)],
+                         ids=["smooth", "features"])
+def test_a_part_that_is_empty_changes_nothing(sample, more):
     """Parts that do not meet, or of which nothing is left: in a union, or taken from a solid, they count as nothing, which a
     warning says. A solid of which nothing is left is no_surface, and says which part that is."""
     one, other = sphere(1), sphere(0.5, (3, 0, 0))
@@ -327,21 +361,32 @@ def test_a_part_that_is_empty_changes_nothing(sample, cube_mesh, more):
         assert numpy.abs(to_sphere(same, 1, (0, 0, 0))).max() < 1e-9
         told = [w for w in report["surface"]["warnings"] if "the part is left out" in w]
         assert [w.split(":")[0] for w in told] == ["/surface" + place for place in left_out], report["surface"]["warnings"]
-    report, points = sample({"union": [cube_mesh, {"intersection": [cube_mesh, other]}]})
-    assert points.count == COUNT and len(report["surface"]["parts"]) == 1 and report["surface"]["area"] == pytest.approx(24, rel=1e-2)
     for nothing, where in ((none, "/surface"), ({"difference": [{"union": [none, shrunk]}, one]}, "/surface/difference/0")):
         e, points = sample(nothing, **more)
         assert points is None and e["code"] == "no_surface" and e["message"].startswith(where + ": "), e
 
 
-def test_walls_thinner_than_cells(sample):
-    """A shell and a slit that the parts' own cells do not show are whole. What no cells show is not said to be sampled."""
+@pytest.mark.extended
+def test_an_empty_part_of_a_mesh_changes_nothing(sample, cube_mesh):
+    report, points = sample({"union": [cube_mesh, {"intersection": [cube_mesh, sphere(0.5, (3, 0, 0))]}]})
+    assert points.count == COUNT and len(report["surface"]["parts"]) == 1
+    assert report["surface"]["area"] == pytest.approx(24, rel=1e-2)
+
+
+@pytest.mark.extended
+def test_shells_thinner_than_cells(sample):
+    """A shell that the parts' own cells do not show is whole, also where it is a combination within another."""
     report, points = sample({"difference": [sphere(1), sphere(0.9, (0, 0, 0.09))]})
     assert report["surface"]["area"] == pytest.approx(4 * numpy.pi * 1.81, rel=1e-3) and not report["surface"]["warnings"][1:]
-    cut = {"difference": [{"difference": [sphere(1), sphere(0.99)]}, box((1, 1, 1), (1, 1, 1))]}
-    report, points = sample(cut)  # an eighth is cut out: a combination within another
-    assert report["surface"]["area"] == pytest.approx(numpy.pi * (3.5 * (1 + 0.99**2) + 0.75 * (1 - 0.99**2)), rel=2e-3)
-    report, points = sample({"difference": [sphere(1), sphere(0.9999)]})
+    cut = {"difference": [{"difference": [sphere(1), sphere(0.97)]}, box((1, 1, 1), (1, 1, 1))]}
+    report, points = sample(cut)  # an eighth is cut out
+    assert report["surface"]["area"] == pytest.approx(numpy.pi * (3.5 * (1 + 0.97**2) + 0.75 * (1 - 0.97**2)), rel=2e-3)
+
+
+def test_walls_thinner_than_cells(sample):
+    """A lens that the parts' own cells do not show is whole. A wall that no cells show is reported as missing."""
+    tube = {"radius": 0.2, "height": 2, "axis": [0, 0, 1]}
+    report, points = sample({"difference": [solid("capsule", **tube), solid("capsule", **{**tube, "radius": 0.19999})]})
     assert report["outcome"] != "converged" and "missing_share" in [r["criterion"] for r in report["outcome_reasons"]]
     assert any("thinner than its smallest cells" in w for w in report["surface"]["warnings"])
     lens = {"intersection": [sphere(1, (3, 0, 0)), sphere(1, (3, 0, 1.99))]}
@@ -350,17 +395,29 @@ def test_walls_thinner_than_cells(sample):
 
 
 def test_what_is_missing_counts_by_its_area(sample):
-    """Of a ball and a shell of which cells show little, the shell is two thirds, about, however large its own unit is."""
+    """Of a ball and a shell that no cells show, the shell is about two thirds of the area, whatever its own unit is."""
     shares = []
     for unit in (1, 100):
-        thin = {"difference": [sphere(unit), sphere(unit * 0.9991)]}
+        thin = {"difference": [solid("capsule", radius=unit * r, height=2 * unit, axis=[0, 0, 1])
+                               for r in (0.2, 0.19999)]}
         matrix = [1 / unit, 0, 0, 0, 0, 1 / unit, 0, 0, 0, 0, 1 / unit, 0, 0, 0, 0, 1]
-        report, _ = sample({"union": [sphere(1, (3, 0, 0)), {"transform": {"matrix": matrix, "surface": thin}}]})
+        report, _ = sample({"union": [sphere(0.45, (3, 0, 0)), {"transform": {"matrix": matrix, "surface": thin}}]})
         shares += [r["value"] for r in report["outcome_reasons"] if r["criterion"] == "missing_share"]
     assert len(shares) == 2 and 0.4 < shares[0] < 0.9 and shares[1] == pytest.approx(shares[0], rel=0.1), shares
 
 
-@pytest.mark.plain
+def test_a_mesh_and_a_volume_in_one_union(sample, dense_ball, cube_mesh):
+    moved = transform(coarse(cube_mesh), [[1, 0, 0, 4], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    report, points = sample({"union": [moved, dense_ball]})
+    on_cube = points.position[:, 0] > 2
+    assert numpy.abs(numpy.abs(points.position[on_cube] - [4, 0, 0]).max(axis=1) - 1).max() < 0.04
+    assert numpy.abs(to_sphere(points, 1, (0.1, 0, 0))[~on_cube]).max() < 1e-3
+    assert report["surface"]["area"] == pytest.approx(24 + 4 * PI, rel=1e-2)
+    assert [part.get("volume", {}).get("format") for part in report["surface"]["parts"]] == [None, "NRRD"]
+    assert [i["path"].split("/")[-1] for i in report["inputs"]] == ["cube.off", "ball.nrrd"]
+
+
+@pytest.mark.extended
 def test_kinds_may_be_mixed_and_nested(sample, dense_ball, cube_mesh):
     """A cube from which two balls are taken: every point is on one of the three."""
     corner = (-1, -1, 0.2)
@@ -398,10 +455,13 @@ def test_a_transform_of_a_volume(sample, dense_ball):
     assert report["surface"]["area"] == pytest.approx(16 * numpy.pi, rel=1e-3)
 
 
+SMALL_GYROID = {"analytic": {"shape": "gyroid", "period": 1, "size": [1, 1, 1], "center": [0, 0, 0]}}
+
+
 @pytest.mark.plain
 def test_open_surfaces(sample):
-    """A gyroid's box cuts it: it stays open when it is turned by a quarter, cannot be turned obliquely, is closed by a sphere
-    within the box, and cannot end inside of a union."""
+    """A gyroid's box cuts it: it stays open when it is turned by a quarter, cannot be turned obliquely, and cannot end
+    inside of a union."""
     gyroid = {"analytic": {"shape": "gyroid", "period": 1, "size": [2, 2.5, 3], "center": [0, 0, 0]}}
     quarter = numpy.array([[0, -1, 0, 1], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
     plain, _ = sample(gyroid)
@@ -412,11 +472,15 @@ def test_open_surfaces(sample):
     c, s = numpy.cos(0.5), numpy.sin(0.5)
     e, _ = sample(transform(gyroid, [[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]))
     assert e["code"] == "not_supported" and "axes to axes" in e["message"]
-    report, points = sample({"intersection": [gyroid, sphere(0.9)]})
-    assert report["quality"]["rim_count"] == 0 and report["quality"]["lost"] == 0
-    assert (numpy.linalg.norm(points.position, axis=1) < 0.9 + 1e-6).all()
-    e, _ = sample({"union": [gyroid, sphere(0.5, (4, 0, 0))]})
+    e, _ = sample({"union": [SMALL_GYROID, sphere(0.5, (4, 0, 0))]})
     assert e["code"] == "not_supported" and "part 0" in e["message"]
+
+
+@pytest.mark.extended
+def test_a_sphere_within_its_box_closes_a_gyroid(sample):
+    report, points = sample({"intersection": [SMALL_GYROID, sphere(0.45)]})
+    assert report["quality"]["rim_count"] == 0 and report["quality"]["lost"] == 0
+    assert (numpy.linalg.norm(points.position, axis=1) < 0.45 + 1e-6).all()
 
 
 def test_offsets_are_distances(sample, cube_mesh):
@@ -461,8 +525,9 @@ def test_a_region_of_a_combination(sample):
     report, points = sample({"union": [sphere(R1), sphere(R2, (APART, 0, 0))]},
                             region={"min": [-2, -2, 0], "max": [2, 2, 2]})
     assert points.position[:, 2].min() >= 0 and report["quality"]["rim_count"] > 0
-    whole, _ = sample({"union": [sphere(R1), sphere(R2, (APART, 0, 0))]})
-    assert report["surface"]["area"] == pytest.approx(whole["surface"]["area"] / 2, rel=1e-3)
+    at = (APART**2 + R1**2 - R2**2) / (2 * APART)  # as in test_two_spheres
+    whole = 2 * PI * (R1 * (R1 + at) + R2 * (R2 + APART - at))
+    assert report["surface"]["area"] == pytest.approx(whole / 2, rel=1e-3)
 
 
 def test_points_on_new_places_find_their_rest(sample):
@@ -546,11 +611,18 @@ def random_solid(rng, path):
     return whole.turned(rng) if kind in (1, 3) else whole
 
 
-def test_random_combinations_are_where_geometry_says(sample, diagnose, tmp_path):
-    """Points lie on the surface that the solids' own formulas give, and near all of its places, but those in whose
-    neighbourhood it folds back."""
+RANDOM = 20261123
+SOME = [RANDOM + k for k in (1, 2, 3)]
+
+
+@pytest.mark.parametrize("seeds, least", [
+    (SOME, 2), pytest.param([RANDOM + k for k in (0, 5, 6, 7, 9)], 3, marks=pytest.mark.extended)],
+    ids=["some", "others"])
+def test_random_combinations_are_where_geometry_says(sample, diagnose, tmp_path, seeds, least):
+    """Points lie on the surface that the solids' own formulas give, and near all of its places, except where the
+    surface folds back nearby. `least` of the seeds give a surface."""
     sampled = 0
-    for seed in range(20261123, 20261133):
+    for seed in seeds:
         rng = numpy.random.default_rng(seed)
         parts = [random_solid(rng, tmp_path / f"{seed}.{k}.nrrd") for k in range(rng.integers(2, 4))]
         kind = ("union", "intersection", "difference")[rng.integers(3)]
@@ -579,4 +651,4 @@ def test_random_combinations_are_where_geometry_says(sample, diagnose, tmp_path)
         gap = cKDTree(points.position).query(wanted)[0].max() / report["spacing"] if len(wanted) else 0
         diagnose(f"seed {seed}, {kind} of {len(parts)}: {miss:.1e} off, farthest place {gap:.2f} spacings away")
         assert miss < max(part.miss for part in parts) and gap < 1.2
-    assert sampled >= 5
+    assert sampled >= least

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from label_shapes import PLAIN, TURNED, Balls, Sectors, places
 from readers import read_columns, read_face_labels, read_mesh
+from service import Service
 from volumes import Part, write_exr, write_nifti, write_nrrd
 
 SIZE, COUNT = 40, 1500
@@ -39,7 +40,7 @@ def interfaces(report):
     return {tuple(i["labels"]): i for i in report["surface"]["labels"]["interfaces"]}
 
 
-@pytest.mark.parametrize("turn", [PLAIN, TURNED], ids=["plain", "turned"])
+@pytest.mark.parametrize("turn", [pytest.param(PLAIN, marks=pytest.mark.extended), TURNED], ids=["plain", "turned"])
 @pytest.mark.parametrize("kind", [Sectors, Balls])
 def test_interfaces_and_lines_lie_where_the_shapes_meet(sample, kind, turn):
     shape = kind(SIZE, turn)
@@ -59,20 +60,21 @@ def test_interfaces_and_lines_lie_where_the_shapes_meet(sample, kind, turn):
     assert numpy.sqrt((shape.off_lines(lines[inner]) ** 2).mean()) < 0.2
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("turn", [PLAIN, TURNED], ids=["plain", "turned"])
 @pytest.mark.parametrize("kind", [Sectors, Balls])
 def test_no_place_of_a_line_is_a_fifth_of_a_voxel_off(sample, kind, turn):
     shape = kind(96, turn)
-    points = sample(shape.labels, count=30000)[1]
+    points = sample(shape.labels, count=30000, output={"mesh": False})[1]
     lines = points.position[points.feature >= ON_LINE]
     assert shape.off_lines(lines[(abs(lines - 47.5) < 47).all(axis=1)]).max() < 0.2
 
 
-@pytest.mark.parametrize("kind", [Sectors, Balls])
+@pytest.mark.parametrize("kind", [pytest.param(Sectors, marks=pytest.mark.extended), Balls])
 def test_smooth_interfaces_tell_their_lines_to_a_twentieth_of_a_voxel(sample, kind):
     """What one window of a few voxels tells is .08 to .1 off."""
     shape = kind(96, TURNED)
-    points = sample(shape.labels, count=10000)[1]
+    points = sample(shape.labels, count=4000, solver={"max_sweeps": 40}, output={"mesh": False})[1]
     lines = points.position[points.feature >= ON_LINE]
     off = shape.off_lines(lines[(abs(lines - 47.5) < 46).all(axis=1)])
     assert numpy.sqrt((off ** 2).mean()) < 0.05
@@ -80,7 +82,7 @@ def test_smooth_interfaces_tell_their_lines_to_a_twentieth_of_a_voxel(sample, ki
 
 def test_areas_are_those_of_the_shapes(sample):
     shape = Balls(96, TURNED)
-    report, _ = sample(shape.labels, count=300)
+    report, _ = sample(shape.labels, count=300, solver={"max_sweeps": 1}, output={"mesh": False})
     found = interfaces(report)
     for pair, area in shape.areas().items():
         assert found[pair]["area"] == pytest.approx(area, rel=0.005), pair
@@ -111,6 +113,7 @@ def cells(count, size):
     return cKDTree(seeds).query(x.reshape(-1, 3))[1].reshape(x.shape[:3]).astype("u2")
 
 
+@pytest.mark.extended
 def test_seams_close_where_interfaces_are_small(sample):
     """Some lines are shorter than the spacing, and corners stand for two."""
     report, _ = sample(cells(12, 48), count=3000, closed=True)
@@ -120,7 +123,7 @@ def test_seams_close_where_interfaces_are_small(sample):
     assert told["nonmanifold_edges"] - told["seam_edges"] <= 4
 
 
-@pytest.mark.parametrize("style", ["ascii", "binary_little_endian"])
+@pytest.mark.parametrize("style", ["ascii", pytest.param("binary_little_endian", marks=pytest.mark.extended)])
 def test_each_label_has_a_closed_mesh_whose_faces_its_neighbours_share(sample, tmp_path, style):
     shape = Balls(64)
     report, _ = sample(shape.labels, count=4000, output={"label_meshes": True, "ply": {"format": style}})
@@ -189,7 +192,7 @@ def blocks():
     ({"closed": True, "background": 4}, {(1, 2), (2, 3), (3, 4), (1, 4), (2, 4)}),
 ])
 def test_labels_are_chosen_merged_and_closed(sample, members, pairs):
-    report, points = sample(blocks(), count=500, **members)
+    report, points = sample(blocks(), count=250, **members)
     if members == {"closed": True, "background": 4}:
         pairs = pairs | {(3, 4)}
     assert set(interfaces(report)) == pairs
@@ -206,7 +209,7 @@ def thin():
 
 
 def test_what_is_one_voxel_thin_stays(sample):
-    report, points = sample(thin(), count=2500)
+    report, points = sample(thin(), count=1200, output={"mesh": False})
     found = interfaces(report)
     assert set(found) == {(0, 1), (0, 2), (0, 3)}
     sheet = points.position[points.label_b == 1]
@@ -267,8 +270,7 @@ def test_a_mesh_is_whole_where_sheets_are_near_each_other(sample):
 
 def test_two_hundred_labels(sample):
     """Most interfaces are smaller than the spacing: the points are those of lines."""
-    report, points = sample(cells(200, 40), count=3000,
-                            solver={"max_sweeps": 60})
+    report, points = sample(cells(200, 30), count=2000, solver={"max_sweeps": 10}, output={"mesh": False})
     assert len(report["surface"]["labels"]["materials"]) == 200
     assert set(zip(points.label_a, points.label_b)) <= set(interfaces(report))
     assert len(report["patches"]["list"]) == min(1000, report["patches"]["count"])
@@ -276,18 +278,20 @@ def test_two_hundred_labels(sample):
 
 # ---- what is thin, and what a user is told of it
 
-@pytest.fixture
-def send(new_service, tmp_path):
+@pytest.fixture(scope="module")
+def send(build, tmp_path_factory):
     """Sends a job of a segmentation to the daemon; how it ends."""
-    service = new_service("--input_roots", tmp_path).start()
+    where = tmp_path_factory.mktemp("send")
+    service = Service(build, where, "--input_roots", where).start()
 
     def run(values, spec):
-        write_nrrd(tmp_path / "v.nrrd", values)
+        write_nrrd(where / "v.nrrd", values)
         spec["output"] = {"preview": False}
         job = service.submit(spec)
         done = service.wait_state(job, "succeeded", "failed")
         return done["notes"] if done["state"] == "succeeded" else done["error"]
-    return run
+    yield run
+    service.clean_up()
 
 
 def of_labels(count, **members):
@@ -361,6 +365,13 @@ def test_of_a_voxel_or_a_row_alone_it_is_said_that_few_counts_help(send, count):
                                                 for r in notes["outcome_reasons"])
 
 
+def test_points_that_all_lie_near_curves_are_reported(sample):
+    report, _ = sample(cells(12, 18), count=200, output={"mesh": False})
+    assert "boundary_share" in {r["criterion"] for r in report["outcome_reasons"]}
+    assert advice(report, "boundary")["set"]["/sampling/count"] > 200
+
+
+@pytest.mark.extended
 def test_points_that_all_lie_near_curves_are_told_how_many_would_not(send):
     labels, spec = cells(30, 24), of_labels(400)
     notes = send(labels, spec)
@@ -417,8 +428,9 @@ def shifted_slices(size=44, most=3):
 
 def test_a_majority_takes_out_jitter_and_strays(sample):
     labels, radius = shifted_slices(), 0.3 * 44
-    rough, _ = sample(labels)
+    rough, _ = sample(labels, solver={"max_sweeps": 5}, output={"mesh": False})
     report, points = sample(labels, majority=3)
+    assert list(advice(rough, "ragged_labels")["set"]) == ["/surface/labels/majority"]
     assert rough["outcome"] in ("unresolved", "not_converged") and rough["surface"]["area"] > 1.3 * 4 * numpy.pi * radius ** 2
     assert report["outcome"] == "converged" and report["quality"]["hex_fraction"] > 0.93
     assert report["surface"]["area"] == pytest.approx(4 * numpy.pi * radius ** 2, rel=0.04)
@@ -428,11 +440,12 @@ def test_a_majority_takes_out_jitter_and_strays(sample):
     assert [m["label"] for m in sample(labels, majority=3, output={"label_meshes": True})[0]["mesh"]["labels"]] == [0, 1]
 
 
+@pytest.mark.extended
 def test_advice_of_a_majority_brings_slices_into_order(send):
-    spec = of_labels(COUNT)
-    notes = send(shifted_slices(), spec)
+    spec = of_labels(700)
+    notes = send(shifted_slices(30, 2), spec)
     item = advice(notes, "ragged_labels")
-    again = send(shifted_slices(), follow(spec, item))
+    again = send(shifted_slices(30, 2), follow(spec, item))
     assert again["outcome_reasons"] == [] == again["advice"], (item, again)
 
 
@@ -466,10 +479,12 @@ def test_what_a_majority_takes_is_told_of_what_is_asked_for(sample):
         assert error["code"] == "no_surface" and words in error["message"], error
 
 
-@pytest.mark.parametrize("members, threads", [({}, 1), ({}, 2), ({"closed": True}, 1)])
+@pytest.mark.parametrize("members, threads", [
+    ({}, 2), pytest.param({}, 1, marks=pytest.mark.extended),
+    pytest.param({"closed": True}, 1, marks=pytest.mark.extended)])
 def test_the_majority_is_that_of_smoothed_indicators_with_weights_that_keep_volume(sample, members, threads):
     """More than one block of them along an axis; what lies beyond the end counts for none. Voxels are longer along one axis."""
-    smooth = ndimage.gaussian_filter(numpy.random.default_rng(1).normal(size=(4, 70, 30, 41)), (0, 2, 2, 2))
+    smooth = ndimage.gaussian_filter(numpy.random.default_rng(1).normal(size=(4, 70, 18, 23)), (0, 2, 2, 2))
     labels = (smooth + numpy.reshape([0, 0, 0, -0.05], (4, 1, 1, 1))).argmax(0).astype("u1")
     stray = numpy.random.default_rng(2).random(labels.shape) < 0.02
     labels[stray] = (labels[stray] + 1) % 4
@@ -552,16 +567,17 @@ def test_an_inspection_lists_labels(worker, tmp_path):
 
 
 def test_a_stack_of_images_is_a_segmentation(sample, solve, worker, tmp_path):
-    labels = Balls(SIZE).labels
-    report, points = sample(labels)
-    for k in range(SIZE):
+    size, count = 24, 600
+    labels = Balls(size).labels
+    report, points = sample(labels, count=count, solver={"max_sweeps": 20}, output={"mesh": False})
+    for k in range(size):
         write_exr(tmp_path / f"s.{k:03}.exr", Part({"id": labels[:, :, k].astype("u4")}))
-    stack = {"path": "s.###.exr", "slices": f"0-{SIZE - 1}", "voxel_size": [2, 2, 2], "origin": [1, 0, 0]}
-    spec = {"version": 1, "surface": {"labels": stack}, "sampling": {"count": COUNT}, "solver": {"threads": 1},
-            "output": {"preview": False}}
+    stack = {"path": "s.###.exr", "slices": f"0-{size - 1}", "voxel_size": [2, 2, 2], "origin": [1, 0, 0]}
+    spec = {"version": 1, "surface": {"labels": stack}, "sampling": {"count": count},
+            "solver": {"threads": 1, "max_sweeps": 20}, "output": {"preview": False}}
     told, data = solve(spec)
     assert told["surface"]["area"] == pytest.approx(4 * report["surface"]["area"], rel=1e-6)
-    assert len(told["inputs"]) == SIZE and set(interfaces(told)) == set(interfaces(report))
+    assert len(told["inputs"]) == size and set(interfaces(told)) == set(interfaces(report))
     assert numpy.allclose(Points(data).position, 2 * points.position + [1, 0, 0], atol=0.2)  # as they come to rest
     spec["surface"]["labels"] = {"path": "v.nrrd", "origin": [1, 0, 0]}
     assert "requires slices" in json.dumps(solve(spec)[0])
@@ -589,13 +605,13 @@ def test_a_spec_that_was_written_anew_means_the_same(solve, tmp_path):
 
 
 def test_one_of_several_volumes_is_the_segmentation(sample, solve, worker, tmp_path):
-    _, points = sample(blocks())
+    _, points = sample(blocks(), count=500, output={"mesh": False})
     write_nifti(tmp_path / "v.nii", blocks(), numpy.eye(4))
     data = bytearray((tmp_path / "v.nii").read_bytes())
     data[40:42], data[48:50] = (4).to_bytes(2, "little"), (2).to_bytes(2, "little")
     (tmp_path / "four.nii").write_bytes(data[:352] + bytes(len(data) - 352) + data[352:])
-    spec = {"version": 1, "surface": {"labels": {"path": "four.nii"}}, "sampling": {"count": COUNT}, "solver": {"threads": 1},
-            "output": {"preview": False}}
+    spec = {"version": 1, "surface": {"labels": {"path": "four.nii"}}, "sampling": {"count": 500},
+            "solver": {"threads": 1}, "output": {"preview": False}}
     told, _ = solve(spec)
     assert told["code"] == "grid_ambiguous" and "give index, 0 to 1" in told["message"]
     spec["surface"]["labels"]["index"] = 1

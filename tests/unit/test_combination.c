@@ -192,9 +192,9 @@ static void cells_are_as_large_as_their_part_needs(void **state)
 typedef struct thin_case {
     const char *what;
     combination_kind kind;
-    double radius, other; /* of the first, about the origin, and of the second */
-    vec3 center;          /* of the second */
-    double area;
+    double radius, other;   /* of the first, about the origin, and of the second */
+    vec3 center;            /* of the second */
+    double area, tolerance; /* relative */
 } thin_case;
 
 /* The surface that is left of spheres by formula, and how many cells it has. */
@@ -222,30 +222,31 @@ static double lens(double depth)
     return 2 * M_PI * depth; /* of two caps of a sphere of radius 1, each half as deep */
 }
 
-/* Walls and slits thinner than the parts' own cells are whole. What is thinner than cells can be is counted. */
+/* Walls and slits thinner than the parts' own cells are whole: without cells of their own the areas of the shell and
+ * of the lenses differ from their closed forms by more than the tolerance. A wall thinner than the smallest cell is
+ * counted as missing. */
 static void walls_thinner_than_cells_are_whole(void **state)
 {
     (void)state;
     const double ball = 4 * M_PI;
     const thin_case cases[] = {
-        {"shell of 1/100 to 19/100", COMBINATION_DIFFERENCE, 1, 0.9, {0, 0, 0.09}, ball * 1.81},
-        {"lens of 1/30", COMBINATION_INTERSECTION, 1, 1, {0, 0, 2 - 0.033}, lens(0.033)},
-        {"lens of 1/50, oblique", COMBINATION_INTERSECTION, 1, 1, {0, 1.188, 1.584}, lens(0.02)},
-        {"slit of 1/100", COMBINATION_UNION, 1, 0.5, {0, 0, 1.51}, ball * 1.25},
+        {"shell of 1/100 to 19/100", COMBINATION_DIFFERENCE, 1, 0.9, {0, 0, 0.09}, ball * 1.81, 5e-5},
+        {"lens of 1/30", COMBINATION_INTERSECTION, 1, 1, {0, 0, 2 - 0.033}, lens(0.033), 5e-3},
+        {"lens of 1/25, oblique", COMBINATION_INTERSECTION, 1, 1, {0, 1.176, 1.568}, lens(0.04), 5e-3},
+        {"slit of 1/100", COMBINATION_UNION, 1, 0.5, {0, 0, 1.51}, ball * 1.25, 5e-5},
     };
     for (size_t k = 0; k < sizeof cases / sizeof cases[0]; k++) {
         const thin_case *t = &cases[k];
-        size_t cells, before;
-        double missing, plain_missing;
+        size_t cells;
+        double missing;
         const double area = thin_area(t, LEVELS, &cells, &missing);
-        const double plain = thin_area(t, 0, &before, &plain_missing);
-        print_message("# %s: area off by %.2g of %.4g (%.2g), %zu cells (%zu), missing %.2g (%.2g)\n",
-                      t->what, area / t->area - 1, t->area, plain / t->area - 1, cells, before, missing,
-                      plain_missing);
-        assert_true(fabs(area / t->area - 1) < 0.005);
+        print_message("# %s: area off by %.2g of %.4g, %zu cells, missing %.2g\n", t->what,
+                      area / t->area - 1, t->area, cells, missing);
+        assert_true(fabs(area / t->area - 1) < t->tolerance);
         assert_true(missing < 0.01);
     }
-    const thin_case too_thin = {"shell of 1/30000", COMBINATION_DIFFERENCE, 1, 1 - 3e-5, {0, 0, 0}, 2 * ball};
+    const thin_case too_thin = {
+        "shell of 1/30000", COMBINATION_DIFFERENCE, 1, 1 - 3e-5, {0, 0, 0}, 2 * ball, 1};
     size_t cells;
     double missing;
     const double area = thin_area(&too_thin, LEVELS, &cells, &missing);
@@ -264,32 +265,30 @@ static size_t cells_of(combination_kind kind, const field *a, const field *b, in
     return cells;
 }
 
-/* Edges of 34 degrees are no walls, and one of 16 degrees has few cells more; walls have no more cells than memory; and all that there is of a lens has some, or is an error. */
+/* An edge of 34 degrees is no wall: it has no more cells. One of 16 degrees has at most 3 times as many. A lens of 1/30
+ * is a wall; its cells are limited by memory. A lens that is all of the surface has cells, or is an error. */
 static void cells_in_walls_are_bounded(void **state)
 {
     (void)state;
-    const analytic_params cube = {.shape = ANALYTIC_BOX, .half_size = {1, 1, 1}};
-    analytic *box = analytic_new(&cube, NULL, NULL), *hole = sphere(1.2, vec3_make(0, 0, 0)),
-             *one = sphere(1, vec3_make(0, 0, 0)), *core = sphere(0.99, vec3_make(0, 0, 0)),
-             *knife = sphere(1.04, vec3_make(0, 0, 0)), *here = sphere(1, vec3_make(3, 0, 0)),
-             *other = sphere(1, vec3_make(3, 0, 1.99));
+    analytic *one = sphere(1, vec3_make(0, 0, 0)), *blunt = sphere(1, vec3_make(0, 0, 2 * 0.9563)),
+             *knife = sphere(1, vec3_make(0.278, 0, 0)), *lens = sphere(1, vec3_make(0, 0, 2 - 0.033)),
+             *here = sphere(1, vec3_make(3, 0, 0)), *other = sphere(1, vec3_make(3, 0, 1.99));
     const combination_kind cut = COMBINATION_DIFFERENCE, both = COMBINATION_INTERSECTION;
-    assert_int_equal(cells_of(cut, &box->base, &hole->base, LEVELS, MEMORY),
-                     cells_of(cut, &box->base, &hole->base, 0, MEMORY));
-    assert_true(cells_of(cut, &box->base, &knife->base, LEVELS, MEMORY) <
-                3 * cells_of(cut, &box->base, &knife->base, 0, MEMORY));
-    const size_t plain = cells_of(cut, &one->base, &core->base, 0, MEMORY);
-    assert_true(cells_of(cut, &one->base, &core->base, LEVELS, MEMORY) > 4 * plain);
-    assert_int_equal(cells_of(cut, &one->base, &core->base, LEVELS, MEMORY / 64), plain);
+    assert_int_equal(cells_of(both, &one->base, &blunt->base, LEVELS, MEMORY),
+                     cells_of(both, &one->base, &blunt->base, 0, MEMORY));
+    assert_true(cells_of(cut, &one->base, &knife->base, LEVELS, MEMORY) <
+                3 * cells_of(cut, &one->base, &knife->base, 0, MEMORY));
+    const size_t plain = cells_of(both, &one->base, &lens->base, 0, MEMORY);
+    assert_true(cells_of(both, &one->base, &lens->base, LEVELS, MEMORY) > 4 * plain);
+    assert_int_equal(cells_of(both, &one->base, &lens->base, LEVELS, MEMORY / 4096), plain);
     assert_true(cells_of(both, &here->base, &other->base, 1, MEMORY) > 100);
     error e = {0};
     assert_null(combination_new(both, (const field *[]){&here->base, &other->base}, 2, 1, 0, NULL, &e));
     assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
-    analytic_free(box);
-    analytic_free(hole);
-    analytic_free(knife);
     analytic_free(one);
-    analytic_free(core);
+    analytic_free(blunt);
+    analytic_free(knife);
+    analytic_free(lens);
     analytic_free(here);
     analytic_free(other);
 }
@@ -298,9 +297,9 @@ static void cells_in_walls_are_bounded(void **state)
 static void faces_in_one_plane_are_not_thin(void **state)
 {
     (void)state;
-    const analytic_params outer = {.shape = ANALYTIC_BOX, .half_size = {1, 1, 1}},
+    const analytic_params outer = {.shape = ANALYTIC_BOX, .half_size = {1, 0.3, 0.3}},
                           pocket = {
-                              .shape = ANALYTIC_BOX, .half_size = {0.5, 0.5, 0.5}, .center = {0, 0, 0.5}};
+                              .shape = ANALYTIC_BOX, .half_size = {0.15, 0.15, 0.15}, .center = {0, 0, 0.15}};
     analytic *a = analytic_new(&outer, NULL, NULL), *b = analytic_new(&pocket, NULL, NULL);
     const field *parts[2] = {&a->base, &b->base};
     error e = {0};
@@ -320,14 +319,14 @@ static void a_lens_narrower_than_cells_is_not_lost(void **state)
 {
     (void)state;
     rng r = rng_seed(SEED, 7);
-    for (int k = 0; k < 3; k++) {
-        const double depth = k == 1 ? 1e-3 : 1e-4;
+    for (int k = 0; k < 2; k++) {
+        const double depth = k == 1 ? 5e-3 : 1e-4, radius = k == 1 ? 0.2 : 0.05;
         const vec3 shift = vec3_make(rng_uniform(&r), rng_uniform(&r), rng_uniform(&r)),
                    way = vec3_make(rng_uniform(&r) - 0.5, rng_uniform(&r) - 0.5, rng_uniform(&r) - 0.5),
                    by = vec3_axpy(1 / vec3_norm(way), way, shift),
                    to = vec3_axpy(2 - depth, vec3_sub(shift, by), by);
         analytic *one = sphere(1, by), *two = sphere(1, to),
-                 *small = sphere(0.05, vec3_make(shift.x, shift.y + 3.5, shift.z));
+                 *small = sphere(radius, vec3_make(shift.x, shift.y + 3.5, shift.z));
         error e = {0};
         combination *left = combination_new(COMBINATION_UNION, (const field *[]){&one->base, &small->base}, 2,
                                             LEVELS, MEMORY, NULL, &e);
@@ -339,7 +338,7 @@ static void a_lens_narrower_than_cells_is_not_lost(void **state)
         if (!both) fail_msg("%s", e.message);
         surface *s = surface_scan(combination_field(both), NULL, &e);
         if (!s) fail_msg("%s", e.message);
-        const double ball = 4 * M_PI * 0.05 * 0.05, missing = combination_missing(both, NULL);
+        const double ball = 4 * M_PI * radius * radius, missing = combination_missing(both, NULL);
         print_message("# lens of %.2g: area off by %.2g, missing %.2g\n", depth,
                       s->area / (ball + lens(depth)) - 1, missing);
         assert_true(fabs(s->area / (ball + lens(depth)) - 1) < 0.018 ||

@@ -110,12 +110,12 @@ static double slab_truth(vec3 x, vec3 normal)
     return fabs(normal.z) > 0.999 ? 0.2 : NAN;
 }
 
-/* A cube: as far as the opposite face everywhere, also close to edges. */
-static double cube_truth(vec3 x, vec3 normal)
+/* A bar: half the distance to the opposite face everywhere, also close to edges. */
+static double bar_truth(vec3 x, vec3 normal)
 {
     (void)x;
-    double most = fmax(fmax(fabs(normal.x), fabs(normal.y)), fabs(normal.z));
-    return most > 0.999 ? 1 : NAN;
+    if (fabs(normal.x) > 0.999) return 1;
+    return fmax(fabs(normal.y), fabs(normal.z)) > 0.999 ? 0.3 : NAN;
 }
 
 static void shapes_have_the_radius_of_their_medial_ball(void **state)
@@ -143,25 +143,27 @@ static void edges_are_no_features(void **state)
     analytic *slab = analytic_new(&plate, NULL, NULL);
     compare("slab", &slab->base, slab_truth, 0.01, 0.03);
     analytic_free(slab);
-    const analytic_params block = {.shape = ANALYTIC_BOX, .half_size = {1, 1, 1}};
-    analytic *cube = analytic_new(&block, NULL, NULL);
-    compare("cube", &cube->base, cube_truth, 0.01, 0.05);
-    analytic_free(cube);
+    const analytic_params block = {.shape = ANALYTIC_BOX, .half_size = {1, 0.3, 0.3}};
+    analytic *bar = analytic_new(&block, NULL, NULL);
+    compare("bar", &bar->base, bar_truth, 0.01, 0.05);
+    analytic_free(bar);
 }
 
 static double shell_truth(vec3 x, vec3 normal)
 {
     (void)x;
     (void)normal;
-    return 0.1;
+    return 0.05;
 }
 
+/* Between two capsules. */
 static void a_shell_is_half_as_wide_as_thick(void **state)
 {
     (void)state;
     error e = {0};
-    const analytic_params outside = {.shape = ANALYTIC_SPHERE, .radius = 1},
-                          inside = {.shape = ANALYTIC_SPHERE, .radius = 0.8};
+    const analytic_params
+        outside = {.shape = ANALYTIC_FRUSTUM, .axis = {0, 0, 1}, .core = {-1, 1, 0, 0}, .rounding = 0.3},
+        inside = {.shape = ANALYTIC_FRUSTUM, .axis = {0, 0, 1}, .core = {-1, 1, 0, 0}, .rounding = 0.2};
     analytic *a = analytic_new(&outside, NULL, NULL), *b = analytic_new(&inside, NULL, NULL);
     const field *parts[] = {&a->base, &b->base};
     combination *c = combination_new(COMBINATION_DIFFERENCE, parts, 2, 12, SIZE_MAX, NULL, &e);

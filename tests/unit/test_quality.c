@@ -333,7 +333,7 @@ static quality_input part_of(const quality_input *all, size_t begin, size_t end)
 static void partitions_do_not_show(void **state)
 {
     (void)state;
-    enum { LONG = 2600, WIDE = 100, ALL = LONG * WIDE, PIECE = 60, MARGIN = 10 };
+    enum { LONG = 1300, WIDE = 200, ALL = LONG * WIDE, PIECE = 235, MARGIN = 10 };
     rng r = rng_seed(test_seed(), 3);
     error e = {0};
     vec3 *position = calloc(ALL, sizeof *position), *normal = calloc(ALL, sizeof *normal);
