@@ -8,7 +8,7 @@ HEXAD_TIER     basic: tests that show whether a build works; extended: the other
                with sanitizers; default: all
 
 A test belongs to the extended tier if it has the marker `extended`, or if it needs the shared data, which are no part of
-the source. The sanitized tier is the basic one without tests marked `plain`, and with extended tests marked `sanitized`.
+the source. The sanitized tier is the basic one without tests marked `plain`, and with all tests marked `sanitized`.
 """
 import os
 import pathlib
@@ -30,7 +30,7 @@ def pytest_addoption(parser):
 
 def pytest_configure(config):
     for text in ("extended: takes long or needs an external program; `./bootstrap check-all` runs it",
-                 "sanitized: an extended test that also runs in builds with sanitizers",
+                 "sanitized: runs in builds with sanitizers although it is `extended` or `plain`",
                  "plain: left out of sanitized builds: it executes no C code of ours, or other tests execute the same code"):
         config.addinivalue_line("markers", text)
 
@@ -38,7 +38,7 @@ def pytest_configure(config):
 def tiers_of(item):
     is_extended = item.get_closest_marker("extended") or "shared_data" in item.fixturenames
     found = {"extended" if is_extended else "basic"}
-    if item.get_closest_marker("sanitized") if is_extended else not item.get_closest_marker("plain"):
+    if item.get_closest_marker("sanitized") or not (is_extended or item.get_closest_marker("plain")):
         found.add("sanitized")
     return found
 

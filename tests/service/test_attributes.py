@@ -11,6 +11,9 @@ from scipy import ndimage
 from readers import read_columns, read_exr
 from volumes import Part, write_exr, write_nifti, write_nrrd
 
+# Most of these tests execute code that unit tests execute with sanitizers.
+pytestmark = pytest.mark.plain
+
 # Of the range of the values.
 TOLERANCE = 1e-5
 SIZE = 24
@@ -166,6 +169,7 @@ def test_a_map_in_a_file_of_its_own(carry, write_vdb, tmp_path, diagnose, kind):
 
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("space", EACH_SPACE)
 def test_grids_of_a_fog(carry, write_vdb, space):
     """Temperature and velocity beside the fog that is sampled, in the file of the surface and in another."""
@@ -196,6 +200,7 @@ def test_grids_of_a_fog(carry, write_vdb, space):
     assert {i["path"] for i in report["inputs"]} == {path, other}
 
 
+@pytest.mark.sanitized
 def test_staggered_velocity(carry, write_vdb):
     """Each component half a voxel before the voxels' middle along its axis."""
     made = fields(numpy.random.default_rng(3))
@@ -232,6 +237,7 @@ def test_a_surface_that_is_moved_takes_its_attributes_along(carry, write_vdb, tu
     close(columns["heat"], columns["temperature"], 300)
 
 
+@pytest.mark.sanitized
 def test_points_outside_have_the_background_and_are_counted(carry, write_vdb):
     made = fields(numpy.random.default_rng(5))["temperature"]
     made[SIZE // 2:] = 0  # the half is not there: voxels of the background are not active
@@ -303,6 +309,7 @@ def test_arrays_of_nrrd_and_nifti(carry, tmp_path, space):
     assert all(a["outside"] == 0 for a in report["attributes"])
 
 
+@pytest.mark.sanitized
 def test_meta_images(carry, tmp_path):
     """A surface and an attribute of .mha and .mhd files, with vectors and a turned space."""
     made = fields(numpy.random.default_rng(37))
@@ -365,6 +372,7 @@ def test_what_is_missing_has_the_exit_code_of_bad_input(worker):
     assert worker(spec).returncode == 3
 
 
+@pytest.mark.sanitized
 def test_what_a_dense_file_does_not_have(carry, tmp_path):
     made = fields(numpy.random.default_rng(23))
     write_nrrd(tmp_path / "ball.nrrd", ball(), SPACES["plain"])
@@ -541,6 +549,7 @@ def test_the_part_of_a_combination_and_principal_directions(carry):
 
 # ---- what is not there, before anything is computed
 
+@pytest.mark.sanitized
 def test_what_is_missing_is_named_with_what_there_is(carry, write_vdb):
     path = write_vdb("fog.vdb", SPACES["plain"], {"density": ball(), "velocity": fields(numpy.random.default_rng(1))["velocity"]})
     fog = {"vdb": {"path": path, "grid": "density", "isovalue": 0}}

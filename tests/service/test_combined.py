@@ -10,6 +10,9 @@ from meshes import Mesh
 from readers import Points
 from volumes import write_nrrd
 
+# Most of these tests execute code that unit tests execute with sanitizers.
+pytestmark = pytest.mark.plain
+
 COUNT = 800
 
 
@@ -184,6 +187,7 @@ def test_solids_go_on_where_they_have_no_surface(sample, to_the_end, kind, solid
 TURN = [[0.8, -0.6, 0, 0], [0.6, 0.8, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
 
 
+@pytest.mark.sanitized
 def test_data_that_end_in_a_solid_are_refused(sample, to_the_end):
     turned = transform(to_the_end["hollow"], TURN)
     for surface, part in (({"difference": [box((15, 15, 15), (19.5, 19.5, 40)), to_the_end["half"]]}, 1),
@@ -406,6 +410,7 @@ def test_what_is_missing_counts_by_its_area(sample):
     assert len(shares) == 2 and 0.4 < shares[0] < 0.9 and shares[1] == pytest.approx(shares[0], rel=0.1), shares
 
 
+@pytest.mark.sanitized
 def test_a_mesh_and_a_volume_in_one_union(sample, dense_ball, cube_mesh):
     moved = transform(coarse(cube_mesh), [[1, 0, 0, 4], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
     report, points = sample({"union": [moved, dense_ball]})
@@ -530,6 +535,7 @@ def test_a_region_of_a_combination(sample):
     assert report["surface"]["area"] == pytest.approx(whole / 2, rel=1e-3)
 
 
+@pytest.mark.sanitized
 def test_points_on_new_places_find_their_rest(sample):
     """Between two spheres that touch all but for a hair particles leave the surface and are put elsewhere: the others make room."""
     pair = {"union": [sphere(0.2, (0.25, 0.5, 0.5)), sphere(0.2, (0.6495, 0.5, 0.5))]}
@@ -539,6 +545,7 @@ def test_points_on_new_places_find_their_rest(sample):
     assert report["outcome"] == "unresolved"
 
 
+@pytest.mark.sanitized
 def test_faults_point_to_the_part(sample):
     e, _ = sample({"union": [sphere(1), {"difference": [sphere(1), sphere(-1)]}, {"offset": {"surface": {}}}]})
     pointers = {f["pointer"] for f in e["errors"]}

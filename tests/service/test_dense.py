@@ -12,6 +12,9 @@ from scipy.spatial import cKDTree
 from readers import Points, read_mesh
 from volumes import (Part, nrrd_data, nrrd_header, read_nifti, read_nrrd, write_exr, write_nifti, write_nrrd)
 
+# Most of these tests execute code that unit tests execute with sanitizers.
+pytestmark = pytest.mark.plain
+
 COUNT = 300
 SIZE = (30, 26, 34)
 # An ellipsoid in world space: where the values are 0.
@@ -96,6 +99,7 @@ def test_an_sform_is_honoured(sample, tmp_path, name, version):
     assert report["surface"]["volume"]["space"] == "right-anterior-superior"
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("qfac", [1, -1])
 def test_a_qform_is_honoured_where_there_is_no_sform(sample, tmp_path, qfac):
     turn = turned(2 * numpy.arccos(0.9), (1, -1, 2))  # the quaternion is (0.9, b, c, d)
@@ -197,6 +201,7 @@ def test_every_type_in_either_order(sample, tmp_path, kind, name):
     assert len(digests) == 1
 
 
+@pytest.mark.sanitized
 def test_scaled_values_and_a_pair_of_files(sample, tmp_path):
     values = numpy.round(1000 * ellipsoid(MATRICES["plain"], kind="f8")).astype("i2")
     write_nifti(tmp_path / "v.hdr", values, MATRICES["plain"], slope=0.001, intercept=7, pair=tmp_path / "v.img")
@@ -251,6 +256,7 @@ def test_stacks_of_every_kind_give_the_same_bytes(sample, tmp_path):
     assert len(set(digests.values())) == 1, digests
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("name", ["dwaa-rings", "dwab-tiles"])
 def test_the_compression_of_dreamworks(sample, source, tmp_path, name):
     """Images whose values fall from their middle: six of them are a tube with a radius of 12. Y lost bits, Z did not."""
@@ -309,6 +315,7 @@ def test_infinity_is_no_surface_above_all_values(sample, tmp_path):
     assert e["code"] == "no_surface" and f"range from {values.min():g} to {values[1:].max():g}" in e["message"], e
 
 
+@pytest.mark.sanitized
 def test_missing_and_damaged_slices_are_named(sample, tmp_path):
     surface = stack(tmp_path, ellipsoid(MATRICES["plain"]), make=lambda k, p: [Part({"Y": p}, compression=3)])
     for k in (4, 7, 8, 9):
@@ -328,6 +335,7 @@ def test_missing_and_damaged_slices_are_named(sample, tmp_path):
     assert "s.0012.exr: its rows from" in e["message"]
 
 
+@pytest.mark.sanitized
 def test_what_a_stack_cannot_be_is_refused(sample, tmp_path):
     values = ellipsoid(MATRICES["plain"])
     two = stack(tmp_path, values, "two", lambda k, p: [Part({"A": p, "Y": p})])
@@ -512,6 +520,7 @@ def broken(tmp_path):
     yield "lfs.nii", b"version https://git-lfs.github.com/spec/v1\n", "input_damaged", "Git-LFS"
 
 
+@pytest.mark.sanitized
 def test_broken_files_say_what_is_wrong(sample, tmp_path):
     for name, data, code, word in broken(tmp_path):
         (tmp_path / name).write_bytes(data)
@@ -520,6 +529,7 @@ def test_broken_files_say_what_is_wrong(sample, tmp_path):
         assert name in e["message"], e
 
 
+@pytest.mark.sanitized
 def test_of_several_volumes_one_is_chosen(sample, tmp_path):
     values, matrix = ellipsoid(MATRICES["plain"]), MATRICES["plain"]
     write_nifti(tmp_path / "v.nii", values, matrix)
@@ -538,12 +548,14 @@ def test_of_several_volumes_one_is_chosen(sample, tmp_path):
     assert sample(tmp_path / "v.nrrd")[1] is not None
 
 
+@pytest.mark.sanitized
 def test_an_isovalue_out_of_range_is_no_surface(sample, tmp_path):
     write_nrrd(tmp_path / "v.nrrd", ellipsoid(MATRICES["plain"]), MATRICES["plain"])
     e, _ = sample(tmp_path / "v.nrrd", isovalue=3.0)
     assert e["code"] == "no_surface" and "isovalue 3: its values range from" in e["message"]
 
 
+@pytest.mark.sanitized
 def test_data_files_stay_within_the_roots(worker, tmp_path):
     inside, outside = tmp_path / "inside", tmp_path / "outside.raw"
     inside.mkdir()

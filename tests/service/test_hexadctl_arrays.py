@@ -9,6 +9,9 @@ import pytest
 
 from service import PATIENCE_S, Service, gated_worker, sphere, wait_until
 
+# Most of these tests execute code that unit tests execute with sanitizers.
+pytestmark = pytest.mark.plain
+
 FRAMES = (8, 9, 11)
 
 
@@ -93,6 +96,7 @@ def test_all_frames_are_fetched(run_finished, finished, tmp_path):
     assert all((tmp_path / "out/8" / clip).is_file() for clip in clips)
 
 
+@pytest.mark.sanitized
 def test_a_fetch_goes_on_where_it_stopped(run_finished, finished, tmp_path):
     run, service, job = run_finished, finished, finished.array
     assert run("fetch", job, "--output", "out").returncode == 0
@@ -133,6 +137,7 @@ def test_frames_that_are_not_there_yet_or_never(finished, build, tmp_path):
     assert len(failures) == 2 and failures[1].split()[:2] == ["10", "failed"] and "a.0010.vdb" in failures[1]
 
 
+@pytest.mark.sanitized
 def test_the_log_of_a_frame(run_finished, finished):
     run, service, job = run_finished, finished, finished.failed
     done = run("log", job, "--frame", "10")
@@ -211,6 +216,7 @@ def test_submit_takes_a_priority_and_labels(run, service, tmp_path):
     assert done.returncode == 2 and "/queue/priority" in done.stderr
 
 
+@pytest.mark.sanitized
 def test_a_file_is_uploaded_and_used(run, service, footage, tmp_path):
     done = run("upload", footage / "a.0008.vdb")
     assert done.returncode == 0, done.stderr
@@ -305,6 +311,7 @@ def test_a_list_tells_whose_how_old_and_how_far(new_service, build, footage, tmp
     assert "progress  50% relax" in told("show", single) and told("list").splitlines()[1].split()[6] == "50%"
 
 
+@pytest.mark.sanitized
 def test_a_list_is_filtered_by_the_server(run, service):
     ids = [service.submit(sphere(name=name, queue={"labels": [label]})) for name, label in
            (("ball", "a"), ("cube", "a"), ("ball", "b"))]

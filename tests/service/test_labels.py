@@ -13,6 +13,9 @@ from readers import read_columns, read_face_labels, read_mesh
 from service import Service
 from volumes import Part, write_exr, write_nifti, write_nrrd
 
+# Most of these tests execute code that unit tests execute with sanitizers.
+pytestmark = pytest.mark.plain
+
 SIZE, COUNT = 40, 1500
 ON_LINE = 1
 
@@ -89,6 +92,7 @@ def test_areas_are_those_of_the_shapes(sample):
         assert found[pair]["components"] == 1
 
 
+@pytest.mark.sanitized
 def test_seams_close_and_points_keep_their_distance(sample):
     report, points = sample(Balls(SIZE).labels, count=3000)
     edges = report["mesh"]
@@ -221,6 +225,7 @@ def test_what_is_one_voxel_thin_stays(sample):
     assert (points.label_b == 3).sum() > 0
 
 
+@pytest.mark.sanitized
 def test_small_parts_have_a_point_each(sample):
     labels = thin()
     labels[14, 14, 4:24] = 0
@@ -268,6 +273,7 @@ def test_a_mesh_is_whole_where_sheets_are_near_each_other(sample):
     assert [(m["open_edges"], m["nonmanifold_edges"]) for m in report["mesh"]["labels"]] == 3 * [(0, 0)]
 
 
+@pytest.mark.sanitized
 def test_two_hundred_labels(sample):
     """Most interfaces are smaller than the spacing: the points are those of lines."""
     report, points = sample(cells(200, 30), count=2000, solver={"max_sweeps": 10}, output={"mesh": False})
@@ -426,6 +432,7 @@ def shifted_slices(size=44, most=3):
     return labels
 
 
+@pytest.mark.sanitized
 def test_a_majority_takes_out_jitter_and_strays(sample):
     labels, radius = shifted_slices(), 0.3 * 44
     rough, _ = sample(labels, solver={"max_sweeps": 5}, output={"mesh": False})
@@ -586,6 +593,7 @@ def test_a_stack_of_images_is_a_segmentation(sample, solve, worker, tmp_path):
     assert seen["suggestions"][0]["spec"]["surface"]["labels"]["slices"] == stack["slices"]
 
 
+@pytest.mark.sanitized
 def test_an_image_is_refused_before_it_takes_all_memory(solve, tmp_path):
     """Of a volume of intensities nearly all voxels differ, so that triangles are everywhere."""
     write_nrrd(tmp_path / "v.nrrd", numpy.random.default_rng(5).integers(0, 200, (60, 60, 60)).astype(numpy.uint8))

@@ -11,6 +11,9 @@ from meshes import Mesh
 from readers import Points, read_columns, read_mesh
 from service import sphere
 
+# Most of these tests execute code that unit tests execute with sanitizers.
+pytestmark = pytest.mark.plain
+
 JOB_PATIENCE_S = 900
 COUNT, RESOLUTION = 500, 96
 # Distances of the points from the mesh, in voxels, at most: of half, of 95 %, of all. Most of these meshes have triangles
@@ -214,6 +217,7 @@ def test_closed_meshes_with_sharp_edges(worker, tmp_path, parts, members, patche
 FACES_OF_BOX = [line for line in box(0, 1) if line.startswith("f")]
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("lines, members, words, area", [
     (box(0, 1) + FACES_OF_BOX, {}, "12 of 24 triangles stand in the file again", 6),
     (box(0, 1)[:8] + ["f " + " ".join(reversed(face.split()[1:])) for face in FACES_OF_BOX], {},
@@ -254,6 +258,7 @@ def test_amplitudes_need_no_features(worker, tmp_path):
     assert files[0] == files[1]
 
 
+@pytest.mark.sanitized
 def test_patches_in_every_format(worker, tmp_path):
     """Whole numbers in all of them; the mesh has them at its vertices; a file's own values may not be called so."""
     sheet = "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 0 1 0\nf 1 2 3 4\n"
@@ -386,6 +391,7 @@ def test_an_open_sheet_in_folds_narrower_than_the_spacing_has_a_whole_mesh(worke
     assert 60 < made["boundary_edges"] == made["rim_edges"]
 
 
+@pytest.mark.sanitized
 def test_a_klein_bottle(worker, tmp_path):
     """It has no inside: all of it is sampled, on its triangles."""
     u, v = (2 * numpy.pi * numpy.arange(n) / n for n in (64, 32))
@@ -452,6 +458,7 @@ def sheet(path):
     path.write_text("\n".join("v %r %r %r" % v[1:] for v in FLAT) + "\n" + "\n".join("f %d %d %d %d" % f for f in faces))
 
 
+@pytest.mark.sanitized
 def test_an_open_mesh_is_placed_and_cut(worker, tmp_path):
     """By any matrix, mirrors too, which leave up what was up; and by the faces of a box, on which there are rows."""
     sheet(tmp_path / "sheet.obj")
@@ -633,6 +640,7 @@ def test_points_of_a_resolved_mesh_rest_as_they_are_delivered(worker, tmp_path, 
     assert done.returncode == 0, report["outcome_reasons"]
 
 
+@pytest.mark.sanitized
 def test_numbers_may_begin_with_their_point(worker, tmp_path):
     corners = ["v .5 0 0", "v -.5 0 0", "v 0 +.5 0", "v 0 -.5 0", "v .0 .0 .5", "v\t.0\t.0\t-.5"]
     faces = [f"f {x} {y} {z}" if (x == 1) ^ (y == 3) ^ (z == 5) else f"f {y} {x} {z}"
@@ -651,6 +659,7 @@ OCTAHEDRON = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1
 STRIPS = ([2, 4, 0, 3, -1, 2, 5, 1, 3], [4, 2, 1], [1, 3, 4], [0, 5, 3], [2, 0, 5][::-1])
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("layout", ("ascii", "binary_little_endian", "binary_big_endian"))
 def test_triangle_strips_are_read(worker, tmp_path, layout):
     head = (f"ply\nformat {layout} 1.0\nelement vertex 6\nproperty float x\nproperty float y\nproperty float z\n"

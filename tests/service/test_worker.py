@@ -15,6 +15,9 @@ from scipy.spatial import ConvexHull, cKDTree
 from readers import Points, read_exr, read_png
 from service import PATIENCE_S, last_words, long_sphere, sphere
 
+# Most of these tests execute code that unit tests execute with sanitizers.
+pytestmark = pytest.mark.plain
+
 OUTPUTS = ["points.ply", "preview.exr", "preview.png", "report.json"]
 PHASES = ["load", "start", "relax", "measure", "write"]
 LFS = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n"
@@ -74,6 +77,7 @@ def test_a_target_beyond_the_counts_is_told(worker, target, value):
     assert words["code"] == "spec_invalid" and f"/sampling/{target}" in words["message"]
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("method", ["paper", "sized"])
 @pytest.mark.parametrize("min_count, max_sigma", [(50, 0.4), (400, 0.4)])
 def test_bounds_on_count_and_sigma(worker, tmp_path, method, min_count, max_sigma):
@@ -116,6 +120,7 @@ def test_a_time_in_which_nothing_fits(worker, tmp_path):
     assert not (tmp_path / "out" / "report.json").exists()
 
 
+@pytest.mark.sanitized
 def test_the_method_of_witkin_and_heckbert(worker, tmp_path):
     """It comes to a count of its own, which the report tells, with every split and death on the way."""
     spec = sphere(500, solver={"method": "witkin-heckbert", "max_sweeps": 300, "witkin_heckbert": {"delta": 0.6}})
@@ -137,6 +142,7 @@ def test_the_method_of_witkin_and_heckbert(worker, tmp_path):
     assert numpy.abs(numpy.linalg.norm(points.position, axis=1) - 1).max() < 1e-5
 
 
+@pytest.mark.sanitized
 def test_varied_targets_keep_witkin_and_heckbert_busy(worker, tmp_path):
     """Section 3: endless insertion and deletion, and a spacing that follows its targets by half."""
     spec = sphere(surface={"analytic": {"shape": "quartic"}}, sampling={"count": 500, "alpha": {"d": 3}},
@@ -179,6 +185,7 @@ def test_converged_is_said_of_the_final_points(worker, tmp_path, shape):
         assert abs(report["energy"]["excess"]) < report["spec"]["solver"]["energy_tolerance"]
 
 
+@pytest.mark.sanitized
 def test_lists_are_held_to_the_limit(worker):
     """A support that sees everyone: the lists would take 1.6 GB."""
     done = worker(sphere(20000, solver={"sigma": 10, "method": "paper"}, limits={"memory_mb": 200}))
@@ -377,6 +384,7 @@ BAD_SPECS = {
 }
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("name", BAD_SPECS)
 def test_a_bad_spec_is_2(worker, tmp_path, name):
     spec, code, pointer = BAD_SPECS[name]
@@ -397,6 +405,7 @@ def test_a_bad_command_line_is_2(worker):
         assert last_words(done)["code"] == "spec_invalid"
 
 
+@pytest.mark.sanitized
 def test_a_bad_input_is_3(worker, tmp_path, example):
     (tmp_path / "lfs.vdb").write_text(LFS)
     (tmp_path / "empty.vdb").write_bytes(b"")
@@ -422,6 +431,7 @@ def test_a_bad_input_is_3(worker, tmp_path, example):
     assert worker(volume(example), "--input-root", tmp_path, "--input-root", example.parent).returncode == 11
 
 
+@pytest.mark.sanitized
 def test_no_surface_is_4(worker, example):
     done = worker(volume(example, isovalue=100))
     assert done.returncode == 4
@@ -429,6 +439,7 @@ def test_no_surface_is_4(worker, example):
     assert words["code"] == "no_surface" and "example.vdb" in words["message"] and "100" in words["message"]
 
 
+@pytest.mark.sanitized
 def test_limits_are_5(worker, example):
     for spec, more, code in ((sphere(10000000, limits={"memory_mb": 64}), [], "limit_memory"),
                              (sphere(10000000), ["--memory-mb", 64], "limit_memory"),
@@ -458,6 +469,7 @@ def test_anything_else_is_1(worker, tmp_path):
     assert words["code"] == "internal" and "file/out" in words["message"]
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_cancels_with_6(start_worker, tmp_path, number):
     process = start_worker(long_sphere())
@@ -489,6 +501,7 @@ def test_a_failure_leaves_no_report_of_before(worker, tmp_path):
 
 # ---- progress
 
+@pytest.mark.sanitized
 def test_progress(start_worker):
     process = start_worker(sphere(200000))  # to relax takes several times as long as lines are apart
     text = process.progress.readlines()
@@ -688,6 +701,7 @@ def test_the_normalised_spec_gives_the_same_points(ball, worker, tmp_path):
     assert again["spec"] == report["spec"]
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("form", ["binary_little_endian", "ascii"])
 @pytest.mark.parametrize("precision", ["float", "double"])
 def test_ply_forms(ball, worker, tmp_path, form, precision):
