@@ -1,10 +1,10 @@
 """Debian's Chromium without a screen, as tests and bench/web_page.py use it. Without chromium-driver or python3-selenium there is
 none."""
 import contextlib
+import functools
 import shutil
-import time
 
-from service import PATIENCE_S
+from service import PATIENCE_S, wait_until as wait_for_condition
 
 try:
     from selenium import webdriver
@@ -19,16 +19,8 @@ except ImportError:
 FLAGS = ("--headless=new --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking"
          " --disable-component-update --disable-sync --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader")
 WINDOW = (800, 500)  # small: the processor draws all pixels
-POLL_S = 0.05  # between two evaluations of a condition; each one is work for test, driver and browser
-
-
-def wait_until(condition, what, seconds=PATIENCE_S):
-    """The first true value of condition(), as service.wait_until with the interval POLL_S."""
-    end = time.monotonic() + seconds
-    while not (value := condition()):
-        assert time.monotonic() < end, f"waited in vain for {what}"
-        time.sleep(POLL_S)
-    return value
+# an evaluation of a condition is work for the test, the driver and the browser
+wait_until = functools.partial(wait_for_condition, interval=0.05)
 
 
 def is_there():

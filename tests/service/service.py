@@ -17,15 +17,15 @@ PATIENCE_S = 300  # for a loaded machine and sanitizers; a test that works never
 UNDER = shlex.split(os.environ.get("HEXAD_UNDER", ""))
 
 
-def wait_until(condition, what, seconds=PATIENCE_S):
-    """The first true value of condition(); looks again until then."""
+def wait_until(condition, what, seconds=PATIENCE_S, interval=0.01):
+    """The first true value of condition(), which is evaluated every `interval` seconds until then."""
     end = time.monotonic() + seconds
     while True:
         value = condition()
         if value:
             return value
         assert time.monotonic() < end, f"waited in vain for {what}"
-        time.sleep(0.01)  # between two looks, not a guess at a duration
+        time.sleep(interval)  # between two evaluations, not a guess at a duration
 
 
 def sphere(count=200, **parts):

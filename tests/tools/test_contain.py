@@ -3,21 +3,17 @@ import os
 import pathlib
 import signal
 import subprocess
-import time
+import sys
 import uuid
 
 import pytest
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "service"))
+
+from service import PATIENCE_S, wait_until  # noqa: E402
+
 pytestmark = pytest.mark.plain
-PATIENCE_S = 60
 DETACHED = "setsid sleep 1000 & setsid sh -c 'trap \"\" TERM INT; sleep 1000 & sleep 1000'"
-
-
-def wait_until(condition, what):
-    end = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < end, what
-        time.sleep(0.01)
 
 
 def marked(mark):

@@ -222,7 +222,7 @@ static double lens(double depth)
     return 2 * M_PI * depth; /* of two caps of a sphere of radius 1, each half as deep */
 }
 
-/* Walls and slits thinner than the parts' own cells are whole: without cells of their own the areas of the shell and
+/* Walls and slits thinner than the parts' own cells are whole: unless each has its own cells, the areas of the shell and
  * of the lenses differ from their closed forms by more than the tolerance. A wall thinner than the smallest cell is
  * counted as missing. */
 static void walls_thinner_than_cells_are_whole(void **state)

@@ -313,7 +313,7 @@ static void put_beside_edge(size_t count, vec3 from, vec3 to, solve *as_it_is, s
     check_faces(out);
 }
 
-/* A free point on the row of a curve goes to a gap of its patch, of which the draws find one where the patch has few points. */
+/* A free point on the row of a curve goes to a gap of its patch. The patch has few points, so that random draws find a gap. */
 static void point_on_a_row_goes_to_a_gap(void **state)
 {
     (void)state;

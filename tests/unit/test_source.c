@@ -11,6 +11,7 @@
 #include <unistd.h>
 #include <cmocka.h>
 
+#include "base/memory.h"
 #include "close.h"
 #include "geometry/triangle.h"
 #include "mesh_fixture.h"
@@ -20,8 +21,6 @@
 #include "volume_fixture.h"
 
 enum { MEMORY = 1 << 30, PLACES = 400 };
-
-static char directory[] = "/tmp/hexad-test-source-XXXXXX";
 
 typedef struct opened {
     spec *spec;
@@ -251,11 +250,9 @@ static const vec3 CENTER = {0.3, -0.2, 0.1};
 
 static void write_mesh(const char *name, const mesh *m)
 {
-    char path[256];
     size_t bytes;
     char *text = mesh_fixture_print(m, "obj", &bytes);
-    snprintf(path, sizeof path, "%s/%s", directory, name);
-    FILE *file = fopen(path, "w");
+    FILE *file = fopen(name, "w");
     assert_non_null(file);
     assert_int_equal(fwrite(text, 1, bytes, file), bytes);
     assert_int_equal(fclose(file), 0);
@@ -267,7 +264,7 @@ static const char *mesh_json(const char *name, const char *more)
     static char text[2][640];
     static int turn;
     turn = !turn;
-    snprintf(text[turn], sizeof text[turn], "{\"mesh\": {\"path\": \"%s/%s\"%s}}", directory, name, more);
+    snprintf(text[turn], sizeof text[turn], "{\"mesh\": {\"path\": \"%s\"%s}}", name, more);
     return text[turn];
 }
 
@@ -572,13 +569,11 @@ static void each_input_is_listed_once_with_its_hash(void **state)
 {
     (void)state;
     opened x;
-    char path[256];
     open_surface(mesh_json("ball.obj", VOXELS), "", &x);
     const char *names[] = {"ball.obj", "box.obj", "ball.obj", "box.obj"};
     for (int k = 0; k < 4; k++) {
         error e = {0};
-        snprintf(path, sizeof path, "%s/%s", directory, names[k]);
-        const int fd = source_open_file(&x.source, path, &e);
+        const int fd = source_open_file(&x.source, names[k], &e);
         assert_true(fd >= 0);
         close(fd);
     }
@@ -587,11 +582,10 @@ static void each_input_is_listed_once_with_its_hash(void **state)
         char hex[STORE_HASH_SIZE];
         size_t count;
         error e = {0};
-        snprintf(path, sizeof path, "%s/%s", directory, names[k]);
-        char *bytes = store_file_read(path, 1 << 20, &count, &e);
+        char *bytes = store_file_read(names[k], 1 << 20, &count, &e);
         assert_non_null(bytes);
         store_hash(bytes, count, hex);
-        assert_string_equal(x.source.inputs[k].path, path);
+        assert_string_equal(x.source.inputs[k].path, names[k]);
         assert_string_equal(x.source.inputs[k].facts.sha256, hex);
         assert_int_equal(x.source.inputs[k].facts.bytes, count);
         free(bytes);
@@ -601,10 +595,12 @@ static void each_input_is_listed_once_with_its_hash(void **state)
     assert_refused(mesh_json("missing.obj", ""), "", ERROR_INPUT_MISSING, "missing.obj");
 }
 
+/* The tests run in a directory of their own, whose path is their state. */
 static int make_files(void **state)
 {
-    (void)state;
-    if (!mkdtemp(directory)) return 1;
+    char *directory = mem_strdup("/tmp/hexad-test-source-XXXXXX");
+    *state = directory;
+    if (!mkdtemp(directory) || chdir(directory) != 0) return 1;
     mesh ball = make_ball(), box = mesh_fixture_box(vec3_make(3, 0, 0), vec3_make(0.5, 0.5, 0.5), 0.3),
          sheet = make_ball();
     mesh_fixture_remove(&sheet, 5);
@@ -624,10 +620,12 @@ static int make_files(void **state)
 
 static int remove_files(void **state)
 {
-    (void)state;
+    char *directory = *state;
     error e = {0};
     close_surface(&level_set_of_ball);
-    return store_remove(directory, &e) ? 0 : 1;
+    const bool removed = store_remove(directory, &e);
+    free(directory);
+    return removed ? 0 : 1;
 }
 
 int main(int argc, char **argv)
