@@ -89,9 +89,18 @@ class Tests:
         self.log = self.build / "mutate-test.log"
 
     def close(self):
+        self.unmount()
         shutil.rmtree(self.temporary, ignore_errors=True)
 
+    def unmount(self):
+        """The small disks of tests that were ended: without this, their mount points cannot be removed."""
+        for line in pathlib.Path("/proc/mounts").read_text().splitlines():
+            place = pathlib.Path(line.split()[1])
+            if self.temporary in place.parents:
+                subprocess.run(["umount", "-l", place], check=False)
+
     def clear(self):
+        self.unmount()
         for entry in self.temporary.iterdir():
             shutil.rmtree(entry, ignore_errors=True)
             entry.unlink(missing_ok=True) if not entry.is_dir() else None
