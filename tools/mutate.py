@@ -18,6 +18,7 @@ import os
 import pathlib
 import queue
 import re
+import resource
 import shutil
 import subprocess
 import sys
@@ -26,9 +27,9 @@ import threading
 import time
 import zlib
 
-import contained
 import executed_lines
 import mutants as faults
+from mutate_plugin import TIME_OVER
 
 SOURCE = pathlib.Path(__file__).resolve().parent.parent
 PYTEST = [sys.executable, "-B", "-m", "pytest", "-p", "no:cacheprovider", "-q", "--tb=short"]
@@ -73,8 +74,14 @@ def test_environment(source, build, temporary):
     return {**kept, **{k: str(v) for k, v in more.items()}}
 
 
-def memory_limit():
-    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGESIZE") // 3
+def limit_memory():
+    """Of each process of a test: a mutant may ask for more and more."""
+    most = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGESIZE") // 3
+    resource.setrlimit(resource.RLIMIT_DATA, (most, most))
+
+
+def ending(status):
+    return "timeout" if status == TIME_OVER else f"status {status}"
 
 
 class Tests:
@@ -108,10 +115,24 @@ class Tests:
     def words(self):
         return self.log.read_bytes()[-1500:].decode(errors="replace")
 
+    def run(self, command, seconds, **more):
+        """Runs a command through tests/contain, its output in the log: (exit status, seconds)."""
+        start = time.monotonic()
+        with open(self.log, "wb") as out, subprocess.Popen(
+                [self.build / "tests/contain", *command], stdin=subprocess.DEVNULL, stdout=out, stderr=out,
+                preexec_fn=limit_memory, **more) as process:
+            try:
+                status = process.wait(seconds)
+            except subprocess.TimeoutExpired:
+                status = TIME_OVER
+            finally:
+                process.terminate()
+        return status, time.monotonic() - start
+
     def unit(self, name, seconds):
         """(exit status, seconds)"""
-        done = contained.run([self.build / name], seconds, memory_limit(), self.log, cwd=self.build,
-                             env=test_environment(self.source, self.build, self.temporary))
+        done = self.run([self.build / name], seconds, cwd=self.build,
+                        env=test_environment(self.source, self.build, self.temporary))
         self.clear()
         return done
 
@@ -125,8 +146,8 @@ class Tests:
         environment = test_environment(self.source, self.build, self.temporary)
         environment.update(HEXAD_MUTATE=str(work), HEXAD_TIER=tier)
         total = None if files else sum(limits.get(i, NEW_TEST_LIMIT) for i in ids) + 60
-        status, _ = contained.run([*PYTEST, "-p", "mutate_plugin", f"--rootdir={self.source}", f"--basetemp={self.temporary / 'p'}", *options, *ids],
-                                  total, memory_limit(), self.log, cwd=self.source, env=environment)
+        status, _ = self.run([*PYTEST, "-p", "mutate_plugin", f"--rootdir={self.source}",
+                              f"--basetemp={self.temporary / 'p'}", *options, *ids], total, cwd=self.source, env=environment)
         records, begun = [], None
         for line in results.read_text().splitlines() if results.exists() else []:
             record = json.loads(line)
@@ -134,9 +155,8 @@ class Tests:
             if "end" in record:
                 records.append({"id": record.pop("end"), **record})
         if begun or (status not in (0, 1, 5) and not records):
-            how = {contained.TIME_OVER: "timeout", contained.OUT_OF_MEMORY: "memory"}.get(status, f"status {status}")
-            records.append({"id": begun or ids[0], "outcome": "failed", "seconds": limits.get(begun, 0), "words": how,
-                            "hits": None})
+            records.append({"id": begun or ids[0], "outcome": "failed", "seconds": limits.get(begun, 0),
+                            "words": ending(status), "hits": None})
         self.clear()
         return records
 
@@ -608,8 +628,7 @@ class Campaign:
                 spent += seconds
                 record["tests_run"] += 1
                 if status != 0:
-                    how = {contained.TIME_OVER: "timeout", contained.OUT_OF_MEMORY: "memory"}.get(status, f"status {status}")
-                    record.update(result="found", tier="basic", by=name, how=how, words=copy.tests.words()[-400:])
+                    record.update(result="found", tier="basic", by=name, how=ending(status), words=copy.tests.words()[-400:])
                     return
         for tier in TIERS:
             if tests[tier] and not build("all"):
@@ -623,7 +642,7 @@ class Campaign:
                 if failed:
                     words = failed[0].get("words") or ""
                     record.update(result="found", tier=tier, by=failed[0]["id"], words=words,
-                                  how=words if words in ("timeout", "memory") else "failed")
+                                  how=words if words == "timeout" else "failed")
                     return
                 if is_over():
                     record.update(result="survived", how=f"{len(units) + sum(map(len, tests.values())) - record['tests_run']} "

@@ -10,8 +10,9 @@ import time
 
 import pytest
 
-import contained
 import executed_lines
+
+TIME_OVER = 98  # exit status: the time of a test was over
 
 _work = {}
 
@@ -28,9 +29,9 @@ def pytest_configure(config):
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_protocol(item, nextitem):
-    """A test whose time is over ends the process: the processes that it started are killed by tools/contained.py."""
+    """A test whose time is over ends the process: the processes that it started are killed by tests/contain."""
     _write(begin=item.nodeid)
-    limit = threading.Timer(_work["limits"].get(item.nodeid, _work["limit"]), lambda: os._exit(contained.TIME_OVER))
+    limit = threading.Timer(_work["limits"].get(item.nodeid, _work["limit"]), lambda: os._exit(TIME_OVER))
     limit.daemon = True
     limit.start()
     _work.update(start=time.monotonic(), failed=False, skipped=False, words="")

@@ -130,7 +130,7 @@ def test_seams_close_where_interfaces_are_small(sample):
 @pytest.mark.parametrize("style", ["ascii", pytest.param("binary_little_endian", marks=pytest.mark.extended)])
 def test_each_label_has_a_closed_mesh_whose_faces_its_neighbours_share(sample, tmp_path, style):
     shape = Balls(64)
-    report, _ = sample(shape.labels, count=4000, output={"label_meshes": True, "ply": {"format": style}})
+    report, _ = sample(shape.labels, count=2000, output={"label_meshes": True, "ply": {"format": style}})
     whole = (tmp_path / "out" / "mesh.ply").read_bytes()
     _, vertices, triangles = read_mesh(whole)
     labels = read_face_labels(whole)
@@ -153,7 +153,7 @@ def test_each_label_has_a_closed_mesh_whose_faces_its_neighbours_share(sample, t
         volume = (corner[:, 0] * numpy.cross(corner[:, 1], corner[:, 2])).sum() / 6
         assert volume == pytest.approx(told["volume"], rel=1e-4)
         truth = ((fine.labels == label) if label else -(fine.labels > 0).astype(float)).sum() * (64 / 160) ** 3
-        assert volume == pytest.approx(truth, rel=0.015)  # chords have 0.4 % of it
+        assert volume == pytest.approx(truth, rel=0.015)  # chords have 0.8 % of it
     sample(shape.labels, count=300)
     assert not list((tmp_path / "out").glob("mesh_label_*"))
 

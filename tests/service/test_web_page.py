@@ -444,10 +444,10 @@ PICTURE = """
 
 
 def test_many_points_are_turned(service, browser):
-    job = service.submit(sphere(count=5000, name="many", solver={"max_sweeps": 1}, output={"preview": False}))
+    job = service.submit(sphere(count=2000, name="many", solver={"max_sweeps": 1}, output={"preview": False}))
     service.wait_state(job, "succeeded")
     browser.open(service, f"#/jobs/{job}/points")
-    browser.wait_text("5\u202f000 points", ".stats")  # drawn by the processor here, so the window is small
+    browser.wait_text("2\u202f000 points", ".stats")  # drawn by the processor here, so the window is small
     before, drawn = browser.run(PICTURE, "Home")
     assert drawn > 0.1
     after, _ = browser.run(PICTURE, "ArrowLeft")

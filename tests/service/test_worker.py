@@ -96,7 +96,7 @@ def test_bounds_on_count_and_sigma(worker, tmp_path, method, min_count, max_sigm
 
 
 def test_the_best_that_fits_in_a_time(worker, tmp_path):
-    seconds = 6
+    seconds = 2
     done = worker(sphere(sampling={"time_s": seconds}))
     if done.returncode == 5:  # on a machine that has no time for it
         seconds = 120
