@@ -4,11 +4,11 @@ HEXAD_BUILD    directory of the built programs (needed)
 HEXAD_SOURCE   the source tree; default: above this file
 HEXAD_SHARED   directory of the shared data; default: ../shared/data beside the source tree
 HEXAD_TAP_FD   descriptor for TAP; without it pytest reports as usual
-HEXAD_TIER     basic: tests that show whether a build works; extended: the others; sanitized: those that are worth a run
-               with sanitizers; default: all
+HEXAD_TIER     basic: tests that show whether a build works; extended: the others; sanitized: those that run in a build with
+               sanitizers; default: all
 
 A test belongs to the extended tier if it has the marker `extended`, or if it needs the shared data, which are no part of
-the source. The sanitized tier is the basic one without tests marked `plain`, and with all tests marked `sanitized`.
+the source. The tests of the sanitized tier have the marker `sanitized`.
 """
 import os
 import pathlib
@@ -30,15 +30,14 @@ def pytest_addoption(parser):
 
 def pytest_configure(config):
     for text in ("extended: takes long or needs an external program; `./bootstrap check-all` runs it",
-                 "sanitized: runs in builds with sanitizers although it is `extended` or `plain`",
-                 "plain: left out of sanitized builds: it executes no C code of ours, or other tests execute the same code"):
+                 "sanitized: runs in builds with sanitizers: it executes code that no unit test executes, or gives malformed input"):
         config.addinivalue_line("markers", text)
 
 
 def tiers_of(item):
     is_extended = item.get_closest_marker("extended") or "shared_data" in item.fixturenames
     found = {"extended" if is_extended else "basic"}
-    if item.get_closest_marker("sanitized") or not (is_extended or item.get_closest_marker("plain")):
+    if item.get_closest_marker("sanitized"):
         found.add("sanitized")
     return found
 

@@ -12,8 +12,6 @@ import sys
 
 import pytest
 
-pytestmark = pytest.mark.plain
-
 CODE = ("src", "tests", "fuzz", "bench")
 CLANG_FORMAT = "clang-format-14"
 
@@ -165,8 +163,8 @@ def test_a_fault_is_found(small, check, name, text, told):
 # ---- which test is in which tier
 
 TIERS = {  # variables of Makefile.am that list the files of each tier
-    "basic": ("TESTS", "service_e2e_tests", "plain_tests"),
-    "sanitized": ("TESTS", "service_e2e_tests"),
+    "basic": ("longest_tests", "service_e2e_tests", "other_tests"),
+    "sanitized": ("sanitized_tests",),
     "extended": ("extended_tests", "campaign_tests"),
 }
 

@@ -112,6 +112,7 @@ def test_what_an_owner_is_shown_others_are_not(closed_service):
             assert known.status == 304
 
 
+@pytest.mark.sanitized
 def test_a_revoked_token_is_worth_nothing(closed_service):
     service = closed_service
     token = new_token(service, "erin")
@@ -175,6 +176,7 @@ def public_directory():
         yield pathlib.Path(path)
 
 
+@pytest.mark.sanitized
 def test_unix_peers(new_service, public_directory):
     if os.geteuid() != 0:
         pytest.skip("only root can be other users")
@@ -221,6 +223,7 @@ def follow(connections):
         assert one.recv(4096).startswith(b"HTTP/1.1 200 ")
 
 
+@pytest.mark.sanitized
 def test_connections_of_one_client(new_service):
     service = new_service("--client_connection_limit", 4).start()
     held = open_connections(service, 4)
@@ -243,6 +246,7 @@ def test_all_connections(new_service):
         one.close()
 
 
+@pytest.mark.sanitized
 def test_a_slow_client_takes_no_place_from_others(new_service, public_directory):
     """All that one user may hold is held, by requests that never end; another is served as before."""
     if os.geteuid() != 0:
@@ -281,6 +285,7 @@ def test_a_revoked_token_ends_its_streams(closed_service):
     assert with_token(service, token, "GET", "/v1/events").status == 401
 
 
+@pytest.mark.sanitized
 def test_the_files_of_the_input_roots_are_listed(new_service, tmp_path):
     """For those who may submit, and no other; page by page; nothing outside of the roots is told."""
     root, outside = tmp_path / "root", tmp_path / "outside"

@@ -122,6 +122,7 @@ def test_the_worker_alone_runs_one_frame(build, footage, tmp_path):
         assert done.returncode == 2 and "8-11" in done.stderr
 
 
+@pytest.mark.sanitized
 def test_copies_of_results(new_service, tmp_path):
     show = tmp_path / "show"
     show.mkdir()
@@ -191,6 +192,7 @@ def test_a_repeat_is_given_the_result(new_service, footage, tmp_path):
     assert later["cached_from"] is None and run()["cached_from"] == later["id"]
 
 
+@pytest.mark.sanitized
 def test_a_failed_job_names_no_job_that_its_result_is_from(new_service, tmp_path):
     """The result of an equal job was taken, but could not be copied to output.directory."""
     taken = tmp_path / "taken"
@@ -249,6 +251,7 @@ def test_a_repeat_waits_for_no_worker(new_service):
     service.wait_state(new, "succeeded")
 
 
+@pytest.mark.sanitized
 def test_a_repeat_that_lost_its_result_runs(new_service):
     service = new_service("--workers", 1).start()
     first = service.submit(sphere())

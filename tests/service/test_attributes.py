@@ -11,9 +11,6 @@ from scipy import ndimage
 from readers import read_columns, read_exr
 from volumes import Part, write_exr, write_nifti, write_nrrd
 
-# Most of these tests execute code that unit tests execute with sanitizers.
-pytestmark = pytest.mark.plain
-
 # Of the range of the values.
 TOLERANCE = 1e-5
 SIZE = 24
@@ -133,7 +130,7 @@ def write_vdb(tmp_path):
     return write
 
 
-@pytest.mark.plain
+@pytest.mark.sanitized
 @pytest.mark.parametrize("kind", ["mesh", "formula"])
 def test_a_map_in_a_file_of_its_own(carry, write_vdb, tmp_path, diagnose, kind):
     """Spacings painted beside a torus, 5:1 along x: those of the points follow, and stand as they were asked for."""
@@ -166,7 +163,6 @@ def test_a_map_in_a_file_of_its_own(carry, write_vdb, tmp_path, diagnose, kind):
                               ({"path": path + "x", "name": "paint"}, "input_missing", "spacing.vdbx")):
         e, _ = carry(surface, [], sampling={"count": 100, "grid": wrong})
         assert e["code"] == code and word in e["message"], e
-
 
 
 @pytest.mark.sanitized
@@ -251,6 +247,7 @@ def test_points_outside_have_the_background_and_are_counted(carry, write_vdb):
     assert f"attribute \"temperature\": {outside.sum()} points lie where" in " ".join(report["surface"]["warnings"])
 
 
+@pytest.mark.sanitized
 def test_the_points_grid_has_the_attributes(carry, write_vdb, tmp_path):
     """As its readers call them; the file was read again and compared when it was written."""
     made = fields(numpy.random.default_rng(5))
@@ -277,6 +274,7 @@ def write_vectors(path, values, matrix, frame=None, kind="vector"):
     path.write_bytes(("\n".join(lines) + "\n\n").encode() + data)
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("space", EACH_SPACE)
 def test_arrays_of_nrrd_and_nifti(carry, tmp_path, space):
     """Scalars and vectors of other files in the space of the surface's, in slices one after the other."""
@@ -351,6 +349,7 @@ def test_meta_images(carry, tmp_path):
         assert none is None and error["code"] == code and words in error["message"], error
 
 
+@pytest.mark.sanitized
 def test_a_second_channel_of_a_stack_of_images(carry, tmp_path):
     made = fields(numpy.random.default_rng(19))["temperature"]
     for k in range(SIZE):
@@ -366,6 +365,7 @@ def test_a_second_channel_of_a_stack_of_images(carry, tmp_path):
     assert none is None and error["code"] == "attribute_missing" and '"cold": its channels are A, heat' in error["message"]
 
 
+@pytest.mark.sanitized
 def test_what_is_missing_has_the_exit_code_of_bad_input(worker):
     spec = {"version": 1, "surface": {"analytic": {"shape": "sphere", "radius": 1}}, "sampling": {"count": 20},
             "attributes": [{"name": "heat"}]}
@@ -462,6 +462,7 @@ def on_nearest_triangle(vertices, faces, values, points):
     return found
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("form", ["ascii", "binary_little_endian", "binary_big_endian"])
 def test_vertices_of_a_mesh(carry, tmp_path, form):
     """Colours, texture coordinates and properties of its own of a PLY file, where the points are nearest to it."""
@@ -494,6 +495,7 @@ def test_vertices_of_a_mesh(carry, tmp_path, form):
     assert '"wool"; its vertices have "color", "uv", ' in error["message"] and '"heat", "number"' in error["message"]
 
 
+@pytest.mark.sanitized
 def test_a_mesh_beside_a_volume(carry, tmp_path):
     """Normals, materials and groups of an OBJ file at the points of a fog."""
     matrix = SPACES["plain"]
@@ -525,6 +527,7 @@ def test_a_mesh_beside_a_volume(carry, tmp_path):
 
 # ---- the surface's own geometry
 
+@pytest.mark.sanitized
 def test_the_part_of_a_combination_and_principal_directions(carry):
     def sphere(x, radius):
         return {"analytic": {"shape": "sphere", "radius": radius, "center": [x, 0, 0]}}
@@ -570,6 +573,7 @@ def test_what_is_missing_is_named_with_what_there_is(carry, write_vdb):
 
 # ---- frames
 
+@pytest.mark.sanitized
 def test_frames_of_a_sequence_carry_those_of_their_own_file(worker, write_vdb, tmp_path):
     """With few properties asked for, a frame still has what the next one begins with."""
     made = [fields(numpy.random.default_rng(41 + k)) for k in range(2)]
@@ -594,6 +598,7 @@ def test_frames_of_a_sequence_carry_those_of_their_own_file(worker, write_vdb, t
 
 # ---- pictures
 
+@pytest.mark.sanitized
 def test_previews_show_an_attribute(carry, tmp_path):
     """Light of every hue that the disc of a point has is that of its attribute; read from the EXR, whose pixels say whose they are."""
     rng = numpy.random.default_rng(3)

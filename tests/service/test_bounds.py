@@ -85,6 +85,7 @@ def test_what_is_deleted_makes_room(new_service):
     assert gone(service, second)
 
 
+@pytest.mark.sanitized
 def test_each_user_has_a_bound(farm):  # noqa: F811
     shared = farm("--user_results_count", 1)
     first, second = shared.submit("ann"), shared.submit("ann")
@@ -105,6 +106,7 @@ def test_each_user_has_a_bound(farm):  # noqa: F811
     assert shared.ask("ann", "GET", f"/v1/jobs/{first}").status == 404
 
 
+@pytest.mark.sanitized
 def test_the_client_tells_the_usage(new_service):
     service = new_service("--results_mb", 3)
     at = service.options.index("--listen")
@@ -115,6 +117,7 @@ def test_the_client_tells_the_usage(new_service):
     assert code == 0 and "of 3.0" in out.splitlines()[1] and len(out.splitlines()) == 3
 
 
+@pytest.mark.sanitized
 def test_a_fetch_of_what_is_there_is_a_delivery(new_service, tmp_path):
     """Files of an earlier fetch, of which the service knows nothing after a restart, are not downloaded again."""
     service = new_service("--results_count", 1, "--workers", 1)

@@ -56,6 +56,7 @@ def test_the_examples_are_what_the_tool_writes(made, name):
     assert numpy.abs(theirs - ours).max() <= 2e-6  # the last digit may differ with the machine's mathematics
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("name, distance, worst", [
     ("torus", distance_from_torus, 2e-4),
     ("box", distance_from_box, 5e-3),
@@ -106,6 +107,7 @@ def test_an_open_spline_has_rims(worker, tmp_path):
     assert (points.normal[:, 0] > 0.999).all()
 
 
+@pytest.mark.sanitized
 def test_bad_files_are_told(worker, tmp_path, made):
     whole = coefficients(made).astype("<f8")
     odd = whole.copy()

@@ -10,9 +10,6 @@ from meshes import Mesh
 from readers import Points
 from volumes import write_nrrd
 
-# Most of these tests execute code that unit tests execute with sanitizers.
-pytestmark = pytest.mark.plain
-
 COUNT = 800
 
 
@@ -72,7 +69,6 @@ def coarse(cube_mesh):
     """The same cube in voxels of 0.1."""
     return {"mesh": {**cube_mesh["mesh"], "resolution": 20}}
 
-
 R1, R2, APART = 1.0, 0.7, 0.9
 
 
@@ -104,7 +100,6 @@ def test_two_spheres(sample, diagnose, kind):
 
 def solid(shape, **members):
     return {"analytic": {"shape": shape, "center": [0, 0, 0], **members}}
-
 
 ROOT5, PI = 5 ** 0.5, numpy.pi
 CYLINDER = solid("cylinder", radius=1, height=2, axis=[1, 1, 0.5])
@@ -211,7 +206,6 @@ def on_curve(points, *distances):
     return numpy.linalg.norm(numpy.roll(row, -1, axis=0) - row, axis=1)
 
 
-@pytest.mark.plain
 def test_sharp_edges_have_rows_of_points(sample, tmp_path, diagnose):
     """A cylinder that a plane cuts: a circle and an ellipse; its mesh is closed and cuts no corner."""
     cut = {"difference": [solid("cylinder", radius=1, height=3), solid("halfspace", center=[0, 0, 0.5], axis=[0, -1, -2])]}
@@ -252,6 +246,7 @@ def test_points_of_combined_meshes_lie_on_them(sample, cube_mesh):
     assert report["quality"]["largest_move"] > 0 and report["quality"]["max_residual"] < 1e-5
 
 
+@pytest.mark.sanitized
 def test_curvature_does_not_look_across_an_edge(sample):
     """The faces of a cube are flat up to its edges, at any scale."""
     report, points = sample({"analytic": {"shape": "box", "center": [0, 0, 0], "half_size": [1, 1, 1]}}, features=True,
@@ -300,7 +295,6 @@ TURNED_BOX = transform(box((0.5, 0.5, 3)), [[C, -S, 0, 0], [S, C, 0, 0], [0, 0, 
 CAP = 2 * PI * 1.2 * (1.2 - 1)
 
 
-@pytest.mark.plain
 @pytest.mark.parametrize("surface, area", [
     ({"difference": [sphere(1), sphere(1, (0.5, 0, 0))]}, 4 * PI),
     pytest.param({"difference": [box((1, 1, 1)), TURNED_BOX]}, 24 - 2 + 8, marks=pytest.mark.extended),
@@ -387,6 +381,7 @@ def test_shells_thinner_than_cells(sample):
     assert report["surface"]["area"] == pytest.approx(numpy.pi * (3.5 * (1 + 0.97**2) + 0.75 * (1 - 0.97**2)), rel=2e-3)
 
 
+@pytest.mark.sanitized
 def test_walls_thinner_than_cells(sample):
     """A lens that the parts' own cells do not show is whole. A wall that no cells show is reported as missing."""
     tube = {"radius": 0.2, "height": 2, "axis": [0, 0, 1]}
@@ -463,7 +458,6 @@ def test_a_transform_of_a_volume(sample, dense_ball):
 SMALL_GYROID = {"analytic": {"shape": "gyroid", "period": 1, "size": [1, 1, 1], "center": [0, 0, 0]}}
 
 
-@pytest.mark.plain
 def test_open_surfaces(sample):
     """A gyroid's box cuts it: it stays open when it is turned by a quarter, cannot be turned obliquely, and cannot end
     inside of a union."""
@@ -513,6 +507,7 @@ def test_offsets_are_distances(sample, cube_mesh):
     assert (numpy.minimum(numpy.abs(radius - 2.1), numpy.abs(radius - 0.9)) < 1e-6).all() and radius.min() < 1 < radius.max()
 
 
+@pytest.mark.sanitized
 def test_what_has_no_offset_says_so(sample, dense_ball, cube_mesh):
     quartic = {"analytic": {"shape": "quartic"}}
     stretched = transform(sphere(1), numpy.diag([2, 1, 1, 1.0]))

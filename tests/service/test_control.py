@@ -121,6 +121,7 @@ def test_an_answer_waits_for_a_change(gated):
     assert gated.request("GET", f"/v1/jobs/{job}", headers=headers).status == 304
 
 
+@pytest.mark.sanitized
 def test_who_knows_an_older_document_does_not_wait(gated):
     """Also when only the progress is newer."""
     job = gated.submit(sphere())
@@ -154,6 +155,7 @@ def test_a_wait_ends_with_the_service(new_service, tmp_path):
     assert got and got[0].status == 200
 
 
+@pytest.mark.sanitized
 def test_a_change_of_what_one_knows(gated):
     gated.wait_worker(gated.submit(sphere()))
     job = gated.submit(sphere(queue={"labels": ["x"]}))
@@ -227,6 +229,7 @@ def test_pause_resume_retry_delete(gated):
     assert not list((gated.state / "attempts").glob(f"{job}*"))
 
 
+@pytest.mark.sanitized
 def test_attempts_and_log(service):
     job = service.submit(sphere())
     service.wait_state(job, "succeeded")
@@ -294,6 +297,7 @@ def test_a_trace_is_kept(service):
     assert service.request("POST", "/v1/jobs", json.dumps(sphere()), headers).json["traceparent"] is None
 
 
+@pytest.mark.sanitized
 def test_a_stream_tells_all_and_ends(gated):
     job = gated.submit(sphere())
     stream = Stream(gated, f"/v1/jobs/{job}/events")
@@ -416,6 +420,7 @@ def test_the_client_watches_all_jobs(new_service):
         watching.stdout.close()
 
 
+@pytest.mark.sanitized
 def test_the_client_does_all_that(new_service, tmp_path):
     service = new_service("--worker", gated_worker(tmp_path), "--workers", 1)
     at = service.options.index("--listen")

@@ -125,6 +125,7 @@ def expect_all(service, jobs):
 
 # ---- damage that is there at the start
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_page_overwritten_before_the_start(place, filled, seed):
     """The start refuses it in a clear line, or serves until the quick check finds it."""
@@ -163,6 +164,7 @@ def test_a_truncated_database_is_refused(place, left):
     assert says_the_way_out(refusal(service))
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("statement, named", [
     ("DROP TABLE label", "table label"),
     ("DROP INDEX event_by_job", "index event_by_job"),
@@ -206,6 +208,7 @@ def test_the_header_overwritten_while_it_runs(place, filled):
     assert says_the_way_out(refusal(service))
 
 
+@pytest.mark.sanitized
 def test_what_runs_is_settled_from_its_result(new_service, tmp_path):
     """An attempt that ends on a damaged database keeps its result, and the stop does not wait for it."""
     service = on_socket(new_service("--check_interval_s", 1, "--worker", gated_worker(tmp_path), "--workers", 1)).start()
@@ -350,6 +353,7 @@ def test_a_backup_that_cannot_be_written(place, tmp_path, words, status, said):
     assert done.returncode == status and said in done.stderr, done.stderr
 
 
+@pytest.mark.sanitized
 def test_a_backup_without_a_database(build, tmp_path):
     done = subprocess.run([build / "hexad", "--state_dir", tmp_path / "none", "--backup", tmp_path / "backup.db"],
                           capture_output=True, text=True, timeout=PATIENCE_S)
@@ -357,6 +361,7 @@ def test_a_backup_without_a_database(build, tmp_path):
     assert not (tmp_path / "backup.db").exists() and not (tmp_path / "none").exists()
 
 
+@pytest.mark.sanitized
 def test_only_administrators_are_given_a_backup(closed_service, tmp_path, monkeypatch):
     backup = tmp_path / "backup.db"
     monkeypatch.setenv("HEXAD_TOKEN", new_token(closed_service, "carol"))
@@ -372,6 +377,7 @@ def test_only_administrators_are_given_a_backup(closed_service, tmp_path, monkey
 
 # ---- --check
 
+@pytest.mark.sanitized
 def test_a_sound_service_is_sound(service):
     job = service.submit(sphere())
     service.wait_state(job, "succeeded")
@@ -399,6 +405,7 @@ def test_damage_is_found_on_demand(place, runs):
     assert database.read_bytes() == content
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("bytes_left", [-100, 0, pytest.param(PAGE, marks=pytest.mark.extended),
                                         pytest.param(10, marks=pytest.mark.extended)])
 def test_a_truncated_database_is_found_on_demand(place, tmp_path, bytes_left):
@@ -412,6 +419,7 @@ def test_a_truncated_database_is_found_on_demand(place, tmp_path, bytes_left):
     assert not (tmp_path / "backup.db").exists()
 
 
+@pytest.mark.sanitized
 def test_results_that_are_missing_or_unknown(service):
     jobs = [service.submit(sphere(count=200 + i)) for i in range(4)]
     for job in jobs:

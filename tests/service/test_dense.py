@@ -12,9 +12,6 @@ from scipy.spatial import cKDTree
 from readers import Points, read_mesh
 from volumes import (Part, nrrd_data, nrrd_header, read_nifti, read_nrrd, write_exr, write_nifti, write_nrrd)
 
-# Most of these tests execute code that unit tests execute with sanitizers.
-pytestmark = pytest.mark.plain
-
 COUNT = 300
 SIZE = (30, 26, 34)
 # An ellipsoid in world space: where the values are 0.
@@ -80,6 +77,7 @@ def spacing(report):
 
 # ---- the world
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("name", MATRICES)
 def test_space_directions_are_honoured(sample, tmp_path, name):
     write_nrrd(tmp_path / "v.nrrd", ellipsoid(MATRICES[name]), MATRICES[name])
@@ -89,6 +87,7 @@ def test_space_directions_are_honoured(sample, tmp_path, name):
     assert report["quality"]["rim_count"] == 0 and report["quality"]["euler"] == pytest.approx(2)
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("version, name", [
     pytest.param(version, name, marks=pytest.mark.extended if version == 2 and name != "sheared" else ())
     for version in (1, 2) for name in MATRICES])
@@ -149,6 +148,7 @@ def test_axis_minima_of_cells_are_edges(sample, tmp_path):
 
 # ---- ways of storing the same
 
+@pytest.mark.sanitized
 def test_every_way_of_storing_gives_the_same_bytes(sample, tmp_path):
     values, matrix = ellipsoid(MATRICES["turned"]), MATRICES["turned"]
     whole = nrrd_data(values)
@@ -281,6 +281,7 @@ def test_numbers_without_a_sign(sample, tmp_path):
     assert_ellipsoid(points, near=5e-3)
 
 
+@pytest.mark.sanitized
 def test_windows_that_differ_are_filled_with_zero(sample, tmp_path):
     """Slices cropped to what is above nothing, as compositing programs do."""
     values = ellipsoid(MATRICES["plain"]).clip(-0.4) + numpy.float32(0.4)
@@ -308,6 +309,7 @@ def test_values_that_are_not_finite_are_counted(sample, tmp_path):
         assert_ellipsoid(points, near=5e-3)
 
 
+@pytest.mark.sanitized
 def test_infinity_is_no_surface_above_all_values(sample, tmp_path):
     values = ellipsoid(MATRICES["plain"])
     values[0, 0, 0] = numpy.inf
@@ -427,6 +429,7 @@ def test_a_ball_of_a_few_voxels(worker, tmp_path):
     assert report["surface"]["area"] == pytest.approx(area, rel=1e-3) and report["mesh"]["closed"]
 
 
+@pytest.mark.sanitized
 def test_oblique_data_end_in_their_own_axes(sample, tmp_path):
     """The points are those of the same data that lie along the world's axes, turned; and so are mirrored ones."""
     for mirror in (1, -1):
@@ -452,6 +455,7 @@ def test_oblique_data_end_in_their_own_axes(sample, tmp_path):
             assert_ellipsoid(points)
 
 
+@pytest.mark.sanitized
 def test_oblique_data_and_a_region(sample, tmp_path):
     """A region lies along the world's axes, and must be clear of the data's end then."""
     values = ellipsoid(MATRICES["turned"])[:, :, :20]
@@ -720,6 +724,7 @@ def test_a_coarse_answer_is_even_in_space(worker, tmp_path):
     assert report["step_left"] is None and "step_left" not in [r["criterion"] for r in report["outcome_reasons"]]
 
 
+@pytest.mark.sanitized
 def test_a_support_does_not_vanish(worker, tmp_path):
     """On noise, the same in all slices, some points come to lie at one place, whose energy no support makes ideal: it was 1e-17
     of the spacing, and the job ended for want of memory or after 4 500 sweeps."""

@@ -49,7 +49,6 @@ def write_volume(path):
     return {"volume": {"path": str(path), "isovalue": 0}}
 
 
-@pytest.mark.plain  # sanitizers keep what is freed
 @pytest.mark.parametrize("name", ["few points", "many points", "pictures", "points grid", "volume",
                                   pytest.param("level set", marks=pytest.mark.extended), "mesh"])
 def test_its_memory_is_that_of_the_job(estimate, worker, request, tmp_path, name):
@@ -67,6 +66,7 @@ def test_its_memory_is_that_of_the_job(estimate, worker, request, tmp_path, name
     assert 0.85 * peak - 2 ** 21 < told < 1.6 * peak + 2 ** 21, (told, peak)
 
 
+@pytest.mark.sanitized
 def test_what_cannot_be_told(estimate):
     """A time is the target; counts are found on the way."""
     found = estimate(sphere(sampling={"time_s": 3}))
@@ -182,6 +182,7 @@ printf '{"words": "%s"}' "$*" > "$4/estimate.json"
 """
 
 
+@pytest.mark.sanitized
 def test_its_worker_is_held_like_others(new_service, tmp_path):
     program = tmp_path / "asked"
     program.write_text(ASKED)

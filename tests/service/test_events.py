@@ -132,6 +132,7 @@ def test_a_poller_goes_on_from_the_position(service):
     assert service.get(f"/v1/events?after={position}").json == {"events": [], "next": None, "position": position}
 
 
+@pytest.mark.sanitized
 def test_filters(closed_service):
     service, root = closed_service, closed_service.token
     alice, bob = new_token(service, "alice"), new_token(service, "bob")
@@ -276,6 +277,7 @@ def test_a_stream_ends_whose_events_fill_a_batch(service):
     assert stream.reply.readline() == b""  # the end, not a comment that says that nothing is new
 
 
+@pytest.mark.sanitized
 def test_progress_is_told_once(gated):
     """Who comes back with the id of the last event, or of the last progress, is told what is new only."""
     job = gated.submit(sphere())

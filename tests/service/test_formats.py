@@ -250,6 +250,7 @@ def test_a_sequence_is_one_stage_of_usd(growing, by_node):
     assert numpy.abs(velocity).max() > 0.05
 
 
+@pytest.mark.sanitized
 def test_the_stage_of_a_sequence_lists_its_clips(growing):
     """The first frame that runs has the stage; each file has its values at the time of its number."""
     first, *others = growing(mesh=True, mesh_usda=True)

@@ -70,6 +70,7 @@ def service(clean_service):
     return clean_service
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("name", NOT_PLAIN)
 def test_what_can_be_read_otherwise_is_refused(service, name):
     status, headers, problem = answer_of(exchange(service, NOT_PLAIN[name] + FOLLOWS))
@@ -144,6 +145,7 @@ def test_a_query_of_many_parameters_is_answered(service, count):
     expect_problem(service.get(f"/v1/jobs?{query}"), 400, "request_invalid")
 
 
+@pytest.mark.sanitized
 def test_a_coded_body_is_refused(service):
     body = json.dumps(sphere())
     headers = {"Content-Type": "application/json", "Content-Encoding": "gzip"}

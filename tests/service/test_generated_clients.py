@@ -7,7 +7,7 @@ import pytest
 
 from service import PATIENCE_S
 
-pytestmark = [pytest.mark.extended, pytest.mark.plain]  # needs npm
+pytestmark = pytest.mark.extended  # needs npm
 
 
 @pytest.fixture(scope="module")

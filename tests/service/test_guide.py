@@ -8,8 +8,6 @@ import pytest
 
 from service import PATIENCE_S, wait_until
 
-pytestmark = pytest.mark.plain
-
 
 @pytest.fixture
 def page(source):

@@ -60,6 +60,7 @@ def test_submit_wait_fetch(run, tmp_path, service):
     assert [j["id"] for j in json.loads(run("list", "--json", "--state", "succeeded").stdout)["jobs"]] == [job]
 
 
+@pytest.mark.sanitized
 def test_a_submission_with_a_key_is_repeated_safely(run, tmp_path, service):
     path = write(tmp_path, sphere())
     first = run("submit", path, "--key", "shot 010")
@@ -76,6 +77,7 @@ def test_a_submission_with_a_key_is_repeated_safely(run, tmp_path, service):
     assert again.returncode == 0 and again.stdout != first.stdout
 
 
+@pytest.mark.sanitized
 def test_tokens_name_their_file(run, tmp_path):
     done = run("token", "list", "--file", tmp_path / "tokens")
     assert done.returncode == 0 and f"{tmp_path}/tokens holds no tokens" in done.stderr
@@ -92,6 +94,7 @@ def test_submit_and_wait_from_standard_input(run):
     assert "\r" not in done.stderr  # no bar where there is no terminal
 
 
+@pytest.mark.sanitized
 def test_not_converged(run, tmp_path):
     spec = sphere(count=500, solver={"max_sweeps": 1, "step_tolerance": 1e-9})
     done = run("submit", write(tmp_path, spec), "--wait")
@@ -134,6 +137,7 @@ def test_notes_reach_who_waits_and_who_asks(new_service, build, tmp_path):
     assert service.get("/v1/jobs/" + done.stdout.split()[0]).json["notes"]["advice"] == []
 
 
+@pytest.mark.sanitized
 def test_a_bar_on_a_terminal(service, build, tmp_path):
     master, slave = pty.openpty()
     process = subprocess.Popen([build / "hexadctl", "submit", write(tmp_path, long_sphere()), "--wait"],
@@ -170,6 +174,7 @@ def test_a_job_that_fails(run, tmp_path):
     assert done.returncode == 1 and "timed_out" in done.stdout and "limit_time" in done.stdout
 
 
+@pytest.mark.sanitized
 def test_a_bad_spec_names_the_place(run, tmp_path):
     done = run("submit", write(tmp_path, sphere(count=-5)))
     assert done.returncode == 2
@@ -179,6 +184,7 @@ def test_a_bad_spec_names_the_place(run, tmp_path):
     assert run("submit", tmp_path / "bad.json").returncode == 2
 
 
+@pytest.mark.sanitized
 def test_a_spec_is_sent_as_it_is(run, tmp_path, service):
     text = json.dumps(sphere()) + "\0more"
     (tmp_path / "nul.json").write_text(text)
@@ -197,6 +203,7 @@ def test_an_input_that_cannot_be_read(run, tmp_path):
     assert done.returncode == 2 and "67108864 bytes" in done.stderr, done.stderr
 
 
+@pytest.mark.sanitized
 def test_a_full_local_disk_is_not_the_servers_fault(run, tmp_path, service):
     job = service.submit(sphere())
     service.wait_state(job, "succeeded")
@@ -216,6 +223,7 @@ def test_a_state_is_one_word_of_the_query(run):
     assert run("list", "--limit", "1").returncode == 0
 
 
+@pytest.mark.sanitized
 def test_usage(run):
     for words in ([], ["nonsense"], ["show"], ["show", "a", "b"], ["list", "a"], ["show", "--nonsense", "a"],
                   ["--server", "ftp://x", "list"], ["show", "../../etc"], ["list", "--state", "nonsense"]):
@@ -226,6 +234,7 @@ def test_usage(run):
     assert run("--version").stdout.startswith("hexadctl ")
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("server, said", [("http://127.0.0.1:1", "Connection refused"),
                                           ("unix:/nowhere/hexad.sock", "No such file or directory")])
 def test_no_server(build, server, said):

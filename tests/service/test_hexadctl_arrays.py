@@ -9,9 +9,6 @@ import pytest
 
 from service import PATIENCE_S, Service, gated_worker, sphere, wait_until
 
-# Most of these tests execute code that unit tests execute with sanitizers.
-pytestmark = pytest.mark.plain
-
 FRAMES = (8, 9, 11)
 
 
@@ -125,6 +122,7 @@ def test_some_frames_are_fetched(run_finished, finished, tmp_path):
     assert run("fetch", single, "--frame", "1").returncode == 2
 
 
+@pytest.mark.sanitized
 def test_frames_that_are_not_there_yet_or_never(finished, build, tmp_path):
     service, job = finished, finished.failed
     words = [build / "hexadctl", "fetch", job]
@@ -182,6 +180,7 @@ def test_a_pause_says_what_it_means(new_service, build, footage, tmp_path):
     assert run("resume", single).startswith(f"{single} queued")
 
 
+@pytest.mark.sanitized
 def test_jobs_with_a_label_are_cancelled_together(new_service, build, tmp_path):
     service = new_service("--worker", gated_worker(tmp_path), "--workers", 1).start()
 

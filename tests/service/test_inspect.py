@@ -90,6 +90,7 @@ def test_a_mesh_and_one_that_is_open(inspect, tmp_path, worker):
     assert run_suggestion(worker, tmp_path, first)["surface"]["mesh"]["patches"] == 5
 
 
+@pytest.mark.sanitized
 def test_a_dense_volume_of_whole_numbers(inspect, tmp_path, worker):
     write_nrrd(tmp_path / "ball.nrrd", ball())
     found = inspect("ball.nrrd")
@@ -102,6 +103,7 @@ def test_a_dense_volume_of_whole_numbers(inspect, tmp_path, worker):
     assert run_suggestion(worker, tmp_path, first)["count"] == first["count"]
 
 
+@pytest.mark.sanitized
 def test_a_packed_volume_of_nearly_one_value(inspect, tmp_path, worker):
     values = numpy.zeros((40, 40, 40), numpy.float32)
     values[18:22, 18:22, 18:22] = 1  # a thousandth of all
@@ -123,6 +125,7 @@ def test_what_is_looked_at_is_limited_by_its_size(inspect, tmp_path):
     assert found[0]["cells"] > 400000 and found[0]["area"] > 0
 
 
+@pytest.mark.sanitized
 def test_images_and_their_stack(inspect, tmp_path, worker):
     for k, values in enumerate(ball().astype(numpy.float32)):
         write_exr(tmp_path / f"slice.{k:03}.exr", Part({"density": values, "heat": 0 * values}))
@@ -147,6 +150,7 @@ def test_damage_is_named(inspect, tmp_path, example):
     assert inspect("none.obj", code=3)["code"] == "input_missing"
 
 
+@pytest.mark.sanitized
 def test_a_page_for_people_and_a_picture(build, tmp_path, small_level_set):
     done = subprocess.run([build / "hexad-worker", "inspect", small_level_set, "--preview", "seen.png"], cwd=tmp_path,
                           capture_output=True, text=True, timeout=PATIENCE_S)

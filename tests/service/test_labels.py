@@ -13,9 +13,6 @@ from readers import read_columns, read_face_labels, read_mesh
 from service import Service
 from volumes import Part, write_exr, write_nifti, write_nrrd
 
-# Most of these tests execute code that unit tests execute with sanitizers.
-pytestmark = pytest.mark.plain
-
 SIZE, COUNT = 40, 1500
 ON_LINE = 1
 
@@ -158,6 +155,7 @@ def test_each_label_has_a_closed_mesh_whose_faces_its_neighbours_share(sample, t
     assert not list((tmp_path / "out").glob("mesh_label_*"))
 
 
+@pytest.mark.sanitized
 def test_too_many_labels_have_no_meshes_of_their_own(sample):
     told, _ = sample(numpy.arange(1000).reshape(10, 10, 10).astype("u2"), output={"label_meshes": True})
     assert told["code"] == "spec_invalid" and "1000 labels" in told["message"] and "groups" in told["message"]
@@ -185,6 +183,7 @@ def blocks():
     return labels
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("members, pairs", [
     ({}, {(1, 2), (2, 3), (3, 4)}),
     ({"labels": [2]}, {(2, 0)}),
@@ -404,6 +403,7 @@ def test_a_preview_is_coloured_by_label(sample):
 
 # ---- what cannot be
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("values, members, code, words", [
     (numpy.full((8, 8, 8), 5, "u1"), {}, "no_surface", "all voxels have the label 5"),
     (numpy.full((8, 8, 8), 0.5, "f4"), {}, "input_unsupported", "0.5 is no label"),
@@ -547,6 +547,7 @@ def meta_image(labels, said=None):
             "ElementDataFile = LOCAL\n").encode() + packed
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("said, cut, warned", [(None, 0, False), (20, 0, True), (9999, 0, True), (20, 30, None)])
 def test_a_header_that_disagrees_is_a_warning_where_data_are_whole(worker, tmp_path, said, cut, warned):
     image = meta_image(blocks().astype("u1"), said)
@@ -602,6 +603,7 @@ def test_an_image_is_refused_before_it_takes_all_memory(solve, tmp_path):
     assert none is None and error["code"] == "limit_memory" and "as surface.volume with an isovalue" in error["message"]
 
 
+@pytest.mark.sanitized
 def test_a_spec_that_was_written_anew_means_the_same(solve, tmp_path):
     """As the daemon hands it on, with all defaults."""
     write_nrrd(tmp_path / "v.nrrd", blocks())

@@ -86,6 +86,7 @@ def test_a_worker_that_always_dies_ends_the_job(service):
     assert "SIGSEGV" in done["error"]["message"] and "2 of 2" in done["error"]["message"]
 
 
+@pytest.mark.sanitized
 def test_a_timeout(service):
     done = service.wait_state(service.submit(long_sphere(limits={"timeout_s": 0.5})), "timed_out")
     assert done["error"]["code"] == "limit_time"
@@ -267,6 +268,7 @@ def run_hexad(build, *options):
     return subprocess.run([build / "hexad", *map(str, options)], capture_output=True, text=True, timeout=PATIENCE_S)
 
 
+@pytest.mark.sanitized
 def test_closed_standard_descriptors(build, tmp_path):
     """They must not become the log's, the lock's or the database's."""
     port = tmp_path / "other-port"
@@ -288,6 +290,7 @@ def test_two_daemons_on_one_state_directory(service, build):
     assert service.get("/healthz").status == 200
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("where", ["0.0.0.0:0", "[::]:0", ":8642", "nonsense", "unix:relative", "127.0.0.1:99999"])
 def test_addresses_that_are_refused(build, tmp_path, where):
     tried = run_hexad(build, "--listen", where, "--state_dir", tmp_path / "state")
@@ -295,6 +298,7 @@ def test_addresses_that_are_refused(build, tmp_path, where):
     assert where in tried.stderr
 
 
+@pytest.mark.sanitized
 def test_settings_that_are_refused(build, tmp_path):
     bad = tmp_path / "bad.conf"
     bad.write_text("workers = 2\nwrokers = 3\n")
@@ -306,6 +310,7 @@ def test_settings_that_are_refused(build, tmp_path):
     assert tried.returncode == 1 and "/nonexistent" in tried.stderr
 
 
+@pytest.mark.sanitized
 def test_help_and_sample(build, source):
     text = run_hexad(build, "--help").stdout
     assert "--listen" in text and "--state_dir" in text and "Default: 3 attempts" in text
@@ -313,6 +318,7 @@ def test_help_and_sample(build, source):
     assert run_hexad(build, "--version").stdout.startswith("hexad ")
 
 
+@pytest.mark.sanitized
 def test_a_config_file(new_service, build, tmp_path):
     root = tmp_path / "root"
     root.mkdir()

@@ -128,6 +128,7 @@ def place(new_service, templates):
     return make
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("how", ["removed", "removed after a kill", "empty"])
 def test_a_lost_database_beside_results_is_refused(place, how):
     service, _ = place(1)
@@ -285,6 +286,7 @@ def test_an_older_database_does_not_give_numbers_twice(new_service, tmp_path):
     assert not (service.state / "results" / job / "mark").exists()
 
 
+@pytest.mark.sanitized
 def test_a_result_that_is_none_of_a_job_that_waits(new_service, tmp_path):
     """Is put aside, and the job is run."""
     service = new_service("--worker", gated_worker(tmp_path), "--workers", 1).start()
@@ -449,6 +451,7 @@ def test_adoption(new_service, tmp_path):
     finished(service, 1, first=100)
 
 
+@pytest.mark.sanitized
 def test_an_adoption_that_was_cut_short_goes_on(new_service, tmp_path):
     """Killed when the jobs are in the queue and the queue is not yet this directory's."""
     service = new_service("--listen", f"unix:{tmp_path}/socket").start()

@@ -141,6 +141,7 @@ def test_weights_are_read_again(new_service, manager, tmp_path):
     assert {user: order.count(user) for user in order} == {"ann": 4, "bob": 2, "eve": 2}
 
 
+@pytest.mark.sanitized
 def test_bounds_of_priorities_are_read_again(new_service, manager, tmp_path):
     file = tmp_path / "hexad.conf"
     file.write_text("user_priorities = *:5\n")
@@ -207,6 +208,7 @@ def start_with_sockets(build, where, *sockets):
         pass_fds=numbers, stderr=subprocess.PIPE, text=True)
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("family", ["inet", "unix"])
 def test_a_socket_is_handed_over(build, tmp_path, family):
     if family == "inet":

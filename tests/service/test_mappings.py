@@ -64,6 +64,7 @@ def test_a_job_reads_and_writes_where_files_are_here(mapped, show):
     assert refused.status == 403 and "asked for" not in refused.json["detail"]
 
 
+@pytest.mark.sanitized
 def test_every_path_of_a_spec(mapped, show):
     for frame in (1, 2):
         write_ball(show / f"b.{frame:04d}.f32")
@@ -89,6 +90,7 @@ def test_every_path_of_a_spec(mapped, show):
     assert got["spec"]["surface"]["union"][2]["exr"]["path"] == "/Volumes/show/c#.exr"
 
 
+@pytest.mark.sanitized
 def test_both_names_are_told(mapped, show):
     for asked, opened, status in (("/Volumes/show/no.f32", show / "no.f32", 422),
                                   ("/Volumes/show/none/a.f32", show / "nothing" / "a.f32", 422),

@@ -170,6 +170,7 @@ def write_text_stl(path):
     path.write_text(f"solid box\n{facets}endsolid box\n" + "solid none\nendsolid none\n")
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("name, write", [("stl", write_stl), ("stl", write_text_stl), ("off", write_off), ("ply", write_ply),
                                          ("ply", lambda path: write_ply(path, "binary_little_endian"))])
 def test_what_follows_a_mesh_in_its_file_is_told(worker, tmp_path, name, write):
@@ -243,7 +244,6 @@ def test_words_about_files_are_the_users(worker, tmp_path):
     assert code == "limit_memory" and "MiB are left of the limit" in words and "raise limits.memory_mb" in words
 
 
-@pytest.mark.plain  # a sanitizer would report the library's fault by itself
 def test_a_library_that_breaks_off_is_told_in_words(worker, tmp_path):
     """A property without a name ends the process that reads the file; the user is told of the file, and what to do."""
     (tmp_path / "mine.ply").write_bytes(b"ply\nformat binary_little_endian 1.0\ncomment made by hand\nelement vertex 8\n"

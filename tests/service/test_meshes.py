@@ -11,9 +11,6 @@ from meshes import Mesh
 from readers import Points, read_columns, read_mesh
 from service import sphere
 
-# Most of these tests execute code that unit tests execute with sanitizers.
-pytestmark = pytest.mark.plain
-
 JOB_PATIENCE_S = 900
 COUNT, RESOLUTION = 500, 96
 # Distances of the points from the mesh, in voxels, at most: of half, of 95 %, of all. Most of these meshes have triangles
@@ -170,6 +167,7 @@ def test_the_mesh_keeps_to_a_fold(worker, tmp_path):
     assert report["mesh"]["nonmanifold_edges"] == 0 and report["mesh"]["euler"] == 1
 
 
+@pytest.mark.sanitized
 def test_stairs_below_the_spacing_leave_no_hole(worker, tmp_path):
     """Of the corners of a step each that has no point of its own has the place of one that a short edge joins it to."""
     def step(x, y, u, v):
@@ -301,7 +299,6 @@ def test_an_open_mesh_encloses_no_volume(data_service, folder):
     assert "223 boundary edges around 5 holes" in done["error"]["message"]
 
 
-@pytest.mark.plain
 def test_the_dragon(data_service, folder, diagnose):
     """At the default resolution: seconds, and away from creases, which draw a row of points, within a twentieth of a voxel."""
     path = folder / "dragon_100k.obj"
@@ -334,7 +331,6 @@ def blade(path, sides=BLADE):
     return turn
 
 
-@pytest.mark.plain
 def test_a_blade_is_whole(worker, tmp_path, diagnose):
     """A thousandth of its length thick: voxels follow the thickness, and nothing of it is missing."""
     turn = blade(tmp_path / "blade.obj")
@@ -506,7 +502,6 @@ MALFORMED_BUT_GOOD = {"box_longline.obj", "box_without_lineending.obj", "cube_bi
                       "triangle_with_empty_solid.stl", "triangle_with_two_solids.stl"}
 
 
-@pytest.mark.plain
 def test_voxels_follow_the_features_that_are_to_be_resolved(worker, tmp_path):
     """The least feature that min_spacing allows to resolve is a voxel, unless a bound says otherwise, which the report names."""
     blade(tmp_path / "rod.obj", (1, 0.048, 0.048))
@@ -524,7 +519,6 @@ def test_voxels_follow_the_features_that_are_to_be_resolved(worker, tmp_path):
     assert any("voxel_size <= 0.0024" in warning for warning in bounded["warnings"])
 
 
-@pytest.mark.plain
 def test_a_mesh_that_is_to_be_resolved_has_a_least_spacing(worker, tmp_path):
     """On its triangles there are no voxels: it is what a voxel would be, and features are told apart down to it."""
     turn = blade(tmp_path / "plate.obj", (1, 0.1, 0.05))
@@ -539,7 +533,6 @@ def test_a_mesh_that_is_to_be_resolved_has_a_least_spacing(worker, tmp_path):
     assert told["median"] == pytest.approx(0.025, rel=0.1)
 
 
-@pytest.mark.plain
 def test_the_least_spacing_follows_the_triangles(worker, tmp_path):
     """Details of a scan are smaller than its triangles: a quarter of their side is told."""
     n, m, tube = 120, 24, 0.05
@@ -560,7 +553,6 @@ def test_the_least_spacing_follows_the_triangles(worker, tmp_path):
     assert report["grading"]["feature_size"]["floor"] == pytest.approx(0.4 * (area / (2 * n * m)) ** 0.5, rel=1e-2)
 
 
-@pytest.mark.plain
 def test_grading_is_no_disorder(worker, tmp_path):
     """A ring whose tube is ten times thicker on one side. What grading and bends ask for is more than the tolerance."""
     n = 60
@@ -578,7 +570,6 @@ def test_grading_is_no_disorder(worker, tmp_path):
     assert done.returncode == 0, report["outcome_reasons"]
 
 
-@pytest.mark.plain
 @pytest.mark.parametrize("outline, curves", [
     ([(0, 0), (1, 0), (1, 1), (0.5, 1), (0.5, 1.02), (0, 1.02)], 18),
     pytest.param([(0, 0), (1, 0), (1, 1), (0.7, 1), (0.7, 1.1), (0.42, 1.1), (0.42, 1.12), (0, 1.12)], 24,
@@ -599,7 +590,6 @@ def test_rows_that_became_one_leave_no_gaps(worker, tmp_path, outline, curves):
     assert told["count"] == curves and told["edge_cv"] < 0.1 and told["gap"] < 1.3
 
 
-@pytest.mark.plain
 def test_a_mesh_that_is_to_be_resolved_has_all_of_its_parts(worker, tmp_path):
     """Boxes that lie within each other are sampled each, and mesh.ply is both; interior "drop" asks for their outside."""
     lines, first = [], 1
@@ -619,7 +609,7 @@ def test_a_mesh_that_is_to_be_resolved_has_all_of_its_parts(worker, tmp_path):
         assert len(told) == (members["interior"] == "keep")
 
 
-@pytest.mark.plain
+@pytest.mark.sanitized
 @pytest.mark.parametrize("tolerance", [3e-4, pytest.param(1.5e-4, marks=pytest.mark.extended)])
 def test_points_of_a_resolved_mesh_rest_as_they_are_delivered(worker, tmp_path, tolerance):
     """Brought onto the surface and given the sizes of their places they may want to move again: then the solve goes on. A star
@@ -651,7 +641,6 @@ def test_numbers_may_begin_with_their_point(worker, tmp_path):
     assert done.returncode == 0, done.stderr
     area = json.loads((tmp_path / "out" / "report.json").read_text())["surface"]["area"]
     assert abs(area / 3 ** 0.5 - 1) < 0.03
-
 
 
 OCTAHEDRON = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]

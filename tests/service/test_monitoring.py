@@ -122,6 +122,7 @@ def test_attempts_are_counted_by_outcome_and_code(service):
     assert figure(service, "hexad_storage_size_bytes") >= figure(service, "hexad_storage_free_bytes")
 
 
+@pytest.mark.sanitized
 def test_what_waits_has_an_age(new_service, tmp_path, receiver):  # noqa: F811
     secret = tmp_path / "secret"
     secret.write_text(SECRET)

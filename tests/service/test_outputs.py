@@ -147,6 +147,7 @@ def test_channels_of_a_picture(run):
     assert numpy.quantile(numpy.abs(found - places), 0.99) < 1e-3  # at the silhouette a place is a point's
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("colour", ["alpha", "curvature", "energy", "spacing", "degree"])
 def test_colours(run, colour):
     where, report = run(sphere(200, output={"preview": {"size": 64, "color": colour}}))
@@ -154,6 +155,7 @@ def test_colours(run, colour):
     assert read_png((where / "preview.png").read_bytes())[:2] == (64, 64)
 
 
+@pytest.mark.sanitized
 def test_a_turntable(run):
     """Its frames differ, are listed, and go when the next run asks for fewer."""
     ask = {"size": 64, "turntable": 3}
@@ -167,6 +169,7 @@ def test_a_turntable(run):
         ["points.ply", "preview.png", "preview.exr", "report.json", frames[0]])
 
 
+@pytest.mark.sanitized
 def test_convergence(run):
     where, report = run(sphere(200, output=output(convergence=True)))
     assert [o["name"] for o in report["outputs"]] == ["points.ply", "convergence.png"]

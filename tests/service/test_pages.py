@@ -103,6 +103,7 @@ def test_a_named_origin_is_let_in(new_service):
     assert plain.headers["Access-Control-Allow-Origin"] is None
 
 
+@pytest.mark.sanitized
 def test_the_question_before_a_request(new_service):
     service = new_service("--page_origins", GUI).start()
     reply = ask(service, "OPTIONS", "/v1/jobs", Origin=GUI, Access_Control_Request_Method="POST",
@@ -166,6 +167,7 @@ def cookie_of(reply):
     return reply.headers["Set-Cookie"].partition(";")[0]
 
 
+@pytest.mark.sanitized
 def test_the_page_is_open_and_holds_nothing(with_tokens):
     if not (with_tokens.build / "page/uplot.js").exists():
         pytest.skip("the page was not built: run npm ci in page, and make")
@@ -189,6 +191,7 @@ def test_the_page_is_open_and_holds_nothing(with_tokens):
     expect_problem(ask(with_tokens, "GET", "/", Host="evil.example"), 421, "misdirected_request")
 
 
+@pytest.mark.sanitized
 def test_a_session_has_the_rights_of_its_token(with_tokens):
     own = f"http://{with_tokens.address}"
     reply = sign_in(with_tokens, new_token(with_tokens, "bob", "--scopes", "read"), Origin=own)
@@ -227,6 +230,7 @@ def test_a_session_outlives_the_service_but_not_its_token(with_tokens):
         expect_problem(reply, 400, code)
 
 
+@pytest.mark.sanitized
 def test_a_session_that_was_changed_is_none(with_tokens):
     name, _, value = cookie_of(sign_in(with_tokens, with_tokens.token)).partition("=")
     identity, ends, mac = value.split(".")

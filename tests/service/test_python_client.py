@@ -21,8 +21,6 @@ sys.path.insert(0, str(PACKAGE))
 import hexad  # noqa: E402
 from hexad import points as points_module, problems  # noqa: E402
 
-pytestmark = pytest.mark.plain
-
 
 def on_a_socket(build, where, *options):
     """A daemon on the Unix socket of its state directory, so that its address stays when it is started again."""
@@ -194,6 +192,7 @@ f 2 6 8 4
 """
 
 
+@pytest.mark.sanitized
 def test_files_are_sent(client, tmp_path, monkeypatch):
     asked = []
     open_once = client.transport.open_once
@@ -208,6 +207,7 @@ def test_files_are_sent(client, tmp_path, monkeypatch):
     assert client.submit(spec, wait=True).points().count == 200
 
 
+@pytest.mark.sanitized
 def test_errors_have_classes(client, tmp_path):
     with pytest.raises(problems.SpecInvalid) as refused:
         client.submit(sphere(2))

@@ -118,7 +118,6 @@ def fog_jobs(data_service, shared_data):
     return {name: data_service.submit(vdb(shared_data / "vdb" / name, FOG[name][2], *FOG[name][:2])) for name in order}
 
 
-@pytest.mark.plain
 @pytest.mark.parametrize("name", FOG)
 def test_fog(data_service, shared_data, fog_jobs, pyopenvdb, diagnose, name):
     grid, isovalue, count = FOG[name]
@@ -132,7 +131,6 @@ def test_fog(data_service, shared_data, fog_jobs, pyopenvdb, diagnose, name):
 AREAS = [("bifrost_torus01.vdb", 0.005), ("densityAndHeat.vdb", 0.02)]
 
 
-@pytest.mark.plain
 @pytest.mark.parametrize("name, within", AREAS)
 def test_the_area_of_fog(data_service, shared_data, fog_jobs, pyopenvdb, diagnose, name, within):
     grid, isovalue, _ = FOG[name]
@@ -328,7 +326,6 @@ REPEATABLE = {
 }
 
 
-@pytest.mark.plain
 @pytest.mark.parametrize("name", REPEATABLE)
 def test_the_same_bytes_with_any_threads(data_service, shared_data, diagnose, name):
     jobs = []

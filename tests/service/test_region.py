@@ -100,6 +100,7 @@ INSIDE = {  # surface, region, area, and where the cut is: the distance from it
 }
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("what", INSIDE)
 def test_the_inside_of_a_surface_is_a_region(worker, tmp_path, what):
     """Points lie on the cut exactly, in rows, and none outside; the area is that of closed forms."""
@@ -114,6 +115,7 @@ def test_the_inside_of_a_surface_is_a_region(worker, tmp_path, what):
     assert report["spec"]["region"]["inside"].keys() == region.keys()
 
 
+@pytest.mark.sanitized
 def test_regions_that_are_none(worker, tmp_path):
     (tmp_path / "open.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
     for surface, region, words in (

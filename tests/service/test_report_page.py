@@ -5,8 +5,6 @@ import subprocess
 
 import pytest
 
-pytestmark = pytest.mark.plain
-
 SPHERE = {"analytic": {"shape": "sphere", "center": [0, 0, 0], "radius": 1}}
 NO_PREVIEW = {"preview": False}
 OCTAHEDRON = "".join(f"v {x} {y} {z}\n" for x, y, z in ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))) + \

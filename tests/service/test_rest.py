@@ -97,6 +97,7 @@ def test_list_pages(new_service):
     assert service.get("/v1/jobs?state=failed").json == {"jobs": [], "next": None}
 
 
+@pytest.mark.sanitized
 def test_sorted_pages(new_service, tmp_path):
     """The pages are the whole list, cut."""
     service = new_service("--worker", gated_worker(tmp_path), "--workers", 1).start()
@@ -120,6 +121,7 @@ def test_sorted_pages(new_service, tmp_path):
     assert names("/v1/jobs?text=b%25")[0] == ["B%"]
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("query", ["state=nonsense", "limit=0", "limit=x", "limit=501", "cursor=-1", "other=1", "state",
                                    "sort=size", "sort=name,state", "sort=name&cursor=1", "cursor=1:x", "text=",
                                    "limit=1&limit=2", "state=queued&state=queued", "state=queued%00x"])
@@ -133,6 +135,7 @@ def test_no_parameter_is_dropped(service):
     expect_problem(service.get(f"/healthz?{many}"), 400, "request_invalid")
 
 
+@pytest.mark.sanitized
 def test_health_and_version(service):
     assert service.get("/healthz").json == {"status": "ok"}
     version = service.get("/version").json
@@ -141,6 +144,7 @@ def test_health_and_version(service):
     assert head.status == 200 and head.body == b"" and int(head.headers["Content-Length"]) > 0
 
 
+@pytest.mark.sanitized
 def test_unknown_places(service):
     expect_problem(service.get("/nothing"), 404, "not_found")
     expect_problem(service.get("/v1/nothing"), 404, "not_found")
@@ -169,6 +173,7 @@ def test_media_type(service):
     assert good.status == 201
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("raw", ["", "{", "nonsense", '{"version":1}x', '{"a":1,"a":2}', b'"\xff"', "[" * 100000])
 def test_what_is_not_json_is_400(service, raw):
     expect_problem(service.post("/v1/jobs", raw=raw), 400, "json_invalid")
@@ -233,6 +238,7 @@ def test_without_roots_no_file_is_read(service, tmp_path):
     expect_problem(service.post("/v1/jobs", vdb(tmp_path / "a.vdb")), 403, "path_forbidden", "/surface/vdb/path")
 
 
+@pytest.mark.sanitized
 def test_results_of_an_unfinished_job(service):
     job = service.submit(long_sphere())
     expect_problem(service.get(f"/v1/jobs/{job}/results"), 409, "conflict")
@@ -265,6 +271,7 @@ def test_body_limit_by_length(new_service):
     assert service.post("/v1/jobs", raw=fitting + " " * (1000 - len(fitting))).status == 201
 
 
+@pytest.mark.sanitized
 def test_body_limit_chunked(new_service):
     service = new_service("--body_limit_bytes", 1000).start()
     head = (b"POST /v1/jobs HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\n"
@@ -351,6 +358,7 @@ def test_keep_alive_and_pipelining(service):
     assert got.count(b"HTTP/1.1 200 ") == 3
 
 
+@pytest.mark.sanitized
 def test_a_unix_socket(new_service, tmp_path):
     where = tmp_path / "s.sock"
     service = new_service("--listen", f"unix:{where}")

@@ -80,6 +80,7 @@ def test_no_input_root_means_no_file(worker, inputs):
     assert last_words(done)["code"] == "path_forbidden"
 
 
+@pytest.mark.sanitized
 def test_modes_that_are_none(worker):
     done = worker(sphere(), "--sandbox", "tight")
     assert done.returncode == 2

@@ -109,6 +109,7 @@ def test_a_token_may_lower_the_limit_of_priorities(farm):
     shared.submit("admin_-5", queue={"priority": -5})
 
 
+@pytest.mark.sanitized
 def test_tokens_are_listed_with_their_limits(farm):
     shared = farm()
     new_token(shared.service, "cid", "--max-priority", "-3")
@@ -125,6 +126,7 @@ def test_tokens_are_listed_with_their_limits(farm):
         assert code == 2 and "--max-priority" in told and "-1000 to 1000" in told
 
 
+@pytest.mark.sanitized
 def test_submissions_have_a_limit(farm):
     shared = farm("--user_submissions", 3)
     for _ in range(3):
@@ -157,6 +159,7 @@ def test_a_hold_starts_no_job(farm):
     assert shared.service.get("/readyz").json["checks"]["queue"] == "ok"
 
 
+@pytest.mark.sanitized
 def test_the_client_holds_and_releases(new_service):
     service = new_service()
     at = service.options.index("--listen")

@@ -30,7 +30,6 @@ def test_jobs_run_on_the_nodes_with_the_results_of_the_local_engine(slurm, new_f
     assert (farm.base / "work/instance").exists()
 
 
-@pytest.mark.plain
 def test_slurm_is_told_what_a_job_needs(slurm, new_farm, front):
     where = front("sbatch", 'echo "$@" >"$where/words"; exec "$real" "$@"')
     farm = new_farm("--slurm_accounts", "somebody=other,*=film", "--slurm_options", "--comment=hexad",
@@ -49,7 +48,6 @@ def test_slurm_is_told_what_a_job_needs(slurm, new_farm, front):
 @pytest.mark.parametrize("fault", ['"$real" "$@" >/dev/null; echo "sbatch: error: Batch job submission failed: Socket '
                                    'timed out on send/recv operation" >&2; exit 1',
                                    '"$real" "$@"; sleep 100'])
-@pytest.mark.plain
 def test_a_submission_that_was_accepted_without_an_answer_is_found_again(slurm, new_farm, front, fault):
     front("sbatch", f'echo x >>"$where/calls"; {fault}')
     farm = new_farm("--slurm_timeout_s", "1")
@@ -85,7 +83,6 @@ def test_attempts_run_on_without_the_daemon(slurm, new_farm, gate, number):
     assert len(slurm.jobs()) == 3
 
 
-@pytest.mark.plain
 def test_a_paused_job_leaves_the_queue_of_slurm(slurm, new_farm):
     slurm.call("scontrol", "update", "partition=farm", "state=DOWN")
     farm = new_farm()
@@ -100,7 +97,6 @@ def test_a_paused_job_leaves_the_queue_of_slurm(slurm, new_farm):
     assert [a["reason"][:8] for a in attempts(farm, job)] == ["paused: ", "exit sta"]
 
 
-@pytest.mark.plain
 def test_a_priority_that_is_changed_reaches_slurm(slurm, new_farm):
     slurm.call("scontrol", "update", "partition=farm", "state=DOWN")
     farm = new_farm()
@@ -114,7 +110,6 @@ def test_a_priority_that_is_changed_reaches_slurm(slurm, new_farm):
     assert [a["reason"][:8] for a in attempts(farm, job)] == ["priority", "exit sta"]
 
 
-@pytest.mark.plain
 def test_frames_are_one_job_and_a_retry_runs_those_that_failed(slurm, new_farm, tmp_path):
     """`make farmtest` has 1000 of them."""
     footage = make_footage(tmp_path, (1, 2, 4, 5, 6))
@@ -127,7 +122,6 @@ def test_frames_are_one_job_and_a_retry_runs_those_that_failed(slurm, new_farm, 
     assert attempts_of_frames(farm, job) == {1: 1, 2: 1, 3: 2, 4: 1, 5: 1, 6: 1}
 
 
-@pytest.mark.plain
 def test_a_slurm_job_goes_on_with_small_attempts_that_others_have_not_begun(slurm, new_farm, gate, front):
     """There is one processor for a batch of several Slurm jobs."""
     where = front("sbatch", 'touch "$where/here"; while ! [ -e "$where/back" ]; do sleep 0.02; done; exec "$real" "$@"')
@@ -152,7 +146,6 @@ def test_a_slurm_job_goes_on_with_small_attempts_that_others_have_not_begun(slur
     assert all(len(attempts(farm, job)) == 1 for job in ids)
 
 
-@pytest.mark.plain
 def test_a_job_that_slurm_refuses_says_why_and_is_not_tried_again(slurm, new_farm, front):
     """One alone; those that come meanwhile together, and then one by one."""
     where = front("sbatch", 'while ! [ -e "$where/back" ]; do sleep 0.02; done; exec "$real" "$@"')

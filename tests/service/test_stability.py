@@ -28,6 +28,7 @@ def test_nothing_that_is_promised_is_gone(frozen, now):
     assert not interface.broken(frozen, now)
 
 
+@pytest.mark.sanitized
 def test_rows_are_read_as_they_are_written(now):
     assert interface.read(interface.written(now)) == now
 

@@ -197,6 +197,7 @@ def test_a_full_output_disk_is_waited_for(new_disk, new_service, tmp_path):
     assert not list((service.state / "attempts").glob(f"{job}.*"))
 
 
+@pytest.mark.sanitized
 def test_a_full_output_disk_ends_a_job_at_last(new_disk, new_service):
     disk = new_disk(2)
     service = new_service("--output_roots", disk.path, "--retry_s", 0.05, "--storage_retries", 1).start()

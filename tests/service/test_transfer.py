@@ -36,6 +36,7 @@ def finished(service):
     return service
 
 
+@pytest.mark.sanitized
 def test_parts_of_a_result(finished):
     whole, size = finished.whole, len(finished.whole)
     for text, first, last in (("bytes=0-0", 0, 0), ("bytes=10-99", 10, 99), ("bytes=-7", size - 7, size - 1),
@@ -165,6 +166,7 @@ def test_an_input_that_is_sent_twice_is_not_asked_for(service):
     assert got.startswith(b"HTTP/1.1 200 ") and b"100 Continue" not in got
 
 
+@pytest.mark.sanitized
 def test_inputs_that_are_refused(new_service):
     service = new_service("--upload_limit_bytes", 1000, "--upload_total_bytes", 1500).start()
     expect_problem(put(service, b"x", name="0" * 64), 422, "digest_mismatch")
@@ -243,6 +245,7 @@ def test_a_job_whose_input_is_gone_says_so(new_service):
     assert "root" not in failed["error"]["message"] and str(service.state) not in failed["error"]["message"]
 
 
+@pytest.mark.sanitized
 def test_an_admin_deletes_an_input(new_service):
     service = new_service()
     at = service.options.index("--listen")

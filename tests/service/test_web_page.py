@@ -13,7 +13,7 @@ from service import gated_worker, long_sphere, sphere
 from test_access import closed_service, new_token, with_token  # noqa: F401
 from test_tls import Front, certificate  # noqa: F401
 
-pytestmark = [pytest.mark.extended, pytest.mark.plain]
+pytestmark = pytest.mark.extended
 
 
 @pytest.fixture(scope="module")

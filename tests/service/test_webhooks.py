@@ -136,6 +136,7 @@ def test_the_check_in_the_guide(caller, receiver, source):
         assert not page["is_genuine"](SECRET + "\n", *forged)
 
 
+@pytest.mark.sanitized
 def test_what_a_job_was_called_is_told(caller, receiver):
     trace = "00-0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-01"
     spec = sphere(name="ball of \u2603", queue={"webhook": receiver.url, "labels": ["show", "shot 7"]})
@@ -202,6 +203,7 @@ def test_tries_are_bounded(new_service, receiver, secret):
     assert receiver.next()[1]["data"]["job"] == second
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("number", (signal.SIGKILL, signal.SIGTERM))
 def test_a_daemon_that_ends_between_tells_again(caller, receiver, number):
     """It ends while the receiver thinks; the next one tells it, under the same number."""
@@ -286,6 +288,7 @@ def test_a_host_that_is_listed_no_more_is_not_called(new_service, receiver, secr
     assert f"the service does not call {receiver.host}" in service.log.read_text() and receiver.calls.empty()
 
 
+@pytest.mark.sanitized
 def test_settings_that_miss_a_secret(build, receiver, tmp_path):
     words = [build / "hexad", "--state_dir", tmp_path / "state", "--webhook_hosts", receiver.host]
     missing = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE_S)

@@ -15,9 +15,6 @@ from scipy.spatial import ConvexHull, cKDTree
 from readers import Points, read_exr, read_png
 from service import PATIENCE_S, last_words, long_sphere, sphere
 
-# Most of these tests execute code that unit tests execute with sanitizers.
-pytestmark = pytest.mark.plain
-
 OUTPUTS = ["points.ply", "preview.exr", "preview.png", "report.json"]
 PHASES = ["load", "start", "relax", "measure", "write"]
 LFS = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n"
@@ -54,6 +51,7 @@ def volume(path, count=100, **surface):
 
 # ---- targets
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("target, value, count", [
     ("spacing", 0.1, 2 * 4 * math.pi / (math.sqrt(3) * 0.01)),
     ("density", 25, 25 * 4 * math.pi),
@@ -112,6 +110,7 @@ def test_the_best_that_fits_in_a_time(worker, tmp_path):
     assert [o["name"] for o in report["outputs"]] == ["points.ply", "preview.png", "preview.exr"]
 
 
+@pytest.mark.sanitized
 def test_a_time_in_which_nothing_fits(worker, tmp_path):
     done = worker(sphere(sampling={"time_s": 1e-3}))
     assert done.returncode == 5
@@ -156,6 +155,7 @@ def test_varied_targets_keep_witkin_and_heckbert_busy(worker, tmp_path):
 
 # ---- what is written is on the surface, and a verdict is of what is written
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("far", [1e3, 1e6, 1e9])
 def test_points_far_from_the_origin(worker, tmp_path, far):
     """Where single precision would put them beside the surface they are in double, and the report says so."""
@@ -193,6 +193,7 @@ def test_lists_are_held_to_the_limit(worker):
     assert last_words(done)["code"] == "limit_memory"
 
 
+@pytest.mark.sanitized
 def test_time_is_up_before_the_first_sweep(worker):
     """To open the surface takes longer than that."""
     fine = {"analytic": {"shape": "gyroid", "center": [0, 0, 0], "size": [1, 1, 1], "period": 0.02}}
@@ -234,6 +235,7 @@ def test_the_papers_method_from_a_packing_by_levels(worker, tmp_path, sampling):
     assert sized["quality"]["hex_fraction"] > random["quality"]["hex_fraction"] - 0.01
 
 
+@pytest.mark.sanitized
 def test_small_steps_are_not_rest(worker, tmp_path):
     """A descent of tiny steps stands still wherever it is: what counts is how far the points have yet to go."""
     done = worker(sphere(500, solver={"method": "paper", "minimiser": "gradient", "step": 1e-4}))
@@ -270,6 +272,7 @@ def test_a_strip_that_no_measure_speaks_for_is_11(worker, tmp_path):
     assert "boundary_share" in [r["criterion"] for r in report["outcome_reasons"]]
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("sampling", ({}, {"alpha": {}}, {"curvature": {"ratio": 3}}))
 def test_order_has_no_reasons(worker, tmp_path, sampling):
     done = worker({"version": 1, "surface": QUARTIC, "sampling": {"count": 1000, **sampling},
@@ -328,6 +331,7 @@ def test_a_grading_is_met_and_told(worker, tmp_path, diagnose):
     assert abs((numpy.sqrt(3) / 2 * points.spacing ** 2).sum() / report["surface"]["area"] - 1) < 0.01
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("words,said", [(["runn", "spec.json"], "no command runn"), (["make-example"], "takes one FILE.vdb")])
 def test_a_command_that_is_none_ends_as_other_failures(build, words, said):
     done = subprocess.run([build / "hexad-worker", *words], capture_output=True, text=True)
@@ -450,7 +454,6 @@ def test_limits_are_5(worker, example):
 
 
 @pytest.mark.extended
-@pytest.mark.plain
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="another processor")
 def test_code_leaves_no_upper_halves_full(build):
     """A function that writes registers of more than 128 bits, and has no vzeroupper at all, slows down all that follows."""

@@ -20,7 +20,7 @@ import page  # noqa: E402
 import samplers  # noqa: E402
 import surfaces  # noqa: E402
 
-pytestmark = [pytest.mark.extended, pytest.mark.plain]  # measuring programs, not the service
+pytestmark = pytest.mark.extended  # measuring programs, not the service
 
 
 @pytest.fixture(scope="module")

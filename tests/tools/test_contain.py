@@ -12,7 +12,6 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "service"))
 
 from service import PATIENCE_S, wait_until  # noqa: E402
 
-pytestmark = pytest.mark.plain
 DETACHED = "setsid sleep 1000 & setsid sh -c 'trap \"\" TERM INT; sleep 1000 & sleep 1000'"
 
 

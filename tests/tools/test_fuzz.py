@@ -32,6 +32,7 @@ def replay(build, target, folders):
     assert done.stdout == f"{len(files)} files\n" and files
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("target", TARGETS)
 def test_kept_files(build, source, target):
     kept = [source / "fuzz" / kind / target for kind in ("corpus", "regressions")]
@@ -44,6 +45,7 @@ def test_shared_files(build, shared_data, target):
     replay(build, target, [shared_data / folder for folder in SHARED[target]])
 
 
+@pytest.mark.sanitized
 def test_a_worker_outlives_what_was_found(build, source, tmp_path):
     """As a job, with the modules that a worker loads."""
     found = sorted((source / "fuzz" / "regressions" / "vdb").iterdir())
@@ -74,7 +76,6 @@ def build_fuzzer(target, build, source, clang, where):
 
 
 @pytest.mark.extended
-@pytest.mark.plain
 def test_a_few_seconds_of_most(build, source, tmp_path):
     """The targets of SMOKE find no fault in a few seconds.
 

@@ -7,8 +7,6 @@ import sys
 
 import pytest
 
-pytestmark = pytest.mark.plain
-
 PAGES = {"hexad.8": "hexad", "hexad-worker.1": "hexad-worker", "hexadctl.1": "hexadctl", "hexad.conf.5": "hexad"}
 OPTION = r"--[a-z][a-z_-]*"
 

@@ -16,7 +16,7 @@ import meshes  # noqa: E402
 import quality  # noqa: E402
 import surfaces  # noqa: E402
 
-pytestmark = [pytest.mark.extended, pytest.mark.plain]  # measuring programs, not the service
+pytestmark = pytest.mark.extended  # measuring programs, not the service
 
 
 def point_set(position, normal, spacing=None, alpha=None):

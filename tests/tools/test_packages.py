@@ -6,7 +6,6 @@ import subprocess
 
 import pytest
 
-pytestmark = pytest.mark.plain  # a sanitized build has no modules
 
 PAGE = "usr/share/hexad/page"  # not built without the modules of npm
 

@@ -12,7 +12,7 @@ sys.path.insert(0, str(TOOLS))
 import measure  # noqa: E402
 import referee  # noqa: E402
 
-pytestmark = [pytest.mark.extended, pytest.mark.plain]  # measuring programs, not the service
+pytestmark = pytest.mark.extended  # measuring programs, not the service
 
 
 def test_reported_and_recomputed_values_agree(build):

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-pytestmark = [pytest.mark.extended, pytest.mark.plain]  # measuring programs, not the service
+pytestmark = pytest.mark.extended  # measuring programs, not the service
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tools"))
 
 import sequence  # noqa: E402
 
-pytestmark = [pytest.mark.extended, pytest.mark.plain]  # measuring programs, not the service
+pytestmark = pytest.mark.extended  # measuring programs, not the service
 
 TORUS = sequence.TORUS
 

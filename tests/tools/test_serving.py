@@ -10,7 +10,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "service"))
 
 from service import Service  # noqa: E402
 
-pytestmark = [pytest.mark.extended, pytest.mark.plain]  # measuring programs, not the service
+pytestmark = pytest.mark.extended  # measuring programs, not the service
 
 SHORT = ("--rounds", "1", "--span", "0.1", "--waiting", "70", "--looks", "20", "--streams", "40", "--jobs", "2")
 

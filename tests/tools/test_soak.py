@@ -14,7 +14,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "bench"))
 
 import verdicts  # noqa: E402
 
-pytestmark = [pytest.mark.extended, pytest.mark.plain]  # measuring programs, not the service
+pytestmark = pytest.mark.extended  # measuring programs, not the service
 
 MINUTES = 0.2  # 50 jobs, so that each kind of bench/soak.py is submitted at least twice
 
