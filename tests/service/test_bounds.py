@@ -7,6 +7,8 @@ import hashlib
 import os
 import shutil
 
+import pytest
+
 from service import sphere, wait_until
 from test_control import control
 from test_rest import expect_problem
