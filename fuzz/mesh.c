@@ -43,9 +43,10 @@ static void read_values(const uint8_t *data, size_t size)
     mesh m = {0};
     mesh_values values = {0};
     mesh_reader_header told = {0};
+    mesh_notes notes = {0};
     FILE *stream = fmemopen((void *)data, size, "rb");
     expect(stream);
-    bool ok = mesh_file_parse(stream, memory, &told, &m, &values, &e);
+    bool ok = mesh_file_parse(stream, memory, &told, &m, &notes, &values, &e);
     expect(ok || *e.message);
     for (size_t k = 0; ok && k < values.count; k++) {
         const mesh_reader_values *head = &values.head[k];
@@ -62,8 +63,10 @@ static void read_values(const uint8_t *data, size_t size)
 static void read_plain(const char *ending, const char *data, size_t size)
 {
     plain_mesh m;
-    if (!plain_mesh_read(ending, data, size, &m)) return;
-    expect(m.triangles > 0 && m.vertices > 0);
+    if (!plain_mesh_read(ending, data, size, &m)) {
+        expect(m.refused == ERROR_NONE || *m.text);
+        return;
+    }
     for (size_t n = 0; n < m.triangles; n++)
         for (int k = 0; k < 3; k++) expect(m.triangle[n][k] < m.vertices);
     plain_mesh_free(&m);
@@ -80,6 +83,9 @@ static void read_files(const uint8_t *data, size_t size)
     read_plain("obj", copy, size);
     read_plain("ply", copy, size);
     read_plain("stl", copy, size);
+    read_plain("off", copy, size);
+    read_plain("glb", copy, size);
+    read_plain("3mf", copy, size);
     for (int k = 0; k < 3; k++) {
         size_t end = content_end((const char *[]){"stl", "off", "ply"}[k], copy, size);
         expect(end <= size);
@@ -97,12 +103,13 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     error e = {0};
     mesh m = {0};
     mesh_reader_header told = {0};
+    mesh_notes notes = {0};
     if (size == 0) return 0; /* not for fmemopen */
     read_values(data, size);
     read_files(data, size);
     FILE *stream = fmemopen((void *)data, size, "rb");
     expect(stream);
-    if (mesh_file_parse(stream, memory, &told, &m, NULL, &e))
+    if (mesh_file_parse(stream, memory, &told, &m, &notes, NULL, &e))
         make_levelset(&m);
     else
         expect(*e.message);

@@ -62,10 +62,12 @@ static void free_arrays(arrays *a)
     free(a->name);
 }
 
-/* As the file has it: a unit vector is one in single precision, too; colors in linear light. */
-static float number(const property *p, size_t point, int c)
+/* As the file has it: positions relative to the origin; a unit vector is one in single precision, too; colors in linear light.
+ */
+static float number(const property *p, vec3 origin, size_t point, int c)
 {
     double value = property_value(p, point, c);
+    if (p->role == PROPERTY_POSITION) value -= vec3_get(origin, c);
     if (p->role == PROPERTY_COLOR) value = colormap_linear(fmin(fmax(value, 0), 1));
     return (float)value;
 }
@@ -76,40 +78,50 @@ static const char *type_of(int components)
     return types[components - 1];
 }
 
-static void put_bounds(json *accessor, const property *p, size_t rows)
+static void put_bounds(json *accessor, const property *p, vec3 origin, size_t rows)
 {
     json *least = json_put_array(accessor, "min"), *most = json_put_array(accessor, "max");
     for (int c = 0; c < p->components; c++) {
         float low = INFINITY, high = -INFINITY;
         for (size_t i = 0; i < rows; i++) {
-            low = fminf(low, number(p, i, c));
-            high = fmaxf(high, number(p, i, c));
+            low = fminf(low, number(p, origin, i, c));
+            high = fmaxf(high, number(p, origin, i, c));
         }
         json_append_number(least, (double)low);
         json_append_number(most, (double)high);
     }
 }
 
-static void put_scene(json *root, bool y_up)
+/* The node of the points. A translation and a rotation do not share a node: the translation is in the axes of the set, and the
+ * node above turns these. */
+static void put_scene(json *root, const scene *place)
 {
     static const double from_z[] = {-M_SQRT1_2, 0, 0, M_SQRT1_2}; /* a quarter turn about x */
+    const bool is_moved = vec3_norm(place->origin) > 0;
     json *asset = json_put_object(root, "asset");
     json_put_string(asset, "version", "2.0");
     json_put_string(asset, "generator", "hexad");
     json_put_integer(root, "scene", 0);
-    json_append_number(json_put_array(json_append_object(json_put_array(root, "scenes")), "nodes"), 0);
-    json *node = json_append_object(json_put_array(root, "nodes"));
+    json *top = json_put_array(json_append_object(json_put_array(root, "scenes")), "nodes");
+    json *nodes = json_put_array(root, "nodes"), *node = json_append_object(nodes);
     json_put_integer(node, "mesh", 0);
     json_put_string(node, "name", "points");
-    if (y_up) return;
+    json *translation = is_moved ? json_put_array(node, "translation") : NULL;
+    for (int k = 0; is_moved && k < 3; k++) json_append_number(translation, vec3_get(place->origin, k));
+    json_append_number(top, is_moved && !place->y_up ? 1 : 0);
+    if (place->y_up) return;
+    if (is_moved) {
+        node = json_append_object(nodes);
+        json_append_number(json_put_array(node, "children"), 0);
+    }
     json *rotation = json_put_array(node, "rotation");
     for (int k = 0; k < 4; k++) json_append_number(rotation, from_z[k]);
 }
 
-static json *describe(const arrays *a, bool y_up, size_t *bytes)
+static json *describe(const arrays *a, const scene *place, size_t *bytes)
 {
     json *root = json_new_object();
-    put_scene(root, y_up);
+    put_scene(root, place);
     json *primitive =
         json_append_object(json_put_array(json_append_object(json_put_array(root, "meshes")), "primitives"));
     json_put_integer(primitive, "mode", POINTS_MODE);
@@ -129,7 +141,7 @@ static json *describe(const arrays *a, bool y_up, size_t *bytes)
         json_put_integer(accessor, "componentType", FLOAT_NUMBERS);
         json_put_integer(accessor, "count", (int64_t)a->points);
         json_put_string(accessor, "type", type_of(p->components));
-        if (p->role == PROPERTY_POSITION) put_bounds(accessor, p, a->points);
+        if (p->role == PROPERTY_POSITION) put_bounds(accessor, p, place->origin, a->points);
         *bytes += length;
     }
     json_put_integer(json_append_object(json_put_array(root, "buffers")), "byteLength", (int64_t)*bytes);
@@ -148,13 +160,13 @@ static bool write_words(FILE *file, const uint32_t *words, size_t count)
     return good;
 }
 
-static bool write_numbers(FILE *file, const arrays *a)
+static bool write_numbers(FILE *file, const arrays *a, vec3 origin)
 {
     bool good = true;
     for (size_t k = 0; k < a->count; k++)
         for (size_t i = 0; good && i < a->points; i++)
             for (int c = 0; c < a->list[k].components; c++) {
-                float value = number(&a->list[k], i, c);
+                float value = number(&a->list[k], origin, i, c);
                 uint32_t bits;
                 memcpy(&bits, &value, sizeof bits);
                 good = good && write_words(file, &bits, 1);
@@ -166,7 +178,7 @@ bool glb_write(FILE *file, const points *set, const scene *place, error *e)
 {
     arrays a = list_arrays(set);
     size_t bytes;
-    json *root = describe(&a, place->y_up, &bytes);
+    json *root = describe(&a, place, &bytes);
     char *text = json_print(root);
     size_t length = strlen(text), padded = (length + 3) & ~(size_t)3;
     size_t whole = 4 * (HEAD_WORDS + 2 * CHUNK_WORDS) + padded + bytes;
@@ -177,7 +189,7 @@ bool glb_write(FILE *file, const points *set, const scene *place, error *e)
         const uint32_t chunk[] = {(uint32_t)bytes, CHUNK_BIN};
         good = write_words(file, head, 5) && fwrite(text, 1, length, file) == length &&
                fwrite("   ", 1, padded - length, file) == padded - length && write_words(file, chunk, 2) &&
-               write_numbers(file, &a) && fflush(file) == 0;
+               write_numbers(file, &a, place->origin) && fflush(file) == 0;
         if (!good)
             error_set(e, error_code_of_errno(errno), "cannot write the glTF file: %s", strerror(errno));
     }
@@ -202,7 +214,8 @@ static bool read_words(FILE *file, uint32_t *words, size_t count)
 }
 
 /* The numbers of an attribute, from where its accessor says they are. */
-static bool verify_array(FILE *file, const json *root, long data, const arrays *a, size_t k, error *e)
+static bool verify_array(FILE *file, const json *root, long data, const arrays *a, vec3 origin, size_t k,
+                         error *e)
 {
     const property *p = &a->list[k];
     json_at at = json_root(root), meshes = json_member(&at, "meshes"), mesh = json_element(&meshes, 0),
@@ -222,7 +235,7 @@ static bool verify_array(FILE *file, const json *root, long data, const arrays *
     for (size_t i = 0; i < a->points; i++)
         for (int c = 0; c < p->components; c++) {
             uint32_t bits;
-            float value, meant = number(p, i, c);
+            float value, meant = number(p, origin, i, c);
             if (!read_words(file, &bits, 1)) return damaged(e, "it ends too early");
             memcpy(&value, &bits, sizeof value);
             if (memcmp(&value, &meant, sizeof value) != 0)
@@ -232,10 +245,18 @@ static bool verify_array(FILE *file, const json *root, long data, const arrays *
     return true;
 }
 
+/* Whether the node of the points has the origin as its translation, or none for an origin of 0. */
+static bool has_translation(const json *root, vec3 origin)
+{
+    json_at at = json_root(root), nodes = json_member(&at, "nodes"), node = json_element(&nodes, 0);
+    double read[3] = {0, 0, 0};
+    const size_t count = json_numbers(json_member(&node, "translation"), read, 3);
+    return (count == 0 || count == 3) && read[0] == origin.x && read[1] == origin.y && read[2] == origin.z;
+}
+
 bool glb_verify(FILE *file, const points *set, const scene *place, error *e)
 {
     uint32_t head[5], chunk[2];
-    (void)place;
     rewind(file);
     if (!read_words(file, head, 5) || head[0] != MAGIC || head[1] != VERSION_2 || head[4] != CHUNK_JSON)
         return damaged(e, "its header is not one");
@@ -249,7 +270,10 @@ bool glb_verify(FILE *file, const points *set, const scene *place, error *e)
         root = json_parse(text, head[3], e);
     else
         damaged(e, "its parts are not as long as it says");
-    for (size_t k = 0; root && good && k < a.count; k++) good = verify_array(file, root, data, &a, k, e);
+    for (size_t k = 0; root && good && k < a.count; k++)
+        good = verify_array(file, root, data, &a, place->origin, k, e);
+    if (root && good && !has_translation(root, place->origin))
+        good = damaged(e, "its translation is not what was written");
     good = good && root;
     if (good && (fseek(file, 0, SEEK_END) != 0 || ftell(file) != (long)head[2]))
         good = damaged(e, "it is not as long as it says");

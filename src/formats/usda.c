@@ -15,6 +15,8 @@ enum { FLOAT_DIGITS = 9, WHOLE_DIGITS = 10 };
 enum { FRAMES_PER_SECOND = 24 };
 enum { VALUES_WORDS = 480 };
 #define EXTENT "float3[] extent"
+#define TRANSLATION "double3 xformOp:translate"
+#define TRANSFORMS "    uniform token[] xformOpOrder = [\"xformOp:translate\"]\n"
 #define FACE_COUNTS "int[] faceVertexCounts"
 #define FACE_CORNERS "int[] faceVertexIndices"
 #define SUBDIVISION "    uniform token subdivisionScheme = \"none\"\n"
@@ -49,10 +51,12 @@ static void declare(const property *p, bool of_mesh, char out[160])
         snprintf(out, 160, "%s[] primvars:%s", p->whole ? "int" : types[p->components - 1], p->name);
 }
 
-/* As the file has it: widths are diameters, velocities are of a second, and colors in linear light. */
-static double number(const property *p, bool of_mesh, size_t point, int c)
+/* As the file has it: positions relative to the origin, widths are diameters, velocities are of a second, and colors in linear
+ * light. */
+static double number(const property *p, bool of_mesh, vec3 origin, size_t point, int c)
 {
     double value = property_value(p, point, c);
+    if (p->role == PROPERTY_POSITION) value -= vec3_get(origin, c);
     if (p->role == PROPERTY_RADIUS && !of_mesh) value *= 2;
     if (p->role == PROPERTY_MOTION) value *= FRAMES_PER_SECOND;
     if (p->role == PROPERTY_COLOR) value = colormap_linear(fmin(fmax(value, 0), 1));
@@ -84,7 +88,7 @@ static bool write_property(FILE *file, const property *p, bool of_mesh, const sc
     for (size_t i = 0; good && i < rows; i++) {
         good = fputs(i ? ", " : "", file) >= 0 && (p->components == 1 || fputc('(', file) != EOF);
         for (int c = 0; good && c < p->components; c++) {
-            double value = number(p, of_mesh, i, c);
+            double value = number(p, of_mesh, place->origin, i, c);
             int digits = p->whole ? WHOLE_DIGITS : FLOAT_DIGITS;
             good =
                 fprintf(file, "%s%.*g", c ? ", " : "", digits, p->whole ? value : (double)(float)value) > 0;
@@ -101,13 +105,40 @@ static bool write_extent(FILE *file, const points *set, const scene *place)
     const char *behind;
     for (size_t i = 0; i < set->count; i++)
         for (int a = 0; a < 3; a++) {
-            double x = vec3_get(set->position[i], a), r = 0.5 * set->spacing_local[i];
+            double x = vec3_get(set->position[i], a) - vec3_get(place->origin, a),
+                   r = 0.5 * set->spacing_local[i];
             vec3_set(&low, a, fmin(vec3_get(low, a), x - r));
             vec3_set(&high, a, fmax(vec3_get(high, a), x + r));
         }
     enclose(EXTENT, false, place, before, &behind);
     return fprintf(file, "%s(%.9g, %.9g, %.9g), (%.9g, %.9g, %.9g)%s", before, low.x, low.y, low.z, high.x,
                    high.y, high.z, behind) > 0;
+}
+
+/* Frames of a sequence always have one, since all have the same properties. */
+static bool has_translation(const scene *place)
+{
+    return place->frame_count > 0 || vec3_norm(place->origin) > 0;
+}
+
+/* A sample at the time of a frame, as the other properties have. */
+static void print_translation(const scene *place, char out[VALUES_WORDS])
+{
+    const vec3 o = place->origin;
+    int n = place->frame_count > 0
+                ? snprintf(out, VALUES_WORDS,
+                           "    " TRANSLATION ".timeSamples = {\n        %d: (%.17g, %.17g, %.17g)\n    }\n",
+                           place->frame, o.x, o.y, o.z)
+                : snprintf(out, VALUES_WORDS, "    " TRANSLATION " = (%.17g, %.17g, %.17g)\n", o.x, o.y, o.z);
+    snprintf(out + n, VALUES_WORDS - (size_t)n, TRANSFORMS);
+}
+
+static bool write_translation(FILE *file, const scene *place)
+{
+    char words[VALUES_WORDS];
+    if (!has_translation(place)) return true;
+    print_translation(place, words);
+    return fputs(words, file) >= 0;
 }
 
 static bool write_triangles(FILE *file, const points *set, const scene *place)
@@ -164,6 +195,7 @@ bool usda_write(FILE *file, const points *set, const scene *place, error *e)
                 (!of_mesh || write_triangles(file, set, place));
     for (size_t k = 0; good && k < count; k++)
         good = write_property(file, &list[k], of_mesh, place, set->count);
+    good = good && write_translation(file, place);
     good = good && fputs("}\n", file) >= 0;
     free(list);
     return end_writing(file, good, e);
@@ -210,7 +242,7 @@ bool usda_write_sequence(FILE *file, const points *set, const scene *place, erro
             fprintf(file, "    %s%s\n", words,
                     is_primvar(&list[k], of_mesh) ? " (\n        interpolation = \"vertex\"\n    )" : "") > 0;
     }
-    good = good && fputs("}\n", file) >= 0;
+    good = good && fputs("    " TRANSLATION "\n" TRANSFORMS "}\n", file) >= 0;
     free(list);
     return end_writing(file, good, e);
 }
@@ -261,7 +293,7 @@ static bool verify_property(FILE *file, const property *p, bool of_mesh, const s
         for (int c = 0; c < p->components; c++) {
             double read;
             if (!read_number(file, &read)) return damaged(e, "it ends too early");
-            double meant = number(p, of_mesh, i, c);
+            double meant = number(p, of_mesh, place->origin, i, c);
             volatile float single = (float)meant, single_read = (float)read;
             if (p->whole ? read != meant : single_read != single)
                 return error_set(e, ERROR_INPUT_DAMAGED,
@@ -295,5 +327,9 @@ bool usda_verify(FILE *file, const points *set, const scene *place, error *e)
     for (size_t k = 0; good && k < count; k++)
         good = verify_property(file, &list[k], of_mesh, place, set->count, e);
     free(list);
+    char words[VALUES_WORDS];
+    print_translation(place, words);
+    if (good && has_translation(place) && !find_text(file, words))
+        good = damaged(e, "its translation is not what was written");
     return good && (find_text(file, "}\n") || damaged(e, "it ends too early"));
 }

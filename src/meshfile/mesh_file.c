@@ -1,5 +1,6 @@
 #include "meshfile/mesh_file.h"
 
+#include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -51,15 +52,17 @@ static bool read_all(FILE *stream, void *to, size_t size, size_t count, error *e
     return error_set(e, ERROR_INPUT_DAMAGED, "the file could not be read to its end");
 }
 
-static bool read_header(FILE *stream, mesh_reader_header *h, error *e)
+/* `text` receives the warnings, one a line. */
+static bool read_header(FILE *stream, mesh_reader_header *h, char text[MESH_READER_TEXT_MAX + 1], error *e)
 {
-    char text[MESH_READER_TEXT_MAX + 1] = "";
+    text[0] = 0;
     if (!read_all(stream, h, sizeof *h, 1, e)) return false;
     if (h->magic != MESH_READER_MAGIC || h->code >= ERROR_CODE_COUNT || h->text_length > MESH_READER_TEXT_MAX)
         return error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return an invalid answer");
     if (h->text_length && !read_all(stream, text, 1, h->text_length, e)) return false;
+    text[h->text_length] = 0;
     for (char *p = text; *p; p++) /* it may quote the file */
-        if (*p < ' ' || *p > '~') *p = '?';
+        if ((*p < ' ' || *p > '~') && !(*p == '\n' && h->code == ERROR_NONE)) *p = '?';
     if (h->code != ERROR_NONE && !*text)
         return error_set(e, ERROR_INPUT_DAMAGED, "the file was refused by its reader without a reason");
     return h->code == ERROR_NONE || error_set(e, (error_code)h->code, "%s", text);
@@ -83,18 +86,27 @@ static bool check_counts(const mesh_reader_header *h, size_t limit, error *e)
         (unsigned long long)h->triangles, (needed >> 20) + 1, limit >> 20);
 }
 
-static bool read_vertices(FILE *stream, mesh *m, error *e)
+static bool is_usable(vec3 v)
 {
-    if (!read_all(stream, m->vertex, sizeof m->vertex[0], m->vertex_count, e)) return false;
-    for (size_t n = 0; n < m->vertex_count; n++) {
-        const vec3 v = m->vertex[n];
-        if (!(fabs(v.x) <= largest_coordinate && fabs(v.y) <= largest_coordinate &&
-              fabs(v.z) <= largest_coordinate))
-            return error_set(
-                e, ERROR_INPUT_DAMAGED,
-                "the mesh has a vertex, number %zu, whose coordinates are not finite or beyond %g", n,
-                largest_coordinate);
-    }
+    return fabs(v.x) <= largest_coordinate && fabs(v.y) <= largest_coordinate &&
+           fabs(v.z) <= largest_coordinate;
+}
+
+/* Refuses vertices of triangles that are not finite. Those of no triangle take the place of one that is; *unused: how many. */
+static bool check_vertices(mesh *m, size_t *unused, error *e)
+{
+    *unused = 0;
+    for (size_t n = 0; n < m->vertex_count; n++) *unused += !is_usable(m->vertex[n]);
+    if (*unused == 0) return true;
+    for (size_t n = 0; n < m->triangle_count; n++)
+        for (int k = 0; k < 3; k++)
+            if (!is_usable(m->vertex[m->triangle[n][k]]))
+                return error_set(e, ERROR_INPUT_DAMAGED,
+                                 "triangle %zu of the mesh has a corner, vertex %" PRIu32
+                                 ", whose coordinates are not finite or beyond %g",
+                                 n, m->triangle[n][k], largest_coordinate);
+    for (size_t n = 0; n < m->vertex_count; n++)
+        if (!is_usable(m->vertex[n])) m->vertex[n] = m->vertex[m->triangle[0][0]];
     return true;
 }
 
@@ -151,37 +163,49 @@ void mesh_values_free(mesh_values *values)
     *values = (mesh_values){0};
 }
 
+static void note_lines(mesh_notes *notes, char *text)
+{
+    for (char *line = strtok(text, "\n"); line; line = strtok(NULL, "\n")) mesh_note(notes, "%s", line);
+}
+
 bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *header, mesh *out,
-                     mesh_values *values, error *e)
+                     mesh_notes *notes, mesh_values *values, error *e)
 {
     mesh m = {0};
-    bool ok = read_header(stream, header, e) && check_counts(header, memory_limit, e);
+    char text[MESH_READER_TEXT_MAX + 1];
+    size_t unused = 0;
+    bool ok = read_header(stream, header, text, e) && check_counts(header, memory_limit, e);
     if (ok) {
         m.vertex_count = header->vertices;
         m.triangle_count = header->triangles;
         m.vertex = mem_array(m.vertex_count, sizeof *m.vertex, "the mesh", e);
         m.triangle = m.vertex ? mem_array(m.triangle_count, sizeof *m.triangle, "the mesh", e) : NULL;
-        ok = m.triangle && read_vertices(stream, &m, e) && read_triangles(stream, &m, e) &&
+        ok = m.triangle && read_all(stream, m.vertex, sizeof *m.vertex, m.vertex_count, e) &&
+             read_triangles(stream, &m, e) && check_vertices(&m, &unused, e) &&
              (!values || read_values(stream, &m, memory_limit, values, e));
     }
     if (ok && fgetc(stream) != EOF)
         ok = error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return more data than announced");
-    if (ok)
-        *out = m;
-    else
+    if (!ok) {
         mesh_free(&m);
-    return ok;
+        return false;
+    }
+    note_lines(notes, text);
+    if (unused > 0)
+        mesh_note(notes, "%zu vertices that no triangle uses are not finite: they are left out", unused);
+    *out = m;
+    return true;
 }
 
-static bool read_file(const mesh_file *file, mesh_reader_header *header, mesh *out, mesh_values *values,
-                      error *e)
+static bool read_file(const mesh_file *file, mesh_reader_header *header, mesh *out, mesh_notes *notes,
+                      mesh_values *values, error *e)
 {
     mesh m = {0};
     off_t size = 0;
     reader r;
     const char *command = values ? MESH_VALUES_COMMAND : MESH_READER_COMMAND;
     if (!reader_check_file(file->fd, "mesh", &size, e) || !start(file, command, size, &r, e)) return false;
-    bool ok = mesh_file_parse(r.stream, file->memory_limit, header, &m, values, e);
+    bool ok = mesh_file_parse(r.stream, file->memory_limit, header, &m, notes, values, e);
     ok = reader_end(&r, header->magic == MESH_READER_MAGIC, ok, e);
     if (ok)
         *out = m;
@@ -193,7 +217,7 @@ static bool read_file(const mesh_file *file, mesh_reader_header *header, mesh *o
 bool mesh_file_read(const mesh_file *file, mesh *out, mesh_notes *notes, error *e)
 {
     mesh_reader_header header = {0};
-    if (!read_file(file, &header, out, NULL, e)) return false;
+    if (!read_file(file, &header, out, notes, NULL, e)) return false;
     if (header.others)
         mesh_note(notes, "the mesh has %llu points or lines beside its triangles: left out",
                   (unsigned long long)header.others);
@@ -208,7 +232,8 @@ bool mesh_file_read_values(const mesh_file *file, mesh *out, mesh_values *values
 {
     mesh_reader_header header = {0};
     mesh_values read = {0};
-    if (read_file(file, &header, out, &read, e)) {
+    mesh_notes unused = {0}; /* the surface's mesh has the same */
+    if (read_file(file, &header, out, &unused, &read, e)) {
         *values = read;
         return true;
     }

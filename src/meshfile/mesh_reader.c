@@ -17,6 +17,7 @@
 #include "base/error.h"
 #include "base/reader.h"
 #include "meshfile/content_end.h"
+#include "meshfile/foreign_format.h"
 #include "meshfile/plain_mesh.h"
 #include "meshfile/ply_strips.h"
 #include "meshfile/ply_values.h"
@@ -258,15 +259,16 @@ static void answer_values(walk *w, const ply_values *own)
     }
 }
 
-/* `own`: what a PLY file has beside what the library knows; NULL: values are not asked for. `end`: as in the header. */
-static int answer_scene(const struct aiScene *scene, const ply_values *own, size_t end)
+/* `own`: what a PLY file has beside what the library knows; NULL: values are not asked for. `end`: as in the header. `unit`: by
+ * what coordinates are multiplied. */
+static int answer_scene(const struct aiScene *scene, const ply_values *own, size_t end, double unit)
 {
     walk w = {.scene = scene, .header = {.magic = MESH_READER_MAGIC, .end = end}};
-    struct aiMatrix4x4 identity;
-    aiIdentityMatrix4(&identity);
+    struct aiMatrix4x4 scaled;
+    aiMatrix4Scaling(&scaled, &(struct aiVector3D){(float)unit, (float)unit, (float)unit});
     for (w.pass = COUNT; w.pass <= TRIANGLES && !w.failed; w.pass++) {
         w.first = 0;
-        visit(&w, scene->mRootNode, identity, 0);
+        visit(&w, scene->mRootNode, scaled, 0);
         if (w.pass == COUNT && fwrite(&w.header, sizeof w.header, 1, stdout) != 1) w.failed = true;
     }
     if (own && !w.failed) answer_values(&w, own);
@@ -280,8 +282,10 @@ static int answer_plain(const plain_mesh *m, size_t end)
                                      .vertices = m->vertices,
                                      .triangles = m->triangles,
                                      .others = m->others,
+                                     .text_length = (uint32_t)strlen(m->text),
                                      .end = end};
-    return reader_write(&head, sizeof head) && reader_write(m->vertex, m->vertices * sizeof *m->vertex) &&
+    return reader_write(&head, sizeof head) && reader_write(m->text, head.text_length) &&
+                   reader_write(m->vertex, m->vertices * sizeof *m->vertex) &&
                    reader_write(m->triangle, m->triangles * sizeof *m->triangle)
                ? 0
                : 1;
@@ -368,6 +372,13 @@ static int answer_refusal(const bytes *b, size_t memory, const char *why)
     return answer_fault(ERROR_INPUT_DAMAGED, text);
 }
 
+/* Whether plain_mesh knows of the file what the library does not, also where the library reads it. */
+static bool is_read_for_values(const char *ending)
+{
+    return strcasecmp(ending, "glb") == 0 || strcasecmp(ending, "gltf") == 0 ||
+           strcasecmp(ending, "3mf") == 0;
+}
+
 __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **argv)
 {
     bytes b = {0};
@@ -377,8 +388,20 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
     ply_strips strips = PLY_STRIPS_READ;
     plain_mesh plain;
     const bool wants_values = strcmp(argv[0], MESH_VALUES_COMMAND) == 0, read = read_bytes(&b);
-    if (read && !wants_values && plain_mesh_read(argv[1], b.data, b.size, &plain))
-        _exit(answer_plain(&plain, 0));
+    double unit = 1;
+    if (read && (!wants_values || is_read_for_values(argv[1]))) {
+        const bool is_plain = plain_mesh_read(argv[1], b.data, b.size, &plain);
+        if (plain.refused != ERROR_NONE) _exit(answer_fault(plain.refused, plain.text));
+        if (is_plain && !wants_values) _exit(answer_plain(&plain, 0));
+        if (plain.is_quantised)
+            _exit(answer_fault(ERROR_INPUT_UNSUPPORTED,
+                               "what its vertices have is not read, since it has quantised positions "
+                               "(KHR_mesh_quantization). Save it with floats."));
+        if (plain.unit > 0) unit = plain.unit;
+        plain_mesh_free(&plain);
+    }
+    const char *foreign = read ? foreign_format(b.data, b.size) : NULL;
+    if (foreign) _exit(answer_fault(ERROR_INPUT_UNSUPPORTED, foreign));
     const size_t whole = b.size,
                  end = read ? cut_end(argv[1], &b) : 0; /* readers take no file with more in it */
     if (b.size < whole && !wants_values && plain_mesh_read(argv[1], b.data, b.size, &plain))
@@ -388,6 +411,8 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
          (strips = ply_strips_expand(&b.data, &b.size)) == PLY_STRIPS_NO_MEMORY))
         return answer_fault(ERROR_LIMIT_MEMORY,
                             "the file is larger than the memory limit: raise limits.memory_mb");
+    if (b.size != whole && !wants_values && plain_mesh_read(argv[1], b.data, b.size, &plain))
+        _exit(answer_plain(&plain, end)); /* strips that are triangles now */
     if (strips == PLY_STRIPS_DAMAGED)
         return answer_fault(ERROR_INPUT_DAMAGED, "the file's triangle strips end early, or are no numbers");
     ply_values own = {0};
@@ -396,7 +421,7 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
                             "the file is larger than the memory limit: raise limits.memory_mb");
     struct aiFileIO io = {open_file, close_file, (aiUserData)&b};
     const struct aiScene *scene = aiImportFileEx(b.name, aiProcess_Triangulate, &io);
-    int status = scene && scene->mRootNode ? answer_scene(scene, wants_values ? &own : NULL, end)
+    int status = scene && scene->mRootNode ? answer_scene(scene, wants_values ? &own : NULL, end, unit)
                                            : answer_refusal(&b, memory, aiGetErrorString());
     _exit(status); /* nothing is left to do but to free what the library built */
 }

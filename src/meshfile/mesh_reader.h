@@ -4,7 +4,7 @@
  * any amount of memory and time. It is given the bytes of one open file and nothing else: no other file is
  * opened, and after the limits are set no descriptor can be.
  *
- * What it writes is a header, then `text_length` bytes of a message, then vertices (three doubles each) and
+ * What it writes is a header, then `text_length` bytes of a message or of warnings, one a line, then vertices (three doubles each) and
  * triangles (three uint32_t each), in the machine's own byte order, as both ends are one machine.
  */
 #ifndef HEXAD_MESHFILE_MESH_READER_H
@@ -19,7 +19,7 @@
 typedef struct mesh_reader_header {
     uint64_t magic;
     uint32_t code;        /* an error_code; ERROR_NONE: arrays follow */
-    uint32_t text_length; /* at most MESH_READER_TEXT_MAX */
+    uint32_t text_length; /* at most MESH_READER_TEXT_MAX; with ERROR_NONE the text is warnings */
     uint64_t vertices, triangles;
     uint64_t others; /* points and lines, which were left out */
     uint64_t end; /* 0; or where in the file what it declares ends and other data begin, which are not read */

@@ -1,6 +1,8 @@
 #include "meshfile/plain_mesh.h"
 
 #include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -115,6 +117,37 @@ bool plain_mesh_add_polygon(plain_mesh *m, const uint32_t *corner, size_t corner
     return true;
 }
 
+bool plain_mesh_add_triangle(plain_mesh *m, uint32_t a, uint32_t b, uint32_t c, bool is_mirrored)
+{
+    const uint32_t corner[3] = {a, is_mirrored ? c : b, is_mirrored ? b : c};
+    return plain_mesh_add_polygon(m, corner, 3);
+}
+
+bool plain_mesh_refuse(plain_mesh *m, error_code code, const char *format, ...)
+{
+    va_list arguments;
+    if (m->refused != ERROR_NONE) return false;
+    m->refused = code;
+    va_start(arguments, format);
+    vsnprintf(m->text, sizeof m->text, format, arguments);
+    va_end(arguments);
+    return false;
+}
+
+void plain_mesh_warn(plain_mesh *m, const char *format, ...)
+{
+    const size_t used = strlen(m->text), begin = used > 0 ? used + 1 : 0;
+    va_list arguments;
+    va_start(arguments, format);
+    const int length = vsnprintf(NULL, 0, format, arguments);
+    va_end(arguments);
+    if (length < 0 || begin + (size_t)length >= sizeof m->text) return;
+    if (used > 0) m->text[used] = '\n';
+    va_start(arguments, format);
+    vsnprintf(m->text + begin, sizeof m->text - begin, format, arguments);
+    va_end(arguments);
+}
+
 static bool is_digit(char c)
 {
     return c >= '0' && c <= '9';
@@ -160,7 +193,8 @@ bool plain_mesh_number(const char **at, double *out)
     while (**at == ' ' || **at == '\t') ++*at;
     if (short_number(at, out)) return true;
     const char *digits = *at + (**at == '-' || **at == '+');
-    if (!is_digit(*digits) && *digits != '.') return false; /* no words for numbers */
+    const bool is_word = strncasecmp(digits, "nan", 3) == 0 || strncasecmp(digits, "inf", 3) == 0;
+    if (!is_digit(*digits) && *digits != '.' && !is_word) return false;
     if (digits[0] == '0' && (digits[1] == 'x' || digits[1] == 'X')) return false;
     char *end;
     *out = strtod(*at, &end);
@@ -174,13 +208,21 @@ bool plain_mesh_read(const char *ending, const char *data, size_t size, plain_me
     static const struct {
         const char *ending;
         bool (*read)(const char *data, size_t size, plain_mesh *out);
-    } formats[] = {{"obj", plain_mesh_read_obj}, {"ply", plain_mesh_read_ply}, {"stl", plain_mesh_read_stl}};
+        bool is_final; /* a file without triangles is read, too: nothing is left to the library */
+    } formats[] = {{"obj", plain_mesh_read_obj, false},  {"ply", plain_mesh_read_ply, false},
+                   {"stl", plain_mesh_read_stl, false},  {"off", plain_mesh_read_off, false},
+                   {"gltf", plain_mesh_read_gltf, true}, {"glb", plain_mesh_read_gltf, true},
+                   {"3mf", plain_mesh_read_3mf, true}};
     *out = (plain_mesh){0};
     for (size_t k = 0; k < sizeof formats / sizeof *formats; k++)
         if (strcasecmp(ending, formats[k].ending) == 0 && formats[k].read(data, size, out) &&
-            out->triangles > 0)
+            (out->triangles > 0 || formats[k].is_final))
             return true;
-    plain_mesh_free(out);
+    free(out->vertex);
+    free(out->triangle);
+    out->vertex = NULL;
+    out->triangle = NULL;
+    out->vertices = out->triangles = out->others = out->vertex_room = out->triangle_room = 0;
     return false;
 }
 

@@ -1,7 +1,8 @@
-/* plain_mesh: OBJ, PLY and STL files read without a library, in the precision that they have.
+/* plain_mesh: OBJ, PLY, STL, OFF, glTF and 3MF files read without a library, in the precision that they have.
  *
- * A reader takes the whole of a file or leaves all of it: a file that is damaged, or has anything that is not known here, is
- * left to the library, which has the words for it. Runs in the process that reads. Threads: none.
+ * A reader takes the whole of a file, leaves all of it, or refuses it: a file that is damaged, or has anything that is not known
+ * here, is left to the library, which has the words for it; a file that the library would read wrongly is refused. Runs in the
+ * process that reads. Threads: none.
  */
 #ifndef HEXAD_MESHFILE_PLAIN_MESH_H
 #define HEXAD_MESHFILE_PLAIN_MESH_H
@@ -10,14 +11,21 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "base/error.h"
+#include "meshfile/mesh_reader.h"
+
 typedef struct plain_mesh {
     size_t vertices, triangles, others; /* others: points and lines */
     double (*vertex)[3];
     uint32_t (*triangle)[3];
     size_t vertex_room, triangle_room;
+    error_code refused;              /* of a file that is refused; `text` says why */
+    char text[MESH_READER_TEXT_MAX]; /* of a file that is read: warnings, one a line */
+    double unit;                     /* 0; or by what the coordinates of the file are multiplied */
+    bool is_quantised;               /* its coordinates are integers, which the library does not read */
 } plain_mesh;
 
-/* By the ending of the file's name. data[size] is 0. False: the file is left, *out is empty. plain_mesh_free. */
+/* By the ending of the file's name. data[size] is 0. False: the file is left, or refused; *out has no arrays. plain_mesh_free. */
 bool plain_mesh_read(const char *ending, const char *data, size_t size, plain_mesh *out);
 
 void plain_mesh_free(plain_mesh *m);
@@ -27,6 +35,16 @@ void plain_mesh_free(plain_mesh *m);
 bool plain_mesh_read_obj(const char *data, size_t size, plain_mesh *out);
 bool plain_mesh_read_ply(const char *data, size_t size, plain_mesh *out);
 bool plain_mesh_read_stl(const char *data, size_t size, plain_mesh *out);
+bool plain_mesh_read_off(const char *data, size_t size, plain_mesh *out);
+bool plain_mesh_read_gltf(const char *data, size_t size, plain_mesh *out);
+bool plain_mesh_read_3mf(const char *data, size_t size, plain_mesh *out);
+
+/* Refuses the file, unless it is refused already; returns false. */
+bool plain_mesh_refuse(plain_mesh *m, error_code code, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+/* Adds a warning, unless there is no room for it. */
+void plain_mesh_warn(plain_mesh *m, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
 /* Makes room for so many. False: no memory. */
 bool plain_mesh_expect(plain_mesh *m, size_t vertices, size_t triangles);
@@ -38,7 +56,10 @@ bool plain_mesh_add_vertex(plain_mesh *m, const double at[3]);
  * turn over, or be flat somewhere; no memory. Of fewer corners: one more of the others. */
 bool plain_mesh_add_polygon(plain_mesh *m, const uint32_t *corner, size_t corners);
 
-/* Reads a decimal number that blanks (spaces and tabs) may precede, and behind which is a blank, an end of a line or the end.
+/* Adds a triangle of vertices that are there, whose corners are turned round in a mirrored part. False: no memory. */
+bool plain_mesh_add_triangle(plain_mesh *m, uint32_t a, uint32_t b, uint32_t c, bool is_mirrored);
+
+/* Reads a decimal number, "nan" or "inf" that blanks (spaces and tabs) may precede, and behind which is a blank, an end of a line or the end.
  * Correctly rounded. False: there is none. */
 bool plain_mesh_number(const char **at, double *out);
 

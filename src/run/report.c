@@ -95,6 +95,12 @@ static void put_advice(json *report, json *warnings, const report_facts *facts)
                                      sampler_spacing(facts->sampler));
 }
 
+/* Whether outputs are asked for that hold floats relative to an origin. */
+static bool has_scenes(const spec *s)
+{
+    return s->has_points_glb || s->has_points_usda || s->has_mesh_usda;
+}
+
 static void put_surface(json *report, const report_facts *facts)
 {
     json *object = json_put_object(report, "surface");
@@ -104,9 +110,17 @@ static void put_surface(json *report, const report_facts *facts)
     source_describe(facts->source, report, object, warnings);
     attributes_describe(facts->attributes, report, warnings);
     if (facts->results->widened)
-        json_append_string(warnings,
-                           "points.ply is written in double: in single precision the points would be "
-                           "more than 1e-3 h off the surface");
+        json_append_string(
+            warnings, "points.ply is written in double: single precision would move its points by more than "
+                      "1e-3 h");
+    if (facts->results->rounding > RESULTS_RESIDUAL && has_scenes(facts->spec)) {
+        char *text = mem_printf(
+            "points.glb and points.usda: their floats move points by up to %.2g h. Use points.ply, "
+            "points.npz or points.vdb.",
+            facts->results->rounding);
+        json_append_string(warnings, text);
+        free(text);
+    }
     put_advice(report, warnings, facts);
     put_mesh(report, warnings, facts);
 }

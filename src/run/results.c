@@ -107,6 +107,43 @@ static double largest_residual(const field *f, const points *set, bool as_float,
     return worst;
 }
 
+typedef struct rounding_job {
+    const points *set;
+    vec3 origin;
+    double *worst; /* of each chunk */
+} rounding_job;
+
+static void rounding_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const rounding_job *job = context;
+    double worst = 0;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        const vec3 x = vec3_sub(job->set->position[i], job->origin);
+        worst = fmax(worst, vec3_norm(vec3_sub(x, (vec3){rounded(x.x), rounded(x.y), rounded(x.z)})));
+    }
+    job->worst[begin / GRAIN] = worst;
+}
+
+/* How far floats move a position, relative to the origin, over h. */
+static double largest_rounding(const points *set, vec3 origin, double h, threads *pool)
+{
+    const size_t chunks = set->count / GRAIN + 1;
+    rounding_job job = {set, origin, mem_alloc(chunks * sizeof *job.worst)};
+    double worst = 0;
+    threads_run(pool, set->count, GRAIN, rounding_chunk, &job);
+    for (size_t k = 0; k < chunks; k++) worst = fmax(worst, job.worst[k] / h);
+    free(job.worst);
+    return worst;
+}
+
+static vec3 middle_of(const points *set)
+{
+    bbox box = bbox_empty();
+    for (size_t i = 0; i < set->count; i++) box = bbox_include(box, set->position[i]);
+    return vec3_scale(vec3_add(box.min, box.max), 0.5);
+}
+
 /* `job` holds the name and the points, and is filled in. Beside what follows, if asked for and worth a thread: text takes all of them, as
  * does a file that nothing follows. */
 static late_commit *begin_ply(const char *directory, const spec *s, bool as_float, threads *pool, bool beside,
@@ -163,13 +200,13 @@ static bool has_format(const spec *s, format_name which)
 
 /* Those of points, or those of their mesh. A file of the whole sequence is written by the frame that is named first. */
 static bool write_formats(const char *directory, const results_input *in, const points *set, bool of_mesh,
-                          json *outputs, error *e)
+                          vec3 origin, json *outputs, error *e)
 {
     const spec *s = in->spec;
     layout frames = {0};
     bool ok =
         s->frame_count == 0 || layout_make(s->directory, s->frame, s->frame_count, in->frame, &frames, e);
-    const scene place = {in->y_up, frames.count, in->frame, frames.frames, frames.folders};
+    const scene place = {in->y_up, origin, frames.count, in->frame, frames.frames, frames.folders};
     for (int k = 0; ok && k < FORMATS; k++) {
         const point_format *f = &formats[k];
         if (f->of_mesh != of_mesh || !has_format(s, (format_name)k)) continue;
@@ -322,7 +359,7 @@ static bool write_mesh(const char *directory, const results_input *in, bool as_f
         vertices.triangle_labels = (const int32_t(*)[2])labels;
     }
     ok = ok && write_ply(directory, "mesh.ply", in->spec, &vertices, as_float, pool, outputs, e);
-    ok = ok && write_formats(directory, in, &vertices, true, outputs, e);
+    ok = ok && write_formats(directory, in, &vertices, true, out->origin, outputs, e);
     if (ok && in->spec->has_label_meshes)
         ok = write_label_meshes(directory, in, &vertices, as_float, pool, outputs,
                                 out->label_meshes = json_new_array(), e);
@@ -546,7 +583,12 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     bool as_float = s->ply_precision == SPEC_PRECISION_FLOAT;
     results_facts facts = {.y_up = in->y_up, .has_mesh = s->has_mesh};
     facts.max_residual = largest_residual(in->field, in->set, as_float, in->h, pool);
-    if (as_float && !(facts.max_residual <= RESULTS_RESIDUAL)) {
+    const bool is_coarse = largest_rounding(in->set, (vec3){0, 0, 0}, in->h, pool) > RESULTS_RESIDUAL;
+    if (is_coarse) {
+        facts.origin = middle_of(in->set);
+        facts.rounding = largest_rounding(in->set, facts.origin, in->h, pool);
+    }
+    if (as_float && (is_coarse || !(facts.max_residual <= RESULTS_RESIDUAL))) {
         as_float = false;
         facts.max_residual = largest_residual(in->field, in->set, false, in->h, pool);
         facts.widened = true;
@@ -568,7 +610,7 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     }
     late_commit *late = begin_ply(directory, s, as_float, pool, spec_has_other_outputs(s), &job, e);
     bool ok = late && (!s->has_points_vdb || write_points_vdb(directory, &with_color, outputs, e)) &&
-              write_formats(directory, &with_color, &colored, false, outputs, e) &&
+              write_formats(directory, &with_color, &colored, false, facts.origin, outputs, e) &&
               (!s->has_mesh || write_mesh(directory, &with_color, as_float, pool, outputs, &facts, e)) &&
               (!s->has_preview || write_preview(directory, &with_color, pool, outputs, e)) &&
               (!s->has_convergence || write_convergence(directory, in, outputs, e));

@@ -14,13 +14,17 @@
 #include "sampler/sampler.h"
 #include "spec/spec.h"
 
-/* A residual above this fraction of h comes from single precision: such points are written in double. */
+/* Where single precision moves a point, or its residual, by more than this fraction of h, points are written in double, or relative
+ * to an origin. */
 #define RESULTS_RESIDUAL 1e-3
 
 typedef struct results_facts {
     double max_residual; /* largest |F| / (|grad F| h) of the positions in points.ply */
     bool widened;        /* float was asked for, and double was written */
-    bool y_up;           /* in pictures and scenes; else z is */
+    vec3 origin;         /* of floats in glTF and USD; 0 where floats hold the positions as they are */
+    double
+        rounding; /* how far floats relative to the origin move a point, over h; 0 where there is no origin */
+    bool y_up;    /* in pictures and scenes; else z is */
     bool has_mesh;
     triangulation_facts mesh;
     json *label_meshes; /* what a report tells of them, to be taken over; or NULL */
