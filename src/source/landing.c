@@ -66,6 +66,8 @@ static bool sample_distance(const field *f, vec3 x, field_order order, field_sam
 {
     const source *s = ((const landing *)f)->source;
     vec3 place;
+    if (s->turned)
+        x = placement_to_part(s->turned, x); /* by a translation, which keeps distances and normals */
     if (!find_place(&s->whole, x, true, &place)) return field_sample_at(s->field, x, order, out);
     const vec3 off = vec3_sub(x, place);
     const double distance = vec3_norm(off);
@@ -77,7 +79,7 @@ static bool sample_distance(const field *f, vec3 x, field_order order, field_sam
 bool landing_find(const source *s, landing *out)
 {
     static const field_ops ops = {.sample = sample_distance};
-    if (s->creased || s->turned || !has_faces(&s->whole)) return false;
+    if (s->creased || !has_faces(&s->whole)) return false;
     *out = (landing){{.ops = &ops}, s};
     return true;
 }

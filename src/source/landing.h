@@ -8,7 +8,7 @@
 #include "source/source.h"
 
 typedef struct landing {
-    field base; /* its F at a place is the distance from where points there are delivered */
+    field base; /* its F at a place of the world is the distance from where points there are delivered */
     const source *source;
 } landing;
 

@@ -19,13 +19,15 @@ typedef struct mesh_source_request {
     bool resolve;
     const double (*to_world)[4]; /* places it, where it is one of patches; or NULL */
     const bbox *region;          /* cuts it, likewise */
+    bool may_move; /* a mesh far from the origin is opened relative to a place near its middle */
     volume_mesh_request as_volume;
 } mesh_source_request;
 
 /* One of the two comes out: the patches of a mesh that is open, or has no inside, or whose sharp edges are asked for, or that is too
  * thin for a level set; else a volume. Patches are placed and cut, a volume is not. *notes are about the patches. Errors: those of volume_open_mesh and mesh_surface_new, prefixed with the path; outputs are untouched then. */
+/* *origin: what was subtracted from all coordinates, exactly; 0 unless the mesh may move and is far from the origin. */
 bool mesh_source_open(const mesh_source_request *request, volume **as_volume, mesh_surface **as_patches,
-                      mesh_notes *notes, error *e);
+                      vec3 *origin, mesh_notes *notes, error *e);
 
 /* What a report tells of it. */
 void mesh_source_describe(const mesh_surface *s, const mesh_notes *notes, json *surface, json *warnings);

@@ -218,6 +218,15 @@ static volume *open_grid(const spec_vdb *v, double offset, int fd, const opening
     return volume_open(&request, e);
 }
 
+/* Whether a mesh is all of the surface, and the job names no place in its space: then its space may have another origin. Of a mesh
+ * whose interior is dropped errors name places. */
+static bool may_move(const spec_mesh *m, double offset, const opening *o, const source_part *out)
+{
+    const spec *s = o->spec;
+    return out == &o->source->whole && offset == 0 && !s->has_region && !s->region_inside && !s->has_grid &&
+           !s->coherent && m->interior != SPEC_INTERIOR_DROP;
+}
+
 static bool open_mesh(const spec_mesh *m, double offset, int fd, const opening *o, source_part *out, error *e)
 {
     const bbox cut = {o->spec->region.min, o->spec->region.max};
@@ -229,6 +238,7 @@ static bool open_mesh(const spec_mesh *m, double offset, int fd, const opening *
                  o->spec->method != SPEC_METHOD_WITKIN_HECKBERT,
         .to_world = o->placed ? (const double(*)[4])o->to_world : NULL,
         .region = o->spec->has_region ? &cut : NULL,
+        .may_move = may_move(m, offset, o, out),
         .as_volume = {.fd = fd,
                       .path = m->path,
                       .resolution = {.voxel_size = m->voxel_size,
@@ -246,7 +256,7 @@ static bool open_mesh(const spec_mesh *m, double offset, int fd, const opening *
                       .pool = o->pool,
                       .isa = o->kernels},
     };
-    return mesh_source_open(&request, &out->volume, &out->mesh, &out->notes, e);
+    return mesh_source_open(&request, &out->volume, &out->mesh, &o->source->origin, &out->notes, e);
 }
 
 /* Takes over the slices, which may be NULL. */
@@ -625,6 +635,11 @@ static bool open_source(const spec *s, size_t memory, isa kernels, threads *pool
         out->field = region_field(out->region);
     }
     align_ends(s, out);
+    if (vec3_norm(out->origin) > 0) {
+        const vec3 to = out->origin;
+        const double to_world[16] = {1, 0, 0, to.x, 0, 1, 0, to.y, 0, 0, 1, to.z, 0, 0, 0, 1};
+        out->turned = placement_new_view(out->field, to_world);
+    }
     return check_ends(out->whole.volume, out->field->domain, out->input_count ? out->inputs[0].path : "", e);
 }
 

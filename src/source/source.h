@@ -50,9 +50,12 @@ typedef struct source {
     const field *field; /* in the space that is sampled */
     source_part whole;
     source_part inside; /* the region, where it is one of a surface; else empty */
-    placement *turned;  /* that space in the world, where it is another: data that end obliquely; or NULL */
-    map *map;           /* of sampling.grid, or NULL */
-    region *region;     /* of surface.region, or NULL */
+    placement *
+        turned; /* that space in the world, where it is another: data that end obliquely, or a mesh far from the origin, which
+                         * is solved about its middle; or NULL */
+    vec3 origin;              /* of that space, of such a mesh */
+    map *map;                 /* of sampling.grid, or NULL */
+    region *region;           /* of surface.region, or NULL */
     struct creased *creased;  /* the whole as patches, with features; or NULL */
     const store_roots *roots; /* for files, or NULL; used while the source opens */
     source_input *inputs;     /* in the order in which they were first opened */
