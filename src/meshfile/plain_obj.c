@@ -93,8 +93,8 @@ static bool take_line(const char *line, obj_facts *facts, plain_mesh *out)
 
 static bool is_in_comment(const char *data, const char *at)
 {
-    while (at > data && at[-1] != '\n') at--;
-    return *skip_blanks(at) == '#';
+    while (at > data && at[-1] != '\n' && *at != '#') at--;
+    return *at == '#';
 }
 
 /* The whole with lines that go on behind a `\` as one line each; NULL: there is none, or no memory. */

@@ -1,0 +1,319 @@
+"""Header fields of mesh files that change positions or units, at values that are not their default: each file holds the same box, and
+`inspect` finds it where it is. Files of formats that are not read are named with a converter."""
+import json
+import zipfile
+
+import numpy
+import pytest
+
+import mesh_files as write
+from readers import read_columns
+
+NAN, INF = float("nan"), float("inf")
+
+
+@pytest.fixture
+def r():
+    seed = numpy.random.SeedSequence().entropy % 2 ** 32
+    print("seed", seed)
+    return numpy.random.default_rng(seed)
+
+
+@pytest.fixture
+def look(worker):
+    """The mesh of a file as `inspect` tells it, or its error."""
+    def call(path):
+        done = worker(str(path), "--json", output=None, command="inspect")
+        answer = json.loads((done.stdout if done.returncode == 0 else done.stderr).splitlines()[-1])
+        return answer["mesh"] if done.returncode == 0 else answer
+    return call
+
+
+def assert_box(found, corners, exact=1e-12):
+    assert "bounding_box" in found, found
+    scale = numpy.abs(corners).max()
+    assert numpy.allclose(found["bounding_box"]["min"], corners.min(0), rtol=0, atol=exact * scale), (found, corners)
+    assert numpy.allclose(found["bounding_box"]["max"], corners.max(0), rtol=0, atol=exact * scale), (found, corners)
+    assert found["area"] == pytest.approx(write.area(corners), rel=max(20 * exact, 1e-9) * scale)
+    assert found["closed"] and found["triangles"] == 12
+
+
+# ---- glTF
+
+@pytest.mark.parametrize("kind, normalised, stride", [("u1", False, 4), ("i1", False, 8), ("<u2", False, 8), ("<i2", False, 12),
+                                                      ("u1", True, 4), ("i1", True, 4), ("<u2", True, 8), ("<i2", True, 8)])
+def test_quantised_positions_of_gltf_are_read(look, tmp_path, r, kind, normalised, stride):
+    corners = write.box(r)
+    write.quantised(tmp_path / "box.glb", corners, kind, normalised, stride)
+    found = look(tmp_path / "box.glb")
+    assert_box(found, corners)
+    assert found["notes"] == []
+
+
+@pytest.mark.parametrize("name", ["nested_nodes", "sparse", "sparse_of_nothing", "without_indices", "strips", "fans", "far_node"])
+@pytest.mark.parametrize("ending", ["glb", "gltf"])
+def test_nodes_and_accessors_of_gltf_are_honoured(look, tmp_path, r, name, ending):
+    corners = write.box(r)
+    getattr(write, name)(tmp_path / f"box.{ending}", corners)
+    assert_box(look(tmp_path / f"box.{ending}"), corners, 1e-12 if name != "far_node" else 1e-8)
+
+
+def test_a_translation_of_a_node_keeps_the_digits_of_the_file(look, tmp_path):
+    """Floats hold 1e9 to 64."""
+    g, corners = write.Gltf(), write.box(numpy.random.default_rng(1))
+    mesh = g.mesh(g.accessor(corners, "<f4"), g.accessor(write.FACES.ravel(), "<u2"))
+    g.document["nodes"] = [{"mesh": mesh, "translation": [1e9, -1e9, 12345678.25]}]
+    g.write(tmp_path / "far.glb")
+    assert_box(look(tmp_path / "far.glb"), corners + (1e9, -1e9, 12345678.25), 1e-15)
+
+
+@pytest.mark.parametrize("extension", ["EXT_meshopt_compression", "MSFT_lod", "EXT_mesh_gpu_instancing", "VENDOR_shape", "KHR_gaussian_splatting"])
+def test_an_extension_that_a_gltf_requires_is_refused_by_its_name(look, tmp_path, r, extension):
+    g = write.Gltf(extensionsUsed=[extension], extensionsRequired=["KHR_mesh_quantization", extension])
+    g.document["nodes"] = [{"mesh": g.mesh(g.accessor(write.box(r), "<f4"), g.accessor(write.FACES.ravel(), "<u2"))}]
+    g.write(tmp_path / "box.glb")
+    error = look(tmp_path / "box.glb")
+    assert error["code"] == "input_unsupported" and extension in error["message"], error
+
+
+def test_what_a_gltf_has_beside_its_places_is_warned_of(look, tmp_path, r):
+    """Skins, weights of morph targets, instances, and meshes outside of the scene are not applied."""
+    corners = write.box(r)
+    g = write.Gltf(extensionsUsed=["EXT_mesh_gpu_instancing"], skins=[{"joints": [0]}])
+    mesh = g.mesh(g.accessor(corners, "<f4"), g.accessor(write.FACES.ravel(), "<u2"))
+    g.mesh(g.accessor(9 * corners, "<f4"))
+    g.document["nodes"] = [{"mesh": mesh, "skin": 0, "weights": [0, 0.5],
+                            "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {}}}}]
+    g.write(tmp_path / "box.glb")
+    found = look(tmp_path / "box.glb")
+    assert_box(found, corners)
+    notes = " ".join(found["notes"])
+    for word in ("1 of 2 meshes", "skin", "morph", "EXT_mesh_gpu_instancing"):
+        assert word in notes, notes
+
+
+@pytest.mark.parametrize("uri", ["box.bin", "data.bin", "a%20b.bin", "buffers/x.dat", "Box_0.buffer"])
+def test_a_separate_file_of_a_gltf_is_reported_as_missing(look, tmp_path, r, uri):
+    g = write.Gltf()
+    g.document["nodes"] = [{"mesh": g.mesh(g.accessor(write.box(r), "<f4"), g.accessor(write.FACES.ravel(), "<u2"))}]
+    g.write(tmp_path / "box.gltf", uri=uri)
+    error = look(tmp_path / "box.gltf")
+    assert error["code"] == "input_missing" and f'"{uri}" is missing' in error["message"] and ".glb" in error["message"], error
+
+
+@pytest.mark.parametrize("damage, words", [
+    (lambda d: d["accessors"][0].update(count=9), "accessor 0"), (lambda d: d["accessors"][1].update(count=37), "accessor 1"),
+    (lambda d: d["accessors"][0].update(type="VEC4"), "accessor 0"), (lambda d: d["bufferViews"][0].update(byteLength=10 ** 9), "accessor 0"),
+    (lambda d: d["bufferViews"][0].update(byteOffset=-4), "accessor 0"), (lambda d: d["accessors"][0].update(componentType=7), "accessor 0"),
+    (lambda d: d["nodes"][0].update(children=[0]), "no trees"), (lambda d: d["nodes"][0].update(mesh=5), "names no mesh"),
+    (lambda d: d["nodes"][0].update(matrix=[1, 2]), "transform"), (lambda d: d["asset"].update(minVersion="2.1"), "2.1")])
+def test_a_damaged_gltf_is_refused_with_the_place(look, tmp_path, damage, words):
+    g, corners = write.Gltf(), write.box(numpy.random.default_rng(2))
+    g.document["nodes"] = [{"mesh": g.mesh(g.accessor(corners, "<f4"), g.accessor(write.FACES.ravel(), "<u2"))}]
+    damage(g.document)
+    g.write(tmp_path / "box.glb")
+    error = look(tmp_path / "box.glb")
+    assert error.get("code") in ("input_damaged", "input_unsupported") and words in error["message"], error
+
+
+def test_corners_of_strips_and_of_mirrored_nodes_keep_their_order(worker, tmp_path):
+    """A sheet that looks up, as strip, as fan, and under a node that mirrors it."""
+    flat = numpy.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)])
+    for node, places, order, mode in (({}, flat, [0, 1, 2, 3], 5), ({}, flat, [0, 1, 3, 2], 6),
+                                      ({"scale": [-1, 1, 1]}, flat * (-1, 1, 1), [2, 1, 0, 3, 1, 2], 4)):
+        g = write.Gltf()
+        g.document["nodes"] = [{"mesh": g.mesh(g.accessor(places, "<f4"), g.accessor(order, "<u2"), mode=mode), **node}]
+        g.write(tmp_path / "sheet.glb")
+        spec = {"version": 1, "surface": {"mesh": {"path": str(tmp_path / "sheet.glb")}}, "sampling": {"count": 40},
+                "solver": {"max_sweeps": 5}, "output": {"preview": False, "ply": {"precision": "double"}}}
+        done = worker(spec)
+        assert done.returncode in (0, 10, 11), done.stderr
+        assert (read_columns((tmp_path / "out/points.ply").read_bytes())["nz"] == 1).all()
+
+
+# ---- 3MF
+
+@pytest.mark.parametrize("unit", write.UNITS)
+def test_a_3mf_is_read_in_millimetres(look, tmp_path, r, unit):
+    corners = write.box(r)
+    write.in_unit(tmp_path / "box.3mf", corners, unit)
+    found = look(tmp_path / "box.3mf")
+    assert_box(found, corners)
+    assert len(found["notes"]) == (unit != "millimeter") and all(unit in note and "millimetres" in note for note in found["notes"])
+
+
+@pytest.mark.parametrize("name", ["with_transforms", "of_production"])
+def test_transforms_and_parts_of_a_3mf_are_honoured(look, tmp_path, r, name):
+    corners = write.box(r)
+    getattr(write, name)(tmp_path / "box.3mf", corners)
+    assert_box(look(tmp_path / "box.3mf"), corners)
+
+
+def test_digits_of_a_3mf_are_kept(look, tmp_path):
+    corners = write.box(numpy.random.default_rng(3)) + 1e9
+    write.in_unit(tmp_path / "box.3mf", corners, "millimeter")
+    assert_box(look(tmp_path / "box.3mf"), corners, 1e-15)
+
+
+@pytest.mark.parametrize("attributes, words", [
+    ('unit="cubit"', 'unit "cubit"'), ('requiredextensions="b" xmlns:b="http://schemas.microsoft.com/3dmanufacturing/beamlattice/2017/02"', "beamlattice"),
+    ('requiredextensions="v" xmlns:v="http://schemas.3mf.io/volumetric"', "volumetric"),
+    ('requiredextensions="p x" xmlns:p="http://schemas.microsoft.com/3dmanufacturing/production/2015/06" xmlns:x="urn:x"', "urn:x"),
+    ('requiredextensions="q"', "xmlns:q")])
+def test_what_a_3mf_requires_is_refused_by_its_name(look, tmp_path, attributes, words):
+    corners = write.box(numpy.random.default_rng(4))
+    write.write_3mf(tmp_path / "box.3mf", f'<object id="1">{write.mesh_of_3mf(corners)}</object>', '<item objectid="1"/>', attributes)
+    error = look(tmp_path / "box.3mf")
+    assert error.get("code") == "input_unsupported" and words in error["message"], error
+
+
+@pytest.mark.parametrize("item", ['<item objectid="2"/>', "<item/>", '<item objectid="1" transform="1 0 0"/>', '<item objectid="1"',
+                                  '<item objectid="3"/>', '<item objectid="4"/>', '<item objectid="1" p:path="/none.model"/>'])
+def test_a_damaged_3mf_is_refused(look, tmp_path, item):
+    good = write.mesh_of_3mf(write.box(numpy.random.default_rng(5)))
+    objects = (f'<object id="1">{good}</object><object id="3"><components><component objectid="3"/></components></object>'
+               '<object id="4"><mesh><vertices><vertex x="1" y="2" z="3"/></vertices><triangles><triangle v1="0" v2="0" v3="1"/></triangles>'
+               "</mesh></object>")
+    write.write_3mf(tmp_path / "box.3mf", objects, item)
+    error = look(tmp_path / "box.3mf")
+    assert error.get("code") == "input_damaged" and "the 3MF file is damaged" in error["message"], error
+
+
+def test_objects_outside_of_a_build_are_warned_of(look, tmp_path, r):
+    corners = write.box(r)
+    write.write_3mf(tmp_path / "box.3mf", f'<object id="1">{write.mesh_of_3mf(corners)}</object><object id="2">{write.mesh_of_3mf(9 * corners)}'
+                    "<b:beamlattice/></object>", '<item objectid="1"/>')
+    found = look(tmp_path / "box.3mf")
+    assert_box(found, corners)
+    assert "1 of 2 objects" in found["notes"][0] and "beam" in found["notes"][1]
+
+
+# ---- OBJ
+
+@pytest.mark.parametrize("how", [
+    {"face": "f {} # comment"}, {"face": "f {} #comment \\"}, {"vertex": "{} # a vertex"}, {"face": "f {}\t# 1 2 3", "end": "\r\n"},
+    {"vertex": "{}#", "face": "f {}#"}, {"before": "# o \\", "face": "f {} "}, {"vertex": "{} 1.0"}, {"vertex": "{} 0.5 0.25 0.125"},
+    {"vertex": "{} 0.5 0.25 0.125 1"}, {"vertex": "v \\\n{}"}], ids=str)
+def test_an_obj_has_comments_and_longer_lines_anywhere(look, tmp_path, r, how):
+    corners = write.box(r)
+    if how.get("vertex", "").startswith("v \\"):
+        how = {"vertex": "{}", "face": "f {}"}
+        write.obj(tmp_path / "box.obj", corners, **how)
+        text = (tmp_path / "box.obj").read_text()
+        (tmp_path / "box.obj").write_text(text.replace("v ", "v \\\n").replace("f 1", "f \\\r\n 1"))
+    elif how.get("vertex") == "{}#":
+        write.obj(tmp_path / "box.obj", corners, vertex="{} #", face="f {}#")
+    else:
+        write.obj(tmp_path / "box.obj", corners, **how)
+    found = look(tmp_path / "box.obj")
+    assert_box(found, corners)
+    assert found["notes"] == []
+
+
+def test_what_an_obj_has_beside_polygons_is_warned_of(look, tmp_path, r):
+    corners = write.box(r)
+    write.obj(tmp_path / "box.obj", 2 * corners, vertex="{} 2", before="vp 0 1\nmystery 7", after="cstype bspline\ndeg 3\ncurv 0 1 1 2 3 4\n"
+              "parm u 0 1\nend\nsurf 0 1 0 1 1 2 3 4\nl 1 2\np 1\nbevel on")
+    found = look(tmp_path / "box.obj")
+    assert_box(found, corners)
+    notes = " ".join(found["notes"])
+    assert "2 free-form" in notes and "8 vertices have a weight" in notes and "mystery" in notes and "2 points or lines" in notes, notes
+
+
+def test_digits_of_text_are_kept_in_every_format(look, tmp_path):
+    corners = write.box(numpy.random.default_rng(6)) + 123456789.015625
+    for name in ("obj", "off", "ply"):
+        getattr(write, name)(tmp_path / f"box.{name}", corners, **({"layout": "ascii"} if name == "ply" else {}))
+        assert_box(look(tmp_path / f"box.{name}"), corners, 1e-15)
+
+
+# ---- PLY
+
+@pytest.mark.parametrize("layout", ["ascii", "binary_little_endian", "binary_big_endian"])
+@pytest.mark.parametrize("kind", ["float", "double"])
+def test_vertices_of_no_face_need_not_be_finite(look, tmp_path, r, layout, kind):
+    corners = write.box(r)
+    write.ply(tmp_path / "box.ply", corners, layout, kind, [(NAN, NAN, NAN), (1, INF, 2), (-INF, 0, 0), (NAN, 1, 1), (1e33, 0, 0)],
+              extra="comment c\nobj_info i\n")
+    found = look(tmp_path / "box.ply")
+    assert_box(found, corners)
+    assert found["notes"] == ["5 vertices that no triangle uses are not finite: they are left out"]
+
+
+@pytest.mark.parametrize("layout", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_a_face_whose_vertex_is_not_finite_is_named(look, tmp_path, r, layout):
+    for place in ((NAN, 0, 0), (0, 0, -INF)):
+        write.ply(tmp_path / "box.ply", write.box(r), layout, unused=[(NAN, 0, 0)], used={5: place})
+        error = look(tmp_path / "box.ply")
+        assert error["code"] == "input_damaged" and "triangle 2 " in error["message"] and "vertex 8," in error["message"], error
+
+
+# ---- OFF
+
+@pytest.mark.parametrize("how", [{"binary": True}, {"binary": True, "prefix": "C", "colours": 3}, {"binary": True, "prefix": "N"},
+                                 {"binary": True, "prefix": "STCN", "colours": 4}, {"binary": True, "prefix": "4", "w": 2},
+                                 {"binary": True, "dimensions": 3}, {"prefix": "C", "colours": 3}, {"prefix": "N"}, {"prefix": "STCN"},
+                                 {"prefix": "4", "w": 4}, {"dimensions": 3}, {"colours": 4}, {"prefix": "C4", "w": 2, "binary": True}], ids=str)
+def test_an_off_is_read_with_whatever_its_vertices_have(look, tmp_path, r, how):
+    corners = write.box(r)
+    write.off(tmp_path / "box.off", corners, **how)
+    assert_box(look(tmp_path / "box.off"), corners)
+
+
+def test_an_off_of_other_dimensions_is_refused(look, tmp_path):
+    (tmp_path / "a.off").write_text("nOFF 5\n1 1 0\n0 0 0 0 0\n3 0 0 0\n")
+    error = look(tmp_path / "a.off")
+    assert error["code"] == "input_unsupported" and "5 coordinates" in error["message"], error
+
+
+# ---- formats that are not read
+
+UNREAD = {
+    "part.step": (b"ISO-10303-21;\nHEADER;\nFILE_SCHEMA(('AP214_IFC_LIKE'));\n", "STEP", "gmsh"),
+    "part.stp": (b"ISO-10303-21;\r\nHEADER;\r\nFILE_SCHEMA (('CONFIG_CONTROL_DESIGN'));\r\nENDSEC;\r\nDATA;\r\n#1=IFC();\r\n", "STEP", "FreeCAD"),
+    "part.igs": (b" " * 72 + b"S      1\n" + b"1H,,1H;" + b" " * 65 + b"G      1\n", "IGES", "gmsh"),
+    "part.iges": (b"from a program".ljust(72) + b"S0000001\r\n", "IGES", "FreeCAD"),
+    "a.abc": (b"Ogawa\xff\0\1" + bytes(40), "Alembic", "Blender"), "b.abc": (b"\x89HDF\r\n\x1a\n" + bytes(60), "Alembic", "Blender"),
+    "a.bgeo": (b"\x7fNSJb" + bytes(50), "Houdini", "gconvert"), "b.bgeo": (b"BgeoV\0\0\0\x05" + bytes(50), "Houdini", "gconvert"),
+    "a.geo": (b'["fileversion","18.0.416",', "Houdini", "gconvert"), "b.geo": (b"PGEOMETRY V5\n", "Houdini", "gconvert"),
+    "c.bgeo.sc": (b"scf1" + bytes(50), "Houdini", "gconvert"),
+    "a.vtk": (b"# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\n", "VTK", "ParaView"),
+    "a.vtp": (b'<?xml version="1.0"?>\n<VTKFile type="PolyData" version="0.1">', "VTK", "ParaView"),
+    "a.gii": (b'<?xml version="1.0" encoding="UTF-8"?>\n<!DOCTYPE GIFTI SYSTEM "x">\n<GIFTI Version="1.0">', "GIfTI", "mris_convert"),
+    "lh.pial": (b"\xff\xff\xfecreated by x\n\n" + bytes(40), "FreeSurfer", "mris_convert"),
+    "a.usda": (b"#usda 1.0\n", "USD", "Blender"), "a.usdc": (b"PXR-USDC" + bytes(80), "USD", "Blender")}
+
+
+@pytest.mark.parametrize("name", UNREAD)
+def test_a_format_that_is_not_read_is_named_with_a_converter(worker, tmp_path, name):
+    data, kind, converter = UNREAD[name]
+    if name == "part.step":
+        data = data.replace(b"AP214_IFC_LIKE", b"AUTOMOTIVE_DESIGN { 1 0 10303 214 }")
+    (tmp_path / name).write_bytes(data)
+    done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / name)}}, "sampling": {"count": 100}})
+    error = json.loads(done.stderr.splitlines()[-1])
+    assert error["code"] == "input_unsupported" and "IFC:" not in error["message"], error
+    assert kind in error["message"] and converter in error["message"] and name in error["message"], error
+
+
+def test_an_archive_that_is_no_3mf_is_refused(look, tmp_path):
+    with zipfile.ZipFile(tmp_path / "a.3mf", "w") as archive:
+        archive.writestr("readme.txt", "nothing")
+    error = look(tmp_path / "a.3mf")
+    assert error["code"] == "input_damaged" and "_rels/.rels is missing" in error["message"], error
+
+
+# ---- the cases of the collection
+
+@pytest.mark.parametrize("name, area, note", [("f_comment.obj", 11.67, None), ("nan_unused.ply", 12.51, "4 vertices that no triangle uses"),
+                                              ("inch.3mf", 7954.73, "inch"), ("gltfpack_default.glb", 12.33, None),
+                                              ("quantized.glb", 110.97, None)])
+def test_the_cases_are_read(look, shared_data, name, area, note):
+    found = look(shared_data / "cases" / name)
+    assert found["area"] == pytest.approx(area, rel=2e-3) and found["closed"]
+    assert note in found["notes"][0] if note else found["notes"] == []
+
+
+def test_the_compressed_case_is_refused_by_the_extension(look, shared_data):
+    error = look(shared_data / "cases" / "meshopt.glb")
+    assert error["code"] == "input_unsupported" and "EXT_meshopt_compression" in error["message"]

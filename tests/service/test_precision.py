@@ -1,0 +1,108 @@
+"""Positions of outputs far from the origin, read by readers that are not ours (tools/precision.py), and meshes that lie there."""
+import json
+import pathlib
+import re
+import shutil
+import sys
+
+import numpy
+import pytest
+
+from readers import read_columns
+from service import sphere
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent.parent / "tools"))
+import precision  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def measured(build, tmp_path_factory):
+    """{offset: directory, report and positions} of one sphere."""
+    return {offset: precision.run(build / "hexad-worker", tmp_path_factory.mktemp("far"), offset) for offset in precision.OFFSETS}
+
+
+@pytest.mark.plain
+@pytest.mark.parametrize("name", precision.READERS)
+def test_every_output_holds_its_points_at_any_distance(measured, name):
+    """To 1e-3 spacings, translation and local value added in doubles; near the origin PLY, glTF and USD hold floats and no translation."""
+    if name == "points.vdb" and not shutil.which("vdb_tool"):
+        pytest.skip("there is no vdb_tool (Debian: libopenvdb-tools)")
+    for offset, (where, report, positions) in measured.items():
+        assert precision.error(name, where, report, positions) < (1e-3 if offset else 1e-6)
+        assert precision.distance(positions, offset) < 1e-6 * report["spacing"]
+    near, _, _ = measured[0]
+    assert b"xformOp" not in (near / name).read_bytes() and b"translation" not in (near / name).read_bytes()
+    if name.endswith(".ply"):
+        assert b"property float x" in (near / name).read_bytes()
+
+
+@pytest.mark.plain
+def test_floats_that_move_points_along_the_surface_are_doubles(worker, tmp_path):
+    """A sheet in a plane z = 0: floats keep its points on the plane, and move them along it."""
+    def run(x):
+        (tmp_path / "sheet.obj").write_text(f"v {x} 0 0\nv {x + 1} 0 0\nv {x + 1} 1 0\nv {x} 1 0\nf 1 2 3 4\n")
+        done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "sheet.obj")}}, "sampling": {"spacing": 0.125},
+                       "output": {"preview": False, "mesh": True}})
+        assert done.returncode in (0, 10, 11), done.stderr
+        report = json.loads((tmp_path / "out/report.json").read_text())
+        told = [w for w in report["surface"]["warnings"] if "written in double" in w]
+        data = [(tmp_path / "out" / name).read_bytes() for name in ("points.ply", "mesh.ply")]
+        assert all((b"property double x" in d) == bool(told) for d in data)
+        return bool(told), read_columns(data[0])["x"] - x
+    (near, at), (far, there) = run(0), run(65536)
+    assert (near, far) == (False, True)
+    assert numpy.abs(numpy.sort(at) - numpy.sort(there)).max() < 1e-4 * 0.125
+
+
+def test_a_sequence_far_from_the_origin_has_a_translation_for_each_frame(worker, tmp_path):
+    spec = {"version": 1, "surface": {"transform": {"surface": sphere(1)["surface"], "matrix": [1, 0, 0, 1e7, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}},
+            "sampling": {"count": 100}, "solver": {"max_sweeps": 20},
+            "output": {"preview": False, "points_usda": True, "ply": {"precision": "double"}},
+            "queue": {"frames": "3-4", "by_frame": {"/surface/transform/matrix/3": [1e7, -1e7]}}}
+    for frame in (3, 4):
+        done = worker(spec, "--frame", frame, output=str(frame))
+        assert done.returncode in (0, 10, 11), done.stderr
+        text = (tmp_path / f"{frame}/points.usda").read_text()
+        (of, numbers), = re.findall(r"double3 xformOp:translate.timeSamples = \{\n +(\d): \((.*)\)", text)
+        (values,) = re.findall(r"point3f\[\] points.timeSamples = \{\n +\d: \[(.*)\]", text)
+        local = numpy.array(re.findall(r"[^(), ]+", values)).astype("f4").astype(float).reshape(-1, 3)
+        columns = read_columns((tmp_path / f"{frame}/points.ply").read_bytes())
+        positions = numpy.stack([columns[a] for a in "xyz"], 1)
+        assert int(of) == frame and numpy.abs(local + [float(v) for v in numbers.split(",")] - positions).max() < 1e-6
+    for text in (text, (tmp_path / "3/points_sequence.usda").read_text()):
+        assert "    double3 xformOp:translate" in text and '    uniform token[] xformOpOrder = ["xformOp:translate"]\n' in text
+
+
+ALL_FAR = [pytest.param(kind, at, marks=[] if (kind, at[0]) in (("closed", 1e9), ("open", 1e8), ("sharp", 1e8)) else pytest.mark.extended)
+           for kind in ("closed", "open", "sharp", "fine") for at in ((1e8, -1e8, 1e8), (1e9, 0, 0))]
+
+
+@pytest.mark.parametrize("kind, offset", ALL_FAR)
+@pytest.mark.plain
+def test_a_mesh_far_from_the_origin_is_solved_as_near_to_it(worker, tmp_path, kind, offset):
+    """A radius of 0.05 at 1e8, where doubles are 1.5e-8 apart; as level set and on its triangles."""
+    vertices, faces = precision.icosphere(2 if kind == "sharp" else 3, 0.0625)
+    if kind == "sharp":
+        vertices = numpy.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)]) * 0.0625
+        faces = numpy.array([(0, 2, 3), (0, 3, 1), (4, 5, 7), (4, 7, 6), (0, 1, 5), (0, 5, 4), (2, 6, 7), (2, 7, 3), (0, 4, 6), (0, 6, 2),
+                             (1, 3, 7), (1, 7, 5)])
+    if kind == "open":
+        faces = faces[vertices[faces][:, :, 2].max(1) > 0]
+    vertices = numpy.round(vertices * 2 ** 20) / 2 ** 20  # in steps that doubles have there, too
+    found = []
+    for at in ((0, 0, 0), offset):
+        precision.write_ply(tmp_path / "mesh.ply", vertices + at, faces)
+        coarse = {"resolution": 40} if kind == "closed" else {}  # of the level set
+        done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "mesh.ply"), **coarse}},
+                       "sampling": {"count": 3000 if kind == "fine" else 500}, "output": {"preview": False, "ply": {"precision": "double"}}})
+        assert done.returncode == 0, done.stderr
+        report = json.loads((tmp_path / "out/report.json").read_text())
+        columns = read_columns((tmp_path / "out/points.ply").read_bytes())
+        positions = numpy.stack([columns[a] for a in "xyz"], 1) - at
+        box = report["surface"]["bounding_box"]
+        assert numpy.allclose(box["min"], numpy.array(at) + vertices[faces].min((0, 1)), rtol=0, atol=2e-3)
+        found.append((report["outcome"], report["quality"], positions))
+    (outcome, near, a), (same, far, b) = found
+    assert outcome == same == "converged" and abs(near["hex_fraction"] - far["hex_fraction"]) < 0.03
+    assert far["coverage"] < near["coverage"] + 0.05 and far["max_residual"] < 1e-4 and far["min_spacing_ratio"] > near["min_spacing_ratio"] - 0.05
+    assert numpy.abs(a.min(0) - b.min(0)).max() < 2e-3 and len(a) == len(b)
