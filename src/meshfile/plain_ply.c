@@ -79,10 +79,10 @@ static size_t rows_at_most(const cursor *c, const ply_element *element)
 static bool read_vertices(cursor *c, const ply_element *element, plain_mesh *out)
 {
     int slot[PLY_PROPERTIES_MOST], axes = 0;
-    if (element->has_list) return false;
     for (int k = 0; k < element->properties; k++) {
         const char *name = element->property[k].name;
-        slot[k] = name[0] >= 'x' && name[0] <= 'z' && !name[1] ? name[0] - 'x' : -1;
+        const bool is_axis = name[0] >= 'x' && name[0] <= 'z' && !name[1] && !element->property[k].length;
+        slot[k] = is_axis ? name[0] - 'x' : -1;
         if (slot[k] >= 0) axes |= 1 << slot[k];
     }
     if (axes != 7 || !plain_mesh_expect(out, rows_at_most(c, element), 0)) return false;
@@ -151,6 +151,8 @@ static bool read_element(cursor *c, const ply_element *element, plain_mesh *out)
     if (strcmp(element->name, "tristrips") == 0) return false;
     if (strcmp(element->name, "vertex") == 0) return out->vertices == 0 && read_vertices(c, element, out);
     if (strcmp(element->name, "face") == 0) return out->triangles == 0 && read_faces(c, element, out);
+    if (strcmp(element->name, "camera") == 0 && element->count > 0)
+        plain_mesh_warn(out, "the file has a camera: vertices are not moved by it");
     return pass_over(c, element);
 }
 

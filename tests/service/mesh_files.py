@@ -265,6 +265,46 @@ def ply(path, corners, layout="binary_little_endian", kind="double", unused=(), 
                      b"".join(struct.pack(sign + "B3i", 3, *f) for f in faces))
 
 
+def odd_ply(path, corners, layout="binary_big_endian"):
+    """Elements and properties between those of the shape, a list at each vertex, and corners of 16 bits with lists of 32."""
+    sign, head = ">" if "big" in layout else "<", (
+        f"ply\nformat {layout} 1.0\ncomment property double x\nobj_info num_cols 7\nelement camera 1\nproperty float view_px\nelement vertex 8\n"
+        "property uchar red\nproperty double z\nproperty list ushort float weights\nproperty double x\nproperty int flags\nproperty double y\n"
+        "element edge 1\nproperty int vertex1\nproperty int vertex2\nelement face 12\nproperty float quality\n"
+        "property list uint ushort vertex_index\nproperty list uchar float texcoord\nend_header\n")
+    data = struct.pack(sign + "f", 5)
+    for k, (x, y, z) in enumerate(corners):
+        data += struct.pack(sign + f"BdH{k}fdid", 200, z, k, *[9] * k, x, -7, y)
+    data += struct.pack(sign + "2i", 0, 1)
+    for f in FACES:
+        data += struct.pack(sign + "fI3HB6f", 0.5, 3, *f, 6, *[0.25] * 6)
+    path.write_bytes(head.encode() + data)
+
+
+def strips_of_ply(path, corners, layout="binary_little_endian"):
+    """Triangle strips of doubles, one for each side, with -1 between them."""
+    strips = [k for (a, b, c), (_, _, d) in (FACES[n:n + 2] for n in range(0, 12, 2)) for k in (b, c, a, d, -1)]
+    head = (f"ply\nformat {layout} 1.0\nelement vertex 8\n" + "".join(f"property double {axis}\n" for axis in "xyz") +
+            "element tristrips 1\nproperty list int int vertex_indices\nend_header\n").encode()
+    if layout == "ascii":
+        path.write_bytes(head + "".join("%r %r %r\n" % tuple(v) for v in corners.tolist()).encode() +
+                         " ".join(map(str, [len(strips), *strips])).encode() + b"\n")
+        return
+    sign = ">" if "big" in layout else "<"
+    path.write_bytes(head + corners.astype(sign + "f8").tobytes() + struct.pack(f"{sign}{1 + len(strips)}i", len(strips), *strips))
+
+
+def stl(path, corners, head=b"", solids=1, text=False):
+    """`head`: of the binary header; attribute bytes and normals are wrong; `solids`: how many share the triangles, in text."""
+    if text:
+        facets = ["facet normal 0 0 7\n outer loop\n" + "".join("  vertex %r %r %r\n" % tuple(corners[k].tolist()) for k in f) +
+                  " endloop\nendfacet\n" for f in FACES]
+        path.write_text("".join(f"solid part {n} UNITS=inch\n" + "".join(facets[n::solids]) + f"endsolid part {n}\n" for n in range(solids)))
+        return
+    rows = b"".join(struct.pack("<12fH", 3, 0, 0, *corners[f].ravel(), 0x8421 + n) for n, f in enumerate(FACES))
+    path.write_bytes(head.ljust(80, b" ") + struct.pack("<I", len(FACES)) + rows)
+
+
 def off(path, corners, prefix="", binary=False, dimensions=None, w=None, colours=0):
     """`prefix` of ST, C, N, 4; `colours`: floats behind each face."""
     r = numpy.random.default_rng(5)

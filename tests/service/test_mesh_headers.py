@@ -248,6 +248,32 @@ def test_a_face_whose_vertex_is_not_finite_is_named(look, tmp_path, r, layout):
         assert error["code"] == "input_damaged" and "triangle 2 " in error["message"] and "vertex 8," in error["message"], error
 
 
+@pytest.mark.parametrize("layout", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_strips_of_a_ply_keep_its_digits(look, tmp_path, r, layout):
+    corners = write.box(r) + 123456789.015625
+    write.strips_of_ply(tmp_path / "box.ply", corners, layout)
+    assert_box(look(tmp_path / "box.ply"), corners, 1e-15)
+
+
+@pytest.mark.parametrize("layout", ["binary_little_endian", "binary_big_endian"])
+def test_a_ply_has_lists_and_elements_anywhere(look, tmp_path, r, layout):
+    corners = write.box(r) + 123456789.015625
+    write.odd_ply(tmp_path / "box.ply", corners, layout)
+    found = look(tmp_path / "box.ply")
+    assert_box(found, corners, 1e-15)
+    assert found["notes"] == ["the file has a camera: vertices are not moved by it"]
+
+
+# ---- STL
+
+@pytest.mark.parametrize("how", [{"head": b"solid of a program that begins so"}, {"head": b"COLOR=\x10\x20\x30\x40,MATERIAL="},
+                                 {"head": b"STLB ATF 1.0 UNITS=inch"}, {"text": True}, {"text": True, "solids": 3}], ids=str)
+def test_an_stl_is_its_triangles_whatever_its_header_has(look, tmp_path, r, how):
+    corners = write.box(r)
+    write.stl(tmp_path / "box.stl", corners, **how)
+    assert_box(look(tmp_path / "box.stl"), corners)
+
+
 # ---- OFF
 
 @pytest.mark.parametrize("how", [{"binary": True}, {"binary": True, "prefix": "C", "colours": 3}, {"binary": True, "prefix": "N"},
