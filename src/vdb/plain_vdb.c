@@ -162,7 +162,8 @@ static void take_string(cursor *c, char *out, size_t room)
 
 typedef struct metadata {
     vdb_class grid_class;
-    bool half;
+    bool half, is_local;
+    char unit[VDB_UNIT_SIZE];
 } metadata;
 
 static vdb_class class_of(cursor *c, const char *word)
@@ -174,9 +175,17 @@ static vdb_class class_of(cursor *c, const char *word)
     return VDB_UNKNOWN;
 }
 
+static bool take_bool(cursor *c, const char *type)
+{
+    char on = 0;
+    require(c, take_u32(c) == sizeof on && strcmp(type, "bool") == 0);
+    take(c, &on, sizeof on);
+    return on;
+}
+
 static metadata take_metadata(cursor *c)
 {
-    metadata m = {VDB_UNKNOWN, false};
+    metadata m = {.grid_class = VDB_UNKNOWN};
     const uint32_t count = take_u32(c);
     for (uint32_t i = 0; i < count && !c->failed; i++) {
         char name[256], type[64];
@@ -188,10 +197,11 @@ static metadata take_metadata(cursor *c)
             require(c, strcmp(type, "string") == 0);
             if (!c->failed) m.grid_class = class_of(c, word);
         } else if (!c->failed && strcmp(name, "is_saved_as_half_float") == 0) {
-            char on;
-            require(c, take_u32(c) == sizeof on && strcmp(type, "bool") == 0);
-            take(c, &on, sizeof on);
-            m.half = on;
+            m.half = take_bool(c, type);
+        } else if (!c->failed && strcmp(name, "is_local_space") == 0) {
+            m.is_local = take_bool(c, type);
+        } else if (!c->failed && vdb_is_unit(name) && strcmp(type, "string") == 0) {
+            take_string(c, m.unit, sizeof m.unit); /* a longer one is the library's */
         } else {
             skip(c, take_u32(c));
         }
@@ -637,6 +647,8 @@ vdb_grid *plain_vdb_load_grid(int fd, size_t index, size_t memory_limit, threads
     r->compression = take_u32(c);
     const metadata m = take_metadata(c);
     g->grid_class = m.grid_class;
+    g->is_local = m.is_local;
+    memcpy(g->unit, m.unit, sizeof g->unit);
     require(c, m.half == d.half && !d.shared && strcmp(d.type, "float") == 0);
     if (!c->failed) take_transform(c, g->index_to_world);
     if (!c->failed) take_grid(r, pool);

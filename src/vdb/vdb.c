@@ -1,6 +1,7 @@
 #include "vdb/vdb.h"
 
 #include <stdlib.h>
+#include <strings.h>
 
 /* The shim allocates all of it with calloc, for C to free. */
 
@@ -18,4 +19,9 @@ void vdb_grid_free(vdb_grid *grid)
     free(grid->leaf_active);
     free(grid->tiles);
     free(grid);
+}
+
+bool vdb_is_unit(const char *name)
+{
+    return strcasecmp(name, "unit") == 0 || strcasecmp(name, "units") == 0;
 }

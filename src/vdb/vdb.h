@@ -23,6 +23,7 @@ extern "C" {
 
 #define VDB_NAME_SIZE 256 /* a file with a longer name is refused as damaged */
 #define VDB_TYPE_SIZE 64
+#define VDB_UNIT_SIZE 32
 #define VDB_LEAF_SIDE 8
 #define VDB_LEAF_VOXELS 512
 
@@ -61,6 +62,8 @@ typedef struct vdb_grid {
     vdb_class grid_class;
     bool
         from_newer; /* the file has a later format version than the library, and is read as far as they are alike */
+    bool is_local; /* its metadata say that it is in the space of an object, which is not in the file */
+    char unit[VDB_UNIT_SIZE]; /* of its metadata, cut to fit; "": there is none */
     float background;
     double index_to_world[16]; /* row-major, column vectors: world = M (i, j, k, 1); invertible */
     uint64_t active_voxels;
@@ -70,6 +73,9 @@ typedef struct vdb_grid {
     uint64_t *leaf_active;     /* 8 words a leaf */
     vdb_tile *tiles;
 } vdb_grid;
+
+/* Whether metadata of this name say in which unit a grid is; OpenVDB knows no unit, and transforms have none. */
+bool vdb_is_unit(const char *name);
 
 /* Loads entry `index` of the listing. Doubles become floats. `memory_limit` bounds the call's peak,
  * the library's tree and the arrays together. Errors: input_damaged; input_unsupported

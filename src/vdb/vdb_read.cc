@@ -549,6 +549,10 @@ typename Grid::Ptr read_tree(reader &file, size_t index, descriptor d, vdb::Grid
 template <typename Grid> void load(typename Grid::Ptr grid, size_t limit, vdb_grid *out)
 {
     out->grid_class = class_of(*grid);
+    out->is_local = !grid->isInWorldSpace();
+    for (auto item = grid->beginMeta(); item != grid->endMeta(); ++item)
+        if (vdb_is_unit(item->first.c_str()) && item->second->typeName() == "string")
+            std::snprintf(out->unit, sizeof out->unit, "%s", item->second->str().c_str());
     copy_transform(*grid, out->index_to_world);
     out->background = float(grid->background());
     out->active_voxels = grid->activeVoxelCount();

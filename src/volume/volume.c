@@ -84,6 +84,19 @@ static bool move_isovalue(loading *l, volume *v, double offset, error *e)
     return true;
 }
 
+/* Metadata that say where or how large a grid is, and are not applied. */
+static void warn_of_space(volume_info *info, const vdb_grid *g)
+{
+    if (*g->unit)
+        warn(info, "grid \"%s\" has the unit \"%s\": coordinates are those of its transform, in any unit",
+             info->grid, g->unit);
+    if (g->is_local)
+        warn(
+            info,
+            "grid \"%s\" is in local space: the transform of its object is not in the file, and is not applied",
+            info->grid);
+}
+
 /* Chooses the grid and decides what it is; on return l->grid is loaded. */
 static bool load_grid(const volume_request *r, loading *l, volume *v, error *e)
 {
@@ -117,6 +130,7 @@ static bool load_grid(const volume_request *r, loading *l, volume *v, error *e)
     l->grid = plain_vdb_load_grid(r->fd, index, r->memory_limit, r->pool);
     if (!l->grid && threads_stopped(r->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
     if (!l->grid) l->grid = vdb_load_grid(r->fd, index, r->memory_limit, e);
+    if (l->grid) warn_of_space(&v->info, l->grid);
     if (!l->grid) return error_prefix(e, "%s", l->name);
     if (l->grid->from_newer)
         warn(&v->info, "the file is of a newer OpenVDB than the one here: what both have in common is read");

@@ -1,5 +1,5 @@
-"""Header fields of mesh files that change positions or units, at values that are not their default: each file holds the same box, and
-`inspect` finds it where it is. Files of formats that are not read are named with a converter."""
+"""Header fields of mesh files that change positions or units, at values that are not their default: each file holds the same box, whose
+corners have points. Files of formats that are not read are named with a converter."""
 import json
 import zipfile
 
@@ -20,8 +20,23 @@ def r():
 
 
 @pytest.fixture
-def look(worker):
-    """The mesh of a file as `inspect` tells it, or its error."""
+def look(worker, tmp_path):
+    """The mesh of a file, a box: its area and warnings, and the box around its points, of which eight are at the corners; or the error."""
+    def call(path):
+        done = worker({"version": 1, "surface": {"mesh": {"path": str(path)}}, "sampling": {"count": 30}, "solver": {"max_sweeps": 1},
+                       "output": {"preview": False, "ply": {"precision": "double"}}})
+        if done.returncode not in (0, 10, 11):
+            return json.loads(done.stderr.splitlines()[-1])
+        surface = json.loads((tmp_path / "out/report.json").read_text())["surface"]
+        points = read_columns((tmp_path / "out/points.ply").read_bytes())
+        at = numpy.stack([points[axis] for axis in "xyz"], 1)
+        return {"area": surface["mesh"]["area"], "triangles": surface["mesh"]["triangles"], "closed": surface["mesh"]["open_edges"] == 0,
+                "bounding_box": {"min": at.min(0), "max": at.max(0)}, "notes": surface["warnings"]}
+    return call
+
+
+@pytest.fixture
+def inspect(worker):
     def call(path):
         done = worker(str(path), "--json", output=None, command="inspect")
         answer = json.loads((done.stdout if done.returncode == 0 else done.stderr).splitlines()[-1])
@@ -292,6 +307,40 @@ def test_an_off_of_other_dimensions_is_refused(look, tmp_path):
     assert error["code"] == "input_unsupported" and "5 coordinates" in error["message"], error
 
 
+# ---- OpenVDB
+
+SHEAR = [[0.125, 0.03125, 0, 0], [0, 0.125, 0, 0], [0, 0, 0.25, 0], [1, 2, 3, 1]]  # of row vectors
+
+
+@pytest.mark.parametrize("how, words", [
+    ({}, []), ({"meta": {"unit": "cm"}}, ['has the unit "cm"']), ({"meta": {"Units": "inch"}}, ['has the unit "inch"']),
+    ({"meta": {"is_local_space": True}}, ["is in local space"]), ({"half": True, "meta": {"is_local_space": False, "value": 3.0}}, []),
+    ({"transform": SHEAR, "half": True}, []), ({"instance": True, "meta": {"unit": "m", "is_local_space": True}}, ['has the unit "m"', "is in local space"])], ids=str)
+def test_metadata_and_transforms_of_a_grid_are_honoured_or_warned_of(worker, tmp_path, how, words):
+    """A ball of a radius of eight voxels; an instance shares the tree of another grid, which has another transform."""
+    openvdb = pytest.importorskip("pyopenvdb", reason="there is no pyopenvdb to write level sets with")
+    grid = openvdb.createLevelSetSphere(radius=1, voxelSize=0.125)
+    matrix = numpy.array(how.get("transform", numpy.diag([0.125, 0.125, 0.125, 1])), float)
+    grid.name, grid.saveFloatAsHalf = "ball", how.get("half", False)
+    grids = [grid]
+    if how.get("instance"):
+        grids.append(grid.copy())
+        grids[1].name = "ball_again"
+        matrix = 2 * matrix
+    grids[-1].transform = openvdb.createLinearTransform(matrix.tolist()[:3] + [[*matrix[3, :3], 1]])
+    for key, value in how.get("meta", {}).items():
+        grids[-1][key] = value
+    openvdb.write(str(tmp_path / "ball.vdb"), grids=grids)
+    done = worker({"version": 1, "surface": {"vdb": {"path": str(tmp_path / "ball.vdb"), "grid": grids[-1].name}}, "sampling": {"count": 60},
+                   "solver": {"max_sweeps": 2}, "output": {"preview": False}})
+    assert done.returncode in (0, 10, 11), done.stderr
+    surface = json.loads((tmp_path / "out/report.json").read_text())["surface"]
+    reach, middle = 8 * numpy.linalg.norm(matrix[:3, :3], axis=0), matrix[3, :3]
+    assert numpy.allclose(surface["bounding_box"]["min"], middle - reach, atol=0.04), surface
+    assert numpy.allclose(surface["bounding_box"]["max"], middle + reach, atol=0.04), surface
+    assert len(surface["warnings"]) == len(words) and all(w in told for w, told in zip(words, surface["warnings"])), surface
+
+
 # ---- formats that are not read
 
 UNREAD = {
@@ -334,12 +383,12 @@ def test_an_archive_that_is_no_3mf_is_refused(look, tmp_path):
 @pytest.mark.parametrize("name, area, note", [("f_comment.obj", 11.67, None), ("nan_unused.ply", 12.51, "4 vertices that no triangle uses"),
                                               ("inch.3mf", 7954.73, "inch"), ("gltfpack_default.glb", 12.33, None),
                                               ("quantized.glb", 110.97, None)])
-def test_the_cases_are_read(look, shared_data, name, area, note):
-    found = look(shared_data / "cases" / name)
+def test_the_cases_are_read(inspect, shared_data, name, area, note):
+    found = inspect(shared_data / "cases" / name)
     assert found["area"] == pytest.approx(area, rel=2e-3) and found["closed"]
     assert note in found["notes"][0] if note else found["notes"] == []
 
 
-def test_the_compressed_case_is_refused_by_the_extension(look, shared_data):
-    error = look(shared_data / "cases" / "meshopt.glb")
+def test_the_compressed_case_is_refused_by_the_extension(inspect, shared_data):
+    error = inspect(shared_data / "cases" / "meshopt.glb")
     assert error["code"] == "input_unsupported" and "EXT_meshopt_compression" in error["message"]
