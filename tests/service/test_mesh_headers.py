@@ -1,5 +1,6 @@
 """Header fields of mesh files that change positions or units, at values that are not their default: each file holds the same box, whose
 corners have points. Files of formats that are not read are named with a converter."""
+import base64
 import json
 import zipfile
 
@@ -146,6 +147,20 @@ def test_corners_of_strips_and_of_mirrored_nodes_keep_their_order(worker, tmp_pa
         assert (read_columns((tmp_path / "out/points.ply").read_bytes())["nz"] == 1).all()
 
 
+def test_draco_is_read_by_the_library(look, tmp_path):
+    """The box of seed 1, compressed by draco_encoder of Debian."""
+    data = base64.b64decode("RFJBQ08CAgEBAAAACAwACwAAA19LFQEBEAH/AAABAAkDAAACAQEBABADARABCCsBCAEgBABIDpEAAAAAmDoAoJwBAEEAMDn7UgMAMDn7UgMAAAD4UgMA"
+                            "AAAA//8AAAAA2L4AADw+AAB/QABAbkAQ")
+    corners, name = write.box(numpy.random.default_rng(1)), "KHR_draco_mesh_compression"
+    g = write.Gltf(extensionsUsed=[name], extensionsRequired=[name])
+    position = g.add({"componentType": 5126, "count": 8, "type": "VEC3", "min": corners.min(0).tolist(), "max": corners.max(0).tolist()})
+    indices = g.add({"componentType": 5123, "count": 36, "type": "SCALAR"})
+    compressed = {"bufferView": g.view(data), "attributes": {"POSITION": 0}}
+    g.document["nodes"] = [{"mesh": g.mesh(position, indices, extensions={name: compressed})}]
+    g.write(tmp_path / "box.glb")
+    assert_box(look(tmp_path / "box.glb"), corners, 1e-4)
+
+
 # ---- 3MF
 
 @pytest.mark.parametrize("unit", write.UNITS)
@@ -162,6 +177,28 @@ def test_transforms_and_parts_of_a_3mf_are_honoured(look, tmp_path, r, name):
     corners = write.box(r)
     getattr(write, name)(tmp_path / "box.3mf", corners)
     assert_box(look(tmp_path / "box.3mf"), corners)
+
+
+def test_values_of_a_3mf_lie_where_its_mesh_is(worker, tmp_path):
+    """Two boxes in inches, one beside the other: the numbers of their objects."""
+    corners = write.box(numpy.random.default_rng(7))
+    corners = (corners - corners.min(0)) / numpy.ptp(corners, axis=0)
+    write.write_3mf(tmp_path / "two.3mf", f'<object id="1">{write.mesh_of_3mf(corners)}</object><object id="2">{write.mesh_of_3mf(corners + (3, 0, 0))}'
+                    "</object>", '<item objectid="1"/><item objectid="2"/>', 'unit="inch"')
+    done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "two.3mf")}}, "sampling": {"count": 100}, "solver": {"max_sweeps": 1},
+                   "attributes": [{"name": "group"}], "output": {"preview": False}})
+    assert done.returncode in (0, 10, 11), done.stderr
+    points = read_columns((tmp_path / "out/points.ply").read_bytes())
+    assert len(set(points["group"][points["x"] < 30])) == len(set(points["group"][points["x"] > 70])) == 1
+    assert len(set(points["group"])) == 2 and points["x"].max() == pytest.approx(4 * 25.4)
+
+
+def test_values_of_a_quantised_gltf_are_refused(worker, tmp_path, r):
+    write.quantised(tmp_path / "box.glb", write.box(r), "<u2", True, 8)
+    done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "box.glb")}}, "sampling": {"count": 30},
+                   "attributes": [{"name": "normal", "as": "n"}], "output": {"preview": False}})
+    error = json.loads(done.stderr.splitlines()[-1])
+    assert error["code"] == "input_unsupported" and "KHR_mesh_quantization" in error["message"], error
 
 
 def test_digits_of_a_3mf_are_kept(look, tmp_path):
