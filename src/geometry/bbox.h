@@ -35,6 +35,11 @@ static inline bbox bbox_unite(bbox a, bbox b)
                    a.max.z > b.max.z ? a.max.z : b.max.z}};
 }
 
+static inline bbox bbox_move(bbox b, vec3 by)
+{
+    return (bbox){vec3_add(b.min, by), vec3_add(b.max, by)};
+}
+
 /* What both have in common; min > max somewhere where that is nothing. */
 static inline bbox bbox_common(bbox a, bbox b)
 {

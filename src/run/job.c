@@ -206,7 +206,8 @@ bool job_survey(job *j, error *e)
 {
     progress_enter(&j->progress, PROGRESS_START);
     j->scan = surface_scan(j->source.field, j->pool, e);
-    if (!j->scan || !find_curves(j, e)) return false;
+    if (!j->scan) return source_prefix_origin(&j->source, e);
+    if (!find_curves(j, e)) return false;
     if (j->spec->time_s > 0) return true; /* runs of several counts are to come */
     double wanted = 0;
     if (j->spec->resolve) {

@@ -325,13 +325,19 @@ bool mesh_source_open(const mesh_source_request *request, volume **as_volume, me
     const mesh_file file = {v->fd, v->path, v->reader, v->resolution.memory_limit};
     welded w = {0};
     mesh_notes read = {0};
+    mesh_source_request moved = *request;
+    bbox region;
     if (!mesh_file_read(&file, &w.m, &read, e)) return error_prefix(e, "%s", v->path);
     *origin = request->may_move ? far_origin(&w.m, v->pool) : vec3_make(0, 0, 0);
     if (vec3_norm(*origin) > 0) move_to_origin(&w.m, *origin);
+    if (request->region) {
+        region = bbox_move(*request->region, vec3_scale(*origin, -1));
+        moved.region = &region;
+    }
     bool ok =
         mesh_weld_clean(&w.m, v->pool, e) && (!w.m.welded || mesh_edges_list(&w.m, v->pool, &w.edges, e));
     if (!ok) error_prefix(e, "%s", v->path);
-    ok = ok && open_read(request, &w, &read, as_volume, as_patches, notes, e);
+    ok = ok && open_read(&moved, &w, &read, as_volume, as_patches, notes, e);
     mesh_edges_free(&w.edges);
     mesh_free(&w.m);
     return ok;

@@ -218,13 +218,13 @@ static volume *open_grid(const spec_vdb *v, double offset, int fd, const opening
     return volume_open(&request, e);
 }
 
-/* Whether a mesh is all of the surface, and the job names no place in its space: then its space may have another origin. Of a mesh
- * whose interior is dropped errors name places. */
+/* Whether a mesh is all of the surface, and the job names no place in its space but a box: then its space may have another origin. Of
+ * a mesh whose interior is dropped errors name places. */
 static bool may_move(const spec_mesh *m, double offset, const opening *o, const source_part *out)
 {
     const spec *s = o->spec;
-    return out == &o->source->whole && offset == 0 && !s->has_region && !s->region_inside && !s->has_grid &&
-           !s->coherent && m->interior != SPEC_INTERIOR_DROP;
+    return out == &o->source->whole && offset == 0 && !(s->has_region && s->features) && !s->region_inside &&
+           !s->has_grid && !s->coherent && m->interior != SPEC_INTERIOR_DROP;
 }
 
 static bool open_mesh(const spec_mesh *m, double offset, int fd, const opening *o, source_part *out, error *e)
@@ -630,7 +630,9 @@ static bool open_source(const spec *s, size_t memory, isa kernels, threads *pool
         if (!(out->creased = creased_source_open(s, &out->whole, &out->inside, e))) return false;
         out->field = creased_field(out->creased);
     } else if (s->has_region && !out->field->patches) {
-        out->region = region_new(out->field, (bbox){s->region.min, s->region.max}, e);
+        const bbox box = bbox_move((bbox){s->region.min, s->region.max}, vec3_scale(out->origin, -1));
+        out->region = region_new(out->field, box, e);
+        if (!out->region) source_prefix_origin(out, e);
         if (!out->region) return out->input_count ? error_prefix(e, "%s", out->inputs[0].path) : false;
         out->field = region_field(out->region);
     }
@@ -652,6 +654,12 @@ bool source_open(const spec *s, const store_roots *roots, size_t memory, isa ker
     const bool ok = open_source(s, memory, kernels, pool, out, e);
     out->hashes_beside = false;
     return settle_hash(out, ok ? e : NULL) && ok;
+}
+
+bool source_prefix_origin(const source *s, error *e)
+{
+    const vec3 o = s->origin;
+    return vec3_norm(o) > 0 ? error_prefix(e, "relative to (%.17g, %.17g, %.17g)", o.x, o.y, o.z) : false;
 }
 
 const field *source_world(const source *s)

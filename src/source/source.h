@@ -77,6 +77,9 @@ int source_open_file(source *s, const char *path, error *e);
 /* A stack of images as it is opened, but for the limit of memory; `files` opens them. */
 exr_stack_params source_stack(const spec_exr *x, const slices_files *files);
 
+/* Says of an error that names places in the space that is sampled where its origin is, unless that is the world's; returns false. */
+bool source_prefix_origin(const source *s, error *e);
+
 /* The surface in world space, for who asks for F: the field itself unless its space is turned. */
 const field *source_world(const source *s);
 

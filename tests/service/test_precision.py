@@ -73,8 +73,8 @@ def test_a_sequence_far_from_the_origin_has_a_translation_for_each_frame(worker,
         assert "    double3 xformOp:translate" in text and '    uniform token[] xformOpOrder = ["xformOp:translate"]\n' in text
 
 
-ALL_FAR = [pytest.param(kind, at, marks=[] if (kind, at[0]) in (("closed", 1e9), ("open", 1e8), ("sharp", 1e8)) else pytest.mark.extended)
-           for kind in ("closed", "open", "sharp", "fine") for at in ((1e8, -1e8, 1e8), (1e9, 0, 0))]
+ALL_FAR = [pytest.param(kind, at, marks=[] if (kind, at[0]) in (("closed", 1e9), ("open", 1e8), ("sharp", 1e8), ("cut", 1e8)) else pytest.mark.extended)
+           for kind in ("closed", "open", "sharp", "fine", "cut") for at in ((1e8, -1e8, 1e8), (1e9, 0, 0))]
 
 
 @pytest.mark.parametrize("kind, offset", ALL_FAR)
@@ -92,17 +92,29 @@ def test_a_mesh_far_from_the_origin_is_solved_as_near_to_it(worker, tmp_path, ki
     found = []
     for at in ((0, 0, 0), offset):
         precision.write_ply(tmp_path / "mesh.ply", vertices + at, faces)
-        coarse = {"resolution": 40} if kind == "closed" else {}  # of the level set
+        coarse = {"resolution": 40} if kind in ("closed", "cut") else {}  # of the level set
+        region = {"region": {"min": [at[0], at[1] - 1, at[2] - 1], "max": [at[0] + 1, at[1] + 1, at[2] + 1]}} if kind == "cut" else {}
         done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "mesh.ply"), **coarse}},
-                       "sampling": {"count": 3000 if kind == "fine" else 500}, "output": {"preview": False, "ply": {"precision": "double"}}})
+                       "sampling": {"count": 3000 if kind == "fine" else 500}, "output": {"preview": False, "ply": {"precision": "double"}}, **region})
         assert done.returncode == 0, done.stderr
         report = json.loads((tmp_path / "out/report.json").read_text())
         columns = read_columns((tmp_path / "out/points.ply").read_bytes())
         positions = numpy.stack([columns[a] for a in "xyz"], 1) - at
         box = report["surface"]["bounding_box"]
-        assert numpy.allclose(box["min"], numpy.array(at) + vertices[faces].min((0, 1)), rtol=0, atol=2e-3)
+        low = vertices[faces].min((0, 1)) * ([0, 1, 1] if kind == "cut" else 1)
+        assert numpy.allclose(box["min"], numpy.array(at) + low, rtol=0, atol=2e-3)
         found.append((report["outcome"], report["quality"], positions))
     (outcome, near, a), (same, far, b) = found
+    assert kind != "cut" or b[:, 0].min() >= 0
     assert outcome == same == "converged" and abs(near["hex_fraction"] - far["hex_fraction"]) < 0.03
     assert far["coverage"] < near["coverage"] + 0.05 and far["max_residual"] < 1e-4 and far["min_spacing_ratio"] > near["min_spacing_ratio"] - 0.05
     assert numpy.abs(a.min(0) - b.min(0)).max() < 2e-3 and len(a) == len(b)
+
+
+def test_a_region_that_misses_a_mesh_far_away_says_where_it_is(worker, tmp_path):
+    vertices, faces = precision.icosphere(1, 0.0625)
+    precision.write_ply(tmp_path / "mesh.ply", vertices + 1e8, faces)
+    done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "mesh.ply"), "resolution": 16}}, "sampling": {"count": 50},
+                   "region": {"min": [1e8 - 0.01] * 3, "max": [1e8 + 0.01] * 3}})
+    error = json.loads(done.stderr.splitlines()[-1])
+    assert error["code"] == "no_surface" and ("relative to (100000000, 100000000, 100000000)" in error["message"]), error
