@@ -21,6 +21,7 @@
 #include "meshfile/plain_mesh.h"
 #include "meshfile/ply_strips.h"
 #include "meshfile/ply_values.h"
+#include "meshfile/xml_tags.h"
 
 /* What assimp takes for a byte of the file, at most: measured at 30 for binary STL (three vertices of their
  * own for each triangle of 50 bytes, with lists of faces), less for text. More means a size that the file
@@ -259,17 +260,36 @@ static void answer_values(walk *w, const ply_values *own)
     }
 }
 
-/* `own`: what a PLY file has beside what the library knows; NULL: values are not asked for. `end`: as in the header. `unit`: by
- * what coordinates are multiplied. */
-static int answer_scene(const struct aiScene *scene, const ply_values *own, size_t end, double unit)
+/* The unit of an FBX file, in centimetres; 1 of any other. */
+static double unit_of_scene(const struct aiScene *scene)
 {
-    walk w = {.scene = scene, .header = {.magic = MESH_READER_MAGIC, .end = end}};
+    const struct aiMetadata *data = scene->mMetaData;
+    float unit = 1;
+    for (unsigned k = 0; data && k < data->mNumProperties; k++)
+        if (strcmp(data->mKeys[k].data, "UnitScaleFactor") == 0 && data->mValues[k].mType == AI_FLOAT)
+            memcpy(&unit, data->mValues[k].mData, sizeof unit);
+    return (double)unit;
+}
+
+/* `own`: what a PLY file has beside what the library knows; NULL: values are not asked for. `end`: as in the header. `known`: what
+ * plain_mesh knows of the file: its unit and warnings. */
+static int answer_scene(const struct aiScene *scene, const ply_values *own, size_t end, plain_mesh *known)
+{
+    const double unit = known->unit > 0 ? known->unit : 1, centimetres = unit_of_scene(scene);
+    if (centimetres != 1)
+        plain_mesh_warn(known, "the unit of the file is %g centimetres: coordinates are those of the file",
+                        centimetres);
+    walk w = {
+        .scene = scene,
+        .header = {.magic = MESH_READER_MAGIC, .text_length = (uint32_t)strlen(known->text), .end = end}};
     struct aiMatrix4x4 scaled;
     aiMatrix4Scaling(&scaled, &(struct aiVector3D){(float)unit, (float)unit, (float)unit});
     for (w.pass = COUNT; w.pass <= TRIANGLES && !w.failed; w.pass++) {
         w.first = 0;
         visit(&w, scene->mRootNode, scaled, 0);
-        if (w.pass == COUNT && fwrite(&w.header, sizeof w.header, 1, stdout) != 1) w.failed = true;
+        if (w.pass == COUNT && (fwrite(&w.header, sizeof w.header, 1, stdout) != 1 ||
+                                fwrite(known->text, 1, w.header.text_length, stdout) != w.header.text_length))
+            w.failed = true;
     }
     if (own && !w.failed) answer_values(&w, own);
     return w.failed || fflush(stdout) != 0 ? 1 : 0;
@@ -372,11 +392,40 @@ static int answer_refusal(const bytes *b, size_t memory, const char *why)
     return answer_fault(ERROR_INPUT_DAMAGED, text);
 }
 
+/* Of AMF as text, which the library reads without its unit. */
+static void read_amf_unit(const char *data, plain_mesh *out)
+{
+    xml_tag tag;
+    if (!xml_next_tag(&data, &tag) || !xml_is(tag.name, "amf")) return;
+    const xml_word unit = xml_attribute(&tag, "unit");
+    plain_mesh_read_unit(unit.at, unit.length, out, &out->unit);
+}
+
 /* Whether plain_mesh knows of the file what the library does not, also where the library reads it. */
 static bool is_read_for_values(const char *ending)
 {
     return strcasecmp(ending, "glb") == 0 || strcasecmp(ending, "gltf") == 0 ||
            strcasecmp(ending, "3mf") == 0;
+}
+
+/* Ends the process where the file is read without the library, or refused. Else *plain is what is known of it for the library. */
+static void try_plain(const char *ending, const bytes *b, bool wants_values, plain_mesh *plain)
+{
+    const char *foreign;
+    if (!wants_values || is_read_for_values(ending)) {
+        const bool is_plain = plain_mesh_read(ending, b->data, b->size, plain);
+        if (is_plain && !wants_values) _exit(answer_plain(plain, 0));
+        if (plain->is_quantised)
+            plain_mesh_refuse(plain, ERROR_INPUT_UNSUPPORTED,
+                              "what its vertices have is not read, since it has quantised positions "
+                              "(KHR_mesh_quantization). Save it with floats.");
+        free(plain->vertex);
+        free(plain->triangle);
+    }
+    if (strcasecmp(ending, "amf") == 0) read_amf_unit(b->data, plain);
+    if ((foreign = foreign_format(b->data, b->size)))
+        plain_mesh_refuse(plain, ERROR_INPUT_UNSUPPORTED, "%s", foreign);
+    if (plain->refused != ERROR_NONE) _exit(answer_fault(plain->refused, plain->text));
 }
 
 __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **argv)
@@ -386,22 +435,9 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
     if (!memory) return 2;
     snprintf(b.name, sizeof b.name, "mesh%s%.20s", *argv[1] ? "." : "", argv[1]);
     ply_strips strips = PLY_STRIPS_READ;
-    plain_mesh plain;
+    plain_mesh plain = {0};
     const bool wants_values = strcmp(argv[0], MESH_VALUES_COMMAND) == 0, read = read_bytes(&b);
-    double unit = 1;
-    if (read && (!wants_values || is_read_for_values(argv[1]))) {
-        const bool is_plain = plain_mesh_read(argv[1], b.data, b.size, &plain);
-        if (plain.refused != ERROR_NONE) _exit(answer_fault(plain.refused, plain.text));
-        if (is_plain && !wants_values) _exit(answer_plain(&plain, 0));
-        if (plain.is_quantised)
-            _exit(answer_fault(ERROR_INPUT_UNSUPPORTED,
-                               "what its vertices have is not read, since it has quantised positions "
-                               "(KHR_mesh_quantization). Save it with floats."));
-        if (plain.unit > 0) unit = plain.unit;
-        plain_mesh_free(&plain);
-    }
-    const char *foreign = read ? foreign_format(b.data, b.size) : NULL;
-    if (foreign) _exit(answer_fault(ERROR_INPUT_UNSUPPORTED, foreign));
+    if (read) try_plain(argv[1], &b, wants_values, &plain);
     const size_t whole = b.size,
                  end = read ? cut_end(argv[1], &b) : 0; /* readers take no file with more in it */
     if (b.size < whole && !wants_values && plain_mesh_read(argv[1], b.data, b.size, &plain))
@@ -421,7 +457,7 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
                             "the file is larger than the memory limit: raise limits.memory_mb");
     struct aiFileIO io = {open_file, close_file, (aiUserData)&b};
     const struct aiScene *scene = aiImportFileEx(b.name, aiProcess_Triangulate, &io);
-    int status = scene && scene->mRootNode ? answer_scene(scene, wants_values ? &own : NULL, end, unit)
+    int status = scene && scene->mRootNode ? answer_scene(scene, wants_values ? &own : NULL, end, &plain)
                                            : answer_refusal(&b, memory, aiGetErrorString());
     _exit(status); /* nothing is left to do but to free what the library built */
 }

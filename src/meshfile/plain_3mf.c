@@ -277,31 +277,30 @@ static char *find_root(package *p)
     return path;
 }
 
-static bool read_unit(package *p, const xml_tag *model, double *out)
+bool plain_mesh_read_unit(const char *unit, size_t length, plain_mesh *out, double *millimetres)
 {
     static const struct {
         const char *name;
         double millimetres;
-    } units[] = {{"micron", 0.001}, {"millimeter", 1}, {"centimeter", 10},
-                 {"inch", 25.4},    {"foot", 304.8},   {"meter", 1000}};
-    const xml_word unit = xml_attribute(model, "unit");
-    *out = 1;
-    if (!unit.at) return true;
+    } units[] = {{"micron", 0.001}, {"millimeter", 1}, {"centimeter", 10}, {"inch", 25.4},
+                 {"foot", 304.8},   {"feet", 304.8},   {"meter", 1000}};
+    *millimetres = 1;
+    if (!unit) return true;
     for (size_t k = 0; k < sizeof units / sizeof *units; k++)
-        if (xml_is(unit, units[k].name)) {
-            *out = units[k].millimetres;
-            if (*out != 1)
+        if (strlen(units[k].name) == length && memcmp(units[k].name, unit, length) == 0) {
+            *millimetres = units[k].millimetres;
+            if (*millimetres != 1)
                 plain_mesh_warn(
-                    p->out,
+                    out,
                     "the unit of the file is %s: coordinates are multiplied by %g, which makes them millimetres",
-                    units[k].name, *out);
+                    units[k].name, *millimetres);
             return true;
         }
     return plain_mesh_refuse(
-        p->out, ERROR_INPUT_UNSUPPORTED,
-        "its unit \"%.*s\" is none of 3MF: micron, millimeter, centimeter, inch, foot, meter. Save it "
-        "with one of these.",
-        (int)(unit.length < 40 ? unit.length : 40), unit.at);
+        out, ERROR_INPUT_UNSUPPORTED,
+        "its unit \"%.*s\" is not known: micron, millimeter, centimeter, inch, foot, meter. Save "
+        "it with one of these.",
+        (int)(length < 40 ? length : 40), unit);
 }
 
 static bool build(package *p)
@@ -311,7 +310,10 @@ static bool build(package *p)
     const char *at = p->parts[0].text;
     bool is_building = false;
     while (xml_next_tag(&at, &tag)) {
-        if (!tag.is_end && xml_is(tag.name, "model") && !read_unit(p, &tag, &unit)) return false;
+        const xml_word word = xml_attribute(&tag, "unit");
+        if (!tag.is_end && xml_is(tag.name, "model") &&
+            !plain_mesh_read_unit(word.at, word.length, p->out, &unit))
+            return false;
         if (xml_is(tag.name, "build")) is_building = !tag.is_end && !tag.is_empty;
         if (tag.is_end || !is_building || !xml_is(tag.name, "item")) continue;
         for (int k = 0; k < 3; k++) m[k][k] = unit;

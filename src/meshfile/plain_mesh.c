@@ -218,6 +218,7 @@ bool plain_mesh_read(const char *ending, const char *data, size_t size, plain_me
         if (strcasecmp(ending, formats[k].ending) == 0 && formats[k].read(data, size, out) &&
             (out->triangles > 0 || formats[k].is_final))
             return true;
+    if (out->refused == ERROR_NONE) out->text[0] = 0;
     free(out->vertex);
     free(out->triangle);
     out->vertex = NULL;

@@ -39,6 +39,10 @@ bool plain_mesh_read_off(const char *data, size_t size, plain_mesh *out);
 bool plain_mesh_read_gltf(const char *data, size_t size, plain_mesh *out);
 bool plain_mesh_read_3mf(const char *data, size_t size, plain_mesh *out);
 
+/* Of 3MF and AMF: how many millimetres the unit of a document is, with a warning unless it is 1; a unit that is not known is refused. No
+ * unit is a millimetre. */
+bool plain_mesh_read_unit(const char *unit, size_t length, plain_mesh *out, double *millimetres);
+
 /* Refuses the file, unless it is refused already; returns false. */
 bool plain_mesh_refuse(plain_mesh *m, error_code code, const char *format, ...)
     __attribute__((format(printf, 3, 4)));

@@ -232,6 +232,27 @@ def of_production(path, corners):
               {"3D/Objects/a.model": f'<object id="1">{mesh_of_3mf(corners / 25.4)}</object>'})
 
 
+def amf(path, corners, unit):
+    vertices = "".join("<vertex><coordinates><x>%r</x><y>%r</y><z>%r</z></coordinates></vertex>" % tuple(v) for v in corners.tolist())
+    triangles = "".join("<triangle><v1>%d</v1><v2>%d</v2><v3>%d</v3></triangle>" % tuple(f) for f in FACES)
+    path.write_text(f"""<?xml version="1.0" encoding="UTF-8"?>\n<!-- unit="foot" -->
+<amf{f' unit="{unit}"' if unit else ""}><object id="0"><mesh><vertices>{vertices}</vertices><volume>{triangles}</volume></mesh></object></amf>""")
+
+
+def fbx(path, corners, unit):
+    """As text; `unit` in centimetres."""
+    numbers = ",".join(map(repr, corners.ravel().tolist()))
+    indices = ",".join(f"{a},{b},{-c - 1}" for a, b, c in FACES)
+    path.write_text(f"""; FBX 7.3.0 project file
+FBXHeaderExtension:  {{\n FBXHeaderVersion: 1003\n FBXVersion: 7300\n}}
+GlobalSettings:  {{\n Version: 1000\n Properties70:  {{\n  P: "UnitScaleFactor", "double", "Number", "",{unit}\n }}\n}}
+Objects:  {{
+ Geometry: 1001, "Geometry::box", "Mesh" {{\n  Vertices: *24 {{\n   a: {numbers}\n  }}\n  PolygonVertexIndex: *36 {{\n   a: {indices}\n  }}
+  GeometryVersion: 124\n }}\n Model: 2001, "Model::box", "Mesh" {{\n  Version: 232\n }}\n}}
+Connections:  {{\n C: "OO",2001,0\n C: "OO",1001,2001\n}}
+""")
+
+
 # ---- OBJ, PLY and OFF
 
 def obj_lines(corners):

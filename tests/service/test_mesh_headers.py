@@ -240,6 +240,26 @@ def test_objects_outside_of_a_build_are_warned_of(look, tmp_path, r):
     assert "1 of 2 objects" in found["notes"][0] and "beam" in found["notes"][1]
 
 
+# ---- units of AMF and FBX
+
+@pytest.mark.parametrize("unit, factor", [("inch", 25.4), ("millimeter", 1), (None, 1), ("meter", 1000), ("feet", 304.8), ("micron", 0.001)])
+def test_an_amf_is_read_in_millimetres(look, tmp_path, r, unit, factor):
+    corners = write.box(r)
+    write.amf(tmp_path / "box.amf", corners / factor, unit)
+    found = look(tmp_path / "box.amf")
+    assert_box(found, corners, 1e-6)
+    assert [unit in note for note in found["notes"]] == [True] * (factor != 1)
+
+
+@pytest.mark.parametrize("unit", [1, 2.54, 100])
+def test_the_unit_of_an_fbx_is_warned_of(look, tmp_path, r, unit):
+    corners = write.box(r)
+    write.fbx(tmp_path / "box.fbx", corners, unit)
+    found = look(tmp_path / "box.fbx")
+    assert_box(found, corners, 1e-6)
+    assert [f"{unit:g} centimetres" in note for note in found["notes"]] == [True] * (unit != 1)
+
+
 # ---- OBJ
 
 @pytest.mark.parametrize("how", [
