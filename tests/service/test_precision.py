@@ -118,3 +118,29 @@ def test_a_region_that_misses_a_mesh_far_away_says_where_it_is(worker, tmp_path)
                    "region": {"min": [1e8 - 0.01] * 3, "max": [1e8 + 0.01] * 3}})
     error = json.loads(done.stderr.splitlines()[-1])
     assert error["code"] == "no_surface" and ("relative to (100000000, 100000000, 100000000)" in error["message"]), error
+
+
+def test_points_that_floats_about_an_origin_do_not_hold_are_warned_of(worker, tmp_path):
+    """Two sheets, 1e5 apart."""
+    corners = [(x + a, b, 0) for x in (0, 1e5) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    (tmp_path / "two.obj").write_text("".join("v %r %r %r\n" % c for c in corners) + "f 1 2 3 4\nf 5 6 7 8\n")
+    spec = {"version": 1, "surface": {"mesh": {"path": str(tmp_path / "two.obj")}}, "sampling": {"spacing": 0.25},
+            "solver": {"max_sweeps": 5}, "output": {"preview": False, "points_npz": True}}
+    told = []
+    for more in ({}, {"points_glb": True}, {"points_usda": True}):
+        done = worker(spec | {"output": spec["output"] | more})
+        assert done.returncode in (0, 10, 11), done.stderr
+        warnings = json.loads((tmp_path / "out/report.json").read_text())["surface"]["warnings"]
+        told.append([w for w in warnings if "points.glb and points.usda" in w])
+    assert [len(t) for t in told] == [0, 1, 1] and "Use points.ply" in told[1][0]
+
+
+def test_the_case_far_from_the_origin_is_held_by_every_output(worker, shared_data, tmp_path):
+    done = worker({"version": 1, "surface": {"mesh": {"path": str(shared_data / "cases/far_origin.ply")}}, "sampling": {"count": 3000},
+                   "solver": {"max_sweeps": 20}, "output": {"preview": False, **precision.OUTPUTS}})
+    assert done.returncode in (0, 10, 11), done.stderr
+    report = json.loads((tmp_path / "out/report.json").read_text())
+    positions = precision.read_npz(tmp_path / "out/points.npz")
+    for name in precision.READERS:
+        if name != "points.vdb" or shutil.which("vdb_tool"):
+            assert precision.error(name, tmp_path / "out", report, positions) < 1e-3
