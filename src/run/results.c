@@ -137,11 +137,16 @@ static double largest_rounding(const points *set, vec3 origin, double h, threads
     return worst;
 }
 
-static vec3 middle_of(const points *set)
+/* A place near the middle, in steps of about the longest side: frames of a sequence that move by less mostly share it, and a program
+ * that interpolates translations between frames changes none. */
+static vec3 origin_of(const points *set)
 {
     bbox box = bbox_empty();
     for (size_t i = 0; i < set->count; i++) box = bbox_include(box, set->position[i]);
-    return vec3_scale(vec3_add(box.min, box.max), 0.5);
+    vec3 middle = vec3_scale(vec3_add(box.min, box.max), 0.5);
+    const double step = bbox_longest(box) > 0 ? exp2(ceil(log2(bbox_longest(box)))) : 0;
+    for (int k = 0; step > 0 && k < 3; k++) vec3_set(&middle, k, step * round(vec3_get(middle, k) / step));
+    return middle;
 }
 
 /* `job` holds the name and the points, and is filled in. Beside what follows, if asked for and worth a thread: text takes all of them, as
@@ -585,7 +590,7 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     facts.max_residual = largest_residual(in->field, in->set, as_float, in->h, pool);
     const bool is_coarse = largest_rounding(in->set, (vec3){0, 0, 0}, in->h, pool) > RESULTS_RESIDUAL;
     if (is_coarse) {
-        facts.origin = middle_of(in->set);
+        facts.origin = origin_of(in->set);
         facts.rounding = largest_rounding(in->set, facts.origin, in->h, pool);
     }
     if (as_float && (is_coarse || !(facts.max_residual <= RESULTS_RESIDUAL))) {
