@@ -74,10 +74,10 @@ static bool take_line(const char *line, obj_facts *facts, plain_mesh *out)
 {
     static const char *const elements[] = {"p", "l"}, *const forms[] = {"curv", "surf"};
     static const char *const passed[] = {
-        "vn",        "vt",     "vp",     "g",     "o",        "s",        "mg",   "usemtl",
-        "mtllib",    "maplib", "usemap", "bevel", "c_interp", "d_interp", "lod",  "shadow_obj",
-        "trace_obj", "cstype", "deg",    "bmat",  "step",     "curv2",    "parm", "trim",
-        "hole",      "scrv",   "sp",     "end",   "con",      "ctech",    "stech"};
+        "f",          "vn",        "vt",     "vp",     "g",     "o",        "s",        "mg",
+        "usemtl",     "mtllib",    "maplib", "usemap", "bevel", "c_interp", "d_interp", "lod",
+        "shadow_obj", "trace_obj", "cstype", "deg",    "bmat",  "step",     "curv2",    "parm",
+        "trim",       "hole",      "scrv",   "sp",     "end",   "con",      "ctech",    "stech"};
     const size_t word = strcspn(line, " \t\r\n#");
     if (word == 0 || is_one_of(line, word, passed, sizeof passed / sizeof *passed)) return true;
     if (is_one_of(line, word, elements, sizeof elements / sizeof *elements)) {
