@@ -66,6 +66,7 @@ def test_quantised_positions_of_gltf_are_read(look, tmp_path, r, kind, normalise
     assert found["notes"] == []
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("name", ["nested_nodes", "sparse", "sparse_of_nothing", "without_indices", "strips", "fans", "far_node"])
 @pytest.mark.parametrize("ending", ["glb", "gltf"])
 def test_nodes_and_accessors_of_gltf_are_honoured(look, tmp_path, r, name, ending):
@@ -83,6 +84,7 @@ def test_a_translation_of_a_node_keeps_the_digits_of_the_file(look, tmp_path):
     assert_box(look(tmp_path / "far.glb"), corners + (1e9, -1e9, 12345678.25), 1e-15)
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("extension", ["EXT_meshopt_compression", "MSFT_lod", "EXT_mesh_gpu_instancing", "VENDOR_shape", "KHR_gaussian_splatting"])
 def test_an_extension_that_a_gltf_requires_is_refused_by_its_name(look, tmp_path, r, extension):
     g = write.Gltf(extensionsUsed=[extension], extensionsRequired=["KHR_mesh_quantization", extension])
@@ -117,6 +119,7 @@ def test_a_separate_file_of_a_gltf_is_reported_as_missing(look, tmp_path, r, uri
     assert error["code"] == "input_missing" and f'"{uri}" is missing' in error["message"] and ".glb" in error["message"], error
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("damage, words", [
     (lambda d: d["accessors"][0].update(count=9), "accessor 0"), (lambda d: d["accessors"][1].update(count=37), "accessor 1"),
     (lambda d: d["accessors"][0].update(type="VEC4"), "accessor 0"), (lambda d: d["bufferViews"][0].update(byteLength=10 ** 9), "accessor 0"),
@@ -207,6 +210,7 @@ def test_digits_of_a_3mf_are_kept(look, tmp_path):
     assert_box(look(tmp_path / "box.3mf"), corners, 1e-15)
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("attributes, words", [
     ('unit="cubit"', 'unit "cubit"'), ('requiredextensions="b" xmlns:b="http://schemas.microsoft.com/3dmanufacturing/beamlattice/2017/02"', "beamlattice"),
     ('requiredextensions="v" xmlns:v="http://schemas.3mf.io/volumetric"', "volumetric"),
@@ -219,6 +223,7 @@ def test_what_a_3mf_requires_is_refused_by_its_name(look, tmp_path, attributes, 
     assert error.get("code") == "input_unsupported" and words in error["message"], error
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("item", ['<item objectid="2"/>', "<item/>", '<item objectid="1" transform="1 0 0"/>', '<item objectid="1"',
                                   '<item objectid="3"/>', '<item objectid="4"/>', '<item objectid="1" p:path="/none.model"/>'])
 def test_a_damaged_3mf_is_refused(look, tmp_path, item):
@@ -262,6 +267,7 @@ def test_the_unit_of_an_fbx_is_warned_of(look, tmp_path, r, unit):
 
 # ---- OBJ
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("how", [
     {"face": "f {} # comment"}, {"face": "f {} #comment \\"}, {"vertex": "{} # a vertex"}, {"face": "f {}\t# 1 2 3", "end": "\r\n"},
     {"vertex": "{}#", "face": "f {}#"}, {"before": "# o \\", "face": "f {} "}, {"vertex": "{} 1.0"}, {"vertex": "{} 0.5 0.25 0.125"},
@@ -348,6 +354,7 @@ def test_an_stl_is_its_triangles_whatever_its_header_has(look, tmp_path, r, how)
 
 # ---- OFF
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("how", [{"binary": True}, {"binary": True, "prefix": "C", "colours": 3}, {"binary": True, "prefix": "N"},
                                  {"binary": True, "prefix": "STCN", "colours": 4}, {"binary": True, "prefix": "4", "w": 2},
                                  {"binary": True, "dimensions": 3}, {"prefix": "C", "colours": 3}, {"prefix": "N"}, {"prefix": "STCN"},
@@ -428,6 +435,7 @@ def test_a_format_that_is_not_read_is_named_with_a_converter(worker, tmp_path, n
     assert kind in error["message"] and converter in error["message"] and name in error["message"], error
 
 
+@pytest.mark.sanitized
 def test_an_archive_that_is_no_3mf_is_refused(look, tmp_path):
     with zipfile.ZipFile(tmp_path / "a.3mf", "w") as archive:
         archive.writestr("readme.txt", "nothing")

@@ -21,7 +21,6 @@ def measured(build, tmp_path_factory):
     return {offset: precision.run(build / "hexad-worker", tmp_path_factory.mktemp("far"), offset) for offset in precision.OFFSETS}
 
 
-@pytest.mark.plain
 @pytest.mark.parametrize("name", precision.READERS)
 def test_every_output_holds_its_points_at_any_distance(measured, name):
     """To 1e-3 spacings, translation and local value added in doubles; near the origin PLY, glTF and USD hold floats and no translation."""
@@ -36,7 +35,6 @@ def test_every_output_holds_its_points_at_any_distance(measured, name):
         assert b"property float x" in (near / name).read_bytes()
 
 
-@pytest.mark.plain
 def test_floats_that_move_points_along_the_surface_are_doubles(worker, tmp_path):
     """A sheet in a plane z = 0: floats keep its points on the plane, and move them along it."""
     def run(x):
@@ -78,7 +76,6 @@ ALL_FAR = [pytest.param(kind, at, marks=[] if (kind, at[0]) in (("closed", 1e9),
 
 
 @pytest.mark.parametrize("kind, offset", ALL_FAR)
-@pytest.mark.plain
 def test_a_mesh_far_from_the_origin_is_solved_as_near_to_it(worker, tmp_path, kind, offset):
     """A radius of 0.05 at 1e8, where doubles are 1.5e-8 apart; as level set and on its triangles."""
     vertices, faces = precision.icosphere(2 if kind == "sharp" else 3, 0.0625)
