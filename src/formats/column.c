@@ -107,12 +107,30 @@ static bool is_written(const points *s, const own_column *o)
     return o->written == ALWAYS || (o->written == WITH_COLOR && has_color);
 }
 
-static void attribute_column(const point_attribute *a, int component, column *out)
+column_type column_type_of_range(double least, double most)
+{
+    if (least >= INT32_MIN && most <= INT32_MAX) return COLUMN_INT;
+    return least >= 0 && most <= UINT32_MAX ? COLUMN_UINT : COLUMN_DOUBLE;
+}
+
+/* Without values it is not known yet. */
+static column_type whole_type(const point_attribute *a, int component, size_t count)
+{
+    double least = 0, most = 0;
+    for (size_t i = 0; a->values && i < count; i++) {
+        const double value = a->values[(size_t)a->components * i + (size_t)component];
+        least = fmin(least, value);
+        most = fmax(most, value);
+    }
+    return column_type_of_range(least, most);
+}
+
+static void attribute_column(const point_attribute *a, int component, size_t count, column *out)
 {
     const char *suffixes = a->kind == POINT_ATTRIBUTE_COLOR ? "rgba"
                            : a->kind == POINT_ATTRIBUTE_UV  ? "st"
                                                             : "xyzw";
-    *out = (column){.type = a->kind == POINT_ATTRIBUTE_INT ? COLUMN_INT : COLUMN_REAL,
+    *out = (column){.type = a->kind == POINT_ATTRIBUTE_INT ? whole_type(a, component, count) : COLUMN_REAL,
                     .values = a->values + component,
                     .stride = (size_t)a->components,
                     .scale = 1};
@@ -140,7 +158,7 @@ static int add_attributes(const points *s, const char *name, columns *list, erro
     for (size_t k = 0; k < s->attribute_count; k++)
         for (int c = 0; c < s->attributes[k].components; c++) {
             column made;
-            attribute_column(&s->attributes[k], c, &made);
+            attribute_column(&s->attributes[k], c, s->count, &made);
             if (name && strcmp(name, s->attributes[k].name) != 0 && strcmp(name, made.name) != 0) continue;
             if (!add(list, &made, e)) return -1;
             found++;

@@ -17,7 +17,14 @@
 
 enum { COLUMN_NAME_SIZE = 80, COLUMNS_MAX = 160 };
 
-typedef enum column_type { COLUMN_REAL, COLUMN_UINT, COLUMN_INT, COLUMN_UCHAR, COLUMN_TYPES } column_type;
+typedef enum column_type {
+    COLUMN_REAL,
+    COLUMN_UINT,
+    COLUMN_INT,
+    COLUMN_UCHAR,
+    COLUMN_DOUBLE, /* whole numbers beyond 32 bits, whatever the precision of real ones */
+    COLUMN_TYPES
+} column_type;
 
 typedef struct column {
     char name[COLUMN_NAME_SIZE];
@@ -58,5 +65,8 @@ void column_store(const column *c, size_t i, double value);
 
 /* The number in row i; of COLUMN_UCHAR and the like a whole one within its range. */
 double column_value(const column *c, size_t i);
+
+/* The type that whole numbers from `least` to `most` need: COLUMN_INT if that will do, else COLUMN_UINT or COLUMN_DOUBLE. */
+column_type column_type_of_range(double least, double most);
 
 #endif

@@ -25,11 +25,22 @@ enum {
     CHUNK_WORDS = 2
 };
 
+/* Floats, which glTF has for attributes, tell whole numbers apart up to here. */
+static const double most_whole = 16777216;
+
+/* The different values of whole numbers that floats do not hold, ascending. In the place of each value is its number in the
+ * table, which the member `extras` of the primitive has under the attribute's name. */
+typedef struct table {
+    size_t count; /* 0: the numbers themselves are in the file */
+    double *value;
+} table;
+
 /* Of the set, with the name of each in the file. */
 typedef struct arrays {
     size_t count, points;
     property *list;
     char (*name)[80];
+    table *tables;
 } arrays;
 
 static void name_array(const property *p, char name[80])
@@ -46,28 +57,59 @@ static void name_array(const property *p, char name[80])
     for (char *c = name; *c; c++) *c = (char)toupper((unsigned char)*c);
 }
 
+static int by_value(const void *left, const void *right)
+{
+    const double a = *(const double *)left, b = *(const double *)right;
+    return (a > b) - (a < b);
+}
+
+static table make_table(const property *p, size_t rows)
+{
+    table t = {0};
+    if (p->largest <= most_whole) return t;
+    const size_t all = rows * (size_t)p->components;
+    t.value = mem_alloc(all * sizeof *t.value);
+    for (size_t k = 0; k < all; k++)
+        t.value[k] = property_value(p, k / (size_t)p->components, (int)(k % (size_t)p->components));
+    qsort(t.value, all, sizeof *t.value, by_value);
+    for (size_t k = 0; k < all; k++)
+        if (t.count == 0 || t.value[k] != t.value[t.count - 1]) t.value[t.count++] = t.value[k];
+    return t;
+}
+
 static arrays list_arrays(const points *set)
 {
     arrays a = {.points = set->count};
     a.list = mem_alloc((PROPERTIES_OWN + set->attribute_count) * sizeof *a.list);
     a.count = property_list(set, a.list);
     a.name = mem_alloc(a.count * sizeof *a.name);
-    for (size_t k = 0; k < a.count; k++) name_array(&a.list[k], a.name[k]);
+    a.tables = mem_alloc(a.count * sizeof *a.tables);
+    for (size_t k = 0; k < a.count; k++) {
+        name_array(&a.list[k], a.name[k]);
+        a.tables[k] = make_table(&a.list[k], set->count);
+    }
     return a;
 }
 
 static void free_arrays(arrays *a)
 {
+    for (size_t k = 0; k < a->count; k++) free(a->tables[k].value);
     free(a->list);
     free(a->name);
+    free(a->tables);
 }
 
 /* As the file has it: positions relative to the origin; a unit vector is one in single precision, too; colors in linear light.
  */
-static float number(const property *p, vec3 origin, size_t point, int c)
+static float number(const arrays *a, size_t k, vec3 origin, size_t point, int c)
 {
+    const property *p = &a->list[k];
+    const table *t = &a->tables[k];
     double value = property_value(p, point, c);
     if (p->role == PROPERTY_POSITION) value -= vec3_get(origin, c);
+    if (t->count > 0)
+        value =
+            (double)((const double *)bsearch(&value, t->value, t->count, sizeof value, by_value) - t->value);
     if (p->role == PROPERTY_COLOR) value = colormap_linear(fmin(fmax(value, 0), 1));
     return (float)value;
 }
@@ -78,14 +120,14 @@ static const char *type_of(int components)
     return types[components - 1];
 }
 
-static void put_bounds(json *accessor, const property *p, vec3 origin, size_t rows)
+static void put_bounds(json *accessor, const arrays *a, size_t k, vec3 origin)
 {
     json *least = json_put_array(accessor, "min"), *most = json_put_array(accessor, "max");
-    for (int c = 0; c < p->components; c++) {
+    for (int c = 0; c < a->list[k].components; c++) {
         float low = INFINITY, high = -INFINITY;
-        for (size_t i = 0; i < rows; i++) {
-            low = fminf(low, number(p, origin, i, c));
-            high = fmaxf(high, number(p, origin, i, c));
+        for (size_t i = 0; i < a->points; i++) {
+            low = fminf(low, number(a, k, origin, i, c));
+            high = fmaxf(high, number(a, k, origin, i, c));
         }
         json_append_number(least, (double)low);
         json_append_number(most, (double)high);
@@ -118,6 +160,18 @@ static void put_scene(json *root, const scene *place)
     for (int k = 0; k < 4; k++) json_append_number(rotation, from_z[k]);
 }
 
+static void put_tables(json *primitive, const arrays *a)
+{
+    json *extras = NULL;
+    for (size_t k = 0; k < a->count; k++) {
+        const table *t = &a->tables[k];
+        if (t->count == 0) continue;
+        if (!extras) extras = json_put_object(primitive, "extras");
+        json *values = json_put_array(extras, a->name[k]);
+        for (size_t i = 0; i < t->count; i++) json_append_number(values, t->value[i]);
+    }
+}
+
 static json *describe(const arrays *a, const scene *place, size_t *bytes)
 {
     json *root = json_new_object();
@@ -141,9 +195,10 @@ static json *describe(const arrays *a, const scene *place, size_t *bytes)
         json_put_integer(accessor, "componentType", FLOAT_NUMBERS);
         json_put_integer(accessor, "count", (int64_t)a->points);
         json_put_string(accessor, "type", type_of(p->components));
-        if (p->role == PROPERTY_POSITION) put_bounds(accessor, p, place->origin, a->points);
+        if (p->role == PROPERTY_POSITION) put_bounds(accessor, a, k, place->origin);
         *bytes += length;
     }
+    put_tables(primitive, a);
     json_put_integer(json_append_object(json_put_array(root, "buffers")), "byteLength", (int64_t)*bytes);
     json_put(root, "bufferViews", views);
     json_put(root, "accessors", accessors);
@@ -166,7 +221,7 @@ static bool write_numbers(FILE *file, const arrays *a, vec3 origin)
     for (size_t k = 0; k < a->count; k++)
         for (size_t i = 0; good && i < a->points; i++)
             for (int c = 0; c < a->list[k].components; c++) {
-                float value = number(&a->list[k], origin, i, c);
+                float value = number(a, k, origin, i, c);
                 uint32_t bits;
                 memcpy(&bits, &value, sizeof bits);
                 good = good && write_words(file, &bits, 1);
@@ -235,7 +290,7 @@ static bool verify_array(FILE *file, const json *root, long data, const arrays *
     for (size_t i = 0; i < a->points; i++)
         for (int c = 0; c < p->components; c++) {
             uint32_t bits;
-            float value, meant = number(p, origin, i, c);
+            float value, meant = number(a, k, origin, i, c);
             if (!read_words(file, &bits, 1)) return damaged(e, "it ends too early");
             memcpy(&value, &bits, sizeof value);
             if (memcmp(&value, &meant, sizeof value) != 0)

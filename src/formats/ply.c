@@ -3,6 +3,7 @@
 #include <endian.h>
 #include <errno.h>
 #include <inttypes.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -19,21 +20,23 @@ enum { LINE_MAX_BYTES = 1024 };
 
 static const char *const format_names[] = {"binary_little_endian", "ascii"};
 static const char *const precision_names[] = {"float", "double"};
+/* Doubles tell whole numbers apart up to here. */
+#define MOST_WHOLE 9007199254740991.0
 /* Whole numbers have a type of their own, whatever the others are. */
-static const char *const type_names[COLUMN_TYPES] = {NULL, "uint", "int", "uchar"};
-static const size_t type_bytes[COLUMN_TYPES] = {0, 4, 4, 1};
-static const double type_least[COLUMN_TYPES] = {0, 0, INT32_MIN, 0},
-                    type_most[COLUMN_TYPES] = {0, UINT32_MAX, INT32_MAX, UINT8_MAX};
+static const char *const type_names[COLUMN_TYPES] = {NULL, "uint", "int", "uchar", "double"};
+static const size_t type_bytes[COLUMN_TYPES] = {0, 4, 4, 1, 8};
+static const double type_least[COLUMN_TYPES] = {0, 0, INT32_MIN, 0, -MOST_WHOLE},
+                    type_most[COLUMN_TYPES] = {0, UINT32_MAX, INT32_MAX, UINT8_MAX, MOST_WHOLE};
 static const char face_property[] = "property list uchar int vertex_indices";
-static const char *const label_properties[2] = {"property int label_a", "property int label_b"};
+static const char *const label_names[2] = {"label_a", "label_b"};
 
-/* A triangle in binary: how many corners, and each; and two labels. */
-enum { FACE_BYTES = 1 + 3 * 4, LABEL_BYTES = 2 * 4, FACE_TEXT_LEAST = 8, LABEL_TEXT_LEAST = 4 };
+/* A triangle in binary: how many corners, and each. */
+enum { FACE_BYTES = 1 + 3 * 4, FACE_TEXT_LEAST = 8, LABEL_TEXT_LEAST = 4 };
 
 /* A triangle of a file. */
 typedef struct face {
     uint32_t corner[3];
-    int32_t label[2];
+    int64_t label[2];
 } face;
 
 static const char *type_name(column_type type, ply_precision precision)
@@ -79,6 +82,11 @@ static bool check_row(const double *row, const columns *what, size_t i, ply_prec
     return true;
 }
 
+static bool is_double(column_type type, ply_precision precision)
+{
+    return type == COLUMN_DOUBLE || (type == COLUMN_REAL && precision == PLY_DOUBLE);
+}
+
 /* The bytes of a number, whatever its type. */
 static void pack(double value, column_type type, ply_precision precision, char *out)
 {
@@ -86,7 +94,7 @@ static void pack(double value, column_type type, ply_precision precision, char *
     const float single = (float)value;
     uint64_t bits = 0;
     uint32_t half = 0;
-    if (type == COLUMN_REAL && precision == PLY_DOUBLE)
+    if (is_double(type, precision))
         memcpy(&bits, &value, sizeof value);
     else if (type == COLUMN_REAL)
         memcpy(&half, &single, sizeof single);
@@ -109,6 +117,8 @@ static double unpack(const char *in, column_type type, ply_precision precision)
     switch (type) {
     case COLUMN_REAL:
         return precision == PLY_DOUBLE ? value : (double)single;
+    case COLUMN_DOUBLE:
+        return value;
     case COLUMN_INT:
         return (int32_t)half;
     default:
@@ -189,6 +199,24 @@ static bool write_failed(error *e)
     return error_set(e, error_code_of_errno(errno), "cannot write the PLY file: %s", strerror(errno));
 }
 
+/* Of the labels of a set's triangles. */
+static column_type label_type_of(const points *set)
+{
+    int64_t least = 0, most = 0;
+    for (size_t k = 0; set->triangle_labels && k < set->triangle_count; k++)
+        for (int side = 0; side < 2; side++) {
+            const int64_t label = set->triangle_labels[k][side];
+            least = label < least ? label : least;
+            most = label > most ? label : most;
+        }
+    return column_type_of_range((double)least, (double)most);
+}
+
+static void label_property(column_type type, int side, char line[64])
+{
+    snprintf(line, 64, "property %s %s", type_names[type], label_names[side]);
+}
+
 static bool write_header(FILE *file, const points *set, const columns *what, ply_format format,
                          ply_precision precision, error *e)
 {
@@ -199,8 +227,11 @@ static bool write_header(FILE *file, const points *set, const columns *what, ply
                                what->list[c].name) > 0;
     if (set->triangle_count > 0)
         good = good && fprintf(file, "element face %zu\n%s\n", set->triangle_count, face_property) > 0;
-    for (int k = 0; k < 2 && set->triangle_count > 0 && set->triangle_labels; k++)
-        good = good && fprintf(file, "%s\n", label_properties[k]) > 0;
+    for (int k = 0; k < 2 && set->triangle_count > 0 && set->triangle_labels; k++) {
+        char line[64];
+        label_property(label_type_of(set), k, line);
+        good = good && fprintf(file, "%s\n", line) > 0;
+    }
     good = good && fputs("end_header\n", file) >= 0;
     return good || write_failed(e);
 }
@@ -269,19 +300,19 @@ static bool write_blocks(FILE *file, const batch *job, size_t count, error *e)
 static size_t print_face(const face *f, bool has_labels, char out[LINE_MAX_BYTES])
 {
     int n = sprintf(out, "3 %" PRIu32 " %" PRIu32 " %" PRIu32, f->corner[0], f->corner[1], f->corner[2]);
-    if (has_labels) n += sprintf(out + n, " %" PRId32 " %" PRId32, f->label[0], f->label[1]);
+    if (has_labels) n += sprintf(out + n, " %" PRId64 " %" PRId64, f->label[0], f->label[1]);
     out[n++] = '\n';
     out[n] = '\0';
     return (size_t)n;
 }
 
-static size_t pack_face(const face *f, bool has_labels, char out[LINE_MAX_BYTES])
+static size_t pack_face(const face *f, bool has_labels, column_type label, char out[LINE_MAX_BYTES])
 {
     out[0] = 3;
     for (int c = 0; c < 3; c++) pack(f->corner[c], COLUMN_UINT, PLY_FLOAT, out + 1 + 4 * c);
     for (int c = 0; has_labels && c < 2; c++)
-        pack(f->label[c], COLUMN_INT, PLY_FLOAT, out + FACE_BYTES + 4 * c);
-    return has_labels ? FACE_BYTES + LABEL_BYTES : FACE_BYTES;
+        pack((double)f->label[c], label, PLY_FLOAT, out + FACE_BYTES + type_bytes[label] * (size_t)c);
+    return has_labels ? FACE_BYTES + 2 * type_bytes[label] : FACE_BYTES;
 }
 
 static face face_of(const points *set, size_t k)
@@ -295,11 +326,12 @@ static face face_of(const points *set, size_t k)
 static bool write_triangles(FILE *file, const points *set, ply_format format, error *e)
 {
     bool good = true;
+    const column_type label = label_type_of(set);
     for (size_t k = 0; good && k < set->triangle_count; k++) {
         char text[LINE_MAX_BYTES];
         const face f = face_of(set, k);
         const size_t bytes = format == PLY_ASCII ? print_face(&f, set->triangle_labels, text)
-                                                 : pack_face(&f, set->triangle_labels, text);
+                                                 : pack_face(&f, set->triangle_labels, label, text);
         good = fwrite_unlocked(text, 1, bytes, file) == bytes;
     }
     return good || write_failed(e);
@@ -458,8 +490,16 @@ static bool read_header(FILE *file, ply_file *f, error *e)
     if (!parse_count(line, "face", &f->points.triangle_count, e) || !expect_line(file, face_property, e) ||
         !read_line(file, line, e))
         return false;
-    f->has_labels = strcmp(line, label_properties[0]) == 0;
-    if (f->has_labels) return expect_line(file, label_properties[1], e) && expect_line(file, "end_header", e);
+    static const column_type types[] = {COLUMN_INT, COLUMN_UINT, COLUMN_DOUBLE};
+    for (size_t k = 0; k < sizeof types / sizeof *types; k++) {
+        char meant[64];
+        label_property(types[k], 0, meant);
+        if (strcmp(line, meant) != 0) continue;
+        f->has_labels = true;
+        f->label_type = types[k];
+        label_property(types[k], 1, meant);
+        return expect_line(file, meant, e) && expect_line(file, "end_header", e);
+    }
     return strcmp(line, "end_header") == 0 || damaged(e, "its faces have other properties");
 }
 
@@ -477,7 +517,7 @@ static bool check_size(FILE *file, const ply_file *f, error *e)
     bool text = f->format == PLY_ASCII; /* of a number then a digit and a space at least */
     size_t point = text ? 2 * f->columns.count : row_bytes(&f->columns, f->precision);
     size_t each = text ? FACE_TEXT_LEAST : FACE_BYTES;
-    if (f->has_labels) each += text ? LABEL_TEXT_LEAST : LABEL_BYTES;
+    if (f->has_labels) each += text ? LABEL_TEXT_LEAST : 2 * type_bytes[f->label_type];
     if (vertices > left / point || faces > left / each || vertices * point + faces * each > left ||
         (!text && vertices * point + faces * each != left))
         return error_set(e, ERROR_INPUT_DAMAGED,
@@ -549,15 +589,18 @@ static bool read_row(FILE *file, const ply_file *f, size_t i, double *row, error
     return check_finite(row, &f->columns, i, e);
 }
 
-static bool unpack_face(FILE *file, bool has_labels, face *out, error *e)
+static bool unpack_face(FILE *file, const ply_file *f, face *out, error *e)
 {
-    char packed[FACE_BYTES + LABEL_BYTES];
-    const size_t bytes = has_labels ? sizeof packed : FACE_BYTES;
+    char packed[FACE_BYTES + 2 * sizeof(double)];
+    const size_t each = type_bytes[f->label_type], bytes = f->has_labels ? FACE_BYTES + 2 * each : FACE_BYTES;
     if (fread_unlocked(packed, 1, bytes, file) != bytes) return damaged(e, "it ends too early");
     if (packed[0] != 3) return damaged(e, "a face is not a triangle");
     for (int c = 0; c < 3; c++) out->corner[c] = (uint32_t)unpack(packed + 1 + 4 * c, COLUMN_UINT, PLY_FLOAT);
-    for (int c = 0; has_labels && c < 2; c++)
-        out->label[c] = (int32_t)unpack(packed + FACE_BYTES + 4 * c, COLUMN_INT, PLY_FLOAT);
+    for (size_t c = 0; f->has_labels && c < 2; c++) {
+        const double label = unpack(packed + FACE_BYTES + each * c, f->label_type, PLY_FLOAT);
+        if (!(fabs(label) <= MOST_WHOLE)) return damaged(e, "a label is no whole number");
+        out->label[c] = (int64_t)label;
+    }
     return true;
 }
 
@@ -566,7 +609,7 @@ static bool parse_face(FILE *file, bool has_labels, face *out, error *e)
     char line[LINE_MAX_BYTES], again[LINE_MAX_BYTES];
     if (!fgets(line, sizeof line, file)) return damaged(e, "it ends too early");
     const int read =
-        sscanf(line, "3 %" SCNu32 " %" SCNu32 " %" SCNu32 " %" SCNd32 " %" SCNd32, &out->corner[0],
+        sscanf(line, "3 %" SCNu32 " %" SCNu32 " %" SCNu32 " %" SCNd64 " %" SCNd64, &out->corner[0],
                &out->corner[1], &out->corner[2], &out->label[0], &out->label[1]);
     if (read != (has_labels ? 5 : 3)) return damaged(e, "a face is not a triangle");
     print_face(out, has_labels, again);
@@ -576,8 +619,7 @@ static bool parse_face(FILE *file, bool has_labels, face *out, error *e)
 static bool read_face(FILE *file, const ply_file *f, size_t k, face *out, error *e)
 {
     *out = (face){0};
-    if (!(f->format == PLY_ASCII ? parse_face(file, f->has_labels, out, e)
-                                 : unpack_face(file, f->has_labels, out, e)))
+    if (!(f->format == PLY_ASCII ? parse_face(file, f->has_labels, out, e) : unpack_face(file, f, out, e)))
         return false;
     for (int c = 0; c < 3; c++)
         if (out->corner[c] >= f->points.count)
@@ -608,7 +650,7 @@ bool ply_read(FILE *file, ply_file *out, error *e)
     f.triangle_labels = mem_array(f.has_labels ? f.points.triangle_count : 0, sizeof *f.triangle_labels,
                                   "the faces of a PLY file", e);
     f.points.triangle = (const uint32_t(*)[3])f.triangles;
-    f.points.triangle_labels = f.has_labels ? (const int32_t(*)[2])f.triangle_labels : NULL;
+    f.points.triangle_labels = f.has_labels ? (const int64_t(*)[2])f.triangle_labels : NULL;
     bool ok = f.triangles && f.triangle_labels && columns_lay_out(&f.columns, &f.points, &f.storage, e);
     for (size_t i = 0; ok && i < f.points.count; i++) {
         ok = read_row(file, &f, i, row, e);
@@ -635,11 +677,14 @@ static double as_written(double value, column_type type, ply_precision precision
     return type == COLUMN_REAL && precision == PLY_FLOAT ? (double)single : value;
 }
 
-static bool same_columns(const columns *a, const columns *b)
+/* In a file of doubles COLUMN_REAL and COLUMN_DOUBLE are one type. */
+static bool same_columns(const columns *a, const columns *b, ply_precision precision)
 {
     if (a->count != b->count) return false;
     for (size_t c = 0; c < a->count; c++)
-        if (a->list[c].type != b->list[c].type || strcmp(a->list[c].name, b->list[c].name) != 0) return false;
+        if (strcmp(type_name(a->list[c].type, precision), type_name(b->list[c].type, precision)) != 0 ||
+            strcmp(a->list[c].name, b->list[c].name) != 0)
+            return false;
     return true;
 }
 
@@ -716,7 +761,7 @@ bool ply_verify(FILE *file, const points *set, const columns *what, ply_format f
     if (!read_start(file, &f, e)) return false;
     if (f.points.count != set->count || f.points.triangle_count != set->triangle_count ||
         f.has_labels != (set->triangle_count > 0 && set->triangle_labels) || f.format != format ||
-        f.precision != precision || !same_columns(&f.columns, what))
+        f.precision != precision || !same_columns(&f.columns, what, precision))
         return damaged(e, "it is not of the count and type that were written");
     batch job = {set, what, format, precision, 0, {{0}}};
     if (!(format == PLY_ASCII ? verify_text(file, &f, what, set, pool, e)
@@ -726,7 +771,8 @@ bool ply_verify(FILE *file, const points *set, const columns *what, ply_format f
         const face meant = face_of(set, k);
         face read;
         if (!read_face(file, &f, k, &read, e)) return false;
-        if (memcmp(&read, &meant, sizeof read) != 0)
+        if (memcmp(read.corner, meant.corner, sizeof read.corner) != 0 ||
+            memcmp(read.label, meant.label, sizeof read.label) != 0)
             return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: face %zu is not what was written", k);
     }
     return read_end(file, e);

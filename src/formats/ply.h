@@ -2,7 +2,7 @@
  *
  * One element `vertex` with a property for each column; real numbers are all floats or all doubles. For a set with
  * triangles a second, `face`, with the list `vertex_indices` of
- * three, and where they part labels label_a and label_b. The header holds neither a date nor a path: the same points give the same bytes. ASCII numbers are
+ * three, and where they part labels label_a and label_b: int, or if a number needs it uint or double. The header holds neither a date nor a path: the same points give the same bytes. ASCII numbers are
  * the shortest text that reads back to the same value of the property's type; the bytes are the same for any
  * pool. Nothing here keeps state; a file belongs to one thread at a time. LC_NUMERIC must be the C locale.
  */
@@ -41,8 +41,9 @@ typedef struct ply_file {
     columns columns; /* of the file */
     void *storage;   /* private, as triangles */
     uint32_t (*triangles)[3];
-    int32_t (*triangle_labels)[2];
+    int64_t (*triangle_labels)[2];
     bool has_labels; /* its faces have */
+    column_type label_type;
 } ply_file;
 
 /* Reads a seekable file from its start to its end, strictly: only what ply_write writes (comments

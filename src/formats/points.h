@@ -49,7 +49,7 @@ typedef struct points {
     const double *uv;      /* texture coordinates, two a point; or NULL */
     size_t triangle_count; /* of a mesh whose vertices they are; 0: there is none */
     const uint32_t (*triangle)[3];
-    const int32_t (
+    const int64_t (
         *triangle_labels)[2]; /* of each, where it parts two labels: its normal points from the first to the
                                           * second; or NULL */
 } points;

@@ -1,18 +1,27 @@
 #include "formats/property.h"
 
+#include <math.h>
 #include <string.h>
 
 /* One of the set's own, if it has it. */
 static void add(property *list, size_t *count, const char *name, property_role role, int components,
                 const void *values, double scale)
 {
-    if (values) list[(*count)++] = (property){name, role, false, components, values, scale, NULL};
+    if (values) list[(*count)++] = (property){name, role, false, 0, components, values, scale, NULL};
 }
 
 bool property_is_velocity(const point_attribute *a)
 {
     return a->kind == POINT_ATTRIBUTE_VECTOR &&
            (strcmp(a->name, "v") == 0 || strcmp(a->name, "vel") == 0 || strcmp(a->name, "velocity") == 0);
+}
+
+static double largest_whole(const point_attribute *a, size_t count)
+{
+    double largest = 0;
+    if (a->kind != POINT_ATTRIBUTE_INT || !a->values) return 0;
+    for (size_t k = 0; k < count * (size_t)a->components; k++) largest = fmax(largest, fabs(a->values[k]));
+    return largest;
 }
 
 size_t property_list(const points *s, property *list)
@@ -34,13 +43,14 @@ size_t property_list(const points *s, property *list)
     add(list, &n, "spacing", PROPERTY_OTHER, 1, s->spacing, 1);
     add(list, &n, "spacing_local", PROPERTY_OTHER, 1, s->spacing_local, 1);
     add(list, &n, "kappa_scale", PROPERTY_OTHER, 1, s->kappa_scale, 1);
-    list[n++] = (property){"id", PROPERTY_ID, true, 1, NULL, 1, s->id};
+    list[n++] = (property){"id", PROPERTY_ID, true, 0, 1, NULL, 1, s->id};
     add(list, &n, "velocity", velocity ? PROPERTY_OTHER : PROPERTY_MOTION, 3, s->velocity, 1);
     for (size_t k = 0; k < s->attribute_count; k++) {
         const point_attribute *a = &s->attributes[k];
         list[n++] = (property){a->name,
                                a == velocity ? PROPERTY_VELOCITY : PROPERTY_OTHER,
                                a->kind == POINT_ATTRIBUTE_INT,
+                               largest_whole(a, s->count),
                                a->components,
                                a->values,
                                1,

@@ -24,7 +24,8 @@ typedef enum property_role {
 typedef struct property {
     const char *name;
     property_role role;
-    bool whole; /* integers */
+    bool whole;     /* integers */
+    double largest; /* of the whole numbers of an attribute, without signs */
     int components;
     const double *values; /* `components` a point, times `scale`; NULL: see `ids` */
     double scale;

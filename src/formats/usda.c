@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -9,8 +10,8 @@
 #include "formats/colormap.h"
 #include "formats/property.h"
 
-/* Digits after which a float reads back as the same, and a whole number of 32 bits is whole. */
-enum { FLOAT_DIGITS = 9, WHOLE_DIGITS = 10 };
+/* Digits after which a float reads back as the same, and a whole number is whole. */
+enum { FLOAT_DIGITS = 9, WHOLE_DIGITS = 16 };
 /* Time codes are frames; velocities are told for a second. The rate is USD's default. */
 enum { FRAMES_PER_SECOND = 24 };
 enum { VALUES_WORDS = 480 };
@@ -48,7 +49,8 @@ static void declare(const property *p, bool of_mesh, char out[160])
     if (!is_primvar(p, of_mesh) || p->role == PROPERTY_COLOR || p->role == PROPERTY_UV)
         strcpy(out, fixed[p->role]);
     else
-        snprintf(out, 160, "%s[] primvars:%s", p->whole ? "int" : types[p->components - 1], p->name);
+        snprintf(out, 160, "%s[] primvars:%s",
+                 p->whole ? (p->largest > INT32_MAX ? "int64" : "int") : types[p->components - 1], p->name);
 }
 
 /* As the file has it: positions relative to the origin, widths are diameters, velocities are of a second, and colors in linear

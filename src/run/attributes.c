@@ -246,6 +246,9 @@ bool attributes_find(const spec *s, source *from, size_t memory_limit, attribute
 
 /* ---- values ---- */
 
+/* Doubles tell whole numbers apart up to here. */
+static const double MOST_WHOLE = 9007199254740991.0;
+
 /* Where points of patches lie. */
 static void read_place(const char *name, const source *from, const sampler_points *solved, double *values)
 {
@@ -322,10 +325,11 @@ static bool read_one(attributes_entry *entry, const source *from, const sampler_
         return false;
     for (size_t k = 0; out->kind == POINT_ATTRIBUTE_INT && k < numbers; k++) values[k] = round(values[k]);
     note_range(entry, values, numbers);
-    if (out->kind == POINT_ATTRIBUTE_INT && (entry->least < INT32_MIN || entry->most > INT32_MAX))
-        return error_set(e, ERROR_INPUT_UNSUPPORTED,
-                         "it has numbers beyond 32 bits, from %.0f to %.0f: give the type float",
-                         entry->least, entry->most);
+    if (out->kind == POINT_ATTRIBUTE_INT && (entry->least < -MOST_WHOLE || entry->most > MOST_WHOLE))
+        return error_set(
+            e, ERROR_INPUT_UNSUPPORTED,
+            "it has numbers that doubles do not tell apart, from %.0f to %.0f: give the type float",
+            entry->least, entry->most);
     return true;
 }
 

@@ -36,10 +36,10 @@ static double volume_of(const label_mesh_part *p)
 }
 
 /* `number`: of each point of the whole one more than its number here, or 0. */
-static void gather(const points *whole, int32_t label, uint32_t *number, label_mesh_part *p)
+static void gather(const points *whole, int64_t label, uint32_t *number, label_mesh_part *p)
 {
     for (size_t k = 0; k < whole->triangle_count; k++) {
-        const int32_t *labels = whole->triangle_labels[k];
+        const int64_t *labels = whole->triangle_labels[k];
         const bool turned = labels[1] == label;
         if (labels[0] != label && !turned) continue;
         for (int c = 0; c < 3; c++) {
@@ -55,7 +55,7 @@ static void gather(const points *whole, int32_t label, uint32_t *number, label_m
     }
 }
 
-bool label_mesh_part_make(const points *whole, int32_t label, label_mesh_part *out, error *e)
+bool label_mesh_part_make(const points *whole, int64_t label, label_mesh_part *out, error *e)
 {
     uint32_t *number = mem_array(whole->count, sizeof *number, what, e);
     *out = (label_mesh_part){.position = mem_array(whole->count, sizeof *out->position, what, e),

@@ -22,7 +22,7 @@ typedef struct label_mesh_part {
 } label_mesh_part;
 
 /* Of `whole`, which has triangles with labels. Release also after failure. Errors: limit_memory. */
-bool label_mesh_part_make(const points *whole, int32_t label, label_mesh_part *out, error *e);
+bool label_mesh_part_make(const points *whole, int64_t label, label_mesh_part *out, error *e);
 void label_mesh_part_free(label_mesh_part *p);
 
 #endif

@@ -27,7 +27,7 @@
 
 /* The frames of a turntable are numbered from 1. */
 #define FRAME_NAME "preview.%04d.png"
-#define LABEL_NAME "mesh_label_%d.ply"
+#define LABEL_NAME "mesh_label_%lld.ply"
 
 /* Beside those of the formats' table and of turntables. */
 static const char *const names[] = {"report.json", "points.ply",  "points.vdb",     "mesh.ply",
@@ -228,18 +228,15 @@ static bool is_within_patch(const void *context, uint32_t label, vec3 x)
 }
 
 /* Of each triangle the labels on both sides; to be freed. */
-static int32_t (*labels_of(const triangulation *made, const label_surface *labels, error *e))[2]
+static int64_t (*labels_of(const triangulation *made, const label_surface *labels, error *e))[2]
 {
-    int32_t(*out)[2] = mem_array(made->facts.triangles, sizeof *out, "the labels of triangles", e);
-    for (size_t k = 0; out && k < made->facts.triangles; k++) {
-        int64_t sides[2];
-        label_surface_sides(labels, made->label[k], sides);
-        for (int i = 0; i < 2; i++) out[k][i] = (int32_t)sides[i];
-    }
+    int64_t(*out)[2] = mem_array(made->facts.triangles, sizeof *out, "the labels of triangles", e);
+    for (size_t k = 0; out && k < made->facts.triangles; k++)
+        label_surface_sides(labels, made->label[k], out[k]);
     return out;
 }
 
-static void describe_label_mesh(json *list, int32_t label, const char *name, const label_mesh_part *part)
+static void describe_label_mesh(json *list, int64_t label, const char *name, const label_mesh_part *part)
 {
     json *told = json_append_object(list);
     json_put_integer(told, "label", label);
@@ -263,11 +260,11 @@ static bool write_label_meshes(const char *directory, const results_input *in, c
     how.ply_property_count = sizeof properties / sizeof *properties;
     for (size_t k = 0; ok && k < count; k++) {
         label_mesh_part part;
-        char *name = mem_printf(LABEL_NAME, (int)labels[k]);
-        ok = label_mesh_part_make(whole, (int32_t)labels[k], &part, e);
+        char *name = mem_printf(LABEL_NAME, (long long)labels[k]);
+        ok = label_mesh_part_make(whole, labels[k], &part, e);
         if (ok && part.set.triangle_count > 0) {
             ok = write_ply(directory, name, &how, &part.set, as_float, pool, outputs, e);
-            describe_label_mesh(told, (int32_t)labels[k], name, &part);
+            describe_label_mesh(told, labels[k], name, &part);
         }
         label_mesh_part_free(&part);
         free(name);
@@ -354,14 +351,14 @@ static bool write_mesh(const char *directory, const results_input *in, bool as_f
                                        .is_within = is_within_patch,
                                        .context = in->sampled};
     triangulation made;
-    int32_t(*labels)[2] = NULL;
+    int64_t(*labels)[2] = NULL;
     points vertices = *set;
     bool ok = triangulate(in, &sites, pool, &made, e);
     vertices.triangle_count = made.facts.triangles;
     vertices.triangle = (const uint32_t(*)[3])made.corner;
     if (ok && in->labels) {
         ok = (labels = labels_of(&made, in->labels, e)) != NULL;
-        vertices.triangle_labels = (const int32_t(*)[2])labels;
+        vertices.triangle_labels = (const int64_t(*)[2])labels;
     }
     ok = ok && write_ply(directory, "mesh.ply", in->spec, &vertices, as_float, pool, outputs, e);
     ok = ok && write_formats(directory, in, &vertices, true, out->origin, outputs, e);
@@ -657,8 +654,9 @@ bool results_write_report(const char *directory, const json *report, error *e)
 static int numbered_name_length(const char *name)
 {
     int number, length = 0;
+    long long label;
     if (sscanf(name, "preview.%4d.png%n", &number, &length) == 1 && length > 0) return length;
-    return sscanf(name, LABEL_NAME "%n", &number, &length) == 1 ? length : 0;
+    return sscanf(name, LABEL_NAME "%n", &label, &length) == 1 ? length : 0;
 }
 
 /* Calls for each name that results have, or begin with while they are written, in the directory. */

@@ -69,13 +69,13 @@ def _read_faces(data):
         vertices = numpy.array([[float(v) for v in line.split()] for line in lines[:count]])
         rows = numpy.array([[int(v) for v in line.split()] for line in lines[count:]])
     else:
-        kinds = {"float": "<f4", "double": "<f8", "int": "<i4"}
+        kinds = {"float": "<f4", "double": "<f8", "int": "<i4", "uint": "<u4"}
         table = numpy.frombuffer(body, [(w[2], kinds[w[1]]) for w in words[3:at]], count)
         vertices = numpy.stack([table[name].astype(float) for name in names], axis=1)
         packed = numpy.frombuffer(body, [("n", "u1"), ("corner", "<i4", 3)] + [(w[2], kinds[w[1]]) for w in more],
                                   offset=table.nbytes)
         assert len(packed) == faces
-        rows = numpy.c_[packed["n"], packed["corner"], *(packed[w[2]] for w in more)]
+        rows = numpy.c_[packed["n"], packed["corner"], *(packed[w[2]].astype("i8") for w in more)]
     assert (rows[:, 0] == 3).all() and rows.shape[1] == 4 + len(more)
     return names, vertices, rows, [w[2] for w in more]
 
