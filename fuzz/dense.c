@@ -57,7 +57,7 @@ static int open_again(void *context, const char *path, error *e)
 static void read_slices(slices *s)
 {
     error e = {0};
-    float *values = calloc((size_t)(s->size[0] * s->size[1] * s->components), sizeof *values);
+    double *values = calloc((size_t)(s->size[0] * s->size[1] * s->components), sizeof *values);
     expect(values);
     bool ok = s->ops->begin(s, &e);
     for (int64_t k = 0; ok && k < s->size[2] && k < 64; k++) ok = s->ops->next(s, values, &e);

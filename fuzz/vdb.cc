@@ -57,7 +57,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     }
     if (vdb_list_grids(fd, &list, &e)) {
         for (size_t n = 0; n < list.count; n++) {
-            vdb_grid *g = vdb_load_grid(fd, n, memory, &e);
+            vdb_grid *g = vdb_load_grid(fd, n, vdb_loading(), memory, &e);
             if (g) check_grid(g);
             expect(g || (e.code != ERROR_INTERNAL && *e.message));
             expect(!g || list.entries[n].scalar);

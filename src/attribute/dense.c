@@ -80,7 +80,7 @@ bool dense_find(const attribute_request *request, point_attribute_kind *kind, in
 typedef struct window {
     const slices *source;
     int component;
-    float *slice[HELD];
+    double *slice[HELD];
 } window;
 
 /* What is beyond the ends is what is at them. */
@@ -95,11 +95,11 @@ static bool read_sample(const void *context, const int32_t at[3], double value[4
         inside[a] = at[a] < 0 ? 0 : at[a] >= size[a] ? size[a] - 1 : at[a];
         known &= inside[a] == at[a];
     }
-    const float *sample = w->slice[inside[2] % HELD] + (size_t)n * (size_t)(inside[0] + size[0] * inside[1]);
+    const double *sample = w->slice[inside[2] % HELD] + (size_t)n * (size_t)(inside[0] + size[0] * inside[1]);
     if (w->component >= 0)
-        value[0] = (double)sample[w->component];
+        value[0] = sample[w->component];
     else
-        for (int c = 0; c < n; c++) value[c] = (double)sample[c];
+        for (int c = 0; c < n; c++) value[c] = sample[c];
     return known;
 }
 
@@ -167,7 +167,7 @@ bool dense_read(const attribute_request *request, size_t count, const vec3 *posi
                  .kind = request->kind,
                  .read = read_sample,
                  .context = &w};
-    double bytes = (double)s->size[0] * (double)s->size[1] * s->components * sizeof(float);
+    double bytes = (double)s->size[0] * (double)s->size[1] * s->components * sizeof(double);
     turn *turns = NULL;
     bool ok = HELD * bytes + (double)count * sizeof *turns <= (double)request->memory_limit ||
               error_set(e, ERROR_LIMIT_MEMORY, "four of its slices need %.0f MiB: raise limits.memory_mb",
@@ -175,8 +175,8 @@ bool dense_read(const attribute_request *request, size_t count, const vec3 *posi
     lattice_place(request, s->index_to_world, &l);
     turn_vectors(s, &l);
     for (int k = 0; ok && k < HELD; k++)
-        ok = (w.slice[k] = mem_array((size_t)(s->size[0] * s->size[1]), (size_t)s->components * sizeof(float),
-                                     "a slice", e)) != NULL;
+        ok = (w.slice[k] = mem_array((size_t)(s->size[0] * s->size[1]),
+                                     (size_t)s->components * sizeof(double), "a slice", e)) != NULL;
     if (ok) ok = (turns = mem_array(count, sizeof *turns, "the order of the points", e)) != NULL;
     if (ok) line_up(&l, s, count, position, turns);
     ok = ok && read_slices(s, &w, &l, turns, count, position, values, counts, e);

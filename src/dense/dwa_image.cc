@@ -36,8 +36,8 @@ private:
 
 } // namespace
 
-bool dwa_image_read(int fd, int part, const char *channel, const int32_t low[2], const int32_t high[2],
-                    float *values, error *e)
+bool dwa_image_read(int fd, int part, const char *channel, bool whole, const int32_t low[2],
+                    const int32_t high[2], uint32_t *values, error *e)
 {
     try {
         const Imath::Box2i window(Imath::V2i(low[0], low[1]), Imath::V2i(high[0], high[1]));
@@ -46,7 +46,7 @@ bool dwa_image_read(int fd, int part, const char *channel, const int32_t low[2],
         Imf::MultiPartInputFile file(from, 0);
         Imf::InputPart image(file, part);
         Imf::FrameBuffer into;
-        into.insert(channel, Imf::Slice::Make(Imf::FLOAT, values, window, pixel, row));
+        into.insert(channel, Imf::Slice::Make(whole ? Imf::UINT : Imf::FLOAT, values, window, pixel, row));
         image.setFrameBuffer(into);
         image.readPixels(low[1], high[1]);
         return true;

@@ -15,10 +15,10 @@ extern "C" {
 
 #define DWA_IMAGE_MODULE "hexad-exr.so"
 
-/* Fills in the values of the data window `low` to `high`, row by row. `part` is a number that the file has, of rows or of tiles,
+/* Fills in the values of the data window `low` to `high`, row by row: uint32_t if the channel has whole numbers, else floats. `part` is a number that the file has, of rows or of tiles,
  * the window is that part's, and the channel has a sample for each pixel. Errors: input_damaged, internal (the module). */
-bool dwa_image_read(int fd, int part, const char *channel, const int32_t low[2], const int32_t high[2],
-                    float *values, error *e);
+bool dwa_image_read(int fd, int part, const char *channel, bool whole, const int32_t low[2],
+                    const int32_t high[2], uint32_t *values, error *e);
 
 #ifdef __cplusplus
 }

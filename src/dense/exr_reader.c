@@ -28,9 +28,10 @@ typedef struct image {
     exr_context_t file;
     int part_index;
     const char *found; /* the channel's name, of the file */
+    bool whole;        /* its numbers are whole */
     exr_storage_t storage;
     exr_attr_box2i_t window;
-    float *values; /* of the data window */
+    uint32_t *values; /* of the data window: the bits of floats, or whole numbers */
     error fault;
 } image;
 
@@ -140,6 +141,7 @@ static bool choose(image *m)
         if (found++ > 0) continue;
         m->part_index = part;
         m->found = channel->name.str;
+        m->whole = channel->pixel_type == EXR_PIXEL_UINT;
         if (channel->x_sampling != 1 || channel->y_sampling != 1)
             return error_set(
                 &m->fault, ERROR_INPUT_UNSUPPORTED,
@@ -232,21 +234,21 @@ static size_t row_bytes(const exr_coding_channel_info_t *c, int64_t row)
     return (size_t)c->width * (size_t)c->bytes_per_element;
 }
 
-static float number_at(const uint8_t *p, uint16_t type)
+static uint32_t number_at(const uint8_t *p, uint16_t type)
 {
     uint32_t bits = p[0] | (uint32_t)p[1] << 8;
-    float value;
-    if (type == EXR_PIXEL_HALF) return imath_half_to_float((imath_half_bits_t)bits);
-    bits |= (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
-    if (type == EXR_PIXEL_UINT) return (float)bits;
-    memcpy(&value, &bits, sizeof value);
-    return value;
+    if (type == EXR_PIXEL_HALF) {
+        const float value = imath_half_to_float((imath_half_bits_t)bits);
+        memcpy(&bits, &value, sizeof bits);
+        return bits;
+    }
+    return bits | (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
 }
 
 /* Where a chunk's numbers go. */
 typedef struct target {
     const image *m;
-    float *to; /* of its first pixel */
+    uint32_t *to; /* of its first pixel */
 } target;
 
 /* In the place of the library's own unpacking, which (3.1.5) writes all channels of some layouts whatever it
@@ -261,7 +263,7 @@ static exr_result_t take_channel(exr_decode_pipeline_t *d)
         for (int k = 0; k < d->channel_count; k++) {
             const exr_coding_channel_info_t *c = &d->channels[k];
             size_t bytes = row_bytes(c, (int64_t)d->chunk.start_y + row);
-            float *to = t->to + row * width_of(t->m);
+            uint32_t *to = t->to + row * width_of(t->m);
             if (bytes > left) return EXR_ERR_CORRUPT_CHUNK;
             if (bytes > 0 && is_wanted(t->m, c->channel_name, d->channel_count))
                 for (int32_t x = 0; x < c->width; x++)
@@ -334,20 +336,20 @@ static bool decode_tiles(image *m)
 static bool read_pixels(image *m)
 {
     double count = (double)width_of(m) * (double)height_of(m);
-    if (count * sizeof(float) > (double)m->memory / 2) {
+    if (count * sizeof *m->values > (double)m->memory / 2) {
         error_set(&m->fault, ERROR_LIMIT_MEMORY,
                   "the file has %lld x %lld pixels, too many for the memory limit: raise limits.memory_mb",
                   (long long)width_of(m), (long long)height_of(m));
         return false;
     }
-    m->values = calloc((size_t)count, sizeof(float));
+    m->values = calloc((size_t)count, sizeof *m->values);
     if (!m->values) return damaged(m, "the file does not fit into memory");
     exr_compression_t packed = EXR_COMPRESSION_NONE;
     exr_get_compression(m->file, m->part_index, &packed);
     if (packed == EXR_COMPRESSION_DWAA || packed == EXR_COMPRESSION_DWAB) {
         const int32_t low[2] = {m->window.min.x, m->window.min.y},
                       high[2] = {m->window.max.x, m->window.max.y};
-        return dwa_image_read(m->fd, m->part_index, m->found, low, high, m->values, &m->fault);
+        return dwa_image_read(m->fd, m->part_index, m->found, m->whole, low, high, m->values, &m->fault);
     }
     return m->storage == EXR_STORAGE_TILED ? decode_tiles(m) : decode_rows(m);
 }
@@ -386,12 +388,15 @@ static bool answer(image *m, char what)
     if (ok && !list) {
         memcpy(a.low, &m->window.min, sizeof a.low);
         memcpy(a.high, &m->window.max, sizeof a.high);
+        a.whole = m->whole;
+        a.aspect = 1;
+        exr_get_pixel_aspect_ratio(m->file, m->part_index, &a.aspect);
     } else {
         a.text_length = (uint32_t)strnlen(text, list ? EXR_READER_LIST_MAX : EXR_READER_TEXT_MAX);
     }
     bool written = reader_write(&a, sizeof a) && reader_write(text, a.text_length);
     if (written && ok && what == EXR_READER_PIXELS)
-        written = reader_write(m->values, (size_t)(width_of(m) * height_of(m)) * sizeof(float));
+        written = reader_write(m->values, (size_t)(width_of(m) * height_of(m)) * sizeof *m->values);
     free(list);
     free(m->values);
     if (m->file) exr_finish(&m->file);

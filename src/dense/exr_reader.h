@@ -3,7 +3,7 @@
  * The process is asked over the socket that is its descriptor 0 and 1: a request is one byte,
  * EXR_READER_WINDOW, EXR_READER_PIXELS or EXR_READER_LIST, with an open file's descriptor beside it (SCM_RIGHTS). The answer
  * is a struct exr_reader_answer, then `text_length` bytes of a message if `code` is an error, otherwise, for
- * pixels, the channel's values in the data window as floats, row by row. To EXR_READER_LIST the text is a line for each
+ * pixels, the channel's values in the data window as floats (or, of a channel of whole numbers, as uint32_t), row by row. To EXR_READER_LIST the text is a line for each
  * channel of each part: part, storage, first and last column and row, channel, type, between tabs. The machine's own byte
  * order.
  */
@@ -24,6 +24,8 @@ typedef struct exr_reader_answer {
     uint32_t code; /* an error_code */
     uint32_t text_length;
     int32_t low[2], high[2]; /* the data window: first and last column, row */
+    uint32_t whole;          /* pixels are whole numbers */
+    float aspect;            /* the header's pixelAspectRatio */
 } exr_reader_answer;
 
 /* The program `read-exr NAMES MEMORY CPU_SECONDS`; NAMES has the channel and the part, each a line: '=' and

@@ -1,5 +1,6 @@
 #include "dense/exr_stack.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,6 +14,9 @@
 /* Processor time of the process that decodes: 100 times what a picture of a million pixels takes. */
 static const unsigned seconds_at_least = 60, seconds_per_slice = 2;
 
+/* Ratios of a pixel's sides that agree to this part are equal: the header holds a float. */
+static const double aspect_agrees = 1e-4;
+
 /* One slice's data window. */
 typedef struct window {
     int64_t low[2], high[2];
@@ -23,9 +27,11 @@ typedef struct exr_stack {
     exr_stack_params params;
     char *names; /* as the reader wants them */
     window *windows;
-    int64_t low[2]; /* of what the windows span */
-    size_t at;      /* the next slice */
-    float *pixels;  /* of a slice's own window, where that is not the whole */
+    int64_t low[2];   /* of what the windows span */
+    size_t at;        /* the next slice */
+    uint32_t *pixels; /* of a slice's own window, as the reader sends them */
+    size_t stretched; /* slices whose pixels are not as wide as high, otherwise than voxel_size says */
+    float aspect;     /* of the first of them */
     bool running;
     reader reader;
 } exr_stack;
@@ -119,7 +125,8 @@ static bool read_answer(exr_stack *s, exr_reader_answer *a, char *list, error *e
 
 /* One slice's answer. A reader that did not come to its end is judged, and another one serves the next slice.
  */
-static bool ask(exr_stack *s, size_t k, char what, exr_reader_answer *a, float *pixels, char *list, error *e)
+static bool ask(exr_stack *s, size_t k, char what, exr_reader_answer *a, uint32_t *pixels, char *list,
+                error *e)
 {
     if (!start(s, e)) return false;
     int fd = s->params.files->open(s->params.files->context, s->params.paths[k], e);
@@ -147,20 +154,29 @@ static bool ask(exr_stack *s, size_t k, char what, exr_reader_answer *a, float *
     return ok || error_prefix(e, "%s", s->params.paths[k]);
 }
 
+/* What a slice has beside its pixels. */
+static void note_answer(exr_stack *s, size_t k, const exr_reader_answer *a)
+{
+    const double aspect = (double)a->aspect, meant = s->params.voxel_size.x / s->params.voxel_size.y;
+    for (int axis = 0; axis < 2; axis++) {
+        s->windows[k].low[axis] = a->low[axis];
+        s->windows[k].high[axis] = a->high[axis];
+    }
+    s->base.fine |= a->whole != 0;
+    if (fabs(aspect - 1) < aspect_agrees || fabs(aspect - meant) < aspect_agrees * fabs(meant)) return;
+    if (s->stretched++ == 0) s->aspect = a->aspect;
+}
+
 /* Of all slices from `first` on; `pixels` NULL: only their windows. */
-static bool ask_all(exr_stack *s, size_t first, float *pixels, error *e)
+static bool ask_all(exr_stack *s, size_t first, uint32_t *pixels, error *e)
 {
     faults missing = {0}, broken = {0};
     for (size_t k = first; k < s->params.count; k++) {
         error fault = {0};
         exr_reader_answer a;
-        window *w = &s->windows[k];
         int number = s->params.numbers[k], before = k ? s->params.numbers[k - 1] : number - 1;
         if (ask(s, k, pixels ? EXR_READER_PIXELS : EXR_READER_WINDOW, &a, pixels, NULL, &fault)) {
-            for (int axis = 0; axis < 2 && !pixels; axis++) {
-                w->low[axis] = a.low[axis];
-                w->high[axis] = a.high[axis];
-            }
+            if (!pixels) note_answer(s, k, &a);
         } else if (fault.code == ERROR_INPUT_MISSING) {
             add_fault(&missing, number, before, &fault);
         } else if (fault.code == ERROR_INPUT_DAMAGED) {
@@ -182,34 +198,40 @@ static bool exr_begin(slices *base, error *e)
     return true;
 }
 
-static void place_rows(const exr_stack *s, const window *w, float *values)
+static double value_of(uint32_t pixel, bool whole)
 {
-    int64_t width = w->high[0] - w->low[0] + 1;
-    memset(values, 0, (size_t)(s->base.size[0] * s->base.size[1]) * sizeof *values);
-    for (int64_t y = w->low[1]; y <= w->high[1]; y++)
-        memcpy(values + (y - s->low[1]) * s->base.size[0] + (w->low[0] - s->low[0]),
-               s->pixels + (y - w->low[1]) * width, (size_t)width * sizeof *values);
+    float value;
+    memcpy(&value, &pixel, sizeof value);
+    return whole ? (double)pixel : (double)value;
 }
 
-static bool exr_next(slices *base, float *values, error *e)
+static void place_rows(const exr_stack *s, const window *w, bool whole, double *values)
+{
+    const int64_t width = w->high[0] - w->low[0] + 1;
+    for (int64_t k = 0; k < s->base.size[0] * s->base.size[1]; k++) values[k] = 0;
+    for (int64_t y = w->low[1]; y <= w->high[1]; y++) {
+        double *to = values + (y - s->low[1]) * s->base.size[0] + (w->low[0] - s->low[0]);
+        const uint32_t *from = s->pixels + (y - w->low[1]) * width;
+        for (int64_t x = 0; x < width; x++) to[x] = value_of(from[x], whole);
+    }
+}
+
+static bool exr_next(slices *base, double *values, error *e)
 {
     exr_stack *s = (exr_stack *)base;
     const window *w = &s->windows[s->at];
-    bool whole =
-        w->high[0] - w->low[0] + 1 == s->base.size[0] && w->high[1] - w->low[1] + 1 == s->base.size[1];
     size_t count = (size_t)(s->base.size[0] * s->base.size[1]);
     exr_reader_answer a;
     error fault = {0};
-    if (!whole && !s->pixels && !(s->pixels = mem_array(count, sizeof *s->pixels, "a slice", e)))
-        return false;
-    if (!ask(s, s->at, EXR_READER_PIXELS, &a, whole ? values : s->pixels, NULL, &fault)) {
-        float *rest = mem_array(count, sizeof *rest, "a slice", e);
+    if (!s->pixels && !(s->pixels = mem_array(count, sizeof *s->pixels, "a slice", e))) return false;
+    if (!ask(s, s->at, EXR_READER_PIXELS, &a, s->pixels, NULL, &fault)) {
+        uint32_t *rest = mem_array(count, sizeof *rest, "a slice", e);
         bool told = rest && !ask_all(s, s->at, rest, e); /* it names this one and those that follow */
         free(rest);
         if (!told && e) *e = fault;
         return false;
     }
-    if (!whole) place_rows(s, w, values);
+    place_rows(s, w, a.whole != 0, values);
     s->at++;
     return true;
 }
@@ -249,10 +271,16 @@ static bool span(exr_stack *s, error *e)
     }
     s->base.size[2] = (int64_t)s->params.count;
     if (differ)
-        snprintf(s->base.warning, sizeof s->base.warning,
-                 "the slices' data windows differ: they span %lld x %lld pixels, and pixels outside of a "
-                 "slice's own are 0",
-                 (long long)s->base.size[0], (long long)s->base.size[1]);
+        dense_warn(&s->base.warnings,
+                   "the slices' data windows differ: they span %lld x %lld pixels, and pixels outside of a "
+                   "slice's own are 0",
+                   (long long)s->base.size[0], (long long)s->base.size[1]);
+    if (s->stretched > 0)
+        dense_warn(
+            &s->base.warnings,
+            "%zu slice%s a pixelAspectRatio that voxel_size does not have, the first %g: voxel_size counts. Set "
+            "voxel_size to the size of a pixel.",
+            s->stretched, s->stretched == 1 ? " has" : "s have", (double)s->aspect);
     return true;
 }
 

@@ -56,7 +56,12 @@ static bool check_values(const header *h, error *e)
         if (!isfinite(h->index_to_world[k]))
             return error_set(e, ERROR_INPUT_DAMAGED,
                              "the file has an orientation whose numbers are not finite");
-    return (h->type < HEADER_TYPE_COUNT && h->encoding < HEADER_ENCODING_COUNT &&
+    if (!isfinite(h->slope) || !isfinite(h->intercept))
+        return error_set(e, ERROR_INPUT_DAMAGED, "its values are scaled by numbers that are not finite");
+    bool ended = h->warnings.count <= DENSE_WARNINGS_MOST;
+    for (uint32_t k = 0; ended && k < h->warnings.count; k++)
+        ended = memchr(h->warnings.text[k], 0, sizeof h->warnings.text[k]) != NULL;
+    return (ended && h->type < HEADER_TYPE_COUNT && h->encoding < HEADER_ENCODING_COUNT && h->offset >= 0 &&
             memchr(h->format, 0, sizeof h->format) && memchr(h->space, 0, sizeof h->space)) ||
            error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return an invalid answer");
 }

@@ -13,6 +13,7 @@
 #include <sys/types.h>
 
 #include "base/error.h"
+#include "dense/warnings.h"
 
 #define HEADER_COMMAND "read-header"
 #define HEADER_MAGIC 0x3172646864786568u /* "hexdhdr1" */
@@ -42,7 +43,7 @@ typedef struct header {
     uint32_t swapped;    /* numbers are in the other byte order */
     uint32_t line_skip;  /* lines before the data, where they begin in their file */
     uint32_t file_count; /* names in the text; 0: the data are in this file */
-    int64_t offset;      /* where they begin in it, before unpacking */
+    int64_t offset;      /* where they begin in their first file, before unpacking */
     int64_t
         byte_skip; /* bytes before them after lines and unpacking; -1 - n: they end n bytes before the end */
     int64_t packed_bytes;       /* that the data are said to have, packed; 0: not said */
@@ -53,6 +54,7 @@ typedef struct header {
     double index_to_world[16];  /* row-major, column vectors; index (0, 0, 0) is the first sample's place */
     double slope, intercept;    /* value = slope * number + intercept */
     char format[12], space[64]; /* "NRRD", "NIfTI" or "MetaImage"; the world's axes by name, or "" */
+    dense_warnings warnings;
 } header;
 
 /* The program `read-header NAME MEMORY CPU_SECONDS`: reads the header of the file on descriptor 0, called

@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 #include <zlib.h>
 
@@ -192,6 +193,9 @@ static void values_of_nrrd(answer *a, const Nrrd *n)
         }
 }
 
+/* Spacings and ends of axes that agree to this part of a sample do not contradict each other: they are written with some digits. */
+static const double most_apart = 0.01;
+
 /* The three axes with more than one sample, fastest first: axes of one sample do not change the order. */
 static bool axes_of_nrrd(answer *a, const Nrrd *n, const NrrdAxisInfo *axis[3])
 {
@@ -223,17 +227,33 @@ static bool axes_of_nrrd(answer *a, const Nrrd *n, const NrrdAxisInfo *axis[3])
 }
 
 /* Where there are no space directions: spacings, and the axes' least positions, edges of cells or samples. */
-static void place_by_spacings(answer *a, const NrrdAxisInfo *axis[3])
+static void place_by_spacings(answer *a, const NrrdAxisInfo *axis[3], const double origin[3])
 {
     double *m = a->head.index_to_world;
+    bool open = false, differ = false;
     for (int k = 0; k < 3; k++) {
         bool cells = axis[k]->center == nrrdCenterCell;
-        double steps = (double)axis[k]->size - (cells ? 0 : 1), spacing = axis[k]->spacing;
-        if (!isfinite(spacing)) spacing = (axis[k]->max - axis[k]->min) / steps;
+        double steps = (double)axis[k]->size - (cells ? 0 : 1), spacing = axis[k]->spacing,
+               min = axis[k]->min, max = axis[k]->max;
+        if (!isfinite(spacing)) spacing = (max - min) / steps;
         if (!isfinite(spacing) || spacing == 0) spacing = 1;
+        if (!isfinite(min)) min = max - spacing * steps;
         m[5 * k] = spacing;
-        if (isfinite(axis[k]->min)) m[4 * k + 3] = axis[k]->min + (cells ? spacing / 2 : 0);
+        if (isfinite(min)) m[4 * k + 3] = min + (cells ? spacing / 2 : 0);
+        if (isfinite(origin[k])) m[4 * k + 3] = origin[k];
+        open |= isfinite(min) && axis[k]->center == nrrdCenterUnknown;
+        differ |= fabs(max - min - spacing * steps) > most_apart * fabs(spacing); /* of NAN false */
     }
+    if (open)
+        dense_warn(
+            &a->head.warnings,
+            "The header has axis mins or axis maxs and no centerings: they are taken for the places of the first and "
+            "last samples. Add centerings.");
+    if (differ)
+        dense_warn(
+            &a->head.warnings,
+            "The header's axis mins, axis maxs and spacings contradict each other: the spacings and the axis mins "
+            "are used. Correct the header.");
 }
 
 static bool place_of_nrrd(answer *a, const Nrrd *n, const NrrdAxisInfo *axis[3])
@@ -245,7 +265,7 @@ static bool place_of_nrrd(answer *a, const Nrrd *n, const NrrdAxisInfo *axis[3])
     if (n->space != nrrdSpaceUnknown)
         snprintf(a->head.space, sizeof a->head.space, "%s", airEnumStr(nrrdSpace, n->space));
     if (directed == 0) {
-        place_by_spacings(a, axis);
+        place_by_spacings(a, axis, n->spaceOrigin);
         return true;
     }
     if (directed != 3 || n->spaceDim != 3)
@@ -260,6 +280,23 @@ static bool place_of_nrrd(answer *a, const Nrrd *n, const NrrdAxisInfo *axis[3])
     return true;
 }
 
+/* What is ignored, and could change what values or positions mean. */
+static void warn_of_nrrd(answer *a, const Nrrd *n, const NrrdAxisInfo *axis[3])
+{
+    const char *unit = "";
+    for (int k = 2; k >= 0; k--) {
+        if (axis[k]->units && *axis[k]->units) unit = axis[k]->units;
+        if (k < (int)n->spaceDim && n->spaceUnits[k] && *n->spaceUnits[k]) unit = n->spaceUnits[k];
+    }
+    dense_warn_of_unit(&a->head.warnings, unit);
+    if (isfinite(n->oldMin) || isfinite(n->oldMax))
+        dense_warn(
+            &a->head.warnings,
+            "The header's old min (%g) and old max (%g) are ignored: an isovalue is one of the numbers in the file. "
+            "Convert the values back with `unu unquantize` if they are meant.",
+            n->oldMin, n->oldMax);
+}
+
 static bool describe_nrrd(answer *a, const Nrrd *n, const NrrdIoState *io)
 {
     const NrrdAxisInfo *axis[3];
@@ -268,6 +305,7 @@ static bool describe_nrrd(answer *a, const Nrrd *n, const NrrdIoState *io)
         return false;
     a->head.swapped = io->encoding->endianMatters && nrrdTypeSize[n->type] > 1 && io->endian != airMyEndian();
     strcpy(a->head.format, "NRRD");
+    warn_of_nrrd(a, n, axis);
     return true;
 }
 
@@ -290,6 +328,7 @@ static bool read_nrrd(answer *a, char *head, size_t length)
     head[text] = '\0';
     rest[0] = '\0';
     if (!take_places(a, head, rest)) return false;
+    if (a->head.file_count > 0) a->head.offset = 0;
     size_t kept = strlen(rest);
     strcpy(rest + kept, "\n"); /* the empty line that ends a header */
     FILE *stream = fmemopen(rest, kept + 1, "rb");
@@ -320,10 +359,54 @@ static bool type_of_nifti(answer *a, int type)
                   nifti_datatype_string(type));
 }
 
+/* How far sform and qform place a corner of the volume apart, at most. */
+static double forms_apart(const nifti_image *n)
+{
+    const double last[3] = {(double)n->nx - 1, (double)n->ny - 1, (double)n->nz - 1};
+    double most = 0;
+    for (int corner = 0; corner < 8; corner++) {
+        double square = 0;
+        for (int i = 0; i < 3; i++) {
+            double apart = n->sto_xyz.m[i][3] - n->qto_xyz.m[i][3];
+            for (int k = 0; k < 3; k++)
+                apart += (corner >> k & 1) * last[k] * (n->sto_xyz.m[i][k] - n->qto_xyz.m[i][k]);
+            square += apart * apart;
+        }
+        most = fmax(most, sqrt(square));
+    }
+    return most;
+}
+
+/* sform and qform that place all corners as near as this, in the smallest side of a voxel, agree: they hold floats. */
+static const double forms_agree = 0.01;
+
+static void warn_of_places(answer *a, const nifti_image *n)
+{
+    const double size[3] = {n->dx, n->dy, n->dz};
+    const double apart = forms_apart(n), voxel = fmin(fabs(n->dx), fmin(fabs(n->dy), fabs(n->dz)));
+    if (n->sform_code > 0 && n->qform_code > 0 && !(apart <= forms_agree * voxel))
+        dense_warn(
+            &a->head.warnings,
+            "sform (code %d) and qform (code %d) place a corner of the volume %.4g apart: the sform is used. Delete "
+            "the wrong one from the header.",
+            n->sform_code, n->qform_code, apart);
+    for (int k = 0; k < 3 && n->sform_code <= 0; k++)
+        if (!(size[k] > 0)) {
+            dense_warn(&a->head.warnings,
+                       "pixdim %d is %g, which is no size of a voxel: %g is used. Correct the header.", k + 1,
+                       size[k], n->qform_code > 0 || size[k] == 0 || !isfinite(size[k]) ? 1 : -size[k]);
+            break;
+        }
+    dense_warn_of_unit(&a->head.warnings, n->xyz_units == NIFTI_UNITS_METER    ? "m"
+                                          : n->xyz_units == NIFTI_UNITS_MICRON ? "um"
+                                                                               : "");
+}
+
 /* sform before qform before the bare sizes of voxels, as the standard says. */
 static void place_of_nifti(answer *a, const nifti_image *n)
 {
     const nifti_dmat44 *m = n->sform_code > 0 ? &n->sto_xyz : &n->qto_xyz;
+    warn_of_places(a, n);
     a->head.index_to_world[15] = 1;
     if (n->sform_code > 0 || n->qform_code > 0) {
         for (int i = 0; i < 3; i++)
@@ -348,7 +431,92 @@ static bool name_of_image(answer *a, const char *name)
     return add_name(a, image, strlen(image));
 }
 
-static bool describe_nifti(answer *a, const nifti_image *n, const char *name, bool packed)
+/* A slope of 0 means that values are not scaled, whatever the intercept. The library gives 0 for NaN, which nibabel writes. */
+static void scale_of_nifti(answer *a, const nifti_image *n)
+{
+    if (n->scl_slope != 0) {
+        a->head.slope = n->scl_slope;
+        a->head.intercept = n->scl_inter;
+    } else if (n->scl_inter != 0) {
+        dense_warn(
+            &a->head.warnings,
+            "scl_slope is 0 and scl_inter is %g, which the standard does not apply: the numbers in the file are the "
+            "values. Set scl_slope to 1 if scl_inter is meant.",
+            n->scl_inter);
+    }
+}
+
+/* The beginning of a file, its header and the field vox_offset, before the library changes it. */
+typedef struct nifti_head {
+    const char *bytes;
+    size_t length;       /* of the file that is there, unpacked */
+    size_t header_bytes; /* without the four of the extender */
+    double vox_offset;
+    bool swapped, packed;
+} nifti_head;
+
+static nifti_head head_of_nifti(const char *bytes, size_t length, int version, bool packed)
+{
+    nifti_head h = {.bytes = bytes, .length = length, .packed = packed};
+    if (version == 2) {
+        nifti_2_header second;
+        memcpy(&second, bytes, sizeof second);
+        int64_t offset = second.vox_offset;
+        h.swapped = NIFTI2_NEEDS_SWAP(second);
+        if (h.swapped) nifti_swap_8bytes(1, &offset);
+        h.header_bytes = sizeof second;
+        h.vox_offset = (double)offset;
+    } else {
+        nifti_1_header first;
+        memcpy(&first, bytes, sizeof first);
+        float offset = first.vox_offset;
+        h.swapped = NIFTI_NEEDS_SWAP(first);
+        if (h.swapped) nifti_swap_4bytes(1, &offset);
+        h.header_bytes = sizeof first;
+        h.vox_offset = (double)offset;
+    }
+    return h;
+}
+
+/* Extensions follow one another, each with its length in bytes, a multiple of 16; the last one ends where the data begin. */
+static bool find_after_extensions(answer *a, const nifti_head *h, int64_t data_bytes, int64_t *offset)
+{
+    struct stat st;
+    int64_t at = (int64_t)h->header_bytes + 4;
+    *offset = at;
+    if ((int64_t)h->length < at || h->bytes[h->header_bytes] == 0) return true;
+    if (h->packed || fstat(STDIN_FILENO, &st) != 0)
+        return refuse(
+            a, ERROR_INPUT_UNSUPPORTED,
+            "its vox_offset is 0, and where its extensions end is only looked for in a file that is not "
+            "packed: unpack it");
+    while (at + data_bytes < st.st_size) {
+        int32_t size;
+        if (at + 8 > (int64_t)h->length)
+            return refuse(a, ERROR_INPUT_UNSUPPORTED,
+                          "its vox_offset is 0, and its extensions take more than %lld bytes",
+                          (long long)h->length);
+        memcpy(&size, h->bytes + at, sizeof size);
+        if (h->swapped) nifti_swap_4bytes(1, &size);
+        if (size < 16 || size % 16 != 0 || size > st.st_size - data_bytes - at) break;
+        at += size;
+    }
+    *offset = at;
+    return true;
+}
+
+/* Of a single file. Its vox_offset counts from the beginning; 0 means that the data begin behind what comes before them. */
+static bool place_data_of_nifti(answer *a, const nifti_head *h, int64_t data_bytes)
+{
+    if (!(h->vox_offset == 0 || (h->vox_offset >= (double)h->header_bytes && h->vox_offset < 1e15)))
+        return refuse(a, ERROR_INPUT_DAMAGED,
+                      "its vox_offset is %g, within its header of %zu bytes: it is damaged", h->vox_offset,
+                      h->header_bytes);
+    a->head.byte_skip = (int64_t)h->vox_offset;
+    return h->vox_offset != 0 || find_after_extensions(a, h, data_bytes, &a->head.byte_skip);
+}
+
+static bool describe_nifti(answer *a, const nifti_image *n, const char *name, const nifti_head *h)
 {
     const int64_t size[7] = {n->nx, n->ny, n->nz, n->nt, n->nu, n->nv, n->nw};
     a->head.volumes = 1;
@@ -358,16 +526,18 @@ static bool describe_nifti(answer *a, const nifti_image *n, const char *name, bo
     for (int k = 0; k < 3; k++) a->head.size[k] = size[k];
     if (!type_of_nifti(a, n->datatype)) return false;
     place_of_nifti(a, n);
-    if (isfinite(n->scl_slope) && n->scl_slope != 0 && isfinite(n->scl_inter)) {
-        a->head.slope = n->scl_slope;
-        a->head.intercept = n->scl_inter;
-    }
+    scale_of_nifti(a, n);
     a->head.swapped = n->nbyper > 1 && n->byteorder != nifti_short_order();
-    a->head.encoding = packed ? HEADER_GZIP : HEADER_RAW;
-    a->head.byte_skip = n->iname_offset > 0 ? n->iname_offset : 0;
+    a->head.encoding = h->packed ? HEADER_GZIP : HEADER_RAW;
     strcpy(a->head.format, "NIfTI");
-    bool single = n->nifti_type == NIFTI_FTYPE_NIFTI1_1 || n->nifti_type == NIFTI_FTYPE_NIFTI2_1;
-    return single || name_of_image(a, name);
+    if (n->nifti_type == NIFTI_FTYPE_NIFTI1_1 || n->nifti_type == NIFTI_FTYPE_NIFTI2_1) {
+        int64_t bytes = n->nbyper;
+        for (int k = 0; k < 7; k++)
+            if (size[k] > 1 && __builtin_mul_overflow(bytes, size[k], &bytes)) bytes = INT64_MAX / 2;
+        return place_data_of_nifti(a, h, bytes);
+    }
+    a->head.byte_skip = h->vox_offset > 0 && h->vox_offset < 1e15 ? (int64_t)h->vox_offset : 0;
+    return name_of_image(a, name);
 }
 
 /* The library (3.0.1) believes what the second version says, and writes beyond its axes. */
@@ -386,6 +556,7 @@ static bool read_nifti(answer *a, const char *head, size_t length, const char *n
     char called[] = "a.nii", pair[] = "a.hdr";
     nifti_set_debug_level(0);
     int version = nifti_header_version(head, length);
+    const nifti_head where = head_of_nifti(head, length, version, packed);
     if (version == 2) {
         memcpy(&second, head, sizeof second);
         if (has_axes(&second)) n = nifti_convert_n2hdr2nim(second, second.magic[1] == '+' ? called : pair);
@@ -394,17 +565,16 @@ static bool read_nifti(answer *a, const char *head, size_t length, const char *n
         n = nifti_convert_n1hdr2nim(first, first.magic[1] == '+' ? called : pair);
     }
     if (!n) return refuse(a, ERROR_INPUT_DAMAGED, "its NIfTI header contradicts itself: it is damaged");
-    return describe_nifti(a, n, name, packed);
+    return describe_nifti(a, n, name, &where);
 }
 
 /* ---- MetaImage */
 
 static bool read_meta_image(answer *a, const char *head)
 {
-    char name[META_IMAGE_NAME_SIZE];
+    char name[META_IMAGE_NAME_SIZE], fault[META_IMAGE_FAULT_SIZE];
     error_code code;
-    const char *fault = meta_image_parse(head, &a->head, name, &code);
-    if (fault) return refuse(a, code, "%s", fault);
+    if (!meta_image_parse(head, &a->head, name, fault, &code)) return refuse(a, code, "%s", fault);
     return !*name || add_name(a, name, strlen(name));
 }
 
@@ -423,24 +593,48 @@ static size_t read_head(char *to, size_t size)
     return count;
 }
 
-/* What the file may be instead. */
+/* Files that are not read, by the bytes that they begin with, and a program that converts each. */
+static const struct {
+    size_t at, length;
+    const char *bytes, *what;
+} others[] = {
+    {0, 14, "# vtk DataFile", "a VTK file (3D Slicer saves it as NRRD)"},
+    {0, 4, "v/1\001", "an EXR image (use surface.exr)"},
+    {0, 4, " BDV", "an OpenVDB file (use surface.vdb)"},
+    {0, 6, "11111\n", "an SLC volume of VolVis (ParaView saves it as VTK, and 3D Slicer that as NRRD)"},
+    {0, 4, "VOL\003",
+     "a VOL volume of Mitsuba (48 bytes and raw floats: write an NRRD header with `byte skip: 48`)"},
+    {0, 4, "II*\0", "a TIFF image (Fiji saves a stack of TIFF images as NRRD)"},
+    {0, 4, "MM\0*", "a TIFF image (Fiji saves a stack of TIFF images as NRRD)"},
+    {0, 4, "II+\0", "a BigTIFF image (Fiji saves a stack of TIFF images as NRRD)"},
+    {0, 4, "MM\0+", "a BigTIFF image (Fiji saves a stack of TIFF images as NRRD)"},
+    {128, 4, "DICM", "a DICOM file (`dcm2niix FOLDER` converts a series to NIfTI)"},
+    {0, 8, "\x89HDF\r\n\x1a\n",
+     "an HDF5 file (`h5dump -d DATASET -b LE -o FILE` writes its raw numbers, which need an NRRD header)"},
+    {0, 3, "CDF", "a netCDF or MINC file (`mnc2nii` converts MINC to NIfTI)"},
+    {0, 4, "PK\3\4", "a ZIP archive (unpack it; Fiji opens Zarr and saves it as NRRD)"},
+    {208, 4, "MAP ",
+     "an MRC or CCP4 map (1024 bytes and raw numbers: write an NRRD header with `byte skip: 1024`)"},
+};
+
+/* What the file may be instead; `head` has HEAD_MAX bytes. */
 static const char *guess(const char *head)
 {
-    if (strncmp(head, "# vtk DataFile", 14) == 0) return "a VTK file (3D Slicer saves it as NRRD)";
-    if (strstr(head, "<VTKFile")) return "a VTK XML file (3D Slicer saves it as NRRD)";
-    if (memcmp(head, "v/1\001", 4) == 0) return "an EXR image (use surface.exr)";
-    if (memcmp(head, " BDV", 4) == 0) return "an OpenVDB file (use surface.vdb)";
-    if (strncmp(head, "11111\n", 6) == 0)
-        return "an SLC volume of VolVis (ParaView saves it as VTK, and 3D Slicer that as NRRD)";
-    if (memcmp(head, "VOL\003", 4) == 0)
-        return "a VOL volume of Mitsuba (48 bytes and raw floats: write an NRRD header with `byte skip: 48`)";
+    int32_t size;
+    memcpy(&size, head, sizeof size);
+    for (size_t k = 0; k < sizeof others / sizeof *others; k++)
+        if (memcmp(head + others[k].at, others[k].bytes, others[k].length) == 0) return others[k].what;
+    if (strstr(head, "<VTKFile")) return "a VTK XML file (ParaView saves it as MetaImage, .mhd)";
+    if (strstr(head, "zarr_format")) return "a part of a Zarr volume (Fiji opens Zarr and saves it as NRRD)";
+    if (size == sizeof(nifti_1_header) || size == 0x5c010000)
+        return "an ANALYZE 7.5 header (`fslchfiletype NIFTI FILE` converts it)";
     return "no volume of a known format (raw numbers need an NRRD header: `unu make -h -t TYPE -s X Y Z -i FILE`)";
 }
 
 /* `head` is the file's first `length` bytes, with zeros behind them. */
 static bool read_header(answer *a, char *head, size_t length, const char *name)
 {
-    char front[sizeof(nifti_2_header)] = {0};
+    char front[sizeof(nifti_2_header) + 4] = {0}; /* the extender */
     if (strncmp(head, "NRRD000", 7) == 0) return read_nrrd(a, head, length);
     if (meta_image_is(head)) return read_meta_image(a, head);
     bool packed = (unsigned char)head[0] == 0x1f && (unsigned char)head[1] == 0x8b;
@@ -449,13 +643,12 @@ static bool read_header(answer *a, char *head, size_t length, const char *name)
         int got = stream ? gzread(stream, front, sizeof front) : -1;
         if (got < 0) return refuse(a, ERROR_INPUT_DAMAGED, "the file cannot be unpacked: it is damaged");
         length = (size_t)got;
-    } else {
-        memcpy(front, head, length < sizeof front ? length : sizeof front);
+        head = front;
     }
     if (length >= sizeof(nifti_1_header)) {
-        int version = nifti_header_version(front, length);
+        int version = nifti_header_version(head, length);
         if (version == 1 || (version == 2 && length >= sizeof(nifti_2_header)))
-            return read_nifti(a, front, length, name, packed);
+            return read_nifti(a, head, length, name, packed);
     }
     return refuse(a, ERROR_INPUT_UNSUPPORTED, "the file is %s: NRRD, NIfTI and MetaImage files are read",
                   packed ? "packed by gzip, but holds no NIfTI file" : guess(head));

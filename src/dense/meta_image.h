@@ -1,5 +1,5 @@
 /* meta_image: the header of a MetaImage file (.mha, or .mhd beside its data), as its fields. Runs in the process that reads
- * headers. Source: the documentation of MetaIO. */
+ * headers. Source: the documentation and the reader of MetaIO. */
 #ifndef HEXAD_DENSE_META_IMAGE_H
 #define HEXAD_DENSE_META_IMAGE_H
 
@@ -7,14 +7,14 @@
 
 #include "dense/header.h"
 
-enum { META_IMAGE_NAME_SIZE = 512 };
+enum { META_IMAGE_NAME_SIZE = 512, META_IMAGE_FAULT_SIZE = 256 };
 
 /* Whether the bytes, which end with a zero, begin as such a header does. */
 bool meta_image_is(const char *text);
 
-/* Fills in what *out has of a volume. `name`: of the file that holds the data, "" where they follow the header. Returns
- * NULL, or why the file is not read, and then *code says whether it is damaged or not supported. */
-const char *meta_image_parse(const char *text, header *out, char name[META_IMAGE_NAME_SIZE],
-                             error_code *code);
+/* Fills in what *out has of a volume, warnings included. `name`: of the file that holds the data, "" where they follow the
+ * header. False: `fault` says why the file is not read, and *code whether it is damaged or not supported. */
+bool meta_image_parse(const char *text, header *out, char name[META_IMAGE_NAME_SIZE],
+                      char fault[META_IMAGE_FAULT_SIZE], error_code *code);
 
 #endif

@@ -1,6 +1,8 @@
 #include "dense/raw_volume.h"
 
 #include <errno.h>
+#include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -169,7 +171,7 @@ static bool open_data(raw_volume *s, uint32_t index, error *e)
     close_data(s);
     s->at = index;
     s->left = values_in_all(s) / (s->head.file_count ? s->head.file_count : 1);
-    s->offset = s->head.file_count ? 0 : s->head.offset;
+    s->offset = index == 0 ? s->head.offset : 0;
     s->data = s->head.file_count ? s->files->open(s->files->context, s->names[index], e) : dup(s->fd);
     if (s->data < 0)
         return s->head.file_count
@@ -221,7 +223,24 @@ static double one_value(const unsigned char *p, header_type type)
     }
 }
 
-static bool read_numbers(raw_volume *s, float *values, int64_t count, error *e)
+static bool is_scaled(const raw_volume *s)
+{
+    return s->head.slope != 1 || s->head.intercept != 0;
+}
+
+/* Remembers the first whole number that a double does not hold; a scaled one is none. */
+static void note_inexact(raw_volume *s, const unsigned char *p)
+{
+    int64_t number;
+    memcpy(&number, p, sizeof number);
+    if (*s->base.inexact || is_scaled(s)) return;
+    if (s->head.type == HEADER_UINT64 && (uint64_t)number > (uint64_t)SLICES_LARGEST)
+        snprintf(s->base.inexact, sizeof s->base.inexact, "%" PRIu64, (uint64_t)number);
+    if (s->head.type == HEADER_INT64 && (number > SLICES_LARGEST || number < -SLICES_LARGEST))
+        snprintf(s->base.inexact, sizeof s->base.inexact, "%" PRId64, number);
+}
+
+static bool read_numbers(raw_volume *s, double *values, int64_t count, error *e)
 {
     const int size = size_of[s->head.type];
     const double slope = s->head.slope, intercept = s->head.intercept;
@@ -234,7 +253,8 @@ static bool read_numbers(raw_volume *s, float *values, int64_t count, error *e)
         for (int64_t k = 0; k < some; k++) {
             unsigned char one[8], *p = (unsigned char *)s->buffer + k * size;
             for (int b = 0; b < size; b++) one[b] = p[s->head.swapped ? size - 1 - b : b];
-            *values++ = (float)(slope * one_value(one, (header_type)s->head.type) + intercept);
+            if (size == sizeof(int64_t)) note_inexact(s, one);
+            *values++ = slope * one_value(one, (header_type)s->head.type) + intercept;
         }
         count -= some;
     }
@@ -262,15 +282,20 @@ static bool next_word(raw_volume *s, char word[64])
     return length > 0;
 }
 
-static bool read_words(raw_volume *s, float *values, int64_t count, error *e)
+static bool read_words(raw_volume *s, double *values, int64_t count, error *e)
 {
     char word[64], *end;
+    const bool single = s->head.type == HEADER_FLOAT,
+               whole = s->head.type == HEADER_INT64 || s->head.type == HEADER_UINT64;
     for (int64_t k = 0; k < count; k++) {
         if (!next_word(s, word))
             return damaged(s, e,
                            "the file ends before all of its values are there: it is damaged or cut off");
-        values[k] = (float)strtod(word, &end);
+        const double number = single ? (double)strtof(word, &end) : strtod(word, &end);
         if (*end) return damaged(s, e, "the file holds text among its numbers: it is damaged");
+        if (whole && fabs(number) > (double)SLICES_LARGEST && !*s->base.inexact && !is_scaled(s))
+            snprintf(s->base.inexact, sizeof s->base.inexact, "%.23s", word);
+        values[k] = s->head.slope * number + s->head.intercept;
     }
     return true;
 }
@@ -280,7 +305,7 @@ static bool raw_volume_begin(slices *base, error *e)
     return open_data((raw_volume *)base, 0, e);
 }
 
-static bool raw_volume_next(slices *base, float *values, error *e)
+static bool raw_volume_next(slices *base, double *values, error *e)
 {
     raw_volume *s = (raw_volume *)base;
     for (int64_t wanted = s->head.size[0] * s->head.size[1] * base->components; wanted > 0;) {
@@ -350,12 +375,17 @@ static bool choose_volume(header *h, int64_t index, error *e)
 static void note_length(raw_volume *s)
 {
     struct stat st;
-    const int64_t begin = s->head.file_count ? 0 : s->head.offset, said = s->head.packed_bytes;
+    const int64_t begin = s->head.offset, said = s->head.packed_bytes;
     if (said == 0 || fstat(s->data, &st) != 0 || st.st_size - begin == said) return;
-    snprintf(
-        s->base.warning, sizeof s->base.warning,
+    dense_warn(
+        &s->base.warnings,
         "its header says that the packed data have %lld bytes, and they have %lld; all values that it promises are there",
         (long long)said, (long long)(st.st_size - begin));
+}
+
+static bool needs_doubles(header_type type)
+{
+    return size_of[type] >= 4 && type != HEADER_FLOAT;
 }
 
 slices *raw_vectors_open(int fd, const char *path, const char *program, int64_t index,
@@ -374,6 +404,8 @@ slices *raw_vectors_open(int fd, const char *path, const char *program, int64_t 
     memcpy(s->base.index_to_world, s->head.index_to_world, sizeof s->base.index_to_world);
     strcpy(s->base.format, s->head.format);
     strcpy(s->base.space, s->head.space);
+    s->base.warnings = s->head.warnings;
+    s->base.fine = needs_doubles((header_type)s->head.type);
     note_length(s);
     return &s->base;
 }

@@ -11,13 +11,14 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "dense/warnings.h"
 
 typedef struct slices slices;
 
 typedef struct slices_ops {
     /* begin goes to the first slice and may be called again; next reads one slice after the other. */
     bool (*begin)(slices *s, error *e);
-    bool (*next)(slices *s, float *values, error *e);
+    bool (*next)(slices *s, double *values, error *e);
     void (*close)(slices *s);
 } slices_ops;
 
@@ -28,8 +29,13 @@ struct slices {
     double vector_to_world[9];  /* those of a vector, row by row */
     double index_to_world[16];  /* row-major, column vectors */
     char format[12], space[64]; /* as in header.h */
-    char warning[256];          /* something odd about them, or "" */
+    bool fine;                  /* values may need more than the 24 bits of a float */
+    char inexact[24]; /* the first whole number beyond SLICES_LARGEST that was read, as text; or "" */
+    dense_warnings warnings;
 };
+
+/* Doubles tell whole numbers apart up to here. */
+static const int64_t SLICES_LARGEST = ((int64_t)1 << 53) - 1;
 
 /* Opens files that a header names. Returns a descriptor for reading, which the caller closes, or -1 and an error
  * that names the path. */

@@ -38,11 +38,12 @@ static bool counted_begin(slices *base, error *e)
     return ok;
 }
 
-static bool counted_next(slices *base, float *number, error *e)
+static bool counted_next(slices *base, double *number, error *e)
 {
     counted *c = (counted *)base;
     const bool ok = c->from->ops->next(c->from, number, &c->fault);
     c->passed++;
+    memcpy(base->inexact, c->from->inexact, sizeof base->inexact);
     if (ok)
         values_add(c->values, number, (size_t)(base->size[0] * base->size[1]));
     else if (e)
@@ -68,11 +69,11 @@ static bool count_rest(counted *c, size_t memory_limit, error *e)
         if (e) *e = c->fault;
         return false;
     }
-    if (count > memory_limit / sizeof(float))
+    if (count > memory_limit / sizeof(double))
         return error_set(e, ERROR_LIMIT_MEMORY,
                          "a slice of %lld x %lld samples does not fit into the memory limit",
                          (long long)size[0], (long long)size[1]);
-    float *slice = mem_array(count, sizeof *slice, "a slice of the volume", e);
+    double *slice = mem_array(count, sizeof *slice, "a slice of the volume", e);
     bool ok = slice && (c->passed >= 0 || counted_begin(&c->base, e));
     while (ok && c->passed < size[2]) ok = counted_next(&c->base, slice, e);
     free(slice);
@@ -86,7 +87,8 @@ static void describe_slices(const slices *s, json *o)
     json *size = json_put_array(o, "size");
     for (int k = 0; k < 3; k++) json_append_number(size, (double)s->size[k]);
     json_put_string(o, "space", *s->space ? s->space : NULL);
-    if (*s->warning) json_put_string(o, "warning", s->warning);
+    json *warnings = s->warnings.count > 0 ? json_put_array(o, "warnings") : NULL;
+    for (uint32_t k = 0; k < s->warnings.count; k++) json_append_string(warnings, s->warnings.text[k]);
     frame_describe(s->index_to_world, first, last, o);
 }
 

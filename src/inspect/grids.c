@@ -27,17 +27,19 @@ static void add_active(const vdb_grid *g, values *v, int64_t low[3], int64_t hig
                 if (index < low[k]) low[k] = index;
                 if (index > high[k]) high[k] = index;
             }
-            values_add(v, &g->leaf_values[leaf * VDB_LEAF_VOXELS + (size_t)i], 1);
+            const double value = (double)g->leaf_values[leaf * VDB_LEAF_VOXELS + (size_t)i];
+            values_add(v, &value, 1);
         }
     for (size_t t = 0; t < g->tile_count; t++) {
         const vdb_tile *tile = &g->tiles[t];
+        const double value = (double)tile->value;
         int64_t side = tile->side / VDB_LEAF_SIDE, leaves = side * side * side;
         if (!tile->active) continue;
         for (int k = 0; k < 3; k++) {
             if (tile->origin[k] < low[k]) low[k] = tile->origin[k];
             if (tile->origin[k] + tile->side - 1 > high[k]) high[k] = tile->origin[k] + tile->side - 1;
         }
-        for (int64_t k = 0; k < leaves && k < MOST_OF_A_TILE; k++) values_add(v, &tile->value, 1);
+        for (int64_t k = 0; k < leaves && k < MOST_OF_A_TILE; k++) values_add(v, &value, 1);
     }
 }
 
@@ -59,7 +61,7 @@ static bool suggest(const contents_input *in, const char *name, const vdb_grid *
     if (g->grid_class == VDB_LEVEL_SET)
         return suggestion_append(suggestions, surface_of(in, name, NULL), voxels, in->options, e);
     /* where voxels end and the background begins there is a surface, too */
-    float background = g->background;
+    const double background = (double)g->background;
     values_add(v, &background, 1);
     size_t count = values_candidates(v, at);
     for (size_t k = 0; k < count; k++)
@@ -72,7 +74,8 @@ static bool describe_grid(const contents_input *in, size_t index, const char *na
                           json *suggestions, error *e)
 {
     error fault = {0};
-    vdb_grid *g = vdb_load_grid(in->fd, index, (size_t)in->options->memory_mb << 20, &fault);
+    vdb_grid *g =
+        vdb_load_grid(in->fd, index, (vdb_loading){0}, (size_t)in->options->memory_mb << 20, &fault);
     if (!g) { /* one damaged grid does not hide the others */
         json *told = json_put_object(o, "error");
         json_put_string(told, "code", error_code_name(fault.code));

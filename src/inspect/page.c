@@ -134,8 +134,10 @@ static void print_labels(FILE *out, json_at labels)
         print_numbers(out, json_member(&l, "low"), " ");
         fputs(" to ", out);
         print_numbers(out, json_member(&l, "high"), " ");
-        fputs(", touches ", out);
-        print_numbers(out, json_member(&l, "neighbours"), " ");
+        fputs(", touches", out);
+        const json_at neighbours = json_member(&l, "neighbours");
+        for (size_t i = 0; i < json_size(neighbours); i++)
+            fprintf(out, " %.0f", json_number(json_element(&neighbours, i), 0));
         putc('\n', out);
     }
 }

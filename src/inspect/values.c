@@ -22,7 +22,7 @@ values values_begin(void)
     return (values){.lowest = INFINITY,
                     .highest = -INFINITY,
                     .integral = true,
-                    .kept = mem_alloc(KEPT * sizeof(float)),
+                    .kept = mem_alloc(KEPT * sizeof(double)),
                     .stride = 1};
 }
 
@@ -32,7 +32,7 @@ void values_free(values *v)
     v->kept = NULL;
 }
 
-static void keep(values *v, float number)
+static void keep(values *v, double number)
 {
     if (v->until_next > 0) {
         v->until_next--;
@@ -47,10 +47,10 @@ static void keep(values *v, float number)
     v->until_next = v->stride - 1;
 }
 
-void values_add(values *v, const float *number, size_t count)
+void values_add(values *v, const double *number, size_t count)
 {
     for (size_t k = 0; k < count; k++) {
-        double x = (double)number[k];
+        const double x = number[k];
         v->count++;
         if (!isfinite(x)) {
             v->not_finite++;
@@ -59,7 +59,7 @@ void values_add(values *v, const float *number, size_t count)
         v->lowest = fmin(v->lowest, x);
         v->highest = fmax(v->highest, x);
         v->integral = v->integral && x == floor(x);
-        keep(v, number[k]);
+        keep(v, x);
     }
 }
 
@@ -74,34 +74,33 @@ void values_describe(const values *v, json *object)
     json_append_number(range, v->lowest);
     json_append_number(range, v->highest);
     for (size_t k = 0; k < v->kept_count; k++) {
-        size_t at = size > 0 ? (size_t)(((double)v->kept[k] - v->lowest) / size) : 0;
+        size_t at = size > 0 ? (size_t)((v->kept[k] - v->lowest) / size) : 0;
         bin[at < BINS ? at : BINS - 1]++;
     }
     json *histogram = json_put_array(object, "histogram");
     for (int k = 0; v->kept_count > 0 && k < BINS; k++)
-        json_append_number(histogram, (double)bin[k] / (double)v->kept_count);
+        json_append_number(histogram, (double)bin[k] / v->kept_count);
 }
 
 static int compare(const void *a, const void *b)
 {
-    float x = *(const float *)a, y = *(const float *)b;
+    const double x = *(const double *)a, y = *(const double *)b;
     return (x > y) - (x < y);
 }
 
-static double quantile(const float *sorted, size_t count, double share)
+static double quantile(const double *sorted, size_t count, double share)
 {
-    return (double)sorted[(size_t)(share * (double)(count - 1))];
+    return sorted[(size_t)(share * (double)(count - 1))];
 }
 
 /* The threshold with the largest variance between the classes below and above it. */
-static double otsu(const float *sorted, size_t count)
+static double otsu(const double *sorted, size_t count)
 {
     double low = quantile(sorted, count, TAIL), high = quantile(sorted, count, 1 - TAIL), all = 0, sum = 0;
     double bin[FINE_BINS] = {0}, below = 0, sum_below = 0, best = -1, at = 0.5 * (low + high);
-    if (!(high > low))
-        return 0.5 * ((double)sorted[0] + (double)sorted[count - 1]); /* nearly all are one value */
+    if (!(high > low)) return 0.5 * (sorted[0] + sorted[count - 1]); /* nearly all are one value */
     for (size_t k = 0; k < count; k++) {
-        double place = ((double)sorted[k] - low) / (high - low) * FINE_BINS;
+        double place = (sorted[k] - low) / (high - low) * FINE_BINS;
         if (place >= 0 && place <= FINE_BINS) bin[place < FINE_BINS ? (size_t)place : FINE_BINS - 1]++;
     }
     for (int k = 0; k < FINE_BINS; k++) {
@@ -123,7 +122,7 @@ static double otsu(const float *sorted, size_t count)
 }
 
 /* The most frequent value, and where it ends in the sorted ones; its share. */
-static double most_frequent(const float *sorted, size_t count, size_t *end)
+static double most_frequent(const double *sorted, size_t count, size_t *end)
 {
     size_t most = 0;
     for (size_t k = 0, next; k < count; k = next) {
@@ -143,14 +142,14 @@ static double between_values(const values *v, double at)
     size_t low = 0, high = v->kept_count, equal = 0;
     while (low < high) {
         size_t middle = (low + high) / 2;
-        if ((double)v->kept[middle] < at)
+        if (v->kept[middle] < at)
             low = middle + 1;
         else
             high = middle;
     }
-    while (low + equal < v->kept_count && (double)v->kept[low + equal] == at) equal++;
-    if ((double)equal <= FREQUENT * (double)v->kept_count || low + equal == v->kept_count) return at;
-    return 0.5 * (at + (double)v->kept[low + equal]);
+    while (low + equal < v->kept_count && v->kept[low + equal] == at) equal++;
+    if ((double)equal <= FREQUENT * v->kept_count || low + equal == v->kept_count) return at;
+    return 0.5 * (at + v->kept[low + equal]);
 }
 
 size_t values_candidates(values *v, double out[VALUES_CANDIDATES])

@@ -14,12 +14,12 @@ typedef struct values {
     double lowest, highest; /* finite ones */
     size_t count, not_finite;
     bool integral; /* all are whole numbers */
-    float *kept;
+    double *kept;
     size_t kept_count, stride, until_next;
 } values;
 
 values values_begin(void);
-void values_add(values *v, const float *number, size_t count);
+void values_add(values *v, const double *number, size_t count);
 void values_free(values *v);
 
 /* Adds `range`, `values`, `not_finite`, `integral` and `histogram` (low, high, and the share of the values in each of equal

@@ -16,7 +16,7 @@ struct label_surface {
     mesh_surface *surface;
     label_thin *thin;
     size_t thin_count;
-    char warning[256]; /* of the reader */
+    dense_warnings warnings; /* of the reader */
 };
 
 typedef struct wanted_pairs {
@@ -138,7 +138,7 @@ static bool make_surface(const label_surface_request *r, label_surface *s, error
 label_surface *label_surface_open(const label_surface_request *request, error *e)
 {
     label_surface *s = mem_alloc(sizeof *s);
-    memcpy(s->warning, request->from->warning, sizeof s->warning);
+    s->warnings = request->from->warnings;
     if (label_volume_read(request->from, request->spec, request->memory_limit, &s->labels, e) &&
         label_majority_apply(&s->labels, request->spec->majority, request->memory_limit, request->pool, e) &&
         make_surface(request, s, e))
@@ -291,7 +291,7 @@ static void warn_of_taken(const label_volume *v, json *warnings)
 
 void label_surface_describe(const label_surface *s, json *surface, json *warnings)
 {
-    if (*s->warning) json_append_string(warnings, s->warning);
+    for (uint32_t k = 0; k < s->warnings.count; k++) json_append_string(warnings, s->warnings.text[k]);
     json *members = json_put_object(surface, "labels"), *list = json_put_array(members, "materials");
     json_put_integer(members, "triangles", (int64_t)mesh_surface_patches(s->surface)->m.triangle_count);
     for (size_t k = 0; k < s->labels.count; k++) {

@@ -1,6 +1,8 @@
 #include "labels/label_volume.h"
 
+#include <inttypes.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -12,21 +14,27 @@ static const char what[] = "the labels of the volume";
 
 /* Labels by their values, numbered in the order in which they come. */
 typedef struct reading {
-    block_map numbers; /* by (value, 0, 0) */
+    block_map numbers; /* by the low and the high 32 bits of the value, and 0 */
+    const slices *from;
     label_volume *out;
     size_t room;
 } reading;
 
 static bool number_of(reading *r, double value, uint16_t *number, error *e)
 {
-    if (!(fabs(value) < LABEL_VOLUME_LARGEST) || value != rint(value))
-        return error_set(
-            e, ERROR_INPUT_UNSUPPORTED,
-            "the value %.9g is no label: labels are whole numbers below %d; sample a volume of other values with "
-            "surface.volume and an isovalue",
-            value, LABEL_VOLUME_LARGEST);
+    if (!(fabs(value) <= (double)SLICES_LARGEST) || value != rint(value)) {
+        char text[32];
+        snprintf(text, sizeof text, "%.17g", value);
+        return error_set(e, ERROR_INPUT_UNSUPPORTED,
+                         "the value %s is no label: labels are whole numbers up to %" PRId64
+                         "; sample a volume of other values with surface.volume and an isovalue",
+                         value == rint(value) && *r->from->inexact ? r->from->inexact : text, SLICES_LARGEST);
+    }
+    const uint64_t bits = (uint64_t)(int64_t)value;
     uint32_t n;
-    if (!block_map_find_or_add(&r->numbers, (int32_t)value, 0, 0, &n, e)) return false;
+    if (!block_map_find_or_add(&r->numbers, (int32_t)(uint32_t)bits, (int32_t)(uint32_t)(bits >> 32), 0, &n,
+                               e))
+        return false;
     label_volume *v = r->out;
     if (n == v->count) {
         if (v->count == LABEL_VOLUME_MOST)
@@ -47,18 +55,18 @@ static bool read_voxels(reading *r, slices *from, int64_t around, error *e)
 {
     const int64_t *size = from->size;
     label_volume *v = r->out;
-    float *values = mem_array((size_t)(size[0] * size[1]), sizeof *values, "a slice of the volume", e);
+    double *values = mem_array((size_t)(size[0] * size[1]), sizeof *values, "a slice of the volume", e);
     bool ok = values && from->ops->begin(from, e);
     for (int64_t z = 0; ok && z < size[2]; z++) {
         ok = from->ops->next(from, values, e);
         for (int64_t y = 0; ok && y < size[1]; y++) {
-            const float *row = values + y * size[0];
+            const double *row = values + y * size[0];
             uint16_t *to = v->at + ((z + around) * v->size[1] + y + around) * v->size[0] + around;
             for (int64_t x = 0; ok && x < size[0]; x++) {
                 if (x > 0 && row[x] == row[x - 1])
                     to[x] = to[x - 1];
                 else
-                    ok = number_of(r, (double)row[x], &to[x], e);
+                    ok = number_of(r, row[x], &to[x], e);
                 if (ok) label_material_note(&v->material[to[x]], (const int64_t[3]){x, y, z});
             }
         }
@@ -221,7 +229,7 @@ bool label_volume_read(slices *from, const spec_labels *choice, size_t memory_li
                        error *e)
 {
     label_volume made = {0};
-    reading r = {.out = &made};
+    reading r = {.out = &made, .from = from};
     const int64_t around = choice->closed;
     bool ok = make_room(&made, from, around, memory_limit, e) && block_map_init(&r.numbers, 64, e) &&
               read_voxels(&r, from, around, e) && check_choice(&made, choice, e) &&

@@ -14,8 +14,6 @@
 #include "spec/spec.h"
 
 enum { LABEL_VOLUME_MOST = 65535 }; /* labels */
-/* Values are read as floats, which tell whole numbers apart up to here. */
-#define LABEL_VOLUME_LARGEST 16777216
 
 typedef struct label_material {
     int64_t value;

@@ -1,5 +1,8 @@
 #include "source/label_source.h"
 
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
 #include <string.h>
 #include <strings.h>
 
@@ -20,16 +23,19 @@ static bool grid_begin(slices *base, error *e)
     return true;
 }
 
-static bool grid_next(slices *base, float *values, error *e)
+static bool grid_next(slices *base, double *values, error *e)
 {
     grid_slices *s = (grid_slices *)base;
     (void)e;
     for (int32_t y = 0; y < base->size[1]; y++)
         for (int32_t x = 0; x < base->size[0]; x++) {
+            const int32_t at[3] = {s->origin[0] + x, s->origin[1] + y, s->origin[2] + s->at};
             double value[3];
-            s->voxels->read(s->voxels, (int32_t[3]){s->origin[0] + x, s->origin[1] + y, s->origin[2] + s->at},
-                            value);
-            *values++ = (float)value[0];
+            s->voxels->read(s->voxels, at, value);
+            if (fabs(value[0]) > (double)SLICES_LARGEST && !*base->inexact)
+                snprintf(base->inexact, sizeof base->inexact, "%" PRId64,
+                         s->voxels->read_whole(s->voxels, at));
+            *values++ = value[0];
         }
     s->at++;
     return true;
@@ -50,7 +56,8 @@ typedef struct visit {
 static bool open_voxels(void *context, const vdb_voxels *voxels, error *e)
 {
     visit *v = context;
-    grid_slices s = {.base = {.ops = &grid_ops, .components = 1, .format = "VDB"}, .voxels = voxels};
+    grid_slices s = {.base = {.ops = &grid_ops, .components = 1, .format = "VDB", .fine = true},
+                     .voxels = voxels};
     if (!voxels->whole)
         return error_set(e, ERROR_INPUT_UNSUPPORTED,
                          "the grid has no whole numbers: labels are a grid of type int32 or int64");

@@ -27,8 +27,8 @@
     }
 #define SHAPE(s) (1u << SPEC_SHAPE_##s)
 #define METHOD(m) (1u << SPEC_METHOD_##m)
-/* Floats tell whole numbers apart up to here. */
-#define LABEL_MAX 16777215
+/* Doubles tell whole numbers apart up to here. */
+#define LABEL_MAX 9007199254740991.0
 /* The methods of the paper, of 2005. */
 #define MEYER (METHOD(SIZED) | METHOD(PAPER))
 

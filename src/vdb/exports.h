@@ -9,7 +9,7 @@
 
 typedef struct vdb_exports {
     bool (*list_grids)(int fd, vdb_listing *out, error *e);
-    vdb_grid *(*load_grid)(int fd, size_t index, size_t memory_limit, error *e);
+    vdb_grid *(*load_grid)(int fd, size_t index, vdb_loading how, size_t memory_limit, error *e);
     bool (*visit_grid)(int fd, size_t index, size_t memory_limit, vdb_visitor *visit, void *context,
                        error *e);
     bool (*write_grids)(int fd, const vdb_draft *drafts, size_t count, vdb_layout layout, bool compressed,

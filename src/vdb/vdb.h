@@ -64,6 +64,7 @@ typedef struct vdb_grid {
         from_newer; /* the file has a later format version than the library, and is read as far as they are alike */
     bool is_local; /* its metadata say that it is in the space of an object, which is not in the file */
     char unit[VDB_UNIT_SIZE]; /* of its metadata, cut to fit; "": there is none */
+    double zero; /* subtracted from the values in the file, before these became floats */
     float background;
     double index_to_world[16]; /* row-major, column vectors: world = M (i, j, k, 1); invertible */
     uint64_t active_voxels;
@@ -76,11 +77,17 @@ typedef struct vdb_grid {
 
 /* Whether metadata of this name say in which unit a grid is; OpenVDB knows no unit, and transforms have none. */
 bool vdb_is_unit(const char *name);
+/* How a grid is loaded. */
+typedef struct vdb_loading {
+    double
+        zero; /* subtracted from the values of a grid of doubles that is no level set, before these become floats */
+    bool flood; /* inactive voxels of a level set get their side from the active ones around them */
+} vdb_loading;
 
 /* Loads entry `index` of the listing. Doubles become floats. `memory_limit` bounds the call's peak,
  * the library's tree and the arrays together. Errors: input_damaged; input_unsupported
  * for a type that is not scalar and for a transform that is not affine or not invertible; limit_memory. */
-vdb_grid *vdb_load_grid(int fd, size_t index, size_t memory_limit, error *e);
+vdb_grid *vdb_load_grid(int fd, size_t index, vdb_loading how, size_t memory_limit, error *e);
 void vdb_grid_free(vdb_grid *grid);
 
 /* A grid of any numeric type while vdb_visit_grid holds it. */
@@ -95,6 +102,8 @@ struct vdb_voxels {
     void *tree;                /* private */
     /* The value of a voxel, the background's where there is none; whether it is active. */
     bool (*read)(const vdb_voxels *v, const int32_t at[3], double value[3]);
+    /* The same of one whole number, which a double may not hold. */
+    int64_t (*read_whole)(const vdb_voxels *v, const int32_t at[3]);
 };
 
 typedef bool vdb_visitor(void *context, const vdb_voxels *voxels, error *e);

@@ -14,10 +14,10 @@ bool vdb_list_grids(int fd, vdb_listing *out, error *e)
     return shim && shim->list_grids(fd, out, e);
 }
 
-vdb_grid *vdb_load_grid(int fd, size_t index, size_t memory_limit, error *e)
+vdb_grid *vdb_load_grid(int fd, size_t index, vdb_loading how, size_t memory_limit, error *e)
 {
     const vdb_exports *shim = load(e);
-    return shim ? shim->load_grid(fd, index, memory_limit, e) : NULL;
+    return shim ? shim->load_grid(fd, index, how, memory_limit, e) : NULL;
 }
 
 bool vdb_visit_grid(int fd, size_t index, size_t memory_limit, vdb_visitor *visit, void *context, error *e)

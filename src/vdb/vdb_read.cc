@@ -25,6 +25,7 @@
 #include <openvdb/io/Compression.h>
 #include <openvdb/io/DelayedLoadMetadata.h>
 #include <openvdb/io/io.h>
+#include <openvdb/tools/SignedFloodFill.h>
 
 namespace vdb = openvdb;
 using shim::fault;
@@ -486,7 +487,7 @@ template <typename Tree> void copy_leaves(const Tree &tree, vdb_grid *out)
         const auto *values = leaf->buffer().data();
         if (!values) throw fault(ERROR_INPUT_DAMAGED, "a leaf of it has no values: it is damaged");
         float *to = out->leaf_values + n * VDB_LEAF_VOXELS;
-        for (int i = 0; i < VDB_LEAF_VOXELS; i++) to[i] = float(values[i]);
+        for (int i = 0; i < VDB_LEAF_VOXELS; i++) to[i] = float(double(values[i]) - out->zero);
         for (int word = 0; word < 8; word++)
             out->leaf_active[8 * n + size_t(word)] =
                 leaf->valueMask().template getWord<uint64_t>(vdb::Index(word));
@@ -499,7 +500,7 @@ template <typename Tree> void copy_tiles(const Tree &tree, size_t limit, vdb_gri
     auto it = tree.cbeginValueAll();
     it.setMaxDepth(Tree::ValueAllCIter::LEAF_DEPTH - 1);
     for (; it; ++it) {
-        float value = float(*it);
+        float value = float(double(*it) - out->zero);
         if (value == out->background) continue;
         vdb::CoordBBox box;
         it.getBoundingBox(box);
@@ -546,15 +547,18 @@ typename Grid::Ptr read_tree(reader &file, size_t index, descriptor d, vdb::Grid
     return grid;
 }
 
-template <typename Grid> void load(typename Grid::Ptr grid, size_t limit, vdb_grid *out)
+template <typename Grid> void load(typename Grid::Ptr grid, vdb_loading how, size_t limit, vdb_grid *out)
 {
     out->grid_class = class_of(*grid);
     out->is_local = !grid->isInWorldSpace();
     for (auto item = grid->beginMeta(); item != grid->endMeta(); ++item)
         if (vdb_is_unit(item->first.c_str()) && item->second->typeName() == "string")
             std::snprintf(out->unit, sizeof out->unit, "%s", item->second->str().c_str());
+    const bool level_set = out->grid_class == VDB_LEVEL_SET;
+    out->zero = level_set || std::is_same<typename Grid::ValueType, float>::value ? 0 : how.zero;
+    if (how.flood && level_set) vdb::tools::signedFloodFill(grid->tree(), false);
     copy_transform(*grid, out->index_to_world);
-    out->background = float(grid->background());
+    out->background = float(double(grid->background()) - out->zero);
     out->active_voxels = grid->activeVoxelCount();
     copy_leaves(grid->tree(), out);
     copy_tiles(grid->tree(), limit, out);
@@ -579,6 +583,22 @@ template <typename Grid> bool read_voxel(const vdb_voxels *v, const int32_t at[3
     return active;
 }
 
+template <typename T> int64_t copy_whole(const T &from)
+{
+    return int64_t(from);
+}
+
+template <typename T> int64_t copy_whole(const vdb::math::Vec3<T> &from)
+{
+    return int64_t(from[0]);
+}
+
+template <typename Grid> int64_t read_whole(const vdb_voxels *v, const int32_t at[3])
+{
+    return copy_whole(static_cast<const typename Grid::ConstAccessor *>(v->tree)->getValue(
+        vdb::Coord(at[0], at[1], at[2])));
+}
+
 /* A grid to be visited: where it stands, and who visits it. */
 struct visit {
     reader &file;
@@ -597,8 +617,8 @@ struct visit {
         if (done || d.type != Grid::gridType()) return;
         typename Grid::Ptr grid = read_tree<Grid>(file, index, d, base, fd, limit);
         typename Grid::ConstAccessor access = grid->getConstAccessor();
-        vdb_voxels v = {components, whole, class_of(*grid), {1, 1, 1},
-                        {0, 0, 0},  {0},   &access,         read_voxel<Grid>};
+        vdb_voxels v = {components, whole,   class_of(*grid),  {1, 1, 1},       {0, 0, 0},
+                        {0},        &access, read_voxel<Grid>, read_whole<Grid>};
         if (whole) {
             const vdb::CoordBBox box = grid->evalActiveVoxelBoundingBox();
             for (int k = 0; k < 3; k++) {
@@ -700,7 +720,7 @@ extern "C" bool vdb_list_grids(int fd, vdb_listing *out, error *e)
     return ok;
 }
 
-extern "C" vdb_grid *vdb_load_grid(int fd, size_t index, size_t memory_limit, error *e)
+extern "C" vdb_grid *vdb_load_grid(int fd, size_t index, vdb_loading how, size_t memory_limit, error *e)
 {
     vdb_grid *out = nullptr;
     bool ok = shim::guard(e, ERROR_INPUT_DAMAGED, "the voxels of the grid", [&] {
@@ -714,10 +734,10 @@ extern "C" vdb_grid *vdb_load_grid(int fd, size_t index, size_t memory_limit, er
             throw fault(ERROR_INPUT_UNSUPPORTED, "its values are of type " + value_type(d.type) +
                                                      "; only float and double can be sampled");
         if (d.type == vdb::FloatGrid::gridType())
-            load<vdb::FloatGrid>(read_tree<vdb::FloatGrid>(file, index, d, grid, fd, memory_limit),
+            load<vdb::FloatGrid>(read_tree<vdb::FloatGrid>(file, index, d, grid, fd, memory_limit), how,
                                  memory_limit, out);
         else
-            load<vdb::DoubleGrid>(read_tree<vdb::DoubleGrid>(file, index, d, grid, fd, memory_limit),
+            load<vdb::DoubleGrid>(read_tree<vdb::DoubleGrid>(file, index, d, grid, fd, memory_limit), how,
                                   memory_limit, out);
     });
     if (ok) return out;

@@ -17,10 +17,11 @@ static const uint32_t NONE = UINT32_MAX;
 typedef struct work {
     slices *source;
     double isovalue;
+    double on; /* the value in the file that the isovalue means: among floats the nearest */
     int64_t size[3];
     int64_t blocks[3];  /* along each axis, AROUND beyond either end included */
     int64_t stride;     /* of a row of `inside`: rows end in zeroes that a word may read */
-    float *values;      /* a slice */
+    double *values;     /* a slice */
     uint8_t *inside[2]; /* two slices: 1 where the value is above the isovalue */
     uint32_t *number;   /* of each block: 1 where it is crossed, at first; the number of its leaf, or NONE */
     vdb_grid *grid;
@@ -41,7 +42,7 @@ static bool begin(work *w, size_t memory_limit, error *e)
     }
     w->stride = w->size[0] + 2 * SIDE;
     double needed =
-        slice * sizeof(float) + 2 * (double)w->stride * (double)w->size[1] + cells * sizeof(uint32_t);
+        slice * sizeof(double) + 2 * (double)w->stride * (double)w->size[1] + cells * sizeof(uint32_t);
     if (needed > (double)memory_limit)
         return error_set(
             e, ERROR_LIMIT_MEMORY,
@@ -50,7 +51,7 @@ static bool begin(work *w, size_t memory_limit, error *e)
             (long long)w->size[0], (long long)w->size[1], (long long)w->size[2], ceil(needed / (1 << 20)),
             memory_limit >> 20);
     size_t row = (size_t)(w->stride * w->size[1]);
-    w->values = mem_array((size_t)slice, sizeof(float), "a slice of the volume", e);
+    w->values = mem_array((size_t)slice, sizeof(double), "a slice of the volume", e);
     w->inside[0] = mem_array(row, 1, "a slice of the volume", e);
     w->inside[1] = mem_array(row, 1, "a slice of the volume", e);
     w->number = mem_array((size_t)cells, sizeof *w->number, "the table of blocks", e);
@@ -70,13 +71,13 @@ static void end(work *w)
 static void note_values(const work *w, int64_t z, uint8_t *inside, dense_grid_facts *facts)
 {
     for (int64_t y = 0; y < w->size[1]; y++) {
-        const float *row = w->values + y * w->size[0];
+        const double *row = w->values + y * w->size[0];
         uint8_t *bits = inside + y * w->stride;
         for (int64_t x = 0; x < w->size[0]; x++) {
-            bits[x] = (double)row[x] > w->isovalue;
+            bits[x] = row[x] > w->isovalue && row[x] != w->on;
             if (isfinite(row[x])) {
-                facts->lowest = fminf(facts->lowest, row[x]);
-                facts->highest = fmaxf(facts->highest, row[x]);
+                facts->lowest = fmin(facts->lowest, row[x]);
+                facts->highest = fmax(facts->highest, row[x]);
             } else if (facts->not_finite++ == 0) {
                 memcpy(facts->not_finite_at, (const int64_t[3]){x, y, z}, sizeof facts->not_finite_at);
             }
@@ -158,6 +159,7 @@ static bool make_leaves(work *w, size_t count, size_t memory_limit, error *e)
             (needed >> 20) + 1, count, memory_limit >> 20);
     vdb_grid *g = w->grid = mem_alloc(sizeof *g);
     g->grid_class = VDB_FOG;
+    g->zero = w->isovalue;
     memcpy(g->index_to_world, w->source->index_to_world, sizeof g->index_to_world);
     g->active_voxels = (uint64_t)w->size[0] * (uint64_t)w->size[1] * (uint64_t)w->size[2];
     g->leaf_count = count;
@@ -180,6 +182,11 @@ static int64_t least(int64_t a, int64_t b)
     return a < b ? a : b;
 }
 
+static float level_of(const work *w, double value)
+{
+    return value == w->on ? 0 : (float)(value - w->isovalue);
+}
+
 /* The slice z into the leaves of its layer. */
 static void keep_slice(work *w, int64_t z, const dense_grid_facts *facts)
 {
@@ -190,10 +197,11 @@ static void keep_slice(work *w, int64_t z, const dense_grid_facts *facts)
             if (n == NONE) continue;
             for (int64_t i = x; i < least(x + SIDE, w->size[0]); i++)
                 for (int64_t j = y; j < least(y + SIDE, w->size[1]); j++) {
-                    float value = w->values[j * w->size[0] + i];
+                    double value = w->values[j * w->size[0] + i];
                     int bit = 8 * (int)(j & 7) + (int)(z & 7);
                     if (!isfinite(value)) value = value > 0 ? facts->highest : facts->lowest;
-                    g->leaf_values[(size_t)n * VDB_LEAF_VOXELS + 64 * (size_t)(i & 7) + (size_t)bit] = value;
+                    g->leaf_values[(size_t)n * VDB_LEAF_VOXELS + 64 * (size_t)(i & 7) + (size_t)bit] =
+                        level_of(w, value);
                     g->leaf_active[(size_t)n * SIDE + (size_t)(i & 7)] |= (uint64_t)1 << bit;
                 }
         }
@@ -240,7 +248,7 @@ static void continue_leaves(work *w, const dense_grid_facts *facts)
             if (g->leaf_active[n * SIDE + (size_t)(k >> 6)] >> (k & 63) & 1) continue;
             const int32_t *origin = g->leaf_origin[n];
             const int64_t at[3] = {origin[0] + (k >> 6), origin[1] + (k >> 3 & 7), origin[2] + (k & 7)};
-            double value = (double)facts->lowest;
+            double value = (double)level_of(w, facts->lowest);
             continued(w, at, &value);
             g->leaf_values[n * VDB_LEAF_VOXELS + (size_t)k] = (float)value;
         }
@@ -253,12 +261,12 @@ static bool check_surface(const work *w, size_t leaves, const dense_grid_facts *
         return error_set(e, ERROR_NO_SURFACE, "the volume has no finite value");
     return error_set(e, ERROR_NO_SURFACE,
                      "the volume has no surface at isovalue %g: its values range from %g to %g", w->isovalue,
-                     (double)facts->lowest, (double)facts->highest);
+                     facts->lowest, facts->highest);
 }
 
 vdb_grid *dense_grid_make(slices *s, double isovalue, size_t memory_limit, dense_grid_facts *facts, error *e)
 {
-    work w = {.source = s, .isovalue = isovalue};
+    work w = {.source = s, .isovalue = isovalue, .on = s->fine ? isovalue : (double)(float)isovalue};
     memcpy(w.size, s->size, sizeof w.size);
     size_t leaves = 0;
     bool ok = begin(&w, memory_limit, e) && find_blocks(&w, facts, e);
@@ -267,7 +275,7 @@ vdb_grid *dense_grid_make(slices *s, double isovalue, size_t memory_limit, dense
          fill_leaves(&w, facts, e);
     if (ok) {
         continue_leaves(&w, facts);
-        w.grid->background = facts->lowest;
+        w.grid->background = level_of(&w, facts->lowest);
     }
     end(&w);
     if (ok) return w.grid;

@@ -12,12 +12,13 @@
 #include "vdb/vdb.h"
 
 typedef struct dense_grid_facts {
-    float lowest, highest;    /* of the finite values */
+    double lowest, highest;   /* of the finite values */
     uint64_t not_finite;      /* values that are not: NaN and -Inf count as the lowest, Inf as the highest */
     int64_t not_finite_at[3]; /* the first of them */
 } dense_grid_facts;
 
-/* A fog volume whose leaves reach two blocks around every cell crossed at the isovalue (above it is inside).
+/* A fog volume whose leaves reach two blocks around every cell crossed at the isovalue (above it is inside). Its values are those of
+ * the file less the isovalue, which is subtracted before they become floats (vdb_grid.zero).
  * `memory_limit` bounds the grid and what is made of it. Errors: those of the slices; no_surface;
  * limit_memory. */
 vdb_grid *dense_grid_make(slices *s, double isovalue, size_t memory_limit, dense_grid_facts *facts, error *e);

@@ -41,7 +41,7 @@ static vdb_grid *load_grid(int fd, const char *request, size_t memory_limit, cha
     vdb_class any;
     size_t index;
     if (!grid_selection_find_in_file(fd, request, &index, &any, name, e)) return NULL;
-    vdb_grid *grid = vdb_load_grid(fd, index, memory_limit, e);
+    vdb_grid *grid = vdb_load_grid(fd, index, (vdb_loading){0}, memory_limit, e);
     if (grid && check_finite(grid, e) && grid->active_voxels > 0) return grid;
     if (grid && grid->active_voxels == 0) error_set(e, ERROR_INPUT_UNSUPPORTED, "it has no active voxel");
     vdb_grid_free(grid);

@@ -41,10 +41,15 @@ static const reach_limits bricks_reach = {.straight = VOLUME_FIELD_MARGIN};
 /* What exists only while a volume is opened. */
 typedef struct loading {
     char name[300]; /* of what is read, for messages: `grid "NAME"` or `its level set` */
+    int fd;         /* of a file of grids */
+    size_t index;   /* of the grid there */
+    bool is_grid;
+    bool flooded; /* sides of inactive voxels are not the file's */
     size_t memory_limit;
     vdb_grid *grid;
     grid_view_kind kind;
     dense_grid_facts facts; /* of a dense volume */
+    double lowest, highest; /* of its finite values */
     size_t solids;          /* of a mesh */
     grid_view grid_view;
     crossings crossings;
@@ -108,6 +113,9 @@ static bool load_grid(const volume_request *r, loading *l, volume *v, error *e)
     l->smooth = r->reconstruction == VOLUME_SMOOTHING;
     l->points = r->points;
     l->pool = r->pool;
+    l->fd = r->fd;
+    l->index = index;
+    l->is_grid = true;
     v->info.level_set = class == VDB_LEVEL_SET;
     l->kind = v->info.level_set ? GRID_VIEW_LEVEL_SET : GRID_VIEW_FOG;
     if (!v->info.level_set && !r->has_isovalue)
@@ -129,7 +137,8 @@ static bool load_grid(const volume_request *r, loading *l, volume *v, error *e)
              v->info.grid);
     l->grid = plain_vdb_load_grid(r->fd, index, r->memory_limit, r->pool);
     if (!l->grid && threads_stopped(r->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
-    if (!l->grid) l->grid = vdb_load_grid(r->fd, index, r->memory_limit, e);
+    if (!l->grid)
+        l->grid = vdb_load_grid(r->fd, index, (vdb_loading){.zero = v->info.isovalue}, r->memory_limit, e);
     if (l->grid) warn_of_space(&v->info, l->grid);
     if (!l->grid) return error_prefix(e, "%s", l->name);
     if (l->grid->from_newer)
@@ -173,12 +182,16 @@ static bool no_crossing(const loading *l, const volume *v, error *e)
             "its %zu triangles enclose no voxel of size %g: it is thinner than that everywhere, use "
             "smaller voxels",
             v->info.triangles, v->info.voxel_size);
-    char more[96] = "";
-    if (a->not_finite)
-        snprintf(more, sizeof more, "; %llu of its voxels are not finite", (unsigned long long)a->not_finite);
+    char more[128] = "";
+    if (a->not_finite) {
+        int32_t at[3] = {0};
+        grid_view_find_not_finite(a, at);
+        snprintf(more, sizeof more, "; %llu of its voxels are not finite, the first at (%d, %d, %d)",
+                 (unsigned long long)a->not_finite, at[0], at[1], at[2]);
+    }
     return error_set(e, ERROR_NO_SURFACE,
                      "%s has no surface at isovalue %g: its values range from %g to %g%s", l->name,
-                     v->info.isovalue, (double)a->lowest, (double)a->highest, more);
+                     v->info.isovalue, l->lowest, l->highest, more);
 }
 
 /* Of the crossed cells: from this share on the surface is the edge of a plateau at the isovalue. */
@@ -193,23 +206,24 @@ static bool check_plateau(const loading *l, const volume *v, error *e)
         e, ERROR_NO_SURFACE,
         "%s has no surface at isovalue %g: in %.3g %% of the cells there its values come to that and do "
         "not pass it, as at a background of that value; they range from %g to %g: give an isovalue between",
-        l->name, v->info.isovalue, 100 * (double)flat / (double)cells, (double)a->lowest, (double)a->highest);
+        l->name, v->info.isovalue, 100 * (double)flat / (double)cells, l->lowest, l->highest);
 }
 
-static bool find_crossings(loading *l, volume *v, error *e)
+/* Why a crossed cell of a level set has a corner that is inactive or clamped, in a grid whose inactive voxels are on the right
+ * side. */
+static bool refuse_open(const loading *l, const volume *v, error *e)
 {
-    if (!grid_view_init(&l->grid_view, l->grid, l->kind, v->info.isovalue, l->memory_limit, l->pool, e) ||
-        !crossings_find(&l->grid_view, l->memory_limit, l->pool, &l->crossings, e))
-        return error_prefix(e, "%s", l->name);
     const crossings *c = &l->crossings;
-    if (l->kind == GRID_VIEW_DENSE) { /* not those of the voxels beyond the data's end */
-        l->grid_view.lowest = l->facts.lowest;
-        l->grid_view.highest = l->facts.highest;
+    const double band = fabs((double)l->grid->background);
+    int32_t at[3] = {0};
+    if (l->grid_view.not_finite > 0) {
+        grid_view_find_not_finite(&l->grid_view, at);
+        return error_set(
+            e, ERROR_INPUT_DAMAGED,
+            "%s: %llu of its voxels are NaN or infinite, the first at voxel (%d, %d, %d). Write the level set "
+            "again without them.",
+            l->name, (unsigned long long)l->grid_view.not_finite, at[0], at[1], at[2]);
     }
-    if (c->cells == 0) return no_crossing(l, v, e);
-    if (!v->info.triangles && !check_plateau(l, v, e)) return false;
-    if (c->open_cells == 0) return true;
-    double band = fabs((double)l->grid->background);
     return error_set(
         e, ERROR_INPUT_UNSUPPORTED,
         "%s: its narrow band is clamped at %g (%.3g voxels) or cut open: of %llu cells crossed at "
@@ -217,6 +231,51 @@ static bool find_crossings(loading *l, volume *v, error *e)
         "the level set with a half-width of at least 3 voxels and an isovalue well inside the band",
         l->name, band, band / v->info.voxel_size, (unsigned long long)c->cells, v->info.isovalue,
         (unsigned long long)c->open_cells, c->open_at[0], c->open_at[1], c->open_at[2]);
+}
+
+static bool look_for_crossings(loading *l, volume *v, error *e);
+
+/* Loads the grid again, with sides of inactive voxels that follow from the active ones: some programs leave the inside of a narrow
+ * band on the side of the outside, so that the band ends there as if the surface passed. */
+static bool flood(loading *l, volume *v, error *e)
+{
+    const uint64_t open = l->crossings.open_cells;
+    grid_view_free(&l->grid_view);
+    crossings_free(&l->crossings);
+    vdb_grid_free(l->grid);
+    l->flooded = true;
+    l->grid = vdb_load_grid(l->fd, l->index, (vdb_loading){.flood = true}, l->memory_limit, e);
+    if (!l->grid) return error_prefix(e, "%s", l->name);
+    if (!look_for_crossings(l, v, e)) return false;
+    if (l->crossings.open_cells > 0) return refuse_open(l, v, e);
+    warn(
+        &v->info,
+        "%s: inactive voxels inside the surface have the sign of the outside (%llu cells): the inside was filled. Write the "
+        "level set with signs that are flood-filled.",
+        l->name, (unsigned long long)open);
+    return true;
+}
+
+static bool look_for_crossings(loading *l, volume *v, error *e)
+{
+    if (!grid_view_init(&l->grid_view, l->grid, l->kind, v->info.isovalue - l->grid->zero, l->memory_limit,
+                        l->pool, e) ||
+        !crossings_find(&l->grid_view, l->memory_limit, l->pool, &l->crossings, e))
+        return error_prefix(e, "%s", l->name);
+    const crossings *c = &l->crossings;
+    const bool dense = l->kind == GRID_VIEW_DENSE; /* not those of the voxels beyond the data's end */
+    l->lowest = dense ? l->facts.lowest : (double)l->grid_view.lowest + l->grid->zero;
+    l->highest = dense ? l->facts.highest : (double)l->grid_view.highest + l->grid->zero;
+    if (c->cells == 0) return no_crossing(l, v, e);
+    if (!v->info.triangles && !check_plateau(l, v, e)) return false;
+    return true;
+}
+
+static bool find_crossings(loading *l, volume *v, error *e)
+{
+    if (!look_for_crossings(l, v, e)) return false;
+    if (l->crossings.open_cells == 0) return true;
+    return l->is_grid && l->grid_view.not_finite == 0 ? flood(l, v, e) : refuse_open(l, v, e);
 }
 
 /* Without the cells. */
@@ -749,14 +808,15 @@ static bool load_dense(const volume_dense_request *r, loading *l, volume *v, err
     l->grid = dense_grid_make(r->source, r->isovalue, r->memory_limit, &l->facts, e);
     if (!l->grid) return false;
     v->info.active_voxels = l->grid->active_voxels;
-    if (*r->source->warning) warn(&v->info, "%s", r->source->warning);
+    for (uint32_t k = 0; k < r->source->warnings.count; k++)
+        warn(&v->info, "%s", r->source->warnings.text[k]);
     if (facts->not_finite)
         warn(&v->info,
              "%llu values are not finite, the first at (%lld, %lld, %lld): NaN and -Inf were taken for the "
              "lowest value, %g, Inf for the highest, %g",
              (unsigned long long)facts->not_finite, (long long)facts->not_finite_at[0],
-             (long long)facts->not_finite_at[1], (long long)facts->not_finite_at[2], (double)facts->lowest,
-             (double)facts->highest);
+             (long long)facts->not_finite_at[1], (long long)facts->not_finite_at[2], facts->lowest,
+             facts->highest);
     return true;
 }
 

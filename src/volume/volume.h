@@ -70,7 +70,7 @@ typedef struct volume_dense_request {
     isa isa;
 } volume_dense_request;
 
-#define VOLUME_MAX_WARNINGS 12
+#define VOLUME_MAX_WARNINGS 24
 
 typedef struct volume_info {
     char grid[256]; /* the grid's unique name; "" for a mesh */

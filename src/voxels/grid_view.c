@@ -238,6 +238,21 @@ void grid_view_free(grid_view *l)
     memset(l, 0, sizeof *l);
 }
 
+void grid_view_find_not_finite(const grid_view *l, int32_t at[3])
+{
+    bool found = false;
+    for (size_t k = 0; k < l->grid->leaf_count * GRID_VIEW_VOXELS; k++) {
+        if (isfinite(l->grid->leaf_values[k])) continue;
+        const int32_t *o = l->grid->leaf_origin[k / GRID_VIEW_VOXELS], v = (int32_t)(k % GRID_VIEW_VOXELS),
+                      here[3] = {o[0] + (v >> 6), o[1] + (v >> 3 & 7), o[2] + (v & 7)};
+        bool before = !found;
+        for (int axis = 0; axis < 3 && !before && here[axis] <= at[axis]; axis++)
+            before = here[axis] < at[axis];
+        if (before) memcpy(at, here, sizeof here);
+        found = true;
+    }
+}
+
 /* The value of the tile of this level or a larger one that the block lies in. */
 static float constant_at(const grid_view *l, int level, int32_t x, int32_t y, int32_t z)
 {

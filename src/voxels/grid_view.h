@@ -62,6 +62,9 @@ bool grid_view_init(grid_view *l, const vdb_grid *grid, grid_view_kind kind, dou
 enum { GRID_VIEW_TABLES = 3 };
 void grid_view_free(grid_view *l);
 
+/* The voxel with the lowest coordinates, x before y before z, whose value is not finite; there must be one. */
+void grid_view_find_not_finite(const grid_view *l, int32_t at[3]);
+
 grid_view_block grid_view_find(const grid_view *l, int32_t x, int32_t y, int32_t z);
 
 /* A block and the 26 around it, in the order of block_map_around. */

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from label_shapes import PLAIN, TURNED, Balls, Sectors, places
 from readers import read_columns, read_face_labels, read_mesh
 from service import Service
-from volumes import Part, write_exr, write_nifti, write_nrrd
+from volumes import Part, write_exr, write_meta_image, write_nifti, write_nrrd
 
 SIZE, COUNT = 40, 1500
 ON_LINE = 1
@@ -401,13 +401,108 @@ def test_a_preview_is_coloured_by_label(sample):
     assert error["code"] == "attribute_missing" and "label_b" in error["message"], error
 
 
+# ---- numbers of labels
+
+# The kind of the volume, the labels, and the PLY type that holds them.
+NUMBERS = [("u4", (0, 312782628, 312782629), "int"), ("u4", (16777216, 16777217, 16777218), "int"),
+           ("u4", (0, 2**31, 2**32 - 1), "uint"), ("i8", (-5, 2**31, 2**31 + 1), "double"),
+           ("i8", (-2**53 + 1, 2**32, 2**53 - 1), "double"), ("f8", (0, 2**40, 2**40 + 1), "double"),
+           ("u8", (1, 2**32, 2**32 + 1), "double"), ("i4", (-2**31, 7, 2**31 - 1), "int")]
+
+
+def shells(labels, kind):
+    """A ball within a ball within a box."""
+    far = numpy.linalg.norm(places(16), axis=-1)
+    return numpy.select([far < 3.6, far < 6.4], labels[:0:-1], labels[0]).astype(kind)
+
+
+def glb_values(data, name):
+    """An attribute of numbers of a glTF file, through the table in `extras`."""
+    length = int.from_bytes(data[12:16], "little")
+    scene, body = json.loads(data[20:20 + length]), data[28 + length:]
+    (primitive,) = scene["meshes"][0]["primitives"]
+    accessor = scene["accessors"][primitive["attributes"][name]]
+    at = scene["bufferViews"][accessor["bufferView"]]["byteOffset"]
+    numbers = numpy.frombuffer(body, "<f4", accessor["count"], at)
+    table = primitive.get("extras", {}).get(name)
+    return [int(v) if table is None else table[int(v)] for v in numbers]
+
+
+@pytest.mark.parametrize("kind, labels, of_ply", NUMBERS)
+@pytest.mark.parametrize("style", [{"format": "ascii"}, {}, pytest.param({"precision": "double"}, marks=pytest.mark.extended)])
+def test_numbers_of_labels_are_exact_in_all_outputs(sample, tmp_path, kind, labels, of_ply, style):
+    out, pairs = tmp_path / "out", {(labels[0], labels[1]), (labels[1], labels[2])}
+    report, points = sample(shells(labels, kind), count=200, solver={"max_sweeps": 3}, output={
+        "ply": style, "points_glb": True, "points_usda": True, "points_npz": True, "mesh_usda": True, "label_meshes": True})
+    assert points is not None, report
+    assert [m["label"] for m in report["surface"]["labels"]["materials"]] == list(labels)
+    assert set(interfaces(report)) == {tuple(c["labels"]) for c in report["patches"]["list"]} == pairs
+    data = (out / "mesh.ply").read_bytes()
+    assert f"property {of_ply} label_a\nproperty {of_ply} label_b\nend_header\n".encode() in data
+    for where in (read_columns((out / "points.ply").read_bytes()),
+                  dict(zip(("label_a", "label_b"), read_face_labels(data).T))):
+        assert set(zip(map(int, where["label_a"]), map(int, where["label_b"]))) == pairs
+    glb = (out / "points.glb").read_bytes()
+    assert list(zip(glb_values(glb, "_LABEL_A"), glb_values(glb, "_LABEL_B"))) == list(zip(points.label_a, points.label_b))
+    with numpy.load(out / "points.npz") as arrays:
+        assert (arrays["label_b"] == points.label_b).all()
+    usda = (out / "points.usda").read_text()
+    assert f"{'int' if of_ply == 'int' else 'int64'}[] primvars:label_b = [" in usda
+    assert usda.split("primvars:label_b = [")[1].split("]")[0] == ", ".join(map(str, points.label_b))
+    assert {m["label"] for m in report["mesh"]["labels"]} == set(labels)
+    assert {f"mesh_label_{n}.ply" for n in labels} <= {p.name for p in out.iterdir()}
+
+
+def test_large_numbers_of_labels_in_a_spec(sample):
+    low, middle, high = 2**31, 2**52 + 1, 2**53 - 1
+    values = shells((low, middle, high), "i8")
+    report, points = sample(values, count=100, solver={"max_sweeps": 3}, labels=[middle, high], background=low,
+                            interfaces=[[middle, high]])
+    assert set(zip(points.label_a, points.label_b)) == {(middle, high)}, report
+    assert report["spec"]["surface"]["labels"]["labels"] == [middle, high]
+    report, points = sample(values, count=100, solver={"max_sweeps": 3}, groups=[[high, middle]])
+    assert set(interfaces(report)) == {(low, high)}
+    error, _ = sample(values, labels=[middle + 1])
+    assert error["code"] == "spec_invalid" and f"names {middle + 1}, and no voxel has that label" in error["message"]
+    error, _ = sample(values, labels=[2**53])
+    assert error["code"] == "spec_invalid" and "9007199254740991" in error["message"]
+
+
+def test_large_numbers_of_labels_in_other_files(sample, solve, tmp_path):
+    """NIfTI files, MetaImage as text and images of whole numbers, which are no floats on the way."""
+    labels = (16777217, 16777219, 2**32 - 1)
+    values, told = shells(labels, "u4"), {}
+    write_nifti(tmp_path / "v.nii", values, endian=">")
+    write_meta_image(tmp_path / "v.mha", values, text=True)
+    for k in range(16):
+        write_exr(tmp_path / f"s.{k}.exr", Part({"id": values[:, :, k]}, compression=2))
+    stack = {"path": "s.#.exr", "slices": "0-15", "voxel_size": [1, 1, 1]}
+    for name, surface in (("nifti", {"path": "v.nii"}), ("text", {"path": "v.mha"}), ("images", stack)):
+        report, _ = solve({"version": 1, "surface": {"labels": surface}, "sampling": {"count": 60}, "output": {"preview": False},
+                           "solver": {"max_sweeps": 2}})
+        told[name] = [m["label"] for m in report["surface"]["labels"]["materials"]]
+    assert told == dict.fromkeys(told, list(labels))
+
+
+def test_large_numbers_of_labels_in_an_inspection(worker, tmp_path):
+    write_nrrd(tmp_path / "v.nrrd", shells((0, 2**31, 2**53 - 1), "i8"))
+    text = worker("v.nrrd", output=None, command="inspect").stdout
+    assert "label 9007199254740991: " in text and "touches 0 9007199254740991\n" in text, text
+
+
 # ---- what cannot be
 
 @pytest.mark.sanitized
 @pytest.mark.parametrize("values, members, code, words", [
     (numpy.full((8, 8, 8), 5, "u1"), {}, "no_surface", "all voxels have the label 5"),
     (numpy.full((8, 8, 8), 0.5, "f4"), {}, "input_unsupported", "0.5 is no label"),
-    (numpy.full((8, 8, 8), 1 << 24, "i4"), {}, "input_unsupported", "is no label"),
+    (numpy.full((8, 8, 8), 1 << 53, "i8"), {}, "input_unsupported", "the value 9007199254740992 is no label"),
+    (numpy.full((8, 8, 8), (1 << 53) + 1, "i8"), {}, "input_unsupported", "the value 9007199254740993 is no label"),
+    (numpy.full((8, 8, 8), -(1 << 62) - 1, "i8"), {}, "input_unsupported", "the value -4611686018427387905 is no label"),
+    (numpy.full((8, 8, 8), (1 << 64) - 1, "u8"), {}, "input_unsupported", "the value 18446744073709551615 is no label"),
+    (numpy.full((8, 8, 8), 1e16, "f8"), {}, "input_unsupported", "the value 10000000000000000 is no label"),
+    (numpy.full((8, 8, 8), 16777217.5, "f8"), {}, "input_unsupported", "the value 16777217.5 is no label"),
+    (numpy.full((8, 8, 8), numpy.nan, "f4"), {}, "input_unsupported", "the value nan is no label"),
     (blocks(), {"labels": [7]}, "spec_invalid", "names 7"),
     (blocks(), {"interfaces": [[1, 4]]}, "no_surface", "interfaces names touch"),
 ])

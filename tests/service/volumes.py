@@ -75,6 +75,80 @@ def write_nifti(path, values, matrix=None, version=1, endian="<", quaternion=Non
         path.write_bytes(gzip.compress(data) if path.suffix == ".gz" else data)
 
 
+META_TYPES = {"i1": "MET_CHAR", "u1": "MET_UCHAR", "i2": "MET_SHORT", "u2": "MET_USHORT", "i4": "MET_INT", "u4": "MET_UINT",
+              "i8": "MET_LONG_LONG", "u8": "MET_ULONG_LONG", "f4": "MET_FLOAT", "f8": "MET_DOUBLE"}
+
+
+def meta_image_fields(values, matrix=None, big=False, packed=False, text=False):
+    """Lines `key = value` by key, the last of them for data that follow; a caller may change and add some."""
+    fields = {"ObjectType": "Image", "NDims": "3", "BinaryData": str(not text), "BinaryDataByteOrderMSB": str(big),
+              "CompressedData": str(packed), "DimSize": " ".join(map(str, values.shape[:3]))}
+    if matrix is not None:
+        steps = numpy.linalg.norm(matrix[:3, :3], axis=0)
+        fields["TransformMatrix"] = " ".join(repr(float(v)) for v in (matrix[:3, :3] / steps).T.flatten())
+        fields["Offset"] = " ".join(repr(float(v)) for v in matrix[:3, 3])
+        fields["ElementSpacing"] = " ".join(repr(float(v)) for v in steps)
+    if values.ndim == 4:
+        fields["ElementNumberOfChannels"] = str(values.shape[3])
+    return {**fields, "ElementType": META_TYPES[_kind(values)], "ElementDataFile": "LOCAL"}
+
+
+def meta_image_data(values, big=False, packed=False, text=False):
+    flat = values.transpose(2, 1, 0, *range(3, values.ndim)).flatten()
+    if text:
+        return (" ".join(repr(v) for v in flat.tolist()) + "\n").encode()
+    data = flat.astype((">" if big else "<") + _kind(values)).tobytes()
+    return zlib.compress(data) if packed else data
+
+
+def write_meta_image(path, values, matrix=None, fields=None, data_path=None, before=b"", **how):
+    """`fields` replace others of the same key, or are added before the last line; those that are None are left out. `before`: bytes
+    before the data."""
+    all_of_them = meta_image_fields(values, matrix, **how)
+    last = all_of_them.pop("ElementDataFile") if data_path is None else data_path.name
+    lines = {**{k: v for k, v in all_of_them.items() if k != "ElementDataFile"}, **(fields or {}), "ElementDataFile": last}
+    head = "".join(f"{key} = {value}\n" for key, value in lines.items() if value is not None).encode()
+    data = before + meta_image_data(values, **how)
+    path.write_bytes(head + (data if data_path is None else b""))
+    if data_path is not None:
+        data_path.write_bytes(data)
+
+
+# Of a NIfTI-1 header: where a field is, and of which type.
+NIFTI_FIELDS = {"dim_info": (39, "B"), "intent_p1": (56, "f"), "intent_p2": (60, "f"), "intent_p3": (64, "f"),
+                "intent_code": (68, "h"), "slice_start": (74, "h"), "pixdim0": (76, "f"), "pixdim1": (80, "f"),
+                "pixdim2": (84, "f"), "pixdim3": (88, "f"), "pixdim4": (92, "f"),
+                "vox_offset": (108, "f"), "scl_slope": (112, "f"), "scl_inter": (116, "f"), "slice_end": (120, "h"),
+                "slice_code": (122, "B"), "xyzt_units": (123, "B"), "cal_max": (124, "f"), "cal_min": (128, "f"),
+                "slice_duration": (132, "f"), "toffset": (136, "f"), "descrip": (148, "80s"), "aux_file": (228, "24s"),
+                "qform_code": (252, "h"), "sform_code": (254, "h"), "quatern_b": (256, "f"), "quatern_c": (260, "f"),
+                "quatern_d": (264, "f"), "qoffset_x": (268, "f"), "qoffset_y": (272, "f"), "qoffset_z": (276, "f"),
+                "intent_name": (328, "16s")}
+# The same of NIfTI-2.
+NIFTI2_FIELDS = {"intent_p1": (80, "d"), "intent_p2": (88, "d"), "intent_p3": (96, "d"), "pixdim0": (104, "d"),
+                 "pixdim1": (112, "d"), "pixdim2": (120, "d"), "pixdim3": (128, "d"), "pixdim4": (136, "d"),
+                 "vox_offset": (168, "q"), "scl_slope": (176, "d"), "scl_inter": (184, "d"), "cal_max": (192, "d"),
+                 "cal_min": (200, "d"), "slice_duration": (208, "d"), "toffset": (216, "d"), "slice_start": (224, "q"),
+                 "slice_end": (232, "q"), "descrip": (240, "80s"), "aux_file": (320, "24s"), "qform_code": (344, "i"),
+                 "sform_code": (348, "i"), "quatern_b": (352, "d"), "quatern_c": (360, "d"), "quatern_d": (368, "d"),
+                 "qoffset_x": (376, "d"), "qoffset_y": (384, "d"), "qoffset_z": (392, "d"), "slice_code": (496, "i"),
+                 "xyzt_units": (500, "i"), "intent_code": (504, "i"), "intent_name": (508, "16s"), "dim_info": (524, "B")}
+
+
+def change_nifti(path, fields, extensions=(), version=1, endian="<"):
+    """Changes fields of the single file that write_nifti made, and puts extensions (code, bytes) between header and data."""
+    raw = bytearray(path.read_bytes())
+    head = 348 if version == 1 else 540
+    blocks = b"".join(struct.pack(endian + "2i", 8 + len(body), code) + body for code, body in extensions)
+    raw[head:head + 4] = bytes([1 if blocks else 0, 0, 0, 0])
+    raw[head + 4:head + 4] = blocks
+    known = NIFTI_FIELDS if version == 1 else NIFTI2_FIELDS
+    for name, value in {"vox_offset": head + 4 + len(blocks), **fields}.items():
+        at, kind = known[name]
+        struct.pack_into(endian + kind, raw, at, value)
+    path.write_bytes(raw)
+
+
 def _attribute(name, kind, value):
     return name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<i", len(value)) + value
 
@@ -93,11 +167,14 @@ EXR_TYPES = {"u4": (0, "<u4"), "f2": (1, "<f2"), "f4": (2, "<f4")}
 
 class Part:
     """channels: arrays [x, y] by name, smaller ones have a sample for every few pixels; low: the first pixel of the data
-    window; tile: (width, height), or scanlines; levels: tiled with mip-maps, each further level filled with `levels`."""
+    window; tile: (width, height), or scanlines; levels: tiled with mip-maps, each further level filled with `levels`; order: 1: rows
+    from below; display: the display window; extra: further attributes."""
 
-    def __init__(self, channels, low=(0, 0), name=None, tile=None, levels=None, compression=0):
+    def __init__(self, channels, low=(0, 0), name=None, tile=None, levels=None, compression=0, aspect=1, order=0, display=None,
+                 extra=b""):
         self.channels = dict(sorted(channels.items()))
         self.low, self.name, self.tile, self.levels, self.compression = low, name, tile, levels, compression
+        self.aspect, self.order, self.extra, self.display = aspect, order, extra, display or (0, 0, 99, 79)
         self.size = tuple(numpy.max([v.shape for v in channels.values()], axis=0))
 
     def header(self, chunks):
@@ -108,9 +185,9 @@ class Part:
         head = _attribute("channels", "chlist", channels)
         head += _attribute("compression", "compression", bytes([self.compression]))
         head += _attribute("dataWindow", "box2i", box)
-        head += _attribute("displayWindow", "box2i", struct.pack("<4i", 0, 0, 99, 79))
-        head += _attribute("lineOrder", "lineOrder", b"\0")
-        head += _attribute("pixelAspectRatio", "float", struct.pack("<f", 1))
+        head += _attribute("displayWindow", "box2i", struct.pack("<4i", *self.display))
+        head += _attribute("lineOrder", "lineOrder", bytes([self.order])) + self.extra
+        head += _attribute("pixelAspectRatio", "float", struct.pack("<f", self.aspect))
         head += _attribute("screenWindowCenter", "v2f", struct.pack("<2f", 0, 0))
         head += _attribute("screenWindowWidth", "float", struct.pack("<f", 1))
         if self.name is not None:
@@ -164,10 +241,11 @@ def write_exr(path, *parts):
     at = len(head) + 8 * sum(map(len, chunks))
     table, body = b"", b""
     for number, of_part in enumerate(chunks):
-        for chunk in of_part:
-            chunk = (struct.pack("<i", number) if several else b"") + chunk
-            table += struct.pack("<Q", at + len(body))
-            body += chunk
+        places = [0] * len(of_part)
+        for k in sorted(range(len(of_part)), reverse=parts[number].order == 1):
+            places[k] = at + len(body)
+            body += (struct.pack("<i", number) if several else b"") + of_part[k]
+        table += struct.pack(f"<{len(places)}Q", *places)
     path.write_bytes(head + table + body)
 
 

@@ -67,7 +67,7 @@ static size_t hold_file_equal(int fd)
         assert_int_equal(plain.entries[k].grid_class, listed.entries[k].grid_class);
         vdb_grid *g = plain_vdb_load_grid(fd, k, FIXTURE_MEMORY, pool);
         if (!g) continue;
-        vdb_grid *whole = vdb_load_grid(fd, k, FIXTURE_MEMORY, &e);
+        vdb_grid *whole = vdb_load_grid(fd, k, (vdb_loading){0}, FIXTURE_MEMORY, &e);
         assert_non_null(whole);
         hold_grids_equal(g, whole);
         vdb_grid_free(whole);
