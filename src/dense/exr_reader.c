@@ -151,6 +151,26 @@ static bool choose(image *m)
     return found == 1 || no_part(m, wanted, found, parts, with, channels);
 }
 
+/* Images that are not read, by their first bytes. */
+static const struct {
+    size_t length;
+    const char *bytes, *name;
+} others[] = {{4, "II*\0", "TIFF"},        {4, "MM\0*", "TIFF"}, {4, "\x89PNG", "PNG"},
+              {3, "\xff\xd8\xff", "JPEG"}, {4, "SDPX", "DPX"},   {4, "XPDS", "DPX"}};
+
+static bool refuse_other(image *m)
+{
+    char first[4];
+    if (pread(m->fd, first, sizeof first, 0) != sizeof first) return false;
+    for (size_t k = 0; k < sizeof others / sizeof *others; k++)
+        if (memcmp(first, others[k].bytes, others[k].length) == 0) {
+            error_set(&m->fault, ERROR_INPUT_UNSUPPORTED,
+                      "the file is a %s image: `oiiotool IMAGE -o IMAGE.exr` converts it", others[k].name);
+            return true;
+        }
+    return false;
+}
+
 static bool open_file(image *m)
 {
     exr_context_initializer_t with = EXR_DEFAULT_CONTEXT_INITIALIZER;
@@ -159,6 +179,7 @@ static bool open_file(image *m)
     with.read_fn = read_at;
     with.size_fn = file_size;
     complaint[0] = '\0';
+    if (refuse_other(m)) return false;
     if (exr_start_read(&m->file, "slice", &with) != EXR_ERR_SUCCESS)
         return damaged(m, "the file is no OpenEXR file, or its header is damaged");
     return true;

@@ -354,9 +354,16 @@ int store_open_input(const store_roots *roots, const char *path, error *e)
         }
     }
     struct stat info;
-    if (fstat(fd, &info) != 0 || !S_ISREG(info.st_mode)) {
+    const bool known = fstat(fd, &info) == 0;
+    if (!known || !S_ISREG(info.st_mode)) {
         close(fd);
-        error_set(e, ERROR_INPUT_UNSUPPORTED, "%s is not a regular file", path);
+        error_set(
+            e, ERROR_INPUT_UNSUPPORTED,
+            known && S_ISDIR(info.st_mode)
+                ? "%s is a directory: name a file (Fiji saves a Zarr volume as NRRD, `dcm2niix` converts a folder of "
+                  "DICOM files to NIfTI)"
+                : "%s is not a regular file",
+            path);
         return -1;
     }
     return fd;

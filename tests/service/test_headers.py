@@ -3,7 +3,9 @@ it is ignored. Files are written by volumes.py with fields that have other value
 as an NRRD file gives the same bytes of points."""
 import gzip
 import json
+import shutil
 import struct
+import subprocess
 
 import numpy
 import pytest
@@ -348,6 +350,42 @@ def test_pixels_of_an_aspect_that_the_job_does_not_have(told, tmp_path):
     expect_warning(told(**stack(tmp_path, "s", aspect=1.5)), f"{SIZE[2]} slices have a pixelAspectRatio", "1.5", "voxel_size")
 
 
+# ---- other files
+
+OTHERS = [(b"# vtk DataFile Version 3.0\n", "VTK file (3D Slicer saves it as NRRD)"),
+          (b'<?xml version="1.0"?>\n<VTKFile type="ImageData">', "VTK XML file (ParaView saves it as MetaImage"),
+          (b"II*\0\x08\0\0\0", "TIFF image (Fiji saves"), (b"MM\0*\0\0\0\x08", "TIFF image (Fiji saves"),
+          (b"II+\0\x08\0\0\0", "BigTIFF image (Fiji saves"), (b'{"zarr_format": 2, "shape": [8, 8, 8]}', "Zarr volume (Fiji opens"),
+          (b"PK\3\4", "ZIP archive (unpack it; Fiji opens Zarr"), (bytes(128) + b"DICM", "DICOM file (`dcm2niix FOLDER`"),
+          (b"\x89HDF\r\n\x1a\n", "HDF5 file (`h5dump -d DATASET -b LE -o FILE`"), (b"CDF\1", "MINC file (`mnc2nii`"),
+          (bytes(208) + b"MAP ", "MRC or CCP4 map (1024 bytes"), (struct.pack("<i", 348), "ANALYZE 7.5 header (`fslchfiletype"),
+          (struct.pack(">i", 348), "ANALYZE 7.5 header (`fslchfiletype"), (b"\7\6\5", "raw numbers need an NRRD header: `unu make")]
+
+
+@pytest.mark.sanitized
+@pytest.mark.parametrize("begin, words", OTHERS)
+def test_other_files_are_named_with_a_converter(told, tmp_path, begin, words):
+    (tmp_path / "file").write_bytes(begin + bytes(1000))
+    report = told(tmp_path / "file")
+    assert report["code"] == "input_unsupported" and words in report["message"], report
+
+
+def test_a_directory_is_named_with_a_converter(told, tmp_path):
+    (tmp_path / "v.zarr").mkdir()
+    report = told(tmp_path / "v.zarr")
+    assert report["code"] == "input_unsupported" and "Zarr" in report["message"] and "dcm2niix" in report["message"], report
+
+
+@pytest.mark.parametrize("begin, name", [(b"II*\0", "TIFF"), (b"MM\0*", "TIFF"), (b"\x89PNG", "PNG"), (b"\xff\xd8\xff\xe0", "JPEG"),
+                                         (b"SDPX", "DPX")])
+def test_other_images_of_a_stack_are_named_with_a_converter(told, tmp_path, begin, name):
+    named = stack(tmp_path, "s")
+    (tmp_path / "s.3.exr").write_bytes(begin + bytes(1000))
+    report = told(**named)
+    assert report["code"] == "input_unsupported" and f"{name} image: `oiiotool" in report["message"], report
+    assert "slice 3" in report["message"]
+
+
 # ---- isovalues
 
 @pytest.mark.parametrize("kind", ["f8", "i4", "u4", "i8", "u8"])
@@ -373,3 +411,68 @@ def test_an_inspection_has_the_warnings(worker, tmp_path):
     done = worker(str(tmp_path / "v.nii"), "--json", output=None, command="inspect")
     volume = json.loads(done.stdout)["volume"]
     assert len(volume["warnings"]) == 1 and '"um"' in volume["warnings"][0]
+
+
+# ---- files that other libraries write
+
+@pytest.mark.extended
+@pytest.mark.parametrize("version, endian", [(1, "<"), (1, ">"), (2, "<"), (2, ">")])
+def test_files_of_nibabel(told, plain, tmp_path, version, endian):
+    nibabel = pytest.importorskip("nibabel", reason="python3-nibabel is not installed")
+    kind = {1: nibabel.Nifti1Image, 2: nibabel.Nifti2Image}[version]
+    header = kind.header_class(endianness=endian)
+    header.set_data_dtype("i2")
+    header.set_xyzt_units("mm", "sec")
+    header.set_intent("label", (), "regions")
+    header.set_dim_info(0, 1, 2)
+    header["toffset"], header["cal_max"], header["cal_min"], header["descrip"] = 3, 2, 1, b"a ball"
+    header["slice_code"], header["slice_end"], header["slice_duration"] = 1, 7, 0.25
+    header.extensions.append(nibabel.nifti1.Nifti1Extension("comment", b"of any length"))
+    image = kind((64 * ball("f8")).astype("i2") - 80, MATRIX, header)  # a slope that is set leaves them as they are
+    image.set_sform(MATRIX, code=4)
+    image.set_qform(MATRIX, code=2)
+    image.header.set_slope_inter(0.015625, 1.25)
+    for name in ("v.nii", "v.nii.gz"):
+        nibabel.save(image, tmp_path / name)
+        expect_same(told(tmp_path / name), plain)
+    image.set_qform(MATRIX + 0.5 * numpy.eye(4, k=3), code=2)
+    nibabel.save(image, tmp_path / "v.nii")
+    assert told(tmp_path / "v.nii")["digest"] == plain
+    expect_warning(told(tmp_path / "v.nii"), "sform (code 4) and qform (code 2)")
+    nibabel.save(kind(ball(), MATRIX), tmp_path / "v.nii")  # without a slope, which it writes as NaN
+    expect_same(told(tmp_path / "v.nii"), plain)
+
+
+@pytest.mark.extended
+@pytest.mark.parametrize("packed", [False, True])
+def test_files_of_vtk(told, tmp_path, packed):
+    vtk = pytest.importorskip("vtkmodules.vtkIOImage", reason="python3-vtk9 is not installed")
+    from vtkmodules.util.numpy_support import numpy_to_vtk
+    from vtkmodules.vtkCommonDataModel import vtkImageData
+    image = vtkImageData()
+    image.SetDimensions(*SIZE)
+    image.SetSpacing(0.5, 0.25, 2)
+    image.SetOrigin(-1, 2, 3.5)
+    image.GetPointData().SetScalars(numpy_to_vtk(ball().flatten(order="F"), deep=True))
+    writer = vtk.vtkMetaImageWriter()
+    writer.SetFileName(str(tmp_path / "v.mha"))
+    writer.SetCompression(packed)
+    writer.SetInputData(image)
+    writer.Write()
+    write_nrrd(tmp_path / "v.nrrd", ball(), numpy.array([[0.5, 0, 0, -1], [0, 0.25, 0, 2], [0, 0, 2, 3.5], [0, 0, 0, 1]]))
+    expect_same(told(tmp_path / "v.mha"), told(tmp_path / "v.nrrd")["digest"])
+    assert b"ElementSpacing" in (tmp_path / "v.mha").read_bytes()
+
+
+@pytest.mark.extended
+def test_files_of_teem(told, plain, tmp_path):
+    unu = shutil.which("teem-unu") or shutil.which("unu")
+    if not unu:
+        pytest.skip("teem-apps is not installed")
+    write_nrrd(tmp_path / "v.nrrd", ball(), MATRIX)
+    for name, words in (("gzip.nrrd", ["-f", "nrrd", "-e", "gzip"]), ("text.nrrd", ["-f", "nrrd", "-e", "ascii"]),
+                        ("v.nhdr", ["-f", "nrrd", "-e", "raw", "-en", "big"])):
+        subprocess.run([unu, "axinfo", "-a", "0", "1", "2", "-l", "l", "-k", "space", "-c", "cell", "-i", "v.nrrd", "-o", "w.nrrd"],
+                       cwd=tmp_path, check=True, timeout=60)
+        subprocess.run([unu, "save", *words, "-i", "w.nrrd", "-o", name], cwd=tmp_path, check=True, timeout=60)
+        expect_same(told(tmp_path / name), plain)

@@ -286,6 +286,43 @@ static void a_ball_comes_out_round(void **state)
         }
 }
 
+static double far_up(vec3 p)
+{
+    return 1e6 - 64 * ball(p);
+}
+
+static double near_zero(vec3 p)
+{
+    return -64 * ball(p);
+}
+
+/* Voxels of drafts are floats, which hold values near 1e6 to 1/16: so both volumes have such values, and one isovalue is between two
+ * floats. */
+static void the_isovalue_is_subtracted_before_doubles_become_floats(void **state)
+{
+    (void)state;
+    fixture far = fixture_make(fixture_uniform, 14, far_up, 0),
+            near = fixture_make(fixture_uniform, 14, near_zero, 0);
+    far.draft.type = near.draft.type = "double";
+    far.draft.background = 1e6 - 100;
+    near.draft.background = -100;
+    for (size_t k = 0; k < far.draft.voxel_count; k++) near.values[k] = (float)((double)far.values[k] - 1e6);
+    volume *a = fixture_volume(&far, 1e6 + 0.01, VOLUME_INTERPOLATING),
+           *b = fixture_volume(&near, 0.01, VOLUME_INTERPOLATING);
+    const field *f = volume_field(a), *g = volume_field(b);
+    assert_true(f->ops->cell_count(f) == g->ops->cell_count(g));
+    for (size_t k = 0; k < f->ops->cell_count(f); k++) {
+        field_sample s, r;
+        const vec3 x = fixture_cell_center(f, k);
+        assert_true(field_sample_at(f, x, FIELD_GRADIENT, &s) && field_sample_at(g, x, FIELD_GRADIENT, &r));
+        assert_true(fabs(s.value - r.value) < 1e-6);
+    }
+    volume_close(a);
+    volume_close(b);
+    fixture_free(&far);
+    fixture_free(&near);
+}
+
 static void a_clamped_band_does_not_ring(void **state)
 {
     (void)state;
@@ -822,6 +859,7 @@ int main(void)
         cmocka_unit_test(a_face_in_a_plane_of_voxels_is_in_one_layer_of_cells),
         cmocka_unit_test(derivatives_are_those_of_the_values),
         cmocka_unit_test(a_ball_comes_out_round),
+        cmocka_unit_test(the_isovalue_is_subtracted_before_doubles_become_floats),
         cmocka_unit_test(a_clamped_band_does_not_ring),
         cmocka_unit_test(beyond_the_band_the_field_goes_on),
         cmocka_unit_test(a_filled_inside_leaves_the_outside_clamped),
