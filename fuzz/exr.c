@@ -19,7 +19,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         bool ok = open_image(&m) && read_pixels(&m);
         expect(ok || (m.fault.code != ERROR_NONE && *m.fault.message));
         expect(!ok || (width_of(&m) > 0 && height_of(&m) > 0));
-        float sum = 0; /* every value is there */
+        uint32_t sum = 0; /* every value is there */
         for (int64_t k = 0; ok && k < width_of(&m) * height_of(&m); k++) sum += m.values[k];
         (void)sum;
         free(m.values);

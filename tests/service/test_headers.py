@@ -444,27 +444,6 @@ def test_files_of_nibabel(told, plain, tmp_path, version, endian):
 
 
 @pytest.mark.extended
-@pytest.mark.parametrize("packed", [False, True])
-def test_files_of_vtk(told, tmp_path, packed):
-    vtk = pytest.importorskip("vtkmodules.vtkIOImage", reason="python3-vtk9 is not installed")
-    from vtkmodules.util.numpy_support import numpy_to_vtk
-    from vtkmodules.vtkCommonDataModel import vtkImageData
-    image = vtkImageData()
-    image.SetDimensions(*SIZE)
-    image.SetSpacing(0.5, 0.25, 2)
-    image.SetOrigin(-1, 2, 3.5)
-    image.GetPointData().SetScalars(numpy_to_vtk(ball().flatten(order="F"), deep=True))
-    writer = vtk.vtkMetaImageWriter()
-    writer.SetFileName(str(tmp_path / "v.mha"))
-    writer.SetCompression(packed)
-    writer.SetInputData(image)
-    writer.Write()
-    write_nrrd(tmp_path / "v.nrrd", ball(), numpy.array([[0.5, 0, 0, -1], [0, 0.25, 0, 2], [0, 0, 2, 3.5], [0, 0, 0, 1]]))
-    expect_same(told(tmp_path / "v.mha"), told(tmp_path / "v.nrrd")["digest"])
-    assert b"ElementSpacing" in (tmp_path / "v.mha").read_bytes()
-
-
-@pytest.mark.extended
 def test_files_of_teem(told, plain, tmp_path):
     unu = shutil.which("teem-unu") or shutil.which("unu")
     if not unu:
