@@ -33,8 +33,9 @@ typedef struct attribute_request {
 
 /* Where there is nothing: the background of a grid, the last sample of a dense volume. */
 typedef struct attribute_counts {
-    size_t outside;    /* points where there is nothing */
-    size_t not_finite; /* points whose value is not finite, for which 0 stands */
+    size_t outside;          /* points where there is nothing */
+    size_t not_finite;       /* points whose value is not finite, for which 0 stands */
+    dense_warnings warnings; /* of a dense volume */
 } attribute_counts;
 
 /* What values there are, without reading them. Errors: attribute_missing, which names what the file holds, and

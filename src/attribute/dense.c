@@ -180,6 +180,7 @@ bool dense_read(const attribute_request *request, size_t count, const vec3 *posi
     if (ok) ok = (turns = mem_array(count, sizeof *turns, "the order of the points", e)) != NULL;
     if (ok) line_up(&l, s, count, position, turns);
     ok = ok && read_slices(s, &w, &l, turns, count, position, values, counts, e);
+    counts->warnings = s->warnings;
     for (int k = 0; k < HELD; k++) free(w.slice[k]);
     free(turns);
     s->ops->close(s);

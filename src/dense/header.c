@@ -58,7 +58,7 @@ static bool check_values(const header *h, error *e)
                              "the file has an orientation whose numbers are not finite");
     if (!isfinite(h->slope) || !isfinite(h->intercept))
         return error_set(e, ERROR_INPUT_DAMAGED, "its values are scaled by numbers that are not finite");
-    bool ended = h->warnings.count <= DENSE_WARNINGS_MOST;
+    bool ended = h->warnings.count < DENSE_WARNINGS_MOST; /* a later one has room */
     for (uint32_t k = 0; ended && k < h->warnings.count; k++)
         ended = memchr(h->warnings.text[k], 0, sizeof h->warnings.text[k]) != NULL;
     return (ended && h->type < HEADER_TYPE_COUNT && h->encoding < HEADER_ENCODING_COUNT && h->offset >= 0 &&

@@ -611,13 +611,14 @@ static const struct {
     {128, 4, "DICM", "a DICOM file (`dcm2niix FOLDER` converts a series to NIfTI)"},
     {0, 8, "\x89HDF\r\n\x1a\n",
      "an HDF5 file (`h5dump -d DATASET -b LE -o FILE` writes its raw numbers, which need an NRRD header)"},
+    {0, 4, "\0\0\0\1", "a volume of FreeSurfer (`mri_convert FILE.mgz FILE.nii` converts it)"},
     {0, 3, "CDF", "a netCDF or MINC file (`mnc2nii` converts MINC to NIfTI)"},
     {0, 4, "PK\3\4", "a ZIP archive (unpack it; Fiji opens Zarr and saves it as NRRD)"},
     {208, 4, "MAP ",
      "an MRC or CCP4 map (1024 bytes and raw numbers: write an NRRD header with `byte skip: 1024`)"},
 };
 
-/* What the file may be instead; `head` has HEAD_MAX bytes. */
+/* What the file may be instead; `head` has the bytes of a header and a zero behind them at least. */
 static const char *guess(const char *head)
 {
     int32_t size;
@@ -634,13 +635,13 @@ static const char *guess(const char *head)
 /* `head` is the file's first `length` bytes, with zeros behind them. */
 static bool read_header(answer *a, char *head, size_t length, const char *name)
 {
-    char front[sizeof(nifti_2_header) + 4] = {0}; /* the extender */
+    char front[sizeof(nifti_2_header) + 4 + 1] = {0}; /* the extender, and a zero behind it */
     if (strncmp(head, "NRRD000", 7) == 0) return read_nrrd(a, head, length);
     if (meta_image_is(head)) return read_meta_image(a, head);
     bool packed = (unsigned char)head[0] == 0x1f && (unsigned char)head[1] == 0x8b;
     if (packed) {
         gzFile stream = gzdopen(STDIN_FILENO, "rb");
-        int got = stream ? gzread(stream, front, sizeof front) : -1;
+        int got = stream ? gzread(stream, front, sizeof front - 1) : -1;
         if (got < 0) return refuse(a, ERROR_INPUT_DAMAGED, "the file cannot be unpacked: it is damaged");
         length = (size_t)got;
         head = front;
@@ -650,8 +651,8 @@ static bool read_header(answer *a, char *head, size_t length, const char *name)
         if (version == 1 || (version == 2 && length >= sizeof(nifti_2_header)))
             return read_nifti(a, head, length, name, packed);
     }
-    return refuse(a, ERROR_INPUT_UNSUPPORTED, "the file is %s: NRRD, NIfTI and MetaImage files are read",
-                  packed ? "packed by gzip, but holds no NIfTI file" : guess(head));
+    return refuse(a, ERROR_INPUT_UNSUPPORTED, "the file is %s%s: NRRD, NIfTI and MetaImage files are read",
+                  packed ? "packed by gzip, and in it is " : "", guess(head));
 }
 
 static bool read_file(answer *a, const char *name)

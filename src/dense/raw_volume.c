@@ -404,7 +404,8 @@ slices *raw_vectors_open(int fd, const char *path, const char *program, int64_t 
     memcpy(s->base.index_to_world, s->head.index_to_world, sizeof s->base.index_to_world);
     strcpy(s->base.format, s->head.format);
     strcpy(s->base.space, s->head.space);
-    s->base.warnings = s->head.warnings;
+    for (uint32_t k = 0; k < s->head.warnings.count; k++)
+        dense_warn(&s->base.warnings, "%s", s->head.warnings.text[k]);
     s->base.fine = needs_doubles((header_type)s->head.type);
     note_length(s);
     return &s->base;

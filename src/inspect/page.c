@@ -150,6 +150,9 @@ static void print_volume(FILE *out, json_at volume)
     if (json_type_of(json_member(&volume, "space")) == JSON_STRING)
         fprintf(out, ", %s", text_of(volume, "space"));
     putc('\n', out);
+    const json_at warnings = json_member(&volume, "warnings");
+    for (size_t k = 0; k < json_size(warnings); k++)
+        fprintf(out, "  warning    %s\n", json_string(json_element(&warnings, k), "?"));
     print_values(out, volume);
     print_labels(out, json_member(&volume, "labels"));
 }

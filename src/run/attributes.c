@@ -403,6 +403,11 @@ void attributes_describe(const attributes *a, json *report, json *warnings)
         warn(warnings, entry, entry->counts.outside,
              "lie where the file has no values of it: they have its background, or what is nearest");
         warn(warnings, entry, entry->counts.not_finite, "have no finite value: 0 stands for it");
+        for (uint32_t i = 0; i < entry->counts.warnings.count; i++) {
+            char *text = mem_printf("attribute \"%s\": %s", entry->name, entry->counts.warnings.text[i]);
+            json_append_string(warnings, text);
+            free(text);
+        }
     }
 }
 

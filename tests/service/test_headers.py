@@ -81,6 +81,16 @@ def test_nrrd_data_beside_other_bytes(told, plain, tmp_path):
     expect_same(told(tmp_path / "v.nhdr"), plain)
 
 
+@pytest.mark.parametrize("change", [
+    lambda text: text.replace("space: left-posterior-superior", "space dimension: 3"), lambda text: text.replace("NRRD0005", "NRRD0004"),
+    lambda text: text.replace("\n", "\r\n"), lambda text: text.replace("type: float", "number: 2730\ntype: float"),
+    lambda text: text.replace("encoding: raw", "encoding: RAW").replace("left-posterior-superior", "LPS"),
+    lambda text: text.replace("space origin", "spaceorigin")])
+def test_other_ways_to_write_an_nrrd_header(told, plain, tmp_path, change):
+    (tmp_path / "v.nrrd").write_bytes(change("\n".join(nrrd_header(ball(), MATRIX)) + "\n\n").encode() + nrrd_data(ball()))
+    expect_same(told(tmp_path / "v.nrrd"), plain)
+
+
 def straight(tmp_path, told, extra):
     write_nrrd(tmp_path / "v.nrrd", ball(), extra=extra)
     return told(tmp_path / "v.nrrd")
@@ -370,6 +380,14 @@ def test_other_files_are_named_with_a_converter(told, tmp_path, begin, words):
     assert report["code"] == "input_unsupported" and words in report["message"], report
 
 
+def test_what_is_packed_is_named_with_a_converter(told, tmp_path):
+    for begin, words in ((b"\0\0\0\1", "FreeSurfer (`mri_convert"), (b"# vtk DataFile", "VTK file"), (b"other", "no volume of a known")):
+        (tmp_path / "v.mgz").write_bytes(gzip.compress(begin + bytes(1000)))
+        report = told(tmp_path / "v.mgz")
+        assert report["code"] == "input_unsupported" and "packed by gzip, and in it is " in report["message"]
+        assert words in report["message"], report
+
+
 def test_a_directory_is_named_with_a_converter(told, tmp_path):
     (tmp_path / "v.zarr").mkdir()
     report = told(tmp_path / "v.zarr")
@@ -411,6 +429,16 @@ def test_an_inspection_has_the_warnings(worker, tmp_path):
     done = worker(str(tmp_path / "v.nii"), "--json", output=None, command="inspect")
     volume = json.loads(done.stdout)["volume"]
     assert len(volume["warnings"]) == 1 and '"um"' in volume["warnings"][0]
+    assert f"  warning    {volume['warnings'][0]}\n" in worker(str(tmp_path / "v.nii"), output=None, command="inspect").stdout
+
+
+def test_an_attribute_has_the_warnings_of_its_file(solve, plain, tmp_path):
+    nifti(tmp_path / "v.nii", fields={"xyzt_units": 3})
+    report, _ = solve({"version": 1, "surface": {"volume": {"path": str(tmp_path / "plain.nrrd"), "isovalue": 0}},
+                       "attributes": [{"from": str(tmp_path / "v.nii"), "as": "heat"}], "sampling": {"count": 20},
+                       "solver": {"max_sweeps": 1}, "output": {"preview": False}})
+    told = [w for w in report["surface"]["warnings"] if w.startswith('attribute "heat": ')]
+    assert len(told) == 1 and '"um"' in told[0], report
 
 
 # ---- files that other libraries write
