@@ -332,6 +332,46 @@ def test_a_vox_offset_within_the_header_is_refused(told, tmp_path, version, offs
     assert report["code"] == "input_damaged" and "vox_offset" in report["message"], report
 
 
+# ---- numbers that are not exact
+
+def quaternion_matrix(b, c, d):
+    a = numpy.sqrt(1 - b * b - c * c - d * d)
+    return numpy.array([[a * a + b * b - c * c - d * d, 2 * (b * c - a * d), 2 * (b * d + a * c)],
+                        [2 * (b * c + a * d), a * a + c * c - b * b - d * d, 2 * (c * d - a * b)],
+                        [2 * (b * d - a * c), 2 * (c * d + a * b), a * a + d * d - b * b - c * c]])
+
+
+def farthest(report, other):
+    assert "points" in report and "points" in other, (report, other)
+    return numpy.abs(report["points"].position - other["points"].position).max() / other["spacing"]
+
+
+@pytest.mark.parametrize("seed", [1, 2, pytest.param(3, marks=pytest.mark.extended), pytest.param(4, marks=pytest.mark.extended)])
+def test_any_places_are_those_of_the_header(told, tmp_path, seed):
+    """Random turns, sides of voxels and origins: points lie within 1e-6 spacings of those of an NRRD file with that matrix."""
+    print(f"seed {seed}")
+    draws = numpy.random.default_rng(seed)
+    turn = draws.normal(size=4)
+    bcd = numpy.float32(turn / numpy.linalg.norm(turn) * numpy.sign(turn[0]))[1:].astype("f8")
+    voxel, origin = numpy.float32(draws.uniform(0.4, 0.6, 3)).astype("f8"), numpy.float32(draws.uniform(-200, 200, 3)).astype("f8")
+    qfac = int(draws.choice([-1, 1]))
+    matrix = numpy.eye(4)
+    matrix[:3, :3] = quaternion_matrix(*bcd) @ numpy.diag(voxel * (1, 1, qfac))
+    matrix[:3, 3] = origin
+    write_nrrd(tmp_path / "v.nrrd", ball(), matrix)
+    exact = told(tmp_path / "v.nrrd")
+    for version in (1, 2):
+        write_nifti(tmp_path / "q.nii", ball(), version=version, quaternion=(*bcd, *origin, qfac), voxel=voxel)
+        assert farthest(told(tmp_path / "q.nii"), exact) < 1e-6
+    write_nifti(tmp_path / "s.nii", ball(), matrix, version=2)
+    write_meta_image(tmp_path / "v.mha", ball(), matrix)
+    for name in ("s.nii", "v.mha"):
+        assert farthest(told(tmp_path / name), exact) < 1e-6
+    write_nrrd(tmp_path / "single.nrrd", ball(), numpy.float32(matrix).astype("f8"))
+    write_nifti(tmp_path / "s.nii", ball(), matrix)
+    expect_same(told(tmp_path / "s.nii"), told(tmp_path / "single.nrrd")["digest"])
+
+
 # ---- EXR
 
 def stack(tmp_path, name, **of_part):
