@@ -626,6 +626,8 @@ static const char *guess(const char *head)
     for (size_t k = 0; k < sizeof others / sizeof *others; k++)
         if (memcmp(head + others[k].at, others[k].bytes, others[k].length) == 0) return others[k].what;
     if (strstr(head, "<VTKFile")) return "a VTK XML file (ParaView saves it as MetaImage, .mhd)";
+    if (strstr(head, "<GIFTI"))
+        return "a GIfTI file, which holds a mesh (`mris_convert FILE.gii FILE.stl` converts it for surface.mesh)";
     if (strstr(head, "zarr_format")) return "a part of a Zarr volume (Fiji opens Zarr and saves it as NRRD)";
     if (size == sizeof(nifti_1_header) || size == 0x5c010000)
         return "an ANALYZE 7.5 header (`fslchfiletype NIFTI FILE` converts it)";

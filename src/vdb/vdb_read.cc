@@ -261,13 +261,18 @@ private:
             throw fault(ERROR_INPUT_DAMAGED,
                         "the file is a Git-LFS pointer, not the volume itself: run `git lfs pull` "
                         "where it came from");
+        if (std::strncmp(head, "NanoVDB", 7) == 0)
+            throw fault(ERROR_INPUT_UNSUPPORTED,
+                        "the file is a NanoVDB file (`nanovdb_convert FILE.nvdb FILE.vdb` converts it)");
         int64_t magic;
         uint32_t version;
         std::memcpy(&magic, head, sizeof magic);
         std::memcpy(&version, head + sizeof magic, sizeof version);
         if (got < ssize_t(sizeof magic) || magic != vdb::OPENVDB_MAGIC)
-            throw fault(ERROR_INPUT_DAMAGED,
-                        "the file is not an OpenVDB file (its first bytes are not OpenVDB's)");
+            throw fault(
+                ERROR_INPUT_DAMAGED,
+                "the file is not an OpenVDB file (its first bytes are not OpenVDB's): surface.volume reads NRRD, "
+                "NIfTI and MetaImage files, and surface.mesh reads meshes");
         if (got < ssize_t(sizeof magic + sizeof version))
             throw fault(ERROR_INPUT_DAMAGED, "the file was cut short after its first bytes");
         /* newer ones are read as far as they are alike, as the library does */

@@ -404,6 +404,7 @@ def test_pixels_of_an_aspect_that_the_job_does_not_have(told, tmp_path):
 
 OTHERS = [(b"# vtk DataFile Version 3.0\n", "VTK file (3D Slicer saves it as NRRD)"),
           (b'<?xml version="1.0"?>\n<VTKFile type="ImageData">', "VTK XML file (ParaView saves it as MetaImage"),
+          (b'<?xml version="1.0"?>\n<GIFTI Version="1.0">', "GIfTI file, which holds a mesh (`mris_convert"),
           (b"II*\0\x08\0\0\0", "TIFF image (Fiji saves"), (b"MM\0*\0\0\0\x08", "TIFF image (Fiji saves"),
           (b"II+\0\x08\0\0\0", "BigTIFF image (Fiji saves"), (b'{"zarr_format": 2, "shape": [8, 8, 8]}', "Zarr volume (Fiji opens"),
           (b"PK\3\4", "ZIP archive (unpack it; Fiji opens Zarr"), (bytes(128) + b"DICM", "DICOM file (`dcm2niix FOLDER`"),

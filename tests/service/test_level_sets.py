@@ -108,6 +108,14 @@ def test_a_band_that_is_too_narrow_is_told(told, tmp_path, shape, half, fill):
     assert "half-width of at least 3 voxels" in error["message"] and "NaN" not in error["message"]
 
 
+@pytest.mark.parametrize("begin, code, words", [
+    (b"NanoVDB0", "input_unsupported", "NanoVDB file (`nanovdb_convert"), (b"NRRD0004", "input_damaged", "surface.volume reads NRRD")])
+def test_other_files_are_named_with_a_converter(told, tmp_path, begin, code, words):
+    (tmp_path / "v.vdb").write_bytes(begin + bytes(1000))
+    error = told(tmp_path / "v.vdb")
+    assert error["code"] == code and words in error["message"], error
+
+
 @pytest.mark.parametrize("fill", [True, False])
 def test_a_band_with_a_hole_is_told(told, tmp_path, fill):
     distances = ball(16)

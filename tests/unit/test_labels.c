@@ -22,8 +22,8 @@ enum { SIDE = 8, VOXELS = SIDE * SIDE * SIDE };
 
 static const double to_world[16] = {0.5, 0, 0, 1, 0, 0.25, 0, 2, 0, 0, 2, 3, 0, 0, 0, 1};
 
-/* A cube of which one half has the label 3 and the other -7. */
-static int write_grids(const char *const *types, size_t count)
+/* A cube of two labels, half and half. */
+static int write_halves(const char *const *types, size_t count, float one, float other)
 {
     static int32_t voxel[VOXELS][3];
     static float value[VOXELS];
@@ -32,7 +32,7 @@ static int write_grids(const char *const *types, size_t count)
     for (int k = 0; k < VOXELS; k++) {
         const int at[3] = {k % SIDE, k / SIDE % SIDE, k / SIDE / SIDE};
         for (int a = 0; a < 3; a++) voxel[k][a] = at[a] - 3;
-        value[k] = at[0] < SIDE / 2 ? 3 : -7;
+        value[k] = at[0] < SIDE / 2 ? one : other;
     }
     for (size_t k = 0; k < count; k++)
         draft[k] = (vdb_draft){.name = k == 0 ? "parts" : "others",
@@ -45,6 +45,11 @@ static int write_grids(const char *const *types, size_t count)
     assert_true(fd >= 0);
     if (!vdb_write_grids(fd, draft, count, VDB_SEEKABLE, true, &e)) fail_msg("%s", e.message);
     return fd;
+}
+
+static int write_grids(const char *const *types, size_t count)
+{
+    return write_halves(types, count, 3, -7);
 }
 
 static label_surface *open_grids(int fd, char *grid, error *e)
@@ -93,6 +98,23 @@ static void test_grids_of_whole_numbers(void **state)
         assert_two_halves(s);
         label_surface_close(s);
     }
+}
+
+/* Powers of two, which the floats of a draft hold. */
+static void test_large_numbers_of_a_grid(void **state)
+{
+    (void)state;
+    const char *const types[] = {"int64"};
+    error e = {0};
+    int64_t labels[2];
+    label_surface *s = open_grids(write_halves(types, 1, 0x1p52F, -0x1p40F), NULL, &e);
+    if (!s) fail_msg("%s", e.message);
+    assert_int_equal(label_surface_labels(s, 2, labels), 3); /* the background is 0 */
+    assert_true(labels[0] == -((int64_t)1 << 40) && labels[1] == 0);
+    label_surface_close(s);
+    assert_null(open_grids(write_halves(types, 1, 3, -0x1p60F), NULL, &e));
+    assert_int_equal(e.code, ERROR_INPUT_UNSUPPORTED);
+    assert_non_null(strstr(e.message, "the value -1152921504606846976 is no label"));
 }
 
 /* The scratch of a thread is larger than these voxels. */
@@ -258,6 +280,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_grids_of_whole_numbers),
         cmocka_unit_test(test_which_grid),
+        cmocka_unit_test(test_large_numbers_of_a_grid),
         cmocka_unit_test(test_the_memory_of_a_majority),
         cmocka_unit_test(test_a_majority_keeps_volumes_with_any_number_of_threads),
         cmocka_unit_test(test_the_memory_of_what_a_majority_keeps),
