@@ -250,8 +250,8 @@ static bool flood(loading *l, volume *v, error *e)
     if (l->crossings.open_cells > 0) return refuse_open(l, v, e);
     warn(
         &v->info,
-        "%s: inactive voxels inside the surface have the sign of the outside (%llu cells): the inside was filled. Write the "
-        "level set with signs that are flood-filled.",
+        "%s: inactive voxels have the wrong sign, as an inside with the sign of the outside (%llu cells): they were filled "
+        "from the band. Write the level set with flood-filled signs.",
         l->name, (unsigned long long)open);
     return true;
 }

@@ -33,11 +33,12 @@ SHAPES = {"ball": lambda: ball(16), "torus": torus, "box": box, "cavity": lambda
           "two": lambda: numpy.minimum(ball(7, (-11, 0, 0)), ball(8, (10, 3, 0))), "small": lambda: ball(2.5)}
 
 
-def write(path, values, fill=True, low=(0, 0, 0), half=3.0, step=0.5):
-    """The band of distances in voxels, clamped at `half`; beyond it voxels are inactive, inside of the right sign if `fill`."""
+def write(path, values, fill=True, low=(0, 0, 0), half=3.0, step=0.5, beyond=1):
+    """The band of distances in voxels, clamped at `half`; beyond it voxels are inactive, of the right sign if `fill`, else of the
+    sign of `beyond`."""
     grid = pyopenvdb.FloatGrid()
-    grid.background = half * step
-    band = numpy.where(numpy.abs(values) < half, values * step, half * step)
+    grid.background = beyond * half * step
+    band = numpy.where(numpy.abs(values) < half, values * step, beyond * half * step)
     grid.copyFromArray(band.astype("f4"), ijk=low)
     if fill:
         grid.signedFloodFill()
@@ -63,7 +64,7 @@ def digest(report):
 
 
 def filled(report):
-    return [w for w in report["surface"]["warnings"] if "have the sign of the outside" in w]
+    return [w for w in report["surface"]["warnings"] if "inside with the sign of the outside" in w]
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -75,6 +76,13 @@ def test_an_inside_with_the_sign_of_the_outside_is_filled(told, tmp_path, shape)
     assert digest(mended) == digest(intact) and not filled(intact)
     # a ball that is all band has no inactive inside
     assert len(filled(mended)) == (shape != "small")
+
+
+def test_an_outside_with_the_sign_of_the_inside_is_filled(told, tmp_path):
+    write(tmp_path / "intact.vdb", ball(16))
+    write(tmp_path / "inverse.vdb", ball(16), fill=False, beyond=-1)
+    mended = told(tmp_path / "inverse.vdb")
+    assert digest(mended) == digest(told(tmp_path / "intact.vdb")) and len(filled(mended)) == 1
 
 
 @pytest.mark.parametrize("low, members", [((-4096 - 20, 4096 - 30, 100), {}), ((-22, -22, -22), {"isovalue": 0.25}),
