@@ -77,6 +77,7 @@ typedef struct vdb_grid {
 
 /* Whether metadata of this name say in which unit a grid is; OpenVDB knows no unit, and transforms have none. */
 bool vdb_is_unit(const char *name);
+
 /* How a grid is loaded. */
 typedef struct vdb_loading {
     double

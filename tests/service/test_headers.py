@@ -13,9 +13,6 @@ import pytest
 from readers import Points
 from volumes import (Part, change_nifti, meta_image_data, nrrd_data, nrrd_header, write_exr, write_meta_image, write_nifti, write_nrrd)
 
-# Most of these tests execute code that those with the mark `sanitized` execute, too.
-pytestmark = pytest.mark.plain
-
 SIZE = (15, 13, 14)
 # Numbers that floats hold; the volume is mirrored, its axes are exchanged, and no two sides of a voxel are alike.
 MATRIX = numpy.array([[0, 0.5, 0, -3.25], [-0.25, 0, 0, 7.5], [0, 0, 0.375, 100.75], [0, 0, 0, 1.0]])

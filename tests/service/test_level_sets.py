@@ -5,7 +5,6 @@ import pytest
 
 pyopenvdb = pytest.importorskip("pyopenvdb", reason="python3-openvdb is not installed")
 
-pytestmark = pytest.mark.plain
 
 SIDE = 44
 
@@ -78,6 +77,7 @@ def test_an_inside_with_the_sign_of_the_outside_is_filled(told, tmp_path, shape)
     assert len(filled(mended)) == (shape != "small")
 
 
+@pytest.mark.sanitized
 def test_an_outside_with_the_sign_of_the_inside_is_filled(told, tmp_path):
     write(tmp_path / "intact.vdb", ball(16))
     write(tmp_path / "inverse.vdb", ball(16), fill=False, beyond=-1)
@@ -94,6 +94,7 @@ def test_filling_reaches_across_nodes_and_holds_for_other_isovalues(told, tmp_pa
     assert digest(mended) == digest(told(tmp_path / "intact.vdb", **members)) and len(filled(mended)) == 1
 
 
+@pytest.mark.sanitized
 @pytest.mark.parametrize("values", [[numpy.nan], [numpy.inf], [-numpy.inf], [numpy.nan] * 5, [numpy.nan, numpy.inf]])
 @pytest.mark.parametrize("fill", [True, False])
 def test_voxels_that_are_not_finite_are_named(told, tmp_path, values, fill):
