@@ -4,6 +4,7 @@
 #include "base/memory.h"
 #include "inspect/contents.h"
 #include "inspect/suggestion.h"
+#include "triangles/flat_triangles.h"
 #include "triangles/mesh.h"
 #include "meshfile/mesh_file.h"
 #include "run/report.h"
@@ -91,7 +92,8 @@ static bool describe_file(const contents_input *in, json *o, error *e)
     mesh m;
     mesh_notes notes = {0};
     if (!mesh_file_read(&file, &m, &notes, e)) return error_prefix(e, "%s", in->path);
-    bool ok = mesh_weld(&m, MESH_DROP_CANCELLED, &notes, e) && describe(&m, o, e);
+    bool ok = flat_triangles_remove(&m, NULL, &notes, e) && mesh_weld(&m, MESH_DROP_CANCELLED, &notes, e) &&
+              describe(&m, o, e);
     json *told = json_put_array(o, "notes");
     for (size_t k = 0; k < notes.count; k++) json_append_string(told, notes.text[k]);
     mesh_free(&m);

@@ -221,6 +221,11 @@ bool mesh_file_read(const mesh_file *file, mesh *out, mesh_notes *notes, error *
     if (header.others)
         mesh_note(notes, "the mesh has %llu points or lines beside its triangles: left out",
                   (unsigned long long)header.others);
+    if (header.crossed)
+        mesh_note(
+            notes,
+            "%llu polygons cross themselves: their triangles overlap. Cut them into triangles in the file.",
+            (unsigned long long)header.crossed);
     if (header.end)
         mesh_note(notes,
                   "other data follow in the file from byte %llu on, behind its mesh: they are not read",

@@ -11,7 +11,6 @@
 
 #include <assimp/cfileio.h>
 #include <assimp/cimport.h>
-#include <assimp/postprocess.h>
 #include <assimp/scene.h>
 
 #include "base/error.h"
@@ -111,33 +110,75 @@ typedef struct walk {
     mesh_reader_header header;
     size_t first; /* of the vertices of the mesh at hand */
     bool failed;
+    size_t corners; /* of the polygon at which it failed; 0: it was none */
     unsigned group; /* of the node that is visited, among those that have meshes */
+    plain_mesh one; /* vertices of the mesh at hand, and the triangles of a polygon of it */
 } walk;
 
-static void visit_mesh(walk *w, const struct aiMesh *mesh, const struct aiMatrix4x4 *m)
+static void visit_vertices(walk *w, const struct aiMesh *mesh, const struct aiMatrix4x4 *m)
 {
-    for (unsigned n = 0; w->pass == VERTICES && !w->failed && n < mesh->mNumVertices; n++) {
+    for (unsigned n = 0; !w->failed && n < mesh->mNumVertices; n++) {
         struct aiVector3D v = mesh->mVertices[n];
         aiTransformVecByMatrix4(&v, m);
         const double at[3] = {(double)v.x, (double)v.y, (double)v.z};
         w->failed = fwrite(at, sizeof at, 1, stdout) != 1;
     }
-    for (unsigned n = 0; w->pass != VERTICES && !w->failed && n < mesh->mNumFaces; n++) {
-        const struct aiFace *face = &mesh->mFaces[n];
-        bool triangle = face->mNumIndices == 3;
-        if (w->pass == COUNT) {
-            w->header.triangles += triangle;
-            w->header.others += !triangle;
-            continue;
-        }
-        if (!triangle) continue;
+}
+
+static void write_triangles(walk *w, const uint32_t (*triangle)[3], size_t count)
+{
+    for (size_t n = 0; !w->failed && n < count; n++) {
         uint32_t corner[3];
         for (int k = 0; k < 3; k++) {
-            uint64_t c = (uint64_t)w->first + face->mIndices[k];
-            corner[k] = face->mIndices[k] < mesh->mNumVertices && c < UINT32_MAX ? (uint32_t)c : UINT32_MAX;
+            const uint64_t c = (uint64_t)w->first + triangle[n][k];
+            corner[k] = triangle[n][k] != UINT32_MAX && c < UINT32_MAX ? (uint32_t)c : UINT32_MAX;
         }
         w->failed = fwrite(corner, sizeof corner, 1, stdout) != 1;
     }
+}
+
+/* Corners that are no vertices become UINT32_MAX, which whoever reads the answer refuses. */
+static bool all_corners_exist(const struct aiMesh *mesh, const struct aiFace *face)
+{
+    bool exist = true;
+    for (unsigned k = 0; k < face->mNumIndices; k++) exist &= face->mIndices[k] < mesh->mNumVertices;
+    return exist;
+}
+
+static void visit_face(walk *w, const struct aiMesh *mesh, const struct aiFace *face)
+{
+    static const uint32_t none[1][3] = {{UINT32_MAX, UINT32_MAX, UINT32_MAX}};
+    plain_mesh *one = &w->one;
+    const size_t others = one->others;
+    const bool exist = all_corners_exist(mesh, face);
+    one->triangles = 0;
+    if (exist && !plain_mesh_add_polygon(one, face->mIndices, face->mNumIndices)) {
+        w->failed = true;
+        w->corners = face->mNumIndices;
+    } else if (w->pass == COUNT) {
+        w->header.triangles += exist ? one->triangles : 1;
+        w->header.others += one->others - others;
+    } else {
+        write_triangles(w, exist ? (const uint32_t(*)[3])one->triangle : none, exist ? one->triangles : 1);
+    }
+}
+
+static void visit_faces(walk *w, const struct aiMesh *mesh)
+{
+    w->one.vertices = 0;
+    for (unsigned n = 0; !w->failed && n < mesh->mNumVertices; n++) {
+        const struct aiVector3D v = mesh->mVertices[n];
+        w->failed = !plain_mesh_add_vertex(&w->one, (const double[]){(double)v.x, (double)v.y, (double)v.z});
+    }
+    for (unsigned n = 0; !w->failed && n < mesh->mNumFaces; n++) visit_face(w, mesh, &mesh->mFaces[n]);
+}
+
+static void visit_mesh(walk *w, const struct aiMesh *mesh, const struct aiMatrix4x4 *m)
+{
+    if (w->pass == VERTICES)
+        visit_vertices(w, mesh, m);
+    else
+        visit_faces(w, mesh);
     if (w->pass == COUNT) w->header.vertices += mesh->mNumVertices;
     w->first += mesh->mNumVertices;
 }
@@ -260,6 +301,16 @@ static void answer_values(walk *w, const ply_values *own)
     }
 }
 
+static int answer_polygon(size_t corners)
+{
+    char text[MESH_READER_TEXT_MAX];
+    snprintf(
+        text, sizeof text,
+        "a polygon of %zu corners takes too much work or memory to cut into triangles: cut it into smaller ones",
+        corners);
+    return answer_fault(ERROR_INPUT_UNSUPPORTED, text);
+}
+
 /* The unit of an FBX file, in centimetres; 1 of any other. */
 static double unit_of_scene(const struct aiScene *scene)
 {
@@ -287,6 +338,8 @@ static int answer_scene(const struct aiScene *scene, const ply_values *own, size
     for (w.pass = COUNT; w.pass <= TRIANGLES && !w.failed; w.pass++) {
         w.first = 0;
         visit(&w, scene->mRootNode, scaled, 0);
+        if (w.pass == COUNT && w.corners > 0) return answer_polygon(w.corners);
+        w.header.crossed = w.one.crossed;
         if (w.pass == COUNT && (fwrite(&w.header, sizeof w.header, 1, stdout) != 1 ||
                                 fwrite(known->text, 1, w.header.text_length, stdout) != w.header.text_length))
             w.failed = true;
@@ -303,6 +356,7 @@ static int answer_plain(const plain_mesh *m, size_t end)
                                      .triangles = m->triangles,
                                      .others = m->others,
                                      .text_length = (uint32_t)strlen(m->text),
+                                     .crossed = m->crossed,
                                      .end = end};
     return reader_write(&head, sizeof head) && reader_write(m->text, head.text_length) &&
                    reader_write(m->vertex, m->vertices * sizeof *m->vertex) &&
@@ -456,7 +510,7 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
         return answer_fault(ERROR_LIMIT_MEMORY,
                             "the file is larger than the memory limit: raise limits.memory_mb");
     struct aiFileIO io = {open_file, close_file, (aiUserData)&b};
-    const struct aiScene *scene = aiImportFileEx(b.name, aiProcess_Triangulate, &io);
+    const struct aiScene *scene = aiImportFileEx(b.name, 0, &io);
     int status = scene && scene->mRootNode ? answer_scene(scene, wants_values ? &own : NULL, end, &plain)
                                            : answer_refusal(&b, memory, aiGetErrorString());
     _exit(status); /* nothing is left to do but to free what the library built */

@@ -13,7 +13,7 @@
 #include <stdint.h>
 
 #define MESH_READER_COMMAND "read-mesh"
-#define MESH_READER_MAGIC 0x3268736D64786568u /* "hexdmsh2" */
+#define MESH_READER_MAGIC 0x3368736D64786568u /* "hexdmsh3" */
 #define MESH_READER_TEXT_MAX 512
 
 typedef struct mesh_reader_header {
@@ -21,7 +21,8 @@ typedef struct mesh_reader_header {
     uint32_t code;        /* an error_code; ERROR_NONE: arrays follow */
     uint32_t text_length; /* at most MESH_READER_TEXT_MAX; with ERROR_NONE the text is warnings */
     uint64_t vertices, triangles;
-    uint64_t others; /* points and lines, which were left out */
+    uint64_t others;  /* points and lines, which were left out */
+    uint64_t crossed; /* polygons that cross themselves */
     uint64_t end; /* 0; or where in the file what it declares ends and other data begin, which are not read */
 } mesh_reader_header;
 

@@ -9,6 +9,8 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include "meshfile/polygon.h"
+
 /* From so many bytes on an array has pages of two megabytes: to touch it in small ones takes longer than to fill it. */
 static const size_t LARGE = 4 << 20;
 
@@ -47,52 +49,9 @@ bool plain_mesh_add_vertex(plain_mesh *m, const double at[3])
     return true;
 }
 
-static void edge(const plain_mesh *m, uint32_t from, uint32_t to, double out[3])
+bool plain_mesh_expect_corners(plain_mesh *m, size_t corners)
 {
-    for (int k = 0; k < 3; k++) out[k] = m->vertex[to][k] - m->vertex[from][k];
-}
-
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-static void cross(const plain_mesh *m, uint32_t a, uint32_t b, uint32_t c, double out[3])
-{
-    double u[3], v[3];
-    edge(m, a, b, u);
-    edge(m, a, c, v);
-    for (int k = 0; k < 3; k++) out[k] = u[(k + 1) % 3] * v[(k + 2) % 3] - u[(k + 2) % 3] * v[(k + 1) % 3];
-}
-
-/* Where the fan of a quadrilateral begins: at the corner whose angles with the diagonal add up to more than pi, if there is
- * one. */
-static size_t first_of_four(const plain_mesh *m, const uint32_t *corner)
-{
-    for (size_t k = 0; k < 4; k++) {
-        double left[3], right[3], diagonal[3];
-        edge(m, corner[k], corner[(k + 3) % 4], left);
-        edge(m, corner[k], corner[(k + 1) % 4], right);
-        edge(m, corner[k], corner[(k + 2) % 4], diagonal);
-        if (dot(left, diagonal) / sqrt(dot(left, left)) + dot(right, diagonal) / sqrt(dot(right, right)) < 0)
-            return k;
-    }
-    return 0;
-}
-
-/* Whether all triangles of the fan look to the side to which their sum looks. */
-static bool is_fan(const plain_mesh *m, const uint32_t *corner, size_t corners)
-{
-    double sum[3] = {0, 0, 0}, n[3];
-    for (size_t k = 1; k + 1 < corners; k++) {
-        cross(m, corner[0], corner[k], corner[k + 1], n);
-        for (int c = 0; c < 3; c++) sum[c] += n[c];
-    }
-    for (size_t k = 1; k + 1 < corners; k++) {
-        cross(m, corner[0], corner[k], corner[k + 1], n);
-        if (!(dot(n, sum) > 0)) return false;
-    }
-    return true;
+    return make_room((void **)&m->corner, &m->corner_room, corners, sizeof *m->corner);
 }
 
 bool plain_mesh_add_polygon(plain_mesh *m, const uint32_t *corner, size_t corners)
@@ -101,19 +60,13 @@ bool plain_mesh_add_polygon(plain_mesh *m, const uint32_t *corner, size_t corner
         m->others++;
         return true;
     }
-    uint32_t turned[4];
-    const size_t first = corners == 4 ? first_of_four(m, corner) : 0;
-    if (first > 0) {
-        for (size_t k = 0; k < 4; k++) turned[k] = corner[(first + k) % 4];
-        corner = turned;
-    }
-    if ((corners > 3 && !is_fan(m, corner, corners)) ||
-        !make_room((void **)&m->triangle, &m->triangle_room, m->triangles + corners - 2, sizeof *m->triangle))
+    if (!make_room((void **)&m->triangle, &m->triangle_room, m->triangles + corners - 2, sizeof *m->triangle))
         return false;
-    for (size_t k = 1; k + 1 < corners; k++) {
-        const uint32_t triangle[3] = {corner[0], corner[k], corner[k + 1]};
-        memcpy(m->triangle[m->triangles++], triangle, sizeof triangle);
-    }
+    const polygon_result result =
+        polygon_cut((const double(*)[3])m->vertex, corner, corners, m->triangle + m->triangles);
+    if (result != POLYGON_CUT && result != POLYGON_CROSSED) return false;
+    m->crossed += result == POLYGON_CROSSED;
+    m->triangles += corners - 2;
     return true;
 }
 
@@ -231,5 +184,6 @@ void plain_mesh_free(plain_mesh *m)
 {
     free(m->vertex);
     free(m->triangle);
+    free(m->corner);
     *m = (plain_mesh){0};
 }

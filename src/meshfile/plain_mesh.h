@@ -16,9 +16,11 @@
 
 typedef struct plain_mesh {
     size_t vertices, triangles, others; /* others: points and lines */
+    size_t crossed;                     /* polygons that cross themselves */
     double (*vertex)[3];
     uint32_t (*triangle)[3];
-    size_t vertex_room, triangle_room;
+    uint32_t *corner; /* of the polygon that is read */
+    size_t vertex_room, triangle_room, corner_room;
     error_code refused;              /* of a file that is refused; `text` says why */
     char text[MESH_READER_TEXT_MAX]; /* of a file that is read: warnings, one a line */
     double unit;                     /* 0; or by what the coordinates of the file are multiplied */
@@ -55,9 +57,11 @@ bool plain_mesh_expect(plain_mesh *m, size_t vertices, size_t triangles);
 
 bool plain_mesh_add_vertex(plain_mesh *m, const double at[3]);
 
-/* Of vertices that are there. A polygon of more than three corners becomes a fan around its first one, one of four
- * around its reflex one. False: the fan would
- * turn over, or be flat somewhere; no memory. Of fewer corners: one more of the others. */
+/* Makes room for so many corners in m->corner. False: no memory. */
+bool plain_mesh_expect_corners(plain_mesh *m, size_t corners);
+
+/* Of vertices that are there. A polygon of more than three corners is cut into triangles (see polygon.h). False: that takes too much
+ * work; no memory. Of fewer corners: one more of the others. */
 bool plain_mesh_add_polygon(plain_mesh *m, const uint32_t *corner, size_t corners);
 
 /* Adds a triangle of vertices that are there, whose corners are turned round in a mirrored part. False: no memory. */

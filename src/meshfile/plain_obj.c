@@ -6,9 +6,6 @@
 
 #include "meshfile/plain_mesh.h"
 
-/* Of one face; larger ones are the library's. */
-enum { CORNERS_MOST = 64 };
-
 typedef struct obj_facts {
     size_t free_forms; /* curves and surfaces */
     size_t weighted;   /* vertices with a w that is not 1 */
@@ -55,11 +52,13 @@ static bool read_corner(const char **at, const plain_mesh *m, uint32_t *out)
 
 static bool read_face(const char **at, plain_mesh *out)
 {
-    uint32_t corner[CORNERS_MOST];
     size_t count = 0;
-    for (*at = skip_blanks(*at); !is_end(**at) && count < CORNERS_MOST; *at = skip_blanks(*at))
-        if (!read_corner(at, out, &corner[count++])) return false;
-    return is_end(**at) && count > 0 && plain_mesh_add_polygon(out, corner, count);
+    for (*at = skip_blanks(*at); !is_end(**at); *at = skip_blanks(*at)) {
+        if (!plain_mesh_expect_corners(out, count + 1) || !read_corner(at, out, &out->corner[count]))
+            return false;
+        count++;
+    }
+    return count > 0 && plain_mesh_add_polygon(out, out->corner, count);
 }
 
 static bool is_one_of(const char *word, size_t length, const char *const *words, size_t count)

@@ -7,9 +7,6 @@
 
 #include "meshfile/plain_mesh.h"
 
-/* Of one face; larger ones are the library's. */
-enum { CORNERS_MOST = 64 };
-
 typedef struct off {
     const char *at, *end;
     bool is_binary, has_w;
@@ -82,15 +79,16 @@ static bool read_vertex(off *o, plain_mesh *out)
 
 static bool read_face(off *o, plain_mesh *out)
 {
-    uint32_t corner[CORNERS_MOST];
     long long count, index, colors = 0;
-    if (!read_integer(o, &count) || count < 0 || count > CORNERS_MOST) return false;
+    if (!read_integer(o, &count) || count < 0) return false;
     for (long long k = 0; k < count; k++) {
-        if (!read_integer(o, &index) || index < 0 || index >= (long long)out->vertices) return false;
-        corner[k] = (uint32_t)index;
+        if (!read_integer(o, &index) || index < 0 || index >= (long long)out->vertices ||
+            !plain_mesh_expect_corners(out, (size_t)k + 1))
+            return false;
+        out->corner[k] = (uint32_t)index;
     }
     if (o->is_binary && (!read_integer(o, &colors) || colors < 0 || colors > 4)) return false;
-    return end_row(o, (size_t)colors * sizeof(float)) && plain_mesh_add_polygon(out, corner, (size_t)count);
+    return end_row(o, (size_t)colors * sizeof(float)) && plain_mesh_add_polygon(out, out->corner, (size_t)count);
 }
 
 static bool take(const char **at, const char *word)

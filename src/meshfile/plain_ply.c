@@ -7,9 +7,6 @@
 #include "meshfile/plain_mesh.h"
 #include "meshfile/ply_header.h"
 
-/* Of one face; larger ones are the library's. */
-enum { CORNERS_MOST = 64 };
-
 typedef struct cursor {
     const char *at, *end;
     ply_layout layout;
@@ -34,8 +31,9 @@ static bool end_row(cursor *c)
     return true;
 }
 
-/* The numbers of a list of which as many as there is room for are kept. */
-static bool read_list(cursor *c, const ply_property *p, double *kept, size_t room, size_t *count)
+/* The numbers of a list. Those of corners of a face, whole and less than the number of vertices, go to out->corner; NULL: they are passed
+ * over. */
+static bool read_list(cursor *c, const ply_property *p, plain_mesh *out, size_t *count)
 {
     double length, number;
     if (!read_number(c, p->length, &length) ||
@@ -44,22 +42,25 @@ static bool read_list(cursor *c, const ply_property *p, double *kept, size_t roo
     *count = (size_t)length;
     for (size_t k = 0; k < *count; k++) {
         if (!read_number(c, p->type, &number)) return false;
-        if (k < room) kept[k] = number;
+        if (!out) continue;
+        if (!(number >= 0 && number < (double)out->vertices && number == floor(number)) ||
+            !plain_mesh_expect_corners(out, k + 1))
+            return false;
+        out->corner[k] = (uint32_t)number;
     }
     return true;
 }
 
-/* Numbers of the row go to number[slot[k]] when slot[k] >= 0, those of the list `list` to `kept`. */
+/* Numbers of the row go to number[slot[k]] when slot[k] >= 0, those of the list `corners` to out->corner. */
 static bool read_row(cursor *c, const ply_element *element, const int *slot, double *number,
-                     const ply_property *list, double kept[CORNERS_MOST], size_t *count)
+                     const ply_property *corners, plain_mesh *out, size_t *count)
 {
     for (int k = 0; k < element->properties; k++) {
         const ply_property *p = &element->property[k];
         size_t skipped;
         double value;
         if (p->length) {
-            if (!read_list(c, p, kept, p == list ? CORNERS_MOST : 0, p == list ? count : &skipped))
-                return false;
+            if (!read_list(c, p, p == corners ? out : NULL, p == corners ? count : &skipped)) return false;
         } else {
             if (!read_number(c, p->type, &value)) return false;
             if (slot && slot[k] >= 0) number[slot[k]] = value;
@@ -118,8 +119,7 @@ static bool read_faces(cursor *c, const ply_element *element, plain_mesh *out)
     const bool common = c->layout == PLY_LITTLE && element->properties == 1 && list->length->size == 1 &&
                         list->type->size == 4;
     for (uint64_t n = 0; n < element->count; n++) {
-        double kept[CORNERS_MOST];
-        uint32_t corner[CORNERS_MOST];
+        uint32_t corner[3];
         size_t count = 0;
         if (common && read_triangle(c, corner)) {
             for (int k = 0; k < 3; k++)
@@ -127,12 +127,9 @@ static bool read_faces(cursor *c, const ply_element *element, plain_mesh *out)
             if (!plain_mesh_add_polygon(out, corner, 3)) return false;
             continue;
         }
-        if (!read_row(c, element, NULL, NULL, list, kept, &count) || count > CORNERS_MOST) return false;
-        for (size_t k = 0; k < count; k++) {
-            if (!(kept[k] >= 0 && kept[k] < (double)out->vertices && kept[k] == floor(kept[k]))) return false;
-            corner[k] = (uint32_t)kept[k];
-        }
-        if (!plain_mesh_add_polygon(out, corner, count)) return false;
+        if (!read_row(c, element, NULL, NULL, list, out, &count) ||
+            !plain_mesh_add_polygon(out, out->corner, count))
+            return false;
     }
     return true;
 }

@@ -8,6 +8,7 @@
 #include "base/sets.h"
 #include "source/mesh_clip.h"
 #include "mesh/fidelity.h"
+#include "triangles/flat_triangles.h"
 #include "triangles/mesh_edges.h"
 #include "meshfile/mesh_file.h"
 #include "packing/packing.h"
@@ -328,14 +329,14 @@ bool mesh_source_open(const mesh_source_request *request, volume **as_volume, me
     mesh_source_request moved = *request;
     bbox region;
     if (!mesh_file_read(&file, &w.m, &read, e)) return error_prefix(e, "%s", v->path);
-    *origin = request->may_move ? far_origin(&w.m, v->pool) : vec3_make(0, 0, 0);
+    bool ok = flat_triangles_remove(&w.m, v->pool, &read, e);
+    *origin = ok && request->may_move ? far_origin(&w.m, v->pool) : vec3_make(0, 0, 0);
     if (vec3_norm(*origin) > 0) move_to_origin(&w.m, *origin);
     if (request->region) {
         region = bbox_move(*request->region, vec3_scale(*origin, -1));
         moved.region = &region;
     }
-    bool ok =
-        mesh_weld_clean(&w.m, v->pool, e) && (!w.m.welded || mesh_edges_list(&w.m, v->pool, &w.edges, e));
+    ok = ok && mesh_weld_clean(&w.m, v->pool, e) && (!w.m.welded || mesh_edges_list(&w.m, v->pool, &w.edges, e));
     if (!ok) error_prefix(e, "%s", v->path);
     ok = ok && open_read(&moved, &w, &read, as_volume, as_patches, notes, e);
     mesh_edges_free(&w.edges);

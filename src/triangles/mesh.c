@@ -234,6 +234,14 @@ static bool join_vertices(mesh *m, threads *pool, uint32_t *place, error *e)
     return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
 
+bool mesh_join(mesh *m, threads *pool, error *e)
+{
+    uint32_t *place = mem_array(m->vertex_count, sizeof *place, what, e);
+    const bool ok = place && join_vertices(m, pool, place, e);
+    free(place);
+    return ok;
+}
+
 static void use_chunk(void *context, int worker, size_t begin, size_t end)
 {
     joining *j = context;

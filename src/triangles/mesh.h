@@ -61,6 +61,9 @@ bool mesh_weld(mesh *m, mesh_cancelled cancelled, mesh_notes *notes, error *e);
  * to do. Another mesh is left to them. Errors: limit_memory, cancelled. */
 bool mesh_weld_clean(mesh *m, threads *pool, error *e);
 
+/* Joins vertices of equal coordinates; no triangle and no vertex is dropped. Errors: limit_memory, cancelled. */
+bool mesh_join(mesh *m, threads *pool, error *e);
+
 /* Drops triangles with two equal corners, and returns how many there were. */
 size_t mesh_drop_degenerate(mesh *m);
 

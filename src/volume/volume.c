@@ -10,6 +10,7 @@
 #include "geometry/affine.h"
 #include "mesh/levelset.h"
 #include "meshfile/mesh_file.h"
+#include "triangles/flat_triangles.h"
 #include "vdb/plain_vdb.h"
 #include "vdb/vdb.h"
 #include "volume/brick.h"
@@ -607,7 +608,11 @@ volume *volume_open_mesh(const volume_mesh_request *request, error *e)
         error_prefix(e, "%s", request->path);
         return NULL;
     }
-    volume *v = volume_of_mesh(request, &whole, &notes, e);
+    volume *v = NULL;
+    if (flat_triangles_remove(&whole, request->pool, &notes, e))
+        v = volume_of_mesh(request, &whole, &notes, e);
+    else
+        error_prefix(e, "%s", request->path);
     mesh_free(&whole);
     return v;
 }

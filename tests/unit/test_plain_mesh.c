@@ -263,7 +263,6 @@ static void the_rest_is_left(void **state)
         {"obj", CORNERS "f 1 2 3x\n"},
         {"obj", CORNERS "f 1 2 3\n7 8 9\n"},
         {"obj", "v 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"},
-        {"obj", CORNERS "v 0.3 0.3 0\nf 1 2 4 3\nf 2 4 3 1\nv 9 9 9\nv 9 8 9\nv 7 7 9\nf 1 2 5 3 4\n"},
         {"stl",
          "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nendloop\nendfacet\nendsolid\n"},
         {"stl",

@@ -1,0 +1,336 @@
+#include "meshfile/polygon.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define NONE UINT32_MAX
+
+/* Of all tests of a corner against an ear, and of cells that are looked into. */
+static const uint64_t most_work = (uint64_t)1 << 30;
+/* Diagonals of a quadrangle that differ by less are equal: those of a rectangle differ by the rounding of floats. */
+static const double same_length = 1e-6;
+/* Of the polygon's area: triangles that are turned over by more cross others; by less, the corners are rounded. */
+static const double crossed_area = 1e-6;
+
+/* Corners are numbered around the polygon from 0. */
+typedef struct cutting {
+    const uint32_t *corner;
+    size_t count;
+    double (*at)[2]; /* of each corner, in the plane in which the polygon turns to the left */
+    uint32_t *next, *previous;
+    bool *reflex;           /* it may lie in an ear: it is not convex, and not clipped */
+    uint32_t *in_cell;      /* of each corner: the next one in its cell */
+    uint32_t *cell;         /* of each cell: its first reflex corner */
+    size_t side;            /* cells along either axis */
+    double low[2], size[2]; /* the grid's corner, and its cells' sides */
+    uint64_t work;
+} cutting;
+
+/* ---- orientation */
+
+/* Adds a number to a sum of `count` numbers that do not overlap; the sum stays exact. */
+static int add_exactly(double *sum, int count, double added)
+{
+    for (int k = 0; k < count; k++) {
+        const double both = sum[k] + added, other = both - sum[k];
+        sum[k] = (sum[k] - (both - other)) + (added - other);
+        added = both;
+    }
+    sum[count] = added;
+    return count + 1;
+}
+
+static int add_product(double *sum, int count, double a, double b)
+{
+    const double high = a * b;
+    count = add_exactly(sum, count, fma(a, b, -high));
+    return add_exactly(sum, count, high);
+}
+
+/* a b - a c - (swapped), in full: the largest part that is not zero has the sign. */
+static double orient_exactly(const double a[2], const double b[2], const double c[2])
+{
+    const double product[6][2] = {{a[0], b[1]},  {-a[0], c[1]}, {-c[0], b[1]},
+                                  {-a[1], b[0]}, {a[1], c[0]},  {c[1], b[0]}};
+    double sum[13];
+    int count = 0;
+    for (int k = 0; k < 6; k++) count = add_product(sum, count, product[k][0], product[k][1]);
+    while (count > 0 && sum[count - 1] == 0) count--;
+    return count > 0 ? sum[count - 1] : 0;
+}
+
+/* Above 0 where a, b, c turn to the left: twice the area of their triangle, with the right sign. The bound is Shewchuk's. */
+static double orient(const double a[2], const double b[2], const double c[2])
+{
+    static const double bound = 3.3306690738754716e-16;
+    const double left = (a[0] - c[0]) * (b[1] - c[1]), right = (a[1] - c[1]) * (b[0] - c[0]),
+                 turn = left - right;
+    return fabs(turn) > bound * (fabs(left) + fabs(right)) ? turn : orient_exactly(a, b, c);
+}
+
+static double orient_corners(const cutting *c, uint32_t a, uint32_t b, uint32_t to)
+{
+    return orient(c->at[a], c->at[b], c->at[to]);
+}
+
+/* ---- vectors */
+
+static void subtract(const double a[3], const double b[3], double out[3])
+{
+    for (int k = 0; k < 3; k++) out[k] = a[k] - b[k];
+}
+
+static double dot(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static void cross(const double a[3], const double b[3], double out[3])
+{
+    for (int k = 0; k < 3; k++) out[k] = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
+}
+
+/* Normal of a triangle, as long as twice its area. */
+static void triangle_normal(const double a[3], const double b[3], const double c[3], double out[3])
+{
+    double ab[3], ac[3];
+    subtract(b, a, ab);
+    subtract(c, a, ac);
+    cross(ab, ac, out);
+}
+
+/* The sum over the fan about the first corner: Newell's normal. */
+static void polygon_normal(const double (*place)[3], const uint32_t *corner, size_t count, double out[3])
+{
+    memset(out, 0, 3 * sizeof *out);
+    for (size_t k = 1; k + 1 < count; k++) {
+        double n[3];
+        triangle_normal(place[corner[0]], place[corner[k]], place[corner[k + 1]], n);
+        for (int axis = 0; axis < 3; axis++) out[axis] += n[axis];
+    }
+}
+
+/* ---- fans */
+
+/* Whether all triangles of the fan about corner `first` look to the side of the normal. */
+static bool is_fan(const double (*place)[3], const uint32_t *corner, size_t count, size_t first,
+                   const double normal[3])
+{
+    for (size_t k = 1; k + 1 < count; k++) {
+        double n[3];
+        triangle_normal(place[corner[first]], place[corner[(first + k) % count]],
+                        place[corner[(first + k + 1) % count]], n);
+        if (!(dot(n, normal) > 0)) return false;
+    }
+    return true;
+}
+
+static void make_fan(const uint32_t *corner, size_t count, size_t first, uint32_t (*out)[3])
+{
+    for (size_t k = 1; k + 1 < count; k++) {
+        out[k - 1][0] = corner[first];
+        out[k - 1][1] = corner[(first + k) % count];
+        out[k - 1][2] = corner[(first + k + 1) % count];
+    }
+}
+
+/* A quadrangle of which neither diagonal lies inside crosses itself, or has no area. */
+static polygon_result cut_quadrangle(const double (*place)[3], const uint32_t *corner, const double normal[3],
+                                     uint32_t (*out)[3])
+{
+    double diagonal[2][3];
+    bool inside[2];
+    for (size_t k = 0; k < 2; k++) {
+        subtract(place[corner[k + 2]], place[corner[k]], diagonal[k]);
+        inside[k] = is_fan(place, corner, 4, k, normal);
+    }
+    const bool shorter = dot(diagonal[1], diagonal[1]) < (1 - same_length) * dot(diagonal[0], diagonal[0]);
+    make_fan(corner, 4, inside[0] == inside[1] ? shorter : inside[1], out);
+    return inside[0] || inside[1] || !(dot(normal, normal) > 0) ? POLYGON_CUT : POLYGON_CROSSED;
+}
+
+/* ---- ears */
+
+static size_t cell_along(const cutting *c, int axis, double x)
+{
+    const double k = (x - c->low[axis]) / c->size[axis];
+    return k > 0 ? k < (double)(c->side - 1) ? (size_t)k : c->side - 1 : 0;
+}
+
+static bool is_at(const cutting *c, uint32_t a, uint32_t b)
+{
+    return c->at[a][0] == c->at[b][0] && c->at[a][1] == c->at[b][1];
+}
+
+/* Whether an edge of corner q, which is at the place of corner k of the ear, goes into the ear there. */
+static bool goes_into(const cutting *c, const uint32_t ear[3], int k, uint32_t q)
+{
+    const uint32_t ends[2] = {c->next[q], c->previous[q]};
+    for (int n = 0; n < 2; n++)
+        if (orient_corners(c, ear[k], ear[(k + 1) % 3], ends[n]) > 0 &&
+            orient_corners(c, ear[(k + 2) % 3], ear[k], ends[n]) > 0)
+            return true;
+    return false;
+}
+
+/* Whether corner q hinders the ear: it is in the closed triangle, and no corner of it. */
+static bool hinders(const cutting *c, const uint32_t ear[3], uint32_t q)
+{
+    if (q == ear[0] || q == ear[1] || q == ear[2]) return false;
+    for (int k = 0; k < 3; k++)
+        if (is_at(c, q, ear[k])) return goes_into(c, ear, k, q);
+    for (int k = 0; k < 3; k++)
+        if (orient_corners(c, ear[k], ear[(k + 1) % 3], q) < 0) return false;
+    return true;
+}
+
+static bool is_free(cutting *c, const uint32_t ear[3])
+{
+    size_t from[2], to[2];
+    for (int axis = 0; axis < 2; axis++) {
+        const double a = c->at[ear[0]][axis], b = c->at[ear[1]][axis], d = c->at[ear[2]][axis];
+        from[axis] = cell_along(c, axis, fmin(a, fmin(b, d)));
+        to[axis] = cell_along(c, axis, fmax(a, fmax(b, d)));
+    }
+    for (size_t x = from[0]; x <= to[0]; x++)
+        for (size_t y = from[1]; y <= to[1]; y++) {
+            c->work++;
+            for (uint32_t q = c->cell[x * c->side + y]; q != NONE; q = c->in_cell[q], c->work++)
+                if (c->reflex[q] && hinders(c, ear, q)) return false;
+        }
+    return true;
+}
+
+static void ear_of(const cutting *c, uint32_t tip, uint32_t ear[3])
+{
+    ear[0] = c->previous[tip];
+    ear[1] = tip;
+    ear[2] = c->next[tip];
+}
+
+static double turn_at(const cutting *c, uint32_t tip)
+{
+    return orient_corners(c, c->previous[tip], tip, c->next[tip]);
+}
+
+/* The next ear from corner `from` on. Where there is none the polygon crosses itself, or what is left has no area: then the first
+ * corner that does not turn to the right, or `from`. */
+static uint32_t find_ear(cutting *c, uint32_t from, size_t left)
+{
+    uint32_t flat = NONE, tip = from;
+    for (size_t k = 0; k < left; k++, tip = c->next[tip]) {
+        const double turn = turn_at(c, tip);
+        uint32_t ear[3];
+        ear_of(c, tip, ear);
+        if (turn > 0 && is_free(c, ear)) return tip;
+        if (turn >= 0 && flat == NONE) flat = tip;
+        if (++c->work > most_work) break;
+    }
+    return flat != NONE ? flat : from;
+}
+
+static polygon_result clip_ears(cutting *c, uint32_t (*out)[3])
+{
+    double area = 0, crossed = 0;
+    uint32_t tip = 0;
+    size_t made = 0;
+    for (size_t left = c->count; left >= 3; left--) {
+        uint32_t ear[3];
+        tip = find_ear(c, tip, left);
+        if (c->work > most_work) return POLYGON_TOO_LARGE;
+        ear_of(c, tip, ear);
+        const double twice = turn_at(c, tip);
+        area += twice;
+        crossed += fmax(-twice, 0);
+        for (int k = 0; k < 3; k++) out[made][k] = c->corner[ear[k]];
+        made++;
+        c->reflex[tip] = false;
+        c->next[ear[0]] = ear[2];
+        c->previous[ear[2]] = ear[0];
+        for (int k = 0; k < 3; k += 2) c->reflex[ear[k]] = turn_at(c, ear[k]) <= 0;
+        tip = c->next[ear[2]]; /* not beside the last one: fewer triangles at one corner */
+    }
+    return crossed > crossed_area * area ? POLYGON_CROSSED : POLYGON_CUT;
+}
+
+/* Places in the plane: without the coordinate along which the normal is longest. */
+static void project(cutting *c, const double (*place)[3], const double normal[3])
+{
+    int along = 0;
+    for (int k = 1; k < 3; k++)
+        if (fabs(normal[k]) > fabs(normal[along])) along = k;
+    const bool turned = normal[along] < 0;
+    for (size_t k = 0; k < c->count; k++) {
+        const double *p = place[c->corner[k]];
+        c->at[k][turned] = p[(along + 1) % 3];
+        c->at[k][!turned] = p[(along + 2) % 3];
+    }
+}
+
+/* About as many cells as reflex corners. */
+static bool make_grid(cutting *c)
+{
+    double high[2] = {-INFINITY, -INFINITY};
+    size_t reflex = 0;
+    c->low[0] = c->low[1] = INFINITY;
+    for (uint32_t k = 0; k < c->count; k++) {
+        c->next[k] = k + 1 < c->count ? k + 1 : 0;
+        c->previous[k] = k > 0 ? k - 1 : (uint32_t)c->count - 1;
+        for (int axis = 0; axis < 2; axis++) {
+            c->low[axis] = fmin(c->low[axis], c->at[k][axis]);
+            high[axis] = fmax(high[axis], c->at[k][axis]);
+        }
+    }
+    for (uint32_t k = 0; k < c->count; k++) reflex += c->reflex[k] = turn_at(c, k) <= 0;
+    c->side = (size_t)sqrt((double)reflex) + 1;
+    for (int axis = 0; axis < 2; axis++) {
+        const double length = high[axis] - c->low[axis];
+        c->size[axis] = length > 0 ? length / (double)c->side : 1;
+    }
+    c->cell = malloc(c->side * c->side * sizeof *c->cell);
+    if (!c->cell) return false;
+    memset(c->cell, 0xFF, c->side * c->side * sizeof *c->cell);
+    for (uint32_t k = 0; k < c->count; k++) {
+        if (!c->reflex[k]) continue;
+        uint32_t *first = &c->cell[cell_along(c, 0, c->at[k][0]) * c->side + cell_along(c, 1, c->at[k][1])];
+        c->in_cell[k] = *first;
+        *first = k;
+    }
+    return true;
+}
+
+static polygon_result cut_by_ears(const double (*place)[3], const uint32_t *corner, size_t count,
+                                  const double normal[3], uint32_t (*out)[3])
+{
+    cutting c = {.corner = corner, .count = count};
+    c.at = malloc(count * sizeof *c.at);
+    c.next = malloc(3 * count * sizeof *c.next);
+    c.reflex = malloc(count * sizeof *c.reflex);
+    polygon_result result = POLYGON_NO_MEMORY;
+    if (c.at && c.next && c.reflex) {
+        c.previous = c.next + count;
+        c.in_cell = c.previous + count;
+        project(&c, place, normal);
+        if (make_grid(&c)) result = clip_ears(&c, out);
+    }
+    free(c.at);
+    free(c.next);
+    free(c.reflex);
+    free(c.cell);
+    return result;
+}
+
+polygon_result polygon_cut(const double (*place)[3], const uint32_t *corner, size_t count, uint32_t (*out)[3])
+{
+    if (count == 3) {
+        make_fan(corner, 3, 0, out);
+        return POLYGON_CUT;
+    }
+    double normal[3];
+    polygon_normal(place, corner, count, normal);
+    if (count == 4) return cut_quadrangle(place, corner, normal, out);
+    if (!is_fan(place, corner, count, 0, normal)) return cut_by_ears(place, corner, count, normal, out);
+    make_fan(corner, count, 0, out);
+    return POLYGON_CUT;
+}

@@ -1,0 +1,30 @@
+/* polygon: a polygon of a mesh file as triangles. Pure functions but for allocation; any thread. */
+#ifndef HEXAD_MESHFILE_POLYGON_H
+#define HEXAD_MESHFILE_POLYGON_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/* POLYGON_CROSSED: the triangles overlap, as the polygon crosses itself. POLYGON_TOO_LARGE: it takes more work than is allowed. */
+typedef enum polygon_result {
+    POLYGON_CUT,
+    POLYGON_CROSSED,
+    POLYGON_TOO_LARGE,
+    POLYGON_NO_MEMORY
+} polygon_result;
+
+/* Cuts a polygon of `count` >= 3 corners, whose places are place[corner[k]], into count - 2 triangles between its corners, turned as the
+ * polygon. out[] holds numbers from `corner`. Every corner is used, also one on a straight line, so that neighbours
+ * share whole edges.
+ *
+ * The triangles of a simple planar polygon cover it once, and lie within it. A quadrangle is cut along the shorter of its
+ * diagonals that lie inside, the first one of equal ones. A polygon of more corners that is not planar is
+ * cut as its projection along the coordinate axis nearest to its normal. A convex polygon becomes a fan about its first corner.
+ * Otherwise: ears are clipped (Meisters 1975) with exact orientations (Shewchuk 1997), each tested against the
+ * reflex corners in its box alone, which a grid finds. The work is bounded by 2^30 such tests, a few seconds; polygons of
+ * 100 000 corners take a thousandth of that unless their shape is made for it. */
+polygon_result polygon_cut(const double (*place)[3], const uint32_t *corner, size_t count,
+                           uint32_t (*out)[3]);
+
+#endif

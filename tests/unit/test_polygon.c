@@ -1,0 +1,298 @@
+/* Polygons as triangles: simple planar ones are covered once, whatever their shape; the work is bounded. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/rng.h"
+#include "meshfile/polygon.h"
+
+enum { SEED = 20261127, MOST = 4096 };
+
+typedef struct outline {
+    size_t count;
+    double at[MOST][2];
+} outline;
+
+static void add(outline *o, double x, double y)
+{
+    assert_true(o->count < MOST);
+    o->at[o->count][0] = x;
+    o->at[o->count++][1] = y;
+}
+
+/* ---- shapes, which turn to the left */
+
+/* Star-shaped about the origin, with spikes. */
+static void make_star(outline *o, size_t count, rng *r)
+{
+    for (size_t k = 0; k < count; k++) {
+        const double angle = 2 * M_PI * ((double)k + 0.8 * rng_uniform(r)) / (double)count,
+                     radius = 0.1 + 0.9 * pow(rng_uniform(r), 2);
+        add(o, radius * cos(angle), radius * sin(angle));
+    }
+}
+
+/* Teeth on a bar, with corners in the middle of straight sides. */
+static void make_comb(outline *o, size_t teeth, rng *r)
+{
+    add(o, 0, 0);
+    for (size_t k = 1; k < teeth; k++) add(o, (double)k, 0);
+    add(o, (double)teeth, 0);
+    for (size_t k = teeth; k-- > 0;) {
+        const double high = 2 + floor(3 * rng_uniform(r));
+        add(o, (double)k + 1, high);
+        add(o, (double)k + 0.5, high);
+        add(o, (double)k + 0.5, 1);
+        add(o, (double)k + 0.25, 1);
+        if (k > 0) add(o, (double)k, 1);
+    }
+    add(o, 0, 1);
+}
+
+/* A corridor that winds inwards. */
+static void make_spiral(outline *o, size_t steps, rng *r)
+{
+    const double thick = 0.2 + 0.6 * rng_uniform(r);
+    for (size_t k = 0; k <= steps; k++) {
+        const double angle = 0.5 * (double)k, radius = 1 + 0.1 * (double)k;
+        add(o, radius * cos(angle), radius * sin(angle));
+    }
+    for (size_t k = steps + 1; k-- > 0;) {
+        const double angle = 0.5 * (double)k, radius = 1 + 0.1 * (double)k - thick;
+        add(o, radius * cos(angle), radius * sin(angle));
+    }
+}
+
+/* A square with square holes, joined to it by bridges that go there and back at the same place. */
+static void make_keyhole(outline *o, size_t holes, rng *r)
+{
+    const double end = (double)holes;
+    add(o, 0, 0);
+    for (size_t k = 0; k < holes; k++) {
+        const double x = (double)k + 0.2, y = 0.2 + 0.2 * rng_uniform(r), side = 0.1 + 0.5 * rng_uniform(r);
+        add(o, x, 0);
+        add(o, x, y);
+        add(o, x, y + side);
+        add(o, x + side, y + side);
+        add(o, x + side, y);
+        add(o, x, y);
+        add(o, x, 0);
+    }
+    add(o, end, 0);
+    add(o, end, 1);
+    add(o, 0, 1);
+}
+
+static double area_of(const outline *o)
+{
+    double twice = 0;
+    for (size_t k = 0; k < o->count; k++) {
+        const double *a = o->at[k], *b = o->at[(k + 1) % o->count];
+        twice += a[0] * b[1] - a[1] * b[0];
+    }
+    return twice / 2;
+}
+
+static void make_shape(outline *o, int kind, size_t size, rng *r)
+{
+    o->count = 0;
+    if (kind == 0) make_star(o, size + 3, r);
+    if (kind == 1) make_comb(o, size + 1, r);
+    if (kind == 2) make_spiral(o, size + 2, r);
+    if (kind == 3) make_keyhole(o, size + 1, r);
+    assert_true(area_of(o) > 0);
+}
+
+/* ---- checks */
+
+static void triangle_across(const double a[3], const double b[3], const double c[3], double out[3])
+{
+    for (int k = 0; k < 3; k++) {
+        const int i = (k + 1) % 3, j = (k + 2) % 3;
+        out[k] = (b[i] - a[i]) * (c[j] - a[j]) - (b[j] - a[j]) * (c[i] - a[i]);
+    }
+}
+
+/* Each side of the polygon is that of one triangle, in its direction, and each other side that of two, in both. */
+static void assert_sides(size_t count, const uint32_t (*out)[3])
+{
+    signed char *sides = calloc(count * count, 1);
+    assert_non_null(sides);
+    for (size_t n = 0; n + 2 < count; n++)
+        for (int k = 0; k < 3; k++) {
+            const size_t a = out[n][k], b = out[n][(k + 1) % 3];
+            assert_true(a < count && b < count && a != b);
+            sides[a * count + b]++;
+        }
+    for (size_t a = 0; a < count; a++)
+        for (size_t b = 0; b < count; b++) {
+            const int own = b == (a + 1) % count;
+            assert_int_equal(sides[a * count + b] - sides[b * count + a], own - (a == (b + 1) % count));
+            assert_true(sides[a * count + b] <= 1);
+        }
+    free(sides);
+}
+
+/* In a plane of space, and back: the triangles add up to the polygon, and none is turned over. */
+static void assert_covered(const outline *o, rng *r, bool flat_ones_too)
+{
+    double(*place)[3] = malloc(o->count * sizeof *place), axis[3][3];
+    uint32_t *corner = malloc(o->count * sizeof *corner), (*out)[3] = malloc(o->count * sizeof *out);
+    assert_true(place && corner && out);
+    for (int k = 0; k < 9; k++) axis[k / 3][k % 3] = rng_uniform(r) - 0.5;
+    double normal[3], origin[3] = {0, 0, 0};
+    triangle_across(origin, axis[0], axis[1], normal);
+    const double scale = sqrt(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]);
+    for (size_t k = 0; k < o->count; k++) {
+        corner[k] = (uint32_t)k;
+        for (int i = 0; i < 3; i++)
+            place[k][i] = axis[2][i] + o->at[k][0] * axis[0][i] + o->at[k][1] * axis[1][i];
+    }
+    assert_int_equal(polygon_cut((const double(*)[3])place, corner, o->count, out), POLYGON_CUT);
+    assert_sides(o->count, (const uint32_t(*)[3])out);
+    double sum = 0;
+    for (size_t n = 0; n + 2 < o->count; n++) {
+        double across[3];
+        triangle_across(place[out[n][0]], place[out[n][1]], place[out[n][2]], across);
+        const double length = sqrt(across[0] * across[0] + across[1] * across[1] + across[2] * across[2]),
+                     along = (across[0] * normal[0] + across[1] * normal[1] + across[2] * normal[2]) / scale;
+        sum += length / 2;
+        if (!(along > (flat_ones_too ? -1e-12 * scale * area_of(o) : 0)))
+            fail_msg("triangle %zu is turned over", n);
+    }
+    const double wanted = area_of(o) * scale;
+    if (!(fabs(sum - wanted) <= 1e-12 * wanted)) fail_msg("area %.17g, not %.17g", sum, wanted);
+    free(place);
+    free(corner);
+    free(out);
+}
+
+static void simple_polygons_are_covered_once(void **state)
+{
+    (void)state;
+    print_message("# seed %d\n", SEED);
+    rng r = rng_seed(SEED, 0);
+    outline o;
+    for (int n = 0; n < 800; n++) {
+        make_shape(&o, n % 4, (size_t)(pow(rng_uniform(&r), 3) * 60), &r);
+        assert_covered(&o, &r, true);
+    }
+}
+
+/* Corners on straight sides are used, so that no triangle is flat: the coordinates are exact. */
+static void straight_corners_give_no_flat_triangles(void **state)
+{
+    (void)state;
+    print_message("# seed %d\n", SEED);
+    rng r = rng_seed(SEED, 1);
+    outline o;
+    for (int n = 0; n < 40; n++) {
+        double place[MOST][3];
+        uint32_t corner[MOST], out[MOST][3];
+        o.count = 0;
+        make_comb(&o, 1 + (size_t)n % 12, &r);
+        for (size_t k = 0; k < o.count; k++) {
+            corner[k] = (uint32_t)k;
+            place[k][0] = o.at[k][1];
+            place[k][1] = 7;
+            place[k][2] = o.at[k][0];
+        }
+        assert_int_equal(polygon_cut((const double(*)[3])place, corner, o.count, out), POLYGON_CUT);
+        for (size_t t = 0; t + 2 < o.count; t++) {
+            double across[3];
+            triangle_across(place[out[t][0]], place[out[t][1]], place[out[t][2]], across);
+            assert_true(across[1] > 0);
+        }
+    }
+}
+
+static void assert_quadrangle(const double place[4][3], size_t first)
+{
+    static const uint32_t corner[4] = {0, 1, 2, 3};
+    uint32_t out[2][3];
+    assert_int_equal(polygon_cut(place, corner, 4, out), POLYGON_CUT);
+    assert_int_equal(out[0][0], first);
+    assert_int_equal(out[0][2], first + 2);
+}
+
+static void quadrangles_are_cut_along_the_shorter_diagonal_within(void **state)
+{
+    (void)state;
+    static const double square[4][3] = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}},
+                        kite[4][3] = {{0, 0, 0}, {2, 1, 0}, {4, 0, 0}, {2, -1, 0}}, /* turns to the right */
+        bent[4][3] = {{0, 0, 0}, {2, 1, 0.3}, {4, 0, 0}, {2, -1, 0.3}},
+                        long_way[4][3] = {{0, 0, 0.3}, {1, 1, 0}, {0, 6, 0.3}, {-1, 1, 0}},
+                        dart[4][3] = {{0, 0, 0}, {1, -2, 0}, {0, 6, 0}, {-1, -2, 0}},
+                        bent_dart[4][3] = {{1, -2, 0.2}, {0, 6, 0}, {-1, -2, 0.2}, {0, 0, 0}};
+    assert_quadrangle(square, 0);
+    assert_quadrangle(kite, 1);
+    assert_quadrangle(bent, 1);
+    assert_quadrangle(long_way, 1);
+    assert_quadrangle(dart, 0); /* the shorter diagonal is outside */
+    assert_quadrangle(bent_dart, 1);
+}
+
+static void crossed_polygons_are_told(void **state)
+{
+    (void)state;
+    static const double bow[4][3] = {{0, 0, 0}, {2, 2, 0}, {2, 0, 0}, {0, 1, 0}},
+                        star[5][3] = {{0, 0, 0}, {4, 0, 0}, {0, 3, 0}, {2, -2, 0}, {4, 3, 0}},
+                        line[5][3] = {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {3, 0, 0}, {4, 0, 0}};
+    static const uint32_t corner[5] = {0, 1, 2, 3, 4};
+    uint32_t out[3][3];
+    assert_int_equal(polygon_cut(bow, corner, 4, out), POLYGON_CROSSED);
+    assert_int_equal(polygon_cut(star, corner, 5, out), POLYGON_CROSSED);
+    assert_int_equal(polygon_cut(line, corner, 5, out), POLYGON_CUT);
+}
+
+/* A hundred thousand corners, on a wave and on a comb, take no quadratic work. */
+static void large_polygons_are_cut(void **state)
+{
+    (void)state;
+    enum { COUNT = 100000 };
+    double(*place)[3] = calloc(COUNT, sizeof *place);
+    uint32_t *corner = malloc(COUNT * sizeof *corner), (*out)[3] = malloc(COUNT * sizeof *out);
+    assert_true(place && corner && out);
+    for (int shape = 0; shape < 2; shape++) {
+        double sum = 0, wanted = 0;
+        for (uint32_t k = 0; k < COUNT; k++) {
+            const double angle = 2 * M_PI * k / COUNT,
+                         radius = shape ? (k / 2 % 2 ? 1 : 0.5) : 1 + 0.2 * sin(1000 * angle);
+            corner[k] = k;
+            place[k][0] = radius * cos(angle);
+            place[k][1] = radius * sin(angle);
+        }
+        for (uint32_t k = 0; k < COUNT; k++) {
+            const double *a = place[k], *b = place[(k + 1) % COUNT];
+            wanted += (a[0] * b[1] - a[1] * b[0]) / 2;
+        }
+        assert_int_equal(polygon_cut((const double(*)[3])place, corner, COUNT, out), POLYGON_CUT);
+        for (size_t n = 0; n + 2 < COUNT; n++) {
+            double across[3];
+            triangle_across(place[out[n][0]], place[out[n][1]], place[out[n][2]], across);
+            sum += fabs(across[2]) / 2;
+        }
+        assert_true(fabs(sum - wanted) <= 1e-9 * wanted);
+    }
+    free(place);
+    free(corner);
+    free(out);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(simple_polygons_are_covered_once),
+        cmocka_unit_test(straight_corners_give_no_flat_triangles),
+        cmocka_unit_test(quadrangles_are_cut_along_the_shorter_diagonal_within),
+        cmocka_unit_test(crossed_polygons_are_told),
+        cmocka_unit_test(large_polygons_are_cut),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
