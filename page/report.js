@@ -15,6 +15,7 @@ export const MEASURES = [
   ["quality.min_spacing_ratio", "Closest pair", "The smallest distance between two points, in spacings.", 1],
   ["quality.coverage", "Farthest place", "The largest distance of a place of the surface from the nearest point, in spacings.", 0.58],
   ["quality.max_residual", "Off the surface", "The largest distance of a point from the surface, in spacings.", 0],
+  ["quality.rms_residual", "Off the surface, rms", "The root mean square of the distances of the points from the surface, in spacings.", 0],
   ["quality.lost", "Lost points", "Points that ended off the surface.", 0],
   ["quality.rim_count", "At boundaries", "Points that these measures leave out because a boundary is near."],
   ["quality.unresolved_count", "Between sheets", "Points that these measures leave out: another sheet is too near to them or to a neighbour."],

@@ -161,6 +161,11 @@ const field *label_surface_field(const label_surface *s)
     return mesh_surface_field(s->surface);
 }
 
+vec3 label_surface_nearest(const label_surface *s, vec3 x)
+{
+    return mesh_surface_nearest(s->surface, x);
+}
+
 const mesh_patches *label_surface_patches(const label_surface *s)
 {
     return mesh_surface_patches(s->surface);

@@ -23,6 +23,8 @@ typedef struct label_surface label_surface;
 label_surface *label_surface_open(const label_surface_request *request, error *e);
 void label_surface_close(label_surface *s); /* NULL will do */
 
+/* The nearest place of the triangles of all interfaces. */
+vec3 label_surface_nearest(const label_surface *s, vec3 x);
 const field *label_surface_field(const label_surface *s);
 const mesh_patches *label_surface_patches(const label_surface *s); /* the patches of that field */
 size_t label_surface_bytes(const label_surface *s);                /* 0 for NULL */

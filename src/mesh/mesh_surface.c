@@ -707,6 +707,14 @@ const mesh_patches *mesh_surface_patches(const mesh_surface *s)
     return &s->mesh;
 }
 
+vec3 mesh_surface_nearest(const mesh_surface *s, vec3 x)
+{
+    vec3 place = x;
+    if (!nearest_of_several_find_among(s->trees, x, touching * s->base.extent, NULL, NULL, &place))
+        nearest_of_several_find_among(s->trees, x, INFINITY, NULL, NULL, &place);
+    return place;
+}
+
 size_t mesh_surface_bytes(const mesh_surface *s)
 {
     size_t trees = nearest_of_several_bytes(s->trees);

@@ -22,6 +22,8 @@ void mesh_surface_free(mesh_surface *s); /* NULL will do */
 
 const field *mesh_surface_field(const mesh_surface *s);
 const mesh_patches *mesh_surface_patches(const mesh_surface *s);
+/* The nearest place of all triangles. */
+vec3 mesh_surface_nearest(const mesh_surface *s, vec3 x);
 size_t mesh_surface_bytes(const mesh_surface *s);
 
 #endif

@@ -15,6 +15,7 @@
 #include "remesh/surface_mesh.h"
 #include "run/label_meshes.h"
 #include "run/upright.h"
+#include "run/verdict.h"
 #include "run/watchdog.h"
 #include "sampler/curve_chains.h"
 #include "source/landing.h"
@@ -402,10 +403,14 @@ bool job_finalize(job *j, solution *s, error *e)
 {
     landing l;
     if (!sampler_finalize(s->sampler, e)) return false;
-    if (!landing_find(&j->source, &l)) return true;
+    if (!landing_measures(&j->source, &l)) return true;
     const sampler_stands *stands = &sampler_result_points(s->sampler)->stands;
-    return landing_move(&l, sampler_result_positions(s->sampler), stands->spacing, stands->count, j->pool,
-                        &s->landed, e);
+    vec3 *place = sampler_result_positions(s->sampler);
+    if (landing_find(&j->source, &l) &&
+        !landing_move(&l, place, stands->spacing, stands->count, j->pool, &s->landed, e))
+        return false;
+    landing_repeat(&l, place, stands->count, VERDICT_RESIDUAL * sampler_spacing(s->sampler), j->pool);
+    return true;
 }
 
 /* The mesh that the triangles between the points lie along: it is closed and to be resolved; else NULL. */
@@ -591,7 +596,7 @@ bool job_write_points(job *j, error *e)
                         .frame = j->options->frame};
     landing l;
     vec3 *turned = NULL;
-    if (landing_find(&j->source, &l)) in.field = &l.base;
+    if (landing_measures(&j->source, &l)) in.field = &l.base;
     if (j->source.turned && !turn_points(&j->source, &set, &turned, e)) return false;
     in.y_up = upright_y(j->spec, &set);
     in.unresolved = quality_unresolved_share(&s->quality) > UNRESOLVED_PICTURE;

@@ -142,6 +142,7 @@ static void put_quality(json *report, const report_facts *facts)
     json_put_number(object, "min_spacing_ratio", q->min_spacing_ratio);
     json_put_number(object, "coverage", facts->coverage);
     json_put_number(object, "max_residual", facts->results->max_residual);
+    json_put_number(object, "rms_residual", facts->results->rms_residual);
     json_put_number(object, "largest_move", facts->landed / sampler_spacing(facts->sampler));
     json_put_integer(object, "lost", (int64_t)sampler_result_points(facts->sampler)->lost);
     json_put_integer(object, "removed_offsurface", (int64_t)sampler_removed_offsurface(facts->sampler));

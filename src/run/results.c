@@ -20,6 +20,7 @@
 #include "run/label_meshes.h"
 #include "run/layout.h"
 #include "run/patch_meshes.h"
+#include "run/verdict.h"
 #include "sampler/curve_chains.h"
 #include "store/file.h"
 #include "store/late_commit.h"
@@ -75,13 +76,13 @@ typedef struct residual_job {
     const field *field;
     const points *set;
     bool as_float;
-    double *worst; /* of each chunk, |F| / |grad F| */
+    double *worst, *sum2; /* of each chunk, of |F| / |grad F| */
 } residual_job;
 
 static void residual_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const residual_job *job = context;
-    double worst = 0;
+    double worst = 0, sum2 = 0;
     uint32_t hint = FIELD_NO_HINT;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
@@ -90,21 +91,30 @@ static void residual_chunk(void *context, int worker, size_t begin, size_t end)
         field_sample s = {0};
         double length =
             field_sample_near(job->field, x, FIELD_GRADIENT, &hint, &s) ? vec3_norm(s.gradient) : 0;
-        worst = fmax(worst, length > 0 ? fabs(s.value) / length : INFINITY);
+        const double off = length > 0 ? fabs(s.value) / length : INFINITY;
+        worst = fmax(worst, off);
+        sum2 += off * off;
     }
     job->worst[begin / GRAIN] = worst;
+    job->sum2[begin / GRAIN] = sum2;
 }
 
 /* Of the positions, rounded to floats or not, over h. */
-static double largest_residual(const field *f, const points *set, bool as_float, double h, threads *pool)
+static void measure_residuals(const results_input *in, bool as_float, threads *pool, results_facts *out)
 {
-    size_t chunks = set->count / GRAIN + 1;
-    residual_job job = {f, set, as_float, mem_alloc(chunks * sizeof *job.worst)};
-    double worst = 0;
-    threads_run(pool, set->count, GRAIN, residual_chunk, &job);
-    for (size_t k = 0; k < chunks; k++) worst = fmax(worst, job.worst[k] / h);
+    const size_t chunks = in->set->count / GRAIN + 1;
+    residual_job job = {in->field, in->set, as_float, mem_alloc(chunks * sizeof *job.worst),
+                        mem_alloc(chunks * sizeof *job.sum2)};
+    double worst = 0, sum2 = 0;
+    threads_run(pool, in->set->count, GRAIN, residual_chunk, &job);
+    for (size_t k = 0; k < chunks; k++) {
+        worst = fmax(worst, job.worst[k]);
+        sum2 += job.sum2[k];
+    }
     free(job.worst);
-    return worst;
+    free(job.sum2);
+    out->max_residual = worst / in->h;
+    out->rms_residual = sqrt(sum2 / (double)in->set->count) / in->h;
 }
 
 typedef struct rounding_job {
@@ -584,7 +594,7 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     const spec *s = in->spec;
     bool as_float = s->ply_precision == SPEC_PRECISION_FLOAT;
     results_facts facts = {.y_up = in->y_up, .has_mesh = s->has_mesh};
-    facts.max_residual = largest_residual(in->field, in->set, as_float, in->h, pool);
+    measure_residuals(in, as_float, pool, &facts);
     const bool is_coarse = largest_rounding(in->set, (vec3){0, 0, 0}, in->h, pool) > RESULTS_RESIDUAL;
     if (is_coarse) {
         facts.origin = origin_of(in->set);
@@ -592,7 +602,7 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     }
     if (as_float && (is_coarse || !(facts.max_residual <= RESULTS_RESIDUAL))) {
         as_float = false;
-        facts.max_residual = largest_residual(in->field, in->set, false, in->h, pool);
+        measure_residuals(in, false, pool, &facts);
         facts.widened = true;
     }
     points colored = *in->set;

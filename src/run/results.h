@@ -16,10 +16,12 @@
 
 /* Where single precision moves a point, or its residual, by more than this fraction of h, points are written in double, or relative
  * to an origin. */
-#define RESULTS_RESIDUAL 1e-3
+#define RESULTS_RESIDUAL VERDICT_RESIDUAL
 
 typedef struct results_facts {
-    double max_residual; /* largest |F| / (|grad F| h) of the positions in points.ply */
+    /* Of |F| / (|grad F| h) of the positions in points.ply, the largest and the root of the mean square. Of a mesh, and of labels, it is
+     * the distance from the triangles, over h. */
+    double max_residual, rms_residual;
     bool widened;        /* float was asked for, and double was written */
     vec3 origin;         /* of floats in glTF and USD; 0 where floats hold the positions as they are */
     double

@@ -82,6 +82,7 @@ static bool write_report(job *j, verdict_outcome *outcome, error *e)
                                   j->spec->step_tolerance,
                                   j->spec->energy_tolerance,
                                   source_missing_share(&j->source),
+                                  j->results.max_residual,
                                   s->coverage,
                                   j->source.whole.labels && label_surface_has_thin(j->source.whole.labels)};
     const verdict v = verdict_judge(&judged);

@@ -83,6 +83,13 @@ static bool lost(const verdict_input *in, double *value, double *bound)
     return *value > *bound;
 }
 
+static bool max_residual(const verdict_input *in, double *value, double *bound)
+{
+    *value = in->residual;
+    *bound = VERDICT_RESIDUAL;
+    return !(*value <= *bound);
+}
+
 static bool unresolved_share(const verdict_input *in, double *value, double *bound)
 {
     *value = quality_unresolved_share(in->quality);
@@ -156,6 +163,9 @@ static const criterion criteria[] = {
      NULL},
     {"lost", VERDICT_NOT_CONVERGED, lost,
      "points ended off the surface: it has no gradient there, or it ends; report this surface as a fault",
+     NULL},
+    {"max_residual", VERDICT_NOT_CONVERGED, max_residual,
+     "a point is this far from the surface, in spacings, also after it was projected again: report this surface as a fault",
      NULL},
     {"unresolved_share", VERDICT_UNRESOLVED, unresolved_share,
      "so many points have no cell of their own: another sheet of the surface lies closer than 1.2 spacings to them or to a "

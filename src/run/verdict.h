@@ -24,17 +24,21 @@ extern const char *const verdict_names[VERDICT_OUTCOMES];
 /* Of the points that are not near a boundary. With more than that the measures speak for too little of the surface. */
 #define VERDICT_UNRESOLVED_SHARE 0.02
 
+/* Points this far from the surface, in spacings, are not on it. */
+#define VERDICT_RESIDUAL 1e-3
+
 typedef struct verdict_input {
     const sampler *sampler; /* finalized */
     const quality *quality; /* of its points */
     size_t count;           /* requested; 0: the count is not a target */
     double step_tolerance, energy_tolerance;
     double missing;   /* share of a mesh's area that is not sampled */
+    double residual;  /* the largest distance of a point from the surface, in spacings */
     double coverage;  /* the farthest place of the surface from the points, in spacings */
     bool thin_labels; /* some of the labels are one voxel thin */
 } verdict_input;
 
-enum { VERDICT_MOST_REASONS = 14 };
+enum { VERDICT_MOST_REASONS = 15 };
 
 /* A criterion that failed. Texts are constants. */
 typedef struct verdict_reason {

@@ -52,6 +52,10 @@ static bool find_place(const source_part *p, vec3 x, bool any, vec3 *out)
     }
     const mesh_faces *faces = p->volume ? volume_faces(p->volume) : NULL;
     field_sample s;
+    if (p->mesh || p->labels) {
+        *out = p->mesh ? mesh_surface_nearest(p->mesh, x) : label_surface_nearest(p->labels, x);
+        return true;
+    }
     if (faces && any) {
         *out = mesh_faces_nearest(faces, x);
         return true;
@@ -76,12 +80,22 @@ static bool sample_distance(const field *f, vec3 x, field_order order, field_sam
     return true;
 }
 
-bool landing_find(const source *s, landing *out)
+static bool begin(const source *s, bool has_triangles, landing *out)
 {
     static const field_ops ops = {.sample = sample_distance};
-    if (s->creased || !has_faces(&s->whole)) return false;
+    if (s->creased || (s->turned && s->whole.labels) || !has_triangles) return false;
     *out = (landing){{.ops = &ops}, s};
     return true;
+}
+
+bool landing_find(const source *s, landing *out)
+{
+    return begin(s, has_faces(&s->whole), out);
+}
+
+bool landing_measures(const source *s, landing *out)
+{
+    return begin(s, s->whole.mesh || s->whole.labels || has_faces(&s->whole), out);
 }
 
 /* A place within the region, and on those of its faces that x is on. */
@@ -185,4 +199,27 @@ bool landing_move(const landing *l, vec3 *place, const double *spacing, size_t c
     free(m.largest);
     free(m.far);
     return ok && (!threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped"));
+}
+
+typedef struct repeating {
+    const landing *l;
+    vec3 *place;
+    double most;
+} repeating;
+
+static void repeat_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const repeating *r = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        vec3 nearest;
+        if (find_place(&r->l->source->whole, r->place[i], true, &nearest) &&
+            !(vec3_norm(vec3_sub(nearest, r->place[i])) <= r->most))
+            r->place[i] = land(r->l, r->place[i]);
+    }
+}
+
+void landing_repeat(const landing *l, vec3 *place, size_t count, double most, threads *pool)
+{
+    threads_run(pool, count, GRAIN, repeat_chunk, &(repeating){l, place, most});
 }

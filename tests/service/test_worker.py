@@ -557,7 +557,7 @@ REPORT = {
     "sigma": NUMBER, "spacing": NUMBER, "mean_neighbours": NUMBER, "step_left": NUMBER,
     "energy": {"mean": NUMBER, "ideal": NUMBER, "excess": NUMBER},
     "quality": {"hex_fraction": NUMBER, "edge_cv": NUMBER, "area_cv": NUMBER, "energy_excess": NUMBER, "disorder": NUMBER,
-                "min_spacing_ratio": NUMBER, "coverage": NUMBER, "max_residual": NUMBER, "largest_move": NUMBER, "lost": int, "removed_offsurface": int,
+                "min_spacing_ratio": NUMBER, "coverage": NUMBER, "max_residual": NUMBER, "rms_residual": NUMBER, "largest_move": NUMBER, "lost": int, "removed_offsurface": int,
                 "rim_count": int, "unresolved_count": int, "resolved_count": int, "resolved_share": NUMBER,
                 "all": {"hex_fraction": NUMBER, "edge_cv": NUMBER, "area_cv": NUMBER}, "euler": NUMBER,
                 "grading": {"cv": NUMBER, "exponent": NUMBER}},
