@@ -7,6 +7,8 @@
 
 #include "base/memory.h"
 #include "base/sets.h"
+#include "triangles/coplanar.h"
+#include "triangles/flat_triangles.h"
 #include "triangles/mesh_edges.h"
 #include "triangles/orientation.h"
 
@@ -32,9 +34,10 @@ typedef struct making {
     const mesh_patches_params *params;
     double extent; /* longest side of the mesh's box */
     const mesh_edges *edges;
-    mesh_edges own; /* where they were not known */
-    vec3 *normal;   /* of each triangle, unit; zero: it has none */
-    bool *is_cut;   /* of each edge, at its first side */
+    mesh_edges own;  /* where they were not known */
+    vec3 *normal;    /* of each triangle, unit; zero: it has none */
+    bool *is_cut;    /* of each edge, at its first side */
+    bool was_closed; /* before one of two faces was left out that look the same way */
     orientation turned;
     uint32_t *patch; /* of each triangle */
     cut *cuts;
@@ -214,7 +217,7 @@ static bool cut_edges(making *k, error *e)
             k->out->open_edges += n == 1;
             k->out->feature_edges += feature;
             k->out->nonmanifold_edges += n > 2;
-            k->out->closed &= n % 2 == 0;
+            k->out->closed &= n % 2 == 0 || k->was_closed;
             if (!k->is_cut[i])
                 orientation_join(&k->turned, s[0].triangle, s[1].triangle, s[0].upwards == s[1].upwards);
         }
@@ -484,13 +487,49 @@ static bool is_skipped(const making *k)
     return skipped;
 }
 
+/* Faces that overlap in one plane. *edges are those of the mesh, before and after. */
+static bool cut_coplanar(making *k, const mesh_edges **edges, mesh_notes *notes, error *e)
+{
+    mesh *m = k->m;
+    const rounding r = rounding_of(m, k->params->pool);
+    const bool open = (*edges)->open > 0 || (*edges)->odd > 0;
+    coplanar_overlap over;
+    if (!coplanar_cut(m, *edges, &r, &over, e)) return false;
+    if (m->welded) return true;
+    if (over.same > 0)
+        mesh_note(
+            notes,
+            "faces overlap in one plane: an area of %.4g lies in two faces that look the same way. It is sampled once; "
+            "join the faces to have it in one.",
+            over.same);
+    if (over.opposite > 0)
+        mesh_note(
+            notes,
+            "faces touch in one plane: an area of %.4g lies in two faces that look opposite ways. It %s; move the faces "
+            "apart to sample both.",
+            over.opposite,
+            open ? "is sampled once, as the mesh is open" : "has no points, as neither bounds the solid");
+    if (over.unfinished)
+        mesh_note(
+            notes,
+            "faces that overlap in one plane are not cut along all of their outlines: points may be close there. Join the "
+            "faces in the file.");
+    *edges = &k->own;
+    k->was_closed = !open;
+    const rounding thin = {COPLANAR_THIN * r.absolute, COPLANAR_THIN * r.relative};
+    return flat_triangles_remove_thin(m, &thin, e) && mesh_weld(m, MESH_DROP_IF_CLOSED, notes, e) &&
+           mesh_edges_list(m, k->params->pool, &k->own, e);
+}
+
 static bool weld(making *k, mesh_notes *notes, error *e)
 {
     mesh *m = k->m;
-    if (!mesh_weld(m, MESH_KEEP_CANCELLED, notes, e)) return false;
+    const mesh_edges *edges = k->params->edges ? k->params->edges : &k->own;
+    if (!mesh_weld(m, MESH_DROP_IF_CLOSED, notes, e)) return false;
     if (m->triangle_count == 0) return error_set(e, ERROR_NO_SURFACE, "no triangle of the mesh has an area");
-    k->edges = mesh_edges_close_seams(m, k->params->edges,
-                                      k->params->weld * bbox_longest(mesh_box(m, k->params->pool)),
+    if (!k->params->edges && !mesh_edges_list(m, k->params->pool, &k->own, e)) return false;
+    if (!cut_coplanar(k, &edges, notes, e)) return false;
+    k->edges = mesh_edges_close_seams(m, edges, k->params->weld * bbox_longest(mesh_box(m, k->params->pool)),
                                       k->params->pool, &k->own, notes, e);
     if (!k->edges || m->welded) return k->edges;
     k->edges = &k->own; /* faces may coincide now */

@@ -45,7 +45,7 @@ typedef struct mesh_patches {
     uint32_t *curve_patch;
     double feature_angle; /* that was used for edges between triangles; 0: none is a feature */
     size_t open_edges, feature_edges, nonmanifold_edges;
-    bool closed; /* an even number of triangles meets at every edge */
+    bool closed; /* an even number of triangles meets at every edge of the mesh as given */
     size_t corner_count;
     bool merges_near_rows, has_rough_curves,
         has_many_parts; /* field/patches; false unless the owner says so */

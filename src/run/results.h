@@ -9,6 +9,7 @@
 #include "formats/points.h"
 #include "json/json.h"
 #include "labels/label_surface.h"
+#include "run/verdict.h"
 #include "triangles/mesh.h"
 #include "voronoi/triangulation.h"
 #include "sampler/sampler.h"

@@ -8,6 +8,7 @@
 #include "base/sets.h"
 #include "source/mesh_clip.h"
 #include "mesh/fidelity.h"
+#include "volume/resolution.h"
 #include "triangles/flat_triangles.h"
 #include "triangles/mesh_edges.h"
 #include "meshfile/mesh_file.h"
@@ -49,6 +50,18 @@ static double longest_cell(const mesh_source_request *r, const mesh_patches *p)
     return spacing > 0 ? fmax(fmin(spacing, most), shortest) : most;
 }
 
+/* Whether level sets of a closed mesh that hides parts of itself would be in vain: as small as voxels can be they leave out more than
+ * may be missing. In a mesh of which vertices are displaced they also take the most time. */
+static bool is_tangled(const mesh_source_request *r, const mesh *m, bool *out, mesh_notes *notes, error *e)
+{
+    static const double surely = 5; /* times: a share that is estimated from a thousand places */
+    double thin;
+    if (!fidelity_thin(m, resolution_begin(m, &r->as_volume.resolution).finest, &thin, e)) return false;
+    *out = thin > surely * most_missing;
+    if (*out) mesh_note(notes, "the mesh is thinner than voxels can be: it is sampled on its triangles");
+    return true;
+}
+
 /* Whether nothing speaks against the triangles of a closed mesh that are not asked for. */
 static bool suits_triangles(const mesh_source_request *r, const mesh_patches *p, bool *out, mesh_notes *notes,
                             error *e)
@@ -57,8 +70,9 @@ static bool suits_triangles(const mesh_source_request *r, const mesh_patches *p,
     double hidden = 0;
     *out = r->plain && s->on_mesh && !(s->voxel_size > 0) && s->resolution == 0;
     if (!*out) return true;
-    if (!fidelity_hidden(&p->m, &hidden, e)) return false;
+    if (!fidelity_hidden(&p->m, r->resolve ? INFINITY : most_hidden, &hidden, e)) return false;
     *out = r->resolve || hidden <= most_hidden;
+    if (!*out) return is_tangled(r, &p->m, out, notes, e);
     if (*out && hidden > most_hidden)
         mesh_note(
             notes,

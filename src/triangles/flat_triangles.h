@@ -15,10 +15,14 @@
 #include "base/error.h"
 #include "base/threads.h"
 #include "triangles/mesh.h"
+#include "triangles/rounding.h"
 
 /* If there are flat triangles, equal vertices are joined, the flat triangles are removed and a note gives their number. Otherwise
  * the mesh stays as it is. Triangles with two equal corners are left to mesh_weld. Errors: limit_memory, cancelled; the mesh is
  * valid, but may be changed. */
 bool flat_triangles_remove(mesh *m, threads *pool, mesh_notes *notes, error *e);
+
+/* The same without a note, of triangles that are flat to within this rounding. */
+bool flat_triangles_remove_thin(mesh *m, const rounding *r, error *e);
 
 #endif

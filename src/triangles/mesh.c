@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "triangles/mesh_edges.h"
 
 #define FREE UINT32_MAX
 
@@ -315,7 +316,19 @@ static size_t keep_distinct(mesh *m, const uint32_t *first, const int32_t *balan
     return kept;
 }
 
-static bool drop_repeated(mesh *m, mesh_cancelled cancelled, size_t *dropped, error *e)
+/* What drop_repeated leaves out: how many triangles that are there once then, and the area where none is. */
+typedef struct repeated {
+    size_t triangles;
+    double cancelled;
+} repeated;
+
+static double area_of(const mesh *m, const uint32_t t[3])
+{
+    const vec3 a = m->vertex[t[0]];
+    return 0.5 * vec3_norm(vec3_cross(vec3_sub(m->vertex[t[1]], a), vec3_sub(m->vertex[t[2]], a)));
+}
+
+static bool drop_repeated(mesh *m, mesh_cancelled cancelled, repeated *out, error *e)
 {
     size_t all = m->triangle_count, distinct = 0;
     uint32_t(*sorted)[3] = mem_array(all, sizeof *sorted, what, e),
@@ -333,9 +346,14 @@ static bool drop_repeated(mesh *m, mesh_cancelled cancelled, size_t *dropped, er
             balance[first[n]] += sign == sign_of_first ? 1 : -1;
         }
         for (uint32_t n = 0; n < all; n++) distinct += first[n] == n && balance[n] != 0;
-        m->triangle_count =
-            keep_distinct(m, first, balance, distinct == 0 || cancelled == MESH_KEEP_CANCELLED);
-        *dropped = all - m->triangle_count;
+        const bool keeps = distinct == 0 || cancelled == MESH_KEEP_CANCELLED;
+        size_t gone = 0;
+        for (uint32_t n = 0; !keeps && n < all; n++) {
+            gone += balance[first[n]] == 0;
+            if (first[n] == n && balance[n] == 0) out->cancelled += area_of(m, m->triangle[n]);
+        }
+        m->triangle_count = keep_distinct(m, first, balance, keeps);
+        out->triangles = all - m->triangle_count - gone;
     }
     free(sorted);
     free(first);
@@ -429,23 +447,44 @@ bool mesh_weld_clean(mesh *m, threads *pool, error *e)
     return ok;
 }
 
+static bool is_closed(const mesh *m, bool *out, error *e)
+{
+    mesh_edges edges = {0};
+    const bool ok = mesh_edges_list(m, NULL, &edges, e);
+    *out = edges.open == 0 && edges.odd == 0;
+    mesh_edges_free(&edges);
+    return ok;
+}
+
 bool mesh_weld(mesh *m, mesh_cancelled cancelled, mesh_notes *notes, error *e)
 {
     if (m->welded) return true;
-    size_t all = m->triangle_count, repeated = 0;
+    size_t all = m->triangle_count;
+    repeated again = {0};
     uint32_t *place = mem_array(m->vertex_count, sizeof *place, what, e);
     bool ok = place && join_vertices(m, NULL, place, e);
     if (ok) {
         size_t degenerate = mesh_drop_degenerate(m);
-        ok = drop_repeated(m, cancelled, &repeated, e) && drop_unused(m, NULL, place, e);
+        bool closed = false;
+        if (cancelled == MESH_DROP_IF_CLOSED) {
+            ok = is_closed(m, &closed, e);
+            cancelled = closed ? MESH_DROP_CANCELLED : MESH_KEEP_CANCELLED;
+        }
+        ok = ok && drop_repeated(m, cancelled, &again, e) && drop_unused(m, NULL, place, e);
         m->welded = ok;
         if (degenerate)
             mesh_note(notes, "%zu of %zu triangles have two equal corners: left out", degenerate, all);
-        if (repeated)
+        if (ok && again.cancelled > 0)
+            mesh_note(
+                notes,
+                "faces of closed shells touch: an area of %.4g lies in two faces that look opposite ways. Neither has "
+                "points there; move the shells apart to sample both.",
+                again.cancelled);
+        if (again.triangles)
             mesh_note(
                 notes,
                 "%zu of %zu triangles stand in the file again (coinciding shells or faces): each counts once",
-                repeated, all);
+                again.triangles, all);
     }
     free(place);
     return ok;

@@ -1,0 +1,171 @@
+/* Faces that overlap in one plane: the area that is left, and closed meshes that stay closed, in any position. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <math.h>
+
+#include "base/rng.h"
+#include "mesh_fixture.h"
+#include "triangles/coplanar.h"
+#include "triangles/flat_triangles.h"
+
+enum { SEED = 20261127 };
+
+/* Turned about an axis, and moved. */
+typedef struct pose {
+    double angle;
+    vec3 shift;
+} pose;
+
+static mesh box(vec3 low, vec3 high)
+{
+    return mesh_fixture_box(vec3_scale(vec3_add(low, high), 0.5), vec3_scale(vec3_sub(high, low), 0.5), 0);
+}
+
+/* A rectangle of n by n squares. */
+static mesh rectangle(int n, double x, double y, double width, double height, double turn)
+{
+    mesh m = mesh_fixture_sheet(n, n, mesh_fixture_moebius);
+    for (int j = 0; j <= n; j++)
+        for (int i = 0; i <= n; i++) {
+            const double u = width * i / n, v = height * j / n;
+            m.vertex[j * (n + 1) + i] =
+                vec3_make(x + u * cos(turn) - v * sin(turn), y + u * sin(turn) + v * cos(turn), 0);
+        }
+    return m;
+}
+
+static void put(mesh *m, const pose *p)
+{
+    for (size_t k = 0; k < m->vertex_count; k++)
+        m->vertex[k] = vec3_add(mesh_fixture_unturn(m->vertex[k], p->angle), p->shift);
+}
+
+static coplanar_overlap cut(mesh *m)
+{
+    mesh_notes notes = {0};
+    mesh_edges edges = {0};
+    error e = {0};
+    coplanar_overlap out;
+    assert_true(mesh_weld(m, MESH_DROP_IF_CLOSED, &notes, &e));
+    assert_true(mesh_edges_list(m, NULL, &edges, &e));
+    const rounding r = rounding_of(m, NULL);
+    const bool closed = edges.open == 0 && edges.odd == 0;
+    assert_true(coplanar_cut(m, &edges, &r, &out, &e));
+    const rounding thin = {COPLANAR_THIN * r.absolute, COPLANAR_THIN * r.relative};
+    assert_true(flat_triangles_remove_thin(m, &thin, &e));
+    assert_true(mesh_weld(m, MESH_DROP_IF_CLOSED, &notes, &e));
+    assert_true(mesh_edges_list(m, NULL, &edges, &e));
+    if (closed && (edges.open > 0 || edges.odd > 0))
+        fail_msg("%zu open, %zu odd edges of %zu triangles; opposite %g same %g", edges.open, edges.odd,
+                 m->triangle_count, out.opposite, out.same);
+    mesh_edges_free(&edges);
+    return out;
+}
+
+static void assert_near(double got, double wanted)
+{
+    if (!(fabs(got - wanted) <= 1e-10 * fmax(1, fabs(wanted)))) fail_msg("%.17g, not %.17g", got, wanted);
+}
+
+static double shared(double a, double b, double c, double d)
+{
+    return fmax(0, fmin(b, d) - fmax(a, c));
+}
+
+/* Boxes on a table, beside and over its rim, and one another: where two touch neither stays. */
+static void contacts_of_solids_have_no_faces(void **state)
+{
+    (void)state;
+    print_message("# seed %d\n", SEED);
+    rng r = rng_seed(SEED, 0);
+    for (int n = 0; n < 200; n++) {
+        const pose p = {n % 3 ? 6 * rng_uniform(&r) : 0, {n % 3 ? rng_uniform(&r) : 0, 0, 0}};
+        mesh m = box((vec3){0, 0, -1}, (vec3){4, 3, 0});
+        double wanted = mesh_area(&m), contact = 0, x = -0.5;
+        for (int k = 0; k < 3;
+             k++) { /* side by side, with gaps; on a lattice they share sides and corners with the table */
+            const double step = n % 2 ? 0.5 : 0.01, wide = step * ceil(rng_uniform(&r) * 1.5 / step),
+                         y = step * floor((rng_uniform(&r) * 4 - 1) / step),
+                         deep = step * ceil(rng_uniform(&r) * 3 / step);
+            mesh b = box((vec3){x, y, 0}, (vec3){x + wide, y + deep, 0.5 + k});
+            wanted += mesh_area(&b);
+            contact += shared(x, x + wide, 0, 4) * shared(y, y + deep, 0, 3);
+            mesh_fixture_append(&m, b);
+            x += wide + 0.25;
+        }
+        put(&m, &p);
+        const coplanar_overlap out = cut(&m);
+        assert_false(out.unfinished);
+        assert_near(out.opposite, contact);
+        assert_near(out.same, 0);
+        assert_near(mesh_area(&m), wanted - 2 * contact);
+        mesh_free(&m);
+    }
+}
+
+/* Rectangles of many triangles, turned in their plane: what is in both is there once, whichever way they look. */
+static void open_faces_that_overlap_are_there_once(void **state)
+{
+    (void)state;
+    print_message("# seed %d\n", SEED);
+    rng r = rng_seed(SEED, 1);
+    size_t unfinished = 0; /* which a warning tells */
+    for (int n = 0; n < 100; n++) {
+        const pose p = {n % 3 ? 6 * rng_uniform(&r) : 0, {rng_uniform(&r), 0, 0}};
+        const double turn = n % 4 ? rng_uniform(&r) : 0;
+        mesh m = rectangle(1 + n % 5, 0, 0, 3, 3, 0), small = rectangle(1 + n % 7, 1.2, 0.3, 1, 1, turn);
+        if (n % 2)
+            for (size_t t = 0; t < small.triangle_count; t++) mesh_fixture_turn(&small, t);
+        mesh_fixture_append(&m, small);
+        put(&m, &p);
+        const coplanar_overlap out = cut(&m);
+        unfinished += out.unfinished;
+        if (!out.unfinished) {
+            assert_near(n % 2 ? out.opposite : out.same, 1);
+            assert_near(n % 2 ? out.same : out.opposite, 0);
+            assert_near(mesh_area(&m), 9);
+        }
+        mesh_free(&m);
+    }
+    print_message("# unfinished: %zu\n", unfinished);
+    assert_true(unfinished <= 5);
+}
+
+/* Faces that touch at their sides, or lie in planes that are near, and faces of curved meshes are left alone. */
+static void other_faces_are_left_alone(void **state)
+{
+    (void)state;
+    for (int n = 0; n < 4; n++) {
+        mesh m = n == 0   ? rectangle(3, 0, 0, 3, 3, 0)
+                 : n == 1 ? rectangle(3, 0, 0, 3, 3, 0)
+                          : mesh_fixture_ball((vec3){0, 0, 0}, 1, 3);
+        mesh other = n == 0   ? rectangle(2, 3, 0, 1, 2, 0)
+                     : n == 1 ? rectangle(2, 1, 1, 1, 1, 0.2)
+                              : mesh_fixture_ball((vec3){0.1, 0.07, 0.03}, 0.9, 3);
+        for (size_t k = 0; n == 1 && k < other.vertex_count; k++) other.vertex[k].z = 1e-12;
+        if (n == 3) mesh_free(&other);
+        if (n < 3) mesh_fixture_append(&m, other);
+        mesh_notes notes = {0};
+        error e = {0};
+        assert_true(mesh_weld(&m, MESH_DROP_CANCELLED, &notes, &e));
+        const size_t before = m.triangle_count;
+        const coplanar_overlap out = cut(&m);
+        assert_true(out.same == 0 && out.opposite == 0);
+        assert_int_equal(m.triangle_count, before);
+        mesh_free(&m);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(contacts_of_solids_have_no_faces),
+        cmocka_unit_test(open_faces_that_overlap_are_there_once),
+        cmocka_unit_test(other_faces_are_left_alone),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
