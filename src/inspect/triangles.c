@@ -92,7 +92,7 @@ static bool describe_file(const contents_input *in, json *o, error *e)
     mesh m;
     mesh_notes notes = {0};
     if (!mesh_file_read(&file, &m, &notes, e)) return error_prefix(e, "%s", in->path);
-    bool ok = flat_triangles_remove(&m, NULL, &notes, e) && mesh_weld(&m, MESH_DROP_CANCELLED, &notes, e) &&
+    bool ok = flat_triangles_remove(&m, NULL, &notes, e) && mesh_weld(&m, MESH_DROP_IF_CLOSED, &notes, e) &&
               describe(&m, o, e);
     json *told = json_put_array(o, "notes");
     for (size_t k = 0; k < notes.count; k++) json_append_string(told, notes.text[k]);

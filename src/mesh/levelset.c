@@ -324,7 +324,7 @@ static bool make(making *k, const levelset_params *p, vdb_grid *out, error *e)
 {
     const double longest = k->m->triangle_count ? bbox_longest(mesh_box(k->m, k->pool)) : 0;
     assert(!p->edges || k->m->welded);
-    if (!mesh_weld(k->m, MESH_DROP_CANCELLED, k->notes, e) || !to_index_space(k, p, out->index_to_world, e))
+    if (!mesh_weld(k->m, MESH_DROP_IF_CLOSED, k->notes, e) || !to_index_space(k, p, out->index_to_world, e))
         return false;
     const mesh_place place = {p->weld * longest / k->voxel_size, out->index_to_world, p->edges, k->pool};
     out->grid_class = VDB_LEVEL_SET;

@@ -245,7 +245,7 @@ static bool fill_holes(const mesh_source_request *r, const welded *w, mesh *out,
     mesh_notes unused = {0}; /* the level set tells the same */
     size_t holes = 0;
     bool ok = mesh_copy(&w->m, r->as_volume.pool, out, e) &&
-              mesh_weld(out, MESH_DROP_CANCELLED, &unused, e) &&
+              mesh_weld(out, MESH_DROP_IF_CLOSED, &unused, e) &&
               (edges = mesh_edges_close_seams(out, edges_of(w),
                                               r->spec->weld * bbox_longest(mesh_box(out, r->as_volume.pool)),
                                               r->as_volume.pool, &own, &unused, e)) &&

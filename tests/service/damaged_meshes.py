@@ -563,6 +563,27 @@ def run(seed, call, folder, points, without=()):
     return names, m.ambiguous, judge(m, call(folder / "spec.json", out), out)
 
 
+def run_cases(build, cases, seed, points, say, minutes=240, without=()):
+    """Runs cases, and says which fail. Whether no unambiguous one does, and at most 5 % of the others are refused."""
+    end, counts = time.monotonic() + 60 * minutes, {"cases": 0, "wrong": 0, "refused": 0, "ambiguous": 0, "ambiguous refused": 0}
+    say(f"seed {seed}")
+
+    def call(spec, out):
+        return subprocess.run([build / "hexad-worker", "run", spec, "--output", out], capture_output=True, text=True)
+    with tempfile.TemporaryDirectory() as folder:
+        for k in range(cases):
+            if time.monotonic() > end:
+                break
+            names, ambiguous, found = run(seed + k, call, pathlib.Path(folder), points, without)
+            counts["cases"] += 1
+            counts["ambiguous"] += ambiguous
+            if found:
+                counts[found[0] if found[0] == "wrong" or not ambiguous else "ambiguous refused"] += 1
+                say(f"{seed + k} {' '.join(names)}: {found[0]}: {found[1]}")
+    say(str(counts))
+    return not (counts["wrong"] or counts["refused"] or counts["ambiguous refused"] > REFUSED_MOST * max(counts["ambiguous"], 1))
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("build", type=pathlib.Path)
@@ -571,24 +592,9 @@ def main():
     parser.add_argument("--minutes", type=float, default=240)
     parser.add_argument("--points", type=int, default=400)
     parser.add_argument("--without", default="", help="ways that are left out")
-    options = parser.parse_args()
-    end, counts = time.monotonic() + 60 * options.minutes, {"cases": 0, "wrong": 0, "refused": 0, "ambiguous": 0, "ambiguous refused": 0}
-    print(f"seed {options.seed}", flush=True)
-    with tempfile.TemporaryDirectory() as folder:
-        def call(spec, out):
-            return subprocess.run([options.build / "hexad-worker", "run", spec, "--output", out], capture_output=True, text=True)
-        for k in range(options.cases):
-            if time.monotonic() > end:
-                break
-            names, ambiguous, found = run(options.seed + k, call, pathlib.Path(folder), options.points,
-                                          [w for w in options.without.split(",") if w])
-            counts["cases"] += 1
-            counts["ambiguous"] += ambiguous
-            if found:
-                counts[found[0] if found[0] == "wrong" or not ambiguous else "ambiguous refused"] += 1
-                print(f"{options.seed + k} {' '.join(names)}: {found[0]}: {found[1]}", flush=True)
-    print(counts)
-    return bool(counts["wrong"] or counts["refused"] or counts["ambiguous refused"] > REFUSED_MOST * max(counts["ambiguous"], 1))
+    o = parser.parse_args()
+    without = [w for w in o.without.split(",") if w]
+    return not run_cases(o.build, o.cases, o.seed, o.points, lambda text: print(text, flush=True), o.minutes, without)
 
 
 if __name__ == "__main__":
