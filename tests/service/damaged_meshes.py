@@ -448,10 +448,8 @@ def face_removed(m):
     m.cut()
     if len(m.faces) != len(m.truth):
         return  # not the only damage
-    k = m.pick()
-    gone = numpy.array([m.vertices[x] for x in m.faces.pop(k)])
-    far = [min(numpy.abs(numpy.roll(t, n, axis=0) - gone).max() for n in range(3)) for t in m.truth]
-    m.truth = numpy.delete(m.truth, int(numpy.argmin(far)), axis=0)
+    m.faces.pop(m.pick())
+    m.truth = m.triangles()
 
 
 @way
