@@ -9,9 +9,6 @@ import damaged_meshes
 from damaged_meshes import Mesh, distances, write_obj, write_off, write_ply
 from readers import Points
 
-# Unit tests execute this code with sanitizers.
-pytestmark = pytest.mark.plain
-
 SEED, CASES, COUNT = 5954, 12, 200
 
 

@@ -12,6 +12,7 @@
 #include "executor/local.h"
 #include "base/log.h"
 #include "base/memory.h"
+#include "api/job_json.h"
 #include "api/jobs.h"
 #include "store/file.h"
 
@@ -110,9 +111,38 @@ static void test_an_accepted_job_is_answered_201(void **state)
 
 #define CASE(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
 
+static void test_a_tag_holds_the_revision_of_its_job(void **state)
+{
+    (void)state;
+    const queue_job job = {.revision = 47};
+    static const char *const progress[] = {NULL, "", "{\"fraction\":0.5}"};
+    for (size_t k = 0; k < sizeof progress / sizeof *progress; k++) {
+        char tag[JOB_JSON_TAG_SIZE], weak[JOB_JSON_TAG_SIZE + 2] = "W/";
+        int64_t revision = 0;
+        job_json_print_tag(&job, progress[k], tag);
+        assert_true(job_json_read_tag(tag, &revision));
+        assert_int_equal(revision, 47);
+        revision = 0;
+        assert_true(job_json_read_tag(strcat(weak, tag), &revision));
+        assert_int_equal(revision, 47);
+    }
+}
+
+static void test_other_tags_are_none_of_a_job(void **state)
+{
+    (void)state;
+    static const char *const tags[] = {"", "47", "\"", "\"\"", "\"x\"", "\"47", "\"47\"8", "\"47.12ag\"", "\"-47\"", "W/47"};
+    for (size_t k = 0; k < sizeof tags / sizeof *tags; k++) {
+        int64_t revision;
+        assert_false(job_json_read_tag(tags[k], &revision));
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_a_tag_holds_the_revision_of_its_job),
+        cmocka_unit_test(test_other_tags_are_none_of_a_job),
         CASE(test_an_accepted_job_is_answered_201),
     };
     log_set_level(LOG_LEVEL_ERROR); /* one is wanted: of the worker that does not start */

@@ -298,6 +298,11 @@ static void test_sessions(void **state)
     assert_false(session_key_open(file, &key, &e));
     assert_int_equal(unlink(file), 0);
     free(file);
+    /* in a directory that is not there */
+    file = mem_printf("%s-none/key", path);
+    assert_false(session_key_open(file, &key, &e));
+    assert_non_null(strstr(e.message, file));
+    free(file);
     token_set_clear(&set);
 }
 
