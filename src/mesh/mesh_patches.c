@@ -495,6 +495,11 @@ static bool cut_coplanar(making *k, const mesh_edges **edges, mesh_notes *notes,
     const bool open = (*edges)->open > 0 || (*edges)->odd > 0;
     coplanar_overlap over;
     if (!coplanar_cut(m, *edges, &r, &over, e)) return false;
+    if (over.unfinished)
+        mesh_note(
+            notes,
+            "faces overlap in one plane and could not be cut apart: points may be close there. Join the faces in "
+            "the file.");
     if (m->welded) return true;
     if (over.same > 0)
         mesh_note(
@@ -509,11 +514,6 @@ static bool cut_coplanar(making *k, const mesh_edges **edges, mesh_notes *notes,
             "apart to sample both.",
             over.opposite,
             open ? "is sampled once, as the mesh is open" : "has no points, as neither bounds the solid");
-    if (over.unfinished)
-        mesh_note(
-            notes,
-            "faces that overlap in one plane are not cut along all of their outlines: points may be close there. Join the "
-            "faces in the file.");
     *edges = &k->own;
     k->was_closed = !open;
     const rounding thin = {COPLANAR_THIN * r.absolute, COPLANAR_THIN * r.relative};

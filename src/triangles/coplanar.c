@@ -603,7 +603,8 @@ static bool cut_all(cutting *c, mesh *m, bool closed, coplanar_overlap *out, err
         c->turned[t] = vec3_dot(across(m, t), c->normal[c->part_of[t]]) < 0;
     c->children = mem_array(m->triangle_count, sizeof *c->children, what, e);
     c->children_room = c->children_count = m->triangle_count;
-    return c->turned && c->children && treat_pairs(c, e) && drop_covered(c, closed, out, e);
+    return c->turned && c->children && treat_pairs(c, e) &&
+           (c->unfinished || drop_covered(c, closed, out, e));
 }
 
 bool coplanar_cut(mesh *m, const mesh_edges *edges, const rounding *r, coplanar_overlap *out, error *e)
@@ -612,10 +613,17 @@ bool coplanar_cut(mesh *m, const mesh_edges *edges, const rounding *r, coplanar_
     cutting c = {.m = m, .r = r};
     c.l.m = m;
     *out = (coplanar_overlap){0};
+    mesh before = {0};
     bool ok = join_parts(&c, edges, e) && list_parts(&c, e) && find_pairs(&c, e);
-    if (ok && c.pair_count > 0) ok = cut_all(&c, m, closed, out, e);
-    out->unfinished = c.unfinished;
+    if (ok && c.pair_count > 0) ok = mesh_copy(m, NULL, &before, e) && cut_all(&c, m, closed, out, e);
     linked_mesh_end(&c.l);
+    if (ok && c.unfinished) {
+        const mesh cut = *m;
+        *m = before;
+        before = cut;
+        *out = (coplanar_overlap){.unfinished = true};
+    }
+    mesh_free(&before);
     free(c.part_of);
     free(c.parts);
     free(c.by_part);

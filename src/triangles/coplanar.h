@@ -24,7 +24,8 @@
 typedef struct coplanar_overlap {
     double same,
         opposite; /* area, counted once, where faces look the same way, and where some look the opposite way */
-    bool unfinished; /* rounding led in circles: some of it is left as it was */
+    bool
+        unfinished; /* the cuts did not come to an end: the mesh is as it was, overlaps included, and the areas are 0 */
 } coplanar_overlap;
 
 /* The mesh is welded, and has these edges. Planes are one to within the rounding. If triangles were cut, the mesh is not welded
