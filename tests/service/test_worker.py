@@ -678,11 +678,9 @@ def test_the_peak_of_memory_counts_the_reader(worker, tmp_path):
     at = numpy.arange(n * n).reshape(n, n)
     right, up = numpy.roll(at, -1, 1), numpy.roll(at, -1, 0)
     faces = numpy.stack([at, right, numpy.roll(right, -1, 0), up], axis=-1).reshape(-1, 4)
-    with open(tmp_path / "torus.off", "w") as file:
-        file.write("OFF\n%d %d 0\n" % (n * n, n * n))
-        file.writelines("%.6f %.6f %.6f\n" % tuple(p) for p in x)
-        file.writelines("4 %d %d %d %d\n" % tuple(f) for f in faces)
-    spec = sphere(100, surface={"mesh": {"path": "torus.off", "resolution": 24}})
+    triangles = numpy.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
+    numpy.savetxt(tmp_path / "torus.raw", x[triangles].reshape(-1, 9), "%.6f")
+    spec = sphere(100, surface={"mesh": {"path": "torus.raw", "resolution": 24}})
     assert worker(spec).returncode in (0, 10, 11)
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     vertices_and_faces = 12 * n * n + 24 * n * n
