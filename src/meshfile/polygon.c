@@ -13,6 +13,9 @@ static const double same_length = 1e-6;
 /* Of the polygon's area: triangles that are turned over by more cross others; by less, the corners are rounded. */
 static const double crossed_area = 1e-6;
 
+/* Polygons of no more corners need no memory for their order. */
+enum { FEW_CORNERS = 64 };
+
 /* Corners are numbered around the polygon from 0. */
 typedef struct cutting {
     const uint32_t *corner;
@@ -135,6 +138,23 @@ static void make_fan(const uint32_t *corner, size_t count, size_t first, uint32_
     }
 }
 
+/* Lexicographic order of coordinates. */
+static bool is_before(const double a[3], const double b[3])
+{
+    for (int axis = 0; axis < 3; axis++)
+        if (a[axis] != b[axis]) return a[axis] < b[axis];
+    return false;
+}
+
+/* The corner whose place comes before those of all others. */
+static size_t first_corner(const double (*place)[3], const uint32_t *corner, size_t count)
+{
+    size_t first = 0;
+    for (size_t k = 1; k < count; k++)
+        if (is_before(place[corner[k]], place[corner[first]])) first = k;
+    return first;
+}
+
 /* A quadrangle of which neither diagonal lies inside crosses itself, or has no area. */
 static polygon_result cut_quadrangle(const double (*place)[3], const uint32_t *corner, const double normal[3],
                                      uint32_t (*out)[3])
@@ -145,7 +165,9 @@ static polygon_result cut_quadrangle(const double (*place)[3], const uint32_t *c
         subtract(place[corner[k + 2]], place[corner[k]], diagonal[k]);
         inside[k] = is_fan(place, corner, 4, k, normal);
     }
-    const bool shorter = dot(diagonal[1], diagonal[1]) < (1 - same_length) * dot(diagonal[0], diagonal[0]);
+    const double length[2] = {dot(diagonal[0], diagonal[0]), dot(diagonal[1], diagonal[1])};
+    const bool are_equal = fabs(length[1] - length[0]) <= same_length * fmax(length[0], length[1]);
+    const size_t shorter = are_equal ? first_corner(place, corner, 4) % 2 : length[1] < length[0];
     make_fan(corner, 4, inside[0] == inside[1] ? shorter : inside[1], out);
     return inside[0] || inside[1] || !(dot(normal, normal) > 0) ? POLYGON_CUT : POLYGON_CROSSED;
 }
@@ -321,16 +343,48 @@ static polygon_result cut_by_ears(const double (*place)[3], const uint32_t *corn
     return result;
 }
 
+/* A polygon of more than four corners, from its first corner on. */
+static polygon_result cut_in_order(const double (*place)[3], const uint32_t *corner, size_t count,
+                                   uint32_t (*out)[3])
+{
+    double normal[3];
+    polygon_normal(place, corner, count, normal);
+    if (!is_fan(place, corner, count, 0, normal)) return cut_by_ears(place, corner, count, normal, out);
+    make_fan(corner, count, 0, out);
+    return POLYGON_CUT;
+}
+
+/* The corners from the one that comes first in space, towards that of its neighbours which comes before the other, so that copies of
+ * a polygon are cut alike. Returns whether that turns the polygon over. */
+static bool put_in_order(const double (*place)[3], const uint32_t *corner, size_t count, uint32_t *out)
+{
+    const size_t first = first_corner(place, corner, count);
+    const bool is_turned =
+        is_before(place[corner[(first + count - 1) % count]], place[corner[(first + 1) % count]]);
+    for (size_t k = 0; k < count; k++) out[k] = corner[(first + (is_turned ? count - k : k)) % count];
+    return is_turned;
+}
+
 polygon_result polygon_cut(const double (*place)[3], const uint32_t *corner, size_t count, uint32_t (*out)[3])
 {
     if (count == 3) {
         make_fan(corner, 3, 0, out);
         return POLYGON_CUT;
     }
-    double normal[3];
-    polygon_normal(place, corner, count, normal);
-    if (count == 4) return cut_quadrangle(place, corner, normal, out);
-    if (!is_fan(place, corner, count, 0, normal)) return cut_by_ears(place, corner, count, normal, out);
-    make_fan(corner, count, 0, out);
-    return POLYGON_CUT;
+    if (count == 4) {
+        double normal[3];
+        polygon_normal(place, corner, count, normal);
+        return cut_quadrangle(place, corner, normal, out);
+    }
+    uint32_t few[FEW_CORNERS], *ordered = count <= FEW_CORNERS ? few : malloc(count * sizeof *ordered);
+    if (!ordered) return POLYGON_NO_MEMORY;
+    const bool is_turned = put_in_order(place, corner, count, ordered);
+    const polygon_result result = cut_in_order(place, ordered, count, out);
+    for (size_t t = 0; is_turned && t + 2 < count; t++) {
+        const uint32_t second = out[t][1];
+        out[t][1] = out[t][2];
+        out[t][2] = second;
+    }
+    if (ordered != few) free(ordered);
+    return result;
 }

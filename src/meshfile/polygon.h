@@ -19,9 +19,10 @@ typedef enum polygon_result {
  * share whole edges.
  *
  * The triangles of a simple planar polygon cover it once, and lie within it. A quadrangle is cut along the shorter of its
- * diagonals that lie inside, the first one of equal ones. A polygon of more corners that is not planar is
- * cut as its projection along the coordinate axis nearest to its normal. A convex polygon becomes a fan about its first corner.
- * Otherwise: ears are clipped (Meisters 1975) with exact orientations (Shewchuk 1997), each tested against the
+ * diagonals that lie inside. A polygon of more corners that is not planar is cut as its projection along the coordinate axis
+ * nearest to its normal. A convex polygon becomes a fan. Copies of a polygon are cut alike, whichever corner they begin with and whichever
+ * way round they are: of equal diagonals, and as the middle of a fan, the corner with the least x, then y, then z is taken.
+ * Polygons that are not convex: ears are clipped (Meisters 1975) with exact orientations (Shewchuk 1997), each tested against the
  * reflex corners in its box alone, which a grid finds. The work is bounded by 2^30 such tests, a few seconds; polygons of
  * 100 000 corners take a thousandth of that unless their shape is made for it. */
 polygon_result polygon_cut(const double (*place)[3], const uint32_t *corner, size_t count,

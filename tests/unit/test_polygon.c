@@ -238,6 +238,53 @@ static void quadrangles_are_cut_along_the_shorter_diagonal_within(void **state)
     assert_quadrangle(bent_dart, 1);
 }
 
+static int by_number(const void *left, const void *right)
+{
+    const uint32_t a = *(const uint32_t *)left, b = *(const uint32_t *)right;
+    return (a > b) - (a < b);
+}
+
+static int by_numbers(const void *left, const void *right)
+{
+    for (int k = 0; k < 3; k++) {
+        const int order = by_number((const uint32_t *)left + k, (const uint32_t *)right + k);
+        if (order) return order;
+    }
+    return 0;
+}
+
+/* The triangles of a polygon in an order that depends on their corners alone. */
+static void cut_and_sort(const double (*place)[3], const uint32_t *corner, size_t count, uint32_t (*out)[3])
+{
+    assert_int_equal(polygon_cut(place, corner, count, out), POLYGON_CUT);
+    for (size_t t = 0; t + 2 < count; t++) qsort(out[t], 3, sizeof out[t][0], by_number);
+    qsort(out, count - 2, sizeof *out, by_numbers);
+}
+
+static void copies_of_a_polygon_are_cut_alike(void **state)
+{
+    (void)state;
+    static const double square[][2] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}},
+                        triangle[][2] = {{0, 0}, {1, 0}, {2, 0}, {1, 1}, {0, 2}, {0, 1}},
+                        arrow[][2] = {{0, 0}, {4, 0}, {4, 3}, {2, 1}, {0, 3}, {-1, 2}};
+    static const struct {
+        const double (*at)[2];
+        size_t count;
+    } shapes[] = {{square, 4}, {triangle, 6}, {arrow, 6}};
+    for (size_t n = 0; n < sizeof shapes / sizeof *shapes; n++) {
+        const size_t count = shapes[n].count;
+        double place[6][3] = {{0}};
+        for (size_t k = 0; k < count; k++) memcpy(place[k], shapes[n].at[k], sizeof shapes[n].at[k]);
+        uint32_t first[4][3], other[4][3], corner[6];
+        for (size_t turn = 0; turn < 2 * count; turn++) {
+            for (size_t k = 0; k < count; k++)
+                corner[k] = (uint32_t)((turn < count ? k + turn : 3 * count - k - turn) % count);
+            cut_and_sort((const double(*)[3])place, corner, count, turn ? other : first);
+            if (turn) assert_memory_equal(first, other, (count - 2) * sizeof *first);
+        }
+    }
+}
+
 static void crossed_polygons_are_told(void **state)
 {
     (void)state;
@@ -291,6 +338,7 @@ int main(void)
         cmocka_unit_test(simple_polygons_are_covered_once),
         cmocka_unit_test(straight_corners_give_no_flat_triangles),
         cmocka_unit_test(quadrangles_are_cut_along_the_shorter_diagonal_within),
+        cmocka_unit_test(copies_of_a_polygon_are_cut_alike),
         cmocka_unit_test(crossed_polygons_are_told),
         cmocka_unit_test(large_polygons_are_cut),
     };
