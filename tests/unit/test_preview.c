@@ -15,6 +15,7 @@
 #include "formats/legend.h"
 #include "formats/preview.h"
 #include "formats/preview_exr.h"
+#include "formats/quantity.h"
 #include "formats/picture_png.h"
 #include "point_set.h"
 
@@ -573,6 +574,20 @@ static void test_scale(void **state)
     assert_true(fabs(s.low - 3.9) < 1e-6 && fabs(s.high - 4.1) < 1e-6);
 }
 
+/* Curvatures have a scale of square roots from 0 on, also where the bounds are given. */
+static void test_given_bounds_of_curvature(void **state)
+{
+    (void)state;
+    const points set = {0};
+    colormap_scale s;
+    quantity_look look = {.which = QUANTITY_CURVATURE, .low = 0, .high = 4};
+    assert_true(quantity_scale(&set, &look, 1, &s, NULL));
+    assert_true(s.low == 0 && s.high == 4 && s.root);
+    look.low = -1;
+    assert_true(quantity_scale(&set, &look, 1, &s, NULL));
+    assert_true(s.low == -1 && !s.root);
+}
+
 static void test_legend(void **state)
 {
     (void)state;
@@ -731,6 +746,7 @@ int main(void)
         cmocka_unit_test(test_determinism),
         cmocka_unit_test(test_viridis),
         cmocka_unit_test(test_scale),
+        cmocka_unit_test(test_given_bounds_of_curvature),
         cmocka_unit_test(test_legend),
         cmocka_unit_test(test_texts_of_a_legend_stand_side_by_side),
         cmocka_unit_test(test_halves),

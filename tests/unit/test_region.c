@@ -118,6 +118,26 @@ static void what_cuts_nothing_off_is_the_whole(void **state)
     }
 }
 
+/* All cells have a part in the box, and the surface may pass its faces. */
+static void a_box_that_cuts_the_outer_cells_is_a_region(void **state)
+{
+    (void)state;
+    error e = {0};
+    analytic *whole = analytic_new(&ball, NULL, &e);
+    const field *f = &whole->base;
+    bbox box = bbox_empty();
+    for (size_t k = 0; k < f->ops->cell_count(f); k++) {
+        field_cell cell;
+        f->ops->cell(f, k, &cell);
+        for (int c = 0; c < 8; c++) box = bbox_include(box, cell.corner[c]);
+    }
+    region *r = region_new(f, bbox_grow(box, -0.25 * f->cell_size), &e);
+    assert_non_null(r);
+    assert_ptr_not_equal(region_field(r), f);
+    region_free(r);
+    analytic_free(whole);
+}
+
 static void rims_are_where_the_surface_is_cut(void **state)
 {
     (void)state;
@@ -211,6 +231,7 @@ int main(void)
         cmocka_unit_test(areas_of_corners),
         cmocka_unit_test(areas_of_half_a_gyroid),
         cmocka_unit_test(what_cuts_nothing_off_is_the_whole),
+        cmocka_unit_test(a_box_that_cuts_the_outer_cells_is_a_region),
         cmocka_unit_test(rims_are_where_the_surface_is_cut),
         cmocka_unit_test(points_lie_in_the_region_and_follow_area),
         cmocka_unit_test(an_empty_region_is_named),
