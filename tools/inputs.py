@@ -4,7 +4,7 @@
     tools/inputs.py --worker build/hexad-worker --output doc/measured/inputs.md [--data DIRECTORY] [--only WORD ...]
                     [--counts 5000 50000] [--resume] [--seconds N]
 
-DIRECTORY, or HEXAD_SHARED, has the folders meshes, vdb, volumes, exr and malformed. Nothing is known about the files
+DIRECTORY, or HEXAD_SHARED, has the folders meshes, vdb, volumes, exr, cases and malformed. Nothing is known about the files
 beforehand: the kind of surface follows from the folder and the name's ending; where the worker's error says that there is
 a choice of grids, parts, channels or volumes, each grid and the first of the others are taken; where it says between what values
 the volume lies, the middle is the isovalue. An image is made a stack of six copies. Malformed files are given the first count
@@ -45,12 +45,13 @@ RESULTS, FAULTS = (0, 10, 11), (2, 3, 4, 5)
 # Codes that blame the file; the others are nothing that a file should come to.
 OF_FILES = {"input_damaged", "input_unsupported", "input_missing", "no_surface", "grid_missing", "grid_ambiguous",
             "isovalue_required", "limit_memory", "spec_invalid"}
-MESHES = {".obj", ".off", ".ply", ".stl"}
+READ_HERE = {".obj", ".off", ".ply", ".stl"}  # by tools/meshes.py
+MESHES = {".3mf", ".glb", ".gltf", *READ_HERE}
 # Above the values of all volumes: the answer says what they are.
 FAR = 1e30
 # Files that another one names as its data, and papers that lie beside them.
 BESIDE = re.compile(r"(\.(raw|zraw|mtl|md)|SHA256SUMS|/quarter\.\d+)$")
-FOLDERS = ("meshes", "vdb", "volumes", "exr", "malformed")
+FOLDERS = ("meshes", "vdb", "volumes", "exr", "cases", "malformed")
 
 
 def kind_of(path, folder):
@@ -96,9 +97,9 @@ class Case:
         return json.loads(done.stderr.splitlines()[-1]), None
 
     def covered(self):
-        """How the points of the last result cover the mesh; None of other files, and of malformed ones: who says what is
-        their mesh?"""
-        if self.kind != "mesh" or "malformed" in self.path.parts:
+        """How the points of the last result cover the mesh; None of other files, and of malformed ones, whose mesh is a matter of
+        opinion."""
+        if self.kind != "mesh" or {"malformed", "cases"} & set(self.path.parts) or self.path.suffix.lower() not in READ_HERE:
             return None
         points = measure.read_ply(self.work / "out" / "points.ply")
         return covering.measure(meshes.read(self.path), points.position, points.spacing)
