@@ -155,6 +155,7 @@ int main(int argc, char **argv)
     }
     if (child == 0) {
         prctl(PR_SET_PDEATHSIG, SIGKILL);
+        signal(SIGINT, SIG_DFL); /* ignored in the background of a shell, where a test could not clean up */
         sigprocmask(SIG_SETMASK, &before, NULL);
         execvp(command[0], command);
         fprintf(stderr, "contain: %s cannot be started: %s\n", command[0], strerror(errno));
