@@ -184,8 +184,9 @@ def _fans(polygons):
     return [(p[0], p[k], p[k + 1]) for p in polygons for k in range(1, len(p) - 1)]
 
 
-def _from_hollow(vertices, polygon):
-    """A quad with a hollow corner begins at that corner: cut from there it does not fold over itself."""
+def _from_cut(vertices, polygon):
+    """A quad from a corner of the diagonal that cuts it: the one at a reflex corner, else the shorter one; of equal ones that of the
+    corner which comes first in space."""
     if len(polygon) != 4:
         return polygon
     at = numpy.array([vertices[k] for k in polygon])
@@ -193,7 +194,14 @@ def _from_hollow(vertices, polygon):
                              for k in (3, 2, 1))
     angles = [numpy.arccos(numpy.clip((side * across).sum(axis=1), -1, 1)) for side in (before, after)]
     hollow = numpy.flatnonzero(angles[0] + angles[1] > numpy.pi)
-    return polygon[hollow[0]:] + polygon[:hollow[0]] if len(hollow) else polygon
+    lengths = [((at[k + 2] - at[k]) ** 2).sum() for k in (0, 1)]
+    if len(hollow):
+        first = hollow[0]
+    elif abs(lengths[1] - lengths[0]) <= 1e-6 * max(lengths):
+        first = min(range(4), key=lambda k: tuple(at[k]))
+    else:
+        first = int(lengths[1] < lengths[0])
+    return polygon[first:] + polygon[:first]
 
 
 def _read_obj(data):
@@ -205,7 +213,7 @@ def _read_obj(data):
         elif words[:1] == ["f"]:
             at = [int(w.split("/")[0]) for w in words[1:]]
             polygons.append([k - 1 if k > 0 else len(vertices) + k for k in at])
-    return Mesh(vertices, _fans([_from_hollow(vertices, p) for p in polygons]))
+    return Mesh(vertices, _fans([_from_cut(vertices, p) for p in polygons]))
 
 
 def _read_off(data):

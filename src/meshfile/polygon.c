@@ -365,6 +365,21 @@ static bool put_in_order(const double (*place)[3], const uint32_t *corner, size_
     return is_turned;
 }
 
+static void swap(uint32_t *a, uint32_t *b)
+{
+    const uint32_t kept = *a;
+    *a = *b;
+    *b = kept;
+}
+
+/* The triangles of a polygon that was turned over, as those of the polygon, and in its order. */
+static void turn_back(uint32_t (*out)[3], size_t count)
+{
+    for (size_t t = 0; t < count; t++) swap(&out[t][1], &out[t][2]);
+    for (size_t t = 0; t < count / 2; t++)
+        for (int k = 0; k < 3; k++) swap(&out[t][k], &out[count - 1 - t][k]);
+}
+
 polygon_result polygon_cut(const double (*place)[3], const uint32_t *corner, size_t count, uint32_t (*out)[3])
 {
     if (count == 3) {
@@ -380,11 +395,7 @@ polygon_result polygon_cut(const double (*place)[3], const uint32_t *corner, siz
     if (!ordered) return POLYGON_NO_MEMORY;
     const bool is_turned = put_in_order(place, corner, count, ordered);
     const polygon_result result = cut_in_order(place, ordered, count, out);
-    for (size_t t = 0; is_turned && t + 2 < count; t++) {
-        const uint32_t second = out[t][1];
-        out[t][1] = out[t][2];
-        out[t][2] = second;
-    }
+    if (is_turned) turn_back(out, count - 2);
     if (ordered != few) free(ordered);
     return result;
 }

@@ -5,8 +5,27 @@ import scipy.sparse
 from scipy.spatial import cKDTree
 
 
-def _fan(corners):
-    return [[corners[0], corners[k], corners[k + 1]] for k in range(1, len(corners) - 1)]
+def _fan(corners, first=0):
+    turned = corners[first:] + corners[:first]
+    return [[turned[0], turned[k], turned[k + 1]] for k in range(1, len(turned) - 1)]
+
+
+def _cut(vertices, corners):
+    """A quadrangle along the shorter of its diagonals that lie inside; of equal ones that of the corner which comes first in space."""
+    if len(corners) != 4:
+        return _fan(corners)
+    at = numpy.array([vertices[k] for k in corners], float)
+    normal = numpy.cross(at[2] - at[0], at[3] - at[1])
+
+    def is_inside(first):
+        a, b, c, d = numpy.roll(at, -first, axis=0)
+        return min(numpy.cross(b - a, c - a) @ normal, numpy.cross(c - a, d - a) @ normal) > 0
+    lengths = [((at[k + 2] - at[k]) ** 2).sum() for k in (0, 1)]
+    if is_inside(0) != is_inside(1):
+        return _fan(corners, int(is_inside(1)))
+    if abs(lengths[1] - lengths[0]) <= 1e-6 * max(lengths):
+        return _fan(corners, min(range(4), key=lambda k: tuple(at[k])) % 2)
+    return _fan(corners, int(lengths[1] < lengths[0]))
 
 
 def _read_obj(data):
@@ -16,8 +35,8 @@ def _read_obj(data):
         if words[:1] == ["v"]:
             vertices.append([float(x) for x in words[1:4]])
         elif words[:1] == ["f"]:
-            faces += _fan([int(w.split("/")[0]) - 1 for w in words[1:]])
-    return vertices, faces
+            faces.append([int(w.split("/")[0]) - 1 for w in words[1:]])
+    return vertices, [triangle for face in faces for triangle in _cut(vertices, face)]
 
 
 def _read_off(data):
@@ -27,7 +46,7 @@ def _read_off(data):
     at, faces = at + 3 * count, []
     for _ in range(polygons):
         n = int(words[at])
-        faces += _fan([int(w) for w in words[at + 1:at + 1 + n]])
+        faces += _cut(vertices, [int(w) for w in words[at + 1:at + 1 + n]])
         at += 1 + n
     return vertices, faces
 
@@ -51,7 +70,8 @@ def _read_ply(data):
     if ["format", "ascii", "1.0"] in lines:
         rows = [[float(x) for x in row.split()] for row in body.decode().splitlines()]
         faces = rows[size["vertex"]:size["vertex"] + size["face"]]
-        return [row[:3] for row in rows[:size["vertex"]]], [f for row in faces for f in _fan([int(x) for x in row[1:]])]
+        vertices = [row[:3] for row in rows[:size["vertex"]]]
+        return vertices, [f for row in faces for f in _cut(vertices, [int(x) for x in row[1:]])]
     kinds = {"float": "f4", "float32": "f4", "double": "f8", "uchar": "u1", "uint8": "u1", "int": "i4"}
     properties = {}
     for words in lines:

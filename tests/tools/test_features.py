@@ -105,7 +105,7 @@ def test_dents_as_large_as_the_spacing_are_reached(build, tmp_path, diagnose, mo
     farthest place is .31 to .343."""
     monkeypatch.setattr(features, "PLACES", 20000)
     monkeypatch.setattr(features, "DISTANT_PLACES", 60000)
-    path = dented(tmp_path / "dented.off", 60, 0.06)
+    path = dented(tmp_path / "dented.off", 40, 0.06)
     given, report, result, spacing = features.resolve(build / "hexad-worker", path, tmp_path, {"min_spacing": 0.16})
     cells = features.measure(given, report, result, spacing)
     diagnose(" | ".join(text for text, _ in cells))

@@ -15,7 +15,8 @@ TARGETS = re.search(r"^fuzz_targets = (.*)", (SOURCE / "Makefile.am").read_text(
 SMOKE = {"spec": ["src/json/*.c", "src/spec/reading.c", "src/spec/rules.c", "src/spec/spec.c", "src/spec/surface.c",
                   "src/spec/values.c"],
          "ply": ["src/formats/ply.c", "src/formats/column.c"],
-         "mesh": ["src/meshfile/plain_*.c", "src/meshfile/ply_*.c", "src/meshfile/content_end.c"]}
+         "mesh": ["src/meshfile/plain_*.c", "src/meshfile/ply_*.c", "src/meshfile/content_end.c", "src/meshfile/polygon.c",
+                  "src/meshfile/xml_tags.c", "src/meshfile/zip_entry.c"]}
 SMOKE_S = 2  # of each target
 # what a target reads of the shared data
 SHARED = {"spec": ["json/JSONTestSuite", "json/naughty_strings"], "vdb": ["malformed/openvdb_damaged"],
@@ -67,7 +68,7 @@ def test_no_file_is_passed_over(build, tmp_path):
 def build_fuzzer(target, build, source, clang, where):
     """Instruments the modules of SMOKE only, since clang takes minutes for all of them."""
     settings = (build / "Makefile").read_text()
-    libs = " ".join(re.findall(r"^(?:CJSON|SECCOMP|SYSTEMD)_LIBS = (.*)$", settings, re.M)).split()
+    libs = " ".join(re.findall(r"^(?:CJSON|MINIZIP|SECCOMP|SYSTEMD)_LIBS = (.*)$", settings, re.M)).split()
     modules = [path for pattern in SMOKE[target] for path in sorted(source.glob(pattern))]
     subprocess.run([clang, "-std=gnu11", "-g", "-O1", "-fsanitize=fuzzer,address", "-D_GNU_SOURCE", "-DHAVE_CONFIG_H",
                     f"-I{build}", f"-I{source}", f"-I{source}/src", source / "fuzz" / f"{target}.c", *modules,
