@@ -174,9 +174,12 @@ bool plain_mesh_read(const char *ending, const char *data, size_t size, plain_me
     if (out->refused == ERROR_NONE) out->text[0] = 0;
     free(out->vertex);
     free(out->triangle);
+    free(out->corner);
     out->vertex = NULL;
     out->triangle = NULL;
-    out->vertices = out->triangles = out->others = out->vertex_room = out->triangle_room = 0;
+    out->corner = NULL;
+    out->vertices = out->triangles = out->others = out->crossed = 0;
+    out->vertex_room = out->triangle_room = out->corner_room = 0;
     return false;
 }
 
