@@ -88,7 +88,8 @@ static bool read_face(off *o, plain_mesh *out)
         out->corner[k] = (uint32_t)index;
     }
     if (o->is_binary && (!read_integer(o, &colors) || colors < 0 || colors > 4)) return false;
-    return end_row(o, (size_t)colors * sizeof(float)) && plain_mesh_add_polygon(out, out->corner, (size_t)count);
+    return end_row(o, (size_t)colors * sizeof(float)) &&
+           plain_mesh_add_polygon(out, out->corner, (size_t)count);
 }
 
 static bool take(const char **at, const char *word)

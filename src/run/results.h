@@ -23,8 +23,8 @@ typedef struct results_facts {
     /* Of |F| / (|grad F| h) of the positions in points.ply, the largest and the root of the mean square. Of a mesh, and of labels, it is
      * the distance from the triangles, over h. */
     double max_residual, rms_residual;
-    bool widened;        /* float was asked for, and double was written */
-    vec3 origin;         /* of floats in glTF and USD; 0 where floats hold the positions as they are */
+    bool widened; /* float was asked for, and double was written */
+    vec3 origin;  /* of floats in glTF and USD; 0 where floats hold the positions as they are */
     double
         rounding; /* how far floats relative to the origin move a point, over h; 0 where there is no origin */
     bool y_up;    /* in pictures and scenes; else z is */

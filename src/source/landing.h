@@ -8,7 +8,8 @@
 #include "source/source.h"
 
 typedef struct landing {
-    field base; /* F at a place of the world is the distance from where points are delivered: from triangles, where the surface has
+    field
+        base; /* F at a place of the world is the distance from where points are delivered: from triangles, where the surface has
                  * some */
     const source *source;
 } landing;

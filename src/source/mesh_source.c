@@ -350,7 +350,8 @@ bool mesh_source_open(const mesh_source_request *request, volume **as_volume, me
         region = bbox_move(*request->region, vec3_scale(*origin, -1));
         moved.region = &region;
     }
-    ok = ok && mesh_weld_clean(&w.m, v->pool, e) && (!w.m.welded || mesh_edges_list(&w.m, v->pool, &w.edges, e));
+    ok = ok && mesh_weld_clean(&w.m, v->pool, e) &&
+         (!w.m.welded || mesh_edges_list(&w.m, v->pool, &w.edges, e));
     if (!ok) error_prefix(e, "%s", v->path);
     ok = ok && open_read(&moved, &w, &read, as_volume, as_patches, notes, e);
     mesh_edges_free(&w.edges);

@@ -64,7 +64,7 @@ typedef struct vdb_grid {
         from_newer; /* the file has a later format version than the library, and is read as far as they are alike */
     bool is_local; /* its metadata say that it is in the space of an object, which is not in the file */
     char unit[VDB_UNIT_SIZE]; /* of its metadata, cut to fit; "": there is none */
-    double zero; /* subtracted from the values in the file, before these became floats */
+    double zero;              /* subtracted from the values in the file, before these became floats */
     float background;
     double index_to_world[16]; /* row-major, column vectors: world = M (i, j, k, 1); invertible */
     uint64_t active_voxels;

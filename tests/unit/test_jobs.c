@@ -131,7 +131,8 @@ static void test_a_tag_holds_the_revision_of_its_job(void **state)
 static void test_other_tags_are_none_of_a_job(void **state)
 {
     (void)state;
-    static const char *const tags[] = {"", "47", "\"", "\"\"", "\"x\"", "\"47", "\"47\"8", "\"47.12ag\"", "\"-47\"", "W/47"};
+    static const char *const tags[] = {"",     "47",      "\"",          "\"\"",    "\"x\"",
+                                       "\"47", "\"47\"8", "\"47.12ag\"", "\"-47\"", "W/47"};
     for (size_t k = 0; k < sizeof tags / sizeof *tags; k++) {
         int64_t revision;
         assert_false(job_json_read_tag(tags[k], &revision));
