@@ -224,7 +224,7 @@ bool mesh_file_read(const mesh_file *file, mesh *out, mesh_notes *notes, error *
     if (header.crossed)
         mesh_note(
             notes,
-            "%llu polygons cross themselves: their triangles overlap. Cut them into triangles in the file.",
+            "%llu polygons cross themselves, or are far from a plane: triangles may overlap. Cut them in the file.",
             (unsigned long long)header.crossed);
     if (header.end)
         mesh_note(notes,
