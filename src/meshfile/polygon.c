@@ -4,6 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "geometry/vec3.h"
+
 #define NONE UINT32_MAX
 
 /* Of all tests of a corner against an ear, and of cells that are looked into. */
@@ -77,54 +79,37 @@ static double orient_corners(const cutting *c, uint32_t a, uint32_t b, uint32_t 
     return orient(c->at[a], c->at[b], c->at[to]);
 }
 
-/* ---- vectors */
+/* ---- normals */
 
-static void subtract(const double a[3], const double b[3], double out[3])
+static vec3 vector(const double at[3])
 {
-    for (int k = 0; k < 3; k++) out[k] = a[k] - b[k];
-}
-
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-static void cross(const double a[3], const double b[3], double out[3])
-{
-    for (int k = 0; k < 3; k++) out[k] = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
+    return vec3_make(at[0], at[1], at[2]);
 }
 
 /* Normal of a triangle, as long as twice its area. */
-static void triangle_normal(const double a[3], const double b[3], const double c[3], double out[3])
+static vec3 triangle_normal(const double a[3], const double b[3], const double c[3])
 {
-    double ab[3], ac[3];
-    subtract(b, a, ab);
-    subtract(c, a, ac);
-    cross(ab, ac, out);
+    return vec3_cross(vec3_sub(vector(b), vector(a)), vec3_sub(vector(c), vector(a)));
 }
 
 /* The sum over the fan about the first corner: Newell's normal. */
-static void polygon_normal(const double (*place)[3], const uint32_t *corner, size_t count, double out[3])
+static vec3 polygon_normal(const double (*place)[3], const uint32_t *corner, size_t count)
 {
-    memset(out, 0, 3 * sizeof *out);
-    for (size_t k = 1; k + 1 < count; k++) {
-        double n[3];
-        triangle_normal(place[corner[0]], place[corner[k]], place[corner[k + 1]], n);
-        for (int axis = 0; axis < 3; axis++) out[axis] += n[axis];
-    }
+    vec3 sum = {0, 0, 0};
+    for (size_t k = 1; k + 1 < count; k++)
+        sum = vec3_add(sum, triangle_normal(place[corner[0]], place[corner[k]], place[corner[k + 1]]));
+    return sum;
 }
 
 /* ---- fans */
 
 /* Whether all triangles of the fan about corner `first` look to the side of the normal. */
-static bool is_fan(const double (*place)[3], const uint32_t *corner, size_t count, size_t first,
-                   const double normal[3])
+static bool is_fan(const double (*place)[3], const uint32_t *corner, size_t count, size_t first, vec3 normal)
 {
     for (size_t k = 1; k + 1 < count; k++) {
-        double n[3];
-        triangle_normal(place[corner[first]], place[corner[(first + k) % count]],
-                        place[corner[(first + k + 1) % count]], n);
-        if (!(dot(n, normal) > 0)) return false;
+        const vec3 n = triangle_normal(place[corner[first]], place[corner[(first + k) % count]],
+                                       place[corner[(first + k + 1) % count]]);
+        if (!(vec3_dot(n, normal) > 0)) return false;
     }
     return true;
 }
@@ -156,20 +141,19 @@ static size_t first_corner(const double (*place)[3], const uint32_t *corner, siz
 }
 
 /* A quadrangle of which neither diagonal lies inside crosses itself, or has no area. */
-static polygon_result cut_quadrangle(const double (*place)[3], const uint32_t *corner, const double normal[3],
+static polygon_result cut_quadrangle(const double (*place)[3], const uint32_t *corner, vec3 normal,
                                      uint32_t (*out)[3])
 {
-    double diagonal[2][3];
+    double length2[2];
     bool inside[2];
     for (size_t k = 0; k < 2; k++) {
-        subtract(place[corner[k + 2]], place[corner[k]], diagonal[k]);
+        length2[k] = vec3_norm2(vec3_sub(vector(place[corner[k + 2]]), vector(place[corner[k]])));
         inside[k] = is_fan(place, corner, 4, k, normal);
     }
-    const double length[2] = {dot(diagonal[0], diagonal[0]), dot(diagonal[1], diagonal[1])};
-    const bool are_equal = fabs(length[1] - length[0]) <= same_length * fmax(length[0], length[1]);
-    const size_t shorter = are_equal ? first_corner(place, corner, 4) % 2 : length[1] < length[0];
+    const bool are_equal = fabs(length2[1] - length2[0]) <= same_length * fmax(length2[0], length2[1]);
+    const size_t shorter = are_equal ? first_corner(place, corner, 4) % 2 : length2[1] < length2[0];
     make_fan(corner, 4, inside[0] == inside[1] ? shorter : inside[1], out);
-    return inside[0] || inside[1] || !(dot(normal, normal) > 0) ? POLYGON_CUT : POLYGON_CROSSED;
+    return inside[0] || inside[1] || !(vec3_norm2(normal) > 0) ? POLYGON_CUT : POLYGON_CROSSED;
 }
 
 /* ---- ears */
@@ -277,12 +261,12 @@ static polygon_result clip_ears(cutting *c, uint32_t (*out)[3])
 }
 
 /* Places in the plane: without the coordinate along which the normal is longest. */
-static void project(cutting *c, const double (*place)[3], const double normal[3])
+static void project(cutting *c, const double (*place)[3], vec3 normal)
 {
     int along = 0;
     for (int k = 1; k < 3; k++)
-        if (fabs(normal[k]) > fabs(normal[along])) along = k;
-    const bool turned = normal[along] < 0;
+        if (fabs(vec3_get(normal, k)) > fabs(vec3_get(normal, along))) along = k;
+    const bool turned = vec3_get(normal, along) < 0;
     for (size_t k = 0; k < c->count; k++) {
         const double *p = place[c->corner[k]];
         c->at[k][turned] = p[(along + 1) % 3];
@@ -322,8 +306,8 @@ static bool make_grid(cutting *c)
     return true;
 }
 
-static polygon_result cut_by_ears(const double (*place)[3], const uint32_t *corner, size_t count,
-                                  const double normal[3], uint32_t (*out)[3])
+static polygon_result cut_by_ears(const double (*place)[3], const uint32_t *corner, size_t count, vec3 normal,
+                                  uint32_t (*out)[3])
 {
     cutting c = {.corner = corner, .count = count};
     c.at = malloc(count * sizeof *c.at);
@@ -347,8 +331,7 @@ static polygon_result cut_by_ears(const double (*place)[3], const uint32_t *corn
 static polygon_result cut_in_order(const double (*place)[3], const uint32_t *corner, size_t count,
                                    uint32_t (*out)[3])
 {
-    double normal[3];
-    polygon_normal(place, corner, count, normal);
+    const vec3 normal = polygon_normal(place, corner, count);
     if (!is_fan(place, corner, count, 0, normal)) return cut_by_ears(place, corner, count, normal, out);
     make_fan(corner, count, 0, out);
     return POLYGON_CUT;
@@ -386,11 +369,7 @@ polygon_result polygon_cut(const double (*place)[3], const uint32_t *corner, siz
         make_fan(corner, 3, 0, out);
         return POLYGON_CUT;
     }
-    if (count == 4) {
-        double normal[3];
-        polygon_normal(place, corner, count, normal);
-        return cut_quadrangle(place, corner, normal, out);
-    }
+    if (count == 4) return cut_quadrangle(place, corner, polygon_normal(place, corner, 4), out);
     uint32_t few[FEW_CORNERS], *ordered = count <= FEW_CORNERS ? few : malloc(count * sizeof *ordered);
     if (!ordered) return POLYGON_NO_MEMORY;
     const bool is_turned = put_in_order(place, corner, count, ordered);
