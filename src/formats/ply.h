@@ -1,10 +1,10 @@
 /* ply: points.ply and mesh.ply, written and, for verification, read back.
  *
- * One element `vertex` with a property for each column; real numbers are all floats or all doubles. For a set with
- * triangles a second, `face`, with the list `vertex_indices` of
- * three, and where they part labels label_a and label_b: int, or if a number needs it uint or double. The header holds neither a date nor a path: the same points give the same bytes. ASCII numbers are
- * the shortest text that reads back to the same value of the property's type; the bytes are the same for any
- * pool. Nothing here keeps state; a file belongs to one thread at a time. LC_NUMERIC must be the C locale.
+ * The element `vertex` has a property for each column; real numbers are all floats or all doubles. A set with triangles
+ * has a second element, `face`, with the list `vertex_indices` of three. Faces between labels also have label_a and label_b: int, or
+ * uint or double if a number needs it. The header holds neither a date nor a path: the same points give the same bytes, for any
+ * pool. ASCII numbers are the shortest text that reads back to the same value of the property's type.
+ * Nothing here keeps state; a file belongs to one thread at a time. LC_NUMERIC must be the C locale.
  */
 #ifndef HEXAD_FORMATS_PLY_H
 #define HEXAD_FORMATS_PLY_H

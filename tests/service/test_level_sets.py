@@ -71,18 +71,18 @@ def test_an_inside_with_the_sign_of_the_outside_is_filled(told, tmp_path, shape)
     values = SHAPES[shape]()
     write(tmp_path / "intact.vdb", values)
     write(tmp_path / "open.vdb", values, fill=False)
-    intact, mended = told(tmp_path / "intact.vdb"), told(tmp_path / "open.vdb")
-    assert digest(mended) == digest(intact) and not filled(intact)
+    intact, repaired = told(tmp_path / "intact.vdb"), told(tmp_path / "open.vdb")
+    assert digest(repaired) == digest(intact) and not filled(intact)
     # a ball that is all band has no inactive inside
-    assert len(filled(mended)) == (shape != "small")
+    assert len(filled(repaired)) == (shape != "small")
 
 
 @pytest.mark.sanitized
 def test_an_outside_with_the_sign_of_the_inside_is_filled(told, tmp_path):
     write(tmp_path / "intact.vdb", ball(16))
     write(tmp_path / "inverse.vdb", ball(16), fill=False, beyond=-1)
-    mended = told(tmp_path / "inverse.vdb")
-    assert digest(mended) == digest(told(tmp_path / "intact.vdb")) and len(filled(mended)) == 1
+    repaired = told(tmp_path / "inverse.vdb")
+    assert digest(repaired) == digest(told(tmp_path / "intact.vdb")) and len(filled(repaired)) == 1
 
 
 @pytest.mark.parametrize("low, members", [((-4096 - 20, 4096 - 30, 100), {}), ((-22, -22, -22), {"isovalue": 0.25}),
@@ -90,8 +90,8 @@ def test_an_outside_with_the_sign_of_the_inside_is_filled(told, tmp_path):
 def test_filling_reaches_across_nodes_and_holds_for_other_isovalues(told, tmp_path, low, members):
     write(tmp_path / "intact.vdb", ball(16), low=low)
     write(tmp_path / "open.vdb", ball(16), fill=False, low=low)
-    mended = told(tmp_path / "open.vdb", **members)
-    assert digest(mended) == digest(told(tmp_path / "intact.vdb", **members)) and len(filled(mended)) == 1
+    repaired = told(tmp_path / "open.vdb", **members)
+    assert digest(repaired) == digest(told(tmp_path / "intact.vdb", **members)) and len(filled(repaired)) == 1
 
 
 @pytest.mark.sanitized
