@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "base/memory.h"
+#include "base/precision.h"
 #include "dense/header.h"
 #include "dense/inflated.h"
 
@@ -234,9 +235,9 @@ static void note_inexact(raw_volume *s, const unsigned char *p)
     int64_t number;
     memcpy(&number, p, sizeof number);
     if (*s->base.inexact || is_scaled(s)) return;
-    if (s->head.type == HEADER_UINT64 && (uint64_t)number > (uint64_t)SLICES_LARGEST)
+    if (s->head.type == HEADER_UINT64 && (uint64_t)number > (uint64_t)PRECISION_WHOLE_MOST)
         snprintf(s->base.inexact, sizeof s->base.inexact, "%" PRIu64, (uint64_t)number);
-    if (s->head.type == HEADER_INT64 && (number > SLICES_LARGEST || number < -SLICES_LARGEST))
+    if (s->head.type == HEADER_INT64 && (number > PRECISION_WHOLE_MOST || number < -PRECISION_WHOLE_MOST))
         snprintf(s->base.inexact, sizeof s->base.inexact, "%" PRId64, number);
 }
 
@@ -293,7 +294,7 @@ static bool read_words(raw_volume *s, double *values, int64_t count, error *e)
                            "the file ends before all of its values are there: it is damaged or cut off");
         const double number = single ? (double)strtof(word, &end) : strtod(word, &end);
         if (*end) return damaged(s, e, "the file holds text among its numbers: it is damaged");
-        if (whole && fabs(number) > (double)SLICES_LARGEST && !*s->base.inexact && !is_scaled(s))
+        if (whole && fabs(number) > (double)PRECISION_WHOLE_MOST && !*s->base.inexact && !is_scaled(s))
             snprintf(s->base.inexact, sizeof s->base.inexact, "%.23s", word);
         values[k] = s->head.slope * number + s->head.intercept;
     }

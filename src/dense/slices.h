@@ -30,12 +30,9 @@ struct slices {
     double index_to_world[16];  /* row-major, column vectors */
     char format[12], space[64]; /* as in header.h */
     bool fine;                  /* values may need more than the 24 bits of a float */
-    char inexact[24]; /* the first whole number beyond SLICES_LARGEST that was read, as text; or "" */
+    char inexact[24]; /* the first whole number beyond PRECISION_WHOLE_MOST that was read, as text; or "" */
     dense_warnings warnings;
 };
-
-/* Doubles tell whole numbers apart up to here. */
-static const int64_t SLICES_LARGEST = ((int64_t)1 << 53) - 1;
 
 /* Opens files that a header names. Returns a descriptor for reading, which the caller closes, or -1 and an error
  * that names the path. */

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/precision.h"
 
 /* Points per block: with some twenty columns what a second-level cache holds easily. */
 enum { BLOCK_POINTS = 4096 };
@@ -20,13 +21,11 @@ enum { LINE_MAX_BYTES = 1024 };
 
 static const char *const format_names[] = {"binary_little_endian", "ascii"};
 static const char *const precision_names[] = {"float", "double"};
-/* Doubles tell whole numbers apart up to here. */
-#define MOST_WHOLE 9007199254740991.0
 /* Whole numbers have a type of their own, whatever the others are. */
 static const char *const type_names[COLUMN_TYPES] = {NULL, "uint", "int", "uchar", "double"};
 static const size_t type_bytes[COLUMN_TYPES] = {0, 4, 4, 1, 8};
-static const double type_least[COLUMN_TYPES] = {0, 0, INT32_MIN, 0, -MOST_WHOLE},
-                    type_most[COLUMN_TYPES] = {0, UINT32_MAX, INT32_MAX, UINT8_MAX, MOST_WHOLE};
+static const double type_least[COLUMN_TYPES] = {0, 0, INT32_MIN, 0, -PRECISION_WHOLE_MOST},
+                    type_most[COLUMN_TYPES] = {0, UINT32_MAX, INT32_MAX, UINT8_MAX, PRECISION_WHOLE_MOST};
 static const char face_property[] = "property list uchar int vertex_indices";
 static const char *const label_names[2] = {"label_a", "label_b"};
 
@@ -598,7 +597,7 @@ static bool unpack_face(FILE *file, const ply_file *f, face *out, error *e)
     for (int c = 0; c < 3; c++) out->corner[c] = (uint32_t)unpack(packed + 1 + 4 * c, COLUMN_UINT, PLY_FLOAT);
     for (size_t c = 0; f->has_labels && c < 2; c++) {
         const double label = unpack(packed + FACE_BYTES + each * c, f->label_type, PLY_FLOAT);
-        if (!(fabs(label) <= MOST_WHOLE)) return damaged(e, "a label is no whole number");
+        if (!(fabs(label) <= PRECISION_WHOLE_MOST)) return damaged(e, "a label is no whole number");
         out->label[c] = (int64_t)label;
     }
     return true;
@@ -670,11 +669,9 @@ bool ply_read(FILE *file, ply_file *out, error *e)
     return false;
 }
 
-/* Through memory: gcc 12 at -O3 drops the two conversions when it puts values into one vector. */
 static double as_written(double value, column_type type, ply_precision precision)
 {
-    volatile float single = (float)value;
-    return type == COLUMN_REAL && precision == PLY_FLOAT ? (double)single : value;
+    return type == COLUMN_REAL && precision == PLY_FLOAT ? precision_as_float(value) : value;
 }
 
 /* In a file of doubles COLUMN_REAL and COLUMN_DOUBLE are one type. */

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/precision.h"
 #include "formats/colormap.h"
 #include "formats/property.h"
 
@@ -296,8 +297,7 @@ static bool verify_property(FILE *file, const property *p, bool of_mesh, const s
             double read;
             if (!read_number(file, &read)) return damaged(e, "it ends too early");
             double meant = number(p, of_mesh, place->origin, i, c);
-            volatile float single = (float)meant, single_read = (float)read;
-            if (p->whole ? read != meant : single_read != single)
+            if (p->whole ? read != meant : precision_as_float(read) != precision_as_float(meant))
                 return error_set(e, ERROR_INPUT_DAMAGED,
                                  "USD file: the %s of point %zu is not what was written", p->name, i);
         }

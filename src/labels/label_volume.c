@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/precision.h"
 #include "geometry/affine.h"
 #include "geometry/block_map.h"
 
@@ -22,13 +23,14 @@ typedef struct reading {
 
 static bool number_of(reading *r, double value, uint16_t *number, error *e)
 {
-    if (!(fabs(value) <= (double)SLICES_LARGEST) || value != rint(value)) {
+    if (!(fabs(value) <= (double)PRECISION_WHOLE_MOST) || value != rint(value)) {
         char text[32];
         snprintf(text, sizeof text, "%.17g", value);
         return error_set(e, ERROR_INPUT_UNSUPPORTED,
                          "the value %s is no label: labels are whole numbers up to %" PRId64
                          "; sample a volume of other values with surface.volume and an isovalue",
-                         value == rint(value) && *r->from->inexact ? r->from->inexact : text, SLICES_LARGEST);
+                         value == rint(value) && *r->from->inexact ? r->from->inexact : text,
+                         PRECISION_WHOLE_MOST);
     }
     const uint64_t bits = (uint64_t)(int64_t)value;
     uint32_t n;

@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "base/memory.h"
+#include "base/precision.h"
 #include "formats/column.h"
 #include "formats/property.h"
 #include "geometry/affine.h"
@@ -246,9 +247,6 @@ bool attributes_find(const spec *s, source *from, size_t memory_limit, attribute
 
 /* ---- values ---- */
 
-/* Doubles tell whole numbers apart up to here. */
-static const double MOST_WHOLE = 9007199254740991.0;
-
 /* Where points of patches lie. */
 static void read_place(const char *name, const source *from, const sampler_points *solved, double *values)
 {
@@ -325,7 +323,8 @@ static bool read_one(attributes_entry *entry, const source *from, const sampler_
         return false;
     for (size_t k = 0; out->kind == POINT_ATTRIBUTE_INT && k < numbers; k++) values[k] = round(values[k]);
     note_range(entry, values, numbers);
-    if (out->kind == POINT_ATTRIBUTE_INT && (entry->least < -MOST_WHOLE || entry->most > MOST_WHOLE))
+    if (out->kind == POINT_ATTRIBUTE_INT &&
+        (entry->least < -PRECISION_WHOLE_MOST || entry->most > PRECISION_WHOLE_MOST))
         return error_set(
             e, ERROR_INPUT_UNSUPPORTED,
             "it has numbers that doubles do not tell apart, from %.0f to %.0f: give the type float",

@@ -113,7 +113,7 @@ static void put_surface(json *report, const report_facts *facts)
         json_append_string(
             warnings, "points.ply is written in double: single precision would move its points by more than "
                       "1e-3 h");
-    if (facts->results->rounding > RESULTS_RESIDUAL && has_scenes(facts->spec)) {
+    if (facts->results->rounding > VERDICT_RESIDUAL && has_scenes(facts->spec)) {
         char *text = mem_printf(
             "points.glb and points.usda: their floats move points by up to %.2g h. Use points.ply, "
             "points.npz or points.vdb.",

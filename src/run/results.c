@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/precision.h"
 #include "field/patches.h"
 #include "formats/chart.h"
 #include "formats/column.h"
@@ -62,11 +63,9 @@ static bool commit_output(store_file *file, const char *name, json *outputs, err
     return true;
 }
 
-/* Through memory: gcc 12 at -O3 drops the two conversions when it puts x and y into one vector. */
-static double rounded(double value)
+static vec3 as_floats(vec3 x)
 {
-    volatile float single = (float)value;
-    return single;
+    return vec3_make(precision_as_float(x.x), precision_as_float(x.y), precision_as_float(x.z));
 }
 
 /* Points in a chunk of work. */
@@ -87,7 +86,7 @@ static void residual_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         vec3 x = job->set->position[i];
-        if (job->as_float) x = (vec3){rounded(x.x), rounded(x.y), rounded(x.z)};
+        if (job->as_float) x = as_floats(x);
         field_sample s = {0};
         double length =
             field_sample_near(job->field, x, FIELD_GRADIENT, &hint, &s) ? vec3_norm(s.gradient) : 0;
@@ -130,7 +129,7 @@ static void rounding_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         const vec3 x = vec3_sub(job->set->position[i], job->origin);
-        worst = fmax(worst, vec3_norm(vec3_sub(x, (vec3){rounded(x.x), rounded(x.y), rounded(x.z)})));
+        worst = fmax(worst, vec3_norm(vec3_sub(x, as_floats(x))));
     }
     job->worst[begin / GRAIN] = worst;
 }
@@ -595,12 +594,12 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     bool as_float = s->ply_precision == SPEC_PRECISION_FLOAT;
     results_facts facts = {.y_up = in->y_up, .has_mesh = s->has_mesh};
     measure_residuals(in, as_float, pool, &facts);
-    const bool is_coarse = largest_rounding(in->set, (vec3){0, 0, 0}, in->h, pool) > RESULTS_RESIDUAL;
+    const bool is_coarse = largest_rounding(in->set, (vec3){0, 0, 0}, in->h, pool) > VERDICT_RESIDUAL;
     if (is_coarse) {
         facts.origin = origin_of(in->set);
         facts.rounding = largest_rounding(in->set, facts.origin, in->h, pool);
     }
-    if (as_float && (is_coarse || !(facts.max_residual <= RESULTS_RESIDUAL))) {
+    if (as_float && (is_coarse || !(facts.max_residual <= VERDICT_RESIDUAL))) {
         as_float = false;
         measure_residuals(in, false, pool, &facts);
         facts.widened = true;

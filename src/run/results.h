@@ -9,15 +9,10 @@
 #include "formats/points.h"
 #include "json/json.h"
 #include "labels/label_surface.h"
-#include "run/verdict.h"
 #include "triangles/mesh.h"
 #include "voronoi/triangulation.h"
 #include "sampler/sampler.h"
 #include "spec/spec.h"
-
-/* Where single precision moves a point, or its residual, by more than this fraction of h, points are written in double, or relative
- * to an origin. */
-#define RESULTS_RESIDUAL VERDICT_RESIDUAL
 
 typedef struct results_facts {
     /* Of |F| / (|grad F| h) of the positions in points.ply, the largest and the root of the mean square. Of a mesh, and of labels, it is

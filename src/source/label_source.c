@@ -6,6 +6,7 @@
 #include <string.h>
 #include <strings.h>
 
+#include "base/precision.h"
 #include "dense/raw_volume.h"
 #include "volume/grid_selection.h"
 
@@ -32,7 +33,7 @@ static bool grid_next(slices *base, double *values, error *e)
             const int32_t at[3] = {s->origin[0] + x, s->origin[1] + y, s->origin[2] + s->at};
             double value[3];
             s->voxels->read(s->voxels, at, value);
-            if (fabs(value[0]) > (double)SLICES_LARGEST && !*base->inexact)
+            if (fabs(value[0]) > (double)PRECISION_WHOLE_MOST && !*base->inexact)
                 snprintf(base->inexact, sizeof base->inexact, "%" PRId64,
                          s->voxels->read_whole(s->voxels, at));
             *values++ = value[0];

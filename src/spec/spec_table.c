@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/precision.h"
 #include "base/worker_contract.h"
 
 /* Coordinates and lengths stay where their cubes are far from the limits of a double. */
@@ -27,8 +28,6 @@
     }
 #define SHAPE(s) (1u << SPEC_SHAPE_##s)
 #define METHOD(m) (1u << SPEC_METHOD_##m)
-/* Doubles tell whole numbers apart up to here. */
-#define LABEL_MAX 9007199254740991.0
 /* The methods of the paper, of 2005. */
 #define MEYER (METHOD(SIZED) | METHOD(PAPER))
 
@@ -492,8 +491,8 @@ const spec_row spec_rows[] = {
      .prose = "The name of the grid in an OpenVDB file. Optional if there is only one of whole numbers."},
     {.pointer = "/surface/labels/labels",
      .type = SPEC_TYPE_INTEGERS,
-     .low = -LABEL_MAX,
-     .high = LABEL_MAX,
+     .low = -PRECISION_WHOLE_MOST,
+     .high = PRECISION_WHOLE_MOST,
      AT(surface.labels.only),
      .prose = "The labels that count; the others belong to the background. Default: all."},
     {.pointer = "/surface/labels/smooth",
@@ -520,8 +519,8 @@ const spec_row spec_rows[] = {
          "below this. 0: every voxel keeps its label."},
     {.pointer = "/surface/labels/background",
      .type = SPEC_TYPE_LARGE,
-     .low = -LABEL_MAX,
-     .high = LABEL_MAX,
+     .low = -PRECISION_WHOLE_MOST,
+     .high = PRECISION_WHOLE_MOST,
      AT_HAS(surface.labels.background, surface.labels.has_background),
      .prose =
          "The label of what is no material: it stands second, so that normals point into it. Default: none; "
@@ -535,14 +534,14 @@ const spec_row spec_rows[] = {
          "end there."},
     {.pointer = "/surface/labels/groups",
      .type = SPEC_TYPE_LISTS,
-     .low = -LABEL_MAX,
-     .high = LABEL_MAX,
+     .low = -PRECISION_WHOLE_MOST,
+     .high = PRECISION_WHOLE_MOST,
      AT_HAS(surface.labels.groups, surface.labels.group_count),
      .prose = "Labels that count as one, the first of their list: [[3, 4], [7, 8, 9]]."},
     {.pointer = "/surface/labels/interfaces",
      .type = SPEC_TYPE_LISTS,
-     .low = -LABEL_MAX,
-     .high = LABEL_MAX,
+     .low = -PRECISION_WHOLE_MOST,
+     .high = PRECISION_WHOLE_MOST,
      AT_HAS(surface.labels.interfaces, surface.labels.interface_count),
      .prose = "The pairs of labels whose interfaces are sampled: [[1, 2], [2, 3]]. Default: all."},
 

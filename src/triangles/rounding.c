@@ -3,6 +3,8 @@
 #include <math.h>
 #include <stdatomic.h>
 
+#include "base/precision.h"
+
 /* Unit roundoffs of floats and doubles. */
 static const double of_float = 0x1p-24, of_double = 0x1p-53;
 /* Operations with rounding in an affine map of a coordinate. */
@@ -20,11 +22,9 @@ static double largest_coordinate(vec3 v)
     return fmax(fabs(v.x), fmax(fabs(v.y), fabs(v.z)));
 }
 
-/* Through memory: gcc 12 drops the two conversions where it takes coordinates together. */
 static bool is_float(double value)
 {
-    const volatile float rounded = (float)value;
-    return (double)rounded == value;
+    return precision_as_float(value) == value;
 }
 
 static void look_chunk(void *context, int worker, size_t begin, size_t end)
