@@ -189,7 +189,17 @@ vec3 mesh_faces_land(const mesh_faces *f, vec3 x, vec3 normal)
     if (!(f->lines && nearest_of_several_find_among(f->trees, l.x, farthest, looks_out, &l, &place)) &&
         !nearest_of_several_find_among(f->trees, l.x, farthest, looks_its_way, &l, &place))
         nearest_of_several_find_among(f->trees, l.x, INFINITY, NULL, NULL, &place);
-    return vec3_axpy(f->voxel, place, f->origin);
+    return mesh_faces_to_world(f, place);
+}
+
+const mesh *mesh_faces_mesh(const mesh_faces *f)
+{
+    return &f->m;
+}
+
+vec3 mesh_faces_to_world(const mesh_faces *f, vec3 x_vox)
+{
+    return vec3_axpy(f->voxel, x_vox, f->origin);
 }
 
 vec3 mesh_faces_nearest(const mesh_faces *f, vec3 x)
@@ -197,5 +207,5 @@ vec3 mesh_faces_nearest(const mesh_faces *f, vec3 x)
     vec3 place = to_voxels(f, x);
     if (!nearest_of_several_find_among(f->trees, place, landed, NULL, NULL, &place))
         nearest_of_several_find_among(f->trees, place, INFINITY, NULL, NULL, &place);
-    return vec3_axpy(f->voxel, place, f->origin);
+    return mesh_faces_to_world(f, place);
 }

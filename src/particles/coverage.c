@@ -389,22 +389,3 @@ void coverage_places_free(coverage_places *p)
     free(p->patch);
     *p = (coverage_places){0};
 }
-
-bool coverage_of_places(const vec3 *place, size_t places, const vec3 *position, const double *spacing,
-                        size_t count, double *farthest, error *e)
-{
-    spacings least = {0};
-    if (places == 0) return true;
-    if (!find_spacings(position, spacing, count, &least, e)) return false;
-    near_points *points = near_points_new(position, count, NULL, e);
-    for (size_t k = 0; points && k < places; k++) {
-        double distance;
-        uint32_t point =
-            near_points_nearest(points, place[k], enough_at(&least, place[k], 0, *farthest), &distance);
-        *farthest = fmax(*farthest, distance / spacing[point]);
-    }
-    const bool ok = points != NULL;
-    near_points_free(points);
-    free(least.near);
-    return ok;
-}

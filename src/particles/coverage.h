@@ -21,11 +21,6 @@ size_t coverage_parts(const surface *scan);
 bool coverage_measure(const surface *scan, const vec3 *position, const double *spacing, size_t count,
                       threads *pool, double *farthest, error *e);
 
-/* The same of `places` other places, where a surface should have been: one largest distance, never below *farthest. One thread.
- * Errors: limit_memory. */
-bool coverage_of_places(const vec3 *place, size_t places, const vec3 *position, const double *spacing,
-                        size_t count, double *farthest, error *e);
-
 /* Places of a surface, and the patch of each: 0 without patches. */
 typedef struct coverage_places {
     vec3 *place;

@@ -17,14 +17,7 @@ static double rounded_up(double value)
     return ceil(value / unit * (1 - 1e-12)) * unit;
 }
 
-const advice_purpose advice_resolves = {"unresolved", "resolve the surface"},
-                     advice_clears_curves = {"boundary", "leave points between the curves"};
-
-advice_resolution advice_of_spacing(double area, double spacing)
-{
-    const double points = rounded_up(packing_count(area, spacing));
-    return (advice_resolution){packing_spacing(area, points), points};
-}
+const advice_purpose advice_resolves = {"unresolved", "separate the walls"};
 
 advice_resolution advice_resolve(double area, size_t count, const clearance *c)
 {

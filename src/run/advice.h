@@ -12,6 +12,9 @@
 #include "sizing/clearance.h"
 #include "spec/spec.h"
 
+/* Walls thinner than the spacing are worth a warning from this share of the points or of the area. */
+#define ADVICE_THIN_SHARE 0.02
+
 typedef struct advice_resolution {
     double spacing; /* of an even packing on the surface */
     double count;   /* that many points; rounded up to two digits, what `spacing` and `count` say agrees */
@@ -28,10 +31,7 @@ typedef struct advice_purpose {
     const char *code, *words;
 } advice_purpose;
 
-extern const advice_purpose advice_resolves, advice_clears_curves;
-
-/* Of a spacing of which the count is not known yet. */
-advice_resolution advice_of_spacing(double area, double spacing);
+extern const advice_purpose advice_resolves;
 
 /* Appends an item that sets the target of the spec so. `memory_mb`: what so many points need of limits.memory_mb; set, too,
  * where it is more than `limit_mb`. */

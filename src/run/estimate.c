@@ -74,20 +74,19 @@ static double memory_for(const job *j, int64_t held, double count)
                 begin + count * job_bytes_per_particle(j) + plan_picture_memory(j->spec));
 }
 
-/* What the surface's sheets ask of the count. A spacing that varies is not known before the job has begun. */
+/* Walls thinner than the spacing. A spacing that varies is not known before the job has begun. */
 static void describe_resolution(const job *j, int64_t held, json *warnings, json *advice)
 {
     clearance c;
     bool even = !spec_is_graded(j->spec);
     double h = packing_spacing(j->scan->area, (double)j->count);
     if (j->count == 0 || !even || !clearance_measure(j->scan, NULL, h, j->pool, &c, NULL) ||
-        c.unresolved_share <= VERDICT_UNRESOLVED_SHARE)
+        c.unresolved_share <= ADVICE_THIN_SHARE)
         return;
     const advice_resolution to = advice_resolve(j->scan->area, j->count, &c);
-    char *warning =
-        mem_printf("about %.3g %% of the surface would be unresolved: other sheets are nearer than 1.2 "
-                   "spacings there",
-                   100 * c.unresolved_share);
+    char *warning = mem_printf(
+        "About %.3g %% of the surface are walls thinner than 1.2 spacings; %.0f points, a spacing of %.3g, would separate them.",
+        100 * c.unresolved_share, to.count, to.spacing);
     json_append_string(warnings, warning);
     free(warning);
     advice_append_resolution(advice, &advice_resolves, j->spec, j->scan->area, to,

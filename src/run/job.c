@@ -10,10 +10,10 @@
 #include "base/memory.h"
 #include "base/sandbox.h"
 #include "packing/packing.h"
-#include "remesh/discs.h"
 #include "remesh/left_out.h"
 #include "remesh/surface_mesh.h"
 #include "run/label_meshes.h"
+#include "run/measured_surface.h"
 #include "run/upright.h"
 #include "run/verdict.h"
 #include "run/watchdog.h"
@@ -382,23 +382,6 @@ bool job_relax(job *j, sampler *s, double reserve_s, error *e)
     return true;
 }
 
-/* Where no spacing is requested, as with amplitudes, order is measured against the achieved spacing. */
-static bool measure_order(const quality_input *in, const double *achieved, threads *pool, quality *q,
-                          error *e)
-{
-    quality against_own;
-    quality_input own = *in;
-    own.spacing = achieved;
-    own.sized = own.achieved = true;
-    if (!quality_measure(&own, pool, NULL, NULL, &against_own, e)) return false;
-    q->resolved.edge_cv = against_own.resolved.edge_cv;
-    q->all.edge_cv = against_own.all.edge_cv;
-    q->energy_excess = against_own.energy_excess;
-    q->disorder = against_own.disorder;
-    q->min_spacing_ratio = against_own.min_spacing_ratio;
-    return true;
-}
-
 bool job_finalize(job *j, solution *s, error *e)
 {
     landing l;
@@ -498,55 +481,35 @@ bool job_reach(job *j, solution *s, error *e)
     return true;
 }
 
-/* Of a closed mesh that is to be resolved: the triangles between the points on it, and of each point whether its own close
- * around it. *has_cell stays NULL for other surfaces, and where memory does not suffice; else to be freed. */
-static bool find_cells(const job *j, const sampler_points *p, solution *s, bool **has_cell, error *e)
-{
-    const mesh *on = mesh_to_resolve(j);
-    const sampler_stands *stands = &p->stands;
-    if (on && !s->corner && !make_triangles(j, on, s, e)) return false;
-    if (!s->corner) return true;
-    error why = {0};
-    bool *disc = mem_array(p->count, sizeof *disc, "the result", &why);
-    bool *has = mem_array(stands->count, sizeof *has, "the result", &why);
-    const bool ok =
-        disc && has && discs_find((const uint32_t(*)[3])s->corner, s->triangles, p->count, disc, &why);
-    for (size_t i = 0; ok && i < stands->count; i++) has[i] = disc[stands->point ? stands->point[i] : i];
-    free(disc);
-    if (ok) {
-        *has_cell = has;
-        return true;
-    }
-    free(has);
-    drop_triangles(s);
-    return may_lack_memory(false, &why, e);
-}
-
 bool job_measure(job *j, solution *s, error *e)
 {
     const sampler_points *p = sampler_result_points(s->sampler);
-    bool *has_cell = NULL;
-    s->spacing_local = mem_array(p->stands.count, sizeof *s->spacing_local, "the result", e);
-    if (!s->spacing_local) return false;
-    if (j->spec->has_preview && j->spec->preview_color == SPEC_COLOR_DEGREE) {
-        s->degree = mem_array(p->stands.count, sizeof *s->degree, "the result", e);
-        if (!s->degree) return false;
+    const sampler_stands *stands = &p->stands;
+    measured_surface on = {0};
+    bool ok = measured_surface_open(&j->source, j->scan, &on, e);
+    if (ok) {
+        s->spacing_local = mem_array(p->count, sizeof *s->spacing_local, "the result", e);
+        s->farthest = mem_array(on.facets.patch_count, sizeof *s->farthest, "the result", e);
+        if (j->spec->has_preview && j->spec->preview_color == SPEC_COLOR_DEGREE)
+            s->degree = mem_array(p->count, sizeof *s->degree, "the result", e);
+        ok = s->spacing_local && s->farthest &&
+             (s->degree || !j->spec->has_preview || j->spec->preview_color != SPEC_COLOR_DEGREE);
     }
-    if (!find_cells(j, p, s, &has_cell, e)) return false;
-    const quality_input in = {.count = p->stands.count,
-                              .position = p->stands.position,
-                              .normal = p->stands.normal,
-                              .spacing = p->stands.spacing,
-                              .h = sampler_spacing(s->sampler),
-                              .sized = s->sizing != NULL,
-                              .open = j->source.field->open,
-                              .domain = j->source.field->boundary_box,
-                              .label = p->stands.patch,
-                              .flags = p->stands.flags,
-                              .has_cell = has_cell};
-    const bool ok = quality_measure(&in, j->pool, s->spacing_local, s->degree, &s->quality, e) &&
-                    (!j->spec->has_alpha || measure_order(&in, s->spacing_local, j->pool, &s->quality, e));
-    free(has_cell);
+    const measures_input in = {.surface = on.facets,
+                               .count = p->count,
+                               .position = p->position,
+                               .spacing = p->spacing,
+                               .h = sampler_spacing(s->sampler),
+                               .sized = s->sizing != NULL,
+                               .achieved = j->spec->has_alpha,
+                               .stand_count = stands->count,
+                               .stand_normal = on.own_normals ? NULL : stands->normal,
+                               .stand_point = stands->point,
+                               .stand_patch = stands->patch,
+                               .stand_flags = stands->flags,
+                               .patch_labels = (const uint32_t(*)[2])on.patch_labels};
+    ok = ok && measures_take(&in, j->pool, s->spacing_local, s->degree, s->farthest, &s->measures, e);
+    measured_surface_close(&on);
     return ok;
 }
 
@@ -599,7 +562,7 @@ bool job_write_points(job *j, error *e)
     if (landing_measures(&j->source, &l)) in.field = &l.base;
     if (j->source.turned && !turn_points(&j->source, &set, &turned, e)) return false;
     in.y_up = upright_y(j->spec, &set);
-    in.unresolved = quality_unresolved_share(&s->quality) > UNRESOLVED_PICTURE;
+    in.unresolved = (double)s->measures.thin_count > UNRESOLVED_PICTURE * (double)p->count;
     in.sweeps = sampler_sweeps(s->sampler, &in.sweep_count);
     json_free(j->report);
     j->report = json_new_object();

@@ -3,7 +3,7 @@
 #ifndef HEXAD_RUN_JOB_H
 #define HEXAD_RUN_JOB_H
 
-#include "voronoi/quality.h"
+#include "measures/measures.h"
 #include "run/attributes.h"
 #include "run/progress.h"
 #include "run/results.h"
@@ -22,9 +22,8 @@ typedef struct solution {
     uint32_t (
         *corner)[3]; /* the triangles between the points on a closed mesh that is to be resolved; else NULL */
     size_t triangles;
-    quality quality;
-    double *farthest; /* of the result: see particles/coverage.h */
-    double coverage;  /* the largest of these */
+    measures measures;
+    double *farthest; /* the coverage of each patch */
     double landed;    /* the largest distance by which points were moved onto a mesh; 0 without one */
 } solution;
 
@@ -77,7 +76,7 @@ bool job_finalize(job *j, solution *s, error *e);
  * and all come to rest again. */
 bool job_reach(job *j, solution *s, error *e);
 
-/* Measures the quality of a solution whose points are final. */
+/* Measures a solution whose points are final. */
 bool job_measure(job *j, solution *s, error *e);
 
 /* Writes all results except the report, and starts a new report. */

@@ -50,9 +50,6 @@ void report_put_box(json *object, bbox box)
     put_vec3(o, "max", box.max);
 }
 
-/* A row and the points beside it lie within so many spacings of a curve. */
-static const double NEAR_CURVES = 2;
-
 static void append_target(json *advice, const advice_purpose *purpose, const report_facts *facts,
                           advice_resolution to)
 {
@@ -61,32 +58,32 @@ static void append_target(json *advice, const advice_purpose *purpose, const rep
                              facts->memory_limit / (1 << 20));
 }
 
-/* Where many points are unresolved: how many, and what would resolve the surface. */
-static void put_resolution(json *advice, json *warnings, const report_facts *facts)
+/* Advice that asks for fewer points than this times those that there are is what the job has done already. */
+static const double WORTH_ADVICE = 1.1;
+
+/* Walls thinner than the spacing: their share, and the number of points that separates them. */
+static void put_thin_walls(json *advice, json *warnings, const report_facts *facts)
 {
-    const quality *q = facts->quality;
-    double area = facts->scan->area;
-    size_t count = sampler_result_points(facts->sampler)->count;
+    const size_t count = sampler_result_points(facts->sampler)->count;
+    const double area = facts->scan->area, share = (double)facts->measures->thin_count / (double)count;
     const advice_resolution to = advice_resolve(area, count, facts->clearance);
-    char *warning = mem_printf(
-        "%zu of the %zu points (%.3g %%) are unresolved: another sheet of the surface is nearer to "
-        "them than 1.2 spacings. A spacing of %.3g would resolve it, which is %.0f points",
-        q->unresolved_count, count, 100 * (double)q->unresolved_count / (double)count, to.spacing, to.count);
-    json_append_string(warnings, warning);
-    free(warning);
-    append_target(advice, &advice_resolves, facts, to);
+    char *text = mem_printf(
+        "%.3g %% of the points lie on walls thinner than 1.2 spacings; %.0f points, a spacing of %.3g, would separate "
+        "them.",
+        100 * share, to.count, to.spacing);
+    json_append_string(warnings, text);
+    free(text);
+    if (facts->verdict->outcome != VERDICT_CONVERGED && to.count > WORTH_ADVICE * (double)count)
+        append_target(advice, &advice_resolves, facts, to);
 }
 
-/* More points do not bring to order what lies on voxels that are alone. */
+/* More points do not bring to order what lies on single voxels. */
 static void put_advice(json *report, json *warnings, const report_facts *facts)
 {
     json *advice = json_put_array(report, "advice");
     const label_surface *labels = facts->source->whole.labels;
     const bool hopeless = labels && label_advice_is_hopeless(labels);
-    if (facts->clearance && !hopeless) put_resolution(advice, warnings, facts);
-    if (facts->curve_room > 0 && isfinite(facts->curve_room))
-        append_target(advice, &advice_clears_curves, facts,
-                      advice_of_spacing(facts->scan->area, facts->curve_room / NEAR_CURVES));
+    if (facts->clearance && !hopeless) put_thin_walls(advice, warnings, facts);
     if (labels &&
         (verdict_is_of_thin_parts(facts->verdict) || (hopeless && facts->verdict->reason_count > 0)))
         label_advice_append(advice, &facts->spec->surface.labels, labels);
@@ -125,37 +122,51 @@ static void put_surface(json *report, const report_facts *facts)
     put_mesh(report, warnings, facts);
 }
 
-static void put_cells(json *object, const quality_cells *cells)
+static void put_cells(json *object, const measures *m)
 {
-    json_put_number(object, "hex_fraction", cells->hex_fraction);
-    json_put_number(object, "edge_cv", cells->edge_cv);
-    json_put_number(object, "area_cv", cells->area_cv);
+    json_put_number(object, "hex_fraction", m->hex_fraction);
+    json_put_number(object, "edge_cv", m->edge_cv);
+    json_put_number(object, "area_cv", m->area_cv);
+}
+
+/* Members of version 1.0 that measures over all points have replaced; doc/stability.md lets them stay. */
+static void put_deprecated(json *object, const measures *m, size_t count)
+{
+    put_cells(json_put_object(object, "all"), m);
+    json_put_integer(object, "rim_count", 0);
+    json_put_integer(object, "ambiguous_count", (int64_t)m->thin_count);
+    json_put_integer(object, "unresolved_count", (int64_t)m->thin_count);
+    json_put_integer(object, "resolved_count", (int64_t)(count - m->thin_count));
+    json_put_number(object, "resolved_share", 1 - (double)m->thin_count / (double)count);
 }
 
 static void put_quality(json *report, const report_facts *facts)
 {
-    const quality *q = facts->quality;
+    const measures *m = facts->measures;
     json *object = json_put_object(report, "quality");
-    put_cells(object, &q->resolved);
-    json_put_number(object, "energy_excess", q->energy_excess);
-    json_put_number(object, "disorder", q->disorder);
-    json_put_number(object, "min_spacing_ratio", q->min_spacing_ratio);
-    json_put_number(object, "coverage", facts->coverage);
+    put_cells(object, m);
+    json_put_number(object, "energy_excess", m->energy_excess);
+    json_put_number(object, "disorder", m->disorder);
+    json_put_number(object, "defect_share", m->defect_share);
+    json_put_number(object, "min_spacing_ratio", m->min_spacing_ratio);
+    json_put_number(object, "close_share", m->close_share);
+    json_put_integer(object, "coincident", (int64_t)m->coincident);
+    json_put_number(object, "coverage", m->coverage);
+    json_put_number(object, "missing_share", m->missing_share);
+    json *parts = json_put_object(object, "parts_without_points");
+    json_put_integer(parts, "count", (int64_t)m->parts_without_points);
+    json_put_number(parts, "area_share", m->empty_area_share);
+    json_put_number(object, "unmeasured_share", m->unmeasured_share);
     json_put_number(object, "max_residual", facts->results->max_residual);
     json_put_number(object, "rms_residual", facts->results->rms_residual);
     json_put_number(object, "largest_move", facts->landed / sampler_spacing(facts->sampler));
     json_put_integer(object, "lost", (int64_t)sampler_result_points(facts->sampler)->lost);
     json_put_integer(object, "removed_offsurface", (int64_t)sampler_removed_offsurface(facts->sampler));
-    json_put_integer(object, "rim_count", (int64_t)q->rim_count);
-    json_put_integer(object, "unresolved_count", (int64_t)q->unresolved_count);
-    json_put_integer(object, "ambiguous_count", (int64_t)q->ambiguous_count);
-    json_put_integer(object, "resolved_count", (int64_t)q->resolved_count);
-    json_put_number(object, "resolved_share", q->resolved_share);
-    put_cells(json_put_object(object, "all"), &q->all);
-    json_put_number(object, "euler", q->euler);
+    json_put_number(object, "euler", m->euler);
     json *graded = json_put_object(object, "grading");
-    json_put_number(graded, "cv", q->grading_cv);
-    json_put_number(graded, "exponent", q->grading_exponent);
+    json_put_number(graded, "cv", m->grading_cv);
+    json_put_number(graded, "exponent", m->grading_exponent);
+    put_deprecated(object, m, sampler_result_points(facts->sampler)->count);
 }
 
 static void put_rounds(json *report, const sampler *s)

@@ -3,7 +3,7 @@
 #define HEXAD_RUN_REPORT_H
 
 #include "json/json.h"
-#include "voronoi/quality.h"
+#include "measures/measures.h"
 #include "run/progress.h"
 #include "run/results.h"
 #include "run/attributes.h"
@@ -22,12 +22,10 @@ typedef struct report_facts {
     const sizing_field *sizing;        /* or NULL */
     const scaled_curvature *curvature; /* of sampling.alpha, or NULL */
     const sampler *sampler;
-    const quality *quality;
+    const measures *measures;
     double landed;              /* the largest distance by which points were moved onto a mesh */
-    double coverage;            /* the farthest place of the surface from the points, in spacings */
-    const double *farthest;     /* that of each patch, where there are such */
-    const clearance *clearance; /* where many points are unresolved, else NULL */
-    double curve_room;          /* where too many are near boundaries, see particles/curve_room; else 0 */
+    const double *farthest;     /* the coverage of each patch */
+    const clearance *clearance; /* where many points lie on walls thinner than the spacing, else NULL */
     int64_t peak_memory;        /* bytes */
     double memory_limit;        /* bytes that the job may take */
     double particle_memory;     /* those of them that particles may take, and what one takes */

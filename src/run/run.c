@@ -3,13 +3,11 @@
 #include <math.h>
 
 #include "base/clock.h"
-#include "base/memory.h"
+#include "run/advice.h"
 #include "run/job.h"
 #include "run/report.h"
 #include "run/time_target.h"
 #include "store/file.h"
-#include "particles/curve_room.h"
-#include "particles/coverage.h"
 
 static bool start(job *j, error *e)
 {
@@ -29,20 +27,8 @@ static bool relax(job *j, error *e)
 static bool measure_result(job *j, error *e)
 {
     progress_enter(&j->progress, PROGRESS_MEASURE);
-    if (!(j->spec->time_s > 0) && !job_measure(j, &j->solution, e))
-        return false; /* runs in time have measured what they cost */
-    const sampler_points *p = sampler_result_points(j->solution.sampler);
-    solution *s = &j->solution;
-    const size_t parts = coverage_parts(j->scan);
-    s->farthest = mem_array(parts, sizeof *s->farthest, "the result", e);
-    if (!s->farthest ||
-        !coverage_measure(j->scan, p->position, p->spacing, p->count, j->pool, s->farthest, e))
-        return false;
-    s->coverage = 0;
-    for (size_t k = 0; k < parts; k++) s->coverage = fmax(s->coverage, s->farthest[k]);
-    const vec3 *thin = NULL;
-    const size_t places = source_thin_places(&j->source, &thin);
-    return coverage_of_places(thin, places, p->position, p->spacing, p->count, &s->coverage, e);
+    return j->spec->time_s > 0 ||
+           job_measure(j, &j->solution, e); /* runs in time have measured what they cost */
 }
 
 static bool write_results(job *j, error *e)
@@ -51,22 +37,14 @@ static bool write_results(job *j, error *e)
     return job_write_points(j, e);
 }
 
-/* Where the report has to tell how fine a spacing would have to be. *out stays NULL where it has not. */
+/* *out stays NULL where few points lie on such walls. */
 static bool find_clearance(const job *j, clearance *room, const clearance **out, error *e)
 {
     const solution *s = &j->solution;
-    if (!(quality_unresolved_share(&s->quality) > VERDICT_UNRESOLVED_SHARE)) return true;
+    const size_t count = sampler_result_points(s->sampler)->count;
+    if (!((double)s->measures.thin_count > ADVICE_THIN_SHARE * (double)count)) return true;
     *out = room;
     return clearance_measure(j->scan, s->sizing, sampler_spacing(s->sampler), j->pool, room, e);
-}
-
-/* Likewise how much room there is beside curves. */
-static bool find_curve_room(const job *j, double *out, error *e)
-{
-    const solution *s = &j->solution;
-    return !j->scan->field->patches ||
-           !verdict_is_near_boundaries(&s->quality, sampler_result_points(s->sampler)) ||
-           curve_room_find(j->scan, sampler_spacing(s->sampler), out, e);
 }
 
 static bool write_report(job *j, verdict_outcome *outcome, error *e)
@@ -74,17 +52,17 @@ static bool write_report(job *j, verdict_outcome *outcome, error *e)
     const solution *s = &j->solution;
     clearance room;
     const clearance *told = NULL;
-    double curve_room = 0;
-    if (!find_clearance(j, &room, &told, e) || !find_curve_room(j, &curve_room, e)) return false;
-    const verdict_input judged = {s->sampler,
-                                  &s->quality,
-                                  j->spec->has_control ? 0 : j->count,
-                                  j->spec->step_tolerance,
-                                  j->spec->energy_tolerance,
-                                  source_missing_share(&j->source),
-                                  j->results.max_residual,
-                                  s->coverage,
-                                  j->source.whole.labels && label_surface_has_thin(j->source.whole.labels)};
+    if (!find_clearance(j, &room, &told, e)) return false;
+    const verdict_input judged = {.sampler = s->sampler,
+                                  .measures = &s->measures,
+                                  .count = j->spec->has_control ? 0 : j->count,
+                                  .has_target_energy = j->spec->method != SPEC_METHOD_SIZED,
+                                  .step_tolerance = j->spec->step_tolerance,
+                                  .energy_tolerance = j->spec->energy_tolerance,
+                                  .lost_area = source_missing_share(&j->source),
+                                  .residual = j->results.max_residual,
+                                  .rms_residual = j->results.rms_residual,
+                                  .require = j->spec->require};
     const verdict v = verdict_judge(&judged);
     const report_facts facts = {
         .spec = j->spec,
@@ -94,12 +72,10 @@ static bool write_report(job *j, verdict_outcome *outcome, error *e)
         .sizing = s->sizing,
         .curvature = s->curvature,
         .sampler = s->sampler,
-        .quality = &s->quality,
-        .coverage = s->coverage,
+        .measures = &s->measures,
         .farthest = s->farthest,
         .landed = s->landed,
         .clearance = told,
-        .curve_room = curve_room,
         .peak_memory = job_peak_memory(j),
         .memory_limit = (double)j->memory,
         .particle_memory = job_particle_memory(j),

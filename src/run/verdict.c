@@ -4,32 +4,21 @@
 
 const char *const verdict_names[] = {VERDICT_LIST(WORDS_TEXT, VERDICT)};
 
-/* With more of the points near boundaries the measures speak for none of them. */
-static const double BOUNDARY_SHARE = 0.98;
-/* More of a mesh than this is missed by people who look. */
-static const double MISSING_SHARE = 0.01;
-/* Where six of ten points have six neighbours it is 0.13, where nine of ten have, 0.06. */
-static const double DISORDERED_EDGES = 0.1;
-/* Defects leave distances down to 0.8 of the spacing, creases down to 0.6. Closer points have merged or face each other
- * through a thin part. */
-static const double CLOSEST_POINTS = 0.5;
-/* An ideal packing leaves places .58 of the spacing from the nearest point, a vacancy 1. */
-static const double FARTHEST_PLACE = 1.2;
+/* An ideal packing leaves places .58 of the spacing from the nearest point, a vacancy 1; a place beyond COVERAGE_MISSING is a hole. */
+static const double LARGEST_COVERAGE = 1.2;
+/* Shares of the area or of the points that users do not miss or see. */
+static const double MISSING_SHARE = 0.01, CLOSE_SHARE = 0.01, EMPTY_SHARE = 0.01, LOST_SHARE = 0.01;
+/* With more points that have no proper cell the measures describe too little of the result. */
+static const double UNMEASURED_SHARE = 0.1;
 
 /* One criterion. `fails` also returns the number that was compared, and its bound. */
 typedef struct criterion {
     const char *name;
     verdict_outcome otherwise; /* the outcome when it fails */
+    bool of_thin_parts;        /* see verdict_reason */
     bool (*fails)(const verdict_input *in, double *value, double *bound);
     const char *message;
-    const char
-        *of_thin; /* the message where some labels are thin; NULL: the same, and they are not the cause */
 } criterion;
-
-/* After what is so there. */
-#define AROUND_VOXELS                                                                                           \
-    ", as on labels that are one voxel thin, which the warnings name: follow advice; where it says nothing of " \
-    "them, ask for more points"
 
 /* The solve was stopped, whatever its last step. */
 static bool rms_step(const verdict_input *in, double *value, double *bound)
@@ -59,13 +48,12 @@ static bool gain(const verdict_input *in, double *value, double *bound)
     return *value > *bound;
 }
 
-/* Near boundaries pairs are missing, and energies with them: where all but a few points lie there it is boundary_share that fails. */
 static bool target_energy(const verdict_input *in, double *value, double *bound)
 {
     const sampler_points *p = sampler_result_points(in->sampler);
     *value = fabs(p->mean_energy / p->ideal_energy - 1);
     *bound = in->energy_tolerance;
-    return *value > *bound && !verdict_is_near_boundaries(in->quality, p);
+    return in->has_target_energy && *value > *bound;
 }
 
 /* Some methods end with as many particles as they come to; the count of others is exact. */
@@ -90,119 +78,136 @@ static bool max_residual(const verdict_input *in, double *value, double *bound)
     return !(*value <= *bound);
 }
 
-static bool unresolved_share(const verdict_input *in, double *value, double *bound)
+static bool exceeds(double number, double most, double *value, double *bound)
 {
-    *value = quality_unresolved_share(in->quality);
-    *bound = VERDICT_UNRESOLVED_SHARE;
-    return *value > *bound;
-}
-
-static double share_near_boundaries(const quality *q, const sampler_points *p)
-{
-    return (double)q->rim_count / (double)p->stands.count;
-}
-
-static bool boundary_share(const verdict_input *in, double *value, double *bound)
-{
-    *value = share_near_boundaries(in->quality, sampler_result_points(in->sampler));
-    *bound = BOUNDARY_SHARE;
-    return *value > *bound;
-}
-
-static bool missing_share(const verdict_input *in, double *value, double *bound)
-{
-    *value = in->missing;
-    *bound = MISSING_SHARE;
-    return *value > *bound;
-}
-
-/* Measures are NaN, which fails nothing, where no point can be measured. */
-static bool disorder(const verdict_input *in, double *value, double *bound)
-{
-    *value = in->quality->disorder;
-    *bound = in->energy_tolerance;
-    return *value > *bound;
-}
-
-static bool edge_cv(const verdict_input *in, double *value, double *bound)
-{
-    *value = in->quality->resolved.edge_cv;
-    *bound = DISORDERED_EDGES;
-    return *value > *bound;
-}
-
-static bool min_spacing_ratio(const verdict_input *in, double *value, double *bound)
-{
-    *value = in->quality->min_spacing_ratio;
-    *bound = CLOSEST_POINTS;
-    return *value < *bound;
+    *value = number;
+    *bound = most;
+    return number > most;
 }
 
 static bool coverage(const verdict_input *in, double *value, double *bound)
 {
-    *value = in->coverage;
-    *bound = FARTHEST_PLACE;
-    return *value > *bound;
+    return exceeds(in->measures->coverage, LARGEST_COVERAGE, value, bound);
+}
+
+static bool missing_share(const verdict_input *in, double *value, double *bound)
+{
+    return exceeds(in->measures->missing_share, MISSING_SHARE, value, bound);
+}
+
+static bool close_share(const verdict_input *in, double *value, double *bound)
+{
+    return exceeds(in->measures->close_share, CLOSE_SHARE, value, bound);
+}
+
+static bool coincident(const verdict_input *in, double *value, double *bound)
+{
+    return exceeds((double)in->measures->coincident, 0, value, bound);
+}
+
+static bool parts_without_points(const verdict_input *in, double *value, double *bound)
+{
+    return exceeds(in->measures->empty_area_share, EMPTY_SHARE, value, bound);
+}
+
+static bool unmeasured_share(const verdict_input *in, double *value, double *bound)
+{
+    return exceeds(in->measures->unmeasured_share, UNMEASURED_SHARE, value, bound);
+}
+
+static bool lost_area(const verdict_input *in, double *value, double *bound)
+{
+    return exceeds(in->lost_area, LOST_SHARE, value, bound);
 }
 
 static const criterion criteria[] = {
-    {"rms_step", VERDICT_NOT_CONVERGED, rms_step,
-     "the solve ended while the points still moved: raise solver.max_sweeps or sampling.time_s", NULL},
-    {"step_left", VERDICT_NOT_CONVERGED, step_left,
-     "the delivered points are so far, in spacings, from where their energy wants them: raise solver.max_sweeps, or "
-     "solver.step for the gradient minimiser",
-     NULL},
-    {"gain", VERDICT_NOT_CONVERGED, gain,
-     "some points creep without end, most often at features smaller than the spacing: ask for more points",
-     "some points creep without end" AROUND_VOXELS},
-    {"target_energy", VERDICT_NOT_CONVERGED, target_energy,
-     "the support that was found or allowed does not give the ideal energy: see sigma, and max_sigma of the spec",
-     NULL},
-    {"count_error", VERDICT_NOT_CONVERGED, count_error,
-     "the method came to so many more or fewer points than requested: use method sized for an exact count",
-     NULL},
-    {"lost", VERDICT_NOT_CONVERGED, lost,
-     "points ended off the surface: it has no gradient there, or it ends; report this surface as a fault",
-     NULL},
-    {"max_residual", VERDICT_NOT_CONVERGED, max_residual,
-     "a point is this far from the surface, in spacings, also after it was projected again: report this surface as a fault",
-     NULL},
-    {"unresolved_share", VERDICT_UNRESOLVED, unresolved_share,
-     "so many points have no cell of their own: another sheet of the surface lies closer than 1.2 spacings to them or to a "
-     "neighbour: ask for more points, or a finer spacing",
-     "so many points have no cell of their own: another sheet of the surface lies closer than 1.2 spacings to them or to a "
-     "neighbour, as the two sides of a label one voxel thin do: the warnings name such, and advice says what to do"},
-    {"boundary_share", VERDICT_UNRESOLVED, boundary_share,
-     "so many points lie within two spacings of a boundary, where no packing is measured: ask for more points, or a "
-     "wider region",
-     NULL},
-    {"missing_share", VERDICT_UNRESOLVED, missing_share,
-     "so much of the area is thinner than a voxel, or a combination's cells, and has no points: the warning says what shows it",
-     NULL},
-    {"disorder", VERDICT_UNRESOLVED, disorder,
-     "the points are at rest but not in order: ask for more points where the surface has small features, and use the "
-     "cotangent energy",
-     "the points are at rest but not in order" AROUND_VOXELS},
-    {"edge_cv", VERDICT_UNRESOLVED, edge_cv,
-     "distances between neighbours differ more than in an ordered packing: ask for more points where the surface has "
-     "small features, and use the cotangent energy",
-     "distances between neighbours differ more than in an ordered packing" AROUND_VOXELS},
-    {"min_spacing_ratio", VERDICT_UNRESOLVED, min_spacing_ratio,
-     "two points are this close, in spacings: ask for more points where the surface has small features, and use the "
-     "cotangent energy",
-     "two points are this close, in spacings" AROUND_VOXELS},
-    {"coverage", VERDICT_UNRESOLVED, coverage,
-     "a place of the surface is this far, in spacings, from all points: a part is too small for a point of its own, or, of "
-     "a mesh, thinner than a voxel: ask for more points, or for smaller voxels",
-     NULL},
+    {"rms_step", VERDICT_NOT_CONVERGED, false, rms_step,
+     "rms_step: the solve ended while the points still moved by this many spacings a sweep. Raise solver.max_sweeps or "
+     "sampling.time_s."},
+    {"step_left", VERDICT_NOT_CONVERGED, false, step_left,
+     "step_left: the next relaxation step is this many spacings. Raise solver.max_sweeps, or solver.step for the gradient "
+     "minimiser."},
+    {"gain", VERDICT_NOT_CONVERGED, true, gain,
+     "gain: a point could still lower its energy by this fraction. This happens at features smaller than the spacing. Ask for "
+     "more points."},
+    {"target_energy", VERDICT_NOT_CONVERGED, false, target_energy,
+     "target_energy: the mean energy differs from the ideal one by this fraction. Change sigma, or max_sigma of "
+     "sampling.control."},
+    {"count_error", VERDICT_NOT_CONVERGED, false, count_error,
+     "count_error: the number of points differs from the request by this many. Use method sized for an exact count."},
+    {"lost", VERDICT_NOT_CONVERGED, false, lost,
+     "lost: this many points are not on the surface. Report this input as a fault."},
+    {"max_residual", VERDICT_NOT_CONVERGED, false, max_residual,
+     "max_residual: a point is this many spacings from the surface after it was projected again. Report this input as a fault."},
+    {"coverage", VERDICT_UNRESOLVED, false, coverage,
+     "coverage: a place of the surface is this many spacings from its nearest point. Ask for more points; for a mesh that is "
+     "sampled through a level set, ask for smaller voxels."},
+    {"missing_share", VERDICT_UNRESOLVED, true, missing_share,
+     "missing_share: this share of the area has no point within 1.2 spacings on its own side, as where one wall of a thin part has "
+     "no points. Ask for more points."},
+    {"close_share", VERDICT_UNRESOLVED, true, close_share,
+     "close_share: this share of the points has another within 0.25 spacings on the same side, as on double rows along the rims of "
+     "thin walls. Ask for more points."},
+    {"coincident", VERDICT_UNRESOLVED, true, coincident,
+     "coincident: this many points have another within 0.001 spacings. Report this input as a fault."},
+    {"parts_without_points", VERDICT_UNRESOLVED, false, parts_without_points,
+     "parts_without_points: parts of the surface with this share of its area have no points. Ask for more points."},
+    {"unmeasured_share", VERDICT_UNRESOLVED, false, unmeasured_share,
+     "unmeasured_share: this share of the points has fewer than three neighbours, so the packing cannot be measured. Ask for more "
+     "points."},
+    {"lost_area", VERDICT_UNRESOLVED, false, lost_area,
+     "lost_area: this share of the area is thinner than a voxel, or than the cells of a combination, and is not part of the sampled "
+     "surface. Follow the warning that names it."},
 };
 
-_Static_assert(sizeof criteria / sizeof *criteria <= VERDICT_MOST_REASONS, "each criterion can be a reason");
+/* ---- outcome.require */
 
-bool verdict_is_near_boundaries(const quality *q, const sampler_points *p)
+typedef struct requirement {
+    double (*measure)(const verdict_input *in);
+    bool minimum;
+} requirement;
+
+#define MEASURE(name)                                      \
+    static double required_##name(const verdict_input *in) \
+    {                                                      \
+        return in->measures->name;                         \
+    }
+MEASURE(hex_fraction)
+MEASURE(edge_cv)
+MEASURE(area_cv)
+MEASURE(energy_excess)
+MEASURE(disorder)
+MEASURE(defect_share)
+MEASURE(min_spacing_ratio)
+MEASURE(close_share)
+MEASURE(coverage)
+MEASURE(missing_share)
+MEASURE(unmeasured_share)
+#undef MEASURE
+
+static double required_max_residual(const verdict_input *in)
 {
-    return share_near_boundaries(q, p) > BOUNDARY_SHARE;
+    return in->residual;
 }
+
+static double required_rms_residual(const verdict_input *in)
+{
+    return in->rms_residual;
+}
+
+/* In the order of SPEC_REQUIRE_LIST. */
+#define ROW(prefix, NAME, word, minimum) {required_##word, minimum},
+static const requirement requirements[] = {SPEC_REQUIRE_LIST(ROW, )};
+#undef ROW
+#define ROW(prefix, NAME, word, minimum) #word,
+static const char *const requirement_names[] = {SPEC_REQUIRE_LIST(ROW, )};
+#undef ROW
+
+enum {
+    CRITERIA = sizeof criteria / sizeof *criteria,
+    REQUIREMENTS = sizeof requirements / sizeof *requirements
+};
+_Static_assert(CRITERIA + REQUIREMENTS <= VERDICT_MOST_REASONS, "each criterion can be a reason");
 
 bool verdict_is_of_thin_parts(const verdict *v)
 {
@@ -211,17 +216,36 @@ bool verdict_is_of_thin_parts(const verdict *v)
     return is;
 }
 
+static void add_reason(verdict *v, verdict_outcome otherwise, const verdict_reason *reason)
+{
+    if (otherwise > v->outcome) v->outcome = otherwise;
+    v->reason[v->reason_count++] = *reason;
+}
+
+/* A measure without a value, of too few points, does not meet what is required of it. */
+static bool is_missed(const requirement *r, double value, double bound)
+{
+    return r->minimum ? !(value >= bound) : !(value <= bound);
+}
+
 verdict verdict_judge(const verdict_input *in)
 {
     verdict v = {.outcome = VERDICT_CONVERGED};
-    for (size_t k = 0; k < sizeof criteria / sizeof *criteria; k++) {
+    for (size_t k = 0; k < CRITERIA; k++) {
         const criterion *c = &criteria[k];
-        const char *message = in->thin_labels && c->of_thin ? c->of_thin : c->message;
         verdict_reason reason = {
-            .criterion = c->name, .message = message, .of_thin_parts = c->of_thin != NULL};
-        if (!c->fails(in, &reason.value, &reason.bound)) continue;
-        if (c->otherwise > v.outcome) v.outcome = c->otherwise;
-        v.reason[v.reason_count++] = reason;
+            .criterion = c->name, .message = c->message, .of_thin_parts = c->of_thin_parts};
+        if (c->fails(in, &reason.value, &reason.bound)) add_reason(&v, c->otherwise, &reason);
+    }
+    for (size_t k = 0; k < REQUIREMENTS; k++) {
+        const verdict_reason reason = {
+            .criterion = requirement_names[k],
+            .value = requirements[k].measure(in),
+            .bound = in->require[k].bound,
+            .message =
+                "outcome.require asks for another value of this measure. Ask for more points, or for less."};
+        if (in->require[k].given && is_missed(&requirements[k], reason.value, reason.bound))
+            add_reason(&v, VERDICT_UNRESOLVED, &reason);
     }
     return v;
 }

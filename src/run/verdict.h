@@ -1,16 +1,18 @@
-/* verdict: the outcome of a job, judged from the points that it delivers.
+/* verdict: the outcome of a job, from the measures of the delivered points.
  *
- * not_converged: the particles did not come to rest, or missed a target. unresolved: they are at rest, but not in order,
- * most often because the surface has features below the spacing. converged: at rest and in order. Each criterion
- * compares one number with its bound; those that fail are the reasons. Pure functions, any thread.
+ * not_converged: the solve was cut off, still moves, or missed a target. unresolved: the points do not represent the surface. converged:
+ * neither. Each criterion compares one number with its bound, and each catches a bad result that no other does; those that fail are the
+ * reasons. doc/report.md has the table. How regular the packing is, is rated, and decides no outcome unless outcome.require names it. Pure
+ * functions, any thread.
  */
 #ifndef HEXAD_RUN_VERDICT_H
 #define HEXAD_RUN_VERDICT_H
 
 #include "base/words.h"
 #include "json/json.h"
-#include "voronoi/quality.h"
+#include "measures/measures.h"
 #include "sampler/sampler.h"
+#include "spec/spec.h"
 
 #define VERDICT_LIST(ENTRY, prefix)         \
     ENTRY(prefix, CONVERGED, "converged")   \
@@ -21,24 +23,23 @@ typedef enum verdict_outcome { VERDICT_LIST(WORDS_ENUMERATOR, VERDICT) VERDICT_O
 
 extern const char *const verdict_names[VERDICT_OUTCOMES];
 
-/* Of the points that are not near a boundary. With more than that the measures speak for too little of the surface. */
-#define VERDICT_UNRESOLVED_SHARE 0.02
-
 /* Points this far from the surface, in spacings, are not on it. */
 #define VERDICT_RESIDUAL 1e-3
 
 typedef struct verdict_input {
-    const sampler *sampler; /* finalized */
-    const quality *quality; /* of its points */
-    size_t count;           /* requested; 0: the count is not a target */
+    const sampler *sampler;   /* finalized */
+    const measures *measures; /* of its points */
+    size_t count;             /* requested; 0: the count is not a target */
+    bool
+        has_target_energy; /* the support was chosen so that the mean energy is ideal; else the count decides the support */
     double step_tolerance, energy_tolerance;
-    double missing;   /* share of a mesh's area that is not sampled */
-    double residual;  /* the largest distance of a point from the surface, in spacings */
-    double coverage;  /* the farthest place of the surface from the points, in spacings */
-    bool thin_labels; /* some of the labels are one voxel thin */
+    double lost_area; /* share of the area of a mesh or combination that is not part of the sampled surface */
+    double residual,
+        rms_residual; /* the largest and the rms distance of the points from the surface, in spacings */
+    const spec_requirement *require; /* SPEC_REQUIRE_COUNT bounds */
 } verdict_input;
 
-enum { VERDICT_MOST_REASONS = 15 };
+enum { VERDICT_MOST_REASONS = 32 };
 
 /* A criterion that failed. Texts are constants. */
 typedef struct verdict_reason {
@@ -53,9 +54,6 @@ typedef struct verdict {
     size_t reason_count; /* 0 when converged */
     verdict_reason reason[VERDICT_MOST_REASONS];
 } verdict;
-
-/* Whether so many points lie near boundaries that no measure speaks for the surface. */
-bool verdict_is_near_boundaries(const quality *q, const sampler_points *p);
 
 /* Whether a reason is one that thin parts of a surface may be the cause of. */
 bool verdict_is_of_thin_parts(const verdict *v);

@@ -100,6 +100,12 @@ typedef struct spec_analytic {
     double period;     /* gyroid: length of one period, > 0 */
 } spec_analytic;
 
+/* A bound on a measure of the report. */
+typedef struct spec_requirement {
+    bool given;
+    double bound;
+} spec_requirement;
+
 /* A box, min < max in every axis. */
 typedef struct spec_box {
     vec3 min, max;
@@ -235,6 +241,8 @@ typedef struct spec {
     spec_isa isa;
     int max_sweeps;
     double step_tolerance, energy_tolerance;
+
+    spec_requirement require[SPEC_REQUIRE_COUNT]; /* outcome.require */
 
     spec_ply_format ply_format;
     spec_precision ply_precision;

@@ -1253,6 +1253,20 @@ const spec_row spec_rows[] = {
          "ordered packing has 0.02 and less. The energy under the support that the solver found must be as close to the "
          "ideal."},
 
+    GROUP("/outcome", SPEC_OPTIONAL, "What the result must be like beyond the criteria of every job (doc/report.md)."),
+    GROUP("/outcome/require", SPEC_OPTIONAL,
+          "Bounds on measures of the report. A result that misses one has the outcome unresolved, with that measure as the criterion."),
+#define REQUIRE(prefix, NAME, word, minimum)                                                                        \
+    {.pointer = "/outcome/require/" #word,                                                                           \
+     .type = SPEC_TYPE_NUMBER,                                                                                       \
+     .low = -1,                                                                                                      \
+     .high = 1e6,                                                                                                    \
+     AT_HAS(require[prefix##_##NAME].bound, require[prefix##_##NAME].given),                                         \
+     .prose = (minimum) ? "The smallest value of quality." #word " that is accepted."                                \
+                        : "The largest value of quality." #word " that is accepted."},
+    SPEC_REQUIRE_LIST(REQUIRE, SPEC_REQUIRE)
+#undef REQUIRE
+
     {.pointer = "/attributes",
      .type = SPEC_TYPE_GROUPS,
      .low = 0,

@@ -204,4 +204,26 @@ typedef enum spec_interpolation {
 
 typedef enum spec_isa { SPEC_ISA_LIST(WORDS_ENUMERATOR, SPEC_ISA) SPEC_ISA_COUNT } spec_isa;
 
+/* /outcome/require: the measures of the report that a job may bound (doc/report.md); the last column: the bound is a minimum */
+#define SPEC_REQUIRE_LIST(ENTRY, prefix)                      \
+    ENTRY(prefix, HEX_FRACTION, hex_fraction, true)           \
+    ENTRY(prefix, EDGE_CV, edge_cv, false)                    \
+    ENTRY(prefix, AREA_CV, area_cv, false)                    \
+    ENTRY(prefix, ENERGY_EXCESS, energy_excess, false)        \
+    ENTRY(prefix, DISORDER, disorder, false)                  \
+    ENTRY(prefix, DEFECT_SHARE, defect_share, false)          \
+    ENTRY(prefix, MIN_SPACING_RATIO, min_spacing_ratio, true) \
+    ENTRY(prefix, CLOSE_SHARE, close_share, false)            \
+    ENTRY(prefix, COVERAGE, coverage, false)                  \
+    ENTRY(prefix, MISSING_SHARE, missing_share, false)        \
+    ENTRY(prefix, UNMEASURED_SHARE, unmeasured_share, false)  \
+    ENTRY(prefix, MAX_RESIDUAL, max_residual, false)          \
+    ENTRY(prefix, RMS_RESIDUAL, rms_residual, false)
+
+#define SPEC_REQUIRE_ENUMERATOR(prefix, NAME, word, minimum) prefix##_##NAME,
+typedef enum spec_required_measure {
+    SPEC_REQUIRE_LIST(SPEC_REQUIRE_ENUMERATOR, SPEC_REQUIRE) SPEC_REQUIRE_COUNT
+} spec_required_measure;
+#undef SPEC_REQUIRE_ENUMERATOR
+
 #endif

@@ -44,7 +44,7 @@ typedef struct cell_sums {
 /* What a chunk of points adds to the measures; all but `degrees` and `boundary` without the points near boundaries. */
 typedef struct tally {
     double degrees; /* sum of 6 - degree */
-    double boundary, inner, ambiguous, energy, nearest;
+    double boundary, inner, energy, nearest;
     cell_sums resolved, others;
     moments ratio;
     double growth2; /* sum over the points with a cell */
@@ -313,15 +313,13 @@ static void tally_point(const measure_job *job, uint32_t i, const voronoi_star *
     t->inner++;
     t->finest = fmin(t->finest, spacing);
     t->coarsest = fmax(t->coarsest, spacing);
-    const bool clear = has_cell(job, i, star),
-               resolved = in->has_cell ? in->has_cell[job->part->partition.index[i]] : clear;
-    t->ambiguous += !clear;
+    const bool resolved = has_cell(job, i, star);
     sum_cell(job, i, star, area, resolved ? &t->resolved : &t->others);
     if (!resolved) return;
     count_value(&t->ratio, local / spacing);
     if (job->part->partition.index[i] % job->part->turn_every == 0)
         count_value(&t->turn, turn_around(in, i, star));
-    if (job->part->graded && !in->achieved) t->growth2 += growth2_at(in, i, star);
+    if (job->part->graded) t->growth2 += growth2_at(in, i, star);
     if (job->part->graded && local > 0) tally_logarithms(spacing, local, t);
 }
 
@@ -379,7 +377,6 @@ static void add_tally(tally *t, const tally *other)
     t->degrees += other->degrees;
     t->boundary += other->boundary;
     t->inner += other->inner;
-    t->ambiguous += other->ambiguous;
     t->energy += other->energy;
     t->nearest = fmin(t->nearest, other->nearest);
     add_cells(&t->resolved, &other->resolved);
@@ -435,7 +432,6 @@ static quality conclude(const tally *t)
                  .min_spacing_ratio = isfinite(t->nearest) ? sqrt(t->nearest) : NAN,
                  .rim_count = (size_t)t->boundary,
                  .unresolved_count = (size_t)(t->inner - n),
-                 .ambiguous_count = (size_t)t->ambiguous,
                  .euler = t->degrees / 6,
                  .grading_cv = NAN,
                  .grading_exponent = NAN};

@@ -42,14 +42,12 @@ typedef struct quality_input {
     const double *spacing; /* requested spacing of each, world units */
     double h;              /* spacing of the ideal even packing (packing_spacing) */
     bool sized;            /* the energies' support is that of each pair's spacing, not that of h */
-    bool achieved;         /* the spacing is what the points have: how it grows was not requested */
     bool open;             /* boundaries at the faces of `domain` */
     bbox domain;
     /* of a surface with patches, else NULL: points of one label are neighbours, and flags of packing.h: boundaries are where
      * points are fixed, too */
     const uint32_t *label;
     const uint8_t *flags;
-    const bool *has_cell; /* of each, where that is known from more than the points; or NULL */
     size_t every;         /* one point of so many is measured, and counts are of those; 0: all are */
 } quality_input;
 
@@ -73,7 +71,6 @@ typedef struct quality {
     double min_spacing_ratio; /* smallest distance of neighbours over the mean of their spacings */
     size_t rim_count;         /* points within two spacings of a boundary, left out of the above */
     size_t unresolved_count;  /* others without a cell */
-    size_t ambiguous_count;   /* others that have none by the points alone */
     double euler;             /* sum of (6 - degree) / 6 over all points */
     double grading_cv;        /* of local over requested spacing */
     double grading_exponent;  /* of local against requested, 1 is ideal; 1 when requested is even */

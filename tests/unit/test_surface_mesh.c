@@ -11,7 +11,6 @@
 #include "base/rng.h"
 #include "mesh_fixture.h"
 #include "voronoi/triangulation.h"
-#include "remesh/discs.h"
 #include "remesh/left_out.h"
 #include "remesh/surface_mesh.h"
 #include "shapes.h"
@@ -76,18 +75,6 @@ static scattered *scatter(const mesh *m)
     return scatter_with(m, spacing_wanted, 7, 60000);
 }
 
-/* How many of the points are in no closed fan of triangles. */
-static size_t count_no_discs(const triangulation *made, size_t points)
-{
-    bool *disc = calloc(points, sizeof *disc);
-    error e = {0};
-    size_t count = 0;
-    assert_true(discs_find((const uint32_t(*)[3])made->corner, made->facts.triangles, points, disc, &e));
-    for (size_t i = 0; i < points; i++) count += !disc[i];
-    free(disc);
-    return count;
-}
-
 /* Of these points, with steps of curves between some. */
 static void assert_whole(mesh m, scattered *s, const uint32_t (*side)[2], size_t side_count, int64_t euler)
 {
@@ -108,7 +95,6 @@ static void assert_whole(mesh m, scattered *s, const uint32_t (*side)[2], size_t
         fail_msg("%s", e.message);
     assert_true(triangulation_is_closed(&made.facts));
     assert_int_equal(made.facts.euler, euler);
-    assert_int_equal(count_no_discs(&made, s->count), 0);
     triangulation_free(&made);
     mesh_free(&m);
     free(s);
@@ -405,29 +391,6 @@ static void corners_of_open_sheets_do_not_fold(void **state)
     mesh_free(&m);
 }
 
-/* The cells of points farther apart than a bar is round reach around it. */
-static void cells_around_a_bar_are_no_discs(void **state)
-{
-    (void)state;
-    mesh m = mesh_fixture_box(vec3_make(0, 0, 0), vec3_make(1, 0.01, 0.01), 0.3);
-    scattered *s = scatter(&m);
-    assert_true(s->count > 12);
-    s->count = 12;
-    const surface_mesh_input in = {.m = &m,
-                                   .count = s->count,
-                                   .position = s->position,
-                                   .spacing = s->spacing,
-                                   .name = s->name,
-                                   .names = s->count};
-    triangulation made = {0};
-    error e = {0};
-    assert_true(surface_mesh_make(&in, &made.corner, &made.facts.triangles, &e));
-    assert_true(count_no_discs(&made, s->count) > s->count / 2);
-    triangulation_free(&made);
-    mesh_free(&m);
-    free(s);
-}
-
 /* Triangles that cut a corner off a box leave the corner out; those of the whole box nothing. */
 static void what_triangles_leave_out_is_found(void **state)
 {
@@ -475,7 +438,6 @@ int main(void)
         cmocka_unit_test(thorns_of_any_points_are_closed),
         cmocka_unit_test(necks_at_handles_have_no_empty_triangle),
         cmocka_unit_test(corners_of_open_sheets_do_not_fold),
-        cmocka_unit_test(cells_around_a_bar_are_no_discs),
         cmocka_unit_test(what_triangles_leave_out_is_found),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,0 +1,58 @@
+/* measures: what a result is like, over all of its points and all of its surface (doc/report.md defines each measure).
+ *
+ * No point is left out. The degree and the cell of a point are those of the Voronoi diagram restricted to the surface
+ * (restricted_voronoi.h). Distances are divided by the requested spacing, the distance of a pair by the mean of both. Where no spacing is
+ * requested (`achieved`) the spacing of a point is the mean local spacing of it and its neighbours.
+ */
+#ifndef HEXAD_MEASURES_MEASURES_H
+#define HEXAD_MEASURES_MEASURES_H
+
+#include "base/error.h"
+#include "base/threads.h"
+#include "measures/facets.h"
+
+typedef struct measures_input {
+    facets_input surface;
+    size_t count; /* points, at least 1 */
+    const vec3 *position;
+    const double *spacing; /* requested at each, > 0 */
+    double h;              /* spacing of the ideal even packing */
+    bool sized;            /* energies use the support of each pair's spacings, not that of h */
+    bool achieved;         /* no spacing is requested: amplitudes grade the points */
+    /* The points once for each patch on which they lie, the first `count` in their order (sampler_stands). */
+    size_t stand_count;
+    const vec3 *stand_normal;          /* NULL: the normals are those of the nearest triangles */
+    const uint32_t *stand_point;       /* NULL: stand i is point i */
+    const uint32_t *stand_patch;       /* NULL: one patch */
+    const uint8_t *stand_flags;        /* of packing.h; NULL: none */
+    const uint32_t (*patch_labels)[2]; /* see sites.h; NULL: no labels */
+} measures_input;
+
+/* All are NAN if no point or pair has a value. */
+typedef struct measures {
+    double hex_fraction, edge_cv, area_cv;
+    double energy_excess, disorder;
+    double min_spacing_ratio, close_share;
+    size_t coincident;
+    double coverage, missing_share;
+    size_t parts_without_points;
+    double empty_area_share; /* of the parts without points */
+    double unmeasured_share, defect_share;
+    size_t unmeasured_count;
+    size_t thin_count; /* points with another on an opposite wall nearer than 1.2 spacings */
+    double euler;      /* sum of (6 - degree) / 6 */
+    double grading_cv, grading_exponent;
+} measures;
+
+/* Points whose distance is below these are close, or coincident; of the mean of their spacings. */
+#define MEASURES_CLOSE 0.25
+#define MEASURES_COINCIDENT 1e-3
+
+/* `local` (count values) receives the local spacing sqrt(2 a / sqrt 3), with a the area of the point's cell over the share of a full turn
+ * that the surface has at the point; of a point without a cell the requested spacing. `degree` (count values, or NULL): the number of
+ * neighbours. `farthest` (one value for each patch): the coverage of each patch. Errors: limit_memory, cancelled. Deterministic for any
+ * number of threads. */
+bool measures_take(const measures_input *in, threads *pool, double *local, double *degree, double *farthest,
+                   measures *out, error *e);
+
+#endif

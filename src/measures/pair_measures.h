@@ -1,0 +1,21 @@
+/* pair_measures: what pairs of near points say: energies, close pairs, opposite walls. Private to measures.c. */
+#ifndef HEXAD_MEASURES_PAIR_MEASURES_H
+#define HEXAD_MEASURES_PAIR_MEASURES_H
+
+#include "base/error.h"
+#include "base/threads.h"
+#include "measures/measures.h"
+#include "measures/sites.h"
+
+typedef struct pair_measures_input {
+    const sites *sites;
+    double h;
+    bool sized;           /* see measures_input */
+    const double *ideal;  /* the ideal degree of each point before rounding */
+    const bool *at_wedge; /* of each point: PACKING_AT_WEDGE */
+} pair_measures_input;
+
+/* Sets energy_excess, min_spacing_ratio, close_share, coincident and thin_count. Errors: limit_memory, cancelled. Deterministic. */
+bool pair_measures_take(const pair_measures_input *in, threads *pool, measures *out, error *e);
+
+#endif

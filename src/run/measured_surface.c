@@ -1,0 +1,121 @@
+#include "run/measured_surface.h"
+
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "base/sets.h"
+#include "field/patches.h"
+#include "measures/patch_orientation.h"
+
+/* A mesh of which more than this share lies inside its solids is sampled as the union of these, which its triangles do not describe. */
+static const double MOST_HIDDEN = 0.001;
+
+static const char what[] = "the measures of the surface";
+
+/* Patches that meet in a curve are one piece. */
+static bool find_patch_pieces(const field_patches *p, uint32_t **out, error *e)
+{
+    uint32_t *parent = mem_array(p->count, sizeof *parent, what, e),
+             *piece = mem_array(p->count, sizeof *piece, what, e);
+    uint32_t pieces = 0;
+    *out = piece;
+    if (parent && piece) {
+        sets_reset(parent, p->count);
+        for (size_t c = 0; c < p->curve_count; c++)
+            for (size_t k = 1; k < p->curve[c].patch_count; k++)
+                sets_join(parent, p->curve_patch[p->curve[c].patch_first],
+                          p->curve_patch[p->curve[c].patch_first + k]);
+        for (uint32_t k = 0; k < p->count; k++) {
+            const uint32_t root = sets_root(parent, k);
+            piece[k] = root == k ? pieces++ : piece[root];
+        }
+    }
+    free(parent);
+    return parent && piece;
+}
+
+static bool use_patches(const mesh_patches *p, const field_patches *of, measured_surface *out, error *e)
+{
+    out->patch_first = mem_array(p->count + 1, sizeof *out->patch_first, what, e);
+    if (!out->patch_first) return false;
+    for (size_t k = 0; k <= p->count; k++) out->patch_first[k] = (uint32_t)p->first[k];
+    out->facets = (facets_input){.triangle_count = p->m.triangle_count,
+                                 .vertex = p->m.vertex,
+                                 .triangle = (const uint32_t(*)[3])p->m.triangle,
+                                 .patch_first = out->patch_first,
+                                 .patch_count = p->count};
+    if (!find_patch_pieces(of, &out->patch_piece, e)) return false;
+    out->facets.patch_piece = out->patch_piece;
+    return true;
+}
+
+/* Patches of a mesh are oriented one by one. */
+static bool use_mesh(const mesh_surface *m, measured_surface *out, error *e)
+{
+    const mesh_patches *p = mesh_surface_patches(m);
+    if (!use_patches(p, mesh_surface_field(m)->patches, out, e)) return false;
+    out->patch_turned = mem_array(p->count, sizeof *out->patch_turned, what, e);
+    if (!out->patch_turned || !patch_orientation_find(&out->facets, out->patch_turned, e)) return false;
+    out->facets.patch_turned = out->patch_turned;
+    return true;
+}
+
+static bool use_labels(const label_surface *labels, measured_surface *out, error *e)
+{
+    const mesh_patches *p = label_surface_patches(labels);
+    if (!use_patches(p, label_surface_field(labels)->patches, out, e)) return false;
+    out->patch_labels = mem_array(p->count, sizeof *out->patch_labels, what, e);
+    for (uint32_t k = 0; out->patch_labels && k < p->count; k++) { /* a kind is the two materials */
+        out->patch_labels[k][0] = p->kind[k] >> 16;
+        out->patch_labels[k][1] = p->kind[k] & 0xffff;
+    }
+    return out->patch_labels != NULL;
+}
+
+/* The mesh of a level set, in world units. */
+static bool use_faces(const mesh_faces *faces, measured_surface *out, error *e)
+{
+    const mesh *m = mesh_faces_mesh(faces);
+    out->vertex = mem_array(m->vertex_count, sizeof *out->vertex, what, e);
+    if (!out->vertex) return false;
+    for (size_t k = 0; k < m->vertex_count; k++) out->vertex[k] = mesh_faces_to_world(faces, m->vertex[k]);
+    out->facets = (facets_input){.triangle_count = m->triangle_count,
+                                 .vertex = out->vertex,
+                                 .triangle = (const uint32_t(*)[3])m->triangle,
+                                 .patch_count = 1};
+    out->own_normals = true;
+    return true;
+}
+
+static const mesh_faces *faces_of(const source *s)
+{
+    const volume *v = s->whole.volume;
+    if (!v || s->creased || s->region || s->inside.field || s->whole.part_count > 0) return NULL;
+    return volume_describe(v)->fidelity.hidden <= MOST_HIDDEN ? volume_faces(v) : NULL;
+}
+
+bool measured_surface_open(const source *s, const surface *scan, measured_surface *out, error *e)
+{
+    const field *f = s->field;
+    *out = (measured_surface){.facets = {.scan = scan, .patch_count = 1}};
+    if (s->whole.mesh && f == mesh_surface_field(s->whole.mesh)) return use_mesh(s->whole.mesh, out, e);
+    if (s->whole.labels && f == label_surface_field(s->whole.labels))
+        return use_labels(s->whole.labels, out, e);
+    const mesh_faces *faces = faces_of(s);
+    if (faces) return use_faces(faces, out, e);
+    if (!f->patches) return true;
+    out->facets.patch_count = f->patches->count;
+    if (!find_patch_pieces(f->patches, &out->patch_piece, e)) return false;
+    out->facets.patch_piece = out->patch_piece;
+    return true;
+}
+
+void measured_surface_close(measured_surface *m)
+{
+    free(m->patch_first);
+    free(m->patch_piece);
+    free(m->patch_turned);
+    free(m->patch_labels);
+    free(m->vertex);
+    *m = (measured_surface){0};
+}

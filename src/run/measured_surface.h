@@ -1,0 +1,25 @@
+/* measured_surface: the triangles or grid cells on which the measures of a job's result are taken.
+ *
+ * A mesh and the interfaces of labels are measured on their triangles, also where a mesh was sampled through a level set, unless parts of it
+ * lie inside its solids. All other surfaces are measured on the cells of their scan.
+ */
+#ifndef HEXAD_RUN_MEASURED_SURFACE_H
+#define HEXAD_RUN_MEASURED_SURFACE_H
+
+#include "measures/facets.h"
+#include "source/source.h"
+
+typedef struct measured_surface {
+    facets_input facets;
+    bool own_normals; /* points take the normals of the triangles: those of the level set may differ */
+    uint32_t *patch_first, *patch_piece;
+    bool *patch_turned;
+    uint32_t (*patch_labels)[2]; /* of the interfaces of labels, else NULL */
+    vec3 *vertex;                /* of a mesh whose vertices are kept in another unit */
+} measured_surface;
+
+/* Refers to the source and the scan, which must outlive *out. Release *out also after failure. Error: limit_memory. */
+bool measured_surface_open(const source *s, const surface *scan, measured_surface *out, error *e);
+void measured_surface_close(measured_surface *m); /* a zeroed one will do */
+
+#endif
