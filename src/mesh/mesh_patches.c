@@ -510,10 +510,15 @@ static bool cut_coplanar(making *k, const mesh_edges **edges, mesh_notes *notes,
     if (over.opposite > 0)
         mesh_note(
             notes,
-            "faces touch in one plane: an area of %.4g lies in two faces that look opposite ways. It %s; move the faces "
-            "apart to sample both.",
-            over.opposite,
-            open ? "is sampled once, as the mesh is open" : "has no points, as neither bounds the solid");
+            "faces touch in one plane: an area of %.4g lies in two faces that look opposite ways. It is sampled once; move the "
+            "faces apart to sample both.",
+            over.opposite);
+    if (over.contact > 0)
+        mesh_note(
+            notes,
+            "faces touch in one plane: an area of %.4g lies in two faces that look opposite ways. It has no points, as "
+            "neither bounds the solid; move the faces apart to sample both.",
+            over.contact);
     *edges = &k->own;
     k->was_closed = !open;
     const rounding thin = {COPLANAR_THIN * r.absolute, COPLANAR_THIN * r.relative};

@@ -141,7 +141,7 @@ static bool cut_bends(const mesh_source_request *r, const welded *w, const mesh_
     return true;
 }
 
-/* *made stays empty where the mesh is to be a level set. `thin`: it was tried, and shows too little. */
+/* *made stays empty where the mesh is to be a level set. `thin`: it was tried, and shows too little, or encloses no volume. */
 static bool choose_patches(const mesh_source_request *r, const welded *w, bool thin, mesh_notes *notes,
                            mesh_patches *made, error *e)
 {
@@ -273,13 +273,18 @@ static volume *open_level_set(const mesh_source_request *r, const welded *w, con
     return v;
 }
 
-/* Whether a level set with voxels of our choice, or the lack of one, leaves out more than may be missing of a surface. */
-static bool is_too_thin(const mesh_source_request *r, const volume *v, const error *e)
+/* Why the triangles are sampled where a level set was tried, as a note; NULL: they are not. A level set with voxels of our choice, or the
+ * lack of one, may leave out more than may be missing of a surface. Patches are cut where faces overlap, and closed then, which a level
+ * set is not. */
+static const char *why_triangles(const mesh_source_request *r, const volume *v, const error *e)
 {
     const spec_mesh *s = r->spec;
-    if (!r->alone || s->interior == SPEC_INTERIOR_DROP || s->voxel_size > 0 || s->resolution > 0)
-        return false;
-    return v ? volume_describe(v)->fidelity.thin > most_missing : e->code == ERROR_NO_SURFACE;
+    if (!r->alone || s->interior == SPEC_INTERIOR_DROP || s->voxel_size > 0 || s->resolution > 0) return NULL;
+    if (v ? volume_describe(v)->fidelity.thin > most_missing : e->code == ERROR_NO_SURFACE)
+        return "the mesh is thinner than voxels can be: it is sampled on its triangles";
+    if (!v && e->code == ERROR_INPUT_UNSUPPORTED && s->holes == SPEC_HOLES_KEEP)
+        return "the mesh encloses no volume where its faces overlap: it is sampled on its triangles";
+    return NULL;
 }
 
 static bool open_read(const mesh_source_request *r, const welded *w, const mesh_notes *read,
@@ -290,16 +295,16 @@ static bool open_read(const mesh_source_request *r, const welded *w, const mesh_
     if (!choose_patches(r, w, false, &about, &patches, e)) return error_prefix(e, "%s", r->as_volume.path);
     if (patches.count == 0) {
         volume *opened = open_level_set(r, w, read, e);
-        const bool thin = is_too_thin(r, opened, e);
-        if (!thin && opened) *as_volume = opened;
-        if (!thin && !opened && !r->alone && e->code == ERROR_INPUT_UNSUPPORTED)
+        const char *why = why_triangles(r, opened, e);
+        if (!why && opened) *as_volume = opened;
+        if (!why && !opened && !r->alone && e->code == ERROR_INPUT_UNSUPPORTED)
             error_prefix(
                 e,
                 "a mesh that is combined, moved by an offset or cut by a surface must be closed; an open one may be placed, or cut by a box");
-        if (!thin) return opened != NULL;
+        if (!why) return opened != NULL;
         volume_close(opened);
         if (!choose_patches(r, w, true, &about, &patches, e)) return error_prefix(e, "%s", r->as_volume.path);
-        mesh_note(&about, "the mesh is thinner than voxels can be: it is sampled on its triangles");
+        mesh_note(&about, "%s", why);
     }
     if (patches.open_edges)
         mesh_note(&about,

@@ -6,6 +6,7 @@
 
 #include "base/memory.h"
 #include "base/sets.h"
+#include "triangles/contacts.h"
 #include "triangles/linked_mesh.h"
 
 static const char what[] = "the coplanar faces of the mesh";
@@ -543,29 +544,37 @@ static vec3 across(const mesh *m, uint32_t t)
     return vec3_cross(vec3_sub(corner[1], corner[0]), vec3_sub(corner[2], corner[0]));
 }
 
-/* A triangle with its covers. All that lies in one place has the same parts: of these the first one stays that looks the way of most;
- * or none, where as many look either way and the mesh is closed. */
-static bool stays(const cutting *c, const cover *own, size_t count, bool closed, bool *opposite)
+/* The covers of a triangle. All triangles that lie in one place have the same parts. */
+typedef struct place {
+    uint32_t triangle, same, turned; /* the first part that looks the way of the triangle, or the other one */
+    int balance;                     /* how many more parts look the way of the triangle */
+    unsigned char face;              /* contacts.h */
+} place;
+
+static place place_of(const cutting *c, const cover *own, size_t count)
 {
-    int balance = 1;
-    uint32_t same = c->part_of[own->triangle], turned = UINT32_MAX;
+    place p = {own->triangle, c->part_of[own->triangle], UINT32_MAX, 1, CONTACTS_REMAINS};
     for (size_t k = 0; k < count; k++) {
-        balance += own[k].turned ? -1 : 1;
-        uint32_t *first = own[k].turned ? &turned : &same;
+        p.balance += own[k].turned ? -1 : 1;
+        uint32_t *first = own[k].turned ? &p.turned : &p.same;
         if (own[k].part < *first) *first = own[k].part;
     }
-    *opposite = turned != UINT32_MAX;
-    if (closed && balance == 0) return false;
-    if (!closed) return c->part_of[own->triangle] == (same < turned ? same : turned);
-    return balance > 0 && c->part_of[own->triangle] == same;
+    return p;
 }
 
-/* Areas are those of what goes; of a contact both faces do. */
-static bool drop_covered(cutting *c, bool closed, coplanar_overlap *out, error *e)
+/* Whether the triangle is the one that stays, where one does: that of the first part which looks the way of most, or of any part where
+ * orientation says nothing. */
+static bool is_first(const cutting *c, const place *p, bool oriented)
 {
-    cover *list = mem_array(2 * c->meeting_count, sizeof *list, what, e);
-    size_t count = 0;
-    if (!list) return false;
+    const uint32_t own = c->part_of[p->triangle];
+    if (oriented && p->balance != 0) return p->balance > 0 && own == p->same;
+    return own == (p->same < p->turned ? p->same : p->turned);
+}
+
+/* Covers of which each is there once, by triangle. */
+static size_t list_covers(const cutting *c, cover *list)
+{
+    size_t count = 0, kept = 0;
     for (size_t k = 0; k < c->meeting_count; k++) {
         const uint32_t s = c->meetings[k][0], t = c->meetings[k][1];
         const bool against = vec3_dot(c->normal[c->part_of[s]], c->normal[c->part_of[t]]) < 0,
@@ -574,21 +583,59 @@ static bool drop_covered(cutting *c, bool closed, coplanar_overlap *out, error *
         list[count++] = (cover){t, c->part_of[s], turned};
     }
     qsort(list, count, sizeof *list, by_triangle);
-    size_t kept = 0;
     for (size_t k = 0; k < count; k++)
         if (k == 0 || by_triangle(&list[k], &list[kept - 1]) != 0) list[kept++] = list[k];
-    for (size_t k = 0, n; k < kept; k += n) {
-        const uint32_t t = list[k].triangle;
-        bool opposite;
-        for (n = 1; k + n < kept && list[k + n].triangle == t; n++) {
+    return kept;
+}
+
+/* Finds which of these places cancel, and are no contact. */
+static bool find_contacts(const cutting *c, place *places, size_t count, bool closed, error *e)
+{
+    const size_t all = c->l.m->triangle_count;
+    unsigned char *face = mem_array(all, sizeof *face, what, e);
+    if (!face) return false;
+    for (size_t t = 0; t < all; t++) face[t] = c->l.dead[t] ? CONTACTS_REMOVED : CONTACTS_REMAINS;
+    for (size_t k = 0; k < count; k++)
+        face[places[k].triangle] = closed && places[k].balance == 0  ? CONTACTS_CANCELS
+                                   : is_first(c, &places[k], closed) ? CONTACTS_REMAINS
+                                                                     : CONTACTS_REMOVED;
+    const bool ok = contacts_find_needed(c->l.m, face, e);
+    for (size_t k = 0; k < count; k++) places[k].face = face[places[k].triangle];
+    free(face);
+    return ok;
+}
+
+/* Areas are those of what goes; of a contact both faces do. */
+static void drop_place(cutting *c, const place *p, coplanar_overlap *out)
+{
+    const double area = 0.5 * vec3_norm(across(c->l.m, p->triangle));
+    if (p->face == CONTACTS_REMAINS || (p->face == CONTACTS_NEEDED && is_first(c, p, true))) return;
+    if (p->face == CONTACTS_CANCELS)
+        out->contact += area / 2;
+    else
+        *(p->turned != UINT32_MAX ? &out->opposite : &out->same) += area;
+    linked_mesh_drop(&c->l, p->triangle);
+}
+
+static bool drop_covered(cutting *c, bool closed, coplanar_overlap *out, error *e)
+{
+    cover *list = mem_array(2 * c->meeting_count, sizeof *list, what, e);
+    place *places = list ? mem_array(2 * c->meeting_count, sizeof *places, what, e) : NULL;
+    bool ok = places;
+    if (ok) {
+        const size_t covers = list_covers(c, list);
+        size_t count = 0;
+        for (size_t k = 0, n; k < covers; k += n) {
+            for (n = 1; k + n < covers && list[k + n].triangle == list[k].triangle; n++) {
+            }
+            places[count++] = place_of(c, list + k, n);
         }
-        if (stays(c, list + k, n, closed, &opposite)) continue;
-        const double area = 0.5 * vec3_norm(across(c->l.m, t));
-        *(opposite ? &out->opposite : &out->same) += opposite && closed ? area / 2 : area;
-        linked_mesh_drop(&c->l, t);
+        ok = find_contacts(c, places, count, closed, e);
+        for (size_t k = 0; ok && k < count; k++) drop_place(c, &places[k], out);
     }
     free(list);
-    return true;
+    free(places);
+    return ok;
 }
 
 /* ---- the whole */

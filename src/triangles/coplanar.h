@@ -2,8 +2,9 @@
  *
  * A part is a set of triangles of one plane that are connected by sides of two triangles. Where two parts overlap, both are cut along
  * each other's outlines, and neighbours out of the plane with them, so that closed meshes stay closed. Then, of faces that look the same
- * way, that of the first part stays. Faces that look opposite ways touch: in a closed mesh neither stays, as they bound nothing; in an
- * open mesh, where orientation says nothing, that of the first part stays. A part that overlaps itself is left alone.
+ * way, that of the first part stays. Faces that look opposite ways touch: in a closed mesh neither stays, as they bound nothing, unless
+ * that leaves a hole (contacts.h). There, and in an open mesh, where orientation says nothing, that of the first part stays. A part that
+ * overlaps itself is left alone.
  *
  * Threads: none; no shared state.
  */
@@ -22,8 +23,8 @@
 #define COPLANAR_THIN 4
 
 typedef struct coplanar_overlap {
-    double same,
-        opposite; /* area, counted once, where faces look the same way, and where some look the opposite way */
+    /* area, counted once, where faces look the same way; where some look opposite ways and one stays; where none does */
+    double same, opposite, contact;
     bool
         unfinished; /* the cuts did not come to an end: the mesh is as it was, overlaps included, and the areas are 0 */
 } coplanar_overlap;

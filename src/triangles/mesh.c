@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "triangles/contacts.h"
 #include "triangles/mesh_edges.h"
 
 #define FREE UINT32_MAX
@@ -328,6 +329,23 @@ static double area_of(const mesh *m, const uint32_t t[3])
     return 0.5 * vec3_norm(vec3_cross(vec3_sub(m->vertex[t[1]], a), vec3_sub(m->vertex[t[2]], a)));
 }
 
+/* Those of equal triangles that cancel are to stay, as if there was one more, where the mesh had a hole without them. */
+static bool keep_needed(const mesh *m, const uint32_t *first, int32_t *balance, error *e)
+{
+    size_t cancelled = 0;
+    for (uint32_t n = 0; n < m->triangle_count; n++) cancelled += first[n] == n && balance[n] == 0;
+    if (cancelled == 0) return true;
+    unsigned char *face = mem_array(m->triangle_count, sizeof *face, what, e);
+    if (!face) return false;
+    for (uint32_t n = 0; n < m->triangle_count; n++)
+        face[n] = first[n] != n ? CONTACTS_REMOVED : balance[n] ? CONTACTS_REMAINS : CONTACTS_CANCELS;
+    const bool ok = contacts_find_needed(m, face, e);
+    for (uint32_t n = 0; ok && n < m->triangle_count; n++)
+        if (face[n] == CONTACTS_NEEDED) balance[n] = 1;
+    free(face);
+    return ok;
+}
+
 static bool drop_repeated(mesh *m, mesh_cancelled cancelled, repeated *out, error *e)
 {
     size_t all = m->triangle_count, distinct = 0;
@@ -348,11 +366,12 @@ static bool drop_repeated(mesh *m, mesh_cancelled cancelled, repeated *out, erro
         for (uint32_t n = 0; n < all; n++) distinct += first[n] == n && balance[n] != 0;
         const bool keeps = distinct == 0 || cancelled == MESH_KEEP_CANCELLED;
         size_t gone = 0;
-        for (uint32_t n = 0; !keeps && n < all; n++) {
+        ok = keeps || keep_needed(m, first, balance, e);
+        for (uint32_t n = 0; ok && !keeps && n < all; n++) {
             gone += balance[first[n]] == 0;
             if (first[n] == n && balance[n] == 0) out->cancelled += area_of(m, m->triangle[n]);
         }
-        m->triangle_count = keep_distinct(m, first, balance, keeps);
+        if (ok) m->triangle_count = keep_distinct(m, first, balance, keeps);
         out->triangles = all - m->triangle_count - gone;
     }
     free(sorted);

@@ -39,6 +39,16 @@ def test_damaged_meshes_give_points_on_their_surface(worker, tmp_path, diagnose,
     assert found is None or (ambiguous and found[0] == "refused"), (names, found)
 
 
+# Cases that were once refused or had holes: faces twice of which one is turned or split, in meshes with sharp edges and without.
+@pytest.mark.parametrize("seed", [60037, 60292, 60332, 60380, 60532, 60575])
+def test_meshes_with_faces_twice_are_whole(worker, tmp_path, diagnose, seed):
+    def call(path, out):
+        return worker(path.name, output=out.name)
+    names, _, found = damaged_meshes.run(seed, call, tmp_path, COUNT)
+    diagnose(" ".join(names))
+    assert found is None
+
+
 @pytest.mark.extended
 def test_many_damaged_meshes(build, tmp_path, diagnose):
     assert damaged_meshes.run_cases(build, 200, SEED + CASES, COUNT, diagnose)

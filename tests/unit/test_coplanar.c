@@ -6,7 +6,9 @@
 #include <cmocka.h>
 
 #include <math.h>
+#include <string.h>
 
+#include "base/memory.h"
 #include "base/rng.h"
 #include "mesh_fixture.h"
 #include "triangles/coplanar.h"
@@ -100,7 +102,8 @@ static void contacts_of_solids_have_no_faces(void **state)
         put(&m, &p);
         const coplanar_overlap out = cut(&m);
         assert_false(out.unfinished);
-        assert_near(out.opposite, contact);
+        assert_near(out.contact, contact);
+        assert_near(out.opposite, 0);
         assert_near(out.same, 0);
         assert_near(mesh_area(&m), wanted - 2 * contact);
         mesh_free(&m);
@@ -127,12 +130,63 @@ static void open_faces_that_overlap_are_there_once(void **state)
         if (!out.unfinished) {
             assert_near(n % 2 ? out.opposite : out.same, 1);
             assert_near(n % 2 ? out.same : out.opposite, 0);
+            assert_near(out.contact, 0);
             assert_near(mesh_area(&m), 9);
         }
         mesh_free(&m);
     }
     print_message("# unfinished: %zu\n", unfinished);
     assert_true(unfinished <= 5);
+}
+
+/* Each triangle in three, about its middle. */
+static void split_triangles(mesh *m)
+{
+    const size_t count = m->triangle_count;
+    mesh out = {0};
+    for (size_t t = 0; t < count; t++) {
+        mesh three = {4, 3, mem_alloc(4 * sizeof *three.vertex), mem_alloc(3 * sizeof *three.triangle),
+                      false};
+        three.vertex[3] = (vec3){0, 0, 0};
+        for (uint32_t k = 0; k < 3; k++) {
+            three.vertex[k] = m->vertex[m->triangle[t][k]];
+            three.vertex[3] = vec3_axpy(1.0 / 3, three.vertex[k], three.vertex[3]);
+            memcpy(three.triangle[k], (uint32_t[3]){k, (k + 1) % 3, 3}, sizeof three.triangle[k]);
+        }
+        mesh_fixture_append(&out, three);
+    }
+    mesh_free(m);
+    *m = out;
+}
+
+/* A box that is there twice, with other triangles, and faces of it that are turned: these are no contact. */
+static void turned_faces_of_a_box_that_is_there_twice_leave_no_hole(void **state)
+{
+    (void)state;
+    print_message("# seed %d\n", SEED);
+    rng r = rng_seed(SEED, 2);
+    for (int n = 0; n < 60; n++) {
+        const pose p = {n % 3 ? 6 * rng_uniform(&r) : 0, {rng_uniform(&r), 0, 0}};
+        mesh m = box((vec3){0, 0, 0}, (vec3){1, 2, 3}), again = box((vec3){0, 0, 0}, (vec3){1, 2, 3});
+        double turned = 0;
+        const double area = mesh_area(&m);
+        for (size_t t = 0; t < 12; t++) {
+            if (rng_uniform(&r) < 0.8) continue;
+            mesh one = {m.vertex_count, 1, m.vertex, m.triangle + t, false};
+            turned += mesh_area(&one);
+            mesh_fixture_turn(&m, t);
+        }
+        split_triangles(&again);
+        mesh_fixture_append(&m, again);
+        put(&m, &p);
+        const coplanar_overlap out = cut(&m);
+        assert_false(out.unfinished);
+        assert_near(mesh_area(&m), area);
+        assert_near(out.opposite, turned);
+        assert_near(out.same, area - turned);
+        assert_near(out.contact, 0);
+        mesh_free(&m);
+    }
 }
 
 /* Faces that touch at their sides, or lie in planes that are near, and faces of curved meshes are left alone. */
@@ -154,7 +208,7 @@ static void other_faces_are_left_alone(void **state)
         assert_true(mesh_weld(&m, MESH_DROP_CANCELLED, &notes, &e));
         const size_t before = m.triangle_count;
         const coplanar_overlap out = cut(&m);
-        assert_true(out.same == 0 && out.opposite == 0);
+        assert_true(out.same == 0 && out.opposite == 0 && out.contact == 0);
         assert_int_equal(m.triangle_count, before);
         mesh_free(&m);
     }
@@ -165,6 +219,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(contacts_of_solids_have_no_faces),
         cmocka_unit_test(open_faces_that_overlap_are_there_once),
+        cmocka_unit_test(turned_faces_of_a_box_that_is_there_twice_leave_no_hole),
         cmocka_unit_test(other_faces_are_left_alone),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -525,6 +525,51 @@ static void fans_are_welded_too(void **state)
     mesh_free(&m);
 }
 
+/* A box with every face twice, one of them turned: the two cancel, but without both the box has a hole. */
+static void faces_that_cancel_leave_no_hole(void **state)
+{
+    (void)state;
+    for (size_t turned = 0; turned < 12 * 12; turned++) {
+        mesh m = mesh_fixture_box((vec3){0, 0, 0}, (vec3){1, 2, 3}, 0.4);
+        const double area = mesh_area(&m);
+        mesh_fixture_append(&m, mesh_fixture_box((vec3){0, 0, 0}, (vec3){1, 2, 3}, 0.4));
+        mesh_fixture_turn(&m, turned / 12);
+        if (turned % 12 > turned / 12) mesh_fixture_turn(&m, turned % 12);
+        mesh_notes notes = {0};
+        mesh_edges edges = {0};
+        error e = {0};
+        assert_true(mesh_weld(&m, MESH_DROP_IF_CLOSED, &notes, &e) && mesh_edges_list(&m, NULL, &edges, &e));
+        assert_int_equal(m.triangle_count, 12);
+        assert_int_equal(edges.open, 0);
+        assert_true(fabs(mesh_area(&m) - area) < 1e-12 * area);
+        mesh_edges_free(&edges);
+        mesh_free(&m);
+    }
+}
+
+/* A box and its mirror image above it, also where a face is turned elsewhere. */
+static void a_contact_of_solids_is_dropped(void **state)
+{
+    (void)state;
+    for (size_t turned = 0; turned < 24; turned++) {
+        mesh m = mesh_fixture_box((vec3){0, 0, 0}, (vec3){1, 2, 3}, 0),
+             above = mesh_fixture_box((vec3){0, 0, 0}, (vec3){1, 2, 3}, 0);
+        for (size_t v = 0; v < above.vertex_count; v++) above.vertex[v].z = 6 - above.vertex[v].z;
+        for (size_t t = 0; t < above.triangle_count; t++) mesh_fixture_turn(&above, t);
+        mesh_fixture_append(&m, above);
+        const uint32_t *t = m.triangle[turned];
+        const bool touches = m.vertex[t[0]].z == 3 && m.vertex[t[1]].z == 3 && m.vertex[t[2]].z == 3;
+        if (!touches) mesh_fixture_turn(&m, turned);
+        mesh_notes notes = {0};
+        error e = {0};
+        assert_true(mesh_weld(&m, MESH_DROP_IF_CLOSED, &notes, &e));
+        assert_int_equal(m.triangle_count, 20);
+        assert_int_equal(notes.count, 1);
+        assert_non_null(strstr(notes.text[0], "closed shells touch: an area of 8 "));
+        mesh_free(&m);
+    }
+}
+
 /* Two balls in each other, and a thin plate, none of which a level set follows. */
 static void fidelity_by_any_number_of_threads(void **state)
 {
@@ -597,6 +642,8 @@ int main(int argc, char **argv)
         cmocka_unit_test(the_first_of_equal_vertices_is_kept),
         cmocka_unit_test(boxes_hold_what_triangles_use),
         cmocka_unit_test(fans_are_welded_too),
+        cmocka_unit_test(faces_that_cancel_leave_no_hole),
+        cmocka_unit_test(a_contact_of_solids_is_dropped),
         cmocka_unit_test(fidelity_by_any_number_of_threads),
     };
     return cmocka_run_group_tests_name("mesh", tests, NULL, NULL);
