@@ -1,8 +1,9 @@
 /* contacts: which faces that cancel each other are a contact of solids, and which would leave a hole.
  *
- * Where closed shells touch, the faces there bound nothing and are removed. Faces of a surface that is in the file twice cancel, too,
- * if one of them is turned, and faces that are there with their backs; without them the surface has a hole. Cancelling faces that are
- * connected by edges are a contact if no edge of theirs has one remaining face. Threads: none; no shared state.
+ * Where closed shells touch, two faces look opposite ways. They bound nothing, and both are removed. Two faces also look opposite ways
+ * where a surface is in the file twice and one face is turned, or where a face is in the file with its back. If both are removed there,
+ * the surface has a hole. Cancelling faces that are connected by edges are a contact if none of their edges has exactly one remaining
+ * face. Threads: none; no shared state.
  */
 #ifndef HEXAD_TRIANGLES_CONTACTS_H
 #define HEXAD_TRIANGLES_CONTACTS_H

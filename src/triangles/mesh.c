@@ -329,7 +329,7 @@ static double area_of(const mesh *m, const uint32_t t[3])
     return 0.5 * vec3_norm(vec3_cross(vec3_sub(m->vertex[t[1]], a), vec3_sub(m->vertex[t[2]], a)));
 }
 
-/* Those of equal triangles that cancel are to stay, as if there was one more, where the mesh had a hole without them. */
+/* One of equal triangles that cancel stays where the mesh would have a hole: its balance becomes 1. */
 static bool keep_needed(const mesh *m, const uint32_t *first, int32_t *balance, error *e)
 {
     size_t cancelled = 0;

@@ -49,7 +49,7 @@ double mesh_area(const mesh *m);
 
 /* What becomes of a triangle that stands as often one way round as the other. */
 typedef enum mesh_cancelled {
-    MESH_DROP_CANCELLED, /* it bounds nothing; but one stays of each where all are so, or where the mesh had a hole without it (contacts.h) */
+    MESH_DROP_CANCELLED, /* it bounds nothing. One of each stays if all triangles cancel, and where there would be a hole (contacts.h) */
     MESH_KEEP_CANCELLED, /* one of them stays */
     MESH_DROP_IF_CLOSED /* MESH_DROP_CANCELLED where an even number of triangles meets at every edge: it is a contact of two solids;
                             else MESH_KEEP_CANCELLED, as the orientation of an open sheet says nothing */

@@ -8,6 +8,7 @@ import sys
 import numpy
 import pytest
 
+import damaged_meshes
 from readers import read_columns
 from service import sphere
 
@@ -33,6 +34,25 @@ def test_every_output_holds_its_points_at_any_distance(measured, name):
     assert b"xformOp" not in (near / name).read_bytes() and b"translation" not in (near / name).read_bytes()
     if name.endswith(".ply"):
         assert b"property float x" in (near / name).read_bytes()
+
+
+@pytest.mark.parametrize("name, offset, scale", [("sheet", (3.6e6, 0, 12), 1), ("box", (-2e5, 7e5, 1e4), 0.01), ("torus", (1e7, 1e7, -1e7), 1),
+                                                 ("angle", (0, -1e9, 0), 100), ("sphere", (5e3, 0, 0), 1e-3)])
+def test_every_output_holds_the_points_of_other_meshes(worker, tmp_path, name, offset, scale):
+    vertices, faces = damaged_meshes.SURFACES[name]()
+    triangles = numpy.array([t for f in faces for t in (damaged_meshes.ears(f, vertices) if len(f) > 3 else [f])])
+    vertices = scale * vertices + offset
+    precision.write_ply(tmp_path / "mesh.ply", vertices, triangles)
+    coarse = {"resolution": 32} if name in ("torus", "sphere") else {}  # of the level set
+    done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "mesh.ply"), **coarse}}, "sampling": {"count": 60},
+                   "solver": {"max_sweeps": 3}, "output": {"preview": False, **precision.OUTPUTS}})
+    assert done.returncode in (0, 10, 11), done.stderr
+    report = json.loads((tmp_path / "out/report.json").read_text())
+    positions = precision.read_npz(tmp_path / "out/points.npz")
+    assert damaged_meshes.distances(positions - offset, (vertices - offset)[triangles]).max() < 1e-3 * report["spacing"]
+    for output in precision.READERS:
+        if output != "points.vdb" or shutil.which("vdb_tool"):
+            assert precision.error(output, tmp_path / "out", report, positions) < 1e-3, output
 
 
 def test_floats_that_move_points_along_the_surface_are_doubles(worker, tmp_path):
