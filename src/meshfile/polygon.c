@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/precision.h"
 #include "geometry/vec3.h"
 
 #define NONE UINT32_MAX
@@ -30,6 +31,8 @@ typedef struct cutting {
     size_t side;            /* cells along either axis */
     double low[2], size[2]; /* the grid's corner, and its cells' sides */
     uint64_t work;
+    size_t made;          /* triangles */
+    double area, crossed; /* twice the area of the triangles, and of those that are turned over */
 } cutting;
 
 /* ---- orientation */
@@ -101,6 +104,32 @@ static vec3 polygon_normal(const double (*place)[3], const uint32_t *corner, siz
     return sum;
 }
 
+/* ---- spikes */
+
+/* How far a corner may be from the line through two others if all three are rounded places of it (triangles/rounding.h). */
+static double reach_of(const double (*place)[3], const uint32_t *corner, size_t count)
+{
+    static const double of_double = 6 * 0x1p-53, of_float = 0x1p-24;
+    double largest = 0;
+    bool are_floats = true;
+    for (size_t k = 0; k < count; k++)
+        for (int axis = 0; axis < 3; axis++) {
+            const double x = place[corner[k]][axis];
+            largest = fmax(largest, fabs(x));
+            are_floats &= precision_as_float(x) == x;
+        }
+    return 2 * sqrt(3) * largest * (of_double + (are_floats ? of_float : 0));
+}
+
+/* Whether the sides at a tip lie on each other to within rounding, so that the triangle there has no area. Rounding alone decides whether
+ * such sides cross. */
+static bool is_spike(const double before[3], const double tip[3], const double after[3], double reach)
+{
+    const vec3 a = vec3_sub(vector(before), vector(tip)), b = vec3_sub(vector(after), vector(tip));
+    return vec3_dot(a, b) > 0 &&
+           vec3_norm(vec3_cross(a, b)) <= reach * sqrt(fmax(vec3_norm2(a), vec3_norm2(b)));
+}
+
 /* ---- fans */
 
 /* Whether all triangles of the fan about corner `first` look to the side of the normal. */
@@ -140,7 +169,17 @@ static size_t first_corner(const double (*place)[3], const uint32_t *corner, siz
     return first;
 }
 
-/* A quadrangle of which neither diagonal lies inside crosses itself, or has no area. */
+/* The corner of a quadrangle after the tip of a spike; 4: there is none. */
+static size_t after_spike(const double (*place)[3], const uint32_t *corner)
+{
+    const double reach = reach_of(place, corner, 4);
+    for (size_t k = 0; k < 4; k++)
+        if (is_spike(place[corner[(k + 3) % 4]], place[corner[k]], place[corner[(k + 1) % 4]], reach))
+            return (k + 1) % 4;
+    return 4;
+}
+
+/* If neither diagonal lies inside, the quadrangle has a spike, which is cut off, or crosses itself, or has no area. */
 static polygon_result cut_quadrangle(const double (*place)[3], const uint32_t *corner, vec3 normal,
                                      uint32_t (*out)[3])
 {
@@ -152,8 +191,13 @@ static polygon_result cut_quadrangle(const double (*place)[3], const uint32_t *c
     }
     const bool are_equal = fabs(length2[1] - length2[0]) <= same_length * fmax(length2[0], length2[1]);
     const size_t shorter = are_equal ? first_corner(place, corner, 4) % 2 : length2[1] < length2[0];
-    make_fan(corner, 4, inside[0] == inside[1] ? shorter : inside[1], out);
-    return inside[0] || inside[1] || !(vec3_norm2(normal) > 0) ? POLYGON_CUT : POLYGON_CROSSED;
+    if (inside[0] || inside[1]) {
+        make_fan(corner, 4, inside[0] && inside[1] ? shorter : inside[1], out);
+        return POLYGON_CUT;
+    }
+    const size_t first = after_spike(place, corner);
+    make_fan(corner, 4, first < 4 ? first : shorter, out);
+    return first < 4 || !(vec3_norm2(normal) > 0) ? POLYGON_CUT : POLYGON_CROSSED;
 }
 
 /* ---- ears */
@@ -236,28 +280,55 @@ static uint32_t find_ear(cutting *c, uint32_t from, size_t left)
     return flat != NONE ? flat : from;
 }
 
-static polygon_result clip_ears(cutting *c, uint32_t (*out)[3])
+/* Returns the corner after the tip. */
+static uint32_t clip(cutting *c, uint32_t tip, uint32_t (*out)[3])
 {
-    double area = 0, crossed = 0;
+    uint32_t ear[3];
+    ear_of(c, tip, ear);
+    const double twice = turn_at(c, tip);
+    c->area += twice;
+    c->crossed += fmax(-twice, 0);
+    for (int k = 0; k < 3; k++) out[c->made][k] = c->corner[ear[k]];
+    c->made++;
+    c->reflex[tip] = false;
+    c->next[ear[0]] = ear[2];
+    c->previous[ear[2]] = ear[0];
+    for (int k = 0; k < 3; k += 2) c->reflex[ear[k]] = turn_at(c, ear[k]) <= 0;
+    return ear[2];
+}
+
+static bool is_spike_at(const cutting *c, const double (*place)[3], double reach, uint32_t tip)
+{
+    uint32_t ear[3];
+    ear_of(c, tip, ear);
+    return is_spike(place[c->corner[ear[0]]], place[c->corner[tip]], place[c->corner[ear[2]]], reach);
+}
+
+/* Before ears: one may hold a spike whose sides cross by rounding, and corners become reflex. Behind a spike may be another one. Returns a
+ * corner that is left. */
+static uint32_t clip_spikes(cutting *c, const double (*place)[3], uint32_t (*out)[3])
+{
+    const double reach = reach_of(place, c->corner, c->count);
     uint32_t tip = 0;
-    size_t made = 0;
-    for (size_t left = c->count; left >= 3; left--) {
-        uint32_t ear[3];
-        tip = find_ear(c, tip, left);
-        if (c->work > most_work) return POLYGON_TOO_LARGE;
-        ear_of(c, tip, ear);
-        const double twice = turn_at(c, tip);
-        area += twice;
-        crossed += fmax(-twice, 0);
-        for (int k = 0; k < 3; k++) out[made][k] = c->corner[ear[k]];
-        made++;
-        c->reflex[tip] = false;
-        c->next[ear[0]] = ear[2];
-        c->previous[ear[2]] = ear[0];
-        for (int k = 0; k < 3; k += 2) c->reflex[ear[k]] = turn_at(c, ear[k]) <= 0;
-        tip = c->next[ear[2]]; /* not beside the last one: fewer triangles at one corner */
+    for (size_t ahead = c->count; ahead > 0 && c->count - c->made >= 3; ahead--) {
+        if (is_spike_at(c, place, reach, tip)) {
+            tip = c->previous[clip(c, tip, out)];
+            ahead++;
+        } else {
+            tip = c->next[tip];
+        }
     }
-    return crossed > crossed_area * area ? POLYGON_CROSSED : POLYGON_CUT;
+    return tip;
+}
+
+static polygon_result clip_ears(cutting *c, uint32_t tip, uint32_t (*out)[3])
+{
+    while (c->count - c->made >= 3) {
+        tip = find_ear(c, tip, c->count - c->made);
+        if (c->work > most_work) return POLYGON_TOO_LARGE;
+        tip = c->next[clip(c, tip, out)]; /* not beside the last one: fewer triangles at one corner */
+    }
+    return c->crossed > crossed_area * c->area ? POLYGON_CROSSED : POLYGON_CUT;
 }
 
 /* Places in the plane: without the coordinate along which the normal is longest. */
@@ -274,21 +345,28 @@ static void project(cutting *c, const double (*place)[3], vec3 normal)
     }
 }
 
-/* About as many cells as reflex corners. */
-static bool make_grid(cutting *c)
+static void link_corners(cutting *c)
 {
-    double high[2] = {-INFINITY, -INFINITY};
-    size_t reflex = 0;
-    c->low[0] = c->low[1] = INFINITY;
     for (uint32_t k = 0; k < c->count; k++) {
         c->next[k] = k + 1 < c->count ? k + 1 : 0;
         c->previous[k] = k > 0 ? k - 1 : (uint32_t)c->count - 1;
+    }
+}
+
+/* About as many cells as reflex corners. Of the corners that are left, of which `tip` is one. */
+static bool make_grid(cutting *c, uint32_t tip)
+{
+    const size_t left = c->count - c->made;
+    double high[2] = {-INFINITY, -INFINITY};
+    size_t reflex = 0;
+    c->low[0] = c->low[1] = INFINITY;
+    for (size_t n = 0, k = tip; n < left; n++, k = c->next[k]) {
         for (int axis = 0; axis < 2; axis++) {
             c->low[axis] = fmin(c->low[axis], c->at[k][axis]);
             high[axis] = fmax(high[axis], c->at[k][axis]);
         }
     }
-    for (uint32_t k = 0; k < c->count; k++) reflex += c->reflex[k] = turn_at(c, k) <= 0;
+    for (size_t n = 0; n < left; n++, tip = c->next[tip]) reflex += c->reflex[tip] = turn_at(c, tip) <= 0;
     c->side = (size_t)sqrt((double)reflex) + 1;
     for (int axis = 0; axis < 2; axis++) {
         const double length = high[axis] - c->low[axis];
@@ -297,11 +375,12 @@ static bool make_grid(cutting *c)
     c->cell = malloc(c->side * c->side * sizeof *c->cell);
     if (!c->cell) return false;
     memset(c->cell, 0xFF, c->side * c->side * sizeof *c->cell);
-    for (uint32_t k = 0; k < c->count; k++) {
-        if (!c->reflex[k]) continue;
-        uint32_t *first = &c->cell[cell_along(c, 0, c->at[k][0]) * c->side + cell_along(c, 1, c->at[k][1])];
-        c->in_cell[k] = *first;
-        *first = k;
+    for (size_t n = 0; n < left; n++, tip = c->next[tip]) {
+        if (!c->reflex[tip]) continue;
+        const double *at = c->at[tip];
+        uint32_t *first = &c->cell[cell_along(c, 0, at[0]) * c->side + cell_along(c, 1, at[1])];
+        c->in_cell[tip] = *first;
+        *first = tip;
     }
     return true;
 }
@@ -318,7 +397,9 @@ static polygon_result cut_by_ears(const double (*place)[3], const uint32_t *corn
         c.previous = c.next + count;
         c.in_cell = c.previous + count;
         project(&c, place, normal);
-        if (make_grid(&c)) result = clip_ears(&c, out);
+        link_corners(&c);
+        const uint32_t tip = clip_spikes(&c, place, out);
+        if (make_grid(&c, tip)) result = clip_ears(&c, tip, out);
     }
     free(c.at);
     free(c.next);

@@ -18,7 +18,8 @@ typedef enum polygon_result {
  * polygon. out[] holds numbers from `corner`. Every corner is used, also one on a straight line, so that neighbours
  * share whole edges.
  *
- * The triangles of a simple planar polygon cover it once, and lie within it. A quadrangle is cut along the shorter of its
+ * The triangles of a simple planar polygon cover it once, and lie within it. A spike, of which two sides lie on each other to within
+ * rounding, becomes a triangle without area. A quadrangle is cut along the shorter of its
  * diagonals that lie inside. A polygon of more corners that is not planar is cut as its projection along the coordinate axis
  * nearest to its normal. A convex polygon becomes a fan. Copies of a polygon are cut alike, whichever corner they begin with and whichever
  * way round they are: of equal diagonals, and as the middle of a fan, the corner with the least x, then y, then z is taken.

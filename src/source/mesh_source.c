@@ -283,7 +283,7 @@ static const char *why_triangles(const mesh_source_request *r, const volume *v, 
     if (v ? volume_describe(v)->fidelity.thin > most_missing : e->code == ERROR_NO_SURFACE)
         return "the mesh is thinner than voxels can be: it is sampled on its triangles";
     if (!v && e->code == ERROR_INPUT_UNSUPPORTED && s->holes == SPEC_HOLES_KEEP)
-        return "the mesh encloses no volume where its faces overlap: it is sampled on its triangles";
+        return "faces of the mesh overlap, so that it encloses no volume: it is sampled on its triangles. Join the faces to have a level set.";
     return NULL;
 }
 

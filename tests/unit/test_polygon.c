@@ -185,6 +185,71 @@ static void simple_polygons_are_covered_once(void **state)
     }
 }
 
+static double turn(const double a[2], const double b[2], const double c[2])
+{
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+}
+
+/* Whether the way from corner `at` to a tip crosses no side, and does not lie on one of the corner's own. */
+static bool is_clear(const outline *o, size_t at, const double tip[2])
+{
+    const double *a = o->at[at];
+    for (size_t k = 0; k < o->count; k++) {
+        const double *c = o->at[k], *d = o->at[(k + 1) % o->count];
+        if (k == at || (k + 1) % o->count == at) {
+            const double *far = k == at ? d : c;
+            if (fabs(turn(a, tip, far)) < 1e-3 &&
+                (far[0] - a[0]) * (tip[0] - a[0]) + (far[1] - a[1]) * (tip[1] - a[1]) > 0)
+                return false;
+        } else if (turn(a, tip, c) * turn(a, tip, d) <= 0 && turn(c, d, a) * turn(c, d, tip) <= 0) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/* A spike without area at a corner: it goes on in the way of the side before it or after it, and comes back to it. */
+static bool put_spike(outline *o, size_t at, rng *r)
+{
+    const bool is_before = rng_uniform(r) < 0.5;
+    const double *corner = o->at[at], *from = o->at[(at + (is_before ? o->count - 1 : 1)) % o->count],
+                 share = 0.1 + rng_uniform(r);
+    const double tip[2] = {corner[0] + share * (corner[0] - from[0]),
+                           corner[1] + share * (corner[1] - from[1])};
+    if (!is_clear(o, at, tip)) return false;
+    const size_t place = is_before ? at : at + 1;
+    memmove(o->at[place + 1], o->at[place], (o->count - place) * sizeof *o->at);
+    memcpy(o->at[place], tip, sizeof tip);
+    o->count++;
+    return true;
+}
+
+/* As where triangles without area were joined with their neighbours; within the polygon, and outside of it. */
+static void spikes_have_no_area(void **state)
+{
+    (void)state;
+    print_message("# seed %d\n", SEED);
+    rng r = rng_seed(SEED, 5);
+    outline o;
+    size_t spikes = 0;
+    for (int n = 0; n < 2000; n++) {
+        if (n % 4 < 3) {
+            make_shape(&o, n % 4, 4 + (size_t)(rng_uniform(&r) * 12), &r);
+        } else {
+            o.count = 0;
+            for (int k = 0; k < 3; k++) add(&o, cos(2 * k + rng_uniform(&r)), sin(2 * k + rng_uniform(&r)));
+            if (!(area_of(&o) > 0.1)) continue;
+        }
+        const size_t most = o.count == 3 ? 1 : 3;
+        size_t put = 0;
+        for (int k = 0; k < 20 && put < most; k++)
+            put += put_spike(&o, (size_t)(rng_uniform(&r) * (double)o.count), &r);
+        spikes += put;
+        assert_covered(&o, &r, true);
+    }
+    assert_true(spikes > 2000);
+}
+
 /* Corners on straight sides are used, so that no triangle is flat: the coordinates are exact. */
 static void straight_corners_give_no_flat_triangles(void **state)
 {
@@ -336,6 +401,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(simple_polygons_are_covered_once),
+        cmocka_unit_test(spikes_have_no_area),
         cmocka_unit_test(straight_corners_give_no_flat_triangles),
         cmocka_unit_test(quadrangles_are_cut_along_the_shorter_diagonal_within),
         cmocka_unit_test(copies_of_a_polygon_are_cut_alike),
