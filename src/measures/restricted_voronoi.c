@@ -12,9 +12,11 @@
 enum { TASKS = 512, POINTS_OF_TASK = 1000, TASKS_AT_ONCE = 64 };
 /* A triangle with more candidates is divided at its longest edge before it is clipped: clipping takes the square of their number. */
 enum { MOST_CANDIDATES = 12, DEEPEST = 48 };
-/* Where it is not certain that a candidate faces all items of a node, the points within this many spacings beyond the nearest candidate stay
- * candidates. A triangle that needs others collects them again, within FARTHEST_SITE spacings; beyond, it belongs to no cell. */
-static const double UNCERTAIN_REACH = 3, FARTHEST_SITE = 8;
+/* Candidates are collected for nodes, or parts of triangles, of at most this radius in spacings. */
+static const double SMALL = 1;
+/* Of all points within this many spacings beyond the nearest one. A triangle that needs others, since these are of an opposite wall, collects
+ * those within FARTHEST_SITE spacings; beyond, it belongs to no cell. */
+static const double COLLECTED = 1.5, FARTHEST_SITE = 8;
 /* Corners of a clipped triangle: three, one for each bisector, and the faces of a domain. */
 enum { MOST_CORNERS = 3 + MOST_CANDIDATES + 6 };
 /* Distances are compared with this relative margin, so that rounding discards no candidate. */
@@ -39,8 +41,6 @@ typedef struct candidates {
 
 typedef struct task {
     uint32_t node;
-    candidates from; /* of its parent, whose centre is `centre` */
-    vec3 centre;
     area_record *area;
     size_t area_count, area_room;
     voronoi_side *side;
@@ -53,7 +53,6 @@ typedef struct task {
 typedef struct build_job {
     const facets *f;
     const sites *s;
-    const uint32_t *candidates;
     task *task;
     double *
         farthest; /* of each worker, of each patch: of the task at hand, and behind these of all of its tasks */
@@ -181,7 +180,7 @@ static bool choose_candidates(descent *d, const facets_node *n, const candidates
         if (at == FACING_NONE) continue;
         list[kept++] = i;
         *certain &= at == FACING_ALL;
-        any = fmin(any, distance + UNCERTAIN_REACH * s->spacing[i]);
+        any = fmin(any, distance + COLLECTED * s->spacing[i]);
         if (at == FACING_ALL && n->piece != FACETS_MIXED) facing_all = fmin(facing_all, distance);
     }
     const double reach = (fmin(facing_all, any) + 2 * n->radius) * (1 + MARGIN), reach2 = reach * reach;
@@ -449,16 +448,24 @@ static bool is_candidate(const sites *s, uint32_t i, const facet *t)
 
 typedef struct collection {
     descent *d;
-    const facet *of;
+    const facet *of; /* NULL: every point */
     bool ok;
 } collection;
 
 static void collect(void *context, uint32_t i)
 {
     collection *c = context;
-    if (!c->ok || !is_candidate(c->d->s, i, c->of)) return;
+    if (!c->ok || (c->of && !is_candidate(c->d->s, i, c->of))) return;
     c->ok = reserve(c->d, 1);
     if (c->ok) c->d->list[c->d->top++] = i;
+}
+
+/* Pushes the points within `reach` of x: all, or the candidates of a triangle. */
+static bool collect_within(descent *d, vec3 x, double reach, const facet *of)
+{
+    collection c = {d, of, true};
+    near_points_within(d->s->near, x, reach, collect, &c);
+    return c.ok;
 }
 
 /* The distance from the centroid of the nearest of the candidates from `base` on. */
@@ -470,31 +477,71 @@ static double nearest_candidate(const descent *d, size_t base, vec3 centroid)
     return nearest;
 }
 
+/* A sphere around a part of a triangle, and the nearest of all points. */
+typedef struct surroundings {
+    vec3 centre;
+    double radius, nearest, spacing;
+} surroundings;
+
+static surroundings surroundings_at(const descent *d, vec3 centre, double radius)
+{
+    surroundings out = {.centre = centre, .radius = radius};
+    out.spacing = d->s->spacing[near_points_nearest(d->s->near, centre, 0, &out.nearest)];
+    return out;
+}
+
+static double part_radius(const part *t, vec3 centroid)
+{
+    double radius = 0;
+    for (int k = 0; k < 3; k++) radius = fmax(radius, vec3_norm(vec3_sub(t->corner[k], centroid)));
+    return radius;
+}
+
+/* Finishes a part whose candidates, from `base` on, are complete within `complete` of its centroid. */
+static bool visit_candidates(descent *d, const part *t, size_t base, vec3 centroid, double radius,
+                             double complete)
+{
+    bool ok = true;
+    if (nearest_candidate(d, base, centroid) + 2 * radius > complete) {
+        d->top = base;
+        ok = collect_within(d, centroid, FARTHEST_SITE * d->s->largest_spacing + 2 * radius, t->of);
+    }
+    if (ok && d->top == base)
+        measure_uncovered(d, t);
+    else if (ok)
+        ok = visit_part(d, t, ALL_CORNERS, base, d->top - base);
+    d->top = base;
+    return ok;
+}
+
+/* A part without candidates: a large one is divided first. */
+static bool visit_large_part(descent *d, const part *t)
+{
+    const vec3 centroid = field_triangle_middle(t->corner);
+    const surroundings at = surroundings_at(d, centroid, part_radius(t, centroid));
+    if (at.radius > SMALL * at.spacing && t->depth < DEEPEST) {
+        const int longest = longest_edge(t);
+        const part one = half_of(t, longest, 0), other = half_of(t, longest, 1);
+        return visit_large_part(d, &one) && visit_large_part(d, &other);
+    }
+    const double reach = at.nearest + 2 * at.radius + COLLECTED * at.spacing;
+    const size_t base = d->top;
+    return collect_within(d, centroid, reach, t->of) &&
+           visit_candidates(d, t, base, centroid, at.radius, reach);
+}
+
+/* `from` NULL: there are no candidates yet. */
 static bool visit_triangle(descent *d, const facet *t, const candidates *from, vec3 from_centre)
 {
     const part whole = {{t->corner[0], t->corner[1], t->corner[2]}, t, 0};
+    if (!from) return visit_large_part(d, &whole);
     const vec3 centroid = field_triangle_middle(t->corner);
     const size_t base = d->top;
-    double radius = 0;
     if (!reserve(d, from->count)) return false;
     for (size_t k = 0; k < from->count; k++)
         if (is_candidate(d->s, d->list[from->first + k], t)) d->list[d->top++] = d->list[from->first + k];
-    for (int k = 0; k < 3; k++) radius = fmax(radius, vec3_norm(vec3_sub(t->corner[k], centroid)));
-    const double needed = nearest_candidate(d, base, centroid) + 2 * radius;
-    bool ok = true;
-    if (needed + vec3_norm(vec3_sub(centroid, from_centre)) > from->complete) {
-        collection c = {d, t, true};
-        d->top = base;
-        near_points_within(d->s->near, centroid, FARTHEST_SITE * d->s->largest_spacing + 2 * radius, collect,
-                           &c);
-        ok = c.ok;
-    }
-    if (ok && d->top == base)
-        measure_uncovered(d, &whole);
-    else if (ok)
-        ok = visit_part(d, &whole, ALL_CORNERS, base, d->top - base);
-    d->top = base;
-    return ok;
+    const double complete = from->complete - vec3_norm(vec3_sub(centroid, from_centre));
+    return visit_candidates(d, &whole, base, centroid, part_radius(&whole, centroid), complete);
 }
 
 /* ---- nodes */
@@ -536,7 +583,7 @@ static bool visit_item(descent *d, size_t k, const candidates *from, vec3 from_c
     return ok;
 }
 
-static bool visit_node(descent *d, uint32_t node, const candidates *from, vec3 from_centre)
+static bool visit_small_node(descent *d, uint32_t node, const candidates *from, vec3 from_centre)
 {
     const facets_node *n = &d->f->node[node];
     const size_t base = d->top;
@@ -547,10 +594,29 @@ static bool visit_node(descent *d, uint32_t node, const candidates *from, vec3 f
     if (certain && own.count == 1 && is_covered(d, n->patch, n->centre, n->radius, d->list[base]))
         ok = add_area(d, d->list[base], n->area);
     else if (n->right > 0)
-        ok = visit_node(d, node + 1, &own, n->centre) && visit_node(d, n->right, &own, n->centre);
+        ok = visit_small_node(d, node + 1, &own, n->centre) && visit_small_node(d, n->right, &own, n->centre);
     else
         for (size_t k = n->begin; ok && k < n->end; k++) ok = visit_item(d, k, &own, n->centre, certain);
     d->top = base;
+    return ok;
+}
+
+/* A node without candidates. */
+static bool visit_node(descent *d, uint32_t node)
+{
+    const facets_node *n = &d->f->node[node];
+    const surroundings at = surroundings_at(d, n->centre, n->radius);
+    bool ok = true;
+    if (at.radius <= SMALL * at.spacing) {
+        const size_t base = d->top;
+        const double reach = at.nearest + 2 * at.radius + COLLECTED * at.spacing;
+        ok = collect_within(d, n->centre, reach, NULL) &&
+             visit_small_node(d, node, &(candidates){base, d->top - base, reach}, n->centre);
+        d->top = base;
+    } else if (n->right > 0)
+        ok = visit_node(d, node + 1) && visit_node(d, n->right);
+    else
+        for (size_t k = n->begin; ok && k < n->end; k++) ok = visit_item(d, k, NULL, n->centre, false);
     return ok;
 }
 
@@ -564,12 +630,7 @@ static void run_tasks(void *context, int worker, size_t begin, size_t end)
         task *t = &job->task[k];
         descent d = {.f = job->f, .s = job->s, .to = t, .farthest = own};
         memset(own, 0, patches * sizeof *own);
-        if (reserve(&d, t->from.count)) {
-            const candidates from = {0, t->from.count, t->from.complete};
-            memcpy(d.list, job->candidates + t->from.first, from.count * sizeof *d.list);
-            d.top = from.count;
-            visit_node(&d, t->node, &from, t->centre);
-        }
+        visit_node(&d, t->node);
         for (size_t p = 0; p < patches; p++) all[p] = fmax(all[p], own[p]);
         free(d.list);
         free(d.square);
@@ -636,54 +697,38 @@ static bool settle_task(task *t, restricted_voronoi *out, side_table *table, err
 
 /* ---- the division into tasks */
 
-typedef struct division {
-    descent d; /* for its stack of candidates */
-    task *task;
-    size_t count;
-    size_t most; /* items of a task */
-} division;
-
-/* Descends to nodes of at most `most` items, with the candidates of each, which stay on the stack. */
-static bool divide(division *v, uint32_t node, const candidates *from, vec3 from_centre)
+/* Descends to nodes of at most `most` items; returns the number of tasks. */
+static size_t divide(const facets *f, uint32_t node, size_t most, task *out)
 {
-    const facets_node *n = &v->d.f->node[node];
-    candidates own;
-    bool certain;
-    if (!choose_candidates(&v->d, n, from, from_centre, &own, &certain)) return false;
-    if (n->right == 0 || n->end - n->begin <= v->most) {
-        v->task[v->count++] = (task){.node = node, .from = own, .centre = n->centre};
-        return true;
+    const facets_node *n = &f->node[node];
+    if (n->right == 0 || n->end - n->begin <= most) {
+        *out = (task){.node = node};
+        return 1;
     }
-    return divide(v, node + 1, &own, n->centre) && divide(v, n->right, &own, n->centre);
+    const size_t count = divide(f, node + 1, most, out);
+    return count + divide(f, n->right, most, out + count);
 }
 
 bool restricted_voronoi_build(const facets *f, const sites *s, threads *pool, restricted_voronoi *out,
                               error *e)
 {
     const size_t workers = (size_t)threads_count(pool), patches = f->in.patch_count;
-    task scratch = {0};
-    const size_t tasks = s->count / POINTS_OF_TASK + 1;
-    division v = {.d = {.f = f, .s = s, .to = &scratch},
-                  .most = f->item_count / (tasks < TASKS ? tasks : TASKS) + 1};
+    const size_t wanted = s->count / POINTS_OF_TASK + 1,
+                 most = f->item_count / (wanted < TASKS ? wanted : TASKS) + 1;
     side_table table = {0};
     double *farthest = mem_array(2 * workers * patches, sizeof *farthest, what, e);
+    task *all = mem_array(4 * TASKS, sizeof *all, what, e);
     *out = (restricted_voronoi){0};
     out->area = mem_array(s->count, sizeof *out->area, what, e);
     out->farthest = mem_array(patches, sizeof *out->farthest, what, e);
-    v.task = mem_array(4 * TASKS, sizeof *v.task, what, e);
-    bool ok = farthest && out->area && out->farthest && v.task && table_init(&table, 4 * s->count, e);
-    if (ok) {
-        ok = reserve(&v.d, 2 * s->count);
-        for (uint32_t i = 0; ok && i < s->count; i++) v.d.list[v.d.top++] = i;
-        ok = ok && divide(&v, 0, &(candidates){0, s->count, INFINITY}, f->node[0].centre);
-        if (!ok && e) *e = scratch.why;
-    }
-    build_job job = {f, s, v.d.list, v.task, farthest};
-    for (size_t k = 0; ok && k < v.count; k += TASKS_AT_ONCE) {
-        const size_t count = v.count - k < TASKS_AT_ONCE ? v.count - k : TASKS_AT_ONCE;
-        job.task = v.task + k;
-        threads_run(pool, count, 1, run_tasks, &job);
-        for (size_t i = 0; i < count; i++) ok = settle_task(&v.task[k + i], out, &table, ok ? e : NULL) && ok;
+    bool ok = farthest && out->area && out->farthest && all && table_init(&table, 4 * s->count, e);
+    const size_t tasks = ok ? divide(f, 0, most, all) : 0;
+    build_job job = {f, s, all, farthest};
+    for (size_t k = 0; k < tasks; k += TASKS_AT_ONCE) {
+        const size_t count = tasks - k < TASKS_AT_ONCE ? tasks - k : TASKS_AT_ONCE;
+        job.task = all + k;
+        if (ok) threads_run(pool, count, 1, run_tasks, &job);
+        for (size_t i = 0; i < count; i++) ok = settle_task(&all[k + i], out, &table, ok ? e : NULL) && ok;
     }
     for (size_t w = 0; ok && w < workers; w++)
         for (size_t p = 0; p < patches; p++)
@@ -691,9 +736,7 @@ bool restricted_voronoi_build(const facets *f, const sites *s, threads *pool, re
     for (size_t k = 0; ok && k < table.room; k++)
         if (table.entry[k].b != 0) table.entry[out->side_count++] = table.entry[k];
     out->side = table.entry;
-    free(v.task);
-    free(v.d.list);
-    free(v.d.square);
+    free(all);
     free(farthest);
     return ok && (!threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped"));
 }
