@@ -257,6 +257,7 @@ bool relax_refresh(relax *r, const particles *p, double sigma)
 typedef struct attempt {
     const relax_params *params;
     const field *field; /* of the particle */
+    uint32_t *hint;     /* of its place on that field, see `sample_near` in field_ops */
     bool bounded;       /* the patch may end nearby */
     const energy_function *potential;
     pair_list *near;
@@ -274,7 +275,7 @@ typedef struct attempt {
 static void add_turning(const attempt *a, pair_forces *f)
 {
     field_sample s;
-    if (!field_sample_at(a->field, a->x, FIELD_HESSIAN, &s)) return;
+    if (!field_sample_near(a->field, a->x, FIELD_HESSIAN, a->hint, &s)) return;
     double length = vec3_norm(s.gradient);
     vec3 n = vec3_scale(s.gradient, 1 / length);
     vec3 turn1 = vec3_scale(sym3_apply(s.hessian, a->axis1), 1 / length);
@@ -354,7 +355,7 @@ static bool move(const attempt *a, double s1, double s2, vec3 *x, vec3 *normal)
     vec3 q = vec3_axpy(scale * s1, a->axis1, vec3_axpy(scale * s2, a->axis2, a->x)), n;
     for (int axis = 0; axis < 3; axis++)
         if (a->boundary_axes >> axis & 1) vec3_set(&q, axis, vec3_get(a->x, axis));
-    if (!projection_find(a->field, &limits, &q, &n)) return false;
+    if (!projection_find_near(a->field, &limits, a->hint, &q, &n)) return false;
     if (a->bounded && !field_is_within(a->field, q)) return false;
     /* what the projection adds must not carry it past its neighbour, nor past what the lists cover */
     if (vec3_norm(vec3_sub(q, a->x)) > a->limit) return false;
@@ -382,7 +383,7 @@ static void straighten(const attempt *a, vec3 *x, vec3 *normal)
 {
     double h = projection_scale(a->field, a->spacing);
     const projection_limits limits = {TRIAL_STEPS, STRAIGHT_ACCEPT * h, 0, TRIAL_REJECT * h};
-    projection_find(a->field, &limits, x, normal);
+    projection_find_near(a->field, &limits, a->hint, x, normal);
 }
 
 /* Steps 1 to 4 of section 5. */
@@ -562,7 +563,9 @@ static void update_particle(const sweep_job *job, int worker, size_t i, block_su
 {
     particles *p = job->p;
     const relax_params *params = job->params;
+    uint32_t none = FIELD_NO_HINT;
     attempt a = {.params = params,
+                 .hint = p->patch ? &p->hint[i] : &none,
                  .field = particles_field(p, params->field, i),
                  .bounded = p->place && p->near_boundary[i],
                  .potential = job->r->energy,
