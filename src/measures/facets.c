@@ -138,11 +138,6 @@ static uint32_t piece_of_item(const facets *f, uint32_t item)
     return f->in.patch_piece ? f->in.patch_piece[patch_of_item(f, item)] : f->piece ? f->piece[item] : 0;
 }
 
-static bool is_turned(const facets *f, uint32_t item)
-{
-    return f->in.patch_turned && f->in.patch_turned[patch_of_item(f, item)];
-}
-
 uint32_t facets_piece(const facets *f, size_t k)
 {
     return piece_of_item(f, f->item[k]);
@@ -179,7 +174,7 @@ static void bound_item(const facets *f, uint32_t item, vec3 normal, float angle,
     out->centre = field_triangle_middle(c);
     out->radius = 0;
     for (int k = 0; k < 3; k++) out->radius = fmax(out->radius, vec3_norm(vec3_sub(c[k], out->centre)));
-    out->normal = is_turned(f, item) ? vec3_scale(vec3_unit(cross), -1) : vec3_unit(cross);
+    out->normal = vec3_unit(cross);
     out->angle = 0;
     out->area = 0.5 * vec3_norm(cross);
 }
@@ -407,7 +402,6 @@ int facets_expand(const facets *f, size_t k, facet out[FIELD_CELL_TRIANGLES])
         to->patch = patch;
         to->piece = piece;
         if (f->face_normal) to->normal = oriented(f, k, patch, corner[t], to->normal);
-        if (is_turned(f, item)) to->normal = vec3_scale(to->normal, -1);
     }
     return kept;
 }

@@ -19,13 +19,12 @@
 typedef struct facets_input {
     size_t triangle_count;         /* > 0: a mesh */
     const vec3 *vertex;            /* of the mesh */
-    const uint32_t (*triangle)[3]; /* consistently oriented within each patch */
+    const uint32_t (*triangle)[3]; /* consistently oriented */
     const uint32_t *
         patch_first; /* NULL: one patch; else the triangles of patch p are patch_first[p] .. patch_first[p + 1] - 1 */
     const surface *scan;         /* without a mesh: the surface's grid cells */
     size_t patch_count;          /* at least 1 */
     const uint32_t *patch_piece; /* the piece of each patch, or NULL: pieces are computed for each item */
-    const bool *patch_turned;    /* of a mesh: whether the normals of each patch are reversed; NULL: none */
 } facets_input;
 
 typedef struct facets_node {

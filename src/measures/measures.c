@@ -98,8 +98,7 @@ static void gather_sides(const measures_input *in, point_table *t)
          k-- > 0;) { /* fills each from its end, and leaves side[i + 1] at its begin */
         const uint32_t i = point_of(in, k), at = --t->side[i + 1];
         t->patch[at] = in->stand_patch ? in->stand_patch[k] : 0;
-        const bool turned = in->surface.patch_turned && in->surface.patch_turned[t->patch[at]];
-        if (in->stand_normal) t->normal[at] = vec3_scale(in->stand_normal[k], turned ? -1 : 1);
+        if (in->stand_normal) t->normal[at] = in->stand_normal[k];
         t->one_sided[at] = has_flag(in, k, PACKING_ONE_SIDED);
         t->at_wedge[i] |= has_flag(in, k, PACKING_AT_WEDGE);
     }

@@ -239,9 +239,10 @@ static bool number_patches(making *k, error *e)
         if (k->patch[n] == UINT32_MAX) k->patch[n] = k->patch[orientation_find(&k->turned, n, &turned)];
     out->first = mem_array(out->count + 1, sizeof *out->first, what, e);
     out->one_sided = mem_array(out->count, sizeof *out->one_sided, what, e);
+    out->reversed = mem_array(out->count, sizeof *out->reversed, what, e);
     if (k->params->kind) out->kind = mem_array(out->count, sizeof *out->kind, what, e);
     size_t *minority = mem_array(out->count, sizeof *minority, what, e);
-    bool ok = out->first && out->one_sided && minority && (out->kind || !k->params->kind);
+    bool ok = out->first && out->one_sided && out->reversed && minority && (out->kind || !k->params->kind);
     for (uint32_t n = 0; ok && n < triangles; n++) {
         uint32_t root = orientation_find(&k->turned, n, &turned), p = k->patch[n];
         out->first[p + 1]++;
@@ -256,6 +257,7 @@ static bool number_patches(making *k, error *e)
         uint32_t *t = k->m->triangle[n], swap = t[1];
         t[1] = t[2];
         t[2] = swap;
+        out->reversed[p]++;
     }
     free(minority);
     for (size_t p = 0; ok && p < out->count; p++) out->first[p + 1] += out->first[p];
@@ -584,6 +586,7 @@ void mesh_patches_free(mesh_patches *p)
     mesh_free(&p->m);
     free(p->first);
     free(p->one_sided);
+    free(p->reversed);
     free(p->kind);
     free(p->curve);
     free(p->vertex);

@@ -36,9 +36,10 @@ typedef struct mesh_patches {
     mesh
         m; /* triangles patch after patch; a vertex belongs to one patch, and to one side of a curve within it */
     size_t count;
-    size_t *first;   /* triangles of patch p: first[p] .. first[p + 1] */
-    bool *one_sided; /* no way of turning makes its triangles agree */
-    uint32_t *kind;  /* of patch p, where triangles have one; else NULL */
+    size_t *first;    /* triangles of patch p: first[p] .. first[p + 1] */
+    bool *one_sided;  /* no way of turning makes its triangles agree */
+    size_t *reversed; /* of each patch: the triangles that run another way than in the mesh as given */
+    uint32_t *kind;   /* of patch p, where triangles have one; else NULL */
     size_t curve_count;
     field_curve *curve; /* `on` is NULL: the polyline is the curve */
     vec3 *vertex;       /* of the curves */

@@ -5,7 +5,6 @@
 #include "base/memory.h"
 #include "base/sets.h"
 #include "field/patches.h"
-#include "measures/patch_orientation.h"
 
 /* A mesh of which more than this share lies inside its solids is sampled as the union of these, which its triangles do not describe. */
 static const double MOST_HIDDEN = 0.001;
@@ -49,17 +48,6 @@ static bool use_patches(const mesh_patches *p, const field_patches *of, measured
     return true;
 }
 
-/* Patches of a mesh are oriented one by one. */
-static bool use_mesh(const mesh_surface *m, measured_surface *out, error *e)
-{
-    const mesh_patches *p = mesh_surface_patches(m);
-    if (!use_patches(p, mesh_surface_field(m)->patches, out, e)) return false;
-    out->patch_turned = mem_array(p->count, sizeof *out->patch_turned, what, e);
-    if (!out->patch_turned || !patch_orientation_find(&out->facets, out->patch_turned, e)) return false;
-    out->facets.patch_turned = out->patch_turned;
-    return true;
-}
-
 static bool use_labels(const label_surface *labels, measured_surface *out, error *e)
 {
     const mesh_patches *p = label_surface_patches(labels);
@@ -98,7 +86,8 @@ bool measured_surface_open(const source *s, const surface *scan, measured_surfac
 {
     const field *f = s->field;
     *out = (measured_surface){.facets = {.scan = scan, .patch_count = 1}};
-    if (s->whole.mesh && f == mesh_surface_field(s->whole.mesh)) return use_mesh(s->whole.mesh, out, e);
+    if (s->whole.mesh && f == mesh_surface_field(s->whole.mesh))
+        return use_patches(mesh_surface_patches(s->whole.mesh), f->patches, out, e);
     if (s->whole.labels && f == label_surface_field(s->whole.labels))
         return use_labels(s->whole.labels, out, e);
     const mesh_faces *faces = faces_of(s);
@@ -114,7 +103,6 @@ void measured_surface_close(measured_surface *m)
 {
     free(m->patch_first);
     free(m->patch_piece);
-    free(m->patch_turned);
     free(m->patch_labels);
     free(m->vertex);
     *m = (measured_surface){0};

@@ -13,7 +13,6 @@ typedef struct measured_surface {
     facets_input facets;
     bool own_normals; /* points take the normals of the triangles: those of the level set may differ */
     uint32_t *patch_first, *patch_piece;
-    bool *patch_turned;
     uint32_t (*patch_labels)[2]; /* of the interfaces of labels, else NULL */
     vec3 *vertex;                /* of a mesh whose vertices are kept in another unit */
 } measured_surface;

@@ -8,6 +8,7 @@
 #include "base/sets.h"
 #include "source/mesh_clip.h"
 #include "mesh/fidelity.h"
+#include "mesh/mesh_orientation.h"
 #include "volume/resolution.h"
 #include "triangles/flat_triangles.h"
 #include "triangles/mesh_edges.h"
@@ -311,6 +312,15 @@ static bool open_read(const mesh_source_request *r, const welded *w, const mesh_
                   "the mesh is open, %zu of its edges have one triangle: it is sampled as it stands; holes "
                   "\"fill\" closes it",
                   patches.open_edges);
+    size_t turned = 0;
+    if (!mesh_orientation_fix(&patches, &turned, e)) {
+        mesh_patches_free(&patches);
+        return error_prefix(e, "%s", r->as_volume.path);
+    }
+    if (turned > 0)
+        mesh_note(&about,
+                  "%zu of %zu triangles are turned: normals agree along edges and point out of closed parts",
+                  turned, patches.m.triangle_count);
     patches.merges_near_rows = r->resolve && patches.closed;
     mesh_surface *surface =
         mesh_surface_new(&patches, longest_cell(r, &patches), r->as_volume.resolution.memory_limit, e);
