@@ -333,11 +333,36 @@ static polygon cell_part(const descent *d, const part *t, size_t base, size_t co
     return p;
 }
 
+/* At how many corners two sites are as far as each other. */
+static int equal_corners(const corner_distances *a, const corner_distances *b)
+{
+    int count = 0;
+    for (int c = 0; c < 3; c++) count += fabs(a->of[c] - b->of[c]) <= MARGIN * (a->of[c] + b->of[c]);
+    return count;
+}
+
+/* An edge of the triangle, or of a part, that lies in a bisector is a side although nothing was cut off there. */
+static void mark_sides_on_edges(const descent *d, size_t base, size_t count, size_t own, polygon *p)
+{
+    const uint32_t *list = d->list + base;
+    const corner_distances *square = d->square + base;
+    for (size_t k = 0; k < count; k++) {
+        if (k == own || equal_corners(&square[k], &square[own]) != 2) continue;
+        const vec3 to = vec3_sub(d->s->position[list[k]], d->s->position[list[own]]);
+        const double half = 0.5 * vec3_norm2(to), least = half * (1 - MARGIN);
+        for (int c = 0; c < p->count; c++)
+            if (p->behind[c] == NO_SITE && vec3_dot(to, p->corner[c]) >= least &&
+                vec3_dot(to, p->corner[c + 1 < p->count ? c + 1 : 0]) >= least)
+                p->behind[c] = list[k];
+    }
+}
+
 static bool clip_cell(descent *d, const part *t, size_t base, size_t count, size_t own)
 {
     const uint32_t site = d->list[base + own];
-    const polygon p = cell_part(d, t, base, count, own);
+    polygon p = cell_part(d, t, base, count, own);
     if (p.count == 0) return true;
+    mark_sides_on_edges(d, base, count, own, &p);
     if (!add_area(d, site, polygon_area(&p))) return false;
     for (int k = 0; k < p.count; k++) {
         if (p.behind[k] == NO_SITE || p.behind[k] < site) continue;

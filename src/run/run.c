@@ -47,22 +47,44 @@ static bool find_clearance(const job *j, clearance *room, const clearance **out,
     return clearance_measure(j->scan, s->sizing, sampler_spacing(s->sampler), j->pool, room, e);
 }
 
+/* Some methods end with as many particles as they come to; the count of others is exact. The support is chosen so that the mean energy is
+ * ideal, or else the count decides it. */
+static verdict_input judged_of(const job *j)
+{
+    const sampler *s = j->solution.sampler;
+    const sampler_points *p = sampler_result_points(s);
+    const sampler_outcome end = sampler_result(s);
+    size_t sweeps, rounds;
+    const sampler_sweep *sweep = sampler_sweeps(s, &sweeps);
+    const sampler_round *round = sampler_rounds(s, &rounds);
+    return (verdict_input){
+        .measures = &j->solution.measures,
+        .stopped = end == SAMPLER_RUNNING || end == SAMPLER_OUT_OF_SWEEPS,
+        .rms_step = sweeps > 0 ? sweep[sweeps - 1].rms_step : 0,
+        .step_left = p->step_to_rest,
+        .step_tolerance = j->spec->step_tolerance,
+        .gain = rounds > 0 ? round[rounds - 1].gain : 0,
+        .gain_tolerance = sampler_coarsest_gain(s),
+        .energy_error = j->spec->method == SPEC_METHOD_SIZED ? 0 : fabs(p->mean_energy / p->ideal_energy - 1),
+        .energy_tolerance = j->spec->energy_tolerance,
+        .count_error = j->spec->has_control || j->count == 0 ? 0
+                       : p->count > j->count                 ? p->count - j->count
+                                                             : j->count - p->count,
+        .lost = p->lost,
+        .lost_area = source_missing_share(&j->source),
+        .residual = j->results.max_residual,
+        .rms_residual = j->results.rms_residual,
+        .require = j->spec->require,
+    };
+}
+
 static bool write_report(job *j, verdict_outcome *outcome, error *e)
 {
     const solution *s = &j->solution;
     clearance room;
     const clearance *told = NULL;
     if (!find_clearance(j, &room, &told, e)) return false;
-    const verdict_input judged = {.sampler = s->sampler,
-                                  .measures = &s->measures,
-                                  .count = j->spec->has_control ? 0 : j->count,
-                                  .has_target_energy = j->spec->method != SPEC_METHOD_SIZED,
-                                  .step_tolerance = j->spec->step_tolerance,
-                                  .energy_tolerance = j->spec->energy_tolerance,
-                                  .lost_area = source_missing_share(&j->source),
-                                  .residual = j->results.max_residual,
-                                  .rms_residual = j->results.rms_residual,
-                                  .require = j->spec->require};
+    const verdict_input judged = judged_of(j);
     const verdict v = verdict_judge(&judged);
     const report_facts facts = {
         .spec = j->spec,

@@ -1,7 +1,5 @@
 #include "run/verdict.h"
 
-#include <math.h>
-
 const char *const verdict_names[] = {VERDICT_LIST(WORDS_TEXT, VERDICT)};
 
 /* An ideal packing leaves places .58 of the spacing from the nearest point, a vacancy 1; a place beyond COVERAGE_MISSING is a hole. */
@@ -20,55 +18,45 @@ typedef struct criterion {
     const char *message;
 } criterion;
 
+static bool exceeds(double number, double most, double *value, double *bound)
+{
+    *value = number;
+    *bound = most;
+    return number > most;
+}
+
 /* The solve was stopped, whatever its last step. */
 static bool rms_step(const verdict_input *in, double *value, double *bound)
 {
-    size_t count;
-    const sampler_sweep *sweep = sampler_sweeps(in->sampler, &count);
-    sampler_outcome end = sampler_result(in->sampler);
-    *value = count > 0 ? sweep[count - 1].rms_step : 0;
+    *value = in->rms_step;
     *bound = in->step_tolerance;
-    return end == SAMPLER_RUNNING || end == SAMPLER_OUT_OF_SWEEPS;
+    return in->stopped;
 }
 
 /* Of the points as they are delivered, whatever the solve thought of them; NaN fails nothing. */
 static bool step_left(const verdict_input *in, double *value, double *bound)
 {
-    *value = sampler_result_points(in->sampler)->step_to_rest;
-    *bound = in->step_tolerance;
-    return *value > *bound;
+    return exceeds(in->step_left, in->step_tolerance, value, bound);
 }
 
 static bool gain(const verdict_input *in, double *value, double *bound)
 {
-    size_t count;
-    const sampler_round *round = sampler_rounds(in->sampler, &count);
-    *value = count > 0 ? round[count - 1].gain : 0;
-    *bound = sampler_coarsest_gain(in->sampler);
-    return *value > *bound;
+    return exceeds(in->gain, in->gain_tolerance, value, bound);
 }
 
 static bool target_energy(const verdict_input *in, double *value, double *bound)
 {
-    const sampler_points *p = sampler_result_points(in->sampler);
-    *value = fabs(p->mean_energy / p->ideal_energy - 1);
-    *bound = in->energy_tolerance;
-    return in->has_target_energy && *value > *bound;
+    return exceeds(in->energy_error, in->energy_tolerance, value, bound);
 }
 
-/* Some methods end with as many particles as they come to; the count of others is exact. */
 static bool count_error(const verdict_input *in, double *value, double *bound)
 {
-    *value = fabs((double)sampler_result_points(in->sampler)->count - (double)in->count);
-    *bound = 0;
-    return in->count > 0 && *value > *bound;
+    return exceeds((double)in->count_error, 0, value, bound);
 }
 
 static bool lost(const verdict_input *in, double *value, double *bound)
 {
-    *value = (double)sampler_result_points(in->sampler)->lost;
-    *bound = 0;
-    return *value > *bound;
+    return exceeds((double)in->lost, 0, value, bound);
 }
 
 static bool max_residual(const verdict_input *in, double *value, double *bound)
@@ -76,13 +64,6 @@ static bool max_residual(const verdict_input *in, double *value, double *bound)
     *value = in->residual;
     *bound = VERDICT_RESIDUAL;
     return !(*value <= *bound);
-}
-
-static bool exceeds(double number, double most, double *value, double *bound)
-{
-    *value = number;
-    *bound = most;
-    return number > most;
 }
 
 static bool coverage(const verdict_input *in, double *value, double *bound)

@@ -11,7 +11,6 @@
 #include "base/words.h"
 #include "json/json.h"
 #include "measures/measures.h"
-#include "sampler/sampler.h"
 #include "spec/spec.h"
 
 #define VERDICT_LIST(ENTRY, prefix)         \
@@ -27,12 +26,15 @@ extern const char *const verdict_names[VERDICT_OUTCOMES];
 #define VERDICT_RESIDUAL 1e-3
 
 typedef struct verdict_input {
-    const sampler *sampler;   /* finalized */
-    const measures *measures; /* of its points */
-    size_t count;             /* requested; 0: the count is not a target */
-    bool
-        has_target_energy; /* the support was chosen so that the mean energy is ideal; else the count decides the support */
-    double step_tolerance, energy_tolerance;
+    const measures *measures; /* of the delivered points */
+    bool stopped;             /* the solve ended before it had converged, or ran out of sweeps */
+    double rms_step;          /* of its last sweep, in spacings */
+    double step_left;         /* of the delivered points, in spacings; NAN: unknown */
+    double step_tolerance;
+    double gain, gain_tolerance; /* the largest relative decrease of energy that a point can still achieve */
+    double energy_error, energy_tolerance; /* relative; 0: the energy is not a target */
+    size_t count_error; /* points more or fewer than requested; 0: the count is not a target */
+    size_t lost;        /* points that are not on the surface */
     double lost_area; /* share of the area of a mesh or combination that is not part of the sampled surface */
     double residual,
         rms_residual; /* the largest and the rms distance of the points from the surface, in spacings */

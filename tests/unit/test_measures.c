@@ -1,0 +1,353 @@
+/* Points in perfect order on surfaces whose measures are known from geometry, and what the measures must not depend on. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <cmocka.h>
+
+#include "close.h"
+#include "lattice_scenes.h"
+
+/* The circumradius of an equilateral triangle of side 1. */
+static const double IDEAL = 0.57735026918962576451;
+
+static measures measure(scene s)
+{
+    const measures m = scene_measure(&s, NULL);
+    scene_free(&s);
+    return m;
+}
+
+/* Neither gaps nor close pairs, and every cell is measured. */
+static void check_represented(const measures *m, double coverage, double tolerance)
+{
+    assert_close(m->coverage, coverage, tolerance);
+    assert_true(m->missing_share == 0 && m->close_share == 0 && m->coincident == 0);
+    assert_true(m->parts_without_points == 0 && m->empty_area_share == 0 && m->unmeasured_share == 0);
+}
+
+/* Of a zigzag side between m odd and m - 1 even rows, points of even rows lie on the side and have 3 neighbours instead of 4, and points of odd rows
+ * have 5 instead of 6. Corners have 2, and an angle of 90 degrees: 2.5 is ideal. */
+static void a_rectangle_has_irregular_points_along_its_zigzag_sides_only(void **state)
+{
+    (void)state;
+    const int n = 30, m = 15, count = (m + 1) * (n + 1) + m * n;
+    const measures got = measure(scene_rectangle(n, 2 * m + 1));
+    check_represented(&got, IDEAL, 1e-9);
+    assert_close(got.hex_fraction, 1 - 2.0 * (2 * m - 1) / count, 1e-12);
+    assert_close(got.energy_excess, -(4 * 0.2 + 2 * (m - 1) * 0.25 + 2 * m / 6.0) / count, 1e-9);
+    assert_close(got.min_spacing_ratio, 1, 1e-9);
+    assert_close(got.area_cv, 0, 1e-6);
+    assert_close(got.edge_cv, 0, 1e-6);
+    assert_true(got.thin_count == 0);
+}
+
+static void a_triangle_of_a_lattice_is_perfect(void **state)
+{
+    (void)state;
+    const measures got = measure(scene_open_triangle(12));
+    check_represented(&got, IDEAL, 1e-9);
+    assert_true(got.hex_fraction == 1 && got.defect_share == 0);
+    assert_close(got.energy_excess, 0, 1e-9);
+    assert_close(got.disorder, 0, 1e-9);
+    assert_close(got.area_cv, 0, 1e-6);
+    assert_close(got.edge_cv, 0, 1e-6);
+}
+
+/* Points on the edges of the rims have their opposite ones as neighbours: 5 of 6 along rows; 4 of 6 on zigzags; corners 3 of 4.5. Points of
+ * odd rows half a spacing from a zigzag have 6, with those below. */
+static double plate_hex_fraction(int n, int m)
+{
+    const int count = (m + 1) * (n + 1) + m * n, irregular = 2 * (n - 1) + 2 * (m - 1) + 4;
+    return 1 - (double)irregular / count;
+}
+
+/* The farthest places lie in the middle of a rim, beside a zigzag. */
+static void a_plate_half_a_spacing_thick_has_no_close_points(void **state)
+{
+    (void)state;
+    const measures got = measure(scene_plate(30, 31, 0.5));
+    check_represented(&got, sqrt(IDEAL * IDEAL + 0.25 * 0.25), 1e-9);
+    assert_close(got.hex_fraction, plate_hex_fraction(30, 15), 1e-12);
+    assert_close(got.min_spacing_ratio, 0.5, 1e-9);
+    assert_true(got.thin_count == 2 * (946 - 90)); /* points on the edges of the rims have the rims' normals, too */
+}
+
+/* MEASURES.md names .90 and .095. */
+static void a_plate_a_tenth_of_a_spacing_thick_has_double_rows_along_its_rims(void **state)
+{
+    (void)state;
+    const int n = 30, m = 15, count = (m + 1) * (n + 1) + m * n;
+    const measures got = measure(scene_plate(n, 2 * m + 1, 0.1));
+    assert_close(got.hex_fraction, plate_hex_fraction(n, m), 1e-12);
+    assert_close(got.close_share, (2.0 * (n + 1) + 2 * (m - 1)) / count, 1e-12);
+    assert_close(got.min_spacing_ratio, 0.1, 1e-9);
+    assert_true(got.missing_share == 0 && got.coincident == 0);
+}
+
+/* Four cells meet at each corner of a square grid's cells: sides of no length are none. */
+static void a_cube_with_a_square_grid_has_four_neighbours_everywhere(void **state)
+{
+    (void)state;
+    double degree[6 * 25 + 2];
+    scene s = scene_cube(5);
+    const scene_options options = {.degree = degree};
+    assert_true(s.points == sizeof degree / sizeof *degree);
+    const measures got = scene_measure(&s, &options);
+    check_represented(&got, sqrt(0.5), 1e-9);
+    assert_true(got.hex_fraction == 0);
+    assert_close(got.min_spacing_ratio, 1, 1e-9);
+    assert_close(got.area_cv, 0, 1e-6);
+    for (size_t k = 0; k < s.points; k++) {
+        const vec3 x = s.point[k];
+        const bool corner = fmod(x.x, 5) == 0 && fmod(x.y, 5) == 0 && fmod(x.z, 5) == 0;
+        assert_true(degree[k] == (corner ? 3 : 4));
+    }
+    scene_free(&s);
+}
+
+/* Distances are exactly 1 in space; cells on the faces of a prism are as large as each other, but for those of the two rings at the ends. */
+static void an_open_tube_is_perfect(void **state)
+{
+    (void)state;
+    const measures got = measure(scene_tube(24, 11));
+    check_represented(&got, IDEAL, 2e-3);
+    assert_true(got.hex_fraction == 1 && got.defect_share == 0);
+    assert_close(got.min_spacing_ratio, 1, 1e-9);
+    assert_close(got.edge_cv, 0, 1e-6);
+    assert_close(got.energy_excess, 0, 5e-3);
+    assert_close(got.area_cv, 0, 5e-3);
+}
+
+/* On the outer equator a triangle has a base of 1.28 and a height below .87, so a circumradius below .68. */
+static void a_torus_has_six_neighbours_everywhere(void **state)
+{
+    (void)state;
+    const int n = 25, rows = 8;
+    const double minor = rows * ROW / (2 * M_PI), major = n / (2 * M_PI),
+                 shortest = 2 * (major - minor) * sin(M_PI / n);
+    const measures got = measure(scene_torus(n, rows));
+    assert_true(got.hex_fraction == 1 && got.defect_share == 0);
+    assert_close(got.euler, 0, 1e-12);
+    assert_close(got.min_spacing_ratio, shortest, 1e-9);
+    check_represented(&got, 0.62, 0.06);
+}
+
+/* A corner has an angle of 180 degrees and 3 neighbours; the middle of an edge 6: two corners and the four middles that share a face with it. */
+static void the_ten_points_of_a_tetrahedron_are_perfect(void **state)
+{
+    (void)state;
+    scene s = scene_tetrahedron(2);
+    assert_true(s.points == 10);
+    const measures got = measure(s);
+    check_represented(&got, IDEAL, 1e-9);
+    assert_true(got.hex_fraction == 1);
+    assert_close(got.euler, 2, 1e-12);
+}
+
+/* Four triangles around a corner are 240 degrees: 4 neighbours; five are 300: 5. */
+static void lattices_on_regular_solids_are_perfect(void **state)
+{
+    (void)state;
+    scene all[] = {scene_octahedron(5), scene_icosahedron(4)};
+    for (int k = 0; k < 2; k++) {
+        const measures got = measure(all[k]);
+        check_represented(&got, IDEAL, 1e-9);
+        assert_true(got.hex_fraction == 1 && got.defect_share == 0);
+        assert_close(got.euler, 2, 1e-9);
+        assert_close(got.min_spacing_ratio, 1, 1e-9);
+        assert_close(got.area_cv, 0, 1e-6);
+        assert_close(got.edge_cv, 0, 1e-6);
+    }
+}
+
+/* A point of the edge has 2 neighbours on it and 2 on each of k half planes, and is regular from 6 on; the ends of the edge have 1 + k. */
+static void check_half_planes(const double *angle, int k)
+{
+    const int n = 12, m = 5, count = n + 1 + k * (m * n + m * (n + 1)),
+              irregular = (k + 1 < 6 ? 2 : 0) + 2 * k * (2 * m - 1);
+    const measures got = measure(scene_half_planes(n, 2 * m + 1, angle, k));
+    check_represented(&got, IDEAL, 1e-9);
+    assert_close(got.hex_fraction, 1 - (double)irregular / count, 1e-12);
+    assert_close(got.area_cv, 0, 1e-6);
+    assert_close(got.min_spacing_ratio, 1, 1e-9);
+}
+
+static void two_crossing_planes_have_an_edge_of_four_faces(void **state)
+{
+    (void)state;
+    const double angle[] = {0, M_PI / 2, M_PI, 1.5 * M_PI};
+    check_half_planes(angle, 4);
+}
+
+static void three_half_planes_have_an_edge_of_three_faces(void **state)
+{
+    (void)state;
+    const double angle[] = {0, 2 * M_PI / 3, 4 * M_PI / 3};
+    check_half_planes(angle, 3);
+}
+
+/* The shells are .15 apart: points of two pieces are neither close nor neighbours. A place's distance from its nearest point is that of any piece. */
+static void nested_shells_are_measured_apart(void **state)
+{
+    (void)state;
+    const measures got = measure(scene_shells(4, 0.95));
+    check_represented(&got, IDEAL, 0.02);
+    assert_true(got.hex_fraction == 1);
+    assert_close(got.euler, 4, 1e-9);
+    assert_close(got.min_spacing_ratio, 0.95, 1e-9);
+}
+
+/* A cell of one wall does not reach through to the other: it is a whole hexagon. */
+static void a_plate_is_measured_on_each_of_its_walls(void **state)
+{
+    (void)state;
+    double local[2 * 946];
+    scene s = scene_plate(30, 31, 0.5);
+    const scene_options options = {.local = local};
+    const measures got = scene_measure(&s, &options);
+    size_t interior = 0;
+    for (size_t k = 0; k < s.points; k++) {
+        if (s.point[k].x < 1 || s.point[k].x > 29 || s.point[k].y < 1 || s.point[k].y > 29 * ROW - 0.1) continue;
+        assert_close(local[k], 1, 1e-9);
+        interior++;
+    }
+    assert_true(interior == 2 * (14 * 29 + 13 * 28) && got.missing_share == 0);
+    scene_free(&s);
+}
+
+/* Of the cells of random points in a plane .295 have six sides (Poisson-Voronoi); MEASURES.md names .26, which a program found that misses
+ * short sides, and a coverage of 1.6. */
+static void random_points_on_a_sphere_are_irregular_and_leave_gaps(void **state)
+{
+    (void)state;
+    enum { POINTS = 1000 };
+    rng r = rng_seed(11, 0);
+    scene s = scene_sphere(40, 80);
+    scene_random_points(&s, POINTS, &r);
+    scene_set_spacing(&s, sqrt(8 * M_PI / (sqrt(3) * POINTS)));
+    const measures got = measure(s);
+    assert_close(got.hex_fraction, 0.295, 0.045); /* three standard deviations */
+    assert_close(got.coverage, 1.6, 0.3);
+    assert_close(got.euler, 2, 0.7); /* each side that is shorter than those that count adds a third */
+    assert_true(got.coincident == 0 && got.close_share > 0.1);
+}
+
+/* ---- what the measures do not depend on */
+
+enum { SCENES = 6, RANDOM_POINTS = 60 };
+
+/* Random points leave gaps, on thin walls, several pieces and edges of four faces. Points of lattices lie on edges and corners. */
+static void make_scenes(scene out[SCENES])
+{
+    const double angle[] = {0, M_PI / 2, M_PI, 1.5 * M_PI};
+    const scene all[SCENES] = {scene_rectangle(10, 11), scene_plate(8, 9, 0.3),
+                               scene_shells(3, 0.9),    scene_half_planes(6, 7, angle, 4),
+                               scene_tube(12, 7),       scene_tetrahedron(5)};
+    rng r = rng_seed(3, 0);
+    for (int k = 0; k < SCENES; k++) {
+        out[k] = all[k];
+        out[k].points /= 4; /* ends in the middle of a row */
+        scene_random_points(&out[k], RANDOM_POINTS, &r);
+    }
+}
+
+static void compare(const measures *a, const measures *b, double tolerance, double coverage_tolerance)
+{
+    assert_close(a->hex_fraction, b->hex_fraction, 0);
+    assert_close(a->edge_cv, b->edge_cv, tolerance);
+    assert_close(a->area_cv, b->area_cv, tolerance);
+    assert_close(a->energy_excess, b->energy_excess, tolerance);
+    assert_close(a->disorder, b->disorder, tolerance);
+    assert_close(a->min_spacing_ratio, b->min_spacing_ratio, tolerance);
+    assert_close(a->close_share, b->close_share, 0);
+    assert_close(a->coverage, b->coverage, coverage_tolerance);
+    assert_close(a->missing_share, b->missing_share, 0.1 * coverage_tolerance);
+    assert_close(a->unmeasured_share, b->unmeasured_share, 0);
+    assert_close(a->defect_share, b->defect_share, 0);
+    assert_close(a->empty_area_share, b->empty_area_share, tolerance);
+    assert_close(a->euler, b->euler, tolerance);
+    assert_true(a->coincident == b->coincident && a->parts_without_points == b->parts_without_points);
+}
+
+static void the_number_of_threads_changes_no_byte(void **state)
+{
+    (void)state;
+    scene all[SCENES];
+    make_scenes(all);
+    for (int k = 0; k < SCENES; k++) {
+        double local[2][400], degree[2][400];
+        const scene_options one = {1, local[0], degree[0]}, four = {4, local[1], degree[1]};
+        assert_in_range(all[k].points, 1, 400);
+        const measures a = scene_measure(&all[k], &one), b = scene_measure(&all[k], &four);
+        assert_memory_equal(&a, &b, sizeof a);
+        assert_memory_equal(local[0], local[1], all[k].points * sizeof **local);
+        assert_memory_equal(degree[0], degree[1], all[k].points * sizeof **degree);
+        scene_free(&all[k]);
+    }
+}
+
+/* Coverage is known to .02; all else to rounding. */
+static void check_changed(scene (*change)(const scene *))
+{
+    scene all[SCENES];
+    make_scenes(all);
+    for (int k = 0; k < SCENES; k++) {
+        scene changed = change(&all[k]);
+        const measures a = scene_measure(&all[k], NULL), b = scene_measure(&changed, NULL);
+        compare(&a, &b, 1e-7, 0.02);
+        scene_free(&all[k]);
+        scene_free(&changed);
+    }
+}
+
+static void a_rigid_motion_changes_no_measure(void **state)
+{
+    (void)state;
+    check_changed(scene_moved);
+}
+
+static void smaller_triangles_of_the_same_surface_change_no_measure(void **state)
+{
+    (void)state;
+    check_changed(scene_subdivided);
+}
+
+static scene shuffle(const scene *s)
+{
+    return scene_shuffled(s, 5);
+}
+
+static void the_order_of_triangles_and_points_changes_no_measure(void **state)
+{
+    (void)state;
+    check_changed(shuffle);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_rectangle_has_irregular_points_along_its_zigzag_sides_only),
+        cmocka_unit_test(a_triangle_of_a_lattice_is_perfect),
+        cmocka_unit_test(a_plate_half_a_spacing_thick_has_no_close_points),
+        cmocka_unit_test(a_plate_a_tenth_of_a_spacing_thick_has_double_rows_along_its_rims),
+        cmocka_unit_test(a_plate_is_measured_on_each_of_its_walls),
+        cmocka_unit_test(a_cube_with_a_square_grid_has_four_neighbours_everywhere),
+        cmocka_unit_test(an_open_tube_is_perfect),
+        cmocka_unit_test(a_torus_has_six_neighbours_everywhere),
+        cmocka_unit_test(the_ten_points_of_a_tetrahedron_are_perfect),
+        cmocka_unit_test(lattices_on_regular_solids_are_perfect),
+        cmocka_unit_test(two_crossing_planes_have_an_edge_of_four_faces),
+        cmocka_unit_test(three_half_planes_have_an_edge_of_three_faces),
+        cmocka_unit_test(nested_shells_are_measured_apart),
+        cmocka_unit_test(random_points_on_a_sphere_are_irregular_and_leave_gaps),
+        cmocka_unit_test(the_number_of_threads_changes_no_byte),
+        cmocka_unit_test(a_rigid_motion_changes_no_measure),
+        cmocka_unit_test(smaller_triangles_of_the_same_surface_change_no_measure),
+        cmocka_unit_test(the_order_of_triangles_and_points_changes_no_measure),
+    };
+    return cmocka_run_group_tests_name("measures", tests, NULL, NULL);
+}

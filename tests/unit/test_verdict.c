@@ -1,0 +1,493 @@
+/* The outcome of points in perfect order, and of results that are bad in one known way each. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <cmocka.h>
+
+#include "close.h"
+#include "lattice_scenes.h"
+#include "run/verdict.h"
+
+static const spec_requirement nothing_required[SPEC_REQUIRE_COUNT];
+
+/* A solve that has converged and has met its targets. */
+static verdict_input good_solve(const measures *m)
+{
+    return (verdict_input){.measures = m,
+                           .rms_step = 1e-4,
+                           .step_left = 1e-4,
+                           .step_tolerance = 1e-3,
+                           .gain = 1e-4,
+                           .gain_tolerance = 1e-3,
+                           .energy_error = 1e-4,
+                           .energy_tolerance = 1e-3,
+                           .residual = 1e-7,
+                           .rms_residual = 1e-8,
+                           .require = nothing_required};
+}
+
+static verdict judge_scene(scene *s)
+{
+    const measures m = scene_measure(s, NULL);
+    const verdict_input in = good_solve(&m);
+    scene_free(s);
+    return verdict_judge(&in);
+}
+
+static bool has_reason(const verdict *v, const char *criterion)
+{
+    for (size_t k = 0; k < v->reason_count; k++)
+        if (strcmp(v->reason[k].criterion, criterion) == 0) return true;
+    return false;
+}
+
+/* `criteria` are all the reasons, at most three. */
+static void check_reasons(const verdict *v, verdict_outcome outcome, const char *const criteria[3])
+{
+    size_t count = 0;
+    for (; count < 3 && criteria[count]; count++)
+        if (!has_reason(v, criteria[count])) fail_msg("no reason %s", criteria[count]);
+    for (size_t k = count; k < v->reason_count; k++)
+        if (v->reason_count > count)
+            fail_msg("%zu reasons, the last is %s with %g", v->reason_count,
+                     v->reason[v->reason_count - 1].criterion, v->reason[v->reason_count - 1].value);
+    assert_string_equal(verdict_names[v->outcome], verdict_names[outcome]);
+}
+
+static void check_unresolved(scene s, const char *a, const char *b, const char *c)
+{
+    const char *const criteria[3] = {a, b, c};
+    const verdict v = judge_scene(&s);
+    check_reasons(&v, VERDICT_UNRESOLVED, criteria);
+}
+
+/* ---- good results */
+
+static void points_in_perfect_order_are_converged(void **state)
+{
+    (void)state;
+    const double right[] = {0, M_PI / 2, M_PI, 1.5 * M_PI}, three[] = {0, 2 * M_PI / 3, 4 * M_PI / 3};
+    scene all[] = {scene_rectangle(30, 31),
+                   scene_open_triangle(12),
+                   scene_plate(30, 31, 0.5),
+                   scene_plate(20, 21, ROW),
+                   scene_cube(5),
+                   scene_tube(24, 11),
+                   scene_torus(25, 8),
+                   scene_tetrahedron(2),
+                   scene_octahedron(5),
+                   scene_icosahedron(4),
+                   scene_half_planes(12, 11, right, 4),
+                   scene_half_planes(12, 11, three, 3),
+                   scene_shells(4, 0.95)};
+    const char *const none[3] = {NULL, NULL, NULL};
+    for (size_t k = 0; k < sizeof all / sizeof *all; k++) {
+        const verdict v = judge_scene(&all[k]);
+        check_reasons(&v, VERDICT_CONVERGED, none);
+    }
+}
+
+/* ---- what a bad result lacks or has */
+
+typedef struct ball {
+    vec3 centre;
+    double radius;
+} ball;
+
+static bool in_ball(vec3 x, const void *context)
+{
+    const ball *b = context;
+    return vec3_norm(vec3_sub(x, b->centre)) < b->radius;
+}
+
+static bool outside_ball(vec3 x, const void *context)
+{
+    return !in_ball(x, context);
+}
+
+/* A half space: n . x > offset. */
+typedef struct half_space {
+    vec3 n;
+    double offset;
+} half_space;
+
+static bool beyond(vec3 x, const void *context)
+{
+    const half_space *h = context;
+    return vec3_dot(h->n, x) > h->offset;
+}
+
+static bool at_random(vec3 x, const void *context)
+{
+    (void)x;
+    return rng_uniform((rng *)context) < 0.5;
+}
+
+static scene without(scene s, vec3 n, double offset)
+{
+    const half_space h = {n, offset};
+    scene_remove(&s, beyond, &h);
+    return s;
+}
+
+static scene without_ball(scene s, vec3 centre, double radius)
+{
+    const ball b = {centre, radius};
+    scene_remove(&s, in_ball, &b);
+    return s;
+}
+
+/* Adds `count` points along x from `from` on, one spacing apart. */
+static scene with_row(scene s, vec3 from, int count)
+{
+    for (int k = 0; k < count; k++) scene_point_again(&s, vec3_add(from, (vec3){k, 0, 0}));
+    return s;
+}
+
+/* ---- one result for each measure that is a criterion, which no other criterion catches */
+
+/* Four points around the middle of an edge are missing: from there the nearest is sqrt(7) / 2 away, and the hole's area is 0.02 of a cell. */
+static void a_hole_in_a_lattice_fails_coverage(void **state)
+{
+    (void)state;
+    check_unresolved(without_ball(scene_rectangle(30, 31), (vec3){15.5, 14 * ROW, 0}, 0.9), "coverage", NULL, NULL);
+}
+
+/* The other wall is .3 away, so that distances in space are small. */
+static void a_wall_without_points_fails_missing_share(void **state)
+{
+    (void)state;
+    scene s = scene_plate(16, 17, 0.3);
+    scene top = without(scene_plate(16, 17, 0.3), (vec3){0, 0, -1}, -0.1);
+    scene_free(&s);
+    check_unresolved(top, "missing_share", NULL, NULL);
+}
+
+static void a_row_beside_a_row_fails_close_share(void **state)
+{
+    (void)state;
+    check_unresolved(with_row(scene_rectangle(30, 31), (vec3){0.5, 14 * ROW + 0.1, 0}, 30), "close_share", NULL, NULL);
+}
+
+/* Two of 947 points are close, which is less than .01. */
+static void a_point_on_a_point_fails_coincident(void **state)
+{
+    (void)state;
+    check_unresolved(with_row(scene_rectangle(30, 31), (vec3){10, 0, 0}, 1), "coincident", NULL, NULL);
+}
+
+/* The inner shell is .15 below the outer one, whose points are near and of no opposite wall. */
+static void a_shell_without_points_fails_parts_without_points(void **state)
+{
+    (void)state;
+    scene s = scene_shells(4, 0.95);
+    s.points /= 2; /* the outer one's come first */
+    check_unresolved(s, "parts_without_points", NULL, NULL);
+}
+
+static void three_points_on_a_sphere_fail_unmeasured_share(void **state)
+{
+    (void)state;
+    scene s = scene_sphere(24, 48);
+    for (int k = 0; k < 3; k++) scene_point(&s, (vec3){cos(2 * M_PI * k / 3), sin(2 * M_PI * k / 3), 0});
+    scene_set_spacing(&s, sqrt(8 * M_PI / (sqrt(3) * 3)));
+    check_unresolved(s, "unmeasured_share", NULL, NULL);
+}
+
+/* ---- the solve's own numbers */
+
+typedef struct solve_fault {
+    const char *criterion;
+    verdict_outcome outcome;
+    verdict_input changed; /* members other than 0 replace those of a good solve */
+} solve_fault;
+
+static void replace(double *to, double from)
+{
+    if (from != 0) *to = from;
+}
+
+static void a_fault_of_the_solve_is_the_only_reason(void **state)
+{
+    (void)state;
+    const solve_fault faults[] = {
+        {"rms_step", VERDICT_NOT_CONVERGED, {.stopped = true}},
+        {"step_left", VERDICT_NOT_CONVERGED, {.step_left = 0.002}},
+        {"gain", VERDICT_NOT_CONVERGED, {.gain = 0.002}},
+        {"target_energy", VERDICT_NOT_CONVERGED, {.energy_error = 0.002}},
+        {"count_error", VERDICT_NOT_CONVERGED, {.count_error = 1}},
+        {"lost", VERDICT_NOT_CONVERGED, {.lost = 1}},
+        {"max_residual", VERDICT_NOT_CONVERGED, {.residual = 0.0011}},
+        {"max_residual", VERDICT_NOT_CONVERGED, {.residual = NAN}},
+        {"lost_area", VERDICT_UNRESOLVED, {.lost_area = 0.011}},
+    };
+    scene s = scene_octahedron(3);
+    const measures m = scene_measure(&s, NULL);
+    scene_free(&s);
+    for (size_t k = 0; k < sizeof faults / sizeof *faults; k++) {
+        const verdict_input *c = &faults[k].changed;
+        const char *const criteria[3] = {faults[k].criterion};
+        verdict_input in = good_solve(&m);
+        in.stopped = c->stopped;
+        in.count_error = c->count_error;
+        in.lost = c->lost;
+        replace(&in.step_left, c->step_left);
+        replace(&in.gain, c->gain);
+        replace(&in.energy_error, c->energy_error);
+        replace(&in.residual, c->residual);
+        replace(&in.lost_area, c->lost_area);
+        const verdict v = verdict_judge(&in);
+        check_reasons(&v, faults[k].outcome, criteria);
+    }
+}
+
+static void a_step_that_is_not_known_fails_nothing(void **state)
+{
+    (void)state;
+    const char *const none[3] = {NULL, NULL, NULL};
+    scene s = scene_octahedron(3);
+    const measures m = scene_measure(&s, NULL);
+    verdict_input in = good_solve(&m);
+    in.step_left = NAN;
+    scene_free(&s);
+    const verdict v = verdict_judge(&in);
+    check_reasons(&v, VERDICT_CONVERGED, none);
+}
+
+static void a_solve_that_still_moves_outranks_gaps(void **state)
+{
+    (void)state;
+    const char *const both[3] = {"coverage", "rms_step"};
+    scene s = without_ball(scene_rectangle(30, 31), (vec3){15.5, 14 * ROW, 0}, 0.9);
+    const measures m = scene_measure(&s, NULL);
+    verdict_input in = good_solve(&m);
+    in.stopped = true;
+    scene_free(&s);
+    const verdict v = verdict_judge(&in);
+    check_reasons(&v, VERDICT_NOT_CONVERGED, both);
+}
+
+/* ---- outcome.require */
+
+static void a_requirement_that_is_missed_is_a_reason(void **state)
+{
+    (void)state;
+    const char *const hex[3] = {"hex_fraction"}, *const none[3] = {NULL};
+    spec_requirement require[SPEC_REQUIRE_COUNT] = {0};
+    scene s = scene_rectangle(30, 31); /* hex_fraction .9387 */
+    const measures m = scene_measure(&s, NULL);
+    verdict_input in = good_solve(&m);
+    scene_free(&s);
+    in.require = require;
+    require[SPEC_REQUIRE_HEX_FRACTION] = (spec_requirement){true, 0.95};
+    verdict v = verdict_judge(&in);
+    check_reasons(&v, VERDICT_UNRESOLVED, hex);
+    require[SPEC_REQUIRE_HEX_FRACTION].bound = 0.93;
+    require[SPEC_REQUIRE_COVERAGE] = (spec_requirement){true, 0.6};
+    v = verdict_judge(&in);
+    check_reasons(&v, VERDICT_CONVERGED, none);
+}
+
+/* ---- other bad results */
+
+static void half_of_the_points_lost_at_random_leave_gaps(void **state)
+{
+    (void)state;
+    rng r = rng_seed(1, 0);
+    scene s = scene_rectangle(30, 31);
+    scene_remove(&s, at_random, &r);
+    check_unresolved(s, "coverage", "missing_share", NULL);
+}
+
+static void a_half_without_points_leaves_a_gap(void **state)
+{
+    (void)state;
+    check_unresolved(without(scene_rectangle(30, 31), (vec3){1, 0, 0}, 15.2), "coverage", "missing_share", NULL);
+}
+
+static void a_wide_hole_leaves_a_gap(void **state)
+{
+    (void)state;
+    check_unresolved(without_ball(scene_rectangle(30, 31), (vec3){15, 13, 0}, 4), "coverage", "missing_share", NULL);
+}
+
+static void a_corner_without_points_leaves_a_gap(void **state)
+{
+    (void)state;
+    check_unresolved(without_ball(scene_cube(5), (vec3){0, 0, 0}, 1.9), "coverage", "missing_share", NULL);
+}
+
+static void a_face_of_a_cube_without_points_leaves_a_gap(void **state)
+{
+    (void)state;
+    check_unresolved(without(scene_cube(6), (vec3){0, 0, 1}, 5.5), "coverage", "missing_share", NULL);
+}
+
+static void a_ring_without_points_leaves_a_gap(void **state)
+{
+    (void)state;
+    scene s = scene_tube(24, 11);
+    scene below = without(scene_copy(&s), (vec3){0, 0, 1}, 3.5);
+    for (size_t k = 0; k < s.points; k++)
+        if (s.point[k].z > 5.9) scene_point(&below, s.point[k]);
+    scene_free(&s);
+    check_unresolved(below, "coverage", "missing_share", NULL);
+}
+
+static void an_end_of_a_torus_without_points_leaves_a_gap(void **state)
+{
+    (void)state;
+    check_unresolved(without(scene_torus(25, 8), (vec3){1, 0, 0}, 3), "coverage", "missing_share", NULL);
+}
+
+static void a_half_plane_without_points_leaves_a_gap(void **state)
+{
+    (void)state;
+    const double angle[] = {0, M_PI / 2, M_PI, 1.5 * M_PI};
+    check_unresolved(without(scene_half_planes(12, 11, angle, 4), (vec3){0, 0, 1}, 0.1), "coverage", "missing_share",
+                     NULL);
+}
+
+/* As fins: the strips between rows 3 and 7 have no points. */
+static void a_sparse_strip_leaves_a_gap(void **state)
+{
+    (void)state;
+    scene s = scene_rectangle(20, 21), sparse = scene_rectangle(20, 21);
+    sparse.points = 0;
+    for (size_t k = 0; k < s.points; k++)
+        if (s.point[k].y < 3.1 * ROW || s.point[k].y > 6.9 * ROW) scene_point(&sparse, s.point[k]);
+    scene_free(&s);
+    check_unresolved(sparse, "coverage", "missing_share", NULL);
+}
+
+static void a_far_piece_without_points_is_a_part_and_a_gap(void **state)
+{
+    (void)state;
+    scene s = scene_rectangle(20, 21);
+    scene_quad(&s, (vec3){0, 0, 9}, (vec3){20, 0, 9}, (vec3){20, 9, 9}, (vec3){0, 9, 9});
+    check_unresolved(s, "coverage", "missing_share", "parts_without_points");
+}
+
+static void a_plate_a_tenth_thick_has_double_rows(void **state)
+{
+    (void)state;
+    check_unresolved(scene_plate(30, 31, 0.1), "close_share", NULL, NULL);
+}
+
+/* All points of both rims twice, .2 apart. */
+static void doubled_rims_of_a_plate_are_close(void **state)
+{
+    (void)state;
+    scene s = scene_plate(30, 31, 0.5);
+    s = with_row(s, (vec3){0.2, 0, 0}, 30);
+    check_unresolved(with_row(s, (vec3){0.2, 0, 0.5}, 30), "close_share", NULL, NULL);
+}
+
+static void two_lattices_on_each_other_are_close(void **state)
+{
+    (void)state;
+    scene s = scene_rectangle(20, 21);
+    const size_t count = s.points;
+    for (size_t k = 0; k < count; k++)
+        if (s.point[k].x < 19.5 && s.point[k].y < 17) scene_point_again(&s, vec3_add(s.point[k], (vec3){0.1, 0.07, 0}));
+    check_unresolved(s, "close_share", NULL, NULL);
+}
+
+static void merged_points_are_coincident(void **state)
+{
+    (void)state;
+    check_unresolved(with_row(scene_rectangle(30, 31), (vec3){3 + 5e-4, 0, 0}, 20), "close_share", "coincident", NULL);
+}
+
+static void points_in_one_place_fail_all(void **state)
+{
+    (void)state;
+    const ball b = {{10, 10 * ROW, 0}, 1.1};
+    scene s = scene_rectangle(20, 21);
+    scene_remove(&s, outside_ball, &b);
+    for (int k = 0; k < 100; k++) scene_point_again(&s, (vec3){10, 10 * ROW, 0});
+    const verdict v = judge_scene(&s);
+    assert_true(v.outcome == VERDICT_UNRESOLVED && has_reason(&v, "coverage") && has_reason(&v, "missing_share") &&
+                has_reason(&v, "close_share") && has_reason(&v, "coincident") && has_reason(&v, "unmeasured_share"));
+}
+
+/* Points of the lower wall lie in a strip along one rim only. */
+static void half_a_wall_without_points_is_missing(void **state)
+{
+    (void)state;
+    scene s = scene_plate(20, 21, 0.4), half = scene_plate(20, 21, 0.4);
+    half.points = 0;
+    for (size_t k = 0; k < s.points; k++)
+        if (s.point[k].z > 0.1 || s.point[k].y < 9) scene_point(&half, s.point[k]);
+    scene_free(&s);
+    check_unresolved(half, "missing_share", NULL, NULL);
+}
+
+static void random_points_have_gaps_and_close_pairs(void **state)
+{
+    (void)state;
+    rng r = rng_seed(2, 0);
+    scene s = scene_sphere(30, 60);
+    scene_random_points(&s, 500, &r);
+    scene_set_spacing(&s, sqrt(8 * M_PI / (sqrt(3) * 500)));
+    check_unresolved(s, "coverage", "missing_share", "close_share");
+}
+
+/* Twice as many points were asked for as there are. */
+static void points_too_far_apart_leave_gaps(void **state)
+{
+    (void)state;
+    scene s = scene_icosahedron(4);
+    scene_set_spacing(&s, 0.45);
+    check_unresolved(s, "coverage", "missing_share", NULL);
+}
+
+static void two_points_on_a_tetrahedron_are_not_measured(void **state)
+{
+    (void)state;
+    scene s = scene_tetrahedron(1);
+    s.points = 2;
+    scene_set_spacing(&s, sqrt(2 * sqrt(3) / (sqrt(3) * 2)));
+    check_unresolved(s, "unmeasured_share", NULL, NULL);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(points_in_perfect_order_are_converged),
+        cmocka_unit_test(a_hole_in_a_lattice_fails_coverage),
+        cmocka_unit_test(a_wall_without_points_fails_missing_share),
+        cmocka_unit_test(a_row_beside_a_row_fails_close_share),
+        cmocka_unit_test(a_point_on_a_point_fails_coincident),
+        cmocka_unit_test(a_shell_without_points_fails_parts_without_points),
+        cmocka_unit_test(three_points_on_a_sphere_fail_unmeasured_share),
+        cmocka_unit_test(a_fault_of_the_solve_is_the_only_reason),
+        cmocka_unit_test(a_step_that_is_not_known_fails_nothing),
+        cmocka_unit_test(a_solve_that_still_moves_outranks_gaps),
+        cmocka_unit_test(a_requirement_that_is_missed_is_a_reason),
+        cmocka_unit_test(half_of_the_points_lost_at_random_leave_gaps),
+        cmocka_unit_test(a_half_without_points_leaves_a_gap),
+        cmocka_unit_test(a_wide_hole_leaves_a_gap),
+        cmocka_unit_test(a_corner_without_points_leaves_a_gap),
+        cmocka_unit_test(a_face_of_a_cube_without_points_leaves_a_gap),
+        cmocka_unit_test(a_ring_without_points_leaves_a_gap),
+        cmocka_unit_test(an_end_of_a_torus_without_points_leaves_a_gap),
+        cmocka_unit_test(a_half_plane_without_points_leaves_a_gap),
+        cmocka_unit_test(a_sparse_strip_leaves_a_gap),
+        cmocka_unit_test(a_far_piece_without_points_is_a_part_and_a_gap),
+        cmocka_unit_test(a_plate_a_tenth_thick_has_double_rows),
+        cmocka_unit_test(doubled_rims_of_a_plate_are_close),
+        cmocka_unit_test(two_lattices_on_each_other_are_close),
+        cmocka_unit_test(merged_points_are_coincident),
+        cmocka_unit_test(points_in_one_place_fail_all),
+        cmocka_unit_test(half_a_wall_without_points_is_missing),
+        cmocka_unit_test(random_points_have_gaps_and_close_pairs),
+        cmocka_unit_test(points_too_far_apart_leave_gaps),
+        cmocka_unit_test(two_points_on_a_tetrahedron_are_not_measured),
+    };
+    return cmocka_run_group_tests_name("verdict", tests, NULL, NULL);
+}
