@@ -11,7 +11,9 @@
  * The number of threads does not matter. */
 enum { TASKS = 512, POINTS_OF_TASK = 1000, TASKS_AT_ONCE = 64 };
 /* A triangle with more candidates is divided at its longest edge before it is clipped: clipping takes the square of their number. */
-enum { MOST_CANDIDATES = 12, DEEPEST = 48 };
+enum { MOST_CANDIDATES = 12 };
+/* A part shorter than this, in spacings, is not divided further: it holds no side that counts. */
+static const double LEAST_PART = 1e-4;
 /* Candidates are collected for nodes, or parts of triangles, of at most this radius in spacings. */
 static const double SMALL = 1;
 /* Of all points within this many spacings beyond the nearest one. A triangle that needs others, since these are of an opposite wall, collects
@@ -240,7 +242,6 @@ static double polygon_area(const polygon *p)
 typedef struct part {
     vec3 corner[3];
     const facet *of;
-    int depth;
 } part;
 
 /* What lies beyond the faces that cut the surface is not part of it. */
@@ -312,6 +313,12 @@ static int nearer_corners(const corner_distances *one, const corner_distances *o
     return (one->of[0] < other->of[0]) + (one->of[1] < other->of[1]) + (one->of[2] < other->of[2]);
 }
 
+/* Whether two sites are equally far from every place of the triangle: the first of them has the places. */
+static bool is_same(const corner_distances *a, const corner_distances *b)
+{
+    return a->of[0] == b->of[0] && a->of[1] == b->of[1] && a->of[2] == b->of[2];
+}
+
 /* The part of the triangle in the cell of candidate `own` of `count` from `base` on. */
 static polygon cell_part(const descent *d, const part *t, size_t base, size_t count, size_t own)
 {
@@ -319,16 +326,14 @@ static polygon cell_part(const descent *d, const part *t, size_t base, size_t co
     const corner_distances *square = d->square + base;
     const vec3 origin = d->s->position[site];
     for (size_t k = 0; k < count; k++)
-        if (nearer_corners(&square[k], &square[own]) == 3) return (polygon){.count = 0};
+        if (nearer_corners(&square[k], &square[own]) == 3 ||
+            (list[k] < site && is_same(&square[k], &square[own])))
+            return (polygon){.count = 0};
     polygon p = whole_part(d, t, origin);
     for (size_t k = 0; k < count && p.count > 0; k++) {
         const vec3 to = vec3_sub(d->s->position[list[k]], origin);
-        const double half = 0.5 * vec3_norm2(to);
-        if (k == own || (half > 0 && nearer_corners(&square[k], &square[own]) == 0)) continue;
-        if (half > 0)
-            clip(&p, to, half, list[k]);
-        else if (list[k] < site)
-            p.count = 0; /* of points in one place the first has the cell */
+        if (k != own && nearer_corners(&square[k], &square[own]) > 0)
+            clip(&p, to, 0.5 * vec3_norm2(to), list[k]);
     }
     return p;
 }
@@ -385,11 +390,10 @@ static part half_of(const part *t, int longest, int k)
     part out = *t;
     const int a = longest, b = (longest + 1) % 3;
     out.corner[k == 0 ? b : a] = vec3_scale(vec3_add(t->corner[a], t->corner[b]), 0.5);
-    out.depth++;
     return out;
 }
 
-static int longest_edge(const part *t)
+static int longest_edge(const part *t, double *length)
 {
     int longest = 0;
     double most2 = -1;
@@ -399,6 +403,7 @@ static int longest_edge(const part *t)
         most2 = length2;
         longest = k;
     }
+    *length = sqrt(most2);
     return longest;
 }
 
@@ -410,6 +415,19 @@ static bool is_dominated(const corner_distances *d, const corner_distances *by)
            d->of[2] > by->of[2] * (1 + MARGIN);
 }
 
+/* The site that is nearest to a corner, or to all of them. */
+typedef struct judge {
+    uint32_t site;
+    double least;
+    corner_distances at;
+} judge;
+
+/* Sites in one place do not dominate each other. All but the first are discarded, else no division would separate them. */
+static bool is_discarded(uint32_t site, const corner_distances *at, const judge *by)
+{
+    return is_dominated(at, &by->at) || (by->site < site && equal_corners(at, &by->at) == 3);
+}
+
 /* The corners of a part that its candidates have no distances from yet: of the half of a triangle the new one. */
 enum { ALL_CORNERS = 3 };
 
@@ -417,8 +435,7 @@ enum { ALL_CORNERS = 3 };
 static void push_undominated(descent *d, const part *t, int changed, size_t from, size_t count)
 {
     enum { JUDGES = 4 };
-    corner_distances judge[JUDGES] = {{{0}}};
-    double least[JUDGES] = {INFINITY, INFINITY, INFINITY, INFINITY};
+    judge by[JUDGES] = {{.least = INFINITY}, {.least = INFINITY}, {.least = INFINITY}, {.least = INFINITY}};
     const size_t base = d->top;
     for (size_t k = 0; k < count; k++) {
         corner_distances own = d->square[from + k];
@@ -427,20 +444,21 @@ static void push_undominated(descent *d, const part *t, int changed, size_t from
                 own.of[c] = vec3_norm2(vec3_sub(d->s->position[d->list[from + k]], t->corner[c]));
         const double value[JUDGES] = {own.of[0], own.of[1], own.of[2], own.of[0] + own.of[1] + own.of[2]};
         for (int j = 0; j < JUDGES; j++) {
-            if (!(value[j] < least[j])) continue;
-            least[j] = value[j];
-            judge[j] = own;
+            const uint32_t site = d->list[from + k];
+            if (value[j] < by[j].least || (value[j] == by[j].least && site < by[j].site))
+                by[j] = (judge){site, value[j], own};
         }
         d->list[base + k] = d->list[from + k];
         d->square[base + k] = own;
     }
     for (size_t k = 0; k < count; k++) {
-        const corner_distances *own = &d->square[base + k];
-        bool dominated = false;
-        for (int j = 0; j < JUDGES; j++) dominated |= is_dominated(own, &judge[j]);
-        if (dominated) continue;
-        d->list[d->top] = d->list[base + k];
-        d->square[d->top++] = *own;
+        const corner_distances own = d->square[base + k];
+        const uint32_t site = d->list[base + k];
+        bool discarded = false;
+        for (int j = 0; j < JUDGES; j++) discarded |= is_discarded(site, &own, &by[j]);
+        if (discarded) continue;
+        d->list[d->top] = site;
+        d->square[d->top++] = own;
     }
 }
 
@@ -452,13 +470,14 @@ static bool visit_part(descent *d, const part *t, int changed, size_t from, size
     push_undominated(d, t, changed, from, count);
     const size_t chosen = d->top - base;
     bool ok = true;
-    if (chosen > MOST_CANDIDATES && t->depth < DEEPEST) {
-        const int longest = longest_edge(t);
+    double length;
+    const int longest = longest_edge(t, &length);
+    if (chosen > MOST_CANDIDATES && length > LEAST_PART * d->s->spacing[d->list[base]]) {
         for (int k = 0; ok && k < 2; k++) {
             const part half = half_of(t, longest, k);
             ok = visit_part(d, &half, k == 0 ? (longest + 1) % 3 : longest, base, chosen);
         }
-    } else { /* of more candidates at the last depth, which lie in one place, the first are used */
+    } else { /* of more candidates the first are used */
         const size_t used = chosen < MOST_CANDIDATES ? chosen : MOST_CANDIDATES;
         for (size_t k = 0; ok && k < used; k++) ok = clip_cell(d, t, base, used, k);
     }
@@ -544,8 +563,9 @@ static bool visit_large_part(descent *d, const part *t)
 {
     const vec3 centroid = field_triangle_middle(t->corner);
     const surroundings at = surroundings_at(d, centroid, part_radius(t, centroid));
-    if (at.radius > SMALL * at.spacing && t->depth < DEEPEST) {
-        const int longest = longest_edge(t);
+    if (at.radius > SMALL * at.spacing) {
+        double length;
+        const int longest = longest_edge(t, &length);
         const part one = half_of(t, longest, 0), other = half_of(t, longest, 1);
         return visit_large_part(d, &one) && visit_large_part(d, &other);
     }
@@ -558,7 +578,7 @@ static bool visit_large_part(descent *d, const part *t)
 /* `from` NULL: there are no candidates yet. */
 static bool visit_triangle(descent *d, const facet *t, const candidates *from, vec3 from_centre)
 {
-    const part whole = {{t->corner[0], t->corner[1], t->corner[2]}, t, 0};
+    const part whole = {{t->corner[0], t->corner[1], t->corner[2]}, t};
     if (!from) return visit_large_part(d, &whole);
     const vec3 centroid = field_triangle_middle(t->corner);
     const size_t base = d->top;

@@ -108,7 +108,8 @@ static void add_solid(scene *s, const vec3 *corner, int count, double side, int 
                     continue;
                 const double scale = n / side;
                 const bool turned = vec3_dot(vec3_cross(ab, ac), corner[a]) < 0;
-                scene_lattice_triangle(s, vec3_scale(corner[a], scale), vec3_scale(corner[turned ? c : b], scale),
+                scene_lattice_triangle(s, vec3_scale(corner[a], scale),
+                                       vec3_scale(corner[turned ? c : b], scale),
                                        vec3_scale(corner[turned ? b : c], scale), n);
             }
 }
@@ -156,7 +157,8 @@ scene scene_sphere(int along, int around)
     for (int i = 0; i < along; i++)
         for (int k = 0; k < around; k++) {
             const vec3 a = sphere_place(i, along, k, around), b = sphere_place(i + 1, along, k, around),
-                       c = sphere_place(i + 1, along, k + 1, around), d = sphere_place(i, along, k + 1, around);
+                       c = sphere_place(i + 1, along, k + 1, around),
+                       d = sphere_place(i, along, k + 1, around);
             if (i + 1 < along) scene_triangle(&s, a, b, c);
             if (i > 0) scene_triangle(&s, a, c, d);
         }

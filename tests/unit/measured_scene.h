@@ -27,7 +27,7 @@ void scene_triangle(scene *s, vec3 a, vec3 b, vec3 c);
 void scene_quad(scene *s, vec3 a, vec3 b, vec3 c, vec3 d); /* two triangles: a b c and a c d */
 void scene_point(scene *s, vec3 x);                        /* of spacing 1, unless there is one at x */
 void scene_point_again(scene *s, vec3 x);                  /* also if there is one */
-void scene_random_points(scene *s, size_t count, rng *r); /* uniform on the triangles */
+void scene_random_points(scene *s, size_t count, rng *r);  /* uniform on the triangles */
 void scene_remove(scene *s, bool (*drop)(vec3 x, const void *context), const void *context);
 void scene_set_spacing(scene *s, double h);
 

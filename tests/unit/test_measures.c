@@ -73,7 +73,8 @@ static void a_plate_half_a_spacing_thick_has_no_close_points(void **state)
     check_represented(&got, sqrt(IDEAL * IDEAL + 0.25 * 0.25), 1e-9);
     assert_close(got.hex_fraction, plate_hex_fraction(30, 15), 1e-12);
     assert_close(got.min_spacing_ratio, 0.5, 1e-9);
-    assert_true(got.thin_count == 2 * (946 - 90)); /* points on the edges of the rims have the rims' normals, too */
+    assert_true(got.thin_count ==
+                2 * (946 - 90)); /* points on the edges of the rims have the rims' normals, too */
 }
 
 /* MEASURES.md names .90 and .095. */
@@ -211,7 +212,8 @@ static void a_plate_is_measured_on_each_of_its_walls(void **state)
     const measures got = scene_measure(&s, &options);
     size_t interior = 0;
     for (size_t k = 0; k < s.points; k++) {
-        if (s.point[k].x < 1 || s.point[k].x > 29 || s.point[k].y < 1 || s.point[k].y > 29 * ROW - 0.1) continue;
+        if (s.point[k].x < 1 || s.point[k].x > 29 || s.point[k].y < 1 || s.point[k].y > 29 * ROW - 0.1)
+            continue;
         assert_close(local[k], 1, 1e-9);
         interior++;
     }
