@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "field/projection.h"
 #include "measures/pair_measures.h"
 #include "measures/restricted_voronoi.h"
 #include "packing/energy.h"
@@ -112,10 +113,31 @@ typedef struct corner_job {
     point_table *t;
 } corner_job;
 
+/* Where faces of the domain cut a smooth surface: its angle is that between them in the tangent plane. */
+static void set_cut(const field *of, vec3 x, vec3 normal, facets_corner *out)
+{
+    const unsigned axes = projection_boundary_axes(of, x);
+    vec3 inwards[3];
+    int count = 0;
+    double spread = 0;
+    for (int axis = 0; axis < 3; axis++) {
+        vec3 d = {0, 0, 0};
+        if (!(axes >> axis & 1)) continue;
+        vec3_set(&d, axis, vec3_get(x, axis) == vec3_get(of->boundary_box.min, axis) ? 1 : -1);
+        inwards[count] = vec3_unit(vec3_axpy(-vec3_dot(d, normal), normal, d));
+        for (int k = 0; k < count; k++)
+            spread = fmax(spread, acos(fmin(fmax(vec3_dot(inwards[k], inwards[count]), -1), 1)));
+        count++;
+    }
+    if (count > 0) *out = (facets_corner){.angle = M_PI - spread, .border = true};
+}
+
 static void set_corner(const measures_input *in, const facets *f, uint32_t i, point_table *t)
 {
     facets_corner c = {.angle = 0};
     if (has_flag(in, i, PACKING_FIXED)) facets_corner_at(f, in->position[i], ON_EDGE * in->spacing[i], &c);
+    if (in->surface.triangle_count == 0)
+        set_cut(in->surface.scan->field, in->position[i], t->normal[t->side[i]], &c);
     const double angle = c.angle > 0 ? c.angle : 2 * M_PI;
     t->share[i] = angle / (2 * M_PI);
     t->border[i] = c.border;
@@ -144,8 +166,8 @@ static void point_chunk(void *context, int worker, size_t begin, size_t end)
     const corner_job *job = context;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
-        set_corner(job->in, job->f, (uint32_t)i, job->t);
         set_piece(job->in, job->f, (uint32_t)i, job->t);
+        set_corner(job->in, job->f, (uint32_t)i, job->t);
     }
 }
 

@@ -9,7 +9,10 @@
 #include <cmocka.h>
 
 #include "close.h"
+#include "field/analytic.h"
+#include "field/region.h"
 #include "lattice_scenes.h"
+#include "surface/surface.h"
 
 /* The circumradius of an equilateral triangle of side 1. */
 static const double IDEAL = 0.57735026918962576451;
@@ -43,6 +46,45 @@ static void a_rectangle_has_irregular_points_along_its_zigzag_sides_only(void **
     assert_close(got.area_cv, 0, 1e-6);
     assert_close(got.edge_cv, 0, 1e-6);
     assert_true(got.thin_count == 0);
+}
+
+/* The same points on a plane that the faces of a box cut: what lies on a face is on a border. */
+static void a_rectangle_cut_from_a_plane_is_measured_as_its_triangles(void **state)
+{
+    (void)state;
+    scene s = scene_rectangle(10, 11);
+    const measures expected = scene_measure(&s, NULL);
+    const analytic_params plane = {
+        .shape = ANALYTIC_HALFSPACE, .axis = {0, 0, 1}, .bounds = {{-3, -3, -3}, {14, 14, 3}}};
+    const bbox box = {{0, 0, -2}, {10, s.point[s.points - 1].y, 2}};
+    error e = {0};
+    threads *pool = threads_new(2, NULL, &e);
+    analytic *a = analytic_new(&plane, pool, &e);
+    region *part = region_new(&a->base, box, &e);
+    surface *scan = surface_scan(region_field(part), pool, &e);
+    vec3 normal[128];
+    double local[128], farthest;
+    measures got;
+    assert_in_range(s.points, 1, 128);
+    for (size_t k = 0; k < s.points; k++) normal[k] = (vec3){0, 0, 1};
+    const measures_input in = {.surface = {.scan = scan, .patch_count = 1},
+                               .count = s.points,
+                               .position = s.point,
+                               .spacing = s.spacing,
+                               .h = 1,
+                               .stand_count = s.points,
+                               .stand_normal = normal};
+    assert_true(measures_take(&in, pool, local, NULL, &farthest, &got, &e));
+    assert_close(got.hex_fraction, expected.hex_fraction, 1e-12);
+    assert_close(got.area_cv, 0, 1e-6);
+    assert_close(got.energy_excess, expected.energy_excess, 1e-9);
+    assert_close(got.coverage, IDEAL, 1e-6);
+    assert_true(got.unmeasured_share == 0);
+    surface_free(scan);
+    region_free(part);
+    analytic_free(a);
+    threads_free(pool);
+    scene_free(&s);
 }
 
 static void a_triangle_of_a_lattice_is_perfect(void **state)
@@ -333,6 +375,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_rectangle_has_irregular_points_along_its_zigzag_sides_only),
+        cmocka_unit_test(a_rectangle_cut_from_a_plane_is_measured_as_its_triangles),
         cmocka_unit_test(a_triangle_of_a_lattice_is_perfect),
         cmocka_unit_test(a_plate_half_a_spacing_thick_has_no_close_points),
         cmocka_unit_test(a_plate_a_tenth_of_a_spacing_thick_has_double_rows_along_its_rims),
