@@ -67,7 +67,7 @@ static bool describe(job *j, const json *shape, json *item, error *e)
     double area = j->scan->area;
     if (!clearance_measure(j->scan, NULL, packing_spacing(area, FEWEST), j->pool, &room, e)) return false;
     advice_resolution to = {packing_spacing(area, FEWEST), FEWEST};
-    if (room.factor < 1) to = advice_resolve(area, (size_t)FEWEST, &room);
+    if (room.factor < 1) to = advice_resolve(area, (size_t)FEWEST, room.factor);
     json_put_integer(item, "cells", (int64_t)j->scan->cells);
     json_put_bool(item, "measured", true);
     json_put_number(item, "area", area);

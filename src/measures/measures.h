@@ -40,13 +40,17 @@ typedef struct measures {
     double unmeasured_share, defect_share;
     size_t unmeasured_count;
     size_t thin_count; /* points with another on an opposite wall nearer than 1.2 spacings */
-    double euler;      /* sum of (6 - degree) / 6 */
+    double
+        thin_factor; /* times the spacing: at most MEASURES_THIN_SHARE of the points would lie on such walls; at most 1 */
+    double euler; /* sum of (6 - degree) / 6 */
     double grading_cv, grading_exponent;
 } measures;
 
 /* Points whose distance is below these are close, or coincident; of the mean of their spacings. */
 #define MEASURES_CLOSE 0.25
 #define MEASURES_COINCIDENT 1e-3
+/* Fewer points on walls thinner than the spacing are not worth a note. */
+#define MEASURES_THIN_SHARE 0.02
 
 /* `local` (count values) receives the local spacing sqrt(2 a / sqrt 3), with a the area of the point's cell over the share of a full turn
  * that the surface has at the point; of a point without a cell the requested spacing. `degree` (count values, or NULL): the number of

@@ -27,6 +27,7 @@ typedef struct pair_job {
     const pair_measures_input *in;
     const partition *part;
     pair_sums *sums; /* of each chunk */
+    double *gap;     /* of each point, to the opposite wall, in spacings */
 } pair_job;
 
 typedef struct energy_batch {
@@ -52,16 +53,14 @@ static void add_pair(energy_batch *b, double u2, double weight)
     b->weight[b->count++] = weight;
 }
 
-/* Whether two points lie on opposite walls that are nearer to each other than QUALITY_SHEET_GAP spacings. Beside a sharp edge, where its
- * faces meet, they are no walls. */
-static bool is_thin_pair(const pair_measures_input *in, uint32_t i, uint32_t j, double distance, double mean)
+/* How far apart the opposite walls of two points are, in spacings; INFINITY: they say nothing of it. Beside a sharp edge, where its faces meet,
+ * they are no walls. */
+static double wall_gap(const pair_measures_input *in, uint32_t i, uint32_t j, double distance, double mean)
 {
     const sites *s = in->sites;
-    if (distance >= QUALITY_SHEET_REACH * mean || (in->at_wedge[i] && in->at_wedge[j])) return false;
+    if (distance >= QUALITY_SHEET_REACH * mean || (in->at_wedge[i] && in->at_wedge[j])) return INFINITY;
     const vec3 r = vec3_sub(s->position[j], s->position[i]);
-    const double gap =
-        fmin(fabs(vec3_dot(s->normal[s->side[i]], r)), fabs(vec3_dot(s->normal[s->side[j]], r)));
-    return gap < QUALITY_SHEET_GAP * mean;
+    return fmin(fabs(vec3_dot(s->normal[s->side[i]], r)), fabs(vec3_dot(s->normal[s->side[j]], r))) / mean;
 }
 
 static void measure_point(const pair_job *job, uint32_t at, pair_sums *sums)
@@ -71,8 +70,7 @@ static void measure_point(const pair_job *job, uint32_t at, pair_sums *sums)
     const uint32_t i = job->part->index[at], *list = neighbours_list(job->part->near, at);
     const double h = s->spacing[i], support = packing_support(in->sized ? h : in->h);
     energy_batch b;
-    double nearest = INFINITY;
-    bool thin = false;
+    double nearest = INFINITY, gap = INFINITY;
     b.count = 0;
     b.energy = 0;
     for (uint32_t k = 0; k < job->part->near->list_count[at]; k++) {
@@ -80,7 +78,7 @@ static void measure_point(const pair_job *job, uint32_t at, pair_sums *sums)
         const double distance = vec3_norm(vec3_sub(s->position[i], s->position[j])),
                      mean = 0.5 * (h + s->spacing[j]), size = mean / h, facing = sites_facing_pair(s, i, j);
         if (!(facing > SITES_OPPOSITE)) {
-            thin |= is_thin_pair(in, i, j, distance, mean);
+            gap = fmin(gap, wall_gap(in, i, j, distance, mean));
         } else if (s->piece[i] == s->piece[j]) {
             nearest = fmin(nearest, distance / mean);
         }
@@ -93,7 +91,8 @@ static void measure_point(const pair_job *job, uint32_t at, pair_sums *sums)
     sums->nearest = fmin(sums->nearest, nearest);
     sums->close += nearest < MEASURES_CLOSE;
     sums->coincident += nearest < MEASURES_COINCIDENT;
-    sums->thin += thin;
+    sums->thin += gap < QUALITY_SHEET_GAP;
+    job->gap[i] = gap;
 }
 
 static void pair_chunk(void *context, int worker, size_t begin, size_t end)
@@ -115,6 +114,20 @@ static void add_sums(pair_sums *to, const pair_sums *s)
     to->thin += s->thin;
 }
 
+static int compare_numbers(const void *a, const void *b)
+{
+    const double p = *(const double *)a, q = *(const double *)b;
+    return (p > q) - (p < q);
+}
+
+/* See measures.thin_factor; sorts the gaps. */
+static double thin_factor(double *gap, size_t count)
+{
+    const size_t allowed = (size_t)(MEASURES_THIN_SHARE * (double)count);
+    qsort(gap, count, sizeof *gap, compare_numbers);
+    return fmin(gap[allowed] / QUALITY_SHEET_GAP, 1);
+}
+
 /* How far lists reach, in spacings: to the support, and to opposite walls. */
 static double reach_of(const pair_measures_input *in)
 {
@@ -131,16 +144,19 @@ bool pair_measures_take(const pair_measures_input *in, threads *pool, measures *
     partitions all;
     partition part = {0};
     pair_sums whole = {.nearest = INFINITY}, *sums = NULL;
-    bool ok = partitions_cut(&cut, pool, &all, e) &&
+    double *gap = mem_array(s->count, sizeof *gap, what, e);
+    bool ok = partitions_cut(&cut, pool, &all, e) && gap &&
               (sums = mem_array(all.most / CHUNK + 1, sizeof *sums, what, e)) != NULL;
     for (size_t k = 0; ok && k < all.count; k++) {
         ok = partition_fill(&cut, &all, k, pool, &part, e);
-        if (ok) threads_run(pool, part.count, CHUNK, pair_chunk, &(pair_job){in, &part, sums});
+        if (ok) threads_run(pool, part.count, CHUNK, pair_chunk, &(pair_job){in, &part, sums, gap});
         for (size_t c = 0; ok && c < (part.count + CHUNK - 1) / CHUNK; c++) add_sums(&whole, &sums[c]);
     }
     partition_free(&part);
     partitions_free(&all);
     free(sums);
+    out->thin_factor = ok && !threads_stopped(pool) ? thin_factor(gap, s->count) : 1;
+    free(gap);
     if (!ok) return false;
     const double n = (double)s->count;
     out->energy_excess = whole.energy / n - 1;

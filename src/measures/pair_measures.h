@@ -15,7 +15,7 @@ typedef struct pair_measures_input {
     const bool *at_wedge; /* of each point: PACKING_AT_WEDGE */
 } pair_measures_input;
 
-/* Sets energy_excess, min_spacing_ratio, close_share, coincident and thin_count. Errors: limit_memory, cancelled. Deterministic. */
+/* Sets energy_excess, min_spacing_ratio, close_share, coincident, thin_count and thin_factor. Errors: limit_memory, cancelled. Deterministic. */
 bool pair_measures_take(const pair_measures_input *in, threads *pool, measures *out, error *e);
 
 #endif

@@ -7,7 +7,7 @@
 #include "packing/packing.h"
 #include "source/plan.h"
 
-/* Where points are unresolved and the rays of the clearance see no reason, this spacing is tried next. */
+/* Of the spacing, where no factor is known: this is tried next. */
 static const double BLIND_FACTOR = 0.5;
 
 /* Up to two digits. */
@@ -19,10 +19,9 @@ static double rounded_up(double value)
 
 const advice_purpose advice_resolves = {"unresolved", "separate the walls"};
 
-advice_resolution advice_resolve(double area, size_t count, const clearance *c)
+advice_resolution advice_resolve(double area, size_t count, double factor)
 {
-    double factor = c->factor < 1 ? c->factor : BLIND_FACTOR;
-    double points = rounded_up((double)count / (factor * factor));
+    const double by = factor < 1 ? factor : BLIND_FACTOR, points = rounded_up((double)count / (by * by));
     return (advice_resolution){packing_spacing(area, points), points};
 }
 

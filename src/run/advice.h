@@ -9,19 +9,16 @@
 #include <stddef.h>
 
 #include "json/json.h"
-#include "sizing/clearance.h"
 #include "spec/spec.h"
-
-/* Walls thinner than the spacing are worth a warning from this share of the points or of the area. */
-#define ADVICE_THIN_SHARE 0.02
 
 typedef struct advice_resolution {
     double spacing; /* of an even packing on the surface */
     double count;   /* that many points; rounded up to two digits, what `spacing` and `count` say agrees */
 } advice_resolution;
 
-/* What resolves a surface of this area, on which `count` points have the given clearance. */
-advice_resolution advice_resolve(double area, size_t count, const clearance *c);
+/* What separates the walls of a surface of this area, on which `count` points have a spacing that is to become `factor` times as large. A
+ * factor of 1 is not known, and taken for a half. */
+advice_resolution advice_resolve(double area, size_t count, double factor);
 
 /* Appends an item, and returns its object `set`. */
 json *advice_append(json *list, const char *code, const char *message);

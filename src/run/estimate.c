@@ -5,6 +5,7 @@
 #include "base/clock.h"
 #include "base/memory.h"
 #include "packing/packing.h"
+#include "measures/measures.h"
 #include "run/advice.h"
 #include "run/cost_model.h"
 #include "run/job.h"
@@ -81,9 +82,9 @@ static void describe_resolution(const job *j, int64_t held, json *warnings, json
     bool even = !spec_is_graded(j->spec);
     double h = packing_spacing(j->scan->area, (double)j->count);
     if (j->count == 0 || !even || !clearance_measure(j->scan, NULL, h, j->pool, &c, NULL) ||
-        c.unresolved_share <= ADVICE_THIN_SHARE)
+        c.unresolved_share <= MEASURES_THIN_SHARE)
         return;
-    const advice_resolution to = advice_resolve(j->scan->area, j->count, &c);
+    const advice_resolution to = advice_resolve(j->scan->area, j->count, c.factor);
     char *warning = mem_printf(
         "About %.3g %% of the surface are walls thinner than 1.2 spacings; %.0f points, a spacing of %.3g, would separate them.",
         100 * c.unresolved_share, to.count, to.spacing);

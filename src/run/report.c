@@ -66,7 +66,7 @@ static void put_thin_walls(json *advice, json *warnings, const report_facts *fac
 {
     const size_t count = sampler_result_points(facts->sampler)->count;
     const double area = facts->scan->area, share = (double)facts->measures->thin_count / (double)count;
-    const advice_resolution to = advice_resolve(area, count, facts->clearance);
+    const advice_resolution to = advice_resolve(area, count, facts->measures->thin_factor);
     char *text = mem_printf(
         "%.3g %% of the points lie on walls thinner than 1.2 spacings; %.0f points, a spacing of %.3g, would separate "
         "them.",
@@ -83,11 +83,13 @@ static void put_advice(json *report, json *warnings, const report_facts *facts)
     json *advice = json_put_array(report, "advice");
     const label_surface *labels = facts->source->whole.labels;
     const bool hopeless = labels && label_advice_is_hopeless(labels);
-    if (facts->clearance && !hopeless) put_thin_walls(advice, warnings, facts);
+    const bool thin = (double)facts->measures->thin_count >
+                      MEASURES_THIN_SHARE * (double)sampler_result_points(facts->sampler)->count;
+    if (thin && !hopeless) put_thin_walls(advice, warnings, facts);
     if (labels &&
         (verdict_is_of_thin_parts(facts->verdict) || (hopeless && facts->verdict->reason_count > 0)))
         label_advice_append(advice, &facts->spec->surface.labels, labels);
-    if (labels && facts->clearance && !hopeless)
+    if (labels && thin && !hopeless)
         label_advice_append_majority(advice, &facts->spec->surface.labels, labels,
                                      sampler_spacing(facts->sampler));
 }

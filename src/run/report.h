@@ -11,7 +11,6 @@
 #include "run/verdict.h"
 #include "sampler/sampler.h"
 #include "spec/spec.h"
-#include "sizing/clearance.h"
 #include "surface/surface.h"
 
 typedef struct report_facts {
@@ -23,12 +22,11 @@ typedef struct report_facts {
     const scaled_curvature *curvature; /* of sampling.alpha, or NULL */
     const sampler *sampler;
     const measures *measures;
-    double landed;              /* the largest distance by which points were moved onto a mesh */
-    const double *farthest;     /* the coverage of each patch */
-    const clearance *clearance; /* where many points lie on walls thinner than the spacing, else NULL */
-    int64_t peak_memory;        /* bytes */
-    double memory_limit;        /* bytes that the job may take */
-    double particle_memory;     /* those of them that particles may take, and what one takes */
+    double landed;          /* the largest distance by which points were moved onto a mesh */
+    const double *farthest; /* the coverage of each patch */
+    int64_t peak_memory;    /* bytes */
+    double memory_limit;    /* bytes that the job may take */
+    double particle_memory; /* those of them that particles may take, and what one takes */
     double bytes_per_particle;
     const results_facts *results;
     const verdict *verdict;

@@ -3,7 +3,6 @@
 #include <math.h>
 
 #include "base/clock.h"
-#include "run/advice.h"
 #include "run/job.h"
 #include "run/report.h"
 #include "run/time_target.h"
@@ -35,16 +34,6 @@ static bool write_results(job *j, error *e)
 {
     progress_enter(&j->progress, PROGRESS_WRITE);
     return job_write_points(j, e);
-}
-
-/* *out stays NULL where few points lie on such walls. */
-static bool find_clearance(const job *j, clearance *room, const clearance **out, error *e)
-{
-    const solution *s = &j->solution;
-    const size_t count = sampler_result_points(s->sampler)->count;
-    if (!((double)s->measures.thin_count > ADVICE_THIN_SHARE * (double)count)) return true;
-    *out = room;
-    return clearance_measure(j->scan, s->sizing, sampler_spacing(s->sampler), j->pool, room, e);
 }
 
 /* Some methods end with as many particles as they come to; the count of others is exact. The support is chosen so that the mean energy is
@@ -81,9 +70,6 @@ static verdict_input judged_of(const job *j)
 static bool write_report(job *j, verdict_outcome *outcome, error *e)
 {
     const solution *s = &j->solution;
-    clearance room;
-    const clearance *told = NULL;
-    if (!find_clearance(j, &room, &told, e)) return false;
     const verdict_input judged = judged_of(j);
     const verdict v = verdict_judge(&judged);
     const report_facts facts = {
@@ -97,7 +83,6 @@ static bool write_report(job *j, verdict_outcome *outcome, error *e)
         .measures = &s->measures,
         .farthest = s->farthest,
         .landed = s->landed,
-        .clearance = told,
         .peak_memory = job_peak_memory(j),
         .memory_limit = (double)j->memory,
         .particle_memory = job_particle_memory(j),
