@@ -107,13 +107,13 @@ static void print_note(FILE *file, const char *kind, json_at text)
 void print_notes(FILE *file, json_at notes)
 {
     json_at reasons = json_member(&notes, "outcome_reasons"), warnings = json_member(&notes, "warnings"),
-            advice = json_member(&notes, "advice"), share = json_member(&notes, "resolved_share");
-    if (json_number(share, 1) < 1)
-        fprintf(file, "resolved: %.3g %% of the points\n", 100 * json_number(share, 1));
+            advice = json_member(&notes, "advice");
     for (size_t i = 0; i < json_size(reasons); i++) {
         json_at reason = json_element(&reasons, i);
-        print_note(file, json_string(json_member(&reason, "criterion"), "?"),
-                   json_member(&reason, "message"));
+        fputs("outcome: ", file);
+        print_text(file, json_string(json_member(&reason, "message"), "?"));
+        fprintf(file, " (%.3g, bound %.3g)\n", json_number(json_member(&reason, "value"), 0),
+                json_number(json_member(&reason, "bound"), 0));
     }
     for (size_t i = 0; i < json_size(warnings); i++) print_note(file, "warning", json_element(&warnings, i));
     for (size_t i = 0; i < json_size(advice); i++) {

@@ -120,6 +120,7 @@ static char *read_notes(json_at report)
     if (json_type_of(kept) == JSON_OBJECT) return json_print(kept.node);
     json *notes = json_new_object();
     copy_member(quality, "resolved_share", notes);
+    copy_member(report, "ratings", notes);
     copy_member(report, "outcome_reasons", notes);
     copy_member(surface, "warnings", notes);
     copy_member(report, "advice", notes);

@@ -28,7 +28,7 @@ typedef struct result {
     size_t output_count;
     result_output *output; /* as the report lists them; report.json is added by result_list only */
     char *notes;           /* what people should know of it, a JSON object: resolved_share,
-                            * outcome_reasons, warnings, advice (doc/report.md) */
+                            * ratings, outcome_reasons, warnings, advice (doc/report.md) */
 } result;
 
 /* Reads and checks a result. The caller clears it. Errors: input_damaged tells what is wrong with the result. internal

@@ -8,6 +8,7 @@
 #include "run/advice.h"
 #include "run/label_advice.h"
 #include "run/patch_report.h"
+#include "run/ratings.h"
 #include "source/source_report.h"
 
 /* A ratio of spacings that is this much of the one asked for is not worth a word. */
@@ -320,6 +321,7 @@ void report_fill(json *report, const report_facts *facts)
     json_put_number(energy, "ideal", solved->ideal_energy);
     json_put_number(energy, "excess", solved->mean_energy / solved->ideal_energy - 1);
     put_quality(report, facts);
+    ratings_describe(facts->measures, report);
     put_rounds(report, facts->sampler);
     put_sweeps(report, facts->sampler);
     put_timing(report, facts->progress);

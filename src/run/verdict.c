@@ -183,6 +183,10 @@ static const requirement requirements[] = {SPEC_REQUIRE_LIST(ROW, )};
 #define ROW(prefix, NAME, word, minimum) #word,
 static const char *const requirement_names[] = {SPEC_REQUIRE_LIST(ROW, )};
 #undef ROW
+#define ROW(prefix, NAME, word, minimum) \
+#word ": outcome.require asks for another value. Ask for more points, or change outcome.require.",
+static const char *const requirement_messages[] = {SPEC_REQUIRE_LIST(ROW, )};
+#undef ROW
 
 enum {
     CRITERIA = sizeof criteria / sizeof *criteria,
@@ -219,12 +223,10 @@ verdict verdict_judge(const verdict_input *in)
         if (c->fails(in, &reason.value, &reason.bound)) add_reason(&v, c->otherwise, &reason);
     }
     for (size_t k = 0; k < REQUIREMENTS; k++) {
-        const verdict_reason reason = {
-            .criterion = requirement_names[k],
-            .value = requirements[k].measure(in),
-            .bound = in->require[k].bound,
-            .message =
-                "outcome.require asks for another value of this measure. Ask for more points, or for less."};
+        const verdict_reason reason = {.criterion = requirement_names[k],
+                                       .value = requirements[k].measure(in),
+                                       .bound = in->require[k].bound,
+                                       .message = requirement_messages[k]};
         if (in->require[k].given && is_missed(&requirements[k], reason.value, reason.bound))
             add_reason(&v, VERDICT_UNRESOLVED, &reason);
     }

@@ -1248,10 +1248,9 @@ const spec_row spec_rows[] = {
      .otherwise = "0.05",
      AT(energy_tolerance),
      .prose =
-         "The outcome converged requires that quality.disorder is at most this: the mean energy of the "
-         "points over that of perfect order with as large cells, as many neighbours and the same grading. An "
-         "ordered packing has 0.02 and less. The energy under the support that the solver found must be as close to the "
-         "ideal."},
+         "Of the methods that choose the support of the energy (every method except sized): the mean energy of the points "
+         "differs from the ideal one at most by this fraction. A larger difference is the criterion target_energy of the "
+         "outcome not_converged. Method sized does not use it."},
 
     GROUP("/outcome", SPEC_OPTIONAL, "What the result must be like beyond the criteria of every job (doc/report.md)."),
     GROUP("/outcome/require", SPEC_OPTIONAL,

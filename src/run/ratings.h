@@ -1,0 +1,15 @@
+/* ratings: how regular the packing of a result is, in words.
+ *
+ * Ratings are shown; they decide no outcome. doc/report.md has the same table for readers.
+ */
+#ifndef HEXAD_RUN_RATINGS_H
+#define HEXAD_RUN_RATINGS_H
+
+#include "json/json.h"
+#include "measures/measures.h"
+
+/* Adds the member `ratings`: the measures of packing, each with its value and its rating. A measure without a value has the rating
+ * null. */
+void ratings_describe(const measures *m, json *report);
+
+#endif
