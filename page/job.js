@@ -4,7 +4,7 @@ import {call, follow, get, query, send, urlOf} from "./api.js";
 import {Charts, rowsOfReport} from "./chart.js";
 import {inOrder, Progress, State, throttled, Trouble, useAction, useClock, useTitle} from "./parts.js";
 import {Report} from "./report.js";
-import {bytesOf, durationOf, isFinal, nameOf, PHASES, spentOf, STATES, timeOf} from "./words.js";
+import {bytesOf, durationOf, isFinal, nameOf, numberOf, PHASES, spentOf, STATES, timeOf} from "./words.js";
 
 const FRAMES = 500; // of an array, in one request
 const READ_MS = 500; // however fast events come, the job is read no more often; its log and frames:
@@ -99,11 +99,11 @@ const REMEDIES = {
 function explain(job, report) {
   if (job.error) return [REMEDIES[job.error.code] || "Submit a changed copy: with this spec it ends the same again."];
   const reasons = report && report.outcome_reasons || [];
-  if (reasons.length) return reasons.map(reason => reason.message);
+  if (reasons.length) return reasons.map(reason => `${reason.message} (${numberOf(reason.value)}, bound ${numberOf(reason.bound)})`);
   switch (job.state) {
     case "queued": return [job.paused ? "It is paused: resume it to have it run." : "It starts as soon as there is room."];
     case "blocked": return ["It starts when the jobs that it depends on have ended."];
-    case "succeeded": return job.outcome === "converged" ? ["The points are at rest and in order."] : [];
+    case "succeeded": return job.outcome === "converged" ? ["The solve has converged, and the points represent the surface."] : [];
     case "cancelled": return ["Somebody cancelled it. Retry runs it again."];
     default: return [];
   }
@@ -187,7 +187,7 @@ function Log({job, attempt, lines}) {
 }
 
 /** How a worker ended, by its exit status. */
-const ENDS = {0: "at rest", 10: "not at rest", 11: "in disorder", 2: "spec refused", 3: "file refused", 4: "no surface", 5: "limit exceeded", 6: "stopped", 7: "disk failed"};
+const ENDS = {0: "converged", 10: "not converged", 11: "unresolved", 2: "spec refused", 3: "file refused", 4: "no surface", 5: "limit exceeded", 6: "stopped", 7: "disk failed"};
 
 /** The attempts of a job, or of one of its frames. */
 function Attempts({job, frame, lines}) {

@@ -7,18 +7,22 @@ export const MEASURES = [
   ["count", "Points", "How many points were delivered."],
   ["spacing", "Spacing", "The distance between neighbours that an ideal packing of these points has, in world units."],
   ["surface.area", "Area", "The area of the surface that was sampled, in world units squared."],
-  ["quality.hex_fraction", "Six neighbours", "The share of points with exactly six neighbours.", 1],
-  ["quality.edge_cv", "Spread of distances", "How much distances between neighbours vary, over what was requested.", 0],
-  ["quality.area_cv", "Spread of areas", "How much the Voronoi areas of points vary, over what was requested.", 0],
+  ["quality.hex_fraction", "Six neighbours", "The share of points with the ideal number of neighbours: six, fewer at corners and at borders.", 1],
+  ["quality.edge_cv", "Spread of distances", "How much the distances between neighbours vary, each divided by the requested spacing.", 0],
+  ["quality.area_cv", "Spread of areas", "How much the Voronoi areas of points vary, each divided by the requested spacing squared.", 0],
   ["quality.energy_excess", "Energy excess", "Mean energy over that of an ideal packing, less one.", 0],
   ["quality.disorder", "Disorder", "The same against perfect order with cells as large and the same grading.", 0],
+  ["quality.defect_share", "Defects", "The share of points without the ideal number of neighbours, less those that the topology requires.", 0],
   ["quality.min_spacing_ratio", "Closest pair", "The smallest distance between two points, in spacings.", 1],
+  ["quality.close_share", "Close points", "The share of points with another within 0.25 spacings on the same side.", 0],
+  ["quality.coincident", "Coincident points", "Points with another within 0.001 spacings on the same side.", 0],
   ["quality.coverage", "Farthest place", "The largest distance of a place of the surface from the nearest point, in spacings.", 0.58],
+  ["quality.missing_share", "Missing area", "The share of the area that has no point of its own side within 1.2 spacings.", 0],
+  ["quality.parts_without_points.area_share", "Parts without points", "The share of the area in parts of the surface that have no points.", 0],
+  ["quality.unmeasured_share", "Not measured", "The share of points with fewer than three neighbours, or with a cell that meets itself.", 0],
   ["quality.max_residual", "Off the surface", "The largest distance of a point from the surface, in spacings.", 0],
   ["quality.rms_residual", "Off the surface, rms", "The root mean square of the distances of the points from the surface, in spacings.", 0],
   ["quality.lost", "Lost points", "Points that ended off the surface.", 0],
-  ["quality.rim_count", "At boundaries", "Points that these measures leave out because a boundary is near."],
-  ["quality.unresolved_count", "Between sheets", "Points that these measures leave out: another sheet is too near to them or to a neighbour."],
   ["quality.euler", "Euler characteristic", "From the numbers of neighbours: 2 for a sphere, 0 for a torus."],
   ["quality.grading.cv", "Spread of grading", "How much achieved over requested spacing varies.", 0],
   ["quality.grading.exponent", "Grading exponent", "The exponent of achieved against requested spacing.", 1],
@@ -28,6 +32,12 @@ export const MEASURES = [
   ["mesh.boundary_edges", "Open edges", "Edges of that mesh with one triangle.", 0],
   ["mesh.radius_ratio", "Shape of triangles", "Twice the inscribed over the circumscribed radius, on average.", 1],
 ];
+
+/** "0.937 (good)": the value of a measure, and the rating that the report gives to it. */
+function ratedAt(report, path) {
+  const {rating} = report.ratings && report.ratings[path.replace("quality.", "")] || {};
+  return numberOf(valueAt(report, path)) + (rating ? ` (${rating})` : "");
+}
 
 export function valueAt(report, path) {
   return path.split(".").reduce((at, key) => (at === null || at === undefined ? undefined : at[key]), report);
@@ -57,7 +67,7 @@ export function Report({report}) {
     <div class="scroll" tabindex="0" role="region" aria-label="Measures"><table class="measures"><thead><tr><th scope="col">Measure</th>
       <th scope="col" class="number">Value</th><th scope="col" class="number">Ideal</th></tr></thead><tbody>
       ${rows.map(([path, word, sentence, ideal]) => html`<tr><th scope="row">${word}<span class="hint">${sentence}</span></th>
-        <td class="number">${numberOf(valueAt(report, path))}</td><td class="number dim">${ideal === undefined ? "" : ideal}</td></tr>`)}</tbody></table></div>
+        <td class="number">${ratedAt(report, path)}</td><td class="number dim">${ideal === undefined ? "" : ideal}</td></tr>`)}</tbody></table></div>
     <${Timing} report=${report} /><${Inputs} inputs=${report.inputs} /></section>`;
 }
 
@@ -67,6 +77,6 @@ export function Measures({reports, words}) {
   return html`<div class="scroll" tabindex="0" role="region" aria-label="Measures"><table class="measures"><thead><tr><th scope="col">Measure</th>
     ${words.map(word => html`<th scope="col" class="number">${word}</th>`)}<th scope="col" class="number">Ideal</th></tr></thead><tbody>
     ${rows.map(([path, word, , ideal]) => html`<tr><th scope="row">${word}</th>
-      ${reports.map(report => html`<td class="number">${report ? numberOf(valueAt(report, path)) : "–"}</td>`)}
+      ${reports.map(report => html`<td class="number">${report ? ratedAt(report, path) : "–"}</td>`)}
       <td class="number dim">${ideal === undefined ? "" : ideal}</td></tr>`)}</tbody></table></div>`;
 }

@@ -23,8 +23,8 @@ export const PHASES = {
 export function stateOf(job) {
   const state = job.paused && !isFinal(job.state) ? "paused" : job.state;
   const known = STATES[state] || {word: state, sign: "?"};
-  if (job.outcome === "unresolved") return {state, word: "Done, in disorder", sign: "!", kind: "warning"};
-  if (job.outcome === "not_converged") return {state, word: "Done, not at rest", sign: "!", kind: "warning"};
+  if (job.outcome === "unresolved") return {state, word: "Done, unresolved", sign: "!", kind: "warning"};
+  if (job.outcome === "not_converged") return {state, word: "Done, not converged", sign: "!", kind: "warning"};
   return {state, ...known, kind: state};
 }
 

@@ -283,7 +283,7 @@ def test_a_keyboard_is_enough(service, browser):
         raise AssertionError(f"no TAB leads to {word}")
     go_to("first")
     browser.keys(Keys.ENTER)
-    browser.wait_text("at rest and in order")
+    browser.wait_text("The solve has converged")
     assert browser.run("return document.activeElement.id") == "main"  # what is new is read from its beginning
     go_to("Points in 3-D")
     browser.keys(Keys.ENTER)
@@ -395,7 +395,7 @@ def test_a_job_is_watched_until_it_has_converged(service, browser):
     browser.wait_text("Cancelled", "h1")
     done = service.submit(sphere(count=2000, name="short"))
     browser.open(service, f"#/jobs/{done}")
-    browser.wait_text("at rest and in order")
+    browser.wait_text("The solve has converged")
     report = service.get(f"/v1/jobs/{done}/results/report.json").json
     browser.wait_text(f"{report['quality']['hex_fraction']:.4g}", ".measures")
     wait_until(lambda: f"{len(report['sweeps'])} sweeps" in browser.text("figure.chart [role=img]", "ariaLabel"), "all sweeps")
@@ -615,7 +615,7 @@ def test_below_a_prefix_of_a_proxy(closed_service, browser, source, certificate,
     browser.press("New job", "header")
     browser.wait_text("Memory", ".estimate")
     browser.press("Submit", "aside")
-    browser.wait_text("at rest and in order")
+    browser.wait_text("The solve has converged")
     browser.press("Points in 3-D", "main")
     browser.wait_text("points,", ".stats")
     front.process.terminate()

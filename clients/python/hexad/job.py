@@ -165,6 +165,17 @@ class Job(ABC):
         document: dict[str, Any] = json.loads(self.read("report.json", frame))
         return document
 
+    def outcome_reasons(self, frame: int | None = None) -> list[dict[str, Any]]:
+        """The criteria of the outcome that failed: `criterion`, `value`, `bound` and `message` of each."""
+        reasons: list[dict[str, Any]] = self.report(frame)["outcome_reasons"]
+        return reasons
+
+    def ratings(self, frame: int | None = None) -> dict[str, dict[str, Any]]:
+        """How regular the packing is: of each measure its `value` and its `rating`, `good`, `fair`, `poor` or None. Results of
+        version 1.0 have no ratings."""
+        ratings: dict[str, dict[str, Any]] = self.report(frame).get("ratings", {})
+        return ratings
+
     def points(self, frame: int | None = None, name: str = "points.ply") -> Points:
         """The points, as arrays; `mesh.ply` has triangles as well."""
         with tempfile.TemporaryDirectory() as directory:

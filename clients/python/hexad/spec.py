@@ -15,6 +15,8 @@ __all__ = [
     "Gyroid",
     "Halfspace",
     "Limits",
+    "Outcome",
+    "OutcomeRequire",
     "Output",
     "OutputPly",
     "OutputPreview",
@@ -896,10 +898,57 @@ class Solver(_SolverRest):
     step_tolerance: Convergence requires an rms step below this. For witkin-heckbert it is the rms
         displacement per unit of time. Below 0.003 only a few defects still move: 0.001 doubles the sweeps,
         and changes the measures of quality less than another seed would. (spacings) Default: 0.003.
-    energy_tolerance: The outcome converged requires that quality.disorder is at most this: the mean energy of
-        the points over that of perfect order with as large cells, as many neighbours and the same grading. An
-        ordered packing has 0.02 and less. The energy under the support that the solver found must be as close
-        to the ideal. Default: 0.05.
+    energy_tolerance: Of the methods that choose the support of the energy (every method except sized): the
+        mean energy of the points differs from the ideal one at most by this fraction. A larger difference is
+        the criterion target_energy of the outcome not_converged. Method sized does not use it. Default: 0.05.
+    """
+
+
+class _OutcomeRequireRest(TypedDict, total=False):
+    hex_fraction: float
+    edge_cv: float
+    area_cv: float
+    energy_excess: float
+    disorder: float
+    defect_share: float
+    min_spacing_ratio: float
+    close_share: float
+    coverage: float
+    missing_share: float
+    unmeasured_share: float
+    max_residual: float
+    rms_residual: float
+
+
+class OutcomeRequire(_OutcomeRequireRest):
+    """Bounds on measures of the report. A result that misses one has the outcome unresolved, with that
+    measure as the criterion.
+
+    hex_fraction: The smallest value of quality.hex_fraction that is accepted.
+    edge_cv: The largest value of quality.edge_cv that is accepted.
+    area_cv: The largest value of quality.area_cv that is accepted.
+    energy_excess: The largest value of quality.energy_excess that is accepted.
+    disorder: The largest value of quality.disorder that is accepted.
+    defect_share: The largest value of quality.defect_share that is accepted.
+    min_spacing_ratio: The smallest value of quality.min_spacing_ratio that is accepted.
+    close_share: The largest value of quality.close_share that is accepted.
+    coverage: The largest value of quality.coverage that is accepted.
+    missing_share: The largest value of quality.missing_share that is accepted.
+    unmeasured_share: The largest value of quality.unmeasured_share that is accepted.
+    max_residual: The largest value of quality.max_residual that is accepted.
+    rms_residual: The largest value of quality.rms_residual that is accepted.
+    """
+
+
+class _OutcomeRest(TypedDict, total=False):
+    require: OutcomeRequire
+
+
+class Outcome(_OutcomeRest):
+    """What the result must be like beyond the criteria of every job (doc/report.md).
+
+    require: Bounds on measures of the report. A result that misses one has the outcome unresolved, with that
+        measure as the criterion.
     """
 
 
@@ -1145,6 +1194,7 @@ class _SpecRest(TypedDict, total=False):
     region: Region
     features: bool
     solver: Solver
+    outcome: Outcome
     attributes: Sequence[AttributesItem]
     output: Output
     limits: Limits
@@ -1168,6 +1218,7 @@ class Spec(_SpecNeeded, _SpecRest):
         resolve) and at most one rule for the spacing (alpha, curvature or grid). Beside curvature or grid, or
         on their own, feature makes thin parts finer, and curve_spacing what is near curves.
     solver: How the points are computed.
+    outcome: What the result must be like beyond the criteria of every job (doc/report.md).
     attributes: What the points carry beside their own properties, in every output: temperature, velocity,
         colours. doc/formats.md says under which names each format has them.
     output: The files to write.
