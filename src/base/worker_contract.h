@@ -18,7 +18,7 @@ typedef enum worker_exit {
     WORKER_EXIT_CANCELLED = 6, /* by SIGTERM or SIGINT */
     WORKER_EXIT_STORAGE = 7,   /* a disk is full or failed */
     WORKER_EXIT_NOT_CONVERGED = 10,
-    WORKER_EXIT_UNRESOLVED = 11 /* at rest, but not in order: outcome unresolved */
+    WORKER_EXIT_UNRESOLVED = 11 /* outcome unresolved: the points do not represent the surface */
 } worker_exit;
 
 /* Commands: hexad-worker COMMAND SPEC|- [OPTION VALUE]... */
