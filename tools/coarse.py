@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Holds answers that resolve nothing of a surface against sample elimination on the same surface (doc/measured/coarse.md).
+"""Compares samplings of surfaces whose walls are thinner than the spacing with sample elimination on the same surface
+(doc/measured/coarse.md).
 
     tools/coarse.py --worker build/hexad-worker --output doc/measured/coarse.md [--data DIRECTORY] [--only WORD ...]
 
@@ -65,16 +66,16 @@ def eliminate(position, count, h):
 
 
 def figures(position, normal, area, places):
-    """Least distance of all and within a sheet, spread of distances to the nearest, edge_cv, area_cv, farthest place: lengths in
-    spacings. Two points are of one sheet where their normals differ by less than 90 degrees."""
+    """Least distance of all and of points that are not of opposite walls, spread of distances to the nearest, edge_cv, area_cv, coverage
+    without a thousandth of the places and of all: lengths in spacings."""
     count, tree = len(position), cKDTree(position)
     h = measure.ideal_spacing(area, count)
     nearest = tree.query(position, 2)[0][:, 1] / h
     i, j = tree.query_pairs(1.5 * h, output_type="ndarray").T
-    beside = (normal[i] * normal[j]).sum(1) >= 0
+    beside = (normal[i] * normal[j]).sum(1) > measure.OPPOSITE
     within = numpy.linalg.norm(position[i] - position[j], axis=1)[beside].min() / h
     points = measure.PointSet(position, normal, numpy.full(count, h), numpy.ones(count), {})
-    cells = measure.measure(points, area)["all"]
+    cells = measure.measure(points, area)
     away = tree.query(places)[0] / h
     return [nearest.min(), within, nearest.std() / nearest.mean(), cells["edge_cv"], cells["area_cv"],
             numpy.quantile(away, 0.999), away.max()]
@@ -108,7 +109,7 @@ def rows(worker, data, name, isovalue):
         found, chance = facing(position, normal, measure.ideal_spacing(area, COUNT), dense)
         crossing.append(found <= chance)
         told = f"{found} / {chance:.0f} | "
-        told += f"{report['quality']['resolved_share']:.0%} | {spent:.1f}" if which == "hexad" else " | "
+        told += f"{report['outcome'].replace('_', ' ')} | {spent:.1f}" if which == "hexad" else " | "
         lines.append(f"| {name} | {which} | " + " | ".join(f"{f:.3f}" for f in both[-1]) + f" | {told} |")
     mine, theirs = both
     good = mine[1] * SLACK >= theirs[1] and mine[3] <= theirs[3] * SLACK and mine[5] <= theirs[5] * SLACK
@@ -125,11 +126,11 @@ def main():
         lines += found
         bad += not good
         print("\n".join(found), file=sys.stderr)
-    head = ["# Counts that resolve nothing", "",
+    head = ["# Walls thinner than the spacing", "",
             f"Made by `tools/coarse.py`: {COUNT} points on clouds and smoke, beside Yuksel's sample elimination (2015) from {FACTOR} times "
-            f"as many random ones. Lengths are in spacings of the ideal packing. Specks that are too small for a point of their own are the "
-            f"farthest places. Missed bounds: {bad}.", "",
-            "| file | points of | least distance | within a sheet | CV of nearest | edge CV | area CV | farthest place but .1 % | farthest place | facing pairs below .6 / by chance | resolved | CPU s |",
+            f"as many random ones. Lengths are in spacings of the ideal packing. Coverage is of places of a job with {DENSE} points; where it is "
+            f"large, specks are too small for a point of their own. Missed bounds: {bad}.", "",
+            "| file | points of | least distance | min_spacing_ratio | CV of nearest | edge_cv | area_cv | coverage but for .1 % | coverage | facing pairs below .6 / by chance | outcome | CPU s |",
             "|---|---|---|---|---|---|---|---|---|---|---|---|"]
     pathlib.Path(options.output).write_text("\n".join(head + lines) + "\n")
     return 1 if bad else 0

@@ -49,8 +49,8 @@ def test_every_file_has_its_row(collection, source, build, tmp_path):
     assert set(rows) == {"good.off", "good.vdb", "good.nrrd", "other.vti", "good.exr", "parts.exr", "cut!off.exr", "no.vdb"}
     for name in ("good.off", "good.vdb", "good.nrrd", "parts.exr"):
         assert [(count, figures[0] != "error") for _, count, figures, _ in rows[name]] == [("500", True), ("1000", True)], rows[name]
-    gap, missing, off = rows["good.off"][0][2][7:10]
-    assert 0.4 < float(gap) < 1 and missing == "0.00%" and float(off) < 0.5
+    coverage, missing = (f.split(" / ")[1] for f in rows["good.off"][0][2][6:8])
+    assert 0.4 < float(coverage) < 1 and missing == "0.00%"
     (surface, _, _, said), = rows["good.exr"]  # its first channel is 0 everywhere
     assert 'channel "A"' in surface and said.startswith("`no_surface`")
     assert 'part "l"' in rows["parts.exr"][0][0] and "isovalue" in rows["good.nrrd"][0][0]
@@ -78,21 +78,90 @@ def test_a_table_is_made_in_pieces(collection, source, build, tmp_path):
     assert make() == (0, 2) and "| no.vdb | vdb |" in page.read_text()
 
 
-def test_bare_area_is_found(source, tmp_path):
-    """Points on one face of a tetrahedron cover a quarter of it; a shell within another does not count."""
-    sys.path.insert(0, str(source / "tools"))
-    import covering
+CORNER = 1.0 * numpy.array([[1, 1, 1], [-1, -1, 1], [-1, 1, -1], [1, -1, -1]])
+FACE = numpy.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+
+
+@pytest.fixture
+def tools(source, monkeypatch):
+    monkeypatch.syspath_prepend(str(source / "tools"))
+    import mesh_measures
     import meshes
-    corner = 1.0 * numpy.array([[1, 1, 1], [-1, -1, 1], [-1, 1, -1], [1, -1, -1]])
-    face = numpy.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    mesh = meshes.Mesh(numpy.concatenate([corner, 0.2 * corner]), numpy.concatenate([face, face + 4]))
-    outer = meshes.places(meshes.Mesh(corner, face), 20000)[0]
-    spacing = 0.1
-    whole = covering.measure(mesh, outer, numpy.full(len(outer), spacing))
-    assert whole.gap < 1 and whole.missing == 0 and whole.distance < 1e-6
+    return meshes, mesh_measures
+
+
+def test_missing_area_is_found(tools):
+    """Points on one face of a tetrahedron leave out the three others; a shell within another does not count."""
+    meshes, mesh_measures = tools
+    mesh = meshes.Mesh(numpy.concatenate([CORNER, 0.2 * CORNER]), numpy.concatenate([FACE, FACE + 4]))
+    outer = meshes.places(meshes.Mesh(CORNER, FACE), 6000)[0]
+    spacing = 0.2
+    whole = mesh_measures.measure(mesh, outer, numpy.full(len(outer), spacing))
+    assert whole.coverage < 1.2 and whole.missing_share == 0 and whole.max_residual < 1e-6
     some = outer[(outer @ [1, 1, -1]) > 1 - 1e-9]
-    part = covering.measure(mesh, some, numpy.full(len(some), spacing))
-    assert part.gap > 10 and 0.6 < part.missing < 0.75
+    part = mesh_measures.measure(mesh, some, numpy.full(len(some), spacing))
+    # the three other faces, but for strips beside the face with points whose width is 0.24 over the sine of the angle between faces
+    strips = 3 * 8 ** 0.5 * 0.24 / (8 / 9) ** 0.5 / (16 * 0.75 ** 0.5)
+    assert part.coverage > 10 and abs(part.missing_share - 0.75 + strips) < 0.02
+    assert {"coverage", "missing_share"} <= set(part.failed())
+
+
+def test_ten_points_of_a_tetrahedron_have_the_ideal_degree(tools):
+    meshes, mesh_measures = tools
+    points = numpy.concatenate([CORNER, [(CORNER[i] + CORNER[j]) / 2 for i in range(4) for j in range(i)]])
+    found = mesh_measures.measure(meshes.Mesh(CORNER, FACE), points, numpy.full(10, 2 ** 0.5))
+    assert found.hex_fraction == 1 and found.edge_cv < 1e-9 and abs(found.min_spacing_ratio - 1) < 1e-9
+    assert numpy.allclose(found.ideal_degree, [3] * 4 + [6] * 6) and found.failed() == []
+
+
+def lattice(rows, columns):
+    i, j = numpy.meshgrid(numpy.arange(columns), numpy.arange(rows))
+    return numpy.stack([i + 0.5 * (j % 2), j * 0.75 ** 0.5, 0.0 * i], axis=-1).reshape(-1, 3)
+
+
+def box(low, high):
+    corner = numpy.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * (numpy.array(high) - low) + low
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return corner, numpy.array([(a, b, c) for q in quads for a, b, c in ((q[0], q[1], q[2]), (q[0], q[2], q[3]))])
+
+
+def test_points_on_borders_have_cells(tools):
+    """A lattice on an open rectangle: only the sides without points of their own have others than the ideal degree."""
+    meshes, mesh_measures = tools
+    points = lattice(30, 30)
+    across, up = points[:, :2].max(axis=0)
+    sheet = meshes.Mesh([[0, 0, 0], [across, 0, 0], [across, up, 0], [0, up, 0]], [[0, 1, 2], [0, 2, 3]])
+    found = mesh_measures.measure(sheet, points, numpy.ones(len(points)))
+    inner = ((points[:, :2] > 0.6) & (points[:, :2] < [across - 0.6, up - 0.6])).all(axis=1)
+    assert (found.degree[inner] == 6).all() and 0.9 < found.hex_fraction < 1
+    below = (points[:, 1] == 0) & (points[:, 0] > 0) & (points[:, 0] < across - 0.6)
+    assert (found.ideal_degree[below] == 4).all() and (found.degree[below] == 4).all()
+    assert found.edge_cv < 1e-9 and found.unmeasured_share == 0 and 0.5 < found.coverage < 0.6 and found.failed() == []
+
+
+@pytest.mark.parametrize("points, criterion", [("both walls", None), ("one wall", "missing_share"), ("double row", "close_share")])
+def test_walls_of_a_thin_plate(tools, points, criterion):
+    """Opposite walls do not count as near each other; a wall without points and points of one wall twice are found."""
+    meshes, mesh_measures = tools
+    flat = lattice(20, 20)
+    across, up = flat[:, :2].max(axis=0)
+    above = flat + [0, 0, 0.3]
+    place = {"both walls": [flat, above], "one wall": [flat], "double row": [flat, above, flat[40:60] + [0.1, 0.05, 0]]}[points]
+    place = numpy.concatenate(place)
+    found = mesh_measures.measure(meshes.Mesh(*box([0, 0, 0], [across, up, 0.3])), place, numpy.ones(len(place)))
+    if criterion:
+        assert criterion in found.failed()
+    else:
+        assert "missing_share" not in found.failed() and found.missing_share == 0
+
+
+def test_a_part_without_points_is_found(tools):
+    meshes, mesh_measures = tools
+    mesh = meshes.Mesh(numpy.concatenate([CORNER, CORNER + [9, 0, 0]]), numpy.concatenate([FACE, FACE + 4]))
+    place = meshes.places(meshes.Mesh(CORNER, FACE), 800)[0]
+    found = mesh_measures.measure(mesh, place, numpy.full(len(place), 0.3))
+    assert found.parts_without_points == 1 and abs(found.empty_area_share - 0.5) < 1e-9
+    assert "parts_without_points" in found.failed()
 
 
 def test_triangles_behind_many_others_are_not_missed(source):
