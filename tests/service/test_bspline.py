@@ -69,7 +69,7 @@ def test_an_example_runs(worker, tmp_path, name, distance, worst):
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     points = Points((tmp_path / "out" / "points.ply").read_bytes())
     assert points.count == report["count"] == 1250 and report["quality"]["lost"] == 0
-    assert report["quality"]["rim_count"] == 0 and report["inputs"] == []
+    assert report["inputs"] == []
     assert numpy.abs(distance(points.position.astype(float))).max() < worst
     out = points.normal.astype(float) * 1e-3
     assert (distance(points.position + out) > distance(points.position - out)).all()
@@ -101,7 +101,8 @@ def test_an_open_spline_has_rims(worker, tmp_path):
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     points = Points((tmp_path / "out" / "points.ply").read_bytes())
     assert report["surface"]["area"] == pytest.approx(1, abs=1e-9)
-    assert 0 < report["quality"]["rim_count"] < 400
+    at_end = numpy.minimum(points.position[:, 1:], 1 - points.position[:, 1:]).min(axis=1) < 1e-6
+    assert 40 < at_end.sum() < 120  # the perimeter is 4, the spacing 0.054
     assert numpy.abs(points.position[:, 0] - 0.4).max() < 1e-6
     assert points.position.min() >= 0 and points.position.max() <= 1
     assert (points.normal[:, 0] > 0.999).all()

@@ -95,7 +95,7 @@ def test_two_spheres(sample, diagnose, kind):
     diagnose(f"{kind}: area off by {report['surface']['area'] / area - 1:.1e}, hex_fraction {q['hex_fraction']:.3f}, "
              f"euler {q['euler']:.3g}")
     assert report["surface"]["area"] == pytest.approx(area, rel=2e-4)
-    assert q["lost"] == 0 and q["max_residual"] < 1e-3 and q["rim_count"] == 0
+    assert q["lost"] == 0 and q["max_residual"] < 1e-3
 
 
 def solid(shape, **members):
@@ -129,7 +129,8 @@ def test_a_half_space_in_a_region(sample):
     cube = {"min": [-1, -1, -1], "max": [1, 1, 1]}
     report, points = sample(solid("halfspace", axis=[0, 1, 2]), region=cube)
     assert report["surface"]["area"] == pytest.approx(2 * ROOT5, rel=1e-9)
-    assert numpy.abs(points.position @ [0, 1, 2]).max() < 1e-8 and report["quality"]["rim_count"] > 0
+    assert numpy.abs(points.position @ [0, 1, 2]).max() < 1e-8
+    assert (numpy.abs(points.position).max(axis=1) > 1 - 1e-9).sum() > 10
     e, _ = sample(solid("halfspace", center=[0, 0, 9]), region=cube)
     assert e["code"] == "no_surface" and "move or widen the region" in e["message"]
     report, _ = sample({"union": [solid("halfspace"), sphere(0.5)]}, region=cube)
@@ -175,7 +176,7 @@ def test_solids_go_on_where_they_have_no_surface(sample, to_the_end, kind, solid
     """Up to the end of the data, beyond the box that holds the surface."""
     report, points = sample({kind: [to_the_end[solid], other]})
     assert report["surface"]["area"] == pytest.approx(area, rel=2e-3)
-    assert report["quality"]["lost"] == 0 and (report["quality"]["rim_count"] > 0) == open_
+    assert report["quality"]["lost"] == 0 and (points.position.max() > 39 - 1e-6) == open_
     assert points.position.max() <= 39 + 1e-6
 
 
@@ -383,10 +384,10 @@ def test_shells_thinner_than_cells(sample):
 
 @pytest.mark.sanitized
 def test_walls_thinner_than_cells(sample):
-    """A lens that the parts' own cells do not show is whole. A wall that no cells show is reported as missing."""
+    """A lens that the parts' own cells do not show is whole. A wall that no cells show is reported as lost."""
     tube = {"radius": 0.2, "height": 2, "axis": [0, 0, 1]}
     report, points = sample({"difference": [solid("capsule", **tube), solid("capsule", **{**tube, "radius": 0.19999})]})
-    assert report["outcome"] != "converged" and "missing_share" in [r["criterion"] for r in report["outcome_reasons"]]
+    assert report["outcome"] != "converged" and "lost_area" in [r["criterion"] for r in report["outcome_reasons"]]
     assert any("thinner than its smallest cells" in w for w in report["surface"]["warnings"])
     lens = {"intersection": [sphere(1, (3, 0, 0)), sphere(1, (3, 0, 1.99))]}
     report, points = sample({"union": [sphere(0.5), lens]})
@@ -401,7 +402,7 @@ def test_what_is_missing_counts_by_its_area(sample):
                                for r in (0.2, 0.19999)]}
         matrix = [1 / unit, 0, 0, 0, 0, 1 / unit, 0, 0, 0, 0, 1 / unit, 0, 0, 0, 0, 1]
         report, _ = sample({"union": [sphere(0.45, (3, 0, 0)), {"transform": {"matrix": matrix, "surface": thin}}]})
-        shares += [r["value"] for r in report["outcome_reasons"] if r["criterion"] == "missing_share"]
+        shares += [r["value"] for r in report["outcome_reasons"] if r["criterion"] == "lost_area"]
     assert len(shares) == 2 and 0.4 < shares[0] < 0.9 and shares[1] == pytest.approx(shares[0], rel=0.1), shares
 
 
@@ -467,7 +468,6 @@ def test_open_surfaces(sample):
     report, points = sample(transform(gyroid, quarter))
     assert report["surface"]["area"] == pytest.approx(plain["surface"]["area"], rel=1e-5)
     assert numpy.abs(points.position - [1, 0, 0]).max(axis=0) == pytest.approx([1.25, 1, 1.5], abs=1e-9)
-    assert report["quality"]["rim_count"] > 0
     c, s = numpy.cos(0.5), numpy.sin(0.5)
     e, _ = sample(transform(gyroid, [[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]))
     assert e["code"] == "not_supported" and "axes to axes" in e["message"]
@@ -478,7 +478,7 @@ def test_open_surfaces(sample):
 @pytest.mark.extended
 def test_a_sphere_within_its_box_closes_a_gyroid(sample):
     report, points = sample({"intersection": [SMALL_GYROID, sphere(0.45)]})
-    assert report["quality"]["rim_count"] == 0 and report["quality"]["lost"] == 0
+    assert report["quality"]["lost"] == 0
     assert (numpy.linalg.norm(points.position, axis=1) < 0.45 + 1e-6).all()
 
 
@@ -524,7 +524,7 @@ def test_what_has_no_offset_says_so(sample, dense_ball, cube_mesh):
 def test_a_region_of_a_combination(sample):
     report, points = sample({"union": [sphere(R1), sphere(R2, (APART, 0, 0))]},
                             region={"min": [-2, -2, 0], "max": [2, 2, 2]})
-    assert points.position[:, 2].min() >= 0 and report["quality"]["rim_count"] > 0
+    assert points.position[:, 2].min() >= 0 and (points.position[:, 2] < 1e-9).sum() > 10
     at = (APART**2 + R1**2 - R2**2) / (2 * APART)  # as in test_two_spheres
     whole = 2 * PI * (R1 * (R1 + at) + R2 * (R2 + APART - at))
     assert report["surface"]["area"] == pytest.approx(whole / 2, rel=1e-3)
@@ -537,7 +537,7 @@ def test_points_on_new_places_find_their_rest(sample):
     report, _ = sample(pair, sampling={"count": 300}, solver={"threads": 1, "seed": 4})
     assert report["quality"]["removed_offsurface"] > 0
     assert report["step_left"] <= report["spec"]["solver"]["step_tolerance"]
-    assert report["outcome"] == "unresolved"
+    assert report["outcome"] == "converged"  # both spheres are covered, and points at the contact are on opposite walls
 
 
 @pytest.mark.sanitized

@@ -102,10 +102,10 @@ def test_not_converged(run, tmp_path):
 
 
 def test_unresolved(run, tmp_path):
-    spec = {"version": 1, "surface": {"analytic": {"shape": "box", "half_size": [1, 1, 0.05]}},
-            "sampling": {"count": 100}}
+    spec = {**sphere(count=500), "outcome": {"require": {"coverage": 0.1}}}
     done = run("submit", write(tmp_path, spec), "--wait")
     assert done.returncode == 11 and "unresolved" in done.stdout
+    assert "outcome: coverage: outcome.require asks for another value." in done.stderr and ", bound 0.1)" in done.stderr
 
 
 def test_notes_reach_who_waits_and_who_asks(new_service, build, tmp_path):
@@ -116,20 +116,24 @@ def test_notes_reach_who_waits_and_who_asks(new_service, build, tmp_path):
         return subprocess.run([build / "hexadctl", *map(str, words)], capture_output=True, text=True,
                               timeout=PATIENCE_S, env=service.environment())
 
-    plate = {"analytic": {"shape": "box", "center": [0, 0, 0], "half_size": [1, 1, 0.1], "rounding": 0.05}}
-    spec = write(tmp_path, {"version": 1, "surface": plate, "sampling": {"count": 60}, "output": {"preview": False}})
+    plate = {"analytic": {"shape": "box", "center": [0, 0, 0], "half_size": [1, 1, 0.04]}}
+    spec = write(tmp_path, {"version": 1, "surface": plate, "features": True, "sampling": {"count": 100}, "output": {"preview": False}})
     before = run("estimate", spec)
-    assert before.returncode == 0 and " % of the surface would be unresolved" in before.stdout
+    assert before.returncode == 0 and " % of the surface are walls thinner than 1.2 spacings" in before.stdout
     done = run("submit", spec, "--wait")
     assert done.returncode == 11, done.stderr
     job = service.get("/v1/jobs/" + done.stdout.split()[0]).json
     notes = job["notes"]
     count = notes["advice"][0]["set"]["/sampling/count"]
-    assert notes["resolved_share"] == 0 and notes["outcome_reasons"][0]["criterion"] == "unresolved_share"
-    assert f"advice: set /sampling/count to {count}: " in before.stdout
-    for told in (done.stderr, run("show", job["id"]).stdout):
-        assert "resolved: 0 % of the points" in told and f"warning: {notes['warnings'][0]}\n" in told
-        assert f"advice: {notes['advice'][0]['message']}\n" in told
+    (reason,) = notes["outcome_reasons"]
+    assert notes["resolved_share"] < 0.5 and reason["criterion"] == "close_share"
+    assert "advice: set /sampling/count to " in before.stdout
+    shown = run("show", job["id"]).stdout
+    for told in (done.stderr, shown):
+        assert f"outcome: {reason['message']} ({reason['value']:.3g}, bound 0.01)\n" in told
+        assert f"warning: {notes['warnings'][0]}\n" in told and f"advice: {notes['advice'][0]['message']}\n" in told
+    rated = notes["ratings"]["hex_fraction"]
+    assert f"  packing   hex_fraction {rated['value']:.3g} {rated['rating']}, edge_cv " in shown
     spec = write(tmp_path, {**json.loads(open(spec).read()), "sampling": {"count": count}})
     assert run("estimate", spec).stdout.count("warning:") == 0
     done = run("submit", spec, "--wait")

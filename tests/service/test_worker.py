@@ -245,31 +245,61 @@ def test_small_steps_are_not_rest(worker, tmp_path):
     assert "step_left" in [r["criterion"] for r in report["outcome_reasons"]]
 
 
-QUARTIC, PLATE = {"analytic": {"shape": "quartic"}}, {"analytic": {"shape": "box", "half_size": [1, 1, 0.05]}}
+QUARTIC = {"analytic": {"shape": "quartic"}}
 
 
-@pytest.mark.parametrize("seed", (1, *(pytest.param(seed, marks=pytest.mark.extended) for seed in (2, 3))))
-@pytest.mark.parametrize("surface, count, solver, failed", (
-    (QUARTIC, 1000, {"energy": "gaussian"}, "edge_cv"),  # at rest in disorder: six of ten have six neighbours
-    (PLATE, 100, {}, "unresolved_share"),  # the sheets are nearer than the points
-))
-def test_at_rest_without_order_is_11_and_says_why(worker, tmp_path, seed, surface, count, solver, failed):
-    done = worker({"version": 1, "surface": surface, "sampling": {"count": count}, "solver": {"seed": seed, **solver},
+def plate(thickness, half=1):
+    """A box whose twelve edges have points of their own: both rows along a rim lie on the rim's face."""
+    return {"surface": {"analytic": {"shape": "box", "center": [0, 0, 0], "half_size": [half, half, thickness / 2]}}, "features": True}
+
+
+@pytest.mark.sanitized
+def test_double_rows_along_the_rims_of_a_thin_plate_are_unresolved(worker, tmp_path):
+    """The rows are a quarter of a spacing apart and less, on the same face."""
+    done = worker({"version": 1, **plate(0.02), "sampling": {"count": 200}, "solver": {"max_sweeps": 30, "step_tolerance": 1},
                    "output": {"preview": False}})
-    assert done.returncode == 11, done.stderr
     report = json.loads((tmp_path / "out" / "report.json").read_text())
-    assert report["outcome"] == "unresolved" and report["count"] == count
-    reason = next(r for r in report["outcome_reasons"] if r["criterion"] == failed)
-    assert reason["value"] > reason["bound"] and reason["message"] in done.stderr
+    points = Points((tmp_path / "out" / "points.ply").read_bytes()).position
+    rims = numpy.abs(points[:, :2]).max(axis=1) > 1 - 1e-6
+    reason = next(r for r in report["outcome_reasons"] if r["criterion"] == "close_share")
+    assert reason["value"] == report["quality"]["close_share"] > reason["bound"] == 0.01
+    assert 0.5 * rims.mean() < reason["value"] <= rims.mean()
+    assert done.returncode in (10, 11) and reason["message"] in done.stderr
 
 
-def test_a_strip_that_no_measure_speaks_for_is_11(worker, tmp_path):
-    """Every point is near a rim, and none is measured."""
+@pytest.mark.sanitized
+def test_walls_thinner_than_the_spacing_are_a_warning(worker, tmp_path):
+    """Of a plate without points on its rims: each wall is covered, whatever the distance of the walls is."""
+    thin = {"analytic": {"shape": "box", "center": [0, 0, 0], "half_size": [1, 1, 0.05]}}
+    done = worker({"version": 1, "surface": thin, "sampling": {"count": 150}, "output": {"preview": False}})
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert done.returncode == 0 and report["outcome_reasons"] == [] == report["advice"]
+    (warning,) = report["surface"]["warnings"]
+    assert " % of the points lie on walls thinner than 1.2 spacings; " in warning and f"warning: {warning}\n" in done.stderr
+
+
+@pytest.mark.sanitized
+def test_the_packing_decides_the_outcome_only_where_it_is_required(worker, tmp_path):
+    """The Gaussian energy leaves a third of the points without six neighbours: rated, and accepted unless the spec asks for more."""
+    spec = {"version": 1, "surface": QUARTIC, "sampling": {"count": 1000}, "solver": {"energy": "gaussian", "seed": 1},
+            "output": {"preview": False}}
+    for required, code in (({}, 0), ({"hex_fraction": 0.5, "edge_cv": 0.2}, 0), ({"hex_fraction": 0.9}, 11), ({"edge_cv": 0.1}, 11)):
+        assert worker({**spec, "outcome": {"require": required}}).returncode == code
+        report = json.loads((tmp_path / "out" / "report.json").read_text())
+        quality, rated = report["quality"], report["ratings"]
+        assert quality["hex_fraction"] < 0.7 and rated["hex_fraction"]["rating"] in ("fair", "poor")
+        assert rated["edge_cv"] == {"value": quality["edge_cv"], "rating": "poor"}
+        told = [(r["criterion"], r["value"], r["bound"]) for r in report["outcome_reasons"]]
+        assert told == ([(name, quality[name], bound) for name, bound in required.items()] if code else [])
+
+
+def test_points_at_borders_are_measured(worker, tmp_path):
+    """A strip of a sphere, 2.3 spacings wide. Points on its two borders have cells of half a turn and four neighbours in good order; the
+    same points measured on a fine mesh of the strip (tools/mesh_measures.py) have a hex_fraction of 0.555 and an area_cv of 0.072."""
     done = worker(sphere(200, region={"min": [-2, -2, -0.1], "max": [2, 2, 0.1]}))
-    assert done.returncode == 11, done.stderr
-    report = json.loads((tmp_path / "out" / "report.json").read_text())
-    assert report["quality"]["rim_count"] == 200 and report["quality"]["hex_fraction"] is None
-    assert "boundary_share" in [r["criterion"] for r in report["outcome_reasons"]]
+    assert done.returncode == 0, done.stderr
+    quality = json.loads((tmp_path / "out" / "report.json").read_text())["quality"]
+    assert 0.45 < quality["hex_fraction"] < 0.65 and quality["area_cv"] < 0.12 and quality["unmeasured_share"] == 0
 
 
 @pytest.mark.sanitized
@@ -432,7 +462,7 @@ def test_a_bad_input_is_3(worker, tmp_path, example):
         words = last_words(done)
         assert code in (None, words["code"]) and word in words["message"], words
         assert not (tmp_path / "out" / "report.json").exists()
-    assert worker(volume(example), "--input-root", tmp_path, "--input-root", example.parent).returncode == 11
+    assert worker(volume(example), "--input-root", tmp_path, "--input-root", example.parent).returncode == 0
 
 
 @pytest.mark.sanitized
@@ -558,9 +588,13 @@ REPORT = {
     "energy": {"mean": NUMBER, "ideal": NUMBER, "excess": NUMBER},
     "quality": {"hex_fraction": NUMBER, "edge_cv": NUMBER, "area_cv": NUMBER, "energy_excess": NUMBER, "disorder": NUMBER,
                 "min_spacing_ratio": NUMBER, "coverage": NUMBER, "max_residual": NUMBER, "rms_residual": NUMBER, "largest_move": NUMBER, "lost": int, "removed_offsurface": int,
+                "defect_share": NUMBER, "close_share": NUMBER, "coincident": int, "missing_share": NUMBER, "unmeasured_share": NUMBER,
+                "parts_without_points": {"count": int, "area_share": NUMBER},
                 "rim_count": int, "unresolved_count": int, "resolved_count": int, "resolved_share": NUMBER,
                 "all": {"hex_fraction": NUMBER, "edge_cv": NUMBER, "area_cv": NUMBER}, "euler": NUMBER,
                 "grading": {"cv": NUMBER, "exponent": NUMBER}},
+    "ratings": {name: {"value": NUMBER, "rating": str} for name in
+                ("hex_fraction", "edge_cv", "area_cv", "energy_excess", "disorder", "defect_share")},
     "rounds": [{"sweeps": int, "inserted": int, "deleted": int, "sigma": NUMBER, "count": int, "energy": NUMBER}],
     "sweeps": [{"energy": NUMBER, "mean_log10_lambda": NUMBER, "rms_step": NUMBER, "count": int, "sigma": NUMBER,
                 "rejected": int}],
@@ -603,47 +637,50 @@ def test_the_report_has_every_member(ball, worker, tmp_path, example):
     assert entry["path"] == str(example) and entry["bytes"] == example.stat().st_size
 
 
-def test_points_too_few_to_tell_sheets_apart_are_told_and_the_advice_helps(example, worker, tmp_path):
-    spec = volume(example, 100)
-    done = worker(spec)
-    assert done.returncode == 11, done.stderr
+def test_points_too_few_to_separate_walls_are_measured(example, worker, tmp_path):
+    """All of them, though each lies on a wall thinner than the spacing; the members of version 1.0 are still there."""
+    done = worker(volume(example, 100))
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     quality = report["quality"]
-    assert quality["unresolved_count"] == 100 and quality["resolved_count"] == 0 and quality["resolved_share"] == 0
-    assert quality["hex_fraction"] is None and quality["edge_cv"] is None and quality["area_cv"] is None
-    assert quality["grading"] == {"cv": None, "exponent": None}
-    assert 0 < quality["all"]["hex_fraction"] < 1 and quality["all"]["edge_cv"] > 0.1
-    assert quality["lost"] == 0 and quality["min_spacing_ratio"] > 0
+    assert 0 < quality["hex_fraction"] < 1 and quality["edge_cv"] > 0.1 and quality["coverage"] > 0
+    assert quality["all"] == {name: quality[name] for name in ("hex_fraction", "edge_cv", "area_cv")}
+    assert quality["unresolved_count"] == quality["ambiguous_count"] == 100 and quality["resolved_share"] == 0
+    assert quality["lost"] == 0 and quality["min_spacing_ratio"] > 0.5
     assert Points((tmp_path / "out" / "points.ply").read_bytes()).spacing_local.min() > 0
+    (warning,) = report["surface"]["warnings"]
+    assert warning.startswith("100 % of the points lie on walls thinner than 1.2 spacings; ")
+    assert done.returncode == 0 and report["advice"] == []
+    rating = report["ratings"]["hex_fraction"]["rating"]
+    assert f"hex_fraction {quality['hex_fraction']:.4f} ({rating})" in done.stdout
+
+
+def test_advice_that_is_followed_separates_the_walls(worker, tmp_path):
+    spec = {"version": 1, **plate(0.08), "sampling": {"count": 100}, "output": {"preview": False}}
+    done = worker(spec)
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert done.returncode == 11 and [r["criterion"] for r in report["outcome_reasons"]] == ["close_share"]
     (warning,), (advice,) = report["surface"]["warnings"], report["advice"]
-    assert warning.startswith("100 of the 100 points (100 %) are unresolved")
     assert advice["code"] == "unresolved" and list(advice["set"]) == ["/sampling/count"]
     count = advice["set"]["/sampling/count"]
-    assert f"{count} points" in warning and f"warning: {warning}\n" in done.stderr
-    assert f"advice: set /sampling/count to {count}: " in done.stderr
-    assert "hex_fraction not measured of the 0 % resolved" in done.stdout
+    assert f"{count} points" in warning and f"advice: set /sampling/count to {count}: " in done.stderr
     spec["sampling"]["count"] = count
     done = worker(spec)
-    assert done.returncode == 0, done.stderr
     report = json.loads((tmp_path / "out" / "report.json").read_text())
-    assert report["quality"]["resolved_share"] >= 0.98 and report["advice"] == []
+    assert done.returncode == 0 and report["advice"] == [] == report["surface"]["warnings"], report["outcome_reasons"]
 
 
 @pytest.mark.parametrize("target,member", [
     ({"spacing": 0.3}, "/sampling/spacing"), ({"density": 12}, "/sampling/density"),
     ({"control": {"max_sigma": 0.5, "min_count": 100}}, "/sampling/control/max_sigma")])
 def test_the_advice_is_of_the_target_that_the_spec_has(worker, tmp_path, target, member):
-    """Of a thin plate, whose sides are one twentieth apart."""
-    plate = {"box": {"center": [0, 0, 0], "half_size": [0.5, 0.5, 0.025], "rounding": 0.02}}
-    spec = {"version": 1, "surface": {"analytic": {"shape": "box", **plate["box"]}}, "sampling": target,
-            "output": {"preview": False}}
-    assert worker(spec).returncode in (10, 11)
+    """Of a thin plate, whose walls are one fiftieth apart."""
+    assert worker({"version": 1, **plate(0.02, 0.5), "sampling": target, "output": {"preview": False}}).returncode in (10, 11)
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     (told,) = (a["set"] for a in report["advice"] if a["code"] == "unresolved")
     value = told[member]
     spacing = {"/sampling/spacing": value, "/sampling/density": math.sqrt(2 / math.sqrt(3) / value),
                "/sampling/control/max_sigma": value / math.sqrt(3)}[member]
-    assert 0.5 * 0.05 / 1.2 < spacing <= 0.05 / 1.2
+    assert 0.5 * 0.02 / 1.2 < spacing <= 0.02 / 1.2
 
 
 def test_a_ratio_that_is_not_reached_is_told(worker, tmp_path):
