@@ -35,8 +35,8 @@ def of_windows(surface, places):
         points = point_set(surface, inside, len(places))
         # the area that makes the ideal spacing of all the points that of the window's
         area = surface.area * len(inside) / len(places)
-        found.append(measure.measure(points, area, (centre - half, centre + half)))
-        weight.append(len(inside) - found[-1]["rim_count"])
+        found.append(measure.measure(points, area, window=(centre - half, centre + half)))
+        weight.append(found[-1]["inner"].sum())
     return {k: float(numpy.average([f[k] for f in found], weights=weight)) for k in MEASURES}
 
 

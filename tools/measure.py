@@ -1,10 +1,10 @@
-"""Quality measures of a point set on a surface, from its points alone; the second opinion on report.json.
+"""Measures of a point set on a closed surface, or on one that a box cuts, from its points alone; the second opinion on report.json.
 
-Shares no code with the sampler, nor its way. Neighbours are those of the Delaunay triangulation restricted to the
-surface: of the tetrahedra between the points in space, those whose circumcentre lies inside are the solid, and
-the triangles between these and the others are the surface. It is closed by construction and has one Euler
-characteristic. Whether a circumcentre lies inside is asked of the points that it is nearest to, which are the
-tetrahedron's corners, by their normals.
+They are those of doc/report.md, over all points. Shares no code with the sampler, nor its method. Neighbours are those of the Delaunay
+triangulation restricted to the surface: of the tetrahedra between the points in space, those whose circumcentre lies inside are the
+solid, and the triangles between these and the others are the surface. It is closed by construction and has one Euler characteristic.
+Whether a circumcentre lies inside is decided by the normals of the points that it is nearest to, which are the tetrahedron's corners. So
+walls closer than the spacing are not separated: points on a mesh are measured by mesh_measures.py.
 """
 import dataclasses
 
@@ -16,23 +16,20 @@ E_IDEAL = 6 * (1 / numpy.tan(numpy.pi / 2 / numpy.sqrt(3)) + numpy.pi / 2 / nump
 # Near the ideal an energy goes as this power of distance, falling; and of perfect order whose spacing grows by g per distance, how
 # much larger cells and energies are, over g squared.
 SLOPE, GROWTH_CELL, GROWTH_ENERGY, GROWTH_MOST = 4.6856, 5 / 12, 0.668, 0.3
-# Normals that part by more than this belong to another sheet; those of the two sides of a sharp edge do not.
-OTHER_SIDE = -0.6
-# Two sheets closer than SHEET_GAP spacings, twice the circumradius of an ideal triangle, are not told apart by their
-# points; there are such where a point within SHEET_REACH (beyond a hole of 1.2 spacings) has a normal that parts by
-# more than SHEET_FACING from one's own (beside an edge of right angle a spline's part by -0.38).
-SHEET_GAP, SHEET_REACH, SHEET_FACING = 1.2, 1.7, -0.4
-# Fewer points with a cell than this do not speak for the others: their measures are nan.
-LEAST_MEASURED = 20
+# Points whose normals have this product and less are on opposite walls.
+OPPOSITE = -0.4
+# Degrees within this of an integer are that integer; a point is on a border within this of it, in spacings.
+INTEGER, ON_BORDER = 0.2, 1e-3
+# Points without a neighbour nearer than these, in spacings, are not close, or not coincident.
+CLOSE, COINCIDENT = 0.25, 1e-3
 # Where none is requested the spacing is given as this power of the amplitude.
 ALPHA_EXPONENT = 0.18
 # Spacings that differ by less, relatively, were one before they were rounded.
 SAME = 1e-6
 # Points whose nearest so many do not reach beyond the support are asked for more, up to the last of these.
 NEIGHBOURS = (16, 48, 144)
-# Across a rim the solid's boundary goes on through nowhere: triangles of a larger circumradius than this, in requested
-# spacings, are none of the surface. An ideal one has 0.58, one beside a vacancy less than 1.
-RIM_RADIUS = 1.2
+# Largest circumradius of a triangle of a surface that a box cuts, in spacings. An ideal one has 0.58, one beside a vacancy less than 1.
+RADIUS = 1.2
 # Points that lie on a plane or a sphere have no unique Delaunay triangulation, and the search for one takes for
 # ever; moved by this, in spacings, they have.
 JITTER = 1e-5
@@ -118,9 +115,9 @@ def circumcentres(corners):
         return a + across / numpy.einsum("nc,nc->n", m[:, 0], numpy.cross(m[:, 1], m[:, 2]))[:, None]
 
 
-def triangulate(points, rims=False):
-    """Triangles (m, 3) of the Delaunay triangulation restricted to the surface; with rims, only those that do not
-    reach across them."""
+def triangulate(points, box=None):
+    """Triangles (m, 3) of the Delaunay triangulation restricted to the surface. With a box only those whose circumcentres lie in it, since
+    cells end at its faces, and are no farther than RADIUS from the corners: the others close the surface across the box."""
     rng = numpy.random.default_rng(2)
     n = points.count
     moved = points.position + (JITTER * points.spacing * rng.standard_normal(n))[:, None] * points.normal
@@ -143,16 +140,29 @@ def triangulate(points, rims=False):
         triangles.append(numpy.delete(corner[face], k, axis=1))
     triangles = numpy.concatenate(triangles)
     triangles = triangles[(triangles < n).all(axis=1)]
-    if rims:
-        radius = circumradii(points.position[triangles]) / points.spacing[triangles].mean(axis=1)
-        triangles = triangles[radius < RIM_RADIUS]
+    if box is not None:
+        spacing = points.spacing[triangles].mean(axis=1)[:, None]
+        corners = points.position[triangles]
+        centre = triangle_circumcentres(corners)
+        slack = ON_BORDER * spacing
+        fits = ((centre >= box[0] - slack) & (centre <= box[1] + slack)).all(axis=1)
+        triangles = triangles[fits & (circumradii(corners) < RADIUS * spacing[:, 0])]
     return triangles
 
 
 def circumradii(corners):
+    """Of triangles; very large where flat."""
     side = numpy.linalg.norm(corners - numpy.roll(corners, 1, axis=1), axis=2)
     across = numpy.linalg.norm(numpy.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     return side.prod(axis=1) / (2 * numpy.maximum(across, 1e-300))
+
+
+def triangle_circumcentres(corners):
+    a = corners[:, 0]
+    u, v = corners[:, 1] - a, corners[:, 2] - a
+    across = numpy.cross(u, v)
+    twice = 2 * numpy.maximum((across * across).sum(axis=1), 1e-300)[:, None]
+    return a + ((u * u).sum(axis=1)[:, None] * numpy.cross(v, across) + (v * v).sum(axis=1)[:, None] * numpy.cross(across, u)) / twice
 
 
 def edges_of(triangles):
@@ -199,23 +209,23 @@ def facing(points, i, j):
     return numpy.einsum("nc,nc->n", points.normal[i], points.normal[j])
 
 
-def unresolved(points):
-    """Which points are nearer to another sheet than the points can tell apart."""
-    i, j, distance = close_pairs(points, SHEET_REACH * points.spacing)
-    spacing = 0.5 * (points.spacing[i] + points.spacing[j])
-    way = points.position[j] - points.position[i]
-    gap = numpy.minimum(*(numpy.abs(numpy.einsum("nc,nc->n", way, points.normal[k])) for k in (i, j)))
-    close = (distance < SHEET_REACH * spacing) & (gap < SHEET_GAP * spacing) & (facing(points, i, j) < SHEET_FACING)
-    return numpy.isin(numpy.arange(points.count), numpy.concatenate([i[close], j[close]]))
-
-
-def without_cell(points, triangles, edges):
-    """Points that are unresolved, or joined to such, or whose triangles are not one ring around them, or are none."""
-    lost = unresolved(points)
-    joined = edges[lost[edges].any(axis=1)]
-    rings = numpy.bincount(triangles.ravel(), minlength=points.count)
-    lost[joined.ravel()] = True
-    return lost | (rings == 0) | (rings != numpy.bincount(edges.ravel(), minlength=points.count))
+def border_angles(points, box):
+    """Of each point the surface's angle over a full turn, and whether it lies on a border: on a face of the box a half, where two faces
+    meet the angle between them in the surface."""
+    share, border = numpy.ones(points.count), numpy.zeros(points.count, bool)
+    if box is None:
+        return share, border
+    slack = ON_BORDER * points.spacing[:, None]
+    low, high = points.position <= box[0] + slack, points.position >= box[1] - slack
+    on = low | high
+    border = on.any(axis=1)
+    share[border] = 0.5
+    for i in numpy.flatnonzero(on.sum(axis=1) == 2):
+        inward = [numpy.eye(3)[k] * (1 if low[i, k] else -1) for k in numpy.flatnonzero(on[i])]
+        n = points.normal[i]
+        u, v = (f - n * (f @ n) for f in inward)
+        share[i] = (numpy.pi - numpy.arccos(u @ v / numpy.sqrt((u @ u) * (v @ v)))) / (2 * numpy.pi)
+    return share, border
 
 
 # ---- measures
@@ -239,7 +249,7 @@ def _energies(points, h, graded):
     n = points.count
     support = numpy.sqrt(3) * (points.spacing if graded else numpy.full(n, h))
     i, j, distance = close_pairs(points, support)
-    same = facing(points, i, j) > OTHER_SIDE
+    same = facing(points, i, j) > OPPOSITE
     i, j, distance = i[same], j[same], distance[same]
     between = 0.5 * (support[i] + support[j])
     phi = cotangent(distance / between)
@@ -258,9 +268,10 @@ def turns(points, triangles):
     return found / (2 * numpy.pi)
 
 
-def _disorder(points, energy, measured, cell, turn, edges, uneven):
+def _disorder(points, energy, measured, cell, turn, edges, uneven, neighbours=1):
     """The energy over that of perfect order with cells as large on the whole, as many neighbours as the turns around points
-    demand (Gauss and Bonnet), and a spacing that grows as much: a lattice under the exponential map. Of growth in all directions an edge has half of the square."""
+    demand (Gauss and Bonnet), and a spacing that grows as much: a lattice under the exponential map. Of growth in all directions an edge
+    has half of the square. Cells and turns are over the surface's angle, `neighbours` is the mean ideal degree over 6."""
     i, j = edges.T
     length = numpy.linalg.norm(points.position[i] - points.position[j], axis=1)
     step = ((points.spacing[i] - points.spacing[j]) / length) ** 2
@@ -269,69 +280,67 @@ def _disorder(points, energy, measured, cell, turn, edges, uneven):
     growth = numpy.minimum(2 * own[measured], GROWTH_MOST ** 2).mean() if uneven and measured.any() else 0
     relative = (cell / points.spacing ** 2)[measured].mean() * 2 / numpy.sqrt(3) if measured.any() else 1
     sixth = turn[measured].mean() if measured.any() else 1
-    ordered = E_IDEAL * (1 + GROWTH_ENERGY * growth) * sixth * (sixth * (1 + GROWTH_CELL * growth) / relative) ** (SLOPE / 2)
+    ordered = E_IDEAL * neighbours * (1 + GROWTH_ENERGY * growth) * sixth * (sixth * (1 + GROWTH_CELL * growth) / relative) ** (SLOPE / 2)
     return float(energy / ordered - 1)
 
 
-def measure(points, area, domain=None):
-    """The quality measures by their names in report.json, from the points and the surface's true area.
+def measure(points, area, border=None, window=None):
+    """The measures by their names in report.json, from the points and the surface's true area.
 
-    domain: (low, high) corners of the box whose faces cut the surface; points within two spacings of it are left out.
-    Those that have no cell are left out of all but energy_excess, min_spacing_ratio and `all`.
-    Beside them `degree`, `cell` (Voronoi areas), `local` (spacing), `component` (number of each point's
-    part), `edges` and `rim`, for further questions."""
+    border: (low, high) corners of the box whose faces cut the surface. window: those of a box that was cut out of a larger surface; points
+    within two spacings of its faces, whose cells are not known, are left out.
+    Beside the measures `degree`, `cell` (Voronoi areas), `local` (spacing), `component` (number of each point's part), `edges` and
+    `inner` (not left out), for further questions."""
     n, h = points.count, ideal_spacing(area, points.count)
-    triangles = triangulate(points, domain is not None)
+    triangles = triangulate(points, window if border is None else border)
     edges = edges_of(triangles)
     i, j = edges.T
-    rim = numpy.zeros(n, bool)
-    if domain is not None:
+    inner = numpy.ones(n, bool)
+    if window is not None:
         within = 2 * points.spacing[:, None]
-        low, high = numpy.asarray(domain[0]) + within, numpy.asarray(domain[1]) - within
-        rim = ((points.position < low) | (points.position > high)).any(axis=1)
-    inner = ~rim
+        low, high = numpy.asarray(window[0]) + within, numpy.asarray(window[1]) - within
+        inner = ((points.position >= low) & (points.position <= high)).all(axis=1)
+    share, on_border = border_angles(points, border)
+    ideal = 6 * share + on_border
     length = numpy.linalg.norm(points.position[i] - points.position[j], axis=1)
     relative = length / (0.5 * (points.spacing[i] + points.spacing[j]))
-    # what joins two sheets that the points do not tell apart is no edge between neighbours
-    same = facing(points, i, j) > OTHER_SIDE
-    degree = numpy.bincount(edges.ravel(), minlength=n)
-    cell = voronoi_areas(points, triangles)
+    same = facing(points, i, j) > OPPOSITE
+    degree = numpy.bincount(edges[same].ravel(), minlength=n)
+    cell = voronoi_areas(points, triangles) / share
     local = numpy.sqrt(2 * numpy.maximum(cell, 0) / numpy.sqrt(3))
-    whole = inner & ~without_cell(points, triangles, edges)
     uneven = is_uneven(points.spacing[inner])
     own = points
     if is_asked_by_amplitudes(points):  # order is measured against the achieved one
         own = dataclasses.replace(points, spacing=numpy.where(local > 0, local, points.spacing))
-        energy = _energies(own, h, True)
         relative = length / (0.5 * (own.spacing[i] + own.spacing[j]))
-    else:
-        energy = _energies(points, h, points.spacing.max() > (1 + SAME) * points.spacing.min())
+    energy = _energies(own, h, own is not points or points.spacing.max() > (1 + SAME) * points.spacing.min())
 
-    def cells(of):
-        ends = numpy.concatenate([relative[of[i] & inner[j] & same], relative[of[j] & inner[i] & same]])
-        return {"hex_fraction": float((degree[of] == 6).mean()) if of.any() else float("nan"),
-                "edge_cv": _variation(ends), "area_cv": _variation((cell / points.spacing ** 2)[of])}
-
-    measured = whole if whole.sum() >= LEAST_MEASURED or (whole == inner).all() else numpy.zeros(n, bool)
-    sized = measured & (local > 0)
-    slope = float("nan")
-    if not uneven and measured.any():
-        slope = 1
-    elif sized.sum() > 1:
-        slope = numpy.polyfit(numpy.log(points.spacing[sized]), numpy.log(local[sized]), 1)[0]
+    both = numpy.abs(ideal - numpy.round(ideal)) > INTEGER
+    regular = numpy.where(both, (degree == numpy.floor(ideal)) | (degree == numpy.ceil(ideal)), degree == numpy.round(ideal))
+    first, second, gap = close_pairs(own, own.spacing)
+    near = (facing(points, first, second) > OPPOSITE) & (inner[first] | inner[second])
+    gap = gap[near] / (0.5 * (own.spacing[first[near]] + own.spacing[second[near]]))
+    close, coincident = (numpy.unique(numpy.concatenate([k[near][gap < most] for k in (first, second)])) for most in (CLOSE, COINCIDENT))
+    joined = same & (inner[i] | inner[j])
+    sized = inner & (local > 0)
+    slope = 1.0
+    if uneven:
+        slope = numpy.polyfit(numpy.log(points.spacing[sized]), numpy.log(local[sized]), 1)[0] if sized.sum() > 1 else float("nan")
     return {
-        "count": n, "h": float(h), "rim_count": int(rim.sum()),
-        "unresolved_count": int((inner & ~whole).sum()), "resolved_count": int(whole.sum()),
-        "resolved_share": float(whole.sum() / inner.sum()) if inner.any() else float("nan"),
-        **cells(measured), "all": cells(inner),
-        "energy_excess": float(energy[inner].mean() / E_IDEAL - 1),
-        "disorder": _disorder(own, energy[inner].mean(), measured, cell, turns(points, triangles), edges[same], own is points and uneven),
-        "min_spacing_ratio": float(relative[(inner[i] | inner[j]) & same].min()),
-        "euler": int((degree > 0).sum() - len(edges) + len(triangles)),
+        "count": n, "h": float(h),
+        "hex_fraction": float(regular[inner].mean()) if inner.any() else float("nan"),
+        "edge_cv": _variation(relative[joined]), "area_cv": _variation((cell / points.spacing ** 2)[inner]),
+        "energy_excess": float((energy / (E_IDEAL * ideal / 6))[inner].mean() - 1),
+        "disorder": _disorder(own, energy[inner].mean(), inner, cell, turns(points, triangles) / share, edges[same],
+                              own is points and uneven, ideal[inner].mean() / 6),
+        "min_spacing_ratio": float(min(relative[joined].min(initial=numpy.inf), gap.min(initial=numpy.inf))),
+        "close_share": len(close) / n, "coincident": len(coincident),
+        "unmeasured_share": float((degree < 3 - on_border)[inner].mean()) if inner.any() else float("nan"),
+        "euler": int((numpy.bincount(edges.ravel(), minlength=n) > 0).sum() - len(edges) + len(triangles)),
         "unmeshed": int((degree == 0).sum()),
-        "grading_cv": _variation((local / points.spacing)[measured]),
+        "grading_cv": _variation((local / points.spacing)[inner]),
         "grading_exponent": float(slope),
-        "degree": degree, "cell": cell, "local": local, "edges": edges, "edge_length": length, "rim": rim,
+        "degree": degree, "cell": cell, "local": local, "edges": edges, "edge_length": length, "inner": inner,
         "component": csgraph.connected_components(
             coo_matrix((numpy.ones(len(i)), (i, j)), (n, n)), directed=False)[1],
     }

@@ -35,8 +35,8 @@ CONFIRMED, AGREEMENT = ("edge_cv", "area_cv", "energy_excess"), 0.02
 LOST = 0.01
 LOST_VOXELS = 1.5  # off a mesh: its level set rounds a knife's edge by up to a voxel
 CREASE_COSINE = 0.7
-# Points that are resolved but for this share, as counted here, lie in order and must be `converged`.
-UNRESOLVED = 0.02
+# Share of close points, as counted here, from which on the outcome must be `unresolved`; else it must be `converged`.
+CLOSE = 0.01
 # How a row is told when all of it is well.
 FINE = "meets all"
 
@@ -279,7 +279,7 @@ def judge(case, rows, bounds):
 
 def verdict_faults(rows):
     """Verdicts that what was measured does not bear out."""
-    expected = ["unresolved" if row["unresolved_count"] > UNRESOLVED * row["count"] else "converged" for row in rows]
+    expected = ["unresolved" if row["close_share"] > CLOSE or row["coincident"] else "converged" for row in rows]
     return [f"{row['verdict'][0]} ({', '.join(row['verdict'][1])}), wanted {wanted}"
             for row, wanted in zip(rows, expected) if row["verdict"][0] != wanted]
 
@@ -315,12 +315,12 @@ def compare(case, middle, others):
 HEAD = """# Quality, measured
 
 Written by `make quality`; do not edit. Each row is one case of [tools/quality.json](../../tools/quality.json): medians over
-the seeds, and after ± half of the range over them. The measures are defined in SPEC and `src/voronoi/quality.h`, but
+the seeds, and after ± half of the range over them. The measures are those of [report.md](../report.md#quality), but
 computed here by [tools/measure.py](../../tools/measure.py), which shares no code with the sampler: from `points.ply`, the
 job's spec and an area that is a closed form or an integral of its own. Of the last columns, `area` is how far the report's
 area is from that one, `parts` the largest difference of edge_cv, area_cv and energy_excess from the report's, relative
 to it (2 % is allowed), over all seeds; counts agree exactly or the row says so. `outcome` must be `converged` wherever at
-most 2 % of the points are without a cell, as counted here, and `unresolved` elsewhere.
+most 1 % of the points are close to another, as counted here, and `unresolved` elsewhere.
 
 """
 COLUMNS = (("hex_fraction", "hex_fraction", "{:.4f}"), ("edge_cv", "edge_cv", "{:.4f}"),
@@ -329,7 +329,7 @@ COLUMNS = (("hex_fraction", "hex_fraction", "{:.4f}"), ("edge_cv", "edge_cv", "{
            ("lost", "lost", "{:.0f}"), ("euler", "euler", "{:.4g}"))
 MORE = (("grading_cv", "grading CV {:.4f}"), ("grading_exponent", "exponent {:.4f}"),
         ("spacing_ratio", "requested spacing {:.1f}:1"), ("spacing_error", "from its formula {:.2g}"),
-        ("unresolved_count", "without a cell {:.0f}"),
+        ("close_share", "close {:.1%}"),
         ("outside", "outside {:.0f}"), ("rim_gap", "rim gap {:.2f} h"), ("other_side", "on the other side {:.0f}"),
         ("crease_gap", "crease gap {:.2f} local spacings"), ("parts", "parts {:.0f}"),
         ("empty_parts", "empty {:.0f}"), ("share_error", "share error {:.2f} of the allowed"))
@@ -357,7 +357,7 @@ def table_line(case, rows, wrong):
 
 
 def interesting(case, name, middle):
-    if name == "unresolved_count":
+    if name == "close_share":
         return middle[name][0] > 0
     graded = "curvature" in case["sampling"]
     return graded if name in ("grading_cv", "grading_exponent", "spacing_ratio", "spacing_error") else True
