@@ -88,7 +88,7 @@ static const char usage[] =
     "timed out, or the server cannot do this now, 2 bad usage, a token that is missing, unknown or not\n"
     "enough, or another request that the server refuses, as of a bad spec, 3 no server answers, 4 no\n"
     "such job, its state does not allow this, or it or a wanted frame has no results, 6 the job was\n"
-    "cancelled, 10 the job succeeded but did not converge, 11 its points do not resolve the surface\n"
+    "cancelled, 10 the job succeeded but did not converge, 11 its points do not represent the surface\n"
     "(outcome unresolved).\n";
 
 typedef enum need { NONE, ONE, MAYBE } need;

@@ -264,7 +264,7 @@ def test_points_on_curves_may_be_denser(sample):
     on = points.feature == 1
     assert points.spacing[on].max() == pytest.approx(0.5 * points.spacing.max(), rel=0.02)
     assert report["curves"]["points"] == on.sum() > 12 * 2 / (0.55 * points.spacing.max())
-    assert report["curves"]["edge_cv"] < 0.02 and report["quality"]["grading"]["cv"] < 0.03
+    assert report["curves"]["edge_cv"] < 0.02 and report["quality"]["grading"]["cv"] < 0.05  # rows, too, where the spacing varies most
     amid = numpy.sort(1 - numpy.abs(points.position), axis=1)[:, 1]  # how far from the nearest edge
     assert points.spacing == pytest.approx(numpy.minimum(points.spacing[on].min() + 0.2 * amid, points.spacing.max()), rel=0.02)
     e, _ = sample(**cube, sampling={"count": 3000, "curve_spacing": 0.5, "alpha": {"d": 1}})

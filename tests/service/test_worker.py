@@ -293,6 +293,24 @@ def test_the_packing_decides_the_outcome_only_where_it_is_required(worker, tmp_p
         assert told == ([(name, quality[name], bound) for name, bound in required.items()] if code else [])
 
 
+def test_ratings_follow_the_table_of_the_page(worker, tmp_path, source):
+    """doc/report.md has the bounds; solves that are cut off sooner and later have all ratings."""
+    table = re.findall(r"^\| `(\w+)` \| at (least|most) ([\d.]+) \| at (?:least|most) ([\d.]+) \|", (source / "doc" / "report.md").read_text(), re.M)
+    assert len(table) == 6
+    seen = set()
+    for sweeps in (1, 3, 8, 60):
+        worker({"version": 1, "surface": QUARTIC, "sampling": {"count": 3000}, "output": {"preview": False},
+                "solver": {"method": "paper", "init": "random", "max_sweeps": sweeps, "seed": 1}})
+        report = json.loads((tmp_path / "out" / "report.json").read_text())
+        assert list(report["ratings"]) == [name for name, *_ in table]
+        for name, word, good, fair in table:
+            value, sign = report["quality"][name], 1 if word == "most" else -1
+            expected = "good" if sign * value <= sign * float(good) else "fair" if sign * value <= sign * float(fair) else "poor"
+            assert report["ratings"][name] == {"value": value, "rating": expected}, name
+            seen.add(expected)
+    assert seen == {"good", "fair", "poor"}
+
+
 def test_points_at_borders_are_measured(worker, tmp_path):
     """A strip of a sphere, 2.3 spacings wide. Points on its two borders have cells of half a turn and four neighbours in good order; the
     same points measured on a fine mesh of the strip (tools/mesh_measures.py) have a hex_fraction of 0.555 and an area_cv of 0.072."""
