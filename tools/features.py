@@ -6,7 +6,7 @@
 
 DIRECTORY, or HEXAD_SHARED, has the folder meshes. All are resolved by one setting: `resolve` with what `feature` is by default.
 The page is written after each mesh, and what stands below its table is kept. Ends with 1 when a bound is missed:
-no unresolved point; a closed manifold with the genus and the number of parts of the input; the least angle above 25
+the outcome converged; a closed manifold with the genus and the number of parts of the input; the least angle above 25
 degrees in 99.9 % of the triangles; nowhere farther from the input than a third of the local feature size, or of
 the least spacing where that is larger. The local feature size is the distance to the medial axis of the input, by shrinking
 balls (Ma, Bae and Choi 2012) of which only those count that touch sheets that face each other. Shares no code with the
@@ -146,16 +146,15 @@ def measure(given, report, result, spacing):
     angles = least_angles(vertices, triangles)
     share = float((angles > LEAST_ANGLE).mean())
     distance = farthest(given, meshes.Mesh(vertices, triangles), spacing)
-    unresolved, ambiguous = report["quality"]["unresolved_count"], report["quality"]["ambiguous_count"]
+    thin = report["quality"]["unresolved_count"]  # points within 1.2 spacings of an opposite wall
     whole = after.manifold and after.genus == before.genus and after.parts == before.parts
     shape = f"{after.parts} of genus {after.genus:g}" if after.manifold else "not closed" if not after.closed else "pinched"
-    return ((f"{report['count']}", True), (report["outcome"].replace("_", " "), True), (f"{unresolved}", unresolved == 0),
-            (f"{ambiguous}", True),
-            (f"{before.parts} of genus {before.genus:g}", True), (shape, whole),
+    return ((f"{report['count']}", True), (report["outcome"].replace("_", " "), report["outcome"] == "converged"),
+            (f"{thin}", True), (f"{before.parts} of genus {before.genus:g}", True), (shape, whole),
             (f"{angles.min():.1f}", True), (f"{100 * share:.2f} %", share >= SHARE), (f"{distance:.3f}", distance <= FARTHEST))
 
 
-HEAD = ("file", "least spacing, thousandths", "points", "outcome", "unresolved", "ambiguous", "parts of the input", "of mesh.ply",
+HEAD = ("file", "least spacing, thousandths", "points", "outcome", "on thin walls", "parts of the input", "of mesh.ply",
         "least angle", f"above {LEAST_ANGLE} degrees", "distance over feature size", "s")
 
 

@@ -78,8 +78,7 @@ def row(worker, path):
     report, fault = run(worker, best["spec"])
     if fault:
         return describe(found), f"`{fault['code']}`: {fault['message']}", False
-    share = report["quality"]["resolved_share"]
-    told = "all near boundaries" if share is None else f"{100 * share:.0f} % resolved"
+    told = f"{100 * (1 - report['quality']['resolved_share']):.0f} % on thin walls"
     return describe(found), f"{report['count']} points, {report['outcome']}, {told}", report["count"] > 0
 
 

@@ -122,7 +122,7 @@ def page(cases, options, pool):
     for group, (unit, least) in BOUNDS.items():
         if not any(case["group"] == group for case in cases):
             continue
-        head = ["surface", "points", "unresolved %", "at rest", "hex_fraction", "CPU s"]
+        head = ["surface", "points", "on thin walls %", "at rest", "hex_fraction", "CPU s"]
         head += ["reference at rest", "reference CPU s", "ratio"] if options.reference else []
         lines += ["", f"## {group}", "", "| " + " | ".join([*head, "reasons"]) + " |", "|---" * (len(head) + 1) + "|"]
         whole, runs, ended = 0, 0, 0
@@ -163,9 +163,9 @@ def main():
     head = ["# The paper's method on many surfaces", "",
             "Made by `make paper-method` ([tools/paper_method.py](../../tools/paper_method.py)): method `paper` with `alpha`, d = 2, "
             f"{options.seeds} seeds, each surface at the least count", f"of {', '.join(map(str, LADDER))} at which at most 2 % of the "
-            "points are unresolved, for all seeds. Where none does, it gets "
-            f"{OTHERWISE}, `unresolved` is its true outcome",
-            "and counts as at rest. Times are medians of processor seconds, one thread."]
+            "points lie on walls thinner than 1.2 spacings, for all seeds. Where none does, it gets "
+            f"{OTHERWISE}, and the outcome `unresolved`",
+            "counts as at rest. Times are medians of processor seconds, one thread."]
     options.output.write_text("\n".join(head + lines) + "\n")
     for fault in faults:
         print(fault, file=sys.stderr)

