@@ -2,8 +2,8 @@
 which belongs to the Voronoi cell of its nearest point. Shares no code with the sampler.
 
 Limits. Edges of the small triangles are at most FINENESS spacings, so coverage may be too low by about that much, and a cell's side
-shorter than that may be missed or added. Pieces without an orientation (Moebius strips) get an arbitrary one. Of a closed mesh only the
-parts count that bound the union of its solids: places with one side inside and one outside, by winding numbers.
+shorter than that may be missed or added. Pieces without an orientation (Moebius strips) get an arbitrary one. Of a closed mesh of several
+pieces only the parts count that bound the union of its solids: places with one side inside and one outside, by winding numbers.
 """
 import dataclasses
 
@@ -277,10 +277,10 @@ def _close_pairs(tree, spacing, normals, piece):
     return i, j, numpy.linalg.norm(tree.data[i] - tree.data[j], axis=1) / (0.5 * (spacing[i] + spacing[j]))
 
 
-def exposed(mesh, place, normal):
-    """Whether places bound the union of the solids of a closed mesh; all places of an open one."""
+def exposed(mesh, piece, place, normal):
+    """Whether places bound the union of the solids of a closed mesh of several pieces; all places of others."""
     number, _ = edges_of(mesh.triangles)
-    if (numpy.bincount(number.ravel()) % 2).any():
+    if piece.max() == 0 or (numpy.bincount(number.ravel()) % 2).any():
         return numpy.ones(len(place), bool)
     step, winding = SIDE * float(numpy.ptp(mesh.vertices, axis=0).max()), Winding(mesh)
     inside = [winding.at(place + sign * step * normal) != 0 for sign in (-1, 1)]  # shells may be inside out
@@ -292,12 +292,15 @@ def measure(mesh, position, spacing):
     n, tree = len(position), cKDTree(position)
     fineness = max(FINENESS, 2.5 * numpy.sqrt(mesh.area / MOST_PLACES) / spacing.mean())
     vertices, small, parent = cut(mesh, tree, spacing, fineness)
+    while len(small) > MOST_PLACES:  # slivers give more than their area does
+        fineness *= 1.5
+        vertices, small, parent = cut(mesh, tree, spacing, fineness)
     corner = vertices[small]
     place = corner.mean(axis=1)
     area = 0.5 * numpy.linalg.norm(numpy.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
     piece_of_triangle = pieces_of(mesh.triangles)
     normal_of_triangle = oriented(mesh, piece_of_triangle)
-    seen = exposed(mesh, place, mesh.normals[parent])
+    seen = exposed(mesh, piece_of_triangle, place, mesh.normals[parent])
 
     near = parent[cKDTree(place).query(position, min(NEAREST_PLACES, len(place)))[1].reshape(n, -1)]
     pair, angle = touching(mesh, position, spacing, near)
