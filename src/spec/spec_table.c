@@ -1252,28 +1252,30 @@ const spec_row spec_rows[] = {
          "differs from the ideal one at most by this fraction. A larger difference is the criterion target_energy of the "
          "outcome not_converged. Method sized does not use it."},
 
-    GROUP("/outcome", SPEC_OPTIONAL, "What the result must be like beyond the criteria of every job (doc/report.md)."),
-    GROUP("/outcome/require", SPEC_OPTIONAL,
-          "Bounds on measures of the report. A result that misses one has the outcome unresolved, with that measure as the criterion."),
-#define REQUIRE(prefix, NAME, word, minimum)                                                                        \
-    {.pointer = "/outcome/require/" #word,                                                                           \
-     .type = SPEC_TYPE_NUMBER,                                                                                       \
-     .low = -1,                                                                                                      \
-     .high = 1e6,                                                                                                    \
-     AT_HAS(require[prefix##_##NAME].bound, require[prefix##_##NAME].given),                                         \
-     .prose = (minimum) ? "The smallest value of quality." #word " that is accepted."                                \
+    GROUP("/outcome", SPEC_OPTIONAL,
+          "What the result must be like beyond the criteria of every job (doc/report.md)."),
+    GROUP(
+        "/outcome/require", SPEC_OPTIONAL,
+        "Bounds on measures of the report. A result that misses one has the outcome unresolved, with that measure as the criterion."),
+#define REQUIRE(prefix, NAME, word, minimum)                                          \
+    {.pointer = "/outcome/require/" #word,                                            \
+     .type = SPEC_TYPE_NUMBER,                                                        \
+     .low = -1,                                                                       \
+     .high = 1e6,                                                                     \
+     AT_HAS(require[prefix##_##NAME].bound, require[prefix##_##NAME].given),          \
+     .prose = (minimum) ? "The smallest value of quality." #word " that is accepted." \
                         : "The largest value of quality." #word " that is accepted."},
     SPEC_REQUIRE_LIST(REQUIRE, SPEC_REQUIRE)
 #undef REQUIRE
 
-    {.pointer = "/attributes",
-     .type = SPEC_TYPE_GROUPS,
-     .low = 0,
-     .high = 32,
-     UNSTORED,
-     .prose =
-         "What the points carry beside their own properties, in every output: temperature, velocity, colours. "
-         "doc/formats.md says under which names each format has them."},
+        {.pointer = "/attributes",
+         .type = SPEC_TYPE_GROUPS,
+         .low = 0,
+         .high = 32,
+         UNSTORED,
+         .prose =
+             "What the points carry beside their own properties, in every output: temperature, velocity, colours. "
+             "doc/formats.md says under which names each format has them."},
     {.pointer = "/attributes/from",
      .type = SPEC_TYPE_STRING,
      .low = 1,
