@@ -371,20 +371,39 @@ static bool conclude_cells(const measures_input *in, const restricted_voronoi *v
 
 /* ---- coverage and pieces */
 
-static bool conclude_pieces(const facets *f, const point_table *t, double h, measures *out, error *e)
+/* How many points each piece without points should have. */
+static void count_requested(const measures_input *in, const facets *f, const bool *has, double *requested)
+{
+    if (!in->spacing_at) {
+        for (size_t p = 0; p < f->piece_count; p++)
+            requested[p] = has[p] ? 0 : f->piece_area[p] / packing_cell_area(in->h);
+        return;
+    }
+    for (size_t k = 0; k < f->item_count; k++) {
+        const uint32_t piece = facets_piece(f, k);
+        if (has[piece]) continue;
+        const facets_item item = facets_item_at(f, k);
+        requested[piece] += item.area / packing_cell_area(in->spacing_at(in->spacing_context, item.centre));
+    }
+}
+
+static bool conclude_pieces(const measures_input *in, const facets *f, const point_table *t, measures *out,
+                            error *e)
 {
     bool *has = mem_array(f->piece_count, sizeof *has, what, e);
-    double empty = 0;
-    if (!has) return false;
-    for (size_t i = 0; i < t->count; i++) has[t->piece[i]] = true;
-    for (size_t p = 0; p < f->piece_count; p++) {
-        if (has[p] || !(f->piece_area[p] > packing_cell_area(h))) continue;
+    double *requested = has ? mem_array(f->piece_count, sizeof *requested, what, e) : NULL, empty = 0;
+    for (size_t i = 0; requested && i < t->count; i++) has[t->piece[i]] = true;
+    if (requested) count_requested(in, f, has, requested);
+    for (size_t p = 0; requested && p < f->piece_count; p++) {
+        if (!(requested[p] > 1)) continue;
         out->parts_without_points++;
         empty += f->piece_area[p];
     }
+    const bool ok = requested != NULL;
     free(has);
+    free(requested);
     out->empty_area_share = empty / f->area;
-    return true;
+    return ok;
 }
 
 static sites sites_of(const measures_input *in, const point_table *t, const near_points *near)
@@ -435,7 +454,7 @@ static bool take(const measures_input *in, const facets *f, const near_points *n
     out->missing_share = v->missing / f->area;
     const sites s = sites_of(in, t, near);
     const pair_measures_input pairs = {&s, in->h, in->sized || in->achieved, t->ideal, t->at_wedge};
-    return pair_measures_take(&pairs, pool, out, e) && conclude_pieces(f, t, in->h, out, e) &&
+    return pair_measures_take(&pairs, pool, out, e) && conclude_pieces(in, f, t, out, e) &&
            conclude_cells(in, v, t, local, f->piece_count, out, e);
 }
 

@@ -17,8 +17,11 @@ typedef struct measures_input {
     const vec3 *position;
     const double *spacing; /* requested at each, > 0 */
     double h;              /* spacing of the ideal even packing */
-    bool sized;            /* energies use the support of each pair's spacings, not that of h */
-    bool achieved;         /* no spacing is requested: amplitudes grade the points */
+    double (*spacing_at)(const void *context,
+                         vec3 x); /* requested at a place of the surface; NULL: h everywhere */
+    const void *spacing_context;
+    bool sized;    /* energies use the support of each pair's spacings, not that of h */
+    bool achieved; /* no spacing is requested: amplitudes grade the points */
     /* The points once for each patch on which they lie, the first `count` in their order (sampler_stands). */
     size_t stand_count;
     const vec3 *stand_normal;          /* NULL: the normals are those of the nearest triangles */

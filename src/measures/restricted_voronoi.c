@@ -422,10 +422,10 @@ typedef struct judge {
     corner_distances at;
 } judge;
 
-/* Sites in one place do not dominate each other. All but the first are discarded, else no division would separate them. */
-static bool is_discarded(uint32_t site, const corner_distances *at, const judge *by)
+/* Sites in one place do not dominate each other, and no division separates them. All but the first are discarded. */
+static bool is_repeated(uint32_t site, const corner_distances *at, const judge *by)
 {
-    return is_dominated(at, &by->at) || (by->site < site && equal_corners(at, &by->at) == 3);
+    return by->site < site && equal_corners(at, &by->at) == 3;
 }
 
 /* The corners of a part that its candidates have no distances from yet: of the half of a triangle the new one. */
@@ -455,7 +455,9 @@ static void push_undominated(descent *d, const part *t, int changed, size_t from
         const corner_distances own = d->square[base + k];
         const uint32_t site = d->list[base + k];
         bool discarded = false;
-        for (int j = 0; j < JUDGES; j++) discarded |= is_discarded(site, &own, &by[j]);
+        for (int j = 0; j < JUDGES; j++)
+            discarded |=
+                is_dominated(&own, &by[j].at) || (count > MOST_CANDIDATES && is_repeated(site, &own, &by[j]));
         if (discarded) continue;
         d->list[d->top] = site;
         d->square[d->top++] = own;

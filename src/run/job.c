@@ -481,6 +481,11 @@ bool job_reach(job *j, solution *s, error *e)
     return true;
 }
 
+static double requested_at(const void *context, vec3 x)
+{
+    return sizing_field_spacing(context, x, NULL);
+}
+
 bool job_measure(job *j, solution *s, error *e)
 {
     const sampler_points *p = sampler_result_points(s->sampler);
@@ -500,6 +505,8 @@ bool job_measure(job *j, solution *s, error *e)
                                .position = p->position,
                                .spacing = p->spacing,
                                .h = sampler_spacing(s->sampler),
+                               .spacing_at = s->sizing ? requested_at : NULL,
+                               .spacing_context = s->sizing,
                                .sized = s->sizing != NULL,
                                .achieved = j->spec->has_alpha,
                                .stand_count = stands->count,

@@ -312,6 +312,7 @@ measures scene_measure(const scene *s, const scene_options *options)
                                .position = s->point,
                                .spacing = s->spacing,
                                .h = s->spacing[0],
+                               .spacing_at = options ? options->spacing_at : NULL,
                                .stand_count = stands.count,
                                .stand_normal = stands.normal,
                                .stand_point = stands.point,

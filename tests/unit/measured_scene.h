@@ -47,9 +47,10 @@ scene scene_shuffled(const scene *s, uint64_t seed);
 scene scene_copy(const scene *s);
 
 typedef struct scene_options {
-    int workers;    /* 0: 2 */
-    double *local;  /* of each point, or NULL */
-    double *degree; /* of each point, or NULL */
+    int workers;                                       /* 0: 2 */
+    double *local;                                     /* of each point, or NULL */
+    double *degree;                                    /* of each point, or NULL */
+    double (*spacing_at)(const void *context, vec3 x); /* see measures_input */
 } scene_options;
 
 measures scene_measure(const scene *s, const scene_options *options);

@@ -263,6 +263,40 @@ static void a_plate_is_measured_on_each_of_its_walls(void **state)
     scene_free(&s);
 }
 
+static double coarse_above(const void *context, vec3 x)
+{
+    (void)context;
+    return x.z > 1 ? 4 : 1;
+}
+
+static double fine_above(const void *context, vec3 x)
+{
+    (void)context;
+    return x.z > 1 ? 0.5 : 1;
+}
+
+/* A square of 3 spacings a side holds 10.4 points; 0.65 where the request is four times as coarse. One of .8 holds 0.74; 3 where it is twice as
+ * fine. */
+static void a_piece_lacks_points_if_the_request_there_is_for_one_or_more(void **state)
+{
+    (void)state;
+    const struct {
+        double side;
+        double (*spacing_at)(const void *context, vec3 x);
+        size_t parts;
+    } cases[] = {{3, NULL, 1}, {3, coarse_above, 0}, {0.8, NULL, 0}, {0.8, fine_above, 1}};
+    for (int k = 0; k < 4; k++) {
+        const double a = cases[k].side;
+        const scene_options options = {.spacing_at = cases[k].spacing_at};
+        scene s = scene_rectangle(6, 7);
+        scene_quad(&s, (vec3){0, 0, 2}, (vec3){a, 0, 2}, (vec3){a, a, 2}, (vec3){0, a, 2});
+        const measures got = scene_measure(&s, &options);
+        assert_true(got.parts_without_points == cases[k].parts);
+        assert_close(got.empty_area_share, cases[k].parts * a * a / (6 * 6 * ROW + a * a), 1e-12);
+        scene_free(&s);
+    }
+}
+
 /* Of the cells of random points in a plane .295 have six sides (Poisson-Voronoi); MEASURES.md names .26, which a program found that misses
  * short sides, and a coverage of 1.6. */
 static void random_points_on_a_sphere_are_irregular_and_leave_gaps(void **state)
@@ -324,7 +358,8 @@ static void the_number_of_threads_changes_no_byte(void **state)
     make_scenes(all);
     for (int k = 0; k < SCENES; k++) {
         double local[2][400], degree[2][400];
-        const scene_options one = {1, local[0], degree[0]}, four = {4, local[1], degree[1]};
+        const scene_options one = {.workers = 1, .local = local[0], .degree = degree[0]},
+                            four = {.workers = 4, .local = local[1], .degree = degree[1]};
         assert_in_range(all[k].points, 1, 400);
         const measures a = scene_measure(&all[k], &one), b = scene_measure(&all[k], &four);
         assert_memory_equal(&a, &b, sizeof a);
@@ -388,6 +423,7 @@ int main(void)
         cmocka_unit_test(two_crossing_planes_have_an_edge_of_four_faces),
         cmocka_unit_test(three_half_planes_have_an_edge_of_three_faces),
         cmocka_unit_test(nested_shells_are_measured_apart),
+        cmocka_unit_test(a_piece_lacks_points_if_the_request_there_is_for_one_or_more),
         cmocka_unit_test(random_points_on_a_sphere_are_irregular_and_leave_gaps),
         cmocka_unit_test(the_number_of_threads_changes_no_byte),
         cmocka_unit_test(a_rigid_motion_changes_no_measure),
