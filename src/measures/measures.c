@@ -70,9 +70,9 @@ static bool allocate_table(const measures_input *in, point_table *t, error *e)
     t->degree = mem_array(n, sizeof *t->degree, what, e);
     t->piece = mem_array(n, sizeof *t->piece, what, e);
     t->side = mem_array(n + 1, sizeof *t->side, what, e);
-    t->normal = mem_array(in->stand_count, sizeof *t->normal, what, e);
-    t->one_sided = mem_array(in->stand_count, sizeof *t->one_sided, what, e);
-    t->patch = mem_array(in->stand_count, sizeof *t->patch, what, e);
+    t->normal = mem_array(in->copy_count, sizeof *t->normal, what, e);
+    t->one_sided = mem_array(in->copy_count, sizeof *t->one_sided, what, e);
+    t->patch = mem_array(in->copy_count, sizeof *t->patch, what, e);
     t->at_wedge = mem_array(n, sizeof *t->at_wedge, what, e);
     return t->spacing && t->ideal && t->share && t->border && t->fork && t->degree && t->piece && t->side &&
            t->normal && t->one_sided && t->patch && t->at_wedge;
@@ -80,31 +80,31 @@ static bool allocate_table(const measures_input *in, point_table *t, error *e)
 
 /* ---- what the surface is like at the points */
 
-static uint32_t point_of(const measures_input *in, size_t stand)
+static uint32_t point_of(const measures_input *in, size_t copy)
 {
-    return in->stand_point ? in->stand_point[stand] : (uint32_t)stand;
+    return in->copy_point ? in->copy_point[copy] : (uint32_t)copy;
 }
 
-static bool has_flag(const measures_input *in, size_t stand, uint8_t flag)
+static bool has_flag(const measures_input *in, size_t copy, uint8_t flag)
 {
-    return in->stand_flags && in->stand_flags[stand] & flag;
+    return in->copy_flags && in->copy_flags[copy] & flag;
 }
 
 /* The normals of each point, one after the other. */
 static void gather_sides(const measures_input *in, point_table *t)
 {
-    for (size_t k = 0; k < in->stand_count; k++) t->side[point_of(in, k) + 1]++;
+    for (size_t k = 0; k < in->copy_count; k++) t->side[point_of(in, k) + 1]++;
     for (size_t i = 0; i < t->count; i++) t->side[i + 1] += t->side[i];
-    for (size_t k = in->stand_count;
+    for (size_t k = in->copy_count;
          k-- > 0;) { /* fills each from its end, and leaves side[i + 1] at its begin */
         const uint32_t i = point_of(in, k), at = --t->side[i + 1];
-        t->patch[at] = in->stand_patch ? in->stand_patch[k] : 0;
-        if (in->stand_normal) t->normal[at] = in->stand_normal[k];
+        t->patch[at] = in->copy_patch ? in->copy_patch[k] : 0;
+        if (in->copy_normal) t->normal[at] = in->copy_normal[k];
         t->one_sided[at] = has_flag(in, k, PACKING_ONE_SIDED);
         t->at_wedge[i] |= has_flag(in, k, PACKING_AT_WEDGE);
     }
     memmove(t->side, t->side + 1, t->count * sizeof *t->side);
-    t->side[t->count] = (uint32_t)in->stand_count;
+    t->side[t->count] = (uint32_t)in->copy_count;
 }
 
 typedef struct corner_job {
@@ -148,14 +148,14 @@ static void set_corner(const measures_input *in, const facets *f, uint32_t i, po
 /* The piece that a point lies on, and without given normals that of the nearest triangle. */
 static void set_piece(const measures_input *in, const facets *f, uint32_t i, point_table *t)
 {
-    if (in->stand_patch && f->in.patch_piece && in->stand_normal) {
-        t->piece[i] = f->in.patch_piece[in->stand_patch[i]];
+    if (in->copy_patch && f->in.patch_piece && in->copy_normal) {
+        t->piece[i] = f->in.patch_piece[in->copy_patch[i]];
         return;
     }
-    if (f->piece_count == 1 && in->stand_normal) return;
+    if (f->piece_count == 1 && in->copy_normal) return;
     const size_t at = facets_nearest(f, in->position[i]);
     t->piece[i] = facets_piece(f, at);
-    if (in->stand_normal) return;
+    if (in->copy_normal) return;
     facet triangle[FIELD_CELL_TRIANGLES];
     facets_expand(f, at, triangle);
     t->normal[t->side[i]] = triangle[0].normal;

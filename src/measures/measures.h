@@ -22,12 +22,12 @@ typedef struct measures_input {
     const void *spacing_context;
     bool sized;    /* energies use the support of each pair's spacings, not that of h */
     bool achieved; /* no spacing is requested: amplitudes grade the points */
-    /* The points once for each patch on which they lie, the first `count` in their order (sampler_stands). */
-    size_t stand_count;
-    const vec3 *stand_normal;          /* NULL: the normals are those of the nearest triangles */
-    const uint32_t *stand_point;       /* NULL: stand i is point i */
-    const uint32_t *stand_patch;       /* NULL: one patch */
-    const uint8_t *stand_flags;        /* of packing.h; NULL: none */
+    /* A copy of each point for each patch on which it lies; the first `count` are the points in their order (sampler_stands). */
+    size_t copy_count;
+    const vec3 *copy_normal;           /* NULL: the normals are those of the nearest triangles */
+    const uint32_t *copy_point;        /* NULL: copy i is point i */
+    const uint32_t *copy_patch;        /* NULL: one patch */
+    const uint8_t *copy_flags;         /* of packing.h; NULL: none */
     const uint32_t (*patch_labels)[2]; /* see sites.h; NULL: no labels */
 } measures_input;
 

@@ -509,11 +509,11 @@ bool job_measure(job *j, solution *s, error *e)
                                .spacing_context = s->sizing,
                                .sized = s->sizing != NULL,
                                .achieved = j->spec->has_alpha,
-                               .stand_count = stands->count,
-                               .stand_normal = on.own_normals ? NULL : stands->normal,
-                               .stand_point = stands->point,
-                               .stand_patch = stands->patch,
-                               .stand_flags = stands->flags,
+                               .copy_count = stands->count,
+                               .copy_normal = on.own_normals ? NULL : stands->normal,
+                               .copy_point = stands->point,
+                               .copy_patch = stands->patch,
+                               .copy_flags = stands->flags,
                                .patch_labels = (const uint32_t(*)[2])on.patch_labels};
     ok = ok && measures_take(&in, j->pool, s->spacing_local, s->degree, s->farthest, &s->measures, e);
     measured_surface_close(&on);

@@ -313,10 +313,10 @@ measures scene_measure(const scene *s, const scene_options *options)
                                .spacing = s->spacing,
                                .h = s->spacing[0],
                                .spacing_at = options ? options->spacing_at : NULL,
-                               .stand_count = stands.count,
-                               .stand_normal = stands.normal,
-                               .stand_point = stands.point,
-                               .stand_flags = stands.flags};
+                               .copy_count = stands.count,
+                               .copy_normal = stands.normal,
+                               .copy_point = stands.point,
+                               .copy_flags = stands.flags};
     assert_true(measures_take(&in, pool, local, options ? options->degree : NULL, &farthest, &out, &e));
     if (options && options->local) memcpy(options->local, local, s->points * sizeof *local);
     free(stands.normal);

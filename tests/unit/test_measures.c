@@ -72,8 +72,8 @@ static void a_rectangle_cut_from_a_plane_is_measured_as_its_triangles(void **sta
                                .position = s.point,
                                .spacing = s.spacing,
                                .h = 1,
-                               .stand_count = s.points,
-                               .stand_normal = normal};
+                               .copy_count = s.points,
+                               .copy_normal = normal};
     assert_true(measures_take(&in, pool, local, NULL, &farthest, &got, &e));
     assert_close(got.hex_fraction, expected.hex_fraction, 1e-12);
     assert_close(got.area_cv, 0, 1e-6);
