@@ -6,10 +6,15 @@
 #include "base/memory.h"
 #include "base/sets.h"
 #include "field/patches.h"
+#include "field/projection.h"
 #include "geometry/morton.h"
 #include "geometry/triangle.h"
 
 enum { LEAF_ITEMS = 4, DEEPEST = 64 };
+/* Newton's steps from the middle of an edge onto the surface, and when they end, in lengths of the edge. A place that is farther from the edge
+ * than MIDDLE_RISE belongs to another part of the surface: an arc of a right angle rises by 0.21. */
+enum { MIDDLE_STEPS = 8 };
+static const double MIDDLE_ACCURACY = 1e-3, MIDDLE_RISE = 0.25;
 /* Radians by which normals inside a grid cell may differ from the gradient at its middle, by how much F bends in the cell (field_bend). They
  * only bound what a node's items may face; triangles are tested with their own normals. */
 static const float CELL_ANGLE[] = {[FIELD_BENT] = 1.05f, [FIELD_GENTLE] = 0.5f, [FIELD_FLAT] = 0.15f};
@@ -381,7 +386,7 @@ static vec3 oriented(const facets *f, size_t k, uint32_t patch, const vec3 corne
     return vec3_dot(out, normal) < 0 ? vec3_scale(normal, -1) : normal;
 }
 
-int facets_expand(const facets *f, size_t k, facet out[FIELD_CELL_TRIANGLES])
+int facets_expand(const facets *f, size_t k, bool exact, facet out[FIELD_CELL_TRIANGLES])
 {
     const uint32_t item = f->item[k];
     vec3 corner[FIELD_CELL_TRIANGLES][3];
@@ -389,7 +394,8 @@ int facets_expand(const facets *f, size_t k, facet out[FIELD_CELL_TRIANGLES])
     if (f->in.triangle_count > 0)
         mesh_corners(f, item, corner[0]);
     else
-        count = surface_cell_rough_triangles(f->in.scan, item, corner);
+        count = exact ? surface_cell_triangles(f->in.scan, item, corner)
+                      : surface_cell_rough_triangles(f->in.scan, item, corner);
     const uint32_t patch = patch_of_item(f, item), piece = piece_of_item(f, item);
     for (int t = 0; t < count; t++) {
         const vec3 cross = triangle_cross(corner[t]);
@@ -406,6 +412,19 @@ int facets_expand(const facets *f, size_t k, facet out[FIELD_CELL_TRIANGLES])
     return kept;
 }
 
+vec3 facets_middle(const facets *f, uint32_t patch, vec3 a, vec3 b)
+{
+    const vec3 middle = vec3_scale(vec3_add(a, b), 0.5);
+    if (f->in.triangle_count > 0) return middle;
+    const field *of = f->in.scan->field;
+    const double edge = vec3_norm(vec3_sub(b, a));
+    const projection_limits limits = {MIDDLE_STEPS, MIDDLE_ACCURACY * edge, MIDDLE_ACCURACY * edge,
+                                      MIDDLE_ACCURACY * edge};
+    vec3 x = middle, normal;
+    const bool found = projection_find(field_of_patch(of, patch), &limits, &x, &normal);
+    return found && vec3_norm(vec3_sub(x, middle)) <= MIDDLE_RISE * edge ? x : middle;
+}
+
 /* ---- queries */
 
 static double sphere_distance(const facets_node *n, vec3 x)
@@ -417,7 +436,7 @@ static void search_items(const facets *f, const facets_node *n, vec3 x, double *
 {
     for (size_t k = n->begin; k < n->end; k++) {
         facet t[FIELD_CELL_TRIANGLES];
-        const int count = facets_expand(f, k, t);
+        const int count = facets_expand(f, k, false, t);
         for (int i = 0; i < count; i++) {
             const triangle at = {t[i].corner[0], t[i].corner[1], t[i].corner[2]};
             const double d = sqrt(triangle_distance2(&at, x));
@@ -519,7 +538,7 @@ void facets_corner_at(const facets *f, vec3 x, double tolerance, facets_corner *
         }
         for (size_t k = n->begin; k < n->end; k++) {
             facet t[FIELD_CELL_TRIANGLES];
-            const int count = facets_expand(f, k, t);
+            const int count = facets_expand(f, k, false, t);
             for (int i = 0; i < count; i++) add_face(&t[i], x, tolerance, &fan, &out->angle);
         }
     }

@@ -73,8 +73,12 @@ typedef struct facets_item {
 /* The item at place k of the order. */
 facets_item facets_item_at(const facets *f, size_t k);
 
-/* The triangles at place k of the order that have area; returns their number. */
-int facets_expand(const facets *f, size_t k, facet out[FIELD_CELL_TRIANGLES]);
+/* The triangles at place k of the order that have area; returns their number. `exact`: the corners of a grid cell's triangles lie on the
+ * surface; else they lie where F is zero if it is linear between the cell's corners, which takes less time. */
+int facets_expand(const facets *f, size_t k, bool exact, facet out[FIELD_CELL_TRIANGLES]);
+
+/* The place of the surface for the middle of an edge of such a triangle: the nearest one found by Newton's method, or the middle itself. */
+vec3 facets_middle(const facets *f, uint32_t patch, vec3 a, vec3 b);
 
 /* The place in the order of the item whose triangles are nearest to x. */
 size_t facets_nearest(const facets *f, vec3 x);

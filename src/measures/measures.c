@@ -157,7 +157,7 @@ static void set_piece(const measures_input *in, const facets *f, uint32_t i, poi
     t->piece[i] = facets_piece(f, at);
     if (in->copy_normal) return;
     facet triangle[FIELD_CELL_TRIANGLES];
-    facets_expand(f, at, triangle);
+    facets_expand(f, at, false, triangle);
     t->normal[t->side[i]] = triangle[0].normal;
 }
 

@@ -9,16 +9,18 @@
 
 /* The hierarchy is divided into at least this many subtrees, which are the units of parallel work: one for so many points, and at most TASKS.
  * The number of threads does not matter. */
-enum { TASKS = 512, POINTS_OF_TASK = 1000, TASKS_AT_ONCE = 64 };
+enum { TASKS = 512, POINTS_OF_TASK = 1000 };
+/* Tasks whose records are kept at once, for each thread. */
+enum { TASKS_OF_THREAD = 4 };
 /* A triangle with more candidates is divided at its longest edge before it is clipped: clipping takes the square of their number. */
 enum { MOST_CANDIDATES = 12 };
 /* A part shorter than this, in spacings, is not divided further: it holds no side that counts. */
 static const double LEAST_PART = 1e-4;
 /* Candidates are collected for nodes, or parts of triangles, of at most this radius in spacings. */
-static const double SMALL = 1;
+static const double SMALL = 3;
 /* Of all points within this many spacings beyond the nearest one. A triangle that needs others, since these are of an opposite wall, collects
  * those within FARTHEST_SITE spacings; beyond, it belongs to no cell. */
-static const double COLLECTED = 1.5, FARTHEST_SITE = 8;
+static const double COLLECTED = 0.7, FARTHEST_SITE = 8;
 /* Corners of a clipped triangle: three, one for each bisector, and the faces of a domain. */
 enum { MOST_CORNERS = 3 + MOST_CANDIDATES + 6 };
 /* Distances are compared with this relative margin, so that rounding discards no candidate. */
@@ -560,7 +562,7 @@ static bool visit_candidates(descent *d, const part *t, size_t base, vec3 centro
     return ok;
 }
 
-/* A part without candidates: a large one is divided first. */
+/* A part without candidates: a large one is divided first, along the surface. */
 static bool visit_large_part(descent *d, const part *t)
 {
     const vec3 centroid = field_triangle_middle(t->corner);
@@ -568,7 +570,9 @@ static bool visit_large_part(descent *d, const part *t)
     if (at.radius > SMALL * at.spacing) {
         double length;
         const int longest = longest_edge(t, &length);
-        const part one = half_of(t, longest, 0), other = half_of(t, longest, 1);
+        part one = half_of(t, longest, 0), other = half_of(t, longest, 1);
+        one.corner[(longest + 1) % 3] = other.corner[longest] =
+            facets_middle(d->f, t->of->patch, t->corner[longest], t->corner[(longest + 1) % 3]);
         return visit_large_part(d, &one) && visit_large_part(d, &other);
     }
     const double reach = at.nearest + 2 * at.radius + COLLECTED * at.spacing;
@@ -624,7 +628,7 @@ static bool visit_item(descent *d, size_t k, const candidates *from, vec3 from_c
         is_covered(d, item.patch, item.centre, item.radius, site))
         return add_area(d, site, item.area);
     facet t[FIELD_CELL_TRIANGLES];
-    const int triangles = facets_expand(d->f, k, t);
+    const int triangles = facets_expand(d->f, k, !from, t);
     bool ok = true;
     for (int i = 0; ok && i < triangles; i++) ok = visit_triangle(d, &t[i], from, from_centre);
     return ok;
@@ -771,8 +775,9 @@ bool restricted_voronoi_build(const facets *f, const sites *s, threads *pool, re
     bool ok = farthest && out->area && out->farthest && all && table_init(&table, 4 * s->count, e);
     const size_t tasks = ok ? divide(f, 0, most, all) : 0;
     build_job job = {f, s, all, farthest};
-    for (size_t k = 0; k < tasks; k += TASKS_AT_ONCE) {
-        const size_t count = tasks - k < TASKS_AT_ONCE ? tasks - k : TASKS_AT_ONCE;
+    const size_t at_once = TASKS_OF_THREAD * workers;
+    for (size_t k = 0; k < tasks; k += at_once) {
+        const size_t count = tasks - k < at_once ? tasks - k : at_once;
         job.task = all + k;
         if (ok) threads_run(pool, count, 1, run_tasks, &job);
         for (size_t i = 0; i < count; i++) ok = settle_task(&all[k + i], out, &table, ok ? e : NULL) && ok;
