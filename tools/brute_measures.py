@@ -370,12 +370,13 @@ def volume(count, name, isovalue):
         def surface(cell):
             path = data / name
             values, matrix = read_nifti(path) if ".nii" in name else read_nrrd(path)
-            spline = ndimage.spline_filter(values - isovalue, order=3, mode="mirror")
+            beyond = min(12, min(values.shape) - 1)  # data go on beyond their end by odd reflection
+            spline = ndimage.spline_filter(numpy.pad(values - isovalue, beyond, mode="reflect", reflect_type="odd"), order=3)
             size = numpy.array(values.shape)
             voxel = numpy.linalg.norm(matrix[:3, :3], axis=0).min()
 
             def f(x):
-                return ndimage.map_coordinates(spline, x.T, order=3, prefilter=False, mode="mirror")
+                return ndimage.map_coordinates(spline, x.T + beyond, order=3, prefilter=False)
             corners = march(f, numpy.zeros(3), size - 1.0, min(cell / voxel, 0.4))  # no coarser than the data
             corners = corners[~between_samples(corners, values < isovalue)]
             made = corners @ matrix[:3, :3].T + matrix[:3, 3]

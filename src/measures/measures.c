@@ -135,9 +135,11 @@ static void set_cut(const field *of, vec3 x, vec3 normal, facets_corner *out)
 static void set_corner(const measures_input *in, const facets *f, uint32_t i, point_table *t)
 {
     facets_corner c = {.angle = 0};
-    if (has_flag(in, i, PACKING_FIXED)) facets_corner_at(f, in->position[i], ON_EDGE * in->spacing[i], &c);
-    if (in->surface.triangle_count == 0)
-        set_cut(in->surface.scan->field, in->position[i], t->normal[t->side[i]], &c);
+    const bool mesh = in->surface.triangle_count > 0, on_curve = has_flag(in, i, PACKING_FIXED);
+    if (on_curve) facets_corner_at(f, in->position[i], ON_EDGE * in->spacing[i], &c);
+    /* A scan's triangles are rough: a point that two patches meet in may lie on those of one of them. */
+    if (!mesh && c.border && t->side[i + 1] > t->side[i] + 1) c = (facets_corner){.angle = 0};
+    if (!mesh) set_cut(in->surface.scan->field, in->position[i], t->normal[t->side[i]], &c);
     const double angle = c.angle > 0 ? c.angle : 2 * M_PI;
     t->share[i] = angle / (2 * M_PI);
     t->border[i] = c.border;

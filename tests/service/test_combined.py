@@ -234,6 +234,16 @@ def test_sharp_edges_have_rows_of_points(sample, tmp_path, diagnose):
     assert numpy.abs(off).max() < 0.15 * h
 
 
+@pytest.mark.extended
+def test_points_on_the_edge_between_spheres_have_whole_cells(sample):
+    """A point of the edge that only the triangles on one side contain had half of its cell's share of a turn: 1.41 spacings."""
+    bitten = {"difference": [sphere(1), sphere(0.8, (0.7, 0.2, 0.1))]}
+    _, points = sample(bitten, features=True, sampling={"count": 400})
+    on_edge = points.feature == 1
+    assert on_edge.sum() > 15
+    assert (points.spacing_local / points.spacing)[on_edge].max() < 1.2
+
+
 def test_points_of_a_mesh_that_a_sphere_cuts_lie_on_them(sample, cube_mesh):
     report, _ = sample({"difference": [coarse(cube_mesh), sphere(0.5, (1, 0.9, 0.2))]}, sampling={"count": 500})
     assert report["quality"]["largest_move"] > 0 and report["quality"]["max_residual"] < 1e-5
