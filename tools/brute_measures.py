@@ -6,7 +6,7 @@
 
 FOLDER has the volumes that JOBS names. The definitions are those of doc/report.md. Shares no code with the project: surfaces are
 triangles of marching tetrahedra on grids of an eighth of the spacing or less, of formulas, of splines of scipy through a volume's
-samples, or of the true interfaces of a segmentation. Coverage is right to a tenth of the spacing's eighth, hex_fraction to .01.
+samples, or of the true interfaces of a segmentation. Coverage, which is taken at the triangles' corners, is up to .03 low.
 """
 import argparse
 import json
@@ -525,10 +525,13 @@ PAGE = """# Measures of reports and of a program without shortcuts
 
     tools/brute_measures.py --worker build/hexad-worker --data FOLDER --output doc/measured/measures.md
 
-Each cell has the report's measure and that of tools/brute_measures.py, which compares dense places of its own triangles with all points
-near them. Of a volume's spline, pieces between the samples are left out, as no cell of the data shows them. `area` is the area of these triangles over the report's. Cells are marked that differ by more than .05 (coverage), .003
-(missing_share), .002 (close_share), .01 (min_spacing_ratio) or .04 (hex_fraction; .1 below 300 points). Coverage of a volume
-may also differ by a quarter of a voxel, the size to which a speck of one voxel is known. FOLDER holds the volumes.
+Each cell has the report's measure and that of tools/brute_measures.py, which compares dense places of its own triangles with
+all points near them. `area` is the area of these triangles over the report's. FOLDER holds the volumes. Of a volume's spline,
+pieces between the samples are left out, as no cell of the data shows them.
+
+Cells are marked that differ by more than .05 (coverage), .003 (missing_share), .002 (close_share), .01 (min_spacing_ratio) or
+.04 (hex_fraction; .1 below 300 points). Coverage of a volume may also differ by a quarter of a voxel: the size of a speck of one
+voxel is known to that.
 
 """
 
