@@ -35,11 +35,12 @@ static double farthest_corner(const vec3 c[3], vec3 x)
     return sqrt(most2);
 }
 
-static double search_farthest(const sites *s, const vec3 c[3], double known, int depth)
+static double search_farthest(const facets *f, const sites *s, const vec3 c[3], const facet *of, double known,
+                              int depth)
 {
     double radius, distance;
     const vec3 middle = middle_of(c, &radius);
-    const uint32_t nearest = near_points_nearest(s->near, middle, 0, &distance);
+    const uint32_t nearest = near_points_nearest(s->near, facets_onto(f, of, middle), 0, &distance);
     const double h = s->spacing[nearest], low = distance / h,
                  high = farthest_corner(c, s->position[nearest]) / h;
     if (high <= known) return known;
@@ -48,14 +49,15 @@ static double search_farthest(const sites *s, const vec3 c[3], double known, int
     for (int part = 0; part < 4; part++) {
         vec3 sub[3];
         divide(c, part, sub);
-        known = search_farthest(s, sub, known, depth + 1);
+        known = search_farthest(f, s, sub, of, known, depth + 1);
     }
     return known;
 }
 
-double coverage_search_farthest(const sites *s, const vec3 corner[3], double known)
+double coverage_search_farthest(const facets *f, const sites *s, const vec3 corner[3], const facet *of,
+                                double known)
 {
-    return search_farthest(s, corner, known, 0);
+    return search_farthest(f, s, corner, of, known, 0);
 }
 
 /* Points near a triangle that are not of an opposite wall. */
@@ -82,10 +84,13 @@ static void look_at_point(void *context, uint32_t i)
     n->all |= farthest_corner(n->corner, n->s->position[i]) <= reach;
 }
 
-static double search_missing(const sites *s, const vec3 c[3], vec3 normal, uint32_t patch, int depth)
+static double search_missing(const facets *f, const sites *s, const vec3 c[3], const facet *of, int depth)
 {
-    near_facing n = {.s = s, .corner = c, .normal = normal, .patch = patch};
-    n.middle = middle_of(c, &n.radius);
+    near_facing n = {.s = s, .corner = c, .normal = of->normal, .patch = of->patch};
+    double radius;
+    const vec3 middle = middle_of(c, &radius);
+    n.middle = facets_onto(f, of, middle);
+    n.radius = radius + vec3_norm(vec3_sub(n.middle, middle));
     near_points_within(s->near, n.middle, COVERAGE_MISSING * s->largest_spacing + n.radius, look_at_point,
                        &n);
     const double area = 0.5 * vec3_norm(vec3_cross(vec3_sub(c[1], c[0]), vec3_sub(c[2], c[0])));
@@ -93,17 +98,17 @@ static double search_missing(const sites *s, const vec3 c[3], vec3 normal, uint3
     if (!n.some) return area;
     double distance;
     const double h = s->spacing[near_points_nearest(s->near, n.middle, 0, &distance)];
-    if (n.radius <= LEAST_RADIUS * h || depth == DEEPEST) return n.centre ? 0 : area;
+    if (radius <= LEAST_RADIUS * h || depth == DEEPEST) return n.centre ? 0 : area;
     double sum = 0;
     for (int part = 0; part < 4; part++) {
         vec3 sub[3];
         divide(c, part, sub);
-        sum += search_missing(s, sub, normal, patch, depth + 1);
+        sum += search_missing(f, s, sub, of, depth + 1);
     }
     return sum;
 }
 
-double coverage_search_missing(const sites *s, const vec3 corner[3], vec3 normal, uint32_t patch)
+double coverage_search_missing(const facets *f, const sites *s, const vec3 corner[3], const facet *of)
 {
-    return search_missing(s, corner, normal, patch, 0);
+    return search_missing(f, s, corner, of, 0);
 }

@@ -11,10 +11,10 @@
 #include "geometry/triangle.h"
 
 enum { LEAF_ITEMS = 4, DEEPEST = 64 };
-/* Newton's steps from the middle of an edge onto the surface, and when they end, in lengths of the edge. A place that is farther from the edge
- * than MIDDLE_RISE belongs to another part of the surface: an arc of a right angle rises by 0.21. */
-enum { MIDDLE_STEPS = 8 };
-static const double MIDDLE_ACCURACY = 1e-3, MIDDLE_RISE = 0.25;
+/* Newton's steps onto the surface, and when they end, in lengths of a side. The middle of an edge that is farther from the surface than
+ * MIDDLE_RISE edges belongs to another part of it: an arc of a right angle rises by 0.21. */
+enum { ONTO_STEPS = 8, HALVINGS = 20 };
+static const double ONTO_ACCURACY = 1e-3, MIDDLE_RISE = 0.25;
 /* Radians by which normals inside a grid cell may differ from the gradient at its middle, by how much F bends in the cell (field_bend). They
  * only bound what a node's items may face; triangles are tested with their own normals. */
 static const float CELL_ANGLE[] = {[FIELD_BENT] = 1.05f, [FIELD_GENTLE] = 0.5f, [FIELD_FLAT] = 0.15f};
@@ -93,6 +93,15 @@ static size_t number_sets(uint32_t *parent, size_t count)
     }
     for (uint32_t k = 0; k < count; k++) parent[k] = parent[k] == k ? (uint32_t)sets++ : parent[parent[k]];
     return sets;
+}
+
+bool facets_count_pieces(const facets_input *in, size_t *count, error *e)
+{
+    uint32_t *piece = mem_array(in->triangle_count, sizeof *piece, what, e);
+    const bool ok = piece && join_triangles(in, piece, e);
+    if (ok) *count = number_sets(piece, in->triangle_count);
+    free(piece);
+    return ok;
 }
 
 /* The piece of each item, unless the patches determine it. */
@@ -407,42 +416,97 @@ int facets_expand(const facets *f, size_t k, bool exact, facet out[FIELD_CELL_TR
         to->area = 0.5 * twice;
         to->patch = patch;
         to->piece = piece;
+        to->item = k;
         if (f->face_normal) to->normal = oriented(f, k, patch, corner[t], to->normal);
     }
     return kept;
 }
 
+/* Moves x onto the surface of a scan; false, x unchanged, where Newton's method finds no place within `reach`. */
+static bool onto_surface(const facets *f, uint32_t patch, vec3 *x, double side, double reach)
+{
+    const double accuracy = ONTO_ACCURACY * side;
+    const projection_limits limits = {ONTO_STEPS, accuracy, accuracy, accuracy};
+    vec3 place = *x, normal;
+    if (!projection_find(field_of_patch(f->in.scan->field, patch), &limits, &place, &normal) ||
+        vec3_norm(vec3_sub(place, *x)) > reach)
+        return false;
+    *x = place;
+    return true;
+}
+
+/* On the way from x to the nearest corner of its cell on the other side of the surface; x where all corners are on its side. */
+static vec3 between_sides(const facets *f, size_t k, vec3 x)
+{
+    const field *of = f->in.scan->field;
+    field_cell cell;
+    field_sample s;
+    vec3 other = x;
+    double nearest2 = INFINITY;
+    if (!field_sample_at(of, x, FIELD_GRADIENT, &s)) return x;
+    const bool inside = s.value < 0;
+    surface_cell(f->in.scan, f->item[k], &cell);
+    for (int c = 0; c < 8; c++) {
+        const double away2 = vec3_norm2(vec3_sub(cell.corner[c], x));
+        if (!(away2 < nearest2) || !field_sample_at(of, cell.corner[c], FIELD_GRADIENT, &s) ||
+            (s.value < 0) == inside)
+            continue;
+        nearest2 = away2;
+        other = cell.corner[c];
+    }
+    for (int step = 0; nearest2 < INFINITY && step < HALVINGS; step++) {
+        const vec3 middle = vec3_scale(vec3_add(x, other), 0.5);
+        if (!field_sample_at(of, middle, FIELD_GRADIENT, &s)) break;
+        *((s.value < 0) == inside ? &x : &other) = middle;
+    }
+    return x;
+}
+
+vec3 facets_onto(const facets *f, const facet *of, vec3 x)
+{
+    if (f->in.triangle_count > 0) return x;
+    const double side = sqrt(of->area);
+    vec3 place = x;
+    if (onto_surface(f, of->patch, &place, side, side) || f->in.scan->field->patches) return place;
+    return between_sides(f, of->item, x);
+}
+
 vec3 facets_middle(const facets *f, uint32_t patch, vec3 a, vec3 b)
 {
-    const vec3 middle = vec3_scale(vec3_add(a, b), 0.5);
-    if (f->in.triangle_count > 0) return middle;
-    const field *of = f->in.scan->field;
     const double edge = vec3_norm(vec3_sub(b, a));
-    const projection_limits limits = {MIDDLE_STEPS, MIDDLE_ACCURACY * edge, MIDDLE_ACCURACY * edge,
-                                      MIDDLE_ACCURACY * edge};
-    vec3 x = middle, normal;
-    const bool found = projection_find(field_of_patch(of, patch), &limits, &x, &normal);
-    return found && vec3_norm(vec3_sub(x, middle)) <= MIDDLE_RISE * edge ? x : middle;
+    vec3 middle = vec3_scale(vec3_add(a, b), 0.5);
+    if (f->in.triangle_count == 0) onto_surface(f, patch, &middle, edge, MIDDLE_RISE * edge);
+    return middle;
 }
 
 /* ---- queries */
 
-static double sphere_distance(const facets_node *n, vec3 x)
+/* A search for the nearest item. */
+typedef struct item_search {
+    const facets *f;
+    vec3 x;
+    double nearest;
+    size_t found;
+} item_search;
+
+static double distance_to_sphere(vec3 centre, double radius, vec3 x)
 {
-    return vec3_norm(vec3_sub(n->centre, x)) - n->radius;
+    return vec3_norm(vec3_sub(centre, x)) - radius;
 }
 
-static void search_items(const facets *f, const facets_node *n, vec3 x, double *nearest, size_t *found)
+static void search_items(item_search *s, const facets_node *n)
 {
     for (size_t k = n->begin; k < n->end; k++) {
+        const facets_item item = facets_item_at(s->f, k);
+        if (distance_to_sphere(item.centre, item.radius, s->x) >= s->nearest) continue;
         facet t[FIELD_CELL_TRIANGLES];
-        const int count = facets_expand(f, k, false, t);
+        const int count = facets_expand(s->f, k, false, t);
         for (int i = 0; i < count; i++) {
             const triangle at = {t[i].corner[0], t[i].corner[1], t[i].corner[2]};
-            const double d = sqrt(triangle_distance2(&at, x));
-            if (!(d < *nearest)) continue;
-            *nearest = d;
-            *found = k;
+            const double d = sqrt(triangle_distance2(&at, s->x));
+            if (!(d < s->nearest)) continue;
+            s->nearest = d;
+            s->found = k;
         }
     }
 }
@@ -451,14 +515,13 @@ size_t facets_nearest(const facets *f, vec3 x)
 {
     uint32_t stack[DEEPEST];
     int top = 0;
-    double nearest = INFINITY;
-    size_t found = 0;
+    item_search s = {f, x, INFINITY, 0};
     stack[top++] = 0;
     while (top > 0) {
         const facets_node *n = &f->node[stack[--top]];
-        if (sphere_distance(n, x) >= nearest) continue;
+        if (distance_to_sphere(n->centre, n->radius, x) >= s.nearest) continue;
         if (n->right == 0) {
-            search_items(f, n, x, &nearest, &found);
+            search_items(&s, n);
             continue;
         }
         const uint32_t left = (uint32_t)(n - f->node) + 1;
@@ -467,7 +530,47 @@ size_t facets_nearest(const facets *f, vec3 x)
         stack[top++] = left_first ? n->right : left;
         stack[top++] = left_first ? left : n->right;
     }
-    return found;
+    return s.found;
+}
+
+/* A bound on the distance of the nearest item: that of the far side of one that is near. */
+static double near_bound(const facets *f, vec3 x)
+{
+    uint32_t at = 0;
+    while (f->node[at].right > 0) {
+        const uint32_t left = at + 1, right = f->node[at].right;
+        at = vec3_norm2(vec3_sub(f->node[left].centre, x)) < vec3_norm2(vec3_sub(f->node[right].centre, x))
+                 ? left
+                 : right;
+    }
+    double bound = INFINITY;
+    for (size_t k = f->node[at].begin; k < f->node[at].end; k++) {
+        const facets_item item = facets_item_at(f, k);
+        bound = fmin(bound, vec3_norm(vec3_sub(item.centre, x)) + item.radius);
+    }
+    return bound;
+}
+
+uint32_t facets_nearest_piece(const facets *f, vec3 x)
+{
+    const double bound = near_bound(f, x);
+    uint32_t stack[DEEPEST], piece = FACETS_MIXED;
+    int top = 0;
+    stack[top++] = 0;
+    while (top > 0) {
+        const uint32_t at = stack[--top];
+        const facets_node *n = &f->node[at];
+        if (distance_to_sphere(n->centre, n->radius, x) > bound) continue;
+        if (n->piece == FACETS_MIXED && n->right > 0) {
+            stack[top++] = n->right;
+            stack[top++] = at + 1;
+            continue;
+        }
+        if (n->piece == FACETS_MIXED || (piece != FACETS_MIXED && n->piece != piece))
+            return facets_piece(f, facets_nearest(f, x));
+        piece = n->piece;
+    }
+    return piece;
 }
 
 /* The edges that end at a corner or pass it, by their directions, and the number of faces at each. */
@@ -530,7 +633,7 @@ void facets_corner_at(const facets *f, vec3 x, double tolerance, facets_corner *
     stack[top++] = 0;
     while (top > 0) {
         const facets_node *n = &f->node[stack[--top]];
-        if (sphere_distance(n, x) > tolerance) continue;
+        if (distance_to_sphere(n->centre, n->radius, x) > tolerance) continue;
         if (n->right > 0) {
             stack[top++] = n->right;
             stack[top++] = (uint32_t)(n - f->node) + 1;

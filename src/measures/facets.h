@@ -57,6 +57,7 @@ typedef struct facet {
     vec3 normal; /* unit */
     double area;
     uint32_t piece, patch;
+    size_t item; /* its place in the order */
 } facet;
 
 /* The input's arrays stay the caller's and must outlive *out. Release *out also after failure. Errors: limit_memory, cancelled. */
@@ -77,14 +78,24 @@ facets_item facets_item_at(const facets *f, size_t k);
  * surface; else they lie where F is zero if it is linear between the cell's corners, which takes less time. */
 int facets_expand(const facets *f, size_t k, bool exact, facet out[FIELD_CELL_TRIANGLES]);
 
+/* The place of the surface next to a place of a triangle: x itself of a mesh. The triangles of a scan lie beside the surface: it is the one that
+ * Newton's method finds, or bisection towards a corner of the cell. */
+vec3 facets_onto(const facets *f, const facet *of, vec3 x);
+
 /* The place of the surface for the middle of an edge of such a triangle: the nearest one found by Newton's method, or the middle itself. */
 vec3 facets_middle(const facets *f, uint32_t patch, vec3 a, vec3 b);
 
 /* The place in the order of the item whose triangles are nearest to x. */
 size_t facets_nearest(const facets *f, vec3 x);
 
+/* The piece of that item; found sooner where all items near x are of one piece. */
+uint32_t facets_nearest_piece(const facets *f, vec3 x);
+
 /* The piece of the item at place k of the order. */
 uint32_t facets_piece(const facets *f, size_t k);
+
+/* The number of pieces of a mesh without patches. Error: limit_memory. */
+bool facets_count_pieces(const facets_input *in, size_t *count, error *e);
 
 /* What the surface is like at a point. */
 typedef struct facets_corner {

@@ -155,9 +155,12 @@ static void set_piece(const measures_input *in, const facets *f, uint32_t i, poi
         return;
     }
     if (f->piece_count == 1 && in->copy_normal) return;
+    if (in->copy_normal) {
+        t->piece[i] = facets_nearest_piece(f, in->position[i]);
+        return;
+    }
     const size_t at = facets_nearest(f, in->position[i]);
     t->piece[i] = facets_piece(f, at);
-    if (in->copy_normal) return;
     facet triangle[FIELD_CELL_TRIANGLES];
     facets_expand(f, at, false, triangle);
     t->normal[t->side[i]] = triangle[0].normal;
@@ -282,6 +285,8 @@ typedef struct cell_sums {
     moments edge, area, ratio;
     slope grading;
     double regular, degrees, turn, unmeasured;
+    double
+        straight; /* areas of cells with straight lines across their sides; over h^2 and the share of the angle */
 } cell_sums;
 
 static void sum_cells(const measures_input *in, const restricted_voronoi *v, const point_table *t,
@@ -304,6 +309,8 @@ static void sum_cells(const measures_input *in, const restricted_voronoi *v, con
         if (!is_side(s, t->spacing)) continue;
         const double distance = vec3_norm(vec3_sub(in->position[s->a], in->position[s->b]));
         count_value(&out->edge, distance / (0.5 * (t->spacing[s->a] + t->spacing[s->b])));
+        out->straight += 0.25 * distance * s->length / (t->spacing[s->a] * t->spacing[s->a] * t->share[s->a]);
+        out->straight += 0.25 * distance * s->length / (t->spacing[s->b] * t->spacing[s->b] * t->share[s->b]);
     }
 }
 
@@ -328,13 +335,15 @@ static bool mean_growth2(const measures_input *in, const restricted_voronoi *v, 
 }
 
 /* Against perfect order of cells as large, with as many neighbours and the same grading. With n neighbours, 6 times the turn (Gauss and
- * Bonnet), a cell is n / 3 triangles, whose sides are as sqrt(6 / n). */
+ * Bonnet), a cell is n / 3 triangles, whose sides are as sqrt(6 / n). Energies depend on straight distances, which a bent surface makes
+ * shorter than its own: `straight` has this in one of two directions, `flat` in both. */
 static double disorder_of(const cell_sums *c, double energy_excess, double growth2)
 {
     const double n = c->area.n, turn = 1 - c->turn / n;
-    if (!(c->area.sum > 0 && turn > 0)) return energy_excess;
+    if (!(c->straight > 0 && turn > 0)) return energy_excess;
     const double ordered = packing_cell_area(1) * (1 + GROWTH_CELL * growth2) * turn,
-                 denser = pow(ordered * n / c->area.sum, 0.5 * energy_cotangent.ideal_slope);
+                 flat = c->straight * c->straight / c->area.sum,
+                 denser = pow(ordered * n / flat, 0.5 * energy_cotangent.ideal_slope);
     return (1 + energy_excess) / (turn * denser * (1 + GROWTH_ENERGY * growth2)) - 1;
 }
 
@@ -452,6 +461,11 @@ static bool take(const measures_input *in, const facets *f, const near_points *n
     for (size_t p = 0; p < in->surface.patch_count; p++) {
         farthest[p] = v->farthest[p];
         out->coverage = fmax(out->coverage, v->farthest[p]);
+    }
+    for (size_t k = 0; k < in->lost_places; k++) {
+        double distance;
+        const uint32_t nearest = near_points_nearest(near, in->lost_place[k], 0, &distance);
+        out->coverage = fmax(out->coverage, distance / t->spacing[nearest]);
     }
     out->missing_share = v->missing / f->area;
     const sites s = sites_of(in, t, near);

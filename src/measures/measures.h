@@ -13,6 +13,9 @@
 
 typedef struct measures_input {
     facets_input surface;
+    const vec3
+        *lost_place; /* places of the surface that the triangles or cells leave out; they count in coverage */
+    size_t lost_places;
     size_t count; /* points, at least 1 */
     const vec3 *position;
     const double *spacing; /* requested at each, > 0 */

@@ -282,8 +282,8 @@ static void search_polygon(descent *d, const polygon *p, vec3 origin, const face
     for (int k = 2; k < p->count; k++) {
         const vec3 c[3] = {vec3_add(p->corner[0], origin), vec3_add(p->corner[k - 1], origin),
                            vec3_add(p->corner[k], origin)};
-        *farthest = coverage_search_farthest(d->s, c, *farthest);
-        if (missing) d->to->missing += coverage_search_missing(d->s, c, of->normal, of->patch);
+        *farthest = coverage_search_farthest(d->f, d->s, c, of, *farthest);
+        if (missing) d->to->missing += coverage_search_missing(d->f, d->s, c, of);
     }
 }
 
@@ -299,8 +299,8 @@ static void measure_distances(descent *d, const polygon *p, uint32_t site, const
         most = own > most ? own : most;
         if (own <= *farthest) continue;
         double distance;
-        const uint32_t nearest =
-            near_points_nearest(d->s->near, vec3_add(p->corner[k], origin), 0, &distance);
+        const vec3 place = facets_onto(d->f, of, vec3_add(p->corner[k], origin));
+        const uint32_t nearest = near_points_nearest(d->s->near, place, 0, &distance);
         *farthest = fmax(*farthest, distance / d->s->spacing[nearest]);
     }
     if (most * (1 - MARGIN) > *farthest || most > COVERAGE_MISSING)
@@ -370,7 +370,10 @@ static bool clip_cell(descent *d, const part *t, size_t base, size_t count, size
     polygon p = cell_part(d, t, base, count, own);
     if (p.count == 0) return true;
     mark_sides_on_edges(d, base, count, own, &p);
-    if (!add_area(d, site, polygon_area(&p))) return false;
+    const double area = polygon_area(&p);
+    if (area <= MARGIN * t->of->area * LEAST_PART)
+        return true; /* an edge in a bisector: the triangle beyond it has the side */
+    if (!add_area(d, site, area)) return false;
     for (int k = 0; k < p.count; k++) {
         if (p.behind[k] == NO_SITE || p.behind[k] < site) continue;
         const double length = vec3_norm(vec3_sub(p.corner[k + 1 < p.count ? k + 1 : 0], p.corner[k]));
@@ -690,7 +693,7 @@ static void run_tasks(void *context, int worker, size_t begin, size_t end)
 
 /* ---- sums */
 
-/* Pairs of sites and the lengths of their sides: open addressing, in a table of at most half its room. */
+/* Pairs of sites and the lengths of their sides: open addressing, in a table that is at most three quarters full. */
 typedef struct side_table {
     voronoi_side *entry; /* a == b: free */
     size_t room, count;  /* room: a power of two */
@@ -699,7 +702,7 @@ typedef struct side_table {
 static bool table_init(side_table *t, size_t expected, error *e)
 {
     *t = (side_table){.room = 64};
-    while (t->room < 2 * expected) t->room *= 2;
+    while (3 * t->room < 4 * expected) t->room *= 2;
     t->entry = mem_array(t->room, sizeof *t->entry, what, e);
     return t->entry != NULL;
 }
@@ -714,9 +717,9 @@ static voronoi_side *table_find(const side_table *t, uint32_t a, uint32_t b)
 
 static bool table_add(side_table *t, const voronoi_side *s, error *e)
 {
-    if (2 * t->count >= t->room) {
+    if (4 * t->count >= 3 * t->room) {
         side_table larger;
-        if (!table_init(&larger, t->room, e)) return false;
+        if (!table_init(&larger, 2 * t->count, e)) return false;
         for (size_t k = 0; k < t->room; k++)
             if (t->entry[k].b != 0) *table_find(&larger, t->entry[k].a, t->entry[k].b) = t->entry[k];
         larger.count = t->count;
@@ -772,7 +775,7 @@ bool restricted_voronoi_build(const facets *f, const sites *s, threads *pool, re
     *out = (restricted_voronoi){0};
     out->area = mem_array(s->count, sizeof *out->area, what, e);
     out->farthest = mem_array(patches, sizeof *out->farthest, what, e);
-    bool ok = farthest && out->area && out->farthest && all && table_init(&table, 4 * s->count, e);
+    bool ok = farthest && out->area && out->farthest && all && table_init(&table, 3 * s->count, e);
     const size_t tasks = ok ? divide(f, 0, most, all) : 0;
     build_job job = {f, s, all, farthest};
     const size_t at_once = TASKS_OF_THREAD * workers;

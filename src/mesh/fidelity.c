@@ -32,6 +32,7 @@ static const vec3 tilt = {0.00917, 0.00631, 0.00487};
 /* A place between two faces that lie close. */
 typedef struct gap {
     double width_vox, area;
+    vec3 place; /* world units */
 } gap;
 
 /* A place of a triangle that the zero set does not follow. */
@@ -204,8 +205,10 @@ static bool list_gaps(measuring *w, error *e)
             w->hidden += d->area;
             continue;
         }
+        const places on = places_on(w->m, d->triangle);
         w->thin += d->area;
-        w->gaps[w->gap_count++] = (gap){d->width, d->area};
+        w->gaps[w->gap_count++] =
+            (gap){d->width, d->area, in_world(w, place_of(on.a, on.ab, on.ac, d->place))};
     }
     return true;
 }
@@ -244,6 +247,15 @@ static double voxels_wanted(const measuring *w, double finest, double most)
     return 1;
 }
 
+static bool keep_places(const measuring *w, fidelity *out, error *e)
+{
+    if (!w->gap_count) return true;
+    out->thin_place = mem_array(w->gap_count, sizeof *out->thin_place, "the thin parts of the mesh", e);
+    if (!out->thin_place) return false;
+    for (size_t k = 0; k < w->gap_count; k++) out->thin_place[out->thin_places++] = w->gaps[k].place;
+    return true;
+}
+
 bool fidelity_measure(const mesh *m, const double index_to_world[16], const field *f, double finest,
                       threads *pool, fidelity *out, error *e)
 {
@@ -254,6 +266,7 @@ bool fidelity_measure(const mesh *m, const double index_to_world[16], const fiel
     if (ok) {
         if (w.gap_count) qsort(w.gaps, w.gap_count, sizeof *w.gaps, by_width);
         const double whole = w.looked_at > 0 ? w.looked_at : 1, most = FIDELITY_MOST_THIN * w.looked_at;
+        fidelity_free(out);
         *out = (fidelity){.area = w.area * size * size,
                           .rms_vox = w.followed > 0 ? sqrt(w.sum / w.followed) : 0,
                           .close = w.near / whole,
@@ -263,12 +276,20 @@ bool fidelity_measure(const mesh *m, const double index_to_world[16], const fiel
                           .thin_voxel = size * voxels_wanted(&w, 0, most),
                           .worth_voxel = size * voxels_wanted(&w, finest / size, most),
                           .tenth_voxel = size * voxels_wanted(&w, 0, w.thin / 10)};
+        ok = keep_places(&w, out, e);
     }
     line_tree_free(w.tree);
     free(w.tallies);
     free(w.doubts);
     free(w.gaps);
     return ok;
+}
+
+void fidelity_free(fidelity *f)
+{
+    free(f->thin_place);
+    f->thin_place = NULL;
+    f->thin_places = 0;
 }
 
 /* Whether there is something on both sides of a place of triangle n: whichever way round it is, it bounds no union. */

@@ -24,16 +24,19 @@ typedef struct fidelity {
     double thin_voxel;  /* the largest voxels, world units, that leave at most FIDELITY_MOST_THIN thin */
     double worth_voxel; /* the same, but above `finest`, and of what such voxels can show */
     double tenth_voxel; /* the largest voxels that leave at most a tenth of what is thin */
+    vec3 *thin_place;   /* where it is thin, as far as it was looked at; world units */
+    size_t thin_places;
 } fidelity;
 
 /* What may stay thin. */
 #define FIDELITY_MOST_THIN 0.005
 
 /* `m` as levelset_make left it; `f` NULL: nothing of it is followed; `finest`: the size of the smallest voxels that can be had. Where they would show no
- * more than these, both voxel sizes are those that there are. Errors:
+ * more than these, both voxel sizes are those that there are. *out, zeroed or of an earlier call, is the caller's to free. Errors:
  * limit_memory. Incomplete where the pool was told to stop. */
 bool fidelity_measure(const mesh *m, const double index_to_world[16], const field *f, double finest,
                       threads *pool, fidelity *out, error *e);
+void fidelity_free(fidelity *f);
 
 /* The share of a closed mesh that lies inside of its solids, whichever way round its shells are. Where it is more than `enough` it is
  * a lower bound: in a tangled mesh each line crosses most of the triangles. Errors: limit_memory. */

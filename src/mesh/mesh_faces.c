@@ -192,6 +192,11 @@ vec3 mesh_faces_land(const mesh_faces *f, vec3 x, vec3 normal)
     return mesh_faces_to_world(f, place);
 }
 
+bool mesh_faces_hide(const mesh_faces *f)
+{
+    return f->lines != NULL;
+}
+
 const mesh *mesh_faces_mesh(const mesh_faces *f)
 {
     return &f->m;

@@ -21,6 +21,9 @@ size_t mesh_faces_bytes(const mesh_faces *f);
 /* The place for a point at x whose normal, of any length, points out of the solids. */
 vec3 mesh_faces_land(const mesh_faces *f, vec3 x, vec3 normal);
 
+/* Whether a part of the mesh may lie in solids. */
+bool mesh_faces_hide(const mesh_faces *f);
+
 /* The triangles in voxels, group after group, and a place of them in world units. */
 const mesh *mesh_faces_mesh(const mesh_faces *f);
 vec3 mesh_faces_to_world(const mesh_faces *f, vec3 x_vox);

@@ -501,6 +501,8 @@ bool job_measure(job *j, solution *s, error *e)
              (s->degree || !j->spec->has_preview || j->spec->preview_color != SPEC_COLOR_DEGREE);
     }
     const measures_input in = {.surface = on.facets,
+                               .lost_place = on.lost_place,
+                               .lost_places = on.lost_places,
                                .count = p->count,
                                .position = p->position,
                                .spacing = p->spacing,

@@ -6,9 +6,6 @@
 #include "base/sets.h"
 #include "field/patches.h"
 
-/* A mesh of which more than this share lies inside its solids is sampled as the union of these, which its triangles do not describe. */
-static const double MOST_HIDDEN = 0.001;
-
 static const char what[] = "the measures of the surface";
 
 /* Patches that meet in a curve are one piece. */
@@ -60,26 +57,30 @@ static bool use_labels(const label_surface *labels, measured_surface *out, error
     return out->patch_labels != NULL;
 }
 
-/* The mesh of a level set, in world units. */
-static bool use_faces(const mesh_faces *faces, measured_surface *out, error *e)
-{
-    const mesh *m = mesh_faces_mesh(faces);
-    out->vertex = mem_array(m->vertex_count, sizeof *out->vertex, what, e);
-    if (!out->vertex) return false;
-    for (size_t k = 0; k < m->vertex_count; k++) out->vertex[k] = mesh_faces_to_world(faces, m->vertex[k]);
-    out->facets = (facets_input){.triangle_count = m->triangle_count,
-                                 .vertex = out->vertex,
-                                 .triangle = (const uint32_t(*)[3])m->triangle,
-                                 .patch_count = 1};
-    out->own_normals = true;
-    return true;
-}
-
 static const mesh_faces *faces_of(const source *s)
 {
     const volume *v = s->whole.volume;
     if (!v || s->creased || s->region || s->inside.field || s->whole.part_count > 0) return NULL;
-    return volume_describe(v)->fidelity.hidden <= MOST_HIDDEN ? volume_faces(v) : NULL;
+    const mesh_faces *faces = volume_faces(v);
+    return faces && !mesh_faces_hide(faces) ? faces : NULL;
+}
+
+/* The mesh of a level set, in world units. Of several parts some may lie in others, close below their walls: these are not sampled. */
+static bool use_faces(const mesh_faces *faces, measured_surface *out, error *e)
+{
+    const mesh *m = mesh_faces_mesh(faces);
+    facets_input in = {
+        .triangle_count = m->triangle_count, .triangle = (const uint32_t(*)[3])m->triangle, .patch_count = 1};
+    size_t pieces = 0;
+    if (!facets_count_pieces(&in, &pieces, e)) return false;
+    if (pieces > 1) return true;
+    in.vertex = out->vertex = mem_array(m->vertex_count, sizeof *out->vertex, what, e);
+    if (!out->vertex) return false;
+    for (size_t k = 0; k < m->vertex_count; k++) out->vertex[k] = mesh_faces_to_world(faces, m->vertex[k]);
+    out->facets = in;
+    out->own_normals = true;
+    out->lost_places = 0;
+    return true;
 }
 
 bool measured_surface_open(const source *s, const surface *scan, measured_surface *out, error *e)
@@ -91,6 +92,7 @@ bool measured_surface_open(const source *s, const surface *scan, measured_surfac
     if (s->whole.labels && f == label_surface_field(s->whole.labels))
         return use_labels(s->whole.labels, out, e);
     const mesh_faces *faces = faces_of(s);
+    out->lost_places = source_thin_places(s, &out->lost_place);
     if (faces) return use_faces(faces, out, e);
     if (!f->patches) return true;
     out->facets.patch_count = f->patches->count;

@@ -59,6 +59,8 @@ static void append_target(json *advice, const advice_purpose *purpose, const rep
                              facts->memory_limit / (1 << 20));
 }
 
+/* Fewer points show the sides of any surface as walls thinner than the spacing. */
+static const size_t FEW_POINTS = 150;
 /* Advice that asks for fewer points than this times those that there are is what the job has done already. */
 static const double WORTH_ADVICE = 1.1;
 
@@ -84,8 +86,9 @@ static void put_advice(json *report, json *warnings, const report_facts *facts)
     json *advice = json_put_array(report, "advice");
     const label_surface *labels = facts->source->whole.labels;
     const bool hopeless = labels && label_advice_is_hopeless(labels);
-    const bool thin = (double)facts->measures->thin_count >
-                      MEASURES_THIN_SHARE * (double)sampler_result_points(facts->sampler)->count;
+    const bool thin = sampler_result_points(facts->sampler)->count >= FEW_POINTS &&
+                      (double)facts->measures->thin_count >
+                          MEASURES_THIN_SHARE * (double)sampler_result_points(facts->sampler)->count;
     if (thin && !hopeless) put_thin_walls(advice, warnings, facts);
     if (labels &&
         (verdict_is_of_thin_parts(facts->verdict) || (hopeless && facts->verdict->reason_count > 0)))

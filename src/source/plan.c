@@ -5,9 +5,9 @@
 
 #include "packing/packing.h"
 
-/* What a particle takes at the peak, from particles and neighbour lists: measured at 200 bytes on smooth
+/* What a particle takes at the peak: 200 bytes on smooth surfaces for particles and neighbour lists, and up to 350 when it is measured; where
  * surfaces; where they crowd their lists are longer. */
-static const double BYTES_PER_PARTICLE = 300;
+static const double BYTES_PER_PARTICLE = 400;
 /* Of the method of Witkin and Heckbert, whose widest particle sets the length of all lists: 2.1 and 4.7
  * kB. */
 static const double BYTES_PER_PARTICLE_SWARM = 5000;

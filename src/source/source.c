@@ -739,6 +739,15 @@ double source_missing_share(const source *s)
                 of.combined > 0 ? of.in_walls / of.combined : 0);
 }
 
+size_t source_thin_places(const source *s, const vec3 **place)
+{
+    *place = NULL;
+    if (!s->whole.volume || s->region || s->inside.field) return 0;
+    const fidelity *f = &volume_describe(s->whole.volume)->fidelity;
+    *place = f->thin_place;
+    return f->thin_places;
+}
+
 const mesh *source_mesh(const source *s)
 {
     return s->whole.mesh ? &mesh_surface_patches(s->whole.mesh)->m : NULL;

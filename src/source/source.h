@@ -99,6 +99,10 @@ bool source_starts_in_cells(const source *s);
 /* The share of the area of its meshes that is not sampled, since it is thinner than their voxels; or of a combination that may not
  * be, since it is thinner than its cells. */
 double source_missing_share(const source *s);
+/* How many places there are on parts of a mesh that its level set leaves out, and where, in the sampled space; the source's. A mesh that is
+ * placed, cut or one of several has none. */
+size_t source_thin_places(const source *s, const vec3 **place);
+
 /* The mesh on whose triangles the points lie, or NULL; and only if these are closed. */
 const mesh *source_mesh(const source *s);
 const mesh *source_closed_mesh(const source *s);

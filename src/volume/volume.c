@@ -625,11 +625,13 @@ volume *volume_of_mesh(const volume_mesh_request *request, const mesh *whole, co
     error why = {0};
     volume *v = open_mesh(request, whole, &choice, &kept, &why);
     if (!v) {
+        fidelity_free(&kept);
         error_set(e, why.code, "%s: %s", request->path, why.message);
         return NULL;
     }
     for (size_t k = 0; k < notes->count; k++) warn(&v->info, "%s", notes->text[k]);
     v->info.fidelity = kept;
+    v->info.memory_bytes += kept.thin_places * sizeof *kept.thin_place;
     v->info.resolution = choice;
     warn_of_mesh(&v->info);
     return v;
@@ -842,6 +844,7 @@ void volume_close(volume *v)
 {
     if (!v) return;
     mesh_faces_free(v->faces);
+    fidelity_free(&v->info.fidelity);
     block_map_free(&v->map);
     bricks_free(&v->bricks);
     free(v->inside);

@@ -48,7 +48,7 @@ typedef struct quality_input {
      * points are fixed, too */
     const uint32_t *label;
     const uint8_t *flags;
-    size_t every;         /* one point of so many is measured, and counts are of those; 0: all are */
+    size_t every; /* one point of so many is measured, and counts are of those; 0: all are */
 } quality_input;
 
 /* How regular the cells of some points are. NAN where too few are measured to say. */

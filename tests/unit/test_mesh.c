@@ -583,8 +583,12 @@ static void fidelity_by_any_number_of_threads(void **state)
     assert_true(fidelity_measure(&m, unit, NULL, 0.1, NULL, &alone, &e));
     assert_true(fidelity_measure(&m, unit, NULL, 0.1, mesh_fixture_pool(), &together, &e));
     assert_true(alone.thin > 0.05 && alone.hidden > 0.1 && alone.unresolved == 1);
+    assert_int_equal(alone.thin_places, together.thin_places);
+    assert_memory_equal(alone.thin_place, together.thin_place, alone.thin_places * sizeof(vec3));
     assert_true(alone.thin == together.thin && alone.hidden == together.hidden);
     assert_true(alone.area == together.area && alone.thin_voxel == together.thin_voxel);
+    fidelity_free(&alone);
+    fidelity_free(&together);
     mesh_free(&m);
 }
 
