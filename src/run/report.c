@@ -59,8 +59,8 @@ static void append_target(json *advice, const advice_purpose *purpose, const rep
                              facts->memory_limit / (1 << 20));
 }
 
-/* Fewer points show the sides of any surface as walls thinner than the spacing. */
-static const size_t FEW_POINTS = 150;
+/* So few points show the sides of any surface as walls thinner than the spacing: worth a note only if the result is unresolved. */
+static const size_t FEW_POINTS = 100;
 /* Advice that asks for fewer points than this times those that there are is what the job has done already. */
 static const double WORTH_ADVICE = 1.1;
 
@@ -86,7 +86,9 @@ static void put_advice(json *report, json *warnings, const report_facts *facts)
     json *advice = json_put_array(report, "advice");
     const label_surface *labels = facts->source->whole.labels;
     const bool hopeless = labels && label_advice_is_hopeless(labels);
-    const bool thin = sampler_result_points(facts->sampler)->count >= FEW_POINTS &&
+    const bool worth_note = sampler_result_points(facts->sampler)->count > FEW_POINTS ||
+                            facts->verdict->outcome == VERDICT_UNRESOLVED,
+               thin = worth_note &&
                       (double)facts->measures->thin_count >
                           MEASURES_THIN_SHARE * (double)sampler_result_points(facts->sampler)->count;
     if (thin && !hopeless) put_thin_walls(advice, warnings, facts);

@@ -656,12 +656,12 @@ def test_the_report_has_every_member(ball, worker, tmp_path, example):
 
 def test_points_too_few_to_separate_walls_are_measured(example, worker, tmp_path):
     """All of them, though each lies on a wall thinner than the spacing; the members of version 1.0 are still there."""
-    done = worker(volume(example, 100))
+    done = worker(volume(example, 101))
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     quality = report["quality"]
     assert 0 < quality["hex_fraction"] < 1 and quality["edge_cv"] > 0.1 and quality["coverage"] > 0
     assert quality["all"] == {name: quality[name] for name in ("hex_fraction", "edge_cv", "area_cv")}
-    assert quality["unresolved_count"] == quality["ambiguous_count"] == 100 and quality["resolved_share"] == 0
+    assert quality["unresolved_count"] == quality["ambiguous_count"] == 101 and quality["resolved_share"] == 0
     assert quality["lost"] == 0 and quality["min_spacing_ratio"] > 0.5
     assert Points((tmp_path / "out" / "points.ply").read_bytes()).spacing_local.min() > 0
     (warning,) = report["surface"]["warnings"]
