@@ -103,41 +103,41 @@ static bool lost_area(const verdict_input *in, double *value, double *bound)
 
 static const criterion criteria[] = {
     {"rms_step", VERDICT_NOT_CONVERGED, false, rms_step,
-     "The solve ended while the points still moved by this many spacings a sweep. Raise solver.max_sweeps or "
+     "rms_step: the solve ended while the points still moved by this many spacings a sweep. Raise solver.max_sweeps or "
      "sampling.time_s."},
     {"step_left", VERDICT_NOT_CONVERGED, false, step_left,
-     "The next relaxation step is this many spacings. Raise solver.max_sweeps, or solver.step for the gradient "
+     "step_left: the next relaxation step is this many spacings. Raise solver.max_sweeps, or solver.step for the gradient "
      "minimiser."},
     {"gain", VERDICT_NOT_CONVERGED, true, gain,
-     "A point could still lower its energy by this fraction. This happens at features smaller than the spacing. Ask for "
+     "gain: a point could still lower its energy by this fraction. This happens at features smaller than the spacing. Ask for "
      "more points."},
     {"target_energy", VERDICT_NOT_CONVERGED, false, target_energy,
-     "The mean energy differs from the ideal one by this fraction. Change sigma, or max_sigma of "
+     "target_energy: the mean energy differs from the ideal one by this fraction. Change sigma, or max_sigma of "
      "sampling.control."},
     {"count_error", VERDICT_NOT_CONVERGED, false, count_error,
-     "The number of points differs from the request by this many. Use method sized for an exact count."},
+     "count_error: the number of points differs from the request by this many. Use method sized for an exact count."},
     {"lost", VERDICT_NOT_CONVERGED, false, lost,
-     "This many points are not on the surface. Report this input as a fault."},
+     "lost: this many points are not on the surface. Report this input as a fault."},
     {"max_residual", VERDICT_NOT_CONVERGED, false, max_residual,
-     "A point is this many spacings from the surface after it was projected again. Report this input as a fault."},
+     "max_residual: a point is this many spacings from the surface after it was projected again. Report this input as a fault."},
     {"coverage", VERDICT_UNRESOLVED, false, coverage,
-     "A place of the surface is this many spacings from its nearest point. Ask for more points; for a mesh that is "
+     "coverage: a place of the surface is this many spacings from its nearest point. Ask for more points; for a mesh that is "
      "sampled through a level set, ask for smaller voxels."},
     {"missing_share", VERDICT_UNRESOLVED, true, missing_share,
-     "This share of the area has no point within 1.2 spacings on its own side, as where one wall of a thin part has "
+     "missing_share: this share of the area has no point within 1.2 spacings on its own side, as where one wall of a thin part has "
      "no points. Ask for more points."},
     {"close_share", VERDICT_UNRESOLVED, true, close_share,
-     "This share of the points has another within 0.25 spacings on the same side, as on double rows along the rims of "
+     "close_share: this share of the points has another within 0.25 spacings on the same side, as on double rows along the rims of "
      "thin walls. Ask for more points."},
     {"coincident", VERDICT_UNRESOLVED, true, coincident,
-     "This many points have another within 0.001 spacings. Report this input as a fault."},
+     "coincident: this many points have another within 0.001 spacings. Report this input as a fault."},
     {"parts_without_points", VERDICT_UNRESOLVED, false, parts_without_points,
-     "Parts of the surface with this share of its area have no points. Ask for more points."},
+     "parts_without_points: parts of the surface with this share of its area have no points. Ask for more points."},
     {"unmeasured_share", VERDICT_UNRESOLVED, false, unmeasured_share,
-     "This share of the points has fewer than three neighbours, so the packing cannot be measured. Ask for more "
+     "unmeasured_share: this share of the points has fewer than three neighbours, so the packing cannot be measured. Ask for more "
      "points."},
     {"lost_area", VERDICT_UNRESOLVED, false, lost_area,
-     "This share of the area is thinner than a voxel, or than the cells of a combination, and is not part of the sampled "
+     "lost_area: this share of the area is thinner than a voxel, or than the cells of a combination, and is not part of the sampled "
      "surface. Follow the warning that names it."},
 };
 
