@@ -13,7 +13,7 @@
 enum { LEAF_ITEMS = 4, DEEPEST = 64 };
 /* Newton's steps onto the surface, and when they end, in lengths of a side. The middle of an edge that is farther from the surface than
  * MIDDLE_RISE edges belongs to another part of it: an arc of a right angle rises by 0.21. */
-enum { ONTO_STEPS = 8, HALVINGS = 20 };
+enum { ONTO_STEPS = 8 };
 static const double ONTO_ACCURACY = 1e-3, MIDDLE_RISE = 0.25;
 /* Radians by which normals inside a grid cell may differ from the gradient at its middle, by how much F bends in the cell (field_bend). They
  * only bound what a node's items may face; triangles are tested with their own normals. */
@@ -133,16 +133,12 @@ static bool find_pieces(facets *f, error *e)
 
 /* ---- items */
 
+/* The cells of a scan are numbered patch after patch, as the triangles of a mesh are. */
 static uint32_t patch_of_item(const facets *f, uint32_t item)
 {
     if (f->in.patch_count <= 1) return 0;
-    const uint32_t *first = f->in.patch_first;
+    const size_t *first = f->in.triangle_count > 0 ? f->in.patch_first : f->in.scan->parts.begin;
     size_t low = 0, high = f->in.patch_count;
-    if (!first) { /* the cells of a scan are numbered patch after patch */
-        const size_t *begin = f->in.scan->parts.begin;
-        while (high - low > 1) *(begin[(low + high) / 2] <= item ? &low : &high) = (low + high) / 2;
-        return (uint32_t)low;
-    }
     while (high - low > 1) *(first[(low + high) / 2] <= item ? &low : &high) = (low + high) / 2;
     return (uint32_t)low;
 }
@@ -389,8 +385,8 @@ static vec3 oriented(const facets *f, size_t k, uint32_t patch, const vec3 corne
     const field *of = f->in.scan->field;
     field_sample s;
     vec3 out = f->face_normal[k];
-    if (of->ops->cell_triangles && field_sample_at(of->patches ? of->patches->patch[patch].field : of,
-                                                   field_triangle_middle(corner), FIELD_GRADIENT, &s))
+    if (of->ops->cell_triangles &&
+        field_sample_at(field_of_patch(of, patch), field_triangle_middle(corner), FIELD_GRADIENT, &s))
         out = s.gradient;
     return vec3_dot(out, normal) < 0 ? vec3_scale(normal, -1) : normal;
 }
@@ -435,40 +431,13 @@ static bool onto_surface(const facets *f, uint32_t patch, vec3 *x, double side, 
     return true;
 }
 
-/* On the way from x to the nearest corner of its cell on the other side of the surface; x where all corners are on its side. */
-static vec3 between_sides(const facets *f, size_t k, vec3 x)
-{
-    const field *of = f->in.scan->field;
-    field_cell cell;
-    field_sample s;
-    vec3 other = x;
-    double nearest2 = INFINITY;
-    if (!field_sample_at(of, x, FIELD_GRADIENT, &s)) return x;
-    const bool inside = s.value < 0;
-    surface_cell(f->in.scan, f->item[k], &cell);
-    for (int c = 0; c < 8; c++) {
-        const double away2 = vec3_norm2(vec3_sub(cell.corner[c], x));
-        if (!(away2 < nearest2) || !field_sample_at(of, cell.corner[c], FIELD_GRADIENT, &s) ||
-            (s.value < 0) == inside)
-            continue;
-        nearest2 = away2;
-        other = cell.corner[c];
-    }
-    for (int step = 0; nearest2 < INFINITY && step < HALVINGS; step++) {
-        const vec3 middle = vec3_scale(vec3_add(x, other), 0.5);
-        if (!field_sample_at(of, middle, FIELD_GRADIENT, &s)) break;
-        *((s.value < 0) == inside ? &x : &other) = middle;
-    }
-    return x;
-}
-
 vec3 facets_onto(const facets *f, const facet *of, vec3 x)
 {
     if (f->in.triangle_count > 0) return x;
     const double side = sqrt(of->area);
     vec3 place = x;
     if (onto_surface(f, of->patch, &place, side, side) || f->in.scan->field->patches) return place;
-    return between_sides(f, of->item, x);
+    return surface_bisect(f->in.scan, f->item[of->item], x);
 }
 
 vec3 facets_middle(const facets *f, uint32_t patch, vec3 a, vec3 b)

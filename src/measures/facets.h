@@ -20,7 +20,7 @@ typedef struct facets_input {
     size_t triangle_count;         /* > 0: a mesh */
     const vec3 *vertex;            /* of the mesh */
     const uint32_t (*triangle)[3]; /* consistently oriented */
-    const uint32_t *
+    const size_t *
         patch_first; /* NULL: one patch; else the triangles of patch p are patch_first[p] .. patch_first[p + 1] - 1 */
     const surface *scan;         /* without a mesh: the surface's grid cells */
     size_t patch_count;          /* at least 1 */

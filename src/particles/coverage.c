@@ -17,7 +17,7 @@ enum { FEWEST_WIDE = 20000 };
 /* One of so many is looked at before all of them are. */
 enum { FIRST_OF = 16 };
 /* Newton's steps onto the surface, and how near, of a cell, is on it. */
-enum { PROJECTION_STEPS = 8, HALVINGS = 20 };
+enum { PROJECTION_STEPS = 8 };
 static const double ACCURACY = 1e-3;
 
 /* Points that were near the places looked at last. */
@@ -125,33 +125,6 @@ static double enough_at(const spacings *s, vec3 x, double radius, double farthes
     return fmax(anywhere, fmin(farthest * least - radius, s->reach - 2 * radius));
 }
 
-/* From a place that F leads nowhere, as beside a droplet: on the way to the nearest corner of its cell on the other side. Stays where
- * there is none. */
-static void between_sides(const surface *scan, size_t k, vec3 *x)
-{
-    const field *f = scan->field;
-    field_cell cell;
-    field_sample s;
-    if (!field_sample_at(f, *x, FIELD_GRADIENT, &s)) return;
-    const bool inside = s.value < 0;
-    vec3 other = *x;
-    double nearest = INFINITY;
-    surface_cell(scan, k, &cell);
-    for (int c = 0; c < 8; c++) {
-        const double away = vec3_norm2(vec3_sub(cell.corner[c], *x));
-        if (!(away < nearest) || !field_sample_at(f, cell.corner[c], FIELD_GRADIENT, &s) ||
-            (s.value < 0) == inside)
-            continue;
-        nearest = away;
-        other = cell.corner[c];
-    }
-    for (int step = 0; nearest < INFINITY && step < HALVINGS; step++) {
-        const vec3 middle = vec3_scale(vec3_add(*x, other), 0.5);
-        if (!field_sample_at(f, middle, FIELD_GRADIENT, &s)) return;
-        *((s.value < 0) == inside ? x : &other) = middle;
-    }
-}
-
 /* Triangles of cells larger than the spacing lie off the surface by more than that. A place from which no step leads to it
  * is put on it in its cell, as far as F is known there. False where that is beyond an open end. */
 static bool onto_surface(const surface *scan, size_t k, double cell_size, vec3 *x)
@@ -163,7 +136,7 @@ static bool onto_surface(const surface *scan, size_t k, double cell_size, vec3 *
     if (projection_find(f, &limits, &p, &normal) && vec3_norm(vec3_sub(p, *x)) < cell_size)
         *x = p;
     else if (!f->patches)
-        between_sides(scan, k, x);
+        *x = surface_bisect(scan, k, *x);
     return !f->open || bbox_contains(f->domain, *x);
 }
 

@@ -32,13 +32,10 @@ static bool find_patch_pieces(const field_patches *p, uint32_t **out, error *e)
 
 static bool use_patches(const mesh_patches *p, const field_patches *of, measured_surface *out, error *e)
 {
-    out->patch_first = mem_array(p->count + 1, sizeof *out->patch_first, what, e);
-    if (!out->patch_first) return false;
-    for (size_t k = 0; k <= p->count; k++) out->patch_first[k] = (uint32_t)p->first[k];
     out->facets = (facets_input){.triangle_count = p->m.triangle_count,
                                  .vertex = p->m.vertex,
                                  .triangle = (const uint32_t(*)[3])p->m.triangle,
-                                 .patch_first = out->patch_first,
+                                 .patch_first = p->first,
                                  .patch_count = p->count};
     if (!find_patch_pieces(of, &out->patch_piece, e)) return false;
     out->facets.patch_piece = out->patch_piece;
@@ -69,6 +66,7 @@ static const mesh_faces *faces_of(const source *s)
 static bool use_faces(const mesh_faces *faces, measured_surface *out, error *e)
 {
     const mesh *m = mesh_faces_mesh(faces);
+    static const uint32_t one_piece[1] = {0};
     facets_input in = {
         .triangle_count = m->triangle_count, .triangle = (const uint32_t(*)[3])m->triangle, .patch_count = 1};
     size_t pieces = 0;
@@ -77,6 +75,7 @@ static bool use_faces(const mesh_faces *faces, measured_surface *out, error *e)
     in.vertex = out->vertex = mem_array(m->vertex_count, sizeof *out->vertex, what, e);
     if (!out->vertex) return false;
     for (size_t k = 0; k < m->vertex_count; k++) out->vertex[k] = mesh_faces_to_world(faces, m->vertex[k]);
+    in.patch_piece = one_piece;
     out->facets = in;
     out->own_normals = true;
     out->lost_places = 0;
@@ -103,7 +102,6 @@ bool measured_surface_open(const source *s, const surface *scan, measured_surfac
 
 void measured_surface_close(measured_surface *m)
 {
-    free(m->patch_first);
     free(m->patch_piece);
     free(m->patch_labels);
     free(m->vertex);

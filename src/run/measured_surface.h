@@ -12,7 +12,7 @@
 typedef struct measured_surface {
     facets_input facets;
     bool own_normals; /* points take the normals of the triangles: those of the level set may differ */
-    uint32_t *patch_first, *patch_piece;
+    uint32_t *patch_piece;
     uint32_t (*patch_labels)[2]; /* of the interfaces of labels, else NULL */
     const vec3 *lost_place; /* of a mesh that is measured on its level set: places that this leaves out */
     size_t lost_places;

@@ -52,6 +52,8 @@ static const int SLIDE_STEPS = 4;
 static const double TINY = 1e-9;
 /* Triangles with less than this of the area that a cell's parts have are not drawn from. */
 static const double LITTLE = 0.1;
+/* Of surface_bisect: to a millionth of the way. */
+enum { BISECT_STEPS = 20 };
 /* Draws for a point of a triangle that lies in the domain, before any point of it does. */
 static const int INSIDE_DRAWS = 200;
 
@@ -738,6 +740,32 @@ static int cell_triangles(const surface *s, size_t cell, bool is_straight, vec3 
 int surface_cell_triangles(const surface *s, size_t cell, vec3 out[FIELD_CELL_TRIANGLES][3])
 {
     return cell_triangles(s, cell, false, out);
+}
+
+vec3 surface_bisect(const surface *s, size_t k, vec3 x)
+{
+    const field *f = s->field;
+    field_cell cell;
+    field_sample at;
+    if (!field_sample_at(f, x, FIELD_GRADIENT, &at)) return x;
+    const bool inside = at.value < 0;
+    vec3 other = x;
+    double nearest2 = INFINITY;
+    surface_cell(s, k, &cell);
+    for (int c = 0; c < 8; c++) {
+        const double away2 = vec3_norm2(vec3_sub(cell.corner[c], x));
+        if (!(away2 < nearest2) || !field_sample_at(f, cell.corner[c], FIELD_GRADIENT, &at) ||
+            (at.value < 0) == inside)
+            continue;
+        nearest2 = away2;
+        other = cell.corner[c];
+    }
+    for (int step = 0; nearest2 < INFINITY && step < BISECT_STEPS; step++) {
+        const vec3 middle = vec3_scale(vec3_add(x, other), 0.5);
+        if (!field_sample_at(f, middle, FIELD_GRADIENT, &at)) break;
+        *((at.value < 0) == inside ? &x : &other) = middle;
+    }
+    return x;
 }
 
 int surface_cell_rough_triangles(const surface *s, size_t cell, vec3 out[FIELD_CELL_TRIANGLES][3])

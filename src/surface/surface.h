@@ -69,6 +69,10 @@ bool surface_patch_point(const surface *s, const double *before, uint32_t patch,
  * domain. False, outputs untouched, when that does not end within `reach`. */
 bool surface_slide(const field *f, unsigned fixed, double reach, vec3 *x, vec3 *normal);
 
+/* The place where the surface passes between x, in the k-th cell, and the nearest of the cell's corners on the other side, by bisection. For
+ * places from which Newton's method leads nowhere, as beside a droplet. x where all corners are on its side, or F is not defined. */
+vec3 surface_bisect(const surface *s, size_t k, vec3 x);
+
 /* The triangles of a cell, corners on the surface to a millionth of it; those of neighbouring cells have the
  * same corners, bit by bit, where they meet. What lies outside of the domain is not cut off. Returns how
  * many. */
