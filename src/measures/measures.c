@@ -150,13 +150,10 @@ static void set_corner(const measures_input *in, const facets *f, uint32_t i, po
 /* The piece that a point lies on, and without given normals that of the nearest triangle. */
 static void set_piece(const measures_input *in, const facets *f, uint32_t i, point_table *t)
 {
-    if (in->copy_patch && f->in.patch_piece && in->copy_normal) {
-        t->piece[i] = f->in.patch_piece[in->copy_patch[i]];
-        return;
-    }
-    if (f->piece_count == 1 && in->copy_normal) return;
     if (in->copy_normal) {
-        t->piece[i] = facets_nearest_piece(f, in->position[i]);
+        if (f->piece_count == 1) return; /* number 0 */
+        t->piece[i] = in->copy_patch && f->in.patch_piece ? f->in.patch_piece[in->copy_patch[i]]
+                                                          : facets_nearest_piece(f, in->position[i]);
         return;
     }
     const size_t at = facets_nearest(f, in->position[i]);
@@ -373,7 +370,6 @@ static bool conclude_cells(const measures_input *in, const restricted_voronoi *v
     out->edge_cv = variation(&c.edge);
     out->area_cv = variation(&c.area);
     out->euler = c.degrees / 6;
-    out->unmeasured_count = (size_t)c.unmeasured;
     out->unmeasured_share = c.unmeasured / n;
     out->disorder = disorder_of(&c, out->energy_excess, growth2);
     conclude_grading(&c, out);

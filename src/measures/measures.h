@@ -44,7 +44,6 @@ typedef struct measures {
     size_t parts_without_points;
     double empty_area_share; /* of the parts without points */
     double unmeasured_share, defect_share;
-    size_t unmeasured_count;
     size_t thin_count; /* points with another on an opposite wall nearer than 1.2 spacings */
     double
         thin_factor; /* times the spacing: at most MEASURES_THIN_SHARE of the points would lie on such walls; at most 1 */

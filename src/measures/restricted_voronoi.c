@@ -7,7 +7,7 @@
 #include "base/memory.h"
 #include "measures/coverage_search.h"
 
-/* The hierarchy is divided into at least this many subtrees, which are the units of parallel work: one for so many points, and at most TASKS.
+/* The hierarchy is divided into at least this many subtrees, which are the units of parallel work: about one for POINTS_OF_TASK points, and at most TASKS.
  * The number of threads does not matter. */
 enum { TASKS = 512, POINTS_OF_TASK = 1000 };
 /* Tasks whose records are kept at once, for each thread. */
@@ -528,15 +528,14 @@ static double nearest_candidate(const descent *d, size_t base, vec3 centroid)
     return nearest;
 }
 
-/* A sphere around a part of a triangle, and the nearest of all points. */
+/* The radius of a sphere around a part of the surface, and the point nearest to its centre. */
 typedef struct surroundings {
-    vec3 centre;
     double radius, nearest, spacing;
 } surroundings;
 
 static surroundings surroundings_at(const descent *d, vec3 centre, double radius)
 {
-    surroundings out = {.centre = centre, .radius = radius};
+    surroundings out = {.radius = radius};
     out.spacing = d->s->spacing[near_points_nearest(d->s->near, centre, 0, &out.nearest)];
     return out;
 }
@@ -695,7 +694,7 @@ static void run_tasks(void *context, int worker, size_t begin, size_t end)
 
 /* Pairs of sites and the lengths of their sides: open addressing, in a table that is at most three quarters full. */
 typedef struct side_table {
-    voronoi_side *entry; /* a == b: free */
+    voronoi_side *entry; /* b == 0: free */
     size_t room, count;  /* room: a power of two */
 } side_table;
 

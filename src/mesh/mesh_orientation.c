@@ -76,7 +76,7 @@ static open_edge *list_open_edges(const mesh_patches *p, size_t *count, error *e
 typedef struct parts {
     const mesh_patches *p;
     orientation joined; /* of the patches */
-    uint32_t *root;     /* of each patch, the patch that stands for its part */
+    uint32_t *root;     /* of each patch, the patch whose number its part has */
     bool *turned;       /* of each patch */
     bool *is_closed;    /* of each root: an even number of triangles meets at each edge */
     double *volume;     /* of each root, with the patches turned so */

@@ -17,8 +17,6 @@ static double rounded_up(double value)
     return ceil(value / unit * (1 - 1e-12)) * unit;
 }
 
-const advice_purpose advice_resolves = {"unresolved", "separate the walls"};
-
 advice_resolution advice_resolve(double area, size_t count, double factor)
 {
     const double by = factor < 1 ? factor : BLIND_FACTOR, points = rounded_up((double)count / (by * by));
@@ -55,22 +53,22 @@ static const char *choose_target(const spec *s, double area, advice_resolution t
                             : "/sampling/count";
 }
 
-void advice_append_resolution(json *list, const advice_purpose *purpose, const spec *s, double area,
-                              advice_resolution to, double memory_mb, double limit_mb)
+void advice_append_resolution(json *list, const spec *s, double area, advice_resolution to, double memory_mb,
+                              double limit_mb)
 {
+    static const char code[] = "unresolved";
     double value, memory = rounded_up(memory_mb);
     const char *target = choose_target(s, area, to, &value);
-    const char *code = purpose->code;
     char *message,
         *more = memory > limit_mb ? mem_printf(" and /limits/memory_mb to %.0f", memory) : mem_strdup("");
     if (to.count > PLAN_COUNT_MAX || !target) {
         message =
-            mem_printf("to %s takes a spacing of %.3g, which is %.2g points: %s", purpose->words, to.spacing,
+            mem_printf("to separate the walls takes a spacing of %.3g, which is %.2g points: %s", to.spacing,
                        to.count, target ? "smooth the input, or sample a region of it" : "allow more time");
         advice_append(list, code, message);
     } else {
-        message = mem_printf("set %s to %.10g%s: %.0f points, a spacing of %.3g, %s", target, value, more,
-                             to.count, to.spacing, purpose->words);
+        message = mem_printf("set %s to %.10g%s: %.0f points, a spacing of %.3g, separate the walls", target,
+                             value, more, to.count, to.spacing);
         json *set = advice_append(list, code, message);
         json_put_number(set, target, value);
         if (memory > limit_mb) json_put_number(set, "/limits/memory_mb", memory);

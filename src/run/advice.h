@@ -23,16 +23,9 @@ advice_resolution advice_resolve(double area, size_t count, double factor);
 /* Appends an item, and returns its object `set`. */
 json *advice_append(json *list, const char *code, const char *message);
 
-/* What a spacing, and as many points, do: "resolve the surface". */
-typedef struct advice_purpose {
-    const char *code, *words;
-} advice_purpose;
-
-extern const advice_purpose advice_resolves;
-
-/* Appends an item that sets the target of the spec so. `memory_mb`: what so many points need of limits.memory_mb; set, too,
+/* Appends an item that sets the target of the spec so, with the code `unresolved`. `memory_mb`: what so many points need of limits.memory_mb; set, too,
  * where it is more than `limit_mb`. */
-void advice_append_resolution(json *list, const advice_purpose *purpose, const spec *s, double area,
-                              advice_resolution to, double memory_mb, double limit_mb);
+void advice_append_resolution(json *list, const spec *s, double area, advice_resolution to, double memory_mb,
+                              double limit_mb);
 
 #endif

@@ -90,8 +90,8 @@ static void describe_resolution(const job *j, int64_t held, json *warnings, json
         100 * c.unresolved_share, to.count, to.spacing);
     json_append_string(warnings, warning);
     free(warning);
-    advice_append_resolution(advice, &advice_resolves, j->spec, j->scan->area, to,
-                             memory_for(j, held, to.count) / (1 << 20), (double)j->memory / (1 << 20));
+    advice_append_resolution(advice, j->spec, j->scan->area, to, memory_for(j, held, to.count) / (1 << 20),
+                             (double)j->memory / (1 << 20));
 }
 
 /* `missing`: why there are no seconds, NULL when there are. */

@@ -51,14 +51,6 @@ void report_put_box(json *object, bbox box)
     put_vec3(o, "max", box.max);
 }
 
-static void append_target(json *advice, const advice_purpose *purpose, const report_facts *facts,
-                          advice_resolution to)
-{
-    double memory = facts->memory_limit - facts->particle_memory + to.count * facts->bytes_per_particle;
-    advice_append_resolution(advice, purpose, facts->spec, facts->scan->area, to, memory / (1 << 20),
-                             facts->memory_limit / (1 << 20));
-}
-
 /* So few points show the sides of any surface as walls thinner than the spacing: worth a note only if the result is unresolved. */
 static const size_t FEW_POINTS = 100;
 /* Advice that asks for fewer points than this times those that there are is what the job has done already. */
@@ -77,7 +69,10 @@ static void put_thin_walls(json *advice, json *warnings, const report_facts *fac
     json_append_string(warnings, text);
     free(text);
     if (facts->verdict->outcome != VERDICT_CONVERGED && to.count > WORTH_ADVICE * (double)count)
-        append_target(advice, &advice_resolves, facts, to);
+        advice_append_resolution(
+            advice, facts->spec, area, to,
+            (facts->memory_limit - facts->particle_memory + to.count * facts->bytes_per_particle) / (1 << 20),
+            facts->memory_limit / (1 << 20));
 }
 
 /* More points do not bring to order what lies on single voxels. */
@@ -86,11 +81,9 @@ static void put_advice(json *report, json *warnings, const report_facts *facts)
     json *advice = json_put_array(report, "advice");
     const label_surface *labels = facts->source->whole.labels;
     const bool hopeless = labels && label_advice_is_hopeless(labels);
-    const bool worth_note = sampler_result_points(facts->sampler)->count > FEW_POINTS ||
-                            facts->verdict->outcome == VERDICT_UNRESOLVED,
-               thin = worth_note &&
-                      (double)facts->measures->thin_count >
-                          MEASURES_THIN_SHARE * (double)sampler_result_points(facts->sampler)->count;
+    const size_t count = sampler_result_points(facts->sampler)->count;
+    const bool thin = (double)facts->measures->thin_count > MEASURES_THIN_SHARE * (double)count &&
+                      (count > FEW_POINTS || facts->verdict->outcome == VERDICT_UNRESOLVED);
     if (thin && !hopeless) put_thin_walls(advice, warnings, facts);
     if (labels &&
         (verdict_is_of_thin_parts(facts->verdict) || (hopeless && facts->verdict->reason_count > 0)))
