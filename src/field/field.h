@@ -91,7 +91,8 @@ typedef struct field_ops {
                                vec3_lanes *gradient);
 
     /* `sample`, faster where *hint is what this call, `within` or `sample_patch_lanes` left there for a place nearby; FIELD_NO_HINT:
-     * there is none. What it tells does not hang on it. NULL: nothing is faster than `sample`. */
+     * there is none. Of a patch whose sheets are near each other it may tell of the hint's sheet, though another one is nearer. NULL:
+     * nothing is faster than `sample`. */
     bool (*sample_near)(const field *f, vec3 x, field_order order, uint32_t *hint, field_sample *out);
 
     /* The triangles of which cell k consists, corners on the surface; returns how many. Triangles of cells that touch meet

@@ -13,8 +13,6 @@ static const double area_per_point = 4;
 static const int most_points = 256;
 /* Of smaller triangles, in square voxels, one is looked at for so much area of them. */
 static const double least_area = 0.25, golden = 0.6180339887498949;
-/* Of a mesh of few triangles, where it may be hidden. */
-static const double places_looked_at = 4096;
 /* How far from the mesh its two sides are looked at, in voxels. */
 static const double side_gap = 0.75;
 static const double close_vox = 0.05;
@@ -300,53 +298,22 @@ static bool is_hidden(const line_tree *tree, uint32_t n, vec3 p, vec3 normal)
            line_tree_cross(tree, p, vec3_scale(d, -1), n).winding != 0;
 }
 
-bool fidelity_hidden(const mesh *m, double enough, double *share, error *e)
+bool fidelity_hidden(const mesh *m, double *share, error *e)
 {
-    line_tree *tree = line_tree_new(m, e);
-    const double all = mesh_area(m);
-    double hidden = 0;
-    if (!tree) return false;
-    for (uint32_t n = 0; n < m->triangle_count && !(hidden > enough * all); n++) {
-        const vec3 a = m->vertex[m->triangle[n][0]], ab = vec3_sub(m->vertex[m->triangle[n][1]], a);
-        const vec3 ac = vec3_sub(m->vertex[m->triangle[n][2]], a), normal = vec3_cross(ab, ac);
-        const double whole = 0.5 * vec3_norm(normal);
-        if (!(whole > 0)) continue;
-        const int points = (int)fmin(1 + places_looked_at * whole / all, most_points);
-        for (int k = 0; k < points; k++)
-            hidden += is_hidden(tree, n, place_of(a, ab, ac, k), vec3_scale(normal, 0.5 / whole))
-                          ? whole / points
-                          : 0;
-    }
-    line_tree_free(tree);
-    *share = hidden / all;
-    return true;
-}
-
-/* Whether the outside is on one side of a place and, on the other, beyond less than `width`. */
-static bool is_thin(const line_tree *tree, uint32_t n, vec3 p, vec3 normal, double width)
-{
-    const vec3 d = vec3_unit(vec3_add(normal, tilt));
-    const line_crossings ahead = line_tree_cross(tree, p, d, n),
-                         behind = line_tree_cross(tree, p, vec3_scale(d, -1), n);
-    return (ahead.winding == 0 || behind.winding == 0) && fmin(ahead.ahead, behind.ahead) < width;
-}
-
-bool fidelity_thin(const mesh *m, double voxel, double *share, error *e)
-{
-    static const int looked_at = 1024;
+    static const int looked_at = 8192;
     line_tree *tree = line_tree_new(m, e);
     const double step = mesh_area(m) / looked_at;
     double passed = 0, next = 0.5 * step;
-    int thin = 0;
+    int hidden = 0;
     if (!tree) return false;
     for (uint32_t n = 0; n < m->triangle_count; n++) {
         const vec3 a = m->vertex[m->triangle[n][0]], ab = vec3_sub(m->vertex[m->triangle[n][1]], a);
         const vec3 ac = vec3_sub(m->vertex[m->triangle[n][2]], a), normal = vec3_cross(ab, ac);
         passed += 0.5 * vec3_norm(normal);
         for (int k = 0; next < passed; k++, next += step)
-            thin += is_thin(tree, n, place_of(a, ab, ac, k), vec3_unit(normal), voxels_across * voxel);
+            hidden += is_hidden(tree, n, place_of(a, ab, ac, k), vec3_unit(normal));
     }
     line_tree_free(tree);
-    *share = (double)thin / looked_at;
+    *share = (double)hidden / looked_at;
     return true;
 }

@@ -38,12 +38,8 @@ bool fidelity_measure(const mesh *m, const double index_to_world[16], const fiel
                       threads *pool, fidelity *out, error *e);
 void fidelity_free(fidelity *f);
 
-/* The share of a closed mesh that lies inside of its solids, whichever way round its shells are. Where it is more than `enough` it is
- * a lower bound: in a tangled mesh each line crosses most of the triangles. Errors: limit_memory. */
-bool fidelity_hidden(const mesh *m, double enough, double *share, error *e);
-
-/* An estimate, from 1024 places, of the share of such a mesh that is not hidden and that voxels of this size, world units, leave out.
- * Errors: limit_memory. */
-bool fidelity_thin(const mesh *m, double voxel, double *share, error *e);
+/* The share of a closed mesh that lies inside of its solids, whichever way round its shells are: an estimate from places spread evenly
+ * over its area. Errors: limit_memory. */
+bool fidelity_hidden(const mesh *m, double *share, error *e);
 
 #endif

@@ -251,7 +251,7 @@ static void turn_patch(mesh_patches *p, size_t patch)
     p->reversed[patch] = triangles_of(p, patch) - p->reversed[patch];
 }
 
-bool mesh_orientation_fix(mesh_patches *p, size_t *turned, error *e)
+bool mesh_orientation_fix(mesh_patches *p, error *e)
 {
     parts s;
     size_t count = 0;
@@ -259,10 +259,10 @@ bool mesh_orientation_fix(mesh_patches *p, size_t *turned, error *e)
     bool ok = allocate_parts(p, &s, e) && edge;
     if (ok) join_patches(&s, edge, count);
     ok = ok && keep_majority(&s, e) && turn_outside(&s, e);
-    *turned = 0;
+    p->turned = 0;
     for (size_t k = 0; ok && k < p->count; k++) {
         if (s.turned[k] && !p->one_sided[k]) turn_patch(p, k);
-        *turned += p->one_sided[k] ? 0 : p->reversed[k];
+        p->turned += p->one_sided[k] ? 0 : p->reversed[k];
     }
     free_parts(&s);
     free(edge);

@@ -10,7 +10,7 @@
 #include "base/error.h"
 #include "mesh/mesh_patches.h"
 
-/* *turned: the number of triangles that run another way than in the file. Error: limit_memory; the mesh is unchanged then. */
-bool mesh_orientation_fix(mesh_patches *p, size_t *turned, error *e);
+/* Sets p->turned. Error: limit_memory; the mesh is unchanged then. */
+bool mesh_orientation_fix(mesh_patches *p, error *e);
 
 #endif

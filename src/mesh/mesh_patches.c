@@ -1,7 +1,6 @@
 #include "mesh/mesh_patches.h"
 
 #include <math.h>
-#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -437,57 +436,7 @@ static bool part_vertices(making *k, error *e)
     return ok;
 }
 
-/* ---- what needs no patches */
-
-typedef struct looking {
-    const mesh *m;
-    const mesh_edges *edges;
-    atomic_bool found; /* an edge that may be sharp, or whose triangles have no normals */
-} looking;
-
-/* As long as the parallelogram of two sides is large; zero: it may have none that counts. */
-static vec3 plain_normal(const mesh *m, uint32_t n)
-{
-    const uint32_t *t = m->triangle[n];
-    const vec3 ab = vec3_sub(m->vertex[t[1]], m->vertex[t[0]]),
-               ac = vec3_sub(m->vertex[t[2]], m->vertex[t[0]]),
-               bc = vec3_sub(m->vertex[t[2]], m->vertex[t[1]]), across = vec3_cross(ab, ac);
-    const double sides2 = vec3_norm2(ab) + vec3_norm2(ac) + vec3_norm2(bc), most = least_height * sides2;
-    return vec3_norm2(across) > most * most ? across : (vec3){0, 0, 0};
-}
-
-static void look_chunk(void *context, int worker, size_t begin, size_t end)
-{
-    static const double most_tangent = 0.8; /* of an angle that is surely less than MESH_PATCHES_ANGLE */
-    looking *l = context;
-    (void)worker;
-    if (atomic_load_explicit(&l->found, memory_order_relaxed)) return;
-    for (size_t k = l->edges->first[begin]; k < l->edges->first[end]; k += 2) {
-        const vec3 a = plain_normal(l->m, l->edges->sides[k].triangle),
-                   b = plain_normal(l->m, l->edges->sides[k + 1].triangle);
-        const double tangent = most_tangent * vec3_dot(a, b);
-        if (tangent > 0 && vec3_norm2(vec3_cross(a, b)) < tangent * tangent) continue;
-        atomic_store(&l->found, true);
-        return;
-    }
-}
-
-bool mesh_patches_skip(const mesh *m, const mesh_edges *edges, threads *pool)
-{
-    looking l = {.m = m, .edges = edges};
-    if (edges->open || edges->odd || edges->branching || edges->against) return false;
-    threads_run(pool, m->vertex_count, TRIANGLES, look_chunk, &l);
-    return !l.found && !threads_stopped(pool);
-}
-
 /* ---- the whole */
-
-static bool is_skipped(const making *k)
-{
-    bool skipped = k->params->skip_smooth && k->out->closed && k->out->feature_edges == 0;
-    for (size_t n = 0; skipped && n < k->m->triangle_count; n++) skipped = !k->turned.conflict[n];
-    return skipped;
-}
 
 /* Faces that overlap in one plane. *edges are those of the mesh, before and after. */
 static bool cut_coplanar(making *k, const mesh_edges **edges, mesh_notes *notes, error *e)
@@ -554,7 +503,7 @@ static bool list_edges(making *k, mesh_notes *notes, error *e)
 static bool make(making *k, mesh_notes *notes, error *e)
 {
     if (!list_edges(k, notes, e) || !cut_edges(k, e)) return false;
-    return is_skipped(k) || (number_patches(k, e) && make_curves(k, e) && part_vertices(k, e));
+    return number_patches(k, e) && make_curves(k, e) && part_vertices(k, e);
 }
 
 bool mesh_patches_make(mesh *m, const mesh_patches_params *params, mesh_notes *notes, mesh_patches *out,

@@ -26,8 +26,6 @@ typedef struct mesh_patches_params {
     const uint32_t *
         kind; /* of each triangle, or NULL: patches end between triangles that differ in it. Such a mesh is whole:
                            * nothing is welded, and its triangles keep their order within a patch */
-    bool
-        skip_smooth; /* of a closed mesh with an inside and no feature nothing is made: the result has no patches */
     const mesh_edges *edges; /* of the mesh, which is welded then, or NULL: not known */
     threads *pool;           /* or NULL; does not show */
 } mesh_patches_params;
@@ -39,6 +37,7 @@ typedef struct mesh_patches {
     size_t *first;    /* triangles of patch p: first[p] .. first[p + 1] */
     bool *one_sided;  /* no way of turning makes its triangles agree */
     size_t *reversed; /* of each patch: the triangles that run another way than in the mesh as given */
+    size_t turned;    /* of all, once mesh_orientation_fix was called */
     uint32_t *kind;   /* of patch p, where triangles have one; else NULL */
     size_t curve_count;
     field_curve *curve; /* `on` is NULL: the polyline is the curve */
@@ -56,10 +55,6 @@ typedef struct mesh_patches {
  * no_surface where no triangle is left, limit_memory, cancelled. */
 bool mesh_patches_make(mesh *m, const mesh_patches_params *params, mesh_notes *notes, mesh_patches *out,
                        error *e);
-/* Whether surely nothing would be made of the mesh with `skip_smooth` and an angle that is found, told without the work: it is
- * closed, all of its triangles agree, and no two meet at an angle. These are its edges. False where it takes more to know. */
-bool mesh_patches_skip(const mesh *m, const mesh_edges *edges, threads *pool);
-
 void mesh_patches_free(mesh_patches *p); /* a zeroed one will do */
 
 #endif

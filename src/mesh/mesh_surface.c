@@ -2,7 +2,6 @@
 
 #include <float.h>
 #include <math.h>
-#include <stdatomic.h>
 #include <stdlib.h>
 
 #include "base/isa.h"
@@ -10,7 +9,7 @@
 #include "geometry/foot.h"
 #include "triangles/mesh_edges.h"
 #include "mesh/nearest_triangle.h"
-#include "mesh/roof.h"
+#include "mesh/mesh_refinement.h"
 #include "geometry/triangle.h"
 
 static const char what[] = "the surface of the mesh";
@@ -25,8 +24,8 @@ static const double least_height = 1e-3;
  * the tree is asked. */
 enum { MOST_STEPS = 4, MOST_STEPS_BETWEEN = 24 };
 
-/* Of a triangle, see roof.h. */
-enum { ROOF_UNKNOWN, ROOF_CLEAR, ROOF_NOT_CLEAR };
+/* Rounds of refinement: a side is halved once in each. Bytes that a triangle takes meanwhile, about, with its vertices and sides. */
+enum { MOST_ROUNDS = 32, REFINED_BYTES = 400 };
 
 #define ENDS UINT32_MAX /* the patch ends at this side */
 
@@ -59,6 +58,7 @@ typedef struct patch_field {
 struct mesh_surface {
     field base;
     mesh_patches mesh;
+    size_t given; /* triangles, before sides were cut */
     field_patches patches;
     patch_field *patch;
     nearest_of_several *trees; /* those of the patches */
@@ -66,9 +66,8 @@ struct mesh_surface {
     sym3 *shape;               /* how it turns: symmetric, and nothing along the normal */
     bool *at_end;              /* of each vertex: the patch ends there */
     uint32_t (
-        *beside)[3];    /* of each triangle: which one shares the side that begins at corner k; ENDS: none */
-    atomic_uchar *roof; /* of each triangle, once it was asked for: whether nothing is under its roofs */
-    piece **pieces;     /* in blocks: for an array that grew there would be pages twice as often */
+        *beside)[3]; /* of each triangle: which one shares the side that begins at corner k; ENDS: none */
+    piece **pieces;  /* in blocks: for an array that grew there would be pages twice as often */
     size_t piece_count, block_room;
 };
 
@@ -97,7 +96,7 @@ static double angle_at(const mesh_surface *s, size_t n, int k)
 
 /* Sums over the triangles at each vertex, by their angles there. Of a patch without orientation all are turned the way
  * of the first. */
-static void find_normals(mesh_surface *s)
+static void find_normals(const mesh_surface *s, vec3 *normal)
 {
     const mesh_patches *m = &s->mesh;
     for (size_t p = 0; p < m->count; p++)
@@ -106,12 +105,11 @@ static void find_normals(mesh_surface *s)
             const double a = angle_at(s, n, 0), b = angle_at(s, n, 1),
                          angle[3] = {a, b, fmax(M_PI - a - b, 0)};
             for (int k = 0; k < 3; k++) {
-                vec3 *sum = &s->at[m->m.triangle[n][k]].normal;
+                vec3 *sum = &normal[m->m.triangle[n][k]];
                 *sum = vec3_axpy(angle[k], m->one_sided[p] ? foot_facing(unit, *sum) : unit, *sum);
             }
         }
-    for (size_t v = 0; v < m->m.vertex_count; v++)
-        s->at[v] = (stand){m->m.vertex[v], vec3_unit(s->at[v].normal)};
+    for (size_t v = 0; v < m->m.vertex_count; v++) normal[v] = vec3_unit(normal[v]);
 }
 
 static sym3 sym3_axpy(double a, sym3 m, sym3 to)
@@ -276,25 +274,12 @@ static void sample_triangle(const mesh_surface *s, size_t n, const double weight
     out->hessian = in_plane(shape, f.normal);
 }
 
-/* Every thread that asks finds the same. */
-static bool has_clear_roof(const patch_field *p, uint32_t n)
-{
-    atomic_uchar *known = &p->whole->roof[n];
-    unsigned char roof = atomic_load_explicit(known, memory_order_relaxed);
-    if (roof == ROOF_UNKNOWN) {
-        roof = roof_is_clear(p->tree, &p->triangles, n - p->first) ? ROOF_CLEAR : ROOF_NOT_CLEAR;
-        atomic_store_explicit(known, roof, memory_order_relaxed);
-    }
-    return roof == ROOF_CLEAR;
-}
-
 /* Of a triangle, with the weights of its place below x. */
 static bool touches(const mesh_surface *s, uint32_t n, vec3 x, const double weight[3])
 {
     const vec3 cross = across(s, n), off = vec3_sub(x, s->mesh.m.vertex[s->mesh.m.triangle[n][0]]);
     const double up = vec3_dot(off, cross), near = touching * s->base.extent;
-    return fmin(weight[0], fmin(weight[1], weight[2])) > ROOF_LEAST_WEIGHT &&
-           up * up <= near * near * vec3_norm2(cross);
+    return fmin(weight[0], fmin(weight[1], weight[2])) > 0 && up * up <= near * near * vec3_norm2(cross);
 }
 
 static bool is_of_patch(const patch_field *p, uint32_t hint)
@@ -302,20 +287,19 @@ static bool is_of_patch(const patch_field *p, uint32_t hint)
     return hint - p->first < p->triangles.triangle_count;
 }
 
-/* What nearest_triangle_find tells, number and weights, with a hint. */
+/* What nearest_triangle_find tells, number and weights; faster where *near is a triangle nearby. */
+static uint32_t find_in_patch(const patch_field *p, vec3 x, uint32_t *near, double weight[3])
+{
+    const size_t n = is_of_patch(p, *near) ? nearest_triangle_find_from(p->tree, x, *near - p->first, weight)
+                                           : nearest_triangle_find(p->tree, x, weight);
+    return *near = (uint32_t)(p->first + n);
+}
+
+/* The same on the sheet that the hint is of, where x is as near to that as a particle is after a step. */
 static uint32_t nearest_of_patch(const patch_field *p, vec3 x, uint32_t *hint, double weight[3])
 {
-    const mesh *m = &p->whole->mesh.m;
-    if (!is_of_patch(p, *hint))
-        return *hint = (uint32_t)(p->first + nearest_triangle_find(p->tree, x, weight));
-    if (walk(p->whole, MOST_STEPS_BETWEEN, hint, x, weight) &&
-        fmin(weight[0], fmin(weight[1], weight[2])) > ROOF_LEAST_WEIGHT &&
-        (touches(p->whole, *hint, x, weight) || has_clear_roof(p, *hint))) {
-        const uint32_t *t = m->triangle[*hint];
-        triangle_weights(&(triangle){m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]}, x, weight);
-        return *hint;
-    }
-    return *hint = (uint32_t)(p->first + nearest_triangle_find_from(p->tree, x, *hint - p->first, weight));
+    if (is_of_patch(p, *hint) && walk(p->whole, MOST_STEPS_BETWEEN, hint, x, weight)) return *hint;
+    return find_in_patch(p, x, hint, weight);
 }
 
 static bool sample_patch_near(const field *f, vec3 x, field_order order, uint32_t *hint, field_sample *out)
@@ -377,7 +361,10 @@ static uint32_t sample_beyond(const mesh_surface *s, const patch_field *p, int l
     field_sample sample;
     const bool has_hint = is_of_patch(p, hint);
     uint32_t n = has_hint ? hint : last;
-    if (!has_hint || !walk(s, MOST_STEPS, &n, at, weight)) nearest_of_patch(p, at, &n, weight);
+    if (has_hint)
+        nearest_of_patch(p, at, &n, weight);
+    else
+        find_in_patch(p, at, &n, weight);
     sample_triangle(s, n, weight, at, FIELD_GRADIENT, &sample);
     value[l] = sample.value;
     vec3_lanes_put(gradient, l, sample.gradient);
@@ -574,7 +561,7 @@ static bool cut_piece(mesh_surface *s, const piece *p, const vec3 corner[3], con
 static size_t triangle_bytes(const mesh_surface *s)
 {
     const mesh *m = &s->mesh.m;
-    return m->triangle_count * (sizeof *m->triangle + sizeof *s->beside + sizeof *s->roof) +
+    return m->triangle_count * (sizeof *m->triangle + sizeof *s->beside) +
            m->vertex_count * (sizeof(vec3) + sizeof *s->at + sizeof *s->shape);
 }
 
@@ -592,6 +579,27 @@ static bool cut_pieces(mesh_surface *s, double longest, size_t memory_limit, err
             return false;
     }
     return true;
+}
+
+/* Vertices and their normals, of triangles whose sides are no longer than `longest` where the surface bends. */
+static bool make_stands(mesh_surface *s, double longest, size_t memory_limit, error *e)
+{
+    mesh_patches *m = &s->mesh;
+    vec3 *normal = NULL;
+    const size_t most = memory_limit / REFINED_BYTES;
+    bool changed = true, ok = true;
+    for (int round = 0; ok && changed && round < MOST_ROUNDS; round++) {
+        free(normal);
+        normal = mem_array(m->m.vertex_count, sizeof *normal, what, e);
+        ok = normal != NULL;
+        if (!ok) break;
+        find_normals(s, normal);
+        ok = mesh_refine(&m->m, normal, longest, most, m->first, m->count, &changed, e);
+    }
+    s->at = ok ? mem_array(m->m.vertex_count, sizeof *s->at, what, e) : NULL;
+    for (size_t v = 0; s->at && v < m->m.vertex_count; v++) s->at[v] = (stand){m->m.vertex[v], normal[v]};
+    free(normal);
+    return s->at != NULL;
 }
 
 /* ---- the whole */
@@ -655,13 +663,11 @@ static bool make(mesh_surface *s, double longest, size_t memory_limit, error *e)
     s->base = (field){.ops = &whole_ops, .domain = bbox_grow(box, 0.05 * extent), .extent = extent};
     s->base.cell_size = longest;
     field_set_boundary(&s->base, 0);
-    s->at = mem_array(m->vertex_count, sizeof *s->at, what, e);
+    if (!make_stands(s, longest, memory_limit, e)) return false;
     s->shape = mem_array(m->vertex_count, sizeof *s->shape, what, e);
     s->at_end = mem_array(m->vertex_count, sizeof *s->at_end, what, e);
     s->beside = mem_array(m->triangle_count, sizeof *s->beside, what, e);
-    s->roof = mem_array(m->triangle_count, sizeof *s->roof, what, e); /* all unknown */
-    if (!s->at || !s->shape || !s->at_end || !s->beside || !s->roof) return false;
-    find_normals(s);
+    if (!s->shape || !s->at_end || !s->beside) return false;
     if (!find_shapes(s, e) || !find_sides(s, e) || !cut_pieces(s, longest, memory_limit, e) ||
         !make_patches(s, e))
         return false;
@@ -673,6 +679,7 @@ mesh_surface *mesh_surface_new(mesh_patches *patches, double longest, size_t mem
 {
     mesh_surface *s = mem_alloc(sizeof *s);
     s->mesh = *patches;
+    s->given = s->mesh.m.triangle_count;
     *patches = (mesh_patches){0};
     if (make(s, longest, memory_limit, e)) return s;
     mesh_surface_free(s);
@@ -691,7 +698,6 @@ void mesh_surface_free(mesh_surface *s)
     free(s->shape);
     free(s->at_end);
     free(s->beside);
-    free(s->roof);
     for (size_t k = 0; k * BLOCK < s->piece_count; k++) free(s->pieces[k]);
     free(s->pieces);
     free(s);
@@ -705,6 +711,11 @@ const field *mesh_surface_field(const mesh_surface *s)
 const mesh_patches *mesh_surface_patches(const mesh_surface *s)
 {
     return &s->mesh;
+}
+
+size_t mesh_surface_triangles(const mesh_surface *s)
+{
+    return s->given;
 }
 
 vec3 mesh_surface_nearest(const mesh_surface *s, vec3 x)

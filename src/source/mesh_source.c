@@ -29,9 +29,8 @@ static const double most_missing = 0.01;
 /* Of a mesh that is to be resolved and has no other sharp edges, radians. A side of h that cuts off an edge bent by this misses
  * it by a quarter of h, and by a third where the side is as long as any. */
 static const double cut_angle = 1.1;
-/* Of the area of a closed mesh whose triangles are not asked for: with more inside of its solids it is a level set, unless it
- * is to be resolved. */
-static const double most_hidden = 0.001;
+/* Of the area of a closed mesh: with more inside of its solids it is a level set, unless the spec says otherwise. */
+static const double most_hidden = 0.01;
 
 /* Of the points that are asked for; 0: not known before there are features. */
 static double spacing_of(const mesh_source_request *r, double area)
@@ -51,30 +50,23 @@ static double longest_cell(const mesh_source_request *r, const mesh_patches *p)
     return spacing > 0 ? fmax(fmin(spacing, most), shortest) : most;
 }
 
-/* Whether level sets of a closed mesh that hides parts of itself would be in vain: as small as voxels can be they leave out more than
- * may be missing. In a mesh of which vertices are displaced they also take the most time. */
-static bool is_tangled(const mesh_source_request *r, const mesh *m, bool *out, mesh_notes *notes, error *e)
-{
-    static const double surely = 5; /* times: a share that is estimated from a thousand places */
-    double thin;
-    if (!fidelity_thin(m, resolution_begin(m, &r->as_volume.resolution).finest, &thin, e)) return false;
-    *out = thin > surely * most_missing;
-    if (*out) mesh_note(notes, "the mesh is thinner than voxels can be: it is sampled on its triangles");
-    return true;
-}
-
-/* Whether nothing speaks against the triangles of a closed mesh that are not asked for. */
-static bool suits_triangles(const mesh_source_request *r, const mesh_patches *p, bool *out, mesh_notes *notes,
-                            error *e)
+/* Whether the spec asks for what a level set has. */
+static bool asks_for_volume(const mesh_source_request *r)
 {
     const spec_mesh *s = r->spec;
+    return r->as_level_set || !s->on_mesh || s->voxel_size > 0 || s->resolution > 0;
+}
+
+/* Whether a closed mesh is sampled on its triangles, as far as what it hides decides that. */
+static bool shows_enough(const mesh_source_request *r, const mesh_patches *p, bool *out, mesh_notes *notes,
+                         error *e)
+{
     double hidden = 0;
-    *out = r->plain && s->on_mesh && !(s->voxel_size > 0) && s->resolution == 0;
-    if (!*out) return true;
-    if (!fidelity_hidden(&p->m, r->resolve ? INFINITY : most_hidden, &hidden, e)) return false;
+    *out = true;
+    if (r->spec->interior == SPEC_INTERIOR_KEEP) return true;
+    if (!fidelity_hidden(&p->m, &hidden, e)) return false;
     *out = r->resolve || hidden <= most_hidden;
-    if (!*out) return is_tangled(r, &p->m, out, notes, e);
-    if (*out && hidden > most_hidden)
+    if (*out && hidden > 0)
         mesh_note(
             notes,
             "%.3g %% of the mesh lie within its solids and have points, too: interior \"drop\" leaves them out",
@@ -89,11 +81,9 @@ static bool wants_patches(const mesh_source_request *r, const mesh_patches *p, b
     *out = !p->closed && r->spec->holes == SPEC_HOLES_KEEP;
     for (size_t k = 0; p->closed && k < p->count; k++)
         *out |= p->one_sided[k]; /* a Klein bottle has no inside */
-    const bool asked = r->spec->has_features && r->spec->feature_angle > 0;
-    const size_t curves = p->feature_edges + (asked ? p->nonmanifold_edges : 0);
-    if (!p->closed || *out || (curves == 0 && !r->resolve)) return true;
-    *out = r->spec->has_features;
-    return *out || suits_triangles(r, p, out, notes, e);
+    if (!p->closed || *out) return true;
+    *out = r->spec->has_features && r->spec->feature_angle > 0 && p->feature_edges + p->nonmanifold_edges > 0;
+    return *out || asks_for_volume(r) || shows_enough(r, p, out, notes, e);
 }
 
 /* The mesh of a file, welded once for all that is made of it where that is possible: its edges are known then. */
@@ -109,7 +99,7 @@ static const mesh_edges *edges_of(const welded *w)
 
 /* Of the mesh as it is, or as it is placed and cut. */
 static bool make_patches(const mesh_source_request *r, const welded *w, double feature_angle, bool placed,
-                         bool skip_smooth, mesh_notes *notes, mesh_patches *made, error *e)
+                         mesh_notes *notes, mesh_patches *made, error *e)
 {
     mesh copy = {0};
     if (!mesh_copy(&w->m, r->as_volume.pool, &copy, e)) return false;
@@ -121,10 +111,12 @@ static bool make_patches(const mesh_source_request *r, const welded *w, double f
     const mesh_patches_params params = {.weld = r->spec->weld,
                                         .feature_angle = feature_angle,
                                         .spacing = spacing_of(r, mesh_area(&copy)),
-                                        .skip_smooth = skip_smooth,
                                         .edges = placed ? NULL : edges_of(w),
                                         .pool = r->as_volume.pool};
-    return mesh_patches_make(&copy, &params, notes, made, e);
+    if (!mesh_patches_make(&copy, &params, notes, made, e)) return false;
+    if (mesh_orientation_fix(made, e)) return true;
+    mesh_patches_free(made);
+    return false;
 }
 
 /* A closed mesh that is to be resolved and has no other sharp edges is cut at those that its spacing would leave out. */
@@ -134,7 +126,7 @@ static bool cut_bends(const mesh_source_request *r, const welded *w, const mesh_
     if (!given->closed || given->feature_edges > 0 || r->spec->has_features) return true;
     mesh_notes again = *read;
     mesh_patches cut = {0};
-    if (!make_patches(r, w, cut_angle, false, false, &again, &cut, e)) return false;
+    if (!make_patches(r, w, cut_angle, false, &again, &cut, e)) return false;
     mesh_patches_free(given);
     cut.has_rough_curves = true;
     *given = cut;
@@ -152,9 +144,7 @@ static bool choose_patches(const mesh_source_request *r, const welded *w, bool t
     mesh_patches given = {0};
     bool wanted = thin;
     if (!r->alone || s->interior == SPEC_INTERIOR_DROP) return true;
-    const bool skip = !thin && !r->resolve && !s->has_features;
-    if (skip && edges_of(w) && mesh_patches_skip(&w->m, &w->edges, r->as_volume.pool)) return true;
-    bool ok = make_patches(r, w, angle, false, skip, &as_given, &given, e) &&
+    bool ok = make_patches(r, w, angle, false, &as_given, &given, e) &&
               (!r->resolve || cut_bends(r, w, notes, &given, &as_given, e)) &&
               (thin || wants_patches(r, &given, &wanted, &as_given, e));
     if (!ok || !wanted) {
@@ -169,7 +159,7 @@ static bool choose_patches(const mesh_source_request *r, const welded *w, bool t
     const double found = given.feature_angle;
     const bool rough = given.has_rough_curves;
     mesh_patches_free(&given);
-    if (!make_patches(r, w, found, true, false, notes, made, e)) return false;
+    if (!make_patches(r, w, found, true, notes, made, e)) return false;
     made->has_rough_curves = rough;
     return true;
 }
@@ -312,15 +302,10 @@ static bool open_read(const mesh_source_request *r, const welded *w, const mesh_
                   "the mesh is open, %zu of its edges have one triangle: it is sampled as it stands; holes "
                   "\"fill\" closes it",
                   patches.open_edges);
-    size_t turned = 0;
-    if (!mesh_orientation_fix(&patches, &turned, e)) {
-        mesh_patches_free(&patches);
-        return error_prefix(e, "%s", r->as_volume.path);
-    }
-    if (turned > 0)
+    if (patches.turned > 0)
         mesh_note(&about,
                   "%zu of %zu triangles are turned: normals agree along edges and point out of closed parts",
-                  turned, patches.m.triangle_count);
+                  patches.turned, patches.m.triangle_count);
     patches.merges_near_rows = r->resolve && patches.closed;
     mesh_surface *surface =
         mesh_surface_new(&patches, longest_cell(r, &patches), r->as_volume.resolution.memory_limit, e);
@@ -380,7 +365,7 @@ void mesh_source_describe(const mesh_surface *s, const mesh_notes *notes, json *
     json *of_mesh = json_put_object(members, "mesh");
     size_t one_sided = 0;
     for (size_t k = 0; k < p->count; k++) one_sided += p->one_sided[k];
-    json_put_integer(of_mesh, "triangles", (int64_t)p->m.triangle_count);
+    json_put_integer(of_mesh, "triangles", (int64_t)mesh_surface_triangles(s));
     json_put_number(of_mesh, "area", mesh_area(&p->m));
     json_put_integer(of_mesh, "patches", (int64_t)p->count);
     json_put_integer(of_mesh, "one_sided_patches", (int64_t)one_sided);

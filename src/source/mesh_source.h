@@ -14,8 +14,7 @@ typedef struct mesh_source_request {
     const spec_mesh *spec;
     bool
         alone; /* the mesh is all of the surface, or of what is placed or cut by a box: it may be one of patches */
-    bool
-        plain; /* also a closed one whose edges are sharp, or that is to be resolved, though the spec has no features */
+    bool as_level_set; /* a closed mesh without features that are asked for */
     bool resolve;
     const double (*to_world)[4]; /* places it, where it is one of patches; or NULL */
     const bbox *region;          /* cuts it, likewise */
@@ -23,8 +22,8 @@ typedef struct mesh_source_request {
     volume_mesh_request as_volume;
 } mesh_source_request;
 
-/* One of the two comes out: the patches of a mesh that is open, or has no inside, or whose sharp edges are asked for, or that is too
- * thin for a level set; else a volume. Patches are placed and cut, a volume is not. *notes are about the patches. Errors: those of volume_open_mesh and mesh_surface_new, prefixed with the path; outputs are untouched then. */
+/* One of the two comes out: the patches of a mesh, or a volume where the spec takes one (doc/volumes.md). Patches are placed and cut, a
+ * volume is not. *notes are about the patches. Errors: those of volume_open_mesh and mesh_surface_new, prefixed with the path; outputs are untouched then. */
 /* *origin: what was subtracted from all coordinates, exactly; 0 unless the mesh may move and is far from the origin. */
 bool mesh_source_open(const mesh_source_request *request, volume **as_volume, mesh_surface **as_patches,
                       vec3 *origin, mesh_notes *notes, error *e);

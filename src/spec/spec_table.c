@@ -106,8 +106,9 @@ const spec_row spec_rows[] = {
      .high = WORLD_MAX,
      AT(surface.mesh.voxel_size),
      .unit = "world",
-     .prose = "The voxel size of the level set, between 1/8191 and 1/8 of the longest side of the mesh's "
-              "bounding box. Excludes resolution."},
+     .prose =
+         "A closed mesh is sampled through a level set of this voxel size, between 1/8191 and 1/8 of the longest side of the mesh's "
+         "bounding box. Excludes resolution."},
     {.pointer = "/surface/mesh/resolution",
      .type = SPEC_TYPE_INTEGER,
      .choice = SPEC_CHOICE_VOXELS,
@@ -116,8 +117,8 @@ const spec_row spec_rows[] = {
      AT(surface.mesh.resolution),
      .unit = "voxels",
      .prose =
-         "The number of voxels along the longest side of the mesh's bounding box. If both this and voxel_size "
-         "are absent, hexad chooses: 256, or more where the spacing (of resolve, min_spacing over feature.ratio: "
+         "The number of voxels along the longest side of the mesh's bounding box: a closed mesh is sampled through a level "
+         "set. Where there is one and both this and voxel_size are absent, hexad chooses: 256, or more where the spacing (of resolve, min_spacing over feature.ratio: "
          "the least feature size) is smaller than such a voxel or more than half a percent of the mesh is too thin "
          "to show. At 256, at least nine tenths of a scanned mesh lie within 0.05 voxel of the sampled surface; "
          "creases deviate more. Twice the number needs three to four times the memory and time."},
@@ -163,21 +164,20 @@ const spec_row spec_rows[] = {
     {.pointer = "/surface/mesh/interior",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_INTERIOR),
-     .otherwise = "\"keep\"",
+     .otherwise = "\"auto\"",
      AT(surface.mesh.interior),
      .prose =
-         "keep: where the mesh is sampled on its triangles all of them are, those within its solids, too. drop: the "
-         "outside of its solids, by a level set, which takes a closed mesh."},
+         "keep: all triangles are sampled, those within the mesh's solids, too. drop: the outside of its solids, by a level "
+         "set, which takes a closed mesh. auto: drop where a closed mesh hides more than 1 % of its area within itself, "
+         "else keep."},
     {.pointer = "/surface/mesh/features",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, surface.mesh.has_features),
      .prose =
-         "Sharp edges get a row of points, and a closed mesh that has them is sampled on its triangles, too. Without "
-         "it a mesh has those beyond 0.7 where its edges are flat or sharp nearly everywhere, and none where they are "
-         "bent by any angle, as those of scans; a closed one only where on_mesh holds, no voxels are named, it is "
-         "not placed or cut, hides no part of itself, and neither queue.coherent nor method witkin-heckbert is given."},
+         "Sharp edges get a row of points. Without it a mesh has those beyond 0.7 where its edges are flat or sharp nearly "
+         "everywhere, and none where they are bent by any angle, as those of scans."},
     {.pointer = "/surface/mesh/features/angle",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
@@ -191,9 +191,8 @@ const spec_row spec_rows[] = {
      .otherwise = "true",
      AT(surface.mesh.on_mesh),
      .prose =
-         "Whether the points of a closed mesh go from the sampled surface onto the triangles at last, each to the nearest "
-         "that looks its way and is not inside of others. Normals and curvatures stay those of the sampled surface. It "
-         "changes nothing at an offset, with /features, and where the mesh is sampled on its triangles anyway."},
+         "false: a closed mesh is sampled through a level set, and its points stay there. true: through a level set or not, "
+         "they are on the triangles. It changes nothing at an offset, with /features, and of an open mesh."},
     {.pointer = "/surface/analytic",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,

@@ -40,6 +40,7 @@ typedef enum spec_holes { SPEC_HOLES_LIST(WORDS_ENUMERATOR, SPEC_HOLES) SPEC_HOL
 
 /* /surface/mesh/interior */
 #define SPEC_INTERIOR_LIST(ENTRY, prefix) \
+    ENTRY(prefix, AUTO, "auto")           \
     ENTRY(prefix, KEEP, "keep")           \
     ENTRY(prefix, DROP, "drop")
 

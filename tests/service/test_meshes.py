@@ -6,6 +6,7 @@ import json
 
 import numpy
 import pytest
+import scipy.spatial
 
 from meshes import Mesh
 from readers import Points, read_columns, read_mesh
@@ -240,6 +241,48 @@ def test_defects_of_a_mesh_are_reported(worker, tmp_path, lines, members, words,
     assert report["surface"]["area"] == pytest.approx(area, rel=0.05)
 
 
+def convex_hull(path, count, seed):
+    """A file of the convex hull of places on the unit sphere."""
+    places = numpy.random.default_rng(seed).normal(size=(count, 3))
+    places /= numpy.linalg.norm(places, axis=1)[:, None]
+    hull = scipy.spatial.ConvexHull(places)
+    turned = [t if numpy.dot(numpy.cross(places[t[1]] - places[t[0]], places[t[2]] - places[t[0]]), out[:3]) > 0 else t[::-1]
+              for t, out in zip(hull.simplices, hull.equations)]
+    path.write_text("\n".join(["v %.9g %.9g %.9g" % tuple(v) for v in places] + ["f %d %d %d" % tuple(t + 1) for t in turned]) + "\n")
+    return hull
+
+
+@pytest.mark.parametrize("count", [100, 1000, pytest.param(10000, marks=pytest.mark.extended)])
+def test_meshes_of_large_triangles_converge_at_any_count(worker, tmp_path, count):
+    """Facets are far larger than the spacing, and bend at edges that are no features; points are on them."""
+    hull = convex_hull(tmp_path / "hull.obj", 80, 20261127)
+    done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "hull.obj")}}, "sampling": {"count": count},
+                   "output": {"preview": False}})
+    assert done.returncode == 0, done.stdout + done.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["surface"]["mesh"]["triangles"] == len(hull.simplices) and report["surface"]["mesh"]["curves"] == 0
+    assert report["quality"]["coverage"] < 1
+    points = Points((tmp_path / "out" / "points.ply").read_bytes())
+    above = points.position @ hull.equations[:, :3].T + hull.equations[:, 3]
+    assert abs(above.max(axis=1)).max() < 1e-5
+
+
+def test_a_mesh_that_hides_much_of_itself_is_the_outside_of_its_solids(worker, tmp_path):
+    """Two boxes that overlap: 1 of 12 sides is hidden. `keep` has points on it; by itself, and with `drop`, it has none."""
+    box = [[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]
+    quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    lines = ["v %g %g %g" % (x + at, y + at, z + at) for at in (0, 0.5) for x, y, z in box]
+    lines += ["f " + " ".join(str(first + k) for k in q) for first in (1, 9) for q in quads]
+    (tmp_path / "two.obj").write_text("\n".join(lines) + "\n")
+    for interior, hidden in ((None, False), ("auto", False), ("drop", False), ("keep", True)):
+        surface = {"mesh": {"path": str(tmp_path / "two.obj"), **({"interior": interior} if interior else {})}}
+        done = worker({"version": 1, "surface": surface, "sampling": {"count": 1500}, "output": {"preview": False}})
+        assert done.returncode in (0, 10, 11), done.stderr
+        at = Points((tmp_path / "out" / "points.ply").read_bytes()).position
+        within = ((at > 0.02) & (at < 0.98)).all(axis=1) | ((at > 0.52) & (at < 1.48)).all(axis=1)
+        assert (within.sum() > 20) == hidden, interior
+
+
 def test_amplitudes_need_no_features(worker, tmp_path):
     """A sharp mesh has its rows by default with every method that can pack against them, amplitudes or none."""
     (tmp_path / "box.obj").write_text("\n".join(box(0, 1)) + "\n")
@@ -309,7 +352,7 @@ def test_the_dragon(data_service, folder, diagnose):
     diagnose(f"dragon: load {report['timing_s']['load']:.2f} s, 90 % of the points within {numpy.quantile(far, 0.9):.4f} "
              f"voxel, all within {far.max():.3f}; of the mesh {of_mesh['close_fraction']:.4f} within 0.05 of the surface")
     assert report["spec"]["surface"]["mesh"] == {"path": str(path), "max_resolution": 4096, "band_vox": 4, "weld": 1e-6,
-                                                 "holes": "keep", "interior": "keep", "on_mesh": False}
+                                                 "holes": "keep", "interior": "auto", "on_mesh": False}
     assert (of_mesh["resolution"], of_mesh["resolution_by"], of_mesh["resolution_limited_by"]) == (256, "default", None)
     assert numpy.quantile(far, 0.9) <= 0.05 and far.max() <= 1
     assert of_mesh["close_fraction"] >= 0.95 and of_mesh["unresolved_fraction"] <= 0.01
@@ -334,7 +377,7 @@ def blade(path, sides=BLADE):
 def test_a_blade_is_whole(worker, tmp_path, diagnose):
     """A thousandth of its length thick: voxels follow the thickness, and nothing of it is missing."""
     turn = blade(tmp_path / "blade.obj")
-    surface = {"mesh": {"path": str(tmp_path / "blade.obj"), "features": {"angle": 0}}}
+    surface = {"mesh": {"path": str(tmp_path / "blade.obj"), "interior": "drop"}}
     done = worker({"version": 1, "surface": surface, "sampling": {"count": 2000},
                    "output": {"preview": False}})
     assert done.returncode in (0, 11), done.stderr
@@ -600,14 +643,14 @@ def test_a_mesh_that_is_to_be_resolved_has_all_of_its_parts(worker, tmp_path):
                   ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))]
         first += 8
     (tmp_path / "two.obj").write_text("\n".join(lines) + "\n")
-    for members, patches in (({"interior": "keep"}, 12), ({"interior": "drop", "resolution": 64}, None)):
+    for members, patches in (({}, 12), ({"interior": "keep"}, 12), ({"interior": "drop", "resolution": 64}, None)):
         done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "two.obj"), **members}},
                        "sampling": {"resolve": True, "feature": {}, "min_spacing": 0.08}, "output": {"preview": False}})
         assert done.returncode in (0, 10, 11), done.stderr
         report = json.loads((tmp_path / "out" / "report.json").read_text())
         assert report["surface"]["mesh"].get("patches") == patches
         told = [warning for warning in report["surface"]["warnings"] if 'within its solids' in warning and '"drop"' in warning]
-        assert len(told) == (members["interior"] == "keep")
+        assert len(told) == (not members)
 
 
 @pytest.mark.sanitized

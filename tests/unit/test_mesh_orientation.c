@@ -14,13 +14,13 @@
 #include "mesh_fixture.h"
 
 /* Patches of a mesh whose edges bent by more than 0.7 are features, oriented. */
-static mesh_patches oriented(mesh m, size_t *turned)
+static mesh_patches oriented(mesh m)
 {
     const mesh_patches_params params = {.weld = 1e-6, .feature_angle = 0.7, .pool = mesh_fixture_pool()};
     mesh_notes notes = {0};
     mesh_patches p = {0};
     error e = {0};
-    if (!mesh_patches_make(&m, &params, &notes, &p, &e) || !mesh_orientation_fix(&p, turned, &e))
+    if (!mesh_patches_make(&m, &params, &notes, &p, &e) || !mesh_orientation_fix(&p, &e))
         fail_msg("%s", e.message);
     return p;
 }
@@ -46,21 +46,19 @@ static void a_box_that_is_inside_out_gets_outward_normals(void **state)
     (void)state;
     mesh m = mesh_fixture_box(vec3_make(3, -2, 5), vec3_make(1, 2, 0.5), 0.3);
     turn_all(&m);
-    size_t turned;
-    mesh_patches p = oriented(m, &turned);
+    mesh_patches p = oriented(m);
     assert_int_equal(p.count, 6);
     assert_true(fabs(volume_of(&p.m) - 8) < 1e-9);
-    assert_int_equal(turned, 12);
+    assert_int_equal(p.turned, 12);
     mesh_patches_free(&p);
 }
 
 static void a_box_that_is_right_stays_as_it_is(void **state)
 {
     (void)state;
-    size_t turned;
-    mesh_patches p = oriented(mesh_fixture_box(vec3_make(0, 0, 0), vec3_make(1, 1, 1), 0.3), &turned);
+    mesh_patches p = oriented(mesh_fixture_box(vec3_make(0, 0, 0), vec3_make(1, 1, 1), 0.3));
     assert_true(fabs(volume_of(&p.m) - 8) < 1e-9);
-    assert_int_equal(turned, 0);
+    assert_int_equal(p.turned, 0);
     mesh_patches_free(&p);
 }
 
@@ -75,15 +73,15 @@ static void mixed_faces_of_closed_parts_get_outward_normals(void **state)
         mesh m = mesh_fixture_ball(vec3_make(0, 0, 0), 1, 2);
         mesh_fixture_append(&m, mesh_fixture_box(vec3_make(4, 0, 0), vec3_make(1, 1, 1), 0.3));
         const double wanted = volume_of(&m);
-        size_t count = 0, turned;
+        size_t count = 0;
         for (size_t n = 0; n < m.triangle_count; n++)
             if (rng_uniform(&r) < 1.0 / 3) {
                 mesh_fixture_turn(&m, n);
                 count++;
             }
-        mesh_patches p = oriented(m, &turned);
+        mesh_patches p = oriented(m);
         assert_true(fabs(volume_of(&p.m) - wanted) < 1e-9);
-        assert_int_equal(turned, count);
+        assert_int_equal(p.turned, count);
         mesh_patches_free(&p);
     }
 }
@@ -99,10 +97,9 @@ static void a_shell_inside_another_keeps_its_orientation_to_it(void **state)
         if (cavity) turn_all(&inner);
         mesh_fixture_append(&outer, inner);
         if (inside_out) turn_all(&outer);
-        size_t turned;
-        mesh_patches p = oriented(outer, &turned);
+            mesh_patches p = oriented(outer);
         assert_true(fabs(volume_of(&p.m) - (cavity ? 64 - 8 : 64 + 8)) < 1e-9);
-        assert_int_equal(turned, inside_out ? 24 : 0);
+        assert_int_equal(p.turned, inside_out ? 24 : 0);
         mesh_patches_free(&p);
     }
 }
@@ -116,9 +113,8 @@ static void an_open_part_agrees_along_its_edges(void **state)
     mesh_fixture_remove(&m, 10);
     mesh_fixture_turn(&m, 0);
     mesh_fixture_turn(&m, 1);
-    size_t turned;
-    mesh_patches p = oriented(m, &turned);
-    assert_int_equal(turned, 2);
+    mesh_patches p = oriented(m);
+    assert_int_equal(p.turned, 2);
     for (size_t n = 0; n < p.m.triangle_count; n++) { /* all look away from the middle, as of the box */
         const uint32_t *t = p.m.triangle[n];
         const vec3 a = p.m.vertex[t[0]], b = p.m.vertex[t[1]], c = p.m.vertex[t[2]];
@@ -130,11 +126,10 @@ static void an_open_part_agrees_along_its_edges(void **state)
 static void a_moebius_strip_stays_one_sided(void **state)
 {
     (void)state;
-    size_t turned;
-    mesh_patches p = oriented(mesh_fixture_sheet(40, 4, mesh_fixture_moebius), &turned);
+    mesh_patches p = oriented(mesh_fixture_sheet(40, 4, mesh_fixture_moebius));
     assert_int_equal(p.count, 1);
     assert_true(p.one_sided[0]);
-    assert_int_equal(turned, 0);
+    assert_int_equal(p.turned, 0);
     mesh_patches_free(&p);
 }
 

@@ -241,37 +241,6 @@ static void test_nothing_is_left(void **state)
     assert_int_equal(e.code, ERROR_NO_SURFACE);
 }
 
-/* Of which meshes it is told at once that they have no features, and that nothing is made of those. */
-static void test_smooth_meshes_are_told(void **state)
-{
-    (void)state;
-    for (int kind = 0; kind < 6; kind++) {
-        mesh m = kind == 5   ? mesh_fixture_sheet(8, 8, flat)
-                 : kind == 4 ? mesh_fixture_box(vec3_make(0, 0, 0), vec3_make(1, 1, 1), 0)
-                             : mesh_fixture_ball(vec3_make(0, 0, 0), 1, kind == 3 ? 0 : 5);
-        if (kind == 1) mesh_fixture_turn(&m, 9000);
-        if (kind == 2) { /* a dent */
-            vec3 *dent = &m.vertex[m.triangle[9000][0]];
-            *dent = vec3_scale(*dent, 0.97);
-        }
-        mesh_notes notes = {0};
-        mesh_edges edges = {0};
-        mesh_patches out = {0};
-        error e = {0};
-        assert_true(mesh_weld(&m, MESH_KEEP_CANCELLED, &notes, &e));
-        assert_true(mesh_edges_list(&m, mesh_fixture_pool(), &edges, &e));
-        const bool skipped = mesh_patches_skip(&m, &edges, mesh_fixture_pool());
-        assert_int_equal(skipped, kind == 0);
-        const mesh_patches_params params = {
-            .weld = 1e-6, .feature_angle = MESH_PATCHES_FOUND, .skip_smooth = true, .edges = &edges};
-        assert_true(mesh_patches_make(&m, &params, &notes, &out, &e));
-        if (skipped) assert_int_equal(out.count, 0);
-        if (kind > 3) assert_int_equal(out.count, kind == 4 ? 6 : 1);
-        mesh_patches_free(&out);
-        mesh_edges_free(&edges);
-    }
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -287,7 +256,6 @@ int main(void)
         cmocka_unit_test(test_t_junctions),
         cmocka_unit_test(test_soup),
         cmocka_unit_test(test_nothing_is_left),
-        cmocka_unit_test(test_smooth_meshes_are_told),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

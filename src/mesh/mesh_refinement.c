@@ -1,0 +1,132 @@
+#include "mesh/mesh_refinement.h"
+
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "triangles/mesh_edges.h"
+
+static const char what[] = "the refined triangles of the mesh";
+
+#define NONE UINT32_MAX
+
+/* Sine of the angle between the normals of a triangle and of its corner: particles creep over edges that bend by more. */
+static const double least_bend = 0.1;
+
+/* One round: sides that are too long get a vertex in their middle. */
+typedef struct halving {
+    const mesh *m;
+    uint32_t (*middle)[3]; /* of each triangle: the new vertex of the side that begins at corner k, or NONE */
+    size_t vertices, triangles; /* of the mesh to come */
+} halving;
+
+static vec3 middle_of(const mesh *m, uint32_t a, uint32_t b)
+{
+    return vec3_scale(vec3_add(m->vertex[a], m->vertex[b]), 0.5);
+}
+
+/* The corner at which the side `s` of an edge with lower vertex v begins. */
+static int begins_at(const mesh *m, const mesh_side *s, uint32_t v)
+{
+    const uint32_t from = s->upwards ? v : s->other, *t = m->triangle[s->triangle];
+    return t[0] == from ? 0 : t[1] == from ? 1 : 2;
+}
+
+/* Whether a normal at a corner differs from the triangle's own. Of a one-sided surface it may point either way. */
+static bool is_bent(const mesh *m, const vec3 *normal, size_t n)
+{
+    const uint32_t *t = m->triangle[n];
+    const vec3 *v = m->vertex,
+               own = vec3_unit(vec3_cross(vec3_sub(v[t[1]], v[t[0]]), vec3_sub(v[t[2]], v[t[0]])));
+    bool bent = false;
+    for (int k = 0; k < 3; k++) bent |= vec3_norm(vec3_cross(own, normal[t[k]])) > least_bend;
+    return bent;
+}
+
+static bool is_long(const mesh *m, double longest, uint32_t a, uint32_t b)
+{
+    return vec3_norm2(vec3_sub(m->vertex[a], m->vertex[b])) > longest * longest;
+}
+
+static bool find_middles(halving *h, const vec3 *normal, double longest, error *e)
+{
+    const mesh *m = h->m;
+    mesh_edges edges = {0};
+    if (!mesh_edges_list(m, NULL, &edges, e)) return false;
+    for (uint32_t v = 0; v < edges.vertex_count; v++)
+        for (size_t i = edges.first[v], n; i < edges.first[v + 1]; i += n) {
+            const mesh_side *side = edges.sides + i;
+            n = mesh_edges_width(&edges, v, i);
+            bool halved = false;
+            for (size_t j = 0; j < n && is_long(m, longest, v, side->other); j++)
+                halved |= is_bent(m, normal, side[j].triangle);
+            for (size_t j = 0; j < n; j++)
+                h->middle[side[j].triangle][begins_at(m, &side[j], v)] =
+                    halved ? (uint32_t)h->vertices : NONE;
+            h->triangles += halved ? n : 0;
+            h->vertices += halved;
+        }
+    mesh_edges_free(&edges);
+    return true;
+}
+
+/* The parts of a triangle; returns how many. Corners 0 to 2 are its own, 3 + k is the middle of the side that begins at corner k. */
+static int cut_triangle(const uint32_t middle[3], int parts[4][3])
+{
+    int halved = 0, sum = 0;
+    for (int k = 0; k < 3; k++)
+        if (middle[k] != NONE) {
+            halved++;
+            sum += k;
+        }
+    const int k = halved == 2 ? 3 - sum : sum % 3, a = (k + 1) % 3, b = (k + 2) % 3; /* k: the odd one */
+    const int all[4][4][3] = {{{0, 1, 2}},
+                              {{k, 3 + k, b}, {3 + k, a, b}},
+                              {{3 + a, b, 3 + b}, {k, a, 3 + a}, {k, 3 + a, 3 + b}},
+                              {{3, 4, 5}, {0, 3, 5}, {1, 4, 3}, {2, 5, 4}}};
+    for (int n = 0; n <= halved; n++)
+        for (int i = 0; i < 3; i++) parts[n][i] = all[halved][n][i];
+    return halved + 1;
+}
+
+static void fill(const halving *h, mesh *out, size_t *first, size_t count)
+{
+    size_t to = 0, group = 0;
+    for (size_t v = 0; v < h->m->vertex_count; v++) out->vertex[v] = h->m->vertex[v];
+    for (size_t n = 0; n < h->m->triangle_count; n++) {
+        for (; group <= count && first[group] == n; group++) first[group] = to;
+        const uint32_t *t = h->m->triangle[n];
+        uint32_t corner[6] = {t[0], t[1], t[2]};
+        for (int k = 0; k < 3; k++)
+            if ((corner[3 + k] = h->middle[n][k]) != NONE)
+                out->vertex[corner[3 + k]] = middle_of(h->m, t[k], t[(k + 1) % 3]);
+        int parts[4][3];
+        const int made = cut_triangle(h->middle[n], parts);
+        for (int i = 0; i < made; i++, to++)
+            for (int k = 0; k < 3; k++) out->triangle[to][k] = corner[parts[i][k]];
+    }
+    for (; group <= count; group++) first[group] = to;
+}
+
+bool mesh_refine(mesh *m, const vec3 *normal, double longest, size_t most, size_t *first, size_t count,
+                 bool *changed, error *e)
+{
+    halving h = {.m = m, .vertices = m->vertex_count, .triangles = m->triangle_count};
+    mesh out = {0};
+    h.middle = mem_array(m->triangle_count, sizeof *h.middle, what, e);
+    bool ok = h.middle && find_middles(&h, normal, longest, e);
+    *changed = ok && h.triangles > m->triangle_count && h.triangles <= most;
+    if (*changed) {
+        out = (mesh){h.vertices, h.triangles, mem_array(h.vertices, sizeof *out.vertex, what, e),
+                     mem_array(h.triangles, sizeof *out.triangle, what, e), false};
+        ok = out.vertex && out.triangle;
+    }
+    if (ok && *changed) {
+        fill(&h, &out, first, count);
+        mesh_free(m);
+        *m = out;
+    } else {
+        mesh_free(&out);
+    }
+    free(h.middle);
+    return ok;
+}

@@ -1,0 +1,20 @@
+/* mesh_refinement: cuts long sides of triangles where the surface bends, so that normals that are interpolated between vertices
+ * turn near the edges of large triangles only, over about the length of a side. The surface stays the same. Pure function but for
+ * allocation.
+ */
+#ifndef HEXAD_MESH_MESH_REFINEMENT_H
+#define HEXAD_MESH_MESH_REFINEMENT_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "base/error.h"
+#include "triangles/mesh.h"
+
+/* Halves, once, the sides longer than `longest` of triangles to whose corners' normals (unit) their own is not equal, unless there would be
+ * more than `most` triangles. Those that share a side share its new vertex. first[0] .. first[count]: where groups of triangles begin,
+ * before and after. *changed: a side was halved. *m is valid also after failure. Errors: limit_memory, cancelled. */
+bool mesh_refine(mesh *m, const vec3 *normal, double longest, size_t most, size_t *first, size_t count,
+                 bool *changed, error *e);
+
+#endif
