@@ -411,8 +411,8 @@ static bool merge_near(layout *l, curve_rows *out, error *e)
     bool *closed = mem_array(p->curve_count, sizeof *closed, WHAT, e);
     uint32_t(*ends)[2] = mem_array(p->curve_count, sizeof *ends, WHAT, e);
     double *spacing = mem_array(out->count, sizeof *spacing, WHAT, e);
-    const near_rows_input in = {p->curve_count,     closed, ends, l->first_place, spacing, l->half,
-                                p->has_rough_curves};
+    const near_rows_input in = {p->count,       p->curve_count, closed,  ends,
+                                l->first_place, spacing,        l->half, p->has_rough_curves};
     bool ok = closed && ends && spacing;
     for (size_t c = 0; ok && c < p->curve_count; c++) {
         closed[c] = p->curve[c].closed;
@@ -445,8 +445,7 @@ static bool lay_out(layout *l, const field *f, curve_rows *out, error *e)
         ok = place_row(l, f, c, out, e);
         l->first_place[c + 1] = out->count;
     }
-    const bool whole = places <= most;
-    return ok && (!whole || !l->patches->merges_near_rows || merge_near(l, out, e)) && count_loops(l, out, e);
+    return ok && (!l->patches->merges_near_rows || merge_near(l, out, e)) && count_loops(l, out, e);
 }
 
 bool curve_rows_make(const field *f, const boundary_request *request, curve_rows *out, error *e)

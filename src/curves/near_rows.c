@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "base/sets.h"
 #include "geometry/box_tree.h"
 #include "voronoi/quality.h"
 
@@ -40,6 +41,8 @@ typedef struct merging {
     uint32_t *into,
         *curve_at; /* of each place: the one that stands for it, itself as a rule; which of its curve it is */
     uint32_t *ends; /* of each corner, of curves */
+    uint32_t *
+        joined; /* of each patch: those that end at one curve or corner, directly or by way of others, are a set */
     lent *lents;
     size_t lent_count, lent_room;
     int axis;
@@ -121,13 +124,14 @@ static double apart(const merging *m, uint32_t i, uint32_t j)
     return vec3_norm(vec3_sub(m->rows->position[i], m->rows->position[j]));
 }
 
-/* Whether two places end one patch, and are on one side of it. */
-static bool share_patch(const merging *m, uint32_t i, uint32_t j)
+/* Whether two places end patches that hang together, and are on one side of them. */
+static bool are_of_one_side(const merging *m, uint32_t i, uint32_t j)
 {
     const curve_rows *r = m->rows;
     for (size_t a = m->first_stand[i]; a < m->first_stand[i + 1]; a++)
         for (size_t b = m->first_stand[j]; b < m->first_stand[j + 1]; b++)
-            if (r->patch[a] == r->patch[b] && vec3_dot(r->normal[a], r->normal[b]) > QUALITY_SHEET_FACING)
+            if (m->joined[r->patch[a]] == m->joined[r->patch[b]] &&
+                vec3_dot(r->normal[a], r->normal[b]) > QUALITY_SHEET_FACING)
                 return true;
     return false;
 }
@@ -166,7 +170,7 @@ static uint32_t find_host(merging *m, uint32_t place, uint32_t curve)
         const uint32_t a = m->into[s->from], b = m->into[s->to];
         const double away = distance_to(x, m->rows->position[a], m->rows->position[b]);
         const uint32_t nearer = apart(m, place, a) <= apart(m, place, b) ? a : b;
-        if (!(away < reach) || nearer == place || !share_patch(m, place, nearer)) continue;
+        if (!(away < reach) || nearer == place || !are_of_one_side(m, place, nearer)) continue;
         if (apart(m, place, nearer) >= least) continue;
         least = apart(m, place, nearer);
         host = nearer;
@@ -188,7 +192,8 @@ static void join_corner(merging *m, uint32_t corner)
         if (s->from == corner || s->to == corner) continue;
         if (!(distance_to(x, m->rows->position[s->from], m->rows->position[s->to]) < reach)) continue;
         const uint32_t place = end[apart(m, corner, end[1]) < apart(m, corner, end[0])];
-        if (m->into[place] != place || m->into[corner] != corner || !share_patch(m, corner, place)) continue;
+        if (m->into[place] != place || m->into[corner] != corner || !are_of_one_side(m, corner, place))
+            continue;
         if (place >= m->rows->corners) m->into[place] = corner;
         if (place < corner && apart(m, corner, place) < reach) m->into[corner] = place;
     }
@@ -205,7 +210,7 @@ static void join_loose(merging *m, uint32_t corner)
         for (int i = 0; i < 2; i++) {
             if (end[i] == corner || m->into[end[i]] != end[i] || !(apart(m, corner, end[i]) < least))
                 continue;
-            if (share_patch(m, corner, end[i])) least = apart(m, corner, m->into[corner] = end[i]);
+            if (are_of_one_side(m, corner, end[i])) least = apart(m, corner, m->into[corner] = end[i]);
         }
     }
 }
@@ -261,8 +266,8 @@ static bool lend_beside(merging *m, uint32_t place, error *e)
         const double away =
             distance_to(m->rows->position[place], m->rows->position[s->from], m->rows->position[s->to]);
         for (int i = 0; i < 2 && away < reach; i++)
-            if (m->into[end[i]] != end[i] && end[i] >= m->rows->corners && share_patch(m, place, end[i]) &&
-                !lend_all(m, place, end[i], e))
+            if (m->into[end[i]] != end[i] && end[i] >= m->rows->corners &&
+                are_of_one_side(m, place, end[i]) && !lend_all(m, place, end[i], e))
                 return false;
     }
     return true;
@@ -322,6 +327,16 @@ static bool rebuild(merging *m, error *e)
     return ok;
 }
 
+/* Makes `joined` the least patch of each set. */
+static void join_patches(merging *m)
+{
+    const curve_rows *r = m->rows;
+    sets_reset(m->joined, m->in->patch_count);
+    for (size_t k = 1; k < r->stands; k++)
+        if (r->place[k] == r->place[k - 1]) sets_join(m->joined, r->patch[k], r->patch[k - 1]);
+    for (uint32_t k = 0; k < m->in->patch_count; k++) m->joined[k] = sets_root(m->joined, k);
+}
+
 bool near_rows_merge(const near_rows_input *in, curve_rows *rows, error *e)
 {
     merging m = {.in = in, .rows = rows};
@@ -334,8 +349,10 @@ bool near_rows_merge(const near_rows_input *in, curve_rows *rows, error *e)
     m.curve_at = mem_array(rows->count, sizeof *m.curve_at, what, e);
     m.ends = mem_array(rows->count, sizeof *m.ends, what, e);
     m.first_stand = mem_array(rows->count + 1, sizeof *m.first_stand, what, e);
-    bool ok = m.sides && m.sides_of && m.into && m.curve_at && m.ends && m.first_stand;
+    m.joined = mem_array(in->patch_count, sizeof *m.joined, what, e);
+    bool ok = m.sides && m.sides_of && m.into && m.curve_at && m.ends && m.first_stand && m.joined;
     if (ok) {
+        join_patches(&m);
         for (size_t k = 0; k < rows->stands; k++) m.first_stand[rows->place[k] + 1] = k + 1;
         for (size_t k = 1; k <= rows->count; k++)
             if (m.first_stand[k] < m.first_stand[k - 1]) m.first_stand[k] = m.first_stand[k - 1];
@@ -351,6 +368,7 @@ bool near_rows_merge(const near_rows_input *in, curve_rows *rows, error *e)
     free(m.curve_at);
     free(m.ends);
     free(m.first_stand);
+    free(m.joined);
     free(m.lents);
     return ok;
 }

@@ -1,10 +1,10 @@
 /* near_rows: rows along curves that come nearer to each other than points can lie are made one.
  *
  * A place of a row that is within NEAR_ROWS spacings of an earlier row, or of a corner, is left out (of a scan's within
- * NEAR_ROUGH_ROWS), a corner that is within
- * so many of an earlier corner as well, and the places there stand for its patches, too. So are the rows of two creases that
- * part at an acute angle, and of a step that is low beside the spacing: triangles between such rows would be slivers. On a scan a
- * curve begins, ends and bends where no other place is near. Rows on opposite sides of a sheet stay two. World space.
+ * NEAR_ROUGH_ROWS), a corner that is within so many of an earlier corner as well, and the places there stand for its patches, too.
+ * The rows may be of different patches if these hang together by curves: so the rims of a wall thinner than that are one row, and the
+ * rows of two creases that part at an acute angle, or of a low step. On a scan a curve begins, ends and bends where no other place
+ * is near. Rows on opposite sides of a sheet stay two, and so do those of patches that do not hang together. World space.
  */
 #ifndef HEXAD_CURVES_NEAR_ROWS_H
 #define HEXAD_CURVES_NEAR_ROWS_H
@@ -17,7 +17,7 @@
 #define NEAR_ROUGH_ROWS 0.35
 
 typedef struct near_rows_input {
-    size_t curve_count;
+    size_t patch_count, curve_count;
     const bool *closed;
     uint32_t (*end)[2];    /* of each curve that is not closed: the places of its corners */
     const size_t *first;   /* curve_count + 1: the places of curve c are first[c] .. first[c + 1] */

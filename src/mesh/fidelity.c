@@ -300,7 +300,7 @@ static bool is_hidden(const line_tree *tree, uint32_t n, vec3 p, vec3 normal)
 
 bool fidelity_hidden(const mesh *m, double *share, error *e)
 {
-    static const int looked_at = 8192;
+    static const int looked_at = 2048;
     line_tree *tree = line_tree_new(m, e);
     const double step = mesh_area(m) / looked_at;
     double passed = 0, next = 0.5 * step;
@@ -315,5 +315,34 @@ bool fidelity_hidden(const mesh *m, double *share, error *e)
     }
     line_tree_free(tree);
     *share = (double)hidden / looked_at;
+    return true;
+}
+
+/* Whether the outside is on one side of a place and, on the other, beyond less than `width`. */
+static bool is_thin(const line_tree *tree, uint32_t n, vec3 p, vec3 normal, double width)
+{
+    const vec3 d = vec3_unit(vec3_add(normal, tilt));
+    const line_crossings ahead = line_tree_cross(tree, p, d, n),
+                         behind = line_tree_cross(tree, p, vec3_scale(d, -1), n);
+    return (ahead.winding == 0 || behind.winding == 0) && fmin(ahead.ahead, behind.ahead) < width;
+}
+
+bool fidelity_thin(const mesh *m, double voxel, double *share, error *e)
+{
+    static const int looked_at = 1024;
+    line_tree *tree = line_tree_new(m, e);
+    const double step = mesh_area(m) / looked_at;
+    double passed = 0, next = 0.5 * step;
+    int thin = 0;
+    if (!tree) return false;
+    for (uint32_t n = 0; n < m->triangle_count; n++) {
+        const vec3 a = m->vertex[m->triangle[n][0]], ab = vec3_sub(m->vertex[m->triangle[n][1]], a);
+        const vec3 ac = vec3_sub(m->vertex[m->triangle[n][2]], a), normal = vec3_cross(ab, ac);
+        passed += 0.5 * vec3_norm(normal);
+        for (int k = 0; next < passed; k++, next += step)
+            thin += is_thin(tree, n, place_of(a, ab, ac, k), vec3_unit(normal), voxels_across * voxel);
+    }
+    line_tree_free(tree);
+    *share = (double)thin / looked_at;
     return true;
 }

@@ -42,4 +42,8 @@ void fidelity_free(fidelity *f);
  * over its area. Errors: limit_memory. */
 bool fidelity_hidden(const mesh *m, double *share, error *e);
 
+/* An estimate, from 1024 places, of the share of such a mesh that is not hidden and that voxels of this size, world units, leave out.
+ * Errors: limit_memory. */
+bool fidelity_thin(const mesh *m, double voxel, double *share, error *e);
+
 #endif

@@ -57,6 +57,18 @@ static bool asks_for_volume(const mesh_source_request *r)
     return r->as_level_set || !s->on_mesh || s->voxel_size > 0 || s->resolution > 0;
 }
 
+/* Whether level sets of a closed mesh that hides parts of itself would be in vain: as small as voxels can be they leave out more than
+ * may be missing. In a mesh of which vertices are displaced they also take the most time. */
+static bool is_tangled(const mesh_source_request *r, const mesh *m, bool *out, mesh_notes *notes, error *e)
+{
+    static const double surely = 5; /* times: a share that is estimated from a thousand places */
+    double thin;
+    if (!fidelity_thin(m, resolution_begin(m, &r->as_volume.resolution).finest, &thin, e)) return false;
+    *out = thin > surely * most_missing;
+    if (*out) mesh_note(notes, "the mesh is thinner than voxels can be: it is sampled on its triangles");
+    return true;
+}
+
 /* Whether a closed mesh is sampled on its triangles, as far as what it hides decides that. */
 static bool shows_enough(const mesh_source_request *r, const mesh_patches *p, bool *out, mesh_notes *notes,
                          error *e)
@@ -66,7 +78,8 @@ static bool shows_enough(const mesh_source_request *r, const mesh_patches *p, bo
     if (r->spec->interior == SPEC_INTERIOR_KEEP) return true;
     if (!fidelity_hidden(&p->m, &hidden, e)) return false;
     *out = r->resolve || hidden <= most_hidden;
-    if (*out && hidden > 0)
+    if (!*out) return is_tangled(r, &p->m, out, notes, e);
+    if (hidden > 0)
         mesh_note(
             notes,
             "%.3g %% of the mesh lie within its solids and have points, too: interior \"drop\" leaves them out",
@@ -306,7 +319,7 @@ static bool open_read(const mesh_source_request *r, const welded *w, const mesh_
         mesh_note(&about,
                   "%zu of %zu triangles are turned: normals agree along edges and point out of closed parts",
                   patches.turned, patches.m.triangle_count);
-    patches.merges_near_rows = r->resolve && patches.closed;
+    patches.merges_near_rows = true;
     mesh_surface *surface =
         mesh_surface_new(&patches, longest_cell(r, &patches), r->as_volume.resolution.memory_limit, e);
     if (!surface) return error_prefix(e, "%s", r->as_volume.path);

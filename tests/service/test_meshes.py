@@ -403,16 +403,16 @@ def test_a_blade_thinner_than_voxels(worker, tmp_path):
     turn = blade(tmp_path / "blade.obj", sides)
     job = mesh("blade.obj", 2000)
     job["output"]["mesh"] = True
-    assert worker(job).returncode == 11
+    assert worker(job).returncode == 0
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     points = Points((tmp_path / "out" / "points.ply").read_bytes())
     at = points.position @ turn / sides
-    # both rows along a narrow face lie on it, less than a fiftieth of the spacing apart
-    assert [r["criterion"] for r in report["outcome_reasons"]] == ["close_share"] and report["quality"]["coincident"] == 0
+    # both rows along a narrow face would be less than a fiftieth of the spacing apart: they are one
+    assert report["quality"]["close_share"] == report["quality"]["coincident"] == 0
     assert report["surface"]["mesh"]["patches"] == 6 and report["surface"]["mesh"]["curves"] == 12
     assert report["mesh"]["closed"]
     assert report["count"] == 2000 and report["quality"]["lost"] == 0 and report["quality"]["coverage"] < 0.8
-    assert numpy.abs(numpy.abs(at[:, 2] - 0.5) - 0.5).max() < 0.01 and 900 < (at[:, 2] > 0.5).sum() < 1100
+    assert numpy.abs(numpy.abs(at[:, 2] - 0.5) - 0.5).max() < 0.01 and 800 < (at[:, 2] > 0.5).sum() < 1200
 
 
 def test_an_open_sheet_in_folds_narrower_than_the_spacing_has_a_whole_mesh(worker, tmp_path):

@@ -536,7 +536,7 @@ static void rows_of_one_patch_merge_on_one_side_only(void **state)
             rows.border[0] += half[k] = 0.5;
             spacing[k] = 2 * M_PI / PLACES;
         }
-        const near_rows_input in = {2, closed, end, first, spacing, half, false};
+        const near_rows_input in = {2, 2, closed, end, first, spacing, half, false};
         error e = {0};
         assert_true(near_rows_merge(&in, &rows, &e));
         assert_int_equal(rows.count, facing < 0 ? 2 * PLACES : PLACES);
