@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/isa.h"
 #include "base/memory.h"
 #include "geometry/sym3.h"
 
@@ -34,6 +35,7 @@ typedef struct work {
     const label_lines *l;
     const vec3 *normal;     /* of each vertex: the sum of its triangles' */
     const uint32_t *fitted; /* of each vertex of a line: the one at which its interfaces are fitted */
+    const bool *beside;     /* of each vertex: a neighbour is on a line */
     vec3 *out;
     struct scratch *scratch; /* of each worker */
 } work;
@@ -44,6 +46,7 @@ typedef struct near_by {
     size_t count;
     double radius;
     uint16_t place[4 * MOST_NEAR]; /* open addressing: one more than a vertex's place, or 0 */
+    uint16_t used[MOST_NEAR];      /* the places that are not 0 */
 } near_by;
 
 static void add(near_by *n, uint32_t v)
@@ -52,6 +55,7 @@ static void add(near_by *n, uint32_t v)
     size_t k = v * 0x9E3779B1u % places;
     for (; n->place[k]; k = (k + 1) % places)
         if (n->vertex[n->place[k] - 1] == v) return;
+    n->used[n->count] = (uint16_t)k;
     n->vertex[n->count++] = v;
     n->place[k] = (uint16_t)n->count;
 }
@@ -62,7 +66,6 @@ static void gather(const label_lines *l, uint32_t start, near_by *out)
     const vec3 x = l->m->vertex[start];
     uint32_t at = start;
     out->count = 0;
-    memset(out->place, 0, sizeof out->place);
     for (size_t next = 0;; at = out->vertex[next++]) {
         for (size_t i = g->first[at]; i < g->first[at + 1] && out->count < MOST_NEAR; i++) {
             const uint32_t v = g->neighbour[i];
@@ -71,6 +74,7 @@ static void gather(const label_lines *l, uint32_t start, near_by *out)
         }
         if (next == out->count) break;
     }
+    for (size_t k = 0; k < out->count; k++) out->place[out->used[k]] = 0;
 }
 
 /* Solves the symmetric positive definite system in place (Cholesky). */
@@ -94,11 +98,11 @@ static void solve(double a[TERMS][TERMS], double b[TERMS], int terms)
 /* Voxels beside a line are those of wedges, of which some are missing: they count for less. */
 static const double beside_weight = 0.5;
 
-static bool is_beside_line(const label_graph *g, uint32_t v)
+static void find_beside(const label_graph *g, size_t vertices, bool *beside)
 {
-    for (size_t i = g->first[v]; i < g->first[v + 1]; i++)
-        if (g->along[g->neighbour[i]] > 0) return true;
-    return false;
+    for (size_t v = 0; v < vertices; v++)
+        for (size_t i = g->first[v]; i < g->first[v + 1] && !beside[v]; i++)
+            beside[v] = g->along[g->neighbour[i]] > 0;
 }
 
 /* From one voxel to the other of a middle: it has half a voxel along the axes in which they differ. */
@@ -107,30 +111,57 @@ static vec3 apart_at(vec3 middle)
     return (vec3){middle.x != floor(middle.x), middle.y != floor(middle.y), middle.z != floor(middle.z)};
 }
 
-/* The middle of two voxels of one interface. */
+/* The middles of two voxels of one interface, AT_ONCE together: the last are filled up with such as weigh nothing. In radii. */
+enum { AT_ONCE = 8 };
+
 typedef struct between {
-    vec3 off, apart; /* from the vertex; of the voxels; in radii */
-    double near, weight;
+    double off[3][AT_ONCE];   /* from the vertex */
+    double apart[3][AT_ONCE]; /* of the voxels */
+    double near[AT_ONCE], weight[AT_ONCE];
 } between;
+
+typedef struct betweens {
+    size_t count;
+    double near, weight; /* of all */
+    between at[MOST_NEAR / AT_ONCE];
+} betweens;
 
 /* What one thread looks at. */
 typedef struct scratch {
     near_by near;
-    between between[MOST_NEAR];
+    betweens between;
 } scratch;
 
-static size_t list_between(const work *w, const near_by *n, uint32_t kind, vec3 x, between out[MOST_NEAR])
+static void put(double to[3][AT_ONCE], size_t lane, vec3 x)
 {
-    size_t count = 0;
+    for (int k = 0; k < 3; k++) to[k][lane] = vec3_get(x, k);
+}
+
+ISA_INLINE vec3 get(const double from[3][AT_ONCE], int lane)
+{
+    return (vec3){from[0][lane], from[1][lane], from[2][lane]};
+}
+
+static void list_between(const work *w, const near_by *n, uint32_t kind, vec3 x, betweens *out)
+{
+    out->count = 0;
+    out->near = out->weight = 0;
     for (size_t k = 0; k < n->count; k++) {
-        if (w->l->graph->kind[n->vertex[k]] != kind) continue;
-        const vec3 middle = w->l->middle[n->vertex[k]], off = vec3_scale(vec3_sub(middle, x), 1 / n->radius);
-        const double near = fmax(1 - vec3_norm2(off), 0);
-        out[count++] =
-            (between){off, vec3_scale(apart_at(middle), 1 / n->radius), near,
-                      near * near * (is_beside_line(w->l->graph, n->vertex[k]) ? beside_weight : 1)};
+        const uint32_t v = n->vertex[k];
+        if (w->l->graph->kind[v] != kind) continue;
+        const vec3 middle = w->l->middle[v], off = vec3_scale(vec3_sub(middle, x), 1 / n->radius);
+        const double near = fmax(1 - vec3_norm2(off), 0),
+                     weight = near * near * (w->beside[v] ? beside_weight : 1);
+        between *to = &out->at[out->count / AT_ONCE];
+        const size_t lane = out->count++ % AT_ONCE;
+        if (lane == 0) *to = (between){0};
+        put(to->off, lane, off);
+        put(to->apart, lane, vec3_scale(apart_at(middle), 1 / n->radius));
+        to->near[lane] = near;
+        to->weight[lane] = weight;
+        out->near += near;
+        out->weight += weight;
     }
-    return count;
 }
 
 /* A height over a plane: term[0] + term[1] s + term[2] t + f (term[3] s^2 + term[4] s t + term[5] t^2), in radii. By f the
@@ -142,59 +173,112 @@ typedef struct quadric {
 } quadric;
 
 /* The square of the way to a place over that of its shadow. */
-static double stretch(vec3 off, double s, double t)
+ISA_INLINE double stretch(vec3 off, double s, double t)
 {
     const double flat = s * s + t * t, all = vec3_norm2(off);
     return all < most_stretch * flat ? all / flat : most_stretch;
 }
 
 /* How far up a place lies from the quadric: no more than `most` where this passes between two voxels `apart`. */
-static double above(const quadric *q, vec3 off, vec3 apart, double *most)
+ISA_INLINE double above(const quadric *q, int terms, vec3 off, vec3 apart, double *most)
 {
     const double *c = q->term, s = vec3_dot(off, q->u), t = vec3_dot(off, q->v),
                  along_s = c[1] + 2 * c[3] * s + c[4] * t, along_t = c[2] + 2 * c[5] * t + c[4] * s;
     *most = 0.5 *
             fabs(vec3_dot(apart, q->up) - along_s * vec3_dot(apart, q->u) - along_t * vec3_dot(apart, q->v));
-    const double bend =
-        q->terms > PLANE ? stretch(off, s, t) * (c[3] * s * s + c[4] * s * t + c[5] * t * t) : 0;
+    const double bend = terms > PLANE ? stretch(off, s, t) * (c[3] * s * s + c[4] * s * t + c[5] * t * t) : 0;
     return vec3_dot(off, q->up) - (c[0] + c[1] * s + c[2] * t + bend);
+}
+
+/* The terms at a place, and how far up this lies; the sums over places of their products. */
+typedef double row __attribute__((vector_size(8 * sizeof(double))));
+
+typedef struct sums {
+    row of[TERMS];
+    double missed;
+} sums;
+
+/* Of places AT_ONCE: what the terms are multiplied by, and what they have missed. */
+typedef struct heights {
+    double s[AT_ONCE], t[AT_ONCE], stretch[AT_ONCE], up[AT_ONCE], weight[AT_ONCE], missed[AT_ONCE];
+} heights;
+
+ISA_INLINE void find_heights(const between *m, const quadric *before, const quadric *q, int terms,
+                             heights *out)
+{
+    for (int l = 0; l < AT_ONCE; l++) {
+        vec3 off = get(m->off, l);
+        double weight = m->weight[l], most, missed = 0;
+        if (before) {
+            const double up = above(before, terms, off, get(m->apart, l), &most), over = fabs(up) - most,
+                         back = (up > 0 ? -most : most) / (1 + between_weight);
+            const vec3 brought = vec3_axpy(back, before->up, off);
+            const bool misses = over > 0;
+            missed = misses ? m->near[l] * over * over : 0;
+            off = (vec3){misses ? brought.x : off.x, misses ? brought.y : off.y, misses ? brought.z : off.z};
+            weight *= misses ? 1 + between_weight : between_weight;
+        }
+        out->s[l] = vec3_dot(off, q->u);
+        out->t[l] = vec3_dot(off, q->v);
+        out->up[l] = vec3_dot(off, q->up);
+        out->stretch[l] = terms > PLANE ? stretch(off, out->s[l], out->t[l]) : 0;
+        out->weight[l] = weight;
+        out->missed[l] = missed;
+    }
+}
+
+ISA_INLINE void sum_terms(const betweens *m, const quadric *before, const quadric *q, int terms, sums *out)
+{
+    row sum[TERMS] = {0};
+    double missed = 0;
+    for (size_t k = 0; k < m->count; k += AT_ONCE) {
+        heights h;
+        find_heights(&m->at[k / AT_ONCE], before, q, terms, &h);
+        for (int l = 0; l < AT_ONCE; l++) { /* one by one: in this order */
+            const double s = h.s[l], t = h.t[l], f = h.stretch[l];
+            const row r = terms > PLANE ? (row){1, s, t, f * s * s, f * s * t, f * t * t, h.up[l]}
+                                        : (row){1, s, t, h.up[l]};
+            for (int i = 0; i < terms; i++) sum[i] += h.weight[l] * r[i] * r;
+            missed += h.missed[l];
+        }
+    }
+    memcpy(out->of, sum, sizeof sum);
+    out->missed = missed;
+}
+
+ISA_CLONES static void sum_plane(const betweens *m, const quadric *before, const quadric *q, sums *out)
+{
+    if (before)
+        sum_terms(m, before, q, PLANE, out);
+    else
+        sum_terms(m, NULL, q, PLANE, out);
+}
+
+ISA_CLONES static void sum_quadric(const betweens *m, const quadric *before, const quadric *q, sums *out)
+{
+    if (before)
+        sum_terms(m, before, q, TERMS, out);
+    else
+        sum_terms(m, NULL, q, TERMS, out);
 }
 
 /* Makes the quadric's terms anew, over its plane, by least squares: of the middles, and where there is a quadric before, of
  * by how much that one does not pass between their voxels: *missed, the root of the mean square, in radii. */
-static bool fit_terms(const between *m, size_t count, const quadric *before, quadric *q, double *missed)
+static bool fit_terms(const betweens *m, const quadric *before, quadric *q, double *missed)
 {
-    double a[TERMS][TERMS] = {{0}}, *b = q->term, all = 0, counted = 0, near = 0;
-    memset(b, 0, sizeof q->term);
+    double a[TERMS][TERMS];
+    sums sum;
     *missed = 0;
-    for (size_t k = 0; k < count; k++) {
-        vec3 off = m[k].off;
-        double weight = m[k].weight, most;
-        all += weight;
-        near += m[k].near;
-        if (before) {
-            const double up = above(before, off, m[k].apart, &most), over = fabs(up) - most;
-            if (over > 0) {
-                *missed += m[k].near * over * over;
-                off = vec3_axpy((up > 0 ? -most : most) / (1 + between_weight), before->up, off);
-                weight *= 1 + between_weight;
-            } else {
-                weight *= between_weight;
-            }
-        }
-        const double s = vec3_dot(off, q->u), t = vec3_dot(off, q->v),
-                     f = q->terms > PLANE ? stretch(off, s, t) : 0,
-                     term[TERMS] = {1, s, t, f * s * s, f * s * t, f * t * t};
-        for (int i = 0; i < q->terms; i++) {
-            for (int j = 0; j <= i; j++) a[i][j] += weight * term[i] * term[j];
-            b[i] += weight * term[i] * vec3_dot(off, q->up);
-        }
-        counted += weight;
+    if (m->weight < least_weight) return false;
+    (q->terms > PLANE ? sum_quadric : sum_plane)(m, before, q, &sum);
+    *missed = sqrt(sum.missed / m->near);
+    memset(q->term, 0, sizeof q->term);
+    for (int i = 0; i < q->terms; i++) {
+        for (int j = 0; j < q->terms; j++) a[i][j] = sum.of[i][j];
+        a[i][i] += i < PLANE ? plane_stiffness * sum.of[0][0] : curvature_stiffness;
+        q->term[i] = sum.of[i][q->terms];
     }
-    if (all < least_weight) return false;
-    *missed = sqrt(*missed / near);
-    for (int i = 0; i < q->terms; i++) a[i][i] += i < PLANE ? plane_stiffness * counted : curvature_stiffness;
-    solve(a, b, q->terms);
+    solve(a, q->term, q->terms);
     return true;
 }
 
@@ -215,7 +299,7 @@ typedef struct passing {
 
 /* Fits a plane or quadric, by its `terms`, and leaves in p the plane in which it passes x; *missed, in voxels. False: the
  * middles are too few. */
-static bool fit_quadric(const between *m, size_t count, double radius, int terms, passing *p, double *missed)
+static bool fit_quadric(const betweens *m, double radius, int terms, passing *p, double *missed)
 {
     quadric q = {.terms = terms}, before;
     double length;
@@ -223,7 +307,7 @@ static bool fit_quadric(const between *m, size_t count, double radius, int terms
         before = q;
         q.up = p->normal;
         vec3_frame(q.up, &q.u, &q.v);
-        if (!fit_terms(m, count, pass > 0 ? &before : NULL, &q, missed)) return false;
+        if (!fit_terms(m, pass > 0 ? &before : NULL, &q, missed)) return false;
         *missed *= radius;
         p->normal = normal_of(&q, &length);
         const double turned = vec3_norm(vec3_sub(p->normal, q.up)),
@@ -240,16 +324,16 @@ static bool fit_quadric(const between *m, size_t count, double radius, int terms
 static void fit(const work *w, scratch *on, vec3 x, passing *p)
 {
     const near_by *n = &on->near;
-    const size_t count = list_between(w, n, p->kind, x, on->between);
     vec3 sum = {0, 0, 0};
     p->grows = false;
     for (size_t k = 0; k < n->count; k++)
         if (w->l->graph->kind[n->vertex[k]] == p->kind) sum = vec3_add(sum, w->normal[n->vertex[k]]);
     if (!(vec3_norm2(sum) > 0)) return;
+    list_between(w, n, p->kind, x, &on->between);
     for (int terms = PLANE; terms <= TERMS && !p->grows; terms += TERMS - PLANE) {
         passing found = {.kind = p->kind, .is_known = true, .normal = vec3_unit(sum)};
         double missed;
-        if (!fit_quadric(on->between, count, n->radius, terms, &found, &missed)) return;
+        if (!fit_quadric(&on->between, n->radius, terms, &found, &missed)) return;
         p->grows = found.grows = missed <= most_missed;
         if (p->grows || (terms == TERMS && !p->is_known)) *p = found;
     }
@@ -340,16 +424,19 @@ bool label_lines_fit(const label_lines *l, threads *pool, vec3 *out, error *e)
     const size_t count = l->m->vertex_count;
     vec3 *normal = mem_array(count, sizeof *normal, what, e);
     uint32_t *fitted = mem_array(count, sizeof *fitted, what, e);
+    bool *beside = mem_array(count, sizeof *beside, what, e);
     scratch *room = mem_array((size_t)threads_count(pool), sizeof *room, what, e);
-    const bool ok = normal && fitted && room;
+    const bool ok = normal && fitted && beside && room;
     if (ok) {
         label_graph_normals(l->m, normal);
         choose_fitted(l->graph, count, fitted);
-        work w = {l, normal, fitted, out, room};
+        find_beside(l->graph, count, beside);
+        work w = {l, normal, fitted, beside, out, room};
         threads_run(pool, count, GRAIN, move_lines, &w);
     }
     free(normal);
     free(fitted);
+    free(beside);
     free(room);
     return ok;
 }
