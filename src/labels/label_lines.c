@@ -105,10 +105,15 @@ static void find_beside(const label_graph *g, size_t vertices, bool *beside)
             beside[v] = g->along[g->neighbour[i]] > 0;
 }
 
+static bool is_half(double x)
+{
+    return x != (double)(int64_t)x;
+}
+
 /* From one voxel to the other of a middle: it has half a voxel along the axes in which they differ. */
 static vec3 apart_at(vec3 middle)
 {
-    return (vec3){middle.x != floor(middle.x), middle.y != floor(middle.y), middle.z != floor(middle.z)};
+    return (vec3){is_half(middle.x), is_half(middle.y), is_half(middle.z)};
 }
 
 /* The middles of two voxels of one interface, AT_ONCE together: the last are filled up with such as weigh nothing. In radii. */
@@ -387,6 +392,13 @@ static vec3 place_on(const passing *p, int count, vec3 x, vec3 place)
     return vec3_add(place, sym3_solve(a, b));
 }
 
+/* The vertex of a line after v, on the way that came from `before`. */
+static uint32_t next_along(const label_graph *g, uint32_t before, uint32_t v)
+{
+    const uint32_t *ends = g->neighbour + g->first[v];
+    return ends[ends[0] == before];
+}
+
 static void move_lines(void *context, int worker, size_t begin, size_t end)
 {
     const work *w = context;
@@ -398,23 +410,38 @@ static void move_lines(void *context, int worker, size_t begin, size_t end)
         const int count = fit_interfaces(w, &w->scratch[worker], (uint32_t)v, p);
         w->out[v] = place_on(p, count, at[v], at[v]);
         for (size_t i = g->first[v]; i < g->first[v] + g->along[v]; i++) {
-            const uint32_t u = g->neighbour[i];
-            if (w->fitted[u] == v) w->out[u] = place_on(p, count, at[v], at[u]);
+            uint32_t before = (uint32_t)v, u = g->neighbour[i];
+            while (u != v && w->fitted[u] == v) {
+                w->out[u] = place_on(p, count, at[v], at[u]);
+                const uint32_t next = next_along(g, before, u);
+                before = u;
+                u = next;
+            }
         }
     }
 }
 
-/* Neighbours along a line are a fraction of a voxel apart and see the same planes: they are fitted at every other one or so, and in
- * each corner, for itself. */
-static void choose_fitted(const label_graph *g, size_t vertices, uint32_t *fitted)
+/* Vertices of a line this near to one another see nearly the same planes, in voxels: the interfaces are fitted at one of them, and in
+ * each corner, for itself. Twice as far lines of spheres of 10 voxels' radius would be off by up to .2 voxels. */
+static const double alike = 1;
+
+static void choose_fitted(const label_lines *l, uint32_t *fitted)
 {
-    for (size_t v = 0; v < vertices; v++) fitted[v] = UINT32_MAX;
-    for (size_t v = 0; v < vertices; v++) {
+    const label_graph *g = l->graph;
+    const vec3 *at = l->m->vertex;
+    for (size_t v = 0; v < l->m->vertex_count; v++) fitted[v] = UINT32_MAX;
+    for (size_t v = 0; v < l->m->vertex_count; v++) {
         if (g->along[v] == 0 || fitted[v] != UINT32_MAX) continue;
         fitted[v] = (uint32_t)v;
         for (size_t i = g->first[v]; g->along[v] == 2 && i < g->first[v] + 2; i++) {
-            const uint32_t u = g->neighbour[i];
-            if (g->along[u] == 2 && fitted[u] == UINT32_MAX) fitted[u] = (uint32_t)v;
+            uint32_t before = (uint32_t)v, u = g->neighbour[i];
+            while (g->along[u] == 2 && fitted[u] == UINT32_MAX &&
+                   vec3_norm2(vec3_sub(at[u], at[v])) <= alike * alike) {
+                fitted[u] = (uint32_t)v;
+                const uint32_t next = next_along(g, before, u);
+                before = u;
+                u = next;
+            }
         }
     }
 }
@@ -429,7 +456,7 @@ bool label_lines_fit(const label_lines *l, threads *pool, vec3 *out, error *e)
     const bool ok = normal && fitted && beside && room;
     if (ok) {
         label_graph_normals(l->m, normal);
-        choose_fitted(l->graph, count, fitted);
+        choose_fitted(l, fitted);
         find_beside(l->graph, count, beside);
         work w = {l, normal, fitted, beside, out, room};
         threads_run(pool, count, GRAIN, move_lines, &w);
