@@ -67,13 +67,25 @@ struct mesh_surface {
     bool *at_end;              /* of each vertex: the patch ends there */
     uint32_t (
         *beside)[3]; /* of each triangle: which one shares the side that begins at corner k; ENDS: none */
-    piece **pieces;  /* in blocks: for an array that grew there would be pages twice as often */
-    size_t piece_count, block_room;
+    size_t
+        whole_count; /* triangles before the first that is cut: each is a piece by itself, and none of `pieces` */
+    piece **pieces; /* in blocks: for an array that grew there would be pages twice as often */
+    size_t piece_count, block_room; /* piece_count: of `pieces` */
 };
 
-static piece *piece_at(const mesh_surface *s, size_t k)
+static piece whole_triangle(size_t n)
+{
+    return (piece){(uint32_t)n, {{{WHOLE, 0}}, {{0, WHOLE}}, {{0, 0}}}};
+}
+
+static piece *cut_piece_at(const mesh_surface *s, size_t k)
 {
     return &s->pieces[k / BLOCK][k % BLOCK];
+}
+
+static piece piece_at(const mesh_surface *s, size_t k)
+{
+    return k < s->whole_count ? whole_triangle(k) : *cut_piece_at(s, k - s->whole_count);
 }
 
 /* ---- normals and how they turn */
@@ -462,13 +474,15 @@ static vec3 place_of(const mesh_surface *s, uint32_t n, corner_weights w)
 
 static size_t count_cells(const field *f)
 {
-    return ((const mesh_surface *)f)->piece_count;
+    const mesh_surface *s = (const mesh_surface *)f;
+    return s->whole_count + s->piece_count;
 }
 
 static int cell_triangles(const field *f, size_t k, vec3 out[FIELD_CELL_TRIANGLES][3])
 {
     const mesh_surface *s = (const mesh_surface *)f;
-    for (int i = 0; i < 3; i++) out[0][i] = place_of(s, piece_at(s, k)->triangle, piece_at(s, k)->corner[i]);
+    const piece p = piece_at(s, k);
+    for (int i = 0; i < 3; i++) out[0][i] = place_of(s, p.triangle, p.corner[i]);
     return 1;
 }
 
@@ -488,7 +502,7 @@ static uint32_t patch_at(const field *f, size_t k, vec3 x)
 {
     const mesh_surface *s = (const mesh_surface *)f;
     (void)x;
-    return (uint32_t)patch_of(s, piece_at(s, k)->triangle);
+    return (uint32_t)patch_of(s, piece_at(s, k).triangle);
 }
 
 static double no_side(const field *f, vec3 x)
@@ -515,16 +529,26 @@ static bool refuse_pieces(const cutting *c, error *e)
         c->longest, c->most);
 }
 
+static bool is_whole(const piece *p)
+{
+    return p->corner[0].of[0] == WHOLE && p->corner[1].of[1] == WHOLE && p->corner[2].of[0] == 0 &&
+           p->corner[2].of[1] == 0;
+}
+
 static bool add_piece(mesh_surface *s, const piece *p, const cutting *c, error *e)
 {
-    if (s->piece_count == c->most) return refuse_pieces(c, e);
+    if (s->whole_count + s->piece_count == c->most) return refuse_pieces(c, e);
+    if (s->piece_count == 0 && is_whole(p)) {
+        s->whole_count++;
+        return true;
+    }
     if (s->piece_count % BLOCK == 0) {
         const size_t block = s->piece_count / BLOCK;
         piece **grown = mem_grow(s->pieces, block, &s->block_room, 64, sizeof *grown, what, e);
         if (grown) s->pieces = grown;
         if (!grown || !(grown[block] = mem_array(BLOCK, sizeof **grown, what, e))) return false;
     }
-    *piece_at(s, s->piece_count++) = *p;
+    *cut_piece_at(s, s->piece_count++) = *p;
     return true;
 }
 
@@ -573,7 +597,7 @@ static bool cut_pieces(mesh_surface *s, double longest, size_t memory_limit, err
     /* along the longest side alone there would be so many: before the cuts go as deep as that */
     if (bbox_longest(mesh_box(m, NULL)) / longest > (double)c.most) return refuse_pieces(&c, e);
     for (uint32_t n = 0; n < m->triangle_count; n++) {
-        const piece all = {n, {{{WHOLE, 0}}, {{0, WHOLE}}, {{0, 0}}}};
+        const piece all = whole_triangle(n);
         const uint32_t *t = m->triangle[n];
         if (!cut_piece(s, &all, (vec3[]){m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]}, &c, e))
             return false;

@@ -15,9 +15,8 @@ enum { LEAF = 4, DEEPEST = 64 };
 
 /* Once it is made. */
 typedef struct halves {
-    uint32_t *order;  /* triangles, those of each node together */
-    triangle *corner; /* of these, in their order */
-    bbox *box;        /* of node k, whose halves are 2 k + 1 and 2 k + 2 */
+    uint32_t *order; /* triangles, those of each node together */
+    bbox *box;       /* of node k, whose halves are 2 k + 1 and 2 k + 2 */
     atomic_bool made;
     pthread_mutex_t making;
 } halves;
@@ -36,7 +35,7 @@ static size_t places_for(size_t count)
     return nodes;
 }
 
-static triangle triangle_of(const mesh *m, size_t k)
+static inline triangle triangle_of(const mesh *m, size_t k)
 {
     const uint32_t *corner = m->triangle[k];
     return (triangle){m->vertex[corner[0]], m->vertex[corner[1]], m->vertex[corner[2]]};
@@ -48,8 +47,8 @@ static bbox build(const mesh *m, halves *h, size_t node, const vec3 *middle, siz
     bbox box = bbox_empty();
     if (count <= LEAF) {
         for (size_t k = first; k < first + count; k++) {
-            h->corner[k] = triangle_of(m, h->order[k]);
-            box = bbox_unite(box, triangle_box(&h->corner[k]));
+            const triangle t = triangle_of(m, h->order[k]);
+            box = bbox_unite(box, triangle_box(&t));
         }
     } else {
         const size_t half = count / 2;
@@ -65,9 +64,8 @@ static bool make(const mesh *m, halves *h, error *e)
     const char *what = "the tree of a mesh";
     vec3 *middle = mem_array(m->triangle_count, sizeof *middle, what, e);
     h->order = mem_array(m->triangle_count, sizeof *h->order, what, e);
-    h->corner = mem_array(m->triangle_count, sizeof *h->corner, what, e);
     h->box = mem_array(places_for(m->triangle_count), sizeof *h->box, what, e);
-    const bool ok = middle && h->order && h->corner && h->box;
+    const bool ok = middle && h->order && h->box;
     for (uint32_t k = 0; ok && k < m->triangle_count; k++) {
         const triangle t = triangle_of(m, k);
         middle[k] = vec3_scale(vec3_add(t.a, vec3_add(t.b, t.c)), 1.0 / 3);
@@ -101,7 +99,6 @@ void nearest_triangle_free(nearest_triangle *n)
 {
     if (!n) return;
     free(n->halves->order);
-    free(n->halves->corner);
     free(n->halves->box);
     pthread_mutex_destroy(&n->halves->making);
     free(n->halves);
@@ -166,8 +163,8 @@ typedef struct visit {
     double distance2;
 } visit;
 
-/* The place in `order` of the nearest triangle, whose squared distance goes to *nearest; that of none when all are farther
- * than that or not accepted. */
+/* The nearest triangle, whose squared distance goes to *nearest; the number of triangles when all are farther than that or not
+ * accepted. */
 static inline size_t search(const nearest_triangle *n, vec3 p, double *nearest,
                             nearest_triangle_accept *accept, const void *context)
 {
@@ -181,12 +178,13 @@ static inline size_t search(const nearest_triangle *n, vec3 p, double *nearest,
         if (!(v.distance2 < best)) continue;
         if (v.count <= LEAF) {
             for (size_t k = v.first; k < v.first + v.count; k++) {
-                if (is_beyond(&h->corner[k], p, best)) continue;
-                const double distance2 = triangle_distance2(&h->corner[k], p);
+                const triangle t = triangle_of(n->mesh, h->order[k]);
+                if (is_beyond(&t, p, best)) continue;
+                const double distance2 = triangle_distance2(&t, p);
                 if (!(distance2 < best)) continue;
-                if (accept && !accept(context, h->order[k], &h->corner[k])) continue;
+                if (accept && !accept(context, h->order[k], &t)) continue;
                 best = distance2;
-                found = k;
+                found = h->order[k];
             }
             continue;
         }
@@ -205,16 +203,22 @@ bool nearest_triangle_find_nearer(const nearest_triangle *n, vec3 p, double *dis
 {
     const size_t found = search(n, p, distance2, NULL, NULL);
     if (found == n->mesh->triangle_count) return false;
-    *nearest = n->halves->order[found];
+    *nearest = found;
     return true;
+}
+
+static size_t weights_of(const nearest_triangle *n, size_t found, vec3 p, double weight[3])
+{
+    const triangle t = triangle_of(n->mesh, found);
+    triangle_weights(&t, p, weight);
+    return found;
 }
 
 size_t nearest_triangle_find(const nearest_triangle *n, vec3 p, double weight[3])
 {
     double distance2 = INFINITY;
     const size_t found = search(n, p, &distance2, NULL, NULL);
-    triangle_weights(&n->halves->corner[found], p, weight);
-    return n->halves->order[found];
+    return weights_of(n, found, p, weight);
 }
 
 /* The square of the distance to a triangle, so much larger that rounding hides neither it nor another that is as near: with that for
@@ -231,8 +235,7 @@ size_t nearest_triangle_find_from(const nearest_triangle *n, vec3 p, size_t star
     double distance2 = bound_by(n, p, start);
     const size_t found = search(n, p, &distance2, NULL, NULL);
     if (found == n->mesh->triangle_count) return nearest_triangle_find(n, p, weight);
-    triangle_weights(&n->halves->corner[found], p, weight);
-    return n->halves->order[found];
+    return weights_of(n, found, p, weight);
 }
 
 static inline bool boxes_meet(const bbox *a, const bbox *b)
@@ -263,9 +266,10 @@ bool nearest_triangle_any(const nearest_triangle *n, bbox box, nearest_triangle_
         const visit v = stack[--depth];
         if (!boxes_meet(&h->box[v.node], &box)) continue;
         if (v.count <= LEAF) {
-            for (size_t k = v.first; k < v.first + v.count; k++)
-                if (triangle_meets(&h->corner[k], &box) && accept(context, h->order[k], &h->corner[k]))
-                    return true;
+            for (size_t k = v.first; k < v.first + v.count; k++) {
+                const triangle t = triangle_of(n->mesh, h->order[k]);
+                if (triangle_meets(&t, &box) && accept(context, h->order[k], &t)) return true;
+            }
             continue;
         }
         const size_t half = v.count / 2;
@@ -281,7 +285,8 @@ bool nearest_triangle_find_among(const nearest_triangle *n, vec3 p, double withi
     double distance2 = within * within;
     const size_t found = search(n, p, &distance2, accept, context);
     if (found == n->mesh->triangle_count) return false;
-    *place = triangle_nearest(&n->halves->corner[found], p);
+    const triangle t = triangle_of(n->mesh, found);
+    *place = triangle_nearest(&t, p);
     return true;
 }
 
@@ -289,7 +294,7 @@ size_t nearest_triangle_bytes(const nearest_triangle *n)
 {
     const size_t count = n->mesh->triangle_count;
     const halves *h = n->halves;
-    return count * (sizeof *h->order + sizeof *h->corner) + places_for(count) * sizeof *h->box;
+    return count * sizeof *h->order + places_for(count) * sizeof *h->box;
 }
 
 /* ---- several */
@@ -405,7 +410,8 @@ bool nearest_of_several_find_among(const nearest_of_several *n, vec3 p, double w
                                    nearest_triangle_accept *accept, const void *context, vec3 *place)
 {
     double best = within * within;
-    const triangle *found = NULL;
+    bool is_found = false;
+    triangle found;
     visit stack[DEEPEST];
     stack[0] = (visit){0, 0, n->count, box_distance2(&n->box[0], p)};
     for (int depth = 1; depth > 0;) {
@@ -416,7 +422,9 @@ bool nearest_of_several_find_among(const nearest_of_several *n, vec3 p, double w
                 const nearest_triangle *tree = n->tree[n->order[k]];
                 if (!(box_distance2(&tree->box, p) < best)) continue;
                 const size_t at = search(tree, p, &best, accept, context);
-                if (at < tree->mesh->triangle_count) found = &tree->halves->corner[at];
+                if (at == tree->mesh->triangle_count) continue;
+                found = triangle_of(tree->mesh, at);
+                is_found = true;
             }
             continue;
         }
@@ -425,8 +433,8 @@ bool nearest_of_several_find_among(const nearest_of_several *n, vec3 p, double w
         stack[depth++] = half[1];
         stack[depth++] = half[0];
     }
-    if (found) *place = triangle_nearest(found, p);
-    return found != NULL;
+    if (is_found) *place = triangle_nearest(&found, p);
+    return is_found;
 }
 
 void nearest_of_several_improve(const nearest_of_several *n, vec3 p, size_t *tree, size_t *nearest)
