@@ -25,12 +25,13 @@ typedef struct work {
     const label_smoothing *s;
     const vec3 *from; /* before */
     label_graph graph;
-    vec3 *old, *now, *next, *sum; /* two terms and the next; what they add up to */
-    double factor;                /* of the next */
-    const vec3 *normal;           /* of each vertex */
-    const unsigned char *rings;   /* from each vertex to a line; more than RINGS: RINGS + 1 */
-    bool begins;                  /* the next is the first mean */
-    bool corners_stay;            /* they were brought to where their interfaces meet */
+    vec3 *old, *now;            /* two terms: the next takes the place of the older one */
+    vec3 *sum;                  /* what they add up to: the vertices of the mesh */
+    double factor;              /* of the next */
+    const vec3 *normal;         /* of each vertex */
+    const unsigned char *rings; /* from each vertex to a line; more than RINGS: RINGS + 1 */
+    bool begins;                /* the next is the first mean */
+    bool corners_stay;          /* they were brought to where their interfaces meet */
 } work;
 
 /* ---- the filter */
@@ -80,8 +81,8 @@ static void next_term(void *context, int worker, size_t begin, size_t end)
         const size_t first = g->first[v], count = count_smoothing(w, v);
         for (size_t i = first; i < first + count; i++) mean = vec3_add(mean, w->now[g->neighbour[i]]);
         mean = count > 0 ? vec3_scale(mean, 1.0 / (double)count) : w->now[v];
-        w->next[v] = w->begins ? mean : vec3_axpy(-1, w->old[v], vec3_scale(mean, 2));
-        w->sum[v] = vec3_axpy(w->factor, w->next[v], w->sum[v]);
+        w->old[v] = w->begins ? mean : vec3_axpy(-1, w->old[v], vec3_scale(mean, 2));
+        w->sum[v] = vec3_axpy(w->factor, w->old[v], w->sum[v]);
     }
 }
 
@@ -91,14 +92,14 @@ static double clamped(double x, double from, double limit, int64_t size)
     return fmin(fmax(x, from - limit), from + limit);
 }
 
-/* Into their boxes. */
-static void bring_back(const work *w, mesh *m)
+/* Into their boxes, from `to`. */
+static void bring_back(const work *w, const vec3 *to, mesh *m)
 {
     for (size_t v = 0; v < m->vertex_count; v++) {
         const double limit = (double)w->s->limit[v];
-        m->vertex[v] = (vec3){clamped(w->sum[v].x, w->from[v].x, limit, w->s->size[0]),
-                              clamped(w->sum[v].y, w->from[v].y, limit, w->s->size[1]),
-                              clamped(w->sum[v].z, w->from[v].z, limit, w->s->size[2])};
+        m->vertex[v] = (vec3){clamped(to[v].x, w->from[v].x, limit, w->s->size[0]),
+                              clamped(to[v].y, w->from[v].y, limit, w->s->size[1]),
+                              clamped(to[v].z, w->from[v].z, limit, w->s->size[2])};
     }
 }
 
@@ -107,17 +108,17 @@ static void apply_terms(work *w, mesh *m, const double *term, int count, threads
 {
     const size_t vertices = m->vertex_count;
     memcpy(w->now, m->vertex, vertices * sizeof *w->now);
-    for (size_t v = 0; v < vertices; v++) w->sum[v] = vec3_scale(m->vertex[v], term[0]);
+    w->sum = m->vertex;
+    for (size_t v = 0; v < vertices; v++) w->sum[v] = vec3_scale(w->sum[v], term[0]);
     for (int n = 1; n < count; n++) {
         w->factor = term[n];
         w->begins = n == 1;
         threads_run(pool, vertices, GRAIN, next_term, w);
-        vec3 *free_one = w->old;
-        w->old = w->now;
-        w->now = w->next;
-        w->next = free_one;
+        vec3 *older = w->now;
+        w->now = w->old;
+        w->old = older;
     }
-    bring_back(w, m);
+    bring_back(w, m->vertex, m);
 }
 
 static bool any_line(const label_graph *g, size_t vertices)
@@ -131,9 +132,9 @@ static bool any_line(const label_graph *g, size_t vertices)
 static bool fit_lines(work *w, mesh *m, threads *pool, error *e)
 {
     const label_lines lines = {m, &w->graph, w->from, near_lines * w->s->length};
-    memcpy(w->sum, w->from, m->vertex_count * sizeof *w->sum);
-    if (!label_lines_fit(&lines, pool, w->sum, e)) return false;
-    bring_back(w, m);
+    memcpy(w->old, w->from, m->vertex_count * sizeof *w->old);
+    if (!label_lines_fit(&lines, pool, w->old, e)) return false;
+    bring_back(w, w->old, m);
     return true;
 }
 
@@ -164,7 +165,7 @@ static void spread_some(void *context, int worker, size_t begin, size_t end)
             continue;
         for (size_t i = g->first[v]; i < g->first[v + 1]; i++) sum = vec3_add(sum, w->now[g->neighbour[i]]);
         const vec3 n = vec3_unit(w->normal[v]), off = vec3_axpy(-(double)count, w->now[v], sum);
-        w->next[v] = vec3_axpy(1.0 / (double)count, vec3_axpy(-vec3_dot(off, n), n, off), w->now[v]);
+        w->sum[v] = vec3_axpy(1.0 / (double)count, vec3_axpy(-vec3_dot(off, n), n, off), w->now[v]);
     }
 }
 
@@ -191,14 +192,13 @@ static bool spread(work *w, mesh *m, threads *pool, error *e)
     if (ok) {
         count_rings(&w->graph, m->vertex_count, rings);
         w->rings = rings;
-        w->normal = w->sum;
+        w->normal = w->old;
+        w->sum = m->vertex;
         const mesh there = {m->vertex_count, list_beside_lines(w, m, beside), m->vertex, beside, false};
-        memcpy(w->next, m->vertex, m->vertex_count * sizeof *w->next);
         for (int k = 0; k < SPREADS && there.triangle_count > 0; k++) {
-            label_graph_normals(&there, w->sum);
+            label_graph_normals(&there, w->old);
             memcpy(w->now, m->vertex, m->vertex_count * sizeof *w->now);
             threads_run(pool, m->vertex_count, GRAIN, spread_some, w);
-            memcpy(m->vertex, w->next, m->vertex_count * sizeof *w->next);
         }
     }
     free(rings);
@@ -209,11 +209,11 @@ static bool spread(work *w, mesh *m, threads *pool, error *e)
 bool label_smoothing_apply(const label_smoothing *s, mesh *m, const uint32_t *kind, threads *pool, error *e)
 {
     work w = {.s = s};
-    vec3 *room[5] = {NULL};
+    vec3 *room[3] = {NULL};
     double term[MOST_TERMS];
     if (!(s->length > 0)) return true;
     bool ok = label_graph_make(m, kind, &w.graph, e);
-    for (int k = 0; ok && k < 5; k++)
+    for (int k = 0; ok && k < 3; k++)
         ok = (room[k] = mem_array(m->vertex_count, sizeof(vec3), what, e)) != NULL;
     if (ok) {
         const int count = make_terms(s->length, term);
@@ -221,8 +221,6 @@ bool label_smoothing_apply(const label_smoothing *s, mesh *m, const uint32_t *ki
         w.from = room[0];
         w.old = room[1];
         w.now = room[2];
-        w.next = room[3];
-        w.sum = room[4];
         const bool has_lines = any_line(&w.graph, m->vertex_count);
         if (has_lines) {
             apply_terms(&w, m, term, count, pool);
@@ -232,7 +230,7 @@ bool label_smoothing_apply(const label_smoothing *s, mesh *m, const uint32_t *ki
         for (int round = 0; ok && round < ROUNDS; round++) apply_terms(&w, m, term, count, pool);
         ok = ok && (!has_lines || spread(&w, m, pool, e));
     }
-    for (int k = 0; k < 5; k++) free(room[k]);
+    for (int k = 0; k < 3; k++) free(room[k]);
     label_graph_free(&w.graph);
     return ok;
 }

@@ -406,10 +406,9 @@ static bool part_vertices(making *k, error *e)
     mesh_patches *out = k->out;
     size_t *to = mem_array(out->count, sizeof *to, what, e);
     uint32_t *set = mem_array(3 * m->triangle_count, sizeof *set, what, e);
-    uint32_t *number = mem_array(3 * m->triangle_count, sizeof *number, what, e);
     out->m.vertex = mem_array(3 * m->triangle_count, sizeof *out->m.vertex, what, e);
     out->m.triangle = mem_array(m->triangle_count, sizeof *out->m.triangle, what, e);
-    bool ok = to && set && number && out->m.vertex && out->m.triangle;
+    bool ok = to && set && out->m.vertex && out->m.triangle;
     if (ok) sets_reset(set, 3 * m->triangle_count);
     for (uint32_t v = 0; ok && v < m->vertex_count; v++)
         for (size_t i = k->edges->first[v]; i < k->edges->first[v + 1];
@@ -421,18 +420,19 @@ static bool part_vertices(making *k, error *e)
         }
     out->m.triangle_count = m->triangle_count;
     for (size_t p = 0; ok && p < out->count; p++) to[p] = out->first[p];
+    for (uint32_t c = 0; ok && c < 3 * m->triangle_count; c++) set[c] = sets_root(set, c);
     for (uint32_t c = 0; ok && c < 3 * m->triangle_count; c++) {
-        const uint32_t root = sets_root(set, c);
-        if (root == c) {
-            number[c] = (uint32_t)out->m.vertex_count;
-            out->m.vertex[out->m.vertex_count++] = m->vertex[m->triangle[c / 3][c % 3]];
+        if (set[c] == c) {
+            out->m.vertex[out->m.vertex_count] = m->vertex[m->triangle[c / 3][c % 3]];
+            set[c] = (uint32_t)out->m.vertex_count++;
+        } else {
+            set[c] = set[set[c]]; /* a root is the least of its set: it has its number already */
         }
-        out->m.triangle[to[k->patch[c / 3]]][c % 3] = number[root];
+        out->m.triangle[to[k->patch[c / 3]]][c % 3] = set[c];
         if (c % 3 == 2) to[k->patch[c / 3]]++;
     }
     free(to);
     free(set);
-    free(number);
     return ok;
 }
 
@@ -500,10 +500,29 @@ static bool list_edges(making *k, mesh_notes *notes, error *e)
     return mesh_edges_list(k->m, k->params->pool, &k->own, e);
 }
 
+/* What only patches and curves needed. */
+static void free_curve_scratch(making *k)
+{
+    orientation_free(&k->turned);
+    free(k->normal);
+    free(k->cuts);
+    free(k->patches);
+    free(k->at);
+    free(k->around);
+    free(k->corner);
+    k->normal = NULL;
+    k->cuts = NULL;
+    k->patches = k->around = NULL;
+    k->at = NULL;
+    k->corner = NULL;
+}
+
 static bool make(making *k, mesh_notes *notes, error *e)
 {
     if (!list_edges(k, notes, e) || !cut_edges(k, e)) return false;
-    return number_patches(k, e) && make_curves(k, e) && part_vertices(k, e);
+    if (!number_patches(k, e) || !make_curves(k, e)) return false;
+    free_curve_scratch(k);
+    return part_vertices(k, e);
 }
 
 bool mesh_patches_make(mesh *m, const mesh_patches_params *params, mesh_notes *notes, mesh_patches *out,
@@ -513,15 +532,9 @@ bool mesh_patches_make(mesh *m, const mesh_patches_params *params, mesh_notes *n
     making k = {.m = m, .params = params, .out = &made};
     bool ok = make(&k, notes, e);
     mesh_edges_free(&k.own);
-    orientation_free(&k.turned);
-    free(k.normal);
+    free_curve_scratch(&k);
     free(k.is_cut);
     free(k.patch);
-    free(k.cuts);
-    free(k.patches);
-    free(k.at);
-    free(k.around);
-    free(k.corner);
     mesh_free(m);
     if (ok)
         *out = made;
