@@ -47,6 +47,7 @@ typedef struct near_by {
     double radius;
     uint16_t place[4 * MOST_NEAR]; /* open addressing: one more than a vertex's place, or 0 */
     uint16_t used[MOST_NEAR];      /* the places that are not 0 */
+    bool at_end[MOST_NEAR];        /* a neighbour of the vertex is too far away */
 } near_by;
 
 static void add(near_by *n, uint32_t v)
@@ -60,21 +61,37 @@ static void add(near_by *n, uint32_t v)
     n->place[k] = (uint16_t)n->count;
 }
 
-static void gather(const label_lines *l, uint32_t start, near_by *out)
+static void forget(near_by *n)
+{
+    for (size_t k = 0; k < n->count; k++) n->place[n->used[k]] = 0;
+    n->count = 0;
+}
+
+/* Returns whether one is too far away. */
+static bool add_neighbours(const label_lines *l, vec3 x, uint32_t at, near_by *out)
 {
     const label_graph *g = l->graph;
-    const vec3 x = l->m->vertex[start];
-    uint32_t at = start;
-    out->count = 0;
-    for (size_t next = 0;; at = out->vertex[next++]) {
-        for (size_t i = g->first[at]; i < g->first[at + 1] && out->count < MOST_NEAR; i++) {
-            const uint32_t v = g->neighbour[i];
-            if (g->along[v] == 0 && vec3_norm2(vec3_sub(l->middle[v], x)) < out->radius * out->radius)
-                add(out, v);
-        }
-        if (next == out->count) break;
+    bool too_far = false;
+    for (size_t i = g->first[at]; i < g->first[at + 1] && out->count < MOST_NEAR; i++) {
+        const uint32_t v = g->neighbour[i];
+        if (g->along[v] > 0) continue;
+        if (vec3_norm2(vec3_sub(l->middle[v], x)) < out->radius * out->radius)
+            add(out, v);
+        else
+            too_far = true;
     }
-    for (size_t k = 0; k < out->count; k++) out->place[out->used[k]] = 0;
+    return too_far;
+}
+
+/* What is near the start, beside what was with a smaller radius. */
+static void gather(const label_lines *l, uint32_t start, near_by *out)
+{
+    const vec3 x = l->m->vertex[start];
+    const size_t known = out->count;
+    add_neighbours(l, x, start, out);
+    for (size_t next = 0; next < out->count; next++)
+        if (next >= known || out->at_end[next])
+            out->at_end[next] = add_neighbours(l, x, out->vertex[next], out);
 }
 
 /* Solves the symmetric positive definite system in place (Cholesky). */
@@ -363,6 +380,7 @@ static int fit_interfaces(const work *w, scratch *on, uint32_t v, passing out[MO
     near_by *near = &on->near;
     int count = 0;
     bool grows = true;
+    forget(near);
     near->radius = w->l->radius * (g->along[v] > 2 ? wider : 1);
     for (int k = 0; grows && k <= GROWTHS; k++, near->radius *= growth) {
         gather(w->l, v, near);
