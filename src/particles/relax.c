@@ -356,7 +356,7 @@ static bool move(const attempt *a, double s1, double s2, vec3 *x, vec3 *normal)
     for (int axis = 0; axis < 3; axis++)
         if (a->boundary_axes >> axis & 1) vec3_set(&q, axis, vec3_get(a->x, axis));
     if (!projection_find_near(a->field, &limits, a->hint, &q, &n)) return false;
-    if (a->bounded && !field_is_within(a->field, q)) return false;
+    if (a->bounded && !field_is_within_near(a->field, q, a->hint)) return false;
     /* what the projection adds must not carry it past its neighbour, nor past what the lists cover */
     if (vec3_norm(vec3_sub(q, a->x)) > a->limit) return false;
     *x = q;
