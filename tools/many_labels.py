@@ -2,12 +2,12 @@
 """Makes a segmentation with many labels and prints the CPU time and the peak memory of jobs that sample it.
 
     tools/many_labels.py --worker build/hexad-worker [--labels 1500] [--size 256] [--seed 1] [--counts 100000,1000000]
-        [--threads 2] [--keep FILE.nrrd]
+        [--threads 2] [--memory-mb 16384] [--keep FILE.nrrd]
 
 The labels are the Voronoi cells of random points in a cube of --size voxels. With the defaults about 3 million pairs of voxels
-that share a side have different labels. --worker may name several workers, separated by commas. Each job uses the defaults,
-except for the count and the number of threads. CPU time is user and system time of the process, memory its largest resident
-set, both by wait4(2).
+that share a side have different labels. --worker may name several workers, separated by commas. Each job uses the defaults
+except for the count, the number of threads and the limit of memory. CPU time is user and system time of the process,
+memory its largest resident set, both by wait4(2).
 """
 import argparse
 import json
@@ -34,10 +34,10 @@ def cells(labels, size, seed):
     return volume
 
 
-def run(worker, folder, volume, count, threads):
+def run(worker, folder, volume, count, threads, memory_mb):
     """The report, CPU seconds and megabytes of one job."""
     spec = {"version": 1, "surface": {"labels": {"path": str(volume)}}, "sampling": {"count": count},
-            "solver": {"threads": threads}}
+            "solver": {"threads": threads}, "limits": {"memory_mb": memory_mb}}
     (folder / "spec.json").write_text(json.dumps(spec))
     log = folder / "log"
     pid = os.posix_spawn(worker, [worker, "run", str(folder / "spec.json"), "--output", str(folder / "out")], os.environ,
@@ -54,8 +54,8 @@ def main():
     parser.add_argument("--worker", required=True)
     parser.add_argument("--counts", default="100000")
     parser.add_argument("--keep", type=pathlib.Path, help="also write the volume to this file")
-    for name, default in (("labels", 1500), ("size", 256), ("seed", 1), ("threads", 2)):
-        parser.add_argument("--" + name, type=int, default=default)
+    for name, default in (("labels", 1500), ("size", 256), ("seed", 1), ("threads", 2), ("memory_mb", 16384)):
+        parser.add_argument("--" + name.replace("_", "-"), type=int, default=default)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as place:
         folder = pathlib.Path(place)
@@ -68,7 +68,7 @@ def main():
         del volume
         for count in map(int, options.counts.split(",")):
             for worker in options.worker.split(","):
-                report, cpu, memory = run(worker, folder, file, count, options.threads)
+                report, cpu, memory = run(worker, folder, file, count, options.threads, options.memory_mb)
                 print(f"{worker}: {report['surface']['labels']['triangles']} triangles, {count} points, {report['outcome']}, "
                       f"lost {report['quality']['lost']}: CPU {cpu:.1f} s, memory {memory:.0f} MB", flush=True)
 
