@@ -46,7 +46,7 @@ typedef struct near_by {
     size_t count;
     double radius;
     uint16_t place[4 * MOST_NEAR]; /* open addressing: one more than a vertex's place, or 0 */
-    uint16_t used[MOST_NEAR];      /* the places that are not 0 */
+    uint16_t used[MOST_NEAR];      /* of each vertex: its entry in `place` */
     bool at_end[MOST_NEAR];        /* a neighbour of the vertex is too far away */
 } near_by;
 
@@ -67,7 +67,7 @@ static void forget(near_by *n)
     n->count = 0;
 }
 
-/* Returns whether one is too far away. */
+/* Adds the neighbours of a vertex that lie within the radius. Returns whether one lies beyond it. */
 static bool add_neighbours(const label_lines *l, vec3 x, uint32_t at, near_by *out)
 {
     const label_graph *g = l->graph;
@@ -83,7 +83,7 @@ static bool add_neighbours(const label_lines *l, vec3 x, uint32_t at, near_by *o
     return too_far;
 }
 
-/* What is near the start, beside what was with a smaller radius. */
+/* Adds the vertices near `start`. With a larger radius than before, only the ends of what is known are expanded. */
 static void gather(const label_lines *l, uint32_t start, near_by *out)
 {
     const vec3 x = l->m->vertex[start];
@@ -133,7 +133,7 @@ static vec3 apart_at(vec3 middle)
     return (vec3){is_half(middle.x), is_half(middle.y), is_half(middle.z)};
 }
 
-/* The middles of two voxels of one interface, AT_ONCE together: the last are filled up with such as weigh nothing. In radii. */
+/* AT_ONCE middles between two voxels of one interface; unused lanes of the last group have weight 0. Lengths are in radii. */
 enum { AT_ONCE = 8 };
 
 typedef struct between {
@@ -212,7 +212,7 @@ ISA_INLINE double above(const quadric *q, int terms, vec3 off, vec3 apart, doubl
     return vec3_dot(off, q->up) - (c[0] + c[1] * s + c[2] * t + bend);
 }
 
-/* The terms at a place, and how far up this lies; the sums over places of their products. */
+/* The quadric's terms at a place, then its height, as one vector: the sums over places of its products with each term. */
 typedef double row __attribute__((vector_size(8 * sizeof(double))));
 
 typedef struct sums {
@@ -220,7 +220,7 @@ typedef struct sums {
     double missed;
 } sums;
 
-/* Of places AT_ONCE: what the terms are multiplied by, and what they have missed. */
+/* Coordinates, heights and weights of AT_ONCE places over a quadric's plane, and their squared misses. */
 typedef struct heights {
     double s[AT_ONCE], t[AT_ONCE], stretch[AT_ONCE], up[AT_ONCE], weight[AT_ONCE], missed[AT_ONCE];
 } heights;
@@ -256,7 +256,7 @@ ISA_INLINE void sum_terms(const betweens *m, const quadric *before, const quadri
     for (size_t k = 0; k < m->count; k += AT_ONCE) {
         heights h;
         find_heights(&m->at[k / AT_ONCE], before, q, terms, &h);
-        for (int l = 0; l < AT_ONCE; l++) { /* one by one: in this order */
+        for (int l = 0; l < AT_ONCE; l++) { /* sums run in this order for every instruction set */
             const double s = h.s[l], t = h.t[l], f = h.stretch[l];
             const row r = terms > PLANE ? (row){1, s, t, f * s * s, f * s * t, f * t * t, h.up[l]}
                                         : (row){1, s, t, h.up[l]};
@@ -410,7 +410,7 @@ static vec3 place_on(const passing *p, int count, vec3 x, vec3 place)
     return vec3_add(place, sym3_solve(a, b));
 }
 
-/* The vertex of a line after v, on the way that came from `before`. */
+/* The next vertex along a line after v, where `before` is the previous one. */
 static uint32_t next_along(const label_graph *g, uint32_t before, uint32_t v)
 {
     const uint32_t *ends = g->neighbour + g->first[v];
@@ -439,8 +439,8 @@ static void move_lines(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Vertices of a line this near to one another see nearly the same planes, in voxels: the interfaces are fitted at one of them, and in
- * each corner, for itself. Twice as far lines of spheres of 10 voxels' radius would be off by up to .2 voxels. */
+/* One fit holds for the vertices of a line within this distance, in voxels; a corner has its own. With 2, lines on spheres of radius 10
+ * would be off by up to .2 voxels; with less, fits cost more time. */
 static const double alike = 1;
 
 static void choose_fitted(const label_lines *l, uint32_t *fitted)
