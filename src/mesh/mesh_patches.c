@@ -155,13 +155,19 @@ static void bends_add(bends *b, double angle, double length)
     if (angle > MESH_PATCHES_ANGLE / 2 && angle <= MESH_PATCHES_ANGLE) b->between += length;
 }
 
+/* Whether edges are flat or sharp nearly everywhere. */
+static bool is_sharp(const making *k, const bends *b)
+{
+    const double spacing = k->params->spacing;
+    const bool shown = !b->closed && spacing > 0 && b->all > shown_from * spacing * (double)b->count;
+    return b->between <= b->sharp && (shown || b->slight <= most_slight * b->all);
+}
+
 /* The angle from which on what is bent is a feature. */
 static double feature_angle(const making *k, const bends *b)
 {
-    const mesh_patches_params *p = k->params;
-    if (p->feature_angle != MESH_PATCHES_FOUND) return p->feature_angle;
-    const bool shown = !b->closed && p->spacing > 0 && b->all > shown_from * p->spacing * (double)b->count;
-    return b->between <= b->sharp && (shown || b->slight <= most_slight * b->all) ? MESH_PATCHES_ANGLE : 0;
+    if (k->params->feature_angle != MESH_PATCHES_FOUND) return k->params->feature_angle;
+    return is_sharp(k, b) ? MESH_PATCHES_ANGLE : 0;
 }
 
 /* Whether an edge is surely bent by less than `flat_below`, as most edges are, told without its angle. */
@@ -184,7 +190,8 @@ static bool is_bent(const making *k, const mesh_side *s, double angle)
     return !(angle >= flat_below && is_flat(k, s)) && angle_at(k, s) > angle;
 }
 
-static double find_angle(const making *k)
+/* The angle from which on edges are features. *is_scan: the mesh has none by itself. */
+static double find_angle(const making *k, bool *is_scan)
 {
     bends all = {.closed = true};
     for (uint32_t v = 0; v < k->m->vertex_count; v++)
@@ -194,29 +201,174 @@ static double find_angle(const making *k)
             all.closed &= n % 2 == 0;
             if (n == 2) bends_add(&all, is_flat(k, s) ? 0 : angle_at(k, s), length_of(k->m, v, s->other));
         }
+    *is_scan = !is_sharp(k, &all);
     return feature_angle(k, &all);
 }
 
-/* Marks the edges at which patches end, and joins triangles at the others. */
-static bool cut_edges(making *k, error *e)
+/* ---- which features are none */
+
+/* An edge at which patches are to end. */
+typedef struct bent_edge {
+    uint32_t end[2];
+    size_t at; /* its first side */
+    double angle, length;
+} bent_edge;
+
+/* Edges that hang together, in any way as a network, or as a chain where two meet and go on. */
+typedef struct feature_groups {
+    bent_edge *edge;
+    size_t count;
+    uint32_t (*at)[2], *degree; /* of each vertex: the first two edges there, and how many there are */
+    uint32_t *network, *chain;  /* sets */
+    double *network_length, *network_angle, *chain_length;
+    size_t *chain_edges;
+} feature_groups;
+
+static void free_groups(feature_groups *g)
 {
-    k->is_cut = mem_array(3 * k->m->triangle_count, sizeof *k->is_cut, what, e);
-    if (!k->is_cut || !find_normals(k, e) || !orientation_init(&k->turned, k->m->triangle_count, e))
-        return false;
-    const double angle = k->out->feature_angle = find_angle(k);
-    k->out->closed = true;
+    free(g->edge);
+    free(g->at);
+    free(g->degree);
+    free(g->network);
+    free(g->chain);
+    free(g->network_length);
+    free(g->network_angle);
+    free(g->chain_length);
+    free(g->chain_edges);
+}
+
+static bool make_groups(const making *k, feature_groups *g, error *e)
+{
+    const size_t n = k->cut_count, v = k->m->vertex_count;
+    g->edge = mem_array(n, sizeof *g->edge, what, e);
+    g->at = mem_array(v, sizeof *g->at, what, e);
+    g->degree = mem_array(v, sizeof *g->degree, what, e);
+    g->network = mem_array(n, sizeof *g->network, what, e);
+    g->chain = mem_array(n, sizeof *g->chain, what, e);
+    g->network_length = mem_array(n, sizeof *g->network_length, what, e);
+    g->network_angle = mem_array(n, sizeof *g->network_angle, what, e);
+    g->chain_length = mem_array(n, sizeof *g->chain_length, what, e);
+    g->chain_edges = mem_array(n, sizeof *g->chain_edges, what, e);
+    return g->edge && g->at && g->degree && g->network && g->chain && g->network_length && g->network_angle &&
+           g->chain_length && g->chain_edges;
+}
+
+static void list_bent(const making *k, feature_groups *g)
+{
+    sets_reset(g->network, k->cut_count);
     for (uint32_t v = 0; v < k->m->vertex_count; v++)
         for (size_t i = k->edges->first[v], n; i < k->edges->first[v + 1]; i += n) {
             const mesh_side *s = k->edges->sides + i;
             n = mesh_edges_width(k->edges, v, i);
-            const uint32_t *kind = k->params->kind;
+            if (!k->is_cut[i]) continue;
+            const uint32_t own = (uint32_t)g->count++;
+            bent_edge *b = &g->edge[own];
+            *b = (bent_edge){{v, s->other}, i, n == 2 ? angle_at(k, s) : M_PI, length_of(k->m, v, s->other)};
+            for (int end = 0; end < 2; end++) {
+                const uint32_t at = b->end[end], there = g->degree[at]++;
+                if (there < 2) g->at[at][there] = own;
+                if (there > 0) sets_join(g->network, own, g->at[at][0]);
+            }
+        }
+}
+
+/* By how much two edges bend that meet at v. */
+static double bend_between(const mesh *m, const bent_edge *a, const bent_edge *b, uint32_t v)
+{
+    const vec3 in = vec3_sub(m->vertex[v], m->vertex[a->end[a->end[0] == v]]),
+               out = vec3_sub(m->vertex[b->end[b->end[0] == v]], m->vertex[v]);
+    return atan2(vec3_norm(vec3_cross(in, out)), vec3_dot(in, out));
+}
+
+static void measure_groups(const making *k, feature_groups *g)
+{
+    sets_reset(g->chain, g->count);
+    for (uint32_t v = 0; v < k->m->vertex_count; v++) {
+        const uint32_t *at = g->at[v];
+        if (g->degree[v] == 2 &&
+            bend_between(k->m, &g->edge[at[0]], &g->edge[at[1]], v) <= MESH_PATCHES_ANGLE)
+            sets_join(g->chain, at[0], at[1]);
+    }
+    for (uint32_t c = 0; c < g->count; c++) {
+        const uint32_t network = sets_root(g->network, c), chain = sets_root(g->chain, c);
+        g->network_length[network] += g->edge[c].length;
+        g->network_angle[network] = fmax(g->network_angle[network], g->edge[c].angle);
+        g->chain_length[chain] += g->edge[c].length;
+        g->chain_edges[chain]++;
+    }
+}
+
+/* Features of fewer spacings in all that are bent by no more than this are shown by no row of points. On a scan those count that
+ * go on for so many edges. */
+static const double least_length = 4, surely_bent = 1;
+enum { LEAST_EDGES = 16 };
+
+static bool is_none(const making *k, feature_groups *g, uint32_t c, bool is_scan)
+{
+    const uint32_t network = sets_root(g->network, c), chain = sets_root(g->chain, c);
+    const double shortest = least_length * k->params->spacing;
+    return (g->network_length[network] < shortest && !(g->network_angle[network] > surely_bent)) ||
+           (is_scan && (g->chain_edges[chain] < LEAST_EDGES || g->chain_length[chain] < shortest));
+}
+
+/* Edges that are bent by noise, by decimation or in a small place are no features. */
+static bool drop_features(making *k, bool is_scan, mesh_notes *notes, error *e)
+{
+    feature_groups g = {0};
+    size_t dropped = 0;
+    const bool ok = make_groups(k, &g, e);
+    if (ok) {
+        list_bent(k, &g);
+        measure_groups(k, &g);
+    }
+    for (uint32_t c = 0; ok && c < g.count; c++) {
+        const bent_edge *b = &g.edge[c];
+        if (mesh_edges_width(k->edges, b->end[0], b->at) != 2 || !is_none(k, &g, c, is_scan)) continue;
+        k->is_cut[b->at] = false;
+        dropped++;
+    }
+    free_groups(&g);
+    k->cut_count -= dropped;
+    if (dropped > 0)
+        mesh_note(notes, "edges that are bent but in no long feature, and have no row of points: %zu",
+                  dropped);
+    return ok;
+}
+
+/* Marks the edges at which patches end. */
+static void mark_cuts(making *k, double angle)
+{
+    const uint32_t *kind = k->params->kind;
+    for (uint32_t v = 0; v < k->m->vertex_count; v++)
+        for (size_t i = k->edges->first[v], n; i < k->edges->first[v + 1]; i += n) {
+            const mesh_side *s = k->edges->sides + i;
+            n = mesh_edges_width(k->edges, v, i);
             const bool feature = n == 2 && angle > 0 && is_bent(k, s, angle);
             k->is_cut[i] = n != 2 || feature || (kind && kind[s[0].triangle] != kind[s[1].triangle]);
             k->cut_count += k->is_cut[i];
-            k->out->open_edges += n == 1;
-            k->out->feature_edges += feature;
-            k->out->nonmanifold_edges += n > 2;
-            k->out->closed &= n % 2 == 0 || k->was_closed;
+        }
+}
+
+/* Marks the edges at which patches end, and joins triangles at the others. */
+static bool cut_edges(making *k, mesh_notes *notes, error *e)
+{
+    bool is_scan;
+    mesh_patches *out = k->out;
+    k->is_cut = mem_array(3 * k->m->triangle_count, sizeof *k->is_cut, what, e);
+    if (!k->is_cut || !find_normals(k, e) || !orientation_init(&k->turned, k->m->triangle_count, e))
+        return false;
+    out->feature_angle = find_angle(k, &is_scan);
+    out->closed = true;
+    mark_cuts(k, out->feature_angle);
+    if (!k->params->kind && out->feature_angle > 0 && !drop_features(k, is_scan, notes, e)) return false;
+    for (uint32_t v = 0; v < k->m->vertex_count; v++)
+        for (size_t i = k->edges->first[v], n; i < k->edges->first[v + 1]; i += n) {
+            const mesh_side *s = k->edges->sides + i;
+            n = mesh_edges_width(k->edges, v, i);
+            out->open_edges += n == 1;
+            out->feature_edges += n == 2 && k->is_cut[i] && !k->params->kind;
+            out->nonmanifold_edges += n > 2;
+            out->closed &= n % 2 == 0 || k->was_closed;
             if (!k->is_cut[i])
                 orientation_join(&k->turned, s[0].triangle, s[1].triangle, s[0].upwards == s[1].upwards);
         }
@@ -519,7 +671,7 @@ static void free_curve_scratch(making *k)
 
 static bool make(making *k, mesh_notes *notes, error *e)
 {
-    if (!list_edges(k, notes, e) || !cut_edges(k, e)) return false;
+    if (!list_edges(k, notes, e) || !cut_edges(k, notes, e)) return false;
     if (!number_patches(k, e) || !make_curves(k, e)) return false;
     free_curve_scratch(k);
     return part_vertices(k, e);
