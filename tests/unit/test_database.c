@@ -5,6 +5,7 @@
 #include <stdint.h>
 #include <cmocka.h>
 
+#include <dirent.h>
 #include <pthread.h>
 #include <signal.h>
 #include <sys/stat.h>
@@ -595,6 +596,26 @@ static void test_the_reserve(void **state)
     free(wal);
 }
 
+static size_t count_descriptors(void)
+{
+    size_t count = 0;
+    DIR *d = opendir("/proc/self/fd");
+    assert_non_null(d);
+    while (readdir(d)) count++;
+    closedir(d);
+    return count;
+}
+
+static void test_changes_of_the_reserve_leave_no_descriptor_open(void **state)
+{
+    place *p = *state;
+    const size_t before = count_descriptors();
+    queue_reserve(p->q, 1 << 16);
+    queue_reserve(p->q, 0);
+    queue_reserve(p->q, 1 << 16);
+    assert_int_equal(count_descriptors(), before);
+}
+
 static void test_a_job_is_refused_without_room(void **state)
 {
     place *p = *state;
@@ -733,6 +754,7 @@ int main(void)
         CASE(test_what_a_run_needs_is_read_from_specs_of_version_4),
         CASE(test_a_claim_tells_what_the_run_needs),
         CASE(test_the_reserve),
+        CASE(test_changes_of_the_reserve_leave_no_descriptor_open),
         CASE(test_a_job_is_refused_without_room),
         CASE(test_paths_are_added_to_version_2),
         CASE(test_times_and_inputs_are_added_to_version_3),

@@ -13,6 +13,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <sys/statvfs.h>
 #include <unistd.h>
 
 #include "base/clock.h"
@@ -22,6 +23,7 @@
 #include "executor/host.h"
 #include "executor/local.h"
 #include "executor/settlement.h"
+#include "executor/storage.h"
 #include "results/result.h"
 #include "store/file.h"
 
@@ -192,6 +194,19 @@ static void test_success_is_delivered(void **state)
     assert_int_equal(bytes, 6);
     close(fd);
     free(results);
+}
+
+/* /proc is a disk without blocks, and has no subdirectories of the service. */
+static void test_free_space_is_that_of_the_state_directory_too(void **state)
+{
+    place *p = *state;
+    const storage s = {.state_dir = p->base, .work_dir = "/proc"};
+    struct statvfs disk;
+    int64_t size = 0;
+    assert_int_equal(statvfs(p->base, &disk), 0);
+    const int64_t free_bytes = storage_free_bytes(&s, &size);
+    assert_int_equal(size, disk.f_blocks * disk.f_frsize);
+    assert_true(free_bytes > 0 && free_bytes < size);
 }
 
 /* The worker is done, the disk is not: nothing can move into results/. The job waits, and succeeds once it
@@ -800,6 +815,7 @@ int main(void)
         CASE(test_threads_bound_what_runs),
         CASE(test_memory_bounds_what_runs),
         CASE(test_a_host_that_shrank),
+        CASE(test_free_space_is_that_of_the_state_directory_too),
         cmocka_unit_test(test_a_worker_out_of_memory_is_not_tried_again),
         CASE(test_a_crashed_job_holds_nobody_up),
         CASE(test_waits_double),

@@ -17,6 +17,8 @@
 #include "database/backup.h"
 #include "database/backup_directory.h"
 #include "database/checker.h"
+#include "database/database.h"
+#include "database/health.h"
 #include "queue_place.h"
 
 #define PAGE 4096
@@ -116,6 +118,18 @@ static void test_a_sound_database_is_sound(void **state)
     assert_false(known.damaged);
     assert_int_equal(known.checked_ms, 0);
     assert_true(queue_allows_changes(p->q, NULL));
+}
+
+/* The checker begins no check before it is due. */
+static void test_a_wait_does_not_end_before_its_time(void **state)
+{
+    place *p = *state;
+    bool doubt = true;
+    int64_t until_ms = clock_monotonic_ms() + 30;
+    if (until_ms % 1000 < 30) until_ms += 30; /* a whole second would not show its milliseconds */
+    assert_true(health_wait(database_health(queue_database(p->q)), until_ms, &doubt));
+    assert_false(doubt);
+    assert_true(clock_monotonic_ms() >= until_ms);
 }
 
 static void test_a_statement_that_meets_damage_ends_all_changes(void **state)
@@ -363,6 +377,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         HEALTH_CASE(test_a_sound_database_is_sound),
+        HEALTH_CASE(test_a_wait_does_not_end_before_its_time),
         HEALTH_CASE(test_a_statement_that_meets_damage_ends_all_changes),
         HEALTH_CASE(test_the_checker_finds_what_no_statement_met),
         HEALTH_CASE(test_a_fault_of_reading_ends_with_a_check),

@@ -287,6 +287,38 @@ static void lost_points_get_new_places(void **state)
     analytic_free(a);
 }
 
+/* Only one side of the torus is left, too small a part for some points to find a place there: those are lost. Each end of the solve
+ * looks for places anew. */
+static void lost_points_are_those_off_the_surface(void **state)
+{
+    (void)state;
+    analytic *a = make_torus();
+    sampler_params params = solve_defaults;
+    params.count = 40;
+    params.max_sweeps = 200;
+    solve x, again;
+    solve_all(&a->base, &params, 1, &x);
+    pitted f = {a->base, &a->base, vec3_make(-MAJOR - MINOR, 0, 0), 2 * (MAJOR + MINOR) - 0.05};
+    f.base.ops = &pitted_ops;
+    given_start(&x, &params);
+    error e = {0};
+    again = (solve){.field = &f.base, .pool = threads_new(1, NULL, &e), .scan = x.scan};
+    again.sampler = sampler_new(&f.base, x.scan, &params, again.pool, &e);
+    assert_non_null(again.sampler);
+    solve_finish(&again);
+    size_t off = 0, of_start = 0;
+    for (size_t i = 0; i < params.count; i++) {
+        off += vec3_norm(vec3_sub(again.points->position[i], f.pit)) < f.radius - 1e-6;
+        of_start += vec3_norm(vec3_sub(x.points->position[i], f.pit)) <= f.radius;
+    }
+    assert_true(off > 0 && off < of_start);
+    assert_int_equal(again.points->lost, off);
+    sampler_free(again.sampler);
+    threads_free(again.pool);
+    solve_free(&x);
+    analytic_free(a);
+}
+
 /* ---- levels */
 
 static void levels_grow_to_the_requested_count(void **state)
@@ -600,6 +632,34 @@ static void every_small_part_has_a_point(void **state)
     }
 }
 
+/* A sphere that gets its first points on the finer level, and is not defined in a ball. */
+static void points_of_a_finer_level_that_are_drawn_again_are_counted(void **state)
+{
+    (void)state;
+    static spheres all;
+    all = (spheres){.count = 0};
+    add_sphere(&all, vec3_make(0, 0, 0), 2, 0.2);
+    add_sphere(&all, vec3_make(4, 0, 0), 0.46, 0.1);
+    finish_spheres(&all);
+    pitted f = {all.base, &all.base, vec3_make(4, 0, 0.46), 0.4};
+    f.base.ops = &pitted_ops;
+    sampler_params params = solve_defaults;
+    params.count = 1200;
+    error e = {0};
+    size_t rounds;
+    solve x = {.field = &f.base, .pool = threads_new(1, NULL, &e)};
+    x.scan = surface_scan(&all.base, x.pool, &e);
+    x.sampler = sampler_new(&f.base, x.scan, &params, x.pool, &e);
+    assert_non_null(x.sampler);
+    const size_t before = sampler_removed_offsurface(x.sampler);
+    solve_finish(&x);
+    const size_t removed = sampler_removed_offsurface(x.sampler);
+    assert_true(sampler_rounds(x.sampler, &rounds)[0].count < params.count / 2);
+    assert_int_equal(before, 0);
+    assert_true(removed > 0 && removed < params.count);
+    solve_free(&x);
+}
+
 /* ---- curvature over a distance */
 
 static void curvature_over_a_distance_is_stated_and_sets_amplitudes(void **state)
@@ -647,10 +707,12 @@ int main(void)
         cmocka_unit_test(amplitudes_follow_curvature),
         cmocka_unit_test(sphere_has_curvature_of_its_radius),
         cmocka_unit_test(lost_points_get_new_places),
+        cmocka_unit_test(lost_points_are_those_off_the_surface),
         cmocka_unit_test(levels_grow_to_the_requested_count),
         cmocka_unit_test(result_after_early_stop_has_the_requested_count),
         cmocka_unit_test(unresolved_surface_is_covered_evenly),
         cmocka_unit_test(every_small_part_has_a_point),
+        cmocka_unit_test(points_of_a_finer_level_that_are_drawn_again_are_counted),
         cmocka_unit_test(curvature_over_a_distance_is_stated_and_sets_amplitudes),
         cmocka_unit_test(stopped_pool_leaves_a_sweep_undone),
         cmocka_unit_test(stopped_pool_cancels_the_result),
