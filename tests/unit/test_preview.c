@@ -181,6 +181,34 @@ static void test_unresolved_discs_are_smaller(void **state)
     point_set_free(&s);
 }
 
+/* Of the pixels that show a sphere from the front, the share that shows the bodies below the discs. */
+static double share_of_gaps(size_t points)
+{
+    point_set s = point_set_sphere(points, vec3_make(0, 0, 0), 1);
+    image *m = render(&s.points, 256, 256, QUANTITY_CURVATURE);
+    const vec3 towards = vec3_unit(eye_of(&m->camera));
+    size_t discs = 0, gaps = 0;
+    for (int y = 0; y < m->height; y++)
+        for (int x = 0; x < m->width; x++) {
+            preview_sample p = preview_at(m, x, y);
+            if (p.id == 0 || vec3_dot(vec3_unit(p.position), towards) < 0.8) continue;
+            const vec3 off = vec3_sub(p.position, s.position[p.id - 1]);
+            (*(fabs(vec3_dot(off, p.normal)) < 1e-9 ? &discs : &gaps))++;
+        }
+    preview_free(m);
+    point_set_free(&s);
+    assert_true(discs + gaps > 1000);
+    return (double)gaps / (double)(discs + gaps);
+}
+
+/* Circles of diameter 0.94 in a hexagonal packing of step 1 leave a fifth of the area. */
+static void test_large_discs_show_the_packing_and_small_ones_grow_together(void **state)
+{
+    (void)state;
+    const double large = share_of_gaps(200), small = share_of_gaps(20000);
+    if (!(large > 0.12 && large < 0.35 && small < 0.03)) fail_msg("gaps: %g and %g", large, small);
+}
+
 /* A turn around a set that is long and off the origin: all of it stays in the frame, the eye at one
  * distance from the middle, the first where the still camera looks from; with a camera that is given,
  * around its target. */
@@ -735,6 +763,7 @@ int main(void)
         cmocka_unit_test(test_what_is_behind_is_not_seen),
         cmocka_unit_test(test_what_stands_along_y),
         cmocka_unit_test(test_unresolved_discs_are_smaller),
+        cmocka_unit_test(test_large_discs_show_the_packing_and_small_ones_grow_together),
         cmocka_unit_test(test_turntables),
         cmocka_unit_test(test_every_quantity_is_shown),
         cmocka_unit_test(test_exr_compressed),
