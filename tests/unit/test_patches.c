@@ -545,6 +545,36 @@ static void rows_of_one_patch_merge_on_one_side_only(void **state)
     }
 }
 
+/* A closed curve of two straight parts close together: their rows are one, but for a place at each bend. */
+static void row_of_a_curve_that_folds_back_is_one(void **state)
+{
+    (void)state;
+    enum { PART = 20, PLACES = 2 * PART };
+    const bool closed = true;
+    const size_t first[2] = {0, PLACES};
+    uint32_t end[1][2] = {{0}};
+    double spacing[PLACES], half[PLACES];
+    curve_rows rows = {.count = PLACES, .stands = PLACES};
+    rows.position = calloc(PLACES, sizeof *rows.position);
+    rows.curve = calloc(PLACES, sizeof *rows.curve);
+    rows.place = calloc(PLACES, sizeof *rows.place);
+    rows.patch = calloc(PLACES, sizeof *rows.patch);
+    rows.normal = calloc(PLACES, sizeof *rows.normal);
+    rows.border = calloc(1, sizeof *rows.border);
+    for (uint32_t k = 0; k < PLACES; k++) {
+        rows.position[k] = (vec3){k < PART ? k : PLACES - 1 - k, k < PART ? 0 : 0.2, 0};
+        rows.place[k] = k;
+        rows.normal[k] = (vec3){0, 0, 1};
+        rows.border[0] += half[k] = 0.5;
+        spacing[k] = 1;
+    }
+    const near_rows_input in = {1, &closed, end, first, spacing, half, false};
+    error e = {0};
+    assert_true(near_rows_merge(&in, &rows, &e));
+    assert_in_range(rows.count, PART, PART + 2);
+    curve_rows_free(&rows);
+}
+
 /* Points go to given places of their patches and stay there; the others come to rest around them. */
 static void points_are_held_where_they_are_wanted(void **state)
 {
@@ -623,6 +653,7 @@ int main(void)
         cmocka_unit_test(bends_of_rough_curves_keep_apart),
         cmocka_unit_test(rows_on_two_sides_of_a_sheet_stay),
         cmocka_unit_test(rows_of_one_patch_merge_on_one_side_only),
+        cmocka_unit_test(row_of_a_curve_that_folds_back_is_one),
         cmocka_unit_test(loops_and_short_curves_have_places),
         cmocka_unit_test(a_loop_without_a_place_takes_no_room),
         cmocka_unit_test(a_loop_has_never_two_places),
