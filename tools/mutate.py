@@ -3,10 +3,12 @@
 
     tools/mutate.py map --build DIR --output map.json
     tools/mutate.py --build DIR --map map.json --count 150 --seed 1 --jobs 2 --output mutants.json [--page PAGE]
+    tools/mutate.py --build DIR --map map.json --survivors mutants.json --output sanitized.json
 
 `map` makes a traced build in DIR and records the lines of src that each unit test and each pytest test executes. The
 campaign makes one copy of the source and one build for each job in DIR. It writes the output after each mutant;
---resume goes on with it, and --only repeats single mutants. `make mutation` runs both.
+--resume goes on with it, and --only repeats single mutants. With --survivors, the mutants that a campaign has not found are
+tried in a build with sanitizers, by the tests of that tier. `make mutation` runs all three.
 """
 import argparse
 import collections
@@ -40,6 +42,7 @@ SKIP = ("test_web_page test_slurm test_farm test_soak test_fuzz test_generated_c
 BATCH_SECONDS = [5, 20, 60, 180]  # tests of one pytest process, by their measured time; the last one repeats
 NEW_TEST_LIMIT = 3600             # seconds of a test whose time has not been measured
 TIERS = ("basic", "extended")
+SANITIZERS = ["--enable-sanitizers", "CFLAGS=-O1 -g1", "CXXFLAGS=-O1 -g1"]
 
 
 # ---- builds
@@ -75,7 +78,7 @@ def test_environment(source, build, temporary):
 
 
 def limit_memory():
-    """Of each process of a test: a mutant may ask for more and more."""
+    """Of each process of a test: a mutant may ask for more and more. AddressSanitizer reserves more than any limit."""
     most = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGESIZE") // 3
     resource.setrlimit(resource.RLIMIT_DATA, (most, most))
 
@@ -87,8 +90,8 @@ def ending(status):
 class Tests:
     """Runs tests of one build."""
 
-    def __init__(self, source, build):
-        self.source, self.build = pathlib.Path(source), pathlib.Path(build)
+    def __init__(self, source, build, sanitized=False):
+        self.source, self.build, self.sanitized = pathlib.Path(source), pathlib.Path(build), sanitized
         # short, for the paths of sockets; one name for each build, so that the next run removes what a killed one left
         self.temporary = pathlib.Path(tempfile.gettempdir(), f"mut.{zlib.crc32(bytes(self.build)):08x}")
         self.close()
@@ -120,7 +123,7 @@ class Tests:
         start = time.monotonic()
         with open(self.log, "wb") as out, subprocess.Popen(
                 [self.build / "tests/contain", *command], stdin=subprocess.DEVNULL, stdout=out, stderr=out,
-                preexec_fn=limit_memory, **more) as process:
+                preexec_fn=None if self.sanitized else limit_memory, **more) as process:
             try:
                 status = process.wait(seconds)
             except subprocess.TimeoutExpired:
@@ -170,6 +173,12 @@ def collect(source, build, folders, tier=None):
                               capture_output=True, text=True, check=False)
         found += [line for line in done.stdout.splitlines() if "::" in line and not line.startswith("ERROR")]
     return found
+
+
+def measuring_tests():
+    """Unit tests that a build with sanitizers leaves out."""
+    words = re.search(r"^measuring_tests = (.*?[^\\])$", (SOURCE / "Makefile.am").read_text(), re.M | re.S)[1]
+    return words.replace("\\\n", " ").split()
 
 
 def is_skipped(path, skip):
@@ -398,11 +407,11 @@ class Copy:
 
     def __init__(self, number, options):
         self.options = options
-        self.directory = (options.build / f"copy.{number}").resolve()
+        self.directory = (options.build / f"{'sanitized' if options.survivors else 'copy'}.{number}").resolve()
         self.source, self.build = self.directory / "source", self.directory / "build"
         self.build.mkdir(parents=True, exist_ok=True)
         self.log = self.directory / "build.log"
-        self.tests = Tests(self.source, self.build)
+        self.tests = Tests(self.source, self.build, bool(options.survivors))
         self.objects = {}
 
     def synchronise(self):
@@ -432,9 +441,9 @@ class Copy:
         if not (self.source / "configure").exists():
             require(run_quietly(["autoreconf", "-fi"], self.log, cwd=self.source), "autoreconf", self.log)
         if not (self.build / "Makefile").exists():
-            require(run_quietly(["../source/configure", "-q", f"CC={self.options.cc}", f"CXX={self.options.cxx}", "CFLAGS=-O1",
-                                 "CXXFLAGS=-O1", *self.options.configure.split()], self.log, cwd=self.build,
-                                env=build_environment(self.directory)), "configure", self.log)
+            flags = SANITIZERS if self.options.survivors else ["CFLAGS=-O1", "CXXFLAGS=-O1"]
+            require(run_quietly(["../source/configure", "-q", f"CC={self.options.cc}", f"CXX={self.options.cxx}", *flags],
+                                self.log, cwd=self.build, env=build_environment(self.directory)), "configure", self.log)
         require(self.make("all"), "the build", self.log)
         require(self.make("check", "TESTS="), "the build of the tests", self.log)
         self.objects = {str(p.relative_to(self.build)): hashlib.sha1(p.read_bytes()).digest() for p in self.build.rglob("*.o")}
@@ -465,7 +474,7 @@ class Copy:
 class Campaign:
     def __init__(self, options):
         self.options = options
-        self.document = {"seed": options.seed, "count": options.count, "baseline": {}, "mutants": {}}
+        self.document = {"seed": options.seed, "count": options.count, "limit": options.limit, "baseline": {}, "mutants": {}}
         if (options.resume or options.only) and options.output.exists():
             self.document = json.loads(options.output.read_text())
         self.map = Executed(options.map)
@@ -473,6 +482,8 @@ class Campaign:
             print(f"{len(self.map.changed)} files have changed since the map was made; their changed lines are not mutated")
         self.lock = threading.Lock()
         self.copies = queue.SimpleQueue()
+        self.tier_names = ("sanitized",) if options.survivors else TIERS
+        self.unsanitized = measuring_tests() if options.survivors else []
         self.tiers = {}
         self.times = {}
 
@@ -507,7 +518,7 @@ class Campaign:
         folders = sorted({i.split("::")[0].rsplit("/", 1)[0] for i in self.map.tests if "::" in i})
         copy = self.copies.get()
         present = set(collect(copy.source, copy.build, folders))
-        basic = set(collect(copy.source, copy.build, folders, "basic"))
+        marked = {tier: set(collect(copy.source, copy.build, folders, tier)) for tier in self.tier_names}
         self.copies.put(copy)
         gone = [i for i in self.map.tests if "::" in i and i not in present]
         if gone:
@@ -515,8 +526,10 @@ class Campaign:
         baseline = self.document["baseline"]
         work = collections.defaultdict(list)
         for name, test in self.map.tests.items():
-            self.tiers[name] = "basic" if test["kind"] == "unit" or name in basic else "extended"
-            if name in needed and name not in baseline and name not in gone and not is_skipped(name, self.options.skip):
+            self.tiers[name] = self.tier_names[0] if test["kind"] == "unit" else \
+                next((tier for tier in self.tier_names if name in marked[tier]), None)
+            if self.tiers[name] and name in needed and name not in baseline and name not in gone and \
+                    name not in self.unsanitized and not is_skipped(name, self.options.skip):
                 work[name.split("::")[0]].append(name)
         with concurrent.futures.ThreadPoolExecutor(self.options.jobs) as pool:
             list(pool.map(self.measure_file, work.items()))
@@ -566,7 +579,7 @@ class Campaign:
         own = f"tests/unit/test_{pathlib.Path(mutant.file).stem}"
         units = sorted((n for n in names if "::" not in n), key=lambda n: (n != own, self.times[n], n))
         tests = {tier: sorted((n for n in names if "::" in n and self.tiers[n] == tier), key=lambda n: (self.times[n], n))
-                 for tier in TIERS}
+                 for tier in self.tier_names}
         return units, tests
 
     def unit_groups(self, units, mutant):
@@ -624,19 +637,19 @@ class Campaign:
             if not build(*group):
                 return
             for name in group:
-                status, seconds = copy.tests.unit(name, self.limit(name))
-                spent += seconds
+                status, _ = copy.tests.unit(name, self.limit(name))
+                spent += self.times[name]
                 record["tests_run"] += 1
                 if status != 0:
-                    record.update(result="found", tier="basic", by=name, how=ending(status), words=copy.tests.words()[-400:])
+                    record.update(result="found", tier=self.tier_names[0], by=name, how=ending(status),
+                                  words=copy.tests.words()[-400:])
                     return
-        for tier in TIERS:
+        for tier in self.tier_names:
             if tests[tier] and not build("all"):
                 return
             for batch in self.batches(tests[tier]):
-                start = time.monotonic()
                 done = copy.tests.pytest(batch, {n: self.limit(n) for n in batch}, "-x")
-                spent += time.monotonic() - start
+                spent += sum(self.times[name] for name in batch)
                 record["tests_run"] += len(done)
                 failed = [r for r in done if r["outcome"] == "failed"]
                 if failed:
@@ -707,12 +720,17 @@ class Campaign:
             self.copies.put(copy)
         try:
             slots = self.chosen
-            if self.options.only:
+            if self.options.survivors:
+                survived = [r["id"] for r in json.loads(self.options.survivors.read_text())["mutants"].values()
+                            if r["result"] == "survived"]
+                self.options.only = [name for name in survived if name in (self.options.only or survived)
+                                     and name not in self.document["mutants"]]
+            if self.options.only or self.options.survivors:
                 for name in set(self.options.only) - set(self.faults):
                     print(f"{name} is not a fault of this source: its line has changed")
                 slots = [self.faults[name] for name in self.options.only if name in self.faults]
             self.measure(slots)
-            if not self.options.only:
+            if not self.options.only and not self.options.survivors:
                 for m in self.unexecuted:
                     self.document["mutants"].setdefault(m.id, {**self.record_of(m), "result": "not executed"})
             with concurrent.futures.ThreadPoolExecutor(self.options.jobs) as pool:
@@ -751,27 +769,38 @@ def code(text):
     return f"`{text}`" if text else ""
 
 
-def page(document, reasons):
-    records = list(document["mutants"].values())
+SINCE = "found since by "  # begins the reason of a survivor that a test finds which was added after the campaign
+
+
+def page(document, reasons, sanitized):
+    """The Markdown page. `sanitized`: the records of --survivors, by id."""
+    records = [sanitized[r["id"]] if r["result"] == "survived" and sanitized.get(r["id"], {}).get("result") == "found" else r
+               for r in document["mutants"].values()]
     valid = [r for r in records if r["result"] in ("found", "survived", "not executed")]
     executed, basic, both, survived = counted(valid)
     share = lambda n: f"{n} ({100 * n / max(executed, 1):.0f} %)"  # noqa: E731
     invalid = collections.Counter(r["how"] for r in records if r["result"] == "invalid")
     left_out = [name for name, (outcome, _) in document["baseline"].items() if outcome == "failed"]
+    since = sum(r["result"] == "survived" and reasons.get(r["id"], "").startswith(SINCE) for r in valid)
+    limited = sum(r["result"] == "survived" and bool(r["how"]) for r in valid)
     lines = [
         "# Mutation test", "",
         "`make mutation` puts small faults into the C code of `src`, one at a time, and runs the tests that execute the changed",
         "line until one fails. A fault that no test finds is listed below, with the reason. The faults are drawn at random, in",
         f"proportion to the lines of each folder (seed {document['seed']}).", "",
-        "The first tier is what a change must pass: all unit tests and the tests without the marker `extended`. Tests that need a",
-        "browser or a cluster, fuzzing and the soak test are not run. The build has no sanitizers, so a missing `free` is found",
-        "only if a test notices the resource.", "",
+        "The first tier is what a change must pass: all unit tests and the tests without the marker `extended`. The second tier",
+        "has the other tests, and a build with AddressSanitizer, LeakSanitizer and UndefinedBehaviorSanitizer, which alone finds",
+        f"most missing calls of `free`; it was used for {len(sanitized)} faults that survived without it. Tests that need a browser or",
+        "a cluster, fuzzing and the soak test are not run.", "",
         *table(("faults", "number"), [
             ("in lines that tests execute", executed), ("found by the first tier", share(basic)),
             ("found by both tiers", share(both)), ("survived", share(survived)),
+            ("found by both tiers, with the tests that were added since", share(both + since)),
             ("in lines that no test executes", sum(r["result"] == "not executed" for r in valid)),
             ("drawn again: does not compile", invalid["does not compile"]),
             ("drawn again: the compiler makes the same code", invalid["the same code"])]),
+        *([f"The tests of one fault were ended after {document['limit']:.0f} seconds; {limited} survivors were not tried by all tests "
+           "of their line.", ""] if limited else []),
         *([f"Left out, since they fail without a fault: {', '.join(map(code, left_out))}.", ""] if left_out else []),
         "## By folder", "",
         *table(("folder", "executed", "found by the first tier", "found by both", "survived", "not executed"),
@@ -820,12 +849,15 @@ def campaign_options(words):
     parser.add_argument("--count", type=int, default=150, help="mutants of lines that tests execute")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=2, help="mutants at the same time")
-    parser.add_argument("--limit", type=float, default=0, help="seconds of tests after which a mutant has survived; 0: none")
+    parser.add_argument("--limit", type=float, default=0,
+                        help="seconds of tests, by their measured times, after which a mutant has survived; 0: none")
     parser.add_argument("--factor", type=float, default=3, help="a test may take this many times its measured time, and 20 s")
     parser.add_argument("--require", nargs="*", default=REQUIRED, metavar="FILE", help="files with two mutants at least")
     parser.add_argument("--resume", action="store_true", help="go on with the records of the output")
     parser.add_argument("--only", type=lambda text: text.split(","), default=[], metavar="ID[,ID]", help="repeat these")
-    parser.add_argument("--configure", default="", metavar="ARGUMENTS", help="of configure, such as --enable-sanitizers")
+    parser.add_argument("--survivors", type=pathlib.Path, metavar="MUTANTS",
+                        help="try what survived in these records, in a build with sanitizers")
+    parser.add_argument("--sanitized", type=pathlib.Path, metavar="MUTANTS", help="records of --survivors, for the page")
     parser.add_argument("--page", type=pathlib.Path, help="Markdown page to write")
     parser.add_argument("--reasons", type=pathlib.Path, help="JSON: why a mutant survives, by id")
     parser.add_argument("--only-page", action="store_true", help="write the page of the records, run nothing")
@@ -843,7 +875,8 @@ def main(words):
         Campaign(options).run()
     if options.page and not options.list:
         reasons = json.loads(options.reasons.read_text()) if options.reasons else {}
-        options.page.write_text(page(json.loads(options.output.read_text()), reasons))
+        sanitized = json.loads(options.sanitized.read_text())["mutants"] if options.sanitized else {}
+        options.page.write_text(page(json.loads(options.output.read_text()), reasons, sanitized))
 
 
 if __name__ == "__main__":
