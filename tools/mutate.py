@@ -631,7 +631,11 @@ class Campaign:
             return good
 
         def is_over():
-            return bool(self.options.limit) and spent > self.options.limit
+            if not self.options.limit or spent <= self.options.limit:
+                return False
+            left = len(units) + sum(map(len, tests.values())) - record["tests_run"]
+            record.update(result="survived", how=f"{left} tests not run: the limit of time was reached")
+            return True
 
         for group in self.unit_groups(units, mutant):
             if not build(*group):
@@ -643,6 +647,8 @@ class Campaign:
                 if status != 0:
                     record.update(result="found", tier=self.tier_names[0], by=name, how=ending(status),
                                   words=copy.tests.words()[-400:])
+                    return
+                if is_over():
                     return
         for tier in self.tier_names:
             if tests[tier] and not build("all"):
@@ -658,8 +664,6 @@ class Campaign:
                                   how=words if words == "timeout" else "failed")
                     return
                 if is_over():
-                    record.update(result="survived", how=f"{len(units) + sum(map(len, tests.values())) - record['tests_run']} "
-                                  "tests not run: the limit of time was reached")
                     return
         record.update(result="survived")
 
