@@ -428,9 +428,11 @@ class Copy:
                 there = self.source / relative
                 if path.is_symlink() or not path.is_file():
                     continue
-                if not there.exists() or there.read_bytes() != path.read_bytes():
+                if not there.exists():
                     there.parent.mkdir(parents=True, exist_ok=True)
                     shutil.copy2(path, there)
+                elif there.read_bytes() != path.read_bytes():  # such as a mutant that a killed run left: its object is newer
+                    shutil.copy(path, there)
         for path in [p for p in self.source.rglob("*") if p.is_file() and not p.is_symlink()]:
             if path.relative_to(self.source) not in present and path.relative_to(self.source).parts[0] in ("src", "tests"):
                 path.unlink()
@@ -786,6 +788,7 @@ def page(document, reasons, sanitized):
     invalid = collections.Counter(r["how"] for r in records if r["result"] == "invalid")
     left_out = [name for name, (outcome, _) in document["baseline"].items() if outcome == "failed"]
     since = sum(r["result"] == "survived" and reasons.get(r["id"], "").startswith(SINCE) for r in valid)
+    equivalent = sum(r["result"] == "survived" and reasons.get(r["id"], "").startswith("equivalent") for r in valid)
     limited = sum(r["result"] == "survived" and bool(r["how"]) for r in valid)
     lines = [
         "# Mutation test", "",
@@ -798,7 +801,7 @@ def page(document, reasons, sanitized):
         "a cluster, fuzzing and the soak test are not run.", "",
         *table(("faults", "number"), [
             ("in lines that tests execute", executed), ("found by the first tier", share(basic)),
-            ("found by both tiers", share(both)), ("survived", share(survived)),
+            ("found by both tiers", share(both)), ("survived", share(survived)), ("of these equivalent", equivalent),
             ("found by both tiers, with the tests that were added since", share(both + since)),
             ("in lines that no test executes", sum(r["result"] == "not executed" for r in valid)),
             ("drawn again: does not compile", invalid["does not compile"]),
