@@ -232,6 +232,8 @@ def test_usage(run):
     for words in ([], ["nonsense"], ["show"], ["show", "a", "b"], ["list", "a"], ["show", "--nonsense", "a"],
                   ["--server", "ftp://x", "list"], ["show", "../../etc"], ["list", "--state", "nonsense"]):
         assert run(*words).returncode == 2, words
+    many = run("submit", *["--wait"] * 1000, "spec.json")
+    assert many.returncode == 2 and "too many options" in many.stderr
     assert run("show", "01aaaaaaaaaaaaaaaaaaaaaaaa").returncode == 4
     text = run("--help")
     assert text.returncode == 0 and "Exit status" in text.stdout

@@ -451,7 +451,7 @@ def test_a_bad_spec_is_2(worker, tmp_path, name):
 def test_a_bad_command_line_is_2(worker):
     for done in (worker(sphere(), output=None), worker(sphere(), "--nonsense"), worker("not-there.json"),
                  worker(sphere(), "--memory-mb", "much"), worker(sphere(), "--memory-mb", 63),
-                 worker(sphere(), "--progress-fd", "-1")):
+                 worker(sphere(), "--progress-fd", "-1"), worker(sphere(), "--threads", "0"), worker(sphere(), "--frame", "-1")):
         assert done.returncode == 2
         assert last_words(done)["code"] == "spec_invalid"
 
