@@ -329,6 +329,44 @@ static void test_a_short_output_is_no_result(void **state)
     expect_end(p, id, QUEUE_FAILED, "internal", "points.ply has 0 bytes");
 }
 
+static bool read_report(const place *p, const char *name, const char *bytes, const char *hash, error *e)
+{
+    result r = {0};
+    char *text = mem_printf("{\"outcome\":\"converged\",\"count\":7,\"outputs\":[{\"name\":\"%s\","
+                            "\"bytes\":%s,\"sha256\":\"%s\"}]}",
+                            name, bytes, hash);
+    char *report = mem_printf("%s/report.json", p->base), *points = mem_printf("%s/points.ply", p->base);
+    assert_true(store_file_write(report, text, strlen(text), e) && store_file_write(points, "x", 1, e));
+    const bool ok = result_read(p->base, &r, e);
+    result_clear(&r);
+    free(text);
+    free(report);
+    free(points);
+    return ok;
+}
+
+static void test_an_output_that_is_not_described_is_no_result(void **state)
+{
+#define HASH_63 "2d711642b726b04401627ca9fbac32f5c8530fb1903cc4db02258717921a488"
+    const place *p = *state;
+    static const char *const bad[][3] = {
+        {"points.ply", "1", ""},
+        {"points.ply", "1", HASH_63},
+        {"points.ply", "1", HASH_63 "11"},
+        {"points.ply", "1", HASH_63 "g"},
+        {"points.ply", "1.5", HASH_63 "1"},
+        {"points.ply", "-1", HASH_63 "1"},
+        {"../points.ply", "1", HASH_63 "1"},
+        {"", "1", HASH_63 "1"},
+    };
+    error e = {0};
+    if (!read_report(p, "points.ply", "1", HASH_63 "1", &e)) fail_msg("%s", e.message);
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        assert_false(read_report(p, bad[i][0], bad[i][1], bad[i][2], &e));
+        assert_int_equal(e.code, ERROR_INPUT_DAMAGED);
+    }
+}
+
 /* A worker that cannot be started is no fault of the job, which waits for better times uncounted.
  */
 static void test_a_missing_worker_costs_no_job(void **state)
@@ -804,6 +842,7 @@ int main(void)
         CASE(test_garbage_does_no_harm),
         CASE(test_success_without_a_report_is_none),
         CASE(test_a_short_output_is_no_result),
+        CASE(test_an_output_that_is_not_described_is_no_result),
         CASE(test_a_missing_worker_costs_no_job),
         CASE(test_progress_is_seen),
         CASE(test_a_timeout_kills),
