@@ -60,11 +60,16 @@ static int tear_down(void **state)
     return 0;
 }
 
-static void begin(place *p)
+static void begin_keeping(place *p, double keep_s)
 {
     error e = {0};
-    p->r = retention_start(p->q, p->base, p->inputs, KEEP_S, -1, &e);
+    p->r = retention_start(p->q, p->base, p->inputs, keep_s, -1, &e);
     if (!p->r) fail_msg("%s", e.message);
+}
+
+static void begin(place *p)
+{
+    begin_keeping(p, KEEP_S);
 }
 
 static const int frames[] = {1, 2};
@@ -316,6 +321,23 @@ static void test_what_was_sent_goes_when_nobody_wants_it(void **state)
     free(directory);
 }
 
+/* Without a time to keep them, files that were sent stay. The thread looks at them once before it ends. */
+static void test_what_was_sent_stays_without_a_time(void **state)
+{
+    place *p = *state;
+    char name[STORE_INPUT_NAME_SIZE], *directory = mem_printf("%s/inputs", p->base);
+    assert_true(store_directory_create(directory, NULL));
+    char *unused = put_input(p, 'a', 1000, name);
+    p->inputs = store_inputs_open(directory, 100, 9, NULL);
+    assert_non_null(p->inputs);
+    begin_keeping(p, 0);
+    retention_stop(p->r);
+    p->r = NULL;
+    assert_int_equal(access(unused, F_OK), 0);
+    free(unused);
+    free(directory);
+}
+
 #define SENT "xyz"
 
 static bool wants_none(void *context, const char *name)
@@ -380,6 +402,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_a_start_removes_what_was_noted, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_what_cannot_be_removed_stays_noted, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_what_was_sent_goes_when_nobody_wants_it, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_what_was_sent_stays_without_a_time, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_what_is_sent_again_while_it_is_collected_is_counted_once, set_up,
                                         tear_down),
     };
