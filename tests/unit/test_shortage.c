@@ -9,6 +9,7 @@
 #include <cmocka.h>
 
 #include "base/memory.h"
+#include "field/analytic.h"
 #include "mesh/mesh_faces.h"
 #include "mesh/mesh_surface.h"
 #include "mesh_fixture.h"
@@ -106,7 +107,7 @@ static bool make_solve(error *e)
     return ok;
 }
 
-static void solve_without_memory_is_an_error(void **state)
+static void solve_on_patches_without_memory_is_an_error(void **state)
 {
     (void)state;
     error e = {0};
@@ -115,6 +116,19 @@ static void solve_without_memory_is_an_error(void **state)
     solved_field = mesh_surface_field(s);
     check(make_solve);
     mesh_surface_free(s);
+}
+
+static void solve_of_a_formula_without_memory_is_an_error(void **state)
+{
+    (void)state;
+    const analytic_params torus = {
+        .shape = ANALYTIC_TORUS, .axis = {0, 0, 1}, .major_radius = 1, .minor_radius = 0.4};
+    error e = {0};
+    analytic *a = analytic_new(&torus, NULL, &e);
+    assert_non_null(a);
+    solved_field = &a->base;
+    check(make_solve);
+    analytic_free(a);
 }
 
 static int make_box(void **state)
@@ -137,7 +151,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(surface_of_a_mesh_without_memory_is_an_error),
         cmocka_unit_test(triangles_of_a_level_set_without_memory_are_an_error),
-        cmocka_unit_test(solve_without_memory_is_an_error),
+        cmocka_unit_test(solve_on_patches_without_memory_is_an_error),
+        cmocka_unit_test(solve_of_a_formula_without_memory_is_an_error),
     };
     return cmocka_run_group_tests_name("shortage", tests, make_box, free_box);
 }
