@@ -4,6 +4,9 @@
 
 /* Triangles are not divided further below this radius, in spacings: their middle decides. */
 static const double LEAST_RADIUS = 0.02;
+/* Places of the surface next to two places of a triangle are at most this many times as far apart as these: of a scan, whose triangles lie beside
+ * the surface. */
+static const double STRETCH = 2;
 /* Divisions into four that suffice for any triangle of double coordinates. */
 enum { DEEPEST = 40 };
 
@@ -40,9 +43,13 @@ static double search_farthest(const facets *f, const sites *s, const vec3 c[3], 
 {
     double radius, distance;
     const vec3 middle = middle_of(c, &radius);
-    const uint32_t nearest = near_points_nearest(s->near, facets_onto(f, of, middle), 0, &distance);
-    const double h = s->spacing[nearest], low = distance / h,
-                 high = farthest_corner(c, s->position[nearest]) / h;
+    uint32_t nearest = near_points_nearest(s->near, middle, 0, &distance);
+    double high = farthest_corner(c, s->position[nearest]) / s->spacing[nearest];
+    if (high <= known) return known;
+    const vec3 place = facets_onto(f, of, middle);
+    if (vec3_norm2(vec3_sub(place, middle)) > 0) nearest = near_points_nearest(s->near, place, 0, &distance);
+    const double h = s->spacing[nearest], low = distance / h;
+    high = fmin(farthest_corner(c, s->position[nearest]) / h, low + STRETCH * radius / h);
     if (high <= known) return known;
     if (high - low <= COVERAGE_ACCURACY || radius <= LEAST_RADIUS * h || depth == DEEPEST)
         return fmax(known, low);
@@ -66,10 +73,10 @@ typedef struct near_facing {
     const vec3 *corner;
     vec3 middle, normal;
     uint32_t patch;
-    double radius;
-    bool all;    /* one point is near every place of the triangle */
-    bool some;   /* a place may have one near */
-    bool centre; /* the middle has one */
+    double radius; /* of the places of the surface, around the middle */
+    bool all;      /* one point is near every place of the triangle */
+    bool some;     /* a place may have one near */
+    bool centre;   /* the middle has one */
 } near_facing;
 
 static void look_at_point(void *context, uint32_t i)
@@ -81,7 +88,7 @@ static void look_at_point(void *context, uint32_t i)
         return;
     n->some = true;
     n->centre |= d <= reach;
-    n->all |= farthest_corner(n->corner, n->s->position[i]) <= reach;
+    n->all |= d + n->radius <= reach || farthest_corner(n->corner, n->s->position[i]) <= reach;
 }
 
 static double search_missing(const facets *f, const sites *s, const vec3 c[3], const facet *of, int depth)
@@ -90,7 +97,7 @@ static double search_missing(const facets *f, const sites *s, const vec3 c[3], c
     double radius;
     const vec3 middle = middle_of(c, &radius);
     n.middle = facets_onto(f, of, middle);
-    n.radius = radius + vec3_norm(vec3_sub(n.middle, middle));
+    n.radius = fmin(radius + vec3_norm(vec3_sub(n.middle, middle)), STRETCH * radius);
     near_points_within(s->near, n.middle, COVERAGE_MISSING * s->largest_spacing + n.radius, look_at_point,
                        &n);
     const double area = 0.5 * vec3_norm(vec3_cross(vec3_sub(c[1], c[0]), vec3_sub(c[2], c[0])));

@@ -391,16 +391,22 @@ static vec3 oriented(const facets *f, size_t k, uint32_t patch, const vec3 corne
     return vec3_dot(out, normal) < 0 ? vec3_scale(normal, -1) : normal;
 }
 
+/* The corners of an item's triangles; returns their number. */
+static int item_corners(const facets *f, uint32_t item, bool exact, vec3 out[FIELD_CELL_TRIANGLES][3])
+{
+    if (f->in.triangle_count == 0)
+        return exact ? surface_cell_triangles(f->in.scan, item, out)
+                     : surface_cell_rough_triangles(f->in.scan, item, out);
+    mesh_corners(f, item, out[0]);
+    return 1;
+}
+
 int facets_expand(const facets *f, size_t k, bool exact, facet out[FIELD_CELL_TRIANGLES])
 {
     const uint32_t item = f->item[k];
     vec3 corner[FIELD_CELL_TRIANGLES][3];
-    int count = 1, kept = 0;
-    if (f->in.triangle_count > 0)
-        mesh_corners(f, item, corner[0]);
-    else
-        count = exact ? surface_cell_triangles(f->in.scan, item, corner)
-                      : surface_cell_rough_triangles(f->in.scan, item, corner);
+    const int count = item_corners(f, item, exact, corner);
+    int kept = 0;
     const uint32_t patch = patch_of_item(f, item), piece = piece_of_item(f, item);
     for (int t = 0; t < count; t++) {
         const vec3 cross = triangle_cross(corner[t]);
@@ -456,90 +462,122 @@ typedef struct item_search {
     vec3 x;
     double nearest;
     size_t found;
+    uint32_t except; /* items of this piece are not searched, or NO_PIECE */
 } item_search;
+
+#define NO_PIECE (FACETS_MIXED - 1)
 
 static double distance_to_sphere(vec3 centre, double radius, vec3 x)
 {
     return vec3_norm(vec3_sub(centre, x)) - radius;
 }
 
-static void search_items(item_search *s, const facets_node *n)
+/* The triangles of a mesh are tested at once: their spheres take as long. */
+static bool is_beyond(const item_search *s, size_t k)
 {
-    for (size_t k = n->begin; k < n->end; k++) {
-        const facets_item item = facets_item_at(s->f, k);
-        if (distance_to_sphere(item.centre, item.radius, s->x) >= s->nearest) continue;
-        facet t[FIELD_CELL_TRIANGLES];
-        const int count = facets_expand(s->f, k, false, t);
-        for (int i = 0; i < count; i++) {
-            const triangle at = {t[i].corner[0], t[i].corner[1], t[i].corner[2]};
-            const double d = sqrt(triangle_distance2(&at, s->x));
-            if (!(d < s->nearest)) continue;
-            s->nearest = d;
-            s->found = k;
+    if (s->f->in.triangle_count > 0) return false;
+    double radius;
+    const vec3 middle = surface_cell_middle(s->f->in.scan, s->f->item[k], &radius);
+    return distance_to_sphere(middle, radius, s->x) >= s->nearest;
+}
+
+static void search_item(item_search *s, size_t k)
+{
+    const uint32_t item = s->f->item[k];
+    vec3 corner[FIELD_CELL_TRIANGLES][3];
+    const int count = item_corners(s->f, item, false, corner);
+    for (int i = 0; i < count; i++) {
+        const triangle at = {corner[i][0], corner[i][1], corner[i][2]};
+        const double d = sqrt(triangle_distance2(&at, s->x));
+        if (!(d < s->nearest) || !(vec3_norm2(triangle_cross(corner[i])) > 0)) continue;
+        s->nearest = d;
+        s->found = k;
+    }
+}
+
+/* Pushes the children of a node; the nearer one is visited first. */
+static int push_children(const facets *f, const facets_node *n, vec3 x, uint32_t *stack, int top)
+{
+    const uint32_t left = (uint32_t)(n - f->node) + 1;
+    const bool left_first =
+        vec3_norm2(vec3_sub(f->node[left].centre, x)) < vec3_norm2(vec3_sub(f->node[n->right].centre, x));
+    stack[top++] = left_first ? n->right : left;
+    stack[top++] = left_first ? left : n->right;
+    return top;
+}
+
+/* Finds a nearer item than the nearest so far, if there is one. */
+static void search_nodes(item_search *s)
+{
+    uint32_t stack[DEEPEST];
+    int top = 0;
+    stack[top++] = 0;
+    while (top > 0) {
+        const facets_node *n = &s->f->node[stack[--top]];
+        if (n->piece == s->except || distance_to_sphere(n->centre, n->radius, s->x) >= s->nearest) continue;
+        if (n->right > 0) {
+            top = push_children(s->f, n, s->x, stack, top);
+            continue;
+        }
+        for (size_t k = n->begin; k < n->end; k++)
+            if (facets_piece(s->f, k) != s->except && !is_beyond(s, k)) search_item(s, k);
+    }
+}
+
+/* The grid cell of a scan whose middle is nearest to x, or one almost as near. Its triangles bound the distance of the nearest ones closely,
+ * without those of the cells around it. */
+static size_t near_cell(const facets *f, vec3 x)
+{
+    uint32_t stack[DEEPEST];
+    int top = 0;
+    double nearest = INFINITY, reach = INFINITY; /* of a middle; of the sphere of a cell */
+    size_t found = 0;
+    stack[top++] = 0;
+    while (top > 0) {
+        const facets_node *n = &f->node[stack[--top]];
+        if (distance_to_sphere(n->centre, n->radius, x) >= reach) continue;
+        if (n->right > 0) {
+            top = push_children(f, n, x, stack, top);
+            continue;
+        }
+        for (size_t k = n->begin; k < n->end; k++) {
+            double radius;
+            const vec3 middle = surface_cell_middle(f->in.scan, f->item[k], &radius);
+            const double distance = vec3_norm(vec3_sub(middle, x));
+            if (distance >= nearest) continue;
+            nearest = distance;
+            reach = distance - radius;
+            found = k;
         }
     }
+    return found;
+}
+
+static item_search search_at(const facets *f, vec3 x)
+{
+    item_search s = {f, x, INFINITY, 0, NO_PIECE};
+    if (f->in.triangle_count == 0) search_item(&s, near_cell(f, x));
+    return s;
 }
 
 size_t facets_nearest(const facets *f, vec3 x)
 {
-    uint32_t stack[DEEPEST];
-    int top = 0;
-    item_search s = {f, x, INFINITY, 0};
-    stack[top++] = 0;
-    while (top > 0) {
-        const facets_node *n = &f->node[stack[--top]];
-        if (distance_to_sphere(n->centre, n->radius, x) >= s.nearest) continue;
-        if (n->right == 0) {
-            search_items(&s, n);
-            continue;
-        }
-        const uint32_t left = (uint32_t)(n - f->node) + 1;
-        const bool left_first =
-            vec3_norm2(vec3_sub(f->node[left].centre, x)) < vec3_norm2(vec3_sub(f->node[n->right].centre, x));
-        stack[top++] = left_first ? n->right : left;
-        stack[top++] = left_first ? left : n->right;
-    }
+    item_search s = search_at(f, x);
+    search_nodes(&s);
     return s.found;
-}
-
-/* A bound on the distance of the nearest item: that of the far side of one that is near. */
-static double near_bound(const facets *f, vec3 x)
-{
-    uint32_t at = 0;
-    while (f->node[at].right > 0) {
-        const uint32_t left = at + 1, right = f->node[at].right;
-        at = vec3_norm2(vec3_sub(f->node[left].centre, x)) < vec3_norm2(vec3_sub(f->node[right].centre, x))
-                 ? left
-                 : right;
-    }
-    double bound = INFINITY;
-    for (size_t k = f->node[at].begin; k < f->node[at].end; k++) {
-        const facets_item item = facets_item_at(f, k);
-        bound = fmin(bound, vec3_norm(vec3_sub(item.centre, x)) + item.radius);
-    }
-    return bound;
 }
 
 uint32_t facets_nearest_piece(const facets *f, vec3 x)
 {
-    const double bound = near_bound(f, x);
-    uint32_t stack[DEEPEST], piece = FACETS_MIXED;
-    int top = 0;
-    stack[top++] = 0;
-    while (top > 0) {
-        const uint32_t at = stack[--top];
-        const facets_node *n = &f->node[at];
-        if (distance_to_sphere(n->centre, n->radius, x) > bound) continue;
-        if (n->piece == FACETS_MIXED && n->right > 0) {
-            stack[top++] = n->right;
-            stack[top++] = at + 1;
-            continue;
-        }
-        if (n->piece == FACETS_MIXED || (piece != FACETS_MIXED && n->piece != piece))
-            return facets_piece(f, facets_nearest(f, x));
-        piece = n->piece;
+    item_search s = search_at(f, x);
+    if (isfinite(s.nearest)) { /* most places are nearer to it than to every item of the other pieces */
+        item_search others = s;
+        others.except = facets_piece(f, s.found);
+        search_nodes(&others);
+        if (!(others.nearest < s.nearest)) return others.except;
     }
-    return piece;
+    search_nodes(&s);
+    return facets_piece(f, s.found);
 }
 
 /* The edges that end at a corner or pass it, by their directions, and the number of faces at each. */

@@ -12,6 +12,8 @@
 enum { TASKS = 512, POINTS_OF_TASK = 1000 };
 /* Tasks whose records are kept at once, for each thread. */
 enum { TASKS_OF_THREAD = 4 };
+/* Items at which distances are bounded before the tasks, for each point: at most. */
+enum { PROBES_OF_POINT = 2 };
 /* A triangle with more candidates is divided at its longest edge before it is clipped: clipping takes the square of their number. */
 enum { MOST_CANDIDATES = 12 };
 /* A part shorter than this, in spacings, is not divided further: it holds no side that counts. */
@@ -60,6 +62,7 @@ typedef struct build_job {
     task *task;
     double *
         farthest; /* of each worker, of each patch: of the task at hand, and behind these of all of its tasks */
+    const double *known; /* of each patch: a bound from below */
 } build_job;
 
 /* The square of the distance of each corner from a site. */
@@ -215,7 +218,8 @@ static void clip(polygon *p, vec3 normal, double offset, uint32_t site)
         cut |= height[k] > 0;
     }
     if (!cut) return;
-    polygon out = {.count = 0};
+    polygon out;
+    out.count = 0;
     for (int k = 0; k < p->count; k++) {
         const int next = k + 1 < p->count ? k + 1 : 0;
         const bool in = height[k] <= 0, next_in = height[next] <= 0;
@@ -228,7 +232,9 @@ static void clip(polygon *p, vec3 normal, double offset, uint32_t site)
         out.corner[out.count] = vec3_axpy(t, vec3_sub(p->corner[next], p->corner[k]), p->corner[k]);
         out.behind[out.count++] = in ? site : p->behind[k];
     }
-    *p = out;
+    p->count = out.count;
+    memcpy(p->corner, out.corner, (size_t)out.count * sizeof *out.corner);
+    memcpy(p->behind, out.behind, (size_t)out.count * sizeof *out.behind);
 }
 
 static double polygon_area(const polygon *p)
@@ -263,18 +269,31 @@ static void clip_by_domain(const descent *d, const part *t, vec3 origin, polygon
     }
 }
 
-static polygon whole_part(const descent *d, const part *t, vec3 origin)
+static void whole_part(const descent *d, const part *t, vec3 origin, polygon *p)
 {
-    polygon p = {.count = 3};
+    p->count = 3;
     for (int k = 0; k < 3; k++) {
-        p.corner[k] = vec3_sub(t->corner[k], origin);
-        p.behind[k] = NO_SITE;
+        p->corner[k] = vec3_sub(t->corner[k], origin);
+        p->behind[k] = NO_SITE;
     }
-    clip_by_domain(d, t, origin, &p);
-    return p;
+    clip_by_domain(d, t, origin, p);
 }
 
 /* ---- distances */
+
+static double distance_at(const sites *s, vec3 x)
+{
+    double distance;
+    const uint32_t nearest = near_points_nearest(s->near, x, 0, &distance);
+    return distance / s->spacing[nearest];
+}
+
+/* Raises *known to the distance of a place. Where that of x itself is below it, so is that of the place of the surface next to x: points lie on
+ * the surface, which x lies beside. */
+static void raise_to_place(const descent *d, const facet *of, vec3 x, double *known)
+{
+    if (distance_at(d->s, x) > *known) *known = fmax(*known, distance_at(d->s, facets_onto(d->f, of, x)));
+}
 
 static void search_polygon(descent *d, const polygon *p, vec3 origin, const facet *of, double *farthest,
                            bool missing)
@@ -297,11 +316,7 @@ static void measure_distances(descent *d, const polygon *p, uint32_t site, const
     for (int k = 0; k < p->count; k++) {
         const double own = vec3_norm(p->corner[k]) / h;
         most = own > most ? own : most;
-        if (own <= *farthest) continue;
-        double distance;
-        const vec3 place = facets_onto(d->f, of, vec3_add(p->corner[k], origin));
-        const uint32_t nearest = near_points_nearest(d->s->near, place, 0, &distance);
-        *farthest = fmax(*farthest, distance / d->s->spacing[nearest]);
+        if (own > *farthest) raise_to_place(d, of, vec3_add(p->corner[k], origin), farthest);
     }
     if (most * (1 - MARGIN) > *farthest || most > COVERAGE_MISSING)
         search_polygon(d, p, origin, of, farthest, most > COVERAGE_MISSING);
@@ -321,8 +336,8 @@ static bool is_same(const corner_distances *a, const corner_distances *b)
     return a->of[0] == b->of[0] && a->of[1] == b->of[1] && a->of[2] == b->of[2];
 }
 
-/* The part of the triangle in the cell of candidate `own` of `count` from `base` on. */
-static polygon cell_part(const descent *d, const part *t, size_t base, size_t count, size_t own)
+/* The part of the triangle in the cell of candidate `own` of `count` from `base` on; false if there is none. */
+static bool cell_part(const descent *d, const part *t, size_t base, size_t count, size_t own, polygon *p)
 {
     const uint32_t *list = d->list + base, site = list[own];
     const corner_distances *square = d->square + base;
@@ -330,14 +345,14 @@ static polygon cell_part(const descent *d, const part *t, size_t base, size_t co
     for (size_t k = 0; k < count; k++)
         if (nearer_corners(&square[k], &square[own]) == 3 ||
             (list[k] < site && is_same(&square[k], &square[own])))
-            return (polygon){.count = 0};
-    polygon p = whole_part(d, t, origin);
-    for (size_t k = 0; k < count && p.count > 0; k++) {
+            return false;
+    whole_part(d, t, origin, p);
+    for (size_t k = 0; k < count && p->count > 0; k++) {
         const vec3 to = vec3_sub(d->s->position[list[k]], origin);
         if (k != own && nearer_corners(&square[k], &square[own]) > 0)
-            clip(&p, to, 0.5 * vec3_norm2(to), list[k]);
+            clip(p, to, 0.5 * vec3_norm2(to), list[k]);
     }
-    return p;
+    return p->count > 0;
 }
 
 /* At how many corners two sites are as far as each other. */
@@ -367,8 +382,8 @@ static void mark_sides_on_edges(const descent *d, size_t base, size_t count, siz
 static bool clip_cell(descent *d, const part *t, size_t base, size_t count, size_t own)
 {
     const uint32_t site = d->list[base + own];
-    polygon p = cell_part(d, t, base, count, own);
-    if (p.count == 0) return true;
+    polygon p;
+    if (!cell_part(d, t, base, count, own, &p)) return true;
     mark_sides_on_edges(d, base, count, own, &p);
     const double area = polygon_area(&p);
     if (area <= MARGIN * t->of->area * LEAST_PART)
@@ -385,7 +400,8 @@ static bool clip_cell(descent *d, const part *t, size_t base, size_t count, size
 
 static void measure_uncovered(descent *d, const part *t)
 {
-    const polygon p = whole_part(d, t, (vec3){0, 0, 0});
+    polygon p;
+    whole_part(d, t, (vec3){0, 0, 0}, &p);
     search_polygon(d, &p, (vec3){0, 0, 0}, t->of, &d->farthest[t->of->patch], true);
 }
 
@@ -460,8 +476,8 @@ static void push_undominated(descent *d, const part *t, int changed, size_t from
         const corner_distances own = d->square[base + k];
         const uint32_t site = d->list[base + k];
         bool discarded = false;
-        for (int j = 0; j < JUDGES; j++)
-            discarded |=
+        for (int j = 0; j < JUDGES && !discarded; j++)
+            discarded =
                 is_dominated(&own, &by[j].at) || (count > MOST_CANDIDATES && is_repeated(site, &own, &by[j]));
         if (discarded) continue;
         d->list[d->top] = site;
@@ -673,7 +689,53 @@ static bool visit_node(descent *d, uint32_t node)
     return ok;
 }
 
-/* What a task finds must not depend on those before it on the same thread, so each begins without known distances. */
+/* ---- the first bound of the distances */
+
+/* Whether a place is part of the surface (clip_by_domain). */
+static bool is_in_domain(const facets *f, vec3 x)
+{
+    const field *of = f->in.triangle_count == 0 ? f->in.scan->field : NULL;
+    return !of || !of->open || bbox_contains(of->boundary_box, x);
+}
+
+/* Raises the bound of an item's patch by one of its places. */
+static void probe_item(const build_job *job, size_t k, double *known)
+{
+    facet t[FIELD_CELL_TRIANGLES];
+    if (facets_expand(job->f, k, false, t) == 0) return;
+    const vec3 middle = field_triangle_middle(t[0].corner);
+    double *most = &known[t[0].patch];
+    if (!(distance_at(job->s, middle) > *most) || !is_in_domain(job->f, middle)) return;
+    const vec3 place = facets_onto(job->f, &t[0], middle);
+    *most = fmax(*most, fmin(distance_at(job->s, place), distance_at(job->s, middle)));
+}
+
+static size_t probe_count(const build_job *job)
+{
+    const size_t most = PROBES_OF_POINT * job->s->count;
+    return job->f->item_count < most ? job->f->item_count : most;
+}
+
+static void probe_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const build_job *job = context;
+    const size_t count = probe_count(job);
+    double *known = job->farthest + 2 * job->f->in.patch_count * (size_t)worker;
+    for (size_t k = begin; k < end; k++) probe_item(job, k * job->f->item_count / count, known);
+}
+
+/* The largest distance at places of some items. Tasks that know it discard most searches for larger ones at once. */
+static void probe(const build_job *job, size_t workers, threads *pool, double *known)
+{
+    const size_t patches = job->f->in.patch_count;
+    threads_run(pool, probe_count(job), 256, probe_chunk, (void *)job);
+    for (size_t w = 0; w < workers; w++)
+        for (size_t p = 0; p < patches; p++) known[p] = fmax(known[p], job->farthest[2 * w * patches + p]);
+}
+
+/* ---- tasks */
+
+/* What a task finds must not depend on those before it on the same thread, so each begins with the same known distances. */
 static void run_tasks(void *context, int worker, size_t begin, size_t end)
 {
     const build_job *job = context;
@@ -682,7 +744,7 @@ static void run_tasks(void *context, int worker, size_t begin, size_t end)
     for (size_t k = begin; k < end; k++) {
         task *t = &job->task[k];
         descent d = {.f = job->f, .s = job->s, .to = t, .farthest = own};
-        memset(own, 0, patches * sizeof *own);
+        memcpy(own, job->known, patches * sizeof *own);
         visit_node(&d, t->node);
         for (size_t p = 0; p < patches; p++) all[p] = fmax(all[p], own[p]);
         free(d.list);
@@ -776,8 +838,9 @@ bool restricted_voronoi_build(const facets *f, const sites *s, threads *pool, re
     out->farthest = mem_array(patches, sizeof *out->farthest, what, e);
     bool ok = farthest && out->area && out->farthest && all && table_init(&table, 3 * s->count, e);
     const size_t tasks = ok ? divide(f, 0, most, all) : 0;
-    build_job job = {f, s, all, farthest};
+    build_job job = {f, s, all, farthest, out->farthest};
     const size_t at_once = TASKS_OF_THREAD * workers;
+    if (ok) probe(&job, workers, pool, out->farthest);
     for (size_t k = 0; k < tasks; k += at_once) {
         const size_t count = tasks - k < at_once ? tasks - k : at_once;
         job.task = all + k;
