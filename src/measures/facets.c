@@ -169,10 +169,21 @@ typedef struct item_bounds {
     float angle;
 } item_bounds;
 
+static vec3 item_sphere(const facets *f, uint32_t item, double *radius)
+{
+    if (f->in.triangle_count == 0) return surface_cell_middle(f->in.scan, item, radius);
+    vec3 c[3];
+    mesh_corners(f, item, c);
+    const vec3 centre = field_triangle_middle(c);
+    *radius = 0;
+    for (int k = 0; k < 3; k++) *radius = fmax(*radius, vec3_norm(vec3_sub(c[k], centre)));
+    return centre;
+}
+
 static void bound_item(const facets *f, uint32_t item, vec3 normal, float angle, item_bounds *out)
 {
+    out->centre = item_sphere(f, item, &out->radius);
     if (f->in.triangle_count == 0) {
-        out->centre = surface_cell_middle(f->in.scan, item, &out->radius);
         out->normal = normal;
         out->angle = angle;
         out->area = surface_cell_area(f->in.scan, item);
@@ -181,9 +192,6 @@ static void bound_item(const facets *f, uint32_t item, vec3 normal, float angle,
     vec3 c[3];
     mesh_corners(f, item, c);
     const vec3 cross = triangle_cross(c);
-    out->centre = field_triangle_middle(c);
-    out->radius = 0;
-    for (int k = 0; k < 3; k++) out->radius = fmax(out->radius, vec3_norm(vec3_sub(c[k], out->centre)));
     out->normal = vec3_unit(cross);
     out->angle = 0;
     out->area = 0.5 * vec3_norm(cross);
@@ -472,13 +480,11 @@ static double distance_to_sphere(vec3 centre, double radius, vec3 x)
     return vec3_norm(vec3_sub(centre, x)) - radius;
 }
 
-/* The triangles of a mesh are tested at once: their spheres take as long. */
 static bool is_beyond(const item_search *s, size_t k)
 {
-    if (s->f->in.triangle_count > 0) return false;
     double radius;
-    const vec3 middle = surface_cell_middle(s->f->in.scan, s->f->item[k], &radius);
-    return distance_to_sphere(middle, radius, s->x) >= s->nearest;
+    const vec3 centre = item_sphere(s->f, s->f->item[k], &radius);
+    return distance_to_sphere(centre, radius, s->x) >= s->nearest;
 }
 
 static void search_item(item_search *s, size_t k)
@@ -542,7 +548,7 @@ static size_t near_cell(const facets *f, vec3 x)
         }
         for (size_t k = n->begin; k < n->end; k++) {
             double radius;
-            const vec3 middle = surface_cell_middle(f->in.scan, f->item[k], &radius);
+            const vec3 middle = item_sphere(f, f->item[k], &radius);
             const double distance = vec3_norm(vec3_sub(middle, x));
             if (distance >= nearest) continue;
             nearest = distance;

@@ -538,10 +538,21 @@ static bool collect_within(descent *d, vec3 x, double reach, const facet *of)
 /* The distance from the centroid of the nearest of the candidates from `base` on. */
 static double nearest_candidate(const descent *d, size_t base, vec3 centroid)
 {
-    double nearest = INFINITY;
+    double nearest2 = INFINITY;
     for (size_t k = base; k < d->top; k++)
-        nearest = fmin(nearest, vec3_norm(vec3_sub(d->s->position[d->list[k]], centroid)));
-    return nearest;
+        nearest2 = fmin(nearest2, vec3_norm2(vec3_sub(d->s->position[d->list[k]], centroid)));
+    return sqrt(nearest2);
+}
+
+/* Removes the candidates from `base` on that are farther than `reach` from the centroid. */
+static void remove_far_candidates(descent *d, size_t base, vec3 centroid, double reach)
+{
+    const double reach2 = reach * reach * (1 + MARGIN);
+    const size_t end = d->top;
+    d->top = base;
+    for (size_t k = base; k < end; k++)
+        if (vec3_norm2(vec3_sub(d->s->position[d->list[k]], centroid)) <= reach2)
+            d->list[d->top++] = d->list[k];
 }
 
 /* The radius of a sphere around a part of the surface, and the point nearest to its centre. */
@@ -568,7 +579,10 @@ static bool visit_candidates(descent *d, const part *t, size_t base, vec3 centro
                              double complete)
 {
     bool ok = true;
-    if (nearest_candidate(d, base, centroid) + 2 * radius > complete) {
+    const double reach = nearest_candidate(d, base, centroid) + 2 * radius;
+    if (reach <= complete)
+        remove_far_candidates(d, base, centroid, reach);
+    else {
         d->top = base;
         ok = collect_within(d, centroid, FARTHEST_SITE * d->s->largest_spacing + 2 * radius, t->of);
     }
@@ -625,17 +639,18 @@ static bool is_covered(const descent *d, uint32_t patch, vec3 centre, double rad
 /* Whether an item lies in one cell, of *site, as the candidates show that face all of it. */
 static bool is_in_one_cell(const descent *d, const candidates *from, const facets_item *item, uint32_t *site)
 {
-    double nearest = INFINITY, second = INFINITY;
+    double nearest2 = INFINITY, second2 = INFINITY;
     for (size_t k = 0; k < from->count; k++) {
-        const double distance = vec3_norm(vec3_sub(d->s->position[d->list[from->first + k]], item->centre));
-        if (distance < nearest) {
-            second = nearest;
-            nearest = distance;
-            *site = d->list[from->first + k];
+        const uint32_t i = d->list[from->first + k];
+        const double distance2 = vec3_norm2(vec3_sub(d->s->position[i], item->centre));
+        if (distance2 < nearest2) {
+            second2 = nearest2;
+            nearest2 = distance2;
+            *site = i;
         } else
-            second = fmin(second, distance);
+            second2 = fmin(second2, distance2);
     }
-    return second > (nearest + 2 * item->radius) * (1 + MARGIN) && isfinite(nearest);
+    return sqrt(second2) > (sqrt(nearest2) + 2 * item->radius) * (1 + MARGIN) && isfinite(nearest2);
 }
 
 static bool visit_item(descent *d, size_t k, const candidates *from, vec3 from_centre, bool certain)
