@@ -355,12 +355,24 @@ static bool cell_part(const descent *d, const part *t, size_t base, size_t count
     return p->count > 0;
 }
 
+static bool is_equally_far(const corner_distances *a, const corner_distances *b, int c)
+{
+    return fabs(a->of[c] - b->of[c]) <= MARGIN * (a->of[c] + b->of[c]);
+}
+
 /* At how many corners two sites are as far as each other. */
 static int equal_corners(const corner_distances *a, const corner_distances *b)
 {
     int count = 0;
-    for (int c = 0; c < 3; c++) count += fabs(a->of[c] - b->of[c]) <= MARGIN * (a->of[c] + b->of[c]);
+    for (int c = 0; c < 3; c++) count += is_equally_far(a, b, c);
     return count;
+}
+
+static bool has_own_edge(const polygon *p)
+{
+    bool found = false;
+    for (int c = 0; c < p->count; c++) found |= p->behind[c] == NO_SITE;
+    return found;
 }
 
 /* An edge of the triangle, or of a part, that lies in a bisector is a side although nothing was cut off there. */
@@ -368,6 +380,7 @@ static void mark_sides_on_edges(const descent *d, size_t base, size_t count, siz
 {
     const uint32_t *list = d->list + base;
     const corner_distances *square = d->square + base;
+    if (!has_own_edge(p)) return;
     for (size_t k = 0; k < count; k++) {
         if (k == own || equal_corners(&square[k], &square[own]) != 2) continue;
         const vec3 to = vec3_sub(d->s->position[list[k]], d->s->position[list[own]]);
@@ -446,7 +459,8 @@ typedef struct judge {
 /* Sites in one place do not dominate each other, and no division separates them. All but the first are discarded. */
 static bool is_repeated(uint32_t site, const corner_distances *at, const judge *by)
 {
-    return by->site < site && equal_corners(at, &by->at) == 3;
+    return by->site < site && is_equally_far(at, &by->at, 0) && is_equally_far(at, &by->at, 1) &&
+           is_equally_far(at, &by->at, 2);
 }
 
 /* The corners of a part that its candidates have no distances from yet: of the half of a triangle the new one. */
