@@ -3,9 +3,10 @@
 A case is a surface, one to three ways of damage and a file format, all by a seed. `truth` are the triangles that the points are
 to lie on and to cover; distances from them are by brute force, and share no code with hexad.
 
-As a program: `damaged_meshes.py BUILD [--cases N] [--seed N] [--minutes N] [--points N] [--without WAY,...]` runs cases
-until N are done or the time is over, prints each that fails, and ends with 1 if one of an unambiguous surface fails or more than
-5 % of the others are refused. `make damaged-meshes` runs 2 000 cases.
+As a program: `damaged_meshes.py BUILD [--cases N] [--seed N] [--minutes N] [--points N] [--without WAY,...] [--meshes FOLDER]` runs
+cases until N are done or the time is over, prints each that fails, and ends with 1 if one of an unambiguous surface fails or more than
+5 % of the others are refused. `make damaged-meshes` runs 2 000 cases. With FOLDER the surfaces are those of its meshes that are one closed
+piece, have at most MOST_FACES triangles and pass while they are intact.
 """
 import argparse
 import json
@@ -18,12 +19,14 @@ import time
 import numpy
 from scipy.spatial import cKDTree
 
+import meshes
 from meshes import _distances
 from readers import Points
 
 FLOAT_STEP, DOUBLE_STEP = 2.0 ** -23, 2.0 ** -52
 OFF_SURFACE, COVERED = 1e-3, 1.2  # spacings
 REFUSED_MOST = 0.05  # of the cases whose surface is ambiguous
+MOST_FACES = 8000  # of a mesh of a folder: distances are by brute force
 
 
 # ---- surfaces: vertices, and faces as tuples of corners, counter-clockwise from outside
@@ -98,6 +101,32 @@ def sheet(n=8):
 SURFACES = {"sphere": icosphere, "box": box, "angle": angle, "comb": comb, "torus": torus, "sheet": sheet}
 
 
+def closed_mesh(path):
+    """The vertices, within the unit sphere, and faces of a file with one closed piece; None of others."""
+    mesh = meshes.Mesh(path)
+    faces = mesh.faces if mesh.volume > 0 else mesh.faces[:, ::-1]
+    sides = [(a, b) for f in faces.tolist() for a, b in zip(f, f[1:] + f[:1])]
+    if mesh.component_count > 1 or len(faces) > MOST_FACES or sorted(sides) != sorted((b, a) for a, b in sides) or \
+            len(set(sides)) < len(sides):
+        return None
+    used, faces = numpy.unique(faces, return_inverse=True)
+    vertices = mesh.vertices[used] - mesh.vertices[used].mean(axis=0)
+    return vertices / numpy.linalg.norm(vertices, axis=1).max(), [tuple(f) for f in faces.reshape(-1, 3).tolist()]
+
+
+def surfaces_of(folder, call, work, points):
+    """As SURFACES, of the meshes of a folder that pass while they are intact."""
+    out = {}
+    for path in sorted(p for p in folder.iterdir() if p.suffix.lower() in (".obj", ".off", ".stl", ".ply")):
+        found = closed_mesh(path)
+        if found is None:
+            continue
+        m = Mesh(path.stem, numpy.random.default_rng(1), {path.stem: lambda found=found: found})
+        if solve(m, "ply", call, work, points) is None:
+            out[path.stem] = lambda found=found: found
+    return out
+
+
 def ears(corners, points):
     """Triangles of a planar polygon; slow and simple."""
     corners, out = list(corners), []
@@ -120,8 +149,9 @@ def ears(corners, points):
 class Mesh:
     """What is damaged. Faces are polygons until `cut` is called; `truth` is what they were before."""
 
-    def __init__(self, name, random):
-        vertices, self.faces = SURFACES[name]()
+    def __init__(self, name, random, surfaces=None):
+        vertices, faces = (surfaces or SURFACES)[name]()
+        self.faces = list(faces)
         turn, _ = numpy.linalg.qr(random.standard_normal((3, 3)))
         turn *= numpy.sign(numpy.linalg.det(turn))
         scale = 10.0 ** random.integers(-3, 4)
@@ -495,10 +525,10 @@ def write_off(m, path):
 FORMATS = {"ply": write_ply, "obj": write_obj, "off": write_off}
 
 
-def make(seed, without=()):
+def make(seed, without=(), surfaces=None):
     """(mesh, names of its surface, damage and format) of a case."""
     random = numpy.random.default_rng(seed)
-    m = Mesh(str(random.choice(sorted(SURFACES))), random)
+    m = Mesh(str(random.choice(sorted(surfaces or SURFACES))), random, surfaces)
     ways = [str(w) for w in random.choice(sorted(set(WAYS) - set(without)), int(random.integers(1, 4)), replace=False)]
     m.floats = "in_floats" in ways
     ways.sort(key=lambda w: LAST.index(w) if w in LAST else -1)
@@ -550,18 +580,23 @@ def judge(m, done, out):
     return ("wrong", f"{report['outcome']}: " + ", ".join(wrong)) if wrong else None
 
 
-def run(seed, call, folder, points, without=()):
-    """The names of the case, whether its surface is ambiguous, and judge's answer. `call` runs a spec's file into a folder."""
-    m, names = make(seed, without)
-    path, out = folder / f"mesh.{names[-1]}", folder / "out"
-    FORMATS[names[-1]](m, path)
+def solve(m, kind, call, folder, points):
+    """judge's answer for a mesh, written as a file of a kind. `call` runs a spec's file into a folder."""
+    path, out = folder / f"mesh.{kind}", folder / "out"
+    FORMATS[kind](m, path)
     spec = {"version": 1, "surface": {"mesh": {"path": str(path)}}, "sampling": {"count": points}, "solver": {"threads": 1},
             "output": {"preview": False}}
     (folder / "spec.json").write_text(json.dumps(spec))
-    return names, m.ambiguous, judge(m, call(folder / "spec.json", out), out)
+    return judge(m, call(folder / "spec.json", out), out)
 
 
-def run_cases(build, cases, seed, points, say, minutes=240, without=()):
+def run(seed, call, folder, points, without=(), surfaces=None):
+    """The names of the case, whether its surface is ambiguous, and judge's answer."""
+    m, names = make(seed, without, surfaces)
+    return names, m.ambiguous, solve(m, names[-1], call, folder, points)
+
+
+def run_cases(build, cases, seed, points, say, minutes=240, without=(), meshes_folder=None):
     """Runs cases, and says which fail. Whether no unambiguous one does, and at most 5 % of the others are refused."""
     end, counts = time.monotonic() + 60 * minutes, {"cases": 0, "wrong": 0, "refused": 0, "ambiguous": 0, "ambiguous refused": 0}
     say(f"seed {seed}")
@@ -569,10 +604,12 @@ def run_cases(build, cases, seed, points, say, minutes=240, without=()):
     def call(spec, out):
         return subprocess.run([build / "hexad-worker", "run", spec, "--output", out], capture_output=True, text=True)
     with tempfile.TemporaryDirectory() as folder:
-        for k in range(cases):
+        surfaces = surfaces_of(meshes_folder, call, pathlib.Path(folder), points) if meshes_folder else SURFACES
+        say("surfaces: " + " ".join(sorted(surfaces)))
+        for k in range(cases if surfaces else 0):
             if time.monotonic() > end:
                 break
-            names, ambiguous, found = run(seed + k, call, pathlib.Path(folder), points, without)
+            names, ambiguous, found = run(seed + k, call, pathlib.Path(folder), points, without, surfaces)
             counts["cases"] += 1
             counts["ambiguous"] += ambiguous
             if found:
@@ -590,9 +627,10 @@ def main():
     parser.add_argument("--minutes", type=float, default=240)
     parser.add_argument("--points", type=int, default=400)
     parser.add_argument("--without", default="", help="ways that are left out")
+    parser.add_argument("--meshes", type=pathlib.Path, metavar="FOLDER", help="damage the meshes of a folder")
     o = parser.parse_args()
     without = [w for w in o.without.split(",") if w]
-    return not run_cases(o.build, o.cases, o.seed, o.points, lambda text: print(text, flush=True), o.minutes, without)
+    return not run_cases(o.build, o.cases, o.seed, o.points, lambda text: print(text, flush=True), o.minutes, without, o.meshes)
 
 
 if __name__ == "__main__":
