@@ -568,7 +568,7 @@ static void row_of_a_curve_that_folds_back_is_one(void **state)
         rows.border[0] += half[k] = 0.5;
         spacing[k] = 1;
     }
-    const near_rows_input in = {1, &closed, end, first, spacing, half, false};
+    const near_rows_input in = {1, 1, &closed, end, first, spacing, half, false};
     error e = {0};
     assert_true(near_rows_merge(&in, &rows, &e));
     assert_in_range(rows.count, PART, PART + 2);
