@@ -132,42 +132,28 @@ static double angle_at(const making *k, const mesh_side *s)
     return atan2(vec3_norm(vec3_cross(a, turned)), vec3_dot(a, turned));
 }
 
-/* Lengths by how much they are bent. A mesh with sharp edges is flat or sharp nearly everywhere; of a scan there are the
- * fewer the sharper. A few large triangles for a smooth shape are taken for it, unless points lie so close that they show
- * the triangles, of an open mesh: of a closed one there is a smooth level set. */
+/* Lengths that are bent by about MESH_PATCHES_ANGLE, and by more. A model of planes and arcs, whatever facets its arcs have, has little
+ * of the former; of a scan, and of a decimated or coarse mesh, there are the fewer edges the more they are bent. */
 typedef struct bends {
-    size_t count;
-    bool closed;
-    double all, slight, between, sharp; /* slight: more than flat; between: that which is nearly sharp, too */
+    double near, above;
 } bends;
 
-static const double flat_below = 0.2, most_slight = 0.3; /* radians; share of all */
-static const double shown_from = 3;                      /* spacings that sides of triangles are long */
+static const double near_angle = 0.15, most_near = 0.7; /* radians; share of what is above */
+static const double flat_below = 0.2;                   /* radians: no such edge counts */
 
 static void bends_add(bends *b, double angle, double length)
 {
-    b->count++;
-    b->all += length;
-    if (angle > MESH_PATCHES_ANGLE)
-        b->sharp += length;
-    else if (angle > flat_below)
-        b->slight += length;
-    if (angle > MESH_PATCHES_ANGLE / 2 && angle <= MESH_PATCHES_ANGLE) b->between += length;
-}
-
-/* Whether edges are flat or sharp nearly everywhere. */
-static bool is_sharp(const making *k, const bends *b)
-{
-    const double spacing = k->params->spacing;
-    const bool shown = !b->closed && spacing > 0 && b->all > shown_from * spacing * (double)b->count;
-    return b->between <= b->sharp && (shown || b->slight <= most_slight * b->all);
+    if (angle > MESH_PATCHES_ANGLE + near_angle)
+        b->above += length;
+    else if (angle > MESH_PATCHES_ANGLE - near_angle)
+        b->near += length;
 }
 
 /* The angle from which on what is bent is a feature. */
 static double feature_angle(const making *k, const bends *b)
 {
     if (k->params->feature_angle != MESH_PATCHES_FOUND) return k->params->feature_angle;
-    return is_sharp(k, b) ? MESH_PATCHES_ANGLE : 0;
+    return b->near <= most_near * b->above ? MESH_PATCHES_ANGLE : 0;
 }
 
 /* Whether an edge is surely bent by less than `flat_below`, as most edges are, told without its angle. */
@@ -193,15 +179,14 @@ static bool is_bent(const making *k, const mesh_side *s, double angle)
 /* The angle from which on edges are features. *is_scan: the mesh has none by itself. */
 static double find_angle(const making *k, bool *is_scan)
 {
-    bends all = {.closed = true};
+    bends all = {0};
     for (uint32_t v = 0; v < k->m->vertex_count; v++)
         for (size_t i = k->edges->first[v], n; i < k->edges->first[v + 1]; i += n) {
             n = mesh_edges_width(k->edges, v, i);
             const mesh_side *s = k->edges->sides + i;
-            all.closed &= n % 2 == 0;
             if (n == 2) bends_add(&all, is_flat(k, s) ? 0 : angle_at(k, s), length_of(k->m, v, s->other));
         }
-    *is_scan = !is_sharp(k, &all);
+    *is_scan = all.near > most_near * all.above;
     return feature_angle(k, &all);
 }
 

@@ -176,8 +176,8 @@ const spec_row spec_rows[] = {
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, surface.mesh.has_features),
      .prose =
-         "Sharp edges get a row of points. Without it a mesh has those beyond 0.7 where its edges are flat or sharp nearly "
-         "everywhere, and none where they are bent by any angle, as those of scans."},
+         "Sharp edges get a row of points, on a scan those in long chains. Without it a mesh has those beyond 0.7 if it "
+         "consists of planes and arcs, and none if its edges are bent by any angle, as those of scans."},
     {.pointer = "/surface/mesh/features/angle",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,

@@ -298,12 +298,12 @@ static inline queue_event_page look_at_events(place *p)
 
 static inline sqlite3 *open_raw(place *p)
 {
-    sqlite3 *database, *own = connection;
+    sqlite3 *raw, *own = connection;
     char *path = mem_printf("%s/queue.db", p->base);
-    assert_int_equal(sqlite3_open(path, &database), SQLITE_OK);
+    assert_int_equal(sqlite3_open(path, &raw), SQLITE_OK);
     connection = own;
     free(path);
-    return database;
+    return raw;
 }
 
 #define CASE(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
@@ -313,9 +313,9 @@ static inline void alter_database(place *p, const char *sql)
 {
     queue_close(p->q);
     p->q = NULL;
-    sqlite3 *database = open_raw(p);
-    assert_int_equal(sqlite3_exec(database, sql, NULL, NULL, NULL), SQLITE_OK);
-    sqlite3_close(database);
+    sqlite3 *raw = open_raw(p);
+    assert_int_equal(sqlite3_exec(raw, sql, NULL, NULL, NULL), SQLITE_OK);
+    sqlite3_close(raw);
     reopen(p);
 }
 

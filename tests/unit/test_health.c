@@ -67,11 +67,11 @@ static void fill(place *p, char id[JOBS][ULID_SIZE])
     if (!p->q) fail_msg("%s", e.message);
 }
 
-static void overwrite(const char *path, int64_t first, int64_t count, int value)
+static void overwrite(const char *path, int64_t first, int64_t count, int byte)
 {
     int fd = open(path, O_RDWR);
     char page[PAGE];
-    memset(page, value, sizeof page);
+    memset(page, byte, sizeof page);
     for (int64_t i = first; i < first + count; i++) assert_int_equal(pwrite(fd, page, PAGE, i * PAGE), PAGE);
     close(fd);
 }
