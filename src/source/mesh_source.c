@@ -29,8 +29,9 @@ static const double most_missing = 0.01;
 /* Of a mesh that is to be resolved and has no other sharp edges, radians. A side of h that cuts off an edge bent by this misses
  * it by a quarter of h, and by a third where the side is as long as any. */
 static const double cut_angle = 1.1;
-/* Of the area of a closed mesh: with more inside of its solids it is a level set, unless the spec says otherwise. */
-static const double most_hidden = 0.01;
+/* Of the area of a closed mesh: with more inside of its solids it is a level set, unless the spec says otherwise; with more than the
+ * other a warning tells it. */
+static const double most_hidden = 0.01, told_hidden = 0.001;
 
 /* Of the points that are asked for; 0: not known before there are features. */
 static double spacing_of(const mesh_source_request *r, double area)
@@ -79,7 +80,7 @@ static bool shows_enough(const mesh_source_request *r, const mesh_patches *p, bo
     if (!fidelity_hidden(&p->m, &hidden, e)) return false;
     *out = r->resolve || hidden <= most_hidden;
     if (!*out) return is_tangled(r, &p->m, out, notes, e);
-    if (hidden > 0)
+    if (hidden > told_hidden)
         mesh_note(
             notes,
             "%.3g %% of the mesh lie within its solids and have points, too: interior \"drop\" leaves them out",

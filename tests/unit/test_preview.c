@@ -182,9 +182,9 @@ static void test_unresolved_discs_are_smaller(void **state)
 }
 
 /* Of the pixels that show a sphere from the front, the share that shows the bodies below the discs. */
-static double share_of_gaps(size_t points)
+static double share_of_gaps(size_t count)
 {
-    point_set s = point_set_sphere(points, vec3_make(0, 0, 0), 1);
+    point_set s = point_set_sphere(count, vec3_make(0, 0, 0), 1);
     image *m = render(&s.points, 256, 256, QUANTITY_CURVATURE);
     const vec3 towards = vec3_unit(eye_of(&m->camera));
     size_t discs = 0, gaps = 0;
