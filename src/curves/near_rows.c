@@ -40,9 +40,8 @@ typedef struct merging {
     size_t side_count, *first_stand;
     uint32_t *into,
         *curve_at; /* of each place: the one that stands for it, itself as a rule; which of its curve it is */
-    uint32_t *ends; /* of each corner, of curves */
-    uint32_t *
-        joined; /* of each patch: those that end at one curve or corner, directly or by way of others, are a set */
+    uint32_t *ends;   /* of each corner, of curves */
+    uint32_t *joined; /* of each patch: the least patch of its connected component */
     lent *lents;
     size_t lent_count, lent_room;
     int axis;
@@ -124,7 +123,7 @@ static double apart(const merging *m, uint32_t i, uint32_t j)
     return vec3_norm(vec3_sub(m->rows->position[i], m->rows->position[j]));
 }
 
-/* Whether two places end patches that hang together, and are on one side of them. */
+/* Whether two places belong to connected patches and are not on opposite walls. */
 static bool are_of_one_side(const merging *m, uint32_t i, uint32_t j)
 {
     const curve_rows *r = m->rows;
@@ -327,7 +326,7 @@ static bool rebuild(merging *m, error *e)
     return ok;
 }
 
-/* Makes `joined` the least patch of each set. */
+/* Connected components of patches: patches that share a curve or a corner are connected. */
 static void join_patches(merging *m)
 {
     const curve_rows *r = m->rows;

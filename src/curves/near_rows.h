@@ -2,9 +2,9 @@
  *
  * A place of a row that is within NEAR_ROWS spacings of an earlier row, or of a corner, is left out (of a scan's within
  * NEAR_ROUGH_ROWS), a corner that is within so many of an earlier corner as well, and the places there stand for its patches, too.
- * The rows may be of different patches if these hang together by curves: so the rims of a wall thinner than that are one row, and the
- * rows of two creases that part at an acute angle, or of a low step. On a scan a curve begins, ends and bends where no other place
- * is near. Rows on opposite sides of a sheet stay two, and so do those of patches that do not hang together. World space.
+ * Rows of different patches are merged if the patches are connected by curves. Examples: the rims of a thin wall, two creases that meet
+ * at an acute angle, a low step. On a scan a curve begins, ends and bends where no other place
+ * is near. Rows on opposite walls, and rows of patches that are not connected, are not merged. World space.
  */
 #ifndef HEXAD_CURVES_NEAR_ROWS_H
 #define HEXAD_CURVES_NEAR_ROWS_H

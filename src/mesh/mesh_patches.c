@@ -132,14 +132,15 @@ static double angle_at(const making *k, const mesh_side *s)
     return atan2(vec3_norm(vec3_cross(a, turned)), vec3_dot(a, turned));
 }
 
-/* Lengths that are bent by about MESH_PATCHES_ANGLE, and by more. A model of planes and arcs, whatever facets its arcs have, has little
- * of the former; of a scan, and of a decimated or coarse mesh, there are the fewer edges the more they are bent. */
+/* Length of the edges with dihedral angles near MESH_PATCHES_ANGLE, and above. CAD models have few edges near that angle, however coarse
+ * the facets of their arcs are. On scans and on decimated or coarse meshes the length decreases with the angle. */
 typedef struct bends {
     double near, above;
 } bends;
 
-static const double near_angle = 0.15, most_near = 0.7; /* radians; share of what is above */
-static const double flat_below = 0.2;                   /* radians: no such edge counts */
+/* near_angle: half-width of the interval, radians. most_near: largest ratio near / above of a CAD-like mesh; real CAD models have .65 at
+ * most, scans .76 at least. flat_below: radians; flatter edges are not examined. */
+static const double near_angle = 0.15, most_near = 0.7, flat_below = 0.2;
 
 static void bends_add(bends *b, double angle, double length)
 {
@@ -176,7 +177,7 @@ static bool is_bent(const making *k, const mesh_side *s, double angle)
     return !(angle >= flat_below && is_flat(k, s)) && angle_at(k, s) > angle;
 }
 
-/* The angle from which on edges are features. *is_scan: the mesh has none by itself. */
+/* The dihedral angle above which edges are feature edges. *is_scan: the mesh is not CAD-like. */
 static double find_angle(const making *k, bool *is_scan)
 {
     bends all = {0};
@@ -190,16 +191,16 @@ static double find_angle(const making *k, bool *is_scan)
     return feature_angle(k, &all);
 }
 
-/* ---- which features are none */
+/* ---- sharp edges that are no feature edges */
 
-/* An edge at which patches are to end. */
+/* An edge between patches. */
 typedef struct bent_edge {
     uint32_t end[2];
     size_t at; /* its first side */
     double angle, length;
 } bent_edge;
 
-/* Edges that hang together, in any way as a network, or as a chain where two meet and go on. */
+/* Connected components of sharp edges: networks, joined at any vertex; chains, joined where exactly two edges meet and bend little. */
 typedef struct feature_groups {
     bent_edge *edge;
     size_t count;
@@ -283,12 +284,13 @@ static void measure_groups(const making *k, feature_groups *g)
     }
 }
 
-/* Features of fewer spacings in all that are bent by no more than this are shown by no row of points. On a scan those count that
- * go on for so many edges. */
+/* least_length: of a network, and on a scan of a chain, in spacings; a shorter one is noise or has too few samples to matter.
+ * surely_bent: dihedral angle, radians; a network with a sharper edge is kept at any length. LEAST_EDGES: of a chain on a scan; chains of
+ * noise are shorter. */
 static const double least_length = 4, surely_bent = 1;
 enum { LEAST_EDGES = 16 };
 
-static bool is_none(const making *k, feature_groups *g, uint32_t c, bool is_scan)
+static bool is_ignored(const making *k, feature_groups *g, uint32_t c, bool is_scan)
 {
     const uint32_t network = sets_root(g->network, c), chain = sets_root(g->chain, c);
     const double shortest = least_length * k->params->spacing;
@@ -296,8 +298,8 @@ static bool is_none(const making *k, feature_groups *g, uint32_t c, bool is_scan
            (is_scan && (g->chain_edges[chain] < LEAST_EDGES || g->chain_length[chain] < shortest));
 }
 
-/* Edges that are bent by noise, by decimation or in a small place are no features. */
-static bool drop_features(making *k, bool is_scan, mesh_notes *notes, error *e)
+/* Sharp edges caused by noise or decimation, or within a small region, are no feature edges. */
+static bool discard_features(making *k, bool is_scan, mesh_notes *notes, error *e)
 {
     feature_groups g = {0};
     size_t dropped = 0;
@@ -308,15 +310,14 @@ static bool drop_features(making *k, bool is_scan, mesh_notes *notes, error *e)
     }
     for (uint32_t c = 0; ok && c < g.count; c++) {
         const bent_edge *b = &g.edge[c];
-        if (mesh_edges_width(k->edges, b->end[0], b->at) != 2 || !is_none(k, &g, c, is_scan)) continue;
+        if (mesh_edges_width(k->edges, b->end[0], b->at) != 2 || !is_ignored(k, &g, c, is_scan)) continue;
         k->is_cut[b->at] = false;
         dropped++;
     }
     free_groups(&g);
     k->cut_count -= dropped;
     if (dropped > 0)
-        mesh_note(notes, "edges that are bent but in no long feature, and have no row of points: %zu",
-                  dropped);
+        mesh_note(notes, "%zu sharp edges form short chains only; they are no feature edges", dropped);
     return ok;
 }
 
@@ -345,7 +346,7 @@ static bool cut_edges(making *k, mesh_notes *notes, error *e)
     out->feature_angle = find_angle(k, &is_scan);
     out->closed = true;
     mark_cuts(k, out->feature_angle);
-    if (!k->params->kind && out->feature_angle > 0 && !drop_features(k, is_scan, notes, e)) return false;
+    if (!k->params->kind && out->feature_angle > 0 && !discard_features(k, is_scan, notes, e)) return false;
     for (uint32_t v = 0; v < k->m->vertex_count; v++)
         for (size_t i = k->edges->first[v], n; i < k->edges->first[v + 1]; i += n) {
             const mesh_side *s = k->edges->sides + i;

@@ -9,7 +9,7 @@ static const char what[] = "the refined triangles of the mesh";
 
 #define NONE UINT32_MAX
 
-/* Sine of the angle between the normals of a triangle and of its corner: particles creep over edges that bend by more. */
+/* Sine of the angle between a triangle's normal and a vertex normal. With larger angles, particles on large triangles converge slowly. */
 static const double least_bend = 0.1;
 
 /* One round: sides that are too long get a vertex in their middle. */

@@ -24,7 +24,7 @@ static const double least_height = 1e-3;
  * the tree is asked. */
 enum { MOST_STEPS = 4, MOST_STEPS_BETWEEN = 24 };
 
-/* Rounds of refinement: a side is halved once in each. Bytes that a triangle takes meanwhile, about, with its vertices and sides. */
+/* MOST_ROUNDS: of refinement, each halves long sides once. REFINED_BYTES: peak memory per triangle during refinement, approximate. */
 enum { MOST_ROUNDS = 32, REFINED_BYTES = 400 };
 
 #define ENDS UINT32_MAX /* the patch ends at this side */
@@ -58,7 +58,7 @@ typedef struct patch_field {
 struct mesh_surface {
     field base;
     mesh_patches mesh;
-    size_t given; /* triangles, before sides were cut */
+    size_t given; /* triangles before refinement */
     field_patches patches;
     patch_field *patch;
     nearest_of_several *trees; /* those of the patches */
@@ -299,7 +299,7 @@ static bool is_of_patch(const patch_field *p, uint32_t hint)
     return hint - p->first < p->triangles.triangle_count;
 }
 
-/* What nearest_triangle_find tells, number and weights; faster where *near is a triangle nearby. */
+/* The closest triangle of the patch, and the barycentric weights of the closest point. Faster if *near is a triangle nearby. */
 static uint32_t find_in_patch(const patch_field *p, vec3 x, uint32_t *near, double weight[3])
 {
     const size_t n = is_of_patch(p, *near) ? nearest_triangle_find_from(p->tree, x, *near - p->first, weight)
@@ -307,7 +307,7 @@ static uint32_t find_in_patch(const patch_field *p, vec3 x, uint32_t *near, doub
     return *near = (uint32_t)(p->first + n);
 }
 
-/* The same on the sheet that the hint is of, where x is as near to that as a particle is after a step. */
+/* As find_in_patch; but if x is close to the hint's sheet, the triangle of that sheet, even if another sheet of the patch is closer. */
 static uint32_t nearest_of_patch(const patch_field *p, vec3 x, uint32_t *hint, double weight[3])
 {
     if (is_of_patch(p, *hint) && walk(p->whole, MOST_STEPS_BETWEEN, hint, x, weight)) return *hint;
@@ -605,8 +605,8 @@ static bool cut_pieces(mesh_surface *s, double longest, size_t memory_limit, err
     return true;
 }
 
-/* Vertices and their normals, of triangles whose sides are no longer than `longest` where the surface bends. */
-static bool make_stands(mesh_surface *s, double longest, size_t memory_limit, error *e)
+/* Refines the triangles where the surface bends, to sides of at most `longest`, then computes the vertex normals. */
+static bool make_vertices(mesh_surface *s, double longest, size_t memory_limit, error *e)
 {
     mesh_patches *m = &s->mesh;
     vec3 *normal = NULL;
@@ -687,7 +687,7 @@ static bool make(mesh_surface *s, double longest, size_t memory_limit, error *e)
     s->base = (field){.ops = &whole_ops, .domain = bbox_grow(box, 0.05 * extent), .extent = extent};
     s->base.cell_size = longest;
     field_set_boundary(&s->base, 0);
-    if (!make_stands(s, longest, memory_limit, e)) return false;
+    if (!make_vertices(s, longest, memory_limit, e)) return false;
     s->shape = mem_array(m->vertex_count, sizeof *s->shape, what, e);
     s->at_end = mem_array(m->vertex_count, sizeof *s->at_end, what, e);
     s->beside = mem_array(m->triangle_count, sizeof *s->beside, what, e);

@@ -21,7 +21,7 @@ mesh_surface *mesh_surface_new(mesh_patches *patches, double longest, size_t mem
 void mesh_surface_free(mesh_surface *s); /* NULL will do */
 
 const field *mesh_surface_field(const mesh_surface *s);
-/* The patches, with more triangles where long sides were cut; and how many there were before. */
+/* The patches, with refined triangles; and the number of triangles before refinement. */
 const mesh_patches *mesh_surface_patches(const mesh_surface *s);
 size_t mesh_surface_triangles(const mesh_surface *s);
 /* The nearest place of all triangles. */

@@ -176,8 +176,9 @@ const spec_row spec_rows[] = {
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, surface.mesh.has_features),
      .prose =
-         "Sharp edges get a row of points, on a scan those in long chains. Without it a mesh has those beyond 0.7 if it "
-         "consists of planes and arcs, and none if its edges are bent by any angle, as those of scans."},
+         "Samples along sharp edges. If omitted, feature edges are detected automatically: meshes of planes and arcs (CAD "
+         "models) use an angle of 0.7; scanned meshes get no feature edges. If given for a scanned mesh, sharp edges are "
+         "feature edges only in chains of at least 16 edges and 4 spacings."},
     {.pointer = "/surface/mesh/features/angle",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
@@ -191,8 +192,8 @@ const spec_row spec_rows[] = {
      .otherwise = "true",
      AT(surface.mesh.on_mesh),
      .prose =
-         "false: a closed mesh is sampled through a level set, and its points stay there. true: through a level set or not, "
-         "they are on the triangles. It changes nothing at an offset, with /features, and of an open mesh."},
+         "true: points are on the triangles. false: a closed mesh is sampled through a level set, and its points are not "
+         "projected onto the triangles. Ignored with an offset, with feature edges and for open meshes."},
     {.pointer = "/surface/analytic",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,

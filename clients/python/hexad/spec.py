@@ -79,11 +79,9 @@ class _SurfaceMeshFeaturesRest(TypedDict, total=False):
 
 
 class SurfaceMeshFeatures(_SurfaceMeshFeaturesRest):
-    """Sharp edges get a row of points, and a closed mesh that has them is sampled on its triangles, too.
-    Without it a mesh has those beyond 0.7 where its edges are flat or sharp nearly everywhere, and none where
-    they are bent by any angle, as those of scans; a closed one only where on_mesh holds, no voxels are named,
-    it is not placed or cut, hides no part of itself, and neither queue.coherent nor method witkin-heckbert is
-    given.
+    """Samples along sharp edges. If omitted, feature edges are detected automatically: meshes of planes and
+    arcs (CAD models) use an angle of 0.7; scanned meshes get no feature edges. If given for a scanned mesh,
+    sharp edges are feature edges only in chains of at least 16 edges and 4 spacings.
 
     angle: Edges whose triangles' normals differ by more are sharp. 0: none is. (radians) Default: 0.7.
     """
@@ -100,7 +98,7 @@ class _SurfaceMeshRest(TypedDict, total=False):
     band_vox: int
     weld: float
     holes: Literal["keep", "fill"]
-    interior: Literal["keep", "drop"]
+    interior: Literal["auto", "keep", "drop"]
     features: SurfaceMeshFeatures
     on_mesh: bool
 
@@ -111,14 +109,14 @@ class SurfaceMesh(_SurfaceMeshNeeded, _SurfaceMeshRest):
 
     path: The file, in PLY, OBJ, STL, OFF or another format that assimp reads. It must lie below one of the
         service's input roots. Other files that it names are not read.
-    voxel_size: The voxel size of the level set, between 1/8191 and 1/8 of the longest side of the mesh's
-        bounding box. Excludes resolution. (world)
-    resolution: The number of voxels along the longest side of the mesh's bounding box. If both this and
-        voxel_size are absent, hexad chooses: 256, or more where the spacing (of resolve, min_spacing over
-        feature.ratio: the least feature size) is smaller than such a voxel or more than half a percent of the
-        mesh is too thin to show. At 256, at least nine tenths of a scanned mesh lie within 0.05 voxel of the
-        sampled surface; creases deviate more. Twice the number needs three to four times the memory and time.
-        (voxels)
+    voxel_size: A closed mesh is sampled through a level set of this voxel size, between 1/8191 and 1/8 of the
+        longest side of the mesh's bounding box. Excludes resolution. (world)
+    resolution: The number of voxels along the longest side of the mesh's bounding box: a closed mesh is
+        sampled through a level set. Where there is one and both this and voxel_size are absent, hexad
+        chooses: 256, or more where the spacing (of resolve, min_spacing over feature.ratio: the least feature
+        size) is smaller than such a voxel or more than half a percent of the mesh is too thin to show. At
+        256, at least nine tenths of a scanned mesh lie within 0.05 voxel of the sampled surface; creases
+        deviate more. Twice the number needs three to four times the memory and time. (voxels)
     max_resolution: The most voxels along the longest side that hexad chooses by itself. limits.memory_mb
         bounds them, too: thin parts may take an eighth of it. (voxels) Default: 4096.
     band_vox: The half-width of the band of distances around the mesh. Particles use four voxels on either
@@ -129,17 +127,15 @@ class SurfaceMesh(_SurfaceMeshNeeded, _SurfaceMeshRest):
         coordinates are one. (longest sides) Default: 1e-06.
     holes: keep: an open mesh is sampled as it is, with a row of points along its boundaries. fill: it must
         enclose a volume; an open one is refused. Default: 'keep'.
-    interior: keep: where the mesh is sampled on its triangles all of them are, those within its solids, too.
-        drop: the outside of its solids, by a level set, which takes a closed mesh. Default: 'keep'.
-    features: Sharp edges get a row of points, and a closed mesh that has them is sampled on its triangles,
-        too. Without it a mesh has those beyond 0.7 where its edges are flat or sharp nearly everywhere, and
-        none where they are bent by any angle, as those of scans; a closed one only where on_mesh holds, no
-        voxels are named, it is not placed or cut, hides no part of itself, and neither queue.coherent nor
-        method witkin-heckbert is given.
-    on_mesh: Whether the points of a closed mesh go from the sampled surface onto the triangles at last, each
-        to the nearest that looks its way and is not inside of others. Normals and curvatures stay those of
-        the sampled surface. It changes nothing at an offset, with /features, and where the mesh is sampled on
-        its triangles anyway. Default: True.
+    interior: keep: all triangles are sampled, those within the mesh's solids, too. drop: the outside of its
+        solids, by a level set, which takes a closed mesh. auto: drop where a closed mesh hides more than 1 %
+        of its area within itself, else keep. Default: 'auto'.
+    features: Samples along sharp edges. If omitted, feature edges are detected automatically: meshes of
+        planes and arcs (CAD models) use an angle of 0.7; scanned meshes get no feature edges. If given for a
+        scanned mesh, sharp edges are feature edges only in chains of at least 16 edges and 4 spacings.
+    on_mesh: true: points are on the triangles. false: a closed mesh is sampled through a level set, and its
+        points are not projected onto the triangles. Ignored with an offset, with feature edges and for open
+        meshes. Default: True.
     """
 
 
