@@ -11,7 +11,7 @@ ISA_CLONES void foot_find_lanes(foot_lanes *f)
         vec3 sum;
         const vec3 x = vec3_lanes_get(&f->x, l), own = foot_own_normal(&t);
         const double above = foot_weights(&t, x, weight);
-        const vec3 off = foot_off(&t, weight, own, x, &sum), unit = vec3_unit(sum);
+        const vec3 off = foot_off(&t, weight, x, &sum), unit = vec3_unit(sum);
         const double smooth = vec3_norm2(sum) > 0 ? above : -1;
         f->above[l] = vec3_norm2(own) > 0 ? smooth : -1;
         f->value[l] = foot_distance(off, unit, own);

@@ -4,16 +4,18 @@
 #ifndef HEXAD_GEOMETRY_FOOT_H
 #define HEXAD_GEOMETRY_FOOT_H
 
+#include <math.h>
+
 #include "base/isa.h"
 #include "geometry/vec3.h"
 
 /* A place this many times as far within the sides of a triangle as from it is nearest to that one, unless others are folded
  * over it by more than 150 degrees. */
 enum { FOOT_ROOM = 2 };
-/* The normal between the corners is at least this much one with the triangle's own: F grows no steeper. */
+/* Least |cosine| between the interpolated normal and the triangle's own that is used: |grad F| is at most its inverse. */
 #define FOOT_LEAST_FACING 0.25
 
-/* A triangle's corners, and the normals there, unit. */
+/* A triangle's corners, and the normals there, unit, all on one side of the surface. */
 typedef struct foot_triangle {
     vec3 corner[3], normal[3];
 } foot_triangle;
@@ -57,22 +59,21 @@ ISA_INLINE vec3 foot_own_normal(const foot_triangle *t)
     return vec3_unit(vec3_cross(vec3_sub(t->corner[1], t->corner[0]), vec3_sub(t->corner[2], t->corner[0])));
 }
 
-/* From the place of these weights to x, and the sum of the corners' normals on the side of `own`. */
-ISA_INLINE vec3 foot_off(const foot_triangle *t, const double weight[3], vec3 own, vec3 x, vec3 *normal)
+/* From the place of these weights to x, and the sum of the corners' normals. */
+ISA_INLINE vec3 foot_off(const foot_triangle *t, const double weight[3], vec3 x, vec3 *normal)
 {
     const vec3 none = {0, 0, 0}, *c = t->corner, *n = t->normal;
-    *normal = vec3_axpy(
-        weight[2], foot_facing(n[2], own),
-        vec3_axpy(weight[1], foot_facing(n[1], own), vec3_axpy(weight[0], foot_facing(n[0], own), none)));
+    *normal = vec3_axpy(weight[2], n[2], vec3_axpy(weight[1], n[1], vec3_axpy(weight[0], n[0], none)));
     return vec3_sub(x,
                     vec3_axpy(weight[2], c[2], vec3_axpy(weight[1], c[1], vec3_axpy(weight[0], c[0], none))));
 }
 
-/* Along the normal to the plane of the triangle. */
+/* Along the normal to the plane of the triangle. A triangle in a small fold may face away from the normal. */
 ISA_INLINE double foot_distance(vec3 off, vec3 normal, vec3 own)
 {
-    const double facing = vec3_dot(normal, own);
-    return vec3_dot(off, own) / (facing > FOOT_LEAST_FACING ? facing : FOOT_LEAST_FACING);
+    const double facing = vec3_dot(normal, own), size = fabs(facing),
+                 least = size > FOOT_LEAST_FACING ? size : FOOT_LEAST_FACING;
+    return vec3_dot(off, own) / (facing < 0 ? -least : least);
 }
 
 /* Several places, each with a triangle of its own. */

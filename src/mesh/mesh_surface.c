@@ -58,7 +58,8 @@ typedef struct patch_field {
 struct mesh_surface {
     field base;
     mesh_patches mesh;
-    size_t given; /* triangles before refinement */
+    size_t given;       /* triangles before refinement */
+    bool has_one_sided; /* a patch is one-sided */
     field_patches patches;
     patch_field *patch;
     nearest_of_several *trees; /* those of the patches */
@@ -86,6 +87,25 @@ static piece *cut_piece_at(const mesh_surface *s, size_t k)
 static piece piece_at(const mesh_surface *s, size_t k)
 {
     return k < s->whole_count ? whole_triangle(k) : *cut_piece_at(s, k - s->whole_count);
+}
+
+/* The patch of triangle n: the last that begins at or before it. */
+static size_t patch_of(const mesh_surface *s, size_t n)
+{
+    size_t low = 0, high = s->mesh.count - 1;
+    while (low < high) {
+        size_t middle = low + (high - low + 1) / 2;
+        if (s->mesh.first[middle] <= n)
+            low = middle;
+        else
+            high = middle - 1;
+    }
+    return low;
+}
+
+static bool is_one_sided(const mesh_surface *s, size_t n)
+{
+    return s->has_one_sided && s->mesh.one_sided[patch_of(s, n)];
 }
 
 /* ---- normals and how they turn */
@@ -149,8 +169,8 @@ static sym3 turning(const mesh_surface *s, size_t n, vec3 cross)
     sym3 sum = {0};
     for (int k = 0; k < 3; k++) { /* the weight of corner k grows across the opposite side */
         const vec3 side = vec3_sub(v[t[(k + 2) % 3]], v[t[(k + 1) % 3]]),
-                   g = vec3_scale(vec3_cross(cross, side), 1 / vec3_norm2(cross)),
-                   a = foot_facing(s->at[t[k]].normal, cross);
+                   g = vec3_scale(vec3_cross(cross, side), 1 / vec3_norm2(cross)), own = s->at[t[k]].normal,
+                   a = is_one_sided(s, n) ? foot_facing(own, cross) : own;
         sum = sym3_axpy(1,
                         (sym3){a.x * g.x, a.y * g.y, a.z * g.z, 0.5 * (a.x * g.y + a.y * g.x),
                                0.5 * (a.x * g.z + a.z * g.x), 0.5 * (a.y * g.z + a.z * g.y)},
@@ -175,7 +195,8 @@ static bool find_shapes(mesh_surface *s, error *e)
         if (!(area > least_height * longest2)) continue;
         const sym3 turn = turning(s, n, cross);
         for (int k = 0; k < 3; k++) {
-            double side = vec3_dot(s->at[t[k]].normal, cross) < 0 ? -area : area;
+            const bool turned_back = is_one_sided(s, n) && vec3_dot(s->at[t[k]].normal, cross) < 0;
+            const double side = turned_back ? -area : area;
             s->shape[t[k]] = sym3_axpy(side, turn, s->shape[t[k]]);
             weight[t[k]] += area;
         }
@@ -220,11 +241,16 @@ typedef struct foot {
     bool at_end; /* on a side where the patch ends, or at a corner of one */
 } foot;
 
+/* On a one-sided patch vertex normals may point either way: they are turned to the side of the triangle's own. */
 static foot_triangle triangle_at(const mesh_surface *s, size_t n)
 {
     const uint32_t *t = s->mesh.m.triangle[n];
     const stand *a = &s->at[t[0]], *b = &s->at[t[1]], *c = &s->at[t[2]];
-    return (foot_triangle){{a->place, b->place, c->place}, {a->normal, b->normal, c->normal}};
+    foot_triangle out = {{a->place, b->place, c->place}, {a->normal, b->normal, c->normal}};
+    if (!is_one_sided(s, n)) return out;
+    const vec3 own = foot_own_normal(&out);
+    for (int k = 0; k < 3; k++) out.normal[k] = foot_facing(out.normal[k], own);
+    return out;
 }
 
 static foot foot_on(const mesh_surface *s, size_t n, const double weight[3], vec3 x)
@@ -232,7 +258,7 @@ static foot foot_on(const mesh_surface *s, size_t n, const double weight[3], vec
     const foot_triangle on = triangle_at(s, n);
     const vec3 own = foot_own_normal(&on);
     vec3 normal;
-    const vec3 off = foot_off(&on, weight, own, x, &normal);
+    const vec3 off = foot_off(&on, weight, x, &normal);
     int zeros = 0;
     for (int k = 0; k < 3; k++) zeros += weight[k] == 0;
     normal = vec3_norm2(normal) > 0 ? vec3_unit(normal) : vec3_norm2(own) > 0 ? own : vec3_make(0, 0, 1);
@@ -281,7 +307,8 @@ static void sample_triangle(const mesh_surface *s, size_t n, const double weight
     sym3 shape = {0};
     for (int k = 0; k < 3; k++) {
         const uint32_t v = s->mesh.m.triangle[n][k];
-        shape = sym3_axpy(vec3_dot(s->at[v].normal, f.own) < 0 ? -weight[k] : weight[k], s->shape[v], shape);
+        const bool turned = is_one_sided(s, n) && vec3_dot(s->at[v].normal, f.own) < 0;
+        shape = sym3_axpy(turned ? -weight[k] : weight[k], s->shape[v], shape);
     }
     out->hessian = in_plane(shape, f.normal);
 }
@@ -416,20 +443,6 @@ static bool is_within(const field *f, vec3 x, uint32_t *hint)
     if (!at.at_end) return true;
     const double up = vec3_dot(at.off, at.own);
     return vec3_norm(vec3_axpy(-up, at.own, at.off)) <= fabs(up) + rounding * f->extent;
-}
-
-/* The patch of triangle n: the last that begins at or before it. */
-static size_t patch_of(const mesh_surface *s, size_t n)
-{
-    size_t low = 0, high = s->mesh.count - 1;
-    while (low < high) {
-        size_t middle = low + (high - low + 1) / 2;
-        if (s->mesh.first[middle] <= n)
-            low = middle;
-        else
-            high = middle - 1;
-    }
-    return low;
 }
 
 static bool sample_all_near(const field *f, vec3 x, field_order order, uint32_t *hint, field_sample *out)
@@ -687,6 +700,7 @@ static bool make(mesh_surface *s, double longest, size_t memory_limit, error *e)
     s->base = (field){.ops = &whole_ops, .domain = bbox_grow(box, 0.05 * extent), .extent = extent};
     s->base.cell_size = longest;
     field_set_boundary(&s->base, 0);
+    for (size_t k = 0; k < s->mesh.count; k++) s->has_one_sided |= s->mesh.one_sided[k];
     if (!make_vertices(s, longest, memory_limit, e)) return false;
     s->shape = mem_array(m->vertex_count, sizeof *s->shape, what, e);
     s->at_end = mem_array(m->vertex_count, sizeof *s->at_end, what, e);

@@ -436,6 +436,40 @@ static void test_hint_keeps_to_its_sheet(void **state)
     mesh_surface_free(s);
 }
 
+static vec3 level(double u, double v)
+{
+    return vec3_make(u, v, 0);
+}
+
+/* A vertex of a level sheet is moved beyond its neighbours, so that triangles are turned over: normals there are still those of the
+ * sheet around them, and not of an opposite wall. */
+static void test_normals_in_a_small_fold_are_those_around_it(void **state)
+{
+    (void)state;
+    mesh m = mesh_fixture_sheet(10, 10, level);
+    size_t middle = 0, folded = 0;
+    for (size_t v = 0; v < m.vertex_count; v++)
+        if (vec3_norm(vec3_sub(m.vertex[v], vec3_make(0.5, 0.5, 0))) <
+            vec3_norm(vec3_sub(m.vertex[middle], vec3_make(0.5, 0.5, 0))))
+            middle = v;
+    m.vertex[middle] = vec3_axpy(0.13, vec3_make(1, 0.2, 0.02), m.vertex[middle]);
+    mesh_surface *s = make(m, 0, 0.2);
+    const mesh *made = &mesh_surface_patches(s)->m;
+    for (uint32_t n = 0; n < made->triangle_count; n++) {
+        const vec3 *v = made->vertex, a = v[made->triangle[n][0]], b = v[made->triangle[n][1]],
+                   c = v[made->triangle[n][2]], at = vec3_scale(vec3_add(a, vec3_add(b, c)), 1.0 / 3);
+        if (vec3_cross(vec3_sub(b, a), vec3_sub(c, a)).z >= 0) continue;
+        uint32_t hint = n;
+        field_sample sample;
+        assert_true(
+            field_sample_near(field_of_patch(mesh_surface_field(s), 0), at, FIELD_GRADIENT, &hint, &sample));
+        assert_true(fabs(sample.value) < 1e-12 && sample.gradient.z > 0.5);
+        folded++;
+    }
+    assert_true(folded > 0);
+    mesh_surface_free(s);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -443,6 +477,7 @@ int main(void)
         cmocka_unit_test(test_lanes_of_patches),
         cmocka_unit_test(test_hints_change_nothing),
         cmocka_unit_test(test_hint_keeps_to_its_sheet),
+        cmocka_unit_test(test_normals_in_a_small_fold_are_those_around_it),
         cmocka_unit_test(test_ball),
         cmocka_unit_test(test_beyond_the_rim),
         cmocka_unit_test(test_the_whole_is_the_nearest_patch),
