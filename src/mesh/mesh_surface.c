@@ -27,6 +27,10 @@ enum { MOST_STEPS = 4, MOST_STEPS_BETWEEN = 24 };
 /* MOST_ROUNDS: of refinement, each halves long sides once. REFINED_BYTES: peak memory per triangle during refinement, approximate. */
 enum { MOST_ROUNDS = 32, REFINED_BYTES = 400 };
 
+/* Radius of the disc over which shape operators are averaged, in spacings, and the largest number of rounds, which bounds the time. */
+static const double SMOOTHED_OVER = 0.5;
+enum { MOST_SMOOTHING = 16 };
+
 #define ENDS UINT32_MAX /* the patch ends at this side */
 
 /* A place of a triangle: the weights of its first two corners, and with the third's they are WHOLE. */
@@ -206,6 +210,37 @@ static bool find_shapes(mesh_surface *s, error *e)
             s->shape[v] = in_plane(sym3_axpy(1 / weight[v], s->shape[v], (sym3){0}), s->at[v].normal);
     free(weight);
     return true;
+}
+
+/* Averages each vertex's shape operator over a disc of radius SMOOTHED_OVER spacings, approximately: the triangles of a scan are
+ * smaller than the spacing, and noisy. Skips one-sided patches, where signs may differ. */
+static bool smooth_shapes(mesh_surface *s, double longest, error *e)
+{
+    const mesh *m = &s->mesh.m;
+    const double side = sqrt(mesh_area(m) / fmax((double)m->triangle_count, 1)), /* of a triangle, about */
+        reach = SMOOTHED_OVER * longest / side;
+    const int rounds = (int)fmin(reach * reach, MOST_SMOOTHING);
+    sym3 *sum = rounds > 0 ? mem_array(m->vertex_count, sizeof *sum, what, e) : NULL;
+    double *weight = rounds > 0 ? mem_array(m->vertex_count, sizeof *weight, what, e) : NULL;
+    const bool ok = rounds == 0 || (sum && weight);
+    for (int round = 0; ok && round < rounds; round++) {
+        for (size_t v = 0; v < m->vertex_count; v++) {
+            sum[v] = s->shape[v];
+            weight[v] = 1;
+        }
+        for (size_t n = 0; n < m->triangle_count; n++)
+            for (int k = 0; k < 3 && !is_one_sided(s, n); k++)
+                for (int other = 1; other < 3; other++) {
+                    const uint32_t to = m->triangle[n][k], from = m->triangle[n][(k + other) % 3];
+                    sum[to] = sym3_axpy(0.5, s->shape[from], sum[to]); /* a side has two triangles */
+                    weight[to] += 0.5;
+                }
+        for (size_t v = 0; v < m->vertex_count; v++)
+            s->shape[v] = in_plane(sym3_axpy(1 / weight[v], sum[v], (sym3){0}), s->at[v].normal);
+    }
+    free(sum);
+    free(weight);
+    return ok;
 }
 
 /* Which triangles share sides, and where patches end: vertices are shared within a patch alone, so that it is at edges of one
@@ -706,8 +741,8 @@ static bool make(mesh_surface *s, double longest, size_t memory_limit, error *e)
     s->at_end = mem_array(m->vertex_count, sizeof *s->at_end, what, e);
     s->beside = mem_array(m->triangle_count, sizeof *s->beside, what, e);
     if (!s->shape || !s->at_end || !s->beside) return false;
-    if (!find_shapes(s, e) || !find_sides(s, e) || !cut_pieces(s, longest, memory_limit, e) ||
-        !make_patches(s, e))
+    if (!find_shapes(s, e) || !smooth_shapes(s, longest, e) || !find_sides(s, e) ||
+        !cut_pieces(s, longest, memory_limit, e) || !make_patches(s, e))
         return false;
     s->base.patches = &s->patches;
     return true;
