@@ -31,6 +31,14 @@ static int begins_at(const mesh *m, const mesh_side *s, uint32_t v)
     return t[0] == from ? 0 : t[1] == from ? 1 : 2;
 }
 
+/* The vertices of the side of a triangle that begins at corner k, the lesser first. */
+static void side_vertices(const mesh *m, const mesh_side *s, int k, uint32_t out[2])
+{
+    const uint32_t *t = m->triangle[s->triangle], a = t[k], b = t[(k + 1) % 3];
+    out[0] = a < b ? a : b;
+    out[1] = a < b ? b : a;
+}
+
 /* Whether a normal at a corner differs from the triangle's own. Of a one-sided surface it may point either way. */
 static bool is_bent(const mesh *m, const vec3 *normal, size_t n)
 {
@@ -47,26 +55,50 @@ static bool is_long(const mesh *m, double longest, uint32_t a, uint32_t b)
     return vec3_norm2(vec3_sub(m->vertex[a], m->vertex[b])) > longest * longest;
 }
 
+/* The new vertex of the k-th of an edge's sides: that of an earlier side with the same vertices, or another one. Vertices at one place
+ * may be several: patches that meet there have their own. */
+static uint32_t middle_vertex(halving *h, const mesh_edges *edges, size_t first, size_t k, uint32_t v,
+                              const mesh *joined)
+{
+    const mesh_side *side = edges->sides + first;
+    uint32_t own[2], other[2];
+    side_vertices(h->m, &side[k], begins_at(joined, &side[k], v), own);
+    for (size_t j = 0; j < k; j++) {
+        const int at = begins_at(joined, &side[j], v);
+        side_vertices(h->m, &side[j], at, other);
+        if (own[0] == other[0] && own[1] == other[1]) return h->middle[side[j].triangle][at];
+    }
+    return (uint32_t)h->vertices++;
+}
+
+/* `joined` is the mesh with one vertex at each place: a side is halved in all patches or in none. */
+static void mark_sides(halving *h, const mesh *joined, const mesh_edges *edges, const vec3 *normal,
+                       double longest)
+{
+    for (uint32_t v = 0; v < edges->vertex_count; v++)
+        for (size_t i = edges->first[v], n; i < edges->first[v + 1]; i += n) {
+            const mesh_side *side = edges->sides + i;
+            n = mesh_edges_width(edges, v, i);
+            bool halved = false;
+            for (size_t j = 0; j < n && is_long(joined, longest, v, side->other); j++)
+                halved |= is_bent(h->m, normal, side[j].triangle);
+            for (size_t j = 0; j < n; j++)
+                h->middle[side[j].triangle][begins_at(joined, &side[j], v)] =
+                    halved ? middle_vertex(h, edges, i, j, v, joined) : NONE;
+            h->triangles += halved ? n : 0;
+        }
+}
+
 static bool find_middles(halving *h, const vec3 *normal, double longest, error *e)
 {
-    const mesh *m = h->m;
+    mesh joined = {0};
     mesh_edges edges = {0};
-    if (!mesh_edges_list(m, NULL, &edges, e)) return false;
-    for (uint32_t v = 0; v < edges.vertex_count; v++)
-        for (size_t i = edges.first[v], n; i < edges.first[v + 1]; i += n) {
-            const mesh_side *side = edges.sides + i;
-            n = mesh_edges_width(&edges, v, i);
-            bool halved = false;
-            for (size_t j = 0; j < n && is_long(m, longest, v, side->other); j++)
-                halved |= is_bent(m, normal, side[j].triangle);
-            for (size_t j = 0; j < n; j++)
-                h->middle[side[j].triangle][begins_at(m, &side[j], v)] =
-                    halved ? (uint32_t)h->vertices : NONE;
-            h->triangles += halved ? n : 0;
-            h->vertices += halved;
-        }
+    const bool ok = mesh_copy(h->m, NULL, &joined, e) && mesh_join(&joined, NULL, e) &&
+                    mesh_edges_list(&joined, NULL, &edges, e);
+    if (ok) mark_sides(h, &joined, &edges, normal, longest);
     mesh_edges_free(&edges);
-    return true;
+    mesh_free(&joined);
+    return ok;
 }
 
 /* The parts of a triangle; returns how many. Corners 0 to 2 are its own, 3 + k is the middle of the side that begins at corner k. */

@@ -198,7 +198,7 @@ def box(low, high):
 
 @pytest.mark.parametrize("parts, members, patches", [
     ([(0, 1)], {}, 6), ([(0, 1)], {"on_mesh": False}, None), ([(0, 1)], {"resolution": 48}, None),
-    pytest.param([(0, 1)], {"features": {"angle": 0}}, None, marks=pytest.mark.extended),
+    pytest.param([(0, 1)], {"features": {"angle": 0}}, 1, marks=pytest.mark.extended),
     ([(0, 1)], {"interior": "drop"}, None), ([(0, 1)], {"holes": "fill"}, 6),
     ([(0, 1), (0.5, 1.5)], {}, None), ([(0, 1), (0.5, 1.5)], {"features": {}}, 12), ([(0, 1), (2, 3)], {}, 12)])
 def test_closed_meshes_with_sharp_edges(worker, tmp_path, parts, members, patches):

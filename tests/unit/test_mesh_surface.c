@@ -470,6 +470,28 @@ static void test_normals_in_a_small_fold_are_those_around_it(void **state)
     mesh_surface_free(s);
 }
 
+/* Patches are refined where they bend: along their curves they still have the same sides, and the area stays. */
+static void test_refined_patches_meet(void **state)
+{
+    (void)state;
+    mesh dome = mesh_fixture_ball(vec3_make(0, 0, 0), 1, 1);
+    for (size_t v = 0; v < dome.vertex_count; v++) dome.vertex[v].z = fmax(dome.vertex[v].z, 0.1);
+    const double area = mesh_area(&dome);
+    mesh_surface *s = make(dome, 0.6, 0.05);
+    const mesh_patches *p = mesh_surface_patches(s);
+    assert_true(p->count > 1 && p->m.triangle_count > 4 * mesh_surface_triangles(s));
+    assert_true(fabs(mesh_area(&p->m) - area) < 1e-9);
+    mesh joined = {0};
+    mesh_edges edges = {0};
+    error e = {0};
+    assert_true(mesh_copy(&p->m, NULL, &joined, &e) && mesh_join(&joined, NULL, &e));
+    assert_true(mesh_edges_list(&joined, NULL, &edges, &e));
+    assert_int_equal(edges.open + edges.odd, 0);
+    mesh_edges_free(&edges);
+    mesh_free(&joined);
+    mesh_surface_free(s);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -478,6 +500,7 @@ int main(void)
         cmocka_unit_test(test_hints_change_nothing),
         cmocka_unit_test(test_hint_keeps_to_its_sheet),
         cmocka_unit_test(test_normals_in_a_small_fold_are_those_around_it),
+        cmocka_unit_test(test_refined_patches_meet),
         cmocka_unit_test(test_ball),
         cmocka_unit_test(test_beyond_the_rim),
         cmocka_unit_test(test_the_whole_is_the_nearest_patch),
