@@ -97,7 +97,7 @@ static void a_shell_inside_another_keeps_its_orientation_to_it(void **state)
         if (cavity) turn_all(&inner);
         mesh_fixture_append(&outer, inner);
         if (inside_out) turn_all(&outer);
-            mesh_patches p = oriented(outer);
+        mesh_patches p = oriented(outer);
         assert_true(fabs(volume_of(&p.m) - (cavity ? 64 - 8 : 64 + 8)) < 1e-9);
         assert_int_equal(p.turned, inside_out ? 24 : 0);
         mesh_patches_free(&p);
