@@ -77,3 +77,16 @@ vec3 triangle_nearest(const triangle *t, vec3 p)
     triangle_weights(t, p, weight);
     return vec3_axpy(weight[1], vec3_sub(t->b, t->a), vec3_axpy(weight[2], vec3_sub(t->c, t->a), t->a));
 }
+
+int triangle_split(const bool halved[3], int parts[4][3])
+{
+    const int count = halved[0] + halved[1] + halved[2], sum = halved[1] + 2 * halved[2];
+    const int k = count == 2 ? 3 - sum : sum % 3, a = (k + 1) % 3, b = (k + 2) % 3; /* k: the odd one */
+    const int all[4][4][3] = {{{0, 1, 2}},
+                              {{k, 3 + k, b}, {3 + k, a, b}},
+                              {{3 + a, b, 3 + b}, {k, a, 3 + a}, {k, 3 + a, 3 + b}},
+                              {{3, 4, 5}, {0, 3, 5}, {1, 4, 3}, {2, 5, 4}}};
+    for (int n = 0; n <= count; n++)
+        for (int i = 0; i < 3; i++) parts[n][i] = all[count][n][i];
+    return count + 1;
+}

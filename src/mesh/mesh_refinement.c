@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "geometry/triangle.h"
 #include "triangles/mesh_edges.h"
 
 static const char what[] = "the refined triangles of the mesh";
@@ -55,6 +56,15 @@ static bool is_long(const mesh *m, double longest, uint32_t a, uint32_t b)
     return vec3_norm2(vec3_sub(m->vertex[a], m->vertex[b])) > longest * longest;
 }
 
+static bool has_long_side(const mesh *m, double longest)
+{
+    bool found = false;
+    for (size_t n = 0; n < m->triangle_count && !found; n++)
+        for (int k = 0; k < 3; k++)
+            found |= is_long(m, longest, m->triangle[n][k], m->triangle[n][(k + 1) % 3]);
+    return found;
+}
+
 /* The new vertex of the k-th of an edge's sides: that of an earlier side with the same vertices, or another one. Vertices at one place
  * may be several: patches that meet there have their own. */
 static uint32_t middle_vertex(halving *h, const mesh_edges *edges, size_t first, size_t k, uint32_t v,
@@ -101,25 +111,6 @@ static bool find_middles(halving *h, const vec3 *normal, double longest, error *
     return ok;
 }
 
-/* The parts of a triangle; returns how many. Corners 0 to 2 are its own, 3 + k is the middle of the side that begins at corner k. */
-static int cut_triangle(const uint32_t middle[3], int parts[4][3])
-{
-    int halved = 0, sum = 0;
-    for (int k = 0; k < 3; k++)
-        if (middle[k] != NONE) {
-            halved++;
-            sum += k;
-        }
-    const int k = halved == 2 ? 3 - sum : sum % 3, a = (k + 1) % 3, b = (k + 2) % 3; /* k: the odd one */
-    const int all[4][4][3] = {{{0, 1, 2}},
-                              {{k, 3 + k, b}, {3 + k, a, b}},
-                              {{3 + a, b, 3 + b}, {k, a, 3 + a}, {k, 3 + a, 3 + b}},
-                              {{3, 4, 5}, {0, 3, 5}, {1, 4, 3}, {2, 5, 4}}};
-    for (int n = 0; n <= halved; n++)
-        for (int i = 0; i < 3; i++) parts[n][i] = all[halved][n][i];
-    return halved + 1;
-}
-
 static void fill(const halving *h, mesh *out, size_t *first, size_t count)
 {
     size_t to = 0, group = 0;
@@ -131,8 +122,9 @@ static void fill(const halving *h, mesh *out, size_t *first, size_t count)
         for (int k = 0; k < 3; k++)
             if ((corner[3 + k] = h->middle[n][k]) != NONE)
                 out->vertex[corner[3 + k]] = middle_of(h->m, t[k], t[(k + 1) % 3]);
+        const bool halved[3] = {corner[3] != NONE, corner[4] != NONE, corner[5] != NONE};
         int parts[4][3];
-        const int made = cut_triangle(h->middle[n], parts);
+        const int made = triangle_split(halved, parts);
         for (int i = 0; i < made; i++, to++)
             for (int k = 0; k < 3; k++) out->triangle[to][k] = corner[parts[i][k]];
     }
@@ -144,6 +136,8 @@ bool mesh_refine(mesh *m, const vec3 *normal, double longest, size_t most, size_
 {
     halving h = {.m = m, .vertices = m->vertex_count, .triangles = m->triangle_count};
     mesh out = {0};
+    *changed = false;
+    if (!has_long_side(m, longest)) return true;
     h.middle = mem_array(m->triangle_count, sizeof *h.middle, what, e);
     bool ok = h.middle && find_middles(&h, normal, longest, e);
     *changed = ok && h.triangles > m->triangle_count && h.triangles <= most;

@@ -605,7 +605,8 @@ static bool cut_piece(mesh_surface *s, const piece *p, const vec3 corner[3], con
 {
     vec3 at[6] = {corner[0], corner[1], corner[2]}; /* last the middles of sides from k on */
     corner_weights w[6] = {p->corner[0], p->corner[1], p->corner[2]};
-    int halved = 0, sum = 0;
+    bool halved[3] = {false, false, false};
+    int parts[4][3];
     for (int k = 0; k < 3; k++) {
         const uint16_t *one = w[k].of, *two = w[(k + 1) % 3].of;
         if (!(vec3_norm2(vec3_sub(at[k], at[(k + 1) % 3])) > c->longest * c->longest) ||
@@ -613,16 +614,12 @@ static bool cut_piece(mesh_surface *s, const piece *p, const vec3 corner[3], con
             continue;
         for (int i = 0; i < 2; i++) w[3 + k].of[i] = (uint16_t)((one[i] + two[i]) / 2);
         at[3 + k] = place_of(s, p->triangle, w[3 + k]);
-        halved++;
-        sum += k;
+        halved[k] = true;
     }
-    if (halved == 0) return add_piece(s, p, c, e);
-    const int k = halved == 2 ? 3 - sum : sum % 3, a = (k + 1) % 3, b = (k + 2) % 3; /* k: the odd one */
-    const int parts[3][4][3] = {{{k, 3 + k, b}, {3 + k, a, b}},
-                                {{3 + a, b, 3 + b}, {k, a, 3 + a}, {k, 3 + a, 3 + b}},
-                                {{3, 4, 5}, {0, 3, 5}, {1, 4, 3}, {2, 5, 4}}};
-    for (int n = 0; n <= halved; n++) {
-        const int *of = parts[halved - 1][n];
+    const int count = triangle_split(halved, parts);
+    if (count == 1) return add_piece(s, p, c, e);
+    for (int n = 0; n < count; n++) {
+        const int *of = parts[n];
         const piece part = {p->triangle, {w[of[0]], w[of[1]], w[of[2]]}};
         if (!cut_piece(s, &part, (vec3[]){at[of[0]], at[of[1]], at[of[2]]}, c, e)) return false;
     }
