@@ -87,7 +87,7 @@ def main():
             print(rows[-1], flush=True)
     text = ["# Meshes at several counts", "",
             f"    tools/mesh_results.py --worker WORKER --reference REFERENCE --data FOLDER --seed {args.seed}", "",
-            "What reports say of meshes of real life with defaults and one thread; CPU seconds and MB, after the slash those of the reference, "
+            "What reports say of real meshes with defaults and one thread; CPU seconds and MB, after the slash those of the reference, "
             "commit d10413d0.", ""]
     if args.reference:
         text += ["Over the reference's:", "", *summary(results, args.counts), ""]
