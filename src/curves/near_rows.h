@@ -1,7 +1,7 @@
 /* near_rows: rows along curves that come nearer to each other than points can lie are made one.
  *
  * A place of a row that is within NEAR_ROWS spacings of an earlier row, or of a corner, is left out (of a scan's within
- * NEAR_ROUGH_ROWS), a corner that is within so many of an earlier corner as well, and the places there stand for its patches, too.
+ * NEAR_ROUGH_ROWS), and so is a corner within that distance of an earlier corner. The remaining places stand for its patches, too.
  * Rows of different patches are merged if the patches are connected by curves. Examples: the rims of a thin wall, two creases that meet
  * at an acute angle, a low step. On a scan a curve begins, ends and bends where no other place
  * is near. Rows on opposite walls, and rows of patches that are not connected, are not merged. World space.

@@ -26,8 +26,8 @@ void triangle_weights(const triangle *t, vec3 p, double weight[3]);
 /* That place. */
 vec3 triangle_nearest(const triangle *t, vec3 p);
 
-/* The parts of a triangle of which some sides are halved, oriented as it is; returns the number of parts, 1 to 4. Corners 0 to 2 are its
- * own, 3 + k is the middle of the side from corner k to the next. */
+/* Splits a triangle at the middles of its halved sides, keeping its orientation. Returns the number of parts, 1 to 4. Corners 0 to 2 are the
+ * triangle's, 3 + k is the middle of the side from corner k to the next. */
 int triangle_split(const bool halved[3], int parts[4][3]);
 
 #endif

@@ -258,12 +258,16 @@ static void list_bent(const making *k, feature_groups *g)
         }
 }
 
-/* By how much two edges bend that meet at v. */
-static double bend_between(const mesh *m, const bent_edge *a, const bent_edge *b, uint32_t v)
+/* The angle, radians, by which the way from one vertex over v to another bends. */
+static double bend_at_vertex(const mesh *m, uint32_t from, uint32_t v, uint32_t to)
 {
-    const vec3 in = vec3_sub(m->vertex[v], m->vertex[a->end[a->end[0] == v]]),
-               out = vec3_sub(m->vertex[b->end[b->end[0] == v]], m->vertex[v]);
+    const vec3 in = vec3_sub(m->vertex[v], m->vertex[from]), out = vec3_sub(m->vertex[to], m->vertex[v]);
     return atan2(vec3_norm(vec3_cross(in, out)), vec3_dot(in, out));
+}
+
+static uint32_t end_beyond(const bent_edge *b, uint32_t v)
+{
+    return b->end[b->end[0] == v];
 }
 
 static void measure_groups(const making *k, feature_groups *g)
@@ -271,8 +275,8 @@ static void measure_groups(const making *k, feature_groups *g)
     sets_reset(g->chain, g->count);
     for (uint32_t v = 0; v < k->m->vertex_count; v++) {
         const uint32_t *at = g->at[v];
-        if (g->degree[v] == 2 &&
-            bend_between(k->m, &g->edge[at[0]], &g->edge[at[1]], v) <= MESH_PATCHES_ANGLE)
+        if (g->degree[v] == 2 && bend_at_vertex(k->m, end_beyond(&g->edge[at[0]], v), v,
+                                                end_beyond(&g->edge[at[1]], v)) <= MESH_PATCHES_ANGLE)
             sets_join(g->chain, at[0], at[1]);
     }
     for (uint32_t c = 0; c < g->count; c++) {
@@ -451,10 +455,8 @@ static uint32_t far_end(const cut *c, uint32_t v)
 /* By how much the chain of two cuts bends at v. */
 static double bend_at(const making *k, uint32_t v)
 {
-    const vec3 *x = k->m->vertex;
-    const vec3 in = vec3_sub(x[v], x[far_end(&k->cuts[k->around[k->at[v]]], v)]),
-               out = vec3_sub(x[far_end(&k->cuts[k->around[k->at[v] + 1]], v)], x[v]);
-    return atan2(vec3_norm(vec3_cross(in, out)), vec3_dot(in, out));
+    const cut *one = &k->cuts[k->around[k->at[v]]], *other = &k->cuts[k->around[k->at[v] + 1]];
+    return bend_at_vertex(k->m, far_end(one, v), v, far_end(other, v));
 }
 
 /* Whether one curve passes v. */

@@ -199,8 +199,8 @@ static bool find_shapes(mesh_surface *s, error *e)
         if (!(area > least_height * longest2)) continue;
         const sym3 turn = turning(s, n, cross);
         for (int k = 0; k < 3; k++) {
-            const bool turned_back = is_one_sided(s, n) && vec3_dot(s->at[t[k]].normal, cross) < 0;
-            const double side = turned_back ? -area : area;
+            const bool opposite = is_one_sided(s, n) && vec3_dot(s->at[t[k]].normal, cross) < 0;
+            const double side = opposite ? -area : area;
             s->shape[t[k]] = sym3_axpy(side, turn, s->shape[t[k]]);
             weight[t[k]] += area;
         }

@@ -238,8 +238,8 @@ static void leave_row(sampler *s, size_t i)
     finalize_alone(s, i);
 }
 
-/* Takes away the particles that are not on the surface, or in a row, and puts each on a new place. Where a mesh is to be resolved
- * there may be no room for some but in a row: they stay there, at rest, once no sweep is left to find their places. */
+/* Relocates the particles that are not on the surface or lie among curve samples. On a mesh, a particle for which there is no other place
+ * stays among the curve samples once no recall is left. */
 static bool replace_lost(sampler *s, error *e)
 {
     const particles *p = s->state.p;

@@ -136,8 +136,8 @@ static bool points_rest(const sampler *s, const schedule_position *at)
     return !(sampler_steps_left(s, true).to_rest > most);
 }
 
-/* Of a mesh that is to be resolved, and after mending, whether the points rest as they would be delivered: by a hair they may
- * not, once they are on the surface to rounding and have the sizes of their places. */
+/* On a mesh, and after defect repair: whether the solve has still converged once the points are projected to rounding and have the sizes of
+ * their final positions. */
 static bool rests_settled(sampler *s, bool *rests, error *e)
 {
     relax_steps left;
@@ -166,8 +166,8 @@ bool sampler_go_on(sampler *s)
     return true;
 }
 
-/* Where sizes vary: a level that has had more sweeps for its disorder. On patches of one size: any. It has enough sweeps left to
- * come to rest again. */
+/* Whether defect repair may run: on patches of even size unless near curve samples were merged; elsewhere, where sizes vary, after extra
+ * sweeps of a level with a high defect fraction. Enough sweeps must be left to converge again. */
 static bool may_be_mended(const sampler *s)
 {
     const bool is_sized = s->setup.params.sizing != NULL;

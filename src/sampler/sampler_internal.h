@@ -163,7 +163,7 @@ bool sampler_reserve(sampler *s, size_t capacity, error *e);
 /* Of the particles where they are, see sampler_points. */
 relax_steps sampler_steps_left(const sampler *s, bool watch);
 
-/* Whether the rows along the surface's curves are those of a mesh that is to be resolved. */
+/* Whether near curve samples were merged (field/patches.h), as on meshes. */
 bool sampler_merges_rows(const sampler *s);
 
 /* Particle i is put elsewhere, and is to come to rest itself (relax_stir). Not on small patches, as of labels: they push points out

@@ -14,7 +14,7 @@ typedef struct mesh_source_request {
     const spec_mesh *spec;
     bool
         alone; /* the mesh is all of the surface, or of what is placed or cut by a box: it may be one of patches */
-    bool as_level_set; /* a closed mesh without features that are asked for */
+    bool as_level_set; /* a closed mesh is sampled through a level set, unless its features are requested */
     bool resolve;
     const double (*to_world)[4]; /* places it, where it is one of patches; or NULL */
     const bbox *region;          /* cuts it, likewise */
@@ -22,9 +22,8 @@ typedef struct mesh_source_request {
     volume_mesh_request as_volume;
 } mesh_source_request;
 
-/* One of the two comes out: the patches of a mesh, or a volume where the spec takes one (doc/volumes.md). Patches are placed and cut, a
- * volume is not. *notes are about the patches. Errors: those of volume_open_mesh and mesh_surface_new, prefixed with the path; outputs are untouched then. */
-/* *origin: what was subtracted from all coordinates, exactly; 0 unless the mesh may move and is far from the origin. */
+/* Opens either patches or a volume; doc/volumes.md has the table. Patches are placed and cut, a volume is not. *notes are about the
+ * patches. Errors: those of volume_open_mesh and mesh_surface_new, prefixed with the path; outputs are untouched then. *origin: what was subtracted from all coordinates, exactly; 0 unless the mesh may move and is far from the origin. */
 bool mesh_source_open(const mesh_source_request *request, volume **as_volume, mesh_surface **as_patches,
                       vec3 *origin, mesh_notes *notes, error *e);
 
