@@ -163,6 +163,8 @@ static const double DEFAULT_EVEN_SCALE = 2, DEFAULT_OWN_SCALE = 4;
 static const double DEFAULT_FLOOR = 0.25;
 /* Curves are looked at in steps of this share of the spacing there, which puts that off by a tenth of it. */
 static const double CURVE_STEP = 0.05;
+/* A frame of a sequence is to rest with no more than this times the excess of energy of one that begins without points. */
+static const double MORE_DISORDER = 1.5;
 
 /* The spacing by place that the job asks for, for `count` points or for as many as it takes: 0. */
 static bool make_sizing(const job *j, size_t count, sizing_field **out, error *e)
@@ -318,6 +320,7 @@ bool job_place(job *j, solution *out, error *e)
     const sampler_params params = {
         .given = brought.position,
         .given_normal = brought.normal,
+        .excess_most = MORE_DISORDER * j->sequence.excess_alone,
         .witkin_heckbert = s->method == SPEC_METHOD_WITKIN_HECKBERT ? &swarm : NULL,
         .count = inserts ? (size_t)start : j->count,
         .max_sigma = inserts ? s->control.max_sigma : 0,

@@ -94,7 +94,7 @@ static bool write_report(job *j, verdict_outcome *outcome, error *e)
         .progress = &j->progress,
     };
     report_fill(j->report, &facts);
-    if (j->spec->coherent) sequence_describe(&j->sequence, j->report);
+    if (j->spec->coherent) sequence_describe(&j->sequence, s->measures.energy_excess, j->report);
     *outcome = v.outcome;
     return job_may_go_on(j, e) && results_write_report(j->options->output, j->report, e);
 }

@@ -58,7 +58,8 @@ static bool read_numbers(sequence *s, FILE *file, error *e)
     if (!document) return false;
     json_at root = json_root(document), at = json_member(&root, "sequence");
     double frame = json_number(json_member(&at, "frame"), -1),
-           next = json_number(json_member(&at, "next_id"), -1);
+           next = json_number(json_member(&at, "next_id"), -1),
+           excess = json_number(json_member(&at, "energy_excess_alone"), 0);
     bool good = frame >= 0 && frame <= INT32_MAX && next >= 0 && next <= UINT32_MAX;
     json_free(document);
     if (!good)
@@ -66,6 +67,7 @@ static bool read_numbers(sequence *s, FILE *file, error *e)
                          "the frame before: its report.json is not that of a frame of a coherent sequence");
     s->previous_frame = (int)frame;
     s->next_id = (uint32_t)next;
+    s->excess_alone = excess;
     return true;
 }
 
@@ -171,11 +173,12 @@ static void put_vec3(json *object, const char *key, vec3 v)
     json_append_number(array, v.z);
 }
 
-void sequence_describe(const sequence *s, json *report)
+void sequence_describe(const sequence *s, double energy_excess, json *report)
 {
     json *object = json_put_object(report, "sequence");
     json_put_integer(object, "frame", s->frame);
     json_put_integer(object, "next_id", s->next_id);
+    json_put_number(object, "energy_excess_alone", s->start ? s->excess_alone : energy_excess);
     if (s->previous_frame >= 0) json_put_integer(object, "previous_frame", s->previous_frame);
     json_put_integer(object, "carried", (int64_t)s->carried);
     json_put_integer(object, "born", (int64_t)s->born);

@@ -22,7 +22,9 @@ typedef struct sequence_files {
 typedef struct sequence {
     int frame, previous_frame; /* -1: it is the first */
     uint32_t next_id;          /* the next unused id of the sequence */
-    ply_file before;           /* empty once its points were carried */
+    /* energy_excess of the last frame that was sampled without points of another; 0: not known */
+    double excess_alone;
+    ply_file before; /* empty once its points were carried */
     size_t carried, born, died;
     registration motion;
     vec3 *start, *origin; /* of each point: position after and before the transfer; NULL in a first frame */
@@ -48,7 +50,8 @@ bool sequence_transfer(sequence *s, const field *f, const surface *scan, frame_t
  * internal when there are no more ids. */
 bool sequence_end(sequence *s, const sampler_points *p, error *e);
 
-void sequence_describe(const sequence *s, json *report);
+/* Writes the member `sequence`; `energy_excess` is that of this frame. */
+void sequence_describe(const sequence *s, double energy_excess, json *report);
 void sequence_free(sequence *s);
 
 #endif

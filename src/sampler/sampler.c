@@ -177,6 +177,26 @@ static bool may_be_mended(const sampler *s)
            2 * s->record.sweep_count < (size_t)s->setup.params.max_sweeps;
 }
 
+/* Whether a solve from given points rests with too much disorder, and has not gone on for that yet. */
+static bool is_too_disordered(const sampler *s)
+{
+    const double most = s->setup.params.excess_most;
+    return most > 0 && s->setup.fast && sampler_is_given(s) && !s->state.coarse && !s->state.loosened &&
+           relax_mean_energy(s->scratch.relax, s->state.p, s->state.sigma) >
+               (1 + most) * s->setup.params.energy->ideal;
+}
+
+/* The round goes on as that of a last level does which was refined from a coarser one. */
+static bool loosen(sampler *s)
+{
+    s->setup.schedule = &schedule_multilevel;
+    s->state.loosened = true;
+    particles_undamp(s->state.p);
+    sampler_go_on(s);
+    s->state.sweeps_in_round = 0;
+    return true;
+}
+
 /* The solve has ended at rest. Particles that are not on the surface get new places, and so do some that crowd where a patch is
  * bare; they have to find theirs among the others, so that the last round goes on. In a coarse answer nobody has a place of its own, and
  * those that crowd are moved to where places are bare; in a sequence they stay with their own. */
@@ -184,6 +204,7 @@ static bool deliver(sampler *s, error *e)
 {
     const size_t before = s->record.removed;
     relax_calm(s->scratch.relax);
+    if (is_too_disordered(s)) return loosen(s);
     const bool is_given = sampler_is_given(s);
     const bool may_go_on = s->state.recalls < SAMPLER_RECALLS && (!s->state.coarse || is_given);
     if (may_be_mended(s)) {

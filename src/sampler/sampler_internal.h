@@ -55,13 +55,14 @@ typedef struct sampler_state {
     int list_age;           /* sweeps since they were built */
     size_t next_amplitudes; /* the sweep before which they are renewed */
     int sweeps_in_round;
-    int resizes;  /* in the round: rests that new sizes ended */
-    int recalls;  /* ends that particles on new places ended */
-    int mends;    /* passes of sampler_mend */
-    int evened;   /* how often, by sampler_even_out */
-    bool settled; /* no particle has moved since sampler_settle */
-    bool pressed; /* points have come to rest, but as they would be delivered they do not */
-    bool coarse;  /* the spacing resolves nothing of the surface: pairs count whatever their normals */
+    int resizes;   /* in the round: rests that new sizes ended */
+    int recalls;   /* ends that particles on new places ended */
+    int mends;     /* passes of sampler_mend */
+    int evened;    /* how often, by sampler_even_out */
+    bool loosened; /* a solve from given points has gone on with long steps */
+    bool settled;  /* no particle has moved since sampler_settle */
+    bool pressed;  /* points have come to rest, but as they would be delivered they do not */
+    bool coarse;   /* the spacing resolves nothing of the surface: pairs count whatever their normals */
     double fraction;
     sampler_outcome outcome;
     struct swarm *swarm; /* of sampler_witkin_heckbert */

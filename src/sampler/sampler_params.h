@@ -26,6 +26,9 @@ typedef struct sampler_params {
      * fills space (geometry/morton), as the particles keep this order. They are near their rest, and are
      * brought there without haste: no coarse levels, no long steps. Only looked at by sampler_new. */
     const vec3 *given, *given_normal;
+    /* with SAMPLER_START_GIVEN: a solve that rests with a mean energy above 1 + this, of the ideal, goes on once with the
+     * long steps of a last level, which take out more disorder and move the points farther. 0: it never does */
+    double excess_most;
     /* of a surface with patches: sampler_stands of a solve of the same count and spacing, all of them */
     const uint32_t *given_patch, *given_place;
     uint64_t seed;

@@ -48,6 +48,9 @@ enum { BIRTH_DISTANCES = sizeof birth_distance / sizeof birth_distance[0] };
  * both, 0.95 and 0.080 with these. */
 static const double PORTION = 600, SCATTER = 0.56;
 enum { PORTIONS_MOST = 8, PORTION_SWEEPS = 8 };
+/* A part of the surface whose number of points differs from what its area asks for by more than this share, and by more than so
+ * many, gives points to the others or takes them. */
+static const double PART_SLACK = 0.02, PART_SLACK_POINTS = 2;
 /* Candidates for each place of a portion: the most crowded or emptiest are several to a core. */
 static const size_t CANDIDATES = 32;
 
@@ -67,7 +70,10 @@ typedef struct candidates {
     vec3 *landed;     /* where one was carried to */
     uint32_t *parent; /* FRAME_TRANSFER_NONE: it was born */
     bool *taken;      /* is one of the points */
-    double *rank;     /* how crowded a point, how empty a place is: the largest first */
+    uint32_t *part;   /* connected part of the surface; not kept where there is but one */
+    int64_t *
+        missing; /* points that each part is to take (< 0: to give) before the others; NULL: any part takes and gives */
+    double *rank; /* how crowded a point, how empty a place is: the largest first */
     uint32_t *order;
     neighbours *near;
 } candidates;
@@ -91,6 +97,8 @@ static void candidates_free(candidates *c)
     free(c->landed);
     free(c->parent);
     free(c->taken);
+    free(c->part);
+    free(c->missing);
     free(c->rank);
     free(c->order);
     neighbours_free(c->near);
@@ -107,6 +115,7 @@ static bool candidates_make(candidates *c, error *e)
            (c->landed = mem_array(room, sizeof *c->landed, what, e)) &&
            (c->parent = mem_array(room, sizeof *c->parent, what, e)) &&
            (c->taken = mem_array(room, sizeof *c->taken, what, e)) &&
+           (c->part = mem_array(room, sizeof *c->part, what, e)) &&
            (c->rank = mem_array(room, sizeof *c->rank, what, e)) &&
            (c->order = mem_array(room, sizeof *c->order, what, e)) &&
            (c->near = neighbours_new(room, SIZE_MAX, e));
@@ -167,6 +176,7 @@ static void close_gaps(candidates *c)
         c->spacing[kept] = c->spacing[i];
         c->landed[kept] = c->landed[i];
         c->parent[kept] = c->parent[i];
+        c->part[kept] = c->part[i];
         c->taken[kept++] = true;
     }
     for (size_t i = kept; i < c->count; i++) c->taken[i] = false;
@@ -307,21 +317,37 @@ static bool draw_places(candidates *c, error *e)
 {
     rng r = rng_seed(c->params->seed, RANDOM_STREAM_FRAME_TRANSFER);
     size_t places = PLACES * c->params->count;
+    const size_t *begin = c->scan->parts.begin;
+    uint32_t part = 0;
     surface_last_cell last = {.known = false};
     for (size_t k = 0; k < places; k++) {
         if (threads_stopped(c->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
         for (int draw = 0; draw < DRAWS; draw++) {
             double where = ((double)k + rng_uniform(&r)) / (double)places;
             vec3 x = sizing_field_draw(c->params->sizing, c->scan, where, &r, &last), n;
+            while (begin && last.cell >= begin[part + 1]) part++;
             if (!land(c, &x, &n)) continue;
             assert(c->count < c->near->capacity);
             c->position[c->count] = c->landed[c->count] = x;
             c->parent[c->count] = FRAME_TRANSFER_NONE;
+            c->part[c->count] = part;
             c->normal[c->count++] = n;
             break;
         }
     }
     return centre_places(c, e);
+}
+
+/* Whether the part of i may take a point, or give one. */
+static bool may_change(const candidates *c, size_t i, bool lives)
+{
+    return !c->missing || (lives ? c->missing[c->part[i]] > 0 : c->missing[c->part[i]] < 0);
+}
+
+static void change(candidates *c, size_t i, bool lives)
+{
+    c->taken[i] = lives;
+    if (c->missing) c->missing[c->part[i]] += lives ? -1 : 1;
 }
 
 /* Takes at most `most` places, the emptiest first, that are at least `gap` from the carried and `apart` from
@@ -332,8 +358,8 @@ static size_t give_birth(candidates *c, double gap, double apart, size_t most)
     for (size_t k = c->carried; k < c->count && born < most; k++) {
         uint32_t i = c->order[k];
         if (c->rank[i] < gap) break;
-        if (c->taken[i] || has_near(c, i, apart, c->carried)) continue;
-        c->taken[i] = true;
+        if (c->taken[i] || !may_change(c, i, true) || has_near(c, i, apart, c->carried)) continue;
+        change(c, i, true);
         born++;
     }
     return born;
@@ -354,8 +380,8 @@ static size_t let_go(candidates *c, bool spread, size_t most)
     size_t died = 0;
     for (size_t k = 0; k < c->carried && died < most; k++) {
         uint32_t i = c->order[k];
-        if (!c->taken[i] || (spread && has_lost(c, i))) continue;
-        c->taken[i] = false;
+        if (!c->taken[i] || !may_change(c, i, false) || (spread && has_lost(c, i))) continue;
+        change(c, i, false);
         died++;
     }
     return died;
@@ -381,11 +407,12 @@ static bool scatter(candidates *c, size_t first, size_t among, size_t most, bool
     ok = ok && neighbours_build(near, among, place, spacing, apart, c->pool, e);
     for (size_t k = 0; ok && k < among && most > 0; k++) {
         const uint32_t *list = neighbours_list(near, k);
-        bool free_to = c->taken[order[k]] != lives && !(lives && has_near(c, order[k], NEAR, c->carried));
+        bool free_to = c->taken[order[k]] != lives && may_change(c, order[k], lives) &&
+                       !(lives && has_near(c, order[k], NEAR, c->carried));
         for (uint32_t n = 0; free_to && n < near->list_count[k]; n++) free_to = !chosen[list[n]];
         if (!free_to) continue;
         chosen[k] = true;
-        c->taken[order[k]] = lives;
+        change(c, order[k], lives);
         *there = lives ? *there + 1 : *there - 1;
         most--;
     }
@@ -421,10 +448,13 @@ static void swap_entries(candidates *c, size_t i, size_t j)
     const vec3 position = c->position[i], normal = c->normal[i];
     const uint32_t parent = c->parent[i];
     const bool taken = c->taken[i];
+    const uint32_t part = c->part[i];
     c->position[i] = c->position[j];
     c->normal[i] = c->normal[j];
     c->parent[i] = c->parent[j];
     c->taken[i] = c->taken[j];
+    c->part[i] = c->part[j];
+    c->part[j] = part;
     c->position[j] = position;
     c->normal[j] = normal;
     c->parent[j] = parent;
@@ -475,28 +505,94 @@ static bool ease(candidates *c, error *e)
     return ok;
 }
 
-/* In how many portions the count is come to from those `there`. */
-static size_t count_portions(const candidates *c, size_t there)
+/* In how many portions `wanted` points are come to from those `there`. */
+static size_t count_portions(const candidates *c, size_t there, size_t wanted)
 {
-    double count = (double)c->params->count, portions = ceil(fabs((double)there - count) * PORTION / count);
+    const double changes = fabs((double)there - (double)wanted);
+    const double portions = ceil(changes * PORTION / (double)c->params->count);
     return c->params->eased ? (size_t)fmin(fmax(portions, 1), PORTIONS_MOST) : 1;
 }
 
-/* Fills the holes and comes to the exact count. */
-static bool populate(candidates *c, error *e)
+/* The part of each carried point is that of the nearest place; one past the last: there is no place near. */
+static void part_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const size_t count = c->params->count;
-    if (!draw_places(c, e)) return false;
-    size_t there = c->carried + give_birth(c, HOLE, HOLE, count);
-    for (size_t left = count_portions(c, there); left > 0; left--) {
-        bool last = left == 1, missing = there < count;
-        size_t most = ((missing ? count - there : there - count) + left - 1) / left;
-        if (most > 0 && !(missing ? bear : thin_out)(c, most, last, &there, e)) return false;
-        if (last || there == count) break;
+    candidates *c = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        const uint32_t *list = neighbours_list(c->near, i);
+        double least = INFINITY;
+        c->part[i] = (uint32_t)c->scan->parts.count;
+        for (uint32_t k = 0; k < c->near->list_count[i]; k++) {
+            const double d = list[k] >= c->carried ? distance(c, i, list[k]) : INFINITY;
+            if (!(d < least)) continue;
+            least = d;
+            c->part[i] = c->part[list[k]];
+        }
+    }
+}
+
+/* Finds how many points each connected part is to take or to give, since its area has changed against the others': *take and *give
+ * in all. The places tell how many points a part should have. */
+static bool find_missing(candidates *c, size_t *take, size_t *give, error *e)
+{
+    const size_t parts = c->scan->parts.count;
+    *take = *give = 0;
+    if (parts < 2) return true;
+    size_t *places = mem_array(parts + 1, sizeof *places, "parts", e);
+    c->missing = mem_array(parts + 1, sizeof *c->missing, "parts", e);
+    if (!places || !c->missing) {
+        free(places);
+        return false;
+    }
+    threads_run(c->pool, c->carried, 256, part_chunk, c);
+    for (size_t i = c->carried; i < c->count; i++) places[c->part[i]]++;
+    for (size_t i = 0; i < c->count; i++) c->missing[c->part[i]] -= c->taken[i];
+    for (size_t k = 0; k <= parts; k++) {
+        const double should = (double)places[k] / (double)PLACES, off = should + (double)c->missing[k];
+        const bool is_off = k < parts && fabs(off) > fmax(PART_SLACK_POINTS, PART_SLACK * should);
+        c->missing[k] = is_off ? llround(off) : 0;
+        *(c->missing[k] > 0 ? take : give) += (size_t)llabs(c->missing[k]);
+    }
+    free(places);
+    return true;
+}
+
+/* Births or deaths in portions until `wanted` are there; or fewer changes, where parts have no room for more. `ends`: nothing follows. */
+static bool approach(candidates *c, size_t wanted, bool ends, size_t *there, error *e)
+{
+    for (size_t left = count_portions(c, *there, wanted); left > 0 && *there != wanted; left--) {
+        const bool last = left == 1, missing = *there < wanted;
+        const size_t most = ((missing ? wanted - *there : *there - wanted) + left - 1) / left;
+        if (!(missing ? bear : thin_out)(c, most, last, there, e)) return false;
+        if ((last || *there == wanted) && ends) break;
         (missing ? settle_born : close_gaps)(c);
         if (!ease(c, e) || !(missing ? centre_places(c, e) : build_lists(c, NEAR, e))) return false;
     }
-    if (there == count) return true;
+    return true;
+}
+
+/* Fills the holes and comes to the exact count, in each connected part and in all. Deaths come after births, as they drop the
+ * places. */
+static bool populate(candidates *c, error *e)
+{
+    enum { STEPS = 4 };
+    const size_t count = c->params->count;
+    size_t take, give;
+    if (!draw_places(c, e)) return false;
+    size_t there = c->carried + give_birth(c, HOLE, HOLE, count);
+    if (!find_missing(c, &take, &give, e)) return false;
+    const size_t taken = there + take, most = taken > count + give ? taken : count + give;
+    const size_t wanted[STEPS] = {taken, most, most - give, count};
+    int64_t *const missing = c->missing;
+    bool ok = true;
+    for (int k = 0; ok && k < STEPS; k++) {
+        bool ends = true;
+        for (int later = k + 1; later < STEPS; later++) ends = ends && wanted[later] == wanted[k];
+        c->missing = k % 2 == 0 ? missing : NULL;
+        ok = approach(c, wanted[k], ends, &there, e);
+    }
+    c->missing = missing;
+    if (!ok || there == count) return ok;
     return error_set(e, ERROR_NO_SURFACE, "particle %zu of %zu does not reach the surface in %d draws",
                      there + 1, count, DRAWS);
 }
