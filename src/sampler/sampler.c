@@ -8,8 +8,8 @@
 #include "packing/packing.h"
 #include "sampler/sampler_internal.h"
 
-/* For the estimate of progress: the share of a solve after which refined levels begin. */
-static const double FINE_BEGINS = 0.4;
+/* For the estimate of progress: a level that takes longer than expected is still to take this share of it. */
+static const double LEFT_LEAST = 0.1;
 /* Of the step that may be left: what is asked of points that did not rest as they would have been delivered. */
 static const double PRESSED = 0.9;
 /* With fewer sweeps than so many on a level no particle is left out of any. */
@@ -92,23 +92,27 @@ void sampler_free(sampler *s)
     free(s);
 }
 
-/* The share of a solve that a refined level of so many particles stands for: levels count by their particles, but for
- * the coarsest, which takes more sweeps. */
-static double share_of(const sampler *s, size_t count)
-{
-    return FINE_BEGINS + (1 - FINE_BEGINS) * (double)count / (double)s->setup.params.count;
-}
-
+/* Updates of particles so far, of all that are expected: those of the level at hand, and of the finer ones. */
 static void estimate_fraction(sampler *s, const schedule_evidence *seen)
 {
-    double low = 0, high = 1;
-    if (s->state.plan.count > 1) {
-        low = s->state.level == 0 ? 0 : share_of(s, s->state.plan.particles[s->state.level - 1]);
-        high = s->state.level == 0 ? FINE_BEGINS : share_of(s, s->state.plan.particles[s->state.level]);
-    }
     const schedule_position at = position(s);
-    s->state.fraction =
-        fmax(s->state.fraction, low + (high - low) * schedule_level_progress(s->setup.schedule, &at, seen));
+    const size_t count = s->state.p->count;
+    if (s->state.level_of_sweeps != s->state.level) s->state.level_sweeps = 0;
+    s->state.level_of_sweeps = s->state.level;
+    s->state.updates += (double)count;
+    const double spent = (double)++s->state.level_sweeps,
+                 expected = schedule_expected_sweeps(s->setup.schedule, &at, spent, seen);
+    double left = fmax(expected - spent, LEFT_LEAST * expected) * (double)count;
+    for (int level = s->state.level + 1; level < s->state.plan.count; level++) {
+        const schedule_position then = {.level = level,
+                                        .levels = s->state.plan.count,
+                                        .stage = SCHEDULE_STAGES - 1,
+                                        .count = s->state.plan.particles[level],
+                                        .is_sized = at.is_sized,
+                                        .has_curves = at.has_curves};
+        left += schedule_expected_sweeps(s->setup.schedule, &then, 0, NULL) * (double)then.count;
+    }
+    s->state.fraction = fmax(s->state.fraction, s->state.updates / (s->state.updates + left));
 }
 
 /* The particles rest under the sizes and amplitudes of an earlier place. With those of now there may be more to do,
@@ -295,6 +299,7 @@ static bool relax_step(sampler *s, error *e)
     if (s->state.outcome == SAMPLER_CONVERGED && !deliver(s, e)) return false;
     if (s->state.outcome == SAMPLER_RUNNING && s->record.sweep_count == (size_t)s->setup.params.max_sweeps)
         s->state.outcome = SAMPLER_OUT_OF_SWEEPS;
+    if (sampler_ended(s)) s->state.fraction = 1;
     return true;
 }
 

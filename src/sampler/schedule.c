@@ -3,8 +3,12 @@
 #include <assert.h>
 #include <math.h>
 
-/* Share of the sweeps that a job typically spends before each stage, for the estimate of progress. */
-static const double stage_share[SCHEDULE_STAGES + 1] = {0, 0.07, 0.35, 1};
+/* For the estimate of progress: the share of the sweeps that a job typically spends before each stage by the paper's criterion, the least
+ * share that is believed, and the sweeps that the first stages of the coarsest level take otherwise. */
+static const double stage_share[SCHEDULE_STAGES + 1] = {0, 0.07, 0.35, 1}, LEAST_SHARE = 0.01,
+                                                  EARLY_SWEEPS = 50;
+/* Most levels that may be found rough are, the first time, but few are the second time: of its sweeps this power is expected. */
+static const double AGAIN_SHARE = 0.25;
 /* Log10 lambda begins there: below it the damping is nothing. */
 static const double LAMBDA_BEGINS = -3;
 
@@ -200,17 +204,32 @@ double schedule_skin(const schedule *s, double rms_step)
     return fmin(s->skin_wide, fmax(s->skin_narrow, s->skin_steps * rms_step));
 }
 
-/* Lambda climbs from its floor to its cap within a round, and the step falls to its tolerance on a refined level. */
-double schedule_level_progress(const schedule *s, const schedule_position *at, const schedule_evidence *seen)
+/* Whether the level may still be found rough. */
+static bool may_become_rough(const schedule *s, const schedule_position *at)
 {
-    double climb;
-    if (!(s->rest_lambda > 0))
-        climb = fmin((double)at->sweeps / schedule_level_sweeps(s, at), 1);
-    else if (at->level > 0)
-        return fmin(1, seen->step_tolerance / fmax(seen->rms_step, 1e-300));
-    else
-        climb =
-            fmin(fmax((seen->mean_log10_lambda - LAMBDA_BEGINS) / (s->rest_lambda - LAMBDA_BEGINS), 0), 1);
-    if (at->level > 0) return climb;
-    return stage_share[at->stage] + (stage_share[at->stage + 1] - stage_share[at->stage]) * climb;
+    return s->is_paced && at->rough < s->rough_most[at->is_creased] && (double)at->count >= s->rough_count &&
+           (!at->is_mostly_creased || schedule_is_last_level(at));
+}
+
+/* By the paper's criterion lambda climbs from its floor to its cap within a round; on a refined level the step falls to its
+ * tolerance. */
+static double expected_by_criterion(const schedule *s, const schedule_position *at, double spent,
+                                    const schedule_evidence *seen)
+{
+    const double climbed = (seen->mean_log10_lambda - LAMBDA_BEGINS) / (s->rest_lambda - LAMBDA_BEGINS);
+    const double share =
+        at->level > 0 ? seen->step_tolerance / fmax(seen->rms_step, 1e-300)
+                      : stage_share[at->stage] +
+                            (stage_share[at->stage + 1] - stage_share[at->stage]) * fmin(fmax(climbed, 0), 1);
+    return spent / fmin(fmax(share, LEAST_SHARE), 1);
+}
+
+double schedule_expected_sweeps(const schedule *s, const schedule_position *at, double spent,
+                                const schedule_evidence *seen)
+{
+    double sweeps = schedule_level_sweeps(s, at);
+    if (s->rest_lambda > 0 && seen) return fmax(expected_by_criterion(s, at, spent, seen), 1);
+    if (may_become_rough(s, at))
+        sweeps *= pow(s->rough_sweeps[schedule_is_last_level(at)], at->rough == 0 ? 1 : AGAIN_SHARE);
+    return at->level == 0 ? sweeps + EARLY_SWEEPS : sweeps;
 }

@@ -165,7 +165,9 @@ double schedule_first_skin(const schedule *s, const schedule_position *at);
 /* What the next lists reach beyond it. */
 double schedule_skin(const schedule *s, double rms_step);
 
-/* An estimate of how much of the level at hand is done, 0 to 1. */
-double schedule_level_progress(const schedule *s, const schedule_position *at, const schedule_evidence *seen);
+/* An estimate of the sweeps that the level takes in all, at least 1, from its `spent` sweeps so far and the last evidence; without
+ * evidence, NULL, of a level that has not begun. */
+double schedule_expected_sweeps(const schedule *s, const schedule_position *at, double spent,
+                                const schedule_evidence *seen);
 
 #endif

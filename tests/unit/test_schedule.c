@@ -316,23 +316,34 @@ static void the_coarsest_gain_lasts(void **state)
     assert_int_equal(sweeps - 1, s->patience[LAST] + s->patience_last);
 }
 
-/* Progress never leaves 0 to 1, and grows with the stages. */
-static void progress_is_a_share(void **state)
+/* By the paper's criterion what is left shrinks as lambda climbs, and from stage to stage. */
+static void expected_sweeps_approach_those_spent(void **state)
 {
     (void)state;
-    const schedule *all[] = {&schedule_paper, &schedule_multilevel, &schedule_continued};
-    for (size_t k = 0; k < sizeof all / sizeof *all; k++) {
-        double before = 0;
-        for (int stage = 0; stage < SCHEDULE_STAGES; stage++)
-            for (int sweeps = 0; sweeps < 400; sweeps += 50) {
-                schedule_position at = {.levels = 1, .stage = stage, .sweeps = sweeps, .count = 1000};
-                const schedule_evidence seen = {0.1, -3 + sweeps / 20.0, true, 0.003};
-                double share = schedule_level_progress(all[k], &at, &seen);
-                assert_true(share >= before && share <= 1);
-                before = share;
-            }
-        assert_true(before == 1);
-    }
+    double before = INFINITY;
+    for (int stage = 0; stage < SCHEDULE_STAGES; stage++)
+        for (double climb = 0; climb <= 1; climb += 0.25) {
+            const schedule_position at = {.levels = 1, .stage = stage, .count = 1000};
+            const schedule_evidence seen = {0.1, -3 + climb * (schedule_paper.rest_lambda + 3), true, 0.003};
+            const double expected = schedule_expected_sweeps(&schedule_paper, &at, 100, &seen);
+            assert_true(expected <= before && expected >= 100);
+            before = expected;
+        }
+    assert_true(before == 100);
+}
+
+/* A level that may turn out rough is expected to take longer than its least sweeps, one that cannot to take just these. */
+static void a_level_that_may_be_rough_is_expected_to_take_longer(void **state)
+{
+    (void)state;
+    const schedule *s = &schedule_multilevel;
+    schedule_position at = {.level = 2, .levels = 3, .stage = LAST, .count = 10000};
+    const double least = schedule_level_sweeps(s, &at);
+    assert_true(schedule_expected_sweeps(s, &at, 0, NULL) > least);
+    at.rough = s->rough_most[0];
+    assert_true(schedule_expected_sweeps(s, &at, 0, NULL) == schedule_level_sweeps(s, &at));
+    at = (schedule_position){.level = 2, .levels = 3, .stage = LAST, .count = 1000};
+    assert_true(schedule_expected_sweeps(s, &at, 0, NULL) == schedule_level_sweeps(s, &at));
 }
 
 static void lists_wait_for_many_or_for_long(void **state)
@@ -385,7 +396,8 @@ int main(void)
         cmocka_unit_test(the_paper_goes_by_lambda),
         cmocka_unit_test(patience_ends_once_and_again),
         cmocka_unit_test(the_coarsest_gain_lasts),
-        cmocka_unit_test(progress_is_a_share),
+        cmocka_unit_test(expected_sweeps_approach_those_spent),
+        cmocka_unit_test(a_level_that_may_be_rough_is_expected_to_take_longer),
         cmocka_unit_test(lists_wait_for_many_or_for_long),
     };
     return cmocka_run_group_tests_name("schedule", tests, NULL, NULL);
