@@ -17,7 +17,10 @@ except ImportError:
 
 # no traffic of its own; WebGL by the processor
 FLAGS = ("--headless=new --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking"
-         " --disable-component-update --disable-sync --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader")
+         " --disable-component-update --disable-sync --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader"
+         # a page that is opened needs no further process: starts of processes were a quarter of the work
+         " --disable-features=SpareRendererForSitePerProcess,BackForwardCache,ProactivelySwapBrowsingInstance"
+         " --disable-site-isolation-trials --renderer-process-limit=1")
 WINDOW = (800, 500)  # small: the processor draws all pixels
 # an evaluation of a condition is work for the test, the driver and the browser
 wait_until = functools.partial(wait_for_condition, interval=0.05)
