@@ -43,6 +43,8 @@ OFTEN = {"sampling": 1, "solver": 0.8, "output": 0.6, "preview": 0.3, "mesh": 0.
 TARGETS = {"count": 14, "spacing": 3, "density": 1, "control": 2, "resolve": 3}
 SURFACES = {"analytic": 6, "mesh": 6, "vdb": 5, "volume": 2, "labels": 2, "bspline": 1, "union": 1, "intersection": 1,
             "difference": 1, "offset": 1, "transform": 1}
+# how often a surface has a second member, which is refused: both are read before
+TWO = 0.05
 NAMES = ["density", "surface", "ls_sphere", "distance"]
 NESTED = {"union", "intersection", "difference", "offset", "transform"}
 
@@ -122,8 +124,13 @@ class Draw:
         return out
 
     def surface(self, depth):
-        kind = self.chosen({name: weight for name, weight in SURFACES.items() if depth < 2 or name not in NESTED})
-        return {kind: self.value(self.schema["properties"]["surface"]["properties"][kind], kind, kind, depth + 1)}
+        weights = {name: weight for name, weight in SURFACES.items() if depth < 2 or name not in NESTED}
+        kinds = [self.chosen(weights) for _ in range(1 + (self.rng.random() < TWO))]
+        return self.surface_of(kinds, depth)
+
+    def surface_of(self, kinds, depth):
+        of = self.schema["properties"]["surface"]["properties"]
+        return {kind: self.value(of[kind], kind, kind, depth + 1) for kind in kinds}
 
     def sampling(self, of, depth):
         wanted = self.chosen(TARGETS)

@@ -87,7 +87,8 @@ static void append(char *list, size_t size, const char *word)
     snprintf(list + n, size - n, "%s%s", n ? ", " : "", word);
 }
 
-static void check_choice(reading *r, const json_at *at, const char *group, spec_choice choice)
+/* Returns whether more than one is given. */
+static bool check_choice(reading *r, const json_at *at, const char *group, spec_choice choice)
 {
     char all[192] = "", given[192] = "";
     size_t rows = 0, count = 0;
@@ -101,9 +102,10 @@ static void check_choice(reading *r, const json_at *at, const char *group, spec_
         count++;
     }
     bool may_be_none = choice >= SPEC_CHOICE_GRADING;
-    if (rows == 0 || count == 1 || (count == 0 && may_be_none)) return;
+    if (rows == 0 || count == 1 || (count == 0 && may_be_none)) return false;
     reading_add_fault(r, at, "needs %s one of %s (given %s)", may_be_none ? "at most" : "exactly", all,
                       count ? given : "none");
+    return count > 1;
 }
 
 /* What no single row can say; only of values that are good by themselves. */
@@ -414,10 +416,13 @@ static void check_attribute(reading *r, const json_at *at)
     reading_add_fault(r, name.node ? &name : at, "the geometry has part, direction1 and direction2");
 }
 
-void rules_check_names(reading *r, const json_at *at, const char *group)
+unsigned rules_check_names(reading *r, const json_at *at, const char *group)
 {
+    unsigned skipped = 0;
     check_names(r, at, group);
-    for (spec_choice c = SPEC_CHOICE_SURFACE; c < SPEC_CHOICE_COUNT; c++) check_choice(r, at, group, c);
+    for (spec_choice c = SPEC_CHOICE_SURFACE; c < SPEC_CHOICE_COUNT; c++)
+        if (check_choice(r, at, group, c)) skipped |= 1u << c;
+    return skipped;
 }
 
 /* The surface and the method stand before the queue. */

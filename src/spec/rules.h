@@ -6,8 +6,9 @@
 #include "json/json.h"
 #include "spec/reading.h"
 
-/* Notes unknown members of the object, and too many or too few of those that exclude each other. */
-void rules_check_names(reading *r, const json_at *at, const char *group);
+/* Notes unknown members of the object, and too many or too few of those that exclude each other. Returns the choices of which
+ * more than one member is given, a bit for each: these members may be stored in one place, and must not be read. */
+unsigned rules_check_names(reading *r, const json_at *at, const char *group);
 
 /* Notes values of the group that contradict each other or those of groups before it. Called only when each value is
  * good by itself. */

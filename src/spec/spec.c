@@ -210,9 +210,10 @@ static void read_group(reading *r, const json_at *at, const char *group, json *n
         reading_add_fault(r, at, "must be an object (given %s)", given);
         return;
     }
-    rules_check_names(r, at, group);
+    unsigned skipped = rules_check_names(r, at, group);
     for (size_t i = 0; i < spec_row_count; i++)
-        if (spec_row_is_member(&spec_rows[i], group)) read_row(r, at, &spec_rows[i], normal);
+        if (spec_row_is_member(&spec_rows[i], group) && !(skipped & 1u << spec_rows[i].choice))
+            read_row(r, at, &spec_rows[i], normal);
     note_surface(r, at, group);
     if (r->total == before) rules_check_values(r, at, group);
 }

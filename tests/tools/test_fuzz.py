@@ -1,4 +1,5 @@
 """The fuzz targets: replays of all stored files without clang, and, with clang, a few seconds of fuzzing."""
+import itertools
 import json
 import os
 import pathlib
@@ -38,6 +39,20 @@ def replay(build, target, folders):
 def test_kept_files(build, source, target):
     kept = [source / "fuzz" / kind / target for kind in ("corpus", "regressions")]
     replay(build, target, [folder for folder in kept if folder.is_dir()])
+
+
+@pytest.mark.sanitized
+def test_any_two_surfaces_in_one_spec(build, source, tmp_path):
+    """The seeds of the target for specs: each pair of members of /surface, drawn from the worker's schema. A sanitized
+    build reports what a replay does not free."""
+    made = subprocess.run([sys.executable, "-B", source / "fuzz" / "pairs.py", build / "hexad-worker", tmp_path / "pairs"],
+                          capture_output=True, text=True)
+    assert made.returncode == 0, made.stderr
+    kinds = json.loads(subprocess.run([build / "hexad-worker", "schema"], check=True, capture_output=True,
+                                      text=True).stdout)["properties"]["surface"]["properties"]
+    named = {frozenset(json.loads(path.read_text())["surface"]) for path in (tmp_path / "pairs").iterdir()}
+    assert {frozenset(pair) for pair in itertools.combinations(kinds, 2)} <= named
+    replay(build, "spec", [tmp_path / "pairs"])
 
 
 @pytest.mark.sanitized
