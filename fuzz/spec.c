@@ -17,6 +17,20 @@ static void reread(const char *text)
     json_free(again);
 }
 
+/* All frames are good exactly if each is. */
+static void check_frames(const spec *s)
+{
+    enum { FRAMES_MOST = 8 };
+    bool each = true;
+    if (!s->has_frame_values || s->frame_count > FRAMES_MOST) return;
+    for (size_t i = 0; each && i < s->frame_count; i++) {
+        spec *frame = spec_of_frame(s, i, NULL, NULL);
+        each = frame != NULL;
+        spec_free(frame);
+    }
+    expect(spec_check_frames(s, NULL, NULL) == each);
+}
+
 static void check_spec(const spec *s)
 {
     error e = {0};
@@ -29,6 +43,7 @@ static void check_spec(const spec *s)
     expect(strcmp(printed, text) == 0);
     spec_input input;
     for (size_t n = 0; spec_input_at(s, n, &input); n++) expect(*input.path && *input.pointer == '/');
+    check_frames(s);
     free(printed);
     free(text);
     spec_free(again);

@@ -149,8 +149,7 @@ void frame_values_close(frame_values *w)
     *w = (frame_values){0};
 }
 
-/* The value of a member in the index-th frame, the caller's. */
-static json *value_at(const frame_values *w, const frame_values_member *m, size_t index)
+json *frame_values_at(const frame_values *w, const frame_values_member *m, size_t index)
 {
     if (m->values) return json_copy(m->values[index]);
     int frame = w->frame[index];
@@ -163,7 +162,7 @@ static json *value_at(const frame_values *w, const frame_values_member *m, size_
 const char *frame_values_apply(const frame_values *w, size_t index, json *document)
 {
     for (size_t i = 0; i < w->count; i++) {
-        json *value = value_at(w, &w->member[i], index);
+        json *value = frame_values_at(w, &w->member[i], index);
         if (json_set(document, w->member[i].pointer, value)) continue;
         json_free(value);
         return w->member[i].pointer;
@@ -208,7 +207,7 @@ json *frame_values_document(const frame_values *w, size_t index, const json *doc
     json *copy = json_copy(document), *queue = json_find(copy, "/queue"), *own = json_new_object();
     snprintf(number, sizeof number, "%d", w->frame[index]);
     for (size_t i = 0; i < w->count; i++)
-        json_append(json_put_array(own, w->member[i].pointer), value_at(w, &w->member[i], index));
+        json_append(json_put_array(own, w->member[i].pointer), frame_values_at(w, &w->member[i], index));
     json_put_string(queue, "frames", number);
     json_put(queue, "by_frame", own);
     frame_values_apply(w, index, copy);

@@ -39,6 +39,9 @@ void frame_values_check(reading *r, const json_at *at);
 bool frame_values_open(const json *document, frame_values *w);
 void frame_values_close(frame_values *w); /* accepts an empty one */
 
+/* The value of a member in the index-th frame, the caller's. */
+json *frame_values_at(const frame_values *w, const frame_values_member *m, size_t index);
+
 /* Puts the values of the index-th frame into the document. NULL, or the pointer of the first member without a place. */
 const char *frame_values_apply(const frame_values *w, size_t index, json *document);
 

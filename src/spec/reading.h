@@ -16,6 +16,8 @@ enum { READING_SHOWN_MAX = 64 }; /* bytes of a given text that a message repeats
 
 typedef struct reading {
     spec *s;
+    const spec *
+        known; /* another frame of the same sequence: surfaces and the queue are not read, but borrowed from it; or NULL */
     spec_surface *surface; /* the spec's, or the part of it that is being read */
     int depth;             /* surfaces within surfaces */
     size_t surfaces;       /* read so far */

@@ -1,10 +1,13 @@
 #include "spec/rules.h"
 
 #include <math.h>
+#include <stdint.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/frames.h"
+#include "base/memory.h"
 #include "geometry/affine.h"
 #include "geometry/vec3.h"
 #include "spec/spec_table.h"
@@ -87,25 +90,36 @@ static void append(char *list, size_t size, const char *word)
     snprintf(list + n, size - n, "%s%s", n ? ", " : "", word);
 }
 
-/* Returns whether more than one is given. */
-static bool check_choice(reading *r, const json_at *at, const char *group, spec_choice choice)
+static void refuse_choice(reading *r, const json_at *at, const char *group, spec_choice choice)
 {
     char all[192] = "", given[192] = "";
-    size_t rows = 0, count = 0;
-    for (size_t i = 0; i < spec_row_count; i++) {
-        const spec_row *row = &spec_rows[i];
-        if (row->choice != choice || !spec_row_is_member(row, group)) continue;
-        rows++;
-        append(all, sizeof all, spec_row_key(row));
-        if (!json_member(at, spec_row_key(row)).node) continue;
-        append(given, sizeof given, spec_row_key(row));
-        count++;
+    size_t count = 0;
+    const spec_row *const *row = spec_rows_of(group, &count);
+    for (size_t i = 0; i < count; i++) {
+        if (row[i]->choice != choice) continue;
+        append(all, sizeof all, spec_row_key(row[i]));
+        if (json_member(at, spec_row_key(row[i])).node) append(given, sizeof given, spec_row_key(row[i]));
     }
-    bool may_be_none = choice >= SPEC_CHOICE_GRADING;
-    if (rows == 0 || count == 1 || (count == 0 && may_be_none)) return false;
-    reading_add_fault(r, at, "needs %s one of %s (given %s)", may_be_none ? "at most" : "exactly", all,
-                      count ? given : "none");
-    return count > 1;
+    reading_add_fault(r, at, "needs %s one of %s (given %s)",
+                      choice >= SPEC_CHOICE_GRADING ? "at most" : "exactly", all, *given ? given : "none");
+}
+
+/* Returns the choices of which more than one member is given. */
+static unsigned check_choices(reading *r, const json_at *at, const char *group)
+{
+    size_t count = 0, rows[SPEC_CHOICE_COUNT] = {0}, given[SPEC_CHOICE_COUNT] = {0};
+    const spec_row *const *row = spec_rows_of(group, &count);
+    unsigned several = 0;
+    for (size_t i = 0; i < count; i++) {
+        if (row[i]->choice == SPEC_CHOICE_NONE) continue;
+        rows[row[i]->choice]++;
+        given[row[i]->choice] += json_member(at, spec_row_key(row[i])).node != NULL;
+    }
+    for (spec_choice c = SPEC_CHOICE_SURFACE; c < SPEC_CHOICE_COUNT; c++) {
+        if (given[c] > 1) several |= 1u << c;
+        if (given[c] > 1 || (rows[c] && !given[c] && c < SPEC_CHOICE_GRADING)) refuse_choice(r, at, group, c);
+    }
+    return several;
 }
 
 /* What no single row can say; only of values that are good by themselves. */
@@ -170,23 +184,38 @@ static void check_sampling(reading *r, const json_at *at)
                           "needs a path, because this surface has no VDB file that could have the grid");
 }
 
-/* Lists of at least so many, and not more; which hold no label twice. */
-static void check_lists(reading *r, const json_at *at, size_t low, size_t high, const char *must)
+static int compare_numbers(const void *a, const void *b)
 {
-    for (size_t k = 0; k < json_size(*at); k++) {
+    const double *x = a, *y = b;
+    return (*x > *y) - (*x < *y);
+}
+
+/* Whether a list has from low to high numbers, none of them twice. */
+static bool is_set(const spec_list *list, size_t low, size_t high)
+{
+    bool good = list->count >= low && list->count <= high;
+    double *sorted = mem_alloc((list->count + 1) * sizeof *sorted);
+    for (size_t i = 0; i < list->count; i++) sorted[i] = list->number[i];
+    qsort(sorted, list->count, sizeof *sorted, compare_numbers);
+    for (size_t i = 1; good && i < list->count; i++) good = sorted[i] != sorted[i - 1];
+    free(sorted);
+    return good;
+}
+
+static void check_lists(reading *r, const json_at *at, const spec_list *lists, size_t count, size_t low,
+                        size_t high, const char *must)
+{
+    for (size_t k = 0; k < count; k++) {
+        if (is_set(&lists[k], low, high)) continue;
         const json_at list = json_element(at, k);
-        const size_t count = json_size(list);
-        bool good = count >= low && count <= high;
-        for (size_t i = 0; good && i < count; i++)
-            for (size_t j = 0; good && j < i; j++)
-                good = json_number(json_element(&list, i), 0) != json_number(json_element(&list, j), 0);
-        if (!good) reading_add_fault(r, &list, "%s", must);
+        reading_add_fault(r, &list, "%s", must);
     }
 }
 
-/* A stack of images that a member of the surface describes. */
+/* A stack of images that a member of the surface describes. It is the same in all frames. */
 static void check_exr(reading *r, const json_at *at)
 {
+    if (r->known) return;
     spec_exr *x = &r->surface->exr;
     json_at slices = json_member(at, "slices"), path = json_member(at, "path");
     if (!surface_parse_slices(x))
@@ -218,7 +247,7 @@ static void check_label_files(reading *r, const json_at *at)
         const json_at member = json_member(at, of_files[k]);
         if (stack && member.node) reading_add_fault(r, &member, "is of one file, and slices are several");
     }
-    if (!stack) return;
+    if (!stack || r->known) return;
     s->exr.path = s->labels.path;
     s->labels.path = NULL;
     check_exr(r, at);
@@ -227,9 +256,12 @@ static void check_label_files(reading *r, const json_at *at)
 static void check_labels(reading *r, const json_at *at)
 {
     const json_at groups = json_member(at, "groups"), interfaces = json_member(at, "interfaces");
-    check_lists(r, &groups, 2, SIZE_MAX, "must be two or more labels, none of them twice");
-    check_lists(r, &interfaces, 2, 2, "must be two different labels");
+    const spec_labels *l = &r->surface->labels;
     check_label_files(r, at);
+    if (r->known) return; /* lists of lists are the same in all frames */
+    check_lists(r, &groups, l->groups, l->group_count, 2, SIZE_MAX,
+                "must be two or more labels, none of them twice");
+    check_lists(r, &interfaces, l->interfaces, l->interface_count, 2, 2, "must be two different labels");
 }
 
 static void check_control(reading *r, const json_at *at)
@@ -339,7 +371,7 @@ static void check_output(reading *r, const json_at *at)
         reading_add_fault(r, &parts, "requires mesh: true, and surface.labels");
 }
 
-static void check_coherent(reading *r, const json_at *at)
+void rules_check_coherent(reading *r, const json_at *at)
 {
     const spec *s = r->s;
     json_at coherent = json_member(at, "coherent");
@@ -418,11 +450,8 @@ static void check_attribute(reading *r, const json_at *at)
 
 unsigned rules_check_names(reading *r, const json_at *at, const char *group)
 {
-    unsigned skipped = 0;
     check_names(r, at, group);
-    for (spec_choice c = SPEC_CHOICE_SURFACE; c < SPEC_CHOICE_COUNT; c++)
-        if (check_choice(r, at, group, c)) skipped |= 1u << c;
-    return skipped;
+    return check_choices(r, at, group);
 }
 
 /* The surface and the method stand before the queue. */
@@ -430,7 +459,7 @@ static void check_queue(reading *r, const json_at *at)
 {
     check_frames(r, at);
     frame_values_check(r, at);
-    check_coherent(r, at);
+    rules_check_coherent(r, at);
 }
 
 void rules_check_values(reading *r, const json_at *at, const char *group)

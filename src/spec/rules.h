@@ -14,4 +14,7 @@ unsigned rules_check_names(reading *r, const json_at *at, const char *group);
  * good by itself. */
 void rules_check_values(reading *r, const json_at *at, const char *group);
 
+/* Notes what queue.coherent excludes elsewhere in the spec. `at` is the group queue. */
+void rules_check_coherent(reading *r, const json_at *at);
+
 #endif

@@ -110,16 +110,19 @@ static void read_list(reading *r, const json_at *at, const spec_row *row, spec_l
         return;
     }
     const size_t count = json_size(*at);
+    const json **nodes = mem_alloc((count + 1) * sizeof *nodes);
+    json_elements(*at, nodes, count);
     out->number = mem_alloc((count + 1) * sizeof *out->number);
     for (; out->count < count; out->count++) {
-        json_at element = json_element(at, out->count);
+        json_at element = {nodes[out->count], at, NULL, out->count};
         if (!is_number(element, row, true)) {
             reading_add_wrong_value(r, &element, row, "an integer");
-            return;
+            break;
         }
         out->number[out->count] = json_number(element, 0);
         json_append_number(normal, out->number[out->count] == 0 ? 0 : out->number[out->count]);
     }
+    free(nodes);
 }
 
 static void read_integers(reading *r, const json_at *at, const spec_row *row, json *normal)
@@ -140,13 +143,16 @@ static void read_lists(reading *r, const json_at *at, const spec_row *row, json 
     memcpy(reading_target(r, row->offset), &lists,
            sizeof lists); /* given to the spec at once, which frees them */
     memcpy(reading_target(r, row->has), &count, sizeof count);
+    const json **nodes = mem_alloc((count + 1) * sizeof *nodes);
+    json_elements(*at, nodes, count);
     json *all = json_put_array(normal, spec_row_key(row));
     for (size_t k = 0; k < count; k++) {
-        json_at element = json_element(at, k);
+        json_at element = {nodes[k], at, NULL, k};
         json *list = json_new_array();
         json_append(all, list);
         read_list(r, &element, row, &lists[k], list);
     }
+    free(nodes);
 }
 
 static void read_size(reading *r, const json_at *at, const spec_row *row, json *normal)

@@ -1070,6 +1070,131 @@ static void test_surfaces_that_exclude_each_other_leave_no_memory(void **state)
     assert_true(after < before + (1 << 16));
 }
 
+/* What spec_check_frames finds without reading each frame is what reading each frame finds. */
+static void expect_same_as_each(const char *surface, const char *rest, const char *by_frame)
+{
+    char *text = mem_printf("{\"version\":1,\"surface\":%s,%s,\"queue\":{\"frames\":\"1-3\",\"coherent\":%s,"
+                            "\"by_frame\":{%s}}}",
+                            surface, rest, strstr(rest, "coherent") ? "true" : "false", by_frame);
+    error e = {0}, of_one = {0};
+    spec_faults faults = {0}, of_frame = {0};
+    spec *s = parse_by_frame(text);
+    bool good = spec_check_frames(s, &faults, &e), each = true;
+    for (size_t i = 1; each && i < s->frame_count; i++) {
+        spec *frame = spec_of_frame(s, i, &of_frame, &of_one);
+        each = frame != NULL;
+        spec_free(frame);
+    }
+    if (good != each) fail_msg("%s: %s, but by itself %s", text, e.message, of_one.message);
+    if (!good) assert_string_equal(e.message, of_one.message);
+    if (!good) assert_string_equal(faults.item[0].pointer, of_frame.item[0].pointer);
+    spec_free(s);
+    free(text);
+}
+
+#define BALL_AT_0 "{\"analytic\":{\"shape\":\"sphere\",\"radius\":0.4}}"
+#define CAPSULE "{\"analytic\":{\"shape\":\"capsule\",\"radius\":0.4,\"height\":1}}"
+#define IDENTITY "[1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1]"
+
+static void test_frames_are_checked_as_if_each_were_read(void **state)
+{
+    static const char count[] = "\"sampling\":{\"count\":100}",
+                      coherent[] = "\"sampling\":{\"count\":100},\"name\":\"coherent\"",
+                      region[] = "\"sampling\":{\"count\":100},\"region\":{\"inside\":" BALL_AT_0 "}",
+                      box[] = "\"sampling\":{\"count\":100},\"region\":{\"min\":[0,0,0],\"max\":[1,1,1]}",
+                      mesh[] = "{\"mesh\":{\"path\":\"a.ply\",\"features\":{\"angle\":1}}}",
+                      labels[] = "{\"labels\":{\"path\":\"a.nrrd\",\"groups\":[[1,2]]}}",
+                      stack[] = "{\"labels\":{\"path\":\"a.%04d.exr\",\"slices\":\"1-9\"}}",
+                      spline[] = "{\"bspline\":{\"dims\":[4,4,4],\"path\":\"a.raw\"}}";
+    static const struct {
+        const char *surface, *rest, *by_frame;
+    } cases[] = {
+        {"{\"union\":[" BALL_AT_0 "," CAPSULE "]}", count, "\"/surface/union/1/analytic/radius\":[1,2,3]"},
+        {"{\"union\":[" BALL_AT_0 "," CAPSULE "]}", count, "\"/surface/union/1/analytic/radius\":[1,2,-3]"},
+        {"{\"union\":[" BALL_AT_0 "," CAPSULE "]}", count,
+         "\"/surface/union/0/analytic/center\":[[1,2,3],[1,2,4],[1,2]]"},
+        {"{\"union\":[" BALL_AT_0 "," CAPSULE "]}", count,
+         "\"/surface/union/0/analytic/center\":[[1,2,3],[1,2,4],[1,2,5]],"
+         "\"/surface/union/0/analytic/center/1\":[1,2,true]"},
+        {CAPSULE, count, "\"/surface/analytic/shape\":[\"capsule\",\"cone\",\"cylinder\"]"},
+        {CAPSULE, count, "\"/surface/analytic/shape\":[\"capsule\",\"cone\",\"sphere\"]"},
+        {CAPSULE, count, "\"/surface/analytic/shape\":[\"capsule\",\"cone\",\"halfspace\"]"},
+        {CAPSULE, count, "\"/surface/analytic/axis\":[[0,0,1],[0,0,0],[0,1,0]]"},
+        {"{\"analytic\":{\"shape\":\"torus\",\"major_radius\":2,\"minor_radius\":1}}", count,
+         "\"/surface/analytic/minor_radius\":{\"from\":1,\"to\":3}"},
+        {"{\"transform\":{\"surface\":" BALL_AT_0 ",\"matrix\":" IDENTITY "}}", count,
+         "\"/surface/transform/matrix\":[" IDENTITY "," IDENTITY ",[1,2,3]]"},
+        {"{\"transform\":{\"surface\":{\"offset\":{\"surface\":" BALL_AT_0
+         ",\"distance\":1}},\"matrix\":" IDENTITY "}}",
+         count,
+         "\"/surface/transform/surface/offset/distance\":[1,2,\"x\"],"
+         "\"/surface/transform/surface/offset/surface/analytic/radius\":[1,2,3]"},
+        {mesh, count, "\"/surface/mesh/features/angle\":[1,2,30]"},
+        {mesh, count, "\"/surface/mesh/holes\":[\"keep\",\"fill\",\"kept\"]"},
+        {labels, count, "\"/surface/labels/labels\":[[1,2],[3],[4.5]],\"/surface/labels/smooth\":[1,2,3]"},
+        {labels, count, "\"/surface/labels/voxel_size\":[[1,1,1],[2,2,2],[3,3,3]]"},
+        {stack, count,
+         "\"/surface/labels/voxel_size\":[[1,1,1],[2,2,2],[3,3,3]],\"/surface/labels/channel\":[\"R\",\"G\",\"B\"]"},
+        {spline, count, "\"/surface/bspline/dims\":[[4,4,4],[4,4,5],[4,4,3]]"},
+        {BALL_AT_0, region, "\"/region/inside/analytic/radius\":[1,2,-1],\"/sampling/count\":[100,200,300]"},
+        {BALL_AT_0, region, "\"/region/inside/analytic/radius\":[1,2,3],\"/sampling/count\":[100,200,3.5]"},
+        {BALL_AT_0, box, "\"/region/max\":[[1,1,1],[1,1,2],[1,1,0]]"},
+        {BALL_AT_0, coherent, "\"/solver/method\":[\"sized\",\"paper\",\"sized\"]"},
+        {BALL_AT_0, coherent, "\"/solver/seed\":[1,2,3]"},
+        {BALL_AT_0, count, "\"/sampling/curvature/ratio\":[1,2,3],\"/sampling/min_spacing\":[0.1,0.1,0.1]"},
+        {BALL_AT_0, count, "\"/output/preview\":[true,false,7]"},
+        {BALL_AT_0, count, "\"/output/preview/range\":[[1,2],[1,3],[1,1]]"},
+    };
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
+        expect_same_as_each(cases[i].surface, cases[i].rest, cases[i].by_frame);
+}
+
+/* A stack of 65 536 images and 10 000 frames: reading the whole spec for each frame would take minutes. */
+static void test_the_last_of_many_frames_of_a_long_spec_is_checked(void **state)
+{
+    static const char text[] =
+        "{\"version\":1,\"surface\":{\"union\":[{\"exr\":{\"path\":\"a.####.exr\",\"slices\":\"1-65536\",\"isovalue\":1}}," BALL_AT_0
+        "]},\"sampling\":{\"count\":100},\"queue\":{\"frames\":\"1-10000\",\"by_frame\":{"
+        "\"/surface/union/0/exr/isovalue\":{\"from\":1,\"to\":9},\"/solver/seed\":{\"from\":1,\"to\":10000},"
+        "\"/surface/union/1/analytic/radius\":{\"from\":9999,\"to\":0}}}}";
+    error e = {0};
+    spec_faults faults = {0};
+    (void)state;
+    spec *s = parse_by_frame(text);
+    assert_false(spec_check_frames(s, &faults, &e));
+    assert_non_null(strstr(e.message, "frame 10000: must be"));
+    assert_string_equal(faults.item[0].pointer, "/queue/by_frame/~1surface~1union~11~1analytic~1radius");
+    spec_free(s);
+}
+
+/* To compare each with each, and to walk to each from the first, would take minutes. */
+static void test_long_lists_of_labels_are_read_in_one_walk(void **state)
+{
+    enum { COUNT = 50000 };
+    (void)state;
+    json *root = document(
+        "{\"version\":1,\"surface\":{\"labels\":{\"path\":\"a.nrrd\"}},\"sampling\":{\"count\":100}}");
+    json *groups = json_new_array(), *group = json_new_array(), *only = json_new_array();
+    for (int i = 0; i < COUNT; i++) {
+        json_append_number(group, i);
+        json_append_number(only, i);
+    }
+    json_append(groups, group);
+    put_at(root, "/surface/labels/groups", groups);
+    put_at(root, "/surface/labels/labels", only);
+    error e = {0};
+    spec *s = spec_parse(root, NULL, &e);
+    if (!s) fail_msg("%s", e.message);
+    assert_int_equal(s->surface.labels.groups[0].count, COUNT);
+    spec_free(s);
+    json_append_number(group, 7);
+    spec_faults faults;
+    assert_null(spec_parse(root, &faults, NULL));
+    assert_string_equal(faults.item[0].pointer, "/surface/labels/groups/0");
+    json_free(root);
+}
+
 static void test_lengths(void **state)
 {
     (void)state;
@@ -1135,6 +1260,9 @@ int main(void)
         cmocka_unit_test(test_faults),
         cmocka_unit_test(test_all_faults_are_collected),
         cmocka_unit_test(test_surfaces_that_exclude_each_other_leave_no_memory),
+        cmocka_unit_test(test_frames_are_checked_as_if_each_were_read),
+        cmocka_unit_test(test_the_last_of_many_frames_of_a_long_spec_is_checked),
+        cmocka_unit_test(test_long_lists_of_labels_are_read_in_one_walk),
         cmocka_unit_test(test_lengths),
         cmocka_unit_test(test_help_names_every_row),
     };

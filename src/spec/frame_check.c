@@ -1,0 +1,168 @@
+#include "spec/frame_check.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "spec/group.h"
+#include "spec/reading.h"
+#include "spec/rules.h"
+#include "spec/spec_table.h"
+
+/* Where the values of a member go. */
+typedef struct target {
+    const frame_values_member *member;
+    char *parts;           /* of its pointer, each ended by NUL */
+    size_t depth;          /* parts before the row's own */
+    const char *group;     /* of the row */
+    const spec_row *row;   /* NULL: no row has this pointer, and reading the rest will note it */
+    spec_surface *surface; /* that the row belongs to; NULL: none */
+    bool repeated;         /* an earlier member belongs to this row of this surface, too */
+} target;
+
+typedef struct frame_check {
+    spec *s; /* of the frame at hand, as far as surfaces go */
+    json *document;
+    target *target;
+    size_t count;
+} frame_check;
+
+static char *split(const char *pointer)
+{
+    char *parts = mem_strdup(pointer + 1);
+    for (char *t = parts; *t; t++)
+        if (*t == '/') *t = '\0';
+    return parts;
+}
+
+/* Finds the row of a pointer, and its surface. An element of a list belongs to the list's row. */
+static void find_row(target *t, spec *s)
+{
+    const char *part = t->parts, *end = part + strlen(t->member->pointer);
+    spec_surface *surface = NULL;
+    for (t->group = ""; part < end; part += strlen(part) + 1, t->depth++) {
+        t->row = spec_row_find(t->group, part);
+        if (!t->row) return;
+        if (strcmp(t->row->pointer, "/surface") == 0) surface = &s->surface;
+        const char *next = part + strlen(part) + 1;
+        if (next >= end) break;
+        if (t->row->type == SPEC_TYPE_SURFACES) {
+            size_t index = strtoul(next, NULL, 10);
+            if (!surface || index >= surface->part_count) return;
+            surface = surface->parts[index];
+            part = next;
+            t->depth++;
+        } else if (t->row->type == SPEC_TYPE_SURFACE) {
+            surface = surface ? surface->parts[0] : s->region_inside;
+        } else if (t->row->type != SPEC_TYPE_GROUP) {
+            break;
+        }
+        t->group = t->row->type == SPEC_TYPE_GROUP ? t->row->pointer : "/surface";
+    }
+    t->surface = surface;
+}
+
+/* The object that has the row's member, which other values may have replaced: then its node is none. */
+static json_at find_place(const target *t, const json *document, json_at place[JSON_MAX_DEPTH])
+{
+    const char *part = t->parts;
+    place[0] = json_root(document);
+    for (size_t i = 0; i < t->depth; i++, part += strlen(part) + 1)
+        place[i + 1] = json_type_of(place[i]) == JSON_ARRAY ? json_element(&place[i], strtoul(part, NULL, 10))
+                                                            : json_member(&place[i], part);
+    return place[t->depth];
+}
+
+/* Frees what the row's member holds: it is read again. */
+static void empty(reading *r, const spec_row *row)
+{
+    if (row->type == SPEC_TYPE_INTEGERS) {
+        spec_list *list = reading_target(r, row->offset);
+        free(list->number);
+        *list = (spec_list){0};
+    } else if (row->type == SPEC_TYPE_STRING || row->type == SPEC_TYPE_NUMBERS) {
+        void **text_or_numbers = reading_target(r, row->offset);
+        free(*text_or_numbers);
+        *text_or_numbers = NULL;
+    }
+}
+
+/* Reads a member of a surface again, and checks it against the others of its group. The shape says which others there are. */
+static void read_target(reading *r, const target *t, const json *document)
+{
+    json_at place[JSON_MAX_DEPTH];
+    json_at at = find_place(t, document, place);
+    size_t before = r->total;
+    if (json_type_of(at) != JSON_OBJECT) return;
+    json *normal = json_new_object(); /* which is of no use */
+    bool is_shape = t->row->offset == offsetof(spec, surface.analytic.shape);
+    r->surface = t->surface;
+    r->shape_known = !is_shape;
+    empty(r, t->row);
+    if (is_shape) {
+        t->surface->analytic = (spec_analytic){0};
+        group_read(r, &at, t->group, normal);
+    } else {
+        group_read_row(r, &at, t->row, normal);
+        if (r->total == before) rules_check_values(r, &at, t->group);
+    }
+    json_free(normal);
+}
+
+static void read_surfaces(const frame_check *c, reading *r)
+{
+    json_at root = json_root(c->document);
+    for (size_t i = 0; i < c->count; i++)
+        if (c->target[i].surface && !c->target[i].repeated) read_target(r, &c->target[i], c->document);
+    r->surface = &c->s->surface;
+    if (r->total == 0) rules_check_values(r, &root, "");
+}
+
+/* Reads all but surfaces and the queue, which are borrowed. */
+static void read_rest(const frame_check *c, reading *r)
+{
+    json_at root = json_root(c->document), queue = json_member(&root, "queue");
+    json *normal = json_new_object();
+    r->s = mem_alloc(sizeof *r->s);
+    r->surface = &r->s->surface;
+    group_read(r, &root, "", normal);
+    if (r->total == 0) rules_check_coherent(r, &queue);
+    r->s->surface = (spec_surface){0};
+    r->s->region_inside = NULL;
+    r->s->frames = NULL;
+    spec_free(r->s);
+    json_free(normal);
+}
+
+static size_t check_frame(const frame_check *c, const frame_values *w, size_t index, spec_faults *faults)
+{
+    reading r = {.s = c->s, .known = c->s};
+    bool other = false;
+    frame_values_apply(w, index, c->document);
+    for (size_t i = 0; i < c->count; i++) other |= !c->target[i].surface;
+    read_surfaces(c, &r);
+    if (other && r.total == 0) read_rest(c, &r);
+    frame_values_place_faults(w, index, true, &r.faults);
+    if (r.total > 0) *faults = r.faults;
+    return r.total;
+}
+
+size_t frame_check_all(spec *first, const json *document, const frame_values *w, spec_faults *faults)
+{
+    frame_check c = {.s = first, .document = json_copy(document), .count = w->count};
+    size_t total = 0;
+    json_put_null(json_find(c.document, "/queue"), "by_frame"); /* the lists are long */
+    c.target = mem_alloc(c.count * sizeof *c.target);
+    for (size_t i = 0; i < c.count; i++) {
+        c.target[i] = (target){.member = &w->member[i], .parts = split(w->member[i].pointer)};
+        find_row(&c.target[i], first);
+        for (size_t k = 0; k < i; k++)
+            c.target[i].repeated |=
+                c.target[k].row == c.target[i].row && c.target[k].surface == c.target[i].surface;
+    }
+    for (size_t i = 1; total == 0 && i < w->frame_count; i++) total = check_frame(&c, w, i, faults);
+    for (size_t i = 0; i < c.count; i++) free(c.target[i].parts);
+    free(c.target);
+    json_free(c.document);
+    return total;
+}

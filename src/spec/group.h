@@ -1,0 +1,18 @@
+/* group: reads the groups of a spec, objects of members, into struct spec and the normalised document.
+ *
+ * Private to src/spec.
+ */
+#ifndef HEXAD_SPEC_GROUP_H
+#define HEXAD_SPEC_GROUP_H
+
+#include "json/json.h"
+#include "spec/reading.h"
+#include "spec/spec_table.h"
+
+/* Reads the members of a group ("" is the whole spec). A place without a node stands for an object without members. */
+void group_read(reading *r, const json_at *at, const char *group, json *normal);
+
+/* Reads one member of the group at this place, or its default. */
+void group_read_row(reading *r, const json_at *group, const spec_row *row, json *normal);
+
+#endif
