@@ -34,9 +34,11 @@
 #define STREAM_BLOCK_BYTES 16384
 /* How long server_stop waits for answers under way. */
 #define STOP_MS 5000
-/* So many submissions may share a flush of the queue. The threads sleep most of the time. Further threads
- * wait for estimates. */
-#define POOL_THREADS 32
+/* Threads that one user may have: as many submissions share a flush of the queue. The threads sleep most of the time. Further
+ * threads wait for estimates. */
+#define USER_THREADS 32
+/* Threads that are left for other users. */
+#define SPARE_THREADS 8
 
 struct server {
     server_settings settings;
@@ -549,13 +551,21 @@ static void run_in_pool(thread_pool_work *work)
     loop_resume(x->s->loop, x->connection);
 }
 
+static void refuse_in_pool(thread_pool_work *work)
+{
+    exchange *x = (exchange *)(void *)work;
+    reply_set_unavailable(&x->answer, "the service is stopping");
+    x->answered = true;
+    loop_resume(x->s->loop, x->connection);
+}
+
 /* Calls the handler. False: it has no answer yet, and the connection is suspended. */
 static bool ask_handler(exchange *x)
 {
     const server_settings *c = &x->s->settings;
     if (x->route.found->waits) {
         MHD_suspend_connection(x->connection);
-        x->work.run = run_in_pool;
+        x->work = (thread_pool_work){.run = run_in_pool, .refuse = refuse_in_pool, .user = x->caller.user};
         thread_pool_add(x->s->pool, &x->work);
         return false;
     }
@@ -723,7 +733,8 @@ server *server_start(const server_settings *settings, const listen_socket *socke
     background_init_condition(&s->changed);
     pthread_mutex_init(&s->mutex, NULL);
     s->connections = connections_start(&settings->connections, access, e);
-    s->pool = s->connections ? thread_pool_start(POOL_THREADS + settings->estimates, e) : NULL;
+    unsigned of_user = USER_THREADS + settings->estimates;
+    s->pool = s->connections ? thread_pool_start(of_user + SPARE_THREADS, of_user, e) : NULL;
     if (!s->pool) goto failed;
     /* the library closes this descriptor */
     int fd = fcntl(socket->fd, F_DUPFD_CLOEXEC, 0);
@@ -756,6 +767,7 @@ void server_stop(server *s)
     if (!s) return;
     if (s->loop) loop_quiesce(s->loop);
     wait_list_dismiss(s->settings.waiting);
+    if (s->pool) thread_pool_refuse(s->pool); /* what waits for a thread may be long */
     wait_for_replies(s);
     loop_end(s->loop);         /* clients that go on asking give the pool no more work */
     thread_pool_stop(s->pool); /* resumes the connections of its work */

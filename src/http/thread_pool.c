@@ -8,38 +8,107 @@
 #include "base/background.h"
 #include "base/memory.h"
 
+/* The work of one user. A line without any is freed. */
+typedef struct line {
+    char *user;
+    unsigned running;
+    thread_pool_work *first, *last; /* that has not begun */
+    struct line *next;
+} line;
+
 struct thread_pool {
     pthread_mutex_t mutex;
     pthread_cond_t changed;
-    thread_pool_work *first, *last;
-    bool stopping;
+    line *lines; /* the user who was served least recently first */
+    bool refusing, stopping;
+    unsigned most_of_user;
     unsigned count;
     pthread_t thread[];
 };
+
+static void append_line(thread_pool *p, line *added)
+{
+    line **at = &p->lines;
+    while (*at) at = &(*at)->next;
+    added->next = NULL;
+    *at = added;
+}
+
+static void remove_line(thread_pool *p, const line *gone)
+{
+    line **at = &p->lines;
+    while (*at != gone) at = &(*at)->next;
+    *at = gone->next;
+}
+
+static line *line_of(thread_pool *p, const char *user)
+{
+    line *found = p->lines;
+    while (found && strcmp(found->user, user) != 0) found = found->next;
+    if (found) return found;
+    found = mem_alloc(sizeof *found);
+    found->user = mem_strdup(user);
+    append_line(p, found);
+    return found;
+}
+
+/* The line whose turn it is; NULL: there is no work, or all of it is of users who have all their threads. */
+static line *choose(const thread_pool *p)
+{
+    line *chosen = NULL;
+    for (line *l = p->lines; l; l = l->next)
+        if (l->first && l->running < p->most_of_user && (!chosen || l->running < chosen->running)) chosen = l;
+    return chosen;
+}
+
+static thread_pool_work *take(thread_pool *p, line *l)
+{
+    thread_pool_work *work = l->first;
+    l->first = work->next;
+    if (!l->first) l->last = NULL;
+    l->running++;
+    remove_line(p, l);
+    append_line(p, l);
+    return work;
+}
+
+static void end_work(thread_pool *p, line *l)
+{
+    l->running--;
+    if (l->running || l->first) return;
+    remove_line(p, l);
+    free(l->user);
+    free(l);
+}
 
 static void *run_work(void *argument)
 {
     thread_pool *p = argument;
     pthread_mutex_lock(&p->mutex);
     for (;;) {
-        while (!p->first && !p->stopping) pthread_cond_wait(&p->changed, &p->mutex);
-        thread_pool_work *mine = p->first;
-        if (!mine) break;
-        p->first = mine->next;
-        if (!p->first) p->last = NULL;
-        pthread_mutex_unlock(&p->mutex);
-        mine->run(mine);
-        pthread_mutex_lock(&p->mutex);
+        line *mine = choose(p);
+        if (mine) {
+            thread_pool_work *work = take(p, mine);
+            pthread_mutex_unlock(&p->mutex);
+            work->run(work);
+            pthread_mutex_lock(&p->mutex);
+            end_work(p, mine);
+        } else if (p->stopping) {
+            break;
+        } else {
+            pthread_cond_wait(&p->changed, &p->mutex);
+        }
     }
     pthread_mutex_unlock(&p->mutex);
     return NULL;
 }
 
-thread_pool *thread_pool_start(unsigned threads, error *e)
+thread_pool *thread_pool_start(unsigned threads, unsigned most_of_user, error *e)
 {
     thread_pool *p = mem_alloc(sizeof *p + threads * sizeof *p->thread);
     pthread_mutex_init(&p->mutex, NULL);
     pthread_cond_init(&p->changed, NULL);
+    p->most_of_user = most_of_user;
     for (; p->count < threads; p->count++) {
         if (background_start(&p->thread[p->count], run_work, p, "the server", e)) continue;
         thread_pool_stop(p);
@@ -48,9 +117,37 @@ thread_pool *thread_pool_start(unsigned threads, error *e)
     return p;
 }
 
+/* Takes all work that has not begun. */
+static thread_pool_work *take_all(thread_pool *p)
+{
+    thread_pool_work *all = NULL, **end = &all;
+    for (line *l = p->lines, *next; l; l = next) {
+        next = l->next;
+        *end = l->first;
+        if (l->last) end = &l->last->next;
+        l->first = l->last = NULL;
+        l->running++; /* end_work frees the line unless more of its work runs */
+        end_work(p, l);
+    }
+    return all;
+}
+
+void thread_pool_refuse(thread_pool *p)
+{
+    pthread_mutex_lock(&p->mutex);
+    p->refusing = true;
+    thread_pool_work *all = take_all(p);
+    pthread_mutex_unlock(&p->mutex);
+    for (thread_pool_work *work = all, *next; work; work = next) {
+        next = work->next;
+        work->refuse(work);
+    }
+}
+
 void thread_pool_stop(thread_pool *p)
 {
     if (!p) return;
+    thread_pool_refuse(p);
     pthread_mutex_lock(&p->mutex);
     p->stopping = true;
     pthread_cond_broadcast(&p->changed);
@@ -65,11 +162,16 @@ void thread_pool_add(thread_pool *p, thread_pool_work *work)
 {
     work->next = NULL;
     pthread_mutex_lock(&p->mutex);
-    if (p->last)
-        p->last->next = work;
-    else
-        p->first = work;
-    p->last = work;
-    pthread_cond_signal(&p->changed);
+    bool refused = p->refusing;
+    if (!refused) {
+        line *l = line_of(p, work->user);
+        if (l->last)
+            l->last->next = work;
+        else
+            l->first = work;
+        l->last = work;
+        pthread_cond_signal(&p->changed);
+    }
     pthread_mutex_unlock(&p->mutex);
+    if (refused) work->refuse(work);
 }

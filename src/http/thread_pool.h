@@ -1,7 +1,9 @@
 /* thread_pool: threads that run what would block the serving thread: work that waits for a disk or a worker.
  *
- * There are enough threads for many submissions to share one flush of the queue (its group commit). Work
- * starts in the order in which it was added. Any thread may add work.
+ * There are enough threads for many submissions to share one flush of the queue (its group commit). Users are served in
+ * turn: next is the work of the user with the fewest pieces of work that run; among equals, of the user who was served
+ * least recently. A user has at most `most_of_user` threads, so that a thread is left for others. The work of one user starts
+ * in the order in which it was added. Any thread may add work.
  */
 #ifndef HEXAD_HTTP_THREAD_POOL_H
 #define HEXAD_HTTP_THREAD_POOL_H
@@ -10,15 +12,20 @@
 
 typedef struct thread_pool thread_pool;
 
-/* A piece of work, embedded in what it works on. The pool owns it from thread_pool_add until it calls `run`. */
+/* A piece of work, embedded in what it works on. The pool owns it from thread_pool_add until it calls `run` or `refuse`. */
 typedef struct thread_pool_work {
     void (*run)(struct thread_pool_work *work);
+    void (*refuse)(struct thread_pool_work *work); /* instead of run, when the pool stops */
+    const char *user;                              /* lives as long as the work */
     struct thread_pool_work *next;
 } thread_pool_work;
 
-thread_pool *thread_pool_start(unsigned threads, error *e);
+thread_pool *thread_pool_start(unsigned threads, unsigned most_of_user, error *e);
 
-/* Runs all work that was added, and ends the threads. Accepts NULL. */
+/* Refuses all work that has not begun, and all that is added from now on. */
+void thread_pool_refuse(thread_pool *p);
+
+/* Refuses as well, waits for the work that runs, and ends the threads. Accepts NULL. */
 void thread_pool_stop(thread_pool *p);
 
 void thread_pool_add(thread_pool *p, thread_pool_work *work);

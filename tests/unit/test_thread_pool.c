@@ -1,0 +1,148 @@
+/* thread_pool: whose work is next, and what becomes of work when the pool stops. */
+#include <pthread.h>
+#include <semaphore.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "http/thread_pool.h"
+
+static struct {
+    pthread_mutex_t mutex;
+    char order[64]; /* the names of the work that began, and in capitals of the work that was refused */
+    sem_t began, ended;
+} seen = {.mutex = PTHREAD_MUTEX_INITIALIZER};
+
+typedef struct piece {
+    thread_pool_work work; /* first */
+    char name;
+    bool blocks; /* until may_end */
+    sem_t may_end;
+} piece;
+
+static void note(char name)
+{
+    pthread_mutex_lock(&seen.mutex);
+    seen.order[strlen(seen.order)] = name;
+    pthread_mutex_unlock(&seen.mutex);
+}
+
+static void run(thread_pool_work *work)
+{
+    piece *p = (piece *)(void *)work;
+    note(p->name);
+    sem_post(&seen.began);
+    if (p->blocks) sem_wait(&p->may_end);
+    sem_post(&seen.ended);
+}
+
+static void refuse(thread_pool_work *work)
+{
+    note((char)(((piece *)(void *)work)->name - 'a' + 'A'));
+}
+
+static piece piece_of(const char *user, char name, bool blocks)
+{
+    return (piece){.work = {.run = run, .refuse = refuse, .user = user}, .name = name, .blocks = blocks};
+}
+
+static int set_up(void **state)
+{
+    (void)state;
+    memset(seen.order, 0, sizeof seen.order);
+    sem_init(&seen.began, 0, 0);
+    sem_init(&seen.ended, 0, 0);
+    return 0;
+}
+
+static void wait_for(sem_t *what, int count)
+{
+    for (int i = 0; i < count; i++) sem_wait(what);
+}
+
+static void test_users_are_served_in_turn(void **state)
+{
+    piece first = piece_of("ann", 'a', true),
+          rest[] = {piece_of("ann", 'b', false), piece_of("ann", 'c', false), piece_of("bob", 'd', false),
+                    piece_of("bob", 'e', false), piece_of("cat", 'f', false)};
+    (void)state;
+    thread_pool *p = thread_pool_start(1, 1, NULL);
+    assert_non_null(p);
+    thread_pool_add(p, &first.work);
+    wait_for(&seen.began, 1);
+    for (size_t i = 0; i < sizeof rest / sizeof *rest; i++) thread_pool_add(p, &rest[i].work);
+    sem_post(&first.may_end);
+    wait_for(&seen.ended, 6);
+    thread_pool_stop(p);
+    assert_string_equal(seen.order, "abdfce");
+}
+
+static void test_a_user_who_runs_less_is_next(void **state)
+{
+    piece held[] = {piece_of("ann", 'a', true), piece_of("ann", 'b', true), piece_of("bob", 'c', true)},
+          rest[] = {piece_of("ann", 'd', false), piece_of("bob", 'e', false)};
+    (void)state;
+    thread_pool *p = thread_pool_start(3, 3, NULL);
+    for (size_t i = 0; i < 3; i++) {
+        thread_pool_add(p, &held[i].work);
+        wait_for(&seen.began, 1);
+    }
+    for (size_t i = 0; i < 2; i++) thread_pool_add(p, &rest[i].work);
+    sem_post(&held[2].may_end); /* ann has two threads, and was served less recently */
+    wait_for(&seen.ended, 3);
+    sem_post(&held[0].may_end);
+    sem_post(&held[1].may_end);
+    wait_for(&seen.ended, 2);
+    thread_pool_stop(p);
+    assert_string_equal(seen.order, "abced");
+}
+
+static void test_a_thread_is_left_for_others(void **state)
+{
+    piece ann[] = {piece_of("ann", 'a', true), piece_of("ann", 'b', false)},
+          bob = piece_of("bob", 'c', false);
+    (void)state;
+    thread_pool *p = thread_pool_start(2, 1, NULL);
+    thread_pool_add(p, &ann[0].work);
+    wait_for(&seen.began, 1);
+    thread_pool_add(p, &ann[1].work);
+    thread_pool_add(p, &bob.work);
+    wait_for(&seen.ended, 1);
+    assert_string_equal(seen.order, "ac");
+    sem_post(&ann[0].may_end);
+    wait_for(&seen.ended, 2);
+    thread_pool_stop(p);
+    assert_string_equal(seen.order, "acb");
+}
+
+static void test_work_that_has_not_begun_is_refused_at_the_stop(void **state)
+{
+    piece first = piece_of("ann", 'a', true),
+          waiting[] = {piece_of("ann", 'b', false), piece_of("bob", 'c', false)},
+          late = piece_of("bob", 'd', false);
+    (void)state;
+    thread_pool *p = thread_pool_start(1, 1, NULL);
+    thread_pool_add(p, &first.work);
+    wait_for(&seen.began, 1);
+    for (size_t i = 0; i < 2; i++) thread_pool_add(p, &waiting[i].work);
+    thread_pool_refuse(p);
+    thread_pool_add(p, &late.work);
+    assert_true(strcmp(seen.order, "aBCD") == 0 || strcmp(seen.order, "aCBD") == 0);
+    sem_post(&first.may_end);
+    thread_pool_stop(p);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup(test_users_are_served_in_turn, set_up),
+        cmocka_unit_test_setup(test_a_user_who_runs_less_is_next, set_up),
+        cmocka_unit_test_setup(test_a_thread_is_left_for_others, set_up),
+        cmocka_unit_test_setup(test_work_that_has_not_begun_is_refused_at_the_stop, set_up),
+    };
+    return cmocka_run_group_tests_name("thread_pool", tests, NULL, NULL);
+}
