@@ -22,18 +22,30 @@ async function forEach(jobs, action) {
   return errors;
 }
 
+/** The next ROWS jobs of a list: a page of the service may be short, though there are more. */
+async function readJobs(asked, cursor) {
+  const jobs = [];
+  let next = cursor;
+  do {
+    const page = await get(`v1/jobs${query({...asked, limit: ROWS - jobs.length, cursor: next})}`);
+    jobs.push(...page.jobs);
+    next = page.next;
+  } while (next && jobs.length < ROWS);
+  return {jobs, next};
+}
+
 /** The jobs of the filter, the load and the readiness of the service: [data, reload]. */
 function useQueue(filter, sort, cursor) {
   const [data, setData] = useState({jobs: null, next: null, load: null, workers: [], checks: null, error: null});
   const [, redraw] = useState(0);
-  const address = useRef();
-  address.current = query({...filter, sort, limit: ROWS, cursor});
+  const asked = useRef();
+  asked.current = [{...filter, sort}, cursor];
   const newest = useRef(new Map()).current; // of each job that runs: its newest progress, which a list may lack
 
   const read = useMemo(() => inOrder(async () => {
     try {
       const [page, workers, ready] = await Promise.all([
-        get(`v1/jobs${address.current}`), get("v1/workers"), get("readyz").catch(problem => problem)]);
+        readJobs(...asked.current), get("v1/workers"), get("readyz").catch(problem => problem)]);
       return {...page, ...workers, checks: ready.checks || {}, error: null};
     } catch (error) {
       return {error};
@@ -42,7 +54,7 @@ function useQueue(filter, sort, cursor) {
 
   useEffect(() => {
     read();
-  }, [address.current]);
+  }, [query({...filter, sort, cursor})]);
   useEffect(() => {
     const readSoon = throttled(read, READ_MS);
     let frame = null;

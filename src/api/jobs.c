@@ -586,45 +586,19 @@ static void add_next(const http_request *request, const char *cursor, reply *r)
     free(text);
 }
 
-static int compare_jobs(const void *a, const void *b, void *filter)
+/* A bit for each state of a list with commas; NULL: none. */
+static unsigned read_states(const char *words)
 {
-    return queue_compare(a, b, filter);
-}
-
-/* Lists the jobs of each of the states (with commas between them; NULL: any), at most as many as the filter says. */
-static bool list_states(const http_context *c, queue_filter filter, const char *states, queue_job **jobs,
-                        size_t *count, error *e)
-{
-    *jobs = NULL;
-    *count = 0;
-    if (!states) return queue_list(c->q, &filter, jobs, count, e);
-    for (const char *at = states; *at; at += strspn(at, ",")) {
-        queue_job *found = NULL;
+    unsigned states = 0;
+    for (const char *at = words; at && *at; at += strspn(at, ",")) {
         queue_state state = QUEUE_QUEUED;
-        size_t n = strcspn(at, ","), more = 0;
+        size_t n = strcspn(at, ",");
         char *name = mem_strndup(at, n);
-        queue_state_from_name(name, &state);
+        if (queue_state_from_name(name, &state)) states |= 1u << state;
         free(name);
-        filter.state = (int)state;
         at += n;
-        if (!queue_list(c->q, &filter, &found, &more, e)) return false;
-        *jobs = mem_resize(*jobs, (*count + more + 1) * sizeof **jobs);
-        if (more) memcpy(*jobs + *count, found, more * sizeof *found);
-        *count += more;
-        free(found);
     }
-    qsort_r(*jobs, *count, sizeof **jobs, compare_jobs, &filter);
-    size_t kept = 0;
-    for (size_t i = 0; i < *count; i++) {
-        /* one whose state has changed meanwhile is there twice */
-        bool wanted = kept < (size_t)filter.limit && (!kept || (*jobs)[kept - 1].seq != (*jobs)[i].seq);
-        if (wanted)
-            (*jobs)[kept++] = (*jobs)[i];
-        else
-            queue_job_clear(&(*jobs)[i]);
-    }
-    *count = kept;
-    return true;
+    return states;
 }
 
 /* Reads where the list continues: the number of the last job of the page before, and behind a colon what it was sorted
@@ -640,18 +614,28 @@ static bool read_cursor(const http_request *request, queue_filter *filter)
     return filter->after_seq > 0 && (filter->order == QUEUE_BY_AGE) == !filter->after_key;
 }
 
-static char *print_cursor(const queue_job *job, queue_order sorted_by)
+static char *print_cursor(int64_t seq, const char *key, queue_order sorted_by)
+{
+    return sorted_by == QUEUE_BY_AGE ? mem_printf("%lld", (long long)seq)
+                                     : mem_printf("%lld:%s", (long long)seq, key);
+}
+
+/* The cursor of the next page, behind `limit` jobs or where the walk stopped; NULL: there is none. */
+static char *next_cursor(const queue_page *page, size_t limit, queue_order sorted_by)
 {
     char key[QUEUE_SORT_KEY_SIZE];
-    return sorted_by == QUEUE_BY_AGE
-               ? mem_printf("%lld", (long long)job->seq)
-               : mem_printf("%lld:%s", (long long)job->seq, queue_sort_key(job, sorted_by, key));
+    if (page->count > limit) {
+        const queue_job *last = &page->jobs[limit - 1];
+        return print_cursor(last->seq, queue_sort_key(last, sorted_by, key), sorted_by);
+    }
+    return page->stop.seq ? print_cursor(page->stop.seq, page->stop.key, sorted_by) : NULL;
 }
 
 void jobs_list(const http_context *c, const http_request *request, reply *r)
 {
     queue_filter filter = {
         .state = -1,
+        .states = read_states(parameter_text(request, "state", NULL)),
         .owner = parameter_text(request, "owner", NULL),
         .label = parameter_text(request, "label", NULL),
         .name = parameter_text(request, "name", NULL),
@@ -661,8 +645,8 @@ void jobs_list(const http_context *c, const http_request *request, reply *r)
         .limit = (int)parameter_integer(request, "limit", LIST_DEFAULT),
     };
     error e = {0};
-    queue_job *jobs = NULL;
-    size_t count = 0, limit = (size_t)filter.limit;
+    queue_page page = {0};
+    size_t limit = (size_t)filter.limit;
     parameters_read_order(request, &filter.order, &filter.rising);
     if (!read_cursor(request, &filter)) {
         reply_set_problem(r, "request_invalid", NULL,
@@ -670,21 +654,20 @@ void jobs_list(const http_context *c, const http_request *request, reply *r)
         return;
     }
     filter.limit++; /* one more tells whether there is a next page */
-    if (!list_states(c, filter, parameter_text(request, "state", NULL), &jobs, &count, &e)) {
-        queue_jobs_free(jobs, count);
+    if (!queue_list_page(c->q, &filter, QUEUE_VISITS, &page, &e)) {
         reply_set_error(r, &e, NULL);
         return;
     }
-    char *cursor = count > limit ? print_cursor(&jobs[limit - 1], filter.order) : NULL;
+    char *cursor = next_cursor(&page, limit, filter.order);
     json *document = json_new_object();
     json *list = json_put_array(document, "jobs");
-    for (size_t i = 0; i < count && i < limit; i++) {
-        char *progress = progress_of(c, &jobs[i]);
-        json_append(list, job_json_new(&jobs[i], progress));
+    for (size_t i = 0; i < page.count && i < limit; i++) {
+        char *progress = progress_of(c, &page.jobs[i]);
+        json_append(list, job_json_new(&page.jobs[i], progress));
         free(progress);
     }
     json_put_string(document, "next", cursor);
-    queue_jobs_free(jobs, count);
+    queue_page_clear(&page);
     reply_set_json(r, 200, document);
     if (cursor) add_next(request, cursor, r);
     free(cursor);

@@ -61,7 +61,9 @@ static const parameter parameters[] = {
      .low = 1,
      .high = 500,
      .otherwise = "50",
-     .prose = "The number of entries of a page, at most."},
+     .prose =
+         "The number of entries of a page, at most. A page of jobs or events looks at 4096 of them and may be"
+         " short or empty though there are more: the list ends where `next` is null."},
     {.name = "owner",
      .type = PARAMETER_TEXT,
      .low = 0,
@@ -192,7 +194,7 @@ static const parameter parameters[] = {
     {.name = "cursor",
      .type = PARAMETER_TEXT,
      .low = 1,
-     .high = 300,
+     .high = 1000, /* a name of 200 characters, and a number */
      .prose = "`next` of the previous page; of jobs with the same `sort`."},
 };
 

@@ -24,7 +24,8 @@ typedef struct listing {
     char *next;    /* the cursor of the next page; NULL: there is none */
 } listing;
 
-static void take_page(listing *l, const json *page)
+/* Returns the number of entries of the page, which may be short. */
+static size_t take_page(listing *l, const json *page)
 {
     json_at root = json_root(page), list = json_member(&root, l->key), next = json_member(&root, "next");
     for (size_t i = 0; i < json_size(list); i++) {
@@ -38,6 +39,7 @@ static void take_page(listing *l, const json *page)
     l->next = json_type_of(next) == JSON_STRING   ? mem_strdup(json_string(next, ""))
               : json_type_of(next) == JSON_NUMBER ? mem_printf("%.0f", json_number(next, 0))
                                                   : NULL;
+    return json_size(list);
 }
 
 /* Prints the listing, with --json as the server would as one page. */
@@ -89,8 +91,7 @@ int command_list(client *c, const char *argument, const command_options *options
         asked.limit = limit;
         char *path = list_query_path(c, &asked, l.next);
         code = command_ask(c, "GET", path, NULL, &page);
-        if (code == COMMAND_OK) take_page(&l, page);
-        left -= PAGE_MOST;
+        if (code == COMMAND_OK) left -= (long)take_page(&l, page);
         json_free(page);
         free(path);
     }

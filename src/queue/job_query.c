@@ -38,74 +38,242 @@ bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e)
 #define CONDITIONS                                                                             \
     " (?3 IS NULL OR state = ?3) AND (?4 IS NULL OR owner = ?4) AND (?6 IS NULL OR name = ?6)" \
     " AND (?11 IS NULL OR instr(lower(name), lower(?11))) AND created_ms >= ?7 AND created_ms < ?8"
-/* Of those by age. ?7, the beginning of the time, is made a bound of the place in the order, too, so that no older job is
- * read; both orders differ where the clock was set back. */
-#define CHOSEN                                                    \
-    "seq < ?1 AND" CONDITIONS " AND seq >= CASE ?7 WHEN 0 THEN 0" \
-    " ELSE coalesce((SELECT min(seq) FROM job INDEXED BY job_by_time WHERE created_ms >= ?7), ?1) END"
-#define LISTED "SELECT " JOB_COLUMNS " FROM job WHERE " CHOSEN
-#define NEWEST " ORDER BY seq DESC LIMIT ?2"
 #define LABELLED " AND (?5 IS NULL OR EXISTS (SELECT 1 FROM label WHERE label = ?5 AND label.job = seq))"
 
-/* The other orders, falling and rising. Each has an index of its key and seq, of which both are known of the last job of the
- * page before, or an end of the index is taken: all blobs are behind all texts and numbers. */
-#define FALLING(index, key)                                                                             \
-    "SELECT " JOB_COLUMNS " FROM job INDEXED BY " index " WHERE " key " <= coalesce(?9, x'') AND (" key \
-    ", seq) < (coalesce(?9, x''), ?10) AND" CONDITIONS LABELLED " ORDER BY " key " DESC, seq DESC LIMIT ?2"
-#define RISING(index, key, low)                                                                             \
-    "SELECT " JOB_COLUMNS " FROM job INDEXED BY " index " WHERE " key " >= coalesce(?9, " low ") AND (" key \
-    ", seq) > (coalesce(?9, " low "), ?10) AND" CONDITIONS LABELLED " ORDER BY " key ", seq LIMIT ?2"
-#define SORTED(index, key, low)                      \
-    {                                                \
-        FALLING(index, key), RISING(index, key, low) \
+/* How a listing walks over jobs, falling or rising: between two places, both excluded, of which the lower is (?9, ?10) and the upper
+ * (?12, ?1). The statement `stop` finds the last place that a page visits, in the index alone. */
+typedef struct walk {
+    const char *stop, *list;
+} walk;
+
+#define WALK(key, rows, more, order)                                                                  \
+    {                                                                                                 \
+        "SELECT " key ", seq FROM " rows " ORDER BY " order " LIMIT 1 OFFSET ?13",                    \
+            "SELECT " JOB_COLUMNS " FROM " rows " AND" CONDITIONS more " ORDER BY " order " LIMIT ?2" \
     }
-static const char *const sorted[QUEUE_ORDER_COUNT][2] = {
-    [QUEUE_BY_AGE] = {NULL, LISTED LABELLED " AND seq > ?10 ORDER BY seq LIMIT ?2"},
+#define BOTH_WAYS(key, rows, more, falling, rising)                   \
+    {                                                                 \
+        WALK(key, rows, more, falling), WALK(key, rows, more, rising) \
+    }
+
+/* By age, with the condition that an index answers. A listing takes the first that it has. */
+enum { BY_LABEL, BY_NAME, BY_UNFINISHED_STATE, BY_OWNER, BY_STATE, ALL, CONDITION_COUNT };
+#define BY_AGE(index, condition) \
+    BOTH_WAYS("NULL", "job " index " WHERE seq > ?10 AND seq < ?1" condition, LABELLED, "seq DESC", "seq")
+#define LABELS " WHERE label = ?5 AND label.job > ?10 AND label.job < ?1"
+#define LABEL_WALK(direction)                                                                              \
+    {                                                                                                      \
+        "SELECT NULL, job FROM label" LABELS " ORDER BY job " direction " LIMIT 1 OFFSET ?13",             \
+            "SELECT " JOB_COLUMNS " FROM label CROSS JOIN job ON seq = label.job" LABELS " AND" CONDITIONS \
+            " ORDER BY label.job " direction " LIMIT ?2"                                                   \
+    }
+static const walk age_walks[CONDITION_COUNT][2] = {
+    [BY_LABEL] = {LABEL_WALK("DESC"), LABEL_WALK("")},
+    [BY_NAME] = BY_AGE("INDEXED BY job_by_name", " AND " SCHEMA_NAME_KEY " = ?6"),
+    [BY_UNFINISHED_STATE] = BY_AGE("INDEXED BY job_by_state", " AND state = ?3"),
+    [BY_OWNER] = BY_AGE("INDEXED BY job_by_owner", " AND owner = ?4"),
+    [BY_STATE] = BY_AGE("INDEXED BY job_by_state", " AND state = ?3"),
+    [ALL] = BY_AGE("NOT INDEXED", ""),
+};
+
+/* The other orders. Each has an index of its key and seq. Where a place is not known, it is an end of the index: all blobs are
+ * behind all texts and numbers. */
+#define LOW(low) "coalesce(?9, " low ")"
+#define HIGH "coalesce(?12, x'')"
+#define SORTED(index, key, low)                                                                   \
+    BOTH_WAYS(key,                                                                                \
+              "job INDEXED BY " index " WHERE " key                                               \
+              " >= " LOW(low) " AND " key " <= " HIGH " AND (" key                                \
+                              ", seq) > (" LOW(low) ", ?10) AND (" key ", seq) < (" HIGH ", ?1)", \
+              LABELLED, key " DESC, seq DESC", key ", seq")
+static const walk key_walks[QUEUE_ORDER_COUNT][2] = {
     [QUEUE_BY_NAME] = SORTED("job_by_name", SCHEMA_NAME_KEY, "''"),
     [QUEUE_BY_OWNER] = SORTED("job_by_owner", "owner", "''"),
     [QUEUE_BY_STATE] = SORTED("job_by_state", "state", "''"),
     [QUEUE_BY_PRIORITY] = SORTED("job_by_priority", "priority", "-9223372036854775808"),
 };
 
-/* The statement that reads the fewest rows: each has an index for one of the conditions. A label is in another table, so
- * that only its statement asks for it. */
-static const char *choose_listing(const queue_filter *f)
+/* The walk that visits the fewest rows. */
+static const walk *choose_walk(const queue_filter *f)
 {
-    if (sorted[f->order][f->rising]) return sorted[f->order][f->rising];
-    if (f->label)
-        return "SELECT " JOB_COLUMNS " FROM label CROSS JOIN job ON seq = label.job WHERE label = ?5"
-               " AND label.job < ?1 AND " CHOSEN " ORDER BY label.job DESC LIMIT ?2";
-    if (f->name) return LISTED " AND " SCHEMA_NAME_KEY " = ?6" NEWEST;
-    if (f->state >= 0 && !queue_state_is_final((queue_state)f->state)) return LISTED " AND state = ?3" NEWEST;
-    if (f->owner) return LISTED " AND owner = ?4" NEWEST;
-    return f->state >= 0 ? LISTED " AND state = ?3" NEWEST : LISTED NEWEST;
+    if (f->order != QUEUE_BY_AGE) return &key_walks[f->order][f->rising];
+    bool unfinished = f->state >= 0 && !queue_state_is_final((queue_state)f->state);
+    return &age_walks[f->label        ? BY_LABEL
+                      : f->name       ? BY_NAME
+                      : unfinished    ? BY_UNFINISHED_STATE
+                      : f->owner      ? BY_OWNER
+                      : f->state >= 0 ? BY_STATE
+                                      : ALL][f->rising];
+}
+
+/* The lowest seq of a job of this time or later; 0: unknown, because so many are that looking at each would take long. The
+ * orders by seq and by time differ where the clock was set back. */
+static bool find_first(queue *q, int64_t since_ms, int64_t *first, error *e)
+{
+    bool ok = false;
+    *first = 0;
+    if (since_ms <= 0) return true;
+    sqlite3_stmt *s = ASK(q->database, e,
+                          "SELECT coalesce(min(seq), 9223372036854775807), count(*) FROM"
+                          " (SELECT seq FROM job INDEXED BY job_by_time WHERE created_ms >= ?1"
+                          " ORDER BY created_ms LIMIT ?2)",
+                          integer(since_ms), integer(QUEUE_VISITS));
+    while (database_next(q->database, s, &ok, e))
+        if (sqlite3_column_int(s, 1) < QUEUE_VISITS) *first = sqlite3_column_int64(s, 0);
+    return ok;
+}
+
+/* The values of a walk's statements, by their index. */
+enum { UPPER_SEQ = 0, LOWER_KEY = 8, LOWER_SEQ = 9, UPPER_KEY = 11, STOP_OFFSET = 12, VALUE_COUNT = 13 };
+static void bind_filter(const queue_filter *f, int64_t first, value v[VALUE_COUNT])
+{
+    bool goes_on = f->after_seq > 0, by_age = f->order == QUEUE_BY_AGE;
+    int64_t after = f->after_seq, least = first > 0 && by_age ? first - 1 : 0;
+    const char *key = goes_on ? f->after_key : NULL;
+    const value values[VALUE_COUNT] = {
+        integer(goes_on && !f->rising ? after : INT64_MAX),
+        integer(f->limit),
+        text(f->state < 0 ? NULL : queue_state_name((queue_state)f->state)),
+        text(f->owner),
+        text(f->label),
+        text(f->name),
+        integer(f->since_ms),
+        integer(f->until_ms > 0 ? f->until_ms : INT64_MAX),
+        text(f->rising ? key : NULL),
+        integer(goes_on && f->rising && after > least ? after : least),
+        text(f->text),
+        text(f->rising ? NULL : key),
+        integer(0),
+    };
+    memcpy(v, values, sizeof values);
+}
+
+/* Finds the place where a page stops that visits `visits` rows, and has the walk end there; *stop stays empty when there are
+ * fewer. */
+static bool find_stop(queue *q, const walk *w, bool rising, int visits, value v[VALUE_COUNT],
+                      queue_place *stop, error *e)
+{
+    bool ok = false;
+    v[STOP_OFFSET] = integer(visits - 1);
+    sqlite3_stmt *s = database_ask(q->database, w->stop, v, VALUE_COUNT, e);
+    while (database_next(q->database, s, &ok, e))
+        *stop = (queue_place){.seq = sqlite3_column_int64(s, 1), .key = database_text(s, 0)};
+    if (!ok || !stop->seq) return ok;
+    v[rising ? UPPER_KEY : LOWER_KEY] = text(stop->key);
+    v[rising ? UPPER_SEQ : LOWER_SEQ] = integer(rising ? stop->seq + 1 : stop->seq - 1);
+    return true;
+}
+
+void queue_page_clear(queue_page *page)
+{
+    queue_jobs_free(page->jobs, page->count);
+    free(page->stop.key);
+    *page = (queue_page){0};
+}
+
+/* Lists the jobs of one state, or of any. */
+static bool list_walk(queue *q, const queue_filter *filter, int visits, queue_page *page, error *e)
+{
+    queue_page read = {0};
+    size_t room = 0;
+    bool ok = false;
+    int64_t first = 0;
+    value v[VALUE_COUNT];
+    const walk *w = choose_walk(filter);
+    database_lock(q->database);
+    if (find_first(q, filter->since_ms, &first, e)) {
+        bind_filter(filter, first, v);
+        ok = visits <= 0 || find_stop(q, w, filter->rising, visits, v, &read.stop, e);
+    }
+    sqlite3_stmt *s = ok ? database_ask(q->database, w->list, v, VALUE_COUNT, e) : NULL;
+    while (ok && database_next(q->database, s, &ok, e)) {
+        if (read.count == room) read.jobs = mem_resize(read.jobs, (room = room * 2 + 16) * sizeof *read.jobs);
+        job_row_read(s, 0, &read.jobs[read.count++]);
+    }
+    database_unlock(q->database);
+    if (ok)
+        *page = read;
+    else
+        queue_page_clear(&read);
+    return ok;
+}
+
+/* A job at this place of the list, for comparison only; its texts are borrowed. */
+static queue_job job_at(const queue_place *place, queue_order order)
+{
+    queue_job job = {.seq = place->seq, .name = place->key, .owner = place->key};
+    if (place->key && order == QUEUE_BY_STATE) queue_state_from_name(place->key, &job.state);
+    if (place->key && order == QUEUE_BY_PRIORITY) job.priority = (int)strtol(place->key, NULL, 10);
+    return job;
+}
+
+static int compare_jobs(const void *a, const void *b, void *filter)
+{
+    return queue_compare(a, b, filter);
+}
+
+/* Adds a part to a page. The page stops where the first of its parts stops. */
+static void add_part(queue_page *page, queue_page *part, const queue_filter *filter)
+{
+    page->jobs = mem_resize(page->jobs, (page->count + part->count + 1) * sizeof *page->jobs);
+    if (part->count) memcpy(page->jobs + page->count, part->jobs, part->count * sizeof *part->jobs);
+    page->count += part->count;
+    free(part->jobs);
+    queue_job a = job_at(&part->stop, filter->order), b = job_at(&page->stop, filter->order);
+    bool sooner = part->stop.seq && (!page->stop.seq || queue_compare(&a, &b, filter) < 0);
+    char *unused = sooner ? page->stop.key : part->stop.key;
+    if (sooner) page->stop = part->stop;
+    free(unused);
+}
+
+/* Sorts the jobs of several parts, and leaves those out that another page will list. */
+static void end_parts(queue_page *page, const queue_filter *filter)
+{
+    size_t kept = 0;
+    queue_job stop = job_at(&page->stop, filter->order);
+    qsort_r(page->jobs, page->count, sizeof *page->jobs, compare_jobs, (void *)(uintptr_t)filter);
+    for (size_t i = 0; i < page->count; i++) {
+        queue_job *job = &page->jobs[i];
+        bool wanted = kept < (size_t)filter->limit &&
+                      (!page->stop.seq || queue_compare(job, &stop, filter) <= 0) &&
+                      (!kept || page->jobs[kept - 1].seq != job->seq); /* its state has changed meanwhile */
+        if (wanted)
+            page->jobs[kept++] = *job;
+        else
+            queue_job_clear(job);
+    }
+    page->count = kept;
+}
+
+bool queue_list_page(queue *q, const queue_filter *filter, int visits, queue_page *page, error *e)
+{
+    queue_page read = {0};
+    int states = __builtin_popcount(filter->states);
+    bool ok = true;
+    if (!states) return list_walk(q, filter, visits, page, e);
+    queue_filter one = *filter;
+    for (int state = 0; ok && state < QUEUE_STATE_COUNT; state++) {
+        queue_page part = {0};
+        if (!(filter->states & 1u << state)) continue;
+        one.state = state;
+        ok = list_walk(q, &one, visits > states ? visits / states : visits > 0, &part, e);
+        if (ok) add_part(&read, &part, filter);
+    }
+    if (ok) {
+        end_parts(&read, filter);
+        *page = read;
+    } else {
+        queue_page_clear(&read);
+    }
+    return ok;
 }
 
 bool queue_list(queue *q, const queue_filter *filter, queue_job **jobs, size_t *count, error *e)
 {
-    queue_job *read = NULL;
-    size_t used = 0, room = 0;
-    bool ok = false;
-    bool newest = filter->order == QUEUE_BY_AGE && !filter->rising;
-    int64_t end = filter->rising ? 0 : INT64_MAX, after = filter->after_seq > 0 ? filter->after_seq : end;
-    database_lock(q->database);
-    sqlite3_stmt *s = ASK(
-        q->database, e, choose_listing(filter), integer(newest ? after : INT64_MAX), integer(filter->limit),
-        text(filter->state < 0 ? NULL : queue_state_name((queue_state)filter->state)), text(filter->owner),
-        text(filter->label), text(filter->name), integer(filter->since_ms),
-        integer(filter->until_ms > 0 ? filter->until_ms : INT64_MAX),
-        text(filter->after_seq > 0 ? filter->after_key : NULL), integer(after), text(filter->text));
-    while (database_next(q->database, s, &ok, e)) {
-        if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
-        job_row_read(s, 0, &read[used++]);
-    }
-    database_unlock(q->database);
-    if (!ok) {
-        queue_jobs_free(read, used);
-        return false;
-    }
-    *jobs = read;
-    *count = used;
+    queue_page page = {0};
+    if (!queue_list_page(q, filter, 0, &page, e)) return false;
+    *jobs = page.jobs;
+    *count = page.count;
     return true;
 }
 

@@ -203,6 +203,7 @@ typedef enum queue_order {
 
 typedef struct queue_filter {
     int state;                        /* a queue_state, or -1: any */
+    unsigned states;                  /* of several: a bit for each queue_state; 0: as `state` says */
     const char *owner, *label, *name; /* NULL: any */
     const char *text;                 /* a part of the name, whatever the case of ASCII letters; NULL: any */
     int64_t since_ms, until_ms;       /* created at this time or later, and before this time; 0: any */
@@ -213,8 +214,27 @@ typedef struct queue_filter {
     int limit;
 } queue_filter;
 
-/* Without their specs. Costs a few lookups for each job that it lists; the conditions that no index answers (the text, and any
- * condition of a list that is not BY_AGE) one for each job that it passes over. */
+/* Where a list continues: what queue_sort_key says of the job there (NULL: BY_AGE), and its place in the queue. */
+typedef struct queue_place {
+    int64_t seq; /* 0: nowhere */
+    char *key;
+} queue_place;
+
+typedef struct queue_page {
+    queue_job *jobs; /* without their specs */
+    size_t count;
+    queue_place stop; /* the last job that was visited; seq 0: the walk ended before, or at the limit */
+} queue_page;
+
+/* A page of a list visits this many jobs at most. */
+#define QUEUE_VISITS 4096
+
+/* Lists jobs among the next `visits` of the list (0: among all). Each job that is visited costs a lookup, and each job that is listed a few.
+ * When there are more, page->stop is the last of them, whether it is listed or not; the page may be short or empty. */
+bool queue_list_page(queue *q, const queue_filter *filter, int visits, queue_page *page, error *e);
+void queue_page_clear(queue_page *page);
+
+/* The first jobs of the list, however many are passed over. */
 bool queue_list(queue *q, const queue_filter *filter, queue_job **jobs, size_t *count, error *e);
 
 #define QUEUE_SORT_KEY_SIZE 256

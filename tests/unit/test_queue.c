@@ -791,6 +791,97 @@ static void test_lists_are_sorted(void **state)
     expect_listed(p, &f, NULL, 0);
 }
 
+/* Pages that visit `visits` jobs each, one after the other, are the list. */
+static void expect_pages_are_the_list(place *p, queue_filter f, int visits)
+{
+    queue_job *all;
+    size_t count, seen = 0, pages = 0;
+    char *key = NULL, text[QUEUE_SORT_KEY_SIZE];
+    if (f.states) {
+        queue_page whole;
+        assert_true(queue_list_page(p->q, &f, 0, &whole, NULL));
+        assert_int_equal(whole.stop.seq, 0);
+        all = whole.jobs;
+        count = whole.count;
+    } else {
+        assert_true(queue_list(p->q, &f, &all, &count, NULL));
+    }
+    f.limit = 2;
+    for (bool more = true; more;) {
+        queue_page page;
+        assert_true(queue_list_page(p->q, &f, visits, &page, NULL));
+        for (size_t i = 0; i < page.count; i++) {
+            if (seen == count) fail_msg("a job too many");
+            assert_string_equal(page.jobs[i].id, all[seen++].id);
+        }
+        const queue_job *last = page.count == (size_t)f.limit ? &page.jobs[page.count - 1] : NULL;
+        more = last || page.stop.seq;
+        char *next = last            ? mem_strdup(queue_sort_key(last, f.order, text))
+                     : page.stop.key ? mem_strdup(page.stop.key)
+                                     : NULL;
+        f.after_seq = last ? last->seq : page.stop.seq;
+        free(key);
+        f.after_key = key = next;
+        queue_page_clear(&page);
+        if (++pages > 100) fail_msg("the list does not end");
+    }
+    assert_int_equal(seen, count);
+    free(key);
+    queue_jobs_free(all, count);
+}
+
+static void test_pages_visit_a_bounded_number_of_jobs(void **state)
+{
+    place *p = *state;
+    static const char *const names[] = {"b", NULL, "A", "a", "b", "c", "B"}, *const owners[] = {"ann", "bob"};
+    queue_submission s = plain;
+    char id[7][ULID_SIZE];
+    for (int i = 0; i < 7; i++) {
+        s.name = names[i];
+        s.owner = owners[i % 2];
+        s.priority = i % 3;
+        s.labels = i % 3 ? "[\"x\"]" : "[]";
+        submit_for(p, &s, id[i]);
+    }
+    claim(p, id[2]);
+    queue_job third = get(p, id[2]);
+    unsigned waiting = 1u << QUEUE_QUEUED | 1u << QUEUE_RUNNING | 1u << QUEUE_FAILED;
+    const queue_filter filters[] = {
+        {.state = -1},
+        {.state = QUEUE_QUEUED},
+        {.state = QUEUE_SUCCEEDED},
+        {.state = -1, .states = waiting},
+        {.state = -1, .owner = "ann"},
+        {.state = -1, .owner = "ann", .states = waiting},
+        {.state = -1, .label = "x"},
+        {.state = -1, .label = "y"},
+        {.state = -1, .name = "b"},
+        {.state = -1, .text = "B"},
+        {.state = -1, .text = "none"},
+        {.state = -1, .since_ms = third.created_ms},
+        {.state = -1, .since_ms = INT64_MAX - 1},
+        {.state = -1, .until_ms = third.created_ms},
+    };
+    queue_job_clear(&third);
+    for (size_t i = 0; i < sizeof filters / sizeof *filters; i++)
+        for (int k = 0; k < 2 * QUEUE_ORDER_COUNT; k++)
+            for (int visits = 1; visits <= 5; visits += 2) {
+                queue_filter f = filters[i];
+                f.limit = 100;
+                f.order = (queue_order)(k / 2);
+                f.rising = k % 2;
+                expect_pages_are_the_list(p, f, visits);
+            }
+    queue_page page;
+    queue_filter none = {.state = -1, .limit = 9, .text = "none"};
+    assert_true(queue_list_page(p->q, &none, 3, &page, NULL));
+    assert_int_equal(page.count, 0);
+    queue_job fifth = get(p, id[4]);
+    assert_int_equal(page.stop.seq, fifth.seq); /* the third of seven from the newest on */
+    queue_job_clear(&fifth);
+    queue_page_clear(&page);
+}
+
 /* All eight combinations of conditions. */
 static void test_list_by_owner_and_label(void **state)
 {
@@ -1147,6 +1238,7 @@ int main(void)
         CASE(test_edits_have_revisions),
         CASE(test_what_is_over_is_forgotten),
         CASE(test_list_pages_newest_first),
+        CASE(test_pages_visit_a_bounded_number_of_jobs),
         CASE(test_list_by_owner_and_label),
         CASE(test_attempts_that_count_add_their_time),
         CASE(test_deliveries_to_busy_hosts_are_passed_by),
