@@ -29,6 +29,7 @@ struct access_control {
     bool open_tcp;
     session_key key; /* without a cookie's name: there are no sessions */
     int64_t session_ms;
+    running_time *running;
     char *token_file;
     pthread_mutex_t mutex; /* for what follows */
     token_set tokens;
@@ -105,6 +106,7 @@ access_control *access_open(const access_settings *settings, error *e)
     pthread_mutex_init(&a->mutex, NULL);
     a->open_tcp = settings->open_tcp;
     a->session_ms = (int64_t)(settings->session_s * 1000);
+    a->running = settings->running;
     a->token_file = mem_strdup(settings->token_file);
     if ((!settings->session_key_file || session_key_open(settings->session_key_file, &a->key, e)) &&
         resolve(&settings->users, "user", resolve_user, &a->users, e) &&
@@ -227,7 +229,8 @@ static bool identify_session(access_control *a, const char *session, access_call
 {
     if (!*a->key.cookie) return false;
     int64_t ends_ms = 0;
-    const token *t = session_find(&a->key, lock_tokens(a), session, clock_wall_ms(), &ends_ms);
+    const token *t = session_find(&a->key, lock_tokens(a), session, &ends_ms);
+    if (t && access_session_is_over(a, ends_ms)) t = NULL;
     if (t) take_rights(a, t, caller);
     unlock_tokens(a);
     caller->session_ends_ms = ends_ms;
@@ -259,6 +262,12 @@ bool access_begin_session(access_control *a, const char *token_text, char sessio
     }
     unlock_tokens(a);
     return t != NULL;
+}
+
+bool access_session_is_over(access_control *a, int64_t session_ends_ms)
+{
+    int64_t lasts_ms = a->session_ms - 999; /* the end was rounded down to a second */
+    return session_ends_ms && running_time_is_over(a->running, session_ends_ms - lasts_ms, lasts_ms);
 }
 
 const char *access_session_cookie(const access_control *a)

@@ -22,6 +22,7 @@
 
 #include "auth/scope.h"
 #include "auth/session.h"
+#include "base/running_time.h"
 #include "auth/token.h"
 #include "base/error.h"
 
@@ -40,6 +41,7 @@ typedef struct access_settings {
     const char *token_file;
     const char *session_key_file; /* NULL: there are no sessions */
     double session_s;             /* how long a session lasts */
+    running_time *running;        /* must outlive the access control; NULL only without sessions */
     bool open_tcp;
 } access_settings;
 
@@ -80,6 +82,9 @@ uint64_t access_generation(access_control *a);
 /* Begins a session of the token: false when the token is unknown or there are no sessions. */
 bool access_begin_session(access_control *a, const char *token_text, char session[SESSION_SIZE],
                           access_caller *caller);
+
+/* Whether the caller has a session and it is over (base/running_time). */
+bool access_session_is_over(access_control *a, int64_t session_ends_ms);
 
 /* The name of the cookie; "" when there are no sessions. */
 const char *access_session_cookie(const access_control *a);

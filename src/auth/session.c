@@ -65,13 +65,12 @@ void session_begin(const session_key *key, const token *of, int64_t ends_ms, cha
     text[length + 64] = '\0';
 }
 
-const token *session_find(const session_key *key, const token_set *set, const char *text, int64_t now_ms,
-                          int64_t *ends_ms)
+const token *session_find(const session_key *key, const token_set *set, const char *text, int64_t *ends_ms)
 {
     size_t length = strlen(text);
     if (length >= SESSION_SIZE || length < TOKEN_ID_SIZE || text[TOKEN_ID_SIZE - 1] != '.') return NULL;
     long long ends_s = strtoll(text + TOKEN_ID_SIZE, NULL, 10);
-    if (ends_s > INT64_MAX / 1000 || ends_s <= now_ms / 1000) return NULL;
+    if (ends_s > INT64_MAX / 1000 || ends_s < 0) return NULL;
     for (size_t i = 0; i < set->count; i++) {
         char right[SESSION_SIZE];
         if (memcmp(set->item[i].id, text, TOKEN_ID_SIZE - 1) != 0) continue;

@@ -16,9 +16,22 @@ int64_t clock_monotonic_ms(void)
     return read_ms(CLOCK_MONOTONIC);
 }
 
+int64_t clock_boot_ms(void)
+{
+    return read_ms(CLOCK_BOOTTIME);
+}
+
 int64_t clock_wall_ms(void)
 {
     return read_ms(CLOCK_REALTIME);
+}
+
+bool clock_was_set_back(clock_watch *w)
+{
+    int64_t ahead = clock_wall_ms() - clock_boot_ms();
+    bool back = ahead < w->ahead_ms - CLOCK_SET_BACK_MS;
+    w->ahead_ms = ahead;
+    return back;
 }
 
 char *clock_format_utc(int64_t wall_ms, char buffer[CLOCK_TEXT_SIZE])

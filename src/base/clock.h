@@ -12,7 +12,18 @@
 #define CLOCK_TEXT_SIZE 32
 
 int64_t clock_monotonic_ms(void);
+int64_t clock_boot_ms(void); /* monotonic, with the time that the host was suspended */
 int64_t clock_wall_ms(void); /* since 1970-01-01T00:00:00Z */
+
+/* Whether the wall clock was set back, by more than CLOCK_SET_BACK_MS, since the last call; true at the first call. Begin
+ * with CLOCK_WATCH. */
+typedef struct clock_watch {
+    int64_t ahead_ms; /* of CLOCK_BOOTTIME */
+} clock_watch;
+#define CLOCK_WATCH ((clock_watch){INT64_MAX})
+#define CLOCK_SET_BACK_MS \
+    100 /* above what a thread may lose between two readings, below any wait that matters */
+bool clock_was_set_back(clock_watch *w);
 
 /* The nearest number to that many milliseconds, which prints as it is meant: 0.3, not 0.30000000000000004. */
 static inline double clock_seconds(int64_t ms)

@@ -222,7 +222,8 @@ const config_row config_table[] = {
          "The interval of complete checks of the database for damage. A check reads a copy, which is "
          "made when the queue is idle. After each start there is a quick check in addition. 0: only the quick check."},
     {SETTING(retention_s), .type = CONFIG_REAL, .default_text = "0", .low = 0, .high = 1e10, .unit = "s",
-     .help = "How long a job and its results are kept after its end, if the job names no time. 0: forever."},
+     .help = "How long a job and its results are kept after its end, if the job names no time. The time that "
+             "the daemon is stopped does not count. 0: forever."},
     {SETTING(results_mb), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1 << 30,
      .unit = "MiB", .reloads = true,
      .help =

@@ -150,6 +150,16 @@
 #define DELIVERED_MS "delivered_ms INTEGER"
 #define IS_DELIVERED "is_delivered INTEGER NOT NULL DEFAULT 0"
 
+/* How long a delayed task or a notification had to wait when its last try ended (queue/running). */
+#define WAIT_MS "wait_ms INTEGER NOT NULL DEFAULT 0"
+/* The periods in which the daemon ran (base/running_time), oldest first. */
+#define RUNNING                     \
+    "CREATE TABLE running ("        \
+    "  number INTEGER PRIMARY KEY," \
+    "  from_ms INTEGER NOT NULL,"   \
+    "  length_ms INTEGER NOT NULL"  \
+    ") STRICT;"
+
 /* A job has the counts of its tasks, so that its state follows from one row. `pending` counts the jobs it waits for.
  * The spec has a table of its own, because it is long and never changes, while the row changes often. */
 static const char tables[] =
@@ -224,6 +234,7 @@ static const char tables[] =
     "  ran_ms INTEGER NOT NULL DEFAULT 0,"
     "  storage_faults INTEGER NOT NULL DEFAULT 0,"
     "  not_before_ms INTEGER,"
+    "  " WAIT_MS ","
     "  started_ms INTEGER,"
     "  finished_ms INTEGER,"
     "  error_code TEXT,"
@@ -269,7 +280,7 @@ static const char tables[] =
     ") STRICT, WITHOUT ROWID;"
     "CREATE INDEX dependency_by_need ON dependency (needs, job);"
 
-    INPUTS COPIES INSTANCE "CREATE TABLE event ("
+    INPUTS COPIES INSTANCE RUNNING "CREATE TABLE event ("
     "  seq INTEGER PRIMARY KEY AUTOINCREMENT,"
     "  at_ms INTEGER NOT NULL,"
     "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"
@@ -296,7 +307,7 @@ static const char tables[] =
     "  state TEXT NOT NULL,"
     "  outcome TEXT,"
     "  tries INTEGER NOT NULL DEFAULT 0,"
-    "  due_ms INTEGER NOT NULL, " OUTBOX_EVENT ", " OUTBOX_ENDED ") STRICT;"
+    "  due_ms INTEGER NOT NULL, " OUTBOX_EVENT ", " OUTBOX_ENDED ", " WAIT_MS ") STRICT;"
     "CREATE INDEX outbox_by_time ON outbox (due_ms, number);"
     "CREATE INDEX outbox_by_job ON outbox (job);";
 
@@ -420,6 +431,11 @@ static const char add_sorted[] = "DROP INDEX job_by_name;" SORTED;
 static const char add_times_of_attempts[] = "ALTER TABLE attempt ADD COLUMN " WAITED_MS ";"
                                             "ALTER TABLE attempt ADD COLUMN " PROCESSOR_MS ";";
 
+/* Migration from version 11, in which the wall clock alone decided when a retention or a wait was over. A task that is
+ * delayed then starts at once after the clock is set back. */
+static const char add_running[] =
+    RUNNING "ALTER TABLE task ADD COLUMN " WAIT_MS ";ALTER TABLE outbox ADD COLUMN " WAIT_MS ";";
+
 /* What a database of the versions `first` to `last` needs, in this order. Version 0: it is empty. */
 static const struct step {
     int first, last;
@@ -446,6 +462,7 @@ static const struct step {
     {1, 8, find_usage},
     {8, 9, add_sorted},
     {2, 10, add_times_of_attempts},
+    {2, 11, add_running},
 };
 
 bool schema_error_is_damage(int code)

@@ -12,7 +12,7 @@
 
 #include "base/error.h"
 
-#define SCHEMA_VERSION 11
+#define SCHEMA_VERSION 12
 
 /* What jobs are sorted by when they are sorted by name. */
 #define SCHEMA_NAME_KEY "coalesce(name, '') COLLATE NOCASE"

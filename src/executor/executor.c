@@ -87,6 +87,7 @@ struct executor {
     slot **slots;
 
     bool look;             /* supervisor: something may have become claimable */
+    clock_watch watch;     /* supervisor */
     int64_t due_ms;        /* supervisor: when the next delayed task is due, wall clock */
     int64_t claim_ms;      /* supervisor: no claim before this time, after a failure; 0: at once */
     int64_t start_wait_ms; /* supervisor: doubles while no worker starts */
@@ -194,6 +195,10 @@ static void note_due(executor *x)
 
 static void fill_slots(executor *x)
 {
+    if (clock_was_set_back(&x->watch)) {
+        x->look = true;
+        if (!queue_shorten_waits(x->q, NULL)) x->watch = CLOCK_WATCH; /* at the next look again */
+    }
     if (x->due_ms <= clock_wall_ms()) x->look = true;
     if (!x->look) return;
     queue_room room = find_room(x);
@@ -466,6 +471,7 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
     x->progress = progress_ring_new();
     x->look = true;
     x->due_ms = INT64_MAX;
+    x->watch = CLOCK_WATCH;
     pthread_mutex_init(&x->order, NULL);
     pthread_mutex_init(&x->mutex, NULL);
     x->wake_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);

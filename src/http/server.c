@@ -145,7 +145,7 @@ typedef struct stream {
 static bool is_outdated(const stream *t)
 {
     return (t->generation && t->generation != access_generation(t->access)) ||
-           (t->until_ms && t->until_ms <= clock_wall_ms());
+           access_session_is_over(t->access, t->until_ms);
 }
 
 static ssize_t read_stream(void *context, uint64_t position, char *buffer, size_t size)

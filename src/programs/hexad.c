@@ -280,6 +280,7 @@ static bool init_access(service *s, error *e)
         .token_file = file,
         .session_key_file = key_file,
         .session_s = c->session_s,
+        .running = queue_running(s->q),
         .open_tcp = s->socket.reach == LISTEN_LOOPBACK && *c->tcp_without_tokens,
     };
     s->access = access_open(&settings, e);

@@ -256,12 +256,12 @@ static bool put_back(database *d, const settling *s, job_state *j, int64_t now, 
     bool delayed = s->not_before_ms > now;
     if (!RUN(d, e,
              "UPDATE task SET state = ?3, spent = spent - ?4, not_before_ms = ?5, ran_ms = ran_ms + ?6,"
-             " storage_faults = storage_faults + ?7, interrupted = interrupted + ?8"
+             " storage_faults = storage_faults + ?7, interrupted = interrupted + ?8, wait_ms = ?9"
              " WHERE job = ?1 AND number = ?2",
              integer(j->seq), integer(s->fence->task), text(delayed ? "delayed" : "queued"),
              integer(s->counts ? 0 : 1), integer_if(s->not_before_ms, delayed),
              integer(s->counts ? s->ending->ran_ms : 0), integer(s->ending->storage_fault),
-             integer(s->ending->interrupted)))
+             integer(s->ending->interrupted), integer(delayed ? s->not_before_ms - now : 0)))
         return false;
     if (delayed)
         j->delayed++;

@@ -436,25 +436,45 @@ bool queue_next_due(queue *q, int64_t *wall_ms, error *e)
     return read_time(q, sql, wall_ms, e);
 }
 
-bool queue_next_expiry(queue *q, int64_t *wall_ms, error *e)
+bool queue_next_expiry(queue *q, int64_t after_ms, int64_t *wall_ms, error *e)
 {
-    static const char sql[] =
-        "SELECT expires_ms FROM job WHERE expires_ms IS NOT NULL ORDER BY expires_ms LIMIT 1";
-    return read_time(q, sql, wall_ms, e);
+    bool ok = false;
+    int64_t next = INT64_MAX;
+    database_lock(q->database);
+    sqlite3_stmt *s =
+        ASK(q->database, e, "SELECT expires_ms FROM job WHERE expires_ms > ?1 ORDER BY expires_ms LIMIT 1",
+            integer(after_ms));
+    while (database_next(q->database, s, &ok, e)) next = sqlite3_column_int64(s, 0);
+    database_unlock(q->database);
+    if (ok) *wall_ms = next;
+    return ok;
 }
 
-bool queue_list_expired(queue *q, int64_t wall_ms, int limit, char (**ids)[ULID_SIZE], size_t *count,
-                        error *e)
+/* Adds jobs up to the limit to the list. Held: the database. */
+static bool list_expired(queue *q, const running_bound *bound, int limit, char (*ids)[ULID_SIZE],
+                         size_t *count, error *e)
+{
+    bool ok = false;
+    sqlite3_stmt *s = ASK(q->database, e,
+                          "SELECT id FROM job WHERE expires_ms <= ?1 AND finished_ms >= ?2"
+                          " AND finished_ms < ?3 AND max(finished_ms, ?4) + 1000 * retention_s <= ?1"
+                          " ORDER BY expires_ms LIMIT ?5",
+                          integer(bound->over_ms), integer(bound->from_ms), integer(bound->until_ms),
+                          integer(bound->counts_from_ms), integer(limit - (int)*count));
+    while (database_next(q->database, s, &ok, e))
+        snprintf(ids[(*count)++], ULID_SIZE, "%s", (const char *)sqlite3_column_text(s, 0));
+    return ok;
+}
+
+bool queue_list_expired(queue *q, const running_bound *bounds, size_t bound_count, int limit,
+                        char (**ids)[ULID_SIZE], size_t *count, error *e)
 {
     char(*read)[ULID_SIZE] = mem_alloc((size_t)limit * sizeof *read);
     size_t used = 0;
-    bool ok = false;
+    bool ok = true;
     database_lock(q->database);
-    sqlite3_stmt *s =
-        ASK(q->database, e, "SELECT id FROM job WHERE expires_ms <= ?1 ORDER BY expires_ms LIMIT ?2",
-            integer(wall_ms), integer(limit));
-    while (database_next(q->database, s, &ok, e))
-        snprintf(read[used++], ULID_SIZE, "%s", (const char *)sqlite3_column_text(s, 0));
+    for (size_t i = 0; ok && i < bound_count && used < (size_t)limit; i++)
+        ok = list_expired(q, &bounds[i], limit, read, &used, e);
     database_unlock(q->database);
     if (!ok) {
         free(read);

@@ -23,7 +23,11 @@ struct queue {
     database *database;
     overtaken overtaken;
     queue_bounds bounds;
+    running_time *running;
     atomic_uint_fast64_t stamp[MEMBERS_STAMPS]; /* of jobs */
 };
+
+/* The periods of the last queue_store_running. */
+bool running_read(queue *q, running_period periods[RUNNING_PERIODS_MOST], size_t *count, error *e);
 
 #endif

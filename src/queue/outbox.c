@@ -2,6 +2,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "base/clock.h"
 #include "queue/members.h"
 #include "queue/job_row.h"
 
@@ -59,8 +60,8 @@ static bool end_delivery(database *d, change *asked)
     const ending_delivery *x = (ending_delivery *)asked;
     error *e = &asked->fault;
     if (x->again_ms > 0)
-        return RUN(d, e, "UPDATE outbox SET tries = tries + 1, due_ms = ?2 WHERE number = ?1",
-                   integer(x->number), integer(x->again_ms));
+        return RUN(d, e, "UPDATE outbox SET tries = tries + 1, due_ms = ?2, wait_ms = ?3 WHERE number = ?1",
+                   integer(x->number), integer(x->again_ms), integer(x->again_ms - clock_wall_ms()));
     return RUN(d, e, "DELETE FROM outbox WHERE number = ?1", integer(x->number));
 }
 

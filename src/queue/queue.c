@@ -15,31 +15,44 @@ static void note_row(void *context, int operation, const char *schema, const cha
     if (strcmp(table, "job") == 0) atomic_fetch_add(&q->stamp[(uint64_t)row % MEMBERS_STAMPS], 1);
 }
 
-static queue *open_with(database *d)
+static queue *open_with(database *d, error *e)
 {
     if (!d) return NULL;
+    running_period past[RUNNING_PERIODS_MOST];
+    size_t count = 0;
     queue *q = mem_alloc(sizeof *q);
     q->database = d;
     q->bounds = (queue_bounds){.all = {INT64_MAX, INT64_MAX}, .user = {INT64_MAX, INT64_MAX}};
     sqlite3_update_hook(database_connection(d), note_row, q);
-    return q;
+    if (running_read(q, past, &count, e)) {
+        q->running = running_time_new(past, count);
+        return q;
+    }
+    queue_close(q);
+    return NULL;
 }
 
 queue *queue_open(const char *state_dir, error *e)
 {
-    return open_with(database_open(state_dir, e));
+    return open_with(database_open(state_dir, e), e);
 }
 
 queue *queue_open_copy(const char *path, error *e)
 {
-    return open_with(database_open_copy(path, e));
+    return open_with(database_open_copy(path, e), e);
 }
 
 void queue_close(queue *q)
 {
     if (!q) return;
     database_close(q->database);
+    running_time_free(q->running);
     free(q);
+}
+
+running_time *queue_running(queue *q)
+{
+    return q->running;
 }
 
 struct database *queue_database(queue *q)

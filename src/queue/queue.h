@@ -29,6 +29,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/running_time.h"
 #include "database/health.h"
 #include "queue/ulid.h"
 #include "queue/user_numbers.h"
@@ -289,11 +290,16 @@ bool queue_change(queue *q, const char *id, int64_t revision, const queue_edit *
  * false when the job has not ended. */
 bool queue_delete(queue *q, const char *id, bool *found, bool *deleted, error *e);
 
-/* The ids of at most `limit` jobs whose retention is over, oldest first, in one array to be freed. */
-bool queue_list_expired(queue *q, int64_t wall_ms, int limit, char (**ids)[ULID_SIZE], size_t *count,
-                        error *e);
-/* When the next retention is over, wall clock; INT64_MAX: never. */
-bool queue_next_expiry(queue *q, int64_t *wall_ms, error *e);
+/* The ids of at most `limit` jobs whose retention is over by one of these bounds, in one array to be freed. */
+bool queue_list_expired(queue *q, const running_bound *bounds, size_t bound_count, int limit,
+                        char (**ids)[ULID_SIZE], size_t *count, error *e);
+/* When the next retention after `after_ms` is over, both by the wall clock; INT64_MAX: never. */
+bool queue_next_expiry(queue *q, int64_t after_ms, int64_t *wall_ms, error *e);
+
+/* How long the daemon has run: the periods that were stored last, and the one that began with queue_open. The caller
+ * stores them with queue_store_running now and then; what is not stored does not count after a crash. */
+running_time *queue_running(queue *q);
+bool queue_store_running(queue *q, error *e);
 
 /* ---- tasks and attempts */
 
@@ -375,6 +381,10 @@ bool queue_claim_job(queue *q, const char *id, queue_claimed *claimed, bool *fou
 /* While the queue is held, queue_claim finds nothing. Lasts until it is released, also over a restart. */
 bool queue_hold(queue *q, bool on, error *e);
 bool queue_is_held(queue *q, bool *held, error *e);
+
+/* After the wall clock was set back: no delayed task and no notification waits longer, from now on, than it had to wait
+ * when its last try ended. */
+bool queue_shorten_waits(queue *q, error *e);
 
 /* When the next delayed task may be tried again, wall clock; INT64_MAX: there is none. */
 bool queue_next_due(queue *q, int64_t *wall_ms, error *e);

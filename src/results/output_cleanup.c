@@ -42,7 +42,7 @@ static bool remove_one(const output_cleanup *c, const queue_copy *copy, bool fir
 /* Waits for the next round. False: the thread must end. */
 static bool wait_for_round(output_cleanup *c)
 {
-    int64_t until_ms = clock_wall_ms() + AGAIN_MS;
+    int64_t until_ms = clock_monotonic_ms() + AGAIN_MS;
     struct timespec until = {.tv_sec = (time_t)(until_ms / 1000)};
     int status = 0;
     pthread_mutex_lock(&c->mutex);
@@ -83,7 +83,11 @@ bool output_cleanup_start(queue *q, const store_outputs *outputs, output_cleanup
     c->q = q;
     c->outputs = outputs;
     pthread_mutex_init(&c->mutex, NULL);
-    pthread_cond_init(&c->stopping, NULL);
+    pthread_condattr_t monotonic;
+    pthread_condattr_init(&monotonic);
+    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
+    pthread_cond_init(&c->stopping, &monotonic);
+    pthread_condattr_destroy(&monotonic);
     bool ok = queue_list_copies(q, &c->copies, &c->count, e);
     if (ok && c->count) ok = background_start(&c->thread, run, c, "what copies have left behind", e);
     *made = ok && c->count ? c : NULL;

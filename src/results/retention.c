@@ -22,8 +22,12 @@
 /* After something could not be removed. */
 #define REMOVE_AGAIN_MS 10000
 /* The longest time between two collections of uploaded files. It is shorter when they are kept for a short time. */
-#define LOOK_MOST_MS 3600000
-#define LOOKS_IN_KEEP 4
+#define COLLECT_MOST_MS 3600000
+#define COLLECTIONS_IN_KEEP 4
+/* The longest wait between two looks at the wall clock, which may be set. */
+#define LOOK_MS 60000
+/* How often the running time is stored. After a crash, as much of it may not count. */
+#define STORE_MS 600000
 
 struct retention {
     queue *q;
@@ -40,10 +44,17 @@ struct retention {
     bool wake, stop;
     fetches_result *delivered; /* results that were sent completely, which the queue does not know yet */
     size_t delivered_count;
-    bool left;        /* some noted directories are still there */
-    int64_t again_ms; /* the thread's own: when the removal is tried again, wall clock */
-    bool trouble;     /* the thread's own: the log already says that they cannot be removed */
+    bool left; /* some noted directories are still there */
+    /* The thread's own, monotonic: when the removal is tried again, when uploaded files are collected next, and when the
+     * running time is stored next. */
+    int64_t again_ms, collect_ms, store_ms;
+    bool trouble; /* the thread's own: the log already says that they cannot be removed */
 };
+
+static int64_t least(int64_t a, int64_t b)
+{
+    return a < b ? a : b;
+}
 
 /* Removes the directories of a deleted task durably: the removal is flushed before the note is deleted. Directories
  * that an earlier removal left, or none at all, are fine. */
@@ -122,18 +133,17 @@ static void set_left(retention *r, bool left)
     pthread_mutex_unlock(&r->mutex);
 }
 
-/* Tries again to remove what is left, and logs a failure once. Returns when to try next, wall clock. */
+/* Tries again to remove what is left, and logs a failure once. Returns when to try next, monotonic. */
 static int64_t work_off_rest(retention *r)
 {
     error e = {0};
+    int64_t now = clock_monotonic_ms();
     pthread_mutex_lock(&r->mutex);
     bool left = r->left;
     r->left = false;
     pthread_mutex_unlock(&r->mutex);
-    int64_t now = clock_wall_ms();
     if (!left) return INT64_MAX;
-    /* a clock that was set back must not delay this */
-    bool due = now >= r->again_ms || r->again_ms > now + REMOVE_AGAIN_MS;
+    bool due = now >= r->again_ms;
     bool ok = due && work_off(r, NULL, &e);
     if (!ok) set_left(r, true);
     if (!due) return r->again_ms;
@@ -247,7 +257,9 @@ static bool forget_some(retention *r, bool *more)
     char(*ids)[ULID_SIZE] = NULL;
     size_t count = 0;
     bool found, deleted;
-    if (!queue_list_expired(r->q, clock_wall_ms(), AT_ONCE, &ids, &count, NULL)) return false;
+    running_bound bounds[RUNNING_BOUNDS_MOST];
+    size_t bound_count = running_time_list_bounds(queue_running(r->q), bounds);
+    if (!queue_list_expired(r->q, bounds, bound_count, AT_ONCE, &ids, &count, NULL)) return false;
     bool ok = true;
     for (size_t i = 0; ok && i < count; i++) ok = retention_delete(r, ids[i], &found, &deleted, NULL);
     *more = count == AT_ONCE;
@@ -255,11 +267,23 @@ static bool forget_some(retention *r, bool *more)
     return ok;
 }
 
-/* Waits until this time (wall clock) or a wake-up. False: the thread must end. */
-static bool wait_until(retention *r, int64_t wall_ms)
+/* When the next retention is over by the wall clock, as a monotonic time. What is held back after a step of the wall
+ * clock is looked at every LOOK_MS. */
+static bool find_next_expiry(retention *r, int64_t *at_ms)
 {
-    struct timespec until = {.tv_sec = (time_t)(wall_ms / 1000), .tv_nsec = (long)(wall_ms % 1000) * 1000000};
+    int64_t now = clock_wall_ms(), next;
+    if (!queue_next_expiry(r->q, now, &next, NULL)) return false;
+    *at_ms = clock_monotonic_ms() + least(next - now, LOOK_MS);
+    return true;
+}
+
+/* Waits until this time (monotonic), but not longer than LOOK_MS, or a wake-up. False: the thread must end. */
+static bool wait_until(retention *r, int64_t at_ms)
+{
     int status = 0;
+    int64_t look_ms = clock_monotonic_ms() + LOOK_MS;
+    if (at_ms > look_ms) at_ms = look_ms;
+    struct timespec until = {.tv_sec = (time_t)(at_ms / 1000), .tv_nsec = (long)(at_ms % 1000) * 1000000};
     pthread_mutex_lock(&r->mutex);
     while (!r->wake && !r->stop && status != ETIMEDOUT)
         status = pthread_cond_timedwait(&r->woken, &r->mutex, &until);
@@ -269,46 +293,55 @@ static bool wait_until(retention *r, int64_t wall_ms)
     return go_on;
 }
 
-/* Whether an unfinished job reads the file. When that is unknown, the file is kept. */
-static bool is_wanted(void *context, const char *name)
+/* Whether the time of the file is over and no unfinished job reads it. When that is unknown, the file is kept. */
+static bool may_go(void *context, const char *name, int64_t used_ms)
 {
     retention *r = context;
     bool wanted = true;
-    return !queue_wants_input(r->q, name, &wanted, NULL) || wanted;
+    return running_time_is_over(queue_running(r->q), used_ms, r->keep_ms) &&
+           queue_wants_input(r->q, name, &wanted, NULL) && !wanted;
 }
 
-/* Removes unused uploaded files, if it is time. Returns when the next collection is due, wall clock. */
-static int64_t collect_inputs(retention *r, int64_t due_ms)
+/* Removes unused uploaded files, if it is time. */
+static void collect_inputs(retention *r)
 {
     error e = {0};
     size_t gone = 0;
-    int64_t now = clock_wall_ms(), step = r->keep_ms / LOOKS_IN_KEEP + 1;
-    if (step > LOOK_MOST_MS) step = LOOK_MOST_MS;
-    /* a clock that was set back must not delay this */
-    if (!r->inputs || (now < due_ms && due_ms <= now + step)) return due_ms;
-    if (!store_inputs_collect(r->inputs, now - r->keep_ms, is_wanted, r, &gone, &e))
+    int64_t now = clock_monotonic_ms();
+    if (!r->inputs || now < r->collect_ms) return;
+    if (!store_inputs_collect(r->inputs, may_go, r, &gone, &e))
         log_write(LOG_LEVEL_WARNING, "inputs are not collected: %s", e.message);
     if (gone) log_write(LOG_LEVEL_INFO, "inputs collected count=%zu", gone);
-    return now + step;
+    r->collect_ms = now + least(r->keep_ms / COLLECTIONS_IN_KEEP + 1, COLLECT_MOST_MS);
+}
+
+/* Stores how long the daemon has run, if it is time. */
+static void store_running(retention *r)
+{
+    int64_t now = clock_monotonic_ms();
+    if (now < r->store_ms) return;
+    r->store_ms = now + (queue_store_running(r->q, NULL) ? STORE_MS : RETRY_MS);
 }
 
 static void *keep(void *argument)
 {
     retention *r = argument;
-    int64_t next = 0, look_ms = r->inputs ? 0 : INT64_MAX;
+    int64_t next = 0, again;
     do {
         bool more[3] = {false};
-        int64_t again = work_off_rest(r);
-        look_ms = collect_inputs(r, look_ms);
+        store_running(r);
+        again = work_off_rest(r);
+        collect_inputs(r);
         note_delivered(r);
         bool ok = forget_some(r, &more[0]) && measure_some(r, &more[1]) && make_room(r, &more[2]),
              any = more[0] || more[1] || more[2];
-        if (!ok || (!any && !queue_next_expiry(r->q, &next, NULL)))
-            next = clock_wall_ms() + RETRY_MS;
+        if (!ok || (!any && !find_next_expiry(r, &next)))
+            next = clock_monotonic_ms() + RETRY_MS;
         else if (any)
             next = 0;
-        if (again < next) next = again;
-    } while (wait_until(r, next < look_ms ? next : look_ms));
+        if (r->inputs) next = least(next, r->collect_ms);
+    } while (wait_until(r, least(next, least(again, r->store_ms))));
+    queue_store_running(r->q, NULL);
     return NULL;
 }
 
@@ -336,7 +369,11 @@ retention *retention_start(queue *q, const char *work_dir, store_inputs *inputs,
     r->work_dir = mem_strdup(work_dir);
     pthread_mutex_init(&r->mutex, NULL);
     pthread_mutex_init(&r->removing, NULL);
-    pthread_cond_init(&r->woken, NULL);
+    pthread_condattr_t monotonic;
+    pthread_condattr_init(&monotonic);
+    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
+    pthread_cond_init(&r->woken, &monotonic);
+    pthread_condattr_destroy(&monotonic);
     if (background_start(&r->thread, keep, r, "the removal of expired jobs", e)) return r;
     release(r);
     return NULL;

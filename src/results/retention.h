@@ -1,6 +1,8 @@
 /* retention: removes deleted jobs, jobs whose retention is over, and jobs that have to go because results have met a
  * bound (queue_bounds), with their results and logs; and uploaded files that have not been used for a time.
  *
+ * A retention is over when base/running_time says so; this thread stores that time.
+ *
  * One transaction deletes the job and notes its directories (queue_removal). Then the directories are removed, and
  * last the note. After a crash or a failure, a thread removes what is still noted: at the start, and then again and
  * again. Only noted directories are removed. The same thread deletes the jobs whose retention is over, so that no

@@ -175,9 +175,8 @@ static void forget_senders(store_inputs *s)
     closedir(directory);
 }
 
-bool store_inputs_collect(store_inputs *s, int64_t before_ms,
-                          bool (*is_wanted)(void *context, const char *name), void *context, size_t *gone,
-                          error *e)
+bool store_inputs_collect(store_inputs *s, bool (*may_go)(void *context, const char *name, int64_t used_ms),
+                          void *context, size_t *gone, error *e)
 {
     DIR *directory = opendir(s->directory);
     *gone = 0;
@@ -187,9 +186,10 @@ bool store_inputs_collect(store_inputs *s, int64_t before_ms,
         struct stat info;
         if (!is_name(d->d_name)) continue;
         pthread_mutex_lock(&s->mutex);
-        bool old = fstatat(dirfd(directory), d->d_name, &info, AT_SYMLINK_NOFOLLOW) == 0 &&
-                   S_ISREG(info.st_mode) && (int64_t)info.st_mtim.tv_sec < before_ms / 1000;
-        if (old && !is_wanted(context, d->d_name) && unlinkat(dirfd(directory), d->d_name, 0) == 0) {
+        bool there =
+            fstatat(dirfd(directory), d->d_name, &info, AT_SYMLINK_NOFOLLOW) == 0 && S_ISREG(info.st_mode);
+        if (there && may_go(context, d->d_name, (int64_t)info.st_mtim.tv_sec * 1000) &&
+            unlinkat(dirfd(directory), d->d_name, 0) == 0) {
             s->used_bytes -= info.st_size;
             ++*gone;
         }

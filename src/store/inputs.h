@@ -42,11 +42,10 @@ store_inputs_space store_inputs_get_space(store_inputs *s);
 int64_t store_inputs_find(store_inputs *s, const char *hex);
 /* The same, as a use of the file. */
 int64_t store_inputs_use(store_inputs *s, const char *hex);
-/* Removes files that were last used before this time (wall clock) unless `is_wanted` keeps them; *gone is their number.
- * `is_wanted` must not call back. */
-bool store_inputs_collect(store_inputs *s, int64_t before_ms,
-                          bool (*is_wanted)(void *context, const char *name), void *context, size_t *gone,
-                          error *e);
+/* Removes files that `may_go` does not keep; used_ms is their last use, wall clock. *gone is their number. `may_go` must
+ * not call back. */
+bool store_inputs_collect(store_inputs *s, bool (*may_go)(void *context, const char *name, int64_t used_ms),
+                          void *context, size_t *gone, error *e);
 /* *found false: there is none. A job that names it will not find it. */
 bool store_inputs_remove(store_inputs *s, const char *hex, bool *found, error *e);
 

@@ -24,7 +24,7 @@
 
 /* The wait after an error of the database (a full disk). */
 #define TROUBLE_MS 1000
-/* The longest wait between two checks of the outbox, since the wall clock may be set. */
+/* The longest wait between two checks of the outbox and of the wall clock, which may be set. */
 #define LOOK_MS 60000
 #define SECRET_LEAST 16
 #define SECRET_MOST 4096
@@ -51,7 +51,8 @@ struct delivery {
     queue *q;
     _Atomic int64_t not_before_ms; /* monotonic; after trouble */
     atomic_bool stopping;
-    pthread_t thread; /* gives due notifications to callers */
+    clock_watch watch; /* of the next thread */
+    pthread_t thread;  /* gives due notifications to callers */
     pthread_mutex_t mutex;
     pthread_cond_t given;
     caller *callers;
@@ -315,7 +316,11 @@ static void *run(void *argument)
 {
     delivery *c = argument;
     uint64_t seen = 0;
-    while (!c->stopping) queue_wait(c->q, &seen, give_due(c));
+    c->watch = CLOCK_WATCH;
+    while (!c->stopping) {
+        if (clock_was_set_back(&c->watch) && !queue_shorten_waits(c->q, NULL)) c->watch = CLOCK_WATCH;
+        queue_wait(c->q, &seen, give_due(c));
+    }
     return NULL;
 }
 

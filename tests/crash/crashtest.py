@@ -18,10 +18,10 @@ import reboots
 import restores
 import space
 import volume
-from farm import Violation
+from farm import Violation, setclock
 
 # of all kills
-SHARES = {"kills": 0.45, "reboots": 0.335, "space": 0.09, "restores": 0.075, "damage": 0.05}
+SHARES = {"kills": 0.34, "clocks": 0.25, "reboots": 0.25, "space": 0.07, "restores": 0.05, "damage": 0.04}
 SUPERVISED = {"faults", "power", "mutations"}
 
 
@@ -29,7 +29,7 @@ def parse(words):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--build", type=pathlib.Path, required=True, help="directory of the built programs")
     parser.add_argument("--work", type=pathlib.Path, required=True, help="directory for state and figures")
-    parser.add_argument("--kills", type=int, default=3000, help=f"in all, shared out among parts: {SHARES}")
+    parser.add_argument("--kills", type=int, default=4000, help=f"in all, shared out among parts: {SHARES}")
     parser.add_argument("--losses", type=int, default=400, help="power losses")
     parser.add_argument("--every", type=int, default=1, help="only one in so many faults")
     parser.add_argument("--seed", default="1")
@@ -49,6 +49,9 @@ def choose(parts):
     missing = calls.why_not()
     if missing and SUPERVISED & set(chosen):
         sys.exit(f"crashtest: {missing}; --parts {','.join(SHARES)} works without")
+    if setclock.why_not() and "clocks" in chosen:
+        say(f"no part clocks: {setclock.why_not()}")
+        chosen.remove("clocks")
     unmounted = volume.why_not()
     if unmounted and "space" in chosen:
         say(f"no part space: {unmounted}")
@@ -64,6 +67,7 @@ def main(words):
     times = {name: math.ceil(share * options.kills) for name, share in SHARES.items()}
     parts = {
         "kills": lambda: kills.run(build, work / "kills", times["kills"], seed, say),
+        "clocks": lambda: kills.run_with_steps(build, work / "clocks", times["clocks"], seed, say),
         "reboots": lambda: reboots.run(build, work / "reboots", times["reboots"], seed, say),
         "space": lambda: space.run(build, work / "space", times["space"], seed, say),
         "restores": lambda: restores.run(build, work / "restores", times["restores"], seed, say),

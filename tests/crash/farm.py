@@ -14,7 +14,8 @@ import tempfile
 import threading
 import zlib
 
-sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "service"))
+sys.path[:0] = [str(pathlib.Path(__file__).parent.parent / "service"), str(pathlib.Path(__file__).parent.parent)]
+import setclock  # noqa: E402
 from calls import Supervisor  # noqa: E402
 from service import PATIENCE_S, Service, UnixConnection, processes, wait_until  # noqa: E402
 
@@ -82,7 +83,8 @@ class Daemon(Service):
                 self.supervisor = Supervisor(self.state, judge, self.words(), stderr=log, stdin=subprocess.DEVNULL)
                 self.process = self.supervisor.process
             else:
-                self.process = subprocess.Popen([*self.words(), *more], stderr=log, stdin=subprocess.DEVNULL)
+                self.process = subprocess.Popen([*self.words(), *more], stderr=log, stdin=subprocess.DEVNULL,
+                                                env=self.clock and self.clock.environment)
         return self
 
     def await_served(self):

@@ -1,4 +1,4 @@
-"""Cycles of kill -9 at random moments under load."""
+"""Cycles of kill -9 at random moments under load, in one part with a wall clock that is set by hours."""
 import os
 import random
 import shutil
@@ -6,12 +6,13 @@ import signal
 import time
 
 import copies
-from farm import Book, Daemon, Load, Violation, make_footage, wait_until
+from farm import Book, Daemon, Load, Violation, make_footage, setclock, wait_until
 
 GOOD = (0, 10, 11)  # exit statuses of a worker that has a result
 CYCLES_A_ROUND = 50  # then all jobs end, everything is looked at, and the next round begins with nothing
 # what is killed, and how often
 TARGETS = {"daemon": 4, "daemon while it starts": 2, "workers": 2, "both": 3, "daemon while it drains": 1}
+STEP_S = 10 * 3600  # the longest step of the wall clock, in both directions
 START_S, LOAD_S, DRAIN_S = 0.12, 0.5, 0.2  # the longest time from the start of that phase to the kill
 
 
@@ -66,6 +67,10 @@ def cycle(daemon, book, seed, footage, figures):
     if daemon.dead():
         daemon.start()
     load = Load(daemon, book, seed, footage, outputs=daemon.base / "outputs")
+    if daemon.clock:
+        time.sleep(rng.uniform(0, LOAD_S))
+        daemon.clock.step(rng.uniform(-STEP_S, STEP_S))
+        figures["clock steps"] = figures.get("clock steps", 0) + 1
     act(daemon, target, rng, book)
     load.stop()
     if daemon.dead():
@@ -113,6 +118,18 @@ def new_figures():
     return {"cycles": {}, "submissions": {}, "ended": {}, "deleted": 0, "sequences": 0, "served from the cache": 0, "attempts": 0,
             "most attempts of a job": 0, "results found at a start": 0, "files fetched": 0,
             "copies in output.directory": 0, "temporary files left by kills": 0}
+
+
+def run_with_steps(build, where, cycles, seed, say):
+    """As run(), with a step of the wall clock in each cycle."""
+    where.mkdir(parents=True, exist_ok=True)
+    clock = setclock.Clock(where)
+
+    def new_daemon(*words):
+        daemon = Daemon(*words)
+        daemon.clock = clock
+        return daemon
+    return run(build, where, cycles, seed, say, new_daemon)
 
 
 def run(build, where, cycles, seed, say, new_daemon=Daemon):

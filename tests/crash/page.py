@@ -57,6 +57,13 @@ def write_kills(f):
         " next starts removed.", ""]
 
 
+def write_clocks(f):
+    return ["## kill -9 with clock steps", "",
+            f"The same with {sum(f['cycles'].values())} kills, and in each cycle a step of the wall clock by up to ten hours forward"
+            f" or back while the daemon runs. {about(f)} {sum(f['ended'].values())} jobs ended and"
+            f" {f['files fetched']} files were fetched and compared.", ""]
+
+
 def write_reboots(f):
     deaths = f["deaths"]
     return [
@@ -159,13 +166,13 @@ def write_mutations(f):
 
 def count_kills(figures):
     """In all parts that are there."""
-    counts = {"kills": lambda f: sum(f["cycles"].values()), "reboots": lambda f: sum(f["deaths"].values())}
+    counts = {"kills": lambda f: sum(f["cycles"].values()), "clocks": lambda f: sum(f["cycles"].values()), "reboots": lambda f: sum(f["deaths"].values())}
     return sum(counts.get(name, lambda f: f["kills"])(figures[name])
-               for name in ("kills", "reboots", "space", "restores", "damage") if name in figures)
+               for name in ("kills", "clocks", "reboots", "space", "restores", "damage") if name in figures)
 
 
 def write(figures):
-    parts = {"kills": write_kills, "reboots": write_reboots, "space": write_space, "restores": write_restores,
+    parts = {"kills": write_kills, "clocks": write_clocks, "reboots": write_reboots, "space": write_space, "restores": write_restores,
              "damage": write_damage, "faults": write_faults, "power": write_power, "mutations": write_mutations}
     lines = [HEAD.format(kills=count_kills(figures))]
     for name, write_part in parts.items():

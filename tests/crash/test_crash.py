@@ -41,6 +41,13 @@ def test_kills(build, tmp_path, diagnose):
     assert sum(figures["cycles"].values()) == 6 and figures["ended"]["succeeded"]
 
 
+def test_kills_with_clock_steps(build, tmp_path, diagnose):
+    if farm.setclock.why_not():
+        pytest.skip(farm.setclock.why_not())
+    figures = kills.run_with_steps(build, tmp_path, 6, SEED, lambda text: diagnose(f"seed {SEED}: {text}"))
+    assert figures["clock steps"] == 6 and figures["ended"]["succeeded"]
+
+
 def test_deaths_of_daemon_and_host(build, tmp_path, diagnose, monkeypatch):
     monkeypatch.setattr(reboots, "DEATHS_A_ROUND", 3)
     monkeypatch.setattr(reboots, "BOUNDS", (0, 1))

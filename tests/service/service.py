@@ -132,6 +132,7 @@ class Service:
         self.state = self.base / "state"
         self.port_file = self.base / "port"
         self.process = None
+        self.clock = None  # of setclock.py
         self.starts = 0
 
     def start(self, *more):
@@ -142,7 +143,7 @@ class Service:
             self.process = subprocess.Popen(
                 [*UNDER, self.build / "hexad", "--port_file", self.port_file, "--state_dir", self.state,
                  *self.options, *map(str, more)],
-                stderr=log, stdin=subprocess.DEVNULL)
+                stderr=log, stdin=subprocess.DEVNULL, env=self.clock and self.clock.environment)
         wait_until(lambda: self.port_file.exists() or self.process.poll() is not None, "the daemon")
         assert self.process.poll() is None, self.log.read_text()
         self.address = self.port_file.read_text().strip()

@@ -54,6 +54,7 @@ static inline bool is_cheap(const char *sql, const char *step)
                                            "SCAN state_count",
                                            "SCAN pragma_page", /* one row */
                                            "SCAN instance",
+                                           "SCAN running", /* at most RUNNING_PERIODS_MOST rows */
                                            "SCAN job USING INDEX job_unmeasured",
                                            "SCAN task USING COVERING INDEX task_delayed"};
     if (strncmp(sql, "DELETE FROM owner", 17) == 0) return true; /* only when a user's last job has ended */

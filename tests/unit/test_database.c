@@ -225,7 +225,9 @@ static void test_an_older_schema_is_carried_over(void **state)
 }
 
 /* What version 10 had not. */
-#define BEFORE_11 "ALTER TABLE attempt DROP COLUMN waited_ms; ALTER TABLE attempt DROP COLUMN processor_ms;"
+#define BEFORE_12 \
+    "DROP TABLE running; ALTER TABLE task DROP COLUMN wait_ms; ALTER TABLE outbox DROP COLUMN wait_ms;"
+#define BEFORE_11 BEFORE_12 "ALTER TABLE attempt DROP COLUMN waited_ms; ALTER TABLE attempt DROP COLUMN processor_ms;"
 
 /* What version 9 had not. */
 #define BEFORE_10                                         \

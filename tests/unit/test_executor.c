@@ -16,6 +16,8 @@
 #include <sys/statvfs.h>
 #include <unistd.h>
 
+#include "set_clock.h"
+
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
@@ -676,6 +678,36 @@ static void test_waits_double(void **state)
     }
 }
 
+/* A wait of 20 ms is over soon, although the wall clock is set back by an hour while the daemon runs, and before it starts. */
+static void test_a_clock_that_is_set_back_delays_no_retry(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    meter counts = {.cache_hits = 0};
+    const settlement_place where = {
+        .q = p->q, .work_dir = p->base, .backoff = {0.02, 0.02}, .meter = &counts};
+    for (int running = 1; running >= 0; running--) {
+        if (running) start(p, PROLOGUE REPORT, 1);
+        assert_true(queue_hold(p->q, true, NULL));
+        put(p, "{}", 9, id);
+        queue_claimed claimed = {0};
+        bool found;
+        assert_true(queue_claim_job(p->q, id, &claimed, &found, NULL));
+        settlement s = {.verdict = SETTLEMENT_RETRY_CRASHED};
+        assert_true(settlement_apply(&where, &claimed, &s, NULL, NULL));
+        queue_claimed_clear(&claimed);
+        step_wall(-3600000);
+        assert_true(queue_hold(p->q, false, NULL));
+        if (running)
+            executor_wake(p->x);
+        else
+            start(p, PROLOGUE REPORT, 1);
+        expect_end(p, id, QUEUE_SUCCEEDED, NULL, NULL);
+        executor_stop(p->x);
+        p->x = NULL;
+    }
+}
+
 /* Claims a job as a daemon does that dies of it. */
 static void claim_and_die(place *p, const char *id)
 {
@@ -858,6 +890,7 @@ int main(void)
         cmocka_unit_test(test_a_worker_out_of_memory_is_not_tried_again),
         CASE(test_a_crashed_job_holds_nobody_up),
         CASE(test_waits_double),
+        CASE(test_a_clock_that_is_set_back_delays_no_retry),
         CASE(test_recovery),
         CASE(test_interruptions_have_a_bound),
         CASE(test_interruptions_leave_what_is_spent),

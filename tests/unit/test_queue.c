@@ -619,12 +619,12 @@ static void test_edits_have_revisions(void **state)
     queue_job_clear(&job);
     assert_true(finish(p, id, 0, attempt, &success));
     int64_t at = 0;
-    assert_true(queue_next_expiry(p->q, &at, NULL));
+    assert_true(queue_next_expiry(p->q, 0, &at, NULL));
     assert_true(at == INT64_MAX);
     edit = (queue_edit){.retention_s = &retention};
     assert_true(queue_change(p->q, id, -1, &edit, &edited, NULL));
     job = get(p, id);
-    assert_true(queue_next_expiry(p->q, &at, NULL));
+    assert_true(queue_next_expiry(p->q, 0, &at, NULL));
     assert_true(at == job.finished_ms + 1000);
     assert_true(job.retention_s == 1);
     queue_job_clear(&job);
@@ -655,10 +655,18 @@ static void test_what_is_over_is_forgotten(void **state)
     queue_job_clear(&job);
     char(*ids)[ULID_SIZE];
     size_t count;
-    assert_true(queue_list_expired(p->q, over - 1, 9, &ids, &count, NULL));
+    running_bound bound = {INT64_MIN, INT64_MAX, 0, over - 1};
+    assert_true(queue_list_expired(p->q, &bound, 1, 9, &ids, &count, NULL));
     assert_int_equal(count, 0);
     free(ids);
-    assert_true(queue_list_expired(p->q, over, 9, &ids, &count, NULL));
+    running_bound later[] = {{INT64_MIN, over - 10000, 0, over},
+                             {over - 9999, INT64_MAX, 0, over},
+                             {INT64_MIN, INT64_MAX, over - 9999, over}};
+    assert_true(queue_list_expired(p->q, later, 3, 9, &ids, &count, NULL));
+    assert_int_equal(count, 0);
+    free(ids);
+    bound.over_ms = over;
+    assert_true(queue_list_expired(p->q, &bound, 1, 9, &ids, &count, NULL));
     assert_int_equal(count, 1);
     assert_string_equal(ids[0], id);
     free(ids);

@@ -13,6 +13,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "set_clock.h"
+
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
@@ -23,6 +25,7 @@
 #define PATIENCE_MS 30000
 /* Of files that were sent; those of the tests were used long before, or will be. */
 #define KEEP_S 1
+#define HOUR INT64_C(3600000)
 
 typedef struct place {
     char base[64];
@@ -34,6 +37,7 @@ typedef struct place {
 static int set_up(void **state)
 {
     place *p = mem_alloc(sizeof *p);
+    wall_ahead_ms = boot_ahead_ms = 0;
     strcpy(p->base, "/tmp/hexad-retention-XXXXXX");
     assert_non_null(mkdtemp(p->base));
     error e = {0};
@@ -137,6 +141,32 @@ static bool is_known(place *p, const char *id)
     return found;
 }
 
+/* A file that was sent, last used so long ago. */
+static char *put_input(place *p, char digit, int64_t ago_s, char name[STORE_INPUT_NAME_SIZE])
+{
+    memset(name, digit, STORE_INPUT_NAME_SIZE - 1);
+    memcpy(name, STORE_INPUT_PREFIX, strlen(STORE_INPUT_PREFIX));
+    name[STORE_INPUT_NAME_SIZE - 1] = '\0';
+    char *path = mem_printf("%s/inputs/%s", p->base, name);
+    assert_true(store_file_write(path, "xyz", 3, NULL));
+    struct timespec times[2] = {{.tv_sec = clock_wall_ms() / 1000 - ago_s}};
+    times[1] = times[0];
+    assert_int_equal(utimensat(AT_FDCWD, path, times, 0), 0);
+    return path;
+}
+
+static void wait_gone(const char *path)
+{
+    for (int64_t since = clock_monotonic_ms(); access(path, F_OK) == 0; poll(NULL, 0, 2))
+        if (clock_monotonic_ms() - since > PATIENCE_MS) fail_msg("%s is kept", path);
+}
+
+static void wait_forgotten(place *p, const char *id)
+{
+    for (int64_t since = clock_monotonic_ms(); is_known(p, id); poll(NULL, 0, 2))
+        if (clock_monotonic_ms() - since > PATIENCE_MS) fail_msg("the job is kept");
+}
+
 static void test_what_is_over_goes(void **state)
 {
     place *p = *state;
@@ -159,6 +189,45 @@ static void test_what_is_over_goes(void **state)
         if (clock_monotonic_ms() - since > PATIENCE_MS) fail_msg("the job is kept");
     assert_true(is_known(p, kept));
     assert_true(is_there(result_directory(p->base, kept, QUEUE_NO_FRAME)));
+}
+
+/* A job that ended is kept for ten hours of the daemon, and a file that was sent for KEEP_S, whatever becomes of the wall
+ * clock. */
+static void test_a_clock_that_is_set_forward_deletes_nothing(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE], mark[ULID_SIZE], name[STORE_INPUT_NAME_SIZE];
+    char *directory = mem_printf("%s/inputs", p->base);
+    assert_true(store_directory_create(directory, NULL));
+    p->inputs = store_inputs_open(directory, 100, 9, NULL);
+    char *sent = put_input(p, 'a', 1000, name);
+    put(p, false, 36000, id);
+    run(p, id, QUEUE_NO_FRAME);
+    for (int start = 0; start < 2; start++) {
+        step_wall(1000 * HOUR);
+        begin(p);
+        put(p, false, 1, mark);
+        run(p, mark, QUEUE_NO_FRAME);
+        pass(2000);
+        retention_wake(p->r);
+        wait_forgotten(p, mark); /* after a look at the others */
+        assert_true(is_known(p, id));
+        assert_int_equal(access(sent, F_OK), 0);
+        retention_stop(p->r);
+        p->r = NULL;
+        queue_close(p->q);
+        assert_non_null(p->q = queue_open(p->base, NULL));
+    }
+    begin(p);
+    pass(2 * HOUR);
+    retention_wake(p->r);
+    wait_gone(sent);
+    assert_true(is_known(p, id));
+    pass(8 * HOUR);
+    retention_wake(p->r);
+    wait_forgotten(p, id);
+    free(sent);
+    free(directory);
 }
 
 static void test_delete(void **state)
@@ -260,33 +329,13 @@ static void test_what_cannot_be_removed_stays_noted(void **state)
     free(away);
 }
 
-/* A file that was sent, last used so long ago. */
-static char *put_input(place *p, char digit, int64_t ago_s, char name[STORE_INPUT_NAME_SIZE])
-{
-    memset(name, digit, STORE_INPUT_NAME_SIZE - 1);
-    memcpy(name, STORE_INPUT_PREFIX, strlen(STORE_INPUT_PREFIX));
-    name[STORE_INPUT_NAME_SIZE - 1] = '\0';
-    char *path = mem_printf("%s/inputs/%s", p->base, name);
-    assert_true(store_file_write(path, "xyz", 3, NULL));
-    struct timespec times[2] = {{.tv_sec = clock_wall_ms() / 1000 - ago_s}};
-    times[1] = times[0];
-    assert_int_equal(utimensat(AT_FDCWD, path, times, 0), 0);
-    return path;
-}
-
-static void wait_gone(const char *path)
-{
-    for (int64_t since = clock_monotonic_ms(); access(path, F_OK) == 0; poll(NULL, 0, 2))
-        if (clock_monotonic_ms() - since > PATIENCE_MS) fail_msg("%s is kept", path);
-}
-
 static void test_what_was_sent_goes_when_nobody_wants_it(void **state)
 {
     place *p = *state;
     char name[STORE_INPUT_NAME_SIZE], id[ULID_SIZE];
     char *directory = mem_printf("%s/inputs", p->base);
     assert_true(store_directory_create(directory, NULL));
-    char *unused = put_input(p, 'a', 1000, name), *fresh = put_input(p, 'b', -1000, name),
+    char *unused = put_input(p, 'a', 1000, name), *fresh = put_input(p, 'b', -100000, name),
          *wanted = put_input(p, 'c', 1000, name);
     p->inputs = store_inputs_open(directory, 100, 9, NULL);
     assert_non_null(p->inputs);
@@ -297,6 +346,8 @@ static void test_what_was_sent_goes_when_nobody_wants_it(void **state)
     assert_true(queue_put(p->q, &s, &receipt, NULL));
     memcpy(id, receipt.id, sizeof id);
     begin(p);
+    pass(2 * HOUR);
+    retention_wake(p->r);
     wait_gone(unused); /* in one look with the others */
     assert_int_equal(access(fresh, F_OK), 0);
     assert_int_equal(access(wanted, F_OK), 0);
@@ -310,11 +361,11 @@ static void test_what_was_sent_goes_when_nobody_wants_it(void **state)
     store_upload_end(upload);
     /* a use keeps it */
     free(unused);
-    unused = put_input(p, 'd', 1000, name);
+    unused = put_input(p, 'd', 100000, name);
     assert_int_equal(store_inputs_use(p->inputs, name + strlen(STORE_INPUT_PREFIX)), 3);
     struct stat info;
     assert_int_equal(stat(unused, &info), 0);
-    assert_true(info.st_mtim.tv_sec > clock_wall_ms() / 1000 - 500);
+    assert_true(info.st_mtim.tv_sec > clock_wall_ms() / 1000 - 50000);
     free(unused);
     free(fresh);
     free(wanted);
@@ -340,19 +391,18 @@ static void test_what_was_sent_stays_without_a_time(void **state)
 
 #define SENT "xyz"
 
-static bool wants_none(void *context, const char *name)
+static bool is_old(void *context, const char *name, int64_t used_ms)
 {
     (void)context;
     (void)name;
-    return false;
+    return used_ms < clock_wall_ms() - 500000;
 }
 
 static void *collect(void *argument)
 {
     place *p = argument;
     size_t gone;
-    return store_inputs_collect(p->inputs, clock_wall_ms() - 500000, wants_none, NULL, &gone, NULL) ? p
-                                                                                                    : NULL;
+    return store_inputs_collect(p->inputs, is_old, NULL, &gone, NULL) ? p : NULL;
 }
 
 static void send_it(place *p, const char *hex)
@@ -398,6 +448,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(test_what_is_over_goes, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_clock_that_is_set_forward_deletes_nothing, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_delete, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_start_removes_what_was_noted, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_what_cannot_be_removed_stays_noted, set_up, tear_down),

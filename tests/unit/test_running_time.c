@@ -1,0 +1,154 @@
+/* Unit tests of base/running_time, and of the watch of the wall clock in base/clock. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "set_clock.h"
+
+#include "base/clock.h"
+#include "base/running_time.h"
+
+#define HOUR INT64_C(3600000)
+#define DAY (24 * HOUR)
+
+/* The same program after a time without it. */
+static running_time *start_again(running_time *t)
+{
+    running_period periods[RUNNING_PERIODS_MOST];
+    size_t count = running_time_list(t, periods);
+    running_time_free(t);
+    return running_time_new(periods, count);
+}
+
+static void test_the_wall_clock_decides_about_what_began_in_this_run(void **state)
+{
+    (void)state;
+    running_time *t = running_time_new(NULL, 0);
+    int64_t began = clock_wall_ms();
+    assert_false(running_time_is_over(t, began, 10000));
+    pass(9000);
+    assert_false(running_time_is_over(t, began, 10000));
+    pass(1000);
+    assert_true(running_time_is_over(t, began, 10000));
+    running_time_free(t);
+}
+
+static void test_a_clock_that_is_set_forward_ends_nothing(void **state)
+{
+    (void)state;
+    running_time *t = running_time_new(NULL, 0);
+    pass(DAY);
+    int64_t began = clock_wall_ms();
+    pass(HOUR);
+    assert_true(running_time_is_over(t, began, HOUR));
+    step_wall(365 * DAY);
+    assert_false(running_time_is_over(t, began, DAY));
+    assert_false(
+        running_time_is_over(t, began, HOUR)); /* its time was over, but within the hour after a step */
+    int64_t later = clock_wall_ms();
+    pass(HOUR);
+    assert_true(running_time_is_over(t, began, HOUR));
+    assert_false(running_time_is_over(t, began, DAY));
+    pass(21 * HOUR);
+    assert_false(running_time_is_over(t, began, DAY));
+    pass(HOUR);
+    assert_true(running_time_is_over(t, began, DAY));
+    assert_false(running_time_is_over(t, later, DAY));
+    step_wall(-365 * DAY);
+    pass(HOUR);
+    assert_true(running_time_is_over(t, began, DAY));
+    assert_false(running_time_is_over(t, later, DAY)); /* the wall clock does not say so */
+    running_time_free(t);
+}
+
+static void test_a_start_counts_the_time_that_the_program_ran(void **state)
+{
+    (void)state;
+    running_time *t = running_time_new(NULL, 0);
+    pass(DAY);
+    int64_t began = clock_wall_ms();
+    pass(DAY);
+    t = start_again(t);
+    step_wall(365 * DAY);
+    pass(2 * HOUR);
+    t = start_again(t);
+    assert_false(running_time_is_over(t, began, HOUR));
+    pass(HOUR);
+    assert_true(running_time_is_over(t, began, DAY + 3 * HOUR));
+    assert_false(running_time_is_over(t, began, DAY + 3 * HOUR + 1000));
+    assert_false(running_time_is_over(t, began - 365 * DAY, 3 * DAY)); /* before the program ran first */
+    running_time_free(t);
+}
+
+static void test_a_clock_that_is_set_back_ends_nothing_early(void **state)
+{
+    (void)state;
+    running_time *t = running_time_new(NULL, 0);
+    pass(10 * DAY);
+    int64_t began = clock_wall_ms();
+    assert_false(running_time_is_over(t, began, HOUR));
+    step_wall(-5 * DAY);
+    pass(5 * DAY);
+    assert_false(running_time_is_over(t, began, HOUR));
+    pass(HOUR);
+    assert_true(running_time_is_over(t, began, HOUR));
+    assert_false(running_time_is_over(t, began, 2 * HOUR));
+    running_time_free(t);
+}
+
+static void test_a_small_step_changes_nothing(void **state)
+{
+    (void)state;
+    running_time *t = running_time_new(NULL, 0);
+    int64_t began = clock_wall_ms();
+    step_wall(RUNNING_STEP_MS - 1000);
+    assert_true(running_time_is_over(t, began, RUNNING_STEP_MS - 1000));
+    running_time_free(t);
+}
+
+static void test_more_starts_than_periods_keep_longer(void **state)
+{
+    (void)state;
+    running_time *t = running_time_new(NULL, 0);
+    int64_t began = clock_wall_ms();
+    for (int i = 0; i < 2 * RUNNING_PERIODS_MOST; i++) {
+        pass(2 * HOUR);
+        t = start_again(t);
+    }
+    pass(2 * HOUR);
+    assert_true(running_time_is_over(t, began, 2 * HOUR * RUNNING_PERIODS_MOST));
+    assert_false(running_time_is_over(t, began, 2 * HOUR * (RUNNING_PERIODS_MOST + 1)));
+    running_time_free(t);
+}
+
+static void test_a_clock_set_back_is_seen_once(void **state)
+{
+    (void)state;
+    clock_watch w = CLOCK_WATCH;
+    assert_true(clock_was_set_back(&w));
+    assert_false(clock_was_set_back(&w));
+    pass(HOUR);
+    assert_false(clock_was_set_back(&w));
+    step_wall(HOUR);
+    assert_false(clock_was_set_back(&w));
+    step_wall(-5000);
+    assert_true(clock_was_set_back(&w));
+    assert_false(clock_was_set_back(&w));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_the_wall_clock_decides_about_what_began_in_this_run),
+        cmocka_unit_test(test_a_clock_that_is_set_forward_ends_nothing),
+        cmocka_unit_test(test_a_start_counts_the_time_that_the_program_ran),
+        cmocka_unit_test(test_a_clock_that_is_set_back_ends_nothing_early),
+        cmocka_unit_test(test_a_small_step_changes_nothing),
+        cmocka_unit_test(test_more_starts_than_periods_keep_longer),
+        cmocka_unit_test(test_a_clock_set_back_is_seen_once),
+    };
+    return cmocka_run_group_tests_name("running_time", tests, NULL, NULL);
+}
