@@ -159,6 +159,9 @@
     "  from_ms INTEGER NOT NULL,"   \
     "  length_ms INTEGER NOT NULL"  \
     ") STRICT;"
+/* Whether reports of jobs that reuse a result may be hard links to the reports of other jobs. */
+#define LINKED_REPORTS "linked_reports INTEGER NOT NULL DEFAULT 0"
+#define REPORTS "ALTER TABLE service ADD COLUMN " LINKED_REPORTS ";"
 
 /* A job has the counts of its tasks, so that its state follows from one row. `pending` counts the jobs it waits for.
  * The spec has a table of its own, because it is long and never changes, while the row changes often. */
@@ -264,7 +267,7 @@ static const char tables[] =
     "  FOREIGN KEY (job, task) REFERENCES task (job, number) ON DELETE CASCADE"
     ") STRICT, WITHOUT ROWID;"
 
-    OWNER USAGE
+    OWNER USAGE REPORTS
 
     "CREATE TABLE label ("
     "  label TEXT NOT NULL,"
@@ -435,6 +438,9 @@ static const char add_times_of_attempts[] = "ALTER TABLE attempt ADD COLUMN " WA
  * delayed then starts at once after the clock is set back. */
 static const char add_running[] =
     RUNNING "ALTER TABLE task ADD COLUMN " WAIT_MS ";ALTER TABLE outbox ADD COLUMN " WAIT_MS ";";
+/* Migration from version 11, in which a job that reused a result had the report of the other job. */
+static const char add_reports[] = REPORTS;
+static const char find_linked_reports[] = "UPDATE service SET linked_reports = 1";
 
 /* What a database of the versions `first` to `last` needs, in this order. Version 0: it is empty. */
 static const struct step {
@@ -463,6 +469,8 @@ static const struct step {
     {8, 9, add_sorted},
     {2, 10, add_times_of_attempts},
     {2, 11, add_running},
+    {2, 11, add_reports},
+    {1, 11, find_linked_reports},
 };
 
 bool schema_error_is_damage(int code)

@@ -10,6 +10,7 @@
 #include "base/memory.h"
 #include "base/worker_contract.h"
 #include "json/json.h"
+#include "results/own_report.h"
 #include "results/result.h"
 #include "store/inputs.h"
 
@@ -142,13 +143,14 @@ static bool link_file(const char *from, const char *to, const char *name, error 
     return ok;
 }
 
-bool cache_link_result(const char *from, const char *to, error *e)
+bool cache_link_result(const char *from, const char *to, const char *spec, result *r, error *e)
 {
-    result r = {0};
-    if (!result_read(from, &r, e)) return false;
+    json *report = result_read_report(from, r, e);
+    if (!report) return false;
     bool ok = store_directory_create(to, e);
-    for (size_t i = 0; ok && i < r.output_count; i++) ok = link_file(from, to, r.output[i].name, e);
-    ok = ok && link_file(from, to, WORKER_REPORT_NAME, e) && store_directory_sync(to, e);
-    result_clear(&r);
+    for (size_t i = 0; ok && i < r->output_count; i++) ok = link_file(from, to, r->output[i].name, e);
+    ok = ok && own_report_write(to, report, spec, e); /* which flushes the directory, too */
+    json_free(report);
+    if (!ok) result_clear(r);
     return ok;
 }

@@ -12,6 +12,7 @@
 #include <stdint.h>
 
 #include "json/json.h"
+#include "results/result.h"
 #include "store/file.h"
 #include "store/root.h"
 
@@ -27,7 +28,8 @@ char *cache_describe_inputs(const store_roots *roots, const char *directory, int
 /* Whether no input has changed since it was described. */
 bool cache_is_fresh(const store_roots *roots, const char *inputs);
 
-/* Creates the directory `to` with hard links to the files of the result in `from`. */
-bool cache_link_result(const char *from, const char *to, error *e);
+/* Creates the directory `to` with hard links to the files of the result in `from`, and with a report of its own, which
+ * has this spec. *r describes the result; the caller clears it. */
+bool cache_link_result(const char *from, const char *to, const char *spec, result *r, error *e);
 
 #endif

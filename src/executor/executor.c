@@ -28,6 +28,7 @@
 #include "results/inventory.h"
 #include "results/kept_result.h"
 #include "results/output_cleanup.h"
+#include "results/own_report.h"
 #include "results/result.h"
 #include "results/retention.h"
 #include "store/file.h"
@@ -455,6 +456,7 @@ static bool recover(executor *x, error *e)
     if (!queue_get_instance(x->q, &last, &found, e)) return false;
     bool restarted = *last.boot_id && *boot_id && strcmp(last.boot_id, boot_id) != 0;
     if (!settlement_recover(&x->place, restarted, x->settings.engine->resume ? keep_running : NULL, x, e) ||
+        !own_report_correct_all(x->q, x->work_dir, e) ||
         !inventory_take(x->q, x->work_dir, x->settings.adopt, e) ||
         !instance_join(x->q, x->work_dir, boot_id, e) || !queue_get_instance(x->q, &last, &found, e))
         return false;

@@ -15,6 +15,7 @@
 #include "base/worker_contract.h"
 #include "json/json.h"
 #include "results/lost_found.h"
+#include "results/own_report.h"
 #include "results/result.h"
 #include "store/file.h"
 
@@ -26,11 +27,11 @@ static void set_end(settlement *s, queue_state state, const error *why)
     snprintf(s->message, sizeof s->message, "%s", why->message);
 }
 
-static void set_success(settlement *s, const result *r)
+static void set_success(settlement *s, queue_outcome outcome)
 {
     s->verdict = SETTLEMENT_SUCCEED;
     s->state = QUEUE_SUCCEEDED;
-    s->outcome = r->outcome;
+    s->outcome = outcome;
 }
 
 /* The task of a crashed attempt is tried again while it has attempts left. */
@@ -63,7 +64,7 @@ static void decide_success(const char *directory, settlement *s)
     result r = {0};
     error e = {0};
     if (result_read(directory, &r, &e)) {
-        set_success(s, &r);
+        set_success(s, r.outcome);
         result_clear(&r);
         return;
     }
@@ -250,15 +251,11 @@ void settlement_decide_late(double limit_s, settlement *s)
     set_timed_out(s, limit_s);
 }
 
-bool settlement_decide_cached(const char *directory, const char *from, settlement *s, error *e)
+void settlement_decide_cached(queue_outcome outcome, const char *from, settlement *s)
 {
-    result r = {0};
-    if (!result_read(directory, &r, e)) return false;
     *s = (settlement){.cached_from = from};
-    set_success(s, &r);
+    set_success(s, outcome);
     snprintf(s->reason, sizeof s->reason, "the result of %s", from);
-    result_clear(&r);
-    return true;
 }
 
 bool settlement_decide_kept(const char *directory, settlement *s, error *e)
@@ -266,7 +263,7 @@ bool settlement_decide_kept(const char *directory, settlement *s, error *e)
     result r = {0};
     if (!result_read(directory, &r, e)) return false;
     *s = (settlement){0};
-    set_success(s, &r);
+    set_success(s, r.outcome);
     snprintf(s->reason, sizeof s->reason, "the result of an attempt before");
     result_clear(&r);
     return true;
@@ -476,16 +473,20 @@ static bool recover_task(const settlement_place *place, const queue_claimed *c, 
     struct stat info;
     char *results = result_directory(place->work_dir, c->job.id, c->task.frame);
     bool found = lstat(results, &info) == 0;
-    bool good = found && S_ISDIR(info.st_mode) && result_read(results, &r, &why);
-    if (found && !good && why.code == ERROR_INTERNAL) { /* never discard what could not be examined */
+    /* an earlier version may have ended after it gave the task the report of another job */
+    bool good = found && S_ISDIR(info.st_mode) && result_read(results, &r, &why) &&
+                (c->task.frame != QUEUE_NO_FRAME || own_report_correct(results, c->job.spec, &why));
+    const queue_outcome outcome = r.outcome;
+    result_clear(&r);
+    if (found && !good && why.code != ERROR_NONE &&
+        why.code != ERROR_INPUT_DAMAGED) { /* never discard what could not be examined */
         free(results);
         if (e) *e = why;
         return error_prefix(e, "the result of job %s", c->job.id);
     }
     if (good) {
-        set_success(&s, &r);
+        set_success(&s, outcome);
         s.in_place = true;
-        result_clear(&r);
         snprintf(s.reason, sizeof s.reason, "the result was found at the start");
     } else if (c->job.state == QUEUE_CANCELLING) {
         error_set(&why, ERROR_CANCELLED, "cancelled while it ran");

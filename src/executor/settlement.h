@@ -69,8 +69,9 @@ void settlement_decide_too_large(const queue_claimed *claimed, int64_t memory_mb
 /* Earlier attempts of the task have used up its time limit. */
 void settlement_decide_late(double limit_s, settlement *s);
 
-/* The directory contains the result of the job `from`. The text must outlive the settlement. */
-bool settlement_decide_cached(const char *directory, const char *from, settlement *s, error *e);
+/* The attempt's directory contains a result with this outcome, which the job `from` computed. The text must outlive the
+ * settlement. */
+void settlement_decide_cached(queue_outcome outcome, const char *from, settlement *s);
 
 /* The directory contains the result of an earlier attempt, which could not be copied to output.directory. */
 bool settlement_decide_kept(const char *directory, settlement *s, error *e);

@@ -14,6 +14,7 @@
 #include "executor/input_permissions.h"
 #include "json/json.h"
 #include "results/kept_result.h"
+#include "results/own_report.h"
 #include "results/publication.h"
 #include "results/result.h"
 #include "store/file.h"
@@ -200,19 +201,22 @@ static bool use_cached(slot *s)
     const slot_context *x = s->context;
     work *w = &s->w;
     error e = {0};
+    result r = {0};
     char *inputs = NULL;
     bool found = false;
     if (!queue_recall(x->place->q, w->claimed.cache_key, w->cached_from, &inputs, &found, NULL) || !found)
         return false;
     char *from = result_directory(x->place->work_dir, w->cached_from, QUEUE_NO_FRAME);
     found = cache_is_fresh(x->roots, inputs);
-    if (found && (!cache_link_result(from, w->directory, &e) ||
-                  !settlement_decide_cached(w->directory, w->cached_from, &w->verdict, &e))) {
+    if (found && cache_link_result(from, w->directory, w->claimed.job.spec, &r, &e)) {
+        settlement_decide_cached(r.outcome, w->cached_from, &w->verdict);
+    } else if (found) {
         log_write(LOG_LEVEL_WARNING, "a cached result cannot be used job=%s from=%s: %s", w->claimed.job.id,
                   w->cached_from, e.message);
         store_remove(w->directory, NULL);
         found = false;
     }
+    result_clear(&r);
     free(from);
     free(inputs);
     return found;
@@ -232,6 +236,8 @@ static bool take_kept(slot *s)
 {
     work *w = &s->w;
     return kept_result_take(s->context->place->work_dir, &w->claimed, w->directory) &&
+           (w->claimed.task.frame != QUEUE_NO_FRAME ||
+            own_report_correct(w->directory, w->claimed.job.spec, NULL)) &&
            settlement_decide_kept(w->directory, &w->verdict, NULL);
 }
 

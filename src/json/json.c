@@ -260,6 +260,11 @@ void json_put(json *object, const char *key, json *child)
     if (!put) json_must(NULL);
 }
 
+void json_remove(json *object, const char *key)
+{
+    cJSON_DeleteItemFromObjectCaseSensitive(object, key);
+}
+
 void json_put_null(json *object, const char *key)
 {
     json_put(object, key, json_must(cJSON_CreateNull()));

@@ -73,6 +73,7 @@ json *json_new_number(double value);
 bool json_set(json *root, const char *pointer, json *value);
 void json_put(json *object, const char *key, json *child);
 void json_put_null(json *object, const char *key);
+void json_remove(json *object, const char *key); /* a key that is not there is ignored */
 void json_put_bool(json *object, const char *key, bool value);
 void json_put_number(json *object, const char *key, double value);
 void json_put_integer(json *object, const char *key, int64_t value);    /* exact to 2^53 */

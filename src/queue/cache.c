@@ -2,6 +2,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "base/memory.h"
 #include "queue/members.h"
 
 bool queue_recall(queue *q, const char *key, char id[ULID_SIZE], char **inputs, bool *found, error *e)
@@ -29,4 +30,60 @@ bool queue_recall(queue *q, const char *key, char id[ULID_SIZE], char **inputs, 
         *inputs = read;
     }
     return true;
+}
+
+void queue_reused_free(queue_reused *jobs, size_t count)
+{
+    for (size_t i = 0; i < count; i++) free(jobs[i].spec);
+    free(jobs);
+}
+
+bool queue_list_reused(queue *q, int64_t after, int limit, queue_reused **jobs, size_t *count, error *e)
+{
+    queue_reused *read = mem_alloc((size_t)limit * sizeof *read);
+    size_t used = 0;
+    bool ok = false;
+    database_lock(q->database);
+    sqlite3_stmt *s = ASK(q->database, e,
+                          "SELECT seq, id, cached_from, spec FROM job JOIN spec ON spec.job = seq"
+                          " WHERE seq > ?1 AND cached_from IS NOT NULL AND state = 'succeeded'"
+                          " ORDER BY seq LIMIT ?2",
+                          integer(after), integer(limit));
+    while (database_next(q->database, s, &ok, e)) {
+        queue_reused *r = &read[used++];
+        r->seq = sqlite3_column_int64(s, 0);
+        snprintf(r->id, sizeof r->id, "%s", (const char *)sqlite3_column_text(s, 1));
+        snprintf(r->from, sizeof r->from, "%s", (const char *)sqlite3_column_text(s, 2));
+        r->spec = database_text(s, 3);
+    }
+    database_unlock(q->database);
+    if (!ok) {
+        queue_reused_free(read, used);
+        return false;
+    }
+    *jobs = read;
+    *count = used;
+    return true;
+}
+
+bool queue_has_linked_reports(queue *q, bool *has, error *e)
+{
+    int64_t linked = 0;
+    database_lock(q->database);
+    sqlite3_stmt *s = database_ask(q->database, "SELECT linked_reports FROM service", NULL, 0, e);
+    bool ok = database_read_integer(q->database, s, &linked, e);
+    database_unlock(q->database);
+    if (ok) *has = linked != 0;
+    return ok;
+}
+
+static bool note_own_reports(database *d, change *asked)
+{
+    return database_run(d, "UPDATE service SET linked_reports = 0", NULL, 0, &asked->fault);
+}
+
+bool queue_note_own_reports(queue *q, error *e)
+{
+    change c = {.apply = note_own_reports};
+    return database_change(q->database, &c, e);
 }

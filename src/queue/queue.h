@@ -433,6 +433,22 @@ bool queue_requeue(queue *q, const queue_fence *fence, bool counts, int64_t not_
 /* Finds the job whose result was stored last under this key, and the inputs that were stored with it, to be freed. */
 bool queue_recall(queue *q, const char *key, char id[ULID_SIZE], char **inputs, bool *found, error *e);
 
+/* A job that has succeeded with the result of another job. */
+typedef struct queue_reused {
+    int64_t seq;
+    char id[ULID_SIZE], from[ULID_SIZE];
+    char *spec;
+} queue_reused;
+
+void queue_reused_free(queue_reused *jobs, size_t count);
+
+/* Lists such jobs with a seq above `after`. Looks at all jobs. */
+bool queue_list_reused(queue *q, int64_t after, int limit, queue_reused **jobs, size_t *count, error *e);
+
+/* Whether reports of such jobs may be hard links, because an earlier version made them (results/own_report). */
+bool queue_has_linked_reports(queue *q, bool *has, error *e);
+bool queue_note_own_reports(queue *q, error *e);
+
 /* ---- temporary files of copies of results, in output directories */
 
 typedef struct queue_copy {

@@ -52,8 +52,33 @@ static int64_t integer_of(json_at object, const char *key, int64_t least, int64_
     return number >= (double)least && number <= (double)most ? (int64_t)number : otherwise;
 }
 
+/* Whether a file of the result is a hard link, so that another job has it, too. */
+static bool is_shared(const char *directory, const result *r)
+{
+    struct stat info;
+    bool shared = false;
+    for (size_t i = 0; !shared && i <= r->output_count; i++) {
+        const char *name = i < r->output_count ? r->output[i].name : WORKER_REPORT_NAME;
+        char *path = mem_printf("%s/%s", directory, name);
+        shared = lstat(path, &info) == 0 && info.st_nlink > 1;
+        free(path);
+    }
+    return shared;
+}
+
+/* Removes what may be another user's: the report does not tell which of the jobs that share the result it describes. */
+static void remove_job_data(json *spec)
+{
+    static const char *const private[][2] = {
+        {"", "name"}, {"/queue", "labels"}, {"/queue", "webhook"}, {"/output", "directory"}};
+    for (size_t i = 0; i < sizeof private / sizeof *private; i++) {
+        json *group = json_find(spec, private[i][0]);
+        if (group) json_remove(group, private[i][1]);
+    }
+}
+
 /* Reads the job from the report. *finished_ms is the time the report was written. */
-static bool read_report(const char *directory, restored *j, int64_t *finished_ms)
+static bool read_report(const char *directory, bool shared, restored *j, int64_t *finished_ms)
 {
     struct stat info;
     size_t length = 0;
@@ -62,6 +87,7 @@ static bool read_report(const char *directory, restored *j, int64_t *finished_ms
     json *report = text ? json_parse(text, length, NULL) : NULL;
     json_at root = json_root(report), spec = json_member(&root, "spec");
     bool ok = json_type_of(spec) == JSON_OBJECT;
+    if (ok && shared) remove_job_data(json_find(report, "/spec"));
     if (ok) *finished_ms = (int64_t)info.st_mtim.tv_sec * 1000 + info.st_mtim.tv_nsec / 1000000;
     if (ok && !j->spec) {
         json_at limits = json_member(&spec, "limits"), asked = json_member(&spec, "queue");
@@ -89,7 +115,7 @@ static bool add_task(const char *work_dir, const queue_directory *found, restore
     queue_adopted_task task = {.frame = found->frame};
     char *directory = result_directory(work_dir, found->id, found->frame);
     bool ok = lstat(directory, &info) == 0 && S_ISDIR(info.st_mode) && result_read(directory, &r, &why) &&
-              read_report(directory, j, &task.finished_ms);
+              read_report(directory, is_shared(directory, &r), j, &task.finished_ms);
     if (ok) {
         task.outcome = r.outcome;
         j->is.tasks = mem_resize(j->is.tasks, (j->is.task_count + 1) * sizeof *j->is.tasks);

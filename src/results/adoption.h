@@ -1,7 +1,8 @@
 /* adoption: adds jobs to the queue from their results, after the database was lost.
  *
  * Unknown are all members that a report does not contain: the owner, the attempts, and all times but those of the id
- * and of the report.
+ * and of the report. Jobs that share files of a result by hard links are added without name, labels, output.directory
+ * and webhook, because their reports may be those of another job.
  */
 #ifndef HEXAD_RESULTS_ADOPTION_H
 #define HEXAD_RESULTS_ADOPTION_H

@@ -12,6 +12,7 @@
 #include "base/memory.h"
 #include "results/adoption.h"
 #include "results/lost_found.h"
+#include "results/own_report.h"
 #include "results/result.h"
 
 static const char *const parts[] = {"results", "attempts"};
@@ -139,6 +140,17 @@ typedef enum verdict {
     IS_IN_THE_WAY /* in the way of a task that will run: of its result, or of an attempt with the same number */
 } verdict;
 
+/* An earlier version may have given the job the report of another job. */
+static bool correct_report(queue *q, const char *directory, const queue_directory *d, error *e)
+{
+    queue_job job = {0};
+    bool found = false;
+    bool ok = d->frame != QUEUE_NO_FRAME || (queue_get(q, d->id, &job, &found, e) &&
+                                             (!found || own_report_correct(directory, job.spec, e)));
+    queue_job_clear(&job);
+    return ok;
+}
+
 /* The result of a waiting task: a complete one ends the task, any other is in its way. */
 static bool end_from_result(queue *q, const char *work_dir, const queue_directory *d, verdict *v,
                             size_t *ended, error *e)
@@ -151,7 +163,9 @@ static bool end_from_result(queue *q, const char *work_dir, const queue_director
     bool whole = lstat(directory, &info) == 0 && S_ISDIR(info.st_mode) && result_read(directory, &r, &why);
     bool ok = whole || why.code != ERROR_INTERNAL ||
               error_set(e, ERROR_INTERNAL, "the result %s: %s", directory, why.message);
-    if (whole) ok = queue_end_found(q, d->id, d->frame, r.outcome, &accepted, e);
+    if (whole)
+        ok = correct_report(q, directory, d, e) &&
+             queue_end_found(q, d->id, d->frame, r.outcome, &accepted, e);
     *v = whole ? STAYS : IS_IN_THE_WAY;
     *ended += accepted;
     result_clear(&r);

@@ -161,13 +161,13 @@ static bool read_report(const char *directory, const json *report, result *r, er
     return true;
 }
 
-static bool read_named(const char *directory, const char *name, result *r, error *e)
+/* The parsed document, to be freed; NULL on failure. */
+static json *read_named(const char *directory, const char *name, result *r, error *e)
 {
     char *path = mem_printf("%s/%s", directory, name);
     size_t length = 0;
     result read = {0};
     json *report = NULL;
-    bool ok = false;
     error why = {0};
     char *text = store_file_read(path, REPORT_LIMIT_BYTES, &length, &why);
     if (!text) {
@@ -180,21 +180,36 @@ static bool read_named(const char *directory, const char *name, result *r, error
         error_set(e, ERROR_INPUT_DAMAGED, "%s: %s", name, why.message);
         goto done;
     }
-    ok = read_report(directory, report, &read, e);
-    if (ok)
+    if (read_report(directory, report, &read, e)) {
         *r = read;
-    else
+    } else {
         result_clear(&read);
+        json_free(report);
+        report = NULL;
+    }
 done:
-    json_free(report);
     free(text);
     free(path);
-    return ok;
+    return report;
+}
+
+json *result_read_report(const char *directory, result *r, error *e)
+{
+    return read_named(directory, WORKER_REPORT_NAME, r, e);
 }
 
 bool result_read(const char *directory, result *r, error *e)
 {
-    return read_named(directory, WORKER_REPORT_NAME, r, e);
+    json *report = result_read_report(directory, r, e);
+    json_free(report);
+    return report != NULL;
+}
+
+void result_forget_list(const char *directory)
+{
+    char *path = mem_printf("%s/" LISTING_NAME, directory);
+    unlink(path);
+    free(path);
 }
 
 /* Adds report.json to the outputs. */
@@ -237,7 +252,9 @@ bool result_list(const char *directory, result *r, error *e)
 {
     error why = {0};
     result found = {0};
-    if (read_named(directory, LISTING_NAME, r, &why)) return true;
+    json *listing = read_named(directory, LISTING_NAME, r, &why);
+    json_free(listing);
+    if (listing) return true;
     if (!result_read(directory, &found, e)) return false;
     if (!append_report(directory, &found, e)) {
         result_clear(&found);

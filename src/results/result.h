@@ -12,6 +12,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "json/json.h"
 #include "queue/queue.h"
 
 #define RESULT_LOG_NAME "worker.log" /* written by the engine: what the worker wrote to standard error */
@@ -35,9 +36,14 @@ typedef struct result {
  * tells why it could not be read (no descriptors, a disk error); the result may be good. */
 bool result_read(const char *directory, result *r, error *e);
 
+/* Like result_read, and returns the parsed report.json, to be freed; NULL on failure. */
+json *result_read_report(const char *directory, result *r, error *e);
+
 /* Like result_read, with report.json as the last of the outputs. A report may be long, so the list is stored in a
  * hidden file beside it, which later calls read. */
 bool result_list(const char *directory, result *r, error *e);
+/* Removes the list that result_list has stored. Call it before report.json is replaced. */
+void result_forget_list(const char *directory);
 void result_clear(result *r); /* accepts an empty one */
 
 /* Opens a file of a result without following links. -1 and an error when it does not exist. `name` must be a plain file

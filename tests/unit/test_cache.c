@@ -6,10 +6,12 @@
 
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "base/memory.h"
 #include "executor/cache.h"
+#include "results/own_report.h"
 
 typedef struct place {
     char base[64];
@@ -33,10 +35,10 @@ static int set_up(void **state)
     put(p->input, "volume");
     assert_true(store_directory_create(p->result, NULL));
     char *report = mem_printf("%s/report.json", p->result), *points = mem_printf("%s/points.ply", p->result);
-    char *text =
-        mem_printf("{\"outcome\":\"converged\",\"count\":7,\"inputs\":[{\"path\":\"%s\",\"sha256\":\"ab\"}],"
-                   "\"outputs\":[{\"name\":\"points.ply\",\"bytes\":1,\"sha256\":\"%064d\"}]}",
-                   p->input, 0);
+    char *text = mem_printf(
+        "{\"outcome\":\"converged\",\"count\":7,\"spec\":{\"name\":\"first\"},\"inputs\":[{\"path\":\"%s\",\"sha256\":\"ab\"}],"
+        "\"outputs\":[{\"name\":\"points.ply\",\"bytes\":1,\"sha256\":\"%064d\"}]}",
+        p->input, 0);
     put(report, text);
     put(points, "x");
     free(text);
@@ -118,18 +120,83 @@ static void test_inputs_that_change(void **state)
     free(inputs);
 }
 
-static void test_a_result_is_linked(void **state)
+static char *spec_in(const char *directory)
+{
+    result r = {0};
+    json *report = result_read_report(directory, &r, NULL);
+    assert_non_null(report);
+    char *text = json_print(json_find(report, "/spec"));
+    json_free(report);
+    result_clear(&r);
+    return text;
+}
+
+static bool is_same_file(const char *one, const char *other, const char *name)
+{
+    struct stat a, b;
+    char *first = mem_printf("%s/%s", one, name), *second = mem_printf("%s/%s", other, name);
+    assert_true(stat(first, &a) == 0 && stat(second, &b) == 0);
+    free(first);
+    free(second);
+    return a.st_ino == b.st_ino;
+}
+
+static void test_a_hit_shares_all_files_but_the_report(void **state)
 {
     place *p = *state;
     error e = {0};
-    if (!cache_link_result(p->result, p->target, &e)) fail_msg("%s", e.message);
-    char *points = mem_printf("%s/points.ply", p->target), *report = mem_printf("%s/report.json", p->target);
+    result r = {0};
+    if (!cache_link_result(p->result, p->target, "{\"name\":\"asking\"}", &r, &e)) fail_msg("%s", e.message);
+    assert_int_equal(r.outcome, QUEUE_CONVERGED);
+    assert_int_equal(r.output_count, 1);
+    result_clear(&r);
+    assert_true(is_same_file(p->result, p->target, "points.ply"));
+    assert_false(is_same_file(p->result, p->target, "report.json"));
+    char *there = spec_in(p->result), *here = spec_in(p->target);
+    assert_string_equal(there, "{\"name\":\"first\"}");
+    assert_string_equal(here, "{\"name\":\"asking\"}");
     assert_true(store_remove(p->result, NULL)); /* each job has its files */
-    assert_int_equal(access(points, R_OK), 0);
-    assert_int_equal(access(report, R_OK), 0);
-    assert_false(cache_link_result(p->result, p->base, &e));
-    free(points);
-    free(report);
+    assert_true(result_read(p->target, &r, NULL));
+    result_clear(&r);
+    assert_false(cache_link_result(p->result, p->base, "{}", &r, &e));
+    free(there);
+    free(here);
+}
+
+static void test_a_report_with_another_spec_is_corrected(void **state)
+{
+    place *p = *state;
+    error e = {0};
+    result r = {0};
+    char *old = mem_printf("%s/report.json", p->result), *linked = mem_printf("%s/report.json", p->target);
+    assert_true(store_directory_create(p->target, NULL));
+    assert_int_equal(link(old, linked), 0);
+    assert_false(own_report_correct(p->target, "{}", &e)); /* it is no result */
+    assert_int_equal(e.code, ERROR_INPUT_DAMAGED);
+    char *from = mem_printf("%s/points.ply", p->result), *to = mem_printf("%s/points.ply", p->target);
+    assert_int_equal(link(from, to), 0);
+    assert_true(result_list(p->target, &r, NULL));
+    result_clear(&r);
+    assert_true(own_report_correct(p->target, "{\"name\":\"first\"}", &e));
+    assert_true(is_same_file(p->result, p->target, "report.json"));
+    assert_true(own_report_correct(p->target, "{\"name\":\"asking\"}", &e));
+    assert_false(is_same_file(p->result, p->target, "report.json"));
+    char *there = spec_in(p->result), *here = spec_in(p->target), hash[STORE_HASH_SIZE];
+    assert_string_equal(there, "{\"name\":\"first\"}");
+    assert_string_equal(here, "{\"name\":\"asking\"}");
+    size_t length = 0;
+    char *text = store_file_read(linked, 10000, &length, NULL);
+    store_hash(text, length, hash);
+    assert_true(result_list(p->target, &r, NULL)); /* the list is not the one of the old report */
+    assert_string_equal(r.output[1].sha256, hash);
+    result_clear(&r);
+    free(text);
+    free(there);
+    free(here);
+    free(from);
+    free(to);
+    free(old);
+    free(linked);
 }
 
 int main(void)
@@ -137,7 +204,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_keys),
         cmocka_unit_test_setup_teardown(test_inputs_that_change, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_a_result_is_linked, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_hit_shares_all_files_but_the_report, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_report_with_another_spec_is_corrected, set_up, tear_down),
     };
     return cmocka_run_group_tests_name("cache", tests, NULL, NULL);
 }
