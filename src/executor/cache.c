@@ -51,11 +51,6 @@ bool cache_key(const json *spec, char key[STORE_HASH_SIZE])
     return can;
 }
 
-static int64_t ns_of(struct timespec t)
-{
-    return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
-}
-
 /* JSON numbers cannot hold 64 bits, so such a number is stored as a text. */
 static void put_number(json *o, const char *key, int64_t number)
 {
@@ -64,29 +59,56 @@ static void put_number(json *o, const char *key, int64_t number)
     free(text);
 }
 
-/* Describes a file as it is now. NULL when it cannot be examined. */
-static json *describe_file(const store_roots *roots, const char *path, const char *sha256, struct stat *info)
+/* A file as it is now. */
+typedef struct present {
+    bool named_by_hash; /* an uploaded file, whose name identifies it: the rest is not set */
+    dev_t device;
+    store_identity identity;
+} present;
+
+/* False when it cannot be examined. */
+static bool look_at(const store_roots *roots, const char *path, const char *sha256, present *now)
 {
-    int fd = store_open_input(roots, path, NULL);
-    if (fd < 0) return NULL;
-    bool ok = fstat(fd, info) == 0;
-    close(fd);
-    if (!ok) return NULL;
+    struct stat info;
     char name[STORE_INPUT_NAME_SIZE];
+    *now = (present){0};
+    int fd = store_open_input(roots, path, NULL);
+    if (fd < 0) return false;
+    bool ok = fstat(fd, &info) == 0 && store_identify(fd, &now->identity);
+    close(fd);
+    now->device = info.st_dev;
+    now->named_by_hash =
+        store_inputs_is_sent(path, name) && strcmp(name + strlen(STORE_INPUT_PREFIX), sha256) == 0;
+    return ok;
+}
+
+static json *describe(const char *path, const char *sha256, const present *now)
+{
     json *o = json_new_object();
     json_put_string(o, "path", path);
     json_put_string(o, "sha256", sha256);
-    if (store_inputs_is_sent(path, name) && strcmp(name + strlen(STORE_INPUT_PREFIX), sha256) == 0) {
-        info->st_ctim =
-            (struct timespec){0}; /* an uploaded file is named by its hash, so its name identifies it */
-        return o;
-    }
-    put_number(o, "bytes", info->st_size);
-    put_number(o, "device", (int64_t)info->st_dev);
-    put_number(o, "inode", (int64_t)info->st_ino);
-    put_number(o, "mtime_ns", ns_of(info->st_mtim));
-    put_number(o, "ctime_ns", ns_of(info->st_ctim));
+    if (now->named_by_hash) return o;
+    put_number(o, "bytes", (int64_t)now->identity.bytes);
+    put_number(o, "device", (int64_t)now->device);
+    put_number(o, "inode", (int64_t)now->identity.inode);
+    put_number(o, "mtime_ns", now->identity.mtime_ns);
+    put_number(o, "ctime_ns", now->identity.ctime_ns);
     return o;
+}
+
+static int64_t read_number(json_at input, const char *key)
+{
+    return strtoll(json_string(json_member(&input, key), "-1"), NULL, 10);
+}
+
+/* Whether the path names the file that the worker has opened: what the report says of its descriptor is true of the path. The
+ * device is not compared, since nodes of a farm may number devices otherwise. */
+static bool is_what_was_read(json_at input, const present *now)
+{
+    const store_identity read = {(uint64_t)json_number(json_member(&input, "bytes"), -1),
+                                 (uint64_t)read_number(input, "inode"), read_number(input, "mtime_ns"),
+                                 read_number(input, "ctime_ns")};
+    return now->named_by_hash || store_identity_equals(&read, &now->identity);
 }
 
 char *cache_describe_inputs(const store_roots *roots, const char *directory, int64_t since_ms)
@@ -99,11 +121,12 @@ char *cache_describe_inputs(const store_roots *roots, const char *directory, int
     bool ok = json_type_of(inputs) == JSON_ARRAY;
     for (size_t i = 0; ok && i < json_size(inputs); i++) {
         json_at input = json_element(&inputs, i);
-        struct stat info;
-        json *file = describe_file(roots, json_string(json_member(&input, "path"), ""),
-                                   json_string(json_member(&input, "sha256"), ""), &info);
-        ok = file && ns_of(info.st_ctim) / 1000000 < since_ms - CLOCK_DOUBT_MS;
-        if (file) json_append(list, file);
+        const char *name = json_string(json_member(&input, "path"), "");
+        const char *sha256 = json_string(json_member(&input, "sha256"), "");
+        present now;
+        ok = look_at(roots, name, sha256, &now) && is_what_was_read(input, &now) &&
+             (now.named_by_hash || now.identity.ctime_ns / 1000000 < since_ms - CLOCK_DOUBT_MS);
+        if (ok) json_append(list, describe(name, sha256, &now));
     }
     if (ok) found = json_print(list);
     json_free(list);
@@ -120,12 +143,13 @@ bool cache_is_fresh(const store_roots *roots, const char *inputs)
     bool fresh = json_type_of(root) == JSON_ARRAY;
     for (size_t i = 0; fresh && i < json_size(root); i++) {
         json_at file = json_element(&root, i);
-        struct stat info;
-        json *now = describe_file(roots, json_string(json_member(&file, "path"), ""),
-                                  json_string(json_member(&file, "sha256"), ""), &info);
-        char *a = json_print(file.node), *b = now ? json_print(now) : NULL;
+        const char *path = json_string(json_member(&file, "path"), "");
+        const char *sha256 = json_string(json_member(&file, "sha256"), "");
+        present now;
+        json *described = look_at(roots, path, sha256, &now) ? describe(path, sha256, &now) : NULL;
+        char *a = json_print(file.node), *b = described ? json_print(described) : NULL;
         fresh = b && strcmp(a, b) == 0;
-        json_free(now);
+        json_free(described);
         free(a);
         free(b);
     }

@@ -21,8 +21,9 @@
 bool cache_key(const json *spec, char key[STORE_HASH_SIZE]);
 
 /* Describes the present state of the input files that a result's report names, as a text to be freed. NULL, and then
- * the result cannot be cached, when a file was changed after `since_ms` (wall clock, the start of the attempt) or
- * cannot be examined. */
+ * the result cannot be cached, when a path does not name the file any more that the worker has opened (the report has its
+ * size, inode and times), or a file was changed after `since_ms` (wall clock, the start of the attempt) or cannot be
+ * examined. */
 char *cache_describe_inputs(const store_roots *roots, const char *directory, int64_t since_ms);
 
 /* Whether no input has changed since it was described. */

@@ -35,21 +35,34 @@ static bool settle_hash(source *s, error *e)
     return late_hash_end(h, h ? &s->inputs[s->input_count - 1].facts : NULL, e);
 }
 
+/* The input of this path if it was opened before. One beside others is opened in their order. */
+static source_input *find_input(source *s, const char *path)
+{
+    size_t k = s->input_count;
+    while (k > 0 && strcmp(s->inputs[k - 1].path, path) != 0) k--;
+    return k ? &s->inputs[k - 1] : NULL;
+}
+
 /* Opens an input; the first time it is noted, and its hash begun. Returns a descriptor, or -1. */
 static int open_input(void *context, const char *path, error *e)
 {
     source *s = context;
+    store_identity identity = {0};
     int fd = store_open_input(s->roots, path, e);
-    for (size_t k = s->input_count; fd >= 0 && k > 0;
-         k--) /* a file beside others is asked for in their order */
-        if (strcmp(s->inputs[k - 1].path, path) == 0) return fd;
     if (fd < 0) return -1;
+    bool known = store_identify(fd, &identity);
+    source_input *before = find_input(s, path);
+    if (before) {
+        before->changed |= !known || !store_identity_equals(&before->identity, &identity);
+        return fd;
+    }
     if (!settle_hash(s, e)) {
         close(fd);
         return -1;
     }
     s->inputs = mem_resize(s->inputs, (s->input_count + 1) * sizeof *s->inputs);
-    s->inputs[s->input_count++] = (source_input){.path = mem_strdup(path)};
+    s->inputs[s->input_count++] =
+        (source_input){.path = mem_strdup(path), .identity = identity, .changed = !known};
     s->hash = late_hash_begin(fd, s->hashes_beside);
     if (s->hashes_beside || settle_hash(s, e)) return fd;
     close(fd);

@@ -23,8 +23,10 @@
 
 /* An input file. */
 typedef struct source_input {
-    char *path;        /* as written in the spec, or in a file that the spec names */
-    store_facts facts; /* known once the source is open */
+    char *path;              /* as written in the spec, or in a file that the spec names */
+    store_facts facts;       /* known once the source is open */
+    store_identity identity; /* when it was first opened */
+    bool changed;            /* while the source opened, or it cannot be examined */
 } source_input;
 
 /* One surface of the spec: a leaf of one kind, or a combination or placement of parts. */

@@ -1,5 +1,6 @@
 #include "source/source_report.h"
 
+#include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 
@@ -73,6 +74,24 @@ static void describe_parts(const source_part *p, json *members, json **list, jso
     }
 }
 
+/* JSON numbers cannot hold 64 bits, so such a number is a text. */
+static void put_number(json *o, const char *key, int64_t number)
+{
+    char text[24];
+    snprintf(text, sizeof text, "%" PRId64, number);
+    json_put_string(o, key, text);
+}
+
+/* By this the daemon finds out whether the path still names the file that was read. */
+static void put_identity(json *o, const source_input *input)
+{
+    const store_identity *id = &input->identity;
+    if (input->changed || id->bytes != input->facts.bytes) return;
+    put_number(o, "inode", (int64_t)id->inode);
+    put_number(o, "mtime_ns", id->mtime_ns);
+    put_number(o, "ctime_ns", id->ctime_ns);
+}
+
 void source_describe(const source *s, json *report, json *members, json *warnings)
 {
     json *inputs = json_put_array(report, "inputs"), *list = NULL;
@@ -86,5 +105,6 @@ void source_describe(const source *s, json *report, json *members, json *warning
         json_put_string(input, "path", s->inputs[k].path);
         json_put_integer(input, "bytes", (int64_t)s->inputs[k].facts.bytes);
         json_put_string(input, "sha256", s->inputs[k].facts.sha256);
+        put_identity(input, &s->inputs[k]);
     }
 }

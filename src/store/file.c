@@ -252,6 +252,26 @@ bool store_file_hash(int fd, char hex[STORE_HASH_SIZE], uint64_t *bytes, error *
     return true;
 }
 
+static int64_t ns_of(struct timespec t)
+{
+    return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
+}
+
+bool store_identify(int fd, store_identity *out)
+{
+    struct stat info;
+    if (fstat(fd, &info) != 0) return false;
+    *out = (store_identity){(uint64_t)info.st_size, (uint64_t)info.st_ino, ns_of(info.st_mtim),
+                            ns_of(info.st_ctim)};
+    return true;
+}
+
+bool store_identity_equals(const store_identity *a, const store_identity *b)
+{
+    return a->bytes == b->bytes && a->inode == b->inode && a->mtime_ns == b->mtime_ns &&
+           a->ctime_ns == b->ctime_ns;
+}
+
 bool store_directory_create(const char *path, error *e)
 {
     if (mkdir(path, 0777) == 0) return parent_sync(path, e);

@@ -55,6 +55,16 @@ bool store_file_check_private(int fd, const char *path, error *e);
 void store_hash(const void *bytes, size_t count, char hex[STORE_HASH_SIZE]);
 bool store_file_hash(int fd, char hex[STORE_HASH_SIZE], uint64_t *bytes, error *e);
 
+/* Which file it is, on any host that sees it, and when it was changed last. A change of the bytes changes it. */
+typedef struct store_identity {
+    uint64_t bytes, inode;
+    int64_t mtime_ns, ctime_ns;
+} store_identity;
+
+/* Of an open file. False: it cannot be examined. */
+bool store_identify(int fd, store_identity *out);
+bool store_identity_equals(const store_identity *a, const store_identity *b);
+
 /* What is told of a file. */
 typedef struct store_facts {
     char sha256[STORE_HASH_SIZE];

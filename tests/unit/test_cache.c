@@ -4,6 +4,8 @@
 #include <stdint.h>
 #include <cmocka.h>
 
+#include <fcntl.h>
+#include <inttypes.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -24,6 +26,25 @@ static void put(const char *path, const char *text)
     assert_true(store_file_write(path, text, strlen(text), NULL));
 }
 
+/* As a worker does that has opened the input as it is now. */
+static void write_report(const place *p)
+{
+    store_identity id;
+    int fd = open(p->input, O_RDONLY);
+    assert_true(fd >= 0 && store_identify(fd, &id));
+    close(fd);
+    char *path = mem_printf("%s/report.json", p->result);
+    char *text = mem_printf(
+        "{\"outcome\":\"converged\",\"count\":7,\"spec\":{\"name\":\"first\"},\"inputs\":[{\"path\":\"%s\","
+        "\"sha256\":\"ab\",\"bytes\":%" PRIu64 ",\"inode\":\"%" PRIu64 "\",\"mtime_ns\":\"%" PRId64
+        "\",\"ctime_ns\":\"%" PRId64 "\"}],"
+        "\"outputs\":[{\"name\":\"points.ply\",\"bytes\":1,\"sha256\":\"%064d\"}]}",
+        p->input, id.bytes, id.inode, id.mtime_ns, id.ctime_ns, 0);
+    put(path, text);
+    free(text);
+    free(path);
+}
+
 static int set_up(void **state)
 {
     place *p = mem_alloc(sizeof *p);
@@ -34,15 +55,9 @@ static int set_up(void **state)
     p->target = mem_printf("%s/target", p->base);
     put(p->input, "volume");
     assert_true(store_directory_create(p->result, NULL));
-    char *report = mem_printf("%s/report.json", p->result), *points = mem_printf("%s/points.ply", p->result);
-    char *text = mem_printf(
-        "{\"outcome\":\"converged\",\"count\":7,\"spec\":{\"name\":\"first\"},\"inputs\":[{\"path\":\"%s\",\"sha256\":\"ab\"}],"
-        "\"outputs\":[{\"name\":\"points.ply\",\"bytes\":1,\"sha256\":\"%064d\"}]}",
-        p->input, 0);
-    put(report, text);
+    char *points = mem_printf("%s/points.ply", p->result);
     put(points, "x");
-    free(text);
-    free(report);
+    write_report(p);
     free(points);
     p->roots = store_roots_open(NULL, (const char *[]){p->base}, 1, NULL);
     assert_non_null(p->roots);
@@ -108,6 +123,8 @@ static void test_inputs_that_change(void **state)
     assert_int_equal(rename(copy, p->input), 0);
     assert_false(cache_is_fresh(p->roots, inputs));
     free(inputs);
+    assert_null(cache_describe_inputs(p->roots, p->result, later)); /* it is not the file that was read */
+    write_report(p);
     inputs = cache_describe_inputs(p->roots, p->result, later);
     assert_true(cache_is_fresh(p->roots, inputs));
     put(p->input, "another");
