@@ -122,6 +122,7 @@ function Buttons({job, frame, onChange}) {
     ${!ended && button("Cancel", "/cancel")}
     ${!ended && (job.paused ? button("Resume", "/resume") : button("Pause", "/pause"))}
     ${ended && (job.state !== "succeeded") && button("Retry", "/retry")}
+    ${ended && job.delivery && job.delivery.state !== "pending" && button("Deliver again", "/deliver")}
     ${job.spec && html`<a class="button" href=${`#/submit?from=${job.id}`}>Submit a changed copy</a>`}
     ${ended && html`<button disabled=${busy} onClick=${() => confirm(`Delete ${nameOf(job)} and its results?`) && run("DELETE", "")}>Delete …</button>`}
   </div><${Trouble} error=${error} />`;
@@ -132,6 +133,7 @@ function Facts({job, now}) {
     ["Owner", job.owner], ["Submitted", timeOf(job.created)], ["Started", timeOf(job.started)], ["Ended", timeOf(job.finished)],
     ["Ran", spentOf(job, now)], ["Attempt", !job.array && `${job.attempt} of ${job.max_attempts}`], ["Priority", job.priority],
     ["Threads", job.threads], ["Memory", `${job.memory_mb} MiB`], ["Labels", job.labels.join(", ")],
+    ["Delivery", job.delivery && (job.delivery.message || job.delivery.state)],
     ["Result of", job.cached_from && html`<a href=${`#/jobs/${job.cached_from}`}>${job.cached_from}</a>`], ["Id", html`<code>${job.id}</code>`],
   ];
   return html`<dl class="card facts-list">${rows.map(([word, value]) => (value || value === 0) && html`<div><dt>${word}</dt><dd>${value}</dd></div>`)}</dl>`;

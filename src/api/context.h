@@ -11,9 +11,9 @@
 #include "executor/executor.h"
 #include "http/handler.h"
 #include "queue/queue.h"
+#include "results/output_place.h"
 #include "store/inputs.h"
 #include "store/path_map.h"
-#include "store/output.h"
 #include "store/root.h"
 #include "webhook/delivery.h"
 #include "webhook/hosts.h"
@@ -26,7 +26,7 @@ struct http_context {
     const store_roots *roots; /* where jobs may read, uploads included */
     store_inputs *inputs;
     bool share_inputs; /* users may name what others have sent */
-    const store_outputs *outputs;
+    output_place *outputs;
     const path_map *mappings;       /* of paths; NULL: none */
     const webhook_hosts *webhooks;  /* NULL: none */
     const char *const *slurm_allow; /* options of sbatch that jobs may ask for */

@@ -20,7 +20,8 @@ static void tell(const http_context *c, const http_request *request, queue_comma
     bool found = false, changed = false;
     queue_state now = QUEUE_QUEUED;
     if (!job_lookup_find_own(c, request, &job, r)) return;
-    bool ended = queue_state_is_final(job.state), wants_end = command == QUEUE_RETRY;
+    bool ended = queue_state_is_final(job.state),
+         wants_end = command == QUEUE_RETRY || command == QUEUE_DELIVER;
     if (!executor_tell(c->x, job.id, command, &found, &changed, &now, &e)) {
         reply_set_error(r, &e, NULL);
     } else if (!found) {
@@ -30,7 +31,7 @@ static void tell(const http_context *c, const http_request *request, queue_comma
                           job.id, queue_state_name(now));
     } else {
         log_write(LOG_LEVEL_INFO, "job told job=%s command=%s user=%s", job.id, what, request->caller->user);
-        jobs_answer(c, request, job.id, now == QUEUE_CANCELLING ? 202 : 200, r);
+        jobs_answer(c, request, job.id, now == QUEUE_CANCELLING || command == QUEUE_DELIVER ? 202 : 200, r);
     }
     queue_job_clear(&job);
 }
@@ -53,6 +54,11 @@ void job_commands_resume(const http_context *c, const http_request *request, rep
 void job_commands_retry(const http_context *c, const http_request *request, reply *r)
 {
     tell(c, request, QUEUE_RETRY, "retry", r);
+}
+
+void job_commands_deliver(const http_context *c, const http_request *request, reply *r)
+{
+    tell(c, request, QUEUE_DELIVER, "deliver", r);
 }
 
 /* Parses what may be changed as members of the spec's group `queue`, so that its table checks them. NULL, and the faults

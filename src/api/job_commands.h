@@ -4,7 +4,8 @@
 
 #include "api/context.h"
 
-http_handler job_commands_cancel, job_commands_pause, job_commands_resume, job_commands_retry;
+http_handler job_commands_cancel, job_commands_pause, job_commands_resume, job_commands_retry,
+    job_commands_deliver;
 
 /* The members of a spec's `queue` that PATCH can change; NULL behind the last. */
 extern const char *const job_commands_patch_members[];

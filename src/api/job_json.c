@@ -65,6 +65,18 @@ void job_json_put_notes(json *object, const char *work_dir, const char *id, int 
     free(directory);
 }
 
+void job_json_put_delivery(json *object, const char *state, const char *code, const char *message)
+{
+    if (!state) {
+        json_put_null(object, "delivery");
+        return;
+    }
+    json *o = json_put_object(object, "delivery");
+    json_put_string(o, "state", state);
+    json_put_string(o, "code", code);
+    json_put_string(o, "message", message);
+}
+
 /* Every answer has the counts and the links: one printf is cheaper than twelve JSON values. */
 static void put_counts(json *object, const queue_counts *n)
 {

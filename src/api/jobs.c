@@ -53,6 +53,7 @@ static void answer_job(const http_context *c, const http_request *request, const
     job_json_put_spec(document, own ? job->spec : NULL, own ? job->paths : NULL);
     job_json_put_notes(document, c->work_dir, job->id, QUEUE_NO_FRAME,
                        own && !job->array && job->state == QUEUE_SUCCEEDED);
+    job_json_put_delivery(document, own ? job->copy_state : NULL, job->copy_code, job->copy_message);
     json *list = json_put_array(document, "attempts");
     for (size_t i = 0; i < count; i++) job_json_append_attempt(list, job, &attempts[i]);
     queue_attempts_free(attempts, count);
@@ -166,13 +167,17 @@ static bool check_inputs(const http_context *c, const access_caller *caller, con
     return true;
 }
 
-/* Checks that results may be copied to the directory that the spec names. */
-static bool check_output(const http_context *c, const order *o, reply *r)
+/* Checks that results may be copied to the directory that the spec names; of a sequence, those of the first frame. */
+static bool check_output(const http_context *c, const access_caller *caller, const order *o, reply *r)
 {
     error e = {0};
-    if (!o->s->directory || store_output_check(c->outputs, o->s->directory, &e)) return true;
-    refuse_member(o, "/output/directory", &e, r);
-    return false;
+    const spec *s = o->s;
+    if (!s->directory) return true;
+    char *path = s->frames ? frames_path(s->directory, s->frame[0]) : mem_strdup(s->directory);
+    bool good = output_place_check(c->outputs, caller->user, path, &e);
+    free(path);
+    if (!good) refuse_member(o, "/output/directory", &e, r);
+    return good;
 }
 
 static bool check_webhook(const http_context *c, const order *o, reply *r)
@@ -233,8 +238,8 @@ bool jobs_admit_priority(const http_context *c, const http_request *request, int
 static bool check_order(const http_context *c, const http_request *request, const order *o, reply *r)
 {
     return jobs_admit_priority(c, request, o->s->priority, "/queue/priority", r) &&
-           check_inputs(c, request->caller, o, r) && check_output(c, o, r) && check_webhook(c, o, r) &&
-           check_slurm(c, o, r);
+           check_inputs(c, request->caller, o, r) && check_output(c, request->caller, o, r) &&
+           check_webhook(c, o, r) && check_slurm(c, o, r);
 }
 
 static char *print_labels(const spec *s)
@@ -272,6 +277,7 @@ static void show_accepted(const queue_receipt *receipt, const queue_submission *
     json *document = job_json_new(&job, NULL);
     job_json_put_spec(document, put->spec, put->paths);
     json_put_null(document, "notes");
+    json_put_null(document, "delivery");
     json_put_array(document, "attempts");
     job_json_print_tag(&job, NULL, tag);
     reply_set_json(r, 201, document);

@@ -80,14 +80,17 @@ static void look_at_results(const http_context *c, finding *f)
         " their owners have to fetch results, or delete jobs");
 }
 
+/* Jobs that name no directory run all the same. */
+static void look_at_outputs(const http_context *c, finding *f)
+{
+    if (output_place_unwritable(c->outputs)) f->state = "unwritable";
+}
+
 static const struct condition {
     const char *name;
     void (*look)(const http_context *c, finding *f);
-} conditions[] = {{"jobs", look_at_jobs},
-                  {"queue", look_at_queue},
-                  {"results", look_at_results},
-                  {"storage", look_at_storage},
-                  {"database", look_at_database}};
+} conditions[] = {{"jobs", look_at_jobs},       {"queue", look_at_queue},     {"outputs", look_at_outputs},
+                  {"results", look_at_results}, {"storage", look_at_storage}, {"database", look_at_database}};
 
 /* The worst condition comes last and is the one that is reported. */
 void status_ready(const http_context *c, const http_request *request, reply *r)

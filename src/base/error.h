@@ -36,6 +36,9 @@
     ENTRY(prefix, DEPENDENCY_FAILED, "dependency_failed")                                               \
     ENTRY(prefix, STORAGE_FULL, "storage_full")     /* no space is left on a disk, or within a quota */ \
     ENTRY(prefix, STORAGE_FAILED, "storage_failed") /* a disk does not read or write */                 \
+    ENTRY(prefix, OUTPUT_TAKEN, "output_taken")     /* another user's result is in output.directory */  \
+    ENTRY(prefix, OUTPUT_UNWRITABLE,                                                                    \
+          "output_unwritable") /* the service may not write to output.directory */                      \
     ENTRY(prefix, INTERRUPTED, "interrupted")                                                           \
     ENTRY(prefix, DATABASE_DAMAGED, "database_damaged")                                                 \
     ENTRY(prefix, INTERNAL, "internal")

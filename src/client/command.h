@@ -48,7 +48,8 @@ typedef int command(client *c, const char *argument, const command_options *opti
 command command_submit, command_validate, command_estimate, command_upload, command_inspect;
 command command_list, command_show, command_attempts, command_wait;
 command command_fetch, command_log;
-command command_cancel, command_pause, command_resume, command_retry, command_delete, command_priority;
+command command_cancel, command_pause, command_resume, command_retry, command_deliver, command_delete,
+    command_priority;
 command command_watch, command_workers, command_drain, command_undrain;
 command command_hold, command_release, command_usage;
 

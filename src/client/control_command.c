@@ -38,6 +38,11 @@ int command_retry(client *c, const char *argument, const command_options *option
     return tell_and_print(c, argument, "/retry", options);
 }
 
+int command_deliver(client *c, const char *argument, const command_options *options)
+{
+    return tell_and_print(c, argument, "/deliver", options);
+}
+
 /* What a pause means for what runs and what waits. */
 static void explain_pause(json_at job)
 {

@@ -79,7 +79,7 @@ int print_refused(const client_reply *reply)
 
 void print_job(json_at job)
 {
-    json_at fault = json_member(&job, "error");
+    json_at fault = json_member(&job, "error"), copy = json_member(&job, "delivery");
     const char *outcome = json_string(json_member(&job, "outcome"), NULL);
     print_text(stdout, json_string(json_member(&job, "id"), "?"));
     putchar(' ');
@@ -93,6 +93,10 @@ void print_job(json_at job)
         print_text(stdout, json_string(json_member(&fault, "code"), "?"));
         fputs(": ", stdout);
         print_text(stdout, json_string(json_member(&fault, "message"), ""));
+    }
+    if (strcmp(json_string(json_member(&copy, "state"), ""), "failed") == 0) {
+        fputs(" not delivered: ", stdout);
+        print_text(stdout, json_string(json_member(&copy, "message"), ""));
     }
     putchar('\n');
 }

@@ -119,6 +119,10 @@ const config_row config_table[] = {
              "read them may also enter them."},
     {SETTING(output_group), .type = CONFIG_TEXT,
      .help = "The group of copied results. Empty: the service's group."},
+    {SETTING(share_outputs), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1,
+     .help =
+         "1: a job may replace the result of another user in its output.directory. 0: such a job is refused "
+         "(output_taken) while the report.json that was delivered for the other user is there."},
     {SETTING(workers), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1024,
      .unit = "processes",
      .help =

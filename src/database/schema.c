@@ -38,6 +38,13 @@
     "  directory TEXT NOT NULL" \
     ") STRICT, WITHOUT ROWID;"
 
+/* For whom the last report was delivered into an output directory. */
+#define OUTPUTS                     \
+    "CREATE TABLE output ("         \
+    "  directory TEXT PRIMARY KEY," \
+    "  owner TEXT NOT NULL"         \
+    ") STRICT, WITHOUT ROWID;"
+
 /* The service instance (one row), and the deleted tasks whose directories are to be removed: those of the result, and
  * of the attempts up to the stored number. */
 #define INSTANCE                    \
@@ -159,6 +166,12 @@
     "  from_ms INTEGER NOT NULL,"   \
     "  length_ms INTEGER NOT NULL"  \
     ") STRICT;"
+/* What became of the copy to output.directory, and why it failed. A code of a task: it has to be copied (again). */
+#define COPY_STATE "copy_state TEXT CHECK (copy_state IN ('delivered', 'failed', 'pending'))"
+#define COPY_CODE "copy_code TEXT"
+#define COPY_MESSAGE "copy_message TEXT"
+#define COPYING "CREATE INDEX job_copying ON job (seq) WHERE copy_state = 'pending';"
+
 /* Whether reports of jobs that reuse a result may be hard links to the reports of other jobs. */
 #define LINKED_REPORTS "linked_reports INTEGER NOT NULL DEFAULT 0"
 #define REPORTS "ALTER TABLE service ADD COLUMN " LINKED_REPORTS ";"
@@ -209,11 +222,12 @@ static const char tables[] =
     "  key TEXT,"
     "  body_hash TEXT,"
     "  " RESULT_BYTES ", " DELIVERED ", " DELIVERED_MS ","
+    "  " COPY_STATE ", " COPY_CODE ", " COPY_MESSAGE ","
     "  CHECK (ready >= 0 AND delayed >= 0 AND running >= 0 AND"
     "    ready + delayed + running + succeeded + failed + cancelled + timed_out = tasks)"
     ") STRICT;"
     "CREATE INDEX job_by_state ON job (state, seq);"
-    "CREATE INDEX job_by_owner ON job (owner, seq);" FOUND
+    "CREATE INDEX job_by_owner ON job (owner, seq);" FOUND COPYING
     "CREATE UNIQUE INDEX job_by_key ON job (owner, key) WHERE key IS NOT NULL;" STATE_COUNT
     "CREATE INDEX job_expiring ON job (expires_ms) WHERE expires_ms IS NOT NULL;"
     "CREATE INDEX job_ready ON job (owner, priority DESC, seq, threads, memory_mb)"
@@ -242,7 +256,7 @@ static const char tables[] =
     "  finished_ms INTEGER,"
     "  error_code TEXT,"
     "  error_message TEXT,"
-    "  " IS_DELIVERED ","
+    "  " IS_DELIVERED ", " COPY_CODE ", " COPY_MESSAGE ","
     "  PRIMARY KEY (job, number)"
     ") STRICT, WITHOUT ROWID;"
     "CREATE UNIQUE INDEX task_by_frame ON task (job, frame) WHERE frame IS NOT NULL;"
@@ -283,7 +297,7 @@ static const char tables[] =
     ") STRICT, WITHOUT ROWID;"
     "CREATE INDEX dependency_by_need ON dependency (needs, job);"
 
-    INPUTS COPIES INSTANCE RUNNING "CREATE TABLE event ("
+    INPUTS COPIES OUTPUTS INSTANCE RUNNING "CREATE TABLE event ("
     "  seq INTEGER PRIMARY KEY AUTOINCREMENT,"
     "  at_ms INTEGER NOT NULL,"
     "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"
@@ -438,8 +452,16 @@ static const char add_times_of_attempts[] = "ALTER TABLE attempt ADD COLUMN " WA
  * delayed then starts at once after the clock is set back. */
 static const char add_running[] =
     RUNNING "ALTER TABLE task ADD COLUMN " WAIT_MS ";ALTER TABLE outbox ADD COLUMN " WAIT_MS ";";
-/* Migration from version 11, in which a job that reused a result had the report of the other job. */
-static const char add_reports[] = REPORTS;
+/* Migration from version 11, in which a job that reused a result had the report of the other job, and a result replaced
+ * that of any user in its output directory. */
+static const char add_reports[] = REPORTS OUTPUTS "ALTER TABLE job ADD COLUMN " COPY_STATE ";"
+                                                  "ALTER TABLE job ADD COLUMN " COPY_CODE ";"
+                                                  "ALTER TABLE job ADD COLUMN " COPY_MESSAGE ";"
+                                                  "ALTER TABLE task ADD COLUMN " COPY_CODE ";"
+                                                  "ALTER TABLE task ADD COLUMN " COPY_MESSAGE ";" COPYING;
+/* A job failed when its result could not be copied. */
+static const char find_copies[] = "UPDATE job SET copy_state = 'delivered' WHERE succeeded > 0 AND"
+                                  "  seq IN (SELECT job FROM spec WHERE directory IS NOT NULL);";
 static const char find_linked_reports[] = "UPDATE service SET linked_reports = 1";
 
 /* What a database of the versions `first` to `last` needs, in this order. Version 0: it is empty. */
@@ -471,6 +493,7 @@ static const struct step {
     {2, 11, add_running},
     {2, 11, add_reports},
     {1, 11, find_linked_reports},
+    {1, 11, find_copies},
 };
 
 bool schema_error_is_damage(int code)

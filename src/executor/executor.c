@@ -29,6 +29,7 @@
 #include "results/kept_result.h"
 #include "results/output_cleanup.h"
 #include "results/own_report.h"
+#include "results/redelivery.h"
 #include "results/result.h"
 #include "results/retention.h"
 #include "store/file.h"
@@ -69,6 +70,7 @@ struct executor {
     progress_ring *progress;
     retention *retention;
     output_cleanup *cleanup;
+    redelivery *redelivery;
     storage storage;
     pthread_t thread;
     int wake_fd, drained_fd;
@@ -353,6 +355,7 @@ static void executor_free(executor *x)
     for (size_t i = 0; i < x->slot_count; i++) slot_free(x->slots[i]);
     free(x->slots);
     retention_stop(x->retention);
+    redelivery_stop(x->redelivery);
     output_cleanup_stop(x->cleanup);
     store_roots_close(x->roots);
     progress_ring_free(x->progress);
@@ -415,7 +418,7 @@ static void set_context(executor *x)
         .input_root_count = settings->input_root_count,
         .roots = x->roots,
         .inputs = settings->inputs,
-        .outputs = &settings->outputs,
+        .outputs = settings->outputs,
         .progress = x->progress,
         .sandbox = settings->sandbox,
         .groups = settings->groups,
@@ -485,7 +488,8 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
     x->roots = ok ? store_roots_open(sent, settings->input_roots, settings->input_root_count, e) : NULL;
     set_context(x);
     ok = x->roots && make_places(x, e) && recover(x, e) &&
-         output_cleanup_start(q, &x->settings.outputs, &x->cleanup, e) &&
+         output_cleanup_start(q, output_place_roots(settings->outputs), &x->cleanup, e) &&
+         (!settings->outputs || (x->redelivery = redelivery_start(q, settings->outputs, x->work_dir, e))) &&
          (x->retention =
               retention_start(q, x->work_dir, settings->inputs, settings->inputs_keep_s, x->wake_fd, e));
     if (ok && background_start(&x->thread, supervise, x, "the supervisor", e)) return x;
@@ -573,6 +577,7 @@ bool executor_tell(executor *x, const char *id, queue_command command, bool *fou
     if (ok && *found && (command == QUEUE_PAUSE || command == QUEUE_RESUME))
         for (size_t i = 0; i < x->slot_count; i++) slot_pause(x->slots[i], id, command == QUEUE_PAUSE);
     pthread_mutex_unlock(&x->order);
+    if (ok && *changed && command == QUEUE_DELIVER && x->redelivery) redelivery_wake(x->redelivery);
     if (ok && *changed && command == QUEUE_CANCEL) kept_result_remove(x->q, x->work_dir, id);
     executor_wake(x);
     return ok;

@@ -21,8 +21,8 @@
 #include "executor/progress_ring.h"
 #include "queue/queue.h"
 #include "results/fetches.h"
+#include "results/output_place.h"
 #include "store/inputs.h"
-#include "store/output.h"
 
 typedef struct executor executor;
 
@@ -34,21 +34,21 @@ typedef struct executor_settings {
     const char *worker;    /* path of hexad-worker */
     const char *const *input_roots;
     size_t input_root_count;
-    store_inputs *inputs;         /* uploaded files; must outlive the executor; NULL: none */
-    double inputs_keep_s;         /* after their last use; 0: for ever */
-    int workers;                  /* attempts at once; 0: one per thread */
-    int threads;                  /* of all attempts; 0: the processors there are */
-    int64_t host_memory_mb;       /* of all attempts; 0: nine tenths of what there is */
-    int64_t memory_mb;            /* of a job that names no limit, > 0 */
-    bool cache;                   /* equal jobs get the same result */
-    int64_t file_mb;              /* the longest file a worker may write; 0: no limit */
-    sandbox_mode sandbox;         /* that workers enter */
-    control_groups *groups;       /* of attempts; must outlive the executor; NULL: none */
-    int most_of_owner;            /* attempts of one owner at once; 0: any number */
-    const user_numbers *weights;  /* as queue_room's; must outlive the executor */
-    double timeout_s, stall_s;    /* of a job that names no limit; 0: none */
-    store_outputs outputs;        /* where results may be copied to; its texts must outlive the executor */
-    double grace_s;               /* between SIGTERM and SIGKILL */
+    store_inputs *inputs;        /* uploaded files; must outlive the executor; NULL: none */
+    double inputs_keep_s;        /* after their last use; 0: for ever */
+    int workers;                 /* attempts at once; 0: one per thread */
+    int threads;                 /* of all attempts; 0: the processors there are */
+    int64_t host_memory_mb;      /* of all attempts; 0: nine tenths of what there is */
+    int64_t memory_mb;           /* of a job that names no limit, > 0 */
+    bool cache;                  /* equal jobs get the same result */
+    int64_t file_mb;             /* the longest file a worker may write; 0: no limit */
+    sandbox_mode sandbox;        /* that workers enter */
+    control_groups *groups;      /* of attempts; must outlive the executor; NULL: none */
+    int most_of_owner;           /* attempts of one owner at once; 0: any number */
+    const user_numbers *weights; /* as queue_room's; must outlive the executor */
+    double timeout_s, stall_s;   /* of a job that names no limit; 0: none */
+    output_place *outputs; /* where results may be copied to; must outlive the executor; NULL: nowhere */
+    double grace_s;        /* between SIGTERM and SIGKILL */
     double retry_s, retry_most_s; /* the first and the longest wait after a crash */
     int64_t free_space_mb;        /* minimum on the state directory's disks to start an attempt; 0: any */
     int storage_retries;          /* of a task, because a disk was full or failed */

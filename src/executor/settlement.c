@@ -271,12 +271,13 @@ bool settlement_decide_kept(const char *directory, settlement *s, error *e)
 
 void settlement_decide_unpublished(const error *why, settlement *s)
 {
-    s->outcome = QUEUE_NO_OUTCOME;
     s->keep = error_is_of_storage(why->code);
-    if (s->keep)
+    if (s->keep) {
+        s->outcome = QUEUE_NO_OUTCOME;
         set_storage(s, why);
-    else
-        set_end(s, QUEUE_FAILED, why);
+    } else {
+        s->copy_fault = *why;
+    }
 }
 
 /* Fails a task that was tried storage_retries times while a disk was full or failed. */
@@ -345,7 +346,8 @@ static bool check_fence(queue *q, const queue_claimed *c, bool *current, error *
 static queue_ending make_ending(const settlement_place *place, const queue_claimed *c, const settlement *s,
                                 const engine_ending *ending, int64_t bytes)
 {
-    bool success = s->verdict == SETTLEMENT_SUCCEED; /* a result that could not be copied is not reused */
+    bool success = s->verdict == SETTLEMENT_SUCCEED; /* a result that is kept for its copy is not reused */
+    bool uncopied = s->copy_fault.code != ERROR_NONE;
     return (queue_ending){
         .state = s->state,
         .outcome = s->outcome,
@@ -364,7 +366,10 @@ static queue_ending make_ending(const settlement_place *place, const queue_claim
         .cached_from = success ? s->cached_from : NULL,
         .copied = s->copied,
         .bytes = bytes,
-        .delivered = success && c->directory,
+        .delivered = success && c->directory && !uncopied && !s->copy_pending,
+        .copy_pending = success && s->copy_pending,
+        .copy_code = success && uncopied ? error_code_name(s->copy_fault.code) : NULL,
+        .copy_message = success && uncopied ? s->copy_fault.message : NULL,
         .cache_key = success ? s->cache_key : NULL,
         .cache_inputs = success ? s->cache_inputs : NULL,
     };
@@ -487,6 +492,7 @@ static bool recover_task(const settlement_place *place, const queue_claimed *c, 
     if (good) {
         set_success(&s, outcome);
         s.in_place = true;
+        s.copy_pending = c->directory != NULL; /* it is not known whether it was copied */
         snprintf(s.reason, sizeof s.reason, "the result was found at the start");
     } else if (c->job.state == QUEUE_CANCELLING) {
         error_set(&why, ERROR_CANCELLED, "cancelled while it ran");

@@ -49,6 +49,8 @@ typedef struct settlement {
     bool in_place;           /* with SUCCEED: the result is already in results/ */
     bool keep;               /* with RETRY_STORAGE: the directory holds a result for the next attempt */
     const char *copied;      /* as queue_ending's */
+    bool copy_pending;       /* likewise */
+    error copy_fault;        /* with SUCCEED: why the result could not be copied to output.directory */
     const char *cached_from; /* with SUCCEED: the job that computed the result, or NULL */
     const char *cache_key, *cache_inputs; /* with SUCCEED: as queue_ending's */
 } settlement;
@@ -76,7 +78,8 @@ void settlement_decide_cached(queue_outcome outcome, const char *from, settlemen
 /* The directory contains the result of an earlier attempt, which could not be copied to output.directory. */
 bool settlement_decide_kept(const char *directory, settlement *s, error *e);
 
-/* The result could not be copied to output.directory: the job fails, or is tried again when a disk was at fault. */
+/* The result could not be copied to output.directory. When a disk was at fault, the job is tried again. Otherwise it
+ * succeeds, and the queue notes why the result was not delivered. */
 void settlement_decide_unpublished(const error *why, settlement *s);
 
 /* How long a task waits after a crashed attempt: `first_s` after the first one that counts, twice as long after each

@@ -183,7 +183,8 @@ static void publish_or_settle(slot *s)
     const slot_context *x = s->context;
     work *w = &s->w;
     char *path = w->verdict.verdict == SETTLEMENT_SUCCEED ? copy_path(&w->claimed) : NULL;
-    if (path) w->publication = publication_start(x->place->q, x->outputs, w->directory, path, x->wake_fd);
+    if (path)
+        w->publication = publication_start(x->outputs, w->claimed.job.owner, w->directory, path, x->wake_fd);
     free(path);
     enter(s, w->publication ? SLOT_PUBLISHING : SLOT_SETTLING);
 }

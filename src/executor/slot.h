@@ -24,8 +24,8 @@
 #include "executor/progress_ring.h"
 #include "executor/settlement.h"
 #include "queue/queue.h"
+#include "results/output_place.h"
 #include "store/inputs.h"
-#include "store/output.h"
 #include "store/root.h"
 
 typedef enum slot_phase {
@@ -48,9 +48,9 @@ typedef struct slot_context {
     const char *worker;   /* path of hexad-worker */
     const char *const *input_roots;
     size_t input_root_count;
-    const store_roots *roots;     /* the input roots and the directory of uploads, open */
-    store_inputs *inputs;         /* uploads; NULL: none */
-    const store_outputs *outputs; /* where copies of results may go */
+    const store_roots *roots; /* the input roots and the directory of uploads, open */
+    store_inputs *inputs;     /* uploads; NULL: none */
+    output_place *outputs;    /* where copies of results go */
     progress_ring *progress;
     sandbox_mode sandbox;
     control_groups *groups; /* of the attempts; NULL: none */

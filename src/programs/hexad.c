@@ -38,6 +38,7 @@
 #include "programs/maintenance.h"
 #include "queue/queue.h"
 #include "results/instance.h"
+#include "results/output_place.h"
 #include "slurm/slurm.h"
 #include "store/file.h"
 #include "store/inputs.h"
@@ -72,7 +73,8 @@ typedef struct service {
     store_inputs *inputs;
     char *inputs_dir;
     store_roots *roots;
-    store_outputs outputs;
+    store_outputs output_roots;
+    output_place *outputs;
     path_map *mappings;
     user_numbers *weights, *priorities; /* of users */
     webhook_hosts *webhook_hosts;
@@ -311,18 +313,20 @@ static bool init_outputs(service *s, error *e)
         if (c->output_roots.item[i][0] != '/')
             return error_set(e, ERROR_SPEC_INVALID, "output_roots: %s must be an absolute path",
                              c->output_roots.item[i]);
-    s->outputs = (store_outputs){
+    s->output_roots = (store_outputs){
         .roots = (const char *const *)c->output_roots.item,
         .root_count = c->output_roots.count,
         .mode = (mode_t)mode,
         .group = group ? group->gr_gid : (gid_t)-1,
     };
+    s->outputs = output_place_new(s->q, &s->output_roots, c->share_outputs != 0);
+    output_place_check_roots(s->outputs);
     return true;
 }
 
 static void fini_outputs(service *s)
 {
-    s->outputs = (store_outputs){0};
+    output_place_free(s->outputs);
 }
 
 static bool init_mappings(service *s, error *e)
@@ -560,7 +564,7 @@ static bool init_http(service *s, error *e)
         .roots = s->roots,
         .inputs = s->inputs,
         .share_inputs = s->settings.share_inputs != 0,
-        .outputs = &s->outputs,
+        .outputs = s->outputs,
         .mappings = s->mappings,
         .webhooks = s->webhook_hosts,
         .slurm_allow = (const char *const *)c->slurm_allow.item,
@@ -685,6 +689,7 @@ static void reload(service *s)
         bound_results(s);
         executor_settings settings = executor_settings_of(s);
         executor_change(s->x, &settings);
+        output_place_check_roots(s->outputs);
         log_write(LOG_LEVEL_INFO, "settings reloaded");
     } else {
         log_write(LOG_LEVEL_ERROR, "the settings are unchanged: %s", e.message);

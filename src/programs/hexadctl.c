@@ -53,6 +53,7 @@ static const char usage[] =
     "  pause ID          start no more attempts of a job; running ones go on to their end\n"
     "  resume ID         start attempts of a paused job again\n"
     "  retry ID          run the failed tasks of a job again\n"
+    "  deliver ID        copy the results of a job to its output directory again\n"
     "  delete ID         delete a job that has ended, with its results\n"
     "  priority ID --priority N\n"
     "                    change the priority of a job\n"
@@ -114,6 +115,7 @@ static const struct entry {
     {"pause", command_pause, ONE, ""},
     {"resume", command_resume, ONE, ""},
     {"retry", command_retry, ONE, ""},
+    {"deliver", command_deliver, ONE, ""},
     {"delete", command_delete, ONE, ""},
     {"priority", command_priority, ONE, "--priority"},
     {"watch", command_watch, MAYBE, ""},

@@ -304,6 +304,22 @@ static bool end_followers(database *d, const settling *s, job_state *j, int fram
                                  e);
 }
 
+/* Notes that the result of the task has yet to be copied to output.directory, or could not be. */
+static bool note_uncopied(database *d, const settling *s, const job_state *j, error *e)
+{
+    const queue_ending *x = s->ending;
+    bool failed = x->copy_code && !x->copy_pending;
+    if (s->back || x->state != QUEUE_SUCCEEDED || (!failed && !x->copy_pending)) return true;
+    return RUN(d, e, "UPDATE task SET copy_code = ?3, copy_message = ?4 WHERE job = ?1 AND number = ?2",
+               integer(j->seq), integer(s->fence->task), text(failed ? x->copy_code : "pending"),
+               text(failed ? x->copy_message : NULL)) &&
+           RUN(d, e,
+               "UPDATE job SET copy_state = iif(copy_state = 'pending', copy_state, ?2), copy_code = coalesce(copy_code, ?3),"
+               " copy_message = coalesce(copy_message, ?4) WHERE seq = ?1",
+               integer(j->seq), text(failed ? "failed" : "pending"), text(failed ? x->copy_code : NULL),
+               text(failed ? x->copy_message : NULL));
+}
+
 /* Adds what the attempt leaves on the disk. */
 static bool note_left(database *d, const settling *s, const job_state *j, error *e)
 {
@@ -311,7 +327,8 @@ static bool note_left(database *d, const settling *s, const job_state *j, error 
     bool delivered = x->delivered && !s->back && x->state == QUEUE_SUCCEEDED;
     if (!x->bytes && !delivered) return true;
     return RUN(d, e,
-               "UPDATE job SET result_bytes = result_bytes + ?2, delivered = delivered + ?3 WHERE seq = ?1",
+               "UPDATE job SET result_bytes = result_bytes + ?2, delivered = delivered + ?3,"
+               " copy_state = coalesce(copy_state, iif(?3, 'delivered', NULL)) WHERE seq = ?1",
                integer(j->seq), integer(x->bytes), integer(delivered)) &&
            (!delivered || RUN(d, e, "UPDATE task SET is_delivered = 1 WHERE job = ?1 AND number = ?2",
                               integer(j->seq), integer(s->fence->task)));
@@ -335,7 +352,7 @@ static bool settle(database *d, change *asked)
     return end_attempt(d, s, &j, frame, now, e) &&
            (s->back ? put_back(d, s, &j, now, e) : end_task(d, s, &j, frame, now, e)) &&
            (!s->ending->copied || copy_forget(d, s->ending->copied, e)) &&
-           end_followers(d, s, &j, frame, now, e) && note_left(d, s, &j, e) &&
+           end_followers(d, s, &j, frame, now, e) && note_uncopied(d, s, &j, e) && note_left(d, s, &j, e) &&
            job_state_save(d, &before, &j, now, e);
 }
 

@@ -50,6 +50,22 @@ static bool retry(database *d, job_state *j, bool *changed, error *e)
     return true;
 }
 
+/* Marks the results to be copied again: those that could not be copied, otherwise all. */
+static bool deliver(database *d, const job_state *j, bool *changed, error *e)
+{
+    if (!queue_state_is_final(j->state) || !j->succeeded) return true;
+    if (!RUN(d, e,
+             "UPDATE job SET copy_state = 'pending', copy_code = NULL, copy_message = NULL WHERE seq = ?1"
+             " AND copy_state IN ('delivered', 'failed')",
+             integer(j->seq)))
+        return false;
+    *changed = database_changes(d) > 0;
+    return !*changed || RUN(d, e,
+                            "UPDATE task SET copy_code = 'pending' WHERE job = ?1 AND state = 'succeeded' AND"
+                            " NOT EXISTS (SELECT 1 FROM task WHERE job = ?1 AND copy_code IS NOT NULL)",
+                            integer(j->seq));
+}
+
 static bool tell(database *d, change *asked)
 {
     telling *t = (telling *)asked;
@@ -70,6 +86,9 @@ static bool tell(database *d, change *asked)
         break;
     case QUEUE_RETRY:
         ok = retry(d, &j, &t->changed, e);
+        break;
+    case QUEUE_DELIVER:
+        ok = deliver(d, &j, &t->changed, e);
         break;
     }
     if (ok && t->changed) ok = job_state_save(d, &before, &j, now, e);

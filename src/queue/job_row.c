@@ -42,6 +42,9 @@ void job_row_read(sqlite3_stmt *s, int at, queue_job *job)
         .error_code = database_text(s, at + 27),
         .error_message = database_text(s, at + 28),
         .cached_from = database_text(s, at + 29),
+        .copy_state = database_text(s, at + 30),
+        .copy_code = database_text(s, at + 31),
+        .copy_message = database_text(s, at + 32),
     };
     snprintf(job->id, sizeof job->id, "%s", (const char *)sqlite3_column_text(s, at + 1));
     queue_state_from_name((const char *)sqlite3_column_text(s, at + 7), &job->state);

@@ -12,6 +12,9 @@ void queue_delivery_clear(queue_delivery *delivery)
     free(delivery->name);
     free(delivery->labels);
     free(delivery->trace);
+    free(delivery->copy_state);
+    free(delivery->copy_code);
+    free(delivery->copy_message);
     *delivery = (queue_delivery){0};
 }
 
@@ -21,7 +24,7 @@ bool queue_next_delivery(queue *q, const char *but, queue_delivery *delivery, bo
     bool ok = false, any = false;
     static const char sql[] =
         "SELECT number, id, outbox.webhook, outbox.state, outbox.outcome, tries, due_ms, event, ended_ms,"
-        " name, labels, trace FROM outbox"
+        " name, labels, trace, copy_state, copy_code, copy_message FROM outbox"
         " JOIN job ON seq = job WHERE NOT EXISTS (SELECT 1 FROM json_each(?1)"
         " WHERE substr(outbox.webhook, 1, length(value)) = value) ORDER BY due_ms, number LIMIT 1";
     database_lock(q->database);
@@ -40,6 +43,9 @@ bool queue_next_delivery(queue *q, const char *but, queue_delivery *delivery, bo
         read.name = database_text(s, 9);
         read.labels = database_text(s, 10);
         read.trace = database_text(s, 11);
+        read.copy_state = database_text(s, 12);
+        read.copy_code = database_text(s, 13);
+        read.copy_message = database_text(s, 14);
     }
     database_unlock(q->database);
     if (ok && any)

@@ -142,6 +142,9 @@ void queue_job_clear(queue_job *job)
     free(job->error_code);
     free(job->error_message);
     free(job->cached_from);
+    free(job->copy_state);
+    free(job->copy_code);
+    free(job->copy_message);
     *job = (queue_job){0};
 }
 

@@ -129,6 +129,8 @@ typedef struct queue_job {
     int64_t retention_s;                         /* after its end; 0: for ever */
     char *error_code, *error_message;            /* NULL: none */
     char *cached_from; /* the job whose result was reused; NULL: this job computed its own */
+    char *copy_state; /* of the copy to its directory: delivered, failed, pending; NULL: none was tried yet */
+    char *copy_code, *copy_message; /* with failed */
 } queue_job;
 
 void queue_job_clear(queue_job *job); /* frees what it holds; accepts an empty one */
@@ -265,8 +267,10 @@ typedef enum queue_command {
     QUEUE_CANCEL, /* waiting tasks are cancelled; running ones are asked to end */
     QUEUE_PAUSE,
     QUEUE_RESUME,
-    QUEUE_RETRY /* of a job that has ended: its tasks without success are queued again, with all their
-                 * attempts to spend */
+    QUEUE_RETRY, /* of a job that has ended: its tasks without success are queued again, with all their
+                  * attempts to spend */
+    QUEUE_DELIVER /* of a job that has ended and names a directory: its results are to be copied there again, or those of
+                   * the tasks whose copies have failed (queue_next_uncopied) */
 } queue_command;
 
 /* *now is the state afterwards. *changed is false when the command does not apply, as a cancellation of a job that has
@@ -409,6 +413,8 @@ typedef struct queue_ending {
     bool storage_fault;                     /* for queue_requeue: a disk was full or failed */
     int64_t bytes;                          /* that the attempt leaves on the disk */
     bool delivered;                         /* for queue_finish: the result was copied to output.directory */
+    bool copy_pending;                      /* likewise: it has to be copied, see queue_next_uncopied */
+    const char *copy_code, *copy_message;   /* likewise: it could not be copied; may be NULL */
     const char *copied;                     /* a name of queue_note_copy to be forgotten; may be NULL */
     const char *cache_key,
         *cache_inputs; /* both or none: the result may be reused by other jobs, see queue_recall */
@@ -457,10 +463,32 @@ typedef struct queue_copy {
 
 void queue_copies_free(queue_copy *copies, size_t count);
 
-/* Notes that a temporary file of this name may be created in the directory. A name is used once. */
-bool queue_note_copy(queue *q, const char *directory, const char *name, error *e);
+/* Notes that a temporary file of this name may be created in the directory. A name is used once. Also notes that the
+ * report in that directory, whose path without links is `output`, is the owner's from now on. */
+bool queue_note_copy(queue *q, const char *directory, const char *name, const char *output, const char *owner,
+                     error *e);
+/* The user for whom the last report was delivered into this directory, to be freed; NULL: none is known. */
+bool queue_get_output_owner(queue *q, const char *output, char **owner, error *e);
 bool queue_forget_copy(queue *q, const char *name, error *e);
 bool queue_list_copies(queue *q, queue_copy **copies, size_t *count, error *e);
+
+/* An ended job whose results are to be copied to its directory. */
+typedef struct queue_uncopied {
+    char id[ULID_SIZE];
+    char *owner, *directory;
+    queue_task *tasks; /* number and frame are set */
+    size_t count;
+} queue_uncopied;
+
+void queue_uncopied_clear(queue_uncopied *job);
+
+/* The first such job (QUEUE_DELIVER, queue_ending.copy_pending). */
+bool queue_next_uncopied(queue *q, queue_uncopied *job, bool *found, error *e);
+/* Notes that the result of a task was copied, or (`fault` not NULL) why not, and forgets the note of the copy `name`. */
+bool queue_note_copied(queue *q, const char *id, const queue_task *task, const error *fault, const char *name,
+                       error *e);
+/* All tasks of the job were tried. */
+bool queue_end_copying(queue *q, const char *id, error *e);
 
 /* ---- events */
 
@@ -625,8 +653,9 @@ typedef struct queue_delivery {
     int64_t ended_ms;
     queue_state state;
     queue_outcome outcome;
-    int tries;      /* that failed */
-    int64_t due_ms; /* the earliest time of the next try, wall clock */
+    char *copy_state, *copy_code, *copy_message; /* as queue_job's */
+    int tries;                                   /* that failed */
+    int64_t due_ms;                              /* the earliest time of the next try, wall clock */
 } queue_delivery;
 
 void queue_delivery_clear(queue_delivery *delivery);

@@ -151,21 +151,25 @@ typedef struct noting {
     int64_t number; /* the time of the delivery, or the bytes */
 } noting;
 
-static bool note_delivery(database *d, change *asked)
+bool usage_note_delivery(database *d, const char *id, int frame, int64_t wall_ms, error *e)
 {
-    const noting *n = (noting *)asked;
-    error *e = &asked->fault;
-    bool array = n->frame != QUEUE_NO_FRAME;
+    bool array = frame != QUEUE_NO_FRAME;
     if (!RUN(d, e,
              "UPDATE task SET is_delivered = 1 WHERE job = (SELECT seq FROM job WHERE id = ?1)"
              " AND frame IS ?2 AND state = 'succeeded' AND is_delivered = 0",
-             text(n->id), integer_if(n->frame, array)))
+             text(id), integer_if(frame, array)))
         return false;
     return !database_changes(d) ||
            RUN(d, e,
                "UPDATE job SET delivered = delivered + 1, delivered_ms ="
                " iif(finished_ms IS NOT NULL AND delivered + 1 >= succeeded, ?2, NULL) WHERE id = ?1",
-               text(n->id), integer(n->number));
+               text(id), integer(wall_ms));
+}
+
+static bool note_delivery(database *d, change *asked)
+{
+    const noting *n = (noting *)asked;
+    return usage_note_delivery(d, n->id, n->frame, n->number, &asked->fault);
 }
 
 bool queue_note_delivery(queue *q, const char *id, int frame, int64_t wall_ms, error *e)

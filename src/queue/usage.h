@@ -24,4 +24,7 @@ bool usage_is_met(queue *q, bool *met, error *e);
     " AND (bytes >= ?6 OR results >= ?7)))"
 #define USAGE_NO_BOUND "9223372036854775807"
 
+/* As queue_note_delivery, inside a change. */
+bool usage_note_delivery(database *d, const char *id, int frame, int64_t wall_ms, error *e);
+
 #endif

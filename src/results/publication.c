@@ -8,15 +8,12 @@
 #include <unistd.h>
 
 #include "base/memory.h"
-#include "base/worker_contract.h"
-#include "results/result.h"
 
 struct publication {
     pthread_t thread;
     bool started;
-    queue *q;
-    const store_outputs *outputs;
-    char *directory, *path, *temporary;
+    output_place *outputs;
+    char *user, *directory, *path, *temporary;
     int end_fd;
     atomic_bool ended;
     bool ok;
@@ -29,25 +26,10 @@ char *publication_temporary(const char *directory)
     return mem_printf(".%s.hexad-tmp", slash ? slash + 1 : directory);
 }
 
-static bool copy(publication *p)
-{
-    result r = {0};
-    if (!result_read(p->directory, &r, &p->fault)) return false;
-    const char **names = mem_alloc((r.output_count + 1) * sizeof *names);
-    for (size_t i = 0; i < r.output_count; i++) names[i] = r.output[i].name;
-    names[r.output_count] = WORKER_REPORT_NAME;
-    bool ok = queue_note_copy(p->q, p->path, p->temporary, &p->fault) &&
-              store_output_copy(p->outputs, p->directory, names, r.output_count + 1, p->path, p->temporary,
-                                &p->fault);
-    free(names);
-    result_clear(&r);
-    return ok;
-}
-
 static void *run(void *argument)
 {
     publication *p = argument;
-    p->ok = copy(p);
+    p->ok = output_place_copy(p->outputs, p->user, p->directory, p->path, p->temporary, &p->fault);
     if (!p->ok) error_prefix(&p->fault, "output.directory");
     atomic_store(&p->ended, true);
     ssize_t written = write(p->end_fd, &(uint64_t){1}, sizeof(uint64_t));
@@ -55,12 +37,12 @@ static void *run(void *argument)
     return NULL;
 }
 
-publication *publication_start(queue *q, const store_outputs *outputs, const char *directory,
+publication *publication_start(output_place *outputs, const char *user, const char *directory,
                                const char *path, int end_fd)
 {
     publication *p = mem_alloc(sizeof *p);
-    p->q = q;
     p->outputs = outputs;
+    p->user = mem_strdup(user);
     p->temporary = publication_temporary(directory);
     p->directory = mem_strdup(directory);
     p->path = mem_strdup(path);
@@ -80,6 +62,7 @@ bool publication_end(publication *p, error *e)
     if (p->started) pthread_join(p->thread, NULL);
     bool ok = p->ok;
     if (!ok && e) *e = p->fault;
+    free(p->user);
     free(p->directory);
     free(p->path);
     free(p->temporary);

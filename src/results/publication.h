@@ -8,17 +8,16 @@
 #ifndef HEXAD_RESULTS_PUBLICATION_H
 #define HEXAD_RESULTS_PUBLICATION_H
 
-#include "queue/queue.h"
-#include "store/output.h"
+#include "results/output_place.h"
 
 typedef struct publication publication;
 
 /* The name of the temporary file for the copy of the result in this attempt's directory, to be freed. */
 char *publication_temporary(const char *directory);
 
-/* Begins to copy the result in `directory`. The eventfd `end_fd` is written to at the end. The queue and what `outputs`
- * points to must outlive the publication; texts are copied. */
-publication *publication_start(queue *q, const store_outputs *outputs, const char *directory,
+/* Begins to copy the result in `directory` to `path`, for this user. The eventfd `end_fd` is written to at the end. The
+ * place must outlive the publication; texts are copied. */
+publication *publication_start(output_place *outputs, const char *user, const char *directory,
                                const char *path, int end_fd);
 
 bool publication_has_ended(publication *p);

@@ -2,10 +2,12 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <inttypes.h>
 #include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/random.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -46,11 +48,21 @@ bool store_output_check(const store_outputs *outputs, const char *path, error *e
                      *path == '/' ? "" : ": give an absolute path");
 }
 
+static error_code code_of(int why)
+{
+    if (why == ELOOP || why == ENOTDIR) return ERROR_PATH_FORBIDDEN;
+    return why == EROFS || why == EACCES || why == EPERM ? ERROR_OUTPUT_UNWRITABLE : error_code_of_errno(why);
+}
+
 static bool fail(error *e, const char *what, const char *path)
 {
-    return error_set(e,
-                     errno == ELOOP || errno == ENOTDIR ? ERROR_PATH_FORBIDDEN : error_code_of_errno(errno),
-                     "%s: %s: %s", path, what, errno == ELOOP ? "a symbolic link" : strerror(errno));
+    error_code code = code_of(errno);
+    return error_set(
+        e, code, "%s: %s: %s%s", path, what, errno == ELOOP ? "a symbolic link" : strerror(errno),
+        code == ERROR_OUTPUT_UNWRITABLE
+            ? ": let the user of the service write there (permissions of the directory, mount options, and "
+              "ReadWritePaths= in the unit of systemd)"
+            : "");
 }
 
 /* What was made is given its mode and group, whatever the umask. */
@@ -60,32 +72,96 @@ static bool adopt(const store_outputs *outputs, int fd, mode_t mode)
            fchmod(fd, mode) == 0;
 }
 
-/* Opens the directory, making what is missing if so wanted; -1 on failure. */
-static int open_directory(const store_outputs *outputs, const char *path, bool make, error *e)
+/* What is done about directories that are missing. */
+typedef enum missing { MISSING_IS_ERROR, MISSING_IS_MADE, MISSING_ENDS } missing;
+
+/* Makes and opens a directory in `here`; -1 and errno on failure. */
+static int make_directory(const store_outputs *outputs, int here, const char *name)
 {
-    const char *rest = NULL;
+    mode_t mode = outputs->mode | ((outputs->mode & 0444) >> 2);
+    bool made = mkdirat(here, name, 0700) == 0;
+    int next = made || errno == EEXIST ? openat(here, name, DIRECTORY) : -1;
+    if (next >= 0 && made && (!adopt(outputs, next, mode) || fsync(here) != 0)) {
+        int why = errno;
+        close(next);
+        errno = why;
+        return -1;
+    }
+    return next;
+}
+
+const char *store_output_root_of(const store_outputs *outputs, const char *path)
+{
     size_t i = 0;
-    while (!rest) rest = below(path, outputs->roots[i++]);
-    int here = open(outputs->roots[i - 1], O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    while (!below(path, outputs->roots[i])) i++;
+    return outputs->roots[i];
+}
+
+int store_output_open_root(const char *root, error *e)
+{
+    int fd = open(root, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (fd < 0)
+        error_set(e, errno == ENOENT ? ERROR_OUTPUT_UNWRITABLE : code_of(errno),
+                  "the output root %s cannot be opened: %s", root, strerror(errno));
+    return fd;
+}
+
+/* Opens the directory; with MISSING_ENDS the last one on the way that exists, and *whole tells whether that is the
+ * directory itself. -1 on failure. */
+static int open_directory(const store_outputs *outputs, const char *path, missing way, bool *whole, error *e)
+{
+    const char *root = store_output_root_of(outputs, path), *rest = below(path, root);
+    int here = store_output_open_root(root, e);
+    if (here < 0) return -1;
     char name[NAME_MAX + 1];
     bool ok = true;
+    *whole = true;
     while (here >= 0 && next_part(&rest, name, &ok)) {
-        mode_t mode = outputs->mode | ((outputs->mode & 0444) >> 2);
-        bool made = make && mkdirat(here, name, 0700) == 0;
-        int next = made || !make || errno == EEXIST ? openat(here, name, DIRECTORY) : -1;
-        if (next >= 0 && made && (!adopt(outputs, next, mode) || fsync(here) != 0)) {
-            int why = errno;
-            close(next);
-            next = -1;
-            errno = why;
+        int next = openat(here, name, DIRECTORY);
+        if (next < 0 && errno == ENOENT && way == MISSING_ENDS) {
+            *whole = false;
+            return here;
         }
+        if (next < 0 && errno == ENOENT && way == MISSING_IS_MADE) next = make_directory(outputs, here, name);
         int why = errno;
         close(here);
         errno = why;
         here = next;
     }
-    if (here < 0) fail(e, make ? "cannot be made" : "cannot be opened", path);
+    if (here < 0) fail(e, way == MISSING_IS_MADE ? "cannot be made" : "cannot be opened", path);
     return here;
+}
+
+int store_output_open(const store_outputs *outputs, const char *path, error *e)
+{
+    bool whole;
+    return store_output_check(outputs, path, e) ? open_directory(outputs, path, MISSING_IS_MADE, &whole, e)
+                                                : -1;
+}
+
+int store_output_open_nearest(const store_outputs *outputs, const char *path, bool *whole, error *e)
+{
+    return store_output_check(outputs, path, e) ? open_directory(outputs, path, MISSING_ENDS, whole, e) : -1;
+}
+
+char *store_output_name(int directory)
+{
+    char link[64], name[PATH_MAX];
+    snprintf(link, sizeof link, "/proc/self/fd/%d", directory);
+    ssize_t length = readlink(link, name, sizeof name);
+    return length > 0 && (size_t)length < sizeof name ? mem_strndup(name, (size_t)length) : NULL;
+}
+
+bool store_output_try(int directory, const char *path, error *e)
+{
+    char name[64];
+    uint64_t random = 0;
+    if (getrandom(&random, sizeof random, 0) != sizeof random) return fail(e, "cannot be written", path);
+    snprintf(name, sizeof name, ".%016" PRIx64 ".hexad-tmp", random);
+    int fd = openat(directory, name, O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600);
+    if (fd < 0) return fail(e, "cannot be written", path);
+    close(fd);
+    return unlinkat(directory, name, 0) == 0 || fail(e, "cannot be written", path);
 }
 
 static bool copy_bytes(int from, int to)
@@ -126,11 +202,8 @@ static bool copy_file(const store_outputs *outputs, int from, int to, const char
 }
 
 bool store_output_copy(const store_outputs *outputs, const char *from, const char *const *names, size_t count,
-                       const char *path, const char *temporary, error *e)
+                       int to, const char *path, const char *temporary, error *e)
 {
-    if (!store_output_check(outputs, path, e)) return false;
-    int to = open_directory(outputs, path, true, e);
-    if (to < 0) return false;
     int source = open(from, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     bool ok =
         (source >= 0 || fail(e, "cannot be read", from)) &&
@@ -142,14 +215,14 @@ bool store_output_copy(const store_outputs *outputs, const char *from, const cha
     }
     ok = ok && (fsync(to) == 0 || fail(e, "cannot be flushed", path));
     if (source >= 0) close(source);
-    close(to);
     return ok;
 }
 
 bool store_output_clear(const store_outputs *outputs, const char *path, const char *temporary, error *e)
 {
+    bool whole;
     if (!store_output_check(outputs, path, e)) return false;
-    int directory = open_directory(outputs, path, false, e);
+    int directory = open_directory(outputs, path, MISSING_IS_ERROR, &whole, e);
     if (directory < 0) return false;
     bool ok =
         unlinkat(directory, temporary, 0) == 0 || errno == ENOENT || fail(e, "cannot be removed", temporary);

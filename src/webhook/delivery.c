@@ -132,6 +132,14 @@ static char *describe(const delivery *c, const queue_delivery *d)
     json_put_text(data, "labels", d->labels);
     json_put_string(data, "traceparent", d->trace);
     json_put_string(data, "host", c->settings.host);
+    if (d->copy_state) {
+        json *copy = json_put_object(data, "delivery");
+        json_put_string(copy, "state", d->copy_state);
+        json_put_string(copy, "code", d->copy_code);
+        json_put_string(copy, "message", d->copy_message);
+    } else {
+        json_put_null(data, "delivery");
+    }
     char *text = json_print(o);
     json_free(o);
     return text;

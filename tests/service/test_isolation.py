@@ -3,10 +3,11 @@ import hashlib
 import json
 import os
 import sqlite3
+import time
 
 import pytest
 
-from service import OPEN_TCP, sphere, wait_until
+from service import OPEN_TCP, gated_worker, sphere, wait_until
 from test_access import new_token, with_token
 
 USERS = ("ann", "ben")
@@ -138,3 +139,177 @@ def test_results_that_share_files_are_adopted_without_data_of_a_job(users, tmp_p
         whole = both.ask("root", "GET", f"/v1/jobs/{job}")
         assert b"marker" not in whole.body and whole.json["name"] is None and whole.json["labels"] == []
         assert whole.json["spec"]["sampling"] == first["spec"]["sampling"]
+
+
+# ---- files that change while a job runs
+
+TETRAHEDRON = "OFF\n4 4 0\n1 1 1\n1 -1 -1\n-1 1 -1\n-1 -1 1\n3 0 1 2\n3 0 3 1\n3 0 2 3\n3 1 3 2\n"
+# runs the real worker, then switches the link to the other file, before the daemon sees the end
+SWITCHING_WORKER = """#!/bin/sh
+%s/hexad-worker "$@"
+status=$?
+case "$1" in run) ln -sfn b.off %s/a.link && mv -T %s/a.link %s/a.off;; esac
+exit $status
+"""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def two_meshes(tmp_path_factory):
+    """Made at the beginning: the cache trusts no file that has just changed."""
+    where = tmp_path_factory.mktemp("meshes")
+    (where / "first.off").write_text(TETRAHEDRON)
+    (where / "b.off").write_text(TETRAHEDRON.replace("1 1 1", "2 2 2"))
+    (where / "a.off").symlink_to("first.off")
+    return where
+
+
+def test_the_cache_does_not_take_one_file_for_another_that_a_link_names_later(new_service, build, tmp_path, two_meshes):
+    wait_until(lambda: time.time() - (two_meshes / "b.off").stat().st_ctime > 3, "the files to be older than the clocks' doubt")
+    worker = tmp_path / "worker"
+    worker.write_text(SWITCHING_WORKER % (build, two_meshes, two_meshes, two_meshes))
+    worker.chmod(0o700)
+    service = new_service("--input_roots", two_meshes, "--worker", worker).start()
+    spec = {"version": 1, "surface": {"mesh": {"path": str(two_meshes / "a.off")}}, "sampling": {"count": 100},
+            "output": {"preview": False}}
+    reports = []
+    for _ in range(3):
+        done = service.wait_state(service.submit(spec), "succeeded")
+        reports.append(service.get(f"/v1/jobs/{done['id']}/results/report.json").json)
+    hashes = [hashlib.sha256((two_meshes / name).read_bytes()).hexdigest() for name in ("first.off", "b.off")]
+    assert [r["inputs"][0]["sha256"] for r in reports] == [hashes[0], hashes[1], hashes[1]]
+    assert done["cached_from"] is not None  # what did not change is cached
+
+
+# ---- output directories
+
+def delivered(path):
+    """The report in a directory; the files that it lists have the lengths and hashes that it names."""
+    report = json.loads((path / "report.json").read_text())
+    for item in report["outputs"]:
+        content = (path / item["name"]).read_bytes()
+        assert (len(content), hashlib.sha256(content).hexdigest()) == (item["bytes"], item["sha256"])
+    return report
+
+
+def numbered(seed, directory):
+    return {**some(directory=str(directory)), "solver": {"seed": seed}}
+
+
+def test_jobs_with_one_output_directory_deliver_one_after_the_other(users, tmp_path):
+    show = tmp_path / "show"
+    show.mkdir()
+    (show / "notes.txt").write_text("of the user")
+    both = users("--output_roots", tmp_path, "--workers", 4)
+    both.service.start()
+    jobs = [both.submit("ann", numbered(seed, show)) for seed in range(8)]
+    for job in jobs:
+        assert both.wait("ann", job, "succeeded", "failed")["delivery"]["state"] == "delivered"
+    report = delivered(show)
+    assert report["spec"]["solver"]["seed"] in range(8)
+    assert {p.name for p in show.iterdir()} == {"notes.txt", "points.ply", "report.json"}
+    assert (show / "notes.txt").read_text() == "of the user"
+
+
+def refused(reply, status, code):
+    assert (reply.status, reply.json["code"]) == (status, code), reply.body
+    assert reply.json["errors"][0]["pointer"] == "/output/directory"
+    return reply.json["detail"]
+
+
+@pytest.mark.sanitized
+def test_a_directory_with_another_users_result_is_refused(users, tmp_path):
+    show = tmp_path / "show"
+    both = users("--output_roots", tmp_path, "--workers", 1)
+    both.service.start()
+    early = both.submit("ben", {**numbered(1, show), "queue": {"after": [both.submit("ann", numbered(2, show))]}})
+    late = both.wait("ben", early, "succeeded", "failed")
+    assert late["state"] == "succeeded" and late["delivery"]["code"] == "output_taken"
+    assert delivered(show)["spec"]["solver"]["seed"] == 2
+    for path in ("/v1/jobs", "/v1/jobs:validate"):
+        told = refused(both.ask("ben", "POST", path, numbered(3, show)), 409, "output_taken")
+        assert "share_outputs" in told and "ann" not in told
+    assert both.run("ann", numbered(4, show))["delivery"] == {"state": "delivered", "code": None, "message": None}
+    assert both.ask("ann", "GET", f"/v1/jobs/{early}").json["delivery"] is None  # it is not hers
+    both.service.end()
+    both.service.start()
+    refused(both.ask("ben", "POST", "/v1/jobs", numbered(3, show)), 409, "output_taken")
+    (show / "report.json").unlink()
+    assert both.ask("ben", "POST", f"/v1/jobs/{early}/deliver").status == 202
+    assert wait_until(lambda: both.ask("ben", "GET", f"/v1/jobs/{early}").json["delivery"]["state"] == "delivered", "the copy")
+    assert delivered(show)["spec"]["solver"]["seed"] == 1
+    both.service.end()
+    both.service.start("--share_outputs", 1)
+    assert both.run("ann", numbered(5, show))["delivery"]["state"] == "delivered"
+
+
+# ---- directories that cannot be written
+
+UNWRITABLE = "/sys/kernel"  # not even by root
+
+
+def test_an_unwritable_output_root_is_told_and_jobs_for_it_are_refused(new_service, tmp_path):
+    service = new_service("--output_roots", f"{UNWRITABLE}:{tmp_path}").start()
+    warning = [line for line in service.log.read_text().splitlines() if " warning " in line and UNWRITABLE in line]
+    assert len(warning) == 1
+    ready = service.get("/readyz")
+    assert ready.status == 200 and ready.json["checks"]["outputs"] == "unwritable"
+    told = refused(service.post("/v1/jobs", some(directory=f"{UNWRITABLE}/hexad/film")), 422, "output_unwritable")
+    assert "ReadWritePaths" in told
+    service.wait_state(service.submit(some(directory=f"{tmp_path}/a/b")), "succeeded")
+    assert sorted(p.name for p in (tmp_path / "a").iterdir()) == ["b"] and delivered(tmp_path / "a" / "b")
+
+
+def test_writable_output_roots_are_ready(new_service, tmp_path):
+    service = new_service("--output_roots", tmp_path).start()
+    assert service.get("/readyz").json["checks"]["outputs"] == "ok"
+
+
+@pytest.mark.sanitized
+def test_a_result_that_cannot_be_delivered_is_kept_and_delivered_later(new_service, tmp_path):
+    show = tmp_path / "show"
+    show.mkdir()
+    service = new_service("--output_roots", tmp_path, "--worker", gated_worker(tmp_path), "--workers", 1, base=tmp_path).start()
+    job = service.submit(some(directory=str(show)))
+    after = service.submit({**some(), "queue": {"depends_on": [job]}})
+    service.wait_worker(job)
+    assert service.job(job)["delivery"] is None
+    show.rmdir()
+    show.write_text("no directory")
+    service.open_gate(job)
+    done = service.wait_state(job, "succeeded")
+    assert done["error"] is None and done["outcome"] == "converged"
+    assert (done["delivery"]["state"], done["delivery"]["code"]) == ("failed", "path_forbidden")
+    assert str(show) in done["delivery"]["message"]
+    assert service.get(f"/v1/jobs/{job}/results/points.ply").body == b"x"
+    service.wait_worker(after)  # it does not wait for the delivery
+
+    assert service.post(f"/v1/jobs/{job}/deliver").status == 202
+    wait_until(lambda: service.job(job)["delivery"]["state"] == "failed", "the second copy")
+    show.unlink()
+    again = service.post(f"/v1/jobs/{job}/deliver")
+    assert again.status == 202 and again.json["delivery"]["state"] == "pending"
+    wait_until(lambda: service.job(job)["delivery"]["state"] == "delivered", "the copy")
+    assert (show / "points.ply").read_bytes() == b"x" and (show / "report.json").is_file()
+    assert service.post(f"/v1/jobs/{after}/deliver").status == 409
+    assert {p.name for p in show.iterdir()} == {"points.ply", "report.json"}
+
+
+def test_only_the_frames_that_were_not_delivered_are_delivered_again(new_service, tmp_path):
+    service = new_service("--output_roots", tmp_path).start()
+    spec = some(directory=f"{tmp_path}/film/##")
+    spec["queue"] |= {"frames": "1-3", "by_frame": {"/solver/seed": [1, 2, 3]}}
+    (tmp_path / "film").mkdir()
+    (tmp_path / "film" / "02").write_text("no directory")
+    job = service.submit(spec)
+    done = service.wait_state(job, "succeeded")
+    assert done["delivery"]["state"] == "failed" and "film/02" in done["delivery"]["message"]
+    (tmp_path / "film" / "01" / "points.ply").unlink()
+    (tmp_path / "film" / "02").unlink()
+    assert service.post(f"/v1/jobs/{job}/deliver").status == 202
+    wait_until(lambda: service.job(job)["delivery"]["state"] == "delivered", "the copy")
+    delivered(tmp_path / "film" / "02")
+    assert not (tmp_path / "film" / "01" / "points.ply").exists()
+    assert service.post(f"/v1/jobs/{job}/deliver").status == 202  # now all are
+    wait_until(lambda: service.job(job)["delivery"]["state"] == "delivered", "the copies")
+    for frame in ("01", "02", "03"):
+        delivered(tmp_path / "film" / frame)

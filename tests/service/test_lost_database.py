@@ -355,6 +355,10 @@ def test_a_state_directory_of_version_0_1(new_service):
                                + "".join(f"DROP INDEX job_{which};" for which in ("leaving", "leaving_of", "unmeasured"))
                                + "".join(f"ALTER TABLE job DROP COLUMN {name};"
                                          for name in ("result_bytes", "delivered", "delivered_ms"))
+                               + "DROP INDEX job_copying; DROP TABLE output;"
+                               + "".join(f"ALTER TABLE {table} DROP COLUMN {name};" for table, name in
+                                         (("job", "copy_state"), ("job", "copy_code"), ("job", "copy_message"),
+                                          ("task", "copy_code"), ("task", "copy_message")))
                                + "ALTER TABLE task DROP COLUMN is_delivered; DROP TABLE usage;"
                                + "ALTER TABLE attempt DROP COLUMN waited_ms; ALTER TABLE attempt DROP COLUMN processor_ms;"
                                + "DROP TABLE state_count; DROP TABLE service; DROP INDEX job_by_name;"

@@ -224,10 +224,17 @@ static void test_an_older_schema_is_carried_over(void **state)
     expect_listed(p, &(queue_filter){.state = -1, .limit = 9, .label = "x"}, (const char *[]){"queued"}, 1);
 }
 
-/* What version 10 had not. */
-#define BEFORE_12 \
+/* What version 11 had not. */
+#define BEFORE_12                                                                                \
+    "ALTER TABLE service DROP COLUMN linked_reports; DROP TABLE output; DROP INDEX job_copying;" \
+    "ALTER TABLE job DROP COLUMN copy_state; ALTER TABLE job DROP COLUMN copy_code;"             \
+    "ALTER TABLE job DROP COLUMN copy_message; ALTER TABLE task DROP COLUMN copy_code;"          \
+    "ALTER TABLE task DROP COLUMN copy_message;"                                                 \
     "DROP TABLE running; ALTER TABLE task DROP COLUMN wait_ms; ALTER TABLE outbox DROP COLUMN wait_ms;"
-#define BEFORE_11 BEFORE_12 "ALTER TABLE attempt DROP COLUMN waited_ms; ALTER TABLE attempt DROP COLUMN processor_ms;"
+
+/* What version 10 had not. */
+#define BEFORE_11 \
+    BEFORE_12 "ALTER TABLE attempt DROP COLUMN waited_ms; ALTER TABLE attempt DROP COLUMN processor_ms;"
 
 /* What version 9 had not. */
 #define BEFORE_10                                         \
@@ -399,6 +406,30 @@ static void test_usage_is_added_to_version_8(void **state)
     queue_bound(p->q, &(queue_bounds){.all = {1, 1}, .user = {INT64_MAX, INT64_MAX}});
     assert_true(queue_next_leaving(p->q, id, &found, NULL) && found);
     assert_string_equal(id, failed);
+}
+
+/* A job that had a directory succeeded only if its result was copied. Reports of equal jobs were one file. */
+static void test_copies_of_version_11_were_made(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char id[2][ULID_SIZE];
+    bool linked = true;
+    assert_true(queue_has_linked_reports(p->q, &linked, NULL) && !linked);
+    submit_for(p, &s, id[0]);
+    s.directory = "/show/a";
+    submit_for(p, &s, id[1]);
+    for (int i = 0; i < 2; i++) assert_true(finish(p, id[i], 0, claim(p, id[i]), &success));
+    alter_database(p, BEFORE_12 "PRAGMA user_version = 11;");
+    assert_true(queue_has_linked_reports(p->q, &linked, NULL) && linked);
+    assert_true(queue_note_own_reports(p->q, NULL) && queue_has_linked_reports(p->q, &linked, NULL));
+    assert_false(linked);
+    queue_job job = get(p, id[0]);
+    assert_null(job.copy_state);
+    queue_job_clear(&job);
+    job = get(p, id[1]);
+    assert_string_equal(job.copy_state, "delivered");
+    queue_job_clear(&job);
 }
 
 /* Lists were not sorted. */
@@ -751,6 +782,7 @@ int main(void)
         CASE(test_notifications_of_version_5_get_ids),
         CASE(test_turns_are_added_to_version_6),
         CASE(test_usage_is_added_to_version_8),
+        CASE(test_copies_of_version_11_were_made),
         CASE(test_orders_are_added_to_version_9),
         CASE(test_version_7_learns_the_outcome_unresolved),
         CASE(test_what_a_run_needs_is_read_from_specs_of_version_4),

@@ -82,7 +82,9 @@ static void expect_mode(const char *root, const char *name, mode_t mode)
 static bool copy(place *p, const char *where, error *e)
 {
     char *path = mem_printf("%s/%s", p->root, where);
-    bool ok = store_output_copy(&p->outputs, p->from, names, 2, path, TEMPORARY, e);
+    int to = store_output_open(&p->outputs, path, e);
+    bool ok = to >= 0 && store_output_copy(&p->outputs, p->from, names, 2, to, path, TEMPORARY, e);
+    if (to >= 0) close(to);
     free(path);
     return ok;
 }
@@ -148,7 +150,7 @@ static void test_paths_that_are_refused(void **state)
         error e = {0};
         if (store_output_check(&p->outputs, refused[i], &e)) fail_msg("%s", refused[i]);
         assert_int_equal(e.code, ERROR_PATH_FORBIDDEN);
-        assert_false(store_output_copy(&p->outputs, p->from, names, 2, refused[i], TEMPORARY, &e));
+        assert_int_equal(store_output_open(&p->outputs, refused[i], &e), -1);
     }
     assert_int_equal(symlink(p->base, link), 0);
     error e = {0};
@@ -162,6 +164,65 @@ static void test_paths_that_are_refused(void **state)
     free(beside);
     free(up);
     free(link);
+}
+
+static int open_nearest(place *p, const char *where, bool *whole, error *e)
+{
+    char *path = mem_printf("%s/%s", p->root, where);
+    int directory = store_output_open_nearest(&p->outputs, path, whole, e);
+    free(path);
+    return directory;
+}
+
+/* What a submission finds out about a directory; nothing is made. */
+static void test_the_nearest_directory_is_tried(void **state)
+{
+    place *p = *state;
+    error e = {0};
+    bool whole = true;
+    char *there = mem_printf("%s/a/b", p->root);
+    assert_true(store_directory_create(there, NULL));
+    int directory = open_nearest(p, "a/b/c/d", &whole, &e);
+    assert_true(directory >= 0 && !whole);
+    assert_true(store_output_try(directory, there, &e));
+    char *name = store_output_name(directory), *real = realpath(there, NULL);
+    assert_string_equal(name, real);
+    close(directory);
+    DIR *listing = opendir(there); /* nothing stays */
+    int entries = 0;
+    while (readdir(listing)) entries++;
+    closedir(listing);
+    assert_int_equal(entries, 2);
+    directory = open_nearest(p, "a/b/", &whole, &e);
+    assert_true(directory >= 0 && whole);
+    close(directory);
+    put(there, "file", "no directory");
+    assert_int_equal(open_nearest(p, "a/b/file/x", &whole, &e), -1);
+    assert_int_equal(e.code, ERROR_PATH_FORBIDDEN);
+    assert_true(store_remove(p->root, NULL));
+    assert_int_equal(open_nearest(p, "a", &whole, &e), -1);
+    assert_int_equal(e.code, ERROR_OUTPUT_UNWRITABLE);
+    free(there);
+    free(name);
+    free(real);
+}
+
+/* The kernel's own file system: not even root makes files in it. */
+static void test_a_directory_that_cannot_be_written(void **state)
+{
+    (void)state;
+    error e = {0};
+    const char *root = "/sys";
+    const store_outputs outputs = {&root, 1, 0640, getgid()};
+    assert_int_equal(store_output_open(&outputs, "/sys/kernel/hexad-test", &e), -1);
+    assert_int_equal(e.code, ERROR_OUTPUT_UNWRITABLE);
+    assert_non_null(strstr(e.message, "ReadWritePaths"));
+    bool whole;
+    int directory = store_output_open_nearest(&outputs, "/sys/kernel/hexad-test", &whole, &e);
+    assert_true(directory >= 0 && !whole);
+    assert_false(store_output_try(directory, "/sys/kernel/hexad-test", &e));
+    assert_int_equal(e.code, ERROR_OUTPUT_UNWRITABLE);
+    close(directory);
 }
 
 static void test_what_was_cut_off_is_cleared(void **state)
@@ -198,6 +259,8 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_a_copy_over_another, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_copy_that_fails_is_not_whole, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_paths_that_are_refused, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_the_nearest_directory_is_tried, set_up, tear_down),
+        cmocka_unit_test(test_a_directory_that_cannot_be_written),
         cmocka_unit_test_setup_teardown(test_what_was_cut_off_is_cleared, set_up, tear_down),
     };
     return cmocka_run_group_tests_name("output", tests, NULL, NULL);

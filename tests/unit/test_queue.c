@@ -152,8 +152,8 @@ static void test_copies_are_noted(void **state)
     queue_ending ending = success;
     put(p, "copied", 0, id);
     int attempt = claim(p, id);
-    assert_true(queue_note_copy(p->q, "/show/a", ".x.1.hexad-tmp", NULL));
-    assert_true(queue_note_copy(p->q, "/show/b", ".x.2.hexad-tmp", NULL));
+    assert_true(queue_note_copy(p->q, "/show/a", ".x.1.hexad-tmp", "/disk/a", "ann", NULL));
+    assert_true(queue_note_copy(p->q, "/show/b", ".x.2.hexad-tmp", "/disk/b", "ben", NULL));
     assert_int_equal(count_copies(p, "/show/a", ".x.1.hexad-tmp"), 2);
     ending.copied = ".x.1.hexad-tmp";
     assert_false(finish(p, id, 0, attempt + 1, &ending)); /* of another attempt */

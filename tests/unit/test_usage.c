@@ -134,6 +134,58 @@ static void test_copies_and_failures_are_delivered_at_the_end(void **state)
     expect_leaving(p, NULL);
 }
 
+static void expect_copy(place *p, const char *id, const char *state, const char *code)
+{
+    queue_job job = get(p, id);
+    assert_string_equal(job.copy_state, state);
+    if (code)
+        assert_string_equal(job.copy_code, code);
+    else
+        assert_null(job.copy_code);
+    queue_job_clear(&job);
+}
+
+/* A result that could not be copied stays until it was. */
+static void test_a_result_whose_copy_failed_is_not_delivered(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    queue_submission s = plain;
+    queue_ending failed = success;
+    queue_uncopied job = {0};
+    bool found = true;
+    s.owner = "ann";
+    s.directory = "/show/a";
+    failed.copy_code = "output_taken";
+    failed.copy_message = "taken";
+    submit_for(p, &s, id);
+    assert_true(finish(p, id, 0, claim(p, id), &failed));
+    bound(p, (queue_sum){NONE, 1}, (queue_sum){NONE, NONE}, false);
+    expect_copy(p, id, "failed", "output_taken");
+    expect_leaving(p, NULL);
+    assert_true(queue_next_uncopied(p->q, &job, &found, NULL));
+    assert_false(found);
+    tell(p, id, QUEUE_DELIVER, true);
+    tell(p, id, QUEUE_DELIVER, false); /* it is under way */
+    expect_copy(p, id, "pending", NULL);
+    reopen(p);
+    bound(p, (queue_sum){NONE, 1}, (queue_sum){NONE, NONE}, false);
+    const error fault = {ERROR_OUTPUT_UNWRITABLE, "read-only"}, *faults[] = {&fault, NULL};
+    for (int i = 0; i < 2; i++) {
+        assert_true(queue_next_uncopied(p->q, &job, &found, NULL) && found);
+        assert_string_equal(job.directory, "/show/a");
+        assert_string_equal(job.owner, "ann");
+        assert_true(job.count == 1 && job.tasks[0].frame == QUEUE_NO_FRAME);
+        assert_true(queue_note_copied(p->q, id, &job.tasks[0], faults[i], ".x.hexad-tmp", NULL));
+        assert_true(queue_end_copying(p->q, id, NULL));
+        queue_uncopied_clear(&job);
+        expect_copy(p, id, i ? "delivered" : "failed", i ? NULL : "output_unwritable");
+        expect_leaving(p, i ? id : NULL);
+        if (!i) tell(p, id, QUEUE_DELIVER, true);
+    }
+    remove_job(p, id);
+}
+
 static void test_an_array_goes_when_all_frames_are_delivered(void **state)
 {
     place *p = *state;
@@ -229,6 +281,7 @@ int main(void)
         CASE(test_who_was_delivered_first_goes_first),
         CASE(test_what_was_not_delivered_goes_last_and_only_when_told),
         CASE(test_copies_and_failures_are_delivered_at_the_end),
+        CASE(test_a_result_whose_copy_failed_is_not_delivered),
         CASE(test_an_array_goes_when_all_frames_are_delivered),
         CASE(test_a_bound_of_users),
         CASE(test_a_bound_of_all),

@@ -79,6 +79,10 @@ class RemoteJob(Job):
         """Runs what has failed of it again."""
         return self.command("retry", repeat=False)
 
+    def deliver(self) -> RemoteJob:
+        """Has its results copied to its output directory again. The member `delivery` of its document says what became of that."""
+        return self.command("deliver", repeat=False)
+
     def edit(self, **members: Any) -> RemoteJob:
         """Changes `priority`, `labels` or `retention_s`."""
         self.document = self.transport.send("PATCH", self.path, members)

@@ -27,6 +27,8 @@ __all__ = [
     "NotFound",
     "NotSupported",
     "OriginForbidden",
+    "OutputTaken",
+    "OutputUnwritable",
     "PathForbidden",
     "PreconditionFailed",
     "PriorityForbidden",
@@ -78,6 +80,10 @@ class MethodNotAllowed(Problem):
 
 class Conflict(Problem):
     """The state of the job does not allow this (409)."""
+
+
+class OutputTaken(Problem):
+    """A result of another user is in the output directory (409)."""
 
 
 class PreconditionFailed(Problem):
@@ -160,6 +166,10 @@ class DatabaseDamaged(Problem):
     """The database of the service is damaged (503)."""
 
 
+class OutputUnwritable(Problem):
+    """The service cannot write to the output directory (422)."""
+
+
 class LimitMemory(Problem):
     """The job needs more memory than there is (422)."""
 
@@ -198,6 +208,7 @@ BY_CODE: Dict[str, Type[Problem]] = {
     "not_found": NotFound,
     "method_not_allowed": MethodNotAllowed,
     "conflict": Conflict,
+    "output_taken": OutputTaken,
     "precondition_failed": PreconditionFailed,
     "body_too_large": BodyTooLarge,
     "media_type_unsupported": MediaTypeUnsupported,
@@ -218,6 +229,7 @@ BY_CODE: Dict[str, Type[Problem]] = {
     "too_many_requests": TooManyRequests,
     "unavailable": Unavailable,
     "database_damaged": DatabaseDamaged,
+    "output_unwritable": OutputUnwritable,
     "limit_memory": LimitMemory,
     "too_many_jobs": TooManyJobs,
     "results_full": ResultsFull,

@@ -1,0 +1,236 @@
+#include "results/output_place.h"
+
+#include <fcntl.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/background.h"
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/memory.h"
+#include "base/worker_contract.h"
+#include "results/result.h"
+#include "store/turns.h"
+
+/* How long a submission waits for the file system. */
+#define LOOK_MS 2000
+/* Threads that wait for a file system that does not answer. While there are as many, further directories are not looked at. */
+#define LOOKS_MOST 64
+
+struct output_place {
+    queue *q;
+    const store_outputs *outputs;
+    bool share;
+    store_turns *turns;
+    atomic_int looks;
+    _Atomic(const char *) unwritable;
+};
+
+/* A look at a directory, by a thread of its own. It outlives who waits for it when the file system does not answer, so
+ * it has copies of all texts. */
+typedef struct look {
+    output_place *place; /* for the number of looks only */
+    pthread_mutex_t mutex;
+    pthread_cond_t ended;
+    int users;
+    bool done;
+    char *root, *path;
+    store_outputs outputs;
+    char *name; /* the directory, if there is a report in it */
+    error fault;
+} look;
+
+output_place *output_place_new(queue *q, const store_outputs *outputs, bool share)
+{
+    output_place *p = mem_alloc(sizeof *p);
+    p->q = q;
+    p->outputs = outputs;
+    p->share = share;
+    p->turns = store_turns_new();
+    return p;
+}
+
+void output_place_free(output_place *p)
+{
+    if (!p) return;
+    store_turns_free(p->turns);
+    /* a thread that waits for a file system still counts itself */
+    if (!atomic_load(&p->looks)) free(p);
+}
+
+const store_outputs *output_place_roots(const output_place *p)
+{
+    return p ? p->outputs : NULL;
+}
+
+/* The name of the directory if there is a report in it, to be freed; otherwise NULL. */
+static char *name_with_report(int directory, const char *path)
+{
+    struct stat info;
+    if (fstatat(directory, WORKER_REPORT_NAME, &info, AT_SYMLINK_NOFOLLOW) != 0) return NULL;
+    char *name = store_output_name(directory);
+    return name ? name : mem_strdup(path);
+}
+
+/* An error when the report in this directory was delivered for another user. */
+static bool check_owner(const output_place *p, const char *user, const char *name, const char *path, error *e)
+{
+    char *owner = NULL;
+    if (p->share || !name) return true;
+    if (!queue_get_output_owner(p->q, name, &owner, e)) return false;
+    bool mine = !owner || strcmp(owner, user) == 0;
+    free(owner);
+    return mine ||
+           error_set(e, ERROR_OUTPUT_TAKEN,
+                     "%s: the " WORKER_REPORT_NAME
+                     " there was delivered for another user: name another directory (setting share_outputs)",
+                     path);
+}
+
+/* ---- copies */
+
+static bool copy_in_turn(output_place *p, const char *user, const result *r, const char *from, int to,
+                         const char *path, const char *temporary, error *e)
+{
+    const char **names = mem_alloc((r->output_count + 1) * sizeof *names);
+    for (size_t i = 0; i < r->output_count; i++) names[i] = r->output[i].name;
+    names[r->output_count] = WORKER_REPORT_NAME;
+    char *there = name_with_report(to, path), *name = store_output_name(to);
+    bool ok = check_owner(p, user, there, path, e) &&
+              queue_note_copy(p->q, path, temporary, name ? name : path, user, e) &&
+              store_output_copy(p->outputs, from, names, r->output_count + 1, to, path, temporary, e);
+    free(there);
+    free(name);
+    free(names);
+    return ok;
+}
+
+bool output_place_copy(output_place *p, const char *user, const char *from, const char *directory,
+                       const char *temporary, error *e)
+{
+    result r = {0};
+    store_turn turn;
+    if (!result_read(from, &r, e)) return false;
+    int to = store_output_open(p->outputs, directory, e);
+    bool taken = to >= 0 && store_turns_take(p->turns, to, &turn, e);
+    bool ok = taken && copy_in_turn(p, user, &r, from, to, directory, temporary, e);
+    if (taken) store_turns_end(p->turns, turn);
+    if (to >= 0) close(to);
+    result_clear(&r);
+    return ok;
+}
+
+/* ---- looks at directories */
+
+/* Frees the look when nobody uses it any more. */
+static void leave(look *l)
+{
+    pthread_mutex_lock(&l->mutex);
+    bool last = --l->users == 0;
+    pthread_mutex_unlock(&l->mutex);
+    if (!last) return;
+    pthread_cond_destroy(&l->ended);
+    pthread_mutex_destroy(&l->mutex);
+    free(l->name);
+    free(l->root);
+    free(l->path);
+    free(l);
+}
+
+static void *run(void *argument)
+{
+    look *l = argument;
+    error e = {0};
+    bool whole = false;
+    int directory = l->path ? store_output_open_nearest(&l->outputs, l->path, &whole, &e)
+                            : store_output_open_root(l->root, &e);
+    char *name = directory >= 0 && whole ? name_with_report(directory, l->path) : NULL;
+    if (directory >= 0) {
+        store_output_try(directory, l->path ? l->path : l->root, &e);
+        close(directory);
+    }
+    pthread_mutex_lock(&l->mutex);
+    l->done = true;
+    l->name = name;
+    l->fault = e;
+    pthread_cond_signal(&l->ended);
+    pthread_mutex_unlock(&l->mutex);
+    atomic_fetch_sub(&l->place->looks, 1);
+    leave(l);
+    return NULL;
+}
+
+/* Looks at a directory, or at a root (path NULL). *name is as in the struct, to be freed. */
+static bool look_at(output_place *p, const char *root, const char *path, char **name, error *e)
+{
+    pthread_t thread;
+    look *l = mem_alloc(sizeof *l);
+    *l = (look){.place = p, .users = 2, .root = mem_strdup(root), .path = path ? mem_strdup(path) : NULL};
+    l->outputs = *p->outputs;
+    l->outputs.roots = (const char *const *)&l->root;
+    l->outputs.root_count = 1;
+    pthread_mutex_init(&l->mutex, NULL);
+    background_init_condition(&l->ended);
+    bool busy = atomic_fetch_add(&p->looks, 1) >= LOOKS_MOST;
+    if (busy || !background_start(&thread, run, l, "a look at an output directory", NULL)) {
+        atomic_fetch_sub(&p->looks, 1);
+        l->users = 1;
+        leave(l);
+        return !busy || error_set(e, ERROR_OUTPUT_UNWRITABLE,
+                                  "%s: %d looks at output directories still wait for their file systems",
+                                  path ? path : root, LOOKS_MOST);
+    }
+    pthread_detach(thread);
+    int64_t until_ms = clock_monotonic_ms() + LOOK_MS;
+    pthread_mutex_lock(&l->mutex);
+    while (!l->done && background_wait_until(&l->ended, &l->mutex, until_ms)) continue;
+    bool done = l->done;
+    error fault = l->fault;
+    *name = l->name;
+    l->name = NULL;
+    pthread_mutex_unlock(&l->mutex);
+    leave(l);
+    if (!done)
+        return error_set(e, ERROR_OUTPUT_UNWRITABLE, "%s: the file system has not answered for %d s",
+                         path ? path : root, LOOK_MS / 1000);
+    if (fault.code != ERROR_PATH_FORBIDDEN && fault.code != ERROR_OUTPUT_UNWRITABLE) return true;
+    if (e) *e = fault;
+    return false;
+}
+
+bool output_place_check(output_place *p, const char *user, const char *directory, error *e)
+{
+    char *name = NULL;
+    if (!store_output_check(p->outputs, directory, e)) return false;
+    const char *root = store_output_root_of(p->outputs, directory);
+    bool writable = look_at(p, root, directory, &name, e);
+    if (writable && atomic_load(&p->unwritable) == root) output_place_check_roots(p); /* it was mended */
+    bool ok = writable && check_owner(p, user, name, directory, e);
+    free(name);
+    return ok;
+}
+
+void output_place_check_roots(output_place *p)
+{
+    const char *first = NULL;
+    for (size_t i = 0; i < p->outputs->root_count; i++) {
+        const char *root = p->outputs->roots[i];
+        error e = {0};
+        char *name = NULL;
+        bool ok = look_at(p, root, NULL, &name, &e);
+        free(name);
+        if (ok) continue;
+        log_write(LOG_LEVEL_WARNING, "results cannot be copied below this output root: %s", e.message);
+        if (!first) first = root;
+    }
+    atomic_store(&p->unwritable, first);
+}
+
+const char *output_place_unwritable(const output_place *p)
+{
+    return atomic_load(&p->unwritable);
+}

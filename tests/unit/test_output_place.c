@@ -1,0 +1,218 @@
+/* Copies into directories of users: whole whoever copies, and only where no other user has a result. */
+#include "queue_place.h"
+
+#include <pthread.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "results/output_place.h"
+#include "results/result.h"
+
+enum { THREADS = 4, FILES = 3 };
+
+typedef struct outputs {
+    char *root;
+    store_outputs roots;
+    output_place *place;
+} outputs;
+
+static void begin(outputs *o, place *p, bool share)
+{
+    *o = (outputs){.root = mem_printf("%s/show", p->base)};
+    assert_true(store_directory_create(o->root, NULL));
+    o->roots = (store_outputs){(const char *const *)&o->root, 1, 0640, (gid_t)-1};
+    o->place = output_place_new(p->q, &o->roots, share);
+}
+
+static void end(outputs *o)
+{
+    output_place_free(o->place);
+    free(o->root);
+}
+
+/* A result of three files, each of `bytes` bytes, all alike. To be freed. */
+static char *make_result(place *p, const char *name, int bytes)
+{
+    char *directory = mem_printf("%s/%s", p->base, name), hash[STORE_HASH_SIZE], *text = NULL;
+    size_t length;
+    char *content = mem_alloc((size_t)bytes + 1);
+    memset(content, 'a' + bytes % 26, (size_t)bytes);
+    assert_true(store_directory_create(directory, NULL));
+    store_hash(content, (size_t)bytes, hash);
+    FILE *report = open_memstream(&text, &length);
+    fputs("{\"outcome\":\"converged\",\"count\":7,\"outputs\":[", report);
+    for (int i = 0; i < FILES; i++) {
+        char *path = mem_printf("%s/%d.ply", directory, i);
+        assert_true(store_file_write(path, content, (size_t)bytes, NULL));
+        fprintf(report, "%s{\"name\":\"%d.ply\",\"bytes\":%d,\"sha256\":\"%s\"}", i ? "," : "", i, bytes,
+                hash);
+        free(path);
+    }
+    fputs("]}", report);
+    fclose(report);
+    char *path = mem_printf("%s/report.json", directory);
+    assert_true(store_file_write(path, text, length, NULL));
+    free(path);
+    free(text);
+    free(content);
+    return directory;
+}
+
+/* The files in the directory are those that the report there lists. */
+static void expect_whole(const char *directory)
+{
+    result r = {0};
+    error e = {0};
+    if (!result_read(directory, &r, &e)) fail_msg("%s", e.message);
+    assert_int_equal(r.output_count, FILES);
+    for (size_t i = 0; i < r.output_count; i++) {
+        char *path = mem_printf("%s/%s", directory, r.output[i].name), hash[STORE_HASH_SIZE];
+        size_t length;
+        char *text = store_file_read(path, 1 << 20, &length, NULL);
+        store_hash(text, length, hash);
+        assert_string_equal(hash, r.output[i].sha256);
+        free(text);
+        free(path);
+    }
+    result_clear(&r);
+}
+
+typedef struct copier {
+    output_place *place;
+    pthread_barrier_t *round;
+    char *from, *to;
+    int rounds;
+    bool ok;
+} copier;
+
+static void *copy_often(void *argument)
+{
+    copier *c = argument;
+    char *temporary = mem_printf(".%s.hexad-tmp", strrchr(c->from, '/') + 1);
+    c->ok = true;
+    for (int i = 0; i < c->rounds; i++) {
+        pthread_barrier_wait(c->round);
+        c->ok &= output_place_copy(c->place, "ann", c->from, c->to, temporary, NULL);
+        pthread_barrier_wait(c->round);
+        pthread_barrier_wait(c->round); /* the test has looked */
+    }
+    free(temporary);
+    return NULL;
+}
+
+static void test_copies_into_one_directory_are_whole_one_after_the_other(void **state)
+{
+    place *p = *state;
+    outputs o;
+    enum { ROUNDS = 8 };
+    copier c[THREADS];
+    pthread_t thread[THREADS];
+    pthread_barrier_t round;
+    begin(&o, p, false);
+    pthread_barrier_init(&round, NULL, THREADS + 1);
+    char *to = mem_printf("%s/a", o.root);
+    assert_true(store_directory_create(to, NULL));
+    for (int i = 0; i < THREADS; i++) {
+        char name[16];
+        snprintf(name, sizeof name, "result.%d", i);
+        /* the same directory by two names */
+        c[i] = (copier){o.place,
+                        &round,
+                        make_result(p, name, 100 + i),
+                        i % 2 ? mem_strdup(to) : mem_printf("%s//a/", o.root),
+                        ROUNDS,
+                        false};
+        assert_int_equal(pthread_create(&thread[i], NULL, copy_often, &c[i]), 0);
+    }
+    for (int i = 0; i < ROUNDS; i++) {
+        pthread_barrier_wait(&round);
+        pthread_barrier_wait(&round);
+        expect_whole(to);
+        pthread_barrier_wait(&round);
+    }
+    for (int i = 0; i < THREADS; i++) {
+        pthread_join(thread[i], NULL);
+        assert_true(c[i].ok);
+        free(c[i].from);
+        free(c[i].to);
+    }
+    pthread_barrier_destroy(&round);
+    free(to);
+    end(&o);
+}
+
+static void expect_copied(const outputs *o, const char *user, const char *from, const char *to,
+                          error_code code)
+{
+    error e = {0};
+    bool ok = output_place_copy(o->place, user, from, to, ".x.hexad-tmp", &e);
+    if (ok != (code == ERROR_NONE) || e.code != code) fail_msg("%s", e.message);
+}
+
+static void expect_checked(const outputs *o, const char *user, const char *to, error_code code)
+{
+    error e = {0};
+    bool ok = output_place_check(o->place, user, to, &e);
+    if (ok != (code == ERROR_NONE) || e.code != code) fail_msg("%s", e.message);
+}
+
+static void test_a_directory_belongs_to_the_user_whose_report_is_there(void **state)
+{
+    place *p = *state;
+    outputs o;
+    begin(&o, p, false);
+    char *from = make_result(p, "result", 10), *other = make_result(p, "other", 11);
+    char *to = mem_printf("%s/a", o.root), *alias = mem_printf("%s/./a", o.root);
+    char *report = mem_printf("%s/report.json", to), *file = mem_printf("%s/0.ply", to);
+    expect_checked(&o, "ben", to, ERROR_NONE); /* there is no such directory */
+    expect_copied(&o, "ann", from, to, ERROR_NONE);
+    expect_checked(&o, "ann", to, ERROR_NONE);
+    expect_checked(&o, "ben", to, ERROR_OUTPUT_TAKEN);
+    expect_checked(&o, "ben", alias, ERROR_OUTPUT_TAKEN);
+    expect_copied(&o, "ben", other, to, ERROR_OUTPUT_TAKEN);
+    expect_whole(to);
+    struct stat info;
+    assert_true(stat(file, &info) == 0 && info.st_size == 10);
+    expect_copied(&o, "ann", other, to, ERROR_NONE);
+    end(&o);
+    begin(&o, p, true);
+    expect_checked(&o, "ben", to, ERROR_NONE);
+    expect_copied(&o, "ben", from, to, ERROR_NONE);
+    end(&o);
+    begin(&o, p, false);
+    expect_checked(&o, "ann", to, ERROR_OUTPUT_TAKEN); /* now it is his */
+    assert_int_equal(unlink(report), 0);
+    expect_checked(&o, "ann", to, ERROR_NONE);
+    expect_copied(&o, "ann", other, to, ERROR_NONE);
+    free(from);
+    free(other);
+    free(to);
+    free(alias);
+    free(report);
+    free(file);
+    end(&o);
+}
+
+static void test_a_report_that_no_job_delivered_belongs_to_nobody(void **state)
+{
+    place *p = *state;
+    outputs o;
+    begin(&o, p, false);
+    char *from = make_result(p, "result", 10), *to = make_result(p, "show/by hand", 11);
+    expect_checked(&o, "ben", to, ERROR_NONE);
+    expect_copied(&o, "ben", from, to, ERROR_NONE);
+    free(from);
+    free(to);
+    end(&o);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        CASE(test_copies_into_one_directory_are_whole_one_after_the_other),
+        CASE(test_a_directory_belongs_to_the_user_whose_report_is_there),
+        CASE(test_a_report_that_no_job_delivered_belongs_to_nobody),
+    };
+    sqlite3_auto_extension((void (*)(void))note_connection);
+    return cmocka_run_group_tests_name("output_place", tests, NULL, NULL);
+}
