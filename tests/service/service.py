@@ -20,14 +20,16 @@ CHECKED = bool(UNDER) or os.environ.get("HEXAD_TIER") == "sanitized"
 
 
 def wait_until(condition, what, seconds=PATIENCE_S, interval=0.01):
-    """The first true value of condition(), which is evaluated every `interval` seconds until then."""
-    end = time.monotonic() + seconds
+    """The first true value of condition(), which is evaluated every `interval` seconds until then; after a while rarer, as an
+    evaluation is work for the test and often for the daemon: the end is seen a twentieth of the time that passed late."""
+    start = time.monotonic()
     while True:
         value = condition()
         if value:
             return value
-        assert time.monotonic() < end, f"waited in vain for {what}"
-        time.sleep(interval)  # between two evaluations, not a guess at a duration
+        passed = time.monotonic() - start
+        assert passed < seconds, f"waited in vain for {what}"
+        time.sleep(max(interval, min(passed / 20, 0.2)))  # between two evaluations, not a guess at a duration
 
 
 def sphere(count=200, **parts):

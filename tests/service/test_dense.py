@@ -54,7 +54,7 @@ def sample(solve):
     """Runs a surface; the report and the points, or the error and None."""
     def run(surface, isovalue=0.0, kind="volume", **parts):
         member = {"isovalue": isovalue, **(surface if isinstance(surface, dict) else {"path": str(surface)})}
-        spec = {"version": 1, "surface": {kind: member}, "sampling": {"count": COUNT}, "solver": {"threads": 1},
+        spec = {"version": 1, "surface": {kind: member}, "sampling": {"count": COUNT}, "solver": {"threads": 1, "max_sweeps": 3},
                 "output": {"preview": False, "ply": {"precision": "double"}}, **parts}
         told, data = solve(spec)
         return told, data and Points(data)

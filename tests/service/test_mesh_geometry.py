@@ -51,7 +51,7 @@ def test_meshes_with_faces_twice_are_whole(worker, tmp_path, diagnose, seed):
 
 @pytest.mark.extended
 def test_many_damaged_meshes(build, tmp_path, diagnose):
-    assert damaged_meshes.run_cases(build, 200, SEED + CASES, COUNT, diagnose)
+    assert damaged_meshes.run_cases(build, 100, SEED + CASES, COUNT, diagnose)
 
 
 def notched(random, scale, floats):

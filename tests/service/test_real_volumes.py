@@ -311,7 +311,7 @@ def test_paths_that_lead_nowhere(data_service, shared_data):
 # ---- the same bytes again
 
 def big_sphere(shared_data):
-    return vdb(shared_data / "vdb" / "ls_sphere_half.vdb", 21000, solver={"max_sweeps": 60})
+    return vdb(shared_data / "vdb" / "ls_sphere_half.vdb", 21000, solver={"max_sweeps": 15})
 
 
 REPEATABLE = {
