@@ -385,12 +385,14 @@ static void answer_receipt(const http_context *c, const http_request *request, c
     free(location);
 }
 
-/* Whether the user may submit a job now; otherwise answers when. */
-static bool check_rate(const http_context *c, const http_request *request, reply *r)
+/* Whether the user may submit a job now; otherwise answers when. A repeated request submits none. */
+static bool check_rate(const http_context *c, const http_request *request, const char *key, reply *r)
 {
     int64_t wait_s = 0;
+    bool repeated = false;
     char after[24];
     const char *user = request->caller->user;
+    if (c->rate && key && queue_has_key(c->q, user, key, &repeated, NULL) && repeated) return true;
     if (!c->rate || submission_rate_take(c->rate, user, clock_monotonic_ms(), &wait_s)) return true;
     snprintf(after, sizeof after, "%lld", (long long)wait_s);
     reply_set_problem(r, "too_many_submissions", NULL,
@@ -447,7 +449,7 @@ static void put_in_queue(const http_context *c, const http_request *request, con
     char hash[STORE_HASH_SIZE], result_key[STORE_HASH_SIZE];
     const char *key = NULL;
     size_t sent_count = 0;
-    if (!read_key(request, hash, &key, r) || !check_rate(c, request, r)) return;
+    if (!read_key(request, hash, &key, r) || !check_rate(c, request, key, r)) return;
     char **sent = list_sent(s, &sent_count);
     char *labels = print_labels(s), *text = json_print(s->normalised),
          *paths = o->paths ? json_print(o->paths) : NULL,

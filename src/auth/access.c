@@ -34,6 +34,7 @@ struct access_control {
     pthread_mutex_t mutex; /* for what follows */
     token_set tokens;
     uint64_t generation;
+    bool troubled;    /* the log says that the file cannot be read */
     struct stat seen; /* of the file that the tokens are from; zero: there was none */
 };
 
@@ -88,16 +89,27 @@ static bool is_same(const struct stat *a, const struct stat *b)
            a->st_ctim.tv_sec == b->st_ctim.tv_sec && a->st_ctim.tv_nsec == b->st_ctim.tv_nsec;
 }
 
-/* Reads the tokens if their file is another than last time. Held: the mutex. */
+/* Reads the tokens if their file is another than last time. When it cannot be read at the moment (internal), they stay,
+ * and it is read at the next look. When it is no token file, no token is known. Held: the mutex. */
 static bool refresh(access_control *a, error *e)
 {
     struct stat now = {0};
-    if (stat(a->token_file, &now) != 0) now = (struct stat){0};
+    token_set read = {0};
+    error why = {0};
+    if (stat(a->token_file, &now) != 0) {
+        if (errno != ENOENT && errno != ENOTDIR)
+            return error_set(e, ERROR_INTERNAL, "%s: %s", a->token_file, strerror(errno));
+        now = (struct stat){0};
+    }
     if (is_same(&now, &a->seen)) return true;
+    bool ok = token_set_read(a->token_file, &read, &why);
+    if (!ok && e) *e = why;
+    if (!ok && why.code == ERROR_INTERNAL) return false;
     a->seen = now;
     a->generation++;
     token_set_clear(&a->tokens);
-    return token_set_read(a->token_file, &a->tokens, e);
+    a->tokens = read;
+    return ok;
 }
 
 access_control *access_open(const access_settings *settings, error *e)
@@ -197,7 +209,13 @@ static const token_set *lock_tokens(access_control *a)
 {
     error e = {0};
     pthread_mutex_lock(&a->mutex);
-    if (!refresh(a, &e)) log_write(LOG_LEVEL_ERROR, "no token is known: %s", e.message);
+    bool ok = refresh(a, &e);
+    if (!ok && !a->troubled)
+        log_write(LOG_LEVEL_ERROR, "%s: %s",
+                  e.code == ERROR_INTERNAL ? "the changed tokens cannot be read, and the ones before stay"
+                                           : "no token is known",
+                  e.message);
+    a->troubled = !ok && e.code == ERROR_INTERNAL;
     return &a->tokens;
 }
 

@@ -91,6 +91,14 @@ static bool read_token(char *line, token *t)
     return !errno && !*end;
 }
 
+/* The file is there, and this process cannot read it. */
+static bool fail_to_read(const char *path, error *e)
+{
+    bool lasts = errno == EACCES || errno == EPERM || errno == EISDIR || errno == ENXIO;
+    return error_set(e, lasts ? ERROR_SPEC_INVALID : ERROR_INTERNAL, "%s cannot be read: %s", path,
+                     strerror(errno));
+}
+
 static bool read_lines(FILE *file, const char *path, token_set *set, error *e)
 {
     char line[LINE_BYTES];
@@ -106,7 +114,7 @@ static bool read_lines(FILE *file, const char *path, token_set *set, error *e)
                              "%s:%d: not \"ID USER SCOPES SHA256 CREATED [MAX_PRIORITY]\"", path, number);
         append(set, &t);
     }
-    return !ferror(file) || error_set(e, ERROR_SPEC_INVALID, "%s cannot be read: %s", path, strerror(errno));
+    return !ferror(file) || fail_to_read(path, e);
 }
 
 bool token_set_read(const char *path, token_set *set, error *e)
@@ -119,7 +127,7 @@ bool token_set_read(const char *path, token_set *set, error *e)
     }
     FILE *file = fd < 0 ? NULL : fdopen(fd, "r");
     if (!file) {
-        error_set(e, ERROR_SPEC_INVALID, "%s cannot be read: %s", path, strerror(errno));
+        fail_to_read(path, e);
         if (fd >= 0) close(fd);
         return false;
     }

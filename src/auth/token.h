@@ -43,7 +43,8 @@ typedef struct token_set {
 } token_set;
 
 /* Reads the file; a missing file is an empty set. Error spec_invalid: a line is wrong, or other users can
- * access the file. The caller clears. */
+ * access the file, or this process may not read it. Error internal: it cannot be read at the moment. The caller
+ * clears. */
 bool token_set_read(const char *path, token_set *set, error *e);
 void token_set_clear(token_set *set); /* accepts an empty one */
 

@@ -49,9 +49,15 @@ bool reader_start(const reader_params *p, reader *out, error *e)
     posix_spawn_file_actions_destroy(&actions);
     close(ends[1]);
     if (why == 0 && (out->stream = fdopen(ends[0], "rb"))) return true;
+    if (why == 0) {
+        why = errno;
+        kill(out->pid, SIGKILL);
+        while (waitpid(out->pid, NULL, 0) < 0 && errno == EINTR) {
+        }
+    }
     close(ends[0]);
     return error_set(e, ERROR_INTERNAL, "the process that reads the file could not be started: %s",
-                     strerror(why ? why : errno));
+                     strerror(why));
 }
 
 bool reader_end(reader *r, bool begun, bool ok, error *e)

@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,8 +10,13 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
+
+/* For how long, and how often, a lock is tried that another process holds. */
+#define PATIENCE_MS 1000
+#define LOOK_MS 20
 
 static void say_holder(int fd, const char *state_dir, error *e)
 {
@@ -37,11 +43,22 @@ static void note_holder(int fd)
         log_write(LOG_LEVEL_WARNING, "the file lock does not tell who holds it: %s", strerror(errno));
 }
 
+/* A process that was killed holds its lock until the kernel has taken it apart. */
+static bool lock_file(int fd, int64_t patience_ms)
+{
+    int64_t until_ms = clock_monotonic_ms() + patience_ms;
+    while (flock(fd, LOCK_EX | LOCK_NB) != 0) {
+        if (errno != EWOULDBLOCK || clock_monotonic_ms() >= until_ms) return false;
+        poll(NULL, 0, LOOK_MS);
+    }
+    return true;
+}
+
 int lock_take(const char *state_dir, bool *in_use, error *e)
 {
     char *path = mem_printf("%s/lock", state_dir);
     int fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0600);
-    bool ok = fd >= 0 && give_to_owner(fd, state_dir) && flock(fd, LOCK_EX | LOCK_NB) == 0;
+    bool ok = fd >= 0 && give_to_owner(fd, state_dir) && lock_file(fd, in_use ? 0 : PATIENCE_MS);
     bool held = !ok && fd >= 0 && errno == EWOULDBLOCK;
     if (held)
         say_holder(fd, state_dir, e);

@@ -19,6 +19,8 @@
 
 /* Headers are a page of text; more than this is none. */
 #define HEAD_MAX (1u << 20)
+/* Characters of a field of NRRD: Teem copies names of units and kinds into buffers of some more. */
+#define FIELD_MAX 1000
 /* Data files that one header may name. */
 static const long most_files = 65536;
 
@@ -109,8 +111,14 @@ static char *field_of(char *line, const char *name, const char *other)
     return line + strspn(line, " \t");
 }
 
+/* A comment, or a key with a value: neither says where samples are, and both may have any length. */
+static bool is_remark(const char *line)
+{
+    return *line == '#' || strncmp(line + strcspn(line, ":"), ":=", 2) == 0;
+}
+
 /* Takes out of the header's text where the data are: Teem opens the files and skips even when it is told to
- * leave the data alone. */
+ * leave the data alone. Leaves out what Teem is not needed for, and refuses lines that its buffers do not hold. */
 static bool take_places(answer *a, char *text, char *rest)
 {
     bool listed = false;
@@ -127,7 +135,11 @@ static bool take_places(answer *a, char *text, char *rest)
             a->head.line_skip = (uint32_t)strtoul(value, NULL, 10);
         } else if ((value = field_of(line, "byte skip", "byteskip"))) {
             a->head.byte_skip = strtoll(value, NULL, 10);
-        } else {
+        } else if (!is_remark(line)) {
+            if (length > FIELD_MAX)
+                return refuse(a, ERROR_INPUT_DAMAGED,
+                              "a field of its header has %zu characters, and at most %d are read: \"%.40s\"",
+                              length, FIELD_MAX, line);
             rest = stpcpy(stpcpy(rest, line), "\n");
         }
     }

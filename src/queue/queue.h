@@ -186,6 +186,9 @@ typedef struct queue_receipt {
 /* Stores the job if the verdict is QUEUE_CREATED, and nothing otherwise. */
 bool queue_put(queue *q, const queue_submission *submission, queue_receipt *receipt, error *e);
 
+/* Whether the owner has used this idempotency key. */
+bool queue_has_key(queue *q, const char *owner, const char *key, bool *found, error *e);
+
 /* *found is false when there is no such job. The caller clears *job. */
 bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e);
 

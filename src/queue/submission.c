@@ -203,3 +203,16 @@ bool queue_put(queue *q, const queue_submission *submission, queue_receipt *rece
     *receipt = s.receipt;
     return true;
 }
+
+bool queue_has_key(queue *q, const char *owner, const char *key, bool *found, error *e)
+{
+    int64_t seq = 0;
+    database_lock(q->database);
+    bool ok = database_read_integer(
+        q->database,
+        ASK(q->database, e, "SELECT seq FROM job WHERE owner = ?1 AND key = ?2", text(owner), text(key)),
+        &seq, e);
+    database_unlock(q->database);
+    if (ok) *found = seq != 0;
+    return ok;
+}

@@ -43,10 +43,9 @@ static bool remove_one(const output_cleanup *c, const queue_copy *copy, bool fir
 static bool wait_for_round(output_cleanup *c)
 {
     int64_t until_ms = clock_monotonic_ms() + AGAIN_MS;
-    struct timespec until = {.tv_sec = (time_t)(until_ms / 1000)};
-    int status = 0;
+    bool waiting = true;
     pthread_mutex_lock(&c->mutex);
-    while (!c->stop && status == 0) status = pthread_cond_timedwait(&c->stopping, &c->mutex, &until);
+    while (!c->stop && waiting) waiting = background_wait_until(&c->stopping, &c->mutex, until_ms);
     bool go_on = !c->stop;
     pthread_mutex_unlock(&c->mutex);
     return go_on;
@@ -83,11 +82,7 @@ bool output_cleanup_start(queue *q, const store_outputs *outputs, output_cleanup
     c->q = q;
     c->outputs = outputs;
     pthread_mutex_init(&c->mutex, NULL);
-    pthread_condattr_t monotonic;
-    pthread_condattr_init(&monotonic);
-    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
-    pthread_cond_init(&c->stopping, &monotonic);
-    pthread_condattr_destroy(&monotonic);
+    background_init_condition(&c->stopping);
     bool ok = queue_list_copies(q, &c->copies, &c->count, e);
     if (ok && c->count) ok = background_start(&c->thread, run, c, "what copies have left behind", e);
     *made = ok && c->count ? c : NULL;

@@ -10,6 +10,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
 #include "base/worker_contract.h"
@@ -23,6 +24,8 @@
 #define MAX_OUTPUTS 512 /* a turntable has up to 360 frames */
 /* No output has this name, because no output name begins with a point. */
 #define LISTING_NAME ".listing.json"
+/* A temporary file of a listing that is older was left by a crash: a listing is written in milliseconds. */
+#define LEFT_S 60
 
 char *result_directory(const char *work_dir, const char *id, int frame)
 {
@@ -248,6 +251,21 @@ static char *print_listing(const result *r)
     return text;
 }
 
+/* Removes what writers of the listing left that died before its rename. A younger one may still be written. */
+static void remove_left_listings(const char *directory)
+{
+    struct stat info;
+    const size_t length = strlen(LISTING_NAME ".");
+    const int64_t before_s = clock_wall_ms() / 1000 - LEFT_S;
+    DIR *files = opendir(directory);
+    for (struct dirent *d; files && (d = readdir(files));)
+        if (strncmp(d->d_name, LISTING_NAME ".", length) == 0 &&
+            fstatat(dirfd(files), d->d_name, &info, AT_SYMLINK_NOFOLLOW) == 0 && S_ISREG(info.st_mode) &&
+            info.st_mtim.tv_sec < before_s)
+            unlinkat(dirfd(files), d->d_name, 0);
+    if (files) closedir(files);
+}
+
 bool result_list(const char *directory, result *r, error *e)
 {
     error why = {0};
@@ -260,6 +278,7 @@ bool result_list(const char *directory, result *r, error *e)
         result_clear(&found);
         return false;
     }
+    remove_left_listings(directory);
     char *path = mem_printf("%s/%s", directory, LISTING_NAME), *text = print_listing(&found);
     if (!store_file_write(path, text, strlen(text), &why)) /* the next call makes it again */
         log_write(LOG_LEVEL_WARNING, "the list of a result's files cannot be stored: %s", why.message);

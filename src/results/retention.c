@@ -1,11 +1,9 @@
 #include "results/retention.h"
 
-#include <errno.h>
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 #include <unistd.h>
 
 #include "base/background.h"
@@ -280,13 +278,10 @@ static bool find_next_expiry(retention *r, int64_t *at_ms)
 /* Waits until this time (monotonic), but not longer than LOOK_MS, or a wake-up. False: the thread must end. */
 static bool wait_until(retention *r, int64_t at_ms)
 {
-    int status = 0;
-    int64_t look_ms = clock_monotonic_ms() + LOOK_MS;
-    if (at_ms > look_ms) at_ms = look_ms;
-    struct timespec until = {.tv_sec = (time_t)(at_ms / 1000), .tv_nsec = (long)(at_ms % 1000) * 1000000};
+    bool waiting = true;
+    at_ms = least(at_ms, clock_monotonic_ms() + LOOK_MS);
     pthread_mutex_lock(&r->mutex);
-    while (!r->wake && !r->stop && status != ETIMEDOUT)
-        status = pthread_cond_timedwait(&r->woken, &r->mutex, &until);
+    while (!r->wake && !r->stop && waiting) waiting = background_wait_until(&r->woken, &r->mutex, at_ms);
     r->wake = false;
     bool go_on = !r->stop;
     pthread_mutex_unlock(&r->mutex);
@@ -369,11 +364,7 @@ retention *retention_start(queue *q, const char *work_dir, store_inputs *inputs,
     r->work_dir = mem_strdup(work_dir);
     pthread_mutex_init(&r->mutex, NULL);
     pthread_mutex_init(&r->removing, NULL);
-    pthread_condattr_t monotonic;
-    pthread_condattr_init(&monotonic);
-    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
-    pthread_cond_init(&r->woken, &monotonic);
-    pthread_condattr_destroy(&monotonic);
+    background_init_condition(&r->woken);
     if (background_start(&r->thread, keep, r, "the removal of expired jobs", e)) return r;
     release(r);
     return NULL;

@@ -12,6 +12,7 @@
 #include "packing/packing.h"
 #include "remesh/left_out.h"
 #include "remesh/surface_mesh.h"
+#include "run/cost_model.h"
 #include "run/label_meshes.h"
 #include "run/measured_surface.h"
 #include "run/upright.h"
@@ -211,7 +212,8 @@ bool job_survey(job *j, error *e)
     j->scan = surface_scan(j->source.field, j->pool, e);
     if (!j->scan) return source_prefix_origin(&j->source, e);
     if (!find_curves(j, e)) return false;
-    if (j->spec->time_s > 0) return true; /* runs of several counts are to come */
+    if (j->spec->time_s > 0)
+        return fits_memory(j, COST_MODEL_FIRST, e); /* the first of runs of several counts */
     double wanted = 0;
     if (j->spec->resolve) {
         if (!make_sizing(j, 0, &j->by_features, e)) return false;
@@ -326,7 +328,7 @@ bool job_place(job *j, solution *out, error *e)
         .max_sigma = inserts ? s->control.max_sigma : 0,
         .min_count = (size_t)s->control.min_count,
         .unbiased = s->control.selection == SPEC_SELECTION_RANDOM,
-        .count_limit = (size_t)(job_particle_memory(j) / job_bytes_per_particle(j)),
+        .count_limit = (size_t)fmax(job_particle_memory(j) / job_bytes_per_particle(j), 0),
         .start = brought.position              ? SAMPLER_START_GIVEN
                  : s->init == SPEC_INIT_RANDOM ? SAMPLER_START_RANDOM
                                                : SAMPLER_START_SURFACE,

@@ -210,16 +210,31 @@ static bool explain(view *v, engine_ending *ending)
     return (state && state->over) || now - v->stopped_ms >= WORD_MS;
 }
 
-/* True when there is an ending, which is complete. */
+/* The storage may be at fault, which may pass: the ending is read again for lost_s, or until the attempt is given up.
+ * False: it is given up. */
+static bool wait_for_ending(view *v, const error *why)
+{
+    char words[256];
+    int64_t now = clock_monotonic_ms();
+    if (!v->a->unread_ms) {
+        v->a->unread_ms = now;
+        log_write(LOG_LEVEL_WARNING, "slurm: an ending cannot be read, and is read again: %s", why->message);
+    }
+    if (v->forced) return false;
+    if (now - v->a->unread_ms < (int64_t)(v->a->place->settings.lost_s * 1000)) return true;
+    snprintf(words, sizeof words, "its ending cannot be read: %.200s", why->message);
+    end_lost(v, ENGINE_INTERRUPTED, words);
+    return true;
+}
+
+/* True when there is an ending, which is complete, or one that is still to be read. */
 static bool read_ending(view *v)
 {
     engine_ending ending = {0};
     bool found = false;
     error e = {0};
-    if (!attempt_files_read_ending(v->directory, &ending, &found, &e)) {
-        log_write(LOG_LEVEL_DEBUG, "an ending cannot be read, and is read again: %s", e.message);
-        return true;
-    }
+    if (!attempt_files_read_ending(v->directory, &ending, &found, &e)) return wait_for_ending(v, &e);
+    v->a->unread_ms = 0;
     if (found && explain(v, &ending))
         end(v, &ending);
     else

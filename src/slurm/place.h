@@ -58,9 +58,10 @@ struct engine_attempt {
     bool cancelled, forced, told; /* asked to end; to be killed; its node was told so */
     int64_t began_ms;             /* monotonic; INT64_MAX: not yet */
     int64_t over_ms, stopped_ms;  /* when it was first seen so; 0: not yet */
-    int64_t offset;               /* of what was read of its progress */
-    char reason[64];              /* why it waits, as was told last */
-    char *fresh, *newest;         /* progress lines: to be polled, the last that was */
+    int64_t unread_ms;    /* since when its ending cannot be read; 0: it can. Of the files thread alone */
+    int64_t offset;       /* of what was read of its progress */
+    char reason[64];      /* why it waits, as was told last */
+    char *fresh, *newest; /* progress lines: to be polled, the last that was */
     bool ended;
     bool left; /* the executor may be gone */
     engine_ending ending;

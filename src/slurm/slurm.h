@@ -24,9 +24,9 @@ typedef struct slurm_settings {
     size_t option_count;
     const char *const *accounts; /* "user=account"; "*" is any other user */
     size_t account_count;
-    double interval_s;   /* of squeue */
-    double command_s;    /* the time limit of a command */
-    double lost_s;       /* how long Slurm must not know a job before it is given up */
+    double interval_s; /* of squeue */
+    double command_s;  /* the time limit of a command */
+    double lost_s; /* how long Slurm must not know a job, or an ending be unreadable, before it is given up */
     int64_t small_count; /* a job of at most so many points shares a Slurm job with others */
     int together;        /* so many small jobs at most are given to one */
     double more_s;       /* how long it goes on with those of others that have not begun */

@@ -38,8 +38,8 @@ def new_token(service, *words):
     return done.stdout.strip()
 
 
-def with_token(service, token, method, path, document=None):
-    headers = {"Authorization": f"Bearer {token}", "Content-Type": "application/json"}
+def with_token(service, token, method, path, document=None, **more):
+    headers = {"Authorization": f"Bearer {token}", "Content-Type": "application/json", **more}
     return service.request(method, path, json.dumps(document) if document is not None else None, headers)
 
 

@@ -164,6 +164,18 @@ def expect_crowd(reply, status, code):
     assert int(reply.headers["Retry-After"]) >= 1 and reply.headers["Content-Type"] == "application/problem+json"
 
 
+def test_a_half_closed_connection_gets_its_answers_and_is_closed(new_service):
+    service = new_service("--connection_timeout_s", 3600).start()
+    host, _, port = service.address.rpartition(":")
+    request = f"GET /v1/jobs HTTP/1.1\r\nHost: {service.address}\r\n\r\n".encode()
+    for count in (1, 2) * 20:
+        with socket.create_connection((host, int(port)), timeout=60) as client:
+            client.sendall(count * request)
+            client.shutdown(socket.SHUT_WR)
+            got = b"".join(iter(lambda: client.recv(65536), b""))
+        assert got.count(b"HTTP/1.1 200 OK") == count
+
+
 def test_idle_connections_shut_nobody_out(guarded, hold):
     """They say nothing, or begin a request that never ends, or were told that they need a token."""
     service = guarded()

@@ -70,6 +70,19 @@ def test_nrrd_fields_that_change_nothing(told, plain, tmp_path, endian, encoding
     expect_same(told(tmp_path / "v.nrrd"), plain)
 
 
+@pytest.mark.sanitized
+@pytest.mark.parametrize("field", ["labels: {}", 'space units: "{}" "m" "m"', "kinds: {} domain domain", "centerings: {}", "space: {}"])
+def test_an_nrrd_field_that_is_too_long_is_refused(told, tmp_path, field):
+    write_nrrd(tmp_path / "v.nrrd", ball(), MATRIX, extra=[field.format("x" * 1200)])
+    report = told(tmp_path / "v.nrrd")
+    assert report["code"] == "input_damaged" and "characters" in report["message"], report
+
+
+def test_nrrd_comments_and_keys_may_have_any_length(told, plain, tmp_path):
+    write_nrrd(tmp_path / "v.nrrd", ball(), MATRIX, extra=["# " + "x" * 5000, "key:=" + "x" * 5000, "k" * 5000 + ":=x"])
+    expect_same(told(tmp_path / "v.nrrd"), plain)
+
+
 def test_nrrd_data_beside_other_bytes(told, plain, tmp_path):
     data = b"one\ntwo\n" + b"12345" + nrrd_data(ball(), endian="big")
     (tmp_path / "v.raw").write_bytes(data)

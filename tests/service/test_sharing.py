@@ -20,8 +20,8 @@ class Farm:
         self.tokens["admin"] = new_token(self.service, "admin", "--scopes", "read,submit,cancel,admin")
         self.service.start()
 
-    def ask(self, user, method, path, document=None):
-        return with_token(self.service, self.tokens[user], method, path, document)
+    def ask(self, user, method, path, document=None, **headers):
+        return with_token(self.service, self.tokens[user], method, path, document, **headers)
 
     def submit(self, user, **parts):
         reply = self.ask(user, "POST", "/v1/jobs", sphere(**parts))
@@ -129,8 +129,13 @@ def test_tokens_are_listed_with_their_limits(farm):
 @pytest.mark.sanitized
 def test_submissions_have_a_limit(farm):
     shared = farm("--user_submissions", 3)
-    for _ in range(3):
+    key = {"Idempotency-Key": "k"}
+    first = shared.ask("ann", "POST", "/v1/jobs", sphere(), **key)
+    assert first.status == 201
+    for _ in range(2):  # the same request again is no other submission
+        assert shared.ask("ann", "POST", "/v1/jobs", sphere(), **key).json["id"] == first.json["id"]
         shared.submit("ann")
+    assert shared.ask("ann", "POST", "/v1/jobs", sphere(), **key).json["id"] == first.json["id"]
     refused = shared.ask("ann", "POST", "/v1/jobs", sphere())
     expect_problem(refused, 429, "too_many_submissions")
     assert 0 < int(refused.headers["Retry-After"]) <= 1200

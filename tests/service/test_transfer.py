@@ -3,6 +3,7 @@ import base64
 import hashlib
 import os
 import socket
+import time
 
 import pytest
 
@@ -87,7 +88,13 @@ def test_a_listing_is_made_once(finished):
     finished.start()
     assert finished.get(where).json == listed
     kept.unlink()
+    # what a crash left goes, and what another writer may still need stays
+    left, young = (kept.with_name(f".listing.json.{n}") for n in ("0123456789abcdef", "1123456789abcdef"))
+    left.touch()
+    young.touch()
+    os.utime(left, (time.time() - 100,) * 2)
     assert finished.get(where).json == listed
+    assert not left.exists() and young.exists()
 
 
 def put(service, data, name=None, **headers):

@@ -110,6 +110,19 @@ def test_the_best_that_fits_in_a_time(worker, tmp_path):
     assert [o["name"] for o in report["outputs"]] == ["points.ply", "preview.png", "preview.exr"]
 
 
+def test_a_time_for_a_target_needs_memory_for_its_first_points(worker):
+    """Where the preview of a job of 64 MiB leaves too little."""
+    def fault(size):
+        done = worker(sphere(sampling={"time_s": 1e-3}, limits={"memory_mb": 64}, output={"preview": {"size": [size, size]}}))
+        return last_words(done)
+
+    fits, large = 1024, 4096
+    while large - fits > 1:
+        size = (fits + large) // 2
+        fits, large = (fits, size) if fault(size)["code"] == "limit_memory" else (size, large)
+    assert fault(large)["message"].startswith("200 points need")
+
+
 @pytest.mark.sanitized
 def test_a_time_in_which_nothing_fits(worker, tmp_path):
     done = worker(sphere(sampling={"time_s": 1e-3}))

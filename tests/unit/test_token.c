@@ -7,6 +7,7 @@
 #include <grp.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
@@ -258,6 +259,39 @@ static void test_peers_and_tokens(void **state)
     assert_non_null(strstr(e.message, nobody[0]));
 }
 
+/* The file was changed while no descriptor is left: what was known stays, and the change is read later. */
+static void test_tokens_stay_while_their_file_cannot_be_read(void **state)
+{
+    (void)state;
+    error e = {0};
+    token_set set = {0};
+    char first[TOKEN_SIZE], second[TOKEN_SIZE], header[2][TOKEN_SIZE + 16];
+    access_peer stranger = {.uid = (uid_t)-1};
+    access_caller caller;
+    assert_non_null(token_set_add(&set, "alice", SCOPE_READ, 0, first, &e));
+    assert_true(token_set_write(path, &set, TOKEN_NO_GROUP, &e));
+    access_control *a = access_open(&(access_settings){.token_file = path}, &e);
+    assert_non_null(a);
+    assert_non_null(token_set_add(&set, "bob", SCOPE_READ, 0, second, &e));
+    assert_true(token_set_write(path, &set, TOKEN_NO_GROUP, &e));
+    strcat(strcpy(header[0], "Bearer "), first);
+    strcat(strcpy(header[1], "Bearer "), second);
+    struct rlimit limit, none;
+    assert_int_equal(getrlimit(RLIMIT_NOFILE, &limit), 0);
+    int next = dup(0);
+    close(next);
+    none = (struct rlimit){(rlim_t)next, limit.rlim_max};
+    assert_int_equal(setrlimit(RLIMIT_NOFILE, &none), 0);
+    bool known = access_identify(a, &stranger, header[0], NULL, &caller),
+         early = access_identify(a, &stranger, header[1], NULL, &caller);
+    assert_int_equal(setrlimit(RLIMIT_NOFILE, &limit), 0);
+    assert_true(known && !early);
+    assert_true(access_identify(a, &stranger, header[0], NULL, &caller));
+    assert_true(access_identify(a, &stranger, header[1], NULL, &caller));
+    access_close(a);
+    token_set_clear(&set);
+}
+
 static void test_sessions(void **state)
 {
     (void)state;
@@ -315,6 +349,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_a_file_of_root_is_for_the_group_of_the_service, set_up,
                                         tear_down),
         cmocka_unit_test_setup_teardown(test_peers_and_tokens, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_tokens_stay_while_their_file_cannot_be_read, set_up, tear_down),
     };
     return cmocka_run_group_tests_name("token", tests, NULL, NULL);
 }
