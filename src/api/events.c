@@ -259,7 +259,13 @@ static void follow(const http_context *c, const selection *s, reply *r)
     else if (s->owner)
         notifier_name_topic(s->owner, topic);
     if (refill(f, &e)) {
+        if (!f->length) { /* the head of the answer goes out with the first bytes of the body */
+            free(f->text);
+            f->text = mem_strdup(": the stream begins\n\n");
+            f->length = strlen(f->text);
+        }
         reply_set_source(r, "text/event-stream", topic, &f->source);
+        reply_add_header(r, "X-Accel-Buffering", "no"); /* nginx passes events on as they come */
     } else {
         reply_set_error(r, &e, NULL);
         free_follower(&f->source);

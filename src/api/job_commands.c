@@ -8,6 +8,7 @@
 #include "api/jobs.h"
 #include "base/log.h"
 #include "base/memory.h"
+#include "http/parameter.h"
 #include "spec/spec.h"
 
 const char *const job_commands_patch_members[] = {"priority", "labels", "retention_s", NULL};
@@ -51,9 +52,50 @@ void job_commands_resume(const http_context *c, const http_request *request, rep
     tell(c, request, QUEUE_RESUME, "resume", r);
 }
 
+/* Adds to the answer what became of the dependents. Takes the list over. */
+static void put_dependents(queue_retried *retried, reply *r)
+{
+    json *document = json_new_object();
+    json_put_integer(document, "retried", (int64_t)retried->count);
+    json *others = json_put_array(document, "others");
+    for (size_t i = 0; i < retried->other_count; i++) json_append_string(others, retried->others[i]);
+    free(retried->others);
+    reply_add_member(r, "dependents", document);
+}
+
+/* The job may have been retried before: then its dependents alone are. */
+static void retry_all(const http_context *c, const http_request *request, reply *r)
+{
+    error e = {0};
+    queue_job job = {0};
+    queue_retried retried = {0};
+    bool found = false, changed = false, admin = request->caller->scopes & SCOPE_ADMIN;
+    queue_state now = QUEUE_QUEUED;
+    if (!job_lookup_find_own(c, request, &job, r)) return;
+    if (!executor_tell(c->x, job.id, QUEUE_RETRY, &found, &changed, &now, &e) ||
+        !queue_retry_dependents(c->q, job.id, admin ? NULL : request->caller->user, &retried, &e)) {
+        reply_set_error(r, &e, NULL);
+    } else if (!changed && !retried.count) {
+        reply_set_problem(r, "conflict", NULL, "there is nothing to retry in the job %s or behind it",
+                          job.id);
+        free(retried.others);
+    } else {
+        executor_wake(c->x);
+        log_write(LOG_LEVEL_INFO, "job told job=%s command=retry dependents=%zu user=%s", job.id,
+                  retried.count, request->caller->user);
+        jobs_answer(c, request, job.id, 200, r);
+        put_dependents(&retried, r);
+    }
+    queue_job_clear(&job);
+}
+
 void job_commands_retry(const http_context *c, const http_request *request, reply *r)
 {
-    tell(c, request, QUEUE_RETRY, "retry", r);
+    if (parameter_integer(request, "dependents", 0))
+        retry_all(c, request, r);
+    else
+        tell(c, request, QUEUE_RETRY, "retry", r);
+    if (r->status == 200) jobs_wait(c, request, request->parameter[0], r);
 }
 
 void job_commands_deliver(const http_context *c, const http_request *request, reply *r)

@@ -354,10 +354,13 @@ static void answer_receipt(const http_context *c, const http_request *request, c
                   put->trace ? put->trace : "-");
         show_accepted(receipt, put, r);
         reply_add_header(r, "Location", location);
+        jobs_wait(c, request, receipt->id, r);
         break;
     case QUEUE_REPLAYED:
         jobs_answer(c, request, receipt->id, 201, r);
-        if (r->status == 201) reply_add_header(r, "Location", location);
+        if (r->status != 201) break;
+        reply_add_header(r, "Location", location);
+        jobs_wait(c, request, receipt->id, r);
         break;
     case QUEUE_MISMATCH:
         reply_set_problem(r, "idempotency_mismatch", NULL,
@@ -401,6 +404,70 @@ static bool check_rate(const http_context *c, const http_request *request, const
                       user, after);
     reply_add_header(r, "Retry-After", after);
     return false;
+}
+
+/* How long the answer may wait, from `Prefer: wait=30`, in milliseconds; 0: not at all. */
+static int64_t read_wait_ms(const http_context *c, const http_request *request)
+{
+    const char *prefer = request->header[HTTP_PREFER];
+    const char *wait = prefer ? strstr(prefer, "wait=") : NULL;
+    if (!wait || (wait > prefer && !strchr(" ,;", wait[-1])) || !isdigit((unsigned char)wait[5])) return 0;
+    double seconds = strtod(wait + 5, NULL);
+    return (int64_t)(1000 * (seconds < c->wait_s ? seconds : c->wait_s));
+}
+
+static void add_applied(int64_t wait_ms, reply *r)
+{
+    char applied[32];
+    snprintf(applied, sizeof applied, "wait=%g", clock_seconds(wait_ms));
+    reply_add_header(r, "Preference-Applied", applied);
+}
+
+void jobs_wait(const http_context *c, const http_request *request, const char *id, reply *r)
+{
+    int64_t wait_ms = read_wait_ms(c, request);
+    if (wait_ms <= 0) return;
+    add_applied(wait_ms, r);
+    snprintf(r->topic, sizeof r->topic, "%s", id);
+    r->again_ms = request->came_ms + wait_ms;
+    r->provisional = true;
+}
+
+/* Carries over what the newer answer lacks. */
+static void keep_parts(const reply *old, reply *fresh)
+{
+    json *document = json_parse(old->body, old->length, NULL);
+    json_at root = json_root(document), dependents = json_member(&root, "dependents");
+    if (dependents.node) reply_add_member(fresh, "dependents", json_copy(dependents.node));
+    json_free(document);
+    for (size_t i = 0; i < old->header_count; i++)
+        if (strcmp(old->header[i].name, "ETag") != 0)
+            reply_add_header(fresh, old->header[i].name, old->header[i].value);
+}
+
+/* The first answer stands when the job cannot be read, or is gone. */
+void jobs_await(const http_context *c, const http_request *request, reply *r)
+{
+    queue_job job = {0};
+    bool found = false, read = queue_get(c->q, r->topic, &job, &found, NULL) && found;
+    bool patient = !request->last && clock_monotonic_ms() < r->again_ms;
+    if (read && patient && !queue_state_is_final(job.state)) {
+        queue_job_clear(&job);
+        return;
+    }
+    r->provisional = false;
+    if (read) {
+        reply fresh = {.fd = -1};
+        answer_job(c, request, &job, r->status, &fresh);
+        if (fresh.status == r->status) {
+            keep_parts(r, &fresh);
+            reply_clear(r);
+            *r = fresh;
+        } else {
+            reply_clear(&fresh);
+        }
+    }
+    queue_job_clear(&job);
 }
 
 /* The names of the uploaded files that the job reads. */
@@ -681,16 +748,6 @@ void jobs_list(const http_context *c, const http_request *request, reply *r)
     free(cursor);
 }
 
-/* How long the answer may wait, from `Prefer: wait=30`, in milliseconds; 0: not at all. */
-static int64_t read_wait_ms(const http_context *c, const http_request *request)
-{
-    const char *prefer = request->header[HTTP_PREFER];
-    const char *wait = prefer ? strstr(prefer, "wait=") : NULL;
-    if (!wait || (wait > prefer && !strchr(" ,;", wait[-1])) || !isdigit((unsigned char)wait[5])) return 0;
-    double seconds = strtod(wait + 5, NULL);
-    return (int64_t)(1000 * (seconds < c->wait_s ? seconds : c->wait_s));
-}
-
 /* Whether If-None-Match names this revision, with any progress. */
 static bool knows_revision(const char *known, const queue_job *job)
 {
@@ -723,7 +780,7 @@ void jobs_show(const http_context *c, const http_request *request, reply *r)
     if (show_kept(c, request, r)) return;
     if (!job_lookup_find(c, request, &job, r)) return;
     const char *known = request->header[HTTP_IF_NONE_MATCH];
-    int64_t until_ms = request->came_ms + read_wait_ms(c, request);
+    int64_t wait_ms = read_wait_ms(c, request), until_ms = request->came_ms + wait_ms;
     bool patient = !request->last && clock_monotonic_ms() < until_ms;
     char *progress = progress_of(c, &job);
     job_json_print_tag(&job, progress, tag);
@@ -733,11 +790,15 @@ void jobs_show(const http_context *c, const http_request *request, reply *r)
         known && (request->waited ? knows_revision(known, &job) : preconditions_match(known, tag, true));
     if (patient && (known ? knows : !queue_state_is_final(job.state))) {
         reply_set_waiting(r, job.id, until_ms);
-    } else if (known && preconditions_match(known, tag, true)) {
+        queue_job_clear(&job);
+        return;
+    }
+    if (known && preconditions_match(known, tag, true)) {
         reply_set_empty(r, 304);
         reply_add_header(r, "ETag", tag);
     } else {
         answer_job(c, request, &job, 200, r);
     }
+    if (wait_ms > 0) add_applied(wait_ms, r);
     queue_job_clear(&job);
 }

@@ -10,9 +10,14 @@
 #include "api/context.h"
 
 http_handler jobs_submit, jobs_validate, jobs_list, jobs_show;
+/* The `awaiting` of routes whose handlers call jobs_wait. */
+http_handler jobs_await;
 
 /* Answers with the current document of a job. */
 void jobs_answer(const http_context *c, const http_request *request, const char *id, int status, reply *r);
+
+/* Makes the answer, which has the document of this job, wait for the end of the job if the request prefers that. */
+void jobs_wait(const http_context *c, const http_request *request, const char *id, reply *r);
 
 /* Whether the caller may give this priority; otherwise answers why not. `pointer` names it in the body. */
 bool jobs_admit_priority(const http_context *c, const http_request *request, int priority,

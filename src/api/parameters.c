@@ -131,6 +131,14 @@ static const parameter parameters[] = {
      .high = 1,
      .otherwise = "0",
      .prose = "1: the events of the jobs of all users, as everyone may list these jobs."},
+    {.name = "dependents",
+     .type = PARAMETER_INTEGER,
+     .low = 0,
+     .high = 1,
+     .otherwise = "0",
+     .prose =
+         "1: also the jobs that ended as dependency_failed because of this one, and those behind them in turn,"
+         " as far as the caller may retry them."},
     {.name = "frame",
      .type = PARAMETER_INTEGER,
      .low = -2147483647,
@@ -171,8 +179,10 @@ static const parameter parameters[] = {
      .low = 1,
      .high = 1000,
      .example = "wait=30",
-     .prose = "wait=SECONDS: the answer waits until the job has ended or, with If-None-Match, has"
-              " changed, for at most that time."},
+     .prose =
+         "wait=SECONDS: the answer waits until the job has ended or, with If-None-Match, has"
+         " changed, for at most that time and the setting wait_limit_s. Preference-Applied in the answer has"
+         " the time that holds."},
     {.name = "Range",
      .type = PARAMETER_TEXT,
      .low = 1,

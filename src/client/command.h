@@ -25,7 +25,7 @@ enum {
 
 /* NULL: the option was not given. Only what belongs to the command is set. */
 typedef struct command_options {
-    bool json, wait;
+    bool json, wait, dependents;
     const char *label[COMMAND_LABELS_MOST];
     size_t label_count;
     const char *owner, *state, *name;

@@ -33,9 +33,29 @@ int command_resume(client *c, const char *argument, const command_options *optio
     return tell_and_print(c, argument, "/resume", options);
 }
 
+static void print_dependents(json_at job)
+{
+    json_at dependents = json_member(&job, "dependents"), others = json_member(&dependents, "others");
+    double count = json_number(json_member(&dependents, "retried"), 0);
+    printf("%.0f dependent job%s retried\n", count, count == 1 ? "" : "s");
+    for (size_t i = 0; i < json_size(others); i++)
+        printf("not retried, because it belongs to another user or depends on another job that failed: %s\n",
+               json_string(json_element(&others, i), "?"));
+}
+
 int command_retry(client *c, const char *argument, const command_options *options)
 {
-    return tell_and_print(c, argument, "/retry", options);
+    if (!options->dependents) return tell_and_print(c, argument, "/retry", options);
+    json *document = NULL;
+    int code = tell(c, argument, "/retry?dependents=1", &document);
+    if (code == COMMAND_OK && options->json) {
+        print_document(document);
+    } else if (code == COMMAND_OK) {
+        print_job(json_root(document));
+        print_dependents(json_root(document));
+    }
+    json_free(document);
+    return code;
 }
 
 int command_deliver(client *c, const char *argument, const command_options *options)

@@ -152,7 +152,9 @@ const config_row config_table[] = {
      .reloads = true, .help = "The time limit of a job that names none, over all its attempts. 0: no limit."},
     {SETTING(stall_s), .type = CONFIG_REAL, .default_text = "0", .low = 0, .high = 1e7, .unit = "s",
      .reloads = true,
-     .help = "The longest time without progress from a worker, for a job that names no limit. 0: no limit."},
+     .help =
+         "The longest time without progress from a worker, for a job that names no limit. Then the worker is "
+         "ended, and the job is tried again, up to max_attempts. 0: no limit."},
     {SETTING(estimates), .type = CONFIG_INTEGER, .default_text = "2", .low = 0, .high = 1024,
      .unit = "processes",
      .help =

@@ -34,16 +34,16 @@ static void set_success(settlement *s, queue_outcome outcome)
     s->outcome = outcome;
 }
 
-/* The task of a crashed attempt is tried again while it has attempts left. */
+/* The task of an attempt that crashed or stalled is tried again while it has attempts left. */
 static void set_crashed(settlement *s, const queue_claimed *c, const error *why)
 {
     if (c->task.spent < c->job.max_attempts) {
         s->verdict = SETTLEMENT_RETRY_CRASHED;
-        s->code = ERROR_INTERNAL;
+        s->code = why->code;
         return;
     }
     error e = *why;
-    error_set(&e, ERROR_INTERNAL, "%s in attempt %d of %d", why->message, c->task.spent, c->job.max_attempts);
+    error_set(&e, why->code, "%s in attempt %d of %d", why->message, c->task.spent, c->job.max_attempts);
     set_end(s, QUEUE_FAILED, &e);
 }
 
@@ -199,7 +199,7 @@ void settlement_decide(const queue_claimed *c, settlement_stop stop, double limi
     case SETTLEMENT_STALLED:
         describe(ending, "stalled: ", s);
         error_set(&e, ERROR_STALLED, "the worker reported no progress for its stall_s of %g s", limit_s);
-        set_end(s, QUEUE_FAILED, &e);
+        set_crashed(s, c, &e);
         return;
     case SETTLEMENT_DRAINED:
     case SETTLEMENT_PAUSED:

@@ -32,7 +32,7 @@ typedef enum settlement_verdict {
     SETTLEMENT_END,     /* the task ends without a result, in `state` */
     SETTLEMENT_RETRY,   /* queued again; the attempt does not count */
     SETTLEMENT_RETRY_INTERRUPTED, /* the same, because the daemon or the host ended during the attempt */
-    SETTLEMENT_RETRY_CRASHED,     /* queued again after a wait; the attempt counts */
+    SETTLEMENT_RETRY_CRASHED,     /* queued again after a wait; the attempt crashed or stalled, and counts */
     SETTLEMENT_RETRY_STORAGE /* queued again after a wait, because a disk was full or failed, as code and message
                                      say; it does not count, but the number of such retries is limited */
 } settlement_verdict;

@@ -78,6 +78,8 @@ typedef struct reply {
     reply_receipt *receipt;       /* NULL: none */
     char topic[REPLY_TOPIC_SIZE]; /* of a source or a waiting answer: what it waits for; "": anything */
     int64_t again_ms;             /* monotonic */
+    /* A whole answer that waits as well: the route's `awaiting` replaces it by a later one, or clears this member. */
+    bool provisional;
     size_t header_count;
     struct {
         const char *name; /* a constant */

@@ -16,11 +16,12 @@
 typedef struct route {
     const char *method, *pattern;
     http_handler *handler;
-    unsigned scope;      /* that a caller must have; 0: open to all */
-    bool waits;          /* the handler may wait for a disk or run long: the thread pool runs it */
-    http_opener *opener; /* of a long body; NULL: it has none */
-    const char *name;    /* of the operation in the OpenAPI document */
-    const char *tag;     /* the group that documents of the interface show it in */
+    unsigned scope;         /* that a caller must have; 0: open to all */
+    bool waits;             /* the handler may wait for a disk or run long: the thread pool runs it */
+    http_handler *awaiting; /* of a route with `waits`, whose answers may be provisional; not in the pool */
+    http_opener *opener;    /* of a long body; NULL: it has none */
+    const char *name;       /* of the operation in the OpenAPI document */
+    const char *tag;        /* the group that documents of the interface show it in */
     const char *summary;
     const char *query;    /* list: the parameters of the query */
     const char *headers;  /* list: the headers that make a difference */

@@ -71,6 +71,7 @@ typedef struct exchange {
     size_t step;    /* of a long body, since the client's time began anew */
     bool too_large; /* the rest of the body is ignored */
     bool answered;  /* what still comes of the body is thrown away */
+    bool awaits;    /* the pool has made a provisional answer */
     bool chunked;
     reply answer;
     reply_receipt *receipt; /* of the answer that is being sent */
@@ -547,7 +548,8 @@ static void run_in_pool(thread_pool_work *work)
 {
     exchange *x = (exchange *)(void *)work;
     x->route.found->handler(x->s->settings.context, &x->request, &x->answer);
-    x->answered = true;
+    x->awaits = x->answer.provisional;
+    x->answered = !x->awaits;
     loop_resume(x->s->loop, x->connection);
 }
 
@@ -563,7 +565,8 @@ static void refuse_in_pool(thread_pool_work *work)
 static bool ask_handler(exchange *x)
 {
     const server_settings *c = &x->s->settings;
-    if (x->route.found->waits) {
+    http_handler *handler = x->awaits ? x->route.found->awaiting : x->route.found->handler;
+    if (x->route.found->waits && !x->awaits) {
         MHD_suspend_connection(x->connection);
         x->work = (thread_pool_work){.run = run_in_pool, .refuse = refuse_in_pool, .user = x->caller.user};
         thread_pool_add(x->s->pool, &x->work);
@@ -572,8 +575,8 @@ static bool ask_handler(exchange *x)
     for (;;) {
         uint64_t seen = wait_list_seen(c->waiting);
         x->request.last = wait_list_is_dismissed(c->waiting);
-        x->route.found->handler(c->context, &x->request, &x->answer);
-        if (x->answer.status) return true;
+        handler(c->context, &x->request, &x->answer);
+        if (x->answer.status && !x->answer.provisional) return true;
         if (wait_list_wait(c->waiting, x->s->loop, x->connection, seen, x->answer.topic,
                            x->answer.again_ms)) {
             x->request.waited = true;

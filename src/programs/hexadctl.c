@@ -52,7 +52,9 @@ static const char usage[] =
     "\n"
     "  pause ID          start no more attempts of a job; running ones go on to their end\n"
     "  resume ID         start attempts of a paused job again\n"
-    "  retry ID          run the failed tasks of a job again\n"
+    "  retry ID [--dependents]\n"
+    "                    run the failed tasks of a job again, and the jobs that ended as\n"
+    "                    dependency_failed because of it\n"
     "  deliver ID        copy the results of a job to its output directory again\n"
     "  delete ID         delete a job that has ended, with its results\n"
     "  priority ID --priority N\n"
@@ -114,7 +116,7 @@ static const struct entry {
     {"log", command_log, ONE, "--frame --attempt"},
     {"pause", command_pause, ONE, ""},
     {"resume", command_resume, ONE, ""},
-    {"retry", command_retry, ONE, ""},
+    {"retry", command_retry, ONE, "--dependents"},
     {"deliver", command_deliver, ONE, ""},
     {"delete", command_delete, ONE, ""},
     {"priority", command_priority, ONE, "--priority"},
@@ -207,9 +209,10 @@ static bool take_option(line *l, int argc, char **argv, int *index)
         fputs("hexadctl: too many options\n", stderr);
         return false;
     }
-    if (strcmp(argv[*index], "--wait") != 0) return take_valued(l, argc, argv, index);
-    l->given[l->given_count++] = "--wait";
-    return l->options.wait = true;
+    bool dependents = strcmp(argv[*index], "--dependents") == 0;
+    if (!dependents && strcmp(argv[*index], "--wait") != 0) return take_valued(l, argc, argv, index);
+    l->given[l->given_count++] = dependents ? "--dependents" : "--wait";
+    return *(dependents ? &l->options.dependents : &l->options.wait) = true;
 }
 
 /* Whether the word names the command, within its group if it has one. */

@@ -1,7 +1,10 @@
 /* Commands of users on jobs in the queue: cancel, pause, resume, retry, edit, delete. */
+#include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/clock.h"
+#include "base/memory.h"
 #include "queue/job_state.h"
 #include "queue/members.h"
 
@@ -108,6 +111,86 @@ bool queue_tell(queue *q, const char *id, queue_command command, bool *found, bo
     *changed = t.changed;
     if (t.found) *now = t.now;
     return true;
+}
+
+/* ---- dependents of a job that is retried */
+
+typedef struct retrying {
+    change change;
+    const char *id, *owner;
+    queue_retried retried;
+} retrying;
+
+/* Jobs that ended as dependency_failed, behind the job and each other. A job is behind those that came before it. */
+static bool list_dependents(database *d, const char *id, int64_t **seqs, size_t *count, error *e)
+{
+    bool ok = false;
+    size_t room = 0;
+    sqlite3_stmt *s = ASK(d, e,
+                          "WITH RECURSIVE behind (seq) AS (SELECT seq FROM job WHERE id = ?1 UNION"
+                          " SELECT job.seq FROM behind JOIN dependency ON needs = behind.seq JOIN job ON"
+                          " job.seq = dependency.job WHERE error_code = ?2)"
+                          " SELECT behind.seq FROM behind JOIN job ON job.seq = behind.seq WHERE id != ?1"
+                          " ORDER BY behind.seq",
+                          text(id), text(error_code_name(ERROR_DEPENDENCY_FAILED)));
+    while (database_next(d, s, &ok, e)) {
+        if (*count == room) *seqs = mem_resize(*seqs, (room = room * 2 + 16) * sizeof **seqs);
+        (*seqs)[(*count)++] = sqlite3_column_int64(s, 0);
+    }
+    return ok;
+}
+
+static bool read_owner(database *d, int64_t seq, char id[ULID_SIZE], const char *owner, bool *is_own,
+                       error *e)
+{
+    bool ok = false;
+    sqlite3_stmt *s = ASK(d, e, "SELECT id, owner FROM job WHERE seq = ?1", integer(seq));
+    while (database_next(d, s, &ok, e)) {
+        snprintf(id, ULID_SIZE, "%s", (const char *)sqlite3_column_text(s, 0));
+        *is_own = !owner || strcmp(owner, (const char *)sqlite3_column_text(s, 1)) == 0;
+    }
+    return ok;
+}
+
+static bool retry_dependent(database *d, retrying *x, int64_t seq, int64_t now, error *e)
+{
+    char id[ULID_SIZE];
+    bool own = false, changed = false;
+    job_state j;
+    if (!read_owner(d, seq, id, x->owner, &own, e) || !job_state_load_seq(d, seq, &j, e)) return false;
+    job_state before = j;
+    if (own && !retry(d, &j, &changed, e)) return false;
+    if (changed) {
+        x->retried.count++;
+        return job_state_save(d, &before, &j, now, e);
+    }
+    queue_retried *r = &x->retried;
+    r->others = mem_resize(r->others, (r->other_count + 1) * sizeof *r->others);
+    memcpy(r->others[r->other_count++], id, ULID_SIZE);
+    return true;
+}
+
+static bool retry_dependents(database *d, change *asked)
+{
+    retrying *x = (retrying *)asked;
+    error *e = &asked->fault;
+    int64_t now = clock_wall_ms(), *seqs = NULL;
+    size_t count = 0;
+    bool ok = list_dependents(d, x->id, &seqs, &count, e);
+    for (size_t i = 0; ok && i < count; i++) ok = retry_dependent(d, x, seqs[i], now, e);
+    free(seqs);
+    return ok;
+}
+
+bool queue_retry_dependents(queue *q, const char *id, const char *owner, queue_retried *retried, error *e)
+{
+    retrying x = {.change.apply = retry_dependents, .id = id, .owner = owner};
+    bool ok = database_change(q->database, &x.change, e);
+    if (ok)
+        *retried = x.retried;
+    else
+        free(x.retried.others);
+    return ok;
 }
 
 typedef struct editing {

@@ -281,6 +281,17 @@ typedef enum queue_command {
 bool queue_tell(queue *q, const char *id, queue_command command, bool *found, bool *changed, queue_state *now,
                 error *e);
 
+typedef struct queue_retried {
+    size_t count;              /* of jobs that were retried */
+    char (*others)[ULID_SIZE]; /* those that were not, in the order of their arrival; to be freed */
+    size_t other_count;
+} queue_retried;
+
+/* Retries, in one change, the jobs that ended as dependency_failed because of this one, and those behind them in turn.
+ * Others are those of another owner than `owner` (NULL: any owner will do) and those that still depend on a job that has
+ * failed. */
+bool queue_retry_dependents(queue *q, const char *id, const char *owner, queue_retried *retried, error *e);
+
 typedef struct queue_edit {
     const int *priority;        /* NULL: stays */
     const char *labels;         /* NULL: stay */

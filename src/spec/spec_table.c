@@ -1566,7 +1566,8 @@ const spec_row spec_rows[] = {
      .otherwise = "0",
      AT(stall_s),
      .unit = "s",
-     .prose = "An attempt without progress for this long is stopped."},
+     .prose = "An attempt without progress for this long is stopped, and tried again up to "
+              "max_attempts."},
     {.pointer = "/limits/max_attempts",
      .type = SPEC_TYPE_INTEGER,
      .low = 0,

@@ -104,6 +104,58 @@ def test_an_answer_waits_for_the_end(gated):
     assert got[0].status == 200 and got[0].json["state"] == "succeeded"
 
 
+@pytest.mark.sanitized
+def test_the_answer_to_a_submission_and_to_a_retry_waits_for_the_end(gated):
+    def ask(path, document, wait):
+        got = []
+        headers = {"Prefer": f"wait={wait}", "Content-Type": "application/json"}
+        body = json.dumps(document) if document else None
+        thread = threading.Thread(target=lambda: got.append(gated.request("POST", path, body, headers)))
+        thread.start()
+        return thread, got
+
+    def only_job(state):
+        return wait_until(lambda: gated.get(f"/v1/jobs?state={state}").json["jobs"], "the job")[0]["id"]
+
+    waiting, got = ask("/v1/jobs", sphere(), 60)
+    job = only_job("running")
+    gated.open_gate(job)
+    waiting.join(PATIENCE_S)
+    assert got[0].status == 201 and got[0].json["state"] == "succeeded" and got[0].headers["Location"] == f"/v1/jobs/{job}"
+    assert got[0].headers["Preference-Applied"] == "wait=60" and got[0].headers["ETag"] == gated.get(f"/v1/jobs/{job}").headers["ETag"]
+    # no longer than it was asked to
+    waiting, got = ask("/v1/jobs", sphere(), 0.2)
+    waiting.join(PATIENCE_S)
+    job = got[0].json["id"]
+    assert got[0].status == 201 and got[0].json["state"] in ("queued", "running")
+    gated.wait_worker(job)
+    gated.post(f"/v1/jobs/{job}/cancel")
+    gated.wait_state(job, "cancelled")
+    waiting, got = ask(f"/v1/jobs/{job}/retry?dependents=1", None, 60)
+    gated.wait_worker(job)
+    assert not got
+    gated.open_gate(job)
+    waiting.join(PATIENCE_S)
+    assert got[0].status == 200 and got[0].json["state"] == "succeeded" and got[0].json["dependents"] == {"retried": 0, "others": []}
+    assert "Preference-Applied" not in gated.post("/v1/jobs", sphere()).headers
+    expect_problem(gated.request("POST", "/v1/jobs", "{}", {"Prefer": "wait=60", "Content-Type": "application/json"}), 422, "spec_invalid")
+
+
+def test_more_answers_wait_than_there_are_threads(gated):
+    count, got = 40, []
+    threads = [threading.Thread(target=lambda: got.append(gated.request(
+        "POST", "/v1/jobs", json.dumps(sphere()), {"Prefer": "wait=60", "Content-Type": "application/json"}))) for _ in range(count)]
+    for thread in threads:
+        thread.start()
+    wait_until(lambda: len(gated.get("/v1/jobs?limit=500").json["jobs"]) == count, "all jobs")
+    assert not got
+    assert gated.post("/v1/jobs", sphere()).status == 201  # others get their answers
+    gated.remove_jobs()
+    for thread in threads:
+        thread.join(PATIENCE_S)
+    assert [r.status for r in got] == [201] * count
+
+
 def test_an_answer_waits_for_a_change(gated):
     gated.wait_worker(gated.submit(sphere()))
     job = gated.submit(sphere())

@@ -9,7 +9,7 @@ from test_rest import expect_problem
 
 HISTORY = 5000  # events
 # a stream's head and its first event, however long the history is
-FEW_BYTES = 400
+FEW_BYTES = 500
 
 
 @pytest.fixture
@@ -130,6 +130,16 @@ def test_a_poller_goes_on_from_the_position(service):
         position = page["position"]
     assert [e["type"] for e in seen] == ["state", "state", "started", "ended", "state"]
     assert service.get(f"/v1/events?after={position}").json == {"events": [], "next": None, "position": position}
+
+
+def test_a_stream_begins_at_once_also_behind_a_proxy(gated):
+    job = gated.submit(sphere())
+    gated.post(f"/v1/jobs/{job}/pause")
+    for path in ("/v1/events", f"/v1/jobs/{job}/events?after={newest(gated)}"):
+        stream = Stream(gated, path)
+        assert stream.reply.status == 200 and stream.reply.headers["X-Accel-Buffering"] == "no"
+        assert stream.reply.readline().strip()  # although nothing happens
+        stream.close()
 
 
 @pytest.mark.sanitized

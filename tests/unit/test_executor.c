@@ -466,8 +466,19 @@ static void test_a_stall_is_noticed(void **state)
     place *p = *state;
     char id[ULID_SIZE];
     start(p, PROLOGUE "sleep 600\n", 1);
-    put_limited(p, 3, 0, 200, "{}", id);
-    expect_end(p, id, QUEUE_FAILED, "stalled", "0.2 s");
+    put_limited(p, 2, 0, 200, "{}", id);
+    expect_end(p, id, QUEUE_FAILED, "stalled", "0.2 s in attempt 2 of 2");
+    assert_int_equal(count_attempts(p, id), 2);
+}
+
+static void test_a_stall_is_tried_again(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    start(p, PROLOGUE "case $D in *.1) sleep 600;; esac\n" REPORT, 1);
+    put_limited(p, 2, 0, 200, "{}", id);
+    expect_end(p, id, QUEUE_SUCCEEDED, NULL, NULL);
+    assert_int_equal(count_attempts(p, id), 2);
 }
 
 static void test_cancel_of_a_deaf_worker(void **state)
@@ -880,6 +891,7 @@ int main(void)
         CASE(test_a_timeout_kills),
         CASE(test_a_timeout_is_of_all_attempts),
         CASE(test_a_stall_is_noticed),
+        CASE(test_a_stall_is_tried_again),
         CASE(test_cancel_of_a_deaf_worker),
         CASE(test_drain_puts_back_uncounted),
         CASE(test_workers_bound_what_runs),

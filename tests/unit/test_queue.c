@@ -374,6 +374,53 @@ static void test_who_depends_on_a_failure_fails(void **state)
     claim(p, id[1]);
 }
 
+/* first <- second <- third; bob's is behind the first, and the last one behind it and one that is not retried. */
+static void test_a_retry_takes_what_failed_behind_it(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char first[ULID_SIZE], second[ULID_SIZE], third[ULID_SIZE], bobs[ULID_SIZE], broken[ULID_SIZE],
+        last[ULID_SIZE];
+    put(p, "first", 0, first);
+    put(p, "broken", 0, broken);
+    s.depends_on = (const char *[]){first, broken};
+    s.depends_on_count = 1;
+    submit_for(p, &s, second);
+    s.owner = "bob";
+    submit_for(p, &s, bobs);
+    s.owner = plain.owner;
+    s.depends_on_count = 2;
+    submit_for(p, &s, last);
+    s.depends_on = (const char *[]){second, first};
+    submit_for(p, &s, third);
+    assert_true(finish(p, first, 0, claim(p, first), &crash));
+    assert_true(finish(p, broken, 0, claim(p, broken), &crash));
+    tell(p, first, QUEUE_RETRY, true);
+    queue_retried retried = {0};
+    const char *own = plain.owner ? plain.owner : "";
+    assert_true(queue_retry_dependents(p->q, first, own, &retried, NULL));
+    assert_int_equal(retried.count, 2);
+    assert_int_equal(retried.other_count, 2);
+    assert_string_equal(retried.others[0], bobs);
+    assert_string_equal(retried.others[1], last);
+    free(retried.others);
+    expect_state(p, second, QUEUE_BLOCKED);
+    expect_state(p, third, QUEUE_BLOCKED);
+    expect_state(p, bobs, QUEUE_FAILED);
+    expect_state(p, last, QUEUE_FAILED);
+    /* an administrator retries those of all users */
+    tell(p, broken, QUEUE_RETRY, true);
+    assert_true(queue_retry_dependents(p->q, first, NULL, &retried, NULL));
+    assert_int_equal(retried.count, 2);
+    assert_int_equal(retried.other_count, 0);
+    free(retried.others);
+    assert_true(finish(p, first, 0, claim(p, first), &success));
+    expect_state(p, second, QUEUE_QUEUED);
+    expect_state(p, bobs, QUEUE_QUEUED);
+    expect_state(p, third, QUEUE_BLOCKED);
+    expect_state(p, last, QUEUE_BLOCKED);
+}
+
 static void test_jobs_wait_for_any_end(void **state)
 {
     place *p = *state;
@@ -1238,6 +1285,7 @@ int main(void)
         CASE(test_list_by_name_and_time),
         CASE(test_lists_are_sorted),
         CASE(test_who_depends_on_a_failure_fails),
+        CASE(test_a_retry_takes_what_failed_behind_it),
         CASE(test_an_array_has_one_state),
         CASE(test_cancel_of_an_array),
         CASE(test_tasks_in_order_begin_with_the_one_before),

@@ -75,9 +75,10 @@ class RemoteJob(Job):
     def resume(self) -> RemoteJob:
         return self.command("resume")
 
-    def retry(self) -> RemoteJob:
-        """Runs what has failed of it again."""
-        return self.command("retry", repeat=False)
+    def retry(self, dependents: bool = False) -> RemoteJob:
+        """Runs what has failed of it again; with `dependents` also the jobs that failed because of it. What became of these
+        is in `document["dependents"]`."""
+        return self.command("retry?dependents=1" if dependents else "retry", repeat=False)
 
     def deliver(self) -> RemoteJob:
         """Has its results copied to its output directory again. The member `delivery` of its document says what became of that."""

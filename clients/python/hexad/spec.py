@@ -1122,7 +1122,8 @@ class Limits(_LimitsRest):
         MiB for each processor. (MiB) Default: 0.
     timeout_s: The time that the job, or each frame of it, may run, summed over all attempts. Attempts that
         the service itself stopped, as for a restart, do not count. (s) Default: 0.
-    stall_s: An attempt without progress for this long is stopped. (s) Default: 0.
+    stall_s: An attempt without progress for this long is stopped, and tried again up to max_attempts. (s)
+        Default: 0.
     max_attempts: How often the job is tried if its worker dies. (attempts) Default: 0.
     """
 
