@@ -281,7 +281,8 @@ static void put_webhook(json *document)
     json_put_string(
         call, "description",
         "With the headers webhook-id, webhook-timestamp and webhook-signature of Standard Webhooks"
-        " (standardwebhooks.com). It is repeated, with the same id, until the answer is 2xx.");
+        " (standardwebhooks.com). It is repeated, with the same id, until the answer is 2xx or 410, and not"
+        " before the time of Retry-After in a 429 or 503.");
     json_put_array(call, "security");
     json *body = json_put_object(call, "requestBody");
     json_put_bool(body, "required", true);

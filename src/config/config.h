@@ -74,7 +74,7 @@ typedef struct config {
     config_list webhook_hosts;
     char *webhook_secret_file;
     int64_t webhook_calls, webhook_tries;
-    double webhook_timeout_s, webhook_retry_s, webhook_retry_most_s;
+    double webhook_timeout_s, webhook_retry_s, webhook_retry_most_s, webhook_retry_after_s;
     log_level log_level;
     char *backup; /* not a setting: with CONFIG_BACKUP the file to write; otherwise NULL */
 } config;

@@ -323,7 +323,8 @@ const config_row config_table[] = {
     {SETTING(webhook_tries), .type = CONFIG_INTEGER, .default_text = "12", .low = 1, .high = 1000,
      .unit = "tries",
      .help =
-         "How often a webhook is called until the answer has a status of 2xx. Redirects are not followed."},
+         "How often a webhook is called until the answer has a status of 2xx, whatever follows its head, or 410, "
+         "which ends the tries. Redirects are not followed."},
     {SETTING(webhook_timeout_s), .type = CONFIG_REAL, .default_text = "10", .low = 0.1, .high = 3600,
      .unit = "s", .help = "The time limit of a call. Other calls to the same host wait for it."},
     {SETTING(webhook_retry_s), .type = CONFIG_REAL, .default_text = "5", .low = 0.01, .high = 86400,
@@ -331,6 +332,11 @@ const config_row config_table[] = {
      .help = "The wait before a failed call is repeated; it doubles after each further failure."},
     {SETTING(webhook_retry_most_s), .type = CONFIG_REAL, .default_text = "3600", .low = 0.01, .high = 1e6,
      .unit = "s", .help = "The longest of these waits."},
+    {SETTING(webhook_retry_after_s), .type = CONFIG_REAL, .default_text = "86400", .low = 0, .high = 1e6,
+     .unit = "s",
+     .help =
+         "The longest wait that a receiver may ask for by Retry-After in an answer with the status 429 or "
+         "503. The next try waits at least that long. 0: the header is ignored."},
     {SETTING(log_level), .type = CONFIG_LEVEL, .default_text = "info", .reloads = true,
      .help = "The least important messages that are logged: error, warning, info or debug."},
 };

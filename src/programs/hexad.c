@@ -476,6 +476,7 @@ static bool init_webhooks(service *s, error *e)
         .timeout_s = c->webhook_timeout_s,
         .retry_s = c->webhook_retry_s,
         .retry_most_s = c->webhook_retry_most_s,
+        .retry_after_s = c->webhook_retry_after_s,
         .counters = &s->calls,
     };
     if (c->webhook_hosts.count) s->delivery = delivery_start(&settings, s->q, e);

@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <math.h>
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdio.h>
@@ -41,6 +42,7 @@ typedef struct caller {
     pthread_t thread;
     bool started;
     queue_delivery delivery;
+    bool taken; /* the head of an answer with a status of 2xx has been received */
     char *host; /* the host being called (webhook_host_of); NULL: idle. Guarded by the mutex */
 } caller;
 
@@ -173,26 +175,57 @@ static struct curl_slist *make_headers(const delivery *c, const queue_delivery *
     return headers;
 }
 
+/* A line of the head. The last one is empty. */
+static size_t take_line(char *data, size_t size, size_t count, void *context)
+{
+    caller *r = context;
+    long status = 0;
+    if (*data == '\r' || *data == '\n') {
+        curl_easy_getinfo(r->curl, CURLINFO_RESPONSE_CODE, &status);
+        r->taken = status / 100 == 2;
+    }
+    return size * count;
+}
+
+/* What follows the head of an answer that counts is not waited for. */
 static size_t drop_body(char *data, size_t size, size_t count, void *context)
 {
-    (void)data, (void)context;
-    return size * count;
+    (void)data;
+    const caller *r = context;
+    return r->taken ? 0 : size * count; /* 0 breaks off */
 }
 
 static int look_up(void *context, curl_off_t all, curl_off_t got, curl_off_t all_up, curl_off_t up)
 {
     (void)all, (void)got, (void)all_up, (void)up;
-    const delivery *c = context;
-    return c->stopping; /* not 0 breaks off */
+    const caller *r = context;
+    return r->taken || r->c->stopping; /* not 0 breaks off */
+}
+
+/* What a receiver says of a call that it did not take. */
+typedef struct refusal {
+    bool gone;           /* it wants no further tries */
+    int64_t at_least_ms; /* before the next one */
+} refusal;
+
+static refusal read_refusal(const caller *r)
+{
+    long status = 0;
+    curl_off_t after_s = 0;
+    curl_easy_getinfo(r->curl, CURLINFO_RESPONSE_CODE, &status);
+    if (status == 429 || status == 503) curl_easy_getinfo(r->curl, CURLINFO_RETRY_AFTER, &after_s);
+    double wait_s = fmin((double)after_s, r->c->settings.retry_after_s);
+    return (refusal){status == 410, (int64_t)(1000 * wait_s)};
 }
 
 /* Makes one call; on failure `why` has the reason. */
-static bool post(caller *r, error *why)
+static bool post(caller *r, refusal *refused, error *why)
 {
     const delivery *c = r->c;
     const queue_delivery *d = &r->delivery;
     CURL *curl = r->curl;
     long status = 0;
+    r->taken = false;
     if (!webhook_hosts_admit(c->settings.hosts, d->url, why)) return false;
     char *body = describe(c, d);
     struct curl_slist *headers = make_headers(c, d, body);
@@ -207,17 +240,22 @@ static bool post(caller *r, error *why)
     curl_easy_setopt(curl, CURLOPT_TIMEOUT_MS, (long)(c->settings.timeout_s * 1000));
     curl_easy_setopt(curl, CURLOPT_HTTPHEADER, headers);
     curl_easy_setopt(curl, CURLOPT_POSTFIELDS, body);
+    curl_easy_setopt(curl, CURLOPT_HEADERFUNCTION, take_line);
+    curl_easy_setopt(curl, CURLOPT_HEADERDATA, r);
     curl_easy_setopt(curl, CURLOPT_WRITEFUNCTION, drop_body);
+    curl_easy_setopt(curl, CURLOPT_WRITEDATA, r);
     curl_easy_setopt(curl, CURLOPT_NOPROGRESS, 0L);
     curl_easy_setopt(curl, CURLOPT_XFERINFOFUNCTION, look_up);
-    curl_easy_setopt(curl, CURLOPT_XFERINFODATA, (void *)c);
+    curl_easy_setopt(curl, CURLOPT_XFERINFODATA, r);
     CURLcode code = curl_easy_perform(curl);
     curl_easy_getinfo(curl, CURLINFO_RESPONSE_CODE, &status);
     curl_slist_free_all(headers);
     free(body);
+    if (r->taken) return true;
     if (code != CURLE_OK)
         return error_set(why, ERROR_INTERNAL, "%s", *r->fault ? r->fault : curl_easy_strerror(code));
-    return status / 100 == 2 || error_set(why, ERROR_INTERNAL, "the answer was %ld", status);
+    *refused = read_refusal(r);
+    return error_set(why, ERROR_INTERNAL, "the answer was %ld", status);
 }
 
 static int64_t wait_ms(const delivery_settings *s, int tries)
@@ -233,18 +271,23 @@ static bool deliver(caller *r)
     const delivery *c = r->c;
     const queue_delivery *d = &r->delivery;
     error why = {0}, e = {0};
-    int64_t again_ms = 0;
-    bool taken = post(r, &why);
+    refusal refused = {0};
+    bool taken = post(r, &refused, &why);
     if (!taken && c->stopping) return true;
-    bool last = d->tries + 1 >= c->settings.tries;
-    if (!taken && !last) again_ms = clock_wall_ms() + wait_ms(&c->settings, d->tries);
+    bool last = refused.gone || d->tries + 1 >= c->settings.tries;
+    int64_t wait = wait_ms(&c->settings, d->tries);
+    if (wait < refused.at_least_ms) wait = refused.at_least_ms;
+    int64_t again_ms = taken || last ? 0 : clock_wall_ms() + wait;
     delivery_counters *n = c->settings.counters;
     (*(taken ? &n->delivered : last ? &n->given_up : &n->failed))++;
     if (taken)
         log_write(LOG_LEVEL_INFO, "webhook delivered job=%s event=%s", d->id, d->event);
+    else if (last)
+        log_write(LOG_LEVEL_WARNING, "webhook given up job=%s event=%s try=%d: %s", d->id, d->event,
+                  d->tries + 1, why.message);
     else
-        log_write(LOG_LEVEL_WARNING, "webhook %s job=%s event=%s try=%d: %s",
-                  last ? "given up" : "not delivered", d->id, d->event, d->tries + 1, why.message);
+        log_write(LOG_LEVEL_WARNING, "webhook not delivered job=%s event=%s try=%d next_s=%g: %s", d->id,
+                  d->event, d->tries + 1, clock_seconds(wait), why.message);
     if (queue_end_delivery(c->q, d->number, again_ms, &e)) return true;
     log_write(LOG_LEVEL_ERROR, "webhook will be told again job=%s event=%s: %s", d->id, d->event, e.message);
     return false;

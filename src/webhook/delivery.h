@@ -22,8 +22,9 @@ typedef struct delivery delivery;
 /* Calls since the start, for /metrics. */
 typedef struct delivery_counters {
     atomic_uint_fast64_t delivered;
-    atomic_uint_fast64_t failed;   /* and repeated */
-    atomic_uint_fast64_t given_up; /* the last one that webhook_tries allows has failed */
+    atomic_uint_fast64_t failed; /* and repeated */
+    atomic_uint_fast64_t
+        given_up; /* the last one that webhook_tries allows has failed, or the receiver is gone (410) */
 } delivery_counters;
 
 typedef struct delivery_settings {
@@ -31,11 +32,12 @@ typedef struct delivery_settings {
     const char *host;           /* the name of this machine, for the receivers */
     /* Its first line is `whsec_` and the base64 of a key of 24 to 64 bytes; another text is itself the key. */
     const char *secret_file;
-    int calls;           /* at a time, at most */
-    int tries;           /* of a delivery, at most */
-    double timeout_s;    /* of a try */
-    double retry_s;      /* before the second try, doubled before each further one, */
-    double retry_most_s; /* and at most this */
+    int calls;            /* at a time, at most */
+    int tries;            /* of a delivery, at most */
+    double timeout_s;     /* of a try */
+    double retry_s;       /* before the second try, doubled before each further one, */
+    double retry_most_s;  /* and at most this */
+    double retry_after_s; /* the longest wait that a receiver may ask for (Retry-After) */
     delivery_counters *counters;
 } delivery_settings;
 

@@ -35,7 +35,8 @@ def verify(secret, headers, body):
 
 
 class Receiver:
-    """An HTTP server on loopback that answers with the next of `answers`, and 204 when there is none."""
+    """An HTTP server on loopback that answers with the next of `answers`, a status or (status, headers), and 204 when there
+    is none."""
 
     def __init__(self):
         self.secret = SECRET
@@ -52,11 +53,15 @@ class Receiver:
                     answer = 204
                 if callable(answer):
                     answer = answer()
+                answer, headers = answer if isinstance(answer, tuple) else (answer, {})
                 self.send_response(answer)
                 if answer // 100 == 3:
                     self.send_header("Location", "/elsewhere")
-                self.send_header("Content-Length", "0")
+                for name, value in {"Content-Length": "0", **headers}.items():
+                    self.send_header(name, value)
                 self.end_headers()
+                if "Content-Length" in headers:  # the body that was promised does not come
+                    self.close_connection = True
 
             do_GET = do_POST
 
@@ -189,6 +194,36 @@ def test_refusals_are_tried_again(caller, receiver):
     log = caller.log.read_text()
     for word in ("500", "302", "404", "503"):
         assert f"the answer was {word}" in log
+
+
+@pytest.mark.sanitized
+def test_an_answer_counts_when_its_head_has_come(caller, receiver):
+    receiver.answers.put((200, {"Content-Length": "100"}))
+    job = caller.submit(hooked(receiver))
+    number, _ = receiver.next()
+    wait_delivered(caller, job, number)
+    assert "webhook not delivered" not in caller.log.read_text() and receiver.calls.empty()
+
+
+@pytest.mark.parametrize("status, after, bound, wait", [(503, "100", 1000, 100), (429, "100000", 2000, 2000), (500, "100", 1000, 1),
+                                                        (503, "100", 0, 1), (429, "nonsense", 1000, 1)])
+def test_a_receiver_says_when_to_try_again(new_service, receiver, secret, status, after, bound, wait):
+    service = new_service("--webhook_hosts", receiver.host, "--webhook_secret_file", secret, "--webhook_retry_s", 1,
+                          "--webhook_retry_after_s", bound).start()
+    receiver.answers.put((status, {"Retry-After": after}))
+    service.submit(hooked(receiver))
+    receiver.next()
+    log = wait_until(lambda: re.search(r"webhook not delivered .* next_s=(\S+):", service.log.read_text()), "the failure")
+    assert float(log[1]) == wait
+
+
+def test_a_receiver_that_is_gone_is_called_once(caller, receiver):
+    receiver.answers.put(410)
+    job = caller.submit(hooked(receiver))
+    receiver.next()
+    wait_until(lambda: f"webhook given up job={job}" in caller.log.read_text(), "the end of tries")
+    other = caller.submit(hooked(receiver))  # a notification of its own
+    assert receiver.next()[1]["data"]["job"] == other and receiver.calls.empty()
 
 
 def test_tries_are_bounded(new_service, receiver, secret):
