@@ -30,6 +30,16 @@ static void refuse(store_upload_verdict verdict, const error *why, reply *r)
             "there is no room for the file: the uploads reach the setting upload_total_bytes, or"
             " the disk is full");
         break;
+    case STORE_UPLOAD_USER_FULL:
+        reply_set_problem(r, "storage_full", NULL,
+                          "there is no room for the file: what this user has sent reaches the setting"
+                          " user_upload_bytes. Files that no job reads go after inputs_keep_s");
+        break;
+    case STORE_UPLOAD_TOO_MANY:
+        reply_set_problem(r, "too_many_requests", NULL,
+                          "this user sends as many files at once as a user may (setting user_uploads)");
+        reply_ask_again(r);
+        break;
     case STORE_UPLOAD_MISMATCH:
         reply_set_problem(r, "digest_mismatch", NULL,
                           "the received bytes do not have the SHA-256 that the path names");
@@ -108,7 +118,8 @@ http_sink *inputs_begin(const http_context *c, const http_request *request, repl
         return NULL;
     }
     if (there < 0) {
-        store_upload_verdict verdict = store_upload_begin(c->inputs, hex, request->announced, &file, &e);
+        store_upload_verdict verdict =
+            store_upload_begin(c->inputs, hex, request->caller->user, request->announced, &file, &e);
         if (verdict != STORE_UPLOAD_GOOD) {
             refuse(verdict, &e, r);
             return NULL;

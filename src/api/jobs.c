@@ -2,6 +2,7 @@
 
 #include <ctype.h>
 #include <math.h>
+#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -112,6 +113,25 @@ static void order_clear(order *o)
     json_free(o->paths);
 }
 
+/* Checks the values by frame. This may take half a second of processor time, so that only one thread at a time does; and
+ * none after the service was told to stop. */
+static bool check_frames(const http_context *c, const spec *s, reply *r)
+{
+    static pthread_mutex_t one_at_a_time = PTHREAD_MUTEX_INITIALIZER;
+    error e = {0};
+    spec_faults faults = {0};
+    if (!s->has_frame_values) return true;
+    pthread_mutex_lock(&one_at_a_time);
+    bool goes_on = executor_takes_jobs(c->x);
+    bool good = goes_on && spec_check_frames(s, &faults, &e);
+    pthread_mutex_unlock(&one_at_a_time);
+    if (!goes_on)
+        reply_set_unavailable(r, "the service is stopping, or draining: it checks no values by frame now");
+    else if (!good)
+        answer_faults(&faults, &e, r);
+    return good;
+}
+
 /* Parses the body into an order, or answers why not. */
 static bool read_order(const http_context *c, const http_request *request, order *o, reply *r)
 {
@@ -128,12 +148,7 @@ static bool read_order(const http_context *c, const http_request *request, order
         o->s = build_spec(document, r);
     }
     json_free(document);
-    spec_faults faults = {0};
-    if (o->s && !spec_check_frames(o->s, &faults, &e)) {
-        answer_faults(&faults, &e, r);
-        return false;
-    }
-    return o->s != NULL;
+    return o->s && check_frames(c, o->s, r);
 }
 
 /* Answers that a member is not allowed; names both paths when it was mapped. */

@@ -63,12 +63,14 @@ typedef struct config {
     int64_t estimates;                                          /* 0: none */
     double estimate_timeout_s;
     double grace_s, drain_s;
+    int64_t body_total_bytes, user_body_bytes; /* 0: 16 and 4 times body_limit_bytes */
     int64_t body_limit_bytes, header_limit_bytes, connection_limit, client_connection_limit;
     int64_t user_connection_limit, admin_connections;
     int64_t upload_limit_bytes, upload_total_bytes;
-    int64_t share_inputs;  /* 0 or 1 */
-    int64_t share_outputs; /* 0 or 1 */
-    double inputs_keep_s;  /* 0: for ever */
+    int64_t user_upload_bytes, user_uploads; /* 0: a quarter of the total; any number */
+    int64_t share_inputs;                    /* 0 or 1 */
+    int64_t share_outputs;                   /* 0 or 1 */
+    double inputs_keep_s;                    /* 0: for ever */
     double connection_timeout_s, wait_limit_s;
     int64_t kept_documents;
     config_list webhook_hosts;

@@ -262,12 +262,29 @@ const config_row config_table[] = {
              "Jobs of Slurm run on."},
     {SETTING(body_limit_bytes), .type = CONFIG_INTEGER, .default_text = "1048576", .low = 1, .high = 1 << 30,
      .unit = "bytes", .help = "The longest request body."},
+    {SETTING(body_total_bytes), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1e15,
+     .unit = "bytes",
+     .help =
+         "The memory for the bodies of all requests that are under way. At least body_limit_bytes is used. 0: 16 times "
+         "body_limit_bytes."},
+    {SETTING(user_body_bytes), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1e15,
+     .unit = "bytes",
+     .help =
+         "The memory for the bodies of one user's requests that are under way. At least body_limit_bytes is used. 0: "
+         "4 times body_limit_bytes."},
     {SETTING(upload_limit_bytes), .type = CONFIG_INTEGER, .default_text = "17179869184", .low = 0,
      .high = 1e15, .unit = "bytes",
      .help = "The longest file that a client may upload for its jobs. 0: only empty files."},
     {SETTING(upload_total_bytes), .type = CONFIG_INTEGER, .default_text = "137438953472", .low = 0,
      .high = 1e15, .unit = "bytes",
      .help = "The total size of all uploaded files, in the directory inputs of state_dir."},
+    {SETTING(user_upload_bytes), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1e15,
+     .unit = "bytes",
+     .help =
+         "The total size of the uploaded files of one user: those that are kept and those that are being sent. A "
+         "file that several users have sent counts for each. 0: a quarter of upload_total_bytes."},
+    {SETTING(user_uploads), .type = CONFIG_INTEGER, .default_text = "8", .low = 0, .high = 10000,
+     .help = "How many files one user may send at once. 0: any number."},
     {SETTING(share_inputs), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1,
      .help =
          "1: a job may name a file that any user has sent. 0: its user must have sent the same bytes, or be an "

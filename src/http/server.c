@@ -18,6 +18,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
+#include "http/body_bytes.h"
 #include "http/fields.h"
 #include "http/forwarded.h"
 #include "http/head.h"
@@ -37,6 +38,8 @@
 /* Threads that one user may have: as many submissions share a flush of the queue. The threads sleep most of the time. Further
  * threads wait for estimates. */
 #define USER_THREADS 32
+/* A body from this length on is heavy work: a document takes up to 100 times the memory of its text. */
+#define HEAVY_BYTES 32768
 /* Threads that are left for other users. */
 #define SPARE_THREADS 8
 
@@ -46,6 +49,7 @@ struct server {
     loop *loop;
     connections *connections;
     thread_pool *pool;
+    body_bytes *bodies;
     pthread_mutex_t mutex;
     pthread_cond_t changed;  /* monotonic clock */
     size_t busy;             /* requests between their headers and their end */
@@ -67,11 +71,12 @@ typedef struct exchange {
     const char *page_origin; /* of a page that may read the answer; NULL: none */
     http_request request;
     char *body;
-    size_t room;
-    size_t step;    /* of a long body, since the client's time began anew */
-    bool too_large; /* the rest of the body is ignored */
-    bool answered;  /* what still comes of the body is thrown away */
-    bool awaits;    /* the pool has made a provisional answer */
+    size_t room;            /* of the body; counted in the server's bodies */
+    body_verdict body_fits; /* otherwise the rest of the body is ignored */
+    size_t step;            /* of a long body, since the client's time began anew */
+    bool too_large;         /* the rest of the body is ignored */
+    bool answered;          /* what still comes of the body is thrown away */
+    bool awaits;            /* the pool has made a provisional answer */
     bool chunked;
     reply answer;
     reply_receipt *receipt; /* of the answer that is being sent */
@@ -441,6 +446,11 @@ static bool refuse_head(const exchange *x, const fields *f, const char *method, 
     return true;
 }
 
+static bool has_body(const fields *f)
+{
+    return f->codings || (f->length && strcmp(f->length, "0") != 0);
+}
+
 /* As refuse. *early: the answer is sent at once and the body is never read. Otherwise the answer follows the
  * body, since many clients send everything before they read. */
 static bool refuse_early(exchange *x, const char *method, const char *path, const char *version, bool *early,
@@ -461,6 +471,8 @@ static bool refuse_early(exchange *x, const char *method, const char *path, cons
         *early = true;
     } else if (!refuse(x, &f, method, path, r)) {
         return false;
+    } else if (!x->known && r->status == MHD_HTTP_UNAUTHORIZED && has_body(&f)) {
+        *early = true; /* a stranger keeps no connection by a body that does not come */
     }
     /* the unread body must not be taken for the next request */
     if (*early) reply_add_header(r, MHD_HTTP_HEADER_CONNECTION, "close");
@@ -492,6 +504,29 @@ static enum MHD_Result begin(exchange *x, const char *method, const char *path, 
     return queue_reply(x, &x->answer);
 }
 
+static void drop_body(exchange *x)
+{
+    body_bytes_give_back(x->s->bodies, x->caller.user, x->room);
+    free(x->body);
+    x->body = NULL;
+    x->request.length = x->room = 0;
+}
+
+/* Makes the body's room at least so large. False: there is none, and what has come of the body is gone. */
+static bool make_room(exchange *x, size_t bytes)
+{
+    size_t limit = x->s->settings.body_limit_bytes + 1, room = 2 * bytes < limit ? 2 * bytes : limit;
+    if (bytes <= x->room) return true;
+    x->body_fits = body_bytes_take(x->s->bodies, x->caller.user, room - x->room);
+    if (x->body_fits != BODY_FITS) {
+        drop_body(x);
+        return false;
+    }
+    x->body = mem_resize(x->body, room);
+    x->room = room;
+    return true;
+}
+
 /* Takes a piece of the body. A long body goes to its sink. Of a body over the limit nothing is kept; the
  * answer waits for its end, since the library sends answers only before a body or after it. The time limit
  * bounds that wait. */
@@ -511,20 +546,13 @@ static enum MHD_Result take_body(exchange *x, const char *data, size_t *size)
         *size = 0;
         return MHD_YES;
     }
-    if (x->too_large || *size > x->s->settings.body_limit_bytes - *length) {
-        free(x->body);
-        x->body = NULL;
-        *length = x->room = 0;
-        x->too_large = true;
-        *size = 0;
-        return MHD_YES;
+    if (x->too_large || x->body_fits != BODY_FITS || *size > x->s->settings.body_limit_bytes - *length) {
+        x->too_large = x->body_fits == BODY_FITS;
+        drop_body(x);
+    } else if (make_room(x, *length + *size + 1)) {
+        memcpy(x->body + *length, data, *size);
+        *length += *size;
     }
-    if (*length + *size + 1 > x->room) {
-        x->room = (*length + *size) * 2 + 1;
-        x->body = mem_resize(x->body, x->room);
-    }
-    memcpy(x->body + *length, data, *size);
-    *length += *size;
     *size = 0;
     return MHD_YES;
 }
@@ -537,6 +565,18 @@ static bool read_body(exchange *x, reply *r)
                           "the body is longer than the limit of %zu bytes (setting body_limit_bytes)",
                           x->s->settings.body_limit_bytes);
         reply_add_header(r, MHD_HTTP_HEADER_CONNECTION, "close");
+        return false;
+    }
+    if (x->body_fits == BODY_TOO_MUCH_OF_USER) {
+        reply_set_problem(r, "too_many_requests", NULL,
+                          "the bodies of this user's requests take as much memory as they may (setting"
+                          " user_body_bytes)");
+        reply_ask_again(r);
+        return false;
+    }
+    if (x->body_fits == BODY_TOO_MUCH) {
+        reply_set_unavailable(
+            r, "the bodies of requests take as much memory as they may (setting body_total_bytes)");
         return false;
     }
     if (x->body) x->body[x->request.length] = '\0';
@@ -568,7 +608,10 @@ static bool ask_handler(exchange *x)
     http_handler *handler = x->awaits ? x->route.found->awaiting : x->route.found->handler;
     if (x->route.found->waits && !x->awaits) {
         MHD_suspend_connection(x->connection);
-        x->work = (thread_pool_work){.run = run_in_pool, .refuse = refuse_in_pool, .user = x->caller.user};
+        x->work = (thread_pool_work){.run = run_in_pool,
+                                     .refuse = refuse_in_pool,
+                                     .user = x->caller.user,
+                                     .weight = x->request.length < HEAVY_BYTES ? 0 : x->request.length};
         thread_pool_add(x->s->pool, &x->work);
         return false;
     }
@@ -641,7 +684,7 @@ static void complete(void *context, struct MHD_Connection *connection, void **sl
     reply_clear(&x->answer);
     if (x->receipt) x->receipt->end(x->receipt, why == MHD_REQUEST_TERMINATED_COMPLETED_OK && !x->head);
     if (x->request.sink) x->request.sink->drop(x->request.sink);
-    free(x->body);
+    drop_body(x);
     free(x);
     *slot = NULL;
     if (!begun) return;
@@ -737,7 +780,10 @@ server *server_start(const server_settings *settings, const listen_socket *socke
     pthread_mutex_init(&s->mutex, NULL);
     s->connections = connections_start(&settings->connections, access, e);
     unsigned of_user = USER_THREADS + settings->estimates;
-    s->pool = s->connections ? thread_pool_start(of_user + SPARE_THREADS, of_user, e) : NULL;
+    s->pool = s->connections
+                  ? thread_pool_start(of_user + SPARE_THREADS, of_user, settings->body_limit_bytes, e)
+                  : NULL;
+    s->bodies = body_bytes_new(settings->body_total_bytes, settings->user_body_bytes);
     if (!s->pool) goto failed;
     /* the library closes this descriptor */
     int fd = fcntl(socket->fd, F_DUPFD_CLOEXEC, 0);
@@ -776,6 +822,7 @@ void server_stop(server *s)
     thread_pool_stop(s->pool); /* resumes the connections of its work */
     loop_stop(s->loop);
     connections_stop(s->connections);
+    body_bytes_free(s->bodies);
     pthread_cond_destroy(&s->changed);
     pthread_mutex_destroy(&s->mutex);
     free(s);

@@ -27,8 +27,9 @@ typedef struct server_settings {
     wait_list *waiting;
     connections_settings connections;
     size_t body_limit_bytes, header_limit_bytes;
-    unsigned estimates;            /* how many requests may wait for an estimate at once */
-    const address_ranges *proxies; /* whose header Forwarded is trusted */
+    size_t body_total_bytes, user_body_bytes; /* of bodies in memory, at least body_limit_bytes + 1 */
+    unsigned estimates;                       /* how many requests may wait for an estimate at once */
+    const address_ranges *proxies;            /* whose header Forwarded is trusted */
     const pages *pages;
 } server_settings;
 

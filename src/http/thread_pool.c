@@ -22,6 +22,7 @@ struct thread_pool {
     line *lines; /* the user who was served least recently first */
     bool refusing, stopping;
     unsigned most_of_user;
+    size_t most_weight, weight; /* of the work that runs */
     unsigned count;
     pthread_t thread[];
 };
@@ -52,13 +53,23 @@ static line *line_of(thread_pool *p, const char *user)
     return found;
 }
 
-/* The line whose turn it is; NULL: there is no work, or all of it is of users who have all their threads. */
+/* The line whose turn it is, of all or of those whose next work is light; NULL: there is none. */
+static line *find_turn(const thread_pool *p, bool light)
+{
+    line *found = NULL;
+    for (line *l = p->lines; l; l = l->next)
+        if (l->first && l->running < p->most_of_user && !(light && l->first->weight) &&
+            (!found || l->running < found->running))
+            found = l;
+    return found;
+}
+
+/* The line whose work may begin now; NULL: there is none. */
 static line *choose(const thread_pool *p)
 {
-    line *chosen = NULL;
-    for (line *l = p->lines; l; l = l->next)
-        if (l->first && l->running < p->most_of_user && (!chosen || l->running < chosen->running)) chosen = l;
-    return chosen;
+    line *l = find_turn(p, false);
+    bool fits = !l || !l->first->weight || !p->weight || p->weight + l->first->weight <= p->most_weight;
+    return fits ? l : find_turn(p, true);
 }
 
 static thread_pool_work *take(thread_pool *p, line *l)
@@ -67,6 +78,7 @@ static thread_pool_work *take(thread_pool *p, line *l)
     l->first = work->next;
     if (!l->first) l->last = NULL;
     l->running++;
+    p->weight += work->weight;
     remove_line(p, l);
     append_line(p, l);
     return work;
@@ -89,9 +101,12 @@ static void *run_work(void *argument)
         line *mine = choose(p);
         if (mine) {
             thread_pool_work *work = take(p, mine);
+            size_t weight = work->weight; /* the work may be gone after it has run */
             pthread_mutex_unlock(&p->mutex);
             work->run(work);
             pthread_mutex_lock(&p->mutex);
+            p->weight -= weight;
+            if (weight) pthread_cond_broadcast(&p->changed); /* more may fit than this thread takes */
             end_work(p, mine);
         } else if (p->stopping) {
             break;
@@ -103,12 +118,13 @@ static void *run_work(void *argument)
     return NULL;
 }
 
-thread_pool *thread_pool_start(unsigned threads, unsigned most_of_user, error *e)
+thread_pool *thread_pool_start(unsigned threads, unsigned most_of_user, size_t most_weight, error *e)
 {
     thread_pool *p = mem_alloc(sizeof *p + threads * sizeof *p->thread);
     pthread_mutex_init(&p->mutex, NULL);
     pthread_cond_init(&p->changed, NULL);
     p->most_of_user = most_of_user;
+    p->most_weight = most_weight;
     for (; p->count < threads; p->count++) {
         if (background_start(&p->thread[p->count], run_work, p, "the server", e)) continue;
         thread_pool_stop(p);

@@ -3,10 +3,13 @@
  * There are enough threads for many submissions to share one flush of the queue (its group commit). Users are served in
  * turn: next is the work of the user with the fewest pieces of work that run; among equals, of the user who was served
  * least recently. A user has at most `most_of_user` threads, so that a thread is left for others. The work of one user starts
- * in the order in which it was added. Any thread may add work.
+ * in the order in which it was added. Heavy work runs together only up to a sum of weights, and never overtakes heavy work whose turn it
+ * is. Any thread may add work.
  */
 #ifndef HEXAD_HTTP_THREAD_POOL_H
 #define HEXAD_HTTP_THREAD_POOL_H
+
+#include <stddef.h>
 
 #include "base/error.h"
 
@@ -17,10 +20,12 @@ typedef struct thread_pool_work {
     void (*run)(struct thread_pool_work *work);
     void (*refuse)(struct thread_pool_work *work); /* instead of run, when the pool stops */
     const char *user;                              /* lives as long as the work */
+    size_t weight;                                 /* 0: light */
     struct thread_pool_work *next;
 } thread_pool_work;
 
-thread_pool *thread_pool_start(unsigned threads, unsigned most_of_user, error *e);
+/* Work that weighs more than `most_weight` runs when no other heavy work does. */
+thread_pool *thread_pool_start(unsigned threads, unsigned most_of_user, size_t most_weight, error *e);
 
 /* Refuses all work that has not begun, and all that is added from now on. */
 void thread_pool_refuse(thread_pool *p);

@@ -185,8 +185,15 @@ static bool init_inputs(service *s, error *e)
     s->inputs_dir = mem_printf("%s/inputs", s->work_dir);
     s->inputs =
         store_inputs_open(s->inputs_dir, s->settings.upload_limit_bytes, s->settings.upload_total_bytes, e);
-    if (!s->inputs) free(s->inputs_dir);
-    return s->inputs != NULL;
+    if (!s->inputs) {
+        free(s->inputs_dir);
+        return false;
+    }
+    const config *c = &s->settings;
+    store_inputs_bound_users(s->inputs,
+                             c->user_upload_bytes ? c->user_upload_bytes : c->upload_total_bytes / 4,
+                             (int)c->user_uploads);
+    return true;
 }
 
 static void fini_inputs(service *s)
@@ -534,6 +541,16 @@ static void free_context(service *s)
     submission_rate_free(s->context.rate);
 }
 
+/* Bodies of the greatest length that have room in memory, unless settings say otherwise. */
+enum { BODIES_IN_ALL = 16, BODIES_OF_USER = 4 };
+
+/* A bound on bodies in memory, in bytes; one body has room always. */
+static size_t bytes_of_bodies(const config *c, int64_t given, int otherwise)
+{
+    size_t longest = (size_t)c->body_limit_bytes + 1, bytes = given ? (size_t)given : otherwise * longest;
+    return bytes > longest ? bytes : longest;
+}
+
 static bool init_http(service *s, error *e)
 {
     const config *c = &s->settings;
@@ -548,6 +565,8 @@ static bool init_http(service *s, error *e)
                         .admin_reserve = (unsigned)c->admin_connections,
                         .timeout_s = c->connection_timeout_s},
         .body_limit_bytes = (size_t)c->body_limit_bytes,
+        .body_total_bytes = bytes_of_bodies(c, c->body_total_bytes, BODIES_IN_ALL),
+        .user_body_bytes = bytes_of_bodies(c, c->user_body_bytes, BODIES_OF_USER),
         .header_limit_bytes = (size_t)c->header_limit_bytes,
         .estimates = (unsigned)c->estimates,
         .proxies = &s->proxies,

@@ -16,19 +16,30 @@
 
 #define SENDER_PREFIX "sender:"
 
+/* What a user has sent. Users are never forgotten: there are few. */
+typedef struct sender {
+    char name[STORE_INPUT_HEX + 1]; /* the hash of the user's name */
+    int64_t bytes;                  /* of files that are kept and that are on their way */
+    int uploads;                    /* on their way */
+    struct sender *next;
+} sender;
+
 struct store_inputs {
     char *directory;
-    int64_t most_bytes, total_bytes;
+    int64_t most_bytes, total_bytes, user_bytes; /* user_bytes and user_uploads 0: any number */
+    int user_uploads;
     pthread_mutex_t mutex;
     int64_t used_bytes; /* what is in place and what is on its way */
+    sender *senders;
 };
 
 struct store_upload {
     store_inputs *owner;
+    sender *sender;
     store_file file;
     struct sha256_ctx hash;
     char wanted[STORE_INPUT_HEX + 1];
-    int64_t bytes, reserved;
+    int64_t bytes; /* that have arrived, and have room */
     store_upload_verdict verdict;
     bool committed;
 };
@@ -65,25 +76,60 @@ static void print_digest(struct sha256_ctx *hash, char hex[STORE_INPUT_HEX + 1])
     for (size_t i = 0; i < sizeof digest; i++) sprintf(hex + 2 * i, "%02x", digest[i]);
 }
 
-/* The user's name may have any byte, so that the path has its hash. */
-static char *sender_path(const store_inputs *s, const char *hex, const char *user)
+/* The user's name may have any byte, so that paths have its hash. */
+static void hash_name(const char *user, char name[STORE_INPUT_HEX + 1])
 {
     struct sha256_ctx hash;
-    char name[STORE_INPUT_HEX + 1];
     sha256_init(&hash);
     sha256_update(&hash, strlen(user), (const uint8_t *)user);
     print_digest(&hash, name);
+}
+
+static char *sender_path(const store_inputs *s, const char *hex, const char *user)
+{
+    char name[STORE_INPUT_HEX + 1];
+    hash_name(user, name);
     return mem_printf("%s/" SENDER_PREFIX "%s:%s", s->directory, hex, name);
 }
 
-/* Whether the name is a sender's, of a file that is there. */
-static bool is_sender(int directory, const char *name)
+/* Held: the mutex. */
+static sender *find_sender(store_inputs *s, const char *name)
+{
+    sender *found = s->senders;
+    while (found && strcmp(found->name, name) != 0) found = found->next;
+    if (found) return found;
+    found = mem_alloc(sizeof *found);
+    snprintf(found->name, sizeof found->name, "%s", name);
+    found->next = s->senders;
+    return s->senders = found;
+}
+
+/* Adds a kept file to what a sender has, or takes it away. */
+static void count_for_sender(store_inputs *s, const char *name, int64_t bytes)
+{
+    pthread_mutex_lock(&s->mutex);
+    find_sender(s, name)->bytes += bytes;
+    pthread_mutex_unlock(&s->mutex);
+}
+
+/* The sender's name in "sender:HEX:NAME". */
+static const char *name_in(const char *entry)
+{
+    return entry + strlen(SENDER_PREFIX) + STORE_INPUT_HEX + 1;
+}
+
+/* Whether the name is a sender's, of a file that is there; then *bytes is its length. */
+static bool is_sender(int directory, const char *name, int64_t *bytes)
 {
     char input[STORE_INPUT_NAME_SIZE];
+    struct stat info;
     size_t prefix = strlen(SENDER_PREFIX);
-    if (strncmp(name, SENDER_PREFIX, prefix) != 0) return false;
+    if (strncmp(name, SENDER_PREFIX, prefix) != 0 || strlen(name) != prefix + 2 * STORE_INPUT_HEX + 1)
+        return false;
     snprintf(input, sizeof input, STORE_INPUT_PREFIX "%.*s", STORE_INPUT_HEX, name + prefix);
-    return is_name(input) && faccessat(directory, input, F_OK, AT_SYMLINK_NOFOLLOW) == 0;
+    if (!is_name(input) || fstatat(directory, input, &info, AT_SYMLINK_NOFOLLOW) != 0) return false;
+    *bytes = info.st_size;
+    return true;
 }
 
 /* Counts what is in place and removes what is not. */
@@ -94,11 +140,14 @@ static bool take_stock(store_inputs *s, error *e)
         return error_set(e, ERROR_INTERNAL, "%s cannot be read: %s", s->directory, strerror(errno));
     for (struct dirent *d; (d = readdir(directory));) {
         struct stat info;
+        int64_t bytes = 0;
         if (fstatat(dirfd(directory), d->d_name, &info, AT_SYMLINK_NOFOLLOW) != 0 || !S_ISREG(info.st_mode))
             continue;
         if (is_name(d->d_name))
             s->used_bytes += info.st_size;
-        else if (!is_sender(dirfd(directory), d->d_name))
+        else if (is_sender(dirfd(directory), d->d_name, &bytes))
+            count_for_sender(s, name_in(d->d_name), bytes);
+        else
             unlinkat(dirfd(directory), d->d_name, 0);
     }
     closedir(directory);
@@ -120,9 +169,19 @@ store_inputs *store_inputs_open(const char *directory, int64_t most_bytes, int64
 void store_inputs_close(store_inputs *s)
 {
     if (!s) return;
+    for (sender *one = s->senders, *next; one; one = next) {
+        next = one->next;
+        free(one);
+    }
     pthread_mutex_destroy(&s->mutex);
     free(s->directory);
     free(s);
+}
+
+void store_inputs_bound_users(store_inputs *s, int64_t bytes, int uploads)
+{
+    s->user_bytes = bytes;
+    s->user_uploads = uploads;
 }
 
 int64_t store_inputs_find(store_inputs *s, const char *hex)
@@ -148,9 +207,13 @@ int64_t store_inputs_use(store_inputs *s, const char *hex)
 bool store_inputs_note_sender(store_inputs *s, const char *hex, const char *user, error *e)
 {
     char *path = sender_path(s, hex, user);
-    int fd = open(path, O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
-    bool ok = fd >= 0 || error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
-    if (fd >= 0) close(fd);
+    int64_t bytes = store_inputs_find(s, hex);
+    int fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600); /* the file is counted once */
+    bool ok = fd >= 0 || errno == EEXIST || error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
+    if (fd >= 0) {
+        close(fd);
+        count_for_sender(s, name_in(strrchr(path, '/') + 1), bytes > 0 ? bytes : 0);
+    }
     free(path);
     return ok && store_directory_sync(s->directory, e);
 }
@@ -163,15 +226,34 @@ bool store_inputs_was_sent_by(store_inputs *s, const char *hex, const char *user
     return noted && store_inputs_find(s, hex) >= 0;
 }
 
-/* Removes what is noted of the senders of files that are gone. */
-static void forget_senders(store_inputs *s)
+/* A file that was removed. */
+typedef struct gone_file {
+    char hex[STORE_INPUT_HEX + 1];
+    int64_t bytes;
+} gone_file;
+
+static int compare_gone(const void *a, const void *b)
+{
+    return strncmp(((const gone_file *)a)->hex, ((const gone_file *)b)->hex, STORE_INPUT_HEX);
+}
+
+/* Removes what is noted of the senders of files that are gone, and gives them their room back. */
+static void forget_senders(store_inputs *s, gone_file *files, size_t count)
 {
     DIR *directory = opendir(s->directory);
     if (!directory) return;
-    for (struct dirent *d; (d = readdir(directory));)
-        if (strncmp(d->d_name, SENDER_PREFIX, strlen(SENDER_PREFIX)) == 0 &&
-            !is_sender(dirfd(directory), d->d_name))
-            unlinkat(dirfd(directory), d->d_name, 0);
+    qsort(files, count, sizeof *files, compare_gone);
+    for (struct dirent *d; (d = readdir(directory));) {
+        int64_t bytes = 0;
+        gone_file key = {{0}, 0};
+        if (strncmp(d->d_name, SENDER_PREFIX, strlen(SENDER_PREFIX)) != 0 ||
+            is_sender(dirfd(directory), d->d_name, &bytes))
+            continue;
+        snprintf(key.hex, sizeof key.hex, "%.*s", STORE_INPUT_HEX, d->d_name + strlen(SENDER_PREFIX));
+        const gone_file *file = bsearch(&key, files, count, sizeof *files, compare_gone);
+        if (unlinkat(dirfd(directory), d->d_name, 0) == 0 && file)
+            count_for_sender(s, name_in(d->d_name), -file->bytes);
+    }
     closedir(directory);
 }
 
@@ -179,6 +261,8 @@ bool store_inputs_collect(store_inputs *s, bool (*may_go)(void *context, const c
                           void *context, size_t *gone, error *e)
 {
     DIR *directory = opendir(s->directory);
+    gone_file *files = NULL;
+    size_t room = 0;
     *gone = 0;
     if (!directory)
         return error_set(e, ERROR_INTERNAL, "%s cannot be read: %s", s->directory, strerror(errno));
@@ -191,12 +275,15 @@ bool store_inputs_collect(store_inputs *s, bool (*may_go)(void *context, const c
         if (there && may_go(context, d->d_name, (int64_t)info.st_mtim.tv_sec * 1000) &&
             unlinkat(dirfd(directory), d->d_name, 0) == 0) {
             s->used_bytes -= info.st_size;
-            ++*gone;
+            if (*gone == room) files = mem_resize(files, (room = room * 2 + 16) * sizeof *files);
+            files[*gone].bytes = info.st_size;
+            snprintf(files[(*gone)++].hex, sizeof files->hex, "%s", d->d_name + strlen(STORE_INPUT_PREFIX));
         }
         pthread_mutex_unlock(&s->mutex);
     }
     closedir(directory);
-    if (*gone) forget_senders(s);
+    if (*gone) forget_senders(s, files, *gone);
+    free(files);
     return !*gone || store_directory_sync(s->directory, e);
 }
 
@@ -213,14 +300,26 @@ store_inputs_space store_inputs_get_space(store_inputs *s)
     return space;
 }
 
-/* Sets room aside; false when there is none. */
-static bool reserve(store_inputs *s, int64_t bytes)
+/* Whether so many more bytes have room, and why not. Held: the mutex. */
+static store_upload_verdict find_room(const store_inputs *s, const sender *who, int64_t bytes)
 {
+    if (bytes > s->total_bytes - s->used_bytes) return STORE_UPLOAD_NO_ROOM;
+    return s->user_bytes && bytes > s->user_bytes - who->bytes ? STORE_UPLOAD_USER_FULL : STORE_UPLOAD_GOOD;
+}
+
+/* Takes room for bytes that have arrived. */
+static store_upload_verdict reserve(store_upload *u, int64_t bytes)
+{
+    store_inputs *s = u->owner;
     pthread_mutex_lock(&s->mutex);
-    bool fits = bytes <= s->total_bytes - s->used_bytes;
-    if (fits) s->used_bytes += bytes;
+    store_upload_verdict verdict = find_room(s, u->sender, bytes);
+    if (verdict == STORE_UPLOAD_GOOD) {
+        s->used_bytes += bytes;
+        u->sender->bytes += bytes;
+        u->bytes += bytes;
+    }
     pthread_mutex_unlock(&s->mutex);
-    return fits;
+    return verdict;
 }
 
 static void release(store_inputs *s, int64_t bytes)
@@ -238,31 +337,59 @@ bool store_inputs_remove(store_inputs *s, const char *hex, bool *found, error *e
     bool ok =
         bytes < 0 || gone || errno == ENOENT || error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
     if (gone) {
+        gone_file file = {{0}, bytes};
+        snprintf(file.hex, sizeof file.hex, "%s", hex);
         release(s, bytes);
-        forget_senders(s);
+        forget_senders(s, &file, 1);
     }
     if (ok) *found = gone;
     free(path);
     return ok && (!gone || store_directory_sync(s->directory, e));
 }
 
-store_upload_verdict store_upload_begin(store_inputs *s, const char *hex, int64_t announced,
+/* Enters an upload, if the sender may have one more and there is room for it now. */
+static store_upload_verdict enter(store_inputs *s, const char *user, int64_t announced, sender **who)
+{
+    char name[STORE_INPUT_HEX + 1];
+    hash_name(user, name);
+    pthread_mutex_lock(&s->mutex);
+    *who = find_sender(s, name);
+    store_upload_verdict verdict = find_room(s, *who, announced > 0 ? announced : 0);
+    if (s->user_uploads && (*who)->uploads >= s->user_uploads) verdict = STORE_UPLOAD_TOO_MANY;
+    if (verdict == STORE_UPLOAD_GOOD) (*who)->uploads++;
+    pthread_mutex_unlock(&s->mutex);
+    return verdict;
+}
+
+/* Gives back what an upload has, but for `kept` bytes that stay in place. */
+static void leave(store_inputs *s, sender *who, int64_t bytes, int64_t kept)
+{
+    pthread_mutex_lock(&s->mutex);
+    s->used_bytes -= bytes - kept;
+    who->bytes -= bytes; /* a file that stays is counted by its note of the sender */
+    who->uploads--;
+    pthread_mutex_unlock(&s->mutex);
+}
+
+store_upload_verdict store_upload_begin(store_inputs *s, const char *hex, const char *user, int64_t announced,
                                         store_upload **upload, error *e)
 {
     if (announced > s->most_bytes) return STORE_UPLOAD_TOO_LARGE;
-    int64_t reserved = announced > 0 ? announced : 0;
-    if (!reserve(s, reserved)) return STORE_UPLOAD_NO_ROOM;
+    sender *who;
+    store_upload_verdict verdict = enter(s, user, announced, &who);
+    if (verdict != STORE_UPLOAD_GOOD) return verdict;
     store_upload *u = mem_alloc(sizeof *u);
     char *path = path_of(s, hex);
     bool ok = store_file_begin(path, &u->file, e);
     free(path);
     if (!ok) {
-        release(s, reserved);
+        int fault = errno;
+        leave(s, who, 0, 0);
         free(u);
-        return errno == ENOSPC || errno == EDQUOT ? STORE_UPLOAD_NO_ROOM : STORE_UPLOAD_FAILED;
+        return fault == ENOSPC || fault == EDQUOT ? STORE_UPLOAD_NO_ROOM : STORE_UPLOAD_FAILED;
     }
     u->owner = s;
-    u->reserved = reserved;
+    u->sender = who;
     sha256_init(&u->hash);
     strcpy(u->wanted, hex);
     *upload = u;
@@ -272,12 +399,9 @@ store_upload_verdict store_upload_begin(store_inputs *s, const char *hex, int64_
 store_upload_verdict store_upload_write(store_upload *u, const void *bytes, size_t count, error *e)
 {
     if (u->verdict != STORE_UPLOAD_GOOD) return u->verdict;
-    u->bytes += (int64_t)count;
-    if (u->bytes > u->owner->most_bytes) return u->verdict = STORE_UPLOAD_TOO_LARGE;
-    if (u->bytes > u->reserved) {
-        if (!reserve(u->owner, u->bytes - u->reserved)) return u->verdict = STORE_UPLOAD_NO_ROOM;
-        u->reserved = u->bytes;
-    }
+    if (u->bytes + (int64_t)count > u->owner->most_bytes) return u->verdict = STORE_UPLOAD_TOO_LARGE;
+    u->verdict = reserve(u, (int64_t)count);
+    if (u->verdict != STORE_UPLOAD_GOOD) return u->verdict;
     sha256_update(&u->hash, count, bytes);
     if (fwrite(bytes, 1, count, u->file.stream) == count) return STORE_UPLOAD_GOOD;
     error_set(e, ERROR_INTERNAL, "%s cannot be written: %s", u->file.path, strerror(errno));
@@ -309,6 +433,6 @@ void store_upload_end(store_upload *u)
 {
     if (!u) return;
     store_file_abort(&u->file);
-    release(u->owner, u->committed ? u->reserved - u->bytes : u->reserved);
+    leave(u->owner, u->sender, u->bytes, u->committed ? u->bytes : 0);
     free(u);
 }

@@ -54,18 +54,25 @@ bool store_inputs_note_sender(store_inputs *s, const char *hex, const char *user
 /* Whether the user has, and the file is there. */
 bool store_inputs_was_sent_by(store_inputs *s, const char *hex, const char *user);
 
+/* Bounds what one user has: the bytes of the files that this user has sent and of those on their way, and the number of files on
+ * their way at once. 0: any number. A file that several users have sent counts for each. */
+void store_inputs_bound_users(store_inputs *s, int64_t bytes, int uploads);
+
 typedef enum store_upload_verdict {
     STORE_UPLOAD_GOOD,
     STORE_UPLOAD_TOO_LARGE, /* over most_bytes */
     STORE_UPLOAD_NO_ROOM,   /* over total_bytes, or the disk is full */
+    STORE_UPLOAD_USER_FULL, /* over the bytes of the user */
+    STORE_UPLOAD_TOO_MANY,  /* the user has the most uploads on their way */
     STORE_UPLOAD_MISMATCH,  /* the bytes have another hash */
     STORE_UPLOAD_FAILED     /* the error tells */
 } store_upload_verdict;
 
 typedef struct store_upload store_upload;
 
-/* `announced` bytes will come, -1: not known. On GOOD *upload is to be ended. */
-store_upload_verdict store_upload_begin(store_inputs *s, const char *hex, int64_t announced,
+/* `announced` bytes of this user will come, -1: not known. Room is taken as bytes arrive, and none for those that are announced; if there is
+ * none for them now, the upload is refused. On GOOD *upload is to be ended. */
+store_upload_verdict store_upload_begin(store_inputs *s, const char *hex, const char *user, int64_t announced,
                                         store_upload **upload, error *e);
 /* After a result other than GOOD the caller may pass the remaining bytes; they are discarded. */
 store_upload_verdict store_upload_write(store_upload *u, const void *bytes, size_t count, error *e);

@@ -175,7 +175,7 @@ def test_an_input_that_is_sent_twice_is_not_asked_for(service):
 
 @pytest.mark.sanitized
 def test_inputs_that_are_refused(new_service):
-    service = new_service("--upload_limit_bytes", 1000, "--upload_total_bytes", 1500).start()
+    service = new_service("--upload_limit_bytes", 1000, "--upload_total_bytes", 1500, "--user_upload_bytes", 1500).start()
     expect_problem(put(service, b"x", name="0" * 64), 422, "digest_mismatch")
     for bad in ("0" * 63, "A" * 64, "..", "x" * 64):
         expect_problem(put(service, b"x", name=bad), 400, "request_invalid")
@@ -197,7 +197,7 @@ def test_inputs_that_are_refused(new_service):
 
 
 def test_a_broken_upload_leaves_nothing(new_service):
-    service = new_service("--upload_total_bytes", 1000).start()
+    service = new_service("--upload_total_bytes", 1000, "--user_upload_bytes", 1000).start()
     kept = service.state / "inputs"
     host, _, port = service.address.rpartition(":")
     data = os.urandom(1000)
@@ -315,7 +315,7 @@ def test_a_hash_alone_opens_nothing(shared_by):
 
 
 def test_the_same_bytes_make_it_ones_own(shared_by):
-    service = shared_by("--upload_total_bytes", 3 * len(TETRAHEDRON))
+    service = shared_by("--upload_total_bytes", 3 * len(TETRAHEDRON), "--user_upload_bytes", 3 * len(TETRAHEDRON))
     name = hashlib.sha256(TETRAHEDRON).hexdigest()
     where, spec = f"/v1/inputs/{name}", mesh(f"sha256:{name}.obj")
     file = service.state / "inputs" / f"sha256:{name}"

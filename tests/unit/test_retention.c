@@ -356,8 +356,9 @@ static void test_what_was_sent_goes_when_nobody_wants_it(void **state)
     assert_int_equal(access(fresh, F_OK), 0);
     /* and gave its room back */
     store_upload *upload = NULL;
-    assert_int_equal(store_upload_begin(p->inputs, name + strlen(STORE_INPUT_PREFIX), 6, &upload, NULL),
-                     STORE_UPLOAD_GOOD);
+    assert_int_equal(
+        store_upload_begin(p->inputs, name + strlen(STORE_INPUT_PREFIX), "ann", 6, &upload, NULL),
+        STORE_UPLOAD_GOOD);
     store_upload_end(upload);
     /* a use keeps it */
     free(unused);
@@ -408,7 +409,7 @@ static void *collect(void *argument)
 static void send_it(place *p, const char *hex)
 {
     store_upload *upload = NULL;
-    assert_int_equal(store_upload_begin(p->inputs, hex, -1, &upload, NULL), STORE_UPLOAD_GOOD);
+    assert_int_equal(store_upload_begin(p->inputs, hex, "ann", -1, &upload, NULL), STORE_UPLOAD_GOOD);
     assert_int_equal(store_upload_write(upload, SENT, strlen(SENT), NULL), STORE_UPLOAD_GOOD);
     assert_int_equal(store_upload_commit(upload, NULL), STORE_UPLOAD_GOOD);
     store_upload_end(upload);
@@ -436,8 +437,8 @@ static void test_what_is_sent_again_while_it_is_collected_is_counted_once(void *
         assert_non_null(collected);
         assert_int_equal(access(path, F_OK), 0);
         store_upload *upload = NULL;
-        assert_int_equal(store_upload_begin(p->inputs, hex, 7, &upload, NULL), STORE_UPLOAD_NO_ROOM);
-        assert_int_equal(store_upload_begin(p->inputs, hex, 6, &upload, NULL), STORE_UPLOAD_GOOD);
+        assert_int_equal(store_upload_begin(p->inputs, hex, "ann", 7, &upload, NULL), STORE_UPLOAD_NO_ROOM);
+        assert_int_equal(store_upload_begin(p->inputs, hex, "ann", 6, &upload, NULL), STORE_UPLOAD_GOOD);
         store_upload_end(upload);
     }
     free(path);

@@ -70,7 +70,7 @@ static void test_users_are_served_in_turn(void **state)
           rest[] = {piece_of("ann", 'b', false), piece_of("ann", 'c', false), piece_of("bob", 'd', false),
                     piece_of("bob", 'e', false), piece_of("cat", 'f', false)};
     (void)state;
-    thread_pool *p = thread_pool_start(1, 1, NULL);
+    thread_pool *p = thread_pool_start(1, 1, 10, NULL);
     assert_non_null(p);
     thread_pool_add(p, &first.work);
     wait_for(&seen.began, 1);
@@ -86,7 +86,7 @@ static void test_a_user_who_runs_less_is_next(void **state)
     piece held[] = {piece_of("ann", 'a', true), piece_of("ann", 'b', true), piece_of("bob", 'c', true)},
           rest[] = {piece_of("ann", 'd', false), piece_of("bob", 'e', false)};
     (void)state;
-    thread_pool *p = thread_pool_start(3, 3, NULL);
+    thread_pool *p = thread_pool_start(3, 3, 10, NULL);
     for (size_t i = 0; i < 3; i++) {
         thread_pool_add(p, &held[i].work);
         wait_for(&seen.began, 1);
@@ -106,7 +106,7 @@ static void test_a_thread_is_left_for_others(void **state)
     piece ann[] = {piece_of("ann", 'a', true), piece_of("ann", 'b', false)},
           bob = piece_of("bob", 'c', false);
     (void)state;
-    thread_pool *p = thread_pool_start(2, 1, NULL);
+    thread_pool *p = thread_pool_start(2, 1, 10, NULL);
     thread_pool_add(p, &ann[0].work);
     wait_for(&seen.began, 1);
     thread_pool_add(p, &ann[1].work);
@@ -119,13 +119,35 @@ static void test_a_thread_is_left_for_others(void **state)
     assert_string_equal(seen.order, "acb");
 }
 
+static void test_heavy_work_waits_for_heavy_work_only(void **state)
+{
+    piece held = piece_of("ann", 'a', true), heavy = piece_of("bob", 'b', false),
+          light = piece_of("cat", 'c', false), other = piece_of("dan", 'd', false);
+    (void)state;
+    held.work.weight = 8;
+    heavy.work.weight = 11; /* more than runs together: it runs alone */
+    other.work.weight = 2;
+    thread_pool *p = thread_pool_start(3, 3, 10, NULL);
+    thread_pool_add(p, &held.work);
+    wait_for(&seen.began, 1);
+    thread_pool_add(p, &heavy.work);
+    thread_pool_add(p, &other.work); /* it would fit, but it is not its turn */
+    thread_pool_add(p, &light.work);
+    wait_for(&seen.ended, 1);
+    assert_string_equal(seen.order, "ac");
+    sem_post(&held.may_end);
+    wait_for(&seen.ended, 3);
+    thread_pool_stop(p);
+    assert_string_equal(seen.order, "acbd");
+}
+
 static void test_work_that_has_not_begun_is_refused_at_the_stop(void **state)
 {
     piece first = piece_of("ann", 'a', true),
           waiting[] = {piece_of("ann", 'b', false), piece_of("bob", 'c', false)},
           late = piece_of("bob", 'd', false);
     (void)state;
-    thread_pool *p = thread_pool_start(1, 1, NULL);
+    thread_pool *p = thread_pool_start(1, 1, 10, NULL);
     thread_pool_add(p, &first.work);
     wait_for(&seen.began, 1);
     for (size_t i = 0; i < 2; i++) thread_pool_add(p, &waiting[i].work);
@@ -142,6 +164,7 @@ int main(void)
         cmocka_unit_test_setup(test_users_are_served_in_turn, set_up),
         cmocka_unit_test_setup(test_a_user_who_runs_less_is_next, set_up),
         cmocka_unit_test_setup(test_a_thread_is_left_for_others, set_up),
+        cmocka_unit_test_setup(test_heavy_work_waits_for_heavy_work_only, set_up),
         cmocka_unit_test_setup(test_work_that_has_not_begun_is_refused_at_the_stop, set_up),
     };
     return cmocka_run_group_tests_name("thread_pool", tests, NULL, NULL);

@@ -1,0 +1,74 @@
+#include "http/body_bytes.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+
+/* What the bodies of one user take; freed when that is nothing. */
+typedef struct share {
+    char *user;
+    size_t bytes;
+    struct share *next;
+} share;
+
+struct body_bytes {
+    size_t total, of_user; /* bounds */
+    size_t taken;
+    share *shares;
+};
+
+body_bytes *body_bytes_new(size_t total, size_t of_user)
+{
+    body_bytes *b = mem_alloc(sizeof *b);
+    b->total = total;
+    b->of_user = of_user;
+    return b;
+}
+
+void body_bytes_free(body_bytes *b)
+{
+    if (!b) return;
+    for (share *s = b->shares, *next; s; s = next) {
+        next = s->next;
+        free(s->user);
+        free(s);
+    }
+    free(b);
+}
+
+/* The link to the share of a user, or the end of the list. */
+static share **find(body_bytes *b, const char *user)
+{
+    share **at = &b->shares;
+    while (*at && strcmp((*at)->user, user) != 0) at = &(*at)->next;
+    return at;
+}
+
+body_verdict body_bytes_take(body_bytes *b, const char *user, size_t bytes)
+{
+    share **at = find(b, user);
+    size_t has = *at ? (*at)->bytes : 0;
+    if (bytes > b->of_user - has) return BODY_TOO_MUCH_OF_USER;
+    if (bytes > b->total - b->taken) return BODY_TOO_MUCH;
+    if (!*at) {
+        *at = mem_alloc(sizeof **at);
+        (*at)->user = mem_strdup(user);
+    }
+    (*at)->bytes += bytes;
+    b->taken += bytes;
+    return BODY_FITS;
+}
+
+void body_bytes_give_back(body_bytes *b, const char *user, size_t bytes)
+{
+    share **at = find(b, user);
+    if (!bytes) return;
+    b->taken -= bytes;
+    (*at)->bytes -= bytes;
+    if ((*at)->bytes) return;
+    share *gone = *at;
+    *at = gone->next;
+    free(gone->user);
+    free(gone);
+}

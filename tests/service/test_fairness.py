@@ -1,0 +1,97 @@
+"""What one user can do to others through the limits of the service."""
+import hashlib
+import json
+import socket
+
+from service import PATIENCE_S, sphere, wait_until
+from test_access import closed_service, new_token  # noqa: F401, a fixture
+
+
+def connect(service):
+    host, _, port = service.address.rpartition(":")
+    return socket.create_connection((host.strip("[]"), int(port)), timeout=PATIENCE_S)
+
+
+def send_head(service, *lines):
+    connection = connect(service)
+    connection.sendall("".join(line + "\r\n" for line in (*lines, f"Host: {service.address}", "")).encode())
+    return connection
+
+
+def read_all(connection):
+    answer = b""
+    while more := connection.recv(65536):
+        answer += more
+    return answer
+
+
+def test_a_stranger_is_refused_before_the_body(closed_service):  # noqa: F811
+    """The answer comes, and the connection ends, though no byte of the body was sent."""
+    for length in ("Content-Length: 100", "Transfer-Encoding: chunked"):
+        connection = send_head(closed_service, "POST /v1/jobs HTTP/1.1", "Content-Type: application/json", length)
+        answer = read_all(connection)
+        assert answer.startswith(b"HTTP/1.1 401 "), answer
+        assert b"\r\nconnection: close\r\n" in answer.lower()
+        connection.close()
+
+
+def upload_head(token, name, length):
+    return (f"PUT /v1/inputs/{name} HTTP/1.1", f"Authorization: Bearer {token}", f"Content-Length: {length}")
+
+
+def test_idle_uploads_of_one_user_leave_room_for_others(closed_service):  # noqa: F811
+    service = closed_service
+    service.end()
+    service.start("--upload_total_bytes", 4000, "--user_uploads", 2)
+    tokens = {user: new_token(service, user, "--scopes", "submit,read") for user in ("ann", "bob")}
+
+    def put(user, data):
+        return service.request("PUT", f"/v1/inputs/{hashlib.sha256(data).hexdigest()}", data,
+                               {"Authorization": f"Bearer {tokens[user]}"})
+
+    idle = [send_head(service, *upload_head(tokens["ann"], hashlib.sha256(b"%d" % i).hexdigest(), 1000)) for i in range(2)]
+    wait_until(lambda: put("ann", b"a").status == 429, "the uploads to begin")
+    assert put("bob", b"b" * 1000).status == 201
+    full = put("bob", b"c")  # a quarter of the total is the user's
+    assert full.status == 507 and "user_upload_bytes" in full.json["detail"]
+    for one in idle:
+        one.close()
+    wait_until(lambda: put("ann", b"a").status in (200, 201), "the end of the uploads")
+    assert put("ann", b"d" * 999).status == 201
+
+
+def test_a_state_counts_once(new_service):
+    service = new_service("--workers", 1).start()
+    jobs = {service.submit(sphere()) for _ in range(3)}
+    for job in jobs:
+        service.wait_state(job, "succeeded")
+    listed = service.get("/v1/jobs?state=" + ",".join(["succeeded", "queued"] * 200)).json["jobs"]
+    assert sorted(job["id"] for job in listed) == sorted(jobs)
+
+
+def post_head(token, length):
+    return ("POST /v1/jobs:validate HTTP/1.1", f"Authorization: Bearer {token}", "Content-Type: application/json",
+            f"Content-Length: {length}")
+
+
+def test_bodies_of_one_user_leave_memory_for_others(closed_service):  # noqa: F811
+    """Bodies of which all but the end has come are held back; a body of another user has room."""
+    service = closed_service
+    service.end()
+    service.start("--body_limit_bytes", 10000, "--user_body_bytes", 25000, "--body_total_bytes", 40000)
+    tokens = {user: new_token(service, user, "--scopes", "read") for user in ("ann", "bob")}
+    spec = json.dumps(sphere()).encode()
+
+    def ask(user, body):
+        return service.request("POST", "/v1/jobs:validate", body,
+                               {"Authorization": f"Bearer {tokens[user]}", "Content-Type": "application/json"})
+
+    held = []
+    for _ in range(2):
+        held.append(send_head(service, *post_head(tokens["ann"], 10000)))
+        held[-1].sendall(b" " * 9999)
+    wait_until(lambda: ask("ann", b" " * 6000 + spec).status == 429, "the bodies to arrive")
+    assert ask("bob", b" " * 6000 + spec).status == 200
+    held[0].close()
+    wait_until(lambda: ask("ann", b" " * 6000 + spec).status == 200, "the room of a body that was given up")
+    held[1].close()
