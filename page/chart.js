@@ -19,7 +19,7 @@ export const TIME_LEFT = {key: "eta_s", word: "Time left (s)", scale: {distr: LI
 /** The sweeps of a report as rows of the quantities. */
 export function rowsOfReport(report) {
   const ideal = report.energy && report.energy.ideal;
-  return (report.sweeps || []).map((sweep, i) => ({...sweep, sweep: i + 1, energy_excess: ideal ? sweep.energy / ideal - 1 : null}));
+  return (report.sweeps || []).map((sweep, i) => ({sweep: i + 1, ...sweep, energy_excess: ideal ? sweep.energy / ideal - 1 : null}));
 }
 
 const colour = name => () => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -67,7 +67,7 @@ export function Chart({quantity, runs, words}) {
     };
   }, []);
   useEffect(() => plot.current.setData(columns), [runs.map(rows => rows.length).join()]);
-  const label = `${quantity.word} over ${columns[0].length} sweeps; the last value is ${numberOf(last)}`;
+  const label = `${quantity.word} over ${columns[0][columns[0].length - 1] ?? 0} sweeps; the last value is ${numberOf(last)}`;
   return html`<figure class="chart"><figcaption><strong>${quantity.word}</strong> <span class="last">${numberOf(last)}</span>
     <span class="hint">${quantity.hint}</span></figcaption><div ref=${place} role="img" aria-label=${label}></div></figure>`;
 }

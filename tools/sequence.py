@@ -182,7 +182,7 @@ def measure_frame(case, frame, points, report, before):
     way = ways(case, frame, before, points) / quality["h"] if before else numpy.zeros(0)
     kept = len(way) > 0
     return {"frame": frame, "count": points.count, "hex": quality["hex_fraction"], "area_cv": quality["area_cv"],
-            "born": told["born"], "died": told["died"], "sweeps": len(report["sweeps"]),
+            "born": told["born"], "died": told["died"], "sweeps": report["sweeps_total"],
             "median": float(numpy.median(way)) if kept else None,
             "p95": float(numpy.quantile(way, 0.95)) if kept else None}
 

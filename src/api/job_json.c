@@ -58,8 +58,7 @@ void job_json_put_notes(json *object, const char *work_dir, const char *id, int 
 {
     result r = {0};
     char *directory = result_directory(work_dir, id, frame);
-    if (succeeded)
-        result_list(directory, &r, NULL); /* a result that was damaged or lost meanwhile has no notes */
+    if (succeeded) result_peek(directory, &r); /* a result that was damaged or lost meanwhile has no notes */
     job_json_put_stored(object, "notes", r.notes);
     result_clear(&r);
     free(directory);

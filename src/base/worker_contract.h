@@ -42,6 +42,9 @@ typedef enum worker_exit {
 
 /* Files in the output directory. run writes the report last: a directory without it is not a result. */
 #define WORKER_REPORT_NAME "report.json"
+/* The short members of the report that the daemon reads, written before it: outcome, count, outputs, inputs, ratings, outcome_reasons,
+ * advice, surface.warnings, quality.resolved_share; and report_bytes, the length of the report. It is not flushed to disk: a reader takes the report when it is damaged. */
+#define WORKER_SUMMARY_NAME "summary.json"
 #define WORKER_ESTIMATE_NAME "estimate.json"
 #define WORKER_INSPECTION_NAME "inspection.json"
 

@@ -19,6 +19,8 @@
 
 /* A report has a record per sweep, and a job may ask for a million sweeps. */
 #define REPORT_LIMIT_BYTES (256u << 20)
+/* A report that is read while others wait. */
+#define SHORT_REPORT_BYTES (1u << 20)
 /* Notes that are longer are left in the report. */
 #define NOTES_LIMIT_BYTES 16384
 #define MAX_OUTPUTS 512 /* a turntable has up to 360 frames */
@@ -153,6 +155,7 @@ static bool read_report(const char *directory, const json *report, result *r, er
     if (!(count >= 0) || count > 0x1p53 || count != floor(count))
         return error_set(e, ERROR_INPUT_DAMAGED, "report.json has no count");
     r->count = (int64_t)count;
+    r->report_bytes = (int64_t)json_number(json_member(&root, "report_bytes"), -1);
     r->notes = read_notes(root);
     size_t listed = json_size(outputs);
     if (json_type_of(outputs) != JSON_ARRAY || listed > MAX_OUTPUTS)
@@ -165,14 +168,14 @@ static bool read_report(const char *directory, const json *report, result *r, er
 }
 
 /* The parsed document, to be freed; NULL on failure. */
-static json *read_named(const char *directory, const char *name, result *r, error *e)
+static json *read_document(const char *directory, const char *name, size_t limit, result *r, error *e)
 {
     char *path = mem_printf("%s/%s", directory, name);
     size_t length = 0;
     result read = {0};
     json *report = NULL;
     error why = {0};
-    char *text = store_file_read(path, REPORT_LIMIT_BYTES, &length, &why);
+    char *text = store_file_read(path, limit, &length, &why);
     if (!text) {
         error_set(e, is_absence(errno) || errno == EFBIG ? ERROR_INPUT_DAMAGED : ERROR_INTERNAL, "%s",
                   why.message);
@@ -198,14 +201,39 @@ done:
 
 json *result_read_report(const char *directory, result *r, error *e)
 {
-    return read_named(directory, WORKER_REPORT_NAME, r, e);
+    return read_document(directory, WORKER_REPORT_NAME, REPORT_LIMIT_BYTES, r, e);
+}
+
+static bool read_named(const char *directory, const char *name, size_t limit, result *r, error *e)
+{
+    json *report = read_document(directory, name, limit, r, e);
+    json_free(report);
+    return report != NULL;
+}
+
+/* The summary has what is read of the report; results of earlier versions and of other workers have none. */
+static bool read_shortest(const char *directory, size_t limit, result *r, error *e)
+{
+    int64_t bytes = 0;
+    int report = result_open_file(directory, WORKER_REPORT_NAME, &bytes, e);
+    if (report < 0) return false;
+    close(report);
+    if (read_named(directory, WORKER_SUMMARY_NAME, limit, r, NULL)) {
+        if (r->report_bytes == bytes) return true;
+        result_clear(r); /* the report was damaged or replaced */
+    }
+    return read_named(directory, WORKER_REPORT_NAME, limit, r, e);
 }
 
 bool result_read(const char *directory, result *r, error *e)
 {
-    json *report = result_read_report(directory, r, e);
-    json_free(report);
-    return report != NULL;
+    return read_shortest(directory, REPORT_LIMIT_BYTES, r, e);
+}
+
+bool result_peek(const char *directory, result *r)
+{
+    return read_named(directory, LISTING_NAME, SHORT_REPORT_BYTES, r, NULL) ||
+           read_shortest(directory, SHORT_REPORT_BYTES, r, NULL);
 }
 
 void result_forget_list(const char *directory)
@@ -270,9 +298,7 @@ bool result_list(const char *directory, result *r, error *e)
 {
     error why = {0};
     result found = {0};
-    json *listing = read_named(directory, LISTING_NAME, r, &why);
-    json_free(listing);
-    if (listing) return true;
+    if (read_named(directory, LISTING_NAME, REPORT_LIMIT_BYTES, r, &why)) return true;
     if (!result_read(directory, &found, e)) return false;
     if (!append_report(directory, &found, e)) {
         result_clear(&found);

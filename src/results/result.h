@@ -1,7 +1,7 @@
 /* result: reads and checks the result that an attempt left in its directory.
  *
- * A directory is a result when its report.json is valid JSON, has an outcome and a count, and lists outputs that
- * exist as regular files of the stated sizes. A worker wrote all of it, so it is checked like any other input. No
+ * A directory is a result when it has a report.json, and its summary.json, or without a valid one its report.json, is valid JSON, has an
+ * outcome and a count, and lists outputs that exist as regular files of the stated sizes. A worker wrote all of it, so it is checked like any other input. No
  * state; any thread.
  */
 #ifndef HEXAD_RESULTS_RESULT_H
@@ -26,6 +26,7 @@ typedef struct result_output {
 typedef struct result {
     queue_outcome outcome;
     int64_t count;
+    int64_t report_bytes; /* as a summary says; -1: it was not read from one */
     size_t output_count;
     result_output *output; /* as the report lists them; report.json is added by result_list only */
     char *notes;           /* what people should know of it, a JSON object: resolved_share,
@@ -38,6 +39,9 @@ bool result_read(const char *directory, result *r, error *e);
 
 /* Like result_read, and returns the parsed report.json, to be freed; NULL on failure. */
 json *result_read_report(const char *directory, result *r, error *e);
+
+/* Like result_read, when that takes no time to speak of: the report is short or has a summary. */
+bool result_peek(const char *directory, result *r);
 
 /* Like result_read, with report.json as the last of the outputs. A report may be long, so the list is stored in a
  * hidden file beside it, which later calls read. */

@@ -99,6 +99,20 @@ static bool has_scenes(const spec *s)
     return s->has_points_glb || s->has_points_usda || s->has_mesh_usda;
 }
 
+/* Sweeps in a report: 6 MB of text. Of a million sweeps all would be 300 MB. */
+static const size_t MOST_SWEEPS = 20000;
+
+/* A warning when the report lacks sweeps. */
+static void warn_of_sweeps(json *warnings, const sampler *s)
+{
+    size_t count;
+    sampler_sweeps(s, &count);
+    if (count <= MOST_SWEEPS) return;
+    char *text = mem_printf("report.json has %zu of %zu sweeps, at equal distances.", MOST_SWEEPS, count);
+    json_append_string(warnings, text);
+    free(text);
+}
+
 static void put_surface(json *report, const report_facts *facts)
 {
     json *object = json_put_object(report, "surface");
@@ -119,6 +133,7 @@ static void put_surface(json *report, const report_facts *facts)
         json_append_string(warnings, text);
         free(text);
     }
+    warn_of_sweeps(warnings, facts->sampler);
     put_advice(report, warnings, facts);
     put_mesh(report, warnings, facts);
 }
@@ -187,13 +202,18 @@ static void put_rounds(json *report, const sampler *s)
     }
 }
 
+/* The first and the last sweep, and between them as many as there is room for, at equal distances. */
 static void put_sweeps(json *report, const sampler *s)
 {
     size_t count;
     const sampler_sweep *sweep = sampler_sweeps(s, &count);
+    const size_t rows = count < MOST_SWEEPS ? count : MOST_SWEEPS;
+    json_put_integer(report, "sweeps_total", (int64_t)count);
     json *array = json_put_array(report, "sweeps");
-    for (size_t k = 0; k < count; k++) {
+    for (size_t i = 0; i < rows; i++) {
+        const size_t k = rows < count ? i * (count - 1) / (rows - 1) : i;
         json *object = json_append_object(array);
+        json_put_integer(object, "sweep", (int64_t)k + 1);
         json_put_number(object, "energy", sweep[k].energy);
         json_put_number(object, "mean_log10_lambda", sweep[k].mean_log10_lambda);
         json_put_number(object, "rms_step", sweep[k].rms_step);

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/worker_contract.h"
 #include "base/precision.h"
 #include "field/patches.h"
 #include "formats/chart.h"
@@ -32,8 +33,8 @@
 #define LABEL_NAME "mesh_label_%lld.ply"
 
 /* Beside those of the formats' table and of turntables. */
-static const char *const names[] = {"report.json", "points.ply",  "points.vdb",     "mesh.ply",
-                                    "preview.png", "preview.exr", "convergence.png"};
+static const char *const names[] = {"report.json", WORKER_SUMMARY_NAME, "points.ply",  "points.vdb",
+                                    "mesh.ply",    "preview.png",       "preview.exr", "convergence.png"};
 enum { NAMES = sizeof names / sizeof names[0] };
 
 /* Voxels of points.vdb, in spacings. */
@@ -637,12 +638,51 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     return false;
 }
 
+/* Puts members of one object into another, those that are there. */
+static void copy_members(json *from, const char *const *keys, size_t count, json *to)
+{
+    json_at at = json_root(from);
+    for (size_t k = 0; k < count; k++) {
+        json_at member = json_member(&at, keys[k]);
+        if (member.node) json_put(to, keys[k], json_copy(member.node));
+    }
+}
+
+/* A report without its long members. */
+static json *new_summary(const json *report)
+{
+    static const char *const members[] = {"outcome", "count",           "outputs", "inputs",
+                                          "ratings", "outcome_reasons", "advice"},
+                             *const of_surface[] = {"warnings"}, *const of_quality[] = {"resolved_share"};
+    json *whole = (json *)(uintptr_t)report, *summary = json_new_object();
+    copy_members(whole, members, sizeof members / sizeof *members, summary);
+    copy_members(json_find(whole, "/surface"), of_surface, 1, json_put_object(summary, "surface"));
+    copy_members(json_find(whole, "/quality"), of_quality, 1, json_put_object(summary, "quality"));
+    return summary;
+}
+
+static bool write_summary(const char *directory, const json *report, size_t report_bytes, error *e)
+{
+    char *path = mem_printf("%s/" WORKER_SUMMARY_NAME, directory);
+    json *summary = new_summary(report);
+    json_put_integer(summary, "report_bytes", (int64_t)report_bytes);
+    char *text = json_print(summary);
+    FILE *file = fopen(path, "we");
+    bool ok = file && fputs(text, file) >= 0;
+    if (file) ok &= fclose(file) == 0;
+    if (!ok) error_set(e, error_code_of_errno(errno), "cannot write %s: %m", path);
+    json_free(summary);
+    free(text);
+    free(path);
+    return ok;
+}
+
 bool results_write_report(const char *directory, const json *report, error *e)
 {
     char *path = mem_printf("%s/report.json", directory), *text = json_print_pretty(report);
     size_t length = strlen(text);
     store_file file = {0};
-    bool ok = store_file_begin(path, &file, e);
+    bool ok = write_summary(directory, report, length, e) && store_file_begin(path, &file, e);
     if (ok && (fwrite(text, 1, length, file.stream) != length || fflush(file.stream) != 0))
         ok = error_set(e, error_code_of_errno(errno), "cannot write %s: %m", path);
     if (ok) {

@@ -52,7 +52,7 @@ typedef struct results_input {
 bool results_write(const char *directory, const results_input *in, threads *pool, json *outputs,
                    results_facts *out, error *e);
 
-/* Writes the report. It comes last: a directory with a report is a result. */
+/* Writes the summary and the report. The report comes last: a directory with a report is a result. */
 bool results_write_report(const char *directory, const json *report, error *e);
 
 /* results_remove removes the results of an earlier run; results_clear the temporary files of an interrupted one. */

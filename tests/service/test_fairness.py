@@ -95,3 +95,38 @@ def test_bodies_of_one_user_leave_memory_for_others(closed_service):  # noqa: F8
     held[0].close()
     wait_until(lambda: ask("ann", b" " * 6000 + spec).status == 200, "the room of a body that was given up")
     held[1].close()
+
+
+SUMMARY_WORKER = """#!/bin/sh
+cat > /dev/null
+printf x > "$4/points.ply"
+printf '{"outcome":"converged","count":7,"report_bytes":%%d,"surface":{"warnings":["short"]},"outputs":[{"name":"points.ply","bytes":1,"sha256":"%s"}]}' %d > "$4/summary.json"
+printf '%s' > "$4/report.json"
+"""
+
+
+def worker_with_report(tmp_path, report, told_bytes):
+    path = tmp_path / "summary-worker"
+    path.write_text(SUMMARY_WORKER % (hashlib.sha256(b"x").hexdigest(), told_bytes, report))
+    path.chmod(0o700)
+    return path
+
+
+def test_of_a_result_the_summary_is_read_and_the_report_is_a_file(new_service, tmp_path):
+    """However long a report is, the daemon does not parse it: this one is no JSON."""
+    report = "a report that no one parses"
+    service = new_service("--worker", worker_with_report(tmp_path, report, len(report))).start()
+    job = service.submit(sphere())
+    service.wait_state(job, "succeeded")
+    assert service.job(job)["notes"]["warnings"] == ["short"]
+    listed = service.get(f"/v1/jobs/{job}/results").json["results"]
+    assert [(one["name"], one["bytes"]) for one in listed] == [("points.ply", 1), ("report.json", len(report))]
+    sent = service.get(f"/v1/jobs/{job}/results/report.json")
+    assert sent.status == 200 and sent.body == report.encode()
+    assert service.get("/v1/jobs?limit=1").json["jobs"][0]["outcome"] == "converged"
+
+
+def test_a_summary_of_another_report_is_not_believed(new_service, tmp_path):
+    service = new_service("--worker", worker_with_report(tmp_path, "short", 1000)).start()
+    job = service.submit(sphere(limits={"max_attempts": 1}))
+    service.wait_state(job, "failed")

@@ -625,7 +625,8 @@ REPORT = {
     "ratings": {name: {"value": NUMBER, "rating": str} for name in
                 ("hex_fraction", "edge_cv", "area_cv", "energy_excess", "disorder", "defect_share")},
     "rounds": [{"sweeps": int, "inserted": int, "deleted": int, "sigma": NUMBER, "count": int, "energy": NUMBER}],
-    "sweeps": [{"energy": NUMBER, "mean_log10_lambda": NUMBER, "rms_step": NUMBER, "count": int, "sigma": NUMBER,
+    "sweeps_total": int,
+    "sweeps": [{"sweep": int, "energy": NUMBER, "mean_log10_lambda": NUMBER, "rms_step": NUMBER, "count": int, "sigma": NUMBER,
                 "rejected": int}],
     "timing_s": {phase: NUMBER for phase in PHASES + ["total"]},
     "peak_memory_bytes": int, "threads": int, "isa": str,
@@ -664,6 +665,24 @@ def test_the_report_has_every_member(ball, worker, tmp_path, example):
     assert of_volume["surface"]["voxels"] > 100000
     (entry,) = of_volume["inputs"]
     assert entry["path"] == str(example) and entry["bytes"] == example.stat().st_size
+
+
+def test_a_report_of_many_sweeps_is_thinned(worker, tmp_path):
+    """It has the first, the last, and others at equal distances, and says so; the summary has what the daemon reads."""
+    done = worker(sphere(8, solver={"method": "witkin-heckbert", "max_sweeps": 25000, "step_tolerance": 1e-15,
+                                    "witkin_heckbert": {"dt": 0.001}}))
+    assert done.returncode == 10, done.stderr
+    text = (tmp_path / "out" / "report.json").read_bytes()
+    report, summary = json.loads(text), json.loads((tmp_path / "out" / "summary.json").read_text())
+    rows = [row["sweep"] for row in report["sweeps"]]
+    assert report["sweeps_total"] == rows[-1] == 25000 and rows[0] == 1 and len(rows) == 20000
+    assert {after - before for before, after in zip(rows, rows[1:])} == {1, 2}
+    (warning,) = [text for text in report["surface"]["warnings"] if "sweeps" in text]
+    assert "20000 of 25000" in warning
+    for member in ("outcome", "count", "outputs", "inputs", "ratings", "outcome_reasons", "advice"):
+        assert summary[member] == report[member]
+    assert summary["surface"] == {"warnings": report["surface"]["warnings"]}
+    assert summary["report_bytes"] == len(text)
 
 
 def test_points_too_few_to_separate_walls_are_measured(example, worker, tmp_path):
