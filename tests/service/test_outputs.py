@@ -166,7 +166,7 @@ def test_a_turntable(run):
     assert all((pictures[k] != pictures[k - 1]).any() for k in range(3))
     where, report = run(sphere(100, output={"preview": {**ask, "turntable": 1}}))
     assert sorted(p.name for p in where.iterdir()) == sorted(
-        ["points.ply", "preview.png", "preview.exr", "report.json", frames[0]])
+        ["points.ply", "preview.png", "preview.exr", "report.json", "summary.json", frames[0]])
 
 
 @pytest.mark.sanitized

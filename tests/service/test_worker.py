@@ -106,7 +106,7 @@ def test_the_best_that_fits_in_a_time(worker, tmp_path):
     assert count == report["count"] == report["reached"]["count"] >= 200
     assert report["reached"]["time_s"] > 0
     assert report["quality"]["lost"] == 0 and report["quality"]["max_residual"] <= 1e-3
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == OUTPUTS
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == sorted([*OUTPUTS, "summary.json"])
     assert [o["name"] for o in report["outputs"]] == ["points.ply", "preview.png", "preview.exr"]
 
 
@@ -220,7 +220,7 @@ def test_time_is_up_before_the_first_sweep(worker):
 def test_converged_is_0(worker, tmp_path):
     done = worker(sphere())
     assert done.returncode == 0, done.stderr
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == OUTPUTS
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == sorted([*OUTPUTS, "summary.json"])
     assert json.loads((tmp_path / "out" / "report.json").read_text())["outcome"] == "converged"
 
 
@@ -353,7 +353,7 @@ def test_seven_neighbours_on_a_saddle_are_order(worker, tmp_path, sampling):
 
 def test_a_spec_from_standard_input(worker, tmp_path):
     assert worker("-", input=json.dumps(sphere(output={"preview": False}))).returncode == 0
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["points.ply", "report.json"]
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["points.ply", "report.json", "summary.json"]
 
 
 def ellipsoid(count, **sampling):
