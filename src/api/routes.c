@@ -43,6 +43,7 @@ static const route routes[] = {
      .handler = jobs_list,
      .scope = SCOPE_READ,
      .waits = true,
+     .heavy = true,
      .name = "listJobs",
      .tag = "jobs",
      .summary = "List jobs, the newest first unless asked otherwise",

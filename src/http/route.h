@@ -18,6 +18,7 @@ typedef struct route {
     http_handler *handler;
     unsigned scope;         /* that a caller must have; 0: open to all */
     bool waits;             /* the handler may wait for a disk or run long: the thread pool runs it */
+    bool heavy;             /* the handler takes milliseconds of processor time: few run at once */
     http_handler *awaiting; /* of a route with `waits`, whose answers may be provisional; not in the pool */
     http_opener *opener;    /* of a long body; NULL: it has none */
     const char *name;       /* of the operation in the OpenAPI document */

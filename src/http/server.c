@@ -40,6 +40,8 @@
 #define USER_THREADS 32
 /* A body from this length on is heavy work: a document takes up to 100 times the memory of its text. */
 #define HEAVY_BYTES 32768
+/* Requests of heavy routes that run at once, at most. */
+#define HEAVY_AT_ONCE 2
 /* Threads that are left for other users. */
 #define SPARE_THREADS 8
 
@@ -601,6 +603,13 @@ static void refuse_in_pool(thread_pool_work *work)
     loop_resume(x->s->loop, x->connection);
 }
 
+/* The weight of a request for the pool, in bytes of bodies. */
+static size_t weight_of(const exchange *x)
+{
+    if (x->route.found->heavy) return x->s->settings.body_limit_bytes / HEAVY_AT_ONCE + 1;
+    return x->request.length < HEAVY_BYTES ? 0 : x->request.length;
+}
+
 /* Calls the handler. False: it has no answer yet, and the connection is suspended. */
 static bool ask_handler(exchange *x)
 {
@@ -608,10 +617,8 @@ static bool ask_handler(exchange *x)
     http_handler *handler = x->awaits ? x->route.found->awaiting : x->route.found->handler;
     if (x->route.found->waits && !x->awaits) {
         MHD_suspend_connection(x->connection);
-        x->work = (thread_pool_work){.run = run_in_pool,
-                                     .refuse = refuse_in_pool,
-                                     .user = x->caller.user,
-                                     .weight = x->request.length < HEAVY_BYTES ? 0 : x->request.length};
+        x->work = (thread_pool_work){
+            .run = run_in_pool, .refuse = refuse_in_pool, .user = x->caller.user, .weight = weight_of(x)};
         thread_pool_add(x->s->pool, &x->work);
         return false;
     }
@@ -780,9 +787,9 @@ server *server_start(const server_settings *settings, const listen_socket *socke
     pthread_mutex_init(&s->mutex, NULL);
     s->connections = connections_start(&settings->connections, access, e);
     unsigned of_user = USER_THREADS + settings->estimates;
-    s->pool = s->connections
-                  ? thread_pool_start(of_user + SPARE_THREADS, of_user, settings->body_limit_bytes, e)
-                  : NULL;
+    s->pool = s->connections ? thread_pool_start(of_user + SPARE_THREADS, of_user,
+                                                 settings->body_limit_bytes + HEAVY_AT_ONCE, e)
+                             : NULL;
     s->bodies = body_bytes_new(settings->body_total_bytes, settings->user_body_bytes);
     if (!s->pool) goto failed;
     /* the library closes this descriptor */
