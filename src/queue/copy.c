@@ -116,24 +116,24 @@ static bool read_tasks(database *d, int64_t seq, queue_uncopied *job, error *e)
     return ok;
 }
 
-bool queue_next_uncopied(queue *q, queue_uncopied *job, bool *found, error *e)
+bool queue_next_uncopied(queue *q, int64_t after, queue_uncopied *job, bool *found, error *e)
 {
     database *d = q->database;
     queue_uncopied read = {0};
-    int64_t seq = 0;
     bool ok = false, any = false;
-    static const char sql[] = "SELECT seq, id, owner, directory FROM job JOIN spec ON spec.job = seq"
-                              " WHERE copy_state = 'pending' ORDER BY seq LIMIT 1";
     database_lock(d);
-    sqlite3_stmt *s = database_ask(d, sql, NULL, 0, e);
+    sqlite3_stmt *s = ASK(d, e,
+                          "SELECT seq, id, owner, directory FROM job JOIN spec ON spec.job = seq"
+                          " WHERE copy_state = 'pending' AND seq > ?1 ORDER BY seq LIMIT 1",
+                          integer(after));
     while (database_next(d, s, &ok, e)) {
         any = true;
-        seq = sqlite3_column_int64(s, 0);
+        read.seq = sqlite3_column_int64(s, 0);
         snprintf(read.id, sizeof read.id, "%s", (const char *)sqlite3_column_text(s, 1));
         read.owner = database_text(s, 2);
         read.directory = database_text(s, 3);
     }
-    ok = ok && (!any || read_tasks(d, seq, &read, e));
+    ok = ok && (!any || read_tasks(d, read.seq, &read, e));
     database_unlock(d);
     if (ok && any)
         *job = read;

@@ -488,6 +488,7 @@ bool queue_list_copies(queue *q, queue_copy **copies, size_t *count, error *e);
 
 /* An ended job whose results are to be copied to its directory. */
 typedef struct queue_uncopied {
+    int64_t seq;
     char id[ULID_SIZE];
     char *owner, *directory;
     queue_task *tasks; /* number and frame are set */
@@ -496,8 +497,8 @@ typedef struct queue_uncopied {
 
 void queue_uncopied_clear(queue_uncopied *job);
 
-/* The first such job (QUEUE_DELIVER, queue_ending.copy_pending). */
-bool queue_next_uncopied(queue *q, queue_uncopied *job, bool *found, error *e);
+/* The first such job (QUEUE_DELIVER, queue_ending.copy_pending) with a seq above `after`. */
+bool queue_next_uncopied(queue *q, int64_t after, queue_uncopied *job, bool *found, error *e);
 /* Notes that the result of a task was copied, or (`fault` not NULL) why not, and forgets the note of the copy `name`. */
 bool queue_note_copied(queue *q, const char *id, const queue_task *task, const error *fault, const char *name,
                        error *e);

@@ -18,22 +18,22 @@
 
 /* How long a submission waits for the file system. */
 #define LOOK_MS 2000
-/* Threads that wait for a file system that does not answer. While there are as many, further directories are not looked at. */
-#define LOOKS_MOST 64
+/* Threads that wait for the file system of one root. While there are as many, it is not asked again: it does not answer. */
+#define LOOKS_MOST 16
 
 struct output_place {
     queue *q;
     const store_outputs *outputs;
     bool share;
     store_turns *turns;
-    atomic_int looks;
+    atomic_int *looks; /* below each root */
     _Atomic(const char *) unwritable;
 };
 
 /* A look at a directory, by a thread of its own. It outlives who waits for it when the file system does not answer, so
  * it has copies of all texts. */
 typedef struct look {
-    output_place *place; /* for the number of looks only */
+    atomic_int *looks; /* the place's, below this root */
     pthread_mutex_t mutex;
     pthread_cond_t ended;
     int users;
@@ -51,15 +51,18 @@ output_place *output_place_new(queue *q, const store_outputs *outputs, bool shar
     p->outputs = outputs;
     p->share = share;
     p->turns = store_turns_new();
+    p->looks = mem_alloc((outputs->root_count + 1) * sizeof *p->looks);
     return p;
 }
 
 void output_place_free(output_place *p)
 {
     if (!p) return;
+    bool waiting = false; /* a thread for a file system: it will count itself out */
+    for (size_t i = 0; i < p->outputs->root_count; i++) waiting |= atomic_load(&p->looks[i]) > 0;
+    if (!waiting) free(p->looks);
     store_turns_free(p->turns);
-    /* a thread that waits for a file system still counts itself */
-    if (!atomic_load(&p->looks)) free(p);
+    free(p);
 }
 
 const store_outputs *output_place_roots(const output_place *p)
@@ -159,25 +162,29 @@ static void *run(void *argument)
     l->fault = e;
     pthread_cond_signal(&l->ended);
     pthread_mutex_unlock(&l->mutex);
-    atomic_fetch_sub(&l->place->looks, 1);
+    atomic_fetch_sub(l->looks, 1);
     leave(l);
     return NULL;
 }
 
-/* Looks at a directory, or at a root (path NULL). *name is as in the struct, to be freed. */
-static bool look_at(output_place *p, const char *root, const char *path, char **name, error *e)
+/* Looks at a directory below the root of this number, or at the root (path NULL). *name is as in the struct, to be freed. */
+static bool look_at(output_place *p, size_t index, const char *path, char **name, error *e)
 {
+    const char *root = p->outputs->roots[index];
     pthread_t thread;
     look *l = mem_alloc(sizeof *l);
-    *l = (look){.place = p, .users = 2, .root = mem_strdup(root), .path = path ? mem_strdup(path) : NULL};
+    *l = (look){.looks = &p->looks[index],
+                .users = 2,
+                .root = mem_strdup(root),
+                .path = path ? mem_strdup(path) : NULL};
     l->outputs = *p->outputs;
     l->outputs.roots = (const char *const *)&l->root;
     l->outputs.root_count = 1;
     pthread_mutex_init(&l->mutex, NULL);
     background_init_condition(&l->ended);
-    bool busy = atomic_fetch_add(&p->looks, 1) >= LOOKS_MOST;
+    bool busy = atomic_fetch_add(l->looks, 1) >= LOOKS_MOST;
     if (busy || !background_start(&thread, run, l, "a look at an output directory", NULL)) {
-        atomic_fetch_sub(&p->looks, 1);
+        atomic_fetch_sub(l->looks, 1);
         l->users = 1;
         leave(l);
         return !busy || error_set(e, ERROR_OUTPUT_UNWRITABLE,
@@ -206,9 +213,10 @@ bool output_place_check(output_place *p, const char *user, const char *directory
 {
     char *name = NULL;
     if (!store_output_check(p->outputs, directory, e)) return false;
-    const char *root = store_output_root_of(p->outputs, directory);
+    size_t root = store_output_root_of(p->outputs, directory);
     bool writable = look_at(p, root, directory, &name, e);
-    if (writable && atomic_load(&p->unwritable) == root) output_place_check_roots(p); /* it was mended */
+    if (writable && atomic_load(&p->unwritable) == p->outputs->roots[root])
+        output_place_check_roots(p); /* it was mended */
     bool ok = writable && check_owner(p, user, name, directory, e);
     free(name);
     return ok;
@@ -218,14 +226,13 @@ void output_place_check_roots(output_place *p)
 {
     const char *first = NULL;
     for (size_t i = 0; i < p->outputs->root_count; i++) {
-        const char *root = p->outputs->roots[i];
         error e = {0};
         char *name = NULL;
-        bool ok = look_at(p, root, NULL, &name, &e);
+        bool ok = look_at(p, i, NULL, &name, &e);
         free(name);
         if (ok) continue;
         log_write(LOG_LEVEL_WARNING, "results cannot be copied below this output root: %s", e.message);
-        if (!first) first = root;
+        if (!first) first = p->outputs->roots[i];
     }
     atomic_store(&p->unwritable, first);
 }

@@ -13,15 +13,20 @@
 
 /* After a database error. */
 #define RETRY_MS 1000
+/* Users whose results are copied at the same time. */
+enum { THREADS = 4 };
 
 struct redelivery {
     queue *q;
     output_place *outputs;
     char *work_dir;
-    pthread_t thread;
+    pthread_t thread[THREADS];
+    size_t count; /* of threads */
     pthread_mutex_t mutex;
     pthread_cond_t woken;
-    bool wake, stop;
+    uint64_t wakes;      /* how often something may have become due */
+    char *user[THREADS]; /* whose results are copied now; NULL: nobody's */
+    bool stop;
 };
 
 static bool is_stopping(redelivery *r)
@@ -53,38 +58,87 @@ static bool copy_task(redelivery *r, const queue_uncopied *job, const queue_task
     return ok;
 }
 
-/* Works off the marked jobs. False: a database error. */
-static bool work_off(redelivery *r)
+/* Under the mutex. Where to note this user; NULL: a thread copies for him already. */
+static char **find_place(redelivery *r, const char *user)
+{
+    char **place = NULL;
+    for (size_t i = 0; i < THREADS; i++) {
+        if (r->user[i] && strcmp(r->user[i], user) == 0) return NULL;
+        if (!r->user[i]) place = &r->user[i];
+    }
+    return place;
+}
+
+/* Takes the first job of a user for whom no thread copies. *place is where he is noted; NULL: there is no such job. False:
+ * a database error. */
+static bool take(redelivery *r, queue_uncopied *job, char ***place)
 {
     bool ok = true, found = true;
-    while (ok && found && !is_stopping(r)) {
-        queue_uncopied job = {0};
-        size_t done = 0;
-        ok = queue_next_uncopied(r->q, &job, &found, NULL);
+    *place = NULL;
+    pthread_mutex_lock(&r->mutex);
+    for (int64_t after = 0; ok && found && !*place && !r->stop;) {
+        ok = queue_next_uncopied(r->q, after, job, &found, NULL);
         if (!ok || !found) break;
-        for (; ok && done < job.count && !is_stopping(r); done++)
-            ok = copy_task(r, &job, &job.tasks[done], NULL);
-        if (ok && done == job.count) ok = queue_end_copying(r->q, job.id, NULL);
-        queue_uncopied_clear(&job);
+        after = job->seq;
+        if ((*place = find_place(r, job->owner)))
+            **place = mem_strdup(job->owner);
+        else
+            queue_uncopied_clear(job);
     }
+    pthread_mutex_unlock(&r->mutex);
     return ok;
+}
+
+static bool copy_job(redelivery *r, const queue_uncopied *job)
+{
+    bool ok = true;
+    size_t done = 0;
+    for (; ok && done < job->count && !is_stopping(r); done++)
+        ok = copy_task(r, job, &job->tasks[done], NULL);
+    return ok && (done < job->count || queue_end_copying(r->q, job->id, NULL));
+}
+
+/* Copies the results of one job. *any is false when there is none. False: a database error. */
+static bool work(redelivery *r, bool *any)
+{
+    queue_uncopied job = {0};
+    char **place;
+    bool ok = take(r, &job, &place);
+    *any = ok && place;
+    if (!*any) return ok;
+    ok = copy_job(r, &job);
+    queue_uncopied_clear(&job);
+    pthread_mutex_lock(&r->mutex);
+    free(*place);
+    *place = NULL;
+    pthread_mutex_unlock(&r->mutex);
+    return ok;
+}
+
+/* Waits for a wake-up since *seen, after a failure for a while at most. False: the thread must end. */
+static bool wait(redelivery *r, bool failed, uint64_t *seen)
+{
+    int64_t until_ms = clock_monotonic_ms() + RETRY_MS;
+    pthread_mutex_lock(&r->mutex);
+    while (*seen == r->wakes && !r->stop && !(failed && clock_monotonic_ms() >= until_ms))
+        if (failed)
+            background_wait_until(&r->woken, &r->mutex, until_ms);
+        else
+            pthread_cond_wait(&r->woken, &r->mutex);
+    *seen = r->wakes;
+    bool go_on = !r->stop;
+    pthread_mutex_unlock(&r->mutex);
+    return go_on;
 }
 
 static void *run(void *argument)
 {
     redelivery *r = argument;
-    for (bool stop = false; !stop;) {
-        int64_t until_ms = work_off(r) ? INT64_MAX : clock_monotonic_ms() + RETRY_MS;
-        pthread_mutex_lock(&r->mutex);
-        while (!r->wake && !r->stop && clock_monotonic_ms() < until_ms)
-            if (until_ms == INT64_MAX)
-                pthread_cond_wait(&r->woken, &r->mutex);
-            else
-                background_wait_until(&r->woken, &r->mutex, until_ms);
-        r->wake = false;
-        stop = r->stop;
-        pthread_mutex_unlock(&r->mutex);
-    }
+    uint64_t seen = 0;
+    bool ok, any;
+    do {
+        ok = work(r, &any);
+    } while ((ok && any && !is_stopping(r)) || wait(r, !ok, &seen));
     return NULL;
 }
 
@@ -96,25 +150,12 @@ static void release(redelivery *r)
     free(r);
 }
 
-redelivery *redelivery_start(queue *q, output_place *outputs, const char *work_dir, error *e)
-{
-    redelivery *r = mem_alloc(sizeof *r);
-    r->q = q;
-    r->outputs = outputs;
-    r->work_dir = mem_strdup(work_dir);
-    pthread_mutex_init(&r->mutex, NULL);
-    background_init_condition(&r->woken);
-    if (background_start(&r->thread, run, r, "results that are delivered again", e)) return r;
-    release(r);
-    return NULL;
-}
-
 static void tell(redelivery *r, bool stop)
 {
     pthread_mutex_lock(&r->mutex);
-    r->wake = true;
+    r->wakes++;
     r->stop |= stop;
-    pthread_cond_signal(&r->woken);
+    pthread_cond_broadcast(&r->woken);
     pthread_mutex_unlock(&r->mutex);
 }
 
@@ -127,6 +168,22 @@ void redelivery_stop(redelivery *r)
 {
     if (!r) return;
     tell(r, true);
-    pthread_join(r->thread, NULL);
+    for (size_t i = 0; i < r->count; i++) pthread_join(r->thread[i], NULL);
     release(r);
+}
+
+redelivery *redelivery_start(queue *q, output_place *outputs, const char *work_dir, error *e)
+{
+    redelivery *r = mem_alloc(sizeof *r);
+    r->q = q;
+    r->outputs = outputs;
+    r->work_dir = mem_strdup(work_dir);
+    pthread_mutex_init(&r->mutex, NULL);
+    background_init_condition(&r->woken);
+    while (r->count < THREADS &&
+           background_start(&r->thread[r->count], run, r, "results that are delivered again", e))
+        r->count++;
+    if (r->count == THREADS) return r;
+    redelivery_stop(r);
+    return NULL;
 }

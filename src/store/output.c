@@ -90,11 +90,11 @@ static int make_directory(const store_outputs *outputs, int here, const char *na
     return next;
 }
 
-const char *store_output_root_of(const store_outputs *outputs, const char *path)
+size_t store_output_root_of(const store_outputs *outputs, const char *path)
 {
     size_t i = 0;
     while (!below(path, outputs->roots[i])) i++;
-    return outputs->roots[i];
+    return i;
 }
 
 int store_output_open_root(const char *root, error *e)
@@ -110,7 +110,7 @@ int store_output_open_root(const char *root, error *e)
  * directory itself. -1 on failure. */
 static int open_directory(const store_outputs *outputs, const char *path, missing way, bool *whole, error *e)
 {
-    const char *root = store_output_root_of(outputs, path), *rest = below(path, root);
+    const char *root = outputs->roots[store_output_root_of(outputs, path)], *rest = below(path, root);
     int here = store_output_open_root(root, e);
     if (here < 0) return -1;
     char name[NAME_MAX + 1];

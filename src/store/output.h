@@ -24,8 +24,8 @@ typedef struct store_outputs {
  * without "..". Looks at the words only. */
 bool store_output_check(const store_outputs *outputs, const char *path, error *e);
 
-/* The root that a path lies below which store_output_check has accepted. */
-const char *store_output_root_of(const store_outputs *outputs, const char *path);
+/* The number of the root that a path lies below which store_output_check has accepted. */
+size_t store_output_root_of(const store_outputs *outputs, const char *path);
 
 /* Opens a root. -1 and an error: output_unwritable when there is none. */
 int store_output_open_root(const char *root, error *e);

@@ -3,11 +3,12 @@ import hashlib
 import json
 import os
 import sqlite3
+import subprocess
 import time
 
 import pytest
 
-from service import OPEN_TCP, gated_worker, sphere, wait_until
+from service import OPEN_TCP, PATIENCE_S, gated_worker, sphere, wait_until
 from test_access import new_token, with_token
 
 USERS = ("ann", "ben")
@@ -265,7 +266,11 @@ def test_writable_output_roots_are_ready(new_service, tmp_path):
 
 
 @pytest.mark.sanitized
-def test_a_result_that_cannot_be_delivered_is_kept_and_delivered_later(new_service, tmp_path):
+def test_a_result_that_cannot_be_delivered_is_kept_and_delivered_later(new_service, build, tmp_path):
+    def hexadctl(*words):
+        return subprocess.run([build / "hexadctl", *words], capture_output=True, text=True, timeout=PATIENCE_S,
+                              env=service.environment())
+
     show = tmp_path / "show"
     show.mkdir()
     service = new_service("--output_roots", tmp_path, "--worker", gated_worker(tmp_path), "--workers", 1, base=tmp_path).start()
@@ -283,8 +288,11 @@ def test_a_result_that_cannot_be_delivered_is_kept_and_delivered_later(new_servi
     assert service.get(f"/v1/jobs/{job}/results/points.ply").body == b"x"
     service.wait_worker(after)  # it does not wait for the delivery
 
-    assert service.post(f"/v1/jobs/{job}/deliver").status == 202
+    again = hexadctl("deliver", job)
+    assert again.returncode == 0 and f"{job} succeeded" in again.stdout
     wait_until(lambda: service.job(job)["delivery"]["state"] == "failed", "the second copy")
+    again = hexadctl("wait", job)
+    assert again.returncode == 0 and "not delivered" in again.stdout and str(show) in again.stdout
     show.unlink()
     again = service.post(f"/v1/jobs/{job}/deliver")
     assert again.status == 202 and again.json["delivery"]["state"] == "pending"

@@ -13,7 +13,7 @@ import threading
 
 import pytest
 
-from service import PATIENCE_S, Service, gated_worker, long_sphere, sphere
+from service import PATIENCE_S, Service, gated_worker, long_sphere, sphere, wait_until
 
 PACKAGE = pathlib.Path(__file__).parents[2] / "clients/python"
 sys.path.insert(0, str(PACKAGE))
@@ -252,6 +252,16 @@ def test_a_wait_has_an_end(socket_service, tmp_path):
     job.delete()
     with pytest.raises(problems.NotFound):
         job.refresh()
+
+
+def test_a_result_is_delivered_again(socket_service, tmp_path):
+    service = socket_service("--output_roots", tmp_path)
+    job = hexad.Client(service.address).submit(sphere(60, output={"preview": False, "directory": f"{tmp_path}/show"}))
+    assert job.wait().document["delivery"]["state"] == "delivered"
+    (tmp_path / "show" / "points.ply").unlink()
+    job.deliver()
+    wait_until(lambda: job.refresh().document["delivery"]["state"] == "delivered", "the copy")
+    assert (tmp_path / "show" / "points.ply").is_file()
 
 
 def test_tokens_over_tcp(build, new_service):

@@ -104,9 +104,9 @@ def caller(new_service, receiver, secret):
                        "--webhook_retry_s", "0.01", "--webhook_retry_most_s", "0.05").start()
 
 
-def told(job, state="succeeded", outcome="converged", name=None, labels=(), traceparent=None):
+def told(job, state="succeeded", outcome="converged", name=None, labels=(), traceparent=None, delivery=None):
     return {"job": job, "state": state, "outcome": outcome, "name": name, "labels": list(labels),
-            "traceparent": traceparent, "host": socket.gethostname()}
+            "traceparent": traceparent, "host": socket.gethostname(), "delivery": delivery}
 
 
 def hooked(receiver, **parts):
@@ -128,6 +128,20 @@ def test_the_end_of_a_job_is_told(caller, receiver):
     other = caller.submit(hooked(receiver))
     assert receiver.next()[1]["data"]["job"] == other
     assert "show=7" not in caller.log.read_text()  # addresses may hold secrets
+
+
+def test_what_became_of_the_copy_of_a_result_is_told(new_service, receiver, secret, tmp_path):
+    service = new_service("--webhook_hosts", receiver.host, "--webhook_secret_file", secret, "--worker",
+                          gated_worker(tmp_path), "--output_roots", tmp_path, base=tmp_path).start()
+    for name, state, code in (("good", "delivered", None), ("bad", "failed", "path_forbidden")):
+        job = service.submit(hooked(receiver, output={"directory": f"{tmp_path}/{name}"}))
+        service.wait_worker(job)
+        if code:
+            (tmp_path / name).write_text("no directory")
+        service.open_gate(job)
+        data = receiver.next()[1]["data"]
+        assert data == told(job, delivery=service.job(job)["delivery"])
+        assert (data["delivery"]["state"], data["delivery"]["code"]) == (state, code)
 
 
 def test_the_check_in_the_guide(caller, receiver, source):

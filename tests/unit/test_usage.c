@@ -163,7 +163,7 @@ static void test_a_result_whose_copy_failed_is_not_delivered(void **state)
     bound(p, (queue_sum){NONE, 1}, (queue_sum){NONE, NONE}, false);
     expect_copy(p, id, "failed", "output_taken");
     expect_leaving(p, NULL);
-    assert_true(queue_next_uncopied(p->q, &job, &found, NULL));
+    assert_true(queue_next_uncopied(p->q, 0, &job, &found, NULL));
     assert_false(found);
     tell(p, id, QUEUE_DELIVER, true);
     tell(p, id, QUEUE_DELIVER, false); /* it is under way */
@@ -172,7 +172,7 @@ static void test_a_result_whose_copy_failed_is_not_delivered(void **state)
     bound(p, (queue_sum){NONE, 1}, (queue_sum){NONE, NONE}, false);
     const error fault = {ERROR_OUTPUT_UNWRITABLE, "read-only"}, *faults[] = {&fault, NULL};
     for (int i = 0; i < 2; i++) {
-        assert_true(queue_next_uncopied(p->q, &job, &found, NULL) && found);
+        assert_true(queue_next_uncopied(p->q, 0, &job, &found, NULL) && found);
         assert_string_equal(job.directory, "/show/a");
         assert_string_equal(job.owner, "ann");
         assert_true(job.count == 1 && job.tasks[0].frame == QUEUE_NO_FRAME);
