@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "api/job_json.h"
 #include "api/job_lookup.h"
 #include "api/notifier.h"
 #include "base/clock.h"
@@ -25,6 +26,7 @@ _Static_assert(QUEUE_OWNER_SIZE >= ACCESS_USER_SIZE, "the owner of an event is n
 /* Which events a request asks for. */
 typedef struct selection {
     const char *id, *owner, *label; /* NULL: any */
+    const char *viewer;             /* the caller; "": an administrator */
     bool whole_job;                 /* of one job, until its end */
     bool progress;                  /* with progress lines, among which `label` does not choose */
     int64_t after;                  /* or QUEUE_EVENTS_FROM_NOW */
@@ -35,7 +37,8 @@ typedef struct selection {
 typedef struct follower {
     reply_source source; /* first: the server's view of it */
     const http_context *c;
-    char *id, *owner, *label; /* NULL: any */
+    char *id, *owner, *label;      /* NULL: any */
+    char viewer[ACCESS_USER_SIZE]; /* "": an administrator */
     bool whole_job, progress;
     bool begun;       /* the first page was read */
     bool behind;      /* there are more events than the last page had */
@@ -49,24 +52,16 @@ typedef struct follower {
     int64_t told_ms;
 } follower;
 
-static json *describe(const queue_event *event)
+/* What the caller, "" for an administrator, may see of the event. */
+static json *describe(const char *viewer, const queue_event *event)
 {
-    char at[CLOCK_TEXT_SIZE];
-    json *o = json_new_object();
-    json_put_integer(o, "seq", event->seq);
-    json_put_string(o, "at", clock_format_utc(event->at_ms, at));
-    json_put_string(o, "job", event->id);
-    json_put_string(o, "type", queue_event_type_name(event->type));
-    json_put_string(o, "state", queue_state_name(event->state));
-    json_put_string(o, "outcome", queue_outcome_name(event->outcome));
-    if (event->frame != QUEUE_NO_FRAME) json_put_integer(o, "frame", event->frame);
-    if (event->attempt) json_put_integer(o, "attempt", event->attempt);
-    return o;
+    bool own = !*viewer || strcmp(viewer, event->owner) == 0;
+    return job_json_new_event(event, own ? JOB_JSON_OWNER : JOB_JSON_READER);
 }
 
 static void write_event(follower *f, FILE *out, const queue_event *event)
 {
-    json *o = describe(event);
+    json *o = describe(f->viewer, event);
     char *data = json_print(o);
     fprintf(out, "id: %lld\nevent: %s\ndata: %s\n\n", (long long)event->seq,
             queue_event_type_name(event->type), data);
@@ -131,6 +126,14 @@ static void introduce(follower *f, FILE *out, const queue_event_page *page)
     f->begun = true;
 }
 
+/* Lines of jobs whose progress the caller may see. */
+static size_t list_progress(follower *f, progress_ring_line **lines)
+{
+    const char *owner = f->owner ? f->owner : *f->viewer ? f->viewer : NULL;
+    if (!f->progress || (owner && *f->viewer && strcmp(owner, f->viewer) != 0)) return 0;
+    return progress_ring_list(executor_progress_ring(f->c->x), f->id, owner, f->row, BATCH, lines, &f->row);
+}
+
 /* Progress lines may stand anywhere between events, but not after the end of the job. */
 static bool read_news(follower *f, FILE *out, error *e)
 {
@@ -141,9 +144,7 @@ static bool read_news(follower *f, FILE *out, error *e)
         .id = f->id, .owner = f->owner, .label = f->label, .after_seq = f->seq, .limit = BATCH};
     if (!queue_list_events(f->c->q, &filter, &page, e)) return false;
     introduce(f, out, &page);
-    if (f->progress)
-        line_count = progress_ring_list(executor_progress_ring(f->c->x), f->id, f->owner, f->row, BATCH,
-                                        &lines, &f->row);
+    line_count = list_progress(f, &lines);
     while (told < page.count && !(f->whole_job && ends_job(&page.events[told])))
         write_event(f, out, &page.events[told++]);
     for (size_t i = 0; i < line_count; i++) write_row(f, out, &lines[i]);
@@ -254,6 +255,7 @@ static void follow(const http_context *c, const selection *s, reply *r)
                     .told_seq = s->after,
                     .row = s->row,
                     .told_ms = clock_monotonic_ms()};
+    strcpy(f->viewer, s->viewer);
     if (s->id)
         strcpy(topic, s->id);
     else if (s->owner)
@@ -288,7 +290,8 @@ static void list(const http_context *c, const http_request *request, const selec
     }
     int64_t position = page.count > limit ? page.events[limit - 1].seq : page.position;
     json *document = json_new_object(), *events = json_put_array(document, "events");
-    for (size_t i = 0; i < page.count && i < limit; i++) json_append(events, describe(&page.events[i]));
+    for (size_t i = 0; i < page.count && i < limit; i++)
+        json_append(events, describe(s->viewer, &page.events[i]));
     if (page.more)
         json_put_integer(document, "next", position);
     else
@@ -323,10 +326,15 @@ static bool is_over(const http_context *c, const queue_job *job, int64_t after)
     return page.count == 0;
 }
 
+static const char *viewer_of(const http_request *request)
+{
+    return request->caller->scopes & SCOPE_ADMIN ? "" : request->caller->user;
+}
+
 void events_of_job(const http_context *c, const http_request *request, reply *r)
 {
     queue_job job = {0};
-    selection s = {.whole_job = true, .progress = true};
+    selection s = {.whole_job = true, .progress = true, .viewer = viewer_of(request)};
     if (!job_lookup_find_own(c, request, &job, r)) return;
     s.id = job.id;
     if (!read_position(request, 0, &s))
@@ -362,6 +370,7 @@ void events_of_all(const http_context *c, const http_request *request, reply *r)
     selection s = {.id = parameter_text(request, "job", NULL),
                    .owner = parameter_text(request, "owner", NULL),
                    .label = parameter_text(request, "label", NULL),
+                   .viewer = viewer_of(request),
                    .progress = parameter_integer(request, "progress", 0) != 0,
                    .row = ROWS_FROM_NOW};
     bool all = parameter_integer(request, "all", 0) != 0;

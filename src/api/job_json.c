@@ -7,6 +7,7 @@
 
 #include "api/paths.h"
 #include "base/clock.h"
+#include "http/reply.h"
 #include "results/result.h"
 
 void job_json_put_time(json *object, const char *key, int64_t wall_ms)
@@ -32,9 +33,44 @@ static json *parse_stored(const char *text)
     return text ? json_parse(text, strlen(text), NULL) : NULL;
 }
 
-void job_json_put_spec(json *object, const char *stored_spec, const char *stored_paths)
+job_json_viewer job_json_viewer_of(const access_caller *caller, const char *owner)
 {
-    json *document = parse_stored(stored_spec), *paths = parse_stored(stored_paths);
+    return access_is_owner(caller, owner) ? JOB_JSON_OWNER : JOB_JSON_READER;
+}
+
+/* The title of a code that a job ends with. */
+static const char *title_of(const char *code)
+{
+    static const reply_problem of_jobs[] = {
+        {"limit_time", 0, "The job ran longer than allowed"},
+        {"limit_file", 0, "A file of the job is longer than allowed"},
+        {"stalled", 0, "The worker reported no progress"},
+        {"cancelled", 0, "The job was cancelled"},
+        {"dependency_failed", 0, "A job that this one depends on failed"},
+        {"storage_failed", 0, "The storage failed"},
+        {"interrupted", 0, "The daemon or the host ended during the job"},
+    };
+    for (size_t i = 0; i < sizeof of_jobs / sizeof *of_jobs; i++)
+        if (strcmp(of_jobs[i].code, code) == 0) return of_jobs[i].title;
+    return reply_find_problem(code)->title;
+}
+
+static void put_error(json *o, job_json_viewer viewer, const char *code, const char *message)
+{
+    if (!code) {
+        json_put_null(o, "error");
+        return;
+    }
+    json *fault = json_put_object(o, "error");
+    json_put_string(fault, "code", code);
+    json_put_string(fault, "message", viewer == JOB_JSON_OWNER ? message : title_of(code));
+}
+
+void job_json_put_spec(json *object, job_json_viewer viewer, const char *stored_spec,
+                       const char *stored_paths)
+{
+    bool own = viewer == JOB_JSON_OWNER;
+    json *document = parse_stored(own ? stored_spec : NULL), *paths = parse_stored(own ? stored_paths : NULL);
     if (document) {
         paths_restore(paths, document);
         json_put(object, "spec", document);
@@ -101,8 +137,9 @@ static void put_links(json *object, const queue_job *job)
     json_put_text(object, "links", text);
 }
 
-json *job_json_new(const queue_job *job, const char *progress)
+json *job_json_new(const queue_job *job, job_json_viewer viewer, const char *progress)
 {
+    bool own = viewer == JOB_JSON_OWNER;
     json *o = json_new_object();
     json_put_string(o, "id", job->id);
     json_put_string(o, "name", job->name);
@@ -119,20 +156,14 @@ json *job_json_new(const queue_job *job, const char *progress)
     json_put_bool(o, "array", job->array);
     put_counts(o, &job->tasks);
     json_put_integer(o, "attempt", job->attempts);
-    json_put_integer(o, "max_attempts", job->max_attempts);
+    json_put_integer(o, "max_attempts", own ? job->max_attempts : 0);
     json_put_integer(o, "threads", job->threads);
     json_put_integer(o, "memory_mb", job->memory_mb);
-    json_put_integer(o, "retention_s", job->retention_s);
-    json_put_string(o, "traceparent", job->trace);
-    json_put_string(o, "cached_from", job->cached_from);
-    job_json_put_stored(o, "progress", progress);
-    if (job->error_code) {
-        json *fault = json_put_object(o, "error");
-        json_put_string(fault, "code", job->error_code);
-        json_put_string(fault, "message", job->error_message);
-    } else {
-        json_put_null(o, "error");
-    }
+    json_put_integer(o, "retention_s", own ? job->retention_s : 0);
+    json_put_string(o, "traceparent", own ? job->trace : NULL);
+    json_put_string(o, "cached_from", own ? job->cached_from : NULL);
+    job_json_put_stored(o, "progress", own ? progress : NULL);
+    put_error(o, viewer, job->error_code, job->error_message);
     put_links(o, job);
     return o;
 }
@@ -177,12 +208,41 @@ json *job_json_append_task(json *list, const queue_task *t)
     job_json_put_time(o, "not_before", t->not_before_ms);
     job_json_put_time(o, "started", t->started_ms);
     job_json_put_time(o, "finished", t->finished_ms);
-    if (t->error_code) {
-        json *fault = json_put_object(o, "error");
-        json_put_string(fault, "code", t->error_code);
-        json_put_string(fault, "message", t->error_message);
-    } else {
-        json_put_null(o, "error");
-    }
+    put_error(o, JOB_JSON_OWNER, t->error_code, t->error_message);
     return o;
+}
+
+/* A frame is a number of the spec. */
+static void put_frame(json *o, job_json_viewer viewer, int frame)
+{
+    if (viewer == JOB_JSON_OWNER && frame != QUEUE_NO_FRAME) json_put_integer(o, "frame", frame);
+}
+
+json *job_json_new_event(const queue_event *event, job_json_viewer viewer)
+{
+    char at[CLOCK_TEXT_SIZE];
+    json *o = json_new_object();
+    json_put_integer(o, "seq", event->seq);
+    json_put_string(o, "at", clock_format_utc(event->at_ms, at));
+    json_put_string(o, "job", event->id);
+    json_put_string(o, "type", queue_event_type_name(event->type));
+    json_put_string(o, "state", queue_state_name(event->state));
+    json_put_string(o, "outcome", queue_outcome_name(event->outcome));
+    put_frame(o, viewer, event->frame);
+    if (event->attempt) json_put_integer(o, "attempt", event->attempt);
+    return o;
+}
+
+void job_json_append_worker(json *list, const queue_claimed *running, job_json_viewer viewer)
+{
+    const queue_job *job = &running->job;
+    json *o = json_append_object(list);
+    json_put_string(o, "job", job->id);
+    json_put_string(o, "name", job->name);
+    json_put_string(o, "owner", job->owner);
+    put_frame(o, viewer, running->task.frame);
+    json_put_integer(o, "attempt", running->task.attempt);
+    job_json_put_time(o, "started", running->task.started_ms);
+    json_put_integer(o, "threads", job->threads);
+    json_put_integer(o, "memory_mb", job->memory_mb);
 }

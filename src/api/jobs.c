@@ -30,13 +30,13 @@
 #define ATTEMPTS_SHOWN 100
 #define KEY_LENGTH_MOST 255
 
-static char *progress_of(const http_context *c, const queue_job *job)
+static char *progress_of(const http_context *c, const queue_job *job, job_json_viewer viewer)
 {
-    return queue_state_is_final(job->state) ? NULL : executor_progress(c->x, job->id);
+    bool hidden = viewer == JOB_JSON_READER || queue_state_is_final(job->state);
+    return hidden ? NULL : executor_progress(c->x, job->id);
 }
 
-/* Answers with the whole document of a job. Only the owner and administrators get the spec and the notes, since
- * these name files. */
+/* Answers with the whole document of a job. */
 static void answer_job(const http_context *c, const http_request *request, const queue_job *job, int status,
                        reply *r)
 {
@@ -44,14 +44,16 @@ static void answer_job(const http_context *c, const http_request *request, const
     cached_document made;
     queue_attempt *attempts = NULL;
     size_t count = 0;
-    if (job->attempts && !queue_list_attempts(c->q, job->id, -1, 0, ATTEMPTS_SHOWN, &attempts, &count, &e)) {
+    job_json_viewer viewer = job_json_viewer_of(request->caller, job->owner);
+    bool own = viewer == JOB_JSON_OWNER;
+    if (own && job->attempts &&
+        !queue_list_attempts(c->q, job->id, -1, 0, ATTEMPTS_SHOWN, &attempts, &count, &e)) {
         reply_set_error(r, &e, NULL);
         return;
     }
-    char *progress = progress_of(c, job);
-    json *document = job_json_new(job, progress);
-    bool own = access_is_owner(request->caller, job->owner);
-    job_json_put_spec(document, own ? job->spec : NULL, own ? job->paths : NULL);
+    char *progress = progress_of(c, job, viewer);
+    json *document = job_json_new(job, viewer, progress);
+    job_json_put_spec(document, viewer, job->spec, job->paths);
     job_json_put_notes(document, c->work_dir, job->id, QUEUE_NO_FRAME,
                        own && !job->array && job->state == QUEUE_SUCCEEDED);
     job_json_put_delivery(document, own ? job->copy_state : NULL, job->copy_code, job->copy_message);
@@ -289,8 +291,8 @@ static void show_accepted(const queue_receipt *receipt, const queue_submission *
     }; /* borrows its texts */
     char tag[JOB_JSON_TAG_SIZE];
     memcpy(job.id, receipt->id, sizeof job.id);
-    json *document = job_json_new(&job, NULL);
-    job_json_put_spec(document, put->spec, put->paths);
+    json *document = job_json_new(&job, JOB_JSON_OWNER, NULL);
+    job_json_put_spec(document, JOB_JSON_OWNER, put->spec, put->paths);
     json_put_null(document, "notes");
     json_put_null(document, "delivery");
     json_put_array(document, "attempts");
@@ -752,8 +754,9 @@ void jobs_list(const http_context *c, const http_request *request, reply *r)
     json *document = json_new_object();
     json *list = json_put_array(document, "jobs");
     for (size_t i = 0; i < page.count && i < limit; i++) {
-        char *progress = progress_of(c, &page.jobs[i]);
-        json_append(list, job_json_new(&page.jobs[i], progress));
+        const job_json_viewer viewer = job_json_viewer_of(request->caller, page.jobs[i].owner);
+        char *progress = progress_of(c, &page.jobs[i], viewer);
+        json_append(list, job_json_new(&page.jobs[i], viewer, progress));
         free(progress);
     }
     json_put_string(document, "next", cursor);
@@ -797,7 +800,7 @@ void jobs_show(const http_context *c, const http_request *request, reply *r)
     const char *known = request->header[HTTP_IF_NONE_MATCH];
     int64_t wait_ms = read_wait_ms(c, request), until_ms = request->came_ms + wait_ms;
     bool patient = !request->last && clock_monotonic_ms() < until_ms;
-    char *progress = progress_of(c, &job);
+    char *progress = progress_of(c, &job, job_json_viewer_of(request->caller, job.owner));
     job_json_print_tag(&job, progress, tag);
     free(progress);
     /* who knows less than there is now is told at once; who waits, with the next revision */

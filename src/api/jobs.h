@@ -1,8 +1,7 @@
 /* jobs: the handlers that submit, list and show jobs.
  *
- * All callers with the scope `read` see that a job exists, who owns it and its state, since all jobs share
- * one queue. Only the owner and administrators see its spec, results, log and events, and only they may
- * change it.
+ * All callers with the scope `read` see what api/job_json shows of a job, since all jobs share one queue. Only the owner and
+ * administrators see the rest, its results and its log, and only they may change it.
  */
 #ifndef HEXAD_API_JOBS_H
 #define HEXAD_API_JOBS_H

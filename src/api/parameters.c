@@ -124,7 +124,8 @@ static const parameter parameters[] = {
      .high = 1,
      .otherwise = "0",
      .prose =
-         "1: the stream has the progress of running attempts as well, whatever the label of their jobs."},
+         "1: the stream has the progress of running attempts of the caller's jobs as well, whatever the label of "
+         "these jobs; for an administrator of all jobs."},
     {.name = "all",
      .type = PARAMETER_INTEGER,
      .low = 0,

@@ -130,7 +130,6 @@ void status_version(const http_context *c, const http_request *request, reply *r
 
 void status_workers(const http_context *c, const http_request *request, reply *r)
 {
-    (void)request;
     error e = {0};
     queue_claimed *running = NULL;
     size_t count = 0;
@@ -147,18 +146,8 @@ void status_workers(const http_context *c, const http_request *request, reply *r
     json_put_integer(o, "memory_mb", load.memory_mb);
     json_put_integer(o, "memory_mb_limit", load.all_memory_mb);
     json *list = json_put_array(document, "workers");
-    for (size_t i = 0; i < count; i++) {
-        const queue_task *task = &running[i].task;
-        o = json_append_object(list);
-        json_put_string(o, "job", running[i].job.id);
-        json_put_string(o, "name", running[i].job.name);
-        json_put_string(o, "owner", running[i].job.owner);
-        if (task->frame != QUEUE_NO_FRAME) json_put_integer(o, "frame", task->frame);
-        json_put_integer(o, "attempt", task->attempt);
-        job_json_put_time(o, "started", task->started_ms);
-        json_put_integer(o, "threads", running[i].job.threads);
-        json_put_integer(o, "memory_mb", running[i].job.memory_mb);
-    }
+    for (size_t i = 0; i < count; i++)
+        job_json_append_worker(list, &running[i], job_json_viewer_of(request->caller, running[i].job.owner));
     queue_claimed_free(running, count);
     reply_set_json(r, 200, document);
 }

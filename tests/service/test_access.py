@@ -98,6 +98,54 @@ def test_scopes(closed_service):
     assert with_token(service, service.token, "POST", path).status in (200, 202)
 
 
+MARKED_WORKER = """#!/bin/sh
+cat >/dev/null
+base=${4%/*/*/*}
+job=${4##*/}
+echo '{"phase":"MARKER","fraction":0.5}' >&3
+while ! [ -e "$base/open.${job%%.*}" ]; do sleep 0.01; done
+echo '{"code":"input_damaged","message":"MARKER.vdb: damaged"}' >&2
+exit 3
+"""
+
+
+@pytest.mark.sanitized
+def test_readers_see_of_the_jobs_of_others_what_the_list_says(closed_service, tmp_path):
+    service = closed_service
+    worker = tmp_path / "worker"
+    worker.write_text(MARKED_WORKER)
+    worker.chmod(0o700)
+    service.end()
+    service.start("--worker", worker)
+    alice, bob = new_token(service, "alice"), new_token(service, "bob", "--scopes", "read")
+    spec = sphere(name="shown", queue={"labels": ["seen"], "priority": 3, "retention_s": 4711},
+                  limits={"memory_mb": 100, "max_attempts": 7}, solver={"threads": 1}, outcome={"require": {"hex_fraction": 0.123}})
+    headers = {"traceparent": "00-" + "4" * 32 + "-" + "5" * 16 + "-01"}
+    job = with_token(service, alice, "POST", "/v1/jobs", spec, **headers).json["id"]
+    paths = ["/v1/jobs", f"/v1/jobs/{job}", "/v1/workers", "/v1/events?after=0&all=1&limit=500", "/metrics"]
+
+    def texts(token):
+        return [with_token(service, token, "GET", path).body.decode() for path in paths]
+
+    wait_until(lambda: "MARKER" in texts(alice)[1], "progress")
+    running = texts(bob)
+    service.open_gate(job)
+    wait_until(lambda: "MARKER.vdb" in texts(alice)[1], "the end")
+    for text in running + texts(bob):
+        assert not [word for word in ("MARKER", "4711", "4" * 32, "0.123", "exit status") if word in text], text
+    own, seen = (with_token(service, token, "GET", f"/v1/jobs/{job}").json for token in (alice, bob))
+    shown = ("id", "owner", "name", "labels", "links", "state", "paused", "outcome", "revision", "priority", "created", "started",
+             "finished", "array", "tasks", "attempt", "threads", "memory_mb")
+    assert {k: seen[k] for k in shown} == {k: own[k] for k in shown} and seen["labels"] == ["seen"]
+    assert seen.keys() == own.keys()
+    hidden = {k: v for k, v in seen.items() if k not in shown}
+    assert hidden.pop("error") == {"code": "input_damaged", "message": "The input cannot be read"}
+    assert all(v in (None, [], 0) for v in hidden.values()), hidden
+    assert own["attempts"] and own["retention_s"] == 4711 and own["error"]["message"].startswith("MARKER")
+    for path in ("tasks", "attempts", "log", "events", "results"):
+        expect_problem(with_token(service, bob, "GET", f"/v1/jobs/{job}/{path}"), 403, "forbidden")
+
+
 def test_what_an_owner_is_shown_others_are_not(closed_service):
     service = closed_service
     owner, other = new_token(service, "carol"), new_token(service, "dave")

@@ -181,6 +181,16 @@ def test_filters(closed_service):
     assert with_token(service, root, "GET", "/v1/events?after=0&owner=nobody").json["events"] == []
 
 
+def until_end(stream, job):
+    """(type, document) of all that comes, up to the end of the job."""
+    seen = []
+    for _, kind, document in stream:
+        seen.append((kind, document))
+        if kind == "state" and document["job"] == job and document["state"] == "succeeded":
+            return seen
+    return None
+
+
 def test_everyone_may_follow_the_jobs_that_he_may_list(closed_service, tmp_path):
     service = closed_service
     service.end()
@@ -189,11 +199,14 @@ def test_everyone_may_follow_the_jobs_that_he_may_list(closed_service, tmp_path)
     streams = [Stream(service, f"/v1/events?all=1&progress=1{more}", token=alice) for more in ("", "&owner=bob")]
     job = with_token(service, bob, "POST", "/v1/jobs", sphere()).json["id"]
     streams.append(Stream(service, f"/v1/events?all=1&job={job}", token=alice))
-    line = next(document for _, kind, document in streams[0] if kind == "progress")
-    assert line["job"] == job and line["progress"]["phase"] == "relax"
+    own = Stream(service, "/v1/events?progress=1", token=bob)
+    wait_until(lambda: with_token(service, bob, "GET", f"/v1/jobs/{job}").json["progress"], "progress")
     service.open_gate(job)
     for stream in streams:
-        assert set(jobs_told(stream, job)) == {job}
+        seen = list(until_end(stream, job))
+        assert {document["job"] for kind, document in seen if kind != "position"} == {job}
+        assert not [kind for kind, _ in seen if kind == "progress"]  # of the jobs of others
+    assert until_end(own, job)
     assert with_token(service, alice, "GET", f"/v1/events?after=0&all=1&job={job}").json["events"]
     expect_problem(with_token(service, alice, "GET", "/v1/events?all=1&job=01aaaaaaaaaaaaaaaaaaaaaaaa"), 404, "not_found")
 
