@@ -66,7 +66,7 @@ struct connections {
     client_connection *first;
     owner *chain[CHAINS];
     unsigned admins, others;   /* that have a place */
-    connection_queue idle;     /* with a place, of no user, without a request */
+    connection_queue idle;     /* with a place, of no user, without a whole request */
     connection_queue unplaced; /* without a place, before their first request */
     bool stopping;
 };
@@ -304,9 +304,17 @@ void connections_end_request(connections *p, client_connection *which)
     pthread_mutex_unlock(&p->mutex);
 }
 
+void connections_await_body(connections *p, client_connection *which)
+{
+    pthread_mutex_lock(&p->mutex);
+    if (which->placed && !which->user) join_queue(&p->idle, which);
+    pthread_mutex_unlock(&p->mutex);
+}
+
 static void mark(connections *p, client_connection *which, int64_t since_ms)
 {
     pthread_mutex_lock(&p->mutex);
+    if (since_ms == NEVER) leave_queue(which);
     which->since_ms = which->leaving ? NEVER : since_ms;
     pthread_mutex_unlock(&p->mutex);
 }

@@ -59,6 +59,10 @@ connection_verdict connections_begin_request(connections *p, client_connection *
                                              const access_caller *caller);
 void connections_end_request(connections *p, client_connection *which);
 
+/* The body of the request is still to come: until connections_end_time the connection may be closed to make room, if it belongs to no
+ * user. */
+void connections_await_body(connections *p, client_connection *which);
+
 /* Starts and stops the client's clock (timeout_s). It stands still while the server works on an answer. */
 void connections_begin_time(connections *p, client_connection *which);
 void connections_end_time(connections *p, client_connection *which);

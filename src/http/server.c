@@ -500,7 +500,10 @@ static enum MHD_Result begin(exchange *x, const char *method, const char *path, 
     pthread_mutex_unlock(&s->mutex);
     bool early = false;
     x->answered = refuse_early(x, method, path, version, &early, &x->answer);
-    if (!x->answered || !early) return MHD_YES;
+    if (!x->answered || !early) {
+        connections_await_body(s->connections, connection_of(x->connection));
+        return MHD_YES;
+    }
     connections_end_time(s->connections, connection_of(x->connection));
     note_answer(x, method, path, &x->answer);
     return queue_reply(x, &x->answer);

@@ -35,6 +35,20 @@ def test_a_stranger_is_refused_before_the_body(closed_service):  # noqa: F811
         connection.close()
 
 
+def test_bodies_of_strangers_that_do_not_come_shut_no_one_out(closed_service):  # noqa: F811
+    """Signing in needs no token."""
+    service = closed_service
+    service.end()
+    service.start("--client_connection_limit", 2)
+    held = [send_head(service, "POST /v1/session HTTP/1.1", "Content-Type: application/json", "Content-Length: 100",
+                      "Expect: 100-continue") for _ in range(2)]
+    assert all(one.recv(25).startswith(b"HTTP/1.1 100 ") for one in held)  # the service waits for the bodies
+    for _ in range(2):
+        assert service.get("/healthz").status == 200
+    for one in held:
+        one.close()
+
+
 def upload_head(token, name, length):
     return (f"PUT /v1/inputs/{name} HTTP/1.1", f"Authorization: Bearer {token}", f"Content-Length: {length}")
 
