@@ -1,7 +1,12 @@
 """What one user can do to others through the limits of the service."""
+import contextlib
 import hashlib
 import json
 import socket
+import sqlite3
+import subprocess
+
+import pytest
 
 from service import PATIENCE_S, sphere, wait_until
 from test_access import closed_service, new_token  # noqa: F401, a fixture
@@ -144,3 +149,32 @@ def test_a_summary_of_another_report_is_not_believed(new_service, tmp_path):
     service = new_service("--worker", worker_with_report(tmp_path, "short", 1000)).start()
     job = service.submit(sphere(limits={"max_attempts": 1}))
     service.wait_state(job, "failed")
+
+
+def fill(state, count):
+    """Puts ended jobs of one user into the database of a daemon that is not running; the oldest has failed."""
+    with contextlib.closing(sqlite3.connect(state / "queue.db")) as database:
+        ended = [(n, f"{n:026d}", "failed" if n == 1 else "succeeded", n != 1, n == 1, n) for n in range(1, count + 1)]
+        database.executemany(
+            "INSERT INTO job (seq, id, owner, state, priority, threads, memory_mb, max_attempts, tasks, ready, succeeded,"
+            " failed, created_ms, finished_ms, labels) VALUES (?, ?, 'ann', ?, 0, 1, 1, 1, 1, 0, ?, ?, ?, 1, '[]')", ended)
+        database.execute("INSERT INTO spec (job, spec) SELECT seq, '{}' FROM job")
+        database.commit()
+
+
+@pytest.mark.extended
+def test_clients_go_on_over_short_pages(new_service, build, source, monkeypatch):
+    service = new_service("--listen", "127.0.0.1:0", "--results_count", 0, "--user_results_count", 0).start()
+    service.end()
+    fill(service.state, 9000)
+    service.start()
+    asked = "/v1/jobs?owner=ann&state=failed&limit=5"
+    first = service.get(asked).json
+    assert first["jobs"] == [] and first["next"]
+    done = subprocess.run([build / "hexadctl", "--server", f"http://{service.address}", "list", "--owner", "ann", "--state",
+                           "failed", "--limit", "1", "--json"], capture_output=True, text=True, check=True)
+    assert [job["id"] for job in json.loads(done.stdout)["jobs"]] == [f"{1:026d}"]
+    monkeypatch.syspath_prepend(source / "clients" / "python")
+    import hexad
+    client = hexad.Client(f"http://{service.address}")
+    assert [job.id for job in client.jobs(owner="ann", state="failed")] == [f"{1:026d}"]
