@@ -27,6 +27,11 @@ void manager_tell_reloading(void)
     sd_notifyf(0, "RELOADING=1\nMONOTONIC_USEC=%lld", 1000 * (long long)clock_monotonic_ms());
 }
 
+void manager_tell_starting(double seconds)
+{
+    sd_notifyf(0, "EXTEND_TIMEOUT_USEC=%.0f", 1e6 * seconds);
+}
+
 void manager_tell_stopping(double seconds)
 {
     sd_notifyf(0, "STOPPING=1\nEXTEND_TIMEOUT_USEC=%.0f", 1e6 * seconds);

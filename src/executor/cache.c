@@ -76,10 +76,11 @@ static bool look_at(const store_roots *roots, const char *path, const char *sha2
     if (fd < 0) return false;
     bool ok = fstat(fd, &info) == 0 && store_identify(fd, &now->identity);
     close(fd);
+    if (!ok) return false;
     now->device = info.st_dev;
     now->named_by_hash =
         store_inputs_is_sent(path, name) && strcmp(name + strlen(STORE_INPUT_PREFIX), sha256) == 0;
-    return ok;
+    return true;
 }
 
 static json *describe(const char *path, const char *sha256, const present *now)
@@ -105,10 +106,12 @@ static int64_t read_number(json_at input, const char *key)
  * device is not compared, since nodes of a farm may number devices otherwise. */
 static bool is_what_was_read(json_at input, const present *now)
 {
-    const store_identity read = {(uint64_t)json_number(json_member(&input, "bytes"), -1),
-                                 (uint64_t)read_number(input, "inode"), read_number(input, "mtime_ns"),
-                                 read_number(input, "ctime_ns")};
-    return now->named_by_hash || store_identity_equals(&read, &now->identity);
+    double bytes = json_number(json_member(&input, "bytes"), -1);
+    if (now->named_by_hash) return true;
+    if (!(bytes >= 0 && bytes <= 0x1p53)) return false;
+    const store_identity read = {(uint64_t)bytes, (uint64_t)read_number(input, "inode"),
+                                 read_number(input, "mtime_ns"), read_number(input, "ctime_ns")};
+    return store_identity_equals(&read, &now->identity);
 }
 
 char *cache_describe_inputs(const store_roots *roots, const char *directory, int64_t since_ms)

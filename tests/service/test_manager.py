@@ -6,6 +6,7 @@ import os
 import pathlib
 import signal
 import socket
+import sqlite3
 import subprocess
 import sys
 
@@ -58,6 +59,22 @@ def test_ready_status_and_signs_of_life(new_service, manager, tmp_path):
     manager.hear("STATUS=draining: 2 queued, 1 running")
     service.open_gate(jobs[0])
     assert service.process.wait(PATIENCE_S) == 0
+
+
+def test_a_start_that_corrects_reports_asks_for_time(new_service, manager, monkeypatch):
+    service = new_service()
+    with monkeypatch.context() as alone:
+        alone.delenv("NOTIFY_SOCKET")
+        service.start()
+    for _ in range(2):
+        done = service.wait_state(service.submit(sphere(60, output={"preview": False})), "succeeded")
+    assert done["cached_from"]
+    service.end()
+    with sqlite3.connect(service.state / "queue.db") as database:
+        database.execute("UPDATE service SET linked_reports = 1")
+    database.close()
+    service.start()
+    assert manager.hear("EXTEND_TIMEOUT_USEC=60000000") and manager.hear("READY=1")
 
 
 PTRACE_SEIZE, PTRACE_INTERRUPT, PTRACE_DETACH = 0x4206, 0x4207, 17
