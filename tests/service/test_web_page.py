@@ -411,6 +411,18 @@ def test_a_failed_job_says_why(service, browser):
     browser.wait_text("Failed", "h1")
 
 
+def test_a_result_is_delivered_again(new_service, browser, tmp_path):
+    service = new_service("--output_roots", tmp_path).start()
+    job = service.submit(sphere(60, output={"preview": False, "directory": f"{tmp_path}/show"}))
+    service.wait_state(job, "succeeded")
+    (tmp_path / "show" / "points.ply").unlink()
+    browser.open(service, f"#/jobs/{job}")
+    browser.wait_text("delivered")
+    browser.press("Deliver again")
+    wait_until(lambda: (tmp_path / "show" / "points.ply").exists() and service.job(job)["delivery"]["state"] == "delivered",
+               "the copy")
+
+
 def test_the_frames_of_an_array(service, browser):
     job = service.submit(sphere(name="film", queue={"frames": "1-3", "by_frame": {"/surface/analytic/radius": [1, 1.1, 1.2]}}))
     service.wait_state(job, "succeeded")
