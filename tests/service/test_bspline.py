@@ -83,7 +83,10 @@ def test_coefficients_from_a_file(worker, tmp_path, made):
         (tmp_path / name).write_bytes(data)
         assert worker(torus_spec(made, 300, path=name), output=name + ".out").returncode == 0
         report = json.loads((tmp_path / (name + ".out") / "report.json").read_text())
-        assert report["inputs"] == [{"path": name, "bytes": len(data), "sha256": hashlib.sha256(data).hexdigest()}]
+        of_file = (tmp_path / name).stat()
+        assert report["inputs"] == [{"path": name, "bytes": len(data), "sha256": hashlib.sha256(data).hexdigest(),
+                                     "inode": str(of_file.st_ino), "mtime_ns": str(of_file.st_mtime_ns),
+                                     "ctime_ns": str(of_file.st_ctime_ns)}]
     inline, double, single = ((tmp_path / where / "points.ply").read_bytes() for where in
                               ("inline", "c.f64.out", "c.f32.out"))
     assert double == inline

@@ -630,7 +630,7 @@ REPORT = {
                 "rejected": int}],
     "timing_s": {phase: NUMBER for phase in PHASES + ["total"]},
     "peak_memory_bytes": int, "threads": int, "isa": str,
-    "inputs": [{"path": str, "bytes": int, "sha256": str}],
+    "inputs": [{"path": str, "bytes": int, "sha256": str, "inode": str, "mtime_ns": str, "ctime_ns": str}],
     "outputs": [{"name": str, "bytes": int, "sha256": str}],
     "spec": dict,
 }
