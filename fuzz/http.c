@@ -39,7 +39,8 @@ typedef struct service {
     wait_list *waiting;
     store_inputs *inputs;
     store_roots *roots;
-    store_outputs outputs;
+    store_outputs output_roots; /* none */
+    output_place *outputs;
     http_counters counters;
     delivery_counters calls;
     atomic_bool copying;
@@ -143,6 +144,7 @@ static void stop(void)
     server_stop(s->http);
     wait_list_close(s->waiting);
     executor_stop(s->x);
+    output_place_free(s->outputs);
     store_inputs_close(s->inputs);
     store_roots_close(s->roots);
     queue_close(s->q);
@@ -169,6 +171,7 @@ static void start(service *s)
     expect((s->q = queue_open(s->base, &e)));
     expect((s->inputs = store_inputs_open(uploads, 1000, 10000, &e)));
     expect((s->roots = store_roots_open(NULL, roots, 1, &e)));
+    s->outputs = output_place_new(s->q, &s->output_roots, false);
     take_the_slot(s);
     expect((s->waiting = wait_list_open(&e)));
     s->context = (http_context){.access = s->access,
@@ -183,7 +186,7 @@ static void start(service *s)
                                 .calls = &s->calls,
                                 .copying = &s->copying,
                                 .wait_s = PATIENCE_MS / 2e3,
-                                .outputs = &s->outputs};
+                                .outputs = s->outputs};
     static const char *const origin = "https://gui.example";
     expect((s->pages = pages_new(where, s->socket.address, &origin, 1, &e)));
     server_settings limits = {
