@@ -97,8 +97,8 @@ const config_row config_table[] = {
      .unit = "s", .help = "The time limit of a command of Slurm."},
     {SETTING(slurm_lost_s), .type = CONFIG_REAL, .default_text = "30", .low = 0, .high = 86400, .unit = "s",
      .help =
-         "How long a Slurm that answers must not know a job before the attempt is given up and tried again. "
-         "While it does not answer, nothing is given up."},
+         "How long a Slurm that answers must not know a job, or the file that ends an attempt cannot be read, before the "
+         "attempt is given up and tried again. While Slurm does not answer, no job is given up."},
     {SETTING(input_roots), .type = CONFIG_LIST,
      .help =
          "Input files that jobs may read: directories, with all below them, or single files; separated by "

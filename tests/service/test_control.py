@@ -141,6 +141,15 @@ def test_the_answer_to_a_submission_and_to_a_retry_waits_for_the_end(gated):
     expect_problem(gated.request("POST", "/v1/jobs", "{}", {"Prefer": "wait=60", "Content-Type": "application/json"}), 422, "spec_invalid")
 
 
+def test_a_wait_is_bounded_by_the_service(new_service, tmp_path):
+    gated = new_service("--worker", gated_worker(tmp_path), "--wait_limit_s", 0.1).start()
+    headers = {"Prefer": "wait=3000", "Content-Type": "application/json"}
+    reply = gated.request("POST", "/v1/jobs", json.dumps(sphere()), headers)
+    assert reply.status == 201 and reply.headers["Preference-Applied"] == "wait=0.1"
+    shown = gated.request("GET", reply.headers["Location"], None, headers)
+    assert shown.json["state"] in ("queued", "running") and shown.headers["Preference-Applied"] == "wait=0.1"
+
+
 def test_more_answers_wait_than_there_are_threads(gated):
     count, got = 40, []
     threads = [threading.Thread(target=lambda: got.append(gated.request(

@@ -179,6 +179,21 @@ def test_a_job_that_fails(run, tmp_path):
 
 
 @pytest.mark.sanitized
+def test_a_retry_with_dependents(run, tmp_path, service):
+    """As long as the first one fails, all fail."""
+    first = service.submit(sphere(sampling={"time_s": 1e-3}))
+    service.wait_state(first, "failed", "timed_out")
+    second = service.submit(sphere(queue={"depends_on": [first]}))
+    third = service.submit(sphere(queue={"depends_on": [second]}))
+    assert service.job(third)["error"]["code"] == "dependency_failed"
+    done = run("retry", first, "--dependents")
+    assert done.returncode == 0 and "2 dependent jobs retried" in done.stdout, done
+    service.wait_state(third, "failed")
+    assert service.job(third)["revision"] > 3
+    assert run("retry", first, "--dependents", "--json").stdout.count('"dependents"') == 1
+    assert run("pause", first, "--dependents").returncode == 2
+
+
 def test_a_bad_spec_names_the_place(run, tmp_path):
     done = run("submit", write(tmp_path, sphere(count=-5)))
     assert done.returncode == 2
