@@ -25,6 +25,7 @@ bool own_report_write(const char *directory, json *report, const char *spec, err
         char *text = json_print_pretty(report);
         result_forget_list(directory);
         ok = store_file_write(path, text, strlen(text), e);
+        if (ok) result_list_long(directory); /* the summary of the other report is of no use here */
         free(text);
     }
     free(path);

@@ -167,8 +167,20 @@ static bool read_report(const char *directory, const json *report, result *r, er
     return true;
 }
 
-/* The parsed document, to be freed; NULL on failure. */
-static json *read_document(const char *directory, const char *name, size_t limit, result *r, error *e)
+/* Blanks the rows of sweeps in the text of a report as workers print it: in reports of earlier versions they are nearly all of it.
+ * A line break is in no string, so that this is a member, and the end of its array. */
+static void blank_sweeps(char *text)
+{
+    static const char begins[] = "\n  \"sweeps\": [", ends[] = "\n  ]";
+    char *from = strstr(text, begins), *to = from ? strstr(from, ends) : NULL;
+    if (!to) return;
+    from += strlen(begins);
+    memset(from, ' ', (size_t)(to - from));
+}
+
+/* The parsed document, to be freed, `whole` or without its sweeps; NULL on failure. */
+static json *read_document(const char *directory, const char *name, size_t limit, bool whole, result *r,
+                           error *e)
 {
     char *path = mem_printf("%s/%s", directory, name);
     size_t length = 0;
@@ -181,6 +193,7 @@ static json *read_document(const char *directory, const char *name, size_t limit
                   why.message);
         goto done;
     }
+    if (!whole) blank_sweeps(text);
     report = json_parse(text, length, &why);
     if (!report) {
         error_set(e, ERROR_INPUT_DAMAGED, "%s: %s", name, why.message);
@@ -201,12 +214,12 @@ done:
 
 json *result_read_report(const char *directory, result *r, error *e)
 {
-    return read_document(directory, WORKER_REPORT_NAME, REPORT_LIMIT_BYTES, r, e);
+    return read_document(directory, WORKER_REPORT_NAME, REPORT_LIMIT_BYTES, true, r, e);
 }
 
 static bool read_named(const char *directory, const char *name, size_t limit, result *r, error *e)
 {
-    json *report = read_document(directory, name, limit, r, e);
+    json *report = read_document(directory, name, limit, false, r, e);
     json_free(report);
     return report != NULL;
 }
@@ -312,6 +325,15 @@ bool result_list(const char *directory, result *r, error *e)
     free(path);
     *r = found;
     return true;
+}
+
+void result_list_long(const char *directory)
+{
+    int64_t bytes = 0;
+    result r = {0};
+    int fd = result_open_file(directory, WORKER_REPORT_NAME, &bytes, NULL);
+    if (fd >= 0) close(fd);
+    if (bytes > SHORT_REPORT_BYTES && result_list(directory, &r, NULL)) result_clear(&r);
 }
 
 /* Of a failed attempt only the log is kept. Deleting the rest is safe: the queue gave this attempt its number before

@@ -46,6 +46,8 @@ bool result_peek(const char *directory, result *r);
 /* Like result_read, with report.json as the last of the outputs. A report may be long, so the list is stored in a
  * hidden file beside it, which later calls read. */
 bool result_list(const char *directory, result *r, error *e);
+/* Stores that list if the report is too long for result_peek, which then reads the list. For a report without a summary. */
+void result_list_long(const char *directory);
 /* Removes the list that result_list has stored. Call it before report.json is replaced. */
 void result_forget_list(const char *directory);
 void result_clear(result *r); /* accepts an empty one */

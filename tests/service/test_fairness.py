@@ -151,6 +151,22 @@ def test_a_summary_of_another_report_is_not_believed(new_service, tmp_path):
     service.wait_state(job, "failed")
 
 
+def test_sweeps_of_a_long_report_of_an_earlier_version_are_not_parsed(new_service, tmp_path):
+    """A result without a summary, with a report of 4 MB whose rows are no JSON."""
+    path = tmp_path / "old-worker"
+    rows = "\n".join(["    no row"] * 400000)
+    report = json.dumps({"outcome": "converged", "count": 7, "sweeps": ["@"], "outputs": [
+        {"name": "points.ply", "bytes": 1, "sha256": hashlib.sha256(b"x").hexdigest()}]}, indent=2)
+    (tmp_path / "report").write_text(report.replace('    "@"', rows))
+    path.write_text(f'#!/bin/sh\ncat >/dev/null\nprintf x >"$4/points.ply"\ncp {tmp_path}/report "$4/report.json"\n')
+    path.chmod(0o700)
+    service = new_service("--worker", path).start()
+    job = service.submit(sphere())
+    service.wait_state(job, "succeeded")
+    sent = service.get(f"/v1/jobs/{job}/results/report.json")
+    assert sent.status == 200 and len(sent.body) > 4e6
+
+
 def fill(state, count):
     """Puts ended jobs of one user into the database of a daemon that is not running; the oldest has failed."""
     with contextlib.closing(sqlite3.connect(state / "queue.db")) as database:
