@@ -10,6 +10,16 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#ifdef __SANITIZE_ADDRESS__
+#define SANITIZED 1
+#else
+#define SANITIZED 0
+#endif
+
+/* Exit status of a process that a sanitizer stops; readers exit with other values. */
+#define SANITIZER_STATUS 99
+#define SANITIZER_OPTIONS "_OPTIONS=exitcode=99"
+
 bool reader_check_file(int fd, const char *what, off_t *size, error *e)
 {
     static const char lfs[] = "version https://git-lfs";
@@ -30,7 +40,9 @@ bool reader_check_file(int fd, const char *what, off_t *size, error *e)
 
 bool reader_start(const reader_params *p, reader *out, error *e)
 {
-    char memory[32], seconds[32], program[] = "hexad-worker", *environment[] = {NULL};
+    char memory[32], seconds[32], program[] = "hexad-worker";
+    char address[] = "ASAN" SANITIZER_OPTIONS, undefined[] = "UBSAN" SANITIZER_OPTIONS;
+    char *environment[] = {SANITIZED ? address : NULL, undefined, NULL};
     snprintf(memory, sizeof memory, "%zu", p->memory_limit);
     snprintf(seconds, sizeof seconds, "%u", p->seconds);
     char *arguments[] = {program, (char *)p->command, (char *)p->argument, memory, seconds, NULL};
@@ -42,7 +54,8 @@ bool reader_start(const reader_params *p, reader *out, error *e)
     posix_spawn_file_actions_init(&actions);
     posix_spawn_file_actions_adddup2(&actions, ends[1], STDOUT_FILENO);
     posix_spawn_file_actions_adddup2(&actions, talks ? ends[1] : p->fd, STDIN_FILENO);
-    posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
+    if (!SANITIZED) /* the report of a sanitizer goes to the standard error of this process */
+        posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
     posix_spawn_file_actions_addclosefrom_np(&actions, STDERR_FILENO + 1);
     int why = posix_spawn(&out->pid, p->program ? p->program : "/proc/self/exe", &actions, NULL, arguments,
                           environment);
@@ -69,6 +82,8 @@ bool reader_end(reader *r, bool begun, bool ok, error *e)
     do ended = waitpid(r->pid, &status, 0);
     while (ended < 0 && errno == EINTR);
     if (ended != r->pid) return error_set(e, ERROR_INTERNAL, "the process that reads the file was lost");
+    if (SANITIZED && WIFEXITED(status) && WEXITSTATUS(status) == SANITIZER_STATUS)
+        return error_set(e, ERROR_INTERNAL, "a sanitizer stopped the process that reads the file");
     if (!ok && begun) return false;
     if (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU)
         return error_set(e, ERROR_INPUT_DAMAGED, "takes too long to read: its reader was stopped");

@@ -33,7 +33,8 @@ bool reader_start(const reader_params *params, reader *out, error *e);
 
 /* Closes the stream and waits for the process. `begun`: an answer has begun; `ok`: it was complete and valid. If the
  * answer began but is not ok, the process is killed and *e stays. Otherwise *e tells how a failed process
- * ended. Returns whether everything succeeded. */
+ * ended. Returns whether everything succeeded. In a build with sanitizers a process that a sanitizer stopped is always
+ * an error: internal. */
 bool reader_end(reader *r, bool begun, bool ok, error *e);
 
 /* Fails with input_damaged unless fd is a regular, non-empty file and no Git-LFS pointer. `what` names the expected

@@ -1,24 +1,41 @@
-/* Unit tests of base/reader: what is left when it does not start. */
+/* Unit tests of base/reader: what is left when it does not start, and findings of sanitizers in its process. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <cmocka.h>
 
+#include <dlfcn.h>
 #include <errno.h>
+#include <limits.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/wait.h>
 
 #include "base/reader.h"
 
+static bool fdopen_fails;
+
 /* Takes the place of the C library's function. */
 FILE *fdopen(int fd, const char *mode)
 {
-    (void)fd;
-    (void)mode;
+    FILE *(*of_library)(int, const char *);
+    *(void **)&of_library = dlsym(RTLD_NEXT, "fdopen");
+    if (!fdopen_fails) return of_library(fd, mode);
     errno = ENOMEM;
     return NULL;
+}
+
+/* What the process of the reader does: this program with the command "read". */
+static int read_as(const char *fault)
+{
+    volatile int number = INT_MAX;
+    volatile char *block = malloc(strlen(fault));
+    if (strcmp(fault, "address") == 0) number = block[strlen(fault)];
+    if (strcmp(fault, "undefined") == 0) number++;
+    free((void *)block);
+    return number == 0;
 }
 
 static void test_a_reader_without_a_stream_leaves_no_process(void **state)
@@ -26,15 +43,39 @@ static void test_a_reader_without_a_stream_leaves_no_process(void **state)
     (void)state;
     reader r = {0};
     error e = {0};
+    fdopen_fails = true;
     assert_false(reader_start(
         &(reader_params){.program = "/bin/cat", .command = "-", .argument = "-", .fd = -1}, &r, &e));
+    fdopen_fails = false;
     assert_non_null(strstr(e.message, strerror(ENOMEM)));
     assert_int_equal(waitpid(-1, NULL, WNOHANG), -1);
     assert_int_equal(errno, ECHILD);
 }
 
-int main(void)
+static error_code error_of(const char *fault, bool begun, bool ok)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_a_reader_without_a_stream_leaves_no_process)};
+    reader r = {0};
+    error e = {.code = ERROR_INPUT_DAMAGED};
+    assert_true(reader_start(&(reader_params){.command = "read", .argument = fault, .fd = -1}, &r, &e));
+    assert_int_equal(fgetc(r.stream), EOF);
+    return reader_end(&r, begun, ok, &e) ? ERROR_NONE : e.code;
+}
+
+static void test_a_finding_of_a_sanitizer_is_an_internal_error(void **state)
+{
+    (void)state;
+    assert_int_equal(error_of("none", false, true), ERROR_NONE);
+#ifdef __SANITIZE_ADDRESS__
+    assert_int_equal(error_of("address", false, false), ERROR_INTERNAL);
+    assert_int_equal(error_of("address", true, false), ERROR_INTERNAL); /* the answer ends early */
+    assert_int_equal(error_of("undefined", false, false), ERROR_INTERNAL);
+#endif
+}
+
+int main(int argc, char **argv)
+{
+    if (argc > 2 && strcmp(argv[1], "read") == 0) return read_as(argv[2]);
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_a_reader_without_a_stream_leaves_no_process),
+                                       cmocka_unit_test(test_a_finding_of_a_sanitizer_is_an_internal_error)};
     return cmocka_run_group_tests_name("reader", tests, NULL, NULL);
 }
