@@ -25,10 +25,10 @@ enum {
 
 /* NULL: the option was not given. Only what belongs to the command is set. */
 typedef struct command_options {
-    bool json, wait, dependents;
+    bool json, wait, dependents, yes;
     const char *label[COMMAND_LABELS_MOST];
     size_t label_count;
-    const char *owner, *state, *name;
+    const char *owner, *state, *name, *text;
     const char *since, *until; /* of list: times, or how long ago, "90m" */
     const char *limit;
     const char *priority;
@@ -42,7 +42,7 @@ typedef struct command_options {
     const char *max_priority; /* of token add; NULL: any */
 } command_options;
 
-/* `argument` is the path of a file or "-", the job's id, the token's user or id, or NULL. Each returns an exit code. */
+/* `argument` is the path of a file or "-", the job's whole id, the token's user or id, or NULL. Each returns an exit code. */
 typedef int command(client *c, const char *argument, const command_options *options);
 
 command command_submit, command_validate, command_estimate, command_upload, command_inspect;

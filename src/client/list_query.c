@@ -30,6 +30,7 @@ char *list_query_path(client *c, const command_options *options, const char *cur
         {"owner", options->owner},
         {"label", options->label_count ? options->label[0] : NULL},
         {"name", options->name},
+        {"text", options->text},
         {"created_after", since},
         {"created_before", until},
         {"limit", options->limit},

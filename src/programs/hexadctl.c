@@ -9,8 +9,10 @@
 #include "config.h"
 
 #include "auth/token.h"
+#include "base/memory.h"
 #include "client/client.h"
 #include "client/command.h"
+#include "client/job_name.h"
 
 /* The socket of the service that systemd runs, and that of other services. */
 #define SYSTEM_SOCKET "/run/hexad/hexad.sock"
@@ -32,14 +34,15 @@ static const char usage[] =
     "  upload FILE       send a file that jobs may read, and print the path by which a spec names it\n"
     "  inspect PATH      tell what lies in a file that jobs may read, and print specs that sample it; PATH is\n"
     "                    what a spec would name\n"
-    "  list [--state STATES] [--owner USER] [--label LABEL] [--name NAME] [--since TIME] [--until TIME]\n"
-    "       [--limit N]\n"
-    "                    list the newest jobs; STATES are words with commas between them, TIME is one as\n"
-    "                    2026-01-31T18:00:00Z, or 90m, 2h, 1d ago\n"
+    "  list [--state STATES] [--owner USER] [--label LABEL] [--name NAME] [--text PART] [--since TIME]\n"
+    "       [--until TIME] [--limit N]\n"
+    "                    list the newest jobs; --text those with PART in the name, in upper or lower case;\n"
+    "                    TIME is one as 2026-01-31T18:00:00Z, or 90m, 2h, 1d ago\n"
     "  show ID           print the state, times, attempts and failed frames of a job; all with --json\n"
     "  attempts ID       list all attempts of a job\n"
     "  wait ID           wait for the end of a job and show its progress\n"
-    "  cancel ID         cancel a job, whether it waits or runs\n"
+    "  cancel ID... [--yes]\n"
+    "                    cancel jobs, whether they wait or run\n"
     "  cancel --label LABEL [--owner USER]\n"
     "                    cancel all your unfinished jobs with this label; as an administrator, those of\n"
     "                    all users\n"
@@ -52,11 +55,12 @@ static const char usage[] =
     "\n"
     "  pause ID          start no more attempts of a job; running ones go on to their end\n"
     "  resume ID         start attempts of a paused job again\n"
-    "  retry ID [--dependents]\n"
-    "                    run the failed tasks of a job again, and the jobs that ended as\n"
-    "                    dependency_failed because of it\n"
+    "  retry ID... [--dependents]\n"
+    "                    run the failed tasks of jobs again, and the jobs that ended as dependency_failed\n"
+    "                    because of them\n"
     "  deliver ID        copy the results of a job to its output directory again\n"
-    "  delete ID         delete a job that has ended, with its results\n"
+    "  delete ID... [--yes]\n"
+    "                    delete jobs that have ended, with their results\n"
     "  priority ID --priority N\n"
     "                    change the priority of a job\n"
     "  watch [ID]        print the events of a job as they happen, as lines of JSON, until it ends;\n"
@@ -76,7 +80,11 @@ static const char usage[] =
     "  --server URL   unix:/path, http://HOST:PORT or https://HOST:PORT; default: $HEXAD_SERVER, otherwise\n"
     "                 unix:" SYSTEM_SOCKET " if that exists, otherwise\n"
     "                 unix:" STATE_SOCKET "\n"
+    "  ID             the id of a job; or its first 8 characters or more, if one job of yours begins with\n"
+    "                 them; or latest, your newest job. cancel and delete take these two with --yes only\n"
     "  --label LABEL  a word, often of the form key=value\n"
+    "  --state STATES blocked, queued, paused, running, cancelling, succeeded, failed, cancelled or\n"
+    "                 timed_out; several with commas between them\n"
     "  --scopes LIST  of read, submit, cancel, admin; default: read,submit,cancel\n"
     "  --file FILE    the daemon's token_file; default: " SYSTEM_TOKENS " (of the service that\n"
     "                 systemd runs) if the group " SYSTEM_GROUP " exists, otherwise\n"
@@ -94,7 +102,7 @@ static const char usage[] =
     "cancelled, 10 the job succeeded but did not converge, 11 its points do not represent the surface\n"
     "(outcome unresolved).\n";
 
-typedef enum need { NONE, ONE, MAYBE } need;
+typedef enum need { NONE, ONE, JOB, MAYBE_JOB, JOBS, MAYBE_JOBS } need;
 
 static const struct entry {
     const char *name;
@@ -107,20 +115,20 @@ static const struct entry {
     {"estimate", command_estimate, ONE, ""},
     {"upload", command_upload, ONE, ""},
     {"inspect", command_inspect, ONE, ""},
-    {"list", command_list, NONE, "--state --owner --label --name --since --until --limit"},
-    {"show", command_show, ONE, ""},
-    {"attempts", command_attempts, ONE, ""},
-    {"wait", command_wait, ONE, ""},
-    {"cancel", command_cancel, MAYBE, "--label --owner"},
-    {"fetch", command_fetch, ONE, "--frame --output"},
-    {"log", command_log, ONE, "--frame --attempt"},
-    {"pause", command_pause, ONE, ""},
-    {"resume", command_resume, ONE, ""},
-    {"retry", command_retry, ONE, "--dependents"},
-    {"deliver", command_deliver, ONE, ""},
-    {"delete", command_delete, ONE, ""},
-    {"priority", command_priority, ONE, "--priority"},
-    {"watch", command_watch, MAYBE, ""},
+    {"list", command_list, NONE, "--state --owner --label --name --text --since --until --limit"},
+    {"show", command_show, JOB, ""},
+    {"attempts", command_attempts, JOB, ""},
+    {"wait", command_wait, JOB, ""},
+    {"cancel", command_cancel, MAYBE_JOBS, "--label --owner --yes"},
+    {"fetch", command_fetch, JOB, "--frame --output"},
+    {"log", command_log, JOB, "--frame --attempt"},
+    {"pause", command_pause, JOB, ""},
+    {"resume", command_resume, JOB, ""},
+    {"retry", command_retry, JOBS, "--dependents"},
+    {"deliver", command_deliver, JOB, ""},
+    {"delete", command_delete, JOBS, "--yes"},
+    {"priority", command_priority, JOB, "--priority"},
+    {"watch", command_watch, MAYBE_JOB, ""},
     {"workers", command_workers, NONE, ""},
     {"usage", command_usage, NONE, ""},
     {"drain", command_drain, NONE, ""},
@@ -149,12 +157,21 @@ static const struct {
     OPTION("file", file),         OPTION("scopes", scopes),
     OPTION("name", name),         OPTION("since", since),
     OPTION("until", until),       OPTION("max-priority", max_priority),
+    OPTION("text", text),
 };
+
+/* Options without a value. */
+static const struct {
+    const char *name;
+    size_t offset;
+} flags[] = {OPTION("wait", wait), OPTION("dependents", dependents), OPTION("yes", yes)};
 
 typedef struct line {
     const struct entry *entry;
-    const char *group; /* the first of a command's two words */
-    const char *argument, *server;
+    const char *group;     /* the first of a command's two words */
+    const char **argument; /* room for all words of the command line */
+    size_t argument_count;
+    const char *server;
     command_options options;
     const char *given[64]; /* names of the options, in their order */
     size_t given_count;
@@ -209,10 +226,12 @@ static bool take_option(line *l, int argc, char **argv, int *index)
         fputs("hexadctl: too many options\n", stderr);
         return false;
     }
-    bool dependents = strcmp(argv[*index], "--dependents") == 0;
-    if (!dependents && strcmp(argv[*index], "--wait") != 0) return take_valued(l, argc, argv, index);
-    l->given[l->given_count++] = dependents ? "--dependents" : "--wait";
-    return *(dependents ? &l->options.dependents : &l->options.wait) = true;
+    for (size_t i = 0; i < sizeof flags / sizeof *flags; i++) {
+        if (strcmp(argv[*index], flags[i].name) != 0) continue;
+        l->given[l->given_count++] = flags[i].name;
+        return *(bool *)((char *)&l->options + flags[i].offset) = true;
+    }
+    return take_valued(l, argc, argv, index);
 }
 
 /* Whether the word names the command, within its group if it has one. */
@@ -227,11 +246,12 @@ static bool is_named(const struct entry *entry, const char *group, const char *w
 static bool take_word(line *l, const char *word)
 {
     if (l->entry) {
-        if (l->entry->argument == NONE || l->argument) {
+        bool several = l->entry->argument == JOBS || l->entry->argument == MAYBE_JOBS;
+        if (l->entry->argument == NONE || (l->argument_count && !several)) {
             fprintf(stderr, "hexadctl %s: %s is too much; see hexadctl --help\n", l->entry->name, word);
             return false;
         }
-        l->argument = word;
+        l->argument[l->argument_count++] = word;
         return true;
     }
     for (size_t i = 0; i < sizeof commands / sizeof *commands && !l->entry; i++)
@@ -268,7 +288,8 @@ static bool check(const line *l)
                 l->entry->name, l->given[i]);
         return false;
     }
-    if (l->entry->argument != ONE || l->argument) return true;
+    bool needed = l->entry->argument == ONE || l->entry->argument == JOB || l->entry->argument == JOBS;
+    if (!needed || l->argument_count) return true;
     fprintf(stderr, "hexadctl %s: its argument is missing; see hexadctl --help\n", l->entry->name);
     return false;
 }
@@ -303,23 +324,77 @@ static void set_default_tokens(command_options *options)
     options->file_group = group ? group->gr_gid : TOKEN_NO_GROUP;
 }
 
-int main(int argc, char **argv)
+/* The ids of the jobs that the arguments name; or prints an error. What cannot be undone
+ * takes a short name with --yes only. */
+static int resolve_jobs(client *c, const line *l, char **ids)
 {
-    line l = {.server = default_server(), .options.file_group = TOKEN_NO_GROUP};
-    if (is_print_only(argc, argv)) return COMMAND_OK;
-    for (int i = 1; i < argc; i++) {
-        bool option = argv[i][0] == '-' && argv[i][1];
-        if (!(option ? take_option(&l, argc, argv, &i) : take_word(&l, argv[i]))) return COMMAND_USAGE;
+    bool final = has_word(l->entry->options, "--yes");
+    int code = COMMAND_OK;
+    for (size_t i = 0; code == COMMAND_OK && i < l->argument_count; i++) {
+        const char *name = l->argument[i];
+        code = job_name_resolve(c, name, &ids[i]);
+        if (code != COMMAND_OK || !final || l->options.yes || !job_name_is_short(name)) continue;
+        fprintf(stderr, "hexadctl %s: %s is the job %s: give this id, or add --yes\n", l->entry->name, name,
+                ids[i]);
+        code = COMMAND_USAGE;
     }
-    if (!check(&l)) return COMMAND_USAGE;
-    if (!l.options.file) set_default_tokens(&l.options);
+    return code;
+}
+
+/* Runs the command for each of the jobs; the code is that of the first failure. */
+static int run_for_jobs(client *c, const line *l)
+{
+    char **ids = mem_alloc(l->argument_count * sizeof *ids);
+    for (size_t i = 0; i < l->argument_count; i++) ids[i] = NULL;
+    int code = resolve_jobs(c, l, ids);
+    bool known = code == COMMAND_OK;
+    for (size_t i = 0; known && i < l->argument_count; i++) {
+        int one = l->entry->run(c, ids[i], &l->options);
+        if (code == COMMAND_OK) code = one;
+    }
+    for (size_t i = 0; i < l->argument_count; i++) free(ids[i]);
+    free(ids);
+    return code;
+}
+
+static int run(client *c, const line *l)
+{
+    bool named = l->entry->argument != NONE && l->entry->argument != ONE && l->argument_count;
+    if (named) return run_for_jobs(c, l);
+    return l->entry->run(c, l->argument_count ? l->argument[0] : NULL, &l->options);
+}
+
+/* Opens the client and runs the command. */
+static int obey(line *l)
+{
     error e = {0};
-    client *c = client_open(l.server, environment("HEXAD_TOKEN"), environment("SSL_CERT_FILE"), &e);
+    if (!l->options.file) set_default_tokens(&l->options);
+    client *c = client_open(l->server, environment("HEXAD_TOKEN"), environment("SSL_CERT_FILE"), &e);
     if (!c) {
         fprintf(stderr, "hexadctl: %s\n", e.message);
         return COMMAND_USAGE;
     }
-    int code = l.entry->run(c, l.argument, &l.options);
+    int code = run(c, l);
     client_close(c);
+    return code;
+}
+
+static bool read_line(line *l, int argc, char **argv)
+{
+    for (int i = 1; i < argc; i++) {
+        bool option = argv[i][0] == '-' && argv[i][1];
+        if (!(option ? take_option(l, argc, argv, &i) : take_word(l, argv[i]))) return false;
+    }
+    return check(l);
+}
+
+int main(int argc, char **argv)
+{
+    if (is_print_only(argc, argv)) return COMMAND_OK;
+    line l = {.argument = mem_alloc((size_t)argc * sizeof *l.argument),
+              .server = default_server(),
+              .options.file_group = TOKEN_NO_GROUP};
+    int code = read_line(&l, argc, argv) ? obey(&l) : COMMAND_USAGE;
+    free(l.argument);
     return code;
 }

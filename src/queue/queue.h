@@ -31,7 +31,7 @@
 #include "base/error.h"
 #include "base/running_time.h"
 #include "database/health.h"
-#include "queue/ulid.h"
+#include "base/ulid.h"
 #include "queue/user_numbers.h"
 
 typedef struct queue queue;

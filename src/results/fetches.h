@@ -10,7 +10,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "queue/ulid.h"
+#include "base/ulid.h"
 
 #define FETCHES_MOST 4096
 

@@ -10,7 +10,7 @@ import subprocess
 
 import pytest
 
-from service import PATIENCE_S, long_sphere, sphere
+from service import PATIENCE_S, Service, long_sphere, sphere
 
 
 @pytest.fixture
@@ -286,3 +286,83 @@ def test_a_wait_outlives_a_restart(new_service, build):
     finally:
         process.kill()
         process.wait()
+
+
+# ---- the names of jobs
+
+@pytest.fixture(scope="module")
+def own_service(build, tmp_path_factory):
+    """A daemon whose callers are users: the test's own, as `service`, and those of tokens."""
+    made = Service(build, tmp_path_factory.mktemp("own"))
+    tokens = made.base / "tokens"
+    made.tokens = {user: subprocess.run([build / "hexadctl", "token", "add", user, "--file", tokens], check=True, text=True,
+                                        capture_output=True).stdout.strip() for user in ("alice", "bob")}
+    yield made.start("--token_file", tokens)
+    made.clean_up()
+
+
+@pytest.fixture
+def as_user(own_service, build, tmp_path):
+    def call(user, *words):
+        return subprocess.run([build / "hexadctl", *map(str, words)], capture_output=True, text=True, timeout=PATIENCE_S,
+                              env={**own_service.environment(), "HEXAD_TOKEN": own_service.tokens[user]}, cwd=tmp_path)
+    return call
+
+
+def test_prefixes_and_latest_name_jobs_of_the_caller(as_user, tmp_path):
+    held = write(tmp_path, sphere(name="one"))
+    first = as_user("alice", "submit", held).stdout.strip()
+    other = as_user("bob", "submit", held).stdout.strip()
+    assert as_user("alice", "show", "latest").stdout.startswith(first)
+    assert as_user("bob", "show", "latest").stdout.startswith(other)
+    assert as_user("alice", "show", first[:20]).stdout.startswith(first)
+    refused = as_user("alice", "show", other[:20])  # a job of bob's
+    assert refused.returncode == 4 and f"no job of yours has an id that begins with {other[:20]}" in refused.stderr
+    assert as_user("alice", "show", other).returncode == 0  # its whole id names it
+    refused = as_user("alice", "show", first[:7])
+    assert refused.returncode == 2 and "8 characters" in refused.stderr
+
+
+def test_a_prefix_of_several_jobs_lists_them(as_user, own_service):
+    """The 8 characters are the time in units of 1024 ms: of three jobs in a second two share them."""
+    headers = {"Content-Type": "application/json", "Authorization": f"Bearer {own_service.tokens['alice']}"}
+    spec = json.dumps(sphere(name="two"))
+    ids = [own_service.request("POST", "/v1/jobs", spec, headers).json["id"] for _ in range(3)]
+    prefix = ids[1][:8]
+    matches = [job for job in ids if job.startswith(prefix)]
+    assert len(matches) >= 2
+    done = as_user("alice", "show", prefix)
+    assert done.returncode == 2 and not done.stdout
+    assert all((job in done.stderr) == (job in matches) for job in ids) and "two" in done.stderr, done.stderr
+
+
+def test_cancel_and_delete_take_short_names_with_yes_only(as_user, tmp_path):
+    job = as_user("alice", "submit", write(tmp_path, sphere())).stdout.strip()
+    for command in ("cancel", "delete"):
+        for name in ("latest", job[:20]):
+            done = as_user("alice", command, name)
+            assert done.returncode == 2 and job in done.stderr and "--yes" in done.stderr, done.stderr
+    assert as_user("alice", "wait", "latest").returncode in (0, 10, 11)
+    assert as_user("alice", "delete", "latest", "--yes").returncode == 0
+    assert as_user("alice", "show", job).returncode == 4
+    assert as_user("alice", "show", "latest", "--yes").returncode == 2  # it does not belong to this command
+
+
+def test_several_jobs_are_deleted_or_cancelled_in_one_call(as_user, tmp_path):
+    spec = write(tmp_path, sphere())
+    jobs = [as_user("alice", "submit", spec, "--wait").stdout.split()[0] for _ in range(2)]
+    missing = "01aaaaaaaaaaaaaaaaaaaaaaaa"
+    done = as_user("alice", "cancel", *jobs)
+    assert done.returncode == 4 and all(job in done.stderr for job in jobs)  # both have ended
+    done = as_user("alice", "retry", *jobs)
+    assert done.returncode == 4 and all(job in done.stderr for job in jobs)  # and succeeded
+    done = as_user("alice", "delete", jobs[0], missing, jobs[1])
+    assert done.returncode == 4 and missing in done.stderr
+    assert all(as_user("alice", "show", job).returncode == 4 for job in jobs)
+    assert as_user("alice", "show", *jobs).returncode == 2
+
+
+def test_a_list_has_the_jobs_with_a_text_in_their_name(run, tmp_path):
+    named = {name: run("submit", write(tmp_path, sphere(name=name))).stdout.strip() for name in ("Shot 010", "other")}
+    done = run("list", "--text", "shot")
+    assert done.returncode == 0 and named["Shot 010"] in done.stdout and named["other"] not in done.stdout

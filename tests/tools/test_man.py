@@ -1,9 +1,12 @@
 """The manual pages say all that the programs say of themselves, and are well formed; so is the completion."""
+import http.server
+import json
 import os
 import re
 import shutil
 import subprocess
 import sys
+import threading
 
 import pytest
 
@@ -105,4 +108,46 @@ def test_all_commands_are_completed(source, complete):
         assert not name or name in complete("hexadctl", group, "")
     assert complete("hexadctl", "su") == ["submit"]
     assert {"run", "make-example", "spec-help"} <= set(complete("hexad-worker", ""))
-    assert complete("hexadctl", "show", "") == []  # an id: nothing but names of files
+    assert complete("hexadctl", "show", "") == []  # without a server no id: nothing but names of files
+
+
+class Queue(http.server.BaseHTTPRequestHandler):
+    """A server with a list of two jobs."""
+    ids = ("06faddpyxsd3g6zk16mtd9v23g", "06fb0000000000000000000000")
+
+    def do_GET(self):
+        body = json.dumps({"jobs": [{"id": job, "state": "queued"} for job in self.ids], "next": None}).encode()
+        self.send_response(200)
+        self.send_header("Content-Length", str(len(body)))
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, *_):
+        pass
+
+
+@pytest.fixture(scope="module")
+def queue():
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Queue)
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+    thread.join()
+    server.server_close()
+
+
+def test_ids_are_completed(complete, queue, monkeypatch):
+    monkeypatch.setenv("HEXAD_SERVER", queue)
+    assert complete("hexadctl", "show", "") == [*Queue.ids, "latest"]
+    assert complete("hexadctl", "watch", "06fb") == [Queue.ids[1]]
+    assert complete("hexadctl", "delete", Queue.ids[0], "06fb") == [Queue.ids[1]]
+    assert complete("hexadctl", "submit", "") == []
+
+
+def test_states_are_completed(source, complete):
+    names = re.findall(r'\[QUEUE_\w+\] = "([a-z_]+)"', re.search(r"state_names.*?;", (source / "src/queue/queue.c").read_text(), re.S)[0])
+    assert len(names) == 9
+    assert complete("hexadctl", "list", "--state", "") == sorted(names)
+    assert complete("hexadctl", "list", "--state", "ca") == ["cancelled", "cancelling"]
+    assert complete("hexadctl", "list", "--state", "queued,ru") == ["queued,running"]

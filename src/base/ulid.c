@@ -1,11 +1,11 @@
-#include "queue/ulid.h"
+#include "base/ulid.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/random.h>
 
-static const char alphabet[] = "0123456789abcdefghjkmnpqrstvwxyz";
+static const char alphabet[] = ULID_ALPHABET;
 
 void ulid_make(int64_t wall_ms, char text[ULID_SIZE])
 {

@@ -3,13 +3,14 @@
  * 48 bits of wall-clock milliseconds and 80 random bits as 26 characters of Crockford's base 32, in
  * lower case (https://github.com/ulid/spec). Any thread.
  */
-#ifndef HEXAD_QUEUE_ULID_H
-#define HEXAD_QUEUE_ULID_H
+#ifndef HEXAD_BASE_ULID_H
+#define HEXAD_BASE_ULID_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
-#define ULID_SIZE 27 /* with the final NUL */
+#define ULID_SIZE 27                                     /* with the final NUL */
+#define ULID_ALPHABET "0123456789abcdefghjkmnpqrstvwxyz" /* in the order of the digits */
 
 void ulid_make(int64_t wall_ms, char text[ULID_SIZE]);
 
