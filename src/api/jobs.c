@@ -723,6 +723,19 @@ static char *next_cursor(const queue_page *page, size_t limit, queue_order sorte
     return page->stop.seq ? print_cursor(page->stop.seq, page->stop.key, sorted_by) : NULL;
 }
 
+/* What jobs depend on is part of their specs, which their owners and administrators may read. */
+static bool restrict_to_own(const http_request *request, queue_filter *filter, reply *r)
+{
+    if (request->caller->scopes & SCOPE_ADMIN) return true;
+    if (filter->owner && !access_is_owner(request->caller, filter->owner)) {
+        reply_set_problem(r, "forbidden", NULL, "only an administrator may ask what jobs of %s depend on",
+                          filter->owner);
+        return false;
+    }
+    filter->owner = request->caller->user;
+    return true;
+}
+
 void jobs_list(const http_context *c, const http_request *request, reply *r)
 {
     queue_filter filter = {
@@ -732,6 +745,7 @@ void jobs_list(const http_context *c, const http_request *request, reply *r)
         .label = parameter_text(request, "label", NULL),
         .name = parameter_text(request, "name", NULL),
         .text = parameter_text(request, "text", NULL),
+        .needs = parameter_text(request, "depends_on", NULL),
         .since_ms = parameter_time(request, "created_after"),
         .until_ms = parameter_time(request, "created_before"),
         .limit = (int)parameter_integer(request, "limit", LIST_DEFAULT),
@@ -745,6 +759,7 @@ void jobs_list(const http_context *c, const http_request *request, reply *r)
                           "cursor is not `next` of a page of a list with this `sort`");
         return;
     }
+    if (filter.needs && !restrict_to_own(request, &filter, r)) return;
     filter.limit++; /* one more tells whether there is a next page */
     if (!queue_list_page(c->q, &filter, QUEUE_VISITS, &page, &e)) {
         reply_set_error(r, &e, NULL);

@@ -76,6 +76,14 @@ static const parameter parameters[] = {
      .high = 400,
      .example = "shot=010",
      .prose = "Only jobs with this label, or their events."},
+    {.name = "depends_on",
+     .type = PARAMETER_TEXT,
+     .low = 26,
+     .high = 26,
+     .pattern = "^[0-9a-z]{26}$",
+     .prose =
+         "Only jobs of the caller, or for an administrator of any user, that name the job with this id in `queue.depends_on`"
+         " or `queue.after`."},
     {.name = "text",
      .type = PARAMETER_TEXT,
      .low = 1,

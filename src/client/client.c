@@ -7,6 +7,7 @@
 
 #include "base/memory.h"
 
+#define HTTPS "https://"
 #define CONNECT_TIMEOUT_S 5L
 /* A reply that stands still for that long is given up. */
 #define STALL_TIMEOUT_S 60L
@@ -31,7 +32,7 @@ typedef struct buffer {
 client *client_open(const char *server, const char *token, const char *authorities, error *e)
 {
     const char *unix_path = strncmp(server, "unix:", 5) == 0 ? server + 5 : NULL;
-    if (!unix_path && strncmp(server, "http://", 7) != 0 && strncmp(server, "https://", 8) != 0) {
+    if (!unix_path && strncmp(server, "http://", 7) != 0 && strncmp(server, HTTPS, strlen(HTTPS)) != 0) {
         error_set(e, ERROR_SPEC_INVALID,
                   "server %s: must be unix:/path, http://HOST:PORT or https://HOST:PORT", server);
         return NULL;
@@ -104,6 +105,30 @@ static size_t give_file(char *data, size_t size, size_t count, void *context)
     return ferror((FILE *)context) ? CURL_READFUNC_ABORT : given;
 }
 
+static size_t ignore(char *data, size_t size, size_t count, void *context)
+{
+    (void)data;
+    (void)context;
+    return size * count;
+}
+
+/* Whether the service answers without TLS at this https address. The token is not sent. */
+static bool answers_without_tls(const client *c)
+{
+    long status = 0;
+    CURL *probe = curl_easy_init();
+    char *url = mem_printf("http://%s/healthz", c->base + strlen(HTTPS));
+    curl_easy_setopt(probe, CURLOPT_URL, url);
+    curl_easy_setopt(probe, CURLOPT_NOSIGNAL, 1L);
+    curl_easy_setopt(probe, CURLOPT_NOPROXY, "*");
+    curl_easy_setopt(probe, CURLOPT_TIMEOUT, CONNECT_TIMEOUT_S);
+    curl_easy_setopt(probe, CURLOPT_WRITEFUNCTION, ignore);
+    if (curl_easy_perform(probe) == CURLE_OK) curl_easy_getinfo(probe, CURLINFO_RESPONSE_CODE, &status);
+    curl_easy_cleanup(probe);
+    free(url);
+    return status == 200;
+}
+
 static bool perform(client *c, const char *path, long *status, error *e)
 {
     char *url = mem_printf("%s%s", c->base, path);
@@ -119,6 +144,12 @@ static bool perform(client *c, const char *path, long *status, error *e)
             "%s: no server answers (%s): start hexad, or name its address with --server or HEXAD_SERVER",
             c->server, number ? strerror((int)number) : curl_easy_strerror(code));
     }
+    if (code == CURLE_SSL_CONNECT_ERROR && answers_without_tls(c))
+        return error_set(
+            e, ERROR_INTERNAL,
+            "%s: the service answers without TLS at this port: name it http://%s, or use the address of its"
+            " TLS proxy",
+            c->server, c->base + strlen(HTTPS));
     if (code != CURLE_OK)
         return error_set(e, ERROR_INTERNAL, "%s: %s", c->server,
                          *c->fault ? c->fault : curl_easy_strerror(code));

@@ -30,11 +30,13 @@ static int64_t time_of(json_at object, const char *key)
     return text && clock_parse_utc(text, &wall_ms) ? wall_ms : 0;
 }
 
-/* "45s", "12m", "3h", "4d": at least two digits of the larger unit, or the smaller one. */
+/* "250ms", "45s", "12m", "3h", "4d": at least two digits of the larger unit, or the smaller one; seconds from 1 on. */
 static char *print_span(int64_t ms, char *text, size_t size)
 {
     int64_t s = ms > 0 ? ms / 1000 : 0;
-    if (s < 120)
+    if (s < 1)
+        snprintf(text, size, "%lldms", (long long)(ms > 0 ? ms : 0));
+    else if (s < 120)
         snprintf(text, size, "%llds", (long long)s);
     else if (s < 2 * 3600)
         snprintf(text, size, "%lldm", (long long)(s / 60));
@@ -225,7 +227,21 @@ static void print_attempts(json_at job)
                text_of(job, "id", "ID"));
 }
 
-void job_table_print(json_at job)
+static void print_dependents(json_at page)
+{
+    json_at jobs = json_member(&page, "jobs");
+    for (size_t i = 0; i < json_size(jobs); i++) {
+        json_at job = json_element(&jobs, i);
+        fputs(i == 0 ? "  needed by " : ", ", stdout);
+        print_text(stdout, text_of(job, "id", "?"));
+        putchar(' ');
+        print_text(stdout, text_of(job, "state", "?"));
+    }
+    if (text_of(page, "next", NULL)) fputs(", and more", stdout);
+    if (json_size(jobs)) putchar('\n');
+}
+
+void job_table_print(json_at job, json_at dependents)
 {
     json_at spec = json_member(&job, "spec"), queue = json_member(&spec, "queue");
     int64_t now = clock_wall_ms(), created = time_of(job, "created"), started = time_of(job, "started");
@@ -239,6 +255,7 @@ void job_table_print(json_at job)
     if (json_bool(json_member(&job, "paused"), false)) print_line("paused", "no attempt starts");
     print_words("depends on", json_member(&queue, "depends_on"));
     print_words("after", json_member(&queue, "after"));
+    print_dependents(dependents);
     print_moment(job, "created", now, "", " ago");
     print_moment(job, "started", created, "waited ", "");
     print_moment(job, "finished", started ? started : created, "took ", "");

@@ -14,6 +14,8 @@
 #define PAGE_MOST 500
 /* Of the frames of an array that failed, those that `show` prints. */
 #define FAILURES_SHOWN 20
+/* Of the jobs that depend on one. */
+#define DEPENDENTS_SHOWN 20
 
 /* A list that comes in pages: its entries as a document, with --json, or as rows of a table. */
 typedef struct listing {
@@ -145,6 +147,29 @@ static int show_failures(client *c, const char *id, double left)
     return code;
 }
 
+/* The first of the jobs that depend on this one, as a page to be freed; NULL where an older service cannot tell. */
+static json *list_dependents(client *c, const char *id)
+{
+    error e = {0};
+    client_reply reply = {0};
+    char *path = mem_printf("/v1/jobs?depends_on=%s&limit=%d", id, DEPENDENTS_SHOWN);
+    json *page = NULL;
+    if (client_call(c, "GET", path, NULL, 0, &reply, &e) && reply.status == 200) {
+        page = reply.document;
+        reply.document = NULL;
+    }
+    client_reply_clear(&reply);
+    free(path);
+    return page;
+}
+
+static void show_job(client *c, json_at job, const char *id)
+{
+    json *dependents = list_dependents(c, id);
+    job_table_print(job, json_root(dependents));
+    json_free(dependents);
+}
+
 int command_show(client *c, const char *argument, const command_options *options)
 {
     json *document = NULL;
@@ -153,7 +178,7 @@ int command_show(client *c, const char *argument, const command_options *options
     if (code == COMMAND_OK && options->json)
         print_document(document);
     else if (code == COMMAND_OK)
-        job_table_print(json_root(document));
+        show_job(c, json_root(document), argument);
     json_at job = json_root(document), tasks = json_member(&job, "tasks");
     double failed =
         json_number(json_member(&tasks, "failed"), 0) + json_number(json_member(&tasks, "timed_out"), 0);

@@ -47,7 +47,7 @@ static const char help_text[] =
     "       hexad-worker inspect FILE [--json] [--preview FILE.png] [option ...]\n"
     "       hexad-worker make-example FILE.vdb\n"
     "       hexad-worker energies\n"
-    "       hexad-worker spec-help\n"
+    "       hexad-worker spec-help [MEMBER]\n"
     "       hexad-worker schema\n"
     "\n"
     "run: samples the surface that SPEC.json describes (-: standard input) and writes points.ply,\n"
@@ -58,7 +58,8 @@ static const char help_text[] =
     "--preview samples the first of them and draws it. No --output is needed; with one, it takes inspection.json.\n"
     "make-example: writes a small level set to try things with.\n"
     "energies: prints the pair potentials and their forces as CSV (the paper's Figure 2).\n"
-    "spec-help: lists every member of a job spec with type, range and default.\n"
+    "spec-help: lists every member of a job spec with type, range and default; or MEMBER and what it holds, as\n"
+    "/sampling, sampling/count or count.\n"
     "schema: the same as a JSON Schema.\n"
     "\n"
     "  --output DIR       where results go; made if missing (required)\n"
@@ -526,6 +527,14 @@ static int print_schema(void)
     return !ok;
 }
 
+static int print_spec_help(const char *member)
+{
+    error e = {0};
+    if (spec_print_help(stdout, member) > 0) return 0;
+    error_set(&e, ERROR_SPEC_INVALID, "a spec has no member %s: hexad-worker spec-help lists all", member);
+    return fail(&e, NULL);
+}
+
 int main(int argc, char **argv)
 {
     const char *name = argc > 1 ? argv[1] : "--help";
@@ -541,10 +550,7 @@ int main(int argc, char **argv)
     if (strcmp(name, "make-example") == 0 && argc == 3) return make_example(argv[2]);
     if (strcmp(name, "energies") == 0) return print_energies();
     if (strcmp(name, "schema") == 0) return print_schema();
-    if (strcmp(name, "spec-help") == 0) {
-        spec_print_help(stdout);
-        return 0;
-    }
+    if (strcmp(name, "spec-help") == 0) return print_spec_help(argc > 2 ? argv[2] : NULL);
     if (strcmp(name, "--help") == 0) return fputs(help_text, stdout) < 0;
     error e = {0};
     error_set(&e, ERROR_SPEC_INVALID,

@@ -39,6 +39,10 @@ bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e)
     " (?3 IS NULL OR state = ?3) AND (?4 IS NULL OR owner = ?4) AND (?6 IS NULL OR name = ?6)" \
     " AND (?11 IS NULL OR instr(lower(name), lower(?11))) AND created_ms >= ?7 AND created_ms < ?8"
 #define LABELLED " AND (?5 IS NULL OR EXISTS (SELECT 1 FROM label WHERE label = ?5 AND label.job = seq))"
+#define NEEDED "(SELECT seq FROM job WHERE id = ?14)"
+#define NEEDING                                                                   \
+    " AND (?14 IS NULL OR EXISTS (SELECT 1 FROM dependency WHERE needs = " NEEDED \
+    " AND dependency.job = seq))"
 
 /* How a listing walks over jobs, falling or rising: between two places, both excluded, of which the lower is (?9, ?10) and the upper
  * (?12, ?1). The statement `stop` finds the last place that a page visits, in the index alone. */
@@ -57,17 +61,26 @@ typedef struct walk {
     }
 
 /* By age, with the condition that an index answers. A listing takes the first that it has. */
-enum { BY_LABEL, BY_NAME, BY_UNFINISHED_STATE, BY_OWNER, BY_STATE, ALL, CONDITION_COUNT };
-#define BY_AGE(index, condition) \
-    BOTH_WAYS("NULL", "job " index " WHERE seq > ?10 AND seq < ?1" condition, LABELLED, "seq DESC", "seq")
+enum { BY_NEED, BY_LABEL, BY_NAME, BY_UNFINISHED_STATE, BY_OWNER, BY_STATE, ALL, CONDITION_COUNT };
+#define BY_AGE(index, condition)                                                                            \
+    BOTH_WAYS("NULL", "job " index " WHERE seq > ?10 AND seq < ?1" condition, LABELLED NEEDING, "seq DESC", \
+              "seq")
 #define LABELS " WHERE label = ?5 AND label.job > ?10 AND label.job < ?1"
-#define LABEL_WALK(direction)                                                                              \
-    {                                                                                                      \
-        "SELECT NULL, job FROM label" LABELS " ORDER BY job " direction " LIMIT 1 OFFSET ?13",             \
-            "SELECT " JOB_COLUMNS " FROM label CROSS JOIN job ON seq = label.job" LABELS " AND" CONDITIONS \
-            " ORDER BY label.job " direction " LIMIT ?2"                                                   \
+#define LABEL_WALK(direction)                                                                  \
+    {                                                                                          \
+        "SELECT NULL, job FROM label" LABELS " ORDER BY job " direction " LIMIT 1 OFFSET ?13", \
+            "SELECT " JOB_COLUMNS " FROM label CROSS JOIN job ON seq = label.job" LABELS       \
+            " AND" CONDITIONS NEEDING " ORDER BY label.job " direction " LIMIT ?2"             \
+    }
+#define NEEDS " WHERE needs = " NEEDED " AND dependency.job > ?10 AND dependency.job < ?1"
+#define NEED_WALK(direction)                                                                       \
+    {                                                                                              \
+        "SELECT NULL, job FROM dependency" NEEDS " ORDER BY job " direction " LIMIT 1 OFFSET ?13", \
+            "SELECT " JOB_COLUMNS " FROM dependency CROSS JOIN job ON seq = dependency.job" NEEDS  \
+            " AND" CONDITIONS LABELLED " ORDER BY dependency.job " direction " LIMIT ?2"           \
     }
 static const walk age_walks[CONDITION_COUNT][2] = {
+    [BY_NEED] = {NEED_WALK("DESC"), NEED_WALK("")},
     [BY_LABEL] = {LABEL_WALK("DESC"), LABEL_WALK("")},
     [BY_NAME] = BY_AGE("INDEXED BY job_by_name", " AND " SCHEMA_NAME_KEY " = ?6"),
     [BY_UNFINISHED_STATE] = BY_AGE("INDEXED BY job_by_state", " AND state = ?3"),
@@ -85,7 +98,7 @@ static const walk age_walks[CONDITION_COUNT][2] = {
               "job INDEXED BY " index " WHERE " key                                               \
               " >= " LOW(low) " AND " key " <= " HIGH " AND (" key                                \
                               ", seq) > (" LOW(low) ", ?10) AND (" key ", seq) < (" HIGH ", ?1)", \
-              LABELLED, key " DESC, seq DESC", key ", seq")
+              LABELLED NEEDING, key " DESC, seq DESC", key ", seq")
 static const walk key_walks[QUEUE_ORDER_COUNT][2] = {
     [QUEUE_BY_NAME] = SORTED("job_by_name", SCHEMA_NAME_KEY, "''"),
     [QUEUE_BY_OWNER] = SORTED("job_by_owner", "owner", "''"),
@@ -98,7 +111,8 @@ static const walk *choose_walk(const queue_filter *f)
 {
     if (f->order != QUEUE_BY_AGE) return &key_walks[f->order][f->rising];
     bool unfinished = f->state >= 0 && !queue_state_is_final((queue_state)f->state);
-    return &age_walks[f->label        ? BY_LABEL
+    return &age_walks[f->needs        ? BY_NEED
+                      : f->label      ? BY_LABEL
                       : f->name       ? BY_NAME
                       : unfinished    ? BY_UNFINISHED_STATE
                       : f->owner      ? BY_OWNER
@@ -124,7 +138,7 @@ static bool find_first(queue *q, int64_t since_ms, int64_t *first, error *e)
 }
 
 /* The values of a walk's statements, by their index. */
-enum { UPPER_SEQ = 0, LOWER_KEY = 8, LOWER_SEQ = 9, UPPER_KEY = 11, STOP_OFFSET = 12, VALUE_COUNT = 13 };
+enum { UPPER_SEQ = 0, LOWER_KEY = 8, LOWER_SEQ = 9, UPPER_KEY = 11, STOP_OFFSET = 12, VALUE_COUNT = 14 };
 static void bind_filter(const queue_filter *f, int64_t first, value v[VALUE_COUNT])
 {
     bool goes_on = f->after_seq > 0, by_age = f->order == QUEUE_BY_AGE;
@@ -144,6 +158,7 @@ static void bind_filter(const queue_filter *f, int64_t first, value v[VALUE_COUN
         text(f->text),
         text(f->rising ? NULL : key),
         integer(0),
+        text(f->needs),
     };
     memcpy(v, values, sizeof values);
 }

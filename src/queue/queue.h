@@ -211,6 +211,7 @@ typedef struct queue_filter {
     int state;                        /* a queue_state, or -1: any */
     unsigned states;                  /* of several: a bit for each queue_state; 0: as `state` says */
     const char *owner, *label, *name; /* NULL: any */
+    const char *needs;                /* the id of a job that it depends on (depends_on, after); NULL: any */
     const char *text;                 /* a part of the name, whatever the case of ASCII letters; NULL: any */
     int64_t since_ms, until_ms;       /* created at this time or later, and before this time; 0: any */
     queue_order order;

@@ -360,7 +360,9 @@ const char *spec_surface_kind_name(spec_surface_kind kind);
 /* The word of an energy, as energy_find takes it. */
 const char *spec_energy_name(spec_energy energy);
 
-/* Prints the table of parameters as help: one paragraph per parameter (pointer, type, default, range, unit, meaning). */
-void spec_print_help(FILE *file);
+/* Prints the table of parameters as help: one paragraph per parameter (pointer, type, default, range, unit, meaning).
+ * `member` is a JSON Pointer, or a part of some that ends and begins with whole names ("count", "sampling/count"): only these
+ * parameters and their members; NULL: all. Returns the number of paragraphs. */
+size_t spec_print_help(FILE *file, const char *member);
 
 #endif

@@ -1793,14 +1793,31 @@ static void print_prose(FILE *file, const char *prose)
     }
 }
 
-void spec_print_help(FILE *file)
+/* Whether the row is the member or one of its members. */
+static bool belongs_to(const spec_row *row, const char *member)
 {
+    bool whole = *member == '/';
+    size_t length = strlen(member);
+    for (const char *at = row->pointer; *at && (!whole || at == row->pointer); at++) {
+        const char *name = whole ? at : at + 1;
+        if (*at == '/' && strncmp(name, member, length) == 0 && (!name[length] || name[length] == '/'))
+            return true;
+    }
+    return false;
+}
+
+size_t spec_print_help(FILE *file, const char *member)
+{
+    size_t printed = 0;
     for (size_t i = 0; i < spec_row_count; i++) {
         const spec_row *row = &spec_rows[i];
+        if (member && !belongs_to(row, member)) continue;
+        printed++;
         fputs(row->pointer, file);
         print_values(file, row);
         fputs("\n", file);
         print_prose(file, row->prose);
         fputs("\n", file);
     }
+    return printed;
 }

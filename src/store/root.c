@@ -17,6 +17,7 @@
 #include <linux/openat2.h>
 #endif
 
+#include "base/frames.h"
 #include "base/memory.h"
 #include "store/inputs.h"
 
@@ -305,6 +306,15 @@ static int open_below(const store_roots *roots, const root *r, const char *path)
     return fd < 0 && errno == EXDEV && !r->only && !r->sent ? open_linked(roots, r, path) : fd;
 }
 
+/* The paths of frames have numbers in the place of the pattern: one that still has it names no frame. */
+static void set_missing(const char *path, const char *where, int why, error *e)
+{
+    const char *hint = frames_is_pattern(path)
+                           ? " (#### and %04d stand for a frame's number in jobs with queue.frames only)"
+                           : "";
+    error_set(e, ERROR_INPUT_MISSING, "%s cannot be read%s: %s%s", path, where, strerror(why), hint);
+}
+
 static int open_in_roots(const store_roots *roots, const char *path, error *e)
 {
     char name[STORE_INPUT_NAME_SIZE];
@@ -331,8 +341,7 @@ static int open_in_roots(const store_roots *roots, const char *path, error *e)
     else if (why == EXDEV || why == ELOOP)
         error_set(e, ERROR_PATH_FORBIDDEN, "%s leads out of the input roots by a symbolic link", path);
     else
-        error_set(e, ERROR_INPUT_MISSING, "%s cannot be read%s: %s", path,
-                  sent ? "" : " below the input roots", strerror(why));
+        set_missing(path, sent ? "" : " below the input roots", why, e);
     return -1;
 }
 
@@ -349,7 +358,7 @@ int store_open_input(const store_roots *roots, const char *path, error *e)
     } else {
         fd = open(path, OPEN_FLAGS);
         if (fd < 0) {
-            error_set(e, ERROR_INPUT_MISSING, "%s cannot be read: %s", path, strerror(errno));
+            set_missing(path, "", errno, e);
             return -1;
         }
     }

@@ -1,5 +1,7 @@
 """hexadctl, as somebody at a shell or in a script meets it."""
+import contextlib
 import hashlib
+import http.server
 import json
 import os
 import pty
@@ -7,6 +9,7 @@ import resource
 import select
 import signal
 import subprocess
+import threading
 
 import pytest
 
@@ -31,6 +34,27 @@ def write(tmp_path, spec):
     path = tmp_path / "spec.json"
     path.write_text(json.dumps(spec))
     return path
+
+
+@contextlib.contextmanager
+def canned(body):
+    """The address of a server that gives this answer to all."""
+    class Handler(http.server.BaseHTTPRequestHandler):
+        def do_GET(self):
+            self.send_response(200)
+            self.send_header("Content-Length", str(len(body)))
+            self.end_headers()
+            self.wfile.write(body.encode())
+
+        def log_message(self, *_):
+            pass
+
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+        thread.join()
 
 
 def read_some(fd):
@@ -366,3 +390,46 @@ def test_a_list_has_the_jobs_with_a_text_in_their_name(run, tmp_path):
     named = {name: run("submit", write(tmp_path, sphere(name=name))).stdout.strip() for name in ("Shot 010", "other")}
     done = run("list", "--text", "shot")
     assert done.returncode == 0 and named["Shot 010"] in done.stdout and named["other"] not in done.stdout
+
+
+def test_a_job_shows_what_it_depends_on_and_what_depends_on_it(as_user, own_service, tmp_path):
+    first = as_user("alice", "submit", write(tmp_path, long_sphere())).stdout.strip()
+    second = as_user("alice", "submit", write(tmp_path, sphere(queue={"depends_on": [first]}))).stdout.strip()
+    third = as_user("alice", "submit", write(tmp_path, sphere(queue={"after": [first]}))).stdout.strip()
+    foreign = as_user("bob", "submit", write(tmp_path, sphere(queue={"after": [first]}))).stdout.strip()
+    shown = as_user("alice", "show", first).stdout
+    assert f"  needed by {third} blocked, {second} blocked\n" in shown and foreign not in shown
+    shown = as_user("alice", "show", second).stdout
+    assert f"  depends on{first}\n" in shown.replace("depends on ", "depends on") and "needed by" not in shown
+    assert foreign in as_user("bob", "show", first).stdout  # bob sees his own
+    headers = {"Authorization": f"Bearer {own_service.tokens['bob']}"}
+    asked = own_service.request("GET", f"/v1/jobs?depends_on={first}&owner=alice", headers=headers)
+    assert asked.status == 403
+    found = own_service.request("GET", f"/v1/jobs?depends_on={first}&sort=name&state=blocked", headers=headers).json["jobs"]
+    assert [job["id"] for job in found] == [foreign]
+    assert as_user("alice", "cancel", first, third).returncode == 0
+
+
+def test_a_service_without_tls_is_named(own_service, build):
+    server = f"https://{own_service.address}"
+    done = subprocess.run([build / "hexadctl", "--server", server, "list"], capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 3 and f"answers without TLS at this port: name it http://{own_service.address}" in done.stderr
+
+
+def test_times_below_a_second_are_shown(build):
+    """Of a service that says when a job ran."""
+    job = {"id": "06faddpyxsd3g6zk16mtd9v23g", "state": "succeeded", "created": "2026-01-31T18:00:00.000Z",
+           "started": "2026-01-31T18:00:00.080Z", "finished": "2026-01-31T18:00:00.350Z"}
+    with canned(json.dumps(job)) as address:
+        done = subprocess.run([build / "hexadctl", "--server", address, "show", job["id"]], capture_output=True, text=True,
+                              timeout=PATIENCE_S)
+    assert "(waited 80ms)" in done.stdout and "(took 270ms)" in done.stdout, done
+
+
+def test_spec_help_of_a_member(build):
+    def spec_help(*words):
+        return subprocess.run([build / "hexad-worker", "spec-help", *words], capture_output=True, text=True, timeout=PATIENCE_S)
+    done = spec_help("sampling/count")
+    assert done.returncode == 0 and done.stdout.startswith("/sampling/count (integer") and done.stdout.count("\n/") == 0
+    done = spec_help("nonsense")
+    assert done.returncode == 2 and "no member nonsense" in done.stderr and not done.stdout

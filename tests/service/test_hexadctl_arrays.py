@@ -351,3 +351,13 @@ def test_a_long_list_comes_in_pages(new_service, build, tmp_path):
                           capture_output=True, text=True, timeout=PATIENCE_S)
     jobs = json.loads(done.stdout)
     assert len({j["id"] for j in jobs["jobs"]}) == 515 and jobs["next"]
+
+
+def test_a_pattern_without_frames_is_reported(run, footage, build, tmp_path):
+    spec = json.dumps({**sequence(footage, "8"), "queue": {}})
+    (tmp_path / "spec.json").write_text(spec)
+    worker = subprocess.run([build / "hexad-worker", "run", tmp_path / "spec.json", "--output", tmp_path / "out"],
+                            capture_output=True, text=True, timeout=PATIENCE_S)
+    for done in (run("submit", tmp_path / "spec.json"), worker):
+        assert done.returncode in (2, 3) and "a.####.vdb cannot be read" in done.stderr, done.stderr
+        assert "frame's number in jobs with queue.frames only" in done.stderr, done.stderr

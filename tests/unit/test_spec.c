@@ -1225,11 +1225,43 @@ static void test_help_names_every_row(void **state)
     char *text = NULL;
     size_t size = 0;
     FILE *file = open_memstream(&text, &size);
-    spec_print_help(file);
+    spec_print_help(file, NULL);
     fclose(file);
     for (size_t i = 0; i < spec_row_count; i++) assert_non_null(strstr(text, spec_rows[i].pointer));
     for (char *line = strtok(text, "\n"); line; line = strtok(NULL, "\n"))
         if (strncmp(line, "    ", 4) == 0 && strlen(line) > 80) fail_msg("too long: %s", line);
+    free(text);
+}
+
+/* The help of a member as text, to be freed; `rows` counts its paragraphs. */
+static char *help_of(const char *member, size_t *rows)
+{
+    char *text = NULL;
+    size_t size = 0, empty = 0;
+    FILE *file = open_memstream(&text, &size);
+    *rows = spec_print_help(file, member);
+    fclose(file);
+    for (const char *at = text; (at = strstr(at, "\n\n")); at++) empty++;
+    assert_int_equal(*rows, empty);
+    return text;
+}
+
+static void test_help_of_one_member_has_it_and_its_members(void **state)
+{
+    (void)state;
+    size_t rows;
+    char *text = help_of("/sampling/count", &rows);
+    assert_int_equal(rows, 1);
+    assert_int_equal(strncmp(text, "/sampling/count (", 17), 0);
+    free(text);
+    text = help_of("/sampling", &rows);
+    assert_true(rows > 5 && strstr(text, "\n/sampling/count (") && !strstr(text, "\n/solver"));
+    free(text);
+    text = help_of("count", &rows);
+    assert_true(strstr(text, "/sampling/count (") && !strstr(text, "/sampling/curve"));
+    free(text);
+    text = help_of("/count", &rows); /* a pointer begins at the spec itself */
+    assert_true(rows == 0 && !*text);
     free(text);
 }
 
@@ -1265,6 +1297,7 @@ int main(void)
         cmocka_unit_test(test_long_lists_of_labels_are_read_in_one_walk),
         cmocka_unit_test(test_lengths),
         cmocka_unit_test(test_help_names_every_row),
+        cmocka_unit_test(test_help_of_one_member_has_it_and_its_members),
     };
     return cmocka_run_group_tests_name("spec", tests, NULL, NULL);
 }

@@ -155,7 +155,7 @@ class Client(Service):
 
     def jobs(self, **filters: Any) -> Iterator[RemoteJob]:
         """The jobs, the newest first. Filters are those of the list in REST: `state`, `owner`, `label`, `name`, `text`,
-        `created_after`, `created_before`; and `sort`."""
+        `depends_on`, `created_after`, `created_before`; and `sort`."""
         cursor = None
         while True:
             page = self.transport.get("/v1/jobs", {**filters, "limit": 500, "cursor": cursor})
