@@ -69,7 +69,8 @@ def test_a_worker_outlives_what_was_found(build, source, tmp_path):
     for path in found:
         spec = {"version": 1, "surface": {"vdb": {"path": str(path), "isovalue": 0.5}}, "sampling": {"count": 100}}
         done = subprocess.run([build / "hexad-worker", "run", "-", "--output", tmp_path / path.name], text=True,
-                              input=json.dumps(spec), capture_output=True)
+                              input=json.dumps(spec), capture_output=True,
+                              env={**os.environ, "ASAN_OPTIONS": "detect_leaks=0"})  # OpenVDB loses nodes, as above
         assert done.returncode in (0, 3, 4, 10), (path, done.returncode, done.stderr)
         told[path.name] = done.stderr
     assert "of another length than their node" in told["length-of-values"]
