@@ -148,6 +148,13 @@ static const parameter parameters[] = {
      .prose =
          "1: also the jobs that ended as dependency_failed because of this one, and those behind them in turn,"
          " as far as the caller may retry them."},
+    {.name = "within_ms",
+     .type = PARAMETER_INTEGER,
+     .low = 1,
+     .high = 600000,
+     .prose =
+         "The estimate is given up after this many milliseconds: a client that is about to submit the spec learns of faults that are"
+         " found by then. Default: the setting estimate_timeout_s."},
     {.name = "frame",
      .type = PARAMETER_INTEGER,
      .low = -2147483647,

@@ -57,11 +57,13 @@ static const route routes[] = {
      .name = "validateJob",
      .tag = "jobs",
      .summary = "Check a spec without submitting it, and estimate its cost",
+     .query = "within_ms",
      .body = "JobSpec",
      .example = EXAMPLE,
      .answers = "200:Validation",
-     .problems = BODY_PROBLEMS "input_damaged grid_missing grid_ambiguous isovalue_required no_surface"
-                               " priority_forbidden output_taken output_unwritable"},
+     .problems =
+         BODY_PROBLEMS "input_damaged grid_missing grid_ambiguous isovalue_required no_surface"
+                       " attribute_missing limit_memory priority_forbidden output_taken output_unwritable"},
     {.method = "GET",
      .pattern = "/v1/jobs/{id}",
      .handler = jobs_show,

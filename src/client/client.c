@@ -209,6 +209,15 @@ bool client_call(client *c, const char *method, const char *path, const char *bo
     return send_request(c, method, path, NULL, body, length, reply, e);
 }
 
+bool client_post_within(client *c, const char *path, const char *body, size_t length, long within_ms,
+                        client_reply *reply, error *e)
+{
+    curl_easy_setopt(c->curl, CURLOPT_TIMEOUT_MS, within_ms);
+    bool ok = send_request(c, "POST", path, NULL, body, length, reply, e);
+    curl_easy_setopt(c->curl, CURLOPT_TIMEOUT_MS, 0L);
+    return ok;
+}
+
 bool client_post_once(client *c, const char *path, const char *key, const char *body, size_t length,
                       client_reply *reply, error *e)
 {

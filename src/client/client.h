@@ -27,6 +27,9 @@ void client_close(client *c); /* accepts NULL */
  * Fails only when there is no reply. The caller clears the reply. */
 bool client_call(client *c, const char *method, const char *path, const char *body, size_t length,
                  client_reply *reply, error *e);
+/* client_call of a POST that is given up after this time. */
+bool client_post_within(client *c, const char *path, const char *body, size_t length, long within_ms,
+                        client_reply *reply, error *e);
 /* client_call of a POST, with an Idempotency-Key unless `key` is NULL: when it is repeated, the server does it once. */
 bool client_post_once(client *c, const char *path, const char *key, const char *body, size_t length,
                       client_reply *reply, error *e);

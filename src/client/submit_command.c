@@ -36,6 +36,10 @@ static char *read_input(size_t *length, error *e)
     return NULL;
 }
 
+#define JOBS "/v1/jobs"
+/* What a submission may take longer for a look at its inputs. A person does not notice it, and most files are opened by then. */
+#define FAULTS_WITHIN_MS 200
+
 static bool is_standard_input(const char *path)
 {
     return strcmp(path, "-") == 0;
@@ -105,6 +109,26 @@ static bool has_usable_key(const command_options *options)
     return usable;
 }
 
+/* Asks what is wrong with the job's inputs, before it waits in the queue; an answer that takes longer is not waited for. */
+static void look_for_faults(client *c, const char *body, size_t length, client_reply *found)
+{
+    error e = {0};
+    char *to = mem_printf("/v1/jobs:validate?within_ms=%d", FAULTS_WITHIN_MS);
+    client_post_within(c, to, body, length, FAULTS_WITHIN_MS, found, &e);
+    free(to);
+}
+
+/* Prints why a job that was accepted would fail. */
+static void warn_of_faults(const client_reply *found)
+{
+    json_at root = json_root(found->document);
+    if (found->status != 422)
+        return; /* the spec and its inputs are good as far as known, or nothing is known of them */
+    fputs("warning: this job will fail: ", stderr);
+    print_text(stderr, json_string(json_member(&root, "detail"), "?"));
+    fputc('\n', stderr);
+}
+
 /* Posts the spec. On success *document is the caller's. */
 static int post_spec(client *c, const char *to, const char *path, const command_options *options,
                      json **document)
@@ -113,8 +137,10 @@ static int post_spec(client *c, const char *to, const char *path, const command_
     size_t length = 0;
     client_reply reply = {0};
     int code = COMMAND_OK;
+    client_reply found = {0};
     char *body = has_usable_key(options) ? read_spec(path, options, &length) : NULL;
     if (!body) return COMMAND_USAGE;
+    if (strcmp(to, JOBS) == 0) look_for_faults(c, body, length, &found);
     if (!client_post_once(c, to, options->key, body, length, &reply, &e)) {
         code = print_unreachable(&e);
     } else if (reply.status >= 300 || !reply.document) {
@@ -122,7 +148,9 @@ static int post_spec(client *c, const char *to, const char *path, const command_
     } else {
         *document = reply.document;
         reply.document = NULL;
+        warn_of_faults(&found);
     }
+    client_reply_clear(&found);
     client_reply_clear(&reply);
     free(body);
     return code;
@@ -131,7 +159,7 @@ static int post_spec(client *c, const char *to, const char *path, const command_
 int command_submit(client *c, const char *argument, const command_options *options)
 {
     json *document = NULL;
-    int code = post_spec(c, "/v1/jobs", argument, options, &document);
+    int code = post_spec(c, JOBS, argument, options, &document);
     json_at job = json_root(document);
     const char *id = json_string(json_member(&job, "id"), "");
     if (code == COMMAND_OK && options->wait) {

@@ -61,9 +61,9 @@ void estimator_close(estimator *m)
 }
 
 /* Waits until the worker has ended. It is killed when its time is over or the estimator is dismissed: then false. */
-static bool await(const estimator *m, engine_attempt *attempt)
+static bool await(const estimator *m, engine_attempt *attempt, double timeout_s)
 {
-    int64_t end_ms = clock_monotonic_ms() + (int64_t)(m->timeout_s * 1000);
+    int64_t end_ms = clock_monotonic_ms() + (int64_t)(timeout_s * 1000);
     const char *progress;
     bool stopped = false;
     while (!m->settings.engine->poll(attempt, &progress)) {
@@ -108,19 +108,22 @@ static estimator_verdict decide(const engine_ending *ending, const engine_reques
     return ESTIMATOR_NONE;
 }
 
-static estimator_verdict ask(estimator *m, engine_request *request, char **document, error *e)
+static estimator_verdict ask(estimator *m, engine_request *request, double within_s, char **document,
+                             error *e)
 {
     engine_ending ending = {0};
     engine_attempt *attempt =
         store_directory_create(request->directory, e) ? m->settings.engine->start(NULL, request, e) : NULL;
-    bool ended = attempt && await(m, attempt);
+    bool asked = within_s > 0 && within_s < m->timeout_s;
+    double timeout_s = asked ? within_s : m->timeout_s;
+    bool ended = attempt && await(m, attempt, timeout_s);
     if (attempt) m->settings.engine->settle(attempt, &ending);
     estimator_verdict verdict = ESTIMATOR_NONE;
     if (ended)
         verdict = decide(&ending, request, document, e);
     else if (attempt)
-        error_set(e, ERROR_INTERNAL, "the worker took longer than %g s (setting estimate_timeout_s)",
-                  m->timeout_s);
+        error_set(e, ERROR_INTERNAL, "the worker took longer than %g s (%s)", timeout_s,
+                  asked ? "as the request asks" : "setting estimate_timeout_s");
     free(ending.last_words);
     store_remove(request->directory, NULL);
     return verdict;
@@ -128,7 +131,7 @@ static estimator_verdict ask(estimator *m, engine_request *request, char **docum
 
 estimator_verdict estimator_ask(estimator *m, const char *command, const char *spec,
                                 const char *const *inputs, size_t input_count, int frame, int threads,
-                                int64_t memory_mb, char **document, error *e)
+                                int64_t memory_mb, double within_s, char **document, error *e)
 {
     estimator_verdict verdict = ESTIMATOR_NONE;
     const executor_settings *settings = &m->settings;
@@ -151,7 +154,7 @@ estimator_verdict estimator_ask(estimator *m, const char *command, const char *s
             .file_mb = settings->file_mb,
             .sandbox = settings->sandbox,
         };
-        verdict = ask(m, &request, document, e);
+        verdict = ask(m, &request, within_s, document, e);
         input_permissions_free(roots, root_count);
         free(directory);
     } else {

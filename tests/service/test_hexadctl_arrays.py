@@ -361,3 +361,38 @@ def test_a_pattern_without_frames_is_reported(run, footage, build, tmp_path):
     for done in (run("submit", tmp_path / "spec.json"), worker):
         assert done.returncode in (2, 3) and "a.####.vdb cannot be read" in done.stderr, done.stderr
         assert "frame's number in jobs with queue.frames only" in done.stderr, done.stderr
+
+
+def faulty(footage, **parts):
+    surface = {"vdb": {"path": str(footage / "a.0008.vdb"), **parts.pop("vdb", {})}}
+    return {"version": 1, "surface": surface, "sampling": {"count": 100}, **parts}
+
+
+@pytest.mark.extended  # waits for a moment in which the service answers in 0.2 s
+@pytest.mark.parametrize("part, told", [({"vdb": {"grid": "nonsense"}}, "nonsense"), ({"vdb": {"isovalue": 1000}}, "1000"),
+                                        ({"attributes": [{"name": "nonsense"}]}, "nonsense")])
+def test_a_job_that_will_fail_is_warned_of_when_it_is_submitted(run, service, footage, tmp_path, part, told):
+    (tmp_path / "spec.json").write_text(json.dumps(faulty(footage, **part)))
+
+    def warned():
+        """Of a submission for which the service has looked into the file in time."""
+        done = run("submit", tmp_path / "spec.json")
+        assert done.returncode == 0, done.stderr
+        return done if done.stderr else None
+
+    done = wait_until(warned, "a warning")
+    fault = service.wait_state(done.stdout.strip(), "failed")["error"]["message"]
+    assert done.stderr == f"warning: this job will fail: {fault}\n" and told in fault
+
+
+def test_a_submission_waits_for_no_long_look_at_its_inputs(build, tmp_path):
+    """The worker of this service never ends."""
+    service = Service(build, tmp_path, "--worker", gated_worker(tmp_path)).start()
+    try:
+        (tmp_path / "spec.json").write_text(json.dumps(sphere()))
+        done = runner(service, build, tmp_path)("submit", tmp_path / "spec.json")
+        assert done.returncode == 0 and not done.stderr
+        answer = service.post("/v1/jobs:validate?within_ms=1", sphere()).json
+        assert answer["estimate"] is None and "0.001 s (as the request asks)" in answer["estimate_missing"]
+    finally:
+        service.clean_up()

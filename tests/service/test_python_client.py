@@ -406,3 +406,13 @@ def test_the_examples_of_the_pages(client, build, source, tmp_path, monkeypatch,
     (tmp_path / "cube.obj").write_text(CUBE_OBJ)
     failed, tried = doctest.testfile(str(source / page), module_relative=False, optionflags=doctest.ELLIPSIS)
     assert failed == 0 and tried >= 3
+
+
+def test_a_fault_that_the_service_finds_is_a_warning(client, monkeypatch):
+    spec = {"surface": {"analytic": {"shape": "sphere", "radius": 1}}, "sampling": {"count": 100}}
+    fault = hexad.Problem(422, {"code": "grid_missing", "detail": "there is no grid x"})
+    monkeypatch.setattr(client, "fault_of", lambda asked: fault if asked is spec else None)
+    with pytest.warns(hexad.FaultWarning, match="will fail: grid_missing: there is no grid x"):
+        client.submit(spec)
+    monkeypatch.undo()
+    assert client.fault_of(spec) is None

@@ -1,10 +1,10 @@
 """A client of hexad, the service that turns surfaces into points."""
 from .client import Client, RemoteJob
-from .errors import Damaged, HexadError, JobFailed, Problem, Unreachable, WaitTimeout
+from .errors import Damaged, FaultWarning, HexadError, JobFailed, Problem, Unreachable, WaitTimeout
 from .events import Event
 from .job import Job, Result, Service
 from .local import Local
 from .points import Points, read_ply
 
-__all__ = ["Client", "Damaged", "Event", "HexadError", "Job", "JobFailed", "Local", "Points", "Problem", "RemoteJob",
+__all__ = ["Client", "Damaged", "Event", "FaultWarning", "HexadError", "Job", "JobFailed", "Local", "Points", "Problem", "RemoteJob",
            "Result", "Service", "Unreachable", "WaitTimeout", "read_ply"]

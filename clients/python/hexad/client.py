@@ -8,9 +8,10 @@ import ssl
 import time
 import urllib.parse
 import uuid
+import warnings
 from typing import Any, Iterator, Sequence
 
-from .errors import HexadError, WaitTimeout
+from .errors import FaultWarning, HexadError, Problem, WaitTimeout
 from .events import Event, follow
 from .job import AnySpec, Job, PathLike, Result, Service, chunks_of, hash_file, save, wait_as_asked, with_version
 from .problems import Conflict, NotFound
@@ -19,6 +20,7 @@ from .transport import Transport, body_of
 __all__ = ["Client", "RemoteJob"]
 
 LONGEST_WAIT_S = 30.0
+FAULTS_WITHIN_S = 0.2  # what a submission may take longer for a look at its inputs
 
 
 class RemoteJob(Job):
@@ -145,10 +147,25 @@ class Client(Service):
         self.transport = Transport(server, token, timeout, patience, context)
 
     def submit(self, spec: AnySpec, wait: bool | float = False, key: str | None = None) -> RemoteJob:
+        """Submits a job. If the service finds within 0.2 s that it will fail, as of a wrong grid, there is a FaultWarning."""
+        fault = self.fault_of(spec)
         headers = {"Idempotency-Key": key or uuid.uuid4().hex}
         job = RemoteJob(self.transport, self.transport.send("POST", "/v1/jobs", with_version(spec), headers))
+        if fault:
+            warnings.warn(f"job {job.id} will fail: {fault}", FaultWarning, stacklevel=2)
         wait_as_asked(job, wait)
         return job
+
+    def fault_of(self, spec: AnySpec) -> Problem | None:
+        """Why a job would fail, where the service finds that out at once; no answer counts as none."""
+        asker = Transport(self.transport.server, self.transport.token, FAULTS_WITHIN_S, 0, self.transport.context)
+        try:
+            asker.send("POST", f"/v1/jobs:validate?within_ms={1000 * FAULTS_WITHIN_S:.0f}", with_version(spec), repeat=False)
+        except Problem as problem:
+            return problem if problem.status == 422 else None
+        except HexadError:
+            pass
+        return None
 
     def job(self, id: str) -> RemoteJob:
         return RemoteJob(self.transport, self.transport.get(f"/v1/jobs/{urllib.parse.quote(id)}"))

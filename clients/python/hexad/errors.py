@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["Damaged", "HexadError", "JobFailed", "Problem", "Unreachable", "WaitTimeout"]
+__all__ = ["Damaged", "FaultWarning", "HexadError", "JobFailed", "Problem", "Unreachable", "WaitTimeout"]
 
 
 class HexadError(Exception):
@@ -12,6 +12,10 @@ class HexadError(Exception):
 
 class Unreachable(HexadError):
     """There was no answer, however often the client asked (`patience`)."""
+
+
+class FaultWarning(UserWarning):
+    """A job that was submitted will fail, since its inputs are not as its spec says."""
 
 
 class Damaged(HexadError):
