@@ -360,6 +360,7 @@ def test_a_state_directory_of_version_0_1(new_service):
                                          (("job", "copy_state"), ("job", "copy_code"), ("job", "copy_message"),
                                           ("task", "copy_code"), ("task", "copy_message")))
                                + "ALTER TABLE task DROP COLUMN is_delivered; DROP TABLE usage;"
+                               + "DROP TABLE running; ALTER TABLE task DROP COLUMN wait_ms; ALTER TABLE outbox DROP COLUMN wait_ms;"
                                + "ALTER TABLE attempt DROP COLUMN waited_ms; ALTER TABLE attempt DROP COLUMN processor_ms;"
                                + "DROP TABLE state_count; DROP TABLE service; DROP INDEX job_by_name;"
                                + "DROP INDEX job_by_priority; DROP INDEX job_by_time;"

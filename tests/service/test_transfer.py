@@ -9,6 +9,7 @@ import pytest
 
 from service import OPEN_TCP, PATIENCE_S, gated_worker, long_sphere, sphere, wait_until
 from test_access import new_token, with_token
+from test_clock import clock  # noqa: F401
 from test_rest import exchange, expect_problem
 
 TETRAHEDRON = b"""v 1 1 1
@@ -216,25 +217,20 @@ def test_a_broken_upload_leaves_nothing(new_service):
     expect_problem(put(service, b"y"), 507, "storage_full")
 
 
-def start_later(service):
-    """As if the files that were sent had been used long ago: a service that starts looks at them at once."""
-    service.end(9)
-    for file in (service.state / "inputs").iterdir():
-        os.utime(file, (1, 1))
+@pytest.mark.extended
+def test_an_input_that_nobody_uses_goes(new_service, tmp_path, clock):  # noqa: F811
+    service = new_service("--inputs_keep_s", 60, "--worker", gated_worker(tmp_path), "--workers", 1)
+    service.clock = clock
     service.start()
-
-
-def test_an_input_that_nobody_uses_goes(new_service, tmp_path):
-    service = new_service("--inputs_keep_s", 60, "--worker", gated_worker(tmp_path), "--workers", 1).start()
     name = put(service, TETRAHEDRON).json["path"]
     job = service.submit(mesh(f"{name}.obj"))
     service.wait_worker(job)
     put(service, b"another")
-    start_later(service)
+    clock.step(50)  # the daemon takes it for time that has passed, and looks every 15 s
     wait_until(lambda: kept_by(service) == [name], "the other to go")
     service.open_gate(job)
     service.wait_state(job, "succeeded")
-    start_later(service)
+    clock.step(50)
     wait_until(lambda: not list((service.state / "inputs").iterdir()), "the input and its senders to go")
     expect_problem(service.post("/v1/jobs", mesh(f"{name}.obj")), 422, "input_missing", "/surface/mesh/path")
 
