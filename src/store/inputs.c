@@ -272,8 +272,9 @@ bool store_inputs_collect(store_inputs *s, bool (*may_go)(void *context, const c
         pthread_mutex_lock(&s->mutex);
         bool there =
             fstatat(dirfd(directory), d->d_name, &info, AT_SYMLINK_NOFOLLOW) == 0 && S_ISREG(info.st_mode);
-        if (there && may_go(context, d->d_name, (int64_t)info.st_mtim.tv_sec * 1000) &&
-            unlinkat(dirfd(directory), d->d_name, 0) == 0) {
+        const int64_t used_ms =
+            there ? (int64_t)info.st_mtim.tv_sec * 1000 + info.st_mtim.tv_nsec / 1000000 : 0;
+        if (there && may_go(context, d->d_name, used_ms) && unlinkat(dirfd(directory), d->d_name, 0) == 0) {
             s->used_bytes -= info.st_size;
             if (*gone == room) files = mem_resize(files, (room = room * 2 + 16) * sizeof *files);
             files[*gone].bytes = info.st_size;
