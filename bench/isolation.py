@@ -47,7 +47,7 @@ LARGE_BYTES = 235_000_000  # of a report
 SCOPES = [("read",), ("read", "submit"), ("read", "submit", "cancel"), ("submit",), ("read", "submit", "cancel")] * 2
 MEASURED = "measured"
 
-# The contract of a worker: a result at once; a large report for jobs that ask for one; a hint of an estimate for validations.
+# The contract of a worker: a result at once; a large report for jobs that ask for one; estimates are those of the real one.
 WORKER = """#!/bin/sh
 case "$1" in run) ;; *) exec %(real)s "$@";; esac
 spec=$(cat)
@@ -57,6 +57,7 @@ case "$spec" in
 *large-report*) { printf '%%s,"sweeps":[' "$head"; yes '{"sweep":1,"energy":0.123456,"moved":12345},' | head -n %(rows)d; echo '{}]}'; } > "$4/report.json";;
 *) printf '%%s}' "$head" > "$4/report.json";;
 esac
+printf '%%s,"report_bytes":%%d}' "$head" $(wc -c < "$4/report.json") > "$4/summary.json"
 """
 ROW_BYTES = len('{"sweep":1,"energy":0.123456,"moved":12345},\n')
 

@@ -31,11 +31,11 @@ from isolation import Client, Daemon, User, ball
 
 SECRET = re.compile(rb"mkr7x\w*|867530914\d*", re.I)
 PUBLIC = re.compile(rb"pub7x\w*", re.I)
-PUBLIC_KEYS = ("name", "labels")
+PUBLIC_KEYS = ("name", "labels", "next")  # a cursor of a list sorted by name has a name
 THREADS = {"ann": 2, "ben": 4}
 SCOPES = ("read", "submit", "cancel")
 PATIENCE_S = 120
-PLACES = ("submitJob", "getLog", "getJob", "listJobs", "of stub", "of path", "of out", "of hook", "webhook")  # where ann finds markers
+PLACES = ("submitJob", "getJob", "of stub", "of path", "of out", "of hook", "webhook")  # where ann finds markers
 ENOUGH = 2000  # operations, for each of these
 PAIRS = 0.02  # of the operations
 OFF = "OFF\n# {}\n4 4 0\n1 1 1\n1 -1 -1\n-1 1 -1\n-1 -1 1\n3 0 1 2\n3 0 3 1\n3 0 2 3\n3 1 3 2\n"
@@ -95,11 +95,11 @@ class Tally:
 
 
 class Shared:
-    """What both know of each other: ids, hashes of uploads, links to directories; and what must stay ann's."""
+    """What both know of each other: ids, hashes of uploads, directories without a marker; and what must stay ann's."""
 
     def __init__(self, base, host):
         self.base, self.host = base, host
-        self.ids, self.uploads, self.links = (collections.deque(maxlen=100) for _ in range(3))
+        self.ids, self.uploads, self.guessed = (collections.deque(maxlen=100) for _ in range(3))
         self.secrets = collections.deque(maxlen=1000)
         self.counter, self.lock = 0, threading.Lock()
 
@@ -168,11 +168,10 @@ class Ann(Account):
         if rng.random() < 0.5:
             queue["webhook"] = f"http://{shared.host}/ann/{shared.secret('hook')}?key={shared.secret('key')}"
         if rng.random() < 0.3:
-            where = shared.base / "outputs" / shared.secret("out")
+            where = shared.base / "outputs" / rng.choice([shared.secret("out"), f"guess{shared.number()}"])
             spec["output"]["directory"] = str(where)
-            link = shared.base / "outputs" / f"link{shared.number()}"
-            link.symlink_to(where)
-            shared.links.append(link)
+            if where.name.startswith("guess"):
+                shared.guessed.append(where)
         spec["queue"] = {**spec.get("queue", {}), **queue}
         return spec
 
@@ -184,8 +183,9 @@ class Ann(Account):
         spec["outcome"] = {"require": {"hex_fraction": -float(f"0.{shared.digits()}")}}
         path = shared.base / "inputs" / "of-ann" / f"{shared.secret('path')}.off"
         if kind.startswith("stub"):
-            spec["attributes"] = [{"from": "geometry", "name": shared.secret("stub")}]
-            spec["surface"] = {"mesh": {"path": str(shared.base / "inputs" / "of-ann" / "any.off")}}
+            path = path.with_name(f"{shared.secret('stub')}.off")
+            path.write_text(OFF.format("any"))
+            spec["surface"] = {"mesh": {"path": str(path)}}
         elif kind == "file":
             path.write_text(OFF.format(shared.secret("file")))
         elif kind == "damaged":
@@ -244,8 +244,8 @@ class Ben(Account):
             queue["webhook"] = f"http://{shared.host}/ben/{shared.number()}"
         if rng.random() < 0.3:
             spec["output"]["directory"] = str(shared.base / "outputs" / f"ben{shared.number()}")
-        elif shared.links and rng.random() < 0.4:
-            spec["output"]["directory"] = str(rng.choice(shared.links))  # one of ann's by another name
+        elif shared.guessed and rng.random() < 0.4:
+            spec["output"]["directory"] = str(rng.choice(shared.guessed))  # one of ann's
         if shared.ids and rng.random() < 0.3:
             queue["after" if rng.random() < 0.5 else "depends_on"] = [rng.choice(shared.ids)]
         spec["queue"] = {**spec.get("queue", {}), **queue}
@@ -262,7 +262,7 @@ class Ben(Account):
 
     def ask_all(self, what, answer, public=False):
         head = f"{answer.status}\n{answer.headers}".encode()
-        self.tally.search(f"{what} headers", head)
+        self.tally.search(f"{what} headers", PUBLIC.sub(b"", head) if what == "listJobs" else head)  # Link has a cursor
         self.tally.search(what, answer.body, public)
 
     def step(self, client):
@@ -416,7 +416,6 @@ def campaign(options, base):
     (base / "secret").chmod(0o600)
     for name in ("of-ann", "of-ben"):
         (base / "inputs" / name).mkdir()
-    (base / "inputs" / "of-ann" / "any.off").write_text(OFF.format("any"))
     daemon.words += ["--webhook_hosts", host, "--webhook_secret_file", base / "secret", "--webhook_tries", "2", "--estimate_timeout_s", "2"]
     tokens = {name: daemon.token(name, SCOPES) for name in ("ann", "ben")}
     shared = Shared(base, host)
