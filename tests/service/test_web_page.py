@@ -117,7 +117,7 @@ def test_jobs_of_others_are_followed(closed_service, browser, tmp_path):  # noqa
     array = {"frames": "1-2", "by_frame": {"/surface/analytic/radius": [1, 1.1]}}
     first, second = (with_token(closed_service, closed_service.token, "POST", "/v1/jobs", spec).json["id"]
                      for spec in (sphere(name="first"), sphere(name="second", queue=array)))
-    browser.wait_text("50 %", "table")
+    browser.wait_text("Running", "table")
     closed_service.open_gate(first)
     browser.wait_text("Done", "table")
     browser.press("second", "table")
