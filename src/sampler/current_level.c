@@ -319,6 +319,7 @@ bool sampler_refine(sampler *s, error *e)
     assert(s->state.level + 1 < plan->count);
     double support = s->state.sigma / s->state.spacing;
     size_t count = plan->particles[++s->state.level];
+    s->state.level_began = s->record.sweep_count;
     const refine_patches patches = {plan->allotments ? &plan->allotments[s->state.level] : NULL,
                                     plan->curves};
     const bool ok =

@@ -97,10 +97,8 @@ static void estimate_fraction(sampler *s, const schedule_evidence *seen)
 {
     const schedule_position at = position(s);
     const size_t count = s->state.p->count;
-    if (s->state.level_of_sweeps != s->state.level) s->state.level_sweeps = 0;
-    s->state.level_of_sweeps = s->state.level;
     s->state.updates += (double)count;
-    const double spent = (double)++s->state.level_sweeps,
+    const double spent = (double)(s->record.sweep_count - s->state.level_began),
                  expected = schedule_expected_sweeps(s->setup.schedule, &at, spent, seen);
     double left = fmax(expected - spent, LEFT_LEAST * expected) * (double)count;
     for (int level = s->state.level + 1; level < s->state.plan.count; level++) {

@@ -64,9 +64,8 @@ typedef struct sampler_state {
     bool pressed;  /* points have come to rest, but as they would be delivered they do not */
     bool coarse;   /* the spacing resolves nothing of the surface: pairs count whatever their normals */
     double fraction;
-    double updates;      /* of particles so far, for the fraction */
-    size_t level_sweeps; /* on the level at hand */
-    int level_of_sweeps; /* which that was */
+    double updates;     /* of particles so far, for the fraction */
+    size_t level_began; /* sweeps before those of the level at hand */
     sampler_outcome outcome;
     struct swarm *swarm; /* of sampler_witkin_heckbert */
 } sampler_state;
