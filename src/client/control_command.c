@@ -16,16 +16,25 @@ static int tell(client *c, const char *id, const char *what, json **document)
     return code;
 }
 
-static int tell_and_print(client *c, const char *id, const char *what, const command_options *options)
+/* Prints the job after the command, and then what `explain` (NULL: nothing) says of it. */
+static int tell_and_explain(client *c, const char *id, const char *what, void (*explain)(json_at job),
+                            const command_options *options)
 {
     json *document = NULL;
     int code = tell(c, id, what, &document);
-    if (code == COMMAND_OK && options->json)
+    if (code == COMMAND_OK && options->json) {
         print_document(document);
-    else if (code == COMMAND_OK)
+    } else if (code == COMMAND_OK) {
         print_job(json_root(document));
+        if (explain) explain(json_root(document));
+    }
     json_free(document);
     return code;
+}
+
+static int tell_and_print(client *c, const char *id, const char *what, const command_options *options)
+{
+    return tell_and_explain(c, id, what, NULL, options);
 }
 
 int command_resume(client *c, const char *argument, const command_options *options)
@@ -46,16 +55,7 @@ static void print_dependents(json_at job)
 int command_retry(client *c, const char *argument, const command_options *options)
 {
     if (!options->dependents) return tell_and_print(c, argument, "/retry", options);
-    json *document = NULL;
-    int code = tell(c, argument, "/retry?dependents=1", &document);
-    if (code == COMMAND_OK && options->json) {
-        print_document(document);
-    } else if (code == COMMAND_OK) {
-        print_job(json_root(document));
-        print_dependents(json_root(document));
-    }
-    json_free(document);
-    return code;
+    return tell_and_explain(c, argument, "/retry?dependents=1", print_dependents, options);
 }
 
 int command_deliver(client *c, const char *argument, const command_options *options)
@@ -84,16 +84,7 @@ static void explain_pause(json_at job)
 
 int command_pause(client *c, const char *argument, const command_options *options)
 {
-    json *document = NULL;
-    int code = tell(c, argument, "/pause", &document);
-    if (code == COMMAND_OK && options->json) {
-        print_document(document);
-    } else if (code == COMMAND_OK) {
-        print_job(json_root(document));
-        explain_pause(json_root(document));
-    }
-    json_free(document);
-    return code;
+    return tell_and_explain(c, argument, "/pause", explain_pause, options);
 }
 
 int command_delete(client *c, const char *argument, const command_options *options)
