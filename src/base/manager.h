@@ -17,7 +17,7 @@ bool manager_is_there(void); /* a manager expects reports */
 
 void manager_tell_ready(void);
 void manager_tell_reloading(void); /* until the next manager_tell_ready */
-/* The start goes on, and may take so many seconds more. */
+/* The start goes on and may take this many seconds more. */
 void manager_tell_starting(double seconds);
 /* The service is ending, which may take so many seconds. */
 void manager_tell_stopping(double seconds);

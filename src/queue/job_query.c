@@ -120,7 +120,7 @@ static const walk *choose_walk(const queue_filter *f)
                                       : ALL][f->rising];
 }
 
-/* The lowest seq of a job of this time or later; 0: unknown, because so many are that looking at each would take long. The
+/* The lowest seq of a job of this time or later; 0: unknown, because there are too many such jobs to look at each. The
  * orders by seq and by time differ where the clock was set back. */
 static bool find_first(queue *q, int64_t since_ms, int64_t *first, error *e)
 {

@@ -30,8 +30,8 @@ struct output_place {
     _Atomic(const char *) unwritable;
 };
 
-/* A look at a directory, by a thread of its own. It outlives who waits for it when the file system does not answer, so
- * it has copies of all texts. */
+/* A look at a directory, by a thread of its own. It outlives the submission that waits for it when the file system does not
+ * answer, so it has copies of all texts. */
 typedef struct look {
     atomic_int *looks; /* the place's, below this root */
     pthread_mutex_t mutex;
@@ -129,7 +129,7 @@ bool output_place_copy(output_place *p, const char *user, const char *from, cons
 
 /* ---- looks at directories */
 
-/* Frees the look when nobody uses it any more. */
+/* Frees the look after its last user has left. */
 static void leave(look *l)
 {
     pthread_mutex_lock(&l->mutex);
@@ -216,7 +216,7 @@ bool output_place_check(output_place *p, const char *user, const char *directory
     size_t root = store_output_root_of(p->outputs, directory);
     bool writable = look_at(p, root, directory, &name, e);
     if (writable && atomic_load(&p->unwritable) == p->outputs->roots[root])
-        output_place_check_roots(p); /* it was mended */
+        output_place_check_roots(p); /* it can be written again */
     bool ok = writable && check_owner(p, user, name, directory, e);
     free(name);
     return ok;

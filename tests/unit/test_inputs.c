@@ -40,7 +40,7 @@ static int tear_down(void **state)
 {
     place *p = *state;
     store_inputs_close(p->inputs);
-    store_remove(p->directory, NULL);
+    assert_true(store_remove(p->directory, NULL));
     free(p->directory);
     free(p);
     return 0;
@@ -53,7 +53,7 @@ static store_upload_verdict begin(const place *p, const char *user, int64_t anno
     return store_upload_begin(p->inputs, hex, user, announced, upload, NULL);
 }
 
-/* Whether the user may send so many bytes now. */
+/* Whether the user may send this many bytes now. */
 static store_upload_verdict ask(const place *p, const char *user, int64_t bytes)
 {
     store_upload *upload = NULL;

@@ -1,4 +1,4 @@
-/* Copies into directories of users: whole whoever copies, and only where no other user has a result. */
+/* Copies into directories of users: they take turns, and fail where another user has a result. */
 #include "queue_place.h"
 
 #include <pthread.h>
