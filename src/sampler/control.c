@@ -17,8 +17,10 @@
 static const double SHRINK_LIMIT = 0.2, SUPPORT_GROWTH = 0.5, SUPPORT_TOLERANCE = 1e-6;
 enum { SUPPORT_STEPS = 6, SUPPORT_BUILDS = 24 };
 
-/* Over the spacing: a smaller support has only pairs that lie all but at one place, whose energy no support lowers. */
-static const double SUPPORT_LEAST = 0.5;
+/* Over the spacing. A smaller support has only pairs of nearly coincident particles, whose energy no support lowers. A larger one
+ * reaches past the second neighbours: the ideal energy is out of reach because few particles have neighbours on their patch, and
+ * the energy under such a support does not keep particles apart. */
+static const double SUPPORT_LEAST = 0.5, SUPPORT_MOST = 3;
 
 /* Of the count: by how much it may miss that which the bound on sigma asks for. With too few particles the
  * energy falls short under that bound, so that no more may be missing than half of energy_tolerance is worth;
@@ -60,7 +62,7 @@ static bool find_support(sampler *s, error *e)
         if (k > 0 || !relax_is_rough(s->scratch.relax))
             s->state.skin = fmax(s->state.skin, SUPPORT_GROWTH * s->state.sigma);
         if (!sampler_build_lists(s, e)) return false;
-        s->state.sigma = fmin(ideal_support(s), bbox_longest(s->setup.scan->box) * 2);
+        s->state.sigma = fmin(ideal_support(s), SUPPORT_MOST * s->state.spacing);
         if (s->state.sigma < SUPPORT_LEAST * s->state.spacing) {
             s->state.sigma = given;
             break;
