@@ -292,11 +292,11 @@ def test_graded_field():
 def test_verdicts():
     bounds = {"some": {"hex_fraction": [">=", 0.9], "lost": ["<=", 0], "exponent": ["within", 0.99, 1.01]}}
     row = {"hex_fraction": 0.95, "lost": 0, "exponent": 1.0, "told_count": 5, "count": 5,
-           "close_share": 0, "coincident": 0, "verdict": ("converged", ()), "parting": {"edge_cv": 0.001, "area_cv": -0.019}}
+           "close_share": 0, "coincident": 0, "verdict": ("converged", ()), "difference": {"edge_cv": 0.001, "area_cv": -0.009}}
     case = {"bounds": "some"}
     assert quality.judge(case, [row, row], bounds) == []
-    assert not quality.parting([row])[1]
-    assert quality.parting([{**row, "parting": {"edge_cv": -0.021}}])[1]
+    assert not quality.differences([row])[1]
+    assert quality.differences([{**row, "difference": {"edge_cv": -0.021}}])[1]
     assert len(quality.judge(case, [row, row, {**row, "lost": 1}], bounds)) == 1
     assert len(quality.judge(case, [{**row, "exponent": 1.02}], bounds)) == 1
     assert len(quality.judge(case, [{**row, "exponent": float("nan")}], bounds)) == 1
