@@ -8,7 +8,6 @@
 #include "config.h"
 
 #include "base/memory.h"
-#include "base/worker_contract.h"
 #include "json/json.h"
 #include "results/own_report.h"
 #include "results/result.h"
@@ -17,7 +16,6 @@
 /* Files changed in this time before the attempt are not trusted: time stamps are coarse, and file servers have clocks
  * of their own. */
 #define CLOCK_DOUBT_MS 2000
-#define REPORT_LIMIT_BYTES (256u << 20)
 
 /* Copies an object without the members that a result does not depend on. */
 static json *copy_without(json_at object, const char *const *members, size_t count)
@@ -116,11 +114,10 @@ static bool is_what_was_read(json_at input, const present *now)
 
 char *cache_describe_inputs(const store_roots *roots, const char *directory, int64_t since_ms)
 {
-    char *path = mem_printf("%s/" WORKER_REPORT_NAME, directory);
-    size_t length = 0;
-    char *text = store_file_read(path, REPORT_LIMIT_BYTES, &length, NULL), *found = NULL;
-    json *report = text ? json_parse(text, length, NULL) : NULL, *list = json_new_array();
-    json_at root = json_root(report), inputs = json_member(&root, "inputs");
+    result r = {0};
+    char *found = NULL;
+    json *document = result_read_short(directory, &r, NULL), *list = json_new_array();
+    json_at root = json_root(document), inputs = json_member(&root, "inputs");
     bool ok = json_type_of(inputs) == JSON_ARRAY;
     for (size_t i = 0; ok && i < json_size(inputs); i++) {
         json_at input = json_element(&inputs, i);
@@ -133,9 +130,8 @@ char *cache_describe_inputs(const store_roots *roots, const char *directory, int
     }
     if (ok) found = json_print(list);
     json_free(list);
-    json_free(report);
-    free(text);
-    free(path);
+    json_free(document);
+    result_clear(&r);
     return found;
 }
 
@@ -172,12 +168,10 @@ static bool link_file(const char *from, const char *to, const char *name, error 
 
 bool cache_link_result(const char *from, const char *to, const char *spec, result *r, error *e)
 {
-    json *report = result_read_report(from, r, e);
-    if (!report) return false;
+    if (!result_read(from, r, e)) return false;
     bool ok = store_directory_create(to, e);
     for (size_t i = 0; ok && i < r->output_count; i++) ok = link_file(from, to, r->output[i].name, e);
-    ok = ok && own_report_write(to, report, spec, e); /* which flushes the directory, too */
-    json_free(report);
+    ok = ok && own_report_copy(from, to, spec, e); /* which flushes the directory, too */
     if (!ok) result_clear(r);
     return ok;
 }

@@ -12,8 +12,6 @@
 #include "results/result.h"
 #include "store/file.h"
 
-/* A report is long, because it has a record per sweep. */
-#define REPORT_LIMIT_BYTES (256u << 20)
 /* Jobs that one transaction puts into the queue. */
 #define AT_ONCE 100
 
@@ -81,10 +79,9 @@ static void remove_job_data(json *spec)
 static bool read_report(const char *directory, bool shared, restored *j, int64_t *finished_ms)
 {
     struct stat info;
-    size_t length = 0;
+    result r = {0};
     char *path = mem_printf("%s/" WORKER_REPORT_NAME, directory);
-    char *text = stat(path, &info) == 0 ? store_file_read(path, REPORT_LIMIT_BYTES, &length, NULL) : NULL;
-    json *report = text ? json_parse(text, length, NULL) : NULL;
+    json *report = stat(path, &info) == 0 ? result_read_report(directory, &r, NULL) : NULL;
     json_at root = json_root(report), spec = json_member(&root, "spec");
     bool ok = json_type_of(spec) == JSON_OBJECT;
     if (ok && shared) remove_job_data(json_find(report, "/spec"));
@@ -101,7 +98,7 @@ static bool read_report(const char *directory, bool shared, restored *j, int64_t
         j->is.memory_mb = integer_of(limits, "memory_mb", 0, INT32_MAX, 0);
     }
     json_free(report);
-    free(text);
+    result_clear(&r);
     free(path);
     return ok;
 }

@@ -1,12 +1,16 @@
 #include "results/own_report.h"
 
+#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "base/log.h"
 #include "base/manager.h"
 #include "base/memory.h"
 #include "base/worker_contract.h"
+#include "json/json.h"
+#include "json/json_copy.h"
 #include "results/result.h"
 #include "store/file.h"
 
@@ -15,20 +19,74 @@
 /* What the service manager grants the start for these: each takes milliseconds on a disk that works. */
 static const double AT_ONCE_S = 60;
 
-bool own_report_write(const char *directory, json *report, const char *spec, error *e)
+/* The spec as a report prints it: a member of the outermost object. NULL: it is not JSON. */
+static char *print_member(const char *spec, error *e)
 {
-    char *path = mem_printf("%s/" WORKER_REPORT_NAME, directory);
+    static const char before[] = "{\n  \"spec\":", after[] = "\n}\n";
     json *own = json_parse(spec, strlen(spec), e);
-    bool ok = own != NULL;
-    if (ok) {
-        json_put(report, "spec", own);
-        char *text = json_print_pretty(report);
-        result_forget_list(directory);
-        ok = store_file_write(path, text, strlen(text), e);
-        if (ok) result_list_long(directory); /* the summary of the other report is of no use here */
-        free(text);
-    }
+    if (!own) return NULL;
+    json *object = json_new_object();
+    json_put(object, "spec", own);
+    char *text = json_print_pretty(object);
+    json_free(object);
+    char *member =
+        mem_printf("%.*s", (int)(strlen(text) - strlen(before) - strlen(after)), text + strlen(before));
+    free(text);
+    return member;
+}
+
+/* Copies the report and replaces its spec. A report without a spec, of another worker than ours, stays without one. */
+static bool copy_report(const char *from, const char *to, const char *spec, error *e)
+{
+    int64_t bytes = 0;
+    size_t replaced = 0;
+    store_file file = {0};
+    char *path = mem_printf("%s/" WORKER_REPORT_NAME, to), *member = print_member(spec, e);
+    int fd = member ? result_open_file(from, WORKER_REPORT_NAME, &bytes, e) : -1;
+    FILE *report = fd >= 0 ? fdopen(fd, "rb") : NULL;
+    bool ok = report && store_file_begin(path, &file, e);
+    if (ok && !json_copy_replacing(report, "spec", member, file.stream, &replaced))
+        ok = ferror(report) || ferror(file.stream)
+                 ? error_set(e, error_code_of_errno(errno), "%s cannot be copied from %s: %m", path, from)
+                 : error_set(e, ERROR_INPUT_DAMAGED, "%s/" WORKER_REPORT_NAME " is not JSON", from);
+    if (ok && replaced > 1)
+        ok = error_set(e, ERROR_INPUT_DAMAGED, "%s/" WORKER_REPORT_NAME " has %zu members \"spec\"", from,
+                       replaced);
+    if (ok) result_forget_list(to);
+    ok = ok && store_file_commit(&file, e);
+    store_file_abort(&file);
+    if (report) fclose(report);
+    free(member);
     free(path);
+    return ok;
+}
+
+/* Writes the summary of the copied report: only the length of the report differs. It is not flushed, as a worker's is not. */
+static void write_summary(const char *to, json *summary)
+{
+    int64_t bytes = 0;
+    int fd = result_open_file(to, WORKER_REPORT_NAME, &bytes, NULL);
+    if (fd < 0) return;
+    close(fd);
+    json_put_integer(summary, "report_bytes", bytes);
+    char *path = mem_printf("%s/" WORKER_SUMMARY_NAME, to), *text = json_print(summary);
+    FILE *file = fopen(path, "we");
+    if (!file || fputs(text, file) < 0)
+        log_write(LOG_LEVEL_WARNING, "%s cannot be written: %m", path); /* the report is read instead */
+    if (file) fclose(file);
+    free(text);
+    free(path);
+}
+
+bool own_report_copy(const char *from, const char *to, const char *spec, error *e)
+{
+    result r = {0};
+    json *document = result_read_short(from, &r, e);
+    bool ok = document && copy_report(from, to, spec, e);
+    if (ok && r.report_bytes >= 0) write_summary(to, document);
+    if (ok && r.report_bytes < 0) result_list_long(to);
+    json_free(document);
+    result_clear(&r);
     return ok;
 }
 
@@ -48,7 +106,7 @@ bool own_report_correct(const char *directory, const char *spec, error *e)
 {
     result r = {0};
     json *report = result_read_report(directory, &r, e);
-    bool ok = report && (!has_other_spec(report, spec) || own_report_write(directory, report, spec, e));
+    bool ok = report && (!has_other_spec(report, spec) || own_report_copy(directory, directory, spec, e));
     json_free(report);
     result_clear(&r);
     return ok;

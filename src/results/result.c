@@ -15,6 +15,7 @@
 #include "base/memory.h"
 #include "base/worker_contract.h"
 #include "json/json.h"
+#include "json/json_copy.h"
 #include "store/file.h"
 
 /* A report has a record per sweep, and a job may ask for a million sweeps. */
@@ -167,86 +168,101 @@ static bool read_report(const char *directory, const json *report, result *r, er
     return true;
 }
 
-/* Blanks the rows of sweeps in the text of a report as workers print it: in reports of earlier versions they are nearly all of it.
- * A line break is in no string, so that this is a member, and the end of its array. */
-static void blank_sweeps(char *text)
+/* The text of a report or summary without its sweeps, which are nearly all of a long report, to be freed; NULL on failure. */
+static char *read_text(const char *directory, const char *name, size_t limit, size_t *length, error *e)
 {
-    static const char begins[] = "\n  \"sweeps\": [", ends[] = "\n  ]";
-    char *from = strstr(text, begins), *to = from ? strstr(from, ends) : NULL;
-    if (!to) return;
-    from += strlen(begins);
-    memset(from, ' ', (size_t)(to - from));
+    int64_t bytes = 0;
+    size_t replaced = 0;
+    char *text = NULL;
+    int fd = result_open_file(directory, name, &bytes, e);
+    if (fd < 0) return NULL;
+    FILE *from = fdopen(fd, "rb"), *to = open_memstream(&text, length);
+    if (!from) close(fd);
+    const bool fits = (uint64_t)bytes <= limit;
+    bool copied = from && to && fits && json_copy_replacing(from, "sweeps", "null", to, &replaced);
+    const bool failed = !from || !to || ferror(from) || ferror(to);
+    if (from) fclose(from);
+    if (to && fclose(to) != 0) copied = false;
+    if (copied) return text;
+    free(text);
+    if (!fits)
+        error_set(e, ERROR_INPUT_DAMAGED, "%s has more than %zu bytes", name, limit);
+    else if (failed)
+        error_set(e, ERROR_INTERNAL, "%s cannot be read", name);
+    else
+        error_set(e, ERROR_INPUT_DAMAGED, "%s is not a JSON object", name);
+    return NULL;
 }
 
-/* The parsed document, to be freed, `whole` or without its sweeps; NULL on failure. */
-static json *read_document(const char *directory, const char *name, size_t limit, bool whole, result *r,
-                           error *e)
+/* The parsed document without its sweeps, to be freed; NULL on failure. */
+static json *read_document(const char *directory, const char *name, size_t limit, result *r, error *e)
 {
-    char *path = mem_printf("%s/%s", directory, name);
     size_t length = 0;
     result read = {0};
-    json *report = NULL;
     error why = {0};
-    char *text = store_file_read(path, limit, &length, &why);
-    if (!text) {
-        error_set(e, is_absence(errno) || errno == EFBIG ? ERROR_INPUT_DAMAGED : ERROR_INTERNAL, "%s",
-                  why.message);
-        goto done;
-    }
-    if (!whole) blank_sweeps(text);
-    report = json_parse(text, length, &why);
+    char *text = read_text(directory, name, limit, &length, e);
+    if (!text) return NULL;
+    json *report = json_parse(text, length, &why);
+    free(text);
     if (!report) {
         error_set(e, ERROR_INPUT_DAMAGED, "%s: %s", name, why.message);
-        goto done;
+        return NULL;
     }
     if (read_report(directory, report, &read, e)) {
         *r = read;
-    } else {
-        result_clear(&read);
-        json_free(report);
-        report = NULL;
+        return report;
     }
-done:
-    free(text);
-    free(path);
-    return report;
+    result_clear(&read);
+    json_free(report);
+    return NULL;
 }
 
 json *result_read_report(const char *directory, result *r, error *e)
 {
-    return read_document(directory, WORKER_REPORT_NAME, REPORT_LIMIT_BYTES, true, r, e);
+    return read_document(directory, WORKER_REPORT_NAME, REPORT_LIMIT_BYTES, r, e);
 }
 
 static bool read_named(const char *directory, const char *name, size_t limit, result *r, error *e)
 {
-    json *report = read_document(directory, name, limit, false, r, e);
+    json *report = read_document(directory, name, limit, r, e);
     json_free(report);
     return report != NULL;
 }
 
 /* The summary has what is read of the report; results of earlier versions and of other workers have none. */
-static bool read_shortest(const char *directory, size_t limit, result *r, error *e)
+static json *read_shortest(const char *directory, size_t limit, result *r, error *e)
 {
     int64_t bytes = 0;
     int report = result_open_file(directory, WORKER_REPORT_NAME, &bytes, e);
-    if (report < 0) return false;
+    if (report < 0) return NULL;
     close(report);
-    if (read_named(directory, WORKER_SUMMARY_NAME, limit, r, NULL)) {
-        if (r->report_bytes == bytes) return true;
-        result_clear(r); /* the report was damaged or replaced */
+    json *summary = read_document(directory, WORKER_SUMMARY_NAME, limit, r, NULL);
+    if (summary && r->report_bytes == bytes) return summary;
+    if (summary) { /* the report was damaged or replaced */
+        json_free(summary);
+        result_clear(r);
     }
-    return read_named(directory, WORKER_REPORT_NAME, limit, r, e);
+    return read_document(directory, WORKER_REPORT_NAME, limit, r, e);
 }
 
-bool result_read(const char *directory, result *r, error *e)
+json *result_read_short(const char *directory, result *r, error *e)
 {
     return read_shortest(directory, REPORT_LIMIT_BYTES, r, e);
 }
 
+bool result_read(const char *directory, result *r, error *e)
+{
+    json *document = result_read_short(directory, r, e);
+    json_free(document);
+    return document != NULL;
+}
+
 bool result_peek(const char *directory, result *r)
 {
-    return read_named(directory, LISTING_NAME, SHORT_REPORT_BYTES, r, NULL) ||
-           read_shortest(directory, SHORT_REPORT_BYTES, r, NULL);
+    if (read_named(directory, LISTING_NAME, SHORT_REPORT_BYTES, r, NULL)) return true;
+    json *document = read_shortest(directory, SHORT_REPORT_BYTES, r, NULL);
+    json_free(document);
+    return document != NULL;
 }
 
 void result_forget_list(const char *directory)

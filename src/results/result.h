@@ -37,8 +37,12 @@ typedef struct result {
  * tells why it could not be read (no descriptors, a disk error); the result may be good. */
 bool result_read(const char *directory, result *r, error *e);
 
-/* Like result_read, and returns the parsed report.json, to be freed; NULL on failure. */
+/* Like result_read, and returns the parsed report.json, to be freed; NULL on failure. Its sweeps are null: a long report
+ * is never in memory as a whole. */
 json *result_read_report(const char *directory, result *r, error *e);
+/* Like result_read, and returns the document that it was read from, to be freed: summary.json, or the report as above.
+ * NULL on failure. */
+json *result_read_short(const char *directory, result *r, error *e);
 
 /* Like result_read, when that takes no time to speak of: the report is short or has a summary. */
 bool result_peek(const char *directory, result *r);

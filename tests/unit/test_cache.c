@@ -6,8 +6,10 @@
 
 #include <fcntl.h>
 #include <inttypes.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -180,6 +182,74 @@ static void test_a_hit_shares_all_files_but_the_report(void **state)
     free(here);
 }
 
+/* A report whose sweeps take 100 MB when they are parsed, in whatever way it is printed. */
+static void put_long_report(const place *p)
+{
+    char *path = mem_printf("%s/report.json", p->result);
+    size_t length = 0;
+    char *text = store_file_read(path, 10000, &length, NULL);
+    FILE *file = fopen(path, "w");
+    assert_non_null(file);
+    fputs("{\"sweeps\": [0", file);
+    for (int i = 0; i < 1500000; i++) fputs(",1", file);
+    fprintf(file, "],%s", text + 1);
+    assert_int_equal(fclose(file), 0);
+    free(text);
+    free(path);
+}
+
+static long peak_kb(void)
+{
+    struct rusage usage;
+    assert_int_equal(getrusage(RUSAGE_SELF, &usage), 0);
+    return usage.ru_maxrss;
+}
+
+static void test_a_long_report_is_not_in_memory_as_a_whole(void **state)
+{
+    place *p = *state;
+    result r = {0};
+    put_long_report(p);
+    long before = peak_kb();
+    char *inputs = cache_describe_inputs(p->roots, p->result, INT64_C(1) << 42);
+    assert_non_null(inputs);
+    assert_true(cache_link_result(p->result, p->target, "{\"name\":\"asking\"}", &r, NULL));
+    assert_true(peak_kb() - before < 32768);
+    char *path = mem_printf("%s/report.json", p->target), *spec = spec_in(p->target);
+    size_t length = 0;
+    char *text = store_file_read(path, 100 << 20, &length, NULL);
+    json *report = json_parse(text, length, NULL);
+    assert_int_equal(json_size((json_at){json_find(report, "/sweeps"), NULL, NULL, 0}), 1500001);
+    assert_string_equal(spec, "{\"name\":\"asking\"}");
+    json_free(report);
+    result_clear(&r);
+    free(inputs);
+    free(spec);
+    free(path);
+    free(text);
+}
+
+static void test_the_report_of_a_hit_has_its_summary(void **state)
+{
+    place *p = *state;
+    result r = {0};
+    struct stat info;
+    char *report = mem_printf("%s/report.json", p->result),
+         *summary = mem_printf("%s/summary.json", p->result);
+    assert_int_equal(stat(report, &info), 0);
+    char *text = mem_printf("{\"outcome\":\"unresolved\",\"count\":8,\"outputs\":[],\"report_bytes\":%lld}",
+                            (long long)info.st_size);
+    put(summary, text);
+    assert_true(cache_link_result(p->result, p->target, "{\"name\":\"asking for more\"}", &r, NULL));
+    result_clear(&r);
+    assert_true(result_read(p->target, &r, NULL));
+    assert_int_equal(r.count, 8); /* the summary's */
+    result_clear(&r);
+    free(text);
+    free(summary);
+    free(report);
+}
+
 static void test_a_report_with_another_spec_is_corrected(void **state)
 {
     place *p = *state;
@@ -222,6 +292,8 @@ int main(void)
         cmocka_unit_test(test_keys),
         cmocka_unit_test_setup_teardown(test_inputs_that_change, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_hit_shares_all_files_but_the_report, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_long_report_is_not_in_memory_as_a_whole, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_the_report_of_a_hit_has_its_summary, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_report_with_another_spec_is_corrected, set_up, tear_down),
     };
     return cmocka_run_group_tests_name("cache", tests, NULL, NULL);

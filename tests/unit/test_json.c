@@ -15,6 +15,7 @@
 
 #include "base/memory.h"
 #include "json/json.h"
+#include "json/json_copy.h"
 
 static void refuse(const char *text, size_t length, const char *words)
 {
@@ -367,9 +368,53 @@ static void test_ill_formed_utf8_is_printed_as_json(void **state)
     }
 }
 
+/* The copy of a text, or NULL when it is refused; to be freed. */
+static char *replace(const char *text, const char *key, const char *value, size_t *replaced)
+{
+    char *copy = NULL;
+    size_t length = 0;
+    FILE *from = fmemopen((void *)(uintptr_t)text, strlen(text), "r"), *to = open_memstream(&copy, &length);
+    assert_true(from && to);
+    bool ok = json_copy_replacing(from, key, value, to, replaced);
+    fclose(from);
+    assert_int_equal(fclose(to), 0);
+    if (ok) return copy;
+    free(copy);
+    return NULL;
+}
+
+static void test_a_copy_replaces_members_of_the_outermost_object_only(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *text, *copy;
+        size_t replaced;
+    } cases[] = {
+        {"{\"a\": {\"a\": [1, \"}\"]}, \"b\": 2}", "{\"a\":7, \"b\": 2}", 1},
+        {"{\"b\":\"a\",\"a\":\"\\\\\\\"},\",\"c\":3}", "{\"b\":\"a\",\"a\":7,\"c\":3}", 1},
+        {"{\"b\":{\"a\":1},\"ab\":1,\"\":1,\"c\":[{\"a\":1}]}",
+         "{\"b\":{\"a\":1},\"ab\":1,\"\":1,\"c\":[{\"a\":1}]}", 0},
+        {"{\"a\":1}\n", "{\"a\":7}\n", 1},
+        {"{\"a\":1,\"a\":[]}", "{\"a\":7,\"a\":7}", 2},
+        {"[\"a\",{\"a\":1}]", "[\"a\",{\"a\":1}]", 0},
+    };
+    static const char *const refused[] = {"1", "{\"a\":1", "{\"a\":[1}]}}", "{\"a\":\"}", "}"};
+    size_t replaced = 0;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char *copy = replace(cases[i].text, "a", "7", &replaced);
+        assert_non_null(copy);
+        assert_string_equal(copy, cases[i].copy);
+        assert_int_equal(replaced, cases[i].replaced);
+        free(copy);
+    }
+    for (size_t i = 0; i < sizeof refused / sizeof *refused; i++)
+        assert_null(replace(refused[i], "a", "7", &replaced));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_a_copy_replaces_members_of_the_outermost_object_only),
         cmocka_unit_test(test_faults_say_where),
         cmocka_unit_test(test_depth_limit),
         cmocka_unit_test(test_every_truncation_is_refused),
