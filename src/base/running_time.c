@@ -19,9 +19,27 @@ static int64_t least(int64_t a, int64_t b)
     return a < b ? a : b;
 }
 
+static int64_t time_between(const running_period *a, const running_period *b)
+{
+    return llabs(b->from_ms - a->from_ms - a->length_ms);
+}
+
+/* Joins two neighbours, those with the least time between them. The joined period begins so early that no running time is
+ * counted that was not there; what began in its later part counts too little, by at most the time between them. */
+static void join_two(running_time *t)
+{
+    running_period *best = t->period;
+    for (running_period *p = t->period + 1; p + 1 < t->period + t->count; p++)
+        if (time_between(p, p + 1) < time_between(best, best + 1)) best = p;
+    best->from_ms = least(best->from_ms, best[1].from_ms - best->length_ms);
+    best->length_ms += best[1].length_ms;
+    memmove(best + 1, best + 2, (size_t)(t->period + t->count - (best + 2)) * sizeof *best);
+    t->count--;
+}
+
 static void begin_period(running_time *t, int64_t from_ms)
 {
-    if (t->count == RUNNING_PERIODS_MOST) memmove(t->period, t->period + 1, --t->count * sizeof *t->period);
+    if (t->count == RUNNING_PERIODS_MOST) join_two(t);
     t->period[t->count++] = (running_period){.from_ms = from_ms};
 }
 

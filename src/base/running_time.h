@@ -6,8 +6,9 @@
  * between two calls. What began before that is kept for at least RUNNING_HOLD_MS after the start or the step.
  *
  * The time is a list of periods. A period begins with a start or a step and ends with the next one. The caller stores
- * the periods and hands them back at the next start. Only the newest RUNNING_PERIODS_MOST are kept; what began before
- * them counts from the beginning of the oldest. Every function looks at the clocks. Any thread may call them.
+ * the periods and hands them back at the next start. Beyond RUNNING_PERIODS_MOST, the two neighbours with the least time
+ * between them become one: no running time is lost, but what began in them may be kept longer, by the time that the program
+ * did not run between them. What began before the oldest counts from its beginning. Every function looks at the clocks. Any thread may call them.
  */
 #ifndef HEXAD_BASE_RUNNING_TIME_H
 #define HEXAD_BASE_RUNNING_TIME_H
@@ -20,7 +21,7 @@
 #define RUNNING_STEP_MS 60000
 /* Time for an operator to notice a wrong clock and to set it right. */
 #define RUNNING_HOLD_MS 3600000
-/* A week of daily restarts, four times. Every look for expired jobs costs a lookup for each. */
+/* A month of daily restarts apart. Every look for expired jobs costs a lookup for each. */
 #define RUNNING_PERIODS_MOST 32
 #define RUNNING_BOUNDS_MOST (RUNNING_PERIODS_MOST + 1)
 

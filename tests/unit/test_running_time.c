@@ -109,18 +109,41 @@ static void test_a_small_step_changes_nothing(void **state)
     running_time_free(t);
 }
 
-static void test_more_starts_than_periods_keep_longer(void **state)
+static void test_more_starts_than_periods_lose_no_running_time(void **state)
 {
     (void)state;
     running_time *t = running_time_new(NULL, 0);
     int64_t began = clock_wall_ms();
-    for (int i = 0; i < 2 * RUNNING_PERIODS_MOST; i++) {
+    const int starts = 4 * RUNNING_PERIODS_MOST;
+    for (int i = 0; i < starts; i++) {
         pass(2 * HOUR);
         t = start_again(t);
     }
     pass(2 * HOUR);
-    assert_true(running_time_is_over(t, began, 2 * HOUR * RUNNING_PERIODS_MOST));
-    assert_false(running_time_is_over(t, began, 2 * HOUR * (RUNNING_PERIODS_MOST + 1)));
+    assert_true(running_time_is_over(t, began, 2 * HOUR * (starts + 1)));
+    assert_false(running_time_is_over(t, began, 2 * HOUR * (starts + 1) + 1000));
+    running_time_free(t);
+}
+
+/* A daemon that is stopped for a minute every day, and once for a month. */
+static void test_daily_starts_keep_longer_by_little_more_than_the_stops(void **state)
+{
+    (void)state;
+    running_time *t = running_time_new(NULL, 0);
+    int64_t began = 0;
+    for (int day = 0; day < 200; day++) {
+        if (day == 90) began = clock_wall_ms();
+        pass(DAY);
+        running_period periods[RUNNING_PERIODS_MOST];
+        size_t count = running_time_list(t, periods);
+        running_time_free(t);
+        pass(day == 150 ? 30 * DAY : 60000);
+        t = running_time_new(periods, count);
+    }
+    pass(HOUR);
+    assert_true(running_time_is_over(t, began, 110 * DAY));
+    assert_false(
+        running_time_is_over(t, began, 110 * DAY + HOUR + 1000)); /* the daemon did not run for longer */
     running_time_free(t);
 }
 
@@ -147,7 +170,8 @@ int main(void)
         cmocka_unit_test(test_a_start_counts_the_time_that_the_program_ran),
         cmocka_unit_test(test_a_clock_that_is_set_back_ends_nothing_early),
         cmocka_unit_test(test_a_small_step_changes_nothing),
-        cmocka_unit_test(test_more_starts_than_periods_keep_longer),
+        cmocka_unit_test(test_more_starts_than_periods_lose_no_running_time),
+        cmocka_unit_test(test_daily_starts_keep_longer_by_little_more_than_the_stops),
         cmocka_unit_test(test_a_clock_set_back_is_seen_once),
     };
     return cmocka_run_group_tests_name("running_time", tests, NULL, NULL);
