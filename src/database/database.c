@@ -67,6 +67,15 @@ void database_unlock(database *d)
     pthread_mutex_unlock(&d->mutex);
 }
 
+bool database_is_busy(database *d)
+{
+    if (pthread_mutex_trylock(&d->line) != 0) return true;
+    bool busy = pthread_mutex_trylock(&d->mutex) != 0;
+    if (!busy) pthread_mutex_unlock(&d->mutex);
+    pthread_mutex_unlock(&d->line);
+    return busy;
+}
+
 sqlite3 *database_connection(database *d)
 {
     return d->connection;

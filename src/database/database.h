@@ -29,6 +29,8 @@ void database_close(database *d); /* accepts NULL */
 
 void database_lock(database *d);
 void database_unlock(database *d);
+/* Whether database_lock would wait now, as it does for a flush to the disk. */
+bool database_is_busy(database *d);
 
 typedef struct change change;
 struct change {

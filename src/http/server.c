@@ -79,6 +79,8 @@ typedef struct exchange {
     bool too_large;         /* the rest of the body is ignored */
     bool answered;          /* what still comes of the body is thrown away */
     bool awaits;            /* the pool has made a provisional answer */
+    bool heard;             /* the pool has called the handler, which waits for something new since `seen` */
+    uint64_t seen;
     bool chunked;
     reply answer;
     reply_receipt *receipt; /* of the answer that is being sent */
@@ -592,9 +594,15 @@ static bool read_body(exchange *x, reply *r)
 static void run_in_pool(thread_pool_work *work)
 {
     exchange *x = (exchange *)(void *)work;
+    wait_list *waiting = x->s->settings.waiting;
+    x->seen = wait_list_seen(waiting);
+    x->request.last = wait_list_is_dismissed(waiting);
+    x->request.pooled = true;
     x->route.found->handler(x->s->settings.context, &x->request, &x->answer);
+    x->request.pooled = false;
     x->awaits = x->answer.provisional;
-    x->answered = !x->awaits;
+    x->heard = !x->answer.status;
+    x->answered = !x->awaits && !x->heard;
     loop_resume(x->s->loop, x->connection);
 }
 
@@ -613,24 +621,44 @@ static size_t weight_of(const exchange *x)
     return x->request.length < HEAVY_BYTES ? 0 : x->request.length;
 }
 
+static void give_to_pool(exchange *x)
+{
+    MHD_suspend_connection(x->connection);
+    x->work = (thread_pool_work){
+        .run = run_in_pool, .refuse = refuse_in_pool, .user = x->caller.user, .weight = weight_of(x)};
+    thread_pool_add(x->s->pool, &x->work);
+}
+
+/* Calls the handler in the serving thread, unless the pool has just called it. */
+static void hear(exchange *x)
+{
+    const server_settings *c = &x->s->settings;
+    http_handler *handler = x->awaits ? x->route.found->awaiting : x->route.found->handler;
+    if (!x->heard) {
+        x->seen = wait_list_seen(c->waiting);
+        x->request.last = wait_list_is_dismissed(c->waiting);
+        handler(c->context, &x->request, &x->answer);
+    }
+    x->heard = false;
+}
+
 /* Calls the handler. False: it has no answer yet, and the connection is suspended. */
 static bool ask_handler(exchange *x)
 {
     const server_settings *c = &x->s->settings;
-    http_handler *handler = x->awaits ? x->route.found->awaiting : x->route.found->handler;
     if (x->route.found->waits && !x->awaits) {
-        MHD_suspend_connection(x->connection);
-        x->work = (thread_pool_work){
-            .run = run_in_pool, .refuse = refuse_in_pool, .user = x->caller.user, .weight = weight_of(x)};
-        thread_pool_add(x->s->pool, &x->work);
+        give_to_pool(x);
         return false;
     }
     for (;;) {
-        uint64_t seen = wait_list_seen(c->waiting);
-        x->request.last = wait_list_is_dismissed(c->waiting);
-        handler(c->context, &x->request, &x->answer);
+        hear(x);
+        if (x->answer.deferred) {
+            x->answer.deferred = false;
+            give_to_pool(x);
+            return false;
+        }
         if (x->answer.status && !x->answer.provisional) return true;
-        if (wait_list_wait(c->waiting, x->s->loop, x->connection, seen, x->answer.topic,
+        if (wait_list_wait(c->waiting, x->s->loop, x->connection, x->seen, x->answer.topic,
                            x->answer.again_ms)) {
             x->request.waited = true;
             return false;

@@ -80,6 +80,11 @@ uint64_t queue_stamp(queue *q, int64_t seq)
     return atomic_load(&q->stamp[(uint64_t)seq % MEMBERS_STAMPS]);
 }
 
+bool queue_is_busy(queue *q)
+{
+    return database_is_busy(q->database);
+}
+
 void queue_signal(queue *q)
 {
     database_signal(q->database);

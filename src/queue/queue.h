@@ -692,4 +692,7 @@ bool queue_end_delivery(queue *q, int64_t number, int64_t again_ms, error *e);
 bool queue_wait(queue *q, uint64_t *seen, int64_t until_ms);
 void queue_signal(queue *q);
 
+/* Whether a function that reads the queue would wait now, because a change is being stored or another thread reads. */
+bool queue_is_busy(queue *q);
+
 #endif

@@ -134,7 +134,7 @@ class Service:
         self.state = self.base / "state"
         self.port_file = self.base / "port"
         self.process = None
-        self.clock = None  # of setclock.py
+        self.clock = None  # of setclock.py, or what else has an `environment` that preloads a library
         self.starts = 0
 
     def start(self, *more):

@@ -2,9 +2,12 @@
 import contextlib
 import hashlib
 import json
+import os
+import shutil
 import socket
 import sqlite3
 import subprocess
+import threading
 
 import pytest
 
@@ -114,6 +117,57 @@ def test_bodies_of_one_user_leave_memory_for_others(closed_service):  # noqa: F8
     held[0].close()
     wait_until(lambda: ask("ann", b" " * 6000 + spec).status == 200, "the room of a body that was given up")
     held[1].close()
+
+
+FLUSHES = """#include <fcntl.h>
+#include <stdlib.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+int fdatasync(int fd)
+{
+    while (access(getenv("HEXAD_TEST_GATE"), F_OK) != 0) {
+        close(open(getenv("HEXAD_TEST_WAITS"), O_WRONLY | O_CREAT | O_CLOEXEC, 0600));
+        usleep(1000);
+    }
+    return (int)syscall(SYS_fdatasync, fd);
+}
+"""
+
+
+class Disk:
+    """One whose flushes end only while there is a file."""
+
+    def __init__(self, where):
+        self.gate, self.waits, library, source = (where / name for name in ("gate", "waits", "flushes.so", "flushes.c"))
+        source.write_text(FLUSHES)
+        subprocess.run(["cc", "-shared", "-fPIC", "-o", library, source], check=True)
+        self.environment = {**os.environ, "LD_PRELOAD": str(library), "HEXAD_TEST_GATE": str(self.gate), "HEXAD_TEST_WAITS": str(self.waits)}
+        self.gate.touch()
+
+
+@pytest.mark.skipif(not shutil.which("cc"), reason="no cc")
+def test_while_a_change_is_flushed_others_are_answered(new_service, tmp_path):
+    """The status of a job is not there before the end of the flush, but it holds up no one."""
+    disk, answers = Disk(tmp_path), []
+    service = new_service()
+    service.clock = disk
+    service.start()
+    job = service.submit(sphere())
+    disk.gate.unlink()
+    submission = threading.Thread(target=lambda: answers.append(service.post("/v1/jobs", sphere()).status))
+    submission.start()
+    wait_until(disk.waits.exists, "a flush")
+    reader = send_head(service, f"GET /v1/jobs/{job} HTTP/1.1", "Prefer: wait=0", "Connection: close")
+    usage = send_head(service, "GET /v1/usage HTTP/1.1", "Connection: close")
+    try:
+        for _ in range(20):  # the others have come before the last of these
+            assert service.get("/healthz").status == 200
+        assert not answers
+    finally:
+        disk.gate.touch()
+    submission.join()
+    assert answers == [201]
+    assert read_all(reader).startswith(b"HTTP/1.1 200 ") and read_all(usage).startswith(b"HTTP/1.1 200 ")
 
 
 SUMMARY_WORKER = """#!/bin/sh
