@@ -6,14 +6,30 @@
 #include <cmocka.h>
 
 #include <dirent.h>
+#include <errno.h>
 #include <pthread.h>
 #include <signal.h>
+#include <sys/file.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include "database/filesystem.h"
+#include "database/lock.h"
 #include "queue_place.h"
+
+/* How often the kernel still says that another process has the lock. */
+static int refusals;
+
+/* Takes the place of the C library's function. */
+int flock(int fd, int operation)
+{
+    if (refusals <= 0) return (int)syscall(SYS_flock, fd, operation);
+    refusals--;
+    errno = EWOULDBLOCK;
+    return -1;
+}
 
 static void *put_one(void *argument)
 {
@@ -706,6 +722,25 @@ static void test_a_second_owner_is_refused(void **state)
 }
 
 /* Another program at the database neither gets in nor makes anybody wait. */
+/* A restart within a second of a kill: the kernel has not ended the killed process yet. */
+static void test_an_owner_that_is_ending_is_waited_for(void **state)
+{
+    (void)state;
+    char base[] = "/tmp/hexad-lock-XXXXXX";
+    error e = {0};
+    bool in_use = false;
+    assert_non_null(mkdtemp(base));
+    refusals = 3;
+    int fd = lock_take(base, NULL, &e);
+    if (fd < 0) fail_msg("%s", e.message);
+    close(fd);
+    refusals = 1;
+    assert_int_equal(lock_take(base, &in_use, NULL), -1); /* one who only looks does not wait */
+    assert_true(in_use);
+    refusals = 0;
+    assert_true(store_remove(base, NULL));
+}
+
 static void test_the_database_has_one_owner(void **state)
 {
     place *p = *state;
@@ -799,6 +834,7 @@ int main(void)
         CASE(test_a_newer_schema_is_refused),
         CASE(test_a_damaged_database_is_refused),
         CASE(test_network_file_systems_are_known),
+        cmocka_unit_test(test_an_owner_that_is_ending_is_waited_for),
         cmocka_unit_test(test_ulids),
     };
     sqlite3_auto_extension((void (*)(void))note_connection);

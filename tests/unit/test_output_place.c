@@ -3,12 +3,42 @@
 
 #include <pthread.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
+#include <time.h>
 #include <unistd.h>
 
+#include "base/log.h"
 #include "results/output_place.h"
 #include "results/result.h"
 
 enum { THREADS = 4, FILES = 3 };
+
+/* A file system that answers no removal until it is let go. */
+static struct {
+    pthread_mutex_t mutex;
+    pthread_cond_t changed;
+    _Atomic bool hangs;
+    int waiting;
+} disk = {.mutex = PTHREAD_MUTEX_INITIALIZER, .changed = PTHREAD_COND_INITIALIZER};
+
+/* Take the place of the C library's functions: while the disk hangs, it seems to have done so for 2 s. */
+int unlinkat(int directory, const char *name, int flags)
+{
+    pthread_mutex_lock(&disk.mutex);
+    disk.waiting++;
+    while (disk.hangs) pthread_cond_wait(&disk.changed, &disk.mutex);
+    disk.waiting--;
+    pthread_cond_broadcast(&disk.changed);
+    pthread_mutex_unlock(&disk.mutex);
+    return (int)syscall(SYS_unlinkat, directory, name, flags);
+}
+
+int clock_gettime(clockid_t clock, struct timespec *now)
+{
+    int failed = (int)syscall(SYS_clock_gettime, clock, now);
+    if (clock == CLOCK_MONOTONIC && disk.hangs) now->tv_sec -= 2;
+    return failed;
+}
 
 typedef struct outputs {
     char *root;
@@ -206,13 +236,36 @@ static void test_a_report_that_no_job_delivered_belongs_to_nobody(void **state)
     end(&o);
 }
 
+static void test_a_file_system_that_does_not_answer_is_unwritable(void **state)
+{
+    place *p = *state;
+    outputs o;
+    begin(&o, p, false);
+    char *to = mem_printf("%s/a", o.root);
+    disk.hangs = true;
+    expect_checked(&o, "ann", to, ERROR_OUTPUT_UNWRITABLE);
+    output_place_check_roots(o.place);
+    assert_string_equal(output_place_unwritable(o.place), o.root);
+    pthread_mutex_lock(&disk.mutex);
+    disk.hangs = false;
+    pthread_cond_broadcast(&disk.changed);
+    while (disk.waiting) pthread_cond_wait(&disk.changed, &disk.mutex);
+    pthread_mutex_unlock(&disk.mutex);
+    expect_checked(&o, "ann", to, ERROR_NONE);
+    assert_null(output_place_unwritable(o.place)); /* it answers again */
+    free(to);
+    end(&o);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         CASE(test_copies_into_one_directory_are_whole_one_after_the_other),
         CASE(test_a_directory_belongs_to_the_user_whose_report_is_there),
         CASE(test_a_report_that_no_job_delivered_belongs_to_nobody),
+        CASE(test_a_file_system_that_does_not_answer_is_unwritable),
     };
     sqlite3_auto_extension((void (*)(void))note_connection);
+    log_set_level(LOG_LEVEL_ERROR); /* a warning is wanted: of the root that is not writable */
     return cmocka_run_group_tests_name("output_place", tests, NULL, NULL);
 }
