@@ -110,8 +110,10 @@ function explain(job, report) {
 }
 
 function Buttons({job, frame, onChange}) {
+  const [others, setOthers] = useState([]); // dependents that were not retried
   const [run, error, busy] = useAction(async (method, path) => {
-    await call(method, `v1/jobs/${job.id}${path}`);
+    const answer = await call(method, `v1/jobs/${job.id}${path}`);
+    setOthers(answer?.dependents?.others ?? []);
     if (method === "DELETE") location.hash = "#/";
     else await onChange();
   });
@@ -122,10 +124,13 @@ function Buttons({job, frame, onChange}) {
     ${!ended && button("Cancel", "/cancel")}
     ${!ended && (job.paused ? button("Resume", "/resume") : button("Pause", "/pause"))}
     ${ended && (job.state !== "succeeded") && button("Retry", "/retry")}
+    ${ended && (job.state !== "succeeded") && button("Retry with dependents", "/retry?dependents=1")}
     ${ended && job.delivery && job.delivery.state !== "pending" && button("Deliver again", "/deliver")}
     ${job.spec && html`<a class="button" href=${`#/submit?from=${job.id}`}>Submit a changed copy</a>`}
     ${ended && html`<button disabled=${busy} onClick=${() => confirm(`Delete ${nameOf(job)} and its results?`) && run("DELETE", "")}>Delete …</button>`}
-  </div><${Trouble} error=${error} />`;
+  </div><${Trouble} error=${error} />
+  ${others.length > 0 && html`<p role="status">${others.length} dependent jobs are not retried: they belong to other users, or depend on
+    another job that failed.</p>`}`;
 }
 
 function Facts({job, now}) {

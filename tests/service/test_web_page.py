@@ -423,6 +423,16 @@ def test_a_result_is_delivered_again(new_service, browser, tmp_path):
                "the copy")
 
 
+def test_a_job_is_retried_with_the_jobs_that_depend_on_it(service, browser):
+    first = service.submit(sphere(sampling={"time_s": 1e-3}))
+    service.wait_state(first, "failed", "timed_out")
+    second = service.submit(sphere(queue={"depends_on": [first]}))
+    before = service.wait_state(second, "failed")["revision"]
+    browser.open(service, f"#/jobs/{first}")
+    browser.press("Retry with dependents")
+    wait_until(lambda: service.job(second)["revision"] > before, "the retry")
+
+
 def test_the_frames_of_an_array(service, browser):
     job = service.submit(sphere(name="film", queue={"frames": "1-3", "by_frame": {"/surface/analytic/radius": [1, 1.1, 1.2]}}))
     service.wait_state(job, "succeeded")
