@@ -223,6 +223,8 @@ class Ann(Account):
         if rng.random() < 0.3:
             name, answer = "submitJob", client.ask("POST", "/v1/jobs", self.spec(), headers=self.headers(
                 self.document["paths"]["/v1/jobs"]["post"]))
+        elif rng.random() < 0.05 and self.own:
+            name, answer = "getJob", client.ask("GET", f"/v1/jobs/{rng.choice(self.own)}")
         else:
             name, answer = self.offered(client)
         self.keep(name, answer)
@@ -272,8 +274,11 @@ class Ben(Account):
             name = rng.choice(["text", "name", "label"])
             cursor, found = "", []
             while cursor is not None:
-                page = client.ask("GET", f"/v1/jobs?{name}={secret}{cursor and '&cursor='}{cursor}").json
-                found, cursor = found + page["jobs"], page["next"]
+                answer = client.ask("GET", f"/v1/jobs?{name}={secret}{cursor and '&cursor='}{cursor}")
+                if answer.status != 200:
+                    self.ask_all("listJobs", answer)
+                    return
+                found, cursor = found + answer.json["jobs"], answer.json["next"]
             if found:
                 self.tally.leak(f"the filter {name}", found[:2])
             return
@@ -296,11 +301,14 @@ def pair(ann, ben, clients, tally, shared):
     seed, count = 10**9 + shared.number(), rng.randrange(40, 80)
     specs = {ann: ann.private(ball(seed, count)), ben: ben.private(ball(seed, count))}
     specs[ben]["queue"] = {"labels": ["of-ben"]}
+    for spec in specs.values():
+        spec["queue"]["priority"] = 100  # before all others, which may wait for longer than PATIENCE_S
     order, at_once, jobs, reports, points = rng.sample([ann, ben], 2), rng.random() < 0.3, {}, {}, {}
     for user in order:
         made = clients[user].ask("POST", "/v1/jobs", specs[user])
-        if made.status == 409 and user is ben:  # the directory is ann's
-            ben.ask_all("pair", made)
+        if made.status == 409:  # another job has delivered into the directory since it was chosen
+            if user is ben:
+                ben.ask_all("pair", made)
             return
         if made.status != 201:
             raise ValueError(f"{user.name}: {made.status} {made.body[:500]!r}")
