@@ -158,7 +158,7 @@ def test_while_a_change_is_flushed_others_are_answered(new_service, tmp_path):
     submission.start()
     wait_until(disk.waits.exists, "a flush")
     reader = send_head(service, f"GET /v1/jobs/{job} HTTP/1.1", "Prefer: wait=0", "Connection: close")
-    usage = send_head(service, "GET /v1/usage HTTP/1.1", "Connection: close")
+    more = [send_head(service, f"GET {path} HTTP/1.1", "Connection: close") for path in ("/v1/usage", "/v1/events?after=0", f"/v1/jobs/{job}/events")]
     try:
         for _ in range(20):  # the others have come before the last of these
             assert service.get("/healthz").status == 200
@@ -167,7 +167,8 @@ def test_while_a_change_is_flushed_others_are_answered(new_service, tmp_path):
         disk.gate.touch()
     submission.join()
     assert answers == [201]
-    assert read_all(reader).startswith(b"HTTP/1.1 200 ") and read_all(usage).startswith(b"HTTP/1.1 200 ")
+    for one in (reader, *more):
+        assert read_all(one).startswith(b"HTTP/1.1 200 ")
 
 
 SUMMARY_WORKER = """#!/bin/sh
