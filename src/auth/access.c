@@ -24,21 +24,24 @@ typedef struct numbers {
     size_t count;
 } numbers;
 
-struct access_control {
+/* Who may use the Unix socket. */
+typedef struct peers {
     numbers users, groups, admins;
+} peers;
+
+struct access_control {
     bool open_tcp;
     session_key key; /* without a cookie's name: there are no sessions */
     int64_t session_ms;
     running_time *running;
     char *token_file;
     pthread_mutex_t mutex; /* for what follows */
+    peers peers;
     token_set tokens;
     uint64_t generation;
     bool troubled;    /* the log says that the file cannot be read */
     struct stat seen; /* of the file that the tokens are from; zero: there was none */
 };
-
-typedef bool resolver(const char *name, unsigned *number);
 
 static bool resolve_user(const char *name, unsigned *number)
 {
@@ -58,22 +61,45 @@ static bool resolve_group(const char *name, unsigned *number)
     return true;
 }
 
-static bool resolve(const access_names *names, const char *what, resolver *by_name, numbers *out, error *e)
+static bool resolve(const char *name, bool group, unsigned *number, error *e)
+{
+    char *end = NULL;
+    unsigned long read = strtoul(name, &end, 10);
+    if (isdigit((unsigned char)*name) && !*end && read < (unsigned)-1) {
+        *number = (unsigned)read;
+        return true;
+    }
+    if ((group ? resolve_group : resolve_user)(name, number)) return true;
+    return error_set(e, ERROR_SPEC_INVALID, "the %s %s does not exist: `getent %s` lists those that do",
+                     group ? "group" : "user", name, group ? "group" : "passwd");
+}
+
+static bool resolve_all(const access_names *names, bool group, numbers *out, error *e)
 {
     out->item = mem_alloc(names->count * sizeof *out->item);
-    for (size_t i = 0; i < names->count; i++) {
-        char *end = NULL;
-        const char *name = names->item[i];
-        unsigned long number = strtoul(name, &end, 10);
-        bool numeric = isdigit((unsigned char)*name) && !*end && number < (unsigned)-1;
-        if (numeric)
-            out->item[out->count++] = (unsigned)number;
-        else if (by_name(name, &out->item[out->count]))
-            out->count++;
-        else
-            return error_set(e, ERROR_SPEC_INVALID, "the %s %s does not exist", what, name);
-    }
+    for (; out->count < names->count; out->count++)
+        if (!resolve(names->item[out->count], group, &out->item[out->count], e)) return false;
     return true;
+}
+
+static void peers_clear(peers *p)
+{
+    free(p->users.item);
+    free(p->groups.item);
+    free(p->admins.item);
+}
+
+static bool peers_read(const access_names *users, const access_names *groups, const access_names *admins,
+                       peers *out, error *e)
+{
+    peers read = {0};
+    if (resolve_all(users, false, &read.users, e) && resolve_all(groups, true, &read.groups, e) &&
+        resolve_all(admins, false, &read.admins, e)) {
+        *out = read;
+        return true;
+    }
+    peers_clear(&read);
+    return false;
 }
 
 static bool holds(const numbers *n, unsigned number)
@@ -121,9 +147,7 @@ access_control *access_open(const access_settings *settings, error *e)
     a->running = settings->running;
     a->token_file = mem_strdup(settings->token_file);
     if ((!settings->session_key_file || session_key_open(settings->session_key_file, &a->key, e)) &&
-        resolve(&settings->users, "user", resolve_user, &a->users, e) &&
-        resolve(&settings->groups, "group", resolve_group, &a->groups, e) &&
-        resolve(&settings->admins, "user", resolve_user, &a->admins, e) && refresh(a, e))
+        peers_read(&settings->users, &settings->groups, &settings->admins, &a->peers, e) && refresh(a, e))
         return a;
     access_close(a);
     return NULL;
@@ -134,11 +158,28 @@ void access_close(access_control *a)
     if (!a) return;
     token_set_clear(&a->tokens);
     pthread_mutex_destroy(&a->mutex);
-    free(a->users.item);
-    free(a->groups.item);
-    free(a->admins.item);
+    peers_clear(&a->peers);
     free(a->token_file);
     free(a);
+}
+
+bool access_change_users(access_control *a, const access_names *users, const access_names *groups,
+                         const access_names *admins, error *e)
+{
+    peers fresh;
+    if (!peers_read(users, groups, admins, &fresh, e)) return false;
+    pthread_mutex_lock(&a->mutex);
+    peers former = a->peers;
+    a->peers = fresh;
+    pthread_mutex_unlock(&a->mutex);
+    peers_clear(&former);
+    return true;
+}
+
+bool access_check_name(const char *name, bool group, error *e)
+{
+    unsigned number;
+    return resolve(name, group, &number, e);
 }
 
 bool access_has_tokens(access_control *a)
@@ -149,19 +190,20 @@ bool access_has_tokens(access_control *a)
     return some;
 }
 
-/* Whether the process that connected was in one of the groups. */
+/* Whether the process that connected was in one of the groups. Held: the mutex. */
 static bool in_groups(const access_control *a, int fd, gid_t primary)
 {
     gid_t groups[1024]; /* of NGROUPS_MAX there are more; whoever has so many is let in by name */
     socklen_t size = sizeof groups;
-    if (holds(&a->groups, primary)) return true;
-    if (!a->groups.count || getsockopt(fd, SOL_SOCKET, SO_PEERGROUPS, groups, &size) != 0) return false;
+    const numbers *allowed = &a->peers.groups;
+    if (holds(allowed, primary)) return true;
+    if (!allowed->count || getsockopt(fd, SOL_SOCKET, SO_PEERGROUPS, groups, &size) != 0) return false;
     for (size_t i = 0; i < size / sizeof *groups; i++)
-        if (holds(&a->groups, groups[i])) return true;
+        if (holds(allowed, groups[i])) return true;
     return false;
 }
 
-static void name_user(uid_t uid, char user[ACCESS_USER_SIZE])
+void access_name_user(uid_t uid, char user[ACCESS_USER_SIZE])
 {
     char room[NAME_BYTES];
     struct passwd record, *found = NULL;
@@ -189,11 +231,13 @@ void access_look(access_control *a, int fd, access_peer *peer)
     }
     if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &who, &size) != 0) return;
     peer->uid = who.uid;
-    if (who.uid == 0 || who.uid == geteuid() || holds(&a->admins, who.uid))
+    pthread_mutex_lock(&a->mutex);
+    if (who.uid == 0 || who.uid == geteuid() || holds(&a->peers.admins, who.uid))
         peer->scopes = SCOPE_ALL;
-    else if (holds(&a->users, who.uid) || in_groups(a, fd, who.gid))
+    else if (holds(&a->peers.users, who.uid) || in_groups(a, fd, who.gid))
         peer->scopes = SCOPE_USER;
-    if (peer->scopes) name_user(who.uid, peer->user);
+    pthread_mutex_unlock(&a->mutex);
+    if (peer->scopes) access_name_user(who.uid, peer->user);
 }
 
 static void take_rights(const access_control *a, const token *t, access_caller *caller)

@@ -9,6 +9,8 @@
  * A browser shows its token once and gets a session (auth/session.h), which it shows over TCP from then on. A session
  * may do what its token may do, and ends with it.
  *
+ * access_change_users replaces users, groups and admins: new connections are looked up among these.
+ *
  * The token file is read again when it has changed. While it cannot be read, all tokens are unknown. Any
  * thread.
  */
@@ -50,6 +52,13 @@ typedef struct access_settings {
 access_control *access_open(const access_settings *settings, error *e);
 void access_close(access_control *a); /* accepts NULL */
 
+/* Users, groups and admins as in access_settings; an error (spec_invalid) changes nothing. */
+bool access_change_users(access_control *a, const access_names *users, const access_names *groups,
+                         const access_names *admins, error *e);
+
+/* Whether there is the user, or the group: a name or any number. An error: spec_invalid. */
+bool access_check_name(const char *name, bool group, error *e);
+
 bool access_has_tokens(access_control *a);
 
 /* What is known about a connection before its first request. */
@@ -59,6 +68,9 @@ typedef struct access_peer {
     unsigned scopes;             /* without a token */
     char user[ACCESS_USER_SIZE]; /* "" for an unknown one */
 } access_peer;
+
+/* The name of a user; uid:NUMBER where there is none. */
+void access_name_user(uid_t uid, char user[ACCESS_USER_SIZE]);
 
 /* Asks the kernel about a connected socket. */
 void access_look(access_control *a, int fd, access_peer *peer);

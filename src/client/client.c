@@ -1,13 +1,18 @@
 #include "client/client.h"
 
+#include <errno.h>
+#include <pwd.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <curl/curl.h>
 
 #include "base/memory.h"
 
 #define HTTPS "https://"
+#define UNIX "unix:"
 #define CONNECT_TIMEOUT_S 5L
 /* A reply that stands still for that long is given up. */
 #define STALL_TIMEOUT_S 60L
@@ -31,7 +36,7 @@ typedef struct buffer {
 
 client *client_open(const char *server, const char *token, const char *authorities, error *e)
 {
-    const char *unix_path = strncmp(server, "unix:", 5) == 0 ? server + 5 : NULL;
+    const char *unix_path = strncmp(server, UNIX, strlen(UNIX)) == 0 ? server + strlen(UNIX) : NULL;
     if (!unix_path && strncmp(server, "http://", 7) != 0 && strncmp(server, HTTPS, strlen(HTTPS)) != 0) {
         error_set(e, ERROR_SPEC_INVALID,
                   "server %s: must be unix:/path, http://HOST:PORT or https://HOST:PORT", server);
@@ -129,6 +134,44 @@ static bool answers_without_tls(const client *c)
     return status == 200;
 }
 
+/* The user of this process: the name, or the number where it has none. */
+static void name_self(char name[64])
+{
+    char room[16384];
+    struct passwd record, *found = NULL;
+    if (getpwuid_r(geteuid(), &record, room, sizeof room, &found) == 0 && found)
+        snprintf(name, 64, "%s", found->pw_name);
+    else
+        snprintf(name, 64, "%u", (unsigned)geteuid());
+}
+
+/* A Unix socket that this user may not connect to: it is not the socket of the user, or not in reach. */
+static bool explain_refusal(const client *c, error *e)
+{
+    struct stat info;
+    char name[64];
+    name_self(name);
+    if (stat(c->server + strlen(UNIX), &info) == 0)
+        return error_set(e, ERROR_INTERNAL, "%s: the user %s may not connect: as root type hexad --allow %s",
+                         c->server, name, name);
+    return error_set(
+        e, ERROR_INTERNAL,
+        "%s: the user %s may not enter the directory of this socket: the settings listen and unix_users of"
+        " its hexad let others in",
+        c->server, name);
+}
+
+static bool explain_no_connection(const client *c, CURLcode code, error *e)
+{
+    long number = 0; /* curl's own words name a port even of a Unix socket */
+    curl_easy_getinfo(c->curl, CURLINFO_OS_ERRNO, &number);
+    if (number == EACCES && strncmp(c->server, UNIX, strlen(UNIX)) == 0) return explain_refusal(c, e);
+    return error_set(
+        e, ERROR_INTERNAL,
+        "%s: no server answers (%s): start hexad, or name its address with --server or HEXAD_SERVER",
+        c->server, number ? strerror((int)number) : curl_easy_strerror(code));
+}
+
 static bool perform(client *c, const char *path, long *status, error *e)
 {
     char *url = mem_printf("%s%s", c->base, path);
@@ -136,14 +179,7 @@ static bool perform(client *c, const char *path, long *status, error *e)
     curl_easy_setopt(c->curl, CURLOPT_URL, url);
     CURLcode code = curl_easy_perform(c->curl);
     free(url);
-    if (code == CURLE_COULDNT_CONNECT) {
-        long number = 0; /* curl's own words name a port even of a Unix socket */
-        curl_easy_getinfo(c->curl, CURLINFO_OS_ERRNO, &number);
-        return error_set(
-            e, ERROR_INTERNAL,
-            "%s: no server answers (%s): start hexad, or name its address with --server or HEXAD_SERVER",
-            c->server, number ? strerror((int)number) : curl_easy_strerror(code));
-    }
+    if (code == CURLE_COULDNT_CONNECT) return explain_no_connection(c, code, e);
     if (code == CURLE_SSL_CONNECT_ERROR && answers_without_tls(c))
         return error_set(
             e, ERROR_INTERNAL,
@@ -170,7 +206,9 @@ static bool perform_for_reply(client *c, const char *path, buffer *b, client_rep
 {
     long status = 0;
     bool ok = perform(c, path, &status, e);
-    if (ok) *reply = (client_reply){status, b->text ? json_parse(b->text, b->length, NULL) : NULL};
+    if (ok)
+        *reply = (client_reply){status, b->text ? json_parse(b->text, b->length, NULL) : NULL,
+                                strncmp(c->server, UNIX, strlen(UNIX)) == 0};
     free(b->text);
     return ok;
 }

@@ -15,6 +15,7 @@ typedef struct client client;
 typedef struct client_reply {
     long status;
     json *document; /* NULL when the body is not JSON */
+    bool local;     /* over a Unix socket */
 } client_reply;
 
 /* `server` is unix:/path, http://HOST:PORT or https://HOST:PORT (of a proxy); an error (spec_invalid) for

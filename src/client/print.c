@@ -44,11 +44,12 @@ int print_refused_spec(const client_reply *reply, const char *file)
     json_at root = json_root(reply->document), errors = json_member(&root, "errors");
     char status[32];
     snprintf(status, sizeof status, "the server answered %ld", reply->status);
-    if (reply->status == 401) {
-        const char *token = getenv("HEXAD_TOKEN");
+    const char *token = getenv("HEXAD_TOKEN");
+    bool has_token = token && *token;
+    if (reply->status == 401 && (has_token || !reply->local)) { /* a Unix socket's answer says what to do */
         print_failure("%s: \"hexadctl token add USER\" makes one on the machine of the server",
-                      token && *token ? "the server does not know the token in HEXAD_TOKEN, or it was revoked"
-                                      : "the server needs a token, and HEXAD_TOKEN holds none");
+                      has_token ? "the server does not know the token in HEXAD_TOKEN, or it was revoked"
+                                : "the server needs a token, and HEXAD_TOKEN holds none");
         return COMMAND_USAGE;
     }
     fputs("hexadctl: ", stderr);

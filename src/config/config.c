@@ -205,6 +205,49 @@ static bool is_action(const char *text, config_action *action)
     return false;
 }
 
+/* Options that are actions with a value, which they keep. */
+static const struct value_action {
+    const char *name;
+    config_action action;
+    size_t offset; /* in config */
+    const char *expected;
+} value_actions[] = {
+    {"backup", CONFIG_BACKUP, offsetof(config, backup), "a file"},
+    {"allow", CONFIG_ALLOW, offsetof(config, admit), "a user or @GROUP"},
+    {"deny", CONFIG_DENY, offsetof(config, admit), "a user or @GROUP"},
+};
+
+static bool is_named(const char *key, size_t length, const char *name)
+{
+    return strlen(name) == length && memcmp(key, name, length) == 0;
+}
+
+static const struct value_action *find_value_action(const char *key, size_t length)
+{
+    for (size_t i = 0; i < sizeof value_actions / sizeof *value_actions; i++)
+        if (is_named(key, length, value_actions[i].name)) return &value_actions[i];
+    return NULL;
+}
+
+static bool take_action(config *c, const struct value_action *a, const char *value, config_action *action,
+                        error *e)
+{
+    char **kept = (char **)((char *)c + a->offset);
+    if (!*value || strcmp(value, "@") == 0)
+        return error_set(e, ERROR_SPEC_INVALID, "--%s has no value: name %s", a->name, a->expected);
+    if (*kept) return error_set(e, ERROR_SPEC_INVALID, "--%s is given with two values: name one", a->name);
+    *kept = mem_strdup(value);
+    *action = a->action;
+    return true;
+}
+
+static bool take_file(source *s, const char *path)
+{
+    free(s->c->file);
+    s->c->file = mem_strdup(path);
+    return read_file(s->c, path, s->e);
+}
+
 /* Called twice for the command line: first for the files, then for the options, which take precedence. */
 static bool read_options(int argc, char *const *argv, bool files, source *s, config_action *action)
 {
@@ -213,16 +256,14 @@ static bool read_options(int argc, char *const *argv, bool files, source *s, con
         size_t length = 0;
         if (is_action(argv[i], action)) continue;
         if (!split_option(argc, argv, &i, &key, &length, &value, s->e)) return false;
-        if (length == 6 && memcmp(key, "config", 6) == 0) {
-            if (files && !read_file(s->c, value, s->e)) return false;
+        if (is_named(key, length, "config")) {
+            if (files && !take_file(s, value)) return false;
             continue;
         }
         if (files) continue;
-        if (length == 6 && memcmp(key, "backup", 6) == 0) {
-            if (!*value) return error_set(s->e, ERROR_SPEC_INVALID, "--backup has no value: name a file");
-            free(s->c->backup);
-            s->c->backup = mem_strdup(value);
-            *action = CONFIG_BACKUP;
+        const struct value_action *a = find_value_action(key, length);
+        if (a) {
+            if (!take_action(s->c, a, value, action, s->e)) return false;
             continue;
         }
         const config_row *row = find_row(key, length);
@@ -304,8 +345,7 @@ void config_take_over(config *c, config *fresh)
         void *at = (char *)c + row->offset;
         void *from = (char *)fresh + row->offset;
         if (are_equal(row, at, from)) continue;
-        /* others hold pointers into texts */
-        assert(!row->reloads || (row->type != CONFIG_TEXT && row->type != CONFIG_LIST));
+        assert(!row->reloads || row->type != CONFIG_TEXT); /* others hold pointers into texts */
         if (row->reloads) swap(at, from, size_of(row->type));
         log_write(row->reloads ? LOG_LEVEL_INFO : LOG_LEVEL_WARNING, "setting %s %s", row->key,
                   row->reloads ? "has changed" : "has changed in the file; a restart applies it");
@@ -319,7 +359,9 @@ void config_clear(config *c)
         if (config_table[i].type == CONFIG_TEXT) free(*(char **)at);
         if (is_list(&config_table[i])) list_clear(at);
     }
+    free(c->file);
     free(c->backup);
+    free(c->admit);
     *c = (config){0};
 }
 
@@ -380,32 +422,41 @@ static void print_facts(FILE *file, const char *prefix, const config_row *row)
 
 void config_print_help(FILE *file)
 {
-    fputs("usage: hexad [--config FILE] [--KEY VALUE]...\n"
-          "       hexad [--config FILE] [--KEY VALUE]... --backup FILE | --check\n"
-          "\n"
-          "Serves sampling jobs over HTTP, keeps them in a durable queue and runs each in a worker\n"
-          "process. SIGTERM and SIGINT stop it after a drain, with exit status 0; a second one stops\n"
-          "it at once. SIGHUP reloads the settings.\n"
-          "\n"
-          "  --config FILE    reads settings from a file (etc/hexad.conf explains each)\n"
-          "  --adopt          for one start: takes over the database in state_dir from another instance, or\n"
-          "                   creates a new one where it is lost, and registers results that it lacks\n"
-          "  --backup FILE    copies the queue's database to FILE, replacing it, and checks the"
-          " copy. It works\n"
-          "                   whether hexad runs or not. A running hexad is found at $HEXAD_SERVER,\n"
-          "                   otherwise where the settings say; over TCP it needs a token of the scope\n"
-          "                   admin in $HEXAD_TOKEN\n"
-          "  --check          checks the database for damage and, when hexad does not run, the results of\n"
-          "                   all jobs. It changes nothing and prints a line for each fault\n"
-          "  --print-config   prints a sample of the settings file\n"
-          "  --help           prints this text\n"
-          "  --version        prints the version\n"
-          "\n"
-          "Exit status: 0 drained, 1 failure, 2 bad settings. Of --backup: 0 done, 1 failure, and FILE is\n"
-          "unchanged. Of --check: 0 no fault, 1 a fault was found, or the check could not be made.\n"
-          "\n"
-          "Settings, as options and as keys of the file; options take precedence:\n",
-          file);
+    fputs(
+        "usage: hexad [--config FILE] [--KEY VALUE]...\n"
+        "       hexad [--config FILE] [--KEY VALUE]... --backup FILE | --check\n"
+        "       hexad [--config FILE] --allow USER|@GROUP | --deny USER|@GROUP\n"
+        "\n"
+        "Serves sampling jobs over HTTP, keeps them in a durable queue and runs each in a worker\n"
+        "process. SIGTERM and SIGINT stop it after a drain, with exit status 0; a second one stops\n"
+        "it at once. SIGHUP reloads the settings.\n"
+        "\n"
+        "  --config FILE    reads settings from a file (etc/hexad.conf explains each)\n"
+        "  --adopt          for one start: takes over the database in state_dir from another instance, or\n"
+        "                   creates a new one where it is lost, and registers results that it lacks\n"
+        "  --backup FILE    copies the queue's database to FILE, replacing it, and checks the"
+        " copy. It works\n"
+        "                   whether hexad runs or not. A running hexad is found at $HEXAD_SERVER,\n"
+        "                   otherwise where the settings say; over TCP it needs a token of the scope\n"
+        "                   admin in $HEXAD_TOKEN\n"
+        "  --check          checks the database for damage and, when hexad does not run, the results of\n"
+        "                   all jobs. It changes nothing and prints a line for each fault\n"
+        "  --allow USER     lets a user, or the members of a @GROUP, use the Unix socket of the service that\n"
+        "                   systemd runs. As root it adds the name to unix_users or unix_groups of FILE\n"
+        "                   (default: " HEXAD_SYSCONFDIR "/hexad.conf), writes the drop-in\n"
+        "                   hexad.socket.d/allow.conf, has systemd read both, and prints each step. It can\n"
+        "                   be repeated\n"
+        "  --deny USER      undoes --allow\n"
+        "  --print-config   prints a sample of the settings file\n"
+        "  --help           prints this text\n"
+        "  --version        prints the version\n"
+        "\n"
+        "Exit status: 0 drained, 1 failure, 2 bad settings. Of --backup: 0 done, 1 failure, and FILE is\n"
+        "unchanged. Of --check: 0 no fault, 1 a fault was found, or the check could not be made.\n"
+        "Of --allow and --deny: 0 done, 1 failure, 2 a name that does not exist or bad settings.\n"
+        "\n"
+        "Settings, as options and as keys of the file; options take precedence:\n",
+        file);
     for (size_t i = 0; i < config_table_size; i++) {
         const config_row *row = &config_table[i];
         fprintf(file, "\n  --%s\n", row->key);

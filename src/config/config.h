@@ -5,7 +5,7 @@
  * follow from it. Each key is a key of the file and an option, `--key VALUE` or `--key=VALUE`, with `-` and
  * `_` alike; an option takes precedence over the file. One thread reads the settings at the start. Afterwards
  * only config_take_over changes them, and only settings whose row says so (`reloads`): numbers, the log level
- * and words, of which the rest of the program keeps copies, but not texts, to which it keeps pointers.
+ * and lists of which the rest of the program keeps copies, but not texts, to which it keeps pointers.
  */
 #ifndef HEXAD_CONFIG_CONFIG_H
 #define HEXAD_CONFIG_CONFIG_H
@@ -78,7 +78,10 @@ typedef struct config {
     int64_t webhook_calls, webhook_tries;
     double webhook_timeout_s, webhook_retry_s, webhook_retry_most_s, webhook_retry_after_s;
     log_level log_level;
-    char *backup; /* not a setting: with CONFIG_BACKUP the file to write; otherwise NULL */
+    /* Not settings; NULL when the command line does not give them. */
+    char *file;   /* the last --config */
+    char *backup; /* with CONFIG_BACKUP: the file to write */
+    char *admit;  /* with CONFIG_ALLOW and CONFIG_DENY: a user or @GROUP, not empty */
 } config;
 
 typedef enum config_action {
@@ -88,7 +91,9 @@ typedef enum config_action {
     CONFIG_VERSION,
     CONFIG_SAMPLE,
     CONFIG_BACKUP,
-    CONFIG_CHECK
+    CONFIG_CHECK,
+    CONFIG_ALLOW,
+    CONFIG_DENY
 } config_action;
 
 /* Reads the defaults, then the file that `--config FILE` names, then the options. On failure an error (code

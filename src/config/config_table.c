@@ -13,13 +13,16 @@ const config_row config_table[] = {
          "$RUNTIME_DIRECTORY (set by systemd), otherwise in state_dir. On a Unix socket the caller is the "
          "user whose process connects. A TCP port needs tokens (see token_file and tcp_without_tokens) "
          "and is not encrypted. Port 0 takes a free port; port_file tells which."},
-    {SETTING(unix_users), .type = CONFIG_LIST,
-     .help = "Users, by name or number, who may read, submit and cancel on the Unix socket; separated by "
-             "colons or commas. The service's own user and root are administrators. Other users cannot "
-             "reach a socket in state_dir: set listen to one in a directory that they can reach."},
-    {SETTING(unix_groups), .type = CONFIG_LIST,
+    {SETTING(unix_users), .type = CONFIG_LIST, .reloads = true,
+     .help =
+         "Users, by name or number, who may read, submit and cancel on the Unix socket; separated by "
+         "colons or commas. The service's own user and root are administrators. Other users cannot "
+         "reach a socket in state_dir: set listen to one in a directory that they can reach. hexad --allow "
+         "adds a user here, and opens the socket of hexad.socket."},
+    {SETTING(unix_groups), .type = CONFIG_LIST, .reloads = true,
      .help = "Groups whose members may do what unix_users may do."},
-    {SETTING(unix_admins), .type = CONFIG_LIST, .help = "Users who are administrators on the Unix socket."},
+    {SETTING(unix_admins), .type = CONFIG_LIST, .reloads = true,
+     .help = "Users who are administrators on the Unix socket."},
     {SETTING(token_file), .type = CONFIG_TEXT,
      .help =
          "The file of bearer tokens, which hexadctl token writes; it holds only their hashes. Its mode is "

@@ -11,9 +11,13 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include "base/log.h"
 #include "base/memory.h"
 
 #define BACKLOG 1024
+
+/* Of a socket; with SHARED_MODE all users may connect, since the kernel tells who does. */
+enum { OWN_MODE = 0700, SHARED_MODE = 0666 };
 
 static bool fail(error *e, const char *where, const char *what)
 {
@@ -131,8 +135,7 @@ static bool open_unix(const char *where, bool shared, listen_socket *s, error *e
     int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
     if (fd < 0) return fail(e, where, "socket");
     bool ok = bind_and_listen(fd, (struct sockaddr *)&address, sizeof address, where, e);
-    /* the kernel tells who connects, so all may */
-    if (ok && shared && chmod(path, 0666) != 0) ok = fail(e, where, "chmod");
+    if (ok && shared && chmod(path, SHARED_MODE) != 0) ok = fail(e, where, "chmod");
     if (!ok) {
         close(fd);
         return false;
@@ -144,6 +147,12 @@ static bool open_unix(const char *where, bool shared, listen_socket *s, error *e
 bool listen_open(const char *where, bool shared, listen_socket *s, error *e)
 {
     return strncmp(where, "unix:", 5) == 0 ? open_unix(where, shared, s, e) : open_tcp(where, s, e);
+}
+
+void listen_share(const listen_socket *s, bool shared)
+{
+    if (s->unix_path && chmod(s->unix_path, shared ? SHARED_MODE : OWN_MODE) != 0)
+        log_write(LOG_LEVEL_ERROR, "%s cannot get another mode: %s", s->unix_path, strerror(errno));
 }
 
 bool listen_adopt(int fd, listen_socket *s, error *e)

@@ -278,11 +278,27 @@ static bool refuse_connection(exchange *x, reply *r)
     return true;
 }
 
-static void set_unauthorized(const fields *f, reply *r)
+/* Tells a user of the Unix socket, who showed no token, how root changes that. */
+static void set_user_unknown(uid_t uid, reply *r)
 {
+    static const char nameless[] = "uid:";
+    char user[ACCESS_USER_SIZE];
+    access_name_user(uid, user);
+    const char *name = strncmp(user, nameless, strlen(nameless)) == 0 ? user + strlen(nameless) : user;
     reply_set_problem(r, "unauthorized", NULL,
-                      f->authorization ? "the token is unknown; it may have been revoked"
-                                       : "this needs a token: send the header Authorization: Bearer TOKEN");
+                      "the user %s may not use this service: as root type hexad --allow %s, or send a token",
+                      name, name);
+}
+
+static void set_unauthorized(const access_peer *from, const fields *f, reply *r)
+{
+    if (from->local && !f->authorization)
+        set_user_unknown(from->uid, r);
+    else
+        reply_set_problem(r, "unauthorized", NULL,
+                          f->authorization
+                              ? "the token is unknown; it may have been revoked"
+                              : "this needs a token: send the header Authorization: Bearer TOKEN");
     reply_add_header(r, MHD_HTTP_HEADER_WWW_AUTHENTICATE,
                      f->authorization ? "Bearer realm=\"hexad\", error=\"invalid_token\""
                                       : "Bearer realm=\"hexad\"");
@@ -306,7 +322,7 @@ static bool refuse_page(const exchange *x, const fields *f, reply *r)
     bool other_host = f->hosts && !pages_is_host(x->s->settings.pages, f->host);
     if (!other_host && !is_foreign_page(x, f)) return false;
     if (f->authorization && !from->scopes)
-        set_unauthorized(f, r); /* a program, whose token is what is wrong */
+        set_unauthorized(from, f, r); /* a program, whose token is what is wrong */
     else if (other_host)
         reply_set_problem(r, "misdirected_request", NULL,
                           "this service is not at the host %.200s: use the address that it listens on, send a"
@@ -342,7 +358,7 @@ static bool refuse_caller(const exchange *x, const fields *f, reply *r)
     const route_match *match = &x->route;
     if (match->found && !match->found->scope) return false; /* open to all */
     if (!x->known) {
-        set_unauthorized(f, r);
+        set_unauthorized(connections_access(connection_of(x->connection)), f, r);
         return true;
     }
     if (!match->found || x->caller.scopes & match->found->scope) return false;

@@ -33,6 +33,7 @@
 #include "executor/host.h"
 #include "executor/local.h"
 #include "http/server.h"
+#include "programs/admission.h"
 #include "programs/descriptors.h"
 #include "programs/farm.h"
 #include "programs/maintenance.h"
@@ -214,6 +215,12 @@ static void fini_roots(service *s)
     store_roots_close(s->roots);
 }
 
+/* Whether users other than the service's own may use the Unix socket. */
+static bool is_shared(const config *c)
+{
+    return c->unix_users.count || c->unix_groups.count || c->unix_admins.count;
+}
+
 static bool init_socket(service *s, error *e)
 {
     const config *c = &s->settings;
@@ -229,8 +236,7 @@ static bool init_socket(service *s, error *e)
     const char *runtime = getenv("RUNTIME_DIRECTORY"); /* of systemd */
     char *where = *c->listen ? mem_strdup(c->listen)
                              : mem_printf("unix:%s/" LISTEN_SOCKET_NAME, runtime ? runtime : s->state_dir);
-    bool shared = c->unix_users.count || c->unix_groups.count || c->unix_admins.count;
-    bool ok = listen_open(where, shared, &s->socket, e);
+    bool ok = listen_open(where, is_shared(c), &s->socket, e);
     free(where);
     return ok;
 }
@@ -693,19 +699,34 @@ static int sign_interval_ms(void)
     return manager_is_there() ? STATUS_MS : -1;
 }
 
+/* Takes over what belongs to users, all or nothing. */
+static bool change_users(service *s, const config *fresh, error *e)
+{
+    access_names users = names_of(&fresh->unix_users), groups = names_of(&fresh->unix_groups),
+                 admins = names_of(&fresh->unix_admins);
+    user_numbers *weights, *priorities;
+    if (!read_weights_and_priorities(fresh, &weights, &priorities, e)) return false;
+    if (!access_change_users(s->access, &users, &groups, &admins, e)) {
+        user_numbers_free(weights);
+        user_numbers_free(priorities);
+        return false;
+    }
+    user_numbers_change(s->weights, weights);
+    user_numbers_change(s->priorities, priorities);
+    return true;
+}
+
 static void reload(service *s)
 {
     config fresh = {0};
     config_action action;
     error e = {0};
-    user_numbers *weights, *priorities;
     manager_tell_reloading();
     if (config_parse(s->argc, s->argv, &fresh, &action, &e) && config_find_worker(&fresh, &e) &&
-        read_weights_and_priorities(&fresh, &weights, &priorities, &e)) {
+        change_users(s, &fresh, &e)) {
         config_take_over(&s->settings, &fresh);
         log_set_level(s->settings.log_level);
-        user_numbers_change(s->weights, weights);
-        user_numbers_change(s->priorities, priorities);
+        listen_share(&s->socket, is_shared(&s->settings));
         bound_results(s);
         executor_settings settings = executor_settings_of(s);
         executor_change(s->x, &settings);
@@ -809,6 +830,10 @@ int main(int argc, char **argv)
         break;
     case CONFIG_BACKUP:
         status = maintenance_back_up(&s.settings);
+        break;
+    case CONFIG_ALLOW:
+    case CONFIG_DENY:
+        status = admission_change(&s.settings, action);
         break;
     case CONFIG_CHECK:
         status = maintenance_check(&s.settings);

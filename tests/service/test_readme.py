@@ -1,4 +1,4 @@
-"""What the README says can be typed in, typed in: its blocks of shell, in order, in one shell."""
+"""What the README says can be typed in, typed in: its blocks of shell, in order, with packages and from a clone."""
 import json
 import os
 import pathlib
@@ -8,14 +8,16 @@ import subprocess
 
 import pytest
 
-from service import wait_until
+from service import PATIENCE_S, wait_until
 
 BOOTSTRAP = "./bootstrap"  # run by `bootstrap check` itself, which is where this test comes from
 
 
-def blocks(source):
+def blocks(source, kind):
+    """Those of a kind, the text behind ```sh; those of bootstrap and of packages are not typed in here."""
     text = (source / "README.md").read_text()
-    return re.findall(r"^```sh\n(.*?)^```$", text, re.M | re.S)
+    found = re.findall(rf"^```sh{kind}\n(.*?)^```$", text, re.M | re.S)
+    return [block for block in found if BOOTSTRAP not in block and "apt-get" not in block]
 
 
 @pytest.fixture
@@ -23,41 +25,48 @@ def source():
     return pathlib.Path(os.environ["HEXAD_SOURCE"])
 
 
-def test_the_first_job(build, source, tmp_path):
-    build = pathlib.Path(build)
-    (tmp_path / "build" / "example").mkdir(parents=True)
-    for program in ("hexad", "hexadctl", "hexad-worker"):
-        (tmp_path / "build" / program).symlink_to(build / program)
-    (tmp_path / "examples").symlink_to(source / "examples")
-    subprocess.run([build / "hexad-worker", "make-example", tmp_path / "build/example/trefoil.vdb"], check=True)
+def type_in(block, where, environment):
+    """In a directory without the clone."""
+    block = block.replace("/tmp/hexad-state", str(where / "state")).replace("/tmp/quartic", str(where / "quartic"))
+    done = subprocess.run(["bash", "-eu", "-c", block], cwd=where, env=environment, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 0, f"{block}\n{done.stdout}\n{done.stderr}"
+    return done.stdout
 
-    def here(block):
-        return block.replace("/tmp/hexad-state", str(tmp_path / "state")).replace("/tmp/quartic", str(tmp_path / "quartic"))
 
-    shell, *rest = [here(b) for b in blocks(source) if BOOTSTRAP not in b]
-    daemon = subprocess.Popen(
-        ["sh", "-c", "exec " + shell.strip().rstrip("&")], cwd=tmp_path, start_new_session=True
-    )
+def the_first_job(source, where, environment):
+    first, rest, local = blocks(source, "")
+    assert "succeeded" in type_in(first, where, environment)
+    posted, _ = json.JSONDecoder().raw_decode(type_in(rest, where, environment))
+    assert posted["id"] and posted["name"] == "trefoil"
+    type_in(local, where, environment)
+    report = json.loads((where / "quartic/report.json").read_text())
+    assert report["outcome"] == "converged" and report["count"] == 1000
+
+
+def test_the_first_job_with_packages(build, source, new_service, tmp_path):
+    """The service runs, and its programs are on the PATH."""
+    service = new_service("--listen", f"unix:{tmp_path}/hexad.sock").start()
+    where = tmp_path / "home"
+    where.mkdir()
+    the_first_job(source, where, {**os.environ, "PATH": f"{build}:{os.environ['PATH']}", "HEXAD_SERVER": service.address})
+
+
+def test_the_first_job_from_a_clone(build, source, tmp_path):
+    """The daemon's block sets what the others use."""
+    (tmp_path / "build").symlink_to(build)
+    daemon, = blocks(source, " daemon")
+    socket = tmp_path / "state/hexad.sock"
+    typed = daemon.replace("/tmp/hexad-state", str(tmp_path / "state")).replace("hexad --", "exec hexad --").replace(" &\n", "\n")
+    process = subprocess.Popen(["bash", "-eu", "-c", typed], cwd=tmp_path, start_new_session=True)
     try:
-        wait_until(
-            lambda: subprocess.run(
-                ["curl", "-sf", "--unix-socket", tmp_path / "state/hexad.sock", "http://hexad/healthz"], capture_output=True
-            ).returncode == 0,
-            "the daemon of the README",
-        )
-        outputs = [
-            subprocess.run(["sh", "-e", "-c", b], cwd=tmp_path, capture_output=True, text=True) for b in rest
-        ]
-        for block, done in zip(rest, outputs):
-            assert done.returncode == 0, f"{block}\n{done.stdout}\n{done.stderr}"
-        posted, _ = json.JSONDecoder().raw_decode(outputs[0].stdout)
-        assert posted["state"] in ("queued", "running") and posted["id"]
-        assert "succeeded" in outputs[1].stdout
-        report = json.loads((tmp_path / "quartic/report.json").read_text())
-        assert report["outcome"] == "converged" and report["count"] == 1000
+        ask = ["curl", "-sf", "--unix-socket", socket, "http://hexad/healthz"]
+        wait_until(lambda: subprocess.run(ask, capture_output=True).returncode == 0, "the daemon of the README")
+        exported = daemon.splitlines()[0].replace("/tmp/hexad-state", str(tmp_path / "state"))
+        told = type_in(f"{exported}\necho $PATH; echo $HEXAD_SERVER", tmp_path, os.environ).split()
+        the_first_job(source, tmp_path, {**os.environ, "PATH": told[0], "HEXAD_SERVER": told[1]})
     finally:
-        daemon.send_signal(signal.SIGTERM)
-        assert daemon.wait(60) == 0
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(60) == 0
 
 
 def test_links_lead_somewhere(source):

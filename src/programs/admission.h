@@ -1,0 +1,13 @@
+/* admission: `hexad --allow` and `hexad --deny`: who may use the Unix socket of the service that systemd runs. */
+#ifndef HEXAD_PROGRAMS_ADMISSION_H
+#define HEXAD_PROGRAMS_ADMISSION_H
+
+#include "config/config.h"
+
+/* Adds settings->admit, a user or @GROUP, to unix_users or unix_groups of the settings file, lets all users connect to
+ * the socket (a drop-in of hexad.socket, and the mode of the socket that is there) and has systemd read both again. With
+ * CONFIG_DENY removes it, and the drop-in when no user and no group remains. Prints each step; a step that is done already
+ * changes nothing. Returns an exit status: 2 when the name or the settings are wrong, and then no file has changed. */
+int admission_change(const config *settings, config_action action);
+
+#endif

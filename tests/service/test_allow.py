@@ -1,0 +1,231 @@
+"""hexad --allow and --deny: the settings file and the drop-in that they write, and who may connect afterwards."""
+import grp
+import os
+import pwd
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+
+import pytest
+
+from service import PATIENCE_S, wait_until
+
+# an external program: it notes its words
+SYSTEMCTL = '#!/bin/sh\necho "$@" >>"$(dirname "$0")/calls"\n[ ! -e "$(dirname "$0")/fails" ]\n'
+HERE = pwd.getpwuid(os.geteuid()).pw_name
+GROUP = grp.getgrgid(os.getegid()).gr_name
+# asks as another user
+ASK_AS = """import os, subprocess, sys
+os.setgroups([])
+os.setgid(60003)
+os.setuid(60003)
+sys.exit(subprocess.run(sys.argv[1:]).returncode)
+"""
+
+
+class Host:
+    """What `hexad --allow` finds of a host, below a directory of the test."""
+
+    def __init__(self, build, root, settings="workers = 2\n"):
+        self.build, self.root = build, root
+        self.file = root / "hexad.conf"
+        self.file.write_text(settings)
+        self.file.chmod(0o644)
+        self.units = root / "units"
+        self.drop_in = self.units / "hexad.socket.d/allow.conf"
+        (root / "bin").mkdir()
+        (root / "bin/systemctl").write_text(SYSTEMCTL)
+        (root / "bin/systemctl").chmod(0o755)
+        self.socket = socket.socket(socket.AF_UNIX)
+        self.socket.bind(str(root / "hexad.sock"))
+        (root / "hexad.sock").chmod(0o660)
+
+    def hexad(self, *words):
+        environment = {**os.environ, "PATH": f"{self.root}/bin:{os.environ['PATH']}",
+                       "SYSTEMD_UNIT_PATH": str(self.units), "RUNTIME_DIRECTORY": str(self.root)}
+        return subprocess.run([self.build / "hexad", "--config", self.file, *words], env=environment, text=True,
+                              capture_output=True, timeout=PATIENCE_S)
+
+    def expect(self, *words):
+        done = self.hexad(*words)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    def mode(self):
+        return (self.root / "hexad.sock").stat().st_mode & 0o777
+
+    def calls(self):
+        """Of systemctl since the last look."""
+        path = self.root / "bin/calls"
+        text = path.read_text() if path.exists() else ""
+        path.unlink(missing_ok=True)
+        return text.splitlines()
+
+    def files(self):
+        return {str(p.relative_to(self.root)): p.read_bytes() for p in (self.file, *self.units.rglob("*")) if p.is_file()}
+
+
+@pytest.fixture
+def host(build, tmp_path):
+    return Host(build, tmp_path)
+
+
+def test_allow_writes_the_setting_and_the_drop_in_and_reloads_both(host):
+    shown = host.expect("--allow", HERE)
+    assert host.file.read_text() == f"workers = 2\nunix_users = {HERE}\n"
+    assert host.file.stat().st_mode & 0o777 == 0o644
+    assert "[Socket]\nSocketMode=0666\n" in host.drop_in.read_text()
+    assert host.drop_in.stat().st_mode & 0o777 == 0o644 and host.drop_in.parent.stat().st_mode & 0o777 == 0o755
+    assert host.mode() == 0o666
+    assert host.calls() == ["daemon-reload", "try-reload-or-restart hexad.service"]
+    for part in (str(host.file), str(host.drop_in), str(host.root / "hexad.sock"), f"unix_users = {HERE}", "daemon-reload"):
+        assert part in shown, shown
+
+
+def test_allow_can_be_repeated(host):
+    host.expect("--allow", HERE)
+    before, stamp = host.files(), host.file.stat().st_mtime_ns
+    shown = host.expect("--allow", HERE)
+    assert host.files() == before and host.file.stat().st_mtime_ns == stamp and "already" in shown
+
+
+def test_a_group_is_allowed_by_its_name_after_an_at(host):
+    host.expect("--allow", "@" + GROUP)
+    assert host.file.read_text() == f"workers = 2\nunix_groups = {GROUP}\n"
+
+
+@pytest.mark.parametrize("settings", [
+    "", "workers = 2", "workers = 2\n", "[hexad]\n# of the farm\n\n", "#unix_users =\n#unix_groups =\n\nworkers = 2\n",
+    "unix_users = 61001\n   61002\nworkers = 2\n", "unix_users: 61001,61002\nunix-users = 61003"])
+def test_deny_restores_the_files_byte_for_byte(build, tmp_path, settings):
+    host = Host(build, tmp_path, settings)
+    before, mode = host.files(), host.mode()
+    host.expect("--allow", HERE)
+    host.expect("--allow", "@" + GROUP)
+    assert host.files() != before
+    host.expect("--deny", "@" + GROUP)
+    host.expect("--deny", HERE)
+    after = host.files()
+    if "61001" in settings:  # others may connect still
+        assert after.pop("units/hexad.socket.d/allow.conf") and host.mode() == 0o666
+    else:
+        assert host.mode() == mode and not host.drop_in.parent.exists()
+    assert after == before
+
+
+def test_a_value_goes_behind_the_explanation_of_its_key(build, tmp_path):
+    sample = subprocess.run([build / "hexad", "--print-config"], capture_output=True, text=True, check=True).stdout
+    host = Host(build, tmp_path, sample)
+    host.expect("--allow", HERE)
+    assert host.file.read_text() == sample.replace("#unix_users =\n", f"#unix_users =\nunix_users = {HERE}\n")
+
+
+def test_deny_takes_one_of_several_values_out_of_a_line(build, tmp_path):
+    host = Host(build, tmp_path, "unix_users = 61001, 61002 ,61003 # farm\nworkers = 2\n".replace(" # farm", ""))
+    host.expect("--deny", "61002")
+    assert host.file.read_text() == "unix_users = 61001,61003\nworkers = 2\n"
+    host.expect("--deny", "61001")
+    host.expect("--deny", "61003")
+    assert host.file.read_text() == "workers = 2\n"
+
+
+def test_deny_of_a_user_who_is_not_allowed_changes_nothing(host):
+    before = host.files()
+    assert "not in unix_users" in host.expect("--deny", HERE)
+    assert host.files() == before
+
+
+@pytest.mark.parametrize("word, name", [("nobody-by-this-name", "user nobody-by-this-name"), ("@no-such-group", "group no-such-group")])
+@pytest.mark.parametrize("option", ["--allow", "--deny"])
+def test_a_name_that_does_not_exist_is_refused(host, option, word, name):
+    before = host.files()
+    done = host.hexad(option, word)
+    assert done.returncode == 2 and host.files() == before and host.calls() == []
+    assert f"the {name} does not exist" in done.stderr and "getent" in done.stderr
+
+
+def test_a_deleted_user_can_be_denied(build, tmp_path):
+    """hexad does not start while the setting names one."""
+    host = Host(build, tmp_path, "unix_users = left-the-company\n")
+    host.expect("--deny", "left-the-company")
+    assert host.file.read_text() == ""
+
+
+def test_settings_that_hexad_refuses_are_not_written(build, tmp_path):
+    host = Host(build, tmp_path, "wrokers = 2\n")
+    done = host.hexad("--allow", HERE)
+    assert done.returncode == 2 and "wrokers" in done.stderr and host.file.read_text() == "wrokers = 2\n"
+
+
+def test_a_value_that_the_line_hides_is_to_be_removed_by_hand(build, tmp_path):
+    """In a line of its own that goes on with the former one; no bytes of others change."""
+    settings = "unix_users = 61001\n   61002\n"
+    host = Host(build, tmp_path, settings)
+    done = host.hexad("--deny", "61002")
+    assert done.returncode == 2 and "by hand" in done.stderr and host.file.read_text() == settings
+
+
+def test_a_failing_systemctl_is_told_with_the_command(host):
+    (host.root / "bin/fails").touch()
+    done = host.hexad("--allow", HERE)
+    assert done.returncode == 1 and "systemctl daemon-reload" in done.stderr and host.drop_in.exists()
+    (host.root / "bin/fails").unlink()
+    host.expect("--allow", HERE)
+
+
+@pytest.fixture
+def public_directory():
+    """A directory that every user can reach."""
+    if os.geteuid() != 0:
+        pytest.skip("only root can be other users")
+    with tempfile.TemporaryDirectory() as path:
+        os.chmod(path, 0o755)
+        yield path
+
+
+def list_as_stranger(build, where):
+    return subprocess.run([sys.executable, "-c", ASK_AS, build / "hexadctl", "--server", f"unix:{where}", "list"],
+                          capture_output=True, text=True, timeout=PATIENCE_S)
+
+
+def test_reload_lets_a_user_in_and_out_again(new_service, build, public_directory):
+    """The settings file of a running service is changed; its socket is one that it opened by itself."""
+    settings, where = f"{public_directory}/hexad.conf", f"{public_directory}/s"
+    with open(settings, "w") as file:
+        file.write("unix_users = 60001\n")
+    service = new_service("--listen", f"unix:{where}", "--config", settings).start()
+
+    def reloaded(text):
+        with open(settings, "w") as file:
+            file.write(text)
+        done = service.log.read_text().count("settings reloaded")
+        service.process.send_signal(signal.SIGHUP)
+        wait_until(lambda: service.log.read_text().count("settings reloaded") > done, "the reload")
+
+    stranger = list_as_stranger(build, where)
+    assert stranger.returncode == 2 and "hexad --allow 60003" in stranger.stderr, stranger.stderr
+    reloaded("unix_users = 60001, 60003\n")
+    assert list_as_stranger(build, where).returncode == 0
+    reloaded("unix_users = 60001\n")
+    assert list_as_stranger(build, where).returncode == 2
+
+
+def test_hexadctl_names_the_command_that_lets_its_user_in(build, public_directory):
+    """A socket that others may not connect to, as that of the unit."""
+    where = f"{public_directory}/hexad.sock"
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind(where)
+        listening.listen()
+        os.chmod(where, 0o660)
+        told = list_as_stranger(build, where)
+        assert told.returncode == 3 and "hexad --allow 60003" in told.stderr and "start hexad" not in told.stderr
+        os.chmod(public_directory, 0o700)
+        told = list_as_stranger(build, where)
+        assert told.returncode == 3 and "directory" in told.stderr and "start hexad" not in told.stderr
+
+
+def test_hexadctl_asks_for_a_start_where_nothing_answers(build, tmp_path):
+    told = subprocess.run([build / "hexadctl", "--server", f"unix:{tmp_path}/none", "list"], capture_output=True, text=True)
+    assert told.returncode == 3 and "start hexad" in told.stderr
