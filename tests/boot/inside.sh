@@ -92,6 +92,16 @@ tokens_are_of_root() {
         ! setpriv --reuid=nobody --regid=nogroup --clear-groups cat /etc/hexad/tokens
 }
 
+as_nobody() {
+    setpriv --reuid=nobody --regid=nogroup --clear-groups "$@"
+}
+
+# The mode of the socket changes at once; the setting takes effect when the service has read it.
+lets_a_user_in_and_out() {
+    ! as_nobody hexadctl list && hexad --allow nobody && until_true as_nobody hexadctl list &&
+        hexad --deny nobody && ! as_nobody hexadctl list
+}
+
 reloads() {
     echo "log_level = debug" >>"$settings"
     systemctl reload hexad.service && until_true logged "setting log_level has changed"
@@ -272,6 +282,7 @@ check "strangers do not reach the socket" strangers_are_kept_out
 check "tokens hold at once, and are worth nothing at once when revoked" tokens_hold_at_once
 check "tokens belong to root" tokens_are_of_root
 check "the exposure is 0.6 at most" systemd-analyze security --no-pager --threshold=6 hexad.service
+check "root lets a user in, and out again" lets_a_user_in_and_out
 check "settings are reloaded" reloads
 check "a stop drains, and loses nothing" is_drained
 check "a daemon that was killed comes back" is_killed
