@@ -31,41 +31,53 @@ static const channel channels[CHANNELS] = {
     [KAPPA] = {"kappa", EXR_PIXEL_FLOAT, 4, true}, [SPACING] = {"spacing", EXR_PIXEL_FLOAT, 4, true},
 };
 
-static const exr_compression_t compressions[] = {
-    [PREVIEW_EXR_NONE] = EXR_COMPRESSION_NONE,
-    [PREVIEW_EXR_RLE] = EXR_COMPRESSION_RLE,
-    [PREVIEW_EXR_ZIPS] = EXR_COMPRESSION_ZIPS,
+static const struct packing {
+    exr_compression_t compression;
+    int lines; /* in a chunk of the file */
+} packings[] = {
+    [PREVIEW_EXR_NONE] = {EXR_COMPRESSION_NONE, 1},
+    [PREVIEW_EXR_RLE] = {EXR_COMPRESSION_RLE, 1},
+    [PREVIEW_EXR_ZIPS] = {EXR_COMPRESSION_ZIPS, 1},
+    [PREVIEW_EXR_ZIP] = {EXR_COMPRESSION_ZIP, 16},
 };
 
 /* The library wants a name even where the callbacks do the work; it goes into messages only. */
 static const char library_name[] = "preview.exr";
 
-/* A line of the picture as the file has it: channel after channel, lowest bytes first. */
+/* Lines of the picture as a chunk of the file has them: each channel after channel, lowest bytes first. */
+typedef struct chunk_lines {
+    unsigned char *bytes;
+    int lines; /* but the last chunk of a picture may have fewer */
+} chunk_lines;
+
+/* A line of the picture, in a chunk. */
 typedef struct line {
     bool all_channels;
     int count, channel[CHANNELS];    /* those that the file has */
     size_t length, offset[CHANNELS]; /* bytes, by channel */
-    unsigned char *bytes;
+    unsigned char *bytes;            /* in the chunk */
+    chunk_lines chunk;
     float *depth; /* of each pixel */
 } line;
 
-static line line_make(int width, bool all_channels)
+static line line_make(int width, const preview_exr_options *options)
 {
-    line l = {.all_channels = all_channels};
+    const bool all_channels = options->all_channels;
+    line l = {.all_channels = all_channels, .chunk.lines = packings[options->packing].lines};
     for (int c = 0; c < CHANNELS; c++) {
         if (channels[c].is_extra && !all_channels) continue;
         l.channel[l.count++] = c;
         l.offset[c] = l.length;
         l.length += (size_t)width * (size_t)channels[c].bytes;
     }
-    l.bytes = mem_alloc(l.length);
+    l.chunk.bytes = mem_alloc(l.length * (size_t)l.chunk.lines);
     l.depth = mem_alloc((size_t)width * sizeof *l.depth);
     return l;
 }
 
 static void line_free(line *l)
 {
-    free(l->bytes);
+    free(l->chunk.bytes);
     free(l->depth);
 }
 
@@ -169,6 +181,17 @@ static void fill_line(const line *l, const image *m, int y)
             fill_with(l, Z, x, s.end, (double)PREVIEW_FAR);
         x = s.end;
     }
+}
+
+/* The lines of the picture from y on that are in one chunk; returns how many. */
+static int fill_chunk(line *l, const image *m, int y)
+{
+    int k = 0;
+    for (; k < l->chunk.lines && y + k < m->height; k++) {
+        l->bytes = l->chunk.bytes + (size_t)k * l->length;
+        fill_line(l, m, y + k);
+    }
+    return k;
 }
 
 /* Bytes that are written or read at once: the library asks for a line's head, then for the line. */
@@ -347,7 +370,7 @@ static exr_result_t write_required(exr_context_t file, int part, const image *m,
                                    .y = (float)((c->center_y - 0.5 * m->height) / c->focal)};
     return exr_initialize_required_attr(file, part, &window, &window, 1, &middle,
                                         (float)(m->width / c->focal), EXR_LINEORDER_INCREASING_Y,
-                                        compressions[packing]);
+                                        packings[packing].compression);
 }
 
 static exr_result_t write_head(exr_context_t file, const image *m, const preview_exr_options *options,
@@ -366,7 +389,7 @@ static exr_result_t write_head(exr_context_t file, const image *m, const preview
     return r ? r : exr_write_header(file);
 }
 
-static exr_result_t write_line(exr_context_t file, int y, const line *l, exr_encode_pipeline_t *encoder)
+static exr_result_t write_chunk(exr_context_t file, int y, const line *l, exr_encode_pipeline_t *encoder)
 {
     exr_chunk_info_t chunk;
     bool first = y == 0;
@@ -376,7 +399,7 @@ static exr_result_t write_line(exr_context_t file, int y, const line *l, exr_enc
     for (int k = 0; !r && k < encoder->channel_count; k++) {
         exr_coding_channel_info_t *to = &encoder->channels[k];
         int c = l->channel[k];
-        to->encode_from_ptr = l->bytes + l->offset[c];
+        to->encode_from_ptr = l->chunk.bytes + l->offset[c];
         to->user_pixel_stride = channels[c].bytes;
         to->user_line_stride = (int32_t)l->length;
         to->user_bytes_per_element = (int16_t)channels[c].bytes;
@@ -386,13 +409,13 @@ static exr_result_t write_line(exr_context_t file, int y, const line *l, exr_enc
     return r ? r : exr_encoding_run(file, 0, encoder);
 }
 
-static exr_result_t write_lines(exr_context_t file, const image *m, const line *l)
+static exr_result_t write_chunks(exr_context_t file, const image *m, line *l)
 {
     exr_result_t r = EXR_ERR_SUCCESS;
     exr_encode_pipeline_t encoder = {0};
-    for (int y = 0; !r && y < m->height; y++) {
-        fill_line(l, m, y);
-        r = write_line(file, y, l, &encoder);
+    for (int y = 0; !r && y < m->height; y += l->chunk.lines) {
+        fill_chunk(l, m, y);
+        r = write_chunk(file, y, l, &encoder);
     }
     exr_encoding_destroy(file, &encoder);
     return r;
@@ -401,12 +424,12 @@ static exr_result_t write_lines(exr_context_t file, const image *m, const line *
 bool preview_exr_write(FILE *file, const image *m, const preview_exr_options *options, error *e)
 {
     stream *s = stream_new(file);
-    line l = line_make(m->width, options->all_channels);
+    line l = line_make(m->width, options);
     exr_context_t context = NULL;
     exr_context_initializer_t init = initializer(s);
     exr_result_t r = exr_start_write(&context, library_name, EXR_WRITE_FILE_DIRECTLY, &init);
     if (!r) r = write_head(context, m, options, &l);
-    if (!r) r = write_lines(context, m, &l);
+    if (!r) r = write_chunks(context, m, &l);
     if (context) {
         exr_result_t closed = exr_finish(&context);
         if (!r) r = closed;
@@ -427,7 +450,8 @@ static bool check_head(exr_context_t file, const image *m, preview_exr_packing p
         exr_get_compression(file, 0, &compression) || exr_get_scanlines_per_chunk(file, 0, &per_chunk))
         return error_set(e, ERROR_INTERNAL, "EXR file: its header cannot be read");
     if (window.min.x != 0 || window.min.y != 0 || window.max.x != m->width - 1 ||
-        window.max.y != m->height - 1 || compression != compressions[packing] || per_chunk != 1)
+        window.max.y != m->height - 1 || compression != packings[packing].compression ||
+        per_chunk != packings[packing].lines)
         return error_set(e, ERROR_INTERNAL, "EXR file: it does not have the picture's size and compression");
     return true;
 }
@@ -442,9 +466,9 @@ static bool check_channels(exr_context_t file, const line *l, error *e)
     return same || error_set(e, ERROR_INTERNAL, "EXR file: its channels are not those that were written");
 }
 
-/* Against what the picture's line comes to. */
-static exr_result_t check_line(exr_context_t file, int y, const line *l, exr_decode_pipeline_t *decoder,
-                               bool *same)
+/* Against the `length` bytes that the picture's lines come to. */
+static exr_result_t check_chunk(exr_context_t file, int y, const unsigned char *bytes, size_t length,
+                                exr_decode_pipeline_t *decoder, bool *same)
 {
     exr_chunk_info_t chunk;
     bool first = y == 0;
@@ -454,20 +478,21 @@ static exr_result_t check_line(exr_context_t file, int y, const line *l, exr_dec
     if (!r && first) r = exr_decoding_choose_default_routines(file, 0, decoder);
     decoder->unpack_and_convert_fn = NULL; /* it is looked at as it is packed */
     if (!r) r = exr_decoding_run(file, 0, decoder);
-    *same =
-        !r && chunk.unpacked_size == l->length && memcmp(decoder->unpacked_buffer, l->bytes, l->length) == 0;
+    *same = !r && chunk.unpacked_size == length && memcmp(decoder->unpacked_buffer, bytes, length) == 0;
     return r;
 }
 
-static exr_result_t check_lines(exr_context_t file, const image *m, const line *l, bool *same, error *e)
+static exr_result_t check_chunks(exr_context_t file, const image *m, line *l, bool *same, error *e)
 {
     exr_result_t r = EXR_ERR_SUCCESS;
     exr_decode_pipeline_t decoder = {0};
     *same = true;
-    for (int y = 0; !r && *same && y < m->height; y++) {
-        fill_line(l, m, y);
-        r = check_line(file, y, l, &decoder, same);
-        if (!r && !*same) error_set(e, ERROR_INTERNAL, "EXR file: line %d is not what was written", y);
+    for (int y = 0; !r && *same && y < m->height; y += l->chunk.lines) {
+        int lines = fill_chunk(l, m, y);
+        r = check_chunk(file, y, l->chunk.bytes, (size_t)lines * l->length, &decoder, same);
+        if (!r && !*same)
+            error_set(e, ERROR_INTERNAL, "EXR file: lines %d to %d are not what was written", y,
+                      y + lines - 1);
     }
     exr_decoding_destroy(file, &decoder);
     return r;
@@ -476,13 +501,13 @@ static exr_result_t check_lines(exr_context_t file, const image *m, const line *
 bool preview_exr_verify(FILE *file, const image *m, const preview_exr_options *options, error *e)
 {
     stream *s = stream_new(file);
-    line l = line_make(m->width, options->all_channels);
+    line l = line_make(m->width, options);
     bool same = false;
     exr_context_t context = NULL;
     exr_context_initializer_t init = initializer(s);
     exr_result_t r = exr_start_read(&context, library_name, &init);
     if (!r && check_head(context, m, options->packing, &s->e) && check_channels(context, &l, &s->e))
-        r = check_lines(context, m, &l, &same, &s->e);
+        r = check_chunks(context, m, &l, &same, &s->e);
     if (context) exr_finish(&context);
     line_free(&l);
     return finish(!r && same, r, s, e);

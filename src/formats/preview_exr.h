@@ -22,8 +22,13 @@
 
 #include "formats/preview.h"
 
-/* Each line by itself, by OpenEXR's names. */
-typedef enum preview_exr_packing { PREVIEW_EXR_NONE, PREVIEW_EXR_RLE, PREVIEW_EXR_ZIPS } preview_exr_packing;
+/* By OpenEXR's names, all without loss: none, RLE and ZIPS pack each line by itself, ZIP 16 lines at once. */
+typedef enum preview_exr_packing {
+    PREVIEW_EXR_NONE,
+    PREVIEW_EXR_RLE,
+    PREVIEW_EXR_ZIPS,
+    PREVIEW_EXR_ZIP
+} preview_exr_packing;
 
 typedef struct preview_exr_options {
     preview_exr_packing packing;

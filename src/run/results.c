@@ -546,7 +546,7 @@ static bool write_preview(const char *directory, const results_input *in, thread
     }
     const canvas visible = {picture->rgb, picture->width, picture->height, 1};
     bool ok = write_png(directory, "preview.png", &visible, outputs, e) &&
-              write_exr(directory, s, picture, outputs, e);
+              (!s->has_preview_exr || write_exr(directory, s, picture, outputs, e));
     preview_free(picture);
     ok = ok && write_turntable(directory, s->turntable, set, &options, pool, outputs, e);
     free(values);

@@ -261,6 +261,7 @@ typedef struct spec {
     spec_channels preview_channels;       /* of preview.exr */
     spec_compression preview_compression; /* of it */
     int turntable;                        /* frames; 0: none */
+    bool has_preview_exr;                 /* true by default; nothing without has_preview */
     bool has_convergence, has_points_vdb, has_points_npz, has_points_glb, has_points_usda, has_mesh,
         has_mesh_usda, has_label_meshes;
 

@@ -159,7 +159,8 @@ typedef enum spec_map_colors {
 #define SPEC_COMPRESSION_LIST(ENTRY, prefix) \
     ENTRY(prefix, NONE, "none")              \
     ENTRY(prefix, RLE, "rle")                \
-    ENTRY(prefix, ZIPS, "zips")
+    ENTRY(prefix, ZIPS, "zips")              \
+    ENTRY(prefix, ZIP, "zip")
 
 typedef enum spec_compression {
     SPEC_COMPRESSION_LIST(WORDS_ENUMERATOR, SPEC_COMPRESSION) SPEC_COMPRESSION_COUNT

@@ -166,19 +166,42 @@ def _exr_channels(data):
     return channels
 
 
+def _exr_unzipped(packed, length):
+    """The bytes of a chunk, as OpenEXR describes its ZIP: differences to the byte before, first bytes of pairs before second."""
+    if len(packed) == length:  # packing would have made it longer
+        return packed
+    bytes_ = numpy.frombuffer(zlib.decompress(packed), numpy.uint8)
+    assert len(bytes_) == length
+    summed = numpy.cumsum(numpy.r_[bytes_[:1], bytes_[1:] - numpy.uint8(128)], dtype=numpy.uint8)
+    whole = numpy.empty(length, numpy.uint8)
+    half = (length + 1) // 2
+    whole[::2], whole[1::2] = summed[:half], summed[half:]
+    return whole.tobytes()
+
+
+EXR_LINES = {0: 1, 2: 1, 3: 16}  # of a chunk: without compression, ZIPS, ZIP
+
+
 def read_exr(data):
-    """(width, height, {channel: array}) of a scan line file without compression."""
+    """(width, height, {channel: array}) of a scan line file."""
     attributes, at = _exr_header(data)
     x0, y0, x1, y1 = struct.unpack("<4i", attributes["dataWindow"])
     width, height = x1 - x0 + 1, y1 - y0 + 1
-    assert attributes["compression"] == b"\0"
+    compression, = attributes["compression"]
+    most, chunks = EXR_LINES[compression], -(-height // EXR_LINES[compression])
     channels = _exr_channels(attributes["channels"])
     images = {name: numpy.empty((height, width), kind) for name, kind in channels}
-    for offset in struct.unpack(f"<{height}Q", data[at:at + 8 * height]):
+    line = sum(width * numpy.dtype(kind).itemsize for _, kind in channels)
+    for offset in struct.unpack(f"<{chunks}Q", data[at:at + 8 * chunks]):
         y, size = struct.unpack("<ii", data[offset:offset + 8])
-        start = offset + 8
-        for name, kind in channels:
-            images[name][y - y0] = numpy.frombuffer(data, kind, width, start)
-            start += width * numpy.dtype(kind).itemsize
-        assert start == offset + 8 + size
+        lines = min(most, y1 + 1 - y)
+        raw = data[offset + 8:offset + 8 + size]
+        if compression:
+            raw = _exr_unzipped(raw, lines * line)
+        assert len(raw) == lines * line
+        start = 0
+        for row in range(lines):
+            for name, kind in channels:
+                images[name][y + row - y0] = numpy.frombuffer(raw, kind, width, start)
+                start += width * numpy.dtype(kind).itemsize
     return width, height, images

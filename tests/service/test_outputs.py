@@ -147,6 +147,28 @@ def test_channels_of_a_picture(run):
     assert numpy.quantile(numpy.abs(found - places), 0.99) < 1e-3  # at the silhouette a place is a point's
 
 
+def test_the_picture_with_data_is_compressed_without_loss(run):
+    """By default, and every pixel is as without compression."""
+    read = {}
+    for asked in ({}, {"compression": "none"}):
+        where, _ = run(sphere(300, output={"preview": {"size": [96, 80], **asked}}))
+        read[len(asked)] = (where / "preview.exr").read_bytes()
+    assert len(read[0]) < 0.4 * len(read[1])
+    (wide, high, packed), (*_, plain) = read_exr(read[0]), read_exr(read[1])
+    assert (wide, high) == (96, 80) and set(packed) == set(plain)
+    assert all((packed[name] == plain[name]).all() for name in plain)
+
+
+@pytest.mark.sanitized
+def test_the_picture_with_data_can_be_left_out(run):
+    spec = sphere(100, output={"preview": {"size": 64}, "preview_exr": False})
+    for asked in (True, False):  # an earlier file of the directory goes
+        spec["output"]["preview_exr"] = asked
+        where, report = run(spec)
+        assert ("preview.exr" in [o["name"] for o in report["outputs"]]) == (where / "preview.exr").exists() == asked
+        assert (where / "preview.png").exists()
+
+
 @pytest.mark.sanitized
 @pytest.mark.parametrize("colour", ["alpha", "curvature", "energy", "spacing", "degree"])
 def test_colours(run, colour):
