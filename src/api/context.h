@@ -32,6 +32,7 @@ struct http_context {
     const char *const *slurm_allow; /* options of sbatch that jobs may ask for */
     size_t slurm_allow_count;
     const char *work_dir;
+    const char *worker;             /* path of hexad-worker */
     int max_attempts;               /* of a job that names none */
     int64_t most_waiting;           /* unfinished jobs of one user; 0: any number */
     const user_numbers *priorities; /* the highest that a user may give; NULL: any */

@@ -1,6 +1,7 @@
 #include "api/routes.h"
 
 #include "api/backup.h"
+#include "api/contact_sheet.h"
 #include "api/events.h"
 #include "api/files.h"
 #include "api/inputs.h"
@@ -233,6 +234,19 @@ static const route routes[] = {
      .headers = "Range If-Range If-None-Match",
      .answers = "200:file 206:file 304:-",
      .problems = "not_found conflict range_not_satisfiable"},
+    {.method = "GET",
+     .pattern = "/v1/jobs/{id}/contact_sheet.png",
+     .handler = contact_sheet_send,
+     .scope = SCOPE_READ,
+     .waits = true,
+     .heavy = true,
+     .name = "getContactSheet",
+     .tag = "results",
+     .summary =
+         "Get a picture of the previews of all frames of an array that have succeeded; of more than 256, of 256 at"
+         " equal distances. Of another job, its preview",
+     .answers = "200:file",
+     .problems = "not_found"},
     {.method = "GET",
      .pattern = "/v1/usage",
      .handler = status_usage,

@@ -37,6 +37,7 @@ typedef struct command_options {
     const char *attempt; /* of log */
     const char *output;  /* of fetch; NULL: a directory named by the job's id */
     const char *file;    /* of token: the daemon's token_file */
+    const char *picture; /* of show: a file that takes the picture; NULL: none */
     gid_t file_group;   /* of token: the group that may read the system service's file; else TOKEN_NO_GROUP */
     const char *scopes; /* of token add; NULL: all but admin */
     const char *max_priority; /* of token add; NULL: any */

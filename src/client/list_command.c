@@ -9,6 +9,7 @@
 #include "client/job_table.h"
 #include "client/list_query.h"
 #include "client/print.h"
+#include "store/file.h"
 
 #define JOBS_DEFAULT 50
 #define PAGE_MOST 500
@@ -170,6 +171,30 @@ static void show_job(client *c, json_at job, const char *id)
     json_free(dependents);
 }
 
+/* Downloads the picture of a job into a file. */
+static int save_picture(client *c, const char *id, const char *path)
+{
+    error e = {0};
+    store_file file = {0};
+    client_reply reply = {0};
+    int code = COMMAND_FAILED;
+    char *href = mem_printf("/v1/jobs/%s/contact_sheet.png", id);
+    if (!store_file_begin(path, &file, &e))
+        print_failure("%s", e.message);
+    else if (!client_download(c, href, file.stream, &reply, &e))
+        code = print_unreachable(&e);
+    else if (reply.status != 200)
+        code = print_refused(&reply);
+    else if (fflush(file.stream) != 0 || !store_file_commit(&file, &e))
+        print_failure("%s cannot be written", path);
+    else
+        code = COMMAND_OK;
+    store_file_abort(&file);
+    client_reply_clear(&reply);
+    free(href);
+    return code;
+}
+
 int command_show(client *c, const char *argument, const command_options *options)
 {
     json *document = NULL;
@@ -185,6 +210,7 @@ int command_show(client *c, const char *argument, const command_options *options
     if (code == COMMAND_OK && !options->json && failed > 0 && json_bool(json_member(&job, "array"), false))
         code = show_failures(c, argument, failed);
     if (code == COMMAND_OK && !options->json && !command_has_ended(job)) command_explain_waiting(c, stderr);
+    if (code == COMMAND_OK && options->picture) code = save_picture(c, argument, options->picture);
     json_free(document);
     free(path);
     return code;

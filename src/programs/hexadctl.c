@@ -39,7 +39,9 @@ static const char usage[] =
     "       [--until TIME] [--limit N]\n"
     "                    list the newest jobs; --text those with PART in the name, in upper or lower case;\n"
     "                    TIME is one as 2026-01-31T18:00:00Z, or 90m, 2h, 1d ago\n"
-    "  show ID           print the state, times, attempts and failed frames of a job; all with --json\n"
+    "  show ID [--picture FILE.png]\n"
+    "                    print the state, times, attempts and failed frames of a job; all with --json. FILE\n"
+    "                    takes its preview; of an array the previews of all finished frames, in one picture\n"
     "  attempts ID       list all attempts of a job\n"
     "  wait ID           wait for the end of a job and show its progress\n"
     "  cancel ID... [--yes]\n"
@@ -117,7 +119,7 @@ static const struct entry {
     {"upload", command_upload, ONE, ""},
     {"inspect", command_inspect, ONE, ""},
     {"list", command_list, NONE, "--state --owner --label --name --text --since --until --limit"},
-    {"show", command_show, JOB, ""},
+    {"show", command_show, JOB, "--picture"},
     {"attempts", command_attempts, JOB, ""},
     {"wait", command_wait, JOB, ""},
     {"cancel", command_cancel, MAYBE_JOBS, "--label --owner --yes"},
@@ -158,7 +160,7 @@ static const struct {
     OPTION("file", file),         OPTION("scopes", scopes),
     OPTION("name", name),         OPTION("since", since),
     OPTION("until", until),       OPTION("max-priority", max_priority),
-    OPTION("text", text),
+    OPTION("text", text),         OPTION("picture", picture),
 };
 
 /* Options without a value. */

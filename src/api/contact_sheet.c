@@ -1,0 +1,140 @@
+#include "api/contact_sheet.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "api/job_lookup.h"
+#include "base/memory.h"
+#include "formats/contact_sheet.h"
+#include "formats/picture_png.h"
+#include "results/result.h"
+
+#define PREVIEW_NAME "preview.png"
+
+/* Tasks that are read at once. */
+enum { TASKS_PAGE = 1000 };
+
+typedef struct frames {
+    int *item;
+    size_t count;
+} frames;
+
+static void add_succeeded(frames *f, const queue_task *tasks, size_t count)
+{
+    f->item = mem_resize(f->item, (f->count + count) * sizeof *f->item);
+    for (size_t i = 0; i < count; i++)
+        if (tasks[i].state == QUEUE_SUCCEEDED) f->item[f->count++] = tasks[i].frame;
+}
+
+/* The frames that have succeeded; to be freed, also after an error. */
+static bool list_frames(queue *q, const char *id, frames *f, error *e)
+{
+    for (int after = -1;;) {
+        queue_task *tasks = NULL;
+        size_t count = 0;
+        if (!queue_list_tasks(q, id, after, TASKS_PAGE, &tasks, &count, e)) return false;
+        if (count) {
+            add_succeeded(f, tasks, count);
+            after = tasks[count - 1].number;
+        }
+        queue_tasks_free(tasks, count);
+        if (count < TASKS_PAGE) return true;
+    }
+}
+
+static int open_preview(const http_context *c, const char *id, int frame, int64_t *bytes)
+{
+    char *directory = result_directory(c->work_dir, id, frame);
+    int fd = result_open_file(directory, PREVIEW_NAME, bytes, NULL);
+    free(directory);
+    return fd;
+}
+
+static bool read_thumbnail(const http_context *c, const char *id, int frame, thumbnail *out)
+{
+    int64_t bytes;
+    int fd = open_preview(c, id, frame, &bytes);
+    bool ok = fd >= 0 && thumbnail_read(c->worker, fd, out, NULL);
+    if (fd >= 0) close(fd);
+    return ok;
+}
+
+/* Returns how many of the frames have a picture. */
+static int draw(const http_context *c, const queue_job *job, const frames *f, int shown, contact_sheet *sheet)
+{
+    int drawn = 0;
+    thumbnail *picture = mem_alloc(sizeof *picture);
+    for (int i = 0; i < shown; i++) {
+        size_t at = shown > 1 ? (size_t)i * (f->count - 1) / (size_t)(shown - 1) : 0;
+        bool has = read_thumbnail(c, job->id, f->item[at], picture);
+        contact_sheet_put(sheet, i, has ? picture : NULL, f->item[at]);
+        drawn += has;
+    }
+    free(picture);
+    return drawn;
+}
+
+/* Answers with a file in memory. */
+static bool send_sheet(const contact_sheet *sheet, reply *r, error *e)
+{
+    struct stat info;
+    int fd = memfd_create("contact sheet", MFD_CLOEXEC), own = fd >= 0 ? dup(fd) : -1;
+    FILE *file = own >= 0 ? fdopen(own, "wb") : NULL;
+    bool ok = file || error_set(e, ERROR_INTERNAL, "a file in memory cannot be made: %s", strerror(errno));
+    ok = ok && picture_png_write(file, &sheet->canvas, e) && fstat(fd, &info) == 0;
+    if (file)
+        fclose(file);
+    else if (own >= 0)
+        close(own);
+    if (ok)
+        reply_set_file(r, "image/png", fd, info.st_size);
+    else if (fd >= 0)
+        close(fd);
+    return ok;
+}
+
+static void send_frames(const http_context *c, const queue_job *job, reply *r)
+{
+    error e = {0};
+    frames f = {0};
+    char title[64];
+    contact_sheet *sheet = NULL;
+    bool ok = list_frames(c->q, job->id, &f, &e);
+    int shown = f.count < CONTACT_SHEET_MOST ? (int)f.count : CONTACT_SHEET_MOST;
+    if (ok && shown) {
+        snprintf(title, sizeof title, "%d of %d frames", shown, job->tasks.all);
+        sheet = contact_sheet_new(shown, title);
+    }
+    if (ok && (!sheet || !draw(c, job, &f, shown, sheet)))
+        reply_set_problem(r, "not_found", NULL, "no frame of the job %s has a " PREVIEW_NAME, job->id);
+    else if (!ok || !send_sheet(sheet, r, &e))
+        reply_set_error(r, &e, NULL);
+    contact_sheet_free(sheet);
+    free(f.item);
+}
+
+static void send_preview(const http_context *c, const queue_job *job, reply *r)
+{
+    int64_t bytes = 0;
+    int fd = job->state == QUEUE_SUCCEEDED ? open_preview(c, job->id, QUEUE_NO_FRAME, &bytes) : -1;
+    if (fd >= 0)
+        reply_set_file(r, "image/png", fd, bytes);
+    else
+        reply_set_problem(r, "not_found", NULL, "the job %s has no " PREVIEW_NAME, job->id);
+}
+
+void contact_sheet_send(const http_context *c, const http_request *request, reply *r)
+{
+    queue_job job = {0};
+    if (!job_lookup_find_own(c, request, &job, r)) return;
+    if (job.array)
+        send_frames(c, &job, r);
+    else
+        send_preview(c, &job, r);
+    queue_job_clear(&job);
+}

@@ -1,0 +1,86 @@
+#include "formats/thumbnail.h"
+
+#include <png.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/memory.h"
+#include "base/reader.h"
+#include "formats/preview.h"
+
+/* Limits of the process: a row of the largest picture and libpng's buffers take 1 MiB; that picture takes 2 s. */
+enum { READER_BYTES = 64 << 20, READER_SECONDS = 20 };
+
+/* ---- in the process */
+
+typedef struct sums {
+    uint32_t value[3 * THUMBNAIL_SIDE * THUMBNAIL_SIDE], count[THUMBNAIL_SIDE * THUMBNAIL_SIDE];
+} sums;
+
+static int scaled(int side, int longer)
+{
+    int made = longer <= THUMBNAIL_SIDE ? side : (int)((int64_t)side * THUMBNAIL_SIDE / longer);
+    return made > 0 ? made : 1;
+}
+
+static void add_row(const unsigned char *row, int width, thumbnail *to, int at, sums *s)
+{
+    for (int x = 0; x < width; x++) {
+        size_t cell = (size_t)at * (size_t)to->width + (size_t)((int64_t)x * to->width / width);
+        for (size_t k = 0; k < 3; k++) s->value[3 * cell + k] += row[3 * (size_t)x + k];
+        s->count[cell]++;
+    }
+}
+
+static void read_rows(png_structp png, png_infop info, unsigned char *row, thumbnail *to, sums *s)
+{
+    png_init_io(png, stdin);
+    png_read_info(png, info);
+    const png_uint_32 wide = png_get_image_width(png, info), high = png_get_image_height(png, info);
+    if (wide > PREVIEW_SIZE_MAX || high > PREVIEW_SIZE_MAX || png_get_bit_depth(png, info) != 8 ||
+        png_get_color_type(png, info) != PNG_COLOR_TYPE_RGB ||
+        png_get_interlace_type(png, info) != PNG_INTERLACE_NONE)
+        png_error(png, "it is no preview");
+    const int width = (int)wide, height = (int)high, longer = width > height ? width : height;
+    to->width = scaled(width, longer);
+    to->height = scaled(height, longer);
+    for (int y = 0; y < height; y++) {
+        png_read_row(png, row, NULL);
+        add_row(row, width, to, (int)((int64_t)y * to->height / height), s);
+    }
+    for (size_t i = 0; i < (size_t)to->width * (size_t)to->height; i++)
+        for (size_t k = 0; k < 3; k++)
+            to->rgb[3 * i + k] = (unsigned char)((s->value[3 * i + k] + s->count[i] / 2) / s->count[i]);
+}
+
+int thumbnail_main(int argc, char **argv)
+{
+    if (!reader_limit(argc, argv, STDERR_FILENO + 1)) return 2;
+    unsigned char *row = malloc(3 * PREVIEW_SIZE_MAX);
+    thumbnail *made = calloc(1, sizeof *made);
+    sums *s = calloc(1, sizeof *s);
+    png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, NULL, NULL, NULL);
+    png_infop info = png ? png_create_info_struct(png) : NULL;
+    if (!row || !made || !s || !info || setjmp(png_jmpbuf(png)) != 0) return 2;
+    read_rows(png, info, row, made, s);
+    return !reader_write(made, sizeof *made);
+}
+
+/* ---- in the program that wants it */
+
+bool thumbnail_read(const char *program, int fd, thumbnail *out, error *e)
+{
+    const reader_params params = {program, THUMBNAIL_COMMAND, "preview.png",
+                                  fd,      READER_BYTES,      READER_SECONDS};
+    reader r;
+    if (lseek(fd, 0, SEEK_SET) != 0) return error_set(e, ERROR_INTERNAL, "preview.png cannot be read");
+    if (!reader_start(&params, &r, e)) return false;
+    bool ok = fread(out, sizeof *out, 1, r.stream) == 1 && out->width > 0 && out->width <= THUMBNAIL_SIDE &&
+              out->height > 0 && out->height <= THUMBNAIL_SIDE && fgetc(r.stream) == EOF;
+    if (!ok) error_set(e, ERROR_INPUT_DAMAGED, "preview.png is no picture of hexad");
+    return reader_end(&r, ok, ok, e);
+}

@@ -1,0 +1,29 @@
+/* thumbnail: a PNG file of a preview, made small enough for a contact sheet.
+ *
+ * A process of its own (base/reader) decodes the file, since a worker that read untrusted inputs wrote it. The program that
+ * is started has the command THUMBNAIL_COMMAND, which calls thumbnail_main.
+ */
+#ifndef HEXAD_FORMATS_THUMBNAIL_H
+#define HEXAD_FORMATS_THUMBNAIL_H
+
+#include <stdbool.h>
+
+#include "base/error.h"
+
+#define THUMBNAIL_COMMAND "read-picture"
+
+enum { THUMBNAIL_SIDE = 128 }; /* pixels of the longer side, at most */
+
+typedef struct thumbnail {
+    int width, height;
+    unsigned char rgb[3 * THUMBNAIL_SIDE * THUMBNAIL_SIDE]; /* rows from the top */
+} thumbnail;
+
+/* Has `program` (hexad-worker) read the file from its beginning. Pixels of the thumbnail are means of those that it covers.
+ * Errors: input_damaged for a file that is no picture of picture_png_write, limits, internal. */
+bool thumbnail_read(const char *program, int fd, thumbnail *out, error *e);
+
+/* In the process: the exit status. */
+int thumbnail_main(int argc, char **argv);
+
+#endif
