@@ -310,10 +310,10 @@ bool job_place(job *j, solution *out, error *e)
         .seed = s->seed,
     };
     frame_transfer brought = {0};
-    if (s->coherent && j->source.field->patches) {
+    if (s->coherent && j->source.field->patches && !source_mesh(&j->source)) {
         error_set(
             e, ERROR_NOT_SUPPORTED,
-            "/queue/coherent: points are not carried over a surface of patches that meet in curves: leave it out");
+            "/queue/coherent: points are not carried over labels, nor over formulas and combinations with sharp edges: leave it out");
         goto done;
     }
     if (j->options->previous &&
@@ -322,6 +322,8 @@ bool job_place(job *j, solution *out, error *e)
     const sampler_params params = {
         .given = brought.position,
         .given_normal = brought.normal,
+        .given_patch = brought.patch,
+        .given_place = brought.place,
         .excess_most = MORE_DISORDER * j->sequence.excess_alone,
         .witkin_heckbert = s->method == SPEC_METHOD_WITKIN_HECKBERT ? &swarm : NULL,
         .count = inserts ? (size_t)start : j->count,

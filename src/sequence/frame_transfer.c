@@ -8,8 +8,10 @@
 #include "base/rng.h"
 #include "field/projection.h"
 #include "geometry/morton.h"
+#include "geometry/point_tree.h"
 #include "packing/neighbours.h"
 #include "packing/packing.h"
+#include "particles/allotment.h"
 #include "particles/particles.h"
 #include "particles/random_streams.h"
 #include "particles/relax.h"
@@ -28,6 +30,8 @@ static const double CROWDED = 0.6;
  * of a vacancy is at 1. What is filled with points so far from each other, at random, is as dense as a
  * packing. */
 static const double HOLE = 0.78;
+/* A place on a curve so near to a carried point, of the spacing, continues it. */
+static const double CONTINUED = 0.5;
 /* When fewer than this share can be carried the surface is another one. */
 static const double SAME_SURFACE = 0.5;
 /* Within this, of the spacing, lie the neighbours of a point and no others. */
@@ -64,15 +68,25 @@ typedef struct candidates {
     registration motion;
     bbox box; /* nothing lands outside */
     double h; /* of an even packing */
+    /* Of a surface with patches: how many particles each patch is to have, and the rows on its curves. Their particles are the first
+     * `held` candidates, are taken, and stay where they are. */
+    allotment allotted;
+    size_t held;
+    size_t wanted; /* particles: points, and on curves one for each patch there */
     size_t carried, count;
     vec3 *position, *normal;
     double *spacing;
     vec3 *landed;     /* where one was carried to */
     uint32_t *parent; /* FRAME_TRANSFER_NONE: it was born */
+    uint32_t *row;    /* number of the place on a curve that holds it, or PARTICLES_FREE */
     bool *taken;      /* is one of the points */
-    uint32_t *part;   /* connected part of the surface; not kept where there is but one */
+    uint32_t *part;   /* connected part of the surface, or its patch; not kept where there is but one */
     int64_t *
         missing; /* points that each part is to take (< 0: to give) before the others; NULL: any part takes and gives */
+    /* of a surface with patches, while points are carried: places all over it, their patches, and a tree of the places */
+    vec3 *place;
+    uint32_t *place_patch;
+    point_tree *tree;
     double *rank; /* how crowded a point, how empty a place is: the largest first */
     uint32_t *order;
     neighbours *near;
@@ -86,19 +100,26 @@ void frame_transfer_free(frame_transfer *c)
     free(c->landed);
     free(c->origin);
     free(c->parent);
+    free(c->patch);
+    free(c->place);
     *c = (frame_transfer){0};
 }
 
 static void candidates_free(candidates *c)
 {
+    allotment_free(&c->allotted);
     free(c->position);
     free(c->normal);
     free(c->spacing);
+    free(c->row);
     free(c->landed);
     free(c->parent);
     free(c->taken);
     free(c->part);
     free(c->missing);
+    free(c->place);
+    free(c->place_patch);
+    point_tree_free(c->tree);
     free(c->rank);
     free(c->order);
     neighbours_free(c->near);
@@ -108,12 +129,13 @@ static bool candidates_make(candidates *c, error *e)
 {
     const char *what = "carried points";
     size_t most = c->params->count > c->params->previous_count ? c->params->count : c->params->previous_count;
-    size_t room = most + PLACES * c->params->count;
+    size_t room = most + PLACES * c->params->count + c->allotted.rows.stands;
     return (c->position = mem_array(room, sizeof *c->position, what, e)) &&
            (c->normal = mem_array(room, sizeof *c->normal, what, e)) &&
            (c->spacing = mem_array(room, sizeof *c->spacing, what, e)) &&
            (c->landed = mem_array(room, sizeof *c->landed, what, e)) &&
            (c->parent = mem_array(room, sizeof *c->parent, what, e)) &&
+           (c->row = mem_array(room, sizeof *c->row, what, e)) &&
            (c->taken = mem_array(room, sizeof *c->taken, what, e)) &&
            (c->part = mem_array(room, sizeof *c->part, what, e)) &&
            (c->rank = mem_array(room, sizeof *c->rank, what, e)) &&
@@ -121,12 +143,14 @@ static bool candidates_make(candidates *c, error *e)
            (c->near = neighbours_new(room, SIZE_MAX, e));
 }
 
-/* Onto the surface, from anywhere. */
-static bool land(const candidates *c, vec3 *x, vec3 *normal)
+/* Onto the surface, from anywhere; of one with patches onto this one. */
+static bool land(const candidates *c, uint32_t patch, vec3 *x, vec3 *normal)
 {
     double accept = LANDED * c->h;
     const projection_limits limits = {LANDING_STEPS, accept, accept, accept};
-    return projection_find(c->f, &limits, x, normal) && bbox_contains(c->box, *x);
+    const field *f = field_of_patch(c->f, patch);
+    return projection_find(f, &limits, x, normal) && bbox_contains(c->box, *x) &&
+           (!c->f->patches || field_is_within(f, *x));
 }
 
 /* A point that lay in a face of the domain stays in it. Points were written in single precision, perhaps. */
@@ -141,19 +165,70 @@ static vec3 keep_in_faces(const field *f, vec3 before, vec3 x)
     return x;
 }
 
+/* Whether two normals are of one sheet of a patch. */
+static bool faces(const candidates *c, uint32_t patch, vec3 one, vec3 other)
+{
+    const bool one_sided = c->f->patches && c->f->patches->patch[patch].one_sided;
+    const double cosine = vec3_dot(one, other);
+    return (one_sided ? fabs(cosine) : cosine) > OTHER_SHEET;
+}
+
 static void carry_chunk(void *context, int worker, size_t begin, size_t end)
 {
     candidates *c = context;
     (void)worker;
-    for (size_t i = begin; i < end; i++) {
-        vec3 before = c->params->position[i],
+    for (size_t k = begin; k < end; k++) {
+        const size_t i = c->held + k;
+        vec3 before = c->params->position[k],
              x = keep_in_faces(c->f, before, registration_apply(&c->motion, before));
-        vec3 faced = registration_turn(&c->motion, c->params->normal[i]);
+        vec3 faced = registration_turn(&c->motion, c->params->normal[k]);
         bool left = c->f->open && projection_boundary_axes(c->f, x) == 0 && !bbox_contains(c->f->domain, x);
-        c->taken[i] = !left && land(c, &x, &c->normal[i]) && vec3_dot(faced, c->normal[i]) > OTHER_SHEET;
+        double distance;
+        if (c->tree) c->part[i] = c->place_patch[point_tree_nearest(c->tree, x, 0, &distance)];
+        c->taken[i] =
+            !left && land(c, c->part[i], &x, &c->normal[i]) && faces(c, c->part[i], faced, c->normal[i]);
         c->position[i] = c->landed[i] = x;
-        c->parent[i] = (uint32_t)i;
+        c->parent[i] = (uint32_t)k;
+        c->row[i] = PARTICLES_FREE;
     }
+}
+
+/* The particles on curves, which no carried point has yet. */
+static void place_rows(candidates *c)
+{
+    const curve_rows *rows = &c->allotted.rows;
+    c->held = rows->stands;
+    for (size_t i = 0; i < c->held; i++) {
+        c->position[i] = c->landed[i] = rows->position[rows->place[i]];
+        c->normal[i] = rows->normal[i];
+        c->part[i] = rows->patch[i];
+        c->row[i] = rows->place[i];
+        c->parent[i] = FRAME_TRANSFER_NONE;
+        c->taken[i] = true;
+    }
+}
+
+/* Each place on a curve takes over the carried point that is nearest to it, if that is near and no other place has it. */
+static bool continue_rows(candidates *c, error *e)
+{
+    const size_t carried = c->params->previous_count;
+    if (c->held == 0) return true;
+    point_tree *tree = point_tree_new(c->position + c->held, carried, e);
+    bool *gone = tree ? mem_array(carried, sizeof *gone, "points on curves", e) : NULL;
+    for (size_t i = 0; gone && i < c->held; i++) {
+        double distance;
+        const bool again = i > 0 && c->row[i] == c->row[i - 1];
+        const uint32_t nearest = again ? 0 : point_tree_nearest(tree, c->position[i], 0, &distance);
+        if (again) c->parent[i] = c->parent[i - 1];
+        if (again || gone[nearest] || !(distance < CONTINUED * c->spacing[i])) continue;
+        c->parent[i] = nearest;
+        c->taken[c->held + nearest] = false;
+        gone[nearest] = true;
+    }
+    point_tree_free(tree);
+    const bool ok = gone != NULL;
+    free(gone);
+    return ok;
 }
 
 /* The requested spacing where the points from `first` on are. */
@@ -177,6 +252,7 @@ static void close_gaps(candidates *c)
         c->landed[kept] = c->landed[i];
         c->parent[kept] = c->parent[i];
         c->part[kept] = c->part[i];
+        c->row[kept] = c->row[i];
         c->taken[kept++] = true;
     }
     for (size_t i = kept; i < c->count; i++) c->taken[i] = false;
@@ -191,10 +267,11 @@ static bool build_lists(candidates *c, double reach, error *e)
     return !threads_stopped(c->pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
 
-/* How far two are apart, of their spacing; INFINITY: on different sheets. */
+/* How far two are apart, of their spacing; INFINITY: on different sheets, or patches. */
 static double distance(const candidates *c, size_t i, size_t j)
 {
-    if (!(vec3_dot(c->normal[i], c->normal[j]) > OTHER_SHEET)) return INFINITY;
+    if (c->f->patches && c->part[i] != c->part[j]) return INFINITY;
+    if (!faces(c, c->part[i], c->normal[i], c->normal[j])) return INFINITY;
     return vec3_norm(vec3_sub(c->position[i], c->position[j])) / (0.5 * (c->spacing[i] + c->spacing[j]));
 }
 
@@ -207,20 +284,56 @@ static bool has_near(const candidates *c, size_t i, double reach, size_t first)
     return false;
 }
 
+/* One draw of place k of `places`, near the surface, and the part there. */
+static vec3 draw_place(const candidates *c, size_t k, size_t places, rng *r, surface_last_cell *last,
+                       uint32_t *part)
+{
+    const double where = ((double)k + rng_uniform(r)) / (double)places;
+    const vec3 x = sizing_field_draw(c->params->sizing, c->scan, where, r, last);
+    const size_t *begin = c->scan->parts.begin;
+    while (begin && last->cell < begin[*part]) --*part; /* a second draw may be before the first */
+    while (begin && last->cell >= begin[*part + 1]) ++*part;
+    return x;
+}
+
+/* Places that tell which patch is near. */
+static bool spread_places(candidates *c, error *e)
+{
+    const char *what = "places on patches";
+    const size_t places = PLACES * c->params->count;
+    rng r = rng_seed(c->params->seed, RANDOM_STREAM_FRAME_TRANSFER);
+    uint32_t part = 0;
+    surface_last_cell last = {.known = false};
+    if (!c->f->patches) return true;
+    if (!(c->place = mem_array(places, sizeof *c->place, what, e)) ||
+        !(c->place_patch = mem_array(places, sizeof *c->place_patch, what, e)))
+        return false;
+    for (size_t k = 0; k < places; k++) {
+        c->place[k] = draw_place(c, k, places, &r, &last, &part);
+        c->place_patch[k] = part;
+    }
+    return (c->tree = point_tree_new(c->place, places, e)) != NULL;
+}
+
 /* Carries the points, and lets go who did not arrive or crowds another. */
 static bool carry_all(candidates *c, error *e)
 {
     const frame_transfer_params *p = c->params;
+    place_rows(c);
+    c->count = c->held;
+    set_spacings(c, 0);
+    if (!spread_places(c, e)) return false;
     c->motion = registration_find(c->f, p->position, p->previous_count, c->h, c->pool);
     threads_run(c->pool, p->previous_count, 256, carry_chunk, c);
     if (threads_stopped(c->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
-    c->count = p->previous_count;
+    if (!continue_rows(c, e)) return false;
+    c->count = c->held + p->previous_count;
     close_gaps(c);
     set_spacings(c, 0);
     if (!build_lists(c, CROWDED, e)) return false;
-    for (size_t i = 0; i < c->count; i++) c->taken[i] = false;
+    for (size_t i = c->held; i < c->count; i++) c->taken[i] = false;
     for (int inner = 0; inner <= 1; inner++) /* who is on a boundary first: it is to stay closed */
-        for (size_t i = 0; i < c->count; i++)
+        for (size_t i = c->held; i < c->count; i++)
             if (inner == (projection_boundary_axes(c->f, c->position[i]) == 0))
                 c->taken[i] = !has_near(c, i, CROWDED, 0);
     close_gaps(c);
@@ -261,7 +374,8 @@ static void centre_chunk(void *context, int worker, size_t begin, size_t end)
         vec3 to = vec3_add(vec3_scale(vec3_cross(n, ab), vec3_norm2(ac)),
                            vec3_scale(vec3_cross(ac, n), vec3_norm2(ab)));
         vec3 x = vec3_axpy(1 / (2 * vec3_norm2(n)), to, a);
-        if (!(vec3_norm(vec3_sub(x, c->position[i])) < c->spacing[i]) || !land(c, &x, &normal)) continue;
+        if (!(vec3_norm(vec3_sub(x, c->position[i])) < c->spacing[i]) || !land(c, c->part[i], &x, &normal))
+            continue;
         c->position[i] = x;
         c->normal[i] = normal;
     }
@@ -317,19 +431,17 @@ static bool draw_places(candidates *c, error *e)
 {
     rng r = rng_seed(c->params->seed, RANDOM_STREAM_FRAME_TRANSFER);
     size_t places = PLACES * c->params->count;
-    const size_t *begin = c->scan->parts.begin;
     uint32_t part = 0;
     surface_last_cell last = {.known = false};
     for (size_t k = 0; k < places; k++) {
         if (threads_stopped(c->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
         for (int draw = 0; draw < DRAWS; draw++) {
-            double where = ((double)k + rng_uniform(&r)) / (double)places;
-            vec3 x = sizing_field_draw(c->params->sizing, c->scan, where, &r, &last), n;
-            while (begin && last.cell >= begin[part + 1]) part++;
-            if (!land(c, &x, &n)) continue;
+            vec3 x = draw_place(c, k, places, &r, &last, &part), n;
+            if (!land(c, part, &x, &n)) continue;
             assert(c->count < c->near->capacity);
             c->position[c->count] = c->landed[c->count] = x;
             c->parent[c->count] = FRAME_TRANSFER_NONE;
+            c->row[c->count] = PARTICLES_FREE;
             c->part[c->count] = part;
             c->normal[c->count++] = n;
             break;
@@ -378,7 +490,7 @@ static bool has_lost(const candidates *c, size_t i)
 static size_t let_go(candidates *c, bool spread, size_t most)
 {
     size_t died = 0;
-    for (size_t k = 0; k < c->carried && died < most; k++) {
+    for (size_t k = c->held; k < c->carried && died < most; k++) {
         uint32_t i = c->order[k];
         if (!c->taken[i] || !may_change(c, i, false) || (spread && has_lost(c, i))) continue;
         change(c, i, false);
@@ -436,9 +548,10 @@ static bool bear(candidates *c, size_t most, bool last, size_t *there, error *e)
 
 static bool thin_out(candidates *c, size_t most, bool last, size_t *there, error *e)
 {
-    size_t wanted = *there - most, among = c->carried < CANDIDATES * most ? c->carried : CANDIDATES * most;
-    rank_all(c, 0, c->carried);
-    if (!scatter(c, 0, among, most, false, there, e)) return false;
+    const size_t wanted = *there - most, free_count = c->carried - c->held,
+                 among = free_count < CANDIDATES * most ? free_count : CANDIDATES * most;
+    rank_all(c, c->held, c->carried);
+    if (!scatter(c, c->held, among, most, false, there, e)) return false;
     for (int spread = 1; last && spread >= 0; spread--) *there -= let_go(c, spread, *there - wanted);
     return true;
 }
@@ -483,7 +596,12 @@ static bool ease(candidates *c, error *e)
                            .fast_step = schedule_continued.longest_step,
                            .gain = schedule_continued.gain[SCHEDULE_STAGES - 1]};
     bool ok = p && r;
+    ok = ok && particles_label(p, c->f->patches, n, e);
     for (size_t i = 0; ok && i < n; i++) {
+        if (p->patch) {
+            p->patch[i] = c->part[i];
+            p->place[i] = c->row[i];
+        }
         p->position[i] = c->position[i];
         p->normal[i] = c->normal[i];
         p->size[i] = c->spacing[i] / c->h;
@@ -538,22 +656,28 @@ static bool find_missing(candidates *c, size_t *take, size_t *give, error *e)
     const size_t parts = c->scan->parts.count;
     *take = *give = 0;
     if (parts < 2) return true;
-    size_t *places = mem_array(parts + 1, sizeof *places, "parts", e);
+    size_t *places = mem_array(parts + 1, sizeof *places, "parts", e),
+           *held = mem_array(parts + 1, sizeof *held, "parts", e);
     c->missing = mem_array(parts + 1, sizeof *c->missing, "parts", e);
-    if (!places || !c->missing) {
+    if (!places || !held || !c->missing) {
         free(places);
+        free(held);
         return false;
     }
-    threads_run(c->pool, c->carried, 256, part_chunk, c);
+    if (!c->f->patches) threads_run(c->pool, c->carried, 256, part_chunk, c);
     for (size_t i = c->carried; i < c->count; i++) places[c->part[i]]++;
+    for (size_t i = 0; i < c->held; i++) held[c->part[i]]++;
     for (size_t i = 0; i < c->count; i++) c->missing[c->part[i]] -= c->taken[i];
     for (size_t k = 0; k <= parts; k++) {
-        const double should = (double)places[k] / (double)PLACES, off = should + (double)c->missing[k];
+        const double should = c->f->patches && k < parts ? (double)c->allotted.free[k] + (double)held[k]
+                                                         : (double)places[k] / (double)PLACES,
+                     off = should + (double)c->missing[k];
         const bool is_off = k < parts && fabs(off) > fmax(PART_SLACK_POINTS, PART_SLACK * should);
         c->missing[k] = is_off ? llround(off) : 0;
         *(c->missing[k] > 0 ? take : give) += (size_t)llabs(c->missing[k]);
     }
     free(places);
+    free(held);
     return true;
 }
 
@@ -576,10 +700,10 @@ static bool approach(candidates *c, size_t wanted, bool ends, size_t *there, err
 static bool populate(candidates *c, error *e)
 {
     enum { STEPS = 4 };
-    const size_t count = c->params->count;
+    const size_t count = c->wanted;
     size_t take, give;
     if (!draw_places(c, e)) return false;
-    size_t there = c->carried + give_birth(c, HOLE, HOLE, count);
+    size_t there = c->carried + give_birth(c, HOLE, HOLE, c->params->count);
     if (!find_missing(c, &take, &give, e)) return false;
     const size_t taken = there + take, most = taken > count + give ? taken : count + give;
     const size_t wanted[STEPS] = {taken, most, most - give, count};
@@ -630,27 +754,58 @@ static bool hand_over(candidates *c, frame_transfer *out, error *e)
     close_gaps(c);
     size_t n = c->count;
     uint32_t *order = mem_array(n, sizeof *order, what, e);
-    bool ok = order && (out->position = mem_array(n, sizeof *out->position, what, e)) &&
+    bool *seen = mem_array(c->allotted.rows.count + 1, sizeof *seen, what, e);
+    bool ok = order && seen && (out->position = mem_array(n, sizeof *out->position, what, e)) &&
               (out->normal = mem_array(n, sizeof *out->normal, what, e)) &&
               (out->landed = mem_array(n, sizeof *out->landed, what, e)) &&
               (out->origin = mem_array(n, sizeof *out->origin, what, e)) &&
               (out->parent = mem_array(n, sizeof *out->parent, what, e)) &&
               morton_order(c->position, n, c->pool, order, e) && build_lists(c, NEAR, e);
+    if (ok && c->f->patches)
+        ok = (out->patch = mem_array(n, sizeof *out->patch, what, e)) &&
+             (out->place = mem_array(n, sizeof *out->place, what, e));
     for (size_t k = 0; ok && k < n; k++) {
         uint32_t i = order[k];
         out->position[k] = c->position[i];
         out->normal[k] = c->normal[i];
-        out->landed[k] = c->landed[i];
-        out->parent[k] = c->parent[i];
-        out->origin[k] = origin_of(c, i);
+        if (out->patch) {
+            out->patch[k] = c->part[i];
+            out->place[k] = c->row[i];
+        }
+        if (c->row[i] != PARTICLES_FREE && seen[c->row[i]]) continue;
+        if (c->row[i] != PARTICLES_FREE) seen[c->row[i]] = true;
+        const size_t point = out->count++;
+        out->landed[point] = c->landed[i];
+        out->parent[point] = c->parent[i];
+        out->origin[point] = origin_of(c, i);
         out->born += c->parent[i] == FRAME_TRANSFER_NONE;
     }
     free(order);
+    free(seen);
     if (!ok) return false;
-    out->count = n;
+    out->particles = n;
     out->motion = c->motion;
-    out->died = c->params->previous_count - (n - out->born);
+    out->died = c->params->previous_count - (out->count - out->born);
     return true;
+}
+
+/* Shares the points out among patches and curves, as the solve will. */
+static bool allot(candidates *c, error *e)
+{
+    const allotment_input in = {c->f, c->scan, c->params->sizing, c->h};
+    if (!c->f->patches) return true;
+    if (!allotment_for_count(&in, c->params->count, &c->allotted, e)) return false;
+    c->wanted = allotment_particles(&c->allotted);
+    c->h = c->allotted.spacing;
+    return true;
+}
+
+/* Points of the frame before that are still there; a few on curves count more than once. */
+static size_t count_survivors(const candidates *c)
+{
+    size_t count = c->carried - c->held;
+    for (size_t i = 0; i < c->held; i++) count += c->parent[i] != FRAME_TRANSFER_NONE;
+    return count;
 }
 
 bool frame_transfer_points(const field *f, const surface *scan, const frame_transfer_params *params,
@@ -658,10 +813,11 @@ bool frame_transfer_points(const field *f, const surface *scan, const frame_tran
 {
     candidates c = {.f = f, .scan = scan, .params = params, .pool = pool};
     c.h = packing_spacing(scan->area, (double)params->count);
+    c.wanted = params->count;
     c.box = bbox_grow(scan->box, FARTHEST * fmax(c.h, f->cell_size));
     *out = (frame_transfer){0};
-    bool ok = candidates_make(&c, e) && carry_all(&c, e);
-    if (ok && (double)c.carried < SAME_SURFACE * (double)params->previous_count)
+    bool ok = allot(&c, e) && candidates_make(&c, e) && carry_all(&c, e);
+    if (ok && (double)count_survivors(&c) < SAME_SURFACE * (double)params->previous_count)
         out->died = params->previous_count;
     else
         ok = ok && populate(&c, e) && hand_over(&c, out, e);

@@ -7,7 +7,11 @@
  * points are born in the emptiest places, or removed where they are most crowded, until the count is met: many in
  * portions, far from each other, with a few sweeps between the portions. When most points die the surface is another
  * one: then nothing is transferred, and the caller samples it anew. Deterministic for any number of threads. World
- * space and world units. */
+ * space and world units.
+ *
+ * On a surface of patches the points on curves are placed anew, as an allotment has them. A place on a curve continues the
+ * nearest point of the frame before, if one is near. Each other point goes to the patch that is nearest to where the motion of
+ * the whole brings it. Each patch is a part with a number of points of its own. */
 #ifndef HEXAD_SEQUENCE_FRAME_TRANSFER_H
 #define HEXAD_SEQUENCE_FRAME_TRANSFER_H
 
@@ -37,11 +41,17 @@ typedef struct frame_transfer_params {
 } frame_transfer_params;
 
 typedef struct frame_transfer {
-    size_t count; /* as was asked for; 0, and no arrays: the surface is another one, and all have died */
+    size_t
+        count; /* points, as was asked for; 0, and no arrays: the surface is another one, and all have died */
+    size_t particles; /* a point on a curve is one for each patch there; else as many */
     size_t died, born;
     registration motion;
-    vec3 *position; /* on the surface, in the order of Morton's curve */
+    /* Of each particle, in the order of Morton's curve. */
+    vec3 *position; /* on the surface */
     vec3 *normal;
+    uint32_t *patch; /* on a surface with patches the one that it lies on; else NULL */
+    uint32_t *place; /* likewise: its number in the rows of the allotment, or PARTICLES_FREE */
+    /* Of each point, in the order of its first particles. */
     vec3 *landed;     /* where it was carried to, before births and deaths moved it; of one born, no matter */
     vec3 *origin;     /* where it was in the frame before; of one that was born, where it would have been */
     uint32_t *parent; /* its index in the frame before, or FRAME_TRANSFER_NONE */

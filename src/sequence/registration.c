@@ -74,7 +74,8 @@ typedef struct residual {
 typedef struct fit {
     const field *f;
     const vec3 *x;
-    size_t stride; /* of the points that are looked at */
+    uint32_t *hint; /* of each point that is looked at, see `sample_near` in field_ops */
+    size_t stride;  /* of the points that are looked at */
     size_t count;
     registration at;
     double size; /* rms distance of the points from their centre: turns and growth as lengths */
@@ -89,8 +90,8 @@ static void sample_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t k = begin; k < end; k++) {
         field_sample s;
         h->residuals[k].distance = INFINITY;
-        if (!field_sample_at(h->f, registration_apply(&h->at, h->x[k * h->stride]), FIELD_GRADIENT, &s))
-            continue;
+        const vec3 x = registration_apply(&h->at, h->x[k * h->stride]);
+        if (!field_sample_near(h->f, x, FIELD_GRADIENT, &h->hint[k], &s)) continue;
         double length = vec3_norm(s.gradient);
         if (!(length > 0)) continue;
         h->residuals[k] = (residual){s.value / length, vec3_scale(s.gradient, 1 / length)};
@@ -207,8 +208,11 @@ registration registration_find(const field *f, const vec3 *x, size_t count, doub
     if (!(h.size > 0)) return h.at;
     h.residuals = mem_alloc(h.count * sizeof *h.residuals);
     h.sorted = mem_alloc(h.count * sizeof *h.sorted);
+    h.hint = mem_alloc(h.count * sizeof *h.hint);
+    for (size_t k = 0; k < h.count; k++) h.hint[k] = FIELD_NO_HINT;
     registration found = find_motion(&h, spacing, pool);
     free(h.residuals);
     free(h.sorted);
+    free(h.hint);
     return found;
 }

@@ -247,7 +247,7 @@ static bool open_mesh(const spec_mesh *m, double offset, int fd, const opening *
         .spec = m,
         .alone = o->direct && !o->spec->region_inside && offset == 0,
         .resolve = o->spec->resolve,
-        .as_level_set = o->spec->coherent || o->spec->method == SPEC_METHOD_WITKIN_HECKBERT,
+        .as_level_set = o->spec->method == SPEC_METHOD_WITKIN_HECKBERT,
         .to_world = o->placed ? (const double(*)[4])o->to_world : NULL,
         .region = o->spec->has_region ? &cut : NULL,
         .may_move = may_move(m, offset, o, out),

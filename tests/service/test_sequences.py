@@ -240,34 +240,98 @@ def test_previous_belongs_to_coherent_sequences(worker, footage):
     assert done.returncode == 2 and "queue.coherent" in done.stderr
 
 
-def write_drops(path, frame):
-    """Two large drops part, and two small ones join them, in ten frames."""
+def drops(frame):
+    """Two large drops part, and two small ones join them, in ten frames; as a density."""
     import pyopenvdb
     t, step = (frame - 1) / 9, 0.08
     cells = [slice(-size, size + 1) for size in (40, 32, 20)]
     at = numpy.moveaxis(numpy.mgrid[cells], 0, -1) * step
-    drops = [((-0.6 - 1.1 * t, 0, 0), 1.0), ((0.6 + 1.1 * t, 0.1 * t, 0), 0.9), ((0, 1.6 - 1.5 * t, 0.3), 0.5),
-             ((0.2, -1.9 + 0.9 * t, -0.2), 0.45)]
+    places = [((-0.6 - 1.1 * t, 0, 0), 1.0), ((0.6 + 1.1 * t, 0.1 * t, 0), 0.9), ((0, 1.6 - 1.5 * t, 0.3), 0.5),
+              ((0.2, -1.9 + 0.9 * t, -0.2), 0.45)]
     grid = pyopenvdb.FloatGrid(0.0)
     grid.name = "density"
-    grid.copyFromArray(sum(numpy.exp(-((at - centre) ** 2).sum(-1) / radius ** 2) for centre, radius in drops))
+    grid.copyFromArray(sum(numpy.exp(-((at - centre) ** 2).sum(-1) / radius ** 2) for centre, radius in places))
     grid.transform = pyopenvdb.createLinearTransform([[step, 0, 0, 0], [0, step, 0, 0], [0, 0, step, 0],
                                                       [*(-step * size for size in (40, 32, 20)), 1]])
-    pyopenvdb.write(str(path), [grid])
+    return grid
 
 
-@pytest.mark.parametrize("frames", [[3, 6, 9], pytest.param(list(range(1, 11)), marks=pytest.mark.extended)], ids=["few", "ten"])
-def test_frames_of_a_fluid_that_parts_are_in_as_good_order_as_alone(worker, tmp_path, frames):
+def write_drops(where, frame, kind):
+    """A file of the frame, and the surface that it has, of which the frame is a part of the name."""
+    import pyopenvdb
+    path = where / f"drops.{frame:04d}.{'obj' if kind == 'mesh' else 'vdb'}"
+    if kind == "vdb":
+        pyopenvdb.write(str(path), [drops(frame)])
+        return path, {"isovalue": 0.4}
+    places, quads = drops(frame).convertToQuads(0.4)[:2]
+    path.write_text("".join("v %.7g %.7g %.7g\n" % tuple(v) for v in places) +
+                    "".join("f %d %d %d %d\n" % tuple(q[::-1] + 1) for q in quads))
+    return path, {}
+
+
+@pytest.mark.parametrize("kind", ["vdb", "mesh"])
+@pytest.mark.parametrize("frames", [[3, 6, 9], pytest.param(list(range(1, 11)), marks=pytest.mark.extended)],
+                         ids=["few", "ten"])
+def test_frames_of_a_fluid_that_parts_are_in_as_good_order_as_alone(worker, tmp_path, frames, kind):
     pytest.importorskip("pyopenvdb", reason="there is no pyopenvdb to write volumes with")
     before = []
     for frame in frames:
-        write_drops(tmp_path / f"drops.{frame:04d}.vdb", frame)
-        spec = {"version": 1, "surface": {"vdb": {"path": str(tmp_path / f"drops.{frame:04d}.vdb"), "isovalue": 0.4}},
-                "sampling": {"count": 2000}, "output": {"preview": False}}
+        path, members = write_drops(tmp_path, frame, kind)
+        spec = {"version": 1, "surface": {kind: {"path": str(path), **members}}, "sampling": {"count": 2000},
+                "output": {"preview": False}}
         assert worker(spec, output="alone").returncode == 0
-        spec["surface"]["vdb"]["path"] = str(tmp_path / "drops.####.vdb")
+        spec["surface"][kind]["path"] = str(tmp_path / f"drops.####{path.suffix}")
         spec["queue"] = {"frames": "1-10", "coherent": True}
         assert worker(spec, "--frame", frame, *before, output=str(frame)).returncode == 0
         before = ["--previous", str(frame)]
         alone, coherent = (read(tmp_path / name)[1]["quality"] for name in ("alone", str(frame)))
         assert coherent["disorder"] <= 2 * alone["disorder"], frame
+
+
+def write_bowl(path, place):
+    """An open paraboloid; its rim is a circle of radius 1 about `place` + (0, 0, 0.5)."""
+    rings, turns = 12, 48
+    radius, angle = numpy.meshgrid(numpy.arange(rings + 1) / rings, 2 * numpy.pi * numpy.arange(turns) / turns,
+                                   indexing="ij")
+    places = numpy.stack([radius * numpy.cos(angle), radius * numpy.sin(angle), radius ** 2 / 2], -1).reshape(-1, 3)
+    number = numpy.arange(len(places)).reshape(rings + 1, turns) + 1
+    after = numpy.roll(number, -1, 1)
+    quads = zip(*(n.ravel() for n in (number[:-1], number[1:], after[1:], after[:-1])))
+    path.write_text("".join("v %.9g %.9g %.9g\n" % tuple(v) for v in places + place) +
+                    "".join("f %d %d %d %d\n" % q for q in quads))
+
+
+def test_points_go_with_an_open_mesh_and_stay_on_its_rim(worker, tmp_path):
+    motion = numpy.array([0.2, -0.1, 0.15])
+    for frame in (1, 2):
+        write_bowl(tmp_path / f"bowl.{frame:04d}.obj", (frame - 1) * motion)
+    spec = {"version": 1, "surface": {"mesh": {"path": str(tmp_path / "bowl.####.obj")}}, "sampling": {"count": 400},
+            "output": {"preview": False}, "queue": {"frames": "1-2", "coherent": True}}
+    assert worker(spec, "--frame", 1, output="1").returncode == 0
+    assert worker(spec, "--frame", 2, "--previous", "1", output="2").returncode == 0
+    first, (second, report) = read(tmp_path / "1")[0], read(tmp_path / "2")
+    assert (report["sequence"]["carried"], report["sequence"]["born"], report["sequence"]["died"]) == (400, 0, 0)
+    _, i, j = numpy.intersect1d(ids_of(first), ids_of(second), return_indices=True)
+    assert abs(second.position[j] - first.position[i] - motion).max() < 0.1 * report["spacing"]
+    on_rim = abs(first.position[i][:, 2] - 0.5) < 1e-6
+    assert on_rim.sum() > 40 and abs(second.position[j][on_rim] - motion)[:, 2] == pytest.approx(0.5, abs=1e-6)
+
+
+def test_points_on_the_edges_of_a_cube_turn_with_it(worker, tmp_path):
+    corners = numpy.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    quads = [(1, 2, 4, 3), (5, 7, 8, 6), (1, 5, 6, 2), (3, 4, 8, 7), (1, 3, 7, 5), (2, 6, 8, 4)]
+    turn = numpy.array([[0.98, -0.199, 0], [0.199, 0.98, 0], [0, 0, 1]])
+    for frame, places in ((1, corners), (2, corners @ turn.T)):
+        (tmp_path / f"cube.{frame:04d}.obj").write_text("".join("v %.9g %.9g %.9g\n" % tuple(v) for v in places) +
+                                                        "".join("f %d %d %d %d\n" % q for q in quads))
+    spec = {"version": 1, "surface": {"mesh": {"path": str(tmp_path / "cube.####.obj")}}, "sampling": {"count": 400},
+            "output": {"preview": False}, "queue": {"frames": "1-2", "coherent": True}}
+    assert worker(spec, "--frame", 1, output="1").returncode == 0
+    assert worker(spec, "--frame", 2, "--previous", "1", output="2").returncode == 0
+    first, (second, report) = read(tmp_path / "1")[0], read(tmp_path / "2")
+    assert report["sequence"]["carried"] == 400 and report["curves"]["count"] == 12
+    _, i, j = numpy.intersect1d(ids_of(first), ids_of(second), return_indices=True)
+    before, after = first.position[i], second.position[j]
+    on_edge = (abs(abs(before) - 1) < 1e-6).sum(axis=1) >= 2
+    assert on_edge.sum() > 60 and abs(after - before @ turn.T)[on_edge].max() < 1e-5
+    assert abs(after - before @ turn.T).max() < 0.2 * report["spacing"]
