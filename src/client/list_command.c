@@ -209,6 +209,7 @@ int command_show(client *c, const char *argument, const command_options *options
         json_number(json_member(&tasks, "failed"), 0) + json_number(json_member(&tasks, "timed_out"), 0);
     if (code == COMMAND_OK && !options->json && failed > 0 && json_bool(json_member(&job, "array"), false))
         code = show_failures(c, argument, failed);
+    if (code == COMMAND_OK && !options->json) code = command_print_frame_outcomes(c, job, stdout);
     if (code == COMMAND_OK && !options->json && !command_has_ended(job)) command_explain_waiting(c, stderr);
     if (code == COMMAND_OK && options->picture) code = save_picture(c, argument, options->picture);
     json_free(document);

@@ -55,7 +55,8 @@ int command_wait_for(client *c, const char *path, const command_options *options
                 else
                     print_job(job);
                 print_notes(stderr, json_member(&job, "notes"));
-                code = code_of_end(job);
+                code = command_print_frame_outcomes(c, job, stderr);
+                if (code == COMMAND_OK) code = code_of_end(job);
             }
         }
         client_reply_clear(&reply);

@@ -10,6 +10,11 @@ import pytest
 from service import PATIENCE_S, Service, gated_worker, sphere, wait_until
 
 FRAMES = (8, 9, 11)
+# the rings of frames 2, 4 and 5 are too thin for so few points to have six neighbours
+PARTLY_UNRESOLVED = sphere(
+    100, surface={"analytic": {"shape": "torus", "center": [0, 0, 0], "major_radius": 1, "minor_radius": 0.4}},
+    outcome={"require": {"hex_fraction": 0.5}}, output={"preview": False},
+    queue={"frames": "1-5", "by_frame": {"/surface/analytic/minor_radius": [0.4, 0.1, 0.4, 0.1, 0.1]}})
 
 
 @pytest.fixture(scope="module")
@@ -351,6 +356,15 @@ def test_a_long_list_comes_in_pages(new_service, build, tmp_path):
                           capture_output=True, text=True, timeout=PATIENCE_S)
     jobs = json.loads(done.stdout)
     assert len({j["id"] for j in jobs["jobs"]}) == 515 and jobs["next"]
+
+
+def test_show_and_wait_say_which_frames_are_unresolved(run, service):
+    job = service.submit(PARTLY_UNRESOLVED)
+    waited = run("wait", job)
+    assert waited.returncode == 11 and "unresolved: frames 2, 4-5\n" in waited.stderr, waited.stderr
+    assert "unresolved: frames 2, 4-5\n" in run("show", job).stdout
+    good = service.submit(sphere(100, output={"preview": False}, queue={"frames": "1-2", "by_frame": {"/surface/analytic/radius": [1, 2]}}))
+    assert "converged" not in run("wait", good).stderr
 
 
 def test_a_pattern_without_frames_is_reported(run, footage, build, tmp_path):
