@@ -7,6 +7,7 @@
 #include "api/job_json.h"
 #include "api/job_lookup.h"
 #include "base/memory.h"
+#include "base/worker_contract.h"
 #include "http/parameter.h"
 #include "results/result.h"
 
@@ -127,6 +128,28 @@ void tasks_show_log(const http_context *c, const http_request *request, reply *r
         else
             reply_set_problem(r, "not_found", NULL,
                               "the job %s has no such attempt yet, or its log was removed", job.id);
+    }
+    queue_job_clear(&job);
+}
+
+/* The worker removes the file before its attempt ends, so the file is there while the attempt runs. */
+void tasks_send_snapshot(const http_context *c, const http_request *request, reply *r)
+{
+    queue_job job = {0};
+    int frame = QUEUE_NO_FRAME, attempt = 0;
+    int64_t bytes = 0;
+    if (!job_lookup_find_own(c, request, &job, r)) return;
+    if (choose_attempt(c, request, &job, &frame, &attempt, r)) {
+        char *directory = result_attempt_directory(c->work_dir, job.id, frame, attempt);
+        int fd = attempt > 0 ? result_open_file(directory, WORKER_SNAPSHOT_NAME, &bytes, NULL) : -1;
+        if (fd >= 0)
+            reply_set_file(r, "model/ply", fd, bytes);
+        else
+            reply_set_problem(
+                r, "not_found", NULL,
+                "the job %s has no snapshot: no attempt is relaxing points, or it began less than 2 s ago",
+                job.id);
+        free(directory);
     }
     queue_job_clear(&job);
 }

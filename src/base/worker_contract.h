@@ -45,6 +45,8 @@ typedef enum worker_exit {
 /* The short members of the report that the daemon reads, written before it: outcome, count, outputs, inputs, ratings, outcome_reasons,
  * advice, surface.warnings, quality.resolved_share; and report_bytes, the length of the report. It is not flushed to disk: a reader takes the report when it is damaged. */
 #define WORKER_SUMMARY_NAME "summary.json"
+/* With WORKER_OPTION_PROGRESS_FD: some points of the running job, replaced every 2 s while it relaxes; removed before the report is written. */
+#define WORKER_SNAPSHOT_NAME "snapshot.ply"
 #define WORKER_ESTIMATE_NAME "estimate.json"
 #define WORKER_INSPECTION_NAME "inspection.json"
 

@@ -384,6 +384,7 @@ bool job_relax(job *j, sampler *s, double reserve_s, error *e)
         size_t sweeps;
         const sampler_sweep *last = sampler_sweeps(s, &sweeps) + sweeps - 1;
         show_progress(j, s, last, sweeps);
+        snapshot_offer(&j->snapshot, s, &j->source, j->spec);
         if (j->spec->time_s > 0 && job_seconds_left(j) < reserve_s) break;
     }
     return true;
@@ -598,6 +599,7 @@ static void leave_job(void *context)
     error e = {0};
     job_may_go_on(j, &e);
     results_clear(j->options->output);
+    snapshot_end(&j->snapshot);
     j->options->leave(&e);
 }
 
@@ -617,6 +619,7 @@ bool job_run_phases(job *j, job_phase *const *phases, size_t count, error *e)
 
 void job_free(job *j)
 {
+    snapshot_free(&j->snapshot);
     json_free(j->report);
     job_free_solution(&j->solution);
     sequence_free(&j->sequence);

@@ -9,6 +9,7 @@
 #include "run/results.h"
 #include "run/run_options.h"
 #include "run/sequence.h"
+#include "run/snapshot.h"
 #include "source/source.h"
 #include "sampler/sampler.h"
 
@@ -31,6 +32,7 @@ typedef struct job {
     const spec *spec;
     const run_options *options;
     progress progress;
+    snapshot snapshot;
     size_t memory; /* bytes, the job's limit */
     threads *pool;
     isa isa;

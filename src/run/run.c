@@ -110,10 +110,12 @@ bool run_job(const spec *s, const run_options *options, verdict_outcome *outcome
     static job_phase *const phases[] = {job_load, start, relax, measure_result, write_results};
     job j = {.spec = s, .options = options};
     progress_begin(&j.progress, options->progress_fd, options->progress_bar);
+    snapshot_begin(&j.snapshot, options->progress_fd >= 0 ? options->output : NULL);
     j.end_ms = j.progress.start_ms + (int64_t)(1e3 * s->time_s);
     bool ok =
         prepare_output(options->output, e) && job_run_phases(&j, phases, sizeof phases / sizeof *phases, e);
     progress_end(&j.progress);
+    snapshot_end(&j.snapshot);
     ok = ok && write_report(&j, outcome, e);
     if (ok) {
         *report = j.report;

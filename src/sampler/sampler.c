@@ -360,6 +360,12 @@ double sampler_coarsest_gain(const sampler *s)
     return s->setup.schedule->coarsest_gain;
 }
 
+sampler_particles sampler_current_particles(const sampler *s)
+{
+    const particles *p = s->state.p;
+    return (sampler_particles){p->count, p->position, p->normal, s->state.spacing, p->size, p->energy};
+}
+
 double sampler_spacing(const sampler *s)
 {
     return s->state.spacing;

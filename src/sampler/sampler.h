@@ -78,6 +78,18 @@ double
 sampler_coarsest_gain(const sampler *s); /* a round that ended with a larger gain did not come to rest */
 size_t sampler_removed_offsurface(const sampler *s);
 
+/* The particles between two steps; the arrays belong to the sampler and live until the next step. On a surface with patches, a point on a
+ * curve is one particle for each patch there. */
+typedef struct sampler_particles {
+    size_t count;
+    const vec3 *position, *normal;
+    double spacing;      /* h of the current level */
+    const double *size;  /* requested spacing over h; NULL: 1 each */
+    const float *energy; /* E_i over size^2, when it was last computed */
+} sampler_particles;
+
+sampler_particles sampler_current_particles(const sampler *s);
+
 /* Puts every particle on the surface to rounding, and computes what the output holds. A particle that
  * cannot be put there counts as lost. Errors: limit_memory, cancelled. */
 bool sampler_finalize(sampler *s, error *e);

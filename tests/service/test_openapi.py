@@ -186,7 +186,7 @@ def test_answers_of_a_job_that_succeeds(described):
     described.wait_state(job, "succeeded")
     for name in ("getJob", "listResults", "cancelJob", "getResult", "listJobs", "getHealth", "getReadiness", "getVersion",
                  "getMetrics", "getOpenapi", "getSchema", "getUsage", "listWorkers", "getSession", "listFiles", "listTasks",
-                 "listAttempts", "getLog", "followJob", "followJobs", "pauseJob", "resumeJob", "retryJob", "deleteJob",
+                 "listAttempts", "getLog", "getSnapshot", "followJob", "followJobs", "pauseJob", "resumeJob", "retryJob", "deleteJob",
                  "getJob"):
         method, path, operation = by_name[name]
         reply = described.request(method, expand(path, id=job, name="report.json"))
