@@ -24,6 +24,13 @@ LONG_NAME = "shot_0420_fx_explosion_v012_final_for_review_with_a_name_that_someb
 CUBE = "".join(f"v {x} {y} {z}\n" for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)) + \
     "".join(f"f {face}\n" for face in ("1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4"))
 
+# opens the folder of a sequence of files
+SHOTS = """document.querySelector('.drop details').open = true;
+    const open = ending => { const found = [...document.querySelectorAll('.files button')].find(b => b.innerText.endsWith(ending));
+      if (found) found.click(); else setTimeout(() => open(ending), 50); return found; };
+    const inner = () => [...document.querySelectorAll('.files button')].some(b => b.innerText === 'shots/') ? open('shots/') : setTimeout(inner, 50);
+    open('/'); inner();"""
+
 SETTLED = "return !document.querySelector('.loading, .loading-points, [aria-busy=true]')"
 
 
@@ -44,7 +51,8 @@ def jobs_of(service, token):
         "rough": submit(sphere(name="graded torus", surface=torus, sampling={"count": 1500}, solver={"max_sweeps": 40})),
         "failed": submit({"version": 1, "name": LONG_NAME, "surface": {"bspline": {"dims": [4, 4, 4], "coefficients": [1] * 64}},
                           "sampling": {"count": 100}}),
-        "array": submit(sphere(name="film", queue={"frames": "1-24", "by_frame": {"/surface/analytic/radius": {"from": 1, "to": 2}}})),
+        "array": submit(sphere(name="film", queue={"frames": "1-24", "by_frame": {
+            "/surface/analytic/radius": {"from": 1, "to": 2}, "/solver/max_sweeps": [2000] * 22 + [1] * 2}})),
     }
     for word, job in jobs.items():
         wait_until(lambda: state(job)["state"] in ("succeeded", "failed"), word)
@@ -67,6 +75,7 @@ def views_of(jobs):
              "submit": ("#/submit", ".estimate dl", None, None),
              "dropped": ("#/submit", ".estimate dl", drop, ".inspection"),
              "files": ("#/submit", ".estimate dl", "document.querySelector('.drop details').open = true", ".files button"),
+             "sequence": ("#/submit", ".estimate dl", SHOTS, ".files .detail"),
              "faults": ("#/submit", ".estimate dl", """const field = document.getElementById("f/surface/analytic/radius");
                  field.value = "-1"; field.dispatchEvent(new Event("input", {bubbles: true}));""", ".fault"),
              "more": ("#/submit", ".estimate dl", "document.querySelectorAll('details').forEach(part => { part.open = true; })", "details[open]"),
@@ -76,8 +85,9 @@ def views_of(jobs):
              "neighbours": (f"#/jobs/{jobs['rough']}/points", ".stats", """const by = document.querySelector(".controls select");
                  by.value = "neighbours"; by.dispatchEvent(new Event("change", {bubbles: true}));""", ".legend .hint"),
              "lost": ("#/nothing", "h1", None, None)}
-    for word in ("job", "rough", "failed", "array", "live"):
-        views[word] = (f"#/jobs/{jobs[word]}", ".facts-list" if word in ("failed", "live", "array") else ".measures", None, None)
+    for word in ("job", "rough", "failed", "array"):
+        views[word] = (f"#/jobs/{jobs[word]}", ".facts-list" if word in ("failed", "array") else ".measures", None, None)
+    views["live"] = (f"#/jobs/{jobs['live']}", ".stats", None, None)
     views["frame"] = (f"#/jobs/{jobs['array']}?frame=3", ".measures", None, None)
     views["log"] = (f"#/jobs/{jobs['job']}", ".measures", """[...document.querySelectorAll("main button")].find(b => b.innerText === "Log").click()""", "pre.log")
     return views
@@ -124,6 +134,9 @@ def main():
     with tempfile.TemporaryDirectory() as where:
         base = pathlib.Path(where)
         (base / "cube.obj").write_text(CUBE)
+        (base / "shots").mkdir()
+        for frame in range(1, 25):
+            (base / "shots" / f"cube.{frame:04d}.obj").write_text(CUBE)
         subprocess.run([options.built / "hexad-worker", "make-example", base / "trefoil.vdb"], check=True)
         service = Service(options.built.resolve(), base, "--estimate_timeout_s", 60, "--input_roots", base)
         service.options = [o for o in service.options if o not in ("--tcp_without_tokens", OPEN_TCP)]
@@ -131,7 +144,7 @@ def main():
         token = new_token(service, "alice", "--scopes", "admin")
         browser = Browser(base / "browser", (1440, HEIGHT))
         camera = Camera(browser, service.start(), options.to)
-        sizes = [(width, theme) for width in (1440, 390) for theme in ("light", "dark")]
+        sizes = [(width, theme) for width in (1280, 390) for theme in ("light", "dark")]
         try:
             for width, theme in sizes:
                 camera.take("sign-in", width, theme, ("#/", "#token", None, None))

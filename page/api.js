@@ -20,11 +20,15 @@ export class Problem extends Error {
 export const retryAfterOf = response => Number(response.headers.get("Retry-After")) || null;
 
 export const wait = (seconds, signal) => new Promise((done, fail) => {
-  const timer = setTimeout(done, 1000 * seconds);
-  signal.addEventListener("abort", () => {
+  const stop = () => {
     clearTimeout(timer);
     fail(signal.reason);
-  });
+  };
+  const timer = setTimeout(() => {
+    signal.removeEventListener("abort", stop);
+    done();
+  }, 1000 * seconds);
+  signal.addEventListener("abort", stop);
 });
 
 /** Sends a request and returns the response; throws a Problem. */

@@ -9,21 +9,34 @@ const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
 export class Camera {
   constructor() {
-    this.target = [0, 0, 0];
     this.up = "z"; // or "y"
-    this.moved = false; // by hand; before that it follows what it shows
-    this.reset(1);
+    Object.assign(this, {center: [0, 0, 0], radius: 1, framed: false});
+    this.reset();
   }
 
-  /** Looks at a ball around the target from the right and above, as previews do. */
-  reset(radius) {
-    Object.assign(this, {radius, distance: radius / Math.sin(FIELD_OF_VIEW / 2) * 1.05, yaw: 0.7, pitch: 0.45, moved: false});
+  /** Looks at the ball from the right and above, as previews do. */
+  reset() {
+    // `zoom` and `shift` are in radii of the ball, so that they are the same for surfaces of different sizes
+    Object.assign(this, {zoom: 1.05 / Math.sin(FIELD_OF_VIEW / 2), shift: [0, 0, 0], yaw: 0.7, pitch: 0.45, moved: false});
   }
 
+  /** Sets the ball to look at; once it has been framed and moved by hand, it stays as it is. */
   frame(center, radius) {
-    if (this.moved) return;
-    this.target = center;
-    this.reset(radius);
+    if (this.moved && this.framed) return;
+    Object.assign(this, {center, radius, framed: true});
+  }
+
+  /** Looks at its own ball as another camera looks at its ball. */
+  follow({zoom, shift, yaw, pitch, moved}) {
+    Object.assign(this, {zoom, shift, yaw, pitch, moved});
+  }
+
+  get distance() {
+    return this.zoom * this.radius;
+  }
+
+  get target() {
+    return this.center.map((c, k) => c + this.shift[k] * this.radius);
   }
 
   /** Unit vectors to the right, up and back to the eye. */
@@ -35,8 +48,8 @@ export class Camera {
   }
 
   eye() {
-    const {back} = this.axes();
-    return this.target.map((t, k) => t + back[k] * this.distance);
+    const {back} = this.axes(), {target, distance} = this;
+    return target.map((t, k) => t + back[k] * distance);
   }
 
   /** World to clip space, by columns. */
@@ -64,13 +77,13 @@ export class Camera {
   /** By fractions of the picture's smaller side. */
   pan(dx, dy) {
     this.moved = true;
-    const {right, up} = this.axes(), scale = 2 * Math.tan(FIELD_OF_VIEW / 2) * this.distance;
-    this.target = this.target.map((t, k) => t + scale * (up[k] * dy - right[k] * dx));
+    const {right, up} = this.axes(), scale = 2 * Math.tan(FIELD_OF_VIEW / 2) * this.zoom;
+    this.shift = this.shift.map((s, k) => s + scale * (up[k] * dy - right[k] * dx));
   }
 
-  zoom(factor) {
+  approach(factor) {
     this.moved = true;
-    this.distance = Math.min(this.radius * 50, Math.max(this.radius * 1e-3, this.distance * factor));
+    this.zoom = Math.min(50, Math.max(1e-3, this.zoom * factor));
   }
 
   key(event) {
@@ -79,9 +92,9 @@ export class Camera {
       const [dx, dy] = arrows[event.key];
       if (event.shiftKey) this.pan(dx, dy);
       else this.turn(dx, dy);
-    } else if (event.key === "+" || event.key === "=") this.zoom(1 / 1.15);
-    else if (event.key === "-") this.zoom(1.15);
-    else if (event.key === "Home") this.reset(this.radius);
+    } else if (event.key === "+" || event.key === "=") this.approach(1 / 1.15);
+    else if (event.key === "-") this.approach(1.15);
+    else if (event.key === "Home") this.reset();
     else return false;
     return true;
   }
@@ -110,7 +123,7 @@ export function steer(canvas, camera, onMove, onPick) {
     const size = Math.min(canvas.clientWidth, canvas.clientHeight);
     if (fingers.size > 1 || event.shiftKey || event.buttons & 6) camera.pan(dx / size, dy / size);
     else camera.turn(dx * 3 / size, dy * 3 / size);
-    if (before.spread && after.spread) camera.zoom(before.spread / after.spread);
+    if (before.spread && after.spread) camera.approach(before.spread / after.spread);
     onMove();
   };
   canvas.onpointerup = canvas.onpointercancel = event => {
@@ -119,7 +132,7 @@ export function steer(canvas, camera, onMove, onPick) {
   };
   canvas.onwheel = event => {
     event.preventDefault();
-    camera.zoom(Math.exp(event.deltaY * (event.deltaMode ? 0.03 : 0.001)));
+    camera.approach(Math.exp(event.deltaY * (event.deltaMode ? 0.03 : 0.001)));
     onMove();
   };
   canvas.onkeydown = event => {

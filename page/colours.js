@@ -9,15 +9,19 @@ const ramp = stops => t => {
 const NEIGHBOURS = [[150, 40, 140], [225, 110, 0], [215, 222, 226], [30, 110, 200], [20, 20, 120]];
 
 export const MAPS = {
-  viridis: ramp([[68, 1, 84], [71, 44, 122], [59, 81, 139], [44, 113, 142], [33, 144, 141], [39, 173, 129], [92, 200, 99], [170, 220, 50], [253, 231, 37]]),
+  viridis: ramp([[71, 44, 122], [59, 81, 139], [44, 113, 142], [33, 144, 141], [39, 173, 129], [92, 200, 99], [170, 220, 50], [253, 231, 37]]),
   "blue to red": ramp([[33, 102, 172], [146, 197, 222], [247, 247, 247], [244, 165, 130], [178, 24, 43]]),
   grey: ramp([[40, 40, 40], [240, 240, 240]]),
   neighbours: t => NEIGHBOURS[Math.min(4, Math.floor(t * 5))],
 };
 
-export function coloursOf(name) {
+const INK_SHARE = 0.3; // 0: viridis begins as dark as the ground of the dark theme; 1: all colours are ink
+
+/** All colours lie between those of the map and the ink, so that none is like the ground. */
+export function coloursOf(name, ink) {
   const bytes = new Uint8Array(1024);
-  for (let i = 0; i < 256; i++) bytes.set([...MAPS[name](i / 255).map(Math.round), 255], 4 * i);
+  const mixed = colour => colour.map((part, k) => Math.round(part + INK_SHARE * (255 * ink[k] - part)));
+  for (let i = 0; i < 256; i++) bytes.set([...mixed(MAPS[name](i / 255)), 255], 4 * i);
   return bytes;
 }
 

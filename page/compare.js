@@ -1,5 +1,5 @@
 // Two jobs side by side: measures, plots and points.
-import {html, useEffect, useState} from "./preact.js";
+import {html, useEffect, useMemo, useState} from "./preact.js";
 import {get} from "./api.js";
 import {Charts, rowsOfReport} from "./chart.js";
 import {useReport} from "./job.js";
@@ -11,6 +11,7 @@ import {nameOf} from "./words.js";
 export function Compare({ids}) {
   const [jobs, setJobs] = useState(null);
   const [error, setError] = useState(null);
+  const scenes = useMemo(() => new Set(), []); // their cameras move together
   const first = useReport(jobs && jobs[0], null), second = useReport(jobs && jobs[1], null);
   useTitle("Compare");
   useEffect(() => {
@@ -21,7 +22,7 @@ export function Compare({ids}) {
   return html`<p class="back"><a href="#/">Queue</a></p><h1>${words[0]} and ${words[1]}</h1>
     <div class="pair">${jobs.map((job, i) => html`<section key=${i} aria-label=${`${i ? "Second" : "First"}: ${nameOf(job)}`}>
       <h2><a href=${`#/jobs/${job.id}`}>${nameOf(job)}</a> <${State} job=${job} /></h2>
-      ${job.links.results && html`<${PointCloud} job=${job} frame=${null} />`}</section>`)}</div>
+      ${job.links.results && html`<${PointCloud} job=${job} frame=${null} scenes=${scenes} />`}</section>`)}</div>
     <h2>Measures</h2><${Measures} reports=${reports} words=${words} />
     ${first && second && html`<h2>Convergence</h2><p class="hint">${words[0]} is the solid line, ${words[1]} the dashed one.</p>
       <${Charts} runs=${reports.map(rowsOfReport)} words=${words} />`}`;

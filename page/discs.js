@@ -43,8 +43,9 @@ uniform int picked;
 uniform bool picking;
 out vec4 colour;
 void main() {
-  float off = dot(place, place);
-  if (off > 1.0) discard;
+  float off = dot(place, place), distance = sqrt(off);
+  float coverage = clamp((1.0 - distance) / fwidth(distance), 0.0, 1.0); // of the pixel by the disc
+  if (coverage == 0.0) discard;
   gl_FragDepth = gl_FragCoord.z + sunk * off;
   if (picking) {
     int n = id + 1;
@@ -53,8 +54,8 @@ void main() {
   }
   vec3 base = texture(map, vec2(clamp((amount - range.x) / max(range.y - range.x, 1e-30), 0.0, 1.0), 0.5)).rgb;
   if (id == picked) base = vec3(1.0, 0.25, 0.6);
-  float light = shade > 0.0 ? 0.35 + 0.65 * shade : 0.18 - 0.2 * shade; // the inside is darker
-  colour = vec4(base * light * (1.0 - 0.45 * smoothstep(0.55, 0.9, off)), 1); // a darker rim tells discs apart
+  float light = shade > 0.0 ? 0.55 + 0.45 * shade : 0.4 - 0.2 * shade; // the inside is darker
+  colour = vec4(base * light * (1.0 - 0.35 * smoothstep(0.55, 0.9, off)), coverage); // a darker rim separates discs
 }`;
 
 const WIRE_VERTEX = `#version 300 es
@@ -217,7 +218,9 @@ export class Discs {
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     if (!this.count) return calls;
     if (this.showDiscs) {
+      gl.enable(gl.SAMPLE_ALPHA_TO_COVERAGE);
       this.drawDiscs(camera, false);
+      gl.disable(gl.SAMPLE_ALPHA_TO_COVERAGE);
       calls++;
     }
     if (this.showWire && this.edgeCount) {

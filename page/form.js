@@ -53,14 +53,17 @@ function NumberInput({schema, value, onChange, ...more}) {
     placeholder=${schema.default ?? ""} value=${value ?? ""} onInput=${e => onChange(e.target.value === "" ? undefined : Number(e.target.value))} />`;
 }
 
-/** Text that is JSON; it counts once it is. */
+/** Text that is JSON. Other text makes the field invalid, so that the browser does not submit the form. */
 function JsonInput({value, onChange, ...more}) {
   const [text, setText] = useState(value === undefined ? "" : JSON.stringify(value));
-  return html`<input ...${more} value=${text} onInput=${e => {
-    setText(e.target.value);
+  return html`<input ...${more} value=${text} onInput=${({target}) => {
+    setText(target.value);
+    target.setCustomValidity("");
     try {
-      onChange(e.target.value.trim() === "" ? undefined : JSON.parse(e.target.value));
-    } catch { /* not yet */ }
+      onChange(target.value.trim() === "" ? undefined : JSON.parse(target.value));
+    } catch (error) {
+      target.setCustomValidity(`This is no JSON: ${error.message}`);
+    }
   }} />`;
 }
 

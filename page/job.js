@@ -3,8 +3,9 @@ import {html, useEffect, useLayoutEffect, useMemo, useRef, useState} from "./pre
 import {call, follow, get, query, send, urlOf} from "./api.js";
 import {Charts, rowsOfReport} from "./chart.js";
 import {inOrder, Progress, State, throttled, Trouble, useAction, useClock, useTitle} from "./parts.js";
+import {LivePoints} from "./points.js";
 import {Report} from "./report.js";
-import {bytesOf, durationOf, isFinal, nameOf, numberOf, PHASES, spentOf, STATES, timeOf} from "./words.js";
+import {bytesOf, durationOf, isFinal, nameOf, numberOf, PHASES, spentOf, stateOf, timeOf} from "./words.js";
 
 const FRAMES = 500; // of an array, in one request
 const READ_MS = 500; // however fast events come, the job is read no more often; its log and frames:
@@ -165,8 +166,8 @@ function Tasks({job, frame, onChoose}) {
   useEffect(readSoon, [job.id, job.revision, job.tasks.succeeded, job.tasks.running]);
   useEffect(() => readSoon.cancel, [readSoon]);
   return html`<section aria-label="Frames"><h2>Frames</h2><${Trouble} error=${error} /><div class="frames">${tasks.map(task => {
-    const {word, sign} = STATES[task.state] || {word: task.state, sign: "?"};
-    return html`<button key=${task.frame} class=${`frame ${task.state}`} aria-pressed=${task.frame === frame}
+    const {word, sign, kind} = stateOf(task);
+    return html`<button key=${task.frame} class=${`frame ${kind}`} aria-pressed=${task.frame === frame}
       title=${`Frame ${task.frame}: ${word}${task.error ? `: ${task.error.message}` : ""}`} onClick=${() => onChoose(task.frame)}
       ><span aria-hidden="true">${sign}</span>${task.frame}<span class="hidden">: ${word}</span></button>`;
   })}</div></section>`;
@@ -267,6 +268,7 @@ export function Job({ids: [id], search, session}) {
     ${own && job.links.results && html`<${Results} job=${job} frame=${frame} />`}
     ${report ? html`<h2>Convergence</h2><${Charts} key="whole" runs=${[rowsOfReport(report)]} words=${[nameOf(job)]} />`
       : rows.length > 1 && html`<h2>Convergence</h2><${Charts} key="live" live=${true} runs=${[rows]} words=${[nameOf(job)]} />`}
+    ${own && !isFinal(job.state) && rows.length > 0 && html`<${LivePoints} key=${frame} job=${job} frame=${frame} />`}
     ${report && html`<${Report} report=${report} />`}
     ${own && html`<${Attempts} job=${job} frame=${frame} lines=${lines} />`}
     ${job.spec && html`<${Spec} spec=${job.spec} />`}`;

@@ -11,18 +11,19 @@ function parseHeader(bytes) {
   const text = new TextDecoder("latin1").decode(bytes.subarray(0, HEADER_MOST));
   const end = text.indexOf("end_header\n");
   if (end < 0) return null;
-  const elements = [];
+  const elements = [], comments = {};
   let format = "";
   for (const line of text.slice(0, end).split("\n")) {
     const words = line.trim().split(/\s+/);
     if (words[0] === "format") format = words[1];
+    if (words[0] === "comment") comments[words[1]] = words[2];
     if (words[0] === "element") elements.push({name: words[1], count: Number(words[2]), properties: []});
     if (words[0] === "property") elements[elements.length - 1].properties.push(
       words[1] === "list" ? {name: words[4], list: words[2], type: words[3]} : {name: words[2], type: words[1]});
   }
   if (format !== "binary_little_endian")
     throw new Error(`The file is ${format || "no PLY file"}: this view reads binary_little_endian.`);
-  return {bytes: end + "end_header\n".length, elements};
+  return {bytes: end + "end_header\n".length, elements, comments};
 }
 
 /** Properties that tell the spacing, with how often they are in it. A spec may leave them all out. */
@@ -57,7 +58,7 @@ function join(a, b) {
 /**
  * Loads the points of a file: `onStart(points)`, which may take time, when the header has come, `onMore(points)` as points arrive. Of more
  * than `most` points every so manieth is kept. `points` has the `total` of the file, the `step`, the `count` so far, an
- * `origin`, and `columns`: a Float32Array for each property, x, y and z less the origin.
+ * `origin`, `columns`: a Float32Array for each property, x, y and z less the origin, and `comments` of the header: {up: "y"} of "comment up y".
  */
 export async function loadPoints(path, most, {signal, onStart, onMore}) {
   const response = await send("GET", path, {signal});
@@ -78,7 +79,7 @@ export async function loadPoints(path, most, {signal, onStart, onMore}) {
       });
       const step = Math.max(1, Math.ceil(vertex.count / most));
       const kept = Math.ceil(vertex.count / step);
-      points = {total: vertex.count, step, kept, count: 0, origin: null,
+      points = {total: vertex.count, step, kept, count: 0, origin: null, comments: header.comments,
         columns: Object.fromEntries(fields.map(({name}) => [name, new Float32Array(kept)]))};
       rest = rest.subarray(header.bytes);
       await onStart(points);

@@ -1,13 +1,13 @@
 // The points of a job in 3-D, and what can be asked of them.
 import {html, useEffect, useRef, useState} from "./preact.js";
-import {get, query} from "./api.js";
+import {get, query, wait} from "./api.js";
 import {Camera, steer} from "./camera.js";
 import {coloursOf, MAPS, rangeOf} from "./colours.js";
 import {Discs} from "./discs.js";
 import {countNeighbours} from "./neighbours.js";
-import {recall, remember, Trouble, useTitle} from "./parts.js";
+import {Trouble, useTitle} from "./parts.js";
 import {hasSpacing, loadEdges, loadPoints} from "./ply.js";
-import {bytesOf, countOf, nameOf, numberOf} from "./words.js";
+import {countOf, nameOf, numberOf} from "./words.js";
 
 /** Of more points, a part is shown and said to be one: two million are 64 MiB on the graphics card. */
 const MOST = 2000000;
@@ -15,19 +15,28 @@ const NEIGHBOURS = "neighbours";
 const NO_COLOURS = ["x", "y", "z", "nx", "ny", "nz"];
 const SHOWN_MS = 250; // how often points that arrive are shown
 const HELD = 60; // milliseconds: a film shows no frame for less
+const SNAPSHOT_S = 2; // the worker writes one so often
 
 const AXES = {"": "No cut", x: "x", y: "y", z: "z"};
 
 /** "rgb(29, 35, 39)" as numbers up to 1. */
 const partsOf = colour => colour.match(/[\d.]+/g).slice(0, 3).map(part => part / 255);
 
-/** Draws into a canvas whenever something has changed, and measures the time. Holds what is not the view's state. */
+/** Of an element, the colours of text and of what lies behind it. */
+function coloursAt(element) {
+  const {backgroundColor, color} = getComputedStyle(element);
+  return {ground: partsOf(backgroundColor), ink: partsOf(color)};
+}
+
+/**
+ * Draws into a canvas whenever something has changed. Holds what is not the view's state. The data attributes of the canvas
+ * have what bench/web_page.py measures: draw calls and milliseconds of script of a frame, and bytes on the graphics card.
+ */
 class Scene {
-  constructor(canvas, onStats) {
+  constructor(canvas) {
     this.canvas = canvas;
     this.discs = new Discs(canvas);
     this.camera = new Camera();
-    this.onStats = onStats;
     this.points = null;
     this.watcher = new ResizeObserver(() => this.resize());
     this.watcher.observe(canvas);
@@ -50,10 +59,10 @@ class Scene {
   draw() {
     cancelAnimationFrame(this.frame);
     this.frame = null;
-    const {backgroundColor, color} = getComputedStyle(this.canvas.parentNode);
+    const {ground, ink} = coloursAt(this.canvas.parentNode);
     const begun = performance.now();
-    const calls = this.discs.draw(this.camera, partsOf(backgroundColor), partsOf(color));
-    this.onStats({calls, ms: performance.now() - begun, bytes: this.discs.bytes || 0});
+    const calls = this.discs.draw(this.camera, ground, ink);
+    Object.assign(this.canvas.dataset, {calls, bytes: this.discs.bytes || 0, ms: performance.now() - begun});
   }
 
   /** The box of all that has come so far, which the camera sees unless somebody has moved it, or `still`. */
@@ -93,13 +102,13 @@ class Scene {
   }
 }
 
-function Legend({colouring, counts}) {
+function Legend({colouring, counts, theme}) {
   const place = useRef(null);
   useEffect(() => {
     const canvas = place.current, context = canvas.getContext("2d"), image = context.createImageData(256, 1);
-    image.data.set(coloursOf(colouring.map));
+    image.data.set(coloursOf(colouring.map, coloursAt(canvas.closest(".stage")).ink));
     context.putImageData(image, 0, 0);
-  }, [colouring.map]);
+  }, [colouring.map, theme]);
   const ends = colouring.by === NEIGHBOURS ? null : colouring.range;
   return html`<div class="legend"><canvas ref=${place} width="256" height="1" aria-hidden="true"></canvas>
     ${ends ? html`<span class="ends"><span>${numberOf(ends[0])}</span><span>${colouring.by}</span><span>${numberOf(ends[1])}</span></span>`
@@ -140,39 +149,83 @@ async function addNeighbours(scene) {
   return degrees;
 }
 
-/** The points of a job or of one of its frames; `onShown` is called when a frame is there. */
-export function PointCloud({job, frame, onShown}) {
+/** Changes with the theme. */
+function useTheme() {
+  const [theme, setTheme] = useState(0);
+  useEffect(() => {
+    const change = () => setTheme(old => old + 1);
+    addEventListener("theme", change);
+    return () => removeEventListener("theme", change);
+  }, []);
+  return theme;
+}
+
+/**
+ * The points of a job or of one of its frames; `onShown` is called when a frame is there. `snapshot` has points of a job that runs,
+ * which are shown instead of its results. Views with the same set of `scenes` move their cameras together.
+ */
+export function PointCloud({job, frame, onShown, snapshot, scenes}) {
   const canvas = useRef(null), scene = useRef(null);
   const [error, setError] = useState(null);
   const [progress, setProgress] = useState(null); // the points so far; null before the first
-  const [stats, setStats] = useState({calls: 0, ms: 0, bytes: 0});
-  const [colouring, setColouring] = useState({by: "kappa", map: "viridis", range: null});
+  const [colouring, setColouring] = useState({by: snapshot ? "energy" : "kappa", map: "viridis", range: null});
   const [picked, setPicked] = useState(-1);
   const [counting, setCounting] = useState(false);
   const [wire, setWire] = useState("none"); // none, wire, only
   const [cut, setCut] = useState({axis: "", part: 0.5, other: false});
-  const [up, setUp] = useState(recall("up") || "z");
+  const [up, setUp] = useState("z");
+  const theme = useTheme();
+  const moveOthers = () => (scenes || []).forEach(other => {
+    if (other === scene.current) return;
+    other.camera.follow(scene.current.camera);
+    other.change();
+  });
 
   useEffect(() => {
     try {
-      scene.current = new Scene(canvas.current, setStats);
+      scene.current = new Scene(canvas.current);
     } catch (e) {
       setError(e);
       return undefined;
     }
     const {camera, discs} = scene.current;
-    steer(canvas.current, camera, () => scene.current.change(), (x, y) => {
+    if (scenes) scenes.add(scene.current);
+    steer(canvas.current, camera, () => {
+      scene.current.change();
+      moveOthers();
+    }, (x, y) => {
       const ratio = canvas.current.width / canvas.current.clientWidth;
       discs.picked = discs.pick(camera, Math.round(x * ratio), Math.round(y * ratio));
       setPicked(discs.picked);
       scene.current.change();
     });
-    return () => scene.current.free();
+    return () => {
+      if (scenes) scenes.delete(scene.current);
+      scene.current.free();
+    };
   }, []);
 
   useEffect(() => {
+    if (!snapshot) get(`v1/jobs/${job.id}/results/report.json${query({frame})}`).then(report => setUp(report.up || "z"), () => {});
+  }, [job.id]);
+
+  useEffect(() => {
+    const now = scene.current;
+    if (!now || !snapshot) return;
+    const first = now.points === null;
+    now.discs.allocate(snapshot.kept);
+    now.points = snapshot;
+    now.discs.extend(snapshot);
+    now.frameAll(!first);
+    if (first) setUp(snapshot.comments.up);
+    setPicked(-1);
+    setProgress({count: snapshot.count, points: snapshot, whole: true});
+    now.change();
+  }, [snapshot]);
+
+  useEffect(() => {
     const now = scene.current, stop = new AbortController();
-    if (!now) return undefined;
+    if (!now || snapshot) return undefined;
     const more = points => {
       now.discs.extend(points);
       now.frameAll(!alone); // in a film it is the surface that moves
@@ -224,14 +277,14 @@ export function PointCloud({job, frame, onShown}) {
       }
       return;
     }
-    const range = colouring.by === NEIGHBOURS ? [3.5, 8.5] : colouring.range || rangeOf(column, points.count);
+    const range = colouring.by === NEIGHBOURS ? [3.5, 8.5] : !snapshot && colouring.range || rangeOf(column, points.count);
     const map = colouring.by === NEIGHBOURS ? NEIGHBOURS : colouring.map === NEIGHBOURS ? "viridis" : colouring.map;
-    discs.setMap(coloursOf(map));
+    discs.setMap(coloursOf(map, coloursAt(canvas.current.parentNode).ink));
     discs.colourBy(column);
     discs.range = range;
     scene.current.change();
     if (progress.whole && (String(range) !== String(colouring.range) || map !== colouring.map)) setColouring({...colouring, range, map});
-  }, [progress, colouring.by, colouring.map, String(colouring.range)]);
+  }, [progress, colouring.by, colouring.map, String(colouring.range), theme]);
 
   useEffect(() => {
     if (scene.current) scene.current.cut(cut.axis, cut.part, cut.other);
@@ -241,10 +294,9 @@ export function PointCloud({job, frame, onShown}) {
     if (!scene.current) return;
     scene.current.camera.up = up;
     scene.current.change();
-    remember("up", up);
   }, [up]);
 
-  const mesh = points && points.step === 1 && job.spec && job.spec.output && job.spec.output.mesh;
+  const mesh = !snapshot && points && points.step === 1 && job.spec && job.spec.output && job.spec.output.mesh;
   useEffect(() => {
     const now = scene.current;
     if (!now || !points || !mesh) return;
@@ -266,15 +318,16 @@ export function PointCloud({job, frame, onShown}) {
     });
   };
   const home = () => {
-    scene.current.camera.reset(scene.current.camera.radius);
+    scene.current.camera.reset();
     scene.current.frameAll();
     scene.current.change();
+    moveOthers();
   };
   return html`<div class="cloud">
     <${Trouble} error=${error} />
     <div class="stage"><canvas ref=${canvas} tabindex="0" role="img" class="points"
       aria-label=${`The points of ${nameOf(job)} in 3-D. Arrow keys turn, with shift they move, plus and minus zoom, Home shows all.`}></canvas>
-      ${points && html`<${Legend} colouring=${colouring} counts=${points.neighbours} />`}
+      ${points && html`<${Legend} colouring=${colouring} counts=${points.neighbours} theme=${theme} />`}
       ${points && html`<${Picked} points=${points} index=${picked} onClose=${() => {
         scene.current.discs.picked = -1;
         scene.current.change();
@@ -283,7 +336,7 @@ export function PointCloud({job, frame, onShown}) {
       ${(!progress || !progress.whole) && !error && html`<p class="loading-points" role="status">${points ? `${countOf(progress.count * points.step)} of ${countOf(points.total)} points …` : "Loading points …"}</p>`}
       ${counting && html`<p class="loading-points" role="status">Counting neighbours …</p>`}</div>
     ${points && points.step > 1 && html`<p class="notice">One of ${points.step} points is shown: ${countOf(points.kept)} of ${countOf(points.total)}. Gaps between discs are no gaps in the packing.</p>`}
-    ${points && html`<div class="controls"><${ColourControls} colouring=${colouring} names=${names} onChange=${setColouring} />
+    ${points && !snapshot && html`<div class="controls"><${ColourControls} colouring=${colouring} names=${names} onChange=${setColouring} />
       <label>Up<select value=${up} onChange=${e => setUp(e.target.value)}>
         ${["z", "y"].map(axis => html`<option value=${axis} selected=${axis === up}>${axis}</option>`)}</select></label>
       <label>Cut along<select value=${cut.axis} onChange=${e => setCut({...cut, axis: e.target.value})}>
@@ -293,8 +346,29 @@ export function PointCloud({job, frame, onShown}) {
       ${mesh && html`<label>Mesh<select value=${wire} onChange=${e => setWire(e.target.value)}>
         <option value="none">Hidden</option><option value="wire">With points</option><option value="only">Alone</option></select></label>`}
       <span class="buttons"><button onClick=${home}>Show all</button><button onClick=${save}>Save picture</button></span></div>
-      <p class="hint stats">${countOf(progress.count)} points, ${stats.calls} draw call${stats.calls === 1 ? "" : "s"} a frame, ${bytesOf(stats.bytes)} on the graphics card, ${stats.ms.toFixed(1)} ms of script a frame.
-        Drag turns, shift or two fingers move, the wheel zooms, a click reads a point.</p>`}</div>`;
+`}
+    ${points && html`<p class="hint stats">${countOf(progress.count)} point${progress.count === 1 ? "" : "s"}. Drag turns, shift or two fingers move, the wheel zooms, a click reads a point.</p>`}</div>`;
+}
+
+/** The points of a job or of one of its frames while its worker relaxes them; nothing before its first snapshot. */
+export function LivePoints({job, frame}) {
+  const [points, setPoints] = useState(null);
+  useEffect(() => {
+    const stop = new AbortController(), {signal} = stop;
+    const read = () => loadPoints(`v1/jobs/${job.id}/snapshot${query({frame})}`, MOST, {signal, onStart() {}, onMore() {}});
+    (async () => {
+      for (;; await wait(SNAPSHOT_S, signal)) {
+        if (document.hidden) continue;
+        const found = await read().catch(e => e); // none yet, or none any more: the events of the job say so
+        if (found.columns) setPoints(found);
+      }
+    })().catch(() => {}); // the view is left
+    return () => stop.abort();
+  }, [job.id, frame]);
+  if (!points) return null;
+  const {particles} = points.comments;
+  return html`<section aria-label="Points so far"><h2>Points so far</h2><${PointCloud} job=${job} frame=${frame} snapshot=${points} />
+    ${particles > points.count && html`<p class="notice">${countOf(points.count)} of ${countOf(particles)} points are shown.</p>`}</section>`;
 }
 
 /** The frames of an array as a film. */

@@ -1,6 +1,6 @@
 // The queue: a page of jobs, kept right by the stream of events.
 import {html, useEffect, useMemo, useRef, useState} from "./preact.js";
-import {call, follow, get, query} from "./api.js";
+import {call, follow, get, query, urlOf} from "./api.js";
 import {inOrder, Progress, State, throttled, Trouble, useAction, useClock, useTitle} from "./parts.js";
 import {ageOf, bytesOf, isFinal, nameOf, PHASES, spentOf, STATES, timeOf} from "./words.js";
 
@@ -174,10 +174,16 @@ function RowState({job}) {
     ${job.error && html`<span class="detail why">${job.error.message}</span>`}`;
 }
 
-function Row({job, now, chosen, onChoose}) {
+/** The preview of a job whose results the reader may see; nothing where it has none. */
+function Thumbnail({job}) {
+  const [missing, setMissing] = useState(false);
+  return !missing && html`<img class="thumbnail" loading="lazy" alt="" src=${urlOf(`v1/jobs/${job.id}/results/preview.png`).href} onError=${() => setMissing(true)} />`;
+}
+
+function Row({job, now, chosen, own, onChoose}) {
   return html`<tr class=${chosen ? "chosen" : ""}>
     <td class="choose"><input type="checkbox" aria-label=${`Select ${nameOf(job)}`} checked=${chosen} onChange=${() => onChoose(job)} /></td>
-    <td class="name"><a href=${`#/jobs/${job.id}`}>${nameOf(job)}</a>
+    <td class="name">${own && job.state === "succeeded" && !job.array && html`<${Thumbnail} job=${job} />`}<a href=${`#/jobs/${job.id}`}>${nameOf(job)}</a>
       ${job.labels.map(label => html`<span class="label">${label}</span>`)}</td>
     <td class="row-state"><${RowState} job=${job} /></td>
     <td>${job.owner}</td><td class="number priority">${job.priority}</td>
@@ -219,7 +225,7 @@ export function Queue({session}) {
     <div class="scroll" tabindex="0" role="region" aria-label="Jobs"><table class="jobs"><thead><tr>
       <td class="choose"></td>
       ${COLUMNS.map(heading)}<th scope="col" class="number">Ran</th></tr></thead>
-      <tbody>${jobs.map(job => html`<${Row} key=${job.id} job=${job} now=${now} chosen=${selection.has(job.id)} onChoose=${choose} />`)}</tbody></table></div>`}
+      <tbody>${jobs.map(job => html`<${Row} key=${job.id} job=${job} now=${now} chosen=${selection.has(job.id)} own=${session.scopes.includes("admin") || job.owner === session.user} onChoose=${choose} />`)}</tbody></table></div>`}
     ${data.jobs && !jobs.length && html`<p class="empty">No jobs${Object.values(filter).some(Boolean) ? " like these" : " yet"}.
       ${session.scopes.includes("submit") && html` <a href="#/submit">Submit one</a>`}</p>`}
     <nav class="pages" aria-label="Pages">

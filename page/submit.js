@@ -20,6 +20,18 @@ function surfaceOf(name, path) {
   return VOLUMES.includes(ending) ? {volume: {path}} : {mesh: {path}};
 }
 
+/** A surface of one file, as that of a sequence of such files. EXR images are the slices of one volume, which the service finds itself. */
+function ofSequence(surface, sequence) {
+  const [[kind, body]] = Object.entries(surface);
+  return sequence && kind !== "exr" ? {[kind]: {...body, path: sequence.pattern}} : surface;
+}
+
+/** The members `queue` of a spec whose files are a sequence, or are not any more. */
+function framesOf({queue: {frames, ...rest} = {}}, surface, sequence) {
+  if (sequence && !surface.exr) return {queue: {...rest, frames: sequence.frames}};
+  return {queue: Object.keys(rest).length ? rest : undefined};
+}
+
 /** Sends a file, unless the service has it; returns the path by which a spec names it. */
 async function upload(file, signal, onProgress) {
   const hash = await sha256(file, share => onProgress(`Reading ${file.name}`, share));
@@ -66,25 +78,29 @@ function Estimate({validation, busy}) {
         <div><dt>Memory</dt><dd>${bytesOf(estimate.memory_bytes)}</dd></div><div><dt>Time, about</dt><dd>${durationOf(estimate.seconds)}</dd></div></dl>`}</div>`;
 }
 
-function Json({spec, onChange}) {
+/** `fault` says why the text is no JSON; the spec is then that of the last text that was. */
+function Json({spec, fault, onChange, onFault}) {
   const [text, setText] = useState(JSON.stringify(spec, null, 2));
-  const [fault, setFault] = useState(null);
   const written = useRef(spec);
   useEffect(() => {
-    if (spec !== written.current) setText(JSON.stringify(spec, null, 2));
+    if (spec === written.current) return;
+    setText(JSON.stringify(spec, null, 2));
+    onFault(null);
   }, [spec]);
   const change = e => {
     setText(e.target.value);
     try {
-      written.current = JSON.parse(e.target.value);
-      setFault(null);
-      onChange(written.current);
+      const read = JSON.parse(e.target.value);
+      if (read === null || typeof read !== "object") throw new Error("A spec is a JSON object.");
+      written.current = read;
+      onFault(null);
+      onChange(read);
     } catch (error) {
-      setFault(error);
+      onFault(error);
     }
   };
   const [copy, copyError] = useAction(() => navigator.clipboard.writeText(text));
-  return html`<label class="json" for="json">The spec as JSON</label><textarea id="json" rows="22" spellcheck="false" value=${text} onInput=${change}></textarea>
+  return html`<label class="json" for="json">The spec as JSON</label><textarea id="json" rows="22" spellcheck="false" value=${text} onInput=${change} aria-invalid=${fault ? "true" : null}></textarea>
     <${Trouble} error=${fault || copyError} /><button type="button" onClick=${copy}>Copy</button>`;
 }
 
@@ -93,7 +109,8 @@ export function Submit({search}) {
   const [spec, setSpec] = useState(search.has("from") ? null : FIRST);
   const [error, setError] = useState(null);
   const [sending, setSending] = useState(null);
-  const [look, setLook] = useState(null); // into the file that was chosen: {name, found, chosen}
+  const [unread, setUnread] = useState(null); // why the JSON cannot be read
+  const [look, setLook] = useState(null); // into the file that was chosen: {name, sequence, found, chosen}
   const [over, setOver] = useState(false);
   const [{faults, error: fault, validation}, busy] = useCheck(spec || FIRST);
   useTitle("New job");
@@ -103,28 +120,30 @@ export function Submit({search}) {
     if (search.has("from")) get(`v1/jobs/${search.get("from")}`).then(job => setSpec(job.spec), setError);
   }, []);
 
-  const suggest = suggestion => {
+  const suggest = (suggestion, sequence) => {
     setLook(old => ({...old, chosen: suggestion}));
     // how many points it takes is not known of a surface that was not measured
-    setSpec(old => ({...old, ...suggestion.spec, name: old.name, sampling: suggestion.count ? suggestion.spec.sampling : old.sampling}));
+    setSpec(old => ({...old, ...suggestion.spec, surface: ofSequence(suggestion.spec.surface, sequence), name: old.name,
+      sampling: suggestion.count ? suggestion.spec.sampling : old.sampling}));
   };
-  const useFile = async (name, path, signal) => {
+  const useFile = async (name, path, sequence, signal) => {
     setLook(null);
     setSending({word: `Looking into ${name}`, share: null});
     const found = await inspect(path, signal, () => setSending({word: `The service looks into other files; ${name} waits`, share: null}));
     const first = found && found.suggestions.find(suggestion => suggestion.spec);
-    setSpec(old => ({...old, name: old.name || name, surface: surfaceOf(name, path)}));
-    if (found) setLook({name, found, chosen: null});
-    if (first) suggest(first);
+    const surface = first ? first.spec.surface : surfaceOf(name, path);
+    setSpec(old => ({...old, name: old.name || name, surface: ofSequence(surface, sequence), ...framesOf(old, surface, sequence)}));
+    if (found) setLook({name, sequence, found, chosen: null});
+    if (first) suggest(first, sequence);
   };
   const taking = useRef(new AbortController()); // the file that was chosen last; an earlier one is given up
   useEffect(() => () => taking.current.abort(), []);
-  const [take, takeError] = useAction(async (name, find) => {
+  const [take, takeError] = useAction(async (name, find, sequence) => {
     taking.current.abort();
     taking.current = new AbortController();
     const {signal} = taking.current;
     try {
-      await useFile(name, await find(signal), signal);
+      await useFile(name, await find(signal), sequence, signal);
     } finally {
       if (!signal.aborted) setSending(null);
     }
@@ -152,9 +171,9 @@ export function Submit({search}) {
     <h1>New job</h1>
     <div class="drop card"><p>Drop a mesh or a volume here, or choose a file:</p>
       <span class="buttons"><label class="button" for="file">From this computer</label><input id="file" class="hidden" type="file" onChange=${e => e.target.files.length && takeFile(e.target.files[0])} /></span>
-      <${Files} onChoose=${(name, path) => take(name, () => path)} />
+      <${Files} onChoose=${(name, path, sequence) => take(name, () => path, sequence)} />
       ${sending && html`<p role="status">${sending.word} … ${sending.share !== null && html`<${Progress} fraction=${sending.share} label=${sending.word} />`}</p>`}
-      ${look && html`<${Inspection} ...${look} onChoose=${suggest} />`}<${Trouble} error=${takeError} /></div>
+      ${look && html`<${Inspection} ...${look} onChoose=${suggestion => suggest(suggestion, look.sequence)} />`}<${Trouble} error=${takeError} /></div>
     <form class="columns" onSubmit=${e => {
       e.preventDefault();
       submit();
@@ -164,6 +183,6 @@ export function Submit({search}) {
       ${group("surface", html`<${Sketch} formula=${spec.surface && spec.surface.analytic} />`)}${group("sampling")}
       <details class="more"><summary>More: ${rest.join(", ")}</summary>${rest.map(name => group(name))}</details></div>
     <aside aria-label="Check">${fault ? html`<${Trouble} error=${fault} />` : html`<${Estimate} validation=${validation} busy=${busy} />`}
-      <button class="main" disabled=${submitting || Boolean(fault || sending)}>Submit</button><${Trouble} error=${submitError} />
-      <${Json} spec=${spec} onChange=${setSpec} /></aside></form></div>`;
+      <button class="main" disabled=${submitting || Boolean(fault || sending || unread)}>Submit</button><${Trouble} error=${submitError} />
+      <${Json} spec=${spec} fault=${unread} onChange=${setSpec} onFault=${setUnread} /></aside></form></div>`;
 }

@@ -3,6 +3,7 @@
 All tests share one browser. Most tests share one daemon, or one daemon whose worker waits for the test.
 """
 import datetime
+import json
 import signal
 import threading
 
@@ -11,6 +12,7 @@ import pytest
 from browser import Browser, Keys, is_there, wait_until
 from service import gated_worker, long_sphere, sphere
 from test_access import closed_service, new_token, with_token  # noqa: F401
+from test_hexadctl_arrays import PARTLY_UNRESOLVED
 from test_tls import Front, certificate  # noqa: F401
 
 pytestmark = pytest.mark.extended
@@ -253,6 +255,40 @@ def test_jobs_are_filtered_sorted_and_changed(gated, browser):
     wait_until(lambda: names() == ["alpha"], "the rows of a label")
 
 
+def test_buttons_for_selected_jobs_stay_in_sight(gated, browser):
+    for number in range(30):
+        gated.submit(sphere(name=f"job {number}"))
+    browser.open(gated)
+    wait_until(lambda: len(browser.all("tbody tr")) == 30, "all rows")
+    browser.one("tbody tr:last-child input").click()  # scrolls to the end
+    browser.run("scrollTo(0, document.documentElement.scrollHeight)")
+    browser.wait_text("1 selected", ".actions")
+    seen = browser.run("""const button = document.querySelector(".actions button"), {left, top, width, height} = button.getBoundingClientRect();
+        return button.contains(document.elementFromPoint(left + width / 2, top + height / 2));""")
+    assert seen, "the first button lies outside of the window or under something"
+
+
+def test_the_queue_shows_previews_of_own_jobs(closed_service, browser):  # noqa: F811
+    secret = new_token(closed_service, "carol")
+    jobs = [with_token(closed_service, token, "POST", "/v1/jobs", sphere(name=name, **more)).json["id"]
+            for token, name, more in ((secret, "own", {}), (closed_service.token, "other", {}), (secret, "without", {"output": {"preview": False}}))]
+    wait_until(lambda: all(with_token(closed_service, closed_service.token, "GET", f"/v1/jobs/{job}").json["state"] == "succeeded" for job in jobs), "the ends")
+    sign_in(browser, closed_service, secret=secret)
+    shown = wait_until(lambda: browser.run("""const images = [...document.querySelectorAll("td.name img")];
+        return images.length === 1 && images[0].naturalWidth && [images[0].getAttribute("src"), images[0].naturalWidth]"""), "one picture")
+    assert f"/{jobs[0]}/" in shown[0] and shown[1] == 64
+
+
+def test_points_of_a_running_job_are_shown(service, browser):
+    job = service.submit(long_sphere(name="long"))
+    browser.open(service, f"#/jobs/{job}")
+    browser.wait_text("20\u202f000 points", ".stats")
+    assert browser.run(PICTURE, "Home")[1] > 0.1
+    service.post(f"/v1/jobs/{job}/cancel")
+    browser.wait_text("Cancelled", "h1")
+    wait_until(lambda: not browser.all("canvas.points"), "no live points")
+
+
 def test_an_administrator_sees_what_runs_and_drains(closed_service, browser, tmp_path):  # noqa: F811
     closed_service.end()
     closed_service.start("--worker", gated_worker(tmp_path))
@@ -446,6 +482,15 @@ def test_the_frames_of_an_array(service, browser):
     wait_until(lambda: "Frame 3" in browser.text(".film"), "the film")
 
 
+def test_unresolved_frames_are_marked(service, browser):
+    service.wait_state(job := service.submit(PARTLY_UNRESOLVED), "succeeded")
+    browser.open(service, f"#/jobs/{job}")
+    wait_until(lambda: len(browser.all("button.frame")) == 5, "five cells")
+    assert [text.split() for text in browser.texts("button.frame.warning", "textContent")] == [
+        [f"!{frame}:", "Done,", "unresolved"] for frame in (2, 4, 5)]
+    assert len(browser.all("button.frame.succeeded")) == 2
+
+
 PICTURE = """
   const canvas = document.querySelector("canvas.points"), picture = document.createElement("canvas");
   [picture.width, picture.height] = [canvas.width, canvas.height];
@@ -485,6 +530,78 @@ def test_many_points_are_turned(service, browser):
         assert line in browser.text(".picked")
 
 
+def select_of(browser, *words):
+    return next(s for s in browser.all(".controls select") if s.text.split() == list(words))
+
+
+def test_points_are_upright_as_in_the_report(service, browser):
+    for up in "yz":
+        job = service.submit(sphere(count=100, output={"preview": {"size": [64, 64], "up": up}}))
+        service.wait_state(job, "succeeded")
+        assert service.get(f"/v1/jobs/{job}/results/report.json").json["up"] == up
+        browser.open(service, f"#/jobs/{job}/points")
+        browser.wait_text("100 points", ".stats")
+        wait_until(lambda: select_of(browser, "z", "y").get_attribute("value") == up, f"{up} to be up")
+
+
+# Of the pixels of the canvas that are not its background, the contrast with that (WCAG 2), in order.
+CONTRASTS = """
+  const canvas = document.querySelector("canvas.points"), picture = document.createElement("canvas");
+  [picture.width, picture.height] = [canvas.width, canvas.height];
+  const linear = part => (part <= 0.04045 * 255 ? part / 255 / 12.92 : ((part / 255 + 0.055) / 1.055) ** 2.4);
+  const light = (data, i) => 0.05 + 0.2126 * linear(data[i]) + 0.7152 * linear(data[i + 1]) + 0.0722 * linear(data[i + 2]);
+  return new Promise(done => requestAnimationFrame(() => {
+    canvas.dispatchEvent(new KeyboardEvent("keydown", {key: "Home", bubbles: true}));
+    requestAnimationFrame(() => {
+      picture.getContext("2d").drawImage(canvas, 0, 0);
+      const {data} = picture.getContext("2d").getImageData(0, 0, picture.width, picture.height);
+      const ground = light(data, 0), found = [];
+      for (let i = 0; i < data.length; i += 4)
+        if (data[i] !== data[0] || data[i + 1] !== data[1] || data[i + 2] !== data[2])
+          found.push(Math.max(light(data, i), ground) / Math.min(light(data, i), ground));
+      done(found.sort((a, b) => a - b));
+    });
+  }));
+"""
+
+
+def test_points_of_the_least_value_are_visible_in_the_dark(service, browser):
+    service.wait_state(job := service.submit(sphere(count=300, output={"preview": False})), "succeeded")
+    try:
+        browser.emulate(prefers_color_scheme="dark")
+        browser.open(service, f"#/jobs/{job}/points")
+        browser.wait_text("300 points", ".stats")
+        browser.choose("kappa", browser.one(".controls select"))
+        for word, value in (("From", "100"), ("To", "200")):  # all are below
+            box = next(label for label in browser.all(".controls label") if label.text == word)
+            field = box.find_element("css selector", "input")
+            browser.run("arguments[0].value = arguments[1]; arguments[0].dispatchEvent(new Event('change', {bubbles: true}))", field, value)
+            wait_until(lambda: browser.run("return arguments[0].value", field) == value, word)
+        contrasts = browser.run(CONTRASTS)
+    finally:
+        browser.emulate()
+    assert len(contrasts) > 10000
+    assert contrasts[len(contrasts) // 2] > 2  # half of the pixels
+    assert contrasts[len(contrasts) // 10] > 1.4  # and all but rims and the darkest gaps
+
+
+def test_rims_of_discs_are_antialiased(service, browser):
+    """The outline of a disc has pixels between its colours and the background."""
+    service.wait_state(job := service.submit(sphere(count=20, output={"preview": False})), "succeeded")
+    browser.open(service, f"#/jobs/{job}/points")
+    browser.wait_text("20 points", ".stats")
+    contrasts = browser.run(CONTRASTS)
+    darkest = contrasts[-1]
+    assert sum(1 < c < 1 + (darkest - 1) / 8 for c in contrasts) > 50
+
+
+def test_the_view_of_points_has_no_debug_text(service, browser):
+    service.wait_state(job := service.submit(sphere(count=100, output={"preview": False})), "succeeded")
+    browser.open(service, f"#/jobs/{job}/points")
+    browser.wait_text("100 points", ".stats")
+    assert not [word for word in ("draw call", "graphics card", " ms", "script") if word in browser.text("main")]
+
+
 def test_neighbours_are_counted_as_in_the_report(service, browser):
     """And the mesh is drawn with them."""
     job = service.submit(sphere(count=1000, output={"preview": False, "mesh": True}))
@@ -497,7 +614,7 @@ def test_neighbours_are_counted_as_in_the_report(service, browser):
     six = int(browser.text(".legend").split("six: ")[1].split(",")[0].replace("\u202f", ""))
     assert abs(six / 1000 - share) < 0.003  # where four cells nearly meet in a point, both are right
     browser.choose("wire", next(s for s in browser.all(".controls select") if "With points" in s.text))
-    browser.wait_text("2 draw calls", ".stats")
+    wait_until(lambda: browser.run("return document.querySelector('canvas.points').dataset.calls") == "2", "points and mesh")
     # of more points than a card is given, a part is kept, evenly
     assert browser.driver.execute_async_script("""const [path, done] = arguments;
         import(new URL("page/ply.js", document.baseURI)).then(ply => ply.loadPoints(path, 300, {onStart() {}, onMore() {}}))
@@ -590,6 +707,39 @@ def test_faults_are_shown_where_they_are(service, browser):
     browser.run("location.hash = '#/'")
 
 
+def test_submit_is_disabled_while_the_json_is_invalid(service, browser):
+    browser.open(service, "#/submit")
+    browser.wait_text("Memory", ".estimate")
+    text, submit = browser.one("#json"), browser.one("aside button.main")
+    good = text.get_attribute("value")
+    assert submit.is_enabled()
+
+    def write(words):
+        browser.run("arguments[0].value = arguments[1]; arguments[0].dispatchEvent(new Event('input', {bubbles: true}))", text, words)
+    for bad in (good[:-1], "", "null", "5"):
+        write(bad)
+        wait_until(lambda: not submit.is_enabled(), f"no way to submit {bad[-10:]!r}")
+    write(good.replace("10000", "123"))
+    wait_until(submit.is_enabled, "a way to submit")
+    write("{")
+    wait_until(lambda: not submit.is_enabled(), "no way to submit")
+    count = browser.one("[id='f/sampling/count']")  # the form makes good JSON of its own
+    count.clear()
+    count.send_keys("77")
+    wait_until(submit.is_enabled, "a way to submit")
+    assert '"count": 77' in browser.text("#json", "value")
+
+
+def test_a_view_that_opens_has_no_frame_around_it(service, browser):
+    browser.open(service)
+    browser.one("main h1")
+    browser.keys(Keys.TAB)  # browsers frame what has the focus of somebody who uses the keyboard
+    browser.run("location.hash = '#/submit'")
+    browser.wait_text("New job", "h1")
+    wait_until(lambda: browser.run("return document.activeElement.id") == "main", "the focus")
+    assert browser.run("return getComputedStyle(document.activeElement).outlineStyle") == "none"
+
+
 def test_a_changed_copy(service, browser):
     job = service.submit(sphere(name="original"))
     browser.open(service, f"#/jobs/{job}")
@@ -610,6 +760,52 @@ def test_files_of_the_input_roots_are_chosen(new_service, browser, tmp_path):
     browser.wait_text("area", ".inspection")
     assert f"{root}/shots/cube.obj" in browser.text("#json", "value")
     browser.wait_text("Memory", ".estimate")
+
+
+def test_a_sequence_of_files_is_one_row(new_service, browser, tmp_path):
+    root = tmp_path / "root"
+    root.mkdir()
+    for frame in (1, 2, 3, 7):
+        (root / f"cube.{frame:04d}.obj").write_text(CUBE)
+    (root / "cube.obj").write_text(CUBE)
+    service = new_service("--input_roots", root).start()
+    browser.open(service, "#/submit")
+    browser.one("details summary").click()
+    browser.press(f"{root}/", ".drop")
+    browser.wait_text("4 files: 1-3, 7", ".files")
+    assert browser.texts(".files td.name button") == ["cube.####.obj", "cube.obj"]
+    browser.press("cube.####.obj", ".drop")
+    browser.wait_text("area", ".inspection")
+
+    def spec():
+        return json.loads(browser.text("#json", "value"))
+    wait_until(lambda: spec()["surface"].get("mesh", {}).get("path") == f"{root}/cube.####.obj", "the pattern")
+    assert spec()["queue"]["frames"] == "1-3,7"
+    browser.wait_text("Memory", ".estimate")
+    browser.press("cube.obj", ".drop")
+    wait_until(lambda: spec()["surface"]["mesh"]["path"] == f"{root}/cube.obj", "the file")
+    assert "queue" not in spec()
+
+
+def test_cameras_of_a_comparison_move_together(service, browser):
+    """Of equal points, both pictures stay equal."""
+    service.wait_state(job := service.submit(sphere(count=200, output={"preview": False})), "succeeded")
+    browser.open(service, f"#/compare/{job}/{job}")
+    wait_until(lambda: len(browser.all(".stats")) == 2 and not browser.all(".loading-points"), "both clouds")
+
+    def pictures(key):
+        return browser.run("""
+          const canvases = [...document.querySelectorAll("canvas.points")];
+          return new Promise(done => requestAnimationFrame(() => {
+            canvases[0].dispatchEvent(new KeyboardEvent("keydown", {key: arguments[0], bubbles: true}));
+            requestAnimationFrame(() => done(canvases.map(canvas => canvas.toDataURL())));
+          }));""", key)
+    first = pictures("Home")
+    assert first[0] == first[1]
+    for key in ("ArrowLeft", "+"):
+        then = pictures(key)
+        assert then[0] == then[1] != first[0]
+        first = then
 
 
 def test_two_jobs_are_compared(service, browser):
