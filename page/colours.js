@@ -15,12 +15,17 @@ export const MAPS = {
   neighbours: t => NEIGHBOURS[Math.min(4, Math.floor(t * 5))],
 };
 
-const INK_SHARE = 0.3; // 0: viridis begins as dark as the ground of the dark theme; 1: all colours are ink
+const INK_SHARE = 0.35; // 0: viridis begins as dark as the ground of the dark theme; 1: colours as bright as the ground become ink
 
-/** All colours lie between those of the map and the ink, so that none is like the ground. */
-export function coloursOf(name, ink) {
+const brightness = ([red, green, blue]) => 0.3 * red + 0.59 * green + 0.11 * blue;
+
+/** The colours of a map on a ground. Colours of about its brightness are mixed with the ink of texts, so that none is like the ground. */
+export function coloursOf(name, {ground, ink}) {
   const bytes = new Uint8Array(1024);
-  const mixed = colour => colour.map((part, k) => Math.round(part + INK_SHARE * (255 * ink[k] - part)));
+  const mixed = colour => {
+    const share = INK_SHARE * (1 - Math.abs(brightness(colour) / 255 - brightness(ground)));
+    return colour.map((part, k) => Math.round(part + share * (255 * ink[k] - part)));
+  };
   for (let i = 0; i < 256; i++) bytes.set([...mixed(MAPS[name](i / 255)), 255], 4 * i);
   return bytes;
 }

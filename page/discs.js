@@ -16,11 +16,12 @@ out float shade, amount;
 flat out int id;
 flat out float sunk; // how much deeper the rim is drawn, so that neighbours meet half-way
 void main() {
-  place = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
+  vec2 side_of_quad = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
   vec3 side = normalize(abs(normal.z) < 0.9 ? cross(normal, vec3(0, 0, 1)) : cross(normal, vec3(1, 0, 0)));
   vec3 to = eye - position;
-  float radius = max(0.57 * spacing, 0.6 * pixel * length(to)); // no disc falls between pixels; neighbours touch
+  float radius = max(0.58 * spacing, 0.6 * pixel * length(to)); // no disc falls between pixels; neighbours touch
   if (gl_InstanceID == picked) radius *= 1.6;
+  place = side_of_quad * (1.0 + pixel * length(to) / radius); // room for the pixels of the rim
   vec3 corner = position + radius * (place.x * side + place.y * cross(normal, side));
   gl_Position = dot(plane, vec4(position, 1)) < 0.0 ? vec4(2, 2, 2, 1) : matrix * vec4(corner, 1);
   vec4 middle = matrix * vec4(position, 1), deeper = matrix * vec4(position - 0.2 * radius * normalize(to), 1);
@@ -44,7 +45,7 @@ uniform bool picking;
 out vec4 colour;
 void main() {
   float off = dot(place, place), distance = sqrt(off);
-  float coverage = clamp((1.0 - distance) / fwidth(distance), 0.0, 1.0); // of the pixel by the disc
+  float coverage = clamp((1.0 - distance) / fwidth(distance) + 1.0, 0.0, 1.0); // the pixels around the disc are covered in part
   if (coverage == 0.0) discard;
   gl_FragDepth = gl_FragCoord.z + sunk * off;
   if (picking) {

@@ -266,9 +266,9 @@ export function Job({ids: [id], search, session}) {
     ${own && job.array && html`<${Tasks} job=${job} frame=${frame} onChoose=${setFrame} />`}
     ${!own && html`<p class="hint">Only ${job.owner} and administrators see the rest of this job.</p>`}
     ${own && job.links.results && html`<${Results} job=${job} frame=${frame} />`}
+    ${own && !isFinal(job.state) && rows.length > 0 && html`<${LivePoints} key=${frame} job=${job} frame=${frame} />`}
     ${report ? html`<h2>Convergence</h2><${Charts} key="whole" runs=${[rowsOfReport(report)]} words=${[nameOf(job)]} />`
       : rows.length > 1 && html`<h2>Convergence</h2><${Charts} key="live" live=${true} runs=${[rows]} words=${[nameOf(job)]} />`}
-    ${own && !isFinal(job.state) && rows.length > 0 && html`<${LivePoints} key=${frame} job=${job} frame=${frame} />`}
     ${report && html`<${Report} report=${report} />`}
     ${own && html`<${Attempts} job=${job} frame=${frame} lines=${lines} />`}
     ${job.spec && html`<${Spec} spec=${job.spec} />`}`;

@@ -106,7 +106,7 @@ function Legend({colouring, counts, theme}) {
   const place = useRef(null);
   useEffect(() => {
     const canvas = place.current, context = canvas.getContext("2d"), image = context.createImageData(256, 1);
-    image.data.set(coloursOf(colouring.map, coloursAt(canvas.closest(".stage")).ink));
+    image.data.set(coloursOf(colouring.map, coloursAt(canvas.closest(".stage"))));
     context.putImageData(image, 0, 0);
   }, [colouring.map, theme]);
   const ends = colouring.by === NEIGHBOURS ? null : colouring.range;
@@ -168,7 +168,7 @@ export function PointCloud({job, frame, onShown, snapshot, scenes}) {
   const canvas = useRef(null), scene = useRef(null);
   const [error, setError] = useState(null);
   const [progress, setProgress] = useState(null); // the points so far; null before the first
-  const [colouring, setColouring] = useState({by: snapshot ? "energy" : "kappa", map: "viridis", range: null});
+  const [colouring, setColouring] = useState({by: snapshot ? "spacing" : "kappa", map: "viridis", range: null});
   const [picked, setPicked] = useState(-1);
   const [counting, setCounting] = useState(false);
   const [wire, setWire] = useState("none"); // none, wire, only
@@ -279,7 +279,7 @@ export function PointCloud({job, frame, onShown, snapshot, scenes}) {
     }
     const range = colouring.by === NEIGHBOURS ? [3.5, 8.5] : !snapshot && colouring.range || rangeOf(column, points.count);
     const map = colouring.by === NEIGHBOURS ? NEIGHBOURS : colouring.map === NEIGHBOURS ? "viridis" : colouring.map;
-    discs.setMap(coloursOf(map, coloursAt(canvas.current.parentNode).ink));
+    discs.setMap(coloursOf(map, coloursAt(canvas.current.parentNode)));
     discs.colourBy(column);
     discs.range = range;
     scene.current.change();

@@ -14,7 +14,7 @@
 
 /* Time between two snapshots, and before the first one. Writing one takes about 3 ms of CPU time, which is 0.15 % of this. */
 static const int64_t INTERVAL_MS = 2000;
-/* At most this number of points is written: 0.9 MB. */
+/* At most this number of points is written: 0.8 MB. */
 static const size_t POINTS_MOST = 20000;
 
 void snapshot_begin(snapshot *w, const char *directory)
@@ -27,7 +27,7 @@ void snapshot_begin(snapshot *w, const char *directory)
 
 /* Particles of a snapshot; `position`, which holds `normal`, and `spacing` are to be freed. */
 typedef struct selection {
-    size_t count, step;
+    size_t count;
     vec3 *position, *normal;
     double *spacing; /* between the selected particles */
 } selection;
@@ -37,7 +37,7 @@ static bool select_particles(const sampler_particles *p, const source *from, sel
 {
     error why = {0};
     const size_t step = (p->count + POINTS_MOST - 1) / POINTS_MOST, count = (p->count + step - 1) / step;
-    *out = (selection){.count = count, .step = step};
+    *out = (selection){.count = count};
     out->position = mem_array(count, 2 * sizeof *out->position, "a snapshot", &why);
     out->spacing = mem_array(count, sizeof *out->spacing, "a snapshot", &why);
     if (!out->position || !out->spacing) return false;
@@ -76,12 +76,11 @@ static void write_ply(FILE *file, const sampler_particles *p, const selection *s
         y_up ? 'y' : 'z', p->count, s->count);
     for (const char *c = "xyz"; *c; c++) fprintf(file, "property double %c\n", *c);
     for (const char *c = "xyz"; *c; c++) fprintf(file, "property float n%c\n", *c);
-    fputs("property float spacing\nproperty float energy\nend_header\n", file);
+    fputs("property float spacing\nend_header\n", file);
     for (size_t i = 0; i < s->count; i++) {
         for (int k = 0; k < 3; k++) put_double(file, vec3_get(s->position[i], k));
         for (int k = 0; k < 3; k++) put_float(file, vec3_get(s->normal[i], k));
         put_float(file, s->spacing[i]);
-        put_float(file, (double)p->energy[i * s->step]);
     }
 }
 

@@ -363,7 +363,7 @@ double sampler_coarsest_gain(const sampler *s)
 sampler_particles sampler_current_particles(const sampler *s)
 {
     const particles *p = s->state.p;
-    return (sampler_particles){p->count, p->position, p->normal, s->state.spacing, p->size, p->energy};
+    return (sampler_particles){p->count, p->position, p->normal, s->state.spacing, p->size};
 }
 
 double sampler_spacing(const sampler *s)

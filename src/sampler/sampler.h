@@ -83,9 +83,8 @@ size_t sampler_removed_offsurface(const sampler *s);
 typedef struct sampler_particles {
     size_t count;
     const vec3 *position, *normal;
-    double spacing;      /* h of the current level */
-    const double *size;  /* requested spacing over h; NULL: 1 each */
-    const float *energy; /* E_i over size^2, when it was last computed */
+    double spacing;     /* h of the current level */
+    const double *size; /* requested spacing over h; NULL: 1 each */
 } sampler_particles;
 
 sampler_particles sampler_current_particles(const sampler *s);
