@@ -262,6 +262,9 @@ typedef struct attempt {
     const energy_function *potential;
     pair_list *near;
     bool flat; /* all weights are 1 */
+    /* The surface may have facets, whose normals are those of what they stand for. A step along the tangent plane of such a normal
+     * ends off that plane by its angle to the facet, and the energy there is no measure of the step: it is taken in the plane. */
+    bool faceted;
     vec3 x, axis1, axis2;
     double sigma, spacing; /* times the particle's size */
     double bound;          /* longest step in the tangent plane */
@@ -345,8 +348,8 @@ double relax_damped_step(const pair_forces *f, double lambda, double *s1, double
     return -0.5 * (*s1 * f->d1 + *s2 * f->d2);
 }
 
-/* Moves along the tangent plane (8) and back onto the surface (9). */
-static bool move(const attempt *a, double s1, double s2, vec3 *x, vec3 *normal)
+/* Moves along the tangent plane (8), to *beside, and back onto the surface (9). */
+static bool move(const attempt *a, double s1, double s2, vec3 *beside, vec3 *x, vec3 *normal)
 {
     double h = projection_scale(a->field, a->spacing);
     const projection_limits limits = {TRIAL_STEPS, TRIAL_ACCEPT * h, RELAX_TRIAL_SHORTCUT * h,
@@ -355,6 +358,7 @@ static bool move(const attempt *a, double s1, double s2, vec3 *x, vec3 *normal)
     vec3 q = vec3_axpy(scale * s1, a->axis1, vec3_axpy(scale * s2, a->axis2, a->x)), n;
     for (int axis = 0; axis < 3; axis++)
         if (a->boundary_axes >> axis & 1) vec3_set(&q, axis, vec3_get(a->x, axis));
+    *beside = q;
     if (!projection_find_near(a->field, &limits, a->hint, &q, &n)) return false;
     if (a->bounded && !field_is_within_near(a->field, q, a->hint)) return false;
     /* what the projection adds must not carry it past its neighbour, nor past what the lists cover */
@@ -367,10 +371,11 @@ static bool move(const attempt *a, double s1, double s2, vec3 *x, vec3 *normal)
 /* Moves, and looks at the energy there. */
 static bool try_step(const attempt *a, double s1, double s2, vec3 *x, vec3 *normal)
 {
-    vec3 q, n;
-    if (!move(a, a->params->omega * s1, a->params->omega * s2, &q, &n)) return false;
+    vec3 beside, q, n;
+    if (!move(a, a->params->omega * s1, a->params->omega * s2, &beside, &q, &n)) return false;
     if (!a->flat) pair_weigh(a->near, n);
-    if (!(pair_energy_at(a->near, a->potential, q, a->sigma) < a->energy * (1 - a->params->gain)))
+    const vec3 seen = a->faceted && a->flat ? beside : q;
+    if (!(pair_energy_at(a->near, a->potential, seen, a->sigma) < a->energy * (1 - a->params->gain)))
         return false;
     *x = q;
     *normal = n;
@@ -421,8 +426,8 @@ static void descend_gradient(const sweep_job *job, const attempt *a, const pair_
                              double allowed_step, block_sums *sums)
 {
     double scale = -a->params->step * a->sigma * a->sigma;
-    vec3 x, normal;
-    if (move(a, scale * f->d1, scale * f->d2, &x, &normal))
+    vec3 beside, x, normal;
+    if (move(a, scale * f->d1, scale * f->d2, &beside, &x, &normal))
         relax_take_step(job, i, x, normal, vec3_norm(vec3_sub(x, a->x)), allowed_step, sums);
     else
         sums->rejected++;
@@ -571,6 +576,7 @@ static void update_particle(const sweep_job *job, int worker, size_t i, block_su
                  .potential = job->r->energy,
                  .near = relax_gather_list(job->r, p, worker, i),
                  .flat = job->r->flat[i] || job->r->through,
+                 .faceted = p->patch != NULL,
                  .x = p->position[i],
                  .sigma = params->sigma * particles_size(p, i),
                  .spacing = params->spacing * particles_size(p, i),

@@ -299,6 +299,24 @@ def test_amplitudes_need_no_features(worker, tmp_path):
     assert files[0] == files[1]
 
 
+def test_the_papers_method_comes_to_rest_on_facets(worker, tmp_path):
+    """Facets of one to two spacings: the last round ends by the paper's criterion, with no larger gain asked of steps."""
+    u, v = (a.ravel() for a in numpy.meshgrid(*(2 * numpy.pi * numpy.arange(n) / n for n in (24, 10)), indexing="ij"))
+    across = 1 + 0.4 * numpy.cos(v)
+    places = numpy.stack([across * numpy.cos(u), across * numpy.sin(u), 0.4 * numpy.sin(v)], 1)
+    number = numpy.arange(240).reshape(24, 10) + 1
+    along = numpy.roll(number, -1, 0)
+    quads = numpy.stack([number, along, numpy.roll(along, -1, 1), numpy.roll(number, -1, 1)], -1).reshape(-1, 4)
+    (tmp_path / "torus.obj").write_text("".join("v %.9g %.9g %.9g\n" % tuple(p) for p in places) +
+                                        "".join("f %d %d %d %d\n" % tuple(q) for q in quads))
+    job = mesh(tmp_path / "torus.obj", 800)
+    job["solver"] = {"method": "paper"}
+    done = worker(job)
+    assert done.returncode == 0, done.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["rounds"][-1]["gain"] == 1e-8 and report["step_left"] < 2e-4
+
+
 @pytest.mark.sanitized
 def test_patches_in_every_format(worker, tmp_path):
     """Whole numbers in all of them; the mesh has them at its vertices; a file's own values may not be called so."""
