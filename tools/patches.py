@@ -121,14 +121,14 @@ def flipped(mesh):
     return meshes.Mesh(mesh.vertices, numpy.where(turn[:, None], mesh.triangles[:, ::-1], mesh.triangles))
 
 
-def write_map(mesh, path):
-    """Spacings five times as wide at one end of the longest side as at the other."""
+def write_map(mesh, path, ratio=5):
+    """Spacings `ratio` times as wide at one end of the longest side as at the other."""
     import pyopenvdb
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     voxel, axis = float((high - low).max() / 64), int((high - low).argmax())
     size = numpy.ceil((high - low) / voxel).astype(int) + 9
     at = (numpy.arange(size[axis]) - 4) * voxel / (high - low)[axis]
-    values = numpy.broadcast_to((1 + 4 * numpy.clip(at, 0, 1)).reshape([-1 if k == axis else 1 for k in range(3)]), size)
+    values = numpy.broadcast_to((1 + (ratio - 1) * numpy.clip(at, 0, 1)).reshape([-1 if k == axis else 1 for k in range(3)]), size)
     made = pyopenvdb.FloatGrid(1.0)
     made.copyFromArray(numpy.ascontiguousarray(values, numpy.float32), ijk=(-4, -4, -4))
     made.transform = pyopenvdb.createLinearTransform(voxelSize=voxel)
