@@ -22,7 +22,7 @@ void snapshot_begin(snapshot *w, const char *directory);
 
 /* Writes the current particles of `s`, in world space, if 2 s have passed since snapshot_begin and since the last snapshot. Of more than 20 000
  * particles every k-th is written. */
-void snapshot_offer(snapshot *w, const sampler *s, const source *from, const spec *spec);
+void snapshot_offer(snapshot *w, const sampler *s, const source *from, const spec *asked);
 
 /* Removes the file. May be called by another thread just before the process ends. */
 void snapshot_end(const snapshot *w);
