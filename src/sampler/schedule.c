@@ -18,11 +18,11 @@ static const double LAMBDA_BEGINS = -3;
     .sweeps = 100, .sweeps_count = 1e4, .sweeps_between = {{5e3, INFINITY}, {2e4, 4}, {5e4, 0.75}},       \
     .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120, .rough_sweeps = {2, 3.5},                  \
     .rough_most = {2, 1}, .rough_count = 5e3,                                                             \
-    .roughness = {{{0.05, 0.5}, {0.1, 0.25}, 0.9, 500}, {{0.02, 0.5}, {0.04, 0.25}, 0.99, 900}},          \
-    .size_settled = 1e-3, .resizes_most = 10, .cramped_share = 0.01, .cramped_share_coarse = 0.04,        \
-    .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6, .skin_first = 0.22, .many = 2e5,               \
-    .many_sweeps = 2, .large = 3e4, .large_omega = 2.35, .large_cramped_share = 0.06, .large_sweeps = 15, \
-    .large_misses = 1e-3, .creased_share = 0.7, .creased_share_first = 0.9, .newcomer_sweeps = 60
+    .roughness = {{{0.05, 0.25}, 0.1, 0.9, 500}, {{0.02, 0.25}, 0.04, 0.99, 900}}, .size_settled = 1e-3,  \
+    .resizes_most = 10, .cramped_share = 0.01, .cramped_share_coarse = 0.04, .skin_wide = 0.6,            \
+    .skin_narrow = 0.2, .skin_steps = 6, .skin_first = 0.22, .many = 2e5, .many_sweeps = 2, .large = 3e4, \
+    .large_omega = 2.35, .large_cramped_share = 0.06, .large_sweeps = 15, .large_misses = 1e-3,           \
+    .creased_share = 0.7, .creased_share_first = 0.9, .newcomer_sweeps = 60
 
 /* Over-relaxation: 1.8 needs three times the sweeps, 3.0 is slower again near rest. */
 #define PAPER                                                                                  \
@@ -125,8 +125,7 @@ bool schedule_may_be_rough(const schedule *s, const schedule_position *at)
 bool schedule_is_rough(const schedule *s, const schedule_position *at, double disordered_share, double before)
 {
     if (at->rough > 0)
-        return schedule_is_last_level(at) && disordered_share > s->roughness[at->has_curves].again[0] &&
-               disordered_share < s->roughness[at->has_curves].again[1] &&
+        return schedule_is_last_level(at) && disordered_share > s->roughness[at->has_curves].again &&
                disordered_share < s->roughness[at->has_curves].fall * before;
     const double *share = s->roughness[at->has_curves].share;
     return disordered_share > share[0] && disordered_share < share[1];
