@@ -262,9 +262,11 @@ typedef struct attempt {
     const energy_function *potential;
     pair_list *near;
     bool flat; /* all weights are 1 */
-    /* The surface may have facets, whose normals are those of what they stand for. A step along the tangent plane of such a normal
-     * ends off that plane by its angle to the facet, and the energy there is no measure of the step: it is taken in the plane. */
+    /* The surface may have facets. Their normals are interpolated: a step in the tangent plane ends off that plane by its angle to the
+     * facet, and forces, which are taken in the plane, do not tell how the energy changes on the facet. */
     bool faceted;
+    bool
+        has_fast; /* fast steps move particles whose weights are 1, but for those that they would carry too far */
     vec3 x, axis1, axis2;
     double sigma, spacing; /* times the particle's size */
     double bound;          /* longest step in the tangent plane */
@@ -368,15 +370,18 @@ static bool move(const attempt *a, double s1, double s2, vec3 *beside, vec3 *x, 
     return true;
 }
 
-/* Moves, and looks at the energy there. */
+/* Moves, and looks whether the energy falls. On facets it has to fall in the tangent plane. Once the level has had its sweeps it also has
+ * to fall on the facet, or particles would go round across the edges of facets for ever; without fast steps only where neighbours
+ * face other ways. */
 static bool try_step(const attempt *a, double s1, double s2, vec3 *x, vec3 *normal)
 {
     vec3 beside, q, n;
     if (!move(a, a->params->omega * s1, a->params->omega * s2, &beside, &q, &n)) return false;
     if (!a->flat) pair_weigh(a->near, n);
-    const vec3 seen = a->faceted && a->flat ? beside : q;
-    if (!(pair_energy_at(a->near, a->potential, seen, a->sigma) < a->energy * (1 - a->params->gain)))
-        return false;
+    const double most = a->energy * (1 - a->params->gain);
+    const bool in_plane_only = a->faceted && (a->params->shaken || (a->flat && !a->has_fast));
+    if (a->faceted && !(pair_energy_at(a->near, a->potential, beside, a->sigma) < most)) return false;
+    if (!in_plane_only && !(pair_energy_at(a->near, a->potential, q, a->sigma) < most)) return false;
     *x = q;
     *normal = n;
     return true;
@@ -577,6 +582,7 @@ static void update_particle(const sweep_job *job, int worker, size_t i, block_su
                  .near = relax_gather_list(job->r, p, worker, i),
                  .flat = job->r->flat[i] || job->r->through,
                  .faceted = p->patch != NULL,
+                 .has_fast = job->r->fast != NULL,
                  .x = p->position[i],
                  .sigma = params->sigma * particles_size(p, i),
                  .spacing = params->spacing * particles_size(p, i),

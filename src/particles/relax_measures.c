@@ -205,8 +205,8 @@ static void steps_chunk(void *context, int worker, size_t begin, size_t end)
 }
 
 /* The share of the particles that must be judged by Newton's step for their rms to stand for all. On a model of many small faces
- * nearly all particles are next to feature curves, and the rms of the others would be that of a handful. */
-static const double MEASURED_LEAST = 0.1;
+ * nearly all particles are next to feature curves, and the rms of the others would be that of few. */
+static const double MEASURED_LEAST = 0.2;
 
 static relax_steps rms_steps(steps_job *job)
 {

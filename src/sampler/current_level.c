@@ -274,6 +274,7 @@ static bool settle_newcomers(sampler *s, error *e)
                                      .spacing = s->state.spacing,
                                      .omega = schedule_omega(s->setup.schedule, &at),
                                      .fast_step = schedule_longest_step(s->setup.schedule, &at),
+                                     .shaken = schedule_is_shaken(s->setup.schedule, &at),
                                      .gain = s->setup.schedule->gain[0]};
         relax_sums sums;
         if (s->state.lists_stale && !sampler_build_lists(s, e)) return false;

@@ -267,6 +267,7 @@ static bool relax_step(sampler *s, error *e)
                                  .spacing = s->state.spacing,
                                  .omega = schedule_omega(s->setup.schedule, &at),
                                  .fast_step = schedule_longest_step(s->setup.schedule, &at),
+                                 .shaken = schedule_is_shaken(s->setup.schedule, &at),
                                  .gain = s->state.gain,
                                  .may_idle = may_idle(s, &at)};
     relax_sums sums;

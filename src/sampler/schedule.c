@@ -141,10 +141,21 @@ double schedule_omega(const schedule *s, const schedule_position *at)
     return fmax(s->omega / t, s->omega_least);
 }
 
+/* Sweeps over those in which the level is shaken. */
+static double paced_time(const schedule *s, const schedule_position *at)
+{
+    return at->sweeps / (double)(is_early(at) ? s->shake_sweeps : schedule_level_sweeps(s, at));
+}
+
+bool schedule_is_shaken(const schedule *s, const schedule_position *at)
+{
+    return s->is_paced && paced_time(s, at) < 1;
+}
+
 double schedule_longest_step(const schedule *s, const schedule_position *at)
 {
     if (!s->is_paced) return s->longest_step;
-    double t = at->sweeps / (double)(is_early(at) ? s->shake_sweeps : schedule_level_sweeps(s, at));
+    const double t = paced_time(s, at);
     return t < 1 ? INFINITY : s->longest_step / (t * t);
 }
 

@@ -41,13 +41,12 @@ typedef struct schedule {
     struct {
         double count, share;
     } sweeps_between[SCHEDULE_BETWEEN];
-    /* A level of so many particles that ends these with a share out of order between the two bounds is rough, and takes more
-     * sweeps: so many times those if it is refined again, and if it is the last. The last takes its factor once more if that
-     * share is above `again` and has fallen by `fall`; none takes more than `most`. What is out of order beyond the upper
-     * bound is not resolved, and more sweeps do not help. roughness[1] is for surfaces with curves: what rows force out of
-     * order finds its way out slowly, and of it there is less. So often it is found rough at most, and, second, a creased one,
-     * of which much is not resolved at any place: one that was refined by those particles that see none turned from them, and one
-     * that is mostly creased only if it is the last. */
+    /* A level of at least rough_count particles whose disordered share (particles without six neighbours) is between the two
+     * bounds of `share` after these sweeps is rough and takes more: rough_sweeps[0] times as many if it is refined again,
+     * [1] times if it is the last level. The last level takes its factor a second time if the share is above `again` and has
+     * fallen below `fall` times the share before. No level takes more than `most` sweeps. Beyond the upper bound of `share` the
+     * surface is not resolved, and more sweeps do not help. roughness[1] is for surfaces with feature curves. A level is found
+     * rough at most rough_most[0] times, rough_most[1] on a creased surface, and a mostly creased one on its last level only. */
     double rough_count, rough_sweeps[2];
     struct {
         double share[2], again, fall, most;
@@ -129,6 +128,9 @@ bool schedule_is_rough(const schedule *s, const schedule_position *at, double di
                        double before);
 
 double schedule_omega(const schedule *s, const schedule_position *at);
+
+/* Whether a level with paced sweeps is still shaken: steps may be long, and energies may rise. */
+bool schedule_is_shaken(const schedule *s, const schedule_position *at);
 
 /* The longest fast step, over h; may be INFINITY. */
 double schedule_longest_step(const schedule *s, const schedule_position *at);

@@ -8,6 +8,7 @@ import numpy
 import pytest
 import scipy.spatial
 
+from damaged_meshes import icosphere
 from meshes import Mesh
 from readers import Points, read_columns, read_mesh
 from service import sphere
@@ -315,6 +316,19 @@ def test_the_papers_method_comes_to_rest_on_facets(worker, tmp_path):
     assert done.returncode == 0, done.stderr
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report["rounds"][-1]["gain"] == 1e-8 and report["step_left"] < 2e-4
+
+
+@pytest.mark.parametrize("roughness", [0.15, 0.3])
+def test_points_on_rough_facets_come_to_rest(worker, tmp_path, roughness):
+    """A sphere of 80 triangles whose corners lie off it: no particle goes round across the edges of facets."""
+    vertices, faces = icosphere(1)
+    vertices = numpy.array(vertices) * (1 + roughness * numpy.random.default_rng(1).uniform(-1, 1, (len(vertices), 1)))
+    (tmp_path / "rough.obj").write_text("".join("v %.9g %.9g %.9g\n" % tuple(v) for v in vertices) +
+                                        "".join("f %d %d %d\n" % tuple(numpy.array(f) + 1) for f in faces))
+    done = worker(mesh(tmp_path / "rough.obj", 300))
+    assert done.returncode == 0, done.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["sweeps_total"] < 1000
 
 
 @pytest.mark.sanitized
@@ -629,7 +643,7 @@ def test_grading_is_no_disorder(worker, tmp_path):
     done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "ring.obj")}},
                    "sampling": {"resolve": True, "feature": {}, "min_spacing": 0.025}, "output": {"preview": False}})
     report = json.loads((tmp_path / "out" / "report.json").read_text())
-    assert report["quality"]["energy_excess"] > 0.05 and report["quality"]["disorder"] < 0.02
+    assert report["quality"]["energy_excess"] > 0.04 and report["quality"]["disorder"] < 0.02
     assert done.returncode == 0, report["outcome_reasons"]
 
 

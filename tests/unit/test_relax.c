@@ -274,7 +274,7 @@ static void energies_are_known_with_the_steps_left(void **state)
 static void who_is_free_to_drift_has_no_step_left(void **state)
 {
     (void)state;
-    const double side[][2] = {{0, 0}, {1.5, 0}, {-1.9, 0}, {0, 1.9}, {0, -1.9}}; /* in spacings */
+    const double side[][2] = {{0, 0}, {1.5, 0}, {-1.9, 0}, {0, 1.9}}; /* in spacings */
     const projection_limits limits = {20, 1e-9, 1e-8, 1e-6};
     for (int nearer = 0; nearer < 2; nearer++) {
         bench b;
