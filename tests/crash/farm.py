@@ -223,7 +223,10 @@ class Book:
         return None
 
     def is_no_answer(self, reply):
-        return reply is None or self.tolerant and reply.status >= 500 and bool(reply.json["detail"])
+        if reply is None:
+            return True
+        is_stopping = reply.status == 503 and reply.json["detail"] == "the service is stopping"
+        return is_stopping or self.tolerant and reply.status >= 500 and bool(reply.json["detail"])
 
     def look(self, daemon, job):
         """Reads a job and holds it against what is known; its document, None without an answer. Of one that
