@@ -204,7 +204,7 @@ static void steps_chunk(void *context, int worker, size_t begin, size_t end)
     job->whole[part] = whole;
 }
 
-/* The share of the particles that must be judged by Newton's step for their rms to stand for all. On a model of many small faces
+/* On patches the share of the particles that must be judged by Newton's step for their rms to stand for all. On a model of many small faces
  * nearly all particles are next to feature curves, and the rms of the others would be that of few. */
 static const double MEASURED_LEAST = 0.2;
 
@@ -225,7 +225,7 @@ static relax_steps rms_steps(steps_job *job)
         squares.to_rest += job->squares[k].to_rest;
         count += job->counts[k];
     }
-    if ((double)count >= MEASURED_LEAST * (double)n)
+    if (count > 0 && (!job->sweep.p->patch || (double)count >= MEASURED_LEAST * (double)n))
         r->seen.left = (relax_steps){sqrt(squares.all / (double)count) / job->spacing,
                                      sqrt(squares.to_rest / (double)count) / job->spacing};
     return r->seen.left;
