@@ -86,7 +86,9 @@ static bool send_sheet(const contact_sheet *sheet, reply *r, error *e)
     int fd = memfd_create("contact sheet", MFD_CLOEXEC), own = fd >= 0 ? dup(fd) : -1;
     FILE *file = own >= 0 ? fdopen(own, "wb") : NULL;
     bool ok = file || error_set(e, ERROR_INTERNAL, "a file in memory cannot be made: %s", strerror(errno));
-    ok = ok && picture_png_write(file, &sheet->canvas, e) && fstat(fd, &info) == 0;
+    ok = ok && picture_png_write(file, &sheet->canvas, e);
+    if (ok && fstat(fd, &info) != 0)
+        ok = error_set(e, ERROR_INTERNAL, "the file in memory cannot be examined: %s", strerror(errno));
     if (file)
         fclose(file);
     else if (own >= 0)

@@ -168,10 +168,12 @@ static bool link_file(const char *from, const char *to, const char *name, error 
 
 bool cache_link_result(const char *from, const char *to, const char *spec, result *r, error *e)
 {
-    if (!result_read(from, r, e)) return false;
+    json *document = result_read_short(from, r, e);
+    if (!document) return false;
     bool ok = store_directory_create(to, e);
     for (size_t i = 0; ok && i < r->output_count; i++) ok = link_file(from, to, r->output[i].name, e);
-    ok = ok && own_report_copy(from, to, spec, e); /* which flushes the directory, too */
+    ok = ok && own_report_copy(from, to, spec, r, document, e); /* which flushes the directory, too */
+    json_free(document);
     if (!ok) result_clear(r);
     return ok;
 }

@@ -75,15 +75,13 @@ static void remove_job_data(json *spec)
     }
 }
 
-/* Reads the job from the report. *finished_ms is the time the report was written. */
-static bool read_report(const char *directory, bool shared, restored *j, int64_t *finished_ms)
+/* Takes the job from the report of the directory. *finished_ms is the time the report was written. */
+static bool take_report(const char *directory, json *report, bool shared, restored *j, int64_t *finished_ms)
 {
     struct stat info;
-    result r = {0};
     char *path = mem_printf("%s/" WORKER_REPORT_NAME, directory);
-    json *report = stat(path, &info) == 0 ? result_read_report(directory, &r, NULL) : NULL;
     json_at root = json_root(report), spec = json_member(&root, "spec");
-    bool ok = json_type_of(spec) == JSON_OBJECT;
+    bool ok = stat(path, &info) == 0 && json_type_of(spec) == JSON_OBJECT;
     if (ok && shared) remove_job_data(json_find(report, "/spec"));
     if (ok) *finished_ms = (int64_t)info.st_mtim.tv_sec * 1000 + info.st_mtim.tv_nsec / 1000000;
     if (ok && !j->spec) {
@@ -97,8 +95,6 @@ static bool read_report(const char *directory, bool shared, restored *j, int64_t
         j->is.threads = (int)integer_of(root, "threads", 1, INT32_MAX, 1);
         j->is.memory_mb = integer_of(limits, "memory_mb", 0, INT32_MAX, 0);
     }
-    json_free(report);
-    result_clear(&r);
     free(path);
     return ok;
 }
@@ -111,8 +107,10 @@ static bool add_task(const char *work_dir, const queue_directory *found, restore
     error why = {0};
     queue_adopted_task task = {.frame = found->frame};
     char *directory = result_directory(work_dir, found->id, found->frame);
-    bool ok = lstat(directory, &info) == 0 && S_ISDIR(info.st_mode) && result_read(directory, &r, &why) &&
-              read_report(directory, is_shared(directory, &r), j, &task.finished_ms);
+    json *report = lstat(directory, &info) == 0 && S_ISDIR(info.st_mode)
+                       ? result_read_report(directory, &r, &why)
+                       : NULL;
+    bool ok = report && take_report(directory, report, is_shared(directory, &r), j, &task.finished_ms);
     if (ok) {
         task.outcome = r.outcome;
         j->is.tasks = mem_resize(j->is.tasks, (j->is.task_count + 1) * sizeof *j->is.tasks);
@@ -121,6 +119,7 @@ static bool add_task(const char *work_dir, const queue_directory *found, restore
         log_write(LOG_LEVEL_WARNING, "a result cannot be adopted: %s: %s", directory,
                   *why.message ? why.message : "it is no directory, or its report has no spec");
     }
+    json_free(report);
     result_clear(&r);
     free(directory);
     return ok;

@@ -9,9 +9,7 @@
 #include "base/manager.h"
 #include "base/memory.h"
 #include "base/worker_contract.h"
-#include "json/json.h"
 #include "json/json_copy.h"
-#include "results/result.h"
 #include "store/file.h"
 
 /* Jobs that are listed at a time. */
@@ -44,6 +42,10 @@ static bool copy_report(const char *from, const char *to, const char *spec, erro
     char *path = mem_printf("%s/" WORKER_REPORT_NAME, to), *member = print_member(spec, e);
     int fd = member ? result_open_file(from, WORKER_REPORT_NAME, &bytes, e) : -1;
     FILE *report = fd >= 0 ? fdopen(fd, "rb") : NULL;
+    if (fd >= 0 && !report) {
+        error_set(e, error_code_of_errno(errno), "%s/" WORKER_REPORT_NAME " cannot be read: %m", from);
+        close(fd);
+    }
     bool ok = report && store_file_begin(path, &file, e);
     if (ok && !json_copy_replacing(report, "spec", member, file.stream, &replaced))
         ok = ferror(report) || ferror(file.stream)
@@ -78,13 +80,20 @@ static void write_summary(const char *to, json *summary)
     free(path);
 }
 
-bool own_report_copy(const char *from, const char *to, const char *spec, error *e)
+bool own_report_copy(const char *from, const char *to, const char *spec, const result *r, json *document,
+                     error *e)
+{
+    bool ok = copy_report(from, to, spec, e);
+    if (ok && r->report_bytes >= 0) write_summary(to, document);
+    if (ok && r->report_bytes < 0) result_list_long(to);
+    return ok;
+}
+
+static bool replace_report(const char *directory, const char *spec, error *e)
 {
     result r = {0};
-    json *document = result_read_short(from, &r, e);
-    bool ok = document && copy_report(from, to, spec, e);
-    if (ok && r.report_bytes >= 0) write_summary(to, document);
-    if (ok && r.report_bytes < 0) result_list_long(to);
+    json *document = result_read_short(directory, &r, e);
+    bool ok = document && own_report_copy(directory, directory, spec, &r, document, e);
     json_free(document);
     result_clear(&r);
     return ok;
@@ -106,7 +115,7 @@ bool own_report_correct(const char *directory, const char *spec, error *e)
 {
     result r = {0};
     json *report = result_read_report(directory, &r, e);
-    bool ok = report && (!has_other_spec(report, spec) || own_report_copy(directory, directory, spec, e));
+    bool ok = report && (!has_other_spec(report, spec) || replace_report(directory, spec, e));
     json_free(report);
     result_clear(&r);
     return ok;

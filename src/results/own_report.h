@@ -10,12 +10,15 @@
 #include <stdbool.h>
 
 #include "base/error.h"
+#include "json/json.h"
 #include "queue/queue.h"
+#include "results/result.h"
 
-/* Writes report.json in the directory `to`: a copy of the report in `from` with this spec (JSON text), and its summary. A
- * report.json that is there is replaced; the file that it was a hard link of stays as it is. `to` may be `from`. The report
+/* Writes report.json in the directory `to`: a copy of the report in `from` with this spec (JSON text), and its summary. `r`
+ * and `document` are what result_read_short read in `from`; the document is changed. A report.json that is there is replaced; the file that it was a hard link of stays as it is. `to` may be `from`. The report
  * may be long: it is copied piece by piece. */
-bool own_report_copy(const char *from, const char *to, const char *spec, error *e);
+bool own_report_copy(const char *from, const char *to, const char *spec, const result *r, json *document,
+                     error *e);
 
 /* Replaces the report in the directory of a result if it has another spec than this one. */
 bool own_report_correct(const char *directory, const char *spec, error *e);
