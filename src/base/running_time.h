@@ -8,7 +8,8 @@
  * The time is a list of periods. A period begins with a start or a step and ends with the next one. The caller stores
  * the periods and hands them back at the next start. Beyond RUNNING_PERIODS_MOST, the two neighbours with the least time
  * between them become one: no running time is lost, but what began in them may be kept longer, by the time that the program
- * did not run between them. What began before the oldest counts from its beginning. Every function looks at the clocks. Any thread may call them.
+ * did not run between them. What began before the oldest counts from its beginning. Every function reads the clocks. Any
+ * thread may call them.
  */
 #ifndef HEXAD_BASE_RUNNING_TIME_H
 #define HEXAD_BASE_RUNNING_TIME_H

@@ -42,10 +42,12 @@ typedef enum worker_exit {
 
 /* Files in the output directory. run writes the report last: a directory without it is not a result. */
 #define WORKER_REPORT_NAME "report.json"
-/* The short members of the report that the daemon reads, written before it: outcome, count, outputs, inputs, ratings, outcome_reasons,
- * advice, surface.warnings, quality.resolved_share; and report_bytes, the length of the report. It is not flushed to disk: a reader takes the report when it is damaged. */
+/* The short members of the report that the daemon reads: outcome, count, outputs, inputs, ratings, outcome_reasons, advice,
+ * surface.warnings, quality.resolved_share; and report_bytes, the length of the report. The worker writes the file before the
+ * report and does not flush it to disk: if it is damaged, readers use the report. */
 #define WORKER_SUMMARY_NAME "summary.json"
-/* With WORKER_OPTION_PROGRESS_FD: some points of the running job, replaced every 2 s while it relaxes; removed before the report is written. */
+/* With WORKER_OPTION_PROGRESS_FD: some points of the running job, replaced every 2 s during relaxation. The worker removes it
+ * before it writes the report. */
 #define WORKER_SNAPSHOT_NAME "snapshot.ply"
 #define WORKER_ESTIMATE_NAME "estimate.json"
 #define WORKER_INSPECTION_NAME "inspection.json"
