@@ -19,6 +19,9 @@
 
 #define NAME_BYTES 16384 /* for a user's or a group's record, of which a large group's is long */
 
+/* Groups of a user that are read, fewer than NGROUPS_MAX. A user with more is admitted by unix_users only. */
+enum { MOST_GROUPS = 1024 };
+
 typedef struct numbers {
     unsigned *item;
     size_t count;
@@ -74,11 +77,12 @@ static bool resolve(const char *name, bool group, unsigned *number, error *e)
                      group ? "group" : "user", name, group ? "group" : "passwd");
 }
 
-static bool resolve_all(const access_names *names, bool group, numbers *out, error *e)
+static bool resolve_all(const access_names *names, bool group, const char *setting, numbers *out, error *e)
 {
     out->item = mem_alloc(names->count * sizeof *out->item);
     for (; out->count < names->count; out->count++)
-        if (!resolve(names->item[out->count], group, &out->item[out->count], e)) return false;
+        if (!resolve(names->item[out->count], group, &out->item[out->count], e))
+            return error_prefix(e, "%s", setting);
     return true;
 }
 
@@ -93,8 +97,9 @@ static bool peers_read(const access_names *users, const access_names *groups, co
                        peers *out, error *e)
 {
     peers read = {0};
-    if (resolve_all(users, false, &read.users, e) && resolve_all(groups, true, &read.groups, e) &&
-        resolve_all(admins, false, &read.admins, e)) {
+    if (resolve_all(users, false, "unix_users", &read.users, e) &&
+        resolve_all(groups, true, "unix_groups", &read.groups, e) &&
+        resolve_all(admins, false, "unix_admins", &read.admins, e)) {
         *out = read;
         return true;
     }
@@ -182,6 +187,40 @@ bool access_check_name(const char *name, bool group, error *e)
     return resolve(name, group, &number, e);
 }
 
+bool access_check_names(const access_names *users, const access_names *groups, const access_names *admins,
+                        error *e)
+{
+    peers read;
+    if (!peers_read(users, groups, admins, &read, e)) return false;
+    peers_clear(&read);
+    return true;
+}
+
+const char *access_find_same(const access_names *names, bool group, const char *name)
+{
+    unsigned wanted, number;
+    if (!resolve(name, group, &wanted, NULL)) return NULL;
+    for (size_t i = 0; i < names->count; i++)
+        if (resolve(names->item[i], group, &number, NULL) && number == wanted) return names->item[i];
+    return NULL;
+}
+
+const char *access_find_group_of(const access_names *groups, const char *user)
+{
+    char room[NAME_BYTES];
+    struct passwd record, *found = NULL;
+    gid_t of_user[MOST_GROUPS];
+    int count = MOST_GROUPS;
+    unsigned uid, number;
+    if (!resolve(user, false, &uid, NULL)) return NULL;
+    if (getpwuid_r(uid, &record, room, sizeof room, &found) != 0 || !found) return NULL;
+    if (getgrouplist(found->pw_name, found->pw_gid, of_user, &count) < 0) return NULL;
+    for (size_t i = 0; i < groups->count; i++)
+        for (int k = 0; k < count; k++)
+            if (resolve(groups->item[i], true, &number, NULL) && number == of_user[k]) return groups->item[i];
+    return NULL;
+}
+
 bool access_has_tokens(access_control *a)
 {
     pthread_mutex_lock(&a->mutex);
@@ -193,7 +232,7 @@ bool access_has_tokens(access_control *a)
 /* Whether the process that connected was in one of the groups. Held: the mutex. */
 static bool in_groups(const access_control *a, int fd, gid_t primary)
 {
-    gid_t groups[1024]; /* of NGROUPS_MAX there are more; whoever has so many is let in by name */
+    gid_t groups[MOST_GROUPS];
     socklen_t size = sizeof groups;
     const numbers *allowed = &a->peers.groups;
     if (holds(allowed, primary)) return true;
@@ -203,7 +242,8 @@ static bool in_groups(const access_control *a, int fd, gid_t primary)
     return false;
 }
 
-void access_name_user(uid_t uid, char user[ACCESS_USER_SIZE])
+/* uid:NUMBER where the user has no name. */
+static void name_user(uid_t uid, char user[ACCESS_USER_SIZE])
 {
     char room[NAME_BYTES];
     struct passwd record, *found = NULL;
@@ -237,7 +277,7 @@ void access_look(access_control *a, int fd, access_peer *peer)
     else if (holds(&a->peers.users, who.uid) || in_groups(a, fd, who.gid))
         peer->scopes = SCOPE_USER;
     pthread_mutex_unlock(&a->mutex);
-    if (peer->scopes) access_name_user(who.uid, peer->user);
+    if (peer->scopes) name_user(who.uid, peer->user);
 }
 
 static void take_rights(const access_control *a, const token *t, access_caller *caller)

@@ -56,8 +56,16 @@ void access_close(access_control *a); /* accepts NULL */
 bool access_change_users(access_control *a, const access_names *users, const access_names *groups,
                          const access_names *admins, error *e);
 
-/* Whether there is the user, or the group: a name or any number. An error: spec_invalid. */
+/* Whether the user or the group exists: a name, or any number. An error: spec_invalid. */
 bool access_check_name(const char *name, bool group, error *e);
+/* Whether all users, groups and admins exist. The error (spec_invalid) is the one of access_open. */
+bool access_check_names(const access_names *users, const access_names *groups, const access_names *admins,
+                        error *e);
+
+/* The item of `names` that is the same user or group as `name`, by number; NULL: none, or `name` does not exist. */
+const char *access_find_same(const access_names *names, bool group, const char *name);
+/* The item of `groups` that has the user as a member; NULL: none, or the user does not exist. */
+const char *access_find_group_of(const access_names *groups, const char *user);
 
 bool access_has_tokens(access_control *a);
 
@@ -68,9 +76,6 @@ typedef struct access_peer {
     unsigned scopes;             /* without a token */
     char user[ACCESS_USER_SIZE]; /* "" for an unknown one */
 } access_peer;
-
-/* The name of a user; uid:NUMBER where there is none. */
-void access_name_user(uid_t uid, char user[ACCESS_USER_SIZE]);
 
 /* Asks the kernel about a connected socket. */
 void access_look(access_control *a, int fd, access_peer *peer);

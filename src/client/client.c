@@ -23,6 +23,7 @@ struct client {
     CURL *curl;
     char *server; /* as the caller named it */
     char *base;   /* its URL without a trailing slash */
+    const char *advice;
     char fault[CURL_ERROR_SIZE];
 };
 
@@ -50,6 +51,7 @@ client *client_open(const char *server, const char *token, const char *authoriti
         return NULL;
     }
     c->server = mem_strdup(server);
+    c->advice = "start hexad, or name its address with --server or HEXAD_SERVER";
     c->base = mem_strdup(unix_path ? "http://localhost" : server);
     for (size_t length = strlen(c->base); length && c->base[length - 1] == '/'; length--)
         c->base[length - 1] = '\0';
@@ -75,6 +77,11 @@ void client_close(client *c)
     free(c->server);
     free(c->base);
     free(c);
+}
+
+void client_set_advice(client *c, const char *advice)
+{
+    c->advice = advice;
 }
 
 static size_t take_text(char *data, size_t size, size_t count, void *context)
@@ -152,12 +159,15 @@ static bool explain_refusal(const client *c, error *e)
     char name[64];
     name_self(name);
     if (stat(c->server + strlen(UNIX), &info) == 0)
-        return error_set(e, ERROR_INTERNAL, "%s: the user %s may not connect: as root type hexad --allow %s",
-                         c->server, name, name);
+        return error_set(
+            e, ERROR_INTERNAL,
+            "%s: the user %s may not connect: run `hexad --allow %s` as root (with --config FILE if"
+            " the service was started with one)",
+            c->server, name, name);
     return error_set(
         e, ERROR_INTERNAL,
         "%s: the user %s may not enter the directory of this socket: the settings listen and unix_users of"
-        " its hexad let others in",
+        " its hexad grant access",
         c->server, name);
 }
 
@@ -166,10 +176,8 @@ static bool explain_no_connection(const client *c, CURLcode code, error *e)
     long number = 0; /* curl's own words name a port even of a Unix socket */
     curl_easy_getinfo(c->curl, CURLINFO_OS_ERRNO, &number);
     if (number == EACCES && strncmp(c->server, UNIX, strlen(UNIX)) == 0) return explain_refusal(c, e);
-    return error_set(
-        e, ERROR_INTERNAL,
-        "%s: no server answers (%s): start hexad, or name its address with --server or HEXAD_SERVER",
-        c->server, number ? strerror((int)number) : curl_easy_strerror(code));
+    return error_set(e, ERROR_INTERNAL, "%s: no server answers (%s): %s", c->server,
+                     number ? strerror((int)number) : curl_easy_strerror(code), c->advice);
 }
 
 static bool perform(client *c, const char *path, long *status, error *e)

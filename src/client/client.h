@@ -23,6 +23,9 @@ typedef struct client_reply {
  * with; NULL: those of the system. */
 client *client_open(const char *server, const char *token, const char *authorities, error *e);
 void client_close(client *c); /* accepts NULL */
+/* Sets what the error advises when no server answers; a static text. Default: to start hexad, or to name its address with
+ * --server or HEXAD_SERVER. */
+void client_set_advice(client *c, const char *advice);
 
 /* Sends a request and returns its reply, whatever the status. `body` is JSON of `length` bytes, or NULL.
  * Fails only when there is no reply. The caller clears the reply. */

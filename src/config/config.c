@@ -188,56 +188,63 @@ static bool split_option(int argc, char *const *argv, int *index, const char **k
     return true;
 }
 
-static bool is_action(const char *text, config_action *action)
-{
-    static const struct {
-        const char *text;
-        config_action action;
-    } actions[] = {{"--help", CONFIG_HELP},           {"-h", CONFIG_HELP},
-                   {"--version", CONFIG_VERSION},     {"--adopt", CONFIG_ADOPT},
-                   {"--print-config", CONFIG_SAMPLE}, {"--check", CONFIG_CHECK}};
-    for (size_t i = 0; i < sizeof actions / sizeof *actions; i++) {
-        if (strcmp(text, actions[i].text) == 0) {
-            *action = actions[i].action;
-            return true;
-        }
-    }
-    return false;
-}
-
-/* Options that are actions with a value, which they keep. */
-static const struct value_action {
+/* Options that are actions. Those that expect a value store it in the configuration. */
+static const struct action {
     const char *name;
     config_action action;
-    size_t offset; /* in config */
-    const char *expected;
-} value_actions[] = {
-    {"backup", CONFIG_BACKUP, offsetof(config, backup), "a file"},
-    {"allow", CONFIG_ALLOW, offsetof(config, admit), "a user or @GROUP"},
-    {"deny", CONFIG_DENY, offsetof(config, admit), "a user or @GROUP"},
+    const char *expected; /* NULL: no value */
+    size_t offset;        /* in config */
+} actions[] = {
+    {"help", CONFIG_HELP, NULL, 0},
+    {"version", CONFIG_VERSION, NULL, 0},
+    {"adopt", CONFIG_ADOPT, NULL, 0},
+    {"print-config", CONFIG_SAMPLE, NULL, 0},
+    {"check", CONFIG_CHECK, NULL, 0},
+    {"backup", CONFIG_BACKUP, "a file", offsetof(config, backup)},
+    {"allow", CONFIG_ALLOW, "a user or @GROUP", offsetof(config, admit)},
+    {"deny", CONFIG_DENY, "a user or @GROUP", offsetof(config, admit)},
 };
+enum { ACTION_COUNT = sizeof actions / sizeof *actions };
 
 static bool is_named(const char *key, size_t length, const char *name)
 {
     return strlen(name) == length && memcmp(key, name, length) == 0;
 }
 
-static const struct value_action *find_value_action(const char *key, size_t length)
+static const struct action *find_action(const char *key, size_t length)
 {
-    for (size_t i = 0; i < sizeof value_actions / sizeof *value_actions; i++)
-        if (is_named(key, length, value_actions[i].name)) return &value_actions[i];
+    for (size_t i = 0; i < ACTION_COUNT; i++)
+        if (is_named(key, length, actions[i].name)) return &actions[i];
     return NULL;
 }
 
-static bool take_action(config *c, const struct value_action *a, const char *value, config_action *action,
-                        error *e)
+/* The action that an argument without a value names; NULL: none. */
+static const struct action *find_bare_action(const char *text)
+{
+    if (strcmp(text, "-h") == 0) text = "--help";
+    const struct action *a = strncmp(text, "--", 2) == 0 ? find_action(text + 2, strlen(text + 2)) : NULL;
+    return a && !a->expected ? a : NULL;
+}
+
+/* Sets the action; a command line has one. */
+static bool choose(const struct action *a, config_action *action, error *e)
+{
+    for (size_t i = 0; *action != a->action && i < ACTION_COUNT; i++)
+        if (actions[i].action == *action)
+            return error_set(e, ERROR_SPEC_INVALID, "--%s and --%s are both given; give one action.",
+                             actions[i].name, a->name);
+    *action = a->action;
+    return true;
+}
+
+static bool take_action(config *c, const struct action *a, const char *value, config_action *action, error *e)
 {
     char **kept = (char **)((char *)c + a->offset);
     if (!*value || strcmp(value, "@") == 0)
         return error_set(e, ERROR_SPEC_INVALID, "--%s has no value: name %s", a->name, a->expected);
+    if (!choose(a, action, e)) return false;
     if (*kept) return error_set(e, ERROR_SPEC_INVALID, "--%s is given with two values: name one", a->name);
     *kept = mem_strdup(value);
-    *action = a->action;
     return true;
 }
 
@@ -254,15 +261,19 @@ static bool read_options(int argc, char *const *argv, bool files, source *s, con
     for (int i = 1; i < argc; i++) {
         const char *key = "", *value = NULL;
         size_t length = 0;
-        if (is_action(argv[i], action)) continue;
+        const struct action *a = find_bare_action(argv[i]);
+        if (a) {
+            if (!choose(a, action, s->e)) return false;
+            continue;
+        }
         if (!split_option(argc, argv, &i, &key, &length, &value, s->e)) return false;
         if (is_named(key, length, "config")) {
             if (files && !take_file(s, value)) return false;
             continue;
         }
         if (files) continue;
-        const struct value_action *a = find_value_action(key, length);
-        if (a) {
+        a = find_action(key, length);
+        if (a && a->expected) {
             if (!take_action(s->c, a, value, action, s->e)) return false;
             continue;
         }
@@ -365,6 +376,11 @@ void config_clear(config *c)
     *c = (config){0};
 }
 
+bool config_shares_socket(const config *c)
+{
+    return c->unix_users.count || c->unix_groups.count || c->unix_admins.count;
+}
+
 static bool find_program(char **path, const char *name, const char *setting, error *e)
 {
     if (!**path) {
@@ -441,12 +457,12 @@ void config_print_help(FILE *file)
         "                   admin in $HEXAD_TOKEN\n"
         "  --check          checks the database for damage and, when hexad does not run, the results of\n"
         "                   all jobs. It changes nothing and prints a line for each fault\n"
-        "  --allow USER     lets a user, or the members of a @GROUP, use the Unix socket of the service that\n"
-        "                   systemd runs. As root it adds the name to unix_users or unix_groups of FILE\n"
+        "  --allow USER     grants a user, or the members of a @GROUP, access to the Unix socket of the service\n"
+        "                   that systemd runs. As root it adds the name to unix_users or unix_groups of FILE\n"
         "                   (default: " HEXAD_SYSCONFDIR "/hexad.conf), writes the drop-in\n"
         "                   hexad.socket.d/allow.conf, has systemd read both, and prints each step. It can\n"
         "                   be repeated\n"
-        "  --deny USER      undoes --allow\n"
+        "  --deny USER      revokes this access\n"
         "  --print-config   prints a sample of the settings file\n"
         "  --help           prints this text\n"
         "  --version        prints the version\n"

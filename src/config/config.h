@@ -104,6 +104,9 @@ bool config_parse(int argc, char *const *argv, config *c, config_action *action,
 void config_take_over(config *c, config *fresh);
 void config_clear(config *c); /* accepts an empty one */
 
+/* Whether the settings admit users other than the service's own to the Unix socket. */
+bool config_shares_socket(const config *c);
+
 /* Fills c->worker when it is empty: hexad-worker beside the running program, otherwise in the bindir of the
  * build. An error (input_missing) when the worker is not an executable file. */
 bool config_find_worker(config *c, error *e);

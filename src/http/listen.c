@@ -151,8 +151,10 @@ bool listen_open(const char *where, bool shared, listen_socket *s, error *e)
 
 void listen_share(const listen_socket *s, bool shared)
 {
-    if (s->unix_path && chmod(s->unix_path, shared ? SHARED_MODE : OWN_MODE) != 0)
-        log_write(LOG_LEVEL_ERROR, "%s cannot get another mode: %s", s->unix_path, strerror(errno));
+    mode_t mode = shared ? SHARED_MODE : OWN_MODE;
+    if (s->unix_path && chmod(s->unix_path, mode) != 0)
+        log_write(LOG_LEVEL_ERROR, "%s: mode %04o cannot be set: %s", s->unix_path, (unsigned)mode,
+                  strerror(errno));
 }
 
 bool listen_adopt(int fd, listen_socket *s, error *e)

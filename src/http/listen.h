@@ -19,8 +19,8 @@ typedef struct listen_socket {
 /* `where` is HOST:PORT, [HOST]:PORT or unix:/path; for a path, `shared` says whether other users than the
  * service's own may connect. The error names `where`. */
 bool listen_open(const char *where, bool shared, listen_socket *s, error *e);
-/* Says anew whether other users may connect to a path that listen_open opened; the log tells a failure. Others stay as they
- * are. */
+/* Sets the mode of a path that listen_open opened: whether other users may connect. A failure is logged. Sockets without a
+ * path are unchanged. */
 void listen_share(const listen_socket *s, bool shared);
 /* Takes over a listening socket from the service manager. On failure it is closed. */
 bool listen_adopt(int fd, listen_socket *s, error *e);

@@ -79,7 +79,7 @@ typedef struct exchange {
     bool too_large;         /* the rest of the body is ignored */
     bool answered;          /* what still comes of the body is thrown away */
     bool awaits;            /* the pool has made a provisional answer */
-    bool heard;             /* the pool has called the handler, which waits for something new since `seen` */
+    bool handler_called;    /* the pool has called the handler, which waits for something new since `seen` */
     uint64_t seen;
     bool chunked;
     reply answer;
@@ -278,16 +278,15 @@ static bool refuse_connection(exchange *x, reply *r)
     return true;
 }
 
-/* Tells a user of the Unix socket, who showed no token, how root changes that. */
+/* Refuses a user of the Unix socket without a token. The user has a number here, because a look-up of the name may block the
+ * serving thread. */
 static void set_user_unknown(uid_t uid, reply *r)
 {
-    static const char nameless[] = "uid:";
-    char user[ACCESS_USER_SIZE];
-    access_name_user(uid, user);
-    const char *name = strncmp(user, nameless, strlen(nameless)) == 0 ? user + strlen(nameless) : user;
-    reply_set_problem(r, "unauthorized", NULL,
-                      "the user %s may not use this service: as root type hexad --allow %s, or send a token",
-                      name, name);
+    reply_set_problem(
+        r, "unauthorized", NULL,
+        "the user with the number %u may not use this service: run `hexad --allow %u` as root (with"
+        " --config FILE if the service was started with one), or send a token",
+        (unsigned)uid, (unsigned)uid);
 }
 
 static void set_unauthorized(const access_peer *from, const fields *f, reply *r)
@@ -617,8 +616,8 @@ static void run_in_pool(thread_pool_work *work)
     x->route.found->handler(x->s->settings.context, &x->request, &x->answer);
     x->request.pooled = false;
     x->awaits = x->answer.provisional;
-    x->heard = !x->answer.status;
-    x->answered = !x->awaits && !x->heard;
+    x->handler_called = !x->answer.status;
+    x->answered = !x->awaits && !x->handler_called;
     loop_resume(x->s->loop, x->connection);
 }
 
@@ -646,20 +645,20 @@ static void give_to_pool(exchange *x)
 }
 
 /* Calls the handler in the serving thread, unless the pool has just called it. */
-static void hear(exchange *x)
+static void call_handler_once(exchange *x)
 {
     const server_settings *c = &x->s->settings;
     http_handler *handler = x->awaits ? x->route.found->awaiting : x->route.found->handler;
-    if (!x->heard) {
+    if (!x->handler_called) {
         x->seen = wait_list_seen(c->waiting);
         x->request.last = wait_list_is_dismissed(c->waiting);
         handler(c->context, &x->request, &x->answer);
     }
-    x->heard = false;
+    x->handler_called = false;
 }
 
 /* Calls the handler. False: it has no answer yet, and the connection is suspended. */
-static bool ask_handler(exchange *x)
+static bool call_handler(exchange *x)
 {
     const server_settings *c = &x->s->settings;
     if (x->route.found->waits && !x->awaits) {
@@ -667,7 +666,7 @@ static bool ask_handler(exchange *x)
         return false;
     }
     for (;;) {
-        hear(x);
+        call_handler_once(x);
         if (x->answer.deferred) {
             x->answer.deferred = false;
             give_to_pool(x);
@@ -685,7 +684,7 @@ static bool ask_handler(exchange *x)
 static enum MHD_Result finish(exchange *x, const char *method, const char *path)
 {
     connections_end_time(x->s->connections, connection_of(x->connection));
-    if (!x->answered && read_body(x, &x->answer) && !ask_handler(x)) return MHD_YES;
+    if (!x->answered && read_body(x, &x->answer) && !call_handler(x)) return MHD_YES;
     note_answer(x, method, path, &x->answer);
     return queue_reply(x, &x->answer);
 }

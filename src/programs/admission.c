@@ -1,6 +1,7 @@
 #include "programs/admission.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <spawn.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -19,6 +20,7 @@
 #define DROP_IN_DIRECTORY "hexad.socket.d"
 #define DROP_IN "allow.conf"
 #define RUNTIME "/run/hexad"
+#define BOOTED "/run/systemd/system" /* exists where systemd is the init system, as sd_booted(3) says */
 
 enum {
     FILE_LIMIT = 1 << 20, /* bytes of a settings file */
@@ -61,24 +63,41 @@ static bool read_settings(const char *file, config *c, error *e)
     return config_parse(3, argv, c, &action, e);
 }
 
-/* Whether the file reads as wanted. */
+static access_names names_of(const config_list *list)
+{
+    return (access_names){(const char *const *)list->item, list->count};
+}
+
+/* Whether hexad accepts the users, groups and admins: it refuses all settings if one of them does not exist. */
+static bool check_names(const config *c, const change *w, error *e)
+{
+    access_names users = names_of(&c->unix_users), groups = names_of(&c->unix_groups),
+                 admins = names_of(&c->unix_admins);
+    if (access_check_names(&users, &groups, &admins, e)) return true;
+    error why = *e;
+    return error_set(e, ERROR_SPEC_INVALID, "%s: %s. Remove it from the file first.", w->file, why.message);
+}
+
+/* Whether the file has the value, or does not have it any more, and hexad accepts all names. */
 static bool check_edited(const char *file, const change *w, error *e)
 {
     config edited = {0};
     if (!read_settings(file, &edited, e)) return false;
-    bool as_wanted = is_named(&edited, w) == w->allow;
+    bool ok = is_named(&edited, w) == w->allow ||
+              error_set(e, ERROR_SPEC_INVALID,
+                        "%s: %s of %s is in a continuation line or before a comment; %s it by hand", w->file,
+                        w->name, w->key, w->allow ? "add" : "remove");
+    ok = ok && check_names(&edited, w, e);
     config_clear(&edited);
-    return as_wanted ||
-           error_set(e, ERROR_SPEC_INVALID, "%s: the lines of %s are not simple ones: %s %s there by hand",
-                     w->file, w->key, w->allow ? "add" : "remove", w->name);
+    return ok;
 }
 
-/* Gives the file the mode and owner of another. */
+/* Gives the file the owner and then the mode of another. */
 static bool copy_mode(FILE *stream, const char *from, error *e)
 {
     struct stat info;
-    if (stat(from, &info) == 0 && fchmod(fileno(stream), info.st_mode & 07777) == 0 &&
-        fchown(fileno(stream), info.st_uid, info.st_gid) == 0)
+    if (stat(from, &info) == 0 && fchown(fileno(stream), info.st_uid, info.st_gid) == 0 &&
+        fchmod(fileno(stream), info.st_mode & 07777) == 0)
         return true;
     return error_set(e, ERROR_INTERNAL, "%s cannot be replaced: %s", from, strerror(errno));
 }
@@ -86,7 +105,10 @@ static bool copy_mode(FILE *stream, const char *from, error *e)
 static bool write_setting(const change *w, const char *text, error *e)
 {
     store_file file = {0};
-    if (!store_file_begin(w->file, &file, e)) return false;
+    mode_t former = umask(0077); /* the file may hold secrets: private until copy_mode */
+    bool begun = store_file_begin(w->file, &file, e);
+    umask(former);
+    if (!begun) return false;
     bool ok = fputs(text, file.stream) >= 0 && fflush(file.stream) == 0;
     if (!ok) error_set(e, ERROR_INTERNAL, "%s cannot be written: %s", w->file, strerror(errno));
     ok = ok && check_edited(file.temporary, w, e) && copy_mode(file.stream, w->file, e);
@@ -106,18 +128,8 @@ static char *read_text(const char *file, error *e)
     return NULL;
 }
 
-/* A name that the file has is removed even if the user does not exist any more. */
-static bool change_setting(const change *w, error *e)
+static bool edit_setting(const change *w, error *e)
 {
-    config now = {0};
-    if (!read_settings(w->file, &now, e)) return false;
-    bool named = is_named(&now, w);
-    config_clear(&now);
-    if (!(named && !w->allow) && !access_check_name(w->name, w->group, e)) return false;
-    if (named == w->allow) {
-        printf("%s: %s is %s %s\n", w->file, w->name, w->allow ? "already in" : "not in", w->key);
-        return true;
-    }
     char *text = read_text(w->file, e);
     if (!text) return false;
     char *edited = (w->allow ? config_edit_add : config_edit_remove)(text, w->key, w->name);
@@ -126,6 +138,45 @@ static bool change_setting(const change *w, error *e)
     free(text);
     free(edited);
     return ok;
+}
+
+/* A name that the file has is removed even if the user does not exist any more. */
+static bool change_setting(const change *w, error *e)
+{
+    config now = {0};
+    if (!read_settings(w->file, &now, e)) return false;
+    bool named = is_named(&now, w), unchanged = named == w->allow;
+    bool ok = (named && !w->allow) || access_check_name(w->name, w->group, e);
+    if (ok && unchanged) ok = check_names(&now, w, e);
+    config_clear(&now);
+    if (!ok || !unchanged) return ok && edit_setting(w, e);
+    printf("%s: %s is %s %s\n", w->file, w->name, w->allow ? "already in" : "not in", w->key);
+    return true;
+}
+
+static void warn_of(const change *w, const char *key, const char *item)
+{
+    if (!item) return;
+    fflush(stdout);
+    fprintf(stderr, "hexad: warning: %s%s is still admitted by %s = %s; remove it from %s\n",
+            w->group ? "the group " : "", w->name, key, item, w->file);
+}
+
+/* Warns of settings that admit the denied user, or group, by another name or number. */
+static void warn_of_other_grants(const change *w)
+{
+    config now = {0};
+    if (!read_settings(w->file, &now, NULL)) return;
+    access_names users = names_of(&now.unix_users), groups = names_of(&now.unix_groups),
+                 admins = names_of(&now.unix_admins);
+    if (w->group) {
+        warn_of(w, "unix_groups", access_find_same(&groups, true, w->name));
+    } else {
+        warn_of(w, "unix_users", access_find_same(&users, false, w->name));
+        warn_of(w, "unix_groups", access_find_group_of(&groups, w->name));
+        warn_of(w, "unix_admins", access_find_same(&admins, false, w->name));
+    }
+    config_clear(&now);
 }
 
 /* ---- the socket */
@@ -163,56 +214,87 @@ static bool remove_drop_in(const change *w, error *e)
     return true;
 }
 
-/* Of the socket that is there: systemd sets the mode of the unit only when it makes one. */
+/* Sets the mode of the existing socket, because systemd applies the mode of the unit only when it creates one. A symbolic
+ * link is not followed: the directory may belong to the service's user. */
 static bool set_socket_mode(const change *w, mode_t mode, error *e)
 {
-    if (chmod(w->socket, mode) == 0)
-        printf("%s: mode %04o\n", w->socket, (unsigned)mode);
-    else if (errno == ENOENT)
+    struct stat info;
+    int fd = open(w->socket, O_PATH | O_NOFOLLOW | O_CLOEXEC);
+    if (fd < 0 && errno == ENOENT) {
         printf("%s: not there; hexad.socket makes it with mode %04o\n", w->socket, (unsigned)mode);
-    else
-        return error_set(e, ERROR_INTERNAL, "%s cannot get the mode %04o: %s", w->socket, (unsigned)mode,
-                         strerror(errno));
-    return true;
+        return true;
+    }
+    char *path = mem_printf("/proc/self/fd/%d", fd);
+    bool ok = fd >= 0 && fstat(fd, &info) == 0;
+    if (ok && !S_ISSOCK(info.st_mode))
+        ok =
+            error_set(e, ERROR_INTERNAL, "%s is not a socket; remove it and restart hexad.socket", w->socket);
+    else if (!ok || chmod(path, mode) != 0)
+        ok = error_set(e, ERROR_INTERNAL, "%s: mode %04o cannot be set: %s", w->socket, (unsigned)mode,
+                       strerror(errno));
+    free(path);
+    if (fd >= 0) close(fd);
+    if (ok) printf("%s: mode %04o\n", w->socket, (unsigned)mode);
+    return ok;
 }
 
-static bool call_systemctl(const char *verb, const char *unit, error *e)
+static bool change_socket(const change *w, error *e)
 {
-    const char *argv[] = {"systemctl", verb, unit, NULL};
+    config now = {0};
+    if (!read_settings(w->file, &now, e)) return false;
+    bool close = !config_shares_socket(&now) && has_drop_in(w);
+    config_clear(&now);
+    if (w->allow) return write_drop_in(w, e) && set_socket_mode(w, OPEN_MODE, e);
+    return !close || (remove_drop_in(w, e) && set_socket_mode(w, UNIT_MODE, e));
+}
+
+/* ---- systemd */
+
+/* The words of a systemctl command. */
+typedef struct command {
+    const char *verb, *unit; /* NULL: no unit */
+} command;
+
+/* Runs the command. If it fails, adds it and the reason to the text *failed, which is freed and replaced. */
+static void call_systemctl(const command *c, char **failed)
+{
+    const char *argv[] = {"systemctl", c->verb, c->unit, NULL}, *unit = c->unit ? c->unit : "";
+    const char *blank = c->unit ? " " : "";
     pid_t pid = 0;
     int status = 0;
     fflush(stdout);
     int why = posix_spawnp(&pid, argv[0], NULL, NULL, (char **)argv, environ);
     bool ran = why == 0 && waitpid(pid, &status, 0) == pid;
-    if (ran && status == 0)
-        return printf("systemctl %s%s%s: done\n", verb, unit ? " " : "", unit ? unit : "") > 0;
-    return error_set(e, ERROR_INTERNAL,
-                     "systemctl %s%s%s %s%s; the files are written: type this command, or restart hexad",
-                     verb, unit ? " " : "", unit ? unit : "",
-                     ran ? "failed" : "cannot be run: ", ran ? "" : strerror(why ? why : errno));
+    if (ran && status == 0) {
+        printf("systemctl %s%s%s: done\n", c->verb, blank, unit);
+        return;
+    }
+    char *all = mem_printf("%s%s`systemctl %s%s%s` (%s)", *failed, **failed ? ", " : "", c->verb, blank, unit,
+                           ran ? "it failed" : strerror(why ? why : errno));
+    free(*failed);
+    *failed = all;
 }
 
-/* Whether the settings name users of the socket. */
-static bool find_whether_shared(const change *w, bool *shared, error *e)
+/* The service takes the settings, and systemd the drop-in. A command that fails does not prevent the other one. */
+static bool reload_both(const change *w, bool drop_in_changed, error *e)
 {
-    config c = {0};
-    if (!read_settings(w->file, &c, e)) return false;
-    *shared = c.unix_users.count || c.unix_groups.count || c.unix_admins.count;
-    config_clear(&c);
-    return true;
-}
-
-static bool change_socket(const change *w, error *e)
-{
-    bool shared = false;
-    if (!find_whether_shared(w, &shared, e)) return false;
-    bool ours = has_drop_in(w), close = !shared && ours;
-    if (w->allow && !write_drop_in(w, e)) return false;
-    if (close && !remove_drop_in(w, e)) return false;
-    if ((w->allow || close) && (!call_systemctl("daemon-reload", NULL, e) ||
-                                !set_socket_mode(w, w->allow ? OPEN_MODE : UNIT_MODE, e)))
-        return false;
-    return call_systemctl("try-reload-or-restart", "hexad.service", e);
+    static const command reload = {"try-reload-or-restart", "hexad.service"}, units = {"daemon-reload", NULL};
+    char *failed = mem_strdup("");
+    call_systemctl(&reload, &failed);
+    if (drop_in_changed) call_systemctl(&units, &failed);
+    bool ok = !*failed;
+    if (!ok && access(BOOTED, F_OK) != 0)
+        error_set(e, ERROR_INTERNAL,
+                  "%s is written, but systemd does not run here: %s. The daemon takes the settings by"
+                  " kill -HUP PID, or at its next start",
+                  w->file, failed);
+    else if (!ok)
+        error_set(e, ERROR_INTERNAL,
+                  "the files are written, but hexad or systemd did not take them: run %s as root, or restart"
+                  " hexad",
+                  failed);
+    free(failed);
+    return ok;
 }
 
 /* ---- both */
@@ -257,13 +339,18 @@ int admission_change(const config *settings, config_action action)
     error e = {0};
     change w;
     umask(0022); /* systemd and the service read these files */
-    bool ok = begin(&w, settings, action, &e) && change_setting(&w, &e) && change_socket(&w, &e);
+    bool ok = begin(&w, settings, action, &e) && change_setting(&w, &e);
+    bool ours = ok && has_drop_in(&w);
+    bool set = ok && change_socket(&w, &e);
+    bool taken = ok && reload_both(&w, w.allow || ours != has_drop_in(&w), set ? &e : NULL);
+    ok = set && taken;
+    if (ok && !w.allow) warn_of_other_grants(&w);
     if (ok && w.allow)
         printf("%s%s may use unix:%s\n", w.group ? "the members of " : "", w.name, w.socket);
     else if (ok)
         puts("connections that are open stay until they end");
     else
-        fprintf(stderr, "hexad: %s%s\n", e.message, geteuid() ? " (this takes root)" : "");
+        fprintf(stderr, "hexad: %s%s\n", e.message, geteuid() ? "; run it as root" : "");
     end(&w);
     return ok ? EXIT_SUCCESS : e.code == ERROR_SPEC_INVALID ? EXIT_WRONG : EXIT_FAILURE;
 }

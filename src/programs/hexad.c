@@ -215,12 +215,6 @@ static void fini_roots(service *s)
     store_roots_close(s->roots);
 }
 
-/* Whether users other than the service's own may use the Unix socket. */
-static bool is_shared(const config *c)
-{
-    return c->unix_users.count || c->unix_groups.count || c->unix_admins.count;
-}
-
 static bool init_socket(service *s, error *e)
 {
     const config *c = &s->settings;
@@ -236,7 +230,7 @@ static bool init_socket(service *s, error *e)
     const char *runtime = getenv("RUNTIME_DIRECTORY"); /* of systemd */
     char *where = *c->listen ? mem_strdup(c->listen)
                              : mem_printf("unix:%s/" LISTEN_SOCKET_NAME, runtime ? runtime : s->state_dir);
-    bool ok = listen_open(where, is_shared(c), &s->socket, e);
+    bool ok = listen_open(where, config_shares_socket(c), &s->socket, e);
     free(where);
     return ok;
 }
@@ -247,7 +241,7 @@ static void fini_socket(service *s)
 }
 
 /* Refuses a socket whose callers could not be identified. */
-static bool check_reach(const service *s, error *e)
+static bool check_reach(const service *s, const char *token_file, error *e)
 {
     const char *where = *s->settings.listen ? s->settings.listen : s->socket.address;
     bool open = strcmp(s->settings.tcp_without_tokens, OPEN_TCP) == 0;
@@ -256,15 +250,16 @@ static bool check_reach(const service *s, error *e)
     if (s->socket.reach == LISTEN_UNIX || access_has_tokens(s->access)) return true;
     if (s->socket.reach == LISTEN_NETWORK)
         return error_set(e, ERROR_SPEC_INVALID,
-                         "listen %s: other machines can reach this address, and there are no tokens: create"
-                         " tokens with hexadctl token add (setting token_file), or listen on unix:/path",
-                         where);
-    return open || error_set(e, ERROR_SPEC_INVALID,
-                             "listen %s: every user of this machine can reach this address, and there are no"
-                             " tokens: create tokens with hexadctl token add (setting token_file), listen on"
-                             " unix:/path, or set"
-                             " tcp_without_tokens = " OPEN_TCP,
-                             where);
+                         "listen %s: other machines can reach this address, and there are no tokens in %s"
+                         " (setting token_file): run `hexadctl token add USER --file %s`, or listen on"
+                         " unix:/path",
+                         where, token_file, token_file);
+    return open ||
+           error_set(e, ERROR_SPEC_INVALID,
+                     "listen %s: every user of this machine can reach this address, and there are no"
+                     " tokens in %s (setting token_file): run `hexadctl token add USER --file %s`, listen"
+                     " on unix:/path, or set tcp_without_tokens = " OPEN_TCP,
+                     where, token_file, token_file);
 }
 
 static access_names names_of(const config_list *list)
@@ -299,11 +294,11 @@ static bool init_access(service *s, error *e)
         .open_tcp = s->socket.reach == LISTEN_LOOPBACK && *c->tcp_without_tokens,
     };
     s->access = access_open(&settings, e);
+    bool ok = s->access && check_reach(s, file, e);
+    if (!ok) access_close(s->access);
     free(file);
     free(key_file);
-    if (s->access && check_reach(s, e)) return true;
-    access_close(s->access);
-    return false;
+    return ok;
 }
 
 static void fini_access(service *s)
@@ -725,9 +720,10 @@ static void reload(service *s)
     manager_tell_reloading();
     if (config_parse(s->argc, s->argv, &fresh, &action, &e) && config_find_worker(&fresh, &e) &&
         change_users(s, &fresh, &e)) {
+        bool shared = config_shares_socket(&s->settings);
         config_take_over(&s->settings, &fresh);
+        if (config_shares_socket(&s->settings) != shared) listen_share(&s->socket, !shared);
         log_set_level(s->settings.log_level);
-        listen_share(&s->socket, is_shared(&s->settings));
         bound_results(s);
         executor_settings settings = executor_settings_of(s);
         executor_change(s->x, &settings);

@@ -25,6 +25,17 @@ static int fail(const error *e)
     return EXIT_FAILURE;
 }
 
+/* An error if the state directory does not exist: the daemon's settings were probably not given. */
+static bool check_state_directory(const config *c, error *e)
+{
+    struct stat info;
+    if (stat(c->state_dir, &info) == 0) return true;
+    return error_set(e, ERROR_INTERNAL,
+                     "the state directory %s: %s; name the settings file of hexad with --config FILE, or its"
+                     " state directory with --state_dir DIRECTORY",
+                     c->state_dir, strerror(errno));
+}
+
 /* ---- the daemon that runs */
 
 /* As the environment says, else its port_file, else its settings, else where its socket is; to be freed. */
@@ -55,6 +66,10 @@ static client *open_client(const config *c, error *e)
     const char *token = getenv("HEXAD_TOKEN");
     char *server = find_server(c);
     client *found = client_open(server, token && *token ? token : NULL, getenv("SSL_CERT_FILE"), e);
+    if (found)
+        client_set_advice(found,
+                          "a daemon uses the state directory, but not this address; name its settings file"
+                          " with --config FILE, or its address with HEXAD_SERVER");
     free(server);
     return found;
 }
@@ -118,6 +133,7 @@ int maintenance_back_up(const config *settings)
         error_set(&e, ERROR_INTERNAL, "%s is a directory or a device: name a file", settings->backup);
         return fail(&e);
     }
+    if (!check_state_directory(settings, &e)) return fail(&e);
     store_file_clear(settings->backup); /* of one that was killed */
     bool ok = store_file_begin(settings->backup, &file, &e) &&
               copy(settings, file.stream, file.temporary, &lock, &e) && check_whole(file.temporary, &e);
@@ -196,8 +212,8 @@ int maintenance_check(const config *settings)
     store_file file = {0};
     char *directory = backup_directory_path(settings->state_dir),
          *path = mem_printf("%s/check.db", directory);
-    bool ok = backup_directory_make(settings->state_dir, &e) && store_file_begin(path, &file, &e) &&
-              copy(settings, file.stream, file.temporary, &lock, &e);
+    bool ok = check_state_directory(settings, &e) && backup_directory_make(settings->state_dir, &e) &&
+              store_file_begin(path, &file, &e) && copy(settings, file.stream, file.temporary, &lock, &e);
     if (ok) {
         ok = check_copy(settings, file.temporary, lock >= 0, &t, &e) &&
              (lock >= 0 || ask_health(settings, &t, &e));

@@ -190,10 +190,11 @@ def test_ports_that_are_refused(build, tmp_path):
     state = tmp_path / "state"
     tried = run_hexad(build, "--listen", "127.0.0.1:0", "--state_dir", state)
     assert tried.returncode == 2 and "every user of this machine" in tried.stderr
+    assert f"there are no tokens in {state}/tokens" in tried.stderr and f"--file {state}/tokens" in tried.stderr
     tried = run_hexad(build, "--listen", "127.0.0.1:0", "--tcp_without_tokens", "yes", "--state_dir", state)
     assert tried.returncode == 2 and OPEN_TCP in tried.stderr
     tried = run_hexad(build, "--listen", "0.0.0.0:0", "--tcp_without_tokens", OPEN_TCP, "--state_dir", state)
-    assert tried.returncode == 2 and "other machines" in tried.stderr
+    assert tried.returncode == 2 and "other machines" in tried.stderr and f"--file {state}/tokens" in tried.stderr
     (state / "tokens").write_text("nonsense")
     os.chmod(state / "tokens", 0o600)
     tried = run_hexad(build, "--listen", "127.0.0.1:0", "--state_dir", state)

@@ -12,8 +12,9 @@ import pytest
 
 from service import PATIENCE_S, wait_until
 
-# an external program: it notes its words
-SYSTEMCTL = '#!/bin/sh\necho "$@" >>"$(dirname "$0")/calls"\n[ ! -e "$(dirname "$0")/fails" ]\n'
+# an external program: it logs its arguments, and fails if the file `fails` has its first one as a line
+SYSTEMCTL = '#!/bin/sh\necho "$@" >>"$(dirname "$0")/calls"\n! grep -qsx -e "$1" "$(dirname "$0")/fails"\n'
+BOTH = ["try-reload-or-restart hexad.service", "daemon-reload"]
 HERE = pwd.getpwuid(os.geteuid()).pw_name
 GROUP = grp.getgrgid(os.getegid()).gr_name
 # asks as another user
@@ -79,9 +80,26 @@ def test_allow_writes_the_setting_and_the_drop_in_and_reloads_both(host):
     assert "[Socket]\nSocketMode=0666\n" in host.drop_in.read_text()
     assert host.drop_in.stat().st_mode & 0o777 == 0o644 and host.drop_in.parent.stat().st_mode & 0o777 == 0o755
     assert host.mode() == 0o666
-    assert host.calls() == ["daemon-reload", "try-reload-or-restart hexad.service"]
+    assert host.calls() == BOTH
     for part in (str(host.file), str(host.drop_in), str(host.root / "hexad.sock"), f"unix_users = {HERE}", "daemon-reload"):
         assert part in shown, shown
+
+
+def test_the_mode_of_the_settings_file_stays(host):
+    host.file.chmod(0o640)
+    host.expect("--allow", HERE)
+    assert host.file.stat().st_mode & 0o777 == 0o640
+
+
+def test_a_link_in_the_place_of_the_socket_is_not_followed(host):
+    """The service's user owns its directory."""
+    victim = host.root / "victim"
+    victim.touch(0o600)
+    (host.root / "hexad.sock").unlink()
+    (host.root / "hexad.sock").symlink_to(victim)
+    done = host.hexad("--allow", HERE)
+    assert done.returncode == 1 and "hexad.sock is not a socket" in done.stderr
+    assert victim.stat().st_mode & 0o777 == 0o600 and host.calls() == BOTH
 
 
 def test_allow_can_be_repeated(host):
@@ -154,6 +172,46 @@ def test_a_deleted_user_can_be_denied(build, tmp_path):
     assert host.file.read_text() == ""
 
 
+@pytest.mark.parametrize("settings, words, key", [
+    (f"unix_users = left-the-company, {HERE}\n", ("--deny", HERE), "unix_users: the user left-the-company"),
+    (f"unix_admins = left-the-company\nunix_users = {HERE}\n", ("--allow", HERE), "unix_admins: the user left-the-company"),
+    ("unix_groups = disbanded\n", ("--allow", HERE), "unix_groups: the group disbanded")])
+def test_a_change_is_refused_while_another_name_is_unknown(build, tmp_path, settings, words, key):
+    """hexad refuses all settings then."""
+    host = Host(build, tmp_path, settings)
+    done = host.hexad(*words)
+    assert done.returncode == 2 and key in done.stderr and str(host.file) in done.stderr
+    assert host.file.read_text() == settings and host.calls() == [] and not host.drop_in.exists()
+
+
+@pytest.mark.parametrize("settings, grant", [
+    (f"unix_users = {HERE}, {os.geteuid()}\n", f"unix_users = {os.geteuid()}"),
+    (f"unix_users = {HERE}\nunix_groups = {GROUP}\n", f"unix_groups = {GROUP}"),
+    (f"unix_admins = {os.geteuid()}\n", f"unix_admins = {os.geteuid()}")])
+def test_deny_warns_of_settings_that_still_admit_the_user(build, tmp_path, settings, grant):
+    done = Host(build, tmp_path, settings).hexad("--deny", HERE)
+    assert done.returncode == 0 and f"{HERE} is still admitted by {grant};" in done.stderr
+
+
+def test_deny_warns_of_the_number_of_a_group(build, tmp_path):
+    done = Host(build, tmp_path, f"unix_groups = {GROUP}, {os.getegid()}\n").hexad("--deny", "@" + GROUP)
+    assert done.returncode == 0 and f"the group {GROUP} is still admitted by unix_groups = {os.getegid()};" in done.stderr
+
+
+def test_deny_without_other_grants_does_not_warn(build, tmp_path):
+    done = Host(build, tmp_path, f"unix_users = {HERE}, 61001\nunix_groups = 61002\n").hexad("--deny", HERE)
+    assert done.returncode == 0 and done.stderr == ""
+
+
+@pytest.mark.parametrize("words, both", [
+    (("--allow", "a", "--deny", "b"), "--allow and --deny"), (("--backup", "f", "--allow", "x"), "--backup and --allow"),
+    (("--check", "--deny", "x"), "--check and --deny"), (("--deny", "x", "--check"), "--check and --deny")])
+def test_two_actions_are_refused(host, words, both):
+    before = host.files()
+    done = host.hexad(*words)
+    assert done.returncode == 2 and f"{both} are both given; give one action." in done.stderr and host.files() == before
+
+
 def test_settings_that_hexad_refuses_are_not_written(build, tmp_path):
     host = Host(build, tmp_path, "wrokers = 2\n")
     done = host.hexad("--allow", HERE)
@@ -165,13 +223,19 @@ def test_a_value_that_the_line_hides_is_to_be_removed_by_hand(build, tmp_path):
     settings = "unix_users = 61001\n   61002\n"
     host = Host(build, tmp_path, settings)
     done = host.hexad("--deny", "61002")
-    assert done.returncode == 2 and "by hand" in done.stderr and host.file.read_text() == settings
+    assert done.returncode == 2 and "61002 of unix_users is in a continuation line" in done.stderr
+    assert "by hand" in done.stderr and host.file.read_text() == settings
 
 
-def test_a_failing_systemctl_is_told_with_the_command(host):
-    (host.root / "bin/fails").touch()
+@pytest.mark.parametrize("verbs", [["daemon-reload"], ["try-reload-or-restart"], ["daemon-reload", "try-reload-or-restart"]])
+def test_a_failing_systemctl_is_named_and_the_other_command_runs(host, verbs):
+    (host.root / "bin/fails").write_text("".join(f"{verb}\n" for verb in verbs))
     done = host.hexad("--allow", HERE)
-    assert done.returncode == 1 and "systemctl daemon-reload" in done.stderr and host.drop_in.exists()
+    assert done.returncode == 1 and host.drop_in.exists() and host.calls() == BOTH
+    for command in BOTH:
+        assert (f"`systemctl {command}`" in done.stderr) == (command.split()[0] in verbs), done.stderr
+    if not os.path.isdir("/run/systemd/system"):  # as sd_booted(3) says
+        assert f"{host.file} is written" in done.stderr and "kill -HUP PID" in done.stderr
     (host.root / "bin/fails").unlink()
     host.expect("--allow", HERE)
 
@@ -191,7 +255,25 @@ def list_as_stranger(build, where):
                           capture_output=True, text=True, timeout=PATIENCE_S)
 
 
-def test_reload_lets_a_user_in_and_out_again(new_service, build, public_directory):
+def test_reload_sets_the_mode_of_the_socket_only_if_sharing_changes(new_service, tmp_path):
+    settings, where = tmp_path / "hexad.conf", tmp_path / "s"
+    settings.write_text("unix_users = 60001\n")
+    service = new_service("--listen", f"unix:{where}", "--config", settings).start()
+
+    def mode_after(text):
+        settings.write_text(text)
+        done = service.log.read_text().count("settings reloaded")
+        service.process.send_signal(signal.SIGHUP)
+        wait_until(lambda: service.log.read_text().count("settings reloaded") > done, "the reload")
+        return where.stat().st_mode & 0o777
+
+    where.chmod(0o660)  # by an administrator
+    assert mode_after("unix_users = 60001, 60002\n") == 0o660
+    assert mode_after("") == 0o700
+    assert mode_after("unix_users = 60001\n") == 0o666
+
+
+def test_reload_grants_and_revokes_access(new_service, build, public_directory):
     """The settings file of a running service is changed; its socket is one that it opened by itself."""
     settings, where = f"{public_directory}/hexad.conf", f"{public_directory}/s"
     with open(settings, "w") as file:
@@ -206,14 +288,14 @@ def test_reload_lets_a_user_in_and_out_again(new_service, build, public_director
         wait_until(lambda: service.log.read_text().count("settings reloaded") > done, "the reload")
 
     stranger = list_as_stranger(build, where)
-    assert stranger.returncode == 2 and "hexad --allow 60003" in stranger.stderr, stranger.stderr
+    assert stranger.returncode == 2 and "run `hexad --allow 60003` as root (with --config FILE" in stranger.stderr, stranger.stderr
     reloaded("unix_users = 60001, 60003\n")
     assert list_as_stranger(build, where).returncode == 0
     reloaded("unix_users = 60001\n")
     assert list_as_stranger(build, where).returncode == 2
 
 
-def test_hexadctl_names_the_command_that_lets_its_user_in(build, public_directory):
+def test_hexadctl_names_the_command_that_grants_access(build, public_directory):
     """A socket that others may not connect to, as that of the unit."""
     where = f"{public_directory}/hexad.sock"
     with socket.socket(socket.AF_UNIX) as listening:
@@ -221,7 +303,8 @@ def test_hexadctl_names_the_command_that_lets_its_user_in(build, public_director
         listening.listen()
         os.chmod(where, 0o660)
         told = list_as_stranger(build, where)
-        assert told.returncode == 3 and "hexad --allow 60003" in told.stderr and "start hexad" not in told.stderr
+        assert told.returncode == 3 and "run `hexad --allow 60003` as root (with --config FILE" in told.stderr
+        assert "start hexad" not in told.stderr
         os.chmod(public_directory, 0o700)
         told = list_as_stranger(build, where)
         assert told.returncode == 3 and "directory" in told.stderr and "start hexad" not in told.stderr

@@ -325,6 +325,23 @@ def test_a_backup_brings_all_jobs_back(place, filled, tmp_path):
     wait_until(lambda: readiness(service).json["checks"]["database"] == "ok", "the quick check")
 
 
+@pytest.mark.parametrize("words", [["--check"], ["--backup", "backup.db"]])
+def test_a_state_directory_that_does_not_exist_is_named_with_the_options(build, tmp_path, words):
+    done = subprocess.run([build / "hexad", "--state_dir", tmp_path / "none", *words], capture_output=True, text=True,
+                          timeout=PATIENCE_S, cwd=tmp_path)
+    assert done.returncode == 1 and not list(tmp_path.iterdir())
+    for part in (f"the state directory {tmp_path}/none", "--config FILE", "--state_dir DIRECTORY"):
+        assert part in done.stderr, done.stderr
+
+
+def test_a_backup_asks_for_the_settings_of_a_daemon_at_another_address(new_service, build, tmp_path):
+    service = new_service().start()  # at a port that only its own options name
+    done = subprocess.run([build / "hexad", "--state_dir", service.state, "--listen", f"unix:{tmp_path}/none",
+                           "--backup", tmp_path / "backup.db"], capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 1 and not (tmp_path / "backup.db").exists()
+    assert "--config FILE" in done.stderr and "HEXAD_SERVER" in done.stderr and "--server" not in done.stderr, done.stderr
+
+
 @pytest.mark.parametrize("runs", [True, False])
 def test_a_backup_that_fails_leaves_the_one_before(place, tmp_path, runs):
     """Of a damaged database no backup is made over a good one."""

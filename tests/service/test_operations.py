@@ -184,6 +184,9 @@ class Story:
         assert (self.host.state / "session.key").read_bytes() != self.key
         self.expect_kept()
 
+    def after_users(self, shown):
+        assert not shown  # test_allow.py and `make bootcheck` run hexad --allow
+
     def after_users_and_their_shares(self, shown):
         assert "held: " in shown and self.host.readiness()["queue"] == "ok"
 
@@ -223,6 +226,9 @@ class Story:
 
     def after_remove(self, shown):
         assert not shown  # `make packagecheck` does
+
+    def after_how_long_results_are_kept(self, shown):
+        assert not shown  # a table of settings
 
     def after_the_old_host_is_gone(self, shown):
         self.expect_kept()
