@@ -75,7 +75,7 @@ static bool check_names(const config *c, const change *w, error *e)
                  admins = names_of(&c->unix_admins);
     if (access_check_names(&users, &groups, &admins, e)) return true;
     error why = *e;
-    return error_set(e, ERROR_SPEC_INVALID, "%s: %s. Remove it from the file first.", w->file, why.message);
+    return error_set(e, ERROR_SPEC_INVALID, "%s: %s; remove it from the file first", w->file, why.message);
 }
 
 /* Whether the file has the value, or does not have it any more, and hexad accepts all names. */
