@@ -22,6 +22,7 @@
 #include "run/label_meshes.h"
 #include "run/layout.h"
 #include "run/patch_meshes.h"
+#include "run/snapshot.h"
 #include "run/verdict.h"
 #include "sampler/curve_chains.h"
 #include "store/file.h"
@@ -33,8 +34,9 @@
 #define LABEL_NAME "mesh_label_%lld.ply"
 
 /* Beside those of the formats' table and of turntables. */
-static const char *const names[] = {"report.json", WORKER_SUMMARY_NAME, "points.ply",  "points.vdb",
-                                    "mesh.ply",    "preview.png",       "preview.exr", "convergence.png"};
+static const char *const names[] = {
+    "report.json", WORKER_SUMMARY_NAME, "points.ply",      "points.vdb",         "mesh.ply",
+    "preview.png", "preview.exr",       "convergence.png", WORKER_SNAPSHOT_NAME, SNAPSHOT_PART_NAME};
 enum { NAMES = sizeof names / sizeof names[0] };
 
 /* Voxels of points.vdb, in spacings. */

@@ -9,7 +9,6 @@
 
 #include "base/clock.h"
 #include "base/memory.h"
-#include "base/worker_contract.h"
 #include "run/upright.h"
 
 /* Time between two snapshots, and before the first one. Writing one takes about 4 ms of CPU time, which is 0.2 % of this. */
@@ -22,7 +21,7 @@ void snapshot_begin(snapshot *w, const char *directory)
     *w = (snapshot){.due_ms = clock_monotonic_ms() + INTERVAL_MS};
     if (!directory) return;
     w->path = mem_printf("%s/" WORKER_SNAPSHOT_NAME, directory);
-    w->temporary = mem_printf("%s.part", w->path);
+    w->temporary = mem_printf("%s/" SNAPSHOT_PART_NAME, directory);
 }
 
 /* Particles of a snapshot; `position`, which holds `normal`, and `spacing` are to be freed. */

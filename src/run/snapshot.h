@@ -9,8 +9,12 @@
 
 #include <stdint.h>
 
+#include "base/worker_contract.h"
 #include "sampler/sampler.h"
 #include "source/source.h"
+
+/* The file while it is written. */
+#define SNAPSHOT_PART_NAME WORKER_SNAPSHOT_NAME ".part"
 
 typedef struct snapshot {
     char *path, *temporary; /* NULL: no snapshots are written */

@@ -1,12 +1,18 @@
 """Snapshots of the points of running jobs."""
+import ctypes
+import json
 import os
+import pathlib
 import subprocess
+import sys
 
 import numpy
 import pytest
 
-from service import PATIENCE_S, gated_worker, long_sphere, sphere, wait_until
-from test_access import closed_service, new_token, with_token  # noqa: F401
+sys.path.insert(0, str(pathlib.Path(__file__).parent.parent))
+import setclock  # noqa: E402
+from service import PATIENCE_S, gated_worker, long_sphere, sphere, wait_until  # noqa: E402
+from test_access import closed_service, new_token, with_token  # noqa: E402, F401
 
 
 def read_snapshot(data):
@@ -76,6 +82,44 @@ def test_of_many_points_a_part_is_written(service):
     assert 10000 <= len(points) <= 20000
     # the spacing is that of the points that are there
     assert numpy.allclose(numpy.median(points["spacing"]) ** 2 * numpy.sqrt(3) / 2 * len(points), 4 * numpy.pi, rtol=0.05)
+
+
+IN_MOVED_TO = 0x80
+ROOF = "OFF\n6 6 0\n0 0 0\n2 0 0\n2 1 1\n0 1 1\n2 2 0\n0 2 0\n3 0 1 2\n3 0 2 3\n3 3 2 4\n3 3 4 5\n3 0 5 4\n3 0 4 1\n"
+
+
+def test_snapshots_change_no_byte_of_points_on_patches_with_graded_spacing(build, tmp_path):
+    """The monotonic clock advances by 1 s with each reading, so a snapshot is due again and again."""
+    if setclock.why_not():
+        pytest.skip(setclock.why_not())
+    (tmp_path / "roof.off").write_text(ROOF)
+    spec = tmp_path / "spec.json"
+    spec.write_text(json.dumps({
+        "version": 1, "surface": {"mesh": {"path": str(tmp_path / "roof.off"), "features": {"angle": 0.7}}},
+        "sampling": {"count": 100, "curve_spacing": 0.1}, "output": {"preview": False}}))
+    command = [build / "hexad-worker", "run", spec, "--output"]
+    assert subprocess.run([*command, tmp_path / "without"], timeout=PATIENCE_S).returncode == 0
+    (tmp_path / "with").mkdir()
+    libc = ctypes.CDLL(None, use_errno=True)
+    watch = libc.inotify_init()
+    assert libc.inotify_add_watch(watch, os.fsencode(tmp_path / "with"), IN_MOVED_TO) >= 0
+    with open(tmp_path / "progress", "wb") as progress:
+        subprocess.run([*command, tmp_path / "with", "--progress-fd", str(progress.fileno())], pass_fds=[progress.fileno()],
+                       env=setclock.Clock(tmp_path, per_reading=1).environment, timeout=PATIENCE_S)
+    os.set_blocking(watch, False)
+    assert b"snapshot.ply\0" in os.read(watch, 1 << 20)  # the events, with the names of the files
+    os.close(watch)
+    assert (tmp_path / "with" / "points.ply").read_bytes() == (tmp_path / "without" / "points.ply").read_bytes()
+
+
+def test_a_run_removes_the_snapshots_of_an_earlier_run_that_was_killed(build, tmp_path):
+    spec, out = tmp_path / "spec.json", tmp_path / "out"
+    spec.write_text(json.dumps(sphere(output={"preview": False})))
+    out.mkdir()
+    for name in ("snapshot.ply", "snapshot.ply.part"):
+        (out / name).write_bytes(b"ply\n")
+    assert subprocess.run([build / "hexad-worker", "run", spec, "--output", out], timeout=PATIENCE_S).returncode == 0
+    assert not list(out.glob("snapshot*"))
 
 
 @pytest.mark.extended
