@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "api/job_lookup.h"
+#include "base/clock.h"
 #include "base/memory.h"
 #include "formats/contact_sheet.h"
 #include "formats/picture_png.h"
@@ -18,6 +19,8 @@
 
 /* Tasks that are read at once. */
 enum { TASKS_PAGE = 1000 };
+/* No preview is opened later than this after the first one: hexadctl gives up after 60 s without a byte. */
+enum { DRAW_MS = 20000 };
 
 typedef struct frames {
     int *item;
@@ -64,19 +67,26 @@ static bool read_thumbnail(const http_context *c, const char *id, int frame, thu
     return ok;
 }
 
-/* Returns how many of the frames have a picture. */
-static int draw(const http_context *c, const queue_job *job, const frames *f, int shown, contact_sheet *sheet)
+/* Frames of a sheet. */
+typedef struct drawing {
+    int shown, drawn,
+        late; /* with a place; with a picture; not read, since DRAW_MS had passed or the service stops */
+} drawing;
+
+static void draw(const http_context *c, const queue_job *job, const frames *f, contact_sheet *sheet,
+                 drawing *d)
 {
-    int drawn = 0;
+    const int64_t until_ms = clock_monotonic_ms() + DRAW_MS;
     thumbnail *picture = mem_alloc(sizeof *picture);
-    for (int i = 0; i < shown; i++) {
-        size_t at = shown > 1 ? (size_t)i * (f->count - 1) / (size_t)(shown - 1) : 0;
-        bool has = read_thumbnail(c, job->id, f->item[at], picture);
+    for (int i = 0; i < d->shown; i++) {
+        size_t at = d->shown > 1 ? (size_t)i * (f->count - 1) / (size_t)(d->shown - 1) : 0;
+        bool late = clock_monotonic_ms() > until_ms || wait_list_is_dismissed(c->waiting);
+        bool has = !late && read_thumbnail(c, job->id, f->item[at], picture);
         contact_sheet_put(sheet, i, has ? picture : NULL, f->item[at]);
-        drawn += has;
+        d->drawn += has;
+        d->late += late;
     }
     free(picture);
-    return drawn;
 }
 
 /* Answers with a file in memory. */
@@ -100,19 +110,33 @@ static bool send_sheet(const contact_sheet *sheet, reply *r, error *e)
     return ok;
 }
 
+static void put_title(contact_sheet *sheet, const drawing *d, int all)
+{
+    char title[96];
+    if (d->late)
+        snprintf(title, sizeof title, "%d of %d frames, %d not read in time", d->shown, all, d->late);
+    else
+        snprintf(title, sizeof title, "%d of %d frames", d->shown, all);
+    contact_sheet_put_title(sheet, title);
+}
+
 static void send_frames(const http_context *c, const queue_job *job, reply *r)
 {
     error e = {0};
     frames f = {0};
-    char title[64];
     contact_sheet *sheet = NULL;
     bool ok = list_frames(c->q, job->id, &f, &e);
-    int shown = f.count < CONTACT_SHEET_MOST ? (int)f.count : CONTACT_SHEET_MOST;
-    if (ok && shown) {
-        snprintf(title, sizeof title, "%d of %d frames", shown, job->tasks.all);
-        sheet = contact_sheet_new(shown, title);
+    drawing d = {.shown = f.count < CONTACT_SHEET_MOST ? (int)f.count : CONTACT_SHEET_MOST};
+    if (ok && d.shown) {
+        sheet = contact_sheet_new(d.shown);
+        draw(c, job, &f, sheet, &d);
+        put_title(sheet, &d, job->tasks.all);
     }
-    if (ok && (!sheet || !draw(c, job, &f, shown, sheet)))
+    if (ok && d.late && wait_list_is_dismissed(c->waiting))
+        reply_set_unavailable(r, "the service is stopping");
+    else if (ok && !d.drawn && d.late)
+        reply_set_unavailable(r, "no preview could be read in time; try again when the service is less busy");
+    else if (ok && !d.drawn)
         reply_set_problem(r, "not_found", NULL, "no frame of the job %s has a " PREVIEW_NAME, job->id);
     else if (!ok || !send_sheet(sheet, r, &e))
         reply_set_error(r, &e, NULL);

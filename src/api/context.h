@@ -10,6 +10,7 @@
 #include "executor/estimator.h"
 #include "executor/executor.h"
 #include "http/handler.h"
+#include "http/wait_list.h"
 #include "queue/queue.h"
 #include "results/output_place.h"
 #include "store/inputs.h"
@@ -31,6 +32,7 @@ struct http_context {
     const webhook_hosts *webhooks;  /* NULL: none */
     const char *const *slurm_allow; /* options of sbatch that jobs may ask for */
     size_t slurm_allow_count;
+    wait_list *waiting; /* dismissed when the service stops */
     const char *work_dir;
     const char *worker;             /* path of hexad-worker */
     int max_attempts;               /* of a job that names none */

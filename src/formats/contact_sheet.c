@@ -16,7 +16,7 @@ enum {
     TITLE_HEIGHT = TEXT + 2 * GAP
 };
 
-contact_sheet *contact_sheet_new(int count, const char *title)
+contact_sheet *contact_sheet_new(int count)
 {
     contact_sheet *s = mem_alloc(sizeof *s);
     s->columns = 1;
@@ -27,7 +27,6 @@ contact_sheet *contact_sheet_new(int count, const char *title)
     const size_t bytes = 3 * (size_t)s->canvas.width * (size_t)s->canvas.height;
     s->canvas.rgb = mem_alloc(bytes);
     memset(s->canvas.rgb, 255, bytes);
-    canvas_text(&s->canvas, GAP, GAP, title);
     return s;
 }
 
@@ -36,6 +35,11 @@ void contact_sheet_free(contact_sheet *s)
     if (!s) return;
     free(s->canvas.rgb);
     free(s);
+}
+
+void contact_sheet_put_title(contact_sheet *s, const char *title)
+{
+    canvas_text(&s->canvas, GAP, GAP, title);
 }
 
 static void copy_rows(const canvas *c, int x, int y, const thumbnail *picture)

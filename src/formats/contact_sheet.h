@@ -13,10 +13,13 @@ typedef struct contact_sheet {
     int columns;
 } contact_sheet;
 
-/* Room for `count` thumbnails, from 1 to CONTACT_SHEET_MOST: as many columns as rows, or one more. `title` is written above
- * them, cut at the right border. The caller frees with contact_sheet_free. */
-contact_sheet *contact_sheet_new(int count, const char *title);
+/* Room for `count` thumbnails, from 1 to CONTACT_SHEET_MOST: as many columns as rows, or one more. The caller frees with
+ * contact_sheet_free. */
+contact_sheet *contact_sheet_new(int count);
 void contact_sheet_free(contact_sheet *sheet); /* accepts NULL */
+
+/* Writes a line above the thumbnails, cut at the right border. Called once. */
+void contact_sheet_put_title(contact_sheet *sheet, const char *title);
 
 /* Places a thumbnail, by its index from 0, row after row; NULL: only the number is written. */
 void contact_sheet_put(contact_sheet *sheet, int index, const thumbnail *picture, int number);

@@ -592,6 +592,7 @@ static bool init_http(service *s, error *e)
         .slurm_allow_count = c->slurm_allow.count,
         .work_dir = s->work_dir,
         .worker = c->worker,
+        .waiting = s->waiting,
         .max_attempts = (int)c->max_attempts,
         .most_waiting = c->user_queued,
         .priorities = s->priorities,

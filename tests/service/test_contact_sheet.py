@@ -1,12 +1,17 @@
 """The picture of a job: the previews of the frames of an array as one contact sheet, or the preview of another job."""
+import concurrent.futures
 import hashlib
+import pathlib
 import subprocess
+import sys
 
 import numpy
 import pytest
 
-from readers import read_png
-from service import PATIENCE_S, Service, sphere
+sys.path.insert(0, str(pathlib.Path(__file__).parent.parent))
+import setclock  # noqa: E402
+from readers import read_png  # noqa: E402
+from service import PATIENCE_S, Service, Stream, sphere, wait_until  # noqa: E402
 
 SIDE = 64  # pixels of a preview: small enough to be shown as it is
 
@@ -123,6 +128,56 @@ def test_a_preview_that_cannot_be_read_is_left_out(made, damage):
     finally:
         file.write_bytes(kept)
     assert len(places(sheet, first)) == 1 and not places(sheet, picture(kept))
+
+
+# The real worker, except that it makes no thumbnail before the gate is opened. It notes each call.
+WAITING_READER = """#!/bin/sh
+[ "$1" = read-picture ] && {{ echo x >>{where}/calls; while ! [ -e {where}/gate ]; do sleep 0.01; done; }}
+exec {worker} "$@"
+"""
+
+
+@pytest.fixture
+def waiting(made, build, new_service, tmp_path):
+    """A service whose clock may be set, the request for the contact sheet of an array of two frames, which is under way, and a
+    function that opens the gate."""
+    if setclock.why_not():
+        pytest.skip(setclock.why_not())
+    worker = tmp_path / "waiting-reader"
+    worker.write_text(WAITING_READER.format(where=tmp_path, worker=build / "hexad-worker"))
+    worker.chmod(0o700)
+    roots = made[0].options[made[0].options.index("--input_roots") + 1]
+    service = new_service("--worker", worker, "--input_roots", roots)
+    service.clock = setclock.Clock(tmp_path)
+    service.start()
+    job = service.submit({"version": 1, "surface": {"mesh": {"path": "a.####.off"}}, "sampling": {"count": 60},
+                          "output": {"preview": {"size": SIDE}}, "queue": {"frames": "1,2"}})
+    service.wait_state(job, "succeeded")
+    with concurrent.futures.ThreadPoolExecutor() as pool:
+        request = pool.submit(service.get, f"/v1/jobs/{job}/contact_sheet.png")
+        wait_until((tmp_path / "calls").exists, "the first thumbnail")
+        yield service, request, (tmp_path / "gate").touch
+        (tmp_path / "gate").touch()
+
+
+def test_previews_that_are_not_read_in_time_are_left_out_of_a_contact_sheet(made, waiting, tmp_path):
+    service, request, open_gate = waiting
+    service.clock.step_monotonic(21)
+    open_gate()
+    reply = request.result()
+    first, second = (picture(made[0].get(f"/v1/jobs/{made[1]}/results/preview.png?frame={frame}").body) for frame in (1, 2))
+    assert reply.status == 200 and len((tmp_path / "calls").read_text().split()) == 1
+    assert len(places(picture(reply.body), first)) == 1 and not places(picture(reply.body), second)
+
+
+def test_a_stop_of_the_service_ends_a_contact_sheet(waiting, tmp_path):
+    service, request, open_gate = waiting
+    events = Stream(service, "/v1/events?all=1")
+    service.process.terminate()
+    list(events)  # the stream ends when the service stops
+    open_gate()
+    assert request.result().status == 503 and len((tmp_path / "calls").read_text().split()) == 1
+    assert service.process.wait(PATIENCE_S) == 0
 
 
 # The contract of a worker: each job gets the same preview. The real worker makes thumbnails.
