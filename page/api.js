@@ -19,7 +19,9 @@ export class Problem extends Error {
 /** The seconds after which one may ask again for what is missing in the answer, or null. */
 export const retryAfterOf = response => Number(response.headers.get("Retry-After")) || null;
 
+/** Resolves after this time; rejects as soon as the signal is aborted, also when it already is. */
 export const wait = (seconds, signal) => new Promise((done, fail) => {
+  signal.throwIfAborted();
   const stop = () => {
     clearTimeout(timer);
     fail(signal.reason);

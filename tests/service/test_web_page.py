@@ -289,6 +289,14 @@ def test_points_of_a_running_job_are_shown(service, browser):
     wait_until(lambda: not browser.all("canvas.points"), "no live points")
 
 
+def test_a_wait_whose_signal_is_aborted_already_ends_at_once(service, browser):
+    """A view that is left while it reads a snapshot waits for no further one."""
+    browser.open(service)
+    assert browser.driver.execute_async_script("""const [done] = arguments;
+        import(new URL("page/api.js", document.baseURI)).then(api => api.wait(1000, AbortSignal.abort())).catch(error => done(error.name));
+        """) == "AbortError"
+
+
 def test_an_administrator_sees_what_runs_and_drains(closed_service, browser, tmp_path):  # noqa: F811
     closed_service.end()
     closed_service.start("--worker", gated_worker(tmp_path))
