@@ -174,10 +174,10 @@ function RowState({job}) {
     ${job.error && html`<span class="detail why">${job.error.message}</span>`}`;
 }
 
-/** The preview of a job whose results the reader may see; nothing where it has none. */
+/** A reduced preview of a job whose results the reader may see; nothing where it has none, which the browser caches. */
 function Thumbnail({job}) {
   const [missing, setMissing] = useState(false);
-  return !missing && html`<img class="thumbnail" loading="lazy" alt="" src=${urlOf(`v1/jobs/${job.id}/results/preview.png`).href} onError=${() => setMissing(true)} />`;
+  return !missing && html`<img class="thumbnail" loading="lazy" alt="" src=${urlOf(`v1/jobs/${job.id}/thumbnail.png`).href} onError=${() => setMissing(true)} />`;
 }
 
 function Row({job, now, chosen, own, onChoose}) {

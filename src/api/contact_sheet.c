@@ -1,18 +1,14 @@
 #include "api/contact_sheet.h"
 
-#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
-#include <sys/mman.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include "api/job_lookup.h"
+#include "api/png_reply.h"
 #include "base/clock.h"
 #include "base/memory.h"
 #include "formats/contact_sheet.h"
-#include "formats/picture_png.h"
 #include "results/result.h"
 
 #define PREVIEW_NAME "preview.png"
@@ -89,27 +85,6 @@ static void draw(const http_context *c, const queue_job *job, const frames *f, c
     free(picture);
 }
 
-/* Answers with a file in memory. */
-static bool send_sheet(const contact_sheet *sheet, reply *r, error *e)
-{
-    struct stat info;
-    int fd = memfd_create("contact sheet", MFD_CLOEXEC), own = fd >= 0 ? dup(fd) : -1;
-    FILE *file = own >= 0 ? fdopen(own, "wb") : NULL;
-    bool ok = file || error_set(e, ERROR_INTERNAL, "a file in memory cannot be made: %s", strerror(errno));
-    ok = ok && picture_png_write(file, &sheet->canvas, e);
-    if (ok && fstat(fd, &info) != 0)
-        ok = error_set(e, ERROR_INTERNAL, "the file in memory cannot be examined: %s", strerror(errno));
-    if (file)
-        fclose(file);
-    else if (own >= 0)
-        close(own);
-    if (ok)
-        reply_set_file(r, "image/png", fd, info.st_size);
-    else if (fd >= 0)
-        close(fd);
-    return ok;
-}
-
 static void put_title(contact_sheet *sheet, const drawing *d, int all)
 {
     char title[96];
@@ -138,7 +113,7 @@ static void send_frames(const http_context *c, const queue_job *job, reply *r)
         reply_set_unavailable(r, "no preview could be read in time; try again when the service is less busy");
     else if (ok && !d.drawn)
         reply_set_problem(r, "not_found", NULL, "no frame of the job %s has a " PREVIEW_NAME, job->id);
-    else if (!ok || !send_sheet(sheet, r, &e))
+    else if (!ok || !png_reply_set(r, &sheet->canvas, &e))
         reply_set_error(r, &e, NULL);
     contact_sheet_free(sheet);
     free(f.item);

@@ -8,13 +8,17 @@
 #include <nettle/base64.h>
 
 #include "api/job_lookup.h"
+#include "api/png_reply.h"
 #include "base/memory.h"
+#include "formats/thumbnail.h"
 #include "http/parameter.h"
 #include "http/preconditions.h"
 #include "results/result.h"
 
 /* A result never changes, but each user must be authorised, so shared caches must not serve it. */
 #define CACHE_CONTROL "private, max-age=31536000, immutable"
+
+#define PREVIEW_NAME "preview.png"
 
 static const char *content_type_of(const char *name)
 {
@@ -222,6 +226,14 @@ static void add_receipt(const http_context *c, const http_request *request, cons
     r->receipt = &s->receipt;
 }
 
+/* The index of a file of the result; output_count if it has none of this name. */
+static size_t find_output(const place *p, const char *name)
+{
+    size_t i = 0;
+    while (i < p->found.output_count && strcmp(name, p->found.output[i].name) != 0) i++;
+    return i;
+}
+
 void results_send(const http_context *c, const http_request *request, reply *r)
 {
     place p = {0};
@@ -231,8 +243,7 @@ void results_send(const http_context *c, const http_request *request, reply *r)
         place_clear(&p);
         return;
     }
-    size_t i = 0;
-    while (i < p.found.output_count && strcmp(name, p.found.output[i].name) != 0) i++;
+    size_t i = find_output(&p, name);
     if (i == p.found.output_count) {
         reply_set_problem(r, "not_found", NULL, "the job %s has no result named %.200s",
                           request->parameter[0], name);
@@ -244,6 +255,45 @@ void results_send(const http_context *c, const http_request *request, reply *r)
             add_receipt(c, request, &p, i, r);
         } else {
             reply_set_error(r, &e, NULL);
+        }
+    }
+    place_clear(&p);
+}
+
+/* Has another process decode the file, and answers with its thumbnail. */
+static void send_thumbnail(const http_context *c, const place *p, reply *r)
+{
+    error e = {0};
+    int64_t bytes = 0;
+    thumbnail *made = mem_alloc(sizeof *made);
+    int fd = result_open_file(p->directory, PREVIEW_NAME, &bytes, &e);
+    bool ok = fd >= 0 && thumbnail_read(c->worker, fd, made, &e);
+    const canvas picture = {.rgb = made->rgb, .width = made->width, .height = made->height, .scale = 1};
+    if (!ok || !png_reply_set(r, &picture, &e)) reply_set_error(r, &e, NULL);
+    if (fd >= 0) close(fd);
+    free(made);
+}
+
+void results_send_thumbnail(const http_context *c, const http_request *request, reply *r)
+{
+    place p = {0};
+    if (find_result(c, request, &p, r)) {
+        const size_t i = find_output(&p, PREVIEW_NAME);
+        if (i == p.found.output_count) {
+            reply_set_problem(r, "not_found", NULL, "the job %s has no " PREVIEW_NAME, request->parameter[0]);
+            r->cache_control = CACHE_CONTROL;
+        } else {
+            char tag[sizeof p.found.output[i].sha256 + 16];
+            snprintf(tag, sizeof tag, "\"%s.%d\"", p.found.output[i].sha256, THUMBNAIL_SIDE);
+            const char *known = request->header[HTTP_IF_NONE_MATCH];
+            if (known && preconditions_match(known, tag, true))
+                reply_set_empty(r, 304);
+            else
+                send_thumbnail(c, &p, r);
+            if (r->status < 400) {
+                reply_add_header(r, "ETag", tag);
+                r->cache_control = CACHE_CONTROL;
+            }
         }
     }
     place_clear(&p);

@@ -8,6 +8,6 @@
 
 #include "api/context.h"
 
-http_handler results_list, results_send;
+http_handler results_list, results_send, results_send_thumbnail;
 
 #endif

@@ -75,6 +75,28 @@ def test_large_previews_are_shown_by_means_of_their_pixels(made):
     assert len(fits) == 1
 
 
+def test_a_thumbnail_has_means_of_the_pixels_of_the_preview_and_may_be_cached(made):
+    service, _ = made
+    job = service.submit(sphere(output={"preview": {"size": 256}}))
+    service.wait_state(job, "succeeded")
+    path = f"/v1/jobs/{job}/thumbnail.png"
+    reply = service.get(path)
+    whole = picture(service.get(f"/v1/jobs/{job}/results/preview.png").body).astype(float)
+    assert (reply.status, reply.headers["Content-Type"]) == (200, "image/png") and "immutable" in reply.headers["Cache-Control"]
+    assert abs(picture(reply.body) - whole.reshape(128, 2, 128, 2, 3).mean(axis=(1, 3))).max() <= 0.5
+    again = service.request("GET", path, headers={"If-None-Match": reply.headers["ETag"]})
+    assert (again.status, again.body, again.headers["ETag"]) == (304, b"", reply.headers["ETag"])
+
+
+def test_that_a_job_has_no_thumbnail_may_be_cached(made):
+    service, _ = made
+    job = service.submit(sphere(output={"preview": False}))
+    assert service.get(f"/v1/jobs/{job}/thumbnail.png").status in (404, 409)
+    service.wait_state(job, "succeeded")
+    reply = service.get(f"/v1/jobs/{job}/thumbnail.png")
+    assert reply.status == 404 and "immutable" in reply.headers["Cache-Control"]
+
+
 def test_the_picture_of_a_job_without_frames_is_its_preview(made, build, tmp_path):
     service, _ = made
     job = service.submit(sphere())
@@ -94,7 +116,7 @@ def show(build, service, job, file):
 def test_show_saves_the_contact_sheet_of_an_array(made, build, tmp_path):
     service, job = made
     told = show(build, service, job, tmp_path / "sheet.png")
-    assert told.returncode == 0 and "failed" in told.stdout
+    assert told.returncode == 0 and "failed" in told.stdout and str(tmp_path / "sheet.png") in told.stderr
     assert (tmp_path / "sheet.png").read_bytes() == service.get(f"/v1/jobs/{job}/contact_sheet.png").body
 
 

@@ -277,6 +277,8 @@ def test_the_queue_shows_previews_of_own_jobs(closed_service, browser):  # noqa:
     shown = wait_until(lambda: browser.run("""const images = [...document.querySelectorAll("td.name img")];
         return images.length === 1 && images[0].naturalWidth && [images[0].getAttribute("src"), images[0].naturalWidth]"""), "one picture")
     assert f"/{jobs[0]}/" in shown[0] and shown[1] == 64
+    asked = browser.run("return performance.getEntriesByType('resource').map(entry => new URL(entry.name).pathname)")
+    assert any(jobs[0] in path for path in asked) and not any(jobs[1] in path for path in asked)
 
 
 def test_points_of_a_running_job_are_shown(service, browser):
