@@ -89,10 +89,10 @@ int command_pause(client *c, const char *argument, const command_options *option
 
 int command_delete(client *c, const char *argument, const command_options *options)
 {
-    (void)options;
     json *document = NULL;
     char *path = command_job_path(argument, "");
     int code = path ? command_ask(c, "DELETE", path, NULL, &document) : COMMAND_USAGE;
+    if (code == COMMAND_OK && !options->json) printf("%s deleted\n", argument);
     json_free(document);
     free(path);
     return code;

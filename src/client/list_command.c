@@ -1,4 +1,5 @@
 /* Lists of jobs and of attempts, and one job. */
+#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -77,13 +78,23 @@ static long read_limit(const char *text)
     return 0;
 }
 
+static bool check_moment(const char *option, const char *given)
+{
+    if (!given || list_query_is_moment(given)) return true;
+    print_failure("list: %s takes a time, 2026-01-31T18:00:00Z, or how long ago, 90m, 2h or 1d (given %s)",
+                  option, given);
+    return false;
+}
+
 int command_list(client *c, const char *argument, const command_options *options)
 {
     (void)argument;
     long left = read_limit(options->limit);
     command_options asked = *options;
     if (options->label_count > 1) print_failure("list: --label can be given once");
-    if (!left || options->label_count > 1) return COMMAND_USAGE;
+    if (!left || options->label_count > 1 || !check_moment("--since", options->since) ||
+        !check_moment("--until", options->until))
+        return COMMAND_USAGE;
     int code = COMMAND_OK;
     listing l = {.key = "jobs", .add = job_table_add, .entries = options->json ? json_new_array() : NULL};
     if (!options->json) l.rows = job_table_new();
@@ -186,9 +197,10 @@ static int save_picture(client *c, const char *id, const char *path)
     else if (reply.status != 200)
         code = print_refused(&reply);
     else if (fflush(file.stream) != 0 || !store_file_commit(&file, &e))
-        print_failure("%s cannot be written", path);
+        print_failure("%s cannot be written: %s", path, e.code ? e.message : strerror(errno));
     else
         code = COMMAND_OK;
+    if (code == COMMAND_OK) fprintf(stderr, "hexadctl: the picture is in %s\n", path);
     store_file_abort(&file);
     client_reply_clear(&reply);
     free(href);

@@ -7,17 +7,29 @@
 #include "base/clock.h"
 #include "base/memory.h"
 
-/* A moment as the server takes it, to be freed: "90m" is as long ago as that; all else stays, for the server to check. */
-static char *moment_of(const char *given)
+/* The seconds of "90m"; -1: it is no such text. */
+static int64_t seconds_of(const char *given)
 {
     static const char units[] = "smhd";
     static const int64_t seconds[] = {1, 60, 3600, 86400};
-    char *end = NULL, text[CLOCK_TEXT_SIZE];
-    if (!given) return NULL;
+    char *end = NULL;
     long long n = strtoll(given, &end, 10);
     const char *unit = end > given && *end && !end[1] ? strchr(units, *end) : NULL;
-    if (!unit || n < 0 || n > 1000000) return mem_strdup(given);
-    return mem_strdup(clock_format_utc(clock_wall_ms() - n * seconds[unit - units] * 1000, text));
+    return unit && n >= 0 && n <= 1000000 ? n * seconds[unit - units] : -1;
+}
+
+bool list_query_is_moment(const char *given)
+{
+    return seconds_of(given) >= 0 || (strspn(given, "0123456789") == 4 && given[4] == '-');
+}
+
+/* A moment as the server takes it, to be freed: "90m" is as long ago as that; all else stays, for the server to check. */
+static char *moment_of(const char *given)
+{
+    char text[CLOCK_TEXT_SIZE];
+    if (!given) return NULL;
+    const int64_t ago_s = seconds_of(given);
+    return mem_strdup(ago_s < 0 ? given : clock_format_utc(clock_wall_ms() - ago_s * 1000, text));
 }
 
 char *list_query_path(client *c, const command_options *options, const char *cursor)

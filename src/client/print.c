@@ -90,8 +90,11 @@ void print_job(json_at job)
         print_text(stdout, outcome);
     }
     if (json_type_of(fault) == JSON_OBJECT) {
-        putchar(' ');
-        print_text(stdout, json_string(json_member(&fault, "code"), "?"));
+        const char *why = json_string(json_member(&fault, "code"), "?");
+        if (strcmp(why, json_string(json_member(&job, "state"), "")) != 0) { /* "cancelled" is both */
+            putchar(' ');
+            print_text(stdout, why);
+        }
         fputs(": ", stdout);
         print_text(stdout, json_string(json_member(&fault, "message"), ""));
     }

@@ -1,10 +1,15 @@
 /* Commands that send specs, and the files that specs name. */
 #include <errno.h>
+#include <glob.h>
+#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
+#include "base/compare.h"
+#include "base/frames.h"
 #include "base/memory.h"
 #include "client/command.h"
 #include "client/print.h"
@@ -268,7 +273,7 @@ static int send_file(client *c, FILE *file, const char *path, const char *hex, u
     return code;
 }
 
-int command_upload(client *c, const char *argument, const command_options *options)
+static int upload_file(client *c, const char *argument, const command_options *options)
 {
     error e = {0};
     char hex[STORE_HASH_SIZE] = "";
@@ -291,6 +296,60 @@ int command_upload(client *c, const char *argument, const command_options *optio
         printf(STORE_INPUT_PREFIX "%s%s\n", hex, ending_of(argument));
     if (file) fclose(file);
     json_free(document);
+    return code;
+}
+
+/* Whether the file's path is that of a frame of the pattern; then *frame is its number. */
+static bool is_frame(const char *pattern, const char *path, const char *digits, int *frame)
+{
+    char *end = NULL;
+    long number = *digits >= '0' && *digits <= '9' ? strtol(digits, &end, 10) : -1;
+    if (number < 0 || number > INT_MAX) return false;
+    *frame = (int)number;
+    char *own = frames_path(pattern, *frame);
+    bool same = strcmp(own, path) == 0;
+    free(own);
+    return same;
+}
+
+/* The numbers of the files of the pattern, in order, to be freed. */
+static int *list_frames(const char *pattern, size_t *count)
+{
+    glob_t found = {0};
+    int *frame = NULL;
+    const size_t before = strcspn(pattern, "#%");
+    char *wide = mem_printf("%.*s*", (int)before, pattern);
+    if (glob(wide, GLOB_NOESCAPE, NULL, &found) == 0) {
+        frame = mem_alloc(found.gl_pathc * sizeof *frame);
+        for (size_t i = 0; i < found.gl_pathc; i++)
+            if (is_frame(pattern, found.gl_pathv[i], found.gl_pathv[i] + before, &frame[*count])) ++*count;
+        qsort(frame, *count, sizeof *frame, compare_ints);
+    }
+    globfree(&found);
+    free(wide);
+    return frame;
+}
+
+int command_upload(client *c, const char *argument, const command_options *options)
+{
+    if (!frames_is_pattern(argument) || access(argument, F_OK) == 0) return upload_file(c, argument, options);
+    size_t count = 0;
+    int *frame = list_frames(argument, &count), code = COMMAND_OK;
+    if (!count) {
+        print_failure("%s: there is no file of this pattern", argument);
+        code = COMMAND_USAGE;
+    }
+    for (size_t i = 0; code == COMMAND_OK && i < count; i++) {
+        char *path = frames_path(argument, frame[i]);
+        code = upload_file(c, path, options);
+        free(path);
+    }
+    if (count && code == COMMAND_OK)
+        fputs(
+            "hexadctl: an array cannot read uploaded files as its frames: submit one job for each, or put the files below "
+            "an input root and write #### in the path\n",
+            stderr);
+    free(frame);
     return code;
 }
 

@@ -32,7 +32,8 @@ static const char usage[] =
     "                    the service finds within 0.2 s that the job will fail, submit prints why\n"
     "  validate SPEC|-   check a spec as submit would, without submitting it\n"
     "  estimate SPEC|-   tell the points, memory and time that a job needs; of an array, its first frame\n"
-    "  upload FILE       send a file that jobs may read, and print the path by which a spec names it\n"
+    "  upload FILE...    send files that jobs may read, and print for each the path by which a spec names\n"
+    "                    it; #### in a file's name, in quotes, stands for all numbers\n"
     "  inspect PATH      tell what lies in a file that jobs may read, and print specs that sample it; PATH is\n"
     "                    what a spec would name\n"
     "  list [--state STATES] [--owner USER] [--label LABEL] [--name NAME] [--text PART] [--since TIME]\n"
@@ -41,9 +42,10 @@ static const char usage[] =
     "                    TIME is one as 2026-01-31T18:00:00Z, or 90m, 2h, 1d ago\n"
     "  show ID [--picture FILE.png]\n"
     "                    print the state, times, attempts and failed frames of a job; all with --json. FILE\n"
-    "                    takes its preview; of an array the previews of all finished frames, in one picture\n"
+    "                    takes its preview; for an array, the previews of all finished frames, in one picture\n"
     "  attempts ID       list all attempts of a job\n"
-    "  wait ID           wait for the end of a job and show its progress\n"
+    "  wait ID...        wait for the ends of jobs and show their progress; the exit status is that of the\n"
+    "                    worst end\n"
     "  cancel ID... [--yes]\n"
     "                    cancel jobs, whether they wait or run\n"
     "  cancel --label LABEL [--owner USER]\n"
@@ -105,7 +107,7 @@ static const char usage[] =
     "cancelled, 10 the job succeeded but did not converge, 11 its points do not represent the surface\n"
     "(outcome unresolved).\n";
 
-typedef enum need { NONE, ONE, JOB, MAYBE_JOB, JOBS, MAYBE_JOBS } need;
+typedef enum need { NONE, ONE, FILES, JOB, MAYBE_JOB, JOBS, MAYBE_JOBS } need;
 
 static const struct entry {
     const char *name;
@@ -116,12 +118,12 @@ static const struct entry {
     {"submit", command_submit, ONE, "--wait --priority --label --key"},
     {"validate", command_validate, ONE, ""},
     {"estimate", command_estimate, ONE, ""},
-    {"upload", command_upload, ONE, ""},
+    {"upload", command_upload, FILES, ""},
     {"inspect", command_inspect, ONE, ""},
     {"list", command_list, NONE, "--state --owner --label --name --text --since --until --limit"},
     {"show", command_show, JOB, "--picture"},
     {"attempts", command_attempts, JOB, ""},
-    {"wait", command_wait, JOB, ""},
+    {"wait", command_wait, JOBS, ""},
     {"cancel", command_cancel, MAYBE_JOBS, "--label --owner --yes"},
     {"fetch", command_fetch, JOB, "--frame --output"},
     {"log", command_log, JOB, "--frame --attempt"},
@@ -249,7 +251,8 @@ static bool is_named(const struct entry *entry, const char *group, const char *w
 static bool take_word(line *l, const char *word)
 {
     if (l->entry) {
-        bool several = l->entry->argument == JOBS || l->entry->argument == MAYBE_JOBS;
+        bool several =
+            l->entry->argument == FILES || l->entry->argument == JOBS || l->entry->argument == MAYBE_JOBS;
         if (l->entry->argument == NONE || (l->argument_count && !several)) {
             fprintf(stderr, "hexadctl %s: %s is too much; see hexadctl --help\n", l->entry->name, word);
             return false;
@@ -265,7 +268,12 @@ static bool take_word(line *l, const char *word)
     size_t length = strlen(word);
     for (size_t i = 0; i < sizeof commands / sizeof *commands && !second; i++)
         if (strncmp(commands[i].name, word, length) == 0 && commands[i].name[length] == ' ') return true;
-    fprintf(stderr, "hexadctl: %s is no command; see hexadctl --help\n", word);
+    if (strcmp(word, "status") == 0)
+        fputs(
+            "hexadctl: status is no command: \"hexadctl workers\" shows the service, \"hexadctl show ID\" a job\n",
+            stderr);
+    else
+        fprintf(stderr, "hexadctl: %s is no command; see hexadctl --help\n", word);
     return false;
 }
 
@@ -291,7 +299,8 @@ static bool check(const line *l)
                 l->entry->name, l->given[i]);
         return false;
     }
-    bool needed = l->entry->argument == ONE || l->entry->argument == JOB || l->entry->argument == JOBS;
+    bool needed = l->entry->argument == ONE || l->entry->argument == FILES || l->entry->argument == JOB ||
+                  l->entry->argument == JOBS;
     if (!needed || l->argument_count) return true;
     fprintf(stderr, "hexadctl %s: its argument is missing; see hexadctl --help\n", l->entry->name);
     return false;
@@ -344,17 +353,34 @@ static int resolve_jobs(client *c, const line *l, char **ids)
     return code;
 }
 
-/* Runs the command for each of the jobs; the code is that of the first failure. */
+/* The worse of two exit codes. */
+static int worse_of(int a, int b)
+{
+    static const int from_best[] = {COMMAND_OK,        COMMAND_NOT_CONVERGED, COMMAND_UNRESOLVED,
+                                    COMMAND_CANCELLED, COMMAND_FAILED,        COMMAND_MISSING,
+                                    COMMAND_USAGE,     COMMAND_UNREACHABLE};
+    for (size_t i = 0; i < sizeof from_best / sizeof *from_best; i++) {
+        if (a == from_best[i]) return b;
+        if (b == from_best[i]) return a;
+    }
+    return a;
+}
+
+/* Runs the command for each of the names; returns the worst exit code. */
+static int run_for_each(client *c, const line *l, const char *const *name)
+{
+    int code = COMMAND_OK;
+    for (size_t i = 0; i < l->argument_count; i++)
+        code = worse_of(code, l->entry->run(c, name[i], &l->options));
+    return code;
+}
+
 static int run_for_jobs(client *c, const line *l)
 {
     char **ids = mem_alloc(l->argument_count * sizeof *ids);
     for (size_t i = 0; i < l->argument_count; i++) ids[i] = NULL;
     int code = resolve_jobs(c, l, ids);
-    bool known = code == COMMAND_OK;
-    for (size_t i = 0; known && i < l->argument_count; i++) {
-        int one = l->entry->run(c, ids[i], &l->options);
-        if (code == COMMAND_OK) code = one;
-    }
+    if (code == COMMAND_OK) code = run_for_each(c, l, (const char *const *)ids);
     for (size_t i = 0; i < l->argument_count; i++) free(ids[i]);
     free(ids);
     return code;
@@ -362,6 +388,7 @@ static int run_for_jobs(client *c, const line *l)
 
 static int run(client *c, const line *l)
 {
+    if (l->entry->argument == FILES) return run_for_each(c, l, l->argument);
     bool named = l->entry->argument != NONE && l->entry->argument != ONE && l->argument_count;
     if (named) return run_for_jobs(c, l);
     return l->entry->run(c, l->argument_count ? l->argument[0] : NULL, &l->options);

@@ -382,8 +382,29 @@ def test_several_jobs_are_deleted_or_cancelled_in_one_call(as_user, tmp_path):
     assert done.returncode == 4 and all(job in done.stderr for job in jobs)  # and succeeded
     done = as_user("alice", "delete", jobs[0], missing, jobs[1])
     assert done.returncode == 4 and missing in done.stderr
+    assert done.stdout.splitlines() == [f"{job} deleted" for job in (jobs[0], jobs[1])]
     assert all(as_user("alice", "show", job).returncode == 4 for job in jobs)
     assert as_user("alice", "show", *jobs).returncode == 2
+
+
+def test_wait_takes_several_jobs_and_ends_with_the_code_of_the_worst(run, tmp_path):
+    good, unresolved = (run("submit", write(tmp_path, spec)).stdout.strip() for spec in (
+        sphere(), sphere(outcome={"require": {"hex_fraction": 1}})))
+    first, second = (run("wait", job) for job in (good, unresolved))
+    assert (first.returncode, second.returncode) == (0, 11)
+    for jobs in ((good, unresolved), (unresolved, good)):
+        done = run("wait", *jobs)
+        assert done.returncode == 11 and [line.split()[0] for line in done.stdout.splitlines()] == list(jobs)
+    assert run("wait", unresolved, "01aaaaaaaaaaaaaaaaaaaaaaaa", good).returncode == 4
+
+
+def test_a_cancelled_job_is_called_so_once(clean_gated, build):
+    job = clean_gated.submit(sphere())
+    clean_gated.wait_state(job, "running")
+    done = subprocess.run([build / "hexadctl", "cancel", job], capture_output=True, text=True, timeout=PATIENCE_S, env=clean_gated.environment())
+    assert done.returncode == 0, done.stderr
+    done = subprocess.run([build / "hexadctl", "wait", job], capture_output=True, text=True, timeout=PATIENCE_S, env=clean_gated.environment())
+    assert done.returncode == 6 and done.stdout.startswith(f"{job} cancelled: "), done.stdout
 
 
 def test_a_list_has_the_jobs_with_a_text_in_their_name(run, tmp_path):

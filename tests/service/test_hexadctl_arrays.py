@@ -236,6 +236,22 @@ def test_a_file_is_uploaded_and_used(run, service, footage, tmp_path):
         assert done.returncode == 2 and name in done.stderr
 
 
+@pytest.mark.sanitized
+def test_several_files_and_the_files_of_a_pattern_are_uploaded(run, tmp_path):
+    names = ("b.0002.obj", "b.0010.obj", "b.12345.obj")
+    for name in (*names, "b.002.obj", "b.x.obj", "b.0002.obj.bak"):
+        (tmp_path / name).write_text(name)
+    paths = [f"sha256:{hashlib.sha256(name.encode()).hexdigest()}.obj" for name in names]
+    done = run("upload", names[1], names[0])
+    assert done.returncode == 0 and done.stdout.split() == [paths[1], paths[0]], done.stderr
+    done = run("upload", "b.####.obj")
+    assert done.returncode == 0 and done.stdout.split() == paths and "one job for each" in done.stderr
+    done = run("upload", "c.####.obj")
+    assert done.returncode == 2 and "c.####.obj: there is no file" in done.stderr
+    done = run("upload", "nowhere", names[0])
+    assert done.returncode == 2 and done.stdout.split() == [paths[0]]
+
+
 def test_specs_are_checked_and_estimated(run, service, tmp_path):
     (tmp_path / "spec.json").write_text(json.dumps(sphere(count=1000)))
     done = run("validate", "spec.json")
@@ -260,7 +276,8 @@ def test_an_option_that_does_not_belong_to_a_command(run):
     for words, told in {("list", "--wait"): "list: --wait ", ("show", "x", "--priority", "1"): "show: --priority ",
                         ("--label", "a", "wait", "x"): "wait: --label ", ("token", "list", "--scopes", "a"): "token list: --scopes ",
                         ("submit",): "submit: its argument is missing", ("show", "a", "b"): "show: b is too much",
-                        ("submt", "x"): ": submt is no command", ("list", "--stat", "a"): ": --stat is no option",
+                        ("submt", "x"): ": submt is no command", ("status",): "hexadctl workers",
+                        ("list", "--since", "yesterday"): "--since takes a time", ("list", "--until", "2x"): "(given 2x)", ("list", "--stat", "a"): ": --stat is no option",
                         ("list", "--state"): ": --state needs a value"}.items():
         done = run(*words)
         assert done.returncode == 2 and told in done.stderr, done.stderr
