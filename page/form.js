@@ -62,7 +62,7 @@ function JsonInput({value, onChange, ...more}) {
     try {
       onChange(target.value.trim() === "" ? undefined : JSON.parse(target.value));
     } catch (error) {
-      target.setCustomValidity(`This is no JSON: ${error.message}`);
+      target.setCustomValidity(`Invalid JSON: ${error.message}`);
     }
   }} />`;
 }

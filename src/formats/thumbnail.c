@@ -70,7 +70,7 @@ int thumbnail_main(int argc, char **argv)
     return !reader_write(made, sizeof *made);
 }
 
-/* ---- in the program that wants it */
+/* ---- in the calling program */
 
 bool thumbnail_read(const char *program, int fd, thumbnail *out, error *e)
 {

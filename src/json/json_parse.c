@@ -195,6 +195,15 @@ static cJSON *read_number(parser *p)
     return json_must(cJSON_CreateNumber(value));
 }
 
+/* A fault at a character where `words` are expected, or a comment. */
+static bool fault_unexpected(const parser *p, const char *words)
+{
+    const unsigned char *at = p->text + p->at;
+    const size_t left = p->length - p->at;
+    const bool slashes = left > 1 && at[0] == '/' && (at[1] == '/' || at[1] == '*');
+    return fault(p, slashes || (left && *at == '#') ? "JSON has no comments" : words);
+}
+
 static cJSON *read_value(parser *p, int depth);
 
 static cJSON *read_array(parser *p, int depth)
@@ -212,11 +221,16 @@ static cJSON *read_array(parser *p, int depth)
         cJSON_AddItemToArray(array, element);
         int c = peek(p);
         if (c != ',' && c != ']') {
-            fault(p, "expected ',' or ']' in an array");
+            fault_unexpected(p, "expected ',' or ']' in an array");
             goto failed;
         }
         p->at++;
         if (c == ']') return array;
+        skip_space(p);
+        if (peek(p) == ']') {
+            fault(p, "a comma is not allowed before ']'");
+            goto failed;
+        }
     }
 failed:
     cJSON_Delete(array);
@@ -248,14 +262,14 @@ static bool check_names(const parser *p, member_name *names, size_t count)
 static bool read_member(parser *p, int depth, cJSON *object, member_name *name)
 {
     skip_space(p);
-    if (peek(p) != '"') return fault(p, "expected a member name in double quotes");
+    if (peek(p) != '"') return fault_unexpected(p, "expected a member name in double quotes");
     name->at = p->at;
     if (!read_string(p)) return false;
     char *key = mem_strdup(p->scratch);
     bool done = false;
     skip_space(p);
     if (peek(p) != ':') {
-        fault(p, "expected ':' after a member name");
+        fault_unexpected(p, "expected ':' after a member name");
         goto end;
     }
     p->at++;
@@ -291,11 +305,16 @@ static cJSON *read_object(parser *p, int depth)
         count++;
         int c = peek(p);
         if (c != ',' && c != '}') {
-            fault(p, "expected ',' or '}' in an object");
+            fault_unexpected(p, "expected ',' or '}' in an object");
             goto end;
         }
         p->at++;
         if (c == '}') break;
+        skip_space(p);
+        if (peek(p) == '}') {
+            fault(p, "a comma is not allowed before '}'");
+            goto end;
+        }
     }
     done = check_names(p, names, count);
 end:
@@ -314,8 +333,8 @@ static cJSON *read_word(parser *p)
         p->at += n;
         return json_must(i == 2 ? cJSON_CreateNull() : cJSON_CreateBool(i == 0));
     }
-    fault(p, "expected a value (an object, an array, a string in double quotes, a number, true, "
-             "false or null)");
+    fault_unexpected(p, "expected a value (an object, an array, a string in double quotes, a number, true, "
+                        "false or null)");
     return NULL;
 }
 

@@ -69,9 +69,9 @@ typedef struct candidates {
     bbox box; /* nothing lands outside */
     double h; /* of an even packing */
     /* Of a surface with patches: how many particles each patch is to have, and the rows on its curves. Their particles are the first
-     * `held` candidates, are taken, and stay where they are. */
+     * `fixed` candidates, are taken, and stay where they are. */
     allotment allotted;
-    size_t held;
+    size_t fixed;
     size_t wanted; /* particles: points, and on curves one for each patch there */
     size_t carried, count;
     vec3 *position, *normal;
@@ -178,7 +178,7 @@ static void carry_chunk(void *context, int worker, size_t begin, size_t end)
     candidates *c = context;
     (void)worker;
     for (size_t k = begin; k < end; k++) {
-        const size_t i = c->held + k;
+        const size_t i = c->fixed + k;
         vec3 before = c->params->position[k],
              x = keep_in_faces(c->f, before, registration_apply(&c->motion, before));
         vec3 faced = registration_turn(&c->motion, c->params->normal[k]);
@@ -194,11 +194,11 @@ static void carry_chunk(void *context, int worker, size_t begin, size_t end)
 }
 
 /* The particles on curves, which no carried point has yet. */
-static void place_rows(candidates *c)
+static void place_curve_samples(candidates *c)
 {
     const curve_rows *rows = &c->allotted.rows;
-    c->held = rows->stands;
-    for (size_t i = 0; i < c->held; i++) {
+    c->fixed = rows->stands;
+    for (size_t i = 0; i < c->fixed; i++) {
         c->position[i] = c->landed[i] = rows->position[rows->place[i]];
         c->normal[i] = rows->normal[i];
         c->part[i] = rows->patch[i];
@@ -209,25 +209,25 @@ static void place_rows(candidates *c)
 }
 
 /* Each place on a curve takes over the carried point that is nearest to it, if that is near and no other place has it. */
-static bool continue_rows(candidates *c, error *e)
+static bool match_curve_samples(candidates *c, error *e)
 {
     const size_t carried = c->params->previous_count;
-    if (c->held == 0) return true;
-    point_tree *tree = point_tree_new(c->position + c->held, carried, e);
-    bool *gone = tree ? mem_array(carried, sizeof *gone, "points on curves", e) : NULL;
-    for (size_t i = 0; gone && i < c->held; i++) {
+    if (c->fixed == 0) return true;
+    point_tree *tree = point_tree_new(c->position + c->fixed, carried, e);
+    bool *assigned = tree ? mem_array(carried, sizeof *assigned, "points on curves", e) : NULL;
+    for (size_t i = 0; assigned && i < c->fixed; i++) {
         double distance;
         const bool again = i > 0 && c->row[i] == c->row[i - 1];
         const uint32_t nearest = again ? 0 : point_tree_nearest(tree, c->position[i], 0, &distance);
         if (again) c->parent[i] = c->parent[i - 1];
-        if (again || gone[nearest] || !(distance < CONTINUED * c->spacing[i])) continue;
+        if (again || assigned[nearest] || !(distance < CONTINUED * c->spacing[i])) continue;
         c->parent[i] = nearest;
-        c->taken[c->held + nearest] = false;
-        gone[nearest] = true;
+        c->taken[c->fixed + nearest] = false;
+        assigned[nearest] = true;
     }
     point_tree_free(tree);
-    const bool ok = gone != NULL;
-    free(gone);
+    const bool ok = assigned != NULL;
+    free(assigned);
     return ok;
 }
 
@@ -315,25 +315,25 @@ static bool spread_places(candidates *c, error *e)
     return (c->tree = point_tree_new(c->place, places, e)) != NULL;
 }
 
-/* Carries the points, and lets go who did not arrive or crowds another. */
+/* Projects the points; discards those that miss the surface or are over-dense. */
 static bool carry_all(candidates *c, error *e)
 {
     const frame_transfer_params *p = c->params;
-    place_rows(c);
-    c->count = c->held;
+    place_curve_samples(c);
+    c->count = c->fixed;
     set_spacings(c, 0);
     if (!spread_places(c, e)) return false;
     c->motion = registration_find(c->f, p->position, p->previous_count, c->h, c->pool);
     threads_run(c->pool, p->previous_count, 256, carry_chunk, c);
     if (threads_stopped(c->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
-    if (!continue_rows(c, e)) return false;
-    c->count = c->held + p->previous_count;
+    if (!match_curve_samples(c, e)) return false;
+    c->count = c->fixed + p->previous_count;
     close_gaps(c);
     set_spacings(c, 0);
     if (!build_lists(c, CROWDED, e)) return false;
-    for (size_t i = c->held; i < c->count; i++) c->taken[i] = false;
+    for (size_t i = c->fixed; i < c->count; i++) c->taken[i] = false;
     for (int inner = 0; inner <= 1; inner++) /* who is on a boundary first: it is to stay closed */
-        for (size_t i = c->held; i < c->count; i++)
+        for (size_t i = c->fixed; i < c->count; i++)
             if (inner == (projection_boundary_axes(c->f, c->position[i]) == 0))
                 c->taken[i] = !has_near(c, i, CROWDED, 0);
     close_gaps(c);
@@ -490,7 +490,7 @@ static bool has_lost(const candidates *c, size_t i)
 static size_t let_go(candidates *c, bool spread, size_t most)
 {
     size_t died = 0;
-    for (size_t k = c->held; k < c->carried && died < most; k++) {
+    for (size_t k = c->fixed; k < c->carried && died < most; k++) {
         uint32_t i = c->order[k];
         if (!c->taken[i] || !may_change(c, i, false) || (spread && has_lost(c, i))) continue;
         change(c, i, false);
@@ -548,10 +548,10 @@ static bool bear(candidates *c, size_t most, bool last, size_t *there, error *e)
 
 static bool thin_out(candidates *c, size_t most, bool last, size_t *there, error *e)
 {
-    const size_t wanted = *there - most, free_count = c->carried - c->held,
+    const size_t wanted = *there - most, free_count = c->carried - c->fixed,
                  among = free_count < CANDIDATES * most ? free_count : CANDIDATES * most;
-    rank_all(c, c->held, c->carried);
-    if (!scatter(c, c->held, among, most, false, there, e)) return false;
+    rank_all(c, c->fixed, c->carried);
+    if (!scatter(c, c->fixed, among, most, false, there, e)) return false;
     for (int spread = 1; last && spread >= 0; spread--) *there -= let_go(c, spread, *there - wanted);
     return true;
 }
@@ -657,19 +657,19 @@ static bool find_missing(candidates *c, size_t *take, size_t *give, error *e)
     *take = *give = 0;
     if (parts < 2) return true;
     size_t *places = mem_array(parts + 1, sizeof *places, "parts", e),
-           *held = mem_array(parts + 1, sizeof *held, "parts", e);
+           *fixed = mem_array(parts + 1, sizeof *fixed, "parts", e);
     c->missing = mem_array(parts + 1, sizeof *c->missing, "parts", e);
-    if (!places || !held || !c->missing) {
+    if (!places || !fixed || !c->missing) {
         free(places);
-        free(held);
+        free(fixed);
         return false;
     }
     if (!c->f->patches) threads_run(c->pool, c->carried, 256, part_chunk, c);
     for (size_t i = c->carried; i < c->count; i++) places[c->part[i]]++;
-    for (size_t i = 0; i < c->held; i++) held[c->part[i]]++;
+    for (size_t i = 0; i < c->fixed; i++) fixed[c->part[i]]++;
     for (size_t i = 0; i < c->count; i++) c->missing[c->part[i]] -= c->taken[i];
     for (size_t k = 0; k <= parts; k++) {
-        const double should = c->f->patches && k < parts ? (double)c->allotted.free[k] + (double)held[k]
+        const double should = c->f->patches && k < parts ? (double)c->allotted.free[k] + (double)fixed[k]
                                                          : (double)places[k] / (double)PLACES,
                      off = should + (double)c->missing[k];
         const bool is_off = k < parts && fabs(off) > fmax(PART_SLACK_POINTS, PART_SLACK * should);
@@ -677,7 +677,7 @@ static bool find_missing(candidates *c, size_t *take, size_t *give, error *e)
         *(c->missing[k] > 0 ? take : give) += (size_t)llabs(c->missing[k]);
     }
     free(places);
-    free(held);
+    free(fixed);
     return true;
 }
 
@@ -803,8 +803,8 @@ static bool allot(candidates *c, error *e)
 /* Points of the frame before that are still there; a few on curves count more than once. */
 static size_t count_survivors(const candidates *c)
 {
-    size_t count = c->carried - c->held;
-    for (size_t i = 0; i < c->held; i++) count += c->parent[i] != FRAME_TRANSFER_NONE;
+    size_t count = c->carried - c->fixed;
+    for (size_t i = 0; i < c->fixed; i++) count += c->parent[i] != FRAME_TRANSFER_NONE;
     return count;
 }
 

@@ -11,20 +11,21 @@
 /* The spec of each is checked before the job is accepted. */
 enum { MOST_FRAMES = 10000 };
 
-/* The members that the service itself reads from a spec, once for all frames, and paths, in which #### stands for the frame. */
+static bool is_path(const char *pointer)
+{
+    const char *last = strrchr(pointer, '/');
+    return last && (strcmp(last, "/path") == 0 || strcmp(last, "/slices") == 0 ||
+                    strcmp(pointer, "/output/directory") == 0);
+}
+
+/* False for members that the service itself reads from a spec, once for all frames. */
 static bool may_change(const char *pointer)
 {
     static const char *const groups[] = {"/surface/", "/region/", "/sampling/", "/solver/", "/output/"};
-    static const char *const fixed[] = {"/solver/threads", "/output/directory"};
-    static const char *const of_files[] = {"path", "slices"};
-    const char *last = strrchr(pointer, '/');
     bool good = false;
     for (size_t i = 0; i < sizeof groups / sizeof *groups; i++)
         good |= strncmp(pointer, groups[i], strlen(groups[i])) == 0;
-    for (size_t i = 0; i < sizeof fixed / sizeof *fixed; i++) good &= strcmp(pointer, fixed[i]) != 0;
-    for (size_t i = 0; good && i < sizeof of_files / sizeof *of_files; i++)
-        good = strcmp(last + 1, of_files[i]) != 0;
-    return good;
+    return good && strcmp(pointer, "/solver/threads") != 0;
 }
 
 /* A number, a word, true or false, or an array of numbers: an object could hold a path. */
@@ -82,11 +83,18 @@ void frame_values_read(reading *r, const json_at *at, const spec_row *row, json 
     }
     for (size_t i = 0; i < count; i++) {
         json_at member = json_element(at, i);
+        if (is_path(member.key)) {
+            reading_shorten(member.key, given);
+            reading_add_fault(r, at,
+                              "the path '%s' cannot differ by frame; put the files below an input root and "
+                              "write #### in the path (uploaded files cannot be frames of one job)",
+                              given);
+            continue;
+        }
         if (!may_change(member.key))
-            reading_add_fault(
-                r, &member,
-                "must be the JSON Pointer of a member of surface, region, sampling, solver or output; not a"
-                " path, in which #### stands for the frame, nor solver.threads or output.directory");
+            reading_add_fault(r, &member,
+                              "must be the JSON Pointer of a member of surface, region, sampling, solver or "
+                              "output; not solver.threads");
         if (json_type_of(member) == JSON_ARRAY) {
             read_values(r, &member);
         } else if (!is_ramp(member)) {

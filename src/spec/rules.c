@@ -22,22 +22,23 @@ static size_t least(size_t a, size_t b)
     return a < b ? a : b;
 }
 
-/* Levenshtein's distance; texts longer than READING_SHOWN_MAX count as far. */
+/* Levenshtein's distance, in which two adjacent letters that are swapped count as 1 (optimal string alignment); texts longer
+ * than READING_SHOWN_MAX count as far. */
 static size_t edit_distance(const char *a, const char *b)
 {
-    size_t row[READING_SHOWN_MAX + 1], na = strlen(a), nb = strlen(b);
+    size_t rows[3][READING_SHOWN_MAX + 1], na = strlen(a), nb = strlen(b);
     if (na > READING_SHOWN_MAX || nb > READING_SHOWN_MAX) return READING_SHOWN_MAX;
-    for (size_t j = 0; j <= nb; j++) row[j] = j;
+    for (size_t j = 0; j <= nb; j++) rows[0][j] = j;
     for (size_t i = 1; i <= na; i++) {
-        size_t diagonal = row[0];
+        size_t *row = rows[i % 3], *above = rows[(i + 2) % 3], *second = rows[(i + 1) % 3];
         row[0] = i;
         for (size_t j = 1; j <= nb; j++) {
-            size_t replaced = diagonal + (a[i - 1] != b[j - 1]);
-            diagonal = row[j];
-            row[j] = least(replaced, 1 + least(row[j], row[j - 1]));
+            row[j] = least(above[j - 1] + (a[i - 1] != b[j - 1]), 1 + least(above[j], row[j - 1]));
+            if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
+                row[j] = least(row[j], second[j - 2] + 1);
         }
     }
-    return row[nb];
+    return rows[na % 3][nb];
 }
 
 /* A member of the group with nearly that name, else a member of that name elsewhere, else NULL.

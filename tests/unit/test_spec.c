@@ -430,6 +430,8 @@ static void test_unknown_member_in_every_group(void **state)
     }
     expect_fault(SPHERE ",\"solver\":{\"max_sweep\":1}}", ERROR_SPEC_INVALID, "/solver/max_sweep",
                  "did you mean 'max_sweeps'?");
+    expect_fault("{\"version\":1,\"surface\":{\"vbd\":{\"path\":\"a\"}},\"sampling\":{\"count\":10}}",
+                 ERROR_SPEC_INVALID, "/surface/vbd", "did you mean 'vdb'?");
     expect_fault(SPHERE ",\"seed\":1}", ERROR_SPEC_INVALID, "/seed", "did you mean '/solver/seed'?");
     expect_fault(SPHERE ",\"\":1}", ERROR_SPEC_INVALID, "/", "unknown member ''");
     expect_fault(SPHERE ",\"limits\":{\"a/b\":1}}", ERROR_SPEC_INVALID, "/limits/a~1b",
@@ -1014,7 +1016,7 @@ static void test_faults_of_values_by_frame(void **state)
     expect_fault(BY_FRAME("{\"/name\":[\"a\",\"b\",\"c\"]}"), ERROR_SPEC_INVALID, "/queue/by_frame/~1name",
                  "surface, region");
     expect_fault(BY_FRAME("{\"/surface/mesh/path\":[\"a\",\"b\",\"c\"]}"), ERROR_SPEC_INVALID,
-                 "/queue/by_frame/~1surface~1mesh~1path", "####");
+                 "/queue/by_frame", "the path '/surface/mesh/path' cannot differ by frame");
     expect_fault(BY_FRAME("{\"/surface/analytic/radius\":7}"), ERROR_SPEC_INVALID, AT_RADIUS,
                  "one value for each frame");
     expect_fault(BY_FRAME("{\"/surface/analytic/radius\":{\"from\":1}}"), ERROR_SPEC_INVALID, AT_RADIUS,
