@@ -416,3 +416,17 @@ def test_a_fault_that_the_service_finds_is_a_warning(client, monkeypatch):
         client.submit(spec)
     monkeypatch.undo()
     assert client.fault_of(spec) is None
+
+
+def test_https_at_a_port_without_tls_is_explained(service):
+    with pytest.raises(hexad.HexadError, match=f"answers without TLS at this port: name it http://{service.address}"):
+        hexad.Client(f"https://{service.address}", patience=0).job("x")
+
+
+def test_a_socket_that_may_not_be_opened_is_explained(monkeypatch, tmp_path):
+    """Root may open every socket, so the refusal is simulated."""
+    def refuse(self):
+        raise PermissionError(13, "Permission denied")
+    monkeypatch.setattr("hexad.transport.UnixConnection.connect", refuse)
+    with pytest.raises(hexad.HexadError, match="may not connect: as root type hexad --allow"):
+        hexad.Client(f"unix:{tmp_path}/socket", patience=0).job("x")

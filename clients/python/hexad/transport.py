@@ -106,6 +106,21 @@ class Transport:
             connection.close()
             raise
 
+    def explain_tls(self, doubt: ssl.SSLError) -> str:
+        """Why there is no TLS connection; the token is not sent."""
+        if isinstance(doubt, ssl.SSLCertVerificationError):
+            return str(doubt)
+        plain = http.client.HTTPConnection(self.url.hostname or "", self.url.port, timeout=self.timeout)
+        try:
+            plain.request("GET", "/healthz")
+            found = plain.getresponse().status == 200
+        except (OSError, http.client.HTTPException):
+            found = False
+        finally:
+            plain.close()
+        return (f"the service answers without TLS at this port: name it http://{self.url.netloc}, or use the address of its TLS proxy"
+                if found else str(doubt))
+
     def patiently(self, once: Callable[[], T], what: str, repeat: bool = True) -> T:
         """What `once` returns; it is repeated while there is no answer, unless that would do something twice."""
         end, pause = time.monotonic() + self.patience, FIRST_PAUSE_S
@@ -117,8 +132,10 @@ class Transport:
                 if problem.code not in LATER:
                     raise
                 fault = problem
-            except ssl.SSLCertVerificationError as doubt:  # which a repetition does not mend
-                raise Unreachable(f"{self.server}: {doubt}") from None
+            except ssl.SSLError as doubt:  # which a repetition does not mend
+                raise Unreachable(f"{self.server}: {self.explain_tls(doubt)}") from None
+            except PermissionError:
+                raise Unreachable(f"{self.server}: this user may not connect: as root type hexad --allow USER") from None
             except LOST as lost:
                 fault = Unreachable(f"{self.server}: {what}: {lost or type(lost).__name__}")
             if not repeat or time.monotonic() + pause > end:
