@@ -6,11 +6,11 @@ _hexad_states() {
     sed -nE '/^  --state STATES/,/several/ { s/--state STATES|; several.*|,//g; s/ or( |$)/ /; p; }' <<<"$1"
 }
 
-# The newest jobs, where the command, the second argument, takes the ID of one.
+# The newest jobs, where the command, the second argument, takes the ID of one. The server has HEXAD_COMPLETION_S seconds, or one.
 _hexad_ids() {
     local ids
     grep -qE "^  $2 \[?ID" <<<"$3" || return
-    ids=$(timeout 1 "$1" list --limit 100 2>/dev/null | sed -n '2,$s/ .*//p')
+    ids=$(timeout "${HEXAD_COMPLETION_S:-1}" "$1" list --limit 100 2>/dev/null | sed -n '2,$s/ .*//p')
     [[ ! $ids ]] || printf '%s\n' latest "$ids"
 }
 

@@ -16,7 +16,7 @@ elif [[ $typed =~ '^[a-z -]*$' ]]; then
         sed -nE "s/^${typed:+$typed }([a-z][a-z-]*)( .*)?\$/\\1/p")"})
 fi
 if (( ! $#offered )) && [[ $words[CURRENT] != -* && -n $typed ]] && grep -qE "^  $words[2] \[?ID" <<<$help; then
-    ids=$(timeout 1 ${(Q)~words[1]} list --limit 100 2>/dev/null | sed -n '2,$s/ .*//p')
+    ids=$(timeout "${HEXAD_COMPLETION_S:-1}" ${(Q)~words[1]} list --limit 100 2>/dev/null | sed -n '2,$s/ .*//p')
     [[ -z $ids ]] || offered=(latest ${(f)ids})
 fi
 if (( $#offered )); then compadd -- $offered; else _files; fi
