@@ -311,7 +311,8 @@ static void set_missing(const char *path, const char *where, int why, error *e)
 {
     const char *hint = frames_is_pattern(path)
                            ? " (#### and %04d stand for a frame's number in jobs with queue.frames only)"
-                           : "";
+                       : *where ? "; a file from elsewhere is sent with hexadctl upload"
+                                : "";
     error_set(e, ERROR_INPUT_MISSING, "%s cannot be read%s: %s%s", path, where, strerror(why), hint);
 }
 
@@ -335,9 +336,11 @@ static int open_in_roots(const store_roots *roots, const char *path, error *e)
         if (why != ENOENT && why != ENOTDIR) break;
     }
     if (!found_root)
-        error_set(e, ERROR_PATH_FORBIDDEN,
-                  "%s lies outside the input roots: move the file below one, or add its directory to them",
-                  path);
+        error_set(
+            e, ERROR_PATH_FORBIDDEN,
+            "%s lies outside the input roots: send the file with hexadctl upload, move it below one of them, or add its "
+            "directory to the setting input_roots",
+            path);
     else if (why == EXDEV || why == ELOOP)
         error_set(e, ERROR_PATH_FORBIDDEN, "%s leads out of the input roots by a symbolic link", path);
     else
