@@ -318,6 +318,22 @@ bool backup_check(const char *path, bool full, const atomic_bool *stop, char **f
     return ok;
 }
 
+char *backup_read_instance(const char *path, error *e)
+{
+    sqlite3 *file = NULL;
+    sqlite3_stmt *row = NULL;
+    char *id = NULL;
+    int code = sqlite3_open_v2(path, &file, SQLITE_OPEN_READONLY | SQLITE_OPEN_NOMUTEX, NULL);
+    if (code == SQLITE_OK) code = sqlite3_prepare_v2(file, "SELECT id FROM instance", -1, &row, NULL);
+    if (code == SQLITE_OK) code = sqlite3_step(row);
+    if (code == SQLITE_ROW) id = mem_strdup((const char *)sqlite3_column_text(row, 0));
+    if (code == SQLITE_DONE) id = mem_strdup("");
+    if (!id) fail(path, code, e);
+    sqlite3_finalize(row);
+    sqlite3_close(file);
+    return id;
+}
+
 /* ---- copies of an open queue, and their checks */
 
 /* A requested copy. */

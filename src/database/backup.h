@@ -39,4 +39,8 @@ bool backup_make_idle(const char *state_dir, const char *path, error *e);
  * became true. `stop` may be NULL. */
 bool backup_check(const char *path, bool full, const atomic_bool *stop, char **findings, error *e);
 
+/* The id of the service instance (table `instance`) that a copy belongs to, to be freed; "" if it has none. NULL when the file
+ * cannot be read. */
+char *backup_read_instance(const char *path, error *e);
+
 #endif

@@ -13,6 +13,7 @@
 #include "database/backup_directory.h"
 #include "database/lock.h"
 #include "results/audit.h"
+#include "results/instance.h"
 #include "store/file.h"
 
 /* Where the service has its socket when systemd runs it. */
@@ -123,6 +124,26 @@ static bool check_whole(const char *path, error *e)
     return whole;
 }
 
+/* An error if the daemon that gave the copy serves another state directory, as when HEXAD_SERVER names a second hexad. */
+static bool check_instance(const config *c, const char *path, error *e)
+{
+    size_t length = 0;
+    char *file = mem_printf("%s/%s", *c->work_dir ? c->work_dir : c->state_dir, INSTANCE_FILE_NAME);
+    char *own = store_file_read(file, ADDRESS_LIMIT, &length, NULL);
+    char *copied = own ? backup_read_instance(path, e) : NULL;
+    bool ok = !own || copied;
+    if (ok && own && *copied && strncmp(own, copied, strlen(copied)) != 0)
+        ok = error_set(
+            e, ERROR_INTERNAL,
+            "the daemon that answered has another queue (instance %s) than %s (instance %.*s): unset HEXAD_SERVER, or "
+            "name the settings file of that daemon with --config FILE",
+            copied, file, (int)strcspn(own, "\n"), own);
+    free(copied);
+    free(own);
+    free(file);
+    return ok;
+}
+
 int maintenance_back_up(const config *settings)
 {
     error e = {0};
@@ -136,7 +157,8 @@ int maintenance_back_up(const config *settings)
     if (!check_state_directory(settings, &e)) return fail(&e);
     store_file_clear(settings->backup); /* of one that was killed */
     bool ok = store_file_begin(settings->backup, &file, &e) &&
-              copy(settings, file.stream, file.temporary, &lock, &e) && check_whole(file.temporary, &e);
+              copy(settings, file.stream, file.temporary, &lock, &e) && check_whole(file.temporary, &e) &&
+              check_instance(settings, file.temporary, &e);
     give_up(lock);
     if (ok)
         ok = store_file_commit(&file, &e);

@@ -284,6 +284,16 @@ def test_a_backup_of_a_service_that_was_killed(service, tmp_path):
     assert {p.name: p.read_bytes() for p in service.state.glob("queue.db*")} == before
 
 
+def test_no_backup_is_taken_of_another_service(new_service, tmp_path, monkeypatch):
+    """HEXAD_SERVER names one service, the settings another."""
+    own, other = on_socket(new_service()).start(), on_socket(new_service()).start()
+    monkeypatch.setenv("HEXAD_SERVER", f"unix:{other.state}/hexad.sock")
+    backup = tmp_path / "backup.db"
+    done = tool(own, "--backup", backup)
+    assert done.returncode == 1 and "another queue" in done.stderr and "unset HEXAD_SERVER" in done.stderr
+    assert not backup.exists()
+
+
 @pytest.mark.parametrize("jobs", [60, pytest.param(300, marks=pytest.mark.extended)])
 def test_backups_while_many_submit(new_service, tmp_path, jobs):
     """Each is whole and has every job that was acknowledged before it was asked for."""
