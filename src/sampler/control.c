@@ -265,7 +265,7 @@ bool sampler_control(sampler *s, error *e)
         s->state.outcome = SAMPLER_STALLED;
     else {
         s->state.calmed = last_stage && s->state.p->patch;
-        if (s->state.calmed) s->state.rough = 0;
+        if (s->state.calmed) s->state.is_rough = false;
         enter_stage(s, last_stage ? s->state.stage : s->state.stage + 1);
     }
     return settle_support(s, changed, e);

@@ -147,7 +147,7 @@ static void enter_level(sampler *s, size_t count, double support)
     s->state.sigma = support * s->state.spacing;
     s->state.skin = schedule_first_skin(s->setup.schedule, &at) * s->state.spacing;
     s->state.gain = s->setup.schedule->gain[s->state.stage];
-    s->state.rough = 0;
+    s->state.is_rough = false;
     s->state.calmed = false;
 }
 

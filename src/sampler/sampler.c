@@ -23,7 +23,7 @@ static schedule_position position(const sampler *s)
                                s->state.sweeps_in_round,
                                s->state.p->count,
                                s->setup.params.sizing != NULL,
-                               s->state.rough,
+                               s->state.is_rough,
                                s->state.p->patch != NULL,
                                relax_is_rough(s->scratch.relax),
                                relax_is_mostly_creased(s->scratch.relax)};
@@ -173,8 +173,7 @@ bool sampler_go_on(sampler *s)
 static bool may_be_mended(const sampler *s)
 {
     const bool is_sized = s->setup.params.sizing != NULL;
-    const bool may =
-        s->state.p->patch ? !is_sized && !sampler_merges_rows(s) : is_sized && s->state.rough > 0;
+    const bool may = s->state.p->patch ? !is_sized && !sampler_merges_rows(s) : is_sized && s->state.is_rough;
     return may && s->setup.params.mend && s->setup.fast && !s->state.coarse && !sampler_is_given(s) &&
            2 * s->record.sweep_count < (size_t)s->setup.params.max_sweeps;
 }
@@ -250,7 +249,7 @@ static void note_sweep(sampler *s, const relax_sums *sums)
 static bool may_idle(const sampler *s, const schedule_position *at)
 {
     const int sweeps = schedule_level_sweeps(s->setup.schedule, at);
-    return s->state.rough > 0 && !s->setup.params.sizing && !at->has_curves && schedule_is_last_level(at) &&
+    return s->state.is_rough && !s->setup.params.sizing && !at->has_curves && schedule_is_last_level(at) &&
            !s->state.coarse && sweeps >= IDLE_SWEEPS && at->sweeps + 1 < sweeps;
 }
 
@@ -281,8 +280,8 @@ static bool relax_step(sampler *s, error *e)
         const bool is_mended = s->setup.params.mend && s->setup.params.sizing,
                    smooth = at.is_creased && at.level > 0 && !is_mended;
         double share = relax_disordered_share(s->scratch.relax, s->state.p, s->state.spacing, smooth);
-        s->state.rough += schedule_is_rough(s->setup.schedule, &at, share, s->state.disordered_share);
-        at.rough = s->state.rough;
+        s->state.is_rough |= schedule_is_rough(s->setup.schedule, &at, share);
+        at.is_rough = s->state.is_rough;
         s->state.disordered_share = share;
     }
     const schedule_evidence seen = {fmax(sums.rms_step, sums.stirred_step), sums.mean_log10_lambda,

@@ -45,7 +45,7 @@ typedef struct sampler_state {
     double skin;
     levels plan;
     int level;
-    int rough;               /* how often the level was found to be, see schedule_is_rough */
+    bool is_rough;           /* the level was found to be, see schedule_is_rough */
     double disordered_share; /* when that was asked the last time */
     bool calmed;             /* a round of the level with curves has ended: what is rough had its sweeps */
     bool planned;            /* its counts were corrected by what the coarsest packing showed */

@@ -7,22 +7,19 @@
  * share that is believed, and the sweeps that the first stages of the coarsest level take otherwise. */
 static const double stage_share[SCHEDULE_STAGES + 1] = {0, 0.07, 0.35, 1}, LEAST_SHARE = 0.01,
                                                   EARLY_SWEEPS = 50;
-/* Most levels that may be found rough are, the first time, but few are the second time: of its sweeps this power is expected. */
-static const double AGAIN_SHARE = 0.25;
 /* Log10 lambda begins there: below it the damping is nothing. */
 static const double LAMBDA_BEGINS = -3;
 
 /* What all schedules have in common. */
-#define COMMON                                                                                            \
-    .gain = {1e-4, 1e-6, 1e-8}, .patience_more = 50, .patience_last = 500, .coarsest_gain = 1e-5,         \
-    .sweeps = 100, .sweeps_count = 1e4, .sweeps_between = {{5e3, INFINITY}, {2e4, 4}, {5e4, 0.75}},       \
-    .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120, .rough_sweeps = {2, 3.5},                  \
-    .rough_most = {2, 1}, .rough_count = 5e3,                                                             \
-    .roughness = {{{0.05, 0.25}, 0.1, 0.9, 500}, {{0.02, 0.25}, 0.04, 0.99, 900}}, .size_settled = 1e-3,  \
-    .resizes_most = 10, .cramped_share = 0.01, .cramped_share_coarse = 0.04, .skin_wide = 0.6,            \
-    .skin_narrow = 0.2, .skin_steps = 6, .skin_first = 0.22, .many = 2e5, .many_sweeps = 2, .large = 3e4, \
-    .large_omega = 2.35, .large_cramped_share = 0.06, .large_sweeps = 15, .large_misses = 1e-3,           \
-    .creased_share = 0.7, .creased_share_first = 0.9, .newcomer_sweeps = 60
+#define COMMON                                                                                               \
+    .gain = {1e-4, 1e-6, 1e-8}, .patience_more = 50, .patience_last = 500, .coarsest_gain = 1e-5,            \
+    .sweeps = 100, .sweeps_count = 1e4, .sweeps_between = {{5e3, INFINITY}, {2e4, 4}, {5e4, 0.75}},          \
+    .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120, .rough_sweeps = {2, 3.5}, .rough_count = 5e3, \
+    .rough_share = {{0.05, 0.25}, {0.02, 0.25}}, .size_settled = 1e-3, .resizes_most = 10,                   \
+    .cramped_share = 0.01, .cramped_share_coarse = 0.04, .skin_wide = 0.6, .skin_narrow = 0.2,               \
+    .skin_steps = 6, .skin_first = 0.22, .many = 2e5, .many_sweeps = 2, .large = 3e4, .large_omega = 2.35,   \
+    .large_cramped_share = 0.06, .large_sweeps = 15, .large_misses = 1e-3, .creased_share = 0.7,             \
+    .creased_share_first = 0.9, .newcomer_sweeps = 60
 
 /* Over-relaxation: 1.8 needs three times the sweeps, 3.0 is slower again near rest. */
 #define PAPER                                                                                  \
@@ -86,7 +83,7 @@ static bool are_many(const schedule *s, const schedule_position *at)
 /* The last of these levels may be at rest after one sweep as of a shaken level and one as of a level that is settled. */
 static bool may_need_few(const schedule *s, const schedule_position *at)
 {
-    return are_many(s, at) && schedule_is_last_level(at) && !at->is_creased && at->rough == 0;
+    return are_many(s, at) && schedule_is_last_level(at) && !at->is_creased && !at->is_rough;
 }
 
 static double sweeps_for(const schedule *s, const schedule_position *at, double many)
@@ -105,8 +102,7 @@ int schedule_level_sweeps(const schedule *s, const schedule_position *at)
             sweeps, fmin(sweeps_for(s, at, s->sweeps_between[k].count), s->sweeps_between[k].share * finest));
     const bool sets_order = refined && !between && schedule_is_large(s, at->count);
     sweeps = fmin(fmax(sweeps, sets_order ? s->large_sweeps : s->sweeps_least), s->sweeps_most);
-    double rough = s->rough_sweeps[schedule_is_last_level(at)];
-    return (int)fmin(pow(rough, at->rough) * sweeps, s->roughness[at->has_curves].most);
+    return (int)(at->is_rough ? s->rough_sweeps[schedule_is_last_level(at)] * sweeps : sweeps);
 }
 
 /* How many sweeps a level has before it may rest. */
@@ -115,19 +111,21 @@ static int sweeps_to_rest(const schedule *s, const schedule_position *at)
     return may_need_few(s, at) ? s->many_sweeps : schedule_level_sweeps(s, at);
 }
 
-bool schedule_may_be_rough(const schedule *s, const schedule_position *at)
+/* Whether more sweeps may help the level. */
+static bool can_be_rough(const schedule *s, const schedule_position *at)
 {
-    return s->is_paced && schedule_is_last_stage(at) && at->rough < s->rough_most[at->is_creased] &&
-           (!at->is_mostly_creased || schedule_is_last_level(at)) && (double)at->count >= s->rough_count &&
-           at->sweeps == sweeps_to_rest(s, at);
+    return s->is_paced && (double)at->count >= s->rough_count &&
+           (!at->is_mostly_creased || schedule_is_last_level(at));
 }
 
-bool schedule_is_rough(const schedule *s, const schedule_position *at, double disordered_share, double before)
+bool schedule_may_be_rough(const schedule *s, const schedule_position *at)
 {
-    if (at->rough > 0)
-        return schedule_is_last_level(at) && disordered_share > s->roughness[at->has_curves].again &&
-               disordered_share < s->roughness[at->has_curves].fall * before;
-    const double *share = s->roughness[at->has_curves].share;
+    return can_be_rough(s, at) && schedule_is_last_stage(at) && at->sweeps == sweeps_to_rest(s, at);
+}
+
+bool schedule_is_rough(const schedule *s, const schedule_position *at, double disordered_share)
+{
+    const double *share = s->rough_share[at->has_curves];
     return disordered_share > share[0] && disordered_share < share[1];
 }
 
@@ -215,13 +213,6 @@ double schedule_skin(const schedule *s, double rms_step)
     return fmin(s->skin_wide, fmax(s->skin_narrow, s->skin_steps * rms_step));
 }
 
-/* Whether the level may still be found rough. */
-static bool may_become_rough(const schedule *s, const schedule_position *at)
-{
-    return s->is_paced && at->rough < s->rough_most[at->is_creased] && (double)at->count >= s->rough_count &&
-           (!at->is_mostly_creased || schedule_is_last_level(at));
-}
-
 /* By the paper's criterion lambda climbs from its floor to its cap within a round; on a refined level the step falls to its
  * tolerance. */
 static double expected_by_criterion(const schedule *s, const schedule_position *at, double spent,
@@ -240,7 +231,6 @@ double schedule_expected_sweeps(const schedule *s, const schedule_position *at, 
 {
     double sweeps = schedule_level_sweeps(s, at);
     if (s->rest_lambda > 0 && seen) return fmax(expected_by_criterion(s, at, spent, seen), 1);
-    if (may_become_rough(s, at))
-        sweeps *= pow(s->rough_sweeps[schedule_is_last_level(at)], at->rough == 0 ? 1 : AGAIN_SHARE);
+    if (can_be_rough(s, at) && !at->is_rough) sweeps *= s->rough_sweeps[schedule_is_last_level(at)];
     return at->level == 0 ? sweeps + EARLY_SWEEPS : sweeps;
 }

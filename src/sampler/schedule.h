@@ -42,16 +42,10 @@ typedef struct schedule {
         double count, share;
     } sweeps_between[SCHEDULE_BETWEEN];
     /* A level of at least rough_count particles whose disordered share (particles without six neighbours) is between the two
-     * bounds of `share` after these sweeps is rough and takes more: rough_sweeps[0] times as many if it is refined again,
-     * [1] times if it is the last level. The last level takes its factor a second time if the share is above `again` and has
-     * fallen below `fall` times the share before. No level takes more than `most` sweeps. Beyond the upper bound of `share` the
-     * surface is not resolved, and more sweeps do not help. roughness[1] is for surfaces with feature curves. A level is found
-     * rough at most rough_most[0] times, rough_most[1] on a creased surface, and a mostly creased one on its last level only. */
-    double rough_count, rough_sweeps[2];
-    struct {
-        double share[2], again, fall, most;
-    } roughness[2];
-    int rough_most[2];
+     * bounds of rough_share after these sweeps is rough and takes more, once: rough_sweeps[0] times as many if it is refined again,
+     * [1] times if it is the last level. Beyond the upper bound the surface is not resolved, and more sweeps do not help.
+     * rough_share[1] is for surfaces with feature curves. A mostly creased surface is asked on its last level only. */
+    double rough_count, rough_sweeps[2], rough_share[2][2];
 
     /* At rest. `rest_lambda` > 0: the paper's criterion for the coarsest level, that the mean log10 lambda is above it;
      * 0: rms steps alone count. A level that is refined again is left as soon as its rms step (over h) is below
@@ -101,7 +95,7 @@ typedef struct schedule_position {
     int sweeps;    /* in this round */
     size_t count;  /* particles of the level */
     bool is_sized; /* there is a sizing field */
-    int rough;     /* how often the level was found so, see roughness */
+    bool is_rough; /* the level was found so, see rough_share */
     bool has_curves;
     bool is_creased;        /* many of its particles see others turned from them: see relax_is_rough */
     bool is_mostly_creased; /* half of them do, see relax_is_mostly_creased */
@@ -120,12 +114,11 @@ static inline bool schedule_is_last_level(const schedule_position *at)
 /* Sweeps that the level has at least. */
 int schedule_level_sweeps(const schedule *s, const schedule_position *at);
 
-/* Whether the level has just ended its sweeps, and would take more if it were rough. */
+/* Whether the level has just ended its sweeps, and would have taken more if it was rough. */
 bool schedule_may_be_rough(const schedule *s, const schedule_position *at);
 
-/* Whether a level with this share of particles out of order is rough; `before`: the share when that was asked the last time. */
-bool schedule_is_rough(const schedule *s, const schedule_position *at, double disordered_share,
-                       double before);
+/* Whether a level with this share of disordered particles is rough. */
+bool schedule_is_rough(const schedule *s, const schedule_position *at, double disordered_share);
 
 double schedule_omega(const schedule *s, const schedule_position *at);
 

@@ -115,21 +115,12 @@ static void rough_levels_take_more_sweeps(void **state)
     const int sweeps = schedule_level_sweeps(s, &at);
     at.sweeps = sweeps;
     assert_true(schedule_may_be_rough(s, &at));
-    assert_true(schedule_is_rough(s, &at, 0.2, 0));
-    assert_false(schedule_is_rough(s, &at, 0.02, 0) || schedule_is_rough(s, &at, 0.4, 0));
-    at.rough = 1;
+    assert_true(schedule_is_rough(s, &at, 0.2));
+    assert_false(schedule_is_rough(s, &at, 0.02) || schedule_is_rough(s, &at, 0.4));
+    at.is_rough = true;
     assert_false(schedule_may_be_rough(s, &at));
     at.sweeps = schedule_level_sweeps(s, &at);
     assert_true(at.sweeps >= (int)s->rough_sweeps[1] * sweeps);
-    assert_true(schedule_may_be_rough(s, &at));
-    assert_true(schedule_is_rough(s, &at, 0.15, 0.2));  /* much is left, and less than there was */
-    assert_false(schedule_is_rough(s, &at, 0.19, 0.2)); /* more sweeps would not help */
-    assert_false(schedule_is_rough(s, &at, 0.08, 0.2));
-    at.level = 0; /* a coarser one */
-    at.levels = 2;
-    assert_false(schedule_is_rough(s, &at, 0.15, 0.2));
-    at.rough = 2;
-    assert_false(schedule_may_be_rough(s, &at));
 }
 
 /* Rows force little out of order, which finds its way out slowly. */
@@ -138,17 +129,10 @@ static void surfaces_with_curves_are_rough_sooner(void **state)
     (void)state;
     const schedule *s = &schedule_multilevel;
     schedule_position at = finest(0, 10000);
-    assert_false(schedule_is_rough(s, &at, 0.03, 0));
+    assert_false(schedule_is_rough(s, &at, 0.03));
     at.has_curves = true;
-    assert_true(schedule_is_rough(s, &at, 0.03, 0));
-    assert_false(schedule_is_rough(s, &at, 0.015, 0));
-    at.rough = 1;
-    assert_true(schedule_is_rough(s, &at, 0.06, 0.062));
-    assert_false(schedule_is_rough(s, &at, 0.03, 0.062));
-    at.rough = 2;
-    const int most = schedule_level_sweeps(s, &at);
-    at.has_curves = false;
-    assert_true(most > schedule_level_sweeps(s, &at));
+    assert_true(schedule_is_rough(s, &at, 0.03));
+    assert_false(schedule_is_rough(s, &at, 0.015));
 }
 
 /* Sweeps that the schedule itself asks for cost no patience. */
@@ -157,9 +141,9 @@ static void rough_levels_are_not_impatient(void **state)
     (void)state;
     const schedule *s = &schedule_multilevel;
     schedule_position at = finest(0, 5000);
-    for (at.rough = 0; at.rough <= s->rough_most[0]; at.rough++) {
+    for (int rough = 0; rough < 2; rough++) {
+        at.is_rough = rough;
         int sweeps = schedule_level_sweeps(s, &at);
-        assert_true(sweeps <= s->roughness[0].most);
         for (at.sweeps = 1; at.sweeps < sweeps; at.sweeps++)
             assert_false(schedule_is_impatient(s, &at, s->gain[LAST]));
     }
@@ -210,7 +194,7 @@ static void many_particles_need_few_sweeps(void **state)
         {.level = 2, .levels = 3, .stage = LAST, .sweeps = 2, .count = many, .is_sized = true},
         {.level = 2, .levels = 3, .stage = LAST, .sweeps = 2, .count = many, .has_curves = true},
         {.level = 2, .levels = 3, .stage = LAST, .sweeps = 2, .count = many, .is_creased = true},
-        {.level = 2, .levels = 3, .stage = LAST, .sweeps = 2, .count = many, .rough = 1},
+        {.level = 2, .levels = 3, .stage = LAST, .sweeps = 2, .count = many, .is_rough = true},
     };
     for (size_t k = 0; k < sizeof others / sizeof *others; k++) assert_false(rests(s, others[k], 0.001, 0));
 }
@@ -240,22 +224,6 @@ static void a_paced_level_has_its_sweeps_before_it_rests(void **state)
     assert_false(rests(&schedule_multilevel, at, 0.04, 0));
     at.sweeps = schedule_multilevel.stage_sweeps_most;
     assert_true(rests(&schedule_multilevel, at, 0.04, 0));
-}
-
-/* What is creased is not resolved: of it a level takes more sweeps once, not twice. */
-static void creased_levels_take_fewer_sweeps(void **state)
-{
-    (void)state;
-    const schedule *s = &schedule_multilevel;
-    schedule_position at = {.levels = 1, .stage = LAST, .count = 1000000};
-    at.rough = 1;
-    at.sweeps = schedule_level_sweeps(s, &at);
-    assert_true(schedule_may_be_rough(s, &at));
-    at.is_creased = true;
-    assert_false(schedule_may_be_rough(s, &at));
-    at.rough = 0;
-    at.sweeps = schedule_level_sweeps(s, &at);
-    assert_true(schedule_may_be_rough(s, &at));
 }
 
 /* Of a surface that is mostly creased the coarsest level rests sooner, and is not asked whether it is rough; the last is. */
@@ -340,7 +308,7 @@ static void a_level_that_may_be_rough_is_expected_to_take_longer(void **state)
     schedule_position at = {.level = 2, .levels = 3, .stage = LAST, .count = 10000};
     const double least = schedule_level_sweeps(s, &at);
     assert_true(schedule_expected_sweeps(s, &at, 0, NULL) > least);
-    at.rough = s->rough_most[0];
+    at.is_rough = true;
     assert_true(schedule_expected_sweeps(s, &at, 0, NULL) == schedule_level_sweeps(s, &at));
     at = (schedule_position){.level = 2, .levels = 3, .stage = LAST, .count = 1000};
     assert_true(schedule_expected_sweeps(s, &at, 0, NULL) == schedule_level_sweeps(s, &at));
@@ -391,7 +359,6 @@ int main(void)
         cmocka_unit_test(rough_levels_are_not_impatient),
         cmocka_unit_test(steps_are_free_until_a_level_is_shaken),
         cmocka_unit_test(a_paced_level_has_its_sweeps_before_it_rests),
-        cmocka_unit_test(creased_levels_take_fewer_sweeps),
         cmocka_unit_test(mostly_creased_levels_rest_sooner),
         cmocka_unit_test(the_paper_goes_by_lambda),
         cmocka_unit_test(patience_ends_once_and_again),
