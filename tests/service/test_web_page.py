@@ -734,7 +734,7 @@ def test_submit_is_disabled_while_the_json_is_invalid(service, browser):
     write("{")
     wait_until(lambda: not submit.is_enabled(), "no way to submit")
     count = browser.one("[id='f/sampling/count']")  # the form makes good JSON of its own
-    count.send_keys(Keys.CONTROL + "a", "77")
+    count.send_keys(Keys.CONTROL + "a" + Keys.NULL + "77")
     wait_until(submit.is_enabled, "a way to submit")
     assert '"count": 77' in browser.text("#json", "value")
 
