@@ -8,10 +8,9 @@
 #include "api/png_reply.h"
 #include "base/clock.h"
 #include "base/memory.h"
+#include "base/worker_contract.h"
 #include "formats/contact_sheet.h"
 #include "results/result.h"
-
-#define PREVIEW_NAME "preview.png"
 
 /* Tasks that are read at once. */
 enum { TASKS_PAGE = 1000 };
@@ -49,7 +48,7 @@ static bool list_frames(queue *q, const char *id, frames *f, error *e)
 static int open_preview(const http_context *c, const char *id, int frame, int64_t *bytes)
 {
     char *directory = result_directory(c->work_dir, id, frame);
-    int fd = result_open_file(directory, PREVIEW_NAME, bytes, NULL);
+    int fd = result_open_file(directory, WORKER_PREVIEW_NAME, bytes, NULL);
     free(directory);
     return fd;
 }
@@ -112,7 +111,7 @@ static void send_frames(const http_context *c, const queue_job *job, reply *r)
     else if (ok && !d.drawn && d.late)
         reply_set_unavailable(r, "no preview could be read in time; try again when the service is less busy");
     else if (ok && !d.drawn)
-        reply_set_problem(r, "not_found", NULL, "no frame of the job %s has a " PREVIEW_NAME, job->id);
+        reply_set_problem(r, "not_found", NULL, "no frame of the job %s has a " WORKER_PREVIEW_NAME, job->id);
     else if (!ok || !png_reply_set(r, &sheet->canvas, &e))
         reply_set_error(r, &e, NULL);
     contact_sheet_free(sheet);
@@ -126,7 +125,7 @@ static void send_preview(const http_context *c, const queue_job *job, reply *r)
     if (fd >= 0)
         reply_set_file(r, "image/png", fd, bytes);
     else
-        reply_set_problem(r, "not_found", NULL, "the job %s has no " PREVIEW_NAME, job->id);
+        reply_set_problem(r, "not_found", NULL, "the job %s has no " WORKER_PREVIEW_NAME, job->id);
 }
 
 void contact_sheet_send(const http_context *c, const http_request *request, reply *r)

@@ -10,6 +10,7 @@
 #include "api/job_lookup.h"
 #include "api/png_reply.h"
 #include "base/memory.h"
+#include "base/worker_contract.h"
 #include "formats/thumbnail.h"
 #include "http/parameter.h"
 #include "http/preconditions.h"
@@ -17,8 +18,6 @@
 
 /* A result never changes, but each user must be authorised, so shared caches must not serve it. */
 #define CACHE_CONTROL "private, max-age=31536000, immutable"
-
-#define PREVIEW_NAME "preview.png"
 
 static const char *content_type_of(const char *name)
 {
@@ -266,7 +265,7 @@ static void send_thumbnail(const http_context *c, const place *p, reply *r)
     error e = {0};
     int64_t bytes = 0;
     thumbnail *made = mem_alloc(sizeof *made);
-    int fd = result_open_file(p->directory, PREVIEW_NAME, &bytes, &e);
+    int fd = result_open_file(p->directory, WORKER_PREVIEW_NAME, &bytes, &e);
     bool ok = fd >= 0 && thumbnail_read(c->worker, fd, made, &e);
     const canvas picture = {.rgb = made->rgb, .width = made->width, .height = made->height, .scale = 1};
     if (!ok || !png_reply_set(r, &picture, &e)) reply_set_error(r, &e, NULL);
@@ -278,9 +277,10 @@ void results_send_thumbnail(const http_context *c, const http_request *request, 
 {
     place p = {0};
     if (find_result(c, request, &p, r)) {
-        const size_t i = find_output(&p, PREVIEW_NAME);
+        const size_t i = find_output(&p, WORKER_PREVIEW_NAME);
         if (i == p.found.output_count) {
-            reply_set_problem(r, "not_found", NULL, "the job %s has no " PREVIEW_NAME, request->parameter[0]);
+            reply_set_problem(r, "not_found", NULL, "the job %s has no " WORKER_PREVIEW_NAME,
+                              request->parameter[0]);
             r->cache_control = CACHE_CONTROL;
         } else {
             char tag[sizeof p.found.output[i].sha256 + 16];

@@ -49,6 +49,8 @@ typedef enum worker_exit {
 /* With WORKER_OPTION_PROGRESS_FD: some points of the running job, replaced every 2 s during relaxation. The worker removes it
  * before it writes the report. */
 #define WORKER_SNAPSHOT_NAME "snapshot.ply"
+/* The picture of a result, from which the daemon makes thumbnails and contact sheets. */
+#define WORKER_PREVIEW_NAME "preview.png"
 #define WORKER_ESTIMATE_NAME "estimate.json"
 #define WORKER_INSPECTION_NAME "inspection.json"
 

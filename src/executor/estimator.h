@@ -26,9 +26,10 @@ typedef enum estimator_verdict {
     ESTIMATOR_NONE   /* no estimate could be made: the error tells why */
 } estimator_verdict;
 
-/* An answer takes no longer than `within_s`, nor than the setting; 0: as long as the setting says. `command` is WORKER_COMMAND_ESTIMATE, or WORKER_COMMAND_INSPECT, whose `spec` names a path (base/worker_contract.h).
- * `threads` and `memory_mb` are those of an attempt. `frame` may be QUEUE_NO_FRAME. With ESTIMATOR_MADE, *document is
- * one JSON object (run/run.h, inspect/inspection.h), to be freed. */
+/* `command` is WORKER_COMMAND_ESTIMATE, or WORKER_COMMAND_INSPECT, whose `spec` names a path (base/worker_contract.h). The answer
+ * is given up after `within_s` seconds, or after those of the setting if these are fewer or `within_s` is 0. `threads` and
+ * `memory_mb` are those of an attempt. `frame` may be QUEUE_NO_FRAME. With ESTIMATOR_MADE, *document is one JSON object (run/run.h,
+ * inspect/inspection.h), to be freed. */
 estimator_verdict estimator_ask(estimator *m, const char *command, const char *spec,
                                 const char *const *inputs, size_t input_count, int frame, int threads,
                                 int64_t memory_mb, double within_s, char **document, error *e);

@@ -10,6 +10,7 @@
 
 #include "base/memory.h"
 #include "base/reader.h"
+#include "base/worker_contract.h"
 #include "formats/preview.h"
 
 /* Limits of the process: a row of the largest picture and libpng's buffers take 1 MiB; that picture takes 2 s. */
@@ -74,13 +75,14 @@ int thumbnail_main(int argc, char **argv)
 
 bool thumbnail_read(const char *program, int fd, thumbnail *out, error *e)
 {
-    const reader_params params = {program, THUMBNAIL_COMMAND, "preview.png",
+    const reader_params params = {program, THUMBNAIL_COMMAND, WORKER_PREVIEW_NAME,
                                   fd,      READER_BYTES,      READER_SECONDS};
     reader r;
-    if (lseek(fd, 0, SEEK_SET) != 0) return error_set(e, ERROR_INTERNAL, "preview.png cannot be read");
+    if (lseek(fd, 0, SEEK_SET) != 0)
+        return error_set(e, ERROR_INTERNAL, WORKER_PREVIEW_NAME " cannot be read");
     if (!reader_start(&params, &r, e)) return false;
     bool ok = fread(out, sizeof *out, 1, r.stream) == 1 && out->width > 0 && out->width <= THUMBNAIL_SIDE &&
               out->height > 0 && out->height <= THUMBNAIL_SIDE && fgetc(r.stream) == EOF;
-    if (!ok) error_set(e, ERROR_INPUT_DAMAGED, "preview.png is no picture of hexad");
+    if (!ok) error_set(e, ERROR_INPUT_DAMAGED, WORKER_PREVIEW_NAME " is no picture of hexad");
     return reader_end(&r, ok, ok, e);
 }

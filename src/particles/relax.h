@@ -104,11 +104,11 @@ typedef struct relax_steps {
         to_rest; /* without particles that have looked for a better place in vain, as on a kink between facets */
 } relax_steps;
 
-/* The rms of the Newton steps (12) that are left to the particles where they are, over `spacing` and the size; nobody
- * moves. Of particles away from boundaries and from edges (within their support no normal is turned by more than 37
- * degrees): there the energy is smooth, and such a step says how far it is to rest. NaN when there are none, and on patches when they are fewer than a fifth of all. `watch`: who has a
- * long one looks at the energy from now on. Where the kernel tells both, energies are known with them, and neither is looked at
- * again until a particle has moved by 5e-5 of its support or has another size. */
+/* The rms of the Newton steps (12) that are left to the particles where they are, over `spacing` and the size; no particle moves. Of
+ * particles away from boundaries and from edges (within their support no normal is turned by more than 37 degrees): there the
+ * energy is smooth, and such a step says how far it is to rest. NaN when there are none, and on patches when they are fewer than a
+ * fifth of all. `watch`: a particle with a long step looks at the energy from now on. Where the kernel tells both, energies are
+ * known with them, and neither is looked at again until a particle has moved by 5e-5 of its support or has another size. */
 relax_steps relax_rms_steps_left(relax *r, particles *p, double sigma, double spacing, bool watch);
 
 /* The largest support that the lists cover, until a particle moves. */

@@ -204,8 +204,8 @@ static void steps_chunk(void *context, int worker, size_t begin, size_t end)
     job->whole[part] = whole;
 }
 
-/* On patches the share of the particles that must be judged by Newton's step for their rms to stand for all. On a model of many small faces
- * nearly all particles are next to feature curves, and the rms of the others would be that of few. */
+/* On patches: the least share of the particles whose steps are known, for their rms to be that of all. On a model of many small
+ * faces nearly all particles are next to feature curves, and the rms of the others is that of a few. */
 static const double MEASURED_LEAST = 0.2;
 
 static relax_steps rms_steps(steps_job *job)

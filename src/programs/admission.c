@@ -63,16 +63,11 @@ static bool read_settings(const char *file, config *c, error *e)
     return config_parse(3, argv, c, &action, e);
 }
 
-static access_names names_of(const config_list *list)
-{
-    return (access_names){(const char *const *)list->item, list->count};
-}
-
 /* Whether hexad accepts the users, groups and admins: it refuses all settings if one of them does not exist. */
 static bool check_names(const config *c, const change *w, error *e)
 {
-    access_names users = names_of(&c->unix_users), groups = names_of(&c->unix_groups),
-                 admins = names_of(&c->unix_admins);
+    access_names users = admission_names(&c->unix_users), groups = admission_names(&c->unix_groups),
+                 admins = admission_names(&c->unix_admins);
     if (access_check_names(&users, &groups, &admins, e)) return true;
     error why = *e;
     return error_set(e, ERROR_SPEC_INVALID, "%s: %s; remove it from the file first", w->file, why.message);
@@ -167,8 +162,8 @@ static void warn_of_other_grants(const change *w)
 {
     config now = {0};
     if (!read_settings(w->file, &now, NULL)) return;
-    access_names users = names_of(&now.unix_users), groups = names_of(&now.unix_groups),
-                 admins = names_of(&now.unix_admins);
+    access_names users = admission_names(&now.unix_users), groups = admission_names(&now.unix_groups),
+                 admins = admission_names(&now.unix_admins);
     if (w->group) {
         warn_of(w, "unix_groups", access_find_same(&groups, true, w->name));
     } else {

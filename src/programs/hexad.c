@@ -262,11 +262,6 @@ static bool check_reach(const service *s, const char *token_file, error *e)
                      where, token_file, token_file);
 }
 
-static access_names names_of(const config_list *list)
-{
-    return (access_names){(const char *const *)list->item, list->count};
-}
-
 /* The setting, otherwise in the configuration directory of the unit, otherwise in the state directory. To be
  * freed. */
 static char *token_file_of(const service *s)
@@ -284,9 +279,9 @@ static bool init_access(service *s, error *e)
     char *file = token_file_of(s);
     char *key_file = c->page ? mem_printf("%s/session.key", s->state_dir) : NULL;
     access_settings settings = {
-        .users = names_of(&c->unix_users),
-        .groups = names_of(&c->unix_groups),
-        .admins = names_of(&c->unix_admins),
+        .users = admission_names(&c->unix_users),
+        .groups = admission_names(&c->unix_groups),
+        .admins = admission_names(&c->unix_admins),
         .token_file = file,
         .session_key_file = key_file,
         .session_s = c->session_s,
@@ -699,8 +694,8 @@ static int sign_interval_ms(void)
 /* Takes over what belongs to users, all or nothing. */
 static bool change_users(service *s, const config *fresh, error *e)
 {
-    access_names users = names_of(&fresh->unix_users), groups = names_of(&fresh->unix_groups),
-                 admins = names_of(&fresh->unix_admins);
+    access_names users = admission_names(&fresh->unix_users), groups = admission_names(&fresh->unix_groups),
+                 admins = admission_names(&fresh->unix_admins);
     user_numbers *weights, *priorities;
     if (!read_weights_and_priorities(fresh, &weights, &priorities, e)) return false;
     if (!access_change_users(s->access, &users, &groups, &admins, e)) {

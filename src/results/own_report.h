@@ -15,8 +15,8 @@
 #include "results/result.h"
 
 /* Writes report.json in the directory `to`: a copy of the report in `from` with this spec (JSON text), and its summary. `r`
- * and `document` are what result_read_short read in `from`; the document is changed. A report.json that is there is replaced; the file that it was a hard link of stays as it is. `to` may be `from`. The report
- * may be long: it is copied piece by piece. */
+ * and `document` are what result_read_short read in `from`; the document is changed. `to` may be `from`. An existing report.json
+ * is replaced, and the file that it was a hard link of stays as it is. The report may be long: it is copied piece by piece. */
 bool own_report_copy(const char *from, const char *to, const char *spec, const result *r, json *document,
                      error *e);
 

@@ -35,8 +35,8 @@
 
 /* Beside those of the formats' table and of turntables. */
 static const char *const names[] = {
-    "report.json", WORKER_SUMMARY_NAME, "points.ply",      "points.vdb",         "mesh.ply",
-    "preview.png", "preview.exr",       "convergence.png", WORKER_SNAPSHOT_NAME, SNAPSHOT_PART_NAME};
+    "report.json",       WORKER_SUMMARY_NAME, "points.ply",      "points.vdb",         "mesh.ply",
+    WORKER_PREVIEW_NAME, "preview.exr",       "convergence.png", WORKER_SNAPSHOT_NAME, SNAPSHOT_PART_NAME};
 enum { NAMES = sizeof names / sizeof names[0] };
 
 /* Voxels of points.vdb, in spacings. */
@@ -547,7 +547,7 @@ static bool write_preview(const char *directory, const results_input *in, thread
         return false;
     }
     const canvas visible = {picture->rgb, picture->width, picture->height, 1};
-    bool ok = write_png(directory, "preview.png", &visible, outputs, e) &&
+    bool ok = write_png(directory, WORKER_PREVIEW_NAME, &visible, outputs, e) &&
               (!s->has_preview_exr || write_exr(directory, s, picture, outputs, e));
     preview_free(picture);
     ok = ok && write_turntable(directory, s->turntable, set, &options, pool, outputs, e);

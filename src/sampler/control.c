@@ -17,9 +17,9 @@
 static const double SHRINK_LIMIT = 0.2, SUPPORT_GROWTH = 0.5, SUPPORT_TOLERANCE = 1e-6;
 enum { SUPPORT_STEPS = 6, SUPPORT_BUILDS = 24 };
 
-/* Over the spacing. A smaller support has only pairs of nearly coincident particles, whose energy no support lowers. A larger one
- * reaches past the second neighbours: the ideal energy is out of reach because few particles have neighbours on their patch, and
- * the energy under such a support does not keep particles apart. */
+/* Bounds of the support, over the spacing. A smaller one has only pairs of nearly coincident particles, whose energy no support
+ * lowers. A larger one would be found only where few particles have neighbours on their patch: no support gives them the ideal
+ * energy, and under a large one particles do not keep apart. */
 static const double SUPPORT_LEAST = 0.5, SUPPORT_MOST = 3;
 
 /* Of the count: by how much it may miss that which the bound on sigma asks for. With too few particles the

@@ -129,20 +129,20 @@ bool schedule_is_rough(const schedule *s, const schedule_position *at, double di
     return disordered_share > share[0] && disordered_share < share[1];
 }
 
+/* The sweeps of the round, over those in which the level is shaken. */
+static double paced_time(const schedule *s, const schedule_position *at)
+{
+    return at->sweeps / (double)(is_early(at) ? s->shake_sweeps : schedule_level_sweeps(s, at));
+}
+
 double schedule_omega(const schedule *s, const schedule_position *at)
 {
     if (!s->is_paced || is_early(at)) return schedule_is_large(s, at->count) ? s->large_omega : s->omega;
     if (may_need_few(s, at) && at->sweeps == s->many_sweeps - 1) return s->omega;
-    double t = (double)at->sweeps / schedule_level_sweeps(s, at);
+    const double t = paced_time(s, at);
     double shake = at->is_sized ? s->omega_shake_sized : s->omega_shake;
     if (t < 1) return shake + (s->omega - shake) * t * t;
     return fmax(s->omega / t, s->omega_least);
-}
-
-/* Sweeps over those in which the level is shaken. */
-static double paced_time(const schedule *s, const schedule_position *at)
-{
-    return at->sweeps / (double)(is_early(at) ? s->shake_sweeps : schedule_level_sweeps(s, at));
 }
 
 bool schedule_is_shaken(const schedule *s, const schedule_position *at)

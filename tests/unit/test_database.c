@@ -721,7 +721,6 @@ static void test_a_second_owner_is_refused(void **state)
     assert_non_null(strstr(e.message, p->base));
 }
 
-/* Another program at the database neither gets in nor makes anybody wait. */
 /* A restart within a second of a kill: the kernel has not ended the killed process yet. */
 static void test_an_owner_that_is_ending_is_waited_for(void **state)
 {
@@ -735,12 +734,13 @@ static void test_an_owner_that_is_ending_is_waited_for(void **state)
     if (fd < 0) fail_msg("%s", e.message);
     close(fd);
     refusals = 1;
-    assert_int_equal(lock_take(base, &in_use, NULL), -1); /* one who only looks does not wait */
+    assert_int_equal(lock_take(base, &in_use, NULL), -1); /* a caller that only asks does not wait */
     assert_true(in_use);
     refusals = 0;
     assert_true(store_remove(base, NULL));
 }
 
+/* Another program at the database neither gets in nor makes anybody wait. */
 static void test_the_database_has_one_owner(void **state)
 {
     place *p = *state;
