@@ -66,9 +66,10 @@ int thumbnail_main(int argc, char **argv)
     sums *s = calloc(1, sizeof *s);
     png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, NULL, NULL, NULL);
     png_infop info = png ? png_create_info_struct(png) : NULL;
-    if (!row || !made || !s || !info || setjmp(png_jmpbuf(png)) != 0) return 2;
+    if (!row || !made || !s || !info || setjmp(png_jmpbuf(png)) != 0) _exit(2);
     read_rows(png, info, row, made, s);
-    return !reader_write(made, sizeof *made);
+    bool written = reader_write(made, sizeof *made);
+    _exit(written ? 0 : 1); /* nothing is left to do but to free what the library built */
 }
 
 /* ---- in the calling program */
