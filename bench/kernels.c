@@ -16,9 +16,9 @@
 
 #include "base/memory.h"
 #include "field/analytic.h"
-#include "sampler/levels.h"
-#include "particles/relax.h"
-#include "sampler/sampler.h"
+#include "solver/level_plan.h"
+#include "solver/passes/relax.h"
+#include "solver/solver.h"
 #include "volume/example.h"
 #include "volume/volume.h"
 
@@ -93,7 +93,7 @@ ISA_TARGET_AVX512 static double rate_avx512(void)
 static void settle(const field *f, threads *pool, particles **out, double *spacing)
 {
     error e = {0};
-    const sampler_params params = {.count = COUNT,
+    const solver_params params = {.count = COUNT,
                                    .coarse_to_fine = true,
                                    .isa = isa_best(),
                                    .list_limit = SIZE_MAX,
@@ -101,18 +101,18 @@ static void settle(const field *f, threads *pool, particles **out, double *spaci
                                    .step_tolerance = 0.003,
                                    .energy_tolerance = 0.02};
     surface *scan = surface_scan(f, pool, &e);
-    sampler *s = scan ? sampler_new(f, scan, &params, pool, &e) : NULL;
+    solver *s = scan ? solver_new(f, scan, &params, pool, &e) : NULL;
     if (!s) fail(&e);
-    while (!sampler_ended(s))
-        if (!sampler_step(s, &e)) fail(&e);
-    if (!sampler_finalize(s, &e) || !(*out = particles_new(COUNT, &e))) fail(&e);
-    const sampler_points *p = sampler_result_points(s);
+    while (!solver_ended(s))
+        if (!solver_step(s, &e)) fail(&e);
+    if (!solver_finalize(s, &e) || !(*out = particles_new(COUNT, &e))) fail(&e);
+    const solver_points *p = solver_result_points(s);
     for (size_t i = 0; i < COUNT; i++) {
         (*out)->position[i] = p->position[i];
         (*out)->normal[i] = p->normal[i];
     }
-    *spacing = sampler_spacing(s);
-    sampler_free(s);
+    *spacing = solver_spacing(s);
+    solver_free(s);
     surface_free(scan);
 }
 

@@ -25,7 +25,7 @@ typedef struct measures_input {
     const void *spacing_context;
     bool sized;    /* energies use the support of each pair's spacings, not that of h */
     bool achieved; /* no spacing is requested: amplitudes grade the points */
-    /* A copy of each point for each patch on which it lies; the first `count` are the points in their order (sampler_stands). */
+    /* A copy of each point for each patch on which it lies; the first `count` are the points in their order (solver_patch_points). */
     size_t copy_count;
     const vec3 *copy_normal;           /* NULL: the normals are those of the nearest triangles */
     const uint32_t *copy_point;        /* NULL: copy i is point i */

@@ -110,7 +110,7 @@ static char *name_of(const spec_attribute *a)
     return name;
 }
 
-/* What points of patches carry: sampler_feature, and the index of the patch; of interfaces the two labels, too. */
+/* What points of patches carry: solver_feature, and the index of the patch; of interfaces the two labels, too. */
 static const char *const place_names[] = {"feature", "patch", "label_a", "label_b"};
 enum { PLACES = 2, PLACES_OF_LABELS = sizeof place_names / sizeof *place_names };
 
@@ -248,7 +248,7 @@ bool attributes_find(const spec *s, source *from, size_t memory_limit, attribute
 /* ---- values ---- */
 
 /* Where points of patches lie. */
-static void read_place(const char *name, const source *from, const sampler_points *solved, double *values)
+static void read_place(const char *name, const source *from, const solver_points *solved, double *values)
 {
     size_t which = 0;
     while (strcmp(name, place_names[which]) != 0) which++;
@@ -304,7 +304,7 @@ static void note_range(attributes_entry *entry, const double *values, size_t cou
     }
 }
 
-static bool read_one(attributes_entry *entry, const source *from, const sampler_points *solved,
+static bool read_one(attributes_entry *entry, const source *from, const solver_points *solved,
                      size_t memory_limit, const points *set, point_attribute *out, error *e)
 {
     size_t numbers = set->count * (size_t)out->components;
@@ -360,7 +360,7 @@ static bool derive(attributes *a, points *set, error *e)
     return true;
 }
 
-bool attributes_read(attributes *a, const source *from, const sampler_points *solved, size_t memory_limit,
+bool attributes_read(attributes *a, const source *from, const solver_points *solved, size_t memory_limit,
                      points *set, error *e)
 {
     attribute_mesh *last = NULL;

@@ -1,5 +1,5 @@
 /* attributes: what a job's points carry beside their own properties: found when the job opens its inputs, filled in
- * when the points are final. Of a surface with patches they begin with `feature` (sampler_feature) and `patch`. One thread
+ * when the points are final. Of a surface with patches they begin with `feature` (solver_feature) and `patch`. One thread
  * at a time. */
 #ifndef HEXAD_RUN_ATTRIBUTES_H
 #define HEXAD_RUN_ATTRIBUTES_H
@@ -8,7 +8,7 @@
 #include "formats/points.h"
 #include "json/json.h"
 #include "source/source.h"
-#include "sampler/sampler.h"
+#include "solver/solver.h"
 #include "spec/spec.h"
 
 typedef struct attributes_entry attributes_entry;
@@ -27,7 +27,7 @@ typedef struct attributes {
 bool attributes_find(const spec *s, source *from, size_t memory_limit, attributes *out, error *e);
 
 /* Fills in the values at the points of `set`, which are those of `solved`, and sets its attributes, color and uv. */
-bool attributes_read(attributes *a, const source *from, const sampler_points *solved, size_t memory_limit,
+bool attributes_read(attributes *a, const source *from, const solver_points *solved, size_t memory_limit,
                      points *set, error *e);
 
 /* Adds the member `attributes` to the report, and warnings. */

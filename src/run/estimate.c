@@ -33,8 +33,8 @@ static bool rehearse_once(job *j, double end_s, cost_model *p)
     solution s = {0};
     double begin_s = clock_processor_s();
     bool ok = job_place(j, &s, NULL);
-    while (ok && !sampler_ended(s.sampler))
-        ok = job_may_go_on(j, NULL) && clock_processor_s() < end_s && sampler_step(s.sampler, NULL);
+    while (ok && !solver_ended(s.solver))
+        ok = job_may_go_on(j, NULL) && clock_processor_s() < end_s && solver_step(s.solver, NULL);
     ok = ok && job_finalize(j, &s, NULL) && job_measure(j, &s, NULL);
     if (ok) cost_model_note(p, j->count, clock_processor_s() - begin_s, 0);
     job_free_solution(&s);

@@ -18,7 +18,7 @@
 #include "run/upright.h"
 #include "run/verdict.h"
 #include "run/watchdog.h"
-#include "sampler/curve_chains.h"
+#include "solver/curves/curve_chains.h"
 #include "source/landing.h"
 #include "source/plan.h"
 #include "spec/spec_table.h"
@@ -26,7 +26,7 @@
 
 void job_free_solution(solution *s)
 {
-    sampler_free(s->sampler);
+    solver_free(s->solver);
     sizing_field_free(s->sizing);
     scaled_curvature_free(s->curvature);
     free(s->spacing_local);
@@ -253,40 +253,40 @@ static bool start_curvature(const job *j, scaled_curvature **out, error *e)
 }
 
 /* The packing by levels that a solve with `params` may start from: even, or by its sizing field, and at rest. */
-static sampler *pack_by_levels(const job *j, const sampler_params *params, error *e)
+static solver *pack_by_levels(const job *j, const solver_params *params, error *e)
 {
-    sampler_params packed = *params;
-    packed.start = SAMPLER_START_SURFACE;
+    solver_params packed = *params;
+    packed.start = SOLVER_START_SURFACE;
     packed.witkin_heckbert = NULL;
     packed.coarse_to_fine = true;
     packed.mend = false;
     packed.energy = NULL;
     packed.graded = packed.gradient = false;
     packed.sigma = packed.max_sigma = 0;
-    sampler *s = sampler_new(j->source.field, j->scan, &packed, j->pool, e);
+    solver *s = solver_new(j->source.field, j->scan, &packed, j->pool, e);
     bool ok = s != NULL;
-    while (ok && !sampler_ended(s)) ok = job_may_go_on(j, e) && sampler_step(s, e);
-    if (ok && sampler_finalize(s, e)) return s;
-    sampler_free(s);
+    while (ok && !solver_ended(s)) ok = job_may_go_on(j, e) && solver_step(s, e);
+    if (ok && solver_finalize(s, e)) return s;
+    solver_free(s);
     return NULL;
 }
 
 /* A solve from where `params` says, or from a packing by levels. */
-static sampler *start_solve(const job *j, sampler_params params, error *e)
+static solver *start_solve(const job *j, solver_params params, error *e)
 {
-    sampler *packed = NULL;
+    solver *packed = NULL;
     if (j->spec->init == SPEC_INIT_SIZED && !params.coarse_to_fine) {
         packed = pack_by_levels(j, &params, e);
         if (!packed) return NULL;
-        params.start = SAMPLER_START_GIVEN;
-        const sampler_stands *stands = &sampler_result_points(packed)->stands;
+        params.start = SOLVER_START_GIVEN;
+        const solver_patch_points *stands = &solver_result_points(packed)->stands;
         params.given = stands->position;
         params.given_normal = stands->normal;
         params.given_patch = stands->patch;
         params.given_place = stands->place;
     }
-    sampler *s = sampler_new(j->source.field, j->scan, &params, j->pool, e);
-    sampler_free(packed);
+    solver *s = solver_new(j->source.field, j->scan, &params, j->pool, e);
+    solver_free(packed);
     return s;
 }
 
@@ -295,11 +295,11 @@ bool job_place(job *j, solution *out, error *e)
 {
     const spec *s = j->spec;
     if (!start_sizing(j, &out->sizing, e) || !start_curvature(j, &out->curvature, e)) return false;
-    threads_narrow(j->pool, j->count < SAMPLER_THREADS_FROM);
+    threads_narrow(j->pool, j->count < SOLVER_THREADS_FROM);
     bool inserts = s->has_control && s->method == SPEC_METHOD_PAPER;
     int64_t start = s->control.start_count > 0 ? s->control.start_count : s->control.min_count;
     const spec_witkin_heckbert *w = &s->witkin_heckbert;
-    const witkin_heckbert_params swarm = {w->alpha, w->e_hat, w->rho, w->phi,   w->beta,
+    const witkin_heckbert_params witkin_heckbert_state = {w->alpha, w->e_hat, w->rho, w->phi,   w->beta,
                                           w->dt,    w->gamma, w->nu,  w->delta, w->sigma_max};
     const energy_function *energy = energy_find(spec_energy_name(s->energy));
     const frame_transfer_params carry = {
@@ -319,21 +319,21 @@ bool job_place(job *j, solution *out, error *e)
     if (j->options->previous &&
         !sequence_transfer(&j->sequence, j->source.field, j->scan, carry, j->pool, &brought, e))
         goto done;
-    const sampler_params params = {
+    const solver_params params = {
         .given = brought.position,
         .given_normal = brought.normal,
         .given_patch = brought.patch,
         .given_place = brought.place,
         .excess_most = MORE_DISORDER * j->sequence.excess_alone,
-        .witkin_heckbert = s->method == SPEC_METHOD_WITKIN_HECKBERT ? &swarm : NULL,
+        .witkin_heckbert = s->method == SPEC_METHOD_WITKIN_HECKBERT ? &witkin_heckbert_state : NULL,
         .count = inserts ? (size_t)start : j->count,
         .max_sigma = inserts ? s->control.max_sigma : 0,
         .min_count = (size_t)s->control.min_count,
         .unbiased = s->control.selection == SPEC_SELECTION_RANDOM,
         .count_limit = (size_t)fmax(job_particle_memory(j) / job_bytes_per_particle(j), 0),
-        .start = brought.position              ? SAMPLER_START_GIVEN
-                 : s->init == SPEC_INIT_RANDOM ? SAMPLER_START_RANDOM
-                                               : SAMPLER_START_SURFACE,
+        .start = brought.position              ? SOLVER_START_GIVEN
+                 : s->init == SPEC_INIT_RANDOM ? SOLVER_START_RANDOM
+                                               : SOLVER_START_SURFACE,
         .random_in_cells = source_starts_in_cells(&j->source),
         .seed = s->seed,
         .graded = s->has_alpha,
@@ -355,10 +355,10 @@ bool job_place(job *j, solution *out, error *e)
         .step_tolerance = s->step_tolerance,
         .energy_tolerance = s->energy_tolerance,
     };
-    out->sampler = start_solve(j, params, e);
+    out->solver = start_solve(j, params, e);
 done:
     frame_transfer_free(&brought);
-    return out->sampler != NULL;
+    return out->solver != NULL;
 }
 
 double job_seconds_left(const job *j)
@@ -366,23 +366,23 @@ double job_seconds_left(const job *j)
     return clock_seconds(j->end_ms - clock_monotonic_ms());
 }
 
-static void show_progress(job *j, const sampler *s, const sampler_sweep *last, size_t sweeps)
+static void show_progress(job *j, const solver *s, const solver_sweep *last, size_t sweeps)
 {
     size_t rounds;
-    sampler_rounds(s, &rounds);
-    double fraction = j->spec->time_s > 0 ? 1 - job_seconds_left(j) / j->spec->time_s : sampler_fraction(s);
+    solver_rounds(s, &rounds);
+    double fraction = j->spec->time_s > 0 ? 1 - job_seconds_left(j) / j->spec->time_s : solver_fraction(s);
     progress_update(&j->progress,
-                    &(progress_numbers){fraction, rounds, sweeps, last->count, sampler_excess(s, last),
+                    &(progress_numbers){fraction, rounds, sweeps, last->count, solver_excess(s, last),
                                         last->rms_step, last->mean_log10_lambda});
 }
 
 /* Until the system is at rest, or, when time is the target, no more than `reserve_s` of it are left. */
-bool job_relax(job *j, sampler *s, double reserve_s, error *e)
+bool job_relax(job *j, solver *s, double reserve_s, error *e)
 {
-    while (!sampler_ended(s)) {
-        if (!job_may_go_on(j, e) || !sampler_step(s, e)) return false;
+    while (!solver_ended(s)) {
+        if (!job_may_go_on(j, e) || !solver_step(s, e)) return false;
         size_t sweeps;
-        const sampler_sweep *last = sampler_sweeps(s, &sweeps) + sweeps - 1;
+        const solver_sweep *last = solver_sweeps(s, &sweeps) + sweeps - 1;
         show_progress(j, s, last, sweeps);
         snapshot_offer(&j->snapshot, s, &j->source, j->spec);
         if (j->spec->time_s > 0 && job_seconds_left(j) < reserve_s) break;
@@ -393,14 +393,14 @@ bool job_relax(job *j, sampler *s, double reserve_s, error *e)
 bool job_finalize(job *j, solution *s, error *e)
 {
     landing l;
-    if (!sampler_finalize(s->sampler, e)) return false;
+    if (!solver_finalize(s->solver, e)) return false;
     if (!landing_measures(&j->source, &l)) return true;
-    const sampler_stands *stands = &sampler_result_points(s->sampler)->stands;
-    vec3 *place = sampler_result_positions(s->sampler);
+    const solver_patch_points *stands = &solver_result_points(s->solver)->stands;
+    vec3 *place = solver_result_positions(s->solver);
     if (landing_find(&j->source, &l) &&
         !landing_move(&l, place, stands->spacing, stands->count, j->pool, &s->landed, e))
         return false;
-    landing_repeat(&l, place, stands->count, VERDICT_RESIDUAL * sampler_spacing(s->sampler), j->pool);
+    landing_repeat(&l, place, stands->count, VERDICT_RESIDUAL * solver_spacing(s->solver), j->pool);
     return true;
 }
 
@@ -428,8 +428,8 @@ static bool may_lack_memory(bool ok, const error *why, error *e)
 /* The triangles between the points on a mesh. They stay NULL where memory does not suffice: the points alone tell most. */
 static bool make_triangles(const job *j, const mesh *on, solution *s, error *e)
 {
-    const sampler_points *p = sampler_result_points(s->sampler);
-    const sampler_stands *stands = &p->stands;
+    const solver_points *p = solver_result_points(s->solver);
+    const solver_patch_points *stands = &p->stands;
     size_t side_count = 0;
     uint32_t(*side)[2] = curve_chains_steps(j->source.field->patches, p, &side_count);
     const surface_mesh_input in = {on,
@@ -465,10 +465,10 @@ static size_t held_next(size_t left)
 bool job_reach(job *j, solution *s, error *e)
 {
     const mesh *on = mesh_to_resolve(j);
-    const size_t share = sampler_result_points(s->sampler)->count / HELD_OF;
+    const size_t share = solver_result_points(s->solver)->count / HELD_OF;
     size_t left = share > HELD_FEW ? share : HELD_FEW;
     for (int k = 0; on && k < HOLDINGS && left > 0; k++) {
-        const sampler_points *p = sampler_result_points(s->sampler);
+        const solver_points *p = solver_result_points(s->solver);
         vec3 *place = NULL;
         size_t count = 0;
         bool goes_on = false;
@@ -479,12 +479,12 @@ bool job_reach(job *j, solution *s, error *e)
         error why = {0};
         const bool found = left_out_find(&in, LEFT_OUT, held_next(left), j->pool, &place, &count, &why);
         const bool ok =
-            may_lack_memory(found, &why, e) && sampler_hold(s->sampler, place, count, &goes_on, e);
+            may_lack_memory(found, &why, e) && solver_pin(s->solver, place, count, &goes_on, e);
         free(place);
         if (!ok || !goes_on) return ok;
         left -= count;
         drop_triangles(s);
-        if (!job_relax(j, s->sampler, 0, e) || !job_finalize(j, s, e)) return false;
+        if (!job_relax(j, s->solver, 0, e) || !job_finalize(j, s, e)) return false;
     }
     return true;
 }
@@ -496,8 +496,8 @@ static double requested_at(const void *context, vec3 x)
 
 bool job_measure(job *j, solution *s, error *e)
 {
-    const sampler_points *p = sampler_result_points(s->sampler);
-    const sampler_stands *stands = &p->stands;
+    const solver_points *p = solver_result_points(s->solver);
+    const solver_patch_points *stands = &p->stands;
     measured_surface on = {0};
     bool ok = measured_surface_open(&j->source, j->scan, &on, e);
     if (ok) {
@@ -514,7 +514,7 @@ bool job_measure(job *j, solution *s, error *e)
                                .count = p->count,
                                .position = p->position,
                                .spacing = p->spacing,
-                               .h = sampler_spacing(s->sampler),
+                               .h = solver_spacing(s->solver),
                                .spacing_at = s->sizing ? requested_at : NULL,
                                .spacing_context = s->sizing,
                                .sized = s->sizing != NULL,
@@ -548,7 +548,7 @@ static bool turn_points(const source *from, points *set, vec3 **out, error *e)
 bool job_write_points(job *j, error *e)
 {
     const solution *s = &j->solution;
-    const sampler_points *p = sampler_result_points(s->sampler);
+    const solver_points *p = solver_result_points(s->solver);
     points set = {.count = p->count,
                   .position = p->position,
                   .normal = p->normal,
@@ -572,7 +572,7 @@ bool job_write_points(job *j, error *e)
                         .triangles = source_mesh(&j->source),
                         .corner = (const uint32_t(*)[3])s->corner,
                         .corners = s->triangles,
-                        .h = sampler_spacing(s->sampler),
+                        .h = solver_spacing(s->solver),
                         .frame = j->options->frame};
     landing l;
     vec3 *turned = NULL;
@@ -580,7 +580,7 @@ bool job_write_points(job *j, error *e)
     if (j->source.turned && !turn_points(&j->source, &set, &turned, e)) return false;
     in.y_up = upright_y(j->spec, &set);
     in.unresolved = (double)s->measures.thin_count > UNRESOLVED_PICTURE * (double)p->count;
-    in.sweeps = sampler_sweeps(s->sampler, &in.sweep_count);
+    in.sweeps = solver_sweeps(s->solver, &in.sweep_count);
     json_free(j->report);
     j->report = json_new_object();
     double left = job_particle_memory(j) - (double)p->count * job_bytes_per_particle(j);

@@ -11,13 +11,13 @@
 #include "run/sequence.h"
 #include "run/snapshot.h"
 #include "source/source.h"
-#include "sampler/sampler.h"
+#include "solver/solver.h"
 
 /* A particle system at rest and its measures. */
 typedef struct solution {
     sizing_field *sizing;        /* NULL: even, or by alpha */
     scaled_curvature *curvature; /* of alpha; NULL: the field's own */
-    sampler *sampler;
+    solver *solver;
     double *spacing_local;
     double *degree; /* NULL: no picture shows it */
     uint32_t (
@@ -69,7 +69,7 @@ bool job_survey(job *j, error *e);
 bool job_place(job *j, solution *out, error *e);
 
 /* Sweeps until the system is at rest. With a time as target, ends also when only `reserve_s` of it are left. */
-bool job_relax(job *j, sampler *s, double reserve_s, error *e);
+bool job_relax(job *j, solver *s, double reserve_s, error *e);
 
 /* Makes the points final: on the surface to rounding, or on the triangles of its mesh. */
 bool job_finalize(job *j, solution *s, error *e);

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "sampler/curve_chains.h"
+#include "solver/curves/curve_chains.h"
 
 /* Patches at a curve whose labels are told. */
 enum { MOST_AROUND = 8 };
@@ -13,7 +13,7 @@ enum { MOST_AROUND = 8 };
 /* What is told, and of what. */
 typedef struct rows {
     const field_patches *patches;
-    const sampler_points *solved;
+    const solver_points *solved;
     const label_surface *labels; /* or NULL */
     curve_chains chains;
 } rows;
@@ -27,7 +27,7 @@ typedef struct row {
 
 static void visit(const rows *r, uint32_t point, row *out)
 {
-    const sampler_points *solved = r->solved;
+    const solver_points *solved = r->solved;
     if (out->points++ > 0) {
         const double length = vec3_norm(vec3_sub(solved->position[point], solved->position[out->last])),
                      one = solved->spacing[point], other = solved->spacing[out->last],
@@ -122,7 +122,7 @@ static void put_curves(const rows *r, double h, json *report)
 static void put_patches(const rows *r, const double *farthest, json *report)
 {
     const field_patches *p = r->patches;
-    const sampler_stands *stands = &r->solved->stands;
+    const solver_patch_points *stands = &r->solved->stands;
     json *object = json_put_object(report, "patches");
     size_t *points = mem_alloc(p->count * sizeof *points);
     double gap = 0;
@@ -147,7 +147,7 @@ static void put_patches(const rows *r, const double *farthest, json *report)
     free(points);
 }
 
-void patch_report_put(const field_patches *patches, const sampler_points *solved, const double *farthest,
+void patch_report_put(const field_patches *patches, const solver_points *solved, const double *farthest,
                       double h, const label_surface *labels, json *report)
 {
     rows r = {.patches = patches, .solved = solved, .labels = labels};

@@ -5,14 +5,14 @@
 #include "field/patches.h"
 #include "json/json.h"
 #include "labels/label_surface.h"
-#include "sampler/sampler.h"
+#include "solver/solver.h"
 
 /* Most that are told one by one, of patches and of curves; the others count in the totals. */
 enum { PATCH_REPORT_LISTED = 1000 };
 
 /* Adds the members `patches` and `curves`. `farthest`: of each patch, see coverage_measure; `h`: the spacing of the packing.
  * `labels`: of interfaces; else NULL. */
-void patch_report_put(const field_patches *patches, const sampler_points *solved, const double *farthest,
+void patch_report_put(const field_patches *patches, const solver_points *solved, const double *farthest,
                       double h, const label_surface *labels, json *report);
 
 #endif

@@ -15,7 +15,7 @@ const char *const progress_phase_names[PROGRESS_PHASES] = {PROGRESS_LIST(WORDS_T
 
 static const int64_t INTERVAL_MS = 100;
 
-/* Where the phases end, as shares of the job; the sampler alone knows how far it is. Within this time another phase covers
+/* Where the phases end, as shares of the job; the solver alone knows how far it is. Within this time another phase covers
  * two thirds of its way, so that something moves from the first second on, and never more than there is. */
 static const double phase_end[PROGRESS_PHASES] = {0.3, 0.4, 0.92, 0.96, 1};
 static const double PACE_S = 4;

@@ -59,7 +59,7 @@ static const double WORTH_ADVICE = 1.1;
 /* Walls thinner than the spacing: their share, and the number of points that separates them. */
 static void put_thin_walls(json *advice, json *warnings, const report_facts *facts)
 {
-    const size_t count = sampler_result_points(facts->sampler)->count;
+    const size_t count = solver_result_points(facts->solver)->count;
     const double area = facts->scan->area, share = (double)facts->measures->thin_count / (double)count;
     const advice_resolution to = advice_resolve(area, count, facts->measures->thin_factor);
     char *text = mem_printf(
@@ -81,7 +81,7 @@ static void put_advice(json *report, json *warnings, const report_facts *facts)
     json *advice = json_put_array(report, "advice");
     const label_surface *labels = facts->source->whole.labels;
     const bool hopeless = labels && label_advice_is_hopeless(labels);
-    const size_t count = sampler_result_points(facts->sampler)->count;
+    const size_t count = solver_result_points(facts->solver)->count;
     const bool thin = (double)facts->measures->thin_count > MEASURES_THIN_SHARE * (double)count &&
                       (count > FEW_POINTS || facts->verdict->outcome == VERDICT_UNRESOLVED);
     if (thin && !hopeless) put_thin_walls(advice, warnings, facts);
@@ -90,7 +90,7 @@ static void put_advice(json *report, json *warnings, const report_facts *facts)
         label_advice_append(advice, &facts->spec->surface.labels, labels);
     if (labels && thin && !hopeless)
         label_advice_append_majority(advice, &facts->spec->surface.labels, labels,
-                                     sampler_spacing(facts->sampler));
+                                     solver_spacing(facts->solver));
 }
 
 /* Whether outputs are asked for that hold floats relative to an origin. */
@@ -103,10 +103,10 @@ static bool has_scenes(const spec *s)
 static const size_t MOST_SWEEPS = 20000;
 
 /* A warning when the report lacks sweeps. */
-static void warn_of_sweeps(json *warnings, const sampler *s)
+static void warn_of_sweeps(json *warnings, const solver *s)
 {
     size_t count;
-    sampler_sweeps(s, &count);
+    solver_sweeps(s, &count);
     if (count <= MOST_SWEEPS) return;
     char *text = mem_printf("report.json has %zu of %zu sweeps, at equal distances.", MOST_SWEEPS, count);
     json_append_string(warnings, text);
@@ -133,7 +133,7 @@ static void put_surface(json *report, const report_facts *facts)
         json_append_string(warnings, text);
         free(text);
     }
-    warn_of_sweeps(warnings, facts->sampler);
+    warn_of_sweeps(warnings, facts->solver);
     put_advice(report, warnings, facts);
     put_mesh(report, warnings, facts);
 }
@@ -175,23 +175,26 @@ static void put_quality(json *report, const report_facts *facts)
     json_put_number(object, "unmeasured_share", m->unmeasured_share);
     json_put_number(object, "max_residual", facts->results->max_residual);
     json_put_number(object, "rms_residual", facts->results->rms_residual);
-    json_put_number(object, "largest_move", facts->landed / sampler_spacing(facts->sampler));
-    json_put_integer(object, "lost", (int64_t)sampler_result_points(facts->sampler)->lost);
-    json_put_integer(object, "removed_offsurface", (int64_t)sampler_removed_offsurface(facts->sampler));
+    json_put_number(object, "largest_move", facts->landed / solver_spacing(facts->solver));
+    json_put_integer(object, "lost", (int64_t)solver_result_points(facts->solver)->lost);
+    json_put_integer(object, "removed_offsurface", (int64_t)solver_removed_offsurface(facts->solver));
     json_put_number(object, "euler", m->euler);
     json *graded = json_put_object(object, "grading");
     json_put_number(graded, "cv", m->grading_cv);
     json_put_number(graded, "exponent", m->grading_exponent);
-    put_deprecated(object, m, sampler_result_points(facts->sampler)->count);
+    put_deprecated(object, m, solver_result_points(facts->solver)->count);
 }
 
-static void put_rounds(json *report, const sampler *s)
+static void put_rounds(json *report, const solver *s)
 {
     size_t count;
-    const sampler_round *round = sampler_rounds(s, &count);
+    const solver_round *round = solver_rounds(s, &count);
     json *array = json_put_array(report, "rounds");
     for (size_t k = 0; k < count; k++) {
         json *object = json_append_object(array);
+        json_put_string(object, "regime", round[k].regime);
+        json_put_string(object, "began", round[k].began);
+        json_put_string(object, "ended", round[k].ended);
         json_put_integer(object, "sweeps", round[k].sweeps);
         json_put_integer(object, "inserted", (int64_t)round[k].inserted);
         json_put_integer(object, "deleted", (int64_t)round[k].deleted);
@@ -203,10 +206,10 @@ static void put_rounds(json *report, const sampler *s)
 }
 
 /* The first and the last sweep, and between them as many as there is room for, at equal distances. */
-static void put_sweeps(json *report, const sampler *s)
+static void put_sweeps(json *report, const solver *s)
 {
     size_t count;
-    const sampler_sweep *sweep = sampler_sweeps(s, &count);
+    const solver_sweep *sweep = solver_sweeps(s, &count);
     const size_t rows = count < MOST_SWEEPS ? count : MOST_SWEEPS;
     json_put_integer(report, "sweeps_total", (int64_t)count);
     json *array = json_put_array(report, "sweeps");
@@ -284,7 +287,7 @@ static void put_alpha(json *report, const report_facts *facts)
 static void put_target(json *report, const report_facts *facts)
 {
     const spec *s = facts->spec;
-    const sampler_points *solved = sampler_result_points(facts->sampler);
+    const solver_points *solved = solver_result_points(facts->solver);
     json *requested = json_put_object(report, "requested"), *reached = json_put_object(report, "reached");
     if (s->count > 0) {
         json_put_integer(requested, "count", s->count);
@@ -292,7 +295,7 @@ static void put_target(json *report, const report_facts *facts)
     }
     if (s->spacing > 0) {
         json_put_number(requested, "spacing", s->spacing);
-        json_put_number(reached, "spacing", sampler_spacing(facts->sampler));
+        json_put_number(reached, "spacing", solver_spacing(facts->solver));
     }
     if (s->density > 0) {
         json_put_number(requested, "density", s->density);
@@ -317,7 +320,7 @@ static void put_target(json *report, const report_facts *facts)
 
 void report_fill(json *report, const report_facts *facts)
 {
-    const sampler_points *solved = sampler_result_points(facts->sampler);
+    const solver_points *solved = solver_result_points(facts->solver);
     json_put_string(report, "schema", "hexad.report");
     json_put_integer(report, "version", 1);
     verdict_describe(facts->verdict, report);
@@ -329,9 +332,9 @@ void report_fill(json *report, const report_facts *facts)
     put_alpha(report, facts);
     if (facts->source->field->patches)
         patch_report_put(facts->source->field->patches, solved, facts->farthest,
-                         sampler_spacing(facts->sampler), facts->source->whole.labels, report);
+                         solver_spacing(facts->solver), facts->source->whole.labels, report);
     json_put_number(report, "sigma", solved->sigma);
-    json_put_number(report, "spacing", sampler_spacing(facts->sampler));
+    json_put_number(report, "spacing", solver_spacing(facts->solver));
     json_put_number(report, "mean_neighbours", solved->mean_neighbours);
     json_put_number(report, "step_left", solved->step_left);
     json *energy = json_put_object(report, "energy");
@@ -340,8 +343,8 @@ void report_fill(json *report, const report_facts *facts)
     json_put_number(energy, "excess", solved->mean_energy / solved->ideal_energy - 1);
     put_quality(report, facts);
     ratings_describe(facts->measures, report);
-    put_rounds(report, facts->sampler);
-    put_sweeps(report, facts->sampler);
+    put_rounds(report, facts->solver);
+    put_sweeps(report, facts->solver);
     put_timing(report, facts->progress);
     json_put_integer(report, "peak_memory_bytes", facts->peak_memory);
     json_put_integer(report, "threads", facts->threads);

@@ -9,7 +9,7 @@
 #include "run/attributes.h"
 #include "source/source.h"
 #include "run/verdict.h"
-#include "sampler/sampler.h"
+#include "solver/solver.h"
 #include "spec/spec.h"
 #include "surface/surface.h"
 
@@ -20,7 +20,7 @@ typedef struct report_facts {
     const surface *scan;
     const sizing_field *sizing;        /* or NULL */
     const scaled_curvature *curvature; /* of sampling.alpha, or NULL */
-    const sampler *sampler;
+    const solver *solver;
     const measures *measures;
     double landed;          /* the largest distance by which points were moved onto a mesh */
     const double *farthest; /* the coverage of each patch */

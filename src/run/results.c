@@ -24,7 +24,7 @@
 #include "run/patch_meshes.h"
 #include "run/snapshot.h"
 #include "run/verdict.h"
-#include "sampler/curve_chains.h"
+#include "solver/curves/curve_chains.h"
 #include "store/file.h"
 #include "store/late_commit.h"
 #include "vdb/vdb.h"
@@ -344,7 +344,7 @@ static bool write_mesh(const char *directory, const results_input *in, bool as_f
                        json *outputs, results_facts *out, error *e)
 {
     const points *set = in->set;
-    const sampler_stands *stands = &in->solved->stands;
+    const solver_patch_points *stands = &in->solved->stands;
     const field_patches *patches = in->sampled->patches;
     size_t side_count = 0;
     uint32_t(*side)[2] = patches ? curve_chains_steps(patches, in->solved, &side_count) : NULL;
@@ -564,7 +564,7 @@ static bool write_convergence(const char *directory, const results_input *in, js
     canvas picture = {0};
     if (!values) return false;
     for (size_t k = 0; k < n; k++) {
-        const sampler_sweep *sweep = &in->sweeps[k];
+        const solver_sweep *sweep = &in->sweeps[k];
         values[ENERGY * n + k] = sweep->energy;
         values[LAMBDA * n + k] = sweep->mean_log10_lambda;
         values[STEP * n + k] = sweep->rms_step;

@@ -11,7 +11,7 @@
 #include "labels/label_surface.h"
 #include "triangles/mesh.h"
 #include "voronoi/triangulation.h"
-#include "sampler/sampler.h"
+#include "solver/solver.h"
 #include "spec/spec.h"
 
 typedef struct results_facts {
@@ -34,7 +34,7 @@ typedef struct results_input {
     const points *set;
     const label_surface *labels;  /* of interfaces; else NULL */
     const field *sampled;         /* that the points were found on, whose space may be another */
-    const sampler_points *solved; /* the points in that space, as the mesh is made of them */
+    const solver_points *solved; /* the points in that space, as the mesh is made of them */
     const mesh *triangles;        /* that the points lie on; or NULL */
     const uint32_t (*corner)[3];  /* of the triangles between the points, where these are known; else NULL */
     size_t corners;
@@ -42,7 +42,7 @@ typedef struct results_input {
     bool y_up;                   /* in pictures and scenes; else z is */
     bool unresolved;             /* many points lie on walls thinner than the spacing */
     double h;                    /* of the ideal packing */
-    const sampler_sweep *sweeps; /* at least one */
+    const solver_sweep *sweeps; /* at least one */
     size_t sweep_count;
 } results_input;
 

@@ -17,10 +17,10 @@ static bool relax(job *j, error *e)
 {
     progress_enter(&j->progress, PROGRESS_RELAX);
     if (j->spec->time_s > 0) return time_target_fill(j, e);
-    const sampler *s = j->solution.sampler;
-    return job_relax(j, j->solution.sampler, 0, e) && job_finalize(j, &j->solution, e) &&
+    const solver *s = j->solution.solver;
+    return job_relax(j, j->solution.solver, 0, e) && job_finalize(j, &j->solution, e) &&
            job_reach(j, &j->solution, e) &&
-           (!j->spec->coherent || sequence_end(&j->sequence, sampler_result_points(s), e));
+           (!j->spec->coherent || sequence_end(&j->sequence, solver_result_points(s), e));
 }
 
 static bool measure_result(job *j, error *e)
@@ -40,20 +40,19 @@ static bool write_results(job *j, error *e)
  * ideal, or else the count decides it. */
 static verdict_input judged_of(const job *j)
 {
-    const sampler *s = j->solution.sampler;
-    const sampler_points *p = sampler_result_points(s);
-    const sampler_outcome end = sampler_result(s);
-    size_t sweeps, rounds;
-    const sampler_sweep *sweep = sampler_sweeps(s, &sweeps);
-    const sampler_round *round = sampler_rounds(s, &rounds);
+    const solver *s = j->solution.solver;
+    const solver_points *p = solver_result_points(s);
+    const solver_outcome end = solver_result(s);
+    size_t sweeps;
+    const solver_sweep *sweep = solver_sweeps(s, &sweeps);
     return (verdict_input){
         .measures = &j->solution.measures,
-        .stopped = end == SAMPLER_RUNNING || end == SAMPLER_OUT_OF_SWEEPS,
+        .stopped = end == SOLVER_RUNNING || end == SOLVER_OUT_OF_SWEEPS,
         .rms_step = sweeps > 0 ? sweep[sweeps - 1].rms_step : 0,
         .step_left = p->step_to_rest,
         .step_tolerance = j->spec->step_tolerance,
-        .gain = rounds > 0 ? round[rounds - 1].gain : 0,
-        .gain_tolerance = sampler_coarsest_gain(s),
+        .gain = solver_gain(s),
+        .gain_tolerance = solver_coarsest_gain(s),
         .energy_error = j->spec->method == SPEC_METHOD_SIZED ? 0 : fabs(p->mean_energy / p->ideal_energy - 1),
         .energy_tolerance = j->spec->energy_tolerance,
         .count_error = j->spec->has_control || j->count == 0 ? 0
@@ -79,7 +78,7 @@ static bool write_report(job *j, verdict_outcome *outcome, error *e)
         .scan = j->scan,
         .sizing = s->sizing,
         .curvature = s->curvature,
-        .sampler = s->sampler,
+        .solver = s->solver,
         .measures = &s->measures,
         .farthest = s->farthest,
         .landed = s->landed,

@@ -116,7 +116,7 @@ bool sequence_transfer(sequence *s, const field *f, const surface *scan, frame_t
     return ok;
 }
 
-static bool measure_drift(sequence *s, const sampler_points *p, error *e)
+static bool measure_drift(sequence *s, const solver_points *p, error *e)
 {
     double *drift = mem_array(p->count, sizeof *drift, what, e);
     size_t n = 0;
@@ -143,7 +143,7 @@ static bool begin_first(sequence *s, size_t count, error *e)
     return true;
 }
 
-bool sequence_end(sequence *s, const sampler_points *p, error *e)
+bool sequence_end(sequence *s, const solver_points *p, error *e)
 {
     double frames = s->frame - s->previous_frame;
     if (!(s->velocity = mem_array(p->count, sizeof *s->velocity, what, e))) return false;

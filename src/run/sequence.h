@@ -11,7 +11,7 @@
 #include "base/threads.h"
 #include "formats/ply.h"
 #include "json/json.h"
-#include "sampler/sampler.h"
+#include "solver/solver.h"
 #include "sequence/frame_transfer.h"
 
 /* The results of the previous frame, open. */
@@ -48,7 +48,7 @@ bool sequence_transfer(sequence *s, const field *f, const surface *scan, frame_t
 
 /* With final points: computes velocities, gives ids to new points, and measures the drift. Errors: limit_memory;
  * internal when there are no more ids. */
-bool sequence_end(sequence *s, const sampler_points *p, error *e);
+bool sequence_end(sequence *s, const solver_points *p, error *e);
 
 /* Writes the member `sequence`; `energy_excess` is that of this frame. */
 void sequence_describe(const sequence *s, double energy_excess, json *report);

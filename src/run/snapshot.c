@@ -32,7 +32,7 @@ typedef struct selection {
 } selection;
 
 /* Selects every step-th particle. False: there is no memory for them. */
-static bool select_particles(const sampler_particles *p, const source *from, selection *out)
+static bool select_particles(const solver_particles *p, const source *from, selection *out)
 {
     error why = {0};
     const size_t step = (p->count + POINTS_MOST - 1) / POINTS_MOST, count = (p->count + step - 1) / step;
@@ -67,7 +67,7 @@ static void put_float(FILE *file, double value)
     fwrite(&bits, sizeof bits, 1, file);
 }
 
-static void write_ply(FILE *file, const sampler_particles *p, const selection *s, bool y_up)
+static void write_ply(FILE *file, const solver_particles *p, const selection *s, bool y_up)
 {
     fprintf(
         file,
@@ -83,7 +83,7 @@ static void write_ply(FILE *file, const sampler_particles *p, const selection *s
     }
 }
 
-static void write_file(const snapshot *w, const sampler_particles *p, const selection *s, bool y_up)
+static void write_file(const snapshot *w, const solver_particles *p, const selection *s, bool y_up)
 {
     FILE *file = fopen(w->temporary, "we");
     if (!file) return;
@@ -93,10 +93,10 @@ static void write_file(const snapshot *w, const sampler_particles *p, const sele
     if (!ok || rename(w->temporary, w->path) != 0) unlink(w->temporary);
 }
 
-void snapshot_offer(snapshot *w, const sampler *s, const source *from, const spec *asked)
+void snapshot_offer(snapshot *w, const solver *s, const source *from, const spec *asked)
 {
     if (!w->path || clock_monotonic_ms() < w->due_ms) return;
-    const sampler_particles p = sampler_current_particles(s);
+    const solver_particles p = solver_current_particles(s);
     selection chosen = {0};
     if (p.count > 0 && select_particles(&p, from, &chosen)) {
         const points set = {.count = chosen.count,

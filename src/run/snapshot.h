@@ -10,7 +10,7 @@
 #include <stdint.h>
 
 #include "base/worker_contract.h"
-#include "sampler/sampler.h"
+#include "solver/solver.h"
 #include "source/source.h"
 
 /* The file while it is written. */
@@ -26,7 +26,7 @@ void snapshot_begin(snapshot *w, const char *directory);
 
 /* Writes the current particles of `s`, in world space, if 2 s have passed since snapshot_begin and since the last snapshot.
  * If there are more than 20 000 particles, it writes every k-th. */
-void snapshot_offer(snapshot *w, const sampler *s, const source *from, const spec *asked);
+void snapshot_offer(snapshot *w, const solver *s, const source *from, const spec *asked);
 
 /* Removes the file. May be called by another thread just before the process ends. */
 void snapshot_end(const snapshot *w);

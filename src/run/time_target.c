@@ -21,11 +21,11 @@ static bool run_in_time(job *j, cost_model *p, double reserve_s, solution *out, 
     int64_t begin = clock_monotonic_ms();
     *late = false;
     if (!job_place(j, out, e) ||
-        !job_relax(j, out->sampler, reserve_s + TAIL_SLACK * cost_model_rest(p, j->count), e))
+        !job_relax(j, out->solver, reserve_s + TAIL_SLACK * cost_model_rest(p, j->count), e))
         return false;
     size_t sweeps;
-    const sampler_sweep *last = sampler_sweeps(out->sampler, &sweeps) + sweeps - 1;
-    *late = !sampler_ended(out->sampler) && (last->rms_step > STEP_FIT || 2 * last->count < j->count);
+    const solver_sweep *last = solver_sweeps(out->solver, &sweeps) + sweeps - 1;
+    *late = !solver_ended(out->solver) && (last->rms_step > STEP_FIT || 2 * last->count < j->count);
     if (*late) {
         job_free_solution(out);
         return true;

@@ -11,11 +11,11 @@
 #include "geometry/point_tree.h"
 #include "packing/neighbours.h"
 #include "packing/packing.h"
-#include "particles/allotment.h"
-#include "particles/particles.h"
-#include "particles/random_streams.h"
-#include "particles/relax.h"
-#include "sampler/schedule.h"
+#include "solver/curves/quota.h"
+#include "solver/particles/particles.h"
+#include "solver/particles/random_streams.h"
+#include "solver/passes/relax.h"
+#include "solver/schedule.h"
 
 /* On the surface to this fraction of the spacing; the relaxation does the rest. */
 static const double LANDED = 1e-3;
@@ -70,7 +70,7 @@ typedef struct candidates {
     double h; /* of an even packing */
     /* Of a surface with patches: how many particles each patch is to have, and the rows on its curves. Their particles are the first
      * `fixed` candidates, are taken, and stay where they are. */
-    allotment allotted;
+    quota allotted;
     size_t fixed;
     size_t wanted; /* particles: points, and on curves one for each patch there */
     size_t carried, count;
@@ -107,7 +107,7 @@ void frame_transfer_free(frame_transfer *c)
 
 static void candidates_free(candidates *c)
 {
-    allotment_free(&c->allotted);
+    quota_free(&c->allotted);
     free(c->position);
     free(c->normal);
     free(c->spacing);
@@ -196,7 +196,7 @@ static void carry_chunk(void *context, int worker, size_t begin, size_t end)
 /* The particles on curves, which no carried point has yet. */
 static void place_curve_samples(candidates *c)
 {
-    const curve_rows *rows = &c->allotted.rows;
+    const curve_samples *rows = &c->allotted.rows;
     c->fixed = rows->stands;
     for (size_t i = 0; i < c->fixed; i++) {
         c->position[i] = c->landed[i] = rows->position[rows->place[i]];
@@ -792,10 +792,10 @@ static bool hand_over(candidates *c, frame_transfer *out, error *e)
 /* Shares the points out among patches and curves, as the solve will. */
 static bool allot(candidates *c, error *e)
 {
-    const allotment_input in = {c->f, c->scan, c->params->sizing, c->h};
+    const quota_input in = {c->f, c->scan, c->params->sizing, c->h};
     if (!c->f->patches) return true;
-    if (!allotment_for_count(&in, c->params->count, &c->allotted, e)) return false;
-    c->wanted = allotment_particles(&c->allotted);
+    if (!quota_for_count(&in, c->params->count, &c->allotted, e)) return false;
+    c->wanted = quota_particles(&c->allotted);
     c->h = c->allotted.spacing;
     return true;
 }

@@ -12,7 +12,7 @@
 #define PLAN_COUNT_MIN 4.0
 #define PLAN_COUNT_MAX 1e8
 
-/* Whether the packing is mended where it has come to rest in disorder (sampler_mend). */
+/* Whether the packing is mended where it has come to rest in disorder (solver_repair_defects). */
 bool plan_is_mended(const spec *s);
 
 /* Bytes that particles may take: the job's `limit` minus the bytes of the source, of pictures and of pieces that are mended. May

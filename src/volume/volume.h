@@ -119,7 +119,7 @@ double volume_mesh_least_voxel(double offset);
 volume *volume_open_dense(const volume_dense_request *request, error *e);
 
 /* How many crossed cells within `box` lie at an end of dense data whose faces are not aligned with the
- * world's axes: the sampler cannot follow a boundary there. */
+ * world's axes: the solver cannot follow a boundary there. */
 size_t volume_loose_ends(const volume *v, bbox box);
 
 /* Moves the field of dense data into a space along their own axes, in which their ends are faces of the domain. Lengths and

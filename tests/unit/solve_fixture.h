@@ -7,9 +7,9 @@
 #include <string.h>
 
 #include "field/patches.h"
-#include "sampler/sampler.h"
+#include "solver/solver.h"
 
-static const sampler_params solve_defaults = {.count = 600,
+static const solver_params solve_defaults = {.count = 600,
                                               .seed = 1,
                                               .coarse_to_fine = true,
                                               .max_sweeps = 5000,
@@ -21,41 +21,41 @@ typedef struct solve {
     const field *field;
     threads *pool;
     surface *scan;
-    sampler *sampler;
-    const sampler_points *points; /* once finalized */
+    solver *solver;
+    const solver_points *points; /* once finalized */
 } solve;
 
-static inline void solve_begin(const field *f, const sampler_params *params, int workers,
+static inline void solve_begin(const field *f, const solver_params *params, int workers,
                                const volatile sig_atomic_t *stop, solve *out)
 {
     error e = {0};
     *out = (solve){.field = f, .pool = threads_new(workers, stop, &e)};
     out->scan = surface_scan(f, out->pool, &e);
     if (!out->scan) fail_msg("%s", e.message);
-    out->sampler = sampler_new(f, out->scan, params, out->pool, &e);
-    if (!out->sampler) fail_msg("%s", e.message);
+    out->solver = solver_new(f, out->scan, params, out->pool, &e);
+    if (!out->solver) fail_msg("%s", e.message);
 }
 
 static inline void solve_step(solve *x)
 {
     error e = {0};
-    if (!sampler_step(x->sampler, &e)) fail_msg("%s", e.message);
+    if (!solver_step(x->solver, &e)) fail_msg("%s", e.message);
 }
 
 static inline void solve_finalize(solve *x)
 {
     error e = {0};
-    if (!sampler_finalize(x->sampler, &e)) fail_msg("%s", e.message);
-    x->points = sampler_result_points(x->sampler);
+    if (!solver_finalize(x->solver, &e)) fail_msg("%s", e.message);
+    x->points = solver_result_points(x->solver);
 }
 
 static inline void solve_finish(solve *x)
 {
-    while (!sampler_ended(x->sampler)) solve_step(x);
+    while (!solver_ended(x->solver)) solve_step(x);
     solve_finalize(x);
 }
 
-static inline void solve_all(const field *f, const sampler_params *params, int workers, solve *out)
+static inline void solve_all(const field *f, const solver_params *params, int workers, solve *out)
 {
     solve_begin(f, params, workers, NULL, out);
     solve_finish(out);
@@ -63,13 +63,13 @@ static inline void solve_all(const field *f, const sampler_params *params, int w
 
 static inline void solve_free(solve *x)
 {
-    sampler_free(x->sampler);
+    solver_free(x->solver);
     surface_free(x->scan);
     threads_free(x->pool);
 }
 
 /* The distance of x from the nearest point except `skip`, in the requested spacings of that point. */
-static inline double solve_nearest(const sampler_points *p, vec3 x, size_t skip)
+static inline double solve_nearest(const solver_points *p, vec3 x, size_t skip)
 {
     double least = INFINITY;
     for (size_t i = 0; i < p->count; i++)
@@ -78,7 +78,7 @@ static inline double solve_nearest(const sampler_points *p, vec3 x, size_t skip)
 }
 
 /* The least distance between two points, in requested spacings. */
-static inline double solve_least_distance(const sampler_points *p)
+static inline double solve_least_distance(const solver_points *p)
 {
     double least = INFINITY;
     for (size_t i = 0; i < p->count; i++) least = fmin(least, solve_nearest(p, p->position[i], i));

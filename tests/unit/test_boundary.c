@@ -12,9 +12,9 @@
 #include "base/memory.h"
 #include "close.h"
 #include "field/region.h"
-#include "sampler/sampler.h"
+#include "solver/solver.h"
 #include "shapes.h"
-#include "curves/boundary.h"
+#include "solver/curves/boundary.h"
 
 /* A particle this near to a face (of h) is on it; one this far from a curve (of h) belongs to another. */
 static const double ON_FACE = 1e-3, ON_CURVE = 0.25;
@@ -214,7 +214,7 @@ static int compare_double(const void *a, const void *b)
     return (*(const double *)a > *(const double *)b) - (*(const double *)a < *(const double *)b);
 }
 
-static void measure_curve(const curve *c, const sampler_points *p, const face *f, double h, rim_rows *out)
+static void measure_curve(const curve *c, const solver_points *p, const face *f, double h, rim_rows *out)
 {
     double *where = mem_alloc((p->count + 1) * sizeof *where), length = c->at[c->count - 1];
     size_t n = 0;
@@ -236,7 +236,7 @@ static void measure_curve(const curve *c, const sampler_points *p, const face *f
     free(where);
 }
 
-static rim_rows measure_rims(const field *whole, const sampler_points *p, double h)
+static rim_rows measure_rims(const field *whole, const solver_points *p, double h)
 {
     rim_rows out = {0};
     for (int number = 0; number < 6; number++) {
@@ -265,23 +265,23 @@ static rim_rows solve(const field *f, size_t count, bool coarse_to_fine, uint64_
     threads *pool = threads_new(2, NULL, &e);
     surface *scan = surface_scan(f, pool, &e);
     if (!scan) fail_msg("%s", e.message);
-    const sampler_params params = {.count = count,
+    const solver_params params = {.count = count,
                                    .seed = seed,
                                    .coarse_to_fine = coarse_to_fine,
                                    .max_sweeps = 5000,
                                    .list_limit = SIZE_MAX,
                                    .step_tolerance = 1e-3,
                                    .energy_tolerance = 0.05};
-    sampler *s = sampler_new(f, scan, &params, pool, &e);
+    solver *s = solver_new(f, scan, &params, pool, &e);
     if (!s) fail_msg("%s", e.message);
-    while (!sampler_ended(s)) assert_true(sampler_step(s, &e));
-    assert_true(sampler_finalize(s, &e));
-    const sampler_points *p = sampler_result_points(s);
+    while (!solver_ended(s)) assert_true(solver_step(s, &e));
+    assert_true(solver_finalize(s, &e));
+    const solver_points *p = solver_result_points(s);
     assert_int_equal(p->count, count);
     assert_int_equal(p->lost, 0);
     for (size_t i = 0; i < p->count; i++) assert_true(bbox_contains(f->domain, p->position[i]));
-    rim_rows r = measure_rims(f, p, sampler_spacing(s));
-    sampler_free(s);
+    rim_rows r = measure_rims(f, p, solver_spacing(s));
+    solver_free(s);
     surface_free(scan);
     threads_free(pool);
     return r;

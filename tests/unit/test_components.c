@@ -10,7 +10,7 @@
 
 #include "close.h"
 #include "geometry/affine.h"
-#include "sampler/sampler.h"
+#include "solver/solver.h"
 #include "surface/components.h"
 
 /* Two balls, apart: the lesser of two distances, which is smooth near either. */
@@ -150,27 +150,27 @@ static void a_small_part_gets_its_share(void **state)
     for (double small = 0.05; small < 0.9; small *= 2.3) {
         balls b = make_balls(small, 0.19 + small);
         surface *scan = surface_scan(&b.base, pool, &e);
-        const sampler_params params = {.count = 6000,
+        const solver_params params = {.count = 6000,
                                        .seed = 1,
                                        .max_sweeps = 5000,
                                        .list_limit = SIZE_MAX,
                                        .step_tolerance = 3e-3,
                                        .energy_tolerance = 0.05,
                                        .coarse_to_fine = true};
-        sampler *s = sampler_new(&b.base, scan, &params, pool, &e);
+        solver *s = solver_new(&b.base, scan, &params, pool, &e);
         assert_non_null(s);
-        while (!sampler_ended(s)) assert_true(sampler_step(s, &e));
-        assert_true(sampler_finalize(s, &e));
-        const sampler_points *p = sampler_result_points(s);
+        while (!solver_ended(s)) assert_true(solver_step(s, &e));
+        assert_true(solver_finalize(s, &e));
+        const solver_points *p = solver_result_points(s);
         double on_small = 0, wanted = 6000 * small * small / (1 + small * small);
         for (size_t i = 0; i < p->count; i++) on_small += p->position[i].x > 1.1;
         size_t rounds;
         print_message("# radius %.3f: %.0f of %.1f, from %zu\n", small, on_small, wanted,
-                      sampler_rounds(s, &rounds)[0].count);
-        assert_true(sampler_rounds(s, &rounds)[0].count < 6000 / 3);
+                      solver_rounds(s, &rounds)[0].count);
+        assert_true(solver_rounds(s, &rounds)[0].count < 6000 / 3);
         assert_int_equal(p->count, 6000);
         assert_close(on_small, wanted, fmax(0.05 * wanted, 1));
-        sampler_free(s);
+        solver_free(s);
         surface_free(scan);
         free(b.crossing);
     }

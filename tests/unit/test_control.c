@@ -10,8 +10,8 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "particles/population.h"
-#include "sampler/sampler.h"
+#include "solver/particles/population.h"
+#include "solver/solver.h"
 #include "shapes.h"
 
 enum { QUARTIC = 4 };
@@ -122,14 +122,14 @@ typedef struct solved {
     analytic *a;
     threads *pool;
     surface *scan;
-    sampler *s;
-    const sampler_points *points;
+    solver *s;
+    const solver_points *points;
     size_t inserted, deleted;
 } solved;
 
-static sampler_params bounded(size_t start, size_t min_count, double max_sigma)
+static solver_params bounded(size_t start, size_t min_count, double max_sigma)
 {
-    return (sampler_params){.count = start,
+    return (solver_params){.count = start,
                             .min_count = min_count,
                             .max_sigma = max_sigma,
                             .seed = 1,
@@ -139,21 +139,21 @@ static sampler_params bounded(size_t start, size_t min_count, double max_sigma)
                             .energy_tolerance = 0.05};
 }
 
-static void solve(int shape, const sampler_params *params, int workers, solved *x)
+static void solve(int shape, const solver_params *params, int workers, solved *x)
 {
     error e = {0};
     *x = (solved){0};
     x->a = analytic_new(&shapes[shape], NULL, &e);
     x->pool = threads_new(workers, NULL, &e);
     x->scan = surface_scan(&x->a->base, x->pool, &e);
-    x->s = sampler_new(&x->a->base, x->scan, params, x->pool, &e);
+    x->s = solver_new(&x->a->base, x->scan, params, x->pool, &e);
     if (!x->s) fail_msg("%s", e.message);
-    while (!sampler_ended(x->s))
-        if (!sampler_step(x->s, &e)) fail_msg("%s", e.message);
-    assert_true(sampler_finalize(x->s, &e));
-    x->points = sampler_result_points(x->s);
+    while (!solver_ended(x->s))
+        if (!solver_step(x->s, &e)) fail_msg("%s", e.message);
+    assert_true(solver_finalize(x->s, &e));
+    x->points = solver_result_points(x->s);
     size_t rounds, before = params->count;
-    const sampler_round *round = sampler_rounds(x->s, &rounds);
+    const solver_round *round = solver_rounds(x->s, &rounds);
     for (size_t k = 0; k < rounds; k++) { /* the counts are accounted for */
         assert_int_equal(round[k].count, before);
         before = before + round[k].inserted - round[k].deleted;
@@ -167,7 +167,7 @@ static void solve(int shape, const sampler_params *params, int workers, solved *
 
 static void release(solved *x)
 {
-    sampler_free(x->s);
+    solver_free(x->s);
     surface_free(x->scan);
     threads_free(x->pool);
     analytic_free(x->a);
@@ -178,7 +178,7 @@ static void release(solved *x)
 static void expect_bounds(const solved *x, size_t min_count, double max_sigma)
 {
     double direct = 6 * x->scan->area / (sqrt(3) * max_sigma * max_sigma);
-    assert_int_equal(sampler_result(x->s), SAMPLER_CONVERGED);
+    assert_int_equal(solver_result(x->s), SOLVER_CONVERGED);
     assert_int_equal(x->points->lost, 0);
     assert_true(x->points->count >= min_count);
     assert_true(x->points->sigma <= max_sigma * (1 + 1e-12));
@@ -190,7 +190,7 @@ static void particles_are_inserted_until_sigma_is_within_its_bound(void **state)
 {
     (void)state;
     for (int unbiased = 0; unbiased < 2; unbiased++) {
-        sampler_params params = bounded(20, 20, SIGMA);
+        solver_params params = bounded(20, 20, SIGMA);
         params.unbiased = unbiased;
         solved x;
         solve(QUARTIC, &params, 1, &x);
@@ -204,7 +204,7 @@ static void particles_are_deleted_while_sigma_allows(void **state)
 {
     (void)state;
     for (int unbiased = 0; unbiased < 2; unbiased++) {
-        sampler_params params = bounded(1000, 250, SIGMA);
+        solver_params params = bounded(1000, 250, SIGMA);
         params.unbiased = unbiased;
         solved x;
         solve(QUARTIC, &params, 1, &x);
@@ -219,7 +219,7 @@ static void a_narrow_tolerance_is_met(void **state)
 {
     (void)state;
     for (size_t start = 150; start <= 1500; start *= 10) {
-        sampler_params params = bounded(start, 150, SIGMA);
+        solver_params params = bounded(start, 150, SIGMA);
         params.energy_tolerance = 1e-3;
         solved x;
         solve(QUARTIC, &params, 1, &x);
@@ -233,7 +233,7 @@ static void the_least_count_binds(void **state)
 {
     (void)state;
     for (size_t start = 720; start <= 1200; start += 480) {
-        sampler_params params = bounded(start, 720, SIGMA);
+        solver_params params = bounded(start, 720, SIGMA);
         solved x;
         solve(QUARTIC, &params, 1, &x);
         expect_bounds(&x, 720, SIGMA);
@@ -246,13 +246,13 @@ static void the_least_count_binds(void **state)
 static void amplitudes_and_rims_do_not_disturb_it(void **state)
 {
     (void)state;
-    sampler_params params = bounded(100, 100, 0.1);
+    solver_params params = bounded(100, 100, 0.1);
     params.graded = true;
     params.d = 2, params.gamma = 0.1, params.nu = 0.75, params.kappa_max = 20;
     for (int shape = QUARTIC; shape < SHAPE_COUNT; shape++) { /* quartic and gyroid */
         solved x;
         solve(shape, &params, 1, &x);
-        assert_int_equal(sampler_result(x.s), SAMPLER_CONVERGED);
+        assert_int_equal(solver_result(x.s), SOLVER_CONVERGED);
         assert_true(x.points->count >= 100 && x.points->sigma <= 0.1 * (1 + 1e-12));
         assert_true(fabs(x.points->mean_energy / x.points->ideal_energy - 1) < 0.05);
         release(&x);
@@ -262,7 +262,7 @@ static void amplitudes_and_rims_do_not_disturb_it(void **state)
 static void threads_do_not_show(void **state)
 {
     (void)state;
-    sampler_params params = bounded(50, 50, 0.14);
+    solver_params params = bounded(50, 50, 0.14);
     solved one, many;
     solve(QUARTIC, &params, 1, &one);
     solve(QUARTIC, &params, 3, &many);
@@ -276,17 +276,17 @@ static void more_than_memory_holds_is_an_error(void **state)
 {
     (void)state;
     error e = {0};
-    sampler_params params = bounded(50, 50, 0.05);
+    solver_params params = bounded(50, 50, 0.05);
     params.count_limit = 1000;
     analytic *a = analytic_new(&shapes[QUARTIC], NULL, NULL);
     threads *pool = threads_new(1, NULL, NULL);
     surface *scan = surface_scan(&a->base, pool, NULL);
-    sampler *s = sampler_new(&a->base, scan, &params, pool, &e);
+    solver *s = solver_new(&a->base, scan, &params, pool, &e);
     bool ok = true;
-    while (ok && !sampler_ended(s)) ok = sampler_step(s, &e);
+    while (ok && !solver_ended(s)) ok = solver_step(s, &e);
     assert_false(ok);
     assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
-    sampler_free(s);
+    solver_free(s);
     surface_free(scan);
     threads_free(pool);
     analytic_free(a);

@@ -11,7 +11,7 @@
 #include "close.h"
 #include "packing/packing.h"
 #include "shapes.h"
-#include "particles/coverage.h"
+#include "solver/particles/coverage.h"
 
 /* Points on a sphere in a spiral whose turns are one spacing apart, but for those within `bald` of the pole. */
 static size_t spiral(size_t count, double bald, vec3 *out)

@@ -12,8 +12,8 @@
 #include "close.h"
 #include "packing/packing.h"
 #include "voronoi/quality.h"
-#include "sampler/levels.h"
-#include "sampler/sampler.h"
+#include "solver/level_plan.h"
+#include "solver/solver.h"
 #include "sequence/frame_transfer.h"
 #include "shapes.h"
 
@@ -48,11 +48,11 @@ static void strike(stage *s)
 }
 
 /* A packing at rest, from a start or as it comes. */
-static sampler *pack(const stage *s, size_t count, const frame_transfer *start)
+static solver *pack(const stage *s, size_t count, const frame_transfer *start)
 {
     error e = {0};
-    const sampler_params params = {.count = count,
-                                   .start = start ? SAMPLER_START_GIVEN : SAMPLER_START_SURFACE,
+    const solver_params params = {.count = count,
+                                   .start = start ? SOLVER_START_GIVEN : SOLVER_START_SURFACE,
                                    .given = start ? start->position : NULL,
                                    .given_normal = start ? start->normal : NULL,
                                    .coarse_to_fine = true,
@@ -61,15 +61,15 @@ static sampler *pack(const stage *s, size_t count, const frame_transfer *start)
                                    .max_sweeps = 5000,
                                    .step_tolerance = 0.003,
                                    .energy_tolerance = 0.05};
-    sampler *made = sampler_new(&s->field->base, s->scan, &params, s->pool, &e);
-    while (made && !sampler_ended(made))
-        if (!sampler_step(made, &e)) break;
-    if (!made || !sampler_ended(made) || !sampler_finalize(made, &e)) fail_msg("%s", e.message);
+    solver *made = solver_new(&s->field->base, s->scan, &params, s->pool, &e);
+    while (made && !solver_ended(made))
+        if (!solver_step(made, &e)) break;
+    if (!made || !solver_ended(made) || !solver_finalize(made, &e)) fail_msg("%s", e.message);
     return made;
 }
 
 /* The points of a torus, made once. */
-static sampler *first;
+static solver *first;
 
 static int make_first(void **state)
 {
@@ -83,13 +83,13 @@ static int make_first(void **state)
 static int free_first(void **state)
 {
     (void)state;
-    sampler_free(first);
+    solver_free(first);
     return 0;
 }
 
 static frame_transfer carry_by(const stage *s, size_t count, bool eased)
 {
-    const sampler_points *p = sampler_result_points(first);
+    const solver_points *p = solver_result_points(first);
     const frame_transfer_params params = {p->count, p->position, p->normal,    count,
                                           NULL,     eased,       ISA_PORTABLE, 1};
     frame_transfer c;
@@ -124,7 +124,7 @@ static void test_all_go_with_a_torus_that_moves_turns_and_grows(void **state)
     after.major_radius *= 1.05;
     after.minor_radius *= 1.05;
     stage s = set_stage(&after, 1);
-    const sampler_points *p = sampler_result_points(first);
+    const solver_points *p = solver_result_points(first);
     double h = packing_spacing(s.scan->area, POINTS);
     frame_transfer c = carry(&s, POINTS);
     assert_int_equal(c.born, 0);
@@ -138,12 +138,12 @@ static void test_all_go_with_a_torus_that_moves_turns_and_grows(void **state)
         double height = vec3_dot(vec3_sub(c.position[i], after.center), axis);
         assert_close(height, vec3_dot(vec3_sub(there, after.center), axis), 0.01 * h);
     }
-    sampler *rest = pack(&s, POINTS, &c);
-    const sampler_points *q = sampler_result_points(rest);
-    assert_int_equal(sampler_result(rest), SAMPLER_CONVERGED);
+    solver *rest = pack(&s, POINTS, &c);
+    const solver_points *q = solver_result_points(rest);
+    assert_int_equal(solver_result(rest), SOLVER_CONVERGED);
     for (size_t i = 0; i < q->count; i++) /* the order is kept, and they were at rest before */
         assert_true(vec3_norm(vec3_sub(q->position[i], c.position[i])) < 0.05 * h);
-    sampler_free(rest);
+    solver_free(rest);
     frame_transfer_free(&c);
     strike(&s);
 }
@@ -183,7 +183,7 @@ static void test_deaths_are_spread(void **state)
     (void)state;
     stage s = set_stage(&before, 1);
     frame_transfer c = carry_by(&s, POINTS - 60, false);
-    const sampler_points *p = sampler_result_points(first);
+    const solver_points *p = solver_result_points(first);
     double h = packing_spacing(s.scan->area, POINTS);
     bool stays[POINTS] = {false};
     assert_int_equal(c.born, 0);
@@ -200,8 +200,8 @@ static void test_deaths_are_spread(void **state)
 static double order_of(const stage *s, size_t count, const frame_transfer *start)
 {
     error e = {0};
-    sampler *rest = pack(s, count, start);
-    const sampler_points *p = sampler_result_points(rest);
+    solver *rest = pack(s, count, start);
+    const solver_points *p = solver_result_points(rest);
     const quality_input in = {.count = count,
                               .position = p->position,
                               .normal = p->normal,
@@ -209,7 +209,7 @@ static double order_of(const stage *s, size_t count, const frame_transfer *start
                               .h = packing_spacing(s->scan->area, count)};
     quality q;
     if (!quality_measure(&in, s->pool, NULL, NULL, &q, &e)) fail_msg("%s", e.message);
-    sampler_free(rest);
+    solver_free(rest);
     return q.resolved.hex_fraction;
 }
 
@@ -237,7 +237,7 @@ static void test_where_a_point_landed_is_kept(void **state)
 {
     (void)state;
     stage s = set_stage(&before, 1);
-    const sampler_points *p = sampler_result_points(first);
+    const solver_points *p = solver_result_points(first);
     double h = packing_spacing(s.scan->area, POINTS), moved = 0;
     frame_transfer c = carry(&s, POINTS + 60);
     for (size_t i = 0; i < c.count; i++) {
@@ -260,11 +260,11 @@ static void test_where_the_surface_is_new_points_are_born(void **state)
     frame_transfer c = carry(&s, count);
     double h = packing_spacing(s.scan->area, count);
     for (size_t i = 0; i < c.count; i++) assert_true(clearance(&c, h, i) > 0.3);
-    sampler *rest = pack(&s, count, &c);
-    const sampler_points *q = sampler_result_points(rest);
+    solver *rest = pack(&s, count, &c);
+    const solver_points *q = solver_result_points(rest);
     assert_int_equal(q->lost, 0);
     assert_true(q->max_residual < 1e-6);
-    sampler_free(rest);
+    solver_free(rest);
     frame_transfer_free(&c);
     strike(&s);
 }
@@ -276,7 +276,7 @@ static void test_another_surface_is_not_carried_onto(void **state)
     after.center = (vec3){9, 9, 9}; /* a field of distances leads there from anywhere */
     after.minor_radius = 0.05;      /* but the points do not lie on it by any motion */
     stage s = set_stage(&after, 1);
-    const sampler_points *p = sampler_result_points(first);
+    const solver_points *p = solver_result_points(first);
     const frame_transfer_params params = {p->count, p->position, p->normal,    POINTS,
                                           NULL,     true,        ISA_PORTABLE, 1};
     frame_transfer c;
@@ -294,7 +294,7 @@ static void test_a_stop_is_told(void **state)
     stage s = set_stage(&before, 1);
     error e = {0};
     threads *pool = threads_new(2, &stop, &e);
-    const sampler_points *p = sampler_result_points(first);
+    const solver_points *p = solver_result_points(first);
     const frame_transfer_params params = {p->count, p->position, p->normal,    POINTS,
                                           NULL,     true,        ISA_PORTABLE, 1};
     frame_transfer c;

@@ -6,8 +6,8 @@
 #include <stdint.h>
 #include <cmocka.h>
 
-#include "sampler/levels.h"
-#include "particles/refine.h"
+#include "solver/level_plan.h"
+#include "solver/passes/refine.h"
 
 /* Triangulations by Euler's formula: n particles, b of them on a rim, have 3 (n - x) - b edges; a rim of b particles
  * has b edges, so refining doubles it. */
@@ -16,10 +16,10 @@ static void corrected_plans_need_no_inventions(void **state)
     (void)state;
     for (int euler = -40; euler <= 2; euler++)
         for (int rim = 0; rim <= 200; rim += 50) {
-            levels plan = {.count = 4, .particles = {0, 0, 0, 100000}};
+            level_plan plan = {.count = 4, .particles = {0, 0, 0, 100000}};
             for (int k = 2; k >= 0; k--) plan.particles[k] = refine_coarser(plan.particles[k + 1]);
             double before = (double)plan.particles[0], n = before, b = rim;
-            levels_correct(&plan, (size_t)(3 * (n - euler) - b), (size_t)rim);
+            level_plan_correct(&plan, (size_t)(3 * (n - euler) - b), (size_t)rim);
             n = (double)plan.particles[0];
             b = rim * sqrt(n / before); /* the rim has the same length */
             for (int k = 1; k < 4; k++) {
@@ -38,8 +38,8 @@ static void nonsense_is_bounded(void **state)
 {
     (void)state;
     levels none = {.count = 2, .particles = {250, 1000}}, many = none;
-    levels_correct(&none, 0, 0);
-    levels_correct(&many, 100000, 0);
+    level_plan_correct(&none, 0, 0);
+    level_plan_correct(&many, 100000, 0);
     assert_true(none.particles[0] > 250 && none.particles[0] <= 333);
     assert_true(many.particles[0] < 250 && many.particles[0] >= 200);
 }

@@ -10,7 +10,7 @@
 #include <cmocka.h>
 
 #include "voronoi/quality.h"
-#include "sampler/sampler.h"
+#include "solver/solver.h"
 
 /* |x| - 1 - HEIGHT sin(WAVE x) sin(WAVE y) sin(WAVE z), in cubes of an edge of CELL. */
 #define HEIGHT 0.008
@@ -107,7 +107,7 @@ static double wider_above(const void *context, vec3 x)
 }
 
 typedef struct solved {
-    sampler_outcome outcome;
+    solver_outcome outcome;
     quality q;
     size_t count;
     uint64_t sum; /* of all bits of all positions */
@@ -123,7 +123,7 @@ static solved solve(const ball *b, bool mend, int workers)
     surface *scan = surface_scan(&b->base, pool, &e);
     sizing_field *sizing = sizing_field_new(&b->base, scan, &request, POINTS, pool, &e);
     assert_non_null(sizing);
-    const sampler_params params = {.count = POINTS,
+    const solver_params params = {.count = POINTS,
                                    .seed = 1,
                                    .sizing = sizing,
                                    .coarse_to_fine = true,
@@ -132,20 +132,20 @@ static solved solve(const ball *b, bool mend, int workers)
                                    .list_limit = SIZE_MAX,
                                    .step_tolerance = 3e-3,
                                    .energy_tolerance = 0.1};
-    sampler *s = sampler_new(&b->base, scan, &params, pool, &e);
+    solver *s = solver_new(&b->base, scan, &params, pool, &e);
     if (!s) fail_msg("%s", e.message);
-    while (!sampler_ended(s)) assert_true(sampler_step(s, &e));
-    assert_true(sampler_finalize(s, &e));
-    const sampler_points *points = sampler_result_points(s);
+    while (!solver_ended(s)) assert_true(solver_step(s, &e));
+    assert_true(solver_finalize(s, &e));
+    const solver_points *points = solver_result_points(s);
     const quality_input in = {.count = points->count,
                               .position = points->position,
                               .normal = points->normal,
                               .spacing = points->spacing,
-                              .h = sampler_spacing(s),
+                              .h = solver_spacing(s),
                               .sized = true,
                               .domain = b->base.domain};
     assert_true(quality_measure(&in, pool, NULL, NULL, &out.q, &e));
-    out.outcome = sampler_result(s);
+    out.outcome = solver_result(s);
     out.count = points->count;
     for (size_t i = 0; i < points->count; i++)
         for (int axis = 0; axis < 3; axis++) {
@@ -154,7 +154,7 @@ static solved solve(const ball *b, bool mend, int workers)
             memcpy(&bits, &x, sizeof bits);
             out.sum = out.sum * 1099511628211u + bits;
         }
-    sampler_free(s);
+    solver_free(s);
     sizing_field_free(sizing);
     surface_free(scan);
     threads_free(pool);
@@ -171,8 +171,8 @@ static void disorder_is_mended(void **state)
     free(b.crossing);
     printf("# hex_fraction %.4f and %.4f, grading.cv %.4f and %.4f\n", left.q.resolved.hex_fraction,
            mended.q.resolved.hex_fraction, left.q.grading_cv, mended.q.grading_cv);
-    assert_int_equal(left.outcome, SAMPLER_CONVERGED);
-    assert_int_equal(mended.outcome, SAMPLER_CONVERGED);
+    assert_int_equal(left.outcome, SOLVER_CONVERGED);
+    assert_int_equal(mended.outcome, SOLVER_CONVERGED);
     assert_int_equal(mended.count, POINTS);
     assert_true(1 - mended.q.resolved.hex_fraction < 0.7 * (1 - left.q.resolved.hex_fraction));
     assert_true(mended.q.grading_cv < 0.75 * left.q.grading_cv);

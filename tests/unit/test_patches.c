@@ -12,14 +12,14 @@
 #include "faces.h"
 #include "voronoi/quality.h"
 #include "voronoi/triangulation.h"
-#include "sampler/sampler.h"
+#include "solver/solver.h"
 #include "shapes.h"
-#include "curves/curve_rows.h"
-#include "curves/near_rows.h"
-#include "particles/coverage.h"
+#include "solver/curves/curve_samples.h"
+#include "solver/curves/near_curves.h"
+#include "solver/particles/coverage.h"
 #include "sizing/curve_distance.h"
 
-static const sampler_params even = {.count = 2000,
+static const solver_params even = {.count = 2000,
                                     .seed = 1,
                                     .coarse_to_fine = true,
                                     .max_sweeps = 5000,
@@ -31,8 +31,8 @@ typedef struct solved {
     const faces *faces;
     threads *pool;
     surface *scan;
-    sampler *s;
-    const sampler_points *points;
+    solver *s;
+    const solver_points *points;
     quality q;
     triangulation mesh;
     double farthest; /* place of the surface from the points, in spacings */
@@ -43,23 +43,23 @@ static bool is_within(const void *context, uint32_t label, vec3 x)
     return field_is_within(field_of_patch(context, label), x);
 }
 
-static void solve(const faces *f, const sampler_params *params, int workers, solved *out)
+static void solve(const faces *f, const solver_params *params, int workers, solved *out)
 {
     error e = {0};
     *out = (solved){.faces = f, .pool = threads_new(workers, NULL, &e)};
     out->scan = surface_scan(&f->base, out->pool, &e);
-    out->s = sampler_new(&f->base, out->scan, params, out->pool, &e);
+    out->s = solver_new(&f->base, out->scan, params, out->pool, &e);
     if (!out->s) fail_msg("%s", e.message);
-    while (!sampler_ended(out->s))
-        if (!sampler_step(out->s, &e)) fail_msg("%s", e.message);
-    if (!sampler_finalize(out->s, &e)) fail_msg("%s", e.message);
-    out->points = sampler_result_points(out->s);
-    const sampler_stands *stands = &out->points->stands;
+    while (!solver_ended(out->s))
+        if (!solver_step(out->s, &e)) fail_msg("%s", e.message);
+    if (!solver_finalize(out->s, &e)) fail_msg("%s", e.message);
+    out->points = solver_result_points(out->s);
+    const solver_patch_points *stands = &out->points->stands;
     const quality_input in = {.count = stands->count,
                               .position = stands->position,
                               .normal = stands->normal,
                               .spacing = stands->spacing,
-                              .h = sampler_spacing(out->s),
+                              .h = solver_spacing(out->s),
                               .label = stands->patch,
                               .flags = stands->flags};
     assert_true(quality_measure(&in, out->pool, NULL, NULL, &out->q, &e));
@@ -85,7 +85,7 @@ static void solve(const faces *f, const sampler_params *params, int workers, sol
 static void release(solved *x)
 {
     triangulation_free(&x->mesh);
-    sampler_free(x->s);
+    solver_free(x->s);
     surface_free(x->scan);
     threads_free(x->pool);
 }
@@ -97,14 +97,14 @@ static double place_along(const solved *x, size_t curve, size_t i)
     vec3 r = vec3_sub(x->points->position[i], from);
     double length = vec3_norm(side), along = vec3_dot(r, side) / length;
     bool on = vec3_norm2(r) - along * along < 1e-20 && along > -1e-9 && along < length + 1e-9;
-    return on && x->points->feature[i] != SAMPLER_ON_PATCH ? along : NAN;
+    return on && x->points->feature[i] != SOLVER_ON_PATCH ? along : NAN;
 }
 
 /* A curve has as many equal steps as fit best. */
 static void check_row(const solved *x, size_t curve)
 {
     const vec3 *end = x->faces->vertex + 2 * curve;
-    double length = vec3_norm(vec3_sub(end[1], end[0])), steps = round(length / sampler_spacing(x->s)),
+    double length = vec3_norm(vec3_sub(end[1], end[0])), steps = round(length / solver_spacing(x->s)),
            seen = 0;
     for (size_t i = 0; i < x->points->count; i++) {
         double along = place_along(x, curve, i) * steps / length;
@@ -128,7 +128,7 @@ static void check_places(const solved *x)
         assert_true(fabs(s.value) < 1e-9 && field_is_within(patch, x->points->position[i]));
     }
     for (size_t c = 0; c < f->patches.curve_count; c++) check_row(x, c);
-    assert_true(on[SAMPLER_ON_PATCH] + on[SAMPLER_ON_CURVE] + on[SAMPLER_ON_CORNER] == x->points->count);
+    assert_true(on[SOLVER_ON_PATCH] + on[SOLVER_ON_CURVE] + on[SOLVER_ON_CORNER] == x->points->count);
 }
 
 static void a_cube_has_rows_along_its_edges(void **state)
@@ -138,13 +138,13 @@ static void a_cube_has_rows_along_its_edges(void **state)
     make_cube(&cube);
     const size_t counts[] = {150, 2000, 10000};
     for (size_t k = 0; k < sizeof counts / sizeof *counts; k++) {
-        sampler_params params = even;
+        solver_params params = even;
         solved x;
         params.count = counts[k];
         params.seed = test_seed() + k;
         solve(&cube, &params, 2, &x);
         assert_int_equal(x.points->count, counts[k]);
-        assert_int_equal(sampler_result(x.s), SAMPLER_CONVERGED);
+        assert_int_equal(solver_result(x.s), SOLVER_CONVERGED);
         check_places(&x);
         assert_true(x.farthest < 1);
         assert_true(counts[k] < 5000 || x.q.resolved.hex_fraction >= 0.945);
@@ -159,7 +159,7 @@ static void threads_do_not_show(void **state)
 {
     (void)state;
     static faces cube;
-    sampler_params params = even;
+    solver_params params = even;
     solved one, more;
     make_cube(&cube);
     params.seed = test_seed();
@@ -186,7 +186,7 @@ static void two_sheets_do_not_see_each_other(void **state)
 {
     (void)state;
     static faces two;
-    sampler_params params = even;
+    solver_params params = even;
     solved x;
     two = (faces){0};
     params.seed = test_seed();
@@ -194,8 +194,8 @@ static void two_sheets_do_not_see_each_other(void **state)
     add_face(&two, (vec3){0, 0, 0.01}, (vec3){0.5, 0, 0}, (vec3){0, 0.5, 0});
     faces_join(&two);
     solve(&two, &params, 2, &x);
-    assert_true(0.01 < 0.3 * sampler_spacing(x.s));
-    assert_int_equal(sampler_result(x.s), SAMPLER_CONVERGED);
+    assert_true(0.01 < 0.3 * solver_spacing(x.s));
+    assert_int_equal(solver_result(x.s), SOLVER_CONVERGED);
     assert_int_equal(x.q.unresolved_count, 0);
     assert_int_equal(count_on_patch(&x, 0), count_on_patch(&x, 1));
     assert_int_equal(x.mesh.facts.euler, 2);
@@ -209,7 +209,7 @@ static void three_sheets_share_a_row(void **state)
 {
     (void)state;
     static faces three;
-    sampler_params params = even;
+    solver_params params = even;
     solved x;
     three = (faces){0};
     params.seed = test_seed();
@@ -218,9 +218,9 @@ static void three_sheets_share_a_row(void **state)
     add_face(&three, (vec3){0, 0, 0.5}, (vec3){0, 0, 0.5}, (vec3){0, 0.5, 0});
     faces_join(&three);
     solve(&three, &params, 2, &x);
-    assert_int_equal(sampler_result(x.s), SAMPLER_CONVERGED);
+    assert_int_equal(solver_result(x.s), SOLVER_CONVERGED);
     check_places(&x);
-    size_t steps = (size_t)round(1 / sampler_spacing(x.s));
+    size_t steps = (size_t)round(1 / solver_spacing(x.s));
     assert_int_equal(x.points->stands.count - x.points->count, 2 * (steps + 1));
     assert_int_equal(x.mesh.facts.nonmanifold_edges, steps);
     assert_true(x.mesh.facts.boundary_edges == x.mesh.facts.rim_edges && x.farthest < 1);
@@ -232,11 +232,11 @@ static void rows_follow_the_count(void **state)
 {
     (void)state;
     static faces cube;
-    sampler_params params = even;
+    solver_params params = even;
     solved x;
     make_cube(&cube);
     params.coarse_to_fine = false;
-    params.start = SAMPLER_START_RANDOM;
+    params.start = SOLVER_START_RANDOM;
     params.count = params.min_count = 200;
     params.max_sigma = 0.15;
     params.seed = test_seed();
@@ -265,17 +265,17 @@ static void rows_are_graded(void **state)
     surface *scan = surface_scan(&sheet.base, pool, &e);
     const sizing_field_params asked = {
         .kind = SIZING_FIELD_SPACING, .map = finer_to_one_side, .gradation = INFINITY};
-    sampler_params params = even;
+    solver_params params = even;
     solved x;
     params.seed = test_seed();
     sizing_field *sizing = sizing_field_new(&sheet.base, scan, &asked, params.count, pool, &e);
     assert_non_null(sizing);
     params.sizing = sizing;
     solve(&sheet, &params, 2, &x);
-    assert_int_equal(sampler_result(x.s), SAMPLER_CONVERGED);
+    assert_int_equal(solver_result(x.s), SOLVER_CONVERGED);
     double low = 0, high = 0;
     for (size_t i = 0; i < x.points->count; i++) {
-        if (x.points->feature[i] == SAMPLER_ON_PATCH || x.points->position[i].y != 1) continue;
+        if (x.points->feature[i] == SOLVER_ON_PATCH || x.points->position[i].y != 1) continue;
         low += x.points->position[i].x < 0;
         high += x.points->position[i].x > 0;
     }
@@ -308,15 +308,15 @@ static void a_loop_without_a_place_takes_no_room(void **state)
     (void)state;
     static faces s;
     error e = {0};
-    curve_rows rows;
+    curve_samples rows;
     make_holed_face(&s);
     const boundary_request request = {.spacing = 0.1, .even = 0.1, .most = SIZE_MAX};
     s.patches.curve_count--; /* no slit */
     for (size_t k = 0; k < s.curve[4].count; k++) s.vertex[8 + k] = vec3_scale(s.vertex[8 + k], 0.02);
-    assert_true(curve_rows_make(&s.base, &request, &rows, &e));
+    assert_true(curve_samples_make(&s.base, &request, &rows, &e));
     assert_int_equal(rows.count, 4 * 10);
     assert_close(rows.border[0], 0.5 * 4 * 10 - (2 - 1), 1e-9);
-    curve_rows_free(&rows);
+    curve_samples_free(&rows);
 }
 
 /* With two its patches would meet twice along one edge. */
@@ -325,7 +325,7 @@ static void a_loop_has_never_two_places(void **state)
     (void)state;
     static faces s;
     error e = {0};
-    curve_rows rows;
+    curve_samples rows;
     const boundary_request request = {.spacing = 0.1, .even = 0.1, .most = SIZE_MAX};
     const double length[] = {1.4, 1.6, 1.9, 2.1, 2.4, 2.6};
     for (int n = 0; n < 6; n++) {
@@ -334,9 +334,9 @@ static void a_loop_has_never_two_places(void **state)
         const double round = 20 * 2 * 0.2 * sin(M_PI / 20);
         for (size_t k = 0; k < s.curve[4].count; k++)
             s.vertex[8 + k] = vec3_scale(s.vertex[8 + k], 0.1 * length[n] / round);
-        assert_true(curve_rows_make(&s.base, &request, &rows, &e));
+        assert_true(curve_samples_make(&s.base, &request, &rows, &e));
         assert_int_equal(rows.count, 4 * 10 + (n < 3 ? 1 : 3));
-        curve_rows_free(&rows);
+        curve_samples_free(&rows);
     }
 }
 
@@ -345,10 +345,10 @@ static void loops_and_short_curves_have_places(void **state)
     (void)state;
     static faces s;
     error e = {0};
-    curve_rows rows;
+    curve_samples rows;
     make_holed_face(&s);
     boundary_request request = {.spacing = 0.1, .even = 0.1, .most = SIZE_MAX};
-    assert_true(curve_rows_make(&s.base, &request, &rows, &e));
+    assert_true(curve_samples_make(&s.base, &request, &rows, &e));
     /* a square of ten steps a side, the hole's length of 1.25, and one end of the slit */
     assert_int_equal(rows.corners, 4 + 1);
     assert_int_equal(rows.count, 4 * 10 + 13 + 1);
@@ -356,11 +356,11 @@ static void loops_and_short_curves_have_places(void **state)
     /* halves of cells behind the rows, those of the slit twice, less an Euler characteristic of 2 - 2.5 loops: the slit's one
      * place takes a cell */
     assert_close(rows.border[0], 0.5 * (4 * 10 + 13) + 0.5 - (2 - 2.5), 1e-9);
-    curve_rows_free(&rows);
+    curve_samples_free(&rows);
     request.most = 7;
-    assert_true(curve_rows_make(&s.base, &request, &rows, &e));
+    assert_true(curve_samples_make(&s.base, &request, &rows, &e));
     assert_true(rows.count > 4 && rows.count <= 7);
-    curve_rows_free(&rows);
+    curve_samples_free(&rows);
     curve_distance *d = curve_distance_new(&s.patches, false, 0.01, &e);
     assert_close(curve_distance_at(d, 0, (vec3){0.1, 0, 0}), 0.1, 2e-3);
     assert_close(curve_distance_at(d, 0, (vec3){0, 0.35, 0}), 0.15, 4e-3);
@@ -384,7 +384,7 @@ static void make_slit_face(faces *s, vec3 from, vec3 to)
     s->patches.merges_near_rows = true;
 }
 
-static double least_distance(const curve_rows *r)
+static double least_distance(const curve_samples *r)
 {
     double least = INFINITY;
     for (size_t i = 0; i < r->count; i++)
@@ -399,26 +399,26 @@ static void rows_of_a_low_step_are_one(void **state)
     (void)state;
     static faces s;
     error e = {0};
-    curve_rows rows;
+    curve_samples rows;
     const boundary_request request = {.spacing = 0.1, .even = 0.1, .most = SIZE_MAX};
     make_slit_face(&s, (vec3){-0.35, 0.11, 0}, (vec3){0.35, 0.11, 0});
-    assert_true(curve_rows_make(&s.base, &request, &rows, &e));
+    assert_true(curve_samples_make(&s.base, &request, &rows, &e));
     assert_int_equal(rows.count, 4 * 10 + 8);
     assert_int_equal(rows.corners, 4 + 2);
     assert_int_equal(rows.stands, rows.count);
     assert_true(least_distance(&rows) > 0.09);
     /* the step takes what one slit does: seven cells */
     assert_close(rows.border[0], 0.5 * 4 * 10 + 7 - (2 - 3), 1e-9);
-    curve_rows_free(&rows);
+    curve_samples_free(&rows);
     /* also where all of the rows just fit */
     const boundary_request full = {.spacing = 0.1, .even = 0.1, .most = 4 * 10 + 16};
-    assert_true(curve_rows_make(&s.base, &full, &rows, &e));
+    assert_true(curve_samples_make(&s.base, &full, &rows, &e));
     assert_int_equal(rows.count, 4 * 10 + 8);
-    curve_rows_free(&rows);
+    curve_samples_free(&rows);
     s.patches.merges_near_rows = false;
-    assert_true(curve_rows_make(&s.base, &request, &rows, &e));
+    assert_true(curve_samples_make(&s.base, &request, &rows, &e));
     assert_int_equal(rows.count, 4 * 10 + 16);
-    curve_rows_free(&rows);
+    curve_samples_free(&rows);
 }
 
 /* What is left out of an edge's row is cut off by the one beside it: by less than a third of a spacing, with room for what steps
@@ -428,14 +428,14 @@ static void rows_that_become_one_cut_off_less_than_a_third(void **state)
     (void)state;
     static faces s;
     error e = {0};
-    curve_rows rows;
+    curve_samples rows;
     const boundary_request request = {.spacing = 0.1, .even = 0.1, .most = SIZE_MAX};
     for (int k = 5; k < 40; k++) {
         const double height = 0.001 * k + 0.0005;
         make_slit_face(&s, (vec3){-0.35, 0.1 + height, 0}, (vec3){0.35, 0.1 + height, 0});
-        assert_true(curve_rows_make(&s.base, &request, &rows, &e));
+        assert_true(curve_samples_make(&s.base, &request, &rows, &e));
         assert_int_equal(rows.count, 4 * 10 + (height < 0.03 ? 8 : 16));
-        curve_rows_free(&rows);
+        curve_samples_free(&rows);
     }
 }
 
@@ -445,14 +445,14 @@ static void rows_that_part_slowly_begin_as_one(void **state)
     (void)state;
     static faces s;
     error e = {0};
-    curve_rows rows;
+    curve_samples rows;
     const boundary_request request = {.spacing = 0.1, .even = 0.1, .most = SIZE_MAX};
     make_slit_face(&s, (vec3){-0.35, 0.1, 0}, (vec3){0.35, 0.1 + 0.7 * tan(7 * M_PI / 180), 0});
-    assert_true(curve_rows_make(&s.base, &request, &rows, &e));
+    assert_true(curve_samples_make(&s.base, &request, &rows, &e));
     assert_true(rows.count > 4 * 10 + 8 && rows.count < 4 * 10 + 8 + 6);
     assert_true(least_distance(&rows) > 0.029);
     assert_int_equal(rows.corners, 4 + 3);
-    curve_rows_free(&rows);
+    curve_samples_free(&rows);
 }
 
 /* A crease that begins half a spacing from another is no corner there. */
@@ -461,14 +461,14 @@ static void ends_of_creases_keep_apart(void **state)
     (void)state;
     static faces s;
     error e = {0};
-    curve_rows rows;
+    curve_samples rows;
     const boundary_request request = {.spacing = 0.1, .even = 0.1, .most = SIZE_MAX};
     make_slit_face(&s, (vec3){0.05, 0.15, 0}, (vec3){0.05, 0.4, 0});
     s.patches.has_rough_curves = true;
-    assert_true(curve_rows_make(&s.base, &request, &rows, &e));
+    assert_true(curve_samples_make(&s.base, &request, &rows, &e));
     assert_int_equal(rows.corners, 4 + 3);
     assert_true(least_distance(&rows) > 0.08);
-    curve_rows_free(&rows);
+    curve_samples_free(&rows);
 }
 
 /* On a scan curves bend for no reason: a corner where two of them go on is no other place than those between. */
@@ -477,15 +477,15 @@ static void bends_of_rough_curves_keep_apart(void **state)
     (void)state;
     static faces s;
     error e = {0};
-    curve_rows rows;
+    curve_samples rows;
     const boundary_request request = {.spacing = 0.1, .even = 0.1, .most = SIZE_MAX};
     make_slit_face(&s, (vec3){0.44, 0.1, 0}, (vec3){0.44, -0.3, 0});
     s.vertex[9] = s.vertex[10]; /* 0.6 spacing from the row at the end of the face */
     for (int rough = 0; rough < 2; rough++) {
         s.patches.has_rough_curves = rough;
-        assert_true(curve_rows_make(&s.base, &request, &rows, &e));
+        assert_true(curve_samples_make(&s.base, &request, &rows, &e));
         assert_int_equal(rows.corners, 4 + 3 - 2 * rough);
-        curve_rows_free(&rows);
+        curve_samples_free(&rows);
     }
 }
 
@@ -495,19 +495,19 @@ static void rows_on_two_sides_of_a_sheet_stay(void **state)
     (void)state;
     static faces s;
     error e = {0};
-    curve_rows rows;
+    curve_samples rows;
     const boundary_request request = {.spacing = 0.1, .even = 0.1, .most = SIZE_MAX};
     s = (faces){0};
     add_face(&s, (vec3){0, 0, 0}, (vec3){0.5, 0, 0}, (vec3){0, 0.5, 0});
     add_face(&s, (vec3){0, 0, -0.01}, (vec3){0, 0.5, 0}, (vec3){0.5, 0, 0});
     faces_join(&s);
-    assert_true(curve_rows_make(&s.base, &request, &rows, &e));
+    assert_true(curve_samples_make(&s.base, &request, &rows, &e));
     const size_t before = rows.count;
-    curve_rows_free(&rows);
+    curve_samples_free(&rows);
     s.patches.merges_near_rows = true;
-    assert_true(curve_rows_make(&s.base, &request, &rows, &e));
+    assert_true(curve_samples_make(&s.base, &request, &rows, &e));
     assert_int_equal(rows.count, before);
-    curve_rows_free(&rows);
+    curve_samples_free(&rows);
 }
 
 /* Nor where one patch is on both sides: what counts is where it faces. */
@@ -520,7 +520,7 @@ static void rows_of_one_patch_merge_on_one_side_only(void **state)
     uint32_t end[2][2] = {{0}};
     double spacing[2 * PLACES], half[2 * PLACES];
     for (int facing = -1; facing <= 1; facing += 2) {
-        curve_rows rows = {.count = 2 * PLACES, .stands = 2 * PLACES};
+        curve_samples rows = {.count = 2 * PLACES, .stands = 2 * PLACES};
         rows.position = calloc(2 * PLACES, sizeof *rows.position);
         rows.curve = calloc(2 * PLACES, sizeof *rows.curve);
         rows.place = calloc(2 * PLACES, sizeof *rows.place);
@@ -536,12 +536,12 @@ static void rows_of_one_patch_merge_on_one_side_only(void **state)
             rows.border[0] += half[k] = 0.5;
             spacing[k] = 2 * M_PI / PLACES;
         }
-        const near_rows_input in = {2, 2, closed, end, first, spacing, half, false};
+        const near_curves_input in = {2, 2, closed, end, first, spacing, half, false};
         error e = {0};
-        assert_true(near_rows_merge(&in, &rows, &e));
+        assert_true(near_curves_merge(&in, &rows, &e));
         assert_int_equal(rows.count, facing < 0 ? 2 * PLACES : PLACES);
         assert_close(rows.border[0], 0.5 * (double)rows.count, 1e-12);
-        curve_rows_free(&rows);
+        curve_samples_free(&rows);
     }
 }
 
@@ -554,7 +554,7 @@ static void row_of_a_curve_that_folds_back_is_one(void **state)
     const size_t first[2] = {0, PLACES};
     uint32_t end[1][2] = {{0}};
     double spacing[PLACES], half[PLACES];
-    curve_rows rows = {.count = PLACES, .stands = PLACES};
+    curve_samples rows = {.count = PLACES, .stands = PLACES};
     rows.position = calloc(PLACES, sizeof *rows.position);
     rows.curve = calloc(PLACES, sizeof *rows.curve);
     rows.place = calloc(PLACES, sizeof *rows.place);
@@ -568,11 +568,11 @@ static void row_of_a_curve_that_folds_back_is_one(void **state)
         rows.border[0] += half[k] = 0.5;
         spacing[k] = 1;
     }
-    const near_rows_input in = {1, 1, &closed, end, first, spacing, half, false};
+    const near_curves_input in = {1, 1, &closed, end, first, spacing, half, false};
     error e = {0};
-    assert_true(near_rows_merge(&in, &rows, &e));
+    assert_true(near_curves_merge(&in, &rows, &e));
     assert_in_range(rows.count, PART, PART + 2);
-    curve_rows_free(&rows);
+    curve_samples_free(&rows);
 }
 
 /* Points go to given places of their patches and stay there; the others come to rest around them. */
@@ -590,7 +590,7 @@ static void points_are_held_where_they_are_wanted(void **state)
     size_t found = 0;
     for (size_t i = 0; i < count && found < 2;
          i++) { /* between a point on a face and the one that is nearest to it */
-        if (x.points->feature[i] != SAMPLER_ON_PATCH) continue;
+        if (x.points->feature[i] != SOLVER_ON_PATCH) continue;
         size_t other = i;
         double least = INFINITY;
         for (size_t j = 0; j < count; j++) {
@@ -600,27 +600,27 @@ static void points_are_held_where_they_are_wanted(void **state)
                 other = j;
             }
         }
-        if (x.points->feature[other] != SAMPLER_ON_PATCH) continue;
+        if (x.points->feature[other] != SOLVER_ON_PATCH) continue;
         at[found] = vec3_scale(vec3_add(x.points->position[i], x.points->position[other]), 0.5);
         found += found == 0 || vec3_norm(vec3_sub(at[0], at[1])) > 0.5;
     }
     assert_int_equal(found, 2);
     bool goes_on = true;
-    assert_true(sampler_hold(x.s, &aside, 1, &goes_on, &e));
+    assert_true(solver_pin(x.s, &aside, 1, &goes_on, &e));
     assert_false(goes_on);
-    assert_int_equal(sampler_result_points(x.s)->count, count);
-    assert_true(sampler_hold(x.s, at, 2, &goes_on, &e));
+    assert_int_equal(solver_result_points(x.s)->count, count);
+    assert_true(solver_pin(x.s, at, 2, &goes_on, &e));
     assert_true(goes_on);
-    while (!sampler_ended(x.s)) assert_true(sampler_step(x.s, &e));
-    assert_int_equal(sampler_result(x.s), SAMPLER_CONVERGED);
-    assert_true(sampler_finalize(x.s, &e));
-    x.points = sampler_result_points(x.s);
+    while (!solver_ended(x.s)) assert_true(solver_step(x.s, &e));
+    assert_int_equal(solver_result(x.s), SOLVER_CONVERGED);
+    assert_true(solver_finalize(x.s, &e));
+    x.points = solver_result_points(x.s);
     assert_int_equal(x.points->count, count);
     check_places(&x);
     for (size_t k = 0; k < 2; k++) {
         double least = INFINITY;
         for (size_t i = 0; i < count; i++)
-            if (x.points->feature[i] == SAMPLER_ON_PATCH)
+            if (x.points->feature[i] == SOLVER_ON_PATCH)
                 least = fmin(least, vec3_norm(vec3_sub(x.points->position[i], at[k])));
         assert_true(least < 1e-9);
     }
@@ -631,7 +631,7 @@ static void points_are_held_where_they_are_wanted(void **state)
             fabs(vec3_norm(vec3_sub(x.points->position[next], at[0])) - x.points->stands.spacing[next]))
             next = i;
     const vec3 beside = vec3_axpy(0.2, vec3_sub(x.points->position[next], at[0]), at[0]);
-    assert_true(sampler_hold(x.s, &beside, 1, &goes_on, &e));
+    assert_true(solver_pin(x.s, &beside, 1, &goes_on, &e));
     assert_false(goes_on); /* two that are held stay as near as they are */
     release(&x);
 }

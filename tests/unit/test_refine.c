@@ -10,7 +10,7 @@
 
 #include "close.h"
 #include "voronoi/voronoi.h"
-#include "particles/refine.h"
+#include "solver/passes/refine.h"
 #include "shapes.h"
 
 enum { POINTS = 600, EDGES = 3 * POINTS - 6, MOST = 4 * EDGES };

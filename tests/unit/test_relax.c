@@ -9,7 +9,7 @@
 
 #include "close.h"
 #include "field/projection.h"
-#include "particles/relax.h"
+#include "solver/passes/relax.h"
 #include "shapes.h"
 #include "surface/surface.h"
 
@@ -117,13 +117,13 @@ static void check_lists_stay_valid(const fast_kernel *forces, double smaller)
     double skin = 0.3 * b.params.spacing, less = smaller * b.params.spacing;
     assert_true(relax_build(b.r, b.p, b.params.sigma - less, skin + less, &e));
     relax_take_support(b.r, b.params.sigma);
-    size_t cramped = 0;
+    size_t limited = 0;
     vec3 built[COUNT];
     memcpy(built, b.p->position, sizeof built);
     for (int sweep = 0; sweep < 10; sweep++) {
         relax_sums sums;
         relax_sweep(b.r, b.p, &b.params, &sums);
-        cramped += sums.cramped;
+        limited += sums.limited;
         for (size_t i = 0; i < COUNT; i++) {
             field_sample s;
             assert_true(vec3_norm(vec3_sub(b.p->position[i], built[i])) <= 0.5 * skin * (1 + 1e-6));
@@ -131,7 +131,7 @@ static void check_lists_stay_valid(const fast_kernel *forces, double smaller)
             assert_true(fabs(s.value) <= 0.01 * b.params.spacing * vec3_norm(s.gradient));
         }
     }
-    assert_true(cramped > 0); /* random starts want to go farther than that */
+    assert_true(limited > 0); /* random starts want to go farther than that */
     tear_down(&b);
 }
 
@@ -318,9 +318,9 @@ static void who_is_creased_is_told_within_a_reach(void **state)
                               vec3_norm(vec3_sub(b.p->position[i], b.p->position[j])) < reach;
                 creased += turned;
             }
-            assert_close(relax_creased_share_within(b.r, b.p, reach), (double)creased / COUNT, 1.5 / COUNT);
+            assert_close(relax_divergent_share_within(b.r, b.p, reach), (double)creased / COUNT, 1.5 / COUNT);
         }
-        assert_close(relax_creased_share_within(b.r, b.p, most), relax_creased_share(b.r, b.p), 1.5 / COUNT);
+        assert_close(relax_divergent_share_within(b.r, b.p, most), relax_divergent_share(b.r, b.p), 1.5 / COUNT);
         tear_down(&b);
     }
 }
@@ -334,21 +334,21 @@ static void steps_of_the_stirred_are_told(void **state)
     relax_sums sums;
     set_up(&b, 1, fast_kernel_for(isa_best()), 8);
     const double h = b.params.spacing, sigma = b.params.sigma;
-    relax_stir(b.r, b.p, 5); /* there are no lists yet */
+    relax_mark_displaced(b.r, b.p, 5); /* there are no lists yet */
     for (int sweep = 0; sweep < 80; sweep++) {
         if (sweep % 4 == 0) assert_true(relax_build(b.r, b.p, sigma, 0.4 * h, &e));
         relax_sweep(b.r, b.p, &b.params, &sums);
-        assert_true(sums.stirred_step == 0 && sums.stirred_cramped == 0);
+        assert_true(sums.displaced_step == 0 && sums.displaced_limited == 0);
     }
-    relax_stir(b.r, b.p, 5);
+    relax_mark_displaced(b.r, b.p, 5);
     b.p->position[5] =
         vec3_axpy(0.3 * h, vec3_unit(vec3_cross(b.p->normal[5], (vec3){1, 2, 3})), b.p->position[5]);
     assert_true(relax_build(b.r, b.p, sigma, 0.4 * h, &e));
     relax_sweep(b.r, b.p, &b.params, &sums);
-    assert_true(sums.stirred_step > 3 * sums.rms_step);
-    relax_calm(b.r);
+    assert_true(sums.displaced_step > 3 * sums.rms_step);
+    relax_clear_displaced(b.r);
     relax_sweep(b.r, b.p, &b.params, &sums);
-    assert_true(sums.stirred_step == 0);
+    assert_true(sums.displaced_step == 0);
     tear_down(&b);
 }
 
@@ -369,10 +369,10 @@ static void who_hardly_moves_is_left_out(void **state)
         relax_sweep(b.r, b.p, &b.params, &before);
     }
     assert_true(before.max_step > 0 && before.max_step < 0.01);
-    b.params.may_idle = true;
+    b.params.may_skip = true;
     relax_sweep(b.r, b.p, &b.params, &before); /* nobody may yet */
     assert_true(before.rms_step > 0);
-    assert_true(relax_let_idle(b.r, &e));
+    assert_true(relax_allow_skipping(b.r, &e));
     relax_sweep(b.r, b.p, &b.params, &before);
     assert_true(before.rms_step > 0);
     memcpy(rests, b.p->position, sizeof rests);
@@ -382,7 +382,7 @@ static void who_hardly_moves_is_left_out(void **state)
     assert_true(relax_build(b.r, b.p, b.params.sigma, 0.6 * h, &e));
     relax_sweep(b.r, b.p, &b.params, &sums); /* with new lists all do */
     assert_true(sums.rms_step > 0);
-    b.params.may_idle = false;
+    b.params.may_skip = false;
     relax_sweep(b.r, b.p, &b.params, &sums);
     assert_true(sums.rms_step > 0);
     tear_down(&b);

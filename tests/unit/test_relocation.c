@@ -9,7 +9,7 @@
 
 #include "shapes.h"
 #include "geometry/point_bins.h"
-#include "particles/relocation.h"
+#include "solver/particles/relocation.h"
 
 enum { SIDE = 30, COUNT = SIDE * SIDE, PLACES = 5 * COUNT };
 

@@ -12,55 +12,55 @@
 #include "close.h"
 #include "packing/energy.h"
 #include "voronoi/quality.h"
-#include "sampler/sampler.h"
+#include "solver/solver.h"
 #include "shapes.h"
 
 typedef struct solved {
     analytic *a;
     threads *pool;
     surface *scan;
-    sampler *s;
-    const sampler_points *points;
+    solver *s;
+    const solver_points *points;
     quality q;
 } solved;
 
-static const sampler_params even = {.count = 1000,
+static const solver_params even = {.count = 1000,
                                     .seed = 1,
                                     .max_sweeps = 5000,
                                     .list_limit = SIZE_MAX,
                                     .step_tolerance = 1e-3,
                                     .energy_tolerance = 0.01};
 
-static void solve_shape(const analytic_params *shape, const sampler_params *params, int workers, solved *out)
+static void solve_shape(const analytic_params *shape, const solver_params *params, int workers, solved *out)
 {
     error e = {0};
     out->a = analytic_new(shape, NULL, &e);
     out->pool = threads_new(workers, NULL, &e);
     out->scan = surface_scan(&out->a->base, out->pool, &e);
-    out->s = sampler_new(&out->a->base, out->scan, params, out->pool, &e);
+    out->s = solver_new(&out->a->base, out->scan, params, out->pool, &e);
     if (!out->s) fail_msg("%s", e.message);
-    while (!sampler_ended(out->s)) assert_true(sampler_step(out->s, &e));
-    assert_true(sampler_finalize(out->s, &e));
-    out->points = sampler_result_points(out->s);
+    while (!solver_ended(out->s)) assert_true(solver_step(out->s, &e));
+    assert_true(solver_finalize(out->s, &e));
+    out->points = solver_result_points(out->s);
     quality_input in = {.count = out->points->count,
                         .position = out->points->position,
                         .normal = out->points->normal,
                         .spacing = out->points->spacing,
-                        .h = sampler_spacing(out->s),
+                        .h = solver_spacing(out->s),
                         .sized = params->sizing != NULL,
                         .open = out->a->base.open,
                         .domain = out->a->base.domain};
     assert_true(quality_measure(&in, out->pool, NULL, NULL, &out->q, &e));
 }
 
-static void solve(int shape, const sampler_params *params, int workers, solved *out)
+static void solve(int shape, const solver_params *params, int workers, solved *out)
 {
     solve_shape(&shapes[shape], params, workers, out);
 }
 
 static void release(solved *x)
 {
-    sampler_free(x->s);
+    solver_free(x->s);
     surface_free(x->scan);
     threads_free(x->pool);
     analytic_free(x->a);
@@ -77,8 +77,8 @@ static void quartic_from_random_starts(double d, double least_hex, size_t seeds)
     double hex[3];
     assert_true(seeds <= 3);
     for (uint64_t seed = 1; seed <= seeds; seed++) {
-        sampler_params params = even;
-        params.start = SAMPLER_START_RANDOM;
+        solver_params params = even;
+        params.start = SOLVER_START_RANDOM;
         params.seed = seed;
         params.sigma = 0.125;
         params.graded = d > 0;
@@ -88,11 +88,11 @@ static void quartic_from_random_starts(double d, double least_hex, size_t seeds)
         params.kappa_max = 20;
         solved x;
         solve(4, &params, 1, &x);
-        assert_int_equal(sampler_result(x.s), SAMPLER_CONVERGED);
+        assert_int_equal(solver_result(x.s), SOLVER_CONVERGED);
         assert_int_equal(x.points->count, 1000);
         assert_int_equal(x.points->lost, 0);
         assert_true(x.points->max_residual < 1e-6);
-        assert_true(sampler_removed_offsurface(x.s) > 0); /* the trap at the centre */
+        assert_true(solver_removed_offsurface(x.s) > 0); /* the trap at the centre */
         assert_close(x.q.euler, 2, 1e-9);
         assert_true(x.q.min_spacing_ratio > 0.8);
         hex[seed - 1] = x.q.resolved.hex_fraction;
@@ -121,7 +121,7 @@ static void quartic_alpha(void **state)
 static void alpha_draws_particles_to_curvature(void **state)
 {
     (void)state;
-    sampler_params params = even;
+    solver_params params = even;
     params.graded = true;
     params.d = 3;
     params.gamma = 0.1;
@@ -149,7 +149,7 @@ static void every_shape_converges(void **state)
         solve(k, &even, 1, &x);
         print_message("# %s: hex %.3f edge_cv %.4f\n", shape_names[k], x.q.resolved.hex_fraction,
                       x.q.resolved.edge_cv);
-        assert_int_equal(sampler_result(x.s), SAMPLER_CONVERGED);
+        assert_int_equal(solver_result(x.s), SOLVER_CONVERGED);
         assert_int_equal(x.points->count, 1000);
         assert_int_equal(x.points->lost, 0);
         assert_true(x.points->max_residual < 1e-6);
@@ -170,7 +170,7 @@ static void cotangent_packs_better_than_gaussian(void **state)
     double hex[2][2];
     for (int gaussian = 0; gaussian < 2; gaussian++)
         for (int gradient = 0; gradient < 2; gradient++) {
-            sampler_params params = even;
+            solver_params params = even;
             params.count = 600;
             params.max_sweeps = 1000;
             params.energy = gaussian ? &energy_gaussian : &energy_cotangent;
@@ -196,17 +196,17 @@ static void coarse_to_fine_leaves_few_defects(void **state)
     for (int k = 0; k < SHAPE_COUNT; k++) {
         bool open = shapes[k].shape == ANALYTIC_GYROID; /* saddles and rims force defects */
         if (shapes[k].shape == ANALYTIC_ELLIPSOID || shapes[k].shape == ANALYTIC_QUARTIC) continue;
-        sampler_params params = even;
+        solver_params params = even;
         params.count = 10000;
         params.coarse_to_fine = true;
         solved x;
         solve(k, &params, 2, &x);
         size_t rounds;
-        const sampler_round *round = sampler_rounds(x.s, &rounds);
+        const solver_round *round = solver_rounds(x.s, &rounds);
         print_message("# %s from %zu: hex %.4f edge_cv %.4f area_cv %.4f excess %.5f\n", shape_names[k],
                       round[0].count, x.q.resolved.hex_fraction, x.q.resolved.edge_cv, x.q.resolved.area_cv,
                       x.q.energy_excess);
-        assert_int_equal(sampler_result(x.s), SAMPLER_CONVERGED);
+        assert_int_equal(solver_result(x.s), SOLVER_CONVERGED);
         assert_int_equal(x.points->count, 10000);
         assert_true(round[0].count < 3000);
         assert_true(x.q.resolved.hex_fraction >= (open ? 0.96 : 0.97) && x.q.resolved.edge_cv <= 0.05);
@@ -223,7 +223,7 @@ static const sizing_field_params ten_to_one = {
 static void local_spacing_follows_the_request(void **state)
 {
     (void)state;
-    sampler_params params = even;
+    solver_params params = even;
     enum { COUNT = 6000 };
     params.count = COUNT;
     params.coarse_to_fine = true;
@@ -243,7 +243,7 @@ static void local_spacing_follows_the_request(void **state)
     }
     print_message("# hex %.4f grading cv %.4f exponent %.4f ratio %.2f\n", one.q.resolved.hex_fraction,
                   one.q.grading_cv, one.q.grading_exponent, largest / least);
-    assert_int_equal(sampler_result(one.s), SAMPLER_CONVERGED);
+    assert_int_equal(solver_result(one.s), SOLVER_CONVERGED);
     assert_int_equal(one.points->count, COUNT);
     assert_int_equal(one.points->lost, 0);
     assert_true(largest / least > 8);
@@ -261,7 +261,7 @@ static void local_spacing_follows_the_request(void **state)
 }
 
 /* The distance of the nearest particle from x. */
-static double nearest(const sampler_points *p, vec3 x)
+static double nearest(const solver_points *p, vec3 x)
 {
     double best = INFINITY;
     for (size_t i = 0; i < p->count; i++) best = fmin(best, vec3_norm(vec3_sub(p->position[i], x)));
@@ -273,12 +273,12 @@ static void creases_are_sampled(void **state)
 {
     (void)state;
     analytic_params box = {.shape = ANALYTIC_BOX, .half_size = {0.4, 0.3, 0.2}};
-    sampler_params params = even;
+    solver_params params = even;
     params.count = 3000;
     params.coarse_to_fine = true;
     solved x;
     solve_shape(&box, &params, 2, &x);
-    double h = sampler_spacing(x.s), farthest = 0;
+    double h = solver_spacing(x.s), farthest = 0;
     for (int axis = 0; axis < 3; axis++)
         for (int k = 0; k < 4; k++)
             for (double t = -1; t <= 1; t += 0.01) {
@@ -292,7 +292,7 @@ static void creases_are_sampled(void **state)
                   x.q.resolved.hex_fraction, x.q.min_spacing_ratio, x.q.euler, farthest / h);
     assert_int_equal(x.points->count, 3000);
     assert_int_equal(x.points->lost, 0);
-    assert_int_equal(sampler_removed_offsurface(x.s), 0);
+    assert_int_equal(solver_removed_offsurface(x.s), 0);
     assert_true(x.q.min_spacing_ratio >= 0.75 && farthest < h);
     /* of sixteen seeds each of two builds: 0.917 to 0.932, and -2.33 to 2 */
     assert_true(x.q.resolved.hex_fraction > 0.9 && fabs(x.q.euler - 2) < 6);
@@ -303,7 +303,7 @@ static void creases_are_sampled(void **state)
 static void threads_do_not_show(void **state)
 {
     (void)state;
-    sampler_params params = even;
+    solver_params params = even;
     enum { COUNT = 9000 }; /* more than one of the blocks that threads share */
     params.count = COUNT;
     params.max_sweeps = 8;
@@ -327,7 +327,7 @@ static void threads_do_not_show(void **state)
 static void seeds_differ_and_repeat(void **state)
 {
     (void)state;
-    sampler_params params = even;
+    solver_params params = even;
     params.max_sweeps = 5;
     solved a, b, c;
     solve(0, &params, 1, &a);
@@ -345,7 +345,7 @@ static void tiny_counts_work(void **state)
 {
     (void)state;
     for (size_t count = 4; count <= 40; count += 6) {
-        sampler_params params = even;
+        solver_params params = even;
         params.count = count;
         solved x;
         solve(0, &params, 1, &x);
@@ -353,7 +353,7 @@ static void tiny_counts_work(void **state)
         assert_int_equal(x.points->lost, 0);
         assert_true(x.points->max_residual < 1e-6);
         if (count >= 10) /* four see none of the others: their normals are too far apart */
-            assert_int_equal(sampler_result(x.s), SAMPLER_CONVERGED);
+            assert_int_equal(solver_result(x.s), SOLVER_CONVERGED);
         release(&x);
     }
 }
@@ -364,13 +364,13 @@ static void delivered_points_are_at_rest(void **state)
 {
     (void)state;
     for (uint64_t seed = 1; seed <= 2; seed++) {
-        sampler_params params = even;
-        params.start = SAMPLER_START_RANDOM;
+        solver_params params = even;
+        params.start = SOLVER_START_RANDOM;
         params.seed = seed;
         solved x;
         solve(3, &params, 1, &x);
         size_t count;
-        const sampler_sweep *sweep = sampler_sweeps(x.s, &count);
+        const solver_sweep *sweep = solver_sweeps(x.s, &count);
         print_message("# step left %.2g h, rms step of the last sweep %.2g h\n", x.points->step_left,
                       sweep[count - 1].rms_step);
         assert_true(x.points->step_left < 2e-4);
@@ -407,7 +407,7 @@ static void cell_of_whole(const field *f, size_t k, field_cell *out)
 static const field_ops pitted_ops = {
     .sample = sample_pitted, .cell_count = count_cells, .cell = cell_of_whole};
 
-static double nearest_to(const sampler_points *p, size_t i)
+static double nearest_to(const solver_points *p, size_t i)
 {
     double least = INFINITY;
     for (size_t k = 0; k < p->count; k++)
@@ -420,25 +420,25 @@ static void who_goes_to_a_new_place_comes_to_rest(void **state)
 {
     (void)state;
     error e = {0};
-    sampler_params params = even;
+    solver_params params = even;
     params.count = 20000;
     params.coarse_to_fine = true;
     params.step_tolerance = 3e-3;
     solved x;
     solve(0, &params, 2, &x);
-    pitted f = {x.a->base, &x.a->base, x.points->position[7000], 0.1 * sampler_spacing(x.s)};
+    pitted f = {x.a->base, &x.a->base, x.points->position[7000], 0.1 * solver_spacing(x.s)};
     f.base.ops = &pitted_ops;
-    params.start = SAMPLER_START_GIVEN;
+    params.start = SOLVER_START_GIVEN;
     params.given = x.points->position;
     params.given_normal = x.points->normal;
-    sampler *s = sampler_new(&f.base, x.scan, &params, x.pool, &e);
+    solver *s = solver_new(&f.base, x.scan, &params, x.pool, &e);
     if (!s) fail_msg("%s", e.message);
-    while (!sampler_ended(s)) assert_true(sampler_step(s, &e));
-    assert_int_equal(sampler_result(s), SAMPLER_CONVERGED);
-    assert_true(sampler_finalize(s, &e));
-    const sampler_points *p = sampler_result_points(s);
+    while (!solver_ended(s)) assert_true(solver_step(s, &e));
+    assert_int_equal(solver_result(s), SOLVER_CONVERGED);
+    assert_true(solver_finalize(s, &e));
+    const solver_points *p = solver_result_points(s);
     size_t replaced = 0, count;
-    sampler_sweeps(s, &count);
+    solver_sweeps(s, &count);
     for (size_t i = 0; i < p->count; i++) {
         if (!p->replaced[i]) continue;
         replaced++;
@@ -446,7 +446,7 @@ static void who_goes_to_a_new_place_comes_to_rest(void **state)
         assert_true(nearest_to(p, i) > 0.8);
     }
     assert_int_equal(replaced, 1);
-    sampler_free(s);
+    solver_free(s);
     release(&x);
 }
 
@@ -475,18 +475,18 @@ static void lost_particles_keep_their_normals(void **state)
     solve(0, &even, 1, &x);
     passing f = {x.a->base, &x.a->base, false};
     f.base.ops = &passing_ops;
-    sampler_params params = even;
-    params.start = SAMPLER_START_GIVEN;
+    solver_params params = even;
+    params.start = SOLVER_START_GIVEN;
     params.given = x.points->position;
     params.given_normal = x.points->normal;
-    sampler *s = sampler_new(&f.base, x.scan, &params, x.pool, &e);
+    solver *s = solver_new(&f.base, x.scan, &params, x.pool, &e);
     if (!s) fail_msg("%s", e.message);
     f.gone = true;
-    assert_true(sampler_finalize(s, &e));
-    const sampler_points *p = sampler_result_points(s);
+    assert_true(solver_finalize(s, &e));
+    const solver_points *p = solver_result_points(s);
     assert_int_equal(p->lost, p->count);
     for (size_t i = 0; i < p->count; i++) assert_true(fabs(vec3_norm(p->normal[i]) - 1) < 1e-6);
-    sampler_free(s);
+    solver_free(s);
     release(&x);
 }
 

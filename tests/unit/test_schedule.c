@@ -8,7 +8,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "sampler/schedule.h"
+#include "solver/schedule.h"
 
 enum { LAST = SCHEDULE_STAGES - 1 };
 
@@ -18,7 +18,7 @@ static schedule_position finest(int sweeps, size_t count)
 }
 
 /* Sweeps become fewer as particles become more, within their bounds. */
-static void levels_have_sweeps_by_their_count(void **state)
+static void level_plan_have_sweeps_by_their_count(void **state)
 {
     (void)state;
     int before = (int)schedule_multilevel.sweeps_most;
@@ -36,7 +36,7 @@ static void levels_have_sweeps_by_their_count(void **state)
 
 /* For a given number of particles, a level far below the finest one gets more sweeps than one right below it, since it
  * costs less in comparison. The more particles there are, the less all coarser levels cost compared with the finest one. */
-static void levels_far_below_have_more_sweeps(void **state)
+static void level_plan_far_below_have_more_sweeps(void **state)
 {
     (void)state;
     const schedule *s = &schedule_multilevel;
@@ -92,12 +92,12 @@ static void large_coarsest_levels_are_spared(void **state)
     const schedule *s = &schedule_multilevel;
     const size_t large = (size_t)s->large;
     schedule_position at = {.levels = 2, .count = 10 * large}, small = {.levels = 2, .count = large - 1};
-    const size_t cramped = at.count / 20; /* a twentieth */
+    const size_t limited = at.count / 20; /* a twentieth */
     assert_true(schedule_omega(s, &at) == s->large_omega && schedule_omega(s, &small) == s->omega);
     assert_true(schedule_wants_lists(s, &small, small.count / 20, 1));
-    assert_false(schedule_wants_lists(s, &at, cramped, 1));
+    assert_false(schedule_wants_lists(s, &at, limited, 1));
     at.stage = LAST;
-    assert_true(schedule_wants_lists(s, &at, cramped, 1));
+    assert_true(schedule_wants_lists(s, &at, limited, 1));
     assert_int_equal(schedule_level_sweeps(s, &at), (int)s->large_sweeps);
     at.levels = 1; /* which is not refined */
     assert_int_equal(schedule_level_sweeps(s, &at), (int)s->sweeps_least);
@@ -114,13 +114,13 @@ static void rough_levels_take_more_sweeps(void **state)
     schedule_position at = finest(0, 50000);
     const int sweeps = schedule_level_sweeps(s, &at);
     at.sweeps = sweeps;
-    assert_true(schedule_may_be_rough(s, &at));
-    assert_true(schedule_is_rough(s, &at, 0.2));
-    assert_false(schedule_is_rough(s, &at, 0.02) || schedule_is_rough(s, &at, 0.4));
+    assert_true(schedule_judges_defects(s, &at));
+    assert_true(schedule_has_many_defects(s, &at, 0.2));
+    assert_false(schedule_has_many_defects(s, &at, 0.02) || schedule_has_many_defects(s, &at, 0.4));
     at.is_rough = true;
-    assert_false(schedule_may_be_rough(s, &at));
+    assert_false(schedule_judges_defects(s, &at));
     at.sweeps = schedule_level_sweeps(s, &at);
-    assert_true(at.sweeps >= (int)s->rough_sweeps[1] * sweeps);
+    assert_true(at.sweeps >= (int)s->defects_sweeps[1] * sweeps);
 }
 
 /* Rows force little out of order, which finds its way out slowly. */
@@ -129,10 +129,10 @@ static void surfaces_with_curves_are_rough_sooner(void **state)
     (void)state;
     const schedule *s = &schedule_multilevel;
     schedule_position at = finest(0, 10000);
-    assert_false(schedule_is_rough(s, &at, 0.03));
+    assert_false(schedule_has_many_defects(s, &at, 0.03));
     at.has_curves = true;
-    assert_true(schedule_is_rough(s, &at, 0.03));
-    assert_false(schedule_is_rough(s, &at, 0.015));
+    assert_true(schedule_has_many_defects(s, &at, 0.03));
+    assert_false(schedule_has_many_defects(s, &at, 0.015));
 }
 
 /* Sweeps that the schedule itself asks for cost no patience. */
@@ -167,7 +167,7 @@ static void steps_are_free_until_a_level_is_shaken(void **state)
 static bool rests(const schedule *s, schedule_position at, double rms_step, double lambda)
 {
     const schedule_evidence seen = {rms_step, lambda, true, 0.003};
-    return schedule_is_at_rest(s, &at, &seen);
+    return schedule_round_end(s, &at, &seen);
 }
 
 /* The last level of many even particles may rest after a shaken sweep and a settled one; if it does not, and elsewhere, there are
@@ -184,7 +184,7 @@ static void many_particles_need_few_sweeps(void **state)
     assert_false(rests(s, at, 0.001, 0));
     at.sweeps = 2;
     assert_true(schedule_omega(s, &at) > s->omega);
-    assert_true(schedule_may_be_rough(s, &at));
+    assert_true(schedule_judges_defects(s, &at));
     assert_true(rests(s, at, 0.001, 0));
     assert_false(rests(s, at, 0.1, 0));
     const schedule_position others[] = {
@@ -193,7 +193,7 @@ static void many_particles_need_few_sweeps(void **state)
         {.level = 0, .levels = 1, .stage = LAST, .sweeps = 2, .count = many},
         {.level = 2, .levels = 3, .stage = LAST, .sweeps = 2, .count = many, .is_sized = true},
         {.level = 2, .levels = 3, .stage = LAST, .sweeps = 2, .count = many, .has_curves = true},
-        {.level = 2, .levels = 3, .stage = LAST, .sweeps = 2, .count = many, .is_creased = true},
+        {.level = 2, .levels = 3, .stage = LAST, .sweeps = 2, .count = many, .is_divergent = true},
         {.level = 2, .levels = 3, .stage = LAST, .sweeps = 2, .count = many, .is_rough = true},
     };
     for (size_t k = 0; k < sizeof others / sizeof *others; k++) assert_false(rests(s, others[k], 0.001, 0));
@@ -231,18 +231,18 @@ static void mostly_creased_levels_rest_sooner(void **state)
 {
     (void)state;
     const schedule *s = &schedule_multilevel;
-    schedule_position at = {.levels = 2, .stage = LAST, .count = 25000, .is_creased = true};
+    schedule_position at = {.levels = 2, .stage = LAST, .count = 25000, .is_divergent = true};
     at.sweeps = schedule_level_sweeps(s, &at);
-    const double step = 0.5 * (s->stage_step[LAST] + s->stage_step_creased);
+    const double step = 0.5 * (s->stage_step[LAST] + s->stage_step_divergent);
     const schedule_evidence seen = {.rms_step = step, .step_tolerance = 1e-3};
-    assert_true(schedule_may_be_rough(s, &at));
-    assert_false(schedule_is_at_rest(s, &at, &seen));
-    at.is_mostly_creased = true;
-    assert_false(schedule_may_be_rough(s, &at));
-    assert_true(schedule_is_at_rest(s, &at, &seen));
+    assert_true(schedule_judges_defects(s, &at));
+    assert_false(schedule_round_end(s, &at, &seen));
+    at.is_mostly_divergent = true;
+    assert_false(schedule_judges_defects(s, &at));
+    assert_true(schedule_round_end(s, &at, &seen));
     at.level = 1;
     at.sweeps = schedule_level_sweeps(s, &at);
-    assert_true(schedule_may_be_rough(s, &at));
+    assert_true(schedule_judges_defects(s, &at));
 }
 
 static void the_paper_goes_by_lambda(void **state)
@@ -255,7 +255,7 @@ static void the_paper_goes_by_lambda(void **state)
     assert_false(rests(&schedule_paper, at, 1, 14.5));
     assert_true(rests(&schedule_paper, at, 0.002, 14.5));
     const schedule_evidence gradient = {0.002, 0, false, 0.003};
-    assert_true(schedule_is_at_rest(&schedule_paper, &at, &gradient));
+    assert_true(schedule_round_end(&schedule_paper, &at, &gradient));
 }
 
 static void patience_ends_once_and_again(void **state)
@@ -325,7 +325,7 @@ static void lists_wait_for_many_or_for_long(void **state)
     assert_true(schedule_wants_lists(s, &at, 101, 1));
     assert_false(schedule_wants_lists(s, &coarse, 400, 1));
     assert_true(schedule_wants_lists(s, &coarse, 401, 1));
-    assert_true(schedule_wants_lists(s, &at, 1, s->cramped_wait));
+    assert_true(schedule_wants_lists(s, &at, 1, s->limited_wait));
     assert_true(schedule_skin(s, 0) == s->skin_narrow && schedule_skin(s, 1) == s->skin_wide);
 }
 
@@ -349,8 +349,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(lists_of_many_begin_narrow),
-        cmocka_unit_test(levels_have_sweeps_by_their_count),
-        cmocka_unit_test(levels_far_below_have_more_sweeps),
+        cmocka_unit_test(level_plan_have_sweeps_by_their_count),
+        cmocka_unit_test(level_plan_far_below_have_more_sweeps),
         cmocka_unit_test(many_particles_need_few_sweeps),
         cmocka_unit_test(over_relaxation_follows_the_sweeps),
         cmocka_unit_test(large_coarsest_levels_are_spared),

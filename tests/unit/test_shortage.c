@@ -93,16 +93,16 @@ static const field *solved_field;
 
 static bool make_solve(error *e)
 {
-    sampler_params params = solve_defaults;
+    solver_params params = solve_defaults;
     params.count = 60;
     params.max_sweeps = 20;
     threads *pool = mesh_fixture_pool();
     surface *scan = surface_scan(solved_field, pool, e);
-    sampler *s = scan ? sampler_new(solved_field, scan, &params, pool, e) : NULL;
+    solver *s = scan ? solver_new(solved_field, scan, &params, pool, e) : NULL;
     bool ok = s;
-    while (ok && !sampler_ended(s)) ok = sampler_step(s, e);
-    ok = ok && sampler_finalize(s, e);
-    if (s) sampler_free(s);
+    while (ok && !solver_ended(s)) ok = solver_step(s, e);
+    ok = ok && solver_finalize(s, e);
+    if (s) solver_free(s);
     if (scan) surface_free(scan);
     return ok;
 }

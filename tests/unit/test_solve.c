@@ -69,10 +69,10 @@ static void check_residuals(const solve *x)
  * the two points. Neighbours are the points with r_ij < s_ij sigma. */
 static void check_energies(const solve *x)
 {
-    const sampler_points *p = x->points;
+    const solver_points *p = x->points;
     double energies = 0, amplitudes = 0, neighbours = 0;
     for (size_t i = 0; i < p->count; i++) {
-        const double h = sampler_spacing(x->sampler), own = x->field->open ? 1 : p->spacing[i] / h;
+        const double h = solver_spacing(x->solver), own = x->field->open ? 1 : p->spacing[i] / h;
         double energy = 0;
         for (size_t j = 0; j < p->count; j++) {
             const double size = 0.5 * (own + p->spacing[j] / h), weight = 0.5 * (p->alpha[i] + p->alpha[j]),
@@ -117,10 +117,10 @@ static void result_of_even_spacing_agrees_with_brute_force(void **state)
 {
     (void)state;
     analytic *a = make_torus();
-    sampler_params params = solve_defaults;
+    solver_params params = solve_defaults;
     solve x;
     solve_all(&a->base, &params, 1, &x);
-    assert_int_equal(sampler_result(x.sampler), SAMPLER_CONVERGED);
+    assert_int_equal(solver_result(x.solver), SOLVER_CONVERGED);
     assert_int_equal(x.points->count, params.count);
     assert_int_equal(x.points->lost, 0);
     assert_int_equal(x.points->stands.count, params.count);
@@ -131,7 +131,7 @@ static void result_of_even_spacing_agrees_with_brute_force(void **state)
     for (size_t i = 0; i < x.points->count; i++) {
         assert_false(x.points->replaced[i]);
         assert_close(x.points->alpha[i], 1, 0);
-        assert_close(x.points->spacing[i], sampler_spacing(x.sampler), 1e-12);
+        assert_close(x.points->spacing[i], solver_spacing(x.solver), 1e-12);
     }
     check_residuals(&x);
     check_energies(&x);
@@ -147,12 +147,12 @@ static void result_of_varying_spacing_agrees_with_brute_force(void **state)
 {
     (void)state;
     analytic *a = make_torus();
-    sampler_params params = solve_defaults;
+    solver_params params = solve_defaults;
     sizing_field *sizing = make_sizing(a, params.count, &varying);
     params.sizing = sizing;
     solve x;
     solve_all(&a->base, &params, 1, &x);
-    assert_int_equal(sampler_result(x.sampler), SAMPLER_CONVERGED);
+    assert_int_equal(solver_result(x.solver), SOLVER_CONVERGED);
     for (size_t i = 0; i < x.points->count; i++)
         assert_close(x.points->spacing[i] / sizing_field_spacing(sizing, x.points->position[i], NULL), 1,
                      1e-9);
@@ -169,7 +169,7 @@ static void amplitudes_follow_curvature(void **state)
 {
     (void)state;
     analytic *a = make_torus();
-    sampler_params params = solve_defaults;
+    solver_params params = solve_defaults;
     params.count = 300;
     params.coarse_to_fine = false;
     params.graded = true;
@@ -202,7 +202,7 @@ static void sphere_has_curvature_of_its_radius(void **state)
     (void)state;
     const analytic_params sphere = {.shape = ANALYTIC_SPHERE, .center = {1, 2, 3}, .radius = 0.25};
     analytic *a = make_shape(&sphere);
-    sampler_params params = solve_defaults;
+    solver_params params = solve_defaults;
     params.count = 200;
     solve x;
     solve_all(&a->base, &params, 1, &x);
@@ -236,9 +236,9 @@ static bool sample_pitted(const field *f, vec3 x, field_order order, field_sampl
 
 static const field_ops pitted_ops = {.sample = sample_pitted};
 
-static void given_start(const solve *x, sampler_params *params)
+static void given_start(const solve *x, solver_params *params)
 {
-    params->start = SAMPLER_START_GIVEN;
+    params->start = SOLVER_START_GIVEN;
     params->given = x->points->position;
     params->given_normal = x->points->normal;
     params->given_patch = x->points->stands.patch;
@@ -250,17 +250,17 @@ static void lost_points_get_new_places(void **state)
 {
     (void)state;
     analytic *a = make_torus();
-    sampler_params params = solve_defaults;
+    solver_params params = solve_defaults;
     solve x, again;
     solve_all(&a->base, &params, 1, &x);
-    const double h = sampler_spacing(x.sampler);
+    const double h = solver_spacing(x.solver);
     pitted f = {a->base, &a->base, x.points->position[300], 1.3 * h};
     f.base.ops = &pitted_ops;
     given_start(&x, &params);
     error e = {0};
     again = (solve){.field = &f.base, .pool = threads_new(1, NULL, &e), .scan = x.scan};
-    again.sampler = sampler_new(&f.base, x.scan, &params, again.pool, &e);
-    assert_non_null(again.sampler);
+    again.solver = solver_new(&f.base, x.scan, &params, again.pool, &e);
+    assert_non_null(again.solver);
     solve_finalize(&again);
     size_t replaced = 0;
     for (size_t i = 0; i < params.count; i++) {
@@ -276,12 +276,12 @@ static void lost_points_get_new_places(void **state)
         assert_true(solve_nearest(again.points, after, i) > 0.42);
     }
     assert_true(replaced >= 5);
-    assert_int_equal(sampler_removed_offsurface(again.sampler), replaced);
+    assert_int_equal(solver_removed_offsurface(again.solver), replaced);
     assert_int_equal(again.points->lost, 0);
     assert_int_equal(again.points->count, params.count);
     check_residuals(&again);
     check_torus_geometry(&again);
-    sampler_free(again.sampler);
+    solver_free(again.solver);
     threads_free(again.pool);
     solve_free(&x);
     analytic_free(a);
@@ -293,7 +293,7 @@ static void lost_points_are_those_off_the_surface(void **state)
 {
     (void)state;
     analytic *a = make_torus();
-    sampler_params params = solve_defaults;
+    solver_params params = solve_defaults;
     params.count = 40;
     params.max_sweeps = 200;
     solve x, again;
@@ -303,8 +303,8 @@ static void lost_points_are_those_off_the_surface(void **state)
     given_start(&x, &params);
     error e = {0};
     again = (solve){.field = &f.base, .pool = threads_new(1, NULL, &e), .scan = x.scan};
-    again.sampler = sampler_new(&f.base, x.scan, &params, again.pool, &e);
-    assert_non_null(again.sampler);
+    again.solver = solver_new(&f.base, x.scan, &params, again.pool, &e);
+    assert_non_null(again.solver);
     solve_finish(&again);
     size_t off = 0, of_start = 0;
     for (size_t i = 0; i < params.count; i++) {
@@ -313,7 +313,7 @@ static void lost_points_are_those_off_the_surface(void **state)
     }
     assert_true(off > 0 && off < of_start);
     assert_int_equal(again.points->lost, off);
-    sampler_free(again.sampler);
+    solver_free(again.solver);
     threads_free(again.pool);
     solve_free(&x);
     analytic_free(a);
@@ -321,25 +321,25 @@ static void lost_points_are_those_off_the_surface(void **state)
 
 /* ---- levels */
 
-static void levels_grow_to_the_requested_count(void **state)
+static void level_plan_grow_to_the_requested_count(void **state)
 {
     (void)state;
     analytic *a = make_torus();
-    sampler_params params = solve_defaults;
+    solver_params params = solve_defaults;
     params.count = 2500;
     solve x;
     solve_begin(&a->base, &params, 1, NULL, &x);
     double fraction = 0;
-    while (!sampler_ended(x.sampler)) {
+    while (!solver_ended(x.solver)) {
         solve_step(&x);
-        const double now = sampler_fraction(x.sampler);
+        const double now = solver_fraction(x.solver);
         assert_true(now >= fraction && now <= 1);
         fraction = now;
     }
     solve_finalize(&x);
     size_t rounds, sweeps;
-    const sampler_round *round = sampler_rounds(x.sampler, &rounds);
-    const sampler_sweep *sweep = sampler_sweeps(x.sampler, &sweeps);
+    const solver_round *round = solver_rounds(x.solver, &rounds);
+    const solver_sweep *sweep = solver_sweeps(x.solver, &sweeps);
     size_t levels = 1, of_rounds = 0;
     assert_true(round[0].count < params.count / 2 && rounds >= 2);
     for (size_t k = 0; k < rounds; k++) {
@@ -367,17 +367,17 @@ static void result_after_early_stop_has_the_requested_count(void **state)
 {
     (void)state;
     analytic *a = make_torus();
-    sampler_params params = solve_defaults;
+    solver_params params = solve_defaults;
     params.count = 2500;
     solve x;
     solve_begin(&a->base, &params, 1, NULL, &x);
     for (int k = 0; k < 10; k++) solve_step(&x);
     size_t sweeps;
-    assert_true(sampler_sweeps(x.sampler, &sweeps)[9].count < params.count / 2);
+    assert_true(solver_sweeps(x.solver, &sweeps)[9].count < params.count / 2);
     solve_finalize(&x);
     assert_int_equal(x.points->count, params.count);
     assert_int_equal(x.points->lost, 0);
-    assert_int_equal(sampler_result(x.sampler), SAMPLER_RUNNING);
+    assert_int_equal(solver_result(x.solver), SOLVER_RUNNING);
     check_residuals(&x);
     check_area(&x);
     solve_free(&x);
@@ -389,19 +389,19 @@ static void stopped_pool_leaves_a_sweep_undone(void **state)
     (void)state;
     volatile sig_atomic_t stop = 0;
     analytic *a = make_torus();
-    sampler_params params = solve_defaults;
+    solver_params params = solve_defaults;
     error e = {0};
     solve x;
     solve_begin(&a->base, &params, 1, &stop, &x);
     for (int k = 0; k < 3; k++) solve_step(&x);
     size_t sweeps;
-    const sampler_sweep *sweep = sampler_sweeps(x.sampler, &sweeps);
+    const solver_sweep *sweep = solver_sweeps(x.solver, &sweeps);
     const size_t count = sweep[sweeps - 1].count;
     vec3 *before = malloc(count * sizeof *before);
-    memcpy(before, sampler_result_positions(x.sampler), count * sizeof *before);
+    memcpy(before, solver_result_positions(x.solver), count * sizeof *before);
     stop = 1;
-    sampler_step(x.sampler, &e);
-    assert_memory_equal(before, sampler_result_positions(x.sampler), count * sizeof *before);
+    solver_step(x.solver, &e);
+    assert_memory_equal(before, solver_result_positions(x.solver), count * sizeof *before);
     free(before);
     solve_free(&x);
     analytic_free(a);
@@ -413,13 +413,13 @@ static void stopped_pool_cancels_the_result(void **state)
     (void)state;
     volatile sig_atomic_t stop = 0;
     analytic *a = make_torus();
-    sampler_params params = solve_defaults;
+    solver_params params = solve_defaults;
     error e = {0};
     solve x;
     solve_begin(&a->base, &params, 2, &stop, &x);
-    while (!sampler_ended(x.sampler)) solve_step(&x);
+    while (!solver_ended(x.solver)) solve_step(&x);
     stop = 1;
-    assert_false(sampler_finalize(x.sampler, &e));
+    assert_false(solver_finalize(x.solver, &e));
     assert_int_equal(e.code, ERROR_CANCELLED);
     solve_free(&x);
     analytic_free(a);
@@ -429,7 +429,7 @@ static void threads_do_not_change_a_multilevel_solve(void **state)
 {
     (void)state;
     analytic *a = make_torus();
-    sampler_params params = solve_defaults;
+    solver_params params = solve_defaults;
     params.count = 2500;
     params.max_sweeps = 60;
     sizing_field *sizing = make_sizing(a, params.count, &varying);
@@ -553,7 +553,7 @@ static void finish_spheres(spheres *f)
     field_set_boundary(&f->base, 0);
 }
 
-static void count_on_spheres(const spheres *f, const sampler_points *p, size_t *points)
+static void count_on_spheres(const spheres *f, const solver_points *p, size_t *points)
 {
     memset(points, 0, f->count * sizeof *points);
     for (size_t i = 0; i < p->count; i++) points[nearest_sphere(f, p->position[i])]++;
@@ -581,7 +581,7 @@ static void unresolved_surface_is_covered_evenly(void **state)
     for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
         solve x, three;
         size_t points[SPHERES_MOST];
-        sampler_params params = solve_defaults;
+        solver_params params = solve_defaults;
         make_lattice(cases[k].side, &all);
         params.count = cases[k].count;
         solve_all(&all.base, &params, 1, &x);
@@ -612,7 +612,7 @@ static void every_small_part_has_a_point(void **state)
     static spheres all;
     for (int levels = 1; levels <= 2; levels++) {
         size_t points[SPHERES_MOST], rounds;
-        sampler_params params = solve_defaults;
+        solver_params params = solve_defaults;
         all = (spheres){.count = 0};
         add_sphere(&all, vec3_make(0, 0, 0), 2, 0.2);
         for (int k = 0; k < 10; k++)
@@ -622,8 +622,8 @@ static void every_small_part_has_a_point(void **state)
         params.count = levels == 1 ? 150 : 500;
         solve x;
         solve_all(&all.base, &params, 1, &x);
-        assert_int_equal(sampler_rounds(x.sampler, &rounds)[0].count < params.count, levels == 2);
-        assert_int_equal(sampler_result(x.sampler), SAMPLER_CONVERGED);
+        assert_int_equal(solver_rounds(x.solver, &rounds)[0].count < params.count, levels == 2);
+        assert_int_equal(solver_result(x.solver), SOLVER_CONVERGED);
         assert_int_equal(x.points->count, params.count);
         count_on_spheres(&all, x.points, points);
         for (size_t k = 1; k < all.count; k++) assert_int_equal(points[k], 1);
@@ -643,18 +643,18 @@ static void points_of_a_finer_level_that_are_drawn_again_are_counted(void **stat
     finish_spheres(&all);
     pitted f = {all.base, &all.base, vec3_make(4, 0, 0.46), 0.4};
     f.base.ops = &pitted_ops;
-    sampler_params params = solve_defaults;
+    solver_params params = solve_defaults;
     params.count = 1200;
     error e = {0};
     size_t rounds;
     solve x = {.field = &f.base, .pool = threads_new(1, NULL, &e)};
     x.scan = surface_scan(&all.base, x.pool, &e);
-    x.sampler = sampler_new(&f.base, x.scan, &params, x.pool, &e);
-    assert_non_null(x.sampler);
-    const size_t before = sampler_removed_offsurface(x.sampler);
+    x.solver = solver_new(&f.base, x.scan, &params, x.pool, &e);
+    assert_non_null(x.solver);
+    const size_t before = solver_removed_offsurface(x.solver);
     solve_finish(&x);
-    const size_t removed = sampler_removed_offsurface(x.sampler);
-    assert_true(sampler_rounds(x.sampler, &rounds)[0].count < params.count / 2);
+    const size_t removed = solver_removed_offsurface(x.solver);
+    assert_true(solver_rounds(x.solver, &rounds)[0].count < params.count / 2);
     assert_int_equal(before, 0);
     assert_true(removed > 0 && removed < params.count);
     solve_free(&x);
@@ -674,7 +674,7 @@ static void curvature_over_a_distance_is_stated_and_sets_amplitudes(void **state
     assert_true(cell_samples_take(scan, pool, &sample, &e));
     scaled_curvature *curvature = scaled_curvature_new(scan, &sample, 0.15, pool, &e);
     assert_non_null(curvature);
-    sampler_params params = solve_defaults;
+    solver_params params = solve_defaults;
     params.count = 150;
     params.coarse_to_fine = false;
     params.curvature = curvature;
@@ -708,7 +708,7 @@ int main(void)
         cmocka_unit_test(sphere_has_curvature_of_its_radius),
         cmocka_unit_test(lost_points_get_new_places),
         cmocka_unit_test(lost_points_are_those_off_the_surface),
-        cmocka_unit_test(levels_grow_to_the_requested_count),
+        cmocka_unit_test(level_plan_grow_to_the_requested_count),
         cmocka_unit_test(result_after_early_stop_has_the_requested_count),
         cmocka_unit_test(unresolved_surface_is_covered_evenly),
         cmocka_unit_test(every_small_part_has_a_point),

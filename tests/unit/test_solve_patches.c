@@ -16,15 +16,15 @@
 
 static faces cube;
 
-static void solve_cube(const sampler_params *params, solve *out)
+static void solve_cube(const solver_params *params, solve *out)
 {
     make_cube(&cube);
     solve_all(&cube.base, params, 1, out);
 }
 
-static void given_start(const solve *x, sampler_params *params)
+static void given_start(const solve *x, solver_params *params)
 {
-    params->start = SAMPLER_START_GIVEN;
+    params->start = SOLVER_START_GIVEN;
     params->given = x->points->stands.position;
     params->given_normal = x->points->stands.normal;
     params->given_patch = x->points->stands.patch;
@@ -35,7 +35,7 @@ static bool hold(solve *x, const vec3 *place, size_t count)
 {
     error e = {0};
     bool goes_on = true;
-    if (!sampler_hold(x->sampler, place, count, &goes_on, &e)) fail_msg("%s", e.message);
+    if (!solver_pin(x->solver, place, count, &goes_on, &e)) fail_msg("%s", e.message);
     return goes_on;
 }
 
@@ -66,7 +66,7 @@ static void check_faces(const solve *x)
 /* The spacing of the cube's points. */
 static double spacing_of(const solve *x)
 {
-    return sampler_spacing(x->sampler);
+    return solver_spacing(x->solver);
 }
 
 /* A point on the edge between the faces z = 0.5 and x = 0.5 that is not near a corner. */
@@ -74,7 +74,7 @@ static vec3 place_on_edge(const solve *x)
 {
     for (size_t i = 0; i < x->points->count; i++) {
         const vec3 at = x->points->position[i];
-        if (x->points->feature[i] == SAMPLER_ON_CURVE && at.x == 0.5 && at.z == 0.5 && fabs(at.y) < 0.2)
+        if (x->points->feature[i] == SOLVER_ON_CURVE && at.x == 0.5 && at.z == 0.5 && fabs(at.y) < 0.2)
             return at;
     }
     fail_msg("no point lies on the edge");
@@ -109,11 +109,11 @@ static void nearest_particle_goes_to_a_place_and_stays(void **state)
 
     solve_cube(&solve_defaults, &x);
     assert_true(hold(&x, places, 2));
-    assert_false(sampler_ended(x.sampler));
+    assert_false(solver_ended(x.solver));
     solve_finish(&x);
     assert_true(hold(&x, &later, 1));
     solve_finish(&x);
-    assert_int_equal(sampler_result(x.sampler), SAMPLER_CONVERGED);
+    assert_int_equal(solver_result(x.solver), SOLVER_CONVERGED);
     for (int k = 0; k < 2; k++) assert_int_equal(count_at(&x, places[k]), 1);
     assert_int_equal(count_at(&x, later), 1);
     assert_int_equal(x.points->count, solve_defaults.count);
@@ -129,7 +129,7 @@ static void assert_held(vec3 place, bool expected)
     solve x;
     solve_cube(&solve_defaults, &x);
     assert_int_equal(hold(&x, &place, 1), expected);
-    assert_int_equal(sampler_ended(x.sampler), !expected);
+    assert_int_equal(solver_ended(x.solver), !expected);
     solve_free(&x);
 }
 
@@ -184,13 +184,13 @@ static void hold_needs_half_of_the_sweeps(void **state)
     solve x;
     size_t sweeps;
     solve_cube(&solve_defaults, &x);
-    sampler_sweeps(x.sampler, &sweeps);
+    solver_sweeps(x.solver, &sweeps);
     solve_free(&x);
     for (int more = 0; more < 2; more++) {
-        sampler_params params = solve_defaults;
+        solver_params params = solve_defaults;
         params.max_sweeps = (int)(2 * sweeps) + more;
         solve_cube(&params, &x);
-        assert_int_equal(sampler_result(x.sampler), SAMPLER_CONVERGED);
+        assert_int_equal(solver_result(x.solver), SOLVER_CONVERGED);
         assert_int_equal(hold(&x, &place, 1), more);
         solve_free(&x);
     }
@@ -210,9 +210,9 @@ static void hold_needs_a_converged_solve_of_patches(void **state)
 
     solve_cube(&solve_defaults, &x);
     assert_false(hold(&x, NULL, 0));
-    assert_int_equal(sampler_result(x.sampler), SAMPLER_CONVERGED);
+    assert_int_equal(solver_result(x.solver), SOLVER_CONVERGED);
     assert_int_equal(x.points->count, solve_defaults.count); /* the result is still valid */
-    assert_true(x.points->position == sampler_result_positions(x.sampler));
+    assert_true(x.points->position == solver_result_positions(x.solver));
     solve_free(&x);
 }
 
@@ -223,7 +223,7 @@ static void place_far_from_the_points_of_its_patch_is_not_held(void **state)
     for (int far = 0; far < 2; far++) {
         static faces s;
         solve x;
-        sampler_params params = solve_defaults;
+        solver_params params = solve_defaults;
         params.count = 200;
         s = (faces){0};
         add_face(&s, (vec3){0, 0, 0}, (vec3){0.5, 0, 0}, (vec3){0, 0.5, 0});
@@ -233,7 +233,7 @@ static void place_far_from_the_points_of_its_patch_is_not_held(void **state)
         size_t inside = 0;
         vec3 place = {0, 0, 0};
         for (size_t i = 0; i < x.points->count; i++) {
-            if (x.points->patch[i] != 1 || x.points->feature[i] != SAMPLER_ON_PATCH) continue;
+            if (x.points->patch[i] != 1 || x.points->feature[i] != SOLVER_ON_PATCH) continue;
             place = x.points->position[i];
             inside++;
         }
@@ -250,11 +250,11 @@ static void hold_refuses_a_given_start(void **state)
     (void)state;
     const vec3 place = {0.11, 0.07, 0.5};
     solve x, again;
-    sampler_params params = solve_defaults;
+    solver_params params = solve_defaults;
     solve_cube(&params, &x);
     given_start(&x, &params);
     solve_all(&cube.base, &params, 1, &again);
-    assert_int_equal(sampler_result(again.sampler), SAMPLER_CONVERGED);
+    assert_int_equal(solver_result(again.solver), SOLVER_CONVERGED);
     assert_int_equal(again.points->count, params.count);
     assert_false(hold(&again, &place, 1));
     solve_free(&again);
@@ -266,10 +266,10 @@ static void hold_refuses_a_given_start(void **state)
 /* The stand of a free point: `x` is nearest. */
 static size_t nearest_free(const solve *x, vec3 at)
 {
-    const sampler_stands *all = &x->points->stands;
+    const solver_patch_points *all = &x->points->stands;
     size_t best = SIZE_MAX;
     for (size_t i = 0; i < x->points->count; i++)
-        if (x->points->feature[i] == SAMPLER_ON_PATCH &&
+        if (x->points->feature[i] == SOLVER_ON_PATCH &&
             (best == SIZE_MAX ||
              vec3_norm(vec3_sub(all->position[i], at)) < vec3_norm(vec3_sub(all->position[best], at))))
             best = i;
@@ -280,10 +280,10 @@ static size_t nearest_free(const solve *x, vec3 at)
  * before. */
 static void put_beside_edge(size_t count, vec3 from, vec3 to, solve *as_it_is, solve *out, size_t *moved)
 {
-    sampler_params params = solve_defaults;
+    solver_params params = solve_defaults;
     params.count = count;
     solve_cube(&params, as_it_is);
-    const sampler_stands *all = &as_it_is->points->stands;
+    const solver_patch_points *all = &as_it_is->points->stands;
     vec3 *position = malloc(all->count * sizeof *position), *normal = malloc(all->count * sizeof *normal);
     uint32_t *patch = malloc(all->count * sizeof *patch);
     memcpy(position, all->position, all->count * sizeof *position);
@@ -309,7 +309,7 @@ static void put_beside_edge(size_t count, vec3 from, vec3 to, solve *as_it_is, s
         assert_int_equal(*moved, SIZE_MAX);
         *moved = k;
     }
-    assert_true(*moved != SIZE_MAX && out->points->feature[*moved] == SAMPLER_ON_PATCH);
+    assert_true(*moved != SIZE_MAX && out->points->feature[*moved] == SOLVER_ON_PATCH);
     check_faces(out);
 }
 
@@ -319,7 +319,7 @@ static void point_on_a_row_goes_to_a_gap(void **state)
     (void)state;
     solve x, out;
     size_t i;
-    sampler_params params = solve_defaults;
+    solver_params params = solve_defaults;
     params.count = 60;
     solve_cube(&params, &x);
     const double h = spacing_of(&x);
@@ -327,7 +327,7 @@ static void point_on_a_row_goes_to_a_gap(void **state)
     solve_free(&x);
     put_beside_edge(params.count, from, vec3_sub(edge, vec3_make(0.2 * h, 0.4 * h, 0)), &x, &out, &i);
     assert_true(out.points->replaced[i]);
-    assert_int_equal(sampler_removed_offsurface(out.sampler), 1);
+    assert_int_equal(solver_removed_offsurface(out.solver), 1);
     assert_true(solve_nearest(out.points, out.points->position[i], i) > 0.6);
     solve_free(&x);
     solve_free(&out);
@@ -374,7 +374,7 @@ static void points_on_curves_have_a_copy_for_each_patch(void **state)
     (void)state;
     solve x;
     solve_cube(&solve_defaults, &x);
-    const sampler_stands *all = &x.points->stands;
+    const solver_patch_points *all = &x.points->stands;
     size_t *copies = calloc(x.points->count, sizeof *copies), corners = 0;
     for (size_t k = 0; k < all->count; k++) {
         const uint32_t point = all->point[k];
@@ -388,9 +388,9 @@ static void points_on_curves_have_a_copy_for_each_patch(void **state)
         size_t sides = 0;
         for (int axis = 0; axis < 3; axis++) sides += fabs(fabs(vec3_get(at, axis)) - 0.5) < 1e-12;
         assert_int_equal(copies[i], sides);
-        assert_int_equal(x.points->feature[i], sides == 3   ? SAMPLER_ON_CORNER
-                                               : sides == 2 ? SAMPLER_ON_CURVE
-                                                            : SAMPLER_ON_PATCH);
+        assert_int_equal(x.points->feature[i], sides == 3   ? SOLVER_ON_CORNER
+                                               : sides == 2 ? SOLVER_ON_CURVE
+                                                            : SOLVER_ON_PATCH);
         assert_close(vec3_norm(x.points->normal[i]), 1, 1e-9);
         corners += sides == 3;
         /* the faces are at right angles: the first one's normal is the point's */
@@ -409,7 +409,7 @@ static void normals_of_an_edge_are_merged_where_they_agree(void **state)
         static faces roof;
         solve x;
         const double angle = (k == 0 ? 20 : 70) * M_PI / 180;
-        sampler_params params = solve_defaults;
+        solver_params params = solve_defaults;
         params.count = 200;
         roof = (faces){0};
         add_face(&roof, (vec3){-0.5, 0, 0}, (vec3){0.5, 0, 0}, (vec3){0, 0.5, 0});
@@ -451,14 +451,14 @@ static void every_patch_has_a_point(void **state)
         const field *f = mesh_surface_field(s);
         ((field_patches *)f->patches)->has_many_parts = many;
         assert_int_equal(f->patches->count, SMALL + 1);
-        sampler_params params = solve_defaults;
+        solver_params params = solve_defaults;
         params.count = 150;
         solve x;
         solve_all(f, &params, 1, &x);
         size_t points[SMALL + 1] = {0};
         for (size_t i = 0; i < x.points->count; i++) points[x.points->patch[i]]++;
         for (int k = 1; k <= SMALL; k++) assert_int_equal(points[k], 1);
-        assert_int_equal(sampler_result(x.sampler), SAMPLER_CONVERGED);
+        assert_int_equal(solver_result(x.solver), SOLVER_CONVERGED);
         assert_int_equal(x.points->count, params.count);
         assert_true(solve_least_distance(x.points) > 0.8 && solve_largest_gap(&x, 3) < 0.75);
         solve_free(&x);

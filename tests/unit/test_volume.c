@@ -14,7 +14,7 @@
 #include "base/memory.h"
 #include "base/threads.h"
 #include "field/region.h"
-#include "particles/coverage.h"
+#include "solver/particles/coverage.h"
 #include "surface/surface.h"
 #include "volume/example.h"
 #include "cells.h"

@@ -12,7 +12,7 @@
 
 #include "close.h"
 #include "voronoi/quality.h"
-#include "sampler/sampler.h"
+#include "solver/solver.h"
 #include "shapes.h"
 
 enum { SPHERE = 0, BOX = 2, QUARTIC = 4, GYROID = 5 };
@@ -150,18 +150,18 @@ typedef struct solved {
     analytic *a;
     threads *pool;
     surface *scan;
-    sampler *s;
-    const sampler_points *points;
+    solver *s;
+    const solver_points *points;
     quality q;
-    const sampler_sweep *sweep;
+    const solver_sweep *sweep;
     size_t sweeps;
 } solved;
 
 enum { COUNT = 600 };
 
-static sampler_params even_targets(const witkin_heckbert_params *w)
+static solver_params even_targets(const witkin_heckbert_params *w)
 {
-    return (sampler_params){.witkin_heckbert = w,
+    return (solver_params){.witkin_heckbert = w,
                             .count = COUNT,
                             .seed = 1,
                             .max_sweeps = 2000,
@@ -170,9 +170,9 @@ static sampler_params even_targets(const witkin_heckbert_params *w)
                             .energy_tolerance = 0.05};
 }
 
-static sampler_params varied_targets(const witkin_heckbert_params *w, double d)
+static solver_params varied_targets(const witkin_heckbert_params *w, double d)
 {
-    sampler_params params = even_targets(w);
+    solver_params params = even_targets(w);
     params.graded = true;
     params.d = d;
     params.gamma = 0.1;
@@ -181,25 +181,25 @@ static sampler_params varied_targets(const witkin_heckbert_params *w, double d)
     return params;
 }
 
-static void solve(const analytic_params *shape, const sampler_params *params, int workers, solved *x)
+static void solve(const analytic_params *shape, const solver_params *params, int workers, solved *x)
 {
     error e = {0};
     *x = (solved){0};
     x->a = analytic_new(shape, NULL, &e);
     x->pool = threads_new(workers, NULL, &e);
     x->scan = surface_scan(&x->a->base, x->pool, &e);
-    x->s = sampler_new(&x->a->base, x->scan, params, x->pool, &e);
+    x->s = solver_new(&x->a->base, x->scan, params, x->pool, &e);
     if (!x->s) fail_msg("%s", e.message);
-    while (!sampler_ended(x->s))
-        if (!sampler_step(x->s, &e)) fail_msg("%s", e.message);
-    if (!sampler_finalize(x->s, &e)) fail_msg("%s", e.message);
-    x->points = sampler_result_points(x->s);
-    x->sweep = sampler_sweeps(x->s, &x->sweeps);
+    while (!solver_ended(x->s))
+        if (!solver_step(x->s, &e)) fail_msg("%s", e.message);
+    if (!solver_finalize(x->s, &e)) fail_msg("%s", e.message);
+    x->points = solver_result_points(x->s);
+    x->sweep = solver_sweeps(x->s, &x->sweeps);
     quality_input in = {.count = x->points->count,
                         .position = x->points->position,
                         .normal = x->points->normal,
                         .spacing = x->points->spacing,
-                        .h = sampler_spacing(x->s),
+                        .h = solver_spacing(x->s),
                         .open = x->a->base.open,
                         .domain = x->a->base.domain};
     assert_true(quality_measure(&in, x->pool, NULL, NULL, &x->q, &e));
@@ -215,7 +215,7 @@ static void solve(const analytic_params *shape, const sampler_params *params, in
 
 static void release(solved *x)
 {
-    sampler_free(x->s);
+    solver_free(x->s);
     surface_free(x->scan);
     threads_free(x->pool);
     analytic_free(x->a);
@@ -242,21 +242,21 @@ static double largest_gap(const solved *x, const analytic_params *sphere)
             nearest2 = fmin(nearest2, vec3_norm2(vec3_sub(p, x->points->position[i])));
         worst = fmax(worst, nearest2);
     }
-    return sqrt(worst) / sampler_spacing(x->s);
+    return sqrt(worst) / solver_spacing(x->s);
 }
 
 static void even_targets_give_an_even_sphere(void **state)
 {
     (void)state;
     for (int random = 0; random < 2; random++) {
-        sampler_params params = even_targets(&defaults);
-        params.start = random ? SAMPLER_START_RANDOM : SAMPLER_START_SURFACE;
+        solver_params params = even_targets(&defaults);
+        params.start = random ? SOLVER_START_RANDOM : SOLVER_START_SURFACE;
         solved x;
         solve(&shapes[SPHERE], &params, 1, &x);
         double gap = largest_gap(&x, &shapes[SPHERE]);
         print_message("# %zu points, hex %.3f, spacing varies by %.4f, gap %.3f h\n", x.points->count,
                       x.q.resolved.hex_fraction, x.q.grading_cv, gap);
-        assert_true(sampler_result(x.s) != SAMPLER_OUT_OF_SWEEPS && turnover(&x, 50) == 0);
+        assert_true(solver_result(x.s) != SOLVER_OUT_OF_SWEEPS && turnover(&x, 50) == 0);
         assert_close((double)x.points->count, COUNT, 0.12 * COUNT);
         assert_close(x.points->mean_energy / x.points->ideal_energy, 1, 1e-3);
         assert_true(gap < 0.8 && x.q.grading_cv < 0.03 && x.q.min_spacing_ratio > 0.7);
@@ -281,7 +281,7 @@ static void varied_targets_never_come_to_rest(void **state)
     (void)state;
     const double d[] = {1, 3};
     for (int k = 0; k < 2; k++) {
-        sampler_params params = varied_targets(&defaults, d[k]);
+        solver_params params = varied_targets(&defaults, d[k]);
         params.max_sweeps = 800;
         solved x;
         solve(&shapes[QUARTIC], &params, 1, &x);
@@ -290,7 +290,7 @@ static void varied_targets_never_come_to_rest(void **state)
             "# d = %g: %zu of %zu particles split or died in the last 100 of 800 steps; of a contrast of "
             "%.1f the spacing has exponent %.2f, cv %.2f\n",
             d[k], last, x.points->count, contrast(&x), x.q.grading_exponent, x.q.grading_cv);
-        assert_int_equal(sampler_result(x.s), SAMPLER_OUT_OF_SWEEPS);
+        assert_int_equal(solver_result(x.s), SOLVER_OUT_OF_SWEEPS);
         assert_true(last > x.points->count / 2);             /* it goes on, */
         assert_true((double)later > 0.8 * 5 * (double)last); /* and does not abate */
         assert_true((double)later < 1.25 * 5 * (double)last);
@@ -308,7 +308,7 @@ static void hysteresis_ends_the_cycle_and_the_contrast(void **state)
     (void)state;
     witkin_heckbert_params wide = defaults;
     wide.delta = 0.1;
-    sampler_params params = varied_targets(&wide, 1);
+    solver_params params = varied_targets(&wide, 1);
     solved x;
     solve(&shapes[QUARTIC], &params, 1, &x);
     print_message("# at rest after %zu steps; of a contrast of %.1f the spacing has exponent %.3f\n",
@@ -331,7 +331,7 @@ static analytic_params scaled(const analytic_params *shape, double factor)
 static void the_size_of_a_surface_does_not_matter(void **state)
 {
     (void)state;
-    sampler_params params = varied_targets(&defaults, 1);
+    solver_params params = varied_targets(&defaults, 1);
     params.max_sweeps = 200;
     solved one, large;
     analytic_params doubled = scaled(&shapes[QUARTIC], 1024);
@@ -340,7 +340,7 @@ static void the_size_of_a_surface_does_not_matter(void **state)
     assert_int_equal(one.points->count, large.points->count);
     for (size_t i = 0; i < one.points->count; i++)
         assert_true(vec3_norm(vec3_sub(vec3_scale(one.points->position[i], 1024),
-                                       large.points->position[i])) < 1e-6 * sampler_spacing(large.s));
+                                       large.points->position[i])) < 1e-6 * solver_spacing(large.s));
     release(&one);
     release(&large);
 
@@ -349,7 +349,7 @@ static void the_size_of_a_surface_does_not_matter(void **state)
     solve(&shapes[SPHERE], &params, 1, &one);
     solve(&thousand, &params, 1, &large);
     assert_close((double)large.points->count / (double)one.points->count, 1, 0.01);
-    assert_close(sampler_spacing(large.s) / sampler_spacing(one.s), 1000, 5);
+    assert_close(solver_spacing(large.s) / solver_spacing(one.s), 1000, 5);
     assert_close(large.points->sigma / one.points->sigma, 1000, 5);
     assert_close(large.q.resolved.hex_fraction, one.q.resolved.hex_fraction, 0.05);
     release(&one);
@@ -363,7 +363,7 @@ static void creases_and_rims_hold(void **state)
     sharp.rounding = 0;
     const analytic_params *hard[] = {&sharp, &shapes[GYROID]};
     for (int k = 0; k < 2; k++) {
-        sampler_params params = even_targets(&defaults);
+        solver_params params = even_targets(&defaults);
         params.count = 800;
         solved x;
         solve(hard[k], &params, 1, &x);
@@ -379,7 +379,7 @@ static void creases_and_rims_hold(void **state)
 static void threads_do_not_show(void **state)
 {
     (void)state;
-    sampler_params params = varied_targets(&defaults, 2);
+    solver_params params = varied_targets(&defaults, 2);
     params.max_sweeps = 120;
     solved one, many;
     solve(&shapes[QUARTIC], &params, 1, &one);
@@ -395,7 +395,7 @@ static void threads_do_not_show(void **state)
 static void energies_of_points_have_the_mean_that_is_told(void **state)
 {
     (void)state;
-    sampler_params params = varied_targets(&defaults, 2);
+    solver_params params = varied_targets(&defaults, 2);
     params.max_sweeps = 120;
     solved x;
     solve(&shapes[QUARTIC], &params, 1, &x);
@@ -410,7 +410,7 @@ static void tiny_counts_work(void **state)
 {
     (void)state;
     for (size_t count = 4; count <= 22; count += 6) {
-        sampler_params params = even_targets(&defaults);
+        solver_params params = even_targets(&defaults);
         params.count = count;
         solved x;
         solve(&shapes[SPHERE], &params, 1, &x);

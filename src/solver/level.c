@@ -1,0 +1,225 @@
+/* level: the level that the solve is on: where its particles start, and the step to the next level. See solver_state.h. */
+#include <assert.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "field/projection.h"
+#include "geometry/morton.h"
+#include "packing/packing.h"
+#include "solver/passes/refine.h"
+#include "solver/level.h"
+#include "solver/start.h"
+
+/* The Verlet skin of the first lists of the level, of `count` particles. */
+static double first_skin(const solver *s, size_t count)
+{
+    const schedule_position at = {.level = s->state.level,
+                                  .levels = s->state.plan.count,
+                                  .stage = s->state.stage,
+                                  .count = count,
+                                  .is_sized = s->setup.params.sizing != NULL,
+                                  .has_curves = s->state.p->patch != NULL};
+    return schedule_first_skin(s->state.regime->schedule, &at) * s->state.spacing;
+}
+
+/* The scales of the level. */
+static void enter_level(solver *s, size_t count, double support)
+{
+    const quota *quotas = s->state.plan.quotas;
+    double share = level_plan_share(&s->state.plan, s->state.level);
+    s->state.spacing =
+        quotas ? quotas[s->state.level].spacing : packing_spacing(s->setup.scan->area, (double)count / share);
+    s->state.sigma = support * s->state.spacing;
+    s->state.skin = first_skin(s, count);
+    s->state.gain = s->state.regime->schedule->gain[s->state.stage];
+    s->state.has_many_defects = false;
+    s->state.had_extra_sweeps = false;
+}
+
+/* Into an order in which neighbours are near each other in memory too. */
+static bool arrange(solver *s, error *e)
+{
+    uint32_t *order = mem_array(s->state.p->count, sizeof *order, "the order of particles", e);
+    bool ok = order && morton_order(s->state.p->position, s->state.p->count, s->setup.pool, order, e) &&
+              particles_arrange(s->state.p, order, s->setup.pool, e);
+    free(order);
+    return ok;
+}
+
+/* Places the particles, in an order for sweeps. */
+static bool place(solver *s, error *e)
+{
+    size_t removed;
+    if (solver_is_continued(s)) {
+        memcpy(s->state.p->position, s->setup.params.given, s->state.p->count * sizeof *s->state.p->position);
+        memcpy(s->state.p->normal, s->setup.params.given_normal,
+               s->state.p->count * sizeof *s->state.p->normal);
+        if (!s->state.p->patch) return true;
+        assert(s->setup.params.given_patch && s->setup.params.given_place);
+        memcpy(s->state.p->patch, s->setup.params.given_patch, s->state.p->count * sizeof *s->state.p->patch);
+        memcpy(s->state.p->place, s->setup.params.given_place, s->state.p->count * sizeof *s->state.p->place);
+        return true;
+    }
+    if (!start_place(s->setup.field, s->setup.scan, &s->setup.params, &s->state.plan, s->state.level,
+                     s->state.spacing, s->setup.pool, s->state.p, &removed, e))
+        return false;
+    s->record.removed += removed;
+    return arrange(s, e);
+}
+
+/* Whether the coarsest level does not see the surface for its edges. Where it begins more particles see others turned from them than at
+ * rest, since lists reach farther: of a large one those count that are within the reach of lists at rest. */
+static bool is_too_divergent(const solver *s, bool begins)
+{
+    const schedule *given = s->state.regime->schedule;
+    const double share = relax_divergent_share(s->scratch.relax, s->state.p),
+                 reach = s->state.sigma + given->skin_narrow * s->state.spacing;
+    if (!begins || share <= given->divergent_share) return share > given->divergent_share;
+    return share > given->divergent_share_first ||
+           (schedule_is_large(given, s->state.p->count) &&
+            relax_divergent_share_within(s->scratch.relax, s->state.p, reach) > given->divergent_share);
+}
+
+/* Then the next finer one takes its place. */
+static bool drop_coarsest(solver *s, bool begins, bool *again, error *e)
+{
+    *again = is_too_divergent(s, begins);
+    if (!*again) return true;
+    level_plan_drop_coarsest(&s->state.plan);
+    return solver_place(s, s->state.sigma / s->state.spacing, e);
+}
+
+/* Particles on the coarsest level, where they start. */
+bool solver_place(solver *s, double support, error *e)
+{
+    s->state.p->count = level_plan_particles(&s->state.plan, 0);
+    enter_level(s, s->state.p->count, support);
+    if (s->setup.params.max_sigma > 0) s->state.sigma = fmin(s->state.sigma, s->setup.params.max_sigma);
+    if (!place(s, e)) return false;
+    particles_undamp(s->state.p);
+    if (!s->setup.method->begin(s, e)) return false;
+    bool again;
+    return s->state.plan.count == 1 || s->state.stage > 0 || drop_coarsest(s, true, &again, e);
+}
+
+static size_t count_on_boundary(const solver *s)
+{
+    size_t count = 0;
+    for (size_t i = 0; i < s->state.p->count; i++)
+        count += projection_boundary_axes(s->setup.field, s->state.p->position[i]) != 0;
+    return count;
+}
+
+static bool find_mesh(solver *s, error *e)
+{
+    if (!s->scratch.mesh) s->scratch.mesh = refine_mesh_new(s->state.p, s->state.spacing, s->setup.pool, e);
+    return s->scratch.mesh != NULL;
+}
+
+static void forget_mesh(solver *s)
+{
+    refine_mesh_free(s->scratch.mesh);
+    s->scratch.mesh = NULL;
+}
+
+/* Begins again with a better count once: the boundaries fill up only with time, so the last word is left to the
+ * levels between. */
+bool solver_replan(solver *s, bool *again, error *e)
+{
+    const size_t count = s->state.p->count;
+    if (s->state.stage == 0) return drop_coarsest(s, false, again, e);
+    if (s->state.plan.quotas) return true; /* which know their counts */
+    /* what is not resolved tells no count to begin again with */
+    s->state.counts_corrected |= relax_has_mostly_divergent_normals(s->scratch.relax);
+    if (s->state.counts_corrected && s->state.stage < SCHEDULE_STAGES - 1)
+        return true; /* there is a later word */
+    if (!find_mesh(s, e)) return false;
+    level_plan_correct(&s->state.plan, refine_mesh_edges(s->scratch.mesh), count_on_boundary(s));
+    *again = !s->state.counts_corrected &&
+             schedule_begins_anew(s->state.regime->schedule, count, s->state.plan.particles[0]);
+    s->state.counts_corrected = true;
+    if (*again || s->state.stage < SCHEDULE_STAGES - 1) forget_mesh(s);
+    if (*again) return solver_place(s, s->state.sigma / s->state.spacing, e);
+    s->state.plan.particles[0] = count;
+    return true;
+}
+
+/* Particles in the parts of the surface that had none. Alone, in lists of their own, they take the sweeps with which the
+ * coarsest level begins: the level's own are too few for a random start. */
+static bool settle_new_parts(solver *s, error *e)
+{
+    for (int sweep = 0; sweep < s->state.regime->schedule->new_part_sweeps; sweep++) {
+        const schedule_position at = {
+            .levels = s->state.plan.count, .sweeps = sweep, .count = s->state.p->count};
+        const relax_params params = {.field = s->setup.field,
+                                     .sigma = s->state.sigma,
+                                     .spacing = s->state.spacing,
+                                     .omega = schedule_omega(s->state.regime->schedule, &at),
+                                     .fast_step = schedule_longest_step(s->state.regime->schedule, &at),
+                                     .shaken = schedule_is_shaken(s->state.regime->schedule, &at),
+                                     .gain = s->state.regime->schedule->gain[0]};
+        relax_sums sums;
+        if (s->state.lists_stale && !solver_build_lists(s, e)) return false;
+        relax_sweep(s->scratch.relax, s->state.p, &params, &sums);
+        s->state.lists_stale =
+            schedule_wants_lists(s->state.regime->schedule, &at, sums.limited, ++s->state.list_age);
+        s->state.skin = schedule_skin(s->state.regime->schedule, sums.rms_step) * s->state.spacing;
+        if (threads_stopped(s->setup.pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    }
+    return true;
+}
+
+static bool add_new_parts(solver *s, error *e)
+{
+    size_t count = s->state.plan.new_parts[s->state.level], removed = 0;
+    if (count == 0) return true;
+    particles *others = s->state.p;
+    relax *lists = s->scratch.relax;
+    s->state.p = particles_new(count, e);
+    s->scratch.relax = solver_new_relax(s, count, e);
+    s->state.lists_stale = true;
+    bool ok = s->state.p && s->scratch.relax &&
+              start_place(s->setup.field, s->setup.scan, &s->setup.params, &s->state.plan, s->state.level,
+                          s->state.spacing, s->setup.pool, s->state.p, &removed, e) &&
+              arrange(s, e) && settle_new_parts(s, e);
+    if (ok) {
+        memcpy(others->position + others->count, s->state.p->position, count * sizeof *others->position);
+        memcpy(others->normal + others->count, s->state.p->normal, count * sizeof *others->normal);
+        others->count += count;
+        s->record.removed += removed;
+    }
+    particles_free(s->state.p);
+    relax_free(s->scratch.relax);
+    s->state.p = others;
+    s->scratch.relax = lists;
+    return ok;
+}
+
+/* A level has come to rest: four times as many particles, with the support that it needed. */
+bool solver_refine(solver *s, error *e)
+{
+    const level_plan *plan = &s->state.plan;
+    assert(s->state.level + 1 < plan->count);
+    double support = s->state.sigma / s->state.spacing;
+    size_t count = plan->particles[++s->state.level];
+    s->state.level_began = s->record.sweep_count;
+    const refine_patches patches = {plan->quotas ? &plan->quotas[s->state.level] : NULL, plan->curves};
+    const bool ok =
+        find_mesh(s, e) && refine_particles(s->setup.field, s->setup.scan, s->setup.params.sizing,
+                                            plan->quotas ? &patches : NULL, s->scratch.mesh, s->state.p,
+                                            count - plan->new_parts[s->state.level], s->state.spacing,
+                                            s->setup.params.seed, s->setup.pool, e);
+    forget_mesh(s);
+    if (!ok) return false;
+    enter_level(s, count, support);
+    return add_new_parts(s, e);
+}
+
+bool solver_enter_refined(solver *s, error *e)
+{
+    if (!arrange(s, e)) return false;
+    s->state.skin = first_skin(s, s->state.p->count);
+    particles_undamp(s->state.p);
+    return solver_build_lists(s, e);
+}

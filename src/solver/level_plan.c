@@ -1,0 +1,249 @@
+#include "solver/level_plan.h"
+
+#include <assert.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/compare.h"
+#include "base/memory.h"
+#include "base/rng.h"
+#include "packing/packing.h"
+#include "solver/particles/random_streams.h"
+#include "solver/passes/refine.h"
+
+/* The coarsest packing sets the order of the finest, at a cost that does not show, unless its spacing is
+ * coarser than this fraction of the radius of curvature, where strain is locked in. Measured at 10 000
+ * points: half of the fraction costs 0.01 of hex_fraction on torus and quartic, twice as much 0.006 on the
+ * gyroid. */
+static const double COARSEST_BEND = 0.6;
+/* A level that is too coarse by less than this is still a better start than random places on the only level: on a scan of
+ * a statue at 50 000 points hex_fraction is 0.90 with it and 0.87 without. */
+static const double ONLY_COARSER = 2;
+enum { FEWEST_PARTICLES = 100, BEND_SAMPLES = 400 };
+/* Curves are looked at in steps of this share of the finest spacing. */
+static const double CURVE_STEP = 0.25;
+/* Of a connected part on the first level that it has particles on: refining keeps the parts' shares as they are there,
+ * where they are off by half a particle. */
+static const double FEWEST_IN_PART = 30;
+/* The parts that have particles on the coarsest level hold this share of all points at least. */
+static const double COARSEST_SHARE = 0.5;
+/* Of those samples, the one that counts: what is bent more, such as the creases and the noise of a scan, is
+ * bent for any packing. */
+static const double BEND_QUANTILE = 0.5;
+
+/* What must be small times the spacing h of an even packing: the larger principal curvature and the growth of
+ * the spacing, both for the spacing at the place, as half of the particles have it. */
+static double typical_bend(const field *f, const surface *scan, const sizing_field *sizing, double h,
+                           uint64_t seed)
+{
+    rng r = rng_seed(seed, RANDOM_STREAM_BEND);
+    double bend[BEND_SAMPLES];
+    size_t found = 0;
+    for (int k = 0; k < BEND_SAMPLES; k++) {
+        field_sample sample;
+        double kappa1, kappa2;
+        vec3 x = sizing_field_draw(sizing, scan, (k + 0.5) / BEND_SAMPLES, &r, NULL), growth = {0, 0, 0};
+        double size = sizing ? sizing_field_spacing(sizing, x, &growth) / h : 1;
+        if (!field_sample_at(f, x, FIELD_HESSIAN, &sample)) continue;
+        field_curvature(&sample, &kappa1, &kappa2);
+        bend[found++] = fmax(size * fmax(fabs(kappa1), fabs(kappa2)), vec3_norm(growth) / h);
+    }
+    if (found == 0) return INFINITY;
+    qsort(bend, found, sizeof *bend, compare_doubles);
+    return bend[(size_t)(BEND_QUANTILE * (double)(found - 1))];
+}
+
+/* The share of part c in all points. */
+static double part_share(const surface *scan, const double *weight, size_t c)
+{
+    const components *parts = &scan->parts;
+    return (weight[parts->begin[c + 1]] - weight[parts->begin[c]]) / weight[scan->cells];
+}
+
+/* The share in all points of the parts that `count` particles give a packing of their own. Where all parts begin `together`:
+ * 1 when each part that has a particle among `all` gets one, and 0 else. */
+static double settled_share(const surface *scan, const double *weight, size_t count, bool together,
+                            size_t all)
+{
+    double share = 0;
+    if (!scan->parts.order) return (double)count < FEWEST_IN_PART ? 0 : 1;
+    for (size_t c = 0; c < scan->parts.count; c++) {
+        double part = part_share(scan, weight, c);
+        if (part * (double)count >= FEWEST_IN_PART)
+            share += part;
+        else if (together && part * (double)all >= 1)
+            return 0;
+    }
+    return together ? 1 : share;
+}
+
+/* The level on which a part gets its first particles. `whole`: of each level, if all parts had some. */
+static int level_of_part(double share, const size_t whole[], int count)
+{
+    int level = 0;
+    while (level < count - 1 && share * (double)whole[level] < FEWEST_IN_PART) level++;
+    return level;
+}
+
+/* Sorts the parts by their levels, and shares out the particles of the levels. */
+static bool share_out(level_plan *l, const surface *scan, const double *weight, error *e)
+{
+    const char *what = "the levels";
+    size_t parts = scan->parts.count, whole[LEVEL_PLAN_MAX], next[LEVEL_PLAN_MAX] = {0};
+    int *level = mem_array(parts, sizeof *level, what, e);
+    l->part = mem_array(parts, sizeof *l->part, what, e);
+    l->before = mem_array(parts + 1, sizeof *l->before, what, e);
+    l->place = mem_array(parts, sizeof *l->place, what, e);
+    bool ok = level && l->part && l->before && l->place;
+    memcpy(whole, l->particles, sizeof whole);
+    for (size_t c = 0; ok && c < parts; c++) {
+        level[c] = level_of_part(part_share(scan, weight, c), whole, l->count);
+        l->first[level[c] + 1]++;
+    }
+    for (int k = 0; k < l->count; k++) {
+        l->first[k + 1] += l->first[k];
+        next[k] = l->first[k];
+    }
+    for (uint32_t c = 0; ok && c < parts; c++) l->part[next[level[c]]++] = c;
+    for (size_t i = 0; ok && i < parts; i++) {
+        l->before[i + 1] = l->before[i] + part_share(scan, weight, l->part[i]);
+        l->place[i] = weight[scan->parts.begin[l->part[i]]] / weight[scan->cells];
+    }
+    for (int k = 0; ok && k < l->count; k++) {
+        double begin = l->before[l->first[k]], end = l->before[l->first[k + 1]];
+        if (k < l->count - 1) l->particles[k] = (size_t)round(end * (double)whole[k]);
+        l->new_parts[k] = k > 0 ? (size_t)round((end - begin) * (double)whole[k]) : 0;
+    }
+    free(level);
+    return ok;
+}
+
+/* Of a surface with patches each coarser level has twice the spacing, so that its rows have half as many places. Levels that are
+ * mostly rows say nothing. */
+static bool plan_patches(const field *f, const surface *scan, const solver_params *params, level_plan *l,
+                         error *e)
+{
+    double even = packing_spacing(scan->area, (double)params->count), least = 1;
+    const quota_input in = {f, scan, params->sizing, even};
+    quota found[LEVEL_PLAN_MAX] = {{0}}; /* finest first */
+    if (params->sizing) least = sizing_field_describe(params->sizing).least / even;
+    l->quotas = mem_array(LEVEL_PLAN_MAX, sizeof *l->quotas, "the levels", e);
+    if (!l->quotas || !quota_for_count(&in, params->count, &l->quotas[0], e)) return false;
+    found[0] = l->quotas[0];
+    l->curves = curve_distance_new(f->patches, false, CURVE_STEP * least * found[0].spacing, e);
+    if (!l->curves) return false;
+    double limit = COARSEST_BEND / typical_bend(f, scan, params->sizing, even, params->seed);
+    bool coarser = params->coarse_to_fine && params->start != SOLVER_START_GIVEN;
+    while (coarser && l->count < LEVEL_PLAN_MAX) {
+        quota *next = &found[l->count];
+        double spacing = 2 * found[l->count - 1].spacing;
+        if (spacing > (l->count == 1 ? ONLY_COARSER : 1) * limit) break;
+        if (!quota_for_spacing(&in, spacing, params->count, next, e)) {
+            quota_free(next);
+            return false;
+        }
+        if (quota_points(next) < FEWEST_PARTICLES || next->free_count < next->rows.count) {
+            quota_free(next);
+            break;
+        }
+        l->quotas[l->count++] = *next; /* so that level_plan_free finds it */
+    }
+    for (int k = 0; k < l->count; k++) {
+        l->quotas[k] = found[l->count - 1 - k];
+        l->particles[k] = quota_points(&l->quotas[k]);
+    }
+    return true;
+}
+
+bool level_plan_plan(const field *f, const surface *scan, const solver_params *params, level_plan *out,
+                     error *e)
+{
+    const double *weight = sizing_field_weight(params->sizing, scan);
+    bool together = params->start != SOLVER_START_SURFACE || f->open;
+    *out = (level_plan){.count = 1, .particles = {params->count}};
+    if (f->patches) return plan_patches(f, scan, params, out, e);
+    if (!params->coarse_to_fine || params->start == SOLVER_START_GIVEN) return true;
+    double even = packing_spacing(scan->area, (double)params->count);
+    double coarsest = COARSEST_BEND / typical_bend(f, scan, params->sizing, even, params->seed);
+    size_t finest_first[LEVEL_PLAN_MAX] = {params->count};
+    while (out->count < LEVEL_PLAN_MAX) {
+        size_t next = refine_coarser(finest_first[out->count - 1]);
+        double limit = out->count == 1 ? ONLY_COARSER * coarsest : coarsest;
+        if (next < FEWEST_PARTICLES || packing_spacing(scan->area, (double)next) > limit) break;
+        if (settled_share(scan, weight, next, together, params->count) < COARSEST_SHARE) break;
+        finest_first[out->count++] = next;
+    }
+    for (int k = 0; k < out->count; k++) out->particles[k] = finest_first[out->count - 1 - k];
+    return together || !scan->parts.order || out->count == 1 || share_out(out, scan, weight, e);
+}
+
+void level_plan_free(level_plan *l)
+{
+    free(l->part);
+    free(l->before);
+    free(l->place);
+    for (int k = 0; l->quotas && k < LEVEL_PLAN_MAX; k++) quota_free(&l->quotas[k]);
+    free(l->quotas);
+    curve_distance_free(l->curves);
+}
+
+size_t level_plan_capacity(const level_plan *l)
+{
+    size_t most = level_plan_particles(l, 0);
+    for (int k = 1; k < l->count; k++) { /* before it has its own rows, a level still has the coarser ones */
+        size_t count = level_plan_particles(l, k),
+               before = l->quotas ? l->quotas[k].free_count + l->quotas[k - 1].rows.stands : 0;
+        most = count > most ? count : most;
+        most = before > most ? before : most;
+    }
+    return most;
+}
+
+void level_plan_correct(level_plan *l, size_t edges, size_t on_boundary)
+{
+    const double coarsest = (double)l->particles[0],
+                 missing = 3 * coarsest - (double)edges - (double)on_boundary;
+    for (int k = l->count - 2; k >= 0; k--) {
+        double finer = (double)(l->particles[k + 1] - l->new_parts[k + 1]), count = finer / 4;
+        for (int step = 0; step < 3; step++) /* the boundary's share depends a little on the count */
+            count = (finer + missing + (double)on_boundary * sqrt(fmax(count, 1) / coarsest)) / 4;
+        count = ceil(count);
+        /* a packing that does not resolve its surface has no count of edges to go by */
+        l->particles[k] = (size_t)fmin(fmax(count, finer / 5), finer / 3);
+    }
+}
+
+void level_plan_drop_coarsest(level_plan *l)
+{
+    assert(l->count > 1);
+    l->count--;
+    memmove(l->particles, l->particles + 1, (size_t)l->count * sizeof *l->particles);
+    memmove(l->new_parts, l->new_parts + 1, (size_t)l->count * sizeof *l->new_parts);
+    memmove(l->first + 1, l->first + 2, (size_t)l->count * sizeof *l->first);
+    l->new_parts[0] = 0;
+    if (!l->quotas) return;
+    quota_free(&l->quotas[0]);
+    memmove(l->quotas, l->quotas + 1, (size_t)l->count * sizeof *l->quotas);
+    l->quotas[l->count] = (quota){0};
+}
+
+double level_plan_share(const level_plan *l, int level)
+{
+    return l->part ? l->before[l->first[level + 1]] : 1;
+}
+
+double level_plan_place(const level_plan *l, int level, double where)
+{
+    if (!l->part) return where;
+    size_t low = l->first[level], high = l->first[level + 1];
+    double at = l->before[low] + where * (l->before[high] - l->before[low]);
+    while (high - low > 1) {
+        size_t middle = (low + high) / 2;
+        if (l->before[middle] <= at)
+            low = middle;
+        else
+            high = middle;
+    }
+    return l->place[low] + (at - l->before[low]);
+}

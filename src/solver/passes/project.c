@@ -1,0 +1,257 @@
+/* project: every particle onto the surface to rounding, and lost ones onto new places, see solver_project. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "field/projection.h"
+#include "geometry/moving_points.h"
+#include "solver/particles/random_streams.h"
+#include "solver/passes/passes.h"
+
+/* A finished particle is on the surface to this fraction of h, or it is replaced. */
+static const double WORST_RESIDUAL = 1e-6;
+static const int REPLACEMENT_DRAWS = 30;
+/* A free particle this near to a curve of its patch, in spacings, is in the row there; it goes where there is so much room. */
+static const double IN_ROW = 0.3, LEAST_ROOM = 0.6;
+/* Where there is no such room, it goes off the row, away from it by so much, as the free ones within AROUND_ROW spacings say. */
+static const double AROUND_ROW = 1.5;
+static const int SETTLE_STEPS = 20;
+static const double SETTLE_FARTHEST = 0.05;
+
+/* To rounding: a Newton step from 1e-7 h leaves less than doubles resolve. */
+static projection_limits to_rounding(double h)
+{
+    return (projection_limits){SETTLE_STEPS, 1e-9 * h, 1e-7 * h, WORST_RESIDUAL * h};
+}
+
+/* A relaxed particle is within 0.01 h of the surface; one that would have to go much farther sits where Newton's method goes
+ * astray. */
+bool solver_project_point(const field *f, double h, double farthest, vec3 *x, vec3 *normal)
+{
+    const projection_limits limits = to_rounding(h);
+    vec3 q = *x, n = *normal;
+    if (projection_find(f, &limits, &q, &n) && vec3_norm(vec3_sub(q, *x)) <= farthest) {
+        *x = q;
+        *normal = n;
+        return true;
+    }
+    return projection_bisect(f, *normal, farthest, x, normal);
+}
+
+/* The same, with the sample there. */
+static bool land_particle(const field *f, double h, vec3 along, uint32_t *hint, vec3 *x, field_sample *sample)
+{
+    const projection_limits limits = to_rounding(h);
+    const double farthest = SETTLE_FARTHEST * h;
+    vec3 q = *x;
+    if (projection_land(f, &limits, hint, &q, sample) && vec3_norm(vec3_sub(q, *x)) <= farthest) {
+        *x = q;
+        return true;
+    }
+    return projection_bisect(f, along, farthest, x, &along) &&
+           field_sample_near(f, *x, FIELD_GRADIENT, hint, sample);
+}
+
+/* Of h and of a cell: where F bends smoothly a Newton step from there leaves 1e-10 of these at most, and its end needs no look. */
+static const double SMOOTH_SHORTCUT = 1e-5;
+
+/* The same where F bends smoothly: *normal is of a place as near. */
+static bool land_smoothly(const field *f, double h, uint32_t *hint, vec3 *x, vec3 *normal)
+{
+    projection_limits limits = to_rounding(h);
+    limits.shortcut = SMOOTH_SHORTCUT * fmin(h, f->cell_size);
+    vec3 q = *x, n;
+    if (!projection_find_near(f, &limits, hint, &q, &n) || vec3_norm(vec3_sub(q, *x)) > SETTLE_FARTHEST * h)
+        return false;
+    *x = q;
+    *normal = n;
+    return true;
+}
+
+/* Puts particle i on the surface to rounding, or notes that it is lost. Returns its residual, |F| / |grad F| over h; 0 where it
+ * is lost or held, or told later. */
+static double finalize_particle(solver *s, size_t i, uint32_t *last)
+{
+    uint32_t *hint = s->state.p->patch ? &s->state.p->hint[i] : last;
+    vec3 x = s->state.p->position[i];
+    const field *f = particles_field(s->state.p, s->setup.field, i);
+    field_sample sample;
+    s->scratch.lost[i] = !particles_is_fixed(s->state.p, i);
+    if (!s->scratch.lost[i]) return 0;
+    double h = s->state.spacing * particles_size(s->state.p, i);
+    if (solver_ends_smoothly(s) && land_smoothly(f, h, hint, &x, &s->state.p->normal[i])) {
+        s->scratch.lost[i] = false;
+        s->state.p->position[i] = x;
+        return 0;
+    }
+    if (!land_particle(f, h, s->state.p->normal[i], hint, &x, &sample) ||
+        (s->state.p->patch && !field_is_within_near(f, x, hint)))
+        return 0;
+    double length = vec3_norm(sample.gradient), residual = fabs(sample.value) / length / h;
+    if (!(residual < WORST_RESIDUAL)) return 0;
+    s->scratch.lost[i] = false;
+    s->state.p->position[i] = x;
+    s->state.p->normal[i] = vec3_scale(sample.gradient, 1 / length);
+    if (s->setup.params.graded)
+        solver_amplitude_at(s, f, particles_patch(s->state.p, i), x, s->state.p->normal[i],
+                            &s->state.p->alpha[i]);
+    return residual;
+}
+
+static void finalize_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    solver *s = context;
+    uint32_t hint = FIELD_NO_HINT;
+    double worst = 0;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) worst = fmax(worst, finalize_particle(s, i, &hint));
+    s->scratch.worst[begin / SOLVER_GROUP] = worst;
+}
+
+/* Whether a free particle has come to rest in the row of a curve, between two that are held there: those behind push it out, and
+ * it cannot leave its patch. */
+static bool is_in_row(const solver *s, size_t i)
+{
+    const particles *p = s->state.p;
+    if (!p->patch || particles_is_fixed(p, i)) return false;
+    double distance = curve_distance_at(s->state.plan.curves, p->patch[i], p->position[i]);
+    return distance < IN_ROW * s->state.spacing * particles_size(p, i);
+}
+
+/* Of a chunk's worst residual: it is to be looked for once more. */
+static const double UNKNOWN = -1;
+
+/* One that is put elsewhere, after all others. */
+static void finalize_alone(solver *s, size_t i)
+{
+    finalize_particle(s, i, &(uint32_t){FIELD_NO_HINT});
+    s->scratch.worst[i / SOLVER_GROUP] = UNKNOWN;
+}
+
+/* Of particles where finalize_particle has put them. */
+static double worst_residual(const solver *s, size_t begin, size_t end)
+{
+    double worst = 0;
+    for (size_t i = begin; i < end; i++) {
+        const double h = s->state.spacing * particles_size(s->state.p, i);
+        field_sample sample;
+        if (s->scratch.lost[i] || particles_is_fixed(s->state.p, i) ||
+            !field_sample_at(particles_field(s->state.p, s->setup.field, i), s->state.p->position[i],
+                             FIELD_GRADIENT, &sample))
+            continue;
+        worst = fmax(worst, fabs(sample.value) / vec3_norm(sample.gradient) / h);
+    }
+    return worst;
+}
+
+/* Puts particle i on a new place of the surface, or of its patch: of several drawn the one that is farthest from its nearest
+ * particle, and farther than `least`. False where there is none. */
+static bool replace(solver *s, const moving_points *all, uint32_t i, double least, rng *r)
+{
+    const double *weight = sizing_field_weight(s->setup.params.sizing, s->setup.scan);
+    const field *f = particles_field(s->state.p, s->setup.field, i);
+    uint32_t patch = s->state.p->patch ? s->state.p->patch[i] : 0;
+    double best = least < 0 ? -1 : least * least;
+    bool found = false;
+    vec3 x = s->state.p->position[i], normal = s->state.p->normal[i];
+    for (int draw = 0; draw < REPLACEMENT_DRAWS; draw++) {
+        vec3 q, n = {0, 0, 1};
+        if (!surface_patch_point(s->setup.scan, weight, patch, rng_uniform(r), r, &q) ||
+            !solver_project_point(f, s->state.spacing, s->setup.field->cell_size, &q, &n))
+            continue;
+        const double nearest2 = moving_points_nearest2(all, q, i);
+        if (nearest2 <= best) continue;
+        best = nearest2;
+        found = true;
+        x = q;
+        normal = n;
+    }
+    if (!found) return false;
+    solver_mark_displaced(s, i);
+    s->state.p->position[i] = x;
+    s->state.p->normal[i] = normal;
+    s->record.removed++;
+    s->record.replaced[i] = true;
+    finalize_alone(s, i);
+    return true;
+}
+
+/* Puts a particle that is in a row, and for which there is no better place, off it, towards the free ones of its patch. */
+static void leave_row(solver *s, size_t i)
+{
+    const particles *p = s->state.p;
+    const field *f = particles_field(p, s->setup.field, i);
+    const double h = s->state.spacing * particles_size(p, i), around = AROUND_ROW * h;
+    vec3 x = p->position[i], normal = p->normal[i], inwards = {0, 0, 0};
+    for (size_t j = 0; j < p->count; j++) {
+        vec3 side = vec3_sub(p->position[j], x);
+        if (p->patch[j] == p->patch[i] && !particles_is_fixed(p, j) && vec3_norm2(side) < around * around)
+            inwards = vec3_add(inwards, side);
+    }
+    inwards = vec3_axpy(-vec3_dot(inwards, normal), normal, inwards);
+    x = vec3_axpy(IN_ROW * h, vec3_unit(inwards), x);
+    if (!solver_project_point(f, s->state.spacing, IN_ROW * h, &x, &normal) || !field_is_within(f, x)) return;
+    solver_mark_displaced(s, i);
+    s->state.p->position[i] = x;
+    s->state.p->normal[i] = normal;
+    finalize_alone(s, i);
+}
+
+/* Relocates the particles that are not on the surface or lie among curve samples. On a mesh, a particle for which there is no other place
+ * stays among the curve samples once no recall is left. */
+static bool replace_lost(solver *s, error *e)
+{
+    const particles *p = s->state.p;
+    const bool may_stay = solver_merges_near_curves(s) && s->state.continuations >= SOLVER_CONTINUATIONS_MOST;
+    uint32_t *moving = mem_array(p->count, sizeof *moving, "the result", e);
+    size_t count = 0;
+    for (uint32_t i = 0; moving && i < p->count; i++)
+        if (s->scratch.lost[i] || (!may_stay && is_in_row(s, i))) moving[count++] = i;
+    moving_points *all =
+        count > 0 ? moving_points_new(p->position, p->count, moving, count, s->setup.pool, e) : NULL;
+    rng r = rng_seed(s->setup.params.seed, RANDOM_STREAM_REPLACEMENT);
+    for (size_t k = 0; all && k < count && !threads_stopped(s->setup.pool); k++) {
+        const uint32_t i = moving[k];
+        const double room = LEAST_ROOM * s->state.spacing * particles_size(p, i);
+        if (!replace(s, all, i, s->scratch.lost[i] ? -1 : room, &r) && !s->scratch.lost[i]) leave_row(s, i);
+    }
+    const bool ok = moving && (count == 0 || all);
+    moving_points_free(all);
+    free(moving);
+    return ok;
+}
+
+static void count_lost(solver *s)
+{
+    const size_t n = s->state.p->count;
+    s->record.out.lost = 0;
+    s->record.out.max_residual = 0;
+    for (size_t i = 0; i < n; i++) s->record.out.lost += s->scratch.lost[i];
+    for (size_t k = 0; k < n / SOLVER_GROUP + 1; k++) {
+        const size_t begin = k * SOLVER_GROUP, end = begin + SOLVER_GROUP < n ? begin + SOLVER_GROUP : n;
+        const double worst =
+            s->scratch.worst[k] == UNKNOWN ? worst_residual(s, begin, end) : s->scratch.worst[k];
+        s->record.out.max_residual = fmax(s->record.out.max_residual, worst);
+    }
+}
+
+bool solver_project(solver *s, bool *changed, error *e)
+{
+    const size_t before = s->record.removed;
+    size_t n = s->state.p->count;
+    s->scratch.worst = mem_array(n / SOLVER_GROUP + 1, sizeof *s->scratch.worst, "the result", e);
+    s->scratch.lost = mem_array(n, sizeof *s->scratch.lost, "the result", e);
+    if (!s->record.replaced) s->record.replaced = mem_array(n, sizeof *s->record.replaced, "the result", e);
+    s->state.is_projected = s->scratch.worst && s->scratch.lost && s->record.replaced;
+    if (s->state.is_projected) {
+        threads_run(s->setup.pool, n, SOLVER_GROUP, finalize_chunk, s);
+        s->state.is_projected = replace_lost(s, e);
+    }
+    if (s->state.is_projected) count_lost(s);
+    free(s->scratch.worst);
+    free(s->scratch.lost);
+    s->scratch.worst = NULL;
+    s->scratch.lost = NULL;
+    *changed |= s->record.removed != before;
+    return s->state.is_projected;
+}

@@ -1,0 +1,353 @@
+/* relax_measures: what is known of particles where they are; nobody moves. See relax.h. */
+#include <assert.h>
+#include <math.h>
+#include <stdatomic.h>
+#include <string.h>
+
+#include "solver/passes/relax_internal.h"
+
+/* With fewer neighbours within its support a particle is free to move along some direction, and the Hessian is all but singular. Who
+ * has so many in its list, where nothing turns, nearly always has those. */
+enum { HELD_BY = 3, HELD_BY_LISTED = 9 };
+/* In the middle between a packing's first and second shell of neighbours, over its spacing. */
+static const double BETWEEN_SHELLS = 1.366;
+
+/* The energies of particles where all neighbours face their way; with `normal`, of any. */
+static void sum_energies(const sweep_job *job, const fast_kernel_normal *normal, const uint32_t *items,
+                         size_t count)
+{
+    const fast_kernel_params params = {.unit = job->r->near->unit, .support = job->sigma, .normal = normal};
+    fast_kernel_particles own;
+    float energy[FAST_KERNEL_LANES];
+    if (count == 0) return;
+    relax_line_up(job->r, job->p, items, count, &own);
+    job->r->fast->energy(job->r->near->place, &own, &params, count, energy);
+    for (size_t l = 0; l < count; l++) job->p->energy[items[l]] = energy[l];
+}
+
+static void energy_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const sweep_job *job = context;
+    particles *p = job->p;
+    uint32_t smooth[FAST_KERNEL_LANES], creased[FAST_KERNEL_LANES];
+    size_t smooth_count = 0, creased_count = 0;
+    for (size_t i = begin; i < end; i++) {
+        if (!job->r->fast || (!job->r->flat[i] && !job->r->rough))
+            p->energy[i] = (float)pair_energy_at(relax_gather_list(job->r, p, worker, i), job->r->energy,
+                                                 p->position[i], job->sigma * particles_size(p, i));
+        else if (job->r->flat[i] || job->r->through)
+            smooth[smooth_count++] = (uint32_t)i;
+        else
+            creased[creased_count++] = (uint32_t)i;
+        if (smooth_count == FAST_KERNEL_LANES) {
+            sum_energies(job, NULL, smooth, smooth_count);
+            smooth_count = 0;
+        }
+        if (creased_count == FAST_KERNEL_LANES) {
+            sum_energies(job, job->r->normal, creased, creased_count);
+            creased_count = 0;
+        }
+    }
+    sum_energies(job, NULL, smooth, smooth_count);
+    sum_energies(job, job->r->normal, creased, creased_count);
+}
+
+/* Over the ideal energy of who lies with another all but in one place. */
+static const double IN_ONE_PLACE = 1000;
+
+/* `most`: over alpha; who has more is left out. */
+static double mean_energy(relax *r, particles *p, double sigma, double most)
+{
+    assert(p->count == r->near->count);
+    sweep_job job = {.r = r, .p = p, .sigma = sigma};
+    if (!(r->seen.energies && r->seen.sigma == sigma)) {
+        relax_note_normals(r, p);
+        threads_run(r->pool, p->count, 512, energy_chunk, &job);
+    }
+    double sum = 0, alpha = 0, all = 0, all_alpha = 0;
+    for (size_t i = 0; i < p->count; i++) {
+        const double energy = (double)p->energy[i];
+        all += energy;
+        all_alpha += particles_amplitude(p, i);
+        if (p->near_boundary[i] || energy > most * particles_amplitude(p, i)) continue;
+        sum += energy;
+        alpha += particles_amplitude(p, i);
+    }
+    return alpha > 0 ? sum / alpha : all / all_alpha;
+}
+
+double relax_mean_energy(relax *r, particles *p, double sigma)
+{
+    return mean_energy(r, p, sigma, INFINITY);
+}
+
+double relax_packing_energy(relax *r, particles *p, double sigma)
+{
+    return mean_energy(r, p, sigma, IN_ONE_PLACE * r->energy->ideal);
+}
+
+/* Of the spacing: a longer step that is left to a particle makes it watched. Rest asks for a root mean square of a few
+ * thousandths. */
+static const double WATCHED_STEP = 3e-3;
+
+/* Sums are made of so many parts, by the count alone. */
+enum { PARTS = 256 };
+
+typedef struct steps_job {
+    sweep_job sweep;
+    double spacing;
+    bool watch; /* whoever has a long step from now on */
+    size_t grain;
+    relax_steps squares[PARTS]; /* their sums */
+    size_t counts[PARTS];
+    double pairs[PARTS]; /* of neighbours within the support, by the kernel */
+    bool whole[PARTS];   /* they are all particles, and have energies now */
+} steps_job;
+
+/* Whether a particle has looked for a better place in vain, as it is watched. */
+static bool rests_on_kink(const relax *r, const particles *p, uint32_t i)
+{
+    return (r->notes[i] & RELAX_WATCHED) && p->lambda[i] >= (float)RELAX_LAMBDA_CAP;
+}
+
+/* Whether the kernel's energy is the one that a particle has. */
+static bool has_kernel_energy(const relax *r, size_t i)
+{
+    return r->fast && (r->flat[i] || r->through);
+}
+
+/* The sum of the squared Newton steps of particles whose neighbours all face their way, each over its size. None is longer
+ * than the way to the nearest neighbour, as in a sweep: where the Hessian is all but singular a step says nothing. */
+static relax_steps squared_steps(const steps_job *steps, int worker, const uint32_t *items, size_t count,
+                                 double *pairs)
+{
+    const sweep_job *job = &steps->sweep;
+    const double spacing = steps->spacing;
+    const relax *r = job->r;
+    particles *p = job->p;
+    pair_forces f[FAST_KERNEL_LANES];
+    relax_steps squares = {0, 0};
+    double unit = 1;
+    if (r->fast && count > 0) {
+        const fast_kernel_params params = {.unit = r->near->unit, .support = job->sigma};
+        fast_kernel_particles own;
+        fast_kernel_forces forces;
+        relax_line_up(r, p, items, count, &own);
+        r->fast->forces(r->near->place, &own, &params, &forces);
+        for (size_t l = 0; l < count; l++) p->energy[items[l]] = forces.energy[l];
+        for (size_t l = 0; l < count; l++) *pairs += (double)forces.pairs[l];
+        for (size_t l = 0; l < count; l++)
+            f[l] = (pair_forces){.d1 = (double)forces.d1[l],
+                                 .d2 = (double)forces.d2[l],
+                                 .h11 = (double)forces.h11[l],
+                                 .h12 = (double)forces.h12[l],
+                                 .h22 = (double)forces.h22[l],
+                                 .nearest2 = (double)forces.nearest2[l]};
+        unit = r->near->unit;
+    } else {
+        for (size_t l = 0; l < count; l++) {
+            uint32_t i = items[l];
+            vec3 axis1, axis2;
+            vec3_frame(p->normal[i], &axis1, &axis2);
+            pair_forces_at(relax_gather_list(r, p, worker, i), r->energy, p->position[i], axis1, axis2,
+                           job->sigma * particles_size(p, i), &f[l]);
+        }
+    }
+    for (size_t l = 0; l < count; l++) {
+        double s1, s2, over = unit / particles_size(p, items[l]);
+        relax_damped_step(&f[l], 0, &s1, &s2);
+        double square = fmin(s1 * s1 + s2 * s2, f[l].nearest2) * over * over;
+        squares.all += square;
+        if (!rests_on_kink(r, p, items[l])) squares.to_rest += square;
+        if (steps->watch && square > WATCHED_STEP * WATCHED_STEP * spacing * spacing)
+            r->notes[items[l]] |= RELAX_WATCHED;
+    }
+    return squares;
+}
+
+/* Whether Newton's step tells where particle i would go: not where a sharp edge runs through its support, and the tangent
+ * plane does not say where a step would end, nor where fewer than three within it leave it free to drift. */
+static bool is_held_at(const sweep_job *job, size_t i)
+{
+    const particles *p = job->p;
+    const uint32_t *list = neighbours_list(job->r->near, i), listed = job->r->near->list_count[i];
+    const bool is_smooth = job->r->flat[i] > 1;
+    size_t within = 0;
+    if (p->near_boundary[i]) return false;
+    if (is_smooth && listed >= HELD_BY_LISTED) return true;
+    for (uint32_t k = 0; k < listed; k++) {
+        const uint32_t j = list[k];
+        if (!relax_are_within(p, i, j, job->sigma)) continue;
+        if (!is_smooth && particles_facing(p, i, j) < RELAX_SMOOTH_COSINE) return false;
+        within++;
+    }
+    return within >= HELD_BY;
+}
+
+static void steps_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    steps_job *job = context;
+    uint32_t items[FAST_KERNEL_LANES];
+    size_t held = 0, part = begin / job->grain;
+    bool whole = true;
+    for (size_t i = begin; i < end; i++) {
+        const bool is_held = is_held_at(&job->sweep, i);
+        if (is_held) items[held++] = (uint32_t)i;
+        whole = whole && is_held && has_kernel_energy(job->sweep.r, i);
+        if (held < FAST_KERNEL_LANES && i + 1 < end) continue;
+        const relax_steps squares = squared_steps(job, worker, items, held, &job->pairs[part]);
+        job->squares[part].all += squares.all;
+        job->squares[part].to_rest += squares.to_rest;
+        job->counts[part] += held;
+        held = 0;
+    }
+    job->whole[part] = whole;
+}
+
+/* On patches: the least share of the particles whose steps are known, for their rms to be that of all. On a model of many small
+ * faces nearly all particles are next to feature curves, and the rms of the others is that of a few. */
+static const double MEASURED_LEAST = 0.2;
+
+static relax_steps rms_steps(steps_job *job)
+{
+    const size_t n = job->sweep.p->count;
+    relax_steps squares = {0, 0};
+    size_t count = 0;
+    relax *r = job->sweep.r;
+    job->grain = n / PARTS + 1;
+    memset(job->whole, true, sizeof job->whole); /* parts may be empty */
+    threads_run(r->pool, n, job->grain, steps_chunk, job);
+    r->seen = (rest_seen){job->sweep.sigma, job->spacing, {NAN, NAN}, true, 0};
+    for (int k = 0; k < PARTS; k++) {
+        r->seen.energies = r->seen.energies && job->whole[k];
+        r->seen.pairs += job->pairs[k];
+        squares.all += job->squares[k].all;
+        squares.to_rest += job->squares[k].to_rest;
+        count += job->counts[k];
+    }
+    if (count > 0 && (!job->sweep.p->patch || (double)count >= MEASURED_LEAST * (double)n))
+        r->seen.left = (relax_steps){sqrt(squares.all / (double)count) / job->spacing,
+                                     sqrt(squares.to_rest / (double)count) / job->spacing};
+    return r->seen.left;
+}
+
+relax_steps relax_rms_steps_left(relax *r, particles *p, double sigma, double spacing, bool watch)
+{
+    if (!watch && r->seen.sigma == sigma && r->seen.spacing == spacing) return r->seen.left;
+    steps_job job = {
+        .sweep = {.r = r, .p = p, .sigma = sigma}, .spacing = spacing, .watch = watch && p->patch};
+    const relax_steps rms = rms_steps(&job);
+    if (rms.to_rest > WATCHED_STEP && watch && !p->patch) {
+        steps_job again = {.sweep = job.sweep, .spacing = spacing, .watch = true};
+        rms_steps(&again);
+    }
+    return rms;
+}
+
+double relax_max_support(const relax *r)
+{
+    return r->sigma + r->skin;
+}
+
+void relax_take_support(relax *r, double sigma)
+{
+    assert(sigma <= relax_max_support(r));
+    r->skin = relax_max_support(r) - sigma;
+    r->sigma = sigma;
+}
+
+double relax_divergent_share(const relax *r, const particles *p)
+{
+    size_t creased = 0;
+    for (size_t i = 0; i < p->count; i++) creased += !r->flat[i];
+    return (double)creased / (double)p->count;
+}
+
+typedef struct creased_job {
+    const relax *r;
+    const particles *p;
+    double reach;
+    atomic_size_t creased;
+} creased_job;
+
+static void creased_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    creased_job *job = context;
+    const particles *p = job->p;
+    size_t creased = 0;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        const uint32_t *list = neighbours_list(job->r->near, i),
+                       count = job->r->flat[i] ? 0 : job->r->near->list_count[i];
+        bool turned = false;
+        for (uint32_t k = 0; k < count && !turned; k++)
+            turned = relax_are_within(p, i, list[k], job->reach) &&
+                     particles_facing(p, i, list[k]) <= RELAX_FLAT_COSINE;
+        creased += turned;
+    }
+    atomic_fetch_add(&job->creased, creased);
+}
+
+double relax_divergent_share_within(const relax *r, const particles *p, double reach)
+{
+    creased_job job = {.r = r, .p = p, .reach = reach};
+    threads_run(r->pool, p->count, 4096, creased_chunk, &job);
+    return (double)atomic_load(&job.creased) / (double)p->count;
+}
+
+bool relax_has_divergent_normals(const relax *r)
+{
+    return r->rough;
+}
+
+bool relax_has_mostly_divergent_normals(const relax *r)
+{
+    return r->mostly_creased;
+}
+
+/* Of so many particles and more some are asked for disorder: never more than these. */
+static const size_t MOST_ASKED = 200000;
+
+/* Counts pairs within `reach` times the sizes, and particles that have not six of them. */
+typedef struct pairs_job {
+    const relax *r;
+    const particles *p;
+    double reach;
+    size_t every; /* one of so many is asked */
+    bool smooth;  /* who sees others turned from it is left out */
+    atomic_size_t pairs, disordered;
+} pairs_job;
+
+static void pairs_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    pairs_job *job = context;
+    const particles *p = job->p;
+    size_t pairs = 0, disordered = 0;
+    (void)worker;
+    for (size_t i = (begin + job->every - 1) / job->every * job->every; i < end; i += job->every) {
+        size_t own = 0;
+        for (uint32_t k = 0; k < job->r->near->list_count[i]; k++)
+            own += relax_are_within(p, i, neighbours_list(job->r->near, i)[k], job->reach);
+        pairs += own;
+        disordered += own != 6 && !p->near_boundary[i] && !(job->smooth && !job->r->flat[i]);
+    }
+    atomic_fetch_add(&job->pairs, pairs);
+    atomic_fetch_add(&job->disordered, disordered);
+}
+
+double relax_mean_neighbours(const relax *r, const particles *p, double sigma)
+{
+    if (r->seen.energies && r->seen.sigma == sigma) return r->seen.pairs / (double)p->count;
+    pairs_job job = {.r = r, .p = p, .reach = sigma, .every = 1};
+    threads_run(r->pool, p->count, 4096, pairs_chunk, &job);
+    return (double)atomic_load(&job.pairs) / (double)p->count;
+}
+
+double relax_defect_fraction(const relax *r, const particles *p, double spacing, bool smooth)
+{
+    const double creased = smooth ? relax_divergent_share(r, p) : 0, asked = creased < 1 ? 1 - creased : 1;
+    const size_t every = 1 + p->count / MOST_ASKED;
+    pairs_job job = {.r = r, .p = p, .reach = BETWEEN_SHELLS * spacing, .every = every, .smooth = asked < 1};
+    threads_run(r->pool, p->count, 4096, pairs_chunk, &job);
+    return (double)atomic_load(&job.disordered) / (asked * (double)((p->count + every - 1) / every));
+}

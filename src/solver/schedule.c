@@ -1,0 +1,242 @@
+#include "solver/schedule.h"
+
+#include <assert.h>
+#include <math.h>
+
+/* For the estimate of progress: the share of the sweeps that a job typically spends before each stage by the paper's criterion, the least
+ * share that is believed, and the sweeps that the first stages of the coarsest level take otherwise. */
+static const double stage_share[SCHEDULE_STAGES + 1] = {0, 0.07, 0.35, 1}, LEAST_SHARE = 0.01,
+                                                  EARLY_SWEEPS = 50;
+/* Log10 lambda begins there: below it the damping is nothing. */
+static const double LAMBDA_BEGINS = -3;
+
+/* What all schedules have in common. */
+#define COMMON                                                                                            \
+    .gain = {1e-4, 1e-6, 1e-8}, .patience_more = 50, .patience_last = 500, .coarsest_gain = 1e-5,         \
+    .sweeps = 100, .sweeps_count = 1e4, .sweeps_between = {{5e3, INFINITY}, {2e4, 4}, {5e4, 0.75}},       \
+    .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120, .defects_sweeps = {2, 3.5},                \
+    .defects_count = 5e3, .defects_share = {{0.05, 0.25}, {0.02, 0.25}}, .size_settled = 1e-3,            \
+    .resizes_most = 10, .limited_share = 0.01, .limited_share_coarse = 0.04, .skin_wide = 0.6,            \
+    .skin_narrow = 0.2, .skin_steps = 6, .skin_first = 0.22, .many = 2e5, .many_sweeps = 2, .large = 3e4, \
+    .large_omega = 2.35, .large_limited_share = 0.06, .large_sweeps = 15, .large_misses = 1e-3,           \
+    .divergent_share = 0.7, .divergent_share_first = 0.9, .new_part_sweeps = 60
+
+/* Over-relaxation: 1.8 needs three times the sweeps, 3.0 is slower again near rest. */
+#define PAPER                                                                                  \
+    COMMON, .omega = 2.6, .longest_step = INFINITY, .rest_lambda = 14 /* section 7, step 2 */, \
+            .level_step = 5e-3, .level_sweeps = 30, .limited_wait = 4
+
+const schedule schedule_paper = {PAPER, .patience = {80, 150, 400}};
+
+/* The order is there, and creeping makes little more of it: with the patience above the same hex_fraction takes twice the
+ * sweeps. */
+const schedule schedule_packed = {PAPER, .patience = {80, 150, 100}};
+
+/* Over-relaxation: with 3.0 and more a refined level loses its order. Sizes that vary make stiffer neighbours: with 2.7
+ * such a level would swing by a tenth of h for thirty sweeps. The longest step is ten times the rms step of a shaken
+ * level: a longer one belongs to a particle that finds no rest, as round edges and through sheets. Sweeps by count:
+ * coarse levels cost little, and what is out of order on them stays so: of 10 000 000 points those of 39 000 and 156 000 decide, with
+ * which edge_cv is .0377 instead of .0390. Twice as many on all levels bring edge_cv at
+ * 100 000 points from .041 to .039 and cost half as much again. Sweeps cost less than lists here: limited particles
+ * wait longer. */
+const schedule schedule_multilevel = {
+    COMMON,
+    .patience = {80, 150, 400},
+    .is_paced = true,
+    .omega = 2.2,
+    .omega_shake = 2.7,
+    .omega_shake_sized = 2.4,
+    .omega_least = 1.2,
+    .longest_step = 0.05,
+    .shake_sweeps = 15,
+    .stage_step = {0.03, 0.01, 0.001},
+    .stage_step_divergent = 0.002,
+    .stage_sweeps_most = 400,
+    .finest_rest = 3.5,
+    .limited_wait = 12,
+};
+
+/* Points stay where they are but for what the new surface asks of them: short steps from the first sweep on. */
+const schedule schedule_continued = {
+    COMMON,
+    .patience = {80, 150, 400},
+    .omega = 1.2,
+    .longest_step = 0.05,
+    .stage_step = {0.03, 0.01, 0.001},
+    .stage_step_divergent = 0.002,
+    .stage_sweeps_most = 400,
+    .finest_rest = 1,
+    .limited_wait = 12,
+};
+
+static bool is_early(const schedule_position *at)
+{
+    return at->level == 0 && !schedule_is_last_stage(at);
+}
+
+/* A refined level of many particles of even sizes, away from curves. */
+static bool are_many(const schedule *s, const schedule_position *at)
+{
+    return s->is_paced && at->level > 0 && !at->is_sized && !at->has_curves && (double)at->count >= s->many;
+}
+
+/* The last of these levels may be at rest after one sweep as of a shaken level and one as of a level that is settled. */
+static bool may_need_few(const schedule *s, const schedule_position *at)
+{
+    return are_many(s, at) && schedule_is_last_level(at) && !at->is_divergent && !at->is_rough;
+}
+
+static double sweeps_for(const schedule *s, const schedule_position *at, double many)
+{
+    return s->sweeps * pow(many / (double)at->count, s->sweeps_fall);
+}
+
+int schedule_level_sweeps(const schedule *s, const schedule_position *at)
+{
+    assert(at->level >= 0 && at->level < at->levels && at->stage < SCHEDULE_STAGES && at->count > 0);
+    const bool refined = !schedule_is_last_level(at), between = at->level > 0 && refined;
+    const double finest = pow(4, at->levels - 1 - at->level); /* its particles for one of these */
+    double sweeps = between ? 0 : sweeps_for(s, at, s->sweeps_count);
+    for (int k = 0; between && k < SCHEDULE_BETWEEN; k++)
+        sweeps = fmax(
+            sweeps, fmin(sweeps_for(s, at, s->sweeps_between[k].count), s->sweeps_between[k].share * finest));
+    const bool sets_order = refined && !between && schedule_is_large(s, at->count);
+    sweeps = fmin(fmax(sweeps, sets_order ? s->large_sweeps : s->sweeps_least), s->sweeps_most);
+    return (int)(at->is_rough ? s->defects_sweeps[schedule_is_last_level(at)] * sweeps : sweeps);
+}
+
+/* How many sweeps a level has before it may rest. */
+static int sweeps_to_rest(const schedule *s, const schedule_position *at)
+{
+    return may_need_few(s, at) ? s->many_sweeps : schedule_level_sweeps(s, at);
+}
+
+/* Whether more sweeps may help the level. */
+static bool can_have_many_defects(const schedule *s, const schedule_position *at)
+{
+    return s->is_paced && (double)at->count >= s->defects_count &&
+           (!at->is_mostly_divergent || schedule_is_last_level(at));
+}
+
+bool schedule_judges_defects(const schedule *s, const schedule_position *at)
+{
+    return can_have_many_defects(s, at) && schedule_is_last_stage(at) && at->sweeps == sweeps_to_rest(s, at);
+}
+
+bool schedule_has_many_defects(const schedule *s, const schedule_position *at, double defect_fraction)
+{
+    const double *share = s->defects_share[at->has_curves];
+    return defect_fraction > share[0] && defect_fraction < share[1];
+}
+
+/* The sweeps of the round, over those in which the level is shaken. */
+static double paced_time(const schedule *s, const schedule_position *at)
+{
+    return at->sweeps / (double)(is_early(at) ? s->shake_sweeps : schedule_level_sweeps(s, at));
+}
+
+double schedule_omega(const schedule *s, const schedule_position *at)
+{
+    if (!s->is_paced || is_early(at)) return schedule_is_large(s, at->count) ? s->large_omega : s->omega;
+    if (may_need_few(s, at) && at->sweeps == s->many_sweeps - 1) return s->omega;
+    const double t = paced_time(s, at);
+    double shake = at->is_sized ? s->omega_shake_sized : s->omega_shake;
+    if (t < 1) return shake + (s->omega - shake) * t * t;
+    return fmax(s->omega / t, s->omega_least);
+}
+
+bool schedule_is_shaken(const schedule *s, const schedule_position *at)
+{
+    return s->is_paced && paced_time(s, at) < 1;
+}
+
+double schedule_longest_step(const schedule *s, const schedule_position *at)
+{
+    if (!s->is_paced) return s->longest_step;
+    const double t = paced_time(s, at);
+    return t < 1 ? INFINITY : s->longest_step / (t * t);
+}
+
+/* By steps: a level has its sweeps. The coarsest, which sets the order of all, comes to rest stage by stage, and the
+ * last to what was asked for. */
+static schedule_end end_by_steps(const schedule *s, const schedule_position *at,
+                                 const schedule_evidence *seen)
+{
+    bool last_stage = schedule_is_last_stage(at);
+    if (s->is_paced && last_stage && at->sweeps < sweeps_to_rest(s, at)) return SCHEDULE_GOES_ON;
+    if (schedule_is_last_level(at) && last_stage)
+        return seen->rms_step < s->finest_rest * seen->step_tolerance ? SCHEDULE_CONVERGED : SCHEDULE_GOES_ON;
+    const double step =
+        last_stage && at->is_mostly_divergent ? s->stage_step_divergent : s->stage_step[at->stage];
+    if (seen->rms_step < step) return SCHEDULE_CONVERGED;
+    return at->level > 0 || at->sweeps >= s->stage_sweeps_most ? SCHEDULE_SWEEPS_SPENT : SCHEDULE_GOES_ON;
+}
+
+/* By the paper's steady state. A refined level starts near its own and is judged by its steps; one that is refined
+ * again need not wait for the last of them. */
+schedule_end schedule_round_end(const schedule *s, const schedule_position *at, const schedule_evidence *seen)
+{
+    if (!(s->rest_lambda > 0)) return end_by_steps(s, at, seen);
+    if (at->level > 0 && !schedule_is_last_level(at)) {
+        if (seen->rms_step < s->level_step) return SCHEDULE_CONVERGED;
+        return at->sweeps >= s->level_sweeps ? SCHEDULE_SWEEPS_SPENT : SCHEDULE_GOES_ON;
+    }
+    bool ends = seen->rms_step < seen->step_tolerance;
+    if (at->level == 0 && seen->has_lambda)
+        ends = seen->mean_log10_lambda > s->rest_lambda && (!schedule_is_last_stage(at) || ends);
+    return ends ? SCHEDULE_CONVERGED : SCHEDULE_GOES_ON;
+}
+
+bool schedule_is_impatient(const schedule *s, const schedule_position *at, double gain)
+{
+    bool fails = schedule_is_last_stage(at) && 10 * gain > 2 * s->coarsest_gain;
+    int owed = s->is_paced && schedule_is_last_stage(at) ? schedule_level_sweeps(s, at) : 0;
+    int over = at->sweeps - (owed > s->patience[at->stage] ? owed : s->patience[at->stage]);
+    return over >= 0 && over % (fails ? s->patience_last : s->patience_more) == 0;
+}
+
+bool schedule_wants_lists(const schedule *s, const schedule_position *at, size_t limited, int age)
+{
+    double share = schedule_is_last_level(at) ? s->limited_share : s->limited_share_coarse;
+    if (is_early(at) && schedule_is_large(s, at->count)) share = s->large_limited_share;
+    return (double)limited > share * (double)at->count || (limited > 0 && age >= s->limited_wait);
+}
+
+bool schedule_begins_anew(const schedule *s, size_t count, size_t should)
+{
+    const double most = schedule_is_large(s, count) ? s->large_misses * (double)count : 0;
+    return fabs((double)should - (double)count) > most;
+}
+
+double schedule_first_skin(const schedule *s, const schedule_position *at)
+{
+    return are_many(s, at) ? s->skin_first : s->skin_wide;
+}
+
+double schedule_skin(const schedule *s, double rms_step)
+{
+    return fmin(s->skin_wide, fmax(s->skin_narrow, s->skin_steps * rms_step));
+}
+
+/* By the paper's criterion lambda climbs from its floor to its cap within a round; on a refined level the step falls to its
+ * tolerance. */
+static double expected_by_criterion(const schedule *s, const schedule_position *at, double spent,
+                                    const schedule_evidence *seen)
+{
+    const double climbed = (seen->mean_log10_lambda - LAMBDA_BEGINS) / (s->rest_lambda - LAMBDA_BEGINS);
+    const double share =
+        at->level > 0 ? seen->step_tolerance / fmax(seen->rms_step, 1e-300)
+                      : stage_share[at->stage] +
+                            (stage_share[at->stage + 1] - stage_share[at->stage]) * fmin(fmax(climbed, 0), 1);
+    return spent / fmin(fmax(share, LEAST_SHARE), 1);
+}
+
+double schedule_expected_sweeps(const schedule *s, const schedule_position *at, double spent,
+                                const schedule_evidence *seen)
+{
+    double sweeps = schedule_level_sweeps(s, at);
+    if (s->rest_lambda > 0 && seen) return fmax(expected_by_criterion(s, at, spent, seen), 1);
+    if (can_have_many_defects(s, at) && !at->is_rough)
+        sweeps *= s->defects_sweeps[schedule_is_last_level(at)];
+    return at->level == 0 ? sweeps + EARLY_SWEEPS : sweeps;
+}

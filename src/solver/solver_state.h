@@ -1,0 +1,212 @@
+/* solver_state: the state of a solve, and functions of it that several parts of the solver need.
+ *
+ * Private to the solver. driver.c decides what is done and when. level.h, adaptation.h and passes/passes.h declare what it calls; those
+ * functions act once and decide nothing about the order of a solve. */
+#ifndef HEXAD_SOLVER_SOLVER_STATE_H
+#define HEXAD_SOLVER_SOLVER_STATE_H
+
+#include "solver/level_plan.h"
+#include "solver/particles/particles.h"
+#include "solver/passes/refine.h"
+#include "solver/passes/relax.h"
+#include "solver/regime.h"
+#include "solver/solver.h"
+
+/* solver_round.ended of a round that max_sweeps interrupted. */
+#define ROUND_AT_MAX_SWEEPS "max_sweeps"
+
+enum {
+    SOLVER_MAX_ROUNDS = 40, /* rounds that end with an action of global control */
+    SOLVER_CONTINUATIONS_MOST =
+        5,             /* rounds after projection, because particles were relocated or steps are left */
+    SOLVER_GROUP = 256 /* particles whose worst residual is kept as one number */
+};
+
+/* What the next step of a solve does, in the order in which a solve does it. */
+typedef enum solver_action {
+    ACTION_SWEEP,   /* moves every particle once */
+    ACTION_CONTROL, /* after a round: the next level, another support or count, or the end of the relaxation */
+    ACTION_REPAIR,  /* of a converged solve: defects, then the areas of Voronoi cells */
+    ACTION_PROJECT, /* onto the surface to rounding; relocates lost particles and fills gaps */
+    ACTION_VERIFY   /* whether the projected points have converged */
+} solver_action;
+
+/* What differs between the methods of 2005 and of 1994. */
+typedef struct solver_method {
+    bool (*begin)(solver *s, error *e);    /* after the particles are placed */
+    bool (*step)(solver *s, error *e);     /* see solver_step */
+    bool (*describe)(solver *s, error *e); /* completes record.out of the final particles */
+    void (*release)(solver *s);            /* accepts a solve that was not begun */
+} solver_method;
+
+extern const solver_method solver_meyer;           /* driver.c */
+extern const solver_method solver_witkin_heckbert; /* witkin_heckbert_solver.c */
+
+/* Constant throughout a solve. */
+typedef struct solver_setup {
+    const solver_method *method;
+    const field *field;
+    const surface *scan;
+    threads *pool;
+    solver_params params;
+    const fast_kernel *fast; /* NULL: the regime does not use it */
+} solver_setup;
+
+typedef struct solver_state {
+    const regime *regime;
+    solver_action next;
+    solver_outcome outcome;
+
+    particles *p;
+    double spacing; /* h of the level */
+    double sigma;   /* support of particles of size 1 */
+
+    level_plan plan;
+    int level;
+    bool counts_corrected; /* plan: by the edges of the coarsest packing */
+    bool has_many_defects; /* the level, see schedule_has_many_defects */
+    bool
+        had_extra_sweeps; /* on a surface with feature curves a round of the level has had them: no later one does */
+    double defect_fraction; /* when it was last computed; 0: never */
+    size_t level_began;     /* sweeps before those of the level */
+
+    const char *round_began, *round_ended; /* see solver_round */
+    int control_rounds; /* rounds that ended with an action of control and were not continued */
+    int stage;          /* of the schedule */
+    double
+        gain; /* least relative decrease of energy that counts; 10 times that of the stage after too many sweeps */
+    int sweeps_in_round; /* for the schedule; goes on over a round that is continued */
+    int size_renewals;   /* in the round: convergences that new sizes undid */
+
+    double skin; /* Verlet skin of the next lists: their reach beyond the support */
+    bool lists_stale;
+    int list_age;           /* sweeps since the lists were built */
+    size_t next_amplitudes; /* the sweep before which amplitudes are renewed */
+
+    int repairs;       /* passes of defect repair */
+    int equalisations; /* passes of solver_equalise_cells */
+    int continuations; /* see SOLVER_CONTINUATIONS_MOST */
+    bool is_projected; /* no particle has moved since solver_project */
+    bool is_tightened; /* after projection steps were left: convergence requires shorter ones */
+
+    double fraction, updates;                      /* progress; updates of particles so far */
+    struct witkin_heckbert_state *witkin_heckbert; /* of solver_witkin_heckbert */
+} solver_state;
+
+/* Working memory. */
+typedef struct solver_scratch {
+    relax *relax;      /* NULL after solver_describe */
+    size_t capacity;   /* of state.p and relax */
+    refine_mesh *mesh; /* of the coarsest level, from the count of its edges until it is refined */
+    double *worst;     /* during projection: the largest |F| / |grad F| over h of each group of particles */
+    bool *lost;        /* during projection: the particle is not on the surface */
+} solver_scratch;
+
+/* Results. */
+typedef struct solver_record {
+    solver_sweep *sweep;
+    size_t sweep_count;
+    solver_round *round;
+    size_t round_count, swept; /* swept: sweeps in the recorded rounds */
+    size_t removed;            /* particles that were relocated */
+    solver_points out;
+    bool *replaced;   /* of each particle, from solver_project on */
+    uint32_t *point;  /* of each particle of a surface with patches its point, see solver_patch_points */
+    uint8_t *flags;   /* likewise, of packing/packing.h */
+    vec3 *normal;     /* of each point */
+    uint8_t *feature; /* of each point */
+    double *column;   /* see solver_column */
+} solver_record;
+
+struct solver {
+    solver_setup setup;
+    solver_state state;
+    solver_scratch scratch;
+    solver_record record;
+};
+
+/* ---- solver_state.c */
+
+/* Values of each particle in record.column; the last exists only if curvature is taken over a distance. */
+enum {
+    COLUMN_KAPPA,
+    COLUMN_KAPPA1,
+    COLUMN_KAPPA2,
+    COLUMN_SPACING,
+    COLUMN_ENERGY,
+    COLUMN_KAPPA_SCALE,
+    COLUMNS
+};
+
+static inline double *solver_column(const solver *s, int which)
+{
+    return s->record.column + (size_t)which * s->state.p->count;
+}
+
+/* A relaxation of `capacity` particles. The fast kernel has no amplitudes, and is not used once cells are equalised. Error:
+ * limit_memory. */
+relax *solver_new_relax(const solver *s, size_t capacity, error *e);
+
+/* Room for `capacity` particles; lists have to be built anew. Error: limit_memory, also beyond params.count_limit. */
+bool solver_reserve(solver *s, size_t capacity, error *e);
+
+/* Whether the particles started at given positions, as those of a frame that follows another. */
+bool solver_is_continued(const solver *s);
+
+/* Whether near curve samples were merged (field/patches.h), as on meshes. */
+bool solver_merges_near_curves(const solver *s);
+
+/* Particle i was relocated: the solve has converged only if it has (relax_mark_displaced). Not on small patches, as of labels: there
+ * particles are pushed out again and again. */
+void solver_mark_displaced(solver *s, size_t i);
+
+/* The number of points: the copies of a point on a curve for its patches count once. */
+size_t solver_point_count(const solver *s);
+
+/* Whether F bends so smoothly that a projection does not check its last Newton step. Residuals and normals are then those that
+ * description.c computes with the curvatures. */
+bool solver_ends_smoothly(const solver *s);
+
+/* ---- lagged.c: sizes, amplitudes and lists, constant between two renewals */
+
+/* (14) at a place of the surface, or of a patch whose field is f. False, *alpha untouched, where the field has no curvature. */
+bool solver_amplitude_at(const solver *s, const field *f, uint32_t patch, vec3 x, vec3 normal, double *alpha);
+
+/* Amplitudes and sizes at the present positions. Both return the rms of their relative change. */
+double solver_renew_amplitudes(solver *s);
+double solver_renew_sizes(solver *s);
+
+/* Whether amplitudes have to be renewed before the next sweep. */
+bool solver_amplitudes_are_due(const solver *s);
+
+/* The requested spacing of each particle by its present size. `out`: one for each particle. */
+void solver_spacings(const solver *s, double *out);
+
+/* Whether a mean energy over mean alpha is the ideal one within energy_tolerance. */
+bool solver_is_on_target(const solver *s, double energy);
+
+/* Amplitudes if they are due, boundaries, and lists for the present support and skin. Error: limit_memory. */
+bool solver_build_lists(solver *s, error *e);
+
+/* Lists that are valid for energies at the present positions. Error: limit_memory. */
+bool solver_refresh_lists(solver *s, error *e);
+
+/* Newton steps that are left at the present positions, see relax_rms_steps_left; the second one renews sizes and lists first, as
+ * after solver_project. Error: limit_memory. */
+relax_steps solver_steps_left(const solver *s, bool watch);
+bool solver_steps_after_projection(solver *s, relax_steps *left, error *e);
+
+/* ---- driver.c */
+
+/* Records the sweeps since the last recorded round as a round. */
+void solver_note_round(solver *s, const char *ended, double energy, double gain);
+
+/* ---- description.c */
+
+/* Computes what solver_result_points returns. Errors: limit_memory, cancelled. */
+bool solver_describe(solver *s, error *e);
+
+/* Frees that. */
+void solver_release_description(solver *s);
+
+#endif

@@ -1,0 +1,390 @@
+/* witkin_heckbert_solver: particles under the method of Witkin and Heckbert, the entry solver_witkin_heckbert of the table in
+ * solver_state.h. The formulas are witkin_heckbert.c's. */
+#include <assert.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "field/projection.h"
+#include "packing/neighbours.h"
+#include "packing/packing.h"
+#include "solver/particles/population.h"
+#include "solver/particles/random_streams.h"
+#include "solver/solver_state.h"
+
+/* Lists reach this much farther than the widest Gaussian, of the mean radius. */
+static const double SKIN = 0.5;
+/* Twins begin this far from where their particle was, of its radius. */
+static const double TWIN_OFFSET = 0.5;
+/* In one step a radius changes by this factor at most, and it stays below so many sigma_max: one who cannot
+ * split must not grow for ever. */
+static const double RADIUS_FACTOR = 2, RADIUS_MOST = 2;
+/* A step that leaves a particle farther off the surface than this, of its radius, is projected. */
+static const double OFF_SURFACE = 0.05;
+static const int PROJECT_STEPS = 5;
+/* At rest: no one has split or died for so many steps. */
+enum { QUIET_STEPS = 100 };
+/* Rounds of the report have at least so many steps. */
+enum { ROUND_STEPS = 50 };
+/* Curvatures sampled to find the scale of varied radii. */
+enum { SCALE_SAMPLES = 2000 };
+
+typedef struct witkin_heckbert_state {
+    witkin_heckbert_params params;
+    energy_function energy; /* for who asks what the ideal is */
+    double packing;
+    double band;      /* mean radius over the target: the middle of where nobody splits or dies */
+    double sigma_hat; /* the target radius; of an amplitude of 1 when it varies */
+    double sigma_max;
+    size_t capacity;
+    double *sigma;
+    vec3 *velocity, *place, *normal; /* of a step, before it is taken */
+    vec3 *anchor;                    /* position when the lists were built */
+    double *grown;                   /* likewise sigma */
+    witkin_heckbert_terms *terms;
+    bool *dies, *splits;
+    bool *refused; /* no place was found for it in this step */
+    neighbours *near;
+    double cutoff; /* of the lists */
+    bool lists_stale;
+    rng life;
+    int quiet; /* steps since someone split or died */
+    size_t round_inserted, round_deleted;
+} witkin_heckbert_state;
+
+static void free_columns(witkin_heckbert_state *w)
+{
+    free(w->sigma);
+    free(w->velocity);
+    free(w->place);
+    free(w->normal);
+    free(w->grown);
+    free(w->terms);
+    free(w->anchor);
+    free(w->refused);
+    free(w->dies);
+    free(w->splits);
+    neighbours_free(w->near);
+}
+
+static void release(solver *s)
+{
+    witkin_heckbert_state *w = s->state.witkin_heckbert;
+    if (!w) return;
+    free_columns(w);
+    free(w);
+    s->state.witkin_heckbert = NULL;
+}
+
+/* Room for `capacity` particles; radii stay, the rest is of one step only. */
+static bool reserve(solver *s, size_t capacity, error *e)
+{
+    witkin_heckbert_state *w = s->state.witkin_heckbert, bigger = *w;
+    const char *what = "particles";
+    if (capacity <= w->capacity) return true;
+    size_t limit = s->setup.params.count_limit, roomy = capacity + capacity / 2;
+    if (limit > 0 && roomy > limit && capacity <= limit) roomy = limit;
+    if (!solver_reserve(s, roomy, e)) return false;
+    bigger.capacity = roomy;
+    bigger.sigma = mem_array(roomy, sizeof *bigger.sigma, what, e);
+    bigger.velocity = mem_array(roomy, sizeof *bigger.velocity, what, e);
+    bigger.place = mem_array(roomy, sizeof *bigger.place, what, e);
+    bigger.normal = mem_array(roomy, sizeof *bigger.normal, what, e);
+    bigger.grown = mem_array(roomy, sizeof *bigger.grown, what, e);
+    bigger.terms = mem_array(roomy, sizeof *bigger.terms, what, e);
+    bigger.dies = mem_array(roomy, sizeof *bigger.dies, what, e);
+    bigger.splits = mem_array(roomy, sizeof *bigger.splits, what, e);
+    bigger.anchor = mem_array(roomy, sizeof *bigger.anchor, what, e);
+    bigger.refused = mem_array(roomy, sizeof *bigger.refused, what, e);
+    bigger.near = neighbours_new(roomy, s->setup.params.list_limit, e);
+    if (!bigger.sigma || !bigger.velocity || !bigger.place || !bigger.normal || !bigger.grown ||
+        !bigger.terms || !bigger.dies || !bigger.splits || !bigger.anchor || !bigger.refused ||
+        !bigger.near) {
+        free_columns(&bigger);
+        return false;
+    }
+    if (w->sigma) memcpy(bigger.sigma, w->sigma, s->state.p->count * sizeof *w->sigma);
+    if (w->splits) memcpy(bigger.splits, w->splits, w->capacity * sizeof *w->splits);
+    if (w->dies) memcpy(bigger.dies, w->dies, w->capacity * sizeof *w->dies);
+    free_columns(w);
+    *w = bigger;
+    w->lists_stale = true;
+    return true;
+}
+
+/* Spacing over amplitude with which the count comes out as it would be with even spacing: the root of the
+ * mean of alpha^-2 over the area. */
+static double amplitude_scale(const solver *s)
+{
+    if (!s->setup.params.graded) return 1;
+    rng r = rng_seed(s->setup.params.seed, RANDOM_STREAM_SWARM_SCALE);
+    double sum = 0;
+    int found = 0;
+    for (int k = 0; k < SCALE_SAMPLES; k++) {
+        field_sample sample;
+        double alpha;
+        vec3 x = surface_point(s->setup.scan, s->setup.scan->area_before,
+                               (k + 0.5) / SCALE_SAMPLES * s->setup.scan->area, &r, NULL);
+        if (!field_sample_at(s->setup.field, x, FIELD_GRADIENT, &sample) ||
+            !solver_amplitude_at(s, s->setup.field, SCALED_CURVATURE_ALL, x, vec3_unit(sample.gradient),
+                                 &alpha))
+            continue;
+        sum += 1 / (alpha * alpha);
+        found++;
+    }
+    return found > 0 ? sqrt(sum / found) : 1;
+}
+
+static double target_radius(const solver *s, size_t i)
+{
+    return s->state.witkin_heckbert->sigma_hat * (s->setup.params.graded ? s->state.p->alpha[i] : 1);
+}
+
+static bool begin(solver *s, error *e)
+{
+    witkin_heckbert_state *w = s->state.witkin_heckbert = mem_alloc(sizeof *w);
+    w->params = *s->setup.params.witkin_heckbert;
+    w->energy = energy_gaussian;
+    w->energy.ideal = w->params.e_hat * w->params.alpha;
+    s->setup.params.energy = &w->energy;
+    w->packing = witkin_heckbert_packing(&w->params);
+    w->band = 0.5 * (1 + w->params.delta);
+    w->sigma_hat = s->state.spacing / w->packing / w->band * amplitude_scale(s);
+    w->sigma_max = w->params.sigma_max > 0 ? w->params.sigma_max
+                                           : fmax(0.5 * bbox_longest(s->setup.scan->box),
+                                                  1.5 * s->state.spacing / w->packing / w->band);
+    w->life = rng_seed(s->setup.params.seed, RANDOM_STREAM_SWARM_LIFE);
+    s->state.sigma = s->state.spacing / w->packing;
+    if (!reserve(s, s->state.p->count, e)) return false;
+    for (size_t i = 0; i < s->state.p->count; i++) w->sigma[i] = s->state.sigma;
+    return true;
+}
+
+/* ---- a step ---- */
+
+static double widest_radius(const solver *s)
+{
+    double widest = 0;
+    for (size_t i = 0; i < s->state.p->count; i++) widest = fmax(widest, s->state.witkin_heckbert->sigma[i]);
+    return widest;
+}
+
+/* New lists when particles came, went, or moved or grew farther than the old ones reach. */
+static bool update_lists(solver *s, error *e)
+{
+    witkin_heckbert_state *w = s->state.witkin_heckbert;
+    double reach = WITKIN_HECKBERT_REACH * widest_radius(s), moved2 = 0;
+    if (!w->lists_stale) {
+        for (size_t i = 0; i < s->state.p->count; i++)
+            moved2 = fmax(moved2, vec3_norm2(vec3_sub(s->state.p->position[i], w->anchor[i])));
+        if (reach + 2 * sqrt(moved2) < w->cutoff) return true;
+    }
+    w->cutoff = reach + SKIN * s->state.sigma;
+    if (!neighbours_build(w->near, s->state.p->count, s->state.p->position, NULL, w->cutoff, s->setup.pool,
+                          e))
+        return false;
+    memcpy(w->anchor, s->state.p->position, s->state.p->count * sizeof *w->anchor);
+    w->lists_stale = false;
+    return true;
+}
+
+/* Forces, and the velocities that they and the constraint give (2). */
+static void velocity_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    solver *s = context;
+    witkin_heckbert_state *w = s->state.witkin_heckbert;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        field_sample sample;
+        witkin_heckbert_terms *t = &w->terms[i];
+        witkin_heckbert_sum(&w->params, s->state.p->position, w->sigma, i, neighbours_list(w->near, i),
+                            w->near->list_count[i], t);
+        s->state.p->energy[i] = (float)t->energy;
+        w->velocity[i] = (vec3){0, 0, 0};
+        vec3 x = s->state.p->position[i];
+        if (!field_sample_at(s->setup.field, x, FIELD_GRADIENT, &sample)) continue;
+        double g2 = vec3_norm2(sample.gradient);
+        if (!(g2 > 0)) continue;
+        if (s->setup.params.graded)
+            solver_amplitude_at(s, s->setup.field, SCALED_CURVATURE_ALL, x,
+                                vec3_scale(sample.gradient, 1 / sqrt(g2)), &s->state.p->alpha[i]);
+        double along = (vec3_dot(sample.gradient, t->push) + w->params.phi * sample.value) / g2;
+        w->velocity[i] = vec3_axpy(-along, sample.gradient, t->push);
+    }
+}
+
+/* Where Euler's step ends, put back onto the surface if that is too far from it; the velocity becomes that
+ * which took it there, so that radii follow what happens: at creases and boundaries it is not what the forces
+ * wanted. A place that cannot be had is not taken. */
+static void place_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    solver *s = context;
+    witkin_heckbert_state *w = s->state.witkin_heckbert;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        double sigma = w->sigma[i], length = w->params.dt * vec3_norm(w->velocity[i]);
+        double share = length > sigma ? sigma / length : 1;
+        const projection_limits limits = {PROJECT_STEPS, OFF_SURFACE * sigma, 0, OFF_SURFACE * sigma};
+        vec3 old = s->state.p->position[i], x = vec3_axpy(share * w->params.dt, w->velocity[i], old);
+        w->normal[i] = s->state.p->normal[i];
+        w->refused[i] = !projection_find(s->setup.field, &limits, &x, &w->normal[i]) ||
+                        vec3_norm(vec3_sub(x, old)) > RADIUS_FACTOR * sigma;
+        if (w->refused[i]) x = old;
+        w->place[i] = x;
+        w->velocity[i] = vec3_scale(vec3_sub(x, old), 1 / w->params.dt);
+    }
+}
+
+static void grow_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    solver *s = context;
+    witkin_heckbert_state *w = s->state.witkin_heckbert;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        double sigma = w->sigma[i];
+        double rate =
+            witkin_heckbert_radius_rate(&w->params, s->state.p->position, w->velocity, w->sigma, i,
+                                        neighbours_list(w->near, i), w->near->list_count[i], &w->terms[i]);
+        double grown = fmin(fmax(sigma + w->params.dt * rate, sigma / RADIUS_FACTOR), sigma * RADIUS_FACTOR);
+        w->grown[i] = fmin(grown, RADIUS_MOST * w->sigma_max);
+    }
+}
+
+/* Everyone at once. */
+static void take_step(solver *s)
+{
+    witkin_heckbert_state *w = s->state.witkin_heckbert;
+    for (size_t i = 0; i < s->state.p->count; i++) {
+        if (!w->refused[i]) s->state.p->normal[i] = w->normal[i];
+        s->state.p->position[i] = w->place[i];
+        w->sigma[i] = w->grown[i];
+    }
+}
+
+/* Who splits and who dies, by the radii and energies of this step. */
+static void judge(solver *s, size_t *splits, size_t *deaths)
+{
+    witkin_heckbert_state *w = s->state.witkin_heckbert;
+    const witkin_heckbert_params *params = &w->params;
+    *splits = *deaths = 0;
+    for (size_t i = 0; i < s->state.p->count; i++) {
+        double sigma = w->sigma[i], target = target_radius(s, i);
+        bool still = vec3_norm(w->velocity[i]) < params->gamma * sigma;
+        bool filled = (double)s->state.p->energy[i] > params->nu * w->energy.ideal && sigma > target;
+        w->splits[i] = still && (sigma > w->sigma_max || filled);
+        w->dies[i] = still && sigma < params->delta * target &&
+                     rng_uniform(&w->life) > sigma / (params->delta * target);
+        *splits += w->splits[i];
+        *deaths += w->dies[i];
+    }
+}
+
+/* Fission and death; *inserted and *deleted say how many. The last four stay. */
+static bool live(solver *s, size_t *inserted, size_t *deleted, error *e)
+{
+    witkin_heckbert_state *w = s->state.witkin_heckbert;
+    size_t before = s->state.p->count, splits, deaths;
+    judge(s, &splits, &deaths);
+    *inserted = *deleted = 0;
+    if (before + splits < deaths + 4) deaths = 0;
+    if (splits + deaths == 0) return true;
+    if (!reserve(s, before + splits, e)) return false;
+    for (size_t i = 0; i < before; i++) {
+        if (!w->splits[i] ||
+            !population_split(s->setup.field, s->state.p, i, TWIN_OFFSET * w->sigma[i], &w->life))
+            continue;
+        w->sigma[i] /= sqrt(2);
+        w->sigma[s->state.p->count - 1] = w->sigma[i];
+        ++*inserted;
+    }
+    if (deaths > 0) {
+        for (size_t i = before; i < s->state.p->count; i++) w->dies[i] = false;
+        size_t kept = 0;
+        for (size_t i = 0; i < s->state.p->count; i++)
+            if (!w->dies[i]) w->sigma[kept++] = w->sigma[i];
+        *deleted = population_remove(s->state.p, w->dies);
+    }
+    w->lists_stale = true;
+    s->state.spacing = packing_spacing(s->setup.scan->area, (double)s->state.p->count);
+    return true;
+}
+
+static void note_step(solver *s, size_t inserted, size_t deleted, double energy, double rms,
+                      uint64_t rejected)
+{
+    witkin_heckbert_state *w = s->state.witkin_heckbert;
+    s->record.sweep[s->record.sweep_count++] =
+        (solver_sweep){energy, 0, rms, s->state.p->count, s->state.sigma, rejected, inserted, deleted};
+    w->round_inserted += inserted;
+    w->round_deleted += deleted;
+    s->state.sweeps_in_round++;
+    int length = s->setup.params.max_sweeps / SOLVER_MAX_ROUNDS + 1;
+    bool ends = s->state.sweeps_in_round >= (length > ROUND_STEPS ? length : ROUND_STEPS);
+    if (!ends && s->state.outcome == SOLVER_RUNNING) return;
+    solver_note_round(s, ends ? "interval" : "ended", energy, 0);
+    s->record.round[s->record.round_count - 1].inserted = w->round_inserted;
+    s->record.round[s->record.round_count - 1].deleted = w->round_deleted;
+    s->state.round_began = "interval";
+    s->state.sweeps_in_round = 0;
+    w->round_inserted = w->round_deleted = 0;
+}
+
+static bool step(solver *s, error *e)
+{
+    witkin_heckbert_state *w = s->state.witkin_heckbert;
+    if (!update_lists(s, e)) return false;
+    threads_run(s->setup.pool, s->state.p->count, 256, velocity_chunk, s);
+    threads_run(s->setup.pool, s->state.p->count, 256, place_chunk, s);
+    threads_run(s->setup.pool, s->state.p->count, 256, grow_chunk, s);
+    take_step(s);
+    double energy = 0, squares = 0, radii = 0, n = (double)s->state.p->count;
+    uint64_t rejected = 0;
+    for (size_t i = 0; i < s->state.p->count; i++) {
+        energy += (double)s->state.p->energy[i];
+        squares += vec3_norm2(w->velocity[i]);
+        radii += w->sigma[i];
+        rejected += w->refused[i];
+    }
+    double rms = w->params.dt * sqrt(squares / n) / s->state.spacing;
+    s->state.sigma = radii / n;
+    size_t inserted, deleted;
+    if (!live(s, &inserted, &deleted, e)) return false;
+    w->quiet = inserted + deleted > 0 ? 0 : w->quiet + 1;
+    /* what a unit of time would bring is what is left to go; Euler's step is a small part of that */
+    if (w->quiet >= QUIET_STEPS && rms < s->setup.params.step_tolerance * w->params.dt)
+        s->state.outcome = solver_is_on_target(s, energy / n) && s->state.p->count == s->setup.params.count
+                               ? SOLVER_CONVERGED
+                               : SOLVER_STALLED;
+    else if (s->record.sweep_count + 1 == (size_t)s->setup.params.max_sweeps)
+        s->state.outcome = SOLVER_OUT_OF_SWEEPS;
+    note_step(s, inserted, deleted, energy / n, rms, rejected);
+    s->state.fraction = (double)s->record.sweep_count / (double)s->setup.params.max_sweeps;
+    return true;
+}
+
+/* ---- the end ---- */
+
+/* Energies and neighbours are those of the particles' own Gaussians; the spacing that was asked for is that
+ * of the target radii. */
+static bool describe(solver *s, error *e)
+{
+    witkin_heckbert_state *w = s->state.witkin_heckbert;
+    size_t n = s->state.p->count, near = 0;
+    w->lists_stale = true;
+    if (!update_lists(s, e)) return false;
+    threads_run(s->setup.pool, n, 256, velocity_chunk, s);
+    double *spacing = solver_column(s, COLUMN_SPACING), *energy = solver_column(s, COLUMN_ENERGY);
+    s->record.out.mean_energy = 0;
+    s->record.out.step_left = s->record.out.step_to_rest = NAN; /* it goes by forces, not by (12) */
+    for (size_t i = 0; i < n; i++) {
+        s->record.out.mean_energy += w->terms[i].energy / (double)n;
+        near += w->terms[i].near;
+        spacing[i] = w->packing * w->band * target_radius(s, i);
+        energy[i] = w->terms[i].energy;
+    }
+    s->record.out.mean_neighbours = (double)near / (double)n;
+    return true;
+}
+
+const solver_method solver_witkin_heckbert = {begin, step, describe, release};
