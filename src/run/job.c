@@ -279,7 +279,7 @@ static solver *start_solve(const job *j, solver_params params, error *e)
         packed = pack_by_levels(j, &params, e);
         if (!packed) return NULL;
         params.start = SOLVER_START_GIVEN;
-        const solver_patch_points *stands = &solver_result_points(packed)->stands;
+        const solver_patch_points *stands = &solver_result_points(packed)->patch_points;
         params.given = stands->position;
         params.given_normal = stands->normal;
         params.given_patch = stands->patch;
@@ -300,7 +300,7 @@ bool job_place(job *j, solution *out, error *e)
     int64_t start = s->control.start_count > 0 ? s->control.start_count : s->control.min_count;
     const spec_witkin_heckbert *w = &s->witkin_heckbert;
     const witkin_heckbert_params witkin_heckbert_state = {w->alpha, w->e_hat, w->rho, w->phi,   w->beta,
-                                          w->dt,    w->gamma, w->nu,  w->delta, w->sigma_max};
+                                                          w->dt,    w->gamma, w->nu,  w->delta, w->sigma_max};
     const energy_function *energy = energy_find(spec_energy_name(s->energy));
     const frame_transfer_params carry = {
         .count = j->count,
@@ -395,7 +395,7 @@ bool job_finalize(job *j, solution *s, error *e)
     landing l;
     if (!solver_finalize(s->solver, e)) return false;
     if (!landing_measures(&j->source, &l)) return true;
-    const solver_patch_points *stands = &solver_result_points(s->solver)->stands;
+    const solver_patch_points *stands = &solver_result_points(s->solver)->patch_points;
     vec3 *place = solver_result_positions(s->solver);
     if (landing_find(&j->source, &l) &&
         !landing_move(&l, place, stands->spacing, stands->count, j->pool, &s->landed, e))
@@ -429,7 +429,7 @@ static bool may_lack_memory(bool ok, const error *why, error *e)
 static bool make_triangles(const job *j, const mesh *on, solution *s, error *e)
 {
     const solver_points *p = solver_result_points(s->solver);
-    const solver_patch_points *stands = &p->stands;
+    const solver_patch_points *stands = &p->patch_points;
     size_t side_count = 0;
     uint32_t(*side)[2] = curve_chains_steps(j->source.field->patches, p, &side_count);
     const surface_mesh_input in = {on,
@@ -475,11 +475,11 @@ bool job_reach(job *j, solution *s, error *e)
         if (!make_triangles(j, on, s, e)) return false;
         if (s->triangles == 0) return true;
         const left_out_input in = {
-            on, p->count, p->position, p->stands.spacing, (const uint32_t(*)[3])s->corner, s->triangles};
+            on,          p->count, p->position, p->patch_points.spacing, (const uint32_t(*)[3])s->corner,
+            s->triangles};
         error why = {0};
         const bool found = left_out_find(&in, LEFT_OUT, held_next(left), j->pool, &place, &count, &why);
-        const bool ok =
-            may_lack_memory(found, &why, e) && solver_pin(s->solver, place, count, &goes_on, e);
+        const bool ok = may_lack_memory(found, &why, e) && solver_pin(s->solver, place, count, &goes_on, e);
         free(place);
         if (!ok || !goes_on) return ok;
         left -= count;
@@ -497,7 +497,7 @@ static double requested_at(const void *context, vec3 x)
 bool job_measure(job *j, solution *s, error *e)
 {
     const solver_points *p = solver_result_points(s->solver);
-    const solver_patch_points *stands = &p->stands;
+    const solver_patch_points *stands = &p->patch_points;
     measured_surface on = {0};
     bool ok = measured_surface_open(&j->source, j->scan, &on, e);
     if (ok) {

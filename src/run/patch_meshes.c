@@ -33,7 +33,7 @@ typedef struct mending {
     const mesh_patches *on;
     const triangulation *made;
     threads *pool;
-    by_patch stands, sides, triangles;
+    by_patch points, sides, triangles;
     uint32_t *own;    /* of each of the input's points its number in the patch at hand */
     uint32_t *vertex; /* of each vertex of the patches its number in the mesh at hand */
     uint32_t (*corner)[3];
@@ -99,10 +99,10 @@ static bool take_piece(mending *m, size_t patch, piece *out, error *e)
     const triangulation_input *in = m->in;
     const uint32_t *side = m->sides.item + m->sides.first[patch],
                    *triangle = m->triangles.item + m->triangles.first[patch];
-    *out = (piece){.points = count_of(&m->stands, patch),
+    *out = (piece){.points = count_of(&m->points, patch),
                    .sides = count_of(&m->sides, patch),
                    .triangles = count_of(&m->triangles, patch),
-                   .stand = m->stands.item + m->stands.first[patch]};
+                   .stand = m->points.item + m->points.first[patch]};
     out->position = mem_array(out->points, sizeof *out->position, what, e);
     out->normal = mem_array(out->points, sizeof *out->normal, what, e);
     out->spacing = mem_array(out->points, sizeof *out->spacing, what, e);
@@ -271,7 +271,7 @@ static bool mend_all(mending *m, error *e)
     m->vertex = mem_array(m->on->m.vertex_count, sizeof *m->vertex, what, e);
     if (!m->own || !m->vertex) return false;
     memset(m->vertex, 0xff, m->on->m.vertex_count * sizeof *m->vertex);
-    bool ok = sort_by_patch(m, m->in->count, patch_of_stand, &m->stands, e) &&
+    bool ok = sort_by_patch(m, m->in->count, patch_of_stand, &m->points, e) &&
               sort_by_patch(m, m->in->side_count, patch_of_side, &m->sides, e) &&
               sort_by_patch(m, m->made->facts.triangles, patch_of_triangle, &m->triangles, e);
     for (uint32_t p = 0; ok && p < m->on->count; p++)
@@ -295,7 +295,7 @@ bool patch_meshes_mend(const triangulation_input *in, const mesh_patches *on, th
         .label = m.label,
         .facts = {.triangles = m.count}}; /* which of them closed holes is not known any more */
     ok = ok && (m.mended == 0 || triangulation_survey(in, pool, &mended, e));
-    by_patch_free(&m.stands);
+    by_patch_free(&m.points);
     by_patch_free(&m.sides);
     by_patch_free(&m.triangles);
     free(m.own);

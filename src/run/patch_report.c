@@ -122,7 +122,7 @@ static void put_curves(const rows *r, double h, json *report)
 static void put_patches(const rows *r, const double *farthest, json *report)
 {
     const field_patches *p = r->patches;
-    const solver_patch_points *stands = &r->solved->stands;
+    const solver_patch_points *stands = &r->solved->patch_points;
     json *object = json_put_object(report, "patches");
     size_t *points = mem_alloc(p->count * sizeof *points);
     double gap = 0;

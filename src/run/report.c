@@ -195,6 +195,8 @@ static void put_rounds(json *report, const solver *s)
         json_put_string(object, "regime", round[k].regime);
         json_put_string(object, "began", round[k].began);
         json_put_string(object, "ended", round[k].ended);
+        json_put_number(object, "defect_fraction", round[k].defect_fraction);
+        json_put_bool(object, "extra_sweeps", round[k].extra_sweeps);
         json_put_integer(object, "sweeps", round[k].sweeps);
         json_put_integer(object, "inserted", (int64_t)round[k].inserted);
         json_put_integer(object, "deleted", (int64_t)round[k].deleted);

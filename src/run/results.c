@@ -344,7 +344,7 @@ static bool write_mesh(const char *directory, const results_input *in, bool as_f
                        json *outputs, results_facts *out, error *e)
 {
     const points *set = in->set;
-    const solver_patch_points *stands = &in->solved->stands;
+    const solver_patch_points *stands = &in->solved->patch_points;
     const field_patches *patches = in->sampled->patches;
     size_t side_count = 0;
     uint32_t(*side)[2] = patches ? curve_chains_steps(patches, in->solved, &side_count) : NULL;

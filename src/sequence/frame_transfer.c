@@ -129,7 +129,7 @@ static bool candidates_make(candidates *c, error *e)
 {
     const char *what = "carried points";
     size_t most = c->params->count > c->params->previous_count ? c->params->count : c->params->previous_count;
-    size_t room = most + PLACES * c->params->count + c->allotted.rows.stands;
+    size_t room = most + PLACES * c->params->count + c->allotted.rows.copies;
     return (c->position = mem_array(room, sizeof *c->position, what, e)) &&
            (c->normal = mem_array(room, sizeof *c->normal, what, e)) &&
            (c->spacing = mem_array(room, sizeof *c->spacing, what, e)) &&
@@ -197,7 +197,7 @@ static void carry_chunk(void *context, int worker, size_t begin, size_t end)
 static void place_curve_samples(candidates *c)
 {
     const curve_samples *rows = &c->allotted.rows;
-    c->fixed = rows->stands;
+    c->fixed = rows->copies;
     for (size_t i = 0; i < c->fixed; i++) {
         c->position[i] = c->landed[i] = rows->position[rows->place[i]];
         c->normal[i] = rows->normal[i];

@@ -205,8 +205,8 @@ static void describe_stands(solver *s, const double *spacing)
 {
     const particles *p = s->state.p;
     solver_points *out = &s->record.out;
-    out->stands = (solver_patch_points){p->count, p->position,     p->normal, spacing,
-                                        p->patch, s->record.point, p->place,  s->record.flags};
+    out->patch_points = (solver_patch_points){p->count, p->position,     p->normal, spacing,
+                                              p->patch, s->record.point, p->place,  s->record.flags};
     out->feature = s->record.feature;
     out->patch = p->patch;
     if (p->patch) out->curve = s->state.plan.quotas[s->state.level].rows.curve;

@@ -24,6 +24,7 @@ enum { SKIPPING_SWEEPS = 100 };
 static void begin_round(solver *s, const char *began)
 {
     s->state.round_began = began;
+    s->state.round_defect_fraction = NAN;
     s->state.next = ACTION_SWEEP;
 }
 
@@ -51,6 +52,8 @@ void solver_note_round(solver *s, const char *ended, double energy, double gain)
     s->record.round[n] = (solver_round){.regime = s->state.regime->name,
                                         .began = s->state.round_began,
                                         .ended = ended,
+                                        .defect_fraction = s->state.round_defect_fraction,
+                                        .extra_sweeps = s->state.has_many_defects,
                                         .sweeps = (int)(s->record.sweep_count - s->record.swept),
                                         .sigma = s->state.sigma,
                                         .count = solver_point_count(s),
@@ -228,7 +231,7 @@ static void judge_defects(solver *s, schedule_position *at)
     const double share = relax_defect_fraction(s->scratch.relax, s->state.p, s->state.spacing, smooth);
     s->state.has_many_defects |= schedule_has_many_defects(given, at, share);
     at->is_rough = s->state.has_many_defects;
-    s->state.defect_fraction = share;
+    s->state.defect_fraction = s->state.round_defect_fraction = share;
 }
 
 /* The one transition between regimes that a solve makes by what its particles show. */

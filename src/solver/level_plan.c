@@ -193,7 +193,7 @@ size_t level_plan_capacity(const level_plan *l)
     size_t most = level_plan_particles(l, 0);
     for (int k = 1; k < l->count; k++) { /* before it has its own rows, a level still has the coarser ones */
         size_t count = level_plan_particles(l, k),
-               before = l->quotas ? l->quotas[k].free_count + l->quotas[k - 1].rows.stands : 0;
+               before = l->quotas ? l->quotas[k].free_count + l->quotas[k - 1].rows.copies : 0;
         most = count > most ? count : most;
         most = before > most ? before : most;
     }

@@ -49,6 +49,8 @@ double solver_excess(const solver *s, const solver_sweep *sweep);
  * (doc/report.md#rounds-and-sweeps). */
 typedef struct solver_round {
     const char *regime, *began, *ended;
+    double defect_fraction; /* after the regular sweeps of the level; NAN: not computed in this round */
+    bool extra_sweeps;      /* the level took more sweeps for its defects */
     int sweeps;
     size_t inserted, deleted;
     double sigma; /* in force during the round */
@@ -114,7 +116,7 @@ typedef enum solver_feature { SOLVER_ON_PATCH, SOLVER_ON_CURVE, SOLVER_ON_CORNER
 
 typedef struct solver_points {
     size_t count;
-    solver_patch_points stands;
+    solver_patch_points patch_points;
     const uint8_t *feature; /* solver_feature of each; NULL: no patches */
     const uint32_t *patch;  /* of each; on a curve one of those there; likewise */
     const uint32_t *curve;  /* of each place (stands.place) the curve; likewise */

@@ -59,7 +59,7 @@ size_t solver_point_count(const solver *s)
     const quota *a = s->state.plan.quotas;
     if (!a) return s->state.p->count;
     const curve_samples *rows = &a[s->state.level].rows;
-    return s->state.p->count - rows->stands + rows->count;
+    return s->state.p->count - rows->copies + rows->count;
 }
 
 bool solver_ended(const solver *s)

@@ -71,6 +71,7 @@ typedef struct solver_state {
     size_t level_began;     /* sweeps before those of the level */
 
     const char *round_began, *round_ended; /* see solver_round */
+    double round_defect_fraction;          /* see solver_round */
     int control_rounds; /* rounds that ended with an action of control and were not continued */
     int stage;          /* of the schedule */
     double

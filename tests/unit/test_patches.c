@@ -20,12 +20,12 @@
 #include "sizing/curve_distance.h"
 
 static const solver_params even = {.count = 2000,
-                                    .seed = 1,
-                                    .coarse_to_fine = true,
-                                    .max_sweeps = 5000,
-                                    .list_limit = SIZE_MAX,
-                                    .step_tolerance = 3e-3,
-                                    .energy_tolerance = 0.05};
+                                   .seed = 1,
+                                   .coarse_to_fine = true,
+                                   .max_sweeps = 5000,
+                                   .list_limit = SIZE_MAX,
+                                   .step_tolerance = 3e-3,
+                                   .energy_tolerance = 0.05};
 
 typedef struct solved {
     const faces *faces;
@@ -54,7 +54,7 @@ static void solve(const faces *f, const solver_params *params, int workers, solv
         if (!solver_step(out->s, &e)) fail_msg("%s", e.message);
     if (!solver_finalize(out->s, &e)) fail_msg("%s", e.message);
     out->points = solver_result_points(out->s);
-    const solver_patch_points *stands = &out->points->stands;
+    const solver_patch_points *stands = &out->points->patch_points;
     const quality_input in = {.count = stands->count,
                               .position = stands->position,
                               .normal = stands->normal,
@@ -166,9 +166,9 @@ static void threads_do_not_show(void **state)
     solve(&cube, &params, 1, &one);
     for (int workers = 2; workers <= 3; workers++) {
         solve(&cube, &params, workers, &more);
-        assert_int_equal(more.points->stands.count, one.points->stands.count);
-        assert_memory_equal(more.points->stands.position, one.points->stands.position,
-                            one.points->stands.count * sizeof(vec3));
+        assert_int_equal(more.points->patch_points.count, one.points->patch_points.count);
+        assert_memory_equal(more.points->patch_points.position, one.points->patch_points.position,
+                            one.points->patch_points.count * sizeof(vec3));
         release(&more);
     }
     release(&one);
@@ -177,7 +177,8 @@ static void threads_do_not_show(void **state)
 static size_t count_on_patch(const solved *x, uint32_t patch)
 {
     size_t count = 0;
-    for (size_t i = 0; i < x->points->stands.count; i++) count += x->points->stands.patch[i] == patch;
+    for (size_t i = 0; i < x->points->patch_points.count; i++)
+        count += x->points->patch_points.patch[i] == patch;
     return count;
 }
 
@@ -221,7 +222,7 @@ static void three_sheets_share_a_row(void **state)
     assert_int_equal(solver_result(x.s), SOLVER_CONVERGED);
     check_places(&x);
     size_t steps = (size_t)round(1 / solver_spacing(x.s));
-    assert_int_equal(x.points->stands.count - x.points->count, 2 * (steps + 1));
+    assert_int_equal(x.points->patch_points.count - x.points->count, 2 * (steps + 1));
     assert_int_equal(x.mesh.facts.nonmanifold_edges, steps);
     assert_true(x.mesh.facts.boundary_edges == x.mesh.facts.rim_edges && x.farthest < 1);
     release(&x);
@@ -352,7 +353,7 @@ static void loops_and_short_curves_have_places(void **state)
     /* a square of ten steps a side, the hole's length of 1.25, and one end of the slit */
     assert_int_equal(rows.corners, 4 + 1);
     assert_int_equal(rows.count, 4 * 10 + 13 + 1);
-    assert_int_equal(rows.stands, rows.count); /* where a patch meets itself it stands once */
+    assert_int_equal(rows.copies, rows.count); /* where a patch meets itself it stands once */
     /* halves of cells behind the rows, those of the slit twice, less an Euler characteristic of 2 - 2.5 loops: the slit's one
      * place takes a cell */
     assert_close(rows.border[0], 0.5 * (4 * 10 + 13) + 0.5 - (2 - 2.5), 1e-9);
@@ -405,7 +406,7 @@ static void rows_of_a_low_step_are_one(void **state)
     assert_true(curve_samples_make(&s.base, &request, &rows, &e));
     assert_int_equal(rows.count, 4 * 10 + 8);
     assert_int_equal(rows.corners, 4 + 2);
-    assert_int_equal(rows.stands, rows.count);
+    assert_int_equal(rows.copies, rows.count);
     assert_true(least_distance(&rows) > 0.09);
     /* the step takes what one slit does: seven cells */
     assert_close(rows.border[0], 0.5 * 4 * 10 + 7 - (2 - 3), 1e-9);
@@ -520,7 +521,7 @@ static void rows_of_one_patch_merge_on_one_side_only(void **state)
     uint32_t end[2][2] = {{0}};
     double spacing[2 * PLACES], half[2 * PLACES];
     for (int facing = -1; facing <= 1; facing += 2) {
-        curve_samples rows = {.count = 2 * PLACES, .stands = 2 * PLACES};
+        curve_samples rows = {.count = 2 * PLACES, .copies = 2 * PLACES};
         rows.position = calloc(2 * PLACES, sizeof *rows.position);
         rows.curve = calloc(2 * PLACES, sizeof *rows.curve);
         rows.place = calloc(2 * PLACES, sizeof *rows.place);
@@ -554,7 +555,7 @@ static void row_of_a_curve_that_folds_back_is_one(void **state)
     const size_t first[2] = {0, PLACES};
     uint32_t end[1][2] = {{0}};
     double spacing[PLACES], half[PLACES];
-    curve_samples rows = {.count = PLACES, .stands = PLACES};
+    curve_samples rows = {.count = PLACES, .copies = PLACES};
     rows.position = calloc(PLACES, sizeof *rows.position);
     rows.curve = calloc(PLACES, sizeof *rows.curve);
     rows.place = calloc(PLACES, sizeof *rows.place);
@@ -627,8 +628,8 @@ static void points_are_held_where_they_are_wanted(void **state)
     assert_true(x.points->step_left < even.step_tolerance);
     size_t next = 0; /* to the one that is held */
     for (size_t i = 1; i < count; i++)
-        if (fabs(vec3_norm(vec3_sub(x.points->position[i], at[0])) - x.points->stands.spacing[i]) <
-            fabs(vec3_norm(vec3_sub(x.points->position[next], at[0])) - x.points->stands.spacing[next]))
+        if (fabs(vec3_norm(vec3_sub(x.points->position[i], at[0])) - x.points->patch_points.spacing[i]) <
+            fabs(vec3_norm(vec3_sub(x.points->position[next], at[0])) - x.points->patch_points.spacing[next]))
             next = i;
     const vec3 beside = vec3_axpy(0.2, vec3_sub(x.points->position[next], at[0]), at[0]);
     assert_true(solver_pin(x.s, &beside, 1, &goes_on, &e));

@@ -123,9 +123,9 @@ static void result_of_even_spacing_agrees_with_brute_force(void **state)
     assert_int_equal(solver_result(x.solver), SOLVER_CONVERGED);
     assert_int_equal(x.points->count, params.count);
     assert_int_equal(x.points->lost, 0);
-    assert_int_equal(x.points->stands.count, params.count);
+    assert_int_equal(x.points->patch_points.count, params.count);
     assert_null(x.points->feature);
-    assert_null(x.points->stands.patch);
+    assert_null(x.points->patch_points.patch);
     assert_null(x.points->kappa_scale);
     assert_close(x.points->ideal_energy, energy_cotangent.ideal, 0);
     for (size_t i = 0; i < x.points->count; i++) {
@@ -241,8 +241,8 @@ static void given_start(const solve *x, solver_params *params)
     params->start = SOLVER_START_GIVEN;
     params->given = x->points->position;
     params->given_normal = x->points->normal;
-    params->given_patch = x->points->stands.patch;
-    params->given_place = x->points->stands.place;
+    params->given_patch = x->points->patch_points.patch;
+    params->given_place = x->points->patch_points.place;
 }
 
 /* Points that lose their place are put where the distance to the nearest point is large. All others keep their places. */

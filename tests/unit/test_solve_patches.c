@@ -25,10 +25,10 @@ static void solve_cube(const solver_params *params, solve *out)
 static void given_start(const solve *x, solver_params *params)
 {
     params->start = SOLVER_START_GIVEN;
-    params->given = x->points->stands.position;
-    params->given_normal = x->points->stands.normal;
-    params->given_patch = x->points->stands.patch;
-    params->given_place = x->points->stands.place;
+    params->given = x->points->patch_points.position;
+    params->given_normal = x->points->patch_points.normal;
+    params->given_patch = x->points->patch_points.patch;
+    params->given_place = x->points->patch_points.place;
 }
 
 static bool hold(solve *x, const vec3 *place, size_t count)
@@ -266,7 +266,7 @@ static void hold_refuses_a_given_start(void **state)
 /* The stand of a free point: `x` is nearest. */
 static size_t nearest_free(const solve *x, vec3 at)
 {
-    const solver_patch_points *all = &x->points->stands;
+    const solver_patch_points *all = &x->points->patch_points;
     size_t best = SIZE_MAX;
     for (size_t i = 0; i < x->points->count; i++)
         if (x->points->feature[i] == SOLVER_ON_PATCH &&
@@ -283,7 +283,7 @@ static void put_beside_edge(size_t count, vec3 from, vec3 to, solve *as_it_is, s
     solver_params params = solve_defaults;
     params.count = count;
     solve_cube(&params, as_it_is);
-    const solver_patch_points *all = &as_it_is->points->stands;
+    const solver_patch_points *all = &as_it_is->points->patch_points;
     vec3 *position = malloc(all->count * sizeof *position), *normal = malloc(all->count * sizeof *normal);
     uint32_t *patch = malloc(all->count * sizeof *patch);
     memcpy(position, all->position, all->count * sizeof *position);
@@ -374,7 +374,7 @@ static void points_on_curves_have_a_copy_for_each_patch(void **state)
     (void)state;
     solve x;
     solve_cube(&solve_defaults, &x);
-    const solver_patch_points *all = &x.points->stands;
+    const solver_patch_points *all = &x.points->patch_points;
     size_t *copies = calloc(x.points->count, sizeof *copies), corners = 0;
     for (size_t k = 0; k < all->count; k++) {
         const uint32_t point = all->point[k];
@@ -420,7 +420,7 @@ static void normals_of_an_edge_are_merged_where_they_agree(void **state)
         size_t seen = 0;
         for (size_t i = 0; i < x.points->count; i++) {
             if (fabs(x.points->position[i].x) > 1e-12) continue;
-            const vec3 n = x.points->normal[i], first = x.points->stands.normal[i],
+            const vec3 n = x.points->normal[i], first = x.points->patch_points.normal[i],
                        mean = {sin(angle / 2), 0, cos(angle / 2)};
             assert_true(vec3_norm(vec3_sub(n, k == 0 ? mean : first)) < 1e-9);
             seen++;

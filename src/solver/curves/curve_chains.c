@@ -103,7 +103,7 @@ static void find_corners(const field_patches *p, const solver_points *solved, co
 /* Points by place: those on corners come first, then curve after curve, each from its start to its end. */
 static uint32_t *find_places(const solver_points *solved, curve_chains *out)
 {
-    const solver_patch_points *stands = &solved->stands;
+    const solver_patch_points *stands = &solved->patch_points;
     for (size_t k = 0; k < solved->count; k++) {
         out->points += solved->feature[k] != SOLVER_ON_PATCH;
         out->corners += solved->feature[k] == SOLVER_ON_CORNER;
@@ -219,7 +219,7 @@ uint32_t (*curve_chains_steps(const field_patches *patches, const solver_points 
 {
     curve_chains chains;
     curve_chains_make(patches, solved, &chains);
-    uint32_t(*side)[2] = curve_chains_sides(&chains, patches, &solved->stands, count);
+    uint32_t(*side)[2] = curve_chains_sides(&chains, patches, &solved->patch_points, count);
     curve_chains_free(&chains);
     return side;
 }

@@ -231,27 +231,27 @@ static vec3 mean_normal(const field *patch, vec3 x, vec3 along, double beside)
 static bool add_stand(layout *l, uint32_t patch, vec3 n, double half, curve_samples *out, error *e)
 {
     uint32_t place = (uint32_t)(out->count - 1);
-    for (size_t k = out->stands; k > 0 && out->place[k - 1] == place; k--)
+    for (size_t k = out->copies; k > 0 && out->place[k - 1] == place; k--)
         if (out->patch[k - 1] == patch) {
             l->half[k - 1] += half;
             return true;
         }
-    uint32_t *places = mem_grow(out->place, out->stands, &l->capacity[2], 256, sizeof *places, WHAT, e);
+    uint32_t *places = mem_grow(out->place, out->copies, &l->capacity[2], 256, sizeof *places, WHAT, e);
     if (!places) return false;
     out->place = places;
-    uint32_t *patches = mem_grow(out->patch, out->stands, &l->capacity[3], 256, sizeof *patches, WHAT, e);
+    uint32_t *patches = mem_grow(out->patch, out->copies, &l->capacity[3], 256, sizeof *patches, WHAT, e);
     if (!patches) return false;
     out->patch = patches;
-    vec3 *normal = mem_grow(out->normal, out->stands, &l->capacity[4], 256, sizeof *normal, WHAT, e);
+    vec3 *normal = mem_grow(out->normal, out->copies, &l->capacity[4], 256, sizeof *normal, WHAT, e);
     if (!normal) return false;
     out->normal = normal;
-    double *halves = mem_grow(l->half, out->stands, &l->capacity[5], 256, sizeof *halves, WHAT, e);
+    double *halves = mem_grow(l->half, out->copies, &l->capacity[5], 256, sizeof *halves, WHAT, e);
     if (!halves) return false;
     l->half = halves;
-    l->half[out->stands] = half;
-    out->place[out->stands] = place;
-    out->patch[out->stands] = patch;
-    out->normal[out->stands++] = n;
+    l->half[out->copies] = half;
+    out->place[out->copies] = place;
+    out->patch[out->copies] = patch;
+    out->normal[out->copies++] = n;
     return true;
 }
 
@@ -465,15 +465,4 @@ bool curve_samples_make(const field *f, const boundary_request *request, curve_s
     free(l.point);
     free(l.at);
     return ok;
-}
-
-void curve_samples_free(curve_samples *r)
-{
-    free(r->position);
-    free(r->curve);
-    free(r->place);
-    free(r->patch);
-    free(r->normal);
-    free(r->border);
-    *r = (curve_samples){0};
 }

@@ -147,7 +147,7 @@ static bool is_elsewhere(const merging *m, const side *s, uint32_t place, uint32
 
 static double near_curves(const merging *m)
 {
-    return m->in->rough ? NEAR_ROUGH_ROWS : NEAR_ROWS;
+    return m->in->of_scan ? NEAR_CURVES_OF_SCANS : NEAR_CURVES;
 }
 
 /* The place of an earlier row that is to stand for one, or the place itself. Sides go from what stands for their ends. */
@@ -228,7 +228,7 @@ static void find_hosts(merging *m)
             if (m->into[k] == k) m->into[k] = find_host(m, k, c);
             for (int i = 0; i < 2; i++) move_end(m, m->sides_of[k][i], k);
         }
-    for (uint32_t k = 0; in->rough && k < m->rows->corners; k++)
+    for (uint32_t k = 0; in->of_scan && k < m->rows->corners; k++)
         if (m->ends[k] <= 2 && m->into[k] == k) join_loose(m, k);
     for (uint32_t k = 0; k < m->rows->count; k++) /* earlier ones point at those that stay */
         while (m->into[m->into[k]] != m->into[k]) m->into[k] = m->into[m->into[k]];
@@ -301,18 +301,18 @@ static bool rebuild(merging *m, error *e)
                           .border = r->border};
     const bool ok = made.position && made.curve && made.place && made.patch && made.normal;
     size_t at = 0;
-    for (size_t k = 0; ok && k < r->stands; k++) made.border[r->patch[k]] -= m->in->half[k];
+    for (size_t k = 0; ok && k < r->copies; k++) made.border[r->patch[k]] -= m->in->half[k];
     for (uint32_t k = 0; ok && k < r->count; k++) {
-        const size_t begin = made.stands;
+        const size_t begin = made.copies;
         if (m->into[k] != k) continue;
         for (; at < m->lent_count && m->lents[at].place == k; at++) {
             const lent *l = &m->lents[at];
             bool has = false;
-            for (size_t n = begin; n < made.stands; n++) has |= made.patch[n] == l->patch;
+            for (size_t n = begin; n < made.copies; n++) has |= made.patch[n] == l->patch;
             if (has) continue;
-            made.place[made.stands] = (uint32_t)made.count;
-            made.patch[made.stands] = l->patch;
-            made.normal[made.stands++] = r->normal[l->stand];
+            made.place[made.copies] = (uint32_t)made.count;
+            made.patch[made.copies] = l->patch;
+            made.normal[made.copies++] = r->normal[l->stand];
             made.border[l->patch] += m->in->half[l->stand];
         }
         made.corners += k < r->corners;
@@ -331,7 +331,7 @@ static void join_patches(merging *m)
 {
     const curve_samples *r = m->rows;
     sets_reset(m->joined, m->in->patch_count);
-    for (size_t k = 1; k < r->stands; k++)
+    for (size_t k = 1; k < r->copies; k++)
         if (r->place[k] == r->place[k - 1]) sets_join(m->joined, r->patch[k], r->patch[k - 1]);
     for (uint32_t k = 0; k < m->in->patch_count; k++) m->joined[k] = sets_root(m->joined, k);
 }
@@ -352,7 +352,7 @@ bool near_curves_merge(const near_curves_input *in, curve_samples *rows, error *
     bool ok = m.sides && m.sides_of && m.into && m.curve_at && m.ends && m.first_stand && m.joined;
     if (ok) {
         join_patches(&m);
-        for (size_t k = 0; k < rows->stands; k++) m.first_stand[rows->place[k] + 1] = k + 1;
+        for (size_t k = 0; k < rows->copies; k++) m.first_stand[rows->place[k] + 1] = k + 1;
         for (size_t k = 1; k <= rows->count; k++)
             if (m.first_stand[k] < m.first_stand[k - 1]) m.first_stand[k] = m.first_stand[k - 1];
         list_sides(&m);

@@ -101,7 +101,7 @@ static lonely *list_lonely(const quota_input *in, const curve_samples *rows, dou
     lonely *list = mem_array(patches, sizeof *list, WHAT, e);
     bool *stands = mem_array(patches, sizeof *stands, WHAT, e);
     *count = 0;
-    for (size_t k = 0; stands && k < rows->stands; k++) stands[rows->patch[k]] = true;
+    for (size_t k = 0; stands && k < rows->copies; k++) stands[rows->patch[k]] = true;
     for (uint32_t k = 0; list && stands && k < patches; k++) {
         const double room = room_of(in, rows, k, cells);
         if (!stands[k] && room > 0 && room < 1) list[(*count)++] = (lonely){room, k};
@@ -287,7 +287,7 @@ void quota_free(quota *a)
 void quota_add_rows(const quota *a, particles *p)
 {
     const curve_samples *r = &a->rows;
-    for (size_t k = 0; k < r->stands; k++) {
+    for (size_t k = 0; k < r->copies; k++) {
         size_t i = p->count++;
         p->position[i] = r->position[r->place[k]];
         p->normal[i] = r->normal[k];

@@ -41,7 +41,7 @@ static inline size_t quota_points(const quota *a)
 }
 static inline size_t quota_particles(const quota *a)
 {
-    return a->rows.stands + a->free_count;
+    return a->rows.copies + a->free_count;
 }
 
 /* Adds the particles of the rows to those there are, for which there is room; or first takes those away that are held on curves

@@ -47,7 +47,7 @@ static fast_kernel_params params_of(const sweep_job *job)
                                 .omega = p->omega,
                                 .longest = INFINITY,
                                 .farthest = RELAX_TRIAL_SHORTCUT * projection_scale(p->field, p->spacing),
-                                .normal = job->r->through ? NULL : job->r->normal};
+                                .normal = job->r->ignores_normals ? NULL : job->r->normal};
 }
 
 /* A Newton step of the lanes that are `left`, towards the surface. Those that are there end well; left are those that may get there.
@@ -135,7 +135,7 @@ static void begin_trial(const sweep_job *job, const uint32_t *items, double gain
             t->open[l] = false;
         } else if (allowed < nearest &&
                    FAST_KERNEL_BOUND_SHARE * allowed < RELAX_STEP_FLOOR * job->params->spacing * size) {
-            relax_note_cramped(job, items[l], sums);
+            relax_count_limited(job, items[l], sums);
             t->open[l] = false;
         }
     }
@@ -163,7 +163,7 @@ static void end_trial(const sweep_job *job, const uint32_t *items, double gain, 
     }
 }
 
-/* What the turning of the particles' own normals adds to their forces, through the weights: along an axis of the frame the
+/* What the turning of the particles' own normals adds to their forces, ignores_normals the weights: along an axis of the frame the
  * normal turns by the shape operator times it. */
 static void add_turning(const sweep_job *job, trial *t)
 {
@@ -183,17 +183,17 @@ static void add_turning(const sweep_job *job, trial *t)
     }
 }
 
-void relax_rough_steps(const sweep_job *job, const uint32_t *items, size_t creased, size_t count,
-                       block_sums *sums)
+void relax_guarded_steps(const sweep_job *job, const uint32_t *items, size_t divergent, size_t count,
+                         block_sums *sums)
 {
     const double gain = fmax(job->params->gain, LEAST_GAIN);
     bool guarded[FAST_KERNEL_LANES];
     trial t;
     t.params = params_of(job);
-    relax_line_up(job->r, job->p, items, count, &t.own);
+    relax_fill_lanes(job->r, job->p, items, count, &t.own);
     job->r->fast->forces(job->r->near->place, &t.own, &t.params, &t.forces);
-    for (size_t l = 0; l < FAST_KERNEL_LANES; l++) guarded[l] = l < creased;
-    if (creased < count) relax_fast_steps(job, items, creased, count, &t.own, &t.forces, guarded, sums);
+    for (size_t l = 0; l < FAST_KERNEL_LANES; l++) guarded[l] = l < divergent;
+    if (divergent < count) relax_fast_steps(job, items, divergent, count, &t.own, &t.forces, guarded, sums);
     memcpy(t.open, guarded, sizeof t.open);
     if (t.params.normal) add_turning(job, &t);
     for (size_t l = 0; l < count; l++) {

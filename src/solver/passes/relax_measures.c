@@ -20,7 +20,7 @@ static void sum_energies(const sweep_job *job, const fast_kernel_normal *normal,
     fast_kernel_particles own;
     float energy[FAST_KERNEL_LANES];
     if (count == 0) return;
-    relax_line_up(job->r, job->p, items, count, &own);
+    relax_fill_lanes(job->r, job->p, items, count, &own);
     job->r->fast->energy(job->r->near->place, &own, &params, count, energy);
     for (size_t l = 0; l < count; l++) job->p->energy[items[l]] = energy[l];
 }
@@ -29,27 +29,27 @@ static void energy_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const sweep_job *job = context;
     particles *p = job->p;
-    uint32_t smooth[FAST_KERNEL_LANES], creased[FAST_KERNEL_LANES];
-    size_t smooth_count = 0, creased_count = 0;
+    uint32_t smooth[FAST_KERNEL_LANES], divergent[FAST_KERNEL_LANES];
+    size_t smooth_count = 0, divergent_count = 0;
     for (size_t i = begin; i < end; i++) {
-        if (!job->r->fast || (!job->r->flat[i] && !job->r->rough))
+        if (!job->r->fast || (!job->r->flat[i] && !job->r->guards_in_lanes))
             p->energy[i] = (float)pair_energy_at(relax_gather_list(job->r, p, worker, i), job->r->energy,
                                                  p->position[i], job->sigma * particles_size(p, i));
-        else if (job->r->flat[i] || job->r->through)
+        else if (job->r->flat[i] || job->r->ignores_normals)
             smooth[smooth_count++] = (uint32_t)i;
         else
-            creased[creased_count++] = (uint32_t)i;
+            divergent[divergent_count++] = (uint32_t)i;
         if (smooth_count == FAST_KERNEL_LANES) {
             sum_energies(job, NULL, smooth, smooth_count);
             smooth_count = 0;
         }
-        if (creased_count == FAST_KERNEL_LANES) {
-            sum_energies(job, job->r->normal, creased, creased_count);
-            creased_count = 0;
+        if (divergent_count == FAST_KERNEL_LANES) {
+            sum_energies(job, job->r->normal, divergent, divergent_count);
+            divergent_count = 0;
         }
     }
     sum_energies(job, NULL, smooth, smooth_count);
-    sum_energies(job, job->r->normal, creased, creased_count);
+    sum_energies(job, job->r->normal, divergent, divergent_count);
 }
 
 /* Over the ideal energy of who lies with another all but in one place. */
@@ -113,7 +113,7 @@ static bool rests_on_kink(const relax *r, const particles *p, uint32_t i)
 /* Whether the kernel's energy is the one that a particle has. */
 static bool has_kernel_energy(const relax *r, size_t i)
 {
-    return r->fast && (r->flat[i] || r->through);
+    return r->fast && (r->flat[i] || r->ignores_normals);
 }
 
 /* The sum of the squared Newton steps of particles whose neighbours all face their way, each over its size. None is longer
@@ -132,7 +132,7 @@ static relax_steps squared_steps(const steps_job *steps, int worker, const uint3
         const fast_kernel_params params = {.unit = r->near->unit, .support = job->sigma};
         fast_kernel_particles own;
         fast_kernel_forces forces;
-        relax_line_up(r, p, items, count, &own);
+        relax_fill_lanes(r, p, items, count, &own);
         r->fast->forces(r->near->place, &own, &params, &forces);
         for (size_t l = 0; l < count; l++) p->energy[items[l]] = forces.energy[l];
         for (size_t l = 0; l < count; l++) *pairs += (double)forces.pairs[l];
@@ -165,7 +165,7 @@ static relax_steps squared_steps(const steps_job *steps, int worker, const uint3
     return squares;
 }
 
-/* Whether Newton's step tells where particle i would go: not where a sharp edge runs through its support, and the tangent
+/* Whether Newton's step tells where particle i would go: not where a sharp edge runs ignores_normals its support, and the tangent
  * plane does not say where a step would end, nor where fewer than three within it leave it free to drift. */
 static bool is_held_at(const sweep_job *job, size_t i)
 {
@@ -217,7 +217,7 @@ static relax_steps rms_steps(steps_job *job)
     job->grain = n / PARTS + 1;
     memset(job->whole, true, sizeof job->whole); /* parts may be empty */
     threads_run(r->pool, n, job->grain, steps_chunk, job);
-    r->seen = (rest_seen){job->sweep.sigma, job->spacing, {NAN, NAN}, true, 0};
+    r->seen = (known_steps){job->sweep.sigma, job->spacing, {NAN, NAN}, true, 0};
     for (int k = 0; k < PARTS; k++) {
         r->seen.energies = r->seen.energies && job->whole[k];
         r->seen.pairs += job->pairs[k];
@@ -244,67 +244,6 @@ relax_steps relax_rms_steps_left(relax *r, particles *p, double sigma, double sp
     return rms;
 }
 
-double relax_max_support(const relax *r)
-{
-    return r->sigma + r->skin;
-}
-
-void relax_take_support(relax *r, double sigma)
-{
-    assert(sigma <= relax_max_support(r));
-    r->skin = relax_max_support(r) - sigma;
-    r->sigma = sigma;
-}
-
-double relax_divergent_share(const relax *r, const particles *p)
-{
-    size_t creased = 0;
-    for (size_t i = 0; i < p->count; i++) creased += !r->flat[i];
-    return (double)creased / (double)p->count;
-}
-
-typedef struct creased_job {
-    const relax *r;
-    const particles *p;
-    double reach;
-    atomic_size_t creased;
-} creased_job;
-
-static void creased_chunk(void *context, int worker, size_t begin, size_t end)
-{
-    creased_job *job = context;
-    const particles *p = job->p;
-    size_t creased = 0;
-    (void)worker;
-    for (size_t i = begin; i < end; i++) {
-        const uint32_t *list = neighbours_list(job->r->near, i),
-                       count = job->r->flat[i] ? 0 : job->r->near->list_count[i];
-        bool turned = false;
-        for (uint32_t k = 0; k < count && !turned; k++)
-            turned = relax_are_within(p, i, list[k], job->reach) &&
-                     particles_facing(p, i, list[k]) <= RELAX_FLAT_COSINE;
-        creased += turned;
-    }
-    atomic_fetch_add(&job->creased, creased);
-}
-
-double relax_divergent_share_within(const relax *r, const particles *p, double reach)
-{
-    creased_job job = {.r = r, .p = p, .reach = reach};
-    threads_run(r->pool, p->count, 4096, creased_chunk, &job);
-    return (double)atomic_load(&job.creased) / (double)p->count;
-}
-
-bool relax_has_divergent_normals(const relax *r)
-{
-    return r->rough;
-}
-
-bool relax_has_mostly_divergent_normals(const relax *r)
-{
-    return r->mostly_creased;
-}
-
 /* Of so many particles and more some are asked for disorder: never more than these. */
 static const size_t MOST_ASKED = 200000;
 
@@ -315,24 +254,24 @@ typedef struct pairs_job {
     double reach;
     size_t every; /* one of so many is asked */
     bool smooth;  /* who sees others turned from it is left out */
-    atomic_size_t pairs, disordered;
+    atomic_size_t pairs, defects;
 } pairs_job;
 
 static void pairs_chunk(void *context, int worker, size_t begin, size_t end)
 {
     pairs_job *job = context;
     const particles *p = job->p;
-    size_t pairs = 0, disordered = 0;
+    size_t pairs = 0, defects = 0;
     (void)worker;
     for (size_t i = (begin + job->every - 1) / job->every * job->every; i < end; i += job->every) {
         size_t own = 0;
         for (uint32_t k = 0; k < job->r->near->list_count[i]; k++)
             own += relax_are_within(p, i, neighbours_list(job->r->near, i)[k], job->reach);
         pairs += own;
-        disordered += own != 6 && !p->near_boundary[i] && !(job->smooth && !job->r->flat[i]);
+        defects += own != 6 && !p->near_boundary[i] && !(job->smooth && !job->r->flat[i]);
     }
     atomic_fetch_add(&job->pairs, pairs);
-    atomic_fetch_add(&job->disordered, disordered);
+    atomic_fetch_add(&job->defects, defects);
 }
 
 double relax_mean_neighbours(const relax *r, const particles *p, double sigma)
@@ -345,9 +284,10 @@ double relax_mean_neighbours(const relax *r, const particles *p, double sigma)
 
 double relax_defect_fraction(const relax *r, const particles *p, double spacing, bool smooth)
 {
-    const double creased = smooth ? relax_divergent_share(r, p) : 0, asked = creased < 1 ? 1 - creased : 1;
+    const double divergent = smooth ? relax_divergent_share(r, p) : 0,
+                 asked = divergent < 1 ? 1 - divergent : 1;
     const size_t every = 1 + p->count / MOST_ASKED;
     pairs_job job = {.r = r, .p = p, .reach = BETWEEN_SHELLS * spacing, .every = every, .smooth = asked < 1};
     threads_run(r->pool, p->count, 4096, pairs_chunk, &job);
-    return (double)atomic_load(&job.disordered) / (asked * (double)((p->count + every - 1) / every));
+    return (double)atomic_load(&job.defects) / (asked * (double)((p->count + every - 1) / every));
 }

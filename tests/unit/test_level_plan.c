@@ -37,7 +37,7 @@ static void corrected_plans_need_no_inventions(void **state)
 static void nonsense_is_bounded(void **state)
 {
     (void)state;
-    levels none = {.count = 2, .particles = {250, 1000}}, many = none;
+    level_plan none = {.count = 2, .particles = {250, 1000}}, many = none;
     level_plan_correct(&none, 0, 0);
     level_plan_correct(&many, 100000, 0);
     assert_true(none.particles[0] > 250 && none.particles[0] <= 333);
