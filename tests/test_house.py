@@ -95,7 +95,7 @@ def lost_names(root):
             if "://" not in link and not (here / link).exists():
                 faults.append(f"{name}: the link to {link} leads nowhere")
         for path in re.findall(r"`(?:src/)?([a-z_]+/[a-z_]+)`", text):
-            if path.split("/")[0] in folders and not list((root / "src").glob(path + ".*")):
+            if path.split("/")[0] in folders and not [*(root / "src").glob(path + ".*"), *(root / "src").glob(path)]:
                 faults.append(f"{name}: there is no src/{path}")
     return faults
 
