@@ -230,7 +230,7 @@ static void judge_defects(solver *s, schedule_position *at)
                smooth = at->is_divergent && at->level > 0 && !is_repaired;
     const double share = relax_defect_fraction(s->scratch.relax, s->state.p, s->state.spacing, smooth);
     s->state.has_many_defects |= schedule_has_many_defects(given, at, share);
-    at->is_rough = s->state.has_many_defects;
+    at->has_many_defects = s->state.has_many_defects;
     s->state.defect_fraction = s->state.round_defect_fraction = share;
 }
 

@@ -11,18 +11,6 @@
 #include "solver/level.h"
 #include "solver/start.h"
 
-/* The Verlet skin of the first lists of the level, of `count` particles. */
-static double first_skin(const solver *s, size_t count)
-{
-    const schedule_position at = {.level = s->state.level,
-                                  .levels = s->state.plan.count,
-                                  .stage = s->state.stage,
-                                  .count = count,
-                                  .is_sized = s->setup.params.sizing != NULL,
-                                  .has_curves = s->state.p->patch != NULL};
-    return schedule_first_skin(s->state.regime->schedule, &at) * s->state.spacing;
-}
-
 /* The scales of the level. */
 static void enter_level(solver *s, size_t count, double support)
 {
@@ -31,7 +19,7 @@ static void enter_level(solver *s, size_t count, double support)
     s->state.spacing =
         quotas ? quotas[s->state.level].spacing : packing_spacing(s->setup.scan->area, (double)count / share);
     s->state.sigma = support * s->state.spacing;
-    s->state.skin = first_skin(s, count);
+    s->state.skin = s->state.regime->schedule->skin_wide * s->state.spacing;
     s->state.gain = s->state.regime->schedule->gain[s->state.stage];
     s->state.has_many_defects = false;
     s->state.had_extra_sweeps = false;
@@ -68,17 +56,13 @@ static bool place(solver *s, error *e)
     return arrange(s, e);
 }
 
-/* Whether the coarsest level does not see the surface for its edges. Where it begins more particles see others turned from them than at
- * rest, since lists reach farther: of a large one those count that are within the reach of lists at rest. */
+/* Whether the coarsest level does not resolve the surface. Where it begins more particles have divergent neighbour normals than after
+ * convergence, since lists reach farther. */
 static bool is_too_divergent(const solver *s, bool begins)
 {
     const schedule *given = s->state.regime->schedule;
-    const double share = relax_divergent_share(s->scratch.relax, s->state.p),
-                 reach = s->state.sigma + given->skin_narrow * s->state.spacing;
-    if (!begins || share <= given->divergent_share) return share > given->divergent_share;
-    return share > given->divergent_share_first ||
-           (schedule_is_large(given, s->state.p->count) &&
-            relax_divergent_share_within(s->scratch.relax, s->state.p, reach) > given->divergent_share);
+    return relax_divergent_share(s->scratch.relax, s->state.p) >
+           (begins ? given->divergent_share_first : given->divergent_share);
 }
 
 /* Then the next finer one takes its place. */
@@ -136,8 +120,7 @@ bool solver_replan(solver *s, bool *again, error *e)
         return true; /* there is a later word */
     if (!find_mesh(s, e)) return false;
     level_plan_correct(&s->state.plan, refine_mesh_edges(s->scratch.mesh), count_on_boundary(s));
-    *again = !s->state.counts_corrected &&
-             schedule_begins_anew(s->state.regime->schedule, count, s->state.plan.particles[0]);
+    *again = !s->state.counts_corrected && s->state.plan.particles[0] != count;
     s->state.counts_corrected = true;
     if (*again || s->state.stage < SCHEDULE_STAGES - 1) forget_mesh(s);
     if (*again) return solver_place(s, s->state.sigma / s->state.spacing, e);
@@ -219,7 +202,7 @@ bool solver_refine(solver *s, error *e)
 bool solver_enter_refined(solver *s, error *e)
 {
     if (!arrange(s, e)) return false;
-    s->state.skin = first_skin(s, s->state.p->count);
+    s->state.skin = s->state.regime->schedule->skin_wide * s->state.spacing;
     particles_undamp(s->state.p);
     return solver_build_lists(s, e);
 }

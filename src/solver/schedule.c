@@ -11,15 +11,13 @@ static const double stage_share[SCHEDULE_STAGES + 1] = {0, 0.07, 0.35, 1}, LEAST
 static const double LAMBDA_BEGINS = -3;
 
 /* What all schedules have in common. */
-#define COMMON                                                                                            \
-    .gain = {1e-4, 1e-6, 1e-8}, .patience_more = 50, .patience_last = 500, .coarsest_gain = 1e-5,         \
-    .sweeps = 100, .sweeps_count = 1e4, .sweeps_between = {{5e3, INFINITY}, {2e4, 4}, {5e4, 0.75}},       \
-    .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120, .defects_sweeps = {2, 3.5},                \
-    .defects_count = 5e3, .defects_share = {{0.05, 0.25}, {0.02, 0.25}}, .size_settled = 1e-3,            \
-    .resizes_most = 10, .limited_share = 0.01, .limited_share_coarse = 0.04, .skin_wide = 0.6,            \
-    .skin_narrow = 0.2, .skin_steps = 6, .skin_first = 0.22, .many = 2e5, .many_sweeps = 2, .large = 3e4, \
-    .large_omega = 2.35, .large_limited_share = 0.06, .large_sweeps = 15, .large_misses = 1e-3,           \
-    .divergent_share = 0.7, .divergent_share_first = 0.9, .new_part_sweeps = 60
+#define COMMON                                                                                       \
+    .gain = {1e-4, 1e-6, 1e-8}, .patience_more = 50, .patience_last = 500, .coarsest_gain = 1e-5,    \
+    .sweeps = 100, .sweeps_count = 1e4, .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120,   \
+    .defects_sweeps = {2, 3.5}, .defects_count = 5e3, .defects_share = {{0.05, 0.25}, {0.02, 0.25}}, \
+    .size_settled = 1e-3, .resizes_most = 10, .limited_share = 0.01, .limited_share_coarse = 0.04,   \
+    .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6, .divergent_share = 0.7,                   \
+    .divergent_share_first = 0.9, .new_part_sweeps = 60
 
 /* Over-relaxation: 1.8 needs three times the sweeps, 3.0 is slower again near rest. */
 #define PAPER                                                                                  \
@@ -74,41 +72,12 @@ static bool is_early(const schedule_position *at)
     return at->level == 0 && !schedule_is_last_stage(at);
 }
 
-/* A refined level of many particles of even sizes, away from curves. */
-static bool are_many(const schedule *s, const schedule_position *at)
-{
-    return s->is_paced && at->level > 0 && !at->is_sized && !at->has_curves && (double)at->count >= s->many;
-}
-
-/* The last of these levels may be at rest after one sweep as of a shaken level and one as of a level that is settled. */
-static bool may_need_few(const schedule *s, const schedule_position *at)
-{
-    return are_many(s, at) && schedule_is_last_level(at) && !at->is_divergent && !at->is_rough;
-}
-
-static double sweeps_for(const schedule *s, const schedule_position *at, double many)
-{
-    return s->sweeps * pow(many / (double)at->count, s->sweeps_fall);
-}
-
 int schedule_level_sweeps(const schedule *s, const schedule_position *at)
 {
     assert(at->level >= 0 && at->level < at->levels && at->stage < SCHEDULE_STAGES && at->count > 0);
-    const bool refined = !schedule_is_last_level(at), between = at->level > 0 && refined;
-    const double finest = pow(4, at->levels - 1 - at->level); /* its particles for one of these */
-    double sweeps = between ? 0 : sweeps_for(s, at, s->sweeps_count);
-    for (int k = 0; between && k < SCHEDULE_BETWEEN; k++)
-        sweeps = fmax(
-            sweeps, fmin(sweeps_for(s, at, s->sweeps_between[k].count), s->sweeps_between[k].share * finest));
-    const bool sets_order = refined && !between && schedule_is_large(s, at->count);
-    sweeps = fmin(fmax(sweeps, sets_order ? s->large_sweeps : s->sweeps_least), s->sweeps_most);
-    return (int)(at->is_rough ? s->defects_sweeps[schedule_is_last_level(at)] * sweeps : sweeps);
-}
-
-/* How many sweeps a level has before it may rest. */
-static int sweeps_to_rest(const schedule *s, const schedule_position *at)
-{
-    return may_need_few(s, at) ? s->many_sweeps : schedule_level_sweeps(s, at);
+    double sweeps = s->sweeps * pow(s->sweeps_count / (double)at->count, s->sweeps_fall);
+    sweeps = fmin(fmax(sweeps, s->sweeps_least), s->sweeps_most);
+    return (int)(at->has_many_defects ? s->defects_sweeps[schedule_is_last_level(at)] * sweeps : sweeps);
 }
 
 /* Whether more sweeps may help the level. */
@@ -120,7 +89,8 @@ static bool can_have_many_defects(const schedule *s, const schedule_position *at
 
 bool schedule_judges_defects(const schedule *s, const schedule_position *at)
 {
-    return can_have_many_defects(s, at) && schedule_is_last_stage(at) && at->sweeps == sweeps_to_rest(s, at);
+    return can_have_many_defects(s, at) && schedule_is_last_stage(at) &&
+           at->sweeps == schedule_level_sweeps(s, at);
 }
 
 bool schedule_has_many_defects(const schedule *s, const schedule_position *at, double defect_fraction)
@@ -137,8 +107,7 @@ static double paced_time(const schedule *s, const schedule_position *at)
 
 double schedule_omega(const schedule *s, const schedule_position *at)
 {
-    if (!s->is_paced || is_early(at)) return schedule_is_large(s, at->count) ? s->large_omega : s->omega;
-    if (may_need_few(s, at) && at->sweeps == s->many_sweeps - 1) return s->omega;
+    if (!s->is_paced || is_early(at)) return s->omega;
     const double t = paced_time(s, at);
     double shake = at->is_sized ? s->omega_shake_sized : s->omega_shake;
     if (t < 1) return shake + (s->omega - shake) * t * t;
@@ -163,7 +132,7 @@ static schedule_end end_by_steps(const schedule *s, const schedule_position *at,
                                  const schedule_evidence *seen)
 {
     bool last_stage = schedule_is_last_stage(at);
-    if (s->is_paced && last_stage && at->sweeps < sweeps_to_rest(s, at)) return SCHEDULE_GOES_ON;
+    if (s->is_paced && last_stage && at->sweeps < schedule_level_sweeps(s, at)) return SCHEDULE_GOES_ON;
     if (schedule_is_last_level(at) && last_stage)
         return seen->rms_step < s->finest_rest * seen->step_tolerance ? SCHEDULE_CONVERGED : SCHEDULE_GOES_ON;
     const double step =
@@ -198,19 +167,7 @@ bool schedule_is_impatient(const schedule *s, const schedule_position *at, doubl
 bool schedule_wants_lists(const schedule *s, const schedule_position *at, size_t limited, int age)
 {
     double share = schedule_is_last_level(at) ? s->limited_share : s->limited_share_coarse;
-    if (is_early(at) && schedule_is_large(s, at->count)) share = s->large_limited_share;
     return (double)limited > share * (double)at->count || (limited > 0 && age >= s->limited_wait);
-}
-
-bool schedule_begins_anew(const schedule *s, size_t count, size_t should)
-{
-    const double most = schedule_is_large(s, count) ? s->large_misses * (double)count : 0;
-    return fabs((double)should - (double)count) > most;
-}
-
-double schedule_first_skin(const schedule *s, const schedule_position *at)
-{
-    return are_many(s, at) ? s->skin_first : s->skin_wide;
 }
 
 double schedule_skin(const schedule *s, double rms_step)
@@ -236,7 +193,7 @@ double schedule_expected_sweeps(const schedule *s, const schedule_position *at, 
 {
     double sweeps = schedule_level_sweeps(s, at);
     if (s->rest_lambda > 0 && seen) return fmax(expected_by_criterion(s, at, spent, seen), 1);
-    if (can_have_many_defects(s, at) && !at->is_rough)
+    if (can_have_many_defects(s, at) && !at->has_many_defects)
         sweeps *= s->defects_sweeps[schedule_is_last_level(at)];
     return at->level == 0 ? sweeps + EARLY_SWEEPS : sweeps;
 }

@@ -11,7 +11,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-enum { SCHEDULE_STAGES = 3, SCHEDULE_BETWEEN = 3 };
+enum { SCHEDULE_STAGES = 3 };
 
 typedef struct schedule {
     /* A round relaxes until no particle can lower its energy by more than this fraction. The first stage evens out
@@ -34,13 +34,8 @@ typedef struct schedule {
     double longest_step;
     int shake_sweeps;
 
-    /* Sweeps of a level of n particles, at least: sweeps (sweeps_count / n)^sweeps_fall, within the two bounds; on
-     * levels between the coarsest and the finest with each count of sweeps_between, as far as they cost no more than its
-     * `share` updates of each particle of the finest. */
+    /* The least number of sweeps of a level of n particles: sweeps (sweeps_count / n)^sweeps_fall, between two bounds. */
     double sweeps, sweeps_count, sweeps_fall, sweeps_least, sweeps_most;
-    struct {
-        double count, share;
-    } sweeps_between[SCHEDULE_BETWEEN];
     /* A level of at least defects_count particles whose disordered share (particles without six neighbours) is between the two
      * bounds of defects_share after these sweeps is rough and takes more, once: defects_sweeps[0] times as many if it is refined again,
      * [1] times if it is the last level. Beyond the upper bound the surface is not resolved, and more sweeps do not help.
@@ -66,18 +61,9 @@ typedef struct schedule {
     /* What lists reach beyond the support, over h: wide while particles move far, then so many times the rms step, but
      * not below the narrow one. */
     double skin_wide, skin_narrow, skin_steps;
-    /* Refined levels of so many particles of even sizes: the skin of their first lists, since they stay near their places; and the
-     * sweeps after which the last may rest. A third makes no better order. */
-    double many, skin_first;
-    int many_sweeps;
-
-    /* A coarsest level of `large` particles and more, as of a fog, costs most. While its density evens out it has this over-relaxation,
-     * and lists are built anew when more than this share cannot move. If it is refined it has so many sweeps at least: over fewer
-     * over-relaxation falls too soon. It begins anew only with a count that is off by more than the share large_misses. */
-    double large, large_omega, large_limited_share, large_sweeps, large_misses;
 
     /* A coarsest level is dropped when more than this share of its particles see round edges or through sheets; where they start, with
-     * lists that reach farther, more than the other share. A large one is held against the former there, within skin_narrow. */
+     * lists that reach farther, more than the other share. */
     double divergent_share, divergent_share_first;
 
     /* Particles that start on a finer level take so many sweeps by themselves first. */
@@ -95,7 +81,7 @@ typedef struct schedule_position {
     int sweeps;    /* in this round */
     size_t count;  /* particles of the level */
     bool is_sized; /* there is a sizing field */
-    bool is_rough; /* the level was found so, see defects_share */
+    bool has_many_defects; /* the level was found so, see defects_share */
     bool has_curves;
     bool
         is_divergent; /* many of its particles see others turned from them: see relax_has_divergent_normals */
@@ -149,19 +135,7 @@ bool schedule_is_impatient(const schedule *s, const schedule_position *at, doubl
 /* Whether lists are to be built anew, with `limited` particles held back by lists that are `age` sweeps old. */
 bool schedule_wants_lists(const schedule *s, const schedule_position *at, size_t limited, int age);
 
-/* Whether a coarsest level of so many particles costs most. */
-static inline bool schedule_is_large(const schedule *s, size_t count)
-{
-    return s->is_paced && (double)count >= s->large;
-}
-
-/* Whether a coarsest level that has `count` particles is to begin anew with so many as it should have. */
-bool schedule_begins_anew(const schedule *s, size_t count, size_t should);
-
-/* What the first lists of a level reach beyond the support, over h. */
-double schedule_first_skin(const schedule *s, const schedule_position *at);
-
-/* What the next lists reach beyond it. */
+/* The Verlet skin of the next lists, over h. That of the first lists of a level is skin_wide. */
 double schedule_skin(const schedule *s, double rms_step);
 
 /* An estimate of the sweeps that the level takes in all, at least 1, from its `spent` sweeps so far and the last evidence; without

@@ -18,7 +18,7 @@ static schedule_position finest(int sweeps, size_t count)
 }
 
 /* Sweeps become fewer as particles become more, within their bounds. */
-static void level_plan_have_sweeps_by_their_count(void **state)
+static void levels_have_fewer_sweeps_the_more_particles_they_have(void **state)
 {
     (void)state;
     int before = (int)schedule_multilevel.sweeps_most;
@@ -26,35 +26,9 @@ static void level_plan_have_sweeps_by_their_count(void **state)
         schedule_position at = finest(0, count);
         int sweeps = schedule_level_sweeps(&schedule_multilevel, &at);
         assert_in_range(sweeps, (int)schedule_multilevel.sweeps_least, before);
-        at.level = 1; /* a quarter of the particles: no dearer than so many updates of each of the finest */
-        assert_true(schedule_level_sweeps(&schedule_multilevel, &at) <=
-                    fmax(sweeps, 4 * schedule_multilevel.sweeps_between[1].share));
         before = sweeps;
     }
     assert_int_equal(before, (int)schedule_multilevel.sweeps_least);
-}
-
-/* For a given number of particles, a level far below the finest one gets more sweeps than one right below it, since it
- * costs less in comparison. The more particles there are, the less all coarser levels cost compared with the finest one. */
-static void level_plan_far_below_have_more_sweeps(void **state)
-{
-    (void)state;
-    const schedule *s = &schedule_multilevel;
-    schedule_position far = {.level = 3, .levels = 7, .stage = LAST, .count = 156250}, near = far;
-    near.level = 5;
-    assert_true(schedule_level_sweeps(s, &far) > 4 * schedule_level_sweeps(s, &near));
-    double before = INFINITY;
-    for (size_t count = 100000; count <= 10000000; count *= 10) {
-        double coarser = 0, finest_level = 0; /* updates of single particles */
-        for (int level = 1; level < 7; level++) {
-            schedule_position at = {
-                .level = level, .levels = 7, .stage = LAST, .count = count >> 2 * (6 - level)};
-            *(level == 6 ? &finest_level : &coarser) += (double)at.count * schedule_level_sweeps(s, &at);
-        }
-        assert_true(coarser / finest_level < before);
-        before = coarser / finest_level;
-    }
-    assert_true(before < 1);
 }
 
 /* Over-relaxation never grows during the sweeps of a level. It begins above 2, far from a plain
@@ -84,29 +58,6 @@ static void over_relaxation_follows_the_sweeps(void **state)
     }
 }
 
-/* A coarsest level that costs as much as all others evens out in fewer lists and sweeps, sets the order of finer ones in sweeps enough,
- * and does not begin anew for a few particles. */
-static void large_coarsest_levels_are_spared(void **state)
-{
-    (void)state;
-    const schedule *s = &schedule_multilevel;
-    const size_t large = (size_t)s->large;
-    schedule_position at = {.levels = 2, .count = 10 * large}, small = {.levels = 2, .count = large - 1};
-    const size_t limited = at.count / 20; /* a twentieth */
-    assert_true(schedule_omega(s, &at) == s->large_omega && schedule_omega(s, &small) == s->omega);
-    assert_true(schedule_wants_lists(s, &small, small.count / 20, 1));
-    assert_false(schedule_wants_lists(s, &at, limited, 1));
-    at.stage = LAST;
-    assert_true(schedule_wants_lists(s, &at, limited, 1));
-    assert_int_equal(schedule_level_sweeps(s, &at), (int)s->large_sweeps);
-    at.levels = 1; /* which is not refined */
-    assert_int_equal(schedule_level_sweeps(s, &at), (int)s->sweeps_least);
-    assert_false(schedule_begins_anew(s, 10 * large, 10 * large + large / 200));
-    assert_true(schedule_begins_anew(s, 10 * large, 10 * large + large / 50));
-    assert_true(schedule_begins_anew(s, large - 1, large) && !schedule_begins_anew(s, 1000, 1000));
-    assert_true(schedule_begins_anew(&schedule_paper, 10 * large, 10 * large + 1));
-}
-
 static void rough_levels_take_more_sweeps(void **state)
 {
     (void)state;
@@ -117,7 +68,7 @@ static void rough_levels_take_more_sweeps(void **state)
     assert_true(schedule_judges_defects(s, &at));
     assert_true(schedule_has_many_defects(s, &at, 0.2));
     assert_false(schedule_has_many_defects(s, &at, 0.02) || schedule_has_many_defects(s, &at, 0.4));
-    at.is_rough = true;
+    at.has_many_defects = true;
     assert_false(schedule_judges_defects(s, &at));
     at.sweeps = schedule_level_sweeps(s, &at);
     assert_true(at.sweeps >= (int)s->defects_sweeps[1] * sweeps);
@@ -142,7 +93,7 @@ static void rough_levels_are_not_impatient(void **state)
     const schedule *s = &schedule_multilevel;
     schedule_position at = finest(0, 5000);
     for (int rough = 0; rough < 2; rough++) {
-        at.is_rough = rough;
+        at.has_many_defects = rough;
         int sweeps = schedule_level_sweeps(s, &at);
         for (at.sweeps = 1; at.sweeps < sweeps; at.sweeps++)
             assert_false(schedule_is_impatient(s, &at, s->gain[LAST]));
@@ -168,35 +119,6 @@ static bool rests(const schedule *s, schedule_position at, double rms_step, doub
 {
     const schedule_evidence seen = {rms_step, lambda, true, 0.003};
     return schedule_round_end(s, &at, &seen);
-}
-
-/* The last level of many even particles may rest after a shaken sweep and a settled one; if it does not, and elsewhere, there are
- * more. */
-static void many_particles_need_few_sweeps(void **state)
-{
-    (void)state;
-    const schedule *s = &schedule_multilevel;
-    const size_t many = (size_t)s->many;
-    schedule_position at = finest(0, many);
-    assert_true(schedule_omega(s, &at) == s->omega_shake);
-    at.sweeps = 1;
-    assert_true(schedule_omega(s, &at) == s->omega);
-    assert_false(rests(s, at, 0.001, 0));
-    at.sweeps = 2;
-    assert_true(schedule_omega(s, &at) > s->omega);
-    assert_true(schedule_judges_defects(s, &at));
-    assert_true(rests(s, at, 0.001, 0));
-    assert_false(rests(s, at, 0.1, 0));
-    const schedule_position others[] = {
-        {.level = 2, .levels = 3, .stage = LAST, .sweeps = 2, .count = many - 1},
-        {.level = 1, .levels = 3, .stage = LAST, .sweeps = 2, .count = many},
-        {.level = 0, .levels = 1, .stage = LAST, .sweeps = 2, .count = many},
-        {.level = 2, .levels = 3, .stage = LAST, .sweeps = 2, .count = many, .is_sized = true},
-        {.level = 2, .levels = 3, .stage = LAST, .sweeps = 2, .count = many, .has_curves = true},
-        {.level = 2, .levels = 3, .stage = LAST, .sweeps = 2, .count = many, .is_divergent = true},
-        {.level = 2, .levels = 3, .stage = LAST, .sweeps = 2, .count = many, .is_rough = true},
-    };
-    for (size_t k = 0; k < sizeof others / sizeof *others; k++) assert_false(rests(s, others[k], 0.001, 0));
 }
 
 static void a_paced_level_has_its_sweeps_before_it_rests(void **state)
@@ -308,7 +230,7 @@ static void a_level_that_may_be_rough_is_expected_to_take_longer(void **state)
     schedule_position at = {.level = 2, .levels = 3, .stage = LAST, .count = 10000};
     const double least = schedule_level_sweeps(s, &at);
     assert_true(schedule_expected_sweeps(s, &at, 0, NULL) > least);
-    at.is_rough = true;
+    at.has_many_defects = true;
     assert_true(schedule_expected_sweeps(s, &at, 0, NULL) == schedule_level_sweeps(s, &at));
     at = (schedule_position){.level = 2, .levels = 3, .stage = LAST, .count = 1000};
     assert_true(schedule_expected_sweeps(s, &at, 0, NULL) == schedule_level_sweeps(s, &at));
@@ -329,31 +251,11 @@ static void lists_wait_for_many_or_for_long(void **state)
     assert_true(schedule_skin(s, 0) == s->skin_narrow && schedule_skin(s, 1) == s->skin_wide);
 }
 
-/* Many particles have a few sweeps only, and stay near their places. */
-static void lists_of_many_begin_narrow(void **state)
-{
-    (void)state;
-    const schedule *s = &schedule_multilevel;
-    schedule_position at = finest(0, 1000000), coarsest = {.levels = 1, .count = 1000000};
-    assert_true(schedule_first_skin(s, &at) == s->skin_first);
-    assert_true(schedule_first_skin(s, &coarsest) == s->skin_wide);
-    at.count = 100000;
-    assert_true(schedule_first_skin(s, &at) == s->skin_wide);
-    at.count = 1000000;
-    assert_true(schedule_first_skin(&schedule_paper, &at) == s->skin_wide);
-    at.is_sized = true;
-    assert_true(schedule_first_skin(s, &at) == s->skin_wide);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(lists_of_many_begin_narrow),
-        cmocka_unit_test(level_plan_have_sweeps_by_their_count),
-        cmocka_unit_test(level_plan_far_below_have_more_sweeps),
-        cmocka_unit_test(many_particles_need_few_sweeps),
+        cmocka_unit_test(levels_have_fewer_sweeps_the_more_particles_they_have),
         cmocka_unit_test(over_relaxation_follows_the_sweeps),
-        cmocka_unit_test(large_coarsest_levels_are_spared),
         cmocka_unit_test(rough_levels_take_more_sweeps),
         cmocka_unit_test(surfaces_with_curves_are_rough_sooner),
         cmocka_unit_test(rough_levels_are_not_impatient),
