@@ -10,6 +10,7 @@
 #include <ini.h>
 
 #include "base/memory.h"
+#include "base/nearest_name.h"
 #include "config/config_table.h"
 
 enum { MOST_SETTINGS = 128 };
@@ -115,6 +116,11 @@ static const config_row *find_row(const char *key, size_t length)
     return NULL;
 }
 
+static void offer_settings(nearest_name *n)
+{
+    for (size_t i = 0; i < config_table_size; i++) nearest_name_offer(n, config_table[i].key);
+}
+
 /* Sets a key from a source; the first value of a list replaces what an earlier source gave. */
 static bool set_from(source *s, const config_row *row, const char *value)
 {
@@ -148,8 +154,12 @@ static int take_pair(void *context, const char *section, const char *key, const 
     source *s = context;
     if (s->e->code) return 0;
     const config_row *row = find_row(key, strlen(key));
+    nearest_name nearest = nearest_name_to(key, strlen(key));
+    offer_settings(&nearest);
     if (*section && strcmp(section, "hexad") != 0)
         error_set(s->e, ERROR_SPEC_INVALID, "there is no section [%s]", section);
+    else if (!row && nearest.name)
+        error_set(s->e, ERROR_SPEC_INVALID, "there is no setting %s; did you mean %s?", key, nearest.name);
     else if (!row)
         error_set(s->e, ERROR_SPEC_INVALID, "there is no setting %s; see hexad --help", key);
     else
@@ -170,22 +180,6 @@ static bool read_file(config *c, const char *path, error *e)
         error_set(&mine, ERROR_SPEC_INVALID, "%s:%d: no setting: write NAME = VALUE", path, line);
     if (mine.code && e) *e = mine;
     return !mine.code;
-}
-
-/* An option and its value, `--key VALUE` or `--key=VALUE`; moves *index over both. */
-static bool split_option(int argc, char *const *argv, int *index, const char **key, size_t *length,
-                         const char **value, error *e)
-{
-    const char *text = argv[*index];
-    if (strncmp(text, "--", 2) != 0 || !text[2])
-        return error_set(e, ERROR_SPEC_INVALID, "%s is not an option; see --help", text);
-    *key = text + 2;
-    *length = strcspn(*key, "=");
-    *value = (*key)[*length] ? *key + *length + 1 : NULL;
-    if (*value) return true;
-    if (*index + 1 >= argc) return error_set(e, ERROR_SPEC_INVALID, "%s has no value", text);
-    *value = argv[++*index];
-    return true;
 }
 
 /* Options that are actions. Those that expect a value store it in the configuration. */
@@ -216,6 +210,44 @@ static const struct action *find_action(const char *key, size_t length)
     for (size_t i = 0; i < ACTION_COUNT; i++)
         if (is_named(key, length, actions[i].name)) return &actions[i];
     return NULL;
+}
+
+/* Whether it is an option with a value. */
+static bool is_option(const char *key, size_t length)
+{
+    const struct action *a = find_action(key, length);
+    return (a && a->expected) || is_named(key, length, "config") || find_row(key, length);
+}
+
+static bool refuse_option(const char *key, size_t length, error *e)
+{
+    nearest_name nearest = nearest_name_to(key, length);
+    for (size_t i = 0; i < ACTION_COUNT; i++) nearest_name_offer(&nearest, actions[i].name);
+    nearest_name_offer(&nearest, "config");
+    offer_settings(&nearest);
+    if (find_action(key, length))
+        return error_set(e, ERROR_SPEC_INVALID, "--%.*s takes no value", (int)length, key);
+    if (nearest.name)
+        return error_set(e, ERROR_SPEC_INVALID, "there is no option --%.*s; did you mean --%s?", (int)length,
+                         key, nearest.name);
+    return error_set(e, ERROR_SPEC_INVALID, "there is no option --%.*s; see --help", (int)length, key);
+}
+
+/* An option and its value, `--key VALUE` or `--key=VALUE`; moves *index over both. */
+static bool split_option(int argc, char *const *argv, int *index, const char **key, size_t *length,
+                         const char **value, error *e)
+{
+    const char *text = argv[*index];
+    if (strncmp(text, "--", 2) != 0 || !text[2])
+        return error_set(e, ERROR_SPEC_INVALID, "%s is not an option; see --help", text);
+    *key = text + 2;
+    *length = strcspn(*key, "=");
+    if (!is_option(*key, *length)) return refuse_option(*key, *length, e);
+    *value = (*key)[*length] ? *key + *length + 1 : NULL;
+    if (*value) return true;
+    if (*index + 1 >= argc) return error_set(e, ERROR_SPEC_INVALID, "%s has no value", text);
+    *value = argv[++*index];
+    return true;
 }
 
 /* The action that an argument without a value names; NULL: none. */
@@ -277,11 +309,7 @@ static bool read_options(int argc, char *const *argv, bool files, source *s, con
             if (!take_action(s->c, a, value, action, s->e)) return false;
             continue;
         }
-        const config_row *row = find_row(key, length);
-        if (!row)
-            return error_set(s->e, ERROR_SPEC_INVALID, "there is no option --%.*s; see --help", (int)length,
-                             key);
-        if (!set_from(s, row, value)) return error_prefix(s->e, "command line");
+        if (!set_from(s, find_row(key, length), value)) return error_prefix(s->e, "command line");
     }
     return true;
 }

@@ -14,6 +14,7 @@
 
 #include "base/error.h"
 #include "base/memory.h"
+#include "base/nearest_name.h"
 #include "base/sandbox.h"
 #include "base/worker_contract.h"
 #include "dense/exr_reader.h"
@@ -27,6 +28,7 @@
 #include "run/summary.h"
 #include "spec/schema.h"
 #include "spec/spec.h"
+#include "spec/spec_table.h"
 #include "store/file.h"
 #include "store/root.h"
 #include "volume/example.h"
@@ -193,6 +195,21 @@ static bool choose_frame(spec **s, long frame, bool previous, spec_faults *fault
     return true;
 }
 
+/* The word is what getopt_long did not take: with ':' an option without its value, with '?' and an optopt one with a
+ * value that it does not take, and otherwise an unknown one. */
+static bool refuse_option(int answer, const char *word, const struct option *options, error *e)
+{
+    if (answer == ':') return error_set(e, ERROR_SPEC_INVALID, "%s needs a value", word);
+    if (optopt && strncmp(word, "--", 2) == 0)
+        return error_set(e, ERROR_SPEC_INVALID, "%.*s takes no value", (int)strcspn(word, "="), word);
+    const char *name = word + strspn(word, "-");
+    nearest_name n = nearest_name_to(name, strcspn(name, "="));
+    for (; options->name; options++) nearest_name_offer(&n, options->name);
+    if (n.name)
+        return error_set(e, ERROR_SPEC_INVALID, "unknown option %s; did you mean --%s?", word, n.name);
+    return error_set(e, ERROR_SPEC_INVALID, "unknown option %s; see hexad-worker --help", word);
+}
+
 static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
 {
     static const struct option options[] = {{WORKER_OPTION_OUTPUT, required_argument, NULL, 'o'},
@@ -209,7 +226,8 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
                                             {NULL, 0, NULL, 0}};
     *a = (arguments){.progress_fd = -1, .frame = -1, .memory_mb = DEFAULT_MEMORY_MB};
     a->roots = mem_alloc((size_t)argc * sizeof *a->roots);
-    for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
+    opterr = 0;
+    for (int c; (c = getopt_long(argc, argv, ":", options, NULL)) != -1;) {
         if (c == 'o')
             a->output = optarg;
         else if (c == 'p')
@@ -236,7 +254,7 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
         } else if (c == 'n') {
             if (!parse_number(WORKER_OPTION_FRAME, optarg, 0, &a->frame, e)) return false;
         } else
-            return error_set(e, ERROR_SPEC_INVALID, "unknown option: see hexad-worker --help");
+            return refuse_option(c, argv[optind - 1], options, e);
     }
     bool inspects = strcmp(argv[0], WORKER_COMMAND_INSPECT) == 0;
     if (argc - optind != 1 || (!a->output && !inspects))
@@ -532,7 +550,34 @@ static int print_spec_help(const char *member)
 {
     error e = {0};
     if (spec_print_help(stdout, member) > 0) return 0;
-    error_set(&e, ERROR_SPEC_INVALID, "a spec has no member %s: hexad-worker spec-help lists all", member);
+    nearest_name n = nearest_name_to(member, strlen(member));
+    for (size_t i = 0; i < spec_row_count; i++) nearest_name_offer(&n, spec_row_key(&spec_rows[i]));
+    if (n.name)
+        error_set(&e, ERROR_SPEC_INVALID, "a spec has no member %s; did you mean %s?", member, n.name);
+    else
+        error_set(&e, ERROR_SPEC_INVALID, "a spec has no member %s: hexad-worker spec-help lists all",
+                  member);
+    return fail(&e, NULL);
+}
+
+static int refuse_command(const char *name)
+{
+    static const char *const names[] = {WORKER_COMMAND_RUN,
+                                        WORKER_COMMAND_ESTIMATE,
+                                        WORKER_COMMAND_INSPECT,
+                                        "make-example",
+                                        "energies",
+                                        "schema",
+                                        "spec-help"};
+    error e = {0};
+    nearest_name n = nearest_name_to(name, strlen(name));
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) nearest_name_offer(&n, names[i]);
+    if (strcmp(name, "make-example") == 0)
+        error_set(&e, ERROR_SPEC_INVALID, "make-example takes one FILE.vdb");
+    else if (n.name)
+        error_set(&e, ERROR_SPEC_INVALID, "there is no command %s; did you mean %s?", name, n.name);
+    else
+        error_set(&e, ERROR_SPEC_INVALID, "there is no command %s: see hexad-worker --help", name);
     return fail(&e, NULL);
 }
 
@@ -554,10 +599,5 @@ int main(int argc, char **argv)
     if (strcmp(name, "schema") == 0) return print_schema();
     if (strcmp(name, "spec-help") == 0) return print_spec_help(argc > 2 ? argv[2] : NULL);
     if (strcmp(name, "--help") == 0) return fputs(help_text, stdout) < 0;
-    error e = {0};
-    error_set(&e, ERROR_SPEC_INVALID,
-              strcmp(name, "make-example") == 0 ? "make-example takes one FILE.vdb"
-                                                : "there is no command %s: see hexad-worker --help",
-              name);
-    return fail(&e, NULL);
+    return refuse_command(name);
 }

@@ -10,6 +10,7 @@
 
 #include "auth/token.h"
 #include "base/memory.h"
+#include "base/nearest_name.h"
 #include "client/client.h"
 #include "client/command.h"
 #include "client/job_name.h"
@@ -198,6 +199,26 @@ static bool is_option(const char *word, const char *name)
     return strncmp(word, name, length) == 0 && (!word[length] || word[length] == '=');
 }
 
+static bool refuse_unknown(const char *kind, const char *word, const char *dashes, const nearest_name *n)
+{
+    if (n->name)
+        fprintf(stderr, "hexadctl: %s is no %s; did you mean %s%s?\n", word, kind, dashes, n->name);
+    else
+        fprintf(stderr, "hexadctl: %s is no %s; see hexadctl --help\n", word, kind);
+    return false;
+}
+
+static bool refuse_option(const char *word)
+{
+    static const char *const others[] = {"server", "label", "json", "help", "version"};
+    const char *name = word + strspn(word, "-");
+    nearest_name n = nearest_name_to(name, strcspn(name, "="));
+    for (size_t i = 0; i < sizeof valued / sizeof *valued; i++) nearest_name_offer(&n, valued[i].name + 2);
+    for (size_t i = 0; i < sizeof flags / sizeof *flags; i++) nearest_name_offer(&n, flags[i].name + 2);
+    for (size_t i = 0; i < sizeof others / sizeof *others; i++) nearest_name_offer(&n, others[i]);
+    return refuse_unknown("option", word, "--", &n);
+}
+
 /* Takes an option with a value. */
 static bool take_valued(line *l, int argc, char **argv, int *index)
 {
@@ -205,10 +226,7 @@ static bool take_valued(line *l, int argc, char **argv, int *index)
     size_t i = 0, count = sizeof valued / sizeof *valued;
     bool server = is_option(word, "--server"), label = is_option(word, "--label");
     while (i < count && !is_option(word, valued[i].name)) i++;
-    if (!server && !label && i == count) {
-        fprintf(stderr, "hexadctl: %s is no option; see hexadctl --help\n", word);
-        return false;
-    }
+    if (!server && !label && i == count) return refuse_option(word);
     if (!(value = take_value(argc, argv, index))) return false;
     if (label && l->options.label_count == COMMAND_LABELS_MOST) {
         fprintf(stderr, "hexadctl: --label may be given %d times at most\n", COMMAND_LABELS_MOST);
@@ -248,6 +266,18 @@ static bool is_named(const struct entry *entry, const char *group, const char *w
            strcmp(entry->name + length + 1, word) == 0;
 }
 
+/* The group is the first of two words, or NULL. */
+static bool refuse_command(const char *group, const char *word)
+{
+    char *given = group ? mem_printf("%s %s", group, word) : mem_strdup(word);
+    nearest_name n = nearest_name_to(given, strlen(given));
+    for (size_t i = 0; i < sizeof commands / sizeof *commands; i++) nearest_name_offer(&n, commands[i].name);
+    nearest_name_offer(&n, "token");
+    refuse_unknown("command", given, "", &n);
+    free(given);
+    return false;
+}
+
 static bool take_word(line *l, const char *word)
 {
     if (l->entry) {
@@ -263,17 +293,15 @@ static bool take_word(line *l, const char *word)
     for (size_t i = 0; i < sizeof commands / sizeof *commands && !l->entry; i++)
         if (is_named(&commands[i], l->group, word)) l->entry = &commands[i];
     if (l->entry) return true;
-    bool second = l->group != NULL;
+    const char *group = l->group;
     l->group = word;
     size_t length = strlen(word);
-    for (size_t i = 0; i < sizeof commands / sizeof *commands && !second; i++)
+    for (size_t i = 0; i < sizeof commands / sizeof *commands && !group; i++)
         if (strncmp(commands[i].name, word, length) == 0 && commands[i].name[length] == ' ') return true;
-    if (strcmp(word, "status") == 0)
-        fputs(
-            "hexadctl: status is no command: \"hexadctl workers\" shows the service, \"hexadctl show ID\" a job\n",
-            stderr);
-    else
-        fprintf(stderr, "hexadctl: %s is no command; see hexadctl --help\n", word);
+    if (strcmp(word, "status") != 0) return refuse_command(group, word);
+    fputs(
+        "hexadctl: status is no command: \"hexadctl workers\" shows the service, \"hexadctl show ID\" a job\n",
+        stderr);
     return false;
 }
 

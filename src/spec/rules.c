@@ -8,6 +8,7 @@
 
 #include "base/frames.h"
 #include "base/memory.h"
+#include "base/nearest_name.h"
 #include "geometry/affine.h"
 #include "geometry/vec3.h"
 #include "spec/spec_table.h"
@@ -17,46 +18,17 @@
 /* Sine of the angle between a camera's up and its line of sight, below which rounding would turn the picture. */
 static const double UPRIGHT_LEAST = 1e-6;
 
-static size_t least(size_t a, size_t b)
-{
-    return a < b ? a : b;
-}
-
-/* Levenshtein's distance, in which two adjacent letters that are swapped count as 1 (optimal string alignment); texts longer
- * than READING_SHOWN_MAX count as far. */
-static size_t edit_distance(const char *a, const char *b)
-{
-    size_t rows[3][READING_SHOWN_MAX + 1], na = strlen(a), nb = strlen(b);
-    if (na > READING_SHOWN_MAX || nb > READING_SHOWN_MAX) return READING_SHOWN_MAX;
-    for (size_t j = 0; j <= nb; j++) rows[0][j] = j;
-    for (size_t i = 1; i <= na; i++) {
-        size_t *row = rows[i % 3], *above = rows[(i + 2) % 3], *second = rows[(i + 1) % 3];
-        row[0] = i;
-        for (size_t j = 1; j <= nb; j++) {
-            row[j] = least(above[j - 1] + (a[i - 1] != b[j - 1]), 1 + least(above[j], row[j - 1]));
-            if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
-                row[j] = least(row[j], second[j - 2] + 1);
-        }
-    }
-    return rows[na % 3][nb];
-}
-
-/* A member of the group with nearly that name, else a member of that name elsewhere, else NULL.
- * Nearly: a third of the letters may differ, and two of a short name. */
+/* A member of the group with nearly that name, else a member of that name elsewhere, else NULL. */
 static const char *suggestion(const char *group, const char *key)
 {
-    const char *best = NULL, *elsewhere = NULL;
-    size_t best_distance = 1 + (strlen(key) / 3 > 2 ? strlen(key) / 3 : strlen(key) > 3 ? 2 : 1);
+    const char *elsewhere = NULL;
+    nearest_name nearest = nearest_name_to(key, strlen(key));
     for (size_t i = 0; i < spec_row_count; i++) {
         const char *name = spec_row_key(&spec_rows[i]);
-        size_t distance = edit_distance(key, name);
-        if (spec_row_is_member(&spec_rows[i], group) && distance < best_distance) {
-            best = name;
-            best_distance = distance;
-        }
-        if (distance == 0 && !elsewhere) elsewhere = spec_rows[i].pointer;
+        if (spec_row_is_member(&spec_rows[i], group)) nearest_name_offer(&nearest, name);
+        if (strcmp(key, name) == 0 && !elsewhere) elsewhere = spec_rows[i].pointer;
     }
-    return best ? best : elsewhere;
+    return nearest.name ? nearest.name : elsewhere;
 }
 
 static void unknown_member(reading *r, const json_at *at, const char *group)

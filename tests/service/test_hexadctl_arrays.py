@@ -276,8 +276,10 @@ def test_an_option_that_does_not_belong_to_a_command(run):
     for words, told in {("list", "--wait"): "list: --wait ", ("show", "x", "--priority", "1"): "show: --priority ",
                         ("--label", "a", "wait", "x"): "wait: --label ", ("token", "list", "--scopes", "a"): "token list: --scopes ",
                         ("submit",): "submit: its argument is missing", ("show", "a", "b"): "show: b is too much",
-                        ("submt", "x"): ": submt is no command", ("status",): "hexadctl workers",
-                        ("list", "--since", "yesterday"): "--since takes a time", ("list", "--until", "2x"): "(given 2x)", ("list", "--stat", "a"): ": --stat is no option",
+                        ("submt", "x"): ": submt is no command; did you mean submit?", ("frobnicate",): ": frobnicate is no command; see hexadctl --help",
+                        ("token", "lst"): ": token lst is no command; did you mean token list?", ("tokne", "list"): "; did you mean token?", ("status",): "hexadctl workers",
+                        ("list", "--since", "yesterday"): "--since takes a time", ("list", "--until", "2x"): "(given 2x)", ("list", "--stat", "a"): ": --stat is no option; did you mean --state?",
+                        ("list", "--statr=a"): "; did you mean --state?", ("list", "-limit", "3"): "; did you mean --limit?", ("list", "--colour"): "see hexadctl --help",
                         ("list", "--state"): ": --state needs a value"}.items():
         done = run(*words)
         assert done.returncode == 2 and told in done.stderr, done.stderr

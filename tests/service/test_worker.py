@@ -391,7 +391,12 @@ def test_a_grading_is_met_and_told(worker, tmp_path, diagnose):
 
 
 @pytest.mark.sanitized
-@pytest.mark.parametrize("words,said", [(["runn", "spec.json"], "no command runn"), (["make-example"], "takes one FILE.vdb")])
+@pytest.mark.parametrize("words,said", [
+    (["runn", "spec.json"], "no command runn; did you mean run?"), (["make-example"], "takes one FILE.vdb"),
+    (["frobnicate"], "no command frobnicate: see"), (["spec-help", "conut"], "no member conut; did you mean count?"),
+    (["run", "--ouptut", "d", "-"], "unknown option --ouptut; did you mean --output?"),
+    (["run", "--colour"], "unknown option --colour; see"), (["run", "-", "--output"], "--output needs a value"),
+    (["inspect", "--json=1", "-"], "--json takes no value")])
 def test_a_command_that_is_none_ends_as_other_failures(build, words, said):
     done = subprocess.run([build / "hexad-worker", *words], capture_output=True, text=True)
     assert done.returncode == 2 and not done.stdout

@@ -124,6 +124,8 @@ static void test_faults_of_the_file_name_the_line(void **state)
     char where[64];
     snprintf(where, sizeof where, "%s:2: there is no setting nonsense", path);
     expect_file_fault("workers = 1\nnonsense = 1\n", where);
+    expect_file_fault("wrokers = 1\n", ":1: there is no setting wrokers; did you mean workers?");
+    expect_file_fault("input_root = /a\n", "did you mean input_roots?");
     expect_file_fault("workers = many\n", ":1: workers: \"many\" is not a whole number from 0 to 1024");
     expect_file_fault("\n\nworkers = 1.5\n", ":3: workers");
     expect_file_fault("drain_s = nan\n", ":1: drain_s");
@@ -148,7 +150,15 @@ static void test_faults_of_the_command_line(void **state)
 {
     (void)state;
     char *unknown[] = {"hexad", "--nonsense", "1"};
-    expect_fault(COUNT(unknown), unknown, "no option --nonsense");
+    expect_fault(COUNT(unknown), unknown, "no option --nonsense; see --help");
+    char *misspelt[] = {"hexad", "--wrokers=1"};
+    expect_fault(COUNT(misspelt), misspelt, "no option --wrokers; did you mean --workers?");
+    char *action[] = {"hexad", "--adpot"};
+    expect_fault(COUNT(action), action, "no option --adpot; did you mean --adopt?");
+    char *file[] = {"hexad", "--confg", path};
+    expect_fault(COUNT(file), file, "did you mean --config?");
+    char *flag[] = {"hexad", "--adopt=1"};
+    expect_fault(COUNT(flag), flag, "--adopt takes no value");
     char *bare[] = {"hexad", "word"};
     expect_fault(COUNT(bare), bare, "word is not an option");
     char *missing[] = {"hexad", "--workers"};
