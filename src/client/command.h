@@ -26,10 +26,11 @@ enum {
 /* NULL: the option was not given. Only what belongs to the command is set. */
 typedef struct command_options {
     bool json, wait, dependents, yes;
+    bool several; /* whether the command line has more than one argument */
     const char *label[COMMAND_LABELS_MOST];
     size_t label_count;
     const char *owner, *state, *name, *text;
-    const char *since, *until; /* of list: times, or how long ago, "90m" */
+    const char *since, *until; /* of list: times, or how long ago, "90m" or "90m ago" */
     const char *limit;
     const char *priority;
     const char *key;     /* of submit: the Idempotency-Key */

@@ -81,8 +81,9 @@ static long read_limit(const char *text)
 static bool check_moment(const char *option, const char *given)
 {
     if (!given || list_query_is_moment(given)) return true;
-    print_failure("list: %s takes a time, 2026-01-31T18:00:00Z, or how long ago, 90m, 2h or 1d (given %s)",
-                  option, given);
+    print_failure(
+        "list: %s takes a day or time, 2026-01-31 or 2026-01-31T18:00:00Z, or how long ago, 30s, 90m, 2h or 1d (given %s)",
+        option, given);
     return false;
 }
 

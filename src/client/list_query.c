@@ -7,14 +7,15 @@
 #include "base/clock.h"
 #include "base/memory.h"
 
-/* The seconds of "90m"; -1: it is no such text. */
+/* The seconds of "90m" or "90m ago"; -1: it is no such text. */
 static int64_t seconds_of(const char *given)
 {
     static const char units[] = "smhd";
     static const int64_t seconds[] = {1, 60, 3600, 86400};
     char *end = NULL;
     long long n = strtoll(given, &end, 10);
-    const char *unit = end > given && *end && !end[1] ? strchr(units, *end) : NULL;
+    const char *unit = end > given && *end ? strchr(units, *end) : NULL;
+    if (unit && end[1] && strcmp(end + 1, " ago") != 0) unit = NULL;
     return unit && n >= 0 && n <= 1000000 ? n * seconds[unit - units] : -1;
 }
 
@@ -23,7 +24,7 @@ bool list_query_is_moment(const char *given)
     return seconds_of(given) >= 0 || (strspn(given, "0123456789") == 4 && given[4] == '-');
 }
 
-/* A moment as the server takes it, to be freed: "90m" is as long ago as that; all else stays, for the server to check. */
+/* A moment as the server takes it, to be freed: "90m" and "90m ago" are 90 minutes before now; all else stays, for the server to check. */
 static char *moment_of(const char *given)
 {
     char text[CLOCK_TEXT_SIZE];

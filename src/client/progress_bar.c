@@ -5,6 +5,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "client/print.h"
+
 #define BAR_WIDTH 24
 
 void progress_bar_init(progress_bar *b)
@@ -68,6 +70,19 @@ static double describe_single(json_at job, char *text, size_t size)
     return json_number(json_member(&progress, "fraction"), 0);
 }
 
+/* The id of the job, and its name if it has one. */
+static void print_identity(json_at job)
+{
+    const char *name = json_string(json_member(&job, "name"), "");
+    print_text(stderr, json_string(json_member(&job, "id"), "?"));
+    if (*name) {
+        fputs(" (", stderr);
+        print_text(stderr, name);
+        fputc(')', stderr);
+    }
+    fputs(": ", stderr);
+}
+
 void progress_bar_show(progress_bar *b, json_at job)
 {
     json_at progress = json_member(&job, "progress");
@@ -78,6 +93,7 @@ void progress_bar_show(progress_bar *b, json_at job)
         if ((unsigned char)*c < 0x20 || *c == 0x7F) *c = '?';
     if (b->terminal) {
         draw_bar(b, fraction);
+        if (b->identify) print_identity(job);
         fputs(now, stderr);
         if (!array) {
             print_member(progress, "sweep", "  sweep %.0f");
@@ -86,6 +102,7 @@ void progress_bar_show(progress_bar *b, json_at job)
         }
         fflush(stderr);
     } else if (strcmp(now, b->last) != 0) {
+        if (b->identify) print_identity(job);
         fprintf(stderr, "%s\n", now);
         strcpy(b->last, now);
     }

@@ -9,6 +9,7 @@
 
 typedef struct progress_bar {
     bool terminal, drawn;
+    bool identify; /* whether a job is shown with its id and name; set after the init */
     char last[96]; /* what was shown last */
 } progress_bar;
 

@@ -32,6 +32,7 @@ int command_wait_for(client *c, const char *path, const command_options *options
     bool done = false;
     progress_bar m;
     progress_bar_init(&m);
+    m.identify = options->several;
     while (!done) {
         error e = {0};
         client_reply reply = {0};

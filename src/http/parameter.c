@@ -83,17 +83,30 @@ static void describe_values(const parameter *p, char *text, size_t size)
     }
 }
 
+/* "is not a parameter of this path, which takes a, b and c" for the names "a b c". */
+static void describe_names(const char *names, char *text, size_t size)
+{
+    size_t used =
+        (size_t)snprintf(text, size, "is not a parameter of this path, which takes %s", names ? "" : "none");
+    for (const char *at = names; at && *at && used + 3 < size; at++) {
+        if (*at == ' ') text[used++] = ',';
+        text[used++] = *at;
+        text[used] = '\0';
+    }
+}
+
 bool parameter_check_query(const parameter_table *table, const char *names, const http_request *request,
                            reply *r)
 {
     for (size_t i = 0; i < request->query_count; i++) {
         const char *key = request->query[i].key, *value = request->query[i].value;
         const char *fault = NULL;
-        char values[256];
+        char values[512];
         for (size_t other = 0; other < i; other++)
             if (strcmp(key, request->query[other].key) == 0) fault = "is given twice";
         if (!is_listed(names, key)) {
-            fault = "is not a parameter of this path";
+            describe_names(names, values, sizeof values);
+            fault = values;
         } else if (!is_good(find(table, key), value)) {
             describe_values(find(table, key), values, sizeof values);
             fault = values;

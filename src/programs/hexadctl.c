@@ -40,7 +40,7 @@ static const char usage[] =
     "  list [--state STATES] [--owner USER] [--label LABEL] [--name NAME] [--text PART] [--since TIME]\n"
     "       [--until TIME] [--limit N]\n"
     "                    list the newest jobs; --text those with PART in the name, in upper or lower case;\n"
-    "                    TIME is one as 2026-01-31T18:00:00Z, or 90m, 2h, 1d ago\n"
+    "                    TIME is 2026-01-31T18:00:00Z, 2026-01-31 (UTC), or how long ago: 30s, 90m, 2h or 1d\n"
     "  show ID [--picture FILE.png]\n"
     "                    print the state, times, attempts and failed frames of a job; all with --json. FILE\n"
     "                    takes its preview; for an array, the previews of all finished frames, in one picture\n"
@@ -426,6 +426,7 @@ static int run(client *c, const line *l)
 static int obey(line *l)
 {
     error e = {0};
+    l->options.several = l->argument_count > 1;
     if (!l->options.file) set_default_tokens(&l->options);
     client *c = client_open(l->server, environment("HEXAD_TOKEN"), environment("SSL_CERT_FILE"), &e);
     if (!c) {

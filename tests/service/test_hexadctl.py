@@ -398,6 +398,19 @@ def test_wait_takes_several_jobs_and_ends_with_the_code_of_the_worst(run, tmp_pa
     assert run("wait", unresolved, "01aaaaaaaaaaaaaaaaaaaaaaaa", good).returncode == 4
 
 
+def test_progress_of_several_jobs_names_the_job(clean_gated, build):
+    first, second = clean_gated.submit(sphere(name="shot 010")), clean_gated.submit(sphere())
+    clean_gated.wait_worker(first)
+    with subprocess.Popen([build / "hexadctl", "wait", first, second], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL,
+                          env=clean_gated.environment(), text=True) as waiting:
+        assert waiting.stderr.readline() == f"{first} (shot 010): running: relax\n"
+        clean_gated.open_gate(first)
+        assert waiting.stderr.readline().startswith(f"{second}: ")
+        clean_gated.open_gate(second)
+        waiting.communicate(timeout=PATIENCE_S)
+    assert waiting.returncode == 0
+
+
 def test_a_cancelled_job_is_called_so_once(clean_gated, build):
     job = clean_gated.submit(sphere())
     clean_gated.wait_state(job, "running")

@@ -278,7 +278,7 @@ def test_an_option_that_does_not_belong_to_a_command(run):
                         ("submit",): "submit: its argument is missing", ("show", "a", "b"): "show: b is too much",
                         ("submt", "x"): ": submt is no command; did you mean submit?", ("frobnicate",): ": frobnicate is no command; see hexadctl --help",
                         ("token", "lst"): ": token lst is no command; did you mean token list?", ("tokne", "list"): "; did you mean token?", ("status",): "hexadctl workers",
-                        ("list", "--since", "yesterday"): "--since takes a time", ("list", "--until", "2x"): "(given 2x)", ("list", "--stat", "a"): ": --stat is no option; did you mean --state?",
+                        ("list", "--since", "yesterday"): "--since takes a day or time", ("list", "--until", "2x"): "(given 2x)", ("list", "--stat", "a"): ": --stat is no option; did you mean --state?",
                         ("list", "--statr=a"): "; did you mean --state?", ("list", "-limit", "3"): "; did you mean --limit?", ("list", "--colour"): "see hexadctl --help",
                         ("list", "--state"): ": --state needs a value"}.items():
         done = run(*words)
@@ -352,9 +352,11 @@ def test_a_list_is_filtered_by_the_server(run, service):
     assert listed("--owner", "nobody") == []
     assert listed("--since", created) == [ids[2], ids[1]]
     assert listed("--until", created) == [ids[0]]
-    assert listed("--since", "1h") == ids[::-1] and listed("--until", "1h") == []
+    for since in ("1h", "1h ago", "600s", created[:10]):
+        assert listed("--since", since) == ids[::-1], since
+    assert listed("--until", "1h") == [] and listed("--until", "1h ago") == []
     assert listed("--since", created, "--until", created) == []
-    for words in (["--since", "yesterday"], ["--limit", "0"], ["--limit", "a"], ["--label", "a", "--label", "b"]):
+    for words in (["--since", "yesterday"], ["--since", "1h hence"], ["--limit", "0"], ["--limit", "a"], ["--label", "a", "--label", "b"]):
         done = run("list", *words)
         assert done.returncode == 2 and not done.stdout
     done = run("list", "--limit", "2")
