@@ -16,7 +16,7 @@ export function SignIn({onSession}) {
     <label for="token">Your token</label>
     <input id="token" type="password" autocomplete="current-password" required autofocus placeholder="hexad_…"
       value=${token} onInput=${e => setToken(e.target.value)} />
-    <p class="hint">An administrator makes one with <code>hexadctl token add NAME</code>.</p>
+    <p class="hint">An administrator makes one with <code>hexadctl token add NAME [--file FILE]</code>.</p>
     <${Trouble} error=${error} />
     <button class="main" disabled=${busy}>Sign in</button>
   </form>`;

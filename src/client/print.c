@@ -47,9 +47,11 @@ int print_refused_spec(const client_reply *reply, const char *file)
     const char *token = getenv("HEXAD_TOKEN");
     bool has_token = token && *token;
     if (reply->status == 401 && (has_token || !reply->local)) { /* a Unix socket's answer says what to do */
-        print_failure("%s: \"hexadctl token add USER\" makes one on the machine of the server",
-                      has_token ? "the server does not know the token in HEXAD_TOKEN, or it was revoked"
-                                : "the server needs a token, and HEXAD_TOKEN holds none");
+        print_failure(
+            "%s: \"hexadctl token add USER\" makes one on the machine of the server; add --file FILE if its"
+            " setting token_file or state_dir is not the default",
+            has_token ? "the server does not know the token in HEXAD_TOKEN, or it was revoked"
+                      : "the server needs a token, and HEXAD_TOKEN holds none");
         return COMMAND_USAGE;
     }
     fputs("hexadctl: ", stderr);

@@ -132,8 +132,8 @@ int command_token_revoke(client *c, const char *argument, const command_options 
     if (!token_set_read(options->file, &set, &e)) {
         code = fail(&e);
     } else if (!token_set_remove(&set, argument)) {
-        fprintf(stderr, "hexadctl: there is no token %s in %s: hexadctl token list shows the ids\n", argument,
-                options->file);
+        fprintf(stderr, "hexadctl: there is no token %s in %s: hexadctl token list --file %s shows the ids\n",
+                argument, options->file, options->file);
         code = COMMAND_MISSING;
     } else {
         code = token_set_write(options->file, &set, options->file_group, &e) ? COMMAND_OK : fail(&e);

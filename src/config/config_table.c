@@ -108,8 +108,10 @@ const config_row config_table[] = {
          "colons or commas, and the key may be repeated. Symbolic links are followed as long as they lead below one "
          "of these. Empty: jobs may read only the files that clients uploaded."},
     {SETTING(output_roots), .type = CONFIG_LIST,
-     .help = "Directories below which a job may have its results copied (output.directory); written as "
-             "input_roots. Empty: no results are copied."},
+     .help =
+         "Directories below which a job may have its results copied (output.directory); written as "
+         "input_roots. Under systemd a drop-in of hexad.service names them in ReadWritePaths=, too. Empty: no "
+         "results are copied."},
     {SETTING(path_mappings), .type = CONFIG_WORDS,
      .help =
          "Translates the paths of other machines: from=to, separated by commas; the key may be repeated. "

@@ -108,6 +108,8 @@ def test_tokens_name_their_file(run, tmp_path):
     done = run("token", "add", "alice", "--file", tmp_path / "tokens")
     assert f"of alice, in {tmp_path}/tokens;" in done.stderr
     assert not run("token", "list", "--file", tmp_path / "tokens").stderr
+    done = run("token", "revoke", "0", "--file", tmp_path / "tokens")
+    assert done.returncode == 4 and f"hexadctl token list --file {tmp_path}/tokens shows the ids" in done.stderr
 
 
 def test_submit_and_wait_from_standard_input(run):

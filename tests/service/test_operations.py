@@ -323,6 +323,16 @@ def test_the_drop_in_is_one(page, build, source, tmp_path):
     assert "hexad.service" not in done.stderr, done.stderr
 
 
+def test_the_page_names_all_settings_that_a_reload_applies(page, build):
+    """The sample of the settings file says it of each setting, in the comment in front of it."""
+    sample = subprocess.run([build / "hexad", "--print-config"], capture_output=True, text=True, check=True).stdout
+    reloads = {re.search(r"^#(\w+) =", part, re.M)[1] for part in sample.split("\n\n")[1:] if "SIGHUP reloads it" in part}
+    row = {line.split("|")[2].strip(): re.findall(r"`(\w+)`", line.split("|")[1]) for line in page.splitlines()
+           if re.match(r"\|.*\| `systemctl re(load|start) hexad.service` \|", line)}
+    assert len(row) == 2 and reloads and sorted(row["`systemctl reload hexad.service`"]) == sorted(reloads)
+    assert not reloads.intersection(row["`systemctl restart hexad.service`"])
+
+
 def test_links_lead_somewhere(page):
     anchors = {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title, _ in sections(page)[1:]}
     links = re.findall(r"\]\(#([^)]+)\)", page)
