@@ -205,20 +205,40 @@ const char *access_find_same(const access_names *names, bool group, const char *
     return NULL;
 }
 
-const char *access_find_group_of(const access_names *groups, const char *user)
+/* The groups of a user; returns their number, or 0 where the user does not exist or has more. */
+static int list_groups(unsigned uid, gid_t groups[MOST_GROUPS])
 {
     char room[NAME_BYTES];
     struct passwd record, *found = NULL;
-    gid_t of_user[MOST_GROUPS];
     int count = MOST_GROUPS;
+    if (getpwuid_r(uid, &record, room, sizeof room, &found) != 0 || !found) return 0;
+    return getgrouplist(found->pw_name, found->pw_gid, groups, &count) < 0 ? 0 : count;
+}
+
+const char *access_find_group_of(const access_names *groups, const char *user)
+{
+    gid_t of_user[MOST_GROUPS];
     unsigned uid, number;
     if (!resolve(user, false, &uid, NULL)) return NULL;
-    if (getpwuid_r(uid, &record, room, sizeof room, &found) != 0 || !found) return NULL;
-    if (getgrouplist(found->pw_name, found->pw_gid, of_user, &count) < 0) return NULL;
+    int count = list_groups(uid, of_user);
     for (size_t i = 0; i < groups->count; i++)
         for (int k = 0; k < count; k++)
             if (resolve(groups->item[i], true, &number, NULL) && number == of_user[k]) return groups->item[i];
     return NULL;
+}
+
+bool access_may_search(const char *name, bool group, const struct stat *directory)
+{
+    gid_t groups[MOST_GROUPS];
+    unsigned number;
+    if (!resolve(name, group, &number, NULL)) return true;
+    if (!group && number == 0) return true;
+    if (!group && number == directory->st_uid) return directory->st_mode & S_IXUSR;
+    int count = group ? 1 : list_groups(number, groups);
+    if (group) groups[0] = number;
+    for (int k = 0; k < count; k++)
+        if (groups[k] == directory->st_gid) return directory->st_mode & S_IXGRP;
+    return directory->st_mode & S_IXOTH;
 }
 
 bool access_has_tokens(access_control *a)

@@ -20,6 +20,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <sys/stat.h>
 #include <sys/types.h>
 
 #include "auth/scope.h"
@@ -66,6 +67,10 @@ bool access_check_names(const access_names *users, const access_names *groups, c
 const char *access_find_same(const access_names *names, bool group, const char *name);
 /* The item of `groups` that has the user as a member; NULL: none, or the user does not exist. */
 const char *access_find_group_of(const access_names *groups, const char *user);
+
+/* Whether the mode of the directory lets the user, or each member of the group, search it; true where the name does not
+ * exist. */
+bool access_may_search(const char *name, bool group, const struct stat *directory);
 
 bool access_has_tokens(access_control *a);
 

@@ -2,12 +2,10 @@
 
 #include <errno.h>
 #include <fcntl.h>
-#include <spawn.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include "auth/access.h"
@@ -38,7 +36,9 @@ typedef struct change {
     bool allow, group;
     const char *name, *key; /* the value and the setting that gets it */
     char *file;             /* the settings, at the end of symbolic links */
-    char *drop_in_directory, *drop_in, *socket;
+    bool units;             /* systemd runs the service with these settings */
+    char *drop_in_directory, *drop_in;
+    char *socket; /* NULL: the service has a TCP port in its place */
 } change;
 
 /* ---- the setting */
@@ -214,6 +214,7 @@ static bool remove_drop_in(const change *w, error *e)
 static bool set_socket_mode(const change *w, mode_t mode, error *e)
 {
     struct stat info;
+    if (!w->socket) return true;
     int fd = open(w->socket, O_PATH | O_NOFOLLOW | O_CLOEXEC);
     if (fd < 0 && errno == ENOENT) {
         printf("%s: not there; hexad.socket makes it with mode %04o\n", w->socket, (unsigned)mode);
@@ -245,27 +246,71 @@ static bool change_socket(const change *w, error *e)
 
 /* ---- systemd */
 
-/* The words of a systemctl command. */
-typedef struct command {
-    const char *verb, *unit; /* NULL: no unit */
-} command;
-
-/* Runs the command. If it fails, adds it and the reason to the text *failed, which is freed and replaced. */
-static void call_systemctl(const command *c, char **failed)
+/* Runs systemctl with these words and returns what it prints on both outputs, to be freed. */
+static char *call_systemctl(const char *words, bool *ok)
 {
-    const char *argv[] = {"systemctl", c->verb, c->unit, NULL}, *unit = c->unit ? c->unit : "";
-    const char *blank = c->unit ? " " : "";
-    pid_t pid = 0;
-    int status = 0;
+    char *command = mem_printf("systemctl %s 2>&1", words), *text = NULL;
+    size_t size = 0;
     fflush(stdout);
-    int why = posix_spawnp(&pid, argv[0], NULL, NULL, (char **)argv, environ);
-    bool ran = why == 0 && waitpid(pid, &status, 0) == pid;
-    if (ran && status == 0) {
-        printf("systemctl %s%s%s: done\n", c->verb, blank, unit);
+    FILE *from = popen(command, "re");
+    if (!from || getdelim(&text, &size, '\0', from) < 0) {
+        free(text);
+        text = mem_strdup("");
+    }
+    *ok = from && pclose(from) == 0;
+    free(command);
+    return text;
+}
+
+/* The value of a property of a unit, "" where systemd does not answer; to be freed. */
+static char *show_property(const char *words)
+{
+    bool ok;
+    char *text = call_systemctl(words, &ok);
+    if (!ok) *text = '\0';
+    return text;
+}
+
+/* Whether hexad.service has hexad read this file, by the first --config of its ExecStart=. */
+static bool is_file_of_unit(const char *file)
+{
+    static const char option[] = "--config ";
+    char *start = show_property("show --value --property ExecStart hexad.service");
+    char *named = strstr(start, option), *path = NULL;
+    if (named) {
+        named += strlen(option);
+        named[strcspn(named, " ;\n")] = '\0';
+        path = realpath(named, NULL);
+    }
+    bool same = path && strcmp(path, file) == 0;
+    free(path);
+    free(start);
+    return same;
+}
+
+/* Whether the unit has a TCP port in the place of the Unix socket. */
+static bool has_unit_port(void)
+{
+    char *listens = show_property("show --value --property Listen hexad.socket");
+    bool port = *listens && *listens != '\n' && *listens != '/';
+    free(listens);
+    return port;
+}
+
+/* Prints the command, and what systemctl prints, as lines of their own. A command that fails is added to the text *failed,
+ * which is freed and replaced. */
+static void obey(const char *words, char **failed)
+{
+    bool ok;
+    char *text = call_systemctl(words, &ok), *rest = text;
+    for (char *line; (line = strsep(&rest, "\n"));)
+        if (*line) fprintf(ok ? stdout : stderr, "systemctl %s: %s\n", words, line);
+    free(text);
+    if (ok) {
+        printf("systemctl %s: done\n", words);
         return;
     }
-    char *all = mem_printf("%s%s`systemctl %s%s%s` (%s)", *failed, **failed ? ", " : "", c->verb, blank, unit,
-                           ran ? "it failed" : strerror(why ? why : errno));
+    char *all = mem_printf("%s%s`systemctl %s`", *failed, **failed ? ", " : "", words);
     free(*failed);
     *failed = all;
 }
@@ -273,26 +318,26 @@ static void call_systemctl(const command *c, char **failed)
 /* The service takes the settings, and systemd the drop-in. A command that fails does not prevent the other one. */
 static bool reload_both(const change *w, bool drop_in_changed, error *e)
 {
-    static const command reload = {"try-reload-or-restart", "hexad.service"}, units = {"daemon-reload", NULL};
     char *failed = mem_strdup("");
-    call_systemctl(&reload, &failed);
-    if (drop_in_changed) call_systemctl(&units, &failed);
+    obey("try-reload-or-restart hexad.service", &failed);
+    if (drop_in_changed) obey("daemon-reload", &failed);
     bool ok = !*failed;
     if (!ok && access(BOOTED, F_OK) != 0)
         error_set(e, ERROR_INTERNAL,
-                  "%s is written, but systemd does not run here: %s. The daemon takes the settings by"
+                  "%s is written, but systemd does not run here: %s failed. The daemon takes the settings by"
                   " kill -HUP PID, or at its next start",
                   w->file, failed);
     else if (!ok)
-        error_set(e, ERROR_INTERNAL,
-                  "the files are written, but hexad or systemd did not take them: run %s as root, or restart"
-                  " hexad",
-                  failed);
+        error_set(
+            e, ERROR_INTERNAL,
+            "the files are written, but hexad or systemd did not take them: %s failed; run it as root, or"
+            " restart hexad",
+            failed);
     free(failed);
     return ok;
 }
 
-/* ---- both */
+/* ---- all of it */
 
 /* The first directory of $SYSTEMD_UNIT_PATH, from which systemd reads units if it is set, or the administrator's. To be freed. */
 static char *unit_directory(void)
@@ -302,10 +347,18 @@ static char *unit_directory(void)
     return length ? mem_strndup(path, length) : mem_strdup(UNITS);
 }
 
+/* The Unix socket of the service, to be freed; NULL: it has a TCP port. */
+static char *find_socket(const change *w, const config *settings)
+{
+    const char *runtime = getenv("RUNTIME_DIRECTORY"), *listen = settings->listen;
+    if (w->units) return has_unit_port() ? NULL : mem_printf("%s/hexad.sock", runtime ? runtime : RUNTIME);
+    if (!*listen) return mem_printf("%s/hexad.sock", settings->state_dir);
+    return strncmp(listen, "unix:", 5) == 0 ? mem_strdup(listen + 5) : NULL;
+}
+
 static bool begin(change *w, const config *settings, config_action action, error *e)
 {
-    const char *file = settings->file ? settings->file : SETTINGS_FILE,
-               *runtime = getenv("RUNTIME_DIRECTORY");
+    const char *file = settings->file ? settings->file : SETTINGS_FILE;
     *w = (change){.allow = action == CONFIG_ALLOW, .group = *settings->admit == '@'};
     w->name = settings->admit + w->group;
     w->key = w->group ? "unix_groups" : "unix_users";
@@ -314,9 +367,10 @@ static bool begin(change *w, const config *settings, config_action action, error
         return error_set(e, ERROR_SPEC_INVALID, "%s cannot be read: %s: name the settings file with --config",
                          file, strerror(errno));
     char *units = unit_directory();
+    w->units = !settings->file || is_file_of_unit(w->file);
     w->drop_in_directory = mem_printf("%s/" DROP_IN_DIRECTORY, units);
     w->drop_in = mem_printf("%s/" DROP_IN, w->drop_in_directory);
-    w->socket = mem_printf("%s/hexad.sock", runtime ? runtime : RUNTIME);
+    w->socket = find_socket(w, settings);
     free(units);
     return true;
 }
@@ -329,23 +383,68 @@ static void end(change *w)
     free(w->socket);
 }
 
+/* The drop-in, the socket that is there, and what systemd does about both. */
+static bool change_units(const change *w, error *e)
+{
+    bool ours = has_drop_in(w), set = change_socket(w, e);
+    return reload_both(w, w->allow || ours != has_drop_in(w), set ? e : NULL) && set;
+}
+
+/* The first directory of the socket's path that the admitted user cannot search, to be freed; NULL: there is none. */
+static char *find_closed_directory(const change *w, mode_t *mode)
+{
+    struct stat info;
+    for (const char *slash = strchr(w->socket, '/'); slash; slash = strchr(slash + 1, '/')) {
+        char *directory = mem_strndup(w->socket, slash > w->socket ? (size_t)(slash - w->socket) : 1);
+        *mode = stat(directory, &info) == 0 ? info.st_mode & 07777 : 0;
+        if (*mode && !access_may_search(w->name, w->group, &info)) return directory;
+        free(directory);
+    }
+    return NULL;
+}
+
+/* Prints where the user may connect, or warns that it is still not possible. */
+static void tell_reach(const change *w)
+{
+    const char *who = w->group ? "the members of " : "";
+    mode_t mode = 0;
+    char *closed = w->socket ? find_closed_directory(w, &mode) : NULL;
+    fflush(stdout);
+    if (!w->socket)
+        fprintf(stderr,
+                "hexad: warning: this service listens on a TCP port, where %s has no effect; run"
+                " `hexadctl token add %s`\n",
+                w->key, w->group ? "USER" : w->name);
+    else if (closed)
+        fprintf(stderr,
+                "hexad: warning: %s%s cannot enter %s (mode %04o), in which the socket %s lies; set listen ="
+                " unix:/PATH, in a directory that all users can enter, and restart hexad\n",
+                who, w->name, closed, (unsigned)mode, w->socket);
+    else
+        printf("%s%s may use unix:%s\n", who, w->name, w->socket);
+    free(closed);
+}
+
 int admission_change(const config *settings, config_action action)
 {
     error e = {0};
     change w;
     umask(0022); /* systemd and the service read these files */
     bool ok = begin(&w, settings, action, &e) && change_setting(&w, &e);
-    bool ours = ok && has_drop_in(&w);
-    bool set = ok && change_socket(&w, &e);
-    bool taken = ok && reload_both(&w, w.allow || ours != has_drop_in(&w), set ? &e : NULL);
-    ok = set && taken;
+    if (ok && w.units)
+        ok = change_units(&w, &e);
+    else if (ok)
+        printf("the daemon with these settings takes them by kill -HUP $(cat %s/lock), or at its next start;"
+               " units of systemd are unchanged\n",
+               settings->state_dir);
     if (ok && !w.allow) warn_of_other_grants(&w);
     if (ok && w.allow)
-        printf("%s%s may use unix:%s\n", w.group ? "the members of " : "", w.name, w.socket);
+        tell_reach(&w);
     else if (ok)
         puts("connections that are open stay until they end");
     else
-        fprintf(stderr, "hexad: %s%s\n", e.message, geteuid() ? "; run it as root" : "");
+        fprintf(stderr, "hexad: %s%s\n", e.message,
+                geteuid() && (w.units || !settings->file) ? "; run it as root" : "");
     end(&w);
     return ok ? EXIT_SUCCESS : e.code == ERROR_SPEC_INVALID ? EXIT_WRONG : EXIT_FAILURE;
 }

@@ -12,8 +12,14 @@ import pytest
 
 from service import PATIENCE_S, wait_until
 
-# an external program: it logs its arguments, and fails if the file `fails` has its first one as a line
-SYSTEMCTL = '#!/bin/sh\necho "$@" >>"$(dirname "$0")/calls"\n! grep -qsx -e "$1" "$(dirname "$0")/fails"\n'
+# An external program. It shows properties of units from files. It logs other arguments, and fails with a message if the
+# file `fails` has the first one as a line.
+SYSTEMCTL = """#!/bin/sh
+cd "$(dirname "$0")"
+[ "$1" != show ] || exec cat "$4"
+echo "$@" >>calls
+! grep -qsx -e "$1" fails || { echo "Failed to $1: the bus is away" >&2; exit 1; }
+"""
 BOTH = ["try-reload-or-restart hexad.service", "daemon-reload"]
 HERE = pwd.getpwuid(os.geteuid()).pw_name
 GROUP = grp.getgrgid(os.getegid()).gr_name
@@ -39,6 +45,9 @@ class Host:
         (root / "bin").mkdir()
         (root / "bin/systemctl").write_text(SYSTEMCTL)
         (root / "bin/systemctl").chmod(0o755)
+        (root / "bin/ExecStart").write_text(
+            f"{{ path={build}/hexad ; argv[]={build}/hexad --config {self.file} ; ignore_errors=no ; pid=0 }}\n")
+        (root / "bin/Listen").write_text(f"{root}/hexad.sock (Stream)\n")
         self.socket = socket.socket(socket.AF_UNIX)
         self.socket.bind(str(root / "hexad.sock"))
         (root / "hexad.sock").chmod(0o660)
@@ -233,11 +242,37 @@ def test_a_failing_systemctl_is_named_and_the_other_command_runs(host, verbs):
     done = host.hexad("--allow", HERE)
     assert done.returncode == 1 and host.drop_in.exists() and host.calls() == BOTH
     for command in BOTH:
-        assert (f"`systemctl {command}`" in done.stderr) == (command.split()[0] in verbs), done.stderr
+        failed = command.split()[0] in verbs
+        assert (f"`systemctl {command}`" in done.stderr) == failed, done.stderr
+        assert (f"systemctl {command}: Failed to {command.split()[0]}: the bus is away\n" in done.stderr) == failed
+    assert all(line.startswith(("systemctl ", "hexad: ")) for line in done.stderr.splitlines()), done.stderr
     if not os.path.isdir("/run/systemd/system"):  # as sd_booted(3) says
         assert f"{host.file} is written" in done.stderr and "kill -HUP PID" in done.stderr
     (host.root / "bin/fails").unlink()
     host.expect("--allow", HERE)
+
+
+@pytest.fixture
+def other(host):
+    """A service that systemd does not run."""
+    (host.root / "bin/ExecStart").write_text("{ path=/usr/bin/hexad ; argv[]=/usr/bin/hexad --config /etc/hexad.conf ; }\n")
+    return host
+
+
+def test_settings_that_the_unit_does_not_read_change_alone(other):
+    before = other.mode()
+    shown = other.expect("--allow", HERE, "--state_dir", other.root / "state")
+    assert other.file.read_text() == f"workers = 2\nunix_users = {HERE}\n"
+    assert other.calls() == [] and not other.units.exists() and other.mode() == before
+    assert f"kill -HUP $(cat {other.root}/state/lock)" in shown and f"may use unix:{other.root}/state/hexad.sock" in shown
+    assert "kill -HUP" in other.expect("--deny", HERE) and other.calls() == []
+    assert other.file.read_text() == "workers = 2\n"
+
+
+def test_a_port_of_the_socket_unit_is_warned_of(host):
+    (host.root / "bin/Listen").write_text("127.0.0.1:8642 (Stream)\n")
+    done = host.hexad("--allow", HERE)
+    assert done.returncode == 0 and "TCP port, where unix_users has no effect" in done.stderr and "may use" not in done.stdout
 
 
 @pytest.fixture
@@ -248,6 +283,28 @@ def public_directory():
     with tempfile.TemporaryDirectory() as path:
         os.chmod(path, 0o755)
         yield path
+
+
+@pytest.mark.sanitized
+def test_a_tcp_port_and_a_closed_directory_are_warned_of(other, public_directory):
+    state = f"{public_directory}/state"
+    os.mkdir(state, 0o700)
+
+    def last_line(*words):
+        done = other.hexad(*words, "--state_dir", state)
+        assert done.returncode == 0
+        return (done.stderr or done.stdout).splitlines()[-1]
+    told = last_line("--allow", "60003")
+    assert told.startswith(f"hexad: warning: 60003 cannot enter {state} (mode 0700)") and "set listen = unix:/PATH" in told
+    assert f"warning: the members of 60003 cannot enter {state}" in last_line("--allow", "@60003")
+    assert last_line("--allow", HERE) == f"{HERE} may use unix:{state}/hexad.sock"
+    assert last_line("--allow", "60003", "--listen", f"unix:{public_directory}/s") == f"60003 may use unix:{public_directory}/s"
+    told = last_line("--allow", "60003", "--listen", "127.0.0.1:0")
+    assert "TCP port, where unix_users has no effect" in told and "hexadctl token add 60003" in told
+    os.chmod(state, 0o710)
+    os.chown(state, -1, 60003)
+    assert last_line("--allow", "@60003").startswith("the members of 60003 may use")
+    assert "cannot enter" in last_line("--allow", "60003")
 
 
 def list_as_stranger(build, where):
