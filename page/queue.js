@@ -174,16 +174,33 @@ function RowState({job}) {
     ${job.error && html`<span class="detail why">${job.error.message}</span>`}`;
 }
 
-/** A reduced preview of a job whose results the reader may see; nothing where it has none, which the browser caches. */
+/** By the id of a job, whether its spec asks for a preview. A spec never changes. */
+const previews = new Map();
+
+function hasPreview(id) {
+  if (!previews.has(id))
+    previews.set(id, get(`v1/jobs/${id}`).then(({spec}) => Boolean(spec) && (spec.output || {}).preview !== false, () => {
+      previews.delete(id); // asked again by the next view
+      return false;
+    }));
+  return previews.get(id);
+}
+
+/** A reduced preview of a job whose results the reader may see, of an array that of its first frame; an empty place where there
+ * is none. */
 function Thumbnail({job}) {
-  const [missing, setMissing] = useState(false);
-  return !missing && html`<img class="thumbnail" loading="lazy" alt="" src=${urlOf(`v1/jobs/${job.id}/thumbnail.png`).href} onError=${() => setMissing(true)} />`;
+  const [shown, setShown] = useState(false);
+  useEffect(() => {
+    hasPreview(job.id).then(setShown);
+  }, [job.id]);
+  return shown ? html`<img class="thumbnail" loading="lazy" alt="" src=${urlOf(`v1/jobs/${job.id}/thumbnail.png`).href} onError=${() => setShown(false)} />`
+    : html`<span class="thumbnail" aria-hidden="true"></span>`;
 }
 
 function Row({job, now, chosen, own, onChoose}) {
   return html`<tr class=${chosen ? "chosen" : ""}>
     <td class="choose"><input type="checkbox" aria-label=${`Select ${nameOf(job)}`} checked=${chosen} onChange=${() => onChoose(job)} /></td>
-    <td class="name">${own && job.state === "succeeded" && !job.array && html`<${Thumbnail} job=${job} />`}<a href=${`#/jobs/${job.id}`}>${nameOf(job)}</a>
+    <td class="name">${own && job.links.results && html`<${Thumbnail} job=${job} />`}<a href=${`#/jobs/${job.id}`}>${nameOf(job)}</a>
       ${job.labels.map(label => html`<span class="label">${label}</span>`)}</td>
     <td class="row-state"><${RowState} job=${job} /></td>
     <td>${job.owner}</td><td class="number priority">${job.priority}</td>

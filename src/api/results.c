@@ -36,15 +36,47 @@ static const char *content_type_of(const char *name)
     return "application/octet-stream";
 }
 
-/* Reads the frame that the query names for an array job, and its state; other jobs have no frames. */
-static bool choose_frame(const http_context *c, const http_request *request, const queue_job *job, int *frame,
-                         queue_state *state, reply *r)
+/* Tasks that are read at once. */
+enum { TASKS_PAGE = 1000 };
+
+/* The first frame of an array that has succeeded, or an answer that there is none. */
+static bool choose_first_frame(const http_context *c, const queue_job *job, int *frame, queue_state *state,
+                               reply *r)
+{
+    error e = {0};
+    size_t count = TASKS_PAGE;
+    *state = QUEUE_QUEUED;
+    for (int after = -1; count == TASKS_PAGE && *state != QUEUE_SUCCEEDED;) {
+        queue_task *tasks = NULL;
+        if (!queue_list_tasks(c->q, job->id, after, TASKS_PAGE, &tasks, &count, &e)) {
+            reply_set_error(r, &e, NULL);
+            return false;
+        }
+        size_t i = 0;
+        while (i < count && tasks[i].state != QUEUE_SUCCEEDED) i++;
+        if (i < count) {
+            *state = QUEUE_SUCCEEDED;
+            *frame = tasks[i].frame;
+        }
+        after = count ? tasks[count - 1].number : after;
+        queue_tasks_free(tasks, count);
+    }
+    if (*state == QUEUE_SUCCEEDED) return true;
+    reply_set_problem(r, "not_found", NULL, "no frame of the job %s has succeeded", job->id);
+    return false;
+}
+
+/* Reads the frame that the query names for an array job, and its state; other jobs have no frames. With `any` an array
+ * without a named frame has its first that has succeeded. */
+static bool choose_frame(const http_context *c, const http_request *request, const queue_job *job, bool any,
+                         int *frame, queue_state *state, reply *r)
 {
     error e = {0};
     bool found = false;
     queue_task task = {0};
     const char *given = parameter_text(request, "frame", NULL);
     if (!job->array && !given) return true;
+    if (any && !given) return choose_first_frame(c, job, frame, state, r);
     if (!job->array || !given) {
         reply_set_problem(r, "request_invalid", NULL,
                           job->array
@@ -68,8 +100,9 @@ static bool choose_frame(const http_context *c, const http_request *request, con
 typedef struct place {
     char *directory;
     int frame;
-    bool own;     /* the caller is the job's owner, or the job has none */
-    result found; /* with report.json */
+    bool any_frame; /* of an array the query may name no frame */
+    bool own;       /* the caller is the job's owner, or the job has none */
+    result found;   /* with report.json */
 } place;
 
 static void place_clear(place *p)
@@ -87,7 +120,7 @@ static bool find_result(const http_context *c, const http_request *request, plac
     bool ok = false;
     int frame = QUEUE_NO_FRAME;
     queue_state state = job.state;
-    if (!choose_frame(c, request, &job, &frame, &state, r)) {
+    if (!choose_frame(c, request, &job, p->any_frame, &frame, &state, r)) {
         queue_job_clear(&job);
         return false;
     }
@@ -275,13 +308,16 @@ static void send_thumbnail(const http_context *c, const place *p, reply *r)
 
 void results_send_thumbnail(const http_context *c, const http_request *request, reply *r)
 {
-    place p = {0};
+    place p = {.any_frame = true};
     if (find_result(c, request, &p, r)) {
+        /* Another frame may be the first one later. */
+        bool changes = p.frame != QUEUE_NO_FRAME && !parameter_text(request, "frame", NULL);
+        const char *lasting = changes ? "private, no-cache" : CACHE_CONTROL;
         const size_t i = find_output(&p, WORKER_PREVIEW_NAME);
         if (i == p.found.output_count) {
             reply_set_problem(r, "not_found", NULL, "the job %s has no " WORKER_PREVIEW_NAME,
                               request->parameter[0]);
-            r->cache_control = CACHE_CONTROL;
+            r->cache_control = lasting;
         } else {
             char tag[sizeof p.found.output[i].sha256 + 16];
             snprintf(tag, sizeof tag, "\"%s.%d\"", p.found.output[i].sha256, THUMBNAIL_SIDE);
@@ -292,7 +328,7 @@ void results_send_thumbnail(const http_context *c, const http_request *request, 
                 send_thumbnail(c, &p, r);
             if (r->status < 400) {
                 reply_add_header(r, "ETag", tag);
-                r->cache_control = CACHE_CONTROL;
+                r->cache_control = lasting;
             }
         }
     }

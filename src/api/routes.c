@@ -253,7 +253,9 @@ static const route routes[] = {
      .heavy = true,
      .name = "getThumbnail",
      .tag = "results",
-     .summary = "Get the preview of a job, reduced to at most 128 x 128 pixels",
+     .summary =
+         "Get the preview of a job, or of the first frame of an array that succeeded, reduced to at most 128 x 128 "
+         "pixels",
      .query = "frame",
      .headers = "If-None-Match",
      .answers = "200:file 304:-",

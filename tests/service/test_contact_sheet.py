@@ -11,7 +11,7 @@ import pytest
 sys.path.insert(0, str(pathlib.Path(__file__).parent.parent))
 import setclock  # noqa: E402
 from readers import read_png  # noqa: E402
-from service import PATIENCE_S, Service, Stream, sphere, wait_until  # noqa: E402
+from service import PATIENCE_S, Service, Stream, long_sphere, sphere, wait_until  # noqa: E402
 
 SIDE = 64  # pixels of a preview: small enough to be shown as it is
 
@@ -86,6 +86,17 @@ def test_a_thumbnail_has_means_of_the_pixels_of_the_preview_and_may_be_cached(ma
     assert abs(picture(reply.body) - whole.reshape(128, 2, 128, 2, 3).mean(axis=(1, 3))).max() <= 0.5
     again = service.request("GET", path, headers={"If-None-Match": reply.headers["ETag"]})
     assert (again.status, again.body, again.headers["ETag"]) == (304, b"", reply.headers["ETag"])
+
+
+def test_the_thumbnail_of_an_array_is_that_of_its_first_frame_with_results(made):
+    service, job = made
+    reply = service.get(f"/v1/jobs/{job}/thumbnail.png")
+    assert reply.status == 200 and "immutable" not in reply.headers["Cache-Control"]
+    assert reply.body == service.get(f"/v1/jobs/{job}/thumbnail.png?frame=1").body
+    none = service.submit(long_sphere(queue={"frames": "1-2", "by_frame": {"/surface/analytic/radius": [1, 2]}}))
+    service.post(f"/v1/jobs/{none}/cancel")
+    service.wait_state(none, "cancelled")
+    assert service.get(f"/v1/jobs/{none}/thumbnail.png").status == 404
 
 
 def test_that_a_job_has_no_thumbnail_may_be_cached(made):

@@ -270,15 +270,20 @@ def test_buttons_for_selected_jobs_stay_in_sight(gated, browser):
 
 def test_the_queue_shows_previews_of_own_jobs(closed_service, browser):  # noqa: F811
     secret = new_token(closed_service, "carol")
+    frames = {"frames": "1-2", "by_frame": {"/surface/analytic/radius": [1, 2]}}
     jobs = [with_token(closed_service, token, "POST", "/v1/jobs", sphere(name=name, **more)).json["id"]
-            for token, name, more in ((secret, "own", {}), (closed_service.token, "other", {}), (secret, "without", {"output": {"preview": False}}))]
+            for token, name, more in ((secret, "own", {}), (closed_service.token, "other", {}), (secret, "without", {"output": {"preview": False}}),
+                                      (secret, "film", {"queue": frames}))]
     wait_until(lambda: all(with_token(closed_service, closed_service.token, "GET", f"/v1/jobs/{job}").json["state"] == "succeeded" for job in jobs), "the ends")
     sign_in(browser, closed_service, secret=secret)
     shown = wait_until(lambda: browser.run("""const images = [...document.querySelectorAll("td.name img")];
-        return images.length === 1 && images[0].naturalWidth && [images[0].getAttribute("src"), images[0].naturalWidth]"""), "one picture")
-    assert f"/{jobs[0]}/" in shown[0] and shown[1] == 64
+        return images.length === 2 && images.every(image => image.naturalWidth) &&
+          images.map(image => [image.getAttribute("src"), image.naturalWidth])"""), "two pictures")
+    assert f"/{jobs[3]}/" in shown[0][0] and f"/{jobs[0]}/" in shown[1][0] and shown[0][1] == shown[1][1] == 64  # the newest first
+    assert len(browser.all("td.name span.thumbnail")) == 1
     asked = browser.run("return performance.getEntriesByType('resource').map(entry => new URL(entry.name).pathname)")
     assert any(jobs[0] in path for path in asked) and not any(jobs[1] in path for path in asked)
+    assert not any(jobs[2] in path and "thumbnail" in path for path in asked)
 
 
 def test_points_of_a_running_job_are_shown(service, browser):
