@@ -39,6 +39,7 @@ typedef struct change {
     bool units;             /* systemd runs the service with these settings */
     char *drop_in_directory, *drop_in;
     char *socket; /* NULL: the service has a TCP port in its place */
+    char *tokens; /* the token file; NULL: the default of hexadctl */
 } change;
 
 /* ---- the setting */
@@ -358,6 +359,7 @@ static char *find_socket(const change *w, const config *settings)
 
 static bool begin(change *w, const config *settings, config_action action, error *e)
 {
+    struct stat info;
     const char *file = settings->file ? settings->file : SETTINGS_FILE;
     *w = (change){.allow = action == CONFIG_ALLOW, .group = *settings->admit == '@'};
     w->name = settings->admit + w->group;
@@ -366,11 +368,17 @@ static bool begin(change *w, const config *settings, config_action action, error
     if (!w->file)
         return error_set(e, ERROR_SPEC_INVALID, "%s cannot be read: %s: name the settings file with --config",
                          file, strerror(errno));
+    if (stat(w->file, &info) != 0 || !S_ISREG(info.st_mode)) /* a device would be replaced by a file */
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "%s is not a regular file: name the settings file with --config", w->file);
     char *units = unit_directory();
     w->units = !settings->file || is_file_of_unit(w->file);
     w->drop_in_directory = mem_printf("%s/" DROP_IN_DIRECTORY, units);
     w->drop_in = mem_printf("%s/" DROP_IN, w->drop_in_directory);
     w->socket = find_socket(w, settings);
+    if (*settings->token_file || !w->units)
+        w->tokens = *settings->token_file ? mem_strdup(settings->token_file)
+                                          : mem_printf("%s/tokens", settings->state_dir);
     free(units);
     return true;
 }
@@ -381,6 +389,7 @@ static void end(change *w)
     free(w->drop_in_directory);
     free(w->drop_in);
     free(w->socket);
+    free(w->tokens);
 }
 
 /* The drop-in, the socket that is there, and what systemd does about both. */
@@ -413,15 +422,15 @@ static void tell_reach(const change *w)
     if (!w->socket)
         fprintf(stderr,
                 "hexad: warning: this service listens on a TCP port, where %s has no effect; run"
-                " `hexadctl token add %s`\n",
-                w->key, w->group ? "USER" : w->name);
+                " `hexadctl token add %s%s%s`\n",
+                w->key, w->group ? "USER" : w->name, w->tokens ? " --file " : "", w->tokens ? w->tokens : "");
     else if (closed)
         fprintf(stderr,
                 "hexad: warning: %s%s cannot enter %s (mode %04o), in which the socket %s lies; set listen ="
                 " unix:/PATH, in a directory that all users can enter, and restart hexad\n",
                 who, w->name, closed, (unsigned)mode, w->socket);
     else
-        printf("%s%s may use unix:%s\n", who, w->name, w->socket);
+        printf("%s%s%s may use unix:%s\n", w->units ? "" : "then ", who, w->name, w->socket);
     free(closed);
 }
 
@@ -434,9 +443,10 @@ int admission_change(const config *settings, config_action action)
     if (ok && w.units)
         ok = change_units(&w, &e);
     else if (ok)
-        printf("the daemon with these settings takes them by kill -HUP $(cat %s/lock), or at its next start;"
-               " units of systemd are unchanged\n",
-               settings->state_dir);
+        printf(
+            "the daemon reads this file again at its next start, or by `kill -HUP $(cat %s/lock)`; units of systemd"
+            " are unchanged\n",
+            settings->state_dir);
     if (ok && !w.allow) warn_of_other_grants(&w);
     if (ok && w.allow)
         tell_reach(&w);

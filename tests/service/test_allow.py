@@ -4,6 +4,7 @@ import os
 import pwd
 import signal
 import socket
+import stat
 import subprocess
 import sys
 import tempfile
@@ -259,6 +260,17 @@ def other(host):
     return host
 
 
+def test_a_device_is_not_replaced_by_a_file(other):
+    device = other.root / "null"
+    try:
+        os.mknod(device, 0o666 | stat.S_IFCHR, os.stat("/dev/null").st_rdev)
+        device.read_bytes()
+    except PermissionError:
+        pytest.skip("devices cannot be made or opened here")
+    done = other.hexad("--config", device, "--allow", HERE)
+    assert done.returncode == 2 and f"{device} is not a regular file" in done.stderr and device.is_char_device()
+
+
 def test_settings_that_the_unit_does_not_read_change_alone(other):
     before = other.mode()
     shown = other.expect("--allow", HERE, "--state_dir", other.root / "state")
@@ -297,13 +309,13 @@ def test_a_tcp_port_and_a_closed_directory_are_warned_of(other, public_directory
     told = last_line("--allow", "60003")
     assert told.startswith(f"hexad: warning: 60003 cannot enter {state} (mode 0700)") and "set listen = unix:/PATH" in told
     assert f"warning: the members of 60003 cannot enter {state}" in last_line("--allow", "@60003")
-    assert last_line("--allow", HERE) == f"{HERE} may use unix:{state}/hexad.sock"
-    assert last_line("--allow", "60003", "--listen", f"unix:{public_directory}/s") == f"60003 may use unix:{public_directory}/s"
+    assert last_line("--allow", HERE) == f"then {HERE} may use unix:{state}/hexad.sock"
+    assert last_line("--allow", "60003", "--listen", f"unix:{public_directory}/s") == f"then 60003 may use unix:{public_directory}/s"
     told = last_line("--allow", "60003", "--listen", "127.0.0.1:0")
-    assert "TCP port, where unix_users has no effect" in told and "hexadctl token add 60003" in told
+    assert "TCP port, where unix_users has no effect" in told and f"`hexadctl token add 60003 --file {state}/tokens`" in told
     os.chmod(state, 0o710)
     os.chown(state, -1, 60003)
-    assert last_line("--allow", "@60003").startswith("the members of 60003 may use")
+    assert last_line("--allow", "@60003").startswith("then the members of 60003 may use")
     assert "cannot enter" in last_line("--allow", "60003")
 
 
