@@ -812,8 +812,6 @@ void jobs_show(const http_context *c, const http_request *request, reply *r)
     queue_job job = {0};
     char tag[JOB_JSON_TAG_SIZE];
     if (show_kept(c, request, r)) return;
-    r->deferred = !request->pooled && queue_is_busy(c->q);
-    if (r->deferred) return;
     if (!job_lookup_find(c, request, &job, r)) return;
     const char *known = request->header[HTTP_IF_NONE_MATCH];
     int64_t wait_ms = read_wait_ms(c, request), until_ms = request->came_ms + wait_ms;

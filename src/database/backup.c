@@ -17,16 +17,8 @@
 #include "database/health.h"
 #include "database/schema.h"
 
-/* Pages per step, during which the queue is locked: 256 KiB. Doubled after each step whose gain is less than half, because
- * others wrote meanwhile. */
-#define PAGES_A_STEP 64
-#define PAGES_MOST (1 << 20)
-/* After a step the lock is free for three times as long as the step took, within these bounds. */
-#define PAUSE_FACTOR 3
-#define PAUSE_LEAST_NS 500000
-#define PAUSE_MOST_NS 50000000
-/* The copy is flushed after this many steps. Otherwise the kernel could block a writer that holds the queue. */
-#define FLUSH_STEPS 32
+/* Pages between two looks at the stop flag. The copy is flushed as often: otherwise the flush of a change could wait for it. */
+#define PAGES_A_STEP 2048
 /* The page cache of a check, in KiB (negative: SQLite's unit). */
 #define CHECK_CACHE "-16000"
 /* Instructions of SQLite's virtual machine between two looks at the stop flag. */
@@ -92,40 +84,14 @@ static bool check_room(const char *path, int64_t bytes, int64_t free_bytes, erro
     return ok;
 }
 
-static int64_t now_ns(void)
-{
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
-}
-
-static void pause_for(int64_t held_ns)
-{
-    int64_t ns = PAUSE_FACTOR * held_ns;
-    if (ns < PAUSE_LEAST_NS) ns = PAUSE_LEAST_NS;
-    if (ns > PAUSE_MOST_NS) ns = PAUSE_MOST_NS;
-    nanosleep(&(struct timespec){.tv_sec = ns / 1000000000, .tv_nsec = ns % 1000000000}, NULL);
-}
-
-/* Copies in steps and unlocks the queue between them. Changes made meanwhile use the same connection, so SQLite applies
- * them to the copy, too. Steps grow while what is left does not shrink fast, so that the copy always ends. Returns the result
- * code of the last step. */
+/* Returns the result code of the last step. */
 static int copy_steps(database *d, sqlite3_backup *copying, int fd)
 {
-    int code = SQLITE_OK, pages = PAGES_A_STEP, left = INT_MAX;
+    int code = SQLITE_OK;
     const atomic_bool *stop = health_stop_flag(database_health(d));
-    for (int step = 1; code == SQLITE_OK && !atomic_load(stop); step++) {
-        database_lock(d);
-        int64_t began = now_ns();
-        code = sqlite3_backup_step(copying, pages);
-        int64_t held = now_ns() - began;
-        int left_before = left;
-        left = sqlite3_backup_remaining(copying);
-        database_unlock(d);
-        if (left_before - left < pages / 2 && pages < PAGES_MOST) pages *= 2;
-        if (code == SQLITE_OK) pause_for(held);
-        if (step % FLUSH_STEPS == 0)
-            fdatasync(fd); /* a failure does no harm: the flush only spreads the writes */
+    while (code == SQLITE_OK && !atomic_load(stop)) {
+        code = sqlite3_backup_step(copying, PAGES_A_STEP);
+        fdatasync(fd); /* a failure does no harm: the flush only spreads the writes */
     }
     return code;
 }
@@ -144,17 +110,20 @@ static int64_t database_bytes(const char *state_dir)
 
 static bool copy_online(database *d, sqlite3 *target, const char *path, int fd, error *e)
 {
-    sqlite3 *source = database_connection(d);
-    database_lock(d);
+    database *reader = database_begin_read(d);
+    sqlite3 *source = database_connection(reader);
     sqlite3_db_release_memory(
         source); /* empties the page cache, so that the copy shows what is on the disk */
-    sqlite3_backup *copying = sqlite3_backup_init(target, "main", source, "main");
-    database_unlock(d);
-    if (!copying) return fail(path, sqlite3_extended_errcode(target), e);
-    int code = copy_steps(d, copying, fd);
-    database_lock(d);
-    sqlite3_backup_finish(copying);
-    database_unlock(d);
+    /* without a transaction that has read, each step would begin anew after a change */
+    int code = sqlite3_exec(source, "SELECT 1 FROM sqlite_schema", NULL, NULL, NULL);
+    sqlite3_backup *copying = code == SQLITE_OK ? sqlite3_backup_init(target, "main", source, "main") : NULL;
+    if (copying) {
+        code = copy_steps(d, copying, fd);
+        sqlite3_backup_finish(copying);
+    } else {
+        code = sqlite3_extended_errcode(code == SQLITE_OK ? target : source);
+    }
+    database_end_read(reader);
     if (code == SQLITE_DONE) return true;
     if (code == SQLITE_OK) return error_set(e, ERROR_CANCELLED, "the service ends");
     if (schema_error_is_read_fault(code))

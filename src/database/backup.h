@@ -15,8 +15,8 @@
 struct database; /* database/database.h */
 
 /* Copies the open database into a file that is empty or does not exist. The copy contains every change that was
- * acknowledged before the call. The database stays usable: it is locked for a fraction of a millisecond at a time. The
- * copy is neither flushed to disk nor checked. Damage that two copies show is recorded in the database's health. An
+ * acknowledged before the call. Reads and changes of the database do not wait for it, but the log keeps all changes
+ * until the copy is complete. The copy is neither flushed to disk nor checked. Damage that two copies show is recorded in the database's health. An
  * error (storage_full) when less than `free_bytes` would stay free on the disk. */
 bool backup_make(struct database *d, const char *path, int64_t free_bytes, error *e);
 

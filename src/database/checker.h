@@ -1,7 +1,6 @@
 /* checker: the thread that checks the database for damage.
  *
- * It copies the database and checks the copy. So the database is locked for short moments only, and the checked data
- * does not change. A quick check runs at the start, and a full check every `interval_s` seconds. A full check waits
+ * It copies the database and checks the copy, so that the log can be emptied during the check. A quick check runs at the start, and a full check every `interval_s` seconds. A full check waits
  * while the database is busy, but for one more interval at most. After a read error a full check runs at once.
  * health_get returns the findings.
  */

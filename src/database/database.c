@@ -27,21 +27,33 @@
 /* More than the number of statements in the program. */
 #define STATEMENTS 128
 
-struct database {
-    int lock_fd; /* holds the lock on the state directory; -1: a copy, which has no lock */
-    char *state_dir;
-    health *health;
-    atomic_uint copies;                /* number of copies begun; used for their names */
-    atomic_int_fast64_t reserve_bytes; /* 0: none */
+/* The memory that a reader keeps for pages, in KiB (negative: SQLite's unit). The kernel keeps the pages, too. */
+#define READER_CACHE "-256"
 
-    pthread_mutex_t line;  /* held only by the thread that is next to take `mutex` */
-    pthread_mutex_t mutex; /* of the connection and what follows */
+struct database {
     sqlite3 *connection;
     struct {
         const char *sql;
         sqlite3_stmt *prepared;
     } statement[STATEMENTS];
-    char *trouble; /* why the last change could not be stored; NULL: it could */
+    health *health;   /* a reader's is that of its origin */
+    database *origin; /* of a reader, which has only the members up to here; NULL: this is none */
+    database *next;   /* of the readers that are not in use */
+
+    int lock_fd; /* holds the lock on the state directory; -1: a copy, which has no lock */
+    int file_fd; /* holds the lock on the file; -1: a copy */
+    char *state_dir, *path;
+    atomic_uint copies;                /* number of copies begun; used for their names */
+    atomic_int_fast64_t reserve_bytes; /* 0: none */
+
+    pthread_mutex_t reading; /* guards `idle` */
+    pthread_cond_t returned;
+    database *idle; /* readers */
+
+    pthread_mutex_t mutex; /* of the connection that writes, and of `trouble` */
+    char *trouble;         /* why the last change could not be stored; NULL: it could */
+    void (*call)(void *context);
+    void *call_context;
 
     pthread_mutex_t gate; /* guards the waiting changes; never held together with `mutex` */
     pthread_cond_t turn;
@@ -52,29 +64,6 @@ struct database {
     pthread_cond_t news;
     uint64_t happened;
 };
-
-/* A mutex may go again to the thread that has just released it. A thread that makes many changes would then block all
- * others. The second mutex, a turnstile, prevents that. */
-void database_lock(database *d)
-{
-    pthread_mutex_lock(&d->line);
-    pthread_mutex_lock(&d->mutex);
-    pthread_mutex_unlock(&d->line);
-}
-
-void database_unlock(database *d)
-{
-    pthread_mutex_unlock(&d->mutex);
-}
-
-bool database_is_busy(database *d)
-{
-    if (pthread_mutex_trylock(&d->line) != 0) return true;
-    bool busy = pthread_mutex_trylock(&d->mutex) != 0;
-    if (!busy) pthread_mutex_unlock(&d->mutex);
-    pthread_mutex_unlock(&d->line);
-    return busy;
-}
 
 sqlite3 *database_connection(database *d)
 {
@@ -93,9 +82,9 @@ const char *database_directory(database *d)
 
 uint64_t database_change_count(database *d)
 {
-    database_lock(d);
+    pthread_mutex_lock(&d->mutex);
     int64_t count = sqlite3_total_changes64(d->connection);
-    database_unlock(d);
+    pthread_mutex_unlock(&d->mutex);
     return (uint64_t)count;
 }
 
@@ -256,6 +245,7 @@ static bool apply_all(database *d, change *first)
     }
     if (ok) ok = plain(d, "COMMIT", &e);
     if (ok) {
+        if (d->call) d->call(d->call_context);
         bool different = sqlite3_total_changes(d->connection) != before;
         if (any && different) note_stored(d);
         return different;
@@ -275,9 +265,9 @@ static void lead(database *d)
     d->first = NULL;
     d->last = &d->first;
     pthread_mutex_unlock(&d->gate);
-    database_lock(d);
+    pthread_mutex_lock(&d->mutex);
     bool different = apply_all(d, all);
-    database_unlock(d);
+    pthread_mutex_unlock(&d->mutex);
     if (different) database_signal(d);
     pthread_mutex_lock(&d->gate);
     for (change *c = all, *next; c; c = next) {
@@ -305,6 +295,61 @@ bool database_change(database *d, change *c, error *e)
     pthread_mutex_unlock(&d->gate);
     if (!c->ok && e) *e = c->fault;
     return c->ok;
+}
+
+void database_on_commit(database *d, void (*call)(void *context), void *context)
+{
+    d->call = call;
+    d->call_context = context;
+}
+
+/* ---- reading */
+
+static void close_connection(database *d)
+{
+    for (size_t i = 0; d->statement[i].sql; i++) sqlite3_finalize(d->statement[i].prepared);
+    sqlite3_close(d->connection);
+}
+
+/* NULL when there are no descriptors or no memory. */
+static database *open_reader(database *d, error *e)
+{
+    database *r = mem_alloc(sizeof *r);
+    r->origin = d;
+    r->health = d->health;
+    if (sqlite3_open_v2(d->path, &r->connection, SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX, NULL) ==
+            SQLITE_OK &&
+        sqlite3_exec(r->connection,
+                     "PRAGMA query_only = ON; PRAGMA temp_store = MEMORY; PRAGMA cache_size = " READER_CACHE,
+                     NULL, NULL, NULL) == SQLITE_OK)
+        return r;
+    error_set(e, ERROR_INTERNAL, "the queue's database: %s",
+              r->connection ? sqlite3_errmsg(r->connection) : "no memory");
+    close_connection(r);
+    free(r);
+    return NULL;
+}
+
+database *database_begin_read(database *d)
+{
+    database *r = NULL;
+    pthread_mutex_lock(&d->reading);
+    while (!(r = d->idle) && !(r = open_reader(d, NULL))) pthread_cond_wait(&d->returned, &d->reading);
+    if (r == d->idle) d->idle = r->next;
+    pthread_mutex_unlock(&d->reading);
+    plain(r, "BEGIN", NULL);
+    return r;
+}
+
+void database_end_read(database *r)
+{
+    database *d = r->origin;
+    plain(r, "COMMIT", NULL);
+    pthread_mutex_lock(&d->reading);
+    r->next = d->idle;
+    d->idle = r;
+    pthread_cond_signal(&d->returned);
+    pthread_mutex_unlock(&d->reading);
 }
 
 /* ---- waiting for changes */
@@ -352,7 +397,8 @@ static void make_locks(database *d)
     pthread_condattr_t monotonic;
     pthread_condattr_init(&monotonic);
     pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
-    pthread_mutex_init(&d->line, NULL);
+    pthread_mutex_init(&d->reading, NULL);
+    pthread_cond_init(&d->returned, NULL);
     pthread_mutex_init(&d->mutex, NULL);
     pthread_mutex_init(&d->gate, NULL);
     pthread_cond_init(&d->turn, NULL);
@@ -369,7 +415,9 @@ static database *open_file(const char *state_dir, int lock_fd, const char *path,
     database *d = mem_alloc(sizeof *d);
     make_locks(d);
     d->lock_fd = lock_fd;
+    d->file_fd = -1;
     d->state_dir = mem_strdup(state_dir);
+    d->path = mem_strdup(path);
     d->health = health_new();
     bool ok = true;
     if (sqlite3_open_v2(path, &d->connection,
@@ -377,11 +425,10 @@ static database *open_file(const char *state_dir, int lock_fd, const char *path,
         ok = d->connection ? fail(d, e) : error_set(e, ERROR_INTERNAL, "the queue's database: no memory");
     if (ok) sqlite3_busy_timeout(d->connection, OPEN_PATIENCE_MS);
     ok = ok && schema_prepare(d->connection, e);
+    if (ok && lock_fd >= 0) ok = (d->file_fd = lock_take_file(path, OPEN_PATIENCE_MS, e)) >= 0;
     /* from here on no other program has access, so waiting for a lock would be useless */
-    if (ok) {
-        sqlite3_busy_timeout(d->connection, 0);
-        return d;
-    }
+    if (ok) sqlite3_busy_timeout(d->connection, 0);
+    if (ok && (d->idle = open_reader(d, e))) return d;
     error_prefix(e, "%s", path);
     d->lock_fd = -1; /* the caller closes it */
     database_close(d);
@@ -407,9 +454,9 @@ database *database_open(const char *state_dir, error *e)
 void database_reserve(database *d, int64_t bytes)
 {
     atomic_store(&d->reserve_bytes, bytes);
-    database_lock(d);
+    pthread_mutex_lock(&d->mutex);
     reserve_keep(d->state_dir, bytes);
-    database_unlock(d);
+    pthread_mutex_unlock(&d->mutex);
 }
 
 bool database_has_room(database *d)
@@ -429,11 +476,17 @@ database *database_open_copy(const char *path, error *e)
 void database_close(database *d)
 {
     if (!d) return;
-    for (size_t i = 0; d->statement[i].sql; i++) sqlite3_finalize(d->statement[i].prepared);
-    sqlite3_close(d->connection);
+    for (database *r = d->idle, *next; r; r = next) {
+        next = r->next;
+        close_connection(r);
+        free(r);
+    }
+    close_connection(d);
+    if (d->file_fd >= 0) close(d->file_fd);
     if (d->lock_fd >= 0) close(d->lock_fd);
     health_free(d->health);
-    pthread_mutex_destroy(&d->line);
+    pthread_mutex_destroy(&d->reading);
+    pthread_cond_destroy(&d->returned);
     pthread_mutex_destroy(&d->mutex);
     pthread_mutex_destroy(&d->gate);
     pthread_cond_destroy(&d->turn);
@@ -441,5 +494,6 @@ void database_close(database *d)
     pthread_cond_destroy(&d->news);
     free(d->trouble);
     free(d->state_dir);
+    free(d->path);
     free(d);
 }

@@ -1,6 +1,7 @@
 /* database: the connection to SQLite, and transactions that threads share. Only src/database and src/queue use SQLite.
  *
- * Any thread may call any function. To read, hold the connection between database_lock and database_unlock. To write, pass a
+ * Any thread may call any function. To read, use the connection that database_begin_read returns. Readers wait neither for
+ * each other nor for a change: SQLite's log keeps the pages that they read. To write, pass a
  * `change` to database_change. One of the waiting threads takes all changes that have arrived, applies them one after
  * the other in a single transaction, and commits. Then all of these threads return. So they share one flush to disk,
  * and readers never see a change that could still be lost. Each change has a savepoint: one that fails is rolled back
@@ -27,10 +28,14 @@ database *database_open(const char *state_dir, error *e);
 database *database_open_copy(const char *path, error *e);
 void database_close(database *d); /* accepts NULL */
 
-void database_lock(database *d);
-void database_unlock(database *d);
-/* Whether database_lock would wait now, as it does for a flush to the disk. */
-bool database_is_busy(database *d);
+/* Returns a connection that reads the database as it is at the first statement, until database_end_read. It has every change
+ * whose database_change has returned. For the functions of statements below; a thread has one at a time. A connection is opened when all
+ * others are in use. When that fails, the call waits until one is returned. */
+database *database_begin_read(database *d);
+void database_end_read(database *reader);
+
+/* Has `call` called after each commit, before database_change returns. Call it before other threads use the database. */
+void database_on_commit(database *d, void (*call)(void *context), void *context);
 
 typedef struct change change;
 struct change {
@@ -111,7 +116,7 @@ char *database_text(sqlite3_stmt *s, int column); /* to be freed; NULL for NULL 
 /* ---- for copies and checks (database/backup, database/checker) */
 
 struct health;
-sqlite3 *database_connection(database *d); /* use it under the lock only */
+sqlite3 *database_connection(database *d);
 struct health *database_health(database *d);
 const char *database_directory(database *d); /* the state directory */
 uint64_t database_change_count(database *d); /* number of rows changed since the start */

@@ -660,7 +660,7 @@ bool schema_prepare(sqlite3 *database, error *e)
 {
     int version = 0;
     if (!run(database,
-             "PRAGMA locking_mode = EXCLUSIVE; PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL;"
+             "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL;"
              "PRAGMA foreign_keys = ON; PRAGMA temp_store = MEMORY;",
              e) ||
         !read_version(database, &version, e))

@@ -59,7 +59,6 @@ typedef struct http_request {
     int64_t came_ms;   /* monotonic */
     bool last;         /* the answer must not wait: the service is stopping */
     bool waited;       /* the handler was called before, and its answer has waited since */
-    bool pooled;       /* the caller is a thread of the pool, which may wait for a disk */
     int64_t announced; /* for openers: the length of the body; -1: unknown */
     bool waits;        /* for openers: the client sends its body only when told to (Expect) */
 } http_request;

@@ -78,8 +78,6 @@ typedef struct reply {
     reply_receipt *receipt;       /* NULL: none */
     char topic[REPLY_TOPIC_SIZE]; /* of a source or a waiting answer: what it waits for; "": anything */
     int64_t again_ms;             /* monotonic */
-    /* No answer: the handler would wait for a disk. A thread of the pool calls it again, with request.pooled. */
-    bool deferred;
     /* A whole answer that waits as well: the route's `awaiting` replaces it by a later one, or clears this member. */
     bool provisional;
     size_t header_count;

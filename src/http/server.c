@@ -79,8 +79,6 @@ typedef struct exchange {
     bool too_large;         /* the rest of the body is ignored */
     bool answered;          /* what still comes of the body is thrown away */
     bool awaits;            /* the pool has made a provisional answer */
-    bool handler_called;    /* the pool has called the handler, which waits for something new since `seen` */
-    uint64_t seen;
     bool chunked;
     reply answer;
     reply_receipt *receipt; /* of the answer that is being sent */
@@ -609,15 +607,10 @@ static bool read_body(exchange *x, reply *r)
 static void run_in_pool(thread_pool_work *work)
 {
     exchange *x = (exchange *)(void *)work;
-    wait_list *waiting = x->s->settings.waiting;
-    x->seen = wait_list_seen(waiting);
-    x->request.last = wait_list_is_dismissed(waiting);
-    x->request.pooled = true;
+    x->request.last = wait_list_is_dismissed(x->s->settings.waiting);
     x->route.found->handler(x->s->settings.context, &x->request, &x->answer);
-    x->request.pooled = false;
     x->awaits = x->answer.provisional;
-    x->handler_called = !x->answer.status;
-    x->answered = !x->awaits && !x->handler_called;
+    x->answered = !x->awaits;
     loop_resume(x->s->loop, x->connection);
 }
 
@@ -644,19 +637,6 @@ static void give_to_pool(exchange *x)
     thread_pool_add(x->s->pool, &x->work);
 }
 
-/* Calls the handler in the serving thread, unless the pool has just called it. */
-static void call_handler_once(exchange *x)
-{
-    const server_settings *c = &x->s->settings;
-    http_handler *handler = x->awaits ? x->route.found->awaiting : x->route.found->handler;
-    if (!x->handler_called) {
-        x->seen = wait_list_seen(c->waiting);
-        x->request.last = wait_list_is_dismissed(c->waiting);
-        handler(c->context, &x->request, &x->answer);
-    }
-    x->handler_called = false;
-}
-
 /* Calls the handler. False: it has no answer yet, and the connection is suspended. */
 static bool call_handler(exchange *x)
 {
@@ -666,14 +646,11 @@ static bool call_handler(exchange *x)
         return false;
     }
     for (;;) {
-        call_handler_once(x);
-        if (x->answer.deferred) {
-            x->answer.deferred = false;
-            give_to_pool(x);
-            return false;
-        }
+        uint64_t seen = wait_list_seen(c->waiting);
+        x->request.last = wait_list_is_dismissed(c->waiting);
+        (x->awaits ? x->route.found->awaiting : x->route.found->handler)(c->context, &x->request, &x->answer);
         if (x->answer.status && !x->answer.provisional) return true;
-        if (wait_list_wait(c->waiting, x->s->loop, x->connection, x->seen, x->answer.topic,
+        if (wait_list_wait(c->waiting, x->s->loop, x->connection, seen, x->answer.topic,
                            x->answer.again_ms)) {
             x->request.waited = true;
             return false;

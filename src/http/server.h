@@ -1,7 +1,7 @@
 /* server: HTTP/1.1 over libmicrohttpd; only src/http uses that library.
  *
  * One thread serves all connections with epoll. It runs handlers that only read memory; handlers that may
- * wait (route.waits, reply.deferred) run in a pool of threads (http/thread_pool) while their connection is suspended.
+ * wait (route.waits) run in a pool of threads (http/thread_pool) while their connection is suspended.
  * http/connections limits the number of connections and the time of clients. A body over the limit is
  * answered with 413: before it is read when its length is announced, at its end when it is chunked; nothing
  * of it is kept. A request that a proxy may read otherwise is refused (http/head). The library itself refuses

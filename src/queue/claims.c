@@ -150,7 +150,7 @@ static bool claim(database *d, change *asked)
     int64_t now = clock_wall_ms(), seq = 0;
     bool ok, held = false, full = false;
     if (c->room)
-        ok = promote(d, now, e) && hold_read(d, &held, e) && usage_is_met(c->q, &full, e) &&
+        ok = promote(d, now, e) && hold_read(d, &held, e) && usage_is_met(c->q, d, &full, e) &&
              (held || full || owner_choose(c->q, c->room, &seq, e));
     else
         ok = database_read_integer(
@@ -190,14 +190,14 @@ bool queue_list_unsettled(queue *q, queue_claimed **claimed, size_t *count, erro
     static const char sql[] = "SELECT " CLAIMED_COLUMNS " FROM task INDEXED BY task_running"
                               " JOIN job ON job.seq = task.job JOIN spec ON spec.job = job.seq"
                               " WHERE task.state = 'running' ORDER BY task.job, number";
-    database_lock(q->database);
-    sqlite3_stmt *s = database_ask(q->database, sql, NULL, 0, e);
-    while (database_next(q->database, s, &ok, e)) {
+    database *d = database_begin_read(q->database);
+    sqlite3_stmt *s = database_ask(d, sql, NULL, 0, e);
+    while (database_next(d, s, &ok, e)) {
         if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
         read[used] = (queue_claimed){.previous = QUEUE_NO_FRAME}; /* it is not going to be started */
         read_row(s, &read[used++]);
     }
-    database_unlock(q->database);
+    database_end_read(d);
     if (!ok) {
         queue_claimed_free(read, used);
         return false;

@@ -43,10 +43,10 @@ bool queue_get_output_owner(queue *q, const char *output, char **owner, error *e
 {
     bool ok = false;
     char *read = NULL;
-    database_lock(q->database);
-    sqlite3_stmt *s = ASK(q->database, e, "SELECT owner FROM output WHERE directory = ?1", text(output));
-    while (database_next(q->database, s, &ok, e)) read = database_text(s, 0);
-    database_unlock(q->database);
+    database *d = database_begin_read(q->database);
+    sqlite3_stmt *s = ASK(d, e, "SELECT owner FROM output WHERE directory = ?1", text(output));
+    while (database_next(d, s, &ok, e)) read = database_text(s, 0);
+    database_end_read(d);
     if (ok)
         *owner = read;
     else
@@ -65,13 +65,13 @@ bool queue_list_copies(queue *q, queue_copy **copies, size_t *count, error *e)
     queue_copy *read = NULL;
     size_t used = 0, room = 0;
     bool ok = false;
-    database_lock(q->database);
-    sqlite3_stmt *s = database_ask(q->database, "SELECT directory, name FROM copy ORDER BY name", NULL, 0, e);
-    while (database_next(q->database, s, &ok, e)) {
+    database *d = database_begin_read(q->database);
+    sqlite3_stmt *s = database_ask(d, "SELECT directory, name FROM copy ORDER BY name", NULL, 0, e);
+    while (database_next(d, s, &ok, e)) {
         if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
         read[used++] = (queue_copy){database_text(s, 0), database_text(s, 1)};
     }
-    database_unlock(q->database);
+    database_end_read(d);
     if (!ok) {
         queue_copies_free(read, used);
         return false;
@@ -118,10 +118,9 @@ static bool read_tasks(database *d, int64_t seq, queue_uncopied *job, error *e)
 
 bool queue_next_uncopied(queue *q, int64_t after, queue_uncopied *job, bool *found, error *e)
 {
-    database *d = q->database;
     queue_uncopied read = {0};
     bool ok = false, any = false;
-    database_lock(d);
+    database *d = database_begin_read(q->database);
     sqlite3_stmt *s = ASK(d, e,
                           "SELECT seq, id, owner, directory FROM job JOIN spec ON spec.job = seq"
                           " WHERE copy_state = 'pending' AND seq > ?1 ORDER BY seq LIMIT 1",
@@ -134,7 +133,7 @@ bool queue_next_uncopied(queue *q, int64_t after, queue_uncopied *job, bool *fou
         read.directory = database_text(s, 3);
     }
     ok = ok && (!any || read_tasks(d, read.seq, &read, e));
-    database_unlock(d);
+    database_end_read(d);
     if (ok && any)
         *job = read;
     else

@@ -8,7 +8,7 @@
 #include "queue/members.h"
 #include "queue/job_row.h"
 
-/* Events read for one page. That takes some milliseconds, during which the connection is locked. */
+/* Events read for one page. That takes some milliseconds. */
 #define EXAMINED_MOST 4096
 
 static const char *const names[QUEUE_EVENT_TYPE_COUNT] = {
@@ -57,27 +57,27 @@ static void read_event(sqlite3_stmt *s, queue_event *event)
 }
 
 /* The newest event may have been deleted, so the last number is read from SQLite's own table. */
-static bool read_bounds(queue *q, queue_event_page *page, error *e)
+static bool read_bounds(database *d, queue_event_page *page, error *e)
 {
     static const char sql[] =
         "SELECT coalesce((SELECT seq FROM sqlite_sequence WHERE name = 'event'), 0), up_to FROM removed_events";
     bool ok = false;
-    sqlite3_stmt *s = database_ask(q->database, sql, NULL, 0, e);
-    while (database_next(q->database, s, &ok, e)) {
+    sqlite3_stmt *s = database_ask(d, sql, NULL, 0, e);
+    while (database_next(d, s, &ok, e)) {
         page->newest = sqlite3_column_int64(s, 0);
         page->removed_up_to = sqlite3_column_int64(s, 1);
     }
     return ok;
 }
 
-static bool read_page(queue *q, const queue_event_filter *filter, queue_event_page *page, error *e)
+static bool read_page(database *d, const queue_event_filter *filter, queue_event_page *page, error *e)
 {
     bool ok = true;
     size_t room = 0, limit = (size_t)filter->limit;
     int examined = 0, most = filter->id ? INT_MAX : EXAMINED_MOST;
-    sqlite3_stmt *s = ASK(q->database, e, filter->id ? of_job : of_all, integer(page->position),
-                          text(filter->owner), text(filter->label), text(filter->id));
-    while (!page->more && database_next(q->database, s, &ok, e)) {
+    sqlite3_stmt *s = ASK(d, e, filter->id ? of_job : of_all, integer(page->position), text(filter->owner),
+                          text(filter->label), text(filter->id));
+    while (!page->more && database_next(d, s, &ok, e)) {
         page->position = sqlite3_column_int64(s, 0);
         if (sqlite3_column_int(s, PASSES)) {
             if (page->count == room)
@@ -93,12 +93,12 @@ static bool read_page(queue *q, const queue_event_filter *filter, queue_event_pa
 bool queue_list_events(queue *q, const queue_event_filter *filter, queue_event_page *page, error *e)
 {
     queue_event_page read = {0};
-    database_lock(q->database);
-    bool ok = read_bounds(q, &read, e);
+    database *d = database_begin_read(q->database);
+    bool ok = read_bounds(d, &read, e);
     bool from_now = filter->after_seq < 0 || filter->after_seq > read.newest;
     read.position = from_now ? read.newest : filter->after_seq;
-    ok = ok && (from_now || read_page(q, filter, &read, e));
-    database_unlock(q->database);
+    ok = ok && (from_now || read_page(d, filter, &read, e));
+    database_end_read(d);
     if (!ok) {
         free(read.events);
         return false;

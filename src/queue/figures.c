@@ -8,14 +8,14 @@ bool queue_count(queue *q, int64_t count[QUEUE_STATE_COUNT], error *e)
     static const char sql[] = "SELECT state, jobs FROM state_count";
     int64_t read[QUEUE_STATE_COUNT] = {0};
     bool ok = false;
-    database_lock(q->database);
-    sqlite3_stmt *s = database_ask(q->database, sql, NULL, 0, e);
-    while (database_next(q->database, s, &ok, e)) {
+    database *d = database_begin_read(q->database);
+    sqlite3_stmt *s = database_ask(d, sql, NULL, 0, e);
+    while (database_next(d, s, &ok, e)) {
         queue_state state = QUEUE_QUEUED;
         if (queue_state_from_name((const char *)sqlite3_column_text(s, 0), &state))
             read[state] = sqlite3_column_int64(s, 1);
     }
-    database_unlock(q->database);
+    database_end_read(d);
     if (ok) memcpy(count, read, sizeof read);
     return ok;
 }
@@ -30,16 +30,16 @@ bool queue_get_figures(queue *q, queue_figures *figures, error *e)
         " (SELECT page_count * page_size FROM pragma_page_count, pragma_page_size)";
     queue_figures read = {0};
     bool ok = false;
-    database_lock(q->database);
-    sqlite3_stmt *s = database_ask(q->database, sql, NULL, 0, e);
-    while (database_next(q->database, s, &ok, e))
+    database *d = database_begin_read(q->database);
+    sqlite3_stmt *s = database_ask(d, sql, NULL, 0, e);
+    while (database_next(d, s, &ok, e))
         read = (queue_figures){
             .waiting_since_ms = sqlite3_column_int64(s, 0),
             .deliveries = sqlite3_column_int64(s, 1),
             .delivery_since_ms = sqlite3_column_int64(s, 2),
             .database_bytes = sqlite3_column_int64(s, 3),
         };
-    database_unlock(q->database);
+    database_end_read(d);
     if (ok) *figures = read;
     return ok;
 }

@@ -29,8 +29,8 @@ bool queue_hold(queue *q, bool on, error *e)
 
 bool queue_is_held(queue *q, bool *held, error *e)
 {
-    database_lock(q->database);
-    bool ok = hold_read(q->database, held, e);
-    database_unlock(q->database);
+    database *d = database_begin_read(q->database);
+    bool ok = hold_read(d, held, e);
+    database_end_read(d);
     return ok;
 }

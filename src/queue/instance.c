@@ -8,14 +8,14 @@ bool queue_get_instance(queue *q, queue_instance *instance, bool *found, error *
     static const char sql[] = "SELECT id, boot_id FROM instance";
     queue_instance read = {0};
     bool ok = false, any = false;
-    database_lock(q->database);
-    sqlite3_stmt *s = database_ask(q->database, sql, NULL, 0, e);
-    while (database_next(q->database, s, &ok, e)) {
+    database *d = database_begin_read(q->database);
+    sqlite3_stmt *s = database_ask(d, sql, NULL, 0, e);
+    while (database_next(d, s, &ok, e)) {
         any = true;
         snprintf(read.id, sizeof read.id, "%s", (const char *)sqlite3_column_text(s, 0));
         snprintf(read.boot_id, sizeof read.boot_id, "%s", (const char *)sqlite3_column_text(s, 1));
     }
-    database_unlock(q->database);
+    database_end_read(d);
     if (!ok) return false;
     *instance = read;
     *found = any;

@@ -14,18 +14,20 @@ bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e)
 {
     queue_job read = {0};
     bool ok = false, got = false;
-    database_lock(q->database);
-    sqlite3_stmt *s = ASK(
-        q->database, e,
-        "SELECT " JOB_COLUMNS ", spec, paths FROM job JOIN spec ON spec.job = seq WHERE id = ?1", text(id));
-    while (database_next(q->database, s, &ok, e)) {
+    uint64_t commits = atomic_load(&q->commits);
+    database *d = database_begin_read(q->database);
+    sqlite3_stmt *s =
+        ASK(d, e, "SELECT " JOB_COLUMNS ", spec, paths FROM job JOIN spec ON spec.job = seq WHERE id = ?1",
+            text(id));
+    while (database_next(d, s, &ok, e)) {
         got = true;
         job_row_read(s, 0, &read);
         read.spec = database_text(s, JOB_COLUMN_COUNT);
         read.paths = database_text(s, JOB_COLUMN_COUNT + 1);
     }
+    database_end_read(d);
     read.stamp = queue_stamp(q, read.seq);
-    database_unlock(q->database);
+    if (atomic_load(&q->commits) != commits) read.stamp = QUEUE_NO_STAMP;
     if (ok && got)
         *job = read;
     else
@@ -122,17 +124,17 @@ static const walk *choose_walk(const queue_filter *f)
 
 /* The lowest seq of a job of this time or later; 0: unknown, because there are too many such jobs to look at each. The
  * orders by seq and by time differ where the clock was set back. */
-static bool find_first(queue *q, int64_t since_ms, int64_t *first, error *e)
+static bool find_first(database *d, int64_t since_ms, int64_t *first, error *e)
 {
     bool ok = false;
     *first = 0;
     if (since_ms <= 0) return true;
-    sqlite3_stmt *s = ASK(q->database, e,
+    sqlite3_stmt *s = ASK(d, e,
                           "SELECT coalesce(min(seq), 9223372036854775807), count(*) FROM"
                           " (SELECT seq FROM job INDEXED BY job_by_time WHERE created_ms >= ?1"
                           " ORDER BY created_ms LIMIT ?2)",
                           integer(since_ms), integer(QUEUE_VISITS));
-    while (database_next(q->database, s, &ok, e))
+    while (database_next(d, s, &ok, e))
         if (sqlite3_column_int(s, 1) < QUEUE_VISITS) *first = sqlite3_column_int64(s, 0);
     return ok;
 }
@@ -165,13 +167,13 @@ static void bind_filter(const queue_filter *f, int64_t first, value v[VALUE_COUN
 
 /* Finds the place where a page stops that visits `visits` rows, and has the walk end there; *stop stays empty when there are
  * fewer. */
-static bool find_stop(queue *q, const walk *w, bool rising, int visits, value v[VALUE_COUNT],
+static bool find_stop(database *d, const walk *w, bool rising, int visits, value v[VALUE_COUNT],
                       queue_place *stop, error *e)
 {
     bool ok = false;
     v[STOP_OFFSET] = integer(visits - 1);
-    sqlite3_stmt *s = database_ask(q->database, w->stop, v, VALUE_COUNT, e);
-    while (database_next(q->database, s, &ok, e))
+    sqlite3_stmt *s = database_ask(d, w->stop, v, VALUE_COUNT, e);
+    while (database_next(d, s, &ok, e))
         *stop = (queue_place){.seq = sqlite3_column_int64(s, 1), .key = database_text(s, 0)};
     if (!ok || !stop->seq) return ok;
     v[rising ? UPPER_KEY : LOWER_KEY] = text(stop->key);
@@ -195,17 +197,17 @@ static bool list_walk(queue *q, const queue_filter *filter, int visits, queue_pa
     int64_t first = 0;
     value v[VALUE_COUNT];
     const walk *w = choose_walk(filter);
-    database_lock(q->database);
-    if (find_first(q, filter->since_ms, &first, e)) {
+    database *d = database_begin_read(q->database);
+    if (find_first(d, filter->since_ms, &first, e)) {
         bind_filter(filter, first, v);
-        ok = visits <= 0 || find_stop(q, w, filter->rising, visits, v, &read.stop, e);
+        ok = visits <= 0 || find_stop(d, w, filter->rising, visits, v, &read.stop, e);
     }
-    sqlite3_stmt *s = ok ? database_ask(q->database, w->list, v, VALUE_COUNT, e) : NULL;
-    while (ok && database_next(q->database, s, &ok, e)) {
+    sqlite3_stmt *s = ok ? database_ask(d, w->list, v, VALUE_COUNT, e) : NULL;
+    while (ok && database_next(d, s, &ok, e)) {
         if (read.count == room) read.jobs = mem_resize(read.jobs, (room = room * 2 + 16) * sizeof *read.jobs);
         job_row_read(s, 0, &read.jobs[read.count++]);
     }
-    database_unlock(q->database);
+    database_end_read(d);
     if (ok)
         *page = read;
     else
@@ -325,14 +327,14 @@ int queue_compare(const queue_job *a, const queue_job *b, const queue_filter *fi
 bool queue_wants_input(queue *q, const char *name, bool *wanted, error *e)
 {
     bool ok = false, read = false;
-    database_lock(q->database);
+    database *d = database_begin_read(q->database);
     sqlite3_stmt *s =
-        ASK(q->database, e,
+        ASK(d, e,
             "SELECT EXISTS (SELECT 1 FROM input JOIN job ON seq = input.job WHERE input.name = ?1"
             " AND state NOT IN (" SCHEMA_FINAL_STATES "))",
             text(name));
-    while (database_next(q->database, s, &ok, e)) read = sqlite3_column_int(s, 0);
-    database_unlock(q->database);
+    while (database_next(d, s, &ok, e)) read = sqlite3_column_int(s, 0);
+    database_end_read(d);
     if (ok) *wanted = read;
     return ok;
 }
@@ -343,16 +345,16 @@ bool queue_list_tasks(queue *q, const char *id, int after, int limit, queue_task
     queue_task *read = NULL;
     size_t used = 0, room = 0;
     bool ok = false;
-    database_lock(q->database);
-    sqlite3_stmt *s = ASK(q->database, e,
+    database *d = database_begin_read(q->database);
+    sqlite3_stmt *s = ASK(d, e,
                           "SELECT " TASK_COLUMNS " FROM task WHERE job = (SELECT seq FROM job WHERE id = ?1)"
                           " AND number > ?2 ORDER BY number LIMIT ?3",
                           text(id), integer(after), integer(limit));
-    while (database_next(q->database, s, &ok, e)) {
+    while (database_next(d, s, &ok, e)) {
         if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
         job_row_read_task(s, 0, &read[used++]);
     }
-    database_unlock(q->database);
+    database_end_read(d);
     if (!ok) {
         queue_tasks_free(read, used);
         return false;
@@ -366,16 +368,16 @@ bool queue_get_frame(queue *q, const char *id, int frame, queue_task *task, bool
 {
     queue_task read = {0};
     bool ok = false, got = false;
-    database_lock(q->database);
-    sqlite3_stmt *s = ASK(q->database, e,
+    database *d = database_begin_read(q->database);
+    sqlite3_stmt *s = ASK(d, e,
                           "SELECT " TASK_COLUMNS " FROM task WHERE job = (SELECT seq FROM job WHERE id = ?1)"
                           " AND frame = ?2",
                           text(id), integer(frame));
-    while (database_next(q->database, s, &ok, e)) {
+    while (database_next(d, s, &ok, e)) {
         got = true;
         job_row_read_task(s, 0, &read);
     }
-    database_unlock(q->database);
+    database_end_read(d);
     if (ok && got)
         *task = read;
     else
@@ -395,16 +397,16 @@ bool queue_list_attempts(queue *q, const char *id, int after_task, int after, in
     queue_attempt *read = NULL;
     size_t used = 0, room = 0;
     bool ok = false;
-    database_lock(q->database);
+    database *d = database_begin_read(q->database);
     sqlite3_stmt *s =
-        ASK(q->database, e,
+        ASK(d, e,
             "SELECT a.task, t.frame, a.number, a.started_ms, a.finished_ms, exit_status, signal,"
             " peak_memory_bytes, host, reason, waited_ms, processor_ms FROM attempt a"
             " JOIN task t ON t.job = a.job AND t.number = a.task"
             " WHERE a.job = (SELECT seq FROM job WHERE id = ?1) AND (a.task, a.number) > (?2, ?3)"
             " ORDER BY a.task, a.number LIMIT ?4",
             text(id), integer(after_task), integer(after), integer(limit));
-    while (database_next(q->database, s, &ok, e)) {
+    while (database_next(d, s, &ok, e)) {
         if (used == room) read = mem_resize(read, (room = room * 2 + 4) * sizeof *read);
         read[used++] = (queue_attempt){
             .task = sqlite3_column_int(s, 0),
@@ -421,7 +423,7 @@ bool queue_list_attempts(queue *q, const char *id, int after_task, int after, in
             .processor_ms = sqlite3_column_int64(s, 11),
         };
     }
-    database_unlock(q->database);
+    database_end_read(d);
     if (!ok) {
         queue_attempts_free(read, used);
         return false;
@@ -436,10 +438,10 @@ static bool read_time(queue *q, const char *sql, int64_t *wall_ms, error *e)
 {
     int64_t read = INT64_MAX;
     bool ok = false;
-    database_lock(q->database);
-    sqlite3_stmt *s = database_ask(q->database, sql, NULL, 0, e);
-    while (database_next(q->database, s, &ok, e)) read = sqlite3_column_int64(s, 0);
-    database_unlock(q->database);
+    database *d = database_begin_read(q->database);
+    sqlite3_stmt *s = database_ask(d, sql, NULL, 0, e);
+    while (database_next(d, s, &ok, e)) read = sqlite3_column_int64(s, 0);
+    database_end_read(d);
     if (ok) *wall_ms = read;
     return ok;
 }
@@ -455,28 +457,28 @@ bool queue_next_expiry(queue *q, int64_t after_ms, int64_t *wall_ms, error *e)
 {
     bool ok = false;
     int64_t next = INT64_MAX;
-    database_lock(q->database);
+    database *d = database_begin_read(q->database);
     sqlite3_stmt *s =
-        ASK(q->database, e, "SELECT expires_ms FROM job WHERE expires_ms > ?1 ORDER BY expires_ms LIMIT 1",
+        ASK(d, e, "SELECT expires_ms FROM job WHERE expires_ms > ?1 ORDER BY expires_ms LIMIT 1",
             integer(after_ms));
-    while (database_next(q->database, s, &ok, e)) next = sqlite3_column_int64(s, 0);
-    database_unlock(q->database);
+    while (database_next(d, s, &ok, e)) next = sqlite3_column_int64(s, 0);
+    database_end_read(d);
     if (ok) *wall_ms = next;
     return ok;
 }
 
-/* Adds jobs up to the limit to the list. Held: the database. */
-static bool list_expired(queue *q, const running_bound *bound, int limit, char (*ids)[ULID_SIZE],
+/* Adds jobs up to the limit to the list. */
+static bool list_expired(database *d, const running_bound *bound, int limit, char (*ids)[ULID_SIZE],
                          size_t *count, error *e)
 {
     bool ok = false;
-    sqlite3_stmt *s = ASK(q->database, e,
+    sqlite3_stmt *s = ASK(d, e,
                           "SELECT id FROM job WHERE expires_ms <= ?1 AND finished_ms >= ?2"
                           " AND finished_ms < ?3 AND max(finished_ms, ?4) + 1000 * retention_s <= ?1"
                           " ORDER BY expires_ms LIMIT ?5",
                           integer(bound->over_ms), integer(bound->from_ms), integer(bound->until_ms),
                           integer(bound->counts_from_ms), integer(limit - (int)*count));
-    while (database_next(q->database, s, &ok, e))
+    while (database_next(d, s, &ok, e))
         snprintf(ids[(*count)++], ULID_SIZE, "%s", (const char *)sqlite3_column_text(s, 0));
     return ok;
 }
@@ -487,10 +489,10 @@ bool queue_list_expired(queue *q, const running_bound *bounds, size_t bound_coun
     char(*read)[ULID_SIZE] = mem_alloc((size_t)limit * sizeof *read);
     size_t used = 0;
     bool ok = true;
-    database_lock(q->database);
+    database *d = database_begin_read(q->database);
     for (size_t i = 0; ok && i < bound_count && used < (size_t)limit; i++)
-        ok = list_expired(q, &bounds[i], limit, read, &used, e);
-    database_unlock(q->database);
+        ok = list_expired(d, &bounds[i], limit, read, &used, e);
+    database_end_read(d);
     if (!ok) {
         free(read);
         return false;

@@ -1,6 +1,6 @@
 /* members: what an open queue consists of.
  *
- * Private to src/queue. `overtaken` belongs to whoever holds the database, `stamp` to any thread.
+ * Private to src/queue. `overtaken` and `changed` belong to the thread that makes changes, `stamp` and `commits` to any thread.
  */
 #ifndef HEXAD_QUEUE_MEMBERS_H
 #define HEXAD_QUEUE_MEMBERS_H
@@ -25,6 +25,8 @@ struct queue {
     queue_bounds bounds;
     running_time *running;
     atomic_uint_fast64_t stamp[MEMBERS_STAMPS]; /* of jobs */
+    atomic_uint_fast64_t commits;
+    bool changed[MEMBERS_STAMPS]; /* stamps that the next commit raises */
 };
 
 /* The periods of the last queue_store_running. */

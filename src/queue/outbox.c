@@ -27,9 +27,9 @@ bool queue_next_delivery(queue *q, const char *but, queue_delivery *delivery, bo
         " name, labels, trace, copy_state, copy_code, copy_message FROM outbox"
         " JOIN job ON seq = job WHERE NOT EXISTS (SELECT 1 FROM json_each(?1)"
         " WHERE substr(outbox.webhook, 1, length(value)) = value) ORDER BY due_ms, number LIMIT 1";
-    database_lock(q->database);
-    sqlite3_stmt *s = ASK(q->database, e, sql, text(but));
-    while (database_next(q->database, s, &ok, e)) {
+    database *d = database_begin_read(q->database);
+    sqlite3_stmt *s = ASK(d, e, sql, text(but));
+    while (database_next(d, s, &ok, e)) {
         any = true;
         read.number = sqlite3_column_int64(s, 0);
         snprintf(read.id, sizeof read.id, "%s", (const char *)sqlite3_column_text(s, 1));
@@ -47,7 +47,7 @@ bool queue_next_delivery(queue *q, const char *but, queue_delivery *delivery, bo
         read.copy_code = database_text(s, 13);
         read.copy_message = database_text(s, 14);
     }
-    database_unlock(q->database);
+    database_end_read(d);
     if (ok && any)
         *delivery = read;
     else

@@ -7,12 +7,22 @@
 #include "base/memory.h"
 #include "queue/members.h"
 
-/* SQLite calls this for each changed row. A change that is rolled back later raises the stamp, too. */
+/* SQLite calls this for each changed row, also of a change that is rolled back later. */
 static void note_row(void *context, int operation, const char *schema, const char *table, sqlite3_int64 row)
 {
     (void)operation, (void)schema;
     queue *q = context;
-    if (strcmp(table, "job") == 0) atomic_fetch_add(&q->stamp[(uint64_t)row % MEMBERS_STAMPS], 1);
+    if (strcmp(table, "job") == 0) q->changed[(uint64_t)row % MEMBERS_STAMPS] = true;
+}
+
+/* `commits` is raised first: queue_get returns no stamp of a job that has changed since it was read. */
+static void raise_stamps(void *context)
+{
+    queue *q = context;
+    atomic_fetch_add(&q->commits, 1);
+    for (size_t i = 0; i < MEMBERS_STAMPS; i++)
+        if (q->changed[i]) atomic_fetch_add(&q->stamp[i], 1);
+    memset(q->changed, 0, sizeof q->changed);
 }
 
 static queue *open_with(database *d, error *e)
@@ -24,6 +34,7 @@ static queue *open_with(database *d, error *e)
     q->database = d;
     q->bounds = (queue_bounds){.all = {INT64_MAX, INT64_MAX}, .user = {INT64_MAX, INT64_MAX}};
     sqlite3_update_hook(database_connection(d), note_row, q);
+    database_on_commit(d, raise_stamps, q);
     if (running_read(q, past, &count, e)) {
         q->running = running_time_new(past, count);
         return q;
@@ -78,11 +89,6 @@ bool queue_allows_changes(queue *q, error *e)
 uint64_t queue_stamp(queue *q, int64_t seq)
 {
     return atomic_load(&q->stamp[(uint64_t)seq % MEMBERS_STAMPS]);
-}
-
-bool queue_is_busy(queue *q)
-{
-    return database_is_busy(q->database);
 }
 
 void queue_signal(queue *q)

@@ -1,7 +1,7 @@
 /* queue: the durable store of jobs, their tasks and attempts, and their events.
  *
- * One process owns the database. It holds a lock on the state directory, and SQLite's exclusive locking keeps other
- * programs out. There is one connection. Any thread may call any function. When a function returns true, its change is
+ * One process owns the database. It holds a lock on the state directory, and a lock on the database keeps other
+ * programs out. One connection writes; others read and wait for no change (database/database.h). Any thread may call any function. When a function returns true, its change is
  * on disk (WAL, synchronous=FULL). Changes that threads make at the same time share one transaction and one flush. No
  * reader sees a change before it is durable. When the database fails, the error has the code internal and no output is
  * written. The log tells when changes begin to fail and when they succeed again.
@@ -107,7 +107,7 @@ typedef struct queue_counts { /* tasks; the sum of all but `all` is `all` */
 typedef struct queue_job {
     char id[ULID_SIZE];
     int64_t seq;      /* order of arrival */
-    uint64_t stamp;   /* of queue_get: see queue_stamp */
+    uint64_t stamp;   /* of queue_get: see queue_stamp; or QUEUE_NO_STAMP */
     int64_t revision; /* raised by every change of a member of this struct */
     char *name;       /* NULL: none */
     char *owner;      /* the user; "": unknown */
@@ -193,7 +193,9 @@ bool queue_has_key(queue *q, const char *owner, const char *key, bool *found, er
 bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e);
 
 /* A number that changes with every change of the job `seq` or of its attempts, and sometimes with a change of another
- * job. While it equals the stamp that queue_get returned, that job is still up to date. Does not read the database. */
+ * job. While it equals the stamp that queue_get returned, that job is still up to date. A change raises it before the function that
+ * made the change returns. Does not read the database. */
+#define QUEUE_NO_STAMP UINT64_MAX /* the job may have changed while it was read; no job has this stamp */
 uint64_t queue_stamp(queue *q, int64_t seq);
 
 /* What a list is sorted by: the job's place in the queue, its name (without regard to the case of ASCII letters, the
@@ -626,7 +628,7 @@ typedef struct queue_bounds {
     bool undelivered;    /* jobs whose results nobody got may be deleted, too, after all others */
 } queue_bounds;
 
-/* From now on; without it there are no bounds. What waits for room sees new ones at its next look. */
+/* Without it there are no bounds. Call it before other threads use the queue. */
 void queue_bound(queue *q, const queue_bounds *bounds);
 
 /* The job to be deleted next, because a bound is met: of those whose results were all delivered, the one for which that
@@ -691,8 +693,5 @@ bool queue_end_delivery(queue *q, int64_t number, int64_t again_ms, error *e);
  * misses no event. */
 bool queue_wait(queue *q, uint64_t *seen, int64_t until_ms);
 void queue_signal(queue *q);
-
-/* Whether a function that reads the queue would wait now, because a change is being stored or another thread reads. */
-bool queue_is_busy(queue *q);
 
 #endif

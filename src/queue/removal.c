@@ -31,10 +31,10 @@ bool queue_list_removals(queue *q, const char *id, int64_t after, int limit, que
     queue_removal *read = NULL;
     size_t used = 0, room = 0;
     bool ok = false;
-    database_lock(q->database);
-    sqlite3_stmt *s = id ? ASK(q->database, e, of_job, integer(after), integer(limit), text(id))
-                         : ASK(q->database, e, all, integer(after), integer(limit));
-    while (database_next(q->database, s, &ok, e)) {
+    database *d = database_begin_read(q->database);
+    sqlite3_stmt *s = id ? ASK(d, e, of_job, integer(after), integer(limit), text(id))
+                         : ASK(d, e, all, integer(after), integer(limit));
+    while (database_next(d, s, &ok, e)) {
         if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
         queue_removal *r = &read[used++];
         *r = (queue_removal){.number = sqlite3_column_int64(s, 0),
@@ -42,7 +42,7 @@ bool queue_list_removals(queue *q, const char *id, int64_t after, int limit, que
                              .attempts = sqlite3_column_int(s, 3)};
         snprintf(r->id, sizeof r->id, "%s", (const char *)sqlite3_column_text(s, 1));
     }
-    database_unlock(q->database);
+    database_end_read(d);
     if (!ok) {
         free(read);
         return false;
@@ -109,12 +109,12 @@ static bool find_removal(database *d, queue_directory *x, error *e)
 bool queue_find_directories(queue *q, queue_directory *directories, size_t count, error *e)
 {
     bool ok = true;
-    database_lock(q->database);
+    database *d = database_begin_read(q->database);
     for (size_t i = 0; ok && i < count; i++) {
         queue_directory *x = &directories[i];
         x->known = x->to_be_removed = false;
-        ok = find_task(q->database, x, e) && (x->known || find_removal(q->database, x, e));
+        ok = find_task(d, x, e) && (x->known || find_removal(d, x, e));
     }
-    database_unlock(q->database);
+    database_end_read(d);
     return ok;
 }

@@ -7,12 +7,12 @@ bool running_read(queue *q, running_period periods[RUNNING_PERIODS_MOST], size_t
     static const char sql[] = "SELECT from_ms, length_ms FROM running ORDER BY number";
     size_t used = 0;
     bool ok = false;
-    database_lock(q->database);
-    sqlite3_stmt *s = database_ask(q->database, sql, NULL, 0, e);
-    while (database_next(q->database, s, &ok, e))
+    database *d = database_begin_read(q->database);
+    sqlite3_stmt *s = database_ask(d, sql, NULL, 0, e);
+    while (database_next(d, s, &ok, e))
         if (used < RUNNING_PERIODS_MOST)
             periods[used++] = (running_period){sqlite3_column_int64(s, 0), sqlite3_column_int64(s, 1)};
-    database_unlock(q->database);
+    database_end_read(d);
     if (ok) *count = used;
     return ok;
 }

@@ -49,10 +49,10 @@ static bool check_share(database *d, submitting *s, bool *full, error *e)
 }
 
 /* Whether there is room for more results. */
-static bool check_results(submitting *s, bool *full, error *e)
+static bool check_results(database *d, submitting *s, bool *full, error *e)
 {
     usage_verdict verdict = USAGE_ROOM;
-    if (!usage_judge(s->q, s->owner, &verdict, e)) return false;
+    if (!usage_judge(s->q, d, s->owner, &verdict, e)) return false;
     *full = verdict != USAGE_ROOM;
     if (*full) s->receipt.verdict = verdict == USAGE_FULL ? QUEUE_RESULTS_FULL : QUEUE_USER_RESULTS_FULL;
     return true;
@@ -165,7 +165,7 @@ static bool put(database *d, change *c)
     if (stop) return true;
     if (!check_share(d, s, &stop, e)) return false;
     if (stop) return true;
-    if (!check_results(s, &stop, e)) return false;
+    if (!check_results(d, s, &stop, e)) return false;
     if (stop) return true;
     if (!check_needs(d, s, &pending, &lost, &how, &stop, e)) return false;
     if (stop) return true;
@@ -207,12 +207,10 @@ bool queue_put(queue *q, const queue_submission *submission, queue_receipt *rece
 bool queue_has_key(queue *q, const char *owner, const char *key, bool *found, error *e)
 {
     int64_t seq = 0;
-    database_lock(q->database);
+    database *d = database_begin_read(q->database);
     bool ok = database_read_integer(
-        q->database,
-        ASK(q->database, e, "SELECT seq FROM job WHERE owner = ?1 AND key = ?2", text(owner), text(key)),
-        &seq, e);
-    database_unlock(q->database);
+        d, ASK(d, e, "SELECT seq FROM job WHERE owner = ?1 AND key = ?2", text(owner), text(key)), &seq, e);
+    database_end_read(d);
     if (ok) *found = seq != 0;
     return ok;
 }

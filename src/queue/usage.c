@@ -9,9 +9,7 @@
 
 void queue_bound(queue *q, const queue_bounds *bounds)
 {
-    database_lock(q->database);
     q->bounds = *bounds;
-    database_unlock(q->database);
 }
 
 static bool is_met(const queue_sum *sum, const queue_sum *bound)
@@ -34,10 +32,10 @@ static bool read_total(database *d, queue_sum *sum, error *e)
     return read_sum(d, database_ask(d, sql, NULL, 0, e), sum, e);
 }
 
-bool usage_is_met(queue *q, bool *met, error *e)
+bool usage_is_met(queue *q, database *d, bool *met, error *e)
 {
     queue_sum sum;
-    if (!read_total(q->database, &sum, e)) return false;
+    if (!read_total(d, &sum, e)) return false;
     *met = is_met(&sum, &q->bounds.all);
     return true;
 }
@@ -48,9 +46,8 @@ bool usage_is_met(queue *q, bool *met, error *e)
 #define FIRST_LEAVING " ORDER BY (delivered_ms IS NULL), coalesce(delivered_ms, finished_ms) LIMIT 1"
 
 /* Finds the job that goes first, of all users or (owner not NULL) of one; 0: none may go. */
-static bool find_leaving(queue *q, const char *owner, int64_t *seq, error *e)
+static bool find_leaving(queue *q, database *d, const char *owner, int64_t *seq, error *e)
 {
-    database *d = q->database;
     value undelivered = integer(q->bounds.undelivered);
     sqlite3_stmt *s =
         owner ? ASK(d, e, "SELECT seq" LEAVING " AND owner = ?2" FIRST_LEAVING, undelivered, text(owner))
@@ -58,36 +55,34 @@ static bool find_leaving(queue *q, const char *owner, int64_t *seq, error *e)
     return database_read_integer(d, s, seq, e);
 }
 
-bool usage_judge(queue *q, const char *owner, usage_verdict *verdict, error *e)
+bool usage_judge(queue *q, database *d, const char *owner, usage_verdict *verdict, error *e)
 {
-    database *d = q->database;
     queue_sum sum;
     int64_t leaving = 1;
     bool met;
-    if (!usage_is_met(q, &met, e) || (met && !find_leaving(q, NULL, &leaving, e))) return false;
+    if (!usage_is_met(q, d, &met, e) || (met && !find_leaving(q, d, NULL, &leaving, e))) return false;
     *verdict = leaving ? USAGE_ROOM : USAGE_FULL;
     if (!leaving || !owner) return true;
     if (!read_sum(d, ASK(d, e, "SELECT bytes, results FROM usage WHERE owner = ?1", text(owner)), &sum, e))
         return false;
-    if (is_met(&sum, &q->bounds.user) && !find_leaving(q, owner, &leaving, e)) return false;
+    if (is_met(&sum, &q->bounds.user) && !find_leaving(q, d, owner, &leaving, e)) return false;
     if (!leaving) *verdict = USAGE_USER_FULL;
     return true;
 }
 
 /* Finds the first job to go of a user who has met a bound, if one of his may go. */
-static bool find_leaving_of_users(queue *q, int64_t *seq, error *e)
+static bool find_leaving_of_users(queue *q, database *d, int64_t *seq, error *e)
 {
     char **owner = NULL;
     size_t count = 0;
     bool ok = false;
-    database *d = q->database;
     sqlite3_stmt *s = ASK(d, e, "SELECT owner FROM usage WHERE bytes >= ?1 OR results >= ?2",
                           integer(q->bounds.user.bytes), integer(q->bounds.user.results));
     while (database_next(d, s, &ok, e)) {
         owner = mem_resize(owner, (count + 1) * sizeof *owner);
         owner[count++] = database_text(s, 0);
     }
-    for (size_t i = 0; ok && i < count && !*seq; i++) ok = find_leaving(q, owner[i], seq, e);
+    for (size_t i = 0; ok && i < count && !*seq; i++) ok = find_leaving(q, d, owner[i], seq, e);
     for (size_t i = 0; i < count; i++) free(owner[i]);
     free(owner);
     return ok;
@@ -106,10 +101,10 @@ bool queue_next_leaving(queue *q, char id[ULID_SIZE], bool *found, error *e)
 {
     int64_t seq = 0;
     bool met = false;
-    database_lock(q->database);
-    bool ok = usage_is_met(q, &met, e) && (!met || find_leaving(q, NULL, &seq, e)) &&
-              (seq || find_leaving_of_users(q, &seq, e)) && (!seq || read_id(q->database, seq, id, e));
-    database_unlock(q->database);
+    database *d = database_begin_read(q->database);
+    bool ok = usage_is_met(q, d, &met, e) && (!met || find_leaving(q, d, NULL, &seq, e)) &&
+              (seq || find_leaving_of_users(q, d, &seq, e)) && (!seq || read_id(d, seq, id, e));
+    database_end_read(d);
     if (ok) *found = seq != 0;
     return ok;
 }
@@ -122,8 +117,7 @@ bool queue_get_usage(queue *q, queue_usage *usage, error *e)
     usage_verdict verdict = USAGE_ROOM;
     size_t room = 0;
     bool ok = false;
-    database *d = q->database;
-    database_lock(d);
+    database *d = database_begin_read(q->database);
     read.bounds = q->bounds;
     sqlite3_stmt *s = database_ask(d, sql, NULL, 0, e);
     while (database_next(d, s, &ok, e)) {
@@ -132,9 +126,9 @@ bool queue_get_usage(queue *q, queue_usage *usage, error *e)
         snprintf(u->name, sizeof u->name, "%s", (const char *)sqlite3_column_text(s, 0));
         u->sum = (queue_sum){sqlite3_column_int64(s, 1), sqlite3_column_int64(s, 2)};
     }
-    ok = ok && read_total(d, &read.all, e) && usage_judge(q, NULL, &verdict, e);
+    ok = ok && read_total(d, &read.all, e) && usage_judge(q, d, NULL, &verdict, e);
     read.full = verdict == USAGE_FULL;
-    database_unlock(d);
+    database_end_read(d);
     if (ok)
         *usage = read;
     else
@@ -195,13 +189,13 @@ bool queue_next_unmeasured(queue *q, char id[ULID_SIZE], bool *found, error *e)
 {
     static const char sql[] = "SELECT id FROM job WHERE " SCHEMA_UNMEASURED " ORDER BY seq LIMIT 1";
     bool ok = false, any = false;
-    database_lock(q->database);
-    sqlite3_stmt *s = database_ask(q->database, sql, NULL, 0, e);
-    while (database_next(q->database, s, &ok, e)) {
+    database *d = database_begin_read(q->database);
+    sqlite3_stmt *s = database_ask(d, sql, NULL, 0, e);
+    while (database_next(d, s, &ok, e)) {
         any = true;
         snprintf(id, ULID_SIZE, "%s", (const char *)sqlite3_column_text(s, 0));
     }
-    database_unlock(q->database);
+    database_end_read(d);
     if (ok) *found = any;
     return ok;
 }

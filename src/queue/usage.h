@@ -12,10 +12,10 @@
 typedef enum usage_verdict { USAGE_ROOM, USAGE_FULL, USAGE_USER_FULL } usage_verdict;
 
 /* Looks at the results of all jobs and, unless `owner` is NULL, at those of this user. */
-bool usage_judge(queue *q, const char *owner, usage_verdict *verdict, error *e);
+bool usage_judge(queue *q, database *d, const char *owner, usage_verdict *verdict, error *e);
 
 /* Whether the results of all jobs have met a bound: then no task is started. */
-bool usage_is_met(queue *q, bool *met, error *e);
+bool usage_is_met(queue *q, database *d, bool *met, error *e);
 
 /* SQL condition on a row of owner: this user's results are below the bounds of a user, ?6 for the bytes and ?7 for the
  * number. */

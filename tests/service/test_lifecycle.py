@@ -5,6 +5,7 @@ import resource
 import signal
 import sqlite3
 import subprocess
+import threading
 
 import pytest
 
@@ -115,6 +116,25 @@ def set_boot_id(service, boot_id):
     with sqlite3.connect(service.state / "queue.db") as database:
         assert database.execute("UPDATE instance SET boot_id = ?", (boot_id,)).rowcount == 1
     database.close()
+
+
+def test_another_program_is_kept_out_of_the_database(new_service):
+    """Neither reading nor writing: it would keep the log of the database from being emptied, or hold up changes. A start waits until it has left."""
+    service = new_service().start()
+    service.end()
+    other = sqlite3.connect(service.state / "queue.db", timeout=0, check_same_thread=False)
+    assert other.execute("SELECT count(*) FROM job").fetchone() == (0,)
+    leaving = threading.Timer(0.3, other.close)
+    leaving.start()
+    service.start()
+    leaving.join()
+    service.submit(sphere())
+    for statement in ("SELECT count(*) FROM job", "BEGIN IMMEDIATE"):
+        other = sqlite3.connect(service.state / "queue.db", timeout=0)
+        with pytest.raises(sqlite3.OperationalError, match="locked"):
+            other.execute(statement)
+        other.close()
+    service.submit(sphere())
 
 
 def test_deaths_of_the_daemon_do_not_count(new_service, tmp_path):

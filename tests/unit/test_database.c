@@ -740,17 +740,6 @@ static void test_an_owner_that_is_ending_is_waited_for(void **state)
     assert_true(store_remove(base, NULL));
 }
 
-/* Another program at the database neither gets in nor makes anybody wait. */
-static void test_the_database_has_one_owner(void **state)
-{
-    place *p = *state;
-    char id[ULID_SIZE];
-    sqlite3 *other = open_raw(p);
-    assert_int_equal(sqlite3_exec(other, "BEGIN IMMEDIATE", NULL, NULL, NULL), SQLITE_BUSY);
-    put(p, "undisturbed", 0, id);
-    sqlite3_close(other);
-}
-
 static void test_a_newer_schema_is_refused(void **state)
 {
     place *p = *state;
@@ -830,7 +819,6 @@ int main(void)
         CASE(test_removed_events_are_found_in_version_4),
         CASE(test_an_instance_is_added_to_version_4),
         CASE(test_a_second_owner_is_refused),
-        CASE(test_the_database_has_one_owner),
         CASE(test_a_newer_schema_is_refused),
         CASE(test_a_damaged_database_is_refused),
         CASE(test_network_file_systems_are_known),

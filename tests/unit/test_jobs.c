@@ -95,7 +95,7 @@ static void test_an_accepted_job_is_answered_201(void **state)
     json_at spec = json_member(&root, "spec");
     assert_int_equal((int)json_number(json_member(&spec, "version"), 0), 1);
     /* the time of arrival is the one that the queue keeps */
-    http_request look = {.parameter = {id}, .caller = &caller, .pooled = true};
+    http_request look = {.parameter = {id}, .caller = &caller};
     reply shown = {.fd = -1};
     jobs_show(&p->context, &look, &shown);
     assert_int_equal(shown.status, 200);
