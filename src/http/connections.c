@@ -245,7 +245,7 @@ client_connection *connections_add(connections *p, int fd)
     new->next = p->first;
     if (new->next) new->next->previous = new;
     p->first = new;
-    pthread_cond_broadcast(&p->changed);
+    if (!new->next) pthread_cond_broadcast(&p->changed); /* otherwise the watcher looks in time */
     pthread_mutex_unlock(&p->mutex);
     return new;
 }
