@@ -414,6 +414,8 @@ static database *open_file(const char *state_dir, int lock_fd, const char *path,
 {
     database *d = mem_alloc(sizeof *d);
     make_locks(d);
+    /* SQLite's count of its memory has one mutex for all connections. Has no effect after the first database. */
+    sqlite3_config(SQLITE_CONFIG_MEMSTATUS, 0);
     d->lock_fd = lock_fd;
     d->file_fd = -1;
     d->state_dir = mem_strdup(state_dir);
