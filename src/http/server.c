@@ -38,19 +38,24 @@
 /* Threads that one user may have: as many submissions share a flush of the queue. The threads sleep most of the time. Further
  * threads wait for estimates. */
 #define USER_THREADS 32
+/* Threads that are left for other users. */
+#define SPARE_THREADS 8
 /* A body from this length on is heavy work: a document takes up to 100 times the memory of its text. */
 #define HEAVY_BYTES 32768
 /* Requests of heavy routes that run at once, at most. */
 #define HEAVY_AT_ONCE 2
-/* Threads that are left for other users. */
-#define SPARE_THREADS 8
+/* Threads for heavy work: of all users and of one. Those with long bodies may wait for estimates. */
+#define HEAVY_THREADS 16
+#define HEAVY_USER_THREADS 12
+/* Added to their nice value: a tenth of the processor time of a thread that has the priority of the process, while both compute. */
+#define HEAVY_NICE 10
 
 struct server {
     server_settings settings;
     access_control *access;
     loop *loop;
     connections *connections;
-    thread_pool *pool;
+    thread_pool *pool, *heavy_pool;
     body_bytes *bodies;
     pthread_mutex_t mutex;
     pthread_cond_t changed;  /* monotonic clock */
@@ -622,7 +627,7 @@ static void refuse_in_pool(thread_pool_work *work)
     loop_resume(x->s->loop, x->connection);
 }
 
-/* The weight of a request for the pool, in bytes of bodies. */
+/* The weight of a request, in bytes of bodies. 0: it is not heavy. */
 static size_t weight_of(const exchange *x)
 {
     if (x->route.found->heavy) return x->s->settings.body_limit_bytes / HEAVY_AT_ONCE + 1;
@@ -634,7 +639,7 @@ static void give_to_pool(exchange *x)
     MHD_suspend_connection(x->connection);
     x->work = (thread_pool_work){
         .run = run_in_pool, .refuse = refuse_in_pool, .user = x->caller.user, .weight = weight_of(x)};
-    thread_pool_add(x->s->pool, &x->work);
+    thread_pool_add(x->work.weight ? x->s->heavy_pool : x->s->pool, &x->work);
 }
 
 /* Calls the handler. False: it has no answer yet, and the connection is suspended. */
@@ -810,11 +815,12 @@ server *server_start(const server_settings *settings, const listen_socket *socke
     pthread_mutex_init(&s->mutex, NULL);
     s->connections = connections_start(&settings->connections, access, e);
     unsigned of_user = USER_THREADS + settings->estimates;
-    s->pool = s->connections ? thread_pool_start(of_user + SPARE_THREADS, of_user,
-                                                 settings->body_limit_bytes + HEAVY_AT_ONCE, e)
-                             : NULL;
     s->bodies = body_bytes_new(settings->body_total_bytes, settings->user_body_bytes);
-    if (!s->pool) goto failed;
+    if (s->connections) s->pool = thread_pool_start(of_user + SPARE_THREADS, of_user, 0, 0, e);
+    if (s->pool)
+        s->heavy_pool = thread_pool_start(HEAVY_THREADS, HEAVY_USER_THREADS,
+                                          settings->body_limit_bytes + HEAVY_AT_ONCE, HEAVY_NICE, e);
+    if (!s->heavy_pool) goto failed;
     /* the library closes this descriptor */
     int fd = fcntl(socket->fd, F_DUPFD_CLOEXEC, 0);
     struct MHD_Daemon *daemon = fd >= 0 ? start_daemon(s, fd) : NULL;
@@ -846,10 +852,12 @@ void server_stop(server *s)
     if (!s) return;
     if (s->loop) loop_quiesce(s->loop);
     wait_list_dismiss(s->settings.waiting);
-    if (s->pool) thread_pool_refuse(s->pool); /* what waits for a thread may be long */
+    thread_pool_refuse(s->pool); /* what waits for a thread may be long */
+    thread_pool_refuse(s->heavy_pool);
     wait_for_replies(s);
     loop_end(s->loop);         /* clients that go on asking give the pool no more work */
     thread_pool_stop(s->pool); /* resumes the connections of its work */
+    thread_pool_stop(s->heavy_pool);
     loop_stop(s->loop);
     connections_stop(s->connections);
     body_bytes_free(s->bodies);

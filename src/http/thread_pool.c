@@ -1,11 +1,14 @@
 #include "http/thread_pool.h"
 
+#include <errno.h>
 #include <pthread.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 
 #include "base/background.h"
+#include "base/log.h"
 #include "base/memory.h"
 
 /* The work of one user. A line without any is freed. */
@@ -23,6 +26,7 @@ struct thread_pool {
     bool refusing, stopping;
     unsigned most_of_user;
     size_t most_weight, weight; /* of the work that runs */
+    int nice;
     unsigned count;
     pthread_t thread[];
 };
@@ -53,23 +57,14 @@ static line *line_of(thread_pool *p, const char *user)
     return found;
 }
 
-/* The line whose turn it is, of all or of those whose next work is light; NULL: there is none. */
-static line *find_turn(const thread_pool *p, bool light)
+/* The line whose turn it is, if its work may begin now; otherwise NULL. */
+static line *choose(const thread_pool *p)
 {
     line *found = NULL;
     for (line *l = p->lines; l; l = l->next)
-        if (l->first && l->running < p->most_of_user && !(light && l->first->weight) &&
-            (!found || l->running < found->running))
-            found = l;
-    return found;
-}
-
-/* The line whose work may begin now; NULL: there is none. */
-static line *choose(const thread_pool *p)
-{
-    line *l = find_turn(p, false);
-    bool fits = !l || !l->first->weight || !p->weight || p->weight + l->first->weight <= p->most_weight;
-    return fits ? l : find_turn(p, true);
+        if (l->first && l->running < p->most_of_user && (!found || l->running < found->running)) found = l;
+    bool fits = found && (!p->weight || p->weight + found->first->weight <= p->most_weight);
+    return fits ? found : NULL;
 }
 
 static thread_pool_work *take(thread_pool *p, line *l)
@@ -96,6 +91,9 @@ static void end_work(thread_pool *p, line *l)
 static void *run_work(void *argument)
 {
     thread_pool *p = argument;
+    if (setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + p->nice) !=
+        0) /* of this thread (Linux) */
+        log_write(LOG_LEVEL_WARNING, "a thread keeps its priority: %s", strerror(errno));
     pthread_mutex_lock(&p->mutex);
     for (;;) {
         line *mine = choose(p);
@@ -118,13 +116,15 @@ static void *run_work(void *argument)
     return NULL;
 }
 
-thread_pool *thread_pool_start(unsigned threads, unsigned most_of_user, size_t most_weight, error *e)
+thread_pool *thread_pool_start(unsigned threads, unsigned most_of_user, size_t most_weight, int nice,
+                               error *e)
 {
     thread_pool *p = mem_alloc(sizeof *p + threads * sizeof *p->thread);
     pthread_mutex_init(&p->mutex, NULL);
     pthread_cond_init(&p->changed, NULL);
     p->most_of_user = most_of_user;
     p->most_weight = most_weight;
+    p->nice = nice;
     for (; p->count < threads; p->count++) {
         if (background_start(&p->thread[p->count], run_work, p, "the server", e)) continue;
         thread_pool_stop(p);
@@ -150,6 +150,7 @@ static thread_pool_work *take_all(thread_pool *p)
 
 void thread_pool_refuse(thread_pool *p)
 {
+    if (!p) return;
     pthread_mutex_lock(&p->mutex);
     p->refusing = true;
     thread_pool_work *all = take_all(p);
@@ -186,8 +187,10 @@ void thread_pool_add(thread_pool *p, thread_pool_work *work)
         else
             l->first = work;
         l->last = work;
-        pthread_cond_signal(&p->changed);
     }
     pthread_mutex_unlock(&p->mutex);
-    if (refused) work->refuse(work);
+    if (refused)
+        work->refuse(work);
+    else
+        pthread_cond_signal(&p->changed); /* the thread that wakes up finds the mutex free */
 }

@@ -3,7 +3,7 @@
  * There are enough threads for many submissions to share one flush of the queue (its group commit). Users are served in
  * turn: next is the work of the user with the fewest pieces of work that run; among equals, of the user who was served
  * least recently. A user has at most `most_of_user` threads, so that a thread is left for others. The work of one user starts
- * in the order in which it was added. Heavy work runs together only up to a sum of weights, and never overtakes heavy work whose turn it
+ * in the order in which it was added. Work runs together only up to a sum of weights, and never overtakes work whose turn it
  * is. Any thread may add work.
  */
 #ifndef HEXAD_HTTP_THREAD_POOL_H
@@ -20,14 +20,16 @@ typedef struct thread_pool_work {
     void (*run)(struct thread_pool_work *work);
     void (*refuse)(struct thread_pool_work *work); /* instead of run, when the pool stops */
     const char *user;                              /* lives as long as the work */
-    size_t weight;                                 /* 0: light */
+    size_t weight;
     struct thread_pool_work *next;
 } thread_pool_work;
 
-/* Work that weighs more than `most_weight` runs when no other heavy work does. */
-thread_pool *thread_pool_start(unsigned threads, unsigned most_of_user, size_t most_weight, error *e);
+/* Work that weighs more than `most_weight` runs when nothing else with a weight does. `nice` is added to the nice value of the
+ * threads: what they compute gives way to other threads of the process. */
+thread_pool *thread_pool_start(unsigned threads, unsigned most_of_user, size_t most_weight, int nice,
+                               error *e);
 
-/* Refuses all work that has not begun, and all that is added from now on. */
+/* Refuses all work that has not begun, and all that is added from now on. Accepts NULL. */
 void thread_pool_refuse(thread_pool *p);
 
 /* Refuses as well, waits for the work that runs, and ends the threads. Accepts NULL. */

@@ -172,6 +172,33 @@ def test_while_a_change_is_flushed_all_reads_are_answered(new_service, tmp_path)
     assert len(service.get("/v1/jobs").json["jobs"]) == 2
 
 
+# The real worker, except that it makes no thumbnail before the gate is opened.
+WAITING_READER = """#!/bin/sh
+[ "$1" = read-picture ] && {{ echo x >>{where}/calls; while ! [ -e {where}/gate ]; do sleep 0.01; done; }}
+exec {worker} "$@"
+"""
+
+
+def test_long_requests_of_a_user_hold_up_no_short_one(new_service, build, tmp_path):
+    """Of three thumbnails two are made at once, and the third waits for them. Another request of the same user does not."""
+    worker, calls = tmp_path / "waiting-reader", tmp_path / "calls"
+    worker.write_text(WAITING_READER.format(where=tmp_path, worker=build / "hexad-worker"))
+    worker.chmod(0o700)
+    service = new_service("--worker", worker).start()
+    job = service.submit(sphere(output={"preview": {"size": 64}}))
+    service.wait_state(job, "succeeded")
+    drawn = [send_head(service, f"GET /v1/jobs/{job}/thumbnail.png HTTP/1.1", "Connection: close") for _ in range(3)]
+    try:
+        wait_until(lambda: calls.exists() and calls.read_text().count("x") == 2, "two thumbnails")
+        for _ in range(5):
+            assert service.get("/v1/usage").status == 200
+        assert calls.read_text().count("x") == 2
+    finally:
+        (tmp_path / "gate").touch()
+    for one in drawn:
+        assert read_all(one).startswith(b"HTTP/1.1 200 ")
+
+
 SUMMARY_WORKER = """#!/bin/sh
 cat > /dev/null
 printf x > "$4/points.ply"

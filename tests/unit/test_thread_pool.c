@@ -6,6 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
+#include <sys/resource.h>
 
 #include <cmocka.h>
 
@@ -21,6 +22,7 @@ typedef struct piece {
     thread_pool_work work; /* first */
     char name;
     bool blocks; /* until may_end */
+    int priority;
     sem_t may_end;
 } piece;
 
@@ -70,7 +72,7 @@ static void test_users_are_served_in_turn(void **state)
           rest[] = {piece_of("ann", 'b', false), piece_of("ann", 'c', false), piece_of("bob", 'd', false),
                     piece_of("bob", 'e', false), piece_of("cat", 'f', false)};
     (void)state;
-    thread_pool *p = thread_pool_start(1, 1, 10, NULL);
+    thread_pool *p = thread_pool_start(1, 1, 10, 0, NULL);
     assert_non_null(p);
     thread_pool_add(p, &first.work);
     wait_for(&seen.began, 1);
@@ -86,7 +88,7 @@ static void test_a_user_who_runs_less_is_next(void **state)
     piece held[] = {piece_of("ann", 'a', true), piece_of("ann", 'b', true), piece_of("bob", 'c', true)},
           rest[] = {piece_of("ann", 'd', false), piece_of("bob", 'e', false)};
     (void)state;
-    thread_pool *p = thread_pool_start(3, 3, 10, NULL);
+    thread_pool *p = thread_pool_start(3, 3, 10, 0, NULL);
     for (size_t i = 0; i < 3; i++) {
         thread_pool_add(p, &held[i].work);
         wait_for(&seen.began, 1);
@@ -106,7 +108,7 @@ static void test_a_thread_is_left_for_others(void **state)
     piece ann[] = {piece_of("ann", 'a', true), piece_of("ann", 'b', false)},
           bob = piece_of("bob", 'c', false);
     (void)state;
-    thread_pool *p = thread_pool_start(2, 1, 10, NULL);
+    thread_pool *p = thread_pool_start(2, 1, 10, 0, NULL);
     thread_pool_add(p, &ann[0].work);
     wait_for(&seen.began, 1);
     thread_pool_add(p, &ann[1].work);
@@ -119,26 +121,42 @@ static void test_a_thread_is_left_for_others(void **state)
     assert_string_equal(seen.order, "acb");
 }
 
-static void test_heavy_work_waits_for_heavy_work_only(void **state)
+static void test_work_runs_together_up_to_a_sum_of_weights(void **state)
 {
-    piece held = piece_of("ann", 'a', true), heavy = piece_of("bob", 'b', false),
-          light = piece_of("cat", 'c', false), other = piece_of("dan", 'd', false);
+    piece held = piece_of("ann", 'a', true), large = piece_of("bob", 'b', false),
+          small = piece_of("cat", 'c', false);
     (void)state;
     held.work.weight = 8;
-    heavy.work.weight = 11; /* more than runs together: it runs alone */
-    other.work.weight = 2;
-    thread_pool *p = thread_pool_start(3, 3, 10, NULL);
+    large.work.weight = 11; /* more than runs together: it runs alone */
+    small.work.weight = 2;
+    thread_pool *p = thread_pool_start(3, 3, 10, 0, NULL);
     thread_pool_add(p, &held.work);
     wait_for(&seen.began, 1);
-    thread_pool_add(p, &heavy.work);
-    thread_pool_add(p, &other.work); /* it would fit, but it is not its turn */
-    thread_pool_add(p, &light.work);
-    wait_for(&seen.ended, 1);
-    assert_string_equal(seen.order, "ac");
+    thread_pool_add(p, &large.work);
+    thread_pool_add(p, &small.work); /* it would fit, but it is not its turn */
     sem_post(&held.may_end);
     wait_for(&seen.ended, 3);
     thread_pool_stop(p);
-    assert_string_equal(seen.order, "acbd");
+    assert_string_equal(seen.order, "abc");
+}
+
+static void note_priority(thread_pool_work *work)
+{
+    ((piece *)(void *)work)->priority = getpriority(PRIO_PROCESS, 0);
+    sem_post(&seen.ended);
+}
+
+static void test_the_threads_have_a_lower_priority(void **state)
+{
+    piece one = piece_of("ann", 'a', false);
+    (void)state;
+    one.work.run = note_priority;
+    thread_pool *p = thread_pool_start(1, 1, 10, 3, NULL);
+    thread_pool_add(p, &one.work);
+    wait_for(&seen.ended, 1);
+    thread_pool_stop(p);
+    int own = getpriority(PRIO_PROCESS, 0);
+    assert_int_equal(one.priority, own < 16 ? own + 3 : 19);
 }
 
 static void test_work_that_has_not_begun_is_refused_at_the_stop(void **state)
@@ -147,7 +165,7 @@ static void test_work_that_has_not_begun_is_refused_at_the_stop(void **state)
           waiting[] = {piece_of("ann", 'b', false), piece_of("bob", 'c', false)},
           late = piece_of("bob", 'd', false);
     (void)state;
-    thread_pool *p = thread_pool_start(1, 1, 10, NULL);
+    thread_pool *p = thread_pool_start(1, 1, 10, 0, NULL);
     thread_pool_add(p, &first.work);
     wait_for(&seen.began, 1);
     for (size_t i = 0; i < 2; i++) thread_pool_add(p, &waiting[i].work);
@@ -164,7 +182,8 @@ int main(void)
         cmocka_unit_test_setup(test_users_are_served_in_turn, set_up),
         cmocka_unit_test_setup(test_a_user_who_runs_less_is_next, set_up),
         cmocka_unit_test_setup(test_a_thread_is_left_for_others, set_up),
-        cmocka_unit_test_setup(test_heavy_work_waits_for_heavy_work_only, set_up),
+        cmocka_unit_test_setup(test_work_runs_together_up_to_a_sum_of_weights, set_up),
+        cmocka_unit_test_setup(test_the_threads_have_a_lower_priority, set_up),
         cmocka_unit_test_setup(test_work_that_has_not_begun_is_refused_at_the_stop, set_up),
     };
     return cmocka_run_group_tests_name("thread_pool", tests, NULL, NULL);
