@@ -11,6 +11,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "base/background.h"
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
@@ -29,6 +30,12 @@
 
 /* The memory that a reader keeps for pages, in KiB (negative: SQLite's unit). The kernel keeps the pages, too. */
 #define READER_CACHE "-256"
+
+/* The log is written back to the database from this number of pages (of 4 KiB) on. SQLite's own number; a longer log is written back more seldom, and
+ * takes longer to read after a crash. */
+#define LOG_PAGES 1000
+/* This number of pages is written back while no change is stored: it takes two flushes. */
+#define LOG_REST 100
 
 struct database {
     sqlite3 *connection;
@@ -54,6 +61,12 @@ struct database {
     char *trouble;         /* why the last change could not be stored; NULL: it could */
     void (*call)(void *context);
     void *call_context;
+
+    pthread_t log_thread;
+    pthread_cond_t log_is_long; /* with `mutex`, which guards what follows */
+    database *log_reader;       /* the thread's connection; NULL: there is no thread */
+    int log_pages, log_limit;   /* length of the log after the last change, and when it is written back */
+    bool closing;
 
     pthread_mutex_t gate; /* guards the waiting changes; never held together with `mutex` */
     pthread_cond_t turn;
@@ -352,6 +365,82 @@ void database_end_read(database *r)
     pthread_mutex_unlock(&d->reading);
 }
 
+/* ---- writing the log back */
+
+/* SQLite calls this after each commit. */
+static int note_log(void *context, sqlite3 *connection, const char *name, int pages)
+{
+    (void)connection, (void)name;
+    database *d = context;
+    d->log_pages = pages;
+    if (pages >= d->log_limit) pthread_cond_signal(&d->log_is_long);
+    return SQLITE_OK;
+}
+
+/* Writes back what no reader prevents. Returns how many pages of the log are written back now; 0 when the disk is full or fails. */
+static int write_back(database *d)
+{
+    int written = 0;
+    int code =
+        sqlite3_wal_checkpoint_v2(d->log_reader->connection, NULL, SQLITE_CHECKPOINT_PASSIVE, NULL, &written);
+    return code == SQLITE_OK ? written : 0;
+}
+
+/* Writes the log back while changes are stored, until little is left; then the rest, while none is stored, so that the next change
+ * begins the log anew. */
+static void *keep_log_short(void *argument)
+{
+    database *d = argument;
+    int written = 0;
+    pthread_mutex_lock(&d->mutex);
+    while (!d->closing) {
+        if (d->log_pages < d->log_limit) {
+            pthread_cond_wait(&d->log_is_long, &d->mutex);
+            continue;
+        }
+        int before = written;
+        pthread_mutex_unlock(&d->mutex);
+        written = write_back(d);
+        pthread_mutex_lock(&d->mutex);
+        bool ends = d->log_pages - written <= LOG_REST;
+        if (ends && write_back(d) == d->log_pages) {
+            d->log_pages = written = 0;
+            d->log_limit = LOG_PAGES;
+        } else if (ends || written <= before) { /* a reader needs the rest, or the disk is full */
+            d->log_limit = d->log_pages + LOG_REST;
+        }
+    }
+    pthread_mutex_unlock(&d->mutex);
+    return NULL;
+}
+
+static bool start_log_thread(database *d, error *e)
+{
+    d->log_limit = LOG_PAGES;
+    d->log_reader = open_reader(d, e);
+    if (!d->log_reader) return false;
+    if (background_start(&d->log_thread, keep_log_short, d, "the database", e)) {
+        sqlite3_wal_hook(d->connection, note_log, d);
+        return true;
+    }
+    close_connection(d->log_reader);
+    free(d->log_reader);
+    d->log_reader = NULL;
+    return false;
+}
+
+static void stop_log_thread(database *d)
+{
+    if (!d->log_reader) return;
+    pthread_mutex_lock(&d->mutex);
+    d->closing = true;
+    pthread_cond_signal(&d->log_is_long);
+    pthread_mutex_unlock(&d->mutex);
+    pthread_join(d->log_thread, NULL);
+    close_connection(d->log_reader);
+    free(d->log_reader);
+}
+
 /* ---- waiting for changes */
 
 void database_signal(database *d)
@@ -400,6 +489,7 @@ static void make_locks(database *d)
     pthread_mutex_init(&d->reading, NULL);
     pthread_cond_init(&d->returned, NULL);
     pthread_mutex_init(&d->mutex, NULL);
+    pthread_cond_init(&d->log_is_long, NULL);
     pthread_mutex_init(&d->gate, NULL);
     pthread_cond_init(&d->turn, NULL);
     pthread_mutex_init(&d->news_mutex, NULL);
@@ -430,7 +520,7 @@ static database *open_file(const char *state_dir, int lock_fd, const char *path,
     if (ok && lock_fd >= 0) ok = (d->file_fd = lock_take_file(path, OPEN_PATIENCE_MS, e)) >= 0;
     /* from here on no other program has access, so waiting for a lock would be useless */
     if (ok) sqlite3_busy_timeout(d->connection, 0);
-    if (ok && (d->idle = open_reader(d, e))) return d;
+    if (ok && (d->idle = open_reader(d, e)) && (lock_fd < 0 || start_log_thread(d, e))) return d;
     error_prefix(e, "%s", path);
     d->lock_fd = -1; /* the caller closes it */
     database_close(d);
@@ -478,6 +568,7 @@ database *database_open_copy(const char *path, error *e)
 void database_close(database *d)
 {
     if (!d) return;
+    stop_log_thread(d);
     for (database *r = d->idle, *next; r; r = next) {
         next = r->next;
         close_connection(r);
@@ -490,6 +581,7 @@ void database_close(database *d)
     pthread_mutex_destroy(&d->reading);
     pthread_cond_destroy(&d->returned);
     pthread_mutex_destroy(&d->mutex);
+    pthread_cond_destroy(&d->log_is_long);
     pthread_mutex_destroy(&d->gate);
     pthread_cond_destroy(&d->turn);
     pthread_mutex_destroy(&d->news_mutex);

@@ -15,9 +15,9 @@
 
 /* The first bytes of a WAL: its magic number. A file of zeros is an empty log. */
 enum { HEADER_BYTES = 32 };
-/* What the log usually takes: SQLite writes it back to the database after a thousand pages of 4 KiB, and may exceed
- * that by one transaction. On a full disk it cannot, because the database would grow, so the log goes on growing. */
-enum { USUAL_BYTES = 5 << 20 };
+/* What the log usually takes: it is written back to the database from a thousand pages of 4 KiB on, and grows meanwhile. On a full disk it
+ * cannot, because the database would grow, so the log goes on growing. */
+enum { USUAL_BYTES = 8 << 20 };
 
 typedef struct names {
     char *database, *log, *reserve, *fresh;
