@@ -401,6 +401,7 @@ static void *keep_log_short(void *argument)
         int before = written;
         pthread_mutex_unlock(&d->mutex);
         written = write_back(d);
+        fdatasync(d->file_fd); /* SQLite does not when changes came meanwhile; then the end would take long */
         pthread_mutex_lock(&d->mutex);
         bool ends = d->log_pages - written <= LOG_REST;
         if (ends && write_back(d) == d->log_pages) {
