@@ -3,14 +3,14 @@
 #include <assert.h>
 #include <math.h>
 
-/* For the estimate of progress: the share of the sweeps that a job typically spends before each stage by the paper's criterion, the least
- * share that is believed, and the sweeps that the first stages of the coarsest level take otherwise. */
+/* Estimate of progress. stage_share: the fraction of its sweeps that a solve by the paper's criterion has typically spent when a stage
+ * begins. LEAST_SHARE: the least fraction that is used. EARLY_SWEEPS: typical sweeps of the first two stages of the default method. */
 static const double stage_share[SCHEDULE_STAGES + 1] = {0, 0.07, 0.35, 1}, LEAST_SHARE = 0.01,
                                                   EARLY_SWEEPS = 50;
-/* Log10 lambda begins there: below it the damping is nothing. */
+/* Initial log10 lambda, at which the damping is negligible. */
 static const double LAMBDA_BEGINS = -3;
 
-/* What all schedules have in common. */
+/* Values of all schedules. */
 #define COMMON                                                                                       \
     .gain = {1e-4, 1e-6, 1e-8}, .patience_more = 50, .patience_last = 500, .coarsest_gain = 1e-5,    \
     .sweeps = 100, .sweeps_count = 1e4, .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120,   \
@@ -19,24 +19,20 @@ static const double LAMBDA_BEGINS = -3;
     .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6, .divergent_share = 0.7,                   \
     .divergent_share_first = 0.9, .new_part_sweeps = 60
 
-/* Over-relaxation: 1.8 needs three times the sweeps, 3.0 is slower again near rest. */
+/* Over-relaxation: 1.8 takes three times the sweeps; 3.0 is slower near convergence. */
 #define PAPER                                                                                  \
     COMMON, .omega = 2.6, .longest_step = INFINITY, .rest_lambda = 14 /* section 7, step 2 */, \
             .level_step = 5e-3, .level_sweeps = 30, .limited_wait = 4
 
 const schedule schedule_paper = {PAPER, .patience = {80, 150, 400}};
 
-/* The order is there, and creeping makes little more of it: with the patience above the same hex_fraction takes twice the
- * sweeps. */
+/* The start is a packing: the longer patience of schedule_paper gives the same hex_fraction after twice the sweeps. */
 const schedule schedule_packed = {PAPER, .patience = {80, 150, 100}};
 
-/* Over-relaxation: with 3.0 and more a refined level loses its order. Sizes that vary make stiffer neighbours: with 2.7
- * such a level would swing by a tenth of h for thirty sweeps. The longest step is ten times the rms step of a shaken
- * level: a longer one belongs to a particle that finds no rest, as round edges and through sheets. Sweeps by count:
- * coarse levels cost little, and what is out of order on them stays so: of 10 000 000 points those of 39 000 and 156 000 decide, with
- * which edge_cv is .0377 instead of .0390. Twice as many on all levels bring edge_cv at
- * 100 000 points from .041 to .039 and cost half as much again. Sweeps cost less than lists here: limited particles
- * wait longer. */
+/* Over-relaxation: with 3.0 a refined level loses its order. With a sizing field 2.7 makes particles oscillate by 0.1 h for thirty sweeps.
+ * The longest step is ten times the rms step of a shaken level: longer ones belong to particles that do not converge, at edges and thin
+ * parts. Twice the sweeps on all levels bring edge_cv at 100 000 points from .041 to .039 and take half as much time again. A sweep costs
+ * less than new lists, so that lists may be older than by the paper's method. */
 const schedule schedule_multilevel = {
     COMMON,
     .patience = {80, 150, 400},
@@ -54,7 +50,7 @@ const schedule schedule_multilevel = {
     .limited_wait = 12,
 };
 
-/* Points stay where they are but for what the new surface asks of them: short steps from the first sweep on. */
+/* Points keep their positions as far as the new surface allows: short steps from the first sweep on. */
 const schedule schedule_continued = {
     COMMON,
     .patience = {80, 150, 400},
@@ -80,7 +76,7 @@ int schedule_level_sweeps(const schedule *s, const schedule_position *at)
     return (int)(at->has_many_defects ? s->defects_sweeps[schedule_is_last_level(at)] * sweeps : sweeps);
 }
 
-/* Whether more sweeps may help the level. */
+/* Whether the level may take more sweeps for its defects. Where most normals diverge, only the last level may. */
 static bool can_have_many_defects(const schedule *s, const schedule_position *at)
 {
     return s->is_paced && (double)at->count >= s->defects_count &&
@@ -99,7 +95,7 @@ bool schedule_has_many_defects(const schedule *s, const schedule_position *at, d
     return defect_fraction > share[0] && defect_fraction < share[1];
 }
 
-/* The sweeps of the round, over those in which the level is shaken. */
+/* The sweeps of the round over the sweeps during which it is shaken. */
 static double paced_time(const schedule *s, const schedule_position *at)
 {
     return at->sweeps / (double)(is_early(at) ? s->shake_sweeps : schedule_level_sweeps(s, at));
@@ -126,8 +122,7 @@ double schedule_longest_step(const schedule *s, const schedule_position *at)
     return t < 1 ? INFINITY : s->longest_step / (t * t);
 }
 
-/* By steps: a level has its sweeps. The coarsest, which sets the order of all, comes to rest stage by stage, and the
- * last to what was asked for. */
+/* By steps: a level ends after its least sweeps, the coarsest after each stage has converged, the last one at the tolerance of the job. */
 static schedule_end end_by_steps(const schedule *s, const schedule_position *at,
                                  const schedule_evidence *seen)
 {
@@ -141,8 +136,8 @@ static schedule_end end_by_steps(const schedule *s, const schedule_position *at,
     return at->level > 0 || at->sweeps >= s->stage_sweeps_most ? SCHEDULE_SWEEPS_SPENT : SCHEDULE_GOES_ON;
 }
 
-/* By the paper's steady state. A refined level starts near its own and is judged by its steps; one that is refined
- * again need not wait for the last of them. */
+/* By the paper's steady state. A refined level starts near it and is judged by its steps; a level that is refined again may end
+ * before they are below the tolerance. */
 schedule_end schedule_round_end(const schedule *s, const schedule_position *at, const schedule_evidence *seen)
 {
     if (!(s->rest_lambda > 0)) return end_by_steps(s, at, seen);
@@ -175,8 +170,7 @@ double schedule_skin(const schedule *s, double rms_step)
     return fmin(s->skin_wide, fmax(s->skin_narrow, s->skin_steps * rms_step));
 }
 
-/* By the paper's criterion lambda climbs from its floor to its cap within a round; on a refined level the step falls to its
- * tolerance. */
+/* By the paper's criterion lambda rises from its floor to its cap within a round; on a refined level the step falls to the tolerance. */
 static double expected_by_criterion(const schedule *s, const schedule_position *at, double spent,
                                     const schedule_evidence *seen)
 {

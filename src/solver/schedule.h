@@ -1,10 +1,9 @@
-/* schedule: how a solve proceeds. A schedule is a constant table of numbers: over-relaxation, longest steps, when a
- * stage or a level is at rest, gains, sweeps by count, when lists are built anew. The functions below answer from a
- * table and from where the solve is; they change nothing. Whoever wants another schedule adds a table.
+/* schedule: the numbers by which a solve proceeds. A schedule is a constant table: over-relaxation, step limits, criteria of convergence, sweeps
+ * by particle count, and when neighbour lists are rebuilt. The functions compute answers from a table and a position in the solve; they
+ * change nothing.
  *
- * A solve has levels, from the coarsest packing to the finest. The coarsest level goes through all stages, of which
- * each asks for smaller gains; finer levels stay in the last stage. A round is the sweeps until the particles
- * rest. Pure functions, any thread. */
+ * A solve has levels, from the coarsest packing to the finest. The coarsest level has SCHEDULE_STAGES stages, each with a smaller gain. A
+ * finer level has the last stage only. A round is the sweeps until the particles have converged. Pure functions, any thread. */
 #ifndef HEXAD_SOLVER_SCHEDULE_H
 #define HEXAD_SOLVER_SCHEDULE_H
 
@@ -14,78 +13,75 @@
 enum { SCHEDULE_STAGES = 3 };
 
 typedef struct schedule {
-    /* A round relaxes until no particle can lower its energy by more than this fraction. The first stage evens out
-     * the density, so that sigma is adapted before much work is done under a wrong one. */
+    /* Gain: the smallest decrease of a particle's energy, as a fraction of it, for which the particle moves. The first stage only evens out the
+     * density, so that sigma is adapted before work is done under a wrong one. */
     double gain[SCHEDULE_STAGES];
-    /* On surfaces with features below h some particles creep for ever, each sweep gaining a little more than that. A
-     * round that takes longer than `patience` sweeps, and than those its level has at least, asks for ten times the gain, and
-     * again after every `patience_more`. A solve that rests only with a gain above `coarsest_gain` is not converged: for that it has to
-     * take so many as `patience_last` more. */
+    /* On features smaller than h some particles never converge: each sweep reduces their energy by slightly more than the gain. After
+     * `patience` sweeps of a round, and not before the least sweeps of its level, the gain is multiplied by 10, and again after every
+     * `patience_more`. Beyond coarsest_gain, with which a solve is not converged, this takes `patience_last` sweeps each. */
     int patience[SCHEDULE_STAGES], patience_more, patience_last;
     double coarsest_gain;
 
-    /* Over-relaxation of the step, which the first-term Hessian makes about half of Newton's. Where `is_paced`, a level
-     * begins with `omega_shake` (`omega_shake_sized` with a sizing field) and comes down to `omega` over its sweeps;
-     * after these it falls with the number of sweeps, to `omega_least`. Where not, it is `omega` throughout. */
+    /* Over-relaxation: the factor on Newton's step with the first term of the Hessian (10), which is about twice the true one. If is_paced,
+     * a level starts with omega_shake (omega_shake_sized with a sizing field), falls to omega over its least sweeps, and then falls
+     * with the inverse number of sweeps to omega_least. Otherwise the factor is omega. */
     bool is_paced;
     double omega, omega_shake, omega_shake_sized, omega_least;
-    /* The longest fast step, over h. Where `is_paced` every step is allowed over the sweeps of a level, and for
-     * `shake_sweeps` in the first stages; then the longest falls from this with the square of the sweeps. */
+    /* Longest fast step, over h. If is_paced, steps are unlimited during the least sweeps of a level, and during shake_sweeps of an earlier
+     * stage; then the limit falls from longest_step with the inverse square of the sweeps. */
     double longest_step;
     int shake_sweeps;
 
-    /* The least number of sweeps of a level of n particles: sweeps (sweeps_count / n)^sweeps_fall, between two bounds. */
+    /* Least sweeps of a level of n particles: sweeps (sweeps_count / n)^sweeps_fall, between sweeps_least and sweeps_most. */
     double sweeps, sweeps_count, sweeps_fall, sweeps_least, sweeps_most;
-    /* A level of at least defects_count particles whose disordered share (particles without six neighbours) is between the two
-     * bounds of defects_share after these sweeps is rough and takes more, once: defects_sweeps[0] times as many if it is refined again,
-     * [1] times if it is the last level. Beyond the upper bound the surface is not resolved, and more sweeps do not help.
-     * defects_share[1] is for surfaces with feature curves. A mostly creased surface is asked on its last level only. */
+    /* After these sweeps the defect fraction (particles without six neighbours) of a level of at least defects_count particles is
+     * compared with defects_share: [0] without and [1] with feature curves, lower and upper bound. Between the bounds the level takes
+     * more sweeps, once: defects_sweeps[1] times as many on the last level, [0] times on others. Above the upper bound the surface is
+     * not resolved, and more sweeps do not help. */
     double defects_count, defects_sweeps[2], defects_share[2][2];
 
-    /* At rest. `rest_lambda` > 0: the paper's criterion for the coarsest level, that the mean log10 lambda is above it;
-     * 0: rms steps alone count. A level that is refined again is left as soon as its rms step (over h) is below
-     * level_step or after level_sweeps. stage_step and stage_sweeps_most do the same for the stages of a coarsest level
-     * that is judged by steps; stage_step_divergent is that of the last stage of a mostly creased one, where some find no rest. On the last level finest_rest times the tolerance is a step short enough to look what is left:
-     * over-relaxed sweeps step farther than particles are from their rest. */
+    /* Convergence, by the rms step over h. rest_lambda > 0: the paper's criterion on the coarsest level, a mean log10 lambda above it.
+     * level_step, level_sweeps: a level that is refined again ends at this step or after these sweeps. stage_step, stage_sweeps_most:
+     * the same for each stage of a coarsest level that is judged by steps; stage_step_divergent if half of its particles have divergent
+     * neighbour normals. finest_rest times the job's tolerance ends the last level: over-relaxed steps are longer than what is left. */
     double finest_rest, rest_lambda, level_step, stage_step[SCHEDULE_STAGES], stage_step_divergent;
     int level_sweeps, stage_sweeps_most;
-    /* A rest holds when the sizes at the particles' present places differ by less than size_settled (rms, relative)
-     * from those in use; so often in a round it may be broken. */
+    /* Convergence holds if the sizes at the present positions differ from those in use by less than this (rms, relative). A round may lose it
+     * at most resizes_most times. */
     double size_settled;
     int resizes_most;
 
-    /* Lists are built anew when more than this share of the particles cannot move as they would, a larger share on
-     * levels that are refined again; and for a single one after so many sweeps. */
+    /* Neighbour lists are rebuilt if their validity limits the steps of more than this fraction of the particles, limited_share_coarse on levels
+     * that are refined again, or if it limits any step and they are limited_wait sweeps old. */
     double limited_share, limited_share_coarse;
     int limited_wait;
-    /* What lists reach beyond the support, over h: wide while particles move far, then so many times the rms step, but
-     * not below the narrow one. */
+    /* Verlet skin, over h: the reach of lists beyond the support. skin_steps times the rms step, between the other two. */
     double skin_wide, skin_narrow, skin_steps;
 
-    /* A coarsest level is dropped when more than this share of its particles see round edges or through sheets; where they start, with
-     * lists that reach farther, more than the other share. */
+    /* The coarsest level is dropped if more than this fraction of its particles has divergent neighbour normals; divergent_share_first when
+     * it begins, since its first lists reach farther. */
     double divergent_share, divergent_share_first;
 
-    /* Particles that start on a finer level take so many sweeps by themselves first. */
+    /* Sweeps of the first particles of a connected part before they join the others. */
     int new_part_sweeps;
 } schedule;
 
 extern const schedule schedule_paper;      /* the paper's criterion (section 7); any energy, any minimiser */
-extern const schedule schedule_packed;     /* the same, from places that are a packing already */
-extern const schedule schedule_multilevel; /* the default: fast steps, levels paced by their count */
-extern const schedule schedule_continued;  /* fast steps from places near rest, as of a frame of a sequence */
+extern const schedule schedule_packed;     /* the same, from positions that are a packing */
+extern const schedule schedule_multilevel; /* the default: fast steps, sweeps by particle count */
+extern const schedule
+    schedule_continued; /* fast steps from positions near convergence, as of a frame of a sequence */
 
-/* Where a solve is. */
+/* Position in a solve. */
 typedef struct schedule_position {
     int level, levels, stage;
-    int sweeps;    /* in this round */
-    size_t count;  /* particles of the level */
-    bool is_sized; /* there is a sizing field */
-    bool has_many_defects; /* the level was found so, see defects_share */
-    bool has_curves;
-    bool
-        is_divergent; /* many of its particles see others turned from them: see relax_has_divergent_normals */
-    bool is_mostly_divergent; /* half of them do, see relax_has_mostly_divergent_normals */
+    int sweeps;               /* of the round */
+    size_t count;             /* particles of the level */
+    bool is_sized;            /* there is a sizing field */
+    bool has_many_defects;    /* of the level, see schedule_has_many_defects */
+    bool has_curves;          /* the surface has feature curves */
+    bool is_divergent;        /* relax_has_divergent_normals */
+    bool is_mostly_divergent; /* relax_has_mostly_divergent_normals */
 } schedule_position;
 
 static inline bool schedule_is_last_stage(const schedule_position *at)
@@ -98,29 +94,29 @@ static inline bool schedule_is_last_level(const schedule_position *at)
     return at->level == at->levels - 1;
 }
 
-/* Sweeps that the level has at least. */
+/* Least sweeps of the level. */
 int schedule_level_sweeps(const schedule *s, const schedule_position *at);
 
-/* Whether the level has just ended its sweeps, and would have taken more if it was rough. */
+/* Whether the level has just completed its least sweeps and its defect fraction decides about more. */
 bool schedule_judges_defects(const schedule *s, const schedule_position *at);
 
-/* Whether a level with this share of disordered particles is rough. */
+/* Whether a level with this defect fraction takes more sweeps. */
 bool schedule_has_many_defects(const schedule *s, const schedule_position *at, double defect_fraction);
 
 double schedule_omega(const schedule *s, const schedule_position *at);
 
-/* Whether a level with paced sweeps is still shaken: steps may be long, and energies may rise. */
+/* Whether steps may be long and energies may rise, as in the least sweeps of a paced level. */
 bool schedule_is_shaken(const schedule *s, const schedule_position *at);
 
 /* The longest fast step, over h; may be INFINITY. */
 double schedule_longest_step(const schedule *s, const schedule_position *at);
 
-/* What a sweep has shown. */
+/* Results of a sweep. */
 typedef struct schedule_evidence {
     double rms_step;          /* over h */
-    double mean_log10_lambda; /* read where has_lambda */
+    double mean_log10_lambda; /* used if has_lambda */
     bool has_lambda;          /* false for the gradient minimiser */
-    double step_tolerance;    /* of the rms step, that the job asks for */
+    double step_tolerance;    /* of the rms step, from the job */
 } schedule_evidence;
 
 /* Whether the round ends, and why: its criterion of convergence holds, or the sweeps of its level or stage are spent. */
@@ -129,17 +125,16 @@ typedef enum schedule_end { SCHEDULE_GOES_ON, SCHEDULE_CONVERGED, SCHEDULE_SWEEP
 schedule_end schedule_round_end(const schedule *s, const schedule_position *at,
                                 const schedule_evidence *seen);
 
-/* Whether the round has taken so long that it is to ask for ten times `gain`; true once each time. */
+/* Whether `gain` is to be multiplied by 10 after this sweep of the round. */
 bool schedule_is_impatient(const schedule *s, const schedule_position *at, double gain);
 
-/* Whether lists are to be built anew, with `limited` particles held back by lists that are `age` sweeps old. */
+/* Whether lists of this age in sweeps are to be rebuilt if their validity limits `limited` particles. */
 bool schedule_wants_lists(const schedule *s, const schedule_position *at, size_t limited, int age);
 
 /* The Verlet skin of the next lists, over h. That of the first lists of a level is skin_wide. */
 double schedule_skin(const schedule *s, double rms_step);
 
-/* An estimate of the sweeps that the level takes in all, at least 1, from its `spent` sweeps so far and the last evidence; without
- * evidence, NULL, of a level that has not begun. */
+/* Estimated sweeps of the level in all, at least 1, after `spent` sweeps. `seen`: of the last sweep; NULL of a level that has not begun. */
 double schedule_expected_sweeps(const schedule *s, const schedule_position *at, double spent,
                                 const schedule_evidence *seen);
 
