@@ -14,7 +14,7 @@
 /* Progress: if a level takes longer than expected, this fraction of its expected sweeps is still to come. */
 static const double LEFT_LEAST = 0.1;
 /* After projection had left steps above the tolerance, the steps before projection must be below this fraction of it. */
-static const double PRESSED = 0.9;
+static const double TIGHTENED = 0.9;
 /* A level with fewer sweeps than this skips no particle. */
 enum { SKIPPING_SWEEPS = 100 };
 
@@ -172,7 +172,7 @@ static void estimate_fraction(solver *s, const schedule_evidence *seen)
 
 /* Sizes and amplitudes are those of earlier positions. Whether those of the present positions differ too little to matter, or the
  * next level renews them anyway. */
-static bool sizes_are_settled(solver *s)
+static bool sizes_are_current(solver *s)
 {
     if (s->state.level > 0 && s->state.level < s->state.plan.count - 1) return true;
     double change = fmax(solver_renew_sizes(s), solver_renew_amplitudes(s));
@@ -187,12 +187,12 @@ static bool sizes_are_settled(solver *s)
 
 /* Whether the points would have converged as they are delivered: a sweep does not count particles that found no better position. The
  * gradient minimiser has converged when its steps are small, whatever Newton's would be. */
-static bool points_rest(const solver *s, const schedule_position *at)
+static bool points_have_converged(const solver *s, const schedule_position *at)
 {
     if (!schedule_is_last_level(at) || !schedule_is_last_stage(at) || s->setup.params.gradient ||
         s->state.regime->is_under_resolved)
         return true;
-    const double most = s->setup.params.step_tolerance * (s->state.is_tightened ? PRESSED : 1);
+    const double most = s->setup.params.step_tolerance * (s->state.is_tightened ? TIGHTENED : 1);
     return !(solver_steps_left(s, true).to_rest > most);
 }
 
@@ -277,8 +277,8 @@ static bool sweep(solver *s, error *e)
                            solver_amplitudes_are_due(s) || sums.displaced_limited > 0;
     s->state.skin = schedule_skin(given, sums.rms_step) * s->state.spacing;
     const schedule_end end = schedule_round_end(given, &at, &seen);
-    if (sums.displaced_limited == 0 && end != SCHEDULE_GOES_ON && points_rest(s, &at) &&
-        sizes_are_settled(s)) {
+    if (sums.displaced_limited == 0 && end != SCHEDULE_GOES_ON && points_have_converged(s, &at) &&
+        sizes_are_current(s)) {
         s->state.round_ended = end == SCHEDULE_CONVERGED ? "converged" : "sweeps_spent";
         s->state.next = ACTION_CONTROL;
     }
@@ -323,7 +323,7 @@ static bool refine(solver *s, error *e)
 }
 
 /* A solve on one level: before its last stage particles are near their final positions, and most sweeps are to come. */
-static bool judge_whole(solver *s, error *e)
+static bool judge_single_level(solver *s, error *e)
 {
     if (!judge_regime(s, e)) return false;
     if (!s->setup.fast || s->state.p->patch || s->state.regime->is_under_resolved || solver_is_continued(s))
@@ -381,7 +381,8 @@ static bool control(solver *s, error *e)
         complete(s, is_on_target);
         return true;
     }
-    if (s->state.plan.count == 1 && s->state.stage == SCHEDULE_STAGES - 2 && !judge_whole(s, e)) return false;
+    if (s->state.plan.count == 1 && s->state.stage == SCHEDULE_STAGES - 2 && !judge_single_level(s, e))
+        return false;
     return adapt(s, is_on_target, e);
 }
 
@@ -389,7 +390,7 @@ static bool control(solver *s, error *e)
 
 /* Whether defect repair may run: on patches of even size unless near curve samples were merged; elsewhere, where sizes vary, after extra
  * sweeps of a level with a high defect fraction. Enough sweeps must be left to converge again. */
-static bool may_be_mended(const solver *s)
+static bool may_repair(const solver *s)
 {
     const bool is_sized = s->setup.params.sizing != NULL;
     const bool may = s->state.p->patch ? !is_sized && !solver_merges_near_curves(s)
@@ -399,7 +400,7 @@ static bool may_be_mended(const solver *s)
 }
 
 /* Whether a solve from given points has too much energy for longer steps not to help. */
-static bool is_too_disordered(const solver *s)
+static bool needs_longer_steps(const solver *s)
 {
     const double most = s->setup.params.excess_most;
     return most > 0 && s->state.regime->with_longer_steps &&
@@ -410,7 +411,7 @@ static bool is_too_disordered(const solver *s)
 static bool repair(solver *s, error *e)
 {
     relax_clear_displaced(s->scratch.relax);
-    if (is_too_disordered(s)) {
+    if (needs_longer_steps(s)) {
         s->state.regime = s->state.regime->with_longer_steps;
         particles_undamp(s->state.p);
         continue_round(s, "longer_steps");
@@ -418,7 +419,7 @@ static bool repair(solver *s, error *e)
         return true;
     }
     s->state.next = ACTION_PROJECT;
-    if (!may_be_mended(s)) return true;
+    if (!may_repair(s)) return true;
     bool changed = false;
     if (!solver_repair_defects(s, &changed, e)) return false;
     if (changed) {
@@ -465,7 +466,7 @@ static bool project(solver *s, error *e)
 
 /* On a mesh, and after defect repair: whether the solve has still converged once the points are projected to rounding and have the sizes of
  * their final positions. */
-static bool rests_settled(solver *s, bool *rests, error *e)
+static bool has_converged_after_projection(solver *s, bool *rests, error *e)
 {
     relax_steps left;
     *rests = true;
@@ -480,7 +481,7 @@ static bool verify(solver *s, error *e)
 {
     bool rests = true;
     if (may_go_on(s)) {
-        if (!rests_settled(s, &rests, e)) return false;
+        if (!has_converged_after_projection(s, &rests, e)) return false;
         s->state.is_tightened = !rests;
     }
     if (!rests) {

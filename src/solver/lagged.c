@@ -1,4 +1,4 @@
-/* lagged: what sweeps read and is constant between two renewals: amplitudes, sizes, neighbour lists. See solver_state.h. */
+/* lagged: amplitudes, sizes and neighbour lists, which are constant between two renewals. See solver_state.h. */
 #include "packing/energy.h"
 #include "packing/packing.h"
 #include "solver/solver_state.h"
@@ -29,13 +29,14 @@ bool solver_is_on_target(const solver *s, double energy)
     return fabs(energy / s->setup.params.energy->ideal - 1) < s->setup.params.energy_tolerance;
 }
 
-/* Numbers that go with the particles' places and are constant between two renewals: amplitudes and sizes. Sums are made of at most so many parts, by the count alone. */
+/* PARTS: sums are made of at most this many parts, which depend on the count alone, so that they do not depend on the number of threads. BATCH:
+ * positions whose spacing is computed in one call. */
 enum { PARTS = 256, BATCH = 64 };
 
 typedef struct renewal {
     solver *s;
     size_t grain;
-    double squares[PARTS]; /* of relative changes, a chunk each */
+    double squares[PARTS]; /* sums of squared relative changes, one for each part */
 } renewal;
 
 static double renew(solver *s, threads_work work)
@@ -70,8 +71,8 @@ double solver_renew_amplitudes(solver *s)
     return s->setup.params.graded ? renew(s, amplitude_chunk) : 0;
 }
 
-/* Every sweep at first, when particles move far, and then after a quarter more sweeps each time. In between the energy is
- * a function of positions alone, which can only fall. */
+/* Every sweep at first, when steps are long, then after a quarter more sweeps each time. In between the energy is a function of the
+ * positions alone and can only fall. */
 bool solver_amplitudes_are_due(const solver *s)
 {
     return s->setup.params.graded && s->record.sweep_count >= s->state.next_amplitudes;
@@ -120,7 +121,7 @@ bool solver_build_lists(solver *s, error *e)
     return true;
 }
 
-/* Newton's step says nothing of the Gaussian, which bends the wrong way near its centre. */
+/* Newton's step has no meaning for the Gaussian, whose second derivative is negative near its centre. */
 relax_steps solver_steps_left(const solver *s, bool watch)
 {
     if (s->setup.params.energy == &energy_gaussian) return (relax_steps){NAN, NAN};
