@@ -56,19 +56,10 @@ static bool place(solver *s, error *e)
     return arrange(s, e);
 }
 
-/* Whether the coarsest level does not resolve the surface. Where it begins more particles have divergent neighbour normals than after
- * convergence, since lists reach farther. */
-static bool is_too_divergent(const solver *s, bool begins)
+/* Drops the coarsest level if it does not resolve the surface: the next finer one takes its place. */
+static bool drop_coarsest(solver *s, bool *again, error *e)
 {
-    const schedule *given = s->state.regime->schedule;
-    return relax_divergent_share(s->scratch.relax, s->state.p) >
-           (begins ? given->divergent_share_first : given->divergent_share);
-}
-
-/* Then the next finer one takes its place. */
-static bool drop_coarsest(solver *s, bool begins, bool *again, error *e)
-{
-    *again = is_too_divergent(s, begins);
+    *again = relax_divergent_share(s->scratch.relax, s->state.p) > s->state.regime->schedule->divergent_share;
     if (!*again) return true;
     level_plan_drop_coarsest(&s->state.plan);
     return solver_place(s, s->state.sigma / s->state.spacing, e);
@@ -84,7 +75,7 @@ bool solver_place(solver *s, double support, error *e)
     particles_undamp(s->state.p);
     if (!s->setup.method->begin(s, e)) return false;
     bool again;
-    return s->state.plan.count == 1 || s->state.stage > 0 || drop_coarsest(s, true, &again, e);
+    return s->state.plan.count == 1 || s->state.stage > 0 || drop_coarsest(s, &again, e);
 }
 
 static size_t count_on_boundary(const solver *s)
@@ -112,7 +103,7 @@ static void forget_mesh(solver *s)
 bool solver_replan(solver *s, bool *again, error *e)
 {
     const size_t count = s->state.p->count;
-    if (s->state.stage == 0) return drop_coarsest(s, false, again, e);
+    if (s->state.stage == 0) return drop_coarsest(s, again, e);
     if (s->state.plan.quotas) return true; /* which know their counts */
     /* what is not resolved tells no count to begin again with */
     s->state.counts_corrected |= relax_has_mostly_divergent_normals(s->scratch.relax);

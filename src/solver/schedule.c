@@ -16,8 +16,7 @@ static const double LAMBDA_BEGINS = -3;
     .sweeps = 100, .sweeps_count = 1e4, .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120,   \
     .defects_sweeps = {2, 3.5}, .defects_count = 5e3, .defects_share = {{0.05, 0.25}, {0.02, 0.25}}, \
     .size_settled = 1e-3, .resizes_most = 10, .limited_share = 0.01, .limited_share_coarse = 0.04,   \
-    .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6, .divergent_share = 0.7,                   \
-    .divergent_share_first = 0.9, .new_part_sweeps = 60
+    .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6, .divergent_share = 0.7, .new_part_sweeps = 60
 
 /* Over-relaxation: 1.8 takes three times the sweeps; 3.0 is slower near convergence. */
 #define PAPER                                                                                  \
@@ -44,7 +43,6 @@ const schedule schedule_multilevel = {
     .longest_step = 0.05,
     .shake_sweeps = 15,
     .stage_step = {0.03, 0.01, 0.001},
-    .stage_step_divergent = 0.002,
     .stage_sweeps_most = 400,
     .finest_rest = 3.5,
     .limited_wait = 12,
@@ -57,7 +55,6 @@ const schedule schedule_continued = {
     .omega = 1.2,
     .longest_step = 0.05,
     .stage_step = {0.03, 0.01, 0.001},
-    .stage_step_divergent = 0.002,
     .stage_sweeps_most = 400,
     .finest_rest = 1,
     .limited_wait = 12,
@@ -130,9 +127,7 @@ static schedule_end end_by_steps(const schedule *s, const schedule_position *at,
     if (s->is_paced && last_stage && at->sweeps < schedule_level_sweeps(s, at)) return SCHEDULE_GOES_ON;
     if (schedule_is_last_level(at) && last_stage)
         return seen->rms_step < s->finest_rest * seen->step_tolerance ? SCHEDULE_CONVERGED : SCHEDULE_GOES_ON;
-    const double step =
-        last_stage && at->is_mostly_divergent ? s->stage_step_divergent : s->stage_step[at->stage];
-    if (seen->rms_step < step) return SCHEDULE_CONVERGED;
+    if (seen->rms_step < s->stage_step[at->stage]) return SCHEDULE_CONVERGED;
     return at->level > 0 || at->sweeps >= s->stage_sweeps_most ? SCHEDULE_SWEEPS_SPENT : SCHEDULE_GOES_ON;
 }
 

@@ -42,9 +42,8 @@ typedef struct schedule {
 
     /* Convergence, by the rms step over h. rest_lambda > 0: the paper's criterion on the coarsest level, a mean log10 lambda above it.
      * level_step, level_sweeps: a level that is refined again ends at this step or after these sweeps. stage_step, stage_sweeps_most:
-     * the same for each stage of a coarsest level that is judged by steps; stage_step_divergent if half of its particles have divergent
-     * neighbour normals. finest_rest times the job's tolerance ends the last level: over-relaxed steps are longer than what is left. */
-    double finest_rest, rest_lambda, level_step, stage_step[SCHEDULE_STAGES], stage_step_divergent;
+     * the same for each stage of a coarsest level that is judged by steps. finest_rest times the job's tolerance ends the last level: over-relaxed steps are longer than what is left. */
+    double finest_rest, rest_lambda, level_step, stage_step[SCHEDULE_STAGES];
     int level_sweeps, stage_sweeps_most;
     /* Convergence holds if the sizes at the present positions differ from those in use by less than this (rms, relative). A round may lose it
      * at most resizes_most times. */
@@ -58,9 +57,8 @@ typedef struct schedule {
     /* Verlet skin, over h: the reach of lists beyond the support. skin_steps times the rms step, between the other two. */
     double skin_wide, skin_narrow, skin_steps;
 
-    /* The coarsest level is dropped if more than this fraction of its particles has divergent neighbour normals; divergent_share_first when
-     * it begins, since its first lists reach farther. */
-    double divergent_share, divergent_share_first;
+    /* The coarsest level is dropped if more than this fraction of its particles has divergent neighbour normals. */
+    double divergent_share;
 
     /* Sweeps of the first particles of a connected part before they join the others. */
     int new_part_sweeps;

@@ -148,25 +148,6 @@ static void a_paced_level_has_its_sweeps_before_it_rests(void **state)
     assert_true(rests(&schedule_multilevel, at, 0.04, 0));
 }
 
-/* Of a surface that is mostly creased the coarsest level rests sooner, and is not asked whether it is rough; the last is. */
-static void mostly_creased_levels_rest_sooner(void **state)
-{
-    (void)state;
-    const schedule *s = &schedule_multilevel;
-    schedule_position at = {.levels = 2, .stage = LAST, .count = 25000, .is_divergent = true};
-    at.sweeps = schedule_level_sweeps(s, &at);
-    const double step = 0.5 * (s->stage_step[LAST] + s->stage_step_divergent);
-    const schedule_evidence seen = {.rms_step = step, .step_tolerance = 1e-3};
-    assert_true(schedule_judges_defects(s, &at));
-    assert_false(schedule_round_end(s, &at, &seen));
-    at.is_mostly_divergent = true;
-    assert_false(schedule_judges_defects(s, &at));
-    assert_true(schedule_round_end(s, &at, &seen));
-    at.level = 1;
-    at.sweeps = schedule_level_sweeps(s, &at);
-    assert_true(schedule_judges_defects(s, &at));
-}
-
 static void the_paper_goes_by_lambda(void **state)
 {
     (void)state;
@@ -261,7 +242,6 @@ int main(void)
         cmocka_unit_test(rough_levels_are_not_impatient),
         cmocka_unit_test(steps_are_free_until_a_level_is_shaken),
         cmocka_unit_test(a_paced_level_has_its_sweeps_before_it_rests),
-        cmocka_unit_test(mostly_creased_levels_rest_sooner),
         cmocka_unit_test(the_paper_goes_by_lambda),
         cmocka_unit_test(patience_ends_once_and_again),
         cmocka_unit_test(the_coarsest_gain_lasts),
