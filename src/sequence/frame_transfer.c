@@ -129,7 +129,7 @@ static bool candidates_make(candidates *c, error *e)
 {
     const char *what = "carried points";
     size_t most = c->params->count > c->params->previous_count ? c->params->count : c->params->previous_count;
-    size_t room = most + PLACES * c->params->count + c->allotted.rows.copies;
+    size_t room = most + PLACES * c->params->count + c->allotted.samples.copies;
     return (c->position = mem_array(room, sizeof *c->position, what, e)) &&
            (c->normal = mem_array(room, sizeof *c->normal, what, e)) &&
            (c->spacing = mem_array(room, sizeof *c->spacing, what, e)) &&
@@ -196,7 +196,7 @@ static void carry_chunk(void *context, int worker, size_t begin, size_t end)
 /* The particles on curves, which no carried point has yet. */
 static void place_curve_samples(candidates *c)
 {
-    const curve_samples *rows = &c->allotted.rows;
+    const curve_samples *rows = &c->allotted.samples;
     c->fixed = rows->copies;
     for (size_t i = 0; i < c->fixed; i++) {
         c->position[i] = c->landed[i] = rows->position[rows->place[i]];
@@ -596,7 +596,7 @@ static bool ease(candidates *c, error *e)
                            .fast_step = schedule_continued.longest_step,
                            .gain = schedule_continued.gain[SCHEDULE_STAGES - 1]};
     bool ok = p && r;
-    ok = ok && particles_label(p, c->f->patches, n, e);
+    ok = ok && particles_set_patches(p, c->f->patches, n, e);
     for (size_t i = 0; ok && i < n; i++) {
         if (p->patch) {
             p->patch[i] = c->part[i];
@@ -754,7 +754,7 @@ static bool hand_over(candidates *c, frame_transfer *out, error *e)
     close_gaps(c);
     size_t n = c->count;
     uint32_t *order = mem_array(n, sizeof *order, what, e);
-    bool *seen = mem_array(c->allotted.rows.count + 1, sizeof *seen, what, e);
+    bool *seen = mem_array(c->allotted.samples.count + 1, sizeof *seen, what, e);
     bool ok = order && seen && (out->position = mem_array(n, sizeof *out->position, what, e)) &&
               (out->normal = mem_array(n, sizeof *out->normal, what, e)) &&
               (out->landed = mem_array(n, sizeof *out->landed, what, e)) &&

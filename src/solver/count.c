@@ -85,8 +85,8 @@ static bool change_rows(solver *s, size_t wanted, rng *r, solver_round *round, e
     bool ok =
         quota_for_count(&in, wanted, &next, e) &&
         change_count(s, before, next.free_count < 2 * before ? next.free_count : 2 * before, r, round, e) &&
-        solver_reserve(s, s->state.p->count + next.rows.copies, e) &&
-        quota_replace_rows(&next, s->state.p, e);
+        solver_reserve(s, s->state.p->count + next.samples.copies, e) &&
+        quota_replace_samples(&next, s->state.p, e);
     if (!ok) {
         quota_free(&next);
         return false;

@@ -107,7 +107,7 @@ static bool arrange_stands(solver *s, uint32_t *order, uint32_t *first, error *e
     assert(next == solver_point_count(s) && copies == p->count);
     for (size_t k = 0; k < next; k++) {
         s->scratch.lost[k] = s->record.replaced[order[k]];
-        const curve_samples *rows = &s->state.plan.quotas[s->state.level].rows;
+        const curve_samples *rows = &s->state.plan.quotas[s->state.level].samples;
         s->record.feature[k] = !particles_is_on_curve(p, order[k])  ? SOLVER_ON_PATCH
                                : p->place[order[k]] < rows->corners ? SOLVER_ON_CORNER
                                                                     : SOLVER_ON_CURVE;
@@ -143,7 +143,7 @@ static const double SHARP = 0;
 static double wedge_at(const solver *s, size_t k)
 {
     const particles *p = s->state.p;
-    const curve_samples *rows = &s->state.plan.quotas[s->state.level].rows;
+    const curve_samples *rows = &s->state.plan.quotas[s->state.level].samples;
     const double cosine = vec3_dot(p->normal[k], p->normal[s->record.point[k]]),
                  of_faces = s->setup.field->patches->curve[rows->curve[p->place[k]]].cosine;
     return cosine < SHARP ? fmin(fmin(cosine, of_faces), QUALITY_SHEET_FACING) : of_faces;
@@ -209,7 +209,7 @@ static void describe_stands(solver *s, const double *spacing)
                                               p->patch, s->record.point, p->place,  s->record.flags};
     out->feature = s->record.feature;
     out->patch = p->patch;
-    if (p->patch) out->curve = s->state.plan.quotas[s->state.level].rows.curve;
+    if (p->patch) out->curve = s->state.plan.quotas[s->state.level].samples.curve;
 }
 
 static bool describe_points(solver *s, error *e)

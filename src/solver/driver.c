@@ -74,7 +74,7 @@ static void enter_stage(solver *s, int stage)
     assert(stage >= 0 && stage < SCHEDULE_STAGES);
     s->state.stage = stage;
     s->state.gain = s->state.regime->schedule->gain[stage];
-    particles_undamp(s->state.p);
+    particles_reset_damping(s->state.p);
 }
 
 /* ---- starting and ending */
@@ -102,7 +102,7 @@ solver *solver_new(const field *f, const surface *scan, const solver_params *par
     size_t capacity = s->scratch.capacity = level_plan_capacity(&s->state.plan);
     s->state.p = particles_new_even(capacity, e);
     s->scratch.relax = solver_new_relax(s, capacity, e);
-    if (!s->state.p || !s->scratch.relax || !particles_label(s->state.p, f->patches, capacity, e) ||
+    if (!s->state.p || !s->scratch.relax || !particles_set_patches(s->state.p, f->patches, capacity, e) ||
         (params->graded && !particles_add_amplitudes(s->state.p, e)) ||
         (params->sizing && !particles_add_sizes(s->state.p, e)))
         goto fail;
@@ -181,7 +181,7 @@ static bool sizes_are_current(solver *s)
         return true;
     s->state.size_renewals++;
     s->state.lists_stale = true;
-    particles_undamp(s->state.p);
+    particles_reset_damping(s->state.p);
     return false;
 }
 
@@ -413,7 +413,7 @@ static bool repair(solver *s, error *e)
     relax_clear_displaced(s->scratch.relax);
     if (needs_longer_steps(s)) {
         s->state.regime = s->state.regime->with_longer_steps;
-        particles_undamp(s->state.p);
+        particles_reset_damping(s->state.p);
         continue_round(s, "longer_steps");
         s->state.sweeps_in_round = 0;
         return true;
@@ -566,7 +566,7 @@ bool solver_pin(solver *s, const vec3 *place, size_t count, bool *goes_on, error
     continue_round(s, "points_pinned");
     if (!solver_build_lists(s, e)) return false;
     for (size_t i = 0; i < s->state.p->count; i++)
-        if (s->state.p->place[i] == PARTICLES_HELD) solver_mark_displaced(s, i);
+        if (s->state.p->place[i] == PARTICLES_PINNED) solver_mark_displaced(s, i);
     s->state.sweeps_in_round = 0; /* a long round before says nothing of how these particles creep */
     s->state.gain = s->state.regime->schedule->gain[s->state.stage];
     s->state.continuations = 0;

@@ -72,7 +72,7 @@ bool solver_place(solver *s, double support, error *e)
     enter_level(s, s->state.p->count, support);
     if (s->setup.params.max_sigma > 0) s->state.sigma = fmin(s->state.sigma, s->setup.params.max_sigma);
     if (!place(s, e)) return false;
-    particles_undamp(s->state.p);
+    particles_reset_damping(s->state.p);
     if (!s->setup.method->begin(s, e)) return false;
     bool again;
     return s->state.plan.count == 1 || s->state.stage > 0 || drop_coarsest(s, &again, e);
@@ -194,6 +194,6 @@ bool solver_enter_refined(solver *s, error *e)
 {
     if (!arrange(s, e)) return false;
     s->state.skin = s->state.regime->schedule->skin_wide * s->state.spacing;
-    particles_undamp(s->state.p);
+    particles_reset_damping(s->state.p);
     return solver_build_lists(s, e);
 }

@@ -37,7 +37,7 @@ static const double BEND_QUANTILE = 0.5;
 static double typical_bend(const field *f, const surface *scan, const sizing_field *sizing, double h,
                            uint64_t seed)
 {
-    rng r = rng_seed(seed, RANDOM_STREAM_BEND);
+    rng r = rng_seed(seed, RANDOM_STREAM_CURVATURE);
     double bend[BEND_SAMPLES];
     size_t found = 0;
     for (int k = 0; k < BEND_SAMPLES; k++) {
@@ -143,7 +143,7 @@ static bool plan_patches(const field *f, const surface *scan, const solver_param
             quota_free(next);
             return false;
         }
-        if (quota_points(next) < FEWEST_PARTICLES || next->free_count < next->rows.count) {
+        if (quota_points(next) < FEWEST_PARTICLES || next->free_count < next->samples.count) {
             quota_free(next);
             break;
         }
@@ -193,7 +193,7 @@ size_t level_plan_capacity(const level_plan *l)
     size_t most = level_plan_particles(l, 0);
     for (int k = 1; k < l->count; k++) { /* before it has its own rows, a level still has the coarser ones */
         size_t count = level_plan_particles(l, k),
-               before = l->quotas ? l->quotas[k].free_count + l->quotas[k - 1].rows.copies : 0;
+               before = l->quotas ? l->quotas[k].free_count + l->quotas[k - 1].samples.copies : 0;
         most = count > most ? count : most;
         most = before > most ? before : most;
     }

@@ -58,7 +58,7 @@ size_t solver_point_count(const solver *s)
 {
     const quota *a = s->state.plan.quotas;
     if (!a) return s->state.p->count;
-    const curve_samples *rows = &a[s->state.level].rows;
+    const curve_samples *rows = &a[s->state.level].samples;
     return s->state.p->count - rows->copies + rows->count;
 }
 

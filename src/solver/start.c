@@ -218,7 +218,7 @@ static bool place_rows(const quota *a, particles *p, size_t *first, size_t **pat
     *patch_first = mem_array(patches, sizeof **patch_first, "the start", e);
     if (!*patch_first) return false;
     p->count = 0;
-    quota_add_rows(a, p);
+    quota_add_samples(a, p);
     *first = p->count;
     for (uint32_t k = 0; k < patches; k++) {
         (*patch_first)[k] = p->count;

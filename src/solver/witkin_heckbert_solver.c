@@ -118,7 +118,7 @@ static bool reserve(solver *s, size_t capacity, error *e)
 static double amplitude_scale(const solver *s)
 {
     if (!s->setup.params.graded) return 1;
-    rng r = rng_seed(s->setup.params.seed, RANDOM_STREAM_SWARM_SCALE);
+    rng r = rng_seed(s->setup.params.seed, RANDOM_STREAM_WITKIN_HECKBERT_RADII);
     double sum = 0;
     int found = 0;
     for (int k = 0; k < SCALE_SAMPLES; k++) {
@@ -154,7 +154,7 @@ static bool begin(solver *s, error *e)
     w->sigma_max = w->params.sigma_max > 0 ? w->params.sigma_max
                                            : fmax(0.5 * bbox_longest(s->setup.scan->box),
                                                   1.5 * s->state.spacing / w->packing / w->band);
-    w->life = rng_seed(s->setup.params.seed, RANDOM_STREAM_SWARM_LIFE);
+    w->life = rng_seed(s->setup.params.seed, RANDOM_STREAM_WITKIN_HECKBERT);
     s->state.sigma = s->state.spacing / w->packing;
     if (!reserve(s, s->state.p->count, e)) return false;
     for (size_t i = 0; i < s->state.p->count; i++) w->sigma[i] = s->state.sigma;

@@ -44,7 +44,7 @@ static particles *filled(void)
     error e = {0};
     particles *p = particles_new(COUNT, &e);
     assert_non_null(p);
-    assert_true(particles_label(p, &patches, COUNT, &e));
+    assert_true(particles_set_patches(p, &patches, COUNT, &e));
     for (size_t i = 0; i < COUNT; i++)
         assert_true(p->hint[i] == FIELD_NO_HINT && p->place[i] == PARTICLES_FREE);
     p->count = COUNT;
@@ -95,7 +95,7 @@ static void test_a_permutation_arranges_all_arrays(void **state)
     }
     assert_true(particles_arrange(p, order, NULL, &e));
     for (size_t k = 0; k < COUNT; k++) assert_is(p, k, order[k]);
-    particles_undamp(p);
+    particles_reset_damping(p);
     for (size_t k = 0; k < COUNT; k++) assert_true(p->lambda[k] == 0);
     particles_free(p);
 }

@@ -83,7 +83,7 @@ static void who_was_taken_away_comes_back(void **state)
     assert_int_equal(moves, 0); /* no place is that bare */
     move(x, size, place, &moves);
     assert_int_equal(moves, (COUNT - 6 * SIDE - 3 + 96) / 97);
-    assert_true(least_distance(x) > RELOCATION_BARE);
+    assert_true(least_distance(x) > RELOCATION_GAP);
     move(x, size, place, &again); /* all is well now: a square's middle is .71 from its corners */
     assert_int_equal(again, 0);
     free(x);
@@ -109,7 +109,7 @@ static void random_points_come_apart(void **state)
     for (; moves > 0 && passes < 50; passes++) {
         double least = least_distance(x);
         move(x, size, place, &moves);
-        assert_true(least_distance(x) >= fmin(least, RELOCATION_BARE));
+        assert_true(least_distance(x) >= fmin(least, RELOCATION_GAP));
     }
     assert_true(passes < 50 && least_distance(x) > 0.5 && farthest(x, place) < 0.6 * before);
     free(x);
@@ -176,7 +176,7 @@ static void a_strip_gets_points_where_none_crowds(void **state)
     assert_true(relocation_choose(&in, NULL, &chosen, &moves, &e));
     assert_int_equal(moves, 0);
     free(chosen);
-    in.crowded = 0.95;
+    in.dense = 0.95;
     assert_true(relocation_choose(&in, NULL, &chosen, &moves, &e));
     assert_int_equal(moves, ROWS);
     for (size_t k = 0; k < moves; k++) /* no two leave one hole */

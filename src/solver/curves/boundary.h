@@ -1,12 +1,11 @@
-/* boundary: the curves along which faces of the domain cut an open surface, and first places of particles on
- * them.
+/* boundary: the curves in which faces of the domain cut an open surface, and initial positions of particles on them.
  *
- * A face cuts the triangles of the scan in segments, which join into curves: closed ones, and ones that end
- * at another face. Particles that start in a row on the boundary stay there, since nothing pushes them
- * inwards. Particles that start near it may come to rest beside it and leave a gap.
+ * A face cuts the triangles of the surface's cells in segments. Joined, they are closed curves or curves that end at another
+ * face. Particles that start on the boundary stay there, since no force pushes them inwards. Particles that start near it may
+ * converge beside it and leave a gap. World space.
  */
-#ifndef HEXAD_SOLVER_BOUNDARY_H
-#define HEXAD_SOLVER_BOUNDARY_H
+#ifndef HEXAD_SOLVER_CURVES_BOUNDARY_H
+#define HEXAD_SOLVER_CURVES_BOUNDARY_H
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -17,21 +16,23 @@
 
 typedef struct boundary {
     size_t count;
-    vec3 *position, *normal; /* on the surface and in a face, exactly; unit normals of the surface */
+    vec3 *position; /* exactly in a face of the domain, and on the surface */
+    vec3 *normal;   /* unit normal of the surface */
 } boundary;
 
-/* How far apart places are to be: `spacing`, times what a grading requests there over `even`. */
+/* Requested distance of samples along a curve. At x it is `spacing` times the sizing field at x over `even`. */
 typedef struct boundary_request {
     double spacing;
-    const sizing_field *sizing; /* NULL: even */
-    double even;
-    size_t most; /* places; where more would be needed, all are farther apart */
+    const sizing_field *sizing; /* NULL: uniform */
+    double even;                /* spacing that the sizing field is relative to */
+    size_t most;                /* maximum number of samples; the spacing is increased to keep it */
 } boundary_request;
 
+/* Requested spacing at x. World space. */
 double boundary_spacing(const boundary_request *request, vec3 x);
 
-/* Nothing for a closed surface. Deterministic. Release also after failure. Errors: limit_memory. */
+/* Samples the boundary curves. A closed surface has none. Deterministic. Free *out also after failure. Error: limit_memory. */
 bool boundary_find(const surface *s, const boundary_request *request, boundary *out, error *e);
-void boundary_free(boundary *r);
+void boundary_free(boundary *samples);
 
 #endif

@@ -17,11 +17,10 @@ double curve_chains_length(const field_patches *patches, const field_curve *curv
 
 /* ---- corners */
 
-/* A corner, by its place; `length`: of the shortest curve to another one that lends it its point. */
 typedef struct corner {
     vec3 at;
-    uint32_t point; /* or NONE */
-    double length;
+    uint32_t point; /* that represents it, or NONE */
+    double length;  /* of the curve to the corner whose point it shares; 0: own point; INFINITY: none */
 } corner;
 
 static const uint32_t NONE = UINT32_MAX;
@@ -34,14 +33,15 @@ static int compare_corners(const void *a, const void *b)
 }
 
 typedef struct corners {
-    corner *list; /* ascending */
+    corner *list; /* ascending by position */
     size_t count;
 } corners;
 
+/* The corner at a position; it exists. */
 static corner *find_corner(const corners *all, vec3 at)
 {
     size_t low = 0, high = all->count;
-    while (low < high) { /* the first that is not before it */
+    while (low < high) {
         size_t middle = (low + high) / 2;
         if (vec3_compare(all->list[middle].at, at) < 0)
             low = middle + 1;
@@ -56,16 +56,17 @@ static vec3 end_of(const field_patches *p, const field_curve *c, int which)
     return p->vertex[c->first + (which == 0 ? 0 : c->count - 1)];
 }
 
-/* In spacings: where rows have become one, no corner's point is farther from it. */
-static const double NEAR = 0.65;
+/* Maximum distance between a corner and the point that represents it if near curves were merged, in spacings. This is the
+ * largest merge distance of near_curves. */
+static const double SHARED_POINT_DISTANCE = 0.65;
 
 static bool is_near(const solver_points *solved, uint32_t point, vec3 at)
 {
-    return vec3_norm(vec3_sub(solved->position[point], at)) <= NEAR * solved->spacing[point];
+    return vec3_norm(vec3_sub(solved->position[point], at)) <= SHARED_POINT_DISTANCE * solved->spacing[point];
 }
 
-/* Those without a point borrow one. */
-static void lend_points(const field_patches *p, const solver_points *solved, corners *all)
+/* A corner without a point shares the point at the far end of its shortest curve. */
+static void share_points(const field_patches *p, const solver_points *solved, corners *all)
 {
     for (size_t c = 0; c < p->curve_count; c++)
         for (int k = 0; k < 2 && !p->curve[c].closed; k++) {
@@ -79,13 +80,13 @@ static void lend_points(const field_patches *p, const solver_points *solved, cor
         }
 }
 
-/* `place`: the points by place, those on corners first. */
-static void find_corners(const field_patches *p, const solver_points *solved, const uint32_t *place,
+/* `by_sample`: points by curve sample, corners first. */
+static void find_corners(const field_patches *p, const solver_points *solved, const uint32_t *by_sample,
                          const curve_chains *chains, corners *out)
 {
     out->list = mem_alloc((chains->corners + 2 * p->curve_count) * sizeof *out->list);
     for (size_t k = 0; k < chains->corners; k++)
-        out->list[out->count++] = (corner){solved->position[place[k]], place[k], 0};
+        out->list[out->count++] = (corner){solved->position[by_sample[k]], by_sample[k], 0};
     for (size_t c = 0; c < p->curve_count; c++)
         for (int k = 0; k < 2 && !p->curve[c].closed; k++)
             out->list[out->count++] = (corner){end_of(p, &p->curve[c], k), NONE, INFINITY};
@@ -95,23 +96,24 @@ static void find_corners(const field_patches *p, const solver_points *solved, co
         if (kept == 0 || vec3_compare(out->list[kept - 1].at, out->list[k].at) != 0)
             out->list[kept++] = out->list[k];
     out->count = kept;
-    lend_points(p, solved, out);
+    share_points(p, solved, out);
 }
 
 /* ---- chains */
 
-/* Points by place: those on corners come first, then curve after curve, each from its start to its end. */
-static uint32_t *find_places(const solver_points *solved, curve_chains *out)
+/* Points by curve sample: corners first, then curve after curve, each from its start to its end. */
+static uint32_t *points_by_sample(const solver_points *solved, curve_chains *out)
 {
-    const solver_patch_points *stands = &solved->patch_points;
+    const solver_patch_points *patch_points = &solved->patch_points;
     for (size_t k = 0; k < solved->count; k++) {
         out->points += solved->feature[k] != SOLVER_ON_PATCH;
         out->corners += solved->feature[k] == SOLVER_ON_CORNER;
     }
-    uint32_t *place = mem_alloc(out->points * sizeof *place);
-    for (size_t k = 0; k < stands->count; k++)
-        if (solved->feature[stands->point[k]] != SOLVER_ON_PATCH) place[stands->place[k]] = stands->point[k];
-    return place;
+    uint32_t *by_sample = mem_alloc(out->points * sizeof *by_sample);
+    for (size_t k = 0; k < patch_points->count; k++)
+        if (solved->feature[patch_points->point[k]] != SOLVER_ON_PATCH)
+            by_sample[patch_points->place[k]] = patch_points->point[k];
+    return by_sample;
 }
 
 static void add_point(curve_chains *out, size_t begin, size_t *count, uint32_t point)
@@ -123,23 +125,23 @@ void curve_chains_make(const field_patches *patches, const solver_points *solved
 {
     corners all = {0};
     *out = (curve_chains){0};
-    uint32_t *place = find_places(solved, out);
+    uint32_t *by_sample = points_by_sample(solved, out);
     size_t count = 0, k = out->corners;
     out->first = mem_alloc((patches->curve_count + 1) * sizeof *out->first);
     out->point = mem_alloc((out->points + 2 * patches->curve_count) * sizeof *out->point);
-    find_corners(patches, solved, place, out, &all);
+    find_corners(patches, solved, by_sample, out, &all);
     for (size_t c = 0; c < patches->curve_count; c++) {
         const field_curve *curve = &patches->curve[c];
         const size_t begin = out->first[c] = count;
         if (!curve->closed)
             add_point(out, begin, &count, find_corner(&all, end_of(patches, curve, 0))->point);
-        for (; k < out->points && solved->curve[k] == c; k++) add_point(out, begin, &count, place[k]);
+        for (; k < out->points && solved->curve[k] == c; k++) add_point(out, begin, &count, by_sample[k]);
         if (!curve->closed)
             add_point(out, begin, &count, find_corner(&all, end_of(patches, curve, 1))->point);
     }
     out->first[patches->curve_count] = count;
     free(all.list);
-    free(place);
+    free(by_sample);
 }
 
 void curve_chains_free(curve_chains *c)
@@ -151,34 +153,35 @@ void curve_chains_free(curve_chains *c)
 
 /* ---- sides */
 
-/* A stand on a curve. */
-typedef struct stand {
+/* A patch point on a curve; index: in solver_patch_points. */
+typedef struct curve_point {
     uint32_t point, patch, index;
-} stand;
+} curve_point;
 
-static int compare_stands(const void *a, const void *b)
+static int compare_curve_points(const void *a, const void *b)
 {
-    const stand *x = a, *y = b;
+    const curve_point *x = a, *y = b;
     if (x->point != y->point) return x->point > y->point ? 1 : -1;
     return (x->patch > y->patch) - (x->patch < y->patch);
 }
 
-static stand *list_stands(const solver_patch_points *s, size_t *count)
+static curve_point *list_curve_points(const solver_patch_points *s, size_t *count)
 {
-    stand *list = mem_alloc(s->count * sizeof *list);
+    curve_point *list = mem_alloc(s->count * sizeof *list);
     *count = 0;
     for (size_t k = 0; k < s->count; k++)
-        if (s->flags[k] & PACKING_FIXED) list[(*count)++] = (stand){s->point[k], s->patch[k], (uint32_t)k};
-    qsort(list, *count, sizeof *list, compare_stands);
+        if (s->flags[k] & PACKING_FIXED)
+            list[(*count)++] = (curve_point){s->point[k], s->patch[k], (uint32_t)k};
+    qsort(list, *count, sizeof *list, compare_curve_points);
     return list;
 }
 
-/* In spacings: a step that is longer passes places that stand in another row. */
-static const double JUMP = 2;
+/* Minimum length of a step that skips merged samples, in spacings. Regular steps are about 1. */
+static const double JUMP_LENGTH = 2;
 
 bool curve_chains_jumps(const field_patches *patches, double step, double one, double other)
 {
-    return patches->merges_near_rows && step > JUMP * fmax(one, other);
+    return patches->merges_near_rows && step > JUMP_LENGTH * fmax(one, other);
 }
 
 static bool is_jump(const field_patches *p, const solver_patch_points *s, uint32_t a, uint32_t b)
@@ -188,13 +191,13 @@ static bool is_jump(const field_patches *p, const solver_patch_points *s, uint32
 }
 
 uint32_t (*curve_chains_sides(const curve_chains *c, const field_patches *patches,
-                              const solver_patch_points *stands, size_t *count))[2]
+                              const solver_patch_points *patch_points, size_t *count))[2]
 {
     size_t most = 0, known;
     for (size_t k = 0; k < patches->curve_count; k++)
         most += (c->first[k + 1] - c->first[k]) * patches->curve[k].patch_count;
     uint32_t(*side)[2] = mem_alloc((most + 1) * sizeof *side);
-    stand *list = list_stands(stands, &known);
+    curve_point *list = list_curve_points(patch_points, &known);
     *count = 0;
     for (size_t k = 0; k < patches->curve_count; k++) {
         const field_curve *curve = &patches->curve[k];
@@ -202,11 +205,11 @@ uint32_t (*curve_chains_sides(const curve_chains *c, const field_patches *patche
         const size_t points = c->first[k + 1] - c->first[k];
         for (size_t i = 0; i < (points - !curve->closed) * curve->patch_count && points > 1; i++) {
             const size_t at = i / curve->patch_count;
-            const stand from = {point[at], patch[i % curve->patch_count], 0},
-                        to = {point[(at + 1) % points], from.patch, 0}, *a, *b;
-            a = bsearch(&from, list, known, sizeof *list, compare_stands);
-            b = bsearch(&to, list, known, sizeof *list, compare_stands);
-            if (!a || !b || is_jump(patches, stands, a->index, b->index)) continue;
+            const curve_point from = {point[at], patch[i % curve->patch_count], 0},
+                              to = {point[(at + 1) % points], from.patch, 0}, *a, *b;
+            a = bsearch(&from, list, known, sizeof *list, compare_curve_points);
+            b = bsearch(&to, list, known, sizeof *list, compare_curve_points);
+            if (!a || !b || is_jump(patches, patch_points, a->index, b->index)) continue;
             side[*count][0] = a->index;
             side[(*count)++][1] = b->index;
         }

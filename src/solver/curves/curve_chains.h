@@ -1,33 +1,37 @@
-/* curve_chains: the points along the curves of a solved surface, in their order. */
-#ifndef HEXAD_SOLVER_CURVE_CHAINS_H
-#define HEXAD_SOLVER_CURVE_CHAINS_H
+/* curve_chains: the points along the feature curves of a solved surface, in the order of the curve. */
+#ifndef HEXAD_SOLVER_CURVES_CURVE_CHAINS_H
+#define HEXAD_SOLVER_CURVES_CURVE_CHAINS_H
 
 #include "field/patches.h"
 #include "solver/solver.h"
 
-/* Of curve c: point[first[c]] .. point[first[c + 1]], from its start to its end, corners with them; of a closed one the first
- * once. A corner that had no point of its own is the one at the other end of its shortest curve. Where rows of points became
- * one (merges_near_rows) a chain lacks what stands for its places in another row. */
+/* Curve c has the points point[first[c]] .. point[first[c + 1] - 1], from its start to its end, including corners. The first
+ * point of a closed curve is not repeated. A corner without a point is represented by the point at the far end of its shortest
+ * curve. If samples of near curves were merged (merges_near_rows), a chain lacks the samples that were merged into another
+ * curve's. */
 typedef struct curve_chains {
-    size_t *first;
-    uint32_t *point;
-    size_t points, corners; /* that lie on curves; of them those on corners */
+    size_t *first;   /* per curve and one more */
+    uint32_t *point; /* indices of points of the solve */
+    size_t points;   /* points on curves */
+    size_t corners;  /* points at corners */
 } curve_chains;
 
 void curve_chains_make(const field_patches *patches, const solver_points *solved, curve_chains *out);
-void curve_chains_free(curve_chains *c); /* a zeroed one will do */
+void curve_chains_free(curve_chains *c); /* accepts a zeroed object */
 
-/* Whether a step between points of these spacings is none: it passes places that stand in another row. */
+/* Whether a step of length `step` skips samples that were merged into another curve's. `one`, `other`: the spacings at its
+ * ends. */
 bool curve_chains_jumps(const field_patches *patches, double step, double one, double other);
 
-/* The steps along the chains but for these, once for each patch that ends there, as pairs of the stands of that patch; to be
- * freed. */
+/* The steps along the chains as pairs of indices of patch points. Each step occurs once for each incident patch. Steps that skip
+ * samples (curve_chains_jumps) are omitted. Free the result. */
 uint32_t (*curve_chains_sides(const curve_chains *c, const field_patches *patches,
-                              const solver_patch_points *stands, size_t *count))[2];
+                              const solver_patch_points *patch_points, size_t *count))[2];
 
-/* The same of a solved surface whose chains are not needed otherwise. */
+/* curve_chains_sides for the chains of a solved surface. */
 uint32_t (*curve_chains_steps(const field_patches *patches, const solver_points *solved, size_t *count))[2];
 
+/* Length of the polyline of a curve, closing segment included. World space. */
 double curve_chains_length(const field_patches *patches, const field_curve *curve);
 
 #endif

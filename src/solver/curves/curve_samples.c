@@ -8,45 +8,48 @@
 #include "base/sets.h"
 #include "solver/curves/near_curves.h"
 
-/* Of a spacing: with a grading sides are looked at in parts of this length. */
-static const double PART = 0.25;
-/* In spacings: a shorter curve has no places of its own, and one corner. */
-static const double SHORTEST = 0.5;
-/* When there are too many places all go farther apart, a little more than in proportion, so often at most. */
-static const double WIDENING = 1.02;
-enum { WIDENINGS = 12 };
-/* Of a spacing: where a patch meets itself its normals on either side of a curve are looked at this far from it. */
-static const double BESIDE = 0.05;
-/* Newton steps that bring a place onto both surfaces of a curve, which the polyline follows closely. */
-enum { ON_STEPS = 6 };
+/* Integration step of the arc length with a sizing field, in local spacings. Smaller: more accurate, slower. */
+static const double SIZING_STEP = 0.25;
+/* Minimum length of a curve with distinct end samples, in spacings. A shorter curve has one sample for both corners. */
+static const double MIN_LENGTH = 0.5;
+/* Factor on the spacing beyond the proportional correction if there are too many samples: covers the rounding per curve. */
+static const double SPACING_MARGIN = 1.02;
+/* Maximum number of corrections of the spacing. */
+enum { MAX_CORRECTIONS = 12 };
+/* Offset from a curve at which the two normals of a patch that meets itself are taken, in spacings: near enough to be the
+ * normals at the curve, large compared with rounding errors. */
+static const double NORMAL_OFFSET = 0.05;
+/* Newton steps that project a sample onto both surfaces of a curve. The start is close; convergence is quadratic. */
+enum { NEWTON_STEPS = 6 };
 
-static const char *const WHAT = "the rows along curves";
+/* The object that messages about memory name. */
+static const char *const WHAT = "the samples along curves";
 
-/* An end of a curve that is not closed. */
+/* One end of an open curve. */
 typedef struct end {
     vec3 at;
-    uint32_t curve, corner, lender;
+    uint32_t curve, corner, merge_target; /* merge_target: merge_target[corner] of the layout */
 } end;
 
 typedef struct layout {
     const field_patches *patches;
     boundary_request request;
-    double *length; /* of each curve, in spacings */
-    end *ends;      /* by corner */
+    double *length; /* per curve, in spacings */
+    end *ends;      /* sorted by corner; from find_merge_targets on by merge_target */
     size_t end_count;
     size_t corner_count;
-    bool *left_out; /* of each corner */
-    /* Of each corner the one whose place stands for it: its own, or where it is left out the one at the other end of its
-     * shortest curve to one that is not. */
-    uint32_t *lender;
-    uint32_t *corner[2]; /* of each curve's ends */
-    vec3 *point;         /* of the curve at hand, its parts */
-    double *at;          /* of each, the length up to there */
-    size_t point_capacity, at_capacity, point_count;
-    size_t capacity[6];  /* of the arrays of the result, and of `half` */
-    double *half;        /* of each stand what it adds to the border of its patch */
-    uint32_t *place_of;  /* of each corner that has a place */
-    size_t *first_place; /* of each curve, and one more */
+    bool *merged; /* per corner: it has no sample of its own */
+    /* Per corner: the corner whose sample represents it. A corner with a sample: itself. Otherwise: the far end of its
+     * shortest curve among those that lead to a corner with a sample. */
+    uint32_t *merge_target;
+    uint32_t *corner[2]; /* per curve: the corners at its start and at its end */
+    vec3 *point;         /* the current curve, subdivided */
+    double *at;          /* per point of it: arc length up to there, in spacings */
+    size_t point_capacity, arc_capacity, point_count;
+    size_t capacity[6];      /* of the arrays of the result and of `half` */
+    double *half;            /* per copy: its contribution to the border of its patch */
+    uint32_t *corner_sample; /* per corner with a sample: that sample */
+    size_t *first_sample;    /* per curve and one more: its first sample */
 } layout;
 
 static int compare_ends(const void *a, const void *b)
@@ -56,7 +59,7 @@ static int compare_ends(const void *a, const void *b)
     return order ? order : (x->curve > y->curve) - (x->curve < y->curve);
 }
 
-/* Numbers the corners: ends with the same doubles are one. */
+/* Numbers the corners. Ends with bitwise equal positions are one corner. */
 static bool find_corners(layout *l, error *e)
 {
     const field_patches *p = l->patches;
@@ -76,9 +79,9 @@ static bool find_corners(layout *l, error *e)
         l->corner[l->ends[k].curve % 2][l->ends[k].curve / 2] = l->ends[k].corner;
         l->ends[k].curve /= 2;
     }
-    l->left_out = mem_array(l->corner_count, sizeof *l->left_out, WHAT, e);
-    l->lender = mem_array(l->corner_count, sizeof *l->lender, WHAT, e);
-    return l->left_out && l->lender;
+    l->merged = mem_array(l->corner_count, sizeof *l->merged, WHAT, e);
+    l->merge_target = mem_array(l->corner_count, sizeof *l->merge_target, WHAT, e);
+    return l->merged && l->merge_target;
 }
 
 static bool add_point(layout *l, vec3 x, double at, error *e)
@@ -86,7 +89,7 @@ static bool add_point(layout *l, vec3 x, double at, error *e)
     vec3 *point = mem_grow(l->point, l->point_count, &l->point_capacity, 64, sizeof *point, WHAT, e);
     if (!point) return false;
     l->point = point;
-    double *length = mem_grow(l->at, l->point_count, &l->at_capacity, 64, sizeof *length, WHAT, e);
+    double *length = mem_grow(l->at, l->point_count, &l->arc_capacity, 64, sizeof *length, WHAT, e);
     if (!length) return false;
     l->at = length;
     l->point[l->point_count] = x;
@@ -94,8 +97,9 @@ static bool add_point(layout *l, vec3 x, double at, error *e)
     return true;
 }
 
-/* The points of a curve and the length up to each, in spacings. */
-static bool follow(layout *l, const field_curve *c, error *e)
+/* Sets point, at and point_count to the points of a curve and the arc length up to each, in spacings. With a sizing field,
+ * segments are subdivided. */
+static bool trace_curve(layout *l, const field_curve *c, error *e)
 {
     const vec3 *vertex = l->patches->vertex + c->first;
     double at = 0;
@@ -104,7 +108,7 @@ static bool follow(layout *l, const field_curve *c, error *e)
     for (size_t k = 1; k < c->count + c->closed; k++) {
         vec3 from = vertex[k - 1], side = vec3_sub(vertex[k % c->count], from);
         double length = vec3_norm(side), spacing = boundary_spacing(&l->request, from);
-        size_t parts = l->request.sizing ? (size_t)fmin(1 + length / (PART * spacing), 1e6) : 1;
+        size_t parts = l->request.sizing ? (size_t)fmin(1 + length / (SIZING_STEP * spacing), 1e6) : 1;
         for (size_t m = 1; m <= parts; m++) {
             vec3 middle = vec3_axpy(((double)m - 0.5) / (double)parts, side, from);
             at += length / (double)parts / boundary_spacing(&l->request, middle);
@@ -114,86 +118,91 @@ static bool follow(layout *l, const field_curve *c, error *e)
     return true;
 }
 
-/* Steps that a curve takes. Not two where it is closed: its patches would meet twice along one edge. */
-static double steps_of(const layout *l, size_t c)
+/* Number of steps along curve c. A closed curve never has two: a patch would then have two edges between the same two
+ * samples. */
+static double step_count(const layout *l, size_t c)
 {
     double steps = round(l->length[c]);
     if (l->patches->curve[c].closed) return steps == 2 ? (l->length[c] < 2 ? 1 : 3) : steps;
-    return l->length[c] < SHORTEST ? steps : fmax(steps, 1);
+    return l->length[c] < MIN_LENGTH ? steps : fmax(steps, 1);
 }
 
-static double places_of(const layout *l, size_t c)
+/* Number of samples of curve c without its corners. */
+static double inner_samples(const layout *l, size_t c)
 {
-    return l->patches->curve[c].closed ? steps_of(l, c) : fmax(steps_of(l, c) - 1, 0);
+    return l->patches->curve[c].closed ? step_count(l, c) : fmax(step_count(l, c) - 1, 0);
 }
 
 static bool is_short(const layout *l, size_t c)
 {
-    return !l->patches->curve[c].closed && l->length[c] < SHORTEST;
+    return !l->patches->curve[c].closed && l->length[c] < MIN_LENGTH;
 }
 
-/* Leaves out each corner that a short curve joins to one of a lower number that is not left out. */
-static void leave_out(layout *l)
+/* Merges each corner that a short curve connects to an unmerged corner of a lower number. */
+static void merge_corners(layout *l)
 {
-    memset(l->left_out, 0, l->corner_count * sizeof *l->left_out);
-    for (size_t k = 0; k < l->end_count; k++) { /* by corner */
+    memset(l->merged, 0, l->corner_count * sizeof *l->merged);
+    for (size_t k = 0; k < l->end_count; k++) { /* ascending by corner */
         const uint32_t own = l->ends[k].corner, c = l->ends[k].curve;
         const uint32_t other = l->corner[l->corner[0][c] == own][c];
-        if (is_short(l, c) && other < own && !l->left_out[other]) l->left_out[own] = true;
+        if (is_short(l, c) && other < own && !l->merged[other]) l->merged[own] = true;
     }
 }
 
-/* Lengths, and which corners are left out. Returns how many places there will be. */
-static bool measure(layout *l, double *places, error *e)
+/* Computes the lengths of the curves and which corners are merged. *places: the resulting number of samples. */
+static bool measure_curves(layout *l, double *places, error *e)
 {
     const field_patches *p = l->patches;
     *places = 0;
     for (size_t c = 0; c < p->curve_count; c++) {
-        if (!follow(l, &p->curve[c], e)) return false;
+        if (!trace_curve(l, &p->curve[c], e)) return false;
         l->length[c] = l->at[l->point_count - 1];
-        *places += places_of(l, c);
+        *places += inner_samples(l, c);
     }
-    leave_out(l);
-    for (size_t k = 0; k < l->corner_count; k++) *places += !l->left_out[k];
+    merge_corners(l);
+    for (size_t k = 0; k < l->corner_count; k++) *places += !l->merged[k];
     return true;
 }
 
-static int compare_lenders(const void *a, const void *b)
+static int compare_targets(const void *a, const void *b)
 {
     const end *x = a, *y = b;
-    if (x->lender != y->lender) return x->lender > y->lender ? 1 : -1;
+    if (x->merge_target != y->merge_target) return x->merge_target > y->merge_target ? 1 : -1;
     if (x->corner != y->corner)
-        return x->corner == x->lender ? -1 : y->corner == y->lender ? 1 : x->corner > y->corner ? 1 : -1;
+        return x->corner == x->merge_target   ? -1
+               : y->corner == y->merge_target ? 1
+               : x->corner > y->corner        ? 1
+                                              : -1;
     return (x->curve > y->curve) - (x->curve < y->curve);
 }
 
-/* Puts the ends into the order of the places that stand for them. */
-static bool lend_places(layout *l, error *e)
+/* Computes `merge_target` and sorts the ends by it. */
+static bool find_merge_targets(layout *l, error *e)
 {
     double *shortest = mem_array(l->corner_count, sizeof *shortest, WHAT, e);
     if (!shortest) return false;
     for (uint32_t k = 0; k < l->corner_count; k++) {
-        l->lender[k] = k;
+        l->merge_target[k] = k;
         shortest[k] = INFINITY;
     }
     for (size_t c = 0; c < l->patches->curve_count; c++)
         for (int k = 0; k < 2 && is_short(l, c); k++) {
             const uint32_t own = l->corner[k][c], other = l->corner[1 - k][c];
-            if (!l->left_out[own] || l->left_out[other] || !(l->length[c] < shortest[own])) continue;
+            if (!l->merged[own] || l->merged[other] || !(l->length[c] < shortest[own])) continue;
             shortest[own] = l->length[c];
-            l->lender[own] = other;
+            l->merge_target[own] = other;
         }
-    for (size_t k = 0; k < l->end_count; k++) l->ends[k].lender = l->lender[l->ends[k].corner];
-    if (l->end_count > 0) qsort(l->ends, l->end_count, sizeof *l->ends, compare_lenders);
+    for (size_t k = 0; k < l->end_count; k++) l->ends[k].merge_target = l->merge_target[l->ends[k].corner];
+    if (l->end_count > 0) qsort(l->ends, l->end_count, sizeof *l->ends, compare_targets);
     free(shortest);
     return true;
 }
 
-/* Onto both zero sets, by the shortest step to where both would be linear. */
-static vec3 settle(const field_curve *c, vec3 x)
+/* Projects x onto both zero sets of a curve by Newton steps of least norm. Returns the last iterate; without surfaces: x. */
+static vec3 project_on_both(const field_curve *c, vec3 x)
 {
     if (!c->on[0] || !c->on[1]) return x;
-    for (int k = 0; k < ON_STEPS; k++) {
+    for (int k = 0; k < NEWTON_STEPS; k++) {
         field_sample f, g;
         if (!field_sample_at(c->on[0], x, FIELD_GRADIENT, &f) ||
             !field_sample_at(c->on[1], x, FIELD_GRADIENT, &g))
@@ -209,6 +218,7 @@ static vec3 settle(const field_curve *c, vec3 x)
     return x;
 }
 
+/* Unit normal of a patch at x; (0, 0, 1) if the gradient vanishes or cannot be evaluated. */
 static vec3 normal_at(const field *patch, vec3 x)
 {
     field_sample s;
@@ -217,7 +227,7 @@ static vec3 normal_at(const field *patch, vec3 x)
     return vec3_unit(s.gradient);
 }
 
-/* The mean of a patch's normals on either side of a curve along which it meets itself. */
+/* Mean of a patch's normals on both sides of a curve along which it meets itself. `beside`: offset from the curve. */
 static vec3 mean_normal(const field *patch, vec3 x, vec3 along, double beside)
 {
     vec3 n = normal_at(patch, x), across = vec3_cross(along, n);
@@ -227,8 +237,8 @@ static vec3 mean_normal(const field *patch, vec3 x, vec3 along, double beside)
     return vec3_norm2(sum) > 0 ? vec3_unit(sum) : n;
 }
 
-/* A stand of the last place for a patch, unless it has one. */
-static bool add_stand(layout *l, uint32_t patch, vec3 n, double half, curve_samples *out, error *e)
+/* Adds a copy of the last sample for a patch. If the sample has a copy for it already, only the contribution `half` is added. */
+static bool add_copy(layout *l, uint32_t patch, vec3 n, double half, curve_samples *out, error *e)
 {
     uint32_t place = (uint32_t)(out->count - 1);
     for (size_t k = out->copies; k > 0 && out->place[k - 1] == place; k--)
@@ -255,7 +265,7 @@ static bool add_stand(layout *l, uint32_t patch, vec3 n, double half, curve_samp
     return true;
 }
 
-static bool add_place(layout *l, vec3 x, uint32_t curve, curve_samples *out, error *e)
+static bool add_sample(layout *l, vec3 x, uint32_t curve, curve_samples *out, error *e)
 {
     vec3 *position = mem_grow(out->position, out->count, &l->capacity[0], 256, sizeof *position, WHAT, e);
     if (!position) return false;
@@ -268,9 +278,9 @@ static bool add_place(layout *l, vec3 x, uint32_t curve, curve_samples *out, err
     return true;
 }
 
-/* The last place stands for the patches of a curve, which goes `along` there; `share` of a cell's half behind it is that of
- * each. */
-static bool add_stands(layout *l, const field *f, const field_curve *c, vec3 along, double share,
+/* Adds copies of the last sample for all patches of a curve with direction `along`. `share`: the part of half a Voronoi cell
+ * that the sample covers on each patch. */
+static bool add_copies(layout *l, const field *f, const field_curve *c, vec3 along, double share,
                        curve_samples *out, error *e)
 {
     const uint32_t *patches = l->patches->curve_patch + c->patch_first;
@@ -279,15 +289,15 @@ static bool add_stands(layout *l, const field *f, const field_curve *c, vec3 alo
         const field *patch = field_of_patch(f, patches[k]);
         bool twice = false;
         for (size_t m = 0; m < c->patch_count; m++) twice |= m != k && patches[m] == patches[k];
-        vec3 n = twice ? mean_normal(patch, x, along, BESIDE * boundary_spacing(&l->request, x))
+        vec3 n = twice ? mean_normal(patch, x, along, NORMAL_OFFSET * boundary_spacing(&l->request, x))
                        : normal_at(patch, x);
         out->border[patches[k]] += 0.5 * share;
-        if (!add_stand(l, patches[k], n, 0.5 * share, out, e)) return false;
+        if (!add_copy(l, patches[k], n, 0.5 * share, out, e)) return false;
     }
     return true;
 }
 
-/* The direction of a curve at an end of it, whichever way. */
+/* Direction of a curve at one of its ends; the sign is arbitrary. */
 static vec3 direction_at_end(const field_patches *p, const field_curve *c, vec3 corner)
 {
     const vec3 *vertex = p->vertex + c->first;
@@ -295,45 +305,46 @@ static vec3 direction_at_end(const field_patches *p, const field_curve *c, vec3 
     return first ? vec3_sub(vertex[1], vertex[0]) : vec3_sub(vertex[c->count - 1], vertex[c->count - 2]);
 }
 
-static bool place_corners(layout *l, const field *f, curve_samples *out, error *e)
+static bool sample_corners(layout *l, const field *f, curve_samples *out, error *e)
 {
     for (size_t k = 0; k < l->end_count && out->count < l->request.most;) {
-        const uint32_t corner = l->ends[k].lender;
-        if (!add_place(l, l->ends[k].at, l->ends[k].curve, out, e)) return false;
-        l->place_of[corner] = (uint32_t)(out->count - 1);
-        for (; k < l->end_count && l->ends[k].lender == corner; k++) { /* two ends a patch */
+        const uint32_t corner = l->ends[k].merge_target;
+        if (!add_sample(l, l->ends[k].at, l->ends[k].curve, out, e)) return false;
+        l->corner_sample[corner] = (uint32_t)(out->count - 1);
+        for (; k < l->end_count && l->ends[k].merge_target == corner;
+             k++) { /* each patch has two ends here */
             const field_curve *c = &l->patches->curve[l->ends[k].curve];
             const uint32_t curve = l->ends[k].curve;
-            const bool within = l->ends[k].corner != corner && /* it starts here, too */
-                                l->lender[l->corner[0][curve]] == l->lender[l->corner[1][curve]];
+            const bool within = l->ends[k].corner != corner && /* both ends of the curve have this sample */
+                                l->merge_target[l->corner[0][curve]] == l->merge_target[l->corner[1][curve]];
             vec3 along = direction_at_end(l->patches, c, l->ends[k].at);
-            if (!add_stands(l, f, c, along, within ? 0 : 0.5, out, e)) return false;
+            if (!add_copies(l, f, c, along, within ? 0 : 0.5, out, e)) return false;
         }
     }
     out->corners = out->count;
     return true;
 }
 
-static bool place_row(layout *l, const field *f, uint32_t curve, curve_samples *out, error *e)
+static bool sample_curve(layout *l, const field *f, uint32_t curve, curve_samples *out, error *e)
 {
     const field_curve *c = &l->patches->curve[curve];
-    double steps = steps_of(l, curve), step = l->length[curve] / steps;
+    double steps = step_count(l, curve), step = l->length[curve] / steps;
     size_t side = 0;
-    if (!(places_of(l, curve) > 0)) return true;
-    if (!follow(l, c, e)) return false;
+    if (!(inner_samples(l, curve) > 0)) return true;
+    if (!trace_curve(l, c, e)) return false;
     for (double k = c->closed ? 0 : 1; k < steps && out->count < l->request.most; k++) {
         while (side + 2 < l->point_count && l->at[side + 1] < k * step) side++;
         double length = l->at[side + 1] - l->at[side],
                share = length > 0 ? (k * step - l->at[side]) / length : 0;
         vec3 along = vec3_sub(l->point[side + 1], l->point[side]);
         vec3 x = vec3_axpy(share, along, l->point[side]);
-        if (!add_place(l, settle(c, x), curve, out, e) || !add_stands(l, f, c, along, 1, out, e))
+        if (!add_sample(l, project_on_both(c, x), curve, out, e) || !add_copies(l, f, c, along, 1, out, e))
             return false;
     }
     return true;
 }
 
-/* Joins the sides of two curves, or of one, that are of one patch. */
+/* Unites the sides of curves a and b (or of one curve) that belong to the same patch. */
 static void join_shared(const field_patches *p, const field_curve *a, const field_curve *b, uint32_t *parent)
 {
     for (size_t m = a->patch_first; m < a->patch_first + a->patch_count; m++)
@@ -341,7 +352,7 @@ static void join_shared(const field_patches *p, const field_curve *a, const fiel
             if (p->curve_patch[m] == p->curve_patch[n]) sets_join(parent, (uint32_t)m, (uint32_t)n);
 }
 
-/* Joins what shares a corner and a patch into loops. */
+/* Unites curve sides of one patch that share a corner: the sets are the boundary loops of the patches. */
 static void join_loops(const layout *l, uint32_t *parent)
 {
     const field_patches *p = l->patches;
@@ -350,29 +361,30 @@ static void join_loops(const layout *l, uint32_t *parent)
             join_shared(p, &p->curve[l->ends[k].curve], &p->curve[l->ends[other - 1].curve], parent);
 }
 
-/* How many places each loop has, at its root. `last`: one for each, any. */
-static void count_places(const layout *l, uint32_t *parent, uint32_t *last, double *places)
+/* Counts the samples of each loop, stored at its root. `last`: scratch, one entry per curve side. */
+static void count_samples(const layout *l, uint32_t *parent, uint32_t *last, double *places)
 {
     const field_patches *p = l->patches;
     for (size_t c = 0; c < p->curve_count; c++)
         for (size_t m = 0; m < p->curve[c].patch_count; m++) {
             const uint32_t side = (uint32_t)(p->curve[c].patch_first + m);
-            places[sets_root(parent, side)] += places_of(l, c);
+            places[sets_root(parent, side)] += inner_samples(l, c);
             last[side] = UINT32_MAX;
         }
-    for (size_t k = 0; k < l->end_count; k++) { /* by lender */
+    for (size_t k = 0; k < l->end_count; k++) { /* ascending by merge_target */
         const field_curve *c = &p->curve[l->ends[k].curve];
         for (size_t m = 0; m < c->patch_count; m++) {
             const uint32_t root = sets_root(parent, (uint32_t)(c->patch_first + m));
-            places[root] += last[root] != l->ends[k].lender;
-            last[root] = l->ends[k].lender;
+            places[root] += last[root] != l->ends[k].merge_target;
+            last[root] = l->ends[k].merge_target;
         }
     }
 }
 
-/* Takes the Euler characteristic of each patch off its border: 2 less the number of its loops, handles left out. Particles see
- * no loop that has no place, and half of one that has one; a patch that ends anywhere has one at least. */
-static bool count_loops(const layout *l, curve_samples *out, error *e)
+/* Subtracts the Euler characteristic of each patch from its border: 2 less the number of its boundary loops. Handles are
+ * ignored. A loop without samples does not exist for the particles and counts 0; a loop of one sample counts 1/2. A patch with
+ * a boundary has at least one loop. */
+static bool subtract_euler(const layout *l, curve_samples *out, error *e)
 {
     const field_patches *p = l->patches;
     size_t ends = 0;
@@ -386,7 +398,7 @@ static bool count_loops(const layout *l, curve_samples *out, error *e)
     if (ok) {
         sets_reset(parent, ends);
         join_loops(l, parent);
-        count_places(l, parent, last, places);
+        count_samples(l, parent, last, places);
         for (uint32_t k = 0; k < ends; k++) {
             const uint32_t patch = p->curve_patch[k];
             if (sets_root(parent, k) != k) continue;
@@ -404,19 +416,20 @@ static bool count_loops(const layout *l, curve_samples *out, error *e)
     return ok;
 }
 
-/* Rows that come nearer to each other than points can lie become one, where the surface asks for that. */
-static bool merge_near(layout *l, curve_samples *out, error *e)
+/* Merges samples of curves that are closer to each other than the packing allows (near_curves). */
+static bool merge_near_samples(layout *l, curve_samples *out, error *e)
 {
     const field_patches *p = l->patches;
     bool *closed = mem_array(p->curve_count, sizeof *closed, WHAT, e);
     uint32_t(*ends)[2] = mem_array(p->curve_count, sizeof *ends, WHAT, e);
     double *spacing = mem_array(out->count, sizeof *spacing, WHAT, e);
-    const near_curves_input in = {p->count,       p->curve_count, closed,  ends,
-                                  l->first_place, spacing,        l->half, p->has_rough_curves};
+    const near_curves_input in = {p->count,        p->curve_count, closed,  ends,
+                                  l->first_sample, spacing,        l->half, p->has_rough_curves};
     bool ok = closed && ends && spacing;
     for (size_t c = 0; ok && c < p->curve_count; c++) {
         closed[c] = p->curve[c].closed;
-        for (int k = 0; k < 2 && !closed[c]; k++) ends[c][k] = l->place_of[l->lender[l->corner[k][c]]];
+        for (int k = 0; k < 2 && !closed[c]; k++)
+            ends[c][k] = l->corner_sample[l->merge_target[l->corner[k][c]]];
     }
     for (size_t k = 0; ok && k < out->count; k++)
         spacing[k] = boundary_spacing(&l->request, out->position[k]);
@@ -427,39 +440,40 @@ static bool merge_near(layout *l, curve_samples *out, error *e)
     return ok;
 }
 
-static bool lay_out(layout *l, const field *f, curve_samples *out, error *e)
+static bool make_layout(layout *l, const field *f, curve_samples *out, error *e)
 {
     double places, most = (double)l->request.most;
     l->length = mem_array(l->patches->curve_count, sizeof *l->length, WHAT, e);
     out->border = mem_array(l->patches->count, sizeof *out->border, WHAT, e);
-    if (!l->length || !out->border || !find_corners(l, e) || !measure(l, &places, e)) return false;
-    for (int k = 0; k < WIDENINGS && places > most; k++) {
-        l->request.spacing *= WIDENING * places / most;
-        if (!measure(l, &places, e)) return false;
+    if (!l->length || !out->border || !find_corners(l, e) || !measure_curves(l, &places, e)) return false;
+    for (int k = 0; k < MAX_CORRECTIONS && places > most; k++) {
+        l->request.spacing *= SPACING_MARGIN * places / most;
+        if (!measure_curves(l, &places, e)) return false;
     }
-    l->place_of = mem_array(l->corner_count, sizeof *l->place_of, WHAT, e);
-    l->first_place = mem_array(l->patches->curve_count + 1, sizeof *l->first_place, WHAT, e);
-    bool ok = l->place_of && l->first_place && lend_places(l, e) && place_corners(l, f, out, e);
+    l->corner_sample = mem_array(l->corner_count, sizeof *l->corner_sample, WHAT, e);
+    l->first_sample = mem_array(l->patches->curve_count + 1, sizeof *l->first_sample, WHAT, e);
+    bool ok = l->corner_sample && l->first_sample && find_merge_targets(l, e) && sample_corners(l, f, out, e);
     for (uint32_t c = 0; ok && c < l->patches->curve_count; c++) {
-        l->first_place[c] = out->count;
-        ok = place_row(l, f, c, out, e);
-        l->first_place[c + 1] = out->count;
+        l->first_sample[c] = out->count;
+        ok = sample_curve(l, f, c, out, e);
+        l->first_sample[c + 1] = out->count;
     }
-    return ok && (!l->patches->merges_near_rows || merge_near(l, out, e)) && count_loops(l, out, e);
+    return ok && (!l->patches->merges_near_rows || merge_near_samples(l, out, e)) &&
+           subtract_euler(l, out, e);
 }
 
 bool curve_samples_make(const field *f, const boundary_request *request, curve_samples *out, error *e)
 {
     layout l = {.patches = f->patches, .request = *request};
     *out = (curve_samples){0};
-    bool ok = lay_out(&l, f, out, e);
+    bool ok = make_layout(&l, f, out, e);
     free(l.length);
     free(l.ends);
-    free(l.left_out);
+    free(l.merged);
     free(l.half);
-    free(l.place_of);
-    free(l.first_place);
-    free(l.lender);
+    free(l.corner_sample);
+    free(l.first_sample);
+    free(l.merge_target);
     free(l.corner[0]);
     free(l.corner[1]);
     free(l.point);

@@ -1,12 +1,12 @@
 /* curve_samples: positions of particles along the feature curves of a surface with patches, and at its corners.
  *
- * A curve between corners is divided into equal steps, as many as bring the step nearest to the requested spacing. A curve shorter than
- * half of the spacing gets no sample, and one of its two corners is the point of both. A sample is one point of the surface and has a
- * copy for each patch that ends there, with that patch's normal. If the patches require it, samples of near curves are merged
- * (near_curves). World space.
+ * A curve between corners is divided into equal steps. Their number brings the step nearest to the requested spacing. A curve
+ * shorter than half the spacing has no samples of its own, and one of its corners represents both. A sample is one point of the
+ * surface. It has one copy for each incident patch, with that patch's normal. If the patches require it, samples of near curves
+ * are merged (near_curves). World space.
  */
-#ifndef HEXAD_SOLVER_CURVE_SAMPLES_H
-#define HEXAD_SOLVER_CURVE_SAMPLES_H
+#ifndef HEXAD_SOLVER_CURVES_CURVE_SAMPLES_H
+#define HEXAD_SOLVER_CURVES_CURVE_SAMPLES_H
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -18,30 +18,31 @@
 #include "solver/curves/boundary.h"
 
 typedef struct curve_samples {
-    size_t count;            /* samples; those at corners come first */
-    vec3 *position;          /* of each sample, on the curve */
-    uint32_t *curve;         /* of each sample; of a corner one of the curves that end there */
-    size_t corners;          /* samples at corners */
-    size_t copies;           /* for patches, in all */
-    uint32_t *place, *patch; /* of each copy its sample, ascending, and its patch */
-    vec3 *normal;            /* of each copy: unit, of the patch there */
-    /* Of each patch: the part of its area, in ideal Voronoi cells, that the copies on its borders cover. A patch whose area is n cells
-     * gets n less this many other particles (by the sum of a polygon's angles, or Gauss and Bonnet). */
+    size_t count;    /* samples; corners first, then curve after curve */
+    vec3 *position;  /* per sample, on the curve */
+    uint32_t *curve; /* per sample; for a corner: one of the curves that end there */
+    size_t corners;  /* samples at corners */
+    size_t copies;   /* of all samples */
+    uint32_t *place; /* per copy: its sample; ascending */
+    uint32_t *patch; /* per copy */
+    vec3 *normal;    /* per copy: unit normal of its patch */
+    /* Per patch: the number of ideal Voronoi cells that the copies on its border cover. A patch with an area of n cells gets n
+     * less this number of free particles. The number follows from the angle sum of a polygon (Gauss-Bonnet). */
     double *border;
 } curve_samples;
 
-/* Samples of the curves of `f`, which has patches; at most request->most, with longer steps if there would be more. Deterministic. Free
- * *out also after failure. Error: limit_memory. */
+/* Samples the curves of `f`, which has patches. If there would be more than request->most samples, the spacing is increased.
+ * Deterministic. Free *out also after failure. Error: limit_memory. */
 bool curve_samples_make(const field *f, const boundary_request *request, curve_samples *out, error *e);
-static inline void curve_samples_free(curve_samples *r)
+static inline void curve_samples_free(curve_samples *samples)
 {
-    free(r->position);
-    free(r->curve);
-    free(r->place);
-    free(r->patch);
-    free(r->normal);
-    free(r->border);
-    *r = (curve_samples){0};
+    free(samples->position);
+    free(samples->curve);
+    free(samples->place);
+    free(samples->patch);
+    free(samples->normal);
+    free(samples->border);
+    *samples = (curve_samples){0};
 }
 
 #endif

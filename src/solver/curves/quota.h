@@ -1,7 +1,7 @@
-/* quota: who gets how many of the particles on one level of a surface with patches: rows along the curves, which are held
- * fixed, and the other particles of each patch, none of which can go to another. World space. */
-#ifndef HEXAD_SOLVER_ALLOTMENT_H
-#define HEXAD_SOLVER_ALLOTMENT_H
+/* quota: the number of particles of each patch on one level. Samples along the curves are held fixed. The other (free)
+ * particles of a patch never move to another patch. World space. */
+#ifndef HEXAD_SOLVER_CURVES_QUOTA_H
+#define HEXAD_SOLVER_CURVES_QUOTA_H
 
 #include <stddef.h>
 #include <stdint.h>
@@ -12,41 +12,42 @@
 #include "sizing/sizing_field.h"
 #include "surface/surface.h"
 
-/* What is shared out, and by what. */
 typedef struct quota_input {
     const field *field; /* with patches */
     const surface *scan;
-    const sizing_field *sizing; /* NULL: even */
+    const sizing_field *sizing; /* NULL: uniform */
     double even;                /* spacing that the sizing field is relative to */
 } quota_input;
 
 typedef struct quota {
-    double spacing; /* h: of rows, and of the packing behind them */
-    curve_samples rows;
-    uint32_t *free;    /* of each patch its other particles */
-    size_t free_count; /* their sum */
+    double spacing; /* h: of the curve samples and of the packing */
+    curve_samples samples;
+    uint32_t *free;    /* per patch: number of free particles */
+    size_t free_count; /* sum of `free` */
 } quota;
 
-/* `count` points in all, those on curves counted once. Release also after failure. Error: limit_memory. */
+/* Quota for `count` points. A point on a curve counts once. Free *out also after failure. Error: limit_memory. */
 bool quota_for_count(const quota_input *in, size_t count, quota *out, error *e);
 
-/* As many as this spacing asks for, but no more than `most` of them on curves. */
+/* Quota for a spacing. `most`: maximum number of curve samples. Free *out also after failure. Error: limit_memory. */
 bool quota_for_spacing(const quota_input *in, double spacing, size_t most, quota *out, error *e);
-void quota_free(quota *a);
+void quota_free(quota *q);
 
-/* Points in all, and particles: a point on a curve is a particle for each patch there. */
-static inline size_t quota_points(const quota *a)
+/* Number of points: a curve sample counts once. */
+static inline size_t quota_points(const quota *q)
 {
-    return a->rows.count + a->free_count;
+    return q->samples.count + q->free_count;
 }
-static inline size_t quota_particles(const quota *a)
+/* Number of particles: a curve sample counts once for each incident patch. */
+static inline size_t quota_particles(const quota *q)
 {
-    return a->rows.copies + a->free_count;
+    return q->samples.copies + q->free_count;
 }
 
-/* Adds the particles of the rows to those there are, for which there is room; or first takes those away that are held on curves
- * now. Error: limit_memory. */
-void quota_add_rows(const quota *a, particles *p);
-bool quota_replace_rows(const quota *a, particles *p, error *e);
+/* Appends the particles of the curve samples; `p` has the capacity. */
+void quota_add_samples(const quota *q, particles *p);
+
+/* Removes all fixed particles and appends those of the curve samples; `p` has the capacity. Error: limit_memory. */
+bool quota_replace_samples(const quota *q, particles *p, error *e);
 
 #endif

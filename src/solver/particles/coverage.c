@@ -9,36 +9,41 @@
 #include "field/projection.h"
 #include "geometry/near_points.h"
 
-/* Cells are looked at in so many parts at most, each of which has a largest distance of its own: with fewer cells in a part
- * most of them are looked at before there is one that spares the look. */
-enum { PARTS = 256, FEWEST_CELLS = 1024 };
-/* With so many cells all threads look at them: that takes a millisecond. */
-enum { FEWEST_WIDE = 20000 };
-/* One of so many is looked at before all of them are. */
-enum { FIRST_OF = 16 };
-/* Newton's steps onto the surface, and how near, of a cell, is on it. */
+/* "Cell" in this file: a grid cell of the surface. */
+
+/* Maximum number of tasks of the cells. Each has its own largest distance. */
+enum { MAX_TASKS = 256 };
+/* Minimum number of cells of a task. With fewer, most are tested before a large distance is known that skips cells. */
+enum { MIN_TASK_CELLS = 1024 };
+/* Minimum number of cells for all threads: about one millisecond of work. */
+enum { MIN_PARALLEL_CELLS = 20000 };
+/* One of this number of cells is tested in a first pass: the largest distance found skips most cells of the second. */
+enum { SUBSET_STEP = 16 };
+/* Maximum number of projection steps of a place. */
 enum { PROJECTION_STEPS = 8 };
-static const double ACCURACY = 1e-3;
+/* Projection tolerance over the cell size: well below any spacing. */
+static const double PROJECTION_TOLERANCE = 1e-3;
 
-/* Points that were near the places looked at last. */
-enum { SEEN = 4 };
+/* Number of recently found points that a place is tested against before a search. */
+enum { RECENT_POINTS = 4 };
 
-/* Spacings that differ by more than this are told by place. */
-static const double GRADED = 1.25;
-/* Bins along an axis: no more than these, nor than so many to a point. */
-enum { BINS_MOST = 64 };
+/* Ratio of largest to least spacing beyond which a lower bound of the spacing is kept per bin. */
+static const double GRADED_RATIO = 1.25;
+/* Maximum number of bins along an axis: limits the memory. */
+enum { MAX_BINS = 64 };
+/* Maximum number of bins per point. */
 static const double BINS_PER_POINT = 2;
-/* Bins are a hair wider than they count for, so that no rounding puts a point one too far. */
-static const double HAIR = 1e-6;
+/* Relative margin of the bin width: rounding cannot put a point two bins away. */
+static const double BIN_MARGIN = 1e-6;
 
-/* The least spacing of the points about a place. */
+/* Lower bounds of the spacing of the points near a place. */
 typedef struct spacings {
-    double all;   /* of all points */
-    double reach; /* so far about a place */
-    double over;  /* bins to a length */
+    double all;   /* the least spacing of all points */
+    double reach; /* distance for which the bound of a bin holds */
+    double over;  /* bins per length */
     vec3 origin;
     int bins[3];
-    double *near; /* of each bin, with those next to it; NULL: `all` everywhere */
+    double *near; /* per bin: the least spacing in it and its 26 neighbours; NULL: `all` everywhere */
 } spacings;
 
 typedef struct coverage_job {
@@ -47,11 +52,11 @@ typedef struct coverage_job {
     const vec3 *position;
     const double *spacing;
     spacings least;
-    size_t first; /* of the cells that are looked at */
-    size_t step;  /* from one to the next */
+    size_t first; /* cell */
+    size_t step;  /* between cells */
     size_t grain;
-    double known; /* no smaller distance is looked for */
-    double farthest[PARTS];
+    double known; /* only larger distances are searched */
+    double farthest[MAX_TASKS];
 } coverage_job;
 
 static int clamped_bin(const spacings *s, vec3 x, int axis)
@@ -60,13 +65,13 @@ static int clamped_bin(const spacings *s, vec3 x, int axis)
     return at < 0 ? -1 : at >= s->bins[axis] ? s->bins[axis] : (int)at;
 }
 
-/* Each bin becomes the least of it and those next to it along an axis, which are `stride` away. */
-static void spread(spacings *s, int axis, size_t stride)
+/* Replaces each bin by the minimum of it and its two neighbours along an axis. `stride`: index distance along the axis. */
+static void minimum_filter(spacings *s, int axis, size_t stride)
 {
     const size_t total = (size_t)s->bins[0] * (size_t)s->bins[1] * (size_t)s->bins[2];
     const size_t along = stride * (size_t)s->bins[axis];
     for (size_t line = 0; line < total; line++) {
-        if (line % along >= stride) continue; /* not the first of its line */
+        if (line % along >= stride) continue; /* not the first bin of a line along the axis */
         double before = INFINITY;
         for (size_t at = line; at < line + along; at += stride) {
             const double own = s->near[at],
@@ -80,16 +85,16 @@ static void spread(spacings *s, int axis, size_t stride)
 static bool find_spacings(const vec3 *position, const double *spacing, size_t count, spacings *out, error *e)
 {
     double least = INFINITY, largest = 0;
-    for (size_t i = 0; i < count; i++) { /* without fmin, which is a call */
+    for (size_t i = 0; i < count; i++) { /* fmin would be a function call */
         least = spacing[i] < least ? spacing[i] : least;
         largest = spacing[i] > largest ? spacing[i] : largest;
     }
     *out = (spacings){.all = least};
-    if (!(largest > GRADED * least)) return true;
+    if (!(largest > GRADED_RATIO * least)) return true;
     bbox box = bbox_of_points(position, count, NULL);
-    const double most = fmin(fmax(1, cbrt(BINS_PER_POINT * (double)count)), BINS_MOST);
+    const double most = fmin(fmax(1, cbrt(BINS_PER_POINT * (double)count)), MAX_BINS);
     out->reach = fmax(largest, bbox_longest(box) / most);
-    out->over = 1 / ((1 + HAIR) * out->reach);
+    out->over = 1 / ((1 + BIN_MARGIN) * out->reach);
     box = bbox_grow(box, out->reach);
     out->origin = box.min;
     for (int a = 0; a < 3; a++) out->bins[a] = (int)(vec3_get(bbox_size(box), a) * out->over) + 1;
@@ -104,13 +109,13 @@ static bool find_spacings(const vec3 *position, const double *spacing, size_t co
         *bin = fmin(*bin, spacing[i]);
     }
     size_t stride = 1;
-    for (int a = 0; out->near && a < 3; stride *= (size_t)out->bins[a++]) spread(out, a, stride);
+    for (int a = 0; out->near && a < 3; stride *= (size_t)out->bins[a++]) minimum_filter(out, a, stride);
     return out->near != NULL;
 }
 
-/* A distance: with a point no farther than it from x no place within `radius` of x is farther than `farthest` from its nearest
- * point, in that one's spacings. Not above 0 where there is none. */
-static double enough_at(const spacings *s, vec3 x, double radius, double farthest)
+/* Returns a distance d: if a point is within d of x, every place within `radius` of x is within `farthest` spacings of its
+ * nearest point. d <= 0: no such distance exists. */
+static double covering_distance(const spacings *s, vec3 x, double radius, double farthest)
 {
     const double anywhere = farthest * s->all - radius;
     if (!s->near) return anywhere;
@@ -121,17 +126,17 @@ static double enough_at(const spacings *s, vec3 x, double radius, double farthes
     }
     const double least =
         s->near[((size_t)at[2] * (size_t)s->bins[1] + (size_t)at[1]) * (size_t)s->bins[0] + (size_t)at[0]];
-    /* the nearest point of such a place is no farther from x than that point and the radius twice */
+    /* the nearest point of such a place is within d + 2 radius of x */
     return fmax(anywhere, fmin(farthest * least - radius, s->reach - 2 * radius));
 }
 
-/* Triangles of cells larger than the spacing lie off the surface by more than that. A place from which no step leads to it
- * is put on it in its cell, as far as F is known there. False where that is beyond an open end. */
-static bool onto_surface(const surface *scan, size_t k, double cell_size, vec3 *x)
+/* Projects a place onto the surface. A triangle of a cell larger than the spacing may be far from the surface. If the projection
+ * fails, the place is bisected in its cell (not with patches). False: the result lies beyond the boundary of an open surface. */
+static bool project_place(const surface *scan, size_t k, double cell_size, vec3 *x)
 {
     const field *f = scan->field;
-    const projection_limits limits = {PROJECTION_STEPS, ACCURACY * cell_size, ACCURACY * cell_size,
-                                      ACCURACY * cell_size};
+    const projection_limits limits = {PROJECTION_STEPS, PROJECTION_TOLERANCE * cell_size,
+                                      PROJECTION_TOLERANCE * cell_size, PROJECTION_TOLERANCE * cell_size};
     vec3 p = *x, normal;
     if (projection_find(f, &limits, &p, &normal) && vec3_norm(vec3_sub(p, *x)) < cell_size)
         *x = p;
@@ -140,32 +145,31 @@ static bool onto_surface(const surface *scan, size_t k, double cell_size, vec3 *
     return !f->open || bbox_contains(f->domain, *x);
 }
 
-/* Whether there is a point within a distance > 0: one of those near the places before, the last one first, or another, which becomes the
- * last. Cells that follow each other are near the same points. */
-static bool has_point(const coverage_job *job, vec3 x, double within, uint32_t near[SEEN])
+/* Whether a point lies within `within` > 0 of x. Tests the recently found points first, since consecutive cells are near the same
+ * points; a point found by the search is added to them. */
+static bool has_point(const coverage_job *job, vec3 x, double within, uint32_t near[RECENT_POINTS])
 {
     if (!(within > 0)) return false;
-    for (int k = 0; k < SEEN; k++)
+    for (int k = 0; k < RECENT_POINTS; k++)
         if (vec3_norm2(vec3_sub(job->position[near[k]], x)) <= within * within) return true;
     double distance;
     const uint32_t found = near_points_nearest(job->points, x, within, &distance);
-    memmove(near + 1, near, (SEEN - 1) * sizeof *near);
+    memmove(near + 1, near, (RECENT_POINTS - 1) * sizeof *near);
     near[0] = found;
     return distance <= within;
 }
 
-/* Of a cell: its triangles, and whether all of their places are near enough to a point, by its middle alone. A cell that is one
- * triangle has one place, and the middle says no more of it. */
-typedef struct cell_look {
+typedef struct cell_test {
     size_t cell;
     vec3 triangle[FIELD_CELL_TRIANGLES][3];
     int count;
-    double size; /* of the cell; of one that is not done */
-    bool is_done;
-} cell_look;
+    double size;  /* of the cell; set if !is_done */
+    bool is_done; /* the test of the cell's middle shows that all its places are covered */
+} cell_test;
 
-static void look_at_cell(const coverage_job *job, size_t k, double farthest, uint32_t near[SEEN],
-                         cell_look *out)
+/* Tests the middle of cell k. A cell of one triangle has one place, so that the test of the middle saves nothing. */
+static void test_cell(const coverage_job *job, size_t k, double farthest, uint32_t near[RECENT_POINTS],
+                      cell_test *out)
 {
     const field *f = job->scan->field;
     out->cell = k;
@@ -175,8 +179,7 @@ static void look_at_cell(const coverage_job *job, size_t k, double farthest, uin
     if (out->count == 1 && !f->uneven) return;
     double radius;
     const vec3 middle = surface_cell_middle(job->scan, k, &radius);
-    /* with a point that near its middle no place of the cell is farther than the farthest */
-    out->is_done = has_point(job, middle, enough_at(&job->least, middle, radius, farthest), near);
+    out->is_done = has_point(job, middle, covering_distance(&job->least, middle, radius, farthest), near);
     if (out->is_done) return;
     if (f->uneven) {
         field_cell cell;
@@ -186,40 +189,41 @@ static void look_at_cell(const coverage_job *job, size_t k, double farthest, uin
     if (out->count < 0) out->count = surface_cell_rough_triangles(job->scan, k, out->triangle);
 }
 
-/* The farthest place of a cell, if that is beyond `farthest`. */
-static double look_at_places(const coverage_job *job, const cell_look *look, double farthest,
-                             uint32_t near[SEEN])
+/* The maximum of `farthest` and the distances of the places of a cell. */
+static double farthest_place(const coverage_job *job, const cell_test *test, double farthest,
+                             uint32_t near[RECENT_POINTS])
 {
     const field *f = job->scan->field;
-    for (int i = 0; i < look->count; i++) {
-        vec3 x = field_triangle_middle(look->triangle[i]);
+    for (int i = 0; i < test->count; i++) {
+        vec3 x = field_triangle_middle(test->triangle[i]);
         if (f->open && !bbox_contains(f->domain, x)) continue;
         double distance;
-        if (has_point(job, x, enough_at(&job->least, x, 0, farthest), near) ||
-            !onto_surface(job->scan, look->cell, look->size, &x))
+        if (has_point(job, x, covering_distance(&job->least, x, 0, farthest), near) ||
+            !project_place(job->scan, test->cell, test->size, &x))
             continue;
         uint32_t point =
-            near_points_nearest(job->points, x, enough_at(&job->least, x, 0, farthest), &distance);
+            near_points_nearest(job->points, x, covering_distance(&job->least, x, 0, farthest), &distance);
         farthest = fmax(farthest, distance / job->spacing[point]);
     }
     return farthest;
 }
 
-/* A group of cells, up to `end`, and whether all of their places are near enough to a point, by its middle alone. */
-typedef struct group_look {
+/* A group of consecutive cells that ends before cell `end`. is_done: the test of its middle shows that all places are covered. */
+typedef struct group_test {
     size_t end;
     bool is_done;
-} group_look;
+} group_test;
 
-/* Whether cell k need not be looked at, since its group is done. */
-static bool is_done_by_group(const coverage_job *job, size_t k, double farthest, uint32_t near[SEEN],
-                             group_look *group)
+/* Whether the test of the group of cell k shows that the cell is covered. */
+static bool is_done_by_group(const coverage_job *job, size_t k, double farthest, uint32_t near[RECENT_POINTS],
+                             group_test *group)
 {
     vec3 middle;
     double radius;
     if (k >= group->end)
-        group->is_done = surface_cell_group(job->scan, k, &group->end, &middle, &radius) &&
-                         has_point(job, middle, enough_at(&job->least, middle, radius, farthest), near);
+        group->is_done =
+            surface_cell_group(job->scan, k, &group->end, &middle, &radius) &&
+            has_point(job, middle, covering_distance(&job->least, middle, radius, farthest), near);
     return group->is_done;
 }
 
@@ -227,16 +231,16 @@ static void cells_chunk(void *context, int worker, size_t begin, size_t end)
 {
     coverage_job *job = context;
     double farthest = job->known;
-    uint32_t near[SEEN] = {0};
-    group_look group = {0};
+    uint32_t near[RECENT_POINTS] = {0};
+    group_test group = {0};
     (void)worker;
     for (size_t n = begin; n < end; n++) {
         const size_t k = job->first + n * job->step;
         if (is_done_by_group(job, k, farthest, near, &group)) continue;
         if (!(surface_cell_area(job->scan, k) > 0)) continue;
-        cell_look look;
-        look_at_cell(job, k, farthest, near, &look);
-        if (!look.is_done) farthest = look_at_places(job, &look, farthest, near);
+        cell_test test;
+        test_cell(job, k, farthest, near, &test);
+        if (!test.is_done) farthest = farthest_place(job, &test, farthest, near);
     }
     job->farthest[begin / job->grain] = farthest;
 }
@@ -246,13 +250,13 @@ size_t coverage_parts(const surface *scan)
     return scan->field->patches ? scan->field->patches->count : 1;
 }
 
-/* The cells of a part begin here, and end where those of the next begin. */
+/* The first cell of a part; for part = coverage_parts the number of cells. */
 static size_t first_of_part(const surface *scan, size_t part)
 {
     return scan->field->patches ? scan->parts.begin[part] : part * scan->cells;
 }
 
-/* The largest distance in every so many of the cells from `begin` on, or `known`. */
+/* The maximum of `known` and the distances of every `step`-th cell of [begin, end). */
 static double measure_cells(coverage_job *job, size_t begin, size_t end, size_t step, double known,
                             threads *pool)
 {
@@ -260,18 +264,19 @@ static double measure_cells(coverage_job *job, size_t begin, size_t end, size_t 
     job->first = begin;
     job->step = step;
     job->known = known;
-    job->grain = cells / PARTS + 1;
-    if (job->grain < FEWEST_CELLS) job->grain = FEWEST_CELLS;
+    job->grain = cells / MAX_TASKS + 1;
+    if (job->grain < MIN_TASK_CELLS) job->grain = MIN_TASK_CELLS;
     memset(job->farthest, 0, sizeof job->farthest);
     threads_run(pool, cells, job->grain, cells_chunk, job);
-    for (int k = 0; k < PARTS; k++) known = fmax(known, job->farthest[k]);
+    for (int k = 0; k < MAX_TASKS; k++) known = fmax(known, job->farthest[k]);
     return known;
 }
 
-/* Some cells first: what is known of these spares most looks at the others. */
+/* Tests a subset of the cells first (SUBSET_STEP), then all. */
 static double measure_part(coverage_job *job, size_t begin, size_t end, double known, threads *pool)
 {
-    if (end - begin > FIRST_OF * FEWEST_CELLS) known = measure_cells(job, begin, end, FIRST_OF, known, pool);
+    if (end - begin > SUBSET_STEP * MIN_TASK_CELLS)
+        known = measure_cells(job, begin, end, SUBSET_STEP, known, pool);
     return measure_cells(job, begin, end, 1, known, pool);
 }
 
@@ -284,7 +289,7 @@ bool coverage_measure(const surface *scan, const vec3 *position, const double *s
         free(job.least.near);
         return false;
     }
-    const bool narrow = threads_narrow(pool, scan->cells < FEWEST_WIDE); /* few points may have many cells */
+    const bool narrow = threads_narrow(pool, scan->cells < MIN_PARALLEL_CELLS);
     for (size_t k = 0; k < coverage_parts(scan); k++)
         farthest[k] =
             measure_part(&job, first_of_part(scan, k), first_of_part(scan, k + 1), farthest[k], pool);
@@ -294,13 +299,13 @@ bool coverage_measure(const surface *scan, const vec3 *position, const double *s
     return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
 
-static bool add_place(coverage_places *p, vec3 x, uint32_t patch, error *e)
+static bool add_place(coverage_gaps *p, vec3 x, uint32_t patch, error *e)
 {
-    const char *what = "the bare places";
-    if (p->count == p->room) {
-        const size_t room = p->room > 0 ? 2 * p->room : 1024;
-        vec3 *place = mem_array(room, sizeof *place, what, e);
-        uint32_t *of = mem_array(room, sizeof *of, what, e);
+    const char *what = "the gaps in coverage";
+    if (p->count == p->capacity) {
+        const size_t capacity = p->capacity > 0 ? 2 * p->capacity : 1024;
+        vec3 *place = mem_array(capacity, sizeof *place, what, e);
+        uint32_t *of = mem_array(capacity, sizeof *of, what, e);
         if (!place || !of) {
             free(place);
             free(of);
@@ -312,53 +317,53 @@ static bool add_place(coverage_places *p, vec3 x, uint32_t patch, error *e)
         }
         free(p->place);
         free(p->patch);
-        *p = (coverage_places){place, of, p->count, room};
+        *p = (coverage_gaps){place, of, p->count, capacity};
     }
     p->place[p->count] = x;
     p->patch[p->count++] = patch;
     return true;
 }
 
-/* The bare places of a cell. */
-static bool add_places(const coverage_job *job, const cell_look *look, uint32_t patch, double bare,
-                       uint32_t near[SEEN], coverage_places *out, error *e)
+/* Appends the uncovered places of a cell. */
+static bool add_places(const coverage_job *job, const cell_test *test, uint32_t patch, double limit,
+                       uint32_t near[RECENT_POINTS], coverage_gaps *out, error *e)
 {
     const field *f = job->scan->field;
-    for (int i = 0; i < look->count; i++) {
-        vec3 x = field_triangle_middle(look->triangle[i]);
+    for (int i = 0; i < test->count; i++) {
+        vec3 x = field_triangle_middle(test->triangle[i]);
         double distance;
         if (f->open && !bbox_contains(f->domain, x)) continue;
-        if (has_point(job, x, enough_at(&job->least, x, 0, bare), near)) continue;
-        if (!f->patches && !onto_surface(job->scan, look->cell, look->size, &x)) continue;
+        if (has_point(job, x, covering_distance(&job->least, x, 0, limit), near)) continue;
+        if (!f->patches && !project_place(job->scan, test->cell, test->size, &x)) continue;
         const uint32_t point = near_points_nearest(job->points, x, 0, &distance);
-        if (distance > bare * job->spacing[point] && !add_place(out, x, patch, e)) return false;
+        if (distance > limit * job->spacing[point] && !add_place(out, x, patch, e)) return false;
     }
     return true;
 }
 
-bool coverage_find_bare(const surface *scan, const vec3 *position, const double *spacing, size_t count,
-                        double bare, coverage_places *out, error *e)
+bool coverage_find_gaps(const surface *scan, const vec3 *position, const double *spacing, size_t count,
+                        double limit, coverage_gaps *out, error *e)
 {
     coverage_job job = {.scan = scan, .position = position, .spacing = spacing};
-    uint32_t near[SEEN] = {0};
-    *out = (coverage_places){0};
+    uint32_t near[RECENT_POINTS] = {0};
+    *out = (coverage_gaps){0};
     if (!find_spacings(position, spacing, count, &job.least, e)) return false;
     bool ok = (job.points = near_points_new(position, count, NULL, e)) != NULL;
     for (uint32_t patch = 0; ok && patch < coverage_parts(scan); patch++)
         for (size_t k = first_of_part(scan, patch); ok && k < first_of_part(scan, patch + 1); k++) {
             if (!(surface_cell_area(scan, k) > 0)) continue;
-            cell_look look;
-            look_at_cell(&job, k, bare, near, &look);
-            if (!look.is_done) ok = add_places(&job, &look, patch, bare, near, out, e);
+            cell_test test;
+            test_cell(&job, k, limit, near, &test);
+            if (!test.is_done) ok = add_places(&job, &test, patch, limit, near, out, e);
         }
     near_points_free(job.points);
     free(job.least.near);
     return ok;
 }
 
-void coverage_places_free(coverage_places *p)
+void coverage_gaps_free(coverage_gaps *p)
 {
     free(p->place);
     free(p->patch);
-    *p = (coverage_places){0};
+    *p = (coverage_gaps){0};
 }

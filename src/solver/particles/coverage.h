@@ -1,11 +1,11 @@
-/* coverage: whether every place of a surface has a point near it.
+/* coverage: the distance of a surface from its points.
  *
- * The places are above the middles of the triangles in which the surface passes its cells. In an ideal packing the farthest is
- * .58 spacings from the nearest point, beside a vacancy 1. Distances are taken in space: where sheets are closer than
- * the spacing a place may be near a point of the other sheet.
+ * The test places are the centroids of the triangles of the surface's grid cells, projected onto the surface. In an ideal
+ * packing the largest distance is 0.58 spacings; beside a vacancy it is 1. Distances are Euclidean: on a wall thinner than the
+ * spacing, a place may be near a point of the opposite wall. World space.
  */
-#ifndef HEXAD_SOLVER_COVERAGE_H
-#define HEXAD_SOLVER_COVERAGE_H
+#ifndef HEXAD_SOLVER_PARTICLES_COVERAGE_H
+#define HEXAD_SOLVER_PARTICLES_COVERAGE_H
 
 #include <stdint.h>
 
@@ -13,24 +13,26 @@
 #include "base/threads.h"
 #include "surface/surface.h"
 
-/* What coverage_measure tells of: the patches, or the surface as a whole. */
+/* Number of parts that coverage_measure distinguishes: the patches; 1 without patches. */
 size_t coverage_parts(const surface *scan);
 
-/* Raises `farthest` of each of coverage_parts to the largest distance of a place from the nearest of `count` > 0 points, of whatever
- * patch, over the spacing requested there, > 0; what lies below it takes little time. Errors: limit_memory, cancelled. Deterministic for any number of threads. */
+/* Raises farthest[k] of each part to the largest distance of a place of the part from the nearest of `count` > 0 points of any
+ * patch, in spacings of that point. `spacing`: per point, > 0. A larger initial value makes the test faster. Errors:
+ * limit_memory, cancelled. Deterministic for any number of threads. */
 bool coverage_measure(const surface *scan, const vec3 *position, const double *spacing, size_t count,
                       threads *pool, double *farthest, error *e);
 
-/* Places of a surface, and the patch of each: 0 without patches. */
-typedef struct coverage_places {
+/* Uncovered places of a surface, each with its patch (0 without patches). */
+typedef struct coverage_gaps {
     vec3 *place;
     uint32_t *patch;
-    size_t count, room;
-} coverage_places;
+    size_t count, capacity;
+} coverage_gaps;
 
-/* All places that are farther from all points than `bare` > 0, over the spacing there. One thread. Error: limit_memory. */
-bool coverage_find_bare(const surface *scan, const vec3 *position, const double *spacing, size_t count,
-                        double bare, coverage_places *out, error *e);
-void coverage_places_free(coverage_places *p); /* a zeroed one will do */
+/* Finds all places whose nearest point is farther than `limit` > 0, in spacings of that point. Single-threaded. Free *out also
+ * after failure. Error: limit_memory. */
+bool coverage_find_gaps(const surface *scan, const vec3 *position, const double *spacing, size_t count,
+                        double limit, coverage_gaps *out, error *e);
+void coverage_gaps_free(coverage_gaps *p); /* accepts a zeroed object */
 
 #endif

@@ -23,7 +23,7 @@ particles *particles_new_even(size_t count, error *e)
     return p;
 }
 
-/* An array of ones, unless there is one. */
+/* Allocates *array, filled with 1, unless it exists. */
 static bool add_ones(double **array, size_t count, error *e)
 {
     if (*array) return true;
@@ -50,7 +50,7 @@ particles *particles_new(size_t count, error *e)
     return NULL;
 }
 
-bool particles_label(particles *p, const field_patches *patches, size_t capacity, error *e)
+bool particles_set_patches(particles *p, const field_patches *patches, size_t capacity, error *e)
 {
     if (!patches) return true;
     p->patches = patches;
@@ -78,8 +78,8 @@ void particles_free(particles *p)
     free(p);
 }
 
-/* (Pages that nobody has written to are no memory yet, and stay so.) */
-void particles_undamp(particles *p)
+/* (Entries that are 0 are not written: untouched pages of a zeroed allocation occupy no memory.) */
+void particles_reset_damping(particles *p)
 {
     for (size_t i = 0; i < p->count; i++)
         if (p->lambda[i] != 0) p->lambda[i] = 0;
@@ -117,7 +117,7 @@ bool particles_grow(particles *p, size_t capacity, error *e)
 {
     particles *q = particles_new_even(capacity, e);
     if (!q || (p->alpha && !particles_add_amplitudes(q, e)) || (p->size && !particles_add_sizes(q, e)) ||
-        !particles_label(q, p->patches, capacity, e)) {
+        !particles_set_patches(q, p->patches, capacity, e)) {
         particles_free(q);
         return false;
     }
@@ -137,14 +137,15 @@ void particles_copy(particles *p, size_t to, size_t from)
 
 typedef struct arrangement {
     const uint32_t *order;
-    size_t size, count; /* of an entry; of entries */
+    size_t size;  /* of an entry, bytes */
+    size_t count; /* of entries */
     const char *from;
     char *to;
 } arrangement;
 
-/* With a size that is known where this is expanded a copy is no call. */
-static inline __attribute__((always_inline)) void take(const arrangement *a, size_t begin, size_t end,
-                                                       size_t size)
+/* Gathers entries. Inlined with a constant size, so that memcpy is no call. */
+static inline __attribute__((always_inline)) void gather(const arrangement *a, size_t begin, size_t end,
+                                                         size_t size)
 {
     for (size_t k = begin; k < end; k++) {
         assert(a->order[k] < a->count);
@@ -157,11 +158,11 @@ static void arrange_chunk(void *context, int worker, size_t begin, size_t end)
     const arrangement *a = context;
     (void)worker;
     if (a->size == sizeof(vec3))
-        take(a, begin, end, sizeof(vec3));
+        gather(a, begin, end, sizeof(vec3));
     else if (a->size == sizeof(double))
-        take(a, begin, end, sizeof(double));
+        gather(a, begin, end, sizeof(double));
     else
-        take(a, begin, end, sizeof(float));
+        gather(a, begin, end, sizeof(float));
 }
 
 static void copy_chunk(void *context, int worker, size_t begin, size_t end)
@@ -171,35 +172,37 @@ static void copy_chunk(void *context, int worker, size_t begin, size_t end)
     memcpy(a->to + begin * a->size, a->from + begin * a->size, (end - begin) * a->size);
 }
 
+/* Entries per task of the thread pool: large compared with the cost of a task. */
 enum { GRAIN = 8192 };
 
-/* `room` is for a copy. */
-static void arrange(void *array, size_t size, const uint32_t *order, size_t count, char *room, threads *pool)
+/* Permutes an array in place. `room`: buffer of `count` entries. */
+static void arrange(void *array, size_t size, const uint32_t *order, size_t count, char *buffer,
+                    threads *pool)
 {
     assert(size == sizeof(vec3) || size == sizeof(double) || size == sizeof(float));
-    arrangement a = {order, size, count, array, room};
+    arrangement a = {order, size, count, array, buffer};
     threads_run(pool, count, GRAIN, copy_chunk, &a);
-    a.from = room;
+    a.from = buffer;
     a.to = array;
     threads_run(pool, count, GRAIN, arrange_chunk, &a);
 }
 
 bool particles_arrange(particles *p, const uint32_t *order, threads *pool, error *e)
 {
-    char *room = mem_array(p->count, sizeof *p->position, "the order of particles", e);
-    if (!room) return false;
-    arrange(p->position, sizeof *p->position, order, p->count, room, pool);
-    arrange(p->normal, sizeof *p->normal, order, p->count, room, pool);
-    if (p->alpha) arrange(p->alpha, sizeof *p->alpha, order, p->count, room, pool);
-    if (p->size) arrange(p->size, sizeof *p->size, order, p->count, room, pool);
+    char *buffer = mem_array(p->count, sizeof *p->position, "the order of particles", e);
+    if (!buffer) return false;
+    arrange(p->position, sizeof *p->position, order, p->count, buffer, pool);
+    arrange(p->normal, sizeof *p->normal, order, p->count, buffer, pool);
+    if (p->alpha) arrange(p->alpha, sizeof *p->alpha, order, p->count, buffer, pool);
+    if (p->size) arrange(p->size, sizeof *p->size, order, p->count, buffer, pool);
     if (p->patch) {
-        arrange(p->lambda, sizeof *p->lambda, order, p->count, room, pool);
-        arrange(p->energy, sizeof *p->energy, order, p->count, room, pool);
-        arrange(p->patch, sizeof *p->patch, order, p->count, room, pool);
-        arrange(p->hint, sizeof *p->hint, order, p->count, room, pool);
-        arrange(p->place, sizeof *p->place, order, p->count, room, pool);
+        arrange(p->lambda, sizeof *p->lambda, order, p->count, buffer, pool);
+        arrange(p->energy, sizeof *p->energy, order, p->count, buffer, pool);
+        arrange(p->patch, sizeof *p->patch, order, p->count, buffer, pool);
+        arrange(p->hint, sizeof *p->hint, order, p->count, buffer, pool);
+        arrange(p->place, sizeof *p->place, order, p->count, buffer, pool);
     }
-    free(room);
+    free(buffer);
     return true;
 }
 

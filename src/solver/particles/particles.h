@@ -1,6 +1,6 @@
-/* particles: the state of the system, as arrays. World space. Index i is one particle throughout. */
-#ifndef HEXAD_SOLVER_PARTICLES_H
-#define HEXAD_SOLVER_PARTICLES_H
+/* particles: the state of the particle system as a structure of arrays. Index i is the same particle in all arrays. World space. */
+#ifndef HEXAD_SOLVER_PARTICLES_PARTICLES_H
+#define HEXAD_SOLVER_PARTICLES_PARTICLES_H
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -13,23 +13,24 @@
 typedef struct particles {
     size_t count, capacity;
     vec3 *position;
-    vec3 *normal;  /* unit; of the last projection */
-    double *alpha; /* repulsion amplitude (14), lagged to the last build; NULL: 1 each */
-    double *size;  /* requested spacing over h, lagged to the last build; NULL: 1 each */
+    vec3 *normal;  /* unit; from the last projection */
+    double *alpha; /* repulsion amplitude (14), evaluated at the last list build; NULL: 1 for all */
+    double *size;  /* requested spacing over h, evaluated at the last list build; NULL: 1 for all */
     float *lambda; /* log10 of the damping of (11) */
-    float *energy; /* E_i over size^2, full sum, when it was last looked at: comparable with the ideal */
-    /* within 2 h of a boundary of an open surface, at the last build of lists; or held on a curve, or one who is lies within its
-     * support */
+    float *energy; /* E_i over size^2, full sum, at the last evaluation; comparable with the ideal energy */
+    /* At the last list build: within 2 h of a boundary of an open surface, on a curve, or with a particle of a curve in its
+     * support. */
     bool *near_boundary;
-    /* Of a surface with patches, else NULL. A point on a curve is a particle for each patch there. */
+    /* The following are NULL for a surface without patches. A point on a curve is one particle for each incident patch. */
     const field_patches *patches;
-    uint32_t *patch; /* which it belongs to; it leaves it for a place of another, but not by moving */
-    uint32_t *hint;  /* where it was on that: see sample_patch_lanes of field_ops */
-    uint32_t *place; /* number of the point on a curve that holds it (curve_samples), or one of these two */
+    uint32_t
+        *patch; /* the patch it belongs to; relocation may change it, a step of the relaxation never does */
+    uint32_t *hint;  /* location on its patch: sample_patch_lanes of field_ops */
+    uint32_t *place; /* the curve sample that fixes it (curve_samples), PARTICLES_FREE or PARTICLES_PINNED */
 } particles;
 
 #define PARTICLES_FREE UINT32_MAX
-#define PARTICLES_HELD (UINT32_MAX - 1) /* held where it is, on no curve */
+#define PARTICLES_PINNED (UINT32_MAX - 1) /* fixed at its position, on no curve */
 
 static inline double particles_amplitude(const particles *p, size_t i)
 {
@@ -48,16 +49,16 @@ static inline bool particles_is_fixed(const particles *p, size_t i)
 
 static inline bool particles_is_on_curve(const particles *p, size_t i)
 {
-    return particles_is_fixed(p, i) && p->place[i] != PARTICLES_HELD;
+    return particles_is_fixed(p, i) && p->place[i] != PARTICLES_PINNED;
 }
 
-/* The field that particle i is on, of the field of all. */
+/* The field of the patch of particle i; without patches: f. */
 static inline const field *particles_field(const particles *p, const field *f, size_t i)
 {
     return p->patch ? field_of_patch(f, p->patch[i]) : f;
 }
 
-/* Its patch; 0 where there are none. */
+/* The patch of particle i; 0 without patches. */
 static inline uint32_t particles_patch(const particles *p, size_t i)
 {
     return p->patch ? p->patch[i] : 0;
@@ -68,48 +69,50 @@ static inline bool particles_is_one_sided(const particles *p, size_t i)
     return p->patch && p->patches->patch[p->patch[i]].one_sided;
 }
 
-/* The cosine between the normals of two particles of one patch, as far as their sides mean something. */
+/* Cosine between the normals of two particles of one patch. On a one-sided patch the sign of normals is meaningless: the
+ * absolute value. */
 static inline double particles_facing(const particles *p, size_t i, size_t j)
 {
     double cosine = vec3_dot(p->normal[i], p->normal[j]);
     return particles_is_one_sided(p, i) ? fabs(cosine) : cosine;
 }
 
-/* `count` of them, and room for no more, with amplitudes and sizes of 1. Error: limit_memory. */
+/* `count` particles with amplitudes and sizes of 1; the capacity is `count`. NULL: limit_memory. */
 particles *particles_new(size_t count, error *e);
 
-/* The same without arrays of these, which all particles of an even job would share in vain; and one of them, where there is none.
- * Errors: limit_memory. */
+/* `count` particles without the arrays alpha and size. NULL: limit_memory. */
 particles *particles_new_even(size_t count, error *e);
+
+/* Allocate alpha or size, filled with 1, unless it exists. Error: limit_memory. */
 bool particles_add_amplitudes(particles *p, error *e);
 bool particles_add_sizes(particles *p, error *e);
 
-/* Of a surface with patches: every particle is a free one of the first patch from now on. NULL: of one without. `capacity`
- * as that of particles_new. Error: limit_memory. */
-bool particles_label(particles *p, const field_patches *patches, size_t capacity, error *e);
+/* Allocates the arrays for patches: every particle becomes a free particle of the first patch. `patches` NULL: does nothing.
+ * `capacity`: that of `p`. Error: limit_memory. */
+bool particles_set_patches(particles *p, const field_patches *patches, size_t capacity, error *e);
 void particles_free(particles *p);
 
-/* What packing.h calls flags, of each; for a surface with patches. */
+/* Flags of packing.h for each particle of a surface with patches. */
 void particles_flags(const particles *p, uint8_t *out);
 
-/* How many are not held. */
+/* Number of particles that are not fixed. */
 size_t particles_free_count(const particles *p);
 
-/* Makes room for `capacity` particles, at least as many as there are; those there stay. Error:
- * limit_memory. */
+/* Increases the capacity to `capacity`, at least the count. Error: limit_memory, *p unchanged. */
 bool particles_grow(particles *p, size_t capacity, error *e);
 
-/* Particle `to` becomes what `from` is; what the next build of lists or sweep sets anew is left out. */
+/* Copies particle `from` to index `to`, except near_boundary, which the next list build sets. */
 void particles_copy(particles *p, size_t to, size_t from);
 
-/* No particle's step is damped from now on. */
-void particles_undamp(particles *p);
+/* Resets the damping of all particles. */
+void particles_reset_damping(particles *p);
 
-/* Particle k becomes what order[k] is, a permutation; likewise. Damping is taken along with patches only: others begin anew. `pool` may be NULL. Error: limit_memory. */
+/* Permutes the particles: index k gets what order[k] had, except near_boundary. Damping and energy are permuted only with
+ * patches; otherwise the caller resets them. `pool` may be NULL. Error: limit_memory. */
 bool particles_arrange(particles *p, const uint32_t *order, threads *pool, error *e);
 
-/* Sets p->near_boundary of every particle of an open surface (packing_is_near_boundary). The spacing of a particle is `h` times its
- * size. Of other surfaces it stays as it is. */
+/* Sets p->near_boundary of every particle of an open surface (packing_is_near_boundary). The spacing of a particle is `h` times
+ * its size. Does nothing for a closed surface. */
 void particles_mark_boundary(particles *p, const field *f, double h);
 
 #endif

@@ -7,24 +7,28 @@
 #include "base/memory.h"
 #include "field/projection.h"
 
-/* A particle whose energy is one standard deviation off the mean is this much likelier, on the logarithm; and
- * no more than this many deviations count. A choice by rank alone would take whole clusters at once, and
- * leave holes. */
-static const double BIAS = 1, BIAS_DEVIATIONS = 3;
-/* A twin is put on the surface to this fraction of the offset; the relaxation does the rest. */
-static const double SPLIT_ACCEPT = 1e-3;
-static const int SPLIT_STEPS = 10, SPLIT_DIRECTIONS = 8;
-/* A twin that the projection carries farther than this, of the offset, is on another sheet. */
-static const double SPLIT_FARTHEST = 2;
+/* Logarithm of the weight of a particle per standard deviation of its energy from the mean. A choice by rank would take whole
+ * clusters and leave gaps. */
+static const double BIAS = 1;
+/* Energies are clamped to this many standard deviations. */
+static const double MAX_DEVIATIONS = 3;
+/* Projection tolerance of a twin over the offset. The relaxation refines the projection. */
+static const double SPLIT_TOLERANCE = 1e-3;
+/* Maximum projection steps of a twin. */
+static const int SPLIT_STEPS = 10;
+/* Maximum number of random directions that a split tries. */
+static const int SPLIT_DIRECTIONS = 8;
+/* Maximum distance of a projected twin over the offset. Farther: the twin is on another part of the surface. */
+static const double SPLIT_MAX_DISTANCE = 2;
 
-typedef struct lot {
-    double key; /* the smallest win */
+typedef struct draw {
+    double key; /* the particles of the smallest keys are chosen */
     uint32_t particle;
-} lot;
+} draw;
 
-static int compare_lot(const void *a, const void *b)
+static int compare_draws(const void *a, const void *b)
 {
-    const lot *x = a, *y = b;
+    const draw *x = a, *y = b;
     if (x->key != y->key) return x->key < y->key ? -1 : 1;
     return x->particle < y->particle ? -1 : 1;
 }
@@ -35,46 +39,45 @@ static int compare_index(const void *a, const void *b)
     return x < y ? -1 : x > y;
 }
 
-/* How crowded it is around a particle: its energy, freed of its amplitude. */
-static double crowding(const particles *p, size_t i)
+/* Energy over amplitude: the local density measure of a particle. */
+static double density(const particles *p, size_t i)
 {
     return (double)p->energy[i] / particles_amplitude(p, i);
 }
 
-/* Draws without replacement, in proportion to weights: the least of -log(u) / weight win (Efraimidis and
- * Spirakis 2006). */
+/* Weighted sampling without replacement: the smallest keys -log(u) / weight are chosen (Efraimidis and Spirakis 2006). */
 bool population_choose(const particles *p, size_t k, population_bias bias, rng *r, uint32_t *chosen, error *e)
 {
     size_t n = p->count;
     assert(k <= n);
-    lot *lots = mem_array(n, sizeof *lots, "the choice of particles", e);
-    if (!lots) return false;
+    draw *draws = mem_array(n, sizeof *draws, "the choice of particles", e);
+    if (!draws) return false;
     double mean = 0, squares = 0;
-    for (size_t i = 0; i < n; i++) mean += crowding(p, i) / (double)n;
-    for (size_t i = 0; i < n; i++) squares += (crowding(p, i) - mean) * (crowding(p, i) - mean) / (double)n;
+    for (size_t i = 0; i < n; i++) mean += density(p, i) / (double)n;
+    for (size_t i = 0; i < n; i++) squares += (density(p, i) - mean) * (density(p, i) - mean) / (double)n;
     double deviation = sqrt(squares), sign = bias == POPULATION_LOW_ENERGY ? -1 : 1;
     for (size_t i = 0; i < n; i++) {
         double z = 0;
-        if (particles_is_fixed(p, i)) { /* who is held on a curve is not chosen */
-            lots[i] = (lot){INFINITY, (uint32_t)i};
+        if (particles_is_fixed(p, i)) {
+            draws[i] = (draw){INFINITY, (uint32_t)i};
             continue;
         }
         if (bias != POPULATION_RANDOM && deviation > 0)
-            z = fmin(fmax(sign * (crowding(p, i) - mean) / deviation, -BIAS_DEVIATIONS), BIAS_DEVIATIONS);
-        lots[i] = (lot){-log1p(-rng_uniform(r)) * exp(-BIAS * z), (uint32_t)i};
+            z = fmin(fmax(sign * (density(p, i) - mean) / deviation, -MAX_DEVIATIONS), MAX_DEVIATIONS);
+        draws[i] = (draw){-log1p(-rng_uniform(r)) * exp(-BIAS * z), (uint32_t)i};
     }
-    qsort(lots, n, sizeof *lots, compare_lot);
-    for (size_t i = 0; i < k; i++) chosen[i] = lots[i].particle;
+    qsort(draws, n, sizeof *draws, compare_draws);
+    for (size_t i = 0; i < k; i++) chosen[i] = draws[i].particle;
     qsort(chosen, k, sizeof *chosen, compare_index);
-    free(lots);
+    free(draws);
     return true;
 }
 
 bool population_split(const field *all, particles *p, size_t i, double offset, rng *r)
 {
     const field *f = particles_field(p, all, i);
-    const projection_limits limits = {SPLIT_STEPS, SPLIT_ACCEPT * offset, SPLIT_ACCEPT * offset,
-                                      SPLIT_ACCEPT * offset};
+    const projection_limits limits = {SPLIT_STEPS, SPLIT_TOLERANCE * offset, SPLIT_TOLERANCE * offset,
+                                      SPLIT_TOLERANCE * offset};
     vec3 axis1, axis2, x = p->position[i];
     vec3_frame(p->normal[i], &axis1, &axis2);
     for (int k = 0; k < SPLIT_DIRECTIONS; k++) {
@@ -82,8 +85,8 @@ bool population_split(const field *all, particles *p, size_t i, double offset, r
         vec3 step = vec3_axpy(offset * cos(turn), axis1, vec3_scale(axis2, offset * sin(turn)));
         vec3 a = vec3_add(x, step), b = vec3_sub(x, step), normal_a, normal_b;
         if (!projection_find(f, &limits, &a, &normal_a) || !projection_find(f, &limits, &b, &normal_b) ||
-            vec3_norm(vec3_sub(a, x)) > SPLIT_FARTHEST * offset ||
-            vec3_norm(vec3_sub(b, x)) > SPLIT_FARTHEST * offset ||
+            vec3_norm(vec3_sub(a, x)) > SPLIT_MAX_DISTANCE * offset ||
+            vec3_norm(vec3_sub(b, x)) > SPLIT_MAX_DISTANCE * offset ||
             (p->patch && (!field_is_within(f, a) || !field_is_within(f, b))))
             continue;
         particles_copy(p, p->count, i);

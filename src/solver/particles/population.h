@@ -1,9 +1,8 @@
-/* population: particles that split and particles that go, for the global control of section 6.1 and for the
- * fission and death of Witkin and Heckbert. Deterministic: everything follows from the particles and the
- * generator that the caller hands in. One thread.
+/* population: insertion and deletion of particles for the global control of section 6.1 and for the fission and death of Witkin
+ * and Heckbert. Deterministic: the result depends only on the particles and the caller's generator. Single-threaded.
  */
-#ifndef HEXAD_SOLVER_POPULATION_H
-#define HEXAD_SOLVER_POPULATION_H
+#ifndef HEXAD_SOLVER_PARTICLES_POPULATION_H
+#define HEXAD_SOLVER_PARTICLES_POPULATION_H
 
 #include "base/error.h"
 #include "base/rng.h"
@@ -12,21 +11,21 @@
 
 typedef enum population_bias {
     POPULATION_RANDOM,
-    POPULATION_HIGH_ENERGY, /* those with much energy are the likelier */
-    POPULATION_LOW_ENERGY
+    POPULATION_HIGH_ENERGY, /* particles of high energy are more likely */
+    POPULATION_LOW_ENERGY   /* particles of low energy are more likely */
 } population_bias;
 
-/* Chooses `k` different particles, no more than there are free ones, by energy over amplitude or at random: `chosen` receives their indices,
- * ascending. Error: limit_memory. */
+/* Chooses `k` distinct free particles (k at most their number), at random or weighted by energy over amplitude. chosen[k]: their
+ * indices, ascending. Error: limit_memory. */
 bool population_choose(const particles *p, size_t k, population_bias bias, rng *r, uint32_t *chosen,
                        error *e);
 
-/* Splits particle i in its tangent plane: it and its twin, which becomes the last particle, end about
- * `offset` from where it was, on either side of it and on the surface. `p` has room for one more. False,
- * nothing changed: no place was found. */
+/* Splits particle i in its tangent plane. The particle and its twin are placed about `offset` (world units) from its position in
+ * opposite directions, on the surface. The twin becomes the last particle; the capacity suffices. False: no valid position was
+ * found, and nothing changed. */
 bool population_split(const field *all, particles *p, size_t i, double offset, rng *r);
 
-/* Takes the marked particles away; the others keep their order. Returns how many went. */
+/* Removes the marked particles and keeps the order of the others. Returns the number of removed particles. */
 size_t population_remove(particles *p, const bool *marked);
 
 #endif

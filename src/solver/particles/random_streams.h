@@ -1,21 +1,21 @@
-/* random_streams: who draws random numbers. Each user has a stream of its own below the job's seed (rng_seed), so that
- * one that draws more or less changes nothing for the others. A number here is part of the results: another number
- * gives other bytes. */
-#ifndef HEXAD_SOLVER_RANDOM_STREAMS_H
-#define HEXAD_SOLVER_RANDOM_STREAMS_H
+/* random_streams: the random number streams of the solver. Each user of random numbers has its own stream below the job's seed
+ * (rng_seed), so that the number of draws of one user does not affect another. Changing a number here changes the results. */
+#ifndef HEXAD_SOLVER_PARTICLES_RANDOM_STREAMS_H
+#define HEXAD_SOLVER_PARTICLES_RANDOM_STREAMS_H
 
 enum random_stream {
-    RANDOM_STREAM_START = 1,       /* first places of particles */
-    RANDOM_STREAM_REPLACEMENT = 2, /* new places of particles that were lost */
-    RANDOM_STREAM_REFINEMENT = 3,  /* particles that no edge of the coarser packing gave */
-    RANDOM_STREAM_BEND = 4,        /* where curvature is looked at to plan the levels */
-    /* These two share a number and never run in one job: only the method sized has coherent sequences. */
-    RANDOM_STREAM_FRAME_TRANSFER = 5, /* places where points may be born */
-    RANDOM_STREAM_SWARM_LIFE = 5,     /* fission and death of Witkin and Heckbert */
-    RANDOM_STREAM_SWARM_SCALE = 6,    /* where curvature is looked at for their radii */
-    RANDOM_STREAM_RELOCATION = 7,     /* places for particles that crowd */
-    RANDOM_STREAM_ROUND = 256,        /* insertion and deletion: plus the number of the round, from 1 */
-    RANDOM_STREAM_MENDING = 65536     /* plus the pass, and 2^32 times that plus the middle of a piece */
+    RANDOM_STREAM_START = 1,       /* initial positions of particles */
+    RANDOM_STREAM_REPLACEMENT = 2, /* new positions of particles whose projection failed */
+    RANDOM_STREAM_REFINEMENT = 3,  /* particles of a finer level beyond the edges of the coarser packing */
+    RANDOM_STREAM_CURVATURE = 4,   /* curvature samples for the level plan */
+    /* The next two share a number. They never occur in one job: only the method `sized` has coherent sequences. */
+    RANDOM_STREAM_FRAME_TRANSFER = 5,        /* candidate positions of new points in the next frame */
+    RANDOM_STREAM_WITKIN_HECKBERT = 5,       /* fission and death of Witkin and Heckbert */
+    RANDOM_STREAM_WITKIN_HECKBERT_RADII = 6, /* curvature samples for the radii of Witkin and Heckbert */
+    RANDOM_STREAM_RELOCATION = 7,            /* candidate positions of over-dense particles */
+    RANDOM_STREAM_ROUND = 256, /* insertion and deletion: plus the number of the round, from 1 */
+    RANDOM_STREAM_REPAIR =
+        65536 /* plus the pass; or plus 2^32 times the pass and the centre of a repair region */
 };
 
 #endif

@@ -1,13 +1,13 @@
-/* relocation: points that crowd go to bare places. A descent leaves such where the spacing does not resolve a surface: no
- * point finds the way from one to the other.
+/* relocation: pairs over-dense points with gaps in coverage. The descent leaves both where the spacing does not resolve the
+ * surface, since no continuous path of decreasing energy leads from one to the other.
  *
- * A point is crowded when another is within RELOCATION_CROWDED of the spacing, a place bare when no point is within
- * RELOCATION_BARE, or within the distances that are asked for. The most crowded point goes to the barest place, and so on, as long as it is farther from its nearest
- * point there. Of two that are near each other one goes; two places that are near each other do not both get a point.
- * Deterministic for any number of threads.
+ * A point is over-dense if another point is within RELOCATION_DENSE spacings. A place is a gap if no point is within
+ * RELOCATION_GAP spacings. The caller may set other distances. The densest point goes to the largest gap, and so on, while the
+ * place is farther from its nearest point than the point is. Of over-dense points near each other one moves; of gaps near each
+ * other one is filled. Deterministic for any number of threads. World space.
  */
-#ifndef HEXAD_SOLVER_RELOCATION_H
-#define HEXAD_SOLVER_RELOCATION_H
+#ifndef HEXAD_SOLVER_PARTICLES_RELOCATION_H
+#define HEXAD_SOLVER_PARTICLES_RELOCATION_H
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -17,9 +17,9 @@
 #include "base/threads.h"
 #include "geometry/vec3.h"
 
-/* An ideal packing has no two points within .8 of the spacing, and no place beyond .58. */
-#define RELOCATION_CROWDED 0.72
-#define RELOCATION_BARE 0.65
+/* Distances in spacings. In an ideal packing, points are at least 0.8 apart, and every place is within 0.58 of a point. */
+#define RELOCATION_DENSE 0.72
+#define RELOCATION_GAP 0.65
 
 typedef struct relocation {
     uint32_t point, place;
@@ -27,19 +27,20 @@ typedef struct relocation {
 
 typedef struct relocation_input {
     const vec3 *point;
-    const double *size; /* of each: its spacing is h times this */
+    const double *size; /* per point: its spacing over h */
     size_t count;       /* > 0 */
     double h;
-    const vec3 *place; /* on the surface, or near it */
+    const vec3 *place; /* candidate positions on the surface or near it */
     size_t places;     /* > 0 */
-    size_t list_limit; /* bytes that lists of who is near may take */
-    uint32_t *near;    /* of each place the point found last, any number at first: it is looked at first */
-    double bare; /* how far from all points a place is that gets one, over the spacing; 0: RELOCATION_BARE */
-    const bool *held; /* of each point whether it stays; NULL: none does */
-    double crowded;   /* how near another one is of a point that crowds; 0: RELOCATION_CROWDED */
+    size_t list_limit; /* maximum size of a neighbour list, bytes */
+    uint32_t *near;    /* per place: a point to test first, any number; receives the nearest point found */
+    double gap;        /* minimum distance of a place from all points, in spacings; 0: RELOCATION_GAP */
+    const bool *immovable; /* per point: it must not move; NULL: all may */
+    double
+        dense; /* a point with another within this distance is over-dense, in spacings; 0: RELOCATION_DENSE */
 } relocation_input;
 
-/* *out, to be freed, receives *moves of them, no point and no place twice. Error: limit_memory. */
+/* Computes *moves relocations, each point and each place at most once. Free *out. Error: limit_memory. */
 bool relocation_choose(const relocation_input *in, threads *pool, relocation **out, size_t *moves, error *e);
 
 #endif

@@ -1,6 +1,6 @@
-/* coarse: the answer where a count resolves nothing of a surface, as of smoke with few points: what is spread evenly then is
- * not each sheet but the whole in space; and where it resolves not all patches, of which some have no point. See
- * solver_state.h. */
+/* fill_gaps: relocates particles to uncovered places (passes.h). On an under-resolved surface, such as smoke sampled with few points,
+ * the particles are distributed evenly in space, not on each part of the surface. On a surface with patches, patches without a
+ * point get one. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -12,30 +12,39 @@
 #include "solver/particles/relocation.h"
 #include "solver/passes/passes.h"
 
-/* Unless so many see others turned from them it is not asked, which takes time, whether a surface is resolved. */
-static const double CREASED_SHARE = 0.5;
-/* Fewer than this have a cell, and fewer than this have six neighbours. On a thin plate none has a cell, and yet both its
- * sheets are in order. */
-static const double RESOLVED_SHARE = 0.5, ORDERED_SHARE = 0.5;
-/* Points that are asked: what so many say of the shares is mostly off by less than a hundredth. */
-enum { JUDGES = 8000 };
-/* Places that are drawn for each particle, and how often some of the particles go to such. */
-enum { PLACES = 5, PASSES = 6 };
-/* Besides, places that are drawn on each patch; and how far from all points one is that gets a point of another patch. */
-enum { PLACES_OF_PATCH = 4 };
-static const double BARE_PATCH = 1, BARE_PLACE = 0.97;
-/* Of a surface without patches: with a place so far from all points a part of it may have none. Nearer ones fill up by themselves. */
-static const double BARE_PART = 1.2;
-/* Who goes to a place lands so near it, in spacings: farther away may be a point. Places of patches lie up to a cell off the surface. */
-static const double LANDS_WITHIN = 0.25;
-/* Where none crowds places of a patch may be bare all the same, since it has too few points: others have more than they need,
- * those who have another so near, and the nearest first. */
-static const double PRESSED = 0.95;
+/* The resolution test is expensive. It runs only if at least this fraction of the particles has divergent neighbour normals. */
+static const double DIVERGENT_SHARE = 0.5;
+/* A surface is under-resolved if the resolved points are fewer than this fraction and condition ORDERED_SHARE holds. */
+static const double RESOLVED_SHARE = 0.5;
+/* The points with six neighbours are fewer than this fraction. On a thin plate no point is resolved, but both walls are ordered. */
+static const double ORDERED_SHARE = 0.5;
+/* Number of points that the resolution test samples. The fractions are mostly accurate to 0.01. */
+enum { TEST_POINTS = 8000 };
+/* Candidate places per particle. More: finer search, more time. */
+enum { PLACES_PER_PARTICLE = 5 };
+/* Maximum number of relocation passes; they end earlier if no particle moves. */
+enum { MAX_PASSES = 6 };
+/* Minimum number of candidate places per patch, so that small patches have some. */
+enum { MIN_PATCH_PLACES = 4 };
+/* A random place of a patch is a gap beyond this distance from all points, in spacings. */
+static const double PATCH_GAP = 1;
+/* The same for places of the exhaustive search: just below the distance beside a vacancy (1). */
+static const double EXHAUSTIVE_GAP = 0.97;
+/* Without patches: beyond this distance a connected part may have no point, in spacings. Smaller gaps close during relaxation. */
+static const double PART_GAP = 1.2;
+/* A relocated particle must be projected to within this distance of its target, in spacings. Farther away may be a point. Targets
+ * on patches lie up to one grid cell off the surface. */
+static const double MAX_TARGET_DISTANCE = 0.25;
+/* Over-dense distance of a second try that moves particles of patches with more points than they need, in spacings. */
+static const double SECOND_DENSE_DISTANCE = 0.95;
+/* The object that messages about memory name. */
+static const char *const WHAT = "the gaps in coverage";
 
 bool solver_is_under_resolved(solver *s, bool *is_under_resolved, error *e)
 {
     const particles *p = s->state.p;
-    if (!s->setup.fast || p->patch || relax_divergent_share(s->scratch.relax, p) < CREASED_SHARE) return true;
+    if (!s->setup.fast || p->patch || relax_divergent_share(s->scratch.relax, p) < DIVERGENT_SHARE)
+        return true;
     double *spacing = mem_array(p->count, sizeof *spacing, "the result", e);
     if (!spacing) return false;
     solver_spacings(s, spacing);
@@ -47,7 +56,7 @@ bool solver_is_under_resolved(solver *s, bool *is_under_resolved, error *e)
                               .sized = s->setup.params.sizing != NULL,
                               .open = s->setup.field->open,
                               .domain = s->setup.field->boundary_box,
-                              .every = p->count / JUDGES};
+                              .every = p->count / TEST_POINTS};
     quality q;
     bool ok = quality_measure(&in, s->setup.pool, NULL, NULL, &q, e);
     free(spacing);
@@ -56,19 +65,19 @@ bool solver_is_under_resolved(solver *s, bool *is_under_resolved, error *e)
     return true;
 }
 
-/* Places that are drawn, and what is noted of them. */
-typedef struct drawn {
+/* Candidate places for relocated particles. */
+typedef struct candidates {
     vec3 *place;
-    uint32_t *near;     /* see relocation_input */
-    uint32_t *patch;    /* NULL: there are none */
-    bool *held;         /* likewise; of each particle */
-    uint32_t *of_patch; /* with patches: how many particles each has */
+    uint32_t *near;     /* per place: relocation_input.near */
+    uint32_t *patch;    /* per place; NULL without patches */
+    bool *immovable;    /* per particle: relocation_input.immovable */
+    uint32_t *of_patch; /* per patch: its number of particles; NULL without patches */
     size_t count;
-    double bare, crowded; /* see relocation_input */
-} drawn;
+    double gap, dense; /* relocation_input.gap, relocation_input.dense */
+} candidates;
 
-/* One pass; *moves particles have gone to another place. */
-static bool relocate(solver *s, const drawn *d, size_t *moves, error *e)
+/* One relocation pass. *moves: the number of relocated particles. */
+static bool relocate(solver *s, const candidates *d, size_t *moves, error *e)
 {
     particles *p = s->state.p;
     if (!particles_add_sizes(p, e)) return false;
@@ -78,9 +87,9 @@ static bool relocate(solver *s, const drawn *d, size_t *moves, error *e)
                                  .h = s->state.spacing,
                                  .place = d->place,
                                  .places = d->count,
-                                 .bare = d->bare,
-                                 .crowded = d->crowded,
-                                 .held = d->held,
+                                 .gap = d->gap,
+                                 .dense = d->dense,
+                                 .immovable = d->immovable,
                                  .list_limit = s->setup.params.list_limit,
                                  .near = d->near};
     relocation *chosen = NULL;
@@ -90,15 +99,15 @@ static bool relocate(solver *s, const drawn *d, size_t *moves, error *e)
     for (size_t k = 0; ok && k < count; k++) {
         const uint32_t point = chosen[k].point, place = chosen[k].place;
         const field *f = field_of_patch(s->setup.field, d->patch ? d->patch[place] : 0);
-        if (d->patch && d->of_patch[p->patch[point]] == 1) continue; /* its patch has no other left */
+        if (d->patch && d->of_patch[p->patch[point]] == 1) continue; /* the last particle of its patch */
         vec3 x = d->place[place], normal = {0, 0, 1};
-        const double near = LANDS_WITHIN * s->state.spacing * particles_size(p, d->near[place]),
+        const double near = MAX_TARGET_DISTANCE * s->state.spacing * particles_size(p, d->near[place]),
                      cell = s->setup.field->cell_size;
         if (!solver_project_point(f, s->state.spacing, d->patch || cell < near ? cell : near, &x, &normal)) {
-            d->place[place] = p->position[point]; /* nor is it a place for another */
+            d->place[place] = p->position[point]; /* covered: discards the candidate */
             continue;
         }
-        if (s->record.replaced) { /* at a level's begin there are no lists yet, and all are in new places */
+        if (s->record.replaced) { /* NULL at the start of a level, when all particles are new */
             solver_mark_displaced(s, point);
             s->record.replaced[point] = true;
         }
@@ -113,71 +122,71 @@ static bool relocate(solver *s, const drawn *d, size_t *moves, error *e)
         ++*moves;
     }
     free(chosen);
-    if (*moves > 0)
-        solver_renew_sizes(s); /* else a place beside one from where points are denser is bare again */
+    if (*moves > 0) solver_renew_sizes(s); /* relocated particles have the spacing of their old position */
     return ok;
 }
 
-typedef struct places_job {
+typedef struct draw_job {
     const solver *s;
-    size_t wanted;
+    size_t total;
     uint64_t seed;
     vec3 *place;
-    bool *landed;
-} places_job;
+    bool *projected;
+} draw_job;
 
-/* Places are looked at from afar: so near to the surface, of the spacing, they need not be nearer. Who goes to one is landed. */
-static const double PLACE_ACCEPT = 1e-3, PLACE_REJECT = 1e-2;
-enum { PLACE_STEPS = 20 };
+/* Projection tolerances of a candidate place over h. Coarse: a relocated particle is projected again. */
+static const double CANDIDATE_ACCEPT = 1e-3, CANDIDATE_REJECT = 1e-2;
+/* Maximum number of projection steps of a candidate place. */
+enum { CANDIDATE_STEPS = 20 };
 
 static void draw_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const places_job *job = context;
+    const draw_job *job = context;
     const solver *s = job->s;
     const double h = s->state.spacing;
-    const projection_limits limits = {PLACE_STEPS, PLACE_ACCEPT * h, PLACE_ACCEPT * h, PLACE_REJECT * h};
+    const projection_limits limits = {CANDIDATE_STEPS, CANDIDATE_ACCEPT * h, CANDIDATE_ACCEPT * h,
+                                      CANDIDATE_REJECT * h};
     surface_last_cell last;
     (void)worker;
     last.known = false;
     for (size_t k = begin; k < end; k++) {
-        rng r = rng_seed(job->seed, k); /* of its own, so that threads do not show */
-        double where = ((double)k + rng_uniform(&r)) / (double)job->wanted;
+        rng r = rng_seed(job->seed, k); /* per place: independent of the number of threads */
+        double where = ((double)k + rng_uniform(&r)) / (double)job->total;
         const vec3 from = sizing_field_draw(s->setup.params.sizing, s->setup.scan, where, &r, &last);
         vec3 normal;
         job->place[k] = from;
-        job->landed[k] = projection_find(s->setup.field, &limits, &job->place[k], &normal) &&
-                         vec3_norm(vec3_sub(job->place[k], from)) <= s->setup.field->cell_size;
+        job->projected[k] = projection_find(s->setup.field, &limits, &job->place[k], &normal) &&
+                            vec3_norm(vec3_sub(job->place[k], from)) <= s->setup.field->cell_size;
     }
 }
 
-/* Places all over the surface, in proportion to what the spacing asks for: PLACES for each particle, of which `landed` says
- * whether they are on it. Returns how many are, which come first. */
-static size_t draw_places(const solver *s, vec3 *out, bool *landed)
+/* Draws candidates with the density of the sizing field. Candidates whose projection succeeded are moved to the front. Returns
+ * their number. `projected`: scratch. */
+static size_t draw_candidates(const solver *s, vec3 *out, bool *projected)
 {
     rng r = rng_seed(s->setup.params.seed, RANDOM_STREAM_RELOCATION);
-    places_job job = {s, PLACES * s->state.p->count, rng_next(&r), out, landed};
+    draw_job job = {s, PLACES_PER_PARTICLE * s->state.p->count, rng_next(&r), out, projected};
     size_t found = 0;
-    threads_run(s->setup.pool, job.wanted, 256, draw_chunk, &job);
-    for (size_t k = 0; k < job.wanted && !threads_stopped(s->setup.pool); k++)
-        if (landed[k]) out[found++] = out[k];
+    threads_run(s->setup.pool, job.total, 256, draw_chunk, &job);
+    for (size_t k = 0; k < job.total && !threads_stopped(s->setup.pool); k++)
+        if (projected[k]) out[found++] = out[k];
     return found;
 }
 
 bool solver_spread_points(solver *s, bool *changed, error *e)
 {
-    const char *what = "the bare places";
-    const size_t most = PLACES * s->state.p->count;
-    bool *landed = mem_array(most, sizeof *landed, what, e);
-    drawn d = {.place = mem_array(most, sizeof *d.place, what, e),
-               .near = mem_array(most, sizeof *d.near, what, e)};
-    bool ok = landed && d.place && d.near;
-    if (ok) d.count = draw_places(s, d.place, landed);
+    const size_t most = PLACES_PER_PARTICLE * s->state.p->count;
+    bool *projected = mem_array(most, sizeof *projected, WHAT, e);
+    candidates d = {.place = mem_array(most, sizeof *d.place, WHAT, e),
+                    .near = mem_array(most, sizeof *d.near, WHAT, e)};
+    bool ok = projected && d.place && d.near;
+    if (ok) d.count = draw_candidates(s, d.place, projected);
     size_t moves = d.count;
-    for (int pass = 0; ok && moves > 0 && pass < PASSES; pass++) {
+    for (int pass = 0; ok && moves > 0 && pass < MAX_PASSES; pass++) {
         ok = relocate(s, &d, &moves, e);
         *changed |= moves > 0;
     }
-    free(landed);
+    free(projected);
     free(d.place);
     free(d.near);
     return ok;
@@ -185,38 +194,39 @@ bool solver_spread_points(solver *s, bool *changed, error *e)
 
 /* ---- patches */
 
-static size_t places_of_patch(const solver *s, uint32_t patch)
+/* Number of candidate places on a patch. */
+static size_t patch_places(const solver *s, uint32_t patch)
 {
     const double *weight = sizing_field_weight(s->setup.params.sizing, s->setup.scan);
     const components *parts = &s->setup.scan->parts;
     const double share =
         (weight[parts->begin[patch + 1]] - weight[parts->begin[patch]]) / weight[s->setup.scan->cells];
-    return PLACES_OF_PATCH + (size_t)(PLACES * share * (double)s->state.p->count);
+    return MIN_PATCH_PLACES + (size_t)(PLACES_PER_PARTICLE * share * (double)s->state.p->count);
 }
 
-typedef struct patches_job {
+typedef struct patch_draw_job {
     const solver *s;
-    const size_t *first; /* of each patch its first place */
+    const size_t *first; /* per patch: its first place */
     uint64_t seed;
-    drawn *d;
-    bool *landed;
-} patches_job;
+    candidates *d;
+    bool *projected;
+} patch_draw_job;
 
-static void draw_patches(void *context, int worker, size_t begin, size_t end)
+static void patch_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const patches_job *job = context;
+    const patch_draw_job *job = context;
     const solver *s = job->s;
     const double *weight = sizing_field_weight(s->setup.params.sizing, s->setup.scan);
     (void)worker;
     for (size_t patch = begin; patch < end; patch++) {
-        rng r = rng_seed(job->seed, patch); /* of its own, so that threads do not show */
+        rng r = rng_seed(job->seed, patch); /* per patch: independent of the number of threads */
         const field *f = field_of_patch(s->setup.field, (uint32_t)patch);
         const size_t first = job->first[patch], count = job->first[patch + 1] - first;
         for (size_t k = 0; k < count; k++) {
             const double where = ((double)k + rng_uniform(&r)) / (double)count;
             vec3 *x = &job->d->place[first + k], normal = {0, 0, 1};
             job->d->patch[first + k] = (uint32_t)patch;
-            job->landed[first + k] =
+            job->projected[first + k] =
                 surface_patch_point(s->setup.scan, weight, (uint32_t)patch, where, &r, x) &&
                 solver_project_point(f, s->state.spacing, s->setup.field->cell_size, x, &normal) &&
                 field_is_within(f, *x);
@@ -224,117 +234,117 @@ static void draw_patches(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Places on all patches; those that are on them come first, and are counted. Room for all is in `d`. */
-static void draw_on_patches(const solver *s, const size_t *first, drawn *d, bool *landed)
+/* Draws candidates on all patches into d, which has the capacity. Candidates whose projection succeeded are moved to the front
+ * and counted in d->count. */
+static void draw_patch_candidates(const solver *s, const size_t *first, candidates *d, bool *projected)
 {
     const size_t patches = s->setup.field->patches->count;
     rng r = rng_seed(s->setup.params.seed, RANDOM_STREAM_RELOCATION);
-    patches_job job = {s, first, rng_next(&r), d, landed};
-    threads_run(s->setup.pool, patches, 16, draw_patches, &job);
+    patch_draw_job job = {s, first, rng_next(&r), d, projected};
+    threads_run(s->setup.pool, patches, 16, patch_chunk, &job);
     d->count = 0;
     for (size_t k = 0; k < first[patches] && !threads_stopped(s->setup.pool); k++) {
-        if (!landed[k]) continue;
+        if (!projected[k]) continue;
         d->patch[d->count] = d->patch[k];
         d->place[d->count++] = d->place[k];
     }
 }
 
-/* Who stays: particles on boundaries, or curves, and those that are alone on their patch. */
-static void hold_some(const solver *s, uint32_t *of_patch, bool *held)
+/* Sets immovable[i] of particles that must not move: on boundaries, on curves, or the only one of their patch. Sets of_patch. */
+static void find_immovable(const solver *s, uint32_t *of_patch, bool *immovable)
 {
     const particles *p = s->state.p;
     if (!p->patch) {
         for (size_t i = 0; i < p->count; i++)
-            held[i] = projection_boundary_axes(s->setup.field, p->position[i]) != 0;
+            immovable[i] = projection_boundary_axes(s->setup.field, p->position[i]) != 0;
         return;
     }
     memset(of_patch, 0, s->setup.field->patches->count * sizeof *of_patch);
     for (size_t i = 0; i < p->count; i++) of_patch[p->patch[i]]++;
-    for (size_t i = 0; i < p->count; i++) held[i] = particles_is_fixed(p, i) || of_patch[p->patch[i]] == 1;
+    for (size_t i = 0; i < p->count; i++)
+        immovable[i] = particles_is_fixed(p, i) || of_patch[p->patch[i]] == 1;
 }
 
-/* Every place of the surface counts, whatever is drawn: of those that are bare some get a point, and then there may be others. */
-static bool cover_all(solver *s, bool *changed, error *e)
+/* Exhaustive search for gaps instead of random candidates. Each pass fills some gaps and searches again. */
+static bool fill_all_gaps(solver *s, bool *changed, error *e)
 {
-    const char *what = "the bare places";
     const size_t patches = s->setup.field->patches ? s->setup.field->patches->count : 0;
     particles *p = s->state.p;
-    double *spacing = mem_array(p->count, sizeof *spacing, what, e);
-    drawn d = {.held = mem_array(p->count, sizeof *d.held, what, e),
-               .of_patch = mem_array(patches, sizeof *d.of_patch, what, e),
-               .bare = BARE_PLACE};
-    bool ok = spacing && d.held && d.of_patch;
+    double *spacing = mem_array(p->count, sizeof *spacing, WHAT, e);
+    candidates d = {.immovable = mem_array(p->count, sizeof *d.immovable, WHAT, e),
+                    .of_patch = mem_array(patches, sizeof *d.of_patch, WHAT, e),
+                    .gap = EXHAUSTIVE_GAP};
+    bool ok = spacing && d.immovable && d.of_patch;
     size_t moves = 1;
     solver_renew_sizes(s);
-    for (int pass = 0; ok && moves > 0 && pass < PASSES; pass++) {
-        coverage_places bare;
+    for (int pass = 0; ok && moves > 0 && pass < MAX_PASSES; pass++) {
+        coverage_gaps gaps;
         solver_spacings(s, spacing);
-        hold_some(s, d.of_patch, d.held);
-        ok = coverage_find_bare(s->setup.scan, p->position, spacing, p->count, BARE_PLACE, &bare, e);
-        d.place = bare.place;
-        d.patch = patches > 0 ? bare.patch : NULL;
-        d.count = bare.count;
-        d.near = ok ? mem_array(bare.count, sizeof *d.near, what, e) : NULL;
+        find_immovable(s, d.of_patch, d.immovable);
+        ok = coverage_find_gaps(s->setup.scan, p->position, spacing, p->count, EXHAUSTIVE_GAP, &gaps, e);
+        d.place = gaps.place;
+        d.patch = patches > 0 ? gaps.patch : NULL;
+        d.count = gaps.count;
+        d.near = ok ? mem_array(gaps.count, sizeof *d.near, WHAT, e) : NULL;
         moves = 0;
-        d.crowded = 0;
-        if (ok && bare.count > 0) ok = d.near && relocate(s, &d, &moves, e);
-        d.crowded = PRESSED;
-        if (ok && bare.count > 0 && moves == 0) ok = relocate(s, &d, &moves, e);
+        d.dense = 0;
+        if (ok && gaps.count > 0) ok = d.near && relocate(s, &d, &moves, e);
+        d.dense = SECOND_DENSE_DISTANCE;
+        if (ok && gaps.count > 0 && moves == 0) ok = relocate(s, &d, &moves, e);
         *changed |= moves > 0;
         free(d.near);
-        coverage_places_free(&bare);
+        coverage_gaps_free(&gaps);
         if (ok && threads_stopped(s->setup.pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
     }
     free(spacing);
-    free(d.held);
+    free(d.immovable);
     free(d.of_patch);
     return ok;
 }
 
 bool solver_fill_parts(solver *s, bool *changed, error *e)
 {
-    double farthest = BARE_PART;
+    double farthest = PART_GAP;
     solver_renew_sizes(s);
-    double *spacing = mem_array(s->state.p->count, sizeof *spacing, "the bare places", e);
+    double *spacing = mem_array(s->state.p->count, sizeof *spacing, WHAT, e);
     if (spacing) solver_spacings(s, spacing);
     const bool ok = spacing && coverage_measure(s->setup.scan, s->state.p->position, spacing,
                                                 s->state.p->count, s->setup.pool, &farthest, e);
     free(spacing);
-    return ok && (!(farthest > BARE_PART) || cover_all(s, changed, e));
+    return ok && (!(farthest > PART_GAP) || fill_all_gaps(s, changed, e));
 }
 
 bool solver_fill_gaps(solver *s, bool *changed, error *e)
 {
-    const char *what = "the bare places";
     const size_t patches = s->setup.field->patches ? s->setup.field->patches->count : 0;
     if (patches == 0) return true;
-    if (s->setup.field->patches->has_many_parts) return cover_all(s, changed, e);
-    size_t *first = mem_array(patches + 1, sizeof *first, what, e);
-    for (uint32_t k = 0; first && k < patches; k++) first[k + 1] = first[k] + places_of_patch(s, k);
+    if (s->setup.field->patches->has_many_parts) return fill_all_gaps(s, changed, e);
+    size_t *first = mem_array(patches + 1, sizeof *first, WHAT, e);
+    for (uint32_t k = 0; first && k < patches; k++) first[k + 1] = first[k] + patch_places(s, k);
     const size_t most = first ? first[patches] : 0;
-    bool *landed = mem_array(most, sizeof *landed, what, e);
-    drawn d = {.place = mem_array(most, sizeof *d.place, what, e),
-               .near = mem_array(most, sizeof *d.near, what, e),
-               .patch = mem_array(most, sizeof *d.patch, what, e),
-               .held = mem_array(s->state.p->count, sizeof *d.held, what, e),
-               .of_patch = mem_array(patches, sizeof *d.of_patch, what, e),
-               .bare = BARE_PATCH};
-    bool ok = first && landed && d.of_patch && d.place && d.near && d.patch && d.held;
+    bool *projected = mem_array(most, sizeof *projected, WHAT, e);
+    candidates d = {.place = mem_array(most, sizeof *d.place, WHAT, e),
+                    .near = mem_array(most, sizeof *d.near, WHAT, e),
+                    .patch = mem_array(most, sizeof *d.patch, WHAT, e),
+                    .immovable = mem_array(s->state.p->count, sizeof *d.immovable, WHAT, e),
+                    .of_patch = mem_array(patches, sizeof *d.of_patch, WHAT, e),
+                    .gap = PATCH_GAP};
+    bool ok = first && projected && d.of_patch && d.place && d.near && d.patch && d.immovable;
     if (ok) {
-        draw_on_patches(s, first, &d, landed);
-        hold_some(s, d.of_patch, d.held);
+        draw_patch_candidates(s, first, &d, projected);
+        find_immovable(s, d.of_patch, d.immovable);
     }
     size_t moves = d.count;
-    for (int pass = 0; ok && moves > 0 && pass < PASSES; pass++) {
+    for (int pass = 0; ok && moves > 0 && pass < MAX_PASSES; pass++) {
         ok = relocate(s, &d, &moves, e);
         *changed |= moves > 0;
     }
     free(first);
-    free(landed);
+    free(projected);
     free(d.place);
     free(d.near);
     free(d.patch);
-    free(d.held);
+    free(d.immovable);
     free(d.of_patch);
     return ok;
 }

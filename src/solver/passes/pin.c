@@ -1,70 +1,70 @@
-/* hold: a solve that has ended goes on with some particles held at given places, see solver_pin. */
+/* pin: moves particles to given places and fixes them there (solver_pin). */
 #include <math.h>
 #include <stdlib.h>
 
 #include "solver/passes/passes.h"
 
-/* How far a particle may be from the place that it goes to, in spacings. */
-static const double FARTHEST = 1.5;
-/* A place is on a patch that it is so near to, in spacings. */
-static const double ON_PATCH = 0.01;
-/* A particle that looks the other way may be on another sheet: it counts as so many times as far. */
-static const double OTHER_SHEET = 2;
+/* Maximum distance of a particle from its place, in spacings. */
+static const double MAX_DISTANCE = 1.5;
+/* A place belongs to a patch within this distance, in spacings. */
+static const double PATCH_DISTANCE = 0.01;
+/* Factor on the distance of a particle with an opposite normal: it may be on the opposite wall. */
+static const double OPPOSITE_FACTOR = 2;
+/* No particle is pinned within this distance of a fixed particle, in spacings: neither could give way. */
+static const double MIN_FIXED_DISTANCE = 0.3;
 
-/* Particles that are held or on curves do not give way: so near to one of them, in spacings, no other is held. */
-static const double BESIDE_FIXED = 0.3;
-
-/* Where a particle would be held. */
-typedef struct hold {
+/* A particle and the position where it would be pinned. */
+typedef struct pin {
     size_t particle;
     double distance;
     vec3 at, normal;
-} hold;
+} pin;
 
-/* Whether a particle may go to a place, nearer than the best so far. */
-static bool is_nearer(const solver *s, size_t i, vec3 place, hold *best)
+/* Whether particle i may be pinned at a place and is nearer than *best; then it replaces *best. */
+static bool is_nearer(const solver *s, size_t i, vec3 place, pin *best)
 {
     const particles *p = s->state.p;
     const double h = s->state.spacing * particles_size(p, i);
-    hold own = {i, vec3_norm(vec3_sub(p->position[i], place)), place, p->normal[i]};
-    if (particles_is_fixed(p, i) || own.distance >= fmin(best->distance, FARTHEST * h)) return false;
+    pin own = {i, vec3_norm(vec3_sub(p->position[i], place)), place, p->normal[i]};
+    if (particles_is_fixed(p, i) || own.distance >= fmin(best->distance, MAX_DISTANCE * h)) return false;
     const field *f = particles_field(p, s->setup.field, i);
-    if (!solver_project_point(f, h, ON_PATCH * h, &own.at, &own.normal) || !field_is_within(f, own.at))
+    if (!solver_project_point(f, h, PATCH_DISTANCE * h, &own.at, &own.normal) || !field_is_within(f, own.at))
         return false;
-    if (!particles_is_one_sided(p, i) && vec3_dot(own.normal, p->normal[i]) < 0) own.distance *= OTHER_SHEET;
+    if (!particles_is_one_sided(p, i) && vec3_dot(own.normal, p->normal[i]) < 0)
+        own.distance *= OPPOSITE_FACTOR;
     if (own.distance >= best->distance) return false;
     *best = own;
     return true;
 }
 
-static bool is_beside_fixed(const solver *s, const hold *to)
+static bool is_beside_fixed(const solver *s, const pin *to)
 {
     const particles *p = s->state.p;
     for (size_t i = 0; i < p->count; i++)
         if (particles_is_fixed(p, i) && vec3_dot(p->normal[i], to->normal) > 0 &&
             vec3_norm(vec3_sub(p->position[i], to->at)) <
-                BESIDE_FIXED * s->state.spacing * particles_size(p, i))
+                MIN_FIXED_DISTANCE * s->state.spacing * particles_size(p, i))
             return true;
     return false;
 }
 
-/* The nearest particle of its patch goes to a place, for good. */
-static bool hold_at(solver *s, vec3 place)
+/* Pins the nearest particle at a place. False if there is none or a fixed particle is too near. */
+static bool pin_at(solver *s, vec3 place)
 {
     particles *p = s->state.p;
-    hold best = {.distance = INFINITY};
+    pin best = {.distance = INFINITY};
     bool found = false;
     for (size_t i = 0; i < p->count; i++) found |= is_nearer(s, i, place, &best);
     if (!found || is_beside_fixed(s, &best)) return false;
     p->position[best.particle] = best.at;
     p->normal[best.particle] = best.normal;
-    p->place[best.particle] = PARTICLES_HELD;
+    p->place[best.particle] = PARTICLES_PINNED;
     return true;
 }
 
 size_t solver_pin_near(solver *s, const vec3 *place, size_t count)
 {
-    size_t held = 0;
-    for (size_t k = 0; k < count; k++) held += hold_at(s, place[k]);
-    return held;
+    size_t pinned = 0;
+    for (size_t k = 0; k < count; k++) pinned += pin_at(s, place[k]);
+    return pinned;
 }

@@ -1,4 +1,4 @@
-/* project: every particle onto the surface to rounding, and lost ones onto new places, see solver_project. */
+/* project: projects every particle onto the surface to rounding and relocates those for which that fails (solver_project). */
 #include <stdlib.h>
 #include <string.h>
 
@@ -8,24 +8,28 @@
 #include "solver/particles/random_streams.h"
 #include "solver/passes/passes.h"
 
-/* A finished particle is on the surface to this fraction of h, or it is replaced. */
-static const double WORST_RESIDUAL = 1e-6;
+/* Maximum residual |F| / |grad F| of a final particle over h. Above it the particle is relocated. */
+static const double MAX_RESIDUAL = 1e-6;
+/* Random places from which a relocated particle gets the one that is farthest from all particles. */
 static const int REPLACEMENT_DRAWS = 30;
-/* A free particle this near to a curve of its patch, in spacings, is in the row there; it goes where there is so much room. */
-static const double IN_ROW = 0.3, LEAST_ROOM = 0.6;
-/* Where there is no such room, it goes off the row, away from it by so much, as the free ones within AROUND_ROW spacings say. */
-static const double AROUND_ROW = 1.5;
-static const int SETTLE_STEPS = 20;
-static const double SETTLE_FARTHEST = 0.05;
+/* A free particle within this distance of a curve of its patch is among the samples of the curve, in spacings. */
+static const double ON_CURVE_DISTANCE = 0.3;
+/* Such a particle is relocated to a place with at least this distance from all particles, in spacings. */
+static const double MIN_PLACE_DISTANCE = 0.6;
+/* Otherwise it is moved off the curve, towards the free particles within this distance, in spacings. */
+static const double OFF_CURVE_RADIUS = 1.5;
+/* Maximum number of projection steps. */
+static const int MAX_STEPS = 20;
+/* Maximum displacement by the final projection over h. A relaxed particle is within 0.01 h of the surface; a larger displacement
+ * is a failure of Newton's method. */
+static const double MAX_DISPLACEMENT = 0.05;
 
-/* To rounding: a Newton step from 1e-7 h leaves less than doubles resolve. */
+/* Projection to rounding: a Newton step from a residual of 1e-7 h leaves less than the resolution of doubles. */
 static projection_limits to_rounding(double h)
 {
-    return (projection_limits){SETTLE_STEPS, 1e-9 * h, 1e-7 * h, WORST_RESIDUAL * h};
+    return (projection_limits){MAX_STEPS, 1e-9 * h, 1e-7 * h, MAX_RESIDUAL * h};
 }
 
-/* A relaxed particle is within 0.01 h of the surface; one that would have to go much farther sits where Newton's method goes
- * astray. */
 bool solver_project_point(const field *f, double h, double farthest, vec3 *x, vec3 *normal)
 {
     const projection_limits limits = to_rounding(h);
@@ -38,11 +42,12 @@ bool solver_project_point(const field *f, double h, double farthest, vec3 *x, ve
     return projection_bisect(f, *normal, farthest, x, normal);
 }
 
-/* The same, with the sample there. */
-static bool land_particle(const field *f, double h, vec3 along, uint32_t *hint, vec3 *x, field_sample *sample)
+/* The same within MAX_DISPLACEMENT, with the field sample at the result. `along`: direction of the bisection. */
+static bool project_with_sample(const field *f, double h, vec3 along, uint32_t *hint, vec3 *x,
+                                field_sample *sample)
 {
     const projection_limits limits = to_rounding(h);
-    const double farthest = SETTLE_FARTHEST * h;
+    const double farthest = MAX_DISPLACEMENT * h;
     vec3 q = *x;
     if (projection_land(f, &limits, hint, &q, sample) && vec3_norm(vec3_sub(q, *x)) <= farthest) {
         *x = q;
@@ -52,25 +57,25 @@ static bool land_particle(const field *f, double h, vec3 along, uint32_t *hint, 
            field_sample_near(f, *x, FIELD_GRADIENT, hint, sample);
 }
 
-/* Of h and of a cell: where F bends smoothly a Newton step from there leaves 1e-10 of these at most, and its end needs no look. */
+/* Residual over min(h, grid cell size) from which a Newton step on a smooth F needs no verification: it leaves at most 1e-10. */
 static const double SMOOTH_SHORTCUT = 1e-5;
 
-/* The same where F bends smoothly: *normal is of a place as near. */
-static bool land_smoothly(const field *f, double h, uint32_t *hint, vec3 *x, vec3 *normal)
+/* The same for a smooth F. *normal is the normal at the last but one iterate. */
+static bool project_smoothly(const field *f, double h, uint32_t *hint, vec3 *x, vec3 *normal)
 {
     projection_limits limits = to_rounding(h);
     limits.shortcut = SMOOTH_SHORTCUT * fmin(h, f->cell_size);
     vec3 q = *x, n;
-    if (!projection_find_near(f, &limits, hint, &q, &n) || vec3_norm(vec3_sub(q, *x)) > SETTLE_FARTHEST * h)
+    if (!projection_find_near(f, &limits, hint, &q, &n) || vec3_norm(vec3_sub(q, *x)) > MAX_DISPLACEMENT * h)
         return false;
     *x = q;
     *normal = n;
     return true;
 }
 
-/* Puts particle i on the surface to rounding, or notes that it is lost. Returns its residual, |F| / |grad F| over h; 0 where it
- * is lost or held, or told later. */
-static double finalize_particle(solver *s, size_t i, uint32_t *last)
+/* Projects particle i to rounding and sets scratch.lost[i] if that fails. Returns its residual |F| / |grad F| over h. 0: it is
+ * lost, fixed, or of a smooth F. */
+static double project_particle(solver *s, size_t i, uint32_t *last)
 {
     uint32_t *hint = s->state.p->patch ? &s->state.p->hint[i] : last;
     vec3 x = s->state.p->position[i];
@@ -79,16 +84,16 @@ static double finalize_particle(solver *s, size_t i, uint32_t *last)
     s->scratch.lost[i] = !particles_is_fixed(s->state.p, i);
     if (!s->scratch.lost[i]) return 0;
     double h = s->state.spacing * particles_size(s->state.p, i);
-    if (solver_ends_smoothly(s) && land_smoothly(f, h, hint, &x, &s->state.p->normal[i])) {
+    if (solver_ends_smoothly(s) && project_smoothly(f, h, hint, &x, &s->state.p->normal[i])) {
         s->scratch.lost[i] = false;
         s->state.p->position[i] = x;
         return 0;
     }
-    if (!land_particle(f, h, s->state.p->normal[i], hint, &x, &sample) ||
+    if (!project_with_sample(f, h, s->state.p->normal[i], hint, &x, &sample) ||
         (s->state.p->patch && !field_is_within_near(f, x, hint)))
         return 0;
     double length = vec3_norm(sample.gradient), residual = fabs(sample.value) / length / h;
-    if (!(residual < WORST_RESIDUAL)) return 0;
+    if (!(residual < MAX_RESIDUAL)) return 0;
     s->scratch.lost[i] = false;
     s->state.p->position[i] = x;
     s->state.p->normal[i] = vec3_scale(sample.gradient, 1 / length);
@@ -98,37 +103,37 @@ static double finalize_particle(solver *s, size_t i, uint32_t *last)
     return residual;
 }
 
-static void finalize_chunk(void *context, int worker, size_t begin, size_t end)
+static void project_chunk(void *context, int worker, size_t begin, size_t end)
 {
     solver *s = context;
     uint32_t hint = FIELD_NO_HINT;
     double worst = 0;
     (void)worker;
-    for (size_t i = begin; i < end; i++) worst = fmax(worst, finalize_particle(s, i, &hint));
+    for (size_t i = begin; i < end; i++) worst = fmax(worst, project_particle(s, i, &hint));
     s->scratch.worst[begin / SOLVER_GROUP] = worst;
 }
 
-/* Whether a free particle has come to rest in the row of a curve, between two that are held there: those behind push it out, and
- * it cannot leave its patch. */
-static bool is_in_row(const solver *s, size_t i)
+/* Whether a free particle has converged among the samples of a curve: the particles of its patch push it outwards, and it cannot
+ * leave the patch. */
+static bool is_among_curve_samples(const solver *s, size_t i)
 {
     const particles *p = s->state.p;
     if (!p->patch || particles_is_fixed(p, i)) return false;
     double distance = curve_distance_at(s->state.plan.curves, p->patch[i], p->position[i]);
-    return distance < IN_ROW * s->state.spacing * particles_size(p, i);
+    return distance < ON_CURVE_DISTANCE * s->state.spacing * particles_size(p, i);
 }
 
-/* Of a chunk's worst residual: it is to be looked for once more. */
-static const double UNKNOWN = -1;
+/* Largest residual of a group that must be recomputed. */
+static const double NOT_COMPUTED = -1;
 
-/* One that is put elsewhere, after all others. */
-static void finalize_alone(solver *s, size_t i)
+/* Projects a relocated particle, after all others. */
+static void project_again(solver *s, size_t i)
 {
-    finalize_particle(s, i, &(uint32_t){FIELD_NO_HINT});
-    s->scratch.worst[i / SOLVER_GROUP] = UNKNOWN;
+    project_particle(s, i, &(uint32_t){FIELD_NO_HINT});
+    s->scratch.worst[i / SOLVER_GROUP] = NOT_COMPUTED;
 }
 
-/* Of particles where finalize_particle has put them. */
+/* Largest residual over h of the projected particles [begin, end). */
 static double worst_residual(const solver *s, size_t begin, size_t end)
 {
     double worst = 0;
@@ -144,8 +149,8 @@ static double worst_residual(const solver *s, size_t begin, size_t end)
     return worst;
 }
 
-/* Puts particle i on a new place of the surface, or of its patch: of several drawn the one that is farthest from its nearest
- * particle, and farther than `least`. False where there is none. */
+/* Relocates particle i to a random place of the surface, or of its patch. Of several places the one that is farthest from its
+ * nearest particle is taken. False: none is farther than `least` (world units; < 0: no minimum). */
 static bool replace(solver *s, const moving_points *all, uint32_t i, double least, rng *r)
 {
     const double *weight = sizing_field_weight(s->setup.params.sizing, s->setup.scan);
@@ -172,16 +177,16 @@ static bool replace(solver *s, const moving_points *all, uint32_t i, double leas
     s->state.p->normal[i] = normal;
     s->record.removed++;
     s->record.replaced[i] = true;
-    finalize_alone(s, i);
+    project_again(s, i);
     return true;
 }
 
-/* Puts a particle that is in a row, and for which there is no better place, off it, towards the free ones of its patch. */
-static void leave_row(solver *s, size_t i)
+/* Moves a particle off a curve, towards the free particles of its patch. */
+static void move_off_curve(solver *s, size_t i)
 {
     const particles *p = s->state.p;
     const field *f = particles_field(p, s->setup.field, i);
-    const double h = s->state.spacing * particles_size(p, i), around = AROUND_ROW * h;
+    const double h = s->state.spacing * particles_size(p, i), around = OFF_CURVE_RADIUS * h;
     vec3 x = p->position[i], normal = p->normal[i], inwards = {0, 0, 0};
     for (size_t j = 0; j < p->count; j++) {
         vec3 side = vec3_sub(p->position[j], x);
@@ -189,16 +194,18 @@ static void leave_row(solver *s, size_t i)
             inwards = vec3_add(inwards, side);
     }
     inwards = vec3_axpy(-vec3_dot(inwards, normal), normal, inwards);
-    x = vec3_axpy(IN_ROW * h, vec3_unit(inwards), x);
-    if (!solver_project_point(f, s->state.spacing, IN_ROW * h, &x, &normal) || !field_is_within(f, x)) return;
+    x = vec3_axpy(ON_CURVE_DISTANCE * h, vec3_unit(inwards), x);
+    if (!solver_project_point(f, s->state.spacing, ON_CURVE_DISTANCE * h, &x, &normal) ||
+        !field_is_within(f, x))
+        return;
     solver_mark_displaced(s, i);
     s->state.p->position[i] = x;
     s->state.p->normal[i] = normal;
-    finalize_alone(s, i);
+    project_again(s, i);
 }
 
-/* Relocates the particles that are not on the surface or lie among curve samples. On a mesh, a particle for which there is no other place
- * stays among the curve samples once no recall is left. */
+/* Relocates the particles that are lost or lie among curve samples. If near curves are merged and no continuation is left, a
+ * particle may remain among curve samples. */
 static bool replace_lost(solver *s, error *e)
 {
     const particles *p = s->state.p;
@@ -206,14 +213,15 @@ static bool replace_lost(solver *s, error *e)
     uint32_t *moving = mem_array(p->count, sizeof *moving, "the result", e);
     size_t count = 0;
     for (uint32_t i = 0; moving && i < p->count; i++)
-        if (s->scratch.lost[i] || (!may_stay && is_in_row(s, i))) moving[count++] = i;
+        if (s->scratch.lost[i] || (!may_stay && is_among_curve_samples(s, i))) moving[count++] = i;
     moving_points *all =
         count > 0 ? moving_points_new(p->position, p->count, moving, count, s->setup.pool, e) : NULL;
     rng r = rng_seed(s->setup.params.seed, RANDOM_STREAM_REPLACEMENT);
     for (size_t k = 0; all && k < count && !threads_stopped(s->setup.pool); k++) {
         const uint32_t i = moving[k];
-        const double room = LEAST_ROOM * s->state.spacing * particles_size(p, i);
-        if (!replace(s, all, i, s->scratch.lost[i] ? -1 : room, &r) && !s->scratch.lost[i]) leave_row(s, i);
+        const double distance = MIN_PLACE_DISTANCE * s->state.spacing * particles_size(p, i);
+        if (!replace(s, all, i, s->scratch.lost[i] ? -1 : distance, &r) && !s->scratch.lost[i])
+            move_off_curve(s, i);
     }
     const bool ok = moving && (count == 0 || all);
     moving_points_free(all);
@@ -230,7 +238,7 @@ static void count_lost(solver *s)
     for (size_t k = 0; k < n / SOLVER_GROUP + 1; k++) {
         const size_t begin = k * SOLVER_GROUP, end = begin + SOLVER_GROUP < n ? begin + SOLVER_GROUP : n;
         const double worst =
-            s->scratch.worst[k] == UNKNOWN ? worst_residual(s, begin, end) : s->scratch.worst[k];
+            s->scratch.worst[k] == NOT_COMPUTED ? worst_residual(s, begin, end) : s->scratch.worst[k];
         s->record.out.max_residual = fmax(s->record.out.max_residual, worst);
     }
 }
@@ -244,7 +252,7 @@ bool solver_project(solver *s, bool *changed, error *e)
     if (!s->record.replaced) s->record.replaced = mem_array(n, sizeof *s->record.replaced, "the result", e);
     s->state.is_projected = s->scratch.worst && s->scratch.lost && s->record.replaced;
     if (s->state.is_projected) {
-        threads_run(s->setup.pool, n, SOLVER_GROUP, finalize_chunk, s);
+        threads_run(s->setup.pool, n, SOLVER_GROUP, project_chunk, s);
         s->state.is_projected = replace_lost(s, e);
     }
     if (s->state.is_projected) count_lost(s);

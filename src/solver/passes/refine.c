@@ -12,17 +12,20 @@
 #include "solver/particles/population.h"
 #include "solver/particles/random_streams.h"
 
-/* A middle lies within a few hundredths of h of the surface; one that is farther joins two sheets. */
-static const double MIDDLE_FARTHEST = 0.5;
-static const double MIDDLE_ACCEPT = 1e-3;
-/* A step from this close ends within that where h resolves the surface: the error left is half the square of
- * this times h over the radius of curvature. */
-static const double MIDDLE_SHORTCUT = 0.02;
-/* Draws per particle that the edges did not give. */
+/* Maximum displacement of a midpoint by its projection over h. A regular midpoint is a few hundredths of h off the surface; beyond
+ * the limit its edge connects opposite walls. */
+static const double MAX_PROJECTION = 0.5;
+/* Projection tolerance over h. */
+static const double TOLERANCE = 1e-3;
+/* Distance from the surface over h from which a Newton step needs no verification. The error after it is half the square of this
+ * times h over the radius of curvature: within TOLERANCE if h resolves the surface. */
+static const double SHORTCUT = 0.02;
+/* Maximum number of random draws per missing particle. */
 static const int MAX_DRAWS = 1000;
-/* Particles keep this far from their patch's curves, in the finer spacing, which is half of the one at hand: half of what a row
- * and the next have between them. A draw does not insist after so many tries. */
-static const double CURVE_CLEAR = 0.5 * 0.45;
+/* Minimum distance of new particles from the curves of their patch over the coarse spacing: 0.45 finer spacings, half the distance
+ * of the first lattice row from a curve. */
+static const double MIN_CURVE_DISTANCE = 0.5 * 0.45;
+/* Random draws after which a missing particle may be nearer to a curve. */
 enum { CURVE_DRAWS = 20 };
 
 size_t refine_coarser(size_t count)
@@ -30,44 +33,44 @@ size_t refine_coarser(size_t count)
     return (count + 6 + 3) / 4;
 }
 
-/* Points, or edges, in a chunk of work. */
+/* Points, or edges, of a task of the thread pool. */
 #define CHUNK 256
 
 typedef struct edge {
     uint32_t a, b;
     float length;    /* over the mean spacing of its ends */
-    uint32_t copies; /* particles to add on it */
+    uint32_t copies; /* particles to insert on it */
 } edge;
 
-/* The particles as sites, and their edges: those to a point of higher index, chunk by chunk. */
+/* The particles as Voronoi sites and their edges. An edge is stored at its end of lower index. */
 typedef struct refine_mesh {
     size_t points;
     double *spacing;
     uint8_t *flags; /* NULL: no patches */
     neighbours *near;
     voronoi_sites sites;
-    uint32_t *places; /* of each point's edges, as bits for the places in its list */
-    size_t *first;    /* edge of each chunk of points, and the end */
+    uint32_t *places; /* per point: bit k is set if entry k of its neighbour list is the end of an edge */
+    size_t *first;    /* per chunk of points and one more: its first edge */
     size_t count;
     edge *edges;
 } mesh;
 
-/* Set where a point's edges are not all at places that have a bit. */
-#define ELSEWHERE ((uint32_t)1 << 31)
+/* Bit of `places` if an edge ends at an entry beyond the bits: the edges of the point are computed again. */
+#define BEYOND_BITS ((uint32_t)1 << 31)
 
 static size_t chunks_of(size_t n)
 {
     return (n + CHUNK - 1) / CHUNK;
 }
 
-/* Those to points of higher index; returns how many. */
-static size_t note_edges(mesh *m, uint32_t i, const voronoi_star *star)
+/* Stores the edges of point i to points of higher index in places[i]. Returns their number. */
+static size_t mark_edges(mesh *m, uint32_t i, const voronoi_star *star)
 {
     size_t found = 0;
     m->places[i] = 0;
     for (uint32_t k = 0; k < star->count; k++) {
         if (star->point[k] < i) continue;
-        m->places[i] |= star->place[k] < 31 ? (uint32_t)1 << star->place[k] : ELSEWHERE;
+        m->places[i] |= star->place[k] < 31 ? (uint32_t)1 << star->place[k] : BEYOND_BITS;
         found++;
     }
     return found;
@@ -84,7 +87,7 @@ static void count_chunk(void *context, int worker, size_t begin, size_t end)
         uint32_t point[STAR_LANES], count = 0;
         for (size_t i = first; i < end && count < STAR_LANES; i++) point[count++] = (uint32_t)i;
         star_lanes_at(&m->sites, point, count, &rows, star);
-        for (uint32_t l = 0; l < count; l++) found += note_edges(m, point[l], &star[l]);
+        for (uint32_t l = 0; l < count; l++) found += mark_edges(m, point[l], &star[l]);
     }
     m->first[begin / CHUNK + 1] = found;
 }
@@ -102,7 +105,7 @@ static void list_chunk(void *context, int worker, size_t begin, size_t end)
     edge *out = m->edges + m->first[begin / CHUNK];
     for (uint32_t i = (uint32_t)begin; i < end; i++) {
         const uint32_t *list = neighbours_list(m->near, i);
-        if (m->places[i] & ELSEWHERE) {
+        if (m->places[i] & BEYOND_BITS) {
             voronoi_star star;
             voronoi_star_at(&m->sites, i, &star);
             for (uint32_t k = 0; k < star.count; k++)
@@ -126,7 +129,7 @@ void refine_mesh_free(refine_mesh *m)
     free(m);
 }
 
-/* Finds and counts the edges. */
+/* Finds and counts the edges. Releasing *out after failure is the caller's task. */
 static bool fill_mesh(const particles *p, double spacing, threads *pool, mesh *out, error *e)
 {
     const char *what = "refinement";
@@ -164,7 +167,7 @@ size_t refine_mesh_edges(const refine_mesh *m)
     return m->count;
 }
 
-/* Lists the edges; the lists of neighbours are given up. */
+/* Lists the edges and releases the neighbour lists. */
 static bool mesh_edges(mesh *m, threads *pool, error *e)
 {
     m->edges = mem_array(m->count, sizeof *m->edges, "refinement", e);
@@ -175,24 +178,25 @@ static bool mesh_edges(mesh *m, threads *pool, error *e)
     return true;
 }
 
-/* A connected part of the mesh. Where its edges are too many the shortest get no particle, where too few the
- * longest two each. Both are at the cores of dislocations, which they only move along: anywhere else a
- * particle too few or too many is a defect more. */
+/* A connected component of the mesh, or a patch. If it has too many edges, the shortest get no particle; if too few, the longest get
+ * two. The shortest and longest edges are at the cores of dislocations: an extra or missing particle there only moves a dislocation.
+ * Elsewhere it would be an additional defect. */
 typedef struct mesh_part {
     size_t members, edges;
-    bool longest;         /* its longest edges are picked, not its shortest */
-    size_t picks, picked; /* how many edges are, and have been */
-    uint32_t *pick;       /* a heap, the one to be given up first at its root */
+    bool longest;   /* its longest edges are picked, otherwise its shortest */
+    size_t picks;   /* edges to pick */
+    size_t picked;  /* edges in the heap */
+    uint32_t *pick; /* heap of picked edges; the first to replace is at the root */
 } mesh_part;
 
-/* Whether edge x is to be picked rather than y. */
+/* Whether edge x is preferred to edge y. */
 static bool is_better(const edge *edges, bool longest, uint32_t x, uint32_t y)
 {
     if (edges[x].length != edges[y].length) return longest == (edges[x].length > edges[y].length);
     return longest == (x > y);
 }
 
-/* Puts x where the place k of the heap is free, or below. */
+/* Inserts x into the heap at the vacant node k or below. */
 static void sift_down(mesh_part *p, const edge *edges, size_t k, uint32_t x)
 {
     for (size_t child = 2 * k + 1; child < p->picked; child = 2 * k + 1) {
@@ -205,6 +209,7 @@ static void sift_down(mesh_part *p, const edge *edges, size_t k, uint32_t x)
     p->pick[k] = x;
 }
 
+/* Inserts x into the heap at the vacant node k or above. */
 static void sift_up(mesh_part *p, const edge *edges, size_t k, uint32_t x)
 {
     for (; k > 0 && is_better(edges, p->longest, p->pick[(k - 1) / 2], x); k = (k - 1) / 2)
@@ -233,7 +238,7 @@ static void join_chunk(void *context, int worker, size_t begin, size_t end)
         sets_join_shared(job->part_of, e->a, e->b);
 }
 
-/* Which part each point belongs to; the parts in the order of their first points. */
+/* Sets part_of of each point. Parts are numbered in the order of their first points. Returns their number. */
 static size_t number_parts(const mesh *m, uint32_t *part_of, threads *pool)
 {
     parts_job job = {m, part_of};
@@ -245,18 +250,18 @@ static size_t number_parts(const mesh *m, uint32_t *part_of, threads *pool)
     return parts;
 }
 
-/* How many edges of each part are to be picked, so that every part keeps its share of the particles; by
- * their edges alone small parts would lose, since a closed one of n has 3 n - 6. */
-static size_t share_out(mesh_part *parts, size_t count, double share)
+/* Sets `longest` and `picks` so that every part keeps its fraction of the particles. Returns the sum of picks. In proportion to
+ * edges, small parts would lose particles: a closed part of n points has 3 n - 6 edges. */
+static size_t assign_picks(mesh_part *parts, size_t count, double share)
 {
-    double seen = 0;
+    double assigned = 0;
     size_t sum = 0;
     for (mesh_part *p = parts; p < parts + count; p++) {
         if (p->edges == 0) continue;
         double members = (double)p->members;
-        double wanted = round((seen + members) * share) - round(seen * share) - members;
+        double wanted = round((assigned + members) * share) - round(assigned * share) - members;
         double missing = fmax(wanted, 0) - (double)p->edges;
-        seen += members;
+        assigned += members;
         p->longest = missing > 0;
         p->picks = (size_t)fmin(fabs(missing), (double)p->edges);
         sum += p->picks;
@@ -264,6 +269,7 @@ static size_t share_out(mesh_part *parts, size_t count, double share)
     return sum;
 }
 
+/* Number of free particles of each patch; NULL: limit_memory. */
 static uint32_t *count_free(const particles *p, error *e)
 {
     uint32_t *count = mem_array(p->patches->count, sizeof *count, "refinement", e);
@@ -271,9 +277,9 @@ static uint32_t *count_free(const particles *p, error *e)
     return count;
 }
 
-/* The same of the parts that are patches. */
-static bool share_out_patches(mesh_part *parts, const particles *p, const quota *next, size_t *picks,
-                              error *e)
+/* Sets `longest` and `picks` of patches by their quotas. *picks: the sum. */
+static bool assign_patch_picks(mesh_part *parts, const particles *p, const quota *next, size_t *picks,
+                               error *e)
 {
     uint32_t *count = count_free(p, e);
     *picks = 0;
@@ -287,14 +293,14 @@ static bool share_out_patches(mesh_part *parts, const particles *p, const quota 
     return count != NULL;
 }
 
-/* Whether a place of a patch is as near to its curves as no particle is to be put. */
-static bool crowds_curve(const refine_patches *patches, uint32_t patch, vec3 x, double spacing)
+/* Whether x is nearer to the curves of its patch than new particles may be. */
+static bool is_too_near_curve(const refine_patches *patches, uint32_t patch, vec3 x, double spacing)
 {
-    return curve_distance_at(patches->curves, patch, x) < CURVE_CLEAR * spacing;
+    return curve_distance_at(patches->curves, patch, x) < MIN_CURVE_DISTANCE * spacing;
 }
 
-/* Leaves out the edges along rows. */
-static void drop_row_edges(mesh *m, const particles *p, const refine_patches *patches)
+/* Removes the edges along curves: both ends are fixed and the midpoint is near a curve. */
+static void remove_curve_edges(mesh *m, const particles *p, const refine_patches *patches)
 {
     size_t kept = 0;
     for (size_t k = 0; k < m->count; k++) {
@@ -302,13 +308,13 @@ static void drop_row_edges(mesh *m, const particles *p, const refine_patches *pa
         double spacing = fmin(m->spacing[e->a], m->spacing[e->b]);
         vec3 middle = vec3_scale(vec3_add(p->position[e->a], p->position[e->b]), 0.5);
         if (!particles_is_fixed(p, e->a) || !particles_is_fixed(p, e->b) ||
-            !crowds_curve(patches, p->patch[e->a], middle, spacing))
+            !is_too_near_curve(patches, p->patch[e->a], middle, spacing))
             m->edges[kept++] = *e;
     }
     m->count = kept;
 }
 
-/* Sets how many particles each edge is to have, for `count` of them in all, or as many as patches are to have. */
+/* Sets `copies` of each edge for a total of `count` particles, or for the quotas of patches. */
 static bool choose_edges(mesh *m, size_t count, const particles *p, const refine_patches *patches,
                          threads *pool, error *e)
 {
@@ -324,8 +330,8 @@ static bool choose_edges(mesh *m, size_t count, const particles *p, const refine
     for (size_t k = 0; k < m->points; k++) parts[part_of[k]].members++;
     for (size_t k = 0; k < m->count; k++) parts[part_of[m->edges[k].a]].edges++;
     if (!patches)
-        sum = share_out(parts, number, (double)count / (double)m->points);
-    else if (!share_out_patches(parts, p, patches->next, &sum, e))
+        sum = assign_picks(parts, number, (double)count / (double)m->points);
+    else if (!assign_patch_picks(parts, p, patches->next, &sum, e))
         goto done;
     picks = mem_array(sum, sizeof *picks, what, e);
     if (!picks) goto done;
@@ -342,31 +348,32 @@ done:
     return ok;
 }
 
-/* New particles chunk by chunk of edges, each at a place of its own. */
-typedef struct middles {
+/* Insertion of particles. Each chunk of edges has its own range of indices. */
+typedef struct midpoint_job {
     const field *f;
     const refine_patches *patches;
     const mesh *m;
     particles *p;
-    size_t *first; /* place for each chunk's particles, and the end */
-    size_t *kept;  /* by chunk: how many there are */
-} middles;
+    size_t *first; /* per chunk and one more: the first index of its particles */
+    size_t *kept;  /* per chunk: number of valid particles */
+} midpoint_job;
 
-/* Middles that are looked for together. */
-typedef struct middle_lanes {
+/* Midpoints that are projected in SIMD lanes. */
+typedef struct midpoint_lanes {
     const edge *edge[VEC3_LANES];
-    vec3_lanes from, x, normal; /* on the edge, and on the surface */
+    vec3_lanes from;      /* on the edge */
+    vec3_lanes x, normal; /* projected */
     double spacing[VEC3_LANES];
-    double unit[VEC3_LANES]; /* of the limits of a projection */
+    double unit[VEC3_LANES]; /* scale of the projection limits */
     bool found[VEC3_LANES];
     uint32_t patch[VEC3_LANES], hint[VEC3_LANES];
     int count;
-} middle_lanes;
+} midpoint_lanes;
 
-static const projection_limits to_middle = {5, MIDDLE_ACCEPT, MIDDLE_SHORTCUT, MIDDLE_ACCEPT};
+static const projection_limits midpoint_limits = {5, TOLERANCE, SHORTCUT, TOLERANCE};
 
-/* The place over that of an edge on its arc, which has the normals of its ends: t (1 - t) / 2 (b - a).(n_b - n_a) beyond it, at the
- * share t of its way. */
+/* The point of the arc over an edge that has the normals of the edge's ends. At the parameter t it is
+ * t (1 - t) / 2 (b - a).(n_b - n_a) beyond the edge. `place`: a point of the edge. */
 static vec3 place_on_arc(const particles *p, const edge *e, vec3 place)
 {
     const vec3 turn = vec3_sub(p->normal[e->b], p->normal[e->a]),
@@ -377,15 +384,15 @@ static vec3 place_on_arc(const particles *p, const edge *e, vec3 place)
     return length > 0 ? vec3_axpy(depth / length, up, place) : place;
 }
 
-/* One middle by itself; *hint tells of a place nearby. Of a coarse level's edges some lie farther from the surface than F
- * reaches, as in the narrow band of a level set: from their arcs it is near. */
-static bool find_middle(const middles *job, middle_lanes *m, int l, uint32_t *hint)
+/* Projects one midpoint. If that fails, projects from the arc over the edge: edges of a coarse level may leave the region where F is
+ * known, such as the narrow band of a level set. *hint: a location nearby on the field. */
+static bool project_midpoint(const midpoint_job *job, midpoint_lanes *m, int l, uint32_t *hint)
 {
     const double h = m->unit[l];
     const edge *e = m->edge[l];
     const field *f = particles_field(job->p, job->f, e->a);
-    const projection_limits limits = {to_middle.max_steps, to_middle.accept * h, to_middle.shortcut * h,
-                                      to_middle.reject * h};
+    const projection_limits limits = {midpoint_limits.max_steps, midpoint_limits.accept * h,
+                                      midpoint_limits.shortcut * h, midpoint_limits.reject * h};
     vec3 x = vec3_lanes_get(&m->from, l), normal;
     if (!projection_find_near(f, &limits, hint, &x, &normal)) {
         x = place_on_arc(job->p, e, vec3_lanes_get(&m->from, l));
@@ -396,20 +403,21 @@ static bool find_middle(const middles *job, middle_lanes *m, int l, uint32_t *hi
     return true;
 }
 
-/* On patches they are looked for from where the edges' first ends are. A place that looks the other way is on another sheet: a
- * hint of long ago has led there. */
-static void find_patch_middles(const middles *job, middle_lanes *m)
+/* Projects midpoints of patches, with the hints of the edges' first ends. A result with an opposite normal is on the opposite wall,
+ * because the hint is outdated: it is projected again without a hint. */
+static void project_patch_midpoints(const midpoint_job *job, midpoint_lanes *m)
 {
     const particles *p = job->p;
-    projection_find_lanes(job->f, &to_middle, m->unit, m->patch, m->found, m->hint, &m->x, &m->normal);
+    projection_find_lanes(job->f, &midpoint_limits, m->unit, m->patch, m->found, m->hint, &m->x, &m->normal);
     for (int l = 0; l < m->count; l++) {
         if (m->found[l] && !(vec3_dot(vec3_lanes_get(&m->normal, l), p->normal[m->edge[l]->a]) < 0)) continue;
         m->hint[l] = FIELD_NO_HINT;
-        m->found[l] = find_middle(job, m, l, &m->hint[l]);
+        m->found[l] = project_midpoint(job, m, l, &m->hint[l]);
     }
 }
 
-static void find_middles(const middles *job, middle_lanes *m, uint32_t *last)
+/* Projects all midpoints of m. *last: the hint of the previous projection. */
+static void project_midpoints(const midpoint_job *job, midpoint_lanes *m, uint32_t *last)
 {
     const particles *p = job->p;
     for (int l = 0; l < VEC3_LANES; l++) {
@@ -420,27 +428,29 @@ static void find_middles(const middles *job, middle_lanes *m, uint32_t *last)
     }
     m->x = m->from;
     if (p->patch && job->f->ops->sample_patch_lanes) {
-        find_patch_middles(job, m);
+        project_patch_midpoints(job, m);
         return;
     }
     const bool in_lanes = !p->patch && !job->f->open && job->f->ops->sample_lanes;
-    if (in_lanes) projection_find_lanes(job->f, &to_middle, m->unit, NULL, m->found, NULL, &m->x, &m->normal);
+    if (in_lanes)
+        projection_find_lanes(job->f, &midpoint_limits, m->unit, NULL, m->found, NULL, &m->x, &m->normal);
     for (int l = 0; l < m->count; l++) {
         if (in_lanes && m->found[l]) continue;
         if (m->hint[l] != FIELD_NO_HINT) *last = m->hint[l];
-        m->found[l] = find_middle(job, m, l, last);
+        m->found[l] = project_midpoint(job, m, l, last);
         m->hint[l] = *last;
     }
 }
 
-/* Puts a particle at a middle, unless that joins two sheets. */
-static bool put_middle(const middles *job, middle_lanes *m, int l, size_t place)
+/* Stores a midpoint as particle `place`. False: the edge connects opposite walls, or the midpoint is not on its patch or too near a
+ * curve. */
+static bool store_midpoint(const midpoint_job *job, midpoint_lanes *m, int l, size_t place)
 {
     const double spacing = m->spacing[l];
     const vec3 x = vec3_lanes_get(&m->x, l);
     particles *p = job->p;
     if (!m->found[l] || vec3_norm2(vec3_sub(x, vec3_lanes_get(&m->from, l))) >=
-                            MIDDLE_FARTHEST * MIDDLE_FARTHEST * spacing * spacing)
+                            MAX_PROJECTION * MAX_PROJECTION * spacing * spacing)
         return false;
     p->position[place] = x;
     p->normal[place] = vec3_lanes_get(&m->normal, l);
@@ -450,53 +460,53 @@ static bool put_middle(const middles *job, middle_lanes *m, int l, size_t place)
     p->place[place] = PARTICLES_FREE;
     const bool within = field_is_within_near(field_of_patch(job->f, patch), x, &m->hint[l]);
     p->hint[place] = m->hint[l];
-    return within && !crowds_curve(job->patches, patch, x, spacing);
+    return within && !is_too_near_curve(job->patches, patch, x, spacing);
 }
 
-/* Returns how many were put, from `place` on. */
-static size_t put_middles(const middles *job, middle_lanes *m, size_t place, uint32_t *last)
+/* Projects and stores midpoints from index `place` on. Returns their number. */
+static size_t store_midpoints(const midpoint_job *job, midpoint_lanes *m, size_t place, uint32_t *last)
 {
-    size_t put = 0;
+    size_t stored = 0;
     if (m->count == 0) return 0;
     for (int l = m->count; l < VEC3_LANES; l++) m->spacing[l] = m->spacing[0];
-    find_middles(job, m, last);
-    for (int l = 0; l < m->count; l++) put += put_middle(job, m, l, place + put);
+    project_midpoints(job, m, last);
+    for (int l = 0; l < m->count; l++) stored += store_midpoint(job, m, l, place + stored);
     m->count = 0;
-    return put;
+    return stored;
 }
 
-static void put_chunk(void *context, int worker, size_t begin, size_t end)
+static void midpoint_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const middles *job = context;
+    const midpoint_job *job = context;
     const voronoi_sites *s = &job->m->sites;
     (void)worker;
     size_t place = job->first[begin / CHUNK];
     uint32_t last = FIELD_NO_HINT;
-    middle_lanes m = {.count = 0};
+    midpoint_lanes m = {.count = 0};
     for (const edge *e = job->m->edges + begin; e < job->m->edges + end; e++)
         for (uint32_t k = 1; k <= e->copies; k++) {
             const vec3 along = vec3_sub(s->position[e->b], s->position[e->a]);
             vec3_lanes_put(&m.from, m.count, vec3_axpy(k / (e->copies + 1.0), along, s->position[e->a]));
             m.spacing[m.count] = fmin(s->spacing[e->a], s->spacing[e->b]);
             m.edge[m.count++] = e;
-            if (m.count == VEC3_LANES) place += put_middles(job, &m, place, &last);
+            if (m.count == VEC3_LANES) place += store_midpoints(job, &m, place, &last);
         }
-    place += put_middles(job, &m, place, &last);
+    place += store_midpoints(job, &m, place, &last);
     job->kept[begin / CHUNK] = place - job->first[begin / CHUNK];
 }
 
-/* Adds the particles that the edges are to have, in their order, less those that failed. */
-static bool add_middles(const field *f, const refine_patches *patches, const mesh *m, threads *pool,
-                        particles *p, error *e)
+/* Inserts the particles of all edges, in the order of the edges, except those whose projection failed. */
+static bool insert_midpoints(const field *f, const refine_patches *patches, const mesh *m, threads *pool,
+                             particles *p, error *e)
 {
     size_t chunks = chunks_of(m->count), *first = mem_array(2 * chunks + 1, sizeof *first, "refinement", e);
     if (!first) return false;
-    middles job = {f, patches, m, p, first, first + chunks + 1};
+    midpoint_job job = {f, patches, m, p, first, first + chunks + 1};
     first[0] = p->count;
     for (size_t k = 0; k < m->count; k++) first[k / CHUNK + 1] += m->edges[k].copies;
     for (size_t k = 0; k < chunks; k++) first[k + 1] += first[k];
-    threads_run(pool, m->count, CHUNK, put_chunk, &job);
-    for (size_t k = 0; k < chunks; k++) { /* closes the gaps */
+    threads_run(pool, m->count, CHUNK, midpoint_chunk, &job);
+    for (size_t k = 0; k < chunks; k++) { /* closes the gaps between chunks */
         if (p->count != first[k]) {
             memmove(p->position + p->count, p->position + first[k], job.kept[k] * sizeof *p->position);
             memmove(p->normal + p->count, p->normal + first[k], job.kept[k] * sizeof *p->normal);
@@ -511,13 +521,12 @@ static bool add_middles(const field *f, const refine_patches *patches, const mes
     return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
 
-/* Particles that the edges did not give all the same, anywhere on the surface. */
-static bool draw_rest(const field *f, const surface *scan, const sizing_field *sizing, particles *p,
-                      size_t count, double spacing, uint64_t seed, error *e)
+/* Draws the missing particles at random on the surface. */
+static bool draw_missing(const field *f, const surface *scan, const sizing_field *sizing, particles *p,
+                         size_t count, double spacing, uint64_t seed, error *e)
 {
     rng r = rng_seed(seed, RANDOM_STREAM_REFINEMENT);
-    const projection_limits limits = {20, MIDDLE_ACCEPT * spacing, MIDDLE_ACCEPT * spacing,
-                                      MIDDLE_ACCEPT * spacing};
+    const projection_limits limits = {20, TOLERANCE * spacing, TOLERANCE * spacing, TOLERANCE * spacing};
     for (int draws = 0; p->count < count; draws++) {
         vec3 x = sizing_field_draw(sizing, scan, rng_uniform(&r), &r, NULL), n;
         if (draws == MAX_DRAWS)
@@ -532,30 +541,30 @@ static bool draw_rest(const field *f, const surface *scan, const sizing_field *s
     return true;
 }
 
-/* Draws a place of a patch, on it, and clear of its curves unless that is too much to ask. */
+/* Draws a random point of a patch, at first with the minimum distance from its curves. False: MAX_DRAWS failed. */
 static bool draw_on_patch(const field *f, const surface *scan, const sizing_field *sizing,
                           const refine_patches *patches, uint32_t patch, double spacing, rng *r, vec3 *x,
                           vec3 *normal)
 {
     const double *weight = sizing_field_weight(sizing, scan);
-    const projection_limits limits = {20, MIDDLE_ACCEPT * spacing, MIDDLE_ACCEPT * spacing,
-                                      MIDDLE_ACCEPT * spacing};
+    const projection_limits limits = {20, TOLERANCE * spacing, TOLERANCE * spacing, TOLERANCE * spacing};
     for (int draw = 0; draw < MAX_DRAWS; draw++)
         if (surface_patch_point(scan, weight, patch, rng_uniform(r), r, x) &&
             projection_find(field_of_patch(f, patch), &limits, x, normal) &&
             field_is_within(field_of_patch(f, patch), *x) &&
-            (draw >= CURVE_DRAWS || !crowds_curve(patches, patch, *x, spacing)))
+            (draw >= CURVE_DRAWS || !is_too_near_curve(patches, patch, *x, spacing)))
             return true;
     return false;
 }
 
-static bool is_twin(const particles *p, size_t i, size_t k)
+/* Whether two particles of one patch have bitwise the same position. */
+static bool is_duplicate(const particles *p, size_t i, size_t k)
 {
     const vec3 a = p->position[i], b = p->position[k];
     return p->patch[i] == p->patch[k] && a.x == b.x && a.y == b.y && a.z == b.z;
 }
 
-/* Of a place on a patch; `+ 0.0` makes -0 the same as 0. */
+/* Hash of a position on a patch; `+ 0.0` turns -0 into 0. */
 static uint64_t hash_of(vec3 x, uint32_t patch)
 {
     const double at[3] = {x.x + 0.0, x.y + 0.0, x.z + 0.0};
@@ -568,19 +577,19 @@ static uint64_t hash_of(vec3 x, uint32_t patch)
     return hash;
 }
 
-/* Marks of free particles that have one place all but the first. Middles of several edges come to one where patches are smaller than
- * the spacing, on corners of their triangles; no force parts them. */
-static bool mark_twins(const particles *p, bool *gone, error *e)
+/* Marks all but the first of free particles with the same position. On patches smaller than the spacing, midpoints of several edges
+ * project to one vertex of a triangle; no force separates them. */
+static bool mark_duplicates(const particles *p, bool *removed, error *e)
 {
     size_t places = 1024;
     while (places < 2 * p->count) places *= 2;
     uint32_t *first =
-        mem_array(places, sizeof *first, "refinement", e); /* one more than a particle's number, or 0 */
+        mem_array(places, sizeof *first, "refinement", e); /* hash table: index of a particle + 1, or 0 */
     for (uint32_t i = 0; first && i < p->count; i++) {
         if (particles_is_fixed(p, i)) continue;
         size_t k = hash_of(p->position[i], p->patch[i]) % places;
-        while (first[k] && !is_twin(p, first[k] - 1, i)) k = (k + 1) % places;
-        gone[i] = first[k];
+        while (first[k] && !is_duplicate(p, first[k] - 1, i)) k = (k + 1) % places;
+        removed[i] = first[k];
         if (!first[k]) first[k] = i + 1;
     }
     const bool ok = first != NULL;
@@ -588,26 +597,27 @@ static bool mark_twins(const particles *p, bool *gone, error *e)
     return ok;
 }
 
-/* Takes away those that have no place of their own, and of each patch what is beyond its share. */
-static bool trim(particles *p, const quota *next, error *e)
+/* Removes particles with duplicate positions and particles beyond the quota of their patch. */
+static bool remove_surplus(particles *p, const quota *next, error *e)
 {
-    bool *gone = mem_array(p->count, sizeof *gone, "refinement", e);
+    bool *removed = mem_array(p->count, sizeof *removed, "refinement", e);
     uint32_t *count = mem_array(p->patches->count, sizeof *count, "refinement", e);
-    bool ok = gone && count && mark_twins(p, gone, e);
+    bool ok = removed && count && mark_duplicates(p, removed, e);
     for (size_t i = 0; ok && i < p->count; i++)
-        if (!gone[i] && !particles_is_fixed(p, i)) gone[i] = count[p->patch[i]]++ >= next->free[p->patch[i]];
-    if (ok) population_remove(p, gone);
-    free(gone);
+        if (!removed[i] && !particles_is_fixed(p, i))
+            removed[i] = count[p->patch[i]]++ >= next->free[p->patch[i]];
+    if (ok) population_remove(p, removed);
+    free(removed);
     free(count);
     return ok;
 }
 
-/* Each patch its share, and the finer rows. */
+/* Fills each patch to its quota and replaces the curve samples. */
 static bool fill_patches(const field *f, const surface *scan, const sizing_field *sizing,
                          const refine_patches *patches, particles *p, double spacing, uint64_t seed, error *e)
 {
     rng r = rng_seed(seed, RANDOM_STREAM_REFINEMENT);
-    if (!trim(p, patches->next, e)) return false;
+    if (!remove_surplus(p, patches->next, e)) return false;
     uint32_t *count = count_free(p, e);
     bool ok = count != NULL;
     for (uint32_t k = 0; ok && k < p->patches->count; k++)
@@ -621,7 +631,7 @@ static bool fill_patches(const field *f, const surface *scan, const sizing_field
             p->count += ok;
         }
     free(count);
-    return ok && quota_replace_rows(patches->next, p, e);
+    return ok && quota_replace_samples(patches->next, p, e);
 }
 
 bool refine_particles(const field *f, const surface *scan, const sizing_field *sizing,
@@ -631,8 +641,8 @@ bool refine_particles(const field *f, const surface *scan, const sizing_field *s
     assert(count >= p->count || patches);
     assert(m->points == p->count);
     bool ok = mesh_edges(m, pool, e);
-    if (ok && patches) drop_row_edges(m, p, patches);
-    return ok && choose_edges(m, count, p, patches, pool, e) && add_middles(f, patches, m, pool, p, e) &&
+    if (ok && patches) remove_curve_edges(m, p, patches);
+    return ok && choose_edges(m, count, p, patches, pool, e) && insert_midpoints(f, patches, m, pool, p, e) &&
            (patches ? fill_patches(f, scan, sizing, patches, p, spacing, seed, e)
-                    : draw_rest(f, scan, sizing, p, count, spacing, seed, e));
+                    : draw_missing(f, scan, sizing, p, count, spacing, seed, e));
 }

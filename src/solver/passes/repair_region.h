@@ -1,61 +1,63 @@
-/* repair_region: a small piece of a packing, taken out of it, in which particles are taken out, put in, and come to rest while all
- * around are held fast, see solver_repair_defects. Pairs push each other as in the solve, and so do those of other sheets, which are
- * held. Nothing here is shared between workers. */
-#ifndef HEXAD_SOLVER_MEND_PIECE_H
-#define HEXAD_SOLVER_MEND_PIECE_H
+/* repair_region: a copy of a small region of a packing for trial changes of defect repair (solver_repair_defects). Particles are
+ * deleted, inserted and relaxed, while the surrounding particles are fixed. The pair forces are those of the solve. Particles of
+ * opposite walls contribute to the forces and are fixed. No state is shared between worker threads. World space. */
+#ifndef HEXAD_SOLVER_PASSES_REPAIR_REGION_H
+#define HEXAD_SOLVER_PASSES_REPAIR_REGION_H
 
 #include "packing/pair.h"
 #include "solver/particles/random_streams.h"
 #include "solver/passes/passes.h"
 
+/* Capacities: members of a region, free members, pairs of one member, entries of all neighbour lists. */
 enum {
-    REPAIR_REGION_MOST = 256,
-    REPAIR_FREE_MOST = 96,
-    REPAIR_PAIRS_MOST = 64,
-    REPAIR_LIST_MOST = REPAIR_PAIRS_MOST * REPAIR_REGION_MOST
+    REPAIR_MAX_MEMBERS = 256,
+    REPAIR_MAX_FREE = 96,
+    REPAIR_MAX_PAIRS = 64,
+    REPAIR_MAX_LIST = REPAIR_MAX_PAIRS * REPAIR_MAX_MEMBERS
 };
 
 typedef struct repair_region {
-    const field *field;   /* of its patch */
-    uint32_t count, free; /* the first `free` move */
-    int disordered;       /* of the judged */
+    const field *field; /* of its patch */
+    uint32_t count;     /* members */
+    uint32_t free;      /* the first `free` members may move */
+    int defects;        /* evaluated members without six neighbours */
     double cost;
-    vec3 x[REPAIR_REGION_MOST], normal[REPAIR_REGION_MOST];
-    double h[REPAIR_REGION_MOST];
-    bool judged[REPAIR_REGION_MOST];
-    bool awake[REPAIR_REGION_MOST];     /* it may have to move */
-    uint8_t degree[REPAIR_REGION_MOST]; /* of the judged, else 6 */
-    uint32_t hint[REPAIR_REGION_MOST];  /* of its place on the field */
-    /* of what lies within VORONOI_REACH, as it was last looked for */
-    uint32_t begin[REPAIR_REGION_MOST], listed[REPAIR_REGION_MOST], list[REPAIR_LIST_MOST];
+    vec3 x[REPAIR_MAX_MEMBERS], normal[REPAIR_MAX_MEMBERS];
+    double h[REPAIR_MAX_MEMBERS];       /* requested spacing */
+    bool evaluated[REPAIR_MAX_MEMBERS]; /* it counts for the cost */
+    bool active[REPAIR_MAX_MEMBERS];    /* not converged */
+    uint8_t degree[REPAIR_MAX_MEMBERS]; /* Voronoi neighbours of the evaluated members; else 6 */
+    uint32_t hint[REPAIR_MAX_MEMBERS];  /* location on the field */
+    /* neighbour lists within VORONOI_REACH, as of the last build */
+    uint32_t begin[REPAIR_MAX_MEMBERS], listed[REPAIR_MAX_MEMBERS], list[REPAIR_MAX_LIST];
 } repair_region;
 
-/* What a worker has. */
+/* Scratch memory of one worker thread. */
 typedef struct repair_scratch {
     const solver *s;
-    double mean; /* of the spacing that cells have over the requested one, all over the packing */
+    double mean; /* mean spacing of the Voronoi cells of the packing over the requested spacing */
     repair_region as_is, current, tried;
     pair_list pairs;
-    double number[9][REPAIR_PAIRS_MOST]; /* of `pairs` */
+    double number[9][REPAIR_MAX_PAIRS]; /* arrays of `pairs` */
 } repair_scratch;
 
-void repair_scratch_begin(repair_scratch *b, const solver *s);
+void repair_scratch_init(repair_scratch *b, const solver *s);
 
-/* Lists of all. */
+/* Builds the neighbour lists of all members. */
 void repair_region_list(repair_region *p);
 
-/* How many are judged that have other than six neighbours between the shells: nearly as many as are disordered, and sooner
- * found. */
-int repair_region_guess(const repair_region *p);
+/* Estimates the number of defects: evaluated members without six members between the first two shells. Faster than
+ * repair_region_evaluate and mostly correct. */
+int repair_region_estimate_defects(const repair_region *p);
 
-/* Sets degrees, `disordered` and `cost`. False, where it costs more than `limit`: they are not all set then. */
-bool repair_region_judge(repair_scratch *b, repair_region *p, double limit);
+/* Sets degree, defects and cost. False: the cost exceeds `limit`; the values are incomplete. */
+bool repair_region_evaluate(repair_scratch *b, repair_region *p, double limit);
 
-/* Takes one out, puts one in, or moves one to another place, somewhere near disorder. False: there is none, or no place. */
-bool repair_region_change(repair_region *p, rng *r);
+/* Deletes, inserts or moves one random member near a defect. False: there is no defect, or the insertion failed. */
+bool repair_region_modify(repair_region *p, rng *r);
 
-/* Those that are awake come to rest, and who is pushed by them; lists are of their new places. False, and lists are not: one
- * has left its patch. */
-bool repair_region_settle(repair_scratch *b, repair_region *p);
+/* Relaxes the active members and the members that they displace, then rebuilds the lists. False: a member left its patch; the
+ * lists are stale. */
+bool repair_region_relax(repair_scratch *b, repair_region *p);
 
 #endif
