@@ -86,8 +86,8 @@ static bool describe_energies(solver *s, error *e)
         s->state.regime->is_under_resolved ? (relax_steps){NAN, NAN} : solver_steps_left(s, false);
     s->record.out.mean_energy = relax_mean_energy(s->scratch.relax, s->state.p, s->state.sigma);
     s->record.out.mean_neighbours = relax_mean_neighbours(s->scratch.relax, s->state.p, s->state.sigma);
-    s->record.out.step_left = s->state.p->patch ? left.to_rest : left.all;
-    s->record.out.step_to_rest = left.to_rest;
+    s->record.out.step_left = s->state.p->patch ? left.without_kinks : left.all;
+    s->record.out.step_to_rest = left.without_kinks;
     relax_free(s->scratch.relax);
     s->scratch.relax = NULL;
     return true;

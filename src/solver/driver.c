@@ -193,7 +193,7 @@ static bool points_have_converged(const solver *s, const schedule_position *at)
         s->state.regime->is_under_resolved)
         return true;
     const double most = s->setup.params.step_tolerance * (s->state.is_tightened ? TIGHTENED : 1);
-    return !(solver_steps_left(s, true).to_rest > most);
+    return !(solver_steps_left(s, true).without_kinks > most);
 }
 
 /* A line of the record. */
@@ -473,7 +473,7 @@ static bool has_converged_after_projection(solver *s, bool *rests, error *e)
     const bool may_not = s->state.repairs > 0 || solver_merges_near_curves(s);
     if (!may_not || s->setup.params.gradient || s->state.regime->is_under_resolved) return true;
     if (!solver_steps_after_projection(s, &left, e)) return false;
-    *rests = !(left.to_rest > s->setup.params.step_tolerance);
+    *rests = !(left.without_kinks > s->setup.params.step_tolerance);
     return true;
 }
 

@@ -65,6 +65,6 @@ bool solver_settle_support(solver *s, bool changed, error *e)
     if (changed || !relax_has_divergent_normals(s->scratch.relax) ||
         skin < given->skin_narrow * s->state.spacing)
         return solver_build_lists(s, e);
-    relax_take_support(s->scratch.relax, s->state.sigma);
+    relax_set_support(s->scratch.relax, s->state.sigma);
     return true;
 }

@@ -116,7 +116,7 @@ static void check_lists_stay_valid(const fast_kernel *forces, double smaller)
     set_up(&b, 4, forces, 9);
     double skin = 0.3 * b.params.spacing, less = smaller * b.params.spacing;
     assert_true(relax_build(b.r, b.p, b.params.sigma - less, skin + less, &e));
-    relax_take_support(b.r, b.params.sigma);
+    relax_set_support(b.r, b.params.sigma);
     size_t limited = 0;
     vec3 built[COUNT];
     memcpy(built, b.p->position, sizeof built);

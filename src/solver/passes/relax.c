@@ -8,20 +8,22 @@
 #include "base/memory.h"
 #include "packing/independent_sets.h"
 
-/* Data of a particle are prefetched this many particles before its turn: they fit into a core's first-level cache. */
+/* Prefetch distances in particles: for the data of a particle, and for what locates them. Their data fit into a first-level cache. */
 static const uint32_t NEAR_AHEAD = 24, FAR_AHEAD = 88;
-/* A particle whose last step was below SKIP_STEP (over h size) is skipped until its neighbours have moved SKIP_AROUND times as far in
- * all. Twice SKIP_AROUND skips a third instead of a quarter and costs .001 of hex_fraction; four times stops the relaxation. */
-static const double SKIP_STEP = 0.01, SKIP_AROUND = 6;
+/* A particle whose last step was below this is skipped, over h size. */
+static const double SKIP_STEP = 0.01;
+/* Sum of the neighbours' path lengths that reactivates it, over SKIP_STEP. Doubled: a third instead of a quarter is skipped, and
+ * hex_fraction falls by 0.001. Four times: the relaxation stops. */
+static const double SKIP_AROUND = 6;
 
-/* Updates an independent set: fast steps first, then the particles that need the general way. */
+/* Moves an independent set: fast steps first, then guarded steps in lanes, then damped steps. */
 static void sweep_set(const sweep_job *job, int worker, const uint32_t *items, size_t count, block_sums *sums)
 {
     uint32_t divergent[INDEPENDENT_SET_MOST], smooth[INDEPENDENT_SET_MOST], general[INDEPENDENT_SET_MOST];
     size_t divergent_count = 0, smooth_count = 0, general_count = 0;
     const particles *p = job->p;
     const bool *near_boundary = p->near_boundary;
-    const uint8_t *notes = job->r->notes, *flat = job->r->flat;
+    const uint8_t *flags = job->r->flags, *flat = job->r->flat;
     const skip_state *skipping = job->skipping;
     for (size_t k = 0; k < count; k++) {
         const uint32_t i = items[k];
@@ -30,14 +32,14 @@ static void sweep_set(const sweep_job *job, int worker, const uint32_t *items, s
         else if (skipping && skipping[i].is_skipped) {
             sums->energy += (double)skipping[i].energy;
             sums->lambda += (double)p->lambda[i];
-        } else if (near_boundary[i] || (notes[i] & RELAX_WATCHED))
+        } else if (near_boundary[i] || (flags[i] & RELAX_GUARDED))
             general[general_count++] = i;
         else if (flat[i])
             smooth[smooth_count++] = i;
         else
             divergent[divergent_count++] = i;
     }
-    if (divergent_count > 0 && job->r->guards_in_lanes) { /* all of them at once */
+    if (divergent_count > 0 && job->r->guards_in_lanes) {
         memcpy(divergent + divergent_count, smooth, smooth_count * sizeof *smooth);
         relax_guarded_steps(job, divergent, divergent_count, divergent_count + smooth_count, sums);
         smooth_count = divergent_count = 0;
@@ -52,8 +54,8 @@ static void sweep_set(const sweep_job *job, int worker, const uint32_t *items, s
     for (size_t k = 0; k < general_count; k++) relax_update_particle(job, worker, general[k], sums);
 }
 
-/* Asks for what particles will need, which is found by way of what prefetch_far has asked for. (Inlined: the
- * compiler leaves out calls of a function that does nothing else.) */
+/* Prefetches the data of particles, whose addresses prefetch_far has prefetched. (Inlined: the compiler removes calls of a function
+ * that only prefetches.) */
 ISA_INLINE void prefetch_near(const sweep_job *job, uint32_t at, uint32_t end)
 {
     const neighbours *near = job->r->near;
@@ -84,13 +86,13 @@ ISA_INLINE void prefetch_far(const sweep_job *job, uint32_t at, uint32_t end)
         __builtin_prefetch(&r->moved[i], 1);
         if (hint) __builtin_prefetch(&hint[i], 1);
         __builtin_prefetch(&r->flat[i]);
-        __builtin_prefetch(&r->notes[i]);
+        __builtin_prefetch(&r->flags[i]);
         __builtin_prefetch(&p->near_boundary[i]);
         if (p->size) __builtin_prefetch(&p->size[i]);
     }
 }
 
-/* The points of `bin_item` from `at` up to `end`, each asked for before its turn comes. */
+/* Moves the points `at` .. `end` - 1 of `bin_item` in independent sets, with prefetching. */
 static void sweep_sets(const sweep_job *job, int worker, uint32_t at, uint32_t end, block_sums *sums)
 {
     const neighbours *near = job->r->near;
@@ -132,7 +134,7 @@ bool relax_allow_skipping(relax *r, error *e)
     return r->skipping != NULL;
 }
 
-/* Tells who is_skipped in the sweep to come; nobody moves. */
+/* Sets is_skipped of each particle for the next sweep. */
 static void skip_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const sweep_job *job = context;
@@ -145,7 +147,7 @@ static void skip_chunk(void *context, int worker, size_t begin, size_t end)
         skip_state *own = &job->skipping[i];
         float around = 0;
         for (uint32_t k = 0; k < r->near->list_count[i]; k++) around += r->moved[list[k]];
-        own->is_skipped = r->skip_known && !(r->notes[i] & RELAX_DISPLACED) && (double)own->step < least &&
+        own->is_skipped = r->skip_known && !(r->flags[i] & RELAX_DISPLACED) && (double)own->step < least &&
                           (double)(around - own->around) < SKIP_AROUND * least * size;
         if (own->is_skipped) continue;
         own->around = around;
@@ -158,8 +160,8 @@ void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums 
     assert(p->count == r->near->count && params->sigma <= relax_max_support(r));
     assert(r->near->blocks <= r->part_capacity);
     sweep_job job = {.r = r, .p = p, .params = params};
-    r->seen = (known_steps){0};
-    relax_note_normals(r, p);
+    r->cached = (cached_steps){0};
+    relax_copy_normals(r, p);
     if (params->may_skip && r->skipping && r->fast) {
         job.skipping = r->skipping;
         threads_run(r->pool, p->count, 1024, skip_chunk, &job);
@@ -183,7 +185,7 @@ void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums 
     }
     double count = fmax((double)particles_free_count(p), 1);
     sums.energy /= count;
-    if (particles_free_count(p) == 0) sums.mean_log10_lambda = RELAX_LAMBDA_CAP; /* all are held */
+    if (particles_free_count(p) == 0) sums.mean_log10_lambda = RELAX_LAMBDA_CAP;
     sums.mean_log10_lambda /= count;
     sums.rms_step = sqrt(squares / count) / params->spacing;
     sums.max_step /= params->spacing;

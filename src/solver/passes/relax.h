@@ -1,14 +1,18 @@
-/* relax: sweeps. One sweep moves every particle once, Gauss-Seidel, by Levenberg-Marquardt (10)-(12)
- * with the two-step motion (8)(9), each on the newest positions of its neighbours.
+/* relax: relaxation sweeps. One sweep moves every particle once (Gauss-Seidel) by Levenberg-Marquardt (10)-(12) with the two-step
+ * motion (8)(9).
  *
- * Where the paper's text leads astray this follows measured facts: the Hessian is taken in the tangent
- * frame; a trial must gain at least `gain` of the particle's energy, and a particle whose best step
- * would gain less is settled (lambda at its cap), so that the mean of log10 lambda tells when the
- * system is at rest; the step is over-relaxed; repulsion amplitudes and normals are lagged, and pairs
- * on opposite sides of a thin sheet do not push each other.
+ * Departures from the paper:
+ * - The Hessian is taken in the tangent frame.
+ * - A trial must decrease the particle's energy by at least `gain` times the energy. A particle whose best step decreases it by
+ *   less has converged: its lambda is set to the cap. Thus the mean of log10 lambda measures convergence.
+ * - The step is over-relaxed.
+ * - Amplitudes and normals are those of the last list build.
+ * - Pairs on opposite walls of a thin part do not repel each other.
+ *
+ * World space. Results do not depend on the number of threads.
  */
-#ifndef HEXAD_SOLVER_RELAX_H
-#define HEXAD_SOLVER_RELAX_H
+#ifndef HEXAD_SOLVER_PASSES_RELAX_H
+#define HEXAD_SOLVER_PASSES_RELAX_H
 
 #include <stddef.h>
 #include <stdint.h>
@@ -24,120 +28,118 @@ typedef struct relax relax;
 
 typedef enum relax_minimiser {
     RELAX_LEVENBERG_MARQUARDT,
-    RELAX_GRADIENT /* steepest descent (5) by `step`: every step is taken, lambda stays 0 */
+    RELAX_GRADIENT /* steepest descent (5) by `step`: every step is accepted, lambda is 0 */
 } relax_minimiser;
 
 typedef struct relax_params {
     const field *field;
     relax_minimiser minimiser;
-    double step;    /* of the gradient minimiser, in units of sigma^2 per energy */
-    double sigma;   /* support of the potential, of particles of size 1 */
-    double spacing; /* h, times size the scale of tolerances */
-    double omega;   /* over-relaxation of the step: 1 is the paper's */
-    double
-        fast_step; /* longest step of the fast kernel, over h size: it is taken without a trial of the energy */
-    double gain;   /* least relative decrease of a particle's energy that counts */
+    double step;      /* of the gradient minimiser, in units of sigma^2 per energy */
+    double sigma;     /* support of the potential for particles of size 1 */
+    double spacing;   /* h; tolerances scale with h size */
+    double omega;     /* over-relaxation factor of the step; 1: as in the paper */
+    double fast_step; /* maximum step of the fast kernel over h size; it is taken without an energy test */
+    double gain;      /* minimum relative decrease of a particle's energy by a trial */
     bool
-        shaken; /* the level still finds its order: on triangles a trial is accepted by the energy in the tangent plane alone */
+        shaken; /* early sweeps of a level: on triangles, a trial is accepted by the energy in the tangent plane alone */
     bool
-        may_skip; /* with the fast kernel: particles that hardly moved, and those around them neither, are left out: see relax_allow_skipping */
+        may_skip; /* with the fast kernel: skip converged particles with converged neighbours (relax_allow_skipping) */
 } relax_params;
 
 typedef struct relax_sums {
-    double energy; /* mean E_i over size^2, full sums, as the particles were visited */
+    double energy; /* mean of E_i over size^2, full sums, when the particles were visited */
     double mean_log10_lambda;
     double rms_step;   /* over h size */
-    double max_step;   /* likewise */
-    uint64_t rejected; /* trials refused */
-    size_t limited;    /* particles whose step the lists' validity cut short: build anew */
-    /* Of the stirred (relax_mark_displaced): their rms step over h size, 0 where there are none; and how many of them are limited. */
-    double displaced_step;
-    size_t displaced_limited;
+    double max_step;   /* over h size */
+    uint64_t rejected; /* rejected trials */
+    size_t limited;    /* particles whose step is limited by the validity of the lists; build them again */
+    double
+        displaced_step; /* rms step over h size of the displaced particles (relax_mark_displaced); 0: there are none */
+    size_t displaced_limited; /* displaced particles among `limited` */
 } relax_sums;
 
-#define RELAX_LAMBDA_CAP 16.0 /* log10; the paper stops at a mean of 14 */
+#define RELAX_LAMBDA_CAP \
+    16.0 /* log10 of the damping of a converged particle; the paper stops at a mean of 14 */
 
-/* Scratch for `capacity` particles under a potential, worked on by `pool` (neither owned); lists may take
- * `list_limit` bytes. `fast`: NULL, or, with the cotangent and amplitudes of 1, the kernel for particles whose
- * neighbours all face their way. Error: limit_memory. */
+/* Scratch memory for `capacity` particles under a potential. `pool` does the work; neither is owned. `list_limit`: maximum size of the
+ * lists, bytes. `fast` (or NULL): the kernel for particles without divergent neighbour normals; it requires the cotangent potential
+ * and amplitudes of 1. NULL: limit_memory. */
 relax *relax_new(size_t capacity, const energy_function *energy, const fast_kernel *fast, size_t list_limit,
                  threads *pool, error *e);
 void relax_free(relax *r);
 
-/* Builds the lists for a support of `sigma` that may be used until a particle has moved skin / 2, both times
- * its size, with the pair weights of the present normals, alphas and sizes. Error: limit_memory. */
+/* Builds the neighbour lists for a support of `sigma` with a Verlet skin `skin`, both times the size. They are valid until a particle
+ * has moved skin / 2. Pair weights are those of the current normals, amplitudes and sizes. Error: limit_memory. */
 bool relax_build(relax *r, particles *p, double sigma, double skin, error *e);
 
-/* From now on pairs count in full whatever their normals: sheets push each other through space. */
+/* From now on pairs have full weight for any normals: opposite walls repel each other. */
 void relax_ignore_normals(relax *r);
 
-/* Takes note of where particles have been put since the build, and of their sizes; they are as many. False
- * where the lists do not cover a support of `sigma` there, or were never built: they are to be built anew. Once after a
- * build, and no sweeps after it: energies are all that the lists serve for then. */
+/* Updates the positions and sizes in the lists after particles were moved outside a sweep; their number is unchanged. False: the lists
+ * do not cover a support of `sigma`, or were never built; build them. Call at most once after a build. Afterwards the lists are valid
+ * for energies, not for sweeps. */
 bool relax_refresh(relax *r, const particles *p, double sigma);
 
-/* Particle i is put elsewhere, or was: it is stirred, and so is who is near it, in the lists that there are and in those that are
- * built next. In the rms step of many the steps of such few do not show. Nothing before there were lists. */
+/* Marks particle i, which is or was relocated, and its neighbours as displaced, in the current lists and in those of the next build.
+ * The rms step of all particles would not show the steps of a few. Does nothing before the first build. */
 void relax_mark_displaced(relax *r, const particles *p, size_t i);
 
-/* None is stirred any more. */
+/* Removes all marks of displaced particles. */
 void relax_clear_displaced(relax *r);
 
-/* From now on sweeps may leave out particles that hardly moved. Error: limit_memory. */
+/* From now on sweeps may skip converged particles (relax_params.may_skip). Error: limit_memory. */
 bool relax_allow_skipping(relax *r, error *e);
 
-/* One sweep over lists built for at least params->sigma. Allocates nothing. */
+/* One sweep over lists that cover params->sigma. Allocates no memory. */
 void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums *out);
 
-/* Mean of E_i over size^2, over the mean of alpha, everyone where they are, for any support that the lists
- * cover; boundaries left out, where half of the neighbours are missing, unless there is nothing else. Sets
- * p->energy. */
+/* Mean of E_i over size^2, over the mean amplitude, at the current positions. The lists cover `sigma`. Particles near boundaries, which
+ * lack half of their neighbours, are excluded unless there are no others. Sets p->energy. */
 double relax_mean_energy(relax *r, particles *p, double sigma);
 
-/* The same without those that lie with another all but in one place: no support makes their energy less, so that they say nothing
- * of which is right. */
+/* relax_mean_energy without particles that nearly coincide with another: no support makes their energy small. */
 double relax_packing_energy(relax *r, particles *p, double sigma);
 
 typedef struct relax_steps {
     double all;
     double
-        to_rest; /* without particles that have looked for a better place in vain, as on a kink between facets */
+        without_kinks; /* without particles that have converged on a kink, such as an edge between facets */
 } relax_steps;
 
-/* The rms of the Newton steps (12) that are left to the particles where they are, over `spacing` and the size; no particle moves. Of
- * particles away from boundaries and from edges (within their support no normal is turned by more than 37 degrees): there the
- * energy is smooth, and such a step says how far it is to rest. NaN when there are none, and on patches when they are fewer than a
- * fifth of all. `watch`: a particle with a long step looks at the energy from now on. Where the kernel tells both, energies are
- * known with them, and neither is looked at again until a particle has moved by 5e-5 of its support or has another size. */
+/* The rms of the Newton steps (12) of the particles at their positions, over spacing and size. Measures the distance to convergence.
+ * Included are particles away from boundaries and edges (no normal within the support diverges by more than 37 degrees), where the
+ * energy is smooth. NaN: there are none; with patches: they are fewer than a fifth. `watch`: particles with a long step take guarded
+ * steps from now on. If all are evaluated by the kernel, p->energy is set as well. The result is cached until a particle moves by 5e-5
+ * of its support or changes its size. */
 relax_steps relax_rms_steps_left(relax *r, particles *p, double sigma, double spacing, bool watch);
 
-/* The largest support that the lists cover, until a particle moves. */
+/* The largest support that the lists cover until a particle moves. */
 double relax_max_support(const relax *r);
 
-/* From now on the lists, since when nobody has moved, are those of this support, which they cover: what they reach beyond it
- * is their skin. */
-void relax_take_support(relax *r, double sigma);
+/* Changes the support of the lists to `sigma`, which they cover; the difference becomes the skin. No particle has moved since the
+ * build. */
+void relax_set_support(relax *r, double sigma);
 
-/* Share of the particles that see a neighbour turned from them by 60 degrees or more, when the lists were
- * built: round an edge, or through a sheet. */
+/* Fraction of the particles with divergent neighbour normals (60 degrees or more) at the last list build: at an edge, or with a
+ * neighbour on the opposite wall. */
 double relax_divergent_share(const relax *r, const particles *p);
 
-/* The same of neighbours within `reach` times the mean of both sizes, no farther than the lists. Of particles at random places this share
- * is nearly that of particles at rest. */
+/* The same for neighbours within `reach` times the mean size of the pair; the lists cover `reach`. At random positions this fraction is
+ * nearly that of converged particles. */
 double relax_divergent_share_within(const relax *r, const particles *p, double reach);
 
-/* Whether there are many particles, of which so large a share sees others turned away that creased steps are done in lanes. */
+/* Whether guarded steps are taken in SIMD lanes: many particles, and a large fraction with divergent neighbour normals. */
 bool relax_has_divergent_normals(const relax *r);
 
-/* Whether that share is half or more besides. */
+/* Whether in addition at least half of the particles have divergent neighbour normals. */
 bool relax_has_mostly_divergent_normals(const relax *r);
 
-/* Share of the particles, boundaries left out, that have other than six neighbours between the first and the second shell
- * of the packing of `spacing`, times their sizes. The lists cover that. `smooth`: of those alone that see none turned from them,
- * where there are any. Of 200 000 particles and more it is an estimate: every second is asked, or fewer. */
+/* Defect fraction: the fraction of the particles away from boundaries without six neighbours between the first and the second shell of
+ * the packing of `spacing`. The lists cover that distance. `smooth`: only particles without divergent neighbour normals, if there are
+ * any. From 200 000 particles on the result is an estimate from a subset. */
 double relax_defect_fraction(const relax *r, const particles *p, double spacing, bool smooth);
 
-/* Mean number of neighbours within `sigma` times the pair's size (m of Table 1). */
+/* Mean number of neighbours within `sigma` times the mean size of the pair (m of Table 1). */
 double relax_mean_neighbours(const relax *r, const particles *p, double sigma);
 
 #endif

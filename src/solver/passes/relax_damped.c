@@ -1,45 +1,49 @@
-/* relax_damped: one guarded step of one particle in double precision: Levenberg-Marquardt or steepest descent. See relax.h. */
+/* relax_damped: guarded steps of single particles in double precision, by Levenberg-Marquardt or steepest descent (relax_internal.h). */
 #include "solver/passes/relax_internal.h"
 
 #include <math.h>
 
 #include "field/projection.h"
 
-/* Where the energy is smooth, a particle that moves only under this damping (log10) or more is off the surface by an error that
- * misleads it: it is projected more exactly. At creases and boundaries such damping is normal. */
+/* log10 of the damping of a step from which a particle is projected more exactly, if the energy is smooth: the error of its position
+ * misleads the step. At edges and boundaries such damping is normal. */
 static const double MISLED_LAMBDA = 2;
-/* The potential is evaluated no nearer than this, over sigma, where it scales the turning of a normal. */
-static const double TURNING_NEAREST = 0.05;
-/* A trial is refused if it ends farther than this from the surface, over h. It is accepted at ACCEPT, or STRAIGHT_ACCEPT for
- * misled particles. */
+/* Minimum distance over sigma at which the potential is evaluated for the turning of normals; it is singular at 0. */
+static const double MIN_TURNING_DISTANCE = 0.05;
+/* Maximum distance of a trial from the surface over h. */
 static const double TRIAL_REJECT = 0.01;
-static const double TRIAL_ACCEPT = 1e-4, STRAIGHT_ACCEPT = 1e-7;
+/* Projection tolerance of a trial over h. */
+static const double TRIAL_ACCEPT = 1e-4;
+/* Projection tolerance of particles with misled steps over h: well below the resolution of `gain`. */
+static const double EXACT_ACCEPT = 1e-7;
+/* Maximum number of projection steps of a trial. */
 static const int TRIAL_STEPS = 3;
 
-typedef struct attempt {
+/* The particle whose step is computed. */
+typedef struct step_input {
     const relax_params *params;
     const field *field; /* of the particle */
-    uint32_t *hint;     /* of its place on that field, see `sample_near` in field_ops */
+    uint32_t *hint;     /* location on that field: `sample_near` of field_ops */
     bool bounded;       /* the patch may end nearby */
     const energy_function *potential;
     pair_list *near;
     bool flat; /* all weights are 1 */
-    /* The surface may have facets. Their normals are interpolated: a step in the tangent plane ends off that plane by its angle to the
-     * facet, and forces, which are taken in the plane, do not tell how the energy changes on the facet. */
+    /* The surface may have facets with interpolated normals. A step in the tangent plane ends off the facet. The forces, which are
+     * computed in the plane, do not give the change of energy on the facet. */
     bool faceted;
     bool
-        has_fast; /* fast steps move particles whose weights are 1, but for those that they would carry too far */
+        has_fast; /* fast steps exist: of particles with weights of 1 only those whose fast step failed come here */
     vec3 x, axis1, axis2;
     double sigma, spacing; /* times the particle's size */
-    double bound;          /* longest step in the tangent plane */
-    double limit;          /* longest displacement */
+    double bound;          /* maximum step in the tangent plane */
+    double limit;          /* maximum displacement */
     double energy;
-    unsigned boundary_axes; /* axes of the faces that the particle slides along, and never leaves */
-} attempt;
+    unsigned boundary_axes; /* normal axes of the domain faces that the particle lies in and never leaves */
+} step_input;
 
-/* What the turning of the particle's own normal adds to its forces, ignores_normals the weights: along axis e of the
- * frame the normal turns by S e, S the shape operator. */
-static void add_turning(const attempt *a, pair_forces *f)
+/* Adds the forces by the turning of the particle's own normal, through the weights. Along axis e of the frame the normal turns by S e,
+ * where S is the shape operator. */
+static void add_turning(const step_input *a, pair_forces *f)
 {
     field_sample s;
     if (!field_sample_near(a->field, a->x, FIELD_HESSIAN, a->hint, &s)) return;
@@ -57,7 +61,7 @@ static void add_turning(const attempt *a, pair_forces *f)
         double support = sqrt(g->size2[k]) * a->sigma;
         if (t <= 0 || t >= 1 || r >= support) continue;
         double slope = g->amplitude[k] * g->size2[k] * 6 * t * (1 - t) / PAIR_FACING_RANGE *
-                       a->potential->value(fmax(r / support, TURNING_NEAREST));
+                       a->potential->value(fmax(r / support, MIN_TURNING_DISTANCE));
         f->d1 += slope * vec3_dot(turn1, nj);
         f->d2 += slope * vec3_dot(turn2, nj);
     }
@@ -77,8 +81,9 @@ double relax_damped_step(const pair_forces *f, double lambda, double *s1, double
     return -0.5 * (*s1 * f->d1 + *s2 * f->d2);
 }
 
-/* Moves along the tangent plane (8), to *beside, and back onto the surface (9). */
-static bool move(const attempt *a, double s1, double s2, vec3 *beside, vec3 *x, vec3 *normal)
+/* A step in the tangent plane (8), to *beside, and the projection onto the surface (9), to *x. False: the projection failed, left the
+ * patch or exceeded the limit. */
+static bool step_and_project(const step_input *a, double s1, double s2, vec3 *beside, vec3 *x, vec3 *normal)
 {
     double h = projection_scale(a->field, a->spacing);
     const projection_limits limits = {TRIAL_STEPS, TRIAL_ACCEPT * h, RELAX_TRIAL_SHORTCUT * h,
@@ -90,41 +95,41 @@ static bool move(const attempt *a, double s1, double s2, vec3 *beside, vec3 *x, 
     *beside = q;
     if (!projection_find_near(a->field, &limits, a->hint, &q, &n)) return false;
     if (a->bounded && !field_is_within_near(a->field, q, a->hint)) return false;
-    /* what the projection adds must not carry it past its neighbour, nor past what the lists cover */
+    /* projection included, the particle must neither pass its nearest neighbour nor leave the validity of the lists */
     if (vec3_norm(vec3_sub(q, a->x)) > a->limit) return false;
     *x = q;
     *normal = n;
     return true;
 }
 
-/* Moves, and looks whether the energy falls. On facets it has to fall in the tangent plane. Once the level has had its sweeps it also has
- * to fall on the facet, or particles would go round across the edges of facets for ever; without fast steps only where neighbours
- * face other ways. */
-static bool try_step(const attempt *a, double s1, double s2, vec3 *x, vec3 *normal)
+/* One trial: whether the energy decreases. On facets it must decrease in the tangent plane. After the early sweeps of a level it must
+ * also decrease on the facet; otherwise particles would cycle across edges of facets. Without fast steps this second test applies to
+ * divergent neighbour normals only. */
+static bool try_step(const step_input *a, double s1, double s2, vec3 *x, vec3 *normal)
 {
     vec3 beside, q, n;
-    if (!move(a, a->params->omega * s1, a->params->omega * s2, &beside, &q, &n)) return false;
+    if (!step_and_project(a, a->params->omega * s1, a->params->omega * s2, &beside, &q, &n)) return false;
     if (!a->flat) pair_weigh(a->near, n);
-    const double most = a->energy * (1 - a->params->gain);
+    const double limit = a->energy * (1 - a->params->gain);
     const bool in_plane_only = a->faceted && (a->params->shaken || (a->flat && !a->has_fast));
-    if (a->faceted && !(pair_energy_at(a->near, a->potential, beside, a->sigma) < most)) return false;
-    if (!in_plane_only && !(pair_energy_at(a->near, a->potential, q, a->sigma) < most)) return false;
+    if (a->faceted && !(pair_energy_at(a->near, a->potential, beside, a->sigma) < limit)) return false;
+    if (!in_plane_only && !(pair_energy_at(a->near, a->potential, q, a->sigma) < limit)) return false;
     *x = q;
     *normal = n;
     return true;
 }
 
-/* A particle whose expected gain does not come is misled by a place and a normal that are off by the last Newton step, and
- * would creep by damped steps for ever: put it on the surface to well below what `gain` can see. */
-static void straighten(const attempt *a, vec3 *x, vec3 *normal)
+/* Projects a particle to EXACT_ACCEPT. If a step does not reach its expected decrease of energy, the error of the last projection
+ * misleads it; the particle would never converge. */
+static void project_exactly(const step_input *a, vec3 *x, vec3 *normal)
 {
     double h = projection_scale(a->field, a->spacing);
-    const projection_limits limits = {TRIAL_STEPS, STRAIGHT_ACCEPT * h, 0, TRIAL_REJECT * h};
+    const projection_limits limits = {TRIAL_STEPS, EXACT_ACCEPT * h, 0, TRIAL_REJECT * h};
     projection_find_near(a->field, &limits, a->hint, x, normal);
 }
 
 /* Steps 1 to 4 of section 5. */
-static void descend_damped(const sweep_job *job, const attempt *a, const pair_forces *f, size_t i,
+static void descend_damped(const sweep_job *job, const step_input *a, const pair_forces *f, size_t i,
                            double allowed_step, block_sums *sums)
 {
     const relax_params *params = a->params;
@@ -134,7 +139,7 @@ static void descend_damped(const sweep_job *job, const attempt *a, const pair_fo
         double s1, s2, expected = relax_damped_step(f, pow(10, lambda), &s1, &s2);
         if (!(expected > params->gain * f->energy) || lambda > RELAX_LAMBDA_CAP) {
             p->lambda[i] = (float)RELAX_LAMBDA_CAP;
-            if (!first) straighten(a, &p->position[i], &p->normal[i]);
+            if (!first) project_exactly(a, &p->position[i], &p->normal[i]);
             return;
         }
         if (a->bound < RELAX_STEP_FLOOR * a->spacing && allowed_step < sqrt(f->nearest2)) {
@@ -143,7 +148,7 @@ static void descend_damped(const sweep_job *job, const attempt *a, const pair_fo
         }
         vec3 x, normal;
         if (try_step(a, s1, s2, &x, &normal)) {
-            if (lambda >= MISLED_LAMBDA && a->flat && !p->near_boundary[i]) straighten(a, &x, &normal);
+            if (lambda >= MISLED_LAMBDA && a->flat && !p->near_boundary[i]) project_exactly(a, &x, &normal);
             relax_take_step(job, i, x, normal, vec3_norm(vec3_sub(x, a->x)), allowed_step, sums);
             p->lambda[i] = (float)(first ? fmax(lambda - 1, RELAX_LAMBDA_FLOOR) : lambda);
             return;
@@ -154,12 +159,12 @@ static void descend_damped(const sweep_job *job, const attempt *a, const pair_fo
 }
 
 /* (5), as used for Table 1. */
-static void descend_gradient(const sweep_job *job, const attempt *a, const pair_forces *f, size_t i,
+static void descend_gradient(const sweep_job *job, const step_input *a, const pair_forces *f, size_t i,
                              double allowed_step, block_sums *sums)
 {
     double scale = -a->params->step * a->sigma * a->sigma;
     vec3 beside, x, normal;
-    if (move(a, scale * f->d1, scale * f->d2, &beside, &x, &normal))
+    if (step_and_project(a, scale * f->d1, scale * f->d2, &beside, &x, &normal))
         relax_take_step(job, i, x, normal, vec3_norm(vec3_sub(x, a->x)), allowed_step, sums);
     else
         sums->rejected++;
@@ -170,25 +175,25 @@ void relax_update_particle(const sweep_job *job, int worker, size_t i, block_sum
     particles *p = job->p;
     const relax_params *params = job->params;
     uint32_t none = FIELD_NO_HINT;
-    attempt a = {.params = params,
-                 .hint = p->patch ? &p->hint[i] : &none,
-                 .field = particles_field(p, params->field, i),
-                 .bounded = p->place && p->near_boundary[i],
-                 .potential = job->r->energy,
-                 .near = relax_gather_list(job->r, p, worker, i),
-                 .flat = job->r->flat[i] || job->r->ignores_normals,
-                 .faceted = p->patch != NULL,
-                 .has_fast = job->r->fast != NULL,
-                 .x = p->position[i],
-                 .sigma = params->sigma * particles_size(p, i),
-                 .spacing = params->spacing * particles_size(p, i),
-                 .boundary_axes = projection_boundary_axes(params->field, p->position[i])};
+    step_input a = {.params = params,
+                    .hint = p->patch ? &p->hint[i] : &none,
+                    .field = particles_field(p, params->field, i),
+                    .bounded = p->place && p->near_boundary[i],
+                    .potential = job->r->energy,
+                    .near = relax_gather_list(job->r, p, worker, i),
+                    .flat = job->r->flat[i] || job->r->ignores_normals,
+                    .faceted = p->patch != NULL,
+                    .has_fast = job->r->fast != NULL,
+                    .x = p->position[i],
+                    .sigma = params->sigma * particles_size(p, i),
+                    .spacing = params->spacing * particles_size(p, i),
+                    .boundary_axes = projection_boundary_axes(params->field, p->position[i])};
     pair_forces f;
     vec3_frame(p->normal[i], &a.axis1, &a.axis2);
     pair_forces_at(a.near, a.potential, a.x, a.axis1, a.axis2, a.sigma, &f);
     if (!a.flat) add_turning(&a, &f);
-    relax_note_energy(job, i, a.energy = f.energy, sums);
-    /* the neighbour penalty of section 5, as a bound; and the lists' validity */
+    relax_add_energy(job, i, a.energy = f.energy, sums);
+    /* the neighbour penalty of section 5 as a bound, and the validity of the lists */
     double allowed_step = relax_allowed_step(job->r, p, i);
     a.limit = fmin(sqrt(f.nearest2), allowed_step);
     a.bound = FAST_KERNEL_BOUND_SHARE * a.limit;
@@ -196,6 +201,6 @@ void relax_update_particle(const sweep_job *job, int worker, size_t i, block_sum
         descend_gradient(job, &a, &f, i, allowed_step, sums);
     else
         descend_damped(job, &a, &f, i, allowed_step, sums);
-    relax_note_normal(job->r, p, i); /* that may have been put straight */
+    relax_copy_normal(job->r, p, i); /* project_exactly may have changed it */
     sums->lambda += (double)p->lambda[i];
 }

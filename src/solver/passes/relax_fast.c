@@ -1,13 +1,15 @@
-/* relax_fast: fast steps in lanes, without a trial of the energy. See relax.h. */
+/* relax_fast: fast steps in SIMD lanes, without an energy test (relax_internal.h). */
 #include "solver/passes/relax_internal.h"
 
 #include <math.h>
 
-/* A fast step ends with one Newton step, whose error is about its square times kappa h. So it may be at most this fraction of h off the
- * surface, and at most that fraction of FAST_STEP_CELLS grid cells: a level set has distances for three voxels on either side only. */
-static const double FAST_STEP_FARTHEST = 0.05, FAST_STEP_CELLS = 30;
+/* Maximum distance from the surface before the Newton step that ends a fast step, over h. The error of a Newton step is about the square
+ * of this distance times the curvature. */
+static const double FAST_STEP_FARTHEST = 0.05;
+/* The same over grid cells, divided by FAST_STEP_FARTHEST: 1.5 cells. A level set has distances for three voxels on either side. */
+static const double FAST_STEP_CELLS = 30;
 
-/* What the fast kernel needs to know of a sweep. */
+/* Parameters of the fast kernel for a sweep. */
 static fast_kernel_params fast_step_params(const relax *r, const relax_params *params)
 {
     return (fast_kernel_params){
@@ -18,8 +20,8 @@ static fast_kernel_params fast_step_params(const relax *r, const relax_params *p
         .farthest = FAST_STEP_FARTHEST * fmin(params->spacing, FAST_STEP_CELLS * params->field->cell_size)};
 }
 
-/* Of particles of patches, by the fastest way that there is. Who would turn over has been told of another sheet, by a hint of
- * long ago: it asks without one. */
+/* Samples the fields of particles of patches in lanes. If the gradient is opposite to a particle's normal, the hint is outdated and has
+ * led to the opposite wall: samples again without a hint. */
 static void sample_patch_lanes(const sweep_job *job, const uint32_t *items, size_t count,
                                fast_kernel_way *way)
 {
@@ -41,7 +43,7 @@ static void sample_patch_lanes(const sweep_job *job, const uint32_t *items, size
     for (size_t l = 0; l < count; l++) job->p->hint[items[l]] = hint[l];
 }
 
-/* The field where the particles would go: each on its own patch, where there are patches. */
+/* Samples the field at the targets of the particles, with patches that of each particle's patch. */
 static void sample_lanes(const sweep_job *job, const uint32_t *items, size_t count, fast_kernel_way *way)
 {
     const field *f = job->params->field;
@@ -72,7 +74,7 @@ void relax_fast_steps(const sweep_job *job, const uint32_t *items, size_t first,
     const fast_kernel *k = job->r->fast;
     const fast_kernel_params params = fast_step_params(job->r, job->params);
     fast_kernel_way way;
-    block_sums more = *sums; /* in registers */
+    block_sums more = *sums; /* a local copy stays in registers */
     k->step(own, forces, &params, &way);
     for (size_t l = 0; l < first; l++) way.ends_well[l] = false;
     for (size_t l = count; l < FAST_KERNEL_LANES; l++) way.ends_well[l] = false;
@@ -81,7 +83,7 @@ void relax_fast_steps(const sweep_job *job, const uint32_t *items, size_t first,
     for (size_t l = first; l < count; l++) {
         stays[l] = !way.ends_well[l];
         if (stays[l]) continue;
-        relax_note_energy(job, items[l], (double)forces->energy[l], &more);
+        relax_add_energy(job, items[l], (double)forces->energy[l], &more);
         more.lambda += RELAX_LAMBDA_FLOOR;
         relax_take_step(job, items[l], vec3_lanes_get(&way.to, (int)l), vec3_lanes_get(&way.gradient, (int)l),
                         way.length[l], (double)own->allowed_step[l], &more);

@@ -1,19 +1,20 @@
-/* relax_guarded: guarded steps sixteen at a time, in single precision. See relax.h, and fast_kernel.h for the parts. */
+/* relax_guarded: guarded steps in sixteen SIMD lanes in single precision (relax_internal.h). The operations are those of
+ * fast_kernel.h. */
 #include <math.h>
 #include <string.h>
 
 #include "field/projection.h"
 #include "solver/passes/relax_internal.h"
 
-/* Trials in a sweep: a particle that has found no better place by then begins with more damping in the next. */
+/* Trials per sweep. If all fail, the particle starts with more damping in the next sweep. */
 enum { TRIALS = 2 };
-/* Newton steps that bring a trial onto the surface. */
-enum { LANDINGS = 3 };
-/* Single precision does not tell less of an energy apart. Then the step that is left is some 3e-4 of the spacing. */
-static const double LEAST_GAIN = 1e-6;
+/* Maximum number of Newton steps that project a trial. */
+enum { PROJECTION_STEPS = 3 };
+/* Minimum relative decrease of the energy in single precision. It corresponds to a remaining step of about 3e-4 spacings. */
+static const double MIN_GAIN = 1e-6;
 
-/* 10^lambda, which goes by ones from RELAX_LAMBDA_FLOOR on. */
-static float damping_of(double lambda)
+/* 10^lambda; from a table for integer distances from RELAX_LAMBDA_FLOOR. */
+static float damping(double lambda)
 {
     static const float power[] = {1e-3f, 1e-2f, 1e-1f, 1e0f,  1e1f,  1e2f,  1e3f,  1e4f,  1e5f,  1e6f,
                                   1e7f,  1e8f,  1e9f,  1e10f, 1e11f, 1e12f, 1e13f, 1e14f, 1e15f, 1e16f};
@@ -22,24 +23,24 @@ static float damping_of(double lambda)
     return whole >= 0 && (double)whole == at ? power[whole] : (float)pow(10, lambda);
 }
 
-/* Particles on their way. */
+/* Particles in the lanes and their trials. */
 typedef struct trial {
     fast_kernel_particles own;
     fast_kernel_forces forces;
     fast_kernel_params params;
     fast_kernel_way way;
-    bool open[FAST_KERNEL_LANES]; /* who has not found a place yet */
+    bool pending[FAST_KERNEL_LANES]; /* no trial was accepted yet */
     double lambda[FAST_KERNEL_LANES];
 } trial;
 
-static bool any_open(const trial *t)
+static bool any_pending(const trial *t)
 {
     bool any = false;
-    for (size_t l = 0; l < FAST_KERNEL_LANES; l++) any |= t->open[l];
+    for (size_t l = 0; l < FAST_KERNEL_LANES; l++) any |= t->pending[l];
     return any;
 }
 
-static fast_kernel_params params_of(const sweep_job *job)
+static fast_kernel_params kernel_params(const sweep_job *job)
 {
     const relax_params *p = job->params;
     return (fast_kernel_params){.unit = job->r->near->unit,
@@ -50,15 +51,15 @@ static fast_kernel_params params_of(const sweep_job *job)
                                 .normal = job->r->ignores_normals ? NULL : job->r->normal};
 }
 
-/* A Newton step of the lanes that are `left`, towards the surface. Those that are there end well; left are those that may get there.
- * False: none. */
-static bool land_once(const sweep_job *job, const trial *t, bool left[FAST_KERNEL_LANES],
-                      fast_kernel_way *way)
+/* One Newton step towards the surface for the lanes in `left`. Lanes that are on the surface get ends_well; `left` receives the lanes
+ * that need another step. False: no lane does. */
+static bool newton_step(const sweep_job *job, const trial *t, bool left[FAST_KERNEL_LANES],
+                        fast_kernel_way *way)
 {
     bool any = false;
     memcpy(way->ends_well, left, sizeof way->ends_well);
     field_sample_lanes(job->params->field, &way->to, way->ends_well, way->value, &way->gradient);
-    memcpy(left, way->ends_well, sizeof way->ends_well); /* the others are where the field is not */
+    memcpy(left, way->ends_well, sizeof way->ends_well); /* the field is undefined at the other lanes */
     job->r->fast->land(&t->own, &t->params, way);
     for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {
         left[l] = left[l] && !way->ends_well[l];
@@ -67,18 +68,18 @@ static bool land_once(const sweep_job *job, const trial *t, bool left[FAST_KERNE
     return any;
 }
 
-/* Brings the open lanes onto the surface. Who is not there in the end does not end well. */
+/* Projects the pending lanes onto the surface. Failed lanes have !ends_well. */
 static void land(const sweep_job *job, trial *t)
 {
     fast_kernel_way *way = &t->way;
     bool left[FAST_KERNEL_LANES];
-    memcpy(left, t->open, sizeof left);
-    bool again = land_once(job, t, left, way);
-    for (int k = 1; k < LANDINGS && again; k++) {
-        fast_kernel_way next = *way; /* where those stay that have landed */
+    memcpy(left, t->pending, sizeof left);
+    bool again = newton_step(job, t, left, way);
+    for (int k = 1; k < PROJECTION_STEPS && again; k++) {
+        fast_kernel_way next = *way; /* projected lanes keep their values */
         bool moved[FAST_KERNEL_LANES];
         memcpy(moved, left, sizeof moved);
-        again = land_once(job, t, left, &next);
+        again = newton_step(job, t, left, &next);
         for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {
             if (!moved[l]) continue;
             vec3_lanes_put(&way->to, (int)l, vec3_lanes_get(&next.to, (int)l));
@@ -89,7 +90,7 @@ static void land(const sweep_job *job, trial *t)
     }
 }
 
-/* Lane l of t, where it has landed, as lane k. */
+/* Copies the projected lane l of t to lane k of *out. */
 static void move_lane(const sweep_job *job, const trial *t, size_t l, size_t k, fast_kernel_particles *out)
 {
     const neighbours_place place =
@@ -103,14 +104,14 @@ static void move_lane(const sweep_job *job, const trial *t, size_t l, size_t k, 
     vec3_lanes_put(&out->normal, (int)k, vec3_lanes_get(&t->way.gradient, (int)l));
 }
 
-/* The energies where the open lanes have landed, which are few the second time: they move up. */
-static void look(const sweep_job *job, const trial *t, float energy[FAST_KERNEL_LANES])
+/* Energies of the projected pending lanes, compacted: in the second trial they are few. */
+static void evaluate_energies(const sweep_job *job, const trial *t, float energy[FAST_KERNEL_LANES])
 {
     fast_kernel_particles there = t->own;
     size_t lane[FAST_KERNEL_LANES], count = 0;
     float found[FAST_KERNEL_LANES];
     for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {
-        if (!t->open[l] || !t->way.ends_well[l]) continue;
+        if (!t->pending[l] || !t->way.ends_well[l]) continue;
         move_lane(job, t, l, count, &there);
         lane[count++] = l;
     }
@@ -120,41 +121,43 @@ static void look(const sweep_job *job, const trial *t, float energy[FAST_KERNEL_
     for (size_t k = 0; k < count; k++) energy[lane[k]] = found[k];
 }
 
-/* The lanes that have something to gain and may move; the others are done with. */
+/* Computes the steps of the pending lanes. A lane without sufficient gain has converged; a lane limited by the lists waits. Neither is
+ * pending any longer. */
 static void begin_trial(const sweep_job *job, const uint32_t *items, double gain, trial *t, block_sums *sums)
 {
     for (size_t l = 0; l < FAST_KERNEL_LANES; l++)
-        t->own.damping[l] = t->open[l] ? damping_of(t->lambda[l]) : 0;
+        t->own.damping[l] = t->pending[l] ? damping(t->lambda[l]) : 0;
     job->r->fast->step(&t->own, &t->forces, &t->params, &t->way);
     for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {
-        if (!t->open[l]) continue;
+        if (!t->pending[l]) continue;
         const double allowed = (double)t->own.allowed_step[l], size = (double)t->own.size[l];
         const double nearest = sqrt((double)t->forces.nearest2[l]) * t->params.unit;
         if (!(t->way.gain[l] > gain * (double)t->forces.energy[l]) || t->lambda[l] > RELAX_LAMBDA_CAP) {
             job->p->lambda[items[l]] = (float)RELAX_LAMBDA_CAP;
-            t->open[l] = false;
+            t->pending[l] = false;
         } else if (allowed < nearest &&
                    FAST_KERNEL_BOUND_SHARE * allowed < RELAX_STEP_FLOOR * job->params->spacing * size) {
             relax_count_limited(job, items[l], sums);
-            t->open[l] = false;
+            t->pending[l] = false;
         }
     }
 }
 
+/* Projects and evaluates the pending lanes. Accepts steps that decrease the energy; increases the damping of the other lanes. */
 static void end_trial(const sweep_job *job, const uint32_t *items, double gain, bool first, trial *t,
                       block_sums *sums)
 {
-    float energy[FAST_KERNEL_LANES]; /* of lanes that have landed */
+    float energy[FAST_KERNEL_LANES]; /* of projected lanes */
     land(job, t);
-    look(job, t, energy);
+    evaluate_energies(job, t, energy);
     for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {
-        if (!t->open[l]) continue;
+        if (!t->pending[l]) continue;
         if (!t->way.ends_well[l] || !((double)energy[l] < (double)t->forces.energy[l] * (1 - gain))) {
             sums->rejected++;
             t->lambda[l] += 1;
             continue;
         }
-        t->open[l] = false;
+        t->pending[l] = false;
         if (first) t->lambda[l] = fmax(t->lambda[l] - 1, RELAX_LAMBDA_FLOOR);
         job->p->lambda[items[l]] = (float)t->lambda[l];
         relax_take_step(job, items[l], vec3_lanes_get(&t->way.to, (int)l),
@@ -163,13 +166,13 @@ static void end_trial(const sweep_job *job, const uint32_t *items, double gain, 
     }
 }
 
-/* What the turning of the particles' own normals adds to their forces, ignores_normals the weights: along an axis of the frame the
- * normal turns by the shape operator times it. */
+/* Adds the forces by the turning of the particles' own normals, through the weights. Along an axis of the frame the normal turns by the
+ * shape operator times the axis. */
 static void add_turning(const sweep_job *job, trial *t)
 {
     fast_kernel_forces *f = &t->forces;
     for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {
-        if (!t->open[l]) continue;
+        if (!t->pending[l]) continue;
         const vec3 pull = {(double)f->turning[0][l], (double)f->turning[1][l], (double)f->turning[2][l]};
         const vec3 x = {t->own.position.x[l], t->own.position.y[l], t->own.position.z[l]};
         const vec3 axis1 = {(double)f->axis1[0][l], (double)f->axis1[1][l], (double)f->axis1[2][l]};
@@ -186,28 +189,28 @@ static void add_turning(const sweep_job *job, trial *t)
 void relax_guarded_steps(const sweep_job *job, const uint32_t *items, size_t divergent, size_t count,
                          block_sums *sums)
 {
-    const double gain = fmax(job->params->gain, LEAST_GAIN);
+    const double gain = fmax(job->params->gain, MIN_GAIN);
     bool guarded[FAST_KERNEL_LANES];
     trial t;
-    t.params = params_of(job);
+    t.params = kernel_params(job);
     relax_fill_lanes(job->r, job->p, items, count, &t.own);
     job->r->fast->forces(job->r->near->place, &t.own, &t.params, &t.forces);
     for (size_t l = 0; l < FAST_KERNEL_LANES; l++) guarded[l] = l < divergent;
     if (divergent < count) relax_fast_steps(job, items, divergent, count, &t.own, &t.forces, guarded, sums);
-    memcpy(t.open, guarded, sizeof t.open);
+    memcpy(t.pending, guarded, sizeof t.pending);
     if (t.params.normal) add_turning(job, &t);
     for (size_t l = 0; l < count; l++) {
         const double lambda = (double)job->p->lambda[items[l]];
         t.lambda[l] = lambda >= RELAX_LAMBDA_CAP ? 0 : lambda;
     }
-    for (int k = 0; k < TRIALS && any_open(&t); k++) {
+    for (int k = 0; k < TRIALS && any_pending(&t); k++) {
         begin_trial(job, items, gain, &t, sums);
-        if (any_open(&t)) end_trial(job, items, gain, k == 0, &t, sums);
+        if (any_pending(&t)) end_trial(job, items, gain, k == 0, &t, sums);
     }
     for (size_t l = 0; l < count; l++) {
         if (!guarded[l]) continue;
-        if (t.open[l]) job->p->lambda[items[l]] = (float)t.lambda[l];
-        relax_note_energy(job, items[l], (double)t.forces.energy[l], sums);
+        if (t.pending[l]) job->p->lambda[items[l]] = (float)t.lambda[l];
+        relax_add_energy(job, items[l], (double)t.forces.energy[l], sums);
         sums->lambda += (double)job->p->lambda[items[l]];
     }
 }

@@ -1,17 +1,18 @@
-/* relax_internal: what a relaxation is made of. relax_lists.c has its lists, relax_damped.c and relax_fast.c the two kinds of steps,
- * relax_guarded.c guarded steps in lanes, relax.c the sweep, and relax_measures.c what is computed of particles at rest. */
-#ifndef HEXAD_SOLVER_RELAX_INTERNAL_H
-#define HEXAD_SOLVER_RELAX_INTERNAL_H
+/* relax_internal: shared declarations of the relaxation. Files: relax.c the sweep, relax_lists.c neighbour lists, relax_damped.c damped
+ * steps in double precision, relax_fast.c fast steps, relax_guarded.c guarded steps in SIMD lanes, relax_measures.c measures of
+ * particles that do not move. A guarded step is taken only if the energy decreases; a fast step is taken without an energy test. */
+#ifndef HEXAD_SOLVER_PASSES_RELAX_INTERNAL_H
+#define HEXAD_SOLVER_PASSES_RELAX_INTERNAL_H
 
 #include "base/isa.h"
 #include "packing/neighbours.h"
 #include "packing/pair.h"
 #include "solver/passes/relax.h"
 
-/* Where all normals agree to within 60 degrees the weights are 1, and are taken to stay so while the lists
- * are valid; it would take a turn of 30 degrees within skin / 2 to make that untrue. */
+/* Cosine of divergent normals (60 degrees). Above it pair weights are 1 while the lists are valid: a change would require a turn of 30
+ * degrees within skin / 2. */
 #define RELAX_FLAT_COSINE 0.5
-/* Where normals within the support agree to 37 degrees there is no edge: across one they part by 45 at least. */
+/* Cosine of normals without an edge between them (37 degrees). Normals at an edge diverge by at least 45 degrees. */
 #define RELAX_SMOOTH_COSINE 0.8
 
 /* Whether two particles are nearer to each other than `reach` times the mean of their sizes. */
@@ -21,66 +22,67 @@ static inline bool relax_are_within(const particles *p, size_t i, size_t j, doub
     return vec3_norm2(vec3_sub(p->position[i], p->position[j])) < most * most;
 }
 
-/* One particle's neighbours, gathered. */
+/* Gathered neighbours of one particle. */
 typedef struct gather {
     double *memory;
     pair_list list;
 } gather;
 
-/* Sums over the particles of a few blocks, stored at the first of them; the entries of the others are 0. They are
- * added up in the order of the blocks, so that the number of threads does not show. */
+/* Sums over the particles of a group of blocks, stored at the first block of the group; other entries are 0. They are added in the
+ * order of the blocks, so that the result does not depend on the number of threads. */
 typedef struct block_sums {
     double energy, lambda, squares, max_step, displaced_squares;
     size_t rejected, limited, displaced_limited;
 } block_sums;
 
-/* What relax_rms_steps_left has found of the particles where they are. */
-typedef struct known_steps {
-    double sigma, spacing; /* 0: nothing, or they have moved since */
+/* Cached results of relax_rms_steps_left. */
+typedef struct cached_steps {
+    double sigma, spacing; /* arguments; 0: nothing is cached */
     relax_steps left;
-    bool energies; /* they have that of each, too */
-    double pairs;  /* and so many others are within the support of one, in all */
-} known_steps;
+    bool energies; /* p->energy is that of all particles */
+    double pairs;  /* if so: number of neighbours within the support, sum over the particles */
+} cached_steps;
 
-/* What is noted of a particle. */
+/* Flags of a particle. */
 enum {
-    /* It had a long way left, and takes no step without a look at the energy from then on. Facets and surfaces below the
-     * spacing have kinks, and a particle that rests on one has its Newton step left for ever. */
-    RELAX_WATCHED = 1,
-    RELAX_DISPLACED = 2, /* see relax_mark_displaced; never of fixed particles */
-    RELAX_RELOCATED = 4  /* it was relocated: its neighbours are marked displaced when lists are built */
+    /* It takes guarded steps only, because its Newton step was long. Facets and features below the spacing have kinks; the Newton step of
+     * a particle converged on a kink remains long. */
+    RELAX_GUARDED = 1,
+    RELAX_DISPLACED = 2, /* relax_mark_displaced; never set for fixed particles */
+    RELAX_RELOCATED = 4  /* it was relocated: the next list build marks its neighbours as displaced */
 };
 
-/* Decides whether a sweep skips a particle. */
+/* Determines whether a sweep skips a particle. */
 typedef struct skip_state {
-    float step;      /* its last, over its size */
-    float around;    /* the sum of its neighbours' ways then */
-    float energy;    /* then */
+    float step;      /* its last step over its size */
+    float around;    /* sum of the path lengths of its neighbours at that step */
+    float energy;    /* at that step */
     bool is_skipped; /* in this sweep */
 } skip_state;
 
 struct relax {
     threads *pool;
     const energy_function *energy;
-    const fast_kernel *fast; /* NULL: every particle goes the general way */
+    const fast_kernel *fast; /* NULL: every particle takes damped steps */
     neighbours *near;
-    uint8_t *flat; /* 1: all of a particle's neighbours face its way, clearly; 2: and no sharp edge is near */
-    uint8_t *notes;
-    size_t noted_count; /* of the particles that these are about */
+    uint8_t *
+        flat; /* 0: divergent neighbour normals (RELAX_FLAT_COSINE); 2: no edge near (RELAX_SMOOTH_COSINE); 1: between */
+    uint8_t *flags;
+    size_t flag_count; /* number of particles with flags */
     size_t displaced_count, relocated_count;
-    float *moved;         /* length of a particle's way since the lists were built */
-    skip_state *skipping; /* NULL: no particle is ever skipped */
-    bool skip_known;      /* for the present lists */
+    float *moved;         /* path length of a particle since the list build */
+    skip_state *skipping; /* NULL: no particle is skipped */
+    bool skip_known;      /* `skipping` holds for the current lists */
     block_sums *parts;    /* of the sweep */
     size_t part_capacity;
     double sigma, skin;   /* of the lists */
-    bool ignores_normals; /* pairs count whatever their normals */
-    known_steps seen;
-    bool guards_in_lanes;  /* guarded steps are taken side by side */
-    bool mostly_divergent; /* and more than half of the particles take such */
-    /* Of a guards_in_lanes surface the normals once more, for the kernel; up to date in a sweep, and after relax_note_normals. */
-    fast_kernel_normal *normal;
-    gather *scratch; /* one per worker */
+    bool ignores_normals; /* relax_ignore_normals */
+    cached_steps cached;
+    bool guards_in_lanes;  /* guarded steps are taken in SIMD lanes */
+    bool mostly_divergent; /* if so: at least half of the particles have divergent neighbour normals */
+    fast_kernel_normal
+        *normal; /* with guards_in_lanes: normals for the kernel, updated by sweeps and relax_copy_normals */
+    gather *scratch; /* per worker thread */
     size_t scratch_entries;
 };
 
@@ -93,55 +95,54 @@ typedef struct sweep_job {
     double sigma;
 } sweep_job;
 
-/* The neighbours of particle i, with the weights that they have for it. */
+/* The weighted neighbours of particle i. */
 pair_list *relax_gather_list(const relax *r, const particles *p, int worker, size_t i);
 
-/* Moves particle i in the general way, or leaves it where no step makes its energy less. */
+/* Moves particle i by a damped step in double precision, if one decreases its energy. */
 void relax_update_particle(const sweep_job *job, int worker, size_t i, block_sums *sums);
 
-/* Moves a set of independent particles without divergent neighbour normals by the fast kernel. Particles whose step does not end well
- * stay where they are: `items` receives them. Returns their number. */
+/* Moves a set of independent particles without divergent neighbour normals by the fast kernel. Particles whose step fails do not move:
+ * `items` receives them. Returns their number. */
 size_t relax_fast_step(const sweep_job *job, uint32_t *items, size_t count, block_sums *sums);
 
-/* (11)(12) in the tangent frame: the step along the two axes, and the decrease of energy that the quadratic model expects of
- * it. */
+/* (11)(12) in the tangent frame: the step along the two axes. Returns the decrease of energy by the quadratic model. */
 double relax_damped_step(const pair_forces *f, double lambda, double *s1, double *s2);
 
-/* Particles side by side for the kernel. What is left over of the lanes repeats the first, with an empty list. */
+/* Fills the lanes of the kernel with particles. Unused lanes repeat the first particle with an empty list. */
 void relax_fill_lanes(const relax *r, const particles *p, const uint32_t *items, size_t count,
                       fast_kernel_particles *out);
 
-/* Counts the energy that particle i has as its turn comes. */
-static inline void relax_note_energy(const sweep_job *job, size_t i, double energy, block_sums *sums)
+/* Adds the energy of particle i before its step. */
+static inline void relax_add_energy(const sweep_job *job, size_t i, double energy, block_sums *sums)
 {
     sums->energy += energy;
     if (job->skipping) job->skipping[i].energy = (float)energy;
 }
 
-/* Notes the normals of all, where pairs are weighed by them side by side. */
-void relax_note_normals(relax *r, const particles *p);
+/* Copies the normals of all particles for the kernel, if guarded steps in lanes use them. */
+void relax_copy_normals(relax *r, const particles *p);
 
-static inline void relax_note_normal(relax *r, const particles *p, size_t i)
+static inline void relax_copy_normal(relax *r, const particles *p, size_t i)
 {
     if (!r->guards_in_lanes) return;
     r->normal[i] =
         (fast_kernel_normal){(float)p->normal[i].x, (float)p->normal[i].y, (float)p->normal[i].z, 0};
 }
 
-/* How far particle i may still go while the lists stay valid. */
+/* Distance that particle i may move while the lists remain valid. */
 double relax_allowed_step(const relax *r, const particles *p, size_t i);
 
-/* Counts particle i, which waits for new lists. */
+/* Counts particle i, whose step is limited by the validity of the lists. */
 static inline void relax_count_limited(const sweep_job *job, size_t i, block_sums *sums)
 {
     sums->limited++;
-    sums->displaced_limited += (job->r->notes[i] & RELAX_DISPLACED) != 0;
+    sums->displaced_limited += (job->r->flags[i] & RELAX_DISPLACED) != 0;
 }
 
-/* A step that used this share of what the lists allow leaves too little for the next. */
+/* A step of at least this fraction of the allowed distance counts as limited: too little remains for the next step. */
 #define RELAX_LIMITED_STEP 0.8
 
-/* A particle that goes to x, `length` away, which is no farther than it is allowed. */
+/* Moves particle i to x; `length`, at most allowed_step, is the distance. */
 ISA_INLINE void relax_take_step(const sweep_job *job, size_t i, vec3 x, vec3 normal, double length,
                                 double allowed_step, block_sums *sums)
 {
@@ -149,31 +150,31 @@ ISA_INLINE void relax_take_step(const sweep_job *job, size_t i, vec3 x, vec3 nor
     double step = length / particles_size(p, i);
     sums->squares += step * step;
     sums->max_step = step > sums->max_step ? step : sums->max_step;
-    if (job->r->notes[i] & RELAX_DISPLACED) sums->displaced_squares += step * step;
+    if (job->r->flags[i] & RELAX_DISPLACED) sums->displaced_squares += step * step;
     if (length >= RELAX_LIMITED_STEP * allowed_step) relax_count_limited(job, i, sums);
     job->r->moved[i] += (float)length;
     if (job->skipping) job->skipping[i].step = (float)step;
     p->position[i] = x;
     p->normal[i] = normal;
-    relax_note_normal(job->r, p, i);
+    relax_copy_normal(job->r, p, i);
     neighbours_move(job->r->near, i, x);
 }
 
-/* Of h: a Newton step from there is the last of a trial's. A particle whose lists allow less than the second waits for new
- * ones. */
+/* Distance from the surface over h from which the Newton step of a trial's projection is the last. */
 #define RELAX_TRIAL_SHORTCUT 0.02
+/* A particle whose lists allow a step of less than this over h waits for the next list build. */
 #define RELAX_STEP_FLOOR 1e-3
-#define RELAX_LAMBDA_FLOOR (-3.0) /* log10; below it the damping is nothing */
+/* Minimum log10 of the damping; smaller damping has no effect. */
+#define RELAX_LAMBDA_FLOOR (-3.0)
 
-/* Fast steps of the lanes from `first` up to `count`, whose forces are known. Who stays, since its step would not end well, is
- * told. */
+/* Fast steps of the lanes `first` .. `count` - 1 with given forces. stays[l]: the step of lane l failed; it has not moved. */
 void relax_fast_steps(const sweep_job *job, const uint32_t *items, size_t first, size_t count,
                       const fast_kernel_particles *own, const fast_kernel_forces *forces,
                       bool stays[FAST_KERNEL_LANES], block_sums *sums);
 
-/* Steps of a set of independent particles that are away from boundaries, of a surface without patches: fast ones of those after the
- * first `divergent`, whose neighbours all face their way, and guarded ones (section 5) of the others and of whose step would not end
- * well, side by side, in single precision. */
+/* Steps of a set of independent particles away from boundaries, on a surface without patches, in SIMD lanes in single precision. The
+ * first `divergent` particles have divergent neighbour normals and take guarded steps (section 5). The others take fast steps; if a fast
+ * step fails, a guarded step. */
 void relax_guarded_steps(const sweep_job *job, const uint32_t *items, size_t divergent, size_t count,
                          block_sums *sums);
 

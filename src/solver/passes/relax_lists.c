@@ -1,4 +1,4 @@
-/* relax_lists: neighbour lists of a relaxation and what is noted of its particles. See relax.h. */
+/* relax_lists: neighbour lists and particle flags of a relaxation (relax.h). */
 #include "solver/passes/relax_internal.h"
 
 #include <assert.h>
@@ -9,13 +9,17 @@
 #include "base/memory.h"
 #include "packing/independent_sets.h"
 
-/* Guarded steps are taken in SIMD lanes, in single precision, if at least LANES_COUNT particles exist and this fraction of them has
- * divergent neighbour normals, as on smoke; from LANES_COUNT_DIVERGENT particles on if the fraction is at least MOSTLY_SHARE. On mostly smooth surfaces
- * double precision gives more order: .988 instead of .985 of hex_fraction on a cube with 100 000 points. */
-static const size_t LANES_COUNT = 20000, LANES_COUNT_DIVERGENT = 4000;
-static const double LANES_SHARE = 0.25, MOSTLY_SHARE = 0.5;
-/* Moves below this, over the support and the size, change no energy and no step in single precision. */
-static const double SAME_PLACE = 5e-5;
+/* Minimum number of particles for guarded steps in SIMD lanes (single precision). */
+static const size_t MIN_LANES_COUNT = 4000;
+/* The same if the fraction with divergent neighbour normals is at least MOSTLY_SHARE. */
+static const size_t MIN_LANES_COUNT_MOSTLY = 20000;
+/* Minimum fraction of particles with divergent neighbour normals for guarded steps in lanes. Below it double precision gives more order:
+ * hex_fraction 0.988 instead of 0.985 on a cube with 100 000 points. */
+static const double LANES_SHARE = 0.25;
+/* Fraction from which the normals count as mostly divergent. */
+static const double MOSTLY_SHARE = 0.5;
+/* Displacements below this over the support change neither energies nor steps in single precision. */
+static const double NEGLIGIBLE_MOVE = 5e-5;
 
 relax *relax_new(size_t capacity, const energy_function *energy, const fast_kernel *fast, size_t list_limit,
                  threads *pool, error *e)
@@ -46,7 +50,7 @@ void relax_free(relax *r)
     free_scratch(r);
     free(r->scratch);
     free(r->flat);
-    free(r->notes);
+    free(r->flags);
     free(r->normal);
     free(r->moved);
     free(r->parts);
@@ -55,15 +59,15 @@ void relax_free(relax *r)
     free(r);
 }
 
-/* Room for a gathered list as long as the longest that the lists may hold, and for the sums of the blocks. */
+/* Allocates scratch memory for the longest list and for the sums of all blocks. */
 static bool grow(relax *r, error *e)
 {
     if (r->near->blocks > r->part_capacity) {
-        const size_t room = r->near->blocks + r->near->blocks / 8;
+        const size_t capacity = r->near->blocks + r->near->blocks / 8;
         free(r->parts);
         r->part_capacity = 0;
-        if (!(r->parts = mem_array(room, sizeof *r->parts, "the sums of a sweep", e))) return false;
-        r->part_capacity = room;
+        if (!(r->parts = mem_array(capacity, sizeof *r->parts, "the sums of a sweep", e))) return false;
+        r->part_capacity = capacity;
     }
     size_t length = (r->near->longest + PAIR_LANES - 1) / PAIR_LANES * PAIR_LANES;
     if (length <= r->scratch_entries) return true;
@@ -79,7 +83,7 @@ static bool grow(relax *r, error *e)
     return true;
 }
 
-/* Whether a particle is held on a curve, or sees one that is within its support, whatever the lists hold beyond that. */
+/* Whether a particle is fixed or has a fixed particle within its support. (The lists reach beyond the support.) */
 static bool is_near_curve(const relax *r, const particles *p, size_t i)
 {
     const uint32_t *list = neighbours_list(r->near, i);
@@ -89,7 +93,7 @@ static bool is_near_curve(const relax *r, const particles *p, size_t i)
     return near;
 }
 
-/* Notes who has neighbours that face another way; nobody has moved. */
+/* Sets flat, near_boundary (with patches) and moved after a list build. */
 static void facing_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const sweep_job *job = context;
@@ -109,88 +113,90 @@ static void facing_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-static void mark(relax *r, const particles *p, size_t i)
+static void mark_displaced(relax *r, const particles *p, size_t i)
 {
-    if (particles_is_fixed(p, i) || (r->notes[i] & RELAX_DISPLACED)) return;
-    r->notes[i] |= RELAX_DISPLACED;
+    if (particles_is_fixed(p, i) || (r->flags[i] & RELAX_DISPLACED)) return;
+    r->flags[i] |= RELAX_DISPLACED;
     r->displaced_count++;
 }
 
-static void mark_around(relax *r, const particles *p, size_t i)
+static void mark_neighbourhood(relax *r, const particles *p, size_t i)
 {
     const uint32_t *list = neighbours_list(r->near, i);
-    mark(r, p, i);
-    for (uint32_t k = 0; k < r->near->list_count[i]; k++) mark(r, p, list[k]);
+    mark_displaced(r, p, i);
+    for (uint32_t k = 0; k < r->near->list_count[i]; k++) mark_displaced(r, p, list[k]);
 }
 
 void relax_mark_displaced(relax *r, const particles *p, size_t i)
 {
-    if (r->noted_count != p->count) return;
-    r->relocated_count += (r->notes[i] & RELAX_RELOCATED) == 0;
-    r->notes[i] |= RELAX_RELOCATED;
-    mark_around(r, p, i);
+    if (r->flag_count != p->count) return;
+    r->relocated_count += (r->flags[i] & RELAX_RELOCATED) == 0;
+    r->flags[i] |= RELAX_RELOCATED;
+    mark_neighbourhood(r, p, i);
 }
 
 void relax_clear_displaced(relax *r)
 {
-    for (size_t i = 0; i < r->noted_count && r->relocated_count > 0; i++) r->notes[i] &= RELAX_WATCHED;
+    for (size_t i = 0; i < r->flag_count && r->relocated_count > 0; i++) r->flags[i] &= RELAX_GUARDED;
     r->displaced_count = r->relocated_count = 0;
 }
 
+/* Sets guards_in_lanes and mostly_divergent. */
 static void choose_lanes(relax *r, const particles *p)
 {
-    const bool is_asked = r->fast && !p->patch && p->count >= LANES_COUNT_DIVERGENT;
-    const double share = is_asked ? relax_divergent_share(r, p) : 0;
-    r->guards_in_lanes = share > LANES_SHARE && (p->count >= LANES_COUNT || share < MOSTLY_SHARE);
+    const bool may_use_lanes = r->fast && !p->patch && p->count >= MIN_LANES_COUNT;
+    const double share = may_use_lanes ? relax_divergent_share(r, p) : 0;
+    r->guards_in_lanes = share > LANES_SHARE && (p->count >= MIN_LANES_COUNT_MOSTLY || share < MOSTLY_SHARE);
     r->mostly_divergent = r->guards_in_lanes && share >= MOSTLY_SHARE;
 }
 
 bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
 {
     r->near->label = p->patch;
-    if (!r->notes) {
-        r->notes = mem_array(r->near->capacity, sizeof *r->notes, "neighbour lists", e);
-        if (!r->notes) return false;
+    if (!r->flags) {
+        r->flags = mem_array(r->near->capacity, sizeof *r->flags, "neighbour lists", e);
+        if (!r->flags) return false;
     }
-    if (r->noted_count != p->count) {
-        memset(r->notes, 0, p->count * sizeof *r->notes);
+    if (r->flag_count != p->count) {
+        memset(r->flags, 0, p->count * sizeof *r->flags);
         r->displaced_count = r->relocated_count = 0;
-        r->noted_count = p->count;
+        r->flag_count = p->count;
     }
     if (!neighbours_build(r->near, p->count, p->position, p->size, sigma + skin, r->pool, e) || !grow(r, e))
         return false;
     r->sigma = sigma;
     r->skin = skin;
-    r->seen = (known_steps){0};
+    r->cached = (cached_steps){0};
     r->skip_known = false;
     if (r->fast) independent_sets_form(r->near, r->pool);
     sweep_job job = {.r = r, .p = p};
     threads_run(r->pool, p->count, 512, facing_chunk, &job);
     for (size_t i = 0; i < p->count && r->relocated_count > 0; i++)
-        if (r->notes[i] & RELAX_RELOCATED) mark_around(r, p, i);
+        if (r->flags[i] & RELAX_RELOCATED) mark_neighbourhood(r, p, i);
     choose_lanes(r, p);
     if (r->guards_in_lanes && !r->normal)
         r->normal = mem_array(r->near->capacity, sizeof *r->normal, "neighbour lists", e);
     return !r->guards_in_lanes || r->normal;
 }
 
-static void note_chunk(void *context, int worker, size_t begin, size_t end)
+static void copy_normals_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const sweep_job *job = context;
     (void)worker;
-    for (size_t i = begin; i < end; i++) relax_note_normal(job->r, job->p, i);
+    for (size_t i = begin; i < end; i++) relax_copy_normal(job->r, job->p, i);
 }
 
-void relax_note_normals(relax *r, const particles *p)
+void relax_copy_normals(relax *r, const particles *p)
 {
     sweep_job job = {.r = r, .p = (particles *)p};
-    if (r->guards_in_lanes && !r->ignores_normals) threads_run(r->pool, p->count, 4096, note_chunk, &job);
+    if (r->guards_in_lanes && !r->ignores_normals)
+        threads_run(r->pool, p->count, 4096, copy_normals_chunk, &job);
 }
 
 void relax_ignore_normals(relax *r)
 {
     r->ignores_normals = true;
-    r->seen = (known_steps){0};
+    r->cached = (cached_steps){0};
 }
 
 typedef struct refresh_job {
@@ -211,11 +217,11 @@ static void refresh_chunk(void *context, int worker, size_t begin, size_t end)
         neighbours_place before = near->place[i], *now = &near->place[i];
         neighbours_move(near, i, job->p->position[i]);
         now->size = (float)particles_size(job->p, i);
-        vec3 way = {now->x - before.x, now->y - before.y, now->z - before.z};
-        const double length = vec3_norm(way) * near->unit;
+        vec3 move = {now->x - before.x, now->y - before.y, now->z - before.z};
+        const double length = vec3_norm(move) * near->unit;
         moved[i] += (float)length;
-        away |= length > SAME_PLACE * job->sigma * particles_size(job->p, i) || now->size != before.size;
-        /* of a pair's reach each has its half */
+        away |= length > NEGLIGIBLE_MOVE * job->sigma * particles_size(job->p, i) || now->size != before.size;
+        /* each particle of a pair contributes half of the reach */
         double reach = 0.5 * (job->r->sigma + job->r->skin) * (double)before.size;
         if ((double)moved[i] + 0.5 * job->sigma * particles_size(job->p, i) > reach)
             atomic_store(&job->stale, true);
@@ -225,10 +231,10 @@ static void refresh_chunk(void *context, int worker, size_t begin, size_t end)
 
 bool relax_refresh(relax *r, const particles *p, double sigma)
 {
-    if (p->count != r->near->count) return false; /* never built, or for others */
+    if (p->count != r->near->count) return false; /* never built, or for other particles */
     refresh_job job = {r, p, sigma, false, false};
     threads_run(r->pool, p->count, 4096, refresh_chunk, &job);
-    if (atomic_load(&job.moved)) r->seen = (known_steps){0};
+    if (atomic_load(&job.moved)) r->cached = (cached_steps){0};
     return !atomic_load(&job.stale);
 }
 
@@ -304,7 +310,7 @@ double relax_max_support(const relax *r)
     return r->sigma + r->skin;
 }
 
-void relax_take_support(relax *r, double sigma)
+void relax_set_support(relax *r, double sigma)
 {
     assert(sigma <= relax_max_support(r));
     r->skin = relax_max_support(r) - sigma;
@@ -334,11 +340,11 @@ static void divergent_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t i = begin; i < end; i++) {
         const uint32_t *list = neighbours_list(job->r->near, i),
                        count = job->r->flat[i] ? 0 : job->r->near->list_count[i];
-        bool turned = false;
-        for (uint32_t k = 0; k < count && !turned; k++)
-            turned = relax_are_within(p, i, list[k], job->reach) &&
-                     particles_facing(p, i, list[k]) <= RELAX_FLAT_COSINE;
-        divergent += turned;
+        bool diverges = false;
+        for (uint32_t k = 0; k < count && !diverges; k++)
+            diverges = relax_are_within(p, i, list[k], job->reach) &&
+                       particles_facing(p, i, list[k]) <= RELAX_FLAT_COSINE;
+        divergent += diverges;
     }
     atomic_fetch_add(&job->divergent, divergent);
 }

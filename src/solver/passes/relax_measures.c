@@ -1,4 +1,4 @@
-/* relax_measures: what is known of particles where they are; nobody moves. See relax.h. */
+/* relax_measures: energies, remaining steps and defects of particles that do not move (relax.h). */
 #include <assert.h>
 #include <math.h>
 #include <stdatomic.h>
@@ -6,13 +6,14 @@
 
 #include "solver/passes/relax_internal.h"
 
-/* With fewer neighbours within its support a particle is free to move along some direction, and the Hessian is all but singular. Who
- * has so many in its list, where nothing turns, nearly always has those. */
-enum { HELD_BY = 3, HELD_BY_LISTED = 9 };
-/* In the middle between a packing's first and second shell of neighbours, over its spacing. */
+/* Minimum number of neighbours within the support for a meaningful Newton step. With fewer the Hessian is nearly singular. */
+enum { MIN_NEIGHBOURS = 3 };
+/* Length of a list from which a smooth particle is assumed to have MIN_NEIGHBOURS neighbours within its support. */
+enum { MIN_LISTED = 9 };
+/* Radius between the first (1) and the second shell (sqrt(3)) of neighbours, in spacings. */
 static const double BETWEEN_SHELLS = 1.366;
 
-/* The energies of particles where all neighbours face their way; with `normal`, of any. */
+/* Sets p->energy by the kernel. `normal`: weights by these normals; NULL: all weights are 1. */
 static void sum_energies(const sweep_job *job, const fast_kernel_normal *normal, const uint32_t *items,
                          size_t count)
 {
@@ -52,16 +53,16 @@ static void energy_chunk(void *context, int worker, size_t begin, size_t end)
     sum_energies(job, job->r->normal, divergent, divergent_count);
 }
 
-/* Over the ideal energy of who lies with another all but in one place. */
-static const double IN_ONE_PLACE = 1000;
+/* Energy over the ideal energy beyond which a particle nearly coincides with another. */
+static const double COINCIDENT_ENERGY = 1000;
 
-/* `most`: over alpha; who has more is left out. */
+/* Mean energy over amplitude. `most`: particles of a larger energy over amplitude are excluded. */
 static double mean_energy(relax *r, particles *p, double sigma, double most)
 {
     assert(p->count == r->near->count);
     sweep_job job = {.r = r, .p = p, .sigma = sigma};
-    if (!(r->seen.energies && r->seen.sigma == sigma)) {
-        relax_note_normals(r, p);
+    if (!(r->cached.energies && r->cached.sigma == sigma)) {
+        relax_copy_normals(r, p);
         threads_run(r->pool, p->count, 512, energy_chunk, &job);
     }
     double sum = 0, alpha = 0, all = 0, all_alpha = 0;
@@ -83,41 +84,40 @@ double relax_mean_energy(relax *r, particles *p, double sigma)
 
 double relax_packing_energy(relax *r, particles *p, double sigma)
 {
-    return mean_energy(r, p, sigma, IN_ONE_PLACE * r->energy->ideal);
+    return mean_energy(r, p, sigma, COINCIDENT_ENERGY * r->energy->ideal);
 }
 
-/* Of the spacing: a longer step that is left to a particle makes it watched. Rest asks for a root mean square of a few
- * thousandths. */
-static const double WATCHED_STEP = 3e-3;
+/* Newton step in spacings from which a particle takes guarded steps only. Convergence requires an rms of a few thousandths. */
+static const double GUARDED_STEP = 3e-3;
 
-/* Sums are made of so many parts, by the count alone. */
-enum { PARTS = 256 };
+/* Number of partial sums. They depend on the count only, so that the result does not depend on the number of threads. */
+enum { SUM_PARTS = 256 };
 
 typedef struct steps_job {
     sweep_job sweep;
     double spacing;
-    bool watch; /* whoever has a long step from now on */
+    bool watch; /* particles with a long step take guarded steps from now on */
     size_t grain;
-    relax_steps squares[PARTS]; /* their sums */
-    size_t counts[PARTS];
-    double pairs[PARTS]; /* of neighbours within the support, by the kernel */
-    bool whole[PARTS];   /* they are all particles, and have energies now */
+    relax_steps squares[SUM_PARTS]; /* sums of squares */
+    size_t counts[SUM_PARTS];
+    double pairs[SUM_PARTS]; /* neighbours within the support, by the kernel */
+    bool whole[SUM_PARTS];   /* all particles of the part were evaluated by the kernel */
 } steps_job;
 
-/* Whether a particle has looked for a better place in vain, as it is watched. */
-static bool rests_on_kink(const relax *r, const particles *p, uint32_t i)
+/* Whether a guarded particle has found no step that decreases its energy. */
+static bool has_converged_on_kink(const relax *r, const particles *p, uint32_t i)
 {
-    return (r->notes[i] & RELAX_WATCHED) && p->lambda[i] >= (float)RELAX_LAMBDA_CAP;
+    return (r->flags[i] & RELAX_GUARDED) && p->lambda[i] >= (float)RELAX_LAMBDA_CAP;
 }
 
-/* Whether the kernel's energy is the one that a particle has. */
+/* Whether the kernel without normals computes the energy of particle i. */
 static bool has_kernel_energy(const relax *r, size_t i)
 {
     return r->fast && (r->flat[i] || r->ignores_normals);
 }
 
-/* The sum of the squared Newton steps of particles whose neighbours all face their way, each over its size. None is longer
- * than the way to the nearest neighbour, as in a sweep: where the Hessian is all but singular a step says nothing. */
+/* Sum of the squared Newton steps over size of particles without divergent neighbour normals. A step is limited to the distance of the
+ * nearest neighbour, as in a sweep: if the Hessian is nearly singular the step is meaningless. */
 static relax_steps squared_steps(const steps_job *steps, int worker, const uint32_t *items, size_t count,
                                  double *pairs)
 {
@@ -158,55 +158,54 @@ static relax_steps squared_steps(const steps_job *steps, int worker, const uint3
         relax_damped_step(&f[l], 0, &s1, &s2);
         double square = fmin(s1 * s1 + s2 * s2, f[l].nearest2) * over * over;
         squares.all += square;
-        if (!rests_on_kink(r, p, items[l])) squares.to_rest += square;
-        if (steps->watch && square > WATCHED_STEP * WATCHED_STEP * spacing * spacing)
-            r->notes[items[l]] |= RELAX_WATCHED;
+        if (!has_converged_on_kink(r, p, items[l])) squares.without_kinks += square;
+        if (steps->watch && square > GUARDED_STEP * GUARDED_STEP * spacing * spacing)
+            r->flags[items[l]] |= RELAX_GUARDED;
     }
     return squares;
 }
 
-/* Whether Newton's step tells where particle i would go: not where a sharp edge runs ignores_normals its support, and the tangent
- * plane does not say where a step would end, nor where fewer than three within it leave it free to drift. */
-static bool is_held_at(const sweep_job *job, size_t i)
+/* Whether the Newton step of particle i is meaningful: no boundary and no edge within its support, and at least MIN_NEIGHBOURS neighbours. */
+static bool has_meaningful_step(const sweep_job *job, size_t i)
 {
     const particles *p = job->p;
     const uint32_t *list = neighbours_list(job->r->near, i), listed = job->r->near->list_count[i];
     const bool is_smooth = job->r->flat[i] > 1;
     size_t within = 0;
     if (p->near_boundary[i]) return false;
-    if (is_smooth && listed >= HELD_BY_LISTED) return true;
+    if (is_smooth && listed >= MIN_LISTED) return true;
     for (uint32_t k = 0; k < listed; k++) {
         const uint32_t j = list[k];
         if (!relax_are_within(p, i, j, job->sigma)) continue;
         if (!is_smooth && particles_facing(p, i, j) < RELAX_SMOOTH_COSINE) return false;
         within++;
     }
-    return within >= HELD_BY;
+    return within >= MIN_NEIGHBOURS;
 }
 
 static void steps_chunk(void *context, int worker, size_t begin, size_t end)
 {
     steps_job *job = context;
     uint32_t items[FAST_KERNEL_LANES];
-    size_t held = 0, part = begin / job->grain;
+    size_t count = 0, part = begin / job->grain;
     bool whole = true;
     for (size_t i = begin; i < end; i++) {
-        const bool is_held = is_held_at(&job->sweep, i);
-        if (is_held) items[held++] = (uint32_t)i;
-        whole = whole && is_held && has_kernel_energy(job->sweep.r, i);
-        if (held < FAST_KERNEL_LANES && i + 1 < end) continue;
-        const relax_steps squares = squared_steps(job, worker, items, held, &job->pairs[part]);
+        const bool is_measured = has_meaningful_step(&job->sweep, i);
+        if (is_measured) items[count++] = (uint32_t)i;
+        whole = whole && is_measured && has_kernel_energy(job->sweep.r, i);
+        if (count < FAST_KERNEL_LANES && i + 1 < end) continue;
+        const relax_steps squares = squared_steps(job, worker, items, count, &job->pairs[part]);
         job->squares[part].all += squares.all;
-        job->squares[part].to_rest += squares.to_rest;
-        job->counts[part] += held;
-        held = 0;
+        job->squares[part].without_kinks += squares.without_kinks;
+        job->counts[part] += count;
+        count = 0;
     }
     job->whole[part] = whole;
 }
 
-/* On patches: the least share of the particles whose steps are known, for their rms to be that of all. On a model of many small
- * faces nearly all particles are next to feature curves, and the rms of the others is that of a few. */
-static const double MEASURED_LEAST = 0.2;
+/* With patches: minimum fraction of measured particles. On a model of many small faces nearly all particles are near feature curves; the
+ * rms of the few others is not representative. */
+static const double MIN_MEASURED_SHARE = 0.2;
 
 static relax_steps rms_steps(steps_job *job)
 {
@@ -214,46 +213,46 @@ static relax_steps rms_steps(steps_job *job)
     relax_steps squares = {0, 0};
     size_t count = 0;
     relax *r = job->sweep.r;
-    job->grain = n / PARTS + 1;
+    job->grain = n / SUM_PARTS + 1;
     memset(job->whole, true, sizeof job->whole); /* parts may be empty */
     threads_run(r->pool, n, job->grain, steps_chunk, job);
-    r->seen = (known_steps){job->sweep.sigma, job->spacing, {NAN, NAN}, true, 0};
-    for (int k = 0; k < PARTS; k++) {
-        r->seen.energies = r->seen.energies && job->whole[k];
-        r->seen.pairs += job->pairs[k];
+    r->cached = (cached_steps){job->sweep.sigma, job->spacing, {NAN, NAN}, true, 0};
+    for (int k = 0; k < SUM_PARTS; k++) {
+        r->cached.energies = r->cached.energies && job->whole[k];
+        r->cached.pairs += job->pairs[k];
         squares.all += job->squares[k].all;
-        squares.to_rest += job->squares[k].to_rest;
+        squares.without_kinks += job->squares[k].without_kinks;
         count += job->counts[k];
     }
-    if (count > 0 && (!job->sweep.p->patch || (double)count >= MEASURED_LEAST * (double)n))
-        r->seen.left = (relax_steps){sqrt(squares.all / (double)count) / job->spacing,
-                                     sqrt(squares.to_rest / (double)count) / job->spacing};
-    return r->seen.left;
+    if (count > 0 && (!job->sweep.p->patch || (double)count >= MIN_MEASURED_SHARE * (double)n))
+        r->cached.left = (relax_steps){sqrt(squares.all / (double)count) / job->spacing,
+                                       sqrt(squares.without_kinks / (double)count) / job->spacing};
+    return r->cached.left;
 }
 
 relax_steps relax_rms_steps_left(relax *r, particles *p, double sigma, double spacing, bool watch)
 {
-    if (!watch && r->seen.sigma == sigma && r->seen.spacing == spacing) return r->seen.left;
+    if (!watch && r->cached.sigma == sigma && r->cached.spacing == spacing) return r->cached.left;
     steps_job job = {
         .sweep = {.r = r, .p = p, .sigma = sigma}, .spacing = spacing, .watch = watch && p->patch};
     const relax_steps rms = rms_steps(&job);
-    if (rms.to_rest > WATCHED_STEP && watch && !p->patch) {
+    if (rms.without_kinks > GUARDED_STEP && watch && !p->patch) {
         steps_job again = {.sweep = job.sweep, .spacing = spacing, .watch = true};
         rms_steps(&again);
     }
     return rms;
 }
 
-/* Of so many particles and more some are asked for disorder: never more than these. */
-static const size_t MOST_ASKED = 200000;
+/* Maximum number of particles that are sampled for the defect fraction. */
+static const size_t MAX_SAMPLED = 200000;
 
-/* Counts pairs within `reach` times the sizes, and particles that have not six of them. */
+/* Counts pairs within `reach` times the mean size, and particles without six of them. */
 typedef struct pairs_job {
     const relax *r;
     const particles *p;
     double reach;
-    size_t every; /* one of so many is asked */
-    bool smooth;  /* who sees others turned from it is left out */
+    size_t every; /* stride of the sampled particles */
+    bool smooth;  /* particles with divergent neighbour normals are no defects */
     atomic_size_t pairs, defects;
 } pairs_job;
 
@@ -276,7 +275,7 @@ static void pairs_chunk(void *context, int worker, size_t begin, size_t end)
 
 double relax_mean_neighbours(const relax *r, const particles *p, double sigma)
 {
-    if (r->seen.energies && r->seen.sigma == sigma) return r->seen.pairs / (double)p->count;
+    if (r->cached.energies && r->cached.sigma == sigma) return r->cached.pairs / (double)p->count;
     pairs_job job = {.r = r, .p = p, .reach = sigma, .every = 1};
     threads_run(r->pool, p->count, 4096, pairs_chunk, &job);
     return (double)atomic_load(&job.pairs) / (double)p->count;
@@ -285,9 +284,10 @@ double relax_mean_neighbours(const relax *r, const particles *p, double sigma)
 double relax_defect_fraction(const relax *r, const particles *p, double spacing, bool smooth)
 {
     const double divergent = smooth ? relax_divergent_share(r, p) : 0,
-                 asked = divergent < 1 ? 1 - divergent : 1;
-    const size_t every = 1 + p->count / MOST_ASKED;
-    pairs_job job = {.r = r, .p = p, .reach = BETWEEN_SHELLS * spacing, .every = every, .smooth = asked < 1};
+                 sampled = divergent < 1 ? 1 - divergent : 1;
+    const size_t every = 1 + p->count / MAX_SAMPLED;
+    pairs_job job = {
+        .r = r, .p = p, .reach = BETWEEN_SHELLS * spacing, .every = every, .smooth = sampled < 1};
     threads_run(r->pool, p->count, 4096, pairs_chunk, &job);
-    return (double)atomic_load(&job.defects) / (asked * (double)((p->count + every - 1) / every));
+    return (double)atomic_load(&job.defects) / (sampled * (double)((p->count + every - 1) / every));
 }
