@@ -164,7 +164,7 @@ static void estimate_fraction(solver *s, const schedule_evidence *seen)
                                         .stage = SCHEDULE_STAGES - 1,
                                         .count = s->state.plan.particles[level],
                                         .is_sized = at.is_sized,
-                                        .has_curves = at.has_curves};
+                                        .has_patches = at.has_patches};
         left += schedule_expected_sweeps(given, &then, 0, NULL) * (double)then.count;
     }
     s->state.fraction = fmax(s->state.fraction, s->state.updates / (s->state.updates + left));
@@ -215,7 +215,7 @@ static void note_sweep(solver *s, const relax_sums *sums)
 static bool may_skip(const solver *s, const schedule_position *at)
 {
     const int sweeps = schedule_level_sweeps(s->state.regime->schedule, at);
-    return s->state.has_many_defects && !s->setup.params.sizing && !at->has_curves &&
+    return s->state.has_many_defects && !s->setup.params.sizing && !at->has_patches &&
            schedule_is_last_level(at) && !s->state.regime->is_under_resolved && sweeps >= SKIPPING_SWEEPS &&
            at->sweeps + 1 < sweeps;
 }
@@ -272,11 +272,11 @@ static bool sweep(solver *s, error *e)
     const schedule_evidence seen = {fmax(sums.rms_step, sums.displaced_step), sums.mean_log10_lambda,
                                     !s->setup.params.gradient, s->setup.params.step_tolerance};
     estimate_fraction(s, &seen);
-    if (schedule_is_impatient(given, &at, s->state.gain)) s->state.gain *= 10;
     s->state.lists_stale = schedule_wants_lists(given, &at, sums.limited, ++s->state.list_age) ||
                            solver_amplitudes_are_due(s) || sums.displaced_limited > 0;
     s->state.skin = schedule_skin(given, sums.rms_step) * s->state.spacing;
     const schedule_end end = schedule_round_end(given, &at, &seen);
+    if (end == SCHEDULE_GOES_ON && schedule_is_impatient(given, &at, s->state.gain)) s->state.gain *= 10;
     if (sums.displaced_limited == 0 && end != SCHEDULE_GOES_ON && points_have_converged(s, &at) &&
         sizes_are_current(s)) {
         s->state.round_ended = end == SCHEDULE_CONVERGED ? "converged" : "sweeps_spent";
@@ -390,7 +390,7 @@ static bool control(solver *s, error *e)
 
 /* Whether defect repair may run: on patches of even size unless near curve samples were merged; elsewhere, where sizes vary, after extra
  * sweeps of a level with a high defect fraction. Enough sweeps must be left to converge again. */
-static bool may_repair(const solver *s)
+static bool may_repair_defects(const solver *s)
 {
     const bool is_sized = s->setup.params.sizing != NULL;
     const bool may = s->state.p->patch ? !is_sized && !solver_merges_near_curves(s)
@@ -419,7 +419,7 @@ static bool repair(solver *s, error *e)
         return true;
     }
     s->state.next = ACTION_PROJECT;
-    if (!may_repair(s)) return true;
+    if (!may_repair_defects(s)) return true;
     bool changed = false;
     if (!solver_repair_defects(s, &changed, e)) return false;
     if (changed) {

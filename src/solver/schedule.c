@@ -88,7 +88,7 @@ bool schedule_judges_defects(const schedule *s, const schedule_position *at)
 
 bool schedule_has_many_defects(const schedule *s, const schedule_position *at, double defect_fraction)
 {
-    const double *share = s->defects_share[at->has_curves];
+    const double *share = s->defects_share[at->has_patches];
     return defect_fraction > share[0] && defect_fraction < share[1];
 }
 

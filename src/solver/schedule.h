@@ -35,7 +35,7 @@ typedef struct schedule {
     /* Least sweeps of a level of n particles: sweeps (sweeps_count / n)^sweeps_fall, between sweeps_least and sweeps_most. */
     double sweeps, sweeps_count, sweeps_fall, sweeps_least, sweeps_most;
     /* After these sweeps the defect fraction (particles without six neighbours) of a level of at least defects_count particles is
-     * compared with defects_share: [0] without and [1] with feature curves, lower and upper bound. Between the bounds the level takes
+     * compared with defects_share: [0] of level sets and [1] of meshes that are sampled on their triangles, and of labels, lower and upper bound. Between the bounds the level takes
      * more sweeps, once: defects_sweeps[1] times as many on the last level, [0] times on others. Above the upper bound the surface is
      * not resolved, and more sweeps do not help. */
     double defects_count, defects_sweeps[2], defects_share[2][2];
@@ -77,7 +77,7 @@ typedef struct schedule_position {
     size_t count;             /* particles of the level */
     bool is_sized;            /* there is a sizing field */
     bool has_many_defects;    /* of the level, see schedule_has_many_defects */
-    bool has_curves;          /* the surface has feature curves */
+    bool has_patches;         /* it is a mesh that is sampled on its triangles, or the interfaces of labels */
     bool is_divergent;        /* relax_has_divergent_normals */
     bool is_mostly_divergent; /* relax_has_mostly_divergent_normals */
 } schedule_position;

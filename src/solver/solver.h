@@ -1,7 +1,7 @@
 /* solver: a particle system on a surface, from start to rest, under global control.
  *
  *     solver *s = solver_new(...);            // particles placed, lists built
- *     while (!solver_ended(s)) solver_step(s, e);  // one sweep each; the caller may stop at any
+ *     while (!solver_ended(s)) solver_step(s, e);  // one action each; the caller may stop at any
  *     solver_finalize(s, e);                     // exact projection, normals, curvature, energies
  *
  * The caller owns the loop, the progress and the cancellation; a pool that is told to stop leaves a step
@@ -10,8 +10,8 @@
  * same result for any number of threads. Source: Meyer, Georgel, Whitaker 2005, sections 4 to 7; and, to be
  * compared with, the method of Witkin and Heckbert 1994 under the same interface.
  */
-#ifndef HEXAD_SOLVER_SAMPLER_H
-#define HEXAD_SOLVER_SAMPLER_H
+#ifndef HEXAD_SOLVER_SOLVER_H
+#define HEXAD_SOLVER_SOLVER_H
 
 #include <stdbool.h>
 #include <stddef.h>

@@ -1,6 +1,6 @@
 /* solver_params: what a solver is asked for. */
-#ifndef HEXAD_SOLVER_SAMPLER_PARAMS_H
-#define HEXAD_SOLVER_SAMPLER_PARAMS_H
+#ifndef HEXAD_SOLVER_SOLVER_PARAMS_H
+#define HEXAD_SOLVER_SOLVER_PARAMS_H
 
 #include <stdbool.h>
 #include <stddef.h>

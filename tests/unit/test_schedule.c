@@ -81,7 +81,7 @@ static void surfaces_with_curves_are_rough_sooner(void **state)
     const schedule *s = &schedule_multilevel;
     schedule_position at = finest(0, 10000);
     assert_false(schedule_has_many_defects(s, &at, 0.03));
-    at.has_curves = true;
+    at.has_patches = true;
     assert_true(schedule_has_many_defects(s, &at, 0.03));
     assert_false(schedule_has_many_defects(s, &at, 0.015));
 }

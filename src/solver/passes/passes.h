@@ -1,6 +1,8 @@
 /* passes: what changes particles between rounds. A pass acts on s->state.p once, calls no other pass, and gives the same result for
- * any number of threads. It sets *changed if particles have to converge again, and leaves it unchanged otherwise. Errors: limit_memory,
- * cancelled. */
+ * any number of threads. It sets *changed to true if particles have to converge again, and never to false. A pass after convergence is called after every
+ * convergence: it counts its calls in solver_state and changes nothing once they are spent. A pass that relocates a particle resets its
+ * damping and hint and calls solver_mark_displaced. Errors: limit_memory, cancelled. The folder also has relax and refine, which
+ * are no passes: they move all particles of a level, and make those of the next. */
 #ifndef HEXAD_SOLVER_PASSES_PASSES_H
 #define HEXAD_SOLVER_PASSES_PASSES_H
 

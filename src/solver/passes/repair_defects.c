@@ -496,7 +496,6 @@ static bool begin_equalisation(solver *s, error *e)
 bool solver_equalise_cells(solver *s, bool *changed, error *e)
 {
     repair m = {.s = s};
-    *changed = false;
     if (s->state.repairs == 0 || s->state.equalisations == MAX_EQUALISATIONS) return true;
     bool ok = begin(&m, s, e) && build_lists(&m, e);
     if (ok && (measure_cells(&m) > TARGET_DEVIATION || s->state.equalisations == 0)) {
@@ -521,7 +520,6 @@ bool solver_repair_defects(solver *s, bool *changed, error *e)
                      floor(fmin(base * more, MAX_PASSES) * fmin(1, PASSES_COUNT / (double)s->state.p->count));
     repair m;
     bool ok = true, goes_on = s->state.equalisations == 0 && s->state.repairs < passes;
-    *changed = false;
     if (!goes_on || (s->state.p->patch && was_ordered(s))) return true;
     ok = begin(&m, s, e);
     for (int k = 0; ok && goes_on && k < PASSES_PER_CALL; k++) {
