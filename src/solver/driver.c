@@ -276,11 +276,12 @@ static bool sweep(solver *s, error *e)
                            solver_amplitudes_are_due(s) || sums.displaced_limited > 0;
     s->state.skin = schedule_skin(given, sums.rms_step) * s->state.spacing;
     const schedule_end end = schedule_round_end(given, &at, &seen);
-    if (end == SCHEDULE_GOES_ON && schedule_is_impatient(given, &at, s->state.gain)) s->state.gain *= 10;
     if (sums.displaced_limited == 0 && end != SCHEDULE_GOES_ON && points_have_converged(s, &at) &&
         sizes_are_current(s)) {
         s->state.round_ended = end == SCHEDULE_CONVERGED ? "converged" : "sweeps_spent";
         s->state.next = ACTION_CONTROL;
+    } else if (schedule_is_impatient(given, &at, s->state.gain)) {
+        s->state.gain *= 10;
     }
     return true;
 }
