@@ -113,7 +113,9 @@ static bool copy_online(database *d, sqlite3 *target, const char *path, int fd, 
     sqlite3_db_release_memory(
         source); /* empties the page cache, so that the copy shows what is on the disk */
     /* without a transaction that has read, each step would begin anew after a change */
-    int code = sqlite3_exec(source, "SELECT 1 FROM sqlite_schema", NULL, NULL, NULL);
+    int code = sqlite3_get_autocommit(source)
+                   ? SQLITE_ERROR
+                   : sqlite3_exec(source, "SELECT 1 FROM sqlite_schema", NULL, NULL, NULL);
     sqlite3_backup *copying = code == SQLITE_OK ? sqlite3_backup_init(target, "main", source, "main") : NULL;
     if (copying) {
         code = copy_steps(d, copying, fd);

@@ -2,6 +2,7 @@
 
 #include <dirent.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdio.h>
@@ -36,6 +37,13 @@
 #define LOG_PAGES 1000
 /* This number of pages is written back while no change is stored: it takes two flushes. */
 #define LOG_REST 100
+/* From this number of pages on a change waits until readers leave the log, at most LOG_PATIENCE_MS: otherwise a log that is always read would
+ * grow without end. When that does not help, as during a backup, the next time is at twice the length. */
+#define LOG_MOST 4000
+#define LOG_PATIENCE_MS 200
+/* SQLite's files of this process: other programs are kept out, and the index of the log is in memory, so that a full disk does not
+ * stop it (https://www.sqlite.org/vfs.html#standard_unix_vfses). */
+#define OWN_VFS "unix-excl"
 
 struct database {
     sqlite3 *connection;
@@ -48,7 +56,7 @@ struct database {
     database *next;   /* of the readers that are not in use */
 
     int lock_fd; /* holds the lock on the state directory; -1: a copy, which has no lock */
-    int file_fd; /* holds the lock on the file; -1: a copy */
+    int file_fd; /* for flushes; -1: a copy. Closed after all connections, because that ends the locks of the process on the file */
     char *state_dir, *path;
     atomic_uint copies;                /* number of copies begun; used for their names */
     atomic_int_fast64_t reserve_bytes; /* 0: none */
@@ -66,6 +74,8 @@ struct database {
     pthread_cond_t log_is_long; /* with `mutex`, which guards what follows */
     database *log_reader;       /* the thread's connection; NULL: there is no thread */
     int log_pages, log_limit;   /* length of the log after the last change, and when it is written back */
+    int log_most;               /* see LOG_MOST */
+    bool log_stays;             /* a flush of the database failed: only the log has the changes for certain */
     bool closing;
 
     pthread_mutex_t gate; /* guards the waiting changes; never held together with `mutex` */
@@ -330,7 +340,8 @@ static database *open_reader(database *d, error *e)
     database *r = mem_alloc(sizeof *r);
     r->origin = d;
     r->health = d->health;
-    if (sqlite3_open_v2(d->path, &r->connection, SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX, NULL) ==
+    const char *vfs = d->lock_fd >= 0 ? OWN_VFS : NULL;
+    if (sqlite3_open_v2(d->path, &r->connection, SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX, vfs) ==
             SQLITE_OK &&
         sqlite3_exec(r->connection,
                      "PRAGMA query_only = ON; PRAGMA temp_store = MEMORY; PRAGMA cache_size = " READER_CACHE,
@@ -358,9 +369,17 @@ void database_end_read(database *r)
 {
     database *d = r->origin;
     plain(r, "COMMIT", NULL);
+    if (!sqlite3_get_autocommit(r->connection)) plain(r, "ROLLBACK", NULL);
+    const bool ended = sqlite3_get_autocommit(r->connection);
+    if (!ended) { /* another one is opened; this one would show the past */
+        close_connection(r);
+        free(r);
+    }
     pthread_mutex_lock(&d->reading);
-    r->next = d->idle;
-    d->idle = r;
+    if (ended) {
+        r->next = d->idle;
+        d->idle = r;
+    }
     pthread_cond_signal(&d->returned);
     pthread_mutex_unlock(&d->reading);
 }
@@ -372,42 +391,60 @@ static int note_log(void *context, sqlite3 *connection, const char *name, int pa
 {
     (void)connection, (void)name;
     database *d = context;
+    if (pages < d->log_pages) { /* it has begun anew */
+        d->log_limit = LOG_PAGES;
+        d->log_most = LOG_MOST;
+    }
     d->log_pages = pages;
     if (pages >= d->log_limit) pthread_cond_signal(&d->log_is_long);
     return SQLITE_OK;
 }
 
-/* Writes back what no reader prevents. Returns how many pages of the log are written back now; 0 when the disk is full or fails. */
-static int write_back(database *d)
+/* Writes back what no reader prevents, in SQLite's `mode` of a checkpoint. Returns how many pages of the log are written back now; 0 when the disk
+ * is full or fails. */
+static int write_back(database *d, int mode)
 {
     int written = 0;
-    int code =
-        sqlite3_wal_checkpoint_v2(d->log_reader->connection, NULL, SQLITE_CHECKPOINT_PASSIVE, NULL, &written);
-    return code == SQLITE_OK ? written : 0;
+    int code = sqlite3_wal_checkpoint_v2(d->log_reader->connection, NULL, mode, NULL, &written);
+    d->log_stays |= sqlite3_extended_errcode(d->log_reader->connection) == SQLITE_IOERR_FSYNC;
+    return code == SQLITE_OK || code == SQLITE_BUSY ? written : 0;
 }
 
-/* Writes the log back while changes are stored, until little is left; then the rest, while none is stored, so that the next change
- * begins the log anew. */
+/* While no change is stored: the last pages, after which the next change begins the log anew if nothing reads it. */
+static void end_log(database *d)
+{
+    const bool waits = d->log_pages >= d->log_most;
+    sqlite3_busy_timeout(d->log_reader->connection, waits ? LOG_PATIENCE_MS : 0);
+    write_back(d, waits ? SQLITE_CHECKPOINT_RESTART : SQLITE_CHECKPOINT_PASSIVE);
+    if (waits) d->log_most = 2 * d->log_pages;
+    d->log_limit = d->log_pages + LOG_REST; /* unless it begins anew */
+}
+
+/* Writes the log back while changes are stored, until little is left or it is too long; then the rest. After a failed flush the kernel takes
+ * the pages for written: the log is kept then, and the next start writes all of it back. */
 static void *keep_log_short(void *argument)
 {
     database *d = argument;
     int written = 0;
     pthread_mutex_lock(&d->mutex);
-    while (!d->closing) {
+    while (!d->closing && !d->log_stays) {
         if (d->log_pages < d->log_limit) {
             pthread_cond_wait(&d->log_is_long, &d->mutex);
             continue;
         }
         int before = written;
         pthread_mutex_unlock(&d->mutex);
-        written = write_back(d);
-        fdatasync(d->file_fd); /* SQLite does not when changes came meanwhile; then the end would take long */
+        written = write_back(d, SQLITE_CHECKPOINT_PASSIVE);
+        /* SQLite does not when changes came meanwhile; then the end would take long */
+        bool flushed = fdatasync(d->file_fd) == 0;
         pthread_mutex_lock(&d->mutex);
-        bool ends = d->log_pages - written <= LOG_REST;
-        if (ends && write_back(d) == d->log_pages) {
-            d->log_pages = written = 0;
-            d->log_limit = LOG_PAGES;
-        } else if (ends || written <= before) { /* a reader needs the rest, or the disk is full */
+        d->log_stays |= !flushed;
+        if (d->log_stays) {
+            log_write(LOG_LEVEL_ERROR, "the disk of the queue fails: its log is kept until the next start");
+        } else if (d->log_pages - written <= LOG_REST || d->log_pages >= d->log_most) {
+            end_log(d);
+            written = 0;
+        } else if (written <= before) { /* a reader needs the rest, or the disk is full */
             d->log_limit = d->log_pages + LOG_REST;
         }
     }
@@ -418,6 +455,7 @@ static void *keep_log_short(void *argument)
 static bool start_log_thread(database *d, error *e)
 {
     d->log_limit = LOG_PAGES;
+    d->log_most = LOG_MOST;
     d->log_reader = open_reader(d, e);
     if (!d->log_reader) return false;
     if (background_start(&d->log_thread, keep_log_short, d, "the database", e)) {
@@ -500,6 +538,12 @@ static void make_locks(database *d)
     d->happened = 1; /* so that database_wait with *seen = 0 returns at once */
 }
 
+static bool open_for_flushes(database *d, error *e)
+{
+    d->file_fd = open(d->path, O_RDWR | O_CLOEXEC);
+    return d->file_fd >= 0 || error_set(e, ERROR_INTERNAL, "%s", strerror(errno));
+}
+
 /* Opens the database of a state directory, or a copy that no other process uses. */
 static database *open_file(const char *state_dir, int lock_fd, const char *path, error *e)
 {
@@ -514,13 +558,13 @@ static database *open_file(const char *state_dir, int lock_fd, const char *path,
     d->health = health_new();
     bool ok = true;
     if (sqlite3_open_v2(path, &d->connection,
-                        SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX, NULL) != SQLITE_OK)
+                        SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX,
+                        lock_fd >= 0 ? OWN_VFS : NULL) != SQLITE_OK)
         ok = d->connection ? fail(d, e) : error_set(e, ERROR_INTERNAL, "the queue's database: no memory");
+    /* for other programs; later for a reader that restores the index of the log */
     if (ok) sqlite3_busy_timeout(d->connection, OPEN_PATIENCE_MS);
     ok = ok && schema_prepare(d->connection, e);
-    if (ok && lock_fd >= 0) ok = (d->file_fd = lock_take_file(path, OPEN_PATIENCE_MS, e)) >= 0;
-    /* from here on no other program has access, so waiting for a lock would be useless */
-    if (ok) sqlite3_busy_timeout(d->connection, 0);
+    if (ok && lock_fd >= 0) ok = open_for_flushes(d, e);
     if (ok && (d->idle = open_reader(d, e)) && (lock_fd < 0 || start_log_thread(d, e))) return d;
     error_prefix(e, "%s", path);
     d->lock_fd = -1; /* the caller closes it */

@@ -54,35 +54,6 @@ static bool lock_file(int fd, int64_t patience_ms)
     return true;
 }
 
-/* Whether another process reads or writes the database. SQLite locks a range of bytes while a connection is open, and before that another
- * byte, PENDING, which is locked here (https://www.sqlite.org/src/file/src/os.h). */
-static bool is_shared(int fd)
-{
-    enum { PENDING = 0x40000000, SHARED = PENDING + 2, SHARED_BYTES = 510 };
-    struct flock pending = {.l_type = F_WRLCK, .l_whence = SEEK_SET, .l_start = PENDING, .l_len = 1},
-                 shared = {.l_type = F_WRLCK, .l_whence = SEEK_SET, .l_start = SHARED, .l_len = SHARED_BYTES};
-    return fcntl(fd, F_SETLK, &pending) != 0 || fcntl(fd, F_GETLK, &shared) != 0 || shared.l_type != F_UNLCK;
-}
-
-int lock_take_file(const char *path, int64_t patience_ms, error *e)
-{
-    int fd = open(path, O_RDWR | O_CLOEXEC);
-    int64_t until_ms = clock_monotonic_ms() + patience_ms;
-    if (fd < 0) {
-        error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
-        return -1;
-    }
-    while (is_shared(fd)) {
-        if (clock_monotonic_ms() >= until_ms) {
-            error_set(e, ERROR_INTERNAL, "%s is locked: another program uses it", path);
-            close(fd);
-            return -1;
-        }
-        poll(NULL, 0, LOOK_MS);
-    }
-    return fd;
-}
-
 int lock_take(const char *state_dir, bool *in_use, error *e)
 {
     char *path = mem_printf("%s/lock", state_dir);

@@ -4,17 +4,11 @@
 #define HEXAD_DATABASE_LOCK_H
 
 #include <stdbool.h>
-#include <stdint.h>
 
 #include "base/error.h"
 
 /* Returns the descriptor, to be released with close(2), or -1 and an error. *in_use is true when another process holds the
  * lock. With in_use NULL the lock is waited for, for a second: the kernel needs time to take a killed process apart. */
 int lock_take(const char *state_dir, bool *in_use, error *e);
-
-/* Keeps other programs out of SQLite's database `path`, which a connection of this process has read. Waits until they have left it,
- * at most `patience_ms`. The result is as of lock_take. It is closed after all connections, because the end of a descriptor of the file
- * ends all locks of the process on it. */
-int lock_take_file(const char *path, int64_t patience_ms, error *e);
 
 #endif

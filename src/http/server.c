@@ -818,8 +818,9 @@ server *server_start(const server_settings *settings, const listen_socket *socke
     s->bodies = body_bytes_new(settings->body_total_bytes, settings->user_body_bytes);
     if (s->connections) s->pool = thread_pool_start(of_user + SPARE_THREADS, of_user, 0, 0, e);
     if (s->pool)
-        s->heavy_pool = thread_pool_start(HEAVY_THREADS, HEAVY_USER_THREADS,
-                                          settings->body_limit_bytes + HEAVY_AT_ONCE, HEAVY_NICE, e);
+        s->heavy_pool =
+            thread_pool_start(HEAVY_THREADS + settings->estimates, HEAVY_USER_THREADS + settings->estimates,
+                              settings->body_limit_bytes + HEAVY_AT_ONCE, HEAVY_NICE, e);
     if (!s->heavy_pool) goto failed;
     /* the library closes this descriptor */
     int fd = fcntl(socket->fd, F_DUPFD_CLOEXEC, 0);
