@@ -259,7 +259,7 @@ static solver *pack_by_levels(const job *j, const solver_params *params, error *
     packed.start = SOLVER_START_SURFACE;
     packed.witkin_heckbert = NULL;
     packed.coarse_to_fine = true;
-    packed.mend = false;
+    packed.repair_defects = false;
     packed.energy = NULL;
     packed.graded = packed.gradient = false;
     packed.sigma = packed.max_sigma = 0;
@@ -295,7 +295,7 @@ bool job_place(job *j, solution *out, error *e)
 {
     const spec *s = j->spec;
     if (!start_sizing(j, &out->sizing, e) || !start_curvature(j, &out->curvature, e)) return false;
-    threads_narrow(j->pool, j->count < SOLVER_THREADS_FROM);
+    threads_narrow(j->pool, j->count < SOLVER_MIN_PARALLEL_COUNT);
     bool inserts = s->has_control && s->method == SPEC_METHOD_PAPER;
     int64_t start = s->control.start_count > 0 ? s->control.start_count : s->control.min_count;
     const spec_witkin_heckbert *w = &s->witkin_heckbert;
@@ -324,7 +324,7 @@ bool job_place(job *j, solution *out, error *e)
         .given_normal = brought.normal,
         .given_patch = brought.patch,
         .given_place = brought.place,
-        .excess_most = MORE_DISORDER * j->sequence.excess_alone,
+        .max_excess = MORE_DISORDER * j->sequence.excess_alone,
         .witkin_heckbert = s->method == SPEC_METHOD_WITKIN_HECKBERT ? &witkin_heckbert_state : NULL,
         .count = inserts ? (size_t)start : j->count,
         .max_sigma = inserts ? s->control.max_sigma : 0,
@@ -345,7 +345,7 @@ bool job_place(job *j, solution *out, error *e)
         .sizing = out->sizing,
         .sigma = s->sigma,
         .coarse_to_fine = s->method == SPEC_METHOD_SIZED,
-        .mend = plan_is_mended(s),
+        .repair_defects = plan_is_mended(s),
         .energy = energy,
         .isa = j->isa,
         .gradient = s->minimiser == SPEC_MINIMISER_GRADIENT,

@@ -49,7 +49,7 @@ static verdict_input judged_of(const job *j)
         .measures = &j->solution.measures,
         .stopped = end == SOLVER_RUNNING || end == SOLVER_OUT_OF_SWEEPS,
         .rms_step = sweeps > 0 ? sweep[sweeps - 1].rms_step : 0,
-        .step_left = p->step_to_rest,
+        .step_left = p->step_without_kinks,
         .step_tolerance = j->spec->step_tolerance,
         .gain = solver_gain(s),
         .gain_tolerance = solver_coarsest_gain(s),

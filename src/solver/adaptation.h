@@ -12,7 +12,7 @@ double solver_nearer_support(const solver *s, double sigma, double energy);
 bool solver_find_support(solver *s, error *e);
 
 /* Bounds sigma by params.max_sigma and builds lists for it. `changed`: the count was. Error: limit_memory. */
-bool solver_settle_support(solver *s, bool changed, error *e);
+bool solver_apply_support(solver *s, bool changed, error *e);
 
 /* Inserts or deletes particles until sigma, the ideal support of the present particles, is within params.max_sigma. Error:
  * limit_memory. */

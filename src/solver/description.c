@@ -1,4 +1,4 @@
-/* description: what a result holds of its points, see solver_points. */
+/* description: computes the result of a solve (solver_points). */
 #include <assert.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,11 +9,12 @@
 #include "voronoi/quality.h"
 #include "solver/solver_state.h"
 
+/* Exponent of the spacing over the amplitude under a common support (13). Measured on the quartic: 0.181 with d = 1, 0.171 with d = 3. A
+ * mean-field estimate is the inverse of the slope of E_ideal, 0.21. */
 static const double ALPHA_EXPONENT = 0.18;
 
-/* What the grading asks for; or what (13) makes of an amplitude under a common support: the spacing goes as
- * alpha^0.18 (measured on the quartic: 0.181 with d = 1, 0.171 with d = 3; a mean-field estimate gives the
- * inverse of E_ideal's slope, 0.21). The scale keeps the sum of the ideal cells equal to the area. */
+/* The spacing of each particle: the sizing field, or the spacing that results from its amplitude. In the latter case the scale makes the
+ * areas of the ideal Voronoi cells sum to the surface area. */
 static void requested_spacing(solver *s, double *spacing)
 {
     double squares = 0;
@@ -29,8 +30,9 @@ static void requested_spacing(solver *s, double *spacing)
     for (size_t i = 0; i < s->state.p->count; i++) spacing[i] *= scale;
 }
 
-/* What land_smoothly left open of particle i; one that is lost may have no normal. */
-static double end_smoothly(solver *s, size_t i, const field_sample *sample)
+/* Sets the normal of particle i after a projection without verification (project.c, smooth fields). Returns its residual over h; 0 if the
+ * gradient vanishes. */
+static double complete_smooth_projection(solver *s, size_t i, const field_sample *sample)
 {
     const double length = vec3_norm(sample->gradient), h = s->state.spacing * particles_size(s->state.p, i);
     if (!(length > 0)) return 0;
@@ -42,7 +44,7 @@ static void curvature_chunk(void *context, int worker, size_t begin, size_t end)
 {
     solver *s = context;
     double *kappa = solver_column(s, COLUMN_KAPPA), *kappa1 = solver_column(s, COLUMN_KAPPA1),
-           *kappa2 = solver_column(s, COLUMN_KAPPA2), *over = solver_column(s, COLUMN_KAPPA_SCALE);
+           *kappa2 = solver_column(s, COLUMN_KAPPA2), *kappa_scale = solver_column(s, COLUMN_KAPPA_SCALE);
     uint32_t last = FIELD_NO_HINT;
     double worst = 0;
     const bool smooth = solver_ends_smoothly(s);
@@ -52,18 +54,18 @@ static void curvature_chunk(void *context, int worker, size_t begin, size_t end)
         field_sample sample;
         double over1, over2;
         if (s->setup.params.curvature)
-            over[i] =
+            kappa_scale[i] =
                 scaled_curvature_at(s->setup.params.curvature, s->state.p->position[i], s->state.p->normal[i],
                                     particles_patch(s->state.p, i), &over1, &over2);
         const field *f = particles_field(s->state.p, s->setup.field, i);
         if (!field_sample_near(f, s->state.p->position[i], FIELD_HESSIAN, hint, &sample)) continue;
         kappa[i] = field_curvature(&sample, &kappa1[i], &kappa2[i]);
-        if (smooth) worst = fmax(worst, end_smoothly(s, i, &sample));
+        if (smooth) worst = fmax(worst, complete_smooth_projection(s, i, &sample));
     }
     s->scratch.worst[begin / SOLVER_GROUP] = worst;
 }
 
-/* Also the normals and residuals that are still to be told. */
+/* Computes the curvatures and, for smooth fields, the normals and residuals. */
 static bool describe_curvature(solver *s, error *e)
 {
     const size_t n = s->state.p->count, chunks = n / SOLVER_GROUP + 1;
@@ -77,8 +79,8 @@ static bool describe_curvature(solver *s, error *e)
     return ok;
 }
 
-/* Energies need the lists, which are given up before there is anything else: together they would be the most
- * memory that a job takes. */
+/* Computes the values that need neighbour lists, then releases the lists before other arrays are allocated: this reduces the peak memory
+ * of a job. */
 static bool describe_energies(solver *s, error *e)
 {
     if (!solver_refresh_lists(s, e)) return false;
@@ -87,14 +89,14 @@ static bool describe_energies(solver *s, error *e)
     s->record.out.mean_energy = relax_mean_energy(s->scratch.relax, s->state.p, s->state.sigma);
     s->record.out.mean_neighbours = relax_mean_neighbours(s->scratch.relax, s->state.p, s->state.sigma);
     s->record.out.step_left = s->state.p->patch ? left.without_kinks : left.all;
-    s->record.out.step_to_rest = left.without_kinks;
+    s->record.out.step_without_kinks = left.without_kinks;
     relax_free(s->scratch.relax);
     s->scratch.relax = NULL;
     return true;
 }
 
-/* The first particle of each point before the others. */
-static bool arrange_stands(solver *s, uint32_t *order, uint32_t *first, error *e)
+/* Reorders the particles: the first copy of each point, then further copies. Sets point, feature, replaced and flags. */
+static bool arrange_copies(solver *s, uint32_t *order, uint32_t *first, error *e)
 {
     const particles *p = s->state.p;
     size_t next = 0, copies = solver_point_count(s);
@@ -107,10 +109,10 @@ static bool arrange_stands(solver *s, uint32_t *order, uint32_t *first, error *e
     assert(next == solver_point_count(s) && copies == p->count);
     for (size_t k = 0; k < next; k++) {
         s->scratch.lost[k] = s->record.replaced[order[k]];
-        const curve_samples *rows = &s->state.plan.quotas[s->state.level].samples;
-        s->record.feature[k] = !particles_is_on_curve(p, order[k])  ? SOLVER_ON_PATCH
-                               : p->place[order[k]] < rows->corners ? SOLVER_ON_CORNER
-                                                                    : SOLVER_ON_CURVE;
+        const curve_samples *samples = &s->state.plan.quotas[s->state.level].samples;
+        s->record.feature[k] = !particles_is_on_curve(p, order[k])     ? SOLVER_ON_PATCH
+                               : p->place[order[k]] < samples->corners ? SOLVER_ON_CORNER
+                                                                       : SOLVER_ON_CURVE;
     }
     for (size_t k = 0; k < next; k++) s->record.replaced[k] = s->scratch.lost[k];
     if (!particles_arrange(s->state.p, order, s->setup.pool, e)) return false;
@@ -118,8 +120,8 @@ static bool arrange_stands(solver *s, uint32_t *order, uint32_t *first, error *e
     return true;
 }
 
-/* Where normals of patches agree to 60 degrees a point has their mean, else that of the first. */
-static const double AGREEING = 0.5;
+/* Minimum cosine (60 degrees) of the normals that are averaged for a point on a curve. Otherwise it has the normal of its first copy. */
+static const double MERGED_COSINE = 0.5;
 
 static void merge_normals(solver *s)
 {
@@ -128,28 +130,29 @@ static void merge_normals(solver *s)
     memcpy(s->record.normal, p->normal, points * sizeof *p->normal);
     for (size_t k = points; k < p->count; k++) {
         uint32_t point = s->record.point[k];
-        if (vec3_dot(p->normal[k], p->normal[point]) >= AGREEING)
+        if (vec3_dot(p->normal[k], p->normal[point]) >= MERGED_COSINE)
             s->record.normal[point] = vec3_add(s->record.normal[point], p->normal[k]);
     }
     for (size_t k = 0; k < points; k++)
         if (s->record.flags[k] & PACKING_FIXED) s->record.normal[k] = vec3_unit(s->record.normal[k]);
 }
 
-/* At an edge the cosine of its patches' normals, which are means of what is around, is larger than of its faces. */
-static const double SHARP = 0;
+/* Cosine of two copies' normals below which they are used for the wedge angle. Normals of patches are averaged over a neighbourhood: at a
+ * sharp edge their cosine is larger than that of the faces. */
+static const double SHARP_COSINE = 0;
 
-/* The cosine of the sheets that meet in the row of particle k: of the faces of its curve, or of its normal and that of the
- * particle that it is a copy of. Above QUALITY_SHEET_FACING: they do not face each other. */
-static double wedge_at(const solver *s, size_t k)
+/* Cosine between the surfaces that meet at the curve of particle k: of the faces at its curve, or of the normals of its copies. Above
+ * QUALITY_SHEET_FACING: the surfaces do not face each other. */
+static double wedge_cosine(const solver *s, size_t k)
 {
     const particles *p = s->state.p;
-    const curve_samples *rows = &s->state.plan.quotas[s->state.level].samples;
+    const curve_samples *samples = &s->state.plan.quotas[s->state.level].samples;
     const double cosine = vec3_dot(p->normal[k], p->normal[s->record.point[k]]),
-                 of_faces = s->setup.field->patches->curve[rows->curve[p->place[k]]].cosine;
-    return cosine < SHARP ? fmin(fmin(cosine, of_faces), QUALITY_SHEET_FACING) : of_faces;
+                 of_faces = s->setup.field->patches->curve[samples->curve[p->place[k]]].cosine;
+    return cosine < SHARP_COSINE ? fmin(fmin(cosine, of_faces), QUALITY_SHEET_FACING) : of_faces;
 }
 
-/* Marks the particles near edges at which sheets meet that face each other. */
+/* Marks the particles near edges at which surfaces that face each other meet. */
 static bool mark_wedges(solver *s, error *e)
 {
     const particles *p = s->state.p;
@@ -159,7 +162,7 @@ static bool mark_wedges(solver *s, error *e)
     double *reach = mem_array(fixed, sizeof *reach, "the result", e);
     bool ok = at && reach;
     for (size_t k = 0; ok && k < p->count; k++) {
-        const double cosine = particles_is_on_curve(p, k) ? wedge_at(s, k) : 1;
+        const double cosine = particles_is_on_curve(p, k) ? wedge_cosine(s, k) : 1;
         if (cosine > QUALITY_SHEET_FACING) continue;
         reach[count] = quality_wedge_reach(cosine);
         at[count++] = p->position[k];
@@ -178,8 +181,8 @@ static bool mark_wedges(solver *s, error *e)
     return ok;
 }
 
-/* What a point on curves is told from its particles, see solver_patch_points. */
-static bool merge_stands(solver *s, error *e)
+/* Merges the particles of each point on a curve (solver_patch_points). */
+static bool merge_copies(solver *s, error *e)
 {
     const char *what = "the result";
     size_t n = s->state.p->count, points = solver_point_count(s);
@@ -191,7 +194,7 @@ static bool merge_stands(solver *s, error *e)
     s->record.feature = mem_array(points, sizeof *s->record.feature, what, e);
     s->scratch.lost = mem_array(points, sizeof *s->scratch.lost, what, e);
     bool ok = order && first && s->record.point && s->record.flags && s->record.normal && s->record.feature &&
-              s->scratch.lost && arrange_stands(s, order, first, e);
+              s->scratch.lost && arrange_copies(s, order, first, e);
     if (ok) merge_normals(s);
     ok = ok && mark_wedges(s, e);
     free(order);
@@ -201,7 +204,7 @@ static bool merge_stands(solver *s, error *e)
     return ok;
 }
 
-static void describe_stands(solver *s, const double *spacing)
+static void describe_patch_points(solver *s, const double *spacing)
 {
     const particles *p = s->state.p;
     solver_points *out = &s->record.out;
@@ -223,7 +226,7 @@ static bool describe_points(solver *s, error *e)
     for (size_t i = 0; i < n; i++) energy[i] = (double)s->state.p->energy[i];
     if (!particles_add_amplitudes(s->state.p, e)) return false;
     s->record.out.count = solver_point_count(s);
-    describe_stands(s, spacing);
+    describe_patch_points(s, spacing);
     s->record.out.position = s->state.p->position;
     s->record.out.normal = s->state.p->patch ? s->record.normal : s->state.p->normal;
     s->record.out.replaced = s->record.replaced;
@@ -266,7 +269,7 @@ vec3 *solver_result_positions(solver *s)
 bool solver_describe(solver *s, error *e)
 {
     solver_renew_sizes(s);
-    if (!describe_energies(s, e) || !merge_stands(s, e) || !describe_points(s, e) ||
+    if (!describe_energies(s, e) || !merge_copies(s, e) || !describe_points(s, e) ||
         !s->setup.method->describe(s, e))
         return false;
     return !threads_stopped(s->setup.pool) || error_set(e, ERROR_CANCELLED, "stopped");

@@ -98,7 +98,7 @@ solver *solver_new(const field *f, const surface *scan, const solver_params *par
     s->setup.fast = s->state.regime->fast_kernel ? fast_kernel_for(params->isa) : NULL;
     s->record.sweep =
         mem_array((size_t)params->max_sweeps, sizeof *s->record.sweep, "the record of sweeps", e);
-    if (!s->record.sweep || !level_plan_plan(f, scan, params, &s->state.plan, e)) goto fail;
+    if (!s->record.sweep || !level_plan_make(f, scan, params, &s->state.plan, e)) goto fail;
     size_t capacity = s->scratch.capacity = level_plan_capacity(&s->state.plan);
     s->state.p = particles_new_even(capacity, e);
     s->scratch.relax = solver_new_relax(s, capacity, e);
@@ -226,7 +226,7 @@ static void judge_defects(solver *s, schedule_position *at)
     const schedule *given = s->state.regime->schedule;
     if (s->state.had_extra_sweeps || !schedule_judges_defects(given, at)) return;
     /* the number of repairs depends on all defects */
-    const bool is_repaired = s->setup.params.mend && s->setup.params.sizing,
+    const bool is_repaired = s->setup.params.repair_defects && s->setup.params.sizing,
                smooth = at->is_divergent && at->level > 0 && !is_repaired;
     const double share = relax_defect_fraction(s->scratch.relax, s->state.p, s->state.spacing, smooth);
     s->state.has_many_defects |= schedule_has_many_defects(given, at, share);
@@ -351,7 +351,7 @@ static bool adapt(solver *s, bool is_on_target, error *e)
         enter_stage(s, is_last_stage(s) ? s->state.stage : s->state.stage + 1);
         begin_fresh_round(s, "support_adapted");
     }
-    return solver_settle_support(s, changed, e);
+    return solver_apply_support(s, changed, e);
 }
 
 /* One action of global control at the end of a round. */
@@ -396,14 +396,14 @@ static bool may_repair_defects(const solver *s)
     const bool is_sized = s->setup.params.sizing != NULL;
     const bool may = s->state.p->patch ? !is_sized && !solver_merges_near_curves(s)
                                        : is_sized && s->state.has_many_defects;
-    return may && s->setup.params.mend && s->state.regime->repairs_defects &&
+    return may && s->setup.params.repair_defects && s->state.regime->repairs_defects &&
            2 * s->record.sweep_count < (size_t)s->setup.params.max_sweeps;
 }
 
 /* Whether a solve from given points has too much energy for longer steps not to help. */
 static bool needs_longer_steps(const solver *s)
 {
-    const double most = s->setup.params.excess_most;
+    const double most = s->setup.params.max_excess;
     return most > 0 && s->state.regime->with_longer_steps &&
            relax_mean_energy(s->scratch.relax, s->state.p, s->state.sigma) >
                (1 + most) * s->setup.params.energy->ideal;
@@ -532,7 +532,7 @@ static bool act(solver *s, error *e)
 bool solver_step(solver *s, error *e)
 {
     assert(!solver_ended(s));
-    threads_narrow(s->setup.pool, s->state.p->count < SOLVER_THREADS_FROM);
+    threads_narrow(s->setup.pool, s->state.p->count < SOLVER_MIN_PARALLEL_COUNT);
     if (!act(s, e)) return false;
     const bool is_out = s->record.sweep_count == (size_t)s->setup.params.max_sweeps;
     if (!solver_ended(s) && s->state.next == ACTION_SWEEP && is_out) {

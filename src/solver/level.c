@@ -1,4 +1,4 @@
-/* level: the level that the solve is on: where its particles start, and the step to the next level. See solver_state.h. */
+/* level: initial positions of the particles of a level and refinement to the next level (level.h). */
 #include <assert.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,7 +11,7 @@
 #include "solver/level.h"
 #include "solver/start.h"
 
-/* The scales of the level. */
+/* Sets spacing, support (`support` over the spacing), skin and gain for the current level. */
 static void enter_level(solver *s, size_t count, double support)
 {
     const quota *quotas = s->state.plan.quotas;
@@ -25,7 +25,7 @@ static void enter_level(solver *s, size_t count, double support)
     s->state.had_extra_sweeps = false;
 }
 
-/* Into an order in which neighbours are near each other in memory too. */
+/* Sorts the particles along a space-filling curve, so that neighbours are near each other in memory. */
 static bool arrange(solver *s, error *e)
 {
     uint32_t *order = mem_array(s->state.p->count, sizeof *order, "the order of particles", e);
@@ -35,7 +35,7 @@ static bool arrange(solver *s, error *e)
     return ok;
 }
 
-/* Places the particles, in an order for sweeps. */
+/* Initial positions of the particles, in memory order. */
 static bool place(solver *s, error *e)
 {
     size_t removed;
@@ -65,7 +65,6 @@ static bool drop_coarsest(solver *s, bool *again, error *e)
     return solver_place(s, s->state.sigma / s->state.spacing, e);
 }
 
-/* Particles on the coarsest level, where they start. */
 bool solver_place(solver *s, double support, error *e)
 {
     s->state.p->count = level_plan_particles(&s->state.plan, 0);
@@ -86,42 +85,41 @@ static size_t count_on_boundary(const solver *s)
     return count;
 }
 
-static bool find_mesh(solver *s, error *e)
+static bool require_mesh(solver *s, error *e)
 {
     if (!s->scratch.mesh) s->scratch.mesh = refine_mesh_new(s->state.p, s->state.spacing, s->setup.pool, e);
     return s->scratch.mesh != NULL;
 }
 
-static void forget_mesh(solver *s)
+static void release_mesh(solver *s)
 {
     refine_mesh_free(s->scratch.mesh);
     s->scratch.mesh = NULL;
 }
 
-/* Begins again with a better count once: the boundaries fill up only with time, so the last word is left to the
- * levels between. */
+/* The level starts again at most once: boundaries fill up gradually, so that later stages correct the intermediate levels only. */
 bool solver_replan(solver *s, bool *again, error *e)
 {
     const size_t count = s->state.p->count;
     if (s->state.stage == 0) return drop_coarsest(s, again, e);
-    if (s->state.plan.quotas) return true; /* which know their counts */
-    /* what is not resolved tells no count to begin again with */
+    if (s->state.plan.quotas) return true; /* quotas determine the counts */
+    /* the number of edges is meaningless if the level does not resolve the surface */
     s->state.counts_corrected |= relax_has_mostly_divergent_normals(s->scratch.relax);
     if (s->state.counts_corrected && s->state.stage < SCHEDULE_STAGES - 1)
-        return true; /* there is a later word */
-    if (!find_mesh(s, e)) return false;
+        return true; /* the last stage corrects the counts */
+    if (!require_mesh(s, e)) return false;
     level_plan_correct(&s->state.plan, refine_mesh_edges(s->scratch.mesh), count_on_boundary(s));
     *again = !s->state.counts_corrected && s->state.plan.particles[0] != count;
     s->state.counts_corrected = true;
-    if (*again || s->state.stage < SCHEDULE_STAGES - 1) forget_mesh(s);
+    if (*again || s->state.stage < SCHEDULE_STAGES - 1) release_mesh(s);
     if (*again) return solver_place(s, s->state.sigma / s->state.spacing, e);
     s->state.plan.particles[0] = count;
     return true;
 }
 
-/* Particles in the parts of the surface that had none. Alone, in lists of their own, they take the sweeps with which the
- * coarsest level begins: the level's own are too few for a random start. */
-static bool settle_new_parts(solver *s, error *e)
+/* Relaxes the particles of parts that had none before, separately from the others, by the first sweeps of the coarsest level. The sweeps
+ * of the current level are too few for a random start. */
+static bool relax_new_parts(solver *s, error *e)
 {
     for (int sweep = 0; sweep < s->state.regime->schedule->new_part_sweeps; sweep++) {
         const schedule_position at = {
@@ -144,6 +142,7 @@ static bool settle_new_parts(solver *s, error *e)
     return true;
 }
 
+/* Adds the particles of the parts that get their first particles on the current level. */
 static bool add_new_parts(solver *s, error *e)
 {
     size_t count = s->state.plan.new_parts[s->state.level], removed = 0;
@@ -156,7 +155,7 @@ static bool add_new_parts(solver *s, error *e)
     bool ok = s->state.p && s->scratch.relax &&
               start_place(s->setup.field, s->setup.scan, &s->setup.params, &s->state.plan, s->state.level,
                           s->state.spacing, s->setup.pool, s->state.p, &removed, e) &&
-              arrange(s, e) && settle_new_parts(s, e);
+              arrange(s, e) && relax_new_parts(s, e);
     if (ok) {
         memcpy(others->position + others->count, s->state.p->position, count * sizeof *others->position);
         memcpy(others->normal + others->count, s->state.p->normal, count * sizeof *others->normal);
@@ -170,7 +169,7 @@ static bool add_new_parts(solver *s, error *e)
     return ok;
 }
 
-/* A level has come to rest: four times as many particles, with the support that it needed. */
+/* The support over the spacing is that of the coarser level. */
 bool solver_refine(solver *s, error *e)
 {
     const level_plan *plan = &s->state.plan;
@@ -180,11 +179,11 @@ bool solver_refine(solver *s, error *e)
     s->state.level_began = s->record.sweep_count;
     const refine_patches patches = {plan->quotas ? &plan->quotas[s->state.level] : NULL, plan->curves};
     const bool ok =
-        find_mesh(s, e) && refine_particles(s->setup.field, s->setup.scan, s->setup.params.sizing,
-                                            plan->quotas ? &patches : NULL, s->scratch.mesh, s->state.p,
-                                            count - plan->new_parts[s->state.level], s->state.spacing,
-                                            s->setup.params.seed, s->setup.pool, e);
-    forget_mesh(s);
+        require_mesh(s, e) && refine_particles(s->setup.field, s->setup.scan, s->setup.params.sizing,
+                                               plan->quotas ? &patches : NULL, s->scratch.mesh, s->state.p,
+                                               count - plan->new_parts[s->state.level], s->state.spacing,
+                                               s->setup.params.seed, s->setup.pool, e);
+    release_mesh(s);
     if (!ok) return false;
     enter_level(s, count, support);
     return add_new_parts(s, e);

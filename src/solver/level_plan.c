@@ -12,65 +12,66 @@
 #include "solver/particles/random_streams.h"
 #include "solver/passes/refine.h"
 
-/* The coarsest packing sets the order of the finest, at a cost that does not show, unless its spacing is
- * coarser than this fraction of the radius of curvature, where strain is locked in. Measured at 10 000
- * points: half of the fraction costs 0.01 of hex_fraction on torus and quartic, twice as much 0.006 on the
- * gyroid. */
-static const double COARSEST_BEND = 0.6;
-/* A level that is too coarse by less than this is still a better start than random places on the only level: on a scan of
- * a statue at 50 000 points hex_fraction is 0.90 with it and 0.87 without. */
-static const double ONLY_COARSER = 2;
-enum { FEWEST_PARTICLES = 100, BEND_SAMPLES = 400 };
-/* Curves are looked at in steps of this share of the finest spacing. */
+/* Maximum spacing of the coarsest level times the typical curvature. Larger: strain remains on the finer levels (0.006 of hex_fraction on
+ * the gyroid at 10 000 points if doubled). Smaller: less order (0.01 on torus and quartic if halved). */
+static const double MAX_SPACING_CURVATURE = 0.6;
+/* Factor on that limit for the only coarser level. It is a better start than random positions: hex_fraction 0.90 instead of 0.87 on a
+ * scan of a statue with 50 000 points. */
+static const double SINGLE_LEVEL_FACTOR = 2;
+/* Minimum number of particles of a level. */
+enum { MIN_PARTICLES = 100 };
+/* Number of curvature samples. */
+enum { CURVATURE_SAMPLES = 400 };
+/* Sampling step of the curves for curve_distance over the finest spacing. */
 static const double CURVE_STEP = 0.25;
-/* Of a connected part on the first level that it has particles on: refining keeps the parts' shares as they are there,
- * where they are off by half a particle. */
-static const double FEWEST_IN_PART = 30;
-/* The parts that have particles on the coarsest level hold this share of all points at least. */
-static const double COARSEST_SHARE = 0.5;
-/* Of those samples, the one that counts: what is bent more, such as the creases and the noise of a scan, is
- * bent for any packing. */
-static const double BEND_QUANTILE = 0.5;
+/* Minimum number of particles of a connected part on its first level. Refinement keeps the parts' fractions of the particles, which are
+ * accurate to half a particle there. */
+static const double MIN_IN_PART = 30;
+/* Minimum fraction of all points in the parts that have particles on the coarsest level. */
+static const double MIN_COARSEST_SHARE = 0.5;
+/* Quantile of the curvature samples that is the typical curvature. Larger curvatures, such as edges and the noise of a scan, are not
+ * resolved by any level. */
+static const double CURVATURE_QUANTILE = 0.5;
 
-/* What must be small times the spacing h of an even packing: the larger principal curvature and the growth of
- * the spacing, both for the spacing at the place, as half of the particles have it. */
-static double typical_bend(const field *f, const surface *scan, const sizing_field *sizing, double h,
-                           uint64_t seed)
+/* Typical maximum of the larger principal curvature and the gradient of the spacing over h. Both are scaled by the requested spacing over
+ * the spacing h of a uniform packing. 1 / length. */
+static double typical_curvature(const field *f, const surface *scan, const sizing_field *sizing, double h,
+                                uint64_t seed)
 {
     rng r = rng_seed(seed, RANDOM_STREAM_CURVATURE);
-    double bend[BEND_SAMPLES];
+    double curvature[CURVATURE_SAMPLES];
     size_t found = 0;
-    for (int k = 0; k < BEND_SAMPLES; k++) {
+    for (int k = 0; k < CURVATURE_SAMPLES; k++) {
         field_sample sample;
         double kappa1, kappa2;
-        vec3 x = sizing_field_draw(sizing, scan, (k + 0.5) / BEND_SAMPLES, &r, NULL), growth = {0, 0, 0};
+        vec3 x = sizing_field_draw(sizing, scan, (k + 0.5) / CURVATURE_SAMPLES, &r, NULL), growth = {0, 0, 0};
         double size = sizing ? sizing_field_spacing(sizing, x, &growth) / h : 1;
         if (!field_sample_at(f, x, FIELD_HESSIAN, &sample)) continue;
         field_curvature(&sample, &kappa1, &kappa2);
-        bend[found++] = fmax(size * fmax(fabs(kappa1), fabs(kappa2)), vec3_norm(growth) / h);
+        curvature[found++] = fmax(size * fmax(fabs(kappa1), fabs(kappa2)), vec3_norm(growth) / h);
     }
     if (found == 0) return INFINITY;
-    qsort(bend, found, sizeof *bend, compare_doubles);
-    return bend[(size_t)(BEND_QUANTILE * (double)(found - 1))];
+    qsort(curvature, found, sizeof *curvature, compare_doubles);
+    return curvature[(size_t)(CURVATURE_QUANTILE * (double)(found - 1))];
 }
 
-/* The share of part c in all points. */
+/* Fraction of all points in part c. */
 static double part_share(const surface *scan, const double *weight, size_t c)
 {
     const components *parts = &scan->parts;
     return (weight[parts->begin[c + 1]] - weight[parts->begin[c]]) / weight[scan->cells];
 }
 
-/* The share in all points of the parts that `count` particles give a packing of their own. Where all parts begin `together`:
- * 1 when each part that has a particle among `all` gets one, and 0 else. */
-static double settled_share(const surface *scan, const double *weight, size_t count, bool together,
+/* Fraction of all points in the parts that get at least MIN_IN_PART of `count` particles. `together` (all parts start on one level): 1
+ * if this holds for each part that has a particle among `all`; otherwise 0. */
+static double started_share(const surface *scan, const double *weight, size_t count, bool together,
                             size_t all)
 {
     double share = 0;
-    if (!scan->parts.order) return (double)count < FEWEST_IN_PART ? 0 : 1;
+    if (!scan->parts.order) return (double)count < MIN_IN_PART ? 0 : 1;
     for (size_t c = 0; c < scan->parts.count; c++) {
         double part = part_share(scan, weight, c);
-        if (part * (double)count >= FEWEST_IN_PART)
+        if (part * (double)count >= MIN_IN_PART)
             share += part;
         else if (together && part * (double)all >= 1)
             return 0;
@@ -78,16 +79,16 @@ static double settled_share(const surface *scan, const double *weight, size_t co
     return together ? 1 : share;
 }
 
-/* The level on which a part gets its first particles. `whole`: of each level, if all parts had some. */
+/* The level on which a part gets its first particles. `whole`: particles of each level if all parts had particles. */
 static int level_of_part(double share, const size_t whole[], int count)
 {
     int level = 0;
-    while (level < count - 1 && share * (double)whole[level] < FEWEST_IN_PART) level++;
+    while (level < count - 1 && share * (double)whole[level] < MIN_IN_PART) level++;
     return level;
 }
 
-/* Sorts the parts by their levels, and shares out the particles of the levels. */
-static bool share_out(level_plan *l, const surface *scan, const double *weight, error *e)
+/* Sorts the parts by level and computes the numbers of particles. */
+static bool assign_parts(level_plan *l, const surface *scan, const double *weight, error *e)
 {
     const char *what = "the levels";
     size_t parts = scan->parts.count, whole[LEVEL_PLAN_MAX], next[LEVEL_PLAN_MAX] = {0};
@@ -119,8 +120,8 @@ static bool share_out(level_plan *l, const surface *scan, const double *weight, 
     return ok;
 }
 
-/* Of a surface with patches each coarser level has twice the spacing, so that its rows have half as many places. Levels that are
- * mostly rows say nothing. */
+/* With patches each coarser level has twice the spacing, so that its curves have half as many samples. A level with more curve samples
+ * than free particles is not used. */
 static bool plan_patches(const field *f, const surface *scan, const solver_params *params, level_plan *l,
                          error *e)
 {
@@ -133,21 +134,21 @@ static bool plan_patches(const field *f, const surface *scan, const solver_param
     found[0] = l->quotas[0];
     l->curves = curve_distance_new(f->patches, false, CURVE_STEP * least * found[0].spacing, e);
     if (!l->curves) return false;
-    double limit = COARSEST_BEND / typical_bend(f, scan, params->sizing, even, params->seed);
+    double limit = MAX_SPACING_CURVATURE / typical_curvature(f, scan, params->sizing, even, params->seed);
     bool coarser = params->coarse_to_fine && params->start != SOLVER_START_GIVEN;
     while (coarser && l->count < LEVEL_PLAN_MAX) {
         quota *next = &found[l->count];
         double spacing = 2 * found[l->count - 1].spacing;
-        if (spacing > (l->count == 1 ? ONLY_COARSER : 1) * limit) break;
+        if (spacing > (l->count == 1 ? SINGLE_LEVEL_FACTOR : 1) * limit) break;
         if (!quota_for_spacing(&in, spacing, params->count, next, e)) {
             quota_free(next);
             return false;
         }
-        if (quota_points(next) < FEWEST_PARTICLES || next->free_count < next->samples.count) {
+        if (quota_points(next) < MIN_PARTICLES || next->free_count < next->samples.count) {
             quota_free(next);
             break;
         }
-        l->quotas[l->count++] = *next; /* so that level_plan_free finds it */
+        l->quotas[l->count++] = *next; /* ownership: level_plan_free */
     }
     for (int k = 0; k < l->count; k++) {
         l->quotas[k] = found[l->count - 1 - k];
@@ -156,7 +157,7 @@ static bool plan_patches(const field *f, const surface *scan, const solver_param
     return true;
 }
 
-bool level_plan_plan(const field *f, const surface *scan, const solver_params *params, level_plan *out,
+bool level_plan_make(const field *f, const surface *scan, const solver_params *params, level_plan *out,
                      error *e)
 {
     const double *weight = sizing_field_weight(params->sizing, scan);
@@ -165,17 +166,17 @@ bool level_plan_plan(const field *f, const surface *scan, const solver_params *p
     if (f->patches) return plan_patches(f, scan, params, out, e);
     if (!params->coarse_to_fine || params->start == SOLVER_START_GIVEN) return true;
     double even = packing_spacing(scan->area, (double)params->count);
-    double coarsest = COARSEST_BEND / typical_bend(f, scan, params->sizing, even, params->seed);
+    double coarsest = MAX_SPACING_CURVATURE / typical_curvature(f, scan, params->sizing, even, params->seed);
     size_t finest_first[LEVEL_PLAN_MAX] = {params->count};
     while (out->count < LEVEL_PLAN_MAX) {
         size_t next = refine_coarser(finest_first[out->count - 1]);
-        double limit = out->count == 1 ? ONLY_COARSER * coarsest : coarsest;
-        if (next < FEWEST_PARTICLES || packing_spacing(scan->area, (double)next) > limit) break;
-        if (settled_share(scan, weight, next, together, params->count) < COARSEST_SHARE) break;
+        double limit = out->count == 1 ? SINGLE_LEVEL_FACTOR * coarsest : coarsest;
+        if (next < MIN_PARTICLES || packing_spacing(scan->area, (double)next) > limit) break;
+        if (started_share(scan, weight, next, together, params->count) < MIN_COARSEST_SHARE) break;
         finest_first[out->count++] = next;
     }
     for (int k = 0; k < out->count; k++) out->particles[k] = finest_first[out->count - 1 - k];
-    return together || !scan->parts.order || out->count == 1 || share_out(out, scan, weight, e);
+    return together || !scan->parts.order || out->count == 1 || assign_parts(out, scan, weight, e);
 }
 
 void level_plan_free(level_plan *l)
@@ -191,7 +192,7 @@ void level_plan_free(level_plan *l)
 size_t level_plan_capacity(const level_plan *l)
 {
     size_t most = level_plan_particles(l, 0);
-    for (int k = 1; k < l->count; k++) { /* before it has its own rows, a level still has the coarser ones */
+    for (int k = 1; k < l->count; k++) { /* refinement starts with the curve samples of the coarser level */
         size_t count = level_plan_particles(l, k),
                before = l->quotas ? l->quotas[k].free_count + l->quotas[k - 1].samples.copies : 0;
         most = count > most ? count : most;
@@ -206,10 +207,11 @@ void level_plan_correct(level_plan *l, size_t edges, size_t on_boundary)
                  missing = 3 * coarsest - (double)edges - (double)on_boundary;
     for (int k = l->count - 2; k >= 0; k--) {
         double finer = (double)(l->particles[k + 1] - l->new_parts[k + 1]), count = finer / 4;
-        for (int step = 0; step < 3; step++) /* the boundary's share depends a little on the count */
+        /* fixed point: the number of boundary particles depends on the count */
+        for (int step = 0; step < 3; step++)
             count = (finer + missing + (double)on_boundary * sqrt(fmax(count, 1) / coarsest)) / 4;
         count = ceil(count);
-        /* a packing that does not resolve its surface has no count of edges to go by */
+        /* bounds: the number of edges is meaningless if the packing does not resolve the surface */
         l->particles[k] = (size_t)fmin(fmax(count, finer / 5), finer / 3);
     }
 }

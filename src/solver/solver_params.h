@@ -1,4 +1,4 @@
-/* solver_params: what a solver is asked for. */
+/* solver_params: parameters of a solve. */
 #ifndef HEXAD_SOLVER_SOLVER_PARAMS_H
 #define HEXAD_SOLVER_SOLVER_PARAMS_H
 
@@ -13,50 +13,48 @@
 #include "sizing/sizing_field.h"
 
 typedef enum solver_start {
-    SOLVER_START_SURFACE, /* in proportion to the area */
-    SOLVER_START_RANDOM,  /* uniform in the domain (formulas) or in the crossing cells (volumes) */
-    SOLVER_START_GIVEN    /* where `given` has them */
+    SOLVER_START_SURFACE, /* on the surface, in proportion to the area */
+    SOLVER_START_RANDOM,  /* uniform in the domain (formulas) or in the crossing grid cells (volumes) */
+    SOLVER_START_GIVEN    /* at `given` */
 } solver_start;
 
 typedef struct solver_params {
-    size_t count; /* exactly this many particles at the end, >= 4; see max_sigma */
+    size_t count; /* >= 4; the exact number of points unless max_sigma > 0 */
     solver_start start;
-    bool random_in_cells; /* with SOLVER_START_RANDOM: in the crossing cells instead of the domain */
-    /* with SOLVER_START_GIVEN: `count` places on the surface and their unit normals, along a curve that
-     * fills space (geometry/morton), as the particles keep this order. They are near their rest, and are
-     * brought there without haste: no coarse levels, no long steps. Only looked at by solver_new. */
+    bool random_in_cells; /* with SOLVER_START_RANDOM: in the crossing grid cells instead of the domain */
+    /* With SOLVER_START_GIVEN: `count` positions on the surface, nearly converged, and their unit normals. They are in the order of a
+     * space-filling curve (geometry/morton), which the particles keep. The solve has no coarse levels and short steps only. The arrays
+     * are read by solver_new only. */
     const vec3 *given, *given_normal;
-    /* with SOLVER_START_GIVEN: a solve that rests with a mean energy above 1 + this, of the ideal, goes on once with the
-     * long steps of a last level, which take out more disorder and move the points farther. 0: it never does */
-    double excess_most;
-    /* of a surface with patches: solver_patch_points of a solve of the same count and spacing, all of them */
+    /* With SOLVER_START_GIVEN: if the mean energy over the ideal energy exceeds 1 + max_excess at convergence, the solve continues
+     * once with the long steps of a last level. They remove more defects and move the points farther. 0: never. */
+    double max_excess;
+    /* With SOLVER_START_GIVEN and patches: patch and place of all solver_patch_points of a solve of the same count and spacing. */
     const uint32_t *given_patch, *given_place;
     uint64_t seed;
-    bool graded; /* (13)(14) */
+    bool graded; /* amplitudes by curvature (13)(14) */
     double d, gamma, nu, kappa_max;
-    const scaled_curvature *curvature; /* of (14), stays the caller's; NULL: the field's own */
-    const sizing_field *sizing;        /* spacing by place, stays the caller's; NULL: even */
+    const scaled_curvature *curvature; /* of (14), owned by the caller; NULL: the field's own */
+    const sizing_field *sizing;        /* requested spacing, owned by the caller; NULL: uniform */
     double sigma;                      /* initial support, world units; 0: that of the ideal packing */
-    /* the control of 6.1, not with coarse_to_fine: from `count` on particles are inserted until the support
-     * is at most max_sigma, and deleted while it is so with fewer, but for min_count. 0: the count is
-     * exact */
+    /* Control of section 6.1, not with coarse_to_fine. Particles are inserted until the support is at most max_sigma (world units).
+     * They are deleted while the support stays below it, down to min_count. 0: the count is exact. */
     double max_sigma;
     size_t min_count;
     bool unbiased;      /* insertion and deletion at random instead of biased by energy */
-    size_t count_limit; /* more than this many particles are more than memory holds; 0: no limit */
-    bool
-        coarse_to_fine; /* solve a quarter of the count first, and so on down, then refine (method "sized") */
-    /* with coarse_to_fine, and either `sizing` or patches: disorder that sweeps leave is taken out by local changes, where a
-     * particle goes and another comes (method.md) */
-    bool mend;
+    size_t count_limit; /* maximum number of particles that the memory limit permits; 0: no limit */
+    /* solve for a quarter of the count first, recursively, then refine (method `sized`) */
+    bool coarse_to_fine;
+    /* With coarse_to_fine and either `sizing` or patches: repair defects that sweeps leave (solver_repair_defects). */
+    bool repair_defects;
     const energy_function *energy; /* NULL: cotangent */
-    /* not NULL: this method, from `count` particles on, of which there are in the end as many as it comes to;
-     * graded: its target radii go with the amplitudes (14) */
+    /* Not NULL: this method, from `count` particles on; the final count follows from its parameters. With `graded`, its target radii are
+     * proportional to the amplitudes (14). */
     const witkin_heckbert_params *witkin_heckbert;
-    isa isa;       /* what the kernels run on */
-    bool gradient; /* steepest descent by `step` (of sigma^2) instead of Levenberg-Marquardt */
-    double step;
-    size_t list_limit; /* bytes that neighbour lists may take */
+    isa isa;           /* instruction set of the kernels */
+    bool gradient;     /* steepest descent by `step` instead of Levenberg-Marquardt */
+    double step;       /* in units of sigma^2 per energy */
+    size_t list_limit; /* maximum size of the neighbour lists, bytes */
     int max_sweeps;
     double step_tolerance;   /* of the rms step over h */
     double energy_tolerance; /* of |E / E_ideal - 1| */

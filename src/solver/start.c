@@ -10,22 +10,22 @@
 #include "packing/packing.h"
 #include "solver/particles/random_streams.h"
 
-/* Points that start anywhere in the domain need a walk; those from cells are nearly there. */
-static const int WALK_STEPS = 50;
-/* A start is good to this fraction of h; the relaxation does the rest. */
-static const double START_ACCEPT = 1e-3;
-/* Draws per particle before the surface is given up: a fifth of random starts may be lost. */
+/* Maximum number of projection steps. Points drawn in the whole domain need many; points drawn in grid cells need few. */
+static const int MAX_STEPS = 50;
+/* Projection tolerance over h. The relaxation refines the projection. */
+static const double TOLERANCE = 1e-3;
+/* Maximum number of draws per particle. (About a fifth of random draws fail.) */
 static const size_t MAX_DRAWS = 1000;
-/* |H| / |grad F| times the size of a cell above this marks a degenerate zero, such as the centre of (15),
- * where the gradient vanishes with F: Newton's method creeps there, but there is no surface. On a surface
- * that its cells resolve the ratio is below 2. */
-static const double DEGENERATE = 50;
-/* Other particles keep this far from boundaries, in h: half of what a row and the next have between them. Where
- * there is no room for that, so many draws try. */
-static const double BOUNDARY_CLEAR = 0.45;
+/* |H| / |grad F| times the grid cell size from which a zero is degenerate: the gradient vanishes with F, and there is no surface.
+ * Example: the centre of (15). If the cells resolve the surface the value is below 2. */
+static const double DEGENERATE_RATIO = 50;
+/* Minimum distance of free particles from boundaries and curves in spacings: half the distance of the first lattice row from a boundary. */
+static const double MIN_BOUNDARY_DISTANCE = 0.45;
+/* Draws after which a particle may be nearer to a boundary: the surface may be too narrow. */
 static const size_t BOUNDARY_DRAWS = 20;
-/* Newton's method that ends farther outside of the surface's box than this times h, or a cell, ran off. */
-static const double FARTHEST = 1.0;
+/* Maximum distance of a projected point from the bounding box of the surface, over h or the grid cell size. Beyond it Newton's method has
+ * diverged. */
+static const double MAX_BOX_DISTANCE = 1.0;
 
 static vec3 random_in_domain(const field *f, rng *r)
 {
@@ -47,7 +47,7 @@ static vec3 random_in_cell(const field *f, size_t cells, rng *r)
     return p;
 }
 
-/* Of a cell that a face of the domain cuts, only what is inside. */
+/* A random point in a random grid cell, inside the domain if the surface is open. */
 static vec3 random_in_cells(const field *f, size_t cells, rng *r)
 {
     vec3 p = random_in_cell(f, cells, r);
@@ -56,7 +56,7 @@ static vec3 random_in_cells(const field *f, size_t cells, rng *r)
     return p;
 }
 
-/* Where particles are drawn from, and what becomes of them. */
+/* Random draws of the initial positions. */
 typedef struct draw_job {
     const field *field;
     const surface *scan;
@@ -64,17 +64,18 @@ typedef struct draw_job {
     const level_plan *plan;
     int level;
     double spacing;
-    bbox near; /* a point that ends outside ran off */
+    bbox near; /* projected points outside are invalid */
     const boundary_request *boundary;
     particles *p;
-    size_t first;        /* the number of those on boundaries, which come before */
-    size_t *patch_first; /* of a surface with patches the first free particle of each */
+    size_t first;        /* the first free particle; samples of boundaries and curves precede */
+    size_t *patch_first; /* per patch: its first free particle; NULL without patches */
     uint64_t seed;
     threads *pool;
-    atomic_size_t drawn_again, lost; /* the first particle that never reached the surface, or the count */
+    atomic_size_t drawn_again; /* failed draws */
+    atomic_size_t lost;        /* the first particle whose draws all failed; the count if there is none */
 } draw_job;
 
-/* A draw for particle i, which is the k-th of the `count` free ones of its patch. */
+/* A random point for particle i, the k-th of `count` free particles of its patch. False: the draw failed. */
 static bool draw_on_patch(const draw_job *job, size_t i, size_t k, size_t count, size_t draw, rng *r, vec3 *x)
 {
     bool stratum = draw == 0 && job->params->start == SOLVER_START_SURFACE;
@@ -84,38 +85,39 @@ static bool draw_on_patch(const draw_job *job, size_t i, size_t k, size_t count,
     return surface_patch_point(job->scan, weight, job->p->patch[i], where, r, x);
 }
 
-/* Whether a place is so near to a curve of its patch that it would push its way into the row there. */
-static bool crowds_curve(const draw_job *job, uint32_t patch, vec3 x)
+/* Whether x is too near to a curve of its patch: the particle would move among the samples of the curve. */
+static bool is_too_near_curve(const draw_job *job, uint32_t patch, vec3 x)
 {
     const boundary_request *request = job->boundary;
-    return curve_distance_at(job->plan->curves, patch, x) < BOUNDARY_CLEAR * boundary_spacing(request, x);
+    return curve_distance_at(job->plan->curves, patch, x) <
+           MIN_BOUNDARY_DISTANCE * boundary_spacing(request, x);
 }
 
-/* Draws particle i, of a surface with patches, until it is on its patch; likewise. */
+/* Draws particle i of a surface with patches until it is on its patch. False: all draws failed, or the pool was stopped. */
 static bool draw_patch_particle(draw_job *job, size_t i, rng *r)
 {
     particles *p = job->p;
     const uint32_t patch = p->patch[i];
     const field *f = particles_field(p, job->field, i);
-    const projection_limits limits = {WALK_STEPS, START_ACCEPT * job->spacing, START_ACCEPT * job->spacing,
-                                      START_ACCEPT * job->spacing};
+    const projection_limits limits = {MAX_STEPS, TOLERANCE * job->spacing, TOLERANCE * job->spacing,
+                                      TOLERANCE * job->spacing};
     for (size_t draw = 0; draw <= MAX_DRAWS && !threads_stopped(job->pool); draw++) {
         vec3 x;
         size_t count = job->plan->quotas[job->level].free[patch];
         if (!draw_on_patch(job, i, i - job->patch_first[patch], count, draw, r, &x)) continue;
-        bool settled = projection_find(f, &limits, &x, &p->normal[i]) && bbox_contains(job->near, x) &&
-                       field_is_within(f, x);
-        if (settled && !(draw < BOUNDARY_DRAWS && crowds_curve(job, patch, x))) {
+        bool projected = projection_find(f, &limits, &x, &p->normal[i]) && bbox_contains(job->near, x) &&
+                         field_is_within(f, x);
+        if (projected && !(draw < BOUNDARY_DRAWS && is_too_near_curve(job, patch, x))) {
             p->position[i] = x;
             return true;
         }
-        atomic_fetch_add(&job->drawn_again, !settled);
+        atomic_fetch_add(&job->drawn_again, !projected);
     }
     return false;
 }
 
-/* Draw number `draw` of particle i of `count`. The surface start takes its k-th stratum of area; strata follow each other
- * through the cells. */
+/* Draw number `draw` of particle i of `count`. The first draw of a surface start is in the i-th stratum of the area; consecutive strata
+ * are near each other. */
 static vec3 draw_point(const draw_job *job, size_t i, size_t count, size_t draw, rng *r,
                        surface_last_cell *last)
 {
@@ -136,39 +138,39 @@ static bool is_degenerate(const field *f, vec3 x)
     if (!field_sample_at(f, x, FIELD_HESSIAN, &s)) return true;
     sym3 h = s.hessian;
     double norm2 = h.xx * h.xx + h.yy * h.yy + h.zz * h.zz + 2 * (h.xy * h.xy + h.xz * h.xz + h.yz * h.yz);
-    double limit = DEGENERATE / f->cell_size;
+    double limit = DEGENERATE_RATIO / f->cell_size;
     return norm2 > limit * limit * vec3_norm2(s.gradient);
 }
 
-/* A draw, onto the surface; those from its own cells are nearly there and need no doubt. */
-static bool settle(const field *f, const solver_params *params, double spacing, bbox near, vec3 *x,
-                   vec3 *normal)
+/* Projects a drawn point onto the surface. False: the projection failed or ended at a degenerate zero. */
+static bool project_draw(const field *f, const solver_params *params, double spacing, bbox near, vec3 *x,
+                         vec3 *normal)
 {
-    const projection_limits limits = {WALK_STEPS, START_ACCEPT * spacing, START_ACCEPT * spacing,
-                                      START_ACCEPT * spacing};
+    const projection_limits limits = {MAX_STEPS, TOLERANCE * spacing, TOLERANCE * spacing,
+                                      TOLERANCE * spacing};
     return projection_find(f, &limits, x, normal) && bbox_contains(near, *x) &&
            (params->start == SOLVER_START_SURFACE || !is_degenerate(f, *x));
 }
 
-/* The first particles, in rows along the boundaries. *count is how many. */
+/* Places the first particles along the boundaries. *count: their number. */
 static bool place_boundary(const surface *scan, const boundary_request *request, particles *p, size_t *count,
                            error *e)
 {
-    boundary row;
-    bool ok = boundary_find(scan, request, &row, e);
-    for (size_t i = 0; ok && i < row.count; i++) {
-        p->position[i] = row.position[i];
-        p->normal[i] = row.normal[i];
+    boundary samples;
+    bool ok = boundary_find(scan, request, &samples, e);
+    for (size_t i = 0; ok && i < samples.count; i++) {
+        p->position[i] = samples.position[i];
+        p->normal[i] = samples.normal[i];
     }
-    *count = ok ? row.count : 0;
-    boundary_free(&row);
+    *count = ok ? samples.count : 0;
+    boundary_free(&samples);
     return ok;
 }
 
-/* Whether a point is so near to a boundary, along the surface, that it would push its way into the row there. */
-static bool crowds_boundary(const field *f, const boundary_request *request, vec3 x, vec3 normal)
+/* Whether x is too near to a boundary along the surface: the particle would move among the boundary particles. */
+static bool is_too_near_boundary(const field *f, const boundary_request *request, vec3 x, vec3 normal)
 {
-    double clear = BOUNDARY_CLEAR * boundary_spacing(request, x);
+    double clear = MIN_BOUNDARY_DISTANCE * boundary_spacing(request, x);
     for (int axis = 0; axis < 3; axis++) {
         double at = vec3_get(x, axis), n = vec3_get(normal, axis), slope = sqrt(fmax(1 - n * n, 0));
         double height =
@@ -178,21 +180,21 @@ static bool crowds_boundary(const field *f, const boundary_request *request, vec
     return false;
 }
 
-/* Draws particle i until it is on the surface; false when it never is, or the pool was told to stop. */
+/* Draws particle i until it is on the surface. False: all draws failed, or the pool was stopped. */
 static bool draw_particle(draw_job *job, size_t i, surface_last_cell *last)
 {
     particles *p = job->p;
-    rng r = rng_seed(job->seed, i); /* of its own: who draws more changes nothing for the others */
+    rng r = rng_seed(job->seed, i); /* per particle: independent of the draws of other particles */
     if (p->patch) return draw_patch_particle(job, i, &r);
     for (size_t draw = 0; draw <= MAX_DRAWS && !threads_stopped(job->pool); draw++) {
         vec3 x = draw_point(job, i - job->first, p->count - job->first, draw, &r, last);
-        bool settled = settle(job->field, job->params, job->spacing, job->near, &x, &p->normal[i]);
-        if (settled && !(job->first > 0 && draw < BOUNDARY_DRAWS &&
-                         crowds_boundary(job->field, job->boundary, x, p->normal[i]))) {
+        bool projected = project_draw(job->field, job->params, job->spacing, job->near, &x, &p->normal[i]);
+        if (projected && !(job->first > 0 && draw < BOUNDARY_DRAWS &&
+                           is_too_near_boundary(job->field, job->boundary, x, p->normal[i]))) {
             p->position[i] = x;
             return true;
         }
-        atomic_fetch_add(&job->drawn_again, !settled);
+        atomic_fetch_add(&job->drawn_again, !projected);
     }
     return false;
 }
@@ -211,8 +213,8 @@ static void draw_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Rows along curves, and labels for the free particles of each patch, which come patch after patch. */
-static bool place_rows(const quota *a, particles *p, size_t *first, size_t **patch_first, error *e)
+/* Places the curve samples and assigns patches to the free particles, patch after patch. */
+static bool place_curve_samples(const quota *a, particles *p, size_t *first, size_t **patch_first, error *e)
 {
     size_t patches = p->patches->count;
     *patch_first = mem_array(patches, sizeof **patch_first, "the start", e);
@@ -231,12 +233,11 @@ static bool place_rows(const quota *a, particles *p, size_t *first, size_t **pat
     return true;
 }
 
-/* The particles on boundaries, before all others: also before random draws, of which many end on the boundaries, run into them
- * from outside, and stay. */
+/* Places the particles on boundaries or curves first. */
 static bool place_first(draw_job *job, error *e)
 {
     if (job->p->patch)
-        return place_rows(&job->plan->quotas[job->level], job->p, &job->first, &job->patch_first, e);
+        return place_curve_samples(&job->plan->quotas[job->level], job->p, &job->first, &job->patch_first, e);
     return place_boundary(job->scan, job->boundary, job->p, &job->first, e);
 }
 
@@ -252,7 +253,7 @@ bool start_place(const field *f, const surface *scan, const solver_params *param
                     .plan = plan,
                     .level = level,
                     .spacing = spacing,
-                    .near = bbox_grow(scan->box, FARTHEST * fmax(spacing, f->cell_size)),
+                    .near = bbox_grow(scan->box, MAX_BOX_DISTANCE * fmax(spacing, f->cell_size)),
                     .boundary = &request,
                     .p = p,
                     .seed = rng_next(&r),

@@ -1,4 +1,4 @@
-/* start: the first positions of particles on a surface. */
+/* start: initial positions of particles on a surface. */
 #ifndef HEXAD_SOLVER_START_H
 #define HEXAD_SOLVER_START_H
 
@@ -6,10 +6,10 @@
 #include "solver/particles/particles.h"
 #include "solver/solver_params.h"
 
-/* Places p->count particles on the parts of the surface that get their first ones on a level, with normals; the first of them in rows along the boundaries of an open
- * surface, unless the start is random. Those that do not reach it, or land where
- * the field degenerates, are taken away and drawn again; *removed counts them. Deterministic in
- * params->seed. Errors: no_surface when too few reach the surface, cancelled (the pool was told to stop). */
+/* Places p->count particles, with normals, on the parts of the surface that get their first particles on a level. The first particles are
+ * samples of the boundaries of an open surface, or of the curves of patches. A particle whose projection fails, or ends at a degenerate
+ * zero of the field, is drawn again; *removed counts these draws. `spacing`: h, world units. Deterministic in params->seed. Errors:
+ * no_surface (too few draws reach the surface), limit_memory, cancelled. */
 bool start_place(const field *f, const surface *scan, const solver_params *params, const level_plan *plan,
                  int level, double spacing, threads *pool, particles *p, size_t *removed, error *e);
 

@@ -1,25 +1,31 @@
-/* support: the support under which particles have the ideal energy (section 6.1). See solver_state.h. */
+/* support: search for the support for which the particles have the ideal energy (section 6.1, adaptation.h). */
 #include "packing/packing.h"
 #include "solver/adaptation.h"
 
-/* The search for the ideal support: within one set of lists it may shrink to this fraction and grow by the
- * other; so many Newton steps settle it to the tolerance, so many sets of lists reach it from anywhere. */
-static const double SHRINK_LIMIT = 0.2, SUPPORT_GROWTH = 0.5, SUPPORT_TOLERANCE = 1e-6;
-enum { SUPPORT_STEPS = 6, SUPPORT_BUILDS = 24 };
+/* Minimum support within one set of lists over the current support. */
+static const double SHRINK_LIMIT = 0.2;
+/* Verlet skin of the lists over the support: the maximum growth within one set of lists. */
+static const double SUPPORT_GROWTH = 0.5;
+/* Relative tolerance of the energy and of the support at its bounds. */
+static const double SUPPORT_TOLERANCE = 1e-6;
+/* Maximum number of Newton steps with one set of lists. */
+enum { SUPPORT_STEPS = 6 };
+/* Maximum number of list builds of a search. */
+enum { SUPPORT_BUILDS = 24 };
 
-/* Bounds of the support, over the spacing. A smaller one has only pairs of nearly coincident particles, whose energy no support
- * lowers. A larger one would be found only where few particles have neighbours on their patch: no support gives them the ideal
- * energy, and under a large one particles do not keep apart. */
-static const double SUPPORT_LEAST = 0.5, SUPPORT_MOST = 3;
+/* Minimum support over the spacing. A smaller support has only pairs of nearly coincident particles. */
+static const double MIN_SUPPORT = 0.5;
+/* Maximum support over the spacing. A larger support results only if few particles have neighbours on their patch. No support gives them
+ * the ideal energy, and a large one does not separate particles. */
+static const double MAX_SUPPORT = 3;
 
-/* A step of Newton's method on log E against log sigma, from a support and the energy under it. */
 double solver_nearer_support(const solver *s, double sigma, double energy)
 {
     return sigma * pow(energy / s->setup.params.energy->ideal, -1 / s->setup.params.energy->ideal_slope);
 }
 
-/* The support under which the particles, where they are, have the ideal energy (6.1: a one-dimensional
- * optimisation), no farther than the lists cover. */
+/* The support for which the particles at their positions have the ideal energy (6.1: a one-dimensional optimisation), within the range of
+ * the lists. */
 static double ideal_support(const solver *s)
 {
     double low = SHRINK_LIMIT * s->state.sigma, high = relax_max_support(s->scratch.relax),
@@ -33,7 +39,7 @@ static double ideal_support(const solver *s)
     return sigma;
 }
 
-/* Grows or shrinks sigma to its ideal, with new lists as often as it leaves the old ones' range; where there is none it stays. */
+/* Builds the lists again whenever sigma reaches their range. */
 bool solver_find_support(solver *s, error *e)
 {
     const double given = s->state.sigma;
@@ -43,8 +49,8 @@ bool solver_find_support(solver *s, error *e)
         if (k > 0 || !relax_has_divergent_normals(s->scratch.relax))
             s->state.skin = fmax(s->state.skin, SUPPORT_GROWTH * s->state.sigma);
         if (!solver_build_lists(s, e)) return false;
-        s->state.sigma = fmin(ideal_support(s), SUPPORT_MOST * s->state.spacing);
-        if (s->state.sigma < SUPPORT_LEAST * s->state.spacing) {
+        s->state.sigma = fmin(ideal_support(s), MAX_SUPPORT * s->state.spacing);
+        if (s->state.sigma < MIN_SUPPORT * s->state.spacing) {
             s->state.sigma = given;
             break;
         }
@@ -55,8 +61,8 @@ bool solver_find_support(solver *s, error *e)
     return true;
 }
 
-/* Lists for the support that was found, held to its bound. Rough surfaces have long lists, and keep those in which it was. */
-bool solver_settle_support(solver *s, bool changed, error *e)
+/* With divergent neighbour normals lists are long: the lists of the search are kept. */
+bool solver_apply_support(solver *s, bool changed, error *e)
 {
     const schedule *given = s->state.regime->schedule;
     if (s->setup.params.max_sigma > 0) s->state.sigma = fmin(s->state.sigma, s->setup.params.max_sigma);

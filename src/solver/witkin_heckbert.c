@@ -42,13 +42,13 @@ double witkin_heckbert_radius_rate(const witkin_heckbert_params *params, const v
 
 double witkin_heckbert_packing(const witkin_heckbert_params *params)
 {
-    /* rings of the hexagonal lattice: squared distance, and how many */
-    static const double ring[][2] = {{1, 6}, {3, 6}, {4, 6}, {7, 12}, {9, 6}, {12, 6}, {13, 12}, {16, 6}};
+    /* shells of the hexagonal lattice: squared distance, number of points */
+    static const double shell[][2] = {{1, 6}, {3, 6}, {4, 6}, {7, 12}, {9, 6}, {12, 6}, {13, 12}, {16, 6}};
     double low = 0.5, high = WITKIN_HECKBERT_REACH;
     for (int k = 0; k < 60; k++) {
         double u = 0.5 * (low + high), sum = 0;
-        for (size_t n = 0; n < sizeof ring / sizeof ring[0]; n++)
-            sum += ring[n][1] * exp(-0.5 * ring[n][0] * u * u);
+        for (size_t n = 0; n < sizeof shell / sizeof shell[0]; n++)
+            sum += shell[n][1] * exp(-0.5 * shell[n][0] * u * u);
         if (sum > params->e_hat)
             low = u;
         else

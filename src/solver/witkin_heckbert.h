@@ -1,17 +1,18 @@
-/* witkin_heckbert: the method that the paper compares itself with (section 3), for comparison.
+/* witkin_heckbert: formulas of the method with which the paper compares itself (section 3). witkin_heckbert_solver.c uses them.
  *
- * Particles repel each other by Gaussians whose radius sigma_i each of them adapts to its own energy; one
- * whose radius is above the target splits, one whose radius is well below it may die. How many there are at
- * the end is the system's affair. Source: Witkin and Heckbert 1994, "Using Particles to Sample and Control
- * Implicit Surfaces", section 4, of which the parameters and their defaults are; without the moving surface.
- * Where amplitudes are given the target radius of each particle is in proportion to its own, as the
- * extensions for curvature do that section 3 discusses.
+ * Particles repel each other by Gaussians. Each particle adapts its radius sigma_i to its energy. A particle with a radius above the target
+ * splits; a particle with a radius well below the target may die. The final count follows from the parameters. With amplitudes, the target
+ * radius of a particle is proportional to its amplitude, as in the extensions by curvature of section 3.
  *
- * Departures: beta is in units of 1 / sigma_i instead of 1 / length, so that surfaces of any size behave
- * alike; Gaussians are cut off at four deviations; a step is no longer than the particle's radius, and one
- * that ends off the surface is projected.
+ * Source: Witkin and Heckbert 1994, "Using Particles to Sample and Control Implicit Surfaces", section 4, with its parameters and defaults;
+ * without the moving surface.
  *
- * These are the formulas; witkin_heckbert_solver.c runs the particles. Pure functions, any thread.
+ * Departures:
+ * - beta is in units of 1 / sigma_i instead of 1 / length: the method does not depend on the size of the surface.
+ * - Gaussians are cut off at four standard deviations.
+ * - A step is at most the particle's radius; a step that ends off the surface is projected.
+ *
+ * World space. Pure functions, any thread.
  */
 #ifndef HEXAD_SOLVER_WITKIN_HECKBERT_H
 #define HEXAD_SOLVER_WITKIN_HECKBERT_H
@@ -26,15 +27,15 @@ typedef struct witkin_heckbert_params {
     double e_hat;     /* desired energy of a particle, over alpha */
     double rho;       /* feedback of the energy: dD/dt = -rho (D - E_hat) */
     double phi;       /* feedback of the constraint: dF/dt = -phi F */
-    double beta;      /* keeps sigma' finite where a particle has no neighbours; over 1 / sigma_i */
+    double beta;      /* keeps sigma' finite for a particle without neighbours; over 1 / sigma_i */
     double dt;        /* time step of Euler's method */
     double gamma;     /* near equilibrium: |p'| < gamma sigma_i */
     double nu;        /* a particle may split when its energy is above nu E_hat */
     double delta;     /* it may die when sigma_i < delta sigma_hat */
-    double sigma_max; /* it splits above this in any case, world units; 0: half of the surface's size */
+    double sigma_max; /* above this radius it always splits, world units; 0: half of the surface's size */
 } witkin_heckbert_params;
 
-/* What particle i feels. */
+/* Sums over the neighbours of particle i. */
 typedef struct witkin_heckbert_terms {
     double energy; /* D_i, the sum of E_ij */
     vec3 push;     /* P_i = -sigma_i^2 dE/dp_i, with E_i = sum of E_ij + E_ji */
@@ -42,10 +43,11 @@ typedef struct witkin_heckbert_terms {
     size_t near;   /* particles within its Gaussian */
 } witkin_heckbert_terms;
 
+/* `list`: the neighbours of particle i within WITKIN_HECKBERT_REACH times the largest radius. */
 void witkin_heckbert_sum(const witkin_heckbert_params *params, const vec3 *x, const double *sigma, size_t i,
                          const uint32_t *list, size_t count, witkin_heckbert_terms *out);
 
-/* sigma_i': what makes D_i follow its feedback, given how everyone moves. */
+/* sigma_i': the rate for which D_i follows its feedback under the velocities of all particles. */
 double witkin_heckbert_radius_rate(const witkin_heckbert_params *params, const vec3 *x, const vec3 *velocity,
                                    const double *sigma, size_t i, const uint32_t *list, size_t count,
                                    const witkin_heckbert_terms *terms);
@@ -53,7 +55,7 @@ double witkin_heckbert_radius_rate(const witkin_heckbert_params *params, const v
 /* Distance of neighbours over sigma in a hexagonal packing whose particles have the desired energy. */
 double witkin_heckbert_packing(const witkin_heckbert_params *params);
 
-/* Gaussians end at this many deviations. */
+/* Cut-off of the Gaussians in standard deviations: the value there is 3e-4 of the maximum. */
 #define WITKIN_HECKBERT_REACH 4.0
 
 #endif

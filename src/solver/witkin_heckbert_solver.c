@@ -1,5 +1,4 @@
-/* witkin_heckbert_solver: particles under the method of Witkin and Heckbert, the entry solver_witkin_heckbert of the table in
- * solver_state.h. The formulas are witkin_heckbert.c's. */
+/* witkin_heckbert_solver: the method of Witkin and Heckbert as a solver_method (solver_state.h). Formulas: witkin_heckbert.c. */
 #include <assert.h>
 #include <math.h>
 #include <stdlib.h>
@@ -13,43 +12,45 @@
 #include "solver/particles/random_streams.h"
 #include "solver/solver_state.h"
 
-/* Lists reach this much farther than the widest Gaussian, of the mean radius. */
+/* Verlet skin of the lists beyond the widest Gaussian, over the mean radius. */
 static const double SKIN = 0.5;
-/* Twins begin this far from where their particle was, of its radius. */
+/* Distance of twins from the position of their particle over its radius. */
 static const double TWIN_OFFSET = 0.5;
-/* In one step a radius changes by this factor at most, and it stays below so many sigma_max: one who cannot
- * split must not grow for ever. */
-static const double RADIUS_FACTOR = 2, RADIUS_MOST = 2;
-/* A step that leaves a particle farther off the surface than this, of its radius, is projected. */
-static const double OFF_SURFACE = 0.05;
-static const int PROJECT_STEPS = 5;
-/* At rest: no one has split or died for so many steps. */
+/* Maximum factor on a radius in one step. */
+static const double RADIUS_FACTOR = 2;
+/* Maximum radius over sigma_max: limits the growth of a particle whose split fails. */
+static const double MAX_RADIUS = 2;
+/* Maximum distance of a particle from the surface over its radius; beyond it the step is projected. */
+static const double MAX_OFF_SURFACE = 0.05;
+/* Maximum number of projection steps. */
+static const int MAX_PROJECTION_STEPS = 5;
+/* Convergence requires this number of steps without fission and death. */
 enum { QUIET_STEPS = 100 };
-/* Rounds of the report have at least so many steps. */
+/* Minimum number of steps of a round of the report. */
 enum { ROUND_STEPS = 50 };
-/* Curvatures sampled to find the scale of varied radii. */
+/* Number of samples of the amplitude for the scale of varied radii. */
 enum { SCALE_SAMPLES = 2000 };
 
 typedef struct witkin_heckbert_state {
     witkin_heckbert_params params;
-    energy_function energy; /* for who asks what the ideal is */
-    double packing;
-    double band;      /* mean radius over the target: the middle of where nobody splits or dies */
-    double sigma_hat; /* the target radius; of an amplitude of 1 when it varies */
+    energy_function energy; /* Gaussian; its ideal is the desired energy */
+    double packing;         /* spacing over sigma of the ideal packing */
+    double band; /* mean radius over the target radius: the middle of the range without fission and death */
+    double sigma_hat; /* target radius for an amplitude of 1 */
     double sigma_max;
     size_t capacity;
     double *sigma;
-    vec3 *velocity, *place, *normal; /* of a step, before it is taken */
-    vec3 *anchor;                    /* position when the lists were built */
-    double *grown;                   /* likewise sigma */
+    vec3 *velocity, *place, *normal; /* of the next step; place: the new position */
+    vec3 *anchor;                    /* position at the last list build */
+    double *grown;                   /* the next sigma */
     witkin_heckbert_terms *terms;
     bool *dies, *splits;
-    bool *refused; /* no place was found for it in this step */
+    bool *refused; /* the step failed: the particle does not move */
     neighbours *near;
     double cutoff; /* of the lists */
     bool lists_stale;
-    rng life;
-    int quiet; /* steps since someone split or died */
+    rng life;  /* random numbers of fission and death */
+    int quiet; /* steps since the last fission or death */
     size_t round_inserted, round_deleted;
 } witkin_heckbert_state;
 
@@ -77,44 +78,43 @@ static void release(solver *s)
     s->state.witkin_heckbert = NULL;
 }
 
-/* Room for `capacity` particles; radii stay, the rest is of one step only. */
+/* Increases the capacity; keeps sigma, splits and dies. Other arrays are valid within one step only. */
 static bool reserve(solver *s, size_t capacity, error *e)
 {
-    witkin_heckbert_state *w = s->state.witkin_heckbert, bigger = *w;
+    witkin_heckbert_state *w = s->state.witkin_heckbert, larger = *w;
     const char *what = "particles";
     if (capacity <= w->capacity) return true;
-    size_t limit = s->setup.params.count_limit, roomy = capacity + capacity / 2;
-    if (limit > 0 && roomy > limit && capacity <= limit) roomy = limit;
-    if (!solver_reserve(s, roomy, e)) return false;
-    bigger.capacity = roomy;
-    bigger.sigma = mem_array(roomy, sizeof *bigger.sigma, what, e);
-    bigger.velocity = mem_array(roomy, sizeof *bigger.velocity, what, e);
-    bigger.place = mem_array(roomy, sizeof *bigger.place, what, e);
-    bigger.normal = mem_array(roomy, sizeof *bigger.normal, what, e);
-    bigger.grown = mem_array(roomy, sizeof *bigger.grown, what, e);
-    bigger.terms = mem_array(roomy, sizeof *bigger.terms, what, e);
-    bigger.dies = mem_array(roomy, sizeof *bigger.dies, what, e);
-    bigger.splits = mem_array(roomy, sizeof *bigger.splits, what, e);
-    bigger.anchor = mem_array(roomy, sizeof *bigger.anchor, what, e);
-    bigger.refused = mem_array(roomy, sizeof *bigger.refused, what, e);
-    bigger.near = neighbours_new(roomy, s->setup.params.list_limit, e);
-    if (!bigger.sigma || !bigger.velocity || !bigger.place || !bigger.normal || !bigger.grown ||
-        !bigger.terms || !bigger.dies || !bigger.splits || !bigger.anchor || !bigger.refused ||
-        !bigger.near) {
-        free_columns(&bigger);
+    size_t limit = s->setup.params.count_limit, extended = capacity + capacity / 2;
+    if (limit > 0 && extended > limit && capacity <= limit) extended = limit;
+    if (!solver_reserve(s, extended, e)) return false;
+    larger.capacity = extended;
+    larger.sigma = mem_array(extended, sizeof *larger.sigma, what, e);
+    larger.velocity = mem_array(extended, sizeof *larger.velocity, what, e);
+    larger.place = mem_array(extended, sizeof *larger.place, what, e);
+    larger.normal = mem_array(extended, sizeof *larger.normal, what, e);
+    larger.grown = mem_array(extended, sizeof *larger.grown, what, e);
+    larger.terms = mem_array(extended, sizeof *larger.terms, what, e);
+    larger.dies = mem_array(extended, sizeof *larger.dies, what, e);
+    larger.splits = mem_array(extended, sizeof *larger.splits, what, e);
+    larger.anchor = mem_array(extended, sizeof *larger.anchor, what, e);
+    larger.refused = mem_array(extended, sizeof *larger.refused, what, e);
+    larger.near = neighbours_new(extended, s->setup.params.list_limit, e);
+    if (!larger.sigma || !larger.velocity || !larger.place || !larger.normal || !larger.grown ||
+        !larger.terms || !larger.dies || !larger.splits || !larger.anchor || !larger.refused ||
+        !larger.near) {
+        free_columns(&larger);
         return false;
     }
-    if (w->sigma) memcpy(bigger.sigma, w->sigma, s->state.p->count * sizeof *w->sigma);
-    if (w->splits) memcpy(bigger.splits, w->splits, w->capacity * sizeof *w->splits);
-    if (w->dies) memcpy(bigger.dies, w->dies, w->capacity * sizeof *w->dies);
+    if (w->sigma) memcpy(larger.sigma, w->sigma, s->state.p->count * sizeof *w->sigma);
+    if (w->splits) memcpy(larger.splits, w->splits, w->capacity * sizeof *w->splits);
+    if (w->dies) memcpy(larger.dies, w->dies, w->capacity * sizeof *w->dies);
     free_columns(w);
-    *w = bigger;
+    *w = larger;
     w->lists_stale = true;
     return true;
 }
 
-/* Spacing over amplitude with which the count comes out as it would be with even spacing: the root of the
- * mean of alpha^-2 over the area. */
+/* Spacing over amplitude for which the count equals that of a uniform spacing: the root of the mean of alpha^-2 over the area. */
 static double amplitude_scale(const solver *s)
 {
     if (!s->setup.params.graded) return 1;
@@ -170,7 +170,7 @@ static double widest_radius(const solver *s)
     return widest;
 }
 
-/* New lists when particles came, went, or moved or grew farther than the old ones reach. */
+/* Builds the lists again after fission or death, or if displacements or radii exceed their reach. */
 static bool update_lists(solver *s, error *e)
 {
     witkin_heckbert_state *w = s->state.witkin_heckbert;
@@ -189,7 +189,7 @@ static bool update_lists(solver *s, error *e)
     return true;
 }
 
-/* Forces, and the velocities that they and the constraint give (2). */
+/* Forces, and the velocities by forces and constraint (2). */
 static void velocity_chunk(void *context, int worker, size_t begin, size_t end)
 {
     solver *s = context;
@@ -214,9 +214,8 @@ static void velocity_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Where Euler's step ends, put back onto the surface if that is too far from it; the velocity becomes that
- * which took it there, so that radii follow what happens: at creases and boundaries it is not what the forces
- * wanted. A place that cannot be had is not taken. */
+/* Euler step to `place`, projected if it is too far from the surface. If the projection fails, the particle does not move. The velocity
+ * becomes the actual displacement over dt, so that the radii follow it: at edges and boundaries it differs from that of the forces. */
 static void place_chunk(void *context, int worker, size_t begin, size_t end)
 {
     solver *s = context;
@@ -225,7 +224,8 @@ static void place_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t i = begin; i < end; i++) {
         double sigma = w->sigma[i], length = w->params.dt * vec3_norm(w->velocity[i]);
         double share = length > sigma ? sigma / length : 1;
-        const projection_limits limits = {PROJECT_STEPS, OFF_SURFACE * sigma, 0, OFF_SURFACE * sigma};
+        const projection_limits limits = {MAX_PROJECTION_STEPS, MAX_OFF_SURFACE * sigma, 0,
+                                          MAX_OFF_SURFACE * sigma};
         vec3 old = s->state.p->position[i], x = vec3_axpy(share * w->params.dt, w->velocity[i], old);
         w->normal[i] = s->state.p->normal[i];
         w->refused[i] = !projection_find(s->setup.field, &limits, &x, &w->normal[i]) ||
@@ -247,11 +247,10 @@ static void grow_chunk(void *context, int worker, size_t begin, size_t end)
             witkin_heckbert_radius_rate(&w->params, s->state.p->position, w->velocity, w->sigma, i,
                                         neighbours_list(w->near, i), w->near->list_count[i], &w->terms[i]);
         double grown = fmin(fmax(sigma + w->params.dt * rate, sigma / RADIUS_FACTOR), sigma * RADIUS_FACTOR);
-        w->grown[i] = fmin(grown, RADIUS_MOST * w->sigma_max);
+        w->grown[i] = fmin(grown, MAX_RADIUS * w->sigma_max);
     }
 }
 
-/* Everyone at once. */
 static void take_step(solver *s)
 {
     witkin_heckbert_state *w = s->state.witkin_heckbert;
@@ -262,30 +261,30 @@ static void take_step(solver *s)
     }
 }
 
-/* Who splits and who dies, by the radii and energies of this step. */
-static void judge(solver *s, size_t *splits, size_t *deaths)
+/* Sets splits and dies by the radii and energies of this step. */
+static void choose_fission_and_death(solver *s, size_t *splits, size_t *deaths)
 {
     witkin_heckbert_state *w = s->state.witkin_heckbert;
     const witkin_heckbert_params *params = &w->params;
     *splits = *deaths = 0;
     for (size_t i = 0; i < s->state.p->count; i++) {
         double sigma = w->sigma[i], target = target_radius(s, i);
-        bool still = vec3_norm(w->velocity[i]) < params->gamma * sigma;
+        bool is_slow = vec3_norm(w->velocity[i]) < params->gamma * sigma;
         bool filled = (double)s->state.p->energy[i] > params->nu * w->energy.ideal && sigma > target;
-        w->splits[i] = still && (sigma > w->sigma_max || filled);
-        w->dies[i] = still && sigma < params->delta * target &&
+        w->splits[i] = is_slow && (sigma > w->sigma_max || filled);
+        w->dies[i] = is_slow && sigma < params->delta * target &&
                      rng_uniform(&w->life) > sigma / (params->delta * target);
         *splits += w->splits[i];
         *deaths += w->dies[i];
     }
 }
 
-/* Fission and death; *inserted and *deleted say how many. The last four stay. */
-static bool live(solver *s, size_t *inserted, size_t *deleted, error *e)
+/* Fission and death; *inserted and *deleted: their numbers. At least four particles remain. */
+static bool fission_and_death(solver *s, size_t *inserted, size_t *deleted, error *e)
 {
     witkin_heckbert_state *w = s->state.witkin_heckbert;
     size_t before = s->state.p->count, splits, deaths;
-    judge(s, &splits, &deaths);
+    choose_fission_and_death(s, &splits, &deaths);
     *inserted = *deleted = 0;
     if (before + splits < deaths + 4) deaths = 0;
     if (splits + deaths == 0) return true;
@@ -310,8 +309,8 @@ static bool live(solver *s, size_t *inserted, size_t *deleted, error *e)
     return true;
 }
 
-static void note_step(solver *s, size_t inserted, size_t deleted, double energy, double rms,
-                      uint64_t rejected)
+static void record_step(solver *s, size_t inserted, size_t deleted, double energy, double rms,
+                        uint64_t rejected)
 {
     witkin_heckbert_state *w = s->state.witkin_heckbert;
     s->record.sweep[s->record.sweep_count++] =
@@ -349,24 +348,23 @@ static bool step(solver *s, error *e)
     double rms = w->params.dt * sqrt(squares / n) / s->state.spacing;
     s->state.sigma = radii / n;
     size_t inserted, deleted;
-    if (!live(s, &inserted, &deleted, e)) return false;
+    if (!fission_and_death(s, &inserted, &deleted, e)) return false;
     w->quiet = inserted + deleted > 0 ? 0 : w->quiet + 1;
-    /* what a unit of time would bring is what is left to go; Euler's step is a small part of that */
+    /* the remaining displacement is estimated by that of a unit of time, not by that of the Euler step */
     if (w->quiet >= QUIET_STEPS && rms < s->setup.params.step_tolerance * w->params.dt)
         s->state.outcome = solver_is_on_target(s, energy / n) && s->state.p->count == s->setup.params.count
                                ? SOLVER_CONVERGED
                                : SOLVER_STALLED;
     else if (s->record.sweep_count + 1 == (size_t)s->setup.params.max_sweeps)
         s->state.outcome = SOLVER_OUT_OF_SWEEPS;
-    note_step(s, inserted, deleted, energy / n, rms, rejected);
+    record_step(s, inserted, deleted, energy / n, rms, rejected);
     s->state.fraction = (double)s->record.sweep_count / (double)s->setup.params.max_sweeps;
     return true;
 }
 
 /* ---- the end ---- */
 
-/* Energies and neighbours are those of the particles' own Gaussians; the spacing that was asked for is that
- * of the target radii. */
+/* Energies and neighbours are those of the particles' own Gaussians; the requested spacing is that of the target radii. */
 static bool describe(solver *s, error *e)
 {
     witkin_heckbert_state *w = s->state.witkin_heckbert;
@@ -376,7 +374,7 @@ static bool describe(solver *s, error *e)
     threads_run(s->setup.pool, n, 256, velocity_chunk, s);
     double *spacing = solver_column(s, COLUMN_SPACING), *energy = solver_column(s, COLUMN_ENERGY);
     s->record.out.mean_energy = 0;
-    s->record.out.step_left = s->record.out.step_to_rest = NAN; /* it goes by forces, not by (12) */
+    s->record.out.step_left = s->record.out.step_without_kinks = NAN; /* there are no Newton steps (12) */
     for (size_t i = 0; i < n; i++) {
         s->record.out.mean_energy += w->terms[i].energy / (double)n;
         near += w->terms[i].near;

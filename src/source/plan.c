@@ -20,7 +20,7 @@ static const double BYTES_PER_GRID_POINT = 200;
 static const double BYTES_PER_CARRIED = 800;
 /* Of mending: lists and cells of all, and the pieces that are tried together, which a worker's bench adds little to. */
 static const double BYTES_PER_MENDED = 160, MENDING_BYTES = 5e6;
-/* Of more than so many there is no pass, however much is out of order (repair_defects.c: PASSES_MOST, PASSES_COUNT). */
+/* Of more than so many there is no pass, however much is out of order (repair_defects.c: MAX_PASSES, PASSES_COUNT). */
 static const double MENDED_MOST = 2.4e6;
 /* Of the preview's pixels: two pictures, and what each shows. */
 static const double BYTES_PER_PIXEL = 15;

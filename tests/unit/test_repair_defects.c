@@ -127,7 +127,7 @@ static solved solve(const ball *b, bool mend, int workers)
                                    .seed = 1,
                                    .sizing = sizing,
                                    .coarse_to_fine = true,
-                                   .mend = mend,
+                                   .repair_defects = mend,
                                    .max_sweeps = 5000,
                                    .list_limit = SIZE_MAX,
                                    .step_tolerance = 3e-3,

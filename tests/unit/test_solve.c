@@ -138,7 +138,7 @@ static void result_of_even_spacing_agrees_with_brute_force(void **state)
     check_torus_geometry(&x);
     check_area(&x);
     assert_true(x.points->step_left <= params.step_tolerance &&
-                x.points->step_to_rest <= x.points->step_left);
+                x.points->step_without_kinks <= x.points->step_left);
     solve_free(&x);
     analytic_free(a);
 }

@@ -170,8 +170,9 @@ static double side_length(const boundary_request *r, vec3 a, vec3 b)
     return vec3_norm(vec3_sub(b, a)) / relative_spacing(r, vec3_scale(vec3_add(a, b), 0.5));
 }
 
-/* The curve that starts with segment end `first`. Its segments are marked as seen. */
-static void trace_curve(const boundary_request *r, const segments *all, size_t first, bool *seen, curve *out)
+/* The curve that starts with segment end `first`. Its segments are marked as visited. */
+static void trace_curve(const boundary_request *r, const segments *all, size_t first, bool *visited,
+                        curve *out)
 {
     size_t at = first;
     out->count = 0;
@@ -180,11 +181,11 @@ static void trace_curve(const boundary_request *r, const segments *all, size_t f
     do {
         size_t other = at ^ 1;
         vec3 x = all->item[other / 2].end[other % 2];
-        seen[at / 2] = true;
+        visited[at / 2] = true;
         out->length += side_length(r, out->point[out->count - 1], x);
         out->point[out->count++] = x;
         at = all->partner[other];
-    } while (at != NONE && !seen[at / 2]);
+    } while (at != NONE && !visited[at / 2]);
     out->closed = at == first;
 }
 
@@ -256,10 +257,10 @@ typedef struct curves {
 /* Appends the curves that consist of the segments to a list. */
 static bool collect_curves(const boundary_request *r, const segments *all, curves *list, error *e)
 {
-    bool *seen = mem_array(all->count, sizeof *seen, WHAT, e);
+    bool *visited = mem_array(all->count, sizeof *visited, WHAT, e);
     vec3 *points = mem_array(all->count + 1, sizeof *points, WHAT, e);
     curve *larger = mem_array(list->count + all->count, sizeof *larger, WHAT, e);
-    bool ok = seen && points && larger;
+    bool ok = visited && points && larger;
     if (ok) {
         if (list->count) memcpy(larger, list->item, list->count * sizeof *larger);
         free(list->item);
@@ -269,15 +270,15 @@ static bool collect_curves(const boundary_request *r, const segments *all, curve
     for (int closed = 0; ok && closed < 2; closed++) /* open curves first, from one of their ends */
         for (size_t k = 0; ok && k < 2 * all->count; k++) {
             curve c = {.point = points};
-            if (seen[k / 2] || (!closed && all->partner[k] != NONE)) continue;
-            trace_curve(r, all, k, seen, &c);
+            if (visited[k / 2] || (!closed && all->partner[k] != NONE)) continue;
+            trace_curve(r, all, k, visited, &c);
             c.point = mem_array(c.count, sizeof *c.point, WHAT, e);
             ok = c.point != NULL;
             if (!ok) break;
             memcpy(c.point, points, c.count * sizeof *c.point);
             list->item[list->count++] = c;
         }
-    free(seen);
+    free(visited);
     free(points);
     free(larger);
     return ok;

@@ -311,8 +311,8 @@ static bool sample_corners(layout *l, const field *f, curve_samples *out, error 
         const uint32_t corner = l->ends[k].merge_target;
         if (!add_sample(l, l->ends[k].at, l->ends[k].curve, out, e)) return false;
         l->corner_sample[corner] = (uint32_t)(out->count - 1);
-        for (; k < l->end_count && l->ends[k].merge_target == corner;
-             k++) { /* each patch has two ends here */
+        /* each patch has two ends here */
+        for (; k < l->end_count && l->ends[k].merge_target == corner; k++) {
             const field_curve *c = &l->patches->curve[l->ends[k].curve];
             const uint32_t curve = l->ends[k].curve;
             const bool within = l->ends[k].corner != corner && /* both ends of the curve have this sample */

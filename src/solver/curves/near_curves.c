@@ -38,8 +38,8 @@ typedef struct merging {
     curve_samples *samples;
     segment *segments; /* ascending along the axis */
     size_t segment_count;
-    uint32_t (*segments_of)
-        [2]; /* per sample of a curve: the segment that starts and the segment that ends there, or NONE */
+    /* per sample of a curve: the segment that starts and the segment that ends there, or NONE */
+    uint32_t (*segments_of)[2];
     box_tree *tree;     /* of the segments */
     size_t *first_copy; /* per sample and one more: its first copy */
     uint32_t *target;   /* per sample: the sample it is merged into; itself if it remains */

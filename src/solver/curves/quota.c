@@ -229,7 +229,7 @@ static bool distribute(const quota_input *in, double cells, const unsigned char 
 {
     size_t patches = in->field->patches->count;
     out->free = mem_array(patches, sizeof *out->free, WHAT, e);
-    double *weight = mem_array(patches, sizeof *weight, WHAT, e), sum = 0, seen = 0;
+    double *weight = mem_array(patches, sizeof *weight, WHAT, e), sum = 0, partial_sum = 0;
     bool ok = out->free && weight;
     for (size_t k = 0; ok && k < patches; k++) {
         weight[k] = rule[k] == PROPORTIONAL ? fmax(free_cells(in, &out->samples, k, cells), 0) : 0;
@@ -240,9 +240,9 @@ static bool distribute(const quota_input *in, double cells, const unsigned char 
     for (size_t k = 0; ok && !(sum > 0) && k < patches; k++) weight[k] = share_of(in, k);
     if (!(sum > 0)) sum = 1;
     for (size_t k = 0; ok && k < patches; k++) { /* differences of rounded partial sums: the total is exact */
-        double before = round(seen);
-        seen = k + 1 < patches ? seen + weight[k] * ((double)count / sum) : (double)count;
-        out->free[k] += (uint32_t)fmax(round(seen) - before, 0);
+        double before = round(partial_sum);
+        partial_sum = k + 1 < patches ? partial_sum + weight[k] * ((double)count / sum) : (double)count;
+        out->free[k] += (uint32_t)fmax(round(partial_sum) - before, 0);
         out->free_count += out->free[k];
     }
     free(weight);

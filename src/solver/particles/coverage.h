@@ -16,8 +16,8 @@
 /* Number of parts that coverage_measure distinguishes: the patches; 1 without patches. */
 size_t coverage_parts(const surface *scan);
 
-/* Raises farthest[k] of each part to the largest distance of a place of the part from the nearest of `count` > 0 points of any
- * patch, in spacings of that point. `spacing`: per point, > 0. A larger initial value makes the test faster. Errors:
+/* Raises farthest[k] of each part to the largest distance of its places from the nearest point, in spacings of that point. The
+ * nearest point may belong to any patch. `count` > 0; `spacing`: per point, > 0. A larger initial value makes the test faster. Errors:
  * limit_memory, cancelled. Deterministic for any number of threads. */
 bool coverage_measure(const surface *scan, const vec3 *position, const double *spacing, size_t count,
                       threads *pool, double *farthest, error *e);

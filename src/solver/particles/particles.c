@@ -175,7 +175,7 @@ static void copy_chunk(void *context, int worker, size_t begin, size_t end)
 /* Entries per task of the thread pool: large compared with the cost of a task. */
 enum { GRAIN = 8192 };
 
-/* Permutes an array in place. `room`: buffer of `count` entries. */
+/* Permutes an array in place. `buffer`: memory for `count` entries. */
 static void arrange(void *array, size_t size, const uint32_t *order, size_t count, char *buffer,
                     threads *pool)
 {

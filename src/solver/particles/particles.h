@@ -23,8 +23,8 @@ typedef struct particles {
     bool *near_boundary;
     /* The following are NULL for a surface without patches. A point on a curve is one particle for each incident patch. */
     const field_patches *patches;
-    uint32_t
-        *patch; /* the patch it belongs to; relocation may change it, a step of the relaxation never does */
+    /* the patch it belongs to; relocation may change it, a step of the relaxation never does */
+    uint32_t *patch;
     uint32_t *hint;  /* location on its patch: sample_patch_lanes of field_ops */
     uint32_t *place; /* the curve sample that fixes it (curve_samples), PARTICLES_FREE or PARTICLES_PINNED */
 } particles;

@@ -36,8 +36,8 @@ typedef struct relocation_input {
     uint32_t *near;    /* per place: a point to test first, any number; receives the nearest point found */
     double gap;        /* minimum distance of a place from all points, in spacings; 0: RELOCATION_GAP */
     const bool *immovable; /* per point: it must not move; NULL: all may */
-    double
-        dense; /* a point with another within this distance is over-dense, in spacings; 0: RELOCATION_DENSE */
+    /* a point with another within this distance is over-dense, in spacings; 0: RELOCATION_DENSE */
+    double dense;
 } relocation_input;
 
 /* Computes *moves relocations, each point and each place at most once. Free *out. Error: limit_memory. */

@@ -22,8 +22,8 @@ static const double TOLERANCE = 1e-3;
 static const double SHORTCUT = 0.02;
 /* Maximum number of random draws per missing particle. */
 static const int MAX_DRAWS = 1000;
-/* Minimum distance of new particles from the curves of their patch over the coarse spacing: 0.45 finer spacings, half the distance
- * of the first lattice row from a curve. */
+/* Minimum distance of new particles from the curves of their patch, over the coarse spacing. The value is 0.45 finer spacings: half
+ * the distance of the first lattice row from a curve. */
 static const double MIN_CURVE_DISTANCE = 0.5 * 0.45;
 /* Random draws after which a missing particle may be nearer to a curve. */
 enum { CURVE_DRAWS = 20 };
@@ -384,8 +384,8 @@ static vec3 place_on_arc(const particles *p, const edge *e, vec3 place)
     return length > 0 ? vec3_axpy(depth / length, up, place) : place;
 }
 
-/* Projects one midpoint. If that fails, projects from the arc over the edge: edges of a coarse level may leave the region where F is
- * known, such as the narrow band of a level set. *hint: a location nearby on the field. */
+/* Projects one midpoint. If that fails, projects from the arc over the edge. (Edges of a coarse level may leave the region where F is
+ * known, such as the narrow band of a level set.) *hint: a location nearby on the field. */
 static bool project_midpoint(const midpoint_job *job, midpoint_lanes *m, int l, uint32_t *hint)
 {
     const double h = m->unit[l];

@@ -37,8 +37,8 @@ typedef struct refine_patches {
  * `m`, `spacing`: the mesh of these particles, which have not moved since, and its spacing. `m` is invalid afterwards.
  * Deterministic for any number of threads. Errors: limit_memory, no_surface, cancelled.
  *
- * With `patches` (NULL without) each patch gets its quota, edges along a curve get no particle, and the curve samples are replaced
- * by those of the finer level. `count` is then the number of free particles. */
+ * With `patches` (NULL without) each patch gets its quota. Edges along a curve get no particle. The curve samples are replaced by
+ * those of the finer level. `count` is then the number of free particles. */
 bool refine_particles(const field *f, const surface *scan, const sizing_field *sizing,
                       const refine_patches *patches, refine_mesh *m, particles *p, size_t count,
                       double spacing, uint64_t seed, threads *pool, error *e);

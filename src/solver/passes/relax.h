@@ -40,10 +40,10 @@ typedef struct relax_params {
     double omega;     /* over-relaxation factor of the step; 1: as in the paper */
     double fast_step; /* maximum step of the fast kernel over h size; it is taken without an energy test */
     double gain;      /* minimum relative decrease of a particle's energy by a trial */
-    bool
-        shaken; /* early sweeps of a level: on triangles, a trial is accepted by the energy in the tangent plane alone */
-    bool
-        may_skip; /* with the fast kernel: skip converged particles with converged neighbours (relax_allow_skipping) */
+    /* early sweeps of a level: on triangles, a trial is accepted by the energy in the tangent plane alone */
+    bool shaken;
+    /* with the fast kernel: skip converged particles with converged neighbours (relax_allow_skipping) */
+    bool may_skip;
 } relax_params;
 
 typedef struct relax_sums {
@@ -53,8 +53,8 @@ typedef struct relax_sums {
     double max_step;   /* over h size */
     uint64_t rejected; /* rejected trials */
     size_t limited;    /* particles whose step is limited by the validity of the lists; build them again */
-    double
-        displaced_step; /* rms step over h size of the displaced particles (relax_mark_displaced); 0: there are none */
+    /* rms step over h size of the displaced particles (relax_mark_displaced); 0: there are none */
+    double displaced_step;
     size_t displaced_limited; /* displaced particles among `limited` */
 } relax_sums;
 
@@ -102,8 +102,8 @@ double relax_packing_energy(relax *r, particles *p, double sigma);
 
 typedef struct relax_steps {
     double all;
-    double
-        without_kinks; /* without particles that have converged on a kink, such as an edge between facets */
+    /* without particles that have converged on a kink, such as an edge between facets */
+    double without_kinks;
 } relax_steps;
 
 /* The rms of the Newton steps (12) of the particles at their positions, over spacing and size. Measures the distance to convergence.

@@ -5,7 +5,7 @@
 
 #include "field/projection.h"
 
-/* log10 of the damping of a step from which a particle is projected more exactly, if the energy is smooth: the error of its position
+/* log10 of the damping of a step from which a particle with a smooth energy is projected more exactly: the error of its position
  * misleads the step. At edges and boundaries such damping is normal. */
 static const double MISLED_LAMBDA = 2;
 /* Minimum distance over sigma at which the potential is evaluated for the turning of normals; it is singular at 0. */
@@ -31,8 +31,8 @@ typedef struct step_input {
     /* The surface may have facets with interpolated normals. A step in the tangent plane ends off the facet. The forces, which are
      * computed in the plane, do not give the change of energy on the facet. */
     bool faceted;
-    bool
-        has_fast; /* fast steps exist: of particles with weights of 1 only those whose fast step failed come here */
+    /* fast steps exist: of particles with weights of 1 only those whose fast step failed come here */
+    bool has_fast;
     vec3 x, axis1, axis2;
     double sigma, spacing; /* times the particle's size */
     double bound;          /* maximum step in the tangent plane */

@@ -5,8 +5,8 @@
 
 /* Maximum distance from the surface before the Newton step that ends a fast step, over h. The error of a Newton step is about the square
  * of this distance times the curvature. */
-static const double FAST_STEP_FARTHEST = 0.05;
-/* The same over grid cells, divided by FAST_STEP_FARTHEST: 1.5 cells. A level set has distances for three voxels on either side. */
+static const double FAST_STEP_DISTANCE = 0.05;
+/* The same over grid cells, divided by FAST_STEP_DISTANCE: 1.5 cells. A level set has distances for three voxels on either side. */
 static const double FAST_STEP_CELLS = 30;
 
 /* Parameters of the fast kernel for a sweep. */
@@ -17,7 +17,7 @@ static fast_kernel_params fast_step_params(const relax *r, const relax_params *p
         .support = params->sigma,
         .omega = params->omega,
         .longest = params->fast_step * params->spacing,
-        .farthest = FAST_STEP_FARTHEST * fmin(params->spacing, FAST_STEP_CELLS * params->field->cell_size)};
+        .farthest = FAST_STEP_DISTANCE * fmin(params->spacing, FAST_STEP_CELLS * params->field->cell_size)};
 }
 
 /* Samples the fields of particles of patches in lanes. If the gradient is opposite to a particle's normal, the hint is outdated and has

@@ -65,8 +65,8 @@ struct relax {
     const energy_function *energy;
     const fast_kernel *fast; /* NULL: every particle takes damped steps */
     neighbours *near;
-    uint8_t *
-        flat; /* 0: divergent neighbour normals (RELAX_FLAT_COSINE); 2: no edge near (RELAX_SMOOTH_COSINE); 1: between */
+    /* 0: divergent neighbour normals (RELAX_FLAT_COSINE); 2: no edge near (RELAX_SMOOTH_COSINE); 1: between */
+    uint8_t *flat;
     uint8_t *flags;
     size_t flag_count; /* number of particles with flags */
     size_t displaced_count, relocated_count;
@@ -80,8 +80,8 @@ struct relax {
     cached_steps cached;
     bool guards_in_lanes;  /* guarded steps are taken in SIMD lanes */
     bool mostly_divergent; /* if so: at least half of the particles have divergent neighbour normals */
-    fast_kernel_normal
-        *normal; /* with guards_in_lanes: normals for the kernel, updated by sweeps and relax_copy_normals */
+    /* with guards_in_lanes: normals for the kernel, updated by sweeps and relax_copy_normals */
+    fast_kernel_normal *normal;
     gather *scratch; /* per worker thread */
     size_t scratch_entries;
 };
