@@ -265,7 +265,6 @@ static const route routes[] = {
      .handler = contact_sheet_send,
      .scope = SCOPE_READ,
      .waits = true,
-     .heavy = true,
      .name = "getContactSheet",
      .tag = "results",
      .summary =

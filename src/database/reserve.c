@@ -17,7 +17,7 @@
 enum { HEADER_BYTES = 32 };
 /* What the log usually takes: it is written back to the database from a thousand pages of 4 KiB on, and grows meanwhile. On a full disk it
  * cannot, because the database would grow, so the log goes on growing. */
-enum { USUAL_BYTES = 8 << 20 };
+enum { USUAL_BYTES = 5 << 20 };
 
 typedef struct names {
     char *database, *log, *reserve, *fresh;
