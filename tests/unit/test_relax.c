@@ -320,7 +320,8 @@ static void who_is_creased_is_told_within_a_reach(void **state)
             }
             assert_close(relax_divergent_share_within(b.r, b.p, reach), (double)creased / COUNT, 1.5 / COUNT);
         }
-        assert_close(relax_divergent_share_within(b.r, b.p, most), relax_divergent_share(b.r, b.p), 1.5 / COUNT);
+        assert_close(relax_divergent_share_within(b.r, b.p, most), relax_divergent_share(b.r, b.p),
+                     1.5 / COUNT);
         tear_down(&b);
     }
 }

@@ -124,14 +124,14 @@ static solved solve(const ball *b, bool mend, int workers)
     sizing_field *sizing = sizing_field_new(&b->base, scan, &request, POINTS, pool, &e);
     assert_non_null(sizing);
     const solver_params params = {.count = POINTS,
-                                   .seed = 1,
-                                   .sizing = sizing,
-                                   .coarse_to_fine = true,
-                                   .repair_defects = mend,
-                                   .max_sweeps = 5000,
-                                   .list_limit = SIZE_MAX,
-                                   .step_tolerance = 3e-3,
-                                   .energy_tolerance = 0.1};
+                                  .seed = 1,
+                                  .sizing = sizing,
+                                  .coarse_to_fine = true,
+                                  .repair_defects = mend,
+                                  .max_sweeps = 5000,
+                                  .list_limit = SIZE_MAX,
+                                  .step_tolerance = 3e-3,
+                                  .energy_tolerance = 0.1};
     solver *s = solver_new(&b->base, scan, &params, pool, &e);
     if (!s) fail_msg("%s", e.message);
     while (!solver_ended(s)) assert_true(solver_step(s, &e));
