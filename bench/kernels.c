@@ -94,12 +94,12 @@ static void settle(const field *f, threads *pool, particles **out, double *spaci
 {
     error e = {0};
     const solver_params params = {.count = COUNT,
-                                   .coarse_to_fine = true,
-                                   .isa = isa_best(),
-                                   .list_limit = SIZE_MAX,
-                                   .max_sweeps = 5000,
-                                   .step_tolerance = 0.003,
-                                   .energy_tolerance = 0.02};
+                                  .coarse_to_fine = true,
+                                  .isa = isa_best(),
+                                  .list_limit = SIZE_MAX,
+                                  .max_sweeps = 5000,
+                                  .step_tolerance = 0.003,
+                                  .energy_tolerance = 0.02};
     surface *scan = surface_scan(f, pool, &e);
     solver *s = scan ? solver_new(f, scan, &params, pool, &e) : NULL;
     if (!s) fail(&e);

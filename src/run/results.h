@@ -32,16 +32,16 @@ typedef struct results_input {
     const spec *spec;
     const field *field; /* in world space, as the points of the set are: where they should be it is 0 */
     const points *set;
-    const label_surface *labels;  /* of interfaces; else NULL */
-    const field *sampled;         /* that the points were found on, whose space may be another */
+    const label_surface *labels; /* of interfaces; else NULL */
+    const field *sampled;        /* that the points were found on, whose space may be another */
     const solver_points *solved; /* the points in that space, as the mesh is made of them */
-    const mesh *triangles;        /* that the points lie on; or NULL */
-    const uint32_t (*corner)[3];  /* of the triangles between the points, where these are known; else NULL */
+    const mesh *triangles;       /* that the points lie on; or NULL */
+    const uint32_t (*corner)[3]; /* of the triangles between the points, where these are known; else NULL */
     size_t corners;
-    int frame;                   /* of a sequence */
-    bool y_up;                   /* in pictures and scenes; else z is */
-    bool unresolved;             /* many points lie on walls thinner than the spacing */
-    double h;                    /* of the ideal packing */
+    int frame;                  /* of a sequence */
+    bool y_up;                  /* in pictures and scenes; else z is */
+    bool unresolved;            /* many points lie on walls thinner than the spacing */
+    double h;                   /* of the ideal packing */
     const solver_sweep *sweeps; /* at least one */
     size_t sweep_count;
 } results_input;

@@ -10,12 +10,12 @@
 #include "solver/solver.h"
 
 static const solver_params solve_defaults = {.count = 600,
-                                              .seed = 1,
-                                              .coarse_to_fine = true,
-                                              .max_sweeps = 5000,
-                                              .list_limit = SIZE_MAX,
-                                              .step_tolerance = 3e-3,
-                                              .energy_tolerance = 0.05};
+                                             .seed = 1,
+                                             .coarse_to_fine = true,
+                                             .max_sweeps = 5000,
+                                             .list_limit = SIZE_MAX,
+                                             .step_tolerance = 3e-3,
+                                             .energy_tolerance = 0.05};
 
 typedef struct solve {
     const field *field;

@@ -266,12 +266,12 @@ static rim_rows solve(const field *f, size_t count, bool coarse_to_fine, uint64_
     surface *scan = surface_scan(f, pool, &e);
     if (!scan) fail_msg("%s", e.message);
     const solver_params params = {.count = count,
-                                   .seed = seed,
-                                   .coarse_to_fine = coarse_to_fine,
-                                   .max_sweeps = 5000,
-                                   .list_limit = SIZE_MAX,
-                                   .step_tolerance = 1e-3,
-                                   .energy_tolerance = 0.05};
+                                  .seed = seed,
+                                  .coarse_to_fine = coarse_to_fine,
+                                  .max_sweeps = 5000,
+                                  .list_limit = SIZE_MAX,
+                                  .step_tolerance = 1e-3,
+                                  .energy_tolerance = 0.05};
     solver *s = solver_new(f, scan, &params, pool, &e);
     if (!s) fail_msg("%s", e.message);
     while (!solver_ended(s)) assert_true(solver_step(s, &e));

@@ -151,12 +151,12 @@ static void a_small_part_gets_its_share(void **state)
         balls b = make_balls(small, 0.19 + small);
         surface *scan = surface_scan(&b.base, pool, &e);
         const solver_params params = {.count = 6000,
-                                       .seed = 1,
-                                       .max_sweeps = 5000,
-                                       .list_limit = SIZE_MAX,
-                                       .step_tolerance = 3e-3,
-                                       .energy_tolerance = 0.05,
-                                       .coarse_to_fine = true};
+                                      .seed = 1,
+                                      .max_sweeps = 5000,
+                                      .list_limit = SIZE_MAX,
+                                      .step_tolerance = 3e-3,
+                                      .energy_tolerance = 0.05,
+                                      .coarse_to_fine = true};
         solver *s = solver_new(&b.base, scan, &params, pool, &e);
         assert_non_null(s);
         while (!solver_ended(s)) assert_true(solver_step(s, &e));

@@ -130,13 +130,13 @@ typedef struct solved {
 static solver_params bounded(size_t start, size_t min_count, double max_sigma)
 {
     return (solver_params){.count = start,
-                            .min_count = min_count,
-                            .max_sigma = max_sigma,
-                            .seed = 1,
-                            .max_sweeps = 5000,
-                            .list_limit = SIZE_MAX,
-                            .step_tolerance = 1e-3,
-                            .energy_tolerance = 0.05};
+                           .min_count = min_count,
+                           .max_sigma = max_sigma,
+                           .seed = 1,
+                           .max_sweeps = 5000,
+                           .list_limit = SIZE_MAX,
+                           .step_tolerance = 1e-3,
+                           .energy_tolerance = 0.05};
 }
 
 static void solve(int shape, const solver_params *params, int workers, solved *x)

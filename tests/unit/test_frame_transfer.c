@@ -52,15 +52,15 @@ static solver *pack(const stage *s, size_t count, const frame_transfer *start)
 {
     error e = {0};
     const solver_params params = {.count = count,
-                                   .start = start ? SOLVER_START_GIVEN : SOLVER_START_SURFACE,
-                                   .given = start ? start->position : NULL,
-                                   .given_normal = start ? start->normal : NULL,
-                                   .coarse_to_fine = true,
-                                   .isa = ISA_PORTABLE,
-                                   .list_limit = SIZE_MAX,
-                                   .max_sweeps = 5000,
-                                   .step_tolerance = 0.003,
-                                   .energy_tolerance = 0.05};
+                                  .start = start ? SOLVER_START_GIVEN : SOLVER_START_SURFACE,
+                                  .given = start ? start->position : NULL,
+                                  .given_normal = start ? start->normal : NULL,
+                                  .coarse_to_fine = true,
+                                  .isa = ISA_PORTABLE,
+                                  .list_limit = SIZE_MAX,
+                                  .max_sweeps = 5000,
+                                  .step_tolerance = 0.003,
+                                  .energy_tolerance = 0.05};
     solver *made = solver_new(&s->field->base, s->scan, &params, s->pool, &e);
     while (made && !solver_ended(made))
         if (!solver_step(made, &e)) break;

@@ -25,11 +25,11 @@ typedef struct solved {
 } solved;
 
 static const solver_params even = {.count = 1000,
-                                    .seed = 1,
-                                    .max_sweeps = 5000,
-                                    .list_limit = SIZE_MAX,
-                                    .step_tolerance = 1e-3,
-                                    .energy_tolerance = 0.01};
+                                   .seed = 1,
+                                   .max_sweeps = 5000,
+                                   .list_limit = SIZE_MAX,
+                                   .step_tolerance = 1e-3,
+                                   .energy_tolerance = 0.01};
 
 static void solve_shape(const analytic_params *shape, const solver_params *params, int workers, solved *out)
 {

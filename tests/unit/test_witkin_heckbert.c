@@ -162,12 +162,12 @@ enum { COUNT = 600 };
 static solver_params even_targets(const witkin_heckbert_params *w)
 {
     return (solver_params){.witkin_heckbert = w,
-                            .count = COUNT,
-                            .seed = 1,
-                            .max_sweeps = 2000,
-                            .list_limit = SIZE_MAX,
-                            .step_tolerance = 0.02,
-                            .energy_tolerance = 0.05};
+                           .count = COUNT,
+                           .seed = 1,
+                           .max_sweeps = 2000,
+                           .list_limit = SIZE_MAX,
+                           .step_tolerance = 0.02,
+                           .energy_tolerance = 0.05};
 }
 
 static solver_params varied_targets(const witkin_heckbert_params *w, double d)
