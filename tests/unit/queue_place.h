@@ -21,15 +21,18 @@ typedef struct place {
     queue *q;
 } place;
 
-/* The queue's own connection, whose statements are looked at. */
-static sqlite3 *connection;
+/* The connections of the queue, whose statements are looked at: the first one writes, the others read. */
+enum { CONNECTIONS = 64 };
+static sqlite3 *connections[CONNECTIONS];
+static int connection_count;
 
 static inline int note_connection(sqlite3 *opened, char **message, const struct sqlite3_api_routines *api)
 {
     (void)message;
     (void)api;
     const char *file = sqlite3_db_filename(opened, "main");
-    if (file && *file) connection = opened; /* not where tables are made to be compared with */
+    if (file && *file && connection_count < CONNECTIONS) /* not where tables are made to be compared with */
+        connections[connection_count++] = opened;
     return SQLITE_OK;
 }
 
@@ -71,7 +74,7 @@ static inline void check_plan(const char *sql)
 {
     char *explain = mem_printf("EXPLAIN QUERY PLAN %s", sql);
     sqlite3_stmt *s = NULL;
-    assert_int_equal(sqlite3_prepare_v2(connection, explain, -1, &s, NULL), SQLITE_OK);
+    assert_int_equal(sqlite3_prepare_v2(connections[0], explain, -1, &s, NULL), SQLITE_OK);
     while (sqlite3_step(s) == SQLITE_ROW) {
         const char *step = (const char *)sqlite3_column_text(s, 3);
         if (!is_cheap(sql, step)) fail_msg("%s: %s", sql, step);
@@ -83,12 +86,13 @@ static inline void check_plan(const char *sql)
 /* Of every statement that a test has used. */
 static inline void check_plans(void)
 {
-    for (sqlite3_stmt *s = NULL; (s = sqlite3_next_stmt(connection, s));) {
-        const char *sql = sqlite3_sql(s);
-        if (strncmp(sql, "SELECT", 6) == 0 || strncmp(sql, "UPDATE", 6) == 0 ||
-            strncmp(sql, "DELETE", 6) == 0 || strncmp(sql, "INSERT", 6) == 0)
-            check_plan(sql);
-    }
+    for (int k = 0; k < connection_count; k++)
+        for (sqlite3_stmt *s = NULL; (s = sqlite3_next_stmt(connections[k], s));) {
+            const char *sql = sqlite3_sql(s);
+            if (strncmp(sql, "SELECT", 6) == 0 || strncmp(sql, "UPDATE", 6) == 0 ||
+                strncmp(sql, "DELETE", 6) == 0 || strncmp(sql, "INSERT", 6) == 0)
+                check_plan(sql);
+        }
 }
 
 /* The counts of jobs that are kept by state are those of the jobs. */
@@ -97,7 +101,7 @@ static inline void check_counts(queue *q)
     sqlite3_stmt *s = NULL;
     int64_t kept[QUEUE_STATE_COUNT];
     if (!queue_count(q, kept, NULL)) return; /* a database that a test has damaged */
-    if (sqlite3_prepare_v2(connection, "SELECT state, count(*) FROM job GROUP BY state", -1, &s, NULL) ==
+    if (sqlite3_prepare_v2(connections[0], "SELECT state, count(*) FROM job GROUP BY state", -1, &s, NULL) ==
         SQLITE_OK)
         while (sqlite3_step(s) == SQLITE_ROW) {
             queue_state in;
@@ -114,6 +118,7 @@ static inline int set_up(void **state)
     strcpy(p->base, "/tmp/hexad-queue-XXXXXX");
     assert_non_null(mkdtemp(p->base));
     error e = {0};
+    connection_count = 0;
     p->q = queue_open(p->base, &e);
     if (!p->q) fail_msg("%s", e.message);
     *state = p;
@@ -265,6 +270,7 @@ static inline void reopen(place *p)
     if (p->q) check_plans();
     queue_close(p->q);
     error e = {0};
+    connection_count = 0;
     p->q = queue_open(p->base, &e);
     if (!p->q) fail_msg("%s", e.message);
 }
@@ -300,10 +306,11 @@ static inline queue_event_page look_at_events(place *p)
 
 static inline sqlite3 *open_raw(place *p)
 {
-    sqlite3 *raw, *own = connection;
+    sqlite3 *raw;
+    const int own = connection_count;
     char *path = mem_printf("%s/queue.db", p->base);
     assert_int_equal(sqlite3_open(path, &raw), SQLITE_OK);
-    connection = own;
+    connection_count = own;
     free(path);
     return raw;
 }
