@@ -31,6 +31,8 @@
 
 /* The memory that a reader keeps for pages, in KiB (negative: SQLite's unit). The kernel keeps the pages, too. */
 #define READER_CACHE "-256"
+/* Readers that are opened at the start. More are opened when all of them are in use, and then kept. */
+#define READERS_AT_START 8
 
 /* The log is written back to the database from this number of pages (of 4 KiB) on. SQLite's own number; a longer log is written back more seldom, and
  * takes longer to read after a crash. */
@@ -344,7 +346,8 @@ static database *open_reader(database *d, error *e)
     if (sqlite3_open_v2(d->path, &r->connection, SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX, vfs) ==
             SQLITE_OK &&
         sqlite3_exec(r->connection,
-                     "PRAGMA query_only = ON; PRAGMA temp_store = MEMORY; PRAGMA cache_size = " READER_CACHE,
+                     "PRAGMA query_only = ON; PRAGMA temp_store = MEMORY; PRAGMA cache_size = " READER_CACHE
+                     "; SELECT 1 FROM sqlite_schema" /* opens the log */,
                      NULL, NULL, NULL) == SQLITE_OK)
         return r;
     error_set(e, ERROR_INTERNAL, "the queue's database: %s",
@@ -352,6 +355,17 @@ static database *open_reader(database *d, error *e)
     close_connection(r);
     free(r);
     return NULL;
+}
+
+static bool open_readers(database *d, error *e)
+{
+    for (int k = 0; k < READERS_AT_START; k++) {
+        database *r = open_reader(d, e);
+        if (!r) return false;
+        r->next = d->idle;
+        d->idle = r;
+    }
+    return true;
 }
 
 database *database_begin_read(database *d)
@@ -565,7 +579,7 @@ static database *open_file(const char *state_dir, int lock_fd, const char *path,
     if (ok) sqlite3_busy_timeout(d->connection, OPEN_PATIENCE_MS);
     ok = ok && schema_prepare(d->connection, e);
     if (ok && lock_fd >= 0) ok = open_for_flushes(d, e);
-    if (ok && (d->idle = open_reader(d, e)) && (lock_fd < 0 || start_log_thread(d, e))) return d;
+    if (ok && open_readers(d, e) && (lock_fd < 0 || start_log_thread(d, e))) return d;
     error_prefix(e, "%s", path);
     d->lock_fd = -1; /* the caller closes it */
     database_close(d);
