@@ -130,8 +130,8 @@ typedef struct solver_points {
     size_t lost;           /* points that are not on the surface and could not be relocated */
     double max_residual;   /* max |F| / |grad F| over h */
     double sigma, mean_energy, ideal_energy, mean_neighbours;
-    /* rms of the Newton steps at the points over the requested spacing (relax_rms_steps_left). NaN: unknown, as for an under-resolved
-     * surface, whose points are distributed in space at last. */
+    /* rms of the Newton steps at the points over the requested spacing (relax_rms_steps_left). NaN: unknown, for example of an under-resolved
+     * surface, whose points are distributed in space after the relaxation. */
     double step_left;
     double step_without_kinks; /* the same without particles that have converged on kinks */
 } solver_points;

@@ -18,9 +18,9 @@ static const double BYTES_PER_VERTEX = 120;
 static const double BYTES_PER_GRID_POINT = 200;
 /* Of a frame that is carried over: places for births and their lists, beside the points before. */
 static const double BYTES_PER_CARRIED = 800;
-/* Of mending: lists and cells of all, and the pieces that are tried together, which a worker's bench adds little to. */
+/* Memory of defect repair: per particle, for lists and Voronoi cells; and for the regions that are tried together. */
 static const double BYTES_PER_MENDED = 160, MENDING_BYTES = 5e6;
-/* Of more than so many there is no pass, however much is out of order (repair_defects.c: MAX_PASSES, PASSES_COUNT). */
+/* With more particles than this defect repair makes no pass (repair_defects.c: MAX_PASSES, PASSES_COUNT). */
 static const double MENDED_MOST = 2.4e6;
 /* Of the preview's pixels: two pictures, and what each shows. */
 static const double BYTES_PER_PIXEL = 15;

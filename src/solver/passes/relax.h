@@ -124,10 +124,6 @@ void relax_set_support(relax *r, double sigma);
  * neighbour on the opposite wall. */
 double relax_divergent_share(const relax *r, const particles *p);
 
-/* The same for neighbours within `reach` times the mean size of the pair; the lists cover `reach`. At random positions this fraction is
- * nearly that of converged particles. */
-double relax_divergent_share_within(const relax *r, const particles *p, double reach);
-
 /* Whether guarded steps are taken in SIMD lanes: many particles, and a large fraction with divergent neighbour normals. */
 bool relax_has_divergent_normals(const relax *r);
 

@@ -324,38 +324,6 @@ double relax_divergent_share(const relax *r, const particles *p)
     return (double)divergent / (double)p->count;
 }
 
-typedef struct divergent_job {
-    const relax *r;
-    const particles *p;
-    double reach;
-    atomic_size_t divergent;
-} divergent_job;
-
-static void divergent_chunk(void *context, int worker, size_t begin, size_t end)
-{
-    divergent_job *job = context;
-    const particles *p = job->p;
-    size_t divergent = 0;
-    (void)worker;
-    for (size_t i = begin; i < end; i++) {
-        const uint32_t *list = neighbours_list(job->r->near, i),
-                       count = job->r->flat[i] ? 0 : job->r->near->list_count[i];
-        bool diverges = false;
-        for (uint32_t k = 0; k < count && !diverges; k++)
-            diverges = relax_are_within(p, i, list[k], job->reach) &&
-                       particles_facing(p, i, list[k]) <= RELAX_FLAT_COSINE;
-        divergent += diverges;
-    }
-    atomic_fetch_add(&job->divergent, divergent);
-}
-
-double relax_divergent_share_within(const relax *r, const particles *p, double reach)
-{
-    divergent_job job = {.r = r, .p = p, .reach = reach};
-    threads_run(r->pool, p->count, 4096, divergent_chunk, &job);
-    return (double)atomic_load(&job.divergent) / (double)p->count;
-}
-
 bool relax_has_divergent_normals(const relax *r)
 {
     return r->guards_in_lanes;
