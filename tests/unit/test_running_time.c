@@ -164,6 +164,7 @@ static void test_a_clock_set_back_is_seen_once(void **state)
 
 int main(void)
 {
+    stop_clocks();
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_the_wall_clock_decides_about_what_began_in_this_run),
         cmocka_unit_test(test_a_clock_that_is_set_forward_ends_nothing),
