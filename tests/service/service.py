@@ -44,10 +44,10 @@ def sphere(count=200, **parts):
     return spec
 
 
-def long_sphere(**parts):
+def long_sphere(count=20000, **parts):
     """A spec of a job that runs until it is stopped."""
     solver = {"max_sweeps": 1000000, "step_tolerance": 1e-12, "energy_tolerance": 1e-12}
-    return sphere(count=20000, solver=solver, **parts)
+    return sphere(count=count, solver=solver, **parts)
 
 
 # The contract of a worker, held by one that runs until its gate opens: a file beside the state directory.
