@@ -21,19 +21,26 @@
 /* Threads that wait for the file system of one root. While there are as many, it is not asked again: it does not answer. */
 #define LOOKS_MOST 16
 
+/* The looks that go on below each root. The place and each look hold it; the last of them frees it. */
+typedef struct look_counts {
+    atomic_int holders;
+    atomic_int of_root[];
+} look_counts;
+
 struct output_place {
     queue *q;
     const store_outputs *outputs;
     bool share;
     store_turns *turns;
-    atomic_int *looks; /* below each root */
+    look_counts *looks;
     _Atomic(const char *) unwritable;
 };
 
 /* A look at a directory, by a thread of its own. It outlives the submission that waits for it when the file system does not
  * answer, so it has copies of all texts. */
 typedef struct look {
-    atomic_int *looks; /* the place's, below this root */
+    look_counts *looks; /* the place's */
+    size_t root_index;
     pthread_mutex_t mutex;
     pthread_cond_t ended;
     int users;
@@ -44,6 +51,11 @@ typedef struct look {
     error fault;
 } look;
 
+static void release_counts(look_counts *c)
+{
+    if (atomic_fetch_sub(&c->holders, 1) == 1) free(c);
+}
+
 output_place *output_place_new(queue *q, const store_outputs *outputs, bool share)
 {
     output_place *p = mem_alloc(sizeof *p);
@@ -51,16 +63,15 @@ output_place *output_place_new(queue *q, const store_outputs *outputs, bool shar
     p->outputs = outputs;
     p->share = share;
     p->turns = store_turns_new();
-    p->looks = mem_alloc((outputs->root_count + 1) * sizeof *p->looks);
+    p->looks = mem_alloc(sizeof *p->looks + outputs->root_count * sizeof *p->looks->of_root);
+    atomic_store(&p->looks->holders, 1);
     return p;
 }
 
 void output_place_free(output_place *p)
 {
     if (!p) return;
-    bool waiting = false; /* a thread for a file system: it will count itself out */
-    for (size_t i = 0; i < p->outputs->root_count; i++) waiting |= atomic_load(&p->looks[i]) > 0;
-    if (!waiting) free(p->looks);
+    release_counts(p->looks);
     store_turns_free(p->turns);
     free(p);
 }
@@ -138,6 +149,7 @@ static void leave(look *l)
     if (!last) return;
     pthread_cond_destroy(&l->ended);
     pthread_mutex_destroy(&l->mutex);
+    release_counts(l->looks);
     free(l->name);
     free(l->root);
     free(l->path);
@@ -162,7 +174,7 @@ static void *run(void *argument)
     l->fault = e;
     pthread_cond_signal(&l->ended);
     pthread_mutex_unlock(&l->mutex);
-    atomic_fetch_sub(l->looks, 1);
+    atomic_fetch_sub(&l->looks->of_root[l->root_index], 1);
     leave(l);
     return NULL;
 }
@@ -173,7 +185,9 @@ static bool look_at(output_place *p, size_t index, const char *path, char **name
     const char *root = p->outputs->roots[index];
     pthread_t thread;
     look *l = mem_alloc(sizeof *l);
-    *l = (look){.looks = &p->looks[index],
+    atomic_fetch_add(&p->looks->holders, 1);
+    *l = (look){.looks = p->looks,
+                .root_index = index,
                 .users = 2,
                 .root = mem_strdup(root),
                 .path = path ? mem_strdup(path) : NULL};
@@ -182,9 +196,10 @@ static bool look_at(output_place *p, size_t index, const char *path, char **name
     l->outputs.root_count = 1;
     pthread_mutex_init(&l->mutex, NULL);
     background_init_condition(&l->ended);
-    bool busy = atomic_fetch_add(l->looks, 1) >= LOOKS_MOST;
+    atomic_int *count = &p->looks->of_root[index];
+    bool busy = atomic_fetch_add(count, 1) >= LOOKS_MOST;
     if (busy || !background_start(&thread, run, l, "a look at an output directory", NULL)) {
-        atomic_fetch_sub(l->looks, 1);
+        atomic_fetch_sub(count, 1);
         l->users = 1;
         leave(l);
         return !busy || error_set(e, ERROR_OUTPUT_UNWRITABLE,
