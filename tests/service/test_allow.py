@@ -24,12 +24,13 @@ echo "$@" >>calls
 BOTH = ["try-reload-or-restart hexad.service", "daemon-reload"]
 HERE = pwd.getpwuid(os.geteuid()).pw_name
 GROUP = grp.getgrgid(os.getegid()).gr_name
-# asks as another user
-ASK_AS = """import os, subprocess, sys
+# Runs a program as another user, who may be unable to enter the directory of the program.
+ASK_AS = """import os, sys
+program = os.open(sys.argv[1], os.O_RDONLY)
 os.setgroups([])
 os.setgid(60003)
 os.setuid(60003)
-sys.exit(subprocess.run(sys.argv[1:]).returncode)
+os.execve(program, sys.argv[1:], os.environ)
 """
 
 
