@@ -40,7 +40,7 @@ def test_the_whole_guide(build, page, tmp_path):
         assert shown.returncode == 0, f"{shown.stdout}\n{shown.stderr}"
         assert shown.stdout.count("succeeded") >= 5
         assert "open.obj: the mesh is open" in shown.stdout + shown.stderr
-        for name in ("sphere", "sphere-alone", "delivered/torus"):
+        for name in ("sphere", "sphere-alone", "delivered/ellipsoid"):
             assert {"points.ply", "report.json"} <= {p.name for p in (tmp_path / name).iterdir()}, name
     finally:
         daemon.send_signal(signal.SIGTERM)
