@@ -8,6 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/statvfs.h>
 #include <time.h>
 #include <unistd.h>
@@ -84,6 +85,11 @@ struct database {
     pthread_cond_t turn;
     change *first, **last;
     bool leading;
+    int nice; /* of the thread that opened the database */
+    pthread_t commit_thread;
+    pthread_cond_t entrusted;
+    bool commits, ending; /* there is the thread; it has to end */
+    unsigned slow;        /* waiting threads of a lower priority: the thread commits their changes */
 
     pthread_mutex_t news_mutex;
     pthread_cond_t news;
@@ -284,8 +290,10 @@ static bool apply_all(database *d, change *first)
     return false;
 }
 
+/* Commits all waiting changes. The caller holds the gate, which is open meanwhile. */
 static void lead(database *d)
 {
+    d->leading = true;
     change *all = d->first;
     d->first = NULL;
     d->last = &d->first;
@@ -299,6 +307,41 @@ static void lead(database *d)
         next = c->next;
         c->done = true; /* from here on its thread may have returned, and the change is gone */
     }
+    d->leading = false;
+    pthread_cond_broadcast(&d->turn);
+    if (d->first && d->slow) pthread_cond_signal(&d->entrusted);
+}
+
+/* Commits for threads of a lower priority than the process. Such a thread may wait long for a processor, and all changes would wait with it. */
+static void *commit_entrusted(void *argument)
+{
+    database *d = argument;
+    pthread_mutex_lock(&d->gate);
+    while (!d->ending) {
+        if (d->first && !d->leading)
+            lead(d);
+        else
+            pthread_cond_wait(&d->entrusted, &d->gate);
+    }
+    pthread_mutex_unlock(&d->gate);
+    return NULL;
+}
+
+static bool start_commit_thread(database *d, error *e)
+{
+    d->nice = getpriority(PRIO_PROCESS, 0); /* of this thread (Linux) */
+    d->commits = background_start(&d->commit_thread, commit_entrusted, d, "the database", e);
+    return d->commits;
+}
+
+static void stop_commit_thread(database *d)
+{
+    if (!d->commits) return;
+    pthread_mutex_lock(&d->gate);
+    d->ending = true;
+    pthread_cond_signal(&d->entrusted);
+    pthread_mutex_unlock(&d->gate);
+    pthread_join(d->commit_thread, NULL);
 }
 
 bool database_change(database *d, change *c, error *e)
@@ -307,16 +350,15 @@ bool database_change(database *d, change *c, error *e)
     c->done = c->ok = false;
     c->fault = (error){0};
     if (!health_allows_changes(d->health, e)) return false;
+    const bool slow = d->commits && getpriority(PRIO_PROCESS, 0) > d->nice;
     pthread_mutex_lock(&d->gate);
     *d->last = c;
     d->last = &c->next;
-    while (!c->done && d->leading) pthread_cond_wait(&d->turn, &d->gate);
-    if (!c->done) {
-        d->leading = true;
-        lead(d);
-        d->leading = false;
-        pthread_cond_broadcast(&d->turn);
-    }
+    d->slow += slow;
+    if (slow) pthread_cond_signal(&d->entrusted);
+    while (!c->done && (slow || d->leading)) pthread_cond_wait(&d->turn, &d->gate);
+    if (!c->done) lead(d);
+    d->slow -= slow;
     pthread_mutex_unlock(&d->gate);
     if (!c->ok && e) *e = c->fault;
     return c->ok;
@@ -545,6 +587,7 @@ static void make_locks(database *d)
     pthread_cond_init(&d->log_is_long, NULL);
     pthread_mutex_init(&d->gate, NULL);
     pthread_cond_init(&d->turn, NULL);
+    pthread_cond_init(&d->entrusted, NULL);
     pthread_mutex_init(&d->news_mutex, NULL);
     pthread_cond_init(&d->news, &monotonic);
     pthread_condattr_destroy(&monotonic);
@@ -579,7 +622,8 @@ static database *open_file(const char *state_dir, int lock_fd, const char *path,
     if (ok) sqlite3_busy_timeout(d->connection, OPEN_PATIENCE_MS);
     ok = ok && schema_prepare(d->connection, e);
     if (ok && lock_fd >= 0) ok = open_for_flushes(d, e);
-    if (ok && open_readers(d, e) && (lock_fd < 0 || start_log_thread(d, e))) return d;
+    if (ok && open_readers(d, e) && (lock_fd < 0 || (start_log_thread(d, e) && start_commit_thread(d, e))))
+        return d;
     error_prefix(e, "%s", path);
     d->lock_fd = -1; /* the caller closes it */
     database_close(d);
@@ -627,6 +671,7 @@ database *database_open_copy(const char *path, error *e)
 void database_close(database *d)
 {
     if (!d) return;
+    stop_commit_thread(d);
     stop_log_thread(d);
     for (database *r = d->idle, *next; r; r = next) {
         next = r->next;
@@ -643,6 +688,7 @@ void database_close(database *d)
     pthread_cond_destroy(&d->log_is_long);
     pthread_mutex_destroy(&d->gate);
     pthread_cond_destroy(&d->turn);
+    pthread_cond_destroy(&d->entrusted);
     pthread_mutex_destroy(&d->news_mutex);
     pthread_cond_destroy(&d->news);
     free(d->trouble);

@@ -5,7 +5,8 @@
  * `change` to database_change. One of the waiting threads takes all changes that have arrived, applies them one after
  * the other in a single transaction, and commits. Then all of these threads return. So they share one flush to disk,
  * and readers never see a change that could still be lost. Each change has a savepoint: one that fails is rolled back
- * alone. When the commit fails, all changes of the transaction fail. A thread writes the log back to the database, so that a change waits
+ * alone. When the commit fails, all changes of the transaction fail. A thread with a higher nice value than the one that opened the
+ * database commits nothing: a thread of the database does it instead. Another one writes the log back to the database, so that a change waits
  * for the flush of the log alone.
  */
 #ifndef HEXAD_DATABASE_DATABASE_H

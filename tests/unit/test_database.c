@@ -10,11 +10,13 @@
 #include <pthread.h>
 #include <signal.h>
 #include <sys/file.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "database/database.h"
 #include "database/filesystem.h"
 #include "database/lock.h"
 #include "queue_place.h"
@@ -66,7 +68,12 @@ static void *put_many(void *argument)
     return NULL;
 }
 
-/* Threads share transactions; each of their jobs is there once. */
+static void *put_many_at_low_priority(void *argument)
+{
+    return setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + 1) == 0 ? put_many(argument) : NULL;
+}
+
+/* Threads of both priorities share transactions; each of their jobs is there once. */
 static void test_many_threads_submit(void **state)
 {
     place *p = *state;
@@ -75,7 +82,8 @@ static void test_many_threads_submit(void **state)
     pthread_t thread[THREADS];
     for (int i = 0; i < THREADS; i++) {
         swarms[i].p = p;
-        assert_int_equal(pthread_create(&thread[i], NULL, put_many, &swarms[i]), 0);
+        assert_int_equal(
+            pthread_create(&thread[i], NULL, i % 2 ? put_many : put_many_at_low_priority, &swarms[i]), 0);
     }
     for (int i = 0; i < THREADS; i++) assert_int_equal(pthread_join(thread[i], NULL), 0);
     reopen(p);
@@ -84,6 +92,54 @@ static void test_many_threads_submit(void **state)
     int64_t in_state[QUEUE_STATE_COUNT];
     assert_true(queue_count(p->q, in_state, NULL));
     assert_int_equal(in_state[QUEUE_QUEUED], THREADS * 50);
+}
+
+typedef struct noted_change {
+    change change;
+    database *d;
+    int own_nice, nice; /* of the thread that asks, and of the one that applies the change */
+    pthread_t by;
+} noted_change;
+
+static bool note_thread(database *d, change *c)
+{
+    (void)d;
+    noted_change *n = (noted_change *)(void *)c;
+    n->nice = getpriority(PRIO_PROCESS, 0); /* of this thread (Linux) */
+    n->by = pthread_self();
+    return true;
+}
+
+static void *change_at_low_priority(void *argument)
+{
+    noted_change *n = argument;
+    n->own_nice = getpriority(PRIO_PROCESS, 0) + 1;
+    if (setpriority(PRIO_PROCESS, 0, n->own_nice) != 0 || !database_change(n->d, &n->change, NULL))
+        return NULL;
+    return n;
+}
+
+/* Otherwise changes of the usual priority would wait for a thread that hardly gets a processor. */
+static void test_a_thread_of_low_priority_commits_nothing(void **state)
+{
+    place *p = *state;
+    char *base = mem_printf("%s/other", p->base);
+    assert_int_equal(mkdir(base, 0700), 0);
+    database *d = database_open(base, NULL);
+    assert_non_null(d);
+    noted_change usual = {.change.apply = note_thread, .d = d}, low = usual;
+    const int nice = getpriority(PRIO_PROCESS, 0);
+    assert_true(database_change(d, &usual.change, NULL));
+    assert_true(pthread_equal(usual.by, pthread_self()));
+    pthread_t thread;
+    void *changed = NULL;
+    assert_int_equal(pthread_create(&thread, NULL, change_at_low_priority, &low), 0);
+    assert_int_equal(pthread_join(thread, &changed), 0);
+    assert_ptr_equal(changed, &low);
+    assert_int_equal(low.own_nice, nice + 1);
+    assert_int_equal(low.nice, nice);
+    database_close(d);
+    free(base);
 }
 
 typedef struct teller {
@@ -799,6 +855,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         CASE(test_waiting_ends_with_news),
         CASE(test_many_threads_submit),
+        CASE(test_a_thread_of_low_priority_commits_nothing),
         CASE(test_a_killed_process_loses_nothing),
         CASE(test_an_older_schema_is_carried_over),
         CASE(test_storage_is_added_to_version_4),
