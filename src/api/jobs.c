@@ -789,8 +789,7 @@ static bool knows_revision(const char *known, const queue_job *job)
     return job_json_read_tag(known, &revision) && revision == job->revision;
 }
 
-/* Answers from the cache of documents; false: it does not have this one. */
-static bool show_kept(const http_context *c, const http_request *request, reply *r)
+bool jobs_show_kept(const http_context *c, const http_request *request, reply *r)
 {
     cached_document kept;
     const char *known = request->header[HTTP_IF_NONE_MATCH];
@@ -811,7 +810,6 @@ void jobs_show(const http_context *c, const http_request *request, reply *r)
 {
     queue_job job = {0};
     char tag[JOB_JSON_TAG_SIZE];
-    if (show_kept(c, request, r)) return;
     if (!job_lookup_find(c, request, &job, r)) return;
     const char *known = request->header[HTTP_IF_NONE_MATCH];
     int64_t wait_ms = read_wait_ms(c, request), until_ms = request->came_ms + wait_ms;

@@ -9,6 +9,8 @@
 #include "api/context.h"
 
 http_handler jobs_submit, jobs_validate, jobs_list, jobs_show;
+/* The `kept` of jobs_show: from the cache of documents. */
+http_keeper jobs_show_kept;
 /* The `awaiting` of routes whose handlers call jobs_wait. */
 http_handler jobs_await;
 

@@ -69,4 +69,7 @@ typedef http_sink *http_opener(const http_context *c, const http_request *reques
 /* Fills an empty reply whose fd is -1. Any thread. */
 typedef void http_handler(const http_context *c, const http_request *request, reply *r);
 
+/* As a handler, in the serving thread. Returns false, with the reply untouched, when the handler has to be called. */
+typedef bool http_keeper(const http_context *c, const http_request *request, reply *r);
+
 #endif

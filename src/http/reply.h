@@ -67,7 +67,8 @@ typedef struct reply_receipt {
 #define REPLY_TOPIC_SIZE 32
 
 typedef struct reply {
-    int status; /* 0: no answer yet; the handler is called again when the topic is woken, or at `again_ms` */
+    /* 0: no answer yet; the handler is called again when the topic is woken, or at `again_ms`. Only of a route with `waits`. */
+    int status;
     const char *content_type;  /* a constant; NULL: none */
     const char *cache_control; /* a constant; NULL: caches must not store it */
     char *body;                /* NULL: the file */

@@ -17,9 +17,10 @@ typedef struct route {
     const char *method, *pattern;
     http_handler *handler;
     unsigned scope;         /* that a caller must have; 0: open to all */
-    bool waits;             /* the handler may wait for a disk or run long: the thread pool runs it */
+    bool waits;             /* the handler may wait for a disk or run long: a thread pool runs it */
     bool heavy;             /* the handler takes milliseconds of processor time: few run at once */
-    http_handler *awaiting; /* of a route with `waits`, whose answers may be provisional; not in the pool */
+    http_keeper *kept;      /* of a route with `waits`: answers from memory, without the pool; NULL: none */
+    http_handler *awaiting; /* of a route whose answers may be provisional */
     http_opener *opener;    /* of a long body; NULL: it has none */
     const char *name;       /* of the operation in the OpenAPI document */
     const char *tag;        /* the group that documents of the interface show it in */

@@ -83,7 +83,7 @@ typedef struct exchange {
     size_t step;            /* of a long body, since the client's time began anew */
     bool too_large;         /* the rest of the body is ignored */
     bool answered;          /* what still comes of the body is thrown away */
-    bool awaits;            /* the pool has made a provisional answer */
+    bool awaits;            /* there is a provisional answer */
     bool chunked;
     reply answer;
     reply_receipt *receipt; /* of the answer that is being sent */
@@ -609,20 +609,43 @@ static bool read_body(exchange *x, reply *r)
     return true;
 }
 
+/* Calls the handler, or after a provisional answer the route's other one. */
+static void run_handler(exchange *x)
+{
+    const server_settings *c = &x->s->settings;
+    const route *of = x->route.found;
+    x->request.last = wait_list_is_dismissed(c->waiting);
+    (x->awaits ? of->awaiting : of->handler)(c->context, &x->request, &x->answer);
+    x->awaits = x->answer.provisional;
+    x->answered = x->answer.status && !x->awaits;
+}
+
 static void run_in_pool(thread_pool_work *work)
 {
     exchange *x = (exchange *)(void *)work;
-    x->request.last = wait_list_is_dismissed(x->s->settings.waiting);
-    x->route.found->handler(x->s->settings.context, &x->request, &x->answer);
-    x->awaits = x->answer.provisional;
-    x->answered = !x->awaits;
+    wait_list *waiting = x->s->settings.waiting;
+    for (;;) {
+        uint64_t seen = wait_list_seen(waiting);
+        run_handler(x);
+        if (x->answered) break;
+        bool before = x->request.waited;
+        x->request.waited = true;
+        /* from here on the connection may be resumed, and the request may end */
+        if (wait_list_add(waiting, x->s->loop, x->connection, seen, x->answer.topic, x->answer.again_ms))
+            return;
+        x->request.waited = before;
+    }
     loop_resume(x->s->loop, x->connection);
 }
 
+/* A provisional answer becomes the final one. */
 static void refuse_in_pool(thread_pool_work *work)
 {
     exchange *x = (exchange *)(void *)work;
-    reply_set_unavailable(&x->answer, "the service is stopping");
+    if (x->awaits)
+        x->answer.provisional = false;
+    else
+        reply_set_unavailable(&x->answer, "the service is stopping");
     x->answered = true;
     loop_resume(x->s->loop, x->connection);
 }
@@ -642,25 +665,20 @@ static void give_to_pool(exchange *x)
     thread_pool_add(x->work.weight ? x->s->heavy_pool : x->s->pool, &x->work);
 }
 
-/* Calls the handler. False: it has no answer yet, and the connection is suspended. */
+/* Calls the handler. False: a pool does, and the connection is suspended. */
 static bool call_handler(exchange *x)
 {
     const server_settings *c = &x->s->settings;
-    if (x->route.found->waits && !x->awaits) {
+    const route *of = x->route.found;
+    if (of->kept && of->kept(c->context, &x->request, &x->answer)) return true;
+    /* at the stop, what has waited is answered here: the pools refuse work */
+    if (of->waits && !(x->request.waited && wait_list_is_dismissed(c->waiting))) {
         give_to_pool(x);
         return false;
     }
-    for (;;) {
-        uint64_t seen = wait_list_seen(c->waiting);
-        x->request.last = wait_list_is_dismissed(c->waiting);
-        (x->awaits ? x->route.found->awaiting : x->route.found->handler)(c->context, &x->request, &x->answer);
-        if (x->answer.status && !x->answer.provisional) return true;
-        if (wait_list_wait(c->waiting, x->s->loop, x->connection, seen, x->answer.topic,
-                           x->answer.again_ms)) {
-            x->request.waited = true;
-            return false;
-        }
-    }
+    run_handler(x);
+    assert(x->answered);
+    return true;
 }
 
 static enum MHD_Result finish(exchange *x, const char *method, const char *path)

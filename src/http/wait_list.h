@@ -35,6 +35,10 @@ uint64_t wait_list_seen(wait_list *l);
 bool wait_list_wait(wait_list *l, loop *served_by, struct MHD_Connection *connection, uint64_t seen,
                     const char *topic, int64_t until_ms);
 
+/* As wait_list_wait, for a connection that is suspended already: it stays so. */
+bool wait_list_add(wait_list *l, loop *served_by, struct MHD_Connection *connection, uint64_t seen,
+                   const char *topic, int64_t until_ms);
+
 /* Resumes the connections that wait for one of the topics or for any. */
 void wait_list_wake(wait_list *l, const char *const *topics, size_t count);
 

@@ -2,6 +2,7 @@
 import hashlib
 import json
 import os
+import pathlib
 import sqlite3
 import subprocess
 import time
@@ -321,3 +322,34 @@ def test_only_the_frames_that_were_not_delivered_are_delivered_again(new_service
     wait_until(lambda: service.job(job)["delivery"]["state"] == "delivered", "the copies")
     for frame in ("01", "02", "03"):
         delivered(tmp_path / "film" / frame)
+
+
+def processor_times(service):
+    """thread -> its processor time in ns."""
+    tasks = pathlib.Path(f"/proc/{service.process.pid}/task")
+    return {task.name: int((task / "schedstat").read_text().split()[0]) for task in tasks.iterdir()}
+
+
+def busiest_thread(service, act, times):
+    before = processor_times(service)
+    for _ in range(times):
+        act()
+    return max((now - before.get(thread, 0), thread) for thread, now in processor_times(service).items())[1]
+
+
+@pytest.mark.sanitized
+def test_long_documents_hold_up_no_connection(users):
+    """Other threads read and write them than the one that serves all connections."""
+    both, frames, parts = users(), 1000, 32
+    service = both.service.start()
+    assert both.ask("root", "POST", "/v1/admin/hold").status == 200
+    spec = some()
+    spec["surface"] = {"union": [sphere()["surface"]] * parts}
+    spec["queue"] = {"frames": f"1-{frames}", "by_frame": {
+        f"/surface/union/{part}/analytic/radius": [1.5] * frames for part in range(parts)}}
+    job = both.submit("ann", spec)
+    serving = busiest_thread(service, lambda: service.get("/healthz"), 50)
+    listing = json.dumps([{"a": 0}] * 20000)
+    for act in (lambda: both.ask("ann", "GET", f"/v1/jobs/{job}"),
+                lambda: service.request("POST", "/v1/session", listing, {"Content-Type": "application/json"})):
+        assert busiest_thread(service, act, 5) != serving
