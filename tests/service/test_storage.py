@@ -256,6 +256,58 @@ def test_what_is_set_aside_is_there_again_after_a_stop(new_disk, new_service):
     assert os.path.samefile(reserve, log) and set(states(service)) == set(jobs)
 
 
+FRAME_BYTES = 24 + 4096  # in the log of the database
+MANY_FRAMES = 4100  # from 4000 on a change waits for the readers of the log
+RESERVED_BYTES = (5 + 16) * MIB  # of reserve_mb = 16, with what the log usually takes
+
+
+@pytest.mark.extended
+def test_a_log_that_cannot_be_written_back_grows_no_further_than_its_reserve(new_disk, new_service):
+    """The database would grow, and the disk is full. What was acknowledged is there; when the disk has room, all goes on."""
+    disk = new_disk(64)
+    floor = 30 * MIB
+    service = service_on(disk, new_service, "--free_space_mb", floor // MIB, "--reserve_mb", RESERVED_BYTES // MIB - 5)
+    disk.fill(floor - MIB)  # no job starts
+    jobs = [service.submit(small(seed)) for seed in range(20)]
+    disk.fill()
+    log, known, refused = service.state / "queue.db-wal", dict.fromkeys(jobs, 0), None
+    connection = service.connection()
+
+    def change(priority):
+        """Of all jobs; the answer that refuses it, if there is one."""
+        for job in jobs:
+            connection.request("PATCH", f"/v1/jobs/{job}", json.dumps({"priority": priority}), {"Content-Type": "application/json"})
+            reply = connection.getresponse()
+            document = json.loads(reply.read())
+            if reply.status != 200:
+                return reply, document
+            known[job] = priority
+        return None
+
+    priority = 0
+    while not refused:
+        priority = priority % 1000 + 1
+        refused = change(priority)
+        assert log.stat().st_size <= RESERVED_BYTES
+    assert log.stat().st_size > MANY_FRAMES * FRAME_BYTES
+    assert refused[0].status == 507 and refused[1]["code"] == "storage_full"
+    assert {job: document["priority"] for job, document in states(service).items()} == known
+    connection.close()
+    service.end(signal.SIGKILL)
+    service.start()
+    assert {job: document["priority"] for job, document in states(service).items()} == known
+
+    os.truncate(disk.ballast, disk.ballast.stat().st_size - floor + MIB)
+    connection = service.connection()
+    for priority in range(1, 120):
+        assert change(priority) is None
+    assert log.stat().st_size <= RESERVED_BYTES + 10 * MIB  # it has begun anew: these changes have 20 MiB of frames and more
+    connection.close()
+    disk.empty()
+    for job in jobs:
+        service.wait_state(job, "succeeded")
+
+
 def test_no_room_is_set_aside_where_none_is_wanted(new_service):
     service = new_service("--reserve_mb", 0).start()
     assert not (service.state / "reserve").exists()
