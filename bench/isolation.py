@@ -223,7 +223,7 @@ class User:
                            for method, operation in methods.items() if method != "parameters"
                            and operation["operationId"] not in ("drain", "hold")]  # they stop others by their purpose
         self.hostile = [self.excluding_members, self.many_frames, self.matches_nothing, self.large_pages, self.repeated_values,
-                        self.large_report, self.without_token, self.idle_uploads, self.wrong_frames]
+                        self.large_report, self.without_token, self.idle_uploads, self.wrong_frames, self.long_submissions]
         self.offers = 0.85
         if only:
             self.hostile = [act for act in self.hostile if act.__name__ in only]
@@ -379,6 +379,15 @@ class User:
         values = next(iter(spec["queue"]["by_frame"].values()))
         values[-1] = -1
         return client.ask("POST", "/v1/jobs", spec)
+
+    def long_submissions(self, client):
+        """Jobs of so many frames that storing them takes processor time; they are cancelled and never run."""
+        spec = self.frames_spec(frames=2500)
+        spec["queue"].update(priority=-100, retention_s=60)
+        made = client.ask("POST", "/v1/jobs", spec)
+        if made.status == 201:
+            client.ask("POST", f"/v1/jobs/{made.json['id']}/cancel")
+        return made
 
     def matches_nothing(self, client):
         query = self.rng.choice(["text=nothing-has-this", "label=nothing", "name=nothing", "owner=nobody", "state=timed_out&label=filling",
