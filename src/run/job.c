@@ -330,7 +330,7 @@ bool job_place(job *j, solution *out, error *e)
         .max_sigma = inserts ? s->control.max_sigma : 0,
         .min_count = (size_t)s->control.min_count,
         .unbiased = s->control.selection == SPEC_SELECTION_RANDOM,
-        .count_limit = (size_t)fmax(job_particle_memory(j) / job_bytes_per_particle(j), 0),
+        .count_limit = (size_t)fmax(job_particle_memory(j) / job_bytes_per_particle(j), 1), /* 0: no limit */
         .start = brought.position              ? SOLVER_START_GIVEN
                  : s->init == SPEC_INIT_RANDOM ? SOLVER_START_RANDOM
                                                : SOLVER_START_SURFACE,

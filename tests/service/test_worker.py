@@ -123,6 +123,16 @@ def test_a_time_for_a_target_needs_memory_for_its_first_points(worker):
     assert fault(large)["message"].startswith("200 points need")
 
 
+@pytest.mark.parametrize("sampling", [
+    {"count": 200}, {"spacing": 0.2}, {"density": 20}, {"time_s": 1e-3}, {"control": {"min_count": 50, "max_sigma": 0.5}}], ids=lambda s: next(iter(s)))
+def test_no_points_are_placed_where_memory_holds_none(worker, sampling):
+    """The preview takes more than all of it."""
+    solver = {"method": "paper"} if "control" in sampling else {}
+    words = last_words(worker(sphere(sampling=sampling, solver=solver, limits={"memory_mb": 64},
+                                     output={"preview": {"size": [4096, 4096]}})))
+    assert words["code"] == "limit_memory" and "the limit leaves 0 MiB" in words["message"]
+
+
 @pytest.mark.sanitized
 def test_a_time_in_which_nothing_fits(worker, tmp_path):
     done = worker(sphere(sampling={"time_s": 1e-3}))
