@@ -48,7 +48,7 @@ struct client_connection {
     bool admin;
     connection_verdict verdict;
     bool placed;      /* it counts for its owner and in total */
-    bool ended;       /* the client sends nothing more; what it had sent may still be answered */
+    bool rests;       /* between requests, and the watcher has not looked whether the client has ended it */
     bool leaving;     /* its descriptor was shut down: the serving thread sees the end and cleans up */
     int64_t since_ms; /* when the client's clock was started; NEVER: it stands still */
     client_connection *previous, *next;
@@ -217,9 +217,8 @@ static connection_verdict place(connections *p, client_connection *which)
 /* Between requests, or before the first one. */
 static void rest(connections *p, client_connection *which)
 {
-    char byte;
     which->since_ms = clock_monotonic_ms();
-    which->ended = recv(which->fd, &byte, 1, MSG_PEEK | MSG_DONTWAIT) == 0;
+    which->rests = true;
     if (which->leaving)
         which->since_ms = NEVER;
     else if (!which->placed)
@@ -316,6 +315,7 @@ static void mark(connections *p, client_connection *which, int64_t since_ms)
     pthread_mutex_lock(&p->mutex);
     if (since_ms == NEVER) leave_queue(which);
     which->since_ms = which->leaving ? NEVER : since_ms;
+    which->rests = false;
     pthread_mutex_unlock(&p->mutex);
 }
 
@@ -339,6 +339,16 @@ const address *connections_address(const client_connection *which)
     return &which->from;
 }
 
+/* Whether the client sends nothing more, after a while without a request. The library (0.9.75) may miss an end that came with the
+ * last request. */
+static bool has_ended(client_connection *which)
+{
+    char byte;
+    bool looks = which->rests;
+    which->rests = false;
+    return looks && recv(which->fd, &byte, 1, MSG_PEEK | MSG_DONTWAIT) == 0;
+}
+
 static void *close_overdue(void *argument)
 {
     connections *p = argument;
@@ -348,10 +358,10 @@ static void *close_overdue(void *argument)
     while (!p->stopping) {
         int64_t now = clock_monotonic_ms();
         for (client_connection *one = p->first; one; one = one->next) {
-            /* the library (0.9.75) may miss an end that came with the request; it answers what it has read at once */
-            int64_t limit = one->ended ? WATCH_MS : one->placed ? limit_ms : refused_ms;
-            if (one->since_ms == NEVER || now - one->since_ms < limit) continue;
-            end(p, one);
+            int64_t passed_ms = one->since_ms == NEVER ? -1 : now - one->since_ms;
+            if (passed_ms >= (one->placed ? limit_ms : refused_ms) ||
+                (passed_ms >= WATCH_MS && has_ended(one)))
+                end(p, one);
         }
         if (p->first)
             background_wait_until(&p->changed, &p->mutex,
