@@ -1,5 +1,6 @@
 """make crashtest: what is killed, filled, broken and cut off, and whether anything was lost; writes doc/measured/reliability.md."""
 import argparse
+import datetime
 import json
 import math
 import pathlib
@@ -83,6 +84,7 @@ def main(words):
         except Violation as e:
             sys.exit(f"crashtest: {e}")
         figures["about"] = {"seed": seed, "minutes": (time.monotonic() - began) / 60, "kernel": platform.release(),
+                            "date": datetime.date.today().isoformat(),
                             "every": options.every}
         (work / f"{name}.json").write_text(json.dumps(figures, indent=1))
     if options.page:

@@ -29,7 +29,8 @@ at the first violation, and writes no page.
 
 def about(figures):
     a = figures["about"]
-    return f"Seed {a['seed']}, {a['minutes']:.0f} minutes, Linux {a['kernel']}."
+    date = f", {a['date']}" if "date" in a else ""
+    return f"Seed {a['seed']}, {a['minutes']:.0f} minutes, Linux {a['kernel']}{date}."
 
 
 def rows(*lines):
