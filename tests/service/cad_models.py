@@ -125,4 +125,32 @@ def engraved_text():
     return solid
 
 
+def notched_sheet(width=0.07, notches=5):
+    """A sheet without thickness: from one side narrow notches with round ends go in. No vertex of an end bends by a third of a
+    right angle."""
+    outline = []
+    for k in range(notches):
+        middle, depth = 1 + 2 * k, 2 + 0.23 * k
+        outline += [(middle - width / 2, 0)]
+        outline += [(middle - width / 2 * numpy.cos(a), depth + width / 2 * numpy.sin(a)) for a in numpy.linspace(0, numpy.pi, 8)]
+        outline += [(middle + width / 2, 0)]
+    solid = Solid()
+    solid.face([(x, y, 0) for x, y in [(0, 0), *outline, (2 * notches, 0), (2 * notches, 5), (0, 5)]])
+    return solid
+
+
+def hooked_sheet(size=0.06, cuts=5):
+    """A sheet without thickness: from one side cuts with nearly no width go in. At its end each turns right, and back to the left
+    of where it turned."""
+    outline = []
+    for k in range(cuts):
+        x, y, w = 1 + 2 * k, 2 + 0.23 * k, 0.05 * size
+        outline += [(x - w, 0), (x - w, y), (x + 0.8 * size - 2 * w, y + 0.4 * size), (x - 0.4 * size, y + size),
+                    (x + 0.8 * size + 2 * w, y + 0.4 * size), (x + w, y), (x + w, 0)]
+    solid = Solid()
+    solid.face([(x, y, 0) for x, y in [(0, 0), *outline, (2 * cuts, 0), (2 * cuts, 5), (0, 5)]])
+    return solid
+
+
+SHEETS = {"notched_sheet": notched_sheet, "hooked_sheet": hooked_sheet}
 MODELS = {"gear": gear, "bracket": bracket, "chair": chair, "plate_with_holes": plate_with_holes, "engraved_text": engraved_text}

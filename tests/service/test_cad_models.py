@@ -6,7 +6,7 @@ import numpy
 import pytest
 from scipy.spatial import cKDTree
 
-from cad_models import MODELS
+from cad_models import MODELS, SHEETS
 from readers import Points
 
 
@@ -40,6 +40,15 @@ def test_no_points_nearly_coincide(worker, tmp_path, name, count):
     # a hole whose rim has two points leaves room between them for points of both faces
     most = 0.005 if name == "plate_with_holes" and count < 1000 else 0
     assert quality["coincident"] == 0 and quality["close_share"] <= most
+    assert quality["missing_share"] < 0.01 and quality["coverage"] < 1.1
+
+
+@pytest.mark.parametrize("name", SHEETS)
+def test_no_points_of_a_rim_that_folds_back_nearly_coincide(worker, tmp_path, name):
+    """At 500 points the two arms of a notch are 0.2 spacings apart, and the corners of a hook are 0.18."""
+    report, _ = solve(worker, tmp_path, SHEETS[name](), 500)
+    quality = report["quality"]
+    assert quality["close_share"] == 0 and quality["min_spacing_ratio"] > 0.25
     assert quality["missing_share"] < 0.01 and quality["coverage"] < 1.1
 
 

@@ -456,6 +456,56 @@ static void rows_that_part_slowly_begin_as_one(void **state)
     curve_samples_free(&rows);
 }
 
+/* A cut that ends in a hook: c is joined to both a and b by short curves and merged into b. What joins a and b then is
+ * the curve from a to c. */
+static void corners_joined_by_way_of_a_merged_one_are_one(void **state)
+{
+    (void)state;
+    static faces s;
+    error e = {0};
+    curve_samples rows;
+    const boundary_request request = {.spacing = 0.1, .even = 0.1, .most = SIZE_MAX};
+    const vec3 a = {0.1, 0.11, 0}, b = {0.11, 0.1, 0}, c = {0.12, 0.1, 0};
+    make_slit_face(&s, b, c);
+    s.vertex[8] = (vec3){0.11, -0.2, 0};
+    s.vertex[9] = b;
+    s.curve[s.patches.curve_count] =
+        (field_curve){.first = 12, .count = 2, .patch_first = 8, .patch_count = 2};
+    s.vertex[12] = c;
+    s.vertex[13] = a;
+    s.curve_patch[8] = s.curve_patch[9] = 0;
+    s.patches.curve_count++;
+    assert_true(curve_samples_make(&s.base, &request, &rows, &e));
+    assert_true(least_distance(&rows) > 0.09);
+    assert_int_equal(rows.corners, 4 + 2);
+    curve_samples_free(&rows);
+}
+
+/* A row that folds back between two samples, which would be a fifth of a spacing apart, or at a sample. */
+static void a_row_that_folds_back_has_no_close_samples(void **state)
+{
+    (void)state;
+    static faces s;
+    error e = {0};
+    curve_samples rows;
+    const boundary_request request = {.spacing = 0.1, .even = 0.1, .most = SIZE_MAX};
+    for (int odd = 0; odd < 2; odd++) { /* number of steps along the row: 8 or 7 */
+        make_slit_face(&s, (vec3){0, 0, 0}, (vec3){0, 0, 0});
+        const double length = odd ? 0.34 : 0.39;
+        s.patches.curve_count--;
+        s.curve[s.patches.curve_count - 1].count = 4;
+        s.vertex[8] = (vec3){0, -0.01, 0};
+        s.vertex[9] = (vec3){length, -0.01, 0};
+        s.vertex[10] = (vec3){length, 0.01, 0};
+        s.vertex[11] = (vec3){0, 0.01, 0};
+        assert_true(curve_samples_make(&s.base, &request, &rows, &e));
+        assert_true(least_distance(&rows) > 0.03);
+        assert_int_equal(rows.corners, 4 + 1);
+        assert_in_range(rows.count, 4 * 10 + 4, 4 * 10 + 5);
+        curve_samples_free(&rows);
+    }
+}
+
 /* A crease that begins half a spacing from another is no corner there. */
 static void ends_of_creases_keep_apart(void **state)
 {
@@ -650,6 +700,8 @@ int main(void)
         cmocka_unit_test(points_are_held_where_they_are_wanted),
         cmocka_unit_test(rows_that_become_one_cut_off_less_than_a_third),
         cmocka_unit_test(rows_that_part_slowly_begin_as_one),
+        cmocka_unit_test(corners_joined_by_way_of_a_merged_one_are_one),
+        cmocka_unit_test(a_row_that_folds_back_has_no_close_samples),
         cmocka_unit_test(ends_of_creases_keep_apart),
         cmocka_unit_test(bends_of_rough_curves_keep_apart),
         cmocka_unit_test(rows_on_two_sides_of_a_sheet_stay),

@@ -11,8 +11,6 @@
 /* The object that messages about memory name. */
 static const char what[] = "the samples along curves";
 
-/* Minimum distance along one curve, in samples, of samples that may be merged: neighbours along a curve are never merged. */
-enum { MIN_SEPARATION = 3 };
 static const uint32_t NONE = UINT32_MAX;
 /* Within this multiple of the merge distance a remaining sample gets copies for removed samples of a parallel curve. Larger:
  * copies for samples that it does not face. */
@@ -43,7 +41,6 @@ typedef struct merging {
     box_tree *tree;     /* of the segments */
     size_t *first_copy; /* per sample and one more: its first copy */
     uint32_t *target;   /* per sample: the sample it is merged into; itself if it remains */
-    uint32_t *curve_at; /* per sample: its number along its curve, from 1 */
     uint32_t *ends;     /* per corner: number of curve ends */
     uint32_t *joined;   /* per patch: the least patch of its connected component */
     new_copy *new_copies;
@@ -73,7 +70,6 @@ static void list_segments(merging *m)
     const near_curves_input *in = m->in;
     for (uint32_t c = 0; c < in->curve_count; c++) {
         const uint32_t first = (uint32_t)in->first[c], count = (uint32_t)(in->first[c + 1] - in->first[c]);
-        for (uint32_t k = 0; k < count; k++) m->curve_at[first + k] = k + 1;
         for (uint32_t k = 1; k < count; k++) add_segment(m, first + k - 1, first + k, c, k);
         if (in->closed[c]) {
             if (count > 2) add_segment(m, first + count - 1, first, c, count);
@@ -141,14 +137,11 @@ static bool are_mergeable(const merging *m, uint32_t i, uint32_t j)
     return false;
 }
 
-/* Whether a segment belongs to another curve than a sample, or to the same curve at least MIN_SEPARATION samples away. */
-static bool is_separate(const merging *m, const segment *s, uint32_t place, uint32_t curve)
+/* Whether a sample of a curve may be merged into an end of a segment: of an earlier curve, or of the same curve between earlier
+ * samples. A segment that ends at the sample counts by its other end: where the curve folds back between the two, they are near. */
+static bool is_earlier(const segment *s, uint32_t place, uint32_t curve)
 {
-    if (s->from == place || s->to == place) return false;
-    if (s->curve != curve) return true;
-    const uint32_t a = s->at, b = m->curve_at[place], away = a > b ? a - b : b - a,
-                   round = (uint32_t)(m->in->first[curve + 1] - m->in->first[curve]);
-    return away >= MIN_SEPARATION && (!m->in->closed[curve] || round - away >= MIN_SEPARATION);
+    return s->curve < curve || (s->curve == curve && s->from <= place && s->to <= place);
 }
 
 static double merge_distance(const merging *m)
@@ -169,13 +162,14 @@ static uint32_t find_target(merging *m, uint32_t place, uint32_t curve)
     const uint32_t *near = find_segments(m, place, reach, &count);
     for (size_t k = 0; k < count; k++) {
         const segment *s = &m->segments[near[k]];
-        if (s->high < at - reach || s->low > at + reach || s->curve > curve ||
-            !is_separate(m, s, place, curve))
-            continue;
-        if (s->curve == curve && s->at >= m->curve_at[place]) continue;
+        if (s->high < at - reach || s->low > at + reach || !is_earlier(s, place, curve)) continue;
         const uint32_t a = m->target[s->from], b = m->target[s->to];
-        const double away = distance_to(x, m->samples->position[a], m->samples->position[b]);
-        const uint32_t nearer = distance_between(m, place, a) <= distance_between(m, place, b) ? a : b;
+        uint32_t nearer = distance_between(m, place, a) <= distance_between(m, place, b) ? a : b;
+        double away = distance_to(x, m->samples->position[a], m->samples->position[b]);
+        if (s->from == place || s->to == place) {
+            nearer = s->from == place ? b : a;
+            away = distance_between(m, place, nearer);
+        }
         if (!(away < reach) || nearer == place || !are_mergeable(m, place, nearer)) continue;
         if (distance_between(m, place, nearer) >= least) continue;
         least = distance_between(m, place, nearer);
@@ -184,8 +178,15 @@ static uint32_t find_target(merging *m, uint32_t place, uint32_t curve)
     return found;
 }
 
-/* Merges a corner into a near earlier corner. Of a curve that passes within the merge distance, the nearest sample is merged
- * into the corner. */
+/* Whether a sample that still represents itself can become one with a corner. */
+static bool is_free_to_merge(const merging *m, uint32_t corner, uint32_t place)
+{
+    return place != corner && m->target[place] == place && m->target[corner] == corner &&
+           are_mergeable(m, corner, place);
+}
+
+/* Merges a corner into a near earlier corner, also into one that a curve joins it to. Of another curve that passes within the merge
+ * distance, the nearest sample is merged into the corner. */
 static void merge_corner(merging *m, uint32_t corner)
 {
     const double reach = merge_distance(m) * m->in->spacing[corner];
@@ -194,14 +195,17 @@ static void merge_corner(merging *m, uint32_t corner)
     const uint32_t *near = find_segments(m, corner, reach, &count);
     for (size_t k = 0; k < count; k++) {
         const segment *s = &m->segments[near[k]];
-        const uint32_t end[2] = {s->from, s->to};
-        if (s->from == corner || s->to == corner) continue;
-        if (!(distance_to(x, m->samples->position[s->from], m->samples->position[s->to]) < reach)) continue;
-        const uint32_t place = end[distance_between(m, corner, end[1]) < distance_between(m, corner, end[0])];
-        if (m->target[place] != place || m->target[corner] != corner || !are_mergeable(m, corner, place))
-            continue;
-        if (place >= m->samples->corners) m->target[place] = corner;
-        if (place < corner && distance_between(m, corner, place) < reach) m->target[corner] = place;
+        const uint32_t end[2] = {s->from, s->to},
+                       nearer =
+                           end[distance_between(m, corner, end[1]) < distance_between(m, corner, end[0])];
+        if (nearer >= m->samples->corners && s->from != corner && s->to != corner &&
+            distance_to(x, m->samples->position[s->from], m->samples->position[s->to]) < reach &&
+            is_free_to_merge(m, corner, nearer))
+            m->target[nearer] = corner;
+        for (int i = 0; i < 2; i++)
+            if (end[i] < corner && distance_between(m, corner, end[i]) < reach &&
+                is_free_to_merge(m, corner, end[i]))
+                m->target[corner] = end[i];
     }
 }
 
@@ -354,11 +358,10 @@ bool near_curves_merge(const near_curves_input *in, curve_samples *samples, erro
     m.segments = mem_array(samples->count + 2 * in->curve_count, sizeof *m.segments, what, e);
     m.segments_of = mem_array(samples->count, sizeof *m.segments_of, what, e);
     m.target = mem_array(samples->count, sizeof *m.target, what, e);
-    m.curve_at = mem_array(samples->count, sizeof *m.curve_at, what, e);
     m.ends = mem_array(samples->count, sizeof *m.ends, what, e);
     m.first_copy = mem_array(samples->count + 1, sizeof *m.first_copy, what, e);
     m.joined = mem_array(in->patch_count, sizeof *m.joined, what, e);
-    bool ok = m.segments && m.segments_of && m.target && m.curve_at && m.ends && m.first_copy && m.joined;
+    bool ok = m.segments && m.segments_of && m.target && m.ends && m.first_copy && m.joined;
     if (ok) {
         connect_patches(&m);
         for (size_t k = 0; k < samples->copies; k++) m.first_copy[samples->place[k] + 1] = k + 1;
@@ -373,7 +376,6 @@ bool near_curves_merge(const near_curves_input *in, curve_samples *samples, erro
     free(m.segments_of);
     box_tree_free(m.tree);
     free(m.target);
-    free(m.curve_at);
     free(m.ends);
     free(m.first_copy);
     free(m.joined);

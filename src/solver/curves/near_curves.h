@@ -2,6 +2,7 @@
  *
  * A sample is removed if it lies within NEAR_CURVES spacings of a sample of an earlier curve or of a corner. A corner is removed
  * if it lies within that distance of an earlier corner. The sample that remains gets copies for the patches of the removed one.
+ * Two samples of one curve are merged where the curve folds back between them, neighbours also.
  *
  * Samples are merged only if their patches are connected by curves: the rims of a thin wall, two edges that meet at an acute
  * angle, a low step. Samples on opposite walls and samples of unconnected patches are not merged. World space.
