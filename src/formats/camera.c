@@ -11,6 +11,10 @@ static const double half_slope = 0.23;
  * different faces. */
 static const vec3 towards_eye = {0.52, -0.74, 0.43};
 
+/* A set whose variance along the line of sight is above this multiple of that along either axis of the picture is long and seen from
+ * its end: the eye goes a quarter round. Smaller: also sets that are shown well. */
+static const double END_ON = 2;
+
 static vec3 turn_about(vec3 v, vec3 axis, double angle)
 {
     vec3 along = vec3_scale(axis, vec3_dot(v, axis)), across = vec3_sub(v, along);
@@ -30,6 +34,21 @@ static camera aim(double angle, camera_frame frame)
     c.center_x = frame.left + 0.5 * frame.width;
     c.center_y = frame.top + 0.5 * frame.height;
     return c;
+}
+
+/* The angle at which the still camera stands: 0 unless the set is seen from its end there. */
+static double front_angle(const vec3 *position, size_t count, camera_frame frame)
+{
+    const camera c = aim(0, frame);
+    vec3 sum = {0, 0, 0}, squares = {0, 0, 0};
+    for (size_t i = 0; i < count; i++) {
+        const vec3 p = camera_direction(&c, vec3_sub(position[i], position[0]));
+        sum = vec3_add(sum, p);
+        squares = vec3_add(squares, vec3_make(p.x * p.x, p.y * p.y, p.z * p.z));
+    }
+    const vec3 mean = vec3_scale(sum, 1 / (double)count), square = vec3_scale(squares, 1 / (double)count);
+    const double across = fmax(square.x - mean.x * mean.x, square.y - mean.y * mean.y);
+    return square.z - mean.z * mean.z > END_ON * across ? M_PI / 2 : 0;
 }
 
 /* What a frustum must hold: of opposite planes u = +-s w each touches the set, from inside, at one. */
@@ -57,7 +76,7 @@ static touch touch_set(const camera *c, const vec3 *position, size_t count, came
 /* The nearest eye between both pairs of planes is where they meet. Exact, in one pass. */
 camera camera_fit(const vec3 *position, size_t count, double radius, camera_frame frame)
 {
-    camera c = aim(0, frame);
+    camera c = aim(front_angle(position, count, frame), frame);
     c.origin = position[0];
     touch t = touch_set(&c, position, count, frame);
     double rx = radius * sqrt(1 + t.sx * t.sx), ry = radius * sqrt(1 + t.sy * t.sy);
@@ -72,9 +91,10 @@ void camera_orbit(const vec3 *position, size_t count, double radius, camera_fram
                   camera *out)
 {
     const bbox box = bbox_of_points(position, count, NULL);
+    const double front = front_angle(position, count, frame);
     double z = 0;
     for (int k = 0; k < frames; k++) {
-        camera c = aim(2 * M_PI * k / frames, frame);
+        camera c = aim(front + 2 * M_PI * k / frames, frame);
         c.origin = vec3_scale(vec3_add(box.min, box.max), 0.5);
         touch t = touch_set(&c, position, count, frame);
         double rx = radius * sqrt(1 + t.sx * t.sx), ry = radius * sqrt(1 + t.sy * t.sy);

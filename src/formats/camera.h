@@ -34,7 +34,8 @@ typedef struct camera_frame {
 } camera_frame;
 
 /* Three-quarter view from above with z (or y) up: the nearest eye from which every ball (position[i],
- * radius) lies within the frame. count > 0, radius > 0; everything finite. */
+ * radius) lies within the frame. A long set that would be seen from its end is seen from a quarter
+ * further round. count > 0, radius > 0; everything finite. */
 camera camera_fit(const vec3 *position, size_t count, double radius, camera_frame frame);
 
 /* The same from `frames` eyes around the axis that is up through the middle of the set, all as far away as the

@@ -247,6 +247,35 @@ static void test_turntables(void **state)
     point_set_free(&s);
 }
 
+/* A pipe that points at the eye is shown from its side, whichever axis is up and wherever it lies; what is as deep as wide is not turned. */
+static void test_no_pipe_is_seen_from_its_end(void **state)
+{
+    (void)state;
+    point_set s = point_set_sphere(500, vec3_make(100, 5, -7), 1);
+    for (int y_up = 0; y_up < 2; y_up++) {
+        const camera_frame frame = {0, 0, 300, 200, y_up};
+        const camera round = camera_fit(s.position, s.points.count, 0.1, frame);
+        for (int level = 0; level < 2; level++) { /* along the line of sight, and level below it */
+            vec3 along = round.forward, *pipe = calloc(s.points.count, sizeof *pipe);
+            if (level)
+                along = vec3_unit(y_up ? vec3_make(along.x, 0, along.z) : vec3_make(along.x, along.y, 0));
+            for (size_t i = 0; i < s.points.count; i++)
+                pipe[i] = vec3_axpy(9 * vec3_dot(vec3_sub(s.position[i], vec3_make(100, 5, -7)), along),
+                                    along, s.position[i]);
+            const camera side = camera_fit(pipe, s.points.count, 0.1, frame);
+            assert_true(fabs(vec3_dot(side.forward, along)) < 0.5);
+            free(pipe);
+        }
+        vec3 *bar = calloc(s.points.count, sizeof *bar);
+        for (size_t i = 0; i < s.points.count; i++)
+            bar[i] = vec3_axpy(9 * vec3_dot(s.position[i], round.right), round.right, s.position[i]);
+        const camera same = camera_fit(bar, s.points.count, 0.1, frame);
+        assert_true(vec3_norm(vec3_sub(same.forward, round.forward)) < 1e-12);
+        free(bar);
+    }
+    point_set_free(&s);
+}
+
 /* The colours of points are those of what is asked for: from the first of the scale to the last. */
 static void test_every_quantity_is_shown(void **state)
 {
@@ -771,6 +800,7 @@ int main(void)
         cmocka_unit_test(test_exr_basic),
         cmocka_unit_test(test_far_side_does_not_show_through),
         cmocka_unit_test(test_camera_fits_tightly),
+        cmocka_unit_test(test_no_pipe_is_seen_from_its_end),
         cmocka_unit_test(test_png),
         cmocka_unit_test(test_exr),
         cmocka_unit_test(test_determinism),
