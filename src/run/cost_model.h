@@ -13,6 +13,7 @@
 #ifndef HEXAD_RUN_COST_MODEL_H
 #define HEXAD_RUN_COST_MODEL_H
 
+#include <stdbool.h>
 #include <stddef.h>
 
 #define COST_MODEL_FIRST 200 /* points: a run of milliseconds */
@@ -33,9 +34,9 @@ void cost_model_note(cost_model *p, size_t count, double run_s, double rest_s);
 /* The count of the next run when left_s remain; 0: no run with more points fits. */
 size_t cost_model_next(const cost_model *p, double left_s);
 
-/* Predicts the seconds of a run of `count` points from the last two runs, of which the later had more points. The model
- * here has two parts: one constant, for the coarse levels that all runs share, and one proportional to the count. */
-double cost_model_run(const cost_model *p, size_t count);
+/* Predicts what the time up to the last sweep is proportional to, in updates of a particle. `by_levels`: the solve has levels
+ * (schedule_multilevel); otherwise it is the count. */
+double cost_model_work(size_t count, bool by_levels);
 
 /* Predicts the seconds that a run of `count` points takes after its relaxation. */
 double cost_model_rest(const cost_model *p, size_t count);

@@ -17,26 +17,35 @@
 #include "sizing/clearance.h"
 #include "surface/surface.h"
 
-/* Of processor time, which others on the machine do not stretch: no run that only tells what the job's own would
- * take is begun if it should take longer, and none goes on after twice that. The most points tell best. */
-static const double REHEARSAL_S = 1;
-/* Each has so many times the points of the one before it, as levels have: so their coarsest is that of the job. */
-static const size_t REHEARSAL_STRIDE = 4;
+/* Counts of the runs that tell what the job's own would take: the count over a power of 4, as the counts of levels are, so that the
+ * coarsest level is that of the job. A run has at most REHEARSAL_MOST points, which takes about a sixth of the time of 10 000, and
+ * no fewer than COST_MODEL_FIRST. */
+enum { REHEARSAL_STRIDE = 4, REHEARSAL_MOST = 4000 };
+/* Seconds of processor time, which others on the machine do not stretch: the first run ends after so many, and those with fewer
+ * points, which are made only if it had not come to its end, together with it. Longer: an estimate of more jobs, later. */
+static const double REHEARSAL_S[2] = {3, 4};
 /* With fewer points threads, of which the finest levels have several, still gain little of the whole. */
 static const size_t SHARED_FROM = 20000;
 /* What a worker holds at least once it has used OpenVDB: the library, and the heap that is in place from the start (mem_begin). */
 static const double BYTES_WITH_OPENVDB = 37 << 20;
 
-/* One run of j->count points, noted unless the time is up before its end; whether it was noted. */
-static bool rehearse_once(job *j, double end_s, cost_model *p)
+/* Seconds of a run: up to its last sweep, and after it, which is mostly spent on the surface, whatever the count. */
+typedef struct run_cost {
+    double relax_s, measure_s;
+} run_cost;
+
+/* One run of j->count points, unless the time is up before its end; whether it came to its end. That it fails is no fault of the
+ * job's. */
+static bool rehearse_once(job *j, double end_s, run_cost *out)
 {
     solution s = {0};
     double begin_s = clock_processor_s();
     bool ok = job_place(j, &s, NULL);
     while (ok && !solver_ended(s.solver))
         ok = job_may_go_on(j, NULL) && clock_processor_s() < end_s && solver_step(s.solver, NULL);
+    double relaxed_s = clock_processor_s();
     ok = ok && job_finalize(j, &s, NULL) && job_measure(j, &s, NULL);
-    if (ok) cost_model_note(p, j->count, clock_processor_s() - begin_s, 0);
+    if (ok) *out = (run_cost){relaxed_s - begin_s, clock_processor_s() - relaxed_s};
     job_free_solution(&s);
     return ok;
 }
@@ -50,20 +59,27 @@ static const char *rehearsal_obstacle(const job *j)
                : NULL;
 }
 
-/* Seconds from the first point to the last measure; NAN when that cannot be told, since no run came to its end.
- * That a rehearsal fails is no fault of the job's. */
+/* Seconds from the first point to the last measure; NAN when that cannot be told, since no run came to its end. */
 static double rehearse(job *j)
 {
-    size_t count = j->count, part = 1;
-    double end_s = clock_processor_s() + 2 * REHEARSAL_S;
-    cost_model p = cost_model_begin(count);
-    while (count / part / REHEARSAL_STRIDE >= COST_MODEL_FIRST) part *= REHEARSAL_STRIDE;
-    for (j->count = count / part; rehearse_once(j, end_s, &p) && part > 1; j->count = count / part) {
-        part /= REHEARSAL_STRIDE;
-        if (cost_model_run(&p, count / part) > REHEARSAL_S) break;
+    const size_t count = j->count;
+    const bool by_levels = j->spec->method == SPEC_METHOD_SIZED;
+    const double begin_s = clock_processor_s();
+    size_t part = 1;
+    run_cost cost;
+    while ((part == 1 || count / part > REHEARSAL_MOST) &&
+           count / part / REHEARSAL_STRIDE >= COST_MODEL_FIRST)
+        part *= REHEARSAL_STRIDE;
+    j->count = count / part;
+    bool ended = rehearse_once(j, begin_s + REHEARSAL_S[0], &cost);
+    while (!ended && j->count / REHEARSAL_STRIDE >= COST_MODEL_FIRST) {
+        j->count /= REHEARSAL_STRIDE;
+        ended = rehearse_once(j, begin_s + REHEARSAL_S[1], &cost);
     }
+    const double more = cost_model_work(count, by_levels) / cost_model_work(j->count, by_levels);
     j->count = count;
-    return p.runs > 0 ? cost_model_run(&p, count) / (count < SHARED_FROM ? 1 : threads_count(j->pool)) : NAN;
+    if (!ended) return NAN;
+    return (cost.relax_s * more + cost.measure_s) / (count < SHARED_FROM ? 1 : threads_count(j->pool));
 }
 
 /* At the peak of a job of so many points, which is that of loading or that of sampling; `held`: the surface, before there

@@ -40,8 +40,9 @@ static double first_step(const field *f)
 }
 
 /* Whether the ray from x meets the surface's other side within `reach`; then where, and the normal there. `inside`: it
- * goes into the solid. */
-static bool meet(const field *f, vec3 x, vec3 along, bool inside, double reach, vec3 *end, vec3 *normal)
+ * goes into the solid. `hint`: as of field_sample_near, of x. */
+static bool meet(const field *f, vec3 x, vec3 along, bool inside, double reach, uint32_t hint, vec3 *end,
+                 vec3 *normal)
 {
     const double growth = (f->patches ? PATCH_GROWTH : GROWTH) - 1,
                  longest = f->patches ? INFINITY : LONGEST * f->cell_size;
@@ -50,7 +51,7 @@ static bool meet(const field *f, vec3 x, vec3 along, bool inside, double reach, 
         step = fmax(step, fmin(growth * t, longest));
         field_sample s;
         vec3 at = vec3_axpy(t, along, x);
-        if (!field_sample_at(f, at, FIELD_GRADIENT, &s) || (s.value < 0) == inside) continue;
+        if (!field_sample_near(f, at, FIELD_GRADIENT, &hint, &s) || (s.value < 0) == inside) continue;
         double slope = vec3_norm(s.gradient);
         if (!(slope > 0)) return false;
         *normal = vec3_scale(s.gradient, 1 / slope);
@@ -61,10 +62,12 @@ static bool meet(const field *f, vec3 x, vec3 along, bool inside, double reach, 
 }
 
 /* The largest spacing with which x and the other sheet at the end of a ray are told apart. */
-static double spacing_at(const field *f, vec3 x, vec3 normal, vec3 along, bool inside, double reach)
+static double spacing_at(const field *f, vec3 x, vec3 normal, vec3 along, bool inside, double reach,
+                         uint32_t hint)
 {
     vec3 end, other;
-    if (!meet(f, x, along, inside, reach, &end, &other) || vec3_dot(normal, other) >= QUALITY_SHEET_FACING)
+    if (!meet(f, x, along, inside, reach, hint, &end, &other) ||
+        vec3_dot(normal, other) >= QUALITY_SHEET_FACING)
         return INFINITY;
     vec3 r = vec3_sub(end, x);
     double gap = fmin(fabs(vec3_dot(normal, r)), fabs(vec3_dot(other, r)));
@@ -78,14 +81,17 @@ static double least_spacing(const field *f, vec3 x, vec3 normal, double reach)
     vec3 u = vec3_unit(vec3_cross(normal, fabs(normal.x) < 0.6 ? (vec3){1, 0, 0} : (vec3){0, 1, 0}));
     vec3 v = vec3_cross(normal, u);
     double least = INFINITY;
+    uint32_t hint = FIELD_NO_HINT;
+    field_sample at_x;
+    field_sample_near(f, x, FIELD_GRADIENT, &hint, &at_x);
     for (int side = -1; side <= 1; side += 2) {
         vec3 axis = vec3_scale(normal, side);
-        least = fmin(least, spacing_at(f, x, normal, axis, side < 0, reach));
+        least = fmin(least, spacing_at(f, x, normal, axis, side < 0, reach, hint));
         for (int k = 0; k < TILTED; k++) {
             double angle = 2 * M_PI * k / TILTED;
             vec3 across = vec3_add(vec3_scale(u, cos(angle)), vec3_scale(v, sin(angle)));
             vec3 along = vec3_add(vec3_scale(axis, cos(TILT)), vec3_scale(across, sin(TILT)));
-            least = fmin(least, spacing_at(f, x, normal, along, side < 0, reach));
+            least = fmin(least, spacing_at(f, x, normal, along, side < 0, reach, hint));
         }
     }
     return least;

@@ -76,7 +76,7 @@ def test_what_cannot_be_told(estimate):
     assert found["seconds"] is None and "sampling.control" in found["seconds_missing"]
 
 
-@pytest.mark.extended  # the estimate runs the job for two seconds
+@pytest.mark.extended  # the estimate runs parts of the job for four seconds
 def test_a_job_that_does_not_converge_has_no_estimated_time(estimate):
     found = estimate(long_sphere(), "--threads", 1)
     assert found["seconds"] is None and "did not end" in found["seconds_missing"]
