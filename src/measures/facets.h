@@ -48,7 +48,8 @@ typedef struct facets {
     double area;        /* of the surface */
     facets_node *node;  /* node 0 is the root */
     size_t node_count;
-    vec3 *face_normal; /* unit normals of grid cells, in item order; NULL for a mesh */
+    float (*face_normal)
+        [3]; /* unit normals of grid cells, in item order; NULL for a mesh. They tell sides apart and bound angles */
 } facets;
 
 /* A triangle of the surface. */
