@@ -21,6 +21,9 @@ static const double TILT = 0.58;
  * places. Cells of patches are as large as the spacing, which says nothing of how thin parts are: there the first step
  * is a small one, and growth has no end. */
 static const double STRIDE = 0.5, PATCH_STRIDE = 1.0 / 8, GROWTH = 1.02, PATCH_GROWTH = 1.3, LONGEST = 4;
+/* On triangles |F| is the distance to them: a ray goes on by this share of it, and ends where it is larger than what is left of the
+ * ray. */
+static const double CLEAR = 0.9;
 /* To the surface. */
 static const int SETTLE_STEPS = 10;
 static const double SETTLE = 1e-2;
@@ -46,12 +49,18 @@ static bool meet(const field *f, vec3 x, vec3 along, bool inside, double reach, 
 {
     const double growth = (f->patches ? PATCH_GROWTH : GROWTH) - 1,
                  longest = f->patches ? INFINITY : LONGEST * f->cell_size;
-    double step = first_step(f);
-    for (double t = step; t < reach + step; t += step) {
+    const bool is_distance = f->ops->cell_triangles != NULL;
+    double step = first_step(f), clear = 0;
+    for (double t = step; t < reach + step; t += fmax(step, CLEAR * clear)) {
         step = fmax(step, fmin(growth * t, longest));
         field_sample s;
         vec3 at = vec3_axpy(t, along, x);
-        if (!field_sample_near(f, at, FIELD_GRADIENT, &hint, &s) || (s.value < 0) == inside) continue;
+        if (!field_sample_near(f, at, FIELD_GRADIENT, &hint, &s)) continue;
+        if ((s.value < 0) == inside) {
+            if (is_distance) clear = fabs(s.value);
+            if (clear > reach + step - t) return false;
+            continue;
+        }
         double slope = vec3_norm(s.gradient);
         if (!(slope > 0)) return false;
         *normal = vec3_scale(s.gradient, 1 / slope);
