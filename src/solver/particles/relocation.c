@@ -123,21 +123,27 @@ static void density_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
+static bool is_dense(const density_job *job, size_t i)
+{
+    const relocation_input *in = job->in;
+    return job->least[i] < dense_limit(in) && !(in->immovable && in->immovable[i]);
+}
+
 /* The over-dense points, densest first. Of points near each other only the first is kept. */
 static bool find_dense(const relocation_input *in, const near_points *near, threads *pool, ranked **out,
                        size_t *found, error *e)
 {
-    ranked *r = *out = mem_array(in->count, sizeof *r, "the relocation of points", e);
     density_job job = {in, near, 0, mem_array(in->count, sizeof *job.least, "the relocation of points", e)};
-    const bool ok = r && job.least;
+    size_t all = 0;
     *found = 0;
     for (size_t i = 0; i < in->count; i++) job.largest = fmax(job.largest, in->size[i]);
-    if (ok) threads_run(pool, in->count, 512, density_chunk, &job);
-    for (size_t i = 0; ok && i < in->count; i++)
-        if (job.least[i] < dense_limit(in) && !(in->immovable && in->immovable[i]))
-            r[(*found)++] = (ranked){job.least[i], in->size[i], in->point[i], (uint32_t)i};
+    if (job.least) threads_run(pool, in->count, 512, density_chunk, &job);
+    for (size_t i = 0; job.least && i < in->count; i++) all += is_dense(&job, i);
+    ranked *r = *out = job.least ? mem_array(all, sizeof *r, "the relocation of points", e) : NULL;
+    for (size_t i = 0; r && i < in->count; i++)
+        if (is_dense(&job, i)) r[(*found)++] = (ranked){job.least[i], in->size[i], in->point[i], (uint32_t)i};
     free(job.least);
-    if (!ok || *found == 0) return ok;
+    if (!r || *found == 0) return r != NULL;
     qsort(r, *found, sizeof *r, nearest_first);
     return thin_out(in, r, dense_limit(in), pool, found, e);
 }
@@ -145,8 +151,8 @@ static bool find_dense(const relocation_input *in, const near_points *near, thre
 typedef struct gap_job {
     const relocation_input *in;
     const near_points *near;
-    double reach; /* a place with a point within this distance is no gap for any size; world units */
-    ranked *out;
+    double reach;     /* a place with a point within this distance is no gap for any size; world units */
+    double *distance; /* per place: of its nearest point, in spacings of that point */
 } gap_job;
 
 /* Whether point i exists and is within `reach` of a place. */
@@ -172,7 +178,7 @@ static void gap_chunk(void *context, int worker, size_t begin, size_t end)
                 i = near_points_nearest(job->near, in->place[k], job->reach, &distance);
         }
         in->near[k] = before = i;
-        job->out[k] = (ranked){distance / (in->h * in->size[i]), in->size[i], in->place[k], (uint32_t)k};
+        job->distance[k] = distance / (in->h * in->size[i]);
     }
 }
 
@@ -186,14 +192,19 @@ static double gap_limit(const relocation_input *in)
 static bool find_gaps(const relocation_input *in, const near_points *near, size_t wanted, threads *pool,
                       ranked **out, size_t *found, error *e)
 {
-    ranked *r = *out = mem_array(in->places, sizeof *r, "the gaps in coverage", e);
-    *found = 0;
-    double least = INFINITY;
+    const double limit = gap_limit(in);
+    double least = INFINITY, *distance = mem_array(in->places, sizeof *distance, "the gaps in coverage", e);
+    size_t all = 0;
     for (size_t i = 0; i < in->count; i++) least = fmin(least, in->size[i]);
-    gap_job job = {in, near, gap_limit(in) * in->h * least, r};
-    if (r) threads_run(pool, in->places, 256, gap_chunk, &job);
+    gap_job job = {in, near, limit * in->h * least, distance};
+    if (distance) threads_run(pool, in->places, 256, gap_chunk, &job);
+    for (size_t k = 0; distance && k < in->places; k++) all += distance[k] > limit;
+    ranked *r = *out = distance ? mem_array(all, sizeof *r, "the gaps in coverage", e) : NULL;
+    *found = 0;
     for (size_t k = 0; r && k < in->places; k++)
-        if (r[k].distance > gap_limit(in)) r[(*found)++] = r[k];
+        if (distance[k] > limit)
+            r[(*found)++] = (ranked){distance[k], in->size[in->near[k]], in->place[k], (uint32_t)k};
+    free(distance);
     if (!r || *found == 0) return r != NULL;
     qsort(r, *found, sizeof *r, farthest_first);
     if (wanted < *found / in->count) {
@@ -210,7 +221,7 @@ bool relocation_choose(const relocation_input *in, threads *pool, relocation **o
     relocation *chosen = NULL;
     size_t points = 0, places = 0, count = 0;
     bool ok = near && find_dense(in, near, pool, &dense, &points, e) &&
-              find_gaps(in, near, points, pool, &gaps, &places, e) &&
+              (points == 0 || find_gaps(in, near, points, pool, &gaps, &places, e)) &&
               (chosen = mem_array(points + 1, sizeof *chosen, "the relocation of points", e));
     while (ok && count < points && count < places && gaps[count].distance > dense[count].distance) {
         chosen[count] = (relocation){dense[count].index, gaps[count].index};
