@@ -28,6 +28,9 @@ static const double REHEARSAL_S[2] = {3, 4};
 static const size_t SHARED_FROM = 20000;
 /* What a worker holds at least once it has used OpenVDB: the library, and the heap that is in place from the start (mem_begin). */
 static const double BYTES_WITH_OPENVDB = 37 << 20;
+/* Of each cell or triangle of the surface, while the result is measured (measures/facets): its place in the order, its piece, its normal
+ * and its share of the nodes. */
+static const double BYTES_PER_CELL = 40;
 
 /* Seconds of a run: up to its last sweep, and after it, which is mostly spent on the surface, whatever the count. */
 typedef struct run_cost {
@@ -87,8 +90,9 @@ static double rehearse(job *j)
 static double memory_for(const job *j, int64_t held, double count)
 {
     double begin = fmax((double)held, j->spec->has_points_vdb ? BYTES_WITH_OPENVDB : 0);
-    return fmax((double)job_peak_memory(j),
-                begin + count * job_bytes_per_particle(j) + plan_picture_memory(j->spec));
+    return fmax((double)job_peak_memory(j), begin + count * job_bytes_per_particle(j) +
+                                                BYTES_PER_CELL * (double)j->scan->cells +
+                                                plan_picture_memory(j->spec));
 }
 
 /* Walls thinner than the spacing. A spacing that varies is not known before the job has begun. */
