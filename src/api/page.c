@@ -87,16 +87,33 @@ static page *read_directory(const char *directory, error *e)
     return NULL;
 }
 
+/* The directory in which the page is installed; to be freed. A program in a staged tree (DESTDIR) is below another root, and so
+ * is its page. */
+static char *installed_page(const char *programs)
+{
+    size_t length = strlen(programs), tail = strlen(HEXAD_BINDIR);
+    bool staged = length > tail && strcmp(programs + length - tail, HEXAD_BINDIR) == 0;
+    return mem_printf("%.*s" HEXAD_PAGEDIR, staged ? (int)(length - tail) : 0, programs);
+}
+
 page *page_open(error *e)
 {
     char own[PATH_MAX];
+    error why = {0};
     ssize_t length = readlink("/proc/self/exe", own, sizeof own - 1);
     own[length > 0 ? length : 0] = '\0';
-    char *beside = mem_printf("%s/page", dirname(own));
+    const char *programs = dirname(own);
+    char *beside = mem_printf("%s/page", programs), *installed = installed_page(programs);
     page *p = read_directory(beside, NULL);
+    if (!p) p = read_directory(installed, &why);
+    if (!p)
+        error_set(
+            e, ERROR_INPUT_MISSING,
+            "neither %s nor %s holds it (%s): install the page, or run npm ci in the folder page of the source and"
+            " make again",
+            beside, installed, why.message);
     free(beside);
-    if (!p) p = read_directory(HEXAD_PAGEDIR, e);
-    if (!p) error_prefix(e, "the page was not built (npm ci in its folder, then make)");
+    free(installed);
     return p;
 }
 
@@ -115,11 +132,12 @@ static void send_file(const http_context *c, const http_request *request, const 
 {
     const page_file *f = find(c->page, name);
     if (!f) {
-        reply_set_problem(r, "not_found", NULL,
-                          c->page
-                              ? "the page has no file %.200s"
-                              : "this service has no page: the setting page is 0, or the page was not built",
-                          name);
+        reply_set_problem(
+            r, "not_found", NULL,
+            c->page
+                ? "the page has no file %.200s"
+                : "this service has no page: the setting page is 0, or its log says which files are missing",
+            name);
         return;
     }
     const char *known = request->header[HTTP_IF_NONE_MATCH];

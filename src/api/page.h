@@ -11,7 +11,7 @@
 typedef struct page page;
 
 /* Reads the page: from the directory `page` beside the running program, as in the tree of the build, otherwise from
- * where it was installed. Error input_missing: it is at neither place. */
+ * where it was installed, also below another root (DESTDIR). Error input_missing: it is at neither place. */
 page *page_open(error *e);
 void page_close(page *p); /* accepts NULL */
 

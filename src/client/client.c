@@ -13,6 +13,8 @@
 
 #define HTTPS "https://"
 #define UNIX "unix:"
+/* The socket of the service that systemd runs, whose settings file `hexad --allow` finds. */
+#define SYSTEM_SOCKET "unix:/run/hexad/hexad.sock"
 #define CONNECT_TIMEOUT_S 5L
 /* A reply that stands still for that long is given up. */
 #define STALL_TIMEOUT_S 60L
@@ -158,12 +160,16 @@ static bool explain_refusal(const client *c, error *e)
     struct stat info;
     char name[64];
     name_self(name);
-    if (stat(c->server + strlen(UNIX), &info) == 0)
+    bool found = stat(c->server + strlen(UNIX), &info) == 0;
+    if (found && strcmp(c->server, SYSTEM_SOCKET) == 0)
+        return error_set(e, ERROR_INTERNAL, "%s: the user %s may not connect: run `hexad --allow %s` as root",
+                         c->server, name, name);
+    if (found)
         return error_set(
             e, ERROR_INTERNAL,
-            "%s: the user %s may not connect: run `hexad --allow %s` as root (with --config FILE if"
-            " the service was started with one)",
-            c->server, name, name);
+            "%s: the user %s may not connect: run `hexad --config FILE --allow %s` as root, with the settings file"
+            " of this service, or restart it with %s in its option --unix_users",
+            c->server, name, name, name);
     return error_set(
         e, ERROR_INTERNAL,
         "%s: the user %s may not enter the directory of this socket: the settings listen and unix_users of"

@@ -6,6 +6,7 @@
 
 #include "base/clock.h"
 #include "base/memory.h"
+#include "base/nearest_name.h"
 #include "base/ulid.h"
 #include "client/command.h"
 #include "client/list_query.h"
@@ -18,6 +19,12 @@ typedef struct matches {
     const char *beginning;
     json *jobs;
 } matches;
+
+/* Whether the name has the length and the characters of an id. */
+static bool is_id(const char *name)
+{
+    return strlen(name) == ID_LENGTH && strspn(name, ULID_ALPHABET) == ID_LENGTH;
+}
 
 bool job_name_is_short(const char *name)
 {
@@ -113,13 +120,32 @@ static int find(client *c, const char *user, const char *name, char **id)
     return code;
 }
 
+/* Answers a name that is no id, nor the beginning of one. */
+static int refuse_word(const char *name)
+{
+    char *lower = mem_strdup(name);
+    for (char *c = lower; *c; c++)
+        if (*c >= 'A' && *c <= 'Z') *c = (char)(*c - 'A' + 'a');
+    nearest_name n = nearest_name_to(lower, strlen(lower));
+    nearest_name_offer(&n, JOB_NAME_LATEST);
+    print_failure(
+        "%s is no id of a job: give its 26 characters, the first %d characters or more, or " JOB_NAME_LATEST
+        "%s",
+        name, JOB_NAME_PREFIX_LEAST, n.name ? "; did you mean " JOB_NAME_LATEST "?" : "");
+    size_t letters = strspn(lower, "0123456789abcdefghijklmnopqrstuvwxyz");
+    bool word = *lower && letters == strlen(lower); /* a service would answer that there is no such job */
+    free(lower);
+    return word ? COMMAND_MISSING : COMMAND_USAGE;
+}
+
 int job_name_resolve(client *c, const char *name, char **id)
 {
     json *session = NULL;
-    if (!job_name_is_short(name)) {
+    if (is_id(name)) {
         *id = mem_strdup(name);
         return COMMAND_OK;
     }
+    if (!job_name_is_short(name)) return refuse_word(name);
     if (strcmp(name, JOB_NAME_LATEST) != 0 && strlen(name) < JOB_NAME_PREFIX_LEAST) {
         print_failure("%s is too short for the beginning of an id: give %d characters or more", name,
                       JOB_NAME_PREFIX_LEAST);

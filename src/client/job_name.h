@@ -15,8 +15,8 @@
 bool job_name_is_short(const char *name);
 
 /* Sets *id, to be freed, to the id of the job: `latest`, or the one job of the caller whose id begins with the name.
- * Every other name, a whole id among them, stays as it is, for the command to check. Returns an exit code, after
- * printing why there is no id; several jobs are printed. */
+ * A whole id stays as it is, for the service to find. Returns an exit code, after printing why there is no id; several
+ * jobs are printed. */
 int job_name_resolve(client *c, const char *name, char **id);
 
 #endif

@@ -30,12 +30,14 @@ static int64_t time_of(json_at object, const char *key)
     return text && clock_parse_utc(text, &wall_ms) ? wall_ms : 0;
 }
 
-/* "250ms", "45s", "12m", "3h", "4d": at least two digits of the larger unit, or the smaller one; seconds from 1 on. */
+/* "250ms", "1.9s", "45s", "12m", "3h", "4d": two digits or more, cut off behind the last one. */
 static char *print_span(int64_t ms, char *text, size_t size)
 {
     int64_t s = ms > 0 ? ms / 1000 : 0;
     if (s < 1)
         snprintf(text, size, "%lldms", (long long)(ms > 0 ? ms : 0));
+    else if (s < 10)
+        snprintf(text, size, "%lld.%llds", (long long)s, (long long)(ms % 1000 / 100));
     else if (s < 120)
         snprintf(text, size, "%llds", (long long)s);
     else if (s < 2 * 3600)
@@ -106,12 +108,13 @@ void job_table_add_attempt(table *t, json_at attempt)
     json_at frame = json_member(&attempt, "frame"), status = json_member(&attempt, "exit_status"),
             killed = json_member(&attempt, "signal"), memory = json_member(&attempt, "peak_memory_bytes"),
             waited = json_member(&attempt, "waited_ms");
-    char took[24];
+    char took[24], before[24];
     table_add(t, frame.node ? mem_printf("%.0f", json_number(frame, 0)) : mem_strdup("-"));
     table_add(t, mem_printf("%.0f", number_of(attempt, "number")));
     table_add(t, mem_strdup(text_of(attempt, "started", "-")));
     table_add(t, mem_strdup(print_duration(attempt, took, sizeof took)));
-    table_add(t, waited.node ? mem_printf("%.1f s", json_number(waited, 0) / 1000) : mem_strdup("-"));
+    table_add(t, mem_strdup(waited.node ? print_span((int64_t)json_number(waited, 0), before, sizeof before)
+                                        : "-"));
     table_add(t, killed.node   ? mem_printf("signal %.0f", json_number(killed, 0))
                  : status.node ? mem_printf("%.0f", json_number(status, 0))
                                : mem_strdup("-"));

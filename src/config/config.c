@@ -486,8 +486,8 @@ void config_print_help(FILE *file)
         "  --check          checks the database for damage and, when hexad does not run, the results of\n"
         "                   all jobs. It changes nothing and prints a line for each fault\n"
         "  --allow USER     grants a user, or the members of a @GROUP, access to the Unix socket. It adds the name\n"
-        "                   to unix_users or unix_groups of FILE (default: " HEXAD_SYSCONFDIR
-        "/hexad.conf). For\n"
+        "                   to unix_users or unix_groups of FILE (default: the file that hexad.service\n"
+        "                   names, otherwise " HEXAD_SYSCONFDIR "/hexad.conf). For\n"
         "                   the service that systemd runs with this file it also writes the drop-in\n"
         "                   hexad.socket.d/allow.conf and has systemd read both; run it as root then. It prints\n"
         "                   each step, warns if the user still cannot reach the socket, and can be repeated\n"

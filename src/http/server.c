@@ -283,19 +283,24 @@ static bool refuse_connection(exchange *x, reply *r)
 
 /* Refuses a user of the Unix socket without a token. The user has a number here, because a look-up of the name may block the
  * serving thread. */
-static void set_user_unknown(uid_t uid, reply *r)
+static void set_user_unknown(uid_t uid, const char *settings_file, reply *r)
 {
-    reply_set_problem(
-        r, "unauthorized", NULL,
-        "the user with the number %u may not use this service: run `hexad --allow %u` as root (with"
-        " --config FILE if the service was started with one), or send a token",
-        (unsigned)uid, (unsigned)uid);
+    if (settings_file)
+        reply_set_problem(r, "unauthorized", NULL,
+                          "the user with the number %u may not use this service: run"
+                          " `hexad --config %s --allow %u` as root, or send a token",
+                          (unsigned)uid, settings_file, (unsigned)uid);
+    else
+        reply_set_problem(r, "unauthorized", NULL,
+                          "the user with the number %u may not use this service, which has no settings file:"
+                          " restart it with %u in its option --unix_users, or send a token",
+                          (unsigned)uid, (unsigned)uid);
 }
 
-static void set_unauthorized(const access_peer *from, const fields *f, reply *r)
+static void set_unauthorized(const exchange *x, const access_peer *from, const fields *f, reply *r)
 {
     if (from->local && !f->authorization)
-        set_user_unknown(from->uid, r);
+        set_user_unknown(from->uid, x->s->settings.settings_file, r);
     else
         reply_set_problem(r, "unauthorized", NULL,
                           f->authorization
@@ -324,7 +329,7 @@ static bool refuse_page(const exchange *x, const fields *f, reply *r)
     bool other_host = f->hosts && !pages_is_host(x->s->settings.pages, f->host);
     if (!other_host && !is_foreign_page(x, f)) return false;
     if (f->authorization && !from->scopes)
-        set_unauthorized(from, f, r); /* a program, whose token is what is wrong */
+        set_unauthorized(x, from, f, r); /* a program, whose token is what is wrong */
     else if (other_host)
         reply_set_problem(r, "misdirected_request", NULL,
                           "this service is not at the host %.200s: use the address that it listens on, send a"
@@ -360,7 +365,7 @@ static bool refuse_caller(const exchange *x, const fields *f, reply *r)
     const route_match *match = &x->route;
     if (match->found && !match->found->scope) return false; /* open to all */
     if (!x->known) {
-        set_unauthorized(connections_access(connection_of(x->connection)), f, r);
+        set_unauthorized(x, connections_access(connection_of(x->connection)), f, r);
         return true;
     }
     if (!match->found || x->caller.scopes & match->found->scope) return false;

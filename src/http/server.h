@@ -31,6 +31,8 @@ typedef struct server_settings {
     unsigned estimates;                       /* how many requests may wait for an estimate at once */
     const address_ranges *proxies;            /* whose header Forwarded is trusted */
     const pages *pages;
+    const char
+        *settings_file; /* of the service, which the answer to an unknown local user names; NULL: none */
 } server_settings;
 
 /* Serves until server_stop. The socket stays the caller's; access and all that the settings point to outlive

@@ -272,8 +272,9 @@ static char *show_property(const char *words)
     return text;
 }
 
-/* Whether hexad.service has hexad read this file, by the first --config of its ExecStart=. */
-static bool is_file_of_unit(const char *file)
+/* The settings file of hexad.service, by the first --config of its ExecStart=, at the end of symbolic links; to be freed. NULL:
+ * there is none, or systemd does not answer. */
+static char *find_file_of_unit(void)
 {
     static const char option[] = "--config ";
     char *start = show_property("show --value --property ExecStart hexad.service");
@@ -283,10 +284,8 @@ static bool is_file_of_unit(const char *file)
         named[strcspn(named, " ;\n")] = '\0';
         path = realpath(named, NULL);
     }
-    bool same = path && strcmp(path, file) == 0;
-    free(path);
     free(start);
-    return same;
+    return path;
 }
 
 /* Whether the unit has a TCP port in the place of the Unix socket. */
@@ -357,22 +356,32 @@ static char *find_socket(const change *w, const config *settings)
     return strncmp(listen, "unix:", 5) == 0 ? mem_strdup(listen + 5) : NULL;
 }
 
-static bool begin(change *w, const config *settings, config_action action, error *e)
+/* Sets w->file to the file of --config, or else of the unit, or else the default. */
+static bool find_file(change *w, const char *named, error *e)
 {
     struct stat info;
-    const char *file = settings->file ? settings->file : SETTINGS_FILE;
+    char *of_unit = find_file_of_unit();
+    const char *file = named ? named : of_unit ? of_unit : SETTINGS_FILE;
+    w->file = realpath(file, NULL);
+    w->units = !named || (w->file && of_unit && strcmp(w->file, of_unit) == 0);
+    bool ok = w->file ||
+              error_set(e, ERROR_SPEC_INVALID, "%s cannot be read: %s: name the settings file with --config",
+                        file, strerror(errno));
+    /* a device would be replaced by a file */
+    if (ok && (stat(w->file, &info) != 0 || !S_ISREG(info.st_mode)))
+        ok = error_set(e, ERROR_SPEC_INVALID,
+                       "%s is not a regular file: name the settings file with --config", w->file);
+    free(of_unit);
+    return ok;
+}
+
+static bool begin(change *w, const config *settings, config_action action, error *e)
+{
     *w = (change){.allow = action == CONFIG_ALLOW, .group = *settings->admit == '@'};
     w->name = settings->admit + w->group;
     w->key = w->group ? "unix_groups" : "unix_users";
-    w->file = realpath(file, NULL);
-    if (!w->file)
-        return error_set(e, ERROR_SPEC_INVALID, "%s cannot be read: %s: name the settings file with --config",
-                         file, strerror(errno));
-    if (stat(w->file, &info) != 0 || !S_ISREG(info.st_mode)) /* a device would be replaced by a file */
-        return error_set(e, ERROR_SPEC_INVALID,
-                         "%s is not a regular file: name the settings file with --config", w->file);
+    if (!find_file(w, settings->file, e)) return false;
     char *units = unit_directory();
-    w->units = !settings->file || is_file_of_unit(w->file);
     w->drop_in_directory = mem_printf("%s/" DROP_IN_DIRECTORY, units);
     w->drop_in = mem_printf("%s/" DROP_IN, w->drop_in_directory);
     w->socket = find_socket(w, settings);

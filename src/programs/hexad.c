@@ -69,6 +69,7 @@ typedef struct service {
     bool adopt;                 /* --adopt: the database of another instance is taken over */
     int signals;                /* signalfd */
     char *state_dir, *work_dir; /* absolute */
+    char *settings_file;        /* absolute; NULL: none */
     queue *q;
     checker *checker;
     store_inputs *inputs;
@@ -550,6 +551,7 @@ static size_t bytes_of_bodies(const config *c, int64_t given, int otherwise)
 static bool init_http(service *s, error *e)
 {
     const config *c = &s->settings;
+    s->settings_file = c->file ? realpath(c->file, NULL) : NULL;
     server_settings settings = {
         .routes = &api_routes,
         .context = &s->context,
@@ -567,11 +569,14 @@ static bool init_http(service *s, error *e)
         .estimates = (unsigned)c->estimates,
         .proxies = &s->proxies,
         .pages = s->pages,
+        .settings_file = s->settings_file,
     };
     executor_settings workers = executor_settings_of(s);
     estimator *m = NULL;
-    if (c->estimates && !(m = estimator_open(&workers, (int)c->estimates, c->estimate_timeout_s, e)))
+    if (c->estimates && !(m = estimator_open(&workers, (int)c->estimates, c->estimate_timeout_s, e))) {
+        free(s->settings_file);
         return false;
+    }
     s->context = (http_context){
         .access = s->access,
         .q = s->q,
@@ -606,6 +611,7 @@ static bool init_http(service *s, error *e)
     if (s->http) return true;
     estimator_close(m);
     free_context(s);
+    free(s->settings_file);
     return false;
 }
 
@@ -615,6 +621,7 @@ static void fini_http(service *s)
     server_stop(s->http);
     estimator_close(s->context.estimator);
     free_context(s);
+    free(s->settings_file);
 }
 
 static bool init_port_file(service *s, error *e)

@@ -54,10 +54,12 @@ class Host:
         self.socket.bind(str(root / "hexad.sock"))
         (root / "hexad.sock").chmod(0o660)
 
-    def hexad(self, *words):
+    def hexad(self, *words, config=None):
+        """With the settings file, unless other words take its place."""
+        config = ("--config", self.file) if config is None else config
         environment = {**os.environ, "PATH": f"{self.root}/bin:{os.environ['PATH']}",
                        "SYSTEMD_UNIT_PATH": str(self.units), "RUNTIME_DIRECTORY": str(self.root)}
-        return subprocess.run([self.build / "hexad", "--config", self.file, *words], env=environment, text=True,
+        return subprocess.run([self.build / "hexad", *config, *words], env=environment, text=True,
                               capture_output=True, timeout=PATIENCE_S)
 
     def expect(self, *words):
@@ -358,11 +360,26 @@ def test_reload_grants_and_revokes_access(new_service, build, public_directory):
         wait_until(lambda: service.log.read_text().count("settings reloaded") > done, "the reload")
 
     stranger = list_as_stranger(build, where)
-    assert stranger.returncode == 2 and "run `hexad --allow 60003` as root (with --config FILE" in stranger.stderr, stranger.stderr
+    assert stranger.returncode == 2 and f"run `hexad --config {settings} --allow 60003` as root" in stranger.stderr, stranger.stderr
     reloaded("unix_users = 60001, 60003\n")
     assert list_as_stranger(build, where).returncode == 0
     reloaded("unix_users = 60001\n")
     assert list_as_stranger(build, where).returncode == 2
+
+
+def test_a_service_without_a_settings_file_is_to_be_restarted(new_service, build, public_directory):
+    where = f"{public_directory}/s"
+    new_service("--listen", f"unix:{where}", "--unix_users", "60001").start()
+    told = list_as_stranger(build, where)
+    assert told.returncode == 2 and "restart it with 60003 in its option --unix_users" in told.stderr, told.stderr
+    assert "--allow" not in told.stderr
+
+
+def test_a_change_without_a_file_is_of_the_file_that_the_unit_names(host):
+    """ExecStart= of the unit may name another file than the default of hexad."""
+    done = host.hexad("--allow", HERE, config=())
+    assert done.returncode == 0 and f"{host.file}: added unix_users = {HERE}" in done.stdout, done
+    assert host.drop_in.exists() and host.calls() == BOTH
 
 
 def test_hexadctl_names_the_command_that_grants_access(build, public_directory):
@@ -373,7 +390,8 @@ def test_hexadctl_names_the_command_that_grants_access(build, public_directory):
         listening.listen()
         os.chmod(where, 0o660)
         told = list_as_stranger(build, where)
-        assert told.returncode == 3 and "run `hexad --allow 60003` as root (with --config FILE" in told.stderr
+        assert told.returncode == 3 and "run `hexad --config FILE --allow 60003` as root, with the settings file" in told.stderr
+        assert "or restart it with 60003 in its option --unix_users" in told.stderr
         assert "start hexad" not in told.stderr
         os.chmod(public_directory, 0o700)
         told = list_as_stranger(build, where)

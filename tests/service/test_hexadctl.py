@@ -452,14 +452,30 @@ def test_a_service_without_tls_is_named(own_service, build):
     assert done.returncode == 3 and f"answers without TLS at this port: name it http://{own_service.address}" in done.stderr
 
 
-def test_times_below_a_second_are_shown(build):
-    """Of a service that says when a job ran."""
-    job = {"id": "06faddpyxsd3g6zk16mtd9v23g", "state": "succeeded", "created": "2026-01-31T18:00:00.000Z",
-           "started": "2026-01-31T18:00:00.080Z", "finished": "2026-01-31T18:00:00.350Z"}
+@pytest.mark.parametrize("started, finished, waited, took", [
+    ("00.080", "00.350", "80ms", "270ms"), ("01.000", "01.999", "1.0s", "999ms"), ("09.990", "11.940", "9.9s", "1.9s"),
+    ("10.000", "59.999", "10s", "49s")])
+def test_times_below_a_second_are_shown(build, started, finished, waited, took):
+    """Of a service that says when a job ran. Below 10 s, a time has a digit behind the point."""
+    attempt = {"number": 1, "started": f"2026-01-31T18:00:{started}Z", "finished": f"2026-01-31T18:00:{finished}Z",
+               "waited_ms": round(float(started) * 1000)}
+    job = {"id": "06faddpyxsd3g6zk16mtd9v23g", "state": "succeeded", "created": "2026-01-31T18:00:00.000Z", "attempt": 1,
+           "started": attempt["started"], "finished": attempt["finished"], "attempts": [attempt]}
     with canned(json.dumps(job)) as address:
         done = subprocess.run([build / "hexadctl", "--server", address, "show", job["id"]], capture_output=True, text=True,
                               timeout=PATIENCE_S)
-    assert "(waited 80ms)" in done.stdout and "(took 270ms)" in done.stdout, done
+    assert f"(waited {waited})" in done.stdout and f"(took {took})" in done.stdout, done
+    row = done.stdout.splitlines()[-1].split()
+    assert row[3:5] == [took, waited], row
+
+
+def test_what_is_no_id_is_answered_with_the_forms_of_an_id(as_user):
+    for command in ("show", "cancel"):
+        for word in ("lat", "LATEST", "latestt", "01m8gncw8sdja3jftxre567t467"):
+            done = as_user("alice", command, word)
+            assert done.returncode == 4 and "26 characters" in done.stderr and "8 characters or more" in done.stderr, done.stderr
+    assert all("did you mean latest?" in as_user("alice", "show", word).stderr for word in ("LATEST", "latestt", "lates"))
+    assert "did you mean" not in as_user("alice", "show", "trefoil").stderr
 
 
 def test_spec_help_of_a_member(build):

@@ -4,6 +4,7 @@ Its own page signs in with a token and has a session from then on.
 """
 import json
 import re
+import shutil
 import signal
 import subprocess
 
@@ -248,6 +249,38 @@ def test_a_session_ends(with_tokens):
     reply = sign_in(with_tokens, with_tokens.token)
     assert "Max-Age=1;" in reply.headers["Set-Cookie"]
     wait_until(lambda: ask(with_tokens, "GET", "/v1/jobs", Cookie=cookie_of(reply)).status == 401, "the end")
+
+
+def installed_at(build):
+    """The directories of programs and of the page, without the slash at the beginning."""
+    prefix = re.search(r"^prefix = (.*)$", (build / "Makefile").read_text(), re.MULTILINE).group(1)
+    return prefix.strip("/") + "/bin", prefix.strip("/") + "/share/hexad/page"
+
+
+@pytest.fixture
+def staged(new_service, build, tmp_path):
+    """A service whose program lies below another root, as `make install DESTDIR=` leaves it."""
+    programs, page = installed_at(build)
+    (tmp_path / "root" / programs).mkdir(parents=True)
+    shutil.copy(build / "hexad", tmp_path / "root" / programs)
+    shutil.copytree(build / "page", tmp_path / "root" / page)
+    service = new_service("--worker", build / "hexad-worker")
+    service.build = tmp_path / "root" / programs
+    service.page = tmp_path / "root" / page
+    return service
+
+
+def test_the_page_of_a_staged_tree_is_found(staged):
+    staged.start()
+    assert staged.get("/").status == 200
+
+
+def test_a_page_that_is_missing_is_looked_for_at_both_places(staged):
+    shutil.rmtree(staged.page)
+    staged.start()
+    told = staged.log.read_text()
+    assert f"there is no web page: neither {staged.build}/page nor {staged.page}" in told, told
+    assert "install" in told.partition("there is no web page")[2].partition("\n")[0]
 
 
 def test_a_service_without_its_page(with_tokens):

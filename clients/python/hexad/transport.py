@@ -135,7 +135,8 @@ class Transport:
             except ssl.SSLError as doubt:  # which a repetition does not mend
                 raise Unreachable(f"{self.server}: {self.explain_tls(doubt)}") from None
             except PermissionError:
-                raise Unreachable(f"{self.server}: this user may not connect: as root type hexad --allow USER") from None
+                raise Unreachable(f"{self.server}: this user may not connect: as root type hexad --allow USER, "
+                                  "with --config FILE for a service with another settings file") from None
             except LOST as lost:
                 fault = Unreachable(f"{self.server}: {what}: {lost or type(lost).__name__}")
             if not repeat or time.monotonic() + pause > end:
