@@ -28,9 +28,9 @@ static const double REHEARSAL_S[2] = {3, 4};
 static const size_t SHARED_FROM = 20000;
 /* What a worker holds at least once it has used OpenVDB: the library, and the heap that is in place from the start (mem_begin). */
 static const double BYTES_WITH_OPENVDB = 37 << 20;
-/* Of each cell or triangle of the surface, while the result is measured (measures/facets): its place in the order, its piece, its normal
- * and its share of the nodes. */
-static const double BYTES_PER_CELL = 40;
+/* While the result is measured: of each triangle or cell of the surface its place in the order, its piece, its normal and its share of the
+ * nodes (measures/facets); of each point the longer neighbour lists of at most LISTED_MOST points at a time (voronoi/partitions). */
+static const double BYTES_PER_FACET = 40, BYTES_PER_LISTED = 120, LISTED_MOST = 2e5;
 
 /* Seconds of a run: up to its last sweep, and after it, which is mostly spent on the surface, whatever the count. */
 typedef struct run_cost {
@@ -85,14 +85,20 @@ static double rehearse(job *j)
     return (cost.relax_s * more + cost.measure_s) / (count < SHARED_FROM ? 1 : threads_count(j->pool));
 }
 
+static double measuring_memory(const job *j, double count)
+{
+    const mesh *m = source_mesh(&j->source);
+    const size_t faces = m ? m->triangle_count : j->scan->cells;
+    return BYTES_PER_FACET * (double)faces + BYTES_PER_LISTED * fmin(count, LISTED_MOST);
+}
+
 /* At the peak of a job of so many points, which is that of loading or that of sampling; `held`: the surface, before there
  * were points. */
 static double memory_for(const job *j, int64_t held, double count)
 {
     double begin = fmax((double)held, j->spec->has_points_vdb ? BYTES_WITH_OPENVDB : 0);
     return fmax((double)job_peak_memory(j), begin + count * job_bytes_per_particle(j) +
-                                                BYTES_PER_CELL * (double)j->scan->cells +
-                                                plan_picture_memory(j->spec));
+                                                measuring_memory(j, count) + plan_picture_memory(j->spec));
 }
 
 /* Walls thinner than the spacing. A spacing that varies is not known before the job has begun. */
