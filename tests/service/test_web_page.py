@@ -506,6 +506,31 @@ def test_unresolved_frames_are_marked(service, browser):
     assert len(browser.all("button.frame.succeeded")) == 2
 
 
+@pytest.fixture
+def narrow(browser):
+    """The browser with the screen of a telephone."""
+    browser.command("Emulation.setDeviceMetricsOverride", width=390, height=800, deviceScaleFactor=1, mobile=False)
+    yield browser
+    browser.command("Emulation.clearDeviceMetricsOverride")
+
+
+def test_tables_of_a_job_fit_a_narrow_screen(service, narrow):
+    service.wait_state(job := service.submit(sphere(name="film", queue={
+        "frames": "1-2", "by_frame": {"/surface/analytic/radius": [1, 1.1]}})), "succeeded")
+    narrow.open(service, f"#/jobs/{job}?frame=1")
+    narrow.wait_text("points.ply", ".results")
+    narrow.wait_text("Six neighbours", ".measures")
+    hidden = dict(narrow.run("""return [...document.querySelectorAll("div.scroll")].map(part =>
+        [part.getAttribute("aria-label"), part.scrollWidth - part.clientWidth])"""))
+    assert hidden["Files"] == hidden["Measures"] == 0, hidden
+    # of an attempt, how it ended is in sight; its host and memory need not be
+    ends = narrow.run("""return [...document.querySelectorAll("[aria-label='List of attempts'] th")].map(heading =>
+        [heading.innerText, heading.getBoundingClientRect().right])""")
+    assert dict(ends)["End"] <= 390, ends
+    # the sentence of a measure has half of the width
+    assert narrow.run("return document.querySelector('.measures .hint').offsetWidth") >= 180
+
+
 PICTURE = """
   const canvas = document.querySelector("canvas.points"), picture = document.createElement("canvas");
   [picture.width, picture.height] = [canvas.width, canvas.height];
