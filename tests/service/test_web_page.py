@@ -5,6 +5,7 @@ All tests share one browser. Most tests share one daemon, or one daemon whose wo
 import datetime
 import json
 import signal
+import subprocess
 import threading
 
 import pytest
@@ -753,6 +754,17 @@ def test_faults_are_shown_where_they_are(service, browser):
     wait_until(lambda: browser.one("[id='f/surface/analytic/radius']").get_attribute("aria-invalid"), "the fault")
     assert not browser.one("aside button.main").is_enabled()
     browser.run("location.hash = '#/'")
+
+
+def test_a_fault_of_the_inputs_is_shown_before_the_submission(new_service, browser, build, tmp_path):
+    subprocess.run([build / "hexad-worker", "make-example", tmp_path / "trefoil.vdb"], check=True)
+    browser.open(new_service("--input_roots", tmp_path).start(), "#/submit")
+    browser.wait_text("Memory", ".estimate")
+    spec = {"version": 1, "surface": {"vdb": {"path": str(tmp_path / "trefoil.vdb"), "grid": "nonsense"}}, "sampling": {"count": 100}}
+    browser.run("arguments[0].value = arguments[1]; arguments[0].dispatchEvent(new Event('input', {bubbles: true}))",
+                browser.one("#json"), json.dumps(spec))
+    browser.wait_text("nonsense", "aside .trouble")
+    assert not browser.one("aside button.main").is_enabled()
 
 
 def test_submit_is_disabled_while_the_json_is_invalid(service, browser):
