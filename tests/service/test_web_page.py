@@ -532,6 +532,13 @@ def test_tables_of_a_job_fit_a_narrow_screen(service, narrow):
     assert narrow.run("return document.querySelector('.measures .hint').offsetWidth") >= 180
 
 
+def test_measures_of_two_jobs_fit_a_narrow_screen(service, narrow):
+    service.wait_state(job := service.submit(sphere(name="graded torus")), "succeeded")
+    narrow.open(service, f"#/compare/{job}/{job}")
+    narrow.one(".measures")
+    assert narrow.run("const part = document.querySelector('.measures').parentNode; return part.scrollWidth - part.clientWidth") == 0
+
+
 PICTURE = """
   const canvas = document.querySelector("canvas.points"), picture = document.createElement("canvas");
   [picture.width, picture.height] = [canvas.width, canvas.height];
