@@ -35,6 +35,12 @@ static inline double packing_support(double spacing)
     return sqrt(3) * spacing;
 }
 
+/* The middle between the first shell of six neighbours, at one spacing, and the second one, at the support. */
+static inline double packing_first_shell(double spacing)
+{
+    return 0.5 * (spacing + packing_support(spacing));
+}
+
 /* How many points an area holds whose packing has this support; not rounded. */
 static inline double packing_count_of_support(double area, double support)
 {

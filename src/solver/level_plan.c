@@ -55,13 +55,6 @@ static double typical_curvature(const field *f, const surface *scan, const sizin
     return curvature[(size_t)(CURVATURE_QUANTILE * (double)(found - 1))];
 }
 
-/* Fraction of all points in part c. */
-static double part_share(const surface *scan, const double *weight, size_t c)
-{
-    const components *parts = &scan->parts;
-    return (weight[parts->begin[c + 1]] - weight[parts->begin[c]]) / weight[scan->cells];
-}
-
 /* Fraction of all points in the parts that get at least MIN_IN_PART of `count` particles. `together` (all parts start on one level): 1
  * if this holds for each part that has a particle among `all`; otherwise 0. */
 static double started_share(const surface *scan, const double *weight, size_t count, bool together,
@@ -70,7 +63,7 @@ static double started_share(const surface *scan, const double *weight, size_t co
     double share = 0;
     if (!scan->parts.order) return (double)count < MIN_IN_PART ? 0 : 1;
     for (size_t c = 0; c < scan->parts.count; c++) {
-        double part = part_share(scan, weight, c);
+        double part = surface_part_share(scan, weight, c);
         if (part * (double)count >= MIN_IN_PART)
             share += part;
         else if (together && part * (double)all >= 1)
@@ -99,7 +92,7 @@ static bool assign_parts(level_plan *l, const surface *scan, const double *weigh
     bool ok = level && l->part && l->before && l->place;
     memcpy(whole, l->particles, sizeof whole);
     for (size_t c = 0; ok && c < parts; c++) {
-        level[c] = level_of_part(part_share(scan, weight, c), whole, l->count);
+        level[c] = level_of_part(surface_part_share(scan, weight, c), whole, l->count);
         l->first[level[c] + 1]++;
     }
     for (int k = 0; k < l->count; k++) {
@@ -108,7 +101,7 @@ static bool assign_parts(level_plan *l, const surface *scan, const double *weigh
     }
     for (uint32_t c = 0; ok && c < parts; c++) l->part[next[level[c]]++] = c;
     for (size_t i = 0; ok && i < parts; i++) {
-        l->before[i + 1] = l->before[i] + part_share(scan, weight, l->part[i]);
+        l->before[i + 1] = l->before[i] + surface_part_share(scan, weight, l->part[i]);
         l->place[i] = weight[scan->parts.begin[l->part[i]]] / weight[scan->cells];
     }
     for (int k = 0; ok && k < l->count; k++) {

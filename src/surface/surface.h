@@ -40,6 +40,13 @@ static inline double surface_cell_area(const surface *s, size_t k)
     return s->area_before[k + 1] - s->area_before[k];
 }
 
+/* Share of a part (with patches: of a patch) in the whole. `before`: per cell and one more the sum of the cells before it, of area
+ * (area_before) or of area weighted by a sizing field. */
+static inline double surface_part_share(const surface *s, const double *before, size_t part)
+{
+    return (before[s->parts.begin[part + 1]] - before[s->parts.begin[part]]) / before[s->cells];
+}
+
 /* Errors: no_surface (area 0), limit_memory, cancelled (the pool was told to stop). Deterministic for any
  * number of threads. */
 surface *surface_scan(const field *f, threads *pool, error *e);

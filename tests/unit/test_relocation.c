@@ -39,7 +39,7 @@ static void move_but(const bool *held, double bare, vec3 *x, const double *size,
     error e = {0};
     relocation *chosen;
     static uint32_t near[PLACES]; /* of earlier points, and of none: that does not show */
-    relocation_input in = {x, size, COUNT, 1, place, PLACES, SIZE_MAX, near, bare, held, 0};
+    relocation_input in = {x, size, COUNT, 1, place, PLACES, near, bare, held, 0};
     relocation *other;
     size_t others;
     assert_true(relocation_choose(&in, NULL, &chosen, moves, &e));
@@ -138,7 +138,7 @@ static void a_heap_far_away_changes_nothing(void **state)
     for (size_t k = 0; k < PLACES; k++) place[k] = random_between(&r, (vec3){0, 0, 0}, (vec3){SIDE, SIDE, 0});
     for (int heap = 0; heap < 2; heap++) {
         const size_t count = heap ? ALL : COUNT;
-        relocation_input in = {x, size, count, 1, place, PLACES, SIZE_MAX, near, 0, NULL, 0};
+        relocation_input in = {x, size, count, 1, place, PLACES, near, 0, NULL, 0};
         point_bins *bins = point_bins_new(x, count, NULL, &e);
         assert_true(point_bins_are_crowded(bins) == heap);
         point_bins_free(bins);
@@ -169,7 +169,7 @@ static void a_strip_gets_points_where_none_crowds(void **state)
         size[i] = 1;
     }
     for (size_t k = 0; k < ROWS; k++) place[k] = (vec3){side * WIDE + 0.5, side * (double)k, 0};
-    relocation_input in = {x, size, ROWS * WIDE, 1, place, ROWS, SIZE_MAX, near, 1, NULL, 0};
+    relocation_input in = {x, size, ROWS * WIDE, 1, place, ROWS, near, 1, NULL, 0};
     relocation *chosen;
     size_t moves;
     error e = {0};
@@ -185,8 +185,8 @@ static void a_strip_gets_points_where_none_crowds(void **state)
     free(chosen);
 }
 
-/* Lists of all places around each would be as many as their square. */
-static void places_of_few_points_need_no_lists(void **state)
+/* Pairs of gaps would be as many as the square of the gaps. */
+static void many_gaps_beside_few_points_give_one_relocation(void **state)
 {
     (void)state;
     error e = {0};
@@ -199,7 +199,7 @@ static void places_of_few_points_need_no_lists(void **state)
         place[k] = random_between(&r, (vec3){3, 0, 0}, (vec3){3.1, 0.1, 0});
         near[k] = UINT32_MAX;
     }
-    const relocation_input in = {x, size, 3, 1, place, PLACES, 1 << 16, near, 0, NULL, 0};
+    const relocation_input in = {x, size, 3, 1, place, PLACES, near, 0, NULL, 0};
     relocation *chosen;
     size_t moves;
     if (!relocation_choose(&in, NULL, &chosen, &moves, &e)) fail_msg("%s", e.message);
@@ -217,7 +217,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(who_was_taken_away_comes_back),
-        cmocka_unit_test(places_of_few_points_need_no_lists),
+        cmocka_unit_test(many_gaps_beside_few_points_give_one_relocation),
         cmocka_unit_test(random_points_come_apart),
         cmocka_unit_test(a_heap_far_away_changes_nothing),
         cmocka_unit_test(a_strip_gets_points_where_none_crowds),

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "geometry/block_map.h"
+#include "geometry/near_points.h"
 #include "packing/packing.h"
 #include "solver/particles/population.h"
 
@@ -28,9 +28,7 @@ static const char *const WHAT = "the particles of each patch";
 /* Fraction of the points that a patch gets by its area, weighted by the sizing field. */
 static double share_of(const quota_input *in, size_t patch)
 {
-    const double *weight = sizing_field_weight(in->sizing, in->scan);
-    const components *parts = &in->scan->parts;
-    return (weight[parts->begin[patch + 1]] - weight[parts->begin[patch]]) / weight[in->scan->cells];
+    return surface_part_share(in->scan, sizing_field_weight(in->sizing, in->scan), patch);
 }
 
 static bool make_samples(const quota_input *in, double spacing, size_t most, curve_samples *out, error *e)
@@ -120,69 +118,6 @@ static small_patch *list_small_patches(const quota_input *in, const curve_sample
     return list;
 }
 
-/* Points in a hashed grid. A grid cell is at least as large as every search radius. */
-typedef struct point_set {
-    block_map boxes;
-    vec3 origin;
-    double side;
-    uint32_t *last;   /* per grid cell: its last point */
-    uint32_t *before; /* per point: the previous point of its grid cell, or NOWHERE */
-    vec3 *position;
-    uint32_t count;
-} point_set;
-
-static const uint32_t NOWHERE = UINT32_MAX;
-
-static bool point_set_init(point_set *c, const quota_input *in, double spacing, size_t most, error *e)
-{
-    const double largest = in->sizing ? sizing_field_describe(in->sizing).largest / in->even : 1;
-    *c = (point_set){.origin = in->scan->box.min, .side = COVERED_DISTANCE * spacing * largest};
-    c->last = mem_array(most, sizeof *c->last, WHAT, e);
-    c->before = mem_array(most, sizeof *c->before, WHAT, e);
-    c->position = mem_array(most, sizeof *c->position, WHAT, e);
-    return c->last && c->before && c->position && block_map_init(&c->boxes, 1024, e);
-}
-
-static void point_set_free(point_set *c)
-{
-    block_map_free(&c->boxes);
-    free(c->last);
-    free(c->before);
-    free(c->position);
-}
-
-static void box_of(const point_set *c, vec3 x, int32_t out[3])
-{
-    for (int axis = 0; axis < 3; axis++)
-        out[axis] = (int32_t)floor((vec3_get(x, axis) - vec3_get(c->origin, axis)) / c->side);
-}
-
-static bool point_set_add(point_set *c, vec3 x, error *e)
-{
-    const uint32_t boxes = c->boxes.count;
-    int32_t at[3];
-    uint32_t box;
-    box_of(c, x, at);
-    if (!block_map_find_or_add(&c->boxes, at[0], at[1], at[2], &box, e)) return false;
-    c->before[c->count] = box == boxes ? NOWHERE : c->last[box];
-    c->position[c->count] = x;
-    c->last[box] = c->count++;
-    return true;
-}
-
-static bool point_set_has(const point_set *c, vec3 x, double within)
-{
-    int32_t at[3];
-    box_of(c, x, at);
-    for (int n = 0; n < 27; n++) {
-        const uint32_t box =
-            block_map_find(&c->boxes, at[0] + n % 3 - 1, at[1] + n / 3 % 3 - 1, at[2] + n / 9 - 1);
-        for (uint32_t k = box == BLOCK_MAP_NONE ? NOWHERE : c->last[box]; k != NOWHERE; k = c->before[k])
-            if (vec3_norm2(vec3_sub(c->position[k], x)) < within * within) return true;
-    }
-    return false;
-}
-
 /* A position on a patch: the middle of its first grid cell. */
 static vec3 position_on(const quota_input *in, uint32_t patch)
 {
@@ -193,7 +128,22 @@ static vec3 position_on(const quota_input *in, uint32_t patch)
     return sum;
 }
 
-/* Sets `fate` of each patch. A small patch gets one point, unless a curve sample or a larger small patch is near. If these
+/* Search for a curve sample or a small patch with a point. */
+typedef struct near_search {
+    size_t first; /* the first small patch among the points that are searched */
+    const small_patch *list;
+    const unsigned char *rule;
+    bool has_point;
+} near_search;
+
+static void visit_point(void *context, uint32_t point)
+{
+    near_search *search = context;
+    search->has_point |=
+        point < search->first || search->rule[search->list[point - search->first].patch] == ONE_POINT;
+}
+
+/* Sets `rule` of each patch. A small patch gets one point, unless a curve sample or a larger small patch is near. If these
  * points exceed MAX_SMALL_PATCHES of `count`, all patches are proportional. *served: the number of patches with one point. */
 static bool assign_small_patches(const quota_input *in, const curve_samples *samples, double spacing,
                                  double cells, size_t count, unsigned char *rule, size_t *served, error *e)
@@ -201,23 +151,30 @@ static bool assign_small_patches(const quota_input *in, const curve_samples *sam
     const boundary_request request = {spacing, in->sizing, in->even, 0};
     size_t found;
     small_patch *list = list_small_patches(in, samples, cells, &found, e);
-    point_set points = {0};
-    bool ok = list && point_set_init(&points, in, spacing, samples->count + found, e);
+    vec3 *point = mem_array(samples->count + found, sizeof *point, WHAT, e);
+    near_search search = {.first = samples->count, .list = list, .rule = rule};
+    near_points *near = NULL;
     *served = 0;
     memset(rule, PROPORTIONAL, in->field->patches->count);
-    for (size_t k = 0; ok && k < samples->count; k++) ok = point_set_add(&points, samples->position[k], e);
+    if (list && point && found > 0) {
+        for (size_t k = 0; k < samples->count; k++) point[k] = samples->position[k];
+        for (size_t k = 0; k < found; k++) point[samples->count + k] = position_on(in, list[k].patch);
+        near = near_points_new(point, samples->count + found, NULL, e);
+    }
+    const bool ok = list && point && (found == 0 || near);
     for (size_t k = 0; ok && k < found; k++) {
-        const vec3 x = position_on(in, list[k].patch);
-        const bool near = point_set_has(&points, x, COVERED_DISTANCE * boundary_spacing(&request, x));
-        rule[list[k].patch] = near ? NO_POINT : ONE_POINT;
-        *served += !near;
-        ok = near || point_set_add(&points, x, e);
+        const vec3 x = point[samples->count + k];
+        search.has_point = false;
+        near_points_within(near, x, COVERED_DISTANCE * boundary_spacing(&request, x), visit_point, &search);
+        rule[list[k].patch] = search.has_point ? NO_POINT : ONE_POINT;
+        *served += !search.has_point;
     }
     if ((double)*served > MAX_SMALL_PATCHES * (double)count) {
         memset(rule, PROPORTIONAL, in->field->patches->count);
         *served = 0;
     }
-    point_set_free(&points);
+    near_points_free(near);
+    free(point);
     free(list);
     return ok;
 }

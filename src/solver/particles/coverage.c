@@ -302,23 +302,12 @@ bool coverage_measure(const surface *scan, const vec3 *position, const double *s
 static bool add_place(coverage_gaps *p, vec3 x, uint32_t patch, error *e)
 {
     const char *what = "the gaps in coverage";
-    if (p->count == p->capacity) {
-        const size_t capacity = p->capacity > 0 ? 2 * p->capacity : 1024;
-        vec3 *place = mem_array(capacity, sizeof *place, what, e);
-        uint32_t *of = mem_array(capacity, sizeof *of, what, e);
-        if (!place || !of) {
-            free(place);
-            free(of);
-            return false;
-        }
-        if (p->count > 0) {
-            memcpy(place, p->place, p->count * sizeof *place);
-            memcpy(of, p->patch, p->count * sizeof *of);
-        }
-        free(p->place);
-        free(p->patch);
-        *p = (coverage_gaps){place, of, p->count, capacity};
-    }
+    vec3 *place = mem_grow(p->place, p->count, &p->place_capacity, 1024, sizeof *place, what, e);
+    if (!place) return false;
+    p->place = place;
+    uint32_t *of = mem_grow(p->patch, p->count, &p->patch_capacity, 1024, sizeof *of, what, e);
+    if (!of) return false;
+    p->patch = of;
     p->place[p->count] = x;
     p->patch[p->count++] = patch;
     return true;

@@ -26,7 +26,7 @@ bool coverage_measure(const surface *scan, const vec3 *position, const double *s
 typedef struct coverage_gaps {
     vec3 *place;
     uint32_t *patch;
-    size_t count, capacity;
+    size_t count, place_capacity, patch_capacity;
 } coverage_gaps;
 
 /* Finds all places whose nearest point is farther than `limit` > 0, in spacings of that point. Single-threaded. Free *out also

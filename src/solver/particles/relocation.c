@@ -5,7 +5,9 @@
 
 #include "base/memory.h"
 #include "geometry/near_points.h"
-#include "packing/neighbours.h"
+
+/* The object that messages about memory name. */
+static const char *const WHAT = "the relocation of points";
 
 /* A point or a place with the distance of its nearest (other) point, in spacings. */
 typedef struct ranked {
@@ -31,59 +33,50 @@ static double dense_limit(const relocation_input *in)
     return in->dense > 0 ? in->dense : RELOCATION_DENSE;
 }
 
-/* Neighbour lists within `within` spacings (h times the mean of the sizes); NULL: limit_memory. */
-static neighbours *neighbour_lists(const relocation_input *in, const vec3 *x, const double *size,
-                                   size_t count, double within, threads *pool, error *e)
+/* Removes the entries near one that is kept. */
+typedef struct thinning {
+    const ranked *entry;
+    bool *removed;
+    double within; /* world units, for entries of size 1 */
+    uint32_t own;
+} thinning;
+
+static void visit_entry(void *context, uint32_t j)
 {
-    neighbours *n = neighbours_new(count, in->list_limit, e);
-    if (n && neighbours_build(n, count, x, size, within * in->h, pool, e)) return n;
-    neighbours_free(n);
-    return NULL;
+    thinning *t = context;
+    const ranked *own = &t->entry[t->own], *other = &t->entry[j];
+    const double reach = 0.5 * t->within * (own->size + other->size);
+    t->removed[j] |= j > t->own && vec3_norm2(vec3_sub(own->at, other->at)) < reach * reach;
 }
 
-/* Keeps the ranked entries without an earlier kept entry within `within` spacings. */
-static bool thin_out(const relocation_input *in, ranked *r, double within, threads *pool, size_t *count,
-                     error *e)
+/* Keeps the first `wanted` of the ranked entries without an earlier kept entry within `within` spacings. */
+static bool thin_out(const relocation_input *in, ranked *r, double within, size_t wanted, threads *pool,
+                     size_t *count, error *e)
 {
-    vec3 *x = mem_array(*count, sizeof *x, "the relocation of points", e);
-    double *size = mem_array(*count, sizeof *size, "the relocation of points", e);
-    bool *removed = mem_array(*count, sizeof *removed, "the relocation of points", e);
-    bool ok = x && size && removed;
-    for (size_t k = 0; ok && k < *count; k++) {
+    vec3 *x = mem_array(*count, sizeof *x, WHAT, e);
+    bool *removed = mem_array(*count, sizeof *removed, WHAT, e);
+    uint32_t *kept = mem_array(*count, sizeof *kept, WHAT, e);
+    double largest = 0;
+    for (size_t k = 0; x && k < *count; k++) {
         x[k] = r[k].at;
-        size[k] = r[k].size;
+        largest = fmax(largest, r[k].size);
     }
-    neighbours *near = ok ? neighbour_lists(in, x, size, *count, within, pool, e) : NULL;
-    size_t kept = 0;
-    for (size_t k = 0; near && k < *count; k++) {
-        for (uint32_t m = 0; m < near->list_count[k]; m++) {
-            uint32_t j = neighbours_list(near, k)[m];
-            removed[k] |= j < k && !removed[j];
-        }
-        if (!removed[k]) r[kept++] = r[k];
+    near_points *near = x && removed && kept ? near_points_new(x, *count, pool, e) : NULL;
+    size_t kept_count = 0;
+    for (uint32_t k = 0; near && k < *count && kept_count < wanted; k++) {
+        if (removed[k]) continue;
+        thinning t = {r, removed, within * in->h, k};
+        near_points_within(near, x[k], 0.5 * t.within * (r[k].size + largest), visit_entry, &t);
+        kept[kept_count++] = k;
     }
-    ok = near != NULL;
-    if (ok) *count = kept;
-    neighbours_free(near);
+    for (size_t k = 0; k < kept_count; k++) r[k] = r[kept[k]];
+    const bool ok = near != NULL;
+    if (ok) *count = kept_count;
+    near_points_free(near);
     free(x);
-    free(size);
     free(removed);
+    free(kept);
     return ok;
-}
-
-/* Keeps the first `wanted` of these entries. Compares with the kept entries only, without neighbour lists. */
-static void thin_out_few(const relocation_input *in, ranked *r, double within, size_t wanted, size_t *count)
-{
-    size_t kept = 0;
-    for (size_t k = 0; k < *count && kept < wanted; k++) {
-        bool removed = false;
-        for (size_t m = 0; m < kept && !removed; m++) {
-            const double reach = 0.5 * within * in->h * (r[k].size + r[m].size);
-            removed = vec3_norm2(vec3_sub(r[k].at, r[m].at)) < reach * reach;
-        }
-        if (!removed) r[kept++] = r[k];
-    }
-    *count = kept;
 }
 
 /* Computes the distance of the nearest other point of each point. */
@@ -133,19 +126,19 @@ static bool is_dense(const density_job *job, size_t i)
 static bool find_dense(const relocation_input *in, const near_points *near, threads *pool, ranked **out,
                        size_t *found, error *e)
 {
-    density_job job = {in, near, 0, mem_array(in->count, sizeof *job.least, "the relocation of points", e)};
+    density_job job = {in, near, 0, mem_array(in->count, sizeof *job.least, WHAT, e)};
     size_t all = 0;
     *found = 0;
     for (size_t i = 0; i < in->count; i++) job.largest = fmax(job.largest, in->size[i]);
     if (job.least) threads_run(pool, in->count, 512, density_chunk, &job);
     for (size_t i = 0; job.least && i < in->count; i++) all += is_dense(&job, i);
-    ranked *r = *out = job.least ? mem_array(all, sizeof *r, "the relocation of points", e) : NULL;
+    ranked *r = *out = job.least ? mem_array(all, sizeof *r, WHAT, e) : NULL;
     for (size_t i = 0; r && i < in->count; i++)
         if (is_dense(&job, i)) r[(*found)++] = (ranked){job.least[i], in->size[i], in->point[i], (uint32_t)i};
     free(job.least);
     if (!r || *found == 0) return r != NULL;
     qsort(r, *found, sizeof *r, nearest_first);
-    return thin_out(in, r, dense_limit(in), pool, found, e);
+    return thin_out(in, r, dense_limit(in), *found, pool, found, e);
 }
 
 typedef struct gap_job {
@@ -187,19 +180,18 @@ static double gap_limit(const relocation_input *in)
     return in->gap > 0 ? in->gap : RELOCATION_GAP;
 }
 
-/* The gaps, largest first. Of gaps near each other only the first is kept. With few points and many places neighbour lists would
- * be long: then only the first `wanted` are found, without lists. */
+/* The first `wanted` gaps, largest first. Of gaps near each other only the first is kept. */
 static bool find_gaps(const relocation_input *in, const near_points *near, size_t wanted, threads *pool,
                       ranked **out, size_t *found, error *e)
 {
     const double limit = gap_limit(in);
-    double least = INFINITY, *distance = mem_array(in->places, sizeof *distance, "the gaps in coverage", e);
+    double least = INFINITY, *distance = mem_array(in->places, sizeof *distance, WHAT, e);
     size_t all = 0;
     for (size_t i = 0; i < in->count; i++) least = fmin(least, in->size[i]);
     gap_job job = {in, near, limit * in->h * least, distance};
     if (distance) threads_run(pool, in->places, 256, gap_chunk, &job);
     for (size_t k = 0; distance && k < in->places; k++) all += distance[k] > limit;
-    ranked *r = *out = distance ? mem_array(all, sizeof *r, "the gaps in coverage", e) : NULL;
+    ranked *r = *out = distance ? mem_array(all, sizeof *r, WHAT, e) : NULL;
     *found = 0;
     for (size_t k = 0; r && k < in->places; k++)
         if (distance[k] > limit)
@@ -207,11 +199,7 @@ static bool find_gaps(const relocation_input *in, const near_points *near, size_
     free(distance);
     if (!r || *found == 0) return r != NULL;
     qsort(r, *found, sizeof *r, farthest_first);
-    if (wanted < *found / in->count) {
-        thin_out_few(in, r, RELOCATION_DENSE, wanted, found);
-        return true;
-    }
-    return thin_out(in, r, RELOCATION_DENSE, pool, found, e);
+    return thin_out(in, r, RELOCATION_DENSE, wanted, pool, found, e);
 }
 
 bool relocation_choose(const relocation_input *in, threads *pool, relocation **out, size_t *moves, error *e)
@@ -222,7 +210,7 @@ bool relocation_choose(const relocation_input *in, threads *pool, relocation **o
     size_t points = 0, places = 0, count = 0;
     bool ok = near && find_dense(in, near, pool, &dense, &points, e) &&
               (points == 0 || find_gaps(in, near, points, pool, &gaps, &places, e)) &&
-              (chosen = mem_array(points + 1, sizeof *chosen, "the relocation of points", e));
+              (chosen = mem_array(points + 1, sizeof *chosen, WHAT, e));
     while (ok && count < points && count < places && gaps[count].distance > dense[count].distance) {
         chosen[count] = (relocation){dense[count].index, gaps[count].index};
         count++;

@@ -32,7 +32,6 @@ typedef struct relocation_input {
     double h;
     const vec3 *place; /* candidate positions on the surface or near it */
     size_t places;     /* > 0 */
-    size_t list_limit; /* maximum size of a neighbour list, bytes */
     uint32_t *near;    /* per place: a point to test first, any number; receives the nearest point found */
     double gap;        /* minimum distance of a place from all points, in spacings; 0: RELOCATION_GAP */
     const bool *immovable; /* per point: it must not move; NULL: all may */

@@ -90,7 +90,6 @@ static bool relocate(solver *s, const candidates *d, size_t *moves, error *e)
                                  .gap = d->gap,
                                  .dense = d->dense,
                                  .immovable = d->immovable,
-                                 .list_limit = s->setup.params.list_limit,
                                  .near = d->near};
     relocation *chosen = NULL;
     size_t count = 0;
@@ -198,9 +197,7 @@ bool solver_spread_points(solver *s, bool *changed, error *e)
 static size_t patch_places(const solver *s, uint32_t patch)
 {
     const double *weight = sizing_field_weight(s->setup.params.sizing, s->setup.scan);
-    const components *parts = &s->setup.scan->parts;
-    const double share =
-        (weight[parts->begin[patch + 1]] - weight[parts->begin[patch]]) / weight[s->setup.scan->cells];
+    const double share = surface_part_share(s->setup.scan, weight, patch);
     return MIN_PATCH_PLACES + (size_t)(PLACES_PER_PARTICLE * share * (double)s->state.p->count);
 }
 

@@ -4,14 +4,13 @@
 #include <stdatomic.h>
 #include <string.h>
 
+#include "packing/packing.h"
 #include "solver/passes/relax_internal.h"
 
 /* Minimum number of neighbours within the support for a meaningful Newton step. With fewer the Hessian is nearly singular. */
 enum { MIN_NEIGHBOURS = 3 };
 /* Length of a list from which a smooth particle is assumed to have MIN_NEIGHBOURS neighbours within its support. */
 enum { MIN_LISTED = 9 };
-/* Radius between the first (1) and the second shell (sqrt(3)) of neighbours, in spacings. */
-static const double BETWEEN_SHELLS = 1.366;
 
 /* Sets p->energy by the kernel. `normal`: weights by these normals; NULL: all weights are 1. */
 static void sum_energies(const sweep_job *job, const fast_kernel_normal *normal, const uint32_t *items,
@@ -287,7 +286,7 @@ double relax_defect_fraction(const relax *r, const particles *p, double spacing,
                  sampled = divergent < 1 ? 1 - divergent : 1;
     const size_t every = 1 + p->count / MAX_SAMPLED;
     pairs_job job = {
-        .r = r, .p = p, .reach = BETWEEN_SHELLS * spacing, .every = every, .smooth = sampled < 1};
+        .r = r, .p = p, .reach = packing_first_shell(spacing), .every = every, .smooth = sampled < 1};
     threads_run(r->pool, p->count, 4096, pairs_chunk, &job);
     return (double)atomic_load(&job.defects) / (sampled * (double)((p->count + every - 1) / every));
 }

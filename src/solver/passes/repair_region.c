@@ -34,8 +34,6 @@ static const double MAX_STEP = 0.15;
 static const double CONVERGED_STEP = 1e-2;
 /* Members within this distance of a change become active, over h. */
 static const double ACTIVATION_RADIUS = 2;
-/* Radius between the first (1) and the second shell (sqrt(3)) of neighbours, over h. */
-static const double BETWEEN_SHELLS = 1.366;
 
 /* --- neighbours --- */
 
@@ -106,7 +104,7 @@ static int count_shell(const repair_region *p, uint32_t i)
     int near = 0;
     for (uint32_t k = 0; k < p->listed[i]; k++) {
         const uint32_t j = p->list[p->begin[i] + k];
-        const double within = 0.5 * BETWEEN_SHELLS * (p->h[i] + p->h[j]);
+        const double within = packing_first_shell(0.5 * (p->h[i] + p->h[j]));
         near += vec3_norm2(vec3_sub(p->x[i], p->x[j])) < within * within;
     }
     return near;
