@@ -4,6 +4,15 @@
 #include <string.h>
 
 static const double CELLS_MOST = 5;
+/* Draft. Newton's method takes at most 10 steps in a grid cell; places that are drawn in the whole domain of a formula take up to 50. */
+enum { DRAFT_STEPS = 50 };
+static const double DRAFT_ACCURACY = 1e-3;
+
+projection_limits projection_draft(double length)
+{
+    const double accuracy = DRAFT_ACCURACY * length;
+    return (projection_limits){DRAFT_STEPS, accuracy, accuracy, accuracy};
+}
 
 double projection_scale(const field *f, double spacing)
 {

@@ -12,10 +12,9 @@
 
 /* Items of a leaf; with 4 the nodes take twice the memory, and measuring takes as long. */
 enum { LEAF_ITEMS = 8, DEEPEST = 64 };
-/* Newton's steps onto the surface, and when they end, in lengths of a side. The middle of an edge that is farther from the surface than
- * MIDDLE_RISE edges belongs to another part of it: an arc of a right angle rises by 0.21. */
-enum { ONTO_STEPS = 8 };
-static const double ONTO_ACCURACY = 1e-3, MIDDLE_RISE = 0.25;
+/* The middle of an edge that is farther from the surface than this, in lengths of the edge, belongs to another part of it: an arc of a
+ * right angle rises by 0.21. */
+static const double MIDDLE_RISE = 0.25;
 /* Radians by which normals inside a grid cell may differ from the gradient at its middle, by how much F bends in the cell (field_bend). They
  * only bound what a node's items may face; triangles are tested with their own normals. */
 static const float CELL_ANGLE[] = {[FIELD_BENT] = 1.05f, [FIELD_GENTLE] = 0.5f, [FIELD_FLAT] = 0.15f};
@@ -442,8 +441,7 @@ int facets_expand(const facets *f, size_t k, bool exact, facet out[FIELD_CELL_TR
 /* Moves x onto the surface of a scan; false, x unchanged, where Newton's method finds no place within `reach`. */
 static bool onto_surface(const facets *f, uint32_t patch, vec3 *x, double side, double reach)
 {
-    const double accuracy = ONTO_ACCURACY * side;
-    const projection_limits limits = {ONTO_STEPS, accuracy, accuracy, accuracy};
+    const projection_limits limits = projection_draft(side);
     vec3 place = *x, normal;
     if (!projection_find(field_of_patch(f->in.scan->field, patch), &limits, &place, &normal) ||
         vec3_norm(vec3_sub(place, *x)) > reach)

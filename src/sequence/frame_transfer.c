@@ -17,9 +17,6 @@
 #include "solver/passes/relax.h"
 #include "solver/schedule.h"
 
-/* On the surface to this fraction of the spacing; the relaxation does the rest. */
-static const double LANDED = 1e-3;
-static const int LANDING_STEPS = 20;
 /* A point that lands farther outside of the surface's box than this, in spacings, ran off. */
 static const double FARTHEST = 1;
 /* Cosine of the angle from which on two points, or a point and where it landed, are of different sheets. */
@@ -146,8 +143,7 @@ static bool candidates_make(candidates *c, error *e)
 /* Onto the surface, from anywhere; of one with patches onto this one. */
 static bool land(const candidates *c, uint32_t patch, vec3 *x, vec3 *normal)
 {
-    double accept = LANDED * c->h;
-    const projection_limits limits = {LANDING_STEPS, accept, accept, accept};
+    const projection_limits limits = projection_draft(c->h);
     const field *f = field_of_patch(c->f, patch);
     return projection_find(f, &limits, x, normal) && bbox_contains(c->box, *x) &&
            (!c->f->patches || field_is_within(f, *x));

@@ -10,22 +10,9 @@
 #include "packing/packing.h"
 #include "solver/particles/random_streams.h"
 
-/* Maximum number of projection steps. Points drawn in the whole domain need many; points drawn in grid cells need few. */
-static const int MAX_STEPS = 50;
-/* Projection tolerance over h. The relaxation refines the projection. */
-static const double TOLERANCE = 1e-3;
-/* Maximum number of draws per particle. (About a fifth of random draws fail.) */
-static const size_t MAX_DRAWS = 1000;
 /* |H| / |grad F| times the grid cell size from which a zero is degenerate: the gradient vanishes with F, and there is no surface.
  * Example: the centre of (15). If the cells resolve the surface the value is below 2. */
 static const double DEGENERATE_RATIO = 50;
-/* Minimum distance of free particles from boundaries and curves in spacings: half the distance of the first lattice row from a boundary. */
-static const double MIN_BOUNDARY_DISTANCE = 0.45;
-/* Draws after which a particle may be nearer to a boundary: the surface may be too narrow. */
-static const size_t BOUNDARY_DRAWS = 20;
-/* Maximum distance of a projected point from the bounding box of the surface, over h or the grid cell size. Beyond it Newton's method has
- * diverged. */
-static const double MAX_BOX_DISTANCE = 1.0;
 
 static vec3 random_in_domain(const field *f, rng *r)
 {
@@ -51,7 +38,7 @@ static vec3 random_in_cell(const field *f, size_t cells, rng *r)
 static vec3 random_in_cells(const field *f, size_t cells, rng *r)
 {
     vec3 p = random_in_cell(f, cells, r);
-    for (size_t draw = 0; f->open && draw < MAX_DRAWS && !bbox_contains(f->domain, p); draw++)
+    for (int draw = 0; f->open && draw < START_MAX_DRAWS && !bbox_contains(f->domain, p); draw++)
         p = random_in_cell(f, cells, r);
     return p;
 }
@@ -64,19 +51,19 @@ typedef struct draw_job {
     const level_plan *plan;
     int level;
     double spacing;
-    bbox near; /* projected points outside are invalid */
+    bbox near; /* of the surface; farther away Newton's method has diverged */
     const boundary_request *boundary;
     particles *p;
     size_t first;        /* the first free particle; samples of boundaries and curves precede */
     size_t *patch_first; /* per patch: its first free particle; NULL without patches */
     uint64_t seed;
     threads *pool;
-    atomic_size_t drawn_again; /* failed draws */
-    atomic_size_t lost;        /* the first particle whose draws all failed; the count if there is none */
+    atomic_int drawn_again; /* failed draws */
+    atomic_size_t lost;     /* the first particle whose draws all failed; the count if there is none */
 } draw_job;
 
 /* A random point for particle i, the k-th of `count` free particles of its patch. False: the draw failed. */
-static bool draw_on_patch(const draw_job *job, size_t i, size_t k, size_t count, size_t draw, rng *r, vec3 *x)
+static bool draw_on_patch(const draw_job *job, size_t i, size_t k, size_t count, int draw, rng *r, vec3 *x)
 {
     bool stratum = draw == 0 && job->params->start == SOLVER_START_SURFACE;
     double where = rng_uniform(r);
@@ -89,8 +76,7 @@ static bool draw_on_patch(const draw_job *job, size_t i, size_t k, size_t count,
 static bool is_too_near_curve(const draw_job *job, uint32_t patch, vec3 x)
 {
     const boundary_request *request = job->boundary;
-    return curve_distance_at(job->plan->curves, patch, x) <
-           MIN_BOUNDARY_DISTANCE * boundary_spacing(request, x);
+    return curve_distance_at(job->plan->curves, patch, x) < START_CLEARANCE * boundary_spacing(request, x);
 }
 
 /* Draws particle i of a surface with patches until it is on its patch. False: all draws failed, or the pool was stopped. */
@@ -99,15 +85,14 @@ static bool draw_patch_particle(draw_job *job, size_t i, rng *r)
     particles *p = job->p;
     const uint32_t patch = p->patch[i];
     const field *f = particles_field(p, job->field, i);
-    const projection_limits limits = {MAX_STEPS, TOLERANCE * job->spacing, TOLERANCE * job->spacing,
-                                      TOLERANCE * job->spacing};
-    for (size_t draw = 0; draw <= MAX_DRAWS && !threads_stopped(job->pool); draw++) {
+    const projection_limits limits = projection_draft(job->spacing);
+    for (int draw = 0; draw <= START_MAX_DRAWS && !threads_stopped(job->pool); draw++) {
         vec3 x;
         size_t count = job->plan->quotas[job->level].free[patch];
         if (!draw_on_patch(job, i, i - job->patch_first[patch], count, draw, r, &x)) continue;
         bool projected = projection_find(f, &limits, &x, &p->normal[i]) && bbox_contains(job->near, x) &&
                          field_is_within(f, x);
-        if (projected && !(draw < BOUNDARY_DRAWS && is_too_near_curve(job, patch, x))) {
+        if (projected && !(draw < START_CLEAR_DRAWS && is_too_near_curve(job, patch, x))) {
             p->position[i] = x;
             return true;
         }
@@ -118,8 +103,7 @@ static bool draw_patch_particle(draw_job *job, size_t i, rng *r)
 
 /* Draw number `draw` of particle i of `count`. The first draw of a surface start is in the i-th stratum of the area; consecutive strata
  * are near each other. */
-static vec3 draw_point(const draw_job *job, size_t i, size_t count, size_t draw, rng *r,
-                       surface_last_cell *last)
+static vec3 draw_point(const draw_job *job, size_t i, size_t count, int draw, rng *r, surface_last_cell *last)
 {
     const solver_params *params = job->params;
     if (params->start == SOLVER_START_SURFACE) {
@@ -146,8 +130,7 @@ static bool is_degenerate(const field *f, vec3 x)
 static bool project_draw(const field *f, const solver_params *params, double spacing, bbox near, vec3 *x,
                          vec3 *normal)
 {
-    const projection_limits limits = {MAX_STEPS, TOLERANCE * spacing, TOLERANCE * spacing,
-                                      TOLERANCE * spacing};
+    const projection_limits limits = projection_draft(spacing);
     return projection_find(f, &limits, x, normal) && bbox_contains(near, *x) &&
            (params->start == SOLVER_START_SURFACE || !is_degenerate(f, *x));
 }
@@ -170,7 +153,7 @@ static bool place_boundary(const surface *scan, const boundary_request *request,
 /* Whether x is too near to a boundary along the surface: the particle would move among the boundary particles. */
 static bool is_too_near_boundary(const field *f, const boundary_request *request, vec3 x, vec3 normal)
 {
-    double clear = MIN_BOUNDARY_DISTANCE * boundary_spacing(request, x);
+    double clear = START_CLEARANCE * boundary_spacing(request, x);
     for (int axis = 0; axis < 3; axis++) {
         double at = vec3_get(x, axis), n = vec3_get(normal, axis), slope = sqrt(fmax(1 - n * n, 0));
         double height =
@@ -186,10 +169,10 @@ static bool draw_particle(draw_job *job, size_t i, surface_last_cell *last)
     particles *p = job->p;
     rng r = rng_seed(job->seed, i); /* per particle: independent of the draws of other particles */
     if (p->patch) return draw_patch_particle(job, i, &r);
-    for (size_t draw = 0; draw <= MAX_DRAWS && !threads_stopped(job->pool); draw++) {
+    for (int draw = 0; draw <= START_MAX_DRAWS && !threads_stopped(job->pool); draw++) {
         vec3 x = draw_point(job, i - job->first, p->count - job->first, draw, &r, last);
         bool projected = project_draw(job->field, job->params, job->spacing, job->near, &x, &p->normal[i]);
-        if (projected && !(job->first > 0 && draw < BOUNDARY_DRAWS &&
+        if (projected && !(job->first > 0 && draw < START_CLEAR_DRAWS &&
                            is_too_near_boundary(job->field, job->boundary, x, p->normal[i]))) {
             p->position[i] = x;
             return true;
@@ -253,7 +236,7 @@ bool start_place(const field *f, const surface *scan, const solver_params *param
                     .plan = plan,
                     .level = level,
                     .spacing = spacing,
-                    .near = bbox_grow(scan->box, MAX_BOX_DISTANCE * fmax(spacing, f->cell_size)),
+                    .near = bbox_grow(scan->box, fmax(spacing, f->cell_size)),
                     .boundary = &request,
                     .p = p,
                     .seed = rng_next(&r),
@@ -266,9 +249,9 @@ bool start_place(const field *f, const surface *scan, const solver_params *param
     if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
     if (lost < p->count)
         return error_set(e, ERROR_NO_SURFACE,
-                         "particle %zu of %zu does not reach the surface in %zu draws: the field "
+                         "particle %zu of %zu does not reach the surface in %d draws: the field "
                          "has no usable gradient near its isosurface",
-                         lost + 1, p->count, MAX_DRAWS);
+                         lost + 1, p->count, START_MAX_DRAWS);
     *removed = atomic_load(&job.drawn_again);
     return true;
 }

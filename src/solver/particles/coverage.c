@@ -19,10 +19,6 @@ enum { MIN_TASK_CELLS = 1024 };
 enum { MIN_PARALLEL_CELLS = 20000 };
 /* One of this number of cells is tested in a first pass: the largest distance found skips most cells of the second. */
 enum { SUBSET_STEP = 16 };
-/* Maximum number of projection steps of a place. */
-enum { PROJECTION_STEPS = 8 };
-/* Projection tolerance over the cell size: well below any spacing. */
-static const double PROJECTION_TOLERANCE = 1e-3;
 
 /* Number of recently found points that a place is tested against before a search. */
 enum { RECENT_POINTS = 4 };
@@ -135,8 +131,7 @@ static double covering_distance(const spacings *s, vec3 x, double radius, double
 static bool project_place(const surface *scan, size_t k, double cell_size, vec3 *x)
 {
     const field *f = scan->field;
-    const projection_limits limits = {PROJECTION_STEPS, PROJECTION_TOLERANCE * cell_size,
-                                      PROJECTION_TOLERANCE * cell_size, PROJECTION_TOLERANCE * cell_size};
+    const projection_limits limits = projection_draft(cell_size);
     vec3 p = *x, normal;
     if (projection_find(f, &limits, &p, &normal) && vec3_norm(vec3_sub(p, *x)) < cell_size)
         *x = p;

@@ -12,10 +12,6 @@
 static const double BIAS = 1;
 /* Energies are clamped to this many standard deviations. */
 static const double MAX_DEVIATIONS = 3;
-/* Projection tolerance of a twin over the offset. The relaxation refines the projection. */
-static const double SPLIT_TOLERANCE = 1e-3;
-/* Maximum projection steps of a twin. */
-static const int SPLIT_STEPS = 10;
 /* Maximum number of random directions that a split tries. */
 static const int SPLIT_DIRECTIONS = 8;
 /* Maximum distance of a projected twin over the offset. Farther: the twin is on another part of the surface. */
@@ -76,8 +72,7 @@ bool population_choose(const particles *p, size_t k, population_bias bias, rng *
 bool population_split(const field *all, particles *p, size_t i, double offset, rng *r)
 {
     const field *f = particles_field(p, all, i);
-    const projection_limits limits = {SPLIT_STEPS, SPLIT_TOLERANCE * offset, SPLIT_TOLERANCE * offset,
-                                      SPLIT_TOLERANCE * offset};
+    const projection_limits limits = projection_draft(offset);
     vec3 axis1, axis2, x = p->position[i];
     vec3_frame(p->normal[i], &axis1, &axis2);
     for (int k = 0; k < SPLIT_DIRECTIONS; k++) {

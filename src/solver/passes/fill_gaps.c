@@ -133,18 +133,11 @@ typedef struct draw_job {
     bool *projected;
 } draw_job;
 
-/* Projection tolerances of a candidate place over h. Coarse: a relocated particle is projected again. */
-static const double CANDIDATE_ACCEPT = 1e-3, CANDIDATE_REJECT = 1e-2;
-/* Maximum number of projection steps of a candidate place. */
-enum { CANDIDATE_STEPS = 20 };
-
 static void draw_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const draw_job *job = context;
     const solver *s = job->s;
-    const double h = s->state.spacing;
-    const projection_limits limits = {CANDIDATE_STEPS, CANDIDATE_ACCEPT * h, CANDIDATE_ACCEPT * h,
-                                      CANDIDATE_REJECT * h};
+    const projection_limits limits = projection_draft(s->state.spacing);
     surface_last_cell last;
     (void)worker;
     last.known = false;

@@ -11,6 +11,7 @@
 #include "voronoi/star_lanes.h"
 #include "solver/particles/population.h"
 #include "solver/particles/random_streams.h"
+#include "solver/start.h"
 
 /* Maximum displacement of a midpoint by its projection over h. A regular midpoint is a few hundredths of h off the surface; beyond
  * the limit its edge connects opposite walls. */
@@ -20,13 +21,6 @@ static const double TOLERANCE = 1e-3;
 /* Distance from the surface over h from which a Newton step needs no verification. The error after it is half the square of this
  * times h over the radius of curvature: within TOLERANCE if h resolves the surface. */
 static const double SHORTCUT = 0.02;
-/* Maximum number of random draws per missing particle. */
-static const int MAX_DRAWS = 1000;
-/* Minimum distance of new particles from the curves of their patch, over the coarse spacing. The value is 0.45 finer spacings: half
- * the distance of the first lattice row from a curve. */
-static const double MIN_CURVE_DISTANCE = 0.5 * 0.45;
-/* Random draws after which a missing particle may be nearer to a curve. */
-enum { CURVE_DRAWS = 20 };
 
 size_t refine_coarser(size_t count)
 {
@@ -293,10 +287,10 @@ static bool assign_patch_picks(mesh_part *parts, const particles *p, const quota
     return count != NULL;
 }
 
-/* Whether x is nearer to the curves of its patch than new particles may be. */
+/* Whether x is nearer to the curves of its patch than new particles may be. `spacing`: of the coarser level, twice the finer one. */
 static bool is_too_near_curve(const refine_patches *patches, uint32_t patch, vec3 x, double spacing)
 {
-    return curve_distance_at(patches->curves, patch, x) < MIN_CURVE_DISTANCE * spacing;
+    return curve_distance_at(patches->curves, patch, x) < 0.5 * START_CLEARANCE * spacing;
 }
 
 /* Removes the edges along curves: both ends are fixed and the midpoint is near a curve. */
@@ -526,10 +520,10 @@ static bool draw_missing(const field *f, const surface *scan, const sizing_field
                          size_t count, double spacing, uint64_t seed, error *e)
 {
     rng r = rng_seed(seed, RANDOM_STREAM_REFINEMENT);
-    const projection_limits limits = {20, TOLERANCE * spacing, TOLERANCE * spacing, TOLERANCE * spacing};
+    const projection_limits limits = projection_draft(spacing);
     for (int draws = 0; p->count < count; draws++) {
         vec3 x = sizing_field_draw(sizing, scan, rng_uniform(&r), &r, NULL), n;
-        if (draws == MAX_DRAWS)
+        if (draws == START_MAX_DRAWS)
             return error_set(e, ERROR_NO_SURFACE,
                              "particle %zu of %zu does not reach the surface in %d draws", p->count + 1,
                              count, draws);
@@ -541,18 +535,18 @@ static bool draw_missing(const field *f, const surface *scan, const sizing_field
     return true;
 }
 
-/* Draws a random point of a patch, at first with the minimum distance from its curves. False: MAX_DRAWS failed. */
+/* Draws a random point of a patch, at first with the minimum distance from its curves. False: START_MAX_DRAWS failed. */
 static bool draw_on_patch(const field *f, const surface *scan, const sizing_field *sizing,
                           const refine_patches *patches, uint32_t patch, double spacing, rng *r, vec3 *x,
                           vec3 *normal)
 {
     const double *weight = sizing_field_weight(sizing, scan);
-    const projection_limits limits = {20, TOLERANCE * spacing, TOLERANCE * spacing, TOLERANCE * spacing};
-    for (int draw = 0; draw < MAX_DRAWS; draw++)
+    const projection_limits limits = projection_draft(spacing);
+    for (int draw = 0; draw < START_MAX_DRAWS; draw++)
         if (surface_patch_point(scan, weight, patch, rng_uniform(r), r, x) &&
             projection_find(field_of_patch(f, patch), &limits, x, normal) &&
             field_is_within(field_of_patch(f, patch), *x) &&
-            (draw >= CURVE_DRAWS || !is_too_near_curve(patches, patch, *x, spacing)))
+            (draw >= START_CLEAR_DRAWS || !is_too_near_curve(patches, patch, *x, spacing)))
             return true;
     return false;
 }
@@ -624,7 +618,8 @@ static bool fill_patches(const field *f, const surface *scan, const sizing_field
         for (; ok && count[k] < patches->next->free[k]; count[k]++) {
             size_t i = p->count;
             ok = draw_on_patch(f, scan, sizing, patches, k, spacing, &r, &p->position[i], &p->normal[i]) ||
-                 error_set(e, ERROR_NO_SURFACE, "a particle does not reach its patch in %d draws", MAX_DRAWS);
+                 error_set(e, ERROR_NO_SURFACE, "a particle does not reach its patch in %d draws",
+                           START_MAX_DRAWS);
             p->patch[i] = k;
             p->hint[i] = FIELD_NO_HINT;
             p->place[i] = PARTICLES_FREE;
