@@ -551,44 +551,37 @@ static bool draw_on_patch(const field *f, const surface *scan, const sizing_fiel
     return false;
 }
 
-/* Whether two particles of one patch have bitwise the same position. */
-static bool is_duplicate(const particles *p, size_t i, size_t k)
+/* A free particle, to find those with the same position. */
+typedef struct located {
+    vec3 at;
+    uint32_t patch, index;
+} located;
+
+static int compare_places(const located *a, const located *b)
 {
-    const vec3 a = p->position[i], b = p->position[k];
-    return p->patch[i] == p->patch[k] && a.x == b.x && a.y == b.y && a.z == b.z;
+    return a->patch != b->patch ? (a->patch > b->patch ? 1 : -1) : vec3_compare(a->at, b->at);
 }
 
-/* Hash of a position on a patch; `+ 0.0` turns -0 into 0. */
-static uint64_t hash_of(vec3 x, uint32_t patch)
+static int compare_located(const void *left, const void *right)
 {
-    const double at[3] = {x.x + 0.0, x.y + 0.0, x.z + 0.0};
-    uint64_t bits[3], hash = patch;
-    memcpy(bits, at, sizeof bits);
-    for (int k = 0; k < 3; k++) {
-        hash = (hash ^ bits[k]) * 0x9E3779B97F4A7C15u;
-        hash ^= hash >> 29;
-    }
-    return hash;
+    const located *a = left, *b = right;
+    const int order = compare_places(a, b);
+    return order ? order : (a->index > b->index) - (a->index < b->index);
 }
 
 /* Marks all but the first of free particles with the same position. On patches smaller than the spacing, midpoints of several edges
  * project to one vertex of a triangle; no force separates them. */
 static bool mark_duplicates(const particles *p, bool *removed, error *e)
 {
-    size_t places = 1024;
-    while (places < 2 * p->count) places *= 2;
-    uint32_t *first =
-        mem_array(places, sizeof *first, "refinement", e); /* hash table: index of a particle + 1, or 0 */
-    for (uint32_t i = 0; first && i < p->count; i++) {
-        if (particles_is_fixed(p, i)) continue;
-        size_t k = hash_of(p->position[i], p->patch[i]) % places;
-        while (first[k] && !is_duplicate(p, first[k] - 1, i)) k = (k + 1) % places;
-        removed[i] = first[k];
-        if (!first[k]) first[k] = i + 1;
-    }
-    const bool ok = first != NULL;
-    free(first);
-    return ok;
+    located *list = mem_array(p->count, sizeof *list, "refinement", e);
+    size_t count = 0;
+    if (!list) return false;
+    for (uint32_t i = 0; i < p->count; i++)
+        if (!particles_is_fixed(p, i)) list[count++] = (located){p->position[i], p->patch[i], i};
+    qsort(list, count, sizeof *list, compare_located);
+    for (size_t k = 1; k < count; k++) removed[list[k].index] = compare_places(&list[k - 1], &list[k]) == 0;
+    free(list);
+    return true;
 }
 
 /* Removes particles with duplicate positions and particles beyond the quota of their patch. */

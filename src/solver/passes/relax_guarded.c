@@ -13,16 +13,6 @@ enum { PROJECTION_STEPS = 3 };
 /* Minimum relative decrease of the energy in single precision. It corresponds to a remaining step of about 3e-4 spacings. */
 static const double MIN_GAIN = 1e-6;
 
-/* 10^lambda; from a table for integer distances from RELAX_LAMBDA_FLOOR. */
-static float damping(double lambda)
-{
-    static const float power[] = {1e-3f, 1e-2f, 1e-1f, 1e0f,  1e1f,  1e2f,  1e3f,  1e4f,  1e5f,  1e6f,
-                                  1e7f,  1e8f,  1e9f,  1e10f, 1e11f, 1e12f, 1e13f, 1e14f, 1e15f, 1e16f};
-    const double at = lambda - RELAX_LAMBDA_FLOOR;
-    const int whole = at >= 0 && at < (double)(sizeof power / sizeof *power) ? (int)at : -1;
-    return whole >= 0 && (double)whole == at ? power[whole] : (float)pow(10, lambda);
-}
-
 /* Particles in the lanes and their trials. */
 typedef struct trial {
     fast_kernel_particles own;
@@ -126,7 +116,7 @@ static void evaluate_energies(const sweep_job *job, const trial *t, float energy
 static void begin_trial(const sweep_job *job, const uint32_t *items, double gain, trial *t, block_sums *sums)
 {
     for (size_t l = 0; l < FAST_KERNEL_LANES; l++)
-        t->own.damping[l] = t->pending[l] ? damping(t->lambda[l]) : 0;
+        t->own.damping[l] = t->pending[l] ? (float)pow(10, t->lambda[l]) : 0;
     job->r->fast->step(&t->own, &t->forces, &t->params, &t->way);
     for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {
         if (!t->pending[l]) continue;
