@@ -24,6 +24,9 @@ typedef void (*threads_work)(void *context, int worker, size_t begin, size_t end
 
 #define THREADS_MAX 256
 
+/* Grain for loops whose items take a tenth of a microsecond or longer. */
+enum { THREADS_GRAIN = 256 };
+
 /* `count` workers, 1 .. THREADS_MAX; 1 starts no thread at all. `stop` may be NULL. */
 threads *threads_new(int count, const volatile sig_atomic_t *stop, error *e);
 void threads_free(threads *t);

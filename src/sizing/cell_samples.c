@@ -9,7 +9,6 @@
 /* A cell's middle goes to the surface within so many steps, to this fraction of the cell. */
 static const int STEPS = 5;
 static const double ACCEPT = 1e-2, REJECT = 0.1, FARTHEST = 1.5;
-enum { GRAIN = 256 };
 
 typedef struct sample_job {
     const surface *scan;
@@ -65,7 +64,7 @@ bool cell_samples_take(const surface *scan, threads *pool, cell_samples *out, er
     out->found = mem_array(scan->cells, sizeof *out->found, what, e);
     if (!out->position || !out->normal || !out->patch || !out->found) return false;
     sample_job job = {scan, out};
-    threads_run(pool, scan->cells, GRAIN, sample_chunk, &job);
+    threads_run(pool, scan->cells, THREADS_GRAIN, sample_chunk, &job);
     return true;
 }
 

@@ -14,7 +14,6 @@ static const double EDGE_SCALE = 0.75;
 static const double REACH = 2;
 /* A neighbourhood that is nearly a line says nothing across it: there the matrix is damped by this share. */
 static const double DAMPING = 1e-3;
-enum { GRAIN = 256 };
 
 struct scaled_curvature {
     double scale;
@@ -128,7 +127,7 @@ scaled_curvature *scaled_curvature_new(const surface *scan, const cell_samples *
         c->kappa2 = mem_array(c->elements.count, sizeof *c->kappa2, what, e);
         ok = c->kappa1 && c->kappa2;
     }
-    if (ok) threads_run(pool, c->elements.count, GRAIN, fit_chunk, c);
+    if (ok) threads_run(pool, c->elements.count, THREADS_GRAIN, fit_chunk, c);
     if (ok && threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
     if (ok) return c;
     scaled_curvature_free(c);

@@ -31,7 +31,6 @@ static const double BEND_AT_POINTS = 0.08, BEND_OVER_DISTANCE = 0.02;
  * leave it. */
 static const double AVERAGE_RISE = 1.0 / 3, SMOOTH_TOLERANCE = 1e-3;
 static const int SMOOTH_PASSES = 400;
-static const size_t GRAIN = 256;
 
 #define AXIS_BITS 21
 #define NO_NODE UINT32_MAX
@@ -182,7 +181,7 @@ static bool making_begin(making *m, sizing_field *g, threads *pool, error *e)
     m->to = mem_array(g->count, sizeof *m->to, what, e);
     m->change = mem_array(g->count, sizeof *m->change, what, e);
     if (!g->beside || !m->heap || !m->at || !m->from || !m->to || !m->change) return false;
-    threads_run(pool, g->count, GRAIN, link_chunk, g);
+    threads_run(pool, g->count, THREADS_GRAIN, link_chunk, g);
     return true;
 }
 
@@ -346,7 +345,7 @@ static void smooth(making *m)
     double worst = INFINITY;
     for (int pass = 0; pass < SMOOTH_PASSES && worst > SMOOTH_TOLERANCE && !threads_stopped(m->pool);
          pass++) {
-        threads_run(m->pool, m->g->count, GRAIN, smooth_chunk, m);
+        threads_run(m->pool, m->g->count, THREADS_GRAIN, smooth_chunk, m);
         worst = 0;
         for (size_t k = 0; k < m->g->count; k++) worst = fmax(worst, m->change[k]);
         double *swap = m->from;
@@ -578,7 +577,7 @@ static bool meet_count(sizing_field *g, const surface *scan, const vec3 *positio
         ok = count_impossible(&m, scan, count, widest, e);
     if (ok && !is_rough) smooth_spacing(&m);
     for (int k = 0; ok && k < (is_rough ? 1 : CELLS_STEPS); k++) {
-        threads_run(pool, g->count, GRAIN, model_chunk, &m);
+        threads_run(pool, g->count, THREADS_GRAIN, model_chunk, &m);
         double ratio = sum_points(g, scan, position) / (double)count;
         if (fabs(ratio - 1) < CELLS_TOLERANCE) break;
         rescale(g, sqrt(ratio));
@@ -599,7 +598,7 @@ static bool take_points(sizing_field *g, const surface *scan, const vec3 *positi
         g->facts.scale = g->params.kind == SIZING_FIELD_EVEN ? widest : 1;
         points_under(&m, g->facts.scale, widest);
         smooth_spacing(&m);
-        threads_run(pool, g->count, GRAIN, model_chunk, &m);
+        threads_run(pool, g->count, THREADS_GRAIN, model_chunk, &m);
         sum_points(g, scan, position);
     }
     making_free(&m);

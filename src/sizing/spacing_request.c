@@ -18,7 +18,7 @@ static const double FLAT_SHARE = 0.001;
 static const double WIDEST_REQUEST = 1e3;
 /* The distance of the first octave, over the even spacing. */
 static const double FINEST_OCTAVE = 0.125;
-enum { GRAIN = 256, OCTAVES = SPACING_REQUEST_OCTAVES };
+enum { OCTAVES = SPACING_REQUEST_OCTAVES };
 
 static bool is_by_curvature(const sizing_field_params *params)
 {
@@ -116,7 +116,7 @@ static bool measure_octaves(spacing_request *r, threads *pool, error *e)
         scaled_curvature *c = scaled_curvature_new(r->scan, &r->samples, scale, pool, e);
         if (!c) return false;
         job.curvature = c;
-        threads_run(pool, r->scan->cells, GRAIN, octave_chunk, &job);
+        threads_run(pool, r->scan->cells, THREADS_GRAIN, octave_chunk, &job);
         scaled_curvature_free(c);
     }
     return true;
@@ -244,7 +244,7 @@ bool spacing_request_begin(spacing_request *r, const surface *scan, const sizing
     *r = (spacing_request){.params = params, .scan = scan, .even = even, .fine_share = FINE_SHARE};
     r->value = mem_array(scan->cells, sizeof *r->value, "the grading", e);
     if (!r->value || !cell_samples_take(scan, pool, &r->samples, e)) return false;
-    threads_run(pool, scan->cells, GRAIN, request_chunk, r);
+    threads_run(pool, scan->cells, THREADS_GRAIN, request_chunk, r);
     if (!spacing_request_is_at_points(params) && !measure_octaves(r, pool, e)) return false;
     if (params->feature_ratio > 0) {
         r->feature = mem_array(scan->cells, sizeof *r->feature, "the grading", e);

@@ -243,7 +243,7 @@ bool start_place(const field *f, const surface *scan, const solver_params *param
                     .pool = pool};
     if (!place_first(&job, e)) return false;
     atomic_store(&job.lost, p->count);
-    threads_run(pool, p->count - job.first, 256, draw_chunk, &job);
+    threads_run(pool, p->count - job.first, THREADS_GRAIN, draw_chunk, &job);
     free(job.patch_first);
     size_t lost = atomic_load(&job.lost);
     if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");

@@ -333,9 +333,9 @@ static bool step(solver *s, error *e)
 {
     witkin_heckbert_state *w = s->state.witkin_heckbert;
     if (!update_lists(s, e)) return false;
-    threads_run(s->setup.pool, s->state.p->count, 256, velocity_chunk, s);
-    threads_run(s->setup.pool, s->state.p->count, 256, place_chunk, s);
-    threads_run(s->setup.pool, s->state.p->count, 256, grow_chunk, s);
+    threads_run(s->setup.pool, s->state.p->count, THREADS_GRAIN, velocity_chunk, s);
+    threads_run(s->setup.pool, s->state.p->count, THREADS_GRAIN, place_chunk, s);
+    threads_run(s->setup.pool, s->state.p->count, THREADS_GRAIN, grow_chunk, s);
     take_step(s);
     double energy = 0, squares = 0, radii = 0, n = (double)s->state.p->count;
     uint64_t rejected = 0;
@@ -371,7 +371,7 @@ static bool describe(solver *s, error *e)
     size_t n = s->state.p->count, near = 0;
     w->lists_stale = true;
     if (!update_lists(s, e)) return false;
-    threads_run(s->setup.pool, n, 256, velocity_chunk, s);
+    threads_run(s->setup.pool, n, THREADS_GRAIN, velocity_chunk, s);
     double *spacing = solver_column(s, COLUMN_SPACING), *energy = solver_column(s, COLUMN_ENERGY);
     s->record.out.mean_energy = 0;
     s->record.out.step_left = s->record.out.step_without_kinks = NAN; /* there are no Newton steps (12) */

@@ -12,7 +12,8 @@
 
 #define EDGE_NUMBERS 64 /* an edge joins corners a < b: index 8 a + b */
 
-static const size_t GRAIN = 256; /* cells in a chunk of work: whole groups */
+/* Cells in a chunk of work: whole groups. */
+static const size_t GRAIN = THREADS_GRAIN;
 /* Chunks after which a field may forget: bricks of that many fill some megabytes. */
 static const size_t AT_ONCE = 128;
 

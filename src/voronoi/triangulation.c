@@ -10,7 +10,7 @@
 #include "voronoi/voronoi.h"
 
 /* Points, or triangles, in a chunk of work. */
-#define CHUNK 256
+enum { CHUNK = THREADS_GRAIN };
 
 /* ---- the triangles ---- */
 

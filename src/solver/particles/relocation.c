@@ -130,7 +130,7 @@ static bool find_dense(const relocation_input *in, const near_points *near, thre
     size_t all = 0;
     *found = 0;
     for (size_t i = 0; i < in->count; i++) job.largest = fmax(job.largest, in->size[i]);
-    if (job.least) threads_run(pool, in->count, 512, density_chunk, &job);
+    if (job.least) threads_run(pool, in->count, THREADS_GRAIN, density_chunk, &job);
     for (size_t i = 0; job.least && i < in->count; i++) all += is_dense(&job, i);
     ranked *r = *out = job.least ? mem_array(all, sizeof *r, WHAT, e) : NULL;
     for (size_t i = 0; r && i < in->count; i++)
@@ -189,7 +189,7 @@ static bool find_gaps(const relocation_input *in, const near_points *near, size_
     size_t all = 0;
     for (size_t i = 0; i < in->count; i++) least = fmin(least, in->size[i]);
     gap_job job = {in, near, limit * in->h * least, distance};
-    if (distance) threads_run(pool, in->places, 256, gap_chunk, &job);
+    if (distance) threads_run(pool, in->places, THREADS_GRAIN, gap_chunk, &job);
     for (size_t k = 0; distance && k < in->places; k++) all += distance[k] > limit;
     ranked *r = *out = distance ? mem_array(all, sizeof *r, WHAT, e) : NULL;
     *found = 0;

@@ -159,7 +159,7 @@ static size_t draw_candidates(const solver *s, vec3 *out, bool *projected)
     rng r = rng_seed(s->setup.params.seed, RANDOM_STREAM_RELOCATION);
     draw_job job = {s, PLACES_PER_PARTICLE * s->state.p->count, rng_next(&r), out, projected};
     size_t found = 0;
-    threads_run(s->setup.pool, job.total, 256, draw_chunk, &job);
+    threads_run(s->setup.pool, job.total, THREADS_GRAIN, draw_chunk, &job);
     for (size_t k = 0; k < job.total && !threads_stopped(s->setup.pool); k++)
         if (projected[k]) out[found++] = out[k];
     return found;

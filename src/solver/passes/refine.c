@@ -28,7 +28,7 @@ size_t refine_coarser(size_t count)
 }
 
 /* Points, or edges, of a task of the thread pool. */
-#define CHUNK 256
+enum { CHUNK = THREADS_GRAIN };
 
 typedef struct edge {
     uint32_t a, b;

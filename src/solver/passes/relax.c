@@ -164,7 +164,7 @@ void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums 
     relax_copy_normals(r, p);
     if (params->may_skip && r->skipping && r->fast) {
         job.skipping = r->skipping;
-        threads_run(r->pool, p->count, 1024, skip_chunk, &job);
+        threads_run(r->pool, p->count, THREADS_GRAIN, skip_chunk, &job);
     }
     r->skip_known = job.skipping != NULL;
     memset(r->parts, 0, r->near->blocks * sizeof *r->parts);

@@ -170,7 +170,7 @@ bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
     r->skip_known = false;
     if (r->fast) independent_sets_form(r->near, r->pool);
     sweep_job job = {.r = r, .p = p};
-    threads_run(r->pool, p->count, 512, facing_chunk, &job);
+    threads_run(r->pool, p->count, THREADS_GRAIN, facing_chunk, &job);
     for (size_t i = 0; i < p->count && r->relocated_count > 0; i++)
         if (r->flags[i] & RELAX_RELOCATED) mark_neighbourhood(r, p, i);
     choose_lanes(r, p);
@@ -190,7 +190,7 @@ void relax_copy_normals(relax *r, const particles *p)
 {
     sweep_job job = {.r = r, .p = (particles *)p};
     if (r->guards_in_lanes && !r->ignores_normals)
-        threads_run(r->pool, p->count, 4096, copy_normals_chunk, &job);
+        threads_run(r->pool, p->count, THREADS_GRAIN, copy_normals_chunk, &job);
 }
 
 void relax_ignore_normals(relax *r)
@@ -233,7 +233,7 @@ bool relax_refresh(relax *r, const particles *p, double sigma)
 {
     if (p->count != r->near->count) return false; /* never built, or for other particles */
     refresh_job job = {r, p, sigma, false, false};
-    threads_run(r->pool, p->count, 4096, refresh_chunk, &job);
+    threads_run(r->pool, p->count, THREADS_GRAIN, refresh_chunk, &job);
     if (atomic_load(&job.moved)) r->cached = (cached_steps){0};
     return !atomic_load(&job.stale);
 }

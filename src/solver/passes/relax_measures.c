@@ -62,7 +62,7 @@ static double mean_energy(relax *r, particles *p, double sigma, double most)
     sweep_job job = {.r = r, .p = p, .sigma = sigma};
     if (!(r->cached.energies && r->cached.sigma == sigma)) {
         relax_copy_normals(r, p);
-        threads_run(r->pool, p->count, 512, energy_chunk, &job);
+        threads_run(r->pool, p->count, THREADS_GRAIN, energy_chunk, &job);
     }
     double sum = 0, alpha = 0, all = 0, all_alpha = 0;
     for (size_t i = 0; i < p->count; i++) {
@@ -276,7 +276,7 @@ double relax_mean_neighbours(const relax *r, const particles *p, double sigma)
 {
     if (r->cached.energies && r->cached.sigma == sigma) return r->cached.pairs / (double)p->count;
     pairs_job job = {.r = r, .p = p, .reach = sigma, .every = 1};
-    threads_run(r->pool, p->count, 4096, pairs_chunk, &job);
+    threads_run(r->pool, p->count, THREADS_GRAIN, pairs_chunk, &job);
     return (double)atomic_load(&job.pairs) / (double)p->count;
 }
 
@@ -287,6 +287,6 @@ double relax_defect_fraction(const relax *r, const particles *p, double spacing,
     const size_t every = 1 + p->count / MAX_SAMPLED;
     pairs_job job = {
         .r = r, .p = p, .reach = packing_first_shell(spacing), .every = every, .smooth = sampled < 1};
-    threads_run(r->pool, p->count, 4096, pairs_chunk, &job);
+    threads_run(r->pool, p->count, THREADS_GRAIN, pairs_chunk, &job);
     return (double)atomic_load(&job.defects) / (sampled * (double)((p->count + every - 1) / every));
 }

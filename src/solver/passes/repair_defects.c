@@ -355,7 +355,7 @@ static double mean_local(const repair *m)
 static void find_defects(repair *m)
 {
     rng r = rng_seed(m->s->setup.params.seed, RANDOM_STREAM_REPAIR + (uint64_t)m->pass);
-    threads_run(m->s->setup.pool, m->s->state.p->count, 256, degree_chunk, m);
+    threads_run(m->s->setup.pool, m->s->state.p->count, THREADS_GRAIN, degree_chunk, m);
     m->mean = mean_local(m);
     m->defects = 0;
     for (uint32_t i = 0; i < m->s->state.p->count; i++) {
@@ -463,7 +463,7 @@ static void end(repair *m)
 static double measure_cells(repair *m)
 {
     double squares = 0, found = 0;
-    threads_run(m->s->setup.pool, m->s->state.p->count, 256, degree_chunk, m);
+    threads_run(m->s->setup.pool, m->s->state.p->count, THREADS_GRAIN, degree_chunk, m);
     m->mean = mean_local(m);
     for (size_t i = 0; i < m->s->state.p->count; i++) {
         const double deviation = m->local[i] / m->mean - 1;
