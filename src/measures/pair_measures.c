@@ -7,7 +7,7 @@
 #include "packing/energy.h"
 #include "packing/packing.h"
 #include "voronoi/partitions.h"
-#include "voronoi/quality.h"
+#include "voronoi/resolution.h"
 #include "voronoi/voronoi.h"
 
 /* Points in a chunk of work, and in a partial sum. */
@@ -58,7 +58,7 @@ static void add_pair(energy_batch *b, double u2, double weight)
 static double wall_gap(const pair_measures_input *in, uint32_t i, uint32_t j, double distance, double mean)
 {
     const sites *s = in->sites;
-    if (distance >= QUALITY_SHEET_REACH * mean || (in->at_wedge[i] && in->at_wedge[j])) return INFINITY;
+    if (distance >= RESOLUTION_REACH * mean || (in->at_wedge[i] && in->at_wedge[j])) return INFINITY;
     const vec3 r = vec3_sub(s->position[j], s->position[i]);
     return fmin(fabs(vec3_dot(s->normal[s->side[i]], r)), fabs(vec3_dot(s->normal[s->side[j]], r))) / mean;
 }
@@ -91,7 +91,7 @@ static void measure_point(const pair_job *job, uint32_t at, pair_sums *sums)
     sums->nearest = fmin(sums->nearest, nearest);
     sums->close += nearest < MEASURES_CLOSE;
     sums->coincident += nearest < MEASURES_COINCIDENT;
-    sums->thin += gap < QUALITY_SHEET_GAP;
+    sums->thin += gap < RESOLUTION_GAP;
     job->gap[i] = gap;
 }
 
@@ -125,7 +125,7 @@ static double thin_factor(double *gap, size_t count)
 {
     const size_t allowed = (size_t)(MEASURES_THIN_SHARE * (double)count);
     qsort(gap, count, sizeof *gap, compare_numbers);
-    return fmin(gap[allowed] / QUALITY_SHEET_GAP, 1);
+    return fmin(gap[allowed] / RESOLUTION_GAP, 1);
 }
 
 /* How far lists reach, in spacings: to the support, and to opposite walls. */

@@ -12,10 +12,10 @@
 
 #include "geometry/near_points.h"
 #include "geometry/vec3.h"
-#include "voronoi/quality.h"
+#include "voronoi/resolution.h"
 
 /* Cosine. The interaction energy is 1 down to -0.5 and 0 below -0.8 (voronoi.h); creases of right angles stay above it. */
-#define SITES_OPPOSITE QUALITY_SHEET_FACING
+#define SITES_OPPOSITE RESOLUTION_OPPOSITE
 
 typedef struct sites {
     size_t count;

@@ -6,7 +6,7 @@
 #include "base/compare.h"
 #include "base/memory.h"
 #include "field/projection.h"
-#include "voronoi/quality.h"
+#include "voronoi/resolution.h"
 
 /* Places that are looked at: shares are told to a few tenths of a percent. */
 enum { SAMPLES = 4096, GRAIN = 32 };
@@ -76,12 +76,12 @@ static double spacing_at(const field *f, vec3 x, vec3 normal, vec3 along, bool i
 {
     vec3 end, other;
     if (!meet(f, x, along, inside, reach, hint, &end, &other) ||
-        vec3_dot(normal, other) >= QUALITY_SHEET_FACING)
+        vec3_dot(normal, other) >= RESOLUTION_OPPOSITE)
         return INFINITY;
     vec3 r = vec3_sub(end, x);
     double gap = fmin(fabs(vec3_dot(normal, r)), fabs(vec3_dot(other, r)));
-    double needed = fmax(gap / QUALITY_SHEET_GAP, vec3_norm(r) / QUALITY_SHEET_REACH);
-    return fmax(needed, first_step(f) / QUALITY_SHEET_GAP);
+    double needed = fmax(gap / RESOLUTION_GAP, vec3_norm(r) / RESOLUTION_REACH);
+    return fmax(needed, first_step(f) / RESOLUTION_GAP);
 }
 
 /* Of all rays from x. */
@@ -120,7 +120,7 @@ static void measure_chunk(void *context, int worker, size_t begin, size_t end)
         job->ratio[k] = INFINITY;
         if (!projection_find(f, &limits, &x, &normal)) continue;
         double spacing = job->sizing ? sizing_field_spacing(job->sizing, x, NULL) : job->h;
-        job->ratio[k] = least_spacing(f, x, normal, QUALITY_SHEET_REACH * spacing) / spacing;
+        job->ratio[k] = least_spacing(f, x, normal, RESOLUTION_REACH * spacing) / spacing;
     }
 }
 

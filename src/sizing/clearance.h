@@ -2,7 +2,7 @@
  *
  * Points are drawn evenly from the surface. From each, rays go to both sides, along the normal and at an angle to it, up to
  * the first sheet that faces the point's own. The sheets are told apart where the spacing is at most the largest with
- * which neither bound of voronoi/quality.h holds at any ray's end. Sheets that are nearer than half a cell, or of
+ * which neither bound of voronoi/resolution.h holds at any ray's end. Sheets that are nearer than half a cell, or of
  * patches an eighth of the spacing, count as so far apart.
  */
 #ifndef HEXAD_SIZING_CLEARANCE_H

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "voronoi/quality.h"
+#include "voronoi/resolution.h"
 #include "sizing/elements.h"
 
 /* How far a ball may touch a sheet's plane from the middle of its element, in cubes: no gap is left between two. */
@@ -14,7 +14,7 @@ static const double HALF_DIAGONAL = 0.8660254037844386;
 /* A ball is looked for within so many cubes, and cubes grow by this factor, so that beyond the smallest ones a ball is at
  * least two cubes wide. */
 enum { REACH = ELEMENTS_REACH - 1, GROWTH = 2 };
-enum { GRAIN = 256, MOST_OFFSETS = (2 * REACH + 3) * (2 * REACH + 3) * (2 * REACH + 3) };
+enum { MOST_OFFSETS = (2 * REACH + 3) * (2 * REACH + 3) * (2 * REACH + 3) };
 
 /* A cube as seen from another one. */
 typedef struct offset {
@@ -61,7 +61,7 @@ static bool list_offsets(measuring *m, error *e)
 static double ball_radius(const elements *s, const element *other, vec3 x, vec3 normal)
 {
     double cosine = vec3_dot(normal, other->normal);
-    if (cosine >= QUALITY_SHEET_FACING) return INFINITY;
+    if (cosine >= RESOLUTION_OPPOSITE) return INFINITY;
     vec3 d = vec3_sub(other->position, x);
     double radius = vec3_dot(d, other->normal) / (1 - cosine); /* < 0: outside of the solid */
     if (!(radius * vec3_dot(d, normal) < 0)) return INFINITY;  /* the other sheet is on the ball's side */
@@ -74,7 +74,7 @@ static double ball_radius(const elements *s, const element *other, vec3 x, vec3 
 static bool is_in_cone(const offset *o, vec3 normal)
 {
     static const double SLOPE =
-        0.6546536707079771; /* tangent of half the angle that QUALITY_SHEET_FACING leaves */
+        0.6546536707079771; /* tangent of half the angle that RESOLUTION_OPPOSITE leaves */
     double along = fabs(o->at[0] * normal.x + o->at[1] * normal.y + o->at[2] * normal.z);
     double slack = 2 * HALF_DIAGONAL + PATCH;
     double across2 = o->distance * o->distance - along * along, most = SLOPE * (along + slack) + slack;
@@ -148,8 +148,8 @@ static bool measure_level(measuring *m, double edge, threads *pool, bool *open, 
         *open = true;
     }
     if (ok && *open) {
-        threads_run(pool, m->elements.count, GRAIN, look_from_elements, m);
-        threads_run(pool, m->scan->cells, GRAIN, look_from_cells, m);
+        threads_run(pool, m->elements.count, THREADS_GRAIN, look_from_elements, m);
+        threads_run(pool, m->scan->cells, THREADS_GRAIN, look_from_cells, m);
     }
     elements_free(&m->elements);
     free(m->is_asked);

@@ -6,7 +6,7 @@
 #include "base/memory.h"
 #include "geometry/point_tree.h"
 #include "packing/packing.h"
-#include "voronoi/quality.h"
+#include "voronoi/resolution.h"
 #include "solver/solver_state.h"
 
 /* Exponent of the spacing over the amplitude under a common support (13). Measured on the quartic: 0.181 with d = 1, 0.171 with d = 3. A
@@ -142,14 +142,24 @@ static void merge_normals(solver *s)
 static const double SHARP_COSINE = 0;
 
 /* Cosine between the surfaces that meet at the curve of particle k: of the faces at its curve, or of the normals of its copies. Above
- * QUALITY_SHEET_FACING: the surfaces do not face each other. */
+ * RESOLUTION_OPPOSITE: the surfaces do not face each other. */
 static double wedge_cosine(const solver *s, size_t k)
 {
     const particles *p = s->state.p;
     const curve_samples *samples = &s->state.plan.quotas[s->state.level].samples;
     const double cosine = vec3_dot(p->normal[k], p->normal[s->record.point[k]]),
                  of_faces = s->setup.field->patches->curve[samples->curve[p->place[k]]].cosine;
-    return cosine < SHARP_COSINE ? fmin(fmin(cosine, of_faces), QUALITY_SHEET_FACING) : of_faces;
+    return cosine < SHARP_COSINE ? fmin(fmin(cosine, of_faces), RESOLUTION_OPPOSITE) : of_faces;
+}
+
+/* Least squared sine of the wedge angle: a sharper edge reaches no farther. */
+static const double MIN_WEDGE_SINE2 = 0.01;
+
+/* Distance from an edge, in spacings, within which its surfaces are closer than RESOLUTION_GAP spacings; and one more, since curve samples
+ * lie at single places of the edge. */
+static double wedge_reach(double cosine)
+{
+    return RESOLUTION_GAP / sqrt(fmax(1 - cosine * cosine, MIN_WEDGE_SINE2)) + 1;
 }
 
 /* Marks the particles near edges at which surfaces that face each other meet. */
@@ -163,8 +173,8 @@ static bool mark_wedges(solver *s, error *e)
     bool ok = at && reach;
     for (size_t k = 0; ok && k < p->count; k++) {
         const double cosine = particles_is_on_curve(p, k) ? wedge_cosine(s, k) : 1;
-        if (cosine > QUALITY_SHEET_FACING) continue;
-        reach[count] = quality_wedge_reach(cosine);
+        if (cosine > RESOLUTION_OPPOSITE) continue;
+        reach[count] = wedge_reach(cosine);
         at[count++] = p->position[k];
     }
     point_tree *tree = ok && count > 0 ? point_tree_new(at, count, e) : NULL;

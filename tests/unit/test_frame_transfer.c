@@ -11,10 +11,10 @@
 #include "base/memory.h"
 #include "close.h"
 #include "packing/packing.h"
-#include "voronoi/quality.h"
 #include "solver/level_plan.h"
 #include "solver/solver.h"
 #include "sequence/frame_transfer.h"
+#include "measure_result.h"
 #include "shapes.h"
 
 enum { POINTS = 2000 };
@@ -199,18 +199,10 @@ static void test_deaths_are_spread(void **state)
 /* The share of points with six neighbours when the packing is at rest. */
 static double order_of(const stage *s, size_t count, const frame_transfer *start)
 {
-    error e = {0};
     solver *rest = pack(s, count, start);
-    const solver_points *p = solver_result_points(rest);
-    const quality_input in = {.count = count,
-                              .position = p->position,
-                              .normal = p->normal,
-                              .spacing = p->spacing,
-                              .h = packing_spacing(s->scan->area, count)};
-    quality q;
-    if (!quality_measure(&in, s->pool, NULL, NULL, &q, &e)) fail_msg("%s", e.message);
+    const measures q = measure_result(s->scan, rest, false, s->pool);
     solver_free(rest);
-    return q.resolved.hex_fraction;
+    return q.hex_fraction;
 }
 
 static void test_portions_keep_more_of_the_packing(void **state)

@@ -11,8 +11,8 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "voronoi/quality.h"
 #include "solver/solver.h"
+#include "measure_result.h"
 #include "shapes.h"
 
 enum { SPHERE = 0, BOX = 2, QUARTIC = 4, GYROID = 5 };
@@ -152,7 +152,7 @@ typedef struct solved {
     surface *scan;
     solver *s;
     const solver_points *points;
-    quality q;
+    measures q;
     const solver_sweep *sweep;
     size_t sweeps;
 } solved;
@@ -195,14 +195,7 @@ static void solve(const analytic_params *shape, const solver_params *params, int
     if (!solver_finalize(x->s, &e)) fail_msg("%s", e.message);
     x->points = solver_result_points(x->s);
     x->sweep = solver_sweeps(x->s, &x->sweeps);
-    quality_input in = {.count = x->points->count,
-                        .position = x->points->position,
-                        .normal = x->points->normal,
-                        .spacing = x->points->spacing,
-                        .h = solver_spacing(x->s),
-                        .open = x->a->base.open,
-                        .domain = x->a->base.domain};
-    assert_true(quality_measure(&in, x->pool, NULL, NULL, &x->q, &e));
+    x->q = measure_result(x->scan, x->s, false, x->pool);
     assert_int_equal(x->points->lost, 0);
     assert_true(x->points->max_residual < 1e-6);
     size_t count = params->count; /* the counts are accounted for */
@@ -255,7 +248,7 @@ static void even_targets_give_an_even_sphere(void **state)
         solve(&shapes[SPHERE], &params, 1, &x);
         double gap = largest_gap(&x, &shapes[SPHERE]);
         print_message("# %zu points, hex %.3f, spacing varies by %.4f, gap %.3f h\n", x.points->count,
-                      x.q.resolved.hex_fraction, x.q.grading_cv, gap);
+                      x.q.hex_fraction, x.q.grading_cv, gap);
         assert_true(solver_result(x.s) != SOLVER_OUT_OF_SWEEPS && turnover(&x, 50) == 0);
         assert_close((double)x.points->count, COUNT, 0.12 * COUNT);
         assert_close(x.points->mean_energy / x.points->ideal_energy, 1, 1e-3);
@@ -351,7 +344,7 @@ static void the_size_of_a_surface_does_not_matter(void **state)
     assert_close((double)large.points->count / (double)one.points->count, 1, 0.01);
     assert_close(solver_spacing(large.s) / solver_spacing(one.s), 1000, 5);
     assert_close(large.points->sigma / one.points->sigma, 1000, 5);
-    assert_close(large.q.resolved.hex_fraction, one.q.resolved.hex_fraction, 0.05);
+    assert_close(large.q.hex_fraction, one.q.hex_fraction, 0.05);
     release(&one);
     release(&large);
 }

@@ -6,7 +6,7 @@
 #include "base/memory.h"
 #include "base/sets.h"
 #include "geometry/box_tree.h"
-#include "voronoi/quality.h"
+#include "voronoi/resolution.h"
 
 /* The object that messages about memory name. */
 static const char what[] = "the samples along curves";
@@ -132,7 +132,7 @@ static bool are_mergeable(const merging *m, uint32_t i, uint32_t j)
     for (size_t a = m->first_copy[i]; a < m->first_copy[i + 1]; a++)
         for (size_t b = m->first_copy[j]; b < m->first_copy[j + 1]; b++)
             if (m->joined[r->patch[a]] == m->joined[r->patch[b]] &&
-                vec3_dot(r->normal[a], r->normal[b]) > QUALITY_SHEET_FACING)
+                vec3_dot(r->normal[a], r->normal[b]) > RESOLUTION_OPPOSITE)
                 return true;
     return false;
 }

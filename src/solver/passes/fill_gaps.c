@@ -6,7 +6,7 @@
 
 #include "base/memory.h"
 #include "field/projection.h"
-#include "voronoi/quality.h"
+#include "voronoi/resolution.h"
 #include "solver/particles/coverage.h"
 #include "solver/particles/random_streams.h"
 #include "solver/particles/relocation.h"
@@ -48,20 +48,18 @@ bool solver_is_under_resolved(solver *s, bool *is_under_resolved, error *e)
     double *spacing = mem_array(p->count, sizeof *spacing, "the result", e);
     if (!spacing) return false;
     solver_spacings(s, spacing);
-    const quality_input in = {.count = p->count,
-                              .position = p->position,
-                              .normal = p->normal,
-                              .spacing = spacing,
-                              .h = s->state.spacing,
-                              .sized = s->setup.params.sizing != NULL,
-                              .open = s->setup.field->open,
-                              .domain = s->setup.field->boundary_box,
-                              .every = p->count / TEST_POINTS};
-    quality q;
-    bool ok = quality_measure(&in, s->setup.pool, NULL, NULL, &q, e);
+    const resolution_input in = {.count = p->count,
+                                 .position = p->position,
+                                 .normal = p->normal,
+                                 .spacing = spacing,
+                                 .open = s->setup.field->open,
+                                 .domain = s->setup.field->boundary_box,
+                                 .every = p->count / TEST_POINTS};
+    resolution r;
+    bool ok = resolution_measure(&in, s->setup.pool, &r, e);
     free(spacing);
     if (!ok) return false;
-    *is_under_resolved = q.resolved_share < RESOLVED_SHARE && q.all.hex_fraction < ORDERED_SHARE;
+    *is_under_resolved = r.resolved < RESOLVED_SHARE && r.hex < ORDERED_SHARE;
     return true;
 }
 
