@@ -22,7 +22,7 @@
  * no fewer than COST_MODEL_FIRST. */
 enum { REHEARSAL_STRIDE = 4, REHEARSAL_MOST = 4000 };
 /* Seconds of processor time, which others on the machine do not stretch: the first run ends after so many, and those with fewer
- * points, which are made only if it had not come to its end, together with it. Longer: an estimate of more jobs, later. */
+ * points, which are made only if it had not come to its end, together with it. Longer: slow jobs have an estimate, too, but later. */
 static const double REHEARSAL_S[2] = {3, 4};
 /* With fewer points threads, of which the finest levels have several, still gain little of the whole. */
 static const size_t SHARED_FROM = 20000;

@@ -49,7 +49,7 @@ static bool meet(const field *f, vec3 x, vec3 along, bool inside, double reach, 
 {
     const double growth = (f->patches ? PATCH_GROWTH : GROWTH) - 1,
                  longest = f->patches ? INFINITY : LONGEST * f->cell_size;
-    const bool is_distance = f->ops->cell_triangles != NULL;
+    const bool is_distance = f->ops->sample_patch_lanes != NULL; /* triangles of a mesh */
     double step = first_step(f), clear = 0;
     for (double t = step; t < reach + step; t += fmax(step, CLEAR * clear)) {
         step = fmax(step, fmin(growth * t, longest));
