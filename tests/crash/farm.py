@@ -436,7 +436,7 @@ class Load:
         elif reply is not None and reply.status == 202:
             with self.book.mutex:
                 self.book.cancelled.add(job)
-        elif reply is not None and reply.status != 409 and not (self.book.forgiving and reply.status >= 500):
+        elif not self.book.is_no_answer(reply) and reply.status != 409 and not (self.book.forgiving and reply.status >= 500):
             raise Violation(f"a cancellation is answered with {reply.status} {reply.body!r}")
 
     def read(self, rng, _):
@@ -457,7 +457,7 @@ class Load:
         if reply is not None and reply.status == 204:
             with self.book.mutex:
                 self.book.deleted.add(job)
-        elif reply is not None and reply.status not in (404, 409) and not self.book.forgiving:
+        elif not self.book.is_no_answer(reply) and reply.status not in (404, 409) and not self.book.forgiving:
             raise Violation(f"a deletion is answered with {reply.status} {reply.body!r}")
 
     def stop(self):
