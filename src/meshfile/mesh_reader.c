@@ -110,7 +110,6 @@ typedef struct walk {
     mesh_reader_header header;
     size_t first; /* of the vertices of the mesh at hand */
     bool failed;
-    size_t corners; /* of the polygon at which it failed; 0: it was none */
     unsigned group; /* of the node that is visited, among those that have meshes */
     plain_mesh one; /* vertices of the mesh at hand, and the triangles of a polygon of it */
 } walk;
@@ -154,7 +153,6 @@ static void visit_face(walk *w, const struct aiMesh *mesh, const struct aiFace *
     one->triangles = 0;
     if (exist && !plain_mesh_add_polygon(one, face->mIndices, face->mNumIndices)) {
         w->failed = true;
-        w->corners = face->mNumIndices;
     } else if (w->pass == COUNT) {
         w->header.triangles += exist ? one->triangles : 1;
         w->header.others += one->others - others;
@@ -301,16 +299,6 @@ static void answer_values(walk *w, const ply_values *own)
     }
 }
 
-static int answer_polygon(size_t corners)
-{
-    char text[MESH_READER_TEXT_MAX];
-    snprintf(
-        text, sizeof text,
-        "a polygon of %zu corners takes too much work or memory to cut into triangles: cut it into smaller ones",
-        corners);
-    return answer_fault(ERROR_INPUT_UNSUPPORTED, text);
-}
-
 /* The unit of an FBX file, in centimetres; 1 of any other. */
 static double unit_of_scene(const struct aiScene *scene)
 {
@@ -338,7 +326,7 @@ static int answer_scene(const struct aiScene *scene, const ply_values *own, size
     for (w.pass = COUNT; w.pass <= TRIANGLES && !w.failed; w.pass++) {
         w.first = 0;
         visit(&w, scene->mRootNode, scaled, 0);
-        if (w.pass == COUNT && w.corners > 0) return answer_polygon(w.corners);
+        if (w.pass == COUNT && w.one.refused != ERROR_NONE) return answer_fault(w.one.refused, w.one.text);
         w.header.crossed = w.one.crossed;
         if (w.pass == COUNT && (fwrite(&w.header, sizeof w.header, 1, stdout) != 1 ||
                                 fwrite(known->text, 1, w.header.text_length, stdout) != w.header.text_length))
@@ -418,6 +406,22 @@ static bool add_zeros(bytes *b)
     return true;
 }
 
+static const char file_too_large[] = "the file is larger than the memory limit: raise limits.memory_mb";
+
+/* Of a PLY file: makes triangles of its strips, or ends the process. */
+static void expand_strips(const char *ending, bytes *b)
+{
+    if (strcasecmp(ending, "ply") != 0) return;
+    switch (ply_strips_expand(&b->data, &b->size)) {
+    case PLY_STRIPS_NO_MEMORY:
+        _exit(answer_fault(ERROR_LIMIT_MEMORY, file_too_large));
+    case PLY_STRIPS_DAMAGED:
+        _exit(answer_fault(ERROR_INPUT_DAMAGED, "the file's triangle strips end early, or are no numbers"));
+    case PLY_STRIPS_READ:
+        break;
+    }
+}
+
 /* What the library says of a file that it did not take. */
 static int answer_refusal(const bytes *b, size_t memory, const char *why)
 {
@@ -482,33 +486,45 @@ static void try_plain(const char *ending, const bytes *b, bool wants_values, pla
     if (plain->refused != ERROR_NONE) _exit(answer_fault(plain->refused, plain->text));
 }
 
+/* Answers for a file of a format that the library does not read. A file that is refused as a whole is read again without what follows
+ * the data that it declares, and with triangle strips as triangles. */
+static int answer_only_reader(const char *ending, bytes *b)
+{
+    plain_mesh m;
+    size_t end = 0;
+    const char *foreign;
+    const bytes whole = *b;
+    bool read = plain_mesh_read(ending, b->data, b->size, &m);
+    if (!read) {
+        end = cut_end(ending, b);
+        expand_strips(ending, b);
+        read =
+            (b->size != whole.size || b->data != whole.data) && plain_mesh_read(ending, b->data, b->size, &m);
+    }
+    if (read) return answer_plain(&m, end);
+    if ((foreign = foreign_format(b->data, b->size))) return answer_fault(ERROR_INPUT_UNSUPPORTED, foreign);
+    return answer_fault(m.refused, m.text);
+}
+
 __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **argv)
 {
     bytes b = {0};
     size_t memory = reader_limit(argc, argv, STDERR_FILENO + 1);
     if (!memory) return 2;
     snprintf(b.name, sizeof b.name, "mesh%s%.20s", *argv[1] ? "." : "", argv[1]);
-    ply_strips strips = PLY_STRIPS_READ;
     plain_mesh plain = {0};
-    const bool wants_values = strcmp(argv[0], MESH_VALUES_COMMAND) == 0, read = read_bytes(&b);
-    if (read) try_plain(argv[1], &b, wants_values, &plain);
-    const size_t whole = b.size,
-                 end = read ? cut_end(argv[1], &b) : 0; /* readers take no file with more in it */
+    ply_values own = {0};
+    const bool wants_values = strcmp(argv[0], MESH_VALUES_COMMAND) == 0;
+    if (!read_bytes(&b)) return answer_fault(ERROR_LIMIT_MEMORY, file_too_large);
+    if (!wants_values && plain_mesh_is_only_reader(argv[1])) _exit(answer_only_reader(argv[1], &b));
+    try_plain(argv[1], &b, wants_values, &plain);
+    const size_t whole = b.size, end = cut_end(argv[1], &b); /* readers take no file with more in it */
     if (b.size < whole && !wants_values && plain_mesh_read(argv[1], b.data, b.size, &plain))
         _exit(answer_plain(&plain, end));
-    if (!read || (strcasecmp(argv[1], "obj") == 0 && !add_zeros(&b)) ||
-        (strcasecmp(argv[1], "ply") == 0 &&
-         (strips = ply_strips_expand(&b.data, &b.size)) == PLY_STRIPS_NO_MEMORY))
-        return answer_fault(ERROR_LIMIT_MEMORY,
-                            "the file is larger than the memory limit: raise limits.memory_mb");
-    if (b.size != whole && !wants_values && plain_mesh_read(argv[1], b.data, b.size, &plain))
-        _exit(answer_plain(&plain, end)); /* strips that are triangles now */
-    if (strips == PLY_STRIPS_DAMAGED)
-        return answer_fault(ERROR_INPUT_DAMAGED, "the file's triangle strips end early, or are no numbers");
-    ply_values own = {0};
-    if (wants_values && strcasecmp(argv[1], "ply") == 0 && !ply_values_read(b.data, b.size, &own))
-        return answer_fault(ERROR_LIMIT_MEMORY,
-                            "the file is larger than the memory limit: raise limits.memory_mb");
+    expand_strips(argv[1], &b);
+    if ((strcasecmp(argv[1], "obj") == 0 && !add_zeros(&b)) ||
+        (strcasecmp(argv[1], "ply") == 0 && !ply_values_read(b.data, b.size, &own)))
+        return answer_fault(ERROR_LIMIT_MEMORY, file_too_large);
     struct aiFileIO io = {open_file, close_file, (aiUserData)&b};
     const struct aiScene *scene = aiImportFileEx(b.name, 0, &io);
     int status = scene && scene->mRootNode ? answer_scene(scene, wants_values ? &own : NULL, end, &plain)

@@ -32,26 +32,35 @@ static bool make_room(void **items, size_t *room, size_t n, size_t size)
     return n <= *room || resize(items, room, n < 512 ? 1024 : 2 * n, size);
 }
 
+static bool refuse_memory(plain_mesh *m)
+{
+    return plain_mesh_refuse(m, ERROR_LIMIT_MEMORY,
+                             "reading it takes more memory than the limit: raise limits.memory_mb");
+}
+
 bool plain_mesh_expect(plain_mesh *m, size_t vertices, size_t triangles)
 {
-    return (vertices <= m->vertex_room ||
-            resize((void **)&m->vertex, &m->vertex_room, vertices, sizeof *m->vertex)) &&
-           (triangles <= m->triangle_room ||
-            resize((void **)&m->triangle, &m->triangle_room, triangles, sizeof *m->triangle));
+    return ((vertices <= m->vertex_room ||
+             resize((void **)&m->vertex, &m->vertex_room, vertices, sizeof *m->vertex)) &&
+            (triangles <= m->triangle_room ||
+             resize((void **)&m->triangle, &m->triangle_room, triangles, sizeof *m->triangle))) ||
+           refuse_memory(m);
 }
 
 bool plain_mesh_add_vertex(plain_mesh *m, const double at[3])
 {
-    if (m->vertices + 1 >= UINT32_MAX ||
-        !make_room((void **)&m->vertex, &m->vertex_room, m->vertices + 1, sizeof *m->vertex))
-        return false;
+    if (m->vertices + 1 >= UINT32_MAX)
+        return plain_mesh_refuse(m, ERROR_INPUT_UNSUPPORTED,
+                                 "the mesh has more than %zu vertices: cut it into parts", m->vertices);
+    if (!make_room((void **)&m->vertex, &m->vertex_room, m->vertices + 1, sizeof *m->vertex))
+        return refuse_memory(m);
     memcpy(m->vertex[m->vertices++], at, sizeof *m->vertex);
     return true;
 }
 
 bool plain_mesh_expect_corners(plain_mesh *m, size_t corners)
 {
-    return make_room((void **)&m->corner, &m->corner_room, corners, sizeof *m->corner);
+    return make_room((void **)&m->corner, &m->corner_room, corners, sizeof *m->corner) || refuse_memory(m);
 }
 
 bool plain_mesh_add_polygon(plain_mesh *m, const uint32_t *corner, size_t corners)
@@ -61,10 +70,14 @@ bool plain_mesh_add_polygon(plain_mesh *m, const uint32_t *corner, size_t corner
         return true;
     }
     if (!make_room((void **)&m->triangle, &m->triangle_room, m->triangles + corners - 2, sizeof *m->triangle))
-        return false;
+        return refuse_memory(m);
     const polygon_result result =
         polygon_cut((const double(*)[3])m->vertex, corner, corners, m->triangle + m->triangles);
-    if (result != POLYGON_CUT && result != POLYGON_CROSSED) return false;
+    if (result != POLYGON_CUT && result != POLYGON_CROSSED)
+        return plain_mesh_refuse(
+            m, ERROR_INPUT_UNSUPPORTED,
+            "a polygon of %zu corners takes too much work or memory to cut into triangles: cut it into smaller ones",
+            corners);
     m->crossed += result == POLYGON_CROSSED;
     m->triangles += corners - 2;
     return true;
@@ -85,6 +98,35 @@ bool plain_mesh_refuse(plain_mesh *m, error_code code, const char *format, ...)
     vsnprintf(m->text, sizeof m->text, format, arguments);
     va_end(arguments);
     return false;
+}
+
+bool plain_mesh_refuse_line(plain_mesh *m, const char *data, const char *at, const char *format, ...)
+{
+    enum { WHY_SIZE = 256 };
+    char why[WHY_SIZE];
+    size_t line = 1;
+    va_list arguments;
+    for (const char *p = data; p < at; p++) line += *p == '\n' || (*p == '\r' && p[1] != '\n');
+    va_start(arguments, format);
+    vsnprintf(why, sizeof why, format, arguments);
+    va_end(arguments);
+    return plain_mesh_refuse(m, ERROR_INPUT_DAMAGED, "line %zu %s", line, why);
+}
+
+const char *plain_mesh_text(const char *data, size_t size, plain_mesh *m)
+{
+    const size_t length = strlen(data);
+    if (size >= 2 && (memcmp(data, "\xFF\xFE", 2) == 0 || memcmp(data, "\xFE\xFF", 2) == 0)) {
+        plain_mesh_refuse(m, ERROR_INPUT_UNSUPPORTED, "the file is UTF-16 text. Save it as UTF-8.");
+        return NULL;
+    }
+    for (size_t k = length; k < size; k++)
+        if (data[k]) {
+            plain_mesh_refuse(m, ERROR_INPUT_DAMAGED,
+                              "byte %zu of the file is 0, which text does not have. Save it again.", length);
+            return NULL;
+        }
+    return data + (strncmp(data, "\xEF\xBB\xBF", 3) == 0 ? 3 : 0);
 }
 
 void plain_mesh_warn(plain_mesh *m, const char *format, ...)
@@ -156,21 +198,38 @@ bool plain_mesh_number(const char **at, double *out)
     return true;
 }
 
+typedef struct mesh_format {
+    const char *ending;
+    bool (*read)(const char *data, size_t size, plain_mesh *out);
+    bool is_final;       /* a file without triangles is read, too: nothing is left to the library */
+    bool is_only_reader; /* the library does not read such files */
+} mesh_format;
+
+static const mesh_format *find_format(const char *ending)
+{
+    static const mesh_format formats[] = {
+        {"obj", plain_mesh_read_obj, true, true},    {"ply", plain_mesh_read_ply, true, true},
+        {"stl", plain_mesh_read_stl, true, true},    {"off", plain_mesh_read_off, false, false},
+        {"gltf", plain_mesh_read_gltf, true, false}, {"glb", plain_mesh_read_gltf, true, false},
+        {"3mf", plain_mesh_read_3mf, true, false}};
+    for (size_t k = 0; k < sizeof formats / sizeof *formats; k++)
+        if (strcasecmp(ending, formats[k].ending) == 0) return &formats[k];
+    return NULL;
+}
+
+bool plain_mesh_is_only_reader(const char *ending)
+{
+    const mesh_format *format = find_format(ending);
+    return format && format->is_only_reader;
+}
+
 bool plain_mesh_read(const char *ending, const char *data, size_t size, plain_mesh *out)
 {
-    static const struct {
-        const char *ending;
-        bool (*read)(const char *data, size_t size, plain_mesh *out);
-        bool is_final; /* a file without triangles is read, too: nothing is left to the library */
-    } formats[] = {{"obj", plain_mesh_read_obj, false},  {"ply", plain_mesh_read_ply, false},
-                   {"stl", plain_mesh_read_stl, false},  {"off", plain_mesh_read_off, false},
-                   {"gltf", plain_mesh_read_gltf, true}, {"glb", plain_mesh_read_gltf, true},
-                   {"3mf", plain_mesh_read_3mf, true}};
+    const mesh_format *format = find_format(ending);
     *out = (plain_mesh){0};
-    for (size_t k = 0; k < sizeof formats / sizeof *formats; k++)
-        if (strcasecmp(ending, formats[k].ending) == 0 && formats[k].read(data, size, out) &&
-            (out->triangles > 0 || formats[k].is_final))
-            return true;
+    if (format && format->read(data, size, out) && (out->triangles > 0 || format->is_final)) return true;
+    if (format && format->is_only_reader)
+        plain_mesh_refuse(out, ERROR_INPUT_DAMAGED, "the file is damaged. Save it again.");
     if (out->refused == ERROR_NONE) out->text[0] = 0;
     free(out->vertex);
     free(out->triangle);

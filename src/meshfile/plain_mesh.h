@@ -1,8 +1,7 @@
 /* plain_mesh: OBJ, PLY, STL, OFF, glTF and 3MF files read without a library, in the precision that they have.
  *
- * A reader takes the whole of a file, leaves all of it, or refuses it: a file that is damaged, or has anything that is not known
- * here, is left to the library, which has the words for it; a file that the library would read wrongly is refused. Runs in the
- * process that reads. Threads: none.
+ * A reader takes a whole file or refuses it with a message that gives the place. OFF, glTF and 3MF have a third answer: a file with
+ * contents that are not known here is left to the library. Runs in the process that reads. Threads: none.
  */
 #ifndef HEXAD_MESHFILE_PLAIN_MESH_H
 #define HEXAD_MESHFILE_PLAIN_MESH_H
@@ -27,8 +26,12 @@ typedef struct plain_mesh {
     bool is_quantised;               /* its coordinates are integers, which the library does not read */
 } plain_mesh;
 
-/* By the ending of the file's name. data[size] is 0. False: the file is left, or refused; *out has no arrays. plain_mesh_free. */
+/* By the ending of the file's name. data[size] is 0. False: the file is left, or refused; *out has no arrays. A file of one of the
+ * formats that only this reader reads is never left. plain_mesh_free. */
 bool plain_mesh_read(const char *ending, const char *data, size_t size, plain_mesh *out);
+
+/* Whether files with this ending are read here only: OBJ, PLY and STL. */
+bool plain_mesh_is_only_reader(const char *ending);
 
 void plain_mesh_free(plain_mesh *m);
 
@@ -49,10 +52,18 @@ bool plain_mesh_read_unit(const char *unit, size_t length, plain_mesh *out, doub
 bool plain_mesh_refuse(plain_mesh *m, error_code code, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
+/* Refuses a text as damaged: "line 12 ...", of the line at `at`. */
+bool plain_mesh_refuse_line(plain_mesh *m, const char *data, const char *at, const char *format, ...)
+    __attribute__((format(printf, 4, 5)));
+
+/* Text as strings have it: without a byte order mark, and to its end. NULL, and the file is refused: it is UTF-16, or has a byte 0 before
+ * other bytes. */
+const char *plain_mesh_text(const char *data, size_t size, plain_mesh *m);
+
 /* Adds a warning, unless there is no room for it. */
 void plain_mesh_warn(plain_mesh *m, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
-/* Makes room for so many. False: no memory. */
+/* Makes room for so many. False: no memory, and the file is refused, here and below. */
 bool plain_mesh_expect(plain_mesh *m, size_t vertices, size_t triangles);
 
 bool plain_mesh_add_vertex(plain_mesh *m, const double at[3]);
@@ -61,7 +72,7 @@ bool plain_mesh_add_vertex(plain_mesh *m, const double at[3]);
 bool plain_mesh_expect_corners(plain_mesh *m, size_t corners);
 
 /* Of vertices that are there. A polygon of more than three corners is cut into triangles (see polygon.h). False: that takes too much
- * work; no memory. Of fewer corners: one more of the others. */
+ * work, or no memory. Of fewer corners: one more of the others. */
 bool plain_mesh_add_polygon(plain_mesh *m, const uint32_t *corner, size_t corners);
 
 /* Adds a triangle of vertices that are there, whose corners are turned round in a mirrored part. False: no memory. */

@@ -7,35 +7,51 @@
 #include "meshfile/plain_mesh.h"
 
 typedef struct obj_facts {
+    const char *text;  /* of the file, in which no lines are joined */
     size_t free_forms; /* curves and surfaces */
     size_t weighted;   /* vertices with a w that is not 1 */
+    size_t words;      /* vertices and faces */
     char unknown[32];  /* the first word that is not known */
 } obj_facts;
 
 /* Of a line, or of what it holds before a comment. */
 static bool is_end(char c)
 {
-    return c == '\n' || c == 0 || c == '#';
+    return c == '\n' || c == '\r' || c == 0 || c == '#';
 }
 
 static const char *skip_blanks(const char *at)
 {
-    while (*at == ' ' || *at == '\t' || *at == '\r') at++;
+    while (*at == ' ' || *at == '\t' || *at == '\v' || *at == '\f') at++;
     return at;
 }
 
-/* x y z, and perhaps a weight w or a colour of three or four. The place is x/w y/w z/w. */
-static bool read_vertex(const char **at, obj_facts *facts, plain_mesh *out)
+/* x y z, and perhaps a weight w or a colour of three or four. The place is x/w y/w z/w. From a word on that is no number, as "-1.#IND"
+ * of a colour, the line is passed over. */
+static bool read_vertex(const char *data, const char **at, obj_facts *facts, plain_mesh *out)
 {
+    const char *line = *at;
     double number[7];
     size_t count = 0;
-    for (*at = skip_blanks(*at); !is_end(**at) && count < 7; *at = skip_blanks(*at))
-        if (!plain_mesh_number(at, &number[count++])) return false;
-    if (count == 4 && number[3] != 1) {
+    for (*at = skip_blanks(*at); !is_end(**at) && count < 7 && plain_mesh_number(at, &number[count]);
+         *at = skip_blanks(*at))
+        count++;
+    const bool has_word = !is_end(**at) && count < 7;
+    if (count < 3 && has_word)
+        return plain_mesh_refuse_line(
+            out, facts->text, facts->text + (line - data),
+            "of the OBJ file has \"%.*s\" in place of a number. Write numbers with a decimal point.",
+            (int)strcspn(*at, " \t\r\n"), *at);
+    if (count < 3 || (count == 5 && !has_word) || (count == 7 && !is_end(**at)))
+        return plain_mesh_refuse_line(
+            out, facts->text, facts->text + (line - data),
+            "of the OBJ file is a vertex of %zu%s numbers. Write three, four with a weight, or six or seven with a colour.",
+            count, count == 7 ? " and more" : "");
+    if (count == 4 && number[3] != 1 && !has_word) {
         for (int k = 0; k < 3; k++) number[k] /= number[3];
         facts->weighted++;
     }
-    return is_end(**at) && count != 5 && count >= 3 && plain_mesh_add_vertex(out, number);
+    return plain_mesh_add_vertex(out, number);
 }
 
 /* The vertex of `7`, `7/1`, `7//3` or `7/1/3`; negative ones count from the last. */
@@ -50,15 +66,20 @@ static bool read_corner(const char **at, const plain_mesh *m, uint32_t *out)
     return strchr(" \t\r\n#", **at) && index <= count && index != 0 && index >= -count;
 }
 
-static bool read_face(const char **at, plain_mesh *out)
+static bool read_face(const char *data, const char **at, const obj_facts *facts, plain_mesh *out)
 {
     size_t count = 0;
     for (*at = skip_blanks(*at); !is_end(**at); *at = skip_blanks(*at)) {
-        if (!plain_mesh_expect_corners(out, count + 1) || !read_corner(at, out, &out->corner[count]))
-            return false;
+        const char *word = *at;
+        if (!plain_mesh_expect_corners(out, count + 1)) return false;
+        if (!read_corner(at, out, &out->corner[count]))
+            return plain_mesh_refuse_line(
+                out, facts->text, facts->text + (word - data),
+                "of the OBJ file has a face whose corner \"%.*s\" is none of the %zu vertices before it. Write vertices before faces.",
+                (int)strcspn(word, " \t\r\n"), word, out->vertices);
         count++;
     }
-    return count > 0 && plain_mesh_add_polygon(out, out->corner, count);
+    return count == 0 || plain_mesh_add_polygon(out, out->corner, count);
 }
 
 static bool is_one_of(const char *word, size_t length, const char *const *words, size_t count)
@@ -68,8 +89,8 @@ static bool is_one_of(const char *word, size_t length, const char *const *words,
     return false;
 }
 
-/* Takes a line that is neither a vertex nor a face. False: it begins with no word. */
-static bool take_line(const char *line, obj_facts *facts, plain_mesh *out)
+/* Takes a line that is neither a vertex nor a face. */
+static void take_line(const char *line, obj_facts *facts, plain_mesh *out)
 {
     static const char *const elements[] = {"p", "l"}, *const forms[] = {"curv", "surf"};
     static const char *const passed[] = {
@@ -78,29 +99,26 @@ static bool take_line(const char *line, obj_facts *facts, plain_mesh *out)
         "shadow_obj", "trace_obj", "cstype", "deg",    "bmat",  "step",     "curv2",    "parm",
         "trim",       "hole",      "scrv",   "sp",     "end",   "con",      "ctech",    "stech"};
     const size_t word = strcspn(line, " \t\r\n#");
-    if (word == 0 || is_one_of(line, word, passed, sizeof passed / sizeof *passed)) return true;
+    if (word == 0 || is_one_of(line, word, passed, sizeof passed / sizeof *passed)) return;
     if (is_one_of(line, word, elements, sizeof elements / sizeof *elements)) {
         out->others++;
     } else if (is_one_of(line, word, forms, sizeof forms / sizeof *forms)) {
         facts->free_forms++;
-    } else {
-        if (strspn(line, "abcdefghijklmnopqrstuvwxyz_ABCDEFGHIJKLMNOPQRSTUVWXYZ") < word) return false;
-        if (!*facts->unknown) snprintf(facts->unknown, sizeof facts->unknown, "%.*s", (int)word, line);
+    } else if (!*facts->unknown) {
+        snprintf(facts->unknown, sizeof facts->unknown, "%.*s", (int)word, line);
     }
-    return true;
 }
 
 static bool is_in_comment(const char *data, const char *at)
 {
-    while (at > data && at[-1] != '\n' && *at != '#') at--;
+    while (at > data && at[-1] != '\n' && at[-1] != '\r' && *at != '#') at--;
     return *at == '#';
 }
 
 /* The whole with lines that go on behind a `\` as one line each; NULL: there is none, or no memory. */
-static char *join_lines(const char *data, size_t size)
+static char *join_lines(const char *data)
 {
-    char *copy = strstr(data, "\\\n") || strstr(data, "\\\r\n") ? malloc(size + 1) : NULL;
-    if (copy) memcpy(copy, data, size + 1);
+    char *copy = strstr(data, "\\\n") || strstr(data, "\\\r\n") ? strdup(data) : NULL;
     for (char *at = copy; at && (at = strchr(at, '\\')); at++) {
         const size_t length = at[1] == '\r' ? 3 : 2;
         if (at[length - 1] == '\n' && !is_in_comment(copy, at)) memset(at, ' ', length);
@@ -108,34 +126,41 @@ static char *join_lines(const char *data, size_t size)
     return copy;
 }
 
-static bool read_lines(const char *at, obj_facts *facts, plain_mesh *out)
+static bool read_lines(const char *data, obj_facts *facts, plain_mesh *out)
 {
-    while (*at) {
+    for (const char *at = data; *at;) {
         at = skip_blanks(at);
         const char kind = *at;
         const bool blank = kind && (at[1] == ' ' || at[1] == '\t');
         if (blank && kind == 'v') {
             at++;
-            if (!read_vertex(&at, facts, out)) return false;
+            facts->words++;
+            if (!read_vertex(data, &at, facts, out)) return false;
         } else if (blank && kind == 'f') {
             at++;
-            if (!read_face(&at, out)) return false;
-        } else if (!take_line(at, facts, out)) {
-            return false;
+            facts->words++;
+            if (!read_face(data, &at, facts, out)) return false;
+        } else {
+            take_line(at, facts, out);
         }
-        at += strcspn(at, "\n");
-        at += *at == '\n';
+        at += strcspn(at, "\r\n");
+        at += *at != 0;
     }
-    return true;
+    return facts->words > 0 || !*facts->unknown ||
+           plain_mesh_refuse(
+               out, ERROR_INPUT_DAMAGED,
+               "the file has no line of OBJ, and begins with %s. Check that its ending names its format.",
+               facts->unknown);
 }
 
 bool plain_mesh_read_obj(const char *data, size_t size, plain_mesh *out)
 {
-    obj_facts facts = {0};
-    if (memchr(data, 0, size)) return false;
-    char *joined = join_lines(data, size);
-    const bool read = read_lines(joined ? joined : data, &facts, out);
+    const char *text = plain_mesh_text(data, size, out);
+    obj_facts facts = {.text = text};
+    char *joined = text ? join_lines(text) : NULL;
+    const bool read = text && read_lines(joined ? joined : text, &facts, out);
     free(joined);
+    if (!read) return false;
     if (facts.free_forms > 0)
         plain_mesh_warn(
             out, "the file has %zu free-form curves or surfaces, which are left out: save it as polygons",
@@ -145,5 +170,5 @@ bool plain_mesh_read_obj(const char *data, size_t size, plain_mesh *out)
                         facts.weighted);
     if (*facts.unknown)
         plain_mesh_warn(out, "lines that begin with %s are not known: they are left out", facts.unknown);
-    return read;
+    return true;
 }

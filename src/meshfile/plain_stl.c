@@ -50,26 +50,40 @@ static bool take_numbers(const char **at, double out[3])
     return plain_mesh_number(at, &out[0]) && plain_mesh_number(at, &out[1]) && plain_mesh_number(at, &out[2]);
 }
 
-static bool read_facet(const char **at, plain_mesh *out)
+/* Behind "facet". Where it fails *wanted is what is not at *at. */
+static bool read_facet(const char **at, plain_mesh *out, const char **wanted)
 {
     double normal[3], corner[3][3];
-    if (!take(at, "normal") || !take_numbers(at, normal) || !take(at, "outer") || !take(at, "loop"))
+    if (!take(at, *wanted = "normal") || !(*wanted = "a number", take_numbers(at, normal)) ||
+        !take(at, *wanted = "outer") || !take(at, *wanted = "loop"))
         return false;
     for (int k = 0; k < 3; k++)
-        if (!take(at, "vertex") || !take_numbers(at, corner[k])) return false;
-    return take(at, "endloop") && take(at, "endfacet") && add_triangle((const double(*)[3])corner, out);
+        if (!take(at, *wanted = "vertex") || !(*wanted = "a number", take_numbers(at, corner[k])))
+            return false;
+    return take(at, *wanted = "endloop") && take(at, *wanted = "endfacet") &&
+           add_triangle((const double(*)[3])corner, out);
 }
 
-static bool read_text(const char *at, plain_mesh *out)
+static bool read_text(const char *data, plain_mesh *out)
 {
+    const char *at = data, *wanted = "solid";
     while (take(&at, "solid")) {
-        at += strcspn(at, "\n"); /* a name */
-        while (take(&at, "facet"))
-            if (!read_facet(&at, out)) return false;
-        if (!take(&at, "endsolid")) return false;
-        at += strcspn(at, "\n");
+        at += strcspn(at, "\r\n"); /* a name */
+        bool good = true;
+        while (good && take(&at, "facet")) good = read_facet(&at, out, &wanted);
+        if (!good || !take(&at, wanted = "endsolid")) {
+            at += strspn(at, " \t\r\n");
+            if (!*at)
+                return plain_mesh_refuse_line(
+                    out, data, at, "is where the STL file ends, in place of %s. Save it again.", wanted);
+            return plain_mesh_refuse_line(out, data, at,
+                                          "of the STL file has \"%.*s\" in place of %s. Save it again.",
+                                          (int)strcspn(at, " \t\r\n"), at, wanted);
+        }
+        at += strcspn(at, "\r\n");
     }
-    return at[strspn(at, " \t\r\n")] == 0;
+    return at[strspn(at, " \t\r\n")] == 0 ||
+           plain_mesh_refuse_line(out, data, at, "of the STL file is not of a solid");
 }
 
 bool plain_mesh_read_stl(const char *data, size_t size, plain_mesh *out)
@@ -79,5 +93,14 @@ bool plain_mesh_read_stl(const char *data, size_t size, plain_mesh *out)
         const size_t count = read_little(bytes + COUNT_AT);
         if (size - HEADER == count * TRIANGLE) return read_binary(bytes, count, out);
     }
-    return !memchr(data, 0, size) && read_text(data, out);
+    const char *text = plain_mesh_text(data, size, out);
+    if (text && strncasecmp(text + strspn(text, " \t\r\n"), "solid", strlen("solid")) == 0)
+        return read_text(text, out);
+    out->refused = ERROR_NONE;
+    const unsigned long count = size < HEADER ? 0 : read_little(bytes + COUNT_AT);
+    return plain_mesh_refuse(
+        out, ERROR_INPUT_DAMAGED,
+        "the STL file does not begin with \"solid\", and as a binary file of %lu triangles it "
+        "has %zu of %llu bytes. Save it again.",
+        count, size, (unsigned long long)HEADER + TRIANGLE * (unsigned long long)count);
 }

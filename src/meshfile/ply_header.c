@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 enum { LINE_MOST = 256 };
 
@@ -13,7 +14,7 @@ static const ply_type types[] = {
     {"int16", 2, PLY_SIGNED},   {"uint16", 2, PLY_UNSIGNED}, {"int", 4, PLY_SIGNED},
     {"uint", 4, PLY_UNSIGNED},  {"int32", 4, PLY_SIGNED},    {"uint32", 4, PLY_UNSIGNED},
     {"float", 4, PLY_REAL},     {"float32", 4, PLY_REAL},    {"double", 8, PLY_REAL},
-    {"float64", 8, PLY_REAL}};
+    {"float64", 8, PLY_REAL},   {"double64", 8, PLY_REAL}};
 
 static const ply_type *find_type(const char *name)
 {
@@ -69,7 +70,8 @@ static bool take_line(ply_header *h, const char *line, size_t at, bool *format)
     }
     if (strcmp(word[0], "element") == 0) return take_element(h, word[1], word[2], at);
     if (strcmp(word[0], "property") == 0) return take_property(h, word);
-    return strcmp(word[0], at ? "comment" : "ply") == 0 || strcmp(word[0], "obj_info") == 0;
+    if (at == 0) return strcasecmp(word[0], "ply") == 0;
+    return !*word[0] || strcmp(word[0], "comment") == 0 || strcmp(word[0], "obj_info") == 0;
 }
 
 bool ply_header_read(const char *data, size_t size, ply_header *out)
@@ -77,19 +79,19 @@ bool ply_header_read(const char *data, size_t size, ply_header *out)
     bool format = false;
     memset(out, 0, sizeof *out);
     for (size_t at = 0; at < size;) {
-        const char *end = memchr(data + at, '\n', size - at);
-        const size_t length = end ? (size_t)(end - data) - at : 0;
-        char line[LINE_MOST];
-        if (!end) return false;
+        size_t end = at;
+        while (end < size && data[end] != '\n' && data[end] != '\r') end++;
+        const size_t length = end - at;
+        char line[LINE_MOST], word[LINE_MOST] = "";
+        out->fault = at;
+        out->body = end + 1 + (end + 1 < size && data[end] == '\r' && data[end + 1] == '\n');
         snprintf(line, sizeof line, "%.*s", (int)(length < sizeof line ? length : sizeof line - 1),
                  data + at);
-        line[strcspn(line, "\r")] = 0;
-        if (strcmp(line, "end_header") == 0) {
-            out->body = at + length + 1;
-            return format;
-        }
+        sscanf(line, "%255s", word);
+        if (end == size) return false;
+        if (strcmp(word, "end_header") == 0) return format;
         if (!take_line(out, line, at, &format)) return false;
-        at += length + 1;
+        at = out->body;
     }
     return false;
 }

@@ -34,6 +34,8 @@ typedef struct ply_element {
 typedef struct ply_header {
     ply_layout layout;
     size_t body; /* where the data begin */
+    size_t
+        fault; /* of a header that is not known: where the line begins at which it ends early, or that is not known */
     int elements;
     ply_element element[PLY_ELEMENTS_MOST];
     int properties; /* of all elements, one after the other */

@@ -1,4 +1,4 @@
-/* OBJ, PLY and STL read without the library: exact numbers, polygons, and what is left to the library. */
+/* OBJ, PLY and STL: exact numbers, polygons, and the places that refusals give. OFF and glTF: what is left to the library. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -245,45 +245,116 @@ static void cut_files_are_not_taken(void **state)
     }
 }
 
-/* What is damaged, or not known, is left whole. */
-static void the_rest_is_left(void **state)
-{
-    (void)state;
 #define CORNERS "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 #define PLY_HEAD(kind) \
     "ply\nformat " kind " 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
 #define PLY_FACES "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
-    static const char *const files[][2] = {
-        {"off", "OFF\n"},
-        {"obj", ""},
-        {"obj", CORNERS},
-        {"obj", CORNERS "f 1 2 4\n"},
-        {"obj", CORNERS "f 1 2 0\n"},
-        {"obj", CORNERS "f 1 2 -4\n"},
-        {"obj", CORNERS "f 1 2 3x\n"},
-        {"obj", CORNERS "f 1 2 3\n7 8 9\n"},
-        {"obj", "v 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"},
+#define PLY_ASCII PLY_HEAD("ascii") PLY_FACES
+#define FACET "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+
+/* The message begins with the place, and no array is left. */
+static void damaged_files_are_refused_with_the_place(void **state)
+{
+    (void)state;
+    static const char *const files[][3] = {
+        {"obj", CORNERS "f 1 2 4\n", "line 4 of the OBJ file has a face whose corner \"4\" is none of the 3"},
+        {"obj", CORNERS "f 1 2 \\\n3\nf 1 2 9\n", "line 6 of the OBJ file has a face whose corner \"9\""},
+        {"obj", CORNERS "f 1 2 0\n", "line 4 of the OBJ file has a face whose corner \"0\""},
+        {"obj", CORNERS "f 1 2 -4\n", "line 4 of the OBJ file has a face whose corner \"-4\""},
+        {"obj", "# a\r\n" CORNERS "\rf 1 2 3x\n", "line 6 of the OBJ file has a face whose corner \"3x\""},
+        {"obj", "f 1 2 3\n" CORNERS, "line 1 of the OBJ file has a face whose corner \"1\" is none of the 0"},
+        {"obj", CORNERS "v 0 0\nf 1 2 3\n", "line 4 of the OBJ file is a vertex of 2 numbers"},
+        {"obj", CORNERS "v 0 0 0 1 1\nf 1 2 3\n", "line 4 of the OBJ file is a vertex of 5 numbers"},
+        {"obj", "v 0 1,5 0\n", "line 1 of the OBJ file has \"1,5\" in place of a number"},
+        {"obj", PLY_ASCII "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
+         "the file has no line of OBJ, and begins with ply"},
+        {"obj", "\xFF\xFEv", "the file is UTF-16 text"},
         {"stl",
-         "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nendloop\nendfacet\nendsolid\n"},
-        {"stl",
-         "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"},
-        {"stl",
-         "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\nx"},
-        {"ply", PLY_HEAD("ascii") PLY_FACES "0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n"},
-        {"ply", PLY_HEAD("ascii") PLY_FACES "0 0 0\n1 0 0\n0 1\n3 0 1 2\n"},
-        {"ply", PLY_HEAD("ascii") PLY_FACES "0 0 0 4\n1 0 0\n0 1 0\n3 0 1 2\n"},
-        {"ply", PLY_HEAD("ascii") PLY_FACES "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\nx"},
-        {"ply", PLY_HEAD("ascii") PLY_FACES "0 0 0\n1 0 0\n0 1 0\n-3 0 1 2\n"},
+         "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nendloop\nendfacet\nendsolid\n",
+         "line 6 of the STL file has \"endloop\" in place of vertex"},
+        {"stl", "solid\n" FACET, "line 9 is where the STL file ends, in place of endsolid"},
+        {"stl", "solid\n" FACET "endsolid\nx", "line 10 of the STL file is not of a solid"},
+        {"stl", FACET, "the STL file does not begin with \"solid\", and as a binary file of"},
+        {"ply", PLY_ASCII "0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n",
+         "line 13 of the PLY file, row 0 of its element \"face\", has a corner that is none"},
+        {"ply", PLY_ASCII "0 0 0\n1 0 0\n0 1\n3 0 1 2\n",
+         "line 12 of the PLY file, row 2 of its element \"vertex\", ends before"},
+        {"ply", PLY_ASCII "0 0 0 4\n1 0 0\n0 1 0\n3 0 1 2\n",
+         "line 10 of the PLY file, row 0 of its element \"vertex\", has more values"},
+        {"ply", PLY_ASCII "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\nx", "other data follow"},
+        {"ply", PLY_ASCII "0 0 0\n1 0 0\n0 1 0\n-3 0 1 2\n",
+         "line 13 of the PLY file, row 0 of its element \"face\", has a list whose length"},
+        {"ply", PLY_ASCII "0 0 0\n1 0 0\n0 1 0\n3 0 1.5 2\n",
+         "line 13 of the PLY file, row 0 of its element \"face\", has a corner"},
+        {"ply", PLY_ASCII "0 0 0\n1 a 0\n0 1 0\n3 0 1 2\n",
+         "line 11 of the PLY file, row 1 of its element \"vertex\", has a word"},
         {"ply",
          PLY_HEAD(
-             "ascii") "element tristrips 1\nproperty list int int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"},
-        {"ply", PLY_HEAD("ascii") PLY_FACES "0 0 0\n1 0 0\n0 1 0\n3 0 1.5 2\n"},
-        {"ply", PLY_HEAD("other") PLY_FACES "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"}};
+             "ascii") "element tristrips 1\nproperty list int int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
+         "triangle strips"},
+        {"ply",
+         PLY_HEAD(
+             "ascii") "element face 1\nproperty list uchar int corners\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
+         "the faces of the PLY file have no list \"vertex_indices\""},
+        {"ply", PLY_HEAD("other") PLY_FACES "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
+         "line 2 of the header of the PLY file"},
+        {"ply", "solid\n" FACET "endsolid\n", "the file does not begin with \"ply\""}};
     for (size_t k = 0; k < sizeof files / sizeof *files; k++) {
         plain_mesh m;
         if (read_text(files[k][0], files[k][1], &m)) fail_msg("taken: %s", files[k][1]);
+        assert_int_not_equal(m.refused, ERROR_NONE);
+        if (strncmp(m.text, files[k][2], strlen(files[k][2])) != 0) fail_msg("%s\n%s", files[k][1], m.text);
         assert_int_equal(m.vertices + m.triangles + m.vertex_room, 0);
     }
+    plain_mesh m;
+    assert_false(read_text("off", "OFF\n", &m));
+    assert_int_equal(m.refused, ERROR_NONE); /* the library may know it */
+}
+
+/* Each has the triangle 0 1 2, of other programs' ways to write it. */
+static void ways_to_write_a_triangle_are_read(void **state)
+{
+    (void)state;
+    static const char *const files[][3] = {
+        {"obj", "\xEF\xBB\xBF" CORNERS "f 1 2 3\n", ""},
+        {"obj", "v 0 0 0\rv 1 0 0\rv 0 1 0\rf 1 2 3\r", ""},
+        {"obj", "v 0 0 0\nv 1 0 0 -1.#IND 0 0\nv 0 1 0\n\ff\t1 2 3\n", ""},
+        {"obj", CORNERS "f 1 2 3\n7 8 9\n", "lines that begin with 7 are not known"},
+        {"stl", "\xEF\xBB\xBFsolid\n" FACET "endsolid\n", ""},
+        {"ply",
+         "PLY\nformat ascii 1.0\n\nelement vertex 3\nproperty double64 x\nproperty float y\nelement face 1\n"
+         "property list uchar float vertex_indices\nend_header \n\n0 0\n1 0\n0 1\n\n3 0 1 2\n",
+         ""},
+        {"ply",
+         "ply\rformat ascii 1.0\relement vertex 3\rproperty float x\rproperty float y\rproperty float z\r"
+         "element face 1\rproperty list uchar int vertex_index\rend_header\r0 0 0\r1 0 0\r0 1 0\r3 0 1 2\r",
+         ""},
+        {"ply",
+         PLY_HEAD("ascii") "element face 0\nproperty list uchar int vertex_indices\n" PLY_FACES
+                           "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
+         ""}};
+    static const uint32_t triangle[1][3] = {{0, 1, 2}};
+    for (size_t k = 0; k < sizeof files / sizeof *files; k++) {
+        plain_mesh m;
+        if (!read_text(files[k][0], files[k][1], &m)) fail_msg("%s: %s", files[k][1], m.text);
+        assert_triangles(&m, 1, triangle);
+        assert_true(m.vertex[1][0] == 1 && m.vertex[2][1] == 1 && m.vertex[2][2] == 0);
+        assert_true(*files[k][2] ? strstr(m.text, files[k][2]) != NULL : !*m.text);
+        plain_mesh_free(&m);
+    }
+}
+
+/* A byte 0 ends a text only where nothing else follows. */
+static void zeros_behind_a_text_are_passed_over(void **state)
+{
+    (void)state;
+    static const char padded[] = CORNERS "f 1 2 3\n\0\0", within[] = CORNERS "# \0\nf 1 2 3\n";
+    plain_mesh m;
+    assert_true(plain_mesh_read("obj", padded, sizeof padded - 1, &m));
+    assert_int_equal(m.triangles, 1);
+    plain_mesh_free(&m);
+    assert_false(plain_mesh_read("obj", within, sizeof within - 1, &m));
+    assert_non_null(strstr(m.text, "byte 26 of the file is 0"));
 }
 
 int main(void)
@@ -294,7 +365,9 @@ int main(void)
         cmocka_unit_test(polygons_become_triangles),
         cmocka_unit_test(binary_files),
         cmocka_unit_test(rows_of_triangles),
-        cmocka_unit_test(the_rest_is_left),
+        cmocka_unit_test(damaged_files_are_refused_with_the_place),
+        cmocka_unit_test(ways_to_write_a_triangle_are_read),
+        cmocka_unit_test(zeros_behind_a_text_are_passed_over),
         cmocka_unit_test(lines_of_obj_are_passed_over),
         cmocka_unit_test(cut_files_are_not_taken),
     };
