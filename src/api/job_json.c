@@ -38,23 +38,6 @@ job_json_viewer job_json_viewer_of(const access_caller *caller, const char *owne
     return access_is_owner(caller, owner) ? JOB_JSON_OWNER : JOB_JSON_READER;
 }
 
-/* The title of a code that a job ends with. */
-static const char *title_of(const char *code)
-{
-    static const reply_problem of_jobs[] = {
-        {"limit_time", 0, "The job ran longer than allowed"},
-        {"limit_file", 0, "A file of the job is longer than allowed"},
-        {"stalled", 0, "The worker reported no progress"},
-        {"cancelled", 0, "The job was cancelled"},
-        {"dependency_failed", 0, "A job that this one depends on failed"},
-        {"storage_failed", 0, "The storage failed"},
-        {"interrupted", 0, "The daemon or the host ended during the job"},
-    };
-    for (size_t i = 0; i < sizeof of_jobs / sizeof *of_jobs; i++)
-        if (strcmp(of_jobs[i].code, code) == 0) return of_jobs[i].title;
-    return reply_find_problem(code)->title;
-}
-
 static void put_error(json *o, job_json_viewer viewer, const char *code, const char *message)
 {
     if (!code) {
@@ -63,7 +46,7 @@ static void put_error(json *o, job_json_viewer viewer, const char *code, const c
     }
     json *fault = json_put_object(o, "error");
     json_put_string(fault, "code", code);
-    json_put_string(fault, "message", viewer == JOB_JSON_OWNER ? message : title_of(code));
+    json_put_string(fault, "message", viewer == JOB_JSON_OWNER ? message : reply_title(code));
 }
 
 void job_json_put_spec(json *object, job_json_viewer viewer, const char *stored_spec,

@@ -51,10 +51,18 @@ static const reply_problem problems[] = {
     {"too_many_submissions", 429, "The user has submitted too many jobs"},
     {"priority_forbidden", 403, "The caller may not give this priority"},
     {"storage_full", 507, "The storage is full"},
-    {"internal", 500, "The service has failed"}, /* the last one: also for a code not listed */
+    {"internal", 500, "The service has failed"}, /* the last one with a status: also for a code not listed */
+    /* codes of jobs that are of no answer */
+    {"limit_time", 0, "The job ran longer than allowed"},
+    {"limit_file", 0, "A file of the job is longer than allowed"},
+    {"stalled", 0, "The worker reported no progress"},
+    {"cancelled", 0, "The job was cancelled"},
+    {"dependency_failed", 0, "A job that this one depends on failed"},
+    {"storage_failed", 0, "The storage failed"},
+    {"interrupted", 0, "The daemon or the host ended during the job"},
 };
 
-#define COUNT (sizeof problems / sizeof *problems)
+enum { ROWS = sizeof problems / sizeof *problems, OF_JOBS = 7, COUNT = ROWS - OF_JOBS };
 
 const reply_problem *reply_problem_at(size_t index)
 {
@@ -66,6 +74,13 @@ const reply_problem *reply_find_problem(const char *code)
     size_t last = COUNT - 1, i = 0;
     while (i < last && strcmp(problems[i].code, code) != 0) i++;
     return &problems[i];
+}
+
+const char *reply_title(const char *code)
+{
+    for (size_t i = COUNT; i < ROWS; i++)
+        if (strcmp(problems[i].code, code) == 0) return problems[i].title;
+    return reply_find_problem(code)->title;
 }
 
 void reply_clear(reply *r)

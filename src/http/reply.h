@@ -51,6 +51,9 @@ typedef struct reply_problem {
 const reply_problem *reply_problem_at(size_t index);
 const reply_problem *reply_find_problem(const char *code);
 
+/* The title of a code of an answer or of a job. */
+const char *reply_title(const char *code);
+
 /* A body that is produced while it is sent. The serving thread calls it, one call at a time. */
 typedef struct reply_source {
     /* Writes up to `size` bytes and returns their number; 0: nothing yet; -1: the end. */
