@@ -248,9 +248,13 @@ bool columns_need_color(const char *const *names, size_t name_count)
 
 bool columns_is_own(const char *name)
 {
+    /* names of property_list for several columns, those of point grids, and the word for all attributes */
+    static const char *const others[] = {"position", "normal", "rgb", "texture", "P", "N", "attributes"};
     for (int k = 0; k < OWN; k++)
         if (strcmp(name, own[k].name) == 0) return true;
-    return find_application(name) || strcmp(name, "attributes") == 0;
+    for (size_t k = 0; k < sizeof others / sizeof *others; k++)
+        if (strcmp(name, others[k]) == 0) return true;
+    return find_application(name) != NULL;
 }
 
 bool columns_suits(const char *name, column_type type)

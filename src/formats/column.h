@@ -52,7 +52,7 @@ bool columns_need_color(const char *const *names, size_t name_count);
 /* False for the name of a column of the points' own that has another type. */
 bool columns_suits(const char *name, column_type type);
 
-/* Whether an attribute may not be called so, since the points have something of that name. */
+/* Whether an attribute may not be called so, since the points have something of that name in one of the formats. */
 bool columns_is_own(const char *name);
 
 /* Takes memory for the arrays of a set of set->count points that the columns fill, all zeros, and sets the pointers of

@@ -64,12 +64,3 @@ double property_value(const property *p, size_t point, int component)
     if (!p->values) return p->ids ? (double)p->ids[point] : (double)point;
     return p->scale * p->values[(size_t)p->components * point + (size_t)component];
 }
-
-bool property_is_own(const char *name)
-{
-    /* and what grids of points call them */
-    static const char *const own[] = {"position", "normal", "rgb", "texture", "P", "N"};
-    for (size_t k = 0; k < sizeof own / sizeof *own; k++)
-        if (strcmp(name, own[k]) == 0) return true;
-    return false;
-}

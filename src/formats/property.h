@@ -41,9 +41,6 @@ size_t property_list(const points *set, property *list);
 /* Whether an attribute is a velocity: a vector called v, vel or velocity. */
 bool property_is_velocity(const point_attribute *a);
 
-/* Whether an attribute may not be called so; see columns_is_own, too. */
-bool property_is_own(const char *name);
-
 double property_value(const property *p, size_t point, int component);
 
 #endif

@@ -123,8 +123,7 @@ static bool check_name(const spec *s, const attributes *a, size_t index, error *
 {
     const char *name = a->entries[index].name;
     bool moves = s->coherent && strcmp(name, "velocity") == 0; /* the points have one of their own */
-    if (columns_is_own(name) || property_is_own(name) || moves || strlen(name) > 63 ||
-        (*name >= '0' && *name <= '9'))
+    if (columns_is_own(name) || moves || strlen(name) > 63 || (*name >= '0' && *name <= '9'))
         return error_set(
             e, ERROR_SPEC_INVALID,
             "the attribute cannot be called \"%.80s\", which is a name of the points' own or none: "
