@@ -229,11 +229,6 @@ static void put_interfaces(const label_surface *s, json *members)
     free(all);
 }
 
-bool label_surface_has_thin(const label_surface *s)
-{
-    return s->thin_count > 0;
-}
-
 const label_thin *label_surface_thin(const label_surface *s, size_t *count)
 {
     *count = s->thin_count;

@@ -42,8 +42,6 @@ typedef struct label_thin {
     bool row;    /* its voxels are alone, or in rows */
 } label_thin;
 
-bool label_surface_has_thin(const label_surface *s);
-
 /* The thin labels, ascending: *count of them, which live as long as the surface. */
 const label_thin *label_surface_thin(const label_surface *s, size_t *count);
 

@@ -14,13 +14,28 @@ enum { MOST_TOLD = 10 };
  * apart, converge with 1.5 spacings of 10 000 points. */
 static const double WIDER = 1.5;
 
+/* The thin labels of a surface: how many unite with another one, and how many are rows. */
+typedef struct thin_labels {
+    const label_thin *list;
+    size_t count, united, rows, alone; /* alone: rows that do not unite */
+} thin_labels;
+
+static thin_labels find_thin(const label_surface *labels)
+{
+    thin_labels found = {0};
+    found.list = label_surface_thin(labels, &found.count);
+    for (size_t k = 0; k < found.count; k++) {
+        found.united += found.list[k].unites;
+        found.rows += found.list[k].row;
+        found.alone += found.list[k].row && !found.list[k].unites;
+    }
+    return found;
+}
+
 bool label_advice_is_hopeless(const label_surface *labels)
 {
-    size_t count;
-    const label_thin *thin = label_surface_thin(labels, &count);
-    bool hopeless = count > 0;
-    for (size_t k = 0; k < count; k++) hopeless &= thin[k].row && !thin[k].unites;
-    return hopeless;
+    const thin_labels thin = find_thin(labels);
+    return thin.count > 0 && thin.alone == thin.count;
 }
 
 /* The label, and those that the spec unites with it. */
@@ -80,17 +95,10 @@ static void append_union(json *list, const spec_labels *s, const label_thin *thi
 
 void label_advice_append(json *list, const spec_labels *s, const label_surface *labels)
 {
-    size_t count;
-    const label_thin *thin = label_surface_thin(labels, &count);
-    size_t united = 0;
-    bool rows = false;
-    for (size_t k = 0; k < count; k++) {
-        united += thin[k].unites;
-        rows |= thin[k].row;
-    }
-    if (united > 0 && s->interface_count == 0)
-        append_union(list, s, thin, count, united);
-    else if (rows)
+    const thin_labels thin = find_thin(labels);
+    if (thin.united > 0 && s->interface_count == 0)
+        append_union(list, s, thin.list, thin.count, thin.united);
+    else if (thin.rows > 0)
         advice_append(
             list, "thin_labels",
             "the points are all over labels of voxels that are alone or in rows, and few counts bring them to "
