@@ -6,36 +6,24 @@
 #include "inspect/suggestion.h"
 #include "triangles/flat_triangles.h"
 #include "triangles/mesh.h"
+#include "triangles/mesh_edges.h"
 #include "meshfile/mesh_file.h"
 #include "run/report.h"
-
-static int compare_edges(const void *a, const void *b)
-{
-    uint64_t x = *(const uint64_t *)a, y = *(const uint64_t *)b;
-    return (x > y) - (x < y);
-}
 
 /* Edges at which an odd number of triangles meets; their box. */
 static bool find_open_edges(const mesh *m, size_t *count, bbox *box, error *e)
 {
-    size_t edges = 3 * m->triangle_count;
-    uint64_t *edge = mem_array(edges, sizeof *edge, "the edges of the mesh", e);
-    if (!edge) return false;
-    for (size_t k = 0; k < edges; k++) {
-        uint64_t a = m->triangle[k / 3][k % 3], b = m->triangle[k / 3][(k + 1) % 3];
-        edge[k] = a < b ? a << 32 | b : b << 32 | a;
-    }
-    qsort(edge, edges, sizeof *edge, compare_edges);
-    *count = 0;
+    mesh_edges edges = {0};
+    const bool listed = mesh_edges_list(m, NULL, &edges, e);
+    *count = edges.open + edges.odd;
     *box = bbox_empty();
-    for (size_t k = 0, next; k < edges; k = next) {
-        for (next = k + 1; next < edges && edge[next] == edge[k];) next++;
-        if ((next - k) % 2 == 0) continue;
-        ++*count;
-        *box = bbox_include(bbox_include(*box, m->vertex[edge[k] >> 32]), m->vertex[edge[k] & UINT32_MAX]);
-    }
-    free(edge);
-    return true;
+    for (size_t v = 0; listed && *count > 0 && v < edges.vertex_count; v++)
+        for (size_t k = edges.first[v], n; k < edges.first[v + 1]; k += n) {
+            n = mesh_edges_width(&edges, v, k);
+            if (n % 2) *box = bbox_include(bbox_include(*box, m->vertex[v]), m->vertex[edges.sides[k].other]);
+        }
+    mesh_edges_free(&edges);
+    return listed;
 }
 
 static uint32_t root_of(uint32_t *parent, uint32_t k)
