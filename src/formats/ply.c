@@ -217,10 +217,10 @@ static void label_property(column_type type, int side, char line[64])
 }
 
 static bool write_header(FILE *file, const points *set, const columns *what, ply_format format,
-                         ply_precision precision, error *e)
+                         ply_precision precision, const char *comments, error *e)
 {
-    bool good = fprintf(file, "ply\nformat %s 1.0\ncomment hexad\nelement vertex %zu\n", format_names[format],
-                        set->count) > 0;
+    bool good = fprintf(file, "ply\nformat %s 1.0\n%selement vertex %zu\n", format_names[format],
+                        comments ? comments : "comment hexad\n", set->count) > 0;
     for (size_t c = 0; c < what->count; c++)
         good = good && fprintf(file, "property %s %s\n", type_name(what->list[c].type, precision),
                                what->list[c].name) > 0;
@@ -368,10 +368,10 @@ static bool reserve_blocks(batch *job, bool is_verified, error *e)
 }
 
 bool ply_write(FILE *file, const points *set, const columns *what, ply_format format, ply_precision precision,
-               threads *pool, error *e)
+               const char *comments, threads *pool, error *e)
 {
     batch job = {set, what, format, precision, 0, {{0}}};
-    bool ok = write_header(file, set, what, format, precision, e) && reserve_blocks(&job, false, e);
+    bool ok = write_header(file, set, what, format, precision, comments, e) && reserve_blocks(&job, false, e);
     for (; ok && job.first < set->count; job.first += (size_t)BATCH_BLOCKS * BLOCK_POINTS) {
         const size_t blocks = blocks_of(&job);
         threads_run(pool, blocks, 1, fill_blocks, &job);
@@ -778,7 +778,7 @@ bool ply_verify(FILE *file, const points *set, const columns *what, ply_format f
 bool ply_write_job(FILE *file, void *job, error *e)
 {
     const ply_job *j = job;
-    return ply_write(file, j->set, &j->what, j->format, j->precision, j->pool, e);
+    return ply_write(file, j->set, &j->what, j->format, j->precision, NULL, j->pool, e);
 }
 
 bool ply_verify_job(FILE *file, void *job, error *e)

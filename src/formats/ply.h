@@ -23,9 +23,9 @@ typedef enum ply_precision { PLY_FLOAT, PLY_DOUBLE } ply_precision;
 /* Writes at the file's position and flushes; the caller made the file and syncs and renames it.
  * A value that is not finite, or not as a float, is an error that names point and property, found
  * before anything is written beyond it: the file is then of no use. `cancelled` when the pool was told to
- * stop. */
+ * stop. `comments`: lines "comment ...", each with its end, in place of "comment hexad"; or NULL. */
 bool ply_write(FILE *file, const points *set, const columns *what, ply_format format, ply_precision precision,
-               threads *pool, error *e);
+               const char *comments, threads *pool, error *e);
 
 /* Reads a file as ply_read does, point after point, and compares it with the set that was written. Takes no
  * memory that grows with the set. Errors: those of ply_read, input_damaged where a value differs,

@@ -32,7 +32,7 @@ static bool write_alone(FILE *file, const points *set, ply_format format, ply_pr
 {
     const columns what = all_of(set);
     threads *pool = threads_new(1, NULL, e);
-    bool good = pool && ply_write(file, set, &what, format, precision, pool, e);
+    bool good = pool && ply_write(file, set, &what, format, precision, NULL, pool, e);
     threads_free(pool);
     return good;
 }
@@ -43,7 +43,7 @@ static bytes write_columns(const points *set, const columns *what, ply_format fo
     error e = {0};
     FILE *file = open_memstream(&b.data, &b.length);
     threads *pool = threads_new(3, NULL, &e);
-    if (!pool || !ply_write(file, set, what, format, precision, pool, &e)) fail_msg("%s", e.message);
+    if (!pool || !ply_write(file, set, what, format, precision, NULL, pool, &e)) fail_msg("%s", e.message);
     threads_free(pool);
     fclose(file);
     return b;
@@ -403,7 +403,8 @@ static void test_columns(void **state)
     assert_int_equal(e.code, ERROR_ATTRIBUTE_MISSING);
     assert_non_null(strstr(e.message, "\"cold\""));
     assert_non_null(strstr(e.message, "heat, wind, label"));
-    assert_true(columns_is_own("velocity_x") && columns_is_own("blender") && !columns_is_own("heat"));
+    assert_true(columns_is_own("velocity_x") && columns_is_own("blender") && columns_is_own("rgb") &&
+                columns_is_own("P") && !columns_is_own("heat"));
     point_set_free(&s);
 }
 
