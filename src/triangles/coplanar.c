@@ -399,6 +399,22 @@ static step outcome(bool ok)
     return ok ? STEP_DONE : STEP_FAILED;
 }
 
+/* Twice the area of a triangle, seen along the normal. */
+static double turn(vec3 normal, vec3 a, vec3 b, vec3 x)
+{
+    return vec3_dot(vec3_cross(vec3_sub(b, a), vec3_sub(x, a)), normal);
+}
+
+/* Whether a triangle that is cut at x, beside its side from corner k, comes apart into two whose areas are about the shares of the side. Else
+ * x is within rounding of another side, too, and the parts could be cut back into the triangle, without end. */
+static bool is_cut_by(vec3 normal, const vec3 corner[3], int k, vec3 x)
+{
+    const vec3 a = corner[k], b = corner[(k + 1) % 3], top = corner[(k + 2) % 3];
+    const double half = 0.5 * turn(normal, a, b, top) / vec3_norm(vec3_sub(b, a));
+    return turn(normal, a, x, top) / half >= vec3_norm(vec3_sub(x, a)) &&
+           turn(normal, x, b, top) / half >= vec3_norm(vec3_sub(b, x));
+}
+
 /* A corner of s on the outline of its part, in t; or any corner of s on the outline of the part of t. */
 static step meet_corner(cutting *c, uint32_t s, uint32_t t, double reach, error *e)
 {
@@ -415,19 +431,14 @@ static step meet_corner(cutting *c, uint32_t s, uint32_t t, double reach, error 
             }
         const bool at_end = ends_at(c, s, k) || ends_at(c, s, k + 2);
         for (int i = 0; i < 3; i++)
-            if (distance_from_side(place[i], place[(i + 1) % 3], x) <= reach && (at_end || ends_at(c, t, i)))
+            if (distance_from_side(place[i], place[(i + 1) % 3], x) <= reach &&
+                (at_end || ends_at(c, t, i)) && is_cut_by(c->normal[c->part_of[t]], place, i, x))
                 return outcome(cut_side(c, corner[i], corner[(i + 1) % 3], v, e));
         const vec3 one[3] = {x, x, x};
         if (at_end && gap_beyond(place, c->normal[c->part_of[t]], one) < -reach)
             return outcome(cut_face(c, t, v, e));
     }
     return STEP_NONE;
-}
-
-/* Twice the area of a triangle, seen along the normal. */
-static double turn(vec3 normal, vec3 a, vec3 b, vec3 x)
-{
-    return vec3_dot(vec3_cross(vec3_sub(b, a), vec3_sub(x, a)), normal);
 }
 
 /* A side of s that crosses one of t, where a part ends at one of them. */
@@ -495,10 +506,11 @@ static bool treat_pair(cutting *c, uint32_t s, uint32_t t, error *e)
     return did == STEP_DONE && push_pair(c, s, t, e);
 }
 
-/* Pairs that met are treated again if one was cut since. `most` bounds the cuts where rounding leads in circles. */
+/* Pairs that met are treated again if one was cut since. `most` bounds the steps where rounding leads in circles; an assembly whose parts
+ * touch over many small triangles takes 70 for a pair. */
 static bool treat_pairs(cutting *c, error *e)
 {
-    size_t most = ((size_t)1 << 16) + 64 * c->pair_count;
+    size_t most = ((size_t)1 << 16) + 256 * c->pair_count;
     while (c->pair_count > 0) {
         while (c->pair_count > 0 && most > 0) {
             const uint32_t *pair = c->pairs[--c->pair_count];

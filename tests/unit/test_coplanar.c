@@ -139,6 +139,33 @@ static void open_faces_that_overlap_are_there_once(void **state)
     assert_true(unfinished <= 5);
 }
 
+/* A small triangle lies in a flat one and shares a corner. Its second corner is on a side, near that corner. The cut there leaves a triangle
+ * whose blunt corner is the second one; the shared corner is within rounding of the side beyond. A cut there would give the flat triangle
+ * back. The third triangle only sets the size of coordinates. */
+static void cuts_beside_a_blunt_corner_end(void **state)
+{
+    (void)state;
+    const vec3 corner[9] = {{0, 0, 0},  {1170, 0, 0}, {-73000, 2038, 0}, {0, 0, 0}, {8.8, 0, 0},
+                            {4, 30, 0}, {0, 0, 1},    {1, 0, 1},         {0, 1, 1}};
+    mesh m = {9, 3, mem_alloc(9 * sizeof *m.vertex), mem_alloc(3 * sizeof *m.triangle), false};
+    memcpy(m.vertex, corner, sizeof corner);
+    for (uint32_t k = 0; k < 9; k++) m.triangle[k / 3][k % 3] = k;
+    for (int k = 0; k < 6; k++) m.vertex[k] = (vec3){0, 0, 0};
+    const rounding r = rounding_of(&m, NULL);
+    const double reach = rounding_reach(&r, m.vertex), flat = 0.5 * 1170 * 2038 * reach * reach,
+                 thin = 0.5 * COPLANAR_THIN * reach * 73000 * reach; /* as thin parts are removed */
+    for (int k = 0; k < 6; k++) m.vertex[k] = vec3_scale(corner[k], reach);
+    const coplanar_overlap out = cut(&m);
+    assert_false(out.unfinished);
+    double left = 0;
+    for (size_t t = 0; t < m.triangle_count; t++) {
+        const mesh one = {m.vertex_count, 1, m.vertex, m.triangle + t, false};
+        if (m.vertex[m.triangle[t][0]].z == 0) left += mesh_area(&one);
+    }
+    if (!(fabs(left - flat) <= thin)) fail_msg("an area of %g is left, not %g", left, flat);
+    mesh_free(&m);
+}
+
 /* Each triangle in three, about its middle. */
 static void split_triangles(mesh *m)
 {
@@ -219,6 +246,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(contacts_of_solids_have_no_faces),
         cmocka_unit_test(open_faces_that_overlap_are_there_once),
+        cmocka_unit_test(cuts_beside_a_blunt_corner_end),
         cmocka_unit_test(turned_faces_of_a_box_that_is_there_twice_leave_no_hole),
         cmocka_unit_test(other_faces_are_left_alone),
     };
