@@ -404,24 +404,37 @@ def unused_vertices_without_numbers(m):
 def polygons_merged(m):
     """Two triangles of a plane become a quadrangle, or join a polygon, as long as there are some."""
     m.cut()
-    v = numpy.array(m.vertices)
-    for _ in range(4 * len(m.faces)):
-        k = int(m.random.integers(len(m.faces)))
-        f = m.faces[k]
+    v, faces, order, at_side = numpy.array(m.vertices), m.faces, list(range(len(m.faces))), {}
+
+    def sides(f):
+        return zip(f, f[1:] + f[:1])
+    for k, f in enumerate(faces):
+        for side in sides(f):
+            at_side.setdefault(side, []).append(k)
+    for _ in range(4 * len(faces)):
+        k = order[int(m.random.integers(len(order)))]
+        f = faces[k]
         normal = sum(numpy.cross(v[a] - v[f[0]], v[b] - v[f[0]]) for a, b in zip(f, f[1:]))
         if numpy.linalg.norm(normal) < 1e-6 * m.size ** 2:
             continue
         at = int(m.random.integers(len(f)))
         a, b = f[at], f[(at + 1) % len(f)]
-        other = [n for n, g in enumerate(m.faces) if n != k and (b, a) in zip(g, g[1:] + g[:1])]
-        if len(other) != 1 or len(set(f) & set(m.faces[other[0]])) != 2:
+        other = [n for n in at_side.get((b, a), []) if n != k]
+        if len(other) != 1 or len(set(f) & set(faces[other[0]])) != 2:
             continue
-        g = m.faces[other[0]]
+        g = faces[other[0]]
         if max(abs((v[x] - v[a]) @ normal) for x in g) > 1e-12 * numpy.linalg.norm(normal) * m.size:
             continue
         turned = g[g.index(a):] + g[:g.index(a)]  # a, ..., b
-        merged = f[:at + 1] + turned[1:-1] + f[at + 1:]
-        m.faces = [x for n, x in enumerate(m.faces) if n not in (k, other[0])] + [merged]
+        for n in (k, other[0]):
+            order.remove(n)
+            for side in sides(faces[n]):
+                at_side[side].remove(n)
+        order.append(len(faces))
+        faces.append(f[:at + 1] + turned[1:-1] + f[at + 1:])
+        for side in sides(faces[-1]):
+            at_side[side].append(order[-1])
+    m.faces = [faces[k] for k in order]
 
 
 @way
@@ -546,9 +559,13 @@ def distances(points, triangles):
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
     has_area = numpy.linalg.norm(numpy.cross(b - a, c - a), axis=1) > 1e-12 * ((b - a) ** 2).sum(axis=1)
     a, b, c = a[has_area], b[has_area], c[has_area]
+    low, high = numpy.minimum(numpy.minimum(a, b), c), numpy.maximum(numpy.maximum(a, b), c)
+    corner = cKDTree(numpy.concatenate([a, b, c])).query(points)[0]  # no nearest triangle is farther
     out = numpy.empty(len(points))
     for k, p in enumerate(points):
-        out[k] = _distances(numpy.broadcast_to(p, a.shape), a, b, c).min()
+        reach = corner[k] * (1 + 1e-9)
+        near = ((low <= p + reach) & (high >= p - reach)).all(axis=1)
+        out[k] = _distances(numpy.broadcast_to(p, (near.sum(), 3)), a[near], b[near], c[near]).min()
     return out
 
 
@@ -615,6 +632,8 @@ def run_cases(build, cases, seed, points, say, minutes=240, without=(), meshes_f
             if found:
                 counts[found[0] if found[0] == "wrong" or not ambiguous else "ambiguous refused"] += 1
                 say(f"{seed + k} {' '.join(names)}: {found[0]}: {found[1]}")
+            if counts["cases"] % 100 == 0:
+                say(str(counts))
     say(str(counts))
     return not (counts["wrong"] or counts["refused"] or counts["ambiguous refused"] > REFUSED_MOST * max(counts["ambiguous"], 1))
 
