@@ -56,10 +56,13 @@ static bool place(solver *s, error *e)
     return arrange(s, e);
 }
 
-/* Drops the coarsest level if it does not resolve the surface: the next finer one takes its place. */
-static bool drop_coarsest(solver *s, bool *again, error *e)
+/* Drops the coarsest level if it does not resolve the surface: the next finer one takes its place. At the start more particles have
+ * divergent neighbour normals than after convergence, since neighbour lists reach farther. */
+static bool drop_coarsest(solver *s, bool at_start, bool *again, error *e)
 {
-    *again = relax_divergent_share(s->scratch.relax, s->state.p) > s->state.regime->schedule->divergent_share;
+    const schedule *given = s->state.regime->schedule;
+    *again = relax_divergent_share(s->scratch.relax, s->state.p) >
+             (at_start ? given->divergent_share_start : given->divergent_share);
     if (!*again) return true;
     level_plan_drop_coarsest(&s->state.plan);
     return solver_place(s, s->state.sigma / s->state.spacing, e);
@@ -74,7 +77,7 @@ bool solver_place(solver *s, double support, error *e)
     particles_reset_damping(s->state.p);
     if (!s->setup.method->begin(s, e)) return false;
     bool again;
-    return s->state.plan.count == 1 || s->state.stage > 0 || drop_coarsest(s, &again, e);
+    return s->state.plan.count == 1 || s->state.stage > 0 || drop_coarsest(s, true, &again, e);
 }
 
 static size_t count_on_boundary(const solver *s)
@@ -101,7 +104,7 @@ static void release_mesh(solver *s)
 bool solver_replan(solver *s, bool *again, error *e)
 {
     const size_t count = s->state.p->count;
-    if (s->state.stage == 0) return drop_coarsest(s, again, e);
+    if (s->state.stage == 0) return drop_coarsest(s, false, again, e);
     if (s->state.plan.quotas) return true; /* quotas determine the counts */
     /* the number of edges is meaningless if the level does not resolve the surface */
     s->state.counts_corrected |= relax_has_mostly_divergent_normals(s->scratch.relax);

@@ -16,7 +16,8 @@ static const double LAMBDA_BEGINS = -3;
     .sweeps = 100, .sweeps_count = 1e4, .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120,   \
     .defects_sweeps = {2, 3.5}, .defects_count = 5e3, .defects_share = {{0.05, 0.25}, {0.02, 0.25}}, \
     .size_settled = 1e-3, .resizes_most = 10, .limited_share = 0.01, .limited_share_coarse = 0.04,   \
-    .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6, .divergent_share = 0.7, .new_part_sweeps = 60
+    .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6, .divergent_share = 0.7,                   \
+    .divergent_share_start = 0.9, .new_part_sweeps = 60
 
 /* Over-relaxation: 1.8 takes three times the sweeps; 3.0 is slower near convergence. */
 #define PAPER                                                                                  \
