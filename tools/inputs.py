@@ -78,10 +78,10 @@ class Case:
             link.symlink_to(self.path)
         return {"path": str(self.work / "slice.#.exr"), "slices": f"1-{SLICES}", **chosen}
 
-    def run(self, chosen, count):
+    def run(self, chosen, count, seed=0):
         """(None, report) or (error, None)."""
         spec = {"version": 1, "surface": {self.kind: self.surface(chosen)}, "sampling": {"count": count},
-                "solver": {"threads": 1}, "output": {"preview": False}, "limits": {"timeout_s": PATIENCE_S}}
+                "solver": {"threads": 1, "seed": seed}, "output": {"preview": False}, "limits": {"timeout_s": PATIENCE_S}}
         (self.work / "spec.json").write_text(json.dumps(spec))
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         done = subprocess.run([*SMALL_PARENT, self.worker, "run", self.work / "spec.json", "--output", self.work / "out"],

@@ -287,10 +287,10 @@ def exposed(mesh, piece, place, normal):
     return inside[0] != inside[1]
 
 
-def measure(mesh, position, spacing):
-    """Of points whose requested spacings are `spacing`."""
+def measure(mesh, position, spacing, fineness=FINENESS):
+    """Of points whose requested spacings are `spacing`; `fineness`: the longest edge of the small triangles, in spacings."""
     n, tree = len(position), cKDTree(position)
-    fineness = max(FINENESS, 2.5 * numpy.sqrt(mesh.area / MOST_PLACES) / spacing.mean())
+    fineness = max(fineness, 2.5 * numpy.sqrt(mesh.area / MOST_PLACES) / spacing.mean())
     vertices, small, parent = cut(mesh, tree, spacing, fineness)
     while len(small) > MOST_PLACES:  # slivers give more than their area does
         fineness *= 1.5

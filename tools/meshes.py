@@ -184,6 +184,27 @@ def _fans(polygons):
     return [(p[0], p[k], p[k + 1]) for p in polygons for k in range(1, len(p) - 1)]
 
 
+def _ears(vertices, polygon):
+    """Triangles of a polygon of any shape, nearly in a plane, by clipping of ears; a fan of what has none."""
+    at = {k: numpy.array(vertices[k], float) for k in polygon}
+    normal = sum(numpy.cross(at[a] - at[polygon[0]], at[b] - at[polygon[0]]) for a, b in zip(polygon, polygon[1:]))
+
+    def turn(a, b, c):
+        return numpy.cross(at[b] - at[a], at[c] - at[a]) @ normal
+    found, polygon = [], list(polygon)
+    while len(polygon) > 3:
+        for k in range(len(polygon)):
+            a, b, c = polygon[k - 1], polygon[k], polygon[(k + 1) % len(polygon)]
+            others = [p for p in polygon if p not in (a, b, c)]
+            if turn(a, b, c) > 0 and not any(min(turn(a, b, p), turn(b, c, p), turn(c, a, p)) >= 0 for p in others):
+                break
+        else:
+            return found + _fans([polygon])
+        found.append((a, b, c))
+        polygon.pop(k)
+    return [*found, tuple(polygon)]
+
+
 def _from_cut(vertices, polygon):
     """A quad from a corner of the diagonal that cuts it: the one at a reflex corner, else the shorter one; of equal ones that of the
     corner which comes first in space."""
@@ -207,13 +228,13 @@ def _from_cut(vertices, polygon):
 def _read_obj(data):
     vertices, polygons = [], []
     for line in data.decode("latin-1").splitlines():
-        words = line.split()
+        words = line.split("#")[0].split()
         if words[:1] == ["v"]:
             vertices.append([float(w) for w in words[1:4]])
         elif words[:1] == ["f"]:
             at = [int(w.split("/")[0]) for w in words[1:]]
             polygons.append([k - 1 if k > 0 else len(vertices) + k for k in at])
-    return Mesh(vertices, _fans([_from_cut(vertices, p) for p in polygons]))
+    return Mesh(vertices, [t for p in polygons for t in (_ears(vertices, p) if len(p) > 4 else _fans([_from_cut(vertices, p)]))])
 
 
 def _read_off(data):

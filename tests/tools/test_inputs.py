@@ -180,6 +180,43 @@ def test_triangles_behind_many_others_are_not_missed(source):
         meshes.CANDIDATES = before
 
 
+def test_concave_polygons_of_an_obj_keep_their_area(tools, tmp_path):
+    comb = [(0, 0), (5, 0), (5, 2), (4, 2), (4, 1), (3, 1), (3, 2), (2, 2), (2, 1), (1, 1), (1, 2), (0, 2)]
+    (tmp_path / "comb.obj").write_text("".join(f"v {x} {y} 7\n" for x, y in comb) +
+                                       f"f {' '.join(str(k + 1) for k in range(len(comb)))} # a face\n")
+    mesh = tools[0].read(tmp_path / "comb.obj")
+    assert len(mesh.triangles) == len(comb) - 2 and abs(mesh.area - 8) < 1e-12
+
+
+def test_two_builds_are_compared_by_the_same_measures(collection, source, build, tmp_path):
+    def compare(*options):
+        return subprocess.run([sys.executable, "-B", source / "tools" / "compare_builds.py", "--worker", build / "hexad-worker",
+                               "--reference", build / "hexad-worker", "--work", tmp_path / "work", "--data", collection,
+                               "--output", tmp_path / "page.md", "--count", "200", *options], capture_output=True, text=True)
+    assert compare("--seconds", "0").returncode == 3
+    done = compare()
+    text = (tmp_path / "page.md").read_text()
+    assert done.returncode == 0, done.stderr
+    (row,) = [line for line in text.splitlines() if line.startswith("| good.off")]
+    assert "| converged / converged |" in row and row.endswith("|  |") and str(tmp_path) not in text
+    assert compare("--seconds", "0").returncode == 0  # all results are kept
+
+
+def test_a_result_is_worse_beyond_the_bounds_on_average(source, monkeypatch):
+    monkeypatch.syspath_prepend(str(source / "tools"))
+    import compare_builds
+    good = {"outcome": "converged", "hex_fraction": 0.9, "min_spacing_ratio": 0.8, "coverage": 0.7, "max_residual": 1e-6}
+    assert compare_builds.worse([good], [good]) == []
+    assert compare_builds.worse([good], [{**good, "outcome": "unresolved"}]) == ["outcome"]
+    assert compare_builds.worse([good], [{**good, "hex_fraction": 0.89, "coverage": 0.73}]) == ["hex_fraction", "coverage"]
+    assert compare_builds.worse([good, good], [{**good, "coverage": 0.73}, {**good, "coverage": 0.69}]) == []
+    assert compare_builds.worse([good] * 3, [{**good, "coverage": c} for c in (0.72, 0.73, 0.74)]) == ["coverage"]
+    assert compare_builds.worse([good] * 3, [{**good, "coverage": c} for c in (0.64, 0.73, 0.82)]) == []
+    assert compare_builds.worse([{**good, "max_residual": 0.1}], [{**good, "coverage": 0.9}]) == []
+    assert compare_builds.worse([good], [{"outcome": "error"}]) == ["outcome"]
+    assert compare_builds.worse([{"outcome": "error"}], [good]) == []
+
+
 def test_a_crash_of_the_worker_is_not_sound(collection, source, tmp_path):
     worker = tmp_path / "worker"
     worker.write_text("#!/bin/sh\nkill -SEGV $$\n")
