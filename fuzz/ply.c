@@ -22,7 +22,7 @@ static void write_again(const ply_file *f)
     threads *alone = threads_new(1, NULL, &e);
     FILE *stream = open_memstream(&text, &length);
     expect(alone && stream);
-    expect(ply_write(stream, &f->points, &f->columns, f->format, f->precision, alone, &e));
+    expect(ply_write(stream, &f->points, &f->columns, f->format, f->precision, NULL, alone, &e));
     fclose(stream);
     stream = fmemopen(text, length, "rb");
     expect(stream);
