@@ -192,7 +192,8 @@ class Client:
         """Reads a stream for a while."""
         end, got = time.monotonic() + seconds, b""
         try:
-            self.connection.sock.settimeout(seconds)
+            if self.connection.sock:  # None: the answer ends with the connection
+                self.connection.sock.settimeout(seconds)
             while time.monotonic() < end and (piece := reply.read1(65536)):
                 got += piece
         except OSError:
