@@ -85,7 +85,7 @@ static void quartic_from_random_starts(double d, double least_hex, size_t seeds)
         assert_int_equal(x.points->lost, 0);
         assert_true(x.points->max_residual < 1e-6);
         assert_true(solver_removed_offsurface(x.s) > 0); /* the trap at the centre */
-        assert_close(x.q.euler, 2, 0.5); /* a hole or a handle changes it by 2 */
+        assert_close(x.q.euler, 2, 0.5);                 /* a hole or a handle changes it by 2 */
         assert_true(x.q.min_spacing_ratio > 0.8);
         hex[seed - 1] = x.q.hex_fraction;
         if (d == 0) assert_close(x.points->sigma, 0.1257, 0.0008);
