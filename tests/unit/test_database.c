@@ -169,16 +169,16 @@ static void *put_and_tell(void *argument)
 static void check_integrity(place *p)
 {
     queue_close(p->q);
-    sqlite3 *database = open_raw(p);
+    sqlite3 *raw = open_raw(p);
     sqlite3_stmt *s;
-    assert_int_equal(sqlite3_prepare_v2(database, "PRAGMA integrity_check", -1, &s, NULL), SQLITE_OK);
+    assert_int_equal(sqlite3_prepare_v2(raw, "PRAGMA integrity_check", -1, &s, NULL), SQLITE_OK);
     assert_int_equal(sqlite3_step(s), SQLITE_ROW);
     assert_string_equal((const char *)sqlite3_column_text(s, 0), "ok");
     sqlite3_finalize(s);
     /* the counts of jobs and owners are what their tasks say */
     assert_int_equal(
         sqlite3_prepare_v2(
-            database,
+            raw,
             "SELECT (SELECT count(*) FROM job WHERE running != (SELECT count(*) FROM task WHERE"
             "  task.job = job.seq AND task.state = 'running')) + (SELECT count(*) FROM owner WHERE"
             "  running != (SELECT sum(running) FROM job WHERE job.owner = owner.name) OR unfinished !="
@@ -188,7 +188,7 @@ static void check_integrity(place *p)
     assert_int_equal(sqlite3_step(s), SQLITE_ROW);
     assert_int_equal(sqlite3_column_int(s, 0), 0);
     sqlite3_finalize(s);
-    sqlite3_close(database);
+    sqlite3_close(raw);
     p->q = NULL;
     reopen(p);
 }
@@ -268,9 +268,9 @@ static void test_an_older_schema_is_carried_over(void **state)
     p->q = NULL;
     assert_true(store_remove(p->base, NULL));
     assert_true(store_directory_create(p->base, NULL));
-    sqlite3 *database = open_raw(p);
-    assert_int_equal(sqlite3_exec(database, version_1, NULL, NULL, NULL), SQLITE_OK);
-    sqlite3_close(database);
+    sqlite3 *raw = open_raw(p);
+    assert_int_equal(sqlite3_exec(raw, version_1, NULL, NULL, NULL), SQLITE_OK);
+    sqlite3_close(raw);
     reopen(p);
     expect_state(p, "queued", QUEUE_QUEUED);
     expect_state(p, "running", QUEUE_RUNNING);
@@ -365,12 +365,12 @@ static void test_paths_are_added_to_version_2(void **state)
     put(p, "before", 0, id);
     queue_close(p->q);
     p->q = NULL;
-    sqlite3 *database = open_raw(p);
+    sqlite3 *raw = open_raw(p);
     static const char as_it_was[] =
         "ALTER TABLE spec DROP COLUMN paths; ALTER TABLE task DROP COLUMN ran_ms; DROP TABLE input;" BEFORE_5
         "PRAGMA user_version = 2;";
-    assert_int_equal(sqlite3_exec(database, as_it_was, NULL, NULL, NULL), SQLITE_OK);
-    sqlite3_close(database);
+    assert_int_equal(sqlite3_exec(raw, as_it_was, NULL, NULL, NULL), SQLITE_OK);
+    sqlite3_close(raw);
     reopen(p);
     queue_job job = get(p, id);
     assert_null(job.paths);
@@ -397,11 +397,11 @@ static void test_times_and_inputs_are_added_to_version_3(void **state)
     assert_false(wanted); /* it was not said */
     queue_close(p->q);
     p->q = NULL;
-    sqlite3 *database = open_raw(p);
+    sqlite3 *raw = open_raw(p);
     static const char as_it_was[] =
         "ALTER TABLE task DROP COLUMN ran_ms; DROP TABLE input;" BEFORE_5 "PRAGMA user_version = 3;";
-    assert_int_equal(sqlite3_exec(database, as_it_was, NULL, NULL, NULL), SQLITE_OK);
-    sqlite3_close(database);
+    assert_int_equal(sqlite3_exec(raw, as_it_was, NULL, NULL, NULL), SQLITE_OK);
+    sqlite3_close(raw);
     reopen(p);
     assert_int_equal(get_task(p, id, 0).ran_ms, 0);
     assert_true(queue_wants_input(p->q, SENT, &wanted, NULL));
@@ -445,10 +445,9 @@ static void test_storage_is_added_to_version_4(void **state)
     put(p, "before", 0, id);
     queue_close(p->q);
     p->q = NULL;
-    sqlite3 *database = open_raw(p);
-    assert_int_equal(sqlite3_exec(database, BEFORE_5 "PRAGMA user_version = 4;", NULL, NULL, NULL),
-                     SQLITE_OK);
-    sqlite3_close(database);
+    sqlite3 *raw = open_raw(p);
+    assert_int_equal(sqlite3_exec(raw, BEFORE_5 "PRAGMA user_version = 4;", NULL, NULL, NULL), SQLITE_OK);
+    sqlite3_close(raw);
     reopen(p);
     assert_int_equal(get_task(p, id, 0).storage_faults, 0);
     assert_true(queue_list_copies(p->q, &copies, &count, NULL));
@@ -623,10 +622,9 @@ static void test_what_a_run_needs_is_read_from_specs_of_version_4(void **state)
     }
     queue_close(p->q);
     p->q = NULL;
-    sqlite3 *database = open_raw(p);
-    assert_int_equal(sqlite3_exec(database, BEFORE_5 "PRAGMA user_version = 4;", NULL, NULL, NULL),
-                     SQLITE_OK);
-    sqlite3_close(database);
+    sqlite3 *raw = open_raw(p);
+    assert_int_equal(sqlite3_exec(raw, BEFORE_5 "PRAGMA user_version = 4;", NULL, NULL, NULL), SQLITE_OK);
+    sqlite3_close(raw);
     reopen(p);
     for (int i = 0; i < COUNT; i++) {
         bool found = false;
@@ -749,10 +747,10 @@ static void test_an_instance_is_added_to_version_4(void **state)
     claim(p, id);
     queue_close(p->q);
     p->q = NULL;
-    sqlite3 *database = open_raw(p);
+    sqlite3 *raw = open_raw(p);
     static const char as_it_was[] = BEFORE_5 "PRAGMA user_version = 4;";
-    assert_int_equal(sqlite3_exec(database, as_it_was, NULL, NULL, NULL), SQLITE_OK);
-    sqlite3_close(database);
+    assert_int_equal(sqlite3_exec(raw, as_it_was, NULL, NULL, NULL), SQLITE_OK);
+    sqlite3_close(raw);
     reopen(p);
     assert_true(queue_get_instance(p->q, &whose, &found, NULL));
     assert_true(found);
@@ -801,9 +799,9 @@ static void test_a_newer_schema_is_refused(void **state)
     place *p = *state;
     queue_close(p->q);
     p->q = NULL;
-    sqlite3 *database = open_raw(p);
-    assert_int_equal(sqlite3_exec(database, "PRAGMA user_version = 99", NULL, NULL, NULL), SQLITE_OK);
-    sqlite3_close(database);
+    sqlite3 *raw = open_raw(p);
+    assert_int_equal(sqlite3_exec(raw, "PRAGMA user_version = 99", NULL, NULL, NULL), SQLITE_OK);
+    sqlite3_close(raw);
     error e = {0};
     assert_null(queue_open(p->base, &e));
     assert_non_null(strstr(e.message, "version 99"));
