@@ -382,7 +382,7 @@ class User:
         return client.ask("POST", "/v1/jobs", spec)
 
     def long_submissions(self, client):
-        """Jobs of so many frames that storing them takes processor time; they are cancelled and never run."""
+        """Jobs whose many frames take processor time to store; they are cancelled and never run."""
         spec = self.frames_spec(frames=2500)
         spec["queue"].update(priority=-100, retention_s=60)
         made = client.ask("POST", "/v1/jobs", spec)

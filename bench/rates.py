@@ -24,7 +24,7 @@ from isolation import set_priority  # noqa: E402
 from service import Service, cpu_seconds, sphere, wait_until  # noqa: E402
 
 CLIENTS = 16
-READERS = 128  # of so many the server is what they wait for, not the client
+READERS = 128  # with this number the server bounds the rate, not the client
 READ = 1000  # jobs
 QUIET_S, QUIET_MS = 0.3, 3  # a daemon that has nothing to do uses less in this time
 

@@ -4,7 +4,7 @@
 #include <string.h>
 
 static const double CELLS_MOST = 5;
-/* Draft. Newton's method takes at most 10 steps in a grid cell; places that are drawn in the whole domain of a formula take up to 50. */
+/* Of projection_draft. Newton's method takes at most 10 steps in a grid cell; places that are drawn in the whole domain of a formula take up to 50. */
 enum { DRAFT_STEPS = 50 };
 static const double DRAFT_ACCURACY = 1e-3;
 

@@ -16,8 +16,7 @@ typedef struct projection_limits {
     double reject;   /* farther than this after the last step is failure */
 } projection_limits;
 
-/* Three sets of limits for most callers, in terms of a length such as the spacing. Draft: places that are moved again or only searched,
- * to a thousandth of the length, from any distance. */
+/* Limits for positions that are moved again or only searched: to a thousandth of a length such as the spacing, from any distance. */
 projection_limits projection_draft(double length);
 
 /* What tolerances are fractions of: the spacing, but at most 5 cells. A coarse spacing is many cells, and within so many a field

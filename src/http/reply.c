@@ -51,8 +51,13 @@ static const reply_problem problems[] = {
     {"too_many_submissions", 429, "The user has submitted too many jobs"},
     {"priority_forbidden", 403, "The caller may not give this priority"},
     {"storage_full", 507, "The storage is full"},
-    {"internal", 500, "The service has failed"}, /* the last one with a status: also for a code not listed */
-    /* codes of jobs that are of no answer */
+    {"internal", 500, "The service has failed"}, /* the last one: also for a code not listed */
+};
+
+#define COUNT (sizeof problems / sizeof *problems)
+
+/* Codes that only jobs end with. */
+static const reply_problem of_jobs[] = {
     {"limit_time", 0, "The job ran longer than allowed"},
     {"limit_file", 0, "A file of the job is longer than allowed"},
     {"stalled", 0, "The worker reported no progress"},
@@ -61,8 +66,6 @@ static const reply_problem problems[] = {
     {"storage_failed", 0, "The storage failed"},
     {"interrupted", 0, "The daemon or the host ended during the job"},
 };
-
-enum { ROWS = sizeof problems / sizeof *problems, OF_JOBS = 7, COUNT = ROWS - OF_JOBS };
 
 const reply_problem *reply_problem_at(size_t index)
 {
@@ -78,8 +81,8 @@ const reply_problem *reply_find_problem(const char *code)
 
 const char *reply_title(const char *code)
 {
-    for (size_t i = COUNT; i < ROWS; i++)
-        if (strcmp(problems[i].code, code) == 0) return problems[i].title;
+    for (size_t i = 0; i < sizeof of_jobs / sizeof *of_jobs; i++)
+        if (strcmp(of_jobs[i].code, code) == 0) return of_jobs[i].title;
     return reply_find_problem(code)->title;
 }
 

@@ -63,12 +63,12 @@ const char *plain_mesh_text(const char *data, size_t size, plain_mesh *m);
 /* Adds a warning, unless there is no room for it. */
 void plain_mesh_warn(plain_mesh *m, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
-/* Makes room for so many. False: no memory, and the file is refused, here and below. */
+/* Reserves room for the given number of entries. False: no memory, and the file is refused, here and below. */
 bool plain_mesh_expect(plain_mesh *m, size_t vertices, size_t triangles);
 
 bool plain_mesh_add_vertex(plain_mesh *m, const double at[3]);
 
-/* Makes room for so many corners in m->corner. False: no memory. */
+/* Reserves room for the given number of corners in m->corner. False: no memory. */
 bool plain_mesh_expect_corners(plain_mesh *m, size_t corners);
 
 /* Of vertices that are there. A polygon of more than three corners is cut into triangles (see polygon.h). False: that takes too much

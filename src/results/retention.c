@@ -265,13 +265,13 @@ static bool forget_some(retention *r, bool *more)
     return ok;
 }
 
-/* When the next retention is over by the wall clock, as a monotonic time. What is held back after a step of the wall
- * clock is looked at every LOOK_MS. */
-static bool find_next_expiry(retention *r, int64_t *at_ms)
+/* When the next retention after `looked_ms` is over by the wall clock, as a monotonic time: that of a retention which ended since
+ * forget_some looked is now. What is held back after a step of the wall clock is looked at every LOOK_MS. */
+static bool find_next_expiry(retention *r, int64_t looked_ms, int64_t *at_ms)
 {
-    int64_t now = clock_wall_ms(), next;
-    if (!queue_next_expiry(r->q, now, &next, NULL)) return false;
-    *at_ms = clock_monotonic_ms() + least(next - now, LOOK_MS);
+    int64_t next;
+    if (!queue_next_expiry(r->q, looked_ms, &next, NULL)) return false;
+    *at_ms = clock_monotonic_ms() + least(next - clock_wall_ms(), LOOK_MS);
     return true;
 }
 
@@ -328,9 +328,10 @@ static void *keep(void *argument)
         again = work_off_rest(r);
         collect_inputs(r);
         note_delivered(r);
+        int64_t looked_ms = clock_wall_ms();
         bool ok = forget_some(r, &more[0]) && measure_some(r, &more[1]) && make_room(r, &more[2]),
              any = more[0] || more[1] || more[2];
-        if (!ok || (!any && !find_next_expiry(r, &next)))
+        if (!ok || (!any && !find_next_expiry(r, looked_ms, &next)))
             next = clock_monotonic_ms() + RETRY_MS;
         else if (any)
             next = 0;

@@ -21,7 +21,7 @@
  * coarsest level is that of the job. A run has at most REHEARSAL_MOST points, which takes about a sixth of the time of 10 000, and
  * no fewer than COST_MODEL_FIRST. */
 enum { REHEARSAL_STRIDE = 4, REHEARSAL_MOST = 4000 };
-/* Seconds of processor time, which others on the machine do not stretch: the first run ends after so many, and those with fewer
+/* Seconds of processor time, which others on the machine do not stretch: the first run ends after the first number, and those with fewer
  * points, which are made only if it had not come to its end, together with it. Longer: slow jobs have an estimate, too, but later. */
 static const double REHEARSAL_S[2] = {3, 4};
 /* With fewer points threads, of which the finest levels have several, still gain little of the whole. */
