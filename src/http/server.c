@@ -643,15 +643,15 @@ static void run_in_pool(thread_pool_work *work)
     loop_resume(x->s->loop, x->connection);
 }
 
-/* A provisional answer becomes the final one. */
+/* A provisional answer becomes the final one. A request that has waited is answered in the serving thread (call_handler). */
 static void refuse_in_pool(thread_pool_work *work)
 {
     exchange *x = (exchange *)(void *)work;
+    x->answered = x->awaits || !x->request.waited;
     if (x->awaits)
         x->answer.provisional = false;
-    else
+    else if (x->answered)
         reply_set_unavailable(&x->answer, "the service is stopping");
-    x->answered = true;
     loop_resume(x->s->loop, x->connection);
 }
 
