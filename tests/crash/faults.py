@@ -1,6 +1,7 @@
 """Every system call of one job's way from submission to result fails once, in each way that it can."""
 import collections
 import errno
+import itertools
 import random
 import re
 import shutil
@@ -95,7 +96,7 @@ class Fault:
 
 def submit_patiently(daemon, book, name, fault):
     """As a client does that is told to try again later; None when the fault is there for ever."""
-    tries = iter(range(50))
+    tries = itertools.count()
     wait_until(lambda: book.submit(daemon, spec(f"{name}.{next(tries)}", preview=True)) or daemon.dead()
                or fault and fault.for_ever and fault.hits, "an acceptance")
 
