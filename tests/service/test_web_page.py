@@ -629,7 +629,7 @@ def test_points_of_the_least_value_are_visible_in_the_dark(service, browser):
         browser.wait_text("300 points", ".stats")
         browser.choose("kappa", browser.one(".controls select"))
         for word, value in (("From", "100"), ("To", "200")):  # all are below
-            box = next(label for label in browser.all(".controls label") if label.text == word)
+            box = wait_until(lambda: next((label for label in browser.all(".controls label") if label.text == word), None), word)
             field = box.find_element("css selector", "input")
             browser.run("arguments[0].value = arguments[1]; arguments[0].dispatchEvent(new Event('change', {bubbles: true}))", field, value)
             wait_until(lambda: browser.run("return arguments[0].value", field) == value, word)
