@@ -136,15 +136,33 @@ static bool is_full(database *d)
     return why == SQLITE_FULL || (why == SQLITE_IOERR && sqlite3_system_errno(d->connection) == EDQUOT);
 }
 
+/* The last error of the kernel on the database or its log; 0: none. */
+static int last_system_error(database *d)
+{
+    sqlite3_file *log = NULL;
+    int of_database = 0, of_log = 0;
+    sqlite3_file_control(d->connection, "main", SQLITE_FCNTL_LAST_ERRNO, &of_database);
+    sqlite3_file_control(d->connection, "main", SQLITE_FCNTL_JOURNAL_POINTER, &log);
+    if (log && log->pMethods) log->pMethods->xFileControl(log, SQLITE_FCNTL_LAST_ERRNO, &of_log);
+    return of_log ? of_log : of_database;
+}
+
+/* Whether a file could not be read. A statement that meets EIO ends with SQLITE_CORRUPT, like one that meets damage. */
+static bool is_read_fault(database *d, int code)
+{
+    return schema_error_is_read_fault(code) || (code == SQLITE_CORRUPT && last_system_error(d) == EIO);
+}
+
 /* Sets the error of the last SQLite call. Damage is recorded in the health, which stops all writing. */
 static bool fail(database *d, error *e)
 {
     int code = sqlite3_extended_errcode(d->connection);
-    const char *why = sqlite3_errmsg(d->connection);
-    if (!schema_error_is_damage(code) && !schema_error_is_read_fault(code))
+    bool unread = is_read_fault(d, code);
+    const char *why = code == SQLITE_CORRUPT && unread ? strerror(EIO) : sqlite3_errmsg(d->connection);
+    if (!schema_error_is_damage(code) && !unread)
         return error_set(e, is_full(d) ? ERROR_STORAGE_FULL : ERROR_INTERNAL, "the queue's database: %s",
                          why);
-    health_note_damage(d->health, "statement", why, schema_error_is_read_fault(code));
+    health_note_damage(d->health, "statement", why, unread);
     return health_allows_changes(d->health, e) &&
            error_set(e, ERROR_INTERNAL, "the queue's database: %s", why);
 }

@@ -5,12 +5,14 @@
 #include <stdint.h>
 #include <cmocka.h>
 
+#include <errno.h>
 #include <fcntl.h>
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include "base/clock.h"
@@ -52,8 +54,7 @@ static int close_place(void **state)
     return 0;
 }
 
-/* Long jobs; then closed and opened, so that they stand in the database and not in its log. */
-static void fill(place *p, char id[JOBS][ULID_SIZE])
+static void submit_long_jobs(place *p, char id[JOBS][ULID_SIZE])
 {
     char *spec = mem_alloc(SPEC_BYTES + 1);
     memset(spec, 'x', SPEC_BYTES);
@@ -61,6 +62,12 @@ static void fill(place *p, char id[JOBS][ULID_SIZE])
     s.spec = spec;
     for (int i = 0; i < JOBS; i++) submit_for(p, &s, id[i]);
     free(spec);
+}
+
+/* Long jobs; then closed and opened, so that they stand in the database and not in its log. */
+static void fill(place *p, char id[JOBS][ULID_SIZE])
+{
+    submit_long_jobs(p, id);
     queue_close(p->q);
     error e = {0};
     p->q = queue_open(p->base, &e);
@@ -240,6 +247,41 @@ static void test_a_fault_of_reading_ends_with_a_check(void **state)
     vfs->xOpen = real_open;
 }
 
+/* This number of reads ends with EIO, which SQLite reports as damage while a statement runs. */
+static atomic_int disk_faults;
+
+/* Takes the place of the C library's function, for SQLite. */
+ssize_t pread64(int fd, void *to, size_t count, off64_t from)
+{
+    if (atomic_load(&disk_faults) > 0 && atomic_fetch_sub(&disk_faults, 1) > 0) {
+        errno = EIO;
+        return -1;
+    }
+    return syscall(SYS_pread64, fd, to, count, from);
+}
+
+static void test_an_input_output_error_of_the_disk_ends_with_a_check(void **state)
+{
+    place *p = *state;
+    static char id[JOBS][ULID_SIZE];
+    error e = {0};
+    queue_receipt receipt;
+    fill(p, id);
+    checker *c = NULL;
+    for (int round = 0; round < 2; round++) {
+        if (round == 1) submit_long_jobs(p, id); /* these are read from the log */
+        atomic_store(&disk_faults, 1);
+        assert_false(can_read_all(p, id, &e));
+        assert_int_equal(e.code, ERROR_DATABASE_DAMAGED);
+        if (!c) assert_false(queue_put(p->q, &plain, &receipt, &e));
+        if (!c) c = checker_start(queue_database(p->q), 0, 0, &e);
+        for (int64_t end = clock_monotonic_ms() + 120000; health_of(p).damaged; usleep(1000))
+            assert_true(clock_monotonic_ms() < end);
+        assert_true(queue_put(p->q, &plain, &receipt, &e));
+    }
+    checker_stop(c);
+}
+
 /* These threads store more between two steps of a copy than a step copies at first; together they stop at 600 MB. */
 #define WRITERS 4
 #define LONG_SPEC_BYTES 100000
@@ -381,6 +423,7 @@ int main(void)
         HEALTH_CASE(test_a_statement_that_meets_damage_ends_all_changes),
         HEALTH_CASE(test_the_checker_finds_what_no_statement_met),
         HEALTH_CASE(test_a_fault_of_reading_ends_with_a_check),
+        HEALTH_CASE(test_an_input_output_error_of_the_disk_ends_with_a_check),
         HEALTH_CASE(test_a_copy_is_whole_while_threads_write),
         HEALTH_CASE(test_what_is_wrong_with_a_copy_is_listed),
         HEALTH_CASE(test_what_a_killed_process_left_of_copies_is_removed),
