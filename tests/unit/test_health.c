@@ -28,6 +28,20 @@
 #define SPEC_BYTES 100000
 #define JOBS 60
 
+static checker *running;
+
+static void start_checks(place *p)
+{
+    running = checker_start(queue_database(p->q), 0, 0, NULL);
+    assert_non_null(running);
+}
+
+static void stop_checks(void)
+{
+    checker_stop(running);
+    running = NULL;
+}
+
 static char *database_of(const place *p)
 {
     return mem_printf("%s/queue.db", p->base);
@@ -48,6 +62,7 @@ static int open_place(void **state)
 static int close_place(void **state)
 {
     place *p = *state;
+    stop_checks(); /* of a test that failed */
     queue_close(p->q);
     assert_true(store_remove(p->base, NULL));
     free(p);
@@ -179,10 +194,9 @@ static void test_the_checker_finds_what_no_statement_met(void **state)
     health_report known;
     error e = {0};
     fill(p, id);
-    checker *c = checker_start(queue_database(p->q), 0, 0, &e);
-    assert_non_null(c);
+    start_checks(p);
     wait_for_check(p, &known);
-    checker_stop(c);
+    stop_checks();
     assert_false(known.damaged);
     queue_close(p->q); /* a checker ends with its queue */
     p->q = queue_open(p->base, &e);
@@ -190,21 +204,24 @@ static void test_the_checker_finds_what_no_statement_met(void **state)
     char *path = database_of(p);
     overwrite(path, pages_of(path) / 2, 1, 0x5A);
     free(path);
-    c = checker_start(queue_database(p->q), 0, 0, &e);
+    start_checks(p);
     wait_for_check(p, &known);
-    checker_stop(c);
+    stop_checks();
     assert_true(known.damaged);
     assert_string_equal(known.found_by, "quick_check");
 }
 
-/* The default VFS, in which as many reads of a database as this fail. */
-static atomic_int faults;
+/* The queue's VFS, in which this number of reads of the database by the thread fail. Other threads write pages of the log back. */
+static _Thread_local int faults;
 static int (*real_open)(sqlite3_vfs *vfs, const char *name, sqlite3_file *file, int flags, int *out);
 static const sqlite3_io_methods *real_methods;
 
 static int read_or_fail(sqlite3_file *file, void *to, int count, sqlite3_int64 from)
 {
-    if (atomic_load(&faults) > 0 && atomic_fetch_sub(&faults, 1) > 0) return SQLITE_IOERR_READ;
+    if (faults > 0) {
+        faults--;
+        return SQLITE_IOERR_READ;
+    }
     return real_methods->xRead(file, to, count, from);
 }
 
@@ -231,29 +248,30 @@ static void test_a_fault_of_reading_ends_with_a_check(void **state)
     real_open = vfs->xOpen;
     vfs->xOpen = open_with_faults;
     fill(p, id);
-    atomic_store(&faults, 1);
+    faults = 1;
     assert_false(can_read_all(p, id, &e));
     assert_int_equal(e.code, ERROR_DATABASE_DAMAGED);
     assert_false(queue_put(p->q, &plain, &receipt, &e));
-    checker *c = checker_start(queue_database(p->q), 0, 0, &e);
+    start_checks(p);
     wait_for_check(p, &known);
     assert_false(known.damaged);
     assert_true(queue_put(p->q, &plain, &receipt, &e));
-    atomic_store(&faults, 1);
+    faults = 1;
     assert_false(can_read_all(p, id, &e));
     for (int64_t end = clock_monotonic_ms() + 120000; health_of(p).damaged; usleep(1000))
         assert_true(clock_monotonic_ms() < end); /* the checker looks at once */
-    checker_stop(c);
+    stop_checks();
     vfs->xOpen = real_open;
 }
 
-/* This number of reads ends with EIO, which SQLite reports as damage while a statement runs. */
-static atomic_int disk_faults;
+/* This number of reads of the thread ends with EIO, which SQLite reports as damage while a statement runs. */
+static _Thread_local int disk_faults;
 
 /* Takes the place of the C library's function, for SQLite. */
 ssize_t pread64(int fd, void *to, size_t count, off64_t from)
 {
-    if (atomic_load(&disk_faults) > 0 && atomic_fetch_sub(&disk_faults, 1) > 0) {
+    if (disk_faults > 0) {
+        disk_faults--;
         errno = EIO;
         return -1;
     }
@@ -267,19 +285,20 @@ static void test_an_input_output_error_of_the_disk_ends_with_a_check(void **stat
     error e = {0};
     queue_receipt receipt;
     fill(p, id);
-    checker *c = NULL;
     for (int round = 0; round < 2; round++) {
         if (round == 1) submit_long_jobs(p, id); /* these are read from the log */
-        atomic_store(&disk_faults, 1);
+        disk_faults = 1;
         assert_false(can_read_all(p, id, &e));
         assert_int_equal(e.code, ERROR_DATABASE_DAMAGED);
-        if (!c) assert_false(queue_put(p->q, &plain, &receipt, &e));
-        if (!c) c = checker_start(queue_database(p->q), 0, 0, &e);
+        if (!running) {
+            assert_false(queue_put(p->q, &plain, &receipt, &e));
+            start_checks(p);
+        }
         for (int64_t end = clock_monotonic_ms() + 120000; health_of(p).damaged; usleep(1000))
             assert_true(clock_monotonic_ms() < end);
         assert_true(queue_put(p->q, &plain, &receipt, &e));
     }
-    checker_stop(c);
+    stop_checks();
 }
 
 /* These threads store more between two steps of a copy than a step copies at first; together they stop at 600 MB. */
