@@ -258,12 +258,12 @@ def installed_at(build):
 
 
 @pytest.fixture
-def staged(new_service, build, tmp_path):
+def staged(new_service, build, source, tmp_path):
     """A service whose program lies below another root, as `make install DESTDIR=` leaves it."""
     programs, page = installed_at(build)
     (tmp_path / "root" / programs).mkdir(parents=True)
     shutil.copy(build / "hexad", tmp_path / "root" / programs)
-    shutil.copytree(build / "page", tmp_path / "root" / page)
+    shutil.copytree(source / "page", tmp_path / "root" / page, ignore=shutil.ignore_patterns("node_modules"))
     service = new_service("--worker", build / "hexad-worker")
     service.build = tmp_path / "root" / programs
     service.page = tmp_path / "root" / page
