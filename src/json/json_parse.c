@@ -42,7 +42,9 @@ static bool fault_at(const parser *p, size_t at, const char *words)
 
 static bool fault(const parser *p, const char *words)
 {
-    return fault_at(p, p->at, p->at < p->length ? words : "the text ends too early");
+    return fault_at(
+        p, p->at,
+        p->at < p->length ? words : "the JSON text is incomplete: add the missing bracket, brace or quote");
 }
 
 static int peek(const parser *p)
@@ -99,16 +101,22 @@ static bool read_unicode_escape(parser *p, size_t start, size_t *length)
 {
     unsigned unit = 0, low = 0;
     if (!read_hex4(p, &unit)) return false;
-    if (unit == 0) return fault_at(p, start, "\\u0000 is not accepted in a string");
+    if (unit == 0) return fault_at(p, start, "the string contains \\u0000: remove it");
     if (unit >= 0xDC00 && unit <= 0xDFFF)
-        return fault_at(p, start, "a low surrogate without a high one before it");
+        return fault_at(p, start,
+                        "the string has the escape of a low surrogate without a high one before it: write "
+                        "both, or the character itself");
     if (unit >= 0xD800 && unit <= 0xDBFF) {
         if (p->length - p->at < 2 || p->text[p->at] != '\\' || p->text[p->at + 1] != 'u')
-            return fault_at(p, start, "a high surrogate without a low one after it");
+            return fault_at(p, start,
+                            "the string has the escape of a high surrogate without a low one after it: write "
+                            "both, or the character itself");
         p->at += 2;
         if (!read_hex4(p, &low)) return false;
         if (low < 0xDC00 || low > 0xDFFF)
-            return fault_at(p, start, "a high surrogate without a low one after it");
+            return fault_at(p, start,
+                            "the string has the escape of a high surrogate without a low one after it: write "
+                            "both, or the character itself");
         unit = 0x10000 + ((unit - 0xD800) << 10) + (low - 0xDC00);
     }
     *length += put_utf8(p->scratch + *length, unit);
@@ -125,7 +133,7 @@ static bool read_escape(parser *p, size_t *length)
         return read_unicode_escape(p, start, length);
     }
     const char *which = c > 0 ? strchr(letters, c) : NULL;
-    if (!which) return fault(p, "an unknown escape in a string");
+    if (!which) return fault(p, "the string has an unknown escape: write \\\\ for a backslash");
     p->scratch[(*length)++] = meanings[which - letters];
     p->at++;
     return true;
@@ -140,13 +148,14 @@ static bool read_string(parser *p)
         int c = peek(p);
         if (c < 0) return fault(p, "");
         if (c == '"') break;
-        if (c < 0x20) return fault(p, "a control character in a string: write it as an escape");
+        if (c < 0x20)
+            return fault(p, "the string has a control character: write it as an escape, such as \\n");
         if (c == '\\') {
             if (!read_escape(p, &length)) return false;
             continue;
         }
         size_t n = json_utf8_length(p->text + p->at, p->length - p->at);
-        if (n == 0) return fault_at(p, p->at, "a string is not well-formed UTF-8");
+        if (n == 0) return fault_at(p, p->at, "the string is not valid UTF-8: save the text as UTF-8");
         memcpy(p->scratch + length, p->text + p->at, n);
         length += n;
         p->at += n;
@@ -170,26 +179,26 @@ static cJSON *read_number(parser *p)
     if (peek(p) == '0') {
         p->at++;
         if (is_digit(peek(p))) {
-            fault(p, "a number must not begin with 0");
+            fault(p, "the number begins with 0: remove the zero");
             return NULL;
         }
-    } else if (!skip_digits(p, "a number needs a digit here")) {
+    } else if (!skip_digits(p, "the number has no digit here: write one, or put a word in double quotes")) {
         return NULL;
     }
     if (peek(p) == '.') {
         p->at++;
-        if (!skip_digits(p, "a number needs a digit after its point")) return NULL;
+        if (!skip_digits(p, "the number has no digit after its decimal point: add one")) return NULL;
     }
     if (peek(p) == 'e' || peek(p) == 'E') {
         p->at++;
         if (peek(p) == '+' || peek(p) == '-') p->at++;
-        if (!skip_digits(p, "a number needs a digit in its exponent")) return NULL;
+        if (!skip_digits(p, "the number has no digit in its exponent: add one")) return NULL;
     }
     memcpy(p->scratch, p->text + start, p->at - start);
     p->scratch[p->at - start] = '\0';
     double value = strtod(p->scratch, NULL);
     if (!isfinite(value)) {
-        fault_at(p, start, "a number is too large: its magnitude must stay below 1.8e308");
+        fault_at(p, start, "the number is too large: its magnitude must be below 1.8e308");
         return NULL;
     }
     return json_must(cJSON_CreateNumber(value));
@@ -201,7 +210,8 @@ static bool fault_unexpected(const parser *p, const char *words)
     const unsigned char *at = p->text + p->at;
     const size_t left = p->length - p->at;
     const bool slashes = left > 1 && at[0] == '/' && (at[1] == '/' || at[1] == '*');
-    return fault(p, slashes || (left && *at == '#') ? "JSON has no comments" : words);
+    return fault(p,
+                 slashes || (left && *at == '#') ? "JSON does not allow comments: remove this one" : words);
 }
 
 static cJSON *read_value(parser *p, int depth);
@@ -221,14 +231,14 @@ static cJSON *read_array(parser *p, int depth)
         cJSON_AddItemToArray(array, element);
         int c = peek(p);
         if (c != ',' && c != ']') {
-            fault_unexpected(p, "expected ',' or ']' in an array");
+            fault_unexpected(p, "expected ',' or ']' in an array: add one");
             goto failed;
         }
         p->at++;
         if (c == ']') return array;
         skip_space(p);
         if (peek(p) == ']') {
-            fault(p, "a comma is not allowed before ']'");
+            fault(p, "a comma before ']' is not allowed: remove it");
             goto failed;
         }
     }
@@ -254,7 +264,8 @@ static bool check_names(const parser *p, member_name *names, size_t count)
             twice = &names[i];
     if (!twice) return true;
     char words[256];
-    snprintf(words, sizeof words, "the member '%.180s' appears twice in one object", twice->text);
+    snprintf(words, sizeof words, "the member '%.180s' is given twice in one object: remove one",
+             twice->text);
     return fault_at(p, twice->at, words);
 }
 
@@ -262,14 +273,14 @@ static bool check_names(const parser *p, member_name *names, size_t count)
 static bool read_member(parser *p, int depth, cJSON *object, member_name *name)
 {
     skip_space(p);
-    if (peek(p) != '"') return fault_unexpected(p, "expected a member name in double quotes");
+    if (peek(p) != '"') return fault_unexpected(p, "expected a member name: write it in double quotes");
     name->at = p->at;
     if (!read_string(p)) return false;
     char *key = mem_strdup(p->scratch);
     bool done = false;
     skip_space(p);
     if (peek(p) != ':') {
-        fault_unexpected(p, "expected ':' after a member name");
+        fault_unexpected(p, "expected ':' after a member name: add it");
         goto end;
     }
     p->at++;
@@ -305,14 +316,14 @@ static cJSON *read_object(parser *p, int depth)
         count++;
         int c = peek(p);
         if (c != ',' && c != '}') {
-            fault_unexpected(p, "expected ',' or '}' in an object");
+            fault_unexpected(p, "expected ',' or '}' in an object: add one");
             goto end;
         }
         p->at++;
         if (c == '}') break;
         skip_space(p);
         if (peek(p) == '}') {
-            fault(p, "a comma is not allowed before '}'");
+            fault(p, "a comma before '}' is not allowed: remove it");
             goto end;
         }
     }
@@ -333,8 +344,8 @@ static cJSON *read_word(parser *p)
         p->at += n;
         return json_must(i == 2 ? cJSON_CreateNull() : cJSON_CreateBool(i == 0));
     }
-    fault_unexpected(p, "expected a value (an object, an array, a string in double quotes, a number, true, "
-                        "false or null)");
+    fault_unexpected(p, "expected a value: write an object, an array, a string in double quotes, a number, "
+                        "true, false or null");
     return NULL;
 }
 
@@ -346,7 +357,7 @@ static cJSON *read_value(parser *p, int depth)
     skip_space(p);
     int c = peek(p);
     if ((c == '{' || c == '[') && depth == JSON_MAX_DEPTH) {
-        fault(p, "objects and arrays are nested too deep");
+        fault(p, "the document nests too many objects and arrays: flatten it");
         return NULL;
     }
     if (c == '{')
@@ -368,13 +379,13 @@ json *json_parse(const char *text, size_t length, error *e)
     parser p = {(const unsigned char *)text, length, 0, NULL, e};
     cJSON *root = NULL;
     if (length >= 3 && memcmp(text, "\xEF\xBB\xBF", 3) == 0) {
-        fault_at(&p, 0, "the text begins with a byte order mark: save it without");
+        fault_at(&p, 0, "the text begins with a byte order mark: save it without one");
         return NULL;
     }
     p.scratch = mem_alloc(length + 1);
     root = read_value(&p, 0);
     if (root && p.at < length) {
-        fault(&p, "there is more text after the value");
+        fault(&p, "more text follows the end of the document: remove it");
         cJSON_Delete(root);
         root = NULL;
     }
