@@ -85,10 +85,11 @@ void frame_values_read(reading *r, const json_at *at, const spec_row *row, json 
         json_at member = json_element(at, i);
         if (is_path(member.key)) {
             reading_shorten(member.key, given);
-            reading_add_fault(r, at,
-                              "the path '%s' cannot differ by frame; put the files below an input root and "
-                              "write #### in the path (uploaded files cannot be frames of one job)",
-                              given);
+            reading_add_fault(
+                r, at,
+                "the path '%s' is the same for all frames; put the files below an input root and "
+                "write #### in the path (uploaded files cannot be frames of one job)",
+                given);
             continue;
         }
         if (!may_change(member.key))
@@ -191,20 +192,24 @@ void frame_values_check(reading *r, const json_at *at)
     size_t before = r->total;
     if (r->s->frame_count > MOST_FRAMES)
         reading_add_fault(r, &list,
-                          "a job with values by frame has at most %d frames (given %zu): make several jobs",
+                          "a job with by_frame has at most %d frames (given %zu): submit several jobs",
                           MOST_FRAMES, r->s->frame_count);
     for (size_t i = 0; i < json_size(list); i++) {
         json_at member = json_element(&list, i);
         if (json_type_of(member) == JSON_ARRAY && json_size(member) != r->s->frame_count)
-            reading_add_fault(r, &member, "has %zu values for %zu frames", json_size(member),
-                              r->s->frame_count);
+            reading_add_fault(r, &member,
+                              "must have one value for each frame (given %zu values for %zu frames)",
+                              json_size(member), r->s->frame_count);
     }
     while (root->parent) root = root->parent;
     if (r->total > before || !frame_values_open(root->node, &w)) return;
     json *copy = json_copy(root->node);
     const char *lost = frame_values_apply(&w, 0, copy);
     json_at member = json_member(&list, lost ? lost : "");
-    if (lost) reading_add_fault(r, &member, "has no place in this spec");
+    if (lost)
+        reading_add_fault(r, &member,
+                          "the spec has no object that could hold this member: correct the JSON Pointer, or "
+                          "add the object");
     json_free(copy);
     frame_values_close(&w);
 }

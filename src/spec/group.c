@@ -33,8 +33,9 @@ static void read_part(reading *r, const json_at *at, spec_surface **stored, json
     spec_surface *whole = r->surface;
     spec_surface *part;
     if (r->depth == DEEPEST || r->surfaces == MOST_SURFACES) {
-        reading_add_fault(r, at, "more than %d surfaces, or more than %d levels of nested surfaces",
-                          MOST_SURFACES, DEEPEST);
+        reading_add_fault(
+            r, at, "the combination has more than %d surfaces or more than %d nested levels: use fewer",
+            MOST_SURFACES, DEEPEST);
         return;
     }
     part = mem_alloc(sizeof *part);
@@ -176,7 +177,7 @@ void group_read_row(reading *r, const json_at *group, const spec_row *row, json 
     json_at at = json_member(group, spec_row_key(row));
     if (row->methods && !(row->methods & 1u << r->s->method)) {
         const char *method = spec_row_find("/solver", "method")->words[r->s->method];
-        if (at.node) reading_add_fault(r, &at, "does not belong to the method \"%s\"", method);
+        if (at.node) reading_add_fault(r, &at, "is not a member of the method \"%s\": remove it", method);
         return;
     }
     if (r->known && share_known(r, row)) return;
@@ -189,7 +190,7 @@ void group_read_row(reading *r, const json_at *group, const spec_row *row, json 
         if (!(row->shapes & 1u << r->surface->analytic.shape)) {
             const char *shape =
                 spec_row_find("/surface/analytic", "shape")->words[r->surface->analytic.shape];
-            if (at.node) reading_add_fault(r, &at, "does not belong to the shape \"%s\"", shape);
+            if (at.node) reading_add_fault(r, &at, "is not a member of the shape \"%s\": remove it", shape);
             return;
         }
     }

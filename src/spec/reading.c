@@ -67,13 +67,21 @@ static void describe_range(const spec_row *row, char *out, size_t size)
                  row->high);
 }
 
+/* Whether a unit means something beside a number: not those of the world or of a file. */
+static bool is_measure(const char *unit)
+{
+    return !strstr(unit, "world") && strncmp(unit, "the ", 4) != 0 && strcmp(unit, "time") != 0;
+}
+
 void reading_add_wrong_value(reading *r, const json_at *at, const spec_row *row, const char *kind)
 {
     char given[READING_SHOWN_MAX + 8], range[96];
+    const bool has_unit = row->unit && is_measure(row->unit);
     reading_describe(*at, given);
     describe_range(row, range, sizeof range);
     if (row->low == row->high)
         reading_add_fault(r, at, "must be %s (given %s)", range, given);
     else
-        reading_add_fault(r, at, "must be %s %s (given %s)", kind, range, given);
+        reading_add_fault(r, at, "must be %s %s%s%s (given %s)", kind, range, has_unit ? " " : "",
+                          has_unit ? row->unit : "", given);
 }

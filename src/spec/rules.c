@@ -73,7 +73,7 @@ static void refuse_choice(reading *r, const json_at *at, const char *group, spec
         append(all, sizeof all, spec_row_key(row[i]));
         if (json_member(at, spec_row_key(row[i])).node) append(given, sizeof given, spec_row_key(row[i]));
     }
-    reading_add_fault(r, at, "needs %s one of %s (given %s)",
+    reading_add_fault(r, at, "give %s one of %s (given %s)",
                       choice >= SPEC_CHOICE_GRADING ? "at most" : "exactly", all, *given ? given : "none");
 }
 
@@ -107,7 +107,8 @@ static void check_analytic(reading *r, const json_at *at)
     if (a->shape == SPEC_SHAPE_TORUS && a->minor_radius >= a->major_radius)
         reading_add_fault(r, &minor, "must be less than major_radius, %.16g (given %.16g)", a->major_radius,
                           a->minor_radius);
-    if (axis.node && !(vec3_norm2(a->axis) > 0)) reading_add_fault(r, &axis, "must not be the zero vector");
+    if (axis.node && !(vec3_norm2(a->axis) > 0))
+        reading_add_fault(r, &axis, "must not be the zero vector: give a direction");
     if (rounding.node && a->rounding > smallest)
         reading_add_fault(r, &rounding, "must be at most the smallest half size, %.16g (given %.16g)",
                           smallest, a->rounding);
@@ -119,13 +120,13 @@ static void check_feature(reading *r, const json_at *at)
     json_at resolve = json_member(at, "resolve"), alpha = json_member(at, "alpha"),
             curvature = json_member(at, "curvature");
     if (resolve.node && !s->resolve)
-        reading_add_fault(r, &resolve, "must be true: give another target instead");
+        reading_add_fault(r, &resolve, "must be true: for another target, remove this member");
     if (s->resolve && !s->has_feature)
         reading_add_fault(r, &resolve, "requires feature: give \"feature\": {}");
     if (s->resolve && curvature.node)
         reading_add_fault(r, &curvature, "excludes resolve: give a count or another target");
     if ((s->has_feature || s->curve_spacing > 0) && alpha.node)
-        reading_add_fault(r, &alpha, "excludes %s: use curvature instead, or leave it out",
+        reading_add_fault(r, &alpha, "excludes %s: use curvature, or remove one of the two",
                           s->has_feature ? "feature" : "curve_spacing");
 }
 
@@ -138,23 +139,23 @@ static void check_sampling(reading *r, const json_at *at)
         if (limit.node)
             reading_add_fault(
                 r, &limit,
-                "requires curvature, grid, feature or curve_spacing: give one of them, or leave this member out");
+                "requires curvature, grid, feature or curve_spacing: add one of them, or remove this "
+                "member");
     }
     check_feature(r, at);
     json_at most = json_member(at, "max_spacing"), curvature = json_member(at, "curvature"),
             exponent = json_member(&curvature, "exponent"), grid = json_member(at, "grid");
     json_at time = json_member(at, "time_s");
     if (time.node && (s->min_spacing > 0 || s->max_spacing > 0 || s->has_feature || s->curve_spacing > 0))
-        reading_add_fault(
-            r, &time,
-            "chooses the count itself: leave out min_spacing, max_spacing, feature and curve_spacing");
+        reading_add_fault(r, &time,
+                          "determines the count: remove min_spacing, max_spacing, feature and curve_spacing");
     if (s->max_spacing > 0 && s->max_spacing < s->min_spacing)
         reading_add_fault(r, &most, "must be at least min_spacing, %.16g (given %.16g)", s->min_spacing,
                           s->max_spacing);
-    if (exponent.node && !(s->curvature.ratio > 0)) reading_add_fault(r, &exponent, "belongs to ratio");
+    if (exponent.node && !(s->curvature.ratio > 0))
+        reading_add_fault(r, &exponent, "requires ratio: add it, or remove this member");
     if (s->has_grid && !s->grid.path && s->surface.kind != SPEC_SURFACE_VDB)
-        reading_add_fault(r, &grid,
-                          "needs a path, because this surface has no VDB file that could have the grid");
+        reading_add_fault(r, &grid, "requires a path, because the surface is not a VDB file");
 }
 
 static int compare_numbers(const void *a, const void *b)
@@ -198,7 +199,7 @@ static void check_exr(reading *r, const json_at *at)
             "(given \"%s\")",
             SURFACE_MOST_SLICES, x->slices);
     else if (!surface_name_slices(x))
-        reading_add_fault(r, &path, "must have one #### or %%04d, the number of the slice");
+        reading_add_fault(r, &path, "must contain one #### or %%04d in place of the slice number");
 }
 
 /* With slices the path names a stack. */
@@ -214,11 +215,12 @@ static void check_label_files(reading *r, const json_at *at)
                                origin.x == 0 && origin.y == 0 && origin.z == 0};
     for (size_t k = 0; k < sizeof of_stacks / sizeof *of_stacks; k++) {
         const json_at member = json_member(at, of_stacks[k]);
-        if (!stack && member.node && !is_default[k]) reading_add_fault(r, &member, "requires slices");
+        if (!stack && member.node && !is_default[k])
+            reading_add_fault(r, &member, "requires slices: add it, or remove this member");
     }
     for (size_t k = 0; k < sizeof of_files / sizeof *of_files; k++) {
         const json_at member = json_member(at, of_files[k]);
-        if (stack && member.node) reading_add_fault(r, &member, "is of one file, and slices are several");
+        if (stack && member.node) reading_add_fault(r, &member, "excludes slices: remove one of the two");
     }
     if (!stack || r->known) return;
     s->exr.path = s->labels.path;
@@ -232,8 +234,7 @@ static void check_labels(reading *r, const json_at *at)
     const spec_labels *l = &r->surface->labels;
     check_label_files(r, at);
     if (r->known) return; /* lists of lists are the same in all frames */
-    check_lists(r, &groups, l->groups, l->group_count, 2, SIZE_MAX,
-                "must be two or more labels, none of them twice");
+    check_lists(r, &groups, l->groups, l->group_count, 2, SIZE_MAX, "must be two or more different labels");
     check_lists(r, &interfaces, l->interfaces, l->interface_count, 2, 2, "must be two different labels");
 }
 
@@ -253,8 +254,7 @@ static void check_box(reading *r, const json_at *at, const spec_box *box)
         double low = vec3_get(box->min, axis), high = vec3_get(box->max, axis);
         if (low < high) continue;
         json_at side = json_element(&max, (size_t)axis); /* max itself where it is the default */
-        reading_add_fault(r, side.node ? &side : at,
-                          "the box begins at %.16g and ends at %.16g: max must be above min", low, high);
+        reading_add_fault(r, side.node ? &side : at, "max must be above min, %.16g (given %.16g)", low, high);
     }
 }
 
@@ -267,7 +267,8 @@ static void check_region(reading *r, const json_at *at)
 {
     json_at min = json_member(at, "min"), max = json_member(at, "max");
     if ((min.node == NULL) != (max.node == NULL))
-        reading_add_fault(r, &max, max.node ? "belongs to min" : "is required with min");
+        reading_add_fault(r, &max,
+                          max.node ? "requires min: add it, or remove this member" : "is required with min");
     else if (min.node)
         check_box(r, at, &r->s->region);
 }
@@ -280,8 +281,8 @@ static void check_whole(reading *r, const json_at *at)
     if (!cut && !spec_surface_is_bounded(&s->surface))
         reading_add_fault(
             r, &surface,
-            "has no end, because a halfspace has none: give a region, or intersect it with a shape that "
-            "has an end");
+            "is unbounded, because it contains a halfspace: give a region, or intersect it with "
+            "a bounded shape");
 }
 
 static void check_bspline(reading *r, const json_at *at)
@@ -290,7 +291,8 @@ static void check_bspline(reading *r, const json_at *at)
     json_at coefficients = json_member(at, "coefficients");
     double count = (double)b->dims[0] * b->dims[1] * b->dims[2];
     if (b->coefficients && (double)b->coefficient_count != count)
-        reading_add_fault(r, &coefficients, "must be as many as dims says, %d x %d x %d = %.0f (given %zu)",
+        reading_add_fault(r, &coefficients,
+                          "must have as many numbers as dims requires, %d x %d x %d = %.0f (given %zu)",
                           b->dims[0], b->dims[1], b->dims[2], count, b->coefficient_count);
 }
 
@@ -298,13 +300,13 @@ static void check_solver(reading *r, const json_at *at)
 {
     json_at method = json_member(at, "method"), step = json_member(at, "step");
     if (step.node && r->s->minimiser != SPEC_MINIMISER_GRADIENT)
-        reading_add_fault(r, &step, "belongs to the minimiser \"gradient\"");
+        reading_add_fault(r, &step, "requires the minimiser \"gradient\"");
     if (r->s->has_alpha && r->s->method == SPEC_METHOD_SIZED)
         reading_add_fault(
             r, &method,
-            "sampling.alpha belongs to the methods \"paper\" and \"witkin-heckbert\" (given \"sized\")");
+            "sampling.alpha requires the method \"paper\" or \"witkin-heckbert\" (given \"sized\")");
     if (spec_is_graded(r->s) && r->s->method != SPEC_METHOD_SIZED)
-        reading_add_fault(r, &method, "sampling.%s belongs to the method \"sized\"",
+        reading_add_fault(r, &method, "sampling.%s requires the method \"sized\"",
                           r->s->has_feature     ? "feature"
                           : r->s->has_grid      ? "grid"
                           : r->s->has_curvature ? "curvature"
@@ -312,7 +314,7 @@ static void check_solver(reading *r, const json_at *at)
     if (r->s->has_control && r->s->method == SPEC_METHOD_WITKIN_HECKBERT)
         reading_add_fault(
             r, &method,
-            "sampling.control belongs to the methods \"sized\" and \"paper\" (given \"witkin-heckbert\")");
+            "sampling.control requires the method \"sized\" or \"paper\" (given \"witkin-heckbert\")");
 }
 
 static void check_camera(reading *r, const json_at *at)
@@ -321,10 +323,10 @@ static void check_camera(reading *r, const json_at *at)
     json_at target = json_member(at, "target"), up = json_member(at, "up");
     vec3 sight = vec3_sub(c->target, c->position);
     if (!(vec3_norm2(sight) > 0))
-        reading_add_fault(r, &target, "must differ from position");
+        reading_add_fault(r, &target, "is equal to position: move one of them");
     else if (!(vec3_norm(vec3_cross(vec3_unit(sight), vec3_unit(c->up))) > UPRIGHT_LEAST))
         reading_add_fault(r, up.node ? &up : at,
-                          "up must not be zero, nor point along the line from position to target");
+                          "up is zero or parallel to the line of sight: give another direction");
 }
 
 static void check_preview(reading *r, const json_at *at)
@@ -356,13 +358,15 @@ void rules_check_coherent(reading *r, const json_at *at)
             "requires the method \"sized\", which excludes sampling.alpha: use sampling.curvature "
             "or grid");
     if (s->features)
-        reading_add_fault(r, &coherent,
-                          "excludes features, because rows along edges are made anew in each frame");
+        reading_add_fault(
+            r, &coherent,
+            "excludes features, because points on edges are computed anew in each frame: remove "
+            "one of the two");
     if (s->time_s > 0)
         reading_add_fault(
             r, &coherent,
-            "excludes sampling.time_s, because frames would differ in their counts: give a count or "
-            "spacing");
+            "excludes sampling.time_s, because the count would differ from frame to frame: give "
+            "a count or spacing");
 }
 
 static void check_frames(reading *r, const json_at *at)
@@ -381,13 +385,13 @@ static void check_frames(reading *r, const json_at *at)
     if (!any && !s->has_frame_values)
         reading_add_fault(
             r, &frames,
-            "nothing differs from frame to frame: write #### or %%04d, the frame's number, into a path of "
-            "the surface, or give by_frame");
+            "all frames are equal: write #### or %%04d in place of the frame number into a path "
+            "of the surface, or add by_frame");
     if (s->directory && !frames_is_pattern(s->directory))
         reading_add_fault(
             r, &frames,
-            "output.directory has no place for the frame's number, so that frames would replace each other:"
-            " write #### or %%04d");
+            "output.directory is the same for all frames, which would overwrite each other: add "
+            "#### or %%04d in place of the frame number");
 }
 
 static void check_transform(reading *r, const json_at *at)
@@ -399,10 +403,12 @@ static void check_transform(reading *r, const json_at *at)
         return;
     }
     if (m[12] != 0 || m[13] != 0 || m[14] != 0 || m[15] != 1)
-        reading_add_fault(r, &matrix, "must end in 0, 0, 0, 1: it is row by row, for column vectors");
+        reading_add_fault(r, &matrix,
+                          "the last row must be 0, 0, 0, 1: give the matrix row by row, for column vectors");
     double to[3][4], back[3][4];
     for (int k = 0; k < 12; k++) to[k / 4][k % 4] = m[k];
-    if (!isfinite(1 / affine_invert(to, back))) reading_add_fault(r, &matrix, "cannot be inverted");
+    if (!isfinite(1 / affine_invert(to, back)))
+        reading_add_fault(r, &matrix, "is singular: give an invertible matrix");
 }
 
 /* The name in the outputs, which are of many kinds. */
@@ -414,11 +420,11 @@ static void check_attribute(reading *r, const json_at *at)
     json_at as = json_member(at, "as"), name = json_member(at, "name");
     if (a->as && (strspn(a->as, letters) != strlen(a->as) || (*a->as >= '0' && *a->as <= '9')))
         reading_add_fault(r, &as, "must be letters, digits and _, a letter first (given \"%s\")", a->as);
-    if (!a->as && !a->name) reading_add_fault(r, &as, "is required where there is no name");
+    if (!a->as && !a->name) reading_add_fault(r, &as, "is required if name is absent");
     if (strcmp(a->from, SPEC_FROM_GEOMETRY) != 0) return;
     for (size_t k = 0; k < sizeof computed / sizeof *computed; k++)
         if (a->name && strcmp(a->name, computed[k]) == 0) return;
-    reading_add_fault(r, name.node ? &name : at, "the geometry has part, direction1 and direction2");
+    reading_add_fault(r, name.node ? &name : at, "must be part, direction1 or direction2");
 }
 
 unsigned rules_check_names(reading *r, const json_at *at, const char *group)

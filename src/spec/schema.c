@@ -282,8 +282,9 @@ json *schema_new(schema_use use)
     json_put_string(
         schema, "description",
         use == SCHEMA_ANSWERED
-            ? "A spec as the service tells it; of a job, with its defaults. It may be sent as a JobSpec."
-            : "What a job is to do; hexad-worker spec-help has the same at greater length.");
+            ? "The spec of a job as the service returns it, with its defaults. It can be submitted "
+              "again as a JobSpec."
+            : "The spec of a job. hexad-worker spec-help describes each member.");
     return schema;
 }
 

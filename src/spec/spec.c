@@ -38,7 +38,7 @@ static spec *parse(const json *document, const char *group, const frame_values *
     if (document)
         group_read(&r, &root, group, r.s->normalised);
     else
-        reading_add_fault(&r, &root, "must be an object (given nothing)");
+        reading_add_fault(&r, &root, "must be an object (nothing is given)");
     if (w) frame_values_place_faults(w, index, index > 0, &r.faults);
     if (faults) *faults = r.faults;
     if (r.total == 0) return r.s;

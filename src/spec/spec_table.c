@@ -46,7 +46,7 @@ const spec_row spec_rows[] = {
      .low = 0,
      .high = 200,
      AT(name),
-     .prose = "A name for people. hexad does not interpret it."},
+     .prose = "A descriptive name. hexad does not interpret it."},
 
     GROUP("/surface", SPEC_REQUIRED, "The surface to sample. Give exactly one of its members."),
     {.pointer = "/surface/vdb",
@@ -89,9 +89,9 @@ const spec_row spec_rows[] = {
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
      UNSTORED,
-     .prose =
-         "A triangle mesh. One that is open, has sharp edges or is to be resolved is sampled on its triangles; "
-         "another is made a level set with exact distances."},
+     .prose = "A triangle mesh. A mesh that is open, has sharp edges or is used with "
+              "sampling.resolve is sampled on its triangles. Any other mesh is converted to a "
+              "level set with exact distances."},
     {.pointer = "/surface/mesh/path",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
@@ -118,12 +118,13 @@ const spec_row spec_rows[] = {
      .high = 8191,
      AT(surface.mesh.resolution),
      .unit = "voxels",
-     .prose =
-         "The number of voxels along the longest side of the mesh's bounding box: a closed mesh is sampled through a level "
-         "set. Where there is one and both this and voxel_size are absent, hexad chooses: 256, or more where the spacing (of resolve, min_spacing over feature.ratio: "
-         "the least feature size) is smaller than such a voxel or more than half a percent of the mesh is too thin "
-         "to show. At 256, at least nine tenths of a scanned mesh lie within 0.05 voxel of the sampled surface; "
-         "creases deviate more. Twice the number needs three to four times the memory and time."},
+     .prose = "The number of voxels along the longest side of the bounding box of the mesh: a "
+              "closed mesh is sampled through a level set. If both this and voxel_size are absent "
+              "and a level set is used, hexad chooses 256, or more if the spacing (with resolve: "
+              "min_spacing / feature.ratio) is smaller than such a voxel or more than 0.5 % of the "
+              "area is thinner than a voxel. At 256, at least 90 % of a scanned mesh is within "
+              "0.05 voxels of the sampled surface; sharp edges deviate more. Twice the number "
+              "requires three to four times the memory and time."},
     {.pointer = "/surface/mesh/max_resolution",
      .type = SPEC_TYPE_INTEGER,
      .low = 256,
@@ -131,9 +132,8 @@ const spec_row spec_rows[] = {
      .otherwise = "4096",
      AT(surface.mesh.max_resolution),
      .unit = "voxels",
-     .prose =
-         "The most voxels along the longest side that hexad chooses by itself. limits.memory_mb bounds them, "
-         "too: thin parts may take an eighth of it."},
+     .prose = "The maximum resolution that hexad chooses. limits.memory_mb limits it as well: the "
+              "voxels of thin parts use at most an eighth of it."},
     {.pointer = "/surface/mesh/band_vox",
      .type = SPEC_TYPE_INTEGER,
      .low = 3,
@@ -152,26 +152,25 @@ const spec_row spec_rows[] = {
      .otherwise = "1e-6",
      AT(surface.mesh.weld),
      .unit = "longest sides",
-     .prose =
-         "Vertices of open edges that are nearer to each other than this share of the longest side of the mesh's box "
-         "are one, and one as near to another open edge lies on it. 0: only vertices of equal coordinates are one."},
+     .prose = "Tolerance for joining open edges, as a fraction of the longest side of the bounding "
+              "box: vertices of open edges within this distance are welded, or snapped to another "
+              "open edge. 0: only vertices with equal coordinates are welded."},
     {.pointer = "/surface/mesh/holes",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_HOLES),
      .otherwise = "\"keep\"",
      AT(surface.mesh.holes),
-     .prose =
-         "keep: an open mesh is sampled as it is, with a row of points along its boundaries. fill: it must enclose "
-         "a volume; an open one is refused."},
+     .prose = "keep: an open mesh is sampled as an open surface, with points along its boundaries. "
+              "fill: holes are filled; a mesh that then encloses no volume is refused."},
     {.pointer = "/surface/mesh/interior",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_INTERIOR),
      .otherwise = "\"auto\"",
      AT(surface.mesh.interior),
-     .prose =
-         "keep: all triangles are sampled, those within the mesh's solids, too. drop: the outside of its solids, by a level "
-         "set, which takes a closed mesh. auto: drop where a closed mesh hides more than 1 % of its area within itself, "
-         "else keep."},
+     .prose = "keep: all triangles are sampled, including those inside the solids of the mesh. "
+              "drop: only the outside of the solids is sampled, by a level set; this requires a "
+              "closed mesh. auto: drop if more than 1 % of the area of a closed mesh is inside it, "
+              "otherwise keep."},
     {.pointer = "/surface/mesh/features",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
@@ -188,14 +187,15 @@ const spec_row spec_rows[] = {
      .otherwise = "0.7",
      AT(surface.mesh.feature_angle),
      .unit = "radians",
-     .prose = "Edges whose triangles' normals differ by more are sharp. 0: none is."},
+     .prose = "Edges are sharp if the normals of their triangles differ by more than this. 0: no "
+              "edge is sharp."},
     {.pointer = "/surface/mesh/on_mesh",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "true",
      AT(surface.mesh.on_mesh),
-     .prose =
-         "true: points are on the triangles. false: a closed mesh is sampled through a level set, and its points are not "
-         "projected onto the triangles. Ignored with an offset, with feature edges and for open meshes."},
+     .prose = "true: finally each point is projected onto the nearest triangle that faces the same "
+              "way. false: a closed mesh is sampled through a level set without this projection. "
+              "Ignored with an offset, with feature edges and for open meshes."},
     {.pointer = "/surface/analytic",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
@@ -454,8 +454,8 @@ const spec_row spec_rows[] = {
      .low = 3,
      .high = 64,
      AT(surface.exr.slices),
-     .prose =
-         "The labels are a stack of OpenEXR images, these slices of it: see /surface/exr, as for the next four."},
+     .prose = "The labels are a stack of OpenEXR images, and these are its slices: see "
+              "/surface/exr. The same holds for part, channel, voxel_size and origin."},
     {.pointer = "/surface/labels/part",
      .type = SPEC_TYPE_STRING,
      .low = 0,
@@ -496,7 +496,7 @@ const spec_row spec_rows[] = {
      .low = -PRECISION_WHOLE_MOST,
      .high = PRECISION_WHOLE_MOST,
      AT(surface.labels.only),
-     .prose = "The labels that count; the others belong to the background. Default: all."},
+     .prose = "The labels to sample; all others are background. Default: all."},
     {.pointer = "/surface/labels/smooth",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
@@ -504,8 +504,8 @@ const spec_row spec_rows[] = {
      .otherwise = "8",
      AT(surface.labels.smooth),
      .unit = "voxels",
-     .prose =
-         "Stairs shorter than this are smoothed; nothing moves by more than half a voxel along an axis. 0: not at all."},
+     .prose = "The cut-off wavelength of the smoothing: shorter steps are smoothed, and no vertex "
+              "moves by more than half a voxel along an axis. 0: no smoothing."},
     {.pointer = "/surface/labels/majority",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
@@ -513,20 +513,21 @@ const spec_row spec_rows[] = {
      .otherwise = "0",
      AT(surface.labels.majority),
      .unit = "voxels",
-     .prose =
-         "First each voxel gets the label of most voxels around it, by a Gaussian of this standard deviation, in the smallest side of a "
-         "voxel: for slices segmented by hand that do not fit to each other, and strays. One and a half times the spacing of the points leaves "
-         "what they can show; wide ones take minutes. Labels weigh so "
-         "much that each keeps its volume; what is thinner than the rest of its label shrinks or is lost, and so are specks with a radius "
-         "below this. 0: every voxel keeps its label."},
+     .prose = "Majority filter before the surface is extracted: each voxel gets the label with the "
+              "most voxels around it, weighted by a Gaussian with this standard deviation, in "
+              "units of the smallest side of a voxel. It removes steps between slices that were "
+              "segmented by hand, and stray voxels. 1.5 times the spacing of the points removes "
+              "detail that they cannot resolve; wide filters take minutes. Weights preserve the "
+              "volume of each label; parts that are thinner than the rest of their label, and "
+              "specks with a radius below this, shrink or vanish. 0: no filter."},
     {.pointer = "/surface/labels/background",
      .type = SPEC_TYPE_LARGE,
      .low = -PRECISION_WHOLE_MOST,
      .high = PRECISION_WHOLE_MOST,
      AT_HAS(surface.labels.background, surface.labels.has_background),
-     .prose =
-         "The label of what is no material: it stands second, so that normals point into it. Default: none; "
-         "where one is needed 0 unless that is one of `labels`, else the number below the least label."},
+     .prose = "The background label. It is listed second in each interface, so normals point into "
+              "it. Default: none; if one is required, 0, or the number below the lowest label if 0 "
+              "is one of `labels`."},
     {.pointer = "/surface/labels/closed",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
@@ -539,7 +540,7 @@ const spec_row spec_rows[] = {
      .low = -PRECISION_WHOLE_MOST,
      .high = PRECISION_WHOLE_MOST,
      AT_HAS(surface.labels.groups, surface.labels.group_count),
-     .prose = "Labels that count as one, the first of their list: [[3, 4], [7, 8, 9]]."},
+     .prose = "Labels to unite, each list under its first label: [[3, 4], [7, 8, 9]]."},
     {.pointer = "/surface/labels/interfaces",
      .type = SPEC_TYPE_LISTS,
      .low = -PRECISION_WHOLE_MOST,
@@ -625,8 +626,8 @@ const spec_row spec_rows[] = {
      UNSTORED,
      .prose =
          "The union of the solids. Each member is a surface and may itself be a combination. The "
-         "result has a sharp edge where two surfaces meet. A member that is empty, such as solids that do "
-         "not meet, is left out, with a warning."},
+         "result has a sharp edge where two surfaces meet. An empty member, such as the intersection of solids that do not overlap, is skipped "
+         "with a warning."},
     {.pointer = "/surface/intersection",
      .type = SPEC_TYPE_SURFACES,
      .choice = SPEC_CHOICE_SURFACE,
@@ -640,18 +641,18 @@ const spec_row spec_rows[] = {
      .low = 2,
      .high = 64,
      UNSTORED,
-     .prose = "The first solid without the others. One of these that is empty is left out, with a warning."},
+     .prose = "The first solid without the others. An empty solid among the others is skipped with "
+              "a warning."},
     {.pointer = "/surface/offset",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
      UNSTORED,
-     .prose =
-         "A surface at a constant distance from another one. The other surface must have distances: "
-         "formulas have them but for ellipsoid, quartic and gyroid, level sets and meshes have them, and so "
-         "have their combinations and "
-         "their transforms that keep angles. Other surfaces, such as fog volumes, are refused. Edges "
-         "of a combination stay sharp. The band of a level set must be wide enough for the offset."},
+     .prose = "A surface at a constant distance from another one. The other surface must have "
+              "distances: level sets, meshes, and formulas except ellipsoid, quartic and gyroid; "
+              "also combinations of these, and transforms that preserve angles. Other surfaces, "
+              "such as fog volumes, are refused. Edges "
+              "of a combination stay sharp. The band of a level set must be wide enough for the offset."},
     {.pointer = "/surface/offset/surface",
      .type = SPEC_TYPE_SURFACE,
      .flags = SPEC_REQUIRED,
@@ -731,8 +732,8 @@ const spec_row spec_rows[] = {
     GROUP(
         "/sampling", SPEC_REQUIRED,
         "The number of points. Give exactly one target (count, spacing, density, control, time_s or resolve) "
-        "and at most one rule for the spacing (alpha, curvature or grid). Beside curvature or grid, or on their own, "
-        "feature makes thin parts finer, and curve_spacing what is near curves."),
+        "and at most one rule for the spacing (alpha, curvature or grid). feature refines thin parts, and curve_spacing the surface near curves; both may be "
+        "combined with curvature or grid."),
     {.pointer = "/sampling/count",
      .type = SPEC_TYPE_LARGE,
      .choice = SPEC_CHOICE_TARGET,
@@ -811,26 +812,28 @@ const spec_row spec_rows[] = {
      .high = 1e6,
      AT(time_s),
      .unit = "s",
-     .prose = "As many points as the whole job can relax, measure and write in this time on the machine "
-              "that runs it. Trial runs with increasing counts determine the number. The result is not "
-              "reproducible and is never cached. The job fails with limit_time if fewer than 200 points "
-              "fit."},
+     .prose =
+         "The number of points that the whole job can relax, measure and write in this time "
+         "on the machine that runs it. Trial runs with increasing counts determine the number. The result is not "
+         "reproducible and is never cached. The job fails with limit_time if fewer than 200 points "
+         "fit."},
     {.pointer = "/sampling/resolve",
      .type = SPEC_TYPE_BOOL,
      .choice = SPEC_CHOICE_TARGET,
      AT(resolve),
-     .prose =
-         "As many points as it takes to resolve the surface: the spacing is what feature and grid ask for, at "
-         "most max_spacing. Give true. The report and the estimate state the count. A closed mesh is sampled on its "
-         "triangles then, those within its solids with them, as with sharp edges (/surface/mesh/features), and "
-         "mesh.ply has their topology."},
+     .prose = "true: hexad chooses the count that resolves the surface, from the spacing that "
+              "feature and grid require, at most max_spacing. The report and the estimate state "
+              "the count. A closed mesh is then sampled on its triangles, including those inside "
+              "its solids, as with sharp edges (/surface/mesh/features), and mesh.ply has the "
+              "topology of the mesh."},
     {.pointer = "/sampling/feature",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_feature),
      .prose =
-         "Finer spacing where the surface is thin or sheets are close: at most ratio times the feature size, "
+         "Finer spacing where the surface is thin or opposite walls are close: at most ratio "
+         "times the feature size, "
          "which is half the thickness, half the gap, or the radius of a thin tube. Convex edges are not thin. "
          "The job fails if the count is too small, and names the count that it needs."},
     {.pointer = "/sampling/feature/ratio",
@@ -841,8 +844,7 @@ const spec_row spec_rows[] = {
      .otherwise = "0.75",
      AT(feature.ratio),
      .prose =
-         "The largest spacing, over the feature size. With 0.75, sheets are 2.7 spacings apart; above 1, they "
-         "may remain unresolved."},
+         "The largest spacing, over the feature size. With 0.75, opposite walls are 2.7 spacings apart; above 1, they may remain unresolved."},
     {.pointer = "/sampling/alpha",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
@@ -852,8 +854,7 @@ const spec_row spec_rows[] = {
      .prose =
          "Spacing by curvature with equations (13) and (14): alpha = gamma + 1 / (kappa^d + nu). "
          "kappa is multiplied by a length L, so that it does not depend on scale: the longest side of the "
-         "box around the surface of a volume or mesh, of the domain of a formula or B-spline. The report "
-         "tells it."},
+         "box around the surface of a volume or mesh, of the domain of a formula or B-spline. The report states L."},
     {.pointer = "/sampling/alpha/d",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
@@ -888,9 +889,9 @@ const spec_row spec_rows[] = {
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, alpha.has_scale),
-     .prose =
-         "The distance over which the surface's curvature is taken: the bend of the shape instead of the facets of "
-         "a mesh or the noise of a scan. Give one of its members. Default: two spacings."},
+     .prose = "The distance over which the curvature of the surface is averaged. It measures the "
+              "shape instead of the facets of a mesh or the noise of a scan. Give one of its "
+              "members. Default: two spacings."},
     {.pointer = "/sampling/alpha/scale/spacings",
      .type = SPEC_TYPE_NUMBER,
      .choice = SPEC_CHOICE_SCALE,
@@ -934,11 +935,11 @@ const spec_row spec_rows[] = {
      .low = 1,
      .high = 1000,
      AT(curvature.ratio),
-     .prose =
-         "The ratio of the largest to the smallest spacing, at most: a surface whose curvature varies less, over "
-         "the scale, gets less. The spacing is proportional to kappa^-exponent. Only 1 % of the area is more "
-         "curved than the places of the smallest spacing; where gradation, and no bound on the spacing, would leave "
-         "less than 0.8 of the ratio, as little as 1/8 % may be."},
+     .prose = "The maximum ratio of the largest to the smallest spacing. The spacing is "
+              "proportional to kappa^-exponent. A surface with almost uniform curvature reaches a "
+              "smaller ratio. The smallest spacing is used on the most curved 1 % of the area, or "
+              "on as little as 1/8 % if gradation would otherwise reduce the ratio below 0.8 of "
+              "this value."},
     {.pointer = "/sampling/curvature/exponent",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -952,9 +953,9 @@ const spec_row spec_rows[] = {
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, curvature.has_scale),
-     .prose =
-         "The distance over which the surface's curvature is taken: the bend of the shape instead of the facets of "
-         "a mesh or the noise of a scan. Give one of its members. Default: 4 spacings of the place."},
+     .prose = "The distance over which the curvature of the surface is averaged. It measures the "
+              "shape instead of the facets of a mesh or the noise of a scan. Give one of its "
+              "members. Default: 4 local spacings."},
     {.pointer = "/sampling/curvature/scale/spacings",
      .type = SPEC_TYPE_NUMBER,
      .choice = SPEC_CHOICE_SCALE,
@@ -962,8 +963,7 @@ const spec_row spec_rows[] = {
      .high = 1000,
      AT(curvature.scale.spacings),
      .unit = "spacings",
-     .prose =
-         "The distance in spacings, as they are at the place. 0: the curvature of the field at the point itself."},
+     .prose = "The distance in local spacings. 0: the curvature of the field at the point itself."},
     {.pointer = "/sampling/curvature/scale/world",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -1003,18 +1003,17 @@ const spec_row spec_rows[] = {
      .otherwise = "\"spacing\"",
      AT(grid.kind),
      .prose = "spacing: values are distances between neighbours. density: values are points per unit of "
-              "area; where the density is 0, there are only the points that max_spacing and gradation "
-              "require."},
+              "area; where the density is 0, only max_spacing and gradation determine the points."},
     {.pointer = "/sampling/curve_spacing",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
      .high = 1,
      AT(curve_spacing),
-     .prose =
-         "The spacing of points on curves (sharp edges, boundaries of meshes, what features adds), as a share of the "
-         "spacing around. It grows from there by gradation; the count stays what it is. Beside curvature, grid or "
-         "feature, or on its own; a surface without curves stays as it is."},
+     .prose = "The spacing of points on curves (sharp edges, boundaries of meshes, curves of "
+              "features), as a fraction of the spacing around them. Away from the curves it grows "
+              "by gradation; the count does not change. It may be combined with curvature, grid or "
+              "feature. It has no effect on a surface without curves."},
     {.pointer = "/sampling/min_spacing",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -1023,9 +1022,9 @@ const spec_row spec_rows[] = {
      AT(min_spacing),
      .unit = "world",
      .prose =
-         "The smallest spacing. Belongs to curvature, grid, feature and curve_spacing. Features ask for no spacing below it, or "
-         "by default below a quarter of a voxel (of a formula: of a cell; of a mesh that resolve samples on its "
-         "triangles: 1/256 of its longest side, or a quarter of the side of its triangles, more where its area is large)."},
+         "The smallest spacing. Belongs to curvature, grid, feature and curve_spacing. feature uses no spacing below it. Default for feature: a quarter of a voxel; of a "
+         "cell for a formula; for a mesh with resolve, 1/256 of its longest side or a quarter "
+         "of the side of its triangles, more if its area is large."},
     {.pointer = "/sampling/max_spacing",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -1197,10 +1196,10 @@ const spec_row spec_rows[] = {
      WORDS(SPEC_INIT),
      .otherwise = "\"surface\"",
      AT(init),
-     .prose = "surface: the first points are distributed over the surface by area. random: they are "
-              "uniform in the domain or, for volumes, in the voxels that the surface crosses. sized: they "
-              "are an even packing by the method sized, which other methods then relax their way; it "
-              "counts as part of the start: its sweeps are not in the report."},
+     .prose =
+         "surface: the first points are distributed over the surface by area. random: they are "
+         "uniform in the domain or, for volumes, in the voxels that the surface crosses. sized: an even packing computed by the method sized, then refined by the chosen "
+         "method. Its sweeps are part of the start and are not in the report."},
     {.pointer = "/solver/seed",
      .type = SPEC_TYPE_LARGE,
      .low = 0,
@@ -1239,9 +1238,10 @@ const spec_row spec_rows[] = {
      .otherwise = "0.003",
      AT(step_tolerance),
      .unit = "spacings",
-     .prose = "Convergence requires an rms step below this. For witkin-heckbert it is the rms displacement "
-              "per unit of time. Below 0.003 only a few defects still move: 0.001 doubles the sweeps, "
-              "and changes the measures of quality less than another seed would."},
+     .prose =
+         "Convergence requires an rms step below this. For witkin-heckbert it is the rms displacement "
+         "per unit of time. Below 0.003 only a few defects still move: 0.001 doubles the sweeps and changes the "
+         "quality less than another seed."},
     {.pointer = "/solver/energy_tolerance",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -1255,10 +1255,11 @@ const spec_row spec_rows[] = {
          "outcome not_converged. Method sized does not use it."},
 
     GROUP("/outcome", SPEC_OPTIONAL,
-          "What the result must be like beyond the criteria of every job (doc/report.md)."),
+          "Requirements on the result in addition to the criteria of every job (doc/report.md)."),
     GROUP(
         "/outcome/require", SPEC_OPTIONAL,
-        "Bounds on measures of the report. A result that misses one has the outcome unresolved, with that measure as the criterion."),
+        "Bounds on measures of the report. A result that violates one has the outcome unresolved, with that measure as the "
+        "criterion."),
 #define REQUIRE(prefix, NAME, word, minimum)                                          \
     {.pointer = "/outcome/require/" #word,                                            \
      .type = SPEC_TYPE_NUMBER,                                                        \
@@ -1275,9 +1276,9 @@ const spec_row spec_rows[] = {
          .low = 0,
          .high = 32,
          UNSTORED,
-         .prose =
-             "What the points carry beside their own properties, in every output: temperature, velocity, colours. "
-             "doc/formats.md says under which names each format has them."},
+         .prose = "Values from files that are interpolated at the points and written to every output, "
+                  "such as temperature, velocity or colours. doc/formats.md lists their names in each "
+                  "format."},
     {.pointer = "/attributes/from",
      .type = SPEC_TYPE_STRING,
      .low = 1,
@@ -1295,8 +1296,7 @@ const spec_row spec_rows[] = {
      AT(attribute.name),
      .prose =
          "The grid of an OpenVDB file (any of numbers or vectors), the channel of a stack of images, the component "
-         "of an NRRD file with several values at a place (0, 1, ...; all of them if this is absent), or what the "
-         "vertices of a mesh have. Of geometry: part (the number of the part of a combined surface, from 0), "
+         "of an NRRD file with several values at a place (0, 1, ...; all of them if this is absent), or the name of a value of the vertices of a mesh. Of geometry: part (the number of the part of a combined surface, from 0), "
          "direction1 or direction2 (of the principal curvatures)."},
     {.pointer = "/attributes/as",
      .type = SPEC_TYPE_STRING,
@@ -1312,8 +1312,9 @@ const spec_row spec_rows[] = {
      AT(attribute.type),
      .prose =
          "What the values are. Transforms of the surface turn and stretch vectors, turn normals, and leave all "
-         "others. A color is also written as formats write colours, a uv as texture coordinates. auto: int for "
-         "whole numbers, vector for three components, float for others, and what a mesh says."},
+         "others. A color is also written as the colour of the points in each format, a uv as texture "
+         "coordinates. auto: int for whole numbers, vector for three components, float for "
+         "others; for a mesh, the type of its value."},
     {.pointer = "/attributes/interpolation",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_INTERPOLATION),
@@ -1344,8 +1345,8 @@ const spec_row spec_rows[] = {
      .high = 100,
      AT_HAS(ply_properties, ply_property_count),
      .prose =
-         "Which properties points.ply has, in this order; x, y and z come first. The name of an application "
-         "stands for what it reads: blender, houdini, meshlab, or minimal (positions and normals). Default: all "
+         "Which properties points.ply has, in this order; x, y and z come first. Instead of a list, the name of an application selects the properties that it reads: "
+         "blender, houdini, meshlab, or minimal (positions and normals). Default: all "
          "that doc/report.md lists, and the attributes; doc/formats.md has further names. red, green and blue "
          "are those of an attribute of colours, else the colours of the preview."},
     {.pointer = "/output/preview",
@@ -1415,8 +1416,8 @@ const spec_row spec_rows[] = {
      AT(preview_up),
      .prose =
          "The axis that points up unless a camera says so. auto: y of OpenVDB files and of meshes but STL, 3MF and "
-         "AMF files, z of all others; of an OBJ, OFF, PLY or STL file the other one if the mesh stands on a flat base "
-         "along that alone."},
+         "AMF files, z of all others; for an OBJ, OFF, PLY or STL file, the other one if the mesh has a flat base along "
+         "that axis only."},
     {.pointer = "/output/preview/camera",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
@@ -1445,9 +1446,8 @@ const spec_row spec_rows[] = {
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
      AT(camera.up),
-     .prose =
-         "The direction that points up in the image; default: that of the axis that up says. It must not be "
-         "parallel to the line of sight. A turntable rotates about it."},
+     .prose = "The direction that points up in the image; default: the axis of up. It must not be "
+              "parallel to the line of sight. A turntable rotates about it."},
     {.pointer = "/output/preview/camera/fov",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -1527,8 +1527,8 @@ const spec_row spec_rows[] = {
      .otherwise = "false",
      AT(has_label_meshes),
      .prose =
-         "Whether to write mesh_label_N.ply for each label N but the background, too: what of the mesh bounds it, facing "
-         "outwards. Such a mesh is closed unless its label reaches the end of the data, which is an interface with "
+         "Whether to write mesh_label_N.ply for each label N except the background: the part "
+         "of the mesh that bounds the label, with outward normals. Such a mesh is closed unless its label reaches the end of the data, which is an interface with "
          "surface.labels.closed. Requires mesh and surface.labels."},
     {.pointer = "/output/directory",
      .type = SPEC_TYPE_STRING,
@@ -1550,11 +1550,11 @@ const spec_row spec_rows[] = {
      AT(memory_mb),
      .unit = "MiB",
      .prose =
-         "The memory of the worker; 0: the service's setting. A job that would need more for its points, "
-         "grids or pictures ends with limit_memory before it takes it. Where systemd has delegated a "
-         "control group to the service, the kernel ends a worker that takes more all the same, also "
-         "with limit_memory. Elsewhere it may come to take more for a while: its address space is "
-         "bounded to this, 512 MiB, and 80 MiB for each processor."},
+         "The memory of the worker; 0: the service's setting. A job that requires more for its points, grids or pictures ends with limit_memory "
+         "before it allocates it. If systemd has delegated a control group to the service, "
+         "the kernel kills a worker that uses more, also with limit_memory. Without a control "
+         "group, use can briefly exceed the limit: the address space is limited to this value "
+         "plus 512 MiB plus 80 MiB for each processor."},
     {.pointer = "/limits/timeout_s",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
@@ -1580,7 +1580,7 @@ const spec_row spec_rows[] = {
      .otherwise = "0",
      AT(max_attempts),
      .unit = "attempts",
-     .prose = "How often the job is tried if its worker dies."},
+     .prose = "The maximum number of attempts if the worker crashes."},
 
     GROUP("/queue", 0, "The job's place in the queue."),
     {.pointer = "/queue/priority",
@@ -1596,7 +1596,7 @@ const spec_row spec_rows[] = {
      .high = 32,
      .otherwise = "[]",
      AT_HAS(labels, label_count),
-     .prose = "Words by which the job can be found, each 1 to 100 characters long."},
+     .prose = "Words to search for the job by, each 1 to 100 characters long."},
     {.pointer = "/queue/depends_on",
      .type = SPEC_TYPE_LABELS,
      .low = 0,
@@ -1611,7 +1611,7 @@ const spec_row spec_rows[] = {
      .high = 1000,
      .otherwise = "[]",
      AT_HAS(after, after_count),
-     .prose = "Identifiers of jobs that must end before this one starts, whether they succeed or not."},
+     .prose = "Identifiers of jobs that must end before this one starts, successful or not."},
     {.pointer = "/queue/frames",
      .type = SPEC_TYPE_STRING,
      .low = 1,
@@ -1651,9 +1651,9 @@ const spec_row spec_rows[] = {
      AT(webhook),
      .prose =
          "An http or https address that the service calls when the job has ended. The service must "
-         "allow its host. The service repeats the call until the answer is 2xx or its retries are "
-         "spent. A receiver may be told of the same end more than once, with the same webhook-id, and is "
-         "told again when a job that was retried ends."},
+         "allow its host. The service repeats the call until the answer is 2xx or the number of retries is "
+         "reached. A receiver may be called more than once for the same end, with the same "
+         "webhook-id, and is called again when a retried job ends."},
     {.pointer = "/queue/slurm",
      .type = SPEC_TYPE_LABELS,
      .low = 0,
