@@ -33,7 +33,7 @@ static const char *default_of(const config_row *row)
 
 static bool bad(error *e, const config_row *row, const char *value, const char *expected)
 {
-    return error_set(e, ERROR_SPEC_INVALID, "%s: \"%s\" is not %s", row->key, value, expected);
+    return error_set(e, ERROR_SPEC_INVALID, "%s: must be %s (given \"%s\")", row->key, expected, value);
 }
 
 static bool set_number(const config_row *row, const char *value, void *at, error *e)
@@ -126,7 +126,8 @@ static bool set_from(source *s, const config_row *row, const char *value)
 {
     assert(config_table_size <= MOST_SETTINGS);
     bool *seen = &s->seen[row - config_table];
-    if (*seen && !is_list(row)) return error_set(s->e, ERROR_SPEC_INVALID, "%s is given twice", row->key);
+    if (*seen && !is_list(row))
+        return error_set(s->e, ERROR_SPEC_INVALID, "%s is given twice: remove one", row->key);
     if (!*seen && is_list(row)) list_clear((config_list *)((char *)s->c + row->offset));
     *seen = true;
     return set_value(s->c, row, value, s->e);
@@ -142,8 +143,9 @@ static char *read_line(char *buffer, int size, void *context)
     s->line++;
     size_t length = strlen(line);
     if (length + 1 == (size_t)size && line[length - 1] != '\n') {
-        error_set(s->e, ERROR_SPEC_INVALID, "%s:%d: the line is longer than %d bytes", s->path, s->line,
-                  size - 2);
+        error_set(s->e, ERROR_SPEC_INVALID,
+                  "%s:%d: the line is longer than %d bytes: repeat the key on a second line", s->path,
+                  s->line, size - 2);
         return NULL;
     }
     return line;
@@ -157,11 +159,12 @@ static int take_pair(void *context, const char *section, const char *key, const 
     nearest_name nearest = nearest_name_to(key, strlen(key));
     offer_settings(&nearest);
     if (*section && strcmp(section, "hexad") != 0)
-        error_set(s->e, ERROR_SPEC_INVALID, "there is no section [%s]", section);
+        error_set(s->e, ERROR_SPEC_INVALID, "the setting is in the unknown section [%s]: remove the section",
+                  section);
     else if (!row && nearest.name)
-        error_set(s->e, ERROR_SPEC_INVALID, "there is no setting %s; did you mean %s?", key, nearest.name);
+        error_set(s->e, ERROR_SPEC_INVALID, "unknown setting %s; did you mean %s?", key, nearest.name);
     else if (!row)
-        error_set(s->e, ERROR_SPEC_INVALID, "there is no setting %s; see hexad --help", key);
+        error_set(s->e, ERROR_SPEC_INVALID, "unknown setting %s; see hexad --help", key);
     else
         set_from(s, row, value);
     error_prefix(s->e, "%s:%d", s->path, s->line);
@@ -172,12 +175,17 @@ static bool read_file(config *c, const char *path, error *e)
 {
     error mine = {0};
     source s = {.c = c, .path = path, .e = &mine, .file = fopen(path, "re")};
-    if (!s.file) return error_set(e, ERROR_SPEC_INVALID, "%s cannot be read: %s", path, strerror(errno));
+    if (!s.file)
+        return error_set(e, ERROR_SPEC_INVALID, "cannot read the settings file %s: %s. Check --config.", path,
+                         strerror(errno));
     int line = ini_parse_stream(read_line, &s, take_pair, &s);
-    if (ferror(s.file)) error_set(&mine, ERROR_SPEC_INVALID, "%s cannot be read: %s", path, strerror(errno));
+    if (ferror(s.file))
+        error_set(&mine, ERROR_SPEC_INVALID, "cannot read the settings file %s: %s. Check --config.", path,
+                  strerror(errno));
     fclose(s.file);
     if (line != 0 && !mine.code)
-        error_set(&mine, ERROR_SPEC_INVALID, "%s:%d: no setting: write NAME = VALUE", path, line);
+        error_set(&mine, ERROR_SPEC_INVALID, "%s:%d: the line is not a setting: write NAME = VALUE", path,
+                  line);
     if (mine.code && e) *e = mine;
     return !mine.code;
 }
@@ -226,11 +234,11 @@ static bool refuse_option(const char *key, size_t length, error *e)
     nearest_name_offer(&nearest, "config");
     offer_settings(&nearest);
     if (find_action(key, length))
-        return error_set(e, ERROR_SPEC_INVALID, "--%.*s takes no value", (int)length, key);
+        return error_set(e, ERROR_SPEC_INVALID, "--%.*s takes no value: remove it", (int)length, key);
     if (nearest.name)
-        return error_set(e, ERROR_SPEC_INVALID, "there is no option --%.*s; did you mean --%s?", (int)length,
-                         key, nearest.name);
-    return error_set(e, ERROR_SPEC_INVALID, "there is no option --%.*s; see --help", (int)length, key);
+        return error_set(e, ERROR_SPEC_INVALID, "unknown option --%.*s; did you mean --%s?", (int)length, key,
+                         nearest.name);
+    return error_set(e, ERROR_SPEC_INVALID, "unknown option --%.*s; see hexad --help", (int)length, key);
 }
 
 /* An option and its value, `--key VALUE` or `--key=VALUE`; moves *index over both. */
@@ -239,13 +247,14 @@ static bool split_option(int argc, char *const *argv, int *index, const char **k
 {
     const char *text = argv[*index];
     if (strncmp(text, "--", 2) != 0 || !text[2])
-        return error_set(e, ERROR_SPEC_INVALID, "%s is not an option; see --help", text);
+        return error_set(e, ERROR_SPEC_INVALID, "unexpected argument %s; see hexad --help", text);
     *key = text + 2;
     *length = strcspn(*key, "=");
     if (!is_option(*key, *length)) return refuse_option(*key, *length, e);
     *value = (*key)[*length] ? *key + *length + 1 : NULL;
     if (*value) return true;
-    if (*index + 1 >= argc) return error_set(e, ERROR_SPEC_INVALID, "%s has no value", text);
+    if (*index + 1 >= argc)
+        return error_set(e, ERROR_SPEC_INVALID, "%s requires a value: write %s VALUE", text, text);
     *value = argv[++*index];
     return true;
 }
@@ -263,7 +272,7 @@ static bool choose(const struct action *a, config_action *action, error *e)
 {
     for (size_t i = 0; *action != a->action && i < ACTION_COUNT; i++)
         if (actions[i].action == *action)
-            return error_set(e, ERROR_SPEC_INVALID, "--%s and --%s are both given; give one action.",
+            return error_set(e, ERROR_SPEC_INVALID, "--%s and --%s are both given: give one of them",
                              actions[i].name, a->name);
     *action = a->action;
     return true;
@@ -273,9 +282,9 @@ static bool take_action(config *c, const struct action *a, const char *value, co
 {
     char **kept = (char **)((char *)c + a->offset);
     if (!*value || strcmp(value, "@") == 0)
-        return error_set(e, ERROR_SPEC_INVALID, "--%s has no value: name %s", a->name, a->expected);
+        return error_set(e, ERROR_SPEC_INVALID, "--%s requires a value: give %s", a->name, a->expected);
     if (!choose(a, action, e)) return false;
-    if (*kept) return error_set(e, ERROR_SPEC_INVALID, "--%s is given with two values: name one", a->name);
+    if (*kept) return error_set(e, ERROR_SPEC_INVALID, "--%s is given with two values: give one", a->name);
     *kept = mem_strdup(value);
     return true;
 }
@@ -387,7 +396,7 @@ void config_take_over(config *c, config *fresh)
         assert(!row->reloads || row->type != CONFIG_TEXT); /* others hold pointers into texts */
         if (row->reloads) swap(at, from, size_of(row->type));
         log_write(row->reloads ? LOG_LEVEL_INFO : LOG_LEVEL_WARNING, "setting %s %s", row->key,
-                  row->reloads ? "has changed" : "has changed in the file; a restart applies it");
+                  row->reloads ? "has changed" : "has changed: restart hexad to apply it");
     }
 }
 
@@ -425,7 +434,7 @@ static bool find_program(char **path, const char *name, const char *setting, err
         }
     }
     if (access(*path, X_OK) == 0) return true;
-    return error_set(e, ERROR_INPUT_MISSING, "the program %s cannot be run: %s (setting %s)", *path,
+    return error_set(e, ERROR_INPUT_MISSING, "cannot run the program %s: %s. Correct the setting %s.", *path,
                      strerror(errno), setting);
 }
 
@@ -477,14 +486,14 @@ void config_print_help(FILE *file)
         "\n"
         "  --config FILE    reads settings from a file (etc/hexad.conf explains each)\n"
         "  --adopt          for one start: takes over the database in state_dir from another instance, or\n"
-        "                   creates a new one where it is lost, and registers results that it lacks\n"
+        "                   creates a new one if it is missing, and registers results that it lacks\n"
         "  --backup FILE    copies the queue's database to FILE, replacing it, and checks the"
         " copy. It works\n"
         "                   whether hexad runs or not. A running hexad is found at $HEXAD_SERVER,\n"
-        "                   otherwise where the settings say; over TCP it needs a token of the scope\n"
-        "                   admin in $HEXAD_TOKEN\n"
-        "  --check          checks the database for damage and, when hexad does not run, the results of\n"
-        "                   all jobs. It changes nothing and prints a line for each fault\n"
+        "                   otherwise at the address of the settings; over TCP it requires a token with the\n   "
+        "                scope admin in $HEXAD_TOKEN\n"
+        "  --check          checks the database for damage and, if hexad does not run, the results of all\n     "
+        "              jobs. It changes nothing and prints a line for each fault\n"
         "  --allow USER     grants a user, or the members of a @GROUP, access to the Unix socket. It adds the name\n"
         "                   to unix_users or unix_groups of FILE (default: the file that hexad.service\n"
         "                   names, otherwise " HEXAD_SYSCONFDIR "/hexad.conf). For\n"
@@ -497,7 +506,7 @@ void config_print_help(FILE *file)
         "  --version        prints the version\n"
         "\n"
         "Exit status: 0 drained, 1 failure, 2 bad settings. Of --backup: 0 done, 1 failure, and FILE is\n"
-        "unchanged. Of --check: 0 no fault, 1 a fault was found, or the check could not be made.\n"
+        "unchanged. Of --check: 0 no fault, 1 a fault was found, or the check failed.\n"
         "Of --allow and --deny: 0 done, 1 failure, 2 a name that does not exist or bad settings.\n"
         "\n"
         "Settings, as options and as keys of the file; options take precedence:\n",
@@ -512,7 +521,7 @@ void config_print_help(FILE *file)
 
 void config_print_sample(FILE *file)
 {
-    fputs("# Settings of hexad. A line that is commented out shows the default.\n"
+    fputs("# Settings of hexad. Lines that are commented out show the defaults.\n"
           "# Made by `hexad --print-config`.\n",
           file);
     for (size_t i = 0; i < config_table_size; i++) {

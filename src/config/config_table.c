@@ -12,15 +12,15 @@ const config_row config_table[] = {
          "The address to serve: unix:/path or HOST:PORT. Empty: the socket hexad.sock in "
          "$RUNTIME_DIRECTORY (set by systemd), otherwise in state_dir. On a Unix socket the caller is the "
          "user whose process connects. A TCP port needs tokens (see token_file and tcp_without_tokens) "
-         "and is not encrypted. Port 0 takes a free port; port_file tells which."},
+         "and is not encrypted. Port 0: any free port; port_file then receives its number."},
     {SETTING(unix_users), .type = CONFIG_LIST, .reloads = true,
-     .help =
-         "Users, by name or number, who may read, submit and cancel on the Unix socket; separated by "
-         "colons or commas. The service's own user and root are administrators. Other users cannot "
-         "reach a socket in state_dir: set listen to one in a directory that they can reach. hexad --allow "
-         "adds a user here, and opens the socket of hexad.socket."},
+     .help = "Users, by name or number, who may read, submit and cancel on the Unix socket; "
+             "separated by colons or commas. The user of the service and root are administrators. "
+             "Other users cannot reach a socket in state_dir: set listen to a socket in a "
+             "directory that they can reach. hexad --allow "
+             "adds a user here, and opens the socket of hexad.socket."},
     {SETTING(unix_groups), .type = CONFIG_LIST, .reloads = true,
-     .help = "Groups whose members may do what unix_users may do."},
+     .help = "Groups whose members have the same access as unix_users."},
     {SETTING(unix_admins), .type = CONFIG_LIST, .reloads = true,
      .help = "Users who are administrators on the Unix socket."},
     {SETTING(token_file), .type = CONFIG_TEXT,
@@ -30,25 +30,26 @@ const config_row config_table[] = {
          "at every use, so a change takes effect at once. Empty: the file tokens in "
          "$CONFIGURATION_DIRECTORY (of the unit: /etc/hexad), otherwise in state_dir, if it exists."},
     {SETTING(tcp_without_tokens), .type = CONFIG_TEXT,
-     .help = "Whether a loopback port is served when there are no tokens. The only value that allows it is "
-             "anyone-on-this-machine-may-submit-and-cancel, and that is the effect. A port that other "
-             "machines can reach is never served without tokens."},
+     .help = "Whether a loopback port is served without tokens. The only value that allows it is "
+             "anyone-on-this-machine-may-submit-and-cancel, which states the effect. A port that "
+             "other machines can reach is never served without tokens."},
     {SETTING(page_origins), .type = CONFIG_WORDS,
      .help =
          "Origins of web pages (https://gui.example, http://localhost:3000) that may send requests from a "
          "browser and read the answers; separated by commas, and the key may be repeated. Behind a proxy: "
-         "the origin at which browsers reach it, for the page of hexad itself. A request over TCP that shows no "
-         "token is answered 421 when its Host is neither this port's own nor one of these, and 403 when it "
-         "comes from a page of any other origin."},
+         "the origin at which browsers reach it, for the page of hexad itself. A request over TCP without a token gets status 421 if its Host is neither that of "
+         "this port nor of one of these origins, and 403 if it comes from a page of another "
+         "origin."},
     {SETTING(page), .type = CONFIG_INTEGER, .default_text = "1", .low = 0, .high = 1,
      .help = "1: the web page is served at /, and browsers may sign in with a token. 0: neither."},
     {SETTING(session_s), .type = CONFIG_REAL, .default_text = "43200", .low = 1, .high = 3.2e7, .unit = "s",
      .help = "How long a browser stays signed in. A session ends earlier when its token is revoked."},
     {SETTING(trusted_proxies), .type = CONFIG_WORDS,
-     .help = "Addresses or ranges (10.0.0.0/8) of proxies in front of a TCP port; separated by commas, and "
-             "the key may be repeated. Their header Forwarded (RFC 7239) tells the client's address, which "
-             "counts for the limits of connections and is logged. The header is ignored when others send it; "
-             "X-Forwarded-For is always ignored."},
+     .help =
+         "Addresses or ranges (10.0.0.0/8) of proxies in front of a TCP port; separated by commas, and "
+         "the key may be repeated. Their header Forwarded (RFC 7239) gives the address of the client, which is used "
+         "for the limits of connections and in the log. The header is ignored if it comes "
+         "from another address; X-Forwarded-For is always ignored."},
     {SETTING(port_file), .type = CONFIG_TEXT,
      .help = "A file that receives the served address, in one line, once the service listens. Empty: none."},
     {SETTING(state_dir), .type = CONFIG_TEXT,
@@ -56,25 +57,24 @@ const config_row config_table[] = {
              "on a local file system, and only one daemon may use it. Empty: $STATE_DIRECTORY (set by "
              "systemd), otherwise lib/hexad below the localstatedir of the build."},
     {SETTING(work_dir), .type = CONFIG_TEXT,
-     .help =
-         "The directory of attempts, results and uploaded inputs, on storage that all nodes of a farm see at the "
-         "same path. It belongs to one service, as state_dir does. Empty: state_dir."},
+     .help = "The directory of attempts, results and uploaded inputs, on storage that all nodes "
+             "of a farm see at the same path. Only one service may use it. Empty: state_dir."},
     {SETTING(engine), .type = CONFIG_TEXT, .default_text = "local",
      .help =
-         "What runs the attempts. local: processes of this machine. slurm: jobs of Slurm, by its commands; "
-         "needs work_dir. workers is then without effect, and threads and host_memory_mb bound what one "
-         "attempt may ask for."},
+         "What runs the attempts. local: processes of this machine. slurm: jobs of Slurm, by its commands; requires work_dir. The setting workers then has no "
+         "effect, and threads and host_memory_mb are the limits of one attempt."},
     {SETTING(slurm_job_limit), .type = CONFIG_INTEGER, .default_text = "2000", .low = 1, .high = 100000,
      .unit = "attempts",
-     .help = "How many attempts may be in Slurm's queue at once. Others wait in hexad's."},
+     .help = "The maximum number of attempts in the queue of Slurm. Further ones wait in the "
+             "queue of hexad."},
     {SETTING(slurm_options), .type = CONFIG_WORDS,
      .help =
          "Further options of sbatch for all attempts, as --partition=farm, --qos=normal, --constraint=avx512; "
          "separated by commas, and the key may be repeated."},
     {SETTING(slurm_allow), .type = CONFIG_WORDS,
      .help =
-         "The options of sbatch that a job may ask for (queue.slurm), with one value, as --partition=gpu, or with "
-         "any, as --constraint. Separated by commas, and the key may be repeated. Empty: none."},
+         "The options of sbatch that a job may set (queue.slurm): with one value, such as "
+         "--partition=gpu, or with any value, such as --constraint. Separated by commas, and the key may be repeated. Empty: none."},
     {SETTING(slurm_accounts), .type = CONFIG_WORDS,
      .help =
          "The Slurm accounts of users, as user=account; `*` stands for all users who are not named. Separated by "
@@ -85,23 +85,24 @@ const config_row config_table[] = {
          "build. worker is a path on the nodes, too."},
     {SETTING(slurm_batch_points), .type = CONFIG_INTEGER, .default_text = "20000", .low = 0, .high = 1 << 30,
      .unit = "points",
-     .help = "Attempts of at most so many points share a Slurm job when many wait. 0: none do."},
+     .help = "Attempts with at most this number of points share a Slurm job when many wait. 0: no "
+             "attempts share a job."},
     {SETTING(slurm_batch_attempts), .type = CONFIG_INTEGER, .default_text = "16", .low = 1, .high = 1000,
      .unit = "attempts",
-     .help = "How many of these a Slurm job is given at most; it runs them one after the other."},
+     .help = "The maximum number of these attempts in one Slurm job, which runs them in sequence."},
     {SETTING(slurm_batch_s), .type = CONFIG_REAL, .default_text = "60", .low = 0, .high = 86400, .unit = "s",
-     .help =
-         "For how long after its start such a Slurm job goes on with small attempts of others that have not "
-         "begun: Slurm takes a second to start a job, and a node has nothing to do meanwhile."},
+     .help = "How long after its start such a Slurm job takes over small attempts of other Slurm "
+             "jobs that have not started. This uses nodes that are idle while Slurm starts jobs, "
+             "which takes about a second each."},
     {SETTING(slurm_interval_s), .type = CONFIG_REAL, .default_text = "1", .low = 0.1, .high = 3600,
      .unit = "s",
-     .help = "How often squeue is called, for all attempts at once; less often when it takes long."},
+     .help = "The interval between calls of squeue, each for all attempts; longer if squeue is slow."},
     {SETTING(slurm_timeout_s), .type = CONFIG_REAL, .default_text = "30", .low = 0.1, .high = 3600,
      .unit = "s", .help = "The time limit of a command of Slurm."},
     {SETTING(slurm_lost_s), .type = CONFIG_REAL, .default_text = "30", .low = 0, .high = 86400, .unit = "s",
-     .help =
-         "How long a Slurm that answers must not know a job, or the file that ends an attempt cannot be read, before the "
-         "attempt is given up and tried again. While Slurm does not answer, no job is given up."},
+     .help = "How long a job must be missing from Slurm, or the file that ends an attempt be "
+             "unreadable, before the attempt is abandoned and tried again. While Slurm does not "
+             "answer, no attempt is abandoned."},
     {SETTING(input_roots), .type = CONFIG_LIST,
      .help =
          "Input files that jobs may read: directories, with all below them, or single files; separated by "
@@ -120,8 +121,8 @@ const config_row config_table[] = {
          "`from` begins with a drive or with \\\\, case is ignored and \\ equals /. input_roots and "
          "output_roots apply to the mapped path."},
     {SETTING(output_mode), .type = CONFIG_TEXT, .default_text = "0644",
-     .help = "The mode of copied results, in octal. New directories get the same mode, and whoever may "
-             "read them may also enter them."},
+     .help = "The mode of copied results, in octal. New directories get the same mode, with "
+             "execute permission wherever there is read permission."},
     {SETTING(output_group), .type = CONFIG_TEXT,
      .help = "The group of copied results. Empty: the service's group."},
     {SETTING(share_outputs), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1,
@@ -130,9 +131,8 @@ const config_row config_table[] = {
          "(output_taken) while the report.json that was delivered for the other user is there."},
     {SETTING(workers), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1024,
      .unit = "processes",
-     .help =
-         "How many attempts run at once, at most; fewer when threads or host_memory_mb is used up. 0: one "
-         "per thread."},
+     .help = "The maximum number of attempts that run at once; fewer run when threads or "
+             "host_memory_mb is exhausted. 0: one per thread."},
     {SETTING(threads), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 4096, .unit = "threads",
      .help = "The threads of all attempts together. A job without solver.threads gets this number divided by "
              "workers. 0: the number of processors."},
@@ -144,7 +144,7 @@ const config_row config_table[] = {
      .help = "The program that runs a job. Empty: hexad-worker beside hexad, otherwise in the bindir of the "
              "build."},
     {SETTING(memory_mb), .type = CONFIG_INTEGER, .default_text = "4096", .low = WORKER_MEMORY_LEAST_MB,
-     .high = 1 << 24, .unit = "MiB", .help = "The memory limit of a job that names none."},
+     .high = 1 << 24, .unit = "MiB", .help = "The memory limit of a job without limits.memory_mb."},
     {SETTING(file_mb), .type = CONFIG_INTEGER, .default_text = "65536", .low = 0, .high = 1 << 24,
      .unit = "MiB", .reloads = true,
      .help = "The longest file that a worker may write. 100 million points take 10 GiB. 0: no limit."},
@@ -154,12 +154,13 @@ const config_row config_table[] = {
              "directory; hexad does not start where the kernel has no Landlock. available: the same, but "
              "without Landlock where the kernel has none, which the log reports. off: no isolation."},
     {SETTING(timeout_s), .type = CONFIG_REAL, .default_text = "0", .low = 0, .high = 1e7, .unit = "s",
-     .reloads = true, .help = "The time limit of a job that names none, over all its attempts. 0: no limit."},
+     .reloads = true,
+     .help = "The time limit of a job without limits.timeout_s, over all its attempts. 0: no limit."},
     {SETTING(stall_s), .type = CONFIG_REAL, .default_text = "0", .low = 0, .high = 1e7, .unit = "s",
      .reloads = true,
-     .help =
-         "The longest time without progress from a worker, for a job that names no limit. Then the worker is "
-         "ended, and the job is tried again, up to max_attempts. 0: no limit."},
+     .help = "The longest time without progress from a worker, for a job without limits.stall_s. "
+             "Then the worker is stopped, and the job is tried again, up to max_attempts. 0: no "
+             "limit."},
     {SETTING(estimates), .type = CONFIG_INTEGER, .default_text = "2", .low = 0, .high = 1024,
      .unit = "processes",
      .help =
@@ -170,7 +171,8 @@ const config_row config_table[] = {
      .unit = "s", .help = "The time limit of an estimate."},
     {SETTING(max_attempts), .type = CONFIG_INTEGER, .default_text = "3", .low = 1, .high = 100,
      .unit = "attempts",
-     .help = "How often a job is tried when its worker crashes, if the job names no number."},
+     .help = "The number of attempts of a job whose worker crashes, for a job without "
+             "limits.max_attempts."},
     {SETTING(max_interruptions), .type = CONFIG_INTEGER, .default_text = "20", .low = 0, .high = 1000000,
      .unit = "attempts",
      .help = "How often a stop or crash of hexad or of its host may end an attempt of a job (of an array: of "
@@ -184,7 +186,7 @@ const config_row config_table[] = {
      .unit = "MiB",
      .help =
          "The free space on the disks of state_dir that is needed to start jobs. With less, /readyz "
-         "reports storage_full and jobs wait. Set it higher than what the jobs that run at once write. 0: "
+         "reports storage_full and jobs wait. Set it higher than the total size of the results of jobs that run at once. 0: "
          "jobs start even on a full disk."},
     {SETTING(reserve_mb), .type = CONFIG_INTEGER, .default_text = "16", .low = 0, .high = 1 << 20,
      .unit = "MiB",
@@ -201,19 +203,19 @@ const config_row config_table[] = {
          "max_attempts. The waits are retry_s, twice that and so on up to retry_most_s; with its default, "
          "300 tries take a day."},
     {SETTING(cache), .type = CONFIG_INTEGER, .default_text = "1", .low = 0, .high = 1,
-     .help = "1: a job that is equal to an earlier one gets its result, while that is kept and no input has "
-             "changed. Sequences always run. 0: every job runs."},
+     .help = "1: a job that is equal to an earlier one gets the result of that job, if it still "
+             "exists and no input has changed. Sequences always run. 0: every job runs."},
     {SETTING(user_weights), .type = CONFIG_WORDS, .reloads = true,
      .help =
          "The shares of users while several have jobs that wait, as user:weight, from 0.01 to 100; separated by "
          "commas, and the key may be repeated. Users take turns among jobs of equal priority; each frame of an "
          "array takes a turn. With alice:2, bob:1 alice gets two turns for each of bob. `*` stands for all users "
-         "who are not named, whose weight is otherwise 1. Idle time saves no turns."},
+         "who are not named, whose weight is otherwise 1. Turns do not accumulate while a user has no jobs."},
     {SETTING(user_priorities), .type = CONFIG_WORDS, .reloads = true,
      .help =
          "The highest priorities that users may give to jobs, as user:priority, from -1000 to 1000; written as "
-         "user_weights, and `*` stands for all users who are not named. With *:0, alice:50 only alice and "
-         "administrators can have a job run before those of others. A token counts as its user, and may "
+         "user_weights, and `*` stands for all users who are not named. With *:0, alice:50 only alice and administrators can run a job before those of "
+         "other users. A token counts as its user, and may "
          "allow less. Higher priorities are refused (priority_forbidden). Empty: users may give any."},
     {SETTING(user_queued), .type = CONFIG_INTEGER, .default_text = "200000", .low = 0, .high = 1 << 30,
      .unit = "jobs",
@@ -224,25 +226,25 @@ const config_row config_table[] = {
      .help = "How many attempts of a user run at once; the user's other jobs wait. 0: any number."},
     {SETTING(user_submissions), .type = CONFIG_INTEGER, .default_text = "200000", .low = 0, .high = 1 << 30,
      .unit = "jobs",
-     .help =
-         "How many jobs a user may submit in an hour, at once or spread over it; further ones are refused "
-         "(too_many_submissions) with the time to wait. 0: any number."},
+     .help = "How many jobs a user may submit in an hour; further ones are refused "
+             "(too_many_submissions) with the time to wait. 0: any number."},
     {SETTING(check_interval_s), .type = CONFIG_REAL, .default_text = "86400", .low = 1, .high = 1e7,
      .or_zero = true, .unit = "s",
      .help =
          "The interval of complete checks of the database for damage. A check reads a copy, which is "
          "made when the queue is idle. After each start there is a quick check in addition. 0: only the quick check."},
     {SETTING(retention_s), .type = CONFIG_REAL, .default_text = "0", .low = 0, .high = 1e10, .unit = "s",
-     .help = "How long a job and its results are kept after its end, if the job names no time. The time that "
-             "the daemon is stopped does not count. 0: forever."},
+     .help = "How long a job and its results are kept after its end, for a job without "
+             "queue.retention_s. Time during which the daemon is stopped does not count. 0: "
+             "forever."},
     {SETTING(results_mb), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1 << 30,
      .unit = "MiB", .reloads = true,
      .help =
-         "The space on the disk that ended jobs may keep, with results and logs. When it is met, jobs are deleted "
-         "until it is not: of those that were delivered, the one for which that was longest ago comes first. A job is "
+         "The maximum disk space of ended jobs, with results and logs. When it is reached, "
+         "delivered jobs are deleted, in the order of their delivery, until less is used. A job is "
          "delivered when its owner has fetched each file of its results, or they were copied to output.directory, "
-         "or it has none. When no job may be deleted, none is started and new ones are refused (results_full). Jobs "
-         "that run meanwhile may exceed it. 0: four fifths of the disk of state_dir."},
+         "or it has none. When no job may be deleted, no job starts and new ones are refused (results_full). "
+         "Jobs that are running may exceed it. 0: four fifths of the disk of state_dir."},
     {SETTING(results_count), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1 << 30,
      .unit = "results", .reloads = true,
      .help =
@@ -256,27 +258,25 @@ const config_row config_table[] = {
      .help = "results_count for the results of each user. 0: any number."},
     {SETTING(delete_undelivered), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1,
      .reloads = true,
-     .help =
-         "1: when results have met a bound and all delivered jobs are deleted, the others follow, the oldest "
-         "first. 0: nothing is deleted that was not delivered."},
+     .help = "1: when results have reached a bound and all delivered jobs are deleted, the other "
+             "ended jobs are deleted, the oldest first. 0: only delivered jobs are deleted."},
     {SETTING(grace_s), .type = CONFIG_REAL, .default_text = "5", .low = 0, .high = 3600, .unit = "s",
      .reloads = true, .help = "The time between asking a worker to end and killing it."},
     {SETTING(drain_s), .type = CONFIG_REAL, .default_text = "30", .low = 0, .high = 1e6, .unit = "s",
      .reloads = true,
      .help = "After SIGTERM: how long running jobs may continue before they are stopped and queued again. "
-             "Jobs of Slurm run on."},
+             "Jobs of Slurm continue."},
     {SETTING(body_limit_bytes), .type = CONFIG_INTEGER, .default_text = "1048576", .low = 1, .high = 1 << 30,
      .unit = "bytes", .help = "The longest request body."},
     {SETTING(body_total_bytes), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1e15,
      .unit = "bytes",
-     .help =
-         "The memory for the bodies of all requests that are under way. At least body_limit_bytes is used. 0: 16 times "
-         "body_limit_bytes."},
+     .help = "The memory for the bodies of all simultaneous requests, at least body_limit_bytes. 0: 16 times "
+             "body_limit_bytes."},
     {SETTING(user_body_bytes), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1e15,
      .unit = "bytes",
-     .help =
-         "The memory for the bodies of one user's requests that are under way. At least body_limit_bytes is used. 0: "
-         "4 times body_limit_bytes."},
+     .help = "The memory for the bodies of simultaneous requests of one user, at least "
+             "body_limit_bytes. 0: "
+             "4 times body_limit_bytes."},
     {SETTING(upload_limit_bytes), .type = CONFIG_INTEGER, .default_text = "17179869184", .low = 0,
      .high = 1e15, .unit = "bytes",
      .help = "The longest file that a client may upload for its jobs. 0: only empty files."},
@@ -296,9 +296,10 @@ const config_row config_table[] = {
          "administrator."},
     {SETTING(inputs_keep_s), .type = CONFIG_REAL, .default_text = "604800", .low = 60, .high = 1e10,
      .or_zero = true, .unit = "s",
-     .help = "How long an uploaded file is kept after its last use: an upload, the submission of a job that "
-             "names it, or the start of a job that reads it. A file that an unfinished job reads is kept. 0: "
-             "forever."},
+     .help =
+         "How long an uploaded file is kept after its last use, which is an upload, the submission of a job that "
+         "names it, or the start of a job that reads it. A file that an unfinished job reads is kept. 0: "
+         "forever."},
     {SETTING(header_limit_bytes), .type = CONFIG_INTEGER, .default_text = "32768", .low = 4096,
      .high = 1 << 20, .unit = "bytes",
      .help = "The longest request line and headers of a request, and the longest headers of an answer."},
@@ -308,7 +309,7 @@ const config_row config_table[] = {
              "longest and belongs to no user."},
     {SETTING(client_connection_limit), .type = CONFIG_INTEGER, .default_text = "256", .low = 1,
      .high = 100000, .unit = "connections",
-     .help = "How many connections one client may have that have shown no token: a client is an address on "
+     .help = "How many connections without a token one client may have: a client is an address on "
              "TCP, or an unknown user on the Unix socket. For one more, the server closes the one that has "
              "been idle longest."},
     {SETTING(user_connection_limit), .type = CONFIG_INTEGER, .default_text = "512", .low = 1, .high = 100000,
@@ -344,9 +345,8 @@ const config_row config_table[] = {
      .unit = "calls", .help = "How many webhooks are called at once, each on another host."},
     {SETTING(webhook_tries), .type = CONFIG_INTEGER, .default_text = "12", .low = 1, .high = 1000,
      .unit = "tries",
-     .help =
-         "How often a webhook is called until the answer has a status of 2xx, whatever follows its head, or 410, "
-         "which ends the tries. Redirects are not followed."},
+     .help = "The maximum number of calls of a webhook. Calls end when the status of the answer "
+             "is 2xx or 410. Redirects are not followed."},
     {SETTING(webhook_timeout_s), .type = CONFIG_REAL, .default_text = "10", .low = 0.1, .high = 3600,
      .unit = "s", .help = "The time limit of a call. Other calls to the same host wait for it."},
     {SETTING(webhook_retry_s), .type = CONFIG_REAL, .default_text = "5", .low = 0.01, .high = 86400,
@@ -360,7 +360,7 @@ const config_row config_table[] = {
          "The longest wait that a receiver may ask for by Retry-After in an answer with the status 429 or "
          "503. The next try waits at least that long. 0: the header is ignored."},
     {SETTING(log_level), .type = CONFIG_LEVEL, .default_text = "info", .reloads = true,
-     .help = "The least important messages that are logged: error, warning, info or debug."},
+     .help = "The lowest level of logged messages: error, warning, info or debug."},
 };
 
 const size_t config_table_size = sizeof config_table / sizeof *config_table;
