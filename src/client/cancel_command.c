@@ -82,7 +82,7 @@ static int cancel_all(client *c, const command_options *options)
     else
         printf("%zu job%s cancelled\n", cancelled, cancelled == 1 ? "" : "s");
     if (code == COMMAND_OK && cancelled < list.count)
-        fprintf(stderr, "%zu others have ended meanwhile or belong to somebody else\n",
+        fprintf(stderr, "%zu other jobs were not cancelled: they have ended or belong to other users\n",
                 list.count - cancelled);
     ids_free(&list);
     return code;
@@ -92,12 +92,12 @@ int command_cancel(client *c, const char *argument, const command_options *optio
 {
     json *document = NULL;
     if (!argument == !options->label_count || options->label_count > 1) {
-        print_failure("cancel: give either the ID of a job or one --label");
+        print_failure("cancel: give either the IDs of jobs or one --label");
         return COMMAND_USAGE;
     }
     if (!argument) return cancel_all(c, options);
     if (options->owner) {
-        print_failure("cancel: --owner goes with --label, not with the ID of a job");
+        print_failure("cancel: --owner requires --label; with the ID of a job, omit it");
         return COMMAND_USAGE;
     }
     char *path = command_job_path(argument, "/cancel");

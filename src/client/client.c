@@ -11,6 +11,7 @@
 
 #include "base/memory.h"
 
+#define HTTP "http://"
 #define HTTPS "https://"
 #define UNIX "unix:"
 /* The socket of the service that systemd runs, whose settings file `hexad --allow` finds. */
@@ -40,7 +41,8 @@ typedef struct buffer {
 client *client_open(const char *server, const char *token, const char *authorities, error *e)
 {
     const char *unix_path = strncmp(server, UNIX, strlen(UNIX)) == 0 ? server + strlen(UNIX) : NULL;
-    if (!unix_path && strncmp(server, "http://", 7) != 0 && strncmp(server, HTTPS, strlen(HTTPS)) != 0) {
+    if (!unix_path && strncmp(server, HTTP, strlen(HTTP)) != 0 &&
+        strncmp(server, HTTPS, strlen(HTTPS)) != 0) {
         error_set(e, ERROR_SPEC_INVALID,
                   "server %s: must be unix:/path, http://HOST:PORT or https://HOST:PORT", server);
         return NULL;
@@ -49,7 +51,7 @@ client *client_open(const char *server, const char *token, const char *authoriti
     c->curl = curl_easy_init();
     if (!c->curl) {
         free(c);
-        error_set(e, ERROR_INTERNAL, "libcurl does not start");
+        error_set(e, ERROR_INTERNAL, "cannot initialise libcurl: check the memory that is free");
         return NULL;
     }
     c->server = mem_strdup(server);
@@ -172,8 +174,8 @@ static bool explain_refusal(const client *c, error *e)
             c->server, name, name, name);
     return error_set(
         e, ERROR_INTERNAL,
-        "%s: the user %s may not enter the directory of this socket: the settings listen and unix_users of"
-        " its hexad grant access",
+        "%s: the user %s cannot enter the directory of this socket: ask its administrator to set listen and"
+        " unix_users of hexad",
         c->server, name);
 }
 
@@ -182,7 +184,7 @@ static bool explain_no_connection(const client *c, CURLcode code, error *e)
     long number = 0; /* curl's own words name a port even of a Unix socket */
     curl_easy_getinfo(c->curl, CURLINFO_OS_ERRNO, &number);
     if (number == EACCES && strncmp(c->server, UNIX, strlen(UNIX)) == 0) return explain_refusal(c, e);
-    return error_set(e, ERROR_INTERNAL, "%s: no server answers (%s): %s", c->server,
+    return error_set(e, ERROR_INTERNAL, "%s: cannot connect (%s): %s", c->server,
                      number ? strerror((int)number) : curl_easy_strerror(code), c->advice);
 }
 
@@ -197,9 +199,14 @@ static bool perform(client *c, const char *path, long *status, error *e)
     if (code == CURLE_SSL_CONNECT_ERROR && answers_without_tls(c))
         return error_set(
             e, ERROR_INTERNAL,
-            "%s: the service answers without TLS at this port: name it http://%s, or use the address of its"
-            " TLS proxy",
-            c->server, c->base + strlen(HTTPS));
+            "%s: this port does not use TLS: write http://%s, or use the address of the TLS proxy", c->server,
+            c->base + strlen(HTTPS));
+    if ((code == CURLE_RECV_ERROR || code == CURLE_GOT_NOTHING || code == CURLE_UNSUPPORTED_PROTOCOL) &&
+        strncmp(c->server, HTTP, strlen(HTTP)) == 0)
+        return error_set(
+            e, ERROR_INTERNAL,
+            "%s: the server does not answer in HTTP (%s): if this port uses TLS, write https://%s", c->server,
+            *c->fault ? c->fault : curl_easy_strerror(code), c->base + strlen(HTTP));
     if (code != CURLE_OK)
         return error_set(e, ERROR_INTERNAL, "%s: %s", c->server,
                          *c->fault ? c->fault : curl_easy_strerror(code));

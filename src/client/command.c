@@ -9,7 +9,7 @@
 char *command_job_path(const char *id, const char *rest)
 {
     if (!*id || strspn(id, "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ") != strlen(id)) {
-        print_failure("%s is not the id of a job", id);
+        print_failure("%s is not a job ID: run \"hexadctl list\" for the IDs", id);
         return NULL;
     }
     return mem_printf("/v1/jobs/%s%s", id, rest);

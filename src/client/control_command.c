@@ -48,7 +48,7 @@ static void print_dependents(json_at job)
     double count = json_number(json_member(&dependents, "retried"), 0);
     printf("%.0f dependent job%s retried\n", count, count == 1 ? "" : "s");
     for (size_t i = 0; i < json_size(others); i++)
-        printf("not retried, because it belongs to another user or depends on another job that failed: %s\n",
+        printf("%s was not retried: it belongs to another user or depends on another failed job\n",
                json_string(json_element(&others, i), "?"));
 }
 
@@ -71,10 +71,10 @@ static void explain_pause(json_at job)
            waiting = json_number(json_member(&tasks, "waiting"), 0);
     bool array = json_bool(json_member(&job, "array"), false);
     if (running > 0 && array)
-        printf("%.0f frame%s run%s on to the end; ", running, running == 1 ? "" : "s",
+        printf("%.0f running frame%s continue%s; ", running, running == 1 ? "" : "s",
                running == 1 ? "s" : "");
     else if (running > 0)
-        fputs("the running attempt goes on to its end; ", stdout);
+        fputs("the running attempt continues; ", stdout);
     if (array)
         printf("%.0f frame%s wait%s until \"hexadctl resume\"\n", waiting, waiting == 1 ? "" : "s",
                waiting == 1 ? "s" : "");
@@ -104,8 +104,11 @@ int command_priority(client *c, const char *argument, const command_options *opt
     char *end = NULL, *path = command_job_path(argument, "");
     long priority = options->priority ? strtol(options->priority, &end, 10) : 0;
     int code = COMMAND_USAGE;
-    if (!options->priority || !*options->priority || *end) {
-        print_failure("the priority is missing: hexadctl priority ID --priority N");
+    if (!options->priority) {
+        print_failure(
+            "priority: the option --priority N is missing: run \"hexadctl priority ID --priority N\"");
+    } else if (!*options->priority || *end) {
+        print_failure("priority: --priority must be a whole number (given %s)", options->priority);
     } else if (path) {
         char *body = mem_printf("{\"priority\":%ld}", priority);
         code = command_ask(c, "PATCH", path, body, &document);
@@ -225,7 +228,7 @@ int command_usage(client *c, const char *argument, const command_options *option
             print_usage_row(row, json_string(json_member(&row, "user"), "?"));
         }
         if (json_bool(json_member(&root, "full"), false))
-            puts("no room: no job starts until results are fetched or jobs deleted");
+            puts("results_full: no job starts until results are fetched or jobs deleted");
     }
     json_free(document);
     return code;

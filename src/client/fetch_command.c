@@ -46,13 +46,16 @@ static int download(client *c, const char *path, const char *href, const char *s
     }
     if (reply.status != 200) {
         json_at root = json_root(reply.document);
-        error_set(e, ERROR_INTERNAL, "%s: the server answered %ld: %s", path, reply.status,
-                  json_string(json_member(&root, "detail"), "it gives no reason"));
+        error_set(e, ERROR_INTERNAL, "%s: the server answered with status %ld: %s", path, reply.status,
+                  json_string(json_member(&root, "detail"), "the answer has no reason"));
         goto done;
     }
     if (fflush(file.stream) != 0 || !store_file_hash(fileno(file.stream), hex, &bytes, e)) goto done;
     if (strcmp(hex, sha256) != 0) {
-        error_set(e, ERROR_INPUT_DAMAGED, "%s: the received bytes do not have the announced SHA-256", path);
+        error_set(e, ERROR_INPUT_DAMAGED,
+                  "%s: the SHA-256 of the received bytes differs from the one in the list of results: "
+                  "fetch the file again",
+                  path);
         goto done;
     }
     if (store_file_commit(&file, e)) code = COMMAND_OK;
@@ -80,7 +83,7 @@ static int fetch_file(client *c, const char *directory, json_at item, bool quiet
     const char *sha256 = json_string(json_member(&item, "sha256"), "");
     /* the name comes from the network and becomes a file name here */
     if (!*name || *name == '.' || strchr(name, '/') || strncmp(href, "/v1/", 4) != 0)
-        return print_failure("the server lists a result without a plain name");
+        return print_failure("the server lists a result whose name contains a path: report this as a fault");
     error e = {0};
     char *path = mem_printf("%s/%s", directory, name);
     int code = is_there(path, sha256) ? confirm(c, href, sha256, &e) : download(c, path, href, sha256, &e);
@@ -194,11 +197,11 @@ static int sum_up(fetching *f)
         print_document(document);
         json_free(document);
     }
-    fprintf(stderr, "%d of %d frames are in ", f->fetched, f->all);
+    fprintf(stderr, "%d of %d frames are fetched to ", f->fetched, f->all);
     print_text(stderr, f->directory);
     if (f->lost) fprintf(stderr, "; %d have no results", f->lost);
     if (f->unended) fprintf(stderr, "; %d have not ended: fetch again later", f->unended);
-    if (unknown) fprintf(stderr, "; the job does not have %d of them", unknown);
+    if (unknown) fprintf(stderr, "; %d are not frames of the job", unknown);
     fputc('\n', stderr);
     return f->fetched == f->all ? COMMAND_OK : COMMAND_MISSING;
 }
@@ -229,7 +232,7 @@ static int fetch_single(client *c, fetching *f)
 {
     json *found = NULL;
     if (f->options->frame) {
-        print_failure("fetch: --frame: the job %s is no array", f->id);
+        print_failure("fetch: the job %s has no frames: omit --frame", f->id);
         return COMMAND_USAGE;
     }
     char *list = mem_printf("/v1/jobs/%s/results", f->id);

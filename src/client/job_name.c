@@ -79,7 +79,7 @@ static int collect(client *c, const command_options *chosen, bool first_only, ma
 static int refuse_several(const matches *m)
 {
     json_at jobs = json_root(m->jobs);
-    print_failure("%zu jobs of yours have ids that begin with %s:", json_size(jobs), m->beginning);
+    print_failure("%s is the beginning of %zu job IDs: give more characters", m->beginning, json_size(jobs));
     for (size_t i = 0; i < json_size(jobs); i++) {
         json_at job = json_element(&jobs, i);
         fputs("  ", stderr);
@@ -109,9 +109,10 @@ static int find(client *c, const char *user, const char *name, char **id)
         *id = mem_strdup(json_string(json_member(&first, "id"), ""));
     } else if (code == COMMAND_OK) {
         if (latest)
-            print_failure("you (%s) have no jobs", user);
+            print_failure("the user %s has no jobs: submit one, or give an ID", user);
         else
-            print_failure("no job of yours has an id that begins with %s", name);
+            print_failure(
+                "no job of this user has an ID that begins with %s: run \"hexadctl list\" for the IDs", name);
         code = COMMAND_MISSING;
     }
     json_free(m.jobs);
@@ -147,7 +148,7 @@ int job_name_resolve(client *c, const char *name, char **id)
     }
     if (!job_name_is_short(name)) return refuse_word(name);
     if (strcmp(name, JOB_NAME_LATEST) != 0 && strlen(name) < JOB_NAME_PREFIX_LEAST) {
-        print_failure("%s is too short for the beginning of an id: give %d characters or more", name,
+        print_failure("%s is too short for the beginning of a job ID: give at least %d characters", name,
                       JOB_NAME_PREFIX_LEAST);
         return COMMAND_USAGE;
     }

@@ -74,16 +74,16 @@ static long read_limit(const char *text)
     char *end = NULL;
     long limit = text ? strtol(text, &end, 10) : JOBS_DEFAULT;
     if (!text || (*text && !*end && limit > 0)) return limit;
-    print_failure("list: --limit takes a whole number from 1 on (given %s)", text);
+    print_failure("list: --limit must be a whole number of at least 1 (given %s)", text);
     return 0;
 }
 
 static bool check_moment(const char *option, const char *given)
 {
     if (!given || list_query_is_moment(given)) return true;
-    print_failure(
-        "list: %s takes a day or time, 2026-01-31 or 2026-01-31T18:00:00Z, or how long ago, 30s, 90m, 2h or 1d (given %s)",
-        option, given);
+    print_failure("list: %s must be a date or time, such as 2026-01-31 or 2026-01-31T18:00:00Z, or an "
+                  "age, such as 30s, 90m, 2h or 1d (given %s)",
+                  option, given);
     return false;
 }
 
@@ -92,7 +92,7 @@ int command_list(client *c, const char *argument, const command_options *options
     (void)argument;
     long left = read_limit(options->limit);
     command_options asked = *options;
-    if (options->label_count > 1) print_failure("list: --label can be given once");
+    if (options->label_count > 1) print_failure("list: --label is given several times: give it once");
     if (!left || options->label_count > 1 || !check_moment("--since", options->since) ||
         !check_moment("--until", options->until))
         return COMMAND_USAGE;
@@ -110,7 +110,8 @@ int command_list(client *c, const char *argument, const command_options *options
         json_free(page);
         free(path);
     }
-    if (l.next && !options->json) fputs("hexadctl: there are more jobs; see --limit\n", stderr);
+    if (l.next && !options->json)
+        fputs("hexadctl: the list continues: raise --limit to see more jobs\n", stderr);
     if (code == COMMAND_OK) print_listing(&l);
     if (code == COMMAND_OK && !options->json) command_explain_waiting(c, stderr);
     listing_clear(&l);
@@ -201,7 +202,7 @@ static int save_picture(client *c, const char *id, const char *path)
         print_failure("%s cannot be written: %s", path, e.code ? e.message : strerror(errno));
     else
         code = COMMAND_OK;
-    if (code == COMMAND_OK) fprintf(stderr, "hexadctl: the picture is in %s\n", path);
+    if (code == COMMAND_OK) fprintf(stderr, "hexadctl: the picture was written to %s\n", path);
     store_file_abort(&file);
     client_reply_clear(&reply);
     free(href);

@@ -42,16 +42,19 @@ static void print_fault(json_at fault)
 int print_refused_spec(const client_reply *reply, const char *file)
 {
     json_at root = json_root(reply->document), errors = json_member(&root, "errors");
-    char status[32];
-    snprintf(status, sizeof status, "the server answered %ld", reply->status);
+    char status[160];
+    snprintf(status, sizeof status,
+             "the server answered with status %ld and no explanation: check that the address is "
+             "that of hexad",
+             reply->status);
     const char *token = getenv("HEXAD_TOKEN");
     bool has_token = token && *token;
     if (reply->status == 401 && (has_token || !reply->local)) { /* a Unix socket's answer says what to do */
-        print_failure(
-            "%s: \"hexadctl token add USER\" makes one on the machine of the server; add --file FILE if its"
-            " setting token_file or state_dir is not the default",
-            has_token ? "the server does not know the token in HEXAD_TOKEN, or it was revoked"
-                      : "the server needs a token, and HEXAD_TOKEN holds none");
+        print_failure("%s: run \"hexadctl token add USER\" on the machine of the server (with --file FILE "
+                      "if its setting token_file or state_dir is not the default) and set HEXAD_TOKEN to "
+                      "the token",
+                      has_token ? "the token in HEXAD_TOKEN is unknown or revoked"
+                                : "the server requires a token and HEXAD_TOKEN is not set");
         return COMMAND_USAGE;
     }
     fputs("hexadctl: ", stderr);

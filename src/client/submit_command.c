@@ -34,9 +34,11 @@ static char *read_input(size_t *length, error *e)
         return text;
     }
     if (ferror(stdin))
-        error_set(e, ERROR_INTERNAL, "standard input cannot be read: %s", strerror(errno));
+        error_set(e, ERROR_INTERNAL, "cannot read standard input: %s", strerror(errno));
     else
-        error_set(e, ERROR_INTERNAL, "standard input has more than %u bytes", SPEC_LIMIT_BYTES);
+        error_set(e, ERROR_INTERNAL,
+                  "standard input is longer than %u bytes: put the data into a file that the spec names",
+                  SPEC_LIMIT_BYTES);
     free(text);
     return NULL;
 }
@@ -72,7 +74,7 @@ static bool apply_options(json *document, const command_options *options)
     char *end = NULL;
     long priority = options->priority ? strtol(options->priority, &end, 10) : 0;
     if (options->priority && (!*options->priority || *end)) {
-        print_failure("submit: --priority takes a whole number (given %s)", options->priority);
+        print_failure("submit: --priority must be a whole number (given %s)", options->priority);
         return false;
     }
     if (json_type_of(json_root(document)) != JSON_OBJECT) return true;
@@ -110,7 +112,7 @@ static bool has_usable_key(const command_options *options)
 {
     const char *key = options->key;
     bool usable = !key || (*key && !strpbrk(key, "\r\n"));
-    if (!usable) print_failure("submit: --key takes a text of one line, which names this submission");
+    if (!usable) print_failure("submit: --key must be one line of printable ASCII characters");
     return usable;
 }
 
@@ -204,21 +206,21 @@ static void print_estimate(json_at document)
     json_at count = json_member(&estimate, "count"), seconds = json_member(&estimate, "seconds");
     double threads = json_number(json_member(&estimate, "threads"), 1);
     if (frames) {
-        fputs("of the first of the frames ", stdout);
+        fputs("of the first frame of ", stdout);
         print_text(stdout, frames);
         putchar('\n');
     }
     if (json_type_of(count) == JSON_NUMBER)
         printf("points   %.0f\n", json_number(count, 0));
     else
-        puts("points   as many as the target time allows");
+        puts("points   as many as sampling.time_s allows");
     printf("area     %.6g\n", json_number(json_member(&estimate, "area"), 0));
     printf("memory   %.0f MiB\n", json_number(json_member(&estimate, "memory_bytes"), 0) / (1 << 20));
     if (json_type_of(seconds) == JSON_NUMBER) {
         printf("time     %.3g s with %.0f thread%s, without writing the results\n", json_number(seconds, 0),
                threads, threads == 1 ? "" : "s");
     } else {
-        fputs("time     not known: ", stdout);
+        fputs("time     unknown: ", stdout);
         print_text(stdout, json_string(json_member(&estimate, "seconds_missing"), "?"));
         putchar('\n');
     }
@@ -234,9 +236,8 @@ int command_estimate(client *c, const char *argument, const command_options *opt
     if (code == COMMAND_OK && options->json) print_document(document);
     if (code == COMMAND_OK && known && !options->json) print_estimate(root);
     if (code == COMMAND_OK && !known)
-        code =
-            print_failure("%s is valid, but there is no estimate: %s", name_of(argument),
-                          json_string(json_member(&root, "estimate_missing"), "the server gives no reason"));
+        code = print_failure("%s is valid; it was not estimated: %s", name_of(argument),
+                             json_string(json_member(&root, "estimate_missing"), "the answer has no reason"));
     json_free(document);
     return code;
 }
@@ -261,7 +262,7 @@ static int send_file(client *c, FILE *file, const char *path, const char *hex, u
     int code = COMMAND_OK;
     char *to = mem_printf("/v1/inputs/%s", hex);
     if (!client_upload(c, to, file, (int64_t)bytes, &reply, &e)) {
-        code = ferror(file) ? print_failure("%s cannot be read", path) : print_unreachable(&e);
+        code = ferror(file) ? print_failure("cannot read %s", path) : print_unreachable(&e);
     } else if (reply.status >= 300 || !reply.document) {
         code = print_refused_spec(&reply, path);
     } else {
@@ -283,9 +284,9 @@ static int upload_file(client *c, const char *argument, const command_options *o
     int code = COMMAND_USAGE;
     FILE *file = fopen(argument, "rb");
     if (!file)
-        print_failure("%s cannot be read: %s", argument, strerror(errno));
+        print_failure("cannot read %s: %s. Check the path.", argument, strerror(errno));
     else if (fstat(fileno(file), &info) != 0 || !S_ISREG(info.st_mode))
-        print_failure("%s is not a regular file", argument);
+        print_failure("%s is not a regular file: give the path of a file", argument);
     else if (!store_file_hash(fileno(file), hex, &bytes, &e))
         code = print_failure("%s: %s", argument, e.message);
     else
@@ -336,7 +337,7 @@ int command_upload(client *c, const char *argument, const command_options *optio
     size_t count = 0;
     int *frame = list_frames(argument, &count), code = COMMAND_OK;
     if (!count) {
-        print_failure("%s: there is no file of this pattern", argument);
+        print_failure("%s: no file matches this pattern: check the directory and the name", argument);
         code = COMMAND_USAGE;
     }
     for (size_t i = 0; code == COMMAND_OK && i < count; i++) {
@@ -345,10 +346,9 @@ int command_upload(client *c, const char *argument, const command_options *optio
         free(path);
     }
     if (count && code == COMMAND_OK)
-        fputs(
-            "hexadctl: an array cannot read uploaded files as its frames: submit one job for each, or put the files below "
-            "an input root and write #### in the path\n",
-            stderr);
+        fputs("hexadctl: uploaded files cannot be the frames of one job: submit one job for each, "
+              "or put the files below an input root and write #### in the path\n",
+              stderr);
     free(frame);
     return code;
 }

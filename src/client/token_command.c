@@ -35,7 +35,7 @@ static int lock_file(const command_options *options, error *e)
               0755); /* whatever root's umask: the service looks into it. What goes wrong open says */
     int fd = open(directory, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (fd < 0 || flock(fd, LOCK_EX) != 0) {
-        error_set(e, ERROR_SPEC_INVALID, "%s: %s: name the daemon's token file with --file", directory,
+        error_set(e, ERROR_SPEC_INVALID, "%s: %s. Give the daemon's token file with --file.", directory,
                   strerror(errno));
         if (fd >= 0) close(fd);
         fd = -1;
@@ -71,7 +71,7 @@ int command_token_add(client *c, const char *argument, const command_options *op
     ok = t && token_set_write(options->file, &set, options->file_group, &e);
     close(lock);
     if (ok) {
-        fprintf(stderr, "hexadctl: token %s of %s, in %s; it is shown only once\n", t->id, t->user,
+        fprintf(stderr, "hexadctl: token %s of %s was added to %s; it is shown only once\n", t->id, t->user,
                 options->file);
         puts(text);
     }
@@ -115,7 +115,9 @@ int command_token_list(client *c, const char *argument, const command_options *o
         free(text);
     }
     if (set.count == 0)
-        fprintf(stderr, "hexadctl: %s holds no tokens: --file names the token file of another daemon\n",
+        fprintf(stderr,
+                "hexadctl: %s contains no tokens: give the token file of another daemon with --file, "
+                "or create a token with \"hexadctl token add USER\"\n",
                 options->file);
     json_free(list);
     token_set_clear(&set);
@@ -132,7 +134,8 @@ int command_token_revoke(client *c, const char *argument, const command_options 
     if (!token_set_read(options->file, &set, &e)) {
         code = fail(&e);
     } else if (!token_set_remove(&set, argument)) {
-        fprintf(stderr, "hexadctl: there is no token %s in %s: hexadctl token list --file %s shows the ids\n",
+        fprintf(stderr,
+                "hexadctl: the token %s is not in %s: run hexadctl token list --file %s for the IDs\n",
                 argument, options->file, options->file);
         code = COMMAND_MISSING;
     } else {

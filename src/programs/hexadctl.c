@@ -27,84 +27,87 @@ static const char usage[] =
     "usage: hexadctl [--server URL] [--json] COMMAND ...\n"
     "\n"
     "  submit SPEC|- [--wait] [--priority N] [--label LABEL]... [--key KEY]\n"
-    "                    submit a job and print its id; --priority takes the place of the priority in\n"
-    "                    the spec, --label adds to its labels; KEY, a text of your own, names the\n"
-    "                    submission: when it is repeated, it prints the same id and makes no second job. If\n"
-    "                    the service finds within 0.2 s that the job will fail, submit prints why\n"
+    "                    submit a job and print its ID. --priority replaces the priority in the spec;\n"
+    "                    --label adds labels. With KEY, any text, a repeated submission prints the ID of\n"
+    "                    the first one and creates no second job. If the service detects within 0.2 s that\n"
+    "                    the job will fail, submit prints the reason\n"
     "  validate SPEC|-   check a spec as submit would, without submitting it\n"
-    "  estimate SPEC|-   tell the points, memory and time that a job needs; of an array, its first frame\n"
-    "  upload FILE...    send files that jobs may read, and print for each the path by which a spec names\n"
-    "                    it; #### in a file's name, in quotes, stands for all numbers\n"
-    "  inspect PATH      tell what lies in a file that jobs may read, and print specs that sample it; PATH is\n"
-    "                    what a spec would name\n"
+    "  estimate SPEC|-   print the points, memory and time that a job requires; of an array, its first frame\n"
+    "  upload FILE...    send files that jobs may read, and print the path of each for use in a spec. ####\n"
+    "                    in a quoted file name matches all numbers\n"
+    "  inspect PATH      describe a file that jobs may read, and print specs that sample it; PATH is written\n"
+    "                    as in a spec\n"
     "  list [--state STATES] [--owner USER] [--label LABEL] [--name NAME] [--text PART] [--since TIME]\n"
     "       [--until TIME] [--limit N]\n"
-    "                    list the newest jobs; --text those with PART in the name, in upper or lower case;\n"
-    "                    TIME is 2026-01-31T18:00:00Z, 2026-01-31 (UTC), or how long ago: 30s, 90m, 2h or 1d\n"
+    "                    list the newest jobs; --text: those whose name contains PART, ignoring case;\n"
+    "                    TIME is 2026-01-31T18:00:00Z, 2026-01-31 (UTC), or an age: 30s, 90m, 2h or 1d\n"
     "  show ID [--picture FILE.png]\n"
-    "                    print the state, times, attempts and failed frames of a job; all with --json. FILE\n"
-    "                    takes its preview; for an array, the previews of all finished frames, in one picture\n"
+    "                    print the state, times, attempts and failed frames of a job; all members with\n"
+    "                    --json. --picture writes its preview; for an array, the previews of all finished\n"
+    "                    frames in one picture\n"
     "  attempts ID       list all attempts of a job\n"
-    "  wait ID...        wait for the ends of jobs and show their progress; the exit status is that of the\n"
-    "                    worst end\n"
+    "  wait ID...        wait until jobs end and show their progress; the exit status is that of the worst\n"
+    "                    outcome\n"
     "  cancel ID... [--yes]\n"
-    "                    cancel jobs, whether they wait or run\n"
+    "                    cancel waiting and running jobs\n"
     "  cancel --label LABEL [--owner USER]\n"
     "                    cancel all your unfinished jobs with this label; as an administrator, those of\n"
     "                    all users\n"
     "  fetch ID [--frame FRAMES] [--output DIR]\n"
     "                    download and verify the results, into DIR or ./ID; of an array all frames, or\n"
-    "                    FRAMES (7, 1-100, 1-9x2,20), each into DIR/FRAME. Files that are there already\n"
-    "                    are not downloaded again: repeat a fetch that was interrupted\n"
+    "                    FRAMES (7, 1-100, 1-9x2,20), each into DIR/FRAME. Files that are already complete\n"
+    "                    are not downloaded again: repeat an interrupted fetch\n"
     "  log ID [--frame N] [--attempt K]\n"
     "                    print the log of the last attempt of a job, or of a frame of an array\n"
     "\n"
-    "  pause ID          start no more attempts of a job; running ones go on to their end\n"
+    "  pause ID          start no more attempts of a job; running attempts continue\n"
     "  resume ID         start attempts of a paused job again\n"
     "  retry ID... [--dependents]\n"
-    "                    run the failed tasks of jobs again, and the jobs that ended as dependency_failed\n"
-    "                    because of them\n"
+    "                    run the failed tasks of jobs again; with --dependents also the jobs that ended as\n"
+    "                    dependency_failed because of them\n"
     "  deliver ID        copy the results of a job to its output directory again\n"
     "  delete ID... [--yes]\n"
     "                    delete jobs that have ended, with their results\n"
     "  priority ID --priority N\n"
     "                    change the priority of a job\n"
-    "  watch [ID]        print the events of a job as they happen, as lines of JSON, until it ends;\n"
-    "                    without ID those of all your jobs from now on (as an administrator, of all users)\n"
-    "  workers           list the running attempts, the limits, and what else lets jobs wait\n"
-    "  usage             tell the space that results take, of all users and of each, and the bounds\n"
-    "  drain, undrain    accept and start no more jobs; accept and start them again\n"
-    "  hold, release     accept jobs but start none, also after a restart; start them again\n"
+    "                    print the events of a job as lines of JSON until it ends; without ID, the new\n"
+    "                    events of all your jobs (as an administrator, of all users)\n"
+    "  workers           list the running attempts, the limits, and why jobs wait\n"
+    "  usage             print the disk space of results, in total and for each user, and the bounds\n"
+    "  drain, undrain    drain: accept and start no jobs; undrain: accept and start jobs again\n"
+    "  hold, release     hold: accept jobs but start none, also after a restart; release: start jobs again\n"
     "  token add USER [--scopes LIST] [--max-priority N] [--file FILE]\n"
-    "                    create a token for the REST interface and print it, once; N is the\n"
-    "                    highest priority that it may give to jobs\n"
+    "                    create a token for the REST interface and print it once; N is the highest\n"
+    "                    priority that the token may give to jobs\n"
     "  token list [--file FILE]\n"
     "                    list the tokens\n"
     "  token revoke ID [--file FILE]\n"
-    "                    revoke a token; it is refused at once\n"
+    "                    revoke a token, with immediate effect\n"
     "\n"
     "  --server URL   unix:/path, http://HOST:PORT or https://HOST:PORT; default: $HEXAD_SERVER, otherwise\n"
     "                 unix:" SYSTEM_SOCKET " if that exists, otherwise\n"
     "                 unix:" STATE_SOCKET "\n"
-    "  ID             the id of a job; or its first 8 characters or more, if one job of yours begins with\n"
-    "                 them; or latest, your newest job. cancel and delete take these two with --yes only\n"
+    "  ID             the ID of a job; or at least its first 8 characters, if only one of your jobs begins\n"
+    "                 with them; or latest, your newest job. For cancel and delete, the two short forms\n"
+    "                 require --yes\n"
     "  --label LABEL  a word, often of the form key=value\n"
     "  --state STATES blocked, queued, paused, running, cancelling, succeeded, failed, cancelled or\n"
-    "                 timed_out; several with commas between them\n"
-    "  --scopes LIST  of read, submit, cancel, admin; default: read,submit,cancel\n"
+    "                 timed_out; or several of these, separated by commas\n"
+    "  --scopes LIST  one or more of read, submit, cancel, admin; default: read,submit,cancel\n"
     "  --file FILE    the daemon's token_file; default: " SYSTEM_TOKENS " (of the service that\n"
     "                 systemd runs) if the group " SYSTEM_GROUP " exists, otherwise\n"
     "                 " STATE_TOKENS "\n"
     "  --json         print the JSON documents of the server\n"
     "  --help, --version\n"
     "\n"
-    "A server that needs a token gets the one in $HEXAD_TOKEN. The certificate of an https server\n"
-    "must be signed with one of those in the file $SSL_CERT_FILE, or else with one that the system trusts.\n"
+    "hexadctl sends the token in $HEXAD_TOKEN to a server that requires one. The certificate of an https\n"
+    "server must be signed by one in the file $SSL_CERT_FILE or, without that variable, by one that the\n"
+    "system trusts.\n"
     "\n"
     "Exit status: 0 done (after waiting for a job: it succeeded and converged), 1 the job failed or\n"
-    "timed out, or the server cannot do this now, 2 bad usage, a token that is missing, unknown or not\n"
-    "enough, or another request that the server refuses, as of a bad spec, 3 no server answers, 4 no\n"
-    "such job, its state does not allow this, or it or a wanted frame has no results, 6 the job was\n"
+    "timed out, or the server is unable to do this now, 2 bad usage, a missing, unknown or insufficient\n"
+    "token, or another refused request such as a bad spec, 3 the server does not answer, 4 the job does\n"
+    "not exist, its state does not allow this, or it or a requested frame has no results, 6 the job was\n"
     "cancelled, 10 the job succeeded but did not converge, 11 its points do not represent the surface\n"
     "(outcome unresolved).\n";
 
@@ -189,7 +192,7 @@ static const char *take_value(int argc, char **argv, int *index)
     const char *equals = strchr(argv[*index], '=');
     if (equals) return equals + 1;
     if (*index + 1 < argc) return argv[++*index];
-    fprintf(stderr, "hexadctl: %s needs a value; see hexadctl --help\n", argv[*index]);
+    fprintf(stderr, "hexadctl: %s requires a value; see hexadctl --help\n", argv[*index]);
     return NULL;
 }
 
@@ -202,9 +205,9 @@ static bool is_option(const char *word, const char *name)
 static bool refuse_unknown(const char *kind, const char *word, const char *dashes, const nearest_name *n)
 {
     if (n->name)
-        fprintf(stderr, "hexadctl: %s is no %s; did you mean %s%s?\n", word, kind, dashes, n->name);
+        fprintf(stderr, "hexadctl: unknown %s %s; did you mean %s%s?\n", kind, word, dashes, n->name);
     else
-        fprintf(stderr, "hexadctl: %s is no %s; see hexadctl --help\n", word, kind);
+        fprintf(stderr, "hexadctl: unknown %s %s; see hexadctl --help\n", kind, word);
     return false;
 }
 
@@ -229,7 +232,8 @@ static bool take_valued(line *l, int argc, char **argv, int *index)
     if (!server && !label && i == count) return refuse_option(word);
     if (!(value = take_value(argc, argv, index))) return false;
     if (label && l->options.label_count == COMMAND_LABELS_MOST) {
-        fprintf(stderr, "hexadctl: --label may be given %d times at most\n", COMMAND_LABELS_MOST);
+        fprintf(stderr, "hexadctl: --label is given more than %d times: give fewer labels\n",
+                COMMAND_LABELS_MOST);
         return false;
     }
     if (server)
@@ -246,7 +250,7 @@ static bool take_option(line *l, int argc, char **argv, int *index)
 {
     if (strcmp(argv[*index], "--json") == 0) return l->options.json = true;
     if (l->given_count == sizeof l->given / sizeof *l->given) {
-        fputs("hexadctl: too many options\n", stderr);
+        fputs("hexadctl: too many options: give fewer\n", stderr);
         return false;
     }
     for (size_t i = 0; i < sizeof flags / sizeof *flags; i++) {
@@ -278,13 +282,33 @@ static bool refuse_command(const char *group, const char *word)
     return false;
 }
 
+/* What to do about an argument that the command does not take. */
+static const char *hint_of(const char *name)
+{
+    if (strcmp(name, "priority") == 0) return "write the number as --priority N";
+    if (strcmp(name, "hold") == 0) return "use \"hexadctl pause ID\" to stop one job";
+    if (strcmp(name, "release") == 0) return "use \"hexadctl resume ID\" to start one job";
+    return "see hexadctl --help";
+}
+
+/* The argument of a command that requires one, as the usage names it. */
+static const char *argument_of(const struct entry *entry)
+{
+    if (entry->argument == JOB || entry->argument == JOBS || strcmp(entry->name, "token revoke") == 0)
+        return "ID";
+    if (entry->argument == FILES) return "FILE";
+    if (strcmp(entry->name, "inspect") == 0) return "PATH";
+    return strcmp(entry->name, "token add") == 0 ? "USER" : "SPEC";
+}
+
 static bool take_word(line *l, const char *word)
 {
     if (l->entry) {
         bool several =
             l->entry->argument == FILES || l->entry->argument == JOBS || l->entry->argument == MAYBE_JOBS;
         if (l->entry->argument == NONE || (l->argument_count && !several)) {
-            fprintf(stderr, "hexadctl %s: %s is too much; see hexadctl --help\n", l->entry->name, word);
+            fprintf(stderr, "hexadctl %s: unexpected argument %s; %s\n", l->entry->name, word,
+                    hint_of(l->entry->name));
             return false;
         }
         l->argument[l->argument_count++] = word;
@@ -300,7 +324,7 @@ static bool take_word(line *l, const char *word)
         if (strncmp(commands[i].name, word, length) == 0 && commands[i].name[length] == ' ') return true;
     if (strcmp(word, "status") != 0) return refuse_command(group, word);
     fputs(
-        "hexadctl: status is no command: \"hexadctl workers\" shows the service, \"hexadctl show ID\" a job\n",
+        "hexadctl: unknown command status; use \"hexadctl workers\" for the service, or \"hexadctl show ID\" for a job\n",
         stderr);
     return false;
 }
@@ -323,14 +347,15 @@ static bool check(const line *l)
     }
     for (size_t i = 0; i < l->given_count; i++) {
         if (has_word(l->entry->options, l->given[i])) continue;
-        fprintf(stderr, "hexadctl %s: %s does not belong to this command; see hexadctl --help\n",
-                l->entry->name, l->given[i]);
+        fprintf(stderr, "hexadctl %s: this command has no option %s; see hexadctl --help\n", l->entry->name,
+                l->given[i]);
         return false;
     }
     bool needed = l->entry->argument == ONE || l->entry->argument == FILES || l->entry->argument == JOB ||
                   l->entry->argument == JOBS;
     if (!needed || l->argument_count) return true;
-    fprintf(stderr, "hexadctl %s: its argument is missing; see hexadctl --help\n", l->entry->name);
+    fprintf(stderr, "hexadctl %s: the argument %s is missing; see hexadctl --help\n", l->entry->name,
+            argument_of(l->entry));
     return false;
 }
 
@@ -374,8 +399,8 @@ static int resolve_jobs(client *c, const line *l, char **ids)
         const char *name = l->argument[i];
         code = job_name_resolve(c, name, &ids[i]);
         if (code != COMMAND_OK || !final || l->options.yes || !job_name_is_short(name)) continue;
-        fprintf(stderr, "hexadctl %s: %s is the job %s: give this id, or add --yes\n", l->entry->name, name,
-                ids[i]);
+        fprintf(stderr, "hexadctl %s: %s is short for the job %s: give this ID, or add --yes\n",
+                l->entry->name, name, ids[i]);
         code = COMMAND_USAGE;
     }
     return code;
