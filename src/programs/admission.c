@@ -81,8 +81,8 @@ static bool check_edited(const char *file, const change *w, error *e)
     if (!read_settings(file, &edited, e)) return false;
     bool ok = is_named(&edited, w) == w->allow ||
               error_set(e, ERROR_SPEC_INVALID,
-                        "%s: %s of %s is in a continuation line or before a comment; %s it by hand", w->file,
-                        w->name, w->key, w->allow ? "add" : "remove");
+                        "%s: %s of %s is in a continuation line or before a comment; %s it with an editor",
+                        w->file, w->name, w->key, w->allow ? "add" : "remove");
     ok = ok && check_names(&edited, w, e);
     config_clear(&edited);
     return ok;
@@ -189,7 +189,7 @@ static bool has_drop_in(const change *w)
 static bool write_drop_in(const change *w, error *e)
 {
     if (has_drop_in(w)) {
-        printf("%s: already there\n", w->drop_in);
+        printf("%s: exists already\n", w->drop_in);
         return true;
     }
     if (!store_directory_create(w->drop_in_directory, e) ||
@@ -218,7 +218,7 @@ static bool set_socket_mode(const change *w, mode_t mode, error *e)
     if (!w->socket) return true;
     int fd = open(w->socket, O_PATH | O_NOFOLLOW | O_CLOEXEC);
     if (fd < 0 && errno == ENOENT) {
-        printf("%s: not there; hexad.socket makes it with mode %04o\n", w->socket, (unsigned)mode);
+        printf("%s: does not exist yet; hexad.socket creates it with mode %04o\n", w->socket, (unsigned)mode);
         return true;
     }
     char *path = mem_printf("/proc/self/fd/%d", fd);
@@ -324,15 +324,14 @@ static bool reload_both(const change *w, bool drop_in_changed, error *e)
     bool ok = !*failed;
     if (!ok && access(BOOTED, F_OK) != 0)
         error_set(e, ERROR_INTERNAL,
-                  "%s is written, but systemd does not run here: %s failed. The daemon takes the settings by"
-                  " kill -HUP PID, or at its next start",
+                  "%s is written, but systemd does not run here: %s failed. Send the daemon SIGHUP "
+                  "(kill -HUP PID) or restart it.",
                   w->file, failed);
     else if (!ok)
-        error_set(
-            e, ERROR_INTERNAL,
-            "the files are written, but hexad or systemd did not take them: %s failed; run it as root, or"
-            " restart hexad",
-            failed);
+        error_set(e, ERROR_INTERNAL,
+                  "the files are written, but hexad or systemd did not load them: %s failed; run it as "
+                  "root, or restart hexad",
+                  failed);
     free(failed);
     return ok;
 }
@@ -365,7 +364,7 @@ static bool find_file(change *w, const char *named, error *e)
     w->file = realpath(file, NULL);
     w->units = !named || (w->file && of_unit && strcmp(w->file, of_unit) == 0);
     bool ok = w->file ||
-              error_set(e, ERROR_SPEC_INVALID, "%s cannot be read: %s: name the settings file with --config",
+              error_set(e, ERROR_SPEC_INVALID, "cannot read %s: %s. Give the settings file with --config.",
                         file, strerror(errno));
     /* a device would be replaced by a file */
     if (ok && (stat(w->file, &info) != 0 || !S_ISREG(info.st_mode)))
@@ -460,7 +459,7 @@ int admission_change(const config *settings, config_action action)
     if (ok && w.allow)
         tell_reach(&w);
     else if (ok)
-        puts("connections that are open stay until they end");
+        puts("open connections continue until they end");
     else
         fprintf(stderr, "hexad: %s%s\n", e.message,
                 geteuid() && (w.units || !settings->file) ? "; run it as root" : "");

@@ -21,14 +21,16 @@ bool farm_open(config *c, const char *work_dir, slurm **farm, error *e)
     *farm = NULL;
     if (strcmp(c->engine, "local") == 0) return true;
     if (strcmp(c->engine, "slurm") != 0)
-        return error_set(e, ERROR_SPEC_INVALID, "engine %s: must be local or slurm", c->engine);
+        return error_set(e, ERROR_SPEC_INVALID, "engine: must be local or slurm (given %s)", c->engine);
     if (!*c->work_dir)
         return error_set(e, ERROR_SPEC_INVALID,
-                         "engine slurm needs work_dir: a directory that all nodes see at the same path");
+                         "engine = slurm requires work_dir: set it to a directory that all nodes see at the "
+                         "same path");
     if (!config_find_node(c, e)) return false;
     for (size_t i = 0; i < c->slurm_options.count; i++)
         if (strncmp(c->slurm_options.item[i], "--", 2) != 0)
-            return error_set(e, ERROR_SPEC_INVALID, "slurm_options: %s must be --OPTION or --OPTION=VALUE",
+            return error_set(e, ERROR_SPEC_INVALID,
+                             "slurm_options: must be --OPTION or --OPTION=VALUE (given %s)",
                              c->slurm_options.item[i]);
     slurm_settings settings = {
         .work_dir = work_dir,

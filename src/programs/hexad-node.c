@@ -28,11 +28,11 @@ int main(int argc, char **argv)
         return 0;
     }
     if (argc != 7 || argv[1][0] != '/') {
-        fprintf(stderr,
-                "usage: hexad-node WORK_DIR/farm JOB TASK OWN SECONDS LIST\n"
-                "Runs attempts that hexad has written there; their names are on standard input. Those of\n"
-                "this task of the Slurm job are OWN, from TASK * OWN on. For SECONDS others follow, and\n"
-                "those that LIST names. Slurm starts it; see doc/farm.md.\n");
+        fprintf(stderr, "usage: hexad-node WORK_DIR/farm JOB TASK OWN SECONDS LIST\n"
+                        "Runs attempts that hexad has written there; their names are on standard input. This "
+                        "task of\nthe Slurm job runs OWN of them, from TASK * OWN on. For SECONDS it also "
+                        "runs attempts of other\ntasks, and those in LIST. Slurm starts this program; see "
+                        "doc/farm.md.\n");
         return 2;
     }
     umask(0077); /* jobs and results are the service's own */

@@ -54,35 +54,40 @@ static const char help_text[] =
     "       hexad-worker schema\n"
     "\n"
     "run: samples the surface that SPEC.json describes (-: standard input) and writes points.ply,\n"
-    "previews and report.json into DIR. The directory is a result once report.json is there.\n"
+    "previews and report.json into DIR. report.json is written last: it marks the result as complete.\n"
     "estimate: prints the number of points, the area, and the memory and time that the job needs, as a JSON\n"
     "object, and writes it into DIR as estimate.json.\n"
-    "inspect: tells what lies in a volume or mesh, and specs that sample it; as a JSON object with --json.\n"
-    "--preview samples the first of them and draws it. No --output is needed; with one, it takes inspection.json.\n"
-    "make-example: writes a small level set to try things with.\n"
+    "inspect: prints the contents of a volume or mesh file, and specs that sample it; as "
+    "a JSON object with --json.\n--preview samples the first spec and draws the points. "
+    "--output is optional: inspection.json is written there.\n"
+    "make-example: writes a small level set as an example input.\n"
     "energies: prints the pair potentials and their forces as CSV (the paper's Figure 2).\n"
-    "spec-help: lists every member of a job spec with type, range and default; or MEMBER and what it holds, as\n"
-    "/sampling, sampling/count or count.\n"
+    "spec-help: lists the members of a job spec with type, range and default; with "
+    "MEMBER, that member and\nthose below it. MEMBER is /sampling, sampling/count or "
+    "count.\n"
     "schema: the same as a JSON Schema.\n"
     "\n"
-    "  --output DIR       where results go; made if missing (required)\n"
+    "  --output DIR       directory of the results; created if missing (required)\n"
     "  --progress         a progress bar on standard error\n"
     "  --progress-fd N    progress as JSON lines on descriptor N\n"
-    "  --input-root DIR   input files must lie below DIR, which may also be a single file that jobs name\n"
-    "                     without its directory; may be given several times\n"
-    "  --memory-mb N      memory for jobs that do not say limits.memory_mb (default 4096)\n"
-    "  --threads N        at most so many threads, and as many for jobs that do not say solver.threads\n"
-    "                     (default: no bound, and one per processor)\n"
+    "  --input-root DIR   input files must be below DIR, which may also be a single file that jobs name\n     "
+    "                without its directory; may be given several times\n"
+    "  --memory-mb N      memory limit of a job without limits.memory_mb (MiB, default 4096)\n"
+    "  --threads N        maximum number of threads, and the number for a job without "
+    "solver.threads\n                     (default: no maximum, and one thread per "
+    "processor)\n"
     "  --frame N          the frame of a spec with queue.frames\n"
-    "  --previous DIR     the results of the frame before, whose points a frame with queue.coherent begins\n"
-    "                     with (default: it is the first of the sequence)\n"
-    "  --sandbox MODE     required, available or off (default): without network, programs, and files but\n"
-    "                     those below the input roots and DIR; available: as much of it as the kernel supports\n"
+    "  --previous DIR     results of the previous frame; a frame with queue.coherent "
+    "starts from its points\n                     (default: the frame is the first of "
+    "the sequence)\n"
+    "  --sandbox MODE     required: no network, no other programs, and no files outside "
+    "the input roots and\n                     DIR; available: as much of this as the "
+    "kernel supports; off (default)\n"
     "  --help, --version\n"
     "\n"
     "Exit codes: 0 succeeded with the outcome converged, 10 not_converged, 11 unresolved; 2 bad spec,\n"
-    "3 bad input file, 4 no surface found, 5 limits exceeded, 6 cancelled, 7 a disk is full or fails,\n"
-    "1 anything else. The last line on standard error of a failed run is a JSON object with code and message.\n";
+    "3 bad input file, 4 no surface found, 5 limit exceeded, 6 cancelled, 7 disk full or "
+    "failed,\n1 any other error. The last line on standard error of a failed run is a JSON object with code and message.\n";
 
 static worker_exit exit_code_of(error_code code)
 {
@@ -158,8 +163,8 @@ static bool parse_number(const char *option, const char *text, long low, long *o
     errno = 0;
     long value = strtol(text, &end, 10);
     if (errno || end == text || *end || value < low || value > INT_MAX)
-        return error_set(e, ERROR_SPEC_INVALID, "--%s takes a whole number from %ld, not '%s'", option, low,
-                         text);
+        return error_set(e, ERROR_SPEC_INVALID, "--%s must be a whole number of at least %ld (given %s)",
+                         option, low, text);
     *out = value;
     return true;
 }
@@ -171,15 +176,16 @@ static bool choose_frame(spec **s, long frame, bool previous, spec_faults *fault
     spec *whole = *s;
     size_t i = 0;
     if (previous && !whole->coherent)
-        return error_set(e, ERROR_SPEC_INVALID, "--previous belongs to a spec with queue.coherent");
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "--previous requires a spec with queue.coherent: omit it, or set queue.coherent");
     if (!whole->frames && frame < 0) return true;
     if (!whole->frames)
-        return error_set(e, ERROR_SPEC_INVALID, "--frame belongs to a spec with queue.frames");
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "--frame requires a spec with queue.frames: omit it, or add queue.frames");
     while (i < whole->frame_count && whole->frame[i] != frame) i++;
     if (i == whole->frame_count)
         return error_set(e, ERROR_SPEC_INVALID,
-                         "/queue/frames: the job is a sequence, \"%.100s\": say with --frame N"
-                         " which of them to run",
+                         "/queue/frames: the spec is a sequence, \"%.100s\": choose one frame with --frame N",
                          whole->frames);
     if (whole->has_frame_values) {
         spec *one = spec_of_frame(whole, i, faults, e);
@@ -199,9 +205,11 @@ static bool choose_frame(spec **s, long frame, bool previous, spec_faults *fault
  * value that it does not take, and otherwise an unknown one. */
 static bool refuse_option(int answer, const char *word, const struct option *options, error *e)
 {
-    if (answer == ':') return error_set(e, ERROR_SPEC_INVALID, "%s needs a value", word);
+    if (answer == ':')
+        return error_set(e, ERROR_SPEC_INVALID, "%s requires a value; see hexad-worker --help", word);
     if (optopt && strncmp(word, "--", 2) == 0)
-        return error_set(e, ERROR_SPEC_INVALID, "%.*s takes no value", (int)strcspn(word, "="), word);
+        return error_set(e, ERROR_SPEC_INVALID, "%.*s takes no value: remove it", (int)strcspn(word, "="),
+                         word);
     const char *name = word + strspn(word, "-");
     nearest_name n = nearest_name_to(name, strcspn(name, "="));
     for (; options->name; options++) nearest_name_offer(&n, options->name);
@@ -248,7 +256,7 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
         } else if (c == 's') {
             if (!sandbox_mode_from_name(optarg, &a->sandbox))
                 return error_set(e, ERROR_SPEC_INVALID,
-                                 "--sandbox takes required, available or off, not '%s'", optarg);
+                                 "--sandbox must be required, available or off (given %s)", optarg);
         } else if (c == 't') {
             if (!parse_number(WORKER_OPTION_THREADS, optarg, 1, &a->threads, e)) return false;
         } else if (c == 'n') {
@@ -258,10 +266,10 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
     }
     bool inspects = strcmp(argv[0], WORKER_COMMAND_INSPECT) == 0;
     if (argc - optind != 1 || (!a->output && !inspects))
-        return error_set(e, ERROR_SPEC_INVALID, "%s takes one %s: see hexad-worker --help", argv[0],
+        return error_set(e, ERROR_SPEC_INVALID, "%s requires one %s: see hexad-worker --help", argv[0],
                          inspects ? "FILE" : "SPEC.json (or -) and --output DIR");
     if (!inspects && (a->json || a->preview))
-        return error_set(e, ERROR_SPEC_INVALID, "--json and --preview belong to inspect");
+        return error_set(e, ERROR_SPEC_INVALID, "--json and --preview are options of inspect: omit them");
     a->spec_path = argv[optind];
     return true;
 }
@@ -269,7 +277,9 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
 static FILE *open_spec(const char *path, error *e)
 {
     FILE *file = strcmp(path, "-") == 0 ? stdin : fopen(path, "rb");
-    if (!file) error_set(e, ERROR_SPEC_INVALID, "cannot open the spec %s: %s", path, strerror(errno));
+    if (!file)
+        error_set(e, ERROR_SPEC_INVALID, "cannot read the spec %s: %s. Check the path.", path,
+                  strerror(errno));
     return file;
 }
 
@@ -287,7 +297,10 @@ static char *read_spec(FILE *file, const char *path, size_t *length, error *e)
     bool failed = ferror(file) != 0;
     if (!failed && *length <= SPEC_LIMIT) return text;
     free(text);
-    error_set(e, ERROR_SPEC_INVALID, failed ? "cannot read the spec %s" : "the spec %s is too large", path);
+    error_set(e, ERROR_SPEC_INVALID,
+              failed ? "cannot read the spec %s"
+                     : "the spec %s is too large: put long arrays into files that the spec names",
+              path);
     return NULL;
 }
 
@@ -335,7 +348,7 @@ static bool prepare(const arguments *a, store_roots **roots, FILE **spec_file, s
         !(*roots = store_roots_open(NULL, a->roots, a->root_count, e)))
         return false;
     if (a->sandbox == SANDBOX_OFF) return true;
-    if (!a->output) return error_set(e, ERROR_SPEC_INVALID, "--sandbox needs an --output DIR");
+    if (!a->output) return error_set(e, ERROR_SPEC_INVALID, "--sandbox requires --output DIR: add it");
     char text[SANDBOX_TEXT_SIZE];
     sandbox_describe(a->sandbox, text); /* inside nobody can ask */
     if (!store_directory_create(a->output, e) || !sandbox_enter(a->sandbox, &places, e)) return false;
@@ -422,8 +435,7 @@ static bool draw_preview(const json *inspection, const run_options *options, con
     const json *suggested = inspection_spec(inspection);
     verdict_outcome outcome;
     json *report = NULL;
-    if (!suggested)
-        return error_set(e, ERROR_NO_SURFACE, "there is no picture: no surface was found in the file");
+    if (!suggested) return error_set(e, ERROR_NO_SURFACE, "no picture was drawn: the file has no surface");
     spec *s = spec_parse(suggested, NULL, e);
     run_options own = *options;
     char *directory = mem_printf("%s.XXXXXX", to), *picture = NULL;
@@ -456,7 +468,7 @@ static char *read_path(const char *argument, error *e)
     if (named)
         path = mem_strdup(named);
     else if (document)
-        error_set(e, ERROR_SPEC_INVALID, "standard input names no path");
+        error_set(e, ERROR_SPEC_INVALID, "standard input contains no path");
     json_free(document);
     free(text);
     return path;
@@ -553,9 +565,9 @@ static int print_spec_help(const char *member)
     nearest_name n = nearest_name_to(member, strlen(member));
     for (size_t i = 0; i < spec_row_count; i++) nearest_name_offer(&n, spec_row_key(&spec_rows[i]));
     if (n.name)
-        error_set(&e, ERROR_SPEC_INVALID, "a spec has no member %s; did you mean %s?", member, n.name);
+        error_set(&e, ERROR_SPEC_INVALID, "unknown member %s; did you mean %s?", member, n.name);
     else
-        error_set(&e, ERROR_SPEC_INVALID, "a spec has no member %s: hexad-worker spec-help lists all",
+        error_set(&e, ERROR_SPEC_INVALID, "unknown member %s: run hexad-worker spec-help for all members",
                   member);
     return fail(&e, NULL);
 }
@@ -573,11 +585,11 @@ static int refuse_command(const char *name)
     nearest_name n = nearest_name_to(name, strlen(name));
     for (size_t i = 0; i < sizeof names / sizeof *names; i++) nearest_name_offer(&n, names[i]);
     if (strcmp(name, "make-example") == 0)
-        error_set(&e, ERROR_SPEC_INVALID, "make-example takes one FILE.vdb");
+        error_set(&e, ERROR_SPEC_INVALID, "make-example requires one FILE.vdb: see hexad-worker --help");
     else if (n.name)
-        error_set(&e, ERROR_SPEC_INVALID, "there is no command %s; did you mean %s?", name, n.name);
+        error_set(&e, ERROR_SPEC_INVALID, "unknown command %s; did you mean %s?", name, n.name);
     else
-        error_set(&e, ERROR_SPEC_INVALID, "there is no command %s: see hexad-worker --help", name);
+        error_set(&e, ERROR_SPEC_INVALID, "unknown command %s: see hexad-worker --help", name);
     return fail(&e, NULL);
 }
 

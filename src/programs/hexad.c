@@ -125,7 +125,7 @@ static bool init_state(service *s, error *e)
     if (!store_directory_create(s->settings.state_dir, e)) return false;
     s->state_dir = realpath(s->settings.state_dir, NULL);
     if (!s->state_dir)
-        return error_set(e, ERROR_INTERNAL, "state_dir %s: %s", s->settings.state_dir, strerror(errno));
+        return error_set(e, ERROR_INTERNAL, "cannot resolve state_dir %s: %s", s->settings.state_dir, strerror(errno));
     s->work_dir = farm_work_directory(&s->settings, s->state_dir, e);
     if (!s->work_dir) free(s->state_dir);
     return s->work_dir != NULL;
@@ -224,8 +224,8 @@ static bool init_socket(service *s, error *e)
     if (fd >= 0) {
         bool adopted = listen_adopt(fd, &s->socket, e);
         if (adopted && *c->listen)
-            log_write(LOG_LEVEL_WARNING, "listen = %s is ignored: a socket unit of systemd passed %s",
-                      c->listen, s->socket.address);
+            log_write(LOG_LEVEL_WARNING, "listen = %s is ignored: systemd passed the socket %s", c->listen,
+                      s->socket.address);
         return adopted;
     }
     const char *runtime = getenv("RUNTIME_DIRECTORY"); /* of systemd */
@@ -247,19 +247,19 @@ static bool check_reach(const service *s, const char *token_file, error *e)
     const char *where = *s->settings.listen ? s->settings.listen : s->socket.address;
     bool open = strcmp(s->settings.tcp_without_tokens, OPEN_TCP) == 0;
     if (!open && *s->settings.tcp_without_tokens)
-        return error_set(e, ERROR_SPEC_INVALID, "tcp_without_tokens: the only value is " OPEN_TCP);
+        return error_set(e, ERROR_SPEC_INVALID, "tcp_without_tokens: must be empty or " OPEN_TCP);
     if (s->socket.reach == LISTEN_UNIX || access_has_tokens(s->access)) return true;
     if (s->socket.reach == LISTEN_NETWORK)
         return error_set(e, ERROR_SPEC_INVALID,
-                         "listen %s: other machines can reach this address, and there are no tokens in %s"
-                         " (setting token_file): run `hexadctl token add USER --file %s`, or listen on"
-                         " unix:/path",
+                         "listen %s: other machines can reach this address and the token file %s has no "
+                         "tokens (setting token_file): run `hexadctl token add USER --file %s`, or listen on "
+                         "unix:/path",
                          where, token_file, token_file);
     return open ||
            error_set(e, ERROR_SPEC_INVALID,
-                     "listen %s: every user of this machine can reach this address, and there are no"
-                     " tokens in %s (setting token_file): run `hexadctl token add USER --file %s`, listen"
-                     " on unix:/path, or set tcp_without_tokens = " OPEN_TCP,
+                     "listen %s: every user of this machine can reach this address and the token file %s "
+                     "has no tokens (setting token_file): run `hexadctl token add USER --file %s`, listen "
+                     "on unix:/path, or set tcp_without_tokens = " OPEN_TCP,
                      where, token_file, token_file);
 }
 
@@ -309,13 +309,17 @@ static bool init_outputs(service *s, error *e)
     unsigned long mode = strtoul(c->output_mode, &end, 8);
     if (end == c->output_mode || *end || (mode & ~0777ul) || (mode & 0600) != 0600)
         return error_set(e, ERROR_SPEC_INVALID,
-                         "output_mode %s: must be octal and give the owner read and write", c->output_mode);
+                         "output_mode: must be an octal mode of at least 600, which lets the owner read and "
+                         "write (given %s)",
+                         c->output_mode);
     const struct group *group = *c->output_group ? getgrnam(c->output_group) : NULL;
     if (*c->output_group && !group)
-        return error_set(e, ERROR_SPEC_INVALID, "output_group %s: the group does not exist", c->output_group);
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "output_group: the group %s does not exist: run `getent group` for the groups",
+                         c->output_group);
     for (size_t i = 0; i < c->output_roots.count; i++)
         if (c->output_roots.item[i][0] != '/')
-            return error_set(e, ERROR_SPEC_INVALID, "output_roots: %s must be an absolute path",
+            return error_set(e, ERROR_SPEC_INVALID, "output_roots: must be absolute paths (given %s)",
                              c->output_roots.item[i]);
     s->output_roots = (store_outputs){
         .roots = (const char *const *)c->output_roots.item,
@@ -414,7 +418,7 @@ static bool init_executor(service *s, error *e)
     sandbox_mode mode = s->settings.sandbox;
     if (!config_find_worker(&s->settings, e) || !sandbox_check(mode, e)) return false;
     if (!farm_open(&s->settings, s->work_dir, &s->farm, e)) return false;
-    log_write(mode == SANDBOX_OFF ? LOG_LEVEL_WARNING : LOG_LEVEL_INFO, "workers have %s",
+    log_write(mode == SANDBOX_OFF ? LOG_LEVEL_WARNING : LOG_LEVEL_INFO, "worker sandbox: %s",
               sandbox_describe(mode, text));
     executor_settings settings = executor_settings_of(s);
     s->x = executor_start(&settings, s->q, e);
@@ -431,9 +435,9 @@ static void fini_executor(service *s)
 static bool init_groups(service *s, error *e)
 {
     if (!control_groups_open(&s->groups, e)) return false;
-    log_write(LOG_LEVEL_INFO, "limits of memory are kept by %s",
-              s->groups ? "the kernel, in a control group for each attempt"
-                        : "workers alone: no control group was delegated to this service");
+    log_write(LOG_LEVEL_INFO, "memory limits: %s",
+              s->groups ? "enforced by the kernel, with a control group for each attempt"
+                        : "checked by each worker; no control group is delegated to this service");
     return true;
 }
 
@@ -523,7 +527,8 @@ static bool init_page(service *s, error *e)
     (void)e;
     error why = {0};
     if (!s->settings.page) return true;
-    if (!(s->page = page_open(&why))) log_write(LOG_LEVEL_INFO, "there is no web page: %s", why.message);
+    if (!(s->page = page_open(&why)))
+        log_write(LOG_LEVEL_INFO, "the web page is not served: %s", why.message);
     return true;
 }
 
@@ -677,7 +682,8 @@ static void tell_manager(service *s)
     executor_wake(s->x);
     if (stuck && !s->stuck)
         log_write(LOG_LEVEL_ERROR,
-                  "the supervisor is stuck: the watchdog of the service manager is no longer pinged");
+                  "the supervisor does not respond: the watchdog of the service manager is no longer "
+                  "pinged");
     s->stuck = stuck;
     if (stuck) {
         manager_tell_status("stuck");
@@ -733,7 +739,7 @@ static void reload(service *s)
         output_place_check_roots(s->outputs);
         log_write(LOG_LEVEL_INFO, "settings reloaded");
     } else {
-        log_write(LOG_LEVEL_ERROR, "the settings are unchanged: %s", e.message);
+        log_write(LOG_LEVEL_ERROR, "cannot reload the settings, which are unchanged: %s", e.message);
     }
     config_clear(&fresh);
     manager_tell_ready();

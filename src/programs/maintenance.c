@@ -32,8 +32,8 @@ static bool check_state_directory(const config *c, error *e)
     struct stat info;
     if (stat(c->state_dir, &info) == 0) return true;
     return error_set(e, ERROR_INTERNAL,
-                     "the state directory %s: %s; name the settings file of hexad with --config FILE, or its"
-                     " state directory with --state_dir DIRECTORY",
+                     "cannot open the state directory %s: %s. Give the settings file of hexad with "
+                     "--config FILE, or its state directory with --state_dir DIRECTORY.",
                      c->state_dir, strerror(errno));
 }
 
@@ -69,8 +69,8 @@ static client *open_client(const config *c, error *e)
     client *found = client_open(server, token && *token ? token : NULL, getenv("SSL_CERT_FILE"), e);
     if (found)
         client_set_advice(found,
-                          "a daemon uses the state directory, but not this address; name its settings file"
-                          " with --config FILE, or its address with HEXAD_SERVER");
+                          "a daemon uses the state directory, but not this address; give its settings file "
+                          "with --config FILE, or its address with HEXAD_SERVER");
     free(server);
     return found;
 }
@@ -84,13 +84,13 @@ static bool fetch_copy(const config *c, FILE *stream, error *e)
     if (ok && reply.status != 200) {
         json_at root = json_root(reply.document);
         ok = error_set(e, error_code_from_name(json_string(json_member(&root, "code"), "internal")),
-                       "the daemon gives no backup (%ld): %s%s", reply.status,
+                       "the daemon refused the backup (status %ld): %s%s", reply.status,
                        json_string(json_member(&root, "detail"), "no reason"),
-                       reply.status == 401 ? "; hexad shows the one in HEXAD_TOKEN (scope admin)" : "");
+                       reply.status == 401 ? "; set HEXAD_TOKEN to a token with the scope admin" : "");
     }
     client_reply_clear(&reply);
     if (ok && fflush(stream) != 0)
-        ok = error_set(e, ERROR_INTERNAL, "the copy cannot be written: %s", strerror(errno));
+        ok = error_set(e, ERROR_INTERNAL, "cannot write the copy: %s", strerror(errno));
     return ok;
 }
 
@@ -118,7 +118,7 @@ static bool check_whole(const char *path, error *e)
     bool whole = !*findings;
     if (!whole)
         error_set(e, ERROR_DATABASE_DAMAGED,
-                  "the database is damaged (%.*s) and is not copied; hexad --check tells more",
+                  "the database is damaged (%.*s) and was not copied; run hexad --check for all findings",
                   (int)strcspn(findings, "\n"), findings);
     free(findings);
     return whole;
@@ -133,11 +133,10 @@ static bool check_instance(const config *c, const char *path, error *e)
     char *copied = own ? backup_read_instance(path, e) : NULL;
     bool ok = !own || copied;
     if (ok && own && *copied && strncmp(own, copied, strlen(copied)) != 0)
-        ok = error_set(
-            e, ERROR_INTERNAL,
-            "the daemon that answered has another queue (instance %s) than %s (instance %.*s): unset HEXAD_SERVER, or "
-            "name the settings file of that daemon with --config FILE",
-            copied, file, (int)strcspn(own, "\n"), own);
+        ok = error_set(e, ERROR_INTERNAL,
+                       "the daemon that answered belongs to instance %s, and %s to instance %.*s: unset "
+                       "HEXAD_SERVER, or give the settings file of that daemon with --config FILE",
+                       copied, file, (int)strcspn(own, "\n"), own);
     free(copied);
     free(own);
     free(file);
@@ -151,7 +150,7 @@ int maintenance_back_up(const config *settings)
     struct stat info;
     int lock = -1;
     if (stat(settings->backup, &info) == 0 && !S_ISREG(info.st_mode)) {
-        error_set(&e, ERROR_INTERNAL, "%s is a directory or a device: name a file", settings->backup);
+        error_set(&e, ERROR_INTERNAL, "%s is not a regular file: give the path of a file", settings->backup);
         return fail(&e);
     }
     if (!check_state_directory(settings, &e)) return fail(&e);
@@ -192,7 +191,7 @@ static bool ask_health(const config *c, tally *t, error *e)
     bool ok = daemon && client_call(daemon, "GET", "/readyz", NULL, 0, &reply, e);
     json_at root = json_root(reply.document);
     if (ok && strcmp(json_string(json_member(&root, "code"), ""), "database_damaged") == 0) {
-        printf("the daemon says: %s\n", json_string(json_member(&root, "detail"), ""));
+        printf("the daemon reports: %s\n", json_string(json_member(&root, "detail"), ""));
         t->findings++;
     }
     client_reply_clear(&reply);
@@ -218,11 +217,11 @@ static bool check_copy(const config *c, const char *path, bool alone, tally *t, 
 static int sum_up(const tally *t)
 {
     if (t->findings)
-        printf("trouble: %zu found; see doc/operations.md\n", t->findings);
+        printf("%zu faults found; see doc/operations.md\n", t->findings);
     else if (t->results_seen)
-        printf("sound: the database, and %zu results\n", t->results);
+        printf("no faults in the database and %zu results\n", t->results);
     else
-        puts("sound: the database; results are looked at when hexad does not run");
+        puts("no faults in the database; results are checked only while hexad is stopped");
     return t->findings ? EXIT_FAILURE : EXIT_SUCCESS;
 }
 
