@@ -73,7 +73,7 @@ static bool resolve(const char *name, bool group, unsigned *number, error *e)
         return true;
     }
     if ((group ? resolve_group : resolve_user)(name, number)) return true;
-    return error_set(e, ERROR_SPEC_INVALID, "the %s %s does not exist: `getent %s` lists those that do",
+    return error_set(e, ERROR_SPEC_INVALID, "the %s %s does not exist: run `getent %s` for those that exist",
                      group ? "group" : "user", name, group ? "group" : "passwd");
 }
 
@@ -121,7 +121,7 @@ static bool is_same(const struct stat *a, const struct stat *b)
 }
 
 /* Reads the tokens if their file is another than last time. When it cannot be read at the moment (internal), they stay,
- * and it is read at the next look. When it is no token file, no token is known. Held: the mutex. */
+ * and it is read at the next look. When it is no token file, no token is valid. Held: the mutex. */
 static bool refresh(access_control *a, error *e)
 {
     struct stat now = {0};
@@ -316,8 +316,8 @@ static const token_set *lock_tokens(access_control *a)
     bool ok = refresh(a, &e);
     if (!ok && !a->troubled)
         log_write(LOG_LEVEL_ERROR, "%s: %s",
-                  e.code == ERROR_INTERNAL ? "the changed tokens cannot be read, and the ones before stay"
-                                           : "no token is known",
+                  e.code == ERROR_INTERNAL ? "cannot read the changed tokens; the previous ones remain valid"
+                                           : "no token is valid",
                   e.message);
     a->troubled = !ok && e.code == ERROR_INTERNAL;
     return &a->tokens;

@@ -20,7 +20,7 @@ static bool make_key(const char *path, error *e)
     uint8_t bytes[SESSION_KEY_BYTES];
     store_file file = {0};
     if (getrandom(bytes, sizeof bytes, 0) != sizeof bytes)
-        return error_set(e, ERROR_INTERNAL, "the system gives no random numbers: %s", strerror(errno));
+        return error_set(e, ERROR_INTERNAL, "cannot get random numbers from the system: %s", strerror(errno));
     if (!store_file_begin(path, &file, e)) return false;
     if (fchmod(fileno(file.stream), 0600) != 0) {
         error_set(e, ERROR_INTERNAL, "%s cannot be given mode 0600: %s", path, strerror(errno));
@@ -40,8 +40,8 @@ bool session_key_open(const char *path, session_key *key, error *e)
     uint8_t more;
     bool ok = store_file_check_private(fd, path, e);
     if (ok && (read(fd, k.bytes, sizeof k.bytes) != sizeof k.bytes || read(fd, &more, 1) != 0))
-        ok = error_set(e, ERROR_SPEC_INVALID, "%s is no key of sessions: remove it, and a new one is made",
-                       path);
+        ok = error_set(e, ERROR_SPEC_INVALID,
+                       "the session key %s is not valid: remove the file; hexad creates a new one", path);
     close(fd);
     if (!ok) return false;
     char hash[STORE_HASH_SIZE];

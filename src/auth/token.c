@@ -111,7 +111,8 @@ static bool read_lines(FILE *file, const char *path, token_set *set, error *e)
         if (whole && *line == '#') continue;
         if (!whole || !read_token(line, &t))
             return error_set(e, ERROR_SPEC_INVALID,
-                             "%s:%d: not \"ID USER SCOPES SHA256 CREATED [MAX_PRIORITY]\"", path, number);
+                             "%s:%d: the line must be \"ID USER SCOPES SHA256 CREATED [MAX_PRIORITY]\"", path,
+                             number);
         append(set, &t);
     }
     return !ferror(file) || fail_to_read(path, e);
@@ -162,12 +163,13 @@ const token *token_set_add(token_set *set, const char *user, unsigned scopes, in
     uint8_t secret[SECRET_BYTES];
     token t = {.scopes = scopes, .created_ms = clock_wall_ms(), .max_priority = max_priority};
     if (!is_user(user)) {
-        error_set(e, ERROR_SPEC_INVALID, "a user name must have 1 to %d letters, digits and \"._@-\"",
-                  TOKEN_USER_SIZE - 1);
+        error_set(e, ERROR_SPEC_INVALID,
+                  "the user name must have 1 to %d letters, digits and \"._@-\" (given %.100s)",
+                  TOKEN_USER_SIZE - 1, user);
         return NULL;
     }
     if (getrandom(secret, sizeof secret, 0) != sizeof secret) {
-        error_set(e, ERROR_INTERNAL, "the system gives no random numbers: %s", strerror(errno));
+        error_set(e, ERROR_INTERNAL, "cannot get random numbers from the system: %s", strerror(errno));
         return NULL;
     }
     strcpy(text, TOKEN_PREFIX);
