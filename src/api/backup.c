@@ -8,7 +8,7 @@ void backup_send(const http_context *c, const http_request *request, reply *r)
     error e = {0};
     int64_t bytes = 0;
     if (atomic_exchange(c->copying, true)) {
-        reply_set_unavailable(r, "another backup is being made; try again when it is done");
+        reply_set_unavailable(r, "another backup is in progress; try again later");
         return;
     }
     int fd = backup_open(queue_database(c->q), executor_get_space(c->x).floor_bytes, &bytes, &e);

@@ -88,7 +88,7 @@ static void put_title(contact_sheet *sheet, const drawing *d, int all)
 {
     char title[96];
     if (d->late)
-        snprintf(title, sizeof title, "%d of %d frames, %d not read in time", d->shown, all, d->late);
+        snprintf(title, sizeof title, "%d of %d frames; %d were not read in time", d->shown, all, d->late);
     else
         snprintf(title, sizeof title, "%d of %d frames", d->shown, all);
     contact_sheet_put_title(sheet, title);
@@ -109,7 +109,7 @@ static void send_frames(const http_context *c, const queue_job *job, reply *r)
     if (ok && d.late && wait_list_is_dismissed(c->waiting))
         reply_set_unavailable(r, "the service is stopping");
     else if (ok && !d.drawn && d.late)
-        reply_set_unavailable(r, "no preview could be read in time; try again when the service is less busy");
+        reply_set_unavailable(r, "no preview was read in time; try again later");
     else if (ok && !d.drawn)
         reply_set_problem(r, "not_found", NULL, "no frame of the job %s has a " WORKER_PREVIEW_NAME, job->id);
     else if (!ok || !png_reply_set(r, &sheet->canvas, &e))

@@ -234,7 +234,7 @@ static char *copy(const char *text)
 
 static void refuse_position(reply *r)
 {
-    reply_set_problem(r, "request_invalid", NULL, "Last-Event-ID is not the id of an event");
+    reply_set_problem(r, "request_invalid", NULL, "Last-Event-ID must be the id of an event");
 }
 
 /* The stream begins here and not when the first bytes are sent, so that it has all events after the client
@@ -352,9 +352,10 @@ static bool may_select(const http_context *c, const http_request *request, const
 {
     queue_job job = {0};
     if (!all && s->owner && !access_is_owner(request->caller, s->owner)) {
-        reply_set_problem(r, "forbidden", NULL,
-                          "the events of these jobs are for %s and administrators; all=1 is for everybody",
-                          s->owner);
+        reply_set_problem(
+            r, "forbidden", NULL,
+            "only %s and administrators may read the events of these jobs: omit owner, or add all=1",
+            s->owner);
         return false;
     }
     if (!s->id) return true;

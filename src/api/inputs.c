@@ -22,27 +22,30 @@ static void refuse(store_upload_verdict verdict, const error *why, reply *r)
         break;
     case STORE_UPLOAD_TOO_LARGE:
         reply_set_problem(r, "body_too_large", NULL,
-                          "the file is longer than an upload may be (setting upload_limit_bytes)");
+                          "the file exceeds the size of an upload (setting upload_limit_bytes): "
+                          "reduce it, or put it below an input root");
         break;
     case STORE_UPLOAD_NO_ROOM:
         reply_set_problem(
             r, "storage_full", NULL,
-            "there is no room for the file: the uploads reach the setting upload_total_bytes, or"
-            " the disk is full");
+            "the file does not fit: all uploads together would exceed upload_total_bytes, or the "
+            "disk is full. Delete uploads that are not needed.");
         break;
     case STORE_UPLOAD_USER_FULL:
         reply_set_problem(r, "storage_full", NULL,
-                          "there is no room for the file: what this user has sent reaches the setting"
-                          " user_upload_bytes. Files that no job reads go after inputs_keep_s");
+                          "the file does not fit: the uploads of this user would exceed user_upload_bytes. "
+                          "Delete uploads that are not needed; unused ones expire after inputs_keep_s.");
         break;
     case STORE_UPLOAD_TOO_MANY:
         reply_set_problem(r, "too_many_requests", NULL,
-                          "this user sends as many files at once as a user may (setting user_uploads)");
+                          "this user has reached the number of simultaneous uploads (setting user_uploads): "
+                          "wait for one to end");
         reply_ask_again(r);
         break;
     case STORE_UPLOAD_MISMATCH:
-        reply_set_problem(r, "digest_mismatch", NULL,
-                          "the received bytes do not have the SHA-256 that the path names");
+        reply_set_problem(
+            r, "digest_mismatch", NULL,
+            "the SHA-256 of the received bytes differs from the one in the path: send the file again");
         break;
     case STORE_UPLOAD_FAILED:
         reply_set_error(r, why, NULL);
@@ -98,8 +101,8 @@ bool inputs_check(const http_context *c, const access_caller *caller, const char
     /* a use before the check, so that it is not removed in between */
     if (sent && (!inputs_may_use(c, caller, hex) || store_inputs_use(c->inputs, hex) < 0))
         return error_set(e, ERROR_INPUT_MISSING,
-                         "%s: you have not sent this file, or it is not kept any more: send it"
-                         " (hexadctl upload)",
+                         "%s: the file was not uploaded by this user, or has expired: send it with hexadctl "
+                         "upload",
                          path);
     int fd = store_open_input(c->roots, path, e);
     if (fd >= 0) close(fd);
@@ -159,7 +162,10 @@ void inputs_show(const http_context *c, const http_request *request, reply *r)
     if (bytes >= 0)
         show(hex, bytes, 200, r);
     else
-        reply_set_problem(r, "not_found", NULL, "you have sent no input %s, or it is not kept any more", hex);
+        reply_set_problem(r, "not_found", NULL,
+                          "the input %s was not uploaded by this user, or has expired: send it with hexadctl "
+                          "upload",
+                          hex);
 }
 
 void inputs_delete(const http_context *c, const http_request *request, reply *r)
@@ -171,7 +177,7 @@ void inputs_delete(const http_context *c, const http_request *request, reply *r)
     if (!store_inputs_remove(c->inputs, hex, &found, &e))
         reply_set_error(r, &e, NULL);
     else if (!found)
-        reply_set_problem(r, "not_found", NULL, "there is no input %s", hex);
+        reply_set_problem(r, "not_found", NULL, "the input %s does not exist", hex);
     else
         reply_set_empty(r, 204);
 }
@@ -215,9 +221,10 @@ void inputs_inspect(const http_context *c, const http_request *request, reply *r
         reply_set_problem(r, "json_invalid", NULL, "%s", e.message);
     } else if (!asked || !*asked || json_size(root) != 1) {
         reply_set_problem(r, "request_invalid", NULL,
-                          "the body is an object with one member, path: the file");
+                          "the body must be an object with one member, path, the path of a file");
     } else if (!c->estimator) {
-        reply_set_problem(r, "unavailable", NULL, "the service looks at no files (setting estimates)");
+        reply_set_problem(r, "unavailable", NULL,
+                          "this service does not inspect files: the setting estimates is 0");
     } else {
         char *mapped = path_map_apply(c->mappings, asked);
         const char *path = mapped ? mapped : asked;

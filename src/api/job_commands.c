@@ -13,6 +13,16 @@
 
 const char *const job_commands_patch_members[] = {"priority", "labels", "retention_s", NULL};
 
+/* To which jobs a command applies. */
+static const char *rule_of(queue_command command)
+{
+    return command == QUEUE_CANCEL   ? "Cancel only jobs that have not ended"
+           : command == QUEUE_PAUSE  ? "Pause only jobs that have not ended"
+           : command == QUEUE_RESUME ? "Resume only paused jobs"
+           : command == QUEUE_RETRY  ? "Retry only ended jobs with tasks that did not succeed"
+                                     : "Deliver only results of jobs with output.directory";
+}
+
 static void tell(const http_context *c, const http_request *request, queue_command command, const char *what,
                  reply *r)
 {
@@ -26,12 +36,14 @@ static void tell(const http_context *c, const http_request *request, queue_comma
     if (!executor_tell(c->x, job.id, command, &found, &changed, &now, &e)) {
         reply_set_error(r, &e, NULL);
     } else if (!found) {
-        reply_set_problem(r, "not_found", NULL, "there is no job %s", job.id);
+        reply_set_problem(r, "not_found", NULL, "the job %s does not exist: list the jobs for their IDs",
+                          job.id);
     } else if (!changed && (wants_end || ended || queue_state_is_final(now))) {
-        reply_set_problem(r, "conflict", NULL, "there is nothing to %s in the job %s: its state is %s", what,
-                          job.id, queue_state_name(now));
+        reply_set_problem(r, "conflict", NULL, "cannot %s the job %s: its state is %s. %s.", what, job.id,
+                          queue_state_name(now), rule_of(command));
     } else {
-        log_write(LOG_LEVEL_INFO, "job told job=%s command=%s user=%s", job.id, what, request->caller->user);
+        log_write(LOG_LEVEL_INFO, "job command job=%s command=%s user=%s", job.id, what,
+                  request->caller->user);
         jobs_answer(c, request, job.id, now == QUEUE_CANCELLING || command == QUEUE_DELIVER ? 202 : 200, r);
     }
     queue_job_clear(&job);
@@ -76,12 +88,12 @@ static void retry_all(const http_context *c, const http_request *request, reply 
         !queue_retry_dependents(c->q, job.id, admin ? NULL : request->caller->user, &retried, &e)) {
         reply_set_error(r, &e, NULL);
     } else if (!changed && !retried.count) {
-        reply_set_problem(r, "conflict", NULL, "there is nothing to retry in the job %s or behind it",
+        reply_set_problem(r, "conflict", NULL, "the job %s and its dependents have no failed tasks to retry",
                           job.id);
         free(retried.others);
     } else {
         executor_wake(c->x);
-        log_write(LOG_LEVEL_INFO, "job told job=%s command=retry dependents=%zu user=%s", job.id,
+        log_write(LOG_LEVEL_INFO, "job command job=%s command=retry dependents=%zu user=%s", job.id,
                   retried.count, request->caller->user);
         jobs_answer(c, request, job.id, 200, r);
         put_dependents(&retried, r);
@@ -129,7 +141,7 @@ static void check_names(json_at patch, json *errors)
         while (job_commands_patch_members[k] && strcmp(job_commands_patch_members[k], member.key) != 0) k++;
         if (job_commands_patch_members[k]) continue;
         reply_append_fault(errors, json_pointer(&member, pointer, sizeof pointer),
-                           "cannot be changed; only priority, labels and retention_s can");
+                           "cannot be changed: change only priority, labels or retention_s");
     }
 }
 
@@ -139,7 +151,8 @@ static bool read_match(const http_request *request, int64_t *revision, reply *r)
     const char *match = request->header[HTTP_IF_MATCH];
     *revision = -1;
     if (!match || strcmp(match, "*") == 0 || job_json_read_tag(match, revision)) return true;
-    reply_set_problem(r, "precondition_failed", NULL, "If-Match is not the ETag of this job");
+    reply_set_problem(r, "precondition_failed", NULL,
+                      "If-Match differs from the ETag of this job: get the job again and repeat the change");
     return false;
 }
 
@@ -151,10 +164,11 @@ static void apply(const http_context *c, const http_request *request, const queu
     if (!queue_change(c->q, job->id, revision, edit, &edited, &e)) {
         reply_set_error(r, &e, NULL);
     } else if (edited == QUEUE_NOT_THERE) {
-        reply_set_problem(r, "not_found", NULL, "there is no job %s", job->id);
+        reply_set_problem(r, "not_found", NULL, "the job %s does not exist: list the jobs for their IDs",
+                          job->id);
     } else if (edited == QUEUE_STALE) {
         reply_set_problem(r, "precondition_failed", NULL,
-                          "the job %s has changed in the meantime: get it again and repeat the change",
+                          "the job %s has changed since it was read: get it again and repeat the change",
                           job->id);
     } else {
         if (edit->priority) executor_move(c->x, job->id, *edit->priority);
@@ -185,7 +199,8 @@ void job_commands_edit(const http_context *c, const http_request *request, reply
         reply_append_fault(errors, "", "must be an object");
     }
     if (json_size(json_root(errors)) > 0) {
-        reply_set_problem(r, "spec_invalid", errors, "the change is not valid; `errors` lists the faults");
+        reply_set_problem(r, "spec_invalid", errors,
+                          "the change is not valid: correct the members that `errors` lists");
         errors = NULL;
         goto done;
     }
@@ -216,7 +231,8 @@ void job_commands_delete(const http_context *c, const http_request *request, rep
     if (!executor_delete(c->x, job.id, &found, &deleted, &e)) {
         reply_set_error(r, &e, NULL);
     } else if (!found) {
-        reply_set_problem(r, "not_found", NULL, "there is no job %s", job.id);
+        reply_set_problem(r, "not_found", NULL, "the job %s does not exist: list the jobs for their IDs",
+                          job.id);
     } else if (!deleted) {
         reply_set_problem(r, "conflict", NULL, "the job %s has not ended: cancel it first", job.id);
     } else {

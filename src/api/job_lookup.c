@@ -9,7 +9,8 @@ bool job_lookup_find(const http_context *c, const http_request *request, queue_j
         reply_set_error(r, &e, NULL);
         return false;
     }
-    if (!found) reply_set_problem(r, "not_found", NULL, "there is no job %s", id);
+    if (!found)
+        reply_set_problem(r, "not_found", NULL, "the job %s does not exist: list the jobs for their IDs", id);
     return found;
 }
 
@@ -18,7 +19,7 @@ bool job_lookup_find_own(const http_context *c, const http_request *request, que
     if (!job_lookup_find(c, request, job, r)) return false;
     if (access_is_owner(request->caller, job->owner)) return true;
     reply_set_problem(r, "forbidden", NULL,
-                      "the job %s belongs to %s; only the owner and administrators may do this", job->id,
+                      "the job %s belongs to %s: ask its owner or an administrator to do this", job->id,
                       job->owner);
     queue_job_clear(job);
     return false;

@@ -78,7 +78,7 @@ void jobs_answer(const http_context *c, const http_request *request, const char 
     if (!queue_get(c->q, id, &job, &found, &e)) {
         reply_set_error(r, &e, NULL);
     } else if (!found) {
-        reply_set_problem(r, "not_found", NULL, "there is no job %s", id);
+        reply_set_problem(r, "not_found", NULL, "the job %s does not exist: list the jobs for their IDs", id);
     } else {
         answer_job(c, request, &job, status, r);
     }
@@ -128,7 +128,8 @@ static bool check_frames(const http_context *c, const spec *s, reply *r)
     bool good = goes_on && spec_check_frames(s, &faults, &e);
     pthread_mutex_unlock(&one_at_a_time);
     if (!goes_on)
-        reply_set_unavailable(r, "the service is stopping, or draining: it checks no values by frame now");
+        reply_set_unavailable(
+            r, "the service is stopping or draining and does not check by_frame now: try again later");
     else if (!good)
         answer_faults(&faults, &e, r);
     return good;
@@ -159,8 +160,7 @@ static void refuse_member(const order *o, const char *pointer, const error *why,
     const char *asked = paths_asked(o->paths, pointer);
     error told = *why;
     if (asked)
-        error_set(&told, why->code, "%s (the job named it %s; see the setting path_mappings)", why->message,
-                  asked);
+        error_set(&told, why->code, "%s (mapped from %s by the setting path_mappings)", why->message, asked);
     json *errors = json_new_array();
     reply_append_fault(errors, pointer, told.message);
     reply_set_error(r, &told, errors);
@@ -226,7 +226,10 @@ static bool check_slurm(const http_context *c, const order *o, reply *r)
         char pointer[48];
         if (allows_option(c, option) && !strchr(option, '\n')) continue;
         snprintf(pointer, sizeof pointer, "/queue/slurm/%zu", i);
-        error_set(&e, ERROR_SPEC_INVALID, "the service does not allow %s (setting slurm_allow)", option);
+        error_set(&e, ERROR_SPEC_INVALID,
+                  "this service does not allow the option %s: choose one that its setting slurm_allow "
+                  "lists",
+                  option);
         refuse_member(o, pointer, &e, r);
         return false;
     }
@@ -244,8 +247,8 @@ bool jobs_admit_priority(const http_context *c, const http_request *request, int
     if (priority <= most) return true;
     char detail[200];
     json *errors = json_new_array();
-    snprintf(detail, sizeof detail, "%d is more than %s%s may give, which is %g (%s)", priority,
-             by_token ? "this token of " : "", caller->user, most,
+    snprintf(detail, sizeof detail, "the priority %d exceeds the limit of %s%s, %g (%s): lower the priority",
+             priority, by_token ? "this token of " : "", caller->user, most,
              by_token ? "hexadctl token add --max-priority" : "setting user_priorities");
     reply_append_fault(errors, pointer, detail);
     reply_set_problem(r, "priority_forbidden", errors, "%s: %s", pointer, detail);
@@ -341,7 +344,7 @@ static void refuse_dependency(const queue_submission *put, size_t index, reply *
     bool after = index >= put->depends_on_count;
     if (after) index -= put->depends_on_count;
     snprintf(pointer, sizeof pointer, "/queue/%s/%zu", after ? "after" : "depends_on", index);
-    snprintf(detail, sizeof detail, "there is no job %.100s to wait for",
+    snprintf(detail, sizeof detail, "the job %.100s does not exist: list the jobs for their IDs",
              (after ? put->after : put->depends_on)[index]);
     reply_append_fault(errors, pointer, detail);
     reply_set_problem(r, "spec_invalid", errors, "%s: %s", pointer, detail);
@@ -350,12 +353,11 @@ static void refuse_dependency(const queue_submission *put, size_t index, reply *
 /* No job may be deleted to make room for the results of this one. */
 static void refuse_results(const char *owner, bool of_user, reply *r)
 {
-    reply_set_problem(
-        r, "results_full", NULL,
-        "the results of %s have met their bound (settings %s), and no job may be deleted to make room:"
-        " fetch results, which lets their jobs go, or delete jobs",
-        of_user ? owner : "all users",
-        of_user ? "user_results_mb, user_results_count" : "results_mb, results_count");
+    reply_set_problem(r, "results_full", NULL,
+                      "the results of %s have reached their bound (settings %s), and no job may be deleted "
+                      "automatically: fetch results, or delete jobs",
+                      of_user ? owner : "all users",
+                      of_user ? "user_results_mb, user_results_count" : "results_mb, results_count");
     reply_add_header(r, "Retry-After", "30");
 }
 
@@ -381,12 +383,14 @@ static void answer_receipt(const http_context *c, const http_request *request, c
         break;
     case QUEUE_MISMATCH:
         reply_set_problem(r, "idempotency_mismatch", NULL,
-                          "this Idempotency-Key was used with another body, for the job %s", receipt->id);
+                          "this Idempotency-Key was used with another body, for the job %s: use another key",
+                          receipt->id);
         break;
     case QUEUE_TOO_MANY:
         reply_set_problem(r, "too_many_jobs", NULL,
-                          "%s has %lld unfinished jobs, which is the limit (setting user_queued)", put->owner,
-                          (long long)put->most_waiting);
+                          "%s has %lld unfinished jobs, the limit of a user (setting user_queued): wait for "
+                          "some to end, or cancel some",
+                          put->owner, (long long)put->most_waiting);
         reply_add_header(r, "Retry-After", "5");
         break;
     case QUEUE_RESULTS_FULL:
@@ -395,8 +399,8 @@ static void answer_receipt(const http_context *c, const http_request *request, c
         break;
     case QUEUE_NO_ROOM:
         reply_set_storage_full(
-            r,
-            "the disk of the service is full: it accepts jobs again when there is room (setting reserve_mb)");
+            r, "the disk of the service is full (setting reserve_mb): delete jobs that are not "
+               "needed, or try again later");
         break;
     case QUEUE_UNKNOWN_DEPENDENCY:
         refuse_dependency(put, receipt->dependency, r);
@@ -416,8 +420,8 @@ static bool check_rate(const http_context *c, const http_request *request, const
     if (!c->rate || submission_rate_take(c->rate, user, clock_monotonic_ms(), &wait_s)) return true;
     snprintf(after, sizeof after, "%lld", (long long)wait_s);
     reply_set_problem(r, "too_many_submissions", NULL,
-                      "%s has submitted as many jobs as a user may in an hour (setting user_submissions): try"
-                      " again in %s s",
+                      "%s has reached the number of submissions in an hour (setting user_submissions): try "
+                      "again in %s s",
                       user, after);
     reply_add_header(r, "Retry-After", after);
     return false;
@@ -588,7 +592,8 @@ void jobs_submit(const http_context *c, const http_request *request, reply *r)
 {
     if (!executor_takes_jobs(c->x)) {
         reply_set_unavailable(
-            r, "the service accepts no jobs: it is stopping, or draining until hexadctl undrain");
+            r, "the service accepts no jobs, because it is stopping or draining: try again later, "
+               "or run hexadctl undrain");
         return;
     }
     order o = {0};
@@ -611,7 +616,8 @@ static bool put_estimate(const http_context *c, const http_request *request, con
         return false;
     }
     if (!(request->caller->scopes & SCOPE_SUBMIT)) {
-        error_set(&e, ERROR_NONE, "an estimate needs the scope %s", scope_name(SCOPE_SUBMIT));
+        error_set(&e, ERROR_NONE, "an estimate requires the scope %s: use a token that has it",
+                  scope_name(SCOPE_SUBMIT));
     } else if (c->estimator) {
         size_t sent_count = 0;
         char *text = json_print(o->s->normalised), **sent = list_sent(o->s, &sent_count);
@@ -622,7 +628,7 @@ static bool put_estimate(const http_context *c, const http_request *request, con
         free_sent(sent, sent_count);
         free(text);
     } else {
-        error_set(&e, ERROR_NONE, "the service makes no estimates (setting estimates)");
+        error_set(&e, ERROR_NONE, "this service makes no estimates: the setting estimates is 0");
     }
     job_json_put_stored(document, "estimate", found);
     json_put_string(document, "estimate_missing", verdict == ESTIMATOR_MADE ? NULL : e.message);
@@ -729,8 +735,8 @@ static bool restrict_to_own(const http_request *request, queue_filter *filter, r
 {
     if (request->caller->scopes & SCOPE_ADMIN) return true;
     if (filter->owner && !access_is_owner(request->caller, filter->owner)) {
-        reply_set_problem(r, "forbidden", NULL, "only an administrator may ask what jobs of %s depend on",
-                          filter->owner);
+        reply_set_problem(r, "forbidden", NULL,
+                          "only an administrator may list the dependencies of jobs of %s", filter->owner);
         return false;
     }
     filter->owner = request->caller->user;
@@ -757,7 +763,7 @@ void jobs_list(const http_context *c, const http_request *request, reply *r)
     parameters_read_order(request, &filter.order, &filter.rising);
     if (!read_cursor(request, &filter)) {
         reply_set_problem(r, "request_invalid", NULL,
-                          "cursor is not `next` of a page of a list with this `sort`");
+                          "cursor must be `next` of a page of a list with the same `sort`");
         return;
     }
     if (filter.needs && !restrict_to_own(request, &filter, r)) return;

@@ -71,12 +71,11 @@ static void put_queue(const http_context *c, FILE *out)
         fprintf(out, "hexad_jobs{state=\"%s\"} %lld\n", queue_state_name((queue_state)s),
                 (long long)count[s]);
     put_seconds(out, "hexad_oldest_waiting_job_age_seconds",
-                "How long the first of the queued jobs has waited; 0: none is queued.",
-                age_ms(f.waiting_since_ms));
-    put_gauge(out, "hexad_webhooks_waiting", "Ends of jobs that a webhook is still to be told of.",
-              f.deliveries);
+                "How long the first queued job has waited; 0: no job is queued.", age_ms(f.waiting_since_ms));
+    put_gauge(out, "hexad_webhooks_waiting",
+              "Ends of jobs whose webhook has not been called successfully yet.", f.deliveries);
     put_seconds(out, "hexad_webhooks_oldest_age_seconds",
-                "How long ago the first of these ends was; 0: there is none.", age_ms(f.delivery_since_ms));
+                "The age of the oldest of these ends; 0: there is none.", age_ms(f.delivery_since_ms));
     put_gauge(out, "hexad_database_size_bytes", "Size of the database.", f.database_bytes);
 }
 
@@ -129,15 +128,15 @@ static void put_attempts(const http_context *c, FILE *out)
                   "Time from the submission of a job to the first attempt of each of its tasks.", &m->waits);
     put_counter(out, "hexad_cache_hits_total", "Jobs that were given the result of an equal one.",
                 m->cache_hits);
-    put_counter(out, "hexad_cache_misses_total", "Jobs for which there was no such result.", m->cache_misses);
+    put_counter(out, "hexad_cache_misses_total", "Jobs without an equal job whose result could be used.",
+                m->cache_misses);
 }
 
 static void put_webhooks(const http_context *c, FILE *out)
 {
     static const char name[] = "hexad_webhook_calls_total";
-    put_head(
-        out, name, "counter",
-        "Calls of webhooks, by result. After the result given_up there is no further call for this end.");
+    put_head(out, name, "counter",
+             "Calls of webhooks, by result. After given_up there are no further calls for this end.");
     fprintf(out, "%s{result=\"delivered\"} %llu\n", name, (unsigned long long)c->calls->delivered);
     fprintf(out, "%s{result=\"failed\"} %llu\n", name, (unsigned long long)c->calls->failed);
     fprintf(out, "%s{result=\"given_up\"} %llu\n", name, (unsigned long long)c->calls->given_up);
@@ -178,10 +177,11 @@ static void put_results(const http_context *c, FILE *out)
             put_gauge(out, "hexad_results_limit_bytes", "The space that they may take.",
                       usage.bounds.all.bytes);
         put_gauge(out, "hexad_results_full",
-                  "Whether results have met a bound and no job may be deleted to make room.", usage.full);
+                  "Whether results have reached a bound and no job may be deleted automatically.",
+                  usage.full);
     }
-    put_counter(out, "hexad_jobs_evicted_total", "Jobs that were deleted because results had met a bound.",
-                executor_count_evicted(c->x));
+    put_counter(out, "hexad_jobs_evicted_total",
+                "Jobs that were deleted because results had reached a bound.", executor_count_evicted(c->x));
 }
 
 static void put_http(const http_context *c, FILE *out)

@@ -18,7 +18,7 @@
     " continues. Further `position` events follow where a filter skipped many events, or where events are"    \
     " missing; `removed_up_to` and `reset` in their data mean the same as in an EventPage. The stream of one" \
     " job also has events `progress` and ends with the job. The `id` of progress is that of the last event,"  \
-    " and behind a dot a number; Last-Event-ID takes both."
+    " followed by a dot and a number; Last-Event-ID accepts both forms."
 
 /* The bytes of JSON files; the Makefile generates the included ones. */
 static const char answer_schemas[] = {
@@ -32,11 +32,11 @@ static const char answer_examples[] = {
 static const struct {
     const char *name, *prose;
 } tags[] = {
-    {"jobs", "Submit jobs, see how far they are, change and end them."},
-    {"events", "What happens to jobs, as pages or as a stream."},
-    {"results", "The files of jobs that have succeeded, and the space that they take."},
-    {"inputs", "Files that jobs read: sent ones, and those of the input roots."},
-    {"service", "How the service is, and what it offers."},
+    {"jobs", "Submit, list, change and cancel jobs."},
+    {"events", "Events of jobs, as pages or as a stream."},
+    {"results", "The files of jobs that have succeeded, and their disk space."},
+    {"inputs", "Files that jobs read: uploads, and files below the input roots."},
+    {"service", "The state and the interface of the service."},
     {"administration", "For administrators: drain, hold, back up."},
     {"page", "The web page and the sessions of browsers."},
 };
@@ -277,7 +277,7 @@ static void put_webhook(json *document)
     json *call = json_put_object(ended, "post");
     json_put_string(call, "operationId", "jobEnded");
     json_append_string(json_put_array(call, "tags"), "events");
-    json_put_string(call, "summary", "A job has ended that names this address in queue.webhook");
+    json_put_string(call, "summary", "A job whose queue.webhook is this address has ended");
     json_put_string(
         call, "description",
         "With the headers webhook-id, webhook-timestamp and webhook-signature of Standard Webhooks"

@@ -61,9 +61,9 @@ static const parameter parameters[] = {
      .low = 1,
      .high = 500,
      .otherwise = "50",
-     .prose =
-         "The number of entries of a page, at most. A page of jobs or events looks at 4096 of them and may be"
-         " short or empty though there are more: the list ends where `next` is null."},
+     .prose = "The maximum number of entries of a page. A page of jobs or events examines at most "
+              "4096 entries and may be short or empty before the list ends: the list ends when "
+              "`next` is null."},
     {.name = "owner",
      .type = PARAMETER_TEXT,
      .low = 0,
@@ -81,9 +81,8 @@ static const parameter parameters[] = {
      .low = 26,
      .high = 26,
      .pattern = "^[0-9a-z]{26}$",
-     .prose =
-         "Only jobs of the caller, or for an administrator of any user, that name the job with this id in `queue.depends_on`"
-         " or `queue.after`."},
+     .prose = "Only jobs whose `queue.depends_on` or `queue.after` contains this ID: those of the "
+              "caller, or for an administrator those of all users."},
     {.name = "text",
      .type = PARAMETER_TEXT,
      .low = 1,
@@ -94,16 +93,14 @@ static const parameter parameters[] = {
      .type = PARAMETER_WORD,
      .word = order_at,
      .otherwise = "-created",
-     .prose =
-         "What the list is sorted by, over all its pages: the smallest first, or with a minus the largest. Names are "
-         "sorted without regard to the case of ASCII letters. Jobs that are alike in that are sorted by age, the "
-         "newest first with a minus."},
+     .prose = "The sort key of the list, over all its pages: ascending, or descending with a "
+              "minus. Names are compared without regard to the case of ASCII letters. Jobs with "
+              "equal keys are sorted by age, the newest first with a minus."},
     {.name = "created_after",
      .type = PARAMETER_TIME,
      .example = "2026-01-31T18:00:00Z",
-     .prose =
-         "Only jobs that were submitted at this time or later: RFC 3339, as 2026-01-31T18:00:00Z, or with another"
-         " offset; without one, or as a date alone, UTC."},
+     .prose = "Only jobs that were submitted at this time or later: RFC 3339, such as "
+              "2026-01-31T18:00:00Z, or with another offset; without an offset, or as a date, UTC."},
     {.name = "created_before",
      .type = PARAMETER_TIME,
      .prose = "Only jobs that were submitted before this time."},
@@ -139,22 +136,20 @@ static const parameter parameters[] = {
      .low = 0,
      .high = 1,
      .otherwise = "0",
-     .prose = "1: the events of the jobs of all users, as everyone may list these jobs."},
+     .prose = "1: the events of the jobs of all users."},
     {.name = "dependents",
      .type = PARAMETER_INTEGER,
      .low = 0,
      .high = 1,
      .otherwise = "0",
-     .prose =
-         "1: also the jobs that ended as dependency_failed because of this one, and those behind them in turn,"
-         " as far as the caller may retry them."},
+     .prose = "1: also the jobs that ended as dependency_failed because of this one, directly or "
+              "indirectly, if the caller may retry them."},
     {.name = "within_ms",
      .type = PARAMETER_INTEGER,
      .low = 1,
      .high = 600000,
-     .prose =
-         "The estimate is given up after this many milliseconds: a client that is about to submit the spec learns of faults that are"
-         " found by then. Default: the setting estimate_timeout_s."},
+     .prose = "The time limit of the estimate in milliseconds. A client that submits the spec next "
+              "uses it to detect faults quickly. Default: the setting estimate_timeout_s."},
     {.name = "frame",
      .type = PARAMETER_INTEGER,
      .low = -2147483647,
@@ -170,9 +165,9 @@ static const parameter parameters[] = {
      .low = 1,
      .high = 255,
      .example = "shot010-v3",
-     .prose = "A name for this request. When it is sent again with the same body, no second job is"
-              " created; with another body it is refused. A key holds for its user, until the job is"
-              " deleted."},
+     .prose = "An identifier of this request. A repeated request with the same body creates no "
+              "second job; with another body it is refused. A key belongs to its user and is valid "
+              "until the job is deleted."},
     {.name = "traceparent",
      .type = PARAMETER_TEXT,
      .low = 55,
@@ -197,8 +192,7 @@ static const parameter parameters[] = {
      .example = "wait=30",
      .prose =
          "wait=SECONDS: the answer waits until the job has ended or, with If-None-Match, has"
-         " changed, for at most that time and the setting wait_limit_s. Preference-Applied in the answer has"
-         " the time that holds."},
+         " changed, for at most that time and the setting wait_limit_s. Preference-Applied in the answer has the time that was used."},
     {.name = "Range",
      .type = PARAMETER_TEXT,
      .low = 1,

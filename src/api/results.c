@@ -62,7 +62,7 @@ static bool choose_first_frame(const http_context *c, const queue_job *job, int 
         queue_tasks_free(tasks, count);
     }
     if (*state == QUEUE_SUCCEEDED) return true;
-    reply_set_problem(r, "not_found", NULL, "no frame of the job %s has succeeded", job->id);
+    reply_set_problem(r, "not_found", NULL, "no frame of the job %s has succeeded: see its tasks", job->id);
     return false;
 }
 
@@ -80,7 +80,7 @@ static bool choose_frame(const http_context *c, const http_request *request, con
     if (!job->array || !given) {
         reply_set_problem(r, "request_invalid", NULL,
                           job->array
-                              ? "the job %s is an array: name a frame (query parameter frame, option --frame)"
+                              ? "the job %s has frames: choose one (query parameter frame, option --frame)"
                               : "the job %s has no frames",
                           job->id);
         return false;
@@ -126,10 +126,11 @@ static bool find_result(const http_context *c, const http_request *request, plac
     }
     char *path = result_directory(c->work_dir, job.id, frame);
     if (!queue_state_is_final(state))
-        reply_set_problem(r, "conflict", NULL, "the job %s has not ended: %s", job.id,
-                          queue_state_name(state));
+        reply_set_problem(r, "conflict", NULL, "the job %s has not ended (its state is %s): wait for its end",
+                          job.id, queue_state_name(state));
     else if (state != QUEUE_SUCCEEDED)
-        reply_set_problem(r, "not_found", NULL, "the job %s has no results: %s", job.id,
+        reply_set_problem(r, "not_found", NULL,
+                          "the job %s has no results, because its state is %s: see its error", job.id,
                           queue_state_name(state));
     else if (!result_list(path, &p->found, &e))
         reply_set_error(r, &e, NULL);
@@ -208,7 +209,8 @@ static void send_file(const http_request *request, const result_output *output, 
         reply_set_empty(r, 304);
         close(fd);
     } else if (range == PRECONDITIONS_UNSATISFIABLE) {
-        reply_set_problem(r, "range_not_satisfiable", NULL, "%s has %lld bytes", output->name,
+        reply_set_problem(r, "range_not_satisfiable", NULL,
+                          "the result %s has %lld bytes: request a range within them", output->name,
                           (long long)bytes);
         add_range(r, 0, 0, bytes);
         close(fd);
@@ -277,7 +279,8 @@ void results_send(const http_context *c, const http_request *request, reply *r)
     }
     size_t i = find_output(&p, name);
     if (i == p.found.output_count) {
-        reply_set_problem(r, "not_found", NULL, "the job %s has no result named %.200s",
+        reply_set_problem(r, "not_found", NULL,
+                          "the job %s has no result named %.200s: list its results for their names",
                           request->parameter[0], name);
     } else {
         int64_t bytes = 0;

@@ -46,11 +46,15 @@ void session_sign_in(const http_context *c, const http_request *request, reply *
     if (!body)
         reply_set_problem(r, "json_invalid", NULL, "%s", e.message);
     else if (!*access_session_cookie(c->access))
-        reply_set_problem(r, "not_found", NULL, "there are no sessions: the setting page is 0");
+        reply_set_problem(
+            r, "not_found", NULL,
+            "this service has no sessions, because the setting page is 0: send a token with each "
+            "request");
     else if (!shown)
         reply_set_problem(r, "request_invalid", NULL, "the body must be {\"token\": \"hexad_...\"}");
     else if (!access_begin_session(c->access, shown, session, &caller))
-        reply_set_problem(r, "unauthorized", NULL, "the token is unknown; it may have been revoked");
+        reply_set_problem(r, "unauthorized", NULL,
+                          "the token is unknown or revoked: create one with hexadctl token add");
     else {
         show(&caller, r);
         set_cookie(c, request, session, (int64_t)c->session_s, r);

@@ -74,10 +74,9 @@ static void look_at_results(const http_context *c, finding *f)
     if (!usage.full) return;
     f->state = "full";
     f->code = "unavailable";
-    snprintf(
-        f->detail, sizeof f->detail,
-        "results_full: results have met a bound (settings results_mb, results_count), and no job may be deleted to make room:"
-        " their owners have to fetch results, or delete jobs");
+    snprintf(f->detail, sizeof f->detail,
+             "results_full: results have reached a bound (settings results_mb, results_count), "
+             "and no job may be deleted automatically: fetch results, or delete jobs");
 }
 
 /* Jobs that name no directory run all the same. */

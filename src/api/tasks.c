@@ -90,7 +90,7 @@ static bool choose_attempt(const http_context *c, const http_request *request, c
     *frame = (int)parameter_integer(request, "frame", QUEUE_NO_FRAME);
     if (job->array && *frame == QUEUE_NO_FRAME) {
         reply_set_problem(r, "request_invalid", NULL,
-                          "the job %s is an array: name a frame (query parameter frame, option --frame)",
+                          "the job %s has frames: choose one (query parameter frame, option --frame)",
                           job->id);
         return false;
     }
@@ -126,8 +126,11 @@ void tasks_show_log(const http_context *c, const http_request *request, reply *r
         if (fd >= 0)
             reply_set_file(r, "text/plain", fd, bytes);
         else
-            reply_set_problem(r, "not_found", NULL,
-                              "the job %s has no such attempt yet, or its log was removed", job.id);
+            reply_set_problem(
+                r, "not_found", NULL,
+                "the job %s has no log: the attempt has not started, or its log was removed. List "
+                "the attempts of the job.",
+                job.id);
     }
     queue_job_clear(&job);
 }
@@ -147,7 +150,8 @@ void tasks_send_snapshot(const http_context *c, const http_request *request, rep
         else
             reply_set_problem(
                 r, "not_found", NULL,
-                "the job %s has no snapshot: no attempt is relaxing points, or it began less than 2 s ago",
+                "the job %s has no snapshot: no attempt is relaxing points, or it started less than "
+                "2 s ago. Try again later.",
                 job.id);
         free(directory);
     }
