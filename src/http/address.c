@@ -90,7 +90,8 @@ bool address_ranges_read(const char *const *text, size_t count, address_ranges *
     for (r->count = 0; r->count < count; r->count++)
         if (!read_range(text[r->count], &r->item[r->count]))
             return error_set(e, ERROR_SPEC_INVALID,
-                             "%s is not an address or a range of addresses (10.0.0.0/8)", text[r->count]);
+                             "must be an address or a range of addresses, such as 10.0.0.0/8 (given %s)",
+                             text[r->count]);
     return true;
 }
 

@@ -76,7 +76,7 @@ bool head_refuse(struct MHD_Connection *connection, const char *method, const ch
     if (fault)
         reply_set_problem(r, "request_invalid", NULL, "%s", fault);
     else if (target->crowded)
-        reply_set_problem(r, "request_invalid", NULL, "the query has more than %d parameters",
+        reply_set_problem(r, "request_invalid", NULL, "the query has more than %d parameters: send fewer",
                           HTTP_MAX_QUERY);
     return fault || target->crowded;
 }

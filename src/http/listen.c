@@ -71,7 +71,12 @@ static char *describe(int fd)
 static bool bind_and_listen(int fd, const struct sockaddr *address, socklen_t size, const char *where,
                             error *e)
 {
-    if (bind(fd, address, size) != 0) return fail(e, where, "bind");
+    if (bind(fd, address, size) != 0)
+        return errno == EADDRINUSE
+                   ? error_set(e, ERROR_INTERNAL,
+                               "listen %s: another process uses this port: stop it, or choose another port",
+                               where)
+                   : fail(e, where, "bind");
     return listen(fd, BACKLOG) == 0 || fail(e, where, "listen");
 }
 
@@ -84,7 +89,7 @@ static bool open_tcp(const char *where, listen_socket *s, error *e)
     int fd = -1, one = 1;
     listen_reach reach = LISTEN_LOOPBACK;
     if (!split(where, &host, &port))
-        return error_set(e, ERROR_SPEC_INVALID, "listen %s: must be HOST:PORT or unix:/path", where);
+        return error_set(e, ERROR_SPEC_INVALID, "listen: must be HOST:PORT or unix:/path (given %s)", where);
     int why = getaddrinfo(host, port, &hints, &found);
     if (why != 0) {
         error_set(e, ERROR_SPEC_INVALID, "listen %s: %s", where, gai_strerror(why));
@@ -113,13 +118,17 @@ static bool remove_stale(const struct sockaddr_un *address, const char *where, e
     struct stat info;
     if (lstat(address->sun_path, &info) != 0) return true;
     if (!S_ISSOCK(info.st_mode))
-        return error_set(e, ERROR_SPEC_INVALID, "listen %s: the path exists and is not a socket", where);
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "listen %s: the path exists and is not a socket: choose another path", where);
     int probe = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
     if (probe < 0) return fail(e, where, "socket");
     bool alive =
         connect(probe, (const struct sockaddr *)address, sizeof *address) == 0 || errno != ECONNREFUSED;
     close(probe);
-    if (alive) return error_set(e, ERROR_SPEC_INVALID, "listen %s: another process serves it", where);
+    if (alive)
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "listen %s: another process uses this socket: stop it, or choose another path",
+                         where);
     return unlink(address->sun_path) == 0 || fail(e, where, "unlink");
 }
 
@@ -128,8 +137,9 @@ static bool open_unix(const char *where, bool shared, listen_socket *s, error *e
     const char *path = where + strlen("unix:");
     struct sockaddr_un address = {.sun_family = AF_UNIX};
     if (*path != '/' || strlen(path) >= sizeof address.sun_path)
-        return error_set(e, ERROR_SPEC_INVALID, "listen %s: must be an absolute path of at most %zu bytes",
-                         where, sizeof address.sun_path - 1);
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "listen %s: the path must be absolute and have at most %zu bytes", where,
+                         sizeof address.sun_path - 1);
     strcpy(address.sun_path, path);
     if (!remove_stale(&address, where, e)) return false;
     int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
@@ -168,7 +178,9 @@ bool listen_adopt(int fd, listen_socket *s, error *e)
     if (getsockopt(fd, SOL_SOCKET, SO_ACCEPTCONN, &listens, &flag_size) != 0 ||
         getsockopt(fd, SOL_SOCKET, SO_TYPE, &type, &flag_size) != 0 || !listens || type != SOCK_STREAM ||
         getsockname(fd, &a.any, &size) != 0) {
-        error_set(e, ERROR_SPEC_INVALID, "the socket that systemd passed is not a listening stream socket");
+        error_set(e, ERROR_SPEC_INVALID,
+                  "the socket that systemd passed is not a listening stream socket: correct "
+                  "ListenStream= of hexad.socket");
     } else if (a.any.sa_family == AF_UNIX) {
         *s = (listen_socket){fd, mem_printf("unix:%s", a.local.sun_path), LISTEN_UNIX, NULL};
         return true;

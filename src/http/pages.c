@@ -48,7 +48,7 @@ pages *pages_new(const char *listen, const char *served, const char *const *orig
     for (size_t i = 0; i < count; i++) {
         if (!is_origin(origins[i])) {
             error_set(e, ERROR_SPEC_INVALID,
-                      "page_origins: %s is not an origin: scheme://host:port in lower case, without a path",
+                      "page_origins: must be scheme://host:port in lower case, without a path (given %s)",
                       origins[i]);
             pages_free(p);
             return NULL;

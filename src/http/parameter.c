@@ -72,22 +72,22 @@ static void describe_values(const parameter *p, char *text, size_t size)
     } else if (p->type == PARAMETER_INTEGER) {
         snprintf(text, size, "must be an integer from %lld to %lld", (long long)p->low, (long long)p->high);
     } else if (p->type == PARAMETER_TIME) {
-        snprintf(text, size, "must be a time after 1970, as 2026-01-31T18:00:00Z or 2026-01-31");
+        snprintf(text, size, "must be a time after 1970, such as 2026-01-31T18:00:00Z or 2026-01-31");
     } else {
         size_t used = (size_t)snprintf(text, size, "must be one of ");
         for (size_t i = 0; used < size && (word = p->word(i)); i++)
             used += (size_t)snprintf(text + used, size - used, "%s, ", word);
         if (used < size)
             snprintf(text + used - 2, size - used + 2, "%s",
-                     p->type == PARAMETER_WORDS ? ", or several of them with commas" : "");
+                     p->type == PARAMETER_WORDS ? ", or several of these, separated by commas" : "");
     }
 }
 
-/* "is not a parameter of this path, which takes a, b and c" for the names "a b c". */
+/* "is not a parameter of this path: use a, b and c" for the names "a b c". */
 static void describe_names(const char *names, char *text, size_t size)
 {
-    size_t used =
-        (size_t)snprintf(text, size, "is not a parameter of this path, which takes %s", names ? "" : "none");
+    size_t used = (size_t)snprintf(text, size, "is not a parameter of this path: %s",
+                                   names ? "use " : "it has none; remove it");
     for (const char *at = names; at && *at && used + 3 < size; at++) {
         if (*at == ' ') text[used++] = ',';
         text[used++] = *at;
@@ -103,7 +103,7 @@ bool parameter_check_query(const parameter_table *table, const char *names, cons
         const char *fault = NULL;
         char values[512];
         for (size_t other = 0; other < i; other++)
-            if (strcmp(key, request->query[other].key) == 0) fault = "is given twice";
+            if (strcmp(key, request->query[other].key) == 0) fault = "is given twice: remove one";
         if (!is_listed(names, key)) {
             describe_names(names, values, sizeof values);
             fault = values;

@@ -15,7 +15,7 @@
 
 static const reply_problem problems[] = {
     {"json_invalid", 400, "The body is not valid JSON"},
-    {"request_invalid", 400, "The request cannot be understood"},
+    {"request_invalid", 400, "The request is not valid"},
     {"unauthorized", 401, "The caller is unknown"},
     {"forbidden", 403, "The caller may not do this"},
     {"origin_forbidden", 403, "Pages of this origin may not send requests"},
@@ -47,7 +47,7 @@ static const reply_problem problems[] = {
     {"output_unwritable", 422, "The service cannot write to the output directory"},
     {"limit_memory", 422, "The job needs more memory than there is"},
     {"too_many_jobs", 429, "The user has too many jobs"},
-    {"results_full", 507, "There is no room for more results"},
+    {"results_full", 507, "The results have reached their bound"},
     {"too_many_submissions", 429, "The user has submitted too many jobs"},
     {"priority_forbidden", 403, "The caller may not give this priority"},
     {"storage_full", 507, "The storage is full"},

@@ -265,9 +265,14 @@ static bool refuse_connection(exchange *x, reply *r)
 {
     static const char *const why[] = {
         [CONNECTION_TOO_MANY_OF_CLIENT] =
-            "this client has too many connections without a token (setting client_connection_limit)",
-        [CONNECTION_TOO_MANY_OF_USER] = "this user has too many connections (setting user_connection_limit)",
-        [CONNECTION_TOO_MANY] = "the service has too many connections (setting connection_limit)",
+            "this client has reached the number of connections without a token (setting "
+            "client_connection_limit): close some, or send a token",
+        [CONNECTION_TOO_MANY_OF_USER] =
+            "this user has reached the number of connections (setting user_connection_limit): "
+            "close some",
+        [CONNECTION_TOO_MANY] =
+            "the service has reached the number of connections (setting connection_limit): try "
+            "again later",
     };
     client_connection *p = connection_of(x->connection);
     bool is_user = x->known && (x->caller.generation || connections_access(p)->local);
@@ -304,8 +309,8 @@ static void set_unauthorized(const exchange *x, const access_peer *from, const f
     else
         reply_set_problem(r, "unauthorized", NULL,
                           f->authorization
-                              ? "the token is unknown; it may have been revoked"
-                              : "this needs a token: send the header Authorization: Bearer TOKEN");
+                              ? "the token is unknown or revoked: create one with hexadctl token add"
+                              : "this request requires a token: send the header Authorization: Bearer TOKEN");
     reply_add_header(r, MHD_HTTP_HEADER_WWW_AUTHENTICATE,
                      f->authorization ? "Bearer realm=\"hexad\", error=\"invalid_token\""
                                       : "Bearer realm=\"hexad\"");
@@ -332,13 +337,13 @@ static bool refuse_page(const exchange *x, const fields *f, reply *r)
         set_unauthorized(x, from, f, r); /* a program, whose token is what is wrong */
     else if (other_host)
         reply_set_problem(r, "misdirected_request", NULL,
-                          "this service is not at the host %.200s: use the address that it listens on, send a"
-                          " token, or add an origin with this host to the setting page_origins",
+                          "this service does not have the host name %.200s: use the address that it listens "
+                          "on, send a token, or add an origin with this host to the setting page_origins",
                           f->host);
     else
         reply_set_problem(r, "origin_forbidden", NULL,
-                          "pages of %.200s may not send requests to this service: the setting page_origins"
-                          " names those that may",
+                          "pages of %.200s may not send requests to this service: add this origin to the "
+                          "setting page_origins",
                           f->origins ? f->origin : "another site");
     return true;
 }
@@ -369,8 +374,10 @@ static bool refuse_caller(const exchange *x, const fields *f, reply *r)
         return true;
     }
     if (!match->found || x->caller.scopes & match->found->scope) return false;
-    reply_set_problem(r, "forbidden", NULL, "this needs the scope %s, which %s does not have",
-                      scope_name(match->found->scope), x->caller.user);
+    reply_set_problem(
+        r, "forbidden", NULL,
+        "this request requires the scope %s, which %s does not have: use a token with this scope",
+        scope_name(match->found->scope), x->caller.user);
     return true;
 }
 
@@ -379,15 +386,16 @@ static bool refuse_body(const exchange *x, const fields *f, reply *r)
     size_t limit = x->s->settings.body_limit_bytes;
     if (x->route.found->body && f->coded) {
         reply_set_problem(r, "media_type_unsupported", NULL,
-                          "the body must come as it is: send it without the header Content-Encoding");
+                          "the body is encoded: send it as it is, without the header Content-Encoding");
         reply_add_header(r, MHD_HTTP_HEADER_ACCEPT_ENCODING, "identity");
         return true;
     }
     if (x->route.found->opener) return false;
     if (f->length && strtoull(f->length, NULL, 10) > limit) {
         reply_set_problem(r, "body_too_large", NULL,
-                          "the body has %.24s bytes; the limit is %zu (setting body_limit_bytes)", f->length,
-                          limit);
+                          "the body has %.24s bytes, above the limit of %zu (setting body_limit_bytes): put "
+                          "long arrays into files that the spec names",
+                          f->length, limit);
         return true;
     }
     if (!x->route.found->body) return false;
@@ -446,7 +454,8 @@ static bool refuse(exchange *x, const fields *f, const char *method, const char 
     const route_match *match = &x->route;
     if (refuse_caller(x, f, r)) return true;
     if (!match->known) {
-        reply_set_problem(r, "not_found", NULL, "the path %.200s does not exist", path);
+        reply_set_problem(r, "not_found", NULL,
+                          "the path %.200s does not exist: see /v1/openapi.json for the paths", path);
         return true;
     }
     if (!match->found) {
@@ -464,12 +473,12 @@ static bool refuse_head(const exchange *x, const fields *f, const char *method, 
     bool old = strcmp(version, MHD_HTTP_VERSION_1_0) == 0;
     if (head_refuse(x->connection, method, version, &x->target, r)) return true;
     if (f->hosts > 1 || (!f->hosts && !old)) {
-        reply_set_problem(r, "request_invalid", NULL, "the header Host is missing, or given more than once");
+        reply_set_problem(r, "request_invalid", NULL, "the header Host is missing or repeated: send it once");
         return true;
     }
     if (f->lengths + f->codings <= 1 && (!f->codings || (f->chunked && !old))) return false;
     reply_set_problem(r, "request_invalid", NULL,
-                      "the length of the body is missing, or given more than once");
+                      "the length of the body is missing or repeated: send Content-Length once");
     return true;
 }
 
@@ -591,22 +600,24 @@ static enum MHD_Result take_body(exchange *x, const char *data, size_t *size)
 static bool read_body(exchange *x, reply *r)
 {
     if (x->too_large) {
-        reply_set_problem(r, "body_too_large", NULL,
-                          "the body is longer than the limit of %zu bytes (setting body_limit_bytes)",
-                          x->s->settings.body_limit_bytes);
+        reply_set_problem(
+            r, "body_too_large", NULL,
+            "the body exceeds the limit of %zu bytes (setting body_limit_bytes): put long arrays "
+            "into files that the spec names",
+            x->s->settings.body_limit_bytes);
         reply_add_header(r, MHD_HTTP_HEADER_CONNECTION, "close");
         return false;
     }
     if (x->body_fits == BODY_TOO_MUCH_OF_USER) {
         reply_set_problem(r, "too_many_requests", NULL,
-                          "the bodies of this user's requests take as much memory as they may (setting"
-                          " user_body_bytes)");
+                          "the requests of this user have reached the memory for bodies (setting "
+                          "user_body_bytes): try again later");
         reply_ask_again(r);
         return false;
     }
     if (x->body_fits == BODY_TOO_MUCH) {
-        reply_set_unavailable(
-            r, "the bodies of requests take as much memory as they may (setting body_total_bytes)");
+        reply_set_unavailable(r, "all requests together have reached the memory for bodies (setting "
+                                 "body_total_bytes): try again later");
         return false;
     }
     if (x->body) x->body[x->request.length] = '\0';
@@ -651,7 +662,7 @@ static void refuse_in_pool(thread_pool_work *work)
     if (x->awaits)
         x->answer.provisional = false;
     else if (x->answered)
-        reply_set_unavailable(&x->answer, "the service is stopping");
+        reply_set_unavailable(&x->answer, "the service is stopping: try again later");
     loop_resume(x->s->loop, x->connection);
 }
 
@@ -786,11 +797,12 @@ static void refuse_once(server *s, unsigned status)
     while (x && !has_head(x)) x = x->next;
     if (!x) return;
     if (status == MHD_HTTP_CONTENT_TOO_LARGE)
-        answer_at_once(x, "body_too_large", "Content-Length is beyond all limits");
+        answer_at_once(x, "body_too_large", "Content-Length exceeds all limits: send a smaller body");
     else if (status == MHD_HTTP_BAD_REQUEST)
-        answer_at_once(x, "request_invalid", "Content-Length is not a number of bytes");
+        answer_at_once(x, "request_invalid", "Content-Length must be a number of bytes");
     else
-        answer_at_once(x, "request_invalid", "the headers are too long (setting header_limit_bytes)");
+        answer_at_once(x, "request_invalid",
+                       "the headers exceed the setting header_limit_bytes: send shorter ones");
 }
 
 static void write_library_log(void *context, const char *format, va_list arguments)

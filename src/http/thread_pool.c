@@ -93,7 +93,7 @@ static void *run_work(void *argument)
     thread_pool *p = argument;
     if (setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + p->nice) !=
         0) /* of this thread (Linux) */
-        log_write(LOG_LEVEL_WARNING, "a thread keeps its priority: %s", strerror(errno));
+        log_write(LOG_LEVEL_WARNING, "cannot lower the priority of a thread: %s", strerror(errno));
     pthread_mutex_lock(&p->mutex);
     for (;;) {
         line *mine = choose(p);
