@@ -14,9 +14,18 @@
 
 #include "base/memory.h"
 
+/* What to do about a failed system call. */
+static const char *remedy_of(int why)
+{
+    if (why == ENOENT || why == ENOTDIR || why == EISDIR) return ". Check the path.";
+    if (why == EACCES || why == EPERM || why == EROFS) return ". Check the permissions.";
+    return why == ENOSPC || why == EDQUOT ? ". Free some space." : "";
+}
+
 static bool fail(error *e, const char *what, const char *path)
 {
-    return error_set(e, error_code_of_errno(errno), "%s cannot be %s: %s", path, what, strerror(errno));
+    return error_set(e, error_code_of_errno(errno), "cannot %s %s: %s%s", what, path, strerror(errno),
+                     remedy_of(errno));
 }
 
 /* The directory that holds `path`; to be freed. */
@@ -32,8 +41,8 @@ static char *parent_of(const char *path)
 bool store_directory_sync(const char *path, error *e)
 {
     int fd = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (fd < 0) return fail(e, "opened", path);
-    bool ok = fsync(fd) == 0 || fail(e, "flushed to disk", path);
+    if (fd < 0) return fail(e, "open", path);
+    bool ok = fsync(fd) == 0 || fail(e, "flush", path);
     close(fd);
     return ok;
 }
@@ -71,18 +80,18 @@ void store_file_clear(const char *path)
 bool store_file_begin(const char *path, store_file *file, error *e)
 {
     uint64_t random = 0;
-    if (getrandom(&random, sizeof random, 0) != sizeof random) return fail(e, "created", path);
+    if (getrandom(&random, sizeof random, 0) != sizeof random) return fail(e, "create", path);
     char *temporary = mem_printf("%s.%0*" PRIx64, path, RANDOM_DIGITS, random);
     /* not mkstemp, which would make it private whatever the umask says */
     int fd = open(temporary, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (fd < 0) {
-        fail(e, "created", path);
+        fail(e, "create", path);
         free(temporary);
         return false;
     }
     FILE *stream = fdopen(fd, "w+b");
     if (!stream) {
-        fail(e, "created", path);
+        fail(e, "create", path);
         close(fd);
         unlink(temporary);
         free(temporary);
@@ -116,7 +125,7 @@ bool store_file_flush(store_file *file, error *e)
     if (!failed && fflush(file->stream) == 0 && fsync(fileno(file->stream)) == 0) return true;
     if (failed) errno = find_cause(file->stream);
     if (!errno) errno = EIO;
-    return fail(e, "written", file->path);
+    return fail(e, "write", file->path);
 }
 
 void store_file_begin_flush(store_file *file)
@@ -131,11 +140,11 @@ bool store_file_place(store_file *file, error *e)
     int closed = fclose(file->stream);
     file->stream = NULL;
     if (closed != 0) {
-        fail(e, "written", file->path);
+        fail(e, "write", file->path);
         goto done;
     }
     if (rename(file->temporary, file->path) != 0) {
-        fail(e, "renamed into place", file->path);
+        fail(e, "replace", file->path);
         goto done;
     }
     free(file->temporary);
@@ -280,12 +289,12 @@ bool store_directory_create(const char *path, error *e)
         if (S_ISDIR(info.st_mode)) return true;
         errno = ENOTDIR;
     }
-    if (errno != ENOENT || !*path) return fail(e, "made a directory", path);
+    if (errno != ENOENT || !*path) return fail(e, "create the directory", path);
     char *parent = parent_of(path);
     bool ok = strcmp(parent, path) != 0 && store_directory_create(parent, e);
     free(parent);
     if (!ok) return false;
-    if (mkdir(path, 0777) != 0 && errno != EEXIST) return fail(e, "made a directory", path);
+    if (mkdir(path, 0777) != 0 && errno != EEXIST) return fail(e, "create the directory", path);
     return parent_sync(path, e);
 }
 
@@ -328,7 +337,7 @@ bool store_remove(const char *path, error *e)
     int directory = open(path, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
     if (directory < 0 || !remove_contents(directory) || rmdir(path) != 0) {
         if (errno == ENOENT) return true;
-        return fail(e, "removed", path);
+        return fail(e, "remove", path);
     }
     return parent_sync(path, e);
 }

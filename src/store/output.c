@@ -41,11 +41,14 @@ bool store_output_check(const store_outputs *outputs, const char *path, error *e
     char name[NAME_MAX + 1];
     bool ok = true;
     for (const char *at = path; next_part(&at, name, &ok);) continue;
-    if (!ok) return error_set(e, ERROR_PATH_FORBIDDEN, "%s: a part is \"..\" or too long", path);
+    if (!ok)
+        return error_set(e, ERROR_PATH_FORBIDDEN,
+                         "%s: the path contains \"..\" or a name that is too long: correct the path", path);
     for (size_t i = 0; i < outputs->root_count; i++)
         if (below(path, outputs->roots[i])) return true;
-    return error_set(e, ERROR_PATH_FORBIDDEN, "%s lies outside the output roots of this service%s", path,
-                     *path == '/' ? "" : ": give an absolute path");
+    return error_set(
+        e, ERROR_PATH_FORBIDDEN,
+        "%s is outside the output roots of this service: give an absolute path below one of them", path);
 }
 
 static error_code code_of(int why)
@@ -102,7 +105,8 @@ int store_output_open_root(const char *root, error *e)
     int fd = open(root, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (fd < 0)
         error_set(e, errno == ENOENT ? ERROR_OUTPUT_UNWRITABLE : code_of(errno),
-                  "the output root %s cannot be opened: %s", root, strerror(errno));
+                  "cannot open the output root %s: %s. Create it, or correct output_roots.", root,
+                  strerror(errno));
     return fd;
 }
 
@@ -128,7 +132,7 @@ static int open_directory(const store_outputs *outputs, const char *path, missin
         errno = why;
         here = next;
     }
-    if (here < 0) fail(e, way == MISSING_IS_MADE ? "cannot be made" : "cannot be opened", path);
+    if (here < 0) fail(e, way == MISSING_IS_MADE ? "cannot be created" : "cannot be opened", path);
     return here;
 }
 

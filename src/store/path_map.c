@@ -53,7 +53,7 @@ static bool begins_with(const char *plain, const char *from)
 static bool read_mapping(const path_map *before, const char *text, mapping *m, error *e)
 {
     const char *equals = strchr(text, '=');
-    if (!equals) return error_set(e, ERROR_SPEC_INVALID, "path_mappings: %s is not from=to", text);
+    if (!equals) return error_set(e, ERROR_SPEC_INVALID, "path_mappings: must be from=to (given %s)", text);
     char *from = mem_strndup(text, (size_t)(equals - text));
     bool absolute = is_windows(from) || *from == '/';
     *m = (mapping){make_plain(from), make_plain(equals + 1)};
@@ -70,7 +70,7 @@ static bool read_mapping(const path_map *before, const char *text, mapping *m, e
                          text);
     for (size_t i = 0; i < before->count; i++)
         if (begins_with(before->item[i].from, m->from) && begins_with(m->from, before->item[i].from))
-            return error_set(e, ERROR_SPEC_INVALID, "path_mappings: %s is mapped twice", m->from);
+            return error_set(e, ERROR_SPEC_INVALID, "path_mappings: %s is mapped twice: remove one", m->from);
     return true;
 }
 

@@ -70,7 +70,9 @@ static bool root_open(const char *path, root *r, error *e)
     char *resolved = realpath(path, NULL), *only = NULL;
     int directory = resolved ? open_directory(resolved, &only) : -1;
     if (directory < 0) {
-        error_set(e, ERROR_INPUT_MISSING, "input root %s cannot be opened: %s", path, strerror(errno));
+        error_set(e, ERROR_INPUT_MISSING,
+                  "cannot open the input root %s: %s. Correct the setting input_roots.", path,
+                  strerror(errno));
         free(resolved);
         return false;
     }
@@ -310,10 +312,10 @@ static int open_below(const store_roots *roots, const root *r, const char *path)
 static void set_missing(const char *path, const char *where, int why, error *e)
 {
     const char *hint = frames_is_pattern(path)
-                           ? " (#### and %04d stand for a frame's number in jobs with queue.frames only)"
-                       : *where ? "; a file from elsewhere is sent with hexadctl upload"
-                                : "";
-    error_set(e, ERROR_INPUT_MISSING, "%s cannot be read%s: %s%s", path, where, strerror(why), hint);
+                           ? "; add queue.frames, in which #### and %04d stand for the frame number"
+                       : *where ? "; check the path, or send a file from another place with hexadctl upload"
+                                : "; check the path";
+    error_set(e, ERROR_INPUT_MISSING, "cannot read %s%s: %s%s", path, where, strerror(why), hint);
 }
 
 static int open_in_roots(const store_roots *roots, const char *path, error *e)
@@ -323,7 +325,7 @@ static int open_in_roots(const store_roots *roots, const char *path, error *e)
     bool found_root = sent; /* what was sent and is gone has no root any more */
     int why = ENOENT;
     if (has_parent_step(path)) {
-        error_set(e, ERROR_PATH_FORBIDDEN, "%s: a path may not contain \"..\"", path);
+        error_set(e, ERROR_PATH_FORBIDDEN, "%s: the path must not contain \"..\"", path);
         return -1;
     }
     for (size_t i = 0; i < roots->count; i++) {
@@ -336,13 +338,15 @@ static int open_in_roots(const store_roots *roots, const char *path, error *e)
         if (why != ENOENT && why != ENOTDIR) break;
     }
     if (!found_root)
-        error_set(
-            e, ERROR_PATH_FORBIDDEN,
-            "%s lies outside the input roots: send the file with hexadctl upload, move it below one of them, or add its "
-            "directory to the setting input_roots",
-            path);
+        error_set(e, ERROR_PATH_FORBIDDEN,
+                  "%s is outside the input roots: send the file with hexadctl upload, move it below "
+                  "one of them, or add its directory to the setting input_roots",
+                  path);
     else if (why == EXDEV || why == ELOOP)
-        error_set(e, ERROR_PATH_FORBIDDEN, "%s leads out of the input roots by a symbolic link", path);
+        error_set(e, ERROR_PATH_FORBIDDEN,
+                  "%s is a symbolic link to a place outside the input roots: copy the file, or add "
+                  "that place to the setting input_roots",
+                  path);
     else
         set_missing(path, sent ? "" : " below the input roots", why, e);
     return -1;
@@ -351,7 +355,7 @@ static int open_in_roots(const store_roots *roots, const char *path, error *e)
 int store_open_input(const store_roots *roots, const char *path, error *e)
 {
     if (!*path) {
-        error_set(e, ERROR_INPUT_MISSING, "the path is empty");
+        error_set(e, ERROR_INPUT_MISSING, "the path is empty: give the path of a file");
         return -1;
     }
     int fd;
@@ -369,13 +373,12 @@ int store_open_input(const store_roots *roots, const char *path, error *e)
     const bool known = fstat(fd, &info) == 0;
     if (!known || !S_ISREG(info.st_mode)) {
         close(fd);
-        error_set(
-            e, ERROR_INPUT_UNSUPPORTED,
-            known && S_ISDIR(info.st_mode)
-                ? "%s is a directory: name a file (Fiji saves a Zarr volume as NRRD, `dcm2niix` converts a folder of "
-                  "DICOM files to NIfTI)"
-                : "%s is not a regular file",
-            path);
+        error_set(e, ERROR_INPUT_UNSUPPORTED,
+                  known && S_ISDIR(info.st_mode)
+                      ? "%s is a directory: give the path of a file (Fiji saves a Zarr volume as NRRD, "
+                        "`dcm2niix` converts a folder of DICOM files to NIfTI)"
+                      : "%s is not a regular file: give the path of a file",
+                  path);
         return -1;
     }
     return fd;
@@ -389,7 +392,7 @@ int store_open_directory(const store_roots *roots, const char *path, error *e)
     free(inside_it);
     if (fd < 0 || (fstat(fd, &info) == 0 && S_ISDIR(info.st_mode))) return fd;
     close(fd);
-    error_set(e, ERROR_INPUT_MISSING, "%s is not a directory", path);
+    error_set(e, ERROR_INPUT_MISSING, "%s is not a directory: give the path of a directory", path);
     return -1;
 }
 

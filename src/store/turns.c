@@ -44,8 +44,7 @@ bool store_turns_take(store_turns *t, int directory, store_turn *turn, error *e)
 {
     struct stat info;
     if (fstat(directory, &info) != 0)
-        return error_set(e, error_code_of_errno(errno), "a directory cannot be examined: %s",
-                         strerror(errno));
+        return error_set(e, error_code_of_errno(errno), "cannot examine a directory: %s", strerror(errno));
     *turn = (store_turn){info.st_dev, info.st_ino};
     pthread_mutex_lock(&t->mutex);
     while (find(t, *turn) < t->count) pthread_cond_wait(&t->ended, &t->mutex);

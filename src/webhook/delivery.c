@@ -75,10 +75,10 @@ static uint8_t *decode_key(const char *text, size_t *length, error *e)
     }
     free(key);
     if (!ok)
-        error_set(e, ERROR_SPEC_INVALID, "what follows " KEY_PREFIX " is not base64");
+        error_set(e, ERROR_SPEC_INVALID, "the text after " KEY_PREFIX " is not base64: write the key again");
     else
         error_set(e, ERROR_SPEC_INVALID,
-                  "a key that begins with " KEY_PREFIX " has %d to %d bytes, and this one %zu", KEY_LEAST,
+                  "a key that begins with " KEY_PREFIX " must have %d to %d bytes (given %zu)", KEY_LEAST,
                   KEY_MOST, decoded);
     return NULL;
 }
@@ -105,8 +105,11 @@ static uint8_t *read_key(const char *path, size_t *key_length, error *e)
     size_t length = 0;
     int fd = *path ? open(path, O_RDONLY | O_CLOEXEC) : -1;
     if (fd < 0) {
-        error_set(e, ERROR_SPEC_INVALID, "webhook_secret_file %s: %s", path,
-                  *path ? strerror(errno) : "is not set");
+        if (*path)
+            error_set(e, ERROR_SPEC_INVALID, "cannot read webhook_secret_file %s: %s. Correct this setting.",
+                      path, strerror(errno));
+        else
+            error_set(e, ERROR_SPEC_INVALID, "webhook_hosts requires webhook_secret_file: set it");
         return NULL;
     }
     bool is_private = store_file_check_private(fd, path, e);
@@ -255,7 +258,7 @@ static bool post(caller *r, refusal *refused, error *why)
     if (code != CURLE_OK)
         return error_set(why, ERROR_INTERNAL, "%s", *r->fault ? r->fault : curl_easy_strerror(code));
     *refused = read_refusal(r);
-    return error_set(why, ERROR_INTERNAL, "the answer was %ld", status);
+    return error_set(why, ERROR_INTERNAL, "the receiver answered with status %ld", status);
 }
 
 static int64_t wait_ms(const delivery_settings *s, int tries)
@@ -289,7 +292,7 @@ static bool deliver(caller *r)
         log_write(LOG_LEVEL_WARNING, "webhook not delivered job=%s event=%s try=%d next_s=%g: %s", d->id,
                   d->event, d->tries + 1, clock_seconds(wait), why.message);
     if (queue_end_delivery(c->q, d->number, again_ms, &e)) return true;
-    log_write(LOG_LEVEL_ERROR, "webhook will be told again job=%s event=%s: %s", d->id, d->event, e.message);
+    log_write(LOG_LEVEL_ERROR, "webhook will be repeated job=%s event=%s: %s", d->id, d->event, e.message);
     return false;
 }
 
@@ -400,7 +403,7 @@ static bool start_caller(delivery *c, caller *r, error *e)
 {
     r->c = c;
     r->curl = curl_easy_init();
-    if (!r->curl) return error_set(e, ERROR_INTERNAL, "libcurl does not start");
+    if (!r->curl) return error_set(e, ERROR_INTERNAL, "cannot initialise libcurl");
     r->started = background_start(&r->thread, make_calls, r, "webhooks", e);
     return r->started;
 }

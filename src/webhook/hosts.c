@@ -52,7 +52,7 @@ static bool read_host(const char *text, host *h, error *e)
     free(url);
     curl_url_cleanup(address);
     return (ok && h->name) ||
-           error_set(e, ERROR_SPEC_INVALID, "webhook_hosts: %s is not HOST or HOST:PORT", text);
+           error_set(e, ERROR_SPEC_INVALID, "webhook_hosts: must be HOST or HOST:PORT (given %s)", text);
 }
 
 webhook_hosts *webhook_hosts_read(const char *const *texts, size_t count, error *e)
@@ -91,7 +91,8 @@ static bool is_listed(const webhook_hosts *hosts, const char *scheme, const char
 bool webhook_hosts_admit(const webhook_hosts *hosts, const char *url, error *e)
 {
     if (!hosts || hosts->count == 0)
-        return error_set(e, ERROR_SPEC_INVALID, "the service calls no webhooks (setting webhook_hosts)");
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "this service calls no webhooks: remove this member, or set webhook_hosts");
     CURLU *address = curl_url();
     CURLUcode code =
         address ? curl_url_set(address, CURLUPART_URL, url, CURLU_DISALLOW_USER) : CURLUE_OUT_OF_MEMORY;
@@ -108,8 +109,9 @@ bool webhook_hosts_admit(const webhook_hosts *hosts, const char *url, error *e)
     else if (!(ok = scheme && (strcmp(scheme, "http") == 0 || strcmp(scheme, "https") == 0) && name && port))
         error_set(e, ERROR_SPEC_INVALID, "must be an http or https URL");
     else if (!(ok = is_listed(hosts, scheme, name, port)))
-        error_set(e, ERROR_SPEC_INVALID, "the service does not call %s:%s (setting webhook_hosts)", name,
-                  port);
+        error_set(e, ERROR_SPEC_INVALID,
+                  "this service does not call %s:%s: choose a host that its setting webhook_hosts lists",
+                  name, port);
     free(scheme);
     free(name);
     free(port);
