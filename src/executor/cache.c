@@ -159,8 +159,7 @@ bool cache_is_fresh(const store_roots *roots, const char *inputs)
 static bool link_file(const char *from, const char *to, const char *name, error *e)
 {
     char *source = mem_printf("%s/%s", from, name), *target = mem_printf("%s/%s", to, name);
-    bool ok =
-        link(source, target) == 0 || error_set(e, ERROR_INTERNAL, "%s cannot be linked into %s", source, to);
+    bool ok = link(source, target) == 0 || error_set(e, ERROR_INTERNAL, "cannot link %s into %s", source, to);
     free(source);
     free(target);
     return ok;

@@ -40,7 +40,7 @@ estimator *estimator_open(const executor_settings *settings, int at_once, double
     m->timeout_s = timeout_s;
     m->end_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     bool ok = m->end_fd >= 0 ||
-              error_set(e, ERROR_INTERNAL, "no event descriptor can be created: %s", strerror(errno));
+              error_set(e, ERROR_INTERNAL, "cannot create an event descriptor: %s", strerror(errno));
     if (ok && store_remove(m->directory, e)) return m; /* created together with the first directory in it */
     estimator_close(m);
     return NULL;
@@ -122,8 +122,8 @@ static estimator_verdict ask(estimator *m, engine_request *request, double withi
     if (ended)
         verdict = decide(&ending, request, document, e);
     else if (attempt)
-        error_set(e, ERROR_INTERNAL, "the worker took longer than %g s (%s)", timeout_s,
-                  asked ? "as the request asks" : "setting estimate_timeout_s");
+        error_set(e, ERROR_INTERNAL, "the estimate took longer than %g s (%s)", timeout_s,
+                  asked ? "the limit of the request" : "setting estimate_timeout_s");
     free(ending.last_words);
     store_remove(request->directory, NULL);
     return verdict;
@@ -159,7 +159,8 @@ estimator_verdict estimator_ask(estimator *m, const char *command, const char *s
         free(directory);
     } else {
         verdict = ESTIMATOR_BUSY;
-        error_set(e, ERROR_INTERNAL, "%d others are running (setting estimates)", m->at_once);
+        error_set(e, ERROR_INTERNAL, "%d other estimates are running (setting estimates): try again later",
+                  m->at_once);
     }
     atomic_fetch_sub(&m->running, 1);
     return verdict;

@@ -182,7 +182,7 @@ static bool claim(executor *x, slot *s, queue_room *room)
             room->memory_mb -= memory_mb;
         }
     } else {
-        log_write(LOG_LEVEL_DEBUG, "no job can be claimed: %s", e.message); /* the queue has logged it */
+        log_write(LOG_LEVEL_DEBUG, "cannot claim a job: %s", e.message); /* the queue has logged it */
         x->claim_ms = clock_monotonic_ms() + RETRY_MS;
     }
     pthread_mutex_unlock(&x->order);
@@ -483,7 +483,7 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
     x->drained_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     bool ok = true;
     if (x->wake_fd < 0 || x->drained_fd < 0)
-        ok = error_set(e, ERROR_INTERNAL, "no event descriptor can be created: %s", strerror(errno));
+        ok = error_set(e, ERROR_INTERNAL, "cannot create an event descriptor: %s", strerror(errno));
     const char *sent = settings->inputs ? store_inputs_directory(settings->inputs) : NULL;
     x->roots = ok ? store_roots_open(sent, settings->input_roots, settings->input_root_count, e) : NULL;
     set_context(x);
@@ -562,8 +562,8 @@ bool executor_size(const executor *x, int *width, int64_t *memory_mb, error *e)
     if (*memory_mb <= 0) *memory_mb = least(x->settings.memory_mb, x->memory_mb);
     return *memory_mb <= x->memory_mb ||
            error_set(e, ERROR_LIMIT_MEMORY,
-                     "limits.memory_mb: %" PRId64 " MiB are more than the %" PRId64
-                     " MiB that this service has for all jobs: ask for less",
+                     "limits.memory_mb: %" PRId64 " MiB exceed the %" PRId64
+                     " MiB that this service has for all jobs: lower it",
                      *memory_mb, x->memory_mb);
 }
 

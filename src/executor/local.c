@@ -316,7 +316,7 @@ static engine_attempt *start(void *place, const engine_request *request, error *
         a->began_ms = clock_monotonic_ms();
         return a;
     }
-    error_set(e, ERROR_INTERNAL, "the worker %s cannot be started: %s", request->worker, strerror(why));
+    error_set(e, ERROR_INTERNAL, "cannot start the worker %s: %s", request->worker, strerror(why));
     control_group_end(a->group);
     attempt_free(a);
     return NULL;
@@ -421,7 +421,7 @@ static void write_log(const engine_attempt *a)
     size_t length;
     char *text = log_text(a, &length), *path = mem_printf("%s/" RESULT_LOG_NAME, a->directory);
     if (!store_file_write(path, text, length, &e))
-        log_write(LOG_LEVEL_WARNING, "the worker's log could not be stored: %s", e.message);
+        log_write(LOG_LEVEL_WARNING, "cannot store the log of the worker: %s", e.message);
     free(text);
     free(path);
 }

@@ -74,7 +74,7 @@ static void decide_success(const char *directory, settlement *s)
         snprintf(s->message, sizeof s->message, "%s", e.message);
         return;
     }
-    error_prefix(&e, "the worker reported success but left no valid result");
+    error_prefix(&e, "the worker reported success but wrote no valid result");
     e.code = ERROR_INTERNAL;
     set_end(s, QUEUE_FAILED, &e);
 }
@@ -93,12 +93,13 @@ static void decide_exit(const queue_claimed *c, const engine_ending *ending, set
     bool spoke = settlement_read_last_words(ending->last_words, &said);
     if (ending->exit_status == WORKER_EXIT_CANCELLED) {
         /* the executor did not ask for it, so another process sent the signal: it counts as a crash */
-        error_set(&said, ERROR_INTERNAL, "the worker was stopped from outside");
+        error_set(&said, ERROR_INTERNAL, "another process stopped the worker");
         set_crashed(s, c, &said);
         return;
     }
     if (!spoke)
-        error_set(&said, ERROR_INTERNAL, "the worker ended with exit status %d and gave no reason%s%.200s",
+        error_set(&said, ERROR_INTERNAL,
+                  "the worker ended with exit status %d without an error message%s%.200s",
                   ending->exit_status, *ending->last_words ? "; its last line: " : "", ending->last_words);
     if (error_is_of_storage(said.code))
         set_storage(s, &said);
@@ -111,8 +112,8 @@ static void decide_signal(const queue_claimed *c, const engine_ending *ending, s
     error e = {0};
     if (ending->out_of_memory) {
         error_set(&e, ERROR_LIMIT_MEMORY,
-                  "the worker needed more than its %" PRId64
-                  " MiB, and the kernel ended it: raise limits.memory_mb",
+                  "the worker exceeded its %" PRId64
+                  " MiB and was killed by the kernel: raise limits.memory_mb",
                   c->job.memory_mb);
         snprintf(s->reason, sizeof s->reason, "out of memory: signal %d", ending->signal);
         set_end(s, QUEUE_FAILED, &e);
@@ -143,7 +144,9 @@ static void describe(const engine_ending *ending, const char *prefix, settlement
 static void set_timed_out(settlement *s, double limit_s)
 {
     error e = {0};
-    error_set(&e, ERROR_LIMIT_TIME, "the job ran longer than its timeout_s of %g s, all attempts together",
+    error_set(&e, ERROR_LIMIT_TIME,
+              "the job exceeded limits.timeout_s = %g s over all attempts: raise it, or ask for "
+              "fewer points",
               limit_s);
     set_end(s, QUEUE_TIMED_OUT, &e);
 }
@@ -198,7 +201,10 @@ void settlement_decide(const queue_claimed *c, settlement_stop stop, double limi
         return;
     case SETTLEMENT_STALLED:
         describe(ending, "stalled: ", s);
-        error_set(&e, ERROR_STALLED, "the worker reported no progress for its stall_s of %g s", limit_s);
+        error_set(&e, ERROR_STALLED,
+                  "the worker reported no progress for %g s, the limit (limits.stall_s): raise it if "
+                  "the job is slow",
+                  limit_s);
         set_crashed(s, c, &e);
         return;
     case SETTLEMENT_DRAINED:
@@ -236,8 +242,8 @@ void settlement_decide_too_large(const queue_claimed *claimed, int64_t memory_mb
 {
     error e = {0};
     error_set(&e, ERROR_LIMIT_MEMORY,
-              "the job asks for %" PRId64 " MiB and this service has %" PRId64
-              " MiB for all jobs: ask for less in limits.memory_mb, or raise host_memory_mb",
+              "limits.memory_mb is %" PRId64 " MiB, more than the %" PRId64
+              " MiB that this service has for all jobs: lower it, or raise host_memory_mb",
               claimed->job.memory_mb, memory_mb);
     *s = (settlement){0};
     snprintf(s->reason, sizeof s->reason, "not started: too large");
@@ -247,7 +253,7 @@ void settlement_decide_too_large(const queue_claimed *claimed, int64_t memory_mb
 void settlement_decide_late(double limit_s, settlement *s)
 {
     *s = (settlement){0};
-    snprintf(s->reason, sizeof s->reason, "not started: no time is left");
+    snprintf(s->reason, sizeof s->reason, "not started: its time is spent");
     set_timed_out(s, limit_s);
 }
 
@@ -264,7 +270,7 @@ bool settlement_decide_kept(const char *directory, settlement *s, error *e)
     if (!result_read(directory, &r, e)) return false;
     *s = (settlement){0};
     set_success(s, r.outcome);
-    snprintf(s->reason, sizeof s->reason, "the result of an attempt before");
+    snprintf(s->reason, sizeof s->reason, "the result of an earlier attempt");
     result_clear(&r);
     return true;
 }
@@ -300,11 +306,10 @@ static void bound_interruptions(const settlement_place *place, const queue_claim
     if (s->verdict != SETTLEMENT_RETRY_INTERRUPTED || place->max_interruptions <= 0 ||
         times <= place->max_interruptions)
         return;
-    error_set(
-        &e, ERROR_INTERRUPTED,
-        "the daemon or the host of the worker ended %d times while the job ran, and max_interruptions allows"
-        " %d: find out why, then retry the job",
-        times, place->max_interruptions);
+    error_set(&e, ERROR_INTERRUPTED,
+              "the daemon or the host of the worker ended %d times while the job ran, and "
+              "max_interruptions allows %d: find the cause, then retry the job",
+              times, place->max_interruptions);
     set_end(s, QUEUE_FAILED, &e);
 }
 
@@ -463,9 +468,11 @@ static bool put_aside(const settlement_place *place, const queue_claimed *c, con
     if (!lost_found_move(place->work_dir, "results", name, e) ||
         !lost_found_flush(place->work_dir, "results", e))
         return error_prefix(
-            e, "the place of the result of job %s contains something else, which cannot be moved", c->job.id);
+            e, "the directory of the result of job %s contains other files, which cannot be moved",
+            c->job.id);
     log_write(LOG_LEVEL_WARNING,
-              "job=%s: the place of its result contained something else, which is now %s/results/%s",
+              "job=%s: the directory of its result contained other files, which were moved to "
+              "%s/results/%s",
               c->job.id, LOST_FOUND_DIRECTORY, name);
     return true;
 }
@@ -493,7 +500,7 @@ static bool recover_task(const settlement_place *place, const queue_claimed *c, 
         set_success(&s, outcome);
         s.in_place = true;
         s.copy_pending = c->directory != NULL; /* it is not known whether it was copied */
-        snprintf(s.reason, sizeof s.reason, "the result was found at the start");
+        snprintf(s.reason, sizeof s.reason, "the result was found at the start of the daemon");
     } else if (c->job.state == QUEUE_CANCELLING) {
         error_set(&why, ERROR_CANCELLED, "cancelled while it ran");
         decide_interrupted(restarted, &s); /* for the reason */

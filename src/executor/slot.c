@@ -212,7 +212,7 @@ static bool use_cached(slot *s)
     if (found && cache_link_result(from, w->directory, w->claimed.job.spec, &r, &e)) {
         settlement_decide_cached(r.outcome, w->cached_from, &w->verdict);
     } else if (found) {
-        log_write(LOG_LEVEL_WARNING, "a cached result cannot be used job=%s from=%s: %s", w->claimed.job.id,
+        log_write(LOG_LEVEL_WARNING, "cannot use a cached result job=%s from=%s: %s", w->claimed.job.id,
                   w->cached_from, e.message);
         store_remove(w->directory, NULL);
         found = false;
@@ -298,7 +298,7 @@ static bool decide_at_once(slot *s)
         publish_or_settle(s);
         return true;
     } else if (w->repeat) {
-        error_set(&e, ERROR_INTERNAL, "the result of an equal job is gone");
+        error_set(&e, ERROR_INTERNAL, "the result of an equal job was deleted");
         settlement_decide_unstarted(&e, &w->verdict);
     } else {
         return false;
@@ -402,7 +402,7 @@ static void stop_if_due(slot *s)
     if (w->stop == SETTLEMENT_NOT_STOPPED || why == SETTLEMENT_CANCELLED) w->stop = why;
     if (w->stop == SETTLEMENT_NOT_STOPPED) return;
     if (s->phase == SLOT_RUNNING) {
-        log_write(LOG_LEVEL_INFO, "attempt is asked to end job=%s attempt=%d", w->claimed.job.id,
+        log_write(LOG_LEVEL_INFO, "attempt stop requested job=%s attempt=%d", w->claimed.job.id,
                   w->claimed.task.attempt);
         s->context->engine->cancel(w->attempt, false);
         w->force_ms = now + (int64_t)(s->context->grace_s * 1000);
@@ -423,7 +423,7 @@ static unsigned step_running(slot *s)
     bool ended = runs->poll(w->attempt, &progress);
     if (progress) keep_progress(s, progress);
     if (!ended && s->phase == SLOT_RUNNING && s->context->draining && runs->leave) {
-        log_write(LOG_LEVEL_INFO, "attempt runs on job=%s attempt=%d", w->claimed.job.id,
+        log_write(LOG_LEVEL_INFO, "attempt continues job=%s attempt=%d", w->claimed.job.id,
                   w->claimed.task.attempt);
         runs->leave(w->attempt);
         w->attempt = NULL;

@@ -35,10 +35,10 @@ bool storage_has_room(storage *s)
     bool low = bytes < s->floor_bytes;
     if (low && !s->low)
         log_write(LOG_LEVEL_WARNING,
-                  "the disk is full: no job is started until there is room: free_mb=%" PRId64
+                  "the disk is full: no job starts until space is free: free_mb=%" PRId64
                   " free_space_mb=%" PRId64 " state_dir=%s work_dir=%s",
                   bytes >> 20, s->floor_bytes >> 20, s->state_dir, s->work_dir);
-    if (!low && s->low) log_write(LOG_LEVEL_INFO, "the disk has room again: free_mb=%" PRId64, bytes >> 20);
+    if (!low && s->low) log_write(LOG_LEVEL_INFO, "the disk has space again: free_mb=%" PRId64, bytes >> 20);
     s->low = low;
     return !low;
 }

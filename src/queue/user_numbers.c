@@ -31,7 +31,7 @@ static bool read_entry(const char *text, double low, double high, entry *out, er
     char *end = NULL;
     double number = colon ? strtod(colon + 1, &end) : 0;
     if (!colon || colon == text || end == colon + 1 || *end || !isfinite(number))
-        return error_set(e, ERROR_SPEC_INVALID, "%s: must be user:number, as in alice:2", text);
+        return error_set(e, ERROR_SPEC_INVALID, "%s: must be user:number, such as alice:2", text);
     if (number < low || number > high)
         return error_set(e, ERROR_SPEC_INVALID, "%s: the number must be from %g to %g", text, low, high);
     *out = (entry){mem_printf("%.*s", (int)(colon - text), text), number};
@@ -51,7 +51,7 @@ user_numbers *user_numbers_read(const char *const *items, size_t count, double l
     qsort(n->item, n->count, sizeof *n->item, compare);
     for (size_t i = 1; ok && i < n->count; i++)
         if (compare(&n->item[i - 1], &n->item[i]) == 0)
-            ok = error_set(e, ERROR_SPEC_INVALID, "%s is named twice", n->item[i].user);
+            ok = error_set(e, ERROR_SPEC_INVALID, "%s is given twice: remove one", n->item[i].user);
     if (ok) return n;
     user_numbers_free(n);
     return NULL;
