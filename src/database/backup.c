@@ -73,11 +73,11 @@ static bool check_room(const char *path, int64_t bytes, int64_t free_bytes, erro
               error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
     int64_t room = ok ? (int64_t)info.f_bavail * (int64_t)info.f_frsize : 0;
     if (ok && room < bytes + free_bytes)
-        ok = error_set(
-            e, ERROR_STORAGE_FULL,
-            "%s: a copy of the database takes %lld MiB, %lld MiB have to stay free besides, and %lld MiB are free:"
-            " make room",
-            path, (long long)(bytes >> 20) + 1, (long long)(free_bytes >> 20), (long long)(room >> 20));
+        ok = error_set(e, ERROR_STORAGE_FULL,
+                       "%s: a copy of the database requires %lld MiB plus %lld MiB that remain free, and "
+                       "%lld MiB are free: free some space",
+                       path, (long long)(bytes >> 20) + 1, (long long)(free_bytes >> 20),
+                       (long long)(room >> 20));
     free(directory);
     return ok;
 }
@@ -180,7 +180,9 @@ static bool copy_idle(const char *from, sqlite3 *target, const char *path, error
 static bool look_at_source(const char *state_dir, const char *from, const char *path, error *e)
 {
     struct stat info;
-    if (stat(from, &info) != 0) return error_set(e, ERROR_INTERNAL, "%s: %s", from, strerror(errno));
+    if (stat(from, &info) != 0)
+        return error_set(e, ERROR_INTERNAL, "cannot open the database %s: %s. Check state_dir.", from,
+                         strerror(errno));
     if (!info.st_size) return error_set(e, ERROR_DATABASE_DAMAGED, "%s is empty: %s", from, HEALTH_WAY_OUT);
     return (header_check(from, e) || error_prefix(e, "%s", from)) &&
            check_room(path, database_bytes(state_dir), 0, e);

@@ -37,14 +37,13 @@ static bool check(checker *c, bool full)
     health_begin_check(h);
     bool ok = backup_make_checked(c->d, c->free_bytes, full, &findings, &e);
     if (!ok && e.code == ERROR_DATABASE_DAMAGED) {
-        findings = mem_strdup("it cannot be copied"); /* health_report has the details */
+        findings = mem_strdup("it was not copied"); /* health_report has the details */
         ok = true;
     }
     if (ok) findings[strcspn(findings, "\n")] = '\0'; /* the first finding is enough */
     health_end_check(h, name, ok, ok && *findings ? findings : NULL);
     if (!ok && !c->told && e.code != ERROR_CANCELLED)
-        log_write(LOG_LEVEL_WARNING, "the database could not be checked, which is tried again: %s",
-                  e.message);
+        log_write(LOG_LEVEL_WARNING, "cannot check the database and tries again: %s", e.message);
     c->told = !ok;
     if (ok)
         log_write(LOG_LEVEL_INFO, "database checked check=%s result=%s", name, *findings ? "damaged" : "ok");

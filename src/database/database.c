@@ -514,7 +514,8 @@ static void *keep_log_short(void *argument)
         pthread_mutex_lock(&d->mutex);
         d->log_stays |= !flushed;
         if (d->log_stays) {
-            log_write(LOG_LEVEL_ERROR, "the disk of the queue fails: its log is kept until the next start");
+            log_write(LOG_LEVEL_ERROR,
+                      "the disk of the queue failed: the write-ahead log is kept until the next start");
         } else if (d->log_pages - written <= LOG_REST || d->log_pages >= d->log_most) {
             end_log(d);
             written = 0;

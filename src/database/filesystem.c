@@ -28,8 +28,9 @@ bool filesystem_check(const char *directory, error *e)
     if (statfs(directory, &info) != 0)
         return error_set(e, ERROR_INTERNAL, "%s: %s", directory, strerror(errno));
     const char *name = filesystem_network_name((uint64_t)info.f_type);
-    return !name || error_set(e, ERROR_INTERNAL,
-                              "the state directory %s is on a network file system (%s), which cannot keep a"
-                              " queue safe: set state_dir to a directory of a local disk",
-                              directory, name);
+    return !name ||
+           error_set(e, ERROR_INTERNAL,
+                     "the state directory %s is on a network file system (%s), which does not protect a "
+                     "queue against loss: set state_dir to a directory of a local disk",
+                     directory, name);
 }

@@ -49,11 +49,11 @@ static bool check(const uint8_t header[HEADER_BYTES], int64_t bytes, error *e)
     if (size == 1) size = 65536;
     for (int i = 0; i < 4; i++) count = count << 8 | header[PAGE_COUNT_AT + i];
     if (memcmp(header, magic, MAGIC_BYTES) != 0)
-        return damaged(e, "the file does not begin as a database does");
-    if (size < 512 || (size & (size - 1))) return damaged(e, "its header has no size of a page");
+        return damaged(e, "the file does not have the header of a database");
+    if (size < 512 || (size & (size - 1))) return damaged(e, "its header has no page size");
     if (bytes >= size * count && bytes % size == 0) return true;
-    char *what = mem_printf("the file has %lld bytes and has to have %lld", (long long)bytes,
-                            (long long)(size * count));
+    char *what =
+        mem_printf("the file has %lld bytes instead of %lld", (long long)bytes, (long long)(size * count));
     damaged(e, what);
     free(what);
     return false;

@@ -56,10 +56,10 @@ static void set_damage(health *h, const char *found_by, const char *what, bool d
     pthread_cond_broadcast(&h->woken);
     if (doubt)
         log_write(LOG_LEVEL_ERROR,
-                  "the database cannot be read, nothing is written until a check has read all of it: %s",
+                  "cannot read the database; nothing is written until a check has read all of it: %s",
                   k->damage);
     else
-        log_write(LOG_LEVEL_ERROR, "the database is damaged, nothing is written any more found_by=%s: %s: %s",
+        log_write(LOG_LEVEL_ERROR, "the database is damaged; nothing is written to it found_by=%s: %s: %s",
                   found_by, k->damage, HEALTH_WAY_OUT);
 }
 
@@ -75,14 +75,13 @@ bool health_allows_changes(health *h, error *e)
     if (!atomic_load(&h->damaged)) return true;
     pthread_mutex_lock(&h->mutex);
     if (h->doubt)
-        error_set(
-            e, ERROR_DATABASE_DAMAGED,
-            "the queue's database cannot be read (%s), nothing is changed until a check has read all of it; when it"
-            " lasts, see to the disk, and then: %s",
-            h->known.damage, HEALTH_WAY_OUT);
+        error_set(e, ERROR_DATABASE_DAMAGED,
+                  "cannot read the database of the queue (%s); nothing is changed until a check has "
+                  "read all of it. If this persists, check the disk, then: %s",
+                  h->known.damage, HEALTH_WAY_OUT);
     else
         error_set(e, ERROR_DATABASE_DAMAGED,
-                  "the queue's database is damaged (%s), nothing is changed any more: %s", h->known.damage,
+                  "the database of the queue is damaged (%s) and is no longer changed: %s", h->known.damage,
                   HEALTH_WAY_OUT);
     pthread_mutex_unlock(&h->mutex);
     return false;
@@ -109,7 +108,7 @@ void health_end_check(health *h, const char *name, bool done, const char *what)
         if (!what && k->damaged && h->doubt && !h->wanted) {
             k->damaged = h->doubt = false;
             atomic_store(&h->damaged, false);
-            log_write(LOG_LEVEL_INFO, "the database was read without a fault and is written to again");
+            log_write(LOG_LEVEL_INFO, "the database was read without a fault and is written again");
         }
     }
     pthread_mutex_unlock(&h->mutex);

@@ -23,7 +23,10 @@ static void say_holder(int fd, const char *state_dir, error *e)
     char holder[16] = "";
     ssize_t got = pread(fd, holder, sizeof holder - 1, 0);
     holder[got > 0 ? got : 0] = '\0';
-    error_set(e, ERROR_INTERNAL, "another hexad (process %s) uses the state directory %s", holder, state_dir);
+    error_set(e, ERROR_INTERNAL,
+              "another hexad (process %s) uses the state directory %s: stop it, or choose another "
+              "state_dir",
+              holder, state_dir);
 }
 
 /* A lock file that root creates gets the owner of the state directory, so that the daemon can still use it. */
@@ -40,7 +43,8 @@ static void note_holder(int fd)
     int length = snprintf(holder, sizeof holder, "%d", (int)getpid());
     bool ok = pwrite(fd, holder, (size_t)length, 0) == length;
     if (ftruncate(fd, ok ? length : 0) != 0 || !ok)
-        log_write(LOG_LEVEL_WARNING, "the file lock does not tell who holds it: %s", strerror(errno));
+        log_write(LOG_LEVEL_WARNING, "cannot write the process number into the file lock: %s",
+                  strerror(errno));
 }
 
 /* A process that was killed holds its lock until the kernel has taken it apart. */
@@ -63,7 +67,7 @@ int lock_take(const char *state_dir, bool *in_use, error *e)
     if (held)
         say_holder(fd, state_dir, e);
     else if (!ok)
-        error_set(e, ERROR_INTERNAL, "%s cannot be locked: %s", path, strerror(errno));
+        error_set(e, ERROR_INTERNAL, "cannot lock %s: %s", path, strerror(errno));
     else
         note_holder(fd);
     if (in_use) *in_use = held;

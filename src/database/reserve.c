@@ -62,7 +62,7 @@ void reserve_lend(const char *state_dir)
                   lstat(n.log, &log) != 0 && errno == ENOENT && stat(n.database, &database) == 0 &&
                   database.st_size > 0;
     if (wanted && (!empty_log(n.reserve) || link(n.reserve, n.log) != 0))
-        log_write(LOG_LEVEL_WARNING, "the reserved disk space (reserve_mb) cannot be used: %s: %s", n.reserve,
+        log_write(LOG_LEVEL_WARNING, "cannot use the reserved disk space (reserve_mb): %s: %s", n.reserve,
                   strerror(errno));
     names_free(&n);
 }
@@ -101,11 +101,10 @@ bool reserve_keep(const char *state_dir, int64_t bytes)
         int fd = open(n.log, O_WRONLY | O_NOFOLLOW | O_CLOEXEC);
         ok = fd >= 0 && name_log(&n) && allocate(fd, USUAL_BYTES + bytes);
         if (!ok)
-            log_write(
-                LOG_LEVEL_WARNING,
-                "no disk space could be reserved for the queue (reserve_mb): %s: %s; on a full disk jobs may not"
-                " be cancelled or deleted",
-                n.log, strerror(errno));
+            log_write(LOG_LEVEL_WARNING,
+                      "cannot reserve disk space for the queue (reserve_mb): %s: %s; on a full disk, "
+                      "cancelling and deleting jobs may fail",
+                      n.log, strerror(errno));
         if (fd >= 0) close(fd);
     }
     names_free(&n);

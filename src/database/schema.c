@@ -587,7 +587,7 @@ static bool compare_columns(sqlite3 *wanted, sqlite3 *database, const char *tabl
         for (int i = 0; i < 4; i++) sqlite3_bind_value(have, i + 2, sqlite3_column_value(want, i));
         int found = sqlite3_step(have);
         if (found == SQLITE_DONE) {
-            fprintf(findings, "the table %s lacks the column %s as it has to be\n", table, column(want, 0));
+            fprintf(findings, "the table %s lacks the required column %s\n", table, column(want, 0));
             ++*count;
         }
         ok = found == SQLITE_DONE || found == SQLITE_ROW;
@@ -666,9 +666,10 @@ bool schema_prepare(sqlite3 *database, error *e)
         !read_version(database, &version, e))
         return false;
     if (version > SCHEMA_VERSION)
-        return error_set(e, ERROR_INTERNAL,
-                         "the queue's database has version %d and this hexad knows %d: a newer hexad"
-                         " made it, run that one or take another state_dir",
-                         version, SCHEMA_VERSION);
+        return error_set(
+            e, ERROR_INTERNAL,
+            "the database of the queue has version %d, and this hexad supports up to %d: run the "
+            "newer hexad that wrote it, or choose another state_dir",
+            version, SCHEMA_VERSION);
     return (version == SCHEMA_VERSION || make_tables(database, version, e)) && check_tables(database, e);
 }

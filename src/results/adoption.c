@@ -116,8 +116,8 @@ static bool add_task(const char *work_dir, const queue_directory *found, restore
         j->is.tasks = mem_resize(j->is.tasks, (j->is.task_count + 1) * sizeof *j->is.tasks);
         j->is.tasks[j->is.task_count++] = task;
     } else {
-        log_write(LOG_LEVEL_WARNING, "a result cannot be adopted: %s: %s", directory,
-                  *why.message ? why.message : "it is no directory, or its report has no spec");
+        log_write(LOG_LEVEL_WARNING, "cannot adopt a result: %s: %s", directory,
+                  *why.message ? why.message : "it is not a directory, or its report has no spec");
     }
     json_free(report);
     result_clear(&r);

@@ -76,7 +76,7 @@ static bool look_at_directory(audit *a, const char *name, error *e)
         if (!queue_find_directories(a->q, &d, 1, e)) return false;
         if (d.known || d.to_be_removed) return true;
     }
-    fprintf(a->out, "results/%s: the queue knows no such job\n", name);
+    fprintf(a->out, "results/%s: no such job in the queue\n", name);
     a->findings++;
     return true;
 }

@@ -29,10 +29,10 @@ static bool read_file(const char *work_dir, char id[ULID_SIZE], error *e)
         if (ok) memcpy(id, text, ULID_SIZE);
     }
     if (!ok && strange)
-        error_set(
-            e, ERROR_SPEC_INVALID,
-            "%s does not hold the id of an instance: restore it from a backup, or start once with --adopt",
-            path);
+        error_set(e, ERROR_SPEC_INVALID,
+                  "%s does not contain the ID of an instance: restore it from a backup, or start once "
+                  "with --adopt",
+                  path);
     else if (!ok && e)
         *e = why;
     free(text);
@@ -65,8 +65,8 @@ static bool holds_results(const char *work_dir)
 static bool refuse_new(const char *state_dir, const char *work_dir, error *e)
 {
     return error_set(e, ERROR_INTERNAL,
-                     "%s/" DATABASE_FILE_NAME " is lost or empty, but %s/results holds results: " WAYS_OUT
-                     ", which reads them back into a new queue",
+                     "%s/" DATABASE_FILE_NAME " is missing or empty, but %s/results contains results: " WAYS_OUT
+                     ", which adopts them into a new queue",
                      state_dir, work_dir);
 }
 
@@ -79,17 +79,17 @@ static bool check(queue *q, const char *state_dir, const char *work_dir, const c
         return !holds_results(work_dir) ||
                error_set(e, ERROR_INTERNAL,
                          "%s/" DATABASE_FILE_NAME
-                         " belongs to no instance yet, but %s/results holds results; perhaps"
-                         " --adopt was cut short: " WAYS_OUT,
+                         " belongs to no instance yet, but %s/results contains results (--adopt may have "
+                         "been interrupted): " WAYS_OUT,
                          state_dir, work_dir);
     if (!*own || strcmp(own, its.id) == 0) return true;
     if (!*its.id)
         return error_set(
             e, ERROR_INTERNAL,
             "%s/" DATABASE_FILE_NAME
-            " is from an older hexad and does not say whose it is, and the state directory"
-            " belongs to instance %s: restore a backup of this instance, or start once with --adopt if it is"
-            " the right one",
+            " is from an older hexad and has no instance ID, and the state directory belongs to "
+            "instance %s: restore a backup of this instance, or start once with --adopt if it is "
+            "the right one",
             state_dir, own);
     return error_set(e, ERROR_INTERNAL,
                      "%s/" DATABASE_FILE_NAME
@@ -122,8 +122,8 @@ queue *instance_open_queue(const char *state_dir, const char *work_dir, bool ado
     if (q && lost && *own && !adopt)
         log_write(LOG_LEVEL_WARNING,
                   "%s/" DATABASE_FILE_NAME
-                  " was lost or empty and a new queue begins: jobs that waited are not in it. There"
-                  " are no results",
+                  " was missing or empty, so a new queue starts without the jobs that waited. There "
+                  "are no results",
                   state_dir);
     return q;
 }
@@ -151,6 +151,7 @@ bool instance_join(queue *q, const char *work_dir, const char *boot_id, error *e
         }
     }
     if (!*own && !write_file(work_dir, joined.id, &why)) /* the next start tries again */
-        log_write(LOG_LEVEL_WARNING, "the id of this instance is in the database only: %s", why.message);
+        log_write(LOG_LEVEL_WARNING, "the ID of this instance is stored in the database only: %s",
+                  why.message);
     return true;
 }

@@ -125,8 +125,7 @@ static bool list(const char *work_dir, int part, listing *l, error *e)
     for (struct dirent *entry; stream && (errno = 0, entry = readdir(stream));)
         if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0)
             append(l, entry->d_name, part, &room);
-    bool ok =
-        (stream && !errno) || error_set(e, ERROR_INTERNAL, "%s cannot be listed: %s", path, strerror(errno));
+    bool ok = (stream && !errno) || error_set(e, ERROR_INTERNAL, "cannot list %s: %s", path, strerror(errno));
     if (stream) closedir(stream);
     free(path);
     sort(l);
@@ -204,8 +203,9 @@ static void move(const char *work_dir, int part, const listing *l, size_t i, tal
     error why = {0};
     if (l->linked)
         error_set(&why, ERROR_INTERNAL,
-                  "%s/%s is a symbolic link, and nothing is taken out of other directories", work_dir,
-                  parts[part]);
+                  "%s/%s is a symbolic link, and results are not moved out of other directories: "
+                  "replace it by a directory",
+                  work_dir, parts[part]);
     else if (lost_found_move(work_dir, parts[part], l->name[i], &why))
         t->moved++;
     if (why.code == ERROR_NONE) return;
@@ -224,9 +224,8 @@ static bool settle_part(queue *q, const char *work_dir, int part, const listing 
         size_t left = t->left;
         move(work_dir, part, l, i, t);
         if (v == IS_IN_THE_WAY && t->left > left)
-            return error_set(e, ERROR_INTERNAL,
-                             "%s/%s/%s is in the way of a job that is to run, and cannot be moved: %s",
-                             work_dir, parts[part], l->name[i], t->why.message);
+            return error_set(e, ERROR_INTERNAL, "cannot move %s/%s/%s, which blocks a job: %s", work_dir,
+                             parts[part], l->name[i], t->why.message);
     }
     return t->moved == before || lost_found_flush(work_dir, parts[part], e);
 }
@@ -236,18 +235,17 @@ static void tell(const char *work_dir, const tally *t, size_t adopted)
     if (adopted) log_write(LOG_LEVEL_WARNING, "jobs adopted from their results count=%zu", adopted);
     if (t->ended)
         log_write(LOG_LEVEL_WARNING,
-                  "waiting jobs and frames ended, because their results were found count=%zu", t->ended);
+                  "waiting jobs and frames ended because their results were found count=%zu", t->ended);
     if (t->moved)
         log_write(
             LOG_LEVEL_WARNING,
-            "results and attempts that belong to no job in the queue were moved to %s/" LOST_FOUND_DIRECTORY
-            " count=%zu: look at them, then remove them",
+            "results and attempts without a job in the queue were moved to %s/" LOST_FOUND_DIRECTORY
+            " count=%zu: inspect them, then remove them",
             work_dir, t->moved);
     if (t->left)
-        log_write(
-            LOG_LEVEL_WARNING,
-            "results and attempts that belong to no job in the queue stay where they are in %s count=%zu: %s",
-            work_dir, t->left, t->why.message);
+        log_write(LOG_LEVEL_WARNING,
+                  "results and attempts without a job in the queue remain in %s count=%zu: %s", work_dir,
+                  t->left, t->why.message);
 }
 
 bool inventory_take(queue *q, const char *work_dir, bool adopt, error *e)

@@ -30,7 +30,7 @@ bool lost_found_move(const char *work_dir, const char *part, const char *name, e
     if (ok) {
         to = free_place(directory, name);
         ok = rename(from, to) == 0 ||
-             error_set(e, ERROR_INTERNAL, "%s cannot be moved to %s: %s", from, to, strerror(errno));
+             error_set(e, ERROR_INTERNAL, "cannot move %s to %s: %s", from, to, strerror(errno));
     }
     free(directory);
     free(from);

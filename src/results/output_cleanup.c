@@ -34,8 +34,8 @@ static bool remove_one(const output_cleanup *c, const queue_copy *copy, bool fir
         return true;
     }
     log_write(first ? LOG_LEVEL_WARNING : LOG_LEVEL_DEBUG,
-              "the file %s of an interrupted copy cannot be removed from %s, which is tried again: %s",
-              copy->name, copy->directory, e.message);
+              "cannot remove the file %s of an interrupted copy from %s and tries again: %s", copy->name,
+              copy->directory, e.message);
     return false;
 }
 
@@ -84,7 +84,7 @@ bool output_cleanup_start(queue *q, const store_outputs *outputs, output_cleanup
     pthread_mutex_init(&c->mutex, NULL);
     background_init_condition(&c->stopping);
     bool ok = queue_list_copies(q, &c->copies, &c->count, e);
-    if (ok && c->count) ok = background_start(&c->thread, run, c, "what copies have left behind", e);
+    if (ok && c->count) ok = background_start(&c->thread, run, c, "files of interrupted copies", e);
     *made = ok && c->count ? c : NULL;
     if (!*made) release(c);
     return ok;

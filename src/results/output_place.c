@@ -98,11 +98,11 @@ static bool check_owner(const output_place *p, const char *user, const char *nam
     if (!queue_get_output_owner(p->q, name, &owner, e)) return false;
     bool mine = !owner || strcmp(owner, user) == 0;
     free(owner);
-    return mine ||
-           error_set(e, ERROR_OUTPUT_TAKEN,
-                     "%s: the " WORKER_REPORT_NAME
-                     " there was delivered for another user: name another directory (setting share_outputs)",
-                     path);
+    return mine || error_set(e, ERROR_OUTPUT_TAKEN,
+                             "%s: the " WORKER_REPORT_NAME
+                             " there was delivered for another user: choose another directory (setting "
+                             "share_outputs)",
+                             path);
 }
 
 /* ---- copies */
@@ -198,13 +198,15 @@ static bool look_at(output_place *p, size_t index, const char *path, char **name
     background_init_condition(&l->ended);
     atomic_int *count = &p->looks->of_root[index];
     bool busy = atomic_fetch_add(count, 1) >= LOOKS_MOST;
-    if (busy || !background_start(&thread, run, l, "a look at an output directory", NULL)) {
+    if (busy || !background_start(&thread, run, l, "the check of an output directory", NULL)) {
         atomic_fetch_sub(count, 1);
         l->users = 1;
         leave(l);
-        return !busy || error_set(e, ERROR_OUTPUT_UNWRITABLE,
-                                  "%s: %d looks at output directories still wait for their file systems",
-                                  path ? path : root, LOOKS_MOST);
+        return !busy ||
+               error_set(
+                   e, ERROR_OUTPUT_UNWRITABLE,
+                   "%s: %d checks of output directories are waiting for their file systems: try again later",
+                   path ? path : root, LOOKS_MOST);
     }
     pthread_detach(thread);
     int64_t until_ms = clock_monotonic_ms() + LOOK_MS;
@@ -217,8 +219,9 @@ static bool look_at(output_place *p, size_t index, const char *path, char **name
     pthread_mutex_unlock(&l->mutex);
     leave(l);
     if (!done)
-        return error_set(e, ERROR_OUTPUT_UNWRITABLE, "%s: the file system has not answered for %d s",
-                         path ? path : root, LOOK_MS / 1000);
+        return error_set(e, ERROR_OUTPUT_UNWRITABLE,
+                         "%s: the file system has not answered for %d s: check its mount", path ? path : root,
+                         LOOK_MS / 1000);
     if (fault.code != ERROR_PATH_FORBIDDEN && fault.code != ERROR_OUTPUT_UNWRITABLE) return true;
     if (e) *e = fault;
     return false;
@@ -246,7 +249,7 @@ void output_place_check_roots(output_place *p)
         bool ok = look_at(p, i, NULL, &name, &e);
         free(name);
         if (ok) continue;
-        log_write(LOG_LEVEL_WARNING, "results cannot be copied below this output root: %s", e.message);
+        log_write(LOG_LEVEL_WARNING, "cannot copy results below this output root: %s", e.message);
         if (!first) first = p->outputs->roots[i];
     }
     atomic_store(&p->unwritable, first);

@@ -49,7 +49,7 @@ static bool copy_report(const char *from, const char *to, const char *spec, erro
     bool ok = report && store_file_begin(path, &file, e);
     if (ok && !json_copy_replacing(report, "spec", member, file.stream, &replaced))
         ok = ferror(report) || ferror(file.stream)
-                 ? error_set(e, error_code_of_errno(errno), "%s cannot be copied from %s: %m", path, from)
+                 ? error_set(e, error_code_of_errno(errno), "cannot copy %s from %s: %m", path, from)
                  : error_set(e, ERROR_INPUT_DAMAGED, "%s/" WORKER_REPORT_NAME " is not JSON", from);
     if (ok && replaced > 1)
         ok = error_set(e, ERROR_INPUT_DAMAGED, "%s/" WORKER_REPORT_NAME " has %zu members \"spec\"", from,
@@ -74,7 +74,7 @@ static void write_summary(const char *to, json *summary)
     char *path = mem_printf("%s/" WORKER_SUMMARY_NAME, to), *text = json_print(summary);
     FILE *file = fopen(path, "we");
     if (!file || fputs(text, file) < 0)
-        log_write(LOG_LEVEL_WARNING, "%s cannot be written: %m", path); /* the report is read instead */
+        log_write(LOG_LEVEL_WARNING, "cannot write %s: %m", path); /* the report is read instead */
     if (file) fclose(file);
     free(text);
     free(path);
@@ -132,7 +132,7 @@ static bool correct_one(const char *work_dir, const queue_reused *job, error *e)
         if (e) *e = why;
         return error_prefix(e, "the report of job %s, which contains data of job %s", job->id, job->from);
     }
-    log_write(LOG_LEVEL_WARNING, "job=%s: the result cannot be read: %s", job->id, why.message);
+    log_write(LOG_LEVEL_WARNING, "job=%s: cannot read the result: %s", job->id, why.message);
     return true;
 }
 

@@ -181,7 +181,7 @@ redelivery *redelivery_start(queue *q, output_place *outputs, const char *work_d
     pthread_mutex_init(&r->mutex, NULL);
     background_init_condition(&r->woken);
     while (r->count < THREADS &&
-           background_start(&r->thread[r->count], run, r, "results that are delivered again", e))
+           background_start(&r->thread[r->count], run, r, "the second delivery of results", e))
         r->count++;
     if (r->count == THREADS) return r;
     redelivery_stop(r);

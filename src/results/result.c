@@ -71,7 +71,7 @@ int result_open_file(const char *directory, const char *name, int64_t *bytes, er
     struct stat info;
     if (fd < 0) {
         error_set(e, is_absence(errno) ? ERROR_INPUT_DAMAGED : ERROR_INTERNAL,
-                  "the result file %s cannot be opened: %s", name, strerror(errno));
+                  "cannot open the result file %s: %s", name, strerror(errno));
     } else if (fstat(fd, &info) != 0 || !S_ISREG(info.st_mode)) {
         error_set(e, ERROR_INPUT_DAMAGED, "the result file %s is not a regular file", name);
         close(fd);
@@ -100,7 +100,7 @@ static bool read_output(const char *directory, json_at at, result_output *output
     close(fd);
     if (there != (int64_t)size)
         return error_set(e, ERROR_INPUT_DAMAGED,
-                         "the result file %s has %lld bytes where its report says %.0f", file,
+                         "the result file %s has %lld bytes, but its report states %.0f", file,
                          (long long)there, size);
     output->name = mem_strdup(file);
     output->bytes = there;
@@ -133,7 +133,7 @@ static char *read_notes(json_at report)
     char *text = json_print(notes);
     if (strlen(text) > NOTES_LIMIT_BYTES) {
         json *warnings = json_new_array();
-        json_append_string(warnings, "there are too many to show them here: see report.json");
+        json_append_string(warnings, "more are listed in report.json");
         json_put(notes, "warnings", warnings);
         json_put_array(notes, "outcome_reasons");
         json_put_array(notes, "advice");
@@ -188,7 +188,7 @@ static char *read_text(const char *directory, const char *name, size_t limit, si
     if (!fits)
         error_set(e, ERROR_INPUT_DAMAGED, "%s has more than %zu bytes", name, limit);
     else if (failed)
-        error_set(e, ERROR_INTERNAL, "%s cannot be read", name);
+        error_set(e, ERROR_INTERNAL, "cannot read %s", name);
     else
         error_set(e, ERROR_INPUT_DAMAGED, "%s is not a JSON object", name);
     return NULL;
@@ -336,7 +336,7 @@ bool result_list(const char *directory, result *r, error *e)
     remove_left_listings(directory);
     char *path = mem_printf("%s/%s", directory, LISTING_NAME), *text = print_listing(&found);
     if (!store_file_write(path, text, strlen(text), &why)) /* the next call makes it again */
-        log_write(LOG_LEVEL_WARNING, "the list of a result's files cannot be stored: %s", why.message);
+        log_write(LOG_LEVEL_WARNING, "cannot store the list of files of a result: %s", why.message);
     free(text);
     free(path);
     *r = found;
@@ -362,10 +362,10 @@ void result_remove_leftovers(const char *directory)
     error e = {0};
     char *text = store_file_read(log, 1 << 20, &length, NULL);
     if (!store_remove(directory, &e))
-        log_write(LOG_LEVEL_WARNING, "the files of a failed attempt could not be removed: %s", e.message);
+        log_write(LOG_LEVEL_WARNING, "cannot remove the files of a failed attempt: %s", e.message);
     if (text && length) {
         if (!store_directory_create(directory, &e) || !store_file_write(log, text, length, &e))
-            log_write(LOG_LEVEL_WARNING, "the worker's log could not be stored: %s", e.message);
+            log_write(LOG_LEVEL_WARNING, "cannot store the log of the worker: %s", e.message);
     }
     free(text);
     free(log);

@@ -146,8 +146,8 @@ static int64_t work_off_rest(retention *r)
     if (!ok) set_left(r, true);
     if (!due) return r->again_ms;
     if (!ok && !r->trouble && e.code != ERROR_NONE)
-        log_write(LOG_LEVEL_WARNING,
-                  "the files of deleted jobs could not be removed, which is tried again: %s", e.message);
+        log_write(LOG_LEVEL_WARNING, "cannot remove the files of deleted jobs and tries again: %s",
+                  e.message);
     if (ok && r->trouble) log_write(LOG_LEVEL_INFO, "the files of deleted jobs are removed");
     r->trouble = !ok;
     r->again_ms = now + REMOVE_AGAIN_MS;
@@ -158,7 +158,7 @@ bool retention_delete(retention *r, const char *id, bool *found, bool *deleted, 
 {
     if (!queue_delete(r->q, id, found, deleted, e)) return false;
     if (!*deleted) return true;
-    log_write(LOG_LEVEL_INFO, "job forgotten job=%s", id);
+    log_write(LOG_LEVEL_INFO, "job expired job=%s", id);
     if (!work_off(r, id, NULL)) {
         set_left(r, true);
         retention_wake(r);
@@ -196,7 +196,7 @@ static void note_delivered(retention *r)
     pthread_mutex_unlock(&r->mutex);
     for (size_t i = 0; i < count; i++)
         if (!queue_note_delivery(r->q, delivered[i].id, delivered[i].frame, clock_wall_ms(), &e))
-            log_write(LOG_LEVEL_WARNING, "a fetched result does not count as delivered job=%s: %s",
+            log_write(LOG_LEVEL_WARNING, "cannot record a fetched result as delivered job=%s: %s",
                       delivered[i].id, e.message);
     free(delivered);
 }
@@ -241,7 +241,7 @@ static bool make_room(retention *r, bool *more)
     for (int i = 0; ok && found && i < AT_ONCE; i++) {
         ok = queue_next_leaving(r->q, id, &found, NULL);
         if (!ok || !found) break;
-        log_write(LOG_LEVEL_INFO, "job has to go, because results have met a bound job=%s", id);
+        log_write(LOG_LEVEL_INFO, "job is deleted because results have reached a bound job=%s", id);
         ok = retention_delete(r, id, &known, &deleted, NULL);
         atomic_fetch_add(&r->evicted, ok);
     }
@@ -305,8 +305,8 @@ static void collect_inputs(retention *r)
     int64_t now = clock_monotonic_ms();
     if (!r->inputs || now < r->collect_ms) return;
     if (!store_inputs_collect(r->inputs, may_go, r, &gone, &e))
-        log_write(LOG_LEVEL_WARNING, "inputs are not collected: %s", e.message);
-    if (gone) log_write(LOG_LEVEL_INFO, "inputs collected count=%zu", gone);
+        log_write(LOG_LEVEL_WARNING, "cannot delete expired inputs: %s", e.message);
+    if (gone) log_write(LOG_LEVEL_INFO, "expired inputs deleted count=%zu", gone);
     r->collect_ms = now + least(r->keep_ms / COLLECTIONS_IN_KEEP + 1, COLLECT_MOST_MS);
 }
 

@@ -39,7 +39,7 @@ static bool write_text(const char *directory, const char *name, const char *text
     bool ok = file && fputs(text, file) >= 0;
     if (file && fclose(file) != 0) ok = false;
     ok = ok && rename(temporary, path) == 0;
-    if (!ok) error_set(e, error_code_of_errno(errno), "%s cannot be written: %s", path, strerror(errno));
+    if (!ok) error_set(e, error_code_of_errno(errno), "cannot write %s: %s", path, strerror(errno));
     free(path);
     free(temporary);
     return ok;
@@ -135,7 +135,10 @@ bool attempt_files_read_request(const char *directory, engine_request *request, 
         *request = r;
     else
         attempt_files_clear_request(&r);
-    return ok || error_set(e, ERROR_INTERNAL, "%s/" REQUEST " is no request of this version", directory);
+    return ok || error_set(e, ERROR_INTERNAL,
+                           "%s/" REQUEST
+                           " is not a request of this version: use the same version of hexad on all hosts",
+                           directory);
 }
 
 void attempt_files_clear_request(engine_request *r)
@@ -338,7 +341,7 @@ bool attempt_files_deliver(const char *directory, const char *to, error *e)
     char *out = path_of(directory, ATTEMPT_FILES_OUT);
     bool ok =
         rename(out, to) == 0 || errno == ENOENT ||
-        error_set(e, error_code_of_errno(errno), "%s cannot be renamed to %s: %s", out, to, strerror(errno));
+        error_set(e, error_code_of_errno(errno), "cannot rename %s to %s: %s", out, to, strerror(errno));
     free(out);
     return ok;
 }

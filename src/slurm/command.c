@@ -130,8 +130,8 @@ bool command_run(const char *const *arguments, const char *input, double limit_s
         *out = r;
     else
         command_clear(&r);
-    return ok || error_set(e, ERROR_INTERNAL, "%s cannot be run: %s", arguments[0],
-                           why ? strerror(why) : "it prints too much");
+    return ok || error_set(e, ERROR_INTERNAL, "cannot run %s: %s", arguments[0],
+                           why ? strerror(why) : "its output is too long");
 }
 
 void command_clear(command_result *r)

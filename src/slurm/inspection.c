@@ -194,7 +194,7 @@ static bool explain(view *v, engine_ending *ending)
     if ((state && state->waits && v->task.seen_ms > v->stopped_ms) ||
         attempt_files_is_requeued(v->directory)) {
         ending->loss = ENGINE_GIVEN_BACK;
-        snprintf(ending->why, sizeof ending->why, "Slurm has put the job back into its queue");
+        snprintf(ending->why, sizeof ending->why, "Slurm requeued the job");
         return true;
     }
     if (state && state->speaks) {
@@ -218,11 +218,12 @@ static bool wait_for_ending(view *v, const error *why)
     int64_t now = clock_monotonic_ms();
     if (!v->a->unread_ms) {
         v->a->unread_ms = now;
-        log_write(LOG_LEVEL_WARNING, "slurm: an ending cannot be read, and is read again: %s", why->message);
+        log_write(LOG_LEVEL_WARNING, "slurm: cannot read the end of an attempt and tries again: %s",
+                  why->message);
     }
     if (v->forced) return false;
     if (now - v->a->unread_ms < (int64_t)(v->a->place->settings.lost_s * 1000)) return true;
-    snprintf(words, sizeof words, "its ending cannot be read: %.200s", why->message);
+    snprintf(words, sizeof words, "cannot read the end of the attempt: %.200s", why->message);
     end_lost(v, ENGINE_INTERRUPTED, words);
     return true;
 }
@@ -248,19 +249,19 @@ static void follow_cancel(view *v)
     error e = {0};
     attempt_files_claim claim = v->began ? ATTEMPT_FILES_TAKEN : attempt_files_take(v->directory, NULL);
     if (claim == ATTEMPT_FILES_WON || claim == ATTEMPT_FILES_GONE) {
-        end_lost(v, ENGINE_GIVEN_BACK, "its worker had not begun");
+        end_lost(v, ENGINE_GIVEN_BACK, "its worker had not started");
     } else if (!v->told && attempt_files_cancel(v->directory, &e)) {
         pthread_mutex_lock(&v->a->place->mutex);
         v->a->told = true;
         pthread_mutex_unlock(&v->a->place->mutex);
     } else if (v->forced) {
-        end_lost(v, ENGINE_INTERRUPTED, "it was given up while its worker may have run on");
+        end_lost(v, ENGINE_INTERRUPTED, "it was abandoned while its worker may still have run");
     }
 }
 
 static void avoid_host(slurm *s, const char *host)
 {
-    log_write(LOG_LEVEL_WARNING, "slurm: the node %s could not run an attempt, and gets none for %d minutes",
+    log_write(LOG_LEVEL_WARNING, "slurm: the node %s could not run an attempt and is excluded for %d minutes",
               host, AVOID_MS / 60000);
     pthread_mutex_lock(&s->mutex);
     slurm_avoided *next = &s->avoided[s->avoided_next++ % AVOIDED_MOST];

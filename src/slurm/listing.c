@@ -125,7 +125,7 @@ static bool ask(const slurm *s, command_result *said)
     free(user);
     if (ok && said->status == 0) return true;
     log_write(s->away ? LOG_LEVEL_DEBUG : LOG_LEVEL_WARNING,
-              "slurm: squeue does not answer, and nothing is decided until it does: %.*s",
+              "slurm: squeue does not answer; attempts keep their state until it does: %.*s",
               ok ? (int)strcspn(said->complaint, "\n") : (int)strlen(e.message),
               ok ? said->complaint : e.message);
     if (ok) command_clear(said);

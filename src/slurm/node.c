@@ -149,8 +149,7 @@ static bool take_and_run(node *n, const char *name, error *e)
     attempt_files_claim claim = attempt_files_take(directory, &n->self);
     bool ok = true;
     if (claim == ATTEMPT_FILES_UNCLEAR || access(n->farm, F_OK) != 0) {
-        ok = error_set(e, ERROR_INTERNAL, "%s cannot be written by this node: is work_dir mounted?",
-                       directory);
+        ok = error_set(e, ERROR_INTERNAL, "this node cannot write %s: mount work_dir", directory);
     } else if (claim == ATTEMPT_FILES_WON) {
         ok = run_attempt(directory, n->signals, &n->stopped, e);
         n->self.number++;

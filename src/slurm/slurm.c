@@ -404,7 +404,7 @@ static void empty_trash(slurm *s)
     for (size_t i = 0; i < count; i++) {
         error e = {0};
         if (!remove_files(s, trash[i], &e)) /* an orphan may write there: the next start of hexad sweeps */
-            log_write(LOG_LEVEL_WARNING, "the files of an attempt could not be removed: %s", e.message);
+            log_write(LOG_LEVEL_WARNING, "cannot remove the files of an attempt: %s", e.message);
         free(trash[i]);
     }
     free(trash);
@@ -432,7 +432,7 @@ static bool check_accounts(const slurm_settings *settings, error *e)
     for (size_t i = 0; i < settings->account_count; i++) {
         const char *equals = strchr(settings->accounts[i], '=');
         if (!equals || equals == settings->accounts[i] || !equals[1])
-            return error_set(e, ERROR_SPEC_INVALID, "slurm_accounts: %s must be user=account",
+            return error_set(e, ERROR_SPEC_INVALID, "slurm_accounts: must be user=account (given %s)",
                              settings->accounts[i]);
     }
     return true;

@@ -3,9 +3,9 @@
 #include <stddef.h>
 #include <string.h>
 
-#define WAITS(name)                                               \
-    {                                                             \
-        name, .waits = true, .words = "it waits in Slurm's queue" \
+#define WAITS(name)                                                   \
+    {                                                                 \
+        name, .waits = true, .words = "waiting in the queue of Slurm" \
     }
 #define RUNS(name)               \
     {                            \
@@ -31,10 +31,10 @@ static const slurm_state states[] = {
     RUNS("STOPPED"),
     RUNS("SUSPENDED"),
     RUNS("RESIZING"),
-    OVER("COMPLETED", false, INTERRUPTED, GIVEN_BACK, "the Slurm job ended, and the worker left no ending"),
+    OVER("COMPLETED", false, INTERRUPTED, GIVEN_BACK, "the Slurm job ended without a record of the worker"),
     OVER("FAILED", false, INTERRUPTED, CRASHED, "the node could not run the attempt (Slurm: FAILED)"),
-    OVER("CANCELLED", true, CRASHED, CRASHED, "the Slurm job was cancelled by somebody else"),
-    OVER("PREEMPTED", true, GIVEN_BACK, GIVEN_BACK, "Slurm needed the node for others (PREEMPTED)"),
+    OVER("CANCELLED", true, CRASHED, CRASHED, "the Slurm job was cancelled outside hexad"),
+    OVER("PREEMPTED", true, GIVEN_BACK, GIVEN_BACK, "Slurm preempted the job (PREEMPTED)"),
     OVER("TIMEOUT", true, OUT_OF_TIME, GIVEN_BACK,
          "Slurm's time limit ended the worker (TIMEOUT): set limits.timeout_s, or ask for another partition"),
     OVER("DEADLINE", true, OUT_OF_TIME, OUT_OF_TIME, "the deadline of the Slurm job has passed (DEADLINE)"),
@@ -48,7 +48,7 @@ static const slurm_state states[] = {
 static const slurm_state unknown = RUNS("?");
 
 const slurm_state slurm_state_gone =
-    OVER("GONE", false, INTERRUPTED, GIVEN_BACK, "Slurm does not know the job any more");
+    OVER("GONE", false, INTERRUPTED, GIVEN_BACK, "Slurm no longer lists the job");
 
 const slurm_state *slurm_state_of(const char *name)
 {

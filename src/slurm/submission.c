@@ -234,7 +234,7 @@ static void find_reason(const char *complaint, char *why, size_t size)
         words += 15;
         first += 15;
     }
-    snprintf(why, size, "Slurm refuses the job: %.*s", (int)(length - first), words);
+    snprintf(why, size, "Slurm refused the job: %.*s", (int)(length - first), words);
 }
 
 /* With the mutex: the attempts of a batch that Slurm has not taken. Those that were refused with others are tried one by
@@ -257,7 +257,7 @@ static void take_back(slurm *s, const load *l, answer a, const char *why)
 
 static void tell(slurm *s, const load *l, answer a, const char *why)
 {
-    static const char *const words[] = {"accepted", "not reached", "not clear: it is looked for by its name",
+    static const char *const words[] = {"accepted", "not reached", "unknown: it is searched for by its name",
                                         "refused"};
     log_write(a == ACCEPTED                  ? LOG_LEVEL_DEBUG
               : a == REFUSED || a == UNCLEAR ? LOG_LEVEL_WARNING
