@@ -49,7 +49,8 @@ static bool start(const mesh_file *file, const char *command, off_t size, reader
 static bool read_all(FILE *stream, void *to, size_t size, size_t count, error *e)
 {
     if (fread(to, size, count, stream) == count) return true;
-    return error_set(e, ERROR_INPUT_DAMAGED, "the file could not be read to its end");
+    return error_set(e, ERROR_INPUT_DAMAGED,
+                     "the file ended while it was read: check the disk and copy it again");
 }
 
 /* `text` receives the warnings, one a line. */
@@ -64,26 +65,29 @@ static bool read_header(FILE *stream, mesh_reader_header *h, char text[MESH_READ
     for (char *p = text; *p; p++) /* it may quote the file */
         if ((*p < ' ' || *p > '~') && !(*p == '\n' && h->code == ERROR_NONE)) *p = '?';
     if (h->code != ERROR_NONE && !*text)
-        return error_set(e, ERROR_INPUT_DAMAGED, "the file was refused by its reader without a reason");
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "the reader refused the file without a reason: save it in another format");
     return h->code == ERROR_NONE || error_set(e, (error_code)h->code, "%s", text);
 }
 
 static bool check_counts(const mesh_reader_header *h, size_t limit, error *e)
 {
     if (h->triangles == 0)
-        return error_set(e, ERROR_NO_SURFACE,
-                         "the mesh holds no triangle (%llu vertices, %llu points or lines)",
-                         (unsigned long long)h->vertices, (unsigned long long)h->others);
+        return error_set(
+            e, ERROR_NO_SURFACE,
+            "the mesh has no triangles (%llu vertices, %llu points or lines): save it with faces",
+            (unsigned long long)h->vertices, (unsigned long long)h->others);
     if (h->vertices >= UINT32_MAX || h->triangles >= UINT32_MAX / 3)
         return error_set(e, ERROR_INPUT_UNSUPPORTED,
-                         "the mesh has %llu vertices and %llu triangles, too many for 32 bits",
+                         "the mesh has %llu vertices and %llu triangles, more than 32-bit indices allow: "
+                         "split or simplify it",
                          (unsigned long long)h->vertices, (unsigned long long)h->triangles);
     size_t needed = mesh_bytes(h->vertices, h->triangles);
     if (needed <= limit) return true;
-    return error_set(
-        e, ERROR_LIMIT_MEMORY,
-        "its %llu triangles need %zu MiB and %zu MiB are left of the limit: raise limits.memory_mb",
-        (unsigned long long)h->triangles, (needed >> 20) + 1, limit >> 20);
+    return error_set(e, ERROR_LIMIT_MEMORY,
+                     "its %llu triangles require %zu MiB, and %zu MiB of the limit are left: raise "
+                     "limits.memory_mb",
+                     (unsigned long long)h->triangles, (needed >> 20) + 1, limit >> 20);
 }
 
 static bool is_usable(vec3 v)
@@ -102,8 +106,8 @@ static bool check_vertices(mesh *m, size_t *unused, error *e)
         for (int k = 0; k < 3; k++)
             if (!is_usable(m->vertex[m->triangle[n][k]]))
                 return error_set(e, ERROR_INPUT_DAMAGED,
-                                 "triangle %zu of the mesh has a corner, vertex %" PRIu32
-                                 ", whose coordinates are not finite or beyond %g",
+                                 "triangle %zu: its vertex %" PRIu32
+                                 " has a coordinate that is not finite or exceeds %g: repair the mesh",
                                  n, m->triangle[n][k], largest_coordinate);
     for (size_t n = 0; n < m->vertex_count; n++)
         if (!is_usable(m->vertex[n])) m->vertex[n] = m->vertex[m->triangle[0][0]];
@@ -118,7 +122,7 @@ static bool read_triangles(FILE *stream, mesh *m, error *e)
             if (m->triangle[n][k] >= m->vertex_count)
                 return error_set(
                     e, ERROR_INPUT_DAMAGED,
-                    "the mesh has a triangle, number %zu, with a corner that is none of its %zu vertices", n,
+                    "triangle %zu: a corner is not among the %zu vertices of the mesh: repair the mesh", n,
                     m->vertex_count);
     return true;
 }
@@ -131,7 +135,7 @@ static bool read_array(FILE *stream, const mesh *m, mesh_reader_values *head, fl
         return error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return an invalid answer");
     for (char *p = head->name; *p; p++) /* it is the file's */
         if (*p < ' ' || *p > '~') *p = '?';
-    *value = mem_array(m->vertex_count, head->components * sizeof **value, "what the vertices have", e);
+    *value = mem_array(m->vertex_count, head->components * sizeof **value, "the values of the vertices", e);
     return *value && read_all(stream, *value, head->components * sizeof **value, m->vertex_count, e);
 }
 
@@ -142,9 +146,10 @@ static bool read_values(FILE *stream, const mesh *m, size_t limit, mesh_values *
     if (count > MESH_VALUES_MOST)
         return error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return an invalid answer");
     if (m->vertex_count > limit / ((count + 1) * MESH_VALUES_COMPONENTS * sizeof(float)))
-        return error_set(e, ERROR_LIMIT_MEMORY,
-                         "what its %zu vertices have needs more memory than is left: raise limits.memory_mb",
-                         m->vertex_count);
+        return error_set(
+            e, ERROR_LIMIT_MEMORY,
+            "the values of its %zu vertices require more memory than is left: raise limits.memory_mb",
+            m->vertex_count);
     out->head = mem_alloc(count * sizeof *out->head);
     out->value = mem_alloc(count * sizeof *out->value);
     for (; out->count < count; out->count++)
@@ -191,8 +196,7 @@ bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *head
         return false;
     }
     note_lines(notes, text);
-    if (unused > 0)
-        mesh_note(notes, "%zu vertices that no triangle uses are not finite: they are left out", unused);
+    if (unused > 0) mesh_note(notes, "%zu unused vertices are not finite: they are skipped", unused);
     *out = m;
     return true;
 }
@@ -219,16 +223,15 @@ bool mesh_file_read(const mesh_file *file, mesh *out, mesh_notes *notes, error *
     mesh_reader_header header = {0};
     if (!read_file(file, &header, out, notes, NULL, e)) return false;
     if (header.others)
-        mesh_note(notes, "the mesh has %llu points or lines beside its triangles: left out",
+        mesh_note(notes, "the mesh has %llu points or lines in addition to its triangles: they are skipped",
                   (unsigned long long)header.others);
     if (header.crossed)
-        mesh_note(
-            notes,
-            "%llu polygons cross themselves, or are far from a plane: triangles may overlap. Cut them in the file.",
-            (unsigned long long)header.crossed);
-    if (header.end)
         mesh_note(notes,
-                  "other data follow in the file from byte %llu on, behind its mesh: they are not read",
+                  "%llu polygons intersect themselves or are not planar: their triangles may overlap. "
+                  "Triangulate them in the file.",
+                  (unsigned long long)header.crossed);
+    if (header.end)
+        mesh_note(notes, "the file has other data after its mesh, from byte %llu on: they are not read",
                   (unsigned long long)header.end);
     return true;
 }

@@ -316,8 +316,7 @@ static int answer_scene(const struct aiScene *scene, const ply_values *own, size
 {
     const double unit = known->unit > 0 ? known->unit : 1, centimetres = unit_of_scene(scene);
     if (centimetres != 1)
-        plain_mesh_warn(known, "the unit of the file is %g centimetres: coordinates are those of the file",
-                        centimetres);
+        plain_mesh_warn(known, "the unit of the file is %g cm: coordinates are not converted", centimetres);
     walk w = {
         .scene = scene,
         .header = {.magic = MESH_READER_MAGIC, .text_length = (uint32_t)strlen(known->text), .end = end}};
@@ -429,14 +428,15 @@ static int answer_refusal(const bytes *b, size_t memory, const char *why)
     if (strstr(why, "bad_alloc") || strstr(why, "bad allocation") || strstr(why, "Out of memory")) {
         if (b->size > memory / memory_per_byte)
             return answer_fault(ERROR_LIMIT_MEMORY,
-                                "reading it takes more memory than the limit: raise limits.memory_mb");
+                                "reading it requires more memory than the limit: raise limits.memory_mb");
         return answer_fault(ERROR_INPUT_DAMAGED,
-                            "the file asks for far more memory than it has data for: it is damaged");
+                            "the file announces far more data than it has: it is damaged. Save it again.");
     }
     if (strstr(why, "No suitable reader")) {
-        return answer_fault(ERROR_INPUT_UNSUPPORTED,
-                            "the file is no mesh of a known format (PLY, OBJ, STL, OFF and others, told by "
-                            "the file's name and first bytes)");
+        return answer_fault(
+            ERROR_INPUT_UNSUPPORTED,
+            "the file is not a mesh in a known format (by its name and first bytes): save it as "
+            "PLY, OBJ, STL or OFF");
     }
     const int begin = snprintf(text, sizeof text, "the file cannot be read as a mesh: ");
     snprintf(text + begin, sizeof text - (size_t)begin, "%s", *why ? why : "it is damaged");
@@ -447,6 +447,8 @@ static int answer_refusal(const bytes *b, size_t memory, const char *why)
         memmove(own + sizeof file - 1, own + length, rest);
         memcpy(own, file, sizeof file - 1);
     }
+    const size_t used = strlen(text);
+    snprintf(text + used, sizeof text - used, ". Repair it, or save it again.");
     return answer_fault(ERROR_INPUT_DAMAGED, text);
 }
 
@@ -475,7 +477,7 @@ static void try_plain(const char *ending, const bytes *b, bool wants_values, pla
         if (is_plain && !wants_values) _exit(answer_plain(plain, 0));
         if (plain->is_quantised)
             plain_mesh_refuse(plain, ERROR_INPUT_UNSUPPORTED,
-                              "what its vertices have is not read, since it has quantised positions "
+                              "the values of its vertices are not read, because its positions are quantised "
                               "(KHR_mesh_quantization). Save it with floats.");
         free(plain->vertex);
         free(plain->triangle);

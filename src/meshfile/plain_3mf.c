@@ -50,7 +50,7 @@ static bool damaged(package *p, const char *what)
 static bool no_memory(package *p)
 {
     return plain_mesh_refuse(p->out, ERROR_LIMIT_MEMORY,
-                             "reading it takes more memory than the limit: raise limits.memory_mb");
+                             "reading it requires more memory than the limit: raise limits.memory_mb");
 }
 
 static bool read_entry(package *p, const char *path, char **out)
@@ -65,11 +65,11 @@ static bool read_entry(package *p, const char *path, char **out)
     case ZIP_ENTRY_NO_MEMORY:
         return no_memory(p);
     default:
-        return damaged(p, "a part of it cannot be unpacked");
+        return damaged(p, "a part of it cannot be decompressed");
     }
     if (!memchr(*out, 0, length)) return true;
     free(*out); /* UTF-16, which the standard allows */
-    return plain_mesh_refuse(p->out, ERROR_INPUT_UNSUPPORTED, "its text is no UTF-8. Save it as UTF-8.");
+    return plain_mesh_refuse(p->out, ERROR_INPUT_UNSUPPORTED, "its text is not UTF-8. Save it as UTF-8.");
 }
 
 /* ---- numbers */
@@ -144,7 +144,8 @@ static bool check_extensions(package *p, const xml_tag *model)
         if (!is_known)
             return plain_mesh_refuse(
                 p->out, ERROR_INPUT_UNSUPPORTED,
-                "it requires the 3MF extension %.*s, which is not read. Save it without this extension.",
+                "it requires the 3MF extension %.*s, which is not supported. Save it without this "
+                "extension.",
                 space.at ? (int)(space.length < 120 ? space.length : 120) : (int)strlen(key),
                 space.at ? space.at : key);
     }
@@ -195,7 +196,7 @@ static bool find_object(package *p, size_t of, const xml_tag *tag, object **out)
         *out = o;
         return true;
     }
-    return damaged(p, "an object that it names is not there");
+    return damaged(p, "it refers to an object that is missing");
 }
 
 /* ---- meshes */
@@ -273,7 +274,7 @@ static char *find_root(package *p)
         if ((path = calloc(target.length + 1, 1))) memcpy(path, target.at, target.length);
     }
     free(relations);
-    if (!path) damaged(p, "it names no model");
+    if (!path) damaged(p, "it refers to no model");
     return path;
 }
 
@@ -298,8 +299,8 @@ bool plain_mesh_read_unit(const char *unit, size_t length, plain_mesh *out, doub
         }
     return plain_mesh_refuse(
         out, ERROR_INPUT_UNSUPPORTED,
-        "its unit \"%.*s\" is not known: micron, millimeter, centimeter, inch, foot, meter. Save "
-        "it with one of these.",
+        "its unit \"%.*s\" is unknown. Save it with micron, millimeter, centimeter, inch, "
+        "foot or meter.",
         (int)(length < 40 ? length : 40), unit);
 }
 
@@ -328,9 +329,9 @@ static void warn(package *p)
     size_t left = 0;
     for (size_t k = 0; k < p->object_count; k++) left += !p->objects[k].is_built;
     if (left > 0)
-        plain_mesh_warn(p->out, "%zu of %zu objects are not in the build of the file: they are left out",
-                        left, p->object_count);
-    if (p->beam_lattices > 0) plain_mesh_warn(p->out, "%zu beam lattices are left out", p->beam_lattices);
+        plain_mesh_warn(p->out, "%zu of %zu objects are not in the build of the file: they are skipped", left,
+                        p->object_count);
+    if (p->beam_lattices > 0) plain_mesh_warn(p->out, "%zu beam lattices are skipped", p->beam_lattices);
 }
 
 bool plain_mesh_read_3mf(const char *data, size_t size, plain_mesh *out)

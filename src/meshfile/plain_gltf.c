@@ -46,7 +46,7 @@ static bool damaged(gltf *g, const char *what, size_t index)
 static bool no_memory(gltf *g)
 {
     return plain_mesh_refuse(g->out, ERROR_LIMIT_MEMORY,
-                             "reading it takes more memory than the limit: raise limits.memory_mb");
+                             "reading it requires more memory than the limit: raise limits.memory_mb");
 }
 
 static bool list_items(gltf *g, const char *key, list *out)
@@ -115,8 +115,8 @@ static bool load(gltf *g, size_t index, buffer *out)
     } else if (uri) {
         return plain_mesh_refuse(
             g->out, ERROR_INPUT_MISSING,
-            "its buffer \"%.200s\" is missing: no file beside this one is read. Save the mesh as "
-            ".glb, which holds its data.",
+            "its buffer \"%.200s\" is a separate file, which is not read. Save the mesh as .glb, "
+            "which contains its data.",
             uri);
     } else if (index == 0 && g->bin) {
         *out = (buffer){g->bin, g->bin_size, NULL};
@@ -277,7 +277,7 @@ static bool add_triangles(gltf *g, int mode, const double *index, size_t corners
         corners_of(mode, n, place);
         for (int k = 0; k < 3; k++) {
             const double at = index ? index[place[k]] : (double)place[k];
-            if (!(at < (double)vertices)) return damaged(g, "a corner is no vertex in triangle", n);
+            if (!(at < (double)vertices)) return damaged(g, "a corner is not a vertex, in triangle", n);
             corner[k] = (uint32_t)(first + (size_t)at);
         }
         if (!plain_mesh_add_triangle(g->out, corner[0], corner[1], corner[2], is_mirrored))
@@ -340,7 +340,8 @@ static bool add_mesh(gltf *g, const json *node, double index, const double m[3][
     const json *mesh = item_at(&g->meshes, index);
     json_at extensions = member(node, "extensions");
     if (!mesh)
-        return damaged(g, "a node names no mesh, number", index >= 0 && index < 1e9 ? (size_t)index : 0);
+        return damaged(g, "a node refers to a mesh that is missing, number",
+                       index >= 0 && index < 1e9 ? (size_t)index : 0);
     json_at primitives = member(mesh, "primitives");
     g->is_in_scene[(size_t)index] = true;
     g->skins += json_number(member(node, "skin"), -1) >= 0;
@@ -394,7 +395,7 @@ static bool visit(gltf *g, double index, const double to_world[3][4], int depth)
     double own[16], m[3][4];
     /* nodes are trees: one that is reached more often than there are nodes stands below itself, or below several */
     if (!node || depth > DEEPEST_NODE || g->visited++ >= g->nodes.count)
-        return damaged(g, "its nodes are no trees, at node", node ? (size_t)index : 0);
+        return damaged(g, "its nodes are not a tree, at node", node ? (size_t)index : 0);
     if (!read_transform(g, node, (size_t)index, own)) return false;
     affine_compose(to_world, own, m);
     json_at mesh = member(node, "mesh"), children = member(node, "children");
@@ -465,14 +466,14 @@ static bool check_document(gltf *g)
     }
     if (version[0] != '2' || strcmp(least, "2.0") != 0)
         return plain_mesh_refuse(g->out, ERROR_INPUT_UNSUPPORTED,
-                                 "it needs glTF %.20s, and 2.0 is read. Save it as glTF 2.0.",
+                                 "it requires glTF %.20s. Save it as glTF 2.0.",
                                  version[0] != '2' ? version : least);
     for (size_t k = 0; k < json_size(required); k++) {
         const char *name = json_string(json_element(&required, k), "");
         if (!is_known(name))
             return plain_mesh_refuse(
                 g->out, ERROR_INPUT_UNSUPPORTED,
-                "it requires the glTF extension %.80s, which is not read. Save it without this "
+                "it requires the glTF extension %.80s, which is not supported. Save it without this "
                 "extension.",
                 name);
     }
@@ -484,14 +485,17 @@ static void warn(gltf *g)
     size_t left = 0;
     for (size_t k = 0; k < g->meshes.count; k++) left += !g->is_in_scene[k];
     if (left > 0)
-        plain_mesh_warn(g->out, "%zu of %zu meshes are not in the scene of the file: they are left out", left,
+        plain_mesh_warn(g->out, "%zu of %zu meshes are not in the scene of the file: they are skipped", left,
                         g->meshes.count);
     if (g->skins > 0)
         plain_mesh_warn(g->out,
-                        "%zu meshes have a skin, which is not applied: vertices are where the file has them",
+                        "%zu meshes have a skin, which is not applied: export the posed mesh to sample it",
                         g->skins);
     if (g->morphs > 0)
-        plain_mesh_warn(g->out, "%zu meshes have weights of morph targets, which are not applied", g->morphs);
+        plain_mesh_warn(g->out,
+                        "%zu meshes have weights of morph targets, which are not applied: export the morphed "
+                        "mesh to sample it",
+                        g->morphs);
     if (g->instances > 0)
         plain_mesh_warn(g->out, "%zu meshes have instances (EXT_mesh_gpu_instancing): one of each is read",
                         g->instances);
@@ -540,7 +544,7 @@ static bool split(const char *data, size_t size, const char **text, size_t *leng
     if (left < CHUNK_HEAD || word_at(bin + 4) != CHUNK_BIN) return true;
     g->bin_size = word_at(bin);
     g->bin = bin + CHUNK_HEAD;
-    return g->bin_size <= left - CHUNK_HEAD || damaged(g, "it ends too early, at byte", size);
+    return g->bin_size <= left - CHUNK_HEAD || damaged(g, "it is truncated, at byte", size);
 }
 
 bool plain_mesh_read_gltf(const char *data, size_t size, plain_mesh *out)

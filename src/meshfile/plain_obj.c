@@ -163,7 +163,7 @@ bool plain_mesh_read_obj(const char *data, size_t size, plain_mesh *out)
     if (!read) return false;
     if (facts.free_forms > 0)
         plain_mesh_warn(
-            out, "the file has %zu free-form curves or surfaces, which are left out: save it as polygons",
+            out, "the file has %zu free-form curves or surfaces, which are skipped: save them as polygons",
             facts.free_forms);
     if (facts.weighted > 0)
         plain_mesh_warn(out, "%zu vertices have a weight w: their coordinates are divided by it",

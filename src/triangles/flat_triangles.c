@@ -248,11 +248,10 @@ static bool remove_flat(mesh *m, const rounding *rounded, mesh_notes *notes, err
     linked_mesh_end(&r.l);
     free(r.heap);
     if (ok && flat)
-        mesh_note(
-            notes,
-            "%zu of %zu triangles have no area: their corners lie on a line to within rounding. They are "
-            "removed, and their neighbours are joined; repair the mesh to have it as it is.",
-            flat, all);
+        mesh_note(notes,
+                  "%zu of %zu triangles have no area (corners on a line within rounding): they are "
+                  "removed and their neighbours are joined; repair the mesh to keep its shape.",
+                  flat, all);
     return ok;
 }
 

@@ -492,18 +492,18 @@ bool mesh_weld(mesh *m, mesh_cancelled cancelled, mesh_notes *notes, error *e)
         ok = ok && drop_repeated(m, cancelled, &again, e) && drop_unused(m, NULL, place, e);
         m->welded = ok;
         if (degenerate)
-            mesh_note(notes, "%zu of %zu triangles have two equal corners: left out", degenerate, all);
+            mesh_note(notes, "%zu of %zu triangles have two equal corners: they are skipped", degenerate,
+                      all);
         if (ok && again.cancelled > 0)
-            mesh_note(
-                notes,
-                "faces of closed shells touch: an area of %.4g lies in two faces that look opposite ways. Neither has "
-                "points there; move the shells apart to sample both.",
-                again.cancelled);
+            mesh_note(notes,
+                      "faces of closed shells touch: an area of %.4g belongs to two faces with opposite "
+                      "normals and is not sampled; move the shells apart to sample both.",
+                      again.cancelled);
         if (again.triangles)
-            mesh_note(
-                notes,
-                "%zu of %zu triangles stand in the file again (coinciding shells or faces): each counts once",
-                again.triangles, all);
+            mesh_note(notes,
+                      "%zu of %zu triangles are duplicates (coinciding shells or faces); duplicates are "
+                      "ignored",
+                      again.triangles, all);
     }
     free(place);
     return ok;

@@ -156,8 +156,12 @@ const mesh_edges *mesh_edges_close_seams(mesh *m, const mesh_edges *known, doubl
         if (changed) edges = own;
     }
     if (joined)
-        mesh_note(notes, "%zu vertices of open edges lie as near to others as rounding: joined", joined);
+        mesh_note(notes, "%zu vertices of open edges coincide with others within rounding: they are joined",
+                  joined);
     if (split)
-        mesh_note(notes, "%zu triangles have vertices of others on their open edges: split there", split);
+        mesh_note(notes,
+                  "%zu triangles have vertices of other triangles on their open edges: they are split "
+                  "there",
+                  split);
     return edges;
 }
