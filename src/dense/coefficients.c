@@ -66,10 +66,10 @@ static bool find_width(int fd, size_t count, const int dims[3], size_t *width, e
     if (fstat(fd, &status) != 0) return error_set(e, ERROR_INPUT_DAMAGED, "the file cannot be examined: %m");
     *width = (size_t)status.st_size == 8 * count ? 8 : 4;
     if ((size_t)status.st_size == *width * count) return true;
-    return error_set(
-        e, ERROR_INPUT_DAMAGED,
-        "the file has %lld bytes: %d x %d x %d coefficients are %zu bytes as 32-bit floats and %zu as 64-bit ones",
-        (long long)status.st_size, dims[0], dims[1], dims[2], 4 * count, 8 * count);
+    return error_set(e, ERROR_INPUT_DAMAGED,
+                     "the file has %lld bytes, but %d x %d x %d coefficients are %zu bytes as 32-bit "
+                     "floats or %zu as 64-bit ones: correct dims, or the file",
+                     (long long)status.st_size, dims[0], dims[1], dims[2], 4 * count, 8 * count);
 }
 
 double *coefficients_read(int fd, const char *path, const int dims[3], size_t memory_limit, error *e)
@@ -79,7 +79,7 @@ double *coefficients_read(int fd, const char *path, const int dims[3], size_t me
     if (!find_width(fd, count, dims, &width, e)) goto fail;
     if (count > memory_limit / sizeof *numbers) {
         error_set(e, ERROR_LIMIT_MEMORY,
-                  "the file needs %zu MiB and %zu MiB are left of the limit: raise limits.memory_mb",
+                  "the file requires %zu MiB, and %zu MiB of the limit are left: raise limits.memory_mb",
                   (count * sizeof *numbers >> 20) + 1, memory_limit >> 20);
         goto fail;
     }

@@ -19,7 +19,7 @@ public:
     {
         for (int done = 0; done < count;) {
             const ssize_t got = pread(fd, to + done, (size_t)(count - done), (off_t)at);
-            if (got <= 0) throw std::runtime_error("it is cut off");
+            if (got <= 0) throw std::runtime_error("it is truncated");
             done += (int)got;
             at += (uint64_t)got;
         }

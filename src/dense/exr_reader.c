@@ -110,17 +110,18 @@ static bool no_part(image *m, int wanted, int found, const char *parts, const ch
                     const char *channels)
 {
     if (wanted == 0)
-        error_set(&m->fault, ERROR_GRID_MISSING, "the file has no part \"%.200s\": its parts are %s", m->part,
+        error_set(&m->fault, ERROR_GRID_MISSING, "the file has no part \"%.200s\": choose one of %s", m->part,
                   parts);
     else if (found > 1)
-        error_set(&m->fault, ERROR_GRID_AMBIGUOUS, "%d parts of the file have %s: %s: give exr.part", found,
+        error_set(&m->fault, ERROR_GRID_AMBIGUOUS,
+                  "%d parts of the file have %s (%s): choose one with exr.part", found,
                   m->channel ? "that channel" : "just one channel", with);
     else if (m->channel)
-        error_set(&m->fault, ERROR_GRID_MISSING, "the file has no channel \"%.200s\": its channels are %s",
+        error_set(&m->fault, ERROR_GRID_MISSING, "the file has no channel \"%.200s\": choose one of %s",
                   m->channel, channels);
     else
-        error_set(&m->fault, ERROR_GRID_AMBIGUOUS, "the file has the channels %s: give exr.channel",
-                  channels);
+        error_set(&m->fault, ERROR_GRID_AMBIGUOUS,
+                  "the file has the channels %s: choose one with exr.channel", channels);
     return false;
 }
 
@@ -145,7 +146,7 @@ static bool choose(image *m)
         if (channel->x_sampling != 1 || channel->y_sampling != 1)
             return error_set(
                 &m->fault, ERROR_INPUT_UNSUPPORTED,
-                "channel \"%s\" has a sample for every %d columns and %d rows only: one for each pixel is needed",
+                "channel \"%s\" is subsampled by %d x %d: save it with one sample for each pixel",
                 channel->name.str, channel->x_sampling, channel->y_sampling);
     }
     return found == 1 || no_part(m, wanted, found, parts, with, channels);
@@ -181,7 +182,7 @@ static bool open_file(image *m)
     complaint[0] = '\0';
     if (refuse_other(m)) return false;
     if (exr_start_read(&m->file, "slice", &with) != EXR_ERR_SUCCESS)
-        return damaged(m, "the file is no OpenEXR file, or its header is damaged");
+        return damaged(m, "the file is not an OpenEXR file, or its header is damaged: save it again");
     return true;
 }
 
@@ -359,12 +360,12 @@ static bool read_pixels(image *m)
     double count = (double)width_of(m) * (double)height_of(m);
     if (count * sizeof *m->values > (double)m->memory / 2) {
         error_set(&m->fault, ERROR_LIMIT_MEMORY,
-                  "the file has %lld x %lld pixels, too many for the memory limit: raise limits.memory_mb",
+                  "the file has %lld x %lld pixels, which exceed the memory limit: raise limits.memory_mb",
                   (long long)width_of(m), (long long)height_of(m));
         return false;
     }
     m->values = calloc((size_t)count, sizeof *m->values);
-    if (!m->values) return damaged(m, "the file does not fit into memory");
+    if (!m->values) return damaged(m, "the file exceeds the memory limit: raise limits.memory_mb");
     exr_compression_t packed = EXR_COMPRESSION_NONE;
     exr_get_compression(m->file, m->part_index, &packed);
     if (packed == EXR_COMPRESSION_DWAA || packed == EXR_COMPRESSION_DWAB) {

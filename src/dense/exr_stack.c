@@ -267,13 +267,13 @@ static bool span(exr_stack *s, error *e)
         s->base.size[axis] = high[axis] - s->low[axis] + 1;
         if (s->base.size[axis] < 2)
             return error_set(e, ERROR_NO_SURFACE,
-                             "its images are one pixel wide or high: a volume has two along each axis");
+                             "its images are one pixel wide or high: give images of at least 2 x 2 pixels");
     }
     s->base.size[2] = (int64_t)s->params.count;
     if (differ)
         dense_warn(&s->base.warnings,
-                   "the slices' data windows differ: they span %lld x %lld pixels, and pixels outside of a "
-                   "slice's own are 0",
+                   "the data windows of the slices differ: the volume spans %lld x %lld pixels, and "
+                   "pixels outside the data window of a slice are 0",
                    (long long)s->base.size[0], (long long)s->base.size[1]);
     if (s->stretched > 0)
         dense_warn(

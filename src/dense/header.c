@@ -37,9 +37,10 @@ static bool check_values(const header *h, error *e)
                              "claims %lld samples along axis %d: at most %lld are read",
                              (long long)h->size[k], k, (long long)largest_side);
         if (h->size[k] == 1)
-            return error_set(e, ERROR_NO_SURFACE,
-                             "the volume is %lld x %lld x %lld samples: one slice encloses no surface",
-                             (long long)h->size[0], (long long)h->size[1], (long long)h->size[2]);
+            return error_set(
+                e, ERROR_NO_SURFACE,
+                "the volume has %lld x %lld x %lld samples: give one with at least two along each axis",
+                (long long)h->size[0], (long long)h->size[1], (long long)h->size[2]);
     }
     if (h->size[0] * h->size[1] > most_samples / h->size[2])
         return error_set(e, ERROR_INPUT_DAMAGED, "claims %lld x %lld x %lld samples", (long long)h->size[0],
@@ -54,10 +55,12 @@ static bool check_values(const header *h, error *e)
                          (long long)h->byte_skip);
     for (int k = 0; k < 16; k++)
         if (!isfinite(h->index_to_world[k]))
-            return error_set(e, ERROR_INPUT_DAMAGED,
-                             "the file has an orientation whose numbers are not finite");
+            return error_set(
+                e, ERROR_INPUT_DAMAGED,
+                "the file has an orientation with numbers that are not finite: correct its header");
     if (!isfinite(h->slope) || !isfinite(h->intercept))
-        return error_set(e, ERROR_INPUT_DAMAGED, "its values are scaled by numbers that are not finite");
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "its values are scaled by numbers that are not finite: correct its header");
     bool ended = h->warnings.count < DENSE_WARNINGS_MOST; /* a later one has room */
     for (uint32_t k = 0; ended && k < h->warnings.count; k++)
         ended = memchr(h->warnings.text[k], 0, sizeof h->warnings.text[k]) != NULL;

@@ -49,7 +49,7 @@ static bool add_name(answer *a, const char *name, size_t length)
 {
     if (length == 0 || a->head.text_length + length + 1 >= HEADER_TEXT_MAX ||
         a->head.file_count == most_files)
-        return refuse(a, ERROR_INPUT_UNSUPPORTED, "names more than %ld data files, or one without a name",
+        return refuse(a, ERROR_INPUT_UNSUPPORTED, "lists more than %ld data files, or one without a name",
                       most_files);
     memcpy(a->text + a->head.text_length, name, length);
     a->head.text_length += (uint32_t)length;
@@ -94,7 +94,7 @@ static bool add_names(answer *a, char *value)
                           value, sizeof name - 1);
         if (!add_name(a, name, (size_t)length)) return false;
     }
-    return a->head.file_count > 0 || refuse(a, ERROR_INPUT_DAMAGED, "names no data file: \"%.200s\"", value);
+    return a->head.file_count > 0 || refuse(a, ERROR_INPUT_DAMAGED, "lists no data file: \"%.200s\"", value);
 }
 
 /* ---- NRRD */
@@ -161,7 +161,7 @@ static bool type_of_nrrd(answer *a, int type)
             a->head.type = types[k].type;
             return true;
         }
-    return refuse(a, ERROR_INPUT_UNSUPPORTED, "the file holds values of type \"%s\": only numbers are read",
+    return refuse(a, ERROR_INPUT_UNSUPPORTED, "the file has values of type \"%s\": convert them to numbers",
                   airEnumStr(nrrdType, type));
 }
 
@@ -222,16 +222,15 @@ static bool axes_of_nrrd(answer *a, const Nrrd *n, const NrrdAxisInfo *axis[3])
         found++;
     }
     if (found != 3)
-        return refuse(
-            a, ERROR_INPUT_UNSUPPORTED,
-            "the file has the sizes %s: a volume has three axes of two samples or more, and others only with "
-            "one sample (`unu slice` takes one volume out of several)",
-            sizes);
+        return refuse(a, ERROR_INPUT_UNSUPPORTED,
+                      "the file has the sizes %s: give a volume with three axes of at least two samples, "
+                      "and others of one sample only (`unu slice` extracts one volume of several)",
+                      sizes);
     for (int k = 0; k < 3; k++) {
         int kind = axis[k]->kind;
         if (kind != nrrdKindUnknown && kind != nrrdKindDomain && kind != nrrdKindSpace)
             return refuse(a, ERROR_INPUT_UNSUPPORTED,
-                          "the file has an axis of kind \"%s\" (%s): three axes of space are needed",
+                          "the file has an axis of kind \"%s\" (%s): give a volume with three axes of space",
                           airEnumStr(nrrdKind, kind), sizes);
         a->head.size[k] = (int64_t)axis[k]->size;
     }
@@ -367,7 +366,7 @@ static bool type_of_nifti(answer *a, int type)
             a->head.type = types[k].type;
             return true;
         }
-    return refuse(a, ERROR_INPUT_UNSUPPORTED, "the file holds values of type %s: only real numbers are read",
+    return refuse(a, ERROR_INPUT_UNSUPPORTED, "the file has values of type %s: convert them to real numbers",
                   nifti_datatype_string(type));
 }
 
@@ -405,8 +404,9 @@ static void warn_of_places(answer *a, const nifti_image *n)
     for (int k = 0; k < 3 && n->sform_code <= 0; k++)
         if (!(size[k] > 0)) {
             dense_warn(&a->head.warnings,
-                       "pixdim %d is %g, which is no size of a voxel: %g is used. Correct the header.", k + 1,
-                       size[k], n->qform_code > 0 || size[k] == 0 || !isfinite(size[k]) ? 1 : -size[k]);
+                       "pixdim %d is %g, which is not a valid voxel size: %g is used. Correct the header.",
+                       k + 1, size[k],
+                       n->qform_code > 0 || size[k] == 0 || !isfinite(size[k]) ? 1 : -size[k]);
             break;
         }
     dense_warn_of_unit(&a->head.warnings, n->xyz_units == NIFTI_UNITS_METER    ? "m"
@@ -576,7 +576,9 @@ static bool read_nifti(answer *a, const char *head, size_t length, const char *n
         memcpy(&first, head, sizeof first);
         n = nifti_convert_n1hdr2nim(first, first.magic[1] == '+' ? called : pair);
     }
-    if (!n) return refuse(a, ERROR_INPUT_DAMAGED, "its NIfTI header contradicts itself: it is damaged");
+    if (!n)
+        return refuse(a, ERROR_INPUT_DAMAGED,
+                      "its NIfTI header is contradictory: it is damaged. Correct the header.");
     return describe_nifti(a, n, name, &where);
 }
 
@@ -643,7 +645,8 @@ static const char *guess(const char *head)
     if (strstr(head, "zarr_format")) return "a part of a Zarr volume (Fiji opens Zarr and saves it as NRRD)";
     if (size == sizeof(nifti_1_header) || size == 0x5c010000)
         return "an ANALYZE 7.5 header (`fslchfiletype NIFTI FILE` converts it)";
-    return "no volume of a known format (raw numbers need an NRRD header: `unu make -h -t TYPE -s X Y Z -i FILE`)";
+    return "not a volume in a known format (raw numbers need an NRRD header: `unu make -h -t "
+           "TYPE -s X Y Z -i FILE`)";
 }
 
 /* `head` is the file's first `length` bytes, with zeros behind them. */
@@ -656,7 +659,9 @@ static bool read_header(answer *a, char *head, size_t length, const char *name)
     if (packed) {
         gzFile stream = gzdopen(STDIN_FILENO, "rb");
         int got = stream ? gzread(stream, front, sizeof front - 1) : -1;
-        if (got < 0) return refuse(a, ERROR_INPUT_DAMAGED, "the file cannot be unpacked: it is damaged");
+        if (got < 0)
+            return refuse(a, ERROR_INPUT_DAMAGED,
+                          "the file cannot be decompressed: it is damaged. Copy or save it again.");
         length = (size_t)got;
         head = front;
     }
@@ -665,14 +670,15 @@ static bool read_header(answer *a, char *head, size_t length, const char *name)
         if (version == 1 || (version == 2 && length >= sizeof(nifti_2_header)))
             return read_nifti(a, head, length, name, packed);
     }
-    return refuse(a, ERROR_INPUT_UNSUPPORTED, "the file is %s%s: NRRD, NIfTI and MetaImage files are read",
-                  packed ? "packed by gzip, and in it is " : "", guess(head));
+    return refuse(a, ERROR_INPUT_UNSUPPORTED, "the file is %s%s: give an NRRD, NIfTI or MetaImage file",
+                  packed ? "compressed by gzip and contains " : "", guess(head));
 }
 
 static bool read_file(answer *a, const char *name)
 {
     char *head = calloc(1, HEAD_MAX + 1);
-    if (!head) return refuse(a, ERROR_LIMIT_MEMORY, "its header does not fit into memory");
+    if (!head)
+        return refuse(a, ERROR_LIMIT_MEMORY, "its header exceeds the memory limit: raise limits.memory_mb");
     bool ok = read_header(a, head, read_head(head, HEAD_MAX), name);
     free(head);
     return ok;

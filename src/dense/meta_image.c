@@ -122,7 +122,8 @@ static bool check(const fields *f, char fault[META_IMAGE_FAULT_SIZE], error_code
                         "the file has BinaryData = False and HeaderSize = -1, which needs binary data") < 0;
     *code = ERROR_INPUT_DAMAGED;
     if (*f->bad)
-        return snprintf(fault, META_IMAGE_FAULT_SIZE, "its field %.63s has too few numbers: it is damaged",
+        return snprintf(fault, META_IMAGE_FAULT_SIZE,
+                        "its field %.63s has too few numbers: it is damaged. Correct the header.",
                         f->bad) < 0;
     if (!is_between(f->channels, 1, 4))
         return snprintf(fault, META_IMAGE_FAULT_SIZE, "claims %g values at each sample: 1 to 4 are read",
@@ -133,7 +134,7 @@ static bool check(const fields *f, char fault[META_IMAGE_FAULT_SIZE], error_code
                         f->header_size, f->packed_bytes) < 0;
     for (int k = 0; k < 3; k++)
         if (!is_between(f->size[k], 0, 1 << 30))
-            return snprintf(fault, META_IMAGE_FAULT_SIZE, "has no sizes that are numbers") < 0;
+            return snprintf(fault, META_IMAGE_FAULT_SIZE, "has no numeric sizes") < 0;
     return true;
 }
 
@@ -179,11 +180,10 @@ static void warn(const fields *f, header *out)
     dense_warn_of_unit(&out->warnings, f->unit);
     if (*f->orientation && !strchr(f->orientation, '?') &&
         (strlen(f->orientation) != 3 || !is_oriented(out, f->orientation)))
-        dense_warn(
-            &out->warnings,
-            "AnatomicalOrientation = %.20s is ignored, and TransformMatrix names other directions. Correct one of "
-            "the two.",
-            f->orientation);
+        dense_warn(&out->warnings,
+                   "AnatomicalOrientation = %.20s contradicts TransformMatrix and is ignored. Correct "
+                   "one of the two.",
+                   f->orientation);
 }
 
 /* HeaderSize counts from the beginning of the file that holds the data, and before they are unpacked. */
@@ -257,7 +257,8 @@ bool meta_image_parse(const char *text, header *out, char name[META_IMAGE_NAME_S
         const char *equals = memchr(at, '=', (size_t)(end - at));
         if (!equals) {
             if (at + strspn(at, " \t\r") == end) continue;
-            snprintf(fault, META_IMAGE_FAULT_SIZE, "its header has a line without \"=\": it is damaged");
+            snprintf(fault, META_IMAGE_FAULT_SIZE,
+                     "its header has a line without \"=\": it is damaged. Correct the header.");
             return false;
         }
         const bool whole = end - equals <= (ptrdiff_t)sizeof value;
@@ -271,6 +272,7 @@ bool meta_image_parse(const char *text, header *out, char name[META_IMAGE_NAME_S
         take(&f, name_of_field, meant);
     }
     snprintf(fault, META_IMAGE_FAULT_SIZE,
-             "its header does not say where its data are: it is damaged or cut off");
+             "its header does not state where its data are: it is damaged or truncated. Save it "
+             "again.");
     return false;
 }

@@ -88,7 +88,8 @@ static bool skip(raw_volume *s, int64_t count, error *e)
     while (count > 0) {
         int64_t step = count < BUFFER ? count : BUFFER;
         if (fill(s, s->buffer, step) != step)
-            return damaged(s, e, "the file ends before its data begin: it is damaged");
+            return damaged(s, e,
+                           "the file ends before its data begin: it is damaged. Copy or save it again.");
         count -= step;
     }
     return true;
@@ -99,7 +100,10 @@ static bool skip_lines(raw_volume *s, error *e)
     uint32_t lines = s->head.line_skip;
     while (lines > 0) {
         int64_t got = fill(s, s->buffer, BUFFER);
-        if (got <= 0) return damaged(s, e, "the file has fewer lines than its header says are to be skipped");
+        if (got <= 0)
+            return damaged(
+                s, e,
+                "the file has fewer lines than its header states for lines to skip: correct its header");
         char *p = s->buffer, *end = s->buffer + got;
         while (lines > 0 && (p = memchr(p, '\n', (size_t)(end - p)))) {
             p++;
@@ -140,7 +144,8 @@ static bool skip_bytes(raw_volume *s, int64_t needed, error *e)
     s->offset = 0;
     int64_t at = length - needed + s->head.byte_skip + 1;
     return (at >= start && skip(s, at, e)) ||
-           damaged(s, e, "the file holds less data than its header says: it is damaged");
+           damaged(s, e,
+                   "the file has less data than its header states: it is damaged. Copy or save it again.");
 }
 
 /* Whether the file can hold `values`, before any of them is read. */
@@ -154,11 +159,11 @@ static bool check_length(const raw_volume *s, int64_t values, error *e)
     if (s->head.encoding == HEADER_GZIP) needed /= most_packed;
     if (have >= needed) return true;
     char text[200];
-    snprintf(
-        text, sizeof text,
-        "the file has %lld bytes where its header promises %s%lld (%lld values): it is damaged or cut off",
-        (long long)(have > 0 ? have : 0), s->head.encoding == HEADER_RAW ? "" : "at least ",
-        (long long)needed, (long long)values);
+    snprintf(text, sizeof text,
+             "the file has %lld bytes, but its header states %s%lld (%lld values): it is damaged "
+             "or truncated. Copy or save it again.",
+             (long long)(have > 0 ? have : 0), s->head.encoding == HEADER_RAW ? "" : "at least ",
+             (long long)needed, (long long)values);
     return damaged(s, e, text);
 }
 
@@ -250,7 +255,8 @@ static bool read_numbers(raw_volume *s, double *values, int64_t count, error *e)
         if (fill(s, s->buffer, some * size) != some * size)
             return damaged(
                 s, e,
-                "the file ends before all of its values are there, or is packed wrongly: it is damaged or cut off");
+                "the file ends before its last value, or is not compressed correctly: it is damaged "
+                "or truncated. Copy or save it again.");
         for (int64_t k = 0; k < some; k++) {
             unsigned char one[8], *p = (unsigned char *)s->buffer + k * size;
             for (int b = 0; b < size; b++) one[b] = p[s->head.swapped ? size - 1 - b : b];
@@ -290,10 +296,11 @@ static bool read_words(raw_volume *s, double *values, int64_t count, error *e)
                whole = s->head.type == HEADER_INT64 || s->head.type == HEADER_UINT64;
     for (int64_t k = 0; k < count; k++) {
         if (!next_word(s, word))
-            return damaged(s, e,
-                           "the file ends before all of its values are there: it is damaged or cut off");
+            return damaged(
+                s, e,
+                "the file ends before its last value: it is damaged or truncated. Copy or save it again.");
         const double number = single ? (double)strtof(word, &end) : strtod(word, &end);
-        if (*end) return damaged(s, e, "the file holds text among its numbers: it is damaged");
+        if (*end) return damaged(s, e, "the file has text among its numbers: it is damaged. Save it again.");
         if (whole && fabs(number) > (double)PRECISION_WHOLE_MOST && !*s->base.inexact && !is_scaled(s))
             snprintf(s->base.inexact, sizeof s->base.inexact, "%.23s", word);
         values[k] = s->head.slope * number + s->head.intercept;
@@ -341,7 +348,8 @@ static bool place_files(raw_volume *s, error *e)
     int folder = slash ? (int)(slash - s->path) + 1 : 0;
     if (s->head.file_count == 0) return true;
     if (values_in_all(s) % s->head.file_count)
-        return error_set(e, ERROR_INPUT_DAMAGED, "its %lld values cannot be spread evenly over %u data files",
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "its %lld values cannot be divided evenly among %u data files: correct its header",
                          (long long)values_in_all(s), s->head.file_count);
     s->names = mem_alloc(s->head.file_count * sizeof *s->names);
     char *name = s->text;
@@ -362,11 +370,12 @@ static bool choose_volume(header *h, int64_t index, error *e)
     const int64_t count = h->volumes > 1 ? h->volumes : 1, samples = h->size[0] * h->size[1] * h->size[2];
     if (index < 0 && count > 1)
         return error_set(e, ERROR_GRID_AMBIGUOUS,
-                         "the file has %lld volumes of %lld x %lld x %lld: give index, 0 to %lld",
+                         "the file has %lld volumes of %lld x %lld x %lld: choose one with index, 0 to %lld",
                          (long long)count, (long long)h->size[0], (long long)h->size[1],
                          (long long)h->size[2], (long long)count - 1);
     if (index >= count)
-        return error_set(e, ERROR_GRID_MISSING, "the file has no volume %lld: it has %lld, counted from 0",
+        return error_set(e, ERROR_GRID_MISSING,
+                         "the file has no volume %lld: choose one of its %lld volumes, counted from 0",
                          (long long)index, (long long)count);
     if (index > 0) h->byte_skip += index * samples * size_of[h->type];
     return true;
@@ -378,10 +387,10 @@ static void note_length(raw_volume *s)
     struct stat st;
     const int64_t begin = s->head.offset, said = s->head.packed_bytes;
     if (said == 0 || fstat(s->data, &st) != 0 || st.st_size - begin == said) return;
-    dense_warn(
-        &s->base.warnings,
-        "its header says that the packed data have %lld bytes, and they have %lld; all values that it promises are there",
-        (long long)said, (long long)(st.st_size - begin));
+    dense_warn(&s->base.warnings,
+               "its header states %lld bytes of compressed data, but there are %lld; all values are "
+               "present",
+               (long long)said, (long long)(st.st_size - begin));
 }
 
 static bool needs_doubles(header_type type)
@@ -417,11 +426,11 @@ slices *raw_volume_open(int fd, const char *path, const char *program, int64_t i
 {
     slices *s = raw_vectors_open(fd, path, program, index, files, e);
     if (!s || s->components == 1) return s;
-    error_set(
-        e, ERROR_INPUT_UNSUPPORTED,
-        "the file has %d values at each sample: a surface is taken from one (`unu slice -a 0 -p 0` takes "
-        "the first), and points may carry all of them as an attribute",
-        s->components);
+    error_set(e, ERROR_INPUT_UNSUPPORTED,
+              "the file has %d values at each sample: extract one for the surface (`unu slice -a 0 "
+              "-p 0` extracts the first), and use the file for an attribute to have all values at "
+              "the points",
+              s->components);
     s->ops->close(s);
     return NULL;
 }
