@@ -51,12 +51,12 @@ template <typename Body> bool guard(error *e, error_code otherwise, const char *
     } catch (const fault &f) {
         return error_set(e, f.code, "%s", f.what());
     } catch (const std::bad_alloc &) {
-        return error_set(e, ERROR_LIMIT_MEMORY, "there is no memory left for %s: raise limits.memory_mb",
-                         what);
+        return error_set(e, ERROR_LIMIT_MEMORY, "not enough memory for %s: raise limits.memory_mb", what);
     } catch (const std::length_error &) {
         return error_set(e, otherwise, "%s cannot be read: a length in it is impossible", what);
     } catch (const std::ios_base::failure &) {
-        return error_set(e, otherwise, "ends within %s: it was cut short or is damaged", what);
+        return error_set(e, otherwise, "ends within %s: it is truncated or damaged. Copy or save it again.",
+                         what);
     } catch (const std::exception &x) {
         return error_set(e, otherwise, "%s failed: %s", what, x.what());
     } catch (...) {

@@ -201,8 +201,8 @@ std::string read_all(int fd)
 
 fault differs(const char *what, size_t i)
 {
-    return fault(ERROR_INTERNAL,
-                 std::string("the ") + what + " of point " + std::to_string(i) + " is not what was written");
+    return fault(ERROR_INTERNAL, std::string("the ") + what + " of point " + std::to_string(i) +
+                                     " differs from the written data");
 }
 
 /* Which point has an id; the number of all: none. */
@@ -261,8 +261,7 @@ void verify_leaf(const leaf_node &leaf, const vdb::math::Transform &transform, c
         velocity = vdb::points::AttributeHandle<vdb::Vec3f>::create(leaf.constAttributeArray("v"));
     for (auto point = leaf.beginIndexOn(); point; ++point) {
         const size_t i = where.find(id.get(*point));
-        if (i == p.count || seen[i])
-            throw fault(ERROR_INTERNAL, "an id stands twice, or is none that was written");
+        if (i == p.count || seen[i]) throw fault(ERROR_INTERNAL, "an id is repeated, or was not written");
         seen[i] = true;
         const vdb::Vec3d world =
             transform.indexToWorld(vdb::Vec3d(offset.get(*point)) + point.getCoord().asVec3d());
@@ -302,13 +301,13 @@ extern "C" bool vdb_verify_points(int fd, const vdb_points *points, error *e)
         in.exceptions(std::ios_base::failbit | std::ios_base::badbit | std::ios_base::eofbit);
         const vdb::GridPtrVecPtr grids = vdb::io::Stream(in, false).getGrids();
         if (grids->size() != 1 || !(*grids)[0]->isType<grid>() || (*grids)[0]->getName() != grid_name)
-            throw fault(ERROR_INTERNAL, "the file does not hold one points grid");
+            throw fault(ERROR_INTERNAL, "the file does not contain exactly one points grid");
         const grid::Ptr found = vdb::gridPtrCast<grid>((*grids)[0]);
         std::vector<bool> seen(points->count, false);
         const finder where(*points);
         for (auto leaf = found->tree().cbeginLeaf(); leaf; ++leaf)
             verify_leaf(*leaf, found->transform(), *points, where, seen);
         if (std::find(seen.begin(), seen.end(), false) != seen.end())
-            throw fault(ERROR_INTERNAL, "the points grid does not hold all points");
+            throw fault(ERROR_INTERNAL, "the points grid does not contain all points");
     });
 }

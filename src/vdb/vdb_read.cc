@@ -67,7 +67,8 @@ public:
             return; /* the library finds that out */
         if (length > 0 ? length > size_ - here : uint64_t(0) - uint64_t(length) != bytes)
             throw fault(ERROR_INPUT_DAMAGED,
-                        "the file has values of another length than their node: it is damaged");
+                        "the file has values whose number differs from that of their node: it is damaged. "
+                        "Save it again.");
     }
 
 protected:
@@ -154,7 +155,7 @@ public:
         count_ = readGridCount(in_);
         if (count_ < 0 || count_ > size_ / smallest_grid)
             throw fault(ERROR_INPUT_DAMAGED,
-                        format("says that it holds %llu grids in %llu bytes: it is damaged",
+                        format("states %llu grids in %llu bytes: it is damaged. Save it again.",
                                (unsigned long long)count_, (unsigned long long)size_));
     }
     int32_t count() const { return count_; }
@@ -165,8 +166,9 @@ public:
         d.unique_name = read_string();
         d.name = d.unique_name.substr(0, d.unique_name.find(name_separator));
         if (d.name.size() >= VDB_NAME_SIZE || d.name.find('\0') != std::string::npos)
-            throw fault(ERROR_INPUT_DAMAGED,
-                        "the file has a grid name that is too long or not text: it is damaged");
+            throw fault(
+                ERROR_INPUT_DAMAGED,
+                "the file has a grid name that is too long or not text: it is damaged. Save it again.");
         d.type = read_string();
         size_t stem = d.type.size() - std::min(d.type.size(), std::strlen(half_suffix));
         if (d.type.compare(stem, std::string::npos, half_suffix) == 0) {
@@ -183,8 +185,8 @@ public:
                     ERROR_INPUT_DAMAGED,
                     "grid \"" + d.name + "\": " +
                         format(
-                            "the file is said to end at byte %llu of a file of %llu bytes: the file was cut "
-                            "short or is damaged",
+                            "a grid ends at byte %llu, but the file has %llu bytes: it is truncated or damaged. "
+                            "Copy or save it again.",
                             (unsigned long long)d.end, (unsigned long long)size_));
         }
         return d;
@@ -256,37 +258,37 @@ private:
         ssize_t got = pread(fd, head, sizeof head - 1, 0);
         if (got < 0)
             throw fault(ERROR_INPUT_DAMAGED, std::string("the file cannot be read: ") + std::strerror(errno));
-        if (got == 0) throw fault(ERROR_INPUT_DAMAGED, "the file is empty (0 bytes)");
+        if (got == 0) throw fault(ERROR_INPUT_DAMAGED, "the file is empty (0 bytes): copy or save it again");
         if (std::strncmp(head, "version https://git-lfs", 23) == 0)
             throw fault(ERROR_INPUT_DAMAGED,
-                        "the file is a Git-LFS pointer, not the volume itself: run `git lfs pull` "
-                        "where it came from");
+                        "the file is a Git LFS pointer instead of the volume: run `git lfs pull` in its "
+                        "repository");
         if (std::strncmp(head, "NanoVDB", 7) == 0)
             throw fault(ERROR_INPUT_UNSUPPORTED,
-                        "the file is a NanoVDB file (`nanovdb_convert FILE.nvdb FILE.vdb` converts it)");
+                        "the file is a NanoVDB file: convert it (`nanovdb_convert FILE.nvdb FILE.vdb`)");
         int64_t magic;
         uint32_t version;
         std::memcpy(&magic, head, sizeof magic);
         std::memcpy(&version, head + sizeof magic, sizeof version);
         if (got < ssize_t(sizeof magic) || magic != vdb::OPENVDB_MAGIC)
-            throw fault(
-                ERROR_INPUT_DAMAGED,
-                "the file is not an OpenVDB file (its first bytes are not OpenVDB's): surface.volume reads NRRD, "
-                "NIfTI and MetaImage files, and surface.mesh reads meshes");
+            throw fault(ERROR_INPUT_DAMAGED,
+                        "the file is not an OpenVDB file (by its first bytes): use surface.volume for NRRD, "
+                        "NIfTI and MetaImage files, and surface.mesh for meshes");
         if (got < ssize_t(sizeof magic + sizeof version))
-            throw fault(ERROR_INPUT_DAMAGED, "the file was cut short after its first bytes");
+            throw fault(ERROR_INPUT_DAMAGED,
+                        "the file is truncated after its first bytes: copy or save it again");
         /* newer ones are read as far as they are alike, as the library does */
         if (version < vdb::OPENVDB_FILE_VERSION_GRID_INSTANCING)
             throw fault(
                 ERROR_INPUT_UNSUPPORTED,
-                format("the file has format version %llu, and versions from %llu on are read: save it again "
-                       "with a current OpenVDB",
+                format("the file has format version %llu, older than the first supported version %llu: save "
+                       "it again with a current OpenVDB",
                        version, uint32_t(vdb::OPENVDB_FILE_VERSION_GRID_INSTANCING)));
         if (version > vdb::OPENVDB_FILE_VERSION + newer_versions)
             throw fault(
                 ERROR_INPUT_UNSUPPORTED,
-                format("the file has format version %llu, far newer than version %llu of the OpenVDB library "
-                       "here: it is damaged, or needs a hexad built with a newer library",
+                format("the file has format version %llu, far newer than version %llu of the installed "
+                       "OpenVDB: it is damaged, or requires a hexad built with a newer OpenVDB",
                        version, vdb::OPENVDB_FILE_VERSION));
     }
 
@@ -306,8 +308,8 @@ private:
                 throw fault(
                     ERROR_INPUT_DAMAGED,
                     format(
-                        "the file has metadata of %llu bytes with %llu left in the file: it was cut short or is "
-                        "damaged",
+                        "the file has metadata of %llu bytes, but only %llu bytes are left: it is truncated "
+                        "or damaged. Copy or save it again.",
                         bytes, (unsigned long long)(size_ - here)));
             if (!vdb::Metadata::isRegisteredType(type) ||
                 type == vdb::io::DelayedLoadMetadata::staticTypeName()) {
@@ -425,7 +427,7 @@ vdb::GridBase::Ptr find(reader &file, size_t index, const std::string *parent, d
                             ", which cannot be stepped over in a file without offsets");
         file.skip(*d, grid);
     }
-    throw fault(ERROR_INPUT_DAMAGED, "refers to a grid that it does not hold: it is damaged");
+    throw fault(ERROR_INPUT_DAMAGED, "refers to a grid that is missing: it is damaged. Save it again.");
 }
 
 void copy_transform(const vdb::GridBase &grid, double to[16])
@@ -461,7 +463,8 @@ void check_corner(const vdb::Coord &corner, int32_t side)
 {
     for (int axis = 0; axis < 3; axis++)
         if (corner[axis] % side != 0)
-            throw fault(ERROR_INPUT_DAMAGED, "a part of its tree lies where none can: it is damaged");
+            throw fault(ERROR_INPUT_DAMAGED,
+                        "a node of its tree has an impossible position: it is damaged. Save it again.");
 }
 
 /* Between topology and values. */
@@ -475,8 +478,8 @@ template <typename Tree> void check_topology(const Tree &tree, size_t limit)
     unsigned long long each = VDB_LEAF_VOXELS * (sizeof(value) + sizeof(float)) + 256;
     if (leaves > limit / each)
         throw fault(ERROR_LIMIT_MEMORY,
-                    format("its %llu leaves need %llu MB to be read", leaves, (leaves * each) >> 20) +
-                        format(" and the limit is %llu MB: raise limits.memory_mb",
+                    format("its %llu leaves require %llu MB", leaves, (leaves * each) >> 20) +
+                        format(", above the limit of %llu MB: raise limits.memory_mb",
                                (unsigned long long)limit >> 20, 0));
 }
 
@@ -515,10 +518,10 @@ template <typename Tree> void copy_tiles(const Tree &tree, size_t limit, vdb_gri
                          it.isValueOn()};
         tiles.push_back(tile);
         if (tiles.size() > limit / (4 * sizeof tile))
-            throw fault(ERROR_LIMIT_MEMORY,
-                        format("it has more than %llu tiles, too many for the limit of %llu MB: raise "
-                               "limits.memory_mb",
-                               tiles.size(), (unsigned long long)limit >> 20));
+            throw fault(
+                ERROR_LIMIT_MEMORY,
+                format("its tiles, more than %llu, exceed the limit of %llu MB: raise limits.memory_mb",
+                       tiles.size(), (unsigned long long)limit >> 20));
     }
     out->tile_count = tiles.size();
     out->tiles = array<vdb_tile>(tiles.size());
@@ -664,7 +667,9 @@ static unpacker *find_library(unpacker *ours)
 static void unpack(unpacker *library, std::istream &in, char *data, size_t bytes)
 {
     if (!library)
-        throw fault(ERROR_INTERNAL, "the file cannot be unpacked: OpenVDB's function for it was not found");
+        throw fault(ERROR_INTERNAL,
+                    "the file cannot be decompressed: the function of OpenVDB for it is missing. Install "
+                    "hexad again.");
     fd_buffer *buffer = dynamic_cast<fd_buffer *>(in.rdbuf());
     if (buffer && data) buffer->check_packed(bytes);
     library(in, data, bytes);
@@ -770,7 +775,7 @@ extern "C" bool vdb_visit_grid(int fd, size_t index, size_t memory_limit, vdb_vi
         v.try_as<vdb::Vec3IGrid>(3, true);
         if (!v.done)
             throw fault(ERROR_INPUT_UNSUPPORTED,
-                        "its values are of type " + value_type(d.type) + ", which are no numbers");
+                        "its values are of type " + value_type(d.type) + ", which are not numbers");
         answer = v.answer;
     });
     return ok && answer;
