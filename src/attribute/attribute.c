@@ -75,8 +75,8 @@ bool attribute_find(const attribute_request *request, point_attribute_kind *kind
     *kind = request->has_kind ? request->kind : own;
     return suits(*kind, *components) ||
            error_set(e, ERROR_INPUT_UNSUPPORTED,
-                     "%s: \"%s\" has %d components, and such an attribute has %s: give another type",
-                     request->path, request->name ? request->name : "", *components, needs[*kind]);
+                     "%s: \"%s\" has %d components, but this type has %s: give another type", request->path,
+                     request->name ? request->name : "", *components, needs[*kind]);
 }
 
 void attribute_forget(attribute_mesh **last)

@@ -24,8 +24,9 @@ static bool missing(const attribute_request *request, const mesh_values *v, erro
         size_t used = strlen(list);
         snprintf(list + used, sizeof list - used, "%s\"%s\"", k ? ", " : "", v->head[k].name);
     }
-    return error_set(e, ERROR_ATTRIBUTE_MISSING, "the mesh has no \"%s\"; its vertices have %s",
-                     request->name ? request->name : "", *list ? list : "nothing but their places");
+    return error_set(e, ERROR_ATTRIBUTE_MISSING, "the mesh has no \"%s\": choose one of %s",
+                     request->name ? request->name : "",
+                     *list ? list : "none (its vertices have positions only)");
 }
 
 struct attribute_mesh {

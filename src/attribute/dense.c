@@ -21,11 +21,10 @@ static bool parse_number(const char *name, int64_t *out)
 
 static bool missing(const attribute_request *request, int components, error *e)
 {
-    return error_set(
-        e, ERROR_ATTRIBUTE_MISSING,
-        "the file has no \"%s\": its values have no names but the numbers of %s, from 0 (%d at each "
-        "sample); leave out the name for all of them",
-        request->name, components > 1 ? "components" : "volumes", components);
+    return error_set(e, ERROR_ATTRIBUTE_MISSING,
+                     "the file has no \"%s\": give the number of one of %s, from 0 (%d at each sample), "
+                     "or omit the name for all of them",
+                     request->name, components > 1 ? "components" : "volumes", components);
 }
 
 /* The slices, and which component of them is asked for; -1: all. */
@@ -170,7 +169,7 @@ bool dense_read(const attribute_request *request, size_t count, const vec3 *posi
     double bytes = (double)s->size[0] * (double)s->size[1] * s->components * sizeof(double);
     turn *turns = NULL;
     bool ok = HELD * bytes + (double)count * sizeof *turns <= (double)request->memory_limit ||
-              error_set(e, ERROR_LIMIT_MEMORY, "four of its slices need %.0f MiB: raise limits.memory_mb",
+              error_set(e, ERROR_LIMIT_MEMORY, "four of its slices require %.0f MiB: raise limits.memory_mb",
                         HELD * bytes / (1 << 20));
     lattice_place(request, s->index_to_world, &l);
     turn_vectors(s, &l);

@@ -306,10 +306,10 @@ static void count_again(label_volume *v)
 static bool check_memory(size_t needed, size_t memory_limit, error *e)
 {
     return needed <= memory_limit ||
-           error_set(
-               e, ERROR_LIMIT_MEMORY,
-               "surface.labels.majority needs %zu MiB and %zu MiB are left of the limit: raise limits.memory_mb",
-               (needed >> 20) + 1, memory_limit >> 20);
+           error_set(e, ERROR_LIMIT_MEMORY,
+                     "/surface/labels/majority requires %zu MiB, and %zu MiB of the limit are left: raise "
+                     "limits.memory_mb",
+                     (needed >> 20) + 1, memory_limit >> 20);
 }
 
 /* What each label has of the voxels that others may get it wants of them all. */

@@ -281,11 +281,11 @@ static bool cut_block(making *k, const int64_t low[3], error *e)
 static bool check_count(const making *k, error *e)
 {
     return k->m.triangle_count <= k->most ||
-           error_set(
-               e, ERROR_LIMIT_MEMORY,
-               "all of its labels meet in more than %zu triangles, which need more memory than there is: sample an image "
-               "as surface.volume with an isovalue; of a segmentation name fewer labels, or raise limits.memory_mb",
-               k->most);
+           error_set(e, ERROR_LIMIT_MEMORY,
+                     "the interfaces of its labels have more than %zu triangles, which exceed the memory "
+                     "limit: choose fewer labels, or raise limits.memory_mb; for an image, use "
+                     "surface.volume with an isovalue",
+                     k->most);
 }
 
 /* Block by block: what is near in space is near in memory. */
@@ -338,18 +338,19 @@ static bool make(making *k, double smooth, label_mesh_wanted *wanted, const void
     block_map_free(&k->numbers);
     k->numbers = (block_map){0};
     if (k->m.triangle_count == 0)
-        return error_set(
-            e, ERROR_NO_SURFACE,
-            "all voxels have the label %lld%s, so that nothing meets: with surface.labels.closed its end is an interface",
-            (long long)k->v->material[label_volume_at(k->v, 0, 0, 0)].value, after_majority(k->v));
+        return error_set(e, ERROR_NO_SURFACE,
+                         "all voxels have the label %lld%s, so there is no interface: set "
+                         "/surface/labels/closed to make the end of the data one",
+                         (long long)k->v->material[label_volume_at(k->v, 0, 0, 0)].value,
+                         after_majority(k->v));
     const label_smoothing smoothing = {smooth, k->limit, {k->v->size[0], k->v->size[1], k->v->size[2]}};
     if (!label_smoothing_apply(&smoothing, &k->m, k->kind, pool, e)) return false;
     if (wanted) keep_wanted(k, wanted, context);
     if (k->m.triangle_count == 0)
-        return error_set(
-            e, ERROR_NO_SURFACE,
-            "none of the materials that surface.labels.interfaces names touch%s: see hexadctl inspect",
-            after_majority(k->v));
+        return error_set(e, ERROR_NO_SURFACE,
+                         "the labels of /surface/labels/interfaces do not touch%s: run hexadctl inspect for "
+                         "the labels that do",
+                         after_majority(k->v));
     to_world(&k->m, k->v->index_to_world);
     return true;
 }

@@ -282,7 +282,7 @@ static void warn_of_taken(const label_volume *v, json *warnings)
         names = more;
     }
     char *words =
-        mem_printf("surface.labels.majority takes more than a quarter of the voxels of %zu label%s: %s%s",
+        mem_printf("/surface/labels/majority removes more than a quarter of the voxels of %zu label%s: %s%s",
                    count, count == 1 ? "" : "s", names, count > MOST_NAMED ? " and others" : "");
     if (count > 0) json_append_string(warnings, words);
     free(words);

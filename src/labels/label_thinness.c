@@ -116,7 +116,7 @@ static char *words_for(const label_material *m)
         return mem_printf("the label %lld is a single voxel, at (%lld, %lld, %lld)", (long long)m->value,
                           (long long)m->low[0], (long long)m->low[1], (long long)m->low[2]);
     if (label_thinness_is_row(m))
-        return mem_printf("the label %lld is of voxels alone or in rows: %llu of its %llu",
+        return mem_printf("the label %lld consists of single voxels or rows of voxels: %llu of its %llu",
                           (long long)m->value, (unsigned long long)m->rows, (unsigned long long)m->voxels);
     return mem_printf("the label %lld is one voxel thin: in %llu of its %llu voxels", (long long)m->value,
                       (unsigned long long)m->thin, (unsigned long long)m->voxels);

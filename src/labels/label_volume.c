@@ -27,8 +27,8 @@ static bool number_of(reading *r, double value, uint16_t *number, error *e)
         char text[32];
         snprintf(text, sizeof text, "%.17g", value);
         return error_set(e, ERROR_INPUT_UNSUPPORTED,
-                         "the value %s is no label: labels are whole numbers up to %" PRId64
-                         "; sample a volume of other values with surface.volume and an isovalue",
+                         "the value %s is not a label (a whole number up to %" PRId64
+                         "): for a volume of other values, use surface.volume with an isovalue",
                          value == rint(value) && *r->from->inexact ? r->from->inexact : text,
                          PRECISION_WHOLE_MOST);
     }
@@ -40,8 +40,10 @@ static bool number_of(reading *r, double value, uint16_t *number, error *e)
     label_volume *v = r->out;
     if (n == v->count) {
         if (v->count == LABEL_VOLUME_MOST)
-            return error_set(e, ERROR_INPUT_UNSUPPORTED,
-                             "the volume has more than %d labels: is it one of labels?", LABEL_VOLUME_MOST);
+            return error_set(
+                e, ERROR_INPUT_UNSUPPORTED,
+                "the volume has more than %d labels: for an image, use surface.volume with an isovalue",
+                LABEL_VOLUME_MOST);
         label_material *grown = mem_grow(v->material, v->count, &r->room, 64, sizeof *grown, what, e);
         if (!grown) return false;
         v->material = grown;
@@ -107,7 +109,8 @@ static bool check_choice(const label_volume *v, const spec_labels *c, error *e)
         if (!is_there(v, c->only.number[k]))
             return error_set(
                 e, ERROR_SPEC_INVALID,
-                "surface.labels.labels names %.0f, and no voxel has that label: see hexadctl inspect",
+                "/surface/labels/labels: no voxel has the label %.0f: run hexadctl inspect for the "
+                "labels of the file",
                 c->only.number[k]);
     return true;
 }
@@ -207,10 +210,10 @@ static bool make_room(label_volume *v, const slices *from, int64_t around, size_
             v->index_to_world[k][3] -= (double)around * from->index_to_world[4 * k + j];
     const double needed = voxels * sizeof *v->at;
     if (needed > (double)memory_limit)
-        return error_set(
-            e, ERROR_LIMIT_MEMORY,
-            "its %.0f voxels need %.0f MiB and %zu MiB are left of the limit: raise limits.memory_mb", voxels,
-            ceil(needed / (1 << 20)), memory_limit >> 20);
+        return error_set(e, ERROR_LIMIT_MEMORY,
+                         "its %.0f voxels require %.0f MiB, and %zu MiB of the limit are left: raise "
+                         "limits.memory_mb",
+                         voxels, ceil(needed / (1 << 20)), memory_limit >> 20);
     v->at = mem_array((size_t)voxels, sizeof *v->at, what, e);
     if (v->at && around)
         memset(v->at, 0xff, (size_t)voxels * sizeof *v->at); /* LABEL_VOLUME_MOST: beyond the end */

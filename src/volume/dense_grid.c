@@ -44,12 +44,11 @@ static bool begin(work *w, size_t memory_limit, error *e)
     double needed =
         slice * sizeof(double) + 2 * (double)w->stride * (double)w->size[1] + cells * sizeof(uint32_t);
     if (needed > (double)memory_limit)
-        return error_set(
-            e, ERROR_LIMIT_MEMORY,
-            "its %lld x %lld x %lld samples need %.0f MiB for one slice and the table of blocks, and %zu MiB are left of the limit: "
-            "raise limits.memory_mb",
-            (long long)w->size[0], (long long)w->size[1], (long long)w->size[2], ceil(needed / (1 << 20)),
-            memory_limit >> 20);
+        return error_set(e, ERROR_LIMIT_MEMORY,
+                         "its %lld x %lld x %lld samples require %.0f MiB for one slice and the table of "
+                         "blocks, and %zu MiB of the limit are left: raise limits.memory_mb",
+                         (long long)w->size[0], (long long)w->size[1], (long long)w->size[2],
+                         ceil(needed / (1 << 20)), memory_limit >> 20);
     size_t row = (size_t)(w->stride * w->size[1]);
     w->values = mem_array((size_t)slice, sizeof(double), "a slice of the volume", e);
     w->inside[0] = mem_array(row, 1, "a slice of the volume", e);
@@ -152,11 +151,10 @@ static bool make_leaves(work *w, size_t count, size_t memory_limit, error *e)
     size_t leaf = SIDE * sizeof(uint64_t) + VDB_LEAF_VOXELS * sizeof(float) + sizeof(int32_t[3]);
     size_t needed = count * leaf + samples_bytes(count, false);
     if (needed > memory_limit)
-        return error_set(
-            e, ERROR_LIMIT_MEMORY,
-            "the volume needs %zu MiB for the %zu blocks around its surface and %zu MiB are left of the limit: "
-            "raise limits.memory_mb",
-            (needed >> 20) + 1, count, memory_limit >> 20);
+        return error_set(e, ERROR_LIMIT_MEMORY,
+                         "the volume requires %zu MiB for the %zu blocks around its surface, and %zu MiB of "
+                         "the limit are left: raise limits.memory_mb",
+                         (needed >> 20) + 1, count, memory_limit >> 20);
     vdb_grid *g = w->grid = mem_alloc(sizeof *g);
     g->grid_class = VDB_FOG;
     g->zero = w->isovalue;
@@ -258,10 +256,14 @@ static bool check_surface(const work *w, size_t leaves, const dense_grid_facts *
 {
     if (leaves > 0) return true;
     if (!(facts->lowest <= facts->highest))
-        return error_set(e, ERROR_NO_SURFACE, "the volume has no finite value");
+        return error_set(e, ERROR_NO_SURFACE, "the volume has no finite value: correct the file");
+    if (facts->lowest == facts->highest)
+        return error_set(e, ERROR_NO_SURFACE, "all values of the volume are %g: give another volume",
+                         facts->lowest);
     return error_set(e, ERROR_NO_SURFACE,
-                     "the volume has no surface at isovalue %g: its values range from %g to %g", w->isovalue,
-                     facts->lowest, facts->highest);
+                     "the volume has no surface at isovalue %g: choose an isovalue between its lowest "
+                     "value, %g, and its highest, %g",
+                     w->isovalue, facts->lowest, facts->highest);
 }
 
 vdb_grid *dense_grid_make(slices *s, double isovalue, size_t memory_limit, dense_grid_facts *facts, error *e)

@@ -64,13 +64,11 @@ static bool only_scalar(const vdb_listing *l, size_t *index, error *e)
         }
     if (scalars == 1) return true;
     describe(l, scalars > 0, list);
-    if (l->count == 0) return error_set(e, ERROR_GRID_MISSING, "the file holds no grid at all");
+    if (l->count == 0) return error_set(e, ERROR_GRID_MISSING, "the file has no grid: give another file");
     if (scalars == 0)
-        return error_set(
-            e, ERROR_INPUT_UNSUPPORTED,
-            "the file holds no scalar grid (float or double), which is what a surface is taken from; it holds %s",
-            list);
-    return error_set(e, ERROR_GRID_AMBIGUOUS, "the file holds %zu scalar grids: name one of %s as grid",
+        return error_set(e, ERROR_INPUT_UNSUPPORTED,
+                         "the file has no scalar grid (float or double); it has %s: give another file", list);
+    return error_set(e, ERROR_GRID_AMBIGUOUS, "the file has %zu scalar grids: choose one of %s with grid",
                      scalars, list);
 }
 
@@ -86,7 +84,8 @@ static bool by_name(const vdb_listing *l, const char *request, size_t *index, er
         describe(l, false, list);
         return error_set(
             e, ERROR_GRID_AMBIGUOUS,
-            "the file holds %zu grids named \"%s\": write \"%s[0]\" to \"%s[%zu]\", in the order of the file (it holds %s)",
+            "the file has %zu grids named \"%s\": choose one by \"%s[0]\" to \"%s[%zu]\", in the "
+            "order of the file (it has %s)",
             count, request, request, request, count - 1, list);
     }
     for (size_t i = 0; i < l->count; i++) {
@@ -97,9 +96,9 @@ static bool by_name(const vdb_listing *l, const char *request, size_t *index, er
     }
     describe(l, false, list);
     if (l->count == 0)
-        return error_set(e, ERROR_GRID_MISSING, "the file has no grid \"%s\": it holds no grid at all",
-                         request);
-    return error_set(e, ERROR_GRID_MISSING, "the file has no grid \"%s\"; it holds %s", request, list);
+        return error_set(e, ERROR_GRID_MISSING,
+                         "the file has no grid \"%s\" and no other grid: give another file", request);
+    return error_set(e, ERROR_GRID_MISSING, "the file has no grid \"%s\": choose one of %s", request, list);
 }
 
 bool grid_selection_find(const vdb_listing *listing, const char *request, size_t *index,
@@ -109,10 +108,9 @@ bool grid_selection_find(const vdb_listing *listing, const char *request, size_t
     if (!(request ? by_name(listing, request, &found, e) : only_scalar(listing, &found, e))) return false;
     const vdb_entry *entry = &listing->entries[found];
     if (!entry->scalar)
-        return error_set(
-            e, ERROR_INPUT_UNSUPPORTED,
-            "grid \"%s\" holds values of type %s; a surface is taken from a float or double grid", request,
-            entry->type);
+        return error_set(e, ERROR_INPUT_UNSUPPORTED,
+                         "grid \"%s\" has values of type %s: choose a float or double grid", request,
+                         entry->type);
     grid_selection_name(listing, found, unique);
     *index = found;
     return true;
@@ -124,7 +122,7 @@ bool grid_selection_find_numeric(const vdb_listing *listing, const char *request
     if (!ok && e && e->code == ERROR_GRID_MISSING) e->code = ERROR_ATTRIBUTE_MISSING;
     if (!ok || listing->entries[*index].numeric) return ok;
     return error_set(e, ERROR_INPUT_UNSUPPORTED,
-                     "grid \"%s\" holds values of type %s: attributes are numbers or vectors",
+                     "grid \"%s\" has values of type %s: choose a grid of numbers or vectors",
                      listing->entries[*index].name, listing->entries[*index].type);
 }
 

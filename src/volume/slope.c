@@ -76,19 +76,18 @@ bool slope_find_offset(const vdb_grid *g, double isovalue, double offset, const 
     if (!slope_measure(g, isovalue, to_index, &at, e)) return false;
     if (at.count == 0) at = (slope){0, 1, 1, 1};
     if (at.high > widest * at.low)
-        return error_set(
-            e, ERROR_INPUT_UNSUPPORTED,
-            "an offset needs distances, and the grid's values are none: in a world unit they change by %.3g "
-            "in one place of the surface and %.3g in another; rebuild it as a level set",
-            at.low, at.high);
+        return error_set(e, ERROR_INPUT_UNSUPPORTED,
+                         "an offset requires distances, but the values of the grid change per world unit by "
+                         "%.3g in one place of the surface and by %.3g in another; rebuild it as a level set",
+                         at.low, at.high);
     const double scale = fabs(at.median - 1) <= still_one ? 1 : at.median, value = isovalue + offset * scale;
     if (!slope_measure(g, value, to_index, &there, e)) return false;
     if (there.count > 0 && fabs(there.median / at.median - 1) > farthest)
-        return error_set(
-            e, ERROR_INPUT_UNSUPPORTED,
-            "an offset needs distances, and at %g from the surface the grid's values are none: in a world "
-            "unit they change by %.3g there and by %.3g at the surface; rebuild it with a wider band",
-            offset, there.median, at.median);
+        return error_set(e, ERROR_INPUT_UNSUPPORTED,
+                         "an offset requires distances, but the values of the grid change per world unit by "
+                         "%.3g at %g from the surface and by %.3g at the surface; rebuild it with a "
+                         "wider band",
+                         there.median, offset, at.median);
     *out = value;
     *unit = scale;
     return true;

@@ -84,7 +84,7 @@ static bool move_isovalue(loading *l, volume *v, double offset, error *e)
     if (!slope_find_offset(l->grid, v->info.isovalue, offset, to_index, &v->info.isovalue, &unit, e))
         return error_prefix(e, "%s", l->name);
     if (unit != 1)
-        warn(&v->info, "grid \"%s\" counts distances in units of %.4g: the offset of %g is %.4g of them",
+        warn(&v->info, "grid \"%s\" stores distances in units of %.4g: the offset of %g is %.4g units",
              v->info.grid, 1 / unit, offset, offset * unit);
     snprintf(l->name, sizeof l->name, "grid \"%s\" at an offset of %g", v->info.grid, offset);
     return true;
@@ -94,13 +94,13 @@ static bool move_isovalue(loading *l, volume *v, double offset, error *e)
 static void warn_of_space(volume_info *info, const vdb_grid *g)
 {
     if (*g->unit)
-        warn(info, "grid \"%s\" has the unit \"%s\": coordinates are those of its transform, in any unit",
+        warn(info, "grid \"%s\" has the unit \"%s\", which is ignored: coordinates follow its transform",
              info->grid, g->unit);
     if (g->is_local)
-        warn(
-            info,
-            "grid \"%s\" is in local space: the transform of its object is not in the file, and is not applied",
-            info->grid);
+        warn(info,
+             "grid \"%s\" is in local space: the file lacks the transform of its object, and "
+             "coordinates are local. Apply surface.transform for world coordinates.",
+             info->grid);
 }
 
 /* Chooses the grid and decides what it is; on return l->grid is loaded. */
@@ -120,21 +120,22 @@ static bool load_grid(const volume_request *r, loading *l, volume *v, error *e)
     v->info.level_set = class == VDB_LEVEL_SET;
     l->kind = v->info.level_set ? GRID_VIEW_LEVEL_SET : GRID_VIEW_FOG;
     if (!v->info.level_set && !r->has_isovalue)
-        return error_set(
-            e, ERROR_ISOVALUE_REQUIRED,
-            "grid \"%s\" is %s, so an isovalue is required: only a level set has its surface at 0",
-            v->info.grid, class == VDB_FOG ? "a fog volume" : "not marked as a level set");
+        return error_set(e, ERROR_ISOVALUE_REQUIRED,
+                         "grid \"%s\" is %s: give isovalue (only level sets have a default, 0)", v->info.grid,
+                         class == VDB_FOG ? "a fog volume" : "not marked as a level set");
     if (!v->info.level_set && r->offset != 0)
-        return error_set(e, ERROR_INPUT_UNSUPPORTED,
-                         "grid \"%s\" is not a level set: an offset needs distances, and its values are "
-                         "no distances",
-                         v->info.grid);
+        return error_set(
+            e, ERROR_INPUT_UNSUPPORTED,
+            "grid \"%s\" is not a level set, so its values are not distances: an offset requires "
+            "a level set",
+            v->info.grid);
     v->info.isovalue = r->has_isovalue ? r->isovalue : 0;
     if (!isfinite(v->info.isovalue))
-        return error_set(e, ERROR_SPEC_INVALID, "the isovalue is not a finite number");
+        return error_set(e, ERROR_SPEC_INVALID, "the isovalue is not finite: give a number");
     if (class == VDB_UNKNOWN || class == VDB_STAGGERED)
         warn(&v->info,
-             "grid \"%s\" says neither level set nor fog volume: taken as fog, inside above the isovalue",
+             "grid \"%s\" has no grid class: it is treated as a fog volume (inside above the "
+             "isovalue). Set its class to level set if it is one.",
              v->info.grid);
     l->grid = plain_vdb_load_grid(r->fd, index, r->memory_limit, r->pool);
     if (!l->grid && threads_stopped(r->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
@@ -143,10 +144,12 @@ static bool load_grid(const volume_request *r, loading *l, volume *v, error *e)
     if (l->grid) warn_of_space(&v->info, l->grid);
     if (!l->grid) return error_prefix(e, "%s", l->name);
     if (l->grid->from_newer)
-        warn(&v->info, "the file is of a newer OpenVDB than the one here: what both have in common is read");
+        warn(&v->info, "the file was written by a newer OpenVDB: only features of the installed version are "
+                       "read");
     v->info.active_voxels = l->grid->active_voxels;
     if (v->info.active_voxels == 0)
-        return error_set(e, ERROR_NO_SURFACE, "grid \"%s\" is empty: it has no active voxel", v->info.grid);
+        return error_set(e, ERROR_NO_SURFACE, "grid \"%s\" is empty (no active voxel): give another grid",
+                         v->info.grid);
     return r->offset == 0 || move_isovalue(l, v, r->offset, e);
 }
 
@@ -172,17 +175,15 @@ static bool no_crossing(const loading *l, const volume *v, error *e)
 {
     const grid_view *a = &l->grid_view;
     if (v->info.triangles && v->info.isovalue < 0) /* an offset */
-        return error_set(
-            e, ERROR_NO_SURFACE,
-            "at an offset of %g nothing of the mesh is left that is as thick as a voxel of %g: of all voxels the deepest "
-            "is %g below its surface",
-            v->info.isovalue, v->info.voxel_size, -(double)a->lowest);
+        return error_set(e, ERROR_NO_SURFACE,
+                         "an offset of %g leaves no part of the mesh as thick as a voxel of %g; its deepest "
+                         "voxel is %g below the surface: reduce the offset",
+                         v->info.isovalue, v->info.voxel_size, -(double)a->lowest);
     if (v->info.triangles)
-        return error_set(
-            e, ERROR_NO_SURFACE,
-            "its %zu triangles enclose no voxel of size %g: it is thinner than that everywhere, use "
-            "smaller voxels",
-            v->info.triangles, v->info.voxel_size);
+        return error_set(e, ERROR_NO_SURFACE,
+                         "its %zu triangles enclose no voxel of size %g, because the mesh is thinner "
+                         "everywhere: use smaller voxels",
+                         v->info.triangles, v->info.voxel_size);
     char more[128] = "";
     if (a->not_finite) {
         int32_t at[3] = {0};
@@ -191,8 +192,9 @@ static bool no_crossing(const loading *l, const volume *v, error *e)
                  (unsigned long long)a->not_finite, at[0], at[1], at[2]);
     }
     return error_set(e, ERROR_NO_SURFACE,
-                     "%s has no surface at isovalue %g: its values range from %g to %g%s", l->name,
-                     v->info.isovalue, l->lowest, l->highest, more);
+                     "%s has no surface at isovalue %g: choose an isovalue between its lowest value, %g, "
+                     "and its highest, %g%s",
+                     l->name, v->info.isovalue, l->lowest, l->highest, more);
 }
 
 /* Of the crossed cells: from this share on the surface is the edge of a plateau at the isovalue. */
@@ -203,11 +205,11 @@ static bool check_plateau(const loading *l, const volume *v, error *e)
     const grid_view *a = &l->grid_view;
     const uint64_t cells = l->crossings.cells, flat = crossings_count_plateau(a, &l->crossings, l->pool);
     if ((double)flat < plateau_from * (double)cells) return true;
-    return error_set(
-        e, ERROR_NO_SURFACE,
-        "%s has no surface at isovalue %g: in %.3g %% of the cells there its values come to that and do "
-        "not pass it, as at a background of that value; they range from %g to %g: give an isovalue between",
-        l->name, v->info.isovalue, 100 * (double)flat / (double)cells, l->lowest, l->highest);
+    return error_set(e, ERROR_NO_SURFACE,
+                     "%s has no surface at isovalue %g, which equals its background (in %.3g %% of the "
+                     "cells the values reach it without a sign change): choose an isovalue between %g and "
+                     "%g",
+                     l->name, v->info.isovalue, 100 * (double)flat / (double)cells, l->lowest, l->highest);
 }
 
 /* Why a crossed cell of a level set has a corner that is inactive or clamped, in a grid whose inactive voxels are on the right
@@ -249,11 +251,11 @@ static bool flood(loading *l, volume *v, error *e)
     if (!l->grid) return error_prefix(e, "%s", l->name);
     if (!look_for_crossings(l, v, e)) return false;
     if (l->crossings.open_cells > 0) return refuse_open(l, v, e);
-    warn(
-        &v->info,
-        "%s: inactive voxels have the wrong sign, as an inside with the sign of the outside (%llu cells): they were filled "
-        "from the band. Write the level set with flood-filled signs.",
-        l->name, (unsigned long long)open);
+    warn(&v->info,
+         "%s: inactive voxels have the wrong sign (%llu cells, such as an inside with the "
+         "sign of the outside): they are filled from the band. Write the level set with "
+         "flood-filled signs.",
+         l->name, (unsigned long long)open);
     return true;
 }
 
@@ -318,11 +320,11 @@ static bool plan(loading *l, volume *v, error *e)
            limit = l->memory_limit;
     size_t peak = samples_bytes(l->reach.count, false) + (grid > held ? grid : held);
     if (peak <= limit) return true;
-    return error_set(
-        e, ERROR_LIMIT_MEMORY,
-        "%s needs %zu MiB for the %u blocks around its surface (%llu cells) and %zu MiB are left of the limit: "
-        "raise limits.memory_mb",
-        l->name, (peak >> 20) + 1, v->map.count, (unsigned long long)l->crossings.cells, limit >> 20);
+    return error_set(e, ERROR_LIMIT_MEMORY,
+                     "%s requires %zu MiB for the %u blocks around its surface (%llu cells), and %zu MiB "
+                     "of the limit are left: raise limits.memory_mb",
+                     l->name, (peak >> 20) + 1, v->map.count, (unsigned long long)l->crossings.cells,
+                     limit >> 20);
 }
 
 /* Smoothing moves the surface: its crossings are those of the spline itself, near the samples' own. */
@@ -491,7 +493,8 @@ static bool load_mesh(const volume_mesh_request *r, const resolution *choice, lo
     const double away = fabs(r->offset) / choice->voxel_size, band = ceil(away - 1e-9) + BAND_BESIDE;
     if (band > BAND_WIDEST)
         return error_set(e, ERROR_SPEC_INVALID,
-                         "an offset of %g is %.4g voxels, and at most %d are possible: voxel_size >= %.3g",
+                         "an offset of %g is %.4g voxels, more than the maximum of %d: set voxel_size to at "
+                         "least %.3g",
                          r->offset, away, BAND_WIDEST - BAND_BESIDE,
                          1.005 * volume_mesh_least_voxel(r->offset)); /* three digits may be less */
     const levelset_params params = {.voxel_size = choice->voxel_size,
@@ -567,8 +570,8 @@ static volume *open_mesh(const volume_mesh_request *r, const mesh *whole, resolu
     }
     if (!v && e->code == ERROR_NO_SURFACE && f->thin_voxel > 0 && f->thin_voxel < choice->voxel_size)
         error_set(e, ERROR_NO_SURFACE,
-                  "the mesh is thinner than a voxel of %g everywhere: give voxel_size <= %.3g, and more of "
-                  "limits.memory_mb if that is not enough",
+                  "the mesh is thinner than a voxel of %g everywhere: set voxel_size to at most %.3g, "
+                  "and raise limits.memory_mb if necessary",
                   choice->voxel_size, f->thin_voxel);
     return v;
 }
@@ -579,23 +582,21 @@ static void warn_of_mesh(volume_info *info)
     const resolution *r = &info->resolution;
     const bool much = f->thin > FIDELITY_MOST_THIN;
     if (f->thin >= unresolved_from)
-        warn(
-            info,
-            "%.3g %% of the mesh's area is thinner than a voxel and is not sampled: voxel_size <= %.3g shows all but "
-            "%.2g %%%s%s",
-            100 * f->thin, much ? f->thin_voxel : f->tenth_voxel,
-            100 * (much ? FIDELITY_MOST_THIN : f->thin / 10), r->limited_by ? "; bounded by " : "",
-            r->limited_by ? r->limited_by : "");
+        warn(info,
+             "%.3g %% of the mesh area is thinner than a voxel and is not sampled: set voxel_size "
+             "to at most %.3g to sample all but %.2g %%%s%s",
+             100 * f->thin, much ? f->thin_voxel : f->tenth_voxel,
+             100 * (much ? FIDELITY_MOST_THIN : f->thin / 10),
+             r->limited_by ? "; the resolution is limited by " : "", r->limited_by ? r->limited_by : "");
     if (f->hidden >= unresolved_from)
-        warn(
-            info,
-            "%.3g %% of the mesh's area is hidden inside the union: where shells overlap, touch or cross themselves, "
-            "the outside of all is sampled",
-            100 * f->hidden);
+        warn(info,
+             "%.3g %% of the mesh area is inside the union of its shells and is not sampled: "
+             "shells overlap, touch or intersect",
+             100 * f->hidden);
     if (r->spacing > 0 && r->spacing < spacing_below * r->voxel_size)
         warn(info,
-             "the points are %.3g apart, less than a voxel, %.3g: creases are rounded over several points; "
-             "voxel_size <= %.3g follows them",
+             "the spacing of %.3g is less than a voxel, %.3g, so sharp edges are rounded over "
+             "several points: set voxel_size to at most %.3g",
              r->spacing, r->voxel_size, r->spacing);
 }
 
@@ -799,7 +800,8 @@ static bool load_dense(const volume_dense_request *r, loading *l, volume *v, err
     double determinant = affine_invert(to_world, to_index);
     if (!isfinite(1 / determinant))
         return error_set(e, ERROR_INPUT_DAMAGED,
-                         "the volume has axes that lie in one plane: its orientation cannot be inverted");
+                         "the axes of the volume are in one plane, so its orientation is singular: correct "
+                         "its header");
     snprintf(l->name, sizeof l->name, "the volume");
     l->kind = GRID_VIEW_DENSE;
     l->memory_limit = r->memory_limit;
@@ -817,8 +819,8 @@ static bool load_dense(const volume_dense_request *r, loading *l, volume *v, err
         warn(&v->info, "%s", r->source->warnings.text[k]);
     if (facts->not_finite)
         warn(&v->info,
-             "%llu values are not finite, the first at (%lld, %lld, %lld): NaN and -Inf were taken for the "
-             "lowest value, %g, Inf for the highest, %g",
+             "%llu values are not finite, the first at (%lld, %lld, %lld): NaN and -Inf are read "
+             "as the lowest value, %g, and Inf as the highest, %g",
              (unsigned long long)facts->not_finite, (long long)facts->not_finite_at[0],
              (long long)facts->not_finite_at[1], (long long)facts->not_finite_at[2], facts->lowest,
              facts->highest);
