@@ -484,7 +484,7 @@ analytic *analytic_new(const analytic_params *params, threads *pool, error *e)
         a->grid.count = 1;
     }
     if (a->grid.count == 0) {
-        error_set(e, ERROR_NO_SURFACE, "the formula has no zero inside its domain");
+        error_set(e, ERROR_NO_SURFACE, "the formula has no zero inside its domain: correct its parameters");
         goto fail;
     }
     return a;

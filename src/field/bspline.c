@@ -144,8 +144,9 @@ static bool no_surface(const bspline_params *p, error *e)
         high = fmax(high, p->coefficients[i]);
     }
     return error_set(e, ERROR_NO_SURFACE,
-                     "the B-spline has no zero in its domain: its coefficients range from %g to %g", low,
-                     high);
+                     "the B-spline has no zero in its domain: give coefficients of both signs (they range "
+                     "from %g to %g)",
+                     low, high);
 }
 
 bspline *bspline_new(const bspline_params *params, threads *pool, error *e)

@@ -155,11 +155,10 @@ static void look_at(look *l, const block *b)
 
 static bool too_fine(const search *w, error *e)
 {
-    return error_set(
-        e, ERROR_LIMIT_MEMORY,
-        "the surface crosses more than %zu cells of size %g: it is too fine for its size, make its thinnest part "
-        "or shortest period larger, or the rest smaller",
-        CELL_GRID_MOST, w->field->cell_size);
+    return error_set(e, ERROR_LIMIT_MEMORY,
+                     "the surface crosses more than %zu cells of size %g: enlarge its thinnest part or "
+                     "shortest period, or shrink the rest",
+                     CELL_GRID_MOST, w->field->cell_size);
 }
 
 /* Every place of a cell has a number, and its corners are places of their own. */
@@ -173,11 +172,10 @@ static bool check_cells(const search *w, error *e)
         longest = fmax(longest, ldexp((double)g->cells[axis], g->finest));
     }
     if (!(edge > CELL_LEAST * most))
-        return error_set(
-            e, ERROR_NOT_SUPPORTED,
-            "cells of size %g cannot be told apart at coordinates of %g: make the surface's finest part "
-            "larger, or move it nearer to the origin",
-            edge, most);
+        return error_set(e, ERROR_NOT_SUPPORTED,
+                         "cells of size %g are below the precision of coordinates of %g: enlarge the finest "
+                         "part of the surface, or move it nearer to the origin",
+                         edge, most);
     return (cells < 0x1p58 && longest < LONGEST) || too_fine(w, e);
 }
 

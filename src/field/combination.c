@@ -174,9 +174,11 @@ static void set_parts(combination *c, combination_kind kind, const field *const 
 
 static bool no_surface(combination_kind kind, error *e)
 {
-    static const char *const words[] = {"the union has no surface",
-                                        "the intersection is empty: the solids do not meet",
-                                        "the difference is empty: the others hold the first solid"};
+    static const char *const words[] = {
+        "the union is empty: correct its parts",
+        "the intersection is empty, because the solids do not overlap: move or enlarge them",
+        "the difference is empty, because the first solid is inside the others: move or "
+        "enlarge it"};
     return error_set(e, ERROR_NO_SURFACE, "%s", words[kind]);
 }
 
@@ -212,10 +214,10 @@ static bool lay_out_grid(combination *c, error *e)
         c->grid.cells[axis] = blocks <= MOST_BLOCKS ? (int64_t)cells : 0;
     }
     if (blocks <= MOST_BLOCKS) return true;
-    return error_set(
-        e, ERROR_LIMIT_MEMORY,
-        "the combination is %g times as long as its finest part's cells, %g: make that part coarser",
-        bbox_longest(c->base.domain) / edge, edge);
+    return error_set(e, ERROR_LIMIT_MEMORY,
+                     "the combination is %g times as long as the cells of its finest part, %g: make that "
+                     "part coarser",
+                     bbox_longest(c->base.domain) / edge, edge);
 }
 
 /* ---- walls and slits thinner than cells: their two surfaces belong to different parts, each of which its own cells show */
@@ -604,9 +606,7 @@ static bool check_boundaries(const combination *c, error *e)
         if (ends)
             return error_set(
                 e, ERROR_NOT_SUPPORTED,
-                "part %zu of the combination is open and ends within it: only what lies inside of its "
-                "domain can be combined with it (intersect it with a box first)",
-                k);
+                "part %zu of the combination is open and ends inside it: intersect it with a box first", k);
     }
     return true;
 }
@@ -628,11 +628,10 @@ combination *combination_new(combination_kind kind, const field *const *parts, s
         c->parts[k].walls = NULL;
     }
     if (ok && c->grid.count == 0 && c->missing > 0)
-        ok = error_set(
-            e, ERROR_LIMIT_MEMORY,
-            "all that is left of the combination is thinner than %g, the smallest cells that it can have: "
-            "leave it out, or make it thicker",
-            c->base.cell_size);
+        ok = error_set(e, ERROR_LIMIT_MEMORY,
+                       "the combination is thinner than its smallest possible cells, %g, everywhere: remove "
+                       "it, or make it thicker",
+                       c->base.cell_size);
     else if (!some || (ok && c->grid.count == 0))
         ok = no_surface(kind, e);
     if (ok) {

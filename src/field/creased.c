@@ -457,7 +457,8 @@ static bool cut_cells(builder *b, const field *whole, error *e)
     }
     if (!(count <= MOST_CELLS))
         return error_set(e, ERROR_LIMIT_MEMORY,
-                         "the surface is too large for its finest part to have its edges as rows");
+                         "the surface is too large, compared with its finest part, to sample its edges: "
+                         "remove features");
     uint8_t *marks = mem_array((size_t)count, 1, WHAT, e);
     if (!marks) return false;
     mark_cells(b, whole, marks);
@@ -479,7 +480,7 @@ static bool number_patches(creased *c, const builder *b, uint32_t *patch_of, err
     for (size_t k = 0; k < b->count; k++) patch_of[b->triangle[k].key] = 0;
     for (int k = 0; k < 2 * SOLID_LEAVES; k++)
         if (patch_of[k] == 0) patch_of[k] = (uint32_t)p->count++;
-    if (p->count == 0) return error_set(e, ERROR_NO_SURFACE, "nothing of the surface is left");
+    if (p->count == 0) return error_set(e, ERROR_NO_SURFACE, "the surface is empty: correct its parts");
     p->patch = mem_array(p->count, sizeof *p->patch, WHAT, e);
     c->piece = mem_array(p->count, sizeof *c->piece, WHAT, e);
     c->triangle = mem_array(b->count, sizeof *c->triangle, WHAT, e);
@@ -517,7 +518,7 @@ static bool build(creased *c, const field *whole, bbox box, error *e)
     builder b = {.solid = c->solid, .box = bbox_common(whole->domain, box), .e = e};
     vec3 size = bbox_size(b.box);
     if (!(size.x > 0 && size.y > 0 && size.z > 0))
-        return error_set(e, ERROR_NO_SURFACE, "nothing of the surface is left");
+        return error_set(e, ERROR_NO_SURFACE, "the surface is empty: correct its parts");
     const double low = BELOW * WIDER * whole->cell_size, high = ABOVE * WIDER * whole->cell_size;
     b.box.min = vec3_sub(b.box.min, vec3_make(low, low, low));
     b.box.max = vec3_add(b.box.max, vec3_make(high, high, high));

@@ -96,8 +96,8 @@ static unsigned find_boundary_faces(const region *r, bbox box, bbox kept)
 static bool no_surface(bbox box, bbox all, error *e)
 {
     return error_set(e, ERROR_NO_SURFACE,
-                     "the region (%g, %g, %g) to (%g, %g, %g) holds no part of the surface, whose cells lie "
-                     "between (%g, %g, %g) and (%g, %g, %g)",
+                     "the region (%g, %g, %g) to (%g, %g, %g) contains no part of the surface, which is "
+                     "between (%g, %g, %g) and (%g, %g, %g): move or enlarge the region",
                      box.min.x, box.min.y, box.min.z, box.max.x, box.max.y, box.max.z, all.min.x, all.min.y,
                      all.min.z, all.max.x, all.max.y, all.max.z);
 }

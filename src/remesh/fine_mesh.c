@@ -43,7 +43,7 @@ static bool needs_halving(const halving *h, vec3 a, vec3 b, vec3 middle)
 static bool too_many(error *e)
 {
     return error_set(e, ERROR_LIMIT_MEMORY,
-                     "mesh.ply would need more than %u pieces of the mesh: ask for fewer points", WHOLE);
+                     "mesh.ply requires more than %u pieces of the mesh: ask for fewer points", WHOLE);
 }
 
 /* The vertex in the middle of a side, which is made when the side is met first, or WHOLE. */

@@ -713,7 +713,9 @@ static bool populate(candidates *c, error *e)
     }
     c->missing = missing;
     if (!ok || there == count) return ok;
-    return error_set(e, ERROR_NO_SURFACE, "particle %zu of %zu does not reach the surface in %d draws",
+    return error_set(e, ERROR_NO_SURFACE,
+                     "point %zu of %zu was not projected onto the surface in %d attempts: reduce the "
+                     "motion between frames",
                      there + 1, count, DRAWS);
 }
 

@@ -63,7 +63,8 @@ creased *creased_source_open(const spec *s, const source_part *part, const sourc
 {
     if (part->field->patches) {
         error_set(e, ERROR_NOT_SUPPORTED,
-                  "this mesh is a set of patches already: leave out features, or give surface.mesh.features");
+                  "this mesh is already divided into patches: remove features, or use "
+                  "surface.mesh.features");
         return NULL;
     }
     walk w = {.solid = solid_new(bbox_longest(part->field->domain))};
@@ -86,12 +87,11 @@ creased *creased_source_open(const spec *s, const source_part *part, const sourc
     }
     if (w.solid->full)
         error_set(e, ERROR_NOT_SUPPORTED,
-                  "the surface has more than %d smooth pieces (a box has six): leave out features",
+                  "the surface has more than %d smooth patches (a box has six): remove features",
                   SOLID_LEAVES);
     else if (w.ends_within || (w.open && w.leaves > 1))
-        error_set(
-            e, ERROR_NOT_SUPPORTED,
-            "one of the surfaces that are combined is open: leave out features, or give it a region instead");
+        error_set(e, ERROR_NOT_SUPPORTED,
+                  "one of the combined surfaces is open: remove features, or use a region");
     else
         return creased_new(w.solid, part->field, box, e);
     solid_free(w.solid);

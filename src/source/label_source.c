@@ -61,11 +61,11 @@ static bool open_voxels(void *context, const vdb_voxels *voxels, error *e)
                      .voxels = voxels};
     if (!voxels->whole)
         return error_set(e, ERROR_INPUT_UNSUPPORTED,
-                         "the grid has no whole numbers: labels are a grid of type int32 or int64");
+                         "the grid does not hold whole numbers: give a grid of type int32 or int64");
     memcpy(s.base.index_to_world, voxels->index_to_world, sizeof s.base.index_to_world);
     for (int k = 0; k < 3; k++) {
         if (voxels->low[k] > voxels->high[k])
-            return error_set(e, ERROR_NO_SURFACE, "the grid has no active voxel");
+            return error_set(e, ERROR_NO_SURFACE, "the grid is empty (no active voxel): give another grid");
         s.origin[k] = voxels->low[k] - 1;
         s.base.size[k] = (int64_t)voxels->high[k] - voxels->low[k] + 3;
     }
@@ -89,9 +89,13 @@ static bool find_grid(const vdb_listing *l, const char *name, size_t *index, err
             found++;
         }
     if (found == 1) return true;
-    return found == 0 ? error_set(e, ERROR_GRID_MISSING, "the file has no grid of whole numbers")
-                      : error_set(e, ERROR_GRID_AMBIGUOUS,
-                                  "the file has %zu grids of whole numbers: give surface.labels.grid", found);
+    return found == 0
+               ? error_set(
+                     e, ERROR_GRID_MISSING,
+                     "the file has no grid of whole numbers: give a file with a grid of type int32 or int64")
+               : error_set(e, ERROR_GRID_AMBIGUOUS,
+                           "the file has %zu grids of whole numbers: choose one with surface.labels.grid",
+                           found);
 }
 
 static label_surface *open_vdb(const label_source_request *r, error *e)

@@ -93,7 +93,8 @@ bool mesh_clip(mesh *m, bbox box, error *e)
         for (int k = 2; ok && k < count; k++) ok = add_triangle(&c, corner[0], corner[k - 1], corner[k], e);
     }
     if (ok && c.out.triangle_count == 0)
-        ok = error_set(e, ERROR_NO_SURFACE, "nothing of the mesh is inside of the region");
+        ok = error_set(e, ERROR_NO_SURFACE,
+                       "no part of the mesh is inside the region: move or enlarge the region");
     mesh_free(ok ? m : &c.out);
     if (ok) *m = c.out;
     return ok;

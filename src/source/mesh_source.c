@@ -66,7 +66,7 @@ static bool is_tangled(const mesh_source_request *r, const mesh *m, bool *out, m
     double thin;
     if (!fidelity_thin(m, resolution_begin(m, &r->as_volume.resolution).finest, &thin, e)) return false;
     *out = thin > surely * most_missing;
-    if (*out) mesh_note(notes, "the mesh is thinner than voxels can be: it is sampled on its triangles");
+    if (*out) mesh_note(notes, "the mesh is thinner than the smallest voxel: it is sampled on its triangles");
     return true;
 }
 
@@ -81,10 +81,10 @@ static bool shows_enough(const mesh_source_request *r, const mesh_patches *p, bo
     *out = r->resolve || hidden <= most_hidden;
     if (!*out) return is_tangled(r, &p->m, out, notes, e);
     if (hidden > told_hidden)
-        mesh_note(
-            notes,
-            "%.3g %% of the mesh lie within its solids and have points, too: interior \"drop\" leaves them out",
-            100 * hidden);
+        mesh_note(notes,
+                  "%.3g %% of the mesh area is inside its solids and is sampled, too; set interior to "
+                  "\"drop\" to exclude it",
+                  100 * hidden);
     return true;
 }
 
@@ -256,7 +256,7 @@ static bool fill_holes(const mesh_source_request *r, const welded *w, mesh *out,
                                               r->as_volume.pool, &own, &unused, e)) &&
               close_holes(out, edges, &holes, e);
     mesh_edges_free(&own);
-    if (ok && holes) mesh_note(notes, "holes of the mesh that are filled: %zu", holes);
+    if (ok && holes) mesh_note(notes, "%zu holes of the mesh are filled", holes);
     return ok;
 }
 
@@ -286,10 +286,21 @@ static const char *why_triangles(const mesh_source_request *r, const volume *v, 
     const spec_mesh *s = r->spec;
     if (!r->alone || s->interior == SPEC_INTERIOR_DROP || s->voxel_size > 0 || s->resolution > 0) return NULL;
     if (v ? volume_describe(v)->fidelity.thin > most_missing : e->code == ERROR_NO_SURFACE)
-        return "the mesh is thinner than voxels can be: it is sampled on its triangles";
+        return "the mesh is thinner than the smallest voxel: it is sampled on its triangles";
     if (!v && e->code == ERROR_INPUT_UNSUPPORTED && s->holes == SPEC_HOLES_KEEP)
-        return "faces of the mesh overlap, so that it encloses no volume: it is sampled on its triangles. Join the faces to have a level set.";
+        return "faces of the mesh overlap, so it encloses no volume: it is sampled on its "
+               "triangles. Join the faces for a level set.";
     return NULL;
+}
+
+/* Adds to the error about an open mesh why it must be closed. */
+static void explain_closed(error *e)
+{
+    const size_t used = strlen(e->message);
+    snprintf(
+        e->message + used, sizeof e->message - used,
+        ". A mesh in a combination, an offset or a region must be closed; a transform or a region box may have an "
+        "open one.");
 }
 
 static bool open_read(const mesh_source_request *r, const welded *w, const mesh_notes *read,
@@ -302,10 +313,7 @@ static bool open_read(const mesh_source_request *r, const welded *w, const mesh_
         volume *opened = open_level_set(r, w, read, e);
         const char *why = why_triangles(r, opened, e);
         if (!why && opened) *as_volume = opened;
-        if (!why && !opened && !r->alone && e->code == ERROR_INPUT_UNSUPPORTED)
-            error_prefix(
-                e,
-                "a mesh that is combined, moved by an offset or cut by a surface must be closed; an open one may be placed, or cut by a box");
+        if (!why && !opened && !r->alone && e->code == ERROR_INPUT_UNSUPPORTED) explain_closed(e);
         if (!why) return opened != NULL;
         volume_close(opened);
         if (!choose_patches(r, w, true, &about, &patches, e)) return error_prefix(e, "%s", r->as_volume.path);
@@ -313,12 +321,13 @@ static bool open_read(const mesh_source_request *r, const welded *w, const mesh_
     }
     if (patches.open_edges)
         mesh_note(&about,
-                  "the mesh is open, %zu of its edges have one triangle: it is sampled as it stands; holes "
-                  "\"fill\" closes it",
+                  "the mesh is open (%zu edges with one triangle): it is sampled as an open surface; "
+                  "set holes to \"fill\" to close it",
                   patches.open_edges);
     if (patches.turned > 0)
         mesh_note(&about,
-                  "%zu of %zu triangles are turned: normals agree along edges and point out of closed parts",
+                  "%zu of %zu triangles are reversed, so that normals agree along edges and point out "
+                  "of closed components",
                   patches.turned, patches.m.triangle_count);
     patches.merges_near_rows = true;
     mesh_surface *surface =

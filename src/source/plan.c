@@ -60,12 +60,11 @@ bool plan_check_memory(const spec *s, bool is_continued, double count, double me
 {
     double particles = count * plan_bytes_per_particle(s, is_continued);
     if (particles <= memory) return true;
-    return error_set(
-        e, ERROR_LIMIT_MEMORY,
-        "%.0f points need about %.0f MiB, the limit leaves %.0f MiB beside surface and preview: raise "
-        "limits.memory_mb%s",
-        count, particles / (1 << 20), fmax(memory, 0) / (1 << 20),
-        s->resolve ? ", /sampling/min_spacing or /sampling/feature/ratio" : "");
+    return error_set(e, ERROR_LIMIT_MEMORY,
+                     "%.0f points require about %.0f MiB, and %.0f MiB of the limit are left beside "
+                     "surface and preview: raise limits.memory_mb%s",
+                     count, particles / (1 << 20), fmax(memory, 0) / (1 << 20),
+                     s->resolve ? ", /sampling/min_spacing or /sampling/feature/ratio" : "");
 }
 
 static const char *target_pointer(const spec *s)
@@ -95,15 +94,15 @@ bool plan_count(const spec *s, double area, double points, size_t *out, error *e
         count =
             fmax((double)s->control.min_count, ceil(packing_count_of_support(area, s->control.max_sigma)));
     if (s->resolve && !(count <= PLAN_COUNT_MAX))
-        return error_set(
-            e, ERROR_SPEC_INVALID,
-            "/sampling/resolve takes %.0f points on an area of %g, at most %.0f are possible: raise "
-            "/sampling/min_spacing or /sampling/feature/ratio",
-            count, area, PLAN_COUNT_MAX);
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "/sampling/resolve requires %.0f points on an area of %g, more than the maximum of "
+                         "%.0f: raise /sampling/min_spacing or /sampling/feature/ratio",
+                         count, area, PLAN_COUNT_MAX);
     if (s->resolve) count = fmax(count, PLAN_COUNT_MIN);
     if (count < PLAN_COUNT_MIN || count > PLAN_COUNT_MAX)
         return error_set(e, ERROR_SPEC_INVALID,
-                         "%s asks for %.0f points on an area of %g, it must be %.0f to %.0f: give another %s",
+                         "%s: the value gives %.0f points on an area of %g, outside the range %.0f to %.0f: "
+                         "compare the units of the surface, and give another %s",
                          target_pointer(s), count, area, PLAN_COUNT_MIN, PLAN_COUNT_MAX,
                          strrchr(target_pointer(s), '/') + 1);
     *out = (size_t)count;

@@ -159,7 +159,8 @@ static bool offset_shape(analytic_params *p, double by, error *e)
     case ANALYTIC_TORUS:
         size = p->minor_radius += by;
         if (p->minor_radius < p->major_radius) break;
-        return error_set(e, ERROR_NOT_SUPPORTED, "at an offset of %g the torus has no hole any more", by);
+        return error_set(e, ERROR_NOT_SUPPORTED, "an offset of %g closes the hole of the torus: reduce it",
+                         by);
     case ANALYTIC_BOX:
         size = least + by;
         p->half_size = vec3_add(p->half_size, vec3_make(by, by, by));
@@ -174,12 +175,12 @@ static bool offset_shape(analytic_params *p, double by, error *e)
         p->center = vec3_axpy(by, vec3_unit(p->axis), p->center);
         return true;
     default:
-        return error_set(
-            e, ERROR_NOT_SUPPORTED,
-            "an offset needs distances, and the formula of this shape gives none: use another shape than "
-            "ellipsoid, quartic and gyroid, or a level set of it");
+        return error_set(e, ERROR_NOT_SUPPORTED,
+                         "an offset requires distances, which the formula of this shape does not give: use a "
+                         "shape other than ellipsoid, quartic and gyroid, or a level set");
     }
-    return size > 0 || error_set(e, ERROR_NO_SURFACE, "at an offset of %g nothing is left of the shape", by);
+    return size > 0 ||
+           error_set(e, ERROR_NO_SURFACE, "an offset of %g removes the whole shape: reduce it", by);
 }
 
 static bool open_analytic(const spec_analytic *a, double offset, const opening *o, source_part *out, error *e)
@@ -345,10 +346,9 @@ static bool open_labels(const spec_surface *s, const opening *o, source_part *ou
 {
     const spec_labels *l = &s->labels;
     if (out != &o->source->whole || o->spec->has_region)
-        return error_set(
-            e, ERROR_NOT_SUPPORTED,
-            "the interfaces of labels are no boundary of one solid: they have no part in a combination, "
-            "offset, transform or region");
+        return error_set(e, ERROR_NOT_SUPPORTED,
+                         "the interfaces of labels do not bound one solid: remove the combination, offset, "
+                         "transform or region around surface.labels");
     const int fd = l->path ? open_input(o->source, l->path, e) : -1;
     if (l->path && fd < 0) return false;
     const slices_files files = {open_input, o->source};
@@ -371,8 +371,9 @@ static bool open_volume(const spec_surface *s, double offset, const opening *o, 
 {
     bool dense = s->kind == SPEC_SURFACE_VOLUME || s->kind == SPEC_SURFACE_EXR;
     if (dense && offset != 0)
-        return error_set(e, ERROR_NOT_SUPPORTED,
-                         "an offset needs distances, and a dense volume has none: give another isovalue");
+        return error_set(
+            e, ERROR_NOT_SUPPORTED,
+            "an offset requires distances, which a dense volume does not have: give another isovalue");
     if (s->kind == SPEC_SURFACE_EXR) {
         out->volume = open_exr(&s->exr, o, e);
     } else {
@@ -408,7 +409,8 @@ static bool read_coefficients(const spec_bspline *b, const opening *o, source_pa
 static bool open_bspline(const spec_bspline *b, double offset, const opening *o, source_part *out, error *e)
 {
     if (offset != 0)
-        return error_set(e, ERROR_NOT_SUPPORTED, "an offset needs distances, and a B-spline has none");
+        return error_set(e, ERROR_NOT_SUPPORTED,
+                         "an offset requires distances, which a B-spline does not have: remove the offset");
     if (b->path && !read_coefficients(b, o, out, e)) return false;
     const bspline_params params = {{b->dims[0], b->dims[1], b->dims[2]},
                                    {b->domain.min, b->domain.max},
@@ -478,7 +480,7 @@ static bool open_combination(const spec_surface *s, double offset, const opening
     if (count > 0)
         out->combination = combination_new(kind, fields, count, wall_levels, memory_left(o), o->pool, e);
     else
-        error_set(e, ERROR_NO_SURFACE, "nothing is left of any part of the union");
+        error_set(e, ERROR_NO_SURFACE, "every part of the union is empty: correct the parts");
     free(fields);
     if (!out->combination)
         return e->code == ERROR_NO_SURFACE && spec_surface_is_bounded(s) ? nothing_left(o, out, e) : false;
@@ -535,8 +537,8 @@ static bool open_placement(const spec_surface *s, double offset, const opening *
     double scale = scale_of(s->matrix);
     if (offset != 0 && scale == 0)
         return error_set(e, ERROR_NOT_SUPPORTED,
-                         "an offset needs distances, and the transform within it does not preserve them: "
-                         "its matrix must be a rotation or mirror, times a number");
+                         "an offset requires distances, which the transform within it does not preserve: its "
+                         "matrix must be a rotation or reflection, times a number");
     opening inner = *o;
     inner.bounds = bounds_within(o->bounds, s->matrix);
     place_within(&inner, s->matrix);

@@ -45,18 +45,18 @@ static void append_walls(const combination *c, json *warnings)
     char warning[256];
     const double share = combination_missing(c, NULL);
     if (!(share > 0.01)) return;
-    snprintf(
-        warning, sizeof warning,
-        "about %.3g %% of the surface of a combination lies in walls or slits thinner than its smallest cells, %.3g, "
-        "and may have no points: make them wider, or combine fewer or smaller parts",
-        100 * share, combination_field(c)->cell_size);
+    snprintf(warning, sizeof warning,
+             "about %.3g %% of the surface of a combination is in walls or slits thinner than its "
+             "smallest cells, %.3g, and may have no points: widen them, or combine fewer or "
+             "smaller parts",
+             100 * share, combination_field(c)->cell_size);
     json_append_string(warnings, warning);
 }
 
 static void append_nothing(const source_part *p, json *warnings)
 {
     char warning[sizeof(error) + 64];
-    snprintf(warning, sizeof warning, "%s: the part is left out", p->nothing);
+    snprintf(warning, sizeof warning, "%s: this part is skipped", p->nothing);
     json_append_string(warnings, warning);
 }
 
