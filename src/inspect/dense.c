@@ -71,7 +71,7 @@ static bool count_rest(counted *c, size_t memory_limit, error *e)
     }
     if (count > memory_limit / sizeof(double))
         return error_set(e, ERROR_LIMIT_MEMORY,
-                         "a slice of %lld x %lld samples does not fit into the memory limit",
+                         "a slice of %lld x %lld samples exceeds the memory limit: raise it",
                          (long long)size[0], (long long)size[1]);
     double *slice = mem_array(count, sizeof *slice, "a slice of the volume", e);
     bool ok = slice && (c->passed >= 0 || counted_begin(&c->base, e));

@@ -193,12 +193,12 @@ static void print_suggestion(FILE *out, json_at s)
         if (json_type_of(json_member(&s, "area")) == JSON_NUMBER)
             fprintf(out, "area %s%.6g, ", measured ? "" : "about ", number_of(s, "area"));
         if (!measured)
-            fputs("not measured: a scan of its cells takes longer than an inspection may\n", out);
+            fputs("not measured: the scan of its cells exceeds the time of an inspection\n", out);
         else if (json_type_of(count) == JSON_NUMBER)
             fprintf(out, "resolved by %.0f points (spacing %.3g)\n", json_number(count, 0),
                     number_of(s, "spacing"));
         else
-            fprintf(out, "resolved by a spacing of %.3g, which is too many points\n",
+            fprintf(out, "resolved by a spacing of %.3g, which exceeds the maximum number of points\n",
                     number_of(s, "spacing"));
         fprintf(out, "  spec       %s\n", text);
     }

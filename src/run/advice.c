@@ -63,11 +63,11 @@ void advice_append_resolution(json *list, const spec *s, double area, advice_res
         *more = memory > limit_mb ? mem_printf(" and /limits/memory_mb to %.0f", memory) : mem_strdup("");
     if (to.count > PLAN_COUNT_MAX || !target) {
         message =
-            mem_printf("to separate the walls takes a spacing of %.3g, which is %.2g points: %s", to.spacing,
+            mem_printf("the walls are separated by a spacing of %.3g, which is %.2g points: %s", to.spacing,
                        to.count, target ? "smooth the input, or sample a region of it" : "allow more time");
         advice_append(list, code, message);
     } else {
-        message = mem_printf("set %s to %.10g%s: %.0f points, a spacing of %.3g, separate the walls", target,
+        message = mem_printf("set %s to %.10g%s: %.0f points (spacing %.3g) separate the walls", target,
                              value, more, to.count, to.spacing);
         json *set = advice_append(list, code, message);
         json_put_number(set, target, value);

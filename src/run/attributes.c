@@ -84,9 +84,10 @@ static bool open_file(const spec_attribute *a, const spec *s, source *from, attr
     const spec_surface *part = find_part(&s->surface, beside ? a->from : NULL, out->request.from_file);
     if (!part) memcpy(out->request.from_file, world, sizeof world);
     if (!part && !beside)
-        return error_set(e, ERROR_ATTRIBUTE_MISSING,
-                         "the surface has no file that has an attribute \"%s\": give the file's path as from",
-                         a->name ? a->name : "");
+        return error_set(
+            e, ERROR_ATTRIBUTE_MISSING,
+            "the surface has no file with an attribute \"%s\": give the path of the file as `from`",
+            a->name ? a->name : "");
     if (!part) place_beside(&s->surface, out->request.from_file);
     out->request.path = part ? file_of(part) : a->from;
     out->files = (slices_files){open_beside, from};
@@ -124,14 +125,12 @@ static bool check_name(const spec *s, const attributes *a, size_t index, error *
     const char *name = a->entries[index].name;
     bool moves = s->coherent && strcmp(name, "velocity") == 0; /* the points have one of their own */
     if (columns_is_own(name) || moves || strlen(name) > 63 || (*name >= '0' && *name <= '9'))
-        return error_set(
-            e, ERROR_SPEC_INVALID,
-            "the attribute cannot be called \"%.80s\", which is a name of the points' own or none: "
-            "give another as",
-            name);
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "the attribute name \"%.80s\" is reserved or empty: give another one as `as`", name);
     for (size_t k = 0; k < index; k++)
         if (strcasecmp(a->entries[k].name, name) == 0) /* glTF has capitals */
-            return error_set(e, ERROR_SPEC_INVALID, "two attributes are called \"%s\": give another as",
+            return error_set(e, ERROR_SPEC_INVALID,
+                             "two attributes have the name \"%s\": give one of them another name as `as`",
                              name);
     return true;
 }
@@ -143,7 +142,7 @@ static bool find_geometry(const spec_attribute *a, const source *from, point_att
     out->components = part ? 1 : 3;
     return !part || source_part_count(from) > 1 ||
            error_set(e, ERROR_ATTRIBUTE_MISSING,
-                     "the surface is no combination, so that its points belong to no part of it");
+                     "the surface is not a combination, so its points have no part: remove this attribute");
 }
 
 static bool find_one(const spec *s, source *from, size_t memory_limit, attributes_entry *entry,
@@ -181,8 +180,8 @@ static bool check_preview(const spec *s, const attributes *a, error *e)
         snprintf(list + used, sizeof list - used, "%s\"%s\"", k ? ", " : "", a->values[k].name);
     }
     return error_set(e, ERROR_ATTRIBUTE_MISSING,
-                     "/output/preview/attribute: the points carry no \"%s\"; they carry %s",
-                     s->preview_attribute, *list ? list : "no attributes");
+                     "/output/preview/attribute: the points have no attribute \"%s\": choose one of %s",
+                     s->preview_attribute, *list ? list : "none, and add it to /attributes");
 }
 
 /* Whether the points will have what the outputs ask for: of a set of no points, which has each array that the job's will
@@ -326,7 +325,8 @@ static bool read_one(attributes_entry *entry, const source *from, const solver_p
         (entry->least < -PRECISION_WHOLE_MOST || entry->most > PRECISION_WHOLE_MOST))
         return error_set(
             e, ERROR_INPUT_UNSUPPORTED,
-            "it has numbers that doubles do not tell apart, from %.0f to %.0f: give the type float",
+            "its whole numbers, from %.0f to %.0f, exceed what a double represents exactly: give "
+            "the type float",
             entry->least, entry->most);
     return true;
 }
@@ -399,8 +399,9 @@ void attributes_describe(const attributes *a, json *report, json *warnings)
         json_put_number(object, "maximum", entry->most);
         json_put_integer(object, "outside", (int64_t)entry->counts.outside);
         warn(warnings, entry, entry->counts.outside,
-             "lie where the file has no values of it: they have its background, or what is nearest");
-        warn(warnings, entry, entry->counts.not_finite, "have no finite value: 0 stands for it");
+             "are outside the data of the file: they have its background value, or the nearest one");
+        warn(warnings, entry, entry->counts.not_finite,
+             "have a value that is not finite: it is written as 0");
         for (uint32_t i = 0; i < entry->counts.warnings.count; i++) {
             char *text = mem_printf("attribute \"%s\": %s", entry->name, entry->counts.warnings.text[i]);
             json_append_string(warnings, text);

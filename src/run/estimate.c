@@ -56,9 +56,10 @@ static bool rehearse_once(job *j, double end_s, run_cost *out)
 /* Why no runs of fewer points tell what the job takes; NULL: they do. */
 static const char *rehearsal_obstacle(const job *j)
 {
-    return j->spec->has_control ? "sampling.control finds the count on the way"
+    return j->spec->has_control ? "sampling.control determines the count during the run"
            : j->options->previous
-               ? "points of the frame before are carried over, which cannot be tried with fewer"
+               ? "the points of the previous frame are carried over, and trial runs would need fewer "
+                 "of them"
                : NULL;
 }
 
@@ -111,9 +112,10 @@ static void describe_resolution(const job *j, int64_t held, json *warnings, json
         c.unresolved_share <= MEASURES_THIN_SHARE)
         return;
     const advice_resolution to = advice_resolve(j->scan->area, j->count, c.factor);
-    char *warning = mem_printf(
-        "About %.3g %% of the surface are walls thinner than 1.2 spacings; %.0f points, a spacing of %.3g, would separate them.",
-        100 * c.unresolved_share, to.count, to.spacing);
+    char *warning =
+        mem_printf("About %.3g %% of the surface are walls thinner than 1.2 spacings; %.0f points "
+                   "(spacing %.3g) separate these walls.",
+                   100 * c.unresolved_share, to.count, to.spacing);
     json_append_string(warnings, warning);
     free(warning);
     advice_append_resolution(advice, j->spec, j->scan->area, to, memory_for(j, held, to.count) / (1 << 20),
@@ -162,7 +164,7 @@ json *run_estimate(const spec *s, const run_options *options, error *e)
             missing = rehearsal_obstacle(&j);
             seconds = missing ? NAN : opened_s + rehearse(&j);
             if (isnan(seconds) && !missing)
-                missing = "a run of few points did not end in the time that it was given";
+                missing = "a trial run with few points did not end within its time limit";
         }
         if (job_may_go_on(&j, e)) estimate = describe_estimate(&j, held, seconds, missing);
     }

@@ -41,7 +41,8 @@ bool job_may_go_on(const job *j, error *e)
 {
     int stop = j->options->cancel ? *j->options->cancel : 0;
     if (stop == SIGALRM)
-        return error_set(e, ERROR_LIMIT_TIME, "the job did not finish within limits.timeout_s = %g s",
+        return error_set(e, ERROR_LIMIT_TIME,
+                         "the job exceeded limits.timeout_s = %g s: raise it, or ask for fewer points",
                          j->spec->timeout_s);
     return stop == 0 || error_set(e, ERROR_CANCELLED, "the job was cancelled");
 }
@@ -71,7 +72,7 @@ static bool choose_isa(const spec *s, isa *out, error *e)
 #undef NAMED
     *out = s->isa == SPEC_ISA_AUTO ? isa_best() : named[s->isa];
     return isa_available(*out) ||
-           error_set(e, ERROR_NOT_SUPPORTED, "solver.isa: this machine does not support %s: use \"auto\"",
+           error_set(e, ERROR_NOT_SUPPORTED, "/solver/isa: this machine does not support %s: use \"auto\"",
                      isa_name(*out));
 }
 
@@ -107,11 +108,10 @@ static bool check_label_meshes(const job *j, error *e)
     const size_t count =
         j->spec->has_label_meshes ? label_surface_labels(j->source.whole.labels, 0, NULL) : 0;
     return count <= LABEL_MESHES_MOST ||
-           error_set(
-               e, ERROR_SPEC_INVALID,
-               "output.label_meshes: there are %zu labels, and at most %d have a file of their own: choose "
-               "some with surface.labels.labels, or unite some with groups",
-               count, LABEL_MESHES_MOST);
+           error_set(e, ERROR_SPEC_INVALID,
+                     "/output/label_meshes: the volume has %zu labels and at most %d meshes are written: "
+                     "choose labels with surface.labels.labels, or unite some with groups",
+                     count, LABEL_MESHES_MOST);
 }
 
 bool job_load(job *j, error *e)
@@ -311,9 +311,9 @@ bool job_place(job *j, solution *out, error *e)
     };
     frame_transfer brought = {0};
     if (s->coherent && j->source.field->patches && !source_mesh(&j->source)) {
-        error_set(
-            e, ERROR_NOT_SUPPORTED,
-            "/queue/coherent: points are not carried over labels, nor over formulas and combinations with sharp edges: leave it out");
+        error_set(e, ERROR_NOT_SUPPORTED,
+                  "/queue/coherent: points cannot be carried from frame to frame on labels, or on "
+                  "formulas and combinations with sharp edges: remove it");
         goto done;
     }
     if (j->options->previous &&

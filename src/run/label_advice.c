@@ -84,8 +84,8 @@ static void append_union(json *list, const spec_labels *s, const label_thin *thi
     json *groups = make_groups(s, thin, count);
     char *text = json_print(groups);
     char *message =
-        mem_printf("%zu label%s one voxel thin: to leave %s voxels to the labels that they touch most, set "
-                   "/surface/labels/groups%s%s",
+        mem_printf("%zu label%s one voxel thin: to give %s voxels to the labels that they touch most, "
+                   "set /surface/labels/groups%s%s",
                    united, united == 1 ? " is" : "s are", united == 1 ? "its" : "their",
                    united <= MOST_TOLD ? " to " : "", united <= MOST_TOLD ? text : "");
     json_put(advice_append(list, "thin_labels", message), "/surface/labels/groups", groups);
@@ -101,8 +101,8 @@ void label_advice_append(json *list, const spec_labels *s, const label_surface *
     else if (thin.rows > 0)
         advice_append(
             list, "thin_labels",
-            "the points are all over labels of voxels that are alone or in rows, and few counts bring them to "
-            "order there: use them as they are, or label smaller voxels");
+            "the labels consist of single voxels or rows of voxels, on which points do not form a regular packing: "
+            "use the result as it is, or label smaller voxels");
 }
 
 void label_advice_append_majority(json *list, const spec_labels *s, const label_surface *labels,
@@ -110,11 +110,12 @@ void label_advice_append_majority(json *list, const spec_labels *s, const label_
 {
     const double width = ceil(2 * WIDER * fmax(spacing / label_surface_voxel(labels), s->majority)) / 2;
     if (width > SPEC_MAJORITY_MAX || !label_surface_is_ragged(labels, width)) return;
-    char *message = mem_printf(
-        "or set /surface/labels/majority to %.10g: the labels are thin in many places, as where slices do not fit to each other, and these "
-        "points cannot show that; then each voxel has the label of most around it, which takes time with such a width: labels keep their "
-        "volume, but thin parts and specks may be lost",
-        width);
+    char *message =
+        mem_printf("or set /surface/labels/majority to %.10g: the labels are thin in many places, as "
+                   "where slices do not match, and these points do not resolve that. Each voxel then "
+                   "gets the label of most voxels around it: labels keep their volume, but thin parts "
+                   "and specks may be lost, and wide filters take time.",
+                   width);
     json_put_number(advice_append(list, "ragged_labels", message), "/surface/labels/majority", width);
     free(message);
 }

@@ -59,7 +59,9 @@ bool layout_make(const char *pattern, const int *frames, size_t count, int frame
     *out = l;
     return !pattern || can_be_quoted(part) ||
            error_set(e, ERROR_SPEC_INVALID,
-                     "/output/directory: a USD stage cannot name the folders \"%s\" of the frames", part);
+                     "/output/directory: a USD stage cannot contain the folder names \"%s\" of the "
+                     "frames: rename them",
+                     part);
 }
 
 void layout_free(layout *l)

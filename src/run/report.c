@@ -39,9 +39,9 @@ static void put_mesh(json *report, json *warnings, const report_facts *facts)
     json_put_number(object, "radius_ratio", m->radius_ratio);
     if (facts->results->label_meshes) json_put(object, "labels", facts->results->label_meshes);
     if (!triangulation_is_whole(m))
-        json_append_string(warnings,
-                           "mesh.ply is not a whole surface: where the spacing does not resolve it, "
-                           "triangles are missing or too many meet (see mesh); ask for more points");
+        json_append_string(
+            warnings, "mesh.ply has holes or non-manifold edges, because the spacing does not resolve the "
+                      "surface (see mesh in the report); ask for more points");
 }
 
 void report_put_box(json *object, bbox box)
@@ -62,10 +62,10 @@ static void put_thin_walls(json *advice, json *warnings, const report_facts *fac
     const size_t count = solver_result_points(facts->solver)->count;
     const double area = facts->scan->area, share = (double)facts->measures->thin_count / (double)count;
     const advice_resolution to = advice_resolve(area, count, facts->measures->thin_factor);
-    char *text = mem_printf(
-        "%.3g %% of the points lie on walls thinner than 1.2 spacings; %.0f points, a spacing of %.3g, would separate "
-        "them.",
-        100 * share, to.count, to.spacing);
+    char *text =
+        mem_printf("%.3g %% of the points are on walls thinner than 1.2 spacings; %.0f points (spacing "
+                   "%.3g) separate these walls.",
+                   100 * share, to.count, to.spacing);
     json_append_string(warnings, text);
     free(text);
     if (facts->verdict->outcome != VERDICT_CONVERGED && to.count > WORTH_ADVICE * (double)count)
@@ -108,7 +108,7 @@ static void warn_of_sweeps(json *warnings, const solver *s)
     size_t count;
     solver_sweeps(s, &count);
     if (count <= MOST_SWEEPS) return;
-    char *text = mem_printf("report.json has %zu of %zu sweeps, at equal distances.", MOST_SWEEPS, count);
+    char *text = mem_printf("report.json lists %zu of %zu sweeps, at equal intervals.", MOST_SWEEPS, count);
     json_append_string(warnings, text);
     free(text);
 }
@@ -122,14 +122,14 @@ static void put_surface(json *report, const report_facts *facts)
     source_describe(facts->source, report, object, warnings);
     attributes_describe(facts->attributes, report, warnings);
     if (facts->results->widened)
-        json_append_string(
-            warnings, "points.ply is written in double: single precision would move its points by more than "
-                      "1e-3 h");
+        json_append_string(warnings,
+                           "points.ply is written in double precision: single precision would move points by "
+                           "more than 1e-3 spacings");
     if (facts->results->rounding > VERDICT_RESIDUAL && has_scenes(facts->spec)) {
-        char *text = mem_printf(
-            "points.glb and points.usda: their floats move points by up to %.2g h. Use points.ply, "
-            "points.npz or points.vdb.",
-            facts->results->rounding);
+        char *text =
+            mem_printf("points.glb and points.usda: single precision moves points by up to %.2g spacings. "
+                       "Use points.ply, points.npz or points.vdb.",
+                       facts->results->rounding);
         json_append_string(warnings, text);
         free(text);
     }
@@ -268,10 +268,10 @@ static void put_grading(json *report, const report_facts *facts)
     json_put_number(json_find(report, "/reached"), "ratio", reached);
     if (reached >= RATIO_REACHED * asked) return;
     char *warning =
-        mem_printf("sampling.curvature.ratio asks for %.3g:1, and the spacing varies by %.3g:1: the "
-                   "surface's curvature varies no more, or gradation and the bounds of the spacing leave "
-                   "no room between bends",
-                   asked, reached);
+        mem_printf("sampling.curvature.ratio: the spacing varies by %.3g:1 (requested %.3g:1): the "
+                   "curvature of the surface varies less, or gradation, min_spacing or max_spacing "
+                   "limit it. Lower the ratio, or relax these limits.",
+                   reached, asked);
     json_append_string(json_find(report, "/surface/warnings"), warning);
     free(warning);
 }

@@ -198,7 +198,8 @@ static bool write_format(const char *directory, const point_format *f, const poi
     store_file file = {0};
     bool ok = store_file_begin(path, &file, e) && f->write(file.stream, set, place, e);
     if (ok && !f->verify(file.stream, set, place, e))
-        ok = error_prefix(e, "%s does not read back as it was written", f->file);
+        ok =
+            error_prefix(e, "%s differs from the written data when it is read back: check the disk", f->file);
     ok = ok && commit_output(&file, f->file, outputs, e);
     store_file_abort(&file);
     free(path);
@@ -432,7 +433,7 @@ static bool write_points_vdb(const char *directory, const results_input *in, jso
     store_file file = {0};
     bool ok = store_file_begin(path, &file, e) && vdb_write_points(fileno(file.stream), &grid, e);
     if (ok && !vdb_verify_points(fileno(file.stream), &grid, e))
-        ok = error_prefix(e, "points.vdb does not read back as it was written");
+        ok = error_prefix(e, "points.vdb differs from the written data when it is read back: check the disk");
     ok = ok && commit_output(&file, "points.vdb", outputs, e);
     store_file_abort(&file);
     free(values);
@@ -691,7 +692,8 @@ bool results_write_report(const char *directory, const json *report, error *e)
         char *back = mem_alloc(length + 1);
         rewind(file.stream);
         if (fread(back, 1, length + 1, file.stream) != length || memcmp(back, text, length) != 0)
-            ok = error_set(e, ERROR_INTERNAL, "report.json does not read back as it was written");
+            ok = error_set(e, ERROR_INTERNAL,
+                           "report.json differs from the written data when it is read back: check the disk");
         free(back);
     }
     if (ok) ok = store_file_commit(&file, e);

@@ -17,7 +17,8 @@ static FILE *open_result(const char *directory, const char *name, error *e)
     char *path = mem_printf("%s/%s", directory, name);
     FILE *file = fopen(path, "rb");
     if (!file)
-        error_set(e, ERROR_INPUT_MISSING, "the frame before: cannot open %s: %s", path, strerror(errno));
+        error_set(e, ERROR_INPUT_MISSING, "the previous frame: cannot open %s: %s. Check --previous.", path,
+                  strerror(errno));
     free(path);
     return file;
 }
@@ -48,7 +49,9 @@ static json *read_report(FILE *file, error *e)
     size_t length = fread(text, 1, REPORT_LIMIT, file);
     json *document = length < REPORT_LIMIT && !ferror(file) ? json_parse(text, length, NULL) : NULL;
     free(text);
-    if (!document) error_set(e, ERROR_INPUT_DAMAGED, "the frame before: its report.json is no report");
+    if (!document)
+        error_set(e, ERROR_INPUT_DAMAGED,
+                  "the previous frame: its report.json is not a report. Check --previous.");
     return document;
 }
 
@@ -64,7 +67,8 @@ static bool read_numbers(sequence *s, FILE *file, error *e)
     json_free(document);
     if (!good)
         return error_set(e, ERROR_INPUT_DAMAGED,
-                         "the frame before: its report.json is not that of a frame of a coherent sequence");
+                         "the previous frame: its job is not a coherent sequence. Run it again with "
+                         "queue.coherent.");
     s->previous_frame = (int)frame;
     s->next_id = (uint32_t)next;
     s->excess_alone = excess;
@@ -77,11 +81,15 @@ bool sequence_begin(sequence *s, int frame, const sequence_files *files, error *
     if (!files) return true;
     if (!read_numbers(s, files->report, e)) return false;
     if (s->previous_frame == frame)
-        return error_set(e, ERROR_INPUT_DAMAGED, "the frame before: it is frame %d, the one to be run",
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "the previous frame: --previous is frame %d, the frame to be run. Give the results "
+                         "of the frame before it.",
                          frame);
     if (!ply_read(files->points, &s->before, e)) return error_prefix(e, "the frame before");
     if (s->before.points.id && s->before.points.normal && s->before.points.count > 0) return true;
-    return error_set(e, ERROR_INPUT_DAMAGED, "the frame before: its points.ply has no ids, or no normals");
+    return error_set(e, ERROR_INPUT_DAMAGED,
+                     "the previous frame: its points.ply has no id or no normals. Run it again without "
+                     "output.ply.properties.");
 }
 
 /* Takes over what the points were and where they went. */
@@ -159,7 +167,8 @@ bool sequence_end(sequence *s, const solver_points *p, error *e)
     }
     if (s->start && !measure_drift(s, p, e)) return false;
     if (s->born > FRAME_TRANSFER_NONE - s->next_id)
-        return error_set(e, ERROR_INTERNAL, "the sequence has had more than %u points", FRAME_TRANSFER_NONE);
+        return error_set(e, ERROR_INTERNAL, "the sequence needs more than %u point ids: split it",
+                         FRAME_TRANSFER_NONE);
     for (size_t i = 0; i < p->count; i++)
         if (s->id[i] == FRAME_TRANSFER_NONE) s->id[i] = s->next_id++;
     return true;

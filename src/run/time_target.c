@@ -60,9 +60,8 @@ bool time_target_fill(job *j, error *e)
         write_s = TAIL_SLACK * clock_seconds(clock_monotonic_ms() - begin);
     }
     if (p.runs > 0 && job_seconds_left(j) > 0) return true;
-    return error_set(
-        e, ERROR_LIMIT_TIME,
-        "/sampling/time_s: %d points of this surface, with everything that is written, take longer "
-        "than %g s: allow more time, or do without the preview",
-        COST_MODEL_FIRST, j->spec->time_s);
+    return error_set(e, ERROR_LIMIT_TIME,
+                     "/sampling/time_s: %d points of this surface and the outputs take longer than %g s: "
+                     "raise it, or omit the preview",
+                     COST_MODEL_FIRST, j->spec->time_s);
 }

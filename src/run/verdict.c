@@ -103,42 +103,50 @@ static bool lost_area(const verdict_input *in, double *value, double *bound)
 
 static const criterion criteria[] = {
     {"rms_step", VERDICT_NOT_CONVERGED, false, rms_step,
-     "rms_step: the solve ended while the points still moved by this many spacings a sweep. Raise solver.max_sweeps or "
-     "sampling.time_s."},
+     "rms_step: the RMS step of the last sweep, in spacings, exceeds its bound: the solve "
+     "has not converged. Raise solver.max_sweeps or sampling.time_s."},
     {"step_left", VERDICT_NOT_CONVERGED, false, step_left,
-     "step_left: the next relaxation step is this many spacings. Raise solver.max_sweeps, or solver.step for the gradient "
-     "minimiser."},
+     "step_left: the next relaxation step, in spacings, exceeds its bound: the solve has "
+     "not converged. Raise solver.max_sweeps, or solver.step for the gradient minimiser."},
     {"gain", VERDICT_NOT_CONVERGED, true, gain,
-     "gain: a point could still lower its energy by this fraction. This happens at features smaller than the spacing. Ask for "
-     "more points."},
+     "gain: the largest fraction by which a point can lower its energy exceeds its bound, "
+     "usually at features smaller than the spacing. Ask for more points."},
     {"target_energy", VERDICT_NOT_CONVERGED, false, target_energy,
-     "target_energy: the mean energy differs from the ideal one by this fraction. Change sigma, or max_sigma of "
-     "sampling.control."},
+     "target_energy: the relative difference between the mean energy and the ideal one "
+     "exceeds its bound. Change sigma, or max_sigma of sampling.control."},
     {"count_error", VERDICT_NOT_CONVERGED, false, count_error,
-     "count_error: the number of points differs from the request by this many. Use method sized for an exact count."},
+     "count_error: the number of points differs from the requested count. Use method "
+     "sized for an exact count."},
     {"lost", VERDICT_NOT_CONVERGED, false, lost,
-     "lost: this many points are not on the surface. Report this input as a fault."},
+     "lost: points have left the surface; the value is their number. Report this input as "
+     "a fault."},
     {"max_residual", VERDICT_NOT_CONVERGED, false, max_residual,
-     "max_residual: a point is this many spacings from the surface after it was projected again. Report this input as a fault."},
+     "max_residual: the largest distance of a point from the surface, in spacings, "
+     "exceeds its bound. Report this input as a fault."},
     {"coverage", VERDICT_UNRESOLVED, false, coverage,
-     "coverage: a place of the surface is this many spacings from its nearest point. Ask for more points; for a mesh that is "
-     "sampled through a level set, ask for smaller voxels."},
+     "coverage: the largest distance from the surface to its nearest point, in spacings, "
+     "exceeds its bound. Ask for more points; for a mesh that is sampled through a level "
+     "set, ask for smaller voxels."},
     {"missing_share", VERDICT_UNRESOLVED, true, missing_share,
-     "missing_share: this share of the area has no point within 1.2 spacings on its own side, as where one wall of a thin part has "
-     "no points. Ask for more points."},
+     "missing_share: the share of the area without a point within 1.2 spacings on the "
+     "same side exceeds its bound: one wall of a thin part may have no points. Ask for "
+     "more points."},
     {"close_share", VERDICT_UNRESOLVED, true, close_share,
-     "close_share: this share of the points has another within 0.25 spacings on the same side, as on double rows along the rims of "
-     "thin walls. Ask for more points."},
+     "close_share: the share of the points with another one within 0.25 spacings on the "
+     "same side exceeds its bound, as on double rows along the rims of thin walls. Ask "
+     "for more points."},
     {"coincident", VERDICT_UNRESOLVED, true, coincident,
-     "coincident: this many points have another within 0.001 spacings. Report this input as a fault."},
+     "coincident: points have another one within 0.001 spacings; the value is their "
+     "number. Report this input as a fault."},
     {"parts_without_points", VERDICT_UNRESOLVED, false, parts_without_points,
-     "parts_without_points: parts of the surface with this share of its area have no points. Ask for more points."},
+     "parts_without_points: connected components of the surface have no points; the value "
+     "is their share of the area. Ask for more points."},
     {"unmeasured_share", VERDICT_UNRESOLVED, false, unmeasured_share,
-     "unmeasured_share: this share of the points has fewer than three neighbours, so the packing cannot be measured. Ask for more "
-     "points."},
+     "unmeasured_share: the share of the points with fewer than three neighbours exceeds "
+     "its bound, so the packing is not measured. Ask for more points."},
     {"lost_area", VERDICT_UNRESOLVED, false, lost_area,
-     "lost_area: this share of the area is thinner than a voxel, or than the cells of a combination, and is not part of the sampled "
-     "surface. Follow the warning that names it."},
+     "lost_area: the share of the area that is thinner than a voxel, or than the cells of "
+     "a combination, exceeds its bound; it is not sampled. Follow the warning about it."},
 };
 
 /* ---- outcome.require */
@@ -184,7 +192,7 @@ static const requirement requirements[] = {SPEC_REQUIRE_LIST(ROW, )};
 static const char *const requirement_names[] = {SPEC_REQUIRE_LIST(ROW, )};
 #undef ROW
 #define ROW(prefix, NAME, word, minimum) \
-#word ": outcome.require asks for another value. Ask for more points, or change outcome.require.",
+#word ": the measure misses the bound of outcome.require. Ask for more points, or change it.",
 static const char *const requirement_messages[] = {SPEC_REQUIRE_LIST(ROW, )};
 #undef ROW
 

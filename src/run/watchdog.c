@@ -68,7 +68,7 @@ watchdog *watchdog_start(const watchdog_params *params, error *e)
     int fault = pthread_create(&w->thread, &attributes, look, w);
     pthread_attr_destroy(&attributes);
     if (!fault) return w;
-    error_set(e, ERROR_INTERNAL, "cannot start the thread that watches the job: %s", strerror(fault));
+    error_set(e, ERROR_INTERNAL, "cannot start the watchdog thread: %s", strerror(fault));
     pthread_cond_destroy(&w->ended);
     pthread_mutex_destroy(&w->lock);
     free(w);
