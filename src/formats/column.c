@@ -146,7 +146,9 @@ static bool add(columns *list, const column *c, error *e)
     for (size_t k = 0; k < list->count; k++)
         if (strcmp(list->list[k].name, c->name) == 0) return true;
     if (list->count == COLUMNS_MAX)
-        return error_set(e, ERROR_SPEC_INVALID, "there are more than %d columns of properties", COLUMNS_MAX);
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "the points have more than %d columns of properties: request fewer attributes",
+                         COLUMNS_MAX);
     list->list[list->count++] = *c;
     return true;
 }
@@ -186,8 +188,8 @@ static bool missing(const points *s, const char *name, error *e)
             snprintf(list + strlen(list), sizeof list - strlen(list), "%s%s", *list ? ", " : "", made.name);
     for (size_t k = 0; k < s->attribute_count; k++)
         snprintf(list + strlen(list), sizeof list - strlen(list), ", %s", s->attributes[k].name);
-    return error_set(e, ERROR_ATTRIBUTE_MISSING, "the points have no property \"%.80s\"; they have %s", name,
-                     list);
+    return error_set(e, ERROR_ATTRIBUTE_MISSING, "the points have no property \"%.80s\": choose from %s",
+                     name, list);
 }
 
 static bool add_application(const points *s, const struct application *a, columns *list, error *e)

@@ -237,8 +237,9 @@ bool glb_write(FILE *file, const points *set, const scene *place, error *e)
     char *text = json_print(root);
     size_t length = strlen(text), padded = (length + 3) & ~(size_t)3;
     size_t whole = 4 * (HEAD_WORDS + 2 * CHUNK_WORDS) + padded + bytes;
-    bool good = whole <= UINT32_MAX ||
-                error_set(e, ERROR_NOT_SUPPORTED, "glb: %zu bytes are more than its format can have", whole);
+    bool good =
+        whole <= UINT32_MAX ||
+        error_set(e, ERROR_NOT_SUPPORTED, "glb: %zu bytes exceed the format: ask for fewer points", whole);
     if (good) {
         const uint32_t head[] = {MAGIC, VERSION_2, (uint32_t)whole, (uint32_t)padded, CHUNK_JSON};
         const uint32_t chunk[] = {(uint32_t)bytes, CHUNK_BIN};
@@ -278,7 +279,7 @@ static bool verify_array(FILE *file, const json *root, long data, const arrays *
             attributes = json_member(&primitive, "attributes"), accessors = json_member(&at, "accessors"),
             views = json_member(&at, "bufferViews");
     double index = json_number(json_member(&attributes, a->name[k]), -1);
-    if (!(index >= 0)) return damaged(e, "an attribute is not there");
+    if (!(index >= 0)) return damaged(e, "an attribute is missing");
     json_at accessor = json_element(&accessors, (size_t)index);
     double of = json_number(json_member(&accessor, "bufferView"), -1);
     json_at view = json_element(&views, of >= 0 ? (size_t)of : 0);
@@ -286,16 +287,17 @@ static bool verify_array(FILE *file, const json *root, long data, const arrays *
     if (json_number(json_member(&accessor, "count"), -1) != (double)a->points ||
         strcmp(json_string(json_member(&accessor, "type"), ""), type_of(p->components)) != 0 ||
         !(offset >= 0) || fseek(file, data + (long)offset, SEEK_SET) != 0)
-        return damaged(e, "an attribute is not of the count and type that were written");
+        return damaged(e, "the count or type of an attribute differs from the written one");
     for (size_t i = 0; i < a->points; i++)
         for (int c = 0; c < p->components; c++) {
             uint32_t bits;
             float value, meant = number(a, k, origin, i, c);
-            if (!read_words(file, &bits, 1)) return damaged(e, "it ends too early");
+            if (!read_words(file, &bits, 1)) return damaged(e, "it is truncated");
             memcpy(&value, &bits, sizeof value);
             if (memcmp(&value, &meant, sizeof value) != 0)
                 return error_set(e, ERROR_INPUT_DAMAGED,
-                                 "glTF file: the %s of point %zu is not what was written", a->name[k], i);
+                                 "glTF file: the %s of point %zu differs from the written data", a->name[k],
+                                 i);
         }
     return true;
 }
@@ -314,7 +316,7 @@ bool glb_verify(FILE *file, const points *set, const scene *place, error *e)
     uint32_t head[5], chunk[2];
     rewind(file);
     if (!read_words(file, head, 5) || head[0] != MAGIC || head[1] != VERSION_2 || head[4] != CHUNK_JSON)
-        return damaged(e, "its header is not one");
+        return damaged(e, "its header is not valid");
     char *text = mem_array(head[3], 1, "the JSON of a glTF file", e);
     json *root = NULL;
     arrays a = list_arrays(set);
@@ -324,14 +326,14 @@ bool glb_verify(FILE *file, const points *set, const scene *place, error *e)
     if (good)
         root = json_parse(text, head[3], e);
     else
-        damaged(e, "its parts are not as long as it says");
+        damaged(e, "the length of a chunk is wrong");
     for (size_t k = 0; root && good && k < a.count; k++)
         good = verify_array(file, root, data, &a, place->origin, k, e);
     if (root && good && !has_translation(root, place->origin))
-        good = damaged(e, "its translation is not what was written");
+        good = damaged(e, "its translation differs from the written data");
     good = good && root;
     if (good && (fseek(file, 0, SEEK_END) != 0 || ftell(file) != (long)head[2]))
-        good = damaged(e, "it is not as long as it says");
+        good = damaged(e, "its length is wrong");
     json_free(root);
     free(text);
     free_arrays(&a);

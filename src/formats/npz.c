@@ -151,8 +151,8 @@ static bool verify_array(unzFile archive, const property *p, size_t rows, error 
     bool good = unzLocateFile(archive, name, 1) == UNZ_OK && unzOpenCurrentFile(archive) == UNZ_OK &&
                 compare_block(archive, header, HEADER) && for_each_block(p, rows, archive, compare_block) &&
                 unzReadCurrentFile(archive, header, 1) == 0 && unzCloseCurrentFile(archive) == UNZ_OK;
-    return good ||
-           error_set(e, ERROR_INPUT_DAMAGED, "NPZ file: the array \"%s\" is not what was written", p->name);
+    return good || error_set(e, ERROR_INPUT_DAMAGED,
+                             "NPZ file: the array \"%s\" differs from the written data", p->name);
 }
 
 bool npz_write(FILE *file, const points *set, const scene *place, error *e)
@@ -180,7 +180,8 @@ bool npz_verify(FILE *file, const points *set, const scene *place, error *e)
     rewind(file);
     unzFile archive = unzOpen2_64("points.npz", &functions);
     bool good = archive && unzGetGlobalInfo64(archive, &info) == UNZ_OK && info.number_entry == count;
-    if (!good) error_set(e, ERROR_INPUT_DAMAGED, "NPZ file: it is not an archive of so many arrays");
+    if (!good)
+        error_set(e, ERROR_INPUT_DAMAGED, "NPZ file: the number of arrays differs from the written one");
     for (size_t k = 0; good && k < count; k++) good = verify_array(archive, &list[k], set->count, e);
     if (archive) unzClose(archive);
     free(list);

@@ -79,11 +79,11 @@ static void compare_rows(png_structp png, png_infop info, const canvas *m, unsig
         png_get_image_height(png, info) != (png_uint_32)m->height || png_get_bit_depth(png, info) != 8 ||
         png_get_color_type(png, info) != PNG_COLOR_TYPE_RGB ||
         png_get_interlace_type(png, info) != PNG_INTERLACE_NONE)
-        png_error(png, "it does not have the picture's size and type");
+        png_error(png, "its size or type differs from that of the picture");
     for (int y = 0; y < m->height; y++) {
         png_read_row(png, row, NULL);
         if (memcmp(row, m->rgb + 3 * (size_t)y * (size_t)m->width, 3 * (size_t)m->width) != 0)
-            png_error(png, "it does not hold the picture that was written");
+            png_error(png, "its pixels differ from the written ones");
     }
     png_read_end(png, NULL);
 }
@@ -98,10 +98,10 @@ bool picture_png_verify(FILE *file, const canvas *m, error *e)
     if (!info) {
         error_set(&local, ERROR_LIMIT_MEMORY, "no memory to read a PNG file");
     } else if (setjmp(png_jmpbuf(png)) == 0) {
-        if (fseek(file, 0, SEEK_SET) != 0) png_error(png, "it cannot be sought in");
+        if (fseek(file, 0, SEEK_SET) != 0) png_error(png, "it does not allow seeking");
         png_init_io(png, file);
         compare_rows(png, info, m, row);
-        if (fgetc(file) != EOF) png_error(png, "there are bytes after its end");
+        if (fgetc(file) != EOF) png_error(png, "it has data after its end");
         done = true;
     }
     png_destroy_read_struct(&png, &info, NULL);

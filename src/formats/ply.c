@@ -75,8 +75,11 @@ static bool check_row(const double *row, const columns *what, size_t i, ply_prec
     for (size_t c = 0; c < what->count; c++) {
         const column_type type = what->list[c].type;
         if (!is_in_range(row[c], type, precision))
-            return error_set(e, ERROR_INTERNAL, "point %zu has %s = %g, which cannot be written as a %s", i,
-                             what->list[c].name, row[c], type_name(type, precision));
+            return error_set(
+                e, ERROR_INTERNAL,
+                "point %zu has %s = %g, outside the range of the type %s: set output.ply.precision "
+                "to double",
+                i, what->list[c].name, row[c], type_name(type, precision));
     }
     return true;
 }
@@ -393,10 +396,10 @@ static bool damaged(error *e, const char *words)
 static bool read_line(FILE *file, char line[LINE_MAX_BYTES], error *e)
 {
     do {
-        if (!fgets(line, LINE_MAX_BYTES, file)) return damaged(e, "it ends too early");
+        if (!fgets(line, LINE_MAX_BYTES, file)) return damaged(e, "it is truncated");
         char *end = strchr(line, '\n');
         if (!end)
-            return damaged(e, feof(file) ? "it ends too early" : "a line is too long or holds a zero byte");
+            return damaged(e, feof(file) ? "it is truncated" : "a line is too long or contains a NUL byte");
         *end = '\0';
     } while (strcmp(line, "comment") == 0 || strncmp(line, "comment ", 8) == 0);
     return true;
@@ -499,7 +502,7 @@ static bool read_header(FILE *file, ply_file *f, error *e)
         label_property(types[k], 1, meant);
         return expect_line(file, meant, e) && expect_line(file, "end_header", e);
     }
-    return strcmp(line, "end_header") == 0 || damaged(e, "its faces have other properties");
+    return strcmp(line, "end_header") == 0 || damaged(e, "the properties of its faces are unknown");
 }
 
 /* The bytes from here to the end must be able to hold the points: a count is never trusted alone.
@@ -508,10 +511,10 @@ static bool check_size(FILE *file, const ply_file *f, error *e)
 {
     long at = ftell(file);
     if (at < 0 || fseek(file, 0, SEEK_END) != 0)
-        return error_set(e, ERROR_INTERNAL, "PLY file: it cannot be sought in");
+        return error_set(e, ERROR_INTERNAL, "PLY file: it does not allow seeking");
     long end = ftell(file);
     if (end < at || fseek(file, at, SEEK_SET) != 0)
-        return error_set(e, ERROR_INTERNAL, "PLY file: it cannot be sought in");
+        return error_set(e, ERROR_INTERNAL, "PLY file: it does not allow seeking");
     size_t left = (size_t)(end - at), vertices = f->points.count, faces = f->points.triangle_count;
     bool text = f->format == PLY_ASCII; /* of a number then a digit and a space at least */
     size_t point = text ? 2 * f->columns.count : row_bytes(&f->columns, f->precision);
@@ -520,7 +523,7 @@ static bool check_size(FILE *file, const ply_file *f, error *e)
     if (vertices > left / point || faces > left / each || vertices * point + faces * each > left ||
         (!text && vertices * point + faces * each != left))
         return error_set(e, ERROR_INPUT_DAMAGED,
-                         "PLY file: %zu bytes of data cannot be the %zu points%s of its header", left,
+                         "PLY file: %zu bytes of data do not match the %zu points%s of its header", left,
                          vertices, faces > 0 ? " and faces" : "");
     return true;
 }
@@ -550,7 +553,7 @@ static bool wrong_line(const columns *what, error *e)
 static bool parse_row(FILE *file, const columns *what, ply_precision precision, double *row, error *e)
 {
     char line[COLUMNS_MAX * NUMBER_TEXT_MAX], *at = line;
-    if (!fgets(line, sizeof line, file)) return damaged(e, "it ends too early");
+    if (!fgets(line, sizeof line, file)) return damaged(e, "it is truncated");
     for (size_t c = 0; c < what->count; c++) {
         const column_type type = what->list[c].type;
         size_t n = strspn(at, "0123456789+-.eE");
@@ -582,7 +585,7 @@ static bool read_row(FILE *file, const ply_file *f, size_t i, double *row, error
     if (f->format == PLY_ASCII) {
         if (!parse_row(file, &f->columns, f->precision, row, e)) return error_prefix(e, "point %zu", i);
     } else {
-        if (fread_unlocked(packed, 1, bytes, file) != bytes) return damaged(e, "it ends too early");
+        if (fread_unlocked(packed, 1, bytes, file) != bytes) return damaged(e, "it is truncated");
         unpack_row(packed, &f->columns, f->precision, row);
     }
     return check_finite(row, &f->columns, i, e);
@@ -592,12 +595,12 @@ static bool unpack_face(FILE *file, const ply_file *f, face *out, error *e)
 {
     char packed[FACE_BYTES + 2 * sizeof(double)];
     const size_t each = type_bytes[f->label_type], bytes = f->has_labels ? FACE_BYTES + 2 * each : FACE_BYTES;
-    if (fread_unlocked(packed, 1, bytes, file) != bytes) return damaged(e, "it ends too early");
+    if (fread_unlocked(packed, 1, bytes, file) != bytes) return damaged(e, "it is truncated");
     if (packed[0] != 3) return damaged(e, "a face is not a triangle");
     for (int c = 0; c < 3; c++) out->corner[c] = (uint32_t)unpack(packed + 1 + 4 * c, COLUMN_UINT, PLY_FLOAT);
     for (size_t c = 0; f->has_labels && c < 2; c++) {
         const double label = unpack(packed + FACE_BYTES + each * c, f->label_type, PLY_FLOAT);
-        if (!(fabs(label) <= PRECISION_WHOLE_MOST)) return damaged(e, "a label is no whole number");
+        if (!(fabs(label) <= PRECISION_WHOLE_MOST)) return damaged(e, "a label is not a whole number");
         out->label[c] = (int64_t)label;
     }
     return true;
@@ -606,7 +609,7 @@ static bool unpack_face(FILE *file, const ply_file *f, face *out, error *e)
 static bool parse_face(FILE *file, bool has_labels, face *out, error *e)
 {
     char line[LINE_MAX_BYTES], again[LINE_MAX_BYTES];
-    if (!fgets(line, sizeof line, file)) return damaged(e, "it ends too early");
+    if (!fgets(line, sizeof line, file)) return damaged(e, "it is truncated");
     const int read =
         sscanf(line, "3 %" SCNu32 " %" SCNu32 " %" SCNu32 " %" SCNd64 " %" SCNd64, &out->corner[0],
                &out->corner[1], &out->corner[2], &out->label[0], &out->label[1]);
@@ -630,13 +633,13 @@ static bool read_face(FILE *file, const ply_file *f, size_t k, face *out, error 
 
 static bool read_end(FILE *file, error *e)
 {
-    return fgetc(file) == EOF || damaged(e, "there are bytes after its last point or face");
+    return fgetc(file) == EOF || damaged(e, "it has data after its last point or face");
 }
 
 static bool read_start(FILE *file, ply_file *f, error *e)
 {
     if (fseek(file, 0, SEEK_SET) != 0)
-        return error_set(e, ERROR_INTERNAL, "PLY file: it cannot be sought in");
+        return error_set(e, ERROR_INTERNAL, "PLY file: it does not allow seeking");
     return read_header(file, f, e) && check_size(file, f, e);
 }
 
@@ -690,8 +693,8 @@ static bool is_as_meant(const columns *what, ply_precision precision, size_t i, 
     for (size_t c = 0; c < what->count; c++) {
         const column *meant = &what->list[c];
         if (row[c] != as_written(column_value(meant, i), meant->type, precision))
-            return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: the %s of point %zu is not what was written",
-                             meant->name, i);
+            return error_set(e, ERROR_INPUT_DAMAGED,
+                             "PLY file: the %s of point %zu differs from the written data", meant->name, i);
     }
     return true;
 }
@@ -729,7 +732,7 @@ static bool explain_block(const batch *job, size_t k, error *e)
         if (!check_finite(row, job->what, i, e) || !is_as_meant(job->what, job->precision, i, row, e))
             return false;
     }
-    return damaged(e, "its bytes are not what was written");
+    return damaged(e, "its bytes differ from the written ones");
 }
 
 static bool verify_binary(FILE *file, batch *job, threads *pool, error *e)
@@ -741,7 +744,7 @@ static bool verify_binary(FILE *file, batch *job, threads *pool, error *e)
         for (size_t k = 0; ok && k < blocks; k++) {
             size_t from, to = points_of_block(job, k, &from);
             ok = fread(job->block[k].read, bytes, to - from, file) == to - from ||
-                 damaged(e, "it ends too early");
+                 damaged(e, "it is truncated");
         }
         if (ok) threads_run(pool, blocks, 1, verify_blocks, job);
         if (threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
@@ -759,7 +762,7 @@ bool ply_verify(FILE *file, const points *set, const columns *what, ply_format f
     if (f.points.count != set->count || f.points.triangle_count != set->triangle_count ||
         f.has_labels != (set->triangle_count > 0 && set->triangle_labels) || f.format != format ||
         f.precision != precision || !same_columns(&f.columns, what, precision))
-        return damaged(e, "it is not of the count and type that were written");
+        return damaged(e, "its count or type differs from the written one");
     batch job = {set, what, format, precision, 0, {{0}}};
     if (!(format == PLY_ASCII ? verify_text(file, &f, what, set, pool, e)
                               : verify_binary(file, &job, pool, e)))
@@ -770,7 +773,7 @@ bool ply_verify(FILE *file, const points *set, const columns *what, ply_format f
         if (!read_face(file, &f, k, &read, e)) return false;
         if (memcmp(read.corner, meant.corner, sizeof read.corner) != 0 ||
             memcmp(read.label, meant.label, sizeof read.label) != 0)
-            return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: face %zu is not what was written", k);
+            return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: face %zu differs from the written data", k);
     }
     return read_end(file, e);
 }
@@ -785,7 +788,7 @@ bool ply_verify_job(FILE *file, void *job, error *e)
 {
     const ply_job *j = job;
     return ply_verify(file, j->set, &j->what, j->format, j->precision, j->pool, e) ||
-           error_prefix(e, "%s does not read back as it was written", j->name);
+           error_prefix(e, "%s differs from the written data when it is read back: check the disk", j->name);
 }
 
 void ply_file_free(ply_file *file)

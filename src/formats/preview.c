@@ -579,9 +579,11 @@ static void check_chunk(void *context, int worker, size_t begin, size_t end)
 
 static bool check_points(const points *set, threads *pool, error *e)
 {
-    if (set->count == 0) return error_set(e, ERROR_INTERNAL, "a preview of no points cannot be drawn");
+    if (set->count == 0) return error_set(e, ERROR_INTERNAL, "a preview requires at least one point");
     if (set->count >= DISC_INDEX)
-        return error_set(e, ERROR_INTERNAL, "%zu points are too many for a preview", set->count);
+        return error_set(e, ERROR_INTERNAL,
+                         "%zu points exceed the maximum of a preview: set output.preview to false",
+                         set->count);
     check_job job = {set, set->count};
     threads_run(pool, set->count, POINTS_GRAIN, check_chunk, &job);
     const size_t first = atomic_load(&job.first);
@@ -683,8 +685,8 @@ bool preview_render(const points *set, const preview_options *o, threads *pool, 
 {
     if (o->width < PREVIEW_SIZE_MIN || o->width > PREVIEW_SIZE_MAX || o->height < PREVIEW_SIZE_MIN ||
         o->height > PREVIEW_SIZE_MAX)
-        return error_set(e, ERROR_INTERNAL, "a preview of %d x %d pixels is not possible", o->width,
-                         o->height);
+        return error_set(e, ERROR_INTERNAL, "a preview of %d x %d pixels is outside the allowed size",
+                         o->width, o->height);
     if (!check_points(set, pool, e)) return false;
     const bounds b = bound_set(set);
     const camera c = o->camera ? camera_look(o->camera, o->width, o->height)

@@ -452,7 +452,8 @@ static bool check_head(exr_context_t file, const image *m, preview_exr_packing p
     if (window.min.x != 0 || window.min.y != 0 || window.max.x != m->width - 1 ||
         window.max.y != m->height - 1 || compression != packings[packing].compression ||
         per_chunk != packings[packing].lines)
-        return error_set(e, ERROR_INTERNAL, "EXR file: it does not have the picture's size and compression");
+        return error_set(e, ERROR_INTERNAL,
+                         "EXR file: its size or compression differs from that of the picture");
     return true;
 }
 
@@ -463,7 +464,7 @@ static bool check_channels(exr_context_t file, const line *l, error *e)
     for (int k = 0; same && k < l->count; k++)
         same = strcmp(list->entries[k].name.str, channels[l->channel[k]].name) == 0 &&
                list->entries[k].pixel_type == channels[l->channel[k]].type;
-    return same || error_set(e, ERROR_INTERNAL, "EXR file: its channels are not those that were written");
+    return same || error_set(e, ERROR_INTERNAL, "EXR file: its channels differ from the written ones");
 }
 
 /* Against the `length` bytes that the picture's lines come to. */
@@ -491,7 +492,7 @@ static exr_result_t check_chunks(exr_context_t file, const image *m, line *l, bo
         int lines = fill_chunk(l, m, y);
         r = check_chunk(file, y, l->chunk.bytes, (size_t)lines * l->length, &decoder, same);
         if (!r && !*same)
-            error_set(e, ERROR_INTERNAL, "EXR file: lines %d to %d are not what was written", y,
+            error_set(e, ERROR_INTERNAL, "EXR file: lines %d to %d differ from the written data", y,
                       y + lines - 1);
     }
     exr_decoding_destroy(file, &decoder);

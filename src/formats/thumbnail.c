@@ -45,7 +45,7 @@ static void read_rows(png_structp png, png_infop info, unsigned char *row, thumb
     if (wide > PREVIEW_SIZE_MAX || high > PREVIEW_SIZE_MAX || png_get_bit_depth(png, info) != 8 ||
         png_get_color_type(png, info) != PNG_COLOR_TYPE_RGB ||
         png_get_interlace_type(png, info) != PNG_INTERLACE_NONE)
-        png_error(png, "it is no preview");
+        png_error(png, "it is not a preview");
     const int width = (int)wide, height = (int)high, longer = width > height ? width : height;
     to->width = scaled(width, longer);
     to->height = scaled(height, longer);
@@ -84,6 +84,6 @@ bool thumbnail_read(const char *program, int fd, thumbnail *out, error *e)
     if (!reader_start(&params, &r, e)) return false;
     bool ok = fread(out, sizeof *out, 1, r.stream) == 1 && out->width > 0 && out->width <= THUMBNAIL_SIDE &&
               out->height > 0 && out->height <= THUMBNAIL_SIDE && fgetc(r.stream) == EOF;
-    if (!ok) error_set(e, ERROR_INPUT_DAMAGED, WORKER_PREVIEW_NAME " is no picture of hexad");
+    if (!ok) error_set(e, ERROR_INPUT_DAMAGED, WORKER_PREVIEW_NAME " is not a picture written by hexad");
     return reader_end(&r, ok, ok, e);
 }

@@ -261,7 +261,7 @@ bool usda_verify_sequence(FILE *file, const points *set, const scene *place, err
     while (good && k < length && fgetc(file) == (unsigned char)meant[k]) k++;
     good = good && k == length && fgetc(file) == EOF;
     free(meant);
-    return good || damaged(e, "the stage of the sequence is not what was written");
+    return good || damaged(e, "the stage of the sequence differs from the written data");
 }
 
 /* ---- reading ---- */
@@ -291,17 +291,17 @@ static bool verify_property(FILE *file, const property *p, bool of_mesh, const s
     const char *behind;
     declare(p, of_mesh, words);
     enclose(words, is_primvar(p, of_mesh), place, before, &behind);
-    if (!find_text(file, before)) return damaged(e, "a property is not there");
+    if (!find_text(file, before)) return damaged(e, "a property is missing");
     for (size_t i = 0; i < rows; i++)
         for (int c = 0; c < p->components; c++) {
             double read;
-            if (!read_number(file, &read)) return damaged(e, "it ends too early");
+            if (!read_number(file, &read)) return damaged(e, "it is truncated");
             double meant = number(p, of_mesh, place->origin, i, c);
             if (p->whole ? read != meant : precision_as_float(read) != precision_as_float(meant))
                 return error_set(e, ERROR_INPUT_DAMAGED,
-                                 "USD file: the %s of point %zu is not what was written", p->name, i);
+                                 "USD file: the %s of point %zu differs from the written data", p->name, i);
         }
-    return find_text(file, behind) || damaged(e, "it ends too early");
+    return find_text(file, behind) || damaged(e, "it is truncated");
 }
 
 static bool verify_triangles(FILE *file, const points *set, const scene *place, error *e)
@@ -313,7 +313,8 @@ static bool verify_triangles(FILE *file, const points *set, const scene *place, 
     if (!find_text(file, before)) return damaged(e, "it has no faces");
     for (size_t k = 0; k < 3 * set->triangle_count; k++)
         if (!read_number(file, &read) || read != set->triangle[k / 3][k % 3])
-            return error_set(e, ERROR_INPUT_DAMAGED, "USD file: face %zu is not what was written", k / 3);
+            return error_set(e, ERROR_INPUT_DAMAGED, "USD file: face %zu differs from the written data",
+                             k / 3);
     return true;
 }
 
@@ -332,6 +333,6 @@ bool usda_verify(FILE *file, const points *set, const scene *place, error *e)
     char words[VALUES_WORDS];
     print_translation(place, words);
     if (good && has_translation(place) && !find_text(file, words))
-        good = damaged(e, "its translation is not what was written");
-    return good && (find_text(file, "}\n") || damaged(e, "it ends too early"));
+        good = damaged(e, "its translation differs from the written data");
+    return good && (find_text(file, "}\n") || damaged(e, "it is truncated"));
 }
