@@ -65,22 +65,23 @@ int *frames_parse(const char *text, size_t *count, error *e)
         int first, last, step;
         ok = read_range(&at, &first, &last, &step) && (!*at || *at == ',');
         if (!ok) {
-            error_set(e, ERROR_SPEC_INVALID,
-                      "frames are \"7\", \"1-100\", \"1-100x2\" or several of these with commas"
-                      " (given \"%.100s\")",
-                      text);
+            error_set(
+                e, ERROR_SPEC_INVALID,
+                "must be a list such as \"7\", \"1-100\", \"1-100x2\" or \"1-10,20\" (given \"%.100s\")",
+                text);
             break;
         }
         for (int64_t n = first; ok && n <= last; n += step) {
             if (used < FRAMES_MOST)
                 numbers[used++] = (int)n;
             else
-                ok = error_set(e, ERROR_SPEC_INVALID, "a job has at most %d frames: make several",
+                ok = error_set(e, ERROR_SPEC_INVALID, "a job has at most %d frames: submit several jobs",
                                FRAMES_MOST);
         }
     } while (ok && skip(&at, ','));
     int repeated = ok ? find_repeated(numbers, used) : -1;
-    if (repeated >= 0) ok = error_set(e, ERROR_SPEC_INVALID, "frame %d appears twice", repeated);
+    if (repeated >= 0)
+        ok = error_set(e, ERROR_SPEC_INVALID, "frame %d is listed twice: remove one", repeated);
     if (!ok) {
         free(numbers);
         return NULL;

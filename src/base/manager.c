@@ -62,10 +62,11 @@ bool manager_socket(int *fd, error *e)
 {
     int count = sd_listen_fds(0); /* the environment stays: other threads may read it */
     *fd = count == 1 ? SD_LISTEN_FDS_START : -1;
-    return count <= 1 || error_set(e, ERROR_SPEC_INVALID,
-                                   "%d sockets were passed, but hexad serves one: give the socket unit one"
-                                   " ListenStream=",
-                                   count);
+    return count <= 1 ||
+           error_set(
+               e, ERROR_SPEC_INVALID,
+               "systemd passed %d sockets, but hexad serves one: give the socket unit one ListenStream=",
+               count);
 }
 
 bool manager_has_journal(void)

@@ -118,7 +118,8 @@ void *mem_array(size_t count, size_t size, const char *what, error *e)
         if (posix_memalign(&p, bytes < VERY_LARGE ? 64 : VERY_LARGE, bytes) == 0) return zeroed(p, bytes);
     }
     error_set(e, ERROR_LIMIT_MEMORY,
-              "no memory for %s (%zu elements of %zu bytes): raise limits.memory_mb or ask for fewer points",
+              "not enough memory for %s (%zu elements of %zu bytes): raise limits.memory_mb or ask "
+              "for fewer points",
               what, count, size);
     return NULL;
 }

@@ -10,7 +10,8 @@ void *module_symbol(const char *file, const char *symbol, error *e)
     void *address = module ? dlsym(module, symbol) : NULL;
     if (!address) {
         const char *why = dlerror();
-        error_set(e, ERROR_INTERNAL, "a part of the program cannot be loaded: %s", why ? why : file);
+        error_set(e, ERROR_INTERNAL, "cannot load a module of hexad: %s. Install hexad again.",
+                  why ? why : file);
     }
     if (module) dlclose(module); /* it stays, as it is marked not to be unloaded */
     return address;

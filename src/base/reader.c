@@ -26,14 +26,15 @@ bool reader_check_file(int fd, const char *what, off_t *size, error *e)
     struct stat st;
     char head[sizeof lfs] = {0};
     if (fstat(fd, &st) != 0 || !S_ISREG(st.st_mode))
-        return error_set(e, ERROR_INPUT_DAMAGED, "the file is not a regular file");
-    if (st.st_size == 0) return error_set(e, ERROR_INPUT_DAMAGED, "the file is empty (0 bytes)");
+        return error_set(e, ERROR_INPUT_DAMAGED, "the path is not a regular file: give the path of a file");
+    if (st.st_size == 0)
+        return error_set(e, ERROR_INPUT_DAMAGED, "the file is empty (0 bytes): copy or save it again");
     if (pread(fd, head, sizeof lfs - 1, 0) < 0)
         return error_set(e, ERROR_INPUT_DAMAGED, "the file cannot be read: %s", strerror(errno));
     if (strcmp(head, lfs) == 0)
         return error_set(
             e, ERROR_INPUT_DAMAGED,
-            "the file is a Git-LFS pointer, not the %s itself: run `git lfs pull` where it came from", what);
+            "the file is a Git LFS pointer instead of the %s: run `git lfs pull` in its repository", what);
     *size = st.st_size;
     return true;
 }
@@ -81,18 +82,21 @@ bool reader_end(reader *r, bool begun, bool ok, error *e)
     if (!ok && begun) kill(r->pid, SIGKILL);
     do ended = waitpid(r->pid, &status, 0);
     while (ended < 0 && errno == EINTR);
-    if (ended != r->pid) return error_set(e, ERROR_INTERNAL, "the process that reads the file was lost");
+    if (ended != r->pid)
+        return error_set(e, ERROR_INTERNAL, "the process that reads the file disappeared: try again");
     if (SANITIZED && WIFEXITED(status) && WEXITSTATUS(status) == SANITIZER_STATUS)
         return error_set(e, ERROR_INTERNAL, "a sanitizer stopped the process that reads the file");
     if (!ok && begun) return false;
     if (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU)
-        return error_set(e, ERROR_INPUT_DAMAGED, "takes too long to read: its reader was stopped");
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "takes too long to read and its reader was stopped: save it in another format");
     if (WIFSIGNALED(status))
         return error_set(
             e, ERROR_INPUT_DAMAGED,
-            "the library that reads such files broke off on it (%s): the file is damaged, or must be saved again by a "
-            "program that opens it",
+            "the library that reads this format crashed (%s): the file is damaged. Save it again "
+            "with a program that opens it.",
             strsignal(WTERMSIG(status)));
     return ok && (WEXITSTATUS(status) == 0 ||
-                  error_set(e, ERROR_INPUT_DAMAGED, "the file could not be read to its end"));
+                  error_set(e, ERROR_INPUT_DAMAGED,
+                            "the file ended while it was read: check the disk and copy it again"));
 }

@@ -262,13 +262,13 @@ bool sandbox_check(sandbox_mode mode, error *e)
 {
     if (mode != SANDBOX_REQUIRED) return true;
     if (!has_filters())
-        return error_set(
-            e, ERROR_INTERNAL,
-            "sandbox: this kernel has no seccomp filters; set it to \"available\" to run without");
+        return error_set(e, ERROR_INTERNAL,
+                         "sandbox: this kernel has no seccomp filters; set sandbox to \"available\" to run "
+                         "without them");
     return landlock_version() > 0 ||
            error_set(e, ERROR_INTERNAL,
-                     "sandbox: this kernel has no Landlock, or it is not among those that lsm= turns on; "
-                     "set it to \"available\" to run without");
+                     "sandbox: this kernel has no Landlock, or its parameter lsm= does not list it; set "
+                     "sandbox to \"available\" to run without it");
 }
 
 bool sandbox_enter(sandbox_mode mode, const sandbox_places *places, error *e)
@@ -289,7 +289,7 @@ const char *sandbox_describe(sandbox_mode mode, char text[SANDBOX_TEXT_SIZE])
     if (mode == SANDBOX_OFF)
         snprintf(text, SANDBOX_TEXT_SIZE, "no sandbox");
     else
-        snprintf(text, SANDBOX_TEXT_SIZE, "no new privileges, %s calls, %s",
+        snprintf(text, SANDBOX_TEXT_SIZE, "no_new_privs, seccomp (%s calls), %s",
                  has_filters() ? "filtered" : "all", landlock);
     return text;
 }
