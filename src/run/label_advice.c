@@ -102,7 +102,7 @@ void label_advice_append(json *list, const spec_labels *s, const label_surface *
         advice_append(
             list, "thin_labels",
             "the labels consist of single voxels or rows of voxels, on which points do not form a regular packing: "
-            "use the result as it is, or label smaller voxels");
+            "use the points as they are, or label smaller voxels");
 }
 
 void label_advice_append_majority(json *list, const spec_labels *s, const label_surface *labels,
