@@ -459,7 +459,8 @@ static bool refuse(exchange *x, const fields *f, const char *method, const char 
         return true;
     }
     if (!match->found) {
-        reply_set_problem(r, "method_not_allowed", NULL, "the method %.32s is not allowed at %.200s", method,
+        reply_set_problem(r, "method_not_allowed", NULL,
+                          "the method %.32s is not allowed at %.200s: use one of the header Allow", method,
                           path);
         reply_add_header(r, MHD_HTTP_HEADER_ALLOW, match->allow);
         return true;

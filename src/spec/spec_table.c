@@ -671,9 +671,10 @@ const spec_row spec_rows[] = {
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
      UNSTORED,
-     .prose = "A surface transformed by a matrix: moved, rotated, mirrored, scaled or sheared. Boundaries "
-              "lie along the world's axes, so the matrix of an open surface may only exchange, flip and "
-              "scale axes, and translate; with features, and of an open mesh, it may be any."},
+     .prose =
+         "A surface transformed by a matrix: moved, rotated, mirrored, scaled or sheared. The boundaries of an open surface are parallel to the world axes, so its matrix may "
+         "only exchange, flip and scale axes, and translate. With features, and for an open "
+         "mesh, any matrix is allowed."},
     {.pointer = "/surface/transform/surface",
      .type = SPEC_TYPE_SURFACE,
      .flags = SPEC_REQUIRED,
@@ -702,9 +703,8 @@ const spec_row spec_rows[] = {
      .choice = SPEC_CHOICE_REGION,
      .offset = offsetof(spec, region_inside),
      .has = SPEC_NOWHERE,
-     .prose =
-         "The surface whose inside is the region. Rows of points lie on the cut exactly, and as with features on the "
-         "sharp edges of what is sampled."},
+     .prose = "The surface whose inside is the region. Points are placed exactly on the cut and, "
+              "as with features, on the sharp edges of the sampled surface."},
     {.pointer = "/region/min",
      .type = SPEC_TYPE_VECTOR,
      .choice = SPEC_CHOICE_REGION,
@@ -724,10 +724,10 @@ const spec_row spec_rows[] = {
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(features),
-     .prose =
-         "Whether the sharp edges of formulas, where parts of a combination meet, and the ends of a region have rows of "
-         "points of their own, at the spacing asked for and exactly on the edge. The surface is then a set of smooth "
-         "patches, and mesh.ply has edges along theirs. Meshes have a member of that name of their own."},
+     .prose = "Whether points are placed exactly on the sharp edges of formulas, on the curves "
+              "where parts of a combination meet, and on the cuts of a region, at the requested "
+              "spacing. The surface is then divided into smooth patches, and mesh.ply has edges "
+              "along their boundaries. For meshes, use /surface/mesh/features."},
 
     GROUP(
         "/sampling", SPEC_REQUIRED,
@@ -768,7 +768,8 @@ const spec_row spec_rows[] = {
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_control),
      .prose =
-         "Finds the smallest count that is at least min_count and whose support at the ideal energy is at "
+         "For reproducing the paper; otherwise use count. Finds the smallest count that is at "
+         "least min_count and whose support at the ideal energy is at "
          "most max_sigma (section 6.1 of the paper). Method paper starts with min_count points and inserts "
          "and deletes some between rounds. Method sized computes the count from sigma = sqrt(3) spacing."},
     {.pointer = "/sampling/control/min_count",
@@ -1311,8 +1312,8 @@ const spec_row spec_rows[] = {
      .otherwise = "\"auto\"",
      AT(attribute.type),
      .prose =
-         "What the values are. Transforms of the surface turn and stretch vectors, turn normals, and leave all "
-         "others. A color is also written as the colour of the points in each format, a uv as texture "
+         "The type of the values. Transforms of the surface rotate and scale vectors, rotate "
+         "normals, and leave other types unchanged. A color is also written as the colour of the points in each format, a uv as texture "
          "coordinates. auto: int for whole numbers, vector for three components, float for "
          "others; for a mesh, the type of its value."},
     {.pointer = "/attributes/interpolation",
@@ -1376,10 +1377,9 @@ const spec_row spec_rows[] = {
      .low = 1,
      .high = 63,
      AT(preview_attribute),
-     .prose =
-         "The colours show this attribute of the points, by its name in the outputs, instead of color: of a "
-         "vector its length. An attribute of the type color is shown as it is. Of surfaces of patches also patch and feature, of "
-         "labels label_a and label_b."},
+     .prose = "The attribute that the colours show instead of color, by its name in the outputs; "
+              "for a vector, its length. An attribute of type color is shown unchanged. Surfaces "
+              "with patches also have patch and feature, labels have label_a and label_b."},
     {.pointer = "/output/preview/range",
      .type = SPEC_TYPE_NUMBERS,
      .low = -1e300,
