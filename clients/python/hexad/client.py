@@ -209,7 +209,7 @@ class Client(Service):
     def estimate(self, spec: AnySpec) -> dict[str, Any]:
         answer = self.validate(spec)
         if answer["estimate"] is None:
-            raise HexadError(f"there is no estimate: {answer['estimate_missing']}")
+            raise HexadError(f"it was not estimated: {answer['estimate_missing']}")
         estimate: dict[str, Any] = answer["estimate"]
         return estimate
 

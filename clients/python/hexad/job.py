@@ -51,7 +51,7 @@ def save(result: Result, chunks: Iterable[bytes], path: pathlib.Path) -> None:
                 digest.update(chunk)
                 file.write(chunk)
         if digest.hexdigest() != result.sha256:
-            raise Damaged(f"{result.name}: the received bytes do not have the announced SHA-256")
+            raise Damaged(f"{result.name}: the SHA-256 of the received bytes differs from the one in the list of results: fetch the file again")
         os.replace(part, path)
     except BaseException:
         part.unlink(missing_ok=True)

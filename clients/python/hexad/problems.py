@@ -51,7 +51,7 @@ class JsonInvalid(Problem):
 
 
 class RequestInvalid(Problem):
-    """The request cannot be understood (400)."""
+    """The request is not valid (400)."""
 
 
 class Unauthorized(Problem):
@@ -179,7 +179,7 @@ class TooManyJobs(Problem):
 
 
 class ResultsFull(Problem):
-    """There is no room for more results (507)."""
+    """The results have reached their bound (507)."""
 
 
 class TooManySubmissions(Problem):

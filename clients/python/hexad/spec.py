@@ -83,7 +83,8 @@ class SurfaceMeshFeatures(_SurfaceMeshFeaturesRest):
     arcs (CAD models) use an angle of 0.7; scanned meshes get no feature edges. If given for a scanned mesh,
     sharp edges are feature edges only in chains of at least 16 edges and 4 spacings.
 
-    angle: Edges whose triangles' normals differ by more are sharp. 0: none is. (radians) Default: 0.7.
+    angle: Edges are sharp if the normals of their triangles differ by more than this. 0: no edge is sharp.
+        (radians) Default: 0.7.
     """
 
 
@@ -104,38 +105,38 @@ class _SurfaceMeshRest(TypedDict, total=False):
 
 
 class SurfaceMesh(_SurfaceMeshNeeded, _SurfaceMeshRest):
-    """A triangle mesh. One that is open, has sharp edges or is to be resolved is sampled on its triangles;
-    another is made a level set with exact distances.
+    """A triangle mesh. A mesh that is open, has sharp edges or is used with sampling.resolve is sampled on
+    its triangles. Any other mesh is converted to a level set with exact distances.
 
     path: The file, in PLY, OBJ, STL, OFF or another format that assimp reads. It must lie below one of the
         service's input roots. Other files that it names are not read.
     voxel_size: A closed mesh is sampled through a level set of this voxel size, between 1/8191 and 1/8 of the
         longest side of the mesh's bounding box. Excludes resolution. (world)
-    resolution: The number of voxels along the longest side of the mesh's bounding box: a closed mesh is
-        sampled through a level set. Where there is one and both this and voxel_size are absent, hexad
-        chooses: 256, or more where the spacing (of resolve, min_spacing over feature.ratio: the least feature
-        size) is smaller than such a voxel or more than half a percent of the mesh is too thin to show. At
-        256, at least nine tenths of a scanned mesh lie within 0.05 voxel of the sampled surface; creases
-        deviate more. Twice the number needs three to four times the memory and time. (voxels)
-    max_resolution: The most voxels along the longest side that hexad chooses by itself. limits.memory_mb
-        bounds them, too: thin parts may take an eighth of it. (voxels) Default: 4096.
+    resolution: The number of voxels along the longest side of the bounding box of the mesh: a closed mesh is
+        sampled through a level set. If both this and voxel_size are absent and a level set is used, hexad
+        chooses 256, or more if the spacing (with resolve: min_spacing / feature.ratio) is smaller than such a
+        voxel or more than 0.5 % of the area is thinner than a voxel. At 256, at least 90 % of a scanned mesh
+        is within 0.05 voxels of the sampled surface; sharp edges deviate more. Twice the number requires
+        three to four times the memory and time. (voxels)
+    max_resolution: The maximum resolution that hexad chooses. limits.memory_mb limits it as well: the voxels
+        of thin parts use at most an eighth of it. (voxels) Default: 4096.
     band_vox: The half-width of the band of distances around the mesh. Particles use four voxels on either
         side of the surface. Three give the same surface; more than four only cost time. An offset of the mesh
         makes the band as wide as it needs, up to 32. (voxels) Default: 4.
-    weld: Vertices of open edges that are nearer to each other than this share of the longest side of the
-        mesh's box are one, and one as near to another open edge lies on it. 0: only vertices of equal
-        coordinates are one. (longest sides) Default: 1e-06.
-    holes: keep: an open mesh is sampled as it is, with a row of points along its boundaries. fill: it must
-        enclose a volume; an open one is refused. Default: 'keep'.
-    interior: keep: all triangles are sampled, those within the mesh's solids, too. drop: the outside of its
-        solids, by a level set, which takes a closed mesh. auto: drop where a closed mesh hides more than 1 %
-        of its area within itself, else keep. Default: 'auto'.
+    weld: Tolerance for joining open edges, as a fraction of the longest side of the bounding box: vertices of
+        open edges within this distance are welded, or snapped to another open edge. 0: only vertices with
+        equal coordinates are welded. (longest sides) Default: 1e-06.
+    holes: keep: an open mesh is sampled as an open surface, with points along its boundaries. fill: holes are
+        filled; a mesh that then encloses no volume is refused. Default: 'keep'.
+    interior: keep: all triangles are sampled, including those inside the solids of the mesh. drop: only the
+        outside of the solids is sampled, by a level set; this requires a closed mesh. auto: drop if more than
+        1 % of the area of a closed mesh is inside it, otherwise keep. Default: 'auto'.
     features: Samples along sharp edges. If omitted, feature edges are detected automatically: meshes of
         planes and arcs (CAD models) use an angle of 0.7; scanned meshes get no feature edges. If given for a
         scanned mesh, sharp edges are feature edges only in chains of at least 16 edges and 4 spacings.
-    on_mesh: true: points are on the triangles. false: a closed mesh is sampled through a level set, and its
-        points are not projected onto the triangles. Ignored with an offset, with feature edges and for open
-        meshes. Default: True.
+    on_mesh: true: finally each point is projected onto the nearest triangle that faces the same way. false: a
+        closed mesh is sampled through a level set without this projection. Ignored with an offset, with
+        feature edges and for open meshes. Default: True.
     """
 
 
@@ -449,27 +450,27 @@ class SurfaceLabels(_SurfaceLabelsNeeded, _SurfaceLabelsRest):
     path: The file: NRRD, NIfTI, MetaImage, or OpenVDB; with slices the images, as in /surface/exr/path. It
         and the files that it names must lie below one of the service's input roots.
     index: See /surface/volume/index.
-    slices: The labels are a stack of OpenEXR images, these slices of it: see /surface/exr, as for the next
-        four.
+    slices: The labels are a stack of OpenEXR images, and these are its slices: see /surface/exr. The same
+        holds for part, channel, voxel_size and origin.
     part: The name of the part. Requires slices.
     channel: The name of the channel. Requires slices.
     voxel_size: The distance between columns, rows and slices. Requires slices. (world) Default: [1, 1, 1].
     origin: The position of pixel (0, 0) of the first slice. Requires slices. (world) Default: [0, 0, 0].
     grid: The name of the grid in an OpenVDB file. Optional if there is only one of whole numbers.
-    labels: The labels that count; the others belong to the background. Default: all.
-    smooth: Stairs shorter than this are smoothed; nothing moves by more than half a voxel along an axis. 0:
-        not at all. (voxels) Default: 8.
-    majority: First each voxel gets the label of most voxels around it, by a Gaussian of this standard
-        deviation, in the smallest side of a voxel: for slices segmented by hand that do not fit to each
-        other, and strays. One and a half times the spacing of the points leaves what they can show; wide ones
-        take minutes. Labels weigh so much that each keeps its volume; what is thinner than the rest of its
-        label shrinks or is lost, and so are specks with a radius below this. 0: every voxel keeps its label.
-        (voxels) Default: 0.
-    background: The label of what is no material: it stands second, so that normals point into it. Default:
-        none; where one is needed 0 unless that is one of `labels`, else the number below the least label.
+    labels: The labels to sample; all others are background. Default: all.
+    smooth: The cut-off wavelength of the smoothing: shorter steps are smoothed, and no vertex moves by more
+        than half a voxel along an axis. 0: no smoothing. (voxels) Default: 8.
+    majority: Majority filter before the surface is extracted: each voxel gets the label with the most voxels
+        around it, weighted by a Gaussian with this standard deviation, in units of the smallest side of a
+        voxel. It removes steps between slices that were segmented by hand, and stray voxels. 1.5 times the
+        spacing of the points removes detail that they cannot resolve; wide filters take minutes. Weights
+        preserve the volume of each label; parts that are thinner than the rest of their label, and specks
+        with a radius below this, shrink or vanish. 0: no filter. (voxels) Default: 0.
+    background: The background label. It is listed second in each interface, so normals point into it.
+        Default: none; if one is required, 0, or the number below the lowest label if 0 is one of `labels`.
     closed: true: beyond the end of the data is background, and the end an interface with it. false: the
         interfaces end there. Default: False.
-    groups: Labels that count as one, the first of their list: [[3, 4], [7, 8, 9]].
+    groups: Labels to unite, each list under its first label: [[3, 4], [7, 8, 9]].
     interfaces: The pairs of labels whose interfaces are sampled: [[1, 2], [2, 3]]. Default: all.
     """
 
@@ -515,10 +516,10 @@ class _SurfaceOffsetNeeded(TypedDict):
 
 
 class SurfaceOffset(_SurfaceOffsetNeeded):
-    """A surface at a constant distance from another one. The other surface must have distances: formulas have
-    them but for ellipsoid, quartic and gyroid, level sets and meshes have them, and so have their
-    combinations and their transforms that keep angles. Other surfaces, such as fog volumes, are refused.
-    Edges of a combination stay sharp. The band of a level set must be wide enough for the offset.
+    """A surface at a constant distance from another one. The other surface must have distances: level sets,
+    meshes, and formulas except ellipsoid, quartic and gyroid; also combinations of these, and transforms that
+    preserve angles. Other surfaces, such as fog volumes, are refused. Edges of a combination stay sharp. The
+    band of a level set must be wide enough for the offset.
 
     surface: The surface to offset.
     distance: The distance. Positive is outwards, negative is inwards. (world)
@@ -531,9 +532,9 @@ class _SurfaceTransformNeeded(TypedDict):
 
 
 class SurfaceTransform(_SurfaceTransformNeeded):
-    """A surface transformed by a matrix: moved, rotated, mirrored, scaled or sheared. Boundaries lie along
-    the world's axes, so the matrix of an open surface may only exchange, flip and scale axes, and translate;
-    with features, and of an open mesh, it may be any.
+    """A surface transformed by a matrix: moved, rotated, mirrored, scaled or sheared. The boundaries of an
+    open surface are parallel to the world axes, so its matrix may only exchange, flip and scale axes, and
+    translate. With features, and for an open mesh, any matrix is allowed.
 
     surface: The surface to transform.
     matrix: An invertible matrix as 16 numbers, row by row, for column vectors. The last row is 0, 0, 0, 1.
@@ -559,8 +560,8 @@ class Surface(_SurfaceRest):
     """The surface to sample. Give exactly one of its members.
 
     vdb: A scalar grid of an OpenVDB file. The surface is where the grid has the isovalue.
-    mesh: A triangle mesh. One that is open, has sharp edges or is to be resolved is sampled on its triangles;
-        another is made a level set with exact distances.
+    mesh: A triangle mesh. A mesh that is open, has sharp edges or is used with sampling.resolve is sampled on
+        its triangles. Any other mesh is converted to a level set with exact distances.
     analytic: A surface given by a formula.
     bspline: The zero set of a uniform cubic B-spline, given by its coefficients. Negative values are inside.
         Along an axis with n coefficients the domain has n - 3 knot intervals of equal length w. Coefficient
@@ -579,17 +580,17 @@ class Surface(_SurfaceRest):
         The volume covers the data windows of all slices; a pixel outside the data window of its slice is 0.
         In tiled files with levels, the full-resolution level is read. Deep images are refused.
     union: The union of the solids. Each member is a surface and may itself be a combination. The result has a
-        sharp edge where two surfaces meet. A member that is empty, such as solids that do not meet, is left
-        out, with a warning.
+        sharp edge where two surfaces meet. An empty member, such as the intersection of solids that do not
+        overlap, is skipped with a warning.
     intersection: The intersection of the solids.
-    difference: The first solid without the others. One of these that is empty is left out, with a warning.
-    offset: A surface at a constant distance from another one. The other surface must have distances: formulas
-        have them but for ellipsoid, quartic and gyroid, level sets and meshes have them, and so have their
-        combinations and their transforms that keep angles. Other surfaces, such as fog volumes, are refused.
-        Edges of a combination stay sharp. The band of a level set must be wide enough for the offset.
-    transform: A surface transformed by a matrix: moved, rotated, mirrored, scaled or sheared. Boundaries lie
-        along the world's axes, so the matrix of an open surface may only exchange, flip and scale axes, and
-        translate; with features, and of an open mesh, it may be any.
+    difference: The first solid without the others. An empty solid among the others is skipped with a warning.
+    offset: A surface at a constant distance from another one. The other surface must have distances: level
+        sets, meshes, and formulas except ellipsoid, quartic and gyroid; also combinations of these, and
+        transforms that preserve angles. Other surfaces, such as fog volumes, are refused. Edges of a
+        combination stay sharp. The band of a level set must be wide enough for the offset.
+    transform: A surface transformed by a matrix: moved, rotated, mirrored, scaled or sheared. The boundaries
+        of an open surface are parallel to the world axes, so its matrix may only exchange, flip and scale
+        axes, and translate. With features, and for an open mesh, any matrix is allowed.
     """
 
 
@@ -604,8 +605,8 @@ class Region(_RegionRest):
     the surface, the surface is open and points lie along the cut. The scale of curvature still comes from the
     bounding box of the whole surface.
 
-    inside: The surface whose inside is the region. Rows of points lie on the cut exactly, and as with
-        features on the sharp edges of what is sampled.
+    inside: The surface whose inside is the region. Points are placed exactly on the cut and, as with
+        features, on the sharp edges of the sampled surface.
     min: The lowest corner. (world)
     max: The highest corner. It must be above the lowest corner on every axis. (world)
     """
@@ -622,9 +623,10 @@ class _SamplingControlRest(TypedDict, total=False):
 
 
 class SamplingControl(_SamplingControlNeeded, _SamplingControlRest):
-    """Finds the smallest count that is at least min_count and whose support at the ideal energy is at most
-    max_sigma (section 6.1 of the paper). Method paper starts with min_count points and inserts and deletes
-    some between rounds. Method sized computes the count from sigma = sqrt(3) spacing.
+    """For reproducing the paper; otherwise use count. Finds the smallest count that is at least min_count and
+    whose support at the ideal energy is at most max_sigma (section 6.1 of the paper). Method paper starts
+    with min_count points and inserts and deletes some between rounds. Method sized computes the count from
+    sigma = sqrt(3) spacing.
 
     min_count: The least number of points. (points)
     max_sigma: The largest support of the potential. Points are inserted until the support is small enough.
@@ -642,12 +644,12 @@ class _SamplingFeatureRest(TypedDict, total=False):
 
 
 class SamplingFeature(_SamplingFeatureRest):
-    """Finer spacing where the surface is thin or sheets are close: at most ratio times the feature size,
-    which is half the thickness, half the gap, or the radius of a thin tube. Convex edges are not thin. The
-    job fails if the count is too small, and names the count that it needs.
+    """Finer spacing where the surface is thin or opposite walls are close: at most ratio times the feature
+    size, which is half the thickness, half the gap, or the radius of a thin tube. Convex edges are not thin.
+    The job fails if the count is too small, and names the count that it needs.
 
-    ratio: The largest spacing, over the feature size. With 0.75, sheets are 2.7 spacings apart; above 1, they
-        may remain unresolved. Default: 0.75.
+    ratio: The largest spacing, over the feature size. With 0.75, opposite walls are 2.7 spacings apart; above
+        1, they may remain unresolved. Default: 0.75.
     """
 
 
@@ -657,8 +659,8 @@ class _SamplingAlphaScaleRest(TypedDict, total=False):
 
 
 class SamplingAlphaScale(_SamplingAlphaScaleRest):
-    """The distance over which the surface's curvature is taken: the bend of the shape instead of the facets
-    of a mesh or the noise of a scan. Give one of its members. Default: two spacings.
+    """The distance over which the curvature of the surface is averaged. It measures the shape instead of the
+    facets of a mesh or the noise of a scan. Give one of its members. Default: two spacings.
 
     spacings: The distance in spacings of the even packing. 0: the curvature of the field at the point itself.
         (spacings)
@@ -677,14 +679,14 @@ class _SamplingAlphaRest(TypedDict, total=False):
 class SamplingAlpha(_SamplingAlphaRest):
     """Spacing by curvature with equations (13) and (14): alpha = gamma + 1 / (kappa^d + nu). kappa is
     multiplied by a length L, so that it does not depend on scale: the longest side of the box around the
-    surface of a volume or mesh, of the domain of a formula or B-spline. The report tells it.
+    surface of a volume or mesh, of the domain of a formula or B-spline. The report states L.
 
     d: The exponent. A larger one follows the curvature more strongly, one below 1 more weakly. Default: 2.
     gamma: The lower bound of alpha, which alpha approaches where the curvature is strong. Default: 0.1.
     nu: Where the surface is flat, alpha is gamma + 1/nu. Default: 0.75.
     kappa_max: Larger values of the scale-free curvature are replaced by this one. Default: 20.
-    scale: The distance over which the surface's curvature is taken: the bend of the shape instead of the
-        facets of a mesh or the noise of a scan. Give one of its members. Default: two spacings.
+    scale: The distance over which the curvature of the surface is averaged. It measures the shape instead of
+        the facets of a mesh or the noise of a scan. Give one of its members. Default: two spacings.
     """
 
 
@@ -694,11 +696,10 @@ class _SamplingCurvatureScaleRest(TypedDict, total=False):
 
 
 class SamplingCurvatureScale(_SamplingCurvatureScaleRest):
-    """The distance over which the surface's curvature is taken: the bend of the shape instead of the facets
-    of a mesh or the noise of a scan. Give one of its members. Default: 4 spacings of the place.
+    """The distance over which the curvature of the surface is averaged. It measures the shape instead of the
+    facets of a mesh or the noise of a scan. Give one of its members. Default: 4 local spacings.
 
-    spacings: The distance in spacings, as they are at the place. 0: the curvature of the field at the point
-        itself. (spacings)
+    spacings: The distance in local spacings. 0: the curvature of the field at the point itself. (spacings)
     world: The distance in world units. (world)
     """
 
@@ -716,13 +717,13 @@ class SamplingCurvature(_SamplingCurvatureRest):
 
     chord_error: Spacing sqrt(8 chord_error / max(|kappa1|, |kappa2|)): the chord between two neighbours
         deviates from the surface by chord_error. The report states the error that the count achieves. (world)
-    ratio: The ratio of the largest to the smallest spacing, at most: a surface whose curvature varies less,
-        over the scale, gets less. The spacing is proportional to kappa^-exponent. Only 1 % of the area is
-        more curved than the places of the smallest spacing; where gradation, and no bound on the spacing,
-        would leave less than 0.8 of the ratio, as little as 1/8 % may be.
+    ratio: The maximum ratio of the largest to the smallest spacing. The spacing is proportional to
+        kappa^-exponent. A surface with almost uniform curvature reaches a smaller ratio. The smallest spacing
+        is used on the most curved 1 % of the area, or on as little as 1/8 % if gradation would otherwise
+        reduce the ratio below 0.8 of this value.
     exponent: How strongly the spacing follows the curvature. Belongs to ratio. Default: 1.
-    scale: The distance over which the surface's curvature is taken: the bend of the shape instead of the
-        facets of a mesh or the noise of a scan. Give one of its members. Default: 4 spacings of the place.
+    scale: The distance over which the curvature of the surface is averaged. It measures the shape instead of
+        the facets of a mesh or the noise of a scan. Give one of its members. Default: 4 local spacings.
     """
 
 
@@ -743,8 +744,7 @@ class SamplingGrid(_SamplingGridNeeded, _SamplingGridRest):
         may have a map in a file of its own, in world space.
     name: The name of the grid. If several grids have the same name, write "name[1]" for the second.
     kind: spacing: values are distances between neighbours. density: values are points per unit of area; where
-        the density is 0, there are only the points that max_spacing and gradation require. Default:
-        'spacing'.
+        the density is 0, only max_spacing and gradation determine the points. Default: 'spacing'.
     """
 
 
@@ -767,40 +767,42 @@ class _SamplingRest(TypedDict, total=False):
 
 class Sampling(_SamplingRest):
     """The number of points. Give exactly one target (count, spacing, density, control, time_s or resolve) and
-    at most one rule for the spacing (alpha, curvature or grid). Beside curvature or grid, or on their own,
-    feature makes thin parts finer, and curve_spacing what is near curves.
+    at most one rule for the spacing (alpha, curvature or grid). feature refines thin parts, and curve_spacing
+    the surface near curves; both may be combined with curvature or grid.
 
     count: The exact number of points. (points)
     spacing: The mean distance between neighbours. The count is 2 A / (sqrt(3) spacing^2), where A is the
         area. (world)
     density: The number of points per unit of area. (1/world^2)
-    control: Finds the smallest count that is at least min_count and whose support at the ideal energy is at
-        most max_sigma (section 6.1 of the paper). Method paper starts with min_count points and inserts and
-        deletes some between rounds. Method sized computes the count from sigma = sqrt(3) spacing.
-    time_s: As many points as the whole job can relax, measure and write in this time on the machine that runs
-        it. Trial runs with increasing counts determine the number. The result is not reproducible and is
-        never cached. The job fails with limit_time if fewer than 200 points fit. (s)
-    resolve: As many points as it takes to resolve the surface: the spacing is what feature and grid ask for,
-        at most max_spacing. Give true. The report and the estimate state the count. A closed mesh is sampled
-        on its triangles then, those within its solids with them, as with sharp edges
-        (/surface/mesh/features), and mesh.ply has their topology.
-    feature: Finer spacing where the surface is thin or sheets are close: at most ratio times the feature
-        size, which is half the thickness, half the gap, or the radius of a thin tube. Convex edges are not
-        thin. The job fails if the count is too small, and names the count that it needs.
+    control: For reproducing the paper; otherwise use count. Finds the smallest count that is at least
+        min_count and whose support at the ideal energy is at most max_sigma (section 6.1 of the paper).
+        Method paper starts with min_count points and inserts and deletes some between rounds. Method sized
+        computes the count from sigma = sqrt(3) spacing.
+    time_s: The number of points that the whole job can relax, measure and write in this time on the machine
+        that runs it. Trial runs with increasing counts determine the number. The result is not reproducible
+        and is never cached. The job fails with limit_time if fewer than 200 points fit. (s)
+    resolve: true: hexad chooses the count that resolves the surface, from the spacing that feature and grid
+        require, at most max_spacing. The report and the estimate state the count. A closed mesh is then
+        sampled on its triangles, including those inside its solids, as with sharp edges
+        (/surface/mesh/features), and mesh.ply has the topology of the mesh.
+    feature: Finer spacing where the surface is thin or opposite walls are close: at most ratio times the
+        feature size, which is half the thickness, half the gap, or the radius of a thin tube. Convex edges
+        are not thin. The job fails if the count is too small, and names the count that it needs.
     alpha: Spacing by curvature with equations (13) and (14): alpha = gamma + 1 / (kappa^d + nu). kappa is
         multiplied by a length L, so that it does not depend on scale: the longest side of the box around the
-        surface of a volume or mesh, of the domain of a formula or B-spline. The report tells it.
+        surface of a volume or mesh, of the domain of a formula or B-spline. The report states L.
     curvature: Spacing by curvature: finer where the surface bends. The requested spacing is scaled so that it
         needs as many points as the target.
     grid: Spacing from a scalar grid of an OpenVDB file, such as a painted map. The requested spacing is
         scaled so that it needs as many points as the target.
-    curve_spacing: The spacing of points on curves (sharp edges, boundaries of meshes, what features adds), as
-        a share of the spacing around. It grows from there by gradation; the count stays what it is. Beside
-        curvature, grid or feature, or on its own; a surface without curves stays as it is.
-    min_spacing: The smallest spacing. Belongs to curvature, grid, feature and curve_spacing. Features ask for
-        no spacing below it, or by default below a quarter of a voxel (of a formula: of a cell; of a mesh that
-        resolve samples on its triangles: 1/256 of its longest side, or a quarter of the side of its
-        triangles, more where its area is large). (world)
+    curve_spacing: The spacing of points on curves (sharp edges, boundaries of meshes, curves of features), as
+        a fraction of the spacing around them. Away from the curves it grows by gradation; the count does not
+        change. It may be combined with curvature, grid or feature. It has no effect on a surface without
+        curves.
+    min_spacing: The smallest spacing. Belongs to curvature, grid, feature and curve_spacing. feature uses no
+        spacing below it. Default for feature: a quarter of a voxel; of a cell for a formula; for a mesh with
+        resolve, 1/256 of its longest side or a quarter of the side of its triangles, more if its area is
+        large. (world)
     max_spacing: The largest spacing. Belongs to curvature, grid, feature and curve_spacing. (world)
     gradation: The largest increase of the spacing per unit of distance along the surface. Belongs to
         curvature, grid, feature and curve_spacing. Default: 0.2.
@@ -881,9 +883,9 @@ class Solver(_SolverRest):
     witkin_heckbert: Parameters of the method "witkin-heckbert", with the symbols and defaults of its paper
         (1994). The target radius, sigma_hat, follows from the sampling target.
     init: surface: the first points are distributed over the surface by area. random: they are uniform in the
-        domain or, for volumes, in the voxels that the surface crosses. sized: they are an even packing by the
-        method sized, which other methods then relax their way; it counts as part of the start: its sweeps are
-        not in the report. Default: 'surface'.
+        domain or, for volumes, in the voxels that the surface crosses. sized: an even packing computed by the
+        method sized, then refined by the chosen method. Its sweeps are part of the start and are not in the
+        report. Default: 'surface'.
     seed: The seed of the random numbers. The same spec, seed and build give the same bytes. Default: 0.
     threads: The number of threads; 0: those that the service gives to each worker. The result does not depend
         on it. Default: 0.
@@ -892,8 +894,8 @@ class Solver(_SolverRest):
     max_sweeps: The solver stops after this many sweeps, whether it has converged or not. (sweeps) Default:
         5000.
     step_tolerance: Convergence requires an rms step below this. For witkin-heckbert it is the rms
-        displacement per unit of time. Below 0.003 only a few defects still move: 0.001 doubles the sweeps,
-        and changes the measures of quality less than another seed would. (spacings) Default: 0.003.
+        displacement per unit of time. Below 0.003 only a few defects still move: 0.001 doubles the sweeps and
+        changes the quality less than another seed. (spacings) Default: 0.003.
     energy_tolerance: Of the methods that choose the support of the energy (every method except sized): the
         mean energy of the points differs from the ideal one at most by this fraction. A larger difference is
         the criterion target_energy of the outcome not_converged. Method sized does not use it. Default: 0.05.
@@ -917,7 +919,7 @@ class _OutcomeRequireRest(TypedDict, total=False):
 
 
 class OutcomeRequire(_OutcomeRequireRest):
-    """Bounds on measures of the report. A result that misses one has the outcome unresolved, with that
+    """Bounds on measures of the report. A result that violates one has the outcome unresolved, with that
     measure as the criterion.
 
     hex_fraction: The smallest value of quality.hex_fraction that is accepted.
@@ -941,10 +943,10 @@ class _OutcomeRest(TypedDict, total=False):
 
 
 class Outcome(_OutcomeRest):
-    """What the result must be like beyond the criteria of every job (doc/report.md).
+    """Requirements on the result in addition to the criteria of every job (doc/report.md).
 
-    require: Bounds on measures of the report. A result that misses one has the outcome unresolved, with that
-        measure as the criterion.
+    require: Bounds on measures of the report. A result that violates one has the outcome unresolved, with
+        that measure as the criterion.
     """
 
 
@@ -965,12 +967,13 @@ class AttributesItem(_AttributesItemRest):
         file in the same space; it moves with the transforms of the surface. Default: 'surface'.
     name: The grid of an OpenVDB file (any of numbers or vectors), the channel of a stack of images, the
         component of an NRRD file with several values at a place (0, 1, ...; all of them if this is absent),
-        or what the vertices of a mesh have. Of geometry: part (the number of the part of a combined surface,
-        from 0), direction1 or direction2 (of the principal curvatures).
+        or the name of a value of the vertices of a mesh. Of geometry: part (the number of the part of a
+        combined surface, from 0), direction1 or direction2 (of the principal curvatures).
     as: The name in the outputs: letters, digits and _. Default: the name, with _ for other characters.
-    type: What the values are. Transforms of the surface turn and stretch vectors, turn normals, and leave all
-        others. A color is also written as formats write colours, a uv as texture coordinates. auto: int for
-        whole numbers, vector for three components, float for others, and what a mesh says. Default: 'auto'.
+    type: The type of the values. Transforms of the surface rotate and scale vectors, rotate normals, and
+        leave other types unchanged. A color is also written as the colour of the points in each format, a uv
+        as texture coordinates. auto: int for whole numbers, vector for three components, float for others;
+        for a mesh, the type of its value. Default: 'auto'.
     interpolation: Between the samples of a grid. cubic: Catmull and Rom's splines, which go through the
         samples. Whole numbers are always those of the nearest sample. Default: 'linear'.
     """
@@ -987,10 +990,11 @@ class OutputPly(_OutputPlyRest):
 
     format: The encoding of points.ply. Default: 'binary_little_endian'.
     precision: The type of all properties of points.ply except id. Default: 'float'.
-    properties: Which properties points.ply has, in this order; x, y and z come first. The name of an
-        application stands for what it reads: blender, houdini, meshlab, or minimal (positions and normals).
-        Default: all that doc/report.md lists, and the attributes; doc/formats.md has further names. red,
-        green and blue are those of an attribute of colours, else the colours of the preview.
+    properties: Which properties points.ply has, in this order; x, y and z come first. Instead of a list, the
+        name of an application selects the properties that it reads: blender, houdini, meshlab, or minimal
+        (positions and normals). Default: all that doc/report.md lists, and the attributes; doc/formats.md has
+        further names. red, green and blue are those of an attribute of colours, else the colours of the
+        preview.
     """
 
 
@@ -1010,8 +1014,8 @@ class OutputPreviewCamera(_OutputPreviewCameraNeeded, _OutputPreviewCameraRest):
 
     position: The position of the eye. Points behind it are not visible, also in orthographic images. (world)
     target: The point in the middle of the image. (world)
-    up: The direction that points up in the image; default: that of the axis that up says. It must not be
-        parallel to the line of sight. A turntable rotates about it.
+    up: The direction that points up in the image; default: the axis of up. It must not be parallel to the
+        line of sight. A turntable rotates about it.
     fov: The angle of view along the longer side of the image. 0.452 if neither fov nor orthographic is given.
         (radians)
     orthographic: Selects parallel projection: the length that the longer side of the image shows. (world)
@@ -1038,9 +1042,9 @@ class OutputPreview(_OutputPreviewRest):
     color: The quantity that the colours show: the amplitude alpha, the curvature kappa, the energy of a
         particle, the achieved spacing, or the number of neighbours. Default: alpha if sampling.alpha is
         given, otherwise curvature.
-    attribute: The colours show this attribute of the points, by its name in the outputs, instead of color: of
-        a vector its length. An attribute of the type color is shown as it is. Of surfaces of patches also
-        patch and feature, of labels label_a and label_b.
+    attribute: The attribute that the colours show instead of color, by its name in the outputs; for a vector,
+        its length. An attribute of type color is shown unchanged. Surfaces with patches also have patch and
+        feature, labels have label_a and label_b.
     range: The values at both ends of the colours, the lower one first. Default: the 2nd and the 98th
         percentile.
     map: The colours. diverging: from blue through nearly white, the middle of the range, to red. Default:
@@ -1052,8 +1056,8 @@ class OutputPreview(_OutputPreviewRest):
         once, gives 0.7 to 1 MB; zips, line by line, a ninth more; rle 2 MB; none 4.2 MB (12.6 with all
         channels). Default: 'zip'.
     up: The axis that points up unless a camera says so. auto: y of OpenVDB files and of meshes but STL, 3MF
-        and AMF files, z of all others; of an OBJ, OFF, PLY or STL file the other one if the mesh stands on a
-        flat base along that alone. Default: 'auto'.
+        and AMF files, z of all others; for an OBJ, OFF, PLY or STL file, the other one if the mesh has a flat
+        base along that axis only. Default: 'auto'.
     camera: The camera. Without it, the surface is seen from the right, the front and above, and fills the
         image.
     turntable: The number of images of one full rotation around the surface: preview.0001.png and so on; 0:
@@ -1100,9 +1104,10 @@ class Output(_OutputRest):
         False.
     mesh_usda: Whether to write the mesh as mesh.usda, too: a UsdGeomMesh as text. Requires mesh. Default:
         False.
-    label_meshes: Whether to write mesh_label_N.ply for each label N but the background, too: what of the mesh
-        bounds it, facing outwards. Such a mesh is closed unless its label reaches the end of the data, which
-        is an interface with surface.labels.closed. Requires mesh and surface.labels. Default: False.
+    label_meshes: Whether to write mesh_label_N.ply for each label N except the background: the part of the
+        mesh that bounds the label, with outward normals. Such a mesh is closed unless its label reaches the
+        end of the data, which is an interface with surface.labels.closed. Requires mesh and surface.labels.
+        Default: False.
     directory: The service copies the results into this directory: an absolute path below one of its output
         roots. It is created if missing. Files of the same name are replaced. In a sequence, #### or %04d
         stands for the frame number.
@@ -1119,16 +1124,16 @@ class _LimitsRest(TypedDict, total=False):
 class Limits(_LimitsRest):
     """The resources that the job may use. 0: the default of the service or of the worker.
 
-    memory_mb: The memory of the worker; 0: the service's setting. A job that would need more for its points,
-        grids or pictures ends with limit_memory before it takes it. Where systemd has delegated a control
-        group to the service, the kernel ends a worker that takes more all the same, also with limit_memory.
-        Elsewhere it may come to take more for a while: its address space is bounded to this, 512 MiB, and 80
-        MiB for each processor. (MiB) Default: 0.
+    memory_mb: The memory of the worker; 0: the service's setting. A job that requires more for its points,
+        grids or pictures ends with limit_memory before it allocates it. If systemd has delegated a control
+        group to the service, the kernel kills a worker that uses more, also with limit_memory. Without a
+        control group, use can briefly exceed the limit: the address space is limited to this value plus 512
+        MiB plus 80 MiB for each processor. (MiB) Default: 0.
     timeout_s: The time that the job, or each frame of it, may run, summed over all attempts. Attempts that
         the service itself stopped, as for a restart, do not count. (s) Default: 0.
     stall_s: An attempt without progress for this long is stopped, and tried again up to max_attempts. (s)
         Default: 0.
-    max_attempts: How often the job is tried if its worker dies. (attempts) Default: 0.
+    max_attempts: The maximum number of attempts if the worker crashes. (attempts) Default: 0.
     """
 
 
@@ -1161,10 +1166,10 @@ class Queue(_QueueRest):
     """The job's place in the queue.
 
     priority: Jobs of higher priority run first. Default: 0.
-    labels: Words by which the job can be found, each 1 to 100 characters long. Default: [].
+    labels: Words to search for the job by, each 1 to 100 characters long. Default: [].
     depends_on: Identifiers of jobs that must succeed before this one starts. If one of them does not succeed,
         this job fails. Default: [].
-    after: Identifiers of jobs that must end before this one starts, whether they succeed or not. Default: [].
+    after: Identifiers of jobs that must end before this one starts, successful or not. Default: [].
     frames: The frame numbers; the job has one task per frame: "1-100", "1-100x2", "1-10,20". The first ####
         or %04d in each input path stands for the frame number.
     by_frame: Members of the spec that change from frame to frame, by JSON Pointer. Each has a list of one
@@ -1176,9 +1181,9 @@ class Queue(_QueueRest):
     retention_s: How long the job and its results are kept after its end; 0: the service's setting. (s)
         Default: 0.
     webhook: An http or https address that the service calls when the job has ended. The service must allow
-        its host. The service repeats the call until the answer is 2xx or its retries are spent. A receiver
-        may be told of the same end more than once, with the same webhook-id, and is told again when a job
-        that was retried ends.
+        its host. The service repeats the call until the answer is 2xx or the number of retries is reached. A
+        receiver may be called more than once for the same end, with the same webhook-id, and is called again
+        when a retried job ends.
     slurm: Options of sbatch for the job's attempts, as "--partition=gpu", where the service runs them in
         Slurm. The service must allow each (its setting slurm_allow). Default: [].
     """
@@ -1203,25 +1208,25 @@ class _SpecRest(TypedDict, total=False):
 
 
 class Spec(_SpecNeeded, _SpecRest):
-    """What a job is to do; hexad-worker spec-help has the same at greater length.
+    """The spec of a job. hexad-worker spec-help describes each member.
 
     version: The version of the spec's format.
-    name: A name for people. hexad does not interpret it.
+    name: A descriptive name. hexad does not interpret it.
     surface: The surface to sample. Give exactly one of its members.
     region: Only the part of the surface inside this box, or inside another surface, is sampled. Where the box
         cuts the surface, the surface is open and points lie along the cut. The scale of curvature still comes
         from the bounding box of the whole surface.
-    features: Whether the sharp edges of formulas, where parts of a combination meet, and the ends of a region
-        have rows of points of their own, at the spacing asked for and exactly on the edge. The surface is
-        then a set of smooth patches, and mesh.ply has edges along theirs. Meshes have a member of that name
-        of their own. Default: False.
+    features: Whether points are placed exactly on the sharp edges of formulas, on the curves where parts of a
+        combination meet, and on the cuts of a region, at the requested spacing. The surface is then divided
+        into smooth patches, and mesh.ply has edges along their boundaries. For meshes, use
+        /surface/mesh/features. Default: False.
     sampling: The number of points. Give exactly one target (count, spacing, density, control, time_s or
-        resolve) and at most one rule for the spacing (alpha, curvature or grid). Beside curvature or grid, or
-        on their own, feature makes thin parts finer, and curve_spacing what is near curves.
+        resolve) and at most one rule for the spacing (alpha, curvature or grid). feature refines thin parts,
+        and curve_spacing the surface near curves; both may be combined with curvature or grid.
     solver: How the points are computed.
-    outcome: What the result must be like beyond the criteria of every job (doc/report.md).
-    attributes: What the points carry beside their own properties, in every output: temperature, velocity,
-        colours. doc/formats.md says under which names each format has them.
+    outcome: Requirements on the result in addition to the criteria of every job (doc/report.md).
+    attributes: Values from files that are interpolated at the points and written to every output, such as
+        temperature, velocity or colours. doc/formats.md lists their names in each format.
     output: The files to write.
     limits: The resources that the job may use. 0: the default of the service or of the worker.
     queue: The job's place in the queue.

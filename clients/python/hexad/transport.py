@@ -118,7 +118,7 @@ class Transport:
             found = False
         finally:
             plain.close()
-        return (f"the service answers without TLS at this port: name it http://{self.url.netloc}, or use the address of its TLS proxy"
+        return (f"this port does not use TLS: write http://{self.url.netloc}, or use the address of the TLS proxy"
                 if found else str(doubt))
 
     def patiently(self, once: Callable[[], T], what: str, repeat: bool = True) -> T:
