@@ -105,7 +105,8 @@ static bool send_request(exr_stack *s, char what, int fd, error *e)
     c->cmsg_len = CMSG_LEN(sizeof fd);
     memcpy(CMSG_DATA(c), &fd, sizeof fd);
     return sendmsg(fileno(s->reader.stream), &message, MSG_NOSIGNAL) == 1 ||
-           error_set(e, ERROR_INPUT_DAMAGED, "the file could not be read to its end");
+           error_set(e, ERROR_INPUT_DAMAGED,
+                     "the file ended while it was read: check the disk and copy it again");
 }
 
 /* The answer's text goes to `list` (EXR_READER_LIST_MAX and one more), or is an error. */
@@ -114,7 +115,8 @@ static bool read_answer(exr_stack *s, exr_reader_answer *a, char *list, error *e
     char fault[EXR_READER_TEXT_MAX + 1] = "", *text = list ? list : fault;
     size_t most = list ? EXR_READER_LIST_MAX : EXR_READER_TEXT_MAX;
     if (fread(a, sizeof *a, 1, s->reader.stream) != 1)
-        return error_set(e, ERROR_INPUT_DAMAGED, "the file could not be read to its end");
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "the file ended while it was read: check the disk and copy it again");
     if (a->magic != EXR_READER_MAGIC || a->code >= ERROR_CODE_COUNT || a->text_length > most ||
         fread(text, 1, a->text_length, s->reader.stream) != a->text_length)
         return error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return an invalid answer");
@@ -148,7 +150,9 @@ static bool ask(exr_stack *s, size_t k, char what, exr_reader_answer *a, uint32_
     close(fd);
     if (!whole) {
         s->running = false;
-        if (ok) error_set(e, ERROR_INPUT_DAMAGED, "the file could not be read to its end");
+        if (ok)
+            error_set(e, ERROR_INPUT_DAMAGED,
+                      "the file ended while it was read: check the disk and copy it again");
         ok = reader_end(&s->reader, false, false, e);
     }
     return ok || error_prefix(e, "%s", s->params.paths[k]);

@@ -21,7 +21,8 @@ static bool check_text(FILE *stream, const header *h, char **text, error *e)
 {
     *text = mem_alloc((size_t)h->text_length + 1);
     if (fread(*text, 1, h->text_length, stream) != h->text_length)
-        return error_set(e, ERROR_INPUT_DAMAGED, "the file could not be read to its end");
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "the file ended while it was read: check the disk and copy it again");
     (*text)[h->text_length] = '\0';
     if (h->code == ERROR_NONE) return true;
     for (char *p = *text; *p; p++)
@@ -72,7 +73,8 @@ static bool check_values(const header *h, error *e)
 static bool check_answer(FILE *stream, header *h, char **text, error *e)
 {
     if (fread(h, sizeof *h, 1, stream) != 1)
-        return error_set(e, ERROR_INPUT_DAMAGED, "the file could not be read to its end");
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "the file ended while it was read: check the disk and copy it again");
     if (h->magic != HEADER_MAGIC || h->code >= ERROR_CODE_COUNT || h->text_length > HEADER_TEXT_MAX)
         return error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return an invalid answer");
     return check_text(stream, h, text, e) && check_values(h, e);
