@@ -109,12 +109,12 @@ class Case:
             chosen.setdefault("isovalue", FAR)
         error, report = self.run(chosen, count)
         said = error["message"] if error else ""
-        grids = re.search(r"name one of (.*) as grid", said)
-        equals = re.search(r'write "([^"]*)\[0\]" to "[^"]*\[(\d+)\]"', said)
-        channels = re.search(r"has the channels (.*): give exr.channel", said)
-        parts = re.search(r'parts of the file have .*?: "([^"]*)".*: give exr.part', said)
-        several = re.search(r"has \d+ volumes of .*: give index", said)
-        values = re.search(r"values range from (\S+) to ([^\s;]+)", said)
+        grids = re.search(r"choose one of (.*) with grid", said)
+        equals = re.search(r'choose one by "([^"]*)\[0\]" to "[^"]*\[(\d+)\]"', said)
+        channels = re.search(r"has the channels (.*): choose one with exr.channel", said)
+        parts = re.search(r'parts of the file have .*? \("([^"]*)".*: choose one with exr.part', said)
+        several = re.search(r"has \d+ volumes of .*: choose one with index", said)
+        values = re.search(r"isovalue between its lowest value, (\S+), and its highest, ([^\s;]+)", said)
         if grids and "grid" not in chosen:
             for name in dict.fromkeys(re.findall(r'"([^"]*)"', grids[1])):
                 yield from self.outcomes(count, {**chosen, "grid": name})
