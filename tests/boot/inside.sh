@@ -157,7 +157,7 @@ waits_for_a_late_root() {
     systemctl start --no-block hexad.service
     until_true restarts_reach 3 && took=$(($(seconds) - begin)) || return 1
     echo "three restarts took $took s"
-    [ "$took" -ge 14 ] && logged "input root /srv/late cannot be opened" && mkdir /srv/late &&
+    [ "$took" -ge 14 ] && logged "cannot open the input root /srv/late" && mkdir /srv/late &&
         mount -t tmpfs -o mode=755 late /srv/late && cp /srv/input/mesh.off /srv/late &&
         until_true says ActiveState active &&
         succeeds '{"mesh": {"path": "/srv/late/mesh.off", "resolution": 24}}'
@@ -201,7 +201,7 @@ keeps_limits_of_memory() {
     printf 'worker = /srv/worker\nworkers = 2\nthreads = 2\nmemory_mb = 512\n' >>"$settings"
     systemctl restart hexad.service && systemctl reset-failed hexad.service
     daemon=$(main_pid)
-    logged "limits of memory are kept by the kernel" &&
+    logged "memory limits: enforced by the kernel" &&
         systemd-analyze security --no-pager --threshold=8 hexad.service >/tmp/exposure && tail -n 1 /tmp/exposure &&
         calm=$(submit_long) && until_true state_is "$calm" running &&
         hungry=$(echo "{\"version\": 1, \"name\": \"hungry\", \"surface\": $sphere, \"sampling\": {\"count\": 301},
@@ -272,7 +272,7 @@ printf 'OFF\n4 4 0\n1 1 1\n1 -1 -1\n-1 1 -1\n-1 -1 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\
 check "the system is up, nothing has failed" test -z "$(systemctl --failed -q --plain)"
 check "a connection starts the service" is_started_by_a_connection
 check "it has no privileges and no network" is_confined
-check "workers are isolated by Landlock" logged "workers have .* Landlock version"
+check "workers are isolated by Landlock" logged "worker sandbox: .* Landlock version"
 check "a job of a formula" succeeds "$sphere"
 check "a job of a volume" succeeds '{"vdb": {"path": "/srv/input/example.vdb"}}'
 check "a job of a mesh" succeeds '{"mesh": {"path": "/srv/input/mesh.off", "resolution": 32}}'

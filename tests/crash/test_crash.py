@@ -176,7 +176,7 @@ def test_a_kill_in_the_middle_of_a_copy(supervision, build, tmp_path):
     film.rename(away)
     daemon.start()
     book.settle(daemon)
-    assert (away / left[0].name).exists() and "which is tried again" in daemon.log.read_text()
+    assert (away / left[0].name).exists() and "and tries again" in daemon.log.read_text()
     daemon.end_by_drain()
     for path in film.iterdir():
         path.rename(away / path.name)

@@ -76,7 +76,7 @@ def test_no_token_no_answer(closed_service):
 
 
 def test_hexadctl_says_that_a_token_is_missing_or_unknown(closed_service, build):
-    for token, told in (("", "HEXAD_TOKEN holds none"), ("nonsense", "the token in HEXAD_TOKEN")):
+    for token, told in (("", "HEXAD_TOKEN is not set"), ("nonsense", "the token in HEXAD_TOKEN")):
         done = subprocess.run([build / "hexadctl", "list"], env={**closed_service.environment(), "HEXAD_TOKEN": token},
                               capture_output=True, text=True, timeout=PATIENCE_S)
         assert done.returncode == 2 and told in done.stderr and "hexadctl token add" in done.stderr
@@ -190,7 +190,7 @@ def test_ports_that_are_refused(build, tmp_path):
     state = tmp_path / "state"
     tried = run_hexad(build, "--listen", "127.0.0.1:0", "--state_dir", state)
     assert tried.returncode == 2 and "every user of this machine" in tried.stderr
-    assert f"there are no tokens in {state}/tokens" in tried.stderr and f"--file {state}/tokens" in tried.stderr
+    assert f"the token file {state}/tokens has no tokens" in tried.stderr and f"--file {state}/tokens" in tried.stderr
     tried = run_hexad(build, "--listen", "127.0.0.1:0", "--tcp_without_tokens", "yes", "--state_dir", state)
     assert tried.returncode == 2 and OPEN_TCP in tried.stderr
     tried = run_hexad(build, "--listen", "0.0.0.0:0", "--tcp_without_tokens", OPEN_TCP, "--state_dir", state)

@@ -222,7 +222,7 @@ def test_deny_without_other_grants_does_not_warn(build, tmp_path):
 def test_two_actions_are_refused(host, words, both):
     before = host.files()
     done = host.hexad(*words)
-    assert done.returncode == 2 and f"{both} are both given; give one action." in done.stderr and host.files() == before
+    assert done.returncode == 2 and f"{both} are both given: give one of them" in done.stderr and host.files() == before
 
 
 def test_settings_that_hexad_refuses_are_not_written(build, tmp_path):
@@ -237,7 +237,7 @@ def test_a_value_that_the_line_hides_is_to_be_removed_by_hand(build, tmp_path):
     host = Host(build, tmp_path, settings)
     done = host.hexad("--deny", "61002")
     assert done.returncode == 2 and "61002 of unix_users is in a continuation line" in done.stderr
-    assert "by hand" in done.stderr and host.file.read_text() == settings
+    assert "with an editor" in done.stderr and host.file.read_text() == settings
 
 
 @pytest.mark.parametrize("verbs", [["daemon-reload"], ["try-reload-or-restart"], ["daemon-reload", "try-reload-or-restart"]])

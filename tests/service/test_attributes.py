@@ -158,7 +158,7 @@ def test_a_map_in_a_file_of_its_own(carry, write_vdb, tmp_path, diagnose, kind):
     assert ratio.std() / ratio.mean() < 0.01 and columns["spacing"].max() > 4.5 * columns["spacing"].min()
     assert report["quality"]["grading"]["cv"] <= 0.02
     assert [i["path"].split("/")[-1] for i in report["inputs"]][-1] == "spacing.vdb"
-    for wrong, code, word in (({"name": "paint"}, "spec_invalid", "needs a path"),
+    for wrong, code, word in (({"name": "paint"}, "spec_invalid", "requires a path"),
                               ({"path": path, "name": "other"}, "grid_missing", "paint"),
                               ({"path": path + "x", "name": "paint"}, "input_missing", "spacing.vdbx")):
         e, _ = carry(surface, [], sampling={"count": 100, "grid": wrong})
@@ -244,7 +244,7 @@ def test_points_outside_have_the_background_and_are_counted(carry, write_vdb):
     outside = index[:, 0] >= SIZE // 2
     assert 200 < outside.sum() < 400 and (columns["temperature"][outside] == 0).all()
     assert report["attributes"][0]["outside"] == outside.sum()
-    assert f"attribute \"temperature\": {outside.sum()} points lie where" in " ".join(report["surface"]["warnings"])
+    assert f"attribute \"temperature\": {outside.sum()} points are outside the data of the file" in " ".join(report["surface"]["warnings"])
 
 
 @pytest.mark.sanitized
@@ -343,8 +343,8 @@ def test_meta_images(carry, tmp_path):
     (tmp_path / "plain.mha").write_bytes(text.encode() + ball().astype("<f4").tobytes(order="F"))
     (tmp_path / "half.mha").write_bytes(text.encode() + packed[:len(packed) // 2])
     (tmp_path / "cut.mha").write_bytes((tmp_path / "ball.mha").read_bytes()[:-1])
-    for name, code, words in (("plain", "input_damaged", "packed wrongly"), ("half", "input_damaged", "cut off"),
-                              ("cut", "input_damaged", "bytes where")):
+    for name, code, words in (("plain", "input_damaged", "not compressed correctly"), ("half", "input_damaged", "truncated"),
+                              ("cut", "input_damaged", "bytes, but")):
         error, none = carry({"volume": {"path": str(tmp_path / f"{name}.mha"), "isovalue": 0}}, [])
         assert none is None and error["code"] == code and words in error["message"], error
 
@@ -362,7 +362,7 @@ def test_a_second_channel_of_a_stack_of_images(carry, tmp_path):
     close(columns["heat"], linear(made, index), 300)
     close(columns["A"], linear(ball(), index), 12)
     error, none = carry({"exr": exr}, [{"name": "cold"}])
-    assert none is None and error["code"] == "attribute_missing" and '"cold": its channels are A, heat' in error["message"]
+    assert none is None and error["code"] == "attribute_missing" and '"cold": choose one of A, heat' in error["message"]
 
 
 @pytest.mark.sanitized
@@ -380,7 +380,7 @@ def test_what_a_dense_file_does_not_have(carry, tmp_path):
     surface = {"volume": {"path": str(tmp_path / "ball.nrrd"), "isovalue": 0}}
     for attribute, words in (({"from": str(tmp_path / "wind.nrrd"), "name": "3"}, 'no "3"'),
                              ({"from": str(tmp_path / "wind.nrrd"), "name": "x"}, 'no "x"'),
-                             ({"name": "1"}, "no volume 1: it has 1")):
+                             ({"name": "1"}, "no volume 1: choose index from 0 to 0")):
         error, none = carry(surface, [{"as": "a", **attribute}])
         assert none is None and error["code"] == "attribute_missing" and words in error["message"], error
     error, none = carry({"volume": {"path": str(tmp_path / "wind.nrrd"), "isovalue": 0}}, [])
@@ -492,7 +492,7 @@ def test_vertices_of_a_mesh(carry, tmp_path, form):
     assert [a["type"] for a in report["attributes"]] == ["color", "uv", "float", "float"]
     error, none = carry({"mesh": {"path": str(tmp_path / "cube.ply")}}, [{"name": "wool"}])
     assert none is None and error["code"] == "attribute_missing"
-    assert '"wool"; its vertices have "color", "uv", ' in error["message"] and '"heat", "number"' in error["message"]
+    assert '"wool": choose one of "color", "uv", ' in error["message"] and '"heat", "number"' in error["message"]
 
 
 @pytest.mark.sanitized
@@ -559,16 +559,16 @@ def test_what_is_missing_is_named_with_what_there_is(carry, write_vdb):
     for surface, attribute, code, words in (
             (fog, {"name": "heat"}, "attribute_missing", ["/attributes/0", path, '"heat"', '"density" (float)', '"velocity" (vec3s)']),
             (fog, {"name": "density", "type": "uv"}, "input_unsupported", ["1 component", "two"]),
-            (fog, {"name": "density", "as": "kappa"}, "spec_invalid", ['"kappa"', "give another as"]),
-            (fog, {"name": "density", "as": "P"}, "spec_invalid", ['"P"', "give another as"]),
-            (fog, {"from": "geometry", "name": "part"}, "attribute_missing", ["no combination"]),
+            (fog, {"name": "density", "as": "kappa"}, "spec_invalid", ['"kappa"', "as `as`"]),
+            (fog, {"name": "density", "as": "P"}, "spec_invalid", ['"P"', "as `as`"]),
+            (fog, {"from": "geometry", "name": "part"}, "attribute_missing", ["not a combination"]),
             ({"analytic": {"shape": "sphere", "radius": 1}}, {"name": "heat"}, "attribute_missing", ["no file", '"heat"']),
             (fog, {"from": "/nowhere.vdb", "name": "heat"}, "input_missing", ["/attributes/0", "/nowhere.vdb"])):
         error, none = carry(surface, [attribute])
         assert none is None and error["code"] == code, error
         assert all(word in error["message"] for word in words), error["message"]
     error, none = carry(fog, [{"name": "velocity"}, {"name": "density", "as": "velocity"}])
-    assert none is None and error["code"] == "spec_invalid" and 'two attributes are called "velocity"' in error["message"]
+    assert none is None and error["code"] == "spec_invalid" and 'two attributes have the name "velocity"' in error["message"]
 
 
 # ---- frames
@@ -637,7 +637,7 @@ def test_previews_show_an_attribute(carry, tmp_path):
     assert numpy.corrcoef(length, light[:, 0])[0, 1] > 0.3
     error, none = carry(surface, attributes, output={"preview": {"attribute": "heat"}})
     assert none is None and error["code"] == "attribute_missing"
-    assert '"heat"; they carry "slope", "Cd", "arrow"' in error["message"]
+    assert '"heat": choose one of "slope", "Cd", "arrow"' in error["message"]
     for wrong in ([1], [2, 1], [1, 1], [0, 1, 2]):
         error, none = carry(surface, [], output={"preview": {"range": wrong}})
         assert none is None and error["errors"][0]["pointer"] == "/output/preview/range"

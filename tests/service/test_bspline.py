@@ -121,7 +121,7 @@ def test_bad_files_are_told(worker, tmp_path, made):
     (tmp_path / "empty.raw").write_bytes(b"")
     (tmp_path / "flat.raw").write_bytes(numpy.ones(4096, "<f4").tobytes())
     cases = [("nan.raw", 3, "input_damaged", "(1, 3, 5)"),
-             ("short.raw", 3, "input_damaged", "16384 bytes as 32-bit floats and 32768 as 64-bit"),
+             ("short.raw", 3, "input_damaged", "16384 bytes as 32-bit floats or 32768 as 64-bit"),
              ("empty.raw", 3, "input_damaged", "has 0 bytes"),
              ("missing.raw", 3, "input_missing", "missing.raw"),
              ("flat.raw", 4, "no_surface", "range from 1 to 1")]

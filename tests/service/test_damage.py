@@ -290,7 +290,7 @@ def test_no_backup_is_taken_of_another_service(new_service, tmp_path, monkeypatc
     monkeypatch.setenv("HEXAD_SERVER", f"unix:{other.state}/hexad.sock")
     backup = tmp_path / "backup.db"
     done = tool(own, "--backup", backup)
-    assert done.returncode == 1 and "another queue" in done.stderr and "unset HEXAD_SERVER" in done.stderr
+    assert done.returncode == 1 and "belongs to instance" in done.stderr and "unset HEXAD_SERVER" in done.stderr
     assert not backup.exists()
 
 
@@ -371,7 +371,7 @@ def test_a_backup_that_fails_leaves_the_one_before(place, tmp_path, runs):
 
 @pytest.mark.parametrize("words, status, said", [
     (["--backup", "{tmp}/none/backup.db"], 1, "none"),
-    (["--backup", "{tmp}"], 1, "directory"),
+    (["--backup", "{tmp}"], 1, "is not a regular file"),
     (["--backup", ""], 2, "--backup"),
     (["--backup"], 2, "--backup"),
 ])
@@ -413,7 +413,7 @@ def test_a_sound_service_is_sound(service):
             assert service.end() == 0
         done = tool(service, "--check")
         assert done.returncode == 0, done.stdout + done.stderr
-        assert "sound" in done.stdout.splitlines()[-1]
+        assert "no faults in the database" in done.stdout.splitlines()[-1]
 
 
 @pytest.mark.parametrize("runs", [True, False])
@@ -428,7 +428,7 @@ def test_damage_is_found_on_demand(place, runs):
     content = database.read_bytes()
     done = tool(service, "--check")
     assert done.returncode == 1, done.stdout + done.stderr
-    assert "damaged" in done.stdout and "trouble" in done.stdout.splitlines()[-1]
+    assert "damaged" in done.stdout and "faults found" in done.stdout.splitlines()[-1]
     assert database.read_bytes() == content
 
 
@@ -441,7 +441,7 @@ def test_a_truncated_database_is_found_on_demand(place, tmp_path, bytes_left):
     os.truncate(database, bytes_left if bytes_left >= 0 else database.stat().st_size + bytes_left)
     done = tool(service, "--check")
     found, told = done.stdout.splitlines()
-    assert done.returncode == 1 and found.startswith("database damaged: ") and told.startswith("trouble: 1 found;")
+    assert done.returncode == 1 and found.startswith("database damaged: ") and told.startswith("1 fault found;")
     assert tool(service, "--backup", tmp_path / "backup.db").returncode == 1
     assert not (tmp_path / "backup.db").exists()
 

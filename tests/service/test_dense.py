@@ -293,7 +293,7 @@ def test_windows_that_differ_are_filled_with_zero(sample, tmp_path):
 
     whole, expected = sample(stack(tmp_path, values, "whole"), kind="exr", isovalue=0.4)
     report, points = sample(stack(tmp_path, values, "cropped", crop), kind="exr", isovalue=0.4)
-    assert "pixels outside of a slice's own are 0" in report["surface"]["warnings"][0]
+    assert "pixels outside the data window of a slice are 0" in report["surface"]["warnings"][0]
     assert not whole["surface"]["warnings"]
     assert_ellipsoid(points, near=5e-3)
 
@@ -314,7 +314,7 @@ def test_infinity_is_no_surface_above_all_values(sample, tmp_path):
     values = ellipsoid(MATRICES["plain"])
     values[0, 0, 0] = numpy.inf
     e, _ = sample(stack(tmp_path, values), kind="exr", isovalue=1e6)
-    assert e["code"] == "no_surface" and f"range from {values.min():g} to {values[1:].max():g}" in e["message"], e
+    assert e["code"] == "no_surface" and f"lowest value, {values.min():g}, and its highest, {values[1:].max():g}" in e["message"], e
 
 
 @pytest.mark.sanitized
@@ -342,14 +342,14 @@ def test_what_a_stack_cannot_be_is_refused(sample, tmp_path):
     values = ellipsoid(MATRICES["plain"])
     two = stack(tmp_path, values, "two", lambda k, p: [Part({"A": p, "Y": p})])
     e, _ = sample(two, kind="exr")
-    assert e["code"] == "grid_ambiguous" and "channels A, Y: give exr.channel" in e["message"]
+    assert e["code"] == "grid_ambiguous" and "channels A, Y: choose one with exr.channel" in e["message"]
     e, _ = sample({**two, "channel": "Z"}, kind="exr")
-    assert e["code"] == "grid_missing" and 'no channel "Z": its channels are A, Y' in e["message"]
+    assert e["code"] == "grid_missing" and 'no channel "Z": choose one of A, Y' in e["message"]
     parts = stack(tmp_path, values, "parts", lambda k, p: [Part({"Y": p}, name="l"), Part({"Y": p}, name="r")])
     e, _ = sample({**parts, "channel": "Y"}, kind="exr")
-    assert e["code"] == "grid_ambiguous" and '"l", "r": give exr.part' in e["message"]
+    assert e["code"] == "grid_ambiguous" and '"l", "r"): choose one with exr.part' in e["message"]
     e, _ = sample({**parts, "part": "m"}, kind="exr")
-    assert e["code"] == "grid_missing" and 'no part "m": its parts are "l", "r"' in e["message"]
+    assert e["code"] == "grid_missing" and 'no part "m": choose one of "l", "r"' in e["message"]
     for bad, word in (({"slices": "1"}, "slices"), ({"slices": "9-1"}, "slices"), ({"slices": "1-5y"}, "slices"),
                       ({"path": "a.exr"}, "path"), ({"path": "a.##.##.exr"}, "path"), ({"path": "a.%s.exr"}, "path")):
         e, _ = sample({**two, **bad}, kind="exr")
@@ -491,15 +491,15 @@ def broken(tmp_path):
             lines = [x for x in lines if not x.startswith(key + ":")] + ([f"{key}: {value}"] if value else [])
         return lines
 
-    yield "cut.nrrd", nrrd(header(), raw[:-1]), "input_damaged", "has 106079 bytes where its header promises 106080"
-    yield "cut_gzip.nrrd", nrrd(header(encoding="gzip"), gzip.compress(raw)[:-3000]), "input_damaged", "cut off"
+    yield "cut.nrrd", nrrd(header(), raw[:-1]), "input_damaged", "has 106079 bytes, but its header states 106080"
+    yield "cut_gzip.nrrd", nrrd(header(encoding="gzip"), gzip.compress(raw)[:-3000]), "input_damaged", "truncated"
     yield "words.nrrd", nrrd(header(encoding="ascii"), b"1 2 x " * 26520), "input_damaged", "text among its numbers"
-    yield "huge.nrrd", nrrd(header(sizes="100000 100000 100000")), "input_damaged", "promises"
+    yield "huge.nrrd", nrrd(header(sizes="100000 100000 100000")), "input_damaged", "its header states"
     yield "vast.nrrd", nrrd(header(sizes="1000000 1000000 1000000")), "input_damaged", "claims"
     skip = ["byte skip: 9223372036854775807"]
     yield "skip.nrrd", nrrd([*header(), *skip]), "input_damaged", "begin after 9223372036854775807 bytes"
     yield "negative.nrrd", nrrd(header(sizes="-3 4 5")), "input_damaged", "header cannot be read"
-    yield "flat.nrrd", nrrd(header(sizes="1020 26 1"), raw), "no_surface", "one slice"
+    yield "flat.nrrd", nrrd(header(sizes="1020 26 1"), raw), "no_surface", "at least two along each axis"
     yield "block.nrrd", nrrd(header(type="block")), "input_damaged", "block"
     yield "hex.nrrd", nrrd(header(encoding="hex")), "input_unsupported", "hex"
     yield "colour.nrrd", nrrd(header(kinds="RGB-color domain domain", sizes="3 260 34")), "input_unsupported", "RGB-color"
@@ -519,9 +519,9 @@ def broken(tmp_path):
     write_nifti(tmp_path / "two.nii", values, matrix, version=2)
     two = bytearray((tmp_path / "two.nii").read_bytes())
     two[16:24] = b"\xa8" * 8  # the number of axes, which libnifti believes
-    yield "axes.nii", two, "input_damaged", "contradicts itself"
+    yield "axes.nii", two, "input_damaged", "is contradictory"
     yield "empty.nii", b"", "input_damaged", "empty"
-    yield "lfs.nii", b"version https://git-lfs.github.com/spec/v1\n", "input_damaged", "Git-LFS"
+    yield "lfs.nii", b"version https://git-lfs.github.com/spec/v1\n", "input_damaged", "Git LFS"
 
 
 @pytest.mark.sanitized
@@ -542,9 +542,9 @@ def test_of_several_volumes_one_is_chosen(sample, tmp_path):
     other = numpy.full_like(values, values.min()).tobytes(order="F")
     (tmp_path / "four.nii").write_bytes(data[:352] + other + data[352:])
     e, _ = sample(tmp_path / "four.nii")
-    assert e["code"] == "grid_ambiguous" and "give index, 0 to 1" in e["message"]
+    assert e["code"] == "grid_ambiguous" and "choose one with index, 0 to 1" in e["message"]
     e, _ = sample({"path": str(tmp_path / "four.nii"), "index": 2})
-    assert e["code"] == "grid_missing" and "no volume 2: it has 2" in e["message"]
+    assert e["code"] == "grid_missing" and "no volume 2: choose index from 0 to 1" in e["message"]
     assert sample({"path": str(tmp_path / "four.nii"), "index": 0})[0]["code"] == "no_surface"
     assert_ellipsoid(sample({"path": str(tmp_path / "four.nii"), "index": 1})[1])
     lines = [x.replace("dimension: 3", "dimension: 4").replace("sizes: ", "sizes: 1 ") for x in nrrd_header(values)]
@@ -556,7 +556,7 @@ def test_of_several_volumes_one_is_chosen(sample, tmp_path):
 def test_an_isovalue_out_of_range_is_no_surface(sample, tmp_path):
     write_nrrd(tmp_path / "v.nrrd", ellipsoid(MATRICES["plain"]), MATRICES["plain"])
     e, _ = sample(tmp_path / "v.nrrd", isovalue=3.0)
-    assert e["code"] == "no_surface" and "isovalue 3: its values range from" in e["message"]
+    assert e["code"] == "no_surface" and "isovalue 3: choose an isovalue between" in e["message"]
 
 
 @pytest.mark.sanitized

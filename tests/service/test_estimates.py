@@ -96,7 +96,7 @@ def test_points_can_be_carried_only_once(estimate, worker, tmp_path):
     assert worker(spec, "--frame", 3, output="3").returncode in (0, 10, 11)
     assert estimate(spec, "--frame", 3)["seconds"] > 0
     found = estimate(spec, "--frame", 4, "--previous", "3")
-    assert found["count"] == 200 and found["seconds"] is None and "frame before" in found["seconds_missing"]
+    assert found["count"] == 200 and found["seconds"] is None and "previous frame" in found["seconds_missing"]
 
 
 def test_faults_are_those_of_the_job(worker, tmp_path):
@@ -172,7 +172,7 @@ def test_a_worker_that_does_not_start_leaves_nothing(new_service, tmp_path):
     program.unlink()
     reply = service.post("/v1/jobs:validate", sphere())
     assert reply.status == 200 and reply.json["estimate"] is None
-    assert "cannot be started" in reply.json["estimate_missing"]
+    assert "cannot start the worker" in reply.json["estimate_missing"]
     assert not list((service.state / "estimates").iterdir())
 
 

@@ -92,7 +92,7 @@ def test_a_submission_that_was_not_accepted_is_made_again(slurm, new_farm, front
     job = farm.submit(sphere())
     farm.wait_state(job, "succeeded")
     assert len(slurm.jobs()) == 1 and (where / "calls").read_text() == "x\nx\n"
-    assert [a["reason"][:24] for a in attempts(farm, job)] == ["Slurm does not know the ", "exit status 0"]
+    assert [a["reason"][:20] for a in attempts(farm, job)] == ["Slurm no longer list", "exit status 0"]
 
 
 def test_a_slurm_that_is_full_is_asked_again(slurm, new_farm, front):
@@ -142,7 +142,7 @@ def test_jobs_that_the_controller_forgot_run_again_and_their_numbers_are_not_tru
     wait_running(slurm, farm, job)
     farm.open_gate(job)
     farm.wait_state(job, "succeeded")
-    assert attempts(farm, job)[0]["reason"].startswith("Slurm does not know the job")
+    assert attempts(farm, job)[0]["reason"].startswith("Slurm no longer lists the job")
     # it may have ended when the node told the new controller of the old one's job; hexad has not cancelled it
     (state,) = wait_until(lambda: [row for row in slurm.jobs() if row.startswith("other ")], "a list of Slurm's jobs")
     assert state != "other CANCELLED"
@@ -186,10 +186,10 @@ def fail_node(slurm, number):
                "reason=test")
 
 
-STATES = [("PREEMPTED", preempt, "given back", "Slurm needed the node for others (PREEMPTED)"),
+STATES = [("PREEMPTED", preempt, "given back", "Slurm preempted the job (PREEMPTED)"),
           ("NODE_FAIL", fail_node, "interrupted", "the node failed (NODE_FAIL)"),
-          ("CANCELLED", lambda slurm, number: slurm.call("scancel", number), "spent", "cancelled by somebody else"),
-          ("REQUEUED", lambda slurm, number: slurm.call("scontrol", "requeue", number), "given back", "back into its queue")]
+          ("CANCELLED", lambda slurm, number: slurm.call("scancel", number), "spent", "cancelled outside hexad"),
+          ("REQUEUED", lambda slurm, number: slurm.call("scontrol", "requeue", number), "given back", "Slurm requeued the job")]
 
 
 @pytest.mark.parametrize("state, stop, counts, reason", STATES, ids=[s[0] for s in STATES])

@@ -210,7 +210,7 @@ def test_meta_image_values_are_scaled(told, plain, tmp_path):
 @pytest.mark.parametrize("fields, words", [
     ({"DistanceUnits": "um"}, ('"um"', "positions are in that unit")),
     ({"CenterOfRotation": "1 2 3"}, ("CenterOfRotation is ignored",)),
-    ({"AnatomicalOrientation": "RAI"}, ("AnatomicalOrientation = RAI is ignored",))])
+    ({"AnatomicalOrientation": "RAI"}, ("AnatomicalOrientation = RAI contradicts TransformMatrix and is ignored",))])
 def test_meta_image_fields_that_are_ignored_have_a_warning(told, plain, tmp_path, fields, words):
     write_meta_image(tmp_path / "v.mha", ball(), MATRIX, fields)
     report = told(tmp_path / "v.mha")
@@ -432,10 +432,10 @@ def test_other_files_are_named_with_a_converter(told, tmp_path, begin, words):
 
 
 def test_what_is_packed_is_named_with_a_converter(told, tmp_path):
-    for begin, words in ((b"\0\0\0\1", "FreeSurfer (`mri_convert"), (b"# vtk DataFile", "VTK file"), (b"other", "no volume of a known")):
+    for begin, words in ((b"\0\0\0\1", "FreeSurfer (`mri_convert"), (b"# vtk DataFile", "VTK file"), (b"other", "not a volume in a known")):
         (tmp_path / "v.mgz").write_bytes(gzip.compress(begin + bytes(1000)))
         report = told(tmp_path / "v.mgz")
-        assert report["code"] == "input_unsupported" and "packed by gzip, and in it is " in report["message"]
+        assert report["code"] == "input_unsupported" and "compressed by gzip and contains " in report["message"]
         assert words in report["message"], report
 
 

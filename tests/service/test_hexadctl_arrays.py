@@ -178,7 +178,7 @@ def test_a_pause_says_what_it_means(new_service, build, footage, tmp_path):
     array = service.submit(sequence(footage, "8-9,11"))
     service.wait_worker(array)
     told = run("pause", array)
-    assert told.startswith(f"{array} running") and "1 frame runs on to the end; 2 frames wait" in told
+    assert told.startswith(f"{array} running") and "1 running frame continues; 2 frames wait" in told
     single = service.submit(sphere())
     told = run("pause", single)
     assert told.startswith(f"{single} paused") and "no attempt starts" in told
@@ -247,7 +247,7 @@ def test_several_files_and_the_files_of_a_pattern_are_uploaded(run, tmp_path):
     done = run("upload", "b.####.obj")
     assert done.returncode == 0 and done.stdout.split() == paths and "one job for each" in done.stderr
     done = run("upload", "c.####.obj")
-    assert done.returncode == 2 and "c.####.obj: there is no file" in done.stderr
+    assert done.returncode == 2 and "c.####.obj: no file matches" in done.stderr
     done = run("upload", "nowhere", names[0])
     assert done.returncode == 2 and done.stdout.split() == [paths[0]]
 
@@ -273,14 +273,14 @@ def test_specs_are_checked_and_estimated(run, service, tmp_path):
 
 
 def test_an_option_that_does_not_belong_to_a_command(run):
-    for words, told in {("list", "--wait"): "list: --wait ", ("show", "x", "--priority", "1"): "show: --priority ",
-                        ("--label", "a", "wait", "x"): "wait: --label ", ("token", "list", "--scopes", "a"): "token list: --scopes ",
-                        ("submit",): "submit: its argument is missing", ("show", "a", "b"): "show: b is too much",
-                        ("submt", "x"): ": submt is no command; did you mean submit?", ("frobnicate",): ": frobnicate is no command; see hexadctl --help",
-                        ("token", "lst"): ": token lst is no command; did you mean token list?", ("tokne", "list"): "; did you mean token?", ("status",): "hexadctl workers",
-                        ("list", "--since", "yesterday"): "--since takes a day or time", ("list", "--until", "2x"): "(given 2x)", ("list", "--stat", "a"): ": --stat is no option; did you mean --state?",
+    for words, told in {("list", "--wait"): "list: this command has no option --wait;", ("show", "x", "--priority", "1"): "show: this command has no option --priority;",
+                        ("--label", "a", "wait", "x"): "wait: this command has no option --label;", ("token", "list", "--scopes", "a"): "token list: this command has no option --scopes;",
+                        ("submit",): "submit: the argument SPEC is missing", ("show", "a", "b"): "show: unexpected argument b",
+                        ("submt", "x"): ": unknown command submt; did you mean submit?", ("frobnicate",): ": unknown command frobnicate; see hexadctl --help",
+                        ("token", "lst"): ": unknown command token lst; did you mean token list?", ("tokne", "list"): "; did you mean token?", ("status",): "hexadctl workers",
+                        ("list", "--since", "yesterday"): "--since must be a date or time", ("list", "--until", "2x"): "(given 2x)", ("list", "--stat", "a"): ": unknown option --stat; did you mean --state?",
                         ("list", "--statr=a"): "; did you mean --state?", ("list", "-limit", "3"): "; did you mean --limit?", ("list", "--colour"): "see hexadctl --help",
-                        ("list", "--state"): ": --state needs a value"}.items():
+                        ("list", "--state"): ": --state requires a value"}.items():
         done = run(*words)
         assert done.returncode == 2 and told in done.stderr, done.stderr
 
@@ -394,8 +394,8 @@ def test_a_pattern_without_frames_is_reported(run, footage, build, tmp_path):
     worker = subprocess.run([build / "hexad-worker", "run", tmp_path / "spec.json", "--output", tmp_path / "out"],
                             capture_output=True, text=True, timeout=PATIENCE_S)
     for done in (run("submit", tmp_path / "spec.json"), worker):
-        assert done.returncode in (2, 3) and "a.####.vdb cannot be read" in done.stderr, done.stderr
-        assert "frame's number in jobs with queue.frames only" in done.stderr, done.stderr
+        assert done.returncode in (2, 3) and "cannot read" in done.stderr and "a.####.vdb" in done.stderr, done.stderr
+        assert "add queue.frames, in which #### and %04d stand for the frame number" in done.stderr, done.stderr
 
 
 def faulty(footage, **parts):
@@ -428,6 +428,6 @@ def test_a_submission_waits_for_no_long_look_at_its_inputs(build, tmp_path):
         done = runner(service, build, tmp_path)("submit", tmp_path / "spec.json")
         assert done.returncode == 0 and not done.stderr
         answer = service.post("/v1/jobs:validate?within_ms=1", sphere()).json
-        assert answer["estimate"] is None and "0.001 s (as the request asks)" in answer["estimate_missing"]
+        assert answer["estimate"] is None and "0.001 s (the limit of the request)" in answer["estimate_missing"]
     finally:
         service.clean_up()

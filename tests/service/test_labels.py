@@ -94,7 +94,7 @@ def test_seams_close_and_points_keep_their_distance(sample):
     report, points = sample(Balls(SIZE).labels, count=3000)
     edges = report["mesh"]
     assert edges["boundary_edges"] == 0 and edges["nonmanifold_edges"] == edges["seam_edges"] > 0
-    assert not any("whole surface" in w for w in report["surface"]["warnings"])
+    assert not any("mesh.ply has holes" in w for w in report["surface"]["warnings"])
     inside = points.feature == 0
     pairs = points.label_a[inside] * 1000 + points.label_b[inside]
     trees = {p: cKDTree(points.position[inside][pairs == p]) for p in set(pairs)}
@@ -375,8 +375,8 @@ def test_of_a_voxel_or_a_row_alone_it_is_said_that_few_counts_help(send, count):
     assert send(labels, of_labels(count))["outcome_reasons"] == []
     notes = send(labels, {**of_labels(count), "outcome": {"require": {"hex_fraction": 1}}})
     told = advice(notes, "thin_labels")
-    assert told["set"] == {} and "few counts bring them to order" in told["message"] and len(notes["advice"]) == 1
-    assert any("single voxel" in w or "alone or in rows" in w for w in notes["warnings"])
+    assert told["set"] == {} and "do not form a regular packing" in told["message"] and len(notes["advice"]) == 1
+    assert any("single voxel" in w or "single voxels or rows" in w for w in notes["warnings"])
     assert [r["criterion"] for r in notes["outcome_reasons"]] == ["hex_fraction"]
 
 
@@ -396,7 +396,7 @@ def test_a_foam_of_large_cells_has_no_close_points(send):
 def test_a_label_that_fills_all_is_refused_and_the_advice_helps(send):
     labels = numpy.full((10, 10, 10), 5, "u1")
     told = send(labels, of_labels(300))
-    assert told["code"] == "no_surface" and "with surface.labels.closed" in told["message"]
+    assert told["code"] == "no_surface" and "set /surface/labels/closed" in told["message"]
     assert send(labels, of_labels(300, closed=True))["outcome_reasons"] == []
 
 
@@ -470,7 +470,7 @@ def test_large_numbers_of_labels_in_a_spec(sample):
     report, points = sample(values, count=100, solver={"max_sweeps": 3}, groups=[[high, middle]])
     assert set(interfaces(report)) == {(low, high)}
     error, _ = sample(values, labels=[middle + 1])
-    assert error["code"] == "spec_invalid" and f"names {middle + 1}, and no voxel has that label" in error["message"]
+    assert error["code"] == "spec_invalid" and f"no voxel has the label {middle + 1}" in error["message"]
     error, _ = sample(values, labels=[2**53])
     assert error["code"] == "spec_invalid" and "9007199254740991" in error["message"]
 
@@ -502,16 +502,16 @@ def test_large_numbers_of_labels_in_an_inspection(worker, tmp_path):
 @pytest.mark.sanitized
 @pytest.mark.parametrize("values, members, code, words", [
     (numpy.full((8, 8, 8), 5, "u1"), {}, "no_surface", "all voxels have the label 5"),
-    (numpy.full((8, 8, 8), 0.5, "f4"), {}, "input_unsupported", "0.5 is no label"),
-    (numpy.full((8, 8, 8), 1 << 53, "i8"), {}, "input_unsupported", "the value 9007199254740992 is no label"),
-    (numpy.full((8, 8, 8), (1 << 53) + 1, "i8"), {}, "input_unsupported", "the value 9007199254740993 is no label"),
-    (numpy.full((8, 8, 8), -(1 << 62) - 1, "i8"), {}, "input_unsupported", "the value -4611686018427387905 is no label"),
-    (numpy.full((8, 8, 8), (1 << 64) - 1, "u8"), {}, "input_unsupported", "the value 18446744073709551615 is no label"),
-    (numpy.full((8, 8, 8), 1e16, "f8"), {}, "input_unsupported", "the value 10000000000000000 is no label"),
-    (numpy.full((8, 8, 8), 16777217.5, "f8"), {}, "input_unsupported", "the value 16777217.5 is no label"),
-    (numpy.full((8, 8, 8), numpy.nan, "f4"), {}, "input_unsupported", "the value nan is no label"),
-    (blocks(), {"labels": [7]}, "spec_invalid", "names 7"),
-    (blocks(), {"interfaces": [[1, 4]]}, "no_surface", "interfaces names touch"),
+    (numpy.full((8, 8, 8), 0.5, "f4"), {}, "input_unsupported", "0.5 is not a label"),
+    (numpy.full((8, 8, 8), 1 << 53, "i8"), {}, "input_unsupported", "the value 9007199254740992 is not a label"),
+    (numpy.full((8, 8, 8), (1 << 53) + 1, "i8"), {}, "input_unsupported", "the value 9007199254740993 is not a label"),
+    (numpy.full((8, 8, 8), -(1 << 62) - 1, "i8"), {}, "input_unsupported", "the value -4611686018427387905 is not a label"),
+    (numpy.full((8, 8, 8), (1 << 64) - 1, "u8"), {}, "input_unsupported", "the value 18446744073709551615 is not a label"),
+    (numpy.full((8, 8, 8), 1e16, "f8"), {}, "input_unsupported", "the value 10000000000000000 is not a label"),
+    (numpy.full((8, 8, 8), 16777217.5, "f8"), {}, "input_unsupported", "the value 16777217.5 is not a label"),
+    (numpy.full((8, 8, 8), numpy.nan, "f4"), {}, "input_unsupported", "the value nan is not a label"),
+    (blocks(), {"labels": [7]}, "spec_invalid", "has the label 7"),
+    (blocks(), {"interfaces": [[1, 4]]}, "no_surface", "interfaces do not touch"),
 ])
 def test_what_has_no_interfaces_is_said(sample, values, members, code, words):
     error, _ = sample(values, **members)
@@ -544,7 +544,7 @@ def test_a_majority_takes_out_jitter_and_strays(sample):
     assert report["outcome"] == "converged" and report["quality"]["hex_fraction"] > 0.93
     assert report["surface"]["area"] == pytest.approx(4 * numpy.pi * radius ** 2, rel=0.04)
     assert abs(numpy.linalg.norm(points.position - 21.5, axis=1) - radius).max() < 2.5
-    assert "surface.labels.majority takes more than a quarter of the voxels of 1 label: 2 (all)" in report["surface"]["warnings"]
+    assert "/surface/labels/majority removes more than a quarter of the voxels of 1 label: 2 (all)" in report["surface"]["warnings"]
     assert interfaces(report).keys() == {(0, 1)}
     assert [m["label"] for m in sample(labels, majority=3, output={"label_meshes": True})[0]["mesh"]["labels"]] == [0, 1]
 
@@ -578,7 +578,7 @@ def test_what_a_majority_takes_is_told_of_what_is_asked_for(sample):
         report, _ = sample(labels, count=300, solver={"max_sweeps": 1}, output={"mesh": False}, **members)
         return report["surface"]["warnings"]
 
-    taken = "surface.labels.majority takes more than a quarter of the voxels of %s (all)"
+    taken = "/surface/labels/majority removes more than a quarter of the voxels of %s (all)"
     assert told(majority=3) == [taken % "2 labels: 2 (all), 3"]
     assert told(majority=3, interfaces=[[0, 1]]) == [] == told(interfaces=[[0, 1]])
     assert told(majority=3, interfaces=[[0, 1], [0, 3]]) == [taken % "1 label: 3"]
@@ -659,7 +659,7 @@ def test_a_header_that_disagrees_is_a_warning_where_data_are_whole(worker, tmp_p
         assert json.loads(done.stderr.splitlines()[-1])["code"] == "input_damaged"
         return
     warnings = json.loads((tmp_path / "out" / "report.json").read_text())["surface"]["warnings"]
-    assert any("packed data" in w for w in warnings) == warned, warnings
+    assert any("compressed data" in w for w in warnings) == warned, warnings
 
 
 def test_an_inspection_lists_labels(worker, tmp_path):
@@ -701,7 +701,7 @@ def test_an_image_is_refused_before_it_takes_all_memory(solve, tmp_path):
     write_nrrd(tmp_path / "v.nrrd", numpy.random.default_rng(5).integers(0, 200, (60, 60, 60)).astype(numpy.uint8))
     error, none = solve({"version": 1, "surface": {"labels": {"path": "v.nrrd"}}, "sampling": {"count": 100},
                          "limits": {"memory_mb": 500}})
-    assert none is None and error["code"] == "limit_memory" and "as surface.volume with an isovalue" in error["message"]
+    assert none is None and error["code"] == "limit_memory" and "use surface.volume with an isovalue" in error["message"]
 
 
 @pytest.mark.sanitized
@@ -724,7 +724,7 @@ def test_one_of_several_volumes_is_the_segmentation(sample, solve, worker, tmp_p
     spec = {"version": 1, "surface": {"labels": {"path": "four.nii"}}, "sampling": {"count": 500},
             "solver": {"threads": 1}, "output": {"preview": False}}
     told, _ = solve(spec)
-    assert told["code"] == "grid_ambiguous" and "give index, 0 to 1" in told["message"]
+    assert told["code"] == "grid_ambiguous" and "choose one with index, 0 to 1" in told["message"]
     spec["surface"]["labels"]["index"] = 1
     assert (Points(solve(spec)[1]).position == points.position).all()
 

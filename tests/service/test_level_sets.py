@@ -118,7 +118,7 @@ def test_a_band_that_is_too_narrow_is_told(told, tmp_path, shape, half, fill):
 
 
 @pytest.mark.parametrize("begin, code, words", [
-    (b"NanoVDB0", "input_unsupported", "NanoVDB file (`nanovdb_convert"), (b"NRRD0004", "input_damaged", "surface.volume reads NRRD")])
+    (b"NanoVDB0", "input_unsupported", "NanoVDB file: convert it (`nanovdb_convert"), (b"NRRD0004", "input_damaged", "use surface.volume for NRRD")])
 def test_other_files_are_named_with_a_converter(told, tmp_path, begin, code, words):
     (tmp_path / "v.vdb").write_bytes(begin + bytes(1000))
     error = told(tmp_path / "v.vdb")

@@ -246,7 +246,7 @@ def test_a_second_signal_waits_for_no_deaf_worker(new_service, tmp_path):
     job = service.submit(sphere(limits={"max_attempts": 1}))
     service.wait_worker(job)
     service.process.send_signal(signal.SIGTERM)
-    wait_until(lambda: "asked to end" in service.log.read_text(), "the worker to be asked")
+    wait_until(lambda: "stop requested" in service.log.read_text(), "the worker to be asked")
     assert service.end(signal.SIGTERM) == 0
     assert not service.workers_of(job)
     service.start()

@@ -156,7 +156,7 @@ def test_a_lost_database_without_results_is_made_anew(new_service):
     service.end()
     lose(service)
     service.start()
-    assert len(logged(service, "was lost or empty and a new queue begins")) == 1
+    assert len(logged(service, "was missing or empty, so a new queue starts")) == 1
     assert (service.state / "instance").read_text() == name
     finished(service, 1)
     service.end()
@@ -523,7 +523,7 @@ def test_results_is_a_link(place, tmp_path):
     (tmp_path / "elsewhere" / "letters").mkdir()
     (tmp_path / "elsewhere" / "letters" / "a.txt").write_text("dear")
     service.start()
-    lines = logged(service, "stay where they are")
+    lines = logged(service, "without a job in the queue remain in")
     assert len(lines) == 1 and "count=1:" in lines[0] and "symbolic link" in lines[0]
     assert (tmp_path / "elsewhere" / "letters" / "a.txt").read_text() == "dear"
     assert served(service, job)
@@ -540,7 +540,7 @@ def test_lost_and_found_cannot_be_made(place):
     (service.state / "results" / "unknown").mkdir()
     before = tree(service.state)
     service.start()
-    lines = logged(service, "stay where they are")
+    lines = logged(service, "without a job in the queue remain in")
     assert len(lines) == 1 and " warning " in lines[0] and "lost+found" in lines[0]
     assert (service.state / "results" / "unknown").is_dir() and served(service, job)
     assert tree(service.state / "results") == {name.removeprefix("results/"): content for name, content in before.items()
@@ -569,12 +569,12 @@ def test_results_cannot_be_written(place, tmp_path):
                                          f" sh '{results}' '{hexad}' \"$@\"\n")
     (service.build / "hexad").chmod(0o700)
     service.start()
-    lines = logged(service, "stay where they are")
+    lines = logged(service, "without a job in the queue remain in")
     assert len(lines) == 1 and " warning " in lines[0] and "lost+found" in lines[0]
     assert service.request("DELETE", f"/v1/jobs/{deleted}").status == 204
     assert service.get(f"/v1/jobs/{deleted}").status == 404
     assert tree(results) == before and served(service, kept)
-    wait_until(lambda: logged(service, "could not be removed"), "the trouble to be said")
+    wait_until(lambda: logged(service, "cannot remove the files"), "the trouble to be said")
     service.end()
     service.build = hexad.parent
     service.start()

@@ -98,7 +98,7 @@ def test_both_names_are_told(mapped, show):
         refused = mapped.post("/v1/jobs", ball(asked))
         detail = refused.json["errors"][0]["detail"]
         assert refused.status == status and refused.json["errors"][0]["pointer"] == "/surface/bspline/path"
-        assert f"the job named it {asked}" in detail and str(opened) in detail
+        assert f"mapped from {asked}" in detail and str(opened) in detail
     refused = mapped.post("/v1/jobs", sphere(output={"directory": "Z:\\show\\..\\up"}))
     assert refused.status == 403 and "Z:\\show\\..\\up" in refused.json["detail"]
     refused = mapped.post("/v1/jobs", ball("/Volumes/shows/a.f32"))

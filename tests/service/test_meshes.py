@@ -26,10 +26,10 @@ BRIDGED = {"cycloidal.ply": 2.5}
 OPEN = ["alligator_flat.obj", "soup.stl", "teapot.obj"]
 OTHERS = {"plane_holes.obj", "suzanne.obj", "stanford-bunny.obj", "truck.obj"}
 WARNED = {  # a part of a warning that must be there
-    "cup.obj": "400 of 800 triangles stand in the file again",
+    "cup.obj": "400 of 800 triangles are duplicates",
     "cycloidal.ply": "242 edges at which four or more triangles meet",
     "multibody.stl": "2 of 2 shells are inside out",
-    "footbones.ply": "of the mesh's area is hidden inside the union",
+    "footbones.ply": "of the mesh area is inside the union",
 }
 # Shells that overlap: what is hidden is no part of the surface, and the orientation of the file says little.
 TANGLED = {"cycloidal.ply", "multibody.stl", "footbones.ply"}
@@ -219,13 +219,13 @@ FACES_OF_BOX = [line for line in box(0, 1) if line.startswith("f")]
 
 @pytest.mark.sanitized
 @pytest.mark.parametrize("lines, members, words, area", [
-    (box(0, 1) + FACES_OF_BOX, {}, "12 of 24 triangles stand in the file again", 6),
+    (box(0, 1) + FACES_OF_BOX, {}, "12 of 24 triangles are duplicates", 6),
     (box(0, 1)[:8] + ["f " + " ".join(reversed(face.split()[1:])) for face in FACES_OF_BOX], {},
      "1 of 1 shells are inside out", 6),
     (box(0, 1) + [f"v {x + 1} {y + 1} {z}" for x in (0, 1) for y in (0, 1) for z in (0, 1)] + FACES_OF_BOX, {},
      "1 edges at which four or more triangles meet", 12),
-    (box(0, 1) + box(0.5, 1.5), {}, "of the mesh's area is hidden inside the union", 10.5),
-    (box(0, 1)[:-1], {"holes": "fill"}, "holes of the mesh that are filled: 1", 6),
+    (box(0, 1) + box(0.5, 1.5), {}, "of the mesh area is inside the union", 10.5),
+    (box(0, 1)[:-1], {"holes": "fill"}, "1 holes of the mesh are filled", 6),
     (box(0, 1)[:-1], {"interior": "drop"}, None, None)])
 def test_defects_of_a_mesh_are_reported(worker, tmp_path, lines, members, words, area):
     """Each has a warning, except the hole of a mesh whose inside is required: it is an error."""
@@ -356,14 +356,14 @@ def test_patches_in_every_format(worker, tmp_path):
     assert names[-2:] == ["feature", "patch"] and (vertices[:, -2] == table["feature"]).all()
     assert b"primvars:feature" in (out / "points.usda").read_bytes() and b"_FEATURE" in (out / "points.glb").read_bytes()
     taken = worker(job | {"attributes": [{"from": "geometry", "name": "direction1", "as": "patch"}]})
-    assert taken.returncode == 2 and json.loads(taken.stderr)["message"].startswith("/attributes/0: two attributes are called")
+    assert taken.returncode == 2 and json.loads(taken.stderr)["message"].startswith("/attributes/0: two attributes have the name")
 
 
 def test_holes_that_are_filled(data_service, folder):
     """The level set of the bunny with its holes closed is that of the bunny that was mended by others."""
     path = folder / "stanford-bunny.obj"
     report, _ = results(data_service, data_service.submit(mesh(path, holes="fill", resolution=RESOLUTION)))
-    assert any("holes of the mesh that are filled: 5" in w for w in report["surface"]["warnings"])
+    assert any("5 holes of the mesh are filled" in w for w in report["surface"]["warnings"])
     mended, _ = results(data_service, data_service.submit(mesh(folder / "bunny_pmp.off", resolution=RESOLUTION)))
     assert abs(report["surface"]["area"] / mended["surface"]["area"] - 1) < 0.01
 
@@ -501,11 +501,11 @@ def test_a_part_thinner_than_voxels_that_no_point_is_near_is_told(worker, tmp_pa
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     points = Points((tmp_path / "out" / "points.ply").read_bytes())
     reasons = {r["criterion"]: r["value"] for r in report["outcome_reasons"]}
-    assert "lost_area" not in reasons and any("voxel_size <=" in w for w in report["surface"]["warnings"])
+    assert "lost_area" not in reasons and any("set voxel_size to at most" in w for w in report["surface"]["warnings"])
     end = [0.325, 0.453, 1.2]
     away = numpy.linalg.norm(points.position - end, axis=1).min() / report["spacing"]
     assert away > 3 and reasons["coverage"] == report["quality"]["coverage"] == pytest.approx(away, rel=0.2)
-    advised, = (float(w.split("voxel_size <= ")[1].split()[0]) for w in report["surface"]["warnings"] if "voxel_size <=" in w)
+    advised, = (float(w.split("set voxel_size to at most ")[1].split()[0]) for w in report["surface"]["warnings"] if "set voxel_size to at most" in w)
     assert worker(mesh("fin.obj", 1800, voxel_size=advised, on_mesh=False)).returncode in (0, 11)
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report["quality"]["coverage"] < 1.2
@@ -556,7 +556,7 @@ def test_an_open_mesh_is_placed_and_cut(worker, tmp_path):
     assert at[:, 0].min() > 0.3 - 1e-6 and at[:, 1].max() < 0.45 + 1e-6
     spec["region"]["min"][2] = 0.5
     done = worker(spec)
-    assert done.returncode == 4 and "inside of the region" in done.stderr
+    assert done.returncode == 4 and "inside the region" in done.stderr
 
 
 def test_points_do_not_land_on_what_is_hidden(worker, tmp_path):
@@ -593,7 +593,7 @@ def test_voxels_follow_the_features_that_are_to_be_resolved(worker, tmp_path):
     assert fine["voxel_size"] == pytest.approx(0.0024) and fine["mesh"]["resolution_by"] == "spacing"
     assert fine["mesh"]["resolution_limited_by"] is None
     assert bounded["mesh"]["resolution"] == 256 and bounded["mesh"]["resolution_limited_by"] == "max_resolution"
-    assert any("voxel_size <= 0.0024" in warning for warning in bounded["warnings"])
+    assert any("set voxel_size to at most 0.0024" in warning for warning in bounded["warnings"])
 
 
 def test_a_mesh_that_is_to_be_resolved_has_a_least_spacing(worker, tmp_path):
@@ -682,7 +682,7 @@ def test_a_mesh_that_is_to_be_resolved_has_all_of_its_parts(worker, tmp_path):
         assert done.returncode in (0, 10, 11), done.stderr
         report = json.loads((tmp_path / "out" / "report.json").read_text())
         assert report["surface"]["mesh"].get("patches") == patches
-        told = [warning for warning in report["surface"]["warnings"] if 'within its solids' in warning and '"drop"' in warning]
+        told = [warning for warning in report["surface"]["warnings"] if 'inside its solids' in warning and '"drop"' in warning]
         assert len(told) == (not members)
 
 
@@ -745,7 +745,7 @@ def test_triangle_strips_are_read(worker, tmp_path, layout):
     assert report["surface"]["mesh"]["area"] == pytest.approx(4 * 3 ** 0.5, rel=1e-3)
     (tmp_path / "strips.ply").write_bytes((head + body)[:-7])
     done = worker(mesh(tmp_path / "strips.ply", 500, resolution=48))
-    assert done.returncode == 3 and "strips end early" in done.stderr
+    assert done.returncode == 3 and "strips of the file are incomplete" in done.stderr
 
 
 def test_malformed_files_do_no_harm(data_service, shared_data, diagnose):

@@ -178,7 +178,7 @@ class Story:
     # -- before and after sections, by their titles
 
     def after_check_the_service(self, shown):
-        assert '"status":"ok"' in shown and "sound" in shown
+        assert '"status":"ok"' in shown and "no faults in the database" in shown
 
     def after_the_service_does_not_start(self, shown):
         assert "listening on" in shown
@@ -267,7 +267,7 @@ class Story:
         for file in self.host.state.glob("queue.db*"):
             file.unlink()
         self.host.restart(expect=False)
-        assert "queue.db is lost or empty" in self.host.log()
+        assert "queue.db is missing or empty" in self.host.log()
 
     def after_a_lost_database(self, shown):
         self.expect_kept()

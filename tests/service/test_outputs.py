@@ -77,7 +77,7 @@ def test_a_mesh_ends_at_rims_alone(run):
 def test_sheets_that_are_not_told_apart_are_told(run):
     _, report = run(sphere(100, output=output(mesh=True), surface={"analytic": ELLIPSOID}))
     assert not report["mesh"]["closed"]
-    assert any("mesh.ply is not a whole surface" in w for w in report["surface"]["warnings"])
+    assert any("mesh.ply has holes or non-manifold edges" in w for w in report["surface"]["warnings"])
 
 
 # ---- pictures

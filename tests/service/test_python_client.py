@@ -419,7 +419,7 @@ def test_a_fault_that_the_service_finds_is_a_warning(client, monkeypatch):
 
 
 def test_https_at_a_port_without_tls_is_explained(service):
-    with pytest.raises(hexad.HexadError, match=f"answers without TLS at this port: name it http://{service.address}"):
+    with pytest.raises(hexad.HexadError, match=f"this port does not use TLS: write http://{service.address}"):
         hexad.Client(f"https://{service.address}", patience=0).job("x")
 
 

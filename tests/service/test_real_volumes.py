@@ -198,7 +198,7 @@ AWKWARD = [
     ("vdb", "zeno_ls_sphere_unnamed.vdb", None, None, None, {"sphere": ((-0.038, 0.4, 0.006), 0.2, 0.003)}),
     ("vdb", "zeno_ls_sphere_unnamed.vdb", "ls", None, "grid_missing", ["ls", '""']),
     ("malformed", "git_lfs_pointer.vdb", None, None, "input_damaged", ["git lfs pull"]),
-    ("malformed/openvdb_damaged", "truncated.vdb", None, 0.5, "input_damaged", ["cut short"]),
+    ("malformed/openvdb_damaged", "truncated.vdb", None, 0.5, "input_damaged", ["truncated"]),
     # Their bounding boxes are metadata, which nothing believes; none of them holds a voxel.
     ("malformed/openvdb_damaged", "bad-bbox-bomb.vdb", None, 0.5, "no_surface", ["no active voxel"]),
     ("malformed/openvdb_damaged", "bad-bbox-empty.vdb", None, 0.5, "no_surface", ["no active voxel"]),

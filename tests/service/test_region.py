@@ -121,9 +121,9 @@ def test_regions_that_are_none(worker, tmp_path):
     for surface, region, words in (
             (ball(1), {}, "exactly one of inside, min"),
             (ball(1), {"inside": ball(1), "min": [0, 0, 0]}, "exactly one of inside, min"),
-            (below(0), {"inside": below(1)}, "has no end"),
-            (ball(1), {"inside": ball(0.5)}, "nothing of the surface is left"),
-            (ball(1), {"inside": {"mesh": {"path": "open.off"}}}, "or cut by a surface must be closed"),
+            (below(0), {"inside": below(1)}, "is unbounded"),
+            (ball(1), {"inside": ball(0.5)}, "the surface is empty"),
+            (ball(1), {"inside": {"mesh": {"path": "open.off"}}}, "or a region must be closed"),
             (ball(1), {"inside": {"mesh": {"path": "missing.off"}}}, "missing.off")):
         done = worker(sphere(100, surface=surface, region=region))
         assert done.returncode in (2, 3, 4) and words in done.stderr, done.stderr

@@ -215,7 +215,7 @@ def test_another_surface_begins_anew(worker, footage, tmp_path):
     ("nowhere", "input_missing", "nowhere/points.ply"),
     ("plain", "input_damaged", "coherent sequence"),
     ("same", "input_damaged", "frame 2"),
-    ("cut", "input_damaged", "ends too early"),
+    ("cut", "input_damaged", "JSON text is incomplete"),
 ])
 def test_results_that_cannot_be_carried_are_refused(worker, footage, tmp_path, previous, code, words):
     spec = spec_of(footage, "1-3")

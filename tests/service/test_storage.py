@@ -145,7 +145,7 @@ def test_a_full_disk_holds_jobs_and_loses_none(new_disk, new_service, count):
     now = states(service)
     assert {now[job]["state"] for job in cancelled} == {"cancelled"}
     assert all(len(service.get(f"/v1/jobs/{job}/attempts").json["attempts"]) == 1 for job in left[:5])
-    assert service.get("/readyz").status == 200 and "the disk has room again" in service.log.read_text()
+    assert service.get("/readyz").status == 200 and "the disk has space again" in service.log.read_text()
 
 
 def test_a_disk_that_fills_during_an_attempt(new_disk, new_service):

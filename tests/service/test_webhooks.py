@@ -207,7 +207,7 @@ def test_refusals_are_tried_again(caller, receiver):
     assert receiver.calls.empty()  # nor was the redirect followed
     log = caller.log.read_text()
     for word in ("500", "302", "404", "503"):
-        assert f"the answer was {word}" in log
+        assert f"the receiver answered with status {word}" in log
 
 
 @pytest.mark.sanitized
@@ -334,14 +334,14 @@ def test_a_host_that_is_listed_no_more_is_not_called(new_service, receiver, secr
     release.set()
     service.start("--webhook_hosts", "other.example")
     wait_until(lambda: "webhook given up" in service.log.read_text(), "the end of tries")
-    assert f"the service does not call {receiver.host}" in service.log.read_text() and receiver.calls.empty()
+    assert f"this service does not call {receiver.host}" in service.log.read_text() and receiver.calls.empty()
 
 
 @pytest.mark.sanitized
 def test_settings_that_miss_a_secret(build, receiver, tmp_path):
     words = [build / "hexad", "--state_dir", tmp_path / "state", "--webhook_hosts", receiver.host]
     missing = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE_S)
-    assert missing.returncode == 2 and "is not set" in missing.stderr
+    assert missing.returncode == 2 and "webhook_hosts requires webhook_secret_file: set it" in missing.stderr
     nothing = subprocess.run([*words, "--webhook_secret_file", tmp_path / "none"], capture_output=True, text=True,
                              timeout=PATIENCE_S)
     assert nothing.returncode == 2 and "No such file" in nothing.stderr

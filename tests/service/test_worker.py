@@ -120,7 +120,7 @@ def test_a_time_for_a_target_needs_memory_for_its_first_points(worker):
     while large - fits > 1:
         size = (fits + large) // 2
         fits, large = (fits, size) if fault(size)["code"] == "limit_memory" else (size, large)
-    assert fault(large)["message"].startswith("200 points need")
+    assert fault(large)["message"].startswith("200 points require")
 
 
 @pytest.mark.parametrize("sampling", [
@@ -297,7 +297,7 @@ def test_walls_thinner_than_the_spacing_are_a_warning(worker, tmp_path):
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert done.returncode == 0 and report["outcome_reasons"] == [] == report["advice"]
     (warning,) = report["surface"]["warnings"]
-    assert " % of the points lie on walls thinner than 1.2 spacings; " in warning and f"warning: {warning}\n" in done.stderr
+    assert " % of the points are on walls thinner than 1.2 spacings; " in warning and f"warning: {warning}\n" in done.stderr
 
 
 @pytest.mark.sanitized
@@ -402,10 +402,10 @@ def test_a_grading_is_met_and_told(worker, tmp_path, diagnose):
 
 @pytest.mark.sanitized
 @pytest.mark.parametrize("words,said", [
-    (["runn", "spec.json"], "no command runn; did you mean run?"), (["make-example"], "takes one FILE.vdb"),
-    (["frobnicate"], "no command frobnicate: see"), (["spec-help", "conut"], "no member conut; did you mean count?"),
+    (["runn", "spec.json"], "unknown command runn; did you mean run?"), (["make-example"], "requires one FILE.vdb"),
+    (["frobnicate"], "unknown command frobnicate: see"), (["spec-help", "conut"], "unknown member conut; did you mean count?"),
     (["run", "--ouptut", "d", "-"], "unknown option --ouptut; did you mean --output?"),
-    (["run", "--colour"], "unknown option --colour; see"), (["run", "-", "--output"], "--output needs a value"),
+    (["run", "--colour"], "unknown option --colour; see"), (["run", "-", "--output"], "--output requires a value"),
     (["inspect", "--json=1", "-"], "--json takes no value")])
 def test_a_command_that_is_none_ends_as_other_failures(build, words, said):
     done = subprocess.run([build / "hexad-worker", *words], capture_output=True, text=True)
@@ -711,7 +711,7 @@ def test_points_too_few_to_separate_walls_are_measured(example, worker, tmp_path
     assert quality["lost"] == 0 and quality["min_spacing_ratio"] > 0.5
     assert Points((tmp_path / "out" / "points.ply").read_bytes()).spacing_local.min() > 0
     (warning,) = report["surface"]["warnings"]
-    assert warning.startswith("100 % of the points lie on walls thinner than 1.2 spacings; ")
+    assert warning.startswith("100 % of the points are on walls thinner than 1.2 spacings; ")
     assert done.returncode == 0 and report["advice"] == []
     rating = report["ratings"]["hex_fraction"]["rating"]
     assert f"hex_fraction {quality['hex_fraction']:.4f} ({rating})" in done.stdout
@@ -754,7 +754,7 @@ def test_a_ratio_that_is_not_reached_is_told(worker, tmp_path):
     reached = report["reached"]["ratio"]
     assert report["requested"]["ratio"] == 10 and 1 < reached < 2
     assert reached == report["grading"]["largest_spacing"] / report["grading"]["least_spacing"]
-    assert f"warning: sampling.curvature.ratio asks for 10:1, and the spacing varies by {reached:.3g}:1" in done.stderr
+    assert f"warning: sampling.curvature.ratio: the spacing varies by {reached:.3g}:1 (requested 10:1)" in done.stderr
     assert f"spacing {reached:.3g}:1" in done.stdout
 
 

@@ -245,7 +245,7 @@ static void a_half_space_may_miss_its_bounds(void **state)
     analytic_free(a);
 }
 
-/* Formulas within the ranges of a spec whose cells cannot be told apart, or are too many. */
+/* Formulas within the ranges of a spec whose cells cannot be below the precision, or are too many. */
 static void what_is_too_fine_is_refused(void **state)
 {
     (void)state;
@@ -256,19 +256,31 @@ static void what_is_too_fine_is_refused(void **state)
     } cases[] = {
         {{.shape = ANALYTIC_SPHERE, .center = {0.5, 0.5, 0.5}, .radius = 1e-300},
          ERROR_NOT_SUPPORTED,
-         "told apart"},
+         "below the precision"},
         {{.shape = ANALYTIC_SPHERE, .center = {1e12, 0, 0}, .radius = 1e-9},
          ERROR_NOT_SUPPORTED,
-         "at coordinates of 1e+12"},
-        {{.shape = ANALYTIC_ELLIPSOID, .radii = {1e12, 1, 1e-30}}, ERROR_NOT_SUPPORTED, "told apart"},
-        {{.shape = ANALYTIC_ELLIPSOID, .radii = {1e12, 1e12, 1e2}}, ERROR_LIMIT_MEMORY, "too fine"},
-        {{.shape = ANALYTIC_ELLIPSOID, .radii = {1e12, 1e12, 3e6}}, ERROR_LIMIT_MEMORY, "too fine"},
-        {{.shape = ANALYTIC_BOX, .half_size = {1, 1, 0.003}}, ERROR_LIMIT_MEMORY, "make its thinnest part"},
-        {{.shape = ANALYTIC_GYROID, .period = 1e-9, .size = {1, 1, 1}}, ERROR_LIMIT_MEMORY, "too fine"},
-        {{.shape = ANALYTIC_GYROID, .period = 1e-30, .size = {1, 1, 1}}, ERROR_NOT_SUPPORTED, "told apart"},
+         "of coordinates of 1e+12"},
+        {{.shape = ANALYTIC_ELLIPSOID, .radii = {1e12, 1, 1e-30}},
+         ERROR_NOT_SUPPORTED,
+         "below the precision"},
+        {{.shape = ANALYTIC_ELLIPSOID, .radii = {1e12, 1e12, 1e2}},
+         ERROR_LIMIT_MEMORY,
+         "enlarge its thinnest part"},
+        {{.shape = ANALYTIC_ELLIPSOID, .radii = {1e12, 1e12, 3e6}},
+         ERROR_LIMIT_MEMORY,
+         "enlarge its thinnest part"},
+        {{.shape = ANALYTIC_BOX, .half_size = {1, 1, 0.003}},
+         ERROR_LIMIT_MEMORY,
+         "enlarge its thinnest part"},
+        {{.shape = ANALYTIC_GYROID, .period = 1e-9, .size = {1, 1, 1}},
+         ERROR_LIMIT_MEMORY,
+         "enlarge its thinnest part"},
+        {{.shape = ANALYTIC_GYROID, .period = 1e-30, .size = {1, 1, 1}},
+         ERROR_NOT_SUPPORTED,
+         "below the precision"},
         {{.shape = ANALYTIC_TORUS, .major_radius = 1e6, .minor_radius = 1e-3},
          ERROR_LIMIT_MEMORY,
-         "too fine"},
+         "enlarge its thinnest part"},
     };
     for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
         error e = {0};

@@ -122,21 +122,22 @@ static void test_faults_of_the_file_name_the_line(void **state)
 {
     (void)state;
     char where[64];
-    snprintf(where, sizeof where, "%s:2: there is no setting nonsense", path);
+    snprintf(where, sizeof where, "%s:2: unknown setting nonsense", path);
     expect_file_fault("workers = 1\nnonsense = 1\n", where);
-    expect_file_fault("wrokers = 1\n", ":1: there is no setting wrokers; did you mean workers?");
+    expect_file_fault("wrokers = 1\n", ":1: unknown setting wrokers; did you mean workers?");
     expect_file_fault("input_root = /a\n", "did you mean input_roots?");
-    expect_file_fault("workers = many\n", ":1: workers: \"many\" is not a whole number from 0 to 1024");
+    expect_file_fault("workers = many\n",
+                      ":1: workers: must be a whole number from 0 to 1024 processes (given \"many\")");
     expect_file_fault("\n\nworkers = 1.5\n", ":3: workers");
     expect_file_fault("drain_s = nan\n", ":1: drain_s");
     expect_file_fault("memory_mb = -1\n", ":1: memory_mb");
-    expect_file_fault("inputs_keep_s = 59\n", "\"59\" is not 0 or a number from 60 to 1e+10 s");
+    expect_file_fault("inputs_keep_s = 59\n", "must be 0 or a number from 60 to 1e+10 s (given \"59\")");
     expect_file_fault("inputs_keep_s = -1\n", ":1: inputs_keep_s");
     expect_file_fault("memory_mb = 99999999999999999999\n", ":1: memory_mb");
     expect_file_fault("log_level = loud\n", ":1: log_level");
     expect_file_fault("workers = 1\nworkers = 2\n", ":2: workers is given twice");
     expect_file_fault("[other]\nworkers = 1\n", "section [other]");
-    expect_file_fault("workers = 1\nwords without sense\n", ":2: no setting");
+    expect_file_fault("workers = 1\nwords without sense\n", ":2: the line is not a setting");
     char long_line[400];
     memset(long_line, 'x', sizeof long_line);
     memcpy(long_line, "worker = ", 9);
@@ -150,19 +151,19 @@ static void test_faults_of_the_command_line(void **state)
 {
     (void)state;
     char *unknown[] = {"hexad", "--nonsense", "1"};
-    expect_fault(COUNT(unknown), unknown, "no option --nonsense; see --help");
+    expect_fault(COUNT(unknown), unknown, "unknown option --nonsense; see hexad --help");
     char *misspelt[] = {"hexad", "--wrokers=1"};
-    expect_fault(COUNT(misspelt), misspelt, "no option --wrokers; did you mean --workers?");
+    expect_fault(COUNT(misspelt), misspelt, "unknown option --wrokers; did you mean --workers?");
     char *action[] = {"hexad", "--adpot"};
-    expect_fault(COUNT(action), action, "no option --adpot; did you mean --adopt?");
+    expect_fault(COUNT(action), action, "unknown option --adpot; did you mean --adopt?");
     char *file[] = {"hexad", "--confg", path};
     expect_fault(COUNT(file), file, "did you mean --config?");
     char *flag[] = {"hexad", "--adopt=1"};
     expect_fault(COUNT(flag), flag, "--adopt takes no value");
     char *bare[] = {"hexad", "word"};
-    expect_fault(COUNT(bare), bare, "word is not an option");
+    expect_fault(COUNT(bare), bare, "unexpected argument word");
     char *missing[] = {"hexad", "--workers"};
-    expect_fault(COUNT(missing), missing, "no value");
+    expect_fault(COUNT(missing), missing, "--workers requires a value");
     char *value[] = {"hexad", "--workers", "x"};
     expect_fault(COUNT(value), value, "command line: workers");
 }

@@ -40,18 +40,18 @@ static void test_faults_say_where(void **state)
     static const struct {
         const char *text, *words;
     } cases[] = {
-        {"", "line 1 column 1: the text ends too early"},
+        {"", "line 1 column 1: the JSON text is incomplete"},
         {"{\n  \"a\": 1,\n  \"b\" 2}", "line 3 column 7: expected ':'"},
-        {"[1, 2,]", "line 1 column 7: a comma is not allowed before ']'"},
-        {"[01]", "must not begin with 0"},
-        {"[1.]", "after its point"},
+        {"[1, 2,]", "line 1 column 7: a comma before ']' is not allowed"},
+        {"[01]", "the number begins with 0"},
+        {"[1.]", "after its decimal point"},
         {"[1e]", "in its exponent"},
-        {"[-]", "needs a digit"},
-        {"[1e400]", "line 1 column 2: a number is too large"},
+        {"[-]", "has no digit"},
+        {"[1e400]", "line 1 column 2: the number is too large"},
         {"[NaN]", "expected a value"},
-        {"{\"a\":1,\"b\":2,\"a\":3}", "line 1 column 14: the member 'a' appears twice"},
-        {"{\"a\":1,\"\\u0061\":3}", "the member 'a' appears twice"},
-        {"[\"\\u0000\"]", "line 1 column 3: \\u0000 is not accepted"},
+        {"{\"a\":1,\"b\":2,\"a\":3}", "line 1 column 14: the member 'a' is given twice"},
+        {"{\"a\":1,\"\\u0061\":3}", "the member 'a' is given twice"},
+        {"[\"\\u0000\"]", "line 1 column 3: the string contains \\u0000"},
         {"[\"\\ud800\"]", "high surrogate"},
         {"[\"\\ud800\\u0041\"]", "high surrogate"},
         {"[\"\\udc00\"]", "low surrogate"},
@@ -63,21 +63,21 @@ static void test_faults_say_where(void **state)
         {"[\"\\x\"]", "unknown escape"},
         {"[\"\\u12g4\"]", "hexadecimal"},
         {"{a:1}", "member name"},
-        {"{\"a\":1,}", "column 8: a comma is not allowed before '}'"},
-        {"[1,\n]", "line 2 column 1: a comma is not allowed before ']'"},
-        {"{\"a\":1, // x\n}", "JSON has no comments"},
-        {"/* x */ {}", "JSON has no comments"},
-        {"[1 # x\n]", "JSON has no comments"},
-        {"[1] x", "line 1 column 5: there is more text"},
-        {"[1", "ends too early"},
-        {"\"abc", "ends too early"},
+        {"{\"a\":1,}", "column 8: a comma before '}' is not allowed"},
+        {"[1,\n]", "line 2 column 1: a comma before ']' is not allowed"},
+        {"{\"a\":1, // x\n}", "JSON does not allow comments"},
+        {"/* x */ {}", "JSON does not allow comments"},
+        {"[1 # x\n]", "JSON does not allow comments"},
+        {"[1] x", "line 1 column 5: more text follows"},
+        {"[1", "JSON text is incomplete"},
+        {"\"abc", "JSON text is incomplete"},
         {"[\"\xc3\xa4\xc3\xa4\" 1]", "line 1 column 7: expected ','"},
         {"\xef\xbb\xbf{}", "byte order mark"},
         {"[\f1]", "expected a value"},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
         refuse(cases[i].text, strlen(cases[i].text), cases[i].words);
-    refuse("[1]\0", 4, "there is more text");
+    refuse("[1]\0", 4, "more text follows");
     refuse("[\"a\0b\"]", 7, "control character");
     assert_null(json_parse("[", 1, NULL));
 }

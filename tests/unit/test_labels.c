@@ -114,7 +114,7 @@ static void test_large_numbers_of_a_grid(void **state)
     label_surface_close(s);
     assert_null(open_grids(write_halves(types, 1, 3, -0x1p60F), NULL, &e));
     assert_int_equal(e.code, ERROR_INPUT_UNSUPPORTED);
-    assert_non_null(strstr(e.message, "the value -1152921504606846976 is no label"));
+    assert_non_null(strstr(e.message, "the value -1152921504606846976 is not a label"));
 }
 
 /* The scratch of a thread is larger than these voxels. */
@@ -130,7 +130,8 @@ static void test_the_memory_of_a_majority(void **state)
     assert_null(label_source_open(&request, &e));
     close(fd);
     assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
-    assert_non_null(strstr(e.message, "surface.labels.majority needs 3 MiB and 2 MiB are left"));
+    assert_non_null(
+        strstr(e.message, "/surface/labels/majority requires 3 MiB, and 2 MiB of the limit are left"));
 }
 
 /* ---- the majority */

@@ -254,7 +254,7 @@ static void near_vertices_are_joined(void **state)
         } else {
             assert_true(j.ok);
             assert_int_equal(j.triangles, ball.triangle_count);
-            assert_note(&j, "vertices of open edges lie as near to others as rounding: joined");
+            assert_note(&j, "vertices of open edges coincide with others within rounding: they are joined");
         }
         mesh_free(&ball);
     }
@@ -283,7 +283,7 @@ static void seams_are_closed(void **state)
     judgement j = judge(m);
     if (!j.ok) fail_msg("%s", j.e.message);
     assert_int_equal(j.solids, 1);
-    assert_note(&j, "vertices of others on their open edges: split there");
+    assert_note(&j, "vertices of other triangles on their open edges: they are split there");
 }
 
 static void walls_within_are_refused(void **state)
@@ -343,7 +343,7 @@ static void odd_triangles_are_noted(void **state)
     j = judge(m);
     assert_true(j.ok);
     assert_int_equal(j.triangles, 320);
-    assert_note(&j, "320 of 640 triangles stand in the file again");
+    assert_note(&j, "320 of 640 triangles are duplicates");
     m = ball_at(10); /* every face from both sides */
     mesh b = ball_at(10);
     for (size_t k = 0; k < b.triangle_count; k++) mesh_fixture_turn(&b, k);

@@ -69,7 +69,7 @@ static void test_bad_tables_say_what(void **state)
     static const struct {
         const char *text, *words;
     } bad[] = {
-        {"/a", "is not from=to"},        {"=/b", "the path before"},      {"/=/b", "the path before"},
+        {"/a", "must be from=to"},       {"=/b", "the path before"},      {"/=/b", "the path before"},
         {"a/b=/c", "the path before"},   {"Z:x=/c", "the path before"},   {"//=/c", "the path before"},
         {"/a=b", "must be an absolute"}, {"/a=/", "must be an absolute"}, {"/a=Z:/b", "must be an absolute"},
         {"/a=", "must be an absolute"},  {"/b/=/x", "mapped twice"}};

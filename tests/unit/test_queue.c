@@ -615,7 +615,8 @@ static void test_what_follows_a_failure_fails_with_it(void **state)
     bool found = false;
     assert_true(queue_get_frame(p->q, id, frames[2], &last, &found, NULL) && found);
     assert_string_equal(last.error_code, "dependency_failed");
-    assert_non_null(strstr(last.error_message, "frame 3, with whose points this one begins, is failed"));
+    assert_non_null(
+        strstr(last.error_message, "this frame starts with the points of frame 3, which is failed"));
     queue_task_clear(&last);
     /* both are tried again, in order */
     assert_int_equal(tell(p, id, QUEUE_RETRY, true), QUEUE_RUNNING);

@@ -23,7 +23,7 @@ static atomic_long calls, failing = -1; /* of the attempt; the one that fails */
 void *__wrap_mem_array(size_t count, size_t size, const char *text, error *e)
 {
     if (atomic_fetch_add(&calls, 1) != atomic_load(&failing)) return __real_mem_array(count, size, text, e);
-    error_set(e, ERROR_LIMIT_MEMORY, "no memory for %s", text);
+    error_set(e, ERROR_LIMIT_MEMORY, "not enough memory for %s", text);
     return NULL;
 }
 

@@ -141,12 +141,12 @@ static void offset_moves_formulas_outwards(void **state)
 static void offset_is_refused_where_nothing_is_left_or_there_is_no_distance(void **state)
 {
     (void)state;
-    assert_refused(OFFSET(-1, SPHERE(0, 1)), "", ERROR_NO_SURFACE, "nothing is left");
-    assert_refused(OFFSET(-1, BOX), "", ERROR_NO_SURFACE, "nothing is left");
-    assert_refused(OFFSET(-1.5, CYLINDER), "", ERROR_NO_SURFACE, "nothing is left");
-    assert_refused(OFFSET(1.5, TORUS), "", ERROR_NOT_SUPPORTED, "no hole");
+    assert_refused(OFFSET(-1, SPHERE(0, 1)), "", ERROR_NO_SURFACE, "removes the whole shape");
+    assert_refused(OFFSET(-1, BOX), "", ERROR_NO_SURFACE, "removes the whole shape");
+    assert_refused(OFFSET(-1.5, CYLINDER), "", ERROR_NO_SURFACE, "removes the whole shape");
+    assert_refused(OFFSET(1.5, TORUS), "", ERROR_NOT_SUPPORTED, "closes the hole");
     assert_refused(OFFSET(0.1, ANALYTIC("\"shape\": \"ellipsoid\", \"radii\": [1, 2, 3]")), "",
-                   ERROR_NOT_SUPPORTED, "offset needs distances");
+                   ERROR_NOT_SUPPORTED, "offset requires distances");
     assert_refused(
         OFFSET(0.1, "{\"transform\": {\"matrix\": [2,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1], \"surface\": " SPHERE(
                         0, 1) "}}"),

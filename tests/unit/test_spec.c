@@ -402,7 +402,7 @@ static void test_attributes(void **state)
     assert_string_equal(input.path, "a.0002.vdb");
     assert_false(spec_input_at(s, 1, &input));
     spec_free(s);
-    expect_attribute("{}", "/attributes/1/as", "is required where there is no name");
+    expect_attribute("{}", "/attributes/1/as", "is required if name is absent");
     expect_attribute("{\"as\":\"a b\"}", "/attributes/1/as", "letters, digits and _");
     expect_attribute("{\"from\":\"geometry\",\"name\":\"heat\"}", "/attributes/1/name", "direction1");
     expect_attribute("{\"name\":\"b\",\"type\":\"words\"}", "/attributes/1/type", "must be one of");
@@ -500,7 +500,7 @@ static void test_region(void **state)
     spec_free(s);
     expect_fault(SPHERE ",\"region\":{\"min\":[0,0,0]}}", ERROR_SPEC_INVALID, "/region/max", "is required");
     expect_fault(SPHERE ",\"region\":{\"min\":[0,0,0],\"max\":[1,1,0]}}", ERROR_SPEC_INVALID, "/region/max/2",
-                 "begins at 0 and ends at 0");
+                 "max must be above min, 0 (given 0)");
     expect_fault(SPHERE ",\"region\":{\"min\":[0,0,0],\"max\":[1,-1,\"x\"]}}", ERROR_SPEC_INVALID,
                  "/region/max/2", "must be a number");
     expect_fault(
@@ -586,9 +586,9 @@ static void test_bspline(void **state)
     expect_bspline_fault("[4,4,3]", ",\"path\":\"c\"", "/surface/bspline/dims/2", "(given 3)");
     expect_bspline_fault("[4,4,4]", "", "/surface/bspline", "exactly one of coefficients, path (given none)");
     expect_bspline_fault("[4,4,4]", ",\"path\":\"c\",\"domain\":{\"max\":[1,0,1]}",
-                         "/surface/bspline/domain/max/1", "begins at 0 and ends at 0");
+                         "/surface/bspline/domain/max/1", "max must be above min, 0 (given 0)");
     expect_bspline_fault("[4,4,4]", ",\"path\":\"c\",\"domain\":{\"min\":[0,0,1]}", "/surface/bspline/domain",
-                         "begins at 1 and ends at 1");
+                         "max must be above min, 1 (given 1)");
 }
 
 /* An array is read in one walk: element by element, these would take minutes. */
@@ -765,7 +765,7 @@ static void test_slices(void **state)
     for (size_t k = 0; k < sizeof paths / sizeof *paths; k++) {
         char *text = mem_printf("{\"surface\":{\"exr\":{\"path\":\"%s\",\"slices\":\"1-3\",\"isovalue\":1}}}",
                                 paths[k]);
-        expect_fault(text, ERROR_SPEC_INVALID, "/surface/exr/path", "must have one #### or %04d");
+        expect_fault(text, ERROR_SPEC_INVALID, "/surface/exr/path", "must contain one #### or %04d");
         free(text);
     }
 }
@@ -805,26 +805,27 @@ static void test_faults(void **state)
     expect_fault("{}", invalid, "/surface", "is required");
     expect_fault("{}", invalid, "/sampling", "is required");
     expect_fault("{\"version\":2}", invalid, "/version", "must be 1 (given 2)");
-    expect_fault("{\"surface\":{}}", invalid, "/surface", "needs exactly one of vdb, mesh, analytic");
+    expect_fault("{\"surface\":{}}", invalid, "/surface", "give exactly one of vdb, mesh, analytic");
     expect_fault("{\"surface\":{\"vdb\":{},\"mesh\":{}}}", invalid, "/surface", "(given vdb, mesh)");
     expect_fault("{\"surface\":{\"vdb\":{}}}", invalid, "/surface/vdb/path", "is required");
     expect_fault("{\"surface\":{\"vdb\":{\"path\":\"\"}}}", invalid, "/surface/vdb/path",
                  "characters (given 0)");
     expect_fault("{\"surface\":{\"mesh\":{\"path\":\"a.stl\",\"voxel_size\":1,\"resolution\":9}}}", invalid,
-                 "/surface/mesh", "needs at most one of voxel_size, resolution");
+                 "/surface/mesh", "give at most one of voxel_size, resolution");
     expect_fault("{\"surface\":{\"mesh\":{\"path\":\"a.stl\",\"bandvox\":4}}}", invalid,
                  "/surface/mesh/bandvox", "did you mean 'band_vox'?");
     expect_fault("{\"sampling\":{}}", invalid, "/sampling",
                  "exactly one of count, spacing, density, control, time_s");
     expect_fault("{\"sampling\":{\"alpha\":{},\"curvature\":{}}}", invalid, "/sampling",
-                 "needs at most one of alpha");
-    expect_fault("{\"sampling\":{\"count\":3}}", invalid, "/sampling/count", "from 4 to 100000000 (given 3)");
+                 "give at most one of alpha");
+    expect_fault("{\"sampling\":{\"count\":3}}", invalid, "/sampling/count",
+                 "from 4 to 100000000 points (given 3)");
     expect_fault("{\"sampling\":{\"count\":4.5}}", invalid, "/sampling/count", "must be an integer from");
     expect_fault("{\"sampling\":{\"count\":\"many\"}}", invalid, "/sampling/count", "(given \"many\")");
     expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":0}}}", invalid,
                  "/surface/analytic/radius", "must be a number above 0 and at most 1000000000000 (given 0)");
     expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":1,\"period\":1}}}", invalid,
-                 "/surface/analytic/period", "does not belong to the shape \"sphere\"");
+                 "/surface/analytic/period", "is not a member of the shape \"sphere\"");
     expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"cube\"}}}", invalid, "/surface/analytic/shape",
                  "must be one of \"sphere\", \"torus\"");
     expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"torus\",\"major_radius\":1,\"minor_radius\":1}}}",
@@ -837,7 +838,7 @@ static void test_faults(void **state)
         invalid, "/surface/analytic/rounding", "at most the smallest half size, 0.5 (given 0.6)");
     expect_fault(
         "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"halfspace\"}},\"sampling\":{\"count\":9}}",
-        invalid, "/surface", "a halfspace has none");
+        invalid, "/surface", "it contains a halfspace");
     expect_fault("{\"version\":1,\"surface\":{\"union\":[{\"analytic\":{\"shape\":\"quartic\"}},"
                  "{\"analytic\":{\"shape\":\"halfspace\"}}]},\"sampling\":{\"count\":9}}",
                  invalid, "/surface", "give a region");
@@ -855,23 +856,23 @@ static void test_faults(void **state)
                  "/sampling/curvature", "excludes resolve");
     expect_fault("{\"sampling\":{\"count\":9,\"feature\":{},\"alpha\":{}}}", invalid, "/sampling/alpha",
                  "excludes feature");
-    expect_fault("{\"sampling\":{\"time_s\":9,\"feature\":{}}}", invalid, "/sampling/time_s", "leave out");
+    expect_fault("{\"sampling\":{\"time_s\":9,\"feature\":{}}}", invalid, "/sampling/time_s", "remove");
     expect_fault("{\"sampling\":{\"time_s\":9,\"curvature\":{\"ratio\":2},\"min_spacing\":0.1}}", invalid,
-                 "/sampling/time_s", "leave out min_spacing");
+                 "/sampling/time_s", "remove min_spacing");
     expect_fault("{\"sampling\":{\"control\":{\"min_count\":9}}}", invalid, "/sampling/control/max_sigma",
                  "is required");
     expect_fault("{\"sampling\":{\"control\":{\"min_count\":9,\"max_sigma\":1,\"start_count\":8}}}", invalid,
                  "/sampling/control/start_count", "at least min_count, 9 (given 8)");
     expect_fault(SPHERE ",\"solver\":{\"witkin_heckbert\":{}}}", invalid, "/solver/witkin_heckbert",
-                 "does not belong to the method \"sized\"");
+                 "is not a member of the method \"sized\"");
     expect_fault(SPHERE ",\"solver\":{\"method\":\"witkin-heckbert\",\"energy\":\"gaussian\"}}", invalid,
-                 "/solver/energy", "does not belong to the method \"witkin-heckbert\"");
+                 "/solver/energy", "is not a member of the method \"witkin-heckbert\"");
     expect_fault("{\"sampling\":{\"control\":{\"min_count\":9,\"max_sigma\":1}},\"solver\":{\"method\":"
                  "\"witkin-heckbert\"}}",
-                 invalid, "/solver/method", "belongs to the methods \"sized\" and \"paper\"");
-    expect_fault(SPHERE ",\"solver\":{\"step\":0.1}}", invalid, "/solver/step", "belongs to the minimiser");
+                 invalid, "/solver/method", "requires the method \"sized\" or \"paper\"");
+    expect_fault(SPHERE ",\"solver\":{\"step\":0.1}}", invalid, "/solver/step", "requires the minimiser");
     expect_fault("{\"sampling\":{\"count\":9,\"alpha\":{}},\"solver\":{\"method\":\"sized\"}}", invalid,
-                 "/solver/method", "belongs to the methods \"paper\" and \"witkin-heckbert\"");
+                 "/solver/method", "requires the method \"paper\" or \"witkin-heckbert\"");
     assert_null(spec_parse(NULL, NULL, NULL));
 }
 
@@ -1016,7 +1017,7 @@ static void test_faults_of_values_by_frame(void **state)
     expect_fault(BY_FRAME("{\"/name\":[\"a\",\"b\",\"c\"]}"), ERROR_SPEC_INVALID, "/queue/by_frame/~1name",
                  "surface, region");
     expect_fault(BY_FRAME("{\"/surface/mesh/path\":[\"a\",\"b\",\"c\"]}"), ERROR_SPEC_INVALID,
-                 "/queue/by_frame", "the path '/surface/mesh/path' cannot differ by frame");
+                 "/queue/by_frame", "the path '/surface/mesh/path' is the same for all frames");
     expect_fault(BY_FRAME("{\"/surface/analytic/radius\":7}"), ERROR_SPEC_INVALID, AT_RADIUS,
                  "one value for each frame");
     expect_fault(BY_FRAME("{\"/surface/analytic/radius\":{\"from\":1}}"), ERROR_SPEC_INVALID, AT_RADIUS,
@@ -1032,7 +1033,7 @@ static void test_faults_of_values_by_frame(void **state)
     expect_fault(BY_FRAME("{\"/solver/sed\":[1,2,3]}"), ERROR_SPEC_INVALID, "/queue/by_frame/~1solver~1sed/0",
                  "did you mean 'seed'");
     expect_fault(BY_FRAME("{\"/sampling/count/x\":[1,2,3]}"), ERROR_SPEC_INVALID,
-                 "/queue/by_frame/~1sampling~1count~1x", "no place");
+                 "/queue/by_frame/~1sampling~1count~1x", "no object that could hold");
     expect_fault(
         SPHERE
         ",\"queue\":{\"frames\":\"1-10001\",\"by_frame\":{\"/solver/seed\":{\"from\":1,\"to\":10001}}}}",
@@ -1067,7 +1068,7 @@ static void test_surfaces_that_exclude_each_other_leave_no_memory(void **state)
         "\"labels\":{\"path\":\"b.####.exr\",\"slices\":\"1-65536\"}},\"sampling\":{\"count\":100}}";
     (void)state;
     size_t before = mallinfo2().uordblks + mallinfo2().hblkhd;
-    expect_fault(text, ERROR_SPEC_INVALID, "/surface", "needs exactly one of");
+    expect_fault(text, ERROR_SPEC_INVALID, "/surface", "give exactly one of");
     size_t after = mallinfo2().uordblks + mallinfo2().hblkhd;
     assert_true(after < before + (1 << 16));
 }

@@ -54,7 +54,7 @@ static const expectation vdb_files[] = {
     {"ls_sphere_half.vdb", NULL, 1, ERROR_NO_SURFACE, "isovalue 1", 0},
     {"monkey_mantaflow.vdb", "density", 0.3, ERROR_NONE, NULL, 0.95},
     {"monkey_mantaflow.vdb", "flame", 0.3, ERROR_NO_SURFACE, "no active voxel", 0},
-    {"monkey_mantaflow.vdb", "shadow", 0.3, ERROR_NO_SURFACE, "-1 to 0", 0},
+    {"monkey_mantaflow.vdb", "shadow", 0.3, ERROR_NO_SURFACE, "lowest value, -1, and its highest, 0", 0},
     {"monkey_mantaflow.vdb", "velocity", 0.3, ERROR_INPUT_UNSUPPORTED, "vec3s", 0},
     {"nebula_5grids.vdb", "distance", NAN, ERROR_NONE, NULL, 1},
     {"nebula_5grids.vdb", "density", 0.3, ERROR_NONE, NULL, 0.95},
@@ -63,7 +63,7 @@ static const expectation vdb_files[] = {
     {"oiio_sphereCd.vdb", NULL, 0.5, ERROR_INPUT_UNSUPPORTED, "vec3s", 0},
     {"pointgrid.vdb", NULL, 0.5, ERROR_INPUT_UNSUPPORTED, "ptdataidx32", 0},
     {"smoke1_half.vdb", NULL, 0.3, ERROR_NONE, NULL, 0.95},
-    {"vpt_box_bg1.vdb", NULL, 0.5, ERROR_NO_SURFACE, "1 to 1", 0},
+    {"vpt_box_bg1.vdb", NULL, 0.5, ERROR_NO_SURFACE, "lowest value, 1, and its highest, 1", 0},
     {"vpt_dragon_fog.vdb", NULL, 0.3, ERROR_NONE, NULL, 0.95},
     {"vpt_dragon_rotated_xform.vdb", NULL, 0.3, ERROR_NONE, NULL, 0.95},
     {"wdas_cloud_sixteenth.vdb", NULL, 0.2, ERROR_NONE, NULL, 0.95},
@@ -130,7 +130,7 @@ static void hostile_volumes(void **state)
 {
     (void)state;
     static const expectation lfs = {"git_lfs_pointer.vdb", NULL, NAN, ERROR_INPUT_DAMAGED, "git lfs pull", 0};
-    static const expectation cut = {"truncated.vdb", NULL, 0.5, ERROR_INPUT_DAMAGED, "cut short", 0};
+    static const expectation cut = {"truncated.vdb", NULL, 0.5, ERROR_INPUT_DAMAGED, "truncated", 0};
     /* Their bounding boxes are metadata, which nothing here believes; none of them holds a voxel. */
     static const char *const boxes[] = {"bad-bbox-bomb.vdb",     "bad-bbox-huge.vdb",
                                         "bad-bbox-inverted.vdb", "bad-bbox-overflow.vdb",

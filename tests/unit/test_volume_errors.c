@@ -108,7 +108,7 @@ static void what_is_not_a_volume(void **state)
                  {text, sizeof text - 1, ERROR_INPUT_DAMAGED, "not an OpenVDB file"},
                  {"", 0, ERROR_INPUT_DAMAGED, "empty"},
                  {"abc", 3, ERROR_INPUT_DAMAGED, "not an OpenVDB file"},
-                 {future, 9, ERROR_INPUT_DAMAGED, "cut short"},
+                 {future, 9, ERROR_INPUT_DAMAGED, "truncated"},
                  {future, sizeof future, ERROR_INPUT_UNSUPPORTED, "version 1000"}};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         int fd = fixture_bytes(cases[i].bytes, cases[i].count);
@@ -136,7 +136,7 @@ static void volumes_without_a_surface(void **state)
     fixture fog = fixture_make(fixture_uniform, 11, fog_ball, 0);
     vdb_draft d = fixture_draft(&fog);
     fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
-    expect(fd, NULL, 7.5, ERROR_NO_SURFACE, WORDS("surface", "7.5", "0 to 1"));
+    expect(fd, NULL, 7.5, ERROR_NO_SURFACE, WORDS("surface", "7.5", "lowest value, 0, and its highest, 1"));
     expect(fd, NULL, INFINITY, ERROR_SPEC_INVALID, WORDS("isovalue"));
     close(fd);
     fixture_free(&fog);
@@ -154,9 +154,9 @@ static void plateaus_are_no_surface(void **state)
         vdb_draft d = fixture_draft(&fog);
         int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
         expect(fd, NULL, k == 1 ? 0.1 : 0, ERROR_NO_SURFACE,
-               WORDS("do not pass it", k == 0   ? "in 100 %"
-                                       : k == 1 ? "from 0.1 to 1.1"
-                                                : "from -1 to 1"));
+               WORDS("which equals its background", k == 0   ? "in 100 %"
+                                                    : k == 1 ? "between 0.1 and 1.1"
+                                                             : "between -1 and 1"));
         close(fd);
         fixture_free(&fog);
     }
@@ -196,7 +196,7 @@ static void offsets_are_world_distances(void **state)
         volume_close(v);
         r.offset = 0.345;
         assert_null(volume_open(&r, &e)); /* at the clamp */
-        if (!strstr(e.message, "an offset needs distances")) fail_msg("%s", e.message);
+        if (!strstr(e.message, "an offset requires distances")) fail_msg("%s", e.message);
         close(fd);
         fixture_free(&g);
     }
@@ -592,7 +592,7 @@ static void parts_of_trees_lie_on_their_grid(void **state)
     size_t size = slurp(whole, &bytes);
     find_bytes(bytes, size, corner, sizeof corner)[0] = 8;
     int fd = fixture_bytes(bytes, size);
-    expect(fd, NULL, 0.5, ERROR_INPUT_DAMAGED, WORDS("lies where none can"));
+    expect(fd, NULL, 0.5, ERROR_INPUT_DAMAGED, WORDS("impossible position"));
     close(fd);
     close(whole);
     free(bytes);
@@ -730,7 +730,7 @@ static void readers_that_are_gone_before_they_are_asked(void **state)
     error e = {0};
     assert_null(exr_stack_open(&params, &e));
     assert_int_equal(e.code, ERROR_INPUT_DAMAGED);
-    assert_non_null(strstr(e.message, "could not be read to its end"));
+    assert_non_null(strstr(e.message, "ended while it was read"));
 }
 
 int main(void)
