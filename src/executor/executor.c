@@ -560,11 +560,10 @@ bool executor_size(const executor *x, int *width, int64_t *memory_mb, error *e)
     if (*width <= 0) *width = share > 0 ? share : 1;
     if (*width > x->threads) *width = x->threads;
     if (*memory_mb <= 0) *memory_mb = least(x->settings.memory_mb, x->memory_mb);
-    return *memory_mb <= x->memory_mb ||
-           error_set(e, ERROR_LIMIT_MEMORY,
-                     "limits.memory_mb: %" PRId64 " MiB exceed the %" PRId64
-                     " MiB that this service has for all jobs: lower it",
-                     *memory_mb, x->memory_mb);
+    return *memory_mb <= x->memory_mb || error_set(e, ERROR_LIMIT_MEMORY,
+                                                   "limits.memory_mb: %" PRId64 " MiB exceed the %" PRId64
+                                                   " MiB that this service has for all jobs: lower it",
+                                                   *memory_mb, x->memory_mb);
 }
 
 bool executor_tell(executor *x, const char *id, queue_command command, bool *found, bool *changed,

@@ -201,10 +201,7 @@ void settlement_decide(const queue_claimed *c, settlement_stop stop, double limi
         return;
     case SETTLEMENT_STALLED:
         describe(ending, "stalled: ", s);
-        error_set(&e, ERROR_STALLED,
-                  "the worker reported no progress for %g s, the limit (limits.stall_s): raise it if "
-                  "the job is slow",
-                  limit_s);
+        error_set(&e, ERROR_STALLED, "the worker reported no progress for %g s (limits.stall_s)", limit_s);
         set_crashed(s, c, &e);
         return;
     case SETTLEMENT_DRAINED:

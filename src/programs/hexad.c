@@ -125,7 +125,8 @@ static bool init_state(service *s, error *e)
     if (!store_directory_create(s->settings.state_dir, e)) return false;
     s->state_dir = realpath(s->settings.state_dir, NULL);
     if (!s->state_dir)
-        return error_set(e, ERROR_INTERNAL, "cannot resolve state_dir %s: %s", s->settings.state_dir, strerror(errno));
+        return error_set(e, ERROR_INTERNAL, "cannot resolve state_dir %s: %s", s->settings.state_dir,
+                         strerror(errno));
     s->work_dir = farm_work_directory(&s->settings, s->state_dir, e);
     if (!s->work_dir) free(s->state_dir);
     return s->work_dir != NULL;

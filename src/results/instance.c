@@ -65,7 +65,8 @@ static bool holds_results(const char *work_dir)
 static bool refuse_new(const char *state_dir, const char *work_dir, error *e)
 {
     return error_set(e, ERROR_INTERNAL,
-                     "%s/" DATABASE_FILE_NAME " is missing or empty, but %s/results contains results: " WAYS_OUT
+                     "%s/" DATABASE_FILE_NAME
+                     " is missing or empty, but %s/results contains results: " WAYS_OUT
                      ", which adopts them into a new queue",
                      state_dir, work_dir);
 }

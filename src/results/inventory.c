@@ -237,11 +237,10 @@ static void tell(const char *work_dir, const tally *t, size_t adopted)
         log_write(LOG_LEVEL_WARNING,
                   "waiting jobs and frames ended because their results were found count=%zu", t->ended);
     if (t->moved)
-        log_write(
-            LOG_LEVEL_WARNING,
-            "results and attempts without a job in the queue were moved to %s/" LOST_FOUND_DIRECTORY
-            " count=%zu: inspect them, then remove them",
-            work_dir, t->moved);
+        log_write(LOG_LEVEL_WARNING,
+                  "results and attempts without a job in the queue were moved to %s/" LOST_FOUND_DIRECTORY
+                  " count=%zu: inspect them, then remove them",
+                  work_dir, t->moved);
     if (t->left)
         log_write(LOG_LEVEL_WARNING,
                   "results and attempts without a job in the queue remain in %s count=%zu: %s", work_dir,

@@ -467,7 +467,7 @@ static void test_a_stall_is_noticed(void **state)
     char id[ULID_SIZE];
     start(p, PROLOGUE "sleep 600\n", 1);
     put_limited(p, 2, 0, 200, "{}", id);
-    expect_end(p, id, QUEUE_FAILED, "stalled", "0.2 s in attempt 2 of 2");
+    expect_end(p, id, QUEUE_FAILED, "stalled", "0.2 s (limits.stall_s) in attempt 2 of 2");
     assert_int_equal(count_attempts(p, id), 2);
 }
 

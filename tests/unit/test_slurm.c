@@ -105,7 +105,7 @@ static void test_a_forced_cancellation_waits_for_no_ending(void **state)
     place *p = *state;
     engine_attempt *a = resume(p, 1e6, "no JSON");
     engine_slurm.cancel(a, true);
-    expect_loss(a, ENGINE_INTERRUPTED, "given up");
+    expect_loss(a, ENGINE_INTERRUPTED, "abandoned");
 }
 
 int main(void)
