@@ -374,9 +374,8 @@ static bool choose_volume(header *h, int64_t index, error *e)
                          (long long)count, (long long)h->size[0], (long long)h->size[1],
                          (long long)h->size[2], (long long)count - 1);
     if (index >= count)
-        return error_set(e, ERROR_GRID_MISSING,
-                         "the file has no volume %lld: choose one of its %lld volumes, counted from 0",
-                         (long long)index, (long long)count);
+        return error_set(e, ERROR_GRID_MISSING, "the file has no volume %lld: choose index from 0 to %lld",
+                         (long long)index, (long long)count - 1);
     if (index > 0) h->byte_skip += index * samples * size_of[h->type];
     return true;
 }
