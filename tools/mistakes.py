@@ -384,7 +384,7 @@ def list_mistakes():
     worker("mesh without triangles", mesh("points.obj"), surface_4, "points.obj")
     worker("mesh with a NaN coordinate", mesh("nan.obj"), input_3, "nan.obj")
     worker("mesh with an index out of range", mesh("index.obj"), input_3, "index.obj")
-    worker("PLY file without faces", mesh("cut.ply"), surface_4, "cut.ply")
+    worker("PLY file without faces", mesh("cut.ply"), "exit 3, input_damaged", "cut.ply")
     worker("STEP file", mesh("part.step"), input_3, "part.step")
     worker("point list as mesh", mesh("mesh.xyz"), input_3, "mesh.xyz")
     worker("triangle given twice", mesh("twice.obj"), "exit 0, warning", "duplicates")

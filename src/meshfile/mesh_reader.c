@@ -415,7 +415,9 @@ static void expand_strips(const char *ending, bytes *b)
     case PLY_STRIPS_NO_MEMORY:
         _exit(answer_fault(ERROR_LIMIT_MEMORY, file_too_large));
     case PLY_STRIPS_DAMAGED:
-        _exit(answer_fault(ERROR_INPUT_DAMAGED, "the file's triangle strips end early, or are no numbers"));
+        _exit(answer_fault(
+            ERROR_INPUT_DAMAGED,
+            "the triangle strips of the file are incomplete or not numbers: save it with faces"));
     case PLY_STRIPS_READ:
         break;
     }

@@ -178,7 +178,7 @@ TURNED = (LABEL[0], [(3, 2, 1, 0)])
 @pytest.mark.parametrize("solids, area, warning", [
     ((TABLE, cuboid((1, 1, 1), (2, 2, 2))), 38 + 6 - 2, "an area of 1 lies in two faces that look opposite ways"),
     ((TABLE, cuboid((3, 2, 1), (5, 4, 2))), 38 + 16 - 2, "an area of 1 lies in two faces that look opposite ways"),
-    ((TABLE, cuboid((4, 0, 0), (5, 3, 1))), 38 + 14 - 6, "an area of 3 lies in two faces that look opposite ways"),
+    ((TABLE, cuboid((4, 0, 0), (5, 3, 1))), 38 + 14 - 6, "an area of 3 belongs to two faces with opposite normals"),
     ((TABLE, cuboid((1, 1, 1), (2, 2, 2)), cuboid((2.5, 0.5, 1), (3.5, 1.5, 2))), 38 + 12 - 4, "an area of 2 lies in two faces"),
     ((SHEET, LABEL), 12, "an area of 1.75 lies in two faces that look the same way"),
     ((SHEET, TURNED), 12, "an area of 1.75 lies in two faces that look opposite ways"),

@@ -279,8 +279,8 @@ def test_a_page_that_is_missing_is_looked_for_at_both_places(staged):
     shutil.rmtree(staged.page)
     staged.start()
     told = staged.log.read_text()
-    assert f"there is no web page: neither {staged.build}/page nor {staged.page}" in told, told
-    assert "install" in told.partition("there is no web page")[2].partition("\n")[0]
+    assert f"the web page is not served: neither {staged.build}/page nor {staged.page}" in told, told
+    assert "install" in told.partition("the web page is not served")[2].partition("\n")[0]
 
 
 def test_a_service_without_its_page(with_tokens):

@@ -130,7 +130,7 @@ def test_no_points_are_placed_where_memory_holds_none(worker, sampling):
     solver = {"method": "paper"} if "control" in sampling else {}
     words = last_words(worker(sphere(sampling=sampling, solver=solver, limits={"memory_mb": 64},
                                      output={"preview": {"size": [4096, 4096]}})))
-    assert words["code"] == "limit_memory" and "the limit leaves 0 MiB" in words["message"]
+    assert words["code"] == "limit_memory" and "and 0 MiB of the limit are left" in words["message"]
 
 
 @pytest.mark.sanitized
