@@ -191,8 +191,9 @@ static const parameter parameters[] = {
      .high = 1000,
      .example = "wait=30",
      .prose =
-         "wait=SECONDS: the answer waits until the job has ended or, with If-None-Match, has"
-         " changed, for at most that time and the setting wait_limit_s. Preference-Applied in the answer has the time that was used."},
+         "wait=SECONDS: the answer waits until the job has ended or, with If-None-Match, has changed, for "
+         "at most that time and the setting wait_limit_s. Preference-Applied in the answer has the time "
+         "that was used."},
     {.name = "Range",
      .type = PARAMETER_TEXT,
      .low = 1,

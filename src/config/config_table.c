@@ -37,19 +37,19 @@ const config_row config_table[] = {
      .help =
          "Origins of web pages (https://gui.example, http://localhost:3000) that may send requests from a "
          "browser and read the answers; separated by commas, and the key may be repeated. Behind a proxy: "
-         "the origin at which browsers reach it, for the page of hexad itself. A request over TCP without a token gets status 421 if its Host is neither that of "
-         "this port nor of one of these origins, and 403 if it comes from a page of another "
-         "origin."},
+         "the origin at which browsers reach it, for the page of hexad itself. A request over TCP without "
+         "a token gets status 421 if its Host is neither that of this port nor of one of these origins, "
+         "and 403 if it comes from a page of another origin."},
     {SETTING(page), .type = CONFIG_INTEGER, .default_text = "1", .low = 0, .high = 1,
      .help = "1: the web page is served at /, and browsers may sign in with a token. 0: neither."},
     {SETTING(session_s), .type = CONFIG_REAL, .default_text = "43200", .low = 1, .high = 3.2e7, .unit = "s",
      .help = "How long a browser stays signed in. A session ends earlier when its token is revoked."},
     {SETTING(trusted_proxies), .type = CONFIG_WORDS,
      .help =
-         "Addresses or ranges (10.0.0.0/8) of proxies in front of a TCP port; separated by commas, and "
-         "the key may be repeated. Their header Forwarded (RFC 7239) gives the address of the client, which is used "
-         "for the limits of connections and in the log. The header is ignored if it comes "
-         "from another address; X-Forwarded-For is always ignored."},
+         "Addresses or ranges (10.0.0.0/8) of proxies in front of a TCP port; separated by commas, and the "
+         "key may be repeated. Their header Forwarded (RFC 7239) gives the address of the client, which is "
+         "used for the limits of connections and in the log. The header is ignored if it comes from "
+         "another address; X-Forwarded-For is always ignored."},
     {SETTING(port_file), .type = CONFIG_TEXT,
      .help = "A file that receives the served address, in one line, once the service listens. Empty: none."},
     {SETTING(state_dir), .type = CONFIG_TEXT,
@@ -61,8 +61,9 @@ const config_row config_table[] = {
              "of a farm see at the same path. Only one service may use it. Empty: state_dir."},
     {SETTING(engine), .type = CONFIG_TEXT, .default_text = "local",
      .help =
-         "What runs the attempts. local: processes of this machine. slurm: jobs of Slurm, by its commands; requires work_dir. The setting workers then has no "
-         "effect, and threads and host_memory_mb are the limits of one attempt."},
+         "What runs the attempts. local: processes of this machine. slurm: jobs of Slurm, by its commands; "
+         "requires work_dir. The setting workers then has no effect, and threads and host_memory_mb are "
+         "the limits of one attempt."},
     {SETTING(slurm_job_limit), .type = CONFIG_INTEGER, .default_text = "2000", .low = 1, .high = 100000,
      .unit = "attempts",
      .help = "The maximum number of attempts in the queue of Slurm. Further ones wait in the "
@@ -73,8 +74,9 @@ const config_row config_table[] = {
          "separated by commas, and the key may be repeated."},
     {SETTING(slurm_allow), .type = CONFIG_WORDS,
      .help =
-         "The options of sbatch that a job may set (queue.slurm): with one value, such as "
-         "--partition=gpu, or with any value, such as --constraint. Separated by commas, and the key may be repeated. Empty: none."},
+         "The options of sbatch that a job may set (queue.slurm): with one value, such as --partition=gpu, "
+         "or with any value, such as --constraint. Separated by commas, and the key may be repeated. "
+         "Empty: none."},
     {SETTING(slurm_accounts), .type = CONFIG_WORDS,
      .help =
          "The Slurm accounts of users, as user=account; `*` stands for all users who are not named. Separated by "
@@ -184,10 +186,9 @@ const config_row config_table[] = {
      .help = "The longest of these waits."},
     {SETTING(free_space_mb), .type = CONFIG_INTEGER, .default_text = "256", .low = 0, .high = 1 << 30,
      .unit = "MiB",
-     .help =
-         "The free space on the disks of state_dir that is needed to start jobs. With less, /readyz "
-         "reports storage_full and jobs wait. Set it higher than the total size of the results of jobs that run at once. 0: "
-         "jobs start even on a full disk."},
+     .help = "The free space on the disks of state_dir that is needed to start jobs. With less, /readyz "
+             "reports storage_full and jobs wait. Set it higher than the total size of the results of jobs "
+             "that run at once. 0: jobs start even on a full disk."},
     {SETTING(reserve_mb), .type = CONFIG_INTEGER, .default_text = "16", .low = 0, .high = 1 << 20,
      .unit = "MiB",
      .help =
@@ -207,16 +208,18 @@ const config_row config_table[] = {
              "exists and no input has changed. Sequences always run. 0: every job runs."},
     {SETTING(user_weights), .type = CONFIG_WORDS, .reloads = true,
      .help =
-         "The shares of users while several have jobs that wait, as user:weight, from 0.01 to 100; separated by "
-         "commas, and the key may be repeated. Users take turns among jobs of equal priority; each frame of an "
-         "array takes a turn. With alice:2, bob:1 alice gets two turns for each of bob. `*` stands for all users "
-         "who are not named, whose weight is otherwise 1. Turns do not accumulate while a user has no jobs."},
+         "The shares of users while several have jobs that wait, as user:weight, from 0.01 to 100; "
+         "separated by commas, and the key may be repeated. Users take turns among jobs of equal priority; "
+         "each frame of an array takes a turn. With alice:2, bob:1 alice gets two turns for each of bob. "
+         "`*` stands for all users who are not named, whose weight is otherwise 1. Turns do not accumulate "
+         "while a user has no jobs."},
     {SETTING(user_priorities), .type = CONFIG_WORDS, .reloads = true,
      .help =
-         "The highest priorities that users may give to jobs, as user:priority, from -1000 to 1000; written as "
-         "user_weights, and `*` stands for all users who are not named. With *:0, alice:50 only alice and administrators can run a job before those of "
-         "other users. A token counts as its user, and may "
-         "allow less. Higher priorities are refused (priority_forbidden). Empty: users may give any."},
+         "The highest priorities that users may give to jobs, as user:priority, from -1000 to 1000; "
+         "written as user_weights, and `*` stands for all users who are not named. With *:0, alice:50 only "
+         "alice and administrators can run a job before those of other users. A token counts as its user, "
+         "and may allow less. Higher priorities are refused (priority_forbidden). Empty: users may give "
+         "any."},
     {SETTING(user_queued), .type = CONFIG_INTEGER, .default_text = "200000", .low = 0, .high = 1 << 30,
      .unit = "jobs",
      .help =
@@ -240,11 +243,11 @@ const config_row config_table[] = {
     {SETTING(results_mb), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1 << 30,
      .unit = "MiB", .reloads = true,
      .help =
-         "The maximum disk space of ended jobs, with results and logs. When it is reached, "
-         "delivered jobs are deleted, in the order of their delivery, until less is used. A job is "
-         "delivered when its owner has fetched each file of its results, or they were copied to output.directory, "
-         "or it has none. When no job may be deleted, no job starts and new ones are refused (results_full). "
-         "Jobs that are running may exceed it. 0: four fifths of the disk of state_dir."},
+         "The maximum disk space of ended jobs, with results and logs. When it is reached, delivered jobs "
+         "are deleted, in the order of their delivery, until less is used. A job is delivered when its "
+         "owner has fetched each file of its results, or they were copied to output.directory, or it has "
+         "none. When no job may be deleted, no job starts and new ones are refused (results_full). Jobs "
+         "that are running may exceed it. 0: four fifths of the disk of state_dir."},
     {SETTING(results_count), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1 << 30,
      .unit = "results", .reloads = true,
      .help =
@@ -274,9 +277,8 @@ const config_row config_table[] = {
              "body_limit_bytes."},
     {SETTING(user_body_bytes), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1e15,
      .unit = "bytes",
-     .help = "The memory for the bodies of simultaneous requests of one user, at least "
-             "body_limit_bytes. 0: "
-             "4 times body_limit_bytes."},
+     .help = "The memory for the bodies of simultaneous requests of one user, at least body_limit_bytes. "
+             "0: 4 times body_limit_bytes."},
     {SETTING(upload_limit_bytes), .type = CONFIG_INTEGER, .default_text = "17179869184", .low = 0,
      .high = 1e15, .unit = "bytes",
      .help = "The longest file that a client may upload for its jobs. 0: only empty files."},
@@ -296,10 +298,9 @@ const config_row config_table[] = {
          "administrator."},
     {SETTING(inputs_keep_s), .type = CONFIG_REAL, .default_text = "604800", .low = 60, .high = 1e10,
      .or_zero = true, .unit = "s",
-     .help =
-         "How long an uploaded file is kept after its last use, which is an upload, the submission of a job that "
-         "names it, or the start of a job that reads it. A file that an unfinished job reads is kept. 0: "
-         "forever."},
+     .help = "How long an uploaded file is kept after its last use, which is an upload, the submission of a "
+             "job that names it, or the start of a job that reads it. A file that an unfinished job reads is "
+             "kept. 0: forever."},
     {SETTING(header_limit_bytes), .type = CONFIG_INTEGER, .default_text = "32768", .low = 4096,
      .high = 1 << 20, .unit = "bytes",
      .help = "The longest request line and headers of a request, and the longest headers of an answer."},

@@ -101,8 +101,8 @@ void label_advice_append(json *list, const spec_labels *s, const label_surface *
     else if (thin.rows > 0)
         advice_append(
             list, "thin_labels",
-            "the labels consist of single voxels or rows of voxels, on which points do not form a regular packing: "
-            "use the points as they are, or label smaller voxels");
+            "the labels consist of single voxels or rows of voxels, on which points do not form a regular "
+            "packing: use the points as they are, or label smaller voxels");
 }
 
 void label_advice_append_majority(json *list, const spec_labels *s, const label_surface *labels,

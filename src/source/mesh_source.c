@@ -299,8 +299,8 @@ static void explain_closed(error *e)
     const size_t used = strlen(e->message);
     snprintf(
         e->message + used, sizeof e->message - used,
-        ". A mesh in a combination, an offset or a region must be closed; a transform or a region box may have an "
-        "open one.");
+        ". A mesh in a combination, an offset or a region must be closed; a transform or a region box may "
+        "have an open one.");
 }
 
 static bool open_read(const mesh_source_request *r, const welded *w, const mesh_notes *read,

@@ -624,10 +624,9 @@ const spec_row spec_rows[] = {
      .low = 2,
      .high = 64,
      UNSTORED,
-     .prose =
-         "The union of the solids. Each member is a surface and may itself be a combination. The "
-         "result has a sharp edge where two surfaces meet. An empty member, such as the intersection of solids that do not overlap, is skipped "
-         "with a warning."},
+     .prose = "The union of the solids. Each member is a surface and may itself be a combination. The result "
+              "has a sharp edge where two surfaces meet. An empty member, such as the intersection of solids "
+              "that do not overlap, is skipped with a warning."},
     {.pointer = "/surface/intersection",
      .type = SPEC_TYPE_SURFACES,
      .choice = SPEC_CHOICE_SURFACE,
@@ -672,9 +671,9 @@ const spec_row spec_rows[] = {
      .choice = SPEC_CHOICE_SURFACE,
      UNSTORED,
      .prose =
-         "A surface transformed by a matrix: moved, rotated, mirrored, scaled or sheared. The boundaries of an open surface are parallel to the world axes, so its matrix may "
-         "only exchange, flip and scale axes, and translate. With features, and for an open "
-         "mesh, any matrix is allowed."},
+         "A surface transformed by a matrix: moved, rotated, mirrored, scaled or sheared. The boundaries "
+         "of an open surface are parallel to the world axes, so its matrix may only exchange, flip and "
+         "scale axes, and translate. With features, and for an open mesh, any matrix is allowed."},
     {.pointer = "/surface/transform/surface",
      .type = SPEC_TYPE_SURFACE,
      .flags = SPEC_REQUIRED,
@@ -729,11 +728,10 @@ const spec_row spec_rows[] = {
               "spacing. The surface is then divided into smooth patches, and mesh.ply has edges "
               "along their boundaries. For meshes, use /surface/mesh/features."},
 
-    GROUP(
-        "/sampling", SPEC_REQUIRED,
-        "The number of points. Give exactly one target (count, spacing, density, control, time_s or resolve) "
-        "and at most one rule for the spacing (alpha, curvature or grid). feature refines thin parts, and curve_spacing the surface near curves; both may be "
-        "combined with curvature or grid."),
+    GROUP("/sampling", SPEC_REQUIRED,
+          "The number of points. Give exactly one target (count, spacing, density, control, time_s or "
+          "resolve) and at most one rule for the spacing (alpha, curvature or grid). feature refines thin "
+          "parts, and curve_spacing the surface near curves; both may be combined with curvature or grid."),
     {.pointer = "/sampling/count",
      .type = SPEC_TYPE_LARGE,
      .choice = SPEC_CHOICE_TARGET,
@@ -814,10 +812,9 @@ const spec_row spec_rows[] = {
      AT(time_s),
      .unit = "s",
      .prose =
-         "The number of points that the whole job can relax, measure and write in this time "
-         "on the machine that runs it. Trial runs with increasing counts determine the number. The result is not "
-         "reproducible and is never cached. The job fails with limit_time if fewer than 200 points "
-         "fit."},
+         "The number of points that the whole job can relax, measure and write in this time on the machine "
+         "that runs it. Trial runs with increasing counts determine the number. The result is not "
+         "reproducible and is never cached. The job fails with limit_time if fewer than 200 points fit."},
     {.pointer = "/sampling/resolve",
      .type = SPEC_TYPE_BOOL,
      .choice = SPEC_CHOICE_TARGET,
@@ -833,10 +830,9 @@ const spec_row spec_rows[] = {
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_feature),
      .prose =
-         "Finer spacing where the surface is thin or opposite walls are close: at most ratio "
-         "times the feature size, "
-         "which is half the thickness, half the gap, or the radius of a thin tube. Convex edges are not thin. "
-         "The job fails if the count is too small, and names the count that it needs."},
+         "Finer spacing where the surface is thin or opposite walls are close: at most ratio times the "
+         "feature size, which is half the thickness, half the gap, or the radius of a thin tube. Convex "
+         "edges are not thin. The job fails if the count is too small, and names the count that it needs."},
     {.pointer = "/sampling/feature/ratio",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -844,8 +840,8 @@ const spec_row spec_rows[] = {
      .high = 1.5,
      .otherwise = "0.75",
      AT(feature.ratio),
-     .prose =
-         "The largest spacing, over the feature size. With 0.75, opposite walls are 2.7 spacings apart; above 1, they may remain unresolved."},
+     .prose = "The largest spacing, over the feature size. With 0.75, opposite walls are 2.7 spacings apart; "
+              "above 1, they may remain unresolved."},
     {.pointer = "/sampling/alpha",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
@@ -853,9 +849,10 @@ const spec_row spec_rows[] = {
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_alpha),
      .prose =
-         "Spacing by curvature with equations (13) and (14): alpha = gamma + 1 / (kappa^d + nu). "
-         "kappa is multiplied by a length L, so that it does not depend on scale: the longest side of the "
-         "box around the surface of a volume or mesh, of the domain of a formula or B-spline. The report states L."},
+         "Spacing by curvature with equations (13) and (14): alpha = gamma + 1 / (kappa^d + nu). kappa is "
+         "multiplied by a length L, so that it does not depend on scale: the longest side of the box "
+         "around the surface of a volume or mesh, of the domain of a formula or B-spline. The report "
+         "states L."},
     {.pointer = "/sampling/alpha/d",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
@@ -1023,9 +1020,10 @@ const spec_row spec_rows[] = {
      AT(min_spacing),
      .unit = "world",
      .prose =
-         "The smallest spacing. Belongs to curvature, grid, feature and curve_spacing. feature uses no spacing below it. Default for feature: a quarter of a voxel; of a "
-         "cell for a formula; for a mesh with resolve, 1/256 of its longest side or a quarter "
-         "of the side of its triangles, more if its area is large."},
+         "The smallest spacing. Belongs to curvature, grid, feature and curve_spacing. feature uses no "
+         "spacing below it. Default for feature: a quarter of a voxel; of a cell for a formula; for a mesh "
+         "with resolve, 1/256 of its longest side or a quarter of the side of its triangles, more if its "
+         "area is large."},
     {.pointer = "/sampling/max_spacing",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -1198,9 +1196,10 @@ const spec_row spec_rows[] = {
      .otherwise = "\"surface\"",
      AT(init),
      .prose =
-         "surface: the first points are distributed over the surface by area. random: they are "
-         "uniform in the domain or, for volumes, in the voxels that the surface crosses. sized: an even packing computed by the method sized, then refined by the chosen "
-         "method. Its sweeps are part of the start and are not in the report."},
+         "surface: the first points are distributed over the surface by area. random: they are uniform in "
+         "the domain or, for volumes, in the voxels that the surface crosses. sized: an even packing "
+         "computed by the method sized, then refined by the chosen method. Its sweeps are part of the "
+         "start and are not in the report."},
     {.pointer = "/solver/seed",
      .type = SPEC_TYPE_LARGE,
      .low = 0,
@@ -1240,9 +1239,9 @@ const spec_row spec_rows[] = {
      AT(step_tolerance),
      .unit = "spacings",
      .prose =
-         "Convergence requires an rms step below this. For witkin-heckbert it is the rms displacement "
-         "per unit of time. Below 0.003 only a few defects still move: 0.001 doubles the sweeps and changes the "
-         "quality less than another seed."},
+         "Convergence requires an rms step below this. For witkin-heckbert it is the rms displacement per "
+         "unit of time. Below 0.003 only a few defects still move: 0.001 doubles the sweeps and changes "
+         "the quality less than another seed."},
     {.pointer = "/solver/energy_tolerance",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -1257,10 +1256,9 @@ const spec_row spec_rows[] = {
 
     GROUP("/outcome", SPEC_OPTIONAL,
           "Requirements on the result in addition to the criteria of every job (doc/report.md)."),
-    GROUP(
-        "/outcome/require", SPEC_OPTIONAL,
-        "Bounds on measures of the report. A result that violates one has the outcome unresolved, with that measure as the "
-        "criterion."),
+    GROUP("/outcome/require", SPEC_OPTIONAL,
+          "Bounds on measures of the report. A result that violates one has the outcome unresolved, with "
+          "that measure as the criterion."),
 #define REQUIRE(prefix, NAME, word, minimum)                                          \
     {.pointer = "/outcome/require/" #word,                                            \
      .type = SPEC_TYPE_NUMBER,                                                        \
@@ -1296,9 +1294,10 @@ const spec_row spec_rows[] = {
      .high = 1000,
      AT(attribute.name),
      .prose =
-         "The grid of an OpenVDB file (any of numbers or vectors), the channel of a stack of images, the component "
-         "of an NRRD file with several values at a place (0, 1, ...; all of them if this is absent), or the name of a value of the vertices of a mesh. Of geometry: part (the number of the part of a combined surface, from 0), "
-         "direction1 or direction2 (of the principal curvatures)."},
+         "The grid of an OpenVDB file (any of numbers or vectors), the channel of a stack of images, the "
+         "component of an NRRD file with several values at a place (0, 1, ...; all of them if this is "
+         "absent), or the name of a value of the vertices of a mesh. Of geometry: part (the number of the "
+         "part of a combined surface, from 0), direction1 or direction2 (of the principal curvatures)."},
     {.pointer = "/attributes/as",
      .type = SPEC_TYPE_STRING,
      .low = 1,
@@ -1312,9 +1311,9 @@ const spec_row spec_rows[] = {
      .otherwise = "\"auto\"",
      AT(attribute.type),
      .prose =
-         "The type of the values. Transforms of the surface rotate and scale vectors, rotate "
-         "normals, and leave other types unchanged. A color is also written as the colour of the points in each format, a uv as texture "
-         "coordinates. auto: int for whole numbers, vector for three components, float for "
+         "The type of the values. Transforms of the surface rotate and scale vectors, rotate normals, and "
+         "leave other types unchanged. A color is also written as the colour of the points in each format, "
+         "a uv as texture coordinates. auto: int for whole numbers, vector for three components, float for "
          "others; for a mesh, the type of its value."},
     {.pointer = "/attributes/interpolation",
      .type = SPEC_TYPE_WORD,
@@ -1346,10 +1345,11 @@ const spec_row spec_rows[] = {
      .high = 100,
      AT_HAS(ply_properties, ply_property_count),
      .prose =
-         "Which properties points.ply has, in this order; x, y and z come first. Instead of a list, the name of an application selects the properties that it reads: "
-         "blender, houdini, meshlab, or minimal (positions and normals). Default: all "
-         "that doc/report.md lists, and the attributes; doc/formats.md has further names. red, green and blue "
-         "are those of an attribute of colours, else the colours of the preview."},
+         "Which properties points.ply has, in this order; x, y and z come first. Instead of a list, the "
+         "name of an application selects the properties that it reads: blender, houdini, meshlab, or "
+         "minimal (positions and normals). Default: all that doc/report.md lists, and the attributes; "
+         "doc/formats.md has further names. red, green and blue are those of an attribute of colours, else "
+         "the colours of the preview."},
     {.pointer = "/output/preview",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_SWITCH,
@@ -1415,9 +1415,9 @@ const spec_row spec_rows[] = {
      .otherwise = "\"auto\"",
      AT(preview_up),
      .prose =
-         "The axis that points up unless a camera says so. auto: y of OpenVDB files and of meshes but STL, 3MF and "
-         "AMF files, z of all others; for an OBJ, OFF, PLY or STL file, the other one if the mesh has a flat base along "
-         "that axis only."},
+         "The axis that points up unless a camera says so. auto: y of OpenVDB files and of meshes but STL, "
+         "3MF and AMF files, z of all others; for an OBJ, OFF, PLY or STL file, the other one if the mesh "
+         "has a flat base along that axis only."},
     {.pointer = "/output/preview/camera",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
@@ -1527,9 +1527,10 @@ const spec_row spec_rows[] = {
      .otherwise = "false",
      AT(has_label_meshes),
      .prose =
-         "Whether to write mesh_label_N.ply for each label N except the background: the part "
-         "of the mesh that bounds the label, with outward normals. Such a mesh is closed unless its label reaches the end of the data, which is an interface with "
-         "surface.labels.closed. Requires mesh and surface.labels."},
+         "Whether to write mesh_label_N.ply for each label N except the background: the part of the mesh "
+         "that bounds the label, with outward normals. Such a mesh is closed unless its label reaches the "
+         "end of the data, which is an interface with surface.labels.closed. Requires mesh and "
+         "surface.labels."},
     {.pointer = "/output/directory",
      .type = SPEC_TYPE_STRING,
      .low = 1,
@@ -1550,11 +1551,11 @@ const spec_row spec_rows[] = {
      AT(memory_mb),
      .unit = "MiB",
      .prose =
-         "The memory of the worker; 0: the service's setting. A job that requires more for its points, grids or pictures ends with limit_memory "
-         "before it allocates it. If systemd has delegated a control group to the service, "
-         "the kernel kills a worker that uses more, also with limit_memory. Without a control "
-         "group, use can briefly exceed the limit: the address space is limited to this value "
-         "plus 512 MiB plus 80 MiB for each processor."},
+         "The memory of the worker; 0: the service's setting. A job that requires more for its points, "
+         "grids or pictures ends with limit_memory before it allocates it. If systemd has delegated a "
+         "control group to the service, the kernel kills a worker that uses more, also with limit_memory. "
+         "Without a control group, use can briefly exceed the limit: the address space is limited to this "
+         "value plus 512 MiB plus 80 MiB for each processor."},
     {.pointer = "/limits/timeout_s",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,

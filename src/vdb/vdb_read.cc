@@ -184,10 +184,9 @@ public:
                 throw fault(
                     ERROR_INPUT_DAMAGED,
                     "grid \"" + d.name + "\": " +
-                        format(
-                            "a grid ends at byte %llu, but the file has %llu bytes: it is truncated or damaged. "
-                            "Copy or save it again.",
-                            (unsigned long long)d.end, (unsigned long long)size_));
+                        format("a grid ends at byte %llu, but the file has %llu bytes: it is truncated or "
+                               "damaged. Copy or save it again.",
+                               (unsigned long long)d.end, (unsigned long long)size_));
         }
         return d;
     }
