@@ -196,6 +196,21 @@ bool access_check_names(const access_names *users, const access_names *groups, c
     return true;
 }
 
+char *access_find_name(const char *number, bool group)
+{
+    char room[NAME_BYTES], *end = NULL;
+    unsigned long read = strtoul(number, &end, 10);
+    if (!isdigit((unsigned char)*number) || *end || read >= (unsigned)-1) return NULL;
+    if (group) {
+        struct group record, *found = NULL;
+        bool known = getgrgid_r((gid_t)read, &record, room, sizeof room, &found) == 0 && found;
+        return known ? mem_strdup(found->gr_name) : NULL;
+    }
+    struct passwd record, *found = NULL;
+    bool known = getpwuid_r((uid_t)read, &record, room, sizeof room, &found) == 0 && found;
+    return known ? mem_strdup(found->pw_name) : NULL;
+}
+
 const char *access_find_same(const access_names *names, bool group, const char *name)
 {
     unsigned wanted, number;

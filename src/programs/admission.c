@@ -35,6 +35,7 @@ static const char drop_in_text[] =
 typedef struct change {
     bool allow, group;
     const char *name, *key; /* the value and the setting that gets it */
+    char *found;            /* the name, if a number was given that has one; otherwise NULL */
     char *file;             /* the settings, at the end of symbolic links */
     bool units;             /* systemd runs the service with these settings */
     char *drop_in_directory, *drop_in;
@@ -136,11 +137,20 @@ static bool edit_setting(const change *w, error *e)
     return ok;
 }
 
+/* Replaces a number that the file does not have by the name. */
+static void find_name(change *w, const config *c)
+{
+    if (is_named(c, w)) return;
+    w->found = access_find_name(w->name, w->group);
+    if (w->found) w->name = w->found;
+}
+
 /* A name that the file has is removed even if the user does not exist any more. */
-static bool change_setting(const change *w, error *e)
+static bool change_setting(change *w, error *e)
 {
     config now = {0};
     if (!read_settings(w->file, &now, e)) return false;
+    find_name(w, &now);
     bool named = is_named(&now, w), unchanged = named == w->allow;
     bool ok = (named && !w->allow) || access_check_name(w->name, w->group, e);
     if (ok && unchanged) ok = check_names(&now, w, e);
@@ -393,6 +403,7 @@ static bool begin(change *w, const config *settings, config_action action, error
 
 static void end(change *w)
 {
+    free(w->found);
     free(w->file);
     free(w->drop_in_directory);
     free(w->drop_in);
@@ -448,6 +459,7 @@ int admission_change(const config *settings, config_action action)
     change w;
     umask(0022); /* systemd and the service read these files */
     bool ok = begin(&w, settings, action, &e) && change_setting(&w, &e);
+    const bool denied = ok && !w.allow;
     if (ok && w.units)
         ok = change_units(&w, &e);
     else if (ok)
@@ -455,7 +467,7 @@ int admission_change(const config *settings, config_action action)
             "the daemon reads this file again at its next start, or by `kill -HUP $(cat %s/lock)`; units of systemd"
             " are unchanged\n",
             settings->state_dir);
-    if (ok && !w.allow) warn_of_other_grants(&w);
+    if (denied) warn_of_other_grants(&w);
     if (ok && w.allow)
         tell_reach(&w);
     else if (ok)

@@ -211,6 +211,33 @@ def test_deny_warns_of_the_number_of_a_group(build, tmp_path):
     assert done.returncode == 0 and f"the group {GROUP} is still admitted by unix_groups = {os.getegid()};" in done.stderr
 
 
+@pytest.mark.parametrize("word, number, line", [("", os.geteuid(), f"unix_users = {HERE}"),
+                                                ("@", os.getegid(), f"unix_groups = {GROUP}")])
+def test_a_number_is_allowed_and_denied_by_its_name(host, word, number, line):
+    host.expect("--allow", f"{word}{number}")
+    assert host.file.read_text() == f"workers = 2\n{line}\n"
+    host.expect("--deny", f"{word}{number}")
+    assert host.file.read_text() == "workers = 2\n"
+
+
+def test_a_number_without_a_name_is_allowed_as_it_is(host):
+    host.expect("--allow", "61004")
+    assert host.file.read_text() == "workers = 2\nunix_users = 61004\n"
+
+
+def test_a_number_in_the_file_can_be_denied(build, tmp_path):
+    host = Host(build, tmp_path, f"workers = 2\nunix_users = {os.geteuid()}\n")
+    host.expect("--deny", str(os.geteuid()))
+    assert host.file.read_text() == "workers = 2\n"
+
+
+def test_deny_warns_of_other_grants_although_systemctl_fails(build, tmp_path):
+    host = Host(build, tmp_path, f"unix_users = {HERE}, {os.geteuid()}\n")
+    (host.root / "bin/fails").write_text("try-reload-or-restart\n")
+    done = host.hexad("--deny", HERE)
+    assert done.returncode == 1 and f"{HERE} is still admitted by unix_users = {os.geteuid()};" in done.stderr
+
+
 def test_deny_without_other_grants_does_not_warn(build, tmp_path):
     done = Host(build, tmp_path, f"unix_users = {HERE}, 61001\nunix_groups = 61002\n").hexad("--deny", HERE)
     assert done.returncode == 0 and done.stderr == ""
