@@ -83,18 +83,6 @@ void job_json_put_notes(json *object, const char *work_dir, const char *id, int 
     free(directory);
 }
 
-void job_json_put_delivery(json *object, const char *state, const char *code, const char *message)
-{
-    if (!state) {
-        json_put_null(object, "delivery");
-        return;
-    }
-    json *o = json_put_object(object, "delivery");
-    json_put_string(o, "state", state);
-    json_put_string(o, "code", code);
-    json_put_string(o, "message", message);
-}
-
 /* Every answer has the counts and the links: one printf is cheaper than twelve JSON values. */
 static void put_counts(json *object, const queue_counts *n)
 {
@@ -121,6 +109,19 @@ static void put_links(json *object, const queue_job *job)
                          ",\"contact_sheet\":\"/v1/jobs/%s/contact_sheet.png\"", job->id);
     snprintf(text + used, sizeof text - (size_t)used, "}");
     json_put_text(object, "links", text);
+}
+
+/* What became of the copy to output.directory; state NULL: null. */
+static void put_delivery(json *object, const char *state, const char *code, const char *message)
+{
+    if (!state) {
+        json_put_null(object, "delivery");
+        return;
+    }
+    json *o = json_put_object(object, "delivery");
+    json_put_string(o, "state", state);
+    json_put_string(o, "code", code);
+    json_put_string(o, "message", message);
 }
 
 json *job_json_new(const queue_job *job, job_json_viewer viewer, const char *progress)
@@ -150,6 +151,7 @@ json *job_json_new(const queue_job *job, job_json_viewer viewer, const char *pro
     json_put_string(o, "cached_from", own ? job->cached_from : NULL);
     job_json_put_stored(o, "progress", own ? progress : NULL);
     put_error(o, viewer, job->error_code, job->error_message);
+    put_delivery(o, own ? job->copy_state : NULL, job->copy_code, job->copy_message);
     put_links(o, job);
     return o;
 }

@@ -53,7 +53,4 @@ void job_json_print_tag(const queue_job *job, const char *progress, char tag[JOB
 /* Reads the revision out of an ETag; false when it is not one of a job. */
 bool job_json_read_tag(const char *tag, int64_t *revision);
 
-/* What became of the copy to output.directory; state NULL: null. */
-void job_json_put_delivery(json *object, const char *state, const char *code, const char *message);
-
 #endif

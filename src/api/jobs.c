@@ -56,7 +56,6 @@ static void answer_job(const http_context *c, const http_request *request, const
     job_json_put_spec(document, viewer, job->spec, job->paths);
     job_json_put_notes(document, c->work_dir, job->id, QUEUE_NO_FRAME,
                        own && !job->array && job->state == QUEUE_SUCCEEDED);
-    job_json_put_delivery(document, own ? job->copy_state : NULL, job->copy_code, job->copy_message);
     json *list = json_put_array(document, "attempts");
     for (size_t i = 0; i < count; i++) job_json_append_attempt(list, job, &attempts[i]);
     queue_attempts_free(attempts, count);

@@ -72,6 +72,9 @@ static void put_queue(const http_context *c, FILE *out)
                 (long long)count[s]);
     put_seconds(out, "hexad_oldest_waiting_job_age_seconds",
                 "How long the first queued job has waited; 0: no job is queued.", age_ms(f.waiting_since_ms));
+    put_gauge(out, "hexad_jobs_undelivered",
+              "Jobs whose results could not be copied to output.directory and were not downloaded.",
+              f.undelivered);
     put_gauge(out, "hexad_webhooks_waiting",
               "Ends of jobs whose webhook has not been called successfully yet.", f.deliveries);
     put_seconds(out, "hexad_webhooks_oldest_age_seconds",

@@ -82,6 +82,10 @@ void command_explain_waiting(client *c, FILE *file);
 /* Waits for the end of a job, prints it, and returns its exit code. */
 int command_wait_for(client *c, const char *path, const command_options *options);
 
+/* Waits until no result of a job is to be copied to output.directory, prints the job, and returns COMMAND_FAILED when a copy
+ * failed. */
+int command_wait_for_copy(client *c, const char *path, const command_options *options);
+
 /* Whether the job is in a final state. */
 bool command_has_ended(json_at job);
 

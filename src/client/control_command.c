@@ -60,7 +60,14 @@ int command_retry(client *c, const char *argument, const command_options *option
 
 int command_deliver(client *c, const char *argument, const command_options *options)
 {
-    return tell_and_print(c, argument, "/deliver", options);
+    json *document = NULL;
+    int code = tell(c, argument, "/deliver", &document);
+    json_free(document);
+    if (code != COMMAND_OK) return code;
+    char *path = command_job_path(argument, "");
+    code = command_wait_for_copy(c, path, options);
+    free(path);
+    return code;
 }
 
 /* What a pause means for what runs and what waits. */

@@ -87,7 +87,8 @@ void job_table_add(table *t, json_at job)
     print_progress(job, progress, sizeof progress);
     table_add(t, mem_strdup(text_of(job, "id", "?")));
     table_add(t, mem_strdup(text_of(job, "state", "?")));
-    table_add(t, mem_strdup(text_of(job, "outcome", "-")));
+    table_add(t, mem_printf("%s%s", text_of(job, "outcome", "-"),
+                            print_is_undelivered(job) ? ", not delivered" : ""));
     table_add(t, mem_strdup(text_of(job, "owner", "?")));
     table_add(t, mem_strdup(print_span(clock_wall_ms() - time_of(job, "created"), age, sizeof age)));
     table_add(t, mem_strdup(print_duration(job, took, sizeof took)));

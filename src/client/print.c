@@ -83,7 +83,14 @@ int print_refused(const client_reply *reply)
     return print_refused_spec(reply, NULL);
 }
 
-void print_job(json_at job)
+bool print_is_undelivered(json_at job)
+{
+    json_at copy = json_member(&job, "delivery");
+    return strcmp(json_string(json_member(&copy, "state"), ""), "failed") == 0;
+}
+
+/* The line without its end. */
+static void print_job_text(json_at job)
 {
     json_at fault = json_member(&job, "error"), copy = json_member(&job, "delivery");
     const char *outcome = json_string(json_member(&job, "outcome"), NULL);
@@ -103,11 +110,22 @@ void print_job(json_at job)
         fputs(": ", stdout);
         print_text(stdout, json_string(json_member(&fault, "message"), ""));
     }
-    if (strcmp(json_string(json_member(&copy, "state"), ""), "failed") == 0) {
+    if (print_is_undelivered(job)) {
         fputs(" not delivered: ", stdout);
         print_text(stdout, json_string(json_member(&copy, "message"), ""));
     }
+}
+
+void print_job(json_at job)
+{
+    print_job_text(job);
     putchar('\n');
+}
+
+void print_delivered_job(json_at job)
+{
+    print_job_text(job);
+    puts(print_is_undelivered(job) ? "" : " delivered");
 }
 
 static void print_note(FILE *file, const char *kind, json_at text)

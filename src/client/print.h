@@ -17,8 +17,13 @@ int print_refused(const client_reply *reply);
 /* The same of a spec, which came from the file of this name. */
 int print_refused_spec(const client_reply *reply, const char *file);
 
-/* One line: id, state, outcome, and the error if there is one. */
+/* One line: id, state, outcome, the error if there is one, and why the results were not delivered. */
 void print_job(json_at job);
+/* The same of a job whose results were copied again. */
+void print_delivered_job(json_at job);
+
+/* Whether results of the job could not be copied to output.directory. */
+bool print_is_undelivered(json_at job);
 
 /* The notes of a job or task, or the warnings and advice of an estimate: a line for each. Nothing without any. */
 void print_notes(FILE *file, json_at notes);

@@ -1,4 +1,4 @@
-/* Waiting for the end of a job. */
+/* Waiting for the end of a job, and for copies of its results. */
 #include <poll.h>
 #include <stdlib.h>
 #include <string.h>
@@ -25,7 +25,45 @@ static int code_of_end(json_at job)
                                                 : COMMAND_NOT_CONVERGED;
 }
 
-int command_wait_for(client *c, const char *path, const command_options *options)
+/* Prints the job that has ended, and returns its exit code. */
+static int end_wait(client *c, const json *document, const command_options *options)
+{
+    json_at job = json_root(document);
+    if (options->json)
+        print_document(document);
+    else
+        print_job(job);
+    print_notes(stderr, json_member(&job, "notes"));
+    int code = command_print_frame_outcomes(c, job, stderr);
+    return code == COMMAND_OK ? code_of_end(job) : code;
+}
+
+static bool is_copied(json_at job)
+{
+    json_at copy = json_member(&job, "delivery");
+    return strcmp(json_string(json_member(&copy, "state"), ""), "pending") != 0;
+}
+
+static int end_wait_for_copy(client *c, const json *document, const command_options *options)
+{
+    json_at job = json_root(document);
+    (void)c;
+    if (options->json)
+        print_document(document);
+    else
+        print_delivered_job(job);
+    return print_is_undelivered(job) ? COMMAND_FAILED : COMMAND_OK;
+}
+
+/* What is waited for, whether the progress of the job is shown meanwhile, and what prints the job then and returns the exit
+ * code. */
+typedef struct goal {
+    bool shows_progress;
+    bool (*is_reached)(json_at job);
+    int (*end)(client *c, const json *document, const command_options *options);
+} goal;
+
+static int wait_for(client *c, const char *path, const goal *g, const command_options *options)
 {
     int wait_ms = FIRST_WAIT_MS, code = COMMAND_OK;
     int64_t heard_ms = clock_monotonic_ms();
@@ -46,18 +84,11 @@ int command_wait_for(client *c, const char *path, const command_options *options
         } else {
             json_at job = json_root(reply.document);
             heard_ms = clock_monotonic_ms();
-            done = command_has_ended(job);
-            if (!done) {
-                progress_bar_show(&m, job);
-            } else {
+            done = g->is_reached(job);
+            if (!done && g->shows_progress) progress_bar_show(&m, job);
+            if (done) {
                 progress_bar_clear(&m);
-                if (options->json)
-                    print_document(reply.document);
-                else
-                    print_job(job);
-                print_notes(stderr, json_member(&job, "notes"));
-                code = command_print_frame_outcomes(c, job, stderr);
-                if (code == COMMAND_OK) code = code_of_end(job);
+                code = g->end(c, reply.document, options);
             }
         }
         client_reply_clear(&reply);
@@ -65,6 +96,16 @@ int command_wait_for(client *c, const char *path, const command_options *options
         wait_ms = wait_ms * 3 / 2 < LONGEST_WAIT_MS ? wait_ms * 3 / 2 : LONGEST_WAIT_MS;
     }
     return code;
+}
+
+int command_wait_for(client *c, const char *path, const command_options *options)
+{
+    return wait_for(c, path, &(goal){true, command_has_ended, end_wait}, options);
+}
+
+int command_wait_for_copy(client *c, const char *path, const command_options *options)
+{
+    return wait_for(c, path, &(goal){false, is_copied, end_wait_for_copy}, options);
 }
 
 int command_wait(client *c, const char *argument, const command_options *options)

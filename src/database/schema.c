@@ -171,6 +171,7 @@
 #define COPY_CODE "copy_code TEXT"
 #define COPY_MESSAGE "copy_message TEXT"
 #define COPYING "CREATE INDEX job_copying ON job (seq) WHERE copy_state = 'pending';"
+#define UNDELIVERED "CREATE INDEX job_undelivered ON job (seq) WHERE " SCHEMA_UNDELIVERED ";"
 
 /* Whether reports of jobs that reuse a result may be hard links to the reports of other jobs. */
 #define LINKED_REPORTS "linked_reports INTEGER NOT NULL DEFAULT 0"
@@ -227,7 +228,7 @@ static const char tables[] =
     "    ready + delayed + running + succeeded + failed + cancelled + timed_out = tasks)"
     ") STRICT;"
     "CREATE INDEX job_by_state ON job (state, seq);"
-    "CREATE INDEX job_by_owner ON job (owner, seq);" FOUND COPYING
+    "CREATE INDEX job_by_owner ON job (owner, seq);" FOUND COPYING UNDELIVERED
     "CREATE UNIQUE INDEX job_by_key ON job (owner, key) WHERE key IS NOT NULL;" STATE_COUNT
     "CREATE INDEX job_expiring ON job (expires_ms) WHERE expires_ms IS NOT NULL;"
     "CREATE INDEX job_ready ON job (owner, priority DESC, seq, threads, memory_mb)"
@@ -459,6 +460,8 @@ static const char add_reports[] = REPORTS OUTPUTS "ALTER TABLE job ADD COLUMN " 
                                                   "ALTER TABLE job ADD COLUMN " COPY_MESSAGE ";"
                                                   "ALTER TABLE task ADD COLUMN " COPY_CODE ";"
                                                   "ALTER TABLE task ADD COLUMN " COPY_MESSAGE ";" COPYING;
+/* Migration from version 12, in which jobs whose results were not delivered were not counted. */
+static const char add_undelivered[] = UNDELIVERED;
 /* A job failed when its result could not be copied. */
 static const char find_copies[] = "UPDATE job SET copy_state = 'delivered' WHERE succeeded > 0 AND"
                                   "  seq IN (SELECT job FROM spec WHERE directory IS NOT NULL);";
@@ -492,6 +495,7 @@ static const struct step {
     {2, 10, add_times_of_attempts},
     {2, 11, add_running},
     {2, 11, add_reports},
+    {2, 12, add_undelivered},
     {1, 11, find_linked_reports},
     {1, 11, find_copies},
 };

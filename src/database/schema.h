@@ -12,7 +12,7 @@
 
 #include "base/error.h"
 
-#define SCHEMA_VERSION 12
+#define SCHEMA_VERSION 13
 
 /* What jobs are sorted by when they are sorted by name. */
 #define SCHEMA_NAME_KEY "coalesce(name, '') COLLATE NOCASE"
@@ -32,6 +32,9 @@
 /* SQL conditions on a row of job: it has ended and left something to be kept; and it is not known how many bytes. */
 #define SCHEMA_KEPT "finished_ms IS NOT NULL AND succeeded + failed + timed_out > 0"
 #define SCHEMA_UNMEASURED "result_bytes IS NULL AND finished_ms IS NOT NULL"
+
+/* SQL condition on a row of job: results could not be copied to output.directory, and their owner has not downloaded them. */
+#define SCHEMA_UNDELIVERED "copy_state = 'failed' AND delivered_ms IS NULL"
 
 /* Creates or migrates the tables and compares them with the expected schema. When they cannot be read or differ, the
  * error has the code database_damaged and tells what is wrong and what to do. */

@@ -1,6 +1,7 @@
 /* Figures for a meter that looks often: none costs more with more jobs. */
 #include <string.h>
 
+#include "database/schema.h"
 #include "queue/members.h"
 
 bool queue_count(queue *q, int64_t count[QUEUE_STATE_COUNT], error *e)
@@ -27,6 +28,7 @@ bool queue_get_figures(queue *q, queue_figures *figures, error *e)
         "  AND type = 'state' ORDER BY seq DESC LIMIT 1),"
         " (SELECT count(*) FROM outbox),"
         " (SELECT ended_ms FROM outbox WHERE number = (SELECT min(number) FROM outbox)),"
+        " (SELECT count(*) FROM job WHERE " SCHEMA_UNDELIVERED "),"
         " (SELECT page_count * page_size FROM pragma_page_count, pragma_page_size)";
     queue_figures read = {0};
     bool ok = false;
@@ -37,7 +39,8 @@ bool queue_get_figures(queue *q, queue_figures *figures, error *e)
             .waiting_since_ms = sqlite3_column_int64(s, 0),
             .deliveries = sqlite3_column_int64(s, 1),
             .delivery_since_ms = sqlite3_column_int64(s, 2),
-            .database_bytes = sqlite3_column_int64(s, 3),
+            .undelivered = sqlite3_column_int64(s, 3),
+            .database_bytes = sqlite3_column_int64(s, 4),
         };
     database_end_read(d);
     if (ok) *figures = read;

@@ -289,12 +289,19 @@ def test_a_result_that_cannot_be_delivered_is_kept_and_delivered_later(new_servi
     assert service.get(f"/v1/jobs/{job}/results/points.ply").body == b"x"
     service.wait_worker(after)  # it does not wait for the delivery
 
-    again = hexadctl("deliver", job)
-    assert again.returncode == 0 and f"{job} succeeded" in again.stdout
-    wait_until(lambda: service.job(job)["delivery"]["state"] == "failed", "the second copy")
     again = hexadctl("wait", job)
     assert again.returncode == 0 and "not delivered" in again.stdout and str(show) in again.stdout
+    listed = {line.split()[0]: line for line in hexadctl("list").stdout.splitlines()}
+    assert "converged, not delivered" in listed[job] and "not delivered" not in listed[after]
+    assert "\nhexad_jobs_undelivered 1\n" in service.get("/metrics").body.decode()
+    again = hexadctl("deliver", job)  # it waits for the end of the copy
+    assert again.returncode == 1 and f"{job} succeeded converged not delivered: " in again.stdout and str(show) in again.stdout
+    assert service.job(job)["delivery"]["state"] == "failed"
     show.unlink()
+    again = hexadctl("deliver", job)
+    assert again.returncode == 0 and again.stdout == f"{job} succeeded converged delivered\n"
+    assert service.job(job)["delivery"]["state"] == "delivered"
+    assert "\nhexad_jobs_undelivered 0\n" in service.get("/metrics").body.decode()
     again = service.post(f"/v1/jobs/{job}/deliver")
     assert again.status == 202 and again.json["delivery"]["state"] == "pending"
     wait_until(lambda: service.job(job)["delivery"]["state"] == "delivered", "the copy")

@@ -37,6 +37,7 @@ CASES = {  # what is different, and which alerts fire then
     "deaf": ({"hexad_webhooks_oldest_age_seconds": "4000"}, {"HexadWebhooksWait"}),
     "untold": ({'hexad_webhook_calls_total{result="given_up"}': "0+1"}, {"HexadWebhooksGivenUp"}),
     "drained": ({"hexad_attempts_running": "0", "hexad_draining": "1"}, {"HexadDrained"}),
+    "undelivered": ({"hexad_jobs_undelivered": "2"}, {"HexadResultsUndelivered"}),
     "kept": ({"hexad_results_full": "1"}, {"HexadResultsFull"}),
     "held": ({"hexad_attempts_running": "0", "hexad_held": "1"}, set()),
     "errors": ({'hexad_http_answers_total{class="5xx"}': "0+5"}, {"HexadServerErrors"}),

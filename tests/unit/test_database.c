@@ -296,8 +296,12 @@ static void test_an_older_schema_is_carried_over(void **state)
     expect_listed(p, &(queue_filter){.state = -1, .limit = 9, .label = "x"}, (const char *[]){"queued"}, 1);
 }
 
+/* What version 12 had not. */
+#define BEFORE_13 "DROP INDEX job_undelivered;"
+
 /* What version 11 had not. */
 #define BEFORE_12                                                                                \
+    BEFORE_13                                                                                    \
     "ALTER TABLE service DROP COLUMN linked_reports; DROP TABLE output; DROP INDEX job_copying;" \
     "ALTER TABLE job DROP COLUMN copy_state; ALTER TABLE job DROP COLUMN copy_code;"             \
     "ALTER TABLE job DROP COLUMN copy_message; ALTER TABLE task DROP COLUMN copy_code;"          \
