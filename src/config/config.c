@@ -368,14 +368,18 @@ static size_t size_of(config_type type)
     return 0;
 }
 
+bool config_lists_differ(const config_list *a, const config_list *b)
+{
+    bool equal = a->count == b->count;
+    for (size_t i = 0; equal && i < a->count; i++) equal = strcmp(a->item[i], b->item[i]) == 0;
+    return !equal;
+}
+
 static bool are_equal(const config_row *row, const void *a, const void *b)
 {
     if (row->type == CONFIG_TEXT) return strcmp(*(char *const *)a, *(char *const *)b) == 0;
     if (!is_list(row)) return memcmp(a, b, size_of(row->type)) == 0;
-    const config_list *left = a, *right = b;
-    bool equal = left->count == right->count;
-    for (size_t i = 0; equal && i < left->count; i++) equal = strcmp(left->item[i], right->item[i]) == 0;
-    return equal;
+    return !config_lists_differ(a, b);
 }
 
 static void swap(void *a, void *b, size_t size)

@@ -102,6 +102,7 @@ bool config_parse(int argc, char *const *argv, config *c, config_action *action,
 /* Takes the values of settings that reload from `fresh`, which gets the former ones, and logs which settings
  * changed and which need a restart. */
 void config_take_over(config *c, config *fresh);
+bool config_lists_differ(const config_list *a, const config_list *b);
 void config_clear(config *c); /* accepts an empty one */
 
 /* Whether the settings admit users other than the service's own to the Unix socket. */

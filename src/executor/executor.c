@@ -384,6 +384,11 @@ static void copy_settings(executor *x, const executor_settings *settings)
     x->threads = settings->threads > 0 ? settings->threads : threads_available();
     x->memory_mb = settings->host_memory_mb > 0 ? settings->host_memory_mb
                                                 : (int64_t)((double)host_memory_mb() * HOST_MEMORY_SHARE);
+    if (settings->host_memory_mb > 0 && settings->memory_mb > x->memory_mb)
+        log_write(LOG_LEVEL_WARNING,
+                  "memory_mb (%" PRId64 ") is more than host_memory_mb (%" PRId64
+                  "): jobs without limits.memory_mb get %" PRId64 " MiB, and one of them runs at a time",
+                  settings->memory_mb, x->memory_mb, x->memory_mb);
     x->workers = (size_t)(settings->workers > 0 ? settings->workers : x->threads);
     x->times = 1;
     if (settings->engine->resume) set_room_of_nodes(x, settings);
@@ -560,10 +565,11 @@ bool executor_size(const executor *x, int *width, int64_t *memory_mb, error *e)
     if (*width <= 0) *width = share > 0 ? share : 1;
     if (*width > x->threads) *width = x->threads;
     if (*memory_mb <= 0) *memory_mb = least(x->settings.memory_mb, x->memory_mb);
-    return *memory_mb <= x->memory_mb || error_set(e, ERROR_LIMIT_MEMORY,
-                                                   "limits.memory_mb: %" PRId64 " MiB exceed the %" PRId64
-                                                   " MiB that this service has for all jobs: lower it",
-                                                   *memory_mb, x->memory_mb);
+    return *memory_mb <= x->memory_mb ||
+           error_set(e, ERROR_LIMIT_MEMORY,
+                     "limits.memory_mb: %" PRId64 " MiB exceed the %" PRId64
+                     " MiB that this service has for all jobs (setting host_memory_mb): lower it",
+                     *memory_mb, x->memory_mb);
 }
 
 bool executor_tell(executor *x, const char *id, queue_command command, bool *found, bool *changed,

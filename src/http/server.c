@@ -374,10 +374,10 @@ static bool refuse_caller(const exchange *x, const fields *f, reply *r)
         return true;
     }
     if (!match->found || x->caller.scopes & match->found->scope) return false;
-    reply_set_problem(
-        r, "forbidden", NULL,
-        "this request requires the scope %s, which %s does not have: use a token with this scope",
-        scope_name(match->found->scope), x->caller.user);
+    const bool by_socket = connections_access(connection_of(x->connection))->local && !f->authorization;
+    reply_set_problem(r, "forbidden", NULL, "this request requires the scope %s, which %s does not have: %s",
+                      scope_name(match->found->scope), x->caller.user,
+                      by_socket ? "the setting unix_admins names administrators" : "use a token with this scope");
     return true;
 }
 

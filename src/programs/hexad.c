@@ -732,6 +732,9 @@ static void reload(service *s)
         change_users(s, &fresh, &e)) {
         bool shared = config_shares_socket(&s->settings);
         config_take_over(&s->settings, &fresh);
+        store_roots_note_change(s->roots, config_lists_differ(&s->settings.input_roots, &fresh.input_roots));
+        output_place_note_change(s->outputs,
+                                 config_lists_differ(&s->settings.output_roots, &fresh.output_roots));
         if (config_shares_socket(&s->settings) != shared) listen_share(&s->socket, !shared);
         log_set_level(s->settings.log_level);
         bound_results(s);

@@ -34,6 +34,7 @@ struct output_place {
     store_turns *turns;
     look_counts *looks;
     _Atomic(const char *) unwritable;
+    atomic_bool changed; /* the setting, since the start */
 };
 
 /* A look at a directory, by a thread of its own. It outlives the submission that waits for it when the file system does not
@@ -227,10 +228,20 @@ static bool look_at(output_place *p, size_t index, const char *path, char **name
     return false;
 }
 
+void output_place_note_change(output_place *p, bool changed)
+{
+    atomic_store(&p->changed, changed);
+}
+
 bool output_place_check(output_place *p, const char *user, const char *directory, error *e)
 {
     char *name = NULL;
-    if (!store_output_check(p->outputs, directory, e)) return false;
+    error outside = {0};
+    if (!store_output_check(p->outputs, directory, &outside))
+        return error_set(e, outside.code, "%s%s", outside.message,
+                         atomic_load(&p->changed)
+                             ? "; or restart hexad, which applies the changed setting output_roots"
+                             : "");
     size_t root = store_output_root_of(p->outputs, directory);
     bool writable = look_at(p, root, directory, &name, e);
     if (writable && atomic_load(&p->unwritable) == p->outputs->roots[root])

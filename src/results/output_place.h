@@ -26,6 +26,10 @@ const store_outputs *output_place_roots(const output_place *p); /* NULL for NULL
  * no error: it may work when the job ends. Errors: path_forbidden, output_taken, output_unwritable. */
 bool output_place_check(output_place *p, const char *user, const char *directory, error *e);
 
+/* Whether the setting output_roots has changed since the start, which a restart applies. output_place_check says so of paths
+ * outside of the roots. */
+void output_place_note_change(output_place *p, bool changed);
+
 /* Copies the result in the directory `from`. Waits for its turn. `temporary` names the file that a crash leaves. */
 bool output_place_copy(output_place *p, const char *user, const char *from, const char *directory,
                        const char *temporary, error *e);

@@ -36,6 +36,38 @@ static bool next_part(const char **at, char name[NAME_MAX + 1], bool *ok)
     return true;
 }
 
+/* An error for a path that lies below no root. */
+static bool set_outside(const store_outputs *outputs, const char *path, error *e)
+{
+    if (*path != '/')
+        return error_set(e, ERROR_PATH_FORBIDDEN,
+                         "%s is outside the output roots of this service: give an absolute path", path);
+    if (!outputs->root_count)
+        return error_set(e, ERROR_PATH_FORBIDDEN,
+                         "%s: this service copies no results: add a directory to the setting output_roots",
+                         path);
+    char *slashed = mem_printf("%s/", path);
+    bool is_root = false;
+    for (size_t i = 0; !is_root && i < outputs->root_count; i++)
+        is_root = below(slashed, outputs->roots[i]) != NULL;
+    free(slashed);
+    if (is_root)
+        return error_set(e, ERROR_PATH_FORBIDDEN, "%s is an output root: name a directory below it", path);
+    char *roots = mem_strdup("");
+    for (size_t i = 0; i < outputs->root_count; i++) {
+        char *longer = mem_printf("%s%s%s", roots, i ? ", " : "", outputs->roots[i]);
+        free(roots);
+        roots = longer;
+    }
+    error_set(
+        e, ERROR_PATH_FORBIDDEN,
+        "%s is outside the output roots of this service (setting output_roots: %s): name a directory below one "
+        "of them",
+        path, roots);
+    free(roots);
+    return false;
+}
+
 bool store_output_check(const store_outputs *outputs, const char *path, error *e)
 {
     char name[NAME_MAX + 1];
@@ -46,9 +78,7 @@ bool store_output_check(const store_outputs *outputs, const char *path, error *e
                          "%s: the path contains \"..\" or a name that is too long: correct the path", path);
     for (size_t i = 0; i < outputs->root_count; i++)
         if (below(path, outputs->roots[i])) return true;
-    return error_set(
-        e, ERROR_PATH_FORBIDDEN,
-        "%s is outside the output roots of this service: give an absolute path below one of them", path);
+    return set_outside(outputs, path, e);
 }
 
 static error_code code_of(int why)

@@ -3,6 +3,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -39,6 +40,7 @@ typedef struct root {
 } root;
 
 struct store_roots {
+    atomic_bool changed; /* in the settings file */
     size_t count;
     root item[];
 };
@@ -65,14 +67,20 @@ static int open_directory(const char *resolved, char **only)
     return directory;
 }
 
+/* What to do about a root that cannot be opened. */
+static const char *advice_on_root(const char *path)
+{
+    if (*path != '/') return "; write an absolute path";
+    return strchr(path, ' ') ? "; separate paths by a colon or a comma" : "";
+}
+
 static bool root_open(const char *path, root *r, error *e)
 {
     char *resolved = realpath(path, NULL), *only = NULL;
     int directory = resolved ? open_directory(resolved, &only) : -1;
     if (directory < 0) {
-        error_set(e, ERROR_INPUT_MISSING,
-                  "cannot open the input root %s: %s. Correct the setting input_roots.", path,
-                  strerror(errno));
+        error_set(e, ERROR_INPUT_MISSING, "input_roots: cannot open the input root %s: %s%s", path,
+                  strerror(errno), advice_on_root(path));
         free(resolved);
         return false;
     }
@@ -92,6 +100,11 @@ store_roots *store_roots_open(const char *sent, const char *const *paths, size_t
     if (ok) return roots;
     store_roots_close(roots);
     return NULL;
+}
+
+void store_roots_note_change(store_roots *roots, bool changed)
+{
+    atomic_store(&roots->changed, changed);
 }
 
 void store_roots_close(store_roots *roots)
@@ -313,9 +326,28 @@ static void set_missing(const char *path, const char *where, int why, error *e)
 {
     const char *hint = frames_is_pattern(path)
                            ? "; add queue.frames, in which #### and %04d stand for the frame number"
+                       : *where && why == EACCES
+                           ? "; let the user of the service read it, or send it with hexadctl upload"
                        : *where ? "; check the path, or send a file from another place with hexadctl upload"
                                 : "; check the path";
     error_set(e, ERROR_INPUT_MISSING, "cannot read %s%s: %s%s", path, where, strerror(why), hint);
+}
+
+/* An error for a path that lies below no root. */
+static void set_outside(const store_roots *roots, const char *path, error *e)
+{
+    for (size_t i = 0; i < roots->count; i++) {
+        const root *r = &roots->item[i];
+        if (r->sent || r->only || (strcmp(path, r->given) != 0 && strcmp(path, r->resolved) != 0)) continue;
+        error_set(e, ERROR_PATH_FORBIDDEN, "%s is an input root: name a file below it", path);
+        return;
+    }
+    error_set(
+        e, ERROR_PATH_FORBIDDEN,
+        "%s is outside the input roots: send the file with hexadctl upload, move it below one of them, or %s",
+        path,
+        atomic_load(&roots->changed) ? "restart hexad, which applies the changed setting input_roots"
+                                     : "add its directory to the setting input_roots and restart hexad");
 }
 
 static int open_in_roots(const store_roots *roots, const char *path, error *e)
@@ -338,10 +370,7 @@ static int open_in_roots(const store_roots *roots, const char *path, error *e)
         if (why != ENOENT && why != ENOTDIR) break;
     }
     if (!found_root)
-        error_set(e, ERROR_PATH_FORBIDDEN,
-                  "%s is outside the input roots: send the file with hexadctl upload, move it below "
-                  "one of them, or add its directory to the setting input_roots",
-                  path);
+        set_outside(roots, path, e);
     else if (why == EXDEV || why == ELOOP)
         error_set(e, ERROR_PATH_FORBIDDEN,
                   "%s is a symbolic link to a place outside the input roots: copy the file, or add "

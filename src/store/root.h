@@ -30,6 +30,10 @@ typedef struct store_roots store_roots;
 store_roots *store_roots_open(const char *sent, const char *const *paths, size_t count, error *e);
 void store_roots_close(store_roots *roots);
 
+/* Whether the setting input_roots has changed since the start, which a restart applies. The messages on paths outside of the
+ * roots say so. Any thread may call this. */
+void store_roots_note_change(store_roots *roots, bool changed);
+
 /* Opens a file for reading and returns its descriptor (close-on-exec), or -1 and an error:
  * path_forbidden   the path is outside the roots or leads out of them
  * input_missing    nothing readable is there, or what a client had sent is gone

@@ -349,8 +349,8 @@ def test_a_tcp_port_and_a_closed_directory_are_warned_of(other, public_directory
     assert "cannot enter" in last_line("--allow", "60003")
 
 
-def list_as_stranger(build, where):
-    return subprocess.run([sys.executable, "-c", ASK_AS, build / "hexadctl", "--server", f"unix:{where}", "list"],
+def list_as_stranger(build, where, word="list"):
+    return subprocess.run([sys.executable, "-c", ASK_AS, build / "hexadctl", "--server", f"unix:{where}", word],
                           capture_output=True, text=True, timeout=PATIENCE_S)
 
 
@@ -392,6 +392,13 @@ def test_reload_grants_and_revokes_access(new_service, build, public_directory):
     assert list_as_stranger(build, where).returncode == 0
     reloaded("unix_users = 60001\n")
     assert list_as_stranger(build, where).returncode == 2
+
+
+def test_a_user_who_is_no_administrator_reads_which_setting_names_them(new_service, build, public_directory):
+    where = f"{public_directory}/hexad.sock"
+    new_service("--listen", f"unix:{where}", "--unix_users", 60003).start()
+    told = list_as_stranger(build, where, "drain")
+    assert told.returncode == 2 and "scope admin" in told.stderr and "unix_admins names administrators" in told.stderr
 
 
 def test_a_service_without_a_settings_file_is_to_be_restarted(new_service, build, public_directory):

@@ -330,6 +330,13 @@ def test_settings_that_are_refused(build, tmp_path):
     assert tried.returncode == 1 and "/nonexistent" in tried.stderr
 
 
+def test_less_memory_for_all_jobs_than_for_one_is_warned_of(new_service):
+    service = new_service("--host_memory_mb", 2048, "--memory_mb", 4096).start()
+    assert " warning memory_mb (4096) is more than host_memory_mb (2048)" in service.log.read_text()
+    refused = service.post("/v1/jobs", sphere(limits={"memory_mb": 4096}))
+    assert refused.status >= 400 and "host_memory_mb" in refused.body.decode()
+
+
 @pytest.mark.sanitized
 def test_help_and_sample(build, source):
     text = run_hexad(build, "--help").stdout

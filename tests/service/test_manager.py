@@ -207,6 +207,29 @@ def test_bounds_of_results_are_read_again(new_service, manager, tmp_path):
     service.submit(sphere())
 
 
+@pytest.mark.parametrize("key, spec", [
+    ("input_roots", lambda path: {**sphere(), "surface": {"vdb": {"path": f"{path}/a.vdb"}}}),
+    ("output_roots", lambda path: sphere(output={"directory": f"{path}/a"}))])
+def test_a_refused_path_mentions_the_setting_that_a_restart_applies(new_service, manager, tmp_path, key, spec):
+    file = tmp_path / "hexad.conf"
+    (tmp_path / "old").mkdir()
+    (tmp_path / "new").mkdir()
+    file.write_text(f"{key} = {tmp_path}/old\n")
+    service = new_service("--config", file).start()
+    manager.hear("READY=1")
+
+    def refused():
+        answer = service.post("/v1/jobs", spec(tmp_path / "new"))
+        expect_problem(answer, 403, "path_forbidden")
+        return answer.json["errors"][0]["detail"]
+
+    assert key in refused() and "changed" not in refused()
+    reload(service, manager, file, f"{key} = {tmp_path}/new\n")
+    assert f"restart hexad, which applies the changed setting {key}" in refused()
+    reload(service, manager, file, f"{key} = {tmp_path}/old\n")
+    assert "changed" not in refused()
+
+
 # Puts the descriptors that are named where systemd puts them, from 3 on, and becomes the program behind them.
 HAND_OVER = """
 import fcntl, os, sys

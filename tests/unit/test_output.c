@@ -207,6 +207,27 @@ static void test_the_nearest_directory_is_tried(void **state)
     free(real);
 }
 
+static void expect_outside(const store_outputs *outputs, const char *path, const char *advice)
+{
+    error e = {0};
+    assert_false(store_output_check(outputs, path, &e));
+    assert_int_equal(e.code, ERROR_PATH_FORBIDDEN);
+    if (!strstr(e.message, advice)) fail_msg("%s", e.message);
+}
+
+static void test_the_message_on_a_path_outside_names_setting_and_roots(void **state)
+{
+    (void)state;
+    const char *roots[] = {"/srv/a", "/srv/b/"};
+    const store_outputs outputs = {roots, 2, 0640, (gid_t)-1}, none = {roots, 0, 0640, (gid_t)-1};
+    expect_outside(&outputs, "/srv/c/x",
+                   "(setting output_roots: /srv/a, /srv/b/): name a directory below one of them");
+    expect_outside(&outputs, "/srv/a", "/srv/a is an output root: name a directory below it");
+    expect_outside(&outputs, "/srv/b", "is an output root");
+    expect_outside(&outputs, "srv/a/x", "give an absolute path");
+    expect_outside(&none, "/srv/a/x", "add a directory to the setting output_roots");
+}
+
 /* The kernel's own file system: not even root makes files in it. */
 static void test_a_directory_that_cannot_be_written(void **state)
 {
@@ -260,6 +281,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_a_copy_that_fails_is_not_whole, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_paths_that_are_refused, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_the_nearest_directory_is_tried, set_up, tear_down),
+        cmocka_unit_test(test_the_message_on_a_path_outside_names_setting_and_roots),
         cmocka_unit_test(test_a_directory_that_cannot_be_written),
         cmocka_unit_test_setup_teardown(test_what_was_cut_off_is_cleared, set_up, tear_down),
     };

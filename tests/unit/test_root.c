@@ -166,6 +166,44 @@ static void test_no_roots(void **state)
     const char *missing[] = {"/nonexistent/root"};
     assert_null(store_roots_open(NULL, missing, 1, &e));
     assert_non_null(strstr(e.message, "/nonexistent/root"));
+    assert_null(strstr(e.message, "absolute"));
+}
+
+static void expect_not_opened(const char *root, const char *advice)
+{
+    error e = {0};
+    assert_null(store_roots_open(NULL, &root, 1, &e));
+    assert_non_null(strstr(e.message, "input_roots: "));
+    if (!strstr(e.message, advice)) fail_msg("%s", e.message);
+}
+
+static void test_a_mistyped_root_is_explained(void **state)
+{
+    (void)state;
+    expect_not_opened("/nonexistent/a /nonexistent/b", "separate paths by a colon or a comma");
+    expect_not_opened("nonexistent/a", "write an absolute path");
+}
+
+static void test_a_root_is_no_file(void **state)
+{
+    place *p = *state;
+    error e = {0};
+    assert_int_equal(store_open_input(p->roots, p->root, &e), -1);
+    assert_int_equal(e.code, ERROR_PATH_FORBIDDEN);
+    if (!strstr(e.message, "is an input root: name a file below it")) fail_msg("%s", e.message);
+}
+
+static void test_roots_that_change_at_a_restart_are_mentioned(void **state)
+{
+    place *p = *state;
+    static const char note[] = "restart hexad, which applies the changed setting input_roots";
+    for (int changed = 0; changed < 2; changed++) {
+        error e = {0};
+        store_roots_note_change(p->roots, changed);
+        assert_int_equal(store_open_input(p->roots, "/nonexistent/file", &e), -1);
+        assert_int_equal(e.code, ERROR_PATH_FORBIDDEN);
+        if ((strstr(e.message, note) != NULL) != changed) fail_msg("%s", e.message);
+    }
 }
 
 static void test_a_file_is_a_root_of_itself(void **state)
@@ -302,6 +340,9 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_sent_files_are_named_by_their_hash, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_what_is_no_readable_file_says_so, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_no_roots, set_up, tear_down),
+        cmocka_unit_test(test_a_mistyped_root_is_explained),
+        cmocka_unit_test_setup_teardown(test_a_root_is_no_file, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_roots_that_change_at_a_restart_are_mentioned, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_file_is_a_root_of_itself, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_walk_without_openat2, set_up, tear_down),
     };
