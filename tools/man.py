@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """The manual pages, from what the programs say of themselves: doc/man/*, which `make man` writes.
 
-    man.py BUILD OUTPUT STATE    BUILD holds the built programs, OUTPUT becomes the directory of the pages, STATE is
-                                 configure's localstatedir, which the pages have a mark for
+    man.py BUILD OUTPUT STATE SETTINGS    BUILD holds the built programs, OUTPUT becomes the directory of the pages, STATE
+                                          and SETTINGS are configure's localstatedir and sysconfdir, which the pages have
+                                          marks for
 
 A help text is made of blocks between empty lines: the usage; lists, whose lines are indented; paragraphs; and one
 that begins with "Exit". hexad.conf(5) is the list of settings at the end of `hexad --help`. What no help text has
@@ -54,7 +55,7 @@ def escaped(text):
 
 def say(program, *words):
     text = subprocess.run([program, *words], check=True, capture_output=True, text=True).stdout
-    return text.replace(f"{sys.argv[3]}/", "@localstatedir@/")
+    return text.replace(f"{sys.argv[3]}/", "@localstatedir@/").replace(f"{sys.argv[4]}/hexad.conf", "@sysconfdir@/hexad.conf")
 
 
 def blocks_of(text):
@@ -115,7 +116,7 @@ def page_of(name, program):
 def settings_page(program):
     text = say(program, "--help").partition("\n" + SETTINGS)[2].partition("\n")[2]
     out = header("hexad.conf", 5, "settings of hexad", say(program, "--version").strip())
-    out += (".SH DESCRIPTION\nA line is a setting,\n.IR \"key \" = \" value\" ,\nor a comment after # or ;. Each is an"
+    out += (".SH DESCRIPTION\nA line is a setting,\n.IR \"key \" = \" value\" ,\nor a comment after # or ;. A colon may take the place of =. Each is an"
             " option of\n.BR hexad (8)\nas well, which wins over the file. A setting that is not there has its default.\n"
             ".SH SETTINGS\n")
     for block in blocks_of(text):
@@ -125,7 +126,7 @@ def settings_page(program):
 
 
 def main():
-    if len(sys.argv) != 4:
+    if len(sys.argv) != 5:
         sys.exit(__doc__)
     build, output = (pathlib.Path(word).resolve() for word in sys.argv[1:3])
     output.mkdir(parents=True, exist_ok=True)

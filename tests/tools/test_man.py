@@ -32,11 +32,12 @@ def needs_mandoc():
 
 
 def test_pages_are_what_the_tool_writes(build, source, tmp_path):
-    state = re.search(r"^localstatedir = (.*)$", (build / "Makefile").read_text(), re.M)[1]
-    prefix = re.search(r"^prefix = (.*)$", (build / "Makefile").read_text(), re.M)[1]
-    subprocess.run([sys.executable, source / "tools/man.py", build, tmp_path, state.replace("${prefix}", prefix)],
-                   check=True)
+    prefix, state, settings = (re.search(rf"^{name} = (.*)$", (build / "Makefile").read_text(), re.M)[1]
+                               for name in ("prefix", "localstatedir", "sysconfdir"))
+    places = [path.replace("${prefix}", prefix) for path in (state, settings)]
+    subprocess.run([sys.executable, source / "tools/man.py", build, tmp_path, *places], check=True)
     for page in PAGES:
+        assert not any(f"{path}/" in (source / "doc/man" / page).read_text() for path in places)  # packages have others
         assert (tmp_path / page).read_text() == (source / "doc/man" / page).read_text(), "make man writes it anew"
 
 

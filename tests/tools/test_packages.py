@@ -2,6 +2,8 @@
 package, and no list names what is nowhere."""
 import fnmatch
 import os
+import pathlib
+import re
 import subprocess
 
 import pytest
@@ -42,6 +44,41 @@ def test_each_installed_file_is_in_one_package(source, build, installed):
     assert nowhere == (set() if (build / "page").is_dir() else {PAGE}) and len(installed) > 40
 
 
-def test_the_pages_are_there(source):
-    for pattern in words(source / "debian/hexad-doc.install"):
-        assert list(source.glob(pattern)), pattern
+def files_of_pages(source):
+    """The files of hexad-doc: path in its directory -> file in the source."""
+    files = {}
+    for line in (source / "debian/hexad-doc.install").read_text().splitlines():
+        *patterns, target = line.split()
+        for pattern in patterns:
+            found = list(source.glob(pattern))
+            assert found, pattern
+            for path in found:
+                place = pathlib.PurePath(target).relative_to("usr/share/doc/hexad-doc") / path.name
+                inside = [path] if path.is_file() else [p for p in path.rglob("*") if p.is_file()]
+                files |= {str(place / p.relative_to(path)): p for p in inside}
+    return files
+
+
+def links_of_pages(files):
+    """(page, what it links to) of all links to files. Pages on measurements also link to programs of the source."""
+    pages = {name: path for name, path in files.items() if name.endswith(".md") and not name.startswith("doc/measured/")}
+    assert "README.md" in pages and "doc/operations.md" in pages
+    return [(name, os.path.normpath(os.path.join(os.path.dirname(name), link))) for name, path in pages.items()
+            for link in re.findall(r"\]\(([^)#\s]+)[^)]*\)", path.read_text()) if "://" not in link]
+
+
+def test_links_of_the_packaged_pages_lead_to_files_of_the_package(source):
+    files = files_of_pages(source)
+    folders = {str(parent) for name in files for parent in pathlib.PurePath(name).parents}
+    assert not [link for link in links_of_pages(files) if link[1] not in files and link[1] not in folders]
+
+
+def test_debhelper_compresses_no_linked_file(source):
+    """A compressed file has another name than the link."""
+    excluded = re.findall(r"-X(\S+)", re.search(r"^\tdh_compress(.*)$", (source / "debian/rules").read_text(), re.M)[1])
+    files = files_of_pages(source)
+    linked = {name for _, name in links_of_pages(files) if name in files and files[name].suffix != ".png"}
+    assert "etc/hexad.conf" in linked
+    for name in linked:
+        short = files[name].stat().st_size <= 4096
+        assert short or any(part in f"usr/share/doc/hexad-doc/{name}" for part in excluded), name
