@@ -263,8 +263,7 @@ typedef struct queue_figures {
         waiting_since_ms; /* wall clock: since when the first of the queued jobs waits; 0: none is queued */
     int64_t deliveries;   /* of webhooks that are still to be made */
     int64_t delivery_since_ms; /* wall clock: the end that the first of them tells of; 0: there is none */
-    int64_t
-        undelivered; /* jobs whose results could not be copied to output.directory, and were not downloaded */
+    int64_t undelivered; /* jobs with results that were neither copied to output.directory nor downloaded */
     int64_t database_bytes;
 } queue_figures;
 

@@ -352,10 +352,10 @@ def test_a_state_directory_of_version_0_1(new_service):
                                + "ALTER TABLE job DROP COLUMN unresolved;"
                                + "".join(f"DROP TRIGGER job_{does};" for does in
                                          ("comes", "turns", "goes", "leaves", "is_adopted", "is_deleted"))
-                               + "".join(f"DROP INDEX job_{which};" for which in ("leaving", "leaving_of", "unmeasured"))
+                               + "".join(f"DROP INDEX job_{which};" for which in ("leaving", "leaving_of", "unmeasured", "undelivered"))
                                + "".join(f"ALTER TABLE job DROP COLUMN {name};"
                                          for name in ("result_bytes", "delivered", "delivered_ms"))
-                               + "DROP INDEX job_undelivered; DROP INDEX job_copying; DROP TABLE output;"
+                               + "DROP INDEX job_copying; DROP TABLE output;"
                                + "".join(f"ALTER TABLE {table} DROP COLUMN {name};" for table, name in
                                          (("job", "copy_state"), ("job", "copy_code"), ("job", "copy_message"),
                                           ("task", "copy_code"), ("task", "copy_message")))
