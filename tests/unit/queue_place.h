@@ -60,7 +60,7 @@ static inline bool is_cheap(const char *sql, const char *step)
                                            "SCAN running", /* at most RUNNING_PERIODS_MOST rows */
                                            "SCAN job USING INDEX job_unmeasured",
                                            "SCAN job USING INDEX job_copying",
-                                           "SCAN job USING COVERING INDEX job_undelivered",
+                                           "SCAN job USING INDEX job_undelivered",
                                            "SCAN task USING COVERING INDEX task_delayed"};
     if (strncmp(sql, "DELETE FROM owner", 17) == 0) return true; /* only when a user's last job has ended */
     if (strncmp(step, "USE TEMP B-TREE", 15) == 0)
