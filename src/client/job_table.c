@@ -161,24 +161,6 @@ static void print_words(const char *title, json_at list)
     if (json_size(list)) putchar('\n');
 }
 
-/* "hex_fraction 0.937 good, edge_cv 0.0559 good", where the result has ratings. */
-static void print_ratings(json_at notes)
-{
-    json_at ratings = json_member(&notes, "ratings");
-    for (size_t i = 0; i < json_size(ratings); i++) {
-        json_at item = json_element(&ratings, i);
-        if (i == 0)
-            printf("  %-10s", "packing");
-        else
-            fputs(", ", stdout);
-        print_text(stdout, item.key);
-        if (json_type_of(json_member(&item, "value")) == JSON_NUMBER)
-            printf(" %.3g ", number_of(item, "value"));
-        print_text(stdout, text_of(item, "rating", " not measured"));
-    }
-    if (json_size(ratings)) putchar('\n');
-}
-
 /* "2026-01-31T18:00:00.000Z", and in words how far that is from another time. */
 static void print_moment(json_at job, const char *key, int64_t since_ms, const char *before,
                          const char *behind)
@@ -265,7 +247,7 @@ void job_table_print(json_at job, json_at dependents)
     print_moment(job, "finished", started ? started : created, "took ", "");
     if (text_of(job, "cached_from", NULL)) print_line("result of", text_of(job, "cached_from", ""));
     print_tasks(job);
-    print_ratings(json_member(&job, "notes"));
+    print_ratings(stdout, "  packing   ", json_member(&job, "notes"));
     print_notes(stdout, json_member(&job, "notes"));
     print_attempts(job);
 }

@@ -135,6 +135,19 @@ static void print_note(FILE *file, const char *kind, json_at text)
     fputc('\n', file);
 }
 
+void print_ratings(FILE *file, const char *title, json_at notes)
+{
+    json_at ratings = json_member(&notes, "ratings");
+    for (size_t i = 0; i < json_size(ratings); i++) {
+        json_at item = json_element(&ratings, i), value = json_member(&item, "value");
+        fputs(i == 0 ? title : ", ", file);
+        print_text(file, item.key);
+        if (json_type_of(value) == JSON_NUMBER) fprintf(file, " %.3g ", json_number(value, 0));
+        print_text(file, json_string(json_member(&item, "rating"), " not measured"));
+    }
+    if (json_size(ratings)) fputc('\n', file);
+}
+
 void print_notes(FILE *file, json_at notes)
 {
     json_at reasons = json_member(&notes, "outcome_reasons"), warnings = json_member(&notes, "warnings"),

@@ -25,6 +25,8 @@ void print_delivered_job(json_at job);
 /* Whether results of the job could not be copied to output.directory. */
 bool print_is_undelivered(json_at job);
 
+/* "packing: hex_fraction 0.937 good, edge_cv 0.0559 good" of the notes of a job, behind the title. Nothing without ratings. */
+void print_ratings(FILE *file, const char *title, json_at notes);
 /* The notes of a job or task, or the warnings and advice of an estimate: a line for each. Nothing without any. */
 void print_notes(FILE *file, json_at notes);
 

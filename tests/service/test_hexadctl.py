@@ -159,7 +159,8 @@ def test_notes_reach_who_waits_and_who_asks(new_service, build, tmp_path):
         assert f"outcome: {reason['message']} ({reason['value']:.3g}, bound 0.01)\n" in told
         assert f"warning: {notes['warnings'][0]}\n" in told and f"advice: {notes['advice'][0]['message']}\n" in told
     rated = notes["ratings"]["hex_fraction"]
-    assert f"  packing   hex_fraction {rated['value']:.3g} {rated['rating']}, edge_cv " in shown
+    packing = f"hex_fraction {rated['value']:.3g} {rated['rating']}, edge_cv "
+    assert f"  packing   {packing}" in shown and f"packing: {packing}" in done.stderr
     spec = write(tmp_path, {**json.loads(open(spec).read()), "sampling": {"count": count}})
     assert run("estimate", spec).stdout.count("warning:") == 0
     done = run("submit", spec, "--wait")
