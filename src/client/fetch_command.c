@@ -76,7 +76,8 @@ static int confirm(client *c, const char *href, const char *sha256, error *e)
     return ok ? COMMAND_OK : COMMAND_UNREACHABLE;
 }
 
-static int fetch_file(client *c, const char *directory, json_at item, bool quiet)
+/* Sets *kept where the file was there already. */
+static int fetch_file(client *c, const char *directory, json_at item, bool quiet, bool *kept)
 {
     const char *name = json_string(json_member(&item, "name"), "");
     const char *href = json_string(json_member(&item, "href"), "");
@@ -86,7 +87,8 @@ static int fetch_file(client *c, const char *directory, json_at item, bool quiet
         return print_failure("the server lists a result whose name contains a path: report this as a fault");
     error e = {0};
     char *path = mem_printf("%s/%s", directory, name);
-    int code = is_there(path, sha256) ? confirm(c, href, sha256, &e) : download(c, path, href, sha256, &e);
+    *kept = is_there(path, sha256);
+    int code = *kept ? confirm(c, href, sha256, &e) : download(c, path, href, sha256, &e);
     if (code != COMMAND_OK) {
         print_failure("%s", e.message);
     } else if (!quiet) {
@@ -97,6 +99,22 @@ static int fetch_file(client *c, const char *directory, json_at item, bool quiet
     return code;
 }
 
+/* Warns of the report of another job in the directory. */
+static void warn_of_other_result(const char *directory, json_at results)
+{
+    char *path = mem_printf("%s/report.json", directory);
+    for (size_t i = 0; i < json_size(results); i++) {
+        json_at item = json_element(&results, i);
+        if (strcmp(json_string(json_member(&item, "name"), ""), "report.json") != 0) continue;
+        if (access(path, F_OK) == 0 && !is_there(path, json_string(json_member(&item, "sha256"), "")))
+            print_failure(
+                "%s has the result of another job: files with the same names are replaced, and the others stay. "
+                "To keep both, name another directory with --output.",
+                directory);
+    }
+    free(path);
+}
+
 /* Fetches the files that the server lists, report.json last. On success *document is the list, the caller's. */
 static int fetch_list(client *c, const char *list, const char *directory, bool quiet, json **document)
 {
@@ -105,8 +123,15 @@ static int fetch_list(client *c, const char *list, const char *directory, bool q
     int code = command_ask(c, "GET", list, NULL, &found);
     if (code == COMMAND_OK && !store_directory_create(directory, &e)) code = print_failure("%s", e.message);
     json_at root = json_root(found), results = json_member(&root, "results");
-    for (size_t i = 0; code == COMMAND_OK && i < json_size(results); i++)
-        code = fetch_file(c, directory, json_element(&results, i), quiet);
+    size_t there = 0;
+    if (code == COMMAND_OK) warn_of_other_result(directory, results);
+    for (size_t i = 0; code == COMMAND_OK && i < json_size(results); i++) {
+        bool kept = false;
+        code = fetch_file(c, directory, json_element(&results, i), quiet, &kept);
+        there += kept;
+    }
+    if (code == COMMAND_OK && there > 0 && !quiet)
+        fprintf(stderr, "%zu of %zu files were there already\n", there, json_size(results));
     if (code == COMMAND_OK)
         *document = found;
     else
@@ -228,12 +253,18 @@ static int fetch_array(client *c, fetching *f)
     return code == COMMAND_OK ? sum : code;
 }
 
-static int fetch_single(client *c, fetching *f)
+static int fetch_single(client *c, fetching *f, json_at job)
 {
     json *found = NULL;
     if (f->options->frame) {
         print_failure("fetch: the job %s has no frames: omit --frame", f->id);
         return COMMAND_USAGE;
+    }
+    if (!command_has_ended(job)) {
+        print_failure(
+            "the job %s has no results yet, since it has not ended: %s. To wait for its end, run hexadctl wait %s",
+            f->id, json_string(json_member(&job, "state"), "?"), f->id);
+        return COMMAND_MISSING;
     }
     char *list = mem_printf("/v1/jobs/%s/results", f->id);
     int code = fetch_list(c, list, f->directory, f->options->json, &found);
@@ -255,7 +286,7 @@ int command_fetch(client *c, const char *argument, const command_options *option
                   .options = options,
                   .all = (int)json_number(json_member(&tasks, "all"), 0)};
     if (code == COMMAND_OK)
-        code = json_bool(json_member(&job, "array"), false) ? fetch_array(c, &f) : fetch_single(c, &f);
+        code = json_bool(json_member(&job, "array"), false) ? fetch_array(c, &f) : fetch_single(c, &f, job);
     json_free(document);
     free(path);
     return code;

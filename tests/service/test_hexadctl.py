@@ -84,6 +84,29 @@ def test_submit_wait_fetch(run, tmp_path, service):
     assert [j["id"] for j in json.loads(run("list", "--json", "--state", "succeeded").stdout)["jobs"]] == [job]
 
 
+def test_fetch_mentions_what_is_in_the_directory(run, tmp_path, service):
+    first, second = (service.submit(sphere(count=count)) for count in (200, 201))
+    for job in (first, second):
+        service.wait_state(job, "succeeded")
+    files = len(service.get(f"/v1/jobs/{first}/results").json["results"])
+    assert not run("fetch", first, "--output", "out").stderr
+    again = run("fetch", first, "--output", "out")
+    assert again.returncode == 0 and again.stderr == f"{files} of {files} files were there already\n"
+    other = run("fetch", second, "--output", "out")
+    assert other.returncode == 0 and "out has the result of another job" in other.stderr
+    assert json.loads((tmp_path / "out/report.json").read_text())["count"] == 201
+    assert not run("fetch", first, "--output", "elsewhere").stderr
+
+
+def test_fetch_before_the_end_names_the_command_that_waits(run, service):
+    job = service.submit(long_sphere())
+    service.wait_worker(job)
+    early = run("fetch", job)
+    assert early.returncode == 4 and "has not ended: running" in early.stderr
+    assert f"run hexadctl wait {job}\n" in early.stderr
+    service.post(f"/v1/jobs/{job}/cancel")
+
+
 @pytest.mark.sanitized
 def test_a_submission_with_a_key_is_repeated_safely(run, tmp_path, service):
     path = write(tmp_path, sphere())
