@@ -39,8 +39,9 @@ static const char usage[] =
     "                    as in a spec\n"
     "  list [--state STATES] [--owner USER] [--label LABEL] [--name NAME] [--text PART] [--since TIME]\n"
     "       [--until TIME] [--limit N]\n"
-    "                    list the newest jobs; --text: those whose name contains PART, ignoring case;\n"
-    "                    TIME is 2026-01-31T18:00:00Z, 2026-01-31 (UTC), or an age: 30s, 90m, 2h or 1d\n"
+    "                    list the newest jobs of all users; --owner: those of one user; --text: those whose\n"
+    "                    name contains PART, ignoring case; TIME is 2026-01-31T18:00:00Z, 2026-01-31 (UTC),\n"
+    "                    or an age: 30s, 90m, 2h or 1d\n"
     "  show ID [--picture FILE.png]\n"
     "                    print the state, times, attempts and failed frames of a job; all members with\n"
     "                    --json. --picture writes its preview; for an array, the previews of all finished\n"
@@ -362,6 +363,7 @@ static bool check(const line *l)
 
 static bool is_print_only(int argc, char **argv)
 {
+    if (argc > 1 && strcmp(argv[1], "help") == 0) return fputs(usage, stdout) >= 0;
     for (int i = 1; i < argc; i++) {
         if (strcmp(argv[i], "--help") == 0 || strcmp(argv[i], "-h") == 0) return fputs(usage, stdout) >= 0;
         if (strcmp(argv[i], "--version") == 0) return printf("hexadctl %s\n", PACKAGE_VERSION) >= 0;

@@ -302,6 +302,8 @@ def test_usage(run):
     assert run("show", "01aaaaaaaaaaaaaaaaaaaaaaaa").returncode == 4
     text = run("--help")
     assert text.returncode == 0 and "Exit status" in text.stdout
+    for words in (["help"], ["help", "submit"]):
+        assert run(*words).stdout == text.stdout
     assert run("--version").stdout.startswith("hexadctl ")
 
 
