@@ -553,18 +553,17 @@ static int print_schema(void)
     return !ok;
 }
 
+/* For people at a terminal: unlike the other commands it reports a fault as text. */
 static int print_spec_help(const char *member)
 {
-    error e = {0};
     if (spec_print_help(stdout, member) > 0) return 0;
     nearest_name n = nearest_name_to(member, strlen(member));
     for (size_t i = 0; i < spec_row_count; i++) nearest_name_offer(&n, spec_row_key(&spec_rows[i]));
     if (n.name)
-        error_set(&e, ERROR_SPEC_INVALID, "unknown member %s; did you mean %s?", member, n.name);
+        fprintf(stderr, "hexad-worker: unknown member %s; did you mean %s?\n", member, n.name);
     else
-        error_set(&e, ERROR_SPEC_INVALID, "unknown member %s: run hexad-worker spec-help for all members",
-                  member);
-    return fail(&e, NULL);
+        fprintf(stderr, "hexad-worker: unknown member %s: run hexad-worker spec-help for all members\n", member);
+    return WORKER_EXIT_SPEC;
 }
 
 static int refuse_command(const char *name)

@@ -509,5 +509,7 @@ def test_spec_help_of_a_member(build):
         return subprocess.run([build / "hexad-worker", "spec-help", *words], capture_output=True, text=True, timeout=PATIENCE_S)
     done = spec_help("sampling/count")
     assert done.returncode == 0 and done.stdout.startswith("/sampling/count (integer") and done.stdout.count("\n/") == 0
-    done = spec_help("nonsense")
-    assert done.returncode == 2 and "unknown member nonsense" in done.stderr and not done.stdout
+    for word, told in (("nonsense", ": run hexad-worker spec-help for all members"), ("conut", "; did you mean count?")):
+        done = spec_help(word)
+        assert done.returncode == 2 and not done.stdout
+        assert done.stderr == f"hexad-worker: unknown member {word}{told}\n"
