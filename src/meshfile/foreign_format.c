@@ -41,6 +41,10 @@ static bool is_iges(const char *data, size_t size)
 
 const char *foreign_format(const char *data, size_t size)
 {
+    if (BEGINS(" BDV\0\0\0\0"))
+        return "the file is a volume of OpenVDB and not a mesh. In the spec, name it as /surface/vdb/path.";
+    if (BEGINS("NRRD"))
+        return "the file is an NRRD volume and not a mesh. In the spec, name it as /surface/volume/path.";
     if (is_step(data, size))
         return "the file is a STEP file, which is not read. Convert it with Gmsh (gmsh part.step -2 -o part.stl) or FreeCAD.";
     if (is_iges(data, size))

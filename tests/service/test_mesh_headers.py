@@ -420,6 +420,8 @@ UNREAD = {
     "a.vtp": (b'<?xml version="1.0"?>\n<VTKFile type="PolyData" version="0.1">', "VTK", "ParaView"),
     "a.gii": (b'<?xml version="1.0" encoding="UTF-8"?>\n<!DOCTYPE GIFTI SYSTEM "x">\n<GIFTI Version="1.0">', "GIfTI", "mris_convert"),
     "lh.pial": (b"\xff\xff\xfecreated by x\n\n" + bytes(40), "FreeSurfer", "mris_convert"),
+    "a.vdb": (b" BDV\0\0\0\0" + bytes(40), "OpenVDB", "/surface/vdb/path"),
+    "a.nrrd": (b"NRRD0004\ntype: float\n", "NRRD", "/surface/volume/path"),
     "a.usda": (b"#usda 1.0\n", "USD", "Blender"), "a.usdc": (b"PXR-USDC" + bytes(80), "USD", "Blender")}
 
 
