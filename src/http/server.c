@@ -377,7 +377,8 @@ static bool refuse_caller(const exchange *x, const fields *f, reply *r)
     const bool by_socket = connections_access(connection_of(x->connection))->local && !f->authorization;
     reply_set_problem(r, "forbidden", NULL, "this request requires the scope %s, which %s does not have: %s",
                       scope_name(match->found->scope), x->caller.user,
-                      by_socket ? "the setting unix_admins names administrators" : "use a token with this scope");
+                      by_socket ? "the setting unix_admins names administrators"
+                                : "use a token with this scope");
     return true;
 }
 

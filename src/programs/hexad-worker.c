@@ -562,7 +562,8 @@ static int print_spec_help(const char *member)
     if (n.name)
         fprintf(stderr, "hexad-worker: unknown member %s; did you mean %s?\n", member, n.name);
     else
-        fprintf(stderr, "hexad-worker: unknown member %s: run hexad-worker spec-help for all members\n", member);
+        fprintf(stderr, "hexad-worker: unknown member %s: run hexad-worker spec-help for all members\n",
+                member);
     return WORKER_EXIT_SPEC;
 }
 

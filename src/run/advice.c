@@ -23,6 +23,13 @@ advice_resolution advice_resolve(double area, size_t count, double factor)
     return (advice_resolution){packing_spacing(area, points), points};
 }
 
+char *advice_warn_of_walls(double share, advice_resolution to)
+{
+    return mem_printf(
+        "About %.3g %% of the surface are walls thinner than 1.2 spacings; %.0f points (spacing %.3g) separate these walls.",
+        100 * share, to.count, to.spacing);
+}
+
 json *advice_append(json *list, const char *code, const char *message)
 {
     json *item = json_append_object(list);

@@ -20,6 +20,9 @@ typedef struct advice_resolution {
  * factor of 1 is not known, and taken for a half. */
 advice_resolution advice_resolve(double area, size_t count, double factor);
 
+/* The warning that this share of the surface are walls thinner than the spacing, and what separates them; to be freed. */
+char *advice_warn_of_walls(double share, advice_resolution to);
+
 /* Appends an item, and returns its object `set`. */
 json *advice_append(json *list, const char *code, const char *message);
 

@@ -9,6 +9,7 @@
 #include "run/label_advice.h"
 #include "run/patch_report.h"
 #include "run/ratings.h"
+#include "sizing/clearance.h"
 #include "source/source_report.h"
 
 /* A ratio of spacings that is this much of the one asked for is not worth a word. */
@@ -51,21 +52,45 @@ void report_put_box(json *object, bbox box)
     put_vec3(o, "max", box.max);
 }
 
-/* So few points show the sides of any surface as walls thinner than the spacing: worth a note only if the result is unresolved. */
+/* So few points do not show how much of the surface are walls thinner than the spacing: unless the result is unresolved, rays between the
+ * walls do, as before the job. */
 static const size_t FEW_POINTS = 100;
 /* Advice that asks for fewer points than this times those that there are is what the job has done already. */
 static const double WORTH_ADVICE = 1.1;
 
-/* Walls thinner than the spacing: their share, and the number of points that separates them. */
-static void put_thin_walls(json *advice, json *warnings, const report_facts *facts)
+/* Walls thinner than the spacing. */
+typedef struct thin_walls {
+    double share, factor; /* of the points or of the surface; see clearance.factor */
+    bool of_surface;
+} thin_walls;
+
+static bool find_thin_walls(const report_facts *facts, thin_walls *out)
 {
     const size_t count = solver_result_points(facts->solver)->count;
-    const double area = facts->scan->area, share = (double)facts->measures->thin_count / (double)count;
-    const advice_resolution to = advice_resolve(area, count, facts->measures->thin_factor);
+    clearance c;
+    if (count > FEW_POINTS || facts->verdict->outcome == VERDICT_UNRESOLVED)
+        *out = (thin_walls){(double)facts->measures->thin_count / (double)count, facts->measures->thin_factor,
+                            false};
+    else if (clearance_measure(facts->scan, facts->sizing, packing_spacing(facts->scan->area, (double)count),
+                               facts->pool, &c, NULL))
+        *out = (thin_walls){c.unresolved_share, c.factor, true};
+    else
+        return false;
+    return out->share > MEASURES_THIN_SHARE;
+}
+
+/* Their share, and the number of points that separates them. */
+static void put_thin_walls(json *advice, json *warnings, const report_facts *facts, const thin_walls *walls)
+{
+    const size_t count = solver_result_points(facts->solver)->count;
+    const double area = facts->scan->area;
+    const advice_resolution to = advice_resolve(area, count, walls->factor);
     char *text =
-        mem_printf("%.3g %% of the points are on walls thinner than 1.2 spacings; %.0f points (spacing "
-                   "%.3g) separate these walls.",
-                   100 * share, to.count, to.spacing);
+        walls->of_surface
+            ? advice_warn_of_walls(walls->share, to)
+            : mem_printf("%.3g %% of the points are on walls thinner than 1.2 spacings; %.0f points (spacing "
+                         "%.3g) separate these walls.",
+                         100 * walls->share, to.count, to.spacing);
     json_append_string(warnings, text);
     free(text);
     if (facts->verdict->outcome != VERDICT_CONVERGED && to.count > WORTH_ADVICE * (double)count)
@@ -81,10 +106,9 @@ static void put_advice(json *report, json *warnings, const report_facts *facts)
     json *advice = json_put_array(report, "advice");
     const label_surface *labels = facts->source->whole.labels;
     const bool hopeless = labels && label_advice_is_hopeless(labels);
-    const size_t count = solver_result_points(facts->solver)->count;
-    const bool thin = (double)facts->measures->thin_count > MEASURES_THIN_SHARE * (double)count &&
-                      (count > FEW_POINTS || facts->verdict->outcome == VERDICT_UNRESOLVED);
-    if (thin && !hopeless) put_thin_walls(advice, warnings, facts);
+    thin_walls walls;
+    const bool thin = find_thin_walls(facts, &walls);
+    if (thin && !hopeless) put_thin_walls(advice, warnings, facts, &walls);
     if (labels &&
         (verdict_is_of_thin_parts(facts->verdict) || (hopeless && facts->verdict->reason_count > 0)))
         label_advice_append(advice, &facts->spec->surface.labels, labels);
@@ -349,7 +373,7 @@ void report_fill(json *report, const report_facts *facts)
     put_sweeps(report, facts->solver);
     put_timing(report, facts->progress);
     json_put_integer(report, "peak_memory_bytes", facts->peak_memory);
-    json_put_integer(report, "threads", facts->threads);
+    json_put_integer(report, "threads", threads_count(facts->pool));
     json_put_string(report, "isa", isa_name(facts->isa));
     json_put(report, "spec", json_copy(facts->spec->normalised));
 }

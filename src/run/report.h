@@ -30,7 +30,7 @@ typedef struct report_facts {
     double bytes_per_particle;
     const results_facts *results;
     const verdict *verdict;
-    int threads;
+    threads *pool;
     isa isa;
     const progress *progress; /* ended */
 } report_facts;

@@ -88,7 +88,7 @@ static bool write_report(job *j, verdict_outcome *outcome, error *e)
         .bytes_per_particle = job_bytes_per_particle(j),
         .results = &j->results,
         .verdict = &v,
-        .threads = threads_count(j->pool),
+        .pool = j->pool,
         .isa = j->isa,
         .progress = &j->progress,
     };

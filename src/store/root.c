@@ -324,12 +324,11 @@ static int open_below(const store_roots *roots, const root *r, const char *path)
 /* The paths of frames have numbers in the place of the pattern: one that still has it names no frame. */
 static void set_missing(const char *path, const char *where, int why, error *e)
 {
-    const char *hint = frames_is_pattern(path)
-                           ? "; add queue.frames, in which #### and %04d stand for the frame number"
-                       : *where && why == EACCES
-                           ? "; let the user of the service read it, or send it with hexadctl upload"
-                       : *where ? "; check the path, or send a file from another place with hexadctl upload"
-                                : "; check the path";
+    const char *hint =
+        frames_is_pattern(path)   ? "; add queue.frames, in which #### and %04d stand for the frame number"
+        : *where && why == EACCES ? "; let the user of the service read it, or send it with hexadctl upload"
+        : *where                  ? "; check the path, or send a file from another place with hexadctl upload"
+                                  : "; check the path";
     error_set(e, ERROR_INPUT_MISSING, "cannot read %s%s: %s%s", path, where, strerror(why), hint);
 }
 

@@ -361,6 +361,17 @@ def test_seven_neighbours_on_a_saddle_are_order(worker, tmp_path, sampling):
     assert quality["hex_fraction"] < 0.7 and abs(quality["disorder"]) < 0.05
 
 
+@pytest.mark.parametrize("count, thin", [(4, True), (30, True), (100, True), (20, False)])
+def test_few_points_on_thin_walls_get_the_warning_of_the_estimate(worker, tmp_path, example, count, thin):
+    """A tube that is thinner than the spacing, and a sphere."""
+    spec = volume(example, count, grid="trefoil") if thin else sphere(count, output={"preview": False})
+    before = json.loads(worker(spec, command="estimate", output="estimate").stdout)["warnings"]
+    assert worker(spec).returncode in (0, 10, 11)
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert [w for w in report["surface"]["warnings"] if "walls thinner than 1.2 spacings" in w] == before
+    assert len(before) == thin
+
+
 def test_a_spec_from_standard_input(worker, tmp_path):
     assert worker("-", input=json.dumps(sphere(output={"preview": False}))).returncode == 0
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["points.ply", "report.json", "summary.json"]
