@@ -125,6 +125,12 @@ void tasks_show_log(const http_context *c, const http_request *request, reply *r
         int fd = attempt > 0 ? open_log(c, &job, frame, attempt, &bytes) : -1;
         if (fd >= 0)
             reply_set_file(r, "text/plain", fd, bytes);
+        else if (attempt > 0 && job.cached_from)
+            reply_set_problem(
+                r, "not_found", NULL,
+                "the job %s has no log: it was given the result of the equal job %s. Read the log of "
+                "that job.",
+                job.id, job.cached_from);
         else
             reply_set_problem(
                 r, "not_found", NULL,
