@@ -73,6 +73,12 @@ class Job(ABC):
         return str(self.document["id"])
 
     @property
+    def name(self) -> str | None:
+        """The name in its spec."""
+        name: str | None = self.document["name"]
+        return name
+
+    @property
     def state(self) -> str:
         """`blocked`, `queued`, `running`, and at its end `succeeded`, `failed`, `cancelled` or `timed_out`."""
         return str(self.document["state"])

@@ -52,7 +52,7 @@ class LocalJob(Job):
     """A job of this machine. A thread runs its frames, one after another."""
 
     def __init__(self, local: Local, id: str, spec: dict[str, Any]) -> None:
-        super().__init__({"id": id, "state": "queued", "outcome": None, "error": None, "spec": spec})
+        super().__init__({"id": id, "name": spec.get("name"), "state": "queued", "outcome": None, "error": None, "spec": spec})
         self.local, self.spec = local, spec
         queue = spec.get("queue", {})
         self.coherent = bool(queue.get("coherent"))
