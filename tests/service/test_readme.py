@@ -36,8 +36,13 @@ def type_in(block, where, environment):
 def the_first_job(source, where, environment):
     first, rest, local = blocks(source, "")
     assert "succeeded" in type_in(first, where, environment)
-    posted, _ = json.JSONDecoder().raw_decode(type_in(rest, where, environment))
-    assert posted["id"] and posted["name"] == "trefoil"
+    (where / "points.ply").unlink(missing_ok=True)
+    told = type_in(rest, where, environment)
+    uploaded, end = json.JSONDecoder().raw_decode(told)
+    job, _ = json.JSONDecoder().raw_decode(told[end:].lstrip())
+    assert uploaded["sha256"] in (where / "trefoil.json").read_text()
+    assert job["name"] == "trefoil" and job["state"] == "succeeded"
+    assert b"element vertex 3000" in (where / "points.ply").read_bytes()
     type_in(local, where, environment)
     report = json.loads((where / "quartic/report.json").read_text())
     assert report["outcome"] == "converged" and report["count"] == 1000
