@@ -69,6 +69,53 @@ static const char *find_fault(struct MHD_Connection *connection, const char *met
            " colon and without control bytes";
 }
 
+/* Of a number that does not fit into 64 bits *large is true. */
+static bool is_length(const char *digits, size_t count, bool *large)
+{
+    uint64_t number = 0;
+    *large = false;
+    for (size_t i = 0; i < count; i++) {
+        if (digits[i] < '0' || digits[i] > '9') return false;
+        const unsigned digit = (unsigned)(digits[i] - '0');
+        *large |= number > (UINT64_MAX - digit) / 10;
+        number = 10 * number + digit;
+    }
+    return count > 0;
+}
+
+/* The first header of this name; false: there is none. */
+static bool find_header(struct MHD_Connection *connection, const char *name, const char **value,
+                        size_t *length)
+{
+    return MHD_lookup_connection_value_n(connection, MHD_HEADER_KIND, name, strlen(name), value, length) ==
+           MHD_YES;
+}
+
+bool head_refuse_unread(struct MHD_Connection *connection, reply *r)
+{
+    const union MHD_ConnectionInfo *info =
+        MHD_get_connection_info(connection, MHD_CONNECTION_INFO_REQUEST_HEADER_SIZE);
+    const char *value = NULL;
+    size_t length = 0;
+    bool large = false;
+    if (!info || !info->header_size) return false; /* its end has not come */
+    /* the library reads no length beside a coding */
+    if (!find_header(connection, MHD_HTTP_HEADER_TRANSFER_ENCODING, &value, &length) &&
+        find_header(connection, MHD_HTTP_HEADER_CONTENT_LENGTH, &value, &length)) {
+        const bool is_number = is_length(value, length, &large);
+        if (!is_number)
+            reply_set_problem(r, "request_invalid", NULL, "Content-Length is not a number of bytes");
+        else if (large)
+            reply_set_problem(r, "body_too_large", NULL, "Content-Length is beyond all limits");
+        if (!is_number || large) return true;
+    }
+    /* The library copies this header before it reads the cookies. Later versions report also cookies that they do not like. */
+    if (MHD_VERSION > 0x00097600 || !find_header(connection, MHD_HTTP_HEADER_COOKIE, &value, &length))
+        return false;
+    reply_set_problem(r, "request_invalid", NULL, "the headers are too long (setting header_limit_bytes)");
+    return true;
+}
+
 bool head_refuse(struct MHD_Connection *connection, const char *method, const char *version,
                  const head_target *target, reply *r)
 {

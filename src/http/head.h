@@ -38,6 +38,12 @@ typedef struct head_target {
  * library would take memory for each parameter, and answers no more when it has none. */
 head_target head_look(const char *uri);
 
+/* Refuses a head that the library refuses by itself, before a handler is called: one with a Content-Length that is no number of
+ * bytes, and one whose cookies have no room beside it. The function checks the header fields that came; the caller has seen
+ * that the library reports something. False when the head has not arrived, or has no such fault. True when *r says what is
+ * wrong. */
+bool head_refuse_unread(struct MHD_Connection *connection, reply *r);
+
 /* When all headers have arrived: refuses a head that is not NAME: VALUE with CR LF after each line. `method`
  * and `version` are the library's own. True when *r says what is wrong. */
 bool head_refuse(struct MHD_Connection *connection, const char *method, const char *version,

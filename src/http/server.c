@@ -70,7 +70,8 @@ typedef struct exchange {
     struct MHD_Connection *connection;
     struct exchange *previous, *next; /* of those that are unread */
     head_target target;
-    bool begun; /* its headers have arrived */
+    bool begun;   /* its headers have arrived */
+    bool refused; /* by refuse_unread; the library closes the connection */
     route_match route;
     access_caller caller;
     bool known;              /* who the caller is */
@@ -766,54 +767,35 @@ static void complete(void *context, struct MHD_Connection *connection, void **sl
 }
 
 /* Writes an answer past the library, and closes the connection. */
-static void answer_at_once(exchange *x, const char *code, const char *detail)
+static void answer_at_once(exchange *x, const reply *r)
 {
-    reply r = {.fd = -1};
-    reply_set_problem(&r, code, NULL, "%s", detail);
-    char *text =
-        mem_printf("HTTP/1.1 %d %s\r\nContent-Type: %s\r\nContent-Length: %zu\r\nConnection: close\r\n\r\n%s",
-                   r.status, MHD_get_reason_phrase_for((unsigned)r.status), r.content_type, r.length, r.body);
+    char *text = mem_printf(
+        "HTTP/1.1 %d %s\r\nContent-Type: %s\r\nContent-Length: %zu\r\nConnection: close\r\n\r\n%s", r->status,
+        MHD_get_reason_phrase_for((unsigned)r->status), r->content_type, r->length, r->body);
     int fd = MHD_get_connection_info(x->connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
     /* all answers before it are sent; the library's own find the connection closed */
     send(fd, text, strlen(text), MSG_DONTWAIT | MSG_NOSIGNAL);
     shutdown(fd, SHUT_WR);
     free(text);
-    note_answer(x, "-", "-", &r);
-    reply_clear(&r);
+    note_answer(x, "-", "-", r);
 }
 
-/* Whether the end of the request's head was found; before, the library knows no size of it. */
-static bool has_head(const exchange *x)
+/* The library (0.9.75) answers twice when it refuses a head that has arrived, and asks no handler. It writes to its log before
+ * the first answer. So each record, whatever it says, is the occasion to check the heads that no handler has seen. */
+static void refuse_unread(server *s)
 {
-    const union MHD_ConnectionInfo *info =
-        MHD_get_connection_info(x->connection, MHD_CONNECTION_INFO_REQUEST_HEADER_SIZE);
-    return info && info->header_size;
-}
-
-/* The library (0.9.75) answers twice when it refuses a head that has arrived: for a Content-Length that is no
- * number, and when it has no memory for cookies. It asks no handler then, and only its log tells. The head is
- * the one whose end was found and that no handler has seen. */
-static void refuse_once(server *s, unsigned status)
-{
-    exchange *x = s->unread;
-    while (x && !has_head(x)) x = x->next;
-    if (!x) return;
-    if (status == MHD_HTTP_CONTENT_TOO_LARGE)
-        answer_at_once(x, "body_too_large", "Content-Length exceeds all limits: send a smaller body");
-    else if (status == MHD_HTTP_BAD_REQUEST)
-        answer_at_once(x, "request_invalid", "Content-Length must be a number of bytes");
-    else
-        answer_at_once(x, "request_invalid",
-                       "the headers exceed the setting header_limit_bytes: send shorter ones");
+    for (exchange *x = s->unread; x; x = x->next) {
+        reply r = {.fd = -1};
+        if (x->refused || !head_refuse_unread(x->connection, &r)) continue;
+        x->refused = true;
+        answer_at_once(x, &r);
+        reply_clear(&r);
+    }
 }
 
 static void write_library_log(void *context, const char *format, va_list arguments)
 {
-    va_list status;
-    va_copy(status, arguments);
-    if (strncmp(format, "Error processing request (HTTP response code is %u", 50) == 0)
-        refuse_once(context, va_arg(status, unsigned));
-    va_end(status);
+    refuse_unread(context);
     log_write_list(LOG_LEVEL_DEBUG, format, arguments);
 }
 

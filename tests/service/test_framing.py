@@ -100,6 +100,20 @@ def test_a_bad_length_is_answered_while_other_heads_are_under_way(service):
         other.close()
 
 
+def test_cookies_without_room_are_refused_once(service):
+    """The library copies cookies. Where there is no room for the copy it answers twice by itself."""
+    statuses = []
+    for length in range(1000, 32000, 1000):
+        request = b"GET /healthz HTTP/1.1\r\nHost: %s\r\nCookie: a=%s\r\nConnection: close\r\n\r\n" % (
+            service.address.encode(), b"b" * length)
+        got = exchange(service, request)
+        assert got.count(b"HTTP/1.1 ") == 1, got
+        statuses.append(int(got.split()[1]))
+        if statuses[-1] == 400:
+            assert b"header_limit_bytes" in got
+    assert statuses[0] == 200 and 400 in statuses and sorted(statuses) == statuses
+
+
 @pytest.mark.parametrize("rounds", [20, pytest.param(60, marks=pytest.mark.extended)])
 def test_good_heads_of_all_sizes_pass(service, rounds):
     """However they are cut into pieces and follow each other; up to nearly header_limit_bytes."""
