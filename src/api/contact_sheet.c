@@ -6,6 +6,7 @@
 
 #include "api/job_lookup.h"
 #include "api/png_reply.h"
+#include "base/build_part.h"
 #include "base/clock.h"
 #include "base/memory.h"
 #include "base/worker_contract.h"
@@ -99,6 +100,10 @@ static void send_frames(const http_context *c, const queue_job *job, reply *r)
     error e = {0};
     frames f = {0};
     contact_sheet *sheet = NULL;
+    if (build_part_missing(BUILD_PART_PREVIEW)) {
+        reply_set_problem(r, "not_supported", NULL, "%s", build_part_missing(BUILD_PART_PREVIEW));
+        return;
+    }
     bool ok = list_frames(c->q, job->id, &f, &e);
     drawing d = {.shown = f.count < CONTACT_SHEET_MOST ? (int)f.count : CONTACT_SHEET_MOST};
     if (ok && d.shown) {

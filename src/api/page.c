@@ -9,6 +9,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "base/build_part.h"
 #include "base/memory.h"
 #include "http/preconditions.h"
 #include "store/file.h"
@@ -100,6 +101,10 @@ page *page_open(error *e)
 {
     char own[PATH_MAX];
     error why = {0};
+    if (build_part_missing(BUILD_PART_PAGE)) {
+        error_set(e, ERROR_NOT_SUPPORTED, "%s", build_part_missing(BUILD_PART_PAGE));
+        return NULL;
+    }
     ssize_t length = readlink("/proc/self/exe", own, sizeof own - 1);
     own[length > 0 ? length : 0] = '\0';
     const char *programs = dirname(own);
@@ -131,6 +136,10 @@ void page_close(page *p)
 static void send_file(const http_context *c, const http_request *request, const char *name, reply *r)
 {
     const page_file *f = find(c->page, name);
+    if (build_part_missing(BUILD_PART_PAGE)) {
+        reply_set_problem(r, "not_supported", NULL, "%s", build_part_missing(BUILD_PART_PAGE));
+        return;
+    }
     if (!f) {
         reply_set_problem(
             r, "not_found", NULL,

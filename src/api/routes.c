@@ -261,7 +261,7 @@ static const route routes[] = {
      .query = "frame",
      .headers = "If-None-Match",
      .answers = "200:file 304:-",
-     .problems = "not_found conflict input_damaged"},
+     .problems = "not_found conflict input_damaged not_supported"},
     {.method = "GET",
      .pattern = "/v1/jobs/{id}/contact_sheet.png",
      .handler = contact_sheet_send,
@@ -273,7 +273,7 @@ static const route routes[] = {
          "Get a picture of the previews of all frames of an array that have succeeded; of more than 256, of 256 at"
          " equal distances. For a job without frames, this is its preview.",
      .answers = "200:file",
-     .problems = "not_found"},
+     .problems = "not_found not_supported"},
     {.method = "GET",
      .pattern = "/v1/usage",
      .handler = status_usage,

@@ -6,15 +6,20 @@
 #include <unistd.h>
 
 #include "base/clock.h"
-#include "base/manager.h"
 
 static const char *const names[] = {LOG_LEVEL_LIST(WORDS_TEXT, )};
 
 static atomic_int threshold = LOG_LEVEL_INFO;
+static log_journal *journal;
 
 void log_set_level(log_level level)
 {
     atomic_store(&threshold, (int)level);
+}
+
+void log_set_journal(log_journal *to)
+{
+    journal = to;
 }
 
 bool log_level_from_name(const char *name, log_level *level)
@@ -62,7 +67,7 @@ static bool write_to_journal(log_level level, const char *message)
         int length = snprintf(value[i], VALUE_SIZE, "%s%.*s", fields[i].name, (int)strcspn(at, " :,"), at);
         if (length < VALUE_SIZE) parts[count++] = (struct iovec){value[i], (size_t)length};
     }
-    return manager_journal(parts, count);
+    return journal(parts, count);
 }
 
 static void write_line(log_level level, const char *message)
@@ -83,7 +88,7 @@ void log_write_list(log_level level, const char *format, va_list arguments)
     if ((size_t)wanted >= sizeof message) strcpy(message + sizeof message - 4, "...");
     for (char *c = message; *c; c++)
         if ((unsigned char)*c < 0x20 || *c == 0x7F) *c = ' ';
-    if (!manager_has_journal() || !write_to_journal(level, message)) write_line(level, message);
+    if (!journal || !write_to_journal(level, message)) write_line(level, message);
 }
 
 void log_write(log_level level, const char *format, ...)

@@ -5,13 +5,16 @@
  * the message, its priority, and HEXAD_JOB, HEXAD_ATTEMPT and HEXAD_WORKER, which are what stands
  * behind the first job=, attempt= and worker= of the message. Callers put those before any text
  * from outside. Control characters are replaced, so such text cannot forge a record. Callers keep
- * secrets (tokens, credentials) out. Any thread may log.
+ * secrets (tokens, credentials) out. Any thread may log. Only programs that call log_set_journal write to the journal,
+ * so that others need no libsystemd.
  */
 #ifndef HEXAD_BASE_LOG_H
 #define HEXAD_BASE_LOG_H
 
 #include <stdarg.h>
 #include <stdbool.h>
+#include <stddef.h>
+#include <sys/uio.h>
 
 #include "base/words.h"
 
@@ -25,6 +28,12 @@ typedef enum log_level { LOG_LEVEL_LIST(WORDS_ENUMERATOR, LOG_LEVEL) LOG_LEVEL_C
 
 /* Records above the level are dropped; info at the start. */
 void log_set_level(log_level level);
+
+/* Writes the fields, each NAME=value, to the journal; false: not written. */
+typedef bool log_journal(const struct iovec *fields, size_t count);
+
+/* Where records go from now on; NULL, as at the start: lines on standard error. Call it before there are threads. */
+void log_set_journal(log_journal *journal);
 
 /* "error", "warning", "info", "debug"; false and *level untouched for any other name. */
 bool log_level_from_name(const char *name, log_level *level);

@@ -80,6 +80,16 @@ static void list_append(config_list *list, const char *value, const char *separa
     }
 }
 
+/* The page is on by default, so 0 must be allowed. */
+static bool refuse_missing(const config_row *row, const char *value, error *e)
+{
+    const char *why = build_part_missing(row->part);
+    if (!why || strcmp(value, default_of(row)) == 0) return false;
+    if (row->type == CONFIG_INTEGER && strcmp(value, "0") == 0) return false;
+    error_set(e, ERROR_NOT_SUPPORTED, "%s = %s is not supported: %s", row->key, value, why);
+    return true;
+}
+
 static bool set_value(config *c, const config_row *row, const char *value, error *e)
 {
     void *at = (char *)c + row->offset;
@@ -130,7 +140,7 @@ static bool set_from(source *s, const config_row *row, const char *value)
         return error_set(s->e, ERROR_SPEC_INVALID, "%s is given twice: remove one", row->key);
     if (!*seen && is_list(row)) list_clear((config_list *)((char *)s->c + row->offset));
     *seen = true;
-    return set_value(s->c, row, value, s->e);
+    return !refuse_missing(row, value, s->e) && set_value(s->c, row, value, s->e);
 }
 
 /* fgets that counts lines, so that an error can name its line. */

@@ -40,9 +40,10 @@ const config_row config_table[] = {
          "the origin at which browsers reach it, for the page of hexad itself. A request over TCP without "
          "a token gets status 421 if its Host is neither that of this port nor of one of these origins, "
          "and 403 if it comes from a page of another origin."},
-    {SETTING(page), .type = CONFIG_INTEGER, .default_text = "1", .low = 0, .high = 1,
+    {SETTING(page), .part = BUILD_PART_PAGE, .type = CONFIG_INTEGER, .default_text = "1", .low = 0, .high = 1,
      .help = "1: the web page is served at /, and browsers may sign in with a token. 0: neither."},
-    {SETTING(session_s), .type = CONFIG_REAL, .default_text = "43200", .low = 1, .high = 3.2e7, .unit = "s",
+    {SETTING(session_s), .part = BUILD_PART_PAGE, .type = CONFIG_REAL, .default_text = "43200", .low = 1,
+     .high = 3.2e7, .unit = "s",
      .help = "How long a browser stays signed in. A session ends earlier when its token is revoked."},
     {SETTING(trusted_proxies), .type = CONFIG_WORDS,
      .help =
@@ -64,44 +65,46 @@ const config_row config_table[] = {
          "What runs the attempts. local: processes of this machine. slurm: jobs of Slurm, by its commands; "
          "requires work_dir. The setting workers then has no effect, and threads and host_memory_mb are "
          "the limits of one attempt."},
-    {SETTING(slurm_job_limit), .type = CONFIG_INTEGER, .default_text = "2000", .low = 1, .high = 100000,
-     .unit = "attempts",
+    {SETTING(slurm_job_limit), .part = BUILD_PART_SLURM, .type = CONFIG_INTEGER, .default_text = "2000",
+     .low = 1, .high = 100000, .unit = "attempts",
      .help = "The maximum number of attempts in the queue of Slurm. Further ones wait in the "
              "queue of hexad."},
-    {SETTING(slurm_options), .type = CONFIG_WORDS,
+    {SETTING(slurm_options), .part = BUILD_PART_SLURM, .type = CONFIG_WORDS,
      .help =
          "Further options of sbatch for all attempts, as --partition=farm, --qos=normal, --constraint=avx512; "
          "separated by commas, and the key may be repeated."},
-    {SETTING(slurm_allow), .type = CONFIG_WORDS,
+    {SETTING(slurm_allow), .part = BUILD_PART_SLURM, .type = CONFIG_WORDS,
      .help =
          "The options of sbatch that a job may set (queue.slurm): with one value, such as --partition=gpu, "
          "or with any value, such as --constraint. Separated by commas, and the key may be repeated. "
          "Empty: none."},
-    {SETTING(slurm_accounts), .type = CONFIG_WORDS,
+    {SETTING(slurm_accounts), .part = BUILD_PART_SLURM, .type = CONFIG_WORDS,
      .help =
          "The Slurm accounts of users, as user=account; `*` stands for all users who are not named. Separated by "
          "commas, and the key may be repeated. Empty: Slurm's default."},
-    {SETTING(slurm_node), .type = CONFIG_TEXT,
+    {SETTING(slurm_node), .part = BUILD_PART_SLURM, .type = CONFIG_TEXT,
      .help =
          "The program hexad-node on the nodes. Empty: as on this host, beside hexad or in the bindir of the "
          "build. worker is a path on the nodes, too."},
-    {SETTING(slurm_batch_points), .type = CONFIG_INTEGER, .default_text = "20000", .low = 0, .high = 1 << 30,
-     .unit = "points",
+    {SETTING(slurm_batch_points), .part = BUILD_PART_SLURM, .type = CONFIG_INTEGER, .default_text = "20000",
+     .low = 0, .high = 1 << 30, .unit = "points",
      .help = "Attempts with at most this number of points share a Slurm job when many wait. 0: no "
              "attempts share a job."},
-    {SETTING(slurm_batch_attempts), .type = CONFIG_INTEGER, .default_text = "16", .low = 1, .high = 1000,
-     .unit = "attempts",
+    {SETTING(slurm_batch_attempts), .part = BUILD_PART_SLURM, .type = CONFIG_INTEGER, .default_text = "16",
+     .low = 1, .high = 1000, .unit = "attempts",
      .help = "The maximum number of these attempts in one Slurm job, which runs them in sequence."},
-    {SETTING(slurm_batch_s), .type = CONFIG_REAL, .default_text = "60", .low = 0, .high = 86400, .unit = "s",
+    {SETTING(slurm_batch_s), .part = BUILD_PART_SLURM, .type = CONFIG_REAL, .default_text = "60", .low = 0,
+     .high = 86400, .unit = "s",
      .help = "How long after its start such a Slurm job takes over small attempts of other Slurm "
              "jobs that have not started. This uses nodes that are idle while Slurm starts jobs, "
              "which takes about a second each."},
-    {SETTING(slurm_interval_s), .type = CONFIG_REAL, .default_text = "1", .low = 0.1, .high = 3600,
-     .unit = "s",
+    {SETTING(slurm_interval_s), .part = BUILD_PART_SLURM, .type = CONFIG_REAL, .default_text = "1",
+     .low = 0.1, .high = 3600, .unit = "s",
      .help = "The interval between calls of squeue, each for all attempts; longer if squeue is slow."},
-    {SETTING(slurm_timeout_s), .type = CONFIG_REAL, .default_text = "30", .low = 0.1, .high = 3600,
-     .unit = "s", .help = "The time limit of a command of Slurm."},
-    {SETTING(slurm_lost_s), .type = CONFIG_REAL, .default_text = "30", .low = 0, .high = 86400, .unit = "s",
+    {SETTING(slurm_timeout_s), .part = BUILD_PART_SLURM, .type = CONFIG_REAL, .default_text = "30",
+     .low = 0.1, .high = 3600, .unit = "s", .help = "The time limit of a command of Slurm."},
+    {SETTING(slurm_lost_s), .part = BUILD_PART_SLURM, .type = CONFIG_REAL, .default_text = "30", .low = 0,
+     .high = 86400, .unit = "s",
      .help = "How long a job must be missing from Slurm, or the file that ends an attempt be "
              "unreadable, before the attempt is abandoned and tried again. While Slurm does not "
              "answer, no attempt is abandoned."},

@@ -5,6 +5,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "base/build_part.h"
+
 typedef enum config_type {
     CONFIG_TEXT,    /* char * */
     CONFIG_LIST,    /* config_list, separated by `:` or `,`, and the key may be repeated */
@@ -25,6 +27,9 @@ typedef struct config_row {
     bool or_zero;             /* 0 is allowed, too, although it is below `low` */
     const char *unit;         /* NULL: none */
     bool reloads;             /* SIGHUP takes a new value over; other settings need a restart */
+    build_part
+        part; /* that the setting belongs to; in a build without it only the default is allowed, and 0 of a
+                      * whole number */
     const char *help;
 } config_row;
 

@@ -1,7 +1,8 @@
 /* thumbnail: a PNG file of a preview, made small enough for a contact sheet.
  *
  * A process of its own (base/reader) decodes the file, since a worker that read untrusted inputs wrote it. The program that
- * is started has the command THUMBNAIL_COMMAND, which calls thumbnail_main.
+ * is started has the command THUMBNAIL_COMMAND, which calls thumbnail_main. A build without pictures has no_thumbnail.c
+ * instead of thumbnail.c.
  */
 #ifndef HEXAD_FORMATS_THUMBNAIL_H
 #define HEXAD_FORMATS_THUMBNAIL_H
@@ -20,7 +21,8 @@ typedef struct thumbnail {
 } thumbnail;
 
 /* Has `program` (hexad-worker) read the file from its beginning. Pixels of the thumbnail are means of those that it covers.
- * Errors: input_damaged for a file that is no picture of picture_png_write, limits, internal. */
+ * Errors: input_damaged for a file that is no picture of picture_png_write, limits, internal;
+ * not_supported in a build without pictures. */
 bool thumbnail_read(const char *program, int fd, thumbnail *out, error *e);
 
 /* In the process: the exit status. */

@@ -4,8 +4,15 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/build_part.h"
 #include "base/memory.h"
+#include "executor/local.h"
 #include "store/file.h"
+
+#include "config.h"
+#if HEXAD_WITH_SLURM
+#include "slurm/slurm.h"
+#endif
 
 char *farm_work_directory(const config *c, const char *state_dir, error *e)
 {
@@ -16,22 +23,24 @@ char *farm_work_directory(const config *c, const char *state_dir, error *e)
     return path;
 }
 
-bool farm_open(config *c, const char *work_dir, slurm **farm, error *e)
+#if HEXAD_WITH_SLURM
+
+static struct slurm *open_slurm(config *c, const char *work_dir, error *e)
 {
-    *farm = NULL;
-    if (strcmp(c->engine, "local") == 0) return true;
-    if (strcmp(c->engine, "slurm") != 0)
-        return error_set(e, ERROR_SPEC_INVALID, "engine: must be local or slurm (given %s)", c->engine);
-    if (!*c->work_dir)
-        return error_set(e, ERROR_SPEC_INVALID,
-                         "engine = slurm requires work_dir: set it to a directory that all nodes see at the "
-                         "same path");
-    if (!config_find_node(c, e)) return false;
-    for (size_t i = 0; i < c->slurm_options.count; i++)
-        if (strncmp(c->slurm_options.item[i], "--", 2) != 0)
-            return error_set(e, ERROR_SPEC_INVALID,
-                             "slurm_options: must be --OPTION or --OPTION=VALUE (given %s)",
-                             c->slurm_options.item[i]);
+    if (!*c->work_dir) {
+        error_set(
+            e, ERROR_SPEC_INVALID,
+            "engine = slurm requires work_dir: set it to a directory that all nodes see at the same path");
+        return NULL;
+    }
+    if (!config_find_node(c, e)) return NULL;
+    for (size_t i = 0; i < c->slurm_options.count; i++) {
+        const char *option = c->slurm_options.item[i];
+        if (strncmp(option, "--", 2) == 0) continue;
+        error_set(e, ERROR_SPEC_INVALID, "slurm_options: must be --OPTION or --OPTION=VALUE (given %s)",
+                  option);
+        return NULL;
+    }
     slurm_settings settings = {
         .work_dir = work_dir,
         .node = c->slurm_node,
@@ -46,6 +55,48 @@ bool farm_open(config *c, const char *work_dir, slurm **farm, error *e)
         .together = (int)c->slurm_batch_attempts,
         .more_s = c->slurm_batch_s,
     };
-    *farm = slurm_open(&settings, e);
-    return *farm != NULL;
+    return slurm_open(&settings, e);
+}
+
+void farm_close(struct slurm *farm)
+{
+    slurm_close(farm);
+}
+
+const engine *farm_engine(const struct slurm *farm)
+{
+    return farm ? &engine_slurm : &engine_local;
+}
+
+#else
+
+static struct slurm *open_slurm(config *c, const char *work_dir, error *e)
+{
+    (void)c;
+    (void)work_dir;
+    error_set(e, ERROR_NOT_SUPPORTED, "engine slurm: %s", build_part_missing(BUILD_PART_SLURM));
+    return NULL;
+}
+
+void farm_close(struct slurm *farm)
+{
+    (void)farm; /* there is none */
+}
+
+const engine *farm_engine(const struct slurm *farm)
+{
+    (void)farm;
+    return &engine_local;
+}
+
+#endif
+
+bool farm_open(config *c, const char *work_dir, struct slurm **opened, error *e)
+{
+    *opened = NULL;
+    if (strcmp(c->engine, "local") == 0) return true;
+    if (strcmp(c->engine, "slurm") != 0)
+        return error_set(e, ERROR_SPEC_INVALID, "engine: must be local or slurm (given %s)", c->engine);
+    *opened = open_slurm(c, work_dir, e);
+    return *opened != NULL;
 }

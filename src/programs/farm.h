@@ -6,12 +6,19 @@
 
 #include "base/error.h"
 #include "config/config.h"
-#include "slurm/slurm.h"
+#include "executor/engine.h"
+
+struct slurm;
 
 /* The absolute path of work_dir, which is created if missing; to be freed. NULL and an error. */
 char *farm_work_directory(const config *c, const char *state_dir, error *e);
 
-/* *farm is NULL with engine = local. The settings must outlive it. */
-bool farm_open(config *c, const char *work_dir, slurm **farm, error *e);
+/* *opened is NULL with engine = local. The settings must outlive it. Errors: spec_invalid; not_supported in a build without
+ * Slurm; those of slurm_open. */
+bool farm_open(config *c, const char *work_dir, struct slurm **opened, error *e);
+void farm_close(struct slurm *farm); /* accepts NULL */
+
+/* The engine of attempts. Its place is the farm; of NULL it is engine_local. */
+const engine *farm_engine(const struct slurm *farm);
 
 #endif

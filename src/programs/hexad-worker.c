@@ -12,6 +12,7 @@
 #include <sys/time.h>
 #include <unistd.h>
 
+#include "base/build_part.h"
 #include "base/error.h"
 #include "base/memory.h"
 #include "base/nearest_name.h"
@@ -265,6 +266,8 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
                          inspects ? "FILE" : "SPEC.json (or -) and --output DIR");
     if (!inspects && (a->json || a->preview))
         return error_set(e, ERROR_SPEC_INVALID, "--json and --preview are options of inspect: omit them");
+    if (a->preview && build_part_missing(BUILD_PART_PREVIEW))
+        return error_set(e, ERROR_NOT_SUPPORTED, "--preview: %s", build_part_missing(BUILD_PART_PREVIEW));
     a->spec_path = argv[optind];
     return true;
 }

@@ -40,7 +40,6 @@
 #include "queue/queue.h"
 #include "results/instance.h"
 #include "results/output_place.h"
-#include "slurm/slurm.h"
 #include "store/file.h"
 #include "store/inputs.h"
 #include "store/output.h"
@@ -84,7 +83,7 @@ typedef struct service {
     delivery *delivery; /* NULL: no webhooks */
     delivery_counters calls;
     control_groups *groups; /* NULL: none */
-    slurm *farm;            /* NULL: attempts are processes of this host */
+    struct slurm *farm;     /* NULL: attempts are processes of this host */
     executor *x;
     listen_socket socket;
     access_control *access;
@@ -383,7 +382,7 @@ static executor_settings executor_settings_of(const service *s)
     return (executor_settings){
         .state_dir = s->state_dir,
         .work_dir = s->work_dir,
-        .engine = s->farm ? &engine_slurm : &engine_local,
+        .engine = farm_engine(s->farm),
         .engine_place = s->farm,
         .worker = c->worker,
         .input_roots = (const char *const *)c->input_roots.item,
@@ -423,14 +422,14 @@ static bool init_executor(service *s, error *e)
               sandbox_describe(mode, text));
     executor_settings settings = executor_settings_of(s);
     s->x = executor_start(&settings, s->q, e);
-    if (!s->x) slurm_close(s->farm);
+    if (!s->x) farm_close(s->farm);
     return s->x != NULL;
 }
 
 static void fini_executor(service *s)
 {
     executor_stop(s->x);
-    slurm_close(s->farm);
+    farm_close(s->farm);
 }
 
 static bool init_groups(service *s, error *e)
@@ -820,6 +819,7 @@ int main(int argc, char **argv)
     }
     int status = EXIT_SUCCESS;
     log_set_level(s.settings.log_level);
+    if (manager_has_journal()) log_set_journal(manager_journal);
     umask(0077); /* jobs and results are the service's own */
     switch (action) {
     case CONFIG_HELP:

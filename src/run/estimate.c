@@ -139,6 +139,7 @@ static json *describe_estimate(const job *j, int64_t held, double seconds, const
     json *warnings = json_put_array(o, "warnings"), *unused = json_new_object();
     source_describe(&j->source, unused, unused, warnings);
     json_free(unused);
+    report_warn_of_build(warnings, j->spec);
     describe_resolution(j, held, warnings, json_put_array(o, "advice"));
     return o;
 }

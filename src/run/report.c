@@ -3,6 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/build_part.h"
 #include "base/clock.h"
 #include "base/memory.h"
 #include "run/advice.h"
@@ -137,6 +138,15 @@ static void warn_of_sweeps(json *warnings, const solver *s)
     free(text);
 }
 
+void report_warn_of_build(json *warnings, const spec *s)
+{
+    if (!s->preview_left_out) return;
+    char *text = mem_printf("preview.png and preview.exr are not written: %s.",
+                            build_part_missing(BUILD_PART_PREVIEW));
+    json_append_string(warnings, text);
+    free(text);
+}
+
 static void put_surface(json *report, const report_facts *facts)
 {
     json *object = json_put_object(report, "surface");
@@ -157,6 +167,7 @@ static void put_surface(json *report, const report_facts *facts)
         json_append_string(warnings, text);
         free(text);
     }
+    report_warn_of_build(warnings, facts->spec);
     warn_of_sweeps(warnings, facts->solver);
     put_advice(report, warnings, facts);
     put_mesh(report, warnings, facts);

@@ -11,17 +11,16 @@
 #include "base/worker_contract.h"
 #include "base/precision.h"
 #include "field/patches.h"
-#include "formats/chart.h"
 #include "formats/column.h"
 #include "formats/format.h"
-#include "formats/picture_png.h"
 #include "formats/ply.h"
-#include "formats/preview_exr.h"
 #include "formats/property.h"
+#include "formats/quantity.h"
 #include "remesh/surface_mesh.h"
 #include "run/label_meshes.h"
 #include "run/layout.h"
 #include "run/patch_meshes.h"
+#include "run/pictures.h"
 #include "run/snapshot.h"
 #include "run/verdict.h"
 #include "solver/curves/curve_chains.h"
@@ -29,8 +28,6 @@
 #include "store/late_commit.h"
 #include "vdb/vdb.h"
 
-/* The frames of a turntable are numbered from 1. */
-#define FRAME_NAME "preview.%04d.png"
 #define LABEL_NAME "mesh_label_%lld.ply"
 
 /* Beside those of the formats' table and of turntables. */
@@ -41,8 +38,6 @@ enum { NAMES = sizeof names / sizeof names[0] };
 
 /* Voxels of points.vdb, in spacings. */
 static const double POINTS_VOXEL = 3;
-/* Of convergence.png, pixels. */
-enum { CHART_WIDTH = 960, CHART_HEIGHT = 960 };
 
 static json *add_output(json *outputs, const char *name)
 {
@@ -57,8 +52,7 @@ static void put_facts(json *output, const store_facts *facts)
     json_put_string(output, "sha256", facts->sha256);
 }
 
-/* Hashes the verified file, names it in the list, and puts it in place. */
-static bool commit_output(store_file *file, const char *name, json *outputs, error *e)
+bool results_commit(store_file *file, const char *name, json *outputs, error *e)
 {
     store_facts facts;
     if (!late_commit_now(file, &facts, e)) return false;
@@ -200,7 +194,7 @@ static bool write_format(const char *directory, const point_format *f, const poi
     if (ok && !f->verify(file.stream, set, place, e))
         ok =
             error_prefix(e, "%s differs from the written data when it is read back: check the disk", f->file);
-    ok = ok && commit_output(&file, f->file, outputs, e);
+    ok = ok && results_commit(&file, f->file, outputs, e);
     store_file_abort(&file);
     free(path);
     return ok;
@@ -434,57 +428,10 @@ static bool write_points_vdb(const char *directory, const results_input *in, jso
     bool ok = store_file_begin(path, &file, e) && vdb_write_points(fileno(file.stream), &grid, e);
     if (ok && !vdb_verify_points(fileno(file.stream), &grid, e))
         ok = error_prefix(e, "points.vdb differs from the written data when it is read back: check the disk");
-    ok = ok && commit_output(&file, "points.vdb", outputs, e);
+    ok = ok && results_commit(&file, "points.vdb", outputs, e);
     store_file_abort(&file);
     free(values);
     free(path);
-    return ok;
-}
-
-static bool write_png(const char *directory, const char *name, const canvas *picture, json *outputs, error *e)
-{
-    char *path = mem_printf("%s/%s", directory, name);
-    store_file file = {0};
-    bool ok = store_file_begin(path, &file, e) && picture_png_write(file.stream, picture, e) &&
-              picture_png_verify(file.stream, picture, e) && commit_output(&file, name, outputs, e);
-    store_file_abort(&file);
-    free(path);
-    return ok;
-}
-
-static bool write_exr(const char *directory, const spec *s, const image *picture, json *outputs, error *e)
-{
-#define PACKING(prefix, name, word) [SPEC_COMPRESSION_##name] = prefix##_##name,
-    static const preview_exr_packing packings[] = {SPEC_COMPRESSION_LIST(PACKING, PREVIEW_EXR)};
-#undef PACKING
-    const preview_exr_options options = {packings[s->preview_compression],
-                                         s->preview_channels == SPEC_CHANNELS_ALL};
-    char *path = mem_printf("%s/preview.exr", directory);
-    store_file file = {0};
-    bool ok = store_file_begin(path, &file, e) && preview_exr_write(file.stream, picture, &options, e) &&
-              preview_exr_verify(file.stream, picture, &options, e) &&
-              commit_output(&file, "preview.exr", outputs, e);
-    store_file_abort(&file);
-    free(path);
-    return ok;
-}
-
-static bool write_turntable(const char *directory, int frames, const points *set,
-                            const preview_options *options, threads *pool, json *outputs, error *e)
-{
-    camera *from = mem_alloc((size_t)frames * sizeof *from);
-    bool ok = true;
-    if (frames > 0) preview_orbit(set, options, frames, from);
-    for (int k = 0; ok && k < frames; k++) {
-        char *name = mem_printf(FRAME_NAME, k + 1);
-        image *picture = NULL;
-        ok = preview_render_from(set, options, &from[k], pool, &picture, e) &&
-             write_png(directory, name, &(canvas){picture->rgb, picture->width, picture->height, 1}, outputs,
-                       e);
-        preview_free(picture);
-        free(name);
-    }
-    free(from);
     return ok;
 }
 
@@ -508,79 +455,11 @@ static quantity_look look_of(const spec *s)
     return look;
 }
 
-/* Puts the values of an attribute into the look, to be freed: of a color all three of each point, else one. */
-static bool show_attribute(const points *set, const char *name, quantity_look *look, double **values,
+static bool write_pictures(const char *directory, const results_input *in, threads *pool, json *outputs,
                            error *e)
 {
-    const point_attribute *a = set->attributes;
-    while (strcmp(a->name, name) != 0) a++; /* the spec was held against the names */
-    const bool color = a->kind == POINT_ATTRIBUTE_COLOR && a->components >= 3;
-    const size_t n = (size_t)a->components;
-    if (!(*values = mem_array(set->count, (color ? 3 : 1) * sizeof **values, "the preview's colours", e)))
-        return false;
-    for (size_t i = 0; i < set->count; i++) {
-        const double *v = a->values + n * i;
-        double squares = 0;
-        for (size_t c = 0; c < n; c++) squares += v[c] * v[c];
-        for (size_t c = 0; color && c < 3; c++) (*values)[3 * i + c] = fmin(fmax(v[c], 0), 1);
-        if (!color) (*values)[i] = n == 1 ? v[0] : sqrt(squares);
-    }
-    look->which = color ? QUANTITY_COLOR : QUANTITY_VALUES;
-    look->title = name;
-    look->values = *values;
-    return true;
-}
-
-static bool write_preview(const char *directory, const results_input *in, threads *pool, json *outputs,
-                          error *e)
-{
-    const spec *s = in->spec;
-    const points *set = in->set;
-    const spec_camera *c = &s->camera;
-    const camera_place place = {c->position, c->target, c->up, c->fov, c->orthographic};
-    preview_options options = {s->preview_width, s->preview_height, look_of(s), s->has_camera ? &place : NULL,
-                               in->y_up,         in->unresolved};
-    image *picture;
-    double *values = NULL;
-    if ((s->preview_attribute && !show_attribute(set, s->preview_attribute, &options.color, &values, e)) ||
-        !preview_render(set, &options, pool, &picture, e)) {
-        free(values);
-        return false;
-    }
-    const canvas visible = {picture->rgb, picture->width, picture->height, 1};
-    bool ok = write_png(directory, WORKER_PREVIEW_NAME, &visible, outputs, e) &&
-              (!s->has_preview_exr || write_exr(directory, s, picture, outputs, e));
-    preview_free(picture);
-    ok = ok && write_turntable(directory, s->turntable, set, &options, pool, outputs, e);
-    free(values);
-    return ok;
-}
-
-/* The sweeps, curve after curve. */
-static bool write_convergence(const char *directory, const results_input *in, json *outputs, error *e)
-{
-    enum { ENERGY, LAMBDA, STEP, COUNT, CURVES };
-    size_t n = in->sweep_count;
-    double *values = mem_array(n, CURVES * sizeof *values, "convergence.png", e);
-    canvas picture = {0};
-    if (!values) return false;
-    for (size_t k = 0; k < n; k++) {
-        const solver_sweep *sweep = &in->sweeps[k];
-        values[ENERGY * n + k] = sweep->energy;
-        values[LAMBDA * n + k] = sweep->mean_log10_lambda;
-        values[STEP * n + k] = sweep->rms_step;
-        values[COUNT * n + k] = (double)sweep->count;
-    }
-    const chart_curve curves[CURVES] = {{"energy", values + ENERGY * n, false},
-                                        {"mean log10 lambda", values + LAMBDA * n, false},
-                                        {"rms step / h", values + STEP * n, true},
-                                        {"count", values + COUNT * n, false}};
-    const chart what = {"sweep", n, curves, CURVES};
-    bool ok = chart_draw(&what, CHART_WIDTH, CHART_HEIGHT, &picture, e) &&
-              write_png(directory, "convergence.png", &picture, outputs, e);
-    free(picture.rgb);
-    free(values);
-    return ok;
+    const quantity_look look = look_of(in->spec);
+    return pictures_write_preview(directory, in, &look, pool, outputs, e);
 }
 
 /* Whether a file has colors even where no attribute gives them: those of the preview then. */
@@ -627,8 +506,8 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     bool ok = late && (!s->has_points_vdb || write_points_vdb(directory, &with_color, outputs, e)) &&
               write_formats(directory, &with_color, &colored, false, facts.origin, outputs, e) &&
               (!s->has_mesh || write_mesh(directory, &with_color, as_float, pool, outputs, &facts, e)) &&
-              (!s->has_preview || write_preview(directory, &with_color, pool, outputs, e)) &&
-              (!s->has_convergence || write_convergence(directory, in, outputs, e));
+              (!s->has_preview || write_pictures(directory, &with_color, pool, outputs, e)) &&
+              (!s->has_convergence || pictures_write_convergence(directory, in, outputs, e));
     if (late) ok = late_commit_end(late, &ply, e) && ok && store_directory_sync(directory, e);
     if (job.pool != pool) threads_free(job.pool);
     free(color);

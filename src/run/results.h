@@ -13,6 +13,7 @@
 #include "voronoi/triangulation.h"
 #include "solver/solver.h"
 #include "spec/spec.h"
+#include "store/file.h"
 
 typedef struct results_facts {
     /* Of |F| / (|grad F| h) of the positions in points.ply, the largest and the root of the mean square. Of a mesh, and of labels, it is
@@ -45,6 +46,9 @@ typedef struct results_input {
     const solver_sweep *sweeps; /* at least one */
     size_t sweep_count;
 } results_input;
+
+/* Hashes a verified file, appends it to `outputs`, and puts it in place. */
+bool results_commit(store_file *file, const char *name, json *outputs, error *e);
 
 /* Writes what spec->output asks for into `directory` and appends {name, bytes, sha256} of each file to
  * `outputs`. Errors: internal (the disk, or a file that does not read back as written), limit_memory,

@@ -172,12 +172,27 @@ static bool share_known(reading *r, const spec_row *row)
     return true;
 }
 
+/* A member of a part that is not built may ask for nothing: it may be absent, false or an empty array. The normalised document
+ * has no such member, so that a worker that reads the document finds what was given. */
+static void read_missing_part(reading *r, const json_at *at, const spec_row *row, const char *why)
+{
+    const bool asks = at->node && !(json_type_of(*at) == JSON_BOOL && !json_bool(*at, true)) &&
+                      !(json_type_of(*at) == JSON_ARRAY && json_size(*at) == 0);
+    if (asks) reading_add_missing_part(r, at, why);
+    if (!at->node && row->has == offsetof(spec, has_preview)) r->s->preview_left_out = true;
+}
+
 void group_read_row(reading *r, const json_at *group, const spec_row *row, json *normal)
 {
     json_at at = json_member(group, spec_row_key(row));
     if (row->methods && !(row->methods & 1u << r->s->method)) {
         const char *method = spec_row_find("/solver", "method")->words[r->s->method];
         if (at.node) reading_add_fault(r, &at, "is not a member of the method \"%s\": remove it", method);
+        return;
+    }
+    const char *why = build_part_missing(row->part);
+    if (why) {
+        read_missing_part(r, &at, row, why);
         return;
     }
     if (r->known && share_known(r, row)) return;

@@ -26,6 +26,13 @@ void reading_add_fault(reading *r, const json_at *at, const char *format, ...)
     fault->code = ERROR_SPEC_INVALID;
 }
 
+void reading_add_missing_part(reading *r, const json_at *at, const char *why)
+{
+    const size_t before = r->faults.count;
+    reading_add_fault(r, at, "is not supported: %s", why);
+    if (r->faults.count > before) r->faults.item[before].code = ERROR_NOT_SUPPORTED;
+}
+
 void reading_shorten(const char *text, char out[READING_SHOWN_MAX + 4])
 {
     size_t n = strlen(text);

@@ -249,6 +249,7 @@ typedef struct spec {
     char **ply_properties; /* names of properties or applications; NULL: all */
     size_t ply_property_count;
     bool has_preview;                  /* true by default */
+    bool preview_left_out;             /* not asked for, and this build has no pictures */
     int preview_width, preview_height; /* pixels */
     spec_color preview_color;          /* default: alpha with alpha, else curvature */
     char *preview_attribute;           /* instead of it; NULL: none */
@@ -297,7 +298,7 @@ typedef struct spec {
 typedef struct spec_fault {
     char pointer[256];
     char detail[384];
-    error_code code; /* ERROR_SPEC_INVALID */
+    error_code code; /* ERROR_SPEC_INVALID; ERROR_NOT_SUPPORTED of a part that is not built */
 } spec_fault;
 
 typedef struct spec_faults {
@@ -306,7 +307,7 @@ typedef struct spec_faults {
 } spec_faults;
 
 /* Checks a document and builds the spec. Returns NULL on failure: *faults holds the faults, and *e
- * (spec_invalid) the first of them and their number. `faults` may be NULL. */
+ * (spec_invalid or not_supported) the first of them and their number. `faults` may be NULL. */
 spec *spec_parse(const json *document, spec_faults *faults, error *e);
 
 /* The same of the members of one group alone ("/queue"): the document is that group, pointers start there, and only

@@ -1355,6 +1355,7 @@ const spec_row spec_rows[] = {
      .flags = SPEC_SWITCH,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_preview),
+     .part = BUILD_PART_PREVIEW,
      .prose = "preview.png and preview.exr. false: they are not written. true or an object: they are, "
               "preview.exr unless preview_exr is false; the object has the members below."},
     {.pointer = "/output/preview/size",
@@ -1486,6 +1487,7 @@ const spec_row spec_rows[] = {
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(has_convergence),
+     .part = BUILD_PART_PREVIEW,
      .prose = "Whether to write convergence.png: energy, lambda, step and count plotted against the sweeps."},
     {.pointer = "/output/points_vdb",
      .type = SPEC_TYPE_BOOL,
@@ -1661,6 +1663,7 @@ const spec_row spec_rows[] = {
      .high = 32,
      .otherwise = "[]",
      AT_HAS(slurm, slurm_count),
+     .part = BUILD_PART_SLURM,
      .prose =
          "Options of sbatch for the job's attempts, as \"--partition=gpu\", where the service runs them in Slurm. "
          "The service must allow each (its setting slurm_allow)."},

@@ -10,6 +10,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "base/build_part.h"
 #include "spec/spec.h"
 
 typedef enum spec_type {
@@ -75,6 +76,7 @@ typedef struct spec_row {
     size_t offset,
         has; /* into struct spec, or where it is a surface's into that; `has` is a bool (labels: a size_t) */
     const char *unit; /* NULL: none */
+    build_part part;  /* that the member belongs to; of a group also all of its members */
     const char *prose;
 } spec_row;
 

@@ -12,19 +12,13 @@
 #include <unistd.h>
 
 #include "base/log.h"
-#include "base/manager.h"
 
 /* ---- the journal */
 
-static bool has_journal, takes_records;
+static bool takes_records;
 static char taken[8192]; /* fields, each with a line break behind it */
 
-bool manager_has_journal(void)
-{
-    return has_journal;
-}
-
-bool manager_journal(const struct iovec *fields, size_t count)
+static bool write_journal(const struct iovec *fields, size_t count)
 {
     size_t used = 0;
     for (size_t i = 0; i < count; i++) {
@@ -63,7 +57,7 @@ static void end_capture(void)
 static void test_lines(void **state)
 {
     (void)state;
-    has_journal = false;
+    log_set_journal(NULL);
     begin_capture();
     log_write(LOG_LEVEL_WARNING, "one\nline\x7f job=%s", "x");
     log_write(LOG_LEVEL_DEBUG, "not at this level");
@@ -77,7 +71,7 @@ static void test_long_records_are_cut(void **state)
     char longest[5000];
     memset(longest, 'a', sizeof longest);
     longest[sizeof longest - 1] = '\0';
-    has_journal = false;
+    log_set_journal(NULL);
     begin_capture();
     log_write(LOG_LEVEL_INFO, "%s", longest);
     end_capture();
@@ -88,7 +82,8 @@ static void test_long_records_are_cut(void **state)
 static void test_fields(void **state)
 {
     (void)state;
-    has_journal = takes_records = true;
+    log_set_journal(write_journal);
+    takes_records = true;
     begin_capture();
     log_write(LOG_LEVEL_ERROR, "attempt not settled job=01abc attempt=3: no job=forged\nworker=7");
     end_capture();
@@ -103,7 +98,8 @@ static void test_fields(void **state)
 static void test_values_that_are_none_of_ours_are_left_out(void **state)
 {
     (void)state;
-    has_journal = takes_records = true;
+    log_set_journal(write_journal);
+    takes_records = true;
     log_write(LOG_LEVEL_INFO, "x job=%080d attempt=1", 7);
     assert_null(strstr(taken, "HEXAD_JOB"));
     assert_non_null(strstr(taken, "HEXAD_ATTEMPT=1\n"));
@@ -112,7 +108,7 @@ static void test_values_that_are_none_of_ours_are_left_out(void **state)
 static void test_a_journal_that_is_gone(void **state)
 {
     (void)state;
-    has_journal = true;
+    log_set_journal(write_journal);
     takes_records = false;
     begin_capture();
     log_write(LOG_LEVEL_INFO, "still said");

@@ -1,0 +1,20 @@
+#include "base/build_part.h"
+
+#include <stddef.h>
+
+#include "config.h"
+
+const char *build_part_missing(build_part part)
+{
+    switch (part) {
+    case BUILD_PART_ALWAYS:
+        return NULL;
+    case BUILD_PART_PREVIEW:
+        return HEXAD_WITH_PREVIEW ? NULL : "this build has no pictures (configure --disable-preview)";
+    case BUILD_PART_SLURM:
+        return HEXAD_WITH_SLURM ? NULL : "this build has no Slurm (configure --without-slurm)";
+    case BUILD_PART_PAGE:
+        return HEXAD_WITH_PAGE ? NULL : "this build has no web page (configure --without-page)";
+    }
+    return NULL;
+}

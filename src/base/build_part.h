@@ -1,0 +1,19 @@
+/* build_part: the parts of hexad that configure can leave out.
+ *
+ * A build without a part still parses the members of a spec and the settings that belong to it. A request for the part
+ * fails with not_supported and a message that names the option of configure. Any thread.
+ */
+#ifndef HEXAD_BASE_BUILD_PART_H
+#define HEXAD_BASE_BUILD_PART_H
+
+typedef enum build_part {
+    BUILD_PART_ALWAYS, /* cannot be left out */
+    BUILD_PART_PREVIEW, /* --disable-preview: pictures, which are preview.png, preview.exr, convergence.png and contact sheets */
+    BUILD_PART_SLURM, /* --without-slurm */
+    BUILD_PART_PAGE   /* --without-page */
+} build_part;
+
+/* Why a request for the part fails, as "this build has no pictures (configure --disable-preview)"; NULL: it is built. */
+const char *build_part_missing(build_part part);
+
+#endif

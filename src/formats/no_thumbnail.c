@@ -1,0 +1,18 @@
+/* Instead of thumbnail.c in a build without pictures. */
+#include "base/build_part.h"
+#include "formats/thumbnail.h"
+
+bool thumbnail_read(const char *program, int fd, thumbnail *out, error *e)
+{
+    (void)program;
+    (void)fd;
+    (void)out;
+    return error_set(e, ERROR_NOT_SUPPORTED, "%s", build_part_missing(BUILD_PART_PREVIEW));
+}
+
+int thumbnail_main(int argc, char **argv)
+{
+    (void)argc;
+    (void)argv;
+    return 2;
+}

@@ -1,0 +1,22 @@
+/* Instead of pictures.c in a build without pictures. The spec's parser refuses what would call these. */
+#include "base/build_part.h"
+#include "run/pictures.h"
+
+bool pictures_write_preview(const char *directory, const results_input *in, const quantity_look *look,
+                            threads *pool, json *outputs, error *e)
+{
+    (void)directory;
+    (void)in;
+    (void)look;
+    (void)pool;
+    (void)outputs;
+    return error_set(e, ERROR_NOT_SUPPORTED, "%s", build_part_missing(BUILD_PART_PREVIEW));
+}
+
+bool pictures_write_convergence(const char *directory, const results_input *in, json *outputs, error *e)
+{
+    (void)directory;
+    (void)in;
+    (void)outputs;
+    return error_set(e, ERROR_NOT_SUPPORTED, "%s", build_part_missing(BUILD_PART_PREVIEW));
+}

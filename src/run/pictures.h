@@ -1,0 +1,18 @@
+/* pictures: preview.png, the frames of a turntable, preview.exr and convergence.png. Each is written, read again and
+ * verified, and added to `outputs`. A build without pictures has no_pictures.c instead of pictures.c.
+ */
+#ifndef HEXAD_RUN_PICTURES_H
+#define HEXAD_RUN_PICTURES_H
+
+#include "formats/quantity.h"
+#include "run/results.h"
+
+/* With output.preview: the pictures of the points, with this look or with the values of output.preview.attribute. Errors:
+ * those of results_write; not_supported in a build without pictures. */
+bool pictures_write_preview(const char *directory, const results_input *in, const quantity_look *look,
+                            threads *pool, json *outputs, error *e);
+
+/* With output.convergence. Errors: as above. */
+bool pictures_write_convergence(const char *directory, const results_input *in, json *outputs, error *e);
+
+#endif
