@@ -53,7 +53,16 @@ is_upgraded() {
     daemon=$(main_pid)
     install /srv/new/*.deb && [ "$(main_pid)" != "$daemon" ] && grep -q '^drain_s = 1' /etc/hexad.conf &&
         until_true state_is "$job" running && hexadctl cancel "$job" && until_true state_is "$job" cancelled &&
-        ! dpkg-query -W -f '${Version}\n' hexad | grep earlier
+        ! dpkg-query -W -f '${Version}\n' hexad | grep earlier && dpkg -S /usr/bin/hexad-worker | grep '^hexad-worker:'
+}
+
+# A host of a farm has the worker alone, and none of the libraries that only the daemon needs.
+works_without_the_daemon() {
+    apt-mark manual hexad-worker && apt-get remove -y hexad && apt-get autoremove -y && ! command -v hexad &&
+        spec 2 500 "" | hexad-worker run - --output worker && test -s worker/points.ply && hexad-node --version &&
+        ! dpkg-query -W -f '${Depends}\n' hexad-worker | grep -E 'microhttpd|sqlite|curl|systemd|inih' &&
+        ! ldd /usr/bin/hexad-worker /usr/bin/hexad-node | grep -E 'microhttpd|sqlite|curl|systemd|inih' &&
+        install /srv/new/hexad_*.deb
 }
 
 is_removed() {
@@ -66,7 +75,7 @@ comes_back() {
 
 # Left are the user and what others keep of it.
 is_purged() {
-    apt-get purge -y hexad hexad-client python3-hexad hexad-doc && apt-get autoremove --purge -y && files >after
+    apt-get purge -y hexad hexad-worker hexad-client python3-hexad hexad-doc && apt-get autoremove --purge -y && files >after
     comm -13 before after >left
     cat left
     ! grep hexad left && ! find / -xdev -path /root -prune -o -path /srv -prune -o -path /var/log -prune -o -name '*hexad*' -print |
@@ -84,6 +93,7 @@ check "a job by hexadctl" runs_a_job
 check "a job by Python" runs_a_job_of_python
 check "the state of 0.1.0 is taken over" takes_over_a_state
 check "an upgrade goes on with running jobs and keeps settings" is_upgraded
+check "hexad-worker works without the daemon" works_without_the_daemon
 check "a removal ends the service and keeps settings and state" is_removed
 check "an installation finds them again" comes_back
 check "a purge leaves nothing but the user" is_purged
