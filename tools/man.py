@@ -33,7 +33,9 @@ PAGES = {
                               " CONFIGURATION_DIRECTORY, JOURNAL_STREAM",
                               "set by systemd: whom to tell that the service is ready and alive, the socket to serve,"
                               " where it is otherwise made, where to keep the state, where the file tokens is, and whether the log goes to"
-                              " the journal, with the fields HEXAD_JOB, HEXAD_ATTEMPT and HEXAD_WORKER")]),
+                              " the journal, with the fields HEXAD_JOB, HEXAD_ATTEMPT and HEXAD_WORKER"),
+                             ("MALLOC_ARENA_MAX", "number of arenas in which the C library allocates memory; 4 unless it is set."
+                              " More arenas keep more freed memory")]),
         ],
         "see": "hexad.conf(5), hexadctl(1), hexad-worker(1)"},
     "hexad-worker": {"section": 1, "about": "samples one implicit surface", "more": [], "see": "hexad(8), hexadctl(1)"},

@@ -108,6 +108,19 @@ void mem_begin(void)
     mallopt(M_MMAP_THRESHOLD, (int)VERY_LARGE);
 }
 
+/* Threads share the arenas: each keeps what it has of freed memory below something in use. */
+enum { ARENAS = 4 };
+/* Blocks from the first size on go back to the kernel when they are freed; the second is kept above the last thing in use of an
+ * arena. Once set, the library does not raise them. */
+enum { MAPPED_BYTES = 256 << 10, KEPT_BYTES = 1 << 20 };
+
+void mem_begin_threads(void)
+{
+    if (!getenv("MALLOC_ARENA_MAX")) mallopt(M_ARENA_MAX, ARENAS);
+    mallopt(M_MMAP_THRESHOLD, MAPPED_BYTES);
+    mallopt(M_TRIM_THRESHOLD, KEPT_BYTES);
+}
+
 void *mem_array(size_t count, size_t size, const char *what, error *e)
 {
     size_t bytes;

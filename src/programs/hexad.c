@@ -810,6 +810,7 @@ static int run(service *s)
 int main(int argc, char **argv)
 {
     descriptors_prepare();
+    mem_begin_threads();
     service s = {.argc = argc, .argv = argv, .signals = -1, .socket.fd = -1, .turns = UINT64_MAX};
     config_action action;
     error e = {0};

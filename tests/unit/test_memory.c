@@ -1,9 +1,12 @@
 /* memory: arrays of every size are zeroed and aligned, also where freed memory comes back. */
+#include <pthread.h>
+#include <semaphore.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -134,6 +137,67 @@ static void test_first_touches_are_few(void **state)
     assert_true((size_t)(after.ru_minflt - before.ru_minflt) < COUNT * (BYTES / page) / 4);
 }
 
+/* Bytes of this process that are in memory and are no part of a file. */
+static size_t anonymous_bytes(void)
+{
+    size_t kib = 0;
+    char line[256];
+    FILE *status = fopen("/proc/self/status", "r");
+    assert_non_null(status);
+    while (fgets(line, sizeof line, status)) sscanf(line, "RssAnon: %zu", &kib);
+    fclose(status);
+    return kib << 10;
+}
+
+enum { THREADS = 24, SMALL = 1000, SMALL_COUNT = 8000, LARGE_BYTES = 1 << 20, LARGE_COUNT = 24 };
+
+static struct {
+    pthread_t id;
+    sem_t ready, may_end;
+    void *kept;
+} threads[THREADS];
+
+/* Allocates 8 MB in small blocks and a block behind them, and frees all but the last one. */
+static void *use_memory(void *argument)
+{
+    const size_t index = *(size_t *)argument;
+    char **small = malloc(SMALL_COUNT * sizeof *small);
+    for (size_t k = 0; k < SMALL_COUNT; k++) memset(small[k] = malloc(SMALL), 1, SMALL);
+    threads[index].kept = malloc(SMALL);
+    for (size_t k = 0; k < SMALL_COUNT; k++) free(small[k]);
+    free(small);
+    char *large[LARGE_COUNT];
+    for (size_t k = 0; k < LARGE_COUNT; k++) memset(large[k] = malloc(LARGE_BYTES), 1, LARGE_BYTES);
+    for (size_t k = 0; k < LARGE_COUNT; k++) free(large[k]);
+    sem_post(&threads[index].ready);
+    sem_wait(&threads[index].may_end);
+    return NULL;
+}
+
+/* One after the other uses 32 MB, while those before live on. */
+static void test_a_program_of_many_threads_keeps_little_of_what_they_freed(void **state)
+{
+    (void)state;
+#ifdef __SANITIZE_ADDRESS__
+    return; /* the sanitizer has an allocator of its own */
+#endif
+    mem_begin_threads();
+    const size_t before = anonymous_bytes();
+    for (size_t k = 0; k < THREADS; k++) {
+        sem_init(&threads[k].ready, 0, 0);
+        sem_init(&threads[k].may_end, 0, 0);
+        assert_int_equal(pthread_create(&threads[k].id, NULL, use_memory, &k), 0);
+        sem_wait(&threads[k].ready);
+    }
+    const size_t after = anonymous_bytes();
+    for (size_t k = 0; k < THREADS; k++) {
+        sem_post(&threads[k].may_end);
+        pthread_join(threads[k].id, NULL);
+        free(threads[k].kept);
+    }
+    assert_true(after < before + ((size_t)60 << 20));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -143,6 +207,7 @@ int main(void)
         cmocka_unit_test(test_what_cannot_be_had),
         cmocka_unit_test(test_growing_keeps_what_is_there),
         cmocka_unit_test(test_growing_gives_back_the_old_place),
+        cmocka_unit_test(test_a_program_of_many_threads_keeps_little_of_what_they_freed),
     };
     return cmocka_run_group_tests_name("memory", tests, NULL, NULL);
 }
