@@ -6,6 +6,7 @@
 
 #include "api/job_lookup.h"
 #include "api/png_reply.h"
+#include "api/preview.h"
 #include "base/build_part.h"
 #include "base/clock.h"
 #include "base/memory.h"
@@ -15,7 +16,7 @@
 
 /* Tasks that are read at once. */
 enum { TASKS_PAGE = 1000 };
-/* No preview is opened later than this after the first one: hexadctl gives up after 60 s without a byte. */
+/* No preview is read later than this after the first one: hexadctl gives up after 60 s without a byte. */
 enum { DRAW_MS = 20000 };
 
 typedef struct frames {
@@ -54,19 +55,18 @@ static int open_preview(const http_context *c, const char *id, int frame, int64_
     return fd;
 }
 
-static bool read_thumbnail(const http_context *c, const char *id, int frame, thumbnail *out)
+static bool read_thumbnail(const http_context *c, const char *id, int frame, int64_t until_ms, thumbnail *out,
+                           error *e)
 {
-    int64_t bytes;
-    int fd = open_preview(c, id, frame, &bytes);
-    bool ok = fd >= 0 && thumbnail_read(c->worker, fd, out, NULL);
-    if (fd >= 0) close(fd);
+    char *directory = result_directory(c->work_dir, id, frame);
+    bool ok = preview_read_thumbnail(c, directory, until_ms, out, e);
+    free(directory);
     return ok;
 }
 
 /* Frames of a sheet. */
 typedef struct drawing {
-    int shown, drawn,
-        late; /* with a place; with a picture; not read, since DRAW_MS had passed or the service stops */
+    int shown, drawn, late; /* with a place; with a picture; not read in time, or since the service stops */
 } drawing;
 
 static void draw(const http_context *c, const queue_job *job, const frames *f, contact_sheet *sheet,
@@ -76,11 +76,11 @@ static void draw(const http_context *c, const queue_job *job, const frames *f, c
     thumbnail *picture = mem_alloc(sizeof *picture);
     for (int i = 0; i < d->shown; i++) {
         size_t at = d->shown > 1 ? (size_t)i * (f->count - 1) / (size_t)(d->shown - 1) : 0;
-        bool late = clock_monotonic_ms() > until_ms || wait_list_is_dismissed(c->waiting);
-        bool has = !late && read_thumbnail(c, job->id, f->item[at], picture);
+        error e = {0};
+        bool has = read_thumbnail(c, job->id, f->item[at], until_ms, picture, &e);
         contact_sheet_put(sheet, i, has ? picture : NULL, f->item[at]);
         d->drawn += has;
-        d->late += late;
+        d->late += e.code == ERROR_LIMIT_TIME;
     }
     free(picture);
 }

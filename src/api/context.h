@@ -41,6 +41,7 @@ struct http_context {
     submission_rate *rate;          /* of each user; NULL: any */
     int64_t retention_s;            /* of a job that names none */
     double wait_s;                  /* the longest wait that a client may ask for */
+    double thumbnail_timeout_s;     /* of a process that makes one */
     int64_t started_ms;             /* wall clock */
     const http_counters *counters;  /* of the server */
     const delivery_counters *calls; /* of webhooks */

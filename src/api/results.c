@@ -9,9 +9,9 @@
 
 #include "api/job_lookup.h"
 #include "api/png_reply.h"
+#include "api/preview.h"
 #include "base/memory.h"
 #include "base/worker_contract.h"
-#include "formats/thumbnail.h"
 #include "http/parameter.h"
 #include "http/preconditions.h"
 #include "results/result.h"
@@ -299,13 +299,17 @@ void results_send(const http_context *c, const http_request *request, reply *r)
 static void send_thumbnail(const http_context *c, const place *p, reply *r)
 {
     error e = {0};
-    int64_t bytes = 0;
     thumbnail *made = mem_alloc(sizeof *made);
-    int fd = result_open_file(p->directory, WORKER_PREVIEW_NAME, &bytes, &e);
-    bool ok = fd >= 0 && thumbnail_read(c->worker, fd, made, &e);
+    bool ok = preview_read_thumbnail(c, p->directory, INT64_MAX, made, &e);
     const canvas picture = {.rgb = made->rgb, .width = made->width, .height = made->height, .scale = 1};
-    if (!ok || !png_reply_set(r, &picture, &e)) reply_set_error(r, &e, NULL);
-    if (fd >= 0) close(fd);
+    if (e.code == ERROR_LIMIT_TIME)
+        reply_set_unavailable(
+            r, wait_list_is_dismissed(c->waiting)
+                   ? "the service is stopping"
+                   : "the preview could not be read in time (setting thumbnail_timeout_s); try "
+                     "again when the service is less busy");
+    else if (!ok || !png_reply_set(r, &picture, &e))
+        reply_set_error(r, &e, NULL);
     free(made);
 }
 

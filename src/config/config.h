@@ -61,7 +61,7 @@ typedef struct config {
     int64_t delete_undelivered;                                 /* 0: no */
     double timeout_s, stall_s;                                  /* 0: none */
     int64_t estimates;                                          /* 0: none */
-    double estimate_timeout_s;
+    double estimate_timeout_s, thumbnail_timeout_s;
     double grace_s, drain_s;
     int64_t body_total_bytes, user_body_bytes; /* 0: 16 and 4 times body_limit_bytes */
     int64_t body_limit_bytes, header_limit_bytes, connection_limit, client_connection_limit;
@@ -71,7 +71,7 @@ typedef struct config {
     int64_t share_inputs;                    /* 0 or 1 */
     int64_t share_outputs;                   /* 0 or 1 */
     double inputs_keep_s;                    /* 0: for ever */
-    double connection_timeout_s, wait_limit_s;
+    double connection_timeout_s, wait_limit_s, thread_wait_s;
     int64_t kept_documents;
     config_list webhook_hosts;
     char *webhook_secret_file;

@@ -174,6 +174,11 @@ const config_row config_table[] = {
          "estimate. 0: no estimates; the inputs of a validated spec are not opened."},
     {SETTING(estimate_timeout_s), .type = CONFIG_REAL, .default_text = "10", .low = 0.01, .high = 3600,
      .unit = "s", .help = "The time limit of an estimate."},
+    {SETTING(thumbnail_timeout_s), .type = CONFIG_REAL, .default_text = "10", .low = 0.01, .high = 3600,
+     .unit = "s",
+     .help =
+         "The time limit of the process that makes a thumbnail of a preview. Then the request is refused (503), "
+         "and a contact sheet has no picture of that frame."},
     {SETTING(max_attempts), .type = CONFIG_INTEGER, .default_text = "3", .low = 1, .high = 100,
      .unit = "attempts",
      .help = "The number of attempts of a job whose worker crashes, for a job without "
@@ -328,6 +333,11 @@ const config_row config_table[] = {
      .help = "How long a connection may be idle, and how long a client may take to send a request."},
     {SETTING(wait_limit_s), .type = CONFIG_REAL, .default_text = "60", .low = 0, .high = 3600, .unit = "s",
      .help = "The longest time that a client may have an answer wait for a change (Prefer: wait)."},
+    {SETTING(thread_wait_s), .type = CONFIG_REAL, .default_text = "30", .low = 0.01, .high = 3600,
+     .unit = "s",
+     .help =
+         "How long a request may wait for a thread of the service while others are being answered. Then it is "
+         "refused (503)."},
     {SETTING(kept_documents), .type = CONFIG_INTEGER, .default_text = "4096", .low = 0, .high = 1 << 20,
      .unit = "documents",
      .help = "How many answers to GET /v1/jobs/ID are kept in memory, each until its job changes. An answer "

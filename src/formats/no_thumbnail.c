@@ -2,10 +2,11 @@
 #include "base/build_part.h"
 #include "formats/thumbnail.h"
 
-bool thumbnail_read(const char *program, int fd, thumbnail *out, error *e)
+bool thumbnail_read(const char *program, int fd, const thumbnail_patience *patience, thumbnail *out, error *e)
 {
     (void)program;
     (void)fd;
+    (void)patience;
     (void)out;
     return error_set(e, ERROR_NOT_SUPPORTED, "%s", build_part_missing(BUILD_PART_PREVIEW));
 }

@@ -1,13 +1,17 @@
 #include "formats/thumbnail.h"
 
+#include <errno.h>
 #include <png.h>
+#include <poll.h>
 #include <setjmp.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/pidfd.h>
 #include <unistd.h>
 
+#include "base/clock.h"
 #include "base/memory.h"
 #include "base/reader.h"
 #include "base/worker_contract.h"
@@ -15,6 +19,9 @@
 
 /* Limits of the process: a row of the largest picture and libpng's buffers take 1 MiB; that picture takes 2 s. */
 enum { READER_BYTES = 64 << 20, READER_SECONDS = 20 };
+
+/* How often `is_over` is called. */
+enum { LOOK_MS = 100 };
 
 /* ---- in the process */
 
@@ -74,16 +81,81 @@ int thumbnail_main(int argc, char **argv)
 
 /* ---- in the calling program */
 
-bool thumbnail_read(const char *program, int fd, thumbnail *out, error *e)
+/* Milliseconds until the time is over, at least 0. */
+static int64_t time_left(const thumbnail_patience *patience)
+{
+    const int64_t left_ms = patience->until_ms - clock_monotonic_ms();
+    bool over = left_ms < 0 || (patience->is_over && patience->is_over(patience->context));
+    return over ? 0 : left_ms;
+}
+
+static bool await_readable(int fd, const thumbnail_patience *patience)
+{
+    struct pollfd from = {.fd = fd, .events = POLLIN};
+    int64_t left_ms = time_left(patience);
+    bool fails = false;
+    while (!fails && !from.revents && left_ms) {
+        fails = poll(&from, 1, left_ms < LOOK_MS ? (int)left_ms : LOOK_MS) < 0 && errno != EINTR;
+        left_ms = time_left(patience);
+    }
+    return from.revents != 0;
+}
+
+static bool await_end(pid_t pid, const thumbnail_patience *patience)
+{
+    int fd = pidfd_open(pid, 0);
+    bool ended = fd >= 0 && await_readable(fd, patience);
+    if (fd >= 0) close(fd);
+    return ended;
+}
+
+/* The bytes that the process writes until its end, at most `size`. False: it takes too long. */
+static bool receive(const reader *r, void *to, size_t size, size_t *received,
+                    const thumbnail_patience *patience)
+{
+    const int fd = fileno(r->stream);
+    *received = 0;
+    while (await_readable(fd, patience)) {
+        const ssize_t count = read(fd, (char *)to + *received, size - *received);
+        if (count < 0 && errno == EINTR) continue;
+        if (count <= 0) return await_end(r->pid, patience);
+        *received += (size_t)count;
+    }
+    return false;
+}
+
+static bool fail_late(error *e)
+{
+    return error_set(e, ERROR_LIMIT_TIME, WORKER_PREVIEW_NAME " could not be read in time");
+}
+
+static bool is_thumbnail(const thumbnail *t)
+{
+    return t->width > 0 && t->width <= THUMBNAIL_SIDE && t->height > 0 && t->height <= THUMBNAIL_SIDE;
+}
+
+bool thumbnail_read(const char *program, int fd, const thumbnail_patience *patience, thumbnail *out, error *e)
 {
     const reader_params params = {program, THUMBNAIL_COMMAND, WORKER_PREVIEW_NAME,
                                   fd,      READER_BYTES,      READER_SECONDS};
     reader r;
+    struct {
+        thumbnail made;
+        char more; /* for a process that writes too much */
+    } from;
+    size_t received;
     if (lseek(fd, 0, SEEK_SET) != 0)
         return error_set(e, ERROR_INTERNAL, WORKER_PREVIEW_NAME " cannot be read");
+    if (!time_left(patience)) return fail_late(e);
     if (!reader_start(&params, &r, e)) return false;
-    bool ok = fread(out, sizeof *out, 1, r.stream) == 1 && out->width > 0 && out->width <= THUMBNAIL_SIDE &&
-              out->height > 0 && out->height <= THUMBNAIL_SIDE && fgetc(r.stream) == EOF;
-    if (!ok) error_set(e, ERROR_INPUT_DAMAGED, WORKER_PREVIEW_NAME " is not a picture written by hexad");
+    if (!receive(&r, &from, sizeof from, &received, patience)) {
+        fail_late(e);
+        return reader_end(&r, true, false, e);
+    }
+    bool ok = received == sizeof from.made && is_thumbnail(&from.made);
+    if (ok)
+        *out = from.made;
+    else
+        error_set(e, ERROR_INPUT_DAMAGED, WORKER_PREVIEW_NAME " is not a picture written by hexad");
     return reader_end(&r, ok, ok, e);
 }

@@ -19,6 +19,7 @@ typedef struct route {
     unsigned scope;         /* that a caller must have; 0: open to all */
     bool waits;             /* the handler may wait for a disk or run long: a thread pool runs it */
     bool heavy;             /* the handler takes milliseconds of processor time: few run at once */
+    bool draws;             /* the handler waits for a process that decodes pictures: few run at once */
     http_keeper *kept;      /* of a route with `waits`: answers from memory, without the pool; NULL: none */
     http_handler *awaiting; /* of a route whose answers may be provisional */
     http_opener *opener;    /* of a long body; NULL: it has none */

@@ -47,7 +47,11 @@
 /* Threads for heavy work: of all users and of one. Those with long bodies may wait for estimates. */
 #define HEAVY_THREADS 16
 #define HEAVY_USER_THREADS 12
-/* Added to their nice value: a tenth of the processor time of a thread that has the priority of the process, while both compute. */
+/* Threads for pictures, of all users and of one: each waits for a process that decodes a picture. */
+#define PICTURE_THREADS 4
+#define PICTURE_USER_THREADS 2
+/* Added to the nice value of threads for heavy work and for pictures: a tenth of the processor time of a thread that has the
+ * priority of the process, while both compute. */
 #define HEAVY_NICE 10
 
 struct server {
@@ -55,7 +59,7 @@ struct server {
     access_control *access;
     loop *loop;
     connections *connections;
-    thread_pool *pool, *heavy_pool;
+    thread_pool *pool, *heavy_pool, *picture_pool;
     body_bytes *bodies;
     pthread_mutex_t mutex;
     pthread_cond_t changed;  /* monotonic clock */
@@ -657,13 +661,17 @@ static void run_in_pool(thread_pool_work *work)
     loop_resume(x->s->loop, x->connection);
 }
 
-/* A provisional answer becomes the final one. A request that has waited is answered in the serving thread (call_handler). */
-static void refuse_in_pool(thread_pool_work *work)
+/* A provisional answer becomes the final one. When the service stops, a request that has waited is answered in the serving thread
+ * (call_handler). */
+static void refuse_in_pool(thread_pool_work *work, thread_pool_refusal why)
 {
     exchange *x = (exchange *)(void *)work;
-    x->answered = x->awaits || !x->request.waited;
+    x->answered = x->awaits || !x->request.waited || why == THREAD_POOL_IS_BUSY;
     if (x->awaits)
         x->answer.provisional = false;
+    else if (why == THREAD_POOL_IS_BUSY)
+        reply_set_unavailable(&x->answer, "the service is busy, and the request has waited as long as it may"
+                                          " (setting thread_wait_s)");
     else if (x->answered)
         reply_set_unavailable(&x->answer, "the service is stopping: try again later");
     loop_resume(x->s->loop, x->connection);
@@ -681,7 +689,10 @@ static void give_to_pool(exchange *x)
     MHD_suspend_connection(x->connection);
     x->work = (thread_pool_work){
         .run = run_in_pool, .refuse = refuse_in_pool, .user = x->caller.user, .weight = weight_of(x)};
-    thread_pool_add(x->work.weight ? x->s->heavy_pool : x->s->pool, &x->work);
+    if (x->route.found->draws)
+        thread_pool_add(x->s->picture_pool, &x->work);
+    else
+        thread_pool_add(x->work.weight ? x->s->heavy_pool : x->s->pool, &x->work);
 }
 
 /* Calls the handler. False: a pool does, and the connection is suspended. */
@@ -824,6 +835,26 @@ static struct MHD_Daemon *start_daemon(server *s, int fd)
                             answer, s, MHD_OPTION_ARRAY, options, MHD_OPTION_END);
 }
 
+static bool start_pools(server *s, error *e)
+{
+    const server_settings *c = &s->settings;
+    const int64_t patience_ms = (int64_t)(c->thread_wait_s * 1000);
+    const unsigned of_user = USER_THREADS + c->estimates;
+    const thread_pool_settings usual = {
+        .threads = of_user + SPARE_THREADS, .most_of_user = of_user, .patience_ms = patience_ms};
+    const thread_pool_settings heavy = {.threads = HEAVY_THREADS + c->estimates,
+                                        .most_of_user = HEAVY_USER_THREADS + c->estimates,
+                                        .most_weight = c->body_limit_bytes + HEAVY_AT_ONCE,
+                                        .nice = HEAVY_NICE,
+                                        .patience_ms = patience_ms};
+    const thread_pool_settings pictures = {.threads = PICTURE_THREADS,
+                                           .most_of_user = PICTURE_USER_THREADS,
+                                           .nice = HEAVY_NICE,
+                                           .patience_ms = patience_ms};
+    return (s->pool = thread_pool_start(&usual, e)) && (s->heavy_pool = thread_pool_start(&heavy, e)) &&
+           (s->picture_pool = thread_pool_start(&pictures, e));
+}
+
 server *server_start(const server_settings *settings, const listen_socket *socket, access_control *access,
                      error *e)
 {
@@ -833,14 +864,8 @@ server *server_start(const server_settings *settings, const listen_socket *socke
     background_init_condition(&s->changed);
     pthread_mutex_init(&s->mutex, NULL);
     s->connections = connections_start(&settings->connections, access, e);
-    unsigned of_user = USER_THREADS + settings->estimates;
     s->bodies = body_bytes_new(settings->body_total_bytes, settings->user_body_bytes);
-    if (s->connections) s->pool = thread_pool_start(of_user + SPARE_THREADS, of_user, 0, 0, e);
-    if (s->pool)
-        s->heavy_pool =
-            thread_pool_start(HEAVY_THREADS + settings->estimates, HEAVY_USER_THREADS + settings->estimates,
-                              settings->body_limit_bytes + HEAVY_AT_ONCE, HEAVY_NICE, e);
-    if (!s->heavy_pool) goto failed;
+    if (!s->connections || !start_pools(s, e)) goto failed;
     /* the library closes this descriptor */
     int fd = fcntl(socket->fd, F_DUPFD_CLOEXEC, 0);
     struct MHD_Daemon *daemon = fd >= 0 ? start_daemon(s, fd) : NULL;
@@ -874,10 +899,12 @@ void server_stop(server *s)
     wait_list_dismiss(s->settings.waiting);
     thread_pool_refuse(s->pool); /* what waits for a thread may be long */
     thread_pool_refuse(s->heavy_pool);
+    thread_pool_refuse(s->picture_pool);
     wait_for_replies(s);
     loop_end(s->loop);         /* clients that go on asking give the pool no more work */
     thread_pool_stop(s->pool); /* resumes the connections of its work */
     thread_pool_stop(s->heavy_pool);
+    thread_pool_stop(s->picture_pool);
     loop_stop(s->loop);
     connections_stop(s->connections);
     body_bytes_free(s->bodies);

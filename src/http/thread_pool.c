@@ -8,6 +8,7 @@
 #include <sys/resource.h>
 
 #include "base/background.h"
+#include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
 
@@ -21,12 +22,11 @@ typedef struct line {
 
 struct thread_pool {
     pthread_mutex_t mutex;
-    pthread_cond_t changed;
-    line *lines; /* the user who was served least recently first */
+    pthread_cond_t changed; /* monotonic clock */
+    line *lines;            /* the user who was served least recently first */
     bool refusing, stopping;
-    unsigned most_of_user;
-    size_t most_weight, weight; /* of the work that runs */
-    int nice;
+    thread_pool_settings settings;
+    size_t weight; /* of the work that runs */
     unsigned count;
     pthread_t thread[];
 };
@@ -62,16 +62,32 @@ static line *choose(const thread_pool *p)
 {
     line *found = NULL;
     for (line *l = p->lines; l; l = l->next)
-        if (l->first && l->running < p->most_of_user && (!found || l->running < found->running)) found = l;
-    bool fits = found && (!p->weight || p->weight + found->first->weight <= p->most_weight);
+        if (l->first && l->running < p->settings.most_of_user && (!found || l->running < found->running))
+            found = l;
+    bool fits = found && (!p->weight || p->weight + found->first->weight <= p->settings.most_weight);
     return fits ? found : NULL;
 }
 
-static thread_pool_work *take(thread_pool *p, line *l)
+/* The line whose first work has waited longest; NULL: none waits. */
+static line *find_oldest(const thread_pool *p)
+{
+    line *found = NULL;
+    for (line *l = p->lines; l; l = l->next)
+        if (l->first && (!found || l->first->since_ms < found->first->since_ms)) found = l;
+    return found;
+}
+
+static thread_pool_work *take_first(line *l)
 {
     thread_pool_work *work = l->first;
     l->first = work->next;
     if (!l->first) l->last = NULL;
+    return work;
+}
+
+static thread_pool_work *take(thread_pool *p, line *l)
+{
+    thread_pool_work *work = take_first(l);
     l->running++;
     p->weight += work->weight;
     remove_line(p, l);
@@ -79,23 +95,52 @@ static thread_pool_work *take(thread_pool *p, line *l)
     return work;
 }
 
-static void end_work(thread_pool *p, line *l)
+static void free_empty_line(thread_pool *p, line *l)
 {
-    l->running--;
     if (l->running || l->first) return;
     remove_line(p, l);
     free(l->user);
     free(l);
 }
 
+static void end_work(thread_pool *p, line *l)
+{
+    l->running--;
+    free_empty_line(p, l);
+}
+
+/* Refuses the oldest work if it has waited too long. False: there is none. The caller holds the mutex, which is open meanwhile. */
+static bool refuse_late(thread_pool *p)
+{
+    line *l = find_oldest(p);
+    if (!l || clock_monotonic_ms() - l->first->since_ms < p->settings.patience_ms) return false;
+    thread_pool_work *work = take_first(l);
+    free_empty_line(p, l);
+    pthread_mutex_unlock(&p->mutex);
+    work->refuse(work, THREAD_POOL_IS_BUSY);
+    pthread_mutex_lock(&p->mutex);
+    return true;
+}
+
+/* Until there may be something to do. Work that cannot begin yet is refused when it has waited too long. */
+static void wait_for_work(thread_pool *p)
+{
+    const line *l = find_oldest(p);
+    if (l)
+        background_wait_until(&p->changed, &p->mutex, l->first->since_ms + p->settings.patience_ms);
+    else
+        pthread_cond_wait(&p->changed, &p->mutex);
+}
+
 static void *run_work(void *argument)
 {
     thread_pool *p = argument;
-    if (setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + p->nice) !=
+    if (setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + p->settings.nice) !=
         0) /* of this thread (Linux) */
         log_write(LOG_LEVEL_WARNING, "cannot lower the priority of a thread: %s", strerror(errno));
     pthread_mutex_lock(&p->mutex);
     for (;;) {
+        if (refuse_late(p)) continue;
         line *mine = choose(p);
         if (mine) {
             thread_pool_work *work = take(p, mine);
@@ -109,23 +154,20 @@ static void *run_work(void *argument)
         } else if (p->stopping) {
             break;
         } else {
-            pthread_cond_wait(&p->changed, &p->mutex);
+            wait_for_work(p);
         }
     }
     pthread_mutex_unlock(&p->mutex);
     return NULL;
 }
 
-thread_pool *thread_pool_start(unsigned threads, unsigned most_of_user, size_t most_weight, int nice,
-                               error *e)
+thread_pool *thread_pool_start(const thread_pool_settings *settings, error *e)
 {
-    thread_pool *p = mem_alloc(sizeof *p + threads * sizeof *p->thread);
+    thread_pool *p = mem_alloc(sizeof *p + settings->threads * sizeof *p->thread);
     pthread_mutex_init(&p->mutex, NULL);
-    pthread_cond_init(&p->changed, NULL);
-    p->most_of_user = most_of_user;
-    p->most_weight = most_weight;
-    p->nice = nice;
-    for (; p->count < threads; p->count++) {
+    background_init_condition(&p->changed);
+    p->settings = *settings;
+    for (; p->count < settings->threads; p->count++) {
         if (background_start(&p->thread[p->count], run_work, p, "the server", e)) continue;
         thread_pool_stop(p);
         return NULL;
@@ -157,7 +199,7 @@ void thread_pool_refuse(thread_pool *p)
     pthread_mutex_unlock(&p->mutex);
     for (thread_pool_work *work = all, *next; work; work = next) {
         next = work->next;
-        work->refuse(work);
+        work->refuse(work, THREAD_POOL_STOPS);
     }
 }
 
@@ -178,6 +220,7 @@ void thread_pool_stop(thread_pool *p)
 void thread_pool_add(thread_pool *p, thread_pool_work *work)
 {
     work->next = NULL;
+    work->since_ms = clock_monotonic_ms();
     pthread_mutex_lock(&p->mutex);
     bool refused = p->refusing;
     if (!refused) {
@@ -190,7 +233,7 @@ void thread_pool_add(thread_pool *p, thread_pool_work *work)
     }
     pthread_mutex_unlock(&p->mutex);
     if (refused)
-        work->refuse(work);
+        work->refuse(work, THREAD_POOL_STOPS);
     else
         pthread_cond_signal(&p->changed); /* the thread that wakes up finds the mutex free */
 }

@@ -163,17 +163,21 @@ def test_a_preview_that_cannot_be_read_is_left_out(made, damage):
     assert len(places(sheet, first)) == 1 and not places(sheet, picture(kept))
 
 
-# The real worker, except that it makes no thumbnail before the gate is opened. It notes each call.
+# The real worker, except that it makes no thumbnail but the first one. It notes each call.
 WAITING_READER = """#!/bin/sh
-[ "$1" = read-picture ] && {{ echo x >>{where}/calls; while ! [ -e {where}/gate ]; do sleep 0.01; done; }}
+[ "$1" = read-picture ] && {{ echo x >>{where}/calls; [ $(wc -l <{where}/calls) = 1 ] || exec sleep 1000000; }}
 exec {worker} "$@"
 """
 
 
+def calls(where):
+    return (where / "calls").read_text().count("x") if (where / "calls").exists() else 0
+
+
 @pytest.fixture
 def waiting(made, build, new_service, tmp_path):
-    """A service whose clock may be set, the request for the contact sheet of an array of two frames, which is under way, and a
-    function that opens the gate."""
+    """A service whose clock may be set, and the request for the contact sheet of an array of two frames. The process for the
+    second frame never ends by itself."""
     if setclock.why_not():
         pytest.skip(setclock.why_not())
     worker = tmp_path / "waiting-reader"
@@ -188,28 +192,25 @@ def waiting(made, build, new_service, tmp_path):
     service.wait_state(job, "succeeded")
     with concurrent.futures.ThreadPoolExecutor() as pool:
         request = pool.submit(service.get, f"/v1/jobs/{job}/contact_sheet.png")
-        wait_until((tmp_path / "calls").exists, "the first thumbnail")
-        yield service, request, (tmp_path / "gate").touch
-        (tmp_path / "gate").touch()
+        wait_until(lambda: calls(tmp_path) == 2, "the second thumbnail")
+        yield service, request
 
 
 def test_previews_that_are_not_read_in_time_are_left_out_of_a_contact_sheet(made, waiting, tmp_path):
-    service, request, open_gate = waiting
+    service, request = waiting
     service.clock.step_monotonic(21)
-    open_gate()
     reply = request.result()
     first, second = (picture(made[0].get(f"/v1/jobs/{made[1]}/results/preview.png?frame={frame}").body) for frame in (1, 2))
-    assert reply.status == 200 and len((tmp_path / "calls").read_text().split()) == 1
+    assert reply.status == 200 and calls(tmp_path) == 2
     assert len(places(picture(reply.body), first)) == 1 and not places(picture(reply.body), second)
 
 
 def test_a_stop_of_the_service_ends_a_contact_sheet(waiting, tmp_path):
-    service, request, open_gate = waiting
+    service, request = waiting
     events = Stream(service, "/v1/events?all=1")
     service.process.terminate()
     list(events)  # the stream ends when the service stops
-    open_gate()
-    assert request.result().status == 503 and len((tmp_path / "calls").read_text().split()) == 1
+    assert request.result().status == 503 and calls(tmp_path) == 2
     assert service.process.wait(PATIENCE_S) == 0
 
 

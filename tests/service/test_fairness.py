@@ -240,6 +240,50 @@ def test_long_requests_of_a_user_hold_up_no_short_one(new_service, build, tmp_pa
         assert read_all(one).startswith(b"HTTP/1.1 200 ")
 
 
+# The real worker, except that it never ends when it has to make a thumbnail.
+HANGING_READER = """#!/bin/sh
+[ "$1" = read-picture ] && exec {hang}
+exec {worker} "$@"
+"""
+
+
+@pytest.mark.sanitized
+@pytest.mark.parametrize("hang", ["sleep 1000000", "sleep 1000000 >&-"], ids=["silent", "closed"])
+def test_a_thumbnail_is_given_up_however_slow_its_process_is(new_service, build, tmp_path, hang):
+    """The process neither writes nor ends, or closes its output and does not end."""
+    worker = tmp_path / "hanging-reader"
+    worker.write_text(HANGING_READER.format(hang=hang, worker=build / "hexad-worker"))
+    worker.chmod(0o700)
+    service = new_service("--worker", worker, "--thumbnail_timeout_s", 0.05).start()
+    job = service.submit(sphere(output={"preview": {"size": 64}}))
+    service.wait_state(job, "succeeded")
+    for _ in range(2):
+        reply = service.get(f"/v1/jobs/{job}/thumbnail.png")
+        assert reply.status == 503 and reply.json["code"] == "unavailable" and "thumbnail_timeout_s" in reply.json["detail"]
+        assert int(reply.headers["Retry-After"]) > 0
+    assert service.get("/v1/jobs").status == 200
+
+
+def test_a_request_that_waits_too_long_for_a_thread_is_refused(new_service, build, tmp_path):
+    """The third thumbnail waits while the first two are made. A list of jobs does not wait for thumbnails."""
+    worker, calls = tmp_path / "waiting-reader", tmp_path / "calls"
+    worker.write_text(WAITING_READER.format(where=tmp_path, worker=build / "hexad-worker"))
+    worker.chmod(0o700)
+    service = new_service("--worker", worker, "--thread_wait_s", 1, "--thumbnail_timeout_s", 1000).start()
+    job = service.submit(sphere(output={"preview": {"size": 64}}))
+    service.wait_state(job, "succeeded")
+    drawn = [send_head(service, f"GET /v1/jobs/{job}/thumbnail.png HTTP/1.1", "Connection: close") for _ in range(2)]
+    try:
+        wait_until(lambda: calls.exists() and calls.read_text().count("x") == 2, "two thumbnails")
+        reply = service.get(f"/v1/jobs/{job}/thumbnail.png")
+        assert reply.status == 503 and "thread_wait_s" in reply.json["detail"] and int(reply.headers["Retry-After"]) > 0
+        assert service.get("/v1/jobs").status == 200
+    finally:
+        (tmp_path / "gate").touch()
+    for one in drawn:
+        assert read_all(one).startswith(b"HTTP/1.1 200 ")
+
+
 SUMMARY_WORKER = """#!/bin/sh
 cat > /dev/null
 printf x > "$4/points.ply"

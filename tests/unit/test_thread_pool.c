@@ -10,12 +10,17 @@
 
 #include <cmocka.h>
 
+#include "base/clock.h"
 #include "http/thread_pool.h"
+
+/* Longer than any test. */
+#define PATIENT_MS 1000000
 
 static struct {
     pthread_mutex_t mutex;
     char order[64]; /* the names of the work that began, and in capitals of the work that was refused */
-    sem_t began, ended;
+    thread_pool_refusal why; /* of the last refusal */
+    sem_t began, ended;      /* refused counts as begun */
 } seen = {.mutex = PTHREAD_MUTEX_INITIALIZER};
 
 typedef struct piece {
@@ -42,14 +47,26 @@ static void run(thread_pool_work *work)
     sem_post(&seen.ended);
 }
 
-static void refuse(thread_pool_work *work)
+static void refuse(thread_pool_work *work, thread_pool_refusal why)
 {
+    seen.why = why;
     note((char)(((piece *)(void *)work)->name - 'a' + 'A'));
+    sem_post(&seen.began);
 }
 
 static piece piece_of(const char *user, char name, bool blocks)
 {
     return (piece){.work = {.run = run, .refuse = refuse, .user = user}, .name = name, .blocks = blocks};
+}
+
+static thread_pool *start(unsigned threads, unsigned most_of_user, int64_t patience_ms)
+{
+    thread_pool *p = thread_pool_start(
+        &(thread_pool_settings){
+            .threads = threads, .most_of_user = most_of_user, .most_weight = 10, .patience_ms = patience_ms},
+        NULL);
+    assert_non_null(p);
+    return p;
 }
 
 static int set_up(void **state)
@@ -72,8 +89,7 @@ static void test_users_are_served_in_turn(void **state)
           rest[] = {piece_of("ann", 'b', false), piece_of("ann", 'c', false), piece_of("bob", 'd', false),
                     piece_of("bob", 'e', false), piece_of("cat", 'f', false)};
     (void)state;
-    thread_pool *p = thread_pool_start(1, 1, 10, 0, NULL);
-    assert_non_null(p);
+    thread_pool *p = start(1, 1, PATIENT_MS);
     thread_pool_add(p, &first.work);
     wait_for(&seen.began, 1);
     for (size_t i = 0; i < sizeof rest / sizeof *rest; i++) thread_pool_add(p, &rest[i].work);
@@ -88,7 +104,7 @@ static void test_a_user_who_runs_less_is_next(void **state)
     piece held[] = {piece_of("ann", 'a', true), piece_of("ann", 'b', true), piece_of("bob", 'c', true)},
           rest[] = {piece_of("ann", 'd', false), piece_of("bob", 'e', false)};
     (void)state;
-    thread_pool *p = thread_pool_start(3, 3, 10, 0, NULL);
+    thread_pool *p = start(3, 3, PATIENT_MS);
     for (size_t i = 0; i < 3; i++) {
         thread_pool_add(p, &held[i].work);
         wait_for(&seen.began, 1);
@@ -108,7 +124,7 @@ static void test_a_thread_is_left_for_others(void **state)
     piece ann[] = {piece_of("ann", 'a', true), piece_of("ann", 'b', false)},
           bob = piece_of("bob", 'c', false);
     (void)state;
-    thread_pool *p = thread_pool_start(2, 1, 10, 0, NULL);
+    thread_pool *p = start(2, 1, PATIENT_MS);
     thread_pool_add(p, &ann[0].work);
     wait_for(&seen.began, 1);
     thread_pool_add(p, &ann[1].work);
@@ -129,7 +145,7 @@ static void test_work_runs_together_up_to_a_sum_of_weights(void **state)
     held.work.weight = 8;
     large.work.weight = 11; /* more than runs together: it runs alone */
     small.work.weight = 2;
-    thread_pool *p = thread_pool_start(3, 3, 10, 0, NULL);
+    thread_pool *p = start(3, 3, PATIENT_MS);
     thread_pool_add(p, &held.work);
     wait_for(&seen.began, 1);
     thread_pool_add(p, &large.work);
@@ -151,7 +167,8 @@ static void test_the_threads_have_a_lower_priority(void **state)
     piece one = piece_of("ann", 'a', false);
     (void)state;
     one.work.run = note_priority;
-    thread_pool *p = thread_pool_start(1, 1, 10, 3, NULL);
+    thread_pool *p = thread_pool_start(
+        &(thread_pool_settings){.threads = 1, .most_of_user = 1, .nice = 3, .patience_ms = PATIENT_MS}, NULL);
     thread_pool_add(p, &one.work);
     wait_for(&seen.ended, 1);
     thread_pool_stop(p);
@@ -165,15 +182,60 @@ static void test_work_that_has_not_begun_is_refused_at_the_stop(void **state)
           waiting[] = {piece_of("ann", 'b', false), piece_of("bob", 'c', false)},
           late = piece_of("bob", 'd', false);
     (void)state;
-    thread_pool *p = thread_pool_start(1, 1, 10, 0, NULL);
+    thread_pool *p = start(1, 1, PATIENT_MS);
     thread_pool_add(p, &first.work);
     wait_for(&seen.began, 1);
     for (size_t i = 0; i < 2; i++) thread_pool_add(p, &waiting[i].work);
     thread_pool_refuse(p);
     thread_pool_add(p, &late.work);
     assert_true(strcmp(seen.order, "aBCD") == 0 || strcmp(seen.order, "aCBD") == 0);
+    assert_int_equal(seen.why, THREAD_POOL_STOPS);
     sem_post(&first.may_end);
     thread_pool_stop(p);
+}
+
+/* Adds the piece again until it is not refused but runs. What was seen so far is forgotten. */
+static void add_until_it_runs(thread_pool *p, piece *held)
+{
+    do {
+        memset(seen.order, 0, sizeof seen.order);
+        thread_pool_add(p, &held->work);
+        wait_for(&seen.began, 1);
+    } while (seen.order[0] != held->name);
+}
+
+static void test_work_that_waits_too_long_is_refused_while_other_work_runs(void **state)
+{
+    piece held = piece_of("ann", 'a', true), same = piece_of("ann", 'b', false),
+          heavy = piece_of("bob", 'c', false);
+    (void)state;
+    held.work.weight = heavy.work.weight = 10;
+    thread_pool *p = start(2, 1, 1);
+    add_until_it_runs(p, &held);
+    thread_pool_add(p, &same.work); /* the other thread is not for ann */
+    wait_for(&seen.began, 1);
+    assert_int_equal(seen.why, THREAD_POOL_IS_BUSY);
+    thread_pool_add(p, &heavy.work); /* nor for what is too heavy */
+    wait_for(&seen.began, 1);
+    assert_int_equal(seen.why, THREAD_POOL_IS_BUSY);
+    sem_post(&held.may_end);
+    wait_for(&seen.ended, 1);
+    thread_pool_stop(p);
+    assert_string_equal(seen.order, "aBC");
+}
+
+static void test_work_that_has_waited_too_long_for_the_only_thread_does_not_begin(void **state)
+{
+    piece held = piece_of("ann", 'a', true), late = piece_of("bob", 'b', false);
+    (void)state;
+    thread_pool *p = start(1, 1, 1);
+    add_until_it_runs(p, &held);
+    thread_pool_add(p, &late.work);
+    while (clock_monotonic_ms() <= late.work.since_ms) continue;
+    sem_post(&held.may_end);
+    wait_for(&seen.began, 1);
+    thread_pool_stop(p);
+    assert_string_equal(seen.order, "aB");
 }
 
 int main(void)
@@ -185,6 +247,8 @@ int main(void)
         cmocka_unit_test_setup(test_work_runs_together_up_to_a_sum_of_weights, set_up),
         cmocka_unit_test_setup(test_the_threads_have_a_lower_priority, set_up),
         cmocka_unit_test_setup(test_work_that_has_not_begun_is_refused_at_the_stop, set_up),
+        cmocka_unit_test_setup(test_work_that_waits_too_long_is_refused_while_other_work_runs, set_up),
+        cmocka_unit_test_setup(test_work_that_has_waited_too_long_for_the_only_thread_does_not_begin, set_up),
     };
     return cmocka_run_group_tests_name("thread_pool", tests, NULL, NULL);
 }
