@@ -82,7 +82,7 @@ static void measure_point(const pair_job *job, uint32_t at, pair_sums *sums)
         } else if (s->piece[i] == s->piece[j]) {
             nearest = fmin(nearest, distance / mean);
         }
-        if (facing <= VORONOI_OTHER_SIDE || s->piece[i] != s->piece[j]) continue;
+        if (facing <= VORONOI_OPPOSITE_COSINE || s->piece[i] != s->piece[j]) continue;
         const double u = distance / (support * (in->sized ? size : 1));
         add_pair(&b, u * u, in->sized ? size * size : 1);
     }

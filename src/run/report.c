@@ -30,7 +30,7 @@ static void put_mesh(json *report, json *warnings, const report_facts *facts)
     const triangulation_facts *m = &facts->results->mesh;
     json *object = json_put_object(report, "mesh");
     json_put_integer(object, "triangles", (int64_t)m->triangles);
-    json_put_integer(object, "closing_triangles", (int64_t)m->closing);
+    json_put_integer(object, "closing_triangles", (int64_t)m->hole_triangles);
     json_put_integer(object, "euler", m->euler);
     json_put_integer(object, "boundary_edges", (int64_t)m->boundary_edges);
     json_put_integer(object, "rim_edges", (int64_t)m->rim_edges);
@@ -40,7 +40,7 @@ static void put_mesh(json *report, json *warnings, const report_facts *facts)
     json_put_bool(object, "closed", triangulation_is_closed(m));
     json_put_number(object, "radius_ratio", m->radius_ratio);
     if (facts->results->label_meshes) json_put(object, "labels", facts->results->label_meshes);
-    if (!triangulation_is_whole(m))
+    if (!triangulation_is_manifold(m))
         json_append_string(
             warnings, "mesh.ply has holes or non-manifold edges, because the spacing does not resolve the "
                       "surface (see mesh in the report); ask for more points");

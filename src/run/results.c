@@ -328,7 +328,7 @@ static bool triangulate(const results_input *in, const triangulation_input *site
     if (in->corner) return copy_known(in, sites, pool, out, e);
     if (!triangulation_make(sites, pool, out, e)) return false;
     const bool on_triangles = in->triangles || (in->labels && in->sampled == label_surface_field(in->labels));
-    if (!on_triangles || triangulation_is_whole(&out->facts) || sites->count > most_on_pieces) return true;
+    if (!on_triangles || triangulation_is_manifold(&out->facts) || sites->count > most_on_pieces) return true;
     if (mend(in, sites, pool, out, &why) || why.code == ERROR_LIMIT_MEMORY)
         return true; /* what there is will do */
     if (e) *e = why;

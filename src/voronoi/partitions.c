@@ -7,11 +7,13 @@
 #include "base/memory.h"
 #include "geometry/bbox.h"
 
+/* Maximum number of own points of a partition, and maximum number of partitions. */
 static const size_t PARTITION_POINTS = 200000, PARTITIONS_MOST = 16;
-enum { BINS = 4096 }; /* of the histogram that decides where to cut */
-/* Points that are looked at together: those that follow each other are mostly near each other. */
-enum { SPAN = 256, SPANS = 64 }; /* and spans, by one thread */
-/* A star takes the lists of those listed by those listed. */
+/* Bins of the histogram that determines the cuts. */
+enum { BINS = 4096 };
+/* Consecutive points of a span, which are mostly near each other; spans of one task. */
+enum { SPAN = 256, SPANS = 64 };
+/* Width of the halo over the reach of the lists: a star uses the lists of the points that its listed points list. */
 static const double HALO_REACHES = 3;
 
 static void note_spans(const partitions_input *in, partitions *out)
@@ -27,7 +29,7 @@ static void note_spans(const partitions_input *in, partitions *out)
     }
 }
 
-/* No fewer points than any partition and those around it are, by the counts of the bins. */
+/* Upper bound of the number of points of a partition with its halo, from the histogram. */
 static size_t most_points(const partitions_input *in, const partitions *all, const size_t bin[BINS],
                           double low, double width)
 {
@@ -87,10 +89,10 @@ typedef struct gather_job {
     const partitions *all;
     partition *s;
     double low, high;
-    size_t *begin; /* of each span its points in or around the partition: how many, then where they go */
+    size_t *begin; /* per span: the number of its points in the partition or halo; later its first index */
 } gather_job;
 
-/* Whether none of a span's points are in or around the partition. */
+/* Whether no point of a span is in the partition or its halo. */
 static bool passes_by(const gather_job *job, size_t span)
 {
     return job->all->span[span].high < job->low || job->all->span[span].low >= job->high;
@@ -139,7 +141,7 @@ static void copy_spans(void *context, int worker, size_t span, size_t end)
     }
 }
 
-/* Copies the points in a partition and around it; how many they are becomes its count. */
+/* Copies the points of a partition and its halo, and sets its count. */
 static bool gather_points(const partitions_input *in, const partitions *all, threads *pool, partition *s,
                           error *e)
 {
@@ -161,7 +163,7 @@ static bool gather_points(const partitions_input *in, const partitions *all, thr
     return true;
 }
 
-/* Room for the largest of all. */
+/* Allocates the arrays for the largest partition. */
 static bool reserve(const partitions_input *in, const partitions *all, partition *s, error *e)
 {
     const char *what = "a part of a set";

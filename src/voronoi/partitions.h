@@ -1,5 +1,6 @@
-/* partitions: a point set cut into slabs across the longest side of its box, so that neighbour lists are needed for
- * one partition at a time. A partition holds about a hundred thousand points; in the largest sets it holds more. */
+/* partitions: divides a point set into slabs across the longest side of its bounding box, so that neighbour lists are in memory for one
+ * partition at a time. A partition has 100 000 to 200 000 points, more in sets of more than 3.2 million. World space.
+ */
 #ifndef HEXAD_VORONOI_PARTITIONS_H
 #define HEXAD_VORONOI_PARTITIONS_H
 
@@ -13,14 +14,14 @@
 #include "geometry/vec3.h"
 #include "packing/neighbours.h"
 
-/* The caller's arrays. */
+/* The points. Arrays are owned by the caller and outlive the partitions. */
 typedef struct partitions_input {
     size_t count;
     const vec3 *position, *normal;
-    const double *spacing; /* of each, > 0 */
-    const uint32_t *label; /* of each; lists hold points of one label; NULL: all */
-    const uint8_t *flags;  /* of packing.h, of each; NULL: none */
-    double cutoff;         /* lists hold who is within this times the mean of two spacings */
+    const double *spacing; /* per point, world units, > 0 */
+    const uint32_t *label; /* per point; lists have points of one label; NULL: one label */
+    const uint8_t *flags;  /* per point, of packing/packing.h; NULL: none */
+    double cutoff;         /* of the lists, over the mean spacing of a pair */
 } partitions_input;
 
 typedef struct partitions_span {
@@ -28,38 +29,39 @@ typedef struct partitions_span {
 } partitions_span;
 
 typedef struct partitions {
-    int axis; /* that they are cut across */
+    int axis; /* normal to the cuts */
     size_t count;
-    double *end;           /* where each ends along the axis */
-    partitions_span *span; /* along the axis, of each 256 points that follow each other */
-    double halo;           /* width on either side, of the points that a partition knows beside its own */
-    size_t most;           /* no partition knows more points, its own and others */
+    double *end;           /* per partition: its upper end along the axis */
+    partitions_span *span; /* per 256 consecutive points: their range along the axis */
+    double halo;           /* width of the neighbourhood that a partition includes on both sides */
+    size_t most;           /* maximum number of points of a partition, halo included */
 } partitions;
 
-/* Release also after failure. Error: limit_memory. */
+/* Computes the cuts. Free *out also after failure. Error: limit_memory. */
 bool partitions_cut(const partitions_input *in, threads *pool, partitions *out, error *e);
 void partitions_free(partitions *s);
 
-/* A partition's own points and those around it, in the order of the set. The halo is so wide that the lists are
- * complete for its own points, for their neighbours and for the neighbours of these. */
+/* The points of one partition and of its halo, in the order of the set. The halo is wide enough that the lists are complete for the
+ * partition's own points, for their neighbours and for the neighbours of these. */
 typedef struct partition {
     int axis;
-    double low, high; /* of its own */
-    size_t count;
+    double low, high; /* range of the own points along the axis: low <= x < high */
+    size_t count;     /* halo included */
     vec3 *position, *normal;
     double *spacing;
-    uint32_t *index; /* of each, among all */
-    uint32_t *label; /* as in the input; NULL likewise */
-    uint8_t *flags;
+    uint32_t *index; /* per point: its index in the set, ascending */
+    uint32_t *label; /* per point; NULL if the input has none */
+    uint8_t *flags;  /* per point; NULL if the input has none */
     neighbours *near;
 } partition;
 
-/* Partition k; it may have no points of its own. *out is zeros, or holds another one of the same partitions, whose arrays become
- * those of this one. Release also after failure. Errors: limit_memory, cancelled. */
+/* Loads partition k; it may be empty. *out is zeroed, or holds another partition of the same set, whose arrays are reused. Free *out also
+ * after failure. Errors: limit_memory, cancelled. */
 bool partition_fill(const partitions_input *in, const partitions *all, size_t k, threads *pool,
                     partition *out, error *e);
 void partition_free(partition *s);
 
+/* Whether point i is one of the partition's own, not of the halo. */
 static inline bool partition_owns(const partition *s, size_t i)
 {
     assert(i < s->count);

@@ -6,16 +6,16 @@
 #include "packing/packing.h"
 
 enum { LANES = STAR_LANES };
-/* Points of a ring that are looked at: an even packing has six. */
+/* Maximum number of points of a ring; an ideal packing has six. */
 enum { SLOTS = 8 };
 
-/* False when a list is longer than STAR_ROWS. */
-static bool gather_rows(const voronoi_sites *in, const uint32_t *points, uint32_t count, star_rows *out)
+/* False: a list is longer than STAR_LIST_MAX. */
+static bool gather_lists(const voronoi_sites *in, const uint32_t *points, uint32_t count, star_lists *out)
 {
     out->most = 0;
     for (uint32_t l = 0; l < LANES; l++) {
         const uint32_t a = points[l < count ? l : 0], listed = in->near->list_count[a];
-        if (listed > STAR_ROWS) return false;
+        if (listed > STAR_LIST_MAX) return false;
         const uint32_t *list = neighbours_list(in->near, a);
         const vec3 x = in->position[a], n = in->normal[a];
         out->point[l] = a;
@@ -41,34 +41,34 @@ static bool gather_rows(const voronoi_sites *in, const uint32_t *points, uint32_
 #define SQRT(to, from) \
     for (int l_ = 0; l_ < LANES; l_++) (to)[l_] = sqrt((from)[l_])
 
-/* The points around each, by slots. */
+/* The points around each own point, one per slot. */
 typedef struct slots {
-    row x[SLOTS + 1], y[SLOTS + 1], z[SLOTS + 1], square[SLOTS + 1];
+    lane_values x[SLOTS + 1], y[SLOTS + 1], z[SLOTS + 1], square[SLOTS + 1];
 } slots;
 
 typedef struct rings {
-    row spacing, nx, ny, nz, ux, uy, uz, vx, vy, vz;
-    mask listed, within[STAR_ROWS], bent;
-    row beyond;                      /* squared distance that those outside have at least */
-    row clear;                       /* the shortest edge that is */
-    uint8_t place[SLOTS][LANES];     /* of each slot, in the list */
-    mask count;                      /* points of each ring; 0: too few, or too many */
-    mask rank[SLOTS];                /* where each slot stands by angle */
-    uint32_t most;                   /* points of a ring */
-    slots in_list, at;               /* ways in space, in the order of the list; in the plane, by angle */
-    row last_x, last_y, last_square; /* before the first */
-    mask is_clear;
-    row distance[SLOTS], edge[SLOTS];
+    lane_values spacing, nx, ny, nz, ux, uy, uz, vx, vy, vz;
+    lane_mask listed, within[STAR_LIST_MAX], bent;
+    lane_values beyond;          /* lower bound of the squared distance of the points outside */
+    lane_values clear;           /* minimum length of an edge */
+    uint8_t place[SLOTS][LANES]; /* per slot: its entry in the list */
+    lane_mask count;             /* points of each ring; 0: too few, or too many */
+    lane_mask rank[SLOTS];       /* per slot: its rank by angle */
+    uint32_t most;               /* maximum of `count` */
+    slots in_list, at; /* offsets in space, in the order of the list; offsets in the plane, by angle */
+    lane_values last_x, last_y, last_square; /* of the point before the first */
+    lane_mask is_planar;
+    lane_values distance[SLOTS], edge[SLOTS];
 } rings;
 
-static void set_frames(const voronoi_sites *in, const star_rows *rows, rings *g)
+static void set_frames(const voronoi_sites *in, const star_lists *lists, rings *g)
 {
     for (int l = 0; l < LANES; l++) {
-        const vec3 n = in->normal[rows->point[l]];
+        const vec3 n = in->normal[lists->point[l]];
         vec3 u, v;
         vec3_frame(n, &u, &v);
-        g->spacing[l] = in->spacing[rows->point[l]];
-        g->listed[l] = rows->count[l];
+        g->spacing[l] = in->spacing[lists->point[l]];
+        g->listed[l] = lists->count[l];
         g->nx[l] = n.x;
         g->ny[l] = n.y;
         g->nz[l] = n.z;
@@ -81,47 +81,48 @@ static void set_frames(const voronoi_sites *in, const star_rows *rows, rings *g)
     }
 }
 
-/* As gather_ring of voronoi.c, entry by entry. */
-ISA_CLONES static void look_around(star_rows *rows, rings *g)
+/* gather_ring of voronoi.c, entry by entry. */
+ISA_CLONES static void look_around(star_lists *lists, rings *g)
 {
-    const row nx = g->nx, ny = g->ny, nz = g->nz, reach = STAR_RING_FIRST * g->spacing,
-              reach2 = reach * reach;
-    row least = g->spacing, widest = g->spacing, beyond = ALL(INFINITY);
-    mask bent = {0};
-    for (uint32_t k = 0; k < rows->most; k++) {
-        const row x = *(const row *)rows->x[k], y = *(const row *)rows->y[k], z = *(const row *)rows->z[k],
-                  mx = *(const row *)rows->nx[k], my = *(const row *)rows->ny[k],
-                  mz = *(const row *)rows->nz[k], spacing = *(const row *)rows->spacing[k];
-        const row facing = nx * mx + ny * my + nz * mz, square = x * x + y * y + z * z,
-                  height = nx * x + ny * y + nz * z;
-        const mask seen = (g->listed > k) & ~(facing <= STAR_OTHER_SIDE);
-        const mask bends = (facing < STAR_FLAT_FACING) |
-                           (height * height > STAR_FLAT_HEIGHT * STAR_FLAT_HEIGHT * square) | (square == 0);
-        const mask within = seen & (square < reach2), outside = seen & ~within & (square < beyond);
-        const mask finer = seen & (spacing < least), wider = seen & (spacing > widest);
+    const lane_values nx = g->nx, ny = g->ny, nz = g->nz, reach = STAR_RING_FIRST * g->spacing,
+                      reach2 = reach * reach;
+    lane_values least = g->spacing, widest = g->spacing, beyond = ALL(INFINITY);
+    lane_mask bent = {0};
+    for (uint32_t k = 0; k < lists->most; k++) {
+        const lane_values x = *(const lane_values *)lists->x[k], y = *(const lane_values *)lists->y[k],
+                          z = *(const lane_values *)lists->z[k], mx = *(const lane_values *)lists->nx[k],
+                          my = *(const lane_values *)lists->ny[k], mz = *(const lane_values *)lists->nz[k],
+                          spacing = *(const lane_values *)lists->spacing[k];
+        const lane_values facing = nx * mx + ny * my + nz * mz, square = x * x + y * y + z * z,
+                          height = nx * x + ny * y + nz * z;
+        const lane_mask seen = (g->listed > k) & ~(facing <= STAR_OPPOSITE_COSINE);
+        const lane_mask bends = (facing < STAR_MIN_COSINE) |
+                                (height * height > STAR_MAX_SLOPE * STAR_MAX_SLOPE * square) | (square == 0);
+        const lane_mask within = seen & (square < reach2), outside = seen & ~within & (square < beyond);
+        const lane_mask finer = seen & (spacing < least), wider = seen & (spacing > widest);
         bent |= seen & bends;
         least = CHOOSE(finer, spacing, least);
         widest = CHOOSE(wider, spacing, widest);
         beyond = CHOOSE(outside, square, beyond);
         g->within[k] = within;
-        *(row *)rows->facing[k] = facing;
-        *(row *)rows->square[k] = square;
+        *(lane_values *)lists->facing[k] = facing;
+        *(lane_values *)lists->square[k] = square;
     }
-    const row unlisted = VORONOI_REACH * 0.5 * (g->spacing + least), unlisted2 = unlisted * unlisted;
+    const lane_values unlisted = VORONOI_REACH * 0.5 * (g->spacing + least), unlisted2 = unlisted * unlisted;
     g->beyond = CHOOSE(unlisted2 < beyond, unlisted2, beyond);
-    g->clear = STAR_CLEAR * widest;
+    g->clear = STAR_MIN_EDGE * widest;
     g->bent = bent;
 }
 
-/* Those within, in the order of the list. Which they are is as good as random, so nothing branches on it. */
-static void fill_slots(const star_rows *rows, rings *g)
+/* Collects the points within, in the order of the list. Which they are is unpredictable: there are no branches on it. */
+static void fill_slots(const star_lists *lists, rings *g)
 {
     g->most = 0;
-    memset(&g->in_list, 0, sizeof g->in_list); /* what stood there may be denormal, which is slow */
+    memset(&g->in_list, 0, sizeof g->in_list); /* old values may be denormal, which is slow */
     for (int l = 0; l < LANES; l++) {
-        uint8_t place[STAR_ROWS + 1];
+        uint8_t place[STAR_LIST_MAX + 1];
         uint32_t count = 0;
-        for (uint32_t k = 0; k < rows->count[l]; k++) {
+        for (uint32_t k = 0; k < lists->count[l]; k++) {
             place[count] = (uint8_t)k;
             count += g->within[k][l] & 1;
         }
@@ -131,29 +132,29 @@ static void fill_slots(const star_rows *rows, rings *g)
         for (uint32_t t = 0; t < count; t++) {
             const uint32_t k = place[t];
             g->place[t][l] = place[t];
-            g->in_list.x[t][l] = rows->x[k][l];
-            g->in_list.y[t][l] = rows->y[k][l];
-            g->in_list.z[t][l] = rows->z[k][l];
-            g->in_list.square[t][l] = rows->square[k][l];
+            g->in_list.x[t][l] = lists->x[k][l];
+            g->in_list.y[t][l] = lists->y[k][l];
+            g->in_list.z[t][l] = lists->z[k][l];
+            g->in_list.square[t][l] = lists->square[k][l];
         }
     }
 }
 
-/* Where each stands by angle in the plane, the nearest first: as order_ring of voronoi.c. */
+/* Ranks the slots by angle in the plane, starting with the nearest: order_ring of voronoi.c. */
 ISA_CLONES static void order_slots(rings *g)
 {
     slots plane, *to = &g->at;
-    row angle[SLOTS];
-    mask rank[SLOTS] = {0};
+    lane_values angle[SLOTS];
+    lane_mask rank[SLOTS] = {0};
     const uint32_t most = g->most;
     for (uint32_t t = 0; t < most; t++) {
-        const row rx = g->in_list.x[t], ry = g->in_list.y[t], rz = g->in_list.z[t];
-        const row x = g->ux * rx + g->uy * ry + g->uz * rz, y = g->vx * rx + g->vy * ry + g->vz * rz;
-        const mask sign = (mask){0} + INT64_MIN;
-        const row sum = (row)((mask)x & ~sign) + (row)((mask)y & ~sign);
-        const row grows =
-            (row)(((mask)(1 - x / sum) & ~sign) | ((mask)y & sign)); /* with the angle, from -2 to 2 */
-        const mask is_there = g->count > t;
+        const lane_values rx = g->in_list.x[t], ry = g->in_list.y[t], rz = g->in_list.z[t];
+        const lane_values x = g->ux * rx + g->uy * ry + g->uz * rz, y = g->vx * rx + g->vy * ry + g->vz * rz;
+        const lane_mask sign = (lane_mask){0} + INT64_MIN;
+        const lane_values sum = (lane_values)((lane_mask)x & ~sign) + (lane_values)((lane_mask)y & ~sign);
+        const lane_values grows = (lane_values)(((lane_mask)(1 - x / sum) & ~sign) |
+                                                ((lane_mask)y & sign)); /* with the angle, from -2 to 2 */
+        const lane_mask is_there = g->count > t;
         plane.x[t] = x;
         plane.y[t] = y;
         plane.z[t] = g->nx * rx + g->ny * ry + g->nz * rz;
@@ -162,26 +163,26 @@ ISA_CLONES static void order_slots(rings *g)
     }
     for (uint32_t t = 1; t < most; t++)
         for (uint32_t s = 0; s < t; s++) {
-            const mask later = angle[t] >= angle[s];
+            const lane_mask later = angle[t] >= angle[s];
             rank[t] -= later;
             rank[s] += 1 + later;
         }
-    mask first = rank[0];
-    row nearest = plane.square[0];
+    lane_mask first = rank[0];
+    lane_values nearest = plane.square[0];
     for (uint32_t t = 1; t < most; t++) {
-        const mask nearer = plane.square[t] < nearest;
-        first = (mask)CHOOSE(nearer, rank[t], first);
+        const lane_mask nearer = plane.square[t] < nearest;
+        first = (lane_mask)CHOOSE(nearer, rank[t], first);
         nearest = CHOOSE(nearer, plane.square[t], nearest);
     }
     for (uint32_t t = 0; t < most; t++) {
-        const mask is_there = g->count > t, before = rank[t] - first;
-        rank[t] = (mask)CHOOSE(is_there, before + (g->count & (before < 0)), rank[t]);
+        const lane_mask is_there = g->count > t, before = rank[t] - first;
+        rank[t] = (lane_mask)CHOOSE(is_there, before + (g->count & (before < 0)), rank[t]);
         g->rank[t] = rank[t];
     }
     for (uint32_t s = 0; s <= most; s++) {
-        row x = {0}, y = {0}, z = {0}, square = {0};
+        lane_values x = {0}, y = {0}, z = {0}, square = {0};
         for (uint32_t t = 0; t < most; t++) {
-            const mask here = rank[t] == s;
+            const lane_mask here = rank[t] == s;
             x = CHOOSE(here, plane.x[t], x);
             y = CHOOSE(here, plane.y[t], y);
             z = CHOOSE(here, plane.z[t], z);
@@ -194,13 +195,13 @@ ISA_CLONES static void order_slots(rings *g)
     }
 }
 
-/* The first again behind the last of each; and the last, which comes before the first. */
+/* Repeats the first point after the last one of each ring, and copies the last one to last_x, last_y and last_square. */
 ISA_CLONES static void close_rings(rings *g)
 {
     slots *at = &g->at;
     g->last_x = g->last_y = g->last_square = ALL(0);
     for (uint32_t t = 1; t <= g->most; t++) {
-        const mask end = g->count == t;
+        const lane_mask end = g->count == t;
         at->x[t] = CHOOSE(end, at->x[0], at->x[t]);
         at->y[t] = CHOOSE(end, at->y[0], at->y[t]);
         at->z[t] = CHOOSE(end, at->z[0], at->z[t]);
@@ -211,49 +212,49 @@ ISA_CLONES static void close_rings(rings *g)
     }
 }
 
-/* Whether every point of a ring keeps an edge, and those outside are too far to have one: as judge_edge and is_closed of
- * voronoi.c. */
+/* Whether every point of a ring has an edge, and the points outside are too far for one: judge_edge and is_closed of voronoi.c. */
 ISA_CLONES static void judge_rings(rings *g)
 {
     const slots *at = &g->at;
-    row px = g->last_x, py = g->last_y, p2 = g->last_square, root;
+    lane_values px = g->last_x, py = g->last_y, p2 = g->last_square, root;
     SQRT(root, g->beyond);
-    const row corner = root - g->clear;
-    mask good = (g->count > 0) & (corner > 0);
+    const lane_values corner = root - g->clear;
+    lane_mask good = (g->count > 0) & (corner > 0);
     for (uint32_t t = 0; t < g->most; t++) {
-        const row qx = at->x[t], qy = at->y[t], q2 = at->square[t], rx = at->x[t + 1], ry = at->y[t + 1],
-                  r2 = at->square[t + 1];
-        const row plane = qx * qx + qy * qy, dot = qx * rx + qy * ry, before = px * qy - py * qx,
-                  after = qx * ry - qy * rx;
-        const row rest_p = p2 * plane - q2 * (qx * px + qy * py), rest_r = r2 * plane - q2 * dot;
-        row across;
+        const lane_values qx = at->x[t], qy = at->y[t], q2 = at->square[t], rx = at->x[t + 1],
+                          ry = at->y[t + 1], r2 = at->square[t + 1];
+        const lane_values plane = qx * qx + qy * qy, dot = qx * rx + qy * ry, before = px * qy - py * qx,
+                          after = qx * ry - qy * rx;
+        const lane_values rest_p = p2 * plane - q2 * (qx * px + qy * py), rest_r = r2 * plane - q2 * dot;
+        lane_values across;
         SQRT(across, plane);
-        const row length = rest_r * before + rest_p * after, least = 2 * g->clear * across * before * after;
-        const mask kept = (before > 0) & (after > 0) & (length > least);
-        const mask is_far =
+        const lane_values length = rest_r * before + rest_p * after,
+                          least = 2 * g->clear * across * before * after;
+        const lane_mask kept = (before > 0) & (after > 0) & (length > least);
+        const lane_mask is_far =
             rest_r * rest_r + q2 * q2 * after * after > corner * corner * plane * after * after;
         good &= (kept & ~(dot < 0) & ~is_far) | (g->count <= t);
         px = qx;
         py = qy;
         p2 = q2;
     }
-    g->is_clear = good;
+    g->is_planar = good;
 }
 
-/* As measure_star of voronoi.c. */
+/* measure_star of voronoi.c. */
 ISA_CLONES static void measure_rings(rings *g)
 {
     const slots *at = &g->at;
-    row next[SLOTS], last = {0};
+    lane_values next[SLOTS], last = {0};
     SQRT(g->distance[0], at->square[0]);
     for (uint32_t t = 0; t < g->most; t++) {
-        const row q2 = at->square[t], r2 = at->square[t + 1];
-        const row dot = at->x[t] * at->x[t + 1] + at->y[t] * at->y[t + 1] + at->z[t] * at->z[t + 1];
-        const row sine2 = q2 * r2 - dot * dot;
-        row sine, far;
+        const lane_values q2 = at->square[t], r2 = at->square[t + 1];
+        const lane_values dot = at->x[t] * at->x[t + 1] + at->y[t] * at->y[t + 1] + at->z[t] * at->z[t + 1];
+        const lane_values sine2 = q2 * r2 - dot * dot;
+        lane_values sine, far;
         SQRT(sine, sine2);
         SQRT(far, r2);
-        const row half = 0.5 / sine;
+        const lane_values half = 0.5 / sine;
         if (t + 1 < SLOTS) g->distance[t + 1] = far;
         g->edge[t] = half * g->distance[t] * (r2 - dot);
         next[t] = half * far * (q2 - dot);
@@ -263,10 +264,10 @@ ISA_CLONES static void measure_rings(rings *g)
     for (uint32_t t = 1; t < g->most; t++) g->edge[t] += next[t - 1];
 }
 
-static void find_rings(star_rows *rows, rings *g)
+static void find_rings(star_lists *lists, rings *g)
 {
-    look_around(rows, g);
-    fill_slots(rows, g);
+    look_around(lists, g);
+    fill_slots(lists, g);
     order_slots(g);
     close_rings(g);
     judge_rings(g);
@@ -289,27 +290,28 @@ static void write_star(const rings *g, int l, const uint32_t *list, voronoi_star
     }
 }
 
-typedef enum verdict { CLEAR, UNSURE, BENT } verdict;
+/* PLANAR: the star is valid. UNSURE: voronoi_star_planar may find a valid one. BENT: it cannot. */
+typedef enum verdict { PLANAR, UNSURE, BENT } verdict;
 
-/* Fills in the stars of the first `count` points that are clear. UNSURE: the general way may find that one is. */
-static void find_clear(const voronoi_sites *in, star_rows *rows, uint32_t count, voronoi_star *out,
-                       verdict found[STAR_LANES])
+/* Computes the planar stars of the first `count` points. */
+static void find_planar(const voronoi_sites *in, star_lists *lists, uint32_t count, voronoi_star *out,
+                        verdict found[STAR_LANES])
 {
     rings g;
-    set_frames(in, rows, &g);
-    find_rings(rows, &g);
+    set_frames(in, lists, &g);
+    find_rings(lists, &g);
     for (uint32_t l = 0; l < count; l++) {
-        found[l] = g.bent[l] ? BENT : g.is_clear[l] ? CLEAR : UNSURE;
-        if (found[l] == CLEAR) write_star(&g, (int)l, neighbours_list(in->near, rows->point[l]), &out[l]);
+        found[l] = g.bent[l] ? BENT : g.is_planar[l] ? PLANAR : UNSURE;
+        if (found[l] == PLANAR) write_star(&g, (int)l, neighbours_list(in->near, lists->point[l]), &out[l]);
     }
 }
 
-bool star_lanes_at(const voronoi_sites *in, const uint32_t *points, uint32_t count, star_rows *rows,
+bool star_lanes_at(const voronoi_sites *in, const uint32_t *points, uint32_t count, star_lists *lists,
                    voronoi_star *out)
 {
     verdict found[STAR_LANES];
-    const bool listed = gather_rows(in, points, count, rows);
-    if (listed) find_clear(in, rows, count, out, found);
+    const bool listed = gather_lists(in, points, count, lists);
+    if (listed) find_planar(in, lists, count, out, found);
     for (uint32_t l = 0; l < count; l++)
         if (!listed || found[l] == UNSURE)
             voronoi_star_at(in, points[l], &out[l]);

@@ -1,10 +1,12 @@
-/* star_lanes: clear stars (voronoi.h) of several points side by side, one in each lane of a vector: the same stars as one by one, to
- * the last bit, in six tenths of the time.
+/* star_lanes: planar stars (voronoi.h) of several points at once, one point in each SIMD lane. The result is the same to the last bit as
+ * one after the other, in 0.6 of the time.
  *
- * A clear star is a point's cell in its tangent plane. Distances there are those in space, so that on a sphere the cell's edges are
- * the very ones of the diagram in space; elsewhere these lie off the plane by terms of second order in how far the surface bends
- * within the lists, which STAR_FLAT_FACING and STAR_FLAT_HEIGHT bound. A cell whose every edge is longer than STAR_CLEAR, in
- * spacings, and whose other points would have to come nearer by as much to have one, has the neighbours that the triangles find. */
+ * A planar star is computed from the polygon that the bisectors bound in the tangent plane of the point. Distances are those in space.
+ * On a sphere the edges of the polygon are therefore those of the diagram in space. On other surfaces they differ by terms of second order
+ * in the bend of the surface within the lists, which STAR_MIN_COSINE and STAR_MAX_SLOPE bound. The neighbours equal those of
+ * voronoi_star_triangles if every edge of the polygon is longer than STAR_MIN_EDGE, and every other point would have to come nearer by as
+ * much to get an edge. Otherwise the planar star is not used. World space. Pure functions, any thread.
+ */
 #ifndef HEXAD_VORONOI_STAR_LANES_H
 #define HEXAD_VORONOI_STAR_LANES_H
 
@@ -13,42 +15,45 @@
 
 #include "voronoi/voronoi.h"
 
-/* The cosine of an angle, the sine of its half. */
-#define STAR_FLAT_FACING 0.9
-#define STAR_FLAT_HEIGHT 0.22
-/* Half of STAR_FLAT_FACING's angle away from VORONOI_OTHER_SIDE: on another sheet for every pair. */
-#define STAR_OTHER_SIDE -0.77
-/* On the tests' sets no clear star differs from the triangles'. */
-#define STAR_CLEAR 0.225
-/* Points that are looked at first, as far away as this in spacings: mostly the cell's neighbours alone. */
+/* Minimum cosine between the normal of the point and those of its list. */
+#define STAR_MIN_COSINE 0.9
+/* Maximum height of a listed point over the tangent plane, divided by its distance: the sine of half of that angle. */
+#define STAR_MAX_SLOPE 0.22
+/* Points whose normals have a smaller cosine are on opposite walls, whatever the other normals of the list are: VORONOI_OPPOSITE_COSINE
+ * less half of the angle of STAR_MIN_COSINE. */
+#define STAR_OPPOSITE_COSINE -0.77
+/* Minimum length of an edge of a planar star, in spacings. With this value no planar star of the tests' sets differs from that by triangles. */
+#define STAR_MIN_EDGE 0.225
+/* Distance of the points that are tried first, in spacings: mostly the neighbours alone. */
 #define STAR_RING_FIRST 1.45
 
-enum { STAR_LANES = 4, STAR_ROWS = 32 };
+enum { STAR_LANES = 4, STAR_LIST_MAX = 32 };
 
-/* The lists of some points, entry by entry. */
-typedef struct star_rows {
-    uint32_t most; /* the longest list's length */
+/* The neighbour lists of up to STAR_LANES points, entry by entry. */
+typedef struct star_lists {
+    uint32_t most; /* length of the longest list */
     uint32_t point[STAR_LANES], count[STAR_LANES];
-    /* of each entry: the way there, its normal as the point sees it, its spacing. Behind a list's end they mean nothing. */
-    double x[STAR_ROWS][STAR_LANES], y[STAR_ROWS][STAR_LANES], z[STAR_ROWS][STAR_LANES];
-    double nx[STAR_ROWS][STAR_LANES], ny[STAR_ROWS][STAR_LANES], nz[STAR_ROWS][STAR_LANES];
-    double spacing[STAR_ROWS][STAR_LANES];
-    /* the cosine between both normals, and the squared distance */
-    double facing[STAR_ROWS][STAR_LANES], square[STAR_ROWS][STAR_LANES];
-} star_rows;
+    /* Per entry: its position relative to the point, its normal (turned towards the point's if its sign is arbitrary) and its spacing.
+     * Values beyond the end of a list are undefined. */
+    double x[STAR_LIST_MAX][STAR_LANES], y[STAR_LIST_MAX][STAR_LANES], z[STAR_LIST_MAX][STAR_LANES];
+    double nx[STAR_LIST_MAX][STAR_LANES], ny[STAR_LIST_MAX][STAR_LANES], nz[STAR_LIST_MAX][STAR_LANES];
+    double spacing[STAR_LIST_MAX][STAR_LANES];
+    /* the cosine between the two normals, and the squared distance */
+    double facing[STAR_LIST_MAX][STAR_LANES], square[STAR_LIST_MAX][STAR_LANES];
+} star_lists;
 
-/* A number or a yes (all bits) of each lane, for functions marked ISA_CLONES. */
-typedef double row __attribute__((vector_size(8 * STAR_LANES), aligned(8), may_alias));
-typedef int64_t mask __attribute__((vector_size(8 * STAR_LANES), aligned(8), may_alias));
+/* One number, or one condition (all bits set: true), per lane; for functions marked ISA_CLONES. */
+typedef double lane_values __attribute__((vector_size(8 * STAR_LANES), aligned(8), may_alias));
+typedef int64_t lane_mask __attribute__((vector_size(8 * STAR_LANES), aligned(8), may_alias));
 
-/* Lane by lane a where `which` is set, else b; vectors, or a number for all. (No functions: vectors are not handed over alike with and
- * without AVX.) */
-#define CHOOSE(which, a, b) ((row)(((mask)(a) & (which)) | ((mask)(b) & ~(which))))
-#define ALL(number) ((row){0} + (number))
+/* Per lane: a where `which` is set, else b. ALL: the same number in all lanes. (Macros, because functions with and without AVX pass
+ * vectors differently.) */
+#define CHOOSE(which, a, b) ((lane_values)(((lane_mask)(a) & (which)) | ((lane_mask)(b) & ~(which))))
+#define ALL(number) ((lane_values){0} + (number))
 
-/* The stars of up to STAR_LANES points, as voronoi_star_at has them. *rows is zeros, or what another call left. False when a list is
- * longer than STAR_ROWS: the rows mean nothing then. */
-bool star_lanes_at(const voronoi_sites *sites, const uint32_t *points, uint32_t count, star_rows *rows,
+/* Computes the stars of `count` points, at most STAR_LANES, as voronoi_star_at does. *lists is zeroed, or left by another call. False:
+ * a list is longer than STAR_LIST_MAX; *lists is undefined, *out is complete. */
+bool star_lanes_at(const voronoi_sites *sites, const uint32_t *points, uint32_t count, star_lists *lists,
                    voronoi_star *out);
 
 #endif

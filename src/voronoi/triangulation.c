@@ -14,7 +14,7 @@ enum { CHUNK = THREADS_GRAIN };
 
 /* ---- the triangles ---- */
 
-/* Those that a chunk of points has found. */
+/* The triangles of one chunk of points. */
 typedef struct found {
     size_t count, capacity;
     uint32_t (*corner)[3];
@@ -41,7 +41,7 @@ static void note_triangle(const voronoi_sites *s, uint32_t a, uint32_t b, uint32
     corner[2] = s->index[outwards ? c : b];
 }
 
-/* A triangle is noted by the corner of the least index. */
+/* Each triangle is found by its corner of least index. */
 static void search_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const triangle_search *job = context;
@@ -57,7 +57,7 @@ static void search_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Adds what a partition's chunks have found, in their order. */
+/* Appends the triangles of all chunks of a partition, in their order. */
 static bool append_found(const found *all, size_t chunks, triangulation *t, error *e)
 {
     size_t sum = t->facts.triangles;
@@ -94,12 +94,12 @@ static bool search_partition(const partition *s, threads *pool, triangulation *t
 
 /* ---- whether they are a surface ---- */
 
-/* A triangle as one of its corners sees it: the other two, counterclockwise. */
+/* A triangle at one of its corners: the other two corners, counterclockwise. */
 typedef struct wedge {
     uint32_t from, to;
 } wedge;
 
-/* What a chunk adds to the facts. */
+/* Counts of one chunk. */
 typedef struct tally {
     size_t edges, boundary, rim, bad_edges, seams, bad_vertices;
     double ratio;
@@ -108,10 +108,11 @@ typedef struct tally {
 typedef struct survey {
     const triangulation_input *in;
     const triangulation *made;
-    const uint32_t *as; /* what the sides' points are called here; NULL: as they are */
-    size_t *begin;      /* count + 1: of each point's wedges in `wedge` */
+    const uint32_t *vertex_of; /* per point of the curve steps: its vertex; NULL: the point itself */
+    size_t *begin;             /* point i has the wedges begin[i] .. begin[i + 1] - 1 */
     wedge *wedge;
-    size_t *side_begin; /* likewise: the points to which sides lead, in `side`; NULL: there are none */
+    size_t *
+        side_begin; /* per point: its range in `side`, the other ends of its curve steps; NULL: there are none */
     uint32_t *side;
     tally *tally; /* per chunk */
 } survey;
@@ -134,17 +135,18 @@ static bool list_sides(survey *job, error *e)
     if (!job->side_begin || !job->side) return false;
     for (size_t k = 0; k < 2 * in->side_count; k++) {
         uint32_t i = in->side[k / 2][k % 2];
-        job->side_begin[(job->as ? job->as[i] : i) + 2]++;
+        job->side_begin[(job->vertex_of ? job->vertex_of[i] : i) + 2]++;
     }
     for (size_t i = 2; i < in->count + 2; i++) job->side_begin[i] += job->side_begin[i - 1];
     for (size_t k = 0; k < 2 * in->side_count; k++) {
         uint32_t i = in->side[k / 2][k % 2], other = in->side[k / 2][1 - k % 2];
-        job->side[job->side_begin[(job->as ? job->as[i] : i) + 1]++] = job->as ? job->as[other] : other;
+        job->side[job->side_begin[(job->vertex_of ? job->vertex_of[i] : i) + 1]++] =
+            job->vertex_of ? job->vertex_of[other] : other;
     }
     return true;
 }
 
-/* How many sides go between two points. */
+/* Number of curve steps between two points. */
 static size_t count_between(const survey *job, uint32_t i, uint32_t other)
 {
     size_t count = 0;
@@ -167,14 +169,15 @@ static bool list_wedges(survey *job, error *e)
         }
     for (size_t i = 2; i < count + 2; i++) job->begin[i] += job->begin[i - 1];
     for (size_t k = 0; k < t->facts.triangles; k++)
-        for (int c = 0; c < 3; c++) { /* begin[i + 1] moves from where the point's begin to where they end */
+        for (int c = 0; c < 3;
+             c++) { /* begin[i + 1] moves from the begin to the end of the wedges of point i */
             const uint32_t *corner = t->corner[k];
             job->wedge[job->begin[corner[c] + 1]++] = (wedge){corner[(c + 1) % 3], corner[(c + 2) % 3]};
         }
     return list_sides(job, e);
 }
 
-/* How many triangles at the point have the edge to `other` as their first, and how many as their second. */
+/* Numbers of triangles at a point whose first, or second, edge leads to `other`. */
 static void count_sides(const wedge *w, size_t count, uint32_t other, size_t *first, size_t *second)
 {
     *first = *second = 0;
@@ -190,7 +193,7 @@ static bool is_at_boundary(const triangulation_input *in, uint32_t i)
            (in->open && !bbox_contains(bbox_grow(in->domain, -in->spacing[i]), in->position[i]));
 }
 
-/* False when the edge is in too many triangles. Edges count at their lower end. */
+/* Counts the edge from i to `other`, at its end of lower index. False: it is in too many triangles. */
 static bool tally_edge(const survey *job, uint32_t i, uint32_t other, tally *t)
 {
     size_t first, second;
@@ -208,7 +211,7 @@ static bool tally_edge(const survey *job, uint32_t i, uint32_t other, tally *t)
     return good;
 }
 
-/* The edges at a point, each as often as it has triangles. */
+/* The other end of edge k at a point; an edge occurs once per triangle. */
 static uint32_t edge_at(const wedge *w, size_t k)
 {
     return k % 2 == 0 ? w[k / 2].from : w[k / 2].to;
@@ -221,14 +224,14 @@ static bool is_first_time(const wedge *w, size_t k)
     return true;
 }
 
-/* Whether the triangles at a point, whose edges are good, are one fan: from one on, each joins the next. */
+/* Whether the triangles at a point, whose edges are manifold, form one fan. */
 static bool is_one_fan(const wedge *w, size_t count)
 {
     size_t start = 0, seen = 1;
     for (size_t k = 0; k < count; k++) {
         size_t first, second;
         count_sides(w, count, w[k].from, &first, &second);
-        if (second == 0) start = k; /* a boundary begins here */
+        if (second == 0) start = k; /* the fan begins at a boundary */
     }
     for (uint32_t at = w[start].to; at != w[start].from && seen <= count;) {
         size_t next = 0;
@@ -255,7 +258,7 @@ static void survey_points(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* 2 r_in / R_circ by the sides. */
+/* 2 r_in / R_circ, from the lengths of the edges. */
 static double radius_ratio(const vec3 *x, const uint32_t corner[3])
 {
     double a = vec3_norm(vec3_sub(x[corner[1]], x[corner[2]]));
@@ -289,7 +292,7 @@ static void conclude(const tally *all, size_t chunks, size_t points, triangulati
     out->euler = (int64_t)points - (int64_t)out->edges + (int64_t)out->triangles;
 }
 
-/* The corner of the least index comes first. */
+/* Rotates the corners so that the least index comes first. */
 static void turn_to_least(uint32_t corner[3])
 {
     const uint32_t c[3] = {corner[0], corner[1], corner[2]};
@@ -299,11 +302,10 @@ static void turn_to_least(uint32_t corner[3])
 
 /* ---- holes ---- */
 
-/* Loops of more edges are left open: they are where sheets are not told apart. */
+/* Maximum number of edges of a hole that is closed. Larger holes are between walls that the points do not resolve. */
 enum { HOLE_MOST = 8 };
 
-/* Around a hole, clockwise as seen from outside on the triangles, so counterclockwise for those that close
- * it. */
+/* The points around a hole: clockwise in the surrounding triangles, seen from outside, and counterclockwise in those that close it. */
 typedef struct hole {
     size_t count;
     uint32_t point[HOLE_MOST];
@@ -315,7 +317,7 @@ static size_t wedges_at(const survey *job, uint32_t i, const wedge **out)
     return job->begin[i + 1] - job->begin[i];
 }
 
-/* What leads on around holes at a point: edges that end there and are in one triangle, where no curve goes. */
+/* Counts the boundary edges that end at a point and follow no curve. *out: the other end of the last one. */
 static size_t open_edges(const survey *job, uint32_t i, uint32_t *out)
 {
     const wedge *w;
@@ -330,8 +332,8 @@ static size_t open_edges(const survey *job, uint32_t i, uint32_t *out)
     return open;
 }
 
-/* And sides along which no triangle lies, but back to where one came from. */
-static size_t bare_sides(const survey *job, uint32_t i, uint32_t from, uint32_t *out)
+/* Counts the curve steps at a point that are in no triangle, except the one back to `from`. *out: the other end of the last one. */
+static size_t uncovered_curve_edges(const survey *job, uint32_t i, uint32_t from, uint32_t *out)
 {
     const wedge *w;
     size_t count = wedges_at(job, i, &w), bare = 0;
@@ -345,7 +347,7 @@ static size_t bare_sides(const survey *job, uint32_t i, uint32_t from, uint32_t 
     return bare;
 }
 
-/* The hole that is at i, if i is the least of its points at which an edge leads on. */
+/* Finds the hole at point i, if i is the least of its points with a boundary edge. */
 static bool find_hole(const survey *job, uint32_t i, hole *out)
 {
     uint32_t at = i, from = i;
@@ -354,7 +356,7 @@ static bool find_hole(const survey *job, uint32_t i, hole *out)
         uint32_t next;
         const size_t open = open_edges(job, at, &next);
         if (out->count == HOLE_MOST || is_at_boundary(job->in, at) || open > 1 || (open == 1 && at < i) ||
-            (open == 0 && (at == i || bare_sides(job, at, from, &next) != 1)))
+            (open == 0 && (at == i || uncovered_curve_edges(job, at, from, &next) != 1)))
             return false;
         out->point[out->count++] = at;
         from = at;
@@ -363,12 +365,12 @@ static bool find_hole(const survey *job, uint32_t i, hole *out)
     return out->count >= 3;
 }
 
-/* Whether it faces as its corners do: a bridge between two sheets does not. `loosely`: as most of them do. */
+/* Whether a triangle faces the way of the normals of its corners; a bridge between opposite walls does not. `loosely`: of their sum. */
 static bool faces_right(const triangulation_input *in, const uint32_t corner[3], bool loosely)
 {
     const vec3 *x = in->position, *n = in->normal;
     vec3 across = vec3_cross(vec3_sub(x[corner[1]], x[corner[0]]), vec3_sub(x[corner[2]], x[corner[0]]));
-    double least = VORONOI_OTHER_SIDE * vec3_norm(across), sum = 0;
+    double least = VORONOI_OPPOSITE_COSINE * vec3_norm(across), sum = 0;
     for (int c = 0; c < 3; c++) {
         double facing = vec3_dot(across, n[corner[c]]);
         if (!(facing > least || loosely)) return false;
@@ -385,8 +387,8 @@ static bool are_joined(const survey *job, uint32_t a, uint32_t b)
     return first + second > 0;
 }
 
-/* The corner of the hole at which the shortest edge, that is not there yet, cuts off a triangle that faces
- * right; the hole's count if there is none. */
+/* Chooses the ear of the hole with the shortest new edge among those that face the right way. Returns its corner; the count of the hole if
+ * there is none. */
 static size_t choose_ear(const survey *job, const hole *h, bool loosely, uint32_t ear[3])
 {
     size_t best = h->count;
@@ -404,7 +406,7 @@ static size_t choose_ear(const survey *job, const hole *h, bool loosely, uint32_
     return best;
 }
 
-/* Triangles that close the hole; 0 where it cannot be closed so. */
+/* Closes the hole by ear clipping. Returns the number of triangles; 0: it cannot be closed. */
 static size_t close_hole(const survey *job, hole h, bool loosely, uint32_t out[HOLE_MOST - 2][3])
 {
     size_t made = 0;
@@ -419,7 +421,8 @@ static size_t close_hole(const survey *job, hole h, bool loosely, uint32_t out[H
     return made;
 }
 
-/* Whether a triangle lies beyond a curve: an edge is in no other and is no side, and one is a side that has another triangle. */
+/* Whether a triangle lies beyond a curve: one edge is a boundary that follows no curve, and another one follows a curve and has a second
+ * triangle. */
 static bool is_beyond(const survey *job, const uint32_t corner[3])
 {
     int open = 0, crossed = 0;
@@ -434,8 +437,8 @@ static bool is_beyond(const survey *job, const uint32_t corner[3])
     return open > 0 && crossed > 0;
 }
 
-/* Sides are known: leaves out the triangles beyond them, those at the rim first. */
-static bool drop_beyond(const triangulation_input *in, triangulation *t, error *e)
+/* Removes the triangles beyond curves, from the rim inwards. */
+static bool drop_beyond_curves(const triangulation_input *in, triangulation *t, error *e)
 {
     for (bool any = true; any;) {
         survey job = {.in = in, .made = t};
@@ -454,7 +457,7 @@ static bool drop_beyond(const triangulation_input *in, triangulation *t, error *
     return true;
 }
 
-/* Closes what small holes the stars have left, and says how many triangles that took. Few points have any. */
+/* Closes small holes and sets facts.hole_triangles. */
 static bool close_holes(const triangulation_input *in, triangulation *made, error *e)
 {
     survey job = {.in = in, .made = made};
@@ -465,12 +468,13 @@ static bool close_holes(const triangulation_input *in, triangulation *made, erro
         uint32_t corner[HOLE_MOST - 2][3];
         if (!find_hole(&job, i, &h)) continue;
         size_t more = close_hole(&job, h, false, corner);
-        if (more == 0 && in->side) more = close_hole(&job, h, true, corner); /* one sheet only */
+        if (more == 0 && in->side)
+            more = close_hole(&job, h, true, corner); /* with curves there is one wall only */
         added.corner = mem_resize(added.corner, (added.count + more + 1) * sizeof *added.corner);
         memcpy(added.corner + added.count, corner, more * sizeof *corner);
         added.count += more;
     }
-    made->facts.closing = added.count;
+    made->facts.hole_triangles = added.count;
     if (ok && added.count > 0) ok = append_found(&added, 1, made, e);
     free(added.corner);
     free_survey(&job);
@@ -479,7 +483,7 @@ static bool close_holes(const triangulation_input *in, triangulation *made, erro
 
 /* ---- labels ---- */
 
-/* Leaves out the triangles between points on curves that lie beyond these. */
+/* Removes triangles between points on curves that lie beyond the curves. */
 static void drop_outside(const triangulation_input *in, triangulation *t)
 {
     size_t kept = 0;
@@ -497,7 +501,7 @@ static void drop_outside(const triangulation_input *in, triangulation *t)
     t->facts.triangles = kept;
 }
 
-/* Corners become vertices. */
+/* Sets the labels of the triangles and replaces points by vertices. */
 static bool join_labels(const triangulation_input *in, triangulation *t, error *e)
 {
     t->label = mem_array(t->facts.triangles, sizeof *t->label, "the mesh", e);
@@ -516,7 +520,7 @@ bool triangulation_survey(const triangulation_input *in, threads *pool, triangul
 {
     triangulation_input vertices = *in;
     if (in->point) vertices.count = in->points;
-    survey job = {.in = &vertices, .made = made, .as = in->point};
+    survey job = {.in = &vertices, .made = made, .vertex_of = in->point};
     size_t most = made->facts.triangles > vertices.count ? made->facts.triangles : vertices.count,
            chunks = most / CHUNK + 1;
     job.tally = mem_array(chunks, sizeof *job.tally, "the mesh", e);
@@ -544,7 +548,7 @@ bool triangulation_make(const triangulation_input *in, threads *pool, triangulat
     partition_free(&part);
     partitions_free(&all);
     if (ok && in->flags) drop_outside(in, out);
-    if (ok && in->side) ok = drop_beyond(in, out, e);
+    if (ok && in->side) ok = drop_beyond_curves(in, out, e);
     ok = ok && close_holes(in, out, e);
     if (ok && in->point) ok = join_labels(in, out, e);
     return ok && triangulation_survey(in, pool, out, e);
@@ -557,7 +561,7 @@ void triangulation_free(triangulation *t)
     *t = (triangulation){0};
 }
 
-bool triangulation_is_whole(const triangulation_facts *f)
+bool triangulation_is_manifold(const triangulation_facts *f)
 {
     return f->triangles > 0 && f->nonmanifold_edges == f->seam_edges && f->nonmanifold_vertices == 0 &&
            f->boundary_edges == f->rim_edges;
@@ -565,5 +569,5 @@ bool triangulation_is_whole(const triangulation_facts *f)
 
 bool triangulation_is_closed(const triangulation_facts *f)
 {
-    return triangulation_is_whole(f) && f->boundary_edges == 0;
+    return triangulation_is_manifold(f) && f->boundary_edges == 0;
 }

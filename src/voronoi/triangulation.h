@@ -1,10 +1,9 @@
-/* triangulation: the triangles of the restricted Delaunay triangulation (voronoi.h) of a finished point set,
- * and whether they are a surface.
+/* triangulation: the restricted Delaunay triangulation (voronoi.h) of a finished point set, and tests whether it is a surface.
  *
- * Where the points resolve the surface the triangles close it, each edge in two of them, or leave off at its
- * boundaries. Elsewhere, as between sheets closer than the spacing, they may not: the facts say so, all of them
- * counted from the triangles alone. Before that holes of up to eight edges are closed, where triangles that
- * face as their corners do can close them.
+ * Where the points resolve the surface, each edge is in two triangles, or the triangulation ends at a boundary of the surface. Elsewhere, as
+ * between walls closer than the spacing, it may have holes and edges of more than two triangles. triangulation_facts counts these from the
+ * triangles alone. Before that, holes of up to eight edges are closed if triangles can close them that face the way of their corners' normals.
+ * World space.
  */
 #ifndef HEXAD_VORONOI_TRIANGULATION_H
 #define HEXAD_VORONOI_TRIANGULATION_H
@@ -18,57 +17,57 @@
 #include "geometry/bbox.h"
 #include "geometry/vec3.h"
 
+/* All arrays are owned by the caller. */
 typedef struct triangulation_input {
     size_t count;
-    const vec3 *position, *normal;
-    const double *spacing; /* requested, of each */
-    bool open;             /* boundaries at the faces of `domain` */
+    const vec3 *position, *normal; /* normals: unit */
+    const double *spacing;         /* requested, per point, world units, > 0 */
+    bool open;                     /* the surface has boundaries in the faces of `domain` */
     bbox domain;
-    /* Of a surface with patches, else NULL. Triangles are between points of one label; flags are those of packing.h, and
-     * there are boundaries between points that are fixed. Points of several labels may be one vertex. */
+    /* The following are NULL for a surface without patches. Per point: its label (only points of one label form triangles) and its flags
+     * (packing/packing.h). Fixed points may lie on a boundary. */
     const uint32_t *label;
     const uint8_t *flags;
-    const uint32_t
-        *point; /* of each its vertex, which is a point of the same place: one of the first `points` */
+    /* per point: its vertex, a point at the same position; vertices are the first `points` points */
+    const uint32_t *point;
     size_t points;
-    /* The steps along curves: between which of `count`, once for each label that ends there; NULL: not known. Holes are
-     * closed up to them. */
+    /* Steps along feature curves, as pairs of points; each once for each label that ends there. NULL: unknown. Holes are closed up to these. */
     const uint32_t (*side)[2];
     size_t side_count;
-    bool (*is_within)(const void *context, uint32_t label,
-                      vec3 x); /* whether its part of the surface has a place there */
+    /* whether x is on the surface of the label, not beyond its curves */
+    bool (*is_within)(const void *context, uint32_t label, vec3 x);
     const void *context;
 } triangulation_input;
 
 typedef struct triangulation_facts {
     size_t triangles, edges;
-    size_t closing;        /* of the triangles those that close small holes which the stars have left */
+    size_t hole_triangles; /* triangles that close small holes */
     int64_t euler;         /* points - edges + triangles */
-    size_t boundary_edges; /* in one triangle */
-    size_t rim_edges;      /* of them those with both ends within a spacing of a boundary, or along a curve at
-                                  * which one label ends */
-    size_t nonmanifold_edges;    /* in more than two triangles, or in two that face opposite ways */
-    size_t seam_edges;           /* of them those along curves, where as many labels end */
-    size_t nonmanifold_vertices; /* in no triangle, or where surfaces touch in a point; not at such edges */
-    double radius_ratio;         /* mean of 2 r_in / R_circ over the triangles, 1 where all are equilateral */
+    size_t boundary_edges; /* edges of one triangle */
+    /* boundary edges with both ends within a spacing of a boundary, or along a curve at which one label ends */
+    size_t rim_edges;
+    size_t nonmanifold_edges; /* edges of more than two triangles, or of two of opposite orientation */
+    size_t seam_edges;        /* nonmanifold edges along curves at which as many labels end */
+    /* vertices in no triangle, or where surfaces touch in a point; not at nonmanifold edges */
+    size_t nonmanifold_vertices;
+    double radius_ratio; /* mean of 2 r_in / R_circ of the triangles; 1: all are equilateral */
 } triangulation_facts;
 
 typedef struct triangulation {
-    uint32_t (
-        *corner)[3]; /* of each triangle, counterclockwise seen from outside; the first has the least index */
-    uint32_t *label; /* of each; NULL where points have none */
+    uint32_t (*corner)[3]; /* per triangle, counterclockwise seen from outside, the least index first */
+    uint32_t *label;       /* per triangle; NULL if points have none */
     triangulation_facts facts;
 } triangulation;
 
-/* Release also after failure. Errors: limit_memory, cancelled. Deterministic for any number of threads. */
+/* Triangulates the points. Free *out also after failure. Errors: limit_memory, cancelled. Deterministic for any number of threads. */
 bool triangulation_make(const triangulation_input *in, threads *pool, triangulation *out, error *e);
-/* The facts of triangles that are there already, of the input's vertices: made->corner, facts.triangles of them. */
+/* Computes the facts of existing triangles made->corner, of which there are facts.triangles, between vertices of the input. */
 bool triangulation_survey(const triangulation_input *in, threads *pool, triangulation *made, error *e);
 void triangulation_free(triangulation *t);
 
-/* Whether the triangles are a surface, or several that meet in seams, that ends nowhere but at boundaries, and whether it
- * ends nowhere. */
-bool triangulation_is_whole(const triangulation_facts *facts);
+/* Whether the triangles are one or several manifold surfaces, which may meet in seams and end only at boundaries of the surface. */
+bool triangulation_is_manifold(const triangulation_facts *facts);
+/* Whether in addition there is no boundary. */
 bool triangulation_is_closed(const triangulation_facts *facts);
 
 #endif

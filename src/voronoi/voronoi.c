@@ -7,59 +7,60 @@
 #include "base/isa.h"
 #include "packing/packing.h"
 #include "voronoi/star_lanes.h"
-#include "voronoi/star_sieve.h"
+#include "voronoi/triangle_filter.h"
 
-/* Points are moved by this much at most, in spacings, along their normals: those that lie on a plane or a
- * sphere have no unique triangulation, and so they have. */
+/* Maximum displacement of points along their normals, in spacings. Points on a plane or a sphere have no unique triangulation; the
+ * displacement makes it unique. */
 static const double JITTER = 1e-5;
-/* Of three points nearly in a line: the sine of their angle at the first. */
+/* Three points are collinear below this sine of their angle at the first. */
 static const double FLATTEST = 1e-6;
 
-/* A point as its triangles see it. */
+/* A displaced point with its normal turned to the side of the triangle. */
 typedef struct site {
-    uint32_t index, place; /* among all; in the list */
+    uint32_t index, place; /* index in the sites; entry of the list */
     vec3 at, normal;
     double spacing;
 } site;
 
-/* As many as are looked at side by side. */
+/* Sites that are tested together. */
 enum { SIDE_BY_SIDE = 8 };
-/* A little more than nothing: distances that are told in two ways differ by less, relatively. */
-static const double HAIR = 1e-9;
+/* Relative margin for rounding errors of a distance that is computed in two ways. */
+static const double MARGIN = 1e-9;
 
-/* A point and those of its list, nearest first. */
+/* A point and the points of its list, nearest first. */
 typedef struct surroundings {
     uint32_t count;
     site own, near[VORONOI_STAR_MAX];
-    /* their places and normals again; behind the last one it is repeated */
+    /* copies of their positions and normals; the last one is repeated up to a multiple of SIDE_BY_SIDE */
     double x[VORONOI_STAR_MAX], y[VORONOI_STAR_MAX], z[VORONOI_STAR_MAX];
     double nx[VORONOI_STAR_MAX], ny[VORONOI_STAR_MAX], nz[VORONOI_STAR_MAX], spacing[VORONOI_STAR_MAX];
-    double square[VORONOI_STAR_MAX]; /* how far it and all behind it are at least, squared */
-    star_sieve sieve;
+    double square[VORONOI_STAR_MAX]; /* lower bound of the squared distance of it and of all later ones */
+    triangle_filter sieve;
 } surroundings;
 
-/* Three points, and of the line of places that are as far from each, counted along `across` from their
- * circumcentre, what others leave from `low` to `high`: an edge of the Voronoi diagram in space. */
+/* Three points and their Voronoi line: the places with equal distances from them, with a parameter along `across` from the circumcentre.
+ * Other points clip it to `low` .. `high`, an edge of the Voronoi diagram in space. */
 typedef struct triangle {
-    const site *corner[3]; /* by their indices, so that each of them sees the same to the last bit */
+    const site *corner
+        [3]; /* in ascending order of index, so that the result is the same to the last bit from each corner */
     vec3 centre, across, facing;
     double radius2;
-    double
-        hidden2; /* points whose normals' product with `facing` is negative, and its square this, are on another sheet */
+    /* Points whose normal has a negative product with `facing`, the square of which is at least this, are on an opposite wall. */
+    double hidden2;
     double low, high;             /* in lengths of `across` */
-    const site *low_by, *high_by; /* NULL: nobody */
-    site kept[2];                 /* what they point at, where that is in nobody's surroundings */
-    bool wide;                    /* the list of one corner may lack what cuts it */
+    const site *low_by, *high_by; /* the points that clip the ends; NULL: none does */
+    site kept[2];                 /* copies of these, if they are not in the surroundings of a corner */
+    bool wide;                    /* the list of one corner may lack points that clip it */
 } triangle;
 
-/* A normal that may as well point the other way, on the side of `facing`. */
+/* The normal of a point; if its sign is arbitrary, turned to the side of `facing`. */
 static vec3 normal_towards(const voronoi_sites *in, uint32_t i, vec3 facing)
 {
     bool turn = in->flags && in->flags[i] & PACKING_ONE_SIDED && vec3_dot(in->normal[i], facing) < 0;
     return turn ? vec3_scale(in->normal[i], -1) : in->normal[i];
 }
 
-/* As one sees it who looks from where the normal is `facing`. */
+/* The site of a point, for a triangle with the normal `facing`. */
 static site site_at(const voronoi_sites *in, uint32_t i, uint32_t place, vec3 facing)
 {
     uint32_t name = in->index ? in->index[i] : i;
@@ -70,12 +71,13 @@ static site site_at(const voronoi_sites *in, uint32_t i, uint32_t place, vec3 fa
 
 static void fill_sieve(surroundings *s)
 {
-    const star_around around = {s->count, s->own.at, s->own.normal, s->own.spacing, s->x,       s->y,
-                                s->z,     s->nx,     s->ny,         s->nz,          s->spacing, s->square};
-    star_sieve_fill(&around, &s->sieve);
+    const triangle_filter_input around = {s->count, s->own.at, s->own.normal, s->own.spacing,
+                                          s->x,     s->y,      s->z,          s->nx,
+                                          s->ny,    s->nz,     s->spacing,    s->square};
+    triangle_filter_fill(&around, &s->sieve);
 }
 
-/* False when they are too many. */
+/* False: the list is too long. */
 static bool gather_sites(const voronoi_sites *in, uint32_t a, surroundings *out)
 {
     const uint32_t *list = neighbours_list(in->near, a), listed = in->near->list_count[a];
@@ -127,7 +129,7 @@ static bool are_near(const site *a, const site *b, double square)
     return square < reach * reach;
 }
 
-/* False when the corners are in a line or farther apart than neighbours are. */
+/* False: the corners are collinear, too far apart to be neighbours, or have too large a circumradius. */
 static bool span_triangle(const site *a, const site *b, const site *c, triangle *out)
 {
     swap_if_greater(&a, &b);
@@ -137,8 +139,8 @@ static bool span_triangle(const site *a, const site *b, const site *c, triangle 
     double u2 = vec3_norm2(u), v2 = vec3_norm2(v), uv2 = vec3_norm2(vec3_sub(u, v));
     if (!are_near(b, c, uv2) || !are_near(a, c, v2) || !are_near(a, b, u2)) return false;
     vec3 w = vec3_cross(u, v);
-    double w2 = vec3_norm2(w),
-           widest = 2 * STAR_WIDEST * compare_larger(a->spacing, compare_larger(b->spacing, c->spacing));
+    double w2 = vec3_norm2(w), widest = 2 * TRIANGLE_MAX_CIRCUMRADIUS *
+                                        compare_larger(a->spacing, compare_larger(b->spacing, c->spacing));
     if (!(w2 > FLATTEST * FLATTEST * u2 * v2) || !(u2 * v2 * uv2 < widest * widest * w2)) return false;
     vec3 to =
         vec3_scale(vec3_add(vec3_scale(vec3_cross(w, u), v2), vec3_scale(vec3_cross(v, w), u2)), 0.5 / w2);
@@ -152,15 +154,15 @@ static bool span_triangle(const site *a, const site *b, const site *c, triangle 
     out->centre = vec3_add(a->at, to);
     out->across = vec3_scale(w, copysign(1, vec3_dot(w, out->facing)));
     out->radius2 = vec3_norm2(to);
-    out->hidden2 = VORONOI_OTHER_SIDE * VORONOI_OTHER_SIDE * vec3_norm2(out->facing);
-    out->wide = deep2 < STAR_DEEP * STAR_DEEP * least * least;
+    out->hidden2 = VORONOI_OPPOSITE_COSINE * VORONOI_OPPOSITE_COSINE * vec3_norm2(out->facing);
+    out->wide = deep2 < TRIANGLE_MIN_DEPTH * TRIANGLE_MIN_DEPTH * least * least;
     out->high = out->wide ? INFINITY : sqrt(deep2 / w2);
     out->low = -out->high;
     out->low_by = out->high_by = NULL;
     return true;
 }
 
-/* Takes away what is nearer to d. False when nothing is left. */
+/* Clips the line by point d. False: nothing is left. */
 static inline bool cut_by(const site *d, triangle *t)
 {
     double facing = vec3_dot(d->normal, t->facing);
@@ -169,7 +171,7 @@ static inline bool cut_by(const site *d, triangle *t)
         return true;
     vec3 q = vec3_sub(d->at, t->centre);
     double along = 2 * vec3_dot(t->across, q), rest = vec3_norm2(q) - t->radius2;
-    /* places at t across the circumcentre are nearer to d where t along > rest */
+    /* the place at parameter t is nearer to d if t along > rest */
     if (along > 0 && rest < along * t->high) {
         t->high = rest / along;
         t->high_by = d;
@@ -177,11 +179,11 @@ static inline bool cut_by(const site *d, triangle *t)
         t->low = rest / along;
         t->low_by = d;
     } else if (along == 0 && rest < 0)
-        return false; /* d lies within */
+        return false; /* d lies inside the circumcircle */
     return t->low < t->high;
 }
 
-/* Which of the sites from `first` on cut_by may find to take something away: others cannot, however many go before. */
+/* Sets may[l] for the sites from `first` on that may clip the line. The others cannot, whatever was clipped before. */
 ISA_INLINE bool may_cut(const surroundings *s, uint32_t first, const triangle *t, int64_t may[SIDE_BY_SIDE])
 {
     int64_t any = 0;
@@ -200,17 +202,17 @@ ISA_INLINE bool may_cut(const surroundings *s, uint32_t first, const triangle *t
     return any != 0;
 }
 
-/* Cuts by all that are near, or until nothing is left: false then. */
+/* Clips the line by all points of the surroundings. False: nothing is left. */
 ISA_CLONES static bool cut_by_near(const surroundings *s, triangle *t)
 {
-    const double across2 = 4 * (1 + HAIR) * vec3_norm2(t->across), least2 = 4 * (1 + HAIR) * t->radius2;
+    const double across2 = 4 * (1 + MARGIN) * vec3_norm2(t->across), least2 = 4 * (1 + MARGIN) * t->radius2;
     int64_t may[SIDE_BY_SIDE];
     for (uint32_t first = 0; first < s->count; first += SIDE_BY_SIDE) {
-        /* what takes something away is in a ball about either end, and the point at hand is on both */
+        /* a point that clips the line lies in a ball about one of its ends, whose sphere passes through the own point */
         const double end = -t->low > t->high ? -t->low : t->high;
         if (s->square[first] > least2 + across2 * end * end) return true;
         if (!may_cut(s, first, t, may)) continue;
-        uint32_t bits = 0; /* which of them do is as good as random */
+        uint32_t bits = 0; /* unpredictable: no branches */
         for (uint32_t l = 0; l < SIDE_BY_SIDE; l++) bits |= (uint32_t)may[l] << l;
         if (s->count - first < SIDE_BY_SIDE) bits &= (1u << (s->count - first)) - 1;
         for (; bits; bits &= bits - 1)
@@ -219,7 +221,7 @@ ISA_CLONES static bool cut_by_near(const surroundings *s, triangle *t)
     return true;
 }
 
-/* Whether a point is too far to take anything away, wherever it is moved along its normal. */
+/* Whether a point is too far to clip the line, whatever its displacement along its normal. */
 static inline bool is_beyond(const voronoi_sites *in, uint32_t i, const triangle *t, double longest)
 {
     vec3 q = vec3_sub(in->position[i], t->centre);
@@ -229,8 +231,8 @@ static inline bool is_beyond(const voronoi_sites *in, uint32_t i, const triangle
     return rest >= along * t->low && rest >= along * t->high;
 }
 
-/* Points that a triangle was held against lately, by their lowest bits: what such a one takes away is gone. Lists of neighbours have
- * nearly the same points. */
+/* Size of a table of points that have clipped the triangle's line already, by their lowest bits. Lists of neighbours have nearly the same
+ * points. */
 enum { SEEN = 256 };
 
 static bool cut_by_list(const voronoi_sites *in, uint32_t of, uint32_t seen[SEEN], triangle *t)
@@ -250,7 +252,7 @@ static bool cut_by_list(const voronoi_sites *in, uint32_t of, uint32_t seen[SEEN
     return true;
 }
 
-/* Whether the place as far from four points is inside, by the most of their normals. */
+/* Whether the circumcentre of four points is inside the solid, by the majority of their normals. */
 static bool is_end_inside(const triangle *t, double end, const site *by)
 {
     vec3 x = vec3_axpy(end, t->across, t->centre);
@@ -263,6 +265,7 @@ static bool is_end_inside(const triangle *t, double end, const site *by)
     return outside < 0;
 }
 
+/* Whether the Voronoi edge crosses the surface. An end that no point clips is inside if it is the low one, else outside. */
 static bool is_across_surface(const triangle *t)
 {
     bool low_inside = !t->low_by || is_end_inside(t, t->low, t->low_by);
@@ -270,7 +273,7 @@ static bool is_across_surface(const triangle *t)
     return low_inside != high_inside;
 }
 
-/* Whether a point is in the list of one of the first corners. */
+/* Whether a point is in the list of one of the first `corners` corners. */
 static bool is_listed(const voronoi_sites *in, const triangle *t, int corners, uint32_t point)
 {
     for (int corner = 0; corner < corners; corner++) {
@@ -281,12 +284,12 @@ static bool is_listed(const voronoi_sites *in, const triangle *t, int corners, u
     return false;
 }
 
-/* The same when all have their say that are near enough: what is not in the list of one corner is in another's, or in the lists of
- * those listed. The list of the point at hand has been looked at. */
+/* is_across_surface after clipping by all points that are near enough: those of the lists of all corners, and of the lists of these points.
+ * The list of `at_hand` has been used already. */
 static bool is_across_surface_wide(const voronoi_sites *in, uint32_t at_hand, triangle *t)
 {
     uint32_t seen[SEEN];
-    memset(seen, 0xff, sizeof seen); /* nobody */
+    memset(seen, 0xff, sizeof seen); /* no point */
     for (int corner = 0; corner < 3; corner++) {
         const uint32_t i = t->corner[corner]->index;
         if ((i != at_hand || in->flags) && !cut_by_list(in, i, seen, t)) return false;
@@ -301,8 +304,8 @@ static bool is_across_surface_wide(const voronoi_sites *in, uint32_t at_hand, tr
     return is_across_surface(t);
 }
 
-/* Whether the point at hand and two of those around are a triangle of the surface: of the Delaunay
- * triangulation in space, between a tetrahedron whose circumcentre is inside and one whose is not. */
+/* Whether the own point and two of its surroundings form a triangle of the surface: a Delaunay triangle between a tetrahedron whose
+ * circumcentre is inside and one whose circumcentre is outside. `by`: neighbours that clip the line first; -1: none. */
 static bool is_on_surface(const voronoi_sites *in, const surroundings *s, const site *b, const site *c,
                           const int32_t by[2])
 {
@@ -321,27 +324,26 @@ static double cotangent_at(vec3 p, vec3 a, vec3 b)
     return vec3_dot(u, v) / vec3_norm(vec3_cross(u, v));
 }
 
-static bool is_other_side(const site *a, const site *b)
+static bool is_opposite(const site *a, const site *b)
 {
-    return vec3_dot(a->normal, b->normal) <= VORONOI_OTHER_SIDE;
+    return vec3_dot(a->normal, b->normal) <= VORONOI_OPPOSITE_COSINE;
 }
 
-/* The clear star (star_lanes.h) of one point. */
+/* ---- the planar star (star_lanes.h) of one point */
 #define RING_MAX 32
 
-/* Points around the one at hand, by their angle in its tangent plane: places there, squared distances in
- * space. */
+/* Points around the own point: coordinates in its tangent frame, squared distances in space. */
 typedef struct ring {
     int count;
     uint32_t place[RING_MAX + 1];                             /* in the list; the last is scratch */
     double x[RING_MAX + 1], y[RING_MAX + 1], z[RING_MAX + 1]; /* z: along the normal */
     double square[RING_MAX + 1];
-    double beyond; /* squared distance that the others have at least */
-    double widest; /* largest spacing of those listed */
+    double beyond; /* lower bound of the squared distance of the other points */
+    double widest; /* largest spacing of the listed points */
 } ring;
 
-/* Those within a squared distance. False when the surface bends, or they are too many. Which are within is as
- * good as random, so nothing branches on it. */
+/* Gathers the points within a squared distance. False: the surface bends too much, or there are too many. Which points are within is
+ * unpredictable: there are no branches on it. */
 static bool gather_ring(const voronoi_sites *in, uint32_t a, double reach2, ring *out)
 {
     const uint32_t *list = neighbours_list(in->near, a), listed = in->near->list_count[a];
@@ -352,11 +354,11 @@ static bool gather_ring(const voronoi_sites *in, uint32_t a, double reach2, ring
     for (uint32_t k = 0; k < listed; k++) {
         uint32_t c = list[k];
         double facing = vec3_dot(n, normal_towards(in, c, n));
-        if (facing <= STAR_OTHER_SIDE) continue;
+        if (facing <= STAR_OPPOSITE_COSINE) continue;
         vec3 r = vec3_sub(in->position[c], x);
         double square = vec3_norm2(r), height = vec3_dot(n, r), spacing = in->spacing[c];
-        bent |= (facing < STAR_FLAT_FACING) |
-                (height * height > STAR_FLAT_HEIGHT * STAR_FLAT_HEIGHT * square) | (square == 0);
+        bent |= (facing < STAR_MIN_COSINE) | (height * height > STAR_MAX_SLOPE * STAR_MAX_SLOPE * square) |
+                (square == 0);
         least = spacing < least ? spacing : least;
         widest = spacing > widest ? spacing : widest;
         int within = square < reach2;
@@ -377,7 +379,7 @@ static bool gather_ring(const voronoi_sites *in, uint32_t a, double reach2, ring
     return true;
 }
 
-/* Numbers the ring's points by their angle, `order[0]` being the nearest. */
+/* Orders the points of the ring by angle, starting with the nearest. */
 static void order_ring(const ring *r, int order[RING_MAX])
 {
     double angle[RING_MAX];
@@ -399,8 +401,8 @@ static void order_ring(const ring *r, int order[RING_MAX])
 
 typedef enum verdict { CUT, KEPT, DOUBTFUL } verdict;
 
-/* Whether the bisector of q keeps an edge between those of p and r, its neighbours clockwise and counter-
- * clockwise, that is longer than `clear`; or is cut away by as much. */
+/* KEPT: the bisector of q has an edge longer than `clear` between those of p and r, its clockwise and counterclockwise neighbours. CUT:
+ * it misses the polygon by as much. */
 static verdict judge_edge(const ring *g, int p, int q, int r, double clear)
 {
     double x = g->x[q], y = g->y[q], plane = x * x + y * y;
@@ -413,8 +415,8 @@ static verdict judge_edge(const ring *g, int p, int q, int r, double clear)
     return length > least ? KEPT : length < -least ? CUT : DOUBTFUL;
 }
 
-/* The cell's neighbours out of the ring, counterclockwise, in `hull`: the bisectors bound a polygon as the
- * points at 2 / distance span a convex hull (Graham's scan of it). Their number, 0: not clear. */
+/* Selects the neighbours from the ring, counterclockwise, to `hull`. The polygon that the bisectors bound is dual to the convex hull of the
+ * points inverted to 2 / distance (Graham scan). Returns their number; 0: undecided. */
 static int scan_hull(const ring *g, const int order[RING_MAX], double clear, int hull[RING_MAX + 1])
 {
     int top = 0;
@@ -432,11 +434,11 @@ static int scan_hull(const ring *g, const int order[RING_MAX], double clear, int
     return top > 2 && judge_edge(g, hull[top - 1], hull[0], hull[1], clear) == KEPT ? top : 0;
 }
 
-/* Whether those beyond the ring are too far to come near the polygon's corners, which are those of angles of
- * 90 degrees at most: a bisector that misses such a corner by d lacks 2 d of an edge. */
+/* Whether the points beyond the ring are too far to clip the corners of the polygon. All angles between neighbours must be at most 90
+ * degrees: a bisector that misses such a corner by d would need to move by d to get an edge of length 2 d. */
 static bool is_closed(const ring *g, int count, const int hull[RING_MAX + 1], double clear)
 {
-    double corner = sqrt(g->beyond) - clear; /* twice the farthest that a corner may lie */
+    double corner = sqrt(g->beyond) - clear; /* twice the maximum distance of a corner */
     if (!(corner > 0)) return false;
     for (int k = 0; k < count; k++) {
         int q = hull[k], r = hull[k + 1];
@@ -450,7 +452,7 @@ static bool is_closed(const ring *g, int count, const int hull[RING_MAX + 1], do
     return true;
 }
 
-/* Of each triangle of the star the cotangents of its outer angles, which halve the edges' lengths. */
+/* Fills in the star. The length of a Voronoi edge follows from the cotangents of the outer angles of its two triangles. */
 static void measure_star(const ring *g, const uint32_t *list, int count, const int hull[RING_MAX + 1],
                          voronoi_star *out)
 {
@@ -474,7 +476,7 @@ static void measure_star(const ring *g, const uint32_t *list, int count, const i
     }
 }
 
-bool voronoi_star_clear(const voronoi_sites *in, uint32_t a, voronoi_star *out)
+bool voronoi_star_planar(const voronoi_sites *in, uint32_t a, voronoi_star *out)
 {
     ring g;
     int order[RING_MAX], hull[RING_MAX + 1];
@@ -483,7 +485,7 @@ bool voronoi_star_clear(const voronoi_sites *in, uint32_t a, voronoi_star *out)
         if (!gather_ring(in, a, reach[k] * reach[k], &g)) return false;
         if (g.count < 3) continue;
         order_ring(&g, order);
-        double clear = STAR_CLEAR * g.widest;
+        double clear = STAR_MIN_EDGE * g.widest;
         int count = scan_hull(&g, order, clear, hull);
         if (count == 0 || !is_closed(&g, count, hull, clear)) continue;
         measure_star(&g, neighbours_list(in->near, a), count, hull, out);
@@ -492,8 +494,7 @@ bool voronoi_star_clear(const voronoi_sites *in, uint32_t a, voronoi_star *out)
     return false;
 }
 
-/* Adds the triangle of a, b and c to the star of a, as seen along the edge between a and b. Returns the place
- * of b. */
+/* Adds the contribution of the triangle a, b, c to the edge between a and b of the star of a. Returns the index of b in the star. */
 static uint32_t join_edge(const vec3 *x, uint32_t a, const site *b, uint32_t c, voronoi_star *out)
 {
     uint32_t k = 0;
@@ -519,13 +520,13 @@ static bool is_closed_star(const voronoi_star *s)
     return s->count > 0;
 }
 
-/* Whom one has met on the way around a point: places in its surroundings. */
+/* State of the search around a point, in indices of its surroundings. */
 typedef struct tour {
-    uint32_t count, met[VORONOI_STAR_MAX];
-    bool done[VORONOI_STAR_MAX]; /* all triangles with it are in the star */
+    uint32_t count, met[VORONOI_STAR_MAX]; /* the neighbours found so far */
+    bool done[VORONOI_STAR_MAX];           /* all triangles with it are in the star */
 } tour;
 
-/* Who may be in a triangle with b that is not done: who is near and not on another sheet. */
+/* Collects the points that may form a new triangle with b: near it, and not on an opposite wall. */
 ISA_CLONES static uint32_t find_thirds(const surroundings *s, const site *b, const tour *t,
                                        uint32_t third[VORONOI_STAR_MAX])
 {
@@ -534,7 +535,8 @@ ISA_CLONES static uint32_t find_thirds(const surroundings *s, const site *b, con
         double x = s->x[k] - b->at.x, y = s->y[k] - b->at.y, z = s->z[k] - b->at.z;
         double reach = VORONOI_REACH * 0.5 * (b->spacing + s->spacing[k]);
         double facing = b->normal.x * s->nx[k] + b->normal.y * s->ny[k] + b->normal.z * s->nz[k];
-        may[k] = (x * x + y * y + z * z <= (1 + HAIR) * (reach * reach)) & (facing > VORONOI_OTHER_SIDE);
+        may[k] =
+            (x * x + y * y + z * z <= (1 + MARGIN) * (reach * reach)) & (facing > VORONOI_OPPOSITE_COSINE);
     }
     uint32_t count = 0;
     for (uint32_t k = 0; k < s->count; k++) {
@@ -550,7 +552,8 @@ static void join_triangles(const voronoi_sites *in, surroundings *s, uint32_t at
     uint32_t third[VORONOI_STAR_MAX];
     int32_t by[VORONOI_STAR_MAX][2];
     t->done[at] = true;
-    const uint32_t thirds = star_sieve_thirds(&s->sieve, at, find_thirds(s, b, t, third), third, by);
+    const uint32_t thirds =
+        triangle_filter_third_corners(&s->sieve, at, find_thirds(s, b, t, third), third, by);
     for (uint32_t k = 0; k < thirds; k++) {
         const site *c = &s->near[third[k]];
         if (!is_on_surface(in, s, b, c, by[k])) continue;
@@ -564,8 +567,8 @@ static void join_triangles(const voronoi_sites *in, surroundings *s, uint32_t at
     }
 }
 
-/* Goes around the point, from one neighbour over the triangles that the two are in to the next; and again
- * from another, where that does not lead around. */
+/* Walks around the point from neighbour to neighbour over the triangles with both. Starts again from another point if the walk does not
+ * close. */
 void voronoi_star_triangles(const voronoi_sites *in, uint32_t a, voronoi_star *out)
 {
     surroundings s;
@@ -573,7 +576,7 @@ void voronoi_star_triangles(const voronoi_sites *in, uint32_t a, voronoi_star *o
     out->count = out->triangle_count = 0;
     out->pinched = !gather_sites(in, a, &s);
     if (out->pinched) return;
-    for (uint32_t k = 0; k < s.count; k++) t.done[k] = is_other_side(&s.own, &s.near[k]); /* in none */
+    for (uint32_t k = 0; k < s.count; k++) t.done[k] = is_opposite(&s.own, &s.near[k]); /* in none */
     for (uint32_t first = 0, next = 0; first < s.count && !is_closed_star(out); first++) {
         if (!t.done[first]) join_triangles(in, &s, first, &t, out);
         for (; next < t.count; next++)
@@ -583,7 +586,7 @@ void voronoi_star_triangles(const voronoi_sites *in, uint32_t a, voronoi_star *o
 
 void voronoi_star_at(const voronoi_sites *in, uint32_t a, voronoi_star *out)
 {
-    if (!voronoi_star_clear(in, a, out)) voronoi_star_triangles(in, a, out);
+    if (!voronoi_star_planar(in, a, out)) voronoi_star_triangles(in, a, out);
 }
 
 double voronoi_star_area(const voronoi_star *star)

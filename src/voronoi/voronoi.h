@@ -1,10 +1,11 @@
-/* voronoi: the Voronoi diagram of points, restricted to their surface, by its dual triangulation.
+/* voronoi: the Voronoi diagram of points restricted to their surface, by its dual, the restricted Delaunay triangulation.
  *
- * Three points are a triangle of the surface when it is one of the Delaunay triangulation in space that has
- * the inside on one side and the outside on the other (Edelsbrunner and Shah 1997): of two tetrahedra that
- * share it, the circumcentre of one is inside and that of the other is not, as the normals of the corners
- * say. So the triangles are the same seen from all corners, at creases and corners of the surface too. Points
- * on another sheet are not seen. Pure functions, safe in any thread.
+ * Three points form a triangle of the surface if it is a triangle of the Delaunay triangulation in space whose dual Voronoi edge
+ * crosses the surface (Edelsbrunner and Shah 1997, "Triangulating Topological Spaces"). The edge crosses the surface if one of its
+ * ends, the circumcentres of the two tetrahedra that share the triangle, is inside the solid and the other outside. The normals of
+ * the corners determine which. The result is therefore the same from each corner, also at creases and corners of the surface.
+ * Points on the opposite wall of a thin part are ignored. The star of a point is the set of the triangles that contain it; its
+ * neighbours are the other corners of these. World space. Pure functions, any thread.
  */
 #ifndef HEXAD_VORONOI_VORONOI_H
 #define HEXAD_VORONOI_VORONOI_H
@@ -15,46 +16,53 @@
 #include "geometry/vec3.h"
 #include "packing/neighbours.h"
 
+/* The points; arrays are owned by the caller. */
 typedef struct voronoi_sites {
-    const vec3 *position, *normal;
-    const double *spacing;  /* of an ideal packing at each point */
-    const neighbours *near; /* lists within VORONOI_REACH times the mean spacing of a pair, or more */
-    const uint8_t *flags;   /* of packing.h, of each; NULL: none */
-    const uint32_t *index;  /* of each among all, ascending, where these are a part; NULL: they are all */
+    const vec3 *position, *normal; /* normals: unit */
+    const double *spacing;         /* of an ideal packing at each point, world units, > 0 */
+    /* lists within at least VORONOI_REACH times the mean spacing of a pair */
+    const neighbours *near;
+    const uint8_t *flags; /* per point, of packing/packing.h; NULL: none */
+    /* per point of a subset: its index in the whole set, ascending; NULL: the points are the whole set */
+    const uint32_t *index;
 } voronoi_sites;
 
-/* Two points farther apart than this, in spacings, have others between them, even beside a vacancy: where
- * none are seen the two are on sheets that no edge joins, such as the floor of a cup and its outer wall. */
+/* Maximum distance of neighbours in spacings. Between points farther apart there are others, even beside a vacancy. If there are
+ * none, the two points are on walls that no edge joins, such as the floor of a cup and its outer wall. */
 #define VORONOI_REACH 2.2
-/* Points whose normals' cosine is below this are on another sheet; those beside a sharp edge are not. */
-#define VORONOI_OTHER_SIDE -0.6
+/* Points whose normals have a smaller cosine than this are on opposite walls. At a sharp edge the cosine is larger. */
+#define VORONOI_OPPOSITE_COSINE -0.6
 
-/* Points with longer lists have none: they lie in a heap. */
+/* Maximum length of a neighbour list. A point with a longer list has no star: the points are over-dense there. */
 #define VORONOI_STAR_MAX 256
 
-/* A point's neighbours, in no particular order. */
+/* The star of a point. Neighbours are in no particular order. */
 typedef struct voronoi_star {
-    uint32_t count;
+    uint32_t count; /* neighbours */
     uint32_t point[VORONOI_STAR_MAX];
-    uint32_t place[VORONOI_STAR_MAX];    /* of each in the list */
-    double distance[VORONOI_STAR_MAX];   /* to each */
-    double edge[VORONOI_STAR_MAX];       /* length of the Voronoi edge between; may be negative at corners */
-    uint8_t triangles[VORONOI_STAR_MAX]; /* that it is in: 2, but beside boundaries and holes */
-    bool pinched; /* one is in more than 2, or there are too many: the triangles do not bound one cell */
+    uint32_t place[VORONOI_STAR_MAX];  /* per neighbour: its entry in the neighbour list */
+    double distance[VORONOI_STAR_MAX]; /* per neighbour, world units */
+    /* per neighbour: length of the Voronoi edge, world units; may be negative at corners */
+    double edge[VORONOI_STAR_MAX];
+    /* per neighbour: triangles with it; 2, fewer beside boundaries and holes */
+    uint8_t triangles[VORONOI_STAR_MAX];
+    /* a neighbour is in more than 2 triangles, or there are too many: the triangles do not bound one cell */
+    bool pinched;
     uint32_t triangle_count;
-    uint8_t corner[VORONOI_STAR_MAX][2]; /* of each triangle the two others, by their places in `point` */
+    uint8_t corner[VORONOI_STAR_MAX][2]; /* per triangle: its two other corners, as indices of `point` */
 } voronoi_star;
 
-/* b is in the star of a where a is in that of b. */
+/* Computes the star of point a. Symmetric: b is in the star of a if and only if a is in the star of b. */
 void voronoi_star_at(const voronoi_sites *sites, uint32_t a, voronoi_star *out);
 
-/* Of the point's cell; 0 where neighbours lie in one place or on a line with the point, so that it cannot be told. */
+/* Area of the Voronoi cell of the point, world units squared. 0: undefined, because neighbours coincide or are collinear with the
+ * point. */
 double voronoi_star_area(const voronoi_star *star);
 
-/* Its two ways. Triangles are always right. The polygon that the bisectors bound in the tangent plane of `a`
- * takes a twentieth of the time; false, where the surface bends too much for it or another polygon would be
- * nearly as good: `out` is undefined then. */
+/* The two algorithms of voronoi_star_at. voronoi_star_triangles is valid for all points. voronoi_star_planar clips the tangent plane
+ * of `a` by bisectors, in a twentieth of the time. It returns false, with *out undefined, if the surface bends too much or if another
+ * polygon would be nearly as good (star_lanes.h). */
 void voronoi_star_triangles(const voronoi_sites *sites, uint32_t a, voronoi_star *out);
-bool voronoi_star_clear(const voronoi_sites *sites, uint32_t a, voronoi_star *out);
+bool voronoi_star_planar(const voronoi_sites *sites, uint32_t a, voronoi_star *out);
 
 #endif

@@ -193,7 +193,7 @@ static void two_sheets_do_not_see_each_other(void **state)
     assert_true(x.q.unmeasured_share == 0);
     assert_int_equal(count_on_patch(&x, 0), count_on_patch(&x, 1));
     assert_int_equal(x.mesh.facts.euler, 2);
-    assert_true(triangulation_is_whole(&x.mesh.facts) && x.mesh.facts.boundary_edges > 0);
+    assert_true(triangulation_is_manifold(&x.mesh.facts) && x.mesh.facts.boundary_edges > 0);
     check_places(&x);
     release(&x);
 }

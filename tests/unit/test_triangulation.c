@@ -59,7 +59,7 @@ static void spheres_are_closed(void **state)
         point_set s = point_set_sphere(counts[k], vec3_make(0, 0, 0), 1);
         triangulation one = triangulate(&s, NULL, 1), three = triangulate(&s, NULL, 3);
         const triangulation_facts *f = &one.facts;
-        assert_true(triangulation_is_closed(f) && triangulation_is_whole(f));
+        assert_true(triangulation_is_closed(f) && triangulation_is_manifold(f));
         assert_int_equal(f->triangles, 2 * counts[k] - 4);
         assert_int_equal(f->edges, 3 * counts[k] - 6);
         assert_int_equal(f->euler, 2);
@@ -117,7 +117,7 @@ static void small_holes_are_closed(void **state)
     point_set s = make_sheet(0.6, 0.5);
     assert_int_equal(s.points.count, SIDE * SIDE - 1);
     triangulation t = triangulate(&s, NULL, 1);
-    assert_int_equal(t.facts.closing, 4);
+    assert_int_equal(t.facts.hole_triangles, 4);
     assert_int_equal(t.facts.boundary_edges, 4 * (SIDE - 1));
     assert_int_equal(t.facts.nonmanifold_edges + t.facts.nonmanifold_vertices, 0);
     assert_int_equal(t.facts.euler, 1);
@@ -132,7 +132,7 @@ static void small_holes_are_closed(void **state)
     s = make_sheet(0.6, 1.1);
     assert_int_equal(s.points.count, SIDE * SIDE - 7);
     t = triangulate(&s, NULL, 1);
-    assert_int_equal(t.facts.closing, 0);
+    assert_int_equal(t.facts.hole_triangles, 0);
     assert_int_equal(t.facts.boundary_edges, 4 * (SIDE - 1) + 12);
     assert_int_equal(t.facts.euler, 0);
     triangulation_free(&t);
@@ -156,13 +156,13 @@ static void rims_and_holes_are_told_apart(void **state)
     point_set s = point_set_sphere(5000, vec3_make(0, 0, 0), 1);
     keep_points(&s, is_above);
     triangulation t = triangulate(&s, &above, 1);
-    assert_true(triangulation_is_whole(&t.facts) && !triangulation_is_closed(&t.facts));
+    assert_true(triangulation_is_manifold(&t.facts) && !triangulation_is_closed(&t.facts));
     assert_int_equal(t.facts.euler, 1);
     assert_int_equal(t.facts.rim_edges, t.facts.boundary_edges);
     triangulation_free(&t);
     keep_points(&s, is_beside_hole);
     t = triangulate(&s, &above, 1);
-    assert_false(triangulation_is_whole(&t.facts));
+    assert_false(triangulation_is_manifold(&t.facts));
     assert_true(t.facts.boundary_edges > t.facts.rim_edges && t.facts.rim_edges > 0);
     triangulation_free(&t);
     point_set_free(&s);
@@ -178,7 +178,7 @@ static void what_is_no_surface_is_told(void **state)
         s.position[i].z -= 0.35;
     }
     triangulation t = triangulate(&s, NULL, 1);
-    assert_false(triangulation_is_whole(&t.facts));
+    assert_false(triangulation_is_manifold(&t.facts));
     triangulation_free(&t);
     alone.position[0] = vec3_make(0, 0, 0);
     alone.normal[0] = vec3_make(0, 0, 1);
@@ -186,7 +186,7 @@ static void what_is_no_surface_is_told(void **state)
     t = triangulate(&alone, NULL, 1);
     assert_int_equal(t.facts.nonmanifold_vertices, 1);
     assert_int_equal(t.facts.triangles, 0);
-    assert_false(triangulation_is_whole(&t.facts));
+    assert_false(triangulation_is_manifold(&t.facts));
     triangulation_free(&t);
     point_set_free(&s);
     point_set_free(&alone);

@@ -111,7 +111,7 @@ static void compare_same(const voronoi_star *a, const voronoi_star *b)
 /* Side by side they are the same as one by one, to the last bit, whoever is beside whom; and the rows are those of the lists. */
 static void compare_lanes(const voronoi_sites *sites, size_t points)
 {
-    star_rows rows = {0};
+    star_lists rows = {0};
     voronoi_star star[STAR_LANES], alone;
     for (uint32_t first = 0; first < points; first += STAR_LANES) {
         uint32_t point[STAR_LANES], count = 0;
@@ -142,7 +142,7 @@ static size_t compare_stars(const set *s)
     for (uint32_t a = 0; a < s->count; a++) {
         compare_ends(&sites, a, stars);
         compare_corners(a, stars);
-        if (!voronoi_star_clear(&sites, a, &polygon)) continue;
+        if (!voronoi_star_planar(&sites, a, &polygon)) continue;
         compare_clear(&sites, a, &polygon, &stars[a]);
         clear++;
     }

@@ -75,7 +75,7 @@ static void count_chunk(void *context, int worker, size_t begin, size_t end)
     mesh *m = context;
     (void)worker;
     size_t found = 0;
-    star_rows rows = {0};
+    star_lists rows = {0};
     voronoi_star star[STAR_LANES];
     for (size_t first = begin; first < end; first += STAR_LANES) {
         uint32_t point[STAR_LANES], count = 0;

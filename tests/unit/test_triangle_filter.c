@@ -1,5 +1,5 @@
-/* What the sieve leaves out against the same told one by one in double precision: on points around that are flat, bent, creased and
- * on two sheets, even and not. */
+/* The triangle filter against a test of single triangles in double precision: flat, bent and creased neighbourhoods, opposite walls,
+ * uniform and varying spacing. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "voronoi/star_sieve.h"
+#include "voronoi/triangle_filter.h"
 #include "shapes.h"
 
 enum { MOST = 48 };
@@ -17,10 +17,10 @@ enum { MOST = 48 };
 typedef struct around {
     vec3 at[MOST], normal[MOST];
     double x[MOST], y[MOST], z[MOST], nx[MOST], ny[MOST], nz[MOST], other[MOST], square[MOST];
-    star_around shown;
+    triangle_filter_input shown;
 } around;
 
-/* Three points, and what is left of their line; point by point as voronoi.h tells. */
+/* Three points and their Voronoi line, clipped by one point after the other (voronoi.h). */
 typedef struct line {
     vec3 corner[3], normal[3], across, centre;
     double low, high;
@@ -39,17 +39,17 @@ static bool span(const around *s, uint32_t b, uint32_t c, line *out)
     const double deep2 = pow(0.5 * VORONOI_REACH * least, 2) - vec3_norm2(to);
     *out = (line){{{0, 0, 0}, u, v}, {s->shown.normal, s->normal[b], s->normal[c]}, .centre = to};
     out->across = vec3_scale(w, copysign(1, vec3_dot(w, facing)));
-    out->high = deep2 < pow(STAR_DEEP * least, 2) ? INFINITY : sqrt(deep2 / w2);
+    out->high = deep2 < pow(TRIANGLE_MIN_DEPTH * least, 2) ? INFINITY : sqrt(deep2 / w2);
     out->low = -out->high;
     out->low_by = out->high_by = -1;
-    return w2 > 1e-12 * u2 * v2 && vec3_norm(to) < STAR_WIDEST * most;
+    return w2 > 1e-12 * u2 * v2 && vec3_norm(to) < TRIANGLE_MAX_CIRCUMRADIUS * most;
 }
 
 static bool cut(const around *s, uint32_t b, uint32_t c, line *t)
 {
     const vec3 facing = vec3_add(t->normal[0], vec3_add(t->normal[1], t->normal[2]));
     for (uint32_t d = 0; d < s->shown.count; d++) {
-        if (d == b || d == c || vec3_dot(s->normal[d], facing) <= VORONOI_OTHER_SIDE * vec3_norm(facing))
+        if (d == b || d == c || vec3_dot(s->normal[d], facing) <= VORONOI_OPPOSITE_COSINE * vec3_norm(facing))
             continue;
         const vec3 q = vec3_sub(s->at[d], t->centre);
         const double along = 2 * vec3_dot(t->across, q), rest = vec3_norm2(q) - vec3_norm2(t->centre);
@@ -85,7 +85,7 @@ static int by_distance(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* A sheet bent along x or creased there, in part with another one above or below it. */
+/* Points on a wall that is bent or creased along x, in some rounds with an opposite wall above or below it. */
 static void scatter(around *s, rng *r)
 {
     const double bend = 1.5 * (rng_uniform(r) - 0.5), roof = rng_uniform(r) < 0.3 ? rng_uniform(r) : 0;
@@ -110,27 +110,27 @@ static void scatter(around *s, rng *r)
         s->x[k] = x.x, s->y[k] = x.y, s->z[k] = x.z;
         s->nx[k] = s->normal[k].x, s->ny[k] = s->normal[k].y, s->nz[k] = s->normal[k].z;
     }
-    s->shown = (star_around){count, {0, 0, 0}, {0, 0, 1}, 1,     s->x,     s->y,
-                             s->z,  s->nx,     s->ny,     s->nz, s->other, s->square};
+    s->shown = (triangle_filter_input){count, {0, 0, 0}, {0, 0, 1}, 1,     s->x,     s->y,
+                                       s->z,  s->nx,     s->ny,     s->nz, s->other, s->square};
 }
 
-static void what_crosses_stays(void **state)
+static void triangles_of_the_surface_are_kept(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 0);
     around *s = calloc(1, sizeof *s);
-    star_sieve *sieve = calloc(1, sizeof *sieve);
+    triangle_filter *filter = calloc(1, sizeof *filter);
     uint32_t left[VORONOI_STAR_MAX];
     int32_t by[VORONOI_STAR_MAX][2];
     size_t all = 0, kept = 0, found = 0;
     for (int round = 0; round < 2000; round++) {
         scatter(s, &r);
-        star_sieve_fill(&s->shown, sieve);
+        triangle_filter_fill(&s->shown, filter);
         for (uint32_t b = 0; b < s->shown.count; b++) {
             uint32_t thirds = 0, at = 0;
             for (uint32_t c = 0; c < s->shown.count; c++)
                 if (c != b) left[thirds++] = c;
-            const uint32_t stay = star_sieve_thirds(sieve, b, thirds, left, by);
+            const uint32_t stay = triangle_filter_third_corners(filter, b, thirds, left, by);
             all += thirds;
             kept += stay;
             for (uint32_t c = 0; c < s->shown.count; c++) {
@@ -138,19 +138,20 @@ static void what_crosses_stays(void **state)
                 at += stays;
                 if (c == b || !crosses(s, b, c)) continue;
                 found++;
-                if (!stays) fail_msg("round %d: %u, %u and the point at hand are left out", round, b, c);
+                if (!stays)
+                    fail_msg("round %d: the triangle of the point, %u and %u is discarded", round, b, c);
             }
             assert_int_equal(at, stay);
         }
     }
     print_message("%zu triangles, %zu stay, %zu cross the surface\n", all, kept, found);
     assert_true(kept < all / 3);
-    free(sieve);
+    free(filter);
     free(s);
 }
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(what_crosses_stays)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(triangles_of_the_surface_are_kept)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
