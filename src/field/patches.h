@@ -1,12 +1,11 @@
 /* patches: a surface made of smooth pieces (patches) that end in curves, which end in corners.
  *
- * Each patch is a field of its own. A curve is where patches end: a boundary where one does, a seam where two meet, an edge
- * that is no manifold where more do. A corner is a vertex at which curves end; curves that end at one corner have the same
- * doubles there. Curves are held fixed while patches are sampled: corners first, then curves, then patches (Meyer,
- * Whitaker, Kirby, Ledergerber and Pfister 2008, "Particle-based sampling and meshing of surfaces in multimaterial
- * volumes"; Bronson, Levine and Whitaker 2012, "Particle systems for adaptive, isotropic meshing of CAD models").
+ * Each patch is a field of its own. A curve is where patches end: a boundary of one patch, a seam of two, a nonmanifold edge of more. A corner is a
+ * vertex at which curves end; curves that end at one corner have bitwise equal coordinates there. Curves are held fixed while patches are sampled:
+ * corners first, then curves, then patches (Meyer, Whitaker, Kirby, Ledergerber and Pfister 2008, "Particle-based sampling and meshing of surfaces
+ * in multimaterial volumes"; Bronson, Levine and Whitaker 2012, "Particle systems for adaptive, isotropic meshing of CAD models").
  *
- * World space. Immutable once built; whoever makes a field with patches owns these too.
+ * World space. Immutable after construction, any thread. The creator of a field with patches owns them.
  */
 #ifndef HEXAD_FIELD_PATCHES_H
 #define HEXAD_FIELD_PATCHES_H
@@ -16,22 +15,21 @@
 #include "field/field.h"
 
 typedef struct field_patch {
-    /* Its own F: zero on the patch, defined some spacings around it. Beyond its curves the patch goes on tangentially. No
-     * sheet of another patch is a zero of it. Of the ops only `sample`, `sample_near` and `within` are asked for. */
+    /* F of the patch: zero on it, defined within some spacings of it. Beyond its curves the patch continues tangentially. Other patches are no
+     * zeros of it. Of the ops only `sample`, `sample_near` and `within` are called. */
     const field *field;
-    bool one_sided; /* it has no orientation (a Moebius strip): the sign of its normals means nothing */
+    bool one_sided; /* not orientable (a Moebius strip): the sign of its normals is arbitrary */
     double area;    /* > 0 */
 } field_patch;
 
 typedef struct field_curve {
     size_t first, count; /* its polyline in `vertex`, count >= 2 (closed: 3) */
-    bool closed;         /* the last vertex joins the first, and no vertex is a corner */
-    size_t patch_first,
-        patch_count;    /* in `curve_patch`, >= 1: the patches that end there; one that meets itself there
-                         * stands twice */
-    double cosine;      /* the least between the normals of the faces that meet along it; 0: not known */
-    const field *on[2]; /* both NULL: the polyline is the curve. Else a place of the polyline is brought onto
-                         * both zero sets */
+    bool closed;         /* the last vertex is connected to the first, and no vertex is a corner */
+    /* In `curve_patch`, at least 1: the incident patches. A patch that meets itself along the curve occurs twice. */
+    size_t patch_first, patch_count;
+    double cosine; /* minimum cosine between the normals of the faces that meet along it; 0: unknown */
+    /* Both NULL: the polyline is the curve. Else a place of the polyline is projected onto both zero sets. */
+    const field *on[2];
 } field_curve;
 
 typedef struct field_patches {
@@ -41,14 +39,15 @@ typedef struct field_patches {
     field_curve *curve;
     vec3 *vertex;
     uint32_t *curve_patch;
-    bool merges_near_rows; /* rows of points that come nearer to each other than points can lie become one */
-    bool
-        has_rough_curves; /* with that: where a curve bends it has a corner for no reason of its own, as on a scan */
-    bool
-        has_many_parts; /* as a segmentation: every place is to have a point near it, however few points there are */
+    /* Samples of different curves that are closer to each other than points of a packing may be are merged (solver/curves/near_curves.h). */
+    bool merges_near_curves;
+    /* With merges_near_curves: curves have corners where they bend, without a corner of the surface, as on scans. */
+    bool has_rough_curves;
+    /* There are many small patches, as in a segmentation: every place needs a point nearby, however few points there are. */
+    bool has_many_parts;
 } field_patches;
 
-/* Whether a place near the zero set of a patch is one of the patch. The hint is as of `within` in field_ops. */
+/* Whether a place near the zero set of a patch lies on the patch, not beyond its curves. The hint: see `within` in field_ops. */
 static inline bool field_is_within_near(const field *patch, vec3 x, uint32_t *hint)
 {
     return !patch->ops->within || patch->ops->within(patch, x, hint);
@@ -60,7 +59,7 @@ static inline bool field_is_within(const field *patch, vec3 x)
     return field_is_within_near(patch, x, &hint);
 }
 
-/* The field that holds for particles of a patch: the patch's own, or all of a surface without patches. */
+/* The field of a patch; on a surface without patches, f. */
 static inline const field *field_of_patch(const field *f, uint32_t patch)
 {
     return f->patches ? f->patches->patch[patch].field : f;

@@ -8,47 +8,45 @@
 #include "geometry/bbox.h"
 #include "mesh/line_tree.h"
 
-/* Points per triangle: one for so many square voxels, and not more than so many. */
+/* Samples of a triangle: one per area_per_point square voxels, at most most_points. */
 static const double area_per_point = 4;
 static const int most_points = 256;
-/* Of smaller triangles, in square voxels, one is looked at for so much area of them. */
+/* Triangles smaller than least_area, in square voxels, share samples: one per that area. golden: offset of the first one in each chunk. */
 static const double least_area = 0.25, golden = 0.6180339887498949;
-/* How far from the mesh its two sides are looked at, in voxels. */
+/* side_gap: distance from the mesh at which the sign of F on its two sides is tested, voxels. close_vox: limit of `close`, voxels. */
 static const double side_gap = 0.75;
 static const double close_vox = 0.05;
-/* A sheet of so many voxels is followed however it lies to them: measured on plates, whose area is then right to
- * 0.2 %. */
+/* A plate of this thickness, in voxels, is represented in any orientation: measured on plates, whose area is then accurate to 0.2 %. */
 static const double voxels_across = 1.25;
-/* Sheets that the zero set does not follow are not thicker than this, whatever else lies in the way of a line. */
+/* Maximum thickness in voxels of a wall that the zero set does not follow. Crossings farther along the line belong to other walls. */
 static const double thinnest_vox = 2;
-/* Faces nearer than this, of the mesh's extent, touch. */
+/* Faces nearer than this, over the extent of the mesh, touch. */
 static const double touching = 1e-6;
-/* The lines are tilted by this against the normals, so that they do not run along faces of a mesh of right
- * angles. */
+/* The lines are tilted against the normals by this vector, so that they do not run within faces of a mesh with right angles. */
 static const vec3 tilt = {0.00917, 0.00631, 0.00487};
 
-/* A place between two faces that lie close. */
+/* A sample between two close faces. */
 typedef struct gap {
     double width_vox, area;
     vec3 place; /* world units */
 } gap;
 
-/* A place of a triangle that the zero set does not follow. */
-typedef struct doubt {
+/* A sample that the zero set does not follow. */
+typedef struct deviation {
     uint32_t triangle;
     int32_t place;
-    double area;  /* that it stands for */
-    double width; /* of the gap between two faces; INFINITY: there is none; hidden places have HIDDEN */
-} doubt;
+    double area;  /* represented by the sample */
+    double width; /* distance of the two faces, voxels; INFINITY: there is no second face; HIDDEN */
+} deviation;
 
-enum { CHUNK = 4096, HIDDEN = -1 }; /* CHUNK: triangles in a chunk of work */
+enum { CHUNK = 4096, HIDDEN = -1 }; /* CHUNK: triangles of a task */
 
-/* What a chunk of triangles adds. */
+/* Sums of a chunk of triangles. */
 typedef struct tally {
-    double area, looked_at, followed, near, sum; /* looked_at: the area that places stand for */
-    doubt *doubts;
-    size_t doubt_count, doubt_room;
-    error fault; /* its code is ERROR_NONE where there is none */
+    double area, sampled, followed, near, sum; /* sampled: area represented by samples */
+    deviation *deviations;
+    size_t deviation_count, deviation_capacity;
+    error fault; /* code ERROR_NONE: none */
 } tally;
 
 typedef struct measuring {
@@ -58,11 +56,11 @@ typedef struct measuring {
     line_tree *tree;
     double touching_vox;
     tally *tallies;
-    doubt *doubts;
-    size_t doubt_count;
+    deviation *deviations;
+    size_t deviation_count;
     gap *gaps;
     size_t gap_count;
-    double area, looked_at, followed, near, sum, thin, hidden;
+    double area, sampled, followed, near, sum, thin, hidden;
 } measuring;
 
 static vec3 in_world(const measuring *w, vec3 p)
@@ -71,7 +69,7 @@ static vec3 in_world(const measuring *w, vec3 p)
     return (vec3){m[0] * p.x + m[3], m[5] * p.y + m[7], m[10] * p.z + m[11]};
 }
 
-/* The field's distance from its zero set, to first order, in voxels; NAN where there is none. */
+/* The distance from the zero set to first order, voxels; NAN if the field is undefined. */
 static double distance_at(const measuring *w, vec3 p)
 {
     field_sample s;
@@ -79,17 +77,17 @@ static double distance_at(const measuring *w, vec3 p)
     return s.value / (vec3_norm(s.gradient) * w->index_to_world[0]);
 }
 
-/* The k-th place of a triangle: the additive sequence of the plastic number, folded into it; the first is its middle. */
+/* Sample k of a triangle: the additive recurrence of the plastic number, folded into the triangle; the first is the centroid. */
 static vec3 place_of(vec3 a, vec3 ab, vec3 ac, int k)
 {
     double u = fmod(1.0 / 3 + k * 0.7548776662466927, 1), v = fmod(1.0 / 3 + k * 0.5698402909980532, 1);
     return u + v > 1 ? vec3_axpy(1 - u, ab, vec3_axpy(1 - v, ac, a)) : vec3_axpy(u, ab, vec3_axpy(v, ac, a));
 }
 
-/* A triangle and the places on it that are looked at. */
+/* A triangle and its samples. */
 typedef struct places {
     vec3 a, ab, ac, normal; /* unit */
-    double area;            /* 0: too small to have any */
+    double area;            /* 0: degenerate, no samples */
     int count;
 } places;
 
@@ -104,26 +102,26 @@ static places places_on(const mesh *m, uint32_t n)
                     whole, (int)fmin(1 + whole / area_per_point, most_points)};
 }
 
-static bool note_doubt(tally *t, uint32_t n, int place, double area)
+static bool note_deviation(tally *t, uint32_t n, int place, double area)
 {
-    doubt *doubts = mem_grow(t->doubts, t->doubt_count, &t->doubt_room, 64, sizeof *doubts,
-                             "the thin parts of the mesh", &t->fault);
-    if (!doubts) return false;
-    t->doubts = doubts;
-    t->doubts[t->doubt_count++] = (doubt){.triangle = n, .place = place, .area = area};
+    deviation *deviations = mem_grow(t->deviations, t->deviation_count, &t->deviation_capacity, 64,
+                                     sizeof *deviations, "the thin parts of the mesh", &t->fault);
+    if (!deviations) return false;
+    t->deviations = deviations;
+    t->deviations[t->deviation_count++] = (deviation){.triangle = n, .place = place, .area = area};
     return true;
 }
 
-/* The places on a triangle stand for so much area. */
+/* Measures the samples of a triangle, which represent `area` together. */
 static bool measure_triangle(const measuring *w, uint32_t n, const places *on, double area, tally *t)
 {
     const vec3 step = vec3_scale(on->normal, side_gap);
     for (int k = 0; k < on->count; k++) {
         const vec3 p = place_of(on->a, on->ab, on->ac, k);
         const double part = area / on->count, d = distance_at(w, p);
-        t->looked_at += part;
+        t->sampled += part;
         if (!(distance_at(w, vec3_add(p, step)) > 0 && distance_at(w, vec3_sub(p, step)) < 0)) {
-            if (!note_doubt(t, n, k, part)) return false;
+            if (!note_deviation(t, n, k, part)) return false;
             continue;
         }
         t->followed += part;
@@ -137,8 +135,8 @@ static void measure_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const measuring *w = context;
     tally *t = &w->tallies[begin / CHUNK];
-    double due =
-        fmod(golden * (double)(begin / CHUNK), 1) * least_area; /* of small triangles, before the next */
+    double due = fmod(golden * (double)(begin / CHUNK), 1) *
+                 least_area; /* area of small triangles since the last sample of them */
     (void)worker;
     for (size_t n = begin; n < end; n++) {
         const places on = places_on(w->m, (uint32_t)n);
@@ -153,7 +151,7 @@ static void measure_chunk(void *context, int worker, size_t begin, size_t end)
 
 static bool gather_tallies(measuring *w, size_t count, error *e)
 {
-    size_t doubts = 0;
+    size_t deviations = 0;
     for (size_t k = 0; k < count; k++) {
         const tally *t = &w->tallies[k];
         if (t->fault.code != ERROR_NONE) {
@@ -161,22 +159,22 @@ static bool gather_tallies(measuring *w, size_t count, error *e)
             return false;
         }
         w->area += t->area;
-        w->looked_at += t->looked_at;
+        w->sampled += t->sampled;
         w->followed += t->followed;
         w->near += t->near;
         w->sum += t->sum;
-        doubts += t->doubt_count;
+        deviations += t->deviation_count;
     }
-    w->doubts = mem_array(doubts, sizeof *w->doubts, "the thin parts of the mesh", e);
-    if (!w->doubts) return false;
+    w->deviations = mem_array(deviations, sizeof *w->deviations, "the thin parts of the mesh", e);
+    if (!w->deviations) return false;
     for (size_t k = 0; k < count; k++)
-        for (size_t i = 0; i < w->tallies[k].doubt_count; i++)
-            w->doubts[w->doubt_count++] = w->tallies[k].doubts[i];
+        for (size_t i = 0; i < w->tallies[k].deviation_count; i++)
+            w->deviations[w->deviation_count++] = w->tallies[k].deviations[i];
     return true;
 }
 
-/* Why the zero set does not follow the mesh in a place. */
-static void look_into(const measuring *w, doubt *d)
+/* Determines why the zero set does not follow a sample. */
+static void classify(const measuring *w, deviation *d)
 {
     const places on = places_on(w->m, d->triangle);
     const vec3 p = place_of(on.a, on.ab, on.ac, d->place);
@@ -185,19 +183,19 @@ static void look_into(const measuring *w, doubt *d)
     d->width = c.winding != 0 || width < w->touching_vox ? HIDDEN : width > thinnest_vox ? INFINITY : width;
 }
 
-static void look_chunk(void *context, int worker, size_t begin, size_t end)
+static void classify_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const measuring *w = context;
     (void)worker;
-    for (size_t k = begin; k < end; k++) look_into(w, &w->doubts[k]);
+    for (size_t k = begin; k < end; k++) classify(w, &w->deviations[k]);
 }
 
 static bool list_gaps(measuring *w, error *e)
 {
-    w->gaps = mem_array(w->doubt_count, sizeof *w->gaps, "the thin parts of the mesh", e);
+    w->gaps = mem_array(w->deviation_count, sizeof *w->gaps, "the thin parts of the mesh", e);
     if (!w->gaps) return false;
-    for (size_t k = 0; k < w->doubt_count; k++) {
-        const doubt *d = &w->doubts[k];
+    for (size_t k = 0; k < w->deviation_count; k++) {
+        const deviation *d = &w->deviations[k];
         if (d->width == INFINITY) continue;
         if (d->width == HIDDEN) {
             w->hidden += d->area;
@@ -211,17 +209,17 @@ static bool list_gaps(measuring *w, error *e)
     return true;
 }
 
-static bool look_at_mesh(measuring *w, threads *pool, error *e)
+static bool sample_mesh(measuring *w, threads *pool, error *e)
 {
     const size_t count = w->m->triangle_count, chunks = (count + CHUNK - 1) / CHUNK;
     w->tallies = mem_array(chunks, sizeof *w->tallies, "the thin parts of the mesh", e);
     if (!w->tallies) return false;
     threads_run(pool, count, CHUNK, measure_chunk, w);
     bool ok = gather_tallies(w, chunks, e);
-    for (size_t k = 0; k < chunks; k++) free(w->tallies[k].doubts);
-    if (!ok || w->doubt_count == 0) return ok;
+    for (size_t k = 0; k < chunks; k++) free(w->tallies[k].deviations);
+    if (!ok || w->deviation_count == 0) return ok;
     if (!(w->tree = line_tree_new(w->m, e))) return false;
-    threads_run(pool, w->doubt_count, CHUNK / 16, look_chunk, w);
+    threads_run(pool, w->deviation_count, CHUNK / 16, classify_chunk, w);
     return list_gaps(w, e);
 }
 
@@ -232,7 +230,7 @@ static int by_width(const void *left, const void *right)
     return (a->area > b->area) - (a->area < b->area);
 }
 
-/* The largest voxels, in those that there are, that leave at most `most` of the area thin, of what voxels of `finest` show. */
+/* The largest voxel size, in present voxels, for which at most `most` of the area is thin. Only the part that voxels of size `finest` represent counts. */
 static double voxels_wanted(const measuring *w, double finest, double most)
 {
     double left = 0;
@@ -260,15 +258,15 @@ bool fidelity_measure(const mesh *m, const double index_to_world[16], const fiel
     const double size = index_to_world[0];
     measuring w = {.m = m, .f = f, .index_to_world = index_to_world};
     w.touching_vox = m->triangle_count ? touching * bbox_longest(mesh_box(m, pool)) : 0;
-    bool ok = look_at_mesh(&w, pool, e);
+    bool ok = sample_mesh(&w, pool, e);
     if (ok) {
         if (w.gap_count) qsort(w.gaps, w.gap_count, sizeof *w.gaps, by_width);
-        const double whole = w.looked_at > 0 ? w.looked_at : 1, most = FIDELITY_MOST_THIN * w.looked_at;
+        const double whole = w.sampled > 0 ? w.sampled : 1, most = FIDELITY_MAX_THIN * w.sampled;
         fidelity_free(out);
         *out = (fidelity){.area = w.area * size * size,
                           .rms_vox = w.followed > 0 ? sqrt(w.sum / w.followed) : 0,
                           .close = w.near / whole,
-                          .unresolved = w.looked_at > 0 ? 1 - w.followed / w.looked_at : 0,
+                          .unresolved = w.sampled > 0 ? 1 - w.followed / w.sampled : 0,
                           .thin = w.thin / whole,
                           .hidden = w.hidden / whole,
                           .thin_voxel = size * voxels_wanted(&w, 0, most),
@@ -278,7 +276,7 @@ bool fidelity_measure(const mesh *m, const double index_to_world[16], const fiel
     }
     line_tree_free(w.tree);
     free(w.tallies);
-    free(w.doubts);
+    free(w.deviations);
     free(w.gaps);
     return ok;
 }
@@ -290,7 +288,7 @@ void fidelity_free(fidelity *f)
     f->thin_places = 0;
 }
 
-/* Whether there is something on both sides of a place of triangle n: whichever way round it is, it bounds no union. */
+/* Whether a sample of triangle n has solids on both sides, whatever their orientation: it does not bound the union. */
 static bool is_hidden(const line_tree *tree, uint32_t n, vec3 p, vec3 normal)
 {
     const vec3 d = vec3_unit(vec3_add(normal, tilt));
@@ -300,9 +298,9 @@ static bool is_hidden(const line_tree *tree, uint32_t n, vec3 p, vec3 normal)
 
 bool fidelity_hidden(const mesh *m, double *share, error *e)
 {
-    static const int looked_at = 2048;
+    static const int sampled = 2048;
     line_tree *tree = line_tree_new(m, e);
-    const double step = mesh_area(m) / looked_at;
+    const double step = mesh_area(m) / sampled;
     double passed = 0, next = 0.5 * step;
     int hidden = 0;
     if (!tree) return false;
@@ -314,11 +312,11 @@ bool fidelity_hidden(const mesh *m, double *share, error *e)
             hidden += is_hidden(tree, n, place_of(a, ab, ac, k), vec3_unit(normal));
     }
     line_tree_free(tree);
-    *share = (double)hidden / looked_at;
+    *share = (double)hidden / sampled;
     return true;
 }
 
-/* Whether the outside is on one side of a place and, on the other, beyond less than `width`. */
+/* Whether the outside is on one side of a sample and, on the other side, at a distance of less than `width`. */
 static bool is_thin(const line_tree *tree, uint32_t n, vec3 p, vec3 normal, double width)
 {
     const vec3 d = vec3_unit(vec3_add(normal, tilt));
@@ -329,9 +327,9 @@ static bool is_thin(const line_tree *tree, uint32_t n, vec3 p, vec3 normal, doub
 
 bool fidelity_thin(const mesh *m, double voxel, double *share, error *e)
 {
-    static const int looked_at = 1024;
+    static const int sampled = 1024;
     line_tree *tree = line_tree_new(m, e);
-    const double step = mesh_area(m) / looked_at;
+    const double step = mesh_area(m) / sampled;
     double passed = 0, next = 0.5 * step;
     int thin = 0;
     if (!tree) return false;
@@ -343,6 +341,6 @@ bool fidelity_thin(const mesh *m, double voxel, double *share, error *e)
             thin += is_thin(tree, n, place_of(a, ab, ac, k), vec3_unit(normal), voxels_across * voxel);
     }
     line_tree_free(tree);
-    *share = (double)thin / looked_at;
+    *share = (double)thin / sampled;
     return true;
 }

@@ -14,13 +14,13 @@
 
 #define SIDE VDB_LEAF_SIDE
 #define VOXELS VDB_LEAF_VOXELS
-#define TILE_BLOCKS 16 /* along a side of the larger of the two kinds of tiles that are used */
+#define TILE_BLOCKS 16 /* blocks along a side of the larger of the two sizes of tiles */
 
 enum { CHUNK = 4096 }; /* of vertices */
 
-/* Fewer voxels along the longest side show nothing of a shape. */
+/* Minimum number of voxels along the longest side. */
 static const double fewest_voxels = 8;
-/* The mesh begins so far from the grid's origin; half a voxel keeps faces along the axes off the voxels. */
+/* Distance of the mesh from the grid's origin beyond the band, voxels. Half a voxel keeps faces parallel to the axes off the voxel centres. */
 static const double origin_gap = 0.5;
 
 typedef struct making {
@@ -32,12 +32,12 @@ typedef struct making {
     winding_columns columns;
     triangle_groups groups;
     block_map map;        /* blocks within the band of a group */
-    uint32_t (*pairs)[2]; /* block and group, in the order of groups */
+    uint32_t (*pairs)[2]; /* (block, group), sorted by group */
     size_t pair_count, pair_room;
-    size_t *first; /* groups near block b: near[first[b]] .. near[first[b + 1]] */
+    size_t *first; /* block b is near the groups near[first[b]] .. near[first[b + 1] - 1] */
     uint32_t *near;
     threads *pool;
-    uint32_t *stamps; /* of each worker, of a solid: the last block, plus one, that has triangles of it */
+    uint32_t *stamps; /* per worker and solid: the last block with triangles of it, plus one */
     vdb_grid *out;
 } making;
 
@@ -135,13 +135,13 @@ static bool plan_group(making *k, uint32_t group, error *e)
             for (b[2] = low[2]; b[2] <= high[2]; b[2]++) {
                 const double half = 0.5 * (SIDE - 1);
                 vec3 middle = {SIDE * b[0] + half, SIDE * b[1] + half, SIDE * b[2] + half};
-                if (large && !triangle_groups_come_near(&k->groups, group, middle, reach2)) continue;
+                if (large && !triangle_groups_is_within(&k->groups, group, middle, reach2)) continue;
                 if (!add_pair(k, b, group, e)) return false;
             }
     return true;
 }
 
-/* Pairs into lists by block, which keep the order of the groups and so of their solids. */
+/* Sorts the pairs by block. The order of the groups, and so of their solids, is kept. */
 static bool plan(making *k, error *e)
 {
     if (!block_map_init(&k->map, 1024, e) ||
@@ -165,7 +165,7 @@ static bool plan(making *k, error *e)
 
 /* ---- distances */
 
-/* One solid's signed distance into `f`, the least of those of all solids. */
+/* Takes the minimum of `f` and the signed distance of one solid. */
 static void unite(const making *k, uint32_t solid, const int32_t origin[3], const double nearest[VOXELS],
                   double f[VOXELS])
 {
@@ -179,21 +179,21 @@ static void unite(const making *k, uint32_t solid, const int32_t origin[3], cons
     }
 }
 
-/* The solid of a group, which is not before that one. */
+/* The solid of a group; it is `solid` or a later one. */
 static uint32_t solid_of(const making *k, uint32_t solid, uint32_t group)
 {
     while (k->groups.triangle[k->groups.first[group]] >= k->solids.first[solid + 1]) solid++;
     return solid;
 }
 
-/* The end of a solid's groups in a list that ends with `end`. */
+/* The end of the groups of a solid in the list from .. end. */
 static size_t end_of_solid(const making *k, uint32_t solid, size_t from, size_t end)
 {
     while (from < end && solid_of(k, solid, k->near[from]) == solid) from++;
     return from;
 }
 
-/* The block's distances in voxels, clamped to the band. */
+/* Computes the distances of a block in voxels, clamped to the band. */
 static void fill_block(const making *k, uint32_t block, uint32_t *stamp, double f[VOXELS])
 {
     const int32_t *b = k->map.blocks[block], origin[3] = {SIDE * b[0], SIDE * b[1], SIDE * b[2]};
@@ -203,13 +203,13 @@ static void fill_block(const making *k, uint32_t block, uint32_t *stamp, double 
     for (size_t n = k->first[block]; n < k->first[block + 1];) {
         solid = solid_of(k, solid, k->near[n]);
         const size_t end = end_of_solid(k, solid, n, k->first[block + 1]);
-        triangle_groups_approach(&k->groups, k->near + n, end - n, origin, k->band, nearest);
+        triangle_groups_lower_distances(&k->groups, k->near + n, end - n, origin, k->band, nearest);
         n = end;
         stamp[solid] = block + 1;
         unite(k, solid, origin, nearest, f);
     }
     if (!winding_covers(&k->columns, k->solids.one_sided, stamp, block + 1, origin)) return;
-    for (int v = 0; v < VOXELS; v++) f[v] = -k->band; /* deep within a solid that has no surface here */
+    for (int v = 0; v < VOXELS; v++) f[v] = -k->band; /* inside a solid without triangles near the block */
 }
 
 static void store_block(const making *k, uint32_t block, const double f[VOXELS], vdb_grid *out)
@@ -256,15 +256,14 @@ static bool fill_leaves(making *k, vdb_grid *out, error *e)
     return may_go_on(k, e);
 }
 
-/* ---- what is inside, away from the surface */
+/* ---- tiles of the inside beyond the band */
 
 typedef struct tiling {
     vdb_tile *tiles;
     size_t count, room;
 } tiling;
 
-/* Adds the block, or TILE_BLOCKS^3 of them, if it is inside; it has no leaf, so that one voxel tells of
- * all. */
+/* Adds a tile of one block, or of TILE_BLOCKS^3 blocks, if it is inside. It has no leaf, so that one voxel decides for all. */
 static bool add_tile(const making *k, tiling *t, const int32_t origin[3], int32_t side, error *e)
 {
     if (!winding_covers(&k->columns, k->solids.one_sided, NULL, 0, origin)) return true;
@@ -301,7 +300,7 @@ static bool fill_tiles(const making *k, vdb_grid *out, error *e)
 {
     block_map regions = {0};
     tiling t = {0};
-    int32_t high[3] = {0, 0, 0}, at[3]; /* what is inside has no negative coordinate */
+    int32_t high[3] = {0, 0, 0}, at[3]; /* the inside has no negative coordinates */
     bool ok = block_map_init(&regions, 64, e);
     for (uint32_t n = 0; ok && n < k->map.count; n++) {
         const int32_t *b = k->map.blocks[n];

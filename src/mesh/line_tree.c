@@ -7,15 +7,15 @@
 #include "base/memory.h"
 #include "geometry/bbox.h"
 
-/* Triangles of a leaf, at most. */
+/* Maximum number of triangles in a leaf. */
 #define LEAF_MOST 8
-/* Boxes are halved by number, so that the tree of 2^32 triangles is no deeper. */
+/* Capacity of the search stack. Nodes are halved by number of triangles, so that it suffices for 2^32 of them. */
 #define DEEPEST 40
 
 typedef struct node {
     bbox box;
     uint32_t first,
-        count; /* triangles of a leaf: list[first] on; of another: count 0, children first, first + 1 */
+        count; /* a leaf has the triangles list[first] .. list[first + count - 1]; another node has count 0 and the children first, first + 1 */
 } node;
 
 struct line_tree {
@@ -54,7 +54,7 @@ static int longest_axis(bbox b)
     return d.x >= d.y && d.x >= d.z ? 0 : d.y >= d.z ? 1 : 2;
 }
 
-/* list[first] .. list[first + count] below node `at`. */
+/* Builds node `at` over list[first] .. list[first + count - 1]. */
 static void build(line_tree *t, uint32_t at, uint32_t first, uint32_t count, placed *scratch)
 {
     bbox box = bbox_empty(), middles = bbox_empty();
@@ -136,7 +136,7 @@ static void cross_triangle(const mesh *m, uint32_t n, vec3 p, vec3 d, line_cross
                ac = vec3_sub(corner_of(m, n, 2), a);
     const vec3 q = vec3_cross(d, ac), from = vec3_sub(p, a);
     const double det = vec3_dot(ab, q), u = vec3_dot(from, q) / det;
-    if (!(u >= 0 && u <= 1)) return; /* parallel ones as well */
+    if (!(u >= 0 && u <= 1)) return; /* true also for a parallel triangle */
     const vec3 r = vec3_cross(from, ab);
     const double v = vec3_dot(d, r) / det, at = vec3_dot(ac, r) / det;
     if (!(v >= 0 && u + v <= 1)) return;

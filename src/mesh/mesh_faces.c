@@ -9,27 +9,27 @@
 #include "mesh/line_tree.h"
 #include "mesh/nearest_triangle.h"
 
-/* Voxels. The zero set is farther from what it follows at spikes alone, which it cuts off. */
+/* Maximum distance of a projection, voxels. The zero set is farther from the mesh only at spikes, which it cuts off. */
 static const double farthest = 2;
-/* Voxels: a place that has landed is found at once within this. */
-static const double landed = 1e-3;
-/* Voxels: what hides a place is looked for from so far in front of it, past the triangles that meet there. */
+/* A place within this distance of the mesh, in voxels, is projected to the closest triangle at once. */
+static const double on_mesh = 1e-3;
+/* Distance in front of a place from which the test whether it is hidden starts, voxels: beyond the triangles that meet at the place. */
 static const double in_front = 1e-3;
-/* Lines are tilted by this against normals, lest they run along faces of right angles. */
+/* Lines are tilted against the normals by this vector, so that they do not run within faces of a mesh with right angles. */
 static const vec3 tilt = {0.00917, 0.00631, 0.00487};
 
-/* Of a mesh of more triangles those with their middles in one cell of a lattice are a group, with about as many in each; most
- * points come by few groups. */
+/* Meshes of more than UNGROUPED triangles are divided into groups: triangles whose centroids lie in one cell of a lattice. GROUP: typical number of
+ * triangles in a group. MOST_CELLS: maximum number of cells along a side. A point searches few groups. */
 enum { UNGROUPED = 1 << 16, GROUP = 512, MOST_CELLS = 128 };
 
 struct mesh_faces {
-    mesh m; /* in voxels, group after group */
+    mesh m; /* in voxels, sorted by group */
     double voxel;
     vec3 origin;
     size_t count; /* of groups */
-    mesh *group;  /* parts of m */
+    mesh *group;  /* ranges of m */
     nearest_triangle **tree;
-    nearest_of_several *trees;
+    triangle_forest *trees;
     line_tree *lines; /* NULL: nothing is hidden */
 };
 
@@ -39,7 +39,7 @@ typedef struct grouping {
     vec3 low;
     double cell;
     size_t side;
-    uint32_t *cell_of; /* of each triangle */
+    uint32_t *cell_of; /* per triangle */
 } grouping;
 
 static void find_cells(void *context, int worker, size_t begin, size_t end)
@@ -59,7 +59,7 @@ static void find_cells(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Makes the triangles of each cell neighbours, and of each that has some a group. */
+/* Sorts the triangles by cell. Each cell with triangles becomes a group. */
 static bool group_triangles(mesh_faces *f, threads *pool, error *e)
 {
     static const char what[] = "the tree of a mesh";
@@ -67,8 +67,9 @@ static bool group_triangles(mesh_faces *f, threads *pool, error *e)
     const size_t all = f->m.triangle_count;
     grouping g = {.m = &f->m, .low = box.min, .side = 1};
     if (all > UNGROUPED)
-        g.side =
-            (size_t)fmax(1, fmin(MOST_CELLS, sqrt((double)all / (3 * GROUP)))); /* of 6 side^2 cells half */
+        g.side = (size_t)fmax(
+            1,
+            fmin(MOST_CELLS, sqrt((double)all / (3 * GROUP)))); /* the surface crosses about 3 side^2 cells */
     g.cell = fmax(bbox_longest(box), DBL_MIN) / (double)g.side;
     const size_t cells = g.side * g.side * g.side;
     uint32_t *first = mem_array(cells + 2, sizeof *first, what, e);
@@ -108,7 +109,7 @@ static void box_groups(void *context, int worker, size_t begin, size_t end)
     const mesh_faces *f = context;
     (void)worker;
     for (size_t k = begin; k < end; k++)
-        if (f->group[k].triangle_count <= UNGROUPED) f->tree[k] = nearest_triangle_later(&f->group[k]);
+        if (f->group[k].triangle_count <= UNGROUPED) f->tree[k] = nearest_triangle_new_lazy(&f->group[k]);
 }
 
 static bool make_trees(mesh_faces *f, threads *pool, error *e)
@@ -119,7 +120,7 @@ static bool make_trees(mesh_faces *f, threads *pool, error *e)
     threads_run(pool, f->count, 16, box_groups, f);
     for (size_t k = 0; k < f->count; k++)
         if (!f->tree[k] && !(f->tree[k] = nearest_triangle_new(&f->group[k], e))) return false;
-    f->trees = nearest_of_several_new((const nearest_triangle *const *)f->tree, f->count, e);
+    f->trees = triangle_forest_new((const nearest_triangle *const *)f->tree, f->count, e);
     return f->trees;
 }
 
@@ -138,7 +139,7 @@ mesh_faces *mesh_faces_new(mesh *m, const double index_to_world[16], bool hides,
 void mesh_faces_free(mesh_faces *f)
 {
     if (!f) return;
-    nearest_of_several_free(f->trees);
+    triangle_forest_free(f->trees);
     for (size_t k = 0; f->tree && k < f->count; k++) nearest_triangle_free(f->tree[k]);
     free(f->tree);
     free(f->group);
@@ -149,28 +150,28 @@ void mesh_faces_free(mesh_faces *f)
 
 size_t mesh_faces_bytes(const mesh_faces *f)
 {
-    size_t trees = nearest_of_several_bytes(f->trees);
+    size_t trees = triangle_forest_bytes(f->trees);
     for (size_t k = 0; k < f->count; k++) trees += nearest_triangle_bytes(f->tree[k]);
     return f->m.vertex_count * sizeof *f->m.vertex + f->m.triangle_count * sizeof *f->m.triangle + trees +
            line_tree_bytes(f->lines);
 }
 
-/* A point that is to land, in voxels. */
-typedef struct landing {
+/* A point to be projected, voxels. */
+typedef struct projection {
     const mesh_faces *f;
     vec3 x, normal;
-} landing;
+} projection;
 
 static bool looks_its_way(const void *context, size_t n, const triangle *t)
 {
-    const landing *l = context;
+    const projection *l = context;
     (void)n;
     return vec3_dot(vec3_cross(vec3_sub(t->b, t->a), vec3_sub(t->c, t->a)), l->normal) > 0;
 }
 
 static bool looks_out(const void *context, size_t n, const triangle *t)
 {
-    const landing *l = context;
+    const projection *l = context;
     if (!looks_its_way(context, n, t)) return false;
     const vec3 from = vec3_axpy(in_front, l->normal, triangle_nearest(t, l->x)),
                way = vec3_unit(vec3_add(l->normal, tilt));
@@ -182,17 +183,17 @@ static vec3 to_voxels(const mesh_faces *f, vec3 x)
     return vec3_scale(vec3_sub(x, f->origin), 1 / f->voxel);
 }
 
-vec3 mesh_faces_land(const mesh_faces *f, vec3 x, vec3 normal)
+vec3 mesh_faces_project(const mesh_faces *f, vec3 x, vec3 normal)
 {
-    const landing l = {f, to_voxels(f, x), vec3_unit(normal)};
+    const projection l = {f, to_voxels(f, x), vec3_unit(normal)};
     vec3 place = l.x;
-    if (!(f->lines && nearest_of_several_find_among(f->trees, l.x, farthest, looks_out, &l, &place)) &&
-        !nearest_of_several_find_among(f->trees, l.x, farthest, looks_its_way, &l, &place))
-        nearest_of_several_find_among(f->trees, l.x, INFINITY, NULL, NULL, &place);
+    if (!(f->lines && triangle_forest_find_accepted(f->trees, l.x, farthest, looks_out, &l, &place)) &&
+        !triangle_forest_find_accepted(f->trees, l.x, farthest, looks_its_way, &l, &place))
+        triangle_forest_find_accepted(f->trees, l.x, INFINITY, NULL, NULL, &place);
     return mesh_faces_to_world(f, place);
 }
 
-bool mesh_faces_hide(const mesh_faces *f)
+bool mesh_faces_has_hidden(const mesh_faces *f)
 {
     return f->lines != NULL;
 }
@@ -210,7 +211,7 @@ vec3 mesh_faces_to_world(const mesh_faces *f, vec3 x_vox)
 vec3 mesh_faces_nearest(const mesh_faces *f, vec3 x)
 {
     vec3 place = to_voxels(f, x);
-    if (!nearest_of_several_find_among(f->trees, place, landed, NULL, NULL, &place))
-        nearest_of_several_find_among(f->trees, place, INFINITY, NULL, NULL, &place);
+    if (!triangle_forest_find_accepted(f->trees, place, on_mesh, NULL, NULL, &place))
+        triangle_forest_find_accepted(f->trees, place, INFINITY, NULL, NULL, &place);
     return mesh_faces_to_world(f, place);
 }

@@ -1,8 +1,8 @@
-/* mesh_faces: the triangles of a closed mesh, to put the points on that were found on its level set.
+/* mesh_faces: projects points that were found on the level set of a closed mesh onto its triangles.
  *
- * A point goes to the nearest place of the triangles that look its way and lie on the outside of all solids: not to the
- * other side of a thin wall, nor to what the union hides. World units. Threads: landing is safe in any number; of a pool, which may
- * be NULL and does not show, while it is made.
+ * A point is projected to the closest place of the triangles that face the way of its normal and lie on the outside of all solids. It is therefore
+ * not moved to the other side of a thin wall, nor to a part of the mesh that another solid hides. World units. Projection: any thread. The result
+ * does not depend on the number of threads of the pool, which may be NULL and is used by mesh_faces_new only.
  */
 #ifndef HEXAD_MESH_MESH_FACES_H
 #define HEXAD_MESH_MESH_FACES_H
@@ -13,22 +13,22 @@
 
 typedef struct mesh_faces mesh_faces;
 
-/* Takes over *m, as levelset_make left it, and zeroes it. `hides`: a part of it lies in solids. Error: limit_memory. */
+/* Takes ownership of *m, as levelset_make left it, and zeroes it. `hides`: a part of the mesh lies inside solids. NULL: limit_memory. */
 mesh_faces *mesh_faces_new(mesh *m, const double index_to_world[16], bool hides, threads *pool, error *e);
-void mesh_faces_free(mesh_faces *f); /* NULL will do */
+void mesh_faces_free(mesh_faces *f); /* accepts NULL */
 size_t mesh_faces_bytes(const mesh_faces *f);
 
-/* The place for a point at x whose normal, of any length, points out of the solids. */
-vec3 mesh_faces_land(const mesh_faces *f, vec3 x, vec3 normal);
+/* The projection of x. `normal`: of any length, pointing out of the solids. */
+vec3 mesh_faces_project(const mesh_faces *f, vec3 x, vec3 normal);
 
-/* Whether a part of the mesh may lie in solids. */
-bool mesh_faces_hide(const mesh_faces *f);
+/* Whether a part of the mesh may lie inside solids. */
+bool mesh_faces_has_hidden(const mesh_faces *f);
 
-/* The triangles in voxels, group after group, and a place of them in world units. */
+/* The triangles, in voxels and sorted by groups; and the conversion of a place to world units. */
 const mesh *mesh_faces_mesh(const mesh_faces *f);
 vec3 mesh_faces_to_world(const mesh_faces *f, vec3 x_vox);
 
-/* The nearest place of all triangles, hidden or not. */
+/* The closest place of all triangles, hidden ones included. */
 vec3 mesh_faces_nearest(const mesh_faces *f, vec3 x);
 
 #endif

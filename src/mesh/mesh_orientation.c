@@ -8,18 +8,18 @@
 
 static const char what[] = "the orientation of the mesh";
 
-/* Directions of the rays that tell whether a part lies in another: none is along an axis or a usual edge. Most of them decide. */
+/* Directions of the rays that decide, by majority, whether a part lies inside another one. None is parallel to an axis or to a usual edge. */
 enum { RAYS = 3 };
 static const vec3 RAY[RAYS] = {
     {0.5377, 0.2896, 0.7917}, {-0.6412, 0.7431, 0.1915}, {0.1873, -0.5921, 0.7838}};
 
 /* ---- edges at which patches end */
 
-/* An edge of one triangle of its patch, from the end that comes first by its coordinates. */
+/* A boundary edge of a patch, from the end whose coordinates come first. */
 typedef struct open_edge {
     vec3 from, to;
     uint32_t patch;
-    bool forwards; /* the triangle runs along it from `from` to `to` */
+    bool forwards; /* its triangle has it in the direction from `from` to `to` */
 } open_edge;
 
 static int compare_places(vec3 a, vec3 b)
@@ -53,7 +53,7 @@ static uint32_t patch_of(const mesh_patches *p, size_t triangle)
     return (uint32_t)low;
 }
 
-/* A vertex belongs to one patch, so an edge at which a patch ends is one of one triangle. Sorted by place; to be freed. */
+/* Lists the boundary edges, sorted by position; free the result. Vertices belong to one patch, so that a patch ends at edges of one triangle. */
 static open_edge *list_open_edges(const mesh_patches *p, size_t *count, error *e)
 {
     mesh_edges edges = {0};
@@ -76,11 +76,11 @@ static open_edge *list_open_edges(const mesh_patches *p, size_t *count, error *e
 typedef struct parts {
     const mesh_patches *p;
     orientation joined; /* of the patches */
-    uint32_t *root;     /* of each patch, the patch whose number its part has */
-    bool *turned;       /* of each patch */
-    bool *is_closed;    /* of each root: an even number of triangles meets at each edge */
-    double *volume;     /* of each root, with the patches turned so */
-    bbox *box;          /* of each root */
+    uint32_t *root;     /* per patch: the representative patch of its part */
+    bool *turned;       /* per patch */
+    bool *is_closed;    /* per root: an even number of triangles meets at each edge */
+    double *volume;     /* per root, with the patches turned */
+    bbox *box;          /* per root */
 } parts;
 
 static void free_parts(parts *s)
@@ -139,7 +139,7 @@ static size_t triangles_of(const mesh_patches *p, size_t patch)
     return p->first[patch + 1] - p->first[patch];
 }
 
-/* Triangles of the part that run another way than in the file, if its patches are turned as they are noted. */
+/* Turns a whole part if more of its triangles would be reversed than not. */
 static bool keep_majority(parts *s, error *e)
 {
     size_t *against = mem_array(s->p->count, sizeof *against, what, e),
@@ -197,7 +197,7 @@ static bool is_in_box(const bbox *inner, const bbox *outer)
     return bbox_contains(*outer, inner->min) && bbox_contains(*outer, inner->max);
 }
 
-/* Whether a closed part lies in another one; x: a place of it. */
+/* Whether a closed part lies inside another one; x: a place of it. */
 static bool is_inside(const parts *s, vec3 x, uint32_t outer)
 {
     int votes = 0;
@@ -214,7 +214,7 @@ static bool is_inside(const parts *s, vec3 x, uint32_t outer)
     return 2 * votes > RAYS;
 }
 
-/* The outermost closed part around another, or that part itself. */
+/* The outermost closed part around a part; the part itself if there is none. */
 static uint32_t outermost(const parts *s, uint32_t part)
 {
     vec3 c[3];
@@ -228,7 +228,7 @@ static uint32_t outermost(const parts *s, uint32_t part)
     return found;
 }
 
-/* Parts and those inside of them, so that the outermost have their normals outside. */
+/* Turns closed parts, with the parts inside them, so that the normals of the outermost ones point outwards. */
 static bool turn_outside(parts *s, error *e)
 {
     bool *inwards = mem_array(s->p->count, sizeof *inwards, what, e);

@@ -13,19 +13,20 @@
 
 static const char what[] = "the patches of the mesh";
 
-/* A triangle whose height is less than this share of its longest side has no normal of its own. */
+/* Minimum height of a triangle over its longest edge for a reliable normal. */
 static const double least_height = 1e-4;
-/* But it has one where it is as high as this share of the whole mesh, as the sides of a blade: floats tell its plane to 0.01. */
+/* A thinner triangle also has a reliable normal if its height is at least this fraction of the extent of the mesh, as on the sides of a blade. Float
+ * coordinates then determine its plane to 0.01 rad. */
 static const double seen_height = 1e-5;
-/* Such triangles may lie side by side: so often a normal is passed on. */
+/* Passes that copy normals to triangles without one; such triangles may be adjacent. */
 enum { MOST_PASSES = 4 };
-enum { TRIANGLES = 4096 }; /* in a chunk of work */
+enum { TRIANGLES = 4096 }; /* of a task */
 
 /* An edge at which patches end. */
 typedef struct cut {
     uint32_t from, to;               /* vertices */
     size_t patch_first, patch_count; /* in `patches`, ascending */
-    double cosine;                   /* between the normals of two triangles; 0: it has not two */
+    double cosine;                   /* between the normals of the two triangles; 0: there are not two */
 } cut;
 
 typedef struct making {
@@ -33,25 +34,26 @@ typedef struct making {
     const mesh_patches_params *params;
     double extent; /* longest side of the mesh's box */
     const mesh_edges *edges;
-    mesh_edges own;  /* where they were not known */
-    vec3 *normal;    /* of each triangle, unit; zero: it has none */
-    bool *is_cut;    /* of each edge, at its first side */
-    bool was_closed; /* before one of two faces was left out that look the same way */
+    mesh_edges own;  /* if they were not given */
+    vec3 *normal;    /* per triangle, unit; zero: it has none */
+    bool *is_cut;    /* per edge, at its first side */
+    bool was_closed; /* the mesh was closed before duplicate faces were removed */
     orientation turned;
-    uint32_t *patch; /* of each triangle */
+    uint32_t *patch; /* per triangle */
     cut *cuts;
     size_t cut_count;
     uint32_t *patches; /* of the cuts */
-    size_t *at;        /* cuts of vertex v: around[at[v]] .. around[at[v + 1]] */
+    size_t *at;        /* vertex v has the cuts around[at[v]] .. around[at[v + 1] - 1] */
     uint32_t *around;
-    bool *corner; /* of each vertex */
-    double bend;  /* radians: a curve that bends by more has a corner; 0: none has */
+    bool *corner; /* per vertex */
+    double
+        bend; /* radians: a curve that bends by more at a vertex has a corner there; 0: bends make no corners */
     mesh_patches *out;
 } making;
 
 /* ---- which edges are features */
 
-/* The normal of a triangle, and its longest side. A needle has none. */
+/* The normal of a triangle, zero if it is too thin, and its longest edge. */
 static vec3 triangle_normal(const making *k, size_t n, int *longest)
 {
     const mesh *m = k->m;
@@ -74,7 +76,7 @@ static bool has_normal(vec3 n)
     return vec3_norm2(n) > 0;
 }
 
-/* The side of a pair that is the other triangle's. */
+/* The side of the other triangle at an edge of two triangles; NULL at other edges. *against: both triangles have the edge in the same direction. */
 static const mesh_side *other_side(const mesh_edges *edges, uint32_t a, uint32_t b, uint32_t triangle,
                                    bool *against)
 {
@@ -97,7 +99,7 @@ static void normal_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t n = begin; n < end; n++) k->normal[n] = triangle_normal(k, n, &longest);
 }
 
-/* A needle lies in the plane of the triangle beyond its longest side. */
+/* Computes the normals. A triangle that is too thin gets the normal of its neighbour at its longest edge. */
 static bool find_normals(making *k, error *e)
 {
     const mesh *m = k->m;
@@ -123,7 +125,7 @@ static bool find_normals(making *k, error *e)
     return true;
 }
 
-/* Of an edge of two triangles: 0 where they lie in one plane. */
+/* The dihedral angle at an edge of two triangles, radians; 0: they are coplanar. */
 static double angle_at(const making *k, const mesh_side *s)
 {
     const vec3 a = k->normal[s[0].triangle], b = k->normal[s[1].triangle];
@@ -150,14 +152,14 @@ static void bends_add(bends *b, double angle, double length)
         b->near += length;
 }
 
-/* The angle from which on what is bent is a feature. */
+/* The angle above which edges, or bends of curves, are features. */
 static double feature_angle(const making *k, const bends *b)
 {
-    if (k->params->feature_angle != MESH_PATCHES_FOUND) return k->params->feature_angle;
+    if (k->params->feature_angle != MESH_PATCHES_AUTOMATIC) return k->params->feature_angle;
     return b->near <= most_near * b->above ? MESH_PATCHES_ANGLE : 0;
 }
 
-/* Whether an edge is surely bent by less than `flat_below`, as most edges are, told without its angle. */
+/* Whether the dihedral angle of an edge is certainly below `flat_below`, as at most edges; computed without the angle. */
 static bool is_flat(const making *k, const mesh_side *s)
 {
     static const double surely = 0.99;
@@ -258,7 +260,7 @@ static void list_bent(const making *k, feature_groups *g)
         }
 }
 
-/* The angle, radians, by which the way from one vertex over v to another bends. */
+/* The angle between two consecutive edges from -> v -> to, radians. */
 static double bend_at_vertex(const mesh *m, uint32_t from, uint32_t v, uint32_t to)
 {
     const vec3 in = vec3_sub(m->vertex[v], m->vertex[from]), out = vec3_sub(m->vertex[to], m->vertex[v]);
@@ -374,7 +376,7 @@ static bool number_patches(making *k, error *e)
     bool turned;
     k->patch = mem_array(triangles, sizeof *k->patch, what, e);
     if (!k->patch) return false;
-    for (uint32_t n = 0; n < triangles; n++) /* a root is the least of its triangles, so it comes first */
+    for (uint32_t n = 0; n < triangles; n++) /* a root is the least of its set, so it comes first */
         k->patch[n] = orientation_find(&k->turned, n, &turned) == n ? (uint32_t)out->count++ : UINT32_MAX;
     for (uint32_t n = 0; n < triangles; n++)
         if (k->patch[n] == UINT32_MAX) k->patch[n] = k->patch[orientation_find(&k->turned, n, &turned)];
@@ -391,7 +393,7 @@ static bool number_patches(making *k, error *e)
         if (out->kind) out->kind[p] = k->params->kind[n];
         out->one_sided[p] = k->turned.conflict[root];
     }
-    for (uint32_t n = 0; ok && n < triangles; n++) { /* most triangles of a patch stay as they are */
+    for (uint32_t n = 0; ok && n < triangles; n++) { /* the majority of a patch keeps its orientation */
         uint32_t p = k->patch[n];
         orientation_find(&k->turned, n, &turned);
         if (out->one_sided[p] || turned != (2 * minority[p] <= out->first[p + 1])) continue;
@@ -452,14 +454,14 @@ static uint32_t far_end(const cut *c, uint32_t v)
     return c->from == v ? c->to : c->from;
 }
 
-/* By how much the chain of two cuts bends at v. */
+/* The angle between the two cuts at v, radians. */
 static double bend_at(const making *k, uint32_t v)
 {
     const cut *one = &k->cuts[k->around[k->at[v]]], *other = &k->cuts[k->around[k->at[v] + 1]];
     return bend_at_vertex(k->m, far_end(one, v), v, far_end(other, v));
 }
 
-/* Whether one curve passes v. */
+/* Whether one curve continues through v. */
 static bool goes_on(const making *k, uint32_t v)
 {
     if (cuts_at(k, v) != 2) return false;
@@ -487,7 +489,7 @@ static void find_corners(making *k)
     }
 }
 
-/* Goes along a chain from `start`, by the cut `c`, to the next corner, or round to the start. */
+/* Adds the curve that begins at `start` with cut `c` and ends at the next corner, or closes. */
 static void follow(making *k, uint32_t start, uint32_t c, bool *done)
 {
     mesh_patches *out = k->out;
@@ -522,7 +524,7 @@ static bool make_curves(making *k, error *e)
     out->vertex = mem_array(2 * k->cut_count, sizeof *out->vertex, what, e);
     out->curve_patch = mem_array(3 * k->m->triangle_count, sizeof *out->curve_patch, what, e);
     bool ok = done && out->curve && out->vertex && out->curve_patch;
-    for (int loops = 0; ok && loops < 2; loops++) /* first those between corners */
+    for (int loops = 0; ok && loops < 2; loops++) /* first the curves between corners */
         for (uint32_t v = 0; v < k->m->vertex_count; v++)
             for (size_t i = k->at[v]; (loops || k->corner[v]) && i < k->at[v + 1]; i++)
                 if (!done[k->around[i]]) follow(k, v, k->around[i], done);
@@ -532,14 +534,14 @@ static bool make_curves(making *k, error *e)
 
 /* ---- the mesh of patches */
 
-/* The corner of a triangle that stands at v, as a number. */
+/* The number of the triangle's corner at v. */
 static uint32_t corner_at(const mesh *m, uint32_t triangle, uint32_t v)
 {
     const uint32_t *t = m->triangle[triangle];
     return 3 * triangle + (t[0] == v ? 0 : t[1] == v ? 1 : 2);
 }
 
-/* Corners of triangles are one vertex where their triangles hang together by edges that are not cut. */
+/* Assigns vertices: corners of triangles that are connected by edges that are not cut share one. */
 static bool part_vertices(making *k, error *e)
 {
     const mesh *m = k->m;
@@ -566,7 +568,7 @@ static bool part_vertices(making *k, error *e)
             out->m.vertex[out->m.vertex_count] = m->vertex[m->triangle[c / 3][c % 3]];
             set[c] = (uint32_t)out->m.vertex_count++;
         } else {
-            set[c] = set[set[c]]; /* a root is the least of its set: it has its number already */
+            set[c] = set[set[c]]; /* a root is the least of its set, so it is numbered already */
         }
         out->m.triangle[to[k->patch[c / 3]]][c % 3] = set[c];
         if (c % 3 == 2) to[k->patch[c / 3]]++;
@@ -578,7 +580,7 @@ static bool part_vertices(making *k, error *e)
 
 /* ---- the whole */
 
-/* Faces that overlap in one plane. *edges are those of the mesh, before and after. */
+/* Removes coplanar overlaps of faces. *edges: the edges of the mesh, updated. */
 static bool cut_coplanar(making *k, const mesh_edges **edges, mesh_notes *notes, error *e)
 {
     mesh *m = k->m;
@@ -632,7 +634,7 @@ static bool weld(making *k, mesh_notes *notes, error *e)
     return mesh_weld(m, MESH_KEEP_CANCELLED, notes, e) && mesh_edges_list(m, k->params->pool, &k->own, e);
 }
 
-/* What is whole has nothing to weld. */
+/* A mesh with kinds is complete: it is not welded. */
 static bool list_edges(making *k, mesh_notes *notes, error *e)
 {
     if (!k->params->kind) return weld(k, notes, e);
@@ -640,7 +642,7 @@ static bool list_edges(making *k, mesh_notes *notes, error *e)
     return mesh_edges_list(k->m, k->params->pool, &k->own, e);
 }
 
-/* What only patches and curves needed. */
+/* Frees what is not needed after the curves are made. */
 static void free_curve_scratch(making *k)
 {
     orientation_free(&k->turned);

@@ -13,11 +13,11 @@ static const char what[] = "the refined triangles of the mesh";
 /* Sine of the angle between a triangle's normal and a vertex normal. With larger angles, particles on large triangles converge slowly. */
 static const double least_bend = 0.1;
 
-/* One round: sides that are too long get a vertex in their middle. */
+/* One round: edges that are too long get a vertex at their midpoint. */
 typedef struct halving {
     const mesh *m;
-    uint32_t (*middle)[3]; /* of each triangle: the new vertex of the side that begins at corner k, or NONE */
-    size_t vertices, triangles; /* of the mesh to come */
+    uint32_t (*middle)[3];      /* per triangle: the new vertex on the edge from corner k, or NONE */
+    size_t vertices, triangles; /* of the refined mesh */
 } halving;
 
 static vec3 middle_of(const mesh *m, uint32_t a, uint32_t b)
@@ -25,14 +25,14 @@ static vec3 middle_of(const mesh *m, uint32_t a, uint32_t b)
     return vec3_scale(vec3_add(m->vertex[a], m->vertex[b]), 0.5);
 }
 
-/* The corner at which the side `s` of an edge with lower vertex v begins. */
+/* The corner of its triangle at which side `s` of an edge begins; v: the lower vertex of the edge. */
 static int begins_at(const mesh *m, const mesh_side *s, uint32_t v)
 {
     const uint32_t from = s->upwards ? v : s->other, *t = m->triangle[s->triangle];
     return t[0] == from ? 0 : t[1] == from ? 1 : 2;
 }
 
-/* The vertices of the side of a triangle that begins at corner k, the lesser first. */
+/* The vertices of the edge of a triangle from corner k, the lesser first. */
 static void side_vertices(const mesh *m, const mesh_side *s, int k, uint32_t out[2])
 {
     const uint32_t *t = m->triangle[s->triangle], a = t[k], b = t[(k + 1) % 3];
@@ -40,7 +40,7 @@ static void side_vertices(const mesh *m, const mesh_side *s, int k, uint32_t out
     out[1] = a < b ? b : a;
 }
 
-/* Whether a normal at a corner differs from the triangle's own. Of a one-sided surface it may point either way. */
+/* Whether a vertex normal differs from the normal of the triangle. Its sign is ignored, because it is arbitrary on a one-sided surface. */
 static bool is_bent(const mesh *m, const vec3 *normal, size_t n)
 {
     const uint32_t *t = m->triangle[n];
@@ -65,8 +65,8 @@ static bool has_long_side(const mesh *m, double longest)
     return found;
 }
 
-/* The new vertex of the k-th of an edge's sides: that of an earlier side with the same vertices, or another one. Vertices at one place
- * may be several: patches that meet there have their own. */
+/* The new vertex of side k of an edge: that of an earlier side with the same vertices, or a new one. Patches that meet in an edge have different
+ * vertices at the same positions. */
 static uint32_t middle_vertex(halving *h, const mesh_edges *edges, size_t first, size_t k, uint32_t v,
                               const mesh *joined)
 {
@@ -81,7 +81,7 @@ static uint32_t middle_vertex(halving *h, const mesh_edges *edges, size_t first,
     return (uint32_t)h->vertices++;
 }
 
-/* `joined` is the mesh with one vertex at each place: a side is halved in all patches or in none. */
+/* Marks the edges to be halved. `joined`: the mesh with one vertex at each position, so that an edge is halved in all patches or in none. */
 static void mark_sides(halving *h, const mesh *joined, const mesh_edges *edges, const vec3 *normal,
                        double longest)
 {

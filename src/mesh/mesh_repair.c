@@ -13,13 +13,13 @@
 
 static const char what[] = "the edges of the mesh";
 
-enum { CHUNK = 4096 }; /* of vertices or triangles */
+enum { CHUNK = 4096 }; /* vertices, or triangles, of a task */
 
 typedef struct component {
-    uint32_t root; /* the triangle that stands for it; once they are sorted, its first one */
+    uint32_t root; /* its representative triangle; after sorting, its first one */
     uint32_t size, turned;
     bool one_sided, inside_out, cavity;
-    double volume; /* of its own orientation, in the mesh's units */
+    double volume; /* signed, by its own orientation, in units of the mesh */
     bbox box;
     uint32_t solid;
 } component;
@@ -29,9 +29,9 @@ typedef struct judging {
     const mesh_place *place;
     mesh_notes *notes;
     const mesh_edges *edges;
-    mesh_edges own;     /* where they were not known */
-    orientation turned; /* of triangles that hang together */
-    uint32_t *number;   /* of a triangle's component */
+    mesh_edges own;     /* if they were not given */
+    orientation turned; /* of connected triangles */
+    uint32_t *number;   /* per triangle: its component */
     component *components;
     size_t component_count;
     size_t holes;
@@ -39,9 +39,8 @@ typedef struct judging {
 
 /* ---- edges */
 
-/* More than two triangles at an edge: which of them are neighbours is not said. Components that have an odd
- * number of them there cannot be closed alone, so these are joined two by two. `odd` is zero for every
- * triangle, before and after. */
+/* At an edge of more than two triangles the neighbours are ambiguous. Components with an odd number of triangles there cannot be closed alone, so they
+ * are joined in pairs. `odd` is zero for every triangle, before and after. */
 static void join_odd(judging *j, const mesh_side *s, size_t count, int32_t *odd)
 {
     bool turned;
@@ -50,7 +49,7 @@ static void join_odd(judging *j, const mesh_side *s, size_t count, int32_t *odd)
         uint32_t root = orientation_find(&j->turned, s[k].triangle, &turned);
         odd[root] = odd[root] ? 0 : (int32_t)k + 1;
     }
-    for (size_t k = 0; k < count; k++) { /* what is odd has its mark at its last triangle */
+    for (size_t k = 0; k < count; k++) { /* an odd component is marked at its last triangle */
         uint32_t root = orientation_find(&j->turned, s[k].triangle, &turned);
         if (odd[root] != (int32_t)k + 1) continue;
         odd[root] = 0;
@@ -63,7 +62,7 @@ static void join_odd(judging *j, const mesh_side *s, size_t count, int32_t *odd)
     }
 }
 
-/* A component whose triangles do not come and go alike along an edge has no winding number. `sum` is like `odd`. */
+/* A component whose triangles have an edge unequally often in both directions has no winding number. `sum` is used like `odd`. */
 static void check_balance(judging *j, const mesh_side *s, size_t count, int32_t *sum)
 {
     bool turned;
@@ -78,7 +77,7 @@ static void check_balance(judging *j, const mesh_side *s, size_t count, int32_t 
     }
 }
 
-/* A set of boundary edges that hang together by vertices. */
+/* A set of boundary edges connected by vertices. */
 typedef struct hole {
     size_t edges;
     bbox box;
@@ -119,7 +118,7 @@ static bool find_holes(judging *j, const seam_edge *open, size_t count, hole **o
     return ok;
 }
 
-/* Where the largest holes are, in the file's coordinates. */
+/* Prints the boxes of the largest holes, in coordinates of the file. */
 static void print_holes(const judging *j, const hole *holes, char *text, size_t size)
 {
     enum { MOST_TOLD = 4 };
@@ -164,7 +163,7 @@ static bool not_closed(judging *j, error *e)
 
 static bool join_at_edges(judging *j, error *e)
 {
-    enum { PAIRS, BRANCHES, CHECK, PASSES }; /* pairs first: they say what hangs together elsewhere */
+    enum { PAIRS, BRANCHES, CHECK, PASSES }; /* pairs first: they determine the components */
     int32_t *mark = mem_array(j->m->triangle_count, sizeof *mark, what, e);
     if (!mark) return false;
     for (int pass = PAIRS; pass < PASSES; pass++)
@@ -198,7 +197,7 @@ static void flatten_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t n = begin; n < end; n++) sets_flatten_shared(j->turned.parent, (uint32_t)n);
 }
 
-/* Finds what hangs together. Where every edge has two triangles that agree, as most meshes have, all threads do. */
+/* Finds the connected components; in parallel if every edge has two triangles of consistent orientation, as in most meshes. */
 static bool join_triangles(judging *j, error *e)
 {
     const mesh_edges *edges = j->edges;
@@ -218,7 +217,7 @@ static void turn_triangle(uint32_t t[3])
     t[2] = swap;
 }
 
-/* Turns the minority of each component. */
+/* Turns the minority of the triangles of each component. */
 static void orient(judging *j)
 {
     size_t total = 0, turned_ones = 0;
@@ -236,7 +235,7 @@ static void orient(judging *j)
                   j->m->triangle_count);
 }
 
-/* Neighbours in the list are mostly of one component. */
+/* Consecutive triangles are mostly of one component. */
 static void number_chunk(void *context, int worker, size_t begin, size_t end)
 {
     judging *j = context;
@@ -253,7 +252,7 @@ static void number_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Once each triangle's parent is its root. */
+/* Numbers the components, after each triangle's parent is its root. */
 static bool number_components(judging *j, error *e)
 {
     const size_t count = j->m->triangle_count;
@@ -270,7 +269,7 @@ static bool number_components(judging *j, error *e)
     return !threads_stopped(j->place->pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
 
-/* Makes the triangles of a component neighbours in the list: `rank` gives each component's place. */
+/* Sorts the triangles by component. `rank`: the position of each component. */
 static bool sort_triangles(judging *j, const uint32_t *rank, error *e)
 {
     mesh *m = j->m;
@@ -303,7 +302,7 @@ static bool sort_triangles(judging *j, const uint32_t *rank, error *e)
     return ok;
 }
 
-/* A part of a component, which has one for so many triangles: the sums do not depend on who adds. */
+/* Maximum number of triangles of a part of a component. Sums are taken per part, so that they do not depend on the number of threads. */
 enum { PART = 1 << 16 };
 
 typedef struct part {
@@ -356,7 +355,7 @@ static bool measure_components(judging *j, error *e)
     return parts;
 }
 
-/* ---- what lies in what */
+/* ---- nesting of components */
 
 static bool holds_point(const judging *j, const component *c, vec3 p, winding_point at)
 {
@@ -375,7 +374,7 @@ static bool holds_point(const judging *j, const component *c, vec3 p, winding_po
     return c->one_sided ? crossings & 1 : winding != 0;
 }
 
-/* By most of three of its triangles: one may touch. */
+/* Whether `inner` lies inside `outer`, by the majority of three of its triangles: one of them may touch it. */
 static bool holds(const judging *j, const component *outer, const component *inner)
 {
     if (!(inner->box.min.x >= outer->box.min.x && inner->box.max.x <= outer->box.max.x &&
@@ -400,7 +399,7 @@ static int by_volume(const void *left, const void *right)
     return (*a > *b) - (*a < *b);
 }
 
-/* What a component is, once the one around it (NULL: none) is settled. */
+/* Classifies a component, after the component around it (NULL: none). */
 static void settle_component(component *c, const component *around, uint32_t *solids)
 {
     if (c->one_sided) {

@@ -1,9 +1,9 @@
-/* mesh_repair: checks that triangles enclose a volume, and turns them so that they agree which side is inside.
+/* mesh_repair: tests whether triangles enclose a volume, and orients them consistently.
  *
- * A component is a set of triangles connected by edges. It is closed when an even number of triangles meets at each
- * of its edges. Its triangles are turned to agree with the majority. Outermost components are turned so that
- * their volume is positive; components inside one turn with it. A component within another one of the opposite orientation is a cavity of it. A solid is a component
- * with its cavities; the shape is the union of the solids.
+ * A component is a set of triangles connected by edges. It is closed if an even number of triangles meets at each of its edges. Its triangles are
+ * oriented like the majority. Outermost components are oriented so that their volume is positive; components inside one are turned with it. A
+ * component inside another one of opposite orientation is a cavity of it. A solid is a component with its cavities. The shape is the union of the
+ * solids.
  */
 #ifndef HEXAD_MESH_MESH_REPAIR_H
 #define HEXAD_MESH_MESH_REPAIR_H
@@ -20,22 +20,22 @@
 
 typedef struct mesh_solids {
     size_t solid_count;
-    uint32_t *first; /* triangles of solid s: first[s] .. first[s + 1] */
-    bool *one_sided; /* of a solid: its triangles cannot be turned to agree, only parity tells its inside */
+    uint32_t *first; /* solid s has the triangles first[s] .. first[s + 1] - 1 */
+    bool *one_sided; /* per solid: not orientable; only the parity of crossings determines its inside */
 } mesh_solids;
 
-/* Where the mesh is. */
+/* Coordinates and edges of the mesh. */
 typedef struct mesh_place {
-    double tolerance;             /* vertices this near to an open edge lie on it */
-    const double *index_to_world; /* of the mesh's units, for messages */
-    const mesh_edges *edges;      /* of the mesh, or NULL: not known */
-    threads *pool;                /* or NULL; does not show */
+    /* vertices within this distance of an open edge lie on it, in units of the mesh */
+    double tolerance;
+    const double *index_to_world; /* from units of the mesh, for messages */
+    const mesh_edges *edges;      /* of the mesh; NULL: unknown */
+    threads *pool;                /* or NULL; the result does not depend on it */
 } mesh_place;
 
-/* Equal vertices must have been joined (mesh_weld). Splits triangles at open edges (see seams.h), turns them and sorts
- * them by solid. The mesh is in voxels (winding_fix). Adds notes on oddities. Errors:
- * input_unsupported for a mesh that is not closed, with the number of boundary edges, of holes, and the boxes of the
- * largest; limit_memory; cancelled. */
+/* Splits triangles at open edges (see seams.h), orients them and sorts them by solid. Equal vertices have been joined (mesh_weld). The mesh is in
+ * voxels (winding_fix). Adds notes on what was repaired. Errors: input_unsupported (the mesh is not closed; with the numbers of boundary
+ * edges and holes, and the boxes of the largest holes), limit_memory, cancelled. */
 bool mesh_repair_solids(mesh *m, const mesh_place *place, mesh_solids *out, mesh_notes *notes, error *e);
 void mesh_solids_free(mesh_solids *t);
 

@@ -6,7 +6,7 @@
 
 #include "base/isa.h"
 #include "base/memory.h"
-#include "geometry/foot.h"
+#include "geometry/smooth_triangle.h"
 #include "triangles/mesh_edges.h"
 #include "mesh/nearest_triangle.h"
 #include "mesh/mesh_refinement.h"
@@ -14,14 +14,14 @@
 
 static const char what[] = "the surface of the mesh";
 
-/* Of the extent: a place that is this near to the end of a patch is on it. */
+/* Tolerance for places at the end of a patch, over the extent of the mesh. */
 static const double rounding = 1e-7;
-/* So is a place above a triangle that is this near to it: nothing else is nearer by more. */
+/* A place above a triangle within this distance, over the extent, is on it: another triangle cannot be closer by more than this. */
 static const double touching = 1e-6;
-/* A triangle whose height is less than this share of its longest side says nothing of how normals turn. */
+/* Minimum height of a triangle over its longest edge for the shape operator. The gradient of the normal over a thinner triangle is meaningless. */
 static const double least_height = 1e-3;
-/* How many triangles a particle may pass in a step, and how many lie between places that are asked for one after the other, before
- * the tree is asked. */
+/* Maximum number of triangles that a walk crosses before the tree is searched: from a particle's last triangle, and between places that are sampled
+ * one after the other. */
 enum { MOST_STEPS = 4, MOST_STEPS_BETWEEN = 24 };
 
 /* MOST_ROUNDS: of refinement, each halves long sides once. REFINED_BYTES: peak memory per triangle during refinement, approximate. */
@@ -31,9 +31,9 @@ enum { MOST_ROUNDS = 32, REFINED_BYTES = 400 };
 static const double SMOOTHED_OVER = 0.5;
 enum { MOST_SMOOTHING = 16 };
 
-#define ENDS UINT32_MAX /* the patch ends at this side */
+#define NO_TRIANGLE UINT32_MAX /* the patch ends at this edge */
 
-/* A place of a triangle: the weights of its first two corners, and with the third's they are WHOLE. */
+/* A place of a triangle: the weights of its first two corners; the three weights sum to WHOLE. */
 typedef struct corner_weights {
     uint16_t of[2];
 } corner_weights;
@@ -46,15 +46,15 @@ typedef struct piece {
     corner_weights corner[3];
 } piece;
 
-/* A vertex with its normal, which is unit: one is seldom asked for without the other. */
-typedef struct stand {
+/* A vertex with its unit normal. They are stored together because they are mostly read together. */
+typedef struct surface_vertex {
     vec3 place, normal;
-} stand;
+} surface_vertex;
 
 typedef struct patch_field {
     field base;
     const mesh_surface *whole;
-    mesh triangles; /* of the patch: a part of the whole's arrays */
+    mesh triangles; /* of the patch: a range of the arrays of `whole` */
     size_t first;
     nearest_triangle *tree;
 } patch_field;
@@ -66,15 +66,14 @@ struct mesh_surface {
     bool has_one_sided; /* a patch is one-sided */
     field_patches patches;
     patch_field *patch;
-    nearest_of_several *trees; /* those of the patches */
-    stand *at;                 /* of each vertex */
-    sym3 *shape;               /* how it turns: symmetric, and nothing along the normal */
-    bool *at_end;              /* of each vertex: the patch ends there */
-    uint32_t (
-        *beside)[3]; /* of each triangle: which one shares the side that begins at corner k; ENDS: none */
+    triangle_forest *trees; /* those of the patches */
+    surface_vertex *at;     /* per vertex */
+    sym3 *shape;            /* per vertex: the shape operator, symmetric and tangential */
+    bool *at_end;           /* per vertex: the patch ends there */
+    uint32_t (*beside)[3]; /* per triangle: the triangle that shares the edge from corner k, or NO_TRIANGLE */
     size_t
-        whole_count; /* triangles before the first that is cut: each is a piece by itself, and none of `pieces` */
-    piece **pieces; /* in blocks: for an array that grew there would be pages twice as often */
+        whole_count; /* triangles before the first divided one: each is a piece itself, and not in `pieces` */
+    piece **pieces;  /* in blocks: reallocating one array would need the memory twice */
     size_t piece_count, block_room; /* piece_count: of `pieces` */
 };
 
@@ -112,7 +111,7 @@ static bool is_one_sided(const mesh_surface *s, size_t n)
     return s->has_one_sided && s->mesh.one_sided[patch_of(s, n)];
 }
 
-/* ---- normals and how they turn */
+/* ---- normals and shape operators */
 
 static vec3 across(const mesh_surface *s, size_t n)
 {
@@ -130,8 +129,7 @@ static double angle_at(const mesh_surface *s, size_t n, int k)
     return atan2(vec3_norm(vec3_cross(a, b)), vec3_dot(a, b));
 }
 
-/* Sums over the triangles at each vertex, by their angles there. Of a patch without orientation all are turned the way
- * of the first. */
+/* Vertex normals: means of the normals of the incident triangles, weighted by angle. On a one-sided patch they are turned to the side of the first. */
 static void find_normals(const mesh_surface *s, vec3 *normal)
 {
     const mesh_patches *m = &s->mesh;
@@ -142,7 +140,7 @@ static void find_normals(const mesh_surface *s, vec3 *normal)
                          angle[3] = {a, b, fmax(M_PI - a - b, 0)};
             for (int k = 0; k < 3; k++) {
                 vec3 *sum = &normal[m->m.triangle[n][k]];
-                *sum = vec3_axpy(angle[k], m->one_sided[p] ? foot_facing(unit, *sum) : unit, *sum);
+                *sum = vec3_axpy(angle[k], m->one_sided[p] ? smooth_triangle_turn(unit, *sum) : unit, *sum);
             }
         }
     for (size_t v = 0; v < m->m.vertex_count; v++) normal[v] = vec3_unit(normal[v]);
@@ -165,8 +163,8 @@ static sym3 in_plane(sym3 m, vec3 n)
         m.xz - n.x * mn.z - n.z * mn.x + nmn * n.x * n.z, m.yz - n.y * mn.z - n.z * mn.y + nmn * n.y * n.z};
 }
 
-/* How the normal turns over a triangle: the symmetric part of its gradient. */
-static sym3 turning(const mesh_surface *s, size_t n, vec3 cross)
+/* The symmetric part of the gradient of the interpolated normal over a triangle. */
+static sym3 normal_gradient(const mesh_surface *s, size_t n, vec3 cross)
 {
     const uint32_t *t = s->mesh.m.triangle[n];
     const vec3 *v = s->mesh.m.vertex;
@@ -174,7 +172,7 @@ static sym3 turning(const mesh_surface *s, size_t n, vec3 cross)
     for (int k = 0; k < 3; k++) { /* the weight of corner k grows across the opposite side */
         const vec3 side = vec3_sub(v[t[(k + 2) % 3]], v[t[(k + 1) % 3]]),
                    g = vec3_scale(vec3_cross(cross, side), 1 / vec3_norm2(cross)), own = s->at[t[k]].normal,
-                   a = is_one_sided(s, n) ? foot_facing(own, cross) : own;
+                   a = is_one_sided(s, n) ? smooth_triangle_turn(own, cross) : own;
         sum = sym3_axpy(1,
                         (sym3){a.x * g.x, a.y * g.y, a.z * g.z, 0.5 * (a.x * g.y + a.y * g.x),
                                0.5 * (a.x * g.z + a.z * g.x), 0.5 * (a.y * g.z + a.z * g.y)},
@@ -183,8 +181,7 @@ static sym3 turning(const mesh_surface *s, size_t n, vec3 cross)
     return sum;
 }
 
-/* At each vertex the mean over its triangles, by area. Where a patch has no orientation it is that of the vertex's own
- * normal. */
+/* Shape operators of the vertices: means over the incident triangles, weighted by area. On a one-sided patch the sign is that of the vertex normal. */
 static bool find_shapes(mesh_surface *s, error *e)
 {
     const mesh *m = &s->mesh.m;
@@ -197,7 +194,7 @@ static bool find_shapes(mesh_surface *s, error *e)
         for (int k = 0; k < 3; k++)
             longest2 = fmax(longest2, vec3_norm2(vec3_sub(m->vertex[t[k]], m->vertex[t[(k + 1) % 3]])));
         if (!(area > least_height * longest2)) continue;
-        const sym3 turn = turning(s, n, cross);
+        const sym3 turn = normal_gradient(s, n, cross);
         for (int k = 0; k < 3; k++) {
             const bool opposite = is_one_sided(s, n) && vec3_dot(s->at[t[k]].normal, cross) < 0;
             const double side = opposite ? -area : area;
@@ -243,8 +240,7 @@ static bool smooth_shapes(mesh_surface *s, double longest, error *e)
     return ok;
 }
 
-/* Which triangles share sides, and where patches end: vertices are shared within a patch alone, so that it is at edges of one
- * triangle. */
+/* Sets `beside` and `at_end`. Vertices are shared within a patch only, so that a patch ends at edges of one triangle. */
 static bool find_sides(mesh_surface *s, error *e)
 {
     mesh_edges edges = {0};
@@ -257,7 +253,7 @@ static bool find_sides(mesh_surface *s, error *e)
                 const uint32_t from = side[j].upwards ? v : side[j].other,
                                *t = s->mesh.m.triangle[side[j].triangle];
                 const int k = t[0] == from ? 0 : t[1] == from ? 1 : 2;
-                s->beside[side[j].triangle][k] = n == 2 ? side[1 - j].triangle : ENDS;
+                s->beside[side[j].triangle][k] = n == 2 ? side[1 - j].triangle : NO_TRIANGLE;
             }
             if (n == 1) s->at_end[v] = s->at_end[side->other] = true;
         }
@@ -267,66 +263,65 @@ static bool find_sides(mesh_surface *s, error *e)
 
 /* ---- sampling */
 
-/* The place of a triangle that is nearest to x. */
-typedef struct foot {
-    vec3 off;    /* from there to x */
-    vec3 normal; /* there, unit */
-    vec3 own;    /* the triangle's, unit; that one for a triangle without area */
-    bool inside; /* of the triangle, not on a side */
-    bool at_end; /* on a side where the patch ends, or at a corner of one */
-} foot;
+/* The place of a triangle that is closest to x. */
+typedef struct closest_point {
+    vec3 off;    /* x minus the place */
+    vec3 normal; /* interpolated normal at the place, unit */
+    vec3 own;    /* normal of the triangle, unit; without area: `normal` */
+    bool inside; /* the place is inside the triangle, not on an edge */
+    bool at_end; /* the place is on an edge where the patch ends, or at a corner of one */
+} closest_point;
 
-/* On a one-sided patch vertex normals may point either way: they are turned to the side of the triangle's own. */
-static foot_triangle triangle_at(const mesh_surface *s, size_t n)
+/* On a one-sided patch, vertex normals are turned to the side of the triangle's normal. */
+static smooth_triangle triangle_at(const mesh_surface *s, size_t n)
 {
     const uint32_t *t = s->mesh.m.triangle[n];
-    const stand *a = &s->at[t[0]], *b = &s->at[t[1]], *c = &s->at[t[2]];
-    foot_triangle out = {{a->place, b->place, c->place}, {a->normal, b->normal, c->normal}};
+    const surface_vertex *a = &s->at[t[0]], *b = &s->at[t[1]], *c = &s->at[t[2]];
+    smooth_triangle out = {{a->place, b->place, c->place}, {a->normal, b->normal, c->normal}};
     if (!is_one_sided(s, n)) return out;
-    const vec3 own = foot_own_normal(&out);
-    for (int k = 0; k < 3; k++) out.normal[k] = foot_facing(out.normal[k], own);
+    const vec3 own = smooth_triangle_own_normal(&out);
+    for (int k = 0; k < 3; k++) out.normal[k] = smooth_triangle_turn(out.normal[k], own);
     return out;
 }
 
-static foot foot_on(const mesh_surface *s, size_t n, const double weight[3], vec3 x)
+static closest_point closest_point_on(const mesh_surface *s, size_t n, const double weight[3], vec3 x)
 {
-    const foot_triangle on = triangle_at(s, n);
-    const vec3 own = foot_own_normal(&on);
+    const smooth_triangle on = triangle_at(s, n);
+    const vec3 own = smooth_triangle_own_normal(&on);
     vec3 normal;
-    const vec3 off = foot_off(&on, weight, x, &normal);
+    const vec3 off = smooth_triangle_offset(&on, weight, x, &normal);
     int zeros = 0;
     for (int k = 0; k < 3; k++) zeros += weight[k] == 0;
     normal = vec3_norm2(normal) > 0 ? vec3_unit(normal) : vec3_norm2(own) > 0 ? own : vec3_make(0, 0, 1);
-    foot out = {off, normal, vec3_norm2(own) > 0 ? own : normal, zeros == 0, false};
+    closest_point out = {off, normal, vec3_norm2(own) > 0 ? own : normal, zeros == 0, false};
     for (int k = 0; zeros > 0 && k < 3;
-         k++) /* the side opposite of a corner without weight, or the one corner */
-        out.at_end |= zeros == 1 ? weight[k] == 0 && s->beside[n][(k + 1) % 3] == ENDS
+         k++) /* the edge opposite to the corner of weight 0, or the only corner */
+        out.at_end |= zeros == 1 ? weight[k] == 0 && s->beside[n][(k + 1) % 3] == NO_TRIANGLE
                                  : weight[k] > 0 && s->at_end[s->mesh.m.triangle[n][k]];
     return out;
 }
 
-/* Along the normal to the triangle; round an edge, between the planes of both triangles. */
-static double distance_along(const foot *f)
+/* F: the distance along the interpolated normal; at an edge, clamped between the planes of both triangles. */
+static double distance_along(const closest_point *f)
 {
     const double up = vec3_dot(f->off, f->normal), far = vec3_norm(f->off);
-    if (f->inside || f->at_end) return foot_distance(f->off, f->normal, f->own);
-    const double most = far / FOOT_LEAST_FACING;
+    if (f->inside || f->at_end) return smooth_triangle_distance(f->off, f->normal, f->own);
+    const double most = far / SMOOTH_TRIANGLE_MIN_COSINE;
     return up == 0 ? 0 : fmax(fmin(far * far / up, most), -most);
 }
 
-/* The triangle that is nearest to x, from one that was to a place nearby, and the weights of its corners: over sides to where
- * x is above a triangle, and so near to it that nothing beyond its sides can be nearer. False where that does not say it: *n is
- * the last one then. */
+/* Walks from triangle *n across edges to the triangle below x. True: x is so near to triangle *n that no other triangle can be closer; `weight` are
+ * the barycentric weights of the closest point. False: undecided; *n is the last triangle of the walk. */
 static bool walk(const mesh_surface *s, int most_steps, uint32_t *n, vec3 x, double weight[3])
 {
     for (int step = 0; step < most_steps; step++) {
-        const foot_triangle t = triangle_at(s, *n);
-        if (foot_weights(&t, x, weight) > 0) return true;
+        const smooth_triangle t = triangle_at(s, *n);
+        if (smooth_triangle_weights(&t, x, weight) > 0) return true;
         int least = 0;
         for (int k = 0; k < 3; k++)
             if (weight[k] < weight[least]) least = k;
         const uint32_t next = s->beside[*n][(least + 1) % 3];
-        if (!(weight[least] < 0) || next == ENDS) return false;
+        if (!(weight[least] < 0) || next == NO_TRIANGLE) return false;
         *n = next;
     }
     return false;
@@ -335,7 +330,7 @@ static bool walk(const mesh_surface *s, int most_steps, uint32_t *n, vec3 x, dou
 static void sample_triangle(const mesh_surface *s, size_t n, const double weight[3], vec3 x,
                             field_order order, field_sample *out)
 {
-    const foot f = foot_on(s, n, weight, x);
+    const closest_point f = closest_point_on(s, n, weight, x);
     out->value = distance_along(&f);
     out->gradient = f.normal;
     if (order != FIELD_HESSIAN) return;
@@ -348,7 +343,7 @@ static void sample_triangle(const mesh_surface *s, size_t n, const double weight
     out->hessian = in_plane(shape, f.normal);
 }
 
-/* Of a triangle, with the weights of its place below x. */
+/* Whether x lies on triangle n within `touching`. `weight`: barycentric weights of its projection. */
 static bool touches(const mesh_surface *s, uint32_t n, vec3 x, const double weight[3])
 {
     const vec3 cross = across(s, n), off = vec3_sub(x, s->mesh.m.vertex[s->mesh.m.triangle[n][0]]);
@@ -369,7 +364,7 @@ static uint32_t find_in_patch(const patch_field *p, vec3 x, uint32_t *near, doub
     return *near = (uint32_t)(p->first + n);
 }
 
-/* As find_in_patch; but if x is close to the hint's sheet, the triangle of that sheet, even if another sheet of the patch is closer. */
+/* find_in_patch; but if x is close to the wall of the hint, the triangle of that wall, even if another wall of the patch is closer. */
 static uint32_t nearest_of_patch(const patch_field *p, vec3 x, uint32_t *hint, double weight[3])
 {
     if (is_of_patch(p, *hint) && walk(p->whole, MOST_STEPS_BETWEEN, hint, x, weight)) return *hint;
@@ -391,8 +386,7 @@ static bool sample_patch(const field *f, vec3 x, field_order order, field_sample
     return sample_patch_near(f, x, order, &hint, out);
 }
 
-/* Asks for what the triangles that hints name will need: first these, by way of them their corners. (Inlined: the compiler
- * leaves out calls of a function that does nothing else.) */
+/* Prefetches the triangles of the hints, then their vertices. (Inlined: the compiler removes calls of a function that only prefetches.) */
 ISA_INLINE void prefetch(const mesh_surface *s, const uint32_t hint[VEC3_LANES])
 {
     for (int l = 0; l < VEC3_LANES; l++) {
@@ -408,16 +402,17 @@ ISA_INLINE void prefetch(const mesh_surface *s, const uint32_t hint[VEC3_LANES])
         }
 }
 
-/* The triangles that hints name; of lanes without one, of another patch or without a place what is above no place. */
+/* Gathers the triangles of the hints. Lanes that are undefined, without a hint or with one of another patch get a degenerate triangle, above which
+ * no place lies. */
 static void gather_lanes(const mesh_surface *s, const uint32_t patch[VEC3_LANES],
                          const bool defined[VEC3_LANES], const uint32_t hint[VEC3_LANES], const vec3_lanes *x,
-                         foot_lanes *out)
+                         smooth_triangle_lanes *out)
 {
     out->x = *x;
     for (int l = 0; l < VEC3_LANES; l++) {
-        const foot_triangle t = defined[l] && is_of_patch(&s->patch[patch[l]], hint[l])
-                                    ? triangle_at(s, hint[l])
-                                    : (foot_triangle){0};
+        const smooth_triangle t = defined[l] && is_of_patch(&s->patch[patch[l]], hint[l])
+                                      ? triangle_at(s, hint[l])
+                                      : (smooth_triangle){0};
         for (int k = 0; k < 3; k++) {
             vec3_lanes_put(&out->corner[k], l, t.corner[k]);
             vec3_lanes_put(&out->normal[k], l, t.normal[k]);
@@ -425,7 +420,7 @@ static void gather_lanes(const mesh_surface *s, const uint32_t patch[VEC3_LANES]
     }
 }
 
-/* Lane l, which is not above the triangle that its hint names, if that is one: from there, or else from where the lane before was.
+/* Samples lane l, whose place is not above the triangle of its hint. The search starts from the hint, or else from the triangle of the lane before.
  * Returns the triangle. */
 static uint32_t sample_beyond(const mesh_surface *s, const patch_field *p, int l, const vec3_lanes *x,
                               uint32_t hint, uint32_t last, double value[VEC3_LANES], vec3_lanes *gradient)
@@ -450,11 +445,11 @@ static void sample_patch_lanes(const field *f, const uint32_t patch[VEC3_LANES],
                                vec3_lanes *gradient)
 {
     const mesh_surface *s = (const mesh_surface *)f;
-    uint32_t last = FIELD_NO_HINT; /* lanes are near each other */
-    foot_lanes lanes;
+    uint32_t last = FIELD_NO_HINT; /* the places of the lanes are near each other */
+    smooth_triangle_lanes lanes;
     prefetch(s, hint);
     gather_lanes(s, patch, defined, hint, x, &lanes);
-    foot_find_lanes(&lanes);
+    smooth_triangle_find_lanes(&lanes);
     for (int l = 0; l < VEC3_LANES; l++) {
         if (!defined[l]) continue;
         if (lanes.above[l] > 0) {
@@ -473,8 +468,8 @@ static bool is_within(const field *f, vec3 x, uint32_t *hint)
     double weight[3];
     if (is_of_patch(p, *hint) && walk(p->whole, MOST_STEPS, hint, x, weight)) return true;
     const uint32_t n = nearest_of_patch(p, x, hint, weight);
-    if (weight[0] > 0 && weight[1] > 0 && weight[2] > 0) return true; /* on no side, so at no end */
-    const foot at = foot_on(p->whole, n, weight, x);
+    if (weight[0] > 0 && weight[1] > 0 && weight[2] > 0) return true; /* inside the triangle */
+    const closest_point at = closest_point_on(p->whole, n, weight, x);
     if (!at.at_end) return true;
     const double up = vec3_dot(at.off, at.own);
     return vec3_norm(vec3_axpy(-up, at.own, at.off)) <= fabs(up) + rounding * f->extent;
@@ -488,9 +483,9 @@ static bool sample_all_near(const field *f, vec3 x, field_order order, uint32_t 
     if (*hint < s->mesh.m.triangle_count) {
         patch = patch_of(s, *hint);
         n = nearest_of_patch(&s->patch[patch], x, hint, weight) - s->mesh.first[patch];
-        if (!touches(s, *hint, x, weight)) nearest_of_several_improve(s->trees, x, &patch, &n);
+        if (!touches(s, *hint, x, weight)) triangle_forest_improve(s->trees, x, &patch, &n);
     } else {
-        patch = nearest_of_several_find(s->trees, x, &n);
+        patch = triangle_forest_find(s->trees, x, &n);
     }
     const size_t found = s->patch[patch].first + n;
     *hint = (uint32_t)found;
@@ -509,7 +504,7 @@ static bool sample_all(const field *f, vec3 x, field_order order, field_sample *
 
 /* ---- cells */
 
-/* On a side that triangles share it has the same bits in both: a sum of two, whatever their order. */
+/* The position of a place. On an edge shared by two triangles both give the same bits. */
 static vec3 place_of(const mesh_surface *s, uint32_t n, corner_weights w)
 {
     const uint32_t *t = s->mesh.m.triangle[n];
@@ -560,12 +555,12 @@ static double no_side(const field *f, vec3 x)
     return 0;
 }
 
-/* Bytes that a scan of the surface keeps of a piece, about. */
+/* Approximate number of bytes that a scan of the surface keeps per piece. */
 enum { SCAN_BYTES = 40 };
 
 typedef struct cutting {
-    double longest; /* side of a piece */
-    size_t most;    /* pieces */
+    double longest; /* maximum edge length of a piece */
+    size_t most;    /* maximum number of pieces */
 } cutting;
 
 static bool refuse_pieces(const cutting *c, error *e)
@@ -600,10 +595,11 @@ static bool add_piece(mesh_surface *s, const piece *p, const cutting *c, error *
     return true;
 }
 
-/* Sides that are too long are halved, down to what weights can tell apart: which, their ends alone say, so that pieces on both sides agree. */
+/* Halves the edges that are too long, down to the resolution of the weights. The decision depends on the ends of an edge only, so that the pieces on
+ * both sides agree. */
 static bool cut_piece(mesh_surface *s, const piece *p, const vec3 corner[3], const cutting *c, error *e)
 {
-    vec3 at[6] = {corner[0], corner[1], corner[2]}; /* last the middles of sides from k on */
+    vec3 at[6] = {corner[0], corner[1], corner[2]}; /* entry 3 + k: the midpoint of the edge from corner k */
     corner_weights w[6] = {p->corner[0], p->corner[1], p->corner[2]};
     bool halved[3] = {false, false, false};
     int parts[4][3];
@@ -626,7 +622,7 @@ static bool cut_piece(mesh_surface *s, const piece *p, const vec3 corner[3], con
     return true;
 }
 
-/* Of the triangles, and of what is kept of them and of their vertices. */
+/* Bytes of the triangles and vertices, with their normals, shape operators and adjacency. */
 static size_t triangle_bytes(const mesh_surface *s)
 {
     const mesh *m = &s->mesh.m;
@@ -639,7 +635,7 @@ static bool cut_pieces(mesh_surface *s, double longest, size_t memory_limit, err
     const mesh *m = &s->mesh.m;
     const size_t held = triangle_bytes(s), left = memory_limit > held ? memory_limit - held : 0;
     const cutting c = {longest, left / (sizeof(piece) + SCAN_BYTES)};
-    /* along the longest side alone there would be so many: before the cuts go as deep as that */
+    /* the pieces along the longest side alone would exceed the limit: refused before the recursion goes so deep */
     if (bbox_longest(mesh_box(m, NULL)) / longest > (double)c.most) return refuse_pieces(&c, e);
     for (uint32_t n = 0; n < m->triangle_count; n++) {
         const piece all = whole_triangle(n);
@@ -666,7 +662,8 @@ static bool make_vertices(mesh_surface *s, double longest, size_t memory_limit, 
         ok = mesh_refine(&m->m, normal, longest, most, m->first, m->count, &changed, e);
     }
     s->at = ok ? mem_array(m->m.vertex_count, sizeof *s->at, what, e) : NULL;
-    for (size_t v = 0; s->at && v < m->m.vertex_count; v++) s->at[v] = (stand){m->m.vertex[v], normal[v]};
+    for (size_t v = 0; s->at && v < m->m.vertex_count; v++)
+        s->at[v] = (surface_vertex){m->m.vertex[v], normal[v]};
     free(normal);
     return s->at != NULL;
 }
@@ -688,7 +685,7 @@ static bool make_tree_of_trees(mesh_surface *s, error *e)
 {
     const nearest_triangle **tree = mem_array(s->mesh.count, sizeof *tree, what, e);
     for (size_t k = 0; tree && k < s->mesh.count; k++) tree[k] = s->patch[k].tree;
-    if (tree) s->trees = nearest_of_several_new(tree, s->mesh.count, e);
+    if (tree) s->trees = triangle_forest_new(tree, s->mesh.count, e);
     free(tree);
     return s->trees != NULL;
 }
@@ -703,7 +700,7 @@ static bool make_patches(mesh_surface *s, error *e)
                                  m->curve,
                                  m->vertex,
                                  m->curve_patch,
-                                 m->merges_near_rows,
+                                 m->merges_near_curves,
                                  m->has_rough_curves,
                                  m->has_many_parts};
     s->patch = mem_array(m->count, sizeof *s->patch, what, e);
@@ -728,7 +725,7 @@ static bool make(mesh_surface *s, double longest, size_t memory_limit, error *e)
     const mesh *m = &s->mesh.m;
     const bbox box = mesh_box(m, NULL);
     const double extent = bbox_longest(box);
-    /* flat meshes need a box with room, and particles go a little beyond the surface */
+    /* margin for flat meshes, and for trial positions slightly off the surface */
     s->base = (field){.ops = &whole_ops, .domain = bbox_grow(box, 0.05 * extent), .extent = extent};
     s->base.cell_size = longest;
     field_set_boundary(&s->base, 0);
@@ -759,7 +756,7 @@ mesh_surface *mesh_surface_new(mesh_patches *patches, double longest, size_t mem
 void mesh_surface_free(mesh_surface *s)
 {
     if (!s) return;
-    nearest_of_several_free(s->trees);
+    triangle_forest_free(s->trees);
     for (size_t k = 0; s->patch && k < s->mesh.count; k++) nearest_triangle_free(s->patch[k].tree);
     mesh_patches_free(&s->mesh);
     free(s->patches.patch);
@@ -791,14 +788,14 @@ size_t mesh_surface_triangles(const mesh_surface *s)
 vec3 mesh_surface_nearest(const mesh_surface *s, vec3 x)
 {
     vec3 place = x;
-    if (!nearest_of_several_find_among(s->trees, x, touching * s->base.extent, NULL, NULL, &place))
-        nearest_of_several_find_among(s->trees, x, INFINITY, NULL, NULL, &place);
+    if (!triangle_forest_find_accepted(s->trees, x, touching * s->base.extent, NULL, NULL, &place))
+        triangle_forest_find_accepted(s->trees, x, INFINITY, NULL, NULL, &place);
     return place;
 }
 
 size_t mesh_surface_bytes(const mesh_surface *s)
 {
-    size_t trees = nearest_of_several_bytes(s->trees);
+    size_t trees = triangle_forest_bytes(s->trees);
     for (size_t k = 0; k < s->mesh.count; k++) trees += nearest_triangle_bytes(s->patch[k].tree);
     return trees + triangle_bytes(s) + s->piece_count * sizeof(piece);
 }

@@ -10,24 +10,24 @@
 #include "geometry/triangle.h"
 #include "geometry/point_tree.h"
 
-/* Triangles in a leaf, or trees; a box costs about as much as one. */
+/* LEAF: maximum number of triangles, or trees, in a leaf; a box test costs about as much as one triangle. DEEPEST: capacity of the search stack. */
 enum { LEAF = 4, DEEPEST = 64 };
 
-/* Once it is made. */
+/* The tree of a mesh. */
 typedef struct halves {
-    uint32_t *order; /* triangles, those of each node together */
-    bbox *box;       /* of node k, whose halves are 2 k + 1 and 2 k + 2 */
+    uint32_t *order; /* triangles; those of a node are consecutive */
+    bbox *box;       /* of node k, whose children are 2 k + 1 and 2 k + 2 */
     atomic_bool made;
     pthread_mutex_t making;
 } halves;
 
 struct nearest_triangle {
     const mesh *mesh;
-    bbox box; /* of all */
+    bbox box; /* of all triangles */
     halves *halves;
 };
 
-/* Places for the nodes of a tree over `count` triangles, which are halved until they are a leaf. */
+/* Number of nodes of a tree over `count` triangles. */
 static size_t places_for(size_t count)
 {
     size_t nodes = 1;
@@ -41,7 +41,7 @@ static inline triangle triangle_of(const mesh *m, size_t k)
     return (triangle){m->vertex[corner[0]], m->vertex[corner[1]], m->vertex[corner[2]]};
 }
 
-/* Halves across the longest side of the middles' box: boxes overlap little. */
+/* Builds a node by halving the triangles across the longest side of the box of their centroids. */
 static bbox build(const mesh *m, halves *h, size_t node, const vec3 *middle, size_t first, size_t count)
 {
     bbox box = bbox_empty();
@@ -76,7 +76,7 @@ static bool make(const mesh *m, halves *h, error *e)
     return ok;
 }
 
-nearest_triangle *nearest_triangle_later(const mesh *m)
+nearest_triangle *nearest_triangle_new_lazy(const mesh *m)
 {
     nearest_triangle *n = mem_alloc(sizeof *n);
     *n = (nearest_triangle){m, mesh_box(m, NULL), mem_alloc(sizeof *n->halves)};
@@ -86,7 +86,7 @@ nearest_triangle *nearest_triangle_later(const mesh *m)
 
 nearest_triangle *nearest_triangle_new(const mesh *m, error *e)
 {
-    nearest_triangle *n = nearest_triangle_later(m);
+    nearest_triangle *n = nearest_triangle_new_lazy(m);
     if (make(m, n->halves, e)) {
         n->halves->made = true;
         return n;
@@ -105,8 +105,8 @@ void nearest_triangle_free(nearest_triangle *n)
     free(n);
 }
 
-/* The tree, which is made where it is not there yet. A search has no error to return: where memory lacks the program ends, as
- * mem_alloc ends it. Such trees are small (UNGROUPED in mesh_faces.c): 8 MB at most. */
+/* The tree, built at the first call. A search returns no error: if memory is out, the process is aborted, as by mem_alloc. Lazy trees are small
+ * (UNGROUPED in mesh_faces.c): 8 MB at most. */
 static const halves *halves_of(const nearest_triangle *n)
 {
     halves *h = n->halves;
@@ -120,7 +120,7 @@ static const halves *halves_of(const nearest_triangle *n)
     return h;
 }
 
-/* How far x lies outside of the interval; fmax is a call. */
+/* Distance of x from the interval. (Without fmax, which is a function call.) */
 static inline double outside(double low, double high, double x)
 {
     const double below = low - x, above = x - high, most = below > above ? below : above;
@@ -146,7 +146,7 @@ static inline double most_of(double a, double b, double c)
     return d > c ? d : c;
 }
 
-/* Whether the box of a triangle is surely farther than that; most triangles of a leaf need no more. */
+/* Whether the bounding box of a triangle is farther than the squared distance, with a margin for rounding. Rejects most triangles of a leaf. */
 static inline bool is_beyond(const triangle *t, vec3 p, double distance2)
 {
     const double hair = 1e-12;
@@ -157,14 +157,14 @@ static inline bool is_beyond(const triangle *t, vec3 p, double distance2)
     return box_distance2(&box, p) > (1 + hair) * distance2;
 }
 
-/* A part of the tree that is yet to be looked at. */
+/* A subtree that is still to be searched. */
 typedef struct visit {
     size_t node, first, count;
     double distance2;
 } visit;
 
-/* The nearest triangle, whose squared distance goes to *nearest; the number of triangles when all are farther than that or not
- * accepted. */
+/* The closest accepted triangle with a squared distance below *nearest, which receives its squared distance. The number of triangles: there is
+ * none. */
 static inline size_t search(const nearest_triangle *n, vec3 p, double *nearest,
                             nearest_triangle_accept *accept, const void *context)
 {
@@ -191,7 +191,7 @@ static inline size_t search(const nearest_triangle *n, vec3 p, double *nearest,
         size_t half = v.count / 2, left = 2 * v.node + 1, right = left + 1;
         const visit a = {left, v.first, half, box_distance2(&h->box[left], p)},
                     b = {right, v.first + half, v.count - half, box_distance2(&h->box[right], p)};
-        bool swap = a.distance2 < b.distance2; /* the nearer one is looked at first */
+        bool swap = a.distance2 < b.distance2; /* the nearer one is searched first */
         stack[depth++] = swap ? b : a;
         stack[depth++] = swap ? a : b;
     }
@@ -221,8 +221,8 @@ size_t nearest_triangle_find(const nearest_triangle *n, vec3 p, double weight[3]
     return weights_of(n, found, p, weight);
 }
 
-/* The square of the distance to a triangle, so much larger that rounding hides neither it nor another that is as near: with that for
- * a bound a search finds what it finds without one. */
+/* An upper bound of the squared distance to triangle `start`, with a margin for rounding: a search with this bound finds the same triangle as one
+ * without. */
 static double bound_by(const nearest_triangle *n, vec3 p, size_t start)
 {
     const double hair = 1e-9;
@@ -256,8 +256,8 @@ static inline bool triangle_meets(const triangle *t, const bbox *b)
            !is_beside(t->a.z, t->b.z, t->c.z, b->min.z, b->max.z);
 }
 
-bool nearest_triangle_any(const nearest_triangle *n, bbox box, nearest_triangle_accept *accept,
-                          const void *context)
+bool nearest_triangle_any_in_box(const nearest_triangle *n, bbox box, nearest_triangle_accept *accept,
+                                 const void *context)
 {
     const halves *h = halves_of(n);
     visit stack[DEEPEST];
@@ -279,8 +279,8 @@ bool nearest_triangle_any(const nearest_triangle *n, bbox box, nearest_triangle_
     return false;
 }
 
-bool nearest_triangle_find_among(const nearest_triangle *n, vec3 p, double within,
-                                 nearest_triangle_accept *accept, const void *context, vec3 *place)
+bool nearest_triangle_find_accepted(const nearest_triangle *n, vec3 p, double within,
+                                    nearest_triangle_accept *accept, const void *context, vec3 *place)
 {
     double distance2 = within * within;
     const size_t found = search(n, p, &distance2, accept, context);
@@ -297,16 +297,16 @@ size_t nearest_triangle_bytes(const nearest_triangle *n)
     return count * sizeof *h->order + places_for(count) * sizeof *h->box;
 }
 
-/* ---- several */
+/* ---- forests */
 
-struct nearest_of_several {
+struct triangle_forest {
     const nearest_triangle **tree;
     size_t count;
-    uint32_t *order; /* trees, those of each node together */
-    bbox *box;       /* of nodes as above */
+    uint32_t *order; /* trees; those of a node are consecutive */
+    bbox *box;       /* of the nodes, numbered as in `halves` */
 };
 
-static bbox build_several(nearest_of_several *n, size_t node, const vec3 *middle, size_t first, size_t count)
+static bbox build_forest(triangle_forest *n, size_t node, const vec3 *middle, size_t first, size_t count)
 {
     bbox box = bbox_empty();
     if (count <= LEAF) {
@@ -314,16 +314,16 @@ static bbox build_several(nearest_of_several *n, size_t node, const vec3 *middle
     } else {
         const size_t half = count / 2;
         point_tree_halve(middle, n->order + first, count);
-        box = bbox_unite(build_several(n, 2 * node + 1, middle, first, half),
-                         build_several(n, 2 * node + 2, middle, first + half, count - half));
+        box = bbox_unite(build_forest(n, 2 * node + 1, middle, first, half),
+                         build_forest(n, 2 * node + 2, middle, first + half, count - half));
     }
     return n->box[node] = box;
 }
 
-nearest_of_several *nearest_of_several_new(const nearest_triangle *const *tree, size_t count, error *e)
+triangle_forest *triangle_forest_new(const nearest_triangle *const *tree, size_t count, error *e)
 {
     const char *what = "the tree of meshes";
-    nearest_of_several *n = mem_alloc(sizeof *n);
+    triangle_forest *n = mem_alloc(sizeof *n);
     vec3 *middle = mem_array(count, sizeof *middle, what, e);
     n->count = count;
     n->tree = mem_array(count, sizeof *n->tree, what, e);
@@ -335,14 +335,14 @@ nearest_of_several *nearest_of_several_new(const nearest_triangle *const *tree, 
         n->order[k] = k;
         middle[k] = vec3_scale(vec3_add(tree[k]->box.min, tree[k]->box.max), 0.5);
     }
-    if (ok) build_several(n, 0, middle, 0, count);
+    if (ok) build_forest(n, 0, middle, 0, count);
     free(middle);
     if (ok) return n;
-    nearest_of_several_free(n);
+    triangle_forest_free(n);
     return NULL;
 }
 
-void nearest_of_several_free(nearest_of_several *n)
+void triangle_forest_free(triangle_forest *n)
 {
     if (!n) return;
     free(n->tree);
@@ -351,24 +351,24 @@ void nearest_of_several_free(nearest_of_several *n)
     free(n);
 }
 
-/* The nearest so far. */
-typedef struct nearest_yet {
+/* The closest triangle found so far. */
+typedef struct forest_result {
     double distance2;
     size_t tree, triangle;
-} nearest_yet;
+} forest_result;
 
-/* One tree, of which a triangle that is as near counts if it is an earlier one. */
-static void ask(const nearest_of_several *n, size_t tree, vec3 p, nearest_yet *yet)
+/* Searches one tree. At equal distances the earlier tree wins. */
+static void search_tree(const triangle_forest *n, size_t tree, vec3 p, forest_result *yet)
 {
     if (tree == yet->tree && yet->distance2 < INFINITY) return;
     double distance2 = tree < yet->tree ? nextafter(yet->distance2, INFINITY) : yet->distance2;
     if (!(box_distance2(&n->tree[tree]->box, p) < distance2)) return;
     if (nearest_triangle_find_nearer(n->tree[tree], p, &distance2, &yet->triangle))
-        *yet = (nearest_yet){distance2, tree, yet->triangle};
+        *yet = (forest_result){distance2, tree, yet->triangle};
 }
 
-/* The halves of a node, the nearer one first. */
-static inline void halves_of_several(const nearest_of_several *n, const visit *v, vec3 p, visit out[2])
+/* The children of a node, the nearer one first. */
+static inline void forest_halves(const triangle_forest *n, const visit *v, vec3 p, visit out[2])
 {
     const size_t half = v->count / 2, left = 2 * v->node + 1, right = left + 1;
     const visit a = {left, v->first, half, box_distance2(&n->box[left], p)},
@@ -378,7 +378,7 @@ static inline void halves_of_several(const nearest_of_several *n, const visit *v
     out[1] = swap ? b : a;
 }
 
-static nearest_yet search_several(const nearest_of_several *n, vec3 p, nearest_yet yet)
+static forest_result search_forest(const triangle_forest *n, vec3 p, forest_result yet)
 {
     visit stack[DEEPEST];
     size_t depth = 0;
@@ -387,26 +387,26 @@ static nearest_yet search_several(const nearest_of_several *n, vec3 p, nearest_y
         const visit v = stack[--depth];
         if (!(v.distance2 <= yet.distance2)) continue;
         if (v.count <= LEAF) {
-            for (size_t k = v.first; k < v.first + v.count; k++) ask(n, n->order[k], p, &yet);
+            for (size_t k = v.first; k < v.first + v.count; k++) search_tree(n, n->order[k], p, &yet);
             continue;
         }
         visit half[2];
-        halves_of_several(n, &v, p, half);
+        forest_halves(n, &v, p, half);
         stack[depth++] = half[1];
         stack[depth++] = half[0];
     }
     return yet;
 }
 
-size_t nearest_of_several_find(const nearest_of_several *n, vec3 p, size_t *nearest)
+size_t triangle_forest_find(const triangle_forest *n, vec3 p, size_t *nearest)
 {
-    const nearest_yet found =
-        search_several(n, p, (nearest_yet){INFINITY, 0, 0}); /* what it stays where p is no number */
+    const forest_result found =
+        search_forest(n, p, (forest_result){INFINITY, 0, 0}); /* the result if p is NaN */
     *nearest = found.triangle;
     return found.tree;
 }
 
-bool nearest_of_several_find_among(const nearest_of_several *n, vec3 p, double within,
+bool triangle_forest_find_accepted(const triangle_forest *n, vec3 p, double within,
                                    nearest_triangle_accept *accept, const void *context, vec3 *place)
 {
     double best = within * within;
@@ -429,7 +429,7 @@ bool nearest_of_several_find_among(const nearest_of_several *n, vec3 p, double w
             continue;
         }
         visit half[2];
-        halves_of_several(n, &v, p, half);
+        forest_halves(n, &v, p, half);
         stack[depth++] = half[1];
         stack[depth++] = half[0];
     }
@@ -437,15 +437,16 @@ bool nearest_of_several_find_among(const nearest_of_several *n, vec3 p, double w
     return is_found;
 }
 
-void nearest_of_several_improve(const nearest_of_several *n, vec3 p, size_t *tree, size_t *nearest)
+void triangle_forest_improve(const triangle_forest *n, vec3 p, size_t *tree, size_t *nearest)
 {
     const triangle t = triangle_of(n->tree[*tree]->mesh, *nearest);
-    const nearest_yet found = search_several(n, p, (nearest_yet){triangle_distance2(&t, p), *tree, *nearest});
+    const forest_result found =
+        search_forest(n, p, (forest_result){triangle_distance2(&t, p), *tree, *nearest});
     *tree = found.tree;
     *nearest = found.triangle;
 }
 
-size_t nearest_of_several_bytes(const nearest_of_several *n)
+size_t triangle_forest_bytes(const triangle_forest *n)
 {
     return n->count * (sizeof *n->tree + sizeof *n->order) + places_for(n->count) * sizeof *n->box;
 }

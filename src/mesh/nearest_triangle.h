@@ -1,5 +1,5 @@
-/* nearest_triangle: which triangle of a mesh is nearest to a place. A tree of boxes over the triangles. What it tells does not
- * change; safe in any thread. */
+/* nearest_triangle: a bounding-box tree over the triangles of a mesh, for searches of the closest triangle. Immutable after construction, any
+ * thread. Lengths are those of the mesh. */
 #ifndef HEXAD_MESH_NEAREST_TRIANGLE_H
 #define HEXAD_MESH_NEAREST_TRIANGLE_H
 
@@ -9,52 +9,52 @@
 
 typedef struct nearest_triangle nearest_triangle;
 
-/* `m` outlives it, and has a triangle. Error: limit_memory. */
+/* Builds the tree. `m` has at least one triangle; it is not owned and outlives the tree. NULL: limit_memory. */
 nearest_triangle *nearest_triangle_new(const mesh *m, error *e);
-/* The same of a few triangles, made when somebody first looks for one. */
-nearest_triangle *nearest_triangle_later(const mesh *m);
-void nearest_triangle_free(nearest_triangle *n); /* NULL will do */
+/* A tree that is built at the first search, for small meshes. If memory is out then, the process is aborted. */
+nearest_triangle *nearest_triangle_new_lazy(const mesh *m);
+void nearest_triangle_free(nearest_triangle *n); /* accepts NULL */
 
-/* The triangle, and the weights of its corners at the place on it that is nearest to p. */
+/* Returns the closest triangle. `weight`: barycentric weights of the closest point of it. */
 size_t nearest_triangle_find(const nearest_triangle *n, vec3 p, double weight[3]);
 
-/* The same, found sooner if triangle `start` is near p. */
+/* nearest_triangle_find, faster if triangle `start` is near p. */
 size_t nearest_triangle_find_from(const nearest_triangle *n, vec3 p, size_t start, double weight[3]);
 
-/* The nearest triangle if the square of its distance is less than *distance2, where that goes then; else false. */
+/* Finds the closest triangle if its squared distance is less than *distance2, and sets *distance2 to it. False: there is none. */
 bool nearest_triangle_find_nearer(const nearest_triangle *n, vec3 p, double *distance2, size_t *nearest);
 
-/* Whether a triangle counts. */
+/* Whether triangle n, with the corners *t, is accepted by a search. */
 typedef bool nearest_triangle_accept(const void *context, size_t n, const triangle *t);
 
-/* The place that is nearest to p of the triangles that count, nearer than `within`; false where there is none. */
-bool nearest_triangle_find_among(const nearest_triangle *n, vec3 p, double within,
-                                 nearest_triangle_accept *accept, const void *context, vec3 *place);
+/* Finds the closest point of the accepted triangles that is nearer than `within`. False: there is none. */
+bool nearest_triangle_find_accepted(const nearest_triangle *n, vec3 p, double within,
+                                    nearest_triangle_accept *accept, const void *context, vec3 *place);
 
-/* Whether a triangle counts of those whose boxes meet `box`. */
-bool nearest_triangle_any(const nearest_triangle *n, bbox box, nearest_triangle_accept *accept,
-                          const void *context);
+/* Whether any triangle whose bounding box meets `box` is accepted. */
+bool nearest_triangle_any_in_box(const nearest_triangle *n, bbox box, nearest_triangle_accept *accept,
+                                 const void *context);
 
 size_t nearest_triangle_bytes(const nearest_triangle *n);
 
-/* Several such trees, and a tree of boxes over them: a place asks few of many. */
-typedef struct nearest_of_several nearest_of_several;
+/* A bounding-box tree over several trees. */
+typedef struct triangle_forest triangle_forest;
 
-/* The trees, `count` > 0, stay the caller's and outlive it. Error: limit_memory. */
-nearest_of_several *nearest_of_several_new(const nearest_triangle *const *tree, size_t count, error *e);
-void nearest_of_several_free(nearest_of_several *n); /* NULL will do */
+/* `count` > 0 trees, which are owned by the caller and outlive the forest. NULL: limit_memory. */
+triangle_forest *triangle_forest_new(const nearest_triangle *const *tree, size_t count, error *e);
+void triangle_forest_free(triangle_forest *n); /* accepts NULL */
 
-/* The tree that has the triangle nearest to p, the first of those that are as near, and that triangle. */
-size_t nearest_of_several_find(const nearest_of_several *n, vec3 p, size_t *nearest);
+/* Returns the tree with the closest triangle, the first one at equal distances, and sets *nearest to that triangle. */
+size_t triangle_forest_find(const triangle_forest *n, vec3 p, size_t *nearest);
 
-/* As nearest_triangle_find_among, of all trees. */
-bool nearest_of_several_find_among(const nearest_of_several *n, vec3 p, double within,
+/* nearest_triangle_find_accepted over all trees. */
+bool triangle_forest_find_accepted(const triangle_forest *n, vec3 p, double within,
                                    nearest_triangle_accept *accept, const void *context, vec3 *place);
 
-/* The same as nearest_of_several_find, once it is known which triangle of one tree is nearest: both become those of another where that has a nearer one, or
- * one as near and comes first. */
-void nearest_of_several_improve(const nearest_of_several *n, vec3 p, size_t *tree, size_t *nearest);
+/* triangle_forest_find if the closest triangle of one tree is known: replaces *tree and *nearest if another tree has a closer triangle, or is
+ * earlier at the same distance. */
+void triangle_forest_improve(const triangle_forest *n, vec3 p, size_t *tree, size_t *nearest);
 
-size_t nearest_of_several_bytes(const nearest_of_several *n);
+size_t triangle_forest_bytes(const triangle_forest *n);
 
 #endif

@@ -12,17 +12,17 @@
 #define SIDE TRIANGLE_GROUPS_SIDE
 #define VOXELS TRIANGLE_GROUPS_VOXELS
 
-/* Triangles with their middles in one cube of so many voxels are a group, which is held against the voxels together. */
+/* Edge length of the cubes that define groups, voxels. */
 static const double group_vox = 1;
-/* So many of a group at a time. */
+/* Triangles of a group that are processed together. */
 enum { TOGETHER = 32 };
-enum { CHUNK = 1024 }; /* of groups */
+enum { CHUNK = 1024 }; /* groups of a task */
 
-/* Triangles with an angle whose sine is smaller, or with longer sides, have no normal that could be relied on; with those of
- * others the squares of distances within a block are right to `rounding`. It is a share of distances, too. */
+/* A triangle has a reliable normal if the squared sine of its angles is at least least_sine2 and its edges are at most large_vox voxels. Squared
+ * distances within a block are then accurate to `rounding`, absolutely and relatively. */
 static const double least_sine2 = 1e-6, large_vox = 64, rounding = 1e-9, least_length = 0.5;
 
-/* Of so many groups near a block or more, about so many tell first how far its voxels may be. */
+/* If at least MANY groups are near a block, about SOME of them are used first to bound the distances of its voxels. */
 enum { MANY = 16, SOME = 128 };
 
 static triangle corners_of(const triangle_groups *k, uint32_t n)
@@ -45,7 +45,7 @@ static vec3 normal_of(const triangle *t)
     return vec3_scale(normal, 1 / sqrt(square));
 }
 
-/* The group of each triangle goes to `group`, and how many there are to k->count. */
+/* Sets group[n] of each triangle and k->count. */
 static bool find_groups(triangle_groups *k, const uint32_t *first_of_solid, uint32_t *group, error *e)
 {
     block_map cells;
@@ -56,7 +56,7 @@ static bool find_groups(triangle_groups *k, const uint32_t *first_of_solid, uint
         while (n >= first_of_solid[solid + 1]) solid++;
         const triangle t = corners_of(k, n);
         const vec3 middle = vec3_scale(middle_of(&t), 1 / group_vox);
-        /* places along an axis take 14 bits */
+        /* a coordinate takes 14 bits */
         const int32_t at[3] = {(int32_t)middle.x | (int32_t)middle.y << 16, (int32_t)middle.z,
                                (int32_t)solid};
         if (memcmp(at, last, sizeof at) != 0)
@@ -79,7 +79,7 @@ static bbox box_of_group(const triangle_groups *k, size_t g)
     return box;
 }
 
-/* The disc lies in the middle of the corners' heights, not of their box's: a plane may pass a box far from its middle. */
+/* The disc is centred by the heights of the corners, not of their box: a plane may cross a box far from its centre. */
 static triangle_disc disc_of_group(const triangle_groups *k, size_t g)
 {
     const bbox *box = &k->box[g];
@@ -133,7 +133,7 @@ static bool make(triangle_groups *k, const uint32_t *first_of_solid, threads *po
         k->place = mem_array(k->count, sizeof *k->place, what, e);
         ok = k->first && k->triangle && k->box && k->disc && k->place;
     }
-    if (ok) { /* counted two ahead, so that filling moves the starts to their places */
+    if (ok) { /* counted at index + 2, so that filling moves first[g + 1] to the end of group g */
         for (size_t n = 0; n < count; n++) k->first[group[n] + 2]++;
         for (size_t g = 2; g < k->count + 2; g++) k->first[g] += k->first[g - 1];
         for (uint32_t n = 0; n < count; n++) k->triangle[k->first[group[n] + 1]++] = n;
@@ -172,7 +172,7 @@ size_t triangle_groups_bytes(const triangle_groups *k)
            k->m->triangle_count * sizeof *k->triangle;
 }
 
-bool triangle_groups_come_near(const triangle_groups *k, uint32_t group, vec3 place, double reach2)
+bool triangle_groups_is_within(const triangle_groups *k, uint32_t group, vec3 place, double reach2)
 {
     for (size_t n = k->first[group]; n < k->first[group + 1]; n++) {
         const triangle t = corners_of(k, k->triangle[n]);
@@ -183,9 +183,9 @@ bool triangle_groups_come_near(const triangle_groups *k, uint32_t group, vec3 pl
 
 /* ---- distances */
 
-/* Rows of voxels are in single precision, which may be off by this share of squares. */
+/* Relative rounding error of squared distances in single precision. */
 static const float roughly = 1e-5f;
-/* Places near a block are rounded by less. */
+/* Upper bound of the rounding error of coordinates near a block. */
 static const float hair = 1e-5f;
 static const lanes counting = {0, 1, 2, 3, 4, 5, 6, 7};
 
@@ -205,15 +205,15 @@ ISA_INLINE unsigned lanes_bits(lanes_mask which)
     return (unsigned)(all | all >> 32);
 }
 
-/* How far x lies outside of the interval, squared. */
+/* Squared distance of x from the interval. */
 static double outside2(double low, double high, double x)
 {
     const double below = low - x, above = x - high, most = below > above ? below : above;
     return most > 0 ? most * most : 0;
 }
 
-/* The voxels of a row, by bits, that may be nearer to something in a disc than to anything so far: those that are near enough
- * along the normal, and above the disc, or nearly. `from`: the first voxel, seen from the disc's middle. */
+/* The voxels of a row, as bits, that may be nearer to something in a disc than their present distance: those that are near enough along the normal
+ * and above the disc, or nearly so. `from`: the first voxel relative to the centre of the disc. */
 ISA_INLINE unsigned find_near_disc(const triangle_disc *d, vec3 from, lanes nearest)
 {
     const float across2 = (float)(from.x * from.x + from.y * from.y),
@@ -223,12 +223,13 @@ ISA_INLINE unsigned find_near_disc(const triangle_disc *d, vec3 from, lanes near
                 height = height0 + at * (float)d->normal.z, up = height - depth, down = -height - depth,
                 over = (lanes)(((up > 0) & (lanes_mask)up) | ((down > 0) & (lanes_mask)down)),
                 within2 = nearest * nearest, off = roughly * (away2 + within2 + radius2);
-    const lanes room = within2 - over * over + off, /* squared: how far beside it */
+    const lanes room = within2 - over * over +
+                       off, /* squared distance from the disc in its plane that is permitted */
         beyond = away2 - height * height - radius2 - room;
     return lanes_bits((room > 0) & ((beyond <= 0) | (beyond * beyond < 4 * radius2 * room)));
 }
 
-/* The square of the farthest that a voxel of each row is from what was seen so far. */
+/* The largest squared present distance of the voxels of each row. */
 static void find_farthest(const double nearest[VOXELS], lanes farthest2[SIDE])
 {
     for (int row = 0; row < 64; row++) {
@@ -238,7 +239,7 @@ static void find_farthest(const double nearest[VOXELS], lanes farthest2[SIDE])
     }
 }
 
-/* Squared, of 0 to SIDE - 1. */
+/* Squared distances of the coordinates 0 to SIDE - 1 from the interval. */
 ISA_INLINE lanes outside_lanes(double low, double high)
 {
     double out[SIDE];
@@ -246,13 +247,13 @@ ISA_INLINE lanes outside_lanes(double low, double high)
     return lanes_at(out);
 }
 
-/* The voxels of each row that may be nearer to what is in a box and a disc than to all so far, by bits; whether there are any.
- * Most rows have none, which the box tells of eight rows at a time. */
+/* Sets the voxels of each row, as bits, that may be nearer to something in a box and a disc than their present distance. Returns whether there are any.
+ * Most rows have none; the box test rejects eight rows at a time. */
 ISA_CLONES static bool find_rows(bbox box, const triangle_disc *d, const double nearest[VOXELS],
                                  const lanes farthest2[SIDE], uint8_t rows[64])
 {
     const lanes across2 = outside_lanes(box.min.y, box.max.y), along2 = outside_lanes(box.min.z, box.max.z);
-    const float beside2 = (float)outside2(box.min.z - (SIDE - 1), box.max.z, 0); /* of a whole row */
+    const float beside2 = (float)outside2(box.min.z - (SIDE - 1), box.max.z, 0); /* for the whole row */
     unsigned any = 0;
     memset(rows, 0, 64);
     for (int x = 0; x < SIDE; x++) {
@@ -270,7 +271,7 @@ ISA_CLONES static bool find_rows(bbox box, const triangle_disc *d, const double 
     return any != 0;
 }
 
-/* Some triangles of a group, in coordinates of a block, and flat discs around them. */
+/* Triangles of a group in coordinates of a block, and flat discs that contain them. */
 typedef struct cluster {
     triangle at[TOGETHER];
     lanes middle[3][TOGETHER / SIDE], normal[3][TOGETHER / SIDE], radius2[TOGETHER / SIDE];
@@ -284,7 +285,7 @@ static void cluster_add(cluster *c, const triangle *t, vec3 origin)
     const double a2 = vec3_norm2(vec3_sub(at.a, middle)), b2 = vec3_norm2(vec3_sub(at.b, middle)),
                  c2 = vec3_norm2(vec3_sub(at.c, middle)), ab2 = a2 > b2 ? a2 : b2;
     const int n = c->count / SIDE, l = c->count % SIDE;
-    if (l == 0) { /* what stood there may be denormal, which is slow, and is looked at with the others */
+    if (l == 0) { /* old values of unused lanes may be denormal, which is slow */
         for (int axis = 0; axis < 3; axis++) c->middle[axis][n] = c->normal[axis][n] = (lanes){0};
         c->radius2[n] = (lanes){0};
     }
@@ -296,8 +297,7 @@ static void cluster_add(cluster *c, const triangle *t, vec3 origin)
     c->at[c->count++] = at;
 }
 
-/* Those of the triangles from n * SIDE on, by bits, that may be nearer to a voxel than that: those in whose flat discs there is
- * something as near. */
+/* The triangles from n * SIDE on, as bits, that may be nearer to a voxel than `nearest`, by the distance to their flat discs. */
 ISA_INLINE unsigned find_near_triangles(const cluster *c, int n, vec3 voxel, double nearest)
 {
     const lanes x = (float)voxel.x - c->middle[0][n], y = (float)voxel.y - c->middle[1][n],
@@ -311,7 +311,7 @@ ISA_INLINE unsigned find_near_triangles(const cluster *c, int n, vec3 voxel, dou
     return there & lanes_bits((room > 0) & ((beyond <= 0) | (beyond * beyond < 4 * radius2 * room)));
 }
 
-/* Lowers the distances of these voxels from what was seen so far. */
+/* Lowers the distances of the marked voxels to those from the triangles of a cluster. */
 ISA_CLONES static void approach(const cluster *c, const uint8_t rows[64], double nearest[VOXELS])
 {
     for (int row = 0; row < 64; row++)
@@ -350,14 +350,14 @@ static void approach_group(const triangle_groups *k, uint32_t group, vec3 origin
     }
 }
 
-/* How far voxels are at most, squared, and of which of the groups that tell it; -1: of none yet. No voxel is farther from a
- * triangle than from a place of it. In single precision. */
+/* Upper bounds of the squared distances of voxels, in single precision, and the groups that give them; -1: none yet. The distance from a place of a
+ * triangle is an upper bound of the distance from the triangle. */
 typedef struct bounds {
     float nearest2[VOXELS];
     int32_t from[VOXELS];
 } bounds;
 
-/* The rows, 0 to SIDE - 1, that are within the band of a place. */
+/* The first row, 0 to SIDE - 1, within the band of a place. */
 static int first_row(double at, double band)
 {
     return at - band > 0 ? (int)ceil(at - band) : 0;
@@ -386,12 +386,12 @@ ISA_CLONES static void bound_by_place(vec3 at, double band, int32_t number, boun
         }
 }
 
-/* Places along each axis, so many of a group. */
+/* Coordinates of up to TOGETHER places of a group. */
 typedef struct places {
     float at[3][TOGETHER];
 } places;
 
-/* The middles of a group's triangles, or of some of them. */
+/* The centroids of the triangles of a group, or of some of them. */
 static places middles_of_group(const triangle_groups *k, uint32_t group, vec3 origin)
 {
     const size_t first = k->first[group], count = k->first[group + 1] - first;
@@ -407,7 +407,7 @@ static places middles_of_group(const triangle_groups *k, uint32_t group, vec3 or
     return p;
 }
 
-/* The same of a list of voxels, each of which names the next, and of many places. */
+/* The same for a linked list of voxels and many places. */
 ISA_CLONES static void bound_by_places(const places *p, int voxel, const int16_t next[VOXELS], bounds *b)
 {
     for (; voxel >= 0; voxel = next[voxel]) {
@@ -425,9 +425,8 @@ ISA_CLONES static void bound_by_places(const places *p, int voxel, const int16_t
     }
 }
 
-/* Of many groups one triangle each is looked at before all others, then the triangles of the group that is nearest to a voxel so
- * far: what they leave to be nearer is little. Distances come out a trace too large, so that the nearest triangle is still
- * looked at. */
+/* With many groups: bounds the distances first by one triangle of each group, then by the triangles of the group that is nearest to each voxel. Few
+ * triangles can be nearer than these bounds. The bounds are slightly too large, so that the nearest triangle is still tested. */
 static void bound_by_some(const triangle_groups *k, vec3 origin, double band, const uint32_t *near,
                           size_t count, double nearest[VOXELS])
 {
@@ -458,8 +457,9 @@ static void bound_by_some(const triangle_groups *k, vec3 origin, double band, co
     }
 }
 
-void triangle_groups_approach(const triangle_groups *k, const uint32_t *near, size_t count,
-                              const int32_t origin[3], double band, double nearest[TRIANGLE_GROUPS_VOXELS])
+void triangle_groups_lower_distances(const triangle_groups *k, const uint32_t *near, size_t count,
+                                     const int32_t origin[3], double band,
+                                     double nearest[TRIANGLE_GROUPS_VOXELS])
 {
     const vec3 base = {origin[0], origin[1], origin[2]};
     lanes farthest2[SIDE];

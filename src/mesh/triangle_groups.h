@@ -1,8 +1,7 @@
-/* triangle_groups: the triangles of a mesh, those with their middles in one voxel together, and how far the voxels of a block are
- * from them.
+/* triangle_groups: groups of triangles whose centroids lie in the same voxel, and the distances of the voxels of a block from them.
  *
- * Units: voxels. Ownership: triangle_groups_free; the mesh outlives them. Threads: those of a pool, or NULL, whose number does not
- * show, while they are made; approaching is safe in any number.
+ * Units: voxels. The mesh is not owned and outlives the groups. The result does not depend on the number of threads of the pool, which may be NULL
+ * and is used by triangle_groups_make only. The other functions: any thread.
  */
 #ifndef HEXAD_MESH_TRIANGLE_GROUPS_H
 #define HEXAD_MESH_TRIANGLE_GROUPS_H
@@ -16,38 +15,40 @@
 #include "geometry/bbox.h"
 #include "triangles/mesh.h"
 
-#define TRIANGLE_GROUPS_SIDE 8 /* of a block */
-#define TRIANGLE_GROUPS_VOXELS 512
+#define TRIANGLE_GROUPS_SIDE 8     /* voxels along a side of a block */
+#define TRIANGLE_GROUPS_VOXELS 512 /* voxels of a block */
 
-/* A disc around some triangles, thick enough to hold them. */
+/* A disc that contains triangles. */
 typedef struct triangle_disc {
-    vec3 middle, normal; /* of length 1; 0: a ball */
-    double radius, depth;
+    vec3 middle, normal;  /* unit; zero: the disc is a ball */
+    double radius, depth; /* depth: half of the thickness */
 } triangle_disc;
 
-/* Each is of one solid; in the order of solids. */
+/* The groups, sorted by solid. Each has triangles of one solid. */
 typedef struct triangle_groups {
     const mesh *m;
     size_t count;
-    uint32_t *first, *triangle; /* of group g: triangle[first[g]] .. triangle[first[g + 1]], in their order */
-    bbox *box;
-    triangle_disc *disc;
-    vec3 *place; /* on one of the triangles */
+    /* group g has triangle[first[g]] .. triangle[first[g + 1] - 1], ascending */
+    uint32_t *first, *triangle;
+    bbox *box;           /* per group */
+    triangle_disc *disc; /* per group */
+    vec3 *place;         /* per group: a point on one of its triangles */
 } triangle_groups;
 
-/* Coordinates of the mesh are not negative and less than 2^14. Triangles of solid s: first_of_solid[s] .. first_of_solid[s + 1], up to the
- * last of all. Errors: limit_memory, cancelled. */
+/* Makes the groups. Coordinates of the mesh are at least 0 and less than 2^14. Solid s has the triangles first_of_solid[s] ..
+ * first_of_solid[s + 1] - 1; the last entry is the number of triangles. Errors: limit_memory, cancelled. */
 bool triangle_groups_make(const mesh *m, const uint32_t *first_of_solid, threads *pool, triangle_groups *out,
                           error *e);
-void triangle_groups_free(triangle_groups *groups); /* zeroed ones will do */
+void triangle_groups_free(triangle_groups *groups); /* accepts a zeroed object */
 size_t triangle_groups_bytes(const triangle_groups *groups);
 
-/* Whether a triangle of the group is as near to a place as that; squared. */
-bool triangle_groups_come_near(const triangle_groups *groups, uint32_t group, vec3 place, double reach2);
+/* Whether a triangle of the group is within a squared distance of a place. */
+bool triangle_groups_is_within(const triangle_groups *groups, uint32_t group, vec3 place, double reach2);
 
-/* How far each voxel of a block, whose lowest is `origin`, is from the nearest triangle of the groups that `near` lists, or `band`
- * if that is less. */
-void triangle_groups_approach(const triangle_groups *groups, const uint32_t *near, size_t count,
-                              const int32_t origin[3], double band, double nearest[TRIANGLE_GROUPS_VOXELS]);
+/* Computes the distance of each voxel of a block from the nearest triangle of the `count` groups `near`, at most `band`. `origin`: the voxel of
+ * least coordinates. */
+void triangle_groups_lower_distances(const triangle_groups *groups, const uint32_t *near, size_t count,
+                                     const int32_t origin[3], double band,
+                                     double nearest[TRIANGLE_GROUPS_VOXELS]);
 
 #endif

@@ -5,14 +5,14 @@
 
 #include "base/memory.h"
 
-enum { CHUNK = 4096 }; /* of triangles or lines */
+enum { CHUNK = 4096 }; /* triangles, or lines, of a task */
 
 static int64_t turn(const winding_point *a, const winding_point *b, int64_t x, int64_t y)
 {
     return ((int64_t)b->x - a->x) * (y - a->y) - ((int64_t)b->y - a->y) * (x - a->x);
 }
 
-/* Whether (x + eps, y + eps^2) lies to the left of the way from a to b; of an edge that is a point nobody asks. */
+/* Whether (x + eps, y + eps^2) lies to the left of the edge from a to b, which has different ends. */
 static bool is_left(const winding_point *a, const winding_point *b, int64_t turned)
 {
     if (turned != 0) return turned > 0;
@@ -37,7 +37,7 @@ static int32_t least(int32_t a, int32_t b, int32_t c)
     return m < c ? m : c;
 }
 
-/* The lines from low to high, voxels; high < low: none. */
+/* The range of lines that cross an interval, voxels; high < low: none. */
 static void range_of(int32_t a, int32_t b, int32_t c, int32_t *low, int32_t *high)
 {
     int32_t min = least(a, b, c), max = -least(-a, -b, -c);
@@ -50,10 +50,10 @@ typedef struct scanning {
     winding_columns *columns;
     const mesh *m;
     const uint32_t *first_of_solid;
-    bool place; /* else crossings are counted */
+    bool place; /* store the crossings; false: count them */
 } scanning;
 
-/* Counts one triangle's crossings in c->first, or puts them there. */
+/* Counts the crossings of one triangle in c->first, or stores them. */
 static void scan_triangle(const scanning *s, const winding_point p[3], uint32_t solid)
 {
     winding_columns *c = s->columns;
@@ -92,7 +92,7 @@ static int by_solid_upwards(const void *left, const void *right)
     return (a->z > b->z) - (a->z < b->z);
 }
 
-/* Threads came as they came; crossings of one solid at one height may stand either way. */
+/* Sorts the crossings of each line, whose order depends on the threads. Crossings of one solid at one height are equivalent in any order. */
 static void sort_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const winding_columns *c = context;
@@ -125,10 +125,10 @@ bool winding_make(const mesh *m, const uint32_t *first_of_solid, size_t solid_co
         return false;
     }
     s.place = true;
-    threads_run(pool, triangles, CHUNK, scan_chunk, &s); /* leaves first[n] where line n ends */
+    threads_run(pool, triangles, CHUNK, scan_chunk, &s); /* afterwards first[n] is the end of line n */
     memmove(c.first + 1, c.first, lines * sizeof *c.first);
     c.first[0] = 0;
-    if (threads_stopped(pool)) { /* not all are counted, or placed */
+    if (threads_stopped(pool)) { /* incomplete */
         winding_free(&c);
         return error_set(e, ERROR_CANCELLED, "stopped");
     }
@@ -156,7 +156,7 @@ unsigned winding_inside(const winding_columns *c, uint32_t solid, bool by_parity
     if (x < 0 || y < 0 || x >= c->nx || y >= c->ny) return 0;
     size_t line = (size_t)x * (size_t)c->ny + (size_t)y;
     uint64_t low = c->first[line], end = c->first[line + 1];
-    for (uint64_t high = end; low < high;) { /* the first of the solid */
+    for (uint64_t high = end; low < high;) { /* the first crossing of the solid */
         uint64_t middle = low + (high - low) / 2;
         if (c->crossings[middle].solid < solid)
             low = middle + 1;
@@ -164,7 +164,7 @@ unsigned winding_inside(const winding_columns *c, uint32_t solid, bool by_parity
             high = middle;
     }
     unsigned inside = 0;
-    int winding = 0, z = 0; /* of the part below, negated: as much comes back above */
+    int winding = 0, z = 0; /* minus the sum below z, which equals the sum above z */
     for (uint64_t n = low; z < 8; n++) {
         bool last = n == end || c->crossings[n].solid != solid;
         for (; z < 8 && (last || z0 + z < c->crossings[n].z); z++)

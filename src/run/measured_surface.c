@@ -59,7 +59,7 @@ static const mesh_faces *faces_of(const source *s)
     const volume *v = s->whole.volume;
     if (!v || s->creased || s->region || s->inside.field || s->whole.part_count > 0) return NULL;
     const mesh_faces *faces = volume_faces(v);
-    return faces && !mesh_faces_hide(faces) ? faces : NULL;
+    return faces && !mesh_faces_has_hidden(faces) ? faces : NULL;
 }
 
 /* The mesh of a level set, in world units. Of several parts some may lie in others, close below their walls: these are not sampled. */

@@ -40,7 +40,7 @@ bool solver_is_continued(const solver *s)
 
 bool solver_merges_near_curves(const solver *s)
 {
-    return s->setup.field->patches && s->setup.field->patches->merges_near_rows;
+    return s->setup.field->patches && s->setup.field->patches->merges_near_curves;
 }
 
 void solver_mark_displaced(solver *s, size_t i)

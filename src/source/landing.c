@@ -61,7 +61,7 @@ static bool find_place(const source_part *p, vec3 x, bool any, vec3 *out)
         return true;
     }
     if (!(faces || any) || !p->field || !field_sample_at(p->field, x, FIELD_GRADIENT, &s)) return false;
-    *out = faces ? mesh_faces_land(faces, x, s.gradient)
+    *out = faces ? mesh_faces_project(faces, x, s.gradient)
                  : vec3_axpy(-s.value / vec3_norm2(s.gradient), s.gradient, x);
     return true;
 }

@@ -153,7 +153,7 @@ static bool choose_patches(const mesh_source_request *r, const welded *w, bool t
                            mesh_patches *made, error *e)
 {
     const spec_mesh *s = r->spec;
-    const double angle = s->has_features ? s->feature_angle : MESH_PATCHES_FOUND;
+    const double angle = s->has_features ? s->feature_angle : MESH_PATCHES_AUTOMATIC;
     mesh_notes as_given = *notes;
     mesh_patches given = {0};
     bool wanted = thin;
@@ -329,7 +329,7 @@ static bool open_read(const mesh_source_request *r, const welded *w, const mesh_
                   "%zu of %zu triangles are reversed, so that normals agree along edges and point out "
                   "of closed components",
                   patches.turned, patches.m.triangle_count);
-    patches.merges_near_rows = true;
+    patches.merges_near_curves = true;
     mesh_surface *surface =
         mesh_surface_new(&patches, longest_cell(r, &patches), r->as_volume.resolution.memory_limit, e);
     if (!surface) return error_prefix(e, "%s", r->as_volume.path);

@@ -580,13 +580,13 @@ static void warn_of_mesh(volume_info *info)
 {
     const fidelity *f = &info->fidelity;
     const resolution *r = &info->resolution;
-    const bool much = f->thin > FIDELITY_MOST_THIN;
+    const bool much = f->thin > FIDELITY_MAX_THIN;
     if (f->thin >= unresolved_from)
         warn(info,
              "%.3g %% of the mesh area is thinner than a voxel and is not sampled: set voxel_size "
              "to at most %.3g to sample all but %.2g %%%s%s",
              100 * f->thin, much ? f->thin_voxel : f->tenth_voxel,
-             100 * (much ? FIDELITY_MOST_THIN : f->thin / 10),
+             100 * (much ? FIDELITY_MAX_THIN : f->thin / 10),
              r->limited_by ? "; the resolution is limited by " : "", r->limited_by ? r->limited_by : "");
     if (f->hidden >= unresolved_from)
         warn(info,

@@ -186,7 +186,7 @@ static void voxels_follow_the_thickness(void **state)
     assert_non_null(v);
     const volume_info *info = volume_describe(v);
     assert_string_equal(info->resolution.chosen_by, "thickness");
-    assert_true(info->fidelity.thin <= FIDELITY_MOST_THIN);
+    assert_true(info->fidelity.thin <= FIDELITY_MAX_THIN);
     assert_true(info->voxel_size > 0.0025 && info->voxel_size < 0.0035);
     assert_int_equal(info->warning_count, 0);
     volume_close(v);
@@ -617,7 +617,7 @@ static void places_on_many_triangles(void **state)
         const double found = 2 * vec3_norm(vec3_sub(mesh_faces_nearest(f, x), x));
         if (!(fabs(found - nearest) < 1e-9)) fail_msg("%.17g voxels away, not %.17g", nearest, found);
         if (k % 8 == 7 || k % 2 == 0) continue;
-        const double landed = 2 * vec3_norm(vec3_sub(mesh_faces_land(f, x, out), x));
+        const double landed = 2 * vec3_norm(vec3_sub(mesh_faces_project(f, x, out), x));
         if (!(fabs(landed - nearest) < 1e-9)) fail_msg("%.17g voxels away, not %.17g", nearest, landed);
     }
     mesh_faces_free(f);

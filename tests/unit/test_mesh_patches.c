@@ -71,7 +71,7 @@ static void assert_oriented(const mesh_patches *p)
 static void test_square_sheet(void **state)
 {
     (void)state;
-    mesh_patches p = make(mesh_fixture_sheet(5, 5, flat), MESH_PATCHES_FOUND);
+    mesh_patches p = make(mesh_fixture_sheet(5, 5, flat), MESH_PATCHES_AUTOMATIC);
     assert_counts(&p, 1, 4, 1);
     assert_int_equal(p.open_edges, 20);
     for (int k = 0; k < 4; k++) assert_int_equal(p.curve[k].count, 6);
@@ -87,7 +87,8 @@ static void test_square_sheet(void **state)
 static void test_box(void **state)
 {
     (void)state;
-    mesh_patches p = make(mesh_fixture_box(vec3_make(1, 2, 3), vec3_make(1, 2, 3), 0.3), MESH_PATCHES_FOUND);
+    mesh_patches p =
+        make(mesh_fixture_box(vec3_make(1, 2, 3), vec3_make(1, 2, 3), 0.3), MESH_PATCHES_AUTOMATIC);
     assert_counts(&p, 6, 12, 2);
     assert_true(p.feature_angle == MESH_PATCHES_ANGLE);
     assert_int_equal(p.m.vertex_count, 24); /* each face has its own */
@@ -121,7 +122,7 @@ static void test_curves_know_how_sharp_they_are(void **state)
 static void test_smooth_ball_has_no_curves(void **state)
 {
     (void)state;
-    mesh_patches p = make(mesh_fixture_ball(vec3_make(0, 0, 0), 1, 3), MESH_PATCHES_FOUND);
+    mesh_patches p = make(mesh_fixture_ball(vec3_make(0, 0, 0), 1, 3), MESH_PATCHES_AUTOMATIC);
     assert_counts(&p, 1, 0, 0);
     mesh_patches_free(&p);
 }
@@ -135,7 +136,7 @@ static void test_scan_has_no_features(void **state)
         const vec3 x = m.vertex[v];
         m.vertex[v] = vec3_scale(x, 1 + 0.02 * sin(1e3 * (x.x + 2 * x.y + 3 * x.z)));
     }
-    mesh_patches p = make(m, MESH_PATCHES_FOUND);
+    mesh_patches p = make(m, MESH_PATCHES_AUTOMATIC);
     assert_true(p.feature_angle == 0);
     assert_counts(&p, 1, 0, 0);
     mesh_patches_free(&p);
@@ -144,12 +145,12 @@ static void test_scan_has_no_features(void **state)
 static void test_one_sided(void **state)
 {
     (void)state;
-    mesh_patches p = make(mesh_fixture_sheet(60, 6, mesh_fixture_moebius), MESH_PATCHES_FOUND);
+    mesh_patches p = make(mesh_fixture_sheet(60, 6, mesh_fixture_moebius), MESH_PATCHES_AUTOMATIC);
     assert_counts(&p, 1, 1, 1);
     assert_true(p.one_sided[0] && p.curve[0].closed);
     assert_int_equal(p.curve[0].count, 120);
     mesh_patches_free(&p);
-    p = make(mesh_fixture_sheet(90, 61, klein), MESH_PATCHES_FOUND);
+    p = make(mesh_fixture_sheet(90, 61, klein), MESH_PATCHES_AUTOMATIC);
     assert_counts(&p, 1, 0, 0);
     assert_true(p.one_sided[0]);
     mesh_patches_free(&p);
@@ -160,7 +161,7 @@ static void test_three_sheets_at_an_edge(void **state)
     (void)state;
     mesh m = mesh_fixture_sheet(4, 4, flat);
     mesh_fixture_append(&m, mesh_fixture_sheet(4, 4, wall));
-    mesh_patches p = make(m, MESH_PATCHES_FOUND); /* the flat one is two, on either side of the wall */
+    mesh_patches p = make(m, MESH_PATCHES_AUTOMATIC); /* the flat one is two, on either side of the wall */
     size_t three = 0;
     assert_int_equal(p.count, 3);
     for (size_t k = 0; k < p.curve_count; k++) three += p.curve[k].patch_count == 3;
@@ -175,7 +176,7 @@ static void test_orientation_follows_most(void **state)
     mesh m = mesh_fixture_sheet(6, 6, flat);
     for (size_t n = 0; n < m.triangle_count; n += 2) /* less than half, so that there is a majority */
         if (n > 0) mesh_fixture_turn(&m, n);
-    mesh_patches p = make(m, MESH_PATCHES_FOUND);
+    mesh_patches p = make(m, MESH_PATCHES_AUTOMATIC);
     assert_counts(&p, 1, 4, 1);
     assert_oriented(&p);
     const uint32_t *t = p.m.triangle[0];
@@ -192,7 +193,7 @@ static void test_double_faces_count_once(void **state)
     for (size_t n = 0; n < 9; n++) mesh_fixture_turn(&back, n);
     mesh_fixture_append(&m, back);
     mesh_fixture_append(&m, mesh_fixture_sheet(3, 3, flat));
-    mesh_patches p = make(m, MESH_PATCHES_FOUND);
+    mesh_patches p = make(m, MESH_PATCHES_AUTOMATIC);
     assert_counts(&p, 1, 4, 1);
     assert_int_equal(p.m.triangle_count, 18);
     mesh_patches_free(&p);
@@ -209,7 +210,7 @@ static void test_t_junctions(void **state)
     (void)state;
     mesh m = mesh_fixture_sheet(2, 2, flat);
     mesh_fixture_append(&m, mesh_fixture_sheet(3, 3, beside));
-    mesh_patches p = make(m, MESH_PATCHES_FOUND);
+    mesh_patches p = make(m, MESH_PATCHES_AUTOMATIC);
     assert_counts(&p, 1, 4, 1);
     mesh_patches_free(&p);
 }
@@ -222,7 +223,7 @@ static void test_soup(void **state)
     for (double n = 0; n < 30; n++)
         m.vertex[m.vertex_count++] = vec3_make(cos(2.1 * n), sin(3.7 * n), cos(5.3 * n));
     for (uint32_t n = 0; n < 30; n += 3) mesh_fixture_add(&m, n, n + 1, n + 2);
-    mesh_patches p = make(m, MESH_PATCHES_FOUND);
+    mesh_patches p = make(m, MESH_PATCHES_AUTOMATIC);
     assert_int_equal(p.count, 10);
     assert_int_equal(p.open_edges, 30);
     mesh_patches_free(&p);

@@ -91,7 +91,7 @@ static void test_newton_ends_on_mesh(void **state)
     mesh_surface *s = make(mesh_fixture_ball(vec3_make(1, 2, 3), 2, 2), 0, 0.2);
     assert_newton_ends_on_mesh(s, 0.1);
     mesh_surface_free(s);
-    s = make(mesh_fixture_box(vec3_make(1, 2, 3), vec3_make(1, 2, 3), 0.3), MESH_PATCHES_FOUND, 0.2);
+    s = make(mesh_fixture_box(vec3_make(1, 2, 3), vec3_make(1, 2, 3), 0.3), MESH_PATCHES_AUTOMATIC, 0.2);
     assert_newton_ends_on_mesh(s, 0.1);
     mesh_surface_free(s);
     s = make(mesh_fixture_box(vec3_make(1, 2, 3), vec3_make(1, 2, 3), 0.3), 0, 0.2);
@@ -189,7 +189,7 @@ static void test_the_whole_is_the_nearest_patch(void **state)
         }
         mesh_free(&one);
     }
-    mesh_surface *s = make(m, MESH_PATCHES_FOUND, 0.5);
+    mesh_surface *s = make(m, MESH_PATCHES_AUTOMATIC, 0.5);
     const field *f = mesh_surface_field(s);
     uint64_t seed = 9;
     assert_true(f->patches->count > ALL);
@@ -224,7 +224,7 @@ static vec3 flat(double u, double v)
 static void test_beyond_the_rim(void **state)
 {
     (void)state;
-    mesh_surface *s = make(mesh_fixture_sheet(3, 3, flat), MESH_PATCHES_FOUND, 0.2);
+    mesh_surface *s = make(mesh_fixture_sheet(3, 3, flat), MESH_PATCHES_AUTOMATIC, 0.2);
     const field *patch = mesh_surface_field(s)->patches->patch[0].field;
     static const vec3 outside[] = {{-0.1, 0.4, 0.05}, {1.2, 0.5, 0}, {-0.1, -0.2, 0.1}, {0.3, 1.0001, 0}};
     static const vec3 inside[] = {{0, 0.4, 0}, {0.5, 0.5, 0.3}, {1, 1, 0}, {0.2, 1, 0.1}};
@@ -245,7 +245,7 @@ static void test_cells(void **state)
 {
     (void)state;
     const vec3 half = {1, 2, 3}, center = {4, 5, 6};
-    mesh_surface *s = make(mesh_fixture_box(center, half, 0.4), MESH_PATCHES_FOUND, 0.37);
+    mesh_surface *s = make(mesh_fixture_box(center, half, 0.4), MESH_PATCHES_AUTOMATIC, 0.37);
     const field *f = mesh_surface_field(s);
     double area = 0, of_patch[6] = {0};
     assert_int_equal(f->patches->count, 6);
@@ -275,7 +275,7 @@ static void test_pieces_keep_to_the_memory(void **state)
     const double spacing[] = {1e-3, 1e-6, 1e-20, 1e-60, 1e-300};
     for (size_t k = 0; k < sizeof spacing / sizeof *spacing; k++) {
         error e = {0};
-        assert_null(try_to_make(mesh_fixture_box(center, half, 0.4), MESH_PATCHES_FOUND, spacing[k],
+        assert_null(try_to_make(mesh_fixture_box(center, half, 0.4), MESH_PATCHES_AUTOMATIC, spacing[k],
                                 MEMORY / 64, &e));
         assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
         print_message("# %s\n", e.message);
@@ -287,7 +287,7 @@ static void test_elements_of_a_patch(void **state)
 {
     (void)state;
     const vec3 half = {1, 2, 3}, center = {4, 5, 6};
-    mesh_surface *s = make(mesh_fixture_box(center, half, 0.4), MESH_PATCHES_FOUND, 0.1);
+    mesh_surface *s = make(mesh_fixture_box(center, half, 0.4), MESH_PATCHES_AUTOMATIC, 0.1);
     error e = {0};
     threads *pool = mesh_fixture_pool();
     surface *scan = surface_scan(mesh_surface_field(s), pool, &e);
@@ -415,7 +415,7 @@ static void test_hints_change_nothing(void **state)
     (void)state;
     assert_hints_change_nothing(make(mesh_fixture_ball(vec3_make(1, 2, 3), 2, 3), 0, 0.2), 0.1);
     mesh box = mesh_fixture_box(vec3_make(1, 2, 3), vec3_make(1, 2, 3), 0.3);
-    assert_hints_change_nothing(make(box, MESH_PATCHES_FOUND, 0.2), 0.1);
+    assert_hints_change_nothing(make(box, MESH_PATCHES_AUTOMATIC, 0.2), 0.1);
     assert_hints_change_nothing(make(mesh_fixture_sheet(60, 6, mesh_fixture_moebius), 0, 0.2), 0.05);
 }
 

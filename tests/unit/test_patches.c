@@ -375,7 +375,7 @@ static void make_slit_face(faces *s, vec3 from, vec3 to)
         s->vertex[9 + 2 * k] = end[2 * k + 1];
     }
     for (int k = 4; k < 8; k++) s->curve_patch[k] = 0;
-    s->patches.merges_near_rows = true;
+    s->patches.merges_near_curves = true;
 }
 
 static double least_distance(const curve_samples *r)
@@ -409,7 +409,7 @@ static void rows_of_a_low_step_are_one(void **state)
     assert_true(curve_samples_make(&s.base, &full, &rows, &e));
     assert_int_equal(rows.count, 4 * 10 + 8);
     curve_samples_free(&rows);
-    s.patches.merges_near_rows = false;
+    s.patches.merges_near_curves = false;
     assert_true(curve_samples_make(&s.base, &request, &rows, &e));
     assert_int_equal(rows.count, 4 * 10 + 16);
     curve_samples_free(&rows);
@@ -548,7 +548,7 @@ static void rows_on_two_sides_of_a_sheet_stay(void **state)
     assert_true(curve_samples_make(&s.base, &request, &rows, &e));
     const size_t before = rows.count;
     curve_samples_free(&rows);
-    s.patches.merges_near_rows = true;
+    s.patches.merges_near_curves = true;
     assert_true(curve_samples_make(&s.base, &request, &rows, &e));
     assert_int_equal(rows.count, before);
     curve_samples_free(&rows);

@@ -34,7 +34,7 @@ static void assert_block(const triangle_groups *g, const int32_t origin[3], doub
 {
     double nearest[VOXELS];
     uint32_t *near = list_all(g);
-    triangle_groups_approach(g, near, g->count, origin, band, nearest);
+    triangle_groups_lower_distances(g, near, g->count, origin, band, nearest);
     free(near);
     for (int v = 0; v < VOXELS; v++) {
         const vec3 p = {origin[0] + (v >> 6), origin[1] + (v >> 3 & 7), origin[2] + (v & 7)};
@@ -126,8 +126,8 @@ static void groups_hold_their_triangles(void **state)
                             vec3_norm2(way) - height * height <= d->radius * d->radius);
             }
         }
-        assert_true(triangle_groups_come_near(&g, (uint32_t)k, g.place[k], 1e-20));
-        assert_false(triangle_groups_come_near(&g, (uint32_t)k, (vec3){40, 6, 6}, 28 * 28));
+        assert_true(triangle_groups_is_within(&g, (uint32_t)k, g.place[k], 1e-20));
+        assert_false(triangle_groups_is_within(&g, (uint32_t)k, (vec3){40, 6, 6}, 28 * 28));
     }
     assert_int_equal(found, 2 * half);
     triangle_groups_free(&g);

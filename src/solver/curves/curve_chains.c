@@ -74,7 +74,7 @@ static void share_points(const field_patches *p, const solver_points *solved, co
             const corner *other = find_corner(all, end_of(p, &p->curve[c], 1 - k));
             const double length = curve_chains_length(p, &p->curve[c]);
             if (own->length == 0 || other->length != 0 || !(length < own->length)) continue;
-            if (p->merges_near_rows && !is_near(solved, other->point, own->at)) continue;
+            if (p->merges_near_curves && !is_near(solved, other->point, own->at)) continue;
             own->length = length;
             own->point = other->point;
         }
@@ -181,7 +181,7 @@ static const double JUMP_LENGTH = 2;
 
 bool curve_chains_jumps(const field_patches *patches, double step, double one, double other)
 {
-    return patches->merges_near_rows && step > JUMP_LENGTH * fmax(one, other);
+    return patches->merges_near_curves && step > JUMP_LENGTH * fmax(one, other);
 }
 
 static bool is_jump(const field_patches *p, const solver_patch_points *s, uint32_t a, uint32_t b)

@@ -7,7 +7,7 @@
 
 /* Curve c has the points point[first[c]] .. point[first[c + 1] - 1], from its start to its end, including corners. The first
  * point of a closed curve is not repeated. A corner without a point is represented by the point at the far end of its shortest
- * curve. If samples of near curves were merged (merges_near_rows), a chain lacks the samples that were merged into another
+ * curve. If samples of near curves were merged (merges_near_curves), a chain lacks the samples that were merged into another
  * curve's. */
 typedef struct curve_chains {
     size_t *first;   /* per curve and one more */

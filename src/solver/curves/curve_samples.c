@@ -458,7 +458,7 @@ static bool make_layout(layout *l, const field *f, curve_samples *out, error *e)
         ok = sample_curve(l, f, c, out, e);
         l->first_sample[c + 1] = out->count;
     }
-    return ok && (!l->patches->merges_near_rows || merge_near_samples(l, out, e)) &&
+    return ok && (!l->patches->merges_near_curves || merge_near_samples(l, out, e)) &&
            subtract_euler(l, out, e);
 }
 
