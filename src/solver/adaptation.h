@@ -4,18 +4,20 @@
 
 #include "solver/solver_state.h"
 
-/* One step of Newton's method on log E against log sigma, from a support and the energy under it. */
+/* One Newton step on log E as a function of log sigma: an estimate of the support with the ideal energy. `energy` > 0: mean energy over mean
+ * amplitude for the support `sigma`. World units. */
 double solver_nearer_support(const solver *s, double sigma, double energy);
 
-/* Sets sigma to the support under which the particles, at their present positions, have the ideal energy. If there is none, sigma is
- * unchanged. Error: limit_memory. */
+/* Sets s->state.sigma to the support for which the particles, at their present positions, have the ideal energy; at most 3 spacings. If that is
+ * below half a spacing, sigma is unchanged. The neighbour lists are rebuilt. Error: limit_memory. */
 bool solver_find_support(solver *s, error *e);
 
-/* Bounds sigma by params.max_sigma and builds lists for it. `changed`: the count was. Error: limit_memory. */
+/* Clamps sigma to params.max_sigma, if that is > 0, and makes lists for it. `changed`: the number of particles was changed since the last lists. Error:
+ * limit_memory. */
 bool solver_apply_support(solver *s, bool changed, error *e);
 
-/* Inserts or deletes particles until sigma, the ideal support of the present particles, is within params.max_sigma. Error:
- * limit_memory. */
+/* Inserts or deletes particles once, towards the count for which the ideal support is params.max_sigma. On entry sigma is the ideal support of the
+ * present particles; on return it is scaled to the new count. At most doubles the count. *changed: the count was changed. Error: limit_memory. */
 bool solver_adapt_count(solver *s, bool *changed, error *e);
 
 #endif

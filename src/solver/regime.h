@@ -1,6 +1,6 @@
-/* regime: how a solve proceeds, and what else depends on that. The driver chooses one row of the table from the parameters. While it
- * solves it makes two transitions and no others: to `under_resolved` when the particles show that their spacing does not
- * resolve the surface, and to `with_longer_steps` when given points converge with too much energy. */
+/* regime: how a solve proceeds: its schedule, and which passes it makes. Regimes are constant; the driver chooses one from the parameters. A solve
+ * changes its regime at most twice: to `under_resolved` if the spacing does not resolve the surface, and to `with_longer_steps` if given points
+ * converge with too much energy. See "Regimes" in doc/method.md. */
 #ifndef HEXAD_SOLVER_REGIME_H
 #define HEXAD_SOLVER_REGIME_H
 
@@ -12,18 +12,18 @@
 typedef struct regime {
     const char *name; /* as in the report */
     const schedule *schedule;
-    bool fast_kernel;  /* the kernel in single precision moves particles without a trial of the energy */
-    bool is_continued; /* particles start at given positions and keep their order */
-    bool
-        is_under_resolved; /* pairs of opposite surfaces repel each other; steps that are left mean nothing */
-    bool repairs_defects;  /* after convergence, where the parameters allow it */
-    bool fills_gaps;       /* after projection over-dense particles go to uncovered places */
-    bool goes_on_after_projection; /* until relocated particles have converged */
-    bool
-        spreads_points; /* in the end over-dense particles go to uncovered places, and nothing converges again */
-    const struct regime *under_resolved, *with_longer_steps; /* transitions; NULL: there is none */
+    bool fast_kernel;       /* uses fast steps: single precision, without an energy test */
+    bool is_continued;      /* particles start at given positions and keep their order */
+    bool is_under_resolved; /* pairs on opposite walls repel each other; step_left is meaningless */
+    bool repairs_defects;   /* after convergence, if the parameters permit it */
+    /* after projection, relocates over-dense particles of patches to gaps in coverage */
+    bool fills_gaps;
+    bool goes_on_after_projection; /* sweeps again until relocated particles have converged */
+    bool spreads_points; /* at the end, relocates over-dense particles to gaps; nothing converges again */
+    const struct regime *under_resolved, *with_longer_steps; /* transitions; NULL: none */
 } regime;
 
+/* The initial regime of a solve. Static storage. */
 const regime *regime_for(const solver_params *params);
 
 #endif

@@ -3,9 +3,9 @@
  *     solver *s = solver_new(...);                 // initial positions and neighbour lists
  *     while (!solver_ended(s)) solver_step(s, e);  // one action per step; the caller may stop after any step
  *     solver_finalize(s, e);                       // exact projection, normals, curvature, energies
- *
- * The caller owns the loop, progress reports and cancellation. After a stop of the pool a step is incomplete, and the caller must not
- * continue. Steps allocate memory only for neighbour lists that grow, refinement of a level and inserted particles. World space.
+ * The caller owns the loop, progress reports and cancellation. If the pool was stopped during a step, the step is incomplete and the caller must not
+ * continue. Steps allocate memory only for neighbour lists that grow, for refinement of a level and for inserted particles. A solver is used by one
+ * thread at a time; it runs its work on the pool. Positions and lengths are in world space.
  * The result depends on the field, the parameters and the seed, not on the number of threads.
  *
  * Sources: Meyer, Georgel, Whitaker 2005, sections 4 to 7; for comparison, the method of Witkin and Heckbert 1994 behind the same
@@ -30,7 +30,7 @@ typedef enum solver_outcome {
     SOLVER_RUNNING,
     SOLVER_CONVERGED,
     SOLVER_OUT_OF_SWEEPS, /* max_sweeps reached */
-    SOLVER_STALLED /* converged only at a coarse gain or not at the target energy; lost points are ignored */
+    SOLVER_STALLED        /* ended with a gain above solver_coarsest_gain, or not with the ideal energy */
 } solver_outcome;
 
 typedef struct solver_sweep {
@@ -63,12 +63,13 @@ typedef struct solver_round {
 /* Minimum number of particles for steps with more than one thread. With fewer, the overhead exceeds the gain. */
 #define SOLVER_MIN_PARALLEL_COUNT 2000
 
-/* `f`, `scan` and `pool` are owned by the caller and outlive the solver. Steps set the width of the pool (threads_narrow). Errors:
- * limit_memory, no_surface (particles cannot be placed). */
+/* `f`, `scan` and `pool` are owned by the caller and outlive the solver. Steps set the width of the pool (threads_narrow). NULL on error: limit_memory,
+ * no_surface (particles cannot be placed), not_supported (witkin_heckbert on a surface with patches), cancelled. */
 solver *solver_new(const field *f, const surface *scan, const solver_params *params, threads *pool, error *e);
 void solver_free(solver *s);
 
-bool solver_step(solver *s, error *e); /* one sweep; at the end of a round also global control */
+/* One action of the driver: a sweep, or the action after a round. Not after solver_ended. Errors: limit_memory, no_surface, cancelled. */
+bool solver_step(solver *s, error *e);
 bool solver_ended(const solver *s);
 solver_outcome solver_result(const solver *s);
 
@@ -78,11 +79,12 @@ double solver_fraction(const solver *s);
 /* Sweeps and rounds up to now. The arrays are owned by the solver and valid until the next step. */
 const solver_sweep *solver_sweeps(const solver *s, size_t *count);
 const solver_round *solver_rounds(const solver *s, size_t *count);
-double solver_spacing(const solver *s); /* h of the ideal packing, world units */
+double solver_spacing(const solver *s); /* h of the current level, world units */
 /* The gain of the last round that max_sweeps did not interrupt; 0: there is none. A result with a gain up to solver_coarsest_gain is
  * converged. */
 double solver_gain(const solver *s);
 double solver_coarsest_gain(const solver *s);
+/* Number of particles whose projection failed: initial positions that were drawn again, and relocated particles. */
 size_t solver_removed_offsurface(const solver *s);
 
 /* The particles between two steps. The arrays are owned by the solver and valid until the next step. With patches, a point on a curve is
@@ -123,8 +125,10 @@ typedef struct solver_points {
     const uint32_t *curve;  /* per curve sample (patch_points.place): its curve; NULL without patches */
     const vec3 *position, *normal;
     const double *kappa, *kappa1, *kappa2, *alpha;
-    const double *kappa_scale; /* curvature of (14) over a distance; NULL: it is the curvature at the point */
-    const double *energy;  /* E_i, full sum for the final sigma; with a sizing field over the size squared */
+    /* curvature of (14) over a distance; NULL: it is the curvature at the point */
+    const double *kappa_scale;
+    /* E_i, full sum for the final sigma; with a sizing field over the size squared */
+    const double *energy;
     const double *spacing; /* requested */
     const bool *replaced;  /* per point: relocated after a failed projection */
     size_t lost;           /* points that are not on the surface and could not be relocated */
@@ -139,10 +143,10 @@ typedef struct solver_points {
 /* After solver_finalize; the arrays are owned by the solver. */
 const solver_points *solver_result_points(const solver *s);
 
-/* After solver_finalize of a converged solve on a surface with patches. Moves the nearest particle to each place and fixes it there.
- * The place lies within 1.5 spacings of the particle and on its patch. No particle is fixed near another fixed particle.
- * *goes_on: a particle was fixed and at least half of the sweeps are left. The caller must then run the solve to its end again. Previous results are
- * invalid if *goes_on, and after an error. Error: limit_memory. */
+/* After solver_finalize of a converged solve on a surface with patches. Moves the nearest particle to each of `count` places and fixes it there. The
+ * place must be within 1.5 spacings of the particle and on its patch; no particle is fixed within 0.3 spacings of another fixed one. Other places are
+ * ignored. *goes_on: a particle was fixed. The caller must then run the solve to its end again, and previous results are invalid. Nothing is done
+ * if at least half of max_sweeps is used. After an error previous results are invalid. Error: limit_memory. */
 bool solver_pin(solver *s, const vec3 *place, size_t count, bool *goes_on, error *e);
 
 /* Positions of the result's patch points, for callers that move the points off the zero set. */

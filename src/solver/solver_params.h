@@ -19,7 +19,7 @@ typedef enum solver_start {
 } solver_start;
 
 typedef struct solver_params {
-    size_t count; /* >= 4; the exact number of points unless max_sigma > 0 */
+    size_t count; /* >= 4; the exact number of points, unless max_sigma > 0 or witkin_heckbert is set */
     solver_start start;
     bool random_in_cells; /* with SOLVER_START_RANDOM: in the crossing grid cells instead of the domain */
     /* With SOLVER_START_GIVEN: `count` positions on the surface, nearly converged, and their unit normals. They are in the order of a

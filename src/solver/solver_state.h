@@ -1,4 +1,4 @@
-/* solver_state: the state of a solve, and functions of it that several parts of the solver need.
+/* solver_state: the state of a solve, and functions on it that several files of the solver use.
  *
  * Private to the solver. driver.c decides what is done and when. level.h, adaptation.h and passes/passes.h declare what it calls; those
  * functions act once and decide nothing about the order of a solve. */
@@ -24,8 +24,9 @@ enum {
 
 /* What the next step of a solve does, in the order in which a solve does it. */
 typedef enum solver_action {
-    ACTION_SWEEP,   /* moves every particle once */
-    ACTION_CONTROL, /* after a round: the next level, another support or count, or the end of the relaxation */
+    ACTION_SWEEP, /* moves every particle once */
+    /* after a round: the next level, another support or count, or the end of the relaxation */
+    ACTION_CONTROL,
     ACTION_REPAIR,  /* of a converged solve: defects, then the areas of Voronoi cells */
     ACTION_PROJECT, /* onto the surface to rounding; relocates lost particles and fills gaps */
     ACTION_VERIFY   /* whether the projected points have converged */
@@ -63,21 +64,21 @@ typedef struct solver_state {
 
     level_plan plan;
     int level;
-    bool counts_corrected; /* plan: by the edges of the coarsest packing */
-    bool has_many_defects; /* the level, see schedule_has_many_defects */
-    bool
-        had_extra_sweeps; /* on a surface with feature curves a round of the level has had them: no later one does */
+    bool counts_corrected; /* the plan was corrected by the edges of the coarsest packing */
+    bool has_many_defects; /* the level takes extra sweeps, see schedule_has_many_defects */
+    /* on patches: an earlier round of the level took extra sweeps, so that later ones do not */
+    bool had_extra_sweeps;
     double defect_fraction; /* when it was last computed; 0: never */
-    size_t level_began;     /* sweeps before those of the level */
+    size_t level_began;     /* number of sweeps before the level */
 
     const char *round_began, *round_ended; /* see solver_round */
     double round_defect_fraction;          /* see solver_round */
-    int control_rounds; /* rounds that ended with an action of control and were not continued */
-    int stage;          /* of the schedule */
-    double
-        gain; /* least relative decrease of energy that counts; 10 times that of the stage after too many sweeps */
-    int sweeps_in_round; /* for the schedule; goes on over a round that is continued */
-    int size_renewals;   /* in the round: convergences that new sizes undid */
+    int control_rounds;                    /* rounds that ended with ACTION_CONTROL and were not continued */
+    int stage;                             /* of the schedule */
+    /* minimum relative decrease of a particle's energy; after too many sweeps multiples by 10 of that of the stage */
+    double gain;
+    int sweeps_in_round; /* for the schedule; continued rounds count on */
+    int size_renewals;   /* of the round: convergences that failed because of new sizes */
 
     double skin; /* Verlet skin of the next lists: their reach beyond the support */
     bool lists_stale;
@@ -88,7 +89,7 @@ typedef struct solver_state {
     int equalisations; /* passes of solver_equalise_cells */
     int continuations; /* see SOLVER_CONTINUATIONS_MOST */
     bool is_projected; /* no particle has moved since solver_project */
-    bool is_tightened; /* after projection steps were left: convergence requires shorter ones */
+    bool is_tightened; /* step_left was too large after projection: convergence requires a smaller one */
 
     double fraction, updates;                      /* progress; updates of particles so far */
     struct witkin_heckbert_state *witkin_heckbert; /* of solver_witkin_heckbert */
@@ -148,7 +149,7 @@ static inline double *solver_column(const solver *s, int which)
  * limit_memory. */
 relax *solver_new_relax(const solver *s, size_t capacity, error *e);
 
-/* Room for `capacity` particles; lists have to be built anew. Error: limit_memory, also beyond params.count_limit. */
+/* Increases the capacity of the particles and of the relaxation; the lists must be rebuilt then. Error: limit_memory, also above params.count_limit. */
 bool solver_reserve(solver *s, size_t capacity, error *e);
 
 /* Whether the particles started at given positions, as those of a frame that follows another. */
@@ -157,23 +158,23 @@ bool solver_is_continued(const solver *s);
 /* Whether near curve samples were merged (field/patches.h), as on meshes. */
 bool solver_merges_near_curves(const solver *s);
 
-/* Particle i was relocated: the solve has converged only if it has (relax_mark_displaced). Not on small patches, as of labels: there
- * particles are pushed out again and again. */
+/* Particle i was relocated: convergence requires that it and its neighbours converge (relax_mark_displaced). Does nothing on patches unless near
+ * curves are merged: on small patches, as of labels, such particles are pushed out repeatedly. */
 void solver_mark_displaced(solver *s, size_t i);
 
 /* The number of points: the copies of a point on a curve for its patches count once. */
 size_t solver_point_count(const solver *s);
 
-/* Whether F bends so smoothly that a projection does not check its last Newton step. Residuals and normals are then those that
- * description.c computes with the curvatures. */
+/* Whether F is smooth enough that a projection does not verify its last Newton step. description.c then computes residuals and normals together with
+ * the curvatures. */
 bool solver_ends_smoothly(const solver *s);
 
 /* ---- lagged.c: sizes, amplitudes and lists, constant between two renewals */
 
-/* (14) at a place of the surface, or of a patch whose field is f. False, *alpha untouched, where the field has no curvature. */
+/* The amplitude (14) at a place x of the surface, or of a patch with the field f. `normal`: unit. False, *alpha unchanged: F has no curvature there. */
 bool solver_amplitude_at(const solver *s, const field *f, uint32_t patch, vec3 x, vec3 normal, double *alpha);
 
-/* Amplitudes and sizes at the present positions. Both return the rms of their relative change. */
+/* Compute the amplitudes, or sizes, at the present positions. Return the rms of their relative change; 0 if the solve has none. */
 double solver_renew_amplitudes(solver *s);
 double solver_renew_sizes(solver *s);
 
@@ -186,14 +187,15 @@ void solver_spacings(const solver *s, double *out);
 /* Whether a mean energy over mean alpha is the ideal one within energy_tolerance. */
 bool solver_is_on_target(const solver *s, double energy);
 
-/* Amplitudes if they are due, boundaries, and lists for the present support and skin. Error: limit_memory. */
+/* Renews the amplitudes if they are due, and the sizes; marks particles near boundaries; builds lists for the present support and skin. Error:
+ * limit_memory. */
 bool solver_build_lists(solver *s, error *e);
 
-/* Lists that are valid for energies at the present positions. Error: limit_memory. */
+/* Makes lists that are valid for energies at the present positions, not for sweeps. Error: limit_memory. */
 bool solver_refresh_lists(solver *s, error *e);
 
-/* Newton steps that are left at the present positions, see relax_rms_steps_left; the second one renews sizes and lists first, as
- * after solver_project. Error: limit_memory. */
+/* The Newton steps that are left at the present positions, see relax_rms_steps_left. The second function renews sizes and lists first, for use after
+ * solver_project. NAN with the Gaussian energy. Error: limit_memory. */
 relax_steps solver_steps_left(const solver *s, bool watch);
 bool solver_steps_after_projection(solver *s, relax_steps *left, error *e);
 
@@ -204,10 +206,10 @@ void solver_note_round(solver *s, const char *ended, double energy, double gain)
 
 /* ---- description.c */
 
-/* Computes what solver_result_points returns. Errors: limit_memory, cancelled. */
+/* Computes record.out. Errors: limit_memory, cancelled. */
 bool solver_describe(solver *s, error *e);
 
-/* Frees that. */
+/* Frees the arrays of record.out. */
 void solver_release_description(solver *s);
 
 #endif
