@@ -217,9 +217,10 @@ static bool check_copy(const config *c, const char *path, bool alone, tally *t, 
 static int sum_up(const tally *t)
 {
     if (t->findings)
-        printf("%zu fault%s found; see operations.md, \"A damaged database\" and \"Restore\" (package hexad-doc:"
-               " /usr/share/doc/hexad-doc/doc)\n",
-               t->findings, t->findings == 1 ? "" : "s");
+        printf(
+            "%zu fault%s found; see operations.md, \"A damaged database\" and \"Restore\" (package hexad-doc:"
+            " /usr/share/doc/hexad-doc/doc)\n",
+            t->findings, t->findings == 1 ? "" : "s");
     else if (t->results_seen)
         printf("no faults in the database and %zu results\n", t->results);
     else
