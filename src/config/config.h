@@ -64,6 +64,7 @@ typedef struct config {
     double estimate_timeout_s, thumbnail_timeout_s;
     double grace_s, drain_s;
     int64_t body_total_bytes, user_body_bytes; /* 0: 16 and 4 times body_limit_bytes */
+    int64_t answer_total_bytes, user_answer_bytes;
     int64_t body_limit_bytes, header_limit_bytes, connection_limit, client_connection_limit;
     int64_t user_connection_limit, admin_connections;
     int64_t upload_limit_bytes, upload_total_bytes;

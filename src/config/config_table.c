@@ -287,6 +287,16 @@ const config_row config_table[] = {
      .unit = "bytes",
      .help = "The memory for the bodies of simultaneous requests of one user, at least body_limit_bytes. "
              "0: 4 times body_limit_bytes."},
+    {SETTING(answer_total_bytes), .type = CONFIG_INTEGER, .default_text = "67108864", .low = 16384,
+     .high = 1e15, .unit = "bytes",
+     .help =
+         "The memory for all answers of 16 KiB and more while they are sent. Files, event streams and answers to "
+         "requests that change something do not count."},
+    {SETTING(user_answer_bytes), .type = CONFIG_INTEGER, .default_text = "16777216", .low = 16384,
+     .high = 1e15, .unit = "bytes",
+     .help =
+         "The memory for answers of 16 KiB and more while they are sent to one user, or to the clients of one "
+         "address that show no token. A single answer may be longer."},
     {SETTING(upload_limit_bytes), .type = CONFIG_INTEGER, .default_text = "17179869184", .low = 0,
      .high = 1e15, .unit = "bytes",
      .help = "The longest file that a client may upload for its jobs. 0: only empty files."},

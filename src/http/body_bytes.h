@@ -1,4 +1,5 @@
-/* body_bytes: the memory that bodies of requests take, of all together and of each user. The serving thread calls all functions. */
+/* body_bytes: the memory that bodies of requests or of answers take, of all together and of each user. The serving thread calls all
+ * functions. */
 #ifndef HEXAD_HTTP_BODY_BYTES_H
 #define HEXAD_HTTP_BODY_BYTES_H
 

@@ -24,7 +24,8 @@
  *     too_many_jobs 429           of one user; with Retry-After
  *     too_many_submissions 429    of one user in an hour; with Retry-After
  *     priority_forbidden 403      user_priorities or the token allows less
- *     too_many_requests 429       too many connections of one client or user; with Retry-After
+ *     too_many_requests 429       too many connections of one client or user, or too much memory for bodies or answers of one user;
+ *                                 with Retry-After
  *     database_damaged 503        nothing can be changed until an operator has repaired it
  *     unavailable 503             draining, the queue cannot store, or too many connections in all; with Retry-After. Or no
  *                                 file is looked into; with Retry-After when others are being looked into

@@ -14,6 +14,7 @@
 
 #include <microhttpd.h>
 
+#include "auth/scope.h"
 #include "base/background.h"
 #include "base/clock.h"
 #include "base/log.h"
@@ -35,6 +36,8 @@
 #define STREAM_BLOCK_BYTES 16384
 /* How long server_stop waits for answers under way. */
 #define STOP_MS 5000
+/* An answer from this length on counts for the memory of answers: a shorter one takes little more than its connection. */
+#define LONG_ANSWER_BYTES 16384
 /* Threads that one user may have: as many submissions share a flush of the queue. The threads sleep most of the time. Further
  * threads wait for estimates. */
 #define USER_THREADS 32
@@ -60,7 +63,7 @@ struct server {
     loop *loop;
     connections *connections;
     thread_pool *pool, *heavy_pool, *picture_pool;
-    body_bytes *bodies;
+    body_bytes *bodies, *answers;
     pthread_mutex_t mutex;
     pthread_cond_t changed;  /* monotonic clock */
     size_t busy;             /* requests between their headers and their end */
@@ -91,6 +94,7 @@ typedef struct exchange {
     bool awaits;            /* there is a provisional answer */
     bool chunked;
     reply answer;
+    size_t answer_bytes;    /* counted in the server's answers */
     reply_receipt *receipt; /* of the answer that is being sent */
     bool head;              /* a HEAD request: the body is not sent */
 } exchange;
@@ -217,6 +221,45 @@ static void add_page_headers(const char *origin, struct MHD_Response *response)
     MHD_add_response_header(response, "Access-Control-Expose-Headers",
                             "Allow, Content-Range, ETag, Location, Preference-Applied, Retry-After,"
                             " WWW-Authenticate");
+}
+
+/* To whom a long answer counts: the user, or the address of a client whose user is unknown. */
+static const char *reader_of(const exchange *x, char text[ADDRESS_TEXT_SIZE])
+{
+    return *x->caller.user ? x->caller.user : address_print(&x->client, text);
+}
+
+/* Whether the request may be repeated after its answer was refused. */
+static bool changes_nothing(const exchange *x, const char *method)
+{
+    return strcmp(method, MHD_HTTP_METHOD_GET) == 0 ||
+           (x->route.found && x->route.found->scope == SCOPE_READ);
+}
+
+/* Counts a long answer, or replaces it by a refusal: clients that do not read their answers would fill the memory. Where one answer is
+ * longer than the limit, it counts as the limit. */
+static void count_answer(exchange *x, reply *r)
+{
+    const server_settings *c = &x->s->settings;
+    const size_t most =
+        c->user_answer_bytes < c->answer_total_bytes ? c->user_answer_bytes : c->answer_total_bytes;
+    const size_t bytes = r->length < most ? r->length : most;
+    char text[ADDRESS_TEXT_SIZE];
+    if (!r->body || r->length < LONG_ANSWER_BYTES) return;
+    body_verdict fits = body_bytes_take(x->s->answers, reader_of(x, text), bytes);
+    if (fits == BODY_FITS) {
+        x->answer_bytes = bytes;
+    } else if (fits == BODY_TOO_MUCH_OF_USER) {
+        reply_set_problem(
+            r, "too_many_requests", NULL,
+            "the answers to this user that are being sent take as much memory as they may (setting"
+            " user_answer_bytes): read them, or send fewer requests at once");
+        reply_ask_again(r);
+    } else {
+        reply_set_unavailable(
+            r,
+            "the answers that are being sent take as much memory as they may (setting answer_total_bytes)");
+    }
 }
 
 static enum MHD_Result queue_reply(exchange *x, reply *r)
@@ -715,6 +758,7 @@ static enum MHD_Result finish(exchange *x, const char *method, const char *path)
 {
     connections_end_time(x->s->connections, connection_of(x->connection));
     if (!x->answered && read_body(x, &x->answer) && !call_handler(x)) return MHD_YES;
+    if (changes_nothing(x, method)) count_answer(x, &x->answer);
     note_answer(x, method, path, &x->answer);
     return queue_reply(x, &x->answer);
 }
@@ -768,6 +812,8 @@ static void complete(void *context, struct MHD_Connection *connection, void **sl
     if (x->receipt) x->receipt->end(x->receipt, why == MHD_REQUEST_TERMINATED_COMPLETED_OK && !x->head);
     if (x->request.sink) x->request.sink->drop(x->request.sink);
     drop_body(x);
+    char text[ADDRESS_TEXT_SIZE];
+    if (x->answer_bytes) body_bytes_give_back(s->answers, reader_of(x, text), x->answer_bytes);
     free(x);
     *slot = NULL;
     if (!begun) return;
@@ -865,6 +911,7 @@ server *server_start(const server_settings *settings, const listen_socket *socke
     pthread_mutex_init(&s->mutex, NULL);
     s->connections = connections_start(&settings->connections, access, e);
     s->bodies = body_bytes_new(settings->body_total_bytes, settings->user_body_bytes);
+    s->answers = body_bytes_new(settings->answer_total_bytes, settings->user_answer_bytes);
     if (!s->connections || !start_pools(s, e)) goto failed;
     /* the library closes this descriptor */
     int fd = fcntl(socket->fd, F_DUPFD_CLOEXEC, 0);
@@ -908,6 +955,7 @@ void server_stop(server *s)
     loop_stop(s->loop);
     connections_stop(s->connections);
     body_bytes_free(s->bodies);
+    body_bytes_free(s->answers);
     pthread_cond_destroy(&s->changed);
     pthread_mutex_destroy(&s->mutex);
     free(s);

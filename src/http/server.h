@@ -27,10 +27,11 @@ typedef struct server_settings {
     wait_list *waiting;
     connections_settings connections;
     size_t body_limit_bytes, header_limit_bytes;
-    size_t body_total_bytes, user_body_bytes; /* of bodies in memory, at least body_limit_bytes + 1 */
-    unsigned estimates;                       /* how many requests may wait for an estimate at once */
-    double thread_wait_s;                     /* how long a request may wait for a thread of a pool */
-    const address_ranges *proxies;            /* whose header Forwarded is trusted */
+    size_t body_total_bytes, user_body_bytes;     /* of bodies in memory, at least body_limit_bytes + 1 */
+    size_t answer_total_bytes, user_answer_bytes; /* of long answers in memory */
+    unsigned estimates;                           /* how many requests may wait for an estimate at once */
+    double thread_wait_s;                         /* how long a request may wait for a thread of a pool */
+    const address_ranges *proxies;                /* whose header Forwarded is trusted */
     const pages *pages;
     const char
         *settings_file; /* of the service, which the answer to an unknown local user names; NULL: none */

@@ -571,6 +571,8 @@ static bool init_http(service *s, error *e)
         .body_total_bytes = bytes_of_bodies(c, c->body_total_bytes, BODIES_IN_ALL),
         .user_body_bytes = bytes_of_bodies(c, c->user_body_bytes, BODIES_OF_USER),
         .header_limit_bytes = (size_t)c->header_limit_bytes,
+        .answer_total_bytes = (size_t)c->answer_total_bytes,
+        .user_answer_bytes = (size_t)c->user_answer_bytes,
         .estimates = (unsigned)c->estimates,
         .thread_wait_s = c->thread_wait_s,
         .proxies = &s->proxies,

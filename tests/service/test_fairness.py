@@ -12,7 +12,7 @@ import threading
 import pytest
 
 from service import PATIENCE_S, gated_worker, sphere, wait_until
-from test_access import closed_service, new_token  # noqa: F401, a fixture
+from test_access import closed_service, new_token, with_token  # noqa: F401, a fixture
 
 
 def connect(service):
@@ -238,6 +238,41 @@ def test_long_requests_of_a_user_hold_up_no_short_one(new_service, build, tmp_pa
         (tmp_path / "gate").touch()
     for one in drawn:
         assert read_all(one).startswith(b"HTTP/1.1 200 ")
+
+
+def job_with_long_document(service, token):
+    """The path of a job whose document has 0.3 MB."""
+    spec = sphere()
+    spec["surface"] = {"union": [sphere()["surface"]] * 10}
+    frames = 4000
+    spec["queue"] = {"frames": f"1-{frames}", "by_frame": {
+        f"/surface/union/{i}/analytic/radius": [round(1 + k / frames, 5) for k in range(frames)] for i in range(10)}}
+    made = with_token(service, token, "POST", "/v1/jobs", spec)
+    assert made.status == 201, made.body
+    return f"/v1/jobs/{made.json['id']}"
+
+
+def test_answers_that_a_user_does_not_read_take_bounded_memory(new_service, tmp_path):
+    """Another user gets answers all the same, and so does the first one when the connections are closed. On a Unix socket, since
+    the kernel keeps little of what is sent there."""
+    service = new_service("--listen", f"unix:{tmp_path / 'socket'}", "--user_answer_bytes", 700_000).start()
+    tokens = {user: new_token(service, user) for user in ("ann", "bob")}
+    assert service.request("POST", "/v1/admin/hold").status == 200  # the jobs need not run
+    path = {user: job_with_long_document(service, tokens[user]) for user in tokens}
+    unread = []
+    for _ in range(2):
+        one = socket.socket(socket.AF_UNIX)
+        one.connect(str(tmp_path / "socket"))
+        one.sendall(f"GET {path['ann']} HTTP/1.1\r\nHost: hexad\r\nAuthorization: Bearer {tokens['ann']}\r\n\r\n".encode())
+        assert one.recv(12) == b"HTTP/1.1 200"
+        unread.append(one)
+    refused = with_token(service, tokens["ann"], "GET", path["ann"])
+    assert refused.status == 429 and "user_answer_bytes" in refused.json["detail"] and refused.headers["Retry-After"]
+    assert with_token(service, tokens["ann"], "GET", "/v1/usage").status == 200
+    assert with_token(service, tokens["bob"], "GET", path["bob"]).status == 200
+    for one in unread:
+        one.close()
+    wait_until(lambda: with_token(service, tokens["ann"], "GET", path["ann"]).status == 200, "an answer")
 
 
 # The real worker, except that it never ends when it has to make a thumbnail.
