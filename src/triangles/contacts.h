@@ -1,9 +1,8 @@
-/* contacts: which faces that cancel each other are a contact of solids, and which would leave a hole.
+/* contacts: distinguishes contacts of solids from coincident faces of opposite orientation whose removal would leave a hole.
  *
- * Where closed shells touch, two faces look opposite ways. They bound nothing, and both are removed. Two faces also look opposite ways
- * where a surface is in the file twice and one face is turned, or where a face is in the file with its back. If both are removed there,
- * the surface has a hole. Cancelling faces that are connected by edges are a contact if none of their edges has exactly one remaining
- * face. Threads: none; no shared state.
+ * Where closed shells touch, two coincident faces have opposite orientations. They bound nothing, and both are removed. Such pairs also occur where a
+ * surface is in the file twice and one face is reversed, or where a face is in the file together with its back. Removing both would then leave a hole.
+ * A set of cancelling faces connected by edges is a contact if none of their edges has exactly one remaining face. Single-threaded; no shared state.
  */
 #ifndef HEXAD_TRIANGLES_CONTACTS_H
 #define HEXAD_TRIANGLES_CONTACTS_H
@@ -13,15 +12,15 @@
 #include "base/error.h"
 #include "triangles/mesh.h"
 
-/* Of a triangle. */
+/* State of a triangle. */
 enum {
     CONTACTS_REMAINS,
-    CONTACTS_REMOVED, /* for another reason: it does not count */
-    CONTACTS_CANCELS,
-    CONTACTS_NEEDED /* it cancels, and would leave a hole */
+    CONTACTS_REMOVED, /* for another reason; ignored */
+    CONTACTS_CANCELS, /* another triangle coincides with it in the opposite orientation */
+    CONTACTS_NEEDED   /* it cancels, but its removal would leave a hole */
 };
 
-/* `face` has one of these for each triangle. Those that cancel become CONTACTS_NEEDED where they are no contact. Errors: limit_memory. */
+/* `face`: the state of each triangle. Changes CONTACTS_CANCELS to CONTACTS_NEEDED where faces are no contact. Error: limit_memory. */
 bool contacts_find_needed(const mesh *m, unsigned char *face, error *e);
 
 #endif

@@ -39,7 +39,7 @@ typedef struct cutting {
     bool *
         turned; /* of each triangle: it looks against that, or came of one that does. Thin ones may be turned over by rounding */
     size_t turned_room;
-    uint32_t (*meetings)[2]; /* pairs of triangles of which each lies in the part of the other */
+    uint32_t (*meetings)[2]; /* pairs of triangles, each in the part of the other */
     size_t meeting_count, meeting_room;
     bool unfinished;
 } cutting;
@@ -70,7 +70,8 @@ static double reach_of(const cutting *c, const vec3 a[3], const vec3 b[3])
     return fmax(rounding_reach(c->r, a), rounding_reach(c->r, b));
 }
 
-/* Whether b lies in the plane of a, which is the better one to tell: to within the rounding at the corners of a, and the more beyond them. */
+/* Whether b lies in the plane of a, the triangle with the more accurate plane. The tolerance is the rounding error at the corners of a;
+ * it increases beyond them. */
 static bool lies_in(const plane *a, const vec3 b[3], double reach)
 {
     for (int k = 0; k < 3; k++) {
@@ -206,7 +207,7 @@ static bool overlap(const cutting *c, uint32_t s, uint32_t t)
     return gap_beyond(a, normal, b) < most && gap_beyond(b, normal, a) < most;
 }
 
-/* Of triangles as given; what is cut off from them stays in their plane. */
+/* Planes of the input triangles; pieces cut off from them stay in their planes. */
 static bool overlap_in_plane(const cutting *c, uint32_t s, uint32_t t)
 {
     vec3 a[3], b[3];
@@ -405,8 +406,8 @@ static double turn(vec3 normal, vec3 a, vec3 b, vec3 x)
     return vec3_dot(vec3_cross(vec3_sub(b, a), vec3_sub(x, a)), normal);
 }
 
-/* Whether a triangle that is cut at x, beside its side from corner k, comes apart into two whose areas are about the shares of the side. Else
- * x is within rounding of another side, too, and the parts could be cut back into the triangle, without end. */
+/* Whether a triangle that is cut at x, beside its side from corner k, comes apart into two whose areas are about the shares of the
+ * side. Else x is within rounding of another side, too, and the parts could be cut back into the triangle, without end. */
 static bool is_cut_by(vec3 normal, const vec3 corner[3], int k, vec3 x)
 {
     const vec3 a = corner[k], b = corner[(k + 1) % 3], top = corner[(k + 2) % 3];
@@ -490,7 +491,7 @@ static bool note_meeting(cutting *c, uint32_t s, uint32_t t, error *e)
     return true;
 }
 
-/* One cut of a pair; what is left of it goes back on the stack. A pair that no outline crosses any more meets. */
+/* Makes one cut of a pair and puts the remaining pairs back on the stack. A pair that no outline crosses coincides. */
 static bool treat_pair(cutting *c, uint32_t s, uint32_t t, error *e)
 {
     if (c->l.dead[s] || c->l.dead[t]) return push_children(c, s, t, e);
@@ -506,8 +507,8 @@ static bool treat_pair(cutting *c, uint32_t s, uint32_t t, error *e)
     return did == STEP_DONE && push_pair(c, s, t, e);
 }
 
-/* Pairs that met are treated again if one was cut since. `most` bounds the steps where rounding leads in circles; an assembly whose parts
- * touch over many small triangles takes 70 for a pair. */
+/* Coincident pairs are treated again if one triangle was cut since. `most` bounds the steps if rounding causes cycles; an assembly
+ * whose parts touch over many small triangles takes 70 steps per pair. */
 static bool treat_pairs(cutting *c, error *e)
 {
     size_t most = ((size_t)1 << 16) + 256 * c->pair_count;
@@ -574,8 +575,8 @@ static place place_of(const cutting *c, const cover *own, size_t count)
     return p;
 }
 
-/* Whether the triangle is the one that stays, where one does: that of the first part which looks the way of most, or of any part where
- * orientation says nothing. */
+/* Whether the triangle is the one that is kept: that of the first part with the orientation of the majority, or of the first part if
+ * orientations are arbitrary. */
 static bool is_first(const cutting *c, const place *p, bool oriented)
 {
     const uint32_t own = c->part_of[p->triangle];

@@ -1,12 +1,12 @@
-/* coplanar: faces of different parts of a mesh that lie in one plane and overlap, as where a box stands on a larger face.
+/* coplanar: removes overlaps of coplanar faces of different parts of a mesh, as under a box on a larger face.
  *
- * A part is a set of triangles of one plane that are connected by sides of two triangles. Where two parts overlap, both are cut along
- * each other's outlines, and neighbours out of the plane with them, so that closed meshes stay closed. Then, of faces that look the same
- * way, that of the first part stays. Faces that look opposite ways touch: in a closed mesh neither stays, as they bound nothing, unless
- * that leaves a hole (contacts.h). There, and in an open mesh, where orientation says nothing, that of the first part stays. A part that
- * overlaps itself is left alone.
- *
- * Threads: none; no shared state.
+ * A part is a set of coplanar triangles connected by edges of exactly two triangles. Where two parts overlap, both are cut along each other's
+ * outlines, together with neighbours outside of the plane, so that closed meshes stay closed. Each overlap then has two congruent faces:
+ * - Same orientation: the face of the first part is kept.
+ * - Opposite orientation in a closed mesh: both are removed, since they bound nothing. If that would leave a hole (contacts.h), the face of the first
+ *   part is kept.
+ * - Opposite orientation in an open mesh, where the orientation is arbitrary: the face of the first part is kept.
+ * A part that overlaps itself is not changed. Single-threaded; no shared state.
  */
 #ifndef HEXAD_TRIANGLES_COPLANAR_H
 #define HEXAD_TRIANGLES_COPLANAR_H
@@ -18,19 +18,21 @@
 #include "triangles/mesh_edges.h"
 #include "triangles/rounding.h"
 
-/* Times the rounding: corners as near are one, and overlaps as thin are none. Crossings of sides are computed twice, each off by the more
- * the flatter they cross. Triangles as thin may be left by cuts: flat_triangles_remove_thin takes them away. */
+/* Tolerance over the rounding error of coordinates. Corners within it are one corner; thinner overlaps are ignored. Intersections of
+ * edges are computed twice, with an error that increases as the angle of the edges decreases. Cuts may leave triangles thinner than this:
+ * remove them with flat_triangles_remove_thin. */
 #define COPLANAR_THIN 4
 
 typedef struct coplanar_overlap {
-    /* area, counted once, where faces look the same way; where some look opposite ways and one stays; where none does */
+    /* Area of the overlaps, each counted once: of the same orientation; of opposite orientation, one face kept; of opposite
+     * orientation, both removed. */
     double same, opposite, contact;
-    bool
-        unfinished; /* the cuts did not come to an end: the mesh is as it was, overlaps included, and the areas are 0 */
+    /* the cuts did not terminate: the mesh is unchanged, overlaps included, and the areas are 0 */
+    bool unfinished;
 } coplanar_overlap;
 
-/* The mesh is welded, and has these edges. Planes are one to within the rounding. If triangles were cut, the mesh is not welded
- * afterwards; else it is as it was. Errors: limit_memory, input_unsupported. */
+/* Removes the overlaps of a welded mesh with these edges. Faces within the rounding error `r` are coplanar. m->welded is true
+ * afterwards only if no triangle was cut; the mesh is unchanged then. Errors: limit_memory, input_unsupported. */
 bool coplanar_cut(mesh *m, const mesh_edges *edges, const rounding *r, coplanar_overlap *out, error *e);
 
 #endif

@@ -1,6 +1,6 @@
-/* linked_mesh: a mesh whose triangles are added, changed and dropped one by one, with the corners at each vertex as a list.
+/* linked_mesh: a mesh with a linked list of the corners at each vertex, for adding, changing and dropping single triangles.
  *
- * Corner c is corner c % 3 of triangle c / 3. Triangles with two equal corners are in no list. Threads: none.
+ * Corner c is corner c % 3 of triangle c / 3. Triangles with two equal corners are in no list. Single-threaded.
  */
 #ifndef HEXAD_TRIANGLES_LINKED_MESH_H
 #define HEXAD_TRIANGLES_LINKED_MESH_H
@@ -16,15 +16,15 @@
 
 typedef struct linked_mesh {
     mesh *m;
-    uint32_t *next, *previous; /* of each corner, at its vertex */
-    uint32_t *head, *degree;   /* of each vertex: its first corner, and how many it has */
-    bool *dead;                /* of each triangle */
+    uint32_t *next, *previous; /* per corner: in the list of its vertex */
+    uint32_t *head, *degree;   /* per vertex: its first corner, and the number of its corners */
+    bool *dead;                /* per triangle: dropped */
     size_t triangle_room, next_room, previous_room, dead_room, vertex_room, head_room, degree_room;
 } linked_mesh;
 
-/* Equal vertices must have been joined. The mesh stays the caller's, and grows. Errors: limit_memory. */
+/* Makes the lists. Equal vertices have been joined. The mesh is owned by the caller; its arrays grow. Error: limit_memory. */
 bool linked_mesh_begin(mesh *m, linked_mesh *out, error *e);
-/* Takes what is dead from the mesh, which keeps the order of the others, and frees the lists. */
+/* Removes dropped triangles from the mesh, keeping the order of the others, and frees the lists. */
 void linked_mesh_end(linked_mesh *l);
 
 static inline bool linked_mesh_is_proper(const uint32_t t[3])
@@ -32,14 +32,14 @@ static inline bool linked_mesh_is_proper(const uint32_t t[3])
     return t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
 }
 
-/* Which corner of a triangle is at v, or -1. */
+/* The corner of a triangle at v; -1: none. */
 static inline int linked_mesh_corner(const uint32_t t[3], uint32_t v)
 {
     return t[0] == v ? 0 : t[1] == v ? 1 : t[2] == v ? 2 : -1;
 }
 
 void linked_mesh_drop(linked_mesh *l, uint32_t triangle);
-/* Puts a corner of a triangle at another vertex. */
+/* Moves a corner of a triangle to another vertex. */
 void linked_mesh_move(linked_mesh *l, uint32_t corner, uint32_t vertex);
 /* Errors: limit_memory, input_unsupported (too many triangles). */
 bool linked_mesh_add(linked_mesh *l, const uint32_t corner[3], uint32_t *triangle, error *e);

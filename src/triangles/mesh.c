@@ -151,7 +151,7 @@ static void see_chunk(void *context, int worker, size_t begin, size_t end)
         for (int k = 0; k < 3; k++) lower(&j->place[j->m->triangle[n][k]], (uint32_t)(3 * n) + (uint32_t)k);
 }
 
-/* A slot of vertex n, or the one where it is to be looked for. */
+/* The slot of vertex n, or the first one to search. */
 static uint32_t *first_slot(const joining *j, size_t n)
 {
     return &j->table.slots[hash_bytes(&j->m->vertex[n], sizeof(vec3)) & j->table.mask];
@@ -167,7 +167,7 @@ static bool are_one(const joining *j, uint32_t a, uint32_t b)
     return memcmp(&j->m->vertex[a], &j->m->vertex[b], sizeof(vec3)) == 0;
 }
 
-/* Whose corner comes first of equal ones has the slot in the end, whichever thread comes first. */
+/* Of equal vertices the one whose corner comes first gets the slot, whatever the order of the threads. */
 static void claim_slot(joining *j, uint32_t *slot, uint32_t n)
 {
     uint32_t there = __atomic_load_n(slot, __ATOMIC_RELAXED);
@@ -183,7 +183,7 @@ static void claim_slot(joining *j, uint32_t *slot, uint32_t n)
     }
 }
 
-/* A large table is in no cache: slots are asked for ahead. */
+/* A large table is not in the cache: slots are prefetched. */
 static void claim_chunk(void *context, int worker, size_t begin, size_t end)
 {
     enum { AHEAD = 32 };
@@ -219,7 +219,7 @@ static void replace_chunk(void *context, int worker, size_t begin, size_t end)
         for (int k = 0; k < 3; k++) j->m->triangle[n][k] = j->place[j->m->triangle[n][k]];
 }
 
-/* `place` has room for one of each vertex. */
+/* `place`: capacity of one entry per vertex. */
 static bool join_vertices(mesh *m, threads *pool, uint32_t *place, error *e)
 {
     joining j = {.m = m, .place = place};
@@ -385,7 +385,7 @@ static bool drop_repeated(mesh *m, mesh_cancelled cancelled, repeated *out, erro
 typedef struct by_corner {
     const mesh *m;
     uint32_t *first, *list;
-    atomic_bool unclean; /* a triangle may stand more than once, or has two equal corners */
+    atomic_bool unclean; /* there may be duplicates, or triangles with two equal corners */
 } by_corner;
 
 /* Counted two ahead; after the sums the starts are one ahead, and filling moves them to their places. */

@@ -1,6 +1,6 @@
-/* mesh_edges: which triangles meet at each edge of a mesh.
+/* mesh_edges: the triangles at each edge of a mesh, as half-edges (sides) sorted by edge.
  *
- * Ownership: mesh_edges_free. Threads: those of a pool, or NULL, whose number does not show; no shared state.
+ * Free with mesh_edges_free. The result does not depend on the number of threads of the pool, which may be NULL. No shared state.
  */
 #ifndef HEXAD_TRIANGLES_MESH_EDGES_H
 #define HEXAD_TRIANGLES_MESH_EDGES_H
@@ -14,36 +14,39 @@
 #include "triangles/mesh.h"
 #include "triangles/seams.h"
 
-/* A triangle's way along an edge. */
+/* A half-edge: an edge in a triangle. */
 typedef struct mesh_side {
-    uint32_t other; /* the edge's higher vertex; the lower one tells where the side stands */
+    uint32_t other; /* the higher vertex of the edge; the lower one determines the position in `sides` */
     uint32_t triangle : 31;
-    uint32_t upwards : 1; /* from the lower vertex to the higher one */
+    /* the triangle has the edge in the direction from the lower to the higher vertex */
+    uint32_t upwards : 1;
 } mesh_side;
 
-/* Sides by their lower vertex: sides[first[v]] .. sides[first[v + 1]], by the other vertex, then by triangle. */
+/* Lower vertex v has the sides sides[first[v]] .. sides[first[v + 1] - 1], sorted by the other vertex, then by triangle. */
 typedef struct mesh_edges {
     size_t vertex_count;
     mesh_side *sides;
     size_t *first;
-    size_t open, odd,
-        branching;  /* edges of one triangle, of three or a larger odd number, of more than two */
-    size_t against; /* edges of two triangles that go along them the same way */
+    size_t open;      /* number of edges of one triangle */
+    size_t odd;       /* edges of three or a larger odd number of triangles */
+    size_t branching; /* edges of more than two triangles */
+    size_t against;   /* edges of two triangles of inconsistent orientation */
 } mesh_edges;
 
-/* *out is what was there before, freed, or zeroed; free it after failure, too. Errors: limit_memory, cancelled. */
+/* Lists the sides of all triangles. *out is zeroed, or an earlier result, which is freed. Free *out also after failure. Errors:
+ * limit_memory, cancelled. */
 bool mesh_edges_list(const mesh *m, threads *pool, mesh_edges *out, error *e);
 void mesh_edges_free(mesh_edges *edges);
 
-/* How many sides the edge has that begins with the k-th, of lower vertex v. */
+/* The number of sides of the edge whose first side is number k, with lower vertex v. */
 size_t mesh_edges_width(const mesh_edges *edges, size_t v, size_t k);
 
-/* The edges of one triangle only. Free *out. Errors: limit_memory. */
+/* Lists the edges of one triangle. Free *out. Error: limit_memory. */
 bool mesh_edges_open(const mesh_edges *edges, seam_edge **out, size_t *count, error *e);
 
-/* Closes open edges that meet others but for `tolerance`: vertices are joined, triangles split (see seams.h). `known` are the
- * edges of the mesh, or NULL. Returns those that it has then: `known`, or *own, which are listed where need be and the caller's
- * to free, also after failure, which gives NULL. Adds notes. Errors: limit_memory, cancelled. */
+/* Closes open edges that meet others within `tolerance`: joins vertices and splits triangles (see seams.h). `known`: the edges of the
+ * mesh, or NULL. Returns the edges afterwards: `known`, or *own, which the caller frees, also after failure. NULL on error: limit_memory,
+ * cancelled. Adds notes. */
 const mesh_edges *mesh_edges_close_seams(mesh *m, const mesh_edges *known, double tolerance, threads *pool,
                                          mesh_edges *own, mesh_notes *notes, error *e);
 

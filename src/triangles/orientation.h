@@ -1,7 +1,7 @@
-/* orientation: sets of triangles that hang together, and which of them must be turned for all to agree.
+/* orientation: connected sets of triangles, and which triangles must be reversed for a consistent orientation.
  *
- * A forest over the triangles, each with whether it lies against its parent. The least triangle of a set is its root.
- * Ownership: orientation_free. Threads: none; finding makes ways shorter.
+ * A union-find forest over the triangles. Each triangle stores whether its orientation is opposite to that of its parent. The least triangle of a set
+ * is its root. Free with orientation_free. Single-threaded: orientation_find compresses paths.
  */
 #ifndef HEXAD_TRIANGLES_ORIENTATION_H
 #define HEXAD_TRIANGLES_ORIENTATION_H
@@ -14,18 +14,18 @@
 
 typedef struct orientation {
     uint32_t *parent;
-    bool *turned;   /* against the parent's orientation */
-    bool *conflict; /* of a root: no way of turning makes all of its triangles agree */
+    bool *turned;   /* per triangle: its orientation is opposite to that of its parent */
+    bool *conflict; /* per root: the set is not orientable */
 } orientation;
 
-/* Each triangle alone. Errors: limit_memory; free *out then, too. */
+/* Makes one set per triangle. Free *out also after failure. Error: limit_memory. */
 bool orientation_init(orientation *out, size_t triangles, error *e);
 void orientation_free(orientation *o);
 
-/* The root of a triangle's set; *turned: the triangle lies against it. */
+/* The root of the set of a triangle. *turned: the orientation of the triangle is opposite to that of the root. */
 uint32_t orientation_find(orientation *o, uint32_t triangle, bool *turned);
 
-/* Puts two triangles into one set; `against`: one of them must be turned for both to agree. */
+/* Joins the sets of two triangles. `against`: one of the two must be reversed for a consistent orientation. */
 void orientation_join(orientation *o, uint32_t a, uint32_t b, bool against);
 
 #endif

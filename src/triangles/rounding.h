@@ -1,23 +1,24 @@
-/* rounding: how far the coordinates of a mesh may be off. Pure functions. Threads: those of a pool, or NULL, whose number does not show. */
+/* rounding: bounds of the rounding errors of the coordinates of a mesh. Pure functions. Results do not depend on the number of threads
+ * of the pool, which may be NULL. */
 #ifndef HEXAD_TRIANGLES_ROUNDING_H
 #define HEXAD_TRIANGLES_ROUNDING_H
 
 #include "base/threads.h"
 #include "triangles/mesh.h"
 
-/* A coordinate is off by `absolute` plus `relative` times itself. */
+/* The error of a coordinate x is at most absolute + relative |x|. */
 typedef struct rounding {
     double absolute, relative;
 } rounding;
 
-/* Coordinates may have been computed in doubles, by a map of the whole mesh: three products and three sums, each off by 2^-53 of the
- * largest coordinate. If all are floats, they were rounded to these then, by 2^-24 of themselves. rounding_at_most takes them for
- * floats without a look. */
+/* Coordinates may have been computed in doubles by an affine map: three products and three sums, each with an error of 2^-53 of the
+ * largest coordinate. If all coordinates are representable as floats, they were then rounded to floats, with a relative error of 2^-24.
+ * rounding_at_most assumes floats without a test. */
 rounding rounding_of(const mesh *m, threads *pool);
 rounding rounding_at_most(const mesh *m, threads *pool);
 
-/* How far from a line or a plane points can be that are rounded places of it, of which these are three. Each is off by sqrt(3) times what
- * its coordinates are off, and the line by as much as the points on it. */
+/* Maximum distance of the rounded corners of a triangle from the line or plane on which their exact positions lie. Each corner has an
+ * error of sqrt(3) times that of its coordinates, and the line through them has the same error again. */
 double rounding_reach(const rounding *r, const vec3 corner[3]);
 
 #endif

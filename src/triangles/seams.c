@@ -155,7 +155,7 @@ static bool split_all(cutting *c, size_t *split, error *e)
             t[1] = t[2];
             t[2] = corner;
         }
-        uint32_t *added = larger[m->triangle_count++]; /* what is before the cut */
+        uint32_t *added = larger[m->triangle_count++]; /* the part before the cut */
         added[0] = t[0];
         added[1] = c->cuts[k].vertex;
         added[2] = t[2];
