@@ -321,8 +321,8 @@ static void divergent_share_is_that_of_all_pairs_within_the_lists(void **state)
     }
 }
 
-/* The steps of who was put elsewhere, and of those near it, are told by themselves until all are calm. */
-static void steps_of_the_stirred_are_told(void **state)
+/* The steps of displaced particles and of those near them are reported separately until displacements are cleared. */
+static void steps_of_displaced_particles_are_reported_separately(void **state)
 {
     (void)state;
     bench b;
@@ -390,7 +390,7 @@ int main(void)
         cmocka_unit_test(energies_are_known_with_the_steps_left),
         cmocka_unit_test(divergent_share_is_that_of_all_pairs_within_the_lists),
         cmocka_unit_test(who_is_free_to_drift_has_no_step_left),
-        cmocka_unit_test(steps_of_the_stirred_are_told),
+        cmocka_unit_test(steps_of_displaced_particles_are_reported_separately),
         cmocka_unit_test(refreshed_lists_serve_as_new_ones),
         cmocka_unit_test(lists_that_do_not_cover_are_not_refreshed),
         cmocka_unit_test(who_hardly_moves_is_left_out),

@@ -1,4 +1,4 @@
-/* Points in a plane that crowd and places that are bare: what must not change, and who goes where. */
+/* Over-dense points and gaps in a plane: which points move to which places, and what must not change. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -33,13 +33,13 @@ static double farthest(const vec3 *x, const vec3 *place)
     return most;
 }
 
-static void move_but(const bool *held, double bare, vec3 *x, const double *size, const vec3 *place,
+static void move_but(const bool *held, double gap, vec3 *x, const double *size, const vec3 *place,
                      size_t *moves)
 {
     error e = {0};
     relocation *chosen;
     static uint32_t near[PLACES]; /* of earlier points, and of none: that does not show */
-    relocation_input in = {x, size, COUNT, 1, place, PLACES, near, bare, held, 0};
+    relocation_input in = {x, size, COUNT, 1, place, PLACES, near, gap, held, 0};
     relocation *other;
     size_t others;
     assert_true(relocation_choose(&in, NULL, &chosen, moves, &e));
@@ -57,8 +57,8 @@ static void move(vec3 *x, const double *size, const vec3 *place, size_t *moves)
     move_but(NULL, 0, x, size, place, moves);
 }
 
-/* Each of some points of a square lattice goes to beside its neighbour and leaves a hole. */
-static void who_was_taken_away_comes_back(void **state)
+/* Some points of a square lattice are placed beside their neighbours and leave holes. */
+static void displaced_points_of_a_lattice_return_to_its_holes(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 0);
@@ -80,7 +80,7 @@ static void who_was_taken_away_comes_back(void **state)
     assert_int_equal(moves, 0); /* all are held */
     free(held);
     move_but(NULL, 1.01, x, size, place, &moves);
-    assert_int_equal(moves, 0); /* no place is that bare */
+    assert_int_equal(moves, 0); /* no gap is that wide */
     move(x, size, place, &moves);
     assert_int_equal(moves, (COUNT - 6 * SIDE - 3 + 96) / 97);
     assert_true(least_distance(x) > RELOCATION_GAP);
@@ -91,8 +91,8 @@ static void who_was_taken_away_comes_back(void **state)
     free(place);
 }
 
-/* Of any points: nobody ends nearer to others than somebody was, and passes end. */
-static void random_points_come_apart(void **state)
+/* Random points: the least distance never decreases below RELOCATION_GAP or its former value, and passes end. */
+static void relocation_separates_random_points(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 1);
@@ -117,8 +117,8 @@ static void random_points_come_apart(void **state)
     free(place);
 }
 
-/* Who goes where does not depend on how neighbours are found: a heap far away makes bins crowded, and lists are taken. */
-static void a_heap_far_away_changes_nothing(void **state)
+/* Relocations do not depend on how near points are found: many points far away make bins crowded, and a tree is used. */
+static void points_far_away_change_nothing(void **state)
 {
     (void)state;
     enum { HEAP = COUNT / 2, ALL = COUNT + HEAP };
@@ -155,8 +155,8 @@ static void a_heap_far_away_changes_nothing(void **state)
     free(near);
 }
 
-/* Points of a square lattice that are a little near each other, none of which crowds, and a strip without any. */
-static void a_strip_gets_points_where_none_crowds(void **state)
+/* A square lattice of slightly too small spacing, none of whose points is over-dense, beside a strip without points. */
+static void a_second_limit_fills_a_strip_beside_a_lattice(void **state)
 {
     (void)state;
     enum { ROWS = 20, WIDE = 25 };
@@ -216,11 +216,11 @@ static void many_gaps_beside_few_points_give_one_relocation(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(who_was_taken_away_comes_back),
+        cmocka_unit_test(displaced_points_of_a_lattice_return_to_its_holes),
         cmocka_unit_test(many_gaps_beside_few_points_give_one_relocation),
-        cmocka_unit_test(random_points_come_apart),
-        cmocka_unit_test(a_heap_far_away_changes_nothing),
-        cmocka_unit_test(a_strip_gets_points_where_none_crowds),
+        cmocka_unit_test(relocation_separates_random_points),
+        cmocka_unit_test(points_far_away_change_nothing),
+        cmocka_unit_test(a_second_limit_fills_a_strip_beside_a_lattice),
     };
     return cmocka_run_group_tests_name("relocation", tests, NULL, NULL);
 }
